@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <Eigen/Core>
+#include <array>
+
+namespace cairn {
+
+/// Pinhole camera with Brown distortion (Brown 1971; the order of OpenCV). The camera frame is x right, y down, z
+/// forward; pixel (0, 0) is the centre of the upper left pixel. Depth and colour share it: depth is registered to colour.
+struct Camera {
+  int width = 640;   // pixels
+  int height = 480;  // pixels
+  double fx = 525.0, fy = 525.0, cx = 319.5, cy = 239.5;  // pixels; fy > 0, sources turn images that have it negative
+  std::array<double, 5> distortion{};                     // k1 k2 p1 p2 k3; all zero: images are rectified
+
+  [[nodiscard]] bool distorted() const { return distortion != std::array<double, 5>{}; }
+  /// Direction with z = 1 of the ray through an undistorted pixel.
+  [[nodiscard]] Eigen::Vector3d ray(double u, double v) const { return {(u - cx) / fx, (v - cy) / fy, 1.0}; }
+  /// Undistorted pixel of a point in the camera frame with z > 0.
+  [[nodiscard]] Eigen::Vector2d project(const Eigen::Vector3d& p) const {
+    return {fx * p.x() / p.z() + cx, fy * p.y() / p.z() + cy};
+  }
+  /// The same camera at 1/2^level of the resolution; pixel (i, j) covers the 2^level block that starts at 2^level (i, j).
+  [[nodiscard]] Camera at_level(int level) const {
+    const double s = 1.0 / (1 << level);
+    Camera c = *this;
+    c.width = width >> level;
+    c.height = height >> level;
+    c.fx = fx * s;
+    c.fy = fy * s;
+    c.cx = (cx + 0.5) * s - 0.5;
+    c.cy = (cy + 0.5) * s - 0.5;
+    return c;
+  }
+};
+
+}  // namespace cairn

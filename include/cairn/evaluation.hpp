@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <array>
+
+#include "cairn/mesh.hpp"
+#include "cairn/trajectory.hpp"
+
+namespace cairn {
+
+struct ErrorStatistics {
+  double rmse = 0, mean = 0, median = 0, max = 0;
+  int count = 0;
+};
+
+/// Sturm et al. 2012, "A benchmark for the evaluation of RGB-D SLAM systems".
+struct TrajectoryError {
+  ErrorStatistics ate;                // metres, after the SE(3) alignment of Horn 1987 / Umeyama 1991
+  ErrorStatistics rpe_translation;    // metres over `rpe_interval`
+  ErrorStatistics rpe_rotation;       // radians over `rpe_interval`
+  double rpe_interval = 1.0;          // seconds
+  int estimated_poses = 0;            // poses in the estimate
+  int matched_poses = 0;              // of them with a true pose within 20 ms, one to one
+  Eigen::Isometry3d truth_from_estimate = Eigen::Isometry3d::Identity();
+};
+
+/// Throws std::runtime_error when fewer than three poses match.
+[[nodiscard]] TrajectoryError evaluate_trajectory(const Trajectory& estimate, const Trajectory& truth,
+                                                  double rpe_interval = 1.0, double max_time_difference = 0.02);
+
+struct MeshError {
+  ErrorStatistics accuracy;      // metres, from samples of the estimate to the truth's surface
+  ErrorStatistics completeness;  // metres, from samples of the truth to the estimate's surface
+  struct AtThreshold {
+    double threshold;                          // metres
+    double precision, recall, f_score;         // shares in [0, 1]: accuracy and completeness within the threshold
+  };
+  std::array<AtThreshold, 3> at{};  // 1, 2 and 5 cm (Knapitsch et al. 2017)
+};
+
+/// Samples both surfaces evenly by area, `samples` points each, seeded; distances are to triangles, not to vertices.
+/// Both meshes are in the same frame. Throws std::runtime_error for a mesh without triangles.
+[[nodiscard]] MeshError evaluate_mesh(const Mesh& estimate, const Mesh& truth, int samples = 200000);
+
+}  // namespace cairn

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cairn/camera.hpp"
+
+namespace cairn {
+
+/// One moment of the sensor. Images are row-major and of the size that the source's camera tells.
+struct Frame {
+  int index = 0;                      // position in the sequence, counted from 0 over all its depth images
+  double timestamp = 0.0;             // seconds; increases from frame to frame
+  std::vector<float> depth;           // metres along z; 0: no measurement; never NaN or negative
+  std::vector<std::uint32_t> colour;  // bytes R, G, B, 255 in memory order (sRGB); empty: no colour for this frame
+  std::optional<Eigen::Isometry3d> world_from_camera;  // pose that came with the frame (--poses, synthetic scenes)
+  std::string problem;                // not empty: the frame could not be read, its images are empty; why, in one line
+};
+
+/// A stream of frames, read in order.
+class Source {
+ public:
+  virtual ~Source() = default;
+  [[nodiscard]] virtual const Camera& camera() const = 0;
+  /// Frames still to come, or nothing when the stream cannot tell.
+  [[nodiscard]] virtual std::optional<int> size() const = 0;
+  /// The next frame, or nothing at the end of the stream. A frame that cannot be read has its `problem` set.
+  [[nodiscard]] virtual std::optional<Frame> next() = 0;
+};
+
+}  // namespace cairn

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "cairn/frame.hpp"
+#include "cairn/trajectory.hpp"
+
+namespace cairn {
+
+struct FrameRange {
+  int begin = 0;
+  std::optional<int> end;  // one past the last
+  int step = 1;
+};
+
+/// Opens a recording; the layout is recognised by its files (TUM RGB-D: rgb.txt and depth.txt; 7-Scenes:
+/// frame-000000.depth.png; ICL-NUIM: associations.txt with a negative fy; intrinsics.json). Throws std::runtime_error
+/// with what is missing, where, and what to do. `synthetic:NAME` is opened by synth/source.hpp.
+[[nodiscard]] std::unique_ptr<Source> open_recording(const std::filesystem::path& folder, const FrameRange& range = {});
+
+/// Decodes `ahead` frames in a thread of its own.
+[[nodiscard]] std::unique_ptr<Source> read_ahead(std::unique_ptr<Source> source, int ahead = 4);
+
+/// Gives each frame the pose of the trajectory at its time; frames without one get a `problem`.
+[[nodiscard]] std::unique_ptr<Source> with_poses(std::unique_ptr<Source> source, Trajectory world_from_camera);
+
+/// True poses that a recording carries, by frame timestamp (groundtruth.txt, frame-*.pose.txt); empty when it has none.
+[[nodiscard]] Trajectory recorded_truth(const std::filesystem::path& folder);
+
+}  // namespace cairn

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Types that GLSL (scalar block layout) and C++ share. Include it first in every shader and stage header.
+#ifndef CAIRN_TYPES_H
+#define CAIRN_TYPES_H
+#ifdef __cplusplus
+#include <Eigen/Geometry>
+#include <cstdint>
+
+#include "cairn/camera.hpp"
+namespace cairn::shader {
+using uint = std::uint32_t;
+using vec2 = Eigen::Matrix<float, 2, 1, Eigen::DontAlign>;
+using vec3 = Eigen::Matrix<float, 3, 1, Eigen::DontAlign>;
+using vec4 = Eigen::Matrix<float, 4, 1, Eigen::DontAlign>;
+using ivec3 = Eigen::Matrix<int, 3, 1, Eigen::DontAlign>;
+using uvec2 = Eigen::Matrix<uint, 2, 1, Eigen::DontAlign>;
+#else
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#endif
+
+struct Pinhole {  // pixels; see cairn/camera.hpp
+  uint width;
+  uint height;
+  float fx;
+  float fy;
+  float cx;
+  float cy;
+};
+
+struct Rigid {  // a rigid transform: columns of the rotation, then the translation in metres
+  vec3 x;
+  vec3 y;
+  vec3 z;
+  vec3 t;
+};
+
+#ifdef __cplusplus
+inline Pinhole pinhole(const Camera& c) {
+  return {static_cast<uint>(c.width), static_cast<uint>(c.height), static_cast<float>(c.fx),
+          static_cast<float>(c.fy),   static_cast<float>(c.cx),    static_cast<float>(c.cy)};
+}
+inline Rigid rigid(const Eigen::Isometry3d& t) {
+  const Eigen::Matrix<float, 3, 4> m = t.matrix().topRows<3>().cast<float>();
+  return {m.col(0), m.col(1), m.col(2), m.col(3)};
+}
+}  // namespace cairn::shader
+#else
+vec3 rotate(Rigid m, vec3 v) { return m.x * v.x + m.y * v.y + m.z * v.z; }
+vec3 transform(Rigid m, vec3 p) { return rotate(m, p) + m.t; }
+vec3 inverse_rotate(Rigid m, vec3 v) { return vec3(dot(m.x, v), dot(m.y, v), dot(m.z, v)); }
+vec3 inverse_transform(Rigid m, vec3 p) { return inverse_rotate(m, p - m.t); }
+vec3 ray_through(Pinhole c, vec2 pixel) { return vec3((pixel - vec2(c.cx, c.cy)) / vec2(c.fx, c.fy), 1.0); }
+vec2 project(Pinhole c, vec3 p) { return vec2(c.fx, c.fy) * p.xy / p.z + vec2(c.cx, c.cy); }
+
+// Unit vectors in 32 bits (Cigolle et al. 2014, octahedral). 0 never stands for a vector: it means "none".
+uint pack_normal(vec3 n) {
+  n /= abs(n.x) + abs(n.y) + abs(n.z);
+  vec2 e = n.z >= 0.0 ? n.xy : (1.0 - abs(n.yx)) * vec2(n.x >= 0.0 ? 1.0 : -1.0, n.y >= 0.0 ? 1.0 : -1.0);
+  uint code = packUnorm2x16(e * 0.5 + 0.5);
+  return code == 0u ? 0xffffffffu : code;  // both corners of the square are (0, 0, -1)
+}
+vec3 unpack_normal(uint code) {
+  vec2 e = unpackUnorm2x16(code) * 2.0 - 1.0;
+  vec3 n = vec3(e, 1.0 - abs(e.x) - abs(e.y));
+  float t = max(-n.z, 0.0);
+  n.xy += vec2(n.x >= 0.0 ? -t : t, n.y >= 0.0 ? -t : t);
+  return normalize(n);
+}
+#endif
+
+#endif

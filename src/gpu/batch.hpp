@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "gpu/buffer.hpp"
+
+namespace cairn::gpu {
+
+/// Commands for the device, run in the order in which they were given; each sees what the ones before it wrote.
+class Batch {
+ public:
+  explicit Batch(Device& device);
+  ~Batch();
+  Batch(const Batch&) = delete;
+  Batch& operator=(const Batch&) = delete;
+
+  /// The data are copied at once; the span may go away. `offset` in bytes.
+  void upload_bytes(const Buffer& to, std::span<const std::byte> data, std::uint64_t offset = 0);
+  template <class T>
+  void upload(const Buffer& to, std::span<const T> data, std::uint64_t offset = 0) {
+    upload_bytes(to, std::as_bytes(data), offset);
+  }
+  template <class T>
+  void upload(const Buffer& to, const std::vector<T>& data, std::uint64_t offset = 0) {
+    upload_bytes(to, std::as_bytes(std::span(data)), offset);
+  }
+  /// `data` is filled when `run` returns and must live until then.
+  void download_bytes(const Buffer& from, std::span<std::byte> data, std::uint64_t offset = 0);
+  template <class T>
+  void download(const Buffer& from, std::span<T> data, std::uint64_t offset = 0) {
+    download_bytes(from, std::as_writable_bytes(data), offset);
+  }
+  template <class T>
+  void download(const Buffer& from, std::vector<T>& data, std::uint64_t offset = 0) {
+    download_bytes(from, std::as_writable_bytes(std::span(data)), offset);
+  }
+  /// Fills with a repeated 32-bit word. `offset` and `bytes` are multiples of 4; bytes 0: to the end.
+  void fill(const Buffer& buffer, std::uint32_t word, std::uint64_t offset = 0, std::uint64_t bytes = 0);
+
+  /// Submits and waits for the end. The batch is empty afterwards and can be used again.
+  void run();
+
+  struct State;
+  [[nodiscard]] State& state() const { return *state_; }
+
+ private:
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace cairn::gpu

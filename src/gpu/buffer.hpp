@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <cstdint>
+#include <memory>
+
+#include "gpu/device.hpp"
+
+namespace cairn::gpu {
+
+/// Device-local storage. Contents move through Batch::upload and Batch::download. Movable; outlives no Device.
+class Buffer {
+ public:
+  Buffer() = default;
+  /// `bytes` may exceed the device's storage-buffer range when the buffer is only reached by its `address`.
+  /// Throws std::runtime_error when the device has too little memory.
+  Buffer(Device& device, std::uint64_t bytes);
+  ~Buffer();
+  Buffer(Buffer&&) noexcept;
+  Buffer& operator=(Buffer&&) noexcept;
+
+  [[nodiscard]] std::uint64_t size() const;     // bytes
+  [[nodiscard]] std::uint64_t address() const;  // for GL_EXT_buffer_reference
+  [[nodiscard]] explicit operator bool() const { return state_ != nullptr; }
+
+  struct State;
+  [[nodiscard]] const State& state() const { return *state_; }
+
+ private:
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace cairn::gpu

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+// The only door to Vulkan for the stages: no Vulkan type appears in src/gpu/*.hpp.
+namespace cairn::gpu {
+
+struct DeviceInfo {
+  int index = 0;  // what --device takes
+  std::string name, type, driver;
+  std::uint64_t memory = 0;  // bytes of the largest device-local heap
+  std::string missing;       // first feature that Cairn needs and this device lacks; empty: usable
+};
+
+/// All Vulkan devices, usable or not. Empty when no driver is installed.
+[[nodiscard]] std::vector<DeviceInfo> list_devices();
+
+struct KernelTime {
+  int calls = 0;
+  double total_ms = 0.0;
+};
+
+/// A Vulkan compute device with one queue. Not thread-safe: one thread at a time uses a device and what it made.
+class Device {
+ public:
+  /// -1 picks the first usable discrete, else integrated, else CPU device. Throws std::runtime_error naming the
+  /// missing feature, or what to install when there is no device. The environment variable CAIRN_VALIDATION=1 turns
+  /// the Khronos validation layer on.
+  explicit Device(int index = -1);
+  ~Device();
+  Device(const Device&) = delete;
+  Device& operator=(const Device&) = delete;
+
+  [[nodiscard]] const DeviceInfo& info() const;
+  /// Warnings and errors of the validation layer so far.
+  [[nodiscard]] const std::vector<std::string>& validation_messages() const;
+  /// Time on the device by kernel, from timestamps.
+  [[nodiscard]] const std::map<std::string, KernelTime>& kernel_times() const;
+  /// Bytes in buffers now, and at most so far.
+  [[nodiscard]] std::uint64_t memory_in_use() const;
+  [[nodiscard]] std::uint64_t peak_memory() const;
+
+  struct State;
+  [[nodiscard]] State& state() const { return *state_; }
+
+ private:
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace cairn::gpu

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <initializer_list>
+#include <memory>
+#include <span>
+#include <string>
+#include <type_traits>
+
+#include "gpu/batch.hpp"
+
+namespace cairn::gpu {
+
+/// What all kernels share: a compute pipeline whose bindings are storage buffers numbered from 0.
+class KernelBase {
+ public:
+  KernelBase(Device& device, std::string name, std::span<const std::uint32_t> spirv, std::size_t push_bytes);
+  ~KernelBase();
+  KernelBase(KernelBase&&) noexcept;
+
+ protected:
+  void dispatch(Batch& batch, std::array<std::uint32_t, 3> threads, const void* push,
+                std::initializer_list<const Buffer*> buffers) const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// One .comp file and its push struct. Binding count, workgroup size and push size are read from the SPIR-V and checked.
+///
+///   gpu::Kernel<TsdfIntegratePush> integrate_{device, "tsdf_integrate", tsdf_integrate_comp};
+///   integrate_(batch, {512 * count, 1, 1}, push, {&depth, &voxels});
+template <class Push>
+class Kernel : private KernelBase {
+  static_assert(std::is_trivially_copyable_v<Push> && sizeof(Push) <= 128);
+
+ public:
+  template <std::size_t N>
+  Kernel(Device& device, const char* name, const std::uint32_t (&spirv)[N])
+      : KernelBase(device, name, std::span(spirv, N), sizeof(Push)) {}
+
+  /// `threads` are rounded up to whole workgroups; the shader guards its end. No thread: nothing is recorded.
+  void operator()(Batch& batch, std::array<std::uint32_t, 3> threads, const Push& push,
+                  std::initializer_list<const Buffer*> buffers) const {
+    dispatch(batch, threads, &push, buffers);
+  }
+};
+
+}  // namespace cairn::gpu
