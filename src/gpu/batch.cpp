@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "gpu/batch.hpp"
+
+#include <array>
+#include <cassert>
+#include <cstring>
+#include <stdexcept>
+
+#include "gpu/vulkan.hpp"
+
+namespace cairn::gpu {
+namespace {
+
+constexpr std::uint64_t kChunk = 4 << 20;       // bytes of a staging chunk
+constexpr std::uint64_t kKeepAtMost = 64 << 20;  // staging bytes that stay between runs
+constexpr auto kHost = vk::MemoryPropertyFlagBits::eHostVisible | vk::MemoryPropertyFlagBits::eHostCoherent;
+
+}  // namespace
+
+Batch::State::State(Device::State& d) : device(d) {
+  pool = vk::raii::CommandPool(*d.device, {.flags = vk::CommandPoolCreateFlagBits::eTransient,
+                                           .queueFamilyIndex = d.queue_family});
+  commands = std::move(vk::raii::CommandBuffers(*d.device, {.commandPool = *pool, .commandBufferCount = 1}).front());
+  fence = vk::raii::Fence(*d.device, vk::FenceCreateInfo{});
+  queries = vk::raii::QueryPool(*d.device, {.queryType = vk::QueryType::eTimestamp, .queryCount = 2 * kMaxTimed});
+}
+
+Batch::State::Place Batch::State::Arena::take(Device::State& d, std::uint64_t bytes, vk::BufferUsageFlags usage,
+                                              vk::MemoryPropertyFlags properties) {
+  const std::uint64_t aligned = (bytes + 15) & ~std::uint64_t{15};
+  if (chunks.empty() || used + aligned > chunks.back().size) {
+    chunks.emplace_back(d, std::max(aligned, kChunk), usage, properties);
+    used = 0;
+  }
+  const Place place{&chunks.back(), used};
+  used += aligned;
+  return place;
+}
+
+void Batch::State::Arena::reset() {
+  std::uint64_t total = 0;
+  for (const auto& chunk : chunks) total += chunk.size;
+  // One chunk is reused from its start; several mean that this run was larger than usual.
+  if (chunks.size() > 1 || total > kKeepAtMost) chunks.clear();
+  used = 0;
+}
+
+vk::raii::CommandBuffer& Batch::State::record() {
+  if (!recording) {
+    pool.reset();
+    commands.begin({.flags = vk::CommandBufferUsageFlagBits::eOneTimeSubmit});
+    commands.resetQueryPool(*queries, 0, 2 * kMaxTimed);
+    recording = true;
+    return commands;
+  }
+  constexpr auto kStages = vk::PipelineStageFlagBits::eComputeShader | vk::PipelineStageFlagBits::eTransfer;
+  commands.pipelineBarrier(kStages, kStages, {},
+                           vk::MemoryBarrier{.srcAccessMask = vk::AccessFlagBits::eMemoryWrite,
+                                             .dstAccessMask = vk::AccessFlagBits::eMemoryRead | vk::AccessFlagBits::eMemoryWrite},
+                           {}, {});
+  return commands;
+}
+
+Batch::Batch(Device& device) {
+  auto& idle = device.state().idle_batches;
+  if (idle.empty()) {
+    state_ = std::make_unique<State>(device.state());
+  } else {
+    state_ = std::move(idle.back());
+    idle.pop_back();
+  }
+}
+
+Batch::~Batch() {
+  assert(!state_->recording && "a batch was recorded and never run");
+  if (!state_->recording) state_->device.idle_batches.push_back(std::move(state_));
+}
+
+void Batch::upload_bytes(const Buffer& to, std::span<const std::byte> data, std::uint64_t offset) {
+  if (data.empty()) return;
+  assert(offset + data.size() <= to.size());
+  const auto place = state_->uploads.take(state_->device, data.size(), vk::BufferUsageFlagBits::eTransferSrc, kHost);
+  std::memcpy(place.chunk->mapped + place.offset, data.data(), data.size());
+  state_->record().copyBuffer(*place.chunk->buffer, *to.state().allocation.buffer,
+                              vk::BufferCopy{.srcOffset = place.offset, .dstOffset = offset, .size = data.size()});
+}
+
+void Batch::download_bytes(const Buffer& from, std::span<std::byte> data, std::uint64_t offset) {
+  if (data.empty()) return;
+  assert(offset + data.size() <= from.size());
+  const auto place = state_->downloads.take(state_->device, data.size(), vk::BufferUsageFlagBits::eTransferDst,
+                                            kHost | vk::MemoryPropertyFlagBits::eHostCached);
+  state_->record().copyBuffer(*from.state().allocation.buffer, *place.chunk->buffer,
+                              vk::BufferCopy{.srcOffset = offset, .dstOffset = place.offset, .size = data.size()});
+  state_->pending_downloads.push_back({place, data});
+}
+
+void Batch::fill(const Buffer& buffer, std::uint32_t word, std::uint64_t offset, std::uint64_t bytes) {
+  state_->record().fillBuffer(*buffer.state().allocation.buffer, offset, bytes == 0 ? VK_WHOLE_SIZE : bytes, word);
+}
+
+void Batch::run() {
+  State& s = *state_;
+  if (!s.recording) return;
+  s.commands.pipelineBarrier(
+      vk::PipelineStageFlagBits::eComputeShader | vk::PipelineStageFlagBits::eTransfer, vk::PipelineStageFlagBits::eHost, {},
+      vk::MemoryBarrier{.srcAccessMask = vk::AccessFlagBits::eMemoryWrite, .dstAccessMask = vk::AccessFlagBits::eHostRead},
+      {}, {});
+  s.commands.end();
+  s.recording = false;
+  s.device.queue->submit(vk::SubmitInfo{.commandBufferCount = 1, .pCommandBuffers = &*s.commands}, *s.fence);
+  if (s.device.device->waitForFences(*s.fence, true, UINT64_MAX) != vk::Result::eSuccess)
+    throw std::runtime_error("device " + s.device.info.name + " did not finish its work");
+  s.device.device->resetFences(*s.fence);
+
+  for (const auto& d : s.pending_downloads) std::memcpy(d.to.data(), d.from.chunk->mapped + d.from.offset, d.to.size());
+  if (!s.timed.empty()) {
+    const auto count = static_cast<std::uint32_t>(2 * s.timed.size());
+    const auto [result, ticks] = s.queries.getResults<std::uint64_t>(
+        0, count, count * sizeof(std::uint64_t), sizeof(std::uint64_t), vk::QueryResultFlagBits::e64);
+    for (std::size_t i = 0; result == vk::Result::eSuccess && i < s.timed.size(); ++i) {
+      auto& time = s.device.times[*s.timed[i]];
+      ++time.calls;
+      time.total_ms += 1e-6 * s.device.timestamp_period_ns * static_cast<double>(ticks[2 * i + 1] - ticks[2 * i]);
+    }
+  }
+  s.timed.clear();
+  s.pending_downloads.clear();
+  s.uploads.reset();
+  s.downloads.reset();
+}
+
+}  // namespace cairn::gpu

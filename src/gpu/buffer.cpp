@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "gpu/buffer.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "gpu/vulkan.hpp"
+
+namespace cairn::gpu {
+namespace {
+
+std::uint32_t memory_type(const Device::State& device, std::uint32_t allowed, vk::MemoryPropertyFlags properties) {
+  for (std::uint32_t i = 0; i < device.memory_types.memoryTypeCount; ++i)
+    if ((allowed & (1u << i)) && (device.memory_types.memoryTypes[i].propertyFlags & properties) == properties) return i;
+  throw std::runtime_error("device " + device.info.name + " has no memory of the kind " + vk::to_string(properties));
+}
+
+constexpr auto kStorage = vk::BufferUsageFlagBits::eStorageBuffer | vk::BufferUsageFlagBits::eTransferSrc |
+                          vk::BufferUsageFlagBits::eTransferDst | vk::BufferUsageFlagBits::eShaderDeviceAddress;
+
+}  // namespace
+
+Allocation::Allocation(Device::State& d, std::uint64_t bytes, vk::BufferUsageFlags usage,
+                       vk::MemoryPropertyFlags properties)
+    : device(d), size(std::max<std::uint64_t>(bytes, 4)) {
+  try {
+    buffer = vk::raii::Buffer(*d.device, vk::BufferCreateInfo{.size = size, .usage = usage});
+    const auto needs = buffer.getMemoryRequirements();
+    const vk::MemoryAllocateFlagsInfo flags{.flags = vk::MemoryAllocateFlagBits::eDeviceAddress};
+    const bool addressed = static_cast<bool>(usage & vk::BufferUsageFlagBits::eShaderDeviceAddress);
+    memory = vk::raii::DeviceMemory(
+        *d.device, vk::MemoryAllocateInfo{.pNext = addressed ? &flags : nullptr,
+                                          .allocationSize = needs.size,
+                                          .memoryTypeIndex = memory_type(d, needs.memoryTypeBits, properties)});
+  } catch (const vk::OutOfDeviceMemoryError&) {
+    throw std::runtime_error("device " + d.info.name + " is out of memory for " + std::to_string(size >> 20) +
+                             " MiB: lower --device-memory");
+  } catch (const vk::OutOfHostMemoryError&) {
+    throw std::runtime_error("out of memory for " + std::to_string(size >> 20) + " MiB: lower --device-memory");
+  }
+  buffer.bindMemory(*memory, 0);
+  if (properties & vk::MemoryPropertyFlagBits::eHostVisible)
+    mapped = static_cast<std::byte*>(memory.mapMemory(0, VK_WHOLE_SIZE));
+  d.in_use += size;
+  d.peak = std::max(d.peak, d.in_use);
+}
+
+Allocation::~Allocation() { device.in_use -= size; }
+
+Buffer::Buffer(Device& device, std::uint64_t bytes)
+    : state_(new State{{device.state(), bytes, kStorage, vk::MemoryPropertyFlagBits::eDeviceLocal}}) {
+  state_->address = device.state().device->getBufferAddress({.buffer = *state_->allocation.buffer});
+}
+Buffer::~Buffer() = default;
+Buffer::Buffer(Buffer&&) noexcept = default;
+Buffer& Buffer::operator=(Buffer&&) noexcept = default;
+
+std::uint64_t Buffer::size() const { return state_ ? state_->allocation.size : 0; }
+std::uint64_t Buffer::address() const { return state_->address; }
+
+}  // namespace cairn::gpu

@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "gpu/device.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+#include <fstream>
+#include <stdexcept>
+
+#include "gpu/vulkan.hpp"
+
+namespace cairn::gpu {
+namespace {
+
+constexpr const char* kValidationLayer = "VK_LAYER_KHRONOS_validation";
+
+bool validation_wanted() {
+  const char* value = std::getenv("CAIRN_VALIDATION");
+  return value != nullptr && std::string_view(value) == "1";
+}
+
+VKAPI_ATTR VkBool32 VKAPI_CALL keep_message(VkDebugUtilsMessageSeverityFlagBitsEXT, VkDebugUtilsMessageTypeFlagsEXT,
+                                            const VkDebugUtilsMessengerCallbackDataEXT* data, void* messages) {
+  static_cast<std::vector<std::string>*>(messages)->emplace_back(data->pMessage);
+  return VK_FALSE;
+}
+
+std::optional<vk::raii::Instance> make_instance(const vk::raii::Context& context, bool validation) {
+  const vk::ApplicationInfo application{.pApplicationName = "cairn", .apiVersion = VK_API_VERSION_1_2};
+  std::vector<const char*> layers, extensions;
+  if (validation) {
+    const auto available = context.enumerateInstanceLayerProperties();
+    if (std::none_of(available.begin(), available.end(),
+                     [](const auto& l) { return std::string_view(l.layerName) == kValidationLayer; }))
+      throw std::runtime_error(
+          "CAIRN_VALIDATION=1, but the Vulkan validation layer is missing: install vulkan-validationlayers");
+    layers.push_back(kValidationLayer);
+    extensions.push_back(VK_EXT_DEBUG_UTILS_EXTENSION_NAME);
+  }
+  const vk::InstanceCreateInfo create{.pApplicationInfo = &application,
+                                      .enabledLayerCount = static_cast<std::uint32_t>(layers.size()),
+                                      .ppEnabledLayerNames = layers.data(),
+                                      .enabledExtensionCount = static_cast<std::uint32_t>(extensions.size()),
+                                      .ppEnabledExtensionNames = extensions.data()};
+  try {
+    return vk::raii::Instance(context, create);
+  } catch (const vk::IncompatibleDriverError&) {
+    return std::nullopt;  // the loader is there, a driver is not
+  }
+}
+
+const char* type_name(vk::PhysicalDeviceType type) {
+  switch (type) {
+    case vk::PhysicalDeviceType::eDiscreteGpu: return "discrete";
+    case vk::PhysicalDeviceType::eIntegratedGpu: return "integrated";
+    case vk::PhysicalDeviceType::eVirtualGpu: return "virtual";
+    case vk::PhysicalDeviceType::eCpu: return "cpu";
+    default: return "other";
+  }
+}
+
+int preference(vk::PhysicalDeviceType type) {
+  switch (type) {
+    case vk::PhysicalDeviceType::eDiscreteGpu: return 0;
+    case vk::PhysicalDeviceType::eIntegratedGpu: return 1;
+    case vk::PhysicalDeviceType::eVirtualGpu: return 2;
+    case vk::PhysicalDeviceType::eCpu: return 3;
+    default: return 4;
+  }
+}
+
+std::optional<std::uint32_t> compute_family(const vk::raii::PhysicalDevice& physical) {
+  const auto families = physical.getQueueFamilyProperties();
+  for (std::uint32_t i = 0; i < families.size(); ++i)
+    if ((families[i].queueFlags & vk::QueueFlagBits::eCompute) && families[i].timestampValidBits > 0) return i;
+  return std::nullopt;
+}
+
+/// The first feature that is missing, empty when all are there.
+std::string missing_feature(const vk::raii::PhysicalDevice& physical) {
+  if (physical.getProperties().apiVersion < VK_API_VERSION_1_2) return "Vulkan 1.2";
+  const auto extensions = physical.enumerateDeviceExtensionProperties();
+  if (std::none_of(extensions.begin(), extensions.end(), [](const auto& e) {
+        return std::string_view(e.extensionName) == VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME;
+      }))
+    return VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME;
+  const auto chain = physical.getFeatures2<vk::PhysicalDeviceFeatures2, vk::PhysicalDeviceVulkan12Features>();
+  const auto& v12 = chain.get<vk::PhysicalDeviceVulkan12Features>();
+  if (!v12.scalarBlockLayout) return "scalarBlockLayout";
+  if (!v12.bufferDeviceAddress) return "bufferDeviceAddress";
+  const auto subgroup = physical.getProperties2<vk::PhysicalDeviceProperties2, vk::PhysicalDeviceSubgroupProperties>()
+                            .get<vk::PhysicalDeviceSubgroupProperties>();
+  if (!(subgroup.supportedOperations & vk::SubgroupFeatureFlagBits::eArithmetic) ||
+      !(subgroup.supportedStages & vk::ShaderStageFlagBits::eCompute))
+    return "subgroup arithmetic in compute shaders";
+  if (!compute_family(physical)) return "a compute queue with timestamps";
+  return {};
+}
+
+DeviceInfo describe(int index, const vk::raii::PhysicalDevice& physical) {
+  const auto properties = physical.getProperties();
+  DeviceInfo info{.index = index,
+                  .name = std::string(properties.deviceName.data()),
+                  .type = type_name(properties.deviceType),
+                  .driver = {},
+                  .missing = missing_feature(physical)};
+  if (info.missing != "Vulkan 1.2") {
+    const auto driver = physical.getProperties2<vk::PhysicalDeviceProperties2, vk::PhysicalDeviceDriverProperties>()
+                            .get<vk::PhysicalDeviceDriverProperties>();
+    info.driver = std::string(driver.driverName.data()) + " " + driver.driverInfo.data();
+  }
+  for (const auto& heap : physical.getMemoryProperties().memoryHeaps)
+    if (heap.flags & vk::MemoryHeapFlagBits::eDeviceLocal) info.memory = std::max<std::uint64_t>(info.memory, heap.size);
+  return info;
+}
+
+[[noreturn]] void no_device() {
+  throw std::runtime_error(
+      "no Vulkan device found: install a driver, for example mesa-vulkan-drivers, which also runs on the CPU");
+}
+
+std::filesystem::path pipeline_cache_file(const vk::raii::PhysicalDevice& physical) {
+  const char* cache = std::getenv("XDG_CACHE_HOME");
+  const char* home = std::getenv("HOME");
+  if (cache == nullptr && home == nullptr) return {};
+  const auto folder = (cache != nullptr ? std::filesystem::path(cache) : std::filesystem::path(home) / ".cache") / "cairn";
+  std::string id;
+  for (const auto byte : physical.getProperties().pipelineCacheUUID) {
+    constexpr char kHex[] = "0123456789abcdef";
+    id += kHex[byte >> 4];
+    id += kHex[byte & 15];
+  }
+  return folder / ("pipelines-" + id);
+}
+
+std::vector<char> read_file(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+}  // namespace
+
+std::vector<DeviceInfo> list_devices() {
+  const vk::raii::Context context;
+  const auto instance = make_instance(context, false);
+  std::vector<DeviceInfo> devices;
+  if (!instance) return devices;
+  for (const auto& physical : vk::raii::PhysicalDevices(*instance))
+    devices.push_back(describe(static_cast<int>(devices.size()), physical));
+  return devices;
+}
+
+Device::Device(int index) : state_(std::make_unique<State>()) {
+  State& s = *state_;
+  const bool validation = validation_wanted();
+  s.instance = make_instance(s.context, validation);
+  if (!s.instance) no_device();
+  if (validation)
+    s.messenger.emplace(
+        *s.instance,
+        vk::DebugUtilsMessengerCreateInfoEXT{.messageSeverity = vk::DebugUtilsMessageSeverityFlagBitsEXT::eWarning |
+                                                                vk::DebugUtilsMessageSeverityFlagBitsEXT::eError,
+                                             .messageType = vk::DebugUtilsMessageTypeFlagBitsEXT::eGeneral |
+                                                            vk::DebugUtilsMessageTypeFlagBitsEXT::eValidation |
+                                                            vk::DebugUtilsMessageTypeFlagBitsEXT::ePerformance,
+                                             .pfnUserCallback = keep_message,
+                                             .pUserData = &s.messages});
+
+  vk::raii::PhysicalDevices physicals(*s.instance);
+  if (physicals.empty()) no_device();
+  if (index >= static_cast<int>(physicals.size()))
+    throw std::runtime_error("there is no Vulkan device " + std::to_string(index) + ": see `cairn devices`");
+  if (index < 0) {
+    int best = 5;
+    for (std::size_t i = 0; i < physicals.size(); ++i) {
+      const int rank = preference(physicals[i].getProperties().deviceType);
+      if (rank < best && missing_feature(physicals[i]).empty()) {
+        best = rank;
+        index = static_cast<int>(i);
+      }
+    }
+    if (index < 0) index = 0;  // none is usable: the first one tells why
+  }
+  s.physical = std::move(physicals[static_cast<std::size_t>(index)]);
+  s.info = describe(index, *s.physical);
+  if (!s.info.missing.empty())
+    throw std::runtime_error("Vulkan device " + std::to_string(index) + " (" + s.info.name + ") lacks " +
+                             s.info.missing + ": choose another with --device, see `cairn devices`");
+
+  s.queue_family = *compute_family(*s.physical);
+  s.memory_types = s.physical->getMemoryProperties();
+  s.timestamp_period_ns = s.physical->getProperties().limits.timestampPeriod;
+  const float priority = 1.0f;
+  const vk::DeviceQueueCreateInfo queue{.queueFamilyIndex = s.queue_family, .queueCount = 1, .pQueuePriorities = &priority};
+  const char* extension = VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME;
+  const vk::PhysicalDeviceVulkan12Features v12{.scalarBlockLayout = true, .bufferDeviceAddress = true};
+  s.device.emplace(*s.physical, vk::DeviceCreateInfo{.pNext = &v12,
+                                                     .queueCreateInfoCount = 1,
+                                                     .pQueueCreateInfos = &queue,
+                                                     .enabledExtensionCount = 1,
+                                                     .ppEnabledExtensionNames = &extension});
+  s.queue.emplace(*s.device, s.queue_family, 0);
+
+  s.pipelines_file = pipeline_cache_file(*s.physical);
+  const auto cached = read_file(s.pipelines_file);  // the driver checks the header and ignores what is not its own
+  s.pipelines.emplace(*s.device,
+                      vk::PipelineCacheCreateInfo{.initialDataSize = cached.size(), .pInitialData = cached.data()});
+}
+
+Device::~Device() {
+  if (!state_->pipelines || state_->pipelines_file.empty()) return;
+  // A cache that cannot be kept costs the next start some time and nothing else.
+  try {
+    const auto data = state_->pipelines->getData();
+    if (data == std::vector<std::uint8_t>{}) return;
+    std::error_code ignored;
+    std::filesystem::create_directories(state_->pipelines_file.parent_path(), ignored);
+    auto temporary = state_->pipelines_file;
+    temporary += "." + std::to_string(reinterpret_cast<std::uintptr_t>(this));
+    {
+      std::ofstream out(temporary, std::ios::binary);
+      out.write(reinterpret_cast<const char*>(data.data()), static_cast<std::streamsize>(data.size()));
+    }
+    std::filesystem::rename(temporary, state_->pipelines_file, ignored);
+  } catch (const std::exception&) {
+  }
+}
+
+const DeviceInfo& Device::info() const { return state_->info; }
+const std::vector<std::string>& Device::validation_messages() const { return state_->messages; }
+const std::map<std::string, KernelTime>& Device::kernel_times() const { return state_->times; }
+std::uint64_t Device::memory_in_use() const { return state_->in_use; }
+std::uint64_t Device::peak_memory() const { return state_->peak; }
+
+}  // namespace cairn::gpu

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "gpu/kernel.hpp"
+
+#include <spirv_cross/spirv_cross_c.h>
+
+#include <stdexcept>
+
+#include "gpu/vulkan.hpp"
+
+namespace cairn::gpu {
+namespace {
+
+struct Layout {
+  std::uint32_t bindings = 0;
+  std::size_t push_bytes = 0;
+  std::array<std::uint32_t, 3> workgroup{};
+};
+
+/// What the shader declares, read from its SPIR-V.
+Layout reflect(const std::string& name, std::span<const std::uint32_t> spirv) {
+  spvc_context context = nullptr;
+  const auto check = [&](spvc_result result) {
+    if (result != SPVC_SUCCESS) throw std::logic_error("shader " + name + ": " + spvc_context_get_last_error_string(context));
+  };
+  check(spvc_context_create(&context));
+  const std::unique_ptr<spvc_context_s, void (*)(spvc_context)> owner(context, spvc_context_destroy);
+  spvc_parsed_ir ir = nullptr;
+  spvc_compiler compiler = nullptr;
+  spvc_resources resources = nullptr;
+  check(spvc_context_parse_spirv(context, spirv.data(), spirv.size(), &ir));
+  check(spvc_context_create_compiler(context, SPVC_BACKEND_NONE, ir, SPVC_CAPTURE_MODE_TAKE_OWNERSHIP, &compiler));
+  check(spvc_compiler_create_shader_resources(compiler, &resources));
+
+  Layout layout;
+  const spvc_reflected_resource* list = nullptr;
+  std::size_t count = 0;
+  check(spvc_resources_get_resource_list_for_type(resources, SPVC_RESOURCE_TYPE_STORAGE_BUFFER, &list, &count));
+  for (std::size_t i = 0; i < count; ++i)
+    layout.bindings = std::max(layout.bindings, 1 + spvc_compiler_get_decoration(compiler, list[i].id, SpvDecorationBinding));
+  check(spvc_resources_get_resource_list_for_type(resources, SPVC_RESOURCE_TYPE_PUSH_CONSTANT, &list, &count));
+  if (count > 0)
+    check(spvc_compiler_get_declared_struct_size(
+        compiler, spvc_compiler_get_type_handle(compiler, list[0].base_type_id), &layout.push_bytes));
+  for (unsigned i = 0; i < 3; ++i)
+    layout.workgroup[i] =
+        spvc_compiler_get_execution_mode_argument_by_index(compiler, SpvExecutionModeLocalSize, i);
+  return layout;
+}
+
+}  // namespace
+
+struct KernelBase::State {
+  std::string name;
+  Layout layout;
+  vk::raii::DescriptorSetLayout set_layout = nullptr;
+  vk::raii::PipelineLayout pipeline_layout = nullptr;
+  vk::raii::Pipeline pipeline = nullptr;
+};
+
+KernelBase::KernelBase(Device& device, std::string name, std::span<const std::uint32_t> spirv, std::size_t push_bytes)
+    : state_(std::make_unique<State>()) {
+  State& s = *state_;
+  auto& d = device.state();
+  s.layout = reflect(name, spirv);
+  s.name = std::move(name);
+  if (s.layout.push_bytes != push_bytes)
+    throw std::logic_error("shader " + s.name + " has " + std::to_string(s.layout.push_bytes) +
+                           " bytes of push constants, its C++ struct " + std::to_string(push_bytes));
+
+  std::vector<vk::DescriptorSetLayoutBinding> bindings;
+  for (std::uint32_t i = 0; i < s.layout.bindings; ++i)
+    bindings.push_back({.binding = i,
+                        .descriptorType = vk::DescriptorType::eStorageBuffer,
+                        .descriptorCount = 1,
+                        .stageFlags = vk::ShaderStageFlagBits::eCompute});
+  s.set_layout = vk::raii::DescriptorSetLayout(
+      *d.device, vk::DescriptorSetLayoutCreateInfo{.flags = vk::DescriptorSetLayoutCreateFlagBits::ePushDescriptorKHR,
+                                                   .bindingCount = s.layout.bindings,
+                                                   .pBindings = bindings.data()});
+  const vk::PushConstantRange push{.stageFlags = vk::ShaderStageFlagBits::eCompute,
+                                   .size = static_cast<std::uint32_t>(push_bytes)};
+  s.pipeline_layout = vk::raii::PipelineLayout(
+      *d.device,
+      vk::PipelineLayoutCreateInfo{
+          .setLayoutCount = 1, .pSetLayouts = &*s.set_layout, .pushConstantRangeCount = 1, .pPushConstantRanges = &push});
+  const vk::raii::ShaderModule module(*d.device, {.codeSize = spirv.size_bytes(), .pCode = spirv.data()});
+  s.pipeline = vk::raii::Pipeline(
+      *d.device, *d.pipelines,
+      vk::ComputePipelineCreateInfo{
+          .stage = {.stage = vk::ShaderStageFlagBits::eCompute, .module = *module, .pName = "main"},
+          .layout = *s.pipeline_layout});
+}
+KernelBase::~KernelBase() = default;
+KernelBase::KernelBase(KernelBase&&) noexcept = default;
+
+void KernelBase::dispatch(Batch& batch, std::array<std::uint32_t, 3> threads, const void* push,
+                          std::initializer_list<const Buffer*> buffers) const {
+  const State& s = *state_;
+  if (buffers.size() != s.layout.bindings)
+    throw std::logic_error("shader " + s.name + " has " + std::to_string(s.layout.bindings) + " bindings, got " +
+                           std::to_string(buffers.size()) + " buffers");
+  if (threads[0] == 0 || threads[1] == 0 || threads[2] == 0) return;
+
+  std::vector<vk::DescriptorBufferInfo> infos;
+  std::vector<vk::WriteDescriptorSet> writes;
+  infos.reserve(buffers.size());
+  for (const Buffer* buffer : buffers) {
+    infos.push_back({.buffer = *buffer->state().allocation.buffer, .offset = 0, .range = VK_WHOLE_SIZE});
+    writes.push_back({.dstBinding = static_cast<std::uint32_t>(writes.size()),
+                      .descriptorCount = 1,
+                      .descriptorType = vk::DescriptorType::eStorageBuffer,
+                      .pBufferInfo = &infos.back()});
+  }
+  Batch::State& b = batch.state();
+  auto& commands = b.record();
+  const bool timed = b.timed.size() < Batch::State::kMaxTimed;
+  const auto query = static_cast<std::uint32_t>(2 * b.timed.size());
+  if (timed) commands.writeTimestamp(vk::PipelineStageFlagBits::eComputeShader, *b.queries, query);
+  commands.bindPipeline(vk::PipelineBindPoint::eCompute, *s.pipeline);
+  commands.pushDescriptorSetKHR(vk::PipelineBindPoint::eCompute, *s.pipeline_layout, 0, writes);
+  // The dispatcher's typed overload wants a T; the push struct is known here as bytes only.
+  commands.getDispatcher()->vkCmdPushConstants(
+      static_cast<VkCommandBuffer>(*commands), static_cast<VkPipelineLayout>(*s.pipeline_layout),
+      VK_SHADER_STAGE_COMPUTE_BIT, 0, static_cast<std::uint32_t>(s.layout.push_bytes), push);
+  const auto& group = s.layout.workgroup;
+  commands.dispatch((threads[0] + group[0] - 1) / group[0], (threads[1] + group[1] - 1) / group[1],
+                    (threads[2] + group[2] - 1) / group[2]);
+  if (timed) {
+    commands.writeTimestamp(vk::PipelineStageFlagBits::eComputeShader, *b.queries, query + 1);
+    b.timed.push_back(&s.name);
+  }
+}
+
+}  // namespace cairn::gpu

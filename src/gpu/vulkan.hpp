@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Private to src/gpu: the Vulkan objects behind Device, Buffer and Batch.
+#pragma once
+#define VULKAN_HPP_NO_STRUCT_CONSTRUCTORS
+#include <deque>
+#include <filesystem>
+#include <optional>
+#include <vulkan/vulkan_raii.hpp>
+
+#include "gpu/batch.hpp"
+#include "gpu/buffer.hpp"
+#include "gpu/device.hpp"
+
+namespace cairn::gpu {
+
+struct Device::State {
+  vk::raii::Context context;
+  std::optional<vk::raii::Instance> instance;
+  std::optional<vk::raii::DebugUtilsMessengerEXT> messenger;
+  std::optional<vk::raii::PhysicalDevice> physical;
+  std::optional<vk::raii::Device> device;
+  std::optional<vk::raii::Queue> queue;
+  std::optional<vk::raii::PipelineCache> pipelines;
+  std::filesystem::path pipelines_file;
+  vk::PhysicalDeviceMemoryProperties memory_types;
+  float timestamp_period_ns = 1.0f;
+  std::uint32_t queue_family = 0;
+
+  DeviceInfo info;
+  std::vector<std::string> messages;
+  std::map<std::string, KernelTime> times;
+  std::uint64_t in_use = 0, peak = 0;
+  std::vector<std::unique_ptr<Batch::State>> idle_batches;
+};
+
+/// A buffer with memory of its own. `mapped` is null for device-local memory.
+struct Allocation {
+  Allocation(Device::State& device, std::uint64_t bytes, vk::BufferUsageFlags usage, vk::MemoryPropertyFlags properties);
+  ~Allocation();
+  Allocation(const Allocation&) = delete;
+  Allocation& operator=(const Allocation&) = delete;
+
+  Device::State& device;
+  std::uint64_t size;
+  vk::raii::Buffer buffer = nullptr;
+  vk::raii::DeviceMemory memory = nullptr;
+  std::byte* mapped = nullptr;
+};
+
+struct Buffer::State {
+  Allocation allocation;
+  std::uint64_t address = 0;
+};
+
+struct Batch::State {
+  explicit State(Device::State& d);
+  struct Place {
+    Allocation* chunk;
+    std::uint64_t offset;
+  };
+  /// Host-visible memory that grows by chunks and is reused after each run.
+  struct Arena {
+    std::deque<Allocation> chunks;
+    std::uint64_t used = 0;  // of the last chunk
+    Place take(Device::State& device, std::uint64_t bytes, vk::BufferUsageFlags usage, vk::MemoryPropertyFlags properties);
+    void reset();
+  };
+  struct Download {
+    Place from;
+    std::span<std::byte> to;
+  };
+  static constexpr std::uint32_t kMaxTimed = 512;  // dispatches of one run that get a timestamp
+
+  Device::State& device;
+  vk::raii::CommandPool pool = nullptr;
+  vk::raii::CommandBuffer commands = nullptr;
+  vk::raii::Fence fence = nullptr;
+  vk::raii::QueryPool queries = nullptr;
+  Arena uploads, downloads;
+  std::vector<Download> pending_downloads;
+  std::vector<const std::string*> timed;
+  bool recording = false;
+
+  vk::raii::CommandBuffer& record();  // begins when needed; orders what follows after what came before
+};
+
+}  // namespace cairn::gpu

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include "gpu/device.hpp"
+
+namespace cairn {
+
+/// One device for all tests of a program, with the validation layer on. Any message of the layer fails the test that
+/// caused it.
+gpu::Device& test_device();
+
+}  // namespace cairn
