@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// The volume on the device. A brick is 8x8x8 voxels with OpenVDB's leaf order, z fastest: x * 64 + y * 8 + z. Voxel
+// coordinates are integers, voxel (i, j, k) samples the point voxel_size * (i, j, k) of the submap frame; brick (i, j, k)
+// starts at voxel 8 (i, j, k). The page table is a dense window of kTableSize^3 bricks that wraps around: brick b lies
+// at b mod size. Its entries are slot + 1, or 0.
+#ifndef CAIRN_VOLUME_H
+#define CAIRN_VOLUME_H
+#ifdef __cplusplus
+#include "shaders/types.h"
+namespace cairn::shader {
+#else
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+#include "shaders/types.h"
+#endif
+
+const uint kBrickVoxels = 512;
+const uint kPending = 0xffffffffu;  // page-table entry of a brick that waits for a slot
+
+struct VolumeView {
+  uvec2 voxels;       // device address of the pool: brick slots, each kBrickVoxels uvec2
+  ivec3 origin;       // first brick of the window
+  uint table_bits;    // the window has 2^table_bits bricks a side
+  float voxel_size;   // metres
+  float truncation;   // metres
+};
+
+struct BrickMarkPush {
+  VolumeView volume;
+  Pinhole camera;
+  Rigid submap_from_camera;
+  uint capacity;  // of the list of new bricks
+};
+
+struct BrickSelectPush {
+  Pinhole camera;
+  Rigid submap_from_camera;
+  uint slots;         // slots to look at
+  uint capacity;      // of the list of selected slots
+  uint stamp;         // the frame, for the slots' last use
+  float brick_size;   // metres
+  float truncation;   // metres
+  float min_depth;    // metres
+};
+
+struct TsdfIntegratePush {
+  uvec2 voxels;
+  Pinhole camera;
+  Rigid camera_from_submap;
+  uint count;         // bricks
+  uint has_colour;
+  float voxel_size;
+  float truncation;
+  float max_weight;
+};
+
+struct DepthTilesPush {
+  uint width;
+  uint height;
+};
+
+struct RaycastRangePush {
+  Pinhole camera;
+  Rigid submap_from_camera;
+  uint slots;
+  float brick_size;
+  float min_depth;
+  float max_depth;
+};
+
+struct RaycastPush {
+  VolumeView volume;
+  Pinhole camera;
+  Rigid submap_from_camera;
+};
+
+struct SlotState {
+  ivec3 brick;
+  uint used;       // 1: holds a brick
+  uint last_seen;  // stamp of the last frame that integrated into it
+};
+
+const uint kTile = 16;  // pixels; side of the tiles of depth and range images
+
+#ifdef __cplusplus
+static_assert(sizeof(BrickMarkPush) <= 128 && sizeof(RaycastPush) <= 128 && sizeof(TsdfIntegratePush) <= 128);
+}  // namespace cairn::shader
+#else
+// A voxel: x = distance (signed 16 bit, in units of truncation / 32767) | weight (16 bit, in 1/256) << 16;
+// y = red | green << 8 | blue << 16 | colour weight << 24.
+layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Voxels { uvec2 v[]; };
+
+const float kWeightUnit = 256.0;
+float voxel_distance(uint word) { return float(bitfieldExtract(int(word), 0, 16)) * (1.0 / 32767.0); }  // truncations
+float voxel_weight(uint word) { return float(word >> 16) * (1.0 / kWeightUnit); }
+
+bool in_window(VolumeView volume, ivec3 brick) {
+  return all(lessThan(uvec3(brick - volume.origin), uvec3(1u << volume.table_bits)));
+}
+uint table_index(VolumeView volume, ivec3 brick) {
+  uvec3 b = uvec3(brick) & ((1u << volume.table_bits) - 1u);
+  return (((b.z << volume.table_bits) | b.y) << volume.table_bits) | b.x;
+}
+uint voxel_index(uint slot, ivec3 voxel) {
+  uvec3 v = uvec3(voxel) & 7u;
+  return (slot << 9) | (v.x << 6) | (v.y << 3) | v.z;
+}
+#endif
+
+#endif

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// The only door to OpenVDB.
+#pragma once
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace cairn {
+
+/// Voxels of one brick in OpenVDB's leaf order, two words each as in shaders/volume.h, low word first.
+using BrickVoxels = std::array<std::uint64_t, 512>;
+
+/// Bricks on the host: an OpenVDB tree with one leaf a brick.
+class BrickTree {
+ public:
+  BrickTree();
+  ~BrickTree();
+  BrickTree(BrickTree&&) noexcept;
+  BrickTree& operator=(BrickTree&&) noexcept;
+
+  /// Adds the brick or replaces it. `brick` counts bricks: voxel / 8.
+  void put(const Eigen::Vector3i& brick, std::span<const std::uint64_t, 512> voxels);
+  /// The brick's voxels, or null. Valid until the brick is put again.
+  [[nodiscard]] const std::uint64_t* find(const Eigen::Vector3i& brick) const;
+  [[nodiscard]] std::size_t size() const;  // bricks
+  /// All bricks, sorted by x, then y, then z.
+  [[nodiscard]] std::vector<Eigen::Vector3i> bricks() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// What a map.vdb needs beside its voxels.
+struct GridInfo {
+  float voxel_size = 0.0f;  // metres
+  float truncation = 0.0f;  // metres
+};
+
+/// Writes the grids `tsdf` (float, metres, level set), `weight` (float) and `colour` (vec3f, 0..1, sRGB), active where
+/// the weight is not 0. Whole or not at all.
+void write_grids(const std::filesystem::path& file, const BrickTree& tree, const GridInfo& info);
+
+struct ReadGrids {
+  BrickTree tree;
+  GridInfo info;
+};
+/// Reads what write_grids wrote; distances and colours come back as they were. Throws std::runtime_error when the file
+/// is not a Cairn map.
+[[nodiscard]] ReadGrids read_grids(const std::filesystem::path& file);
+
+}  // namespace cairn

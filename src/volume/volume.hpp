@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include "cairn/options.hpp"
+#include "gpu/batch.hpp"
+#include "shaders/volume.h"
+#include "volume/grids.hpp"
+
+namespace cairn {
+
+using Brick = Eigen::Vector3i;  // brick coordinates: voxel / 8
+
+struct BrickHash {
+  std::size_t operator()(const Brick& b) const {  // Teschner et al. 2003
+    return static_cast<std::size_t>(b.x()) * 73856093u ^ static_cast<std::size_t>(b.y()) * 19349669u ^
+           static_cast<std::size_t>(b.z()) * 83492791u;
+  }
+};
+
+/// Sparse voxels: those around the camera in a pool on the device, found through a page table that follows the camera,
+/// the others in an OpenVDB tree on the host. A brick is at one place at a time. Layout: shaders/volume.h.
+class Volume {
+ public:
+  /// `reach`: metres around the camera that the page table covers. Throws std::runtime_error when the budget
+  /// (FuseOptions::device_memory) holds too few bricks.
+  Volume(gpu::Device& device, const FuseOptions& options, float reach);
+
+  [[nodiscard]] const FuseOptions& options() const { return options_; }
+  [[nodiscard]] gpu::Device& device() const { return device_; }
+  [[nodiscard]] float brick_size() const { return 8 * options_.voxel_size; }  // metres
+  /// What a kernel needs to find voxels, with the page table as a binding.
+  [[nodiscard]] shader::VolumeView view() const;
+  [[nodiscard]] const gpu::Buffer& page_table() const { return page_table_; }
+  [[nodiscard]] const gpu::Buffer& slots() const { return slots_; }     // SlotState by slot
+  [[nodiscard]] std::uint32_t slot_count() const { return high_slot_; }  // slots in use lie below it
+  [[nodiscard]] std::uint32_t capacity() const { return capacity_; }    // bricks the device holds at most
+
+  /// Moves the window so that `centre` (metres, submap frame) is in its middle; bricks that leave it go to the host.
+  void move_window(const Eigen::Vector3d& centre);
+  /// Brings bricks to the device: those the host has with their voxels, others empty. Bricks outside the window are
+  /// left out. When the pool is full, bricks last seen longest ago make room, but none of `bricks` and none seen at
+  /// `now`. Throws std::runtime_error when that is not enough.
+  void make_resident(std::span<const Brick> bricks, std::uint32_t now);
+  /// Like make_resident, but leaves out bricks that exist nowhere; the others may all make room.
+  void page_in(std::span<const Brick> bricks);
+  [[nodiscard]] std::uint32_t slot_of(const Brick& brick) const;  // slot, or kNoSlot
+  static constexpr std::uint32_t kNoSlot = 0xffffffffu;
+
+  /// All bricks, on the device or the host, sorted by x, then y, then z.
+  [[nodiscard]] std::vector<Brick> bricks() const;
+  /// The host's tree with every brick in it: those on the device are copied and stay there.
+  [[nodiscard]] const BrickTree& on_host();
+
+  struct Counts {
+    std::uint64_t allocated = 0, paged_out = 0, paged_in = 0;  // bricks so far
+  };
+  [[nodiscard]] const Counts& counts() const { return counts_; }
+
+ private:
+  void evict(std::span<const std::uint32_t> slots);
+  void make_room(std::size_t needed, std::span<const Brick> keep, std::uint32_t now);
+  void copy_to_host(std::span<const std::uint32_t> slots);
+  [[nodiscard]] bool in_window(const Brick& brick) const;
+  [[nodiscard]] std::uint32_t table_index(const Brick& brick) const;
+
+  gpu::Device& device_;
+  FuseOptions options_;
+  std::uint32_t table_bits_, capacity_;
+  std::uint32_t high_slot_ = 0;
+  Brick origin_ = Brick::Zero();
+  gpu::Buffer voxels_, page_table_, slots_;
+  std::vector<std::uint32_t> free_;  // slots below high_slot_ that hold nothing, the lowest last
+  std::unordered_map<Brick, std::uint32_t, BrickHash> slot_of_;
+  BrickTree host_;
+  Counts counts_;
+};
+
+}  // namespace cairn
