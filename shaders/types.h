@@ -10,14 +10,26 @@
 #include "cairn/camera.hpp"
 namespace cairn::shader {
 using uint = std::uint32_t;
-using vec2 = Eigen::Matrix<float, 2, 1, Eigen::DontAlign>;
-using vec3 = Eigen::Matrix<float, 3, 1, Eigen::DontAlign>;
-using vec4 = Eigen::Matrix<float, 4, 1, Eigen::DontAlign>;
-using ivec3 = Eigen::Matrix<int, 3, 1, Eigen::DontAlign>;
-using uvec2 = Eigen::Matrix<uint, 2, 1, Eigen::DontAlign>;
+/// N numbers without padding, copied as bytes; Eigen's own types are not trivially copyable.
+template <class T>
+struct Pair {
+  T x, y;
+};
+template <class T>
+struct Triple {
+  T x, y, z;
+  Triple() = default;
+  constexpr Triple(T x_, T y_, T z_) : x(x_), y(y_), z(z_) {}
+  template <class Derived>
+  Triple(const Eigen::MatrixBase<Derived>& m) : x(m[0]), y(m[1]), z(m[2]) {}
+  operator Eigen::Matrix<T, 3, 1>() const { return {x, y, z}; }
+};
+using vec2 = Pair<float>;
+using vec3 = Triple<float>;
+using ivec3 = Triple<int>;
+using uvec2 = Pair<uint>;
 #else
 #extension GL_EXT_scalar_block_layout : require
-#extension GL_GOOGLE_include_directive : require
 #endif
 
 struct Pinhole {  // pixels; see cairn/camera.hpp

@@ -81,6 +81,20 @@ struct SlotState {
   uint last_seen;  // stamp of the last frame that integrated into it
 };
 
+// One change of residency: the brick gets a slot and empty voxels (entry = slot + 1), or loses its slot (entry = 0).
+struct Placement {
+  ivec3 brick;
+  uint slot;
+  uint table_index;
+  uint entry;
+};
+
+struct BrickPlacePush {
+  uvec2 voxels;
+  uint count;
+  uint stamp;
+};
+
 const uint kTile = 16;  // pixels; side of the tiles of depth and range images
 
 #ifdef __cplusplus
@@ -102,6 +116,9 @@ uint table_index(VolumeView volume, ivec3 brick) {
   uvec3 b = uvec3(brick) & ((1u << volume.table_bits) - 1u);
   return (((b.z << volume.table_bits) | b.y) << volume.table_bits) | b.x;
 }
+const uint kNoSlot = 0xffffffffu;
+// The slot behind a page-table entry: entries of missing and of waiting bricks have none.
+uint slot_of_entry(uint entry) { return entry == kPending ? kNoSlot : entry - 1u; }
 uint voxel_index(uint slot, ivec3 voxel) {
   uvec3 v = uvec3(voxel) & 7u;
   return (slot << 9) | (v.x << 6) | (v.y << 3) | v.z;

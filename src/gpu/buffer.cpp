@@ -52,6 +52,7 @@ Buffer::Buffer(Device& device, std::uint64_t bytes)
     : state_(new State{{device.state(), bytes, kStorage, vk::MemoryPropertyFlagBits::eDeviceLocal}}) {
   state_->address = device.state().device->getBufferAddress({.buffer = *state_->allocation.buffer});
 }
+Buffer::Buffer() = default;
 Buffer::~Buffer() = default;
 Buffer::Buffer(Buffer&&) noexcept = default;
 Buffer& Buffer::operator=(Buffer&&) noexcept = default;

@@ -11,7 +11,7 @@ namespace cairn::gpu {
 /// Device-local storage. Contents move through Batch::upload and Batch::download. Movable; outlives no Device.
 class Buffer {
  public:
-  Buffer() = default;
+  Buffer();
   /// `bytes` may exceed the device's storage-buffer range when the buffer is only reached by its `address`.
   /// Throws std::runtime_error when the device has too little memory.
   Buffer(Device& device, std::uint64_t bytes);

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "cairn/options.hpp"
-#include "gpu/batch.hpp"
+#include "gpu/kernel.hpp"
 #include "shaders/volume.h"
 #include "volume/grids.hpp"
 
@@ -57,6 +57,9 @@ class Volume {
   /// The host's tree with every brick in it: those on the device are copied and stay there.
   [[nodiscard]] const BrickTree& on_host();
 
+  /// Takes over a whole map; whatever was there is gone. The bricks come to the device when they are asked for.
+  void adopt(BrickTree tree);
+
   struct Counts {
     std::uint64_t allocated = 0, paged_out = 0, paged_in = 0;  // bricks so far
   };
@@ -64,6 +67,7 @@ class Volume {
 
  private:
   void evict(std::span<const std::uint32_t> slots);
+  void place(gpu::Batch& batch, std::span<const shader::Placement> placements, std::uint32_t stamp);
   void make_room(std::size_t needed, std::span<const Brick> keep, std::uint32_t now);
   void copy_to_host(std::span<const std::uint32_t> slots);
   [[nodiscard]] bool in_window(const Brick& brick) const;
@@ -74,7 +78,8 @@ class Volume {
   std::uint32_t table_bits_, capacity_;
   std::uint32_t high_slot_ = 0;
   Brick origin_ = Brick::Zero();
-  gpu::Buffer voxels_, page_table_, slots_;
+  gpu::Buffer voxels_, page_table_, slots_, placements_;
+  gpu::Kernel<shader::BrickPlacePush> place_;
   std::vector<std::uint32_t> free_;  // slots below high_slot_ that hold nothing, the lowest last
   std::unordered_map<Brick, std::uint32_t, BrickHash> slot_of_;
   BrickTree host_;

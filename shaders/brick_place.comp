@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Gives bricks their slots, with empty voxels, or takes them away. One workgroup a brick.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shaders/volume.h"
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform Push { BrickPlacePush push; };
+layout(binding = 0, scalar) readonly buffer Placements { Placement placements[]; };
+layout(binding = 1, scalar) writeonly buffer PageTable { uint page_table[]; };
+layout(binding = 2, scalar) writeonly buffer Slots { SlotState slots[]; };
+
+void main() {
+  Placement p = placements[gl_WorkGroupID.x];
+  Voxels pool = Voxels(push.voxels);
+  for (uint i = gl_LocalInvocationID.x; i < kBrickVoxels; i += 64u) pool.v[(p.slot << 9) | i] = uvec2(0);
+  if (gl_LocalInvocationID.x == 0u) {
+    page_table[p.table_index] = p.entry;
+    slots[p.slot] = SlotState(p.brick, p.entry == 0u ? 0u : 1u, push.stamp);
+  }
+}

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Points and normals from depth. The normal looks at the camera; it needs all four neighbours on the same surface.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shaders/surface.h"
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform Push { SurfaceNormalsPush push; };
+layout(binding = 0, scalar) readonly buffer Depth { float depth[]; };
+layout(binding = 1, scalar) writeonly buffer Points { uvec2 points[]; };
+
+void main() {
+  int width = int(push.camera.width), height = int(push.camera.height);
+  int i = int(gl_GlobalInvocationID.x);
+  if (i >= width * height) return;
+  ivec2 p = ivec2(i % width, i / width);
+  float z = depth[i];
+  bool inner = p.x > 0 && p.y > 0 && p.x < width - 1 && p.y < height - 1;
+  float l = depth[inner ? i - 1 : i], r = depth[inner ? i + 1 : i];
+  float u = depth[inner ? i - width : i], d = depth[inner ? i + width : i];
+
+  // A plane seen at less than about 5 degrees changes depth by 12 pixel widths from pixel to pixel.
+  float jump = 12.0 * z / push.camera.fx + 3.0 * depth_noise(z);
+  bool connected = inner && min(min(l, r), min(u, d)) > 0.0 && max(max(abs(l - z), abs(r - z)), max(abs(u - z), abs(d - z))) < jump;
+  vec2 q = vec2(p);
+  vec3 dx = ray_through(push.camera, q + vec2(1, 0)) * r - ray_through(push.camera, q - vec2(1, 0)) * l;
+  vec3 dy = ray_through(push.camera, q + vec2(0, 1)) * d - ray_through(push.camera, q - vec2(0, 1)) * u;
+  vec3 n = cross(dy, dx);
+  points[i] = uvec2(floatBitsToUint(z), connected && z > 0.0 ? pack_normal(n / max(length(n), 1e-12)) : 0u);
+}

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <vector>
+
+#include "cairn/frame.hpp"
+#include "cairn/options.hpp"
+#include "gpu/kernel.hpp"
+#include "shaders/surface.h"
+
+namespace cairn {
+
+/// Points with normals in the frame of a camera, by pixel; see shaders/surface.h.
+struct PointImage {
+  Camera camera;
+  gpu::Buffer points;
+};
+
+/// A frame on the device. The buffers belong to Preprocess and hold until its next call.
+struct Surface {
+  std::vector<const PointImage*> levels;  // smoothed, the finest first
+  const gpu::Buffer* depth = nullptr;     // metres, rectified, without flying pixels, not smoothed
+  const gpu::Buffer* colour = nullptr;    // bytes R, G, B, 255; null: the frame has none
+};
+
+/// Rectifies, cleans and smooths a frame and makes its pyramid of points and normals.
+class Preprocess {
+ public:
+  Preprocess(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels);
+  [[nodiscard]] Surface operator()(const Frame& frame);
+  /// The camera of the finest level: the source's, without distortion.
+  [[nodiscard]] const Camera& camera() const { return levels_.front().camera; }
+
+ private:
+  gpu::Device& device_;
+  Camera source_camera_;
+  SurfaceOptions options_;
+  std::vector<PointImage> levels_;
+  std::vector<gpu::Buffer> smooth_;  // depth by level
+  gpu::Buffer raw_depth_, raw_colour_, depth_, colour_, clean_;
+  gpu::Kernel<shader::SurfaceRectifyPush> rectify_;
+  gpu::Kernel<shader::SurfaceFilterPush> filter_;
+  gpu::Kernel<shader::SurfaceHalfPush> half_;
+  gpu::Kernel<shader::SurfaceNormalsPush> normals_;
+};
+
+}  // namespace cairn

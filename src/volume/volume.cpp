@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "volume/volume.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <unordered_set>
+
+#include "spirv/brick_place.comp.h"
+
+namespace cairn {
+namespace {
+
+constexpr std::uint64_t kBrickBytes = sizeof(BrickVoxels);
+constexpr std::uint32_t kMinBricks = 2048;      // 8 MiB: less does not hold one view of a room
+constexpr std::uint32_t kMaxTableBits = 8;      // 256 bricks a side: 64 MiB of page table
+constexpr std::size_t kBricksPerCopy = 4096;    // 16 MiB of staging at a time
+constexpr std::uint64_t kDefaultLimit = std::uint64_t{2} << 30;  // bytes
+
+std::uint32_t table_bits_for(float reach, float brick_size) {
+  std::uint32_t bits = 5;
+  while (bits < kMaxTableBits && static_cast<float>(1u << bits) * brick_size < 2 * reach) ++bits;
+  return bits;
+}
+
+std::uint32_t capacity_for(const gpu::Device& device, const FuseOptions& options, std::uint64_t table_bytes) {
+  const std::uint64_t budget =
+      options.device_memory != 0 ? options.device_memory : std::min(device.info().memory / 2, kDefaultLimit);
+  const std::uint64_t per_brick = kBrickBytes + sizeof(shader::SlotState);
+  const std::uint64_t needed = table_bytes + kMinBricks * per_brick;
+  if (budget < needed)
+    throw std::runtime_error("--device-memory of " + std::to_string(budget >> 20) + " MiB is too little: at least " +
+                             std::to_string((needed >> 20) + 1) + " MiB are needed at this voxel size");
+  return static_cast<std::uint32_t>((budget - table_bytes) / per_brick);
+}
+
+bool before(const Brick& a, const Brick& b) {
+  return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
+}
+
+}  // namespace
+
+Volume::Volume(gpu::Device& device, const FuseOptions& options, float reach)
+    : device_(device),
+      options_(options),
+      table_bits_(table_bits_for(reach, 8 * options.voxel_size)),
+      capacity_(capacity_for(device, options, std::uint64_t{4} << (3 * table_bits_))),
+      voxels_(device, capacity_ * kBrickBytes),
+      page_table_(device, std::uint64_t{4} << (3 * table_bits_)),
+      slots_(device, capacity_ * sizeof(shader::SlotState)),
+      place_(device, "brick_place", brick_place_comp) {
+  gpu::Batch batch(device_);
+  batch.fill(page_table_, 0);
+  batch.fill(slots_, 0);
+  batch.run();
+  origin_ = Brick::Constant(-(1 << (table_bits_ - 1)));
+}
+
+shader::VolumeView Volume::view() const {
+  const std::uint64_t address = voxels_.address();
+  return {.voxels = {static_cast<std::uint32_t>(address), static_cast<std::uint32_t>(address >> 32)},
+          .origin = origin_,
+          .table_bits = table_bits_,
+          .voxel_size = options_.voxel_size,
+          .truncation = options_.truncation};
+}
+
+bool Volume::in_window(const Brick& brick) const {
+  const Brick relative = brick - origin_;
+  return (relative.array() >= 0).all() && (relative.array() < (1 << table_bits_)).all();
+}
+
+std::uint32_t Volume::table_index(const Brick& brick) const {
+  const int mask = (1 << table_bits_) - 1;
+  return static_cast<std::uint32_t>(((((brick.z() & mask) << table_bits_) | (brick.y() & mask)) << table_bits_) |
+                                    (brick.x() & mask));
+}
+
+std::uint32_t Volume::slot_of(const Brick& brick) const {
+  const auto found = slot_of_.find(brick);
+  return found == slot_of_.end() ? kNoSlot : found->second;
+}
+
+void Volume::move_window(const Eigen::Vector3d& centre) {
+  constexpr int kGrain = 8;  // bricks; small moves change nothing
+  const Brick middle = (centre / (8.0 * options_.voxel_size * kGrain)).array().round().cast<int>().matrix() * kGrain;
+  const Brick origin = middle - Brick::Constant(1 << (table_bits_ - 1));
+  if (origin == origin_) return;
+  origin_ = origin;
+  std::vector<std::uint32_t> leaving;
+  for (const auto& [brick, slot] : slot_of_)
+    if (!in_window(brick)) leaving.push_back(slot);
+  std::sort(leaving.begin(), leaving.end());
+  evict(leaving);
+}
+
+void Volume::copy_to_host(std::span<const std::uint32_t> slots) {
+  std::unordered_map<std::uint32_t, Brick> brick_of;
+  for (const auto& [brick, slot] : slot_of_) brick_of.emplace(slot, brick);
+  std::vector<BrickVoxels> voxels;
+  for (std::size_t begin = 0; begin < slots.size(); begin += kBricksPerCopy) {
+    const auto some = slots.subspan(begin, std::min(kBricksPerCopy, slots.size() - begin));
+    voxels.resize(some.size());
+    gpu::Batch batch(device_);
+    for (std::size_t i = 0; i < some.size();) {  // one copy per run of neighbouring slots
+      std::size_t end = i + 1;
+      while (end < some.size() && some[end] == some[end - 1] + 1) ++end;
+      batch.download(voxels_, std::span(voxels).subspan(i, end - i), some[i] * kBrickBytes);
+      i = end;
+    }
+    batch.run();
+    for (std::size_t i = 0; i < some.size(); ++i) host_.put(brick_of.at(some[i]), voxels[i]);
+  }
+}
+
+void Volume::evict(std::span<const std::uint32_t> slots) {
+  if (slots.empty()) return;
+  copy_to_host(slots);
+  const std::unordered_set<std::uint32_t> gone(slots.begin(), slots.end());
+  std::vector<shader::Placement> placements;
+  for (auto it = slot_of_.begin(); it != slot_of_.end();) {
+    if (gone.contains(it->second)) {
+      placements.push_back(
+          {.brick = it->first, .slot = it->second, .table_index = table_index(it->first), .entry = 0});
+      it = slot_of_.erase(it);
+    } else {
+      ++it;
+    }
+  }
+  gpu::Batch batch(device_);
+  place(batch, placements, 0);
+  batch.run();
+  free_.insert(free_.end(), slots.begin(), slots.end());
+  std::sort(free_.begin(), free_.end(), std::greater<>());
+  counts_.paged_out += slots.size();
+}
+
+void Volume::make_room(std::size_t needed, std::span<const Brick> keep, std::uint32_t now) {
+  const std::size_t available = free_.size() + (capacity_ - high_slot_);
+  if (needed <= available) return;
+  std::vector<shader::SlotState> states(high_slot_);
+  gpu::Batch batch(device_);
+  batch.download(slots_, states);
+  batch.run();
+  const std::unordered_set<Brick, BrickHash> kept(keep.begin(), keep.end());
+  struct Candidate {
+    std::uint32_t last_seen, slot;
+    Brick brick;
+  };
+  std::vector<Candidate> candidates;
+  for (const auto& [brick, slot] : slot_of_)
+    if (!kept.contains(brick) && (now == 0 || states[slot].last_seen != now))
+      candidates.push_back({states[slot].last_seen, slot, brick});
+  if (candidates.size() + available < needed)
+    throw std::runtime_error("the device memory for " + std::to_string(capacity_) + " bricks does not hold one view: " +
+                             "raise --device-memory or --voxel-size");
+  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+    return a.last_seen != b.last_seen ? a.last_seen < b.last_seen : before(a.brick, b.brick);
+  });
+  // A quarter of the pool at once, so that the next frames find room.
+  const std::size_t count = std::min(candidates.size(), std::max<std::size_t>(needed - available, capacity_ / 4));
+  std::vector<std::uint32_t> slots;
+  for (std::size_t i = 0; i < count; ++i) slots.push_back(candidates[i].slot);
+  std::sort(slots.begin(), slots.end());
+  evict(slots);
+}
+
+void Volume::make_resident(std::span<const Brick> bricks, std::uint32_t now) {
+  std::vector<Brick> missing;
+  for (const Brick& brick : bricks)
+    if (in_window(brick) && !slot_of_.contains(brick)) missing.push_back(brick);
+  std::sort(missing.begin(), missing.end(), before);
+  missing.erase(std::unique(missing.begin(), missing.end()), missing.end());
+  if (missing.empty()) return;
+  make_room(missing.size(), bricks, now);
+
+  for (std::size_t begin = 0; begin < missing.size(); begin += kBricksPerCopy) {
+    std::vector<shader::Placement> placements;
+    for (std::size_t i = begin; i < std::min(begin + kBricksPerCopy, missing.size()); ++i) {
+      std::uint32_t slot = high_slot_;
+      if (free_.empty()) {
+        ++high_slot_;
+      } else {
+        slot = free_.back();
+        free_.pop_back();
+      }
+      slot_of_.emplace(missing[i], slot);
+      placements.push_back(
+          {.brick = missing[i], .slot = slot, .table_index = table_index(missing[i]), .entry = slot + 1});
+    }
+    gpu::Batch batch(device_);
+    place(batch, placements, now);
+    for (const auto& placement : placements) {
+      const std::uint64_t* voxels = host_.find(placement.brick);
+      voxels != nullptr ? ++counts_.paged_in : ++counts_.allocated;
+      if (voxels != nullptr) batch.upload(voxels_, std::span(voxels, 512), placement.slot * kBrickBytes);
+    }
+    batch.run();
+  }
+}
+
+void Volume::place(gpu::Batch& batch, std::span<const shader::Placement> placements, std::uint32_t stamp) {
+  if (placements_.size() < placements.size_bytes())
+    placements_ = gpu::Buffer(device_, std::max(placements.size_bytes(), kBricksPerCopy * sizeof(shader::Placement)));
+  batch.upload(placements_, placements);
+  const auto count = static_cast<std::uint32_t>(placements.size());
+  place_(batch, {64 * count, 1, 1}, {.voxels = view().voxels, .count = count, .stamp = stamp},
+         {&placements_, &page_table_, &slots_});
+}
+
+void Volume::page_in(std::span<const Brick> bricks) {
+  std::vector<Brick> existing;
+  for (const Brick& brick : bricks)
+    if (slot_of_.contains(brick) || host_.find(brick) != nullptr) existing.push_back(brick);
+  make_resident(existing, 0);
+}
+
+std::vector<Brick> Volume::bricks() const {
+  std::vector<Brick> all = host_.bricks();
+  for (const auto& [brick, slot] : slot_of_)
+    if (host_.find(brick) == nullptr) all.push_back(brick);
+  std::sort(all.begin(), all.end(), before);
+  return all;
+}
+
+const BrickTree& Volume::on_host() {
+  std::vector<std::uint32_t> slots;
+  for (const auto& [brick, slot] : slot_of_) slots.push_back(slot);
+  std::sort(slots.begin(), slots.end());
+  copy_to_host(slots);
+  return host_;
+}
+
+void Volume::adopt(BrickTree tree) {
+  slot_of_.clear();
+  free_.clear();
+  high_slot_ = 0;
+  host_ = std::move(tree);
+  gpu::Batch batch(device_);
+  batch.fill(page_table_, 0);
+  batch.fill(slots_, 0);
+  batch.run();
+}
+
+}  // namespace cairn
