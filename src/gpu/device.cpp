@@ -109,6 +109,9 @@ DeviceInfo describe(int index, const vk::raii::PhysicalDevice& physical) {
                             .get<vk::PhysicalDeviceDriverProperties>();
     info.driver = std::string(driver.driverName.data()) + " " + driver.driverInfo.data();
   }
+  info.subgroup_size = physical.getProperties2<vk::PhysicalDeviceProperties2, vk::PhysicalDeviceSubgroupProperties>()
+                           .get<vk::PhysicalDeviceSubgroupProperties>()
+                           .subgroupSize;
   for (const auto& heap : physical.getMemoryProperties().memoryHeaps)
     if (heap.flags & vk::MemoryHeapFlagBits::eDeviceLocal) info.memory = std::max<std::uint64_t>(info.memory, heap.size);
   return info;

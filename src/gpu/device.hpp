@@ -15,6 +15,7 @@ struct DeviceInfo {
   int index = 0;  // what --device takes
   std::string name, type, driver;
   std::uint64_t memory = 0;  // bytes of the largest device-local heap
+  std::uint32_t subgroup_size = 0;
   std::string missing;       // first feature that Cairn needs and this device lacks; empty: usable
 };
 

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Lists the bricks that the truncation band of every second measurement needs and that have no slot yet.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shaders/volume.h"
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform Push { BrickMarkPush push; };
+layout(binding = 0, scalar) readonly buffer Depth { float depth[]; };
+layout(binding = 1, scalar) buffer PageTable { uint page_table[]; };
+layout(binding = 2, scalar) buffer NewCount { uint new_count; };
+layout(binding = 3, scalar) writeonly buffer NewBricks { ivec3 new_bricks[]; };
+
+void main() {
+  uint columns = push.camera.width / 2u, rows = push.camera.height / 2u;
+  uint i = gl_GlobalInvocationID.x;
+  if (i >= columns * rows) return;
+  uvec2 pixel = 2u * uvec2(i % columns, i / columns);
+  float z = depth[pixel.y * push.camera.width + pixel.x];
+  if (z <= 0.0) return;
+  vec3 ray = rotate(push.submap_from_camera, ray_through(push.camera, vec2(pixel)));
+  float band = push.volume.truncation;
+  float voxel = push.volume.voxel_size;
+  // Steps of two voxels: a ray cuts off at most a corner thinner than that.
+  float step_z = 2.0 * voxel / length(ray);
+  for (float s = z - band; s < z + band + step_z; s += step_z) {
+    vec3 p = push.submap_from_camera.t + ray * min(s, z + band);
+    ivec3 brick = ivec3(floor(p / voxel + 0.5)) >> 3;
+    if (!in_window(push.volume, brick)) continue;
+    uint at = table_index(push.volume, brick);
+    if (page_table[at] != 0u) continue;
+    if (atomicCompSwap(page_table[at], 0u, kPending) != 0u) continue;
+    uint place = atomicAdd(new_count, 1u);
+    if (place < push.capacity)
+      new_bricks[place] = brick;
+    else
+      page_table[at] = 0u;  // the next frame asks again
+  }
+}

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Lists the slots whose bricks are in view and not behind what the depth image sees.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shaders/volume.h"
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform Push { BrickSelectPush push; };
+layout(binding = 0, scalar) buffer Slots { SlotState slots[]; };
+layout(binding = 1, scalar) readonly buffer Farthest { float farthest[]; };
+layout(binding = 2, scalar) buffer SelectedCount { uint selected_count; };
+layout(binding = 3, scalar) writeonly buffer Selected { uint selected[]; };
+
+void main() {
+  uint slot = gl_GlobalInvocationID.x;
+  if (slot >= push.slots) return;
+  SlotState state = slots[slot];
+  if (state.used == 0u) return;
+  vec3 centre = inverse_transform(push.submap_from_camera, (vec3(state.brick) + 0.5) * push.brick_size);
+  float radius = 0.8661 * push.brick_size;
+  float near = max(centre.z - radius, 0.5 * push.min_depth), far = centre.z + radius;
+  if (far < push.min_depth) return;
+
+  vec2 f = vec2(push.camera.fx, push.camera.fy), c = vec2(push.camera.cx, push.camera.cy);
+  vec2 low = centre.xy - radius, high = centre.xy + radius;
+  vec2 from = f * low / mix(vec2(far), vec2(near), lessThan(low, vec2(0.0))) + c;
+  vec2 to = f * high / mix(vec2(near), vec2(far), lessThan(high, vec2(0.0))) + c;
+  vec2 size = vec2(push.camera.width, push.camera.height);
+  if (any(lessThan(to, vec2(0.0))) || any(greaterThanEqual(from, size))) return;
+  uint columns = (push.camera.width + kTile - 1u) / kTile;
+  uvec2 first = uvec2(max(from, vec2(0.0))) / kTile, last = uvec2(min(to, size - 1.0)) / kTile;
+  float seen = 0.0;
+  for (uint y = first.y; y <= last.y; ++y)
+    for (uint x = first.x; x <= last.x; ++x) seen = max(seen, farthest[y * columns + x]);
+  if (seen + push.truncation < centre.z - radius) return;
+
+  slots[slot].last_seen = push.stamp;
+  uint place = atomicAdd(selected_count, 1u);
+  if (place < push.capacity) selected[place] = slot;
+}

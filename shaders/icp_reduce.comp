@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// One linearisation of projective point-to-plane ICP (Chen & Medioni 1991; Newcombe et al. 2011, eq. 17-24): live points
+// are matched with the model's point behind the pixel that they fall on. Each subgroup writes its own sums; the caller
+// adds them in a fixed order.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_arithmetic : require
+#include "shaders/track.h"
+#include "shaders/surface.h"
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform Push { IcpReducePush push; };
+layout(binding = 0, scalar) readonly buffer Live { uvec2 live[]; };
+layout(binding = 1, scalar) readonly buffer Model { uvec2 model[]; };
+layout(binding = 2, scalar) writeonly buffer Sums { IcpSums sums[]; };
+
+void main() {
+  // Named sums: an array of them costs several times more on a CPU device.
+  vec3 rr0 = vec3(0), rr1 = vec3(0), rt0 = vec3(0), rt1 = vec3(0), rt2 = vec3(0), tt0 = vec3(0), tt1 = vec3(0);
+  vec3 br = vec3(0), bt = vec3(0);
+  vec4 counts = vec4(0);
+  int width = int(push.camera.width), height = int(push.camera.height);
+  for (uint i = gl_GlobalInvocationID.x; i < push.camera.width * push.camera.height; i += push.threads) {
+    uvec2 l = live[i];
+    float z = uintBitsToFloat(l.x);
+    vec3 p = transform(push.model_from_live, ray_through(push.camera, vec2(i % push.camera.width, i / push.camera.width)) * z);
+    ivec2 pixel = ivec2(floor(project(push.camera, p) + 0.5));
+    bool valid = l.y != 0u && z > 0.0 && p.z > 0.0;
+    bool inside = valid && pixel.x >= 0 && pixel.y >= 0 && pixel.x < width && pixel.y < height;
+    uvec2 m = inside ? model[pixel.y * width + pixel.x] : uvec2(0);
+    float zm = uintBitsToFloat(m.x);
+    bool seen = inside && zm > 0.0 && m.y != 0u;
+    vec3 n = unpack_normal(m.y);
+    vec3 gap = ray_through(push.camera, vec2(pixel)) * zm - p;
+    bool inlier = seen && dot(gap, gap) < push.max_distance * push.max_distance &&
+                  dot(rotate(push.model_from_live, unpack_normal(l.y)), n) > push.min_cosine;
+
+    float inverse_sigma = 1.0 / depth_noise(z);
+    float r = dot(n, gap) * inverse_sigma;
+    float w = inlier ? min(1.0, push.huber / max(abs(r), 1e-6)) : 0.0;  // Huber 1964
+    if (!inlier) r = 0.0;
+    vec3 jt = inlier ? n * inverse_sigma : vec3(0);
+    vec3 jr = inlier ? cross(p, n) * inverse_sigma : vec3(0);
+    vec3 wr = jr * w, wt = jt * w;
+    rr0 += wr.x * jr;
+    rr1 += vec3(wr.y * jr.y, wr.y * jr.z, wr.z * jr.z);
+    rt0 += wr.x * jt;
+    rt1 += wr.y * jt;
+    rt2 += wr.z * jt;
+    tt0 += wt.x * jt;
+    tt1 += vec3(wt.y * jt.y, wt.y * jt.z, wt.z * jt.z);
+    br += wr * r;
+    bt += wt * r;
+    counts += vec4(w * r * r, inlier ? 1.0 : 0.0, seen ? 1.0 : 0.0, valid ? 1.0 : 0.0);
+  }
+  rr0 = subgroupAdd(rr0);
+  rr1 = subgroupAdd(rr1);
+  rt0 = subgroupAdd(rt0);
+  rt1 = subgroupAdd(rt1);
+  rt2 = subgroupAdd(rt2);
+  tt0 = subgroupAdd(tt0);
+  tt1 = subgroupAdd(tt1);
+  br = subgroupAdd(br);
+  bt = subgroupAdd(bt);
+  counts = subgroupAdd(counts);
+  if (subgroupElect())
+    sums[gl_WorkGroupID.x * gl_NumSubgroups + gl_SubgroupID] =
+        IcpSums(rr0, rr1, rt0, rt1, rt2, tt0, tt1, br, bt, counts.x, counts.y, counts.z, counts.w);
+}

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Where rays have to look: by tile, the nearest and the farthest brick that it sees (Prisacariu et al. 2017, sec. 4.2).
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shaders/volume.h"
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform Push { RaycastRangePush push; };
+layout(binding = 0, scalar) readonly buffer Slots { SlotState slots[]; };
+layout(binding = 1, scalar) buffer Nearest { uint nearest[]; };  // bits of positive floats order like integers
+layout(binding = 2, scalar) buffer Farthest { uint farthest[]; };
+
+void main() {
+  uint slot = gl_GlobalInvocationID.x;
+  if (slot >= push.slots) return;
+  SlotState state = slots[slot];
+  if (state.used == 0u) return;
+  vec3 centre = inverse_transform(push.submap_from_camera, (vec3(state.brick) + 0.5) * push.brick_size);
+  float radius = 0.8661 * push.brick_size;
+  float near = max(centre.z - radius, push.min_depth), far = min(centre.z + radius, push.max_depth);
+  if (far <= near) return;
+
+  vec2 f = vec2(push.camera.fx, push.camera.fy), c = vec2(push.camera.cx, push.camera.cy);
+  vec2 low = centre.xy - radius, high = centre.xy + radius;
+  vec2 from = f * low / mix(vec2(far), vec2(near), lessThan(low, vec2(0.0))) + c;
+  vec2 to = f * high / mix(vec2(near), vec2(far), lessThan(high, vec2(0.0))) + c;
+  vec2 size = vec2(push.camera.width, push.camera.height);
+  if (any(lessThan(to, vec2(0.0))) || any(greaterThanEqual(from, size))) return;
+  uint columns = (push.camera.width + kTile - 1u) / kTile;
+  uvec2 first = uvec2(max(from, vec2(0.0))) / kTile, last = uvec2(min(to, size - 1.0)) / kTile;
+  for (uint y = first.y; y <= last.y; ++y) {
+    for (uint x = first.x; x <= last.x; ++x) {
+      uint tile = y * columns + x;
+      atomicMin(nearest[tile], floatBitsToUint(near));
+      atomicMax(farthest[tile], floatBitsToUint(far));
+    }
+  }
+}

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Halves a point image: the mean of those of four points that lie on the nearest surface.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shaders/surface.h"
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform Push { SurfaceHalfPush push; };
+layout(binding = 0, scalar) readonly buffer Fine { uvec2 fine[]; };
+layout(binding = 1, scalar) writeonly buffer Coarse { uvec2 coarse[]; };
+
+void main() {
+  uint i = gl_GlobalInvocationID.x;
+  if (i >= push.width * push.height) return;
+  uint at = 2u * (i / push.width) * (2u * push.width) + 2u * (i % push.width);
+  uvec2 a = fine[at], b = fine[at + 1u], c = fine[at + 2u * push.width], d = fine[at + 2u * push.width + 1u];
+  vec4 z = uintBitsToFloat(uvec4(a.x, b.x, c.x, d.x));
+  vec4 far = mix(z, vec4(1e9), equal(z, vec4(0.0)));
+  float nearest = min(min(far.x, far.y), min(far.z, far.w));
+  vec4 same = mix(vec4(0.0), vec4(1.0), lessThanEqual(far, vec4(nearest + 6.0 * depth_noise(nearest))));
+  vec3 n = same.x * unpack_normal(a.y) + same.y * unpack_normal(b.y) + same.z * unpack_normal(c.y) + same.w * unpack_normal(d.y);
+  coarse[i] = nearest < 1e8 ? uvec2(floatBitsToUint(dot(z, same) / dot(same, vec4(1.0))), pack_normal(n / max(length(n), 1e-12)))
+                            : uvec2(0);
+}

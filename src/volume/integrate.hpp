@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <Eigen/Geometry>
+
+#include "surface/preprocess.hpp"
+#include "volume/volume.hpp"
+
+namespace cairn {
+
+struct Fused {
+  int touched = 0;      // bricks that the frame could change
+  int new_bricks = 0;   // of them without a slot before
+};
+
+/// Allocates the bricks of a frame's truncation band and fuses the frame into all bricks that it sees.
+class Integrate {
+ public:
+  Integrate(gpu::Device& device, const Camera& camera, const SurfaceOptions& options);
+  /// `stamp` counts fused frames from 1. Moves the volume's window to the camera.
+  Fused operator()(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, Volume& volume, std::uint32_t stamp);
+
+ private:
+  gpu::Device& device_;
+  Camera camera_;
+  SurfaceOptions options_;
+  gpu::Buffer farthest_, new_count_, new_bricks_, selected_count_, selected_;
+  gpu::Kernel<shader::DepthTilesPush> tiles_;
+  gpu::Kernel<shader::BrickMarkPush> mark_;
+  gpu::Kernel<shader::BrickSelectPush> select_;
+  gpu::Kernel<shader::TsdfIntegratePush> integrate_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "volume/raycast.hpp"
+
+#include <bit>
+
+#include "spirv/raycast.comp.h"
+#include "spirv/raycast_range.comp.h"
+#include "spirv/view_half.comp.h"
+
+namespace cairn {
+namespace {
+
+std::uint64_t tiles(const Camera& camera) {
+  const auto count = [](int pixels) { return (static_cast<std::uint64_t>(pixels) + shader::kTile - 1) / shader::kTile; };
+  return count(camera.width) * count(camera.height);
+}
+
+}  // namespace
+
+Raycast::Raycast(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels, int finest_level)
+    : device_(device),
+      options_(options),
+      finest_(finest_level),
+      nearest_(device, 4 * tiles(camera.at_level(finest_level))),
+      farthest_(device, 4 * tiles(camera.at_level(finest_level))),
+      range_(device, "raycast_range", raycast_range_comp),
+      raycast_(device, "raycast", raycast_comp),
+      half_(device, "view_half", view_half_comp) {
+  for (int level = finest_level; level < levels; ++level) {
+    const Camera c = camera.at_level(level);
+    levels_.push_back({c, gpu::Buffer(device, std::uint64_t{8} * static_cast<std::uint64_t>(c.width * c.height))});
+  }
+}
+
+ModelView Raycast::operator()(const Volume& volume, const Eigen::Isometry3d& submap_from_camera) {
+  const shader::Pinhole camera = shader::pinhole(levels_[0].camera);
+  const shader::Rigid pose = shader::rigid(submap_from_camera);
+  gpu::Batch batch(device_);
+  batch.fill(nearest_, std::bit_cast<std::uint32_t>(1e9f));
+  batch.fill(farthest_, 0);
+  range_(batch, {volume.slot_count(), 1, 1},
+         {.camera = camera,
+          .submap_from_camera = pose,
+          .slots = volume.slot_count(),
+          .brick_size = volume.brick_size(),
+          .min_depth = 0.5f * options_.min_depth,
+          .max_depth = 2 * options_.max_depth},
+         {&volume.slots(), &nearest_, &farthest_});
+  raycast_(batch, {camera.width, camera.height, 1}, {.volume = volume.view(), .camera = camera, .submap_from_camera = pose},
+           {&volume.page_table(), &nearest_, &farthest_, &levels_[0].points});
+  for (std::size_t i = 1; i < levels_.size(); ++i) {
+    const Camera& c = levels_[i].camera;
+    half_(batch, {static_cast<std::uint32_t>(c.width * c.height), 1, 1},
+          {.width = static_cast<std::uint32_t>(c.width), .height = static_cast<std::uint32_t>(c.height)},
+          {&levels_[i - 1].points, &levels_[i].points});
+  }
+  batch.run();
+  ModelView view{.submap_from_camera = submap_from_camera,
+                 .levels = std::vector<const PointImage*>(static_cast<std::size_t>(finest_), nullptr)};
+  for (const auto& level : levels_) view.levels.push_back(&level);
+  return view;
+}
+
+}  // namespace cairn
