@@ -15,6 +15,8 @@ namespace cairn {
 /// Voxels of one brick in OpenVDB's leaf order, two words each as in shaders/volume.h, low word first.
 using BrickVoxels = std::array<std::uint64_t, 512>;
 
+struct GridInfo;
+
 /// Bricks on the host: an OpenVDB tree with one leaf a brick.
 class BrickTree {
  public:
@@ -32,6 +34,7 @@ class BrickTree {
   [[nodiscard]] std::vector<Eigen::Vector3i> bricks() const;
 
  private:
+  friend void write_grids(const std::filesystem::path& file, const BrickTree& tree, const GridInfo& info);
   struct State;
   std::unique_ptr<State> state_;
 };

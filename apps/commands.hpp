@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <CLI/CLI.hpp>
+
+// One function and one file for each subcommand.
+namespace cairn::apps {
+
+void add_reconstruct(CLI::App& program);
+void add_evaluate(CLI::App& program);
+void add_synth(CLI::App& program);
+void add_devices(CLI::App& program);
+
+}  // namespace cairn::apps

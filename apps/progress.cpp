@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "progress.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdio>
+
+namespace cairn::apps {
+namespace {
+
+constexpr double kTerminalInterval = 0.1, kPlainInterval = 5.0;  // seconds
+constexpr int kBarWidth = 24;
+
+}  // namespace
+
+Progress::Progress(std::optional<int> total) : total_(total), terminal_(isatty(STDERR_FILENO) != 0) {}
+Progress::~Progress() { clear(); }
+
+void Progress::clear() {
+  if (shown_) fmt::print(stderr, "\r\x1b[K");
+  shown_ = false;
+}
+
+void Progress::step(const std::string& state) {
+  ++done_;
+  const auto now = Clock::now();
+  const bool last = total_ && done_ == *total_;
+  if (!last && std::chrono::duration<double>(now - last_).count() < (terminal_ ? kTerminalInterval : kPlainInterval)) return;
+  last_ = now;
+  const double rate = done_ / std::max(std::chrono::duration<double>(now - start_).count(), 1e-9);
+  std::string line = fmt::format("{}{} frames  {:.1f}/s", done_, total_ ? fmt::format("/{}", *total_) : "", rate);
+  if (total_) {
+    const int left = static_cast<int>((*total_ - done_) / rate + 0.5);
+    line += fmt::format("  {}:{:02} left", left / 60, left % 60);
+    if (terminal_) {
+      const int filled = kBarWidth * done_ / std::max(*total_, 1);
+      line = fmt::format("[{:█<{}}{:░<{}}] ", "", filled, "", kBarWidth - filled) + line;
+    }
+  }
+  line += "  " + state;
+  fmt::print(stderr, fmt::runtime(terminal_ ? "\r{}\x1b[K" : "{}\n"), line);
+  std::fflush(stderr);
+  shown_ = terminal_;
+}
+
+}  // namespace cairn::apps

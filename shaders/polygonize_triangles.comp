@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Emits the triangles of a brick's cells. One thread a column; triangles keep the order of the cells.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shaders/polygonize.h"
+layout(local_size_x = 64) in;
+layout(binding = 2, scalar) readonly buffer Table { uint table[]; };
+layout(binding = 3, scalar) readonly buffer Masks { uint masks[]; };
+layout(binding = 4, scalar) readonly buffer Firsts { uint firsts[]; };
+layout(binding = 5, scalar) readonly buffer Cells { uvec2 cells[]; };
+layout(binding = 6, scalar) readonly buffer Neighbours { uint neighbours[]; };  // 8 a brick: list position of brick + corner c
+layout(binding = 7, scalar) readonly buffer FirstTriangles { uint first_triangles[]; };  // by column
+layout(binding = 8, scalar) writeonly buffer Indices { uint indices[]; };
+
+// The vertex on the edge that starts at a corner of a cell and runs along an axis.
+uint vertex_on(uint brick, uvec3 cell, uint edge) {
+  uint corner = edge & 7u, axis = edge >> 3;
+  uvec3 v = cell + uvec3(corner & 1u, (corner >> 1) & 1u, corner >> 2);
+  uint owner = neighbours[brick * 8u + ((v.x >> 3) | ((v.y >> 3) << 1) | ((v.z >> 3) << 2))];
+  v &= 7u;
+  uint bit = (v.x << 6) | (v.y << 3) | v.z;
+  uint word = owner * kEdgeWords + axis * 16u + (bit >> 5);
+  return firsts[word] + bitCount(masks[word] & ((1u << (bit & 31u)) - 1u));
+}
+
+void main() {
+  uint brick = push.first + gl_WorkGroupID.x;
+  uint column = gl_LocalInvocationID.x;
+  uint triangle = first_triangles[brick * 64u + column] - first_triangles[push.first * 64u];
+  uvec2 codes = cells[brick * 64u + column];
+  for (uint k = 0u; k < 8u; ++k) {
+    uint row = ((k < 4u ? codes.x : codes.y) >> (8u * (k & 3u)) & 0xffu) * kTableRow;
+    uint corners = 3u * table[row];
+    for (uint i = 0u; i < corners; ++i)
+      indices[triangle * 3u + i] = vertex_on(brick, uvec3(column >> 3, column & 7u, k), table[row + 1u + i]);
+    triangle += corners / 3u;
+  }
+}

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <cmath>
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+
+#include "io/recording.hpp"
+
+namespace cairn {
+
+void for_each_line(const std::filesystem::path& file, const std::function<void(int, const std::vector<std::string>&)>& take) {
+  std::ifstream in(file);
+  if (!in) throw std::runtime_error(file.string() + ": cannot be read");
+  std::string line;
+  for (int number = 1; std::getline(in, line); ++number) {
+    std::istringstream stream(line);
+    std::vector<std::string> words;
+    for (std::string word; stream >> word;) words.push_back(word);
+    if (!words.empty() && words[0][0] != '#') take(number, words);
+  }
+}
+
+double number_of(const std::string& word, const std::filesystem::path& file, int line) {
+  char* end = nullptr;
+  const double value = std::strtod(word.c_str(), &end);
+  if (end == word.c_str() || *end != '\0' || !std::isfinite(value))
+    throw std::runtime_error(file.string() + ":" + std::to_string(line) + ": '" + word + "' is not a number");
+  return value;
+}
+
+}  // namespace cairn

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <opencv2/core/utils/logger.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+#include "cairn/source.hpp"
+#include "io/recording.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+Recording read_recording(const fs::path& folder) {
+  if (!fs::exists(folder)) throw std::runtime_error(folder.string() + ": there is no such folder");
+  if (!fs::is_directory(folder))
+    throw std::runtime_error(folder.string() + ": is not a folder; give the folder that holds the recording");
+  for (const auto read : {read_tum, read_icl_nuim, read_seven_scenes, read_intrinsics_folder})
+    if (auto recording = read(folder)) return *std::move(recording);
+  throw std::runtime_error(folder.string() +
+                           ": no known recording; expected rgb.txt and depth.txt (TUM), frame-000000.depth.png "
+                           "(7-Scenes), associations.txt (ICL-NUIM) or intrinsics.json");
+}
+
+/// Reads a whole image file. The decoders fill a cut-off image with grey and only print a warning, so the end is checked.
+cv::Mat decode(const fs::path& file, int flags) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in) throw std::runtime_error("cannot be read");
+  const std::vector<char> bytes{std::istreambuf_iterator<char>(in), {}};
+  const std::string_view all(bytes.data(), bytes.size());
+  const std::string_view end = all.substr(all.size() - std::min<std::size_t>(all.size(), 64));
+  const bool png = all.starts_with("\x89PNG"), jpeg = all.starts_with("\xff\xd8");
+  if ((png && end.find("IEND") == end.npos) || (jpeg && end.find("\xff\xd9") == end.npos))
+    throw std::runtime_error("the file is cut off");
+  cv::Mat image;
+  try {
+    image = cv::imdecode(cv::Mat(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data())), flags);
+  } catch (const cv::Exception&) {
+  }
+  if (image.empty()) throw std::runtime_error("is no image that can be decoded");
+  return image;
+}
+
+class RecordingSource final : public Source {
+ public:
+  RecordingSource(Recording recording, const FrameRange& range) : recording_(std::move(recording)), range_(range) {
+    cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // what is wrong goes into Frame::problem
+    end_ = static_cast<int>(recording_.entries.size());
+    if (range.end) end_ = std::min(end_, *range.end);
+    next_ = range.begin;
+  }
+
+  const Camera& camera() const override { return recording_.camera; }
+  std::optional<int> size() const override { return std::max(0, (end_ - range_.begin + range_.step - 1) / range_.step); }
+
+  std::optional<Frame> next() override {
+    if (next_ >= end_) return std::nullopt;
+    const auto& entry = recording_.entries[static_cast<std::size_t>(next_)];
+    Frame frame{.index = next_, .timestamp = entry.timestamp, .world_from_camera = {}};
+    next_ += range_.step;
+    if (entry.timestamp <= last_timestamp_) {
+      frame.problem = entry.depth.string() + ": its timestamp does not come after the one before";
+      return frame;
+    }
+    last_timestamp_ = entry.timestamp;
+    try {
+      frame.depth = read_depth(entry.depth);
+    } catch (const std::exception& error) {
+      frame.problem = entry.depth.string() + ": " + error.what();
+      return frame;
+    }
+    try {
+      if (!entry.colour.empty()) frame.colour = read_colour(entry.colour);
+    } catch (const std::exception&) {
+      // Depth alone is still a frame.
+    }
+    return frame;
+  }
+
+ private:
+  std::vector<float> read_depth(const fs::path& file) const {
+    const Camera& c = recording_.camera;
+    const cv::Mat image = decode(file, cv::IMREAD_UNCHANGED);
+    if (image.type() != CV_16UC1)
+      throw std::runtime_error("depth must be a 16-bit image with one channel");
+    if (image.cols != c.width || image.rows != c.height)
+      throw std::runtime_error("is " + std::to_string(image.cols) + "x" + std::to_string(image.rows) + ", the camera " +
+                               std::to_string(c.width) + "x" + std::to_string(c.height));
+    std::vector<float> depth(static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height));
+    const float metres = static_cast<float>(1.0 / recording_.depth_scale);
+    const int invalid = recording_.invalid_depth;
+    bool any = false;
+    for (int y = 0; y < c.height; ++y) {
+      const auto* row = image.ptr<std::uint16_t>(y);
+      float* out = &depth[static_cast<std::size_t>(y) * static_cast<std::size_t>(c.width)];
+      for (int x = 0; x < c.width; ++x) {
+        out[x] = row[x] == invalid ? 0.0f : static_cast<float>(row[x]) * metres;
+        any |= out[x] > 0;
+      }
+    }
+    if (!any) throw std::runtime_error("holds no measurement");
+    return depth;
+  }
+
+  /// Colour at the size of depth; empty when its shape is another.
+  std::vector<std::uint32_t> read_colour(const fs::path& file) const {
+    const Camera& c = recording_.camera;
+    cv::Mat image = decode(file, cv::IMREAD_COLOR), rgba;
+    if (image.cols * c.height != image.rows * c.width) return {};
+    if (image.cols != c.width) cv::resize(image, image, {c.width, c.height}, 0, 0, cv::INTER_AREA);
+    cv::cvtColor(image, rgba, cv::COLOR_BGR2RGBA);
+    const auto* data = rgba.ptr<std::uint32_t>();
+    return {data, data + rgba.total()};
+  }
+
+  Recording recording_;
+  FrameRange range_;
+  int next_ = 0, end_ = 0;
+  double last_timestamp_ = -INFINITY;
+};
+
+class WithPoses final : public Source {
+ public:
+  WithPoses(std::unique_ptr<Source> source, Trajectory poses) : source_(std::move(source)), poses_(std::move(poses)) {}
+  const Camera& camera() const override { return source_->camera(); }
+  std::optional<int> size() const override { return source_->size(); }
+  std::optional<Frame> next() override {
+    auto frame = source_->next();
+    if (frame && frame->problem.empty()) frame->world_from_camera = pose_at(poses_, frame->timestamp);
+    return frame;
+  }
+
+ private:
+  std::unique_ptr<Source> source_;
+  Trajectory poses_;
+};
+
+}  // namespace
+
+std::unique_ptr<Source> open_recording(const fs::path& folder, const FrameRange& range) {
+  return std::make_unique<RecordingSource>(read_recording(folder), range);
+}
+
+std::unique_ptr<Source> with_poses(std::unique_ptr<Source> source, Trajectory world_from_camera) {
+  return std::make_unique<WithPoses>(std::move(source), std::move(world_from_camera));
+}
+
+Trajectory recorded_truth(const fs::path& folder) { return read_recording(folder).truth; }
+
+}  // namespace cairn

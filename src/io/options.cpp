@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/options.hpp"
+
+#include <yaml-cpp/yaml.h>
+
+#include <cmath>
+#include <functional>
+#include <map>
+#include <stdexcept>
+#include <string>
+
+namespace cairn {
+namespace {
+
+/// Calls `visit(name, field, least, most)` for every option: the one list of names and ranges.
+template <class Visit>
+void for_each_option(Options& o, Visit&& visit) {
+  visit("surface.min_depth", o.surface.min_depth, 0.01, 10.0);
+  visit("surface.max_depth", o.surface.max_depth, 0.1, 20.0);
+  visit("surface.filter_sigma_pixels", o.surface.filter_sigma_pixels, 0.1, 10.0);
+  visit("surface.filter_sigma_depth", o.surface.filter_sigma_depth, 0.1, 100.0);
+  visit("surface.edge_slope", o.surface.edge_slope, 0.1, 1000.0);
+  visit("track.levels", o.track.levels, 1, 5);
+  visit("track.finest_level", o.track.finest_level, 0, 4);
+  visit("track.iterations_finest", o.track.iterations_finest, 1, 100);
+  visit("track.iterations_coarse", o.track.iterations_coarse, 1, 100);
+  visit("track.max_distance", o.track.max_distance, 0.001, 1.0);
+  visit("track.max_angle", o.track.max_angle, 0.01, 1.57);
+  visit("track.huber", o.track.huber, 0.01, 100.0);
+  visit("track.min_inlier_share", o.track.min_inlier_share, 0.0, 1.0);
+  visit("track.max_rmse", o.track.max_rmse, 0.1, 1000.0);
+  visit("fuse.voxel_size", o.fuse.voxel_size, 0.002, 0.2);
+  visit("fuse.truncation", o.fuse.truncation, 0.004, 1.0);
+  visit("fuse.max_weight", o.fuse.max_weight, 1.0, 250.0);
+  visit("fuse.min_mesh_weight", o.fuse.min_mesh_weight, 0.0, 250.0);
+  visit("fuse.device_memory", o.fuse.device_memory, 0.0, 1e15);
+}
+
+}  // namespace
+
+void read_options(const std::filesystem::path& file, Options& options) {
+  YAML::Node root;
+  try {
+    root = YAML::LoadFile(file.string());
+  } catch (const YAML::ParserException& error) {
+    throw std::runtime_error(file.string() + ":" + std::to_string(error.mark.line + 1) + ": " + error.msg);
+  } catch (const YAML::BadFile&) {
+    throw std::runtime_error(file.string() + ": cannot be read");
+  }
+  std::map<std::string, std::function<void(const YAML::Node&)>> setters;
+  for_each_option(options, [&](const char* name, auto& field, auto, auto) {
+    setters[name] = [&field](const YAML::Node& node) { field = node.as<std::remove_reference_t<decltype(field)>>(); };
+  });
+  const auto where = [&](const YAML::Node& node) { return file.string() + ":" + std::to_string(node.Mark().line + 1) + ": "; };
+  if (root.IsNull()) return;
+  if (!root.IsMap()) throw std::runtime_error(where(root) + "expected sections such as `fuse:`");
+  for (const auto& section : root) {
+    const auto name = section.first.as<std::string>();
+    if (!section.second.IsMap()) throw std::runtime_error(where(section.first) + "`" + name + "` is no section of options");
+    for (const auto& option : section.second) {
+      const std::string full = name + "." + option.first.as<std::string>();
+      const auto setter = setters.find(full);
+      if (setter == setters.end()) throw std::runtime_error(where(option.first) + "there is no option `" + full + "`");
+      try {
+        setter->second(option.second);
+      } catch (const YAML::Exception&) {
+        throw std::runtime_error(where(option.second) + "`" + full + "` does not take this value");
+      }
+    }
+  }
+  check(options);
+}
+
+void check(const Options& options) {
+  Options copy = options;
+  for_each_option(copy, [](const char* name, auto& field, auto least, auto most) {
+    const auto value = static_cast<double>(field);
+    if (!(value >= static_cast<double>(least) && value <= static_cast<double>(most)))
+      throw std::runtime_error("option " + std::string(name) + " is " + std::to_string(value) + ", allowed is " +
+                               std::to_string(least) + " to " + std::to_string(most));
+  });
+  if (options.surface.min_depth >= options.surface.max_depth)
+    throw std::runtime_error("option surface.min_depth must be less than surface.max_depth");
+  if (options.fuse.truncation < 2 * options.fuse.voxel_size)
+    throw std::runtime_error("option fuse.truncation must be at least two voxels");
+  if (options.track.finest_level >= options.track.levels)
+    throw std::runtime_error("option track.finest_level must be less than track.levels");
+}
+
+}  // namespace cairn

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/trajectory.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <iomanip>
+#include <sstream>
+#include <stdexcept>
+
+#include "io/atomic_file.hpp"
+
+namespace cairn {
+
+Trajectory read_trajectory(const std::filesystem::path& file) {
+  std::ifstream in(file);
+  if (!in) throw std::runtime_error(file.string() + ": cannot be read");
+  Trajectory trajectory;
+  std::string line;
+  for (int number = 1; std::getline(in, line); ++number) {
+    const std::size_t first = line.find_first_not_of(" \t\r");
+    if (first == std::string::npos || line[first] == '#') continue;
+    std::replace(line.begin(), line.end(), ',', ' ');
+    const auto wrong = [&](const char* why) {
+      return std::runtime_error(file.string() + ":" + std::to_string(number) + ": " + why +
+                                "; expected `timestamp tx ty tz qx qy qz qw`");
+    };
+    double v[8];
+    std::istringstream words(line);
+    std::string word;
+    for (double& value : v) {
+      if (!(words >> word)) throw wrong("fewer than 8 numbers");
+      char* end = nullptr;
+      value = std::strtod(word.c_str(), &end);
+      if (*end != '\0') throw wrong("not a number");
+      if (!std::isfinite(value)) throw wrong("a number is not finite");
+    }
+    if (words >> word) throw wrong("more than 8 numbers");
+    const Eigen::Quaterniond q(v[7], v[4], v[5], v[6]);
+    if (q.norm() < 1e-6) throw wrong("the quaternion is zero");
+    StampedPose pose{.timestamp = v[0]};
+    pose.world_from_camera.linear() = q.normalized().toRotationMatrix();
+    pose.world_from_camera.translation() = Eigen::Vector3d(v[1], v[2], v[3]);
+    trajectory.push_back(pose);
+  }
+  if (trajectory.empty()) throw std::runtime_error(file.string() + ": holds no pose");
+  std::stable_sort(trajectory.begin(), trajectory.end(),
+                   [](const StampedPose& a, const StampedPose& b) { return a.timestamp < b.timestamp; });
+  return trajectory;
+}
+
+void write_trajectory(const std::filesystem::path& file, const Trajectory& trajectory) {
+  write_whole(file, [&](const std::filesystem::path& temporary) {
+    std::ofstream out(temporary);
+    out << "# timestamp tx ty tz qx qy qz qw: world_from_camera, seconds and metres\n" << std::fixed;
+    for (const auto& [timestamp, pose] : trajectory) {
+      Eigen::Quaterniond q(pose.linear());
+      if (q.w() < 0) q.coeffs() = -q.coeffs();
+      out << std::setprecision(6) << timestamp << std::setprecision(9);
+      for (const double v : {pose.translation().x(), pose.translation().y(), pose.translation().z(), q.x(), q.y(), q.z(), q.w()})
+        out << ' ' << v;
+      out << '\n';
+    }
+    if (!out.flush()) throw std::runtime_error("the disk is full");
+  });
+}
+
+std::optional<Eigen::Isometry3d> pose_at(const Trajectory& trajectory, double timestamp, double max_gap) {
+  const auto after = std::lower_bound(trajectory.begin(), trajectory.end(), timestamp,
+                                      [](const StampedPose& p, double t) { return p.timestamp < t; });
+  if (after != trajectory.end() && after->timestamp == timestamp) return after->world_from_camera;
+  if (after == trajectory.begin() || after == trajectory.end()) return std::nullopt;
+  const auto before = after - 1;
+  const double gap = after->timestamp - before->timestamp;
+  if (gap > max_gap) return std::nullopt;
+  const double s = (timestamp - before->timestamp) / gap;
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  pose.linear() = Eigen::Quaterniond(before->world_from_camera.linear())
+                      .slerp(s, Eigen::Quaterniond(after->world_from_camera.linear()))
+                      .toRotationMatrix();
+  pose.translation() = (1 - s) * before->world_from_camera.translation() + s * after->world_from_camera.translation();
+  return pose;
+}
+
+}  // namespace cairn

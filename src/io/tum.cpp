@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// TUM RGB-D benchmark (Sturm et al. 2012): rgb.txt and depth.txt list images with their times.
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <tuple>
+
+#include "io/recording.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr double kMaxTimeDifference = 0.02;  // seconds between a depth image and its colour image
+
+struct Stamped {
+  double timestamp;
+  fs::path image;
+};
+
+std::vector<Stamped> read_list(const fs::path& file) {
+  std::vector<Stamped> list;
+  for_each_line(file, [&](int line, const std::vector<std::string>& words) {
+    if (words.size() != 2)
+      throw std::runtime_error(file.string() + ":" + std::to_string(line) + ": expected `timestamp path`");
+    list.push_back({number_of(words[0], file, line), file.parent_path() / words[1]});
+  });
+  if (list.empty()) throw std::runtime_error(file.string() + ": lists no image");
+  return list;
+}
+
+/// For each depth image its colour image, or -1: the closest pairs first, one to one.
+std::vector<int> associate(const std::vector<Stamped>& depth, const std::vector<Stamped>& colour) {
+  std::vector<int> order(colour.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = static_cast<int>(i);
+  const auto time = [&](int i) { return colour[static_cast<std::size_t>(i)].timestamp; };
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return time(a) < time(b); });
+  std::vector<std::tuple<double, int, int>> pairs;  // difference, depth, colour
+  for (std::size_t d = 0; d < depth.size(); ++d) {
+    auto it = std::lower_bound(order.begin(), order.end(), depth[d].timestamp - kMaxTimeDifference,
+                               [&](int i, double t) { return time(i) < t; });
+    for (; it != order.end() && time(*it) <= depth[d].timestamp + kMaxTimeDifference; ++it)
+      pairs.emplace_back(std::abs(time(*it) - depth[d].timestamp), static_cast<int>(d), *it);
+  }
+  std::sort(pairs.begin(), pairs.end());
+  std::vector<int> match(depth.size(), -1);
+  std::vector<bool> taken(colour.size(), false);
+  for (const auto& [difference, d, c] : pairs) {
+    if (match[static_cast<std::size_t>(d)] >= 0 || taken[static_cast<std::size_t>(c)]) continue;
+    match[static_cast<std::size_t>(d)] = c;
+    taken[static_cast<std::size_t>(c)] = true;
+  }
+  return match;
+}
+
+void read_camera_yaml(const fs::path& file, Recording& recording) {
+  try {
+    const YAML::Node y = YAML::LoadFile(file.string());
+    Camera& c = recording.camera;
+    for (const auto& [name, field] : {std::pair{"fx", &c.fx}, {"fy", &c.fy}, {"cx", &c.cx}, {"cy", &c.cy}}) {
+      if (!y[name]) throw std::runtime_error(file.string() + ": `" + name + "` is missing");
+      *field = y[name].as<double>();
+    }
+    c.width = y["width"].as<int>(640);
+    c.height = y["height"].as<int>(480);
+    recording.depth_scale = y["depth_scale"].as<double>(5000.0);
+    if (y["distortion"]) {
+      const auto d = y["distortion"].as<std::vector<double>>();
+      if (d.size() != 5) throw std::runtime_error(file.string() + ": `distortion` takes k1 k2 p1 p2 k3");
+      std::copy(d.begin(), d.end(), c.distortion.begin());
+    }
+    if (!(c.fx > 0 && c.fy > 0 && c.width > 0 && c.height > 0 && recording.depth_scale > 0))
+      throw std::runtime_error(file.string() + ": focal lengths, size and depth_scale must be positive");
+  } catch (const YAML::Exception& error) {
+    throw std::runtime_error(file.string() + ":" + std::to_string(error.mark.line + 1) + ": " + error.msg);
+  }
+}
+
+/// Calibrations published with the benchmark.
+bool known_camera(const fs::path& folder, Camera& camera) {
+  const std::string name = fs::weakly_canonical(folder).filename().string();
+  const auto is = [&](const char* a, const char* b) { return name.find(a) != name.npos || name.find(b) != name.npos; };
+  if (is("freiburg1", "fr1"))
+    camera = {640, 480, 517.3, 516.5, 318.6, 255.3, {0.2624, -0.9531, -0.0054, 0.0026, 1.1633}};
+  else if (is("freiburg2", "fr2"))
+    camera = {640, 480, 520.9, 521.0, 325.1, 249.7, {0.2312, -0.7849, -0.0033, -0.0001, 0.9172}};
+  else if (is("freiburg3", "fr3"))
+    camera = {640, 480, 535.4, 539.2, 320.1, 247.6, {}};
+  else
+    return false;
+  return true;
+}
+
+}  // namespace
+
+std::optional<Recording> read_tum(const fs::path& folder) {
+  const bool has_depth = fs::exists(folder / "depth.txt"), has_colour = fs::exists(folder / "rgb.txt");
+  if (!has_depth && !has_colour) return std::nullopt;
+  if (!has_depth || !has_colour)
+    throw std::runtime_error(folder.string() + ": a TUM recording needs both rgb.txt and depth.txt, " +
+                             (has_depth ? "rgb.txt" : "depth.txt") + " is missing");
+  Recording recording;
+  if (fs::exists(folder / "camera.yaml"))
+    read_camera_yaml(folder / "camera.yaml", recording);
+  else if (!known_camera(folder, recording.camera))
+    throw std::runtime_error(folder.string() +
+                             ": the camera is not known; add camera.yaml with width, height, fx, fy, cx, cy, distortion "
+                             "[k1, k2, p1, p2, k3] and depth_scale (units per metre)");
+  const auto depth = read_list(folder / "depth.txt");
+  const auto colour = read_list(folder / "rgb.txt");
+  const auto match = associate(depth, colour);
+  for (std::size_t i = 0; i < depth.size(); ++i)
+    recording.entries.push_back({depth[i].timestamp, depth[i].image,
+                                 match[i] < 0 ? fs::path() : colour[static_cast<std::size_t>(match[i])].image});
+  if (fs::exists(folder / "groundtruth.txt")) recording.truth = read_trajectory(folder / "groundtruth.txt");
+  return recording;
+}
+
+}  // namespace cairn
