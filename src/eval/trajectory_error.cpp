@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// The definitions of the TUM RGB-D benchmark's evaluate_ate and evaluate_rpe (Sturm et al. 2012).
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+#include <tuple>
+
+#include "cairn/evaluation.hpp"
+#include "eval/statistics.hpp"
+
+namespace cairn {
+namespace {
+
+/// Index pairs (estimate, truth), one to one, the closest in time first.
+std::vector<std::pair<std::size_t, std::size_t>> associate(const Trajectory& estimate, const Trajectory& truth,
+                                                           double max_difference) {
+  std::vector<std::tuple<double, std::size_t, std::size_t>> candidates;
+  for (std::size_t i = 0; i < estimate.size(); ++i) {
+    const double t = estimate[i].timestamp;
+    auto it = std::lower_bound(truth.begin(), truth.end(), t - max_difference,
+                               [](const StampedPose& p, double time) { return p.timestamp < time; });
+    for (; it != truth.end() && it->timestamp <= t + max_difference; ++it)
+      candidates.emplace_back(std::abs(it->timestamp - t), i, static_cast<std::size_t>(it - truth.begin()));
+  }
+  std::sort(candidates.begin(), candidates.end());
+  std::vector<bool> used_estimate(estimate.size()), used_truth(truth.size());
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  for (const auto& [difference, i, j] : candidates) {
+    if (used_estimate[i] || used_truth[j]) continue;
+    used_estimate[i] = used_truth[j] = true;
+    pairs.emplace_back(i, j);
+  }
+  std::sort(pairs.begin(), pairs.end());
+  return pairs;
+}
+
+std::size_t nearest(const Trajectory& trajectory, double time) {
+  const auto after = std::lower_bound(trajectory.begin(), trajectory.end(), time,
+                                      [](const StampedPose& p, double t) { return p.timestamp < t; });
+  if (after == trajectory.begin()) return 0;
+  if (after == trajectory.end()) return trajectory.size() - 1;
+  const auto before = after - 1;
+  return static_cast<std::size_t>((time - before->timestamp <= after->timestamp - time ? before : after) - trajectory.begin());
+}
+
+}  // namespace
+
+TrajectoryError evaluate_trajectory(const Trajectory& estimate, const Trajectory& truth, double rpe_interval,
+                                    double max_time_difference) {
+  const auto pairs = associate(estimate, truth, max_time_difference);
+  if (pairs.size() < 3)
+    throw std::runtime_error("only " + std::to_string(pairs.size()) + " of " + std::to_string(estimate.size()) +
+                             " poses have a true pose within " + std::to_string(max_time_difference) +
+                             " s: do both files use the same clock?");
+  TrajectoryError error{.rpe_interval = rpe_interval,
+                        .estimated_poses = static_cast<int>(estimate.size()),
+                        .matched_poses = static_cast<int>(pairs.size())};
+  Eigen::Matrix3Xd from(3, static_cast<Eigen::Index>(pairs.size())), to(3, static_cast<Eigen::Index>(pairs.size()));
+  for (std::size_t k = 0; k < pairs.size(); ++k) {
+    from.col(static_cast<Eigen::Index>(k)) = estimate[pairs[k].first].world_from_camera.translation();
+    to.col(static_cast<Eigen::Index>(k)) = truth[pairs[k].second].world_from_camera.translation();
+  }
+  error.truth_from_estimate = Eigen::Isometry3d(Eigen::umeyama(from, to, false));
+  std::vector<double> distances;
+  for (Eigen::Index k = 0; k < from.cols(); ++k)
+    distances.push_back((error.truth_from_estimate * from.col(k) - to.col(k)).norm());
+  error.ate = statistics(std::move(distances));
+
+  // For each estimate the one an interval later, each with the true pose nearest in time; a true pose that is farther
+  // away than two of its usual steps does not count.
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < truth.size(); ++i) steps.push_back(truth[i].timestamp - truth[i - 1].timestamp);
+  std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());
+  const double max_gap = 2.0 * steps[steps.size() / 2];
+  std::vector<double> translations, rotations;
+  for (std::size_t i = 0; i < estimate.size(); ++i) {
+    const std::size_t j = nearest(estimate, estimate[i].timestamp + rpe_interval);
+    if (j == estimate.size() - 1) continue;
+    const std::size_t a = nearest(truth, estimate[i].timestamp), b = nearest(truth, estimate[j].timestamp);
+    if (std::abs(truth[a].timestamp - estimate[i].timestamp) > max_gap ||
+        std::abs(truth[b].timestamp - estimate[j].timestamp) > max_gap)
+      continue;
+    const Eigen::Isometry3d moved = estimate[i].world_from_camera.inverse() * estimate[j].world_from_camera;
+    const Eigen::Isometry3d should = truth[a].world_from_camera.inverse() * truth[b].world_from_camera;
+    const Eigen::Isometry3d difference = should.inverse() * moved;
+    translations.push_back(difference.translation().norm());
+    rotations.push_back(Eigen::AngleAxisd(difference.linear()).angle());
+  }
+  error.rpe_translation = statistics(std::move(translations));
+  error.rpe_rotation = statistics(std::move(rotations));
+  return error;
+}
+
+}  // namespace cairn
