@@ -17,8 +17,8 @@ struct SurfaceOptions {
 
 struct TrackOptions {
   int levels = 3;                     // pyramid levels, each half the size of the one before
-  int finest_level = 0;               // 0: full resolution
-  int iterations_finest = 6;          // per level; coarser levels do more
+  int finest_level = 1;               // 0: full resolution, four times the work for 2 % less error
+  int iterations_finest = 10;         // at most, per level
   int iterations_coarse = 12;
   float max_distance = 0.1f;          // metres between matched points at the finest level
   float max_angle = 0.5236f;          // radians between matched normals

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "cairn/frame.hpp"
+#include "cairn/scene.hpp"
 #include "cairn/trajectory.hpp"
 
 namespace cairn {
@@ -23,5 +24,8 @@ struct SyntheticOptions {
 
 /// A scene rendered on the fly, on a device of its own. Throws std::runtime_error for an unknown scene.
 [[nodiscard]] std::unique_ptr<Source> open_synthetic(const SyntheticOptions& options);
+
+/// world_from_camera of a synthetic recording; nothing beyond the end of a given path.
+[[nodiscard]] std::optional<Eigen::Isometry3d> synthetic_pose(const Scene& scene, const Trajectory& path, double seconds);
 
 }  // namespace cairn

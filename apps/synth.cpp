@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+
+#include <cmath>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "cairn/scene.hpp"
+#include "commands.hpp"
+#include "progress.hpp"
+#include "synth/render.hpp"
+#include "synth/source.hpp"
+
+namespace cairn::apps {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr double kDepthScale = 5000.0;  // units per metre, as in the TUM benchmark
+
+struct Arguments {
+  std::string scene;
+  fs::path output, trajectory;
+  int frames = 300, device = -1;
+  std::string noise = "kinect";
+  std::uint64_t seed = 1;
+  bool whole_mesh = false;
+};
+
+void write_image(const fs::path& file, const cv::Mat& image) {
+  const std::vector<int> options{cv::IMWRITE_PNG_COMPRESSION, 2, cv::IMWRITE_JPEG_QUALITY, 95};
+  if (!cv::imwrite(file.string(), image, options)) throw std::runtime_error("cannot write " + file.string() + ": is the disk full?");
+}
+
+void write_text(const fs::path& file, const std::string& text) {
+  std::ofstream out(file);
+  out << text;
+  if (!out.flush()) throw std::runtime_error("cannot write " + file.string() + ": is the disk full?");
+}
+
+/// Renders everything into `folder`.
+void write_sequence(const Arguments& a, const fs::path& folder) {
+  const Scene scene = synthetic_scene(a.scene);
+  const Camera camera = synthetic_camera();
+  const Trajectory path = a.trajectory.empty() ? Trajectory{} : read_trajectory(a.trajectory);
+  gpu::Device device(a.device);
+  SceneRenderer render(device, scene, camera);
+  fs::create_directories(folder / "rgb");
+  fs::create_directories(folder / "depth");
+  write_text(folder / "camera.yaml",
+             fmt::format("width: {}\nheight: {}\nfx: {}\nfy: {}\ncx: {}\ncy: {}\ndistortion: [0, 0, 0, 0, 0]\ndepth_scale: {}\n",
+                         camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, kDepthScale));
+  Mesh truth = scene.surface();
+  std::vector<bool> seen(truth.triangles.size(), a.whole_mesh);
+  Trajectory poses;
+  std::string rgb_list = "# timestamp filename\n", depth_list = rgb_list;
+  Progress progress(a.frames);
+  for (int i = 0; i < a.frames; ++i) {
+    const double time = i / 30.0;
+    const auto pose = synthetic_pose(scene, path, time);
+    if (!pose) break;
+    auto images = render(*pose);
+    if (!a.whole_mesh && i % 5 == 0) mark_seen(truth, camera, *pose, images.depth, seen);
+    if (a.noise == "kinect") add_kinect_noise(images, camera, a.seed, i);
+    cv::Mat depth(camera.height, camera.width, CV_16U), bgr;
+    for (int p = 0; p < camera.width * camera.height; ++p)
+      depth.ptr<std::uint16_t>()[p] =
+          static_cast<std::uint16_t>(std::min(65535.0, std::round(images.depth[static_cast<std::size_t>(p)] * kDepthScale)));
+    cv::cvtColor(cv::Mat(camera.height, camera.width, CV_8UC4, images.colour.data()), bgr, cv::COLOR_RGBA2BGR);
+    const std::string name = fmt::format("{:.6f}", time);
+    write_image(folder / "depth" / (name + ".png"), depth);
+    write_image(folder / "rgb" / (name + ".jpg"), bgr);
+    rgb_list += fmt::format("{0} rgb/{0}.jpg\n", name);
+    depth_list += fmt::format("{0} depth/{0}.png\n", name);
+    poses.push_back({time, *pose});
+    progress.step("rendering");
+  }
+  write_text(folder / "rgb.txt", rgb_list);
+  write_text(folder / "depth.txt", depth_list);
+  write_trajectory(folder / "groundtruth.txt", poses);
+  std::erase_if(truth.triangles, [&, i = std::size_t{0}](const auto&) mutable { return !seen[i++]; });
+  write_mesh(folder / "groundtruth_mesh.ply", truth);
+}
+
+void synth(const Arguments& a) {
+  if (fs::exists(a.output) && !(fs::is_directory(a.output) && fs::is_empty(a.output)) &&
+      !fs::exists(a.output / "groundtruth_mesh.ply"))
+    throw std::runtime_error(a.output.string() + ": exists and is no synthetic sequence; choose another folder with -o");
+  fs::path temporary = a.output;
+  if (!temporary.has_filename()) temporary = temporary.parent_path();
+  temporary += ".part";
+  fs::remove_all(temporary);
+  try {
+    write_sequence(a, temporary);
+    fs::remove_all(a.output);
+    fs::rename(temporary, a.output);
+  } catch (...) {
+    std::error_code ignored;
+    fs::remove_all(temporary, ignored);
+    throw;
+  }
+  fmt::print("{}: {} frames of '{}' with true poses and surface\n", a.output.string(), a.frames, a.scene);
+}
+
+}  // namespace
+
+void add_synth(CLI::App& program) {
+  auto* command = program.add_subcommand("synth", "Render a synthetic recording with exact truth, in the TUM layout");
+  const auto a = std::make_shared<Arguments>();
+  command->add_option("SCENE", a->scene, "room, sphere, plane, corridor or loop")->required();
+  command->add_option("-o,--output", a->output, "Folder for the recording")->required();
+  command->add_option("--trajectory", a->trajectory, "Move along this TUM trajectory [the scene's own path]")->check(CLI::ExistingFile);
+  command->add_option("--frames", a->frames, "Number of frames, 30 a second")->capture_default_str()->check(CLI::PositiveNumber);
+  command->add_option("--noise", a->noise, "Depth and colour noise")->capture_default_str()->check(CLI::IsMember({"kinect", "none"}));
+  command->add_option("--seed", a->seed, "Of the noise")->capture_default_str();
+  command->add_option("--device", a->device, "Vulkan device; -1 chooses")->capture_default_str();
+  command->add_flag("--whole-mesh", a->whole_mesh, "Keep unseen surface in groundtruth_mesh.ply");
+  command->callback([a] { synth(*a); });
+}
+
+}  // namespace cairn::apps

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <Eigen/Geometry>
+#include <string>
+#include <vector>
+
+#include "cairn/camera.hpp"
+#include "cairn/mesh.hpp"
+#include "cairn/trajectory.hpp"
+
+namespace cairn {
+
+/// A scene whose surface is known exactly: a union of boxes, spheres, cylinders and the walls of a room. World frame:
+/// metres, y down; the path starts near the origin.
+struct Scene {
+  enum class Shape { box, sphere, cylinder, hollow };  // as kBox... in shaders/scene.h
+  enum class Pattern { plain, checker, wood, tiles, patches };
+  struct Solid {
+    Shape shape = Shape::box;
+    Eigen::Vector3f centre = Eigen::Vector3f::Zero();
+    Eigen::Vector3f half_size = Eigen::Vector3f::Ones();
+    float yaw = 0;  // radians about the vertical
+    Pattern pattern = Pattern::plain;
+    float scale = 0.1f;  // metres, of the pattern
+    Eigen::Vector3f colour = Eigen::Vector3f::Constant(0.7f), second = Eigen::Vector3f::Constant(0.4f);
+  };
+  std::string name;
+  std::vector<Solid> solids;
+
+  /// Distance to the nearest surface in metres, negative inside a solid; exact outside of all solids.
+  [[nodiscard]] double distance(const Eigen::Vector3d& point) const;
+  /// The pose of a hand-held-like camera at a time: 0.2 to 0.6 m/s, at most 45 degrees a second.
+  [[nodiscard]] Eigen::Isometry3d world_from_camera(double seconds) const;
+  /// The surface as triangles with sides of at most `spacing`, exact at its vertices; hidden parts of solids are left out.
+  [[nodiscard]] Mesh surface(float spacing = 0.02f) const;
+};
+
+/// `room` (furnished), `sphere`, `plane`, `corridor` or `loop` (a corridor around a block). Throws std::runtime_error
+/// for another name.
+[[nodiscard]] Scene synthetic_scene(const std::string& name);
+
+/// The camera that synthetic recordings have.
+[[nodiscard]] Camera synthetic_camera();
+
+/// For each triangle of a mesh whether it is seen: its centre projects into an image, in front of the camera and within
+/// 1 cm of that image's depth. `depth`: metres, row-major, one image a pose.
+void mark_seen(const Mesh& mesh, const Camera& camera, const Eigen::Isometry3d& world_from_camera,
+               const std::vector<float>& depth, std::vector<bool>& seen);
+
+}  // namespace cairn

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Synthetic scenes: unions of solids with solid textures. All lengths in metres, world frame (y down).
+#ifndef CAIRN_SCENE_H
+#define CAIRN_SCENE_H
+#include "shaders/types.h"
+#ifdef __cplusplus
+namespace cairn::shader {
+#endif
+
+const uint kBox = 0;       // turned by yaw about the vertical
+const uint kSphere = 1;    // radius half_size.x
+const uint kCylinder = 2;  // upright: radius half_size.x, half height half_size.y
+const uint kHollow = 3;    // everything outside a box: the walls of a room
+
+const uint kPlain = 0;
+const uint kChecker = 1;
+const uint kWood = 2;
+const uint kTiles = 3;
+const uint kPatches = 4;   // cells of random colours, like books or a picture
+
+struct Solid {
+  vec3 centre;
+  vec3 half_size;
+  float yaw;     // radians
+  uint shape;
+  uint pattern;
+  float scale;   // of the pattern
+  vec3 colour;   // linear in 0..1, as stored in images
+  vec3 second;   // the pattern's other colour
+};
+
+struct SceneRenderPush {
+  Pinhole camera;
+  Rigid world_from_camera;
+  uint solids;
+};
+
+#ifdef __cplusplus
+}  // namespace cairn::shader
+#endif
+#endif

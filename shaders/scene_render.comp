@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Depth and colour of a scene, exactly: rays meet each solid in closed form. Colour depends on the place alone, not on
+// the view, as the surface of a diffuse object does.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shaders/scene.h"
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(push_constant, scalar) uniform Push { SceneRenderPush push; };
+layout(binding = 0, scalar) readonly buffer Solids { Solid solids[]; };
+layout(binding = 1, scalar) writeonly buffer Depth { float depth[]; };
+layout(binding = 2, scalar) writeonly buffer Cosine { float cosine[]; };  // between the ray and the surface's normal
+layout(binding = 3, scalar) writeonly buffer Colour { uint colour[]; };
+
+const float kFar = 1e9;
+
+float hash(ivec3 p) {  // Jarzynski & Olano 2020, pcg3d
+  uvec3 v = uvec3(p) * 1664525u + 1013904223u;
+  v.x += v.y * v.z;
+  v.y += v.z * v.x;
+  v.z += v.x * v.y;
+  v ^= v >> 16u;
+  v.x += v.y * v.z;
+  return float(v.x >> 8) * (1.0 / 16777216.0);
+}
+float noise(vec3 p) {
+  ivec3 i = ivec3(floor(p));
+  vec3 f = p - vec3(i);
+  f = f * f * (3.0 - 2.0 * f);
+  return mix(mix(mix(hash(i), hash(i + ivec3(1, 0, 0)), f.x), mix(hash(i + ivec3(0, 1, 0)), hash(i + ivec3(1, 1, 0)), f.x), f.y),
+             mix(mix(hash(i + ivec3(0, 0, 1)), hash(i + ivec3(1, 0, 1)), f.x),
+                 mix(hash(i + ivec3(0, 1, 1)), hash(i + ivec3(1, 1, 1)), f.x), f.y),
+             f.z);
+}
+vec3 turn(vec3 v, float yaw) {
+  float c = cos(yaw), s = sin(yaw);
+  return vec3(c * v.x + s * v.z, v.y, -s * v.x + c * v.z);
+}
+
+// Where a ray enters a box around the origin, x, and leaves it, y; the faces' axes tell the normals.
+vec2 box_interval(vec3 o, vec3 d, vec3 h, out vec3 near_normal, out vec3 far_normal) {
+  vec3 inverse = 1.0 / mix(d, vec3(1e-12), equal(d, vec3(0.0)));
+  vec3 a = (-h * sign(inverse) - o) * inverse, b = (h * sign(inverse) - o) * inverse;
+  float enter = max(max(a.x, a.y), a.z), leave = min(min(b.x, b.y), b.z);
+  near_normal = -sign(d) * vec3(equal(a, vec3(enter)));
+  far_normal = -sign(d) * vec3(equal(b, vec3(leave)));
+  return vec2(enter, leave);
+}
+
+// Depth along the ray and the normal in the solid's frame.
+vec4 meet(Solid solid, vec3 o, vec3 d) {
+  vec3 near_normal, far_normal;
+  if (solid.shape == kBox || solid.shape == kHollow) {
+    vec2 t = box_interval(o, d, solid.half_size, near_normal, far_normal);
+    if (solid.shape == kHollow) return vec4(far_normal, t.x < t.y && t.y > 0.0 ? t.y : kFar);
+    return vec4(near_normal, t.x < t.y && t.x > 0.0 ? t.x : kFar);
+  }
+  bool sphere = solid.shape == kSphere;
+  vec3 mask = sphere ? vec3(1) : vec3(1, 0, 1);
+  vec3 om = o * mask, dm = d * mask;
+  float a = dot(dm, dm), b = dot(om, dm), c = dot(om, om) - solid.half_size.x * solid.half_size.x;
+  float root = b * b - a * c;
+  float t = root > 0.0 ? (-b - sqrt(root)) / a : kFar;
+  vec3 at = o + d * t;
+  if (sphere) return vec4(at / solid.half_size.x, t > 0.0 ? t : kFar);
+  bool side = t > 0.0 && t < kFar && abs(at.y) < solid.half_size.y;
+  float cap = (-solid.half_size.y * sign(d.y) - o.y) / (d.y == 0.0 ? 1e-12 : d.y);
+  vec3 on_cap = o + d * cap;
+  bool top = cap > 0.0 && dot(on_cap.xz, on_cap.xz) < solid.half_size.x * solid.half_size.x;
+  return side ? vec4(at * mask / solid.half_size.x, t) : vec4(0.0, -sign(d.y), 0.0, top ? cap : kFar);
+}
+
+vec3 texture_at(Solid solid, vec3 p, vec3 n) {
+  vec3 q = p / solid.scale;
+  vec3 on_grid = floor(q + 1e-3 * n);  // a face that lies on a cell's border belongs to one cell
+  float grain = 0.55 * noise(p * 37.0) + 0.3 * noise(p * 83.0 + 7.0) + 0.15 * noise(p * 171.0 + 3.0);
+  float blotch = noise(p * 4.0 + 11.0);
+  vec3 base = solid.colour;
+  if (solid.pattern == kChecker) base = mod(on_grid.x + on_grid.y + on_grid.z, 2.0) < 0.5 ? solid.colour : solid.second;
+  if (solid.pattern == kWood) {
+    float rings = 0.5 + 0.5 * sin(q.y * 9.0 + q.z * 14.0 + 5.0 * noise(q * vec3(1.0, 6.0, 6.0)));
+    base = mix(solid.colour, solid.second, rings);
+  }
+  if (solid.pattern == kTiles) {
+    vec3 edge = abs(fract(q + 1e-3 * n) - 0.5) * (1.0 - abs(n));
+    float grout = smoothstep(0.46, 0.48, max(max(edge.x, edge.y), edge.z));
+    base = mix(solid.colour * (0.85 + 0.3 * hash(ivec3(on_grid))), solid.second, grout);
+  }
+  if (solid.pattern == kPatches) {
+    ivec3 cell = ivec3(on_grid);
+    vec3 random = vec3(hash(cell), hash(cell + 91), hash(cell + 173));
+    base = mix(mix(solid.colour, solid.second, random.x), random, 0.6);
+  }
+  return base * (0.62 + 0.5 * grain + 0.22 * (blotch - 0.5));
+}
+
+void main() {
+  uvec2 pixel = gl_GlobalInvocationID.xy;
+  if (pixel.x >= push.camera.width || pixel.y >= push.camera.height) return;
+  vec3 d = rotate(push.world_from_camera, ray_through(push.camera, vec2(pixel)));
+  vec3 o = push.world_from_camera.t;
+  vec4 best = vec4(0.0, 0.0, 0.0, kFar);
+  uint which = 0u;
+  for (uint i = 0u; i < push.solids; ++i) {
+    Solid solid = solids[i];
+    vec4 hit = meet(solid, turn(o - solid.centre, solid.yaw), turn(d, solid.yaw));
+    which = hit.w < best.w ? i : which;
+    best = hit.w < best.w ? hit : best;
+  }
+  uint at = pixel.y * push.camera.width + pixel.x;
+  bool found = best.w < 100.0;
+  Solid solid = solids[which];
+  vec3 n = turn(best.xyz, -solid.yaw);
+  vec3 p = turn(o + d * best.w - solid.centre, solid.yaw);
+  float light = 0.75 + 0.25 * dot(n, normalize(vec3(0.4, -0.8, -0.45)));
+  vec3 shade = clamp(texture_at(solid, p, best.xyz) * light * 1.15, 0.0, 1.0);
+  depth[at] = found ? best.w : 0.0;
+  cosine[at] = found ? -dot(n, normalize(d)) : 0.0;
+  colour[at] = packUnorm4x8(vec4(found ? shade : vec3(0.0), 1.0));
+}

@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/scene.hpp"
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <stdexcept>
+
+namespace cairn {
+namespace {
+
+using Shape = Scene::Shape;
+using Pattern = Scene::Pattern;
+using Eigen::Vector3d;
+using Eigen::Vector3f;
+
+constexpr double kFloor = 1.3;  // metres below the camera's height
+
+Vector3d local(const Scene::Solid& s, const Vector3d& p) {
+  return Eigen::AngleAxisd(s.yaw, Vector3d::UnitY()) * (p - s.centre.cast<double>());
+}
+
+double box_distance(const Vector3d& p, const Vector3d& half) {
+  const Vector3d q = p.cwiseAbs() - half;
+  return q.cwiseMax(0.0).norm() + std::min(q.maxCoeff(), 0.0);
+}
+
+double solid_distance(const Scene::Solid& s, const Vector3d& point) {
+  const Vector3d p = local(s, point), half = s.half_size.cast<double>();
+  switch (s.shape) {
+    case Shape::box: return box_distance(p, half);
+    case Shape::hollow: return -box_distance(p, half);
+    case Shape::sphere: return p.norm() - half.x();
+    case Shape::cylinder: {
+      const double r = std::hypot(p.x(), p.z()) - half.x(), y = std::abs(p.y()) - half.y();
+      return std::hypot(std::max(r, 0.0), std::max(y, 0.0)) + std::min(std::max(r, y), 0.0);
+    }
+  }
+  return 0;
+}
+
+/// A box that stands on the floor.
+Scene::Solid standing(float x, float z, Vector3f size, float above, Pattern pattern, float scale, Vector3f colour,
+                      Vector3f second, float yaw = 0) {
+  return {Shape::box, {x, static_cast<float>(kFloor) - above - size.y() / 2, z}, size / 2, yaw, pattern, scale, colour, second};
+}
+
+std::vector<Scene::Solid> furnished_room() {
+  const Vector3f wood(0.62f, 0.42f, 0.24f), dark(0.40f, 0.25f, 0.13f), white(0.85f, 0.84f, 0.80f), grey(0.5f, 0.5f, 0.52f);
+  std::vector<Scene::Solid> s;
+  s.push_back({Shape::hollow, {0, 0, 0}, {2.7f, 1.3f, 2.3f}, 0, Pattern::tiles, 0.4f, {0.78f, 0.76f, 0.66f}, {0.55f, 0.5f, 0.45f}});
+  s.push_back(standing(0, 0, {3.2f, 0.012f, 2.4f}, 0, Pattern::checker, 0.22f, {0.62f, 0.2f, 0.18f}, {0.82f, 0.68f, 0.45f}));
+  // desk with a screen, books, a lamp and a mug
+  s.push_back(standing(0.2f, 1.85f, {1.6f, 0.05f, 0.75f}, 0.70f, Pattern::wood, 0.25f, wood, dark));
+  for (const float x : {-0.52f, 0.92f})
+    for (const float z : {1.55f, 2.15f}) s.push_back(standing(x, z, {0.07f, 0.70f, 0.07f}, 0, Pattern::wood, 0.2f, dark, wood));
+  s.push_back(standing(0.15f, 2.05f, {0.62f, 0.38f, 0.05f}, 0.87f, Pattern::patches, 0.09f, {0.2f, 0.4f, 0.7f}, {0.1f, 0.6f, 0.5f}));
+  s.push_back(standing(0.15f, 2.02f, {0.24f, 0.13f, 0.18f}, 0.75f, Pattern::plain, 0.1f, {0.25f, 0.25f, 0.27f}, grey));
+  s.push_back(standing(0.75f, 1.85f, {0.24f, 0.16f, 0.30f}, 0.75f, Pattern::patches, 0.045f, {0.7f, 0.2f, 0.2f}, white, 0.4f));
+  s.push_back({Shape::cylinder, {-0.35f, 0.49f, 1.75f}, {0.045f, 0.055f, 0}, 0, Pattern::checker, 0.03f, {0.85f, 0.3f, 0.2f}, white});
+  s.push_back({Shape::sphere, {-0.42f, 0.43f, 2.03f}, {0.12f, 0, 0}, 0, Pattern::checker, 0.06f, {0.9f, 0.75f, 0.3f}, {0.6f, 0.4f, 0.2f}});
+  // chair
+  s.push_back(standing(0.2f, 1.15f, {0.45f, 0.06f, 0.45f}, 0.42f, Pattern::checker, 0.06f, {0.2f, 0.45f, 0.35f}, {0.8f, 0.8f, 0.7f}, 0.3f));
+  s.push_back(standing(0.14f, 0.95f, {0.45f, 0.45f, 0.05f}, 0.50f, Pattern::tiles, 0.09f, {0.2f, 0.45f, 0.35f}, {0.8f, 0.8f, 0.7f}, 0.3f));
+  s.push_back({Shape::cylinder, {0.2f, 1.09f, 1.15f}, {0.05f, 0.21f, 0}, 0, Pattern::plain, 0.1f, grey, grey});
+  s.push_back({Shape::cylinder, {0.2f, 1.275f, 1.15f}, {0.25f, 0.025f, 0}, 0, Pattern::plain, 0.1f, grey, grey});
+  // shelf on the right with books
+  s.push_back(standing(2.55f, 0.6f, {0.03f, 1.9f, 1.5f}, 0, Pattern::wood, 0.3f, dark, wood));
+  for (int i = 0; i < 5; ++i)
+    s.push_back(standing(2.42f, 0.6f, {0.33f, 0.04f, 1.5f}, 0.05f + 0.45f * static_cast<float>(i), Pattern::wood, 0.3f, wood, dark));
+  for (int i = 0; i < 4; ++i)
+    for (int k = 0; k < 3; ++k)
+      s.push_back(standing(2.43f - 0.02f * static_cast<float>((i + k) % 3), 0.12f + 0.45f * static_cast<float>(k),
+                           {0.24f, 0.24f + 0.04f * static_cast<float>((2 * i + k) % 3), 0.28f + 0.05f * static_cast<float>((i + 2 * k) % 3)},
+                           0.09f + 0.45f * static_cast<float>(i), Pattern::patches, 0.05f, {0.6f, 0.3f, 0.2f}, {0.2f, 0.3f, 0.6f}));
+  // sofa at the back with cushions
+  s.push_back(standing(-0.3f, -1.8f, {2.0f, 0.42f, 0.85f}, 0, Pattern::checker, 0.12f, {0.25f, 0.35f, 0.6f}, {0.35f, 0.45f, 0.7f}));
+  s.push_back(standing(-0.3f, -2.12f, {2.0f, 0.45f, 0.22f}, 0.42f, Pattern::checker, 0.12f, {0.25f, 0.35f, 0.6f}, {0.35f, 0.45f, 0.7f}));
+  for (const float x : {-1.38f, 0.78f})
+    s.push_back(standing(x, -1.8f, {0.18f, 0.62f, 0.85f}, 0, Pattern::checker, 0.12f, {0.22f, 0.3f, 0.55f}, {0.35f, 0.45f, 0.7f}));
+  s.push_back({Shape::sphere, {-0.9f, 0.74f, -1.85f}, {0.2f, 0, 0}, 0, Pattern::tiles, 0.1f, {0.85f, 0.55f, 0.2f}, white});
+  s.push_back({Shape::sphere, {0.4f, 0.76f, -1.9f}, {0.18f, 0, 0}, 0, Pattern::checker, 0.07f, {0.7f, 0.2f, 0.3f}, white});
+  // cupboard on the left, a box and a plant in front of it
+  s.push_back(standing(-2.42f, 0.5f, {0.5f, 0.95f, 1.3f}, 0, Pattern::wood, 0.35f, {0.75f, 0.6f, 0.4f}, wood));
+  s.push_back(standing(-2.42f, 0.25f, {0.35f, 0.3f, 0.4f}, 0.95f, Pattern::patches, 0.07f, {0.3f, 0.55f, 0.3f}, white, 0.5f));
+  s.push_back({Shape::cylinder, {-2.4f, 0.2f, 0.85f}, {0.12f, 0.15f, 0}, 0, Pattern::tiles, 0.06f, {0.7f, 0.4f, 0.3f}, white});
+  s.push_back({Shape::sphere, {-2.4f, -0.1f, 0.85f}, {0.24f, 0, 0}, 0, Pattern::patches, 0.05f, {0.1f, 0.5f, 0.15f}, {0.3f, 0.6f, 0.2f}});
+  s.push_back(standing(-2.1f, -1.3f, {0.6f, 0.55f, 0.5f}, 0, Pattern::patches, 0.11f, {0.75f, 0.6f, 0.4f}, {0.5f, 0.3f, 0.2f}, 0.6f));
+  s.push_back({Shape::cylinder, {2.1f, 0.95f, -1.6f}, {0.28f, 0.35f, 0}, 0, Pattern::tiles, 0.12f, {0.5f, 0.6f, 0.65f}, white});
+  s.push_back({Shape::sphere, {2.1f, 0.38f, -1.6f}, {0.22f, 0, 0}, 0, Pattern::checker, 0.08f, {0.85f, 0.8f, 0.3f}, {0.3f, 0.3f, 0.3f}});
+  // pictures and a door
+  s.push_back({Shape::box, {-1.2f, -0.35f, 2.28f}, {0.45f, 0.32f, 0.03f}, 0, Pattern::patches, 0.12f, {0.8f, 0.3f, 0.2f}, {0.2f, 0.3f, 0.8f}});
+  s.push_back({Shape::box, {1.6f, -0.3f, 2.28f}, {0.3f, 0.4f, 0.03f}, 0, Pattern::patches, 0.08f, {0.3f, 0.7f, 0.4f}, {0.9f, 0.8f, 0.3f}});
+  s.push_back({Shape::box, {0.2f, -0.45f, -2.28f}, {0.7f, 0.35f, 0.03f}, 0, Pattern::patches, 0.14f, {0.2f, 0.5f, 0.7f}, {0.9f, 0.6f, 0.4f}});
+  s.push_back({Shape::box, {-2.68f, 0.25f, -0.75f}, {0.03f, 1.05f, 0.42f}, 0, Pattern::wood, 0.5f, {0.65f, 0.55f, 0.42f}, dark});
+  s.push_back({Shape::box, {2.68f, -0.2f, -0.9f}, {0.03f, 0.45f, 0.5f}, 0, Pattern::tiles, 0.25f, {0.55f, 0.75f, 0.9f}, white});
+  // ceiling lamp and a beam
+  s.push_back({Shape::box, {0, -1.25f, 0.4f}, {2.7f, 0.06f, 0.09f}, 0, Pattern::wood, 0.3f, dark, wood});
+  s.push_back({Shape::cylinder, {0, -1.12f, -0.5f}, {0.28f, 0.1f, 0}, 0, Pattern::checker, 0.1f, {0.95f, 0.9f, 0.7f}, {0.8f, 0.6f, 0.3f}});
+  return s;
+}
+
+Eigen::Isometry3d look(const Vector3d& from, const Vector3d& direction, double roll) {
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  const Vector3d z = direction.normalized(), x = Vector3d::UnitY().cross(z).normalized();
+  pose.linear().col(0) = x;
+  pose.linear().col(1) = z.cross(x);
+  pose.linear().col(2) = z;
+  pose.linear() = pose.linear() * Eigen::AngleAxisd(roll, Vector3d::UnitZ());
+  pose.translation() = from;
+  return pose;
+}
+
+/// Heading in radians (0: along z) and pitch (positive: down).
+Vector3d heading(double yaw, double pitch) {
+  return {std::sin(yaw) * std::cos(pitch), std::sin(pitch), std::cos(yaw) * std::cos(pitch)};
+}
+
+/// Adds the triangles of a grid over a parametric patch.
+template <class Point>
+void add_patch(Mesh& mesh, int columns, int rows, const Point& point) {
+  const auto first = static_cast<std::uint32_t>(mesh.positions.size());
+  for (int j = 0; j <= rows; ++j)
+    for (int i = 0; i <= columns; ++i)
+      mesh.positions.push_back(point(static_cast<double>(i) / columns, static_cast<double>(j) / rows).template cast<float>());
+  const auto at = [&](int i, int j) { return first + static_cast<std::uint32_t>(j * (columns + 1) + i); };
+  for (int j = 0; j < rows; ++j)
+    for (int i = 0; i < columns; ++i) {
+      mesh.triangles.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+      mesh.triangles.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+    }
+}
+
+void add_solid(Mesh& mesh, const Scene::Solid& s, double spacing) {
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(-s.yaw, Vector3d::UnitY()).toRotationMatrix();
+  const Vector3d half = s.half_size.cast<double>(), centre = s.centre.cast<double>();
+  const auto place = [&](const Vector3d& p) -> Vector3d { return centre + turn * p; };
+  const auto steps = [&](double length) { return std::max(1, static_cast<int>(std::ceil(length / spacing))); };
+  constexpr double kTurn = 2 * std::numbers::pi;
+  if (s.shape == Shape::box || s.shape == Shape::hollow) {
+    for (int axis = 0; axis < 3; ++axis)
+      for (const double side : {-1.0, 1.0}) {
+        const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+        const bool flip = (side > 0) != (s.shape == Shape::box);
+        add_patch(mesh, steps(2 * half[u]), steps(2 * half[v]), [&](double a, double b) {
+          Vector3d p;
+          p[axis] = side * half[axis];
+          p[u] = (flip ? 1 - 2 * a : 2 * a - 1) * half[u];
+          p[v] = (2 * b - 1) * half[v];
+          return place(p);
+        });
+      }
+    return;
+  }
+  const double r = half.x();
+  const int around = std::max(12, steps(kTurn * r));
+  if (s.shape == Shape::sphere) {
+    add_patch(mesh, around, std::max(6, around / 2), [&](double a, double b) {
+      const double polar = std::numbers::pi * b;
+      return place(r * Vector3d(std::sin(polar) * std::cos(kTurn * a), std::cos(polar), std::sin(polar) * std::sin(kTurn * a)));
+    });
+    return;
+  }
+  add_patch(mesh, around, steps(2 * half.y()), [&](double a, double b) {
+    return place({r * std::cos(kTurn * a), (1 - 2 * b) * half.y(), r * std::sin(kTurn * a)});
+  });
+  for (const double side : {-1.0, 1.0})
+    add_patch(mesh, around, steps(r), [&](double a, double b) {
+      return place({side * b * r * std::cos(kTurn * a), side * half.y(), b * r * std::sin(kTurn * a)});
+    });
+}
+
+}  // namespace
+
+double Scene::distance(const Vector3d& point) const {
+  double least = std::numeric_limits<double>::infinity();
+  for (const Solid& s : solids) least = std::min(least, solid_distance(s, point));
+  return least;
+}
+
+Eigen::Isometry3d Scene::world_from_camera(double t) const {
+  const double sway = 0.03 * std::sin(5.1 * t) + 0.02 * std::sin(8.3 * t + 1.0);  // metres: steps and a hand
+  const double shake = 0.02 * std::sin(6.7 * t) + 0.012 * std::sin(11.0 * t + 0.5);  // radians
+  const double roll = 0.06 * std::sin(1.3 * t) + 0.5 * shake;
+  if (name == "sphere" || name == "plane") {
+    const double angle = 0.5 * std::sin(0.6 * t);
+    const Vector3d from(0.7 * std::sin(0.6 * t), 0.2 * std::sin(0.9 * t) + sway, 0.15 * std::sin(0.5 * t));
+    return look(from, heading(-angle * 0.6, 0.1 * std::sin(0.8 * t) + shake), roll);
+  }
+  if (name == "corridor")
+    return look({0.15 * std::sin(0.7 * t), sway, 0.4 * t}, heading(0.35 * std::sin(0.5 * t), 0.15 + 0.1 * std::sin(0.7 * t) + shake), roll);
+  if (name == "loop") {
+    // Once around a square of 6 m in 48 s, with rounded corners, looking ahead and a little outwards.
+    const double angle = 2 * std::numbers::pi * t / 48;
+    const double c = std::cos(angle), s = std::sin(angle);
+    const double bulge = 3.0 / std::pow(std::pow(std::abs(c), 6) + std::pow(std::abs(s), 6), 1.0 / 6);
+    const Vector3d from(-bulge * c + 3.0, sway, bulge * s);
+    return look(from, heading(angle - 0.35 + 0.2 * std::sin(0.9 * t), 0.12 + 0.1 * std::sin(0.6 * t) + shake), roll);
+  }
+  // Around the middle of the room, looking outwards, up and down.
+  const double angle = 2 * std::numbers::pi * t / 24 + 0.15 * std::sin(1.1 * t);
+  const Vector3d from(0.75 * std::sin(angle) - 0.1, 0.15 * std::sin(0.8 * t) + sway - 0.1, 0.55 * std::cos(angle) - 0.35);
+  return look(from, heading(angle + 0.25 * std::sin(0.9 * t), 0.28 + 0.2 * std::sin(0.7 * t) + shake), roll);
+}
+
+Mesh Scene::surface(float spacing) const {
+  constexpr double kHidden = 1e-5;  // metres inside another solid
+  Mesh all, mesh;
+  for (const Solid& s : solids) add_solid(all, s, spacing);
+  mesh.positions = std::move(all.positions);
+  for (const auto& t : all.triangles) {
+    const Vector3f centre = (mesh.positions[t[0]] + mesh.positions[t[1]] + mesh.positions[t[2]]) / 3.0f;
+    // The centre of a curved solid's triangle lies a little inside its own solid, so the corners are asked too.
+    double corners = std::numeric_limits<double>::infinity();
+    for (const auto v : t) corners = std::min(corners, distance(mesh.positions[v].cast<double>()));
+    const double sagitta = 0.02 * spacing;
+    if (corners > -kHidden && distance(centre.cast<double>()) > -kHidden - sagitta) mesh.triangles.push_back(t);
+  }
+  return mesh;
+}
+
+Scene synthetic_scene(const std::string& name) {
+  Scene scene{.name = name};
+  if (name == "room") {
+    scene.solids = furnished_room();
+  } else if (name == "sphere") {
+    scene.solids.push_back({Shape::sphere, {0, 0, 1.8f}, {0.6f, 0, 0}, 0, Pattern::checker, 0.15f, {0.8f, 0.3f, 0.2f}, {0.9f, 0.85f, 0.7f}});
+  } else if (name == "plane") {
+    scene.solids.push_back({Shape::box, {0, 0, 2.5f}, {6, 6, 0.5f}, 0, Pattern::patches, 0.15f, {0.7f, 0.6f, 0.3f}, {0.2f, 0.4f, 0.6f}});
+  } else if (name == "corridor") {
+    scene.solids.push_back({Shape::hollow, {0, 0, 13}, {1.0f, 1.3f, 15}, 0, Pattern::patches, 0.3f, {0.7f, 0.65f, 0.5f}, {0.4f, 0.45f, 0.5f}});
+  } else if (name == "loop") {
+    scene.solids.push_back({Shape::hollow, {3, 0, 0}, {4.2f, 1.3f, 4.2f}, 0, Pattern::tiles, 0.35f, {0.75f, 0.72f, 0.6f}, {0.5f, 0.45f, 0.4f}});
+    scene.solids.push_back({Shape::box, {3, 0, 0}, {1.8f, 1.3f, 1.8f}, 0, Pattern::patches, 0.25f, {0.5f, 0.6f, 0.65f}, {0.8f, 0.5f, 0.3f}});
+    for (int i = 0; i < 16; ++i) {  // boxes and columns along the walls, each of its own size
+      const float along = -3.6f + 0.9f * static_cast<float>(i / 2), side = i % 2 == 0 ? -0.98f : 6.98f;
+      const float height = 0.5f + 0.37f * static_cast<float>(i * 7 % 5);
+      scene.solids.push_back(standing(side, along, {0.36f, height, 0.3f + 0.05f * static_cast<float>(i % 4)}, 0, Pattern::patches, 0.08f,
+                                      {0.3f + 0.04f * static_cast<float>(i), 0.5f, 0.3f}, {0.8f, 0.3f, 0.5f}, 0.3f * static_cast<float>(i)));
+      scene.solids.push_back({Shape::cylinder, {3 + along, 1.3f - height / 2, i % 2 == 0 ? -3.95f : 3.95f}, {0.14f, height / 2, 0}, 0,
+                              Pattern::checker, 0.07f, {0.7f, 0.3f, 0.2f}, {0.9f, 0.8f, 0.6f}});
+    }
+  } else {
+    throw std::runtime_error("there is no synthetic scene '" + name + "': choose room, sphere, plane, corridor or loop");
+  }
+  return scene;
+}
+
+Camera synthetic_camera() { return {640, 480, 525.0, 525.0, 319.5, 239.5, {}}; }
+
+void mark_seen(const Mesh& mesh, const Camera& camera, const Eigen::Isometry3d& world_from_camera,
+               const std::vector<float>& depth, std::vector<bool>& seen) {
+  constexpr double kSame = 0.01;  // metres
+  const Eigen::Isometry3d camera_from_world = world_from_camera.inverse();
+  seen.resize(mesh.triangles.size());
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    if (seen[i]) continue;
+    const auto& t = mesh.triangles[i];
+    const Vector3d p = camera_from_world *
+                       ((mesh.positions[t[0]] + mesh.positions[t[1]] + mesh.positions[t[2]]) / 3.0f).cast<double>();
+    if (p.z() <= 0) continue;
+    const Eigen::Vector2d pixel = camera.project(p);
+    const int x = static_cast<int>(std::lround(pixel.x())), y = static_cast<int>(std::lround(pixel.y()));
+    if (x < 0 || y < 0 || x >= camera.width || y >= camera.height) continue;
+    const float z = depth[static_cast<std::size_t>(y * camera.width + x)];
+    seen[i] = z > 0 && std::abs(z - p.z()) < kSame;
+  }
+}
+
+}  // namespace cairn
