@@ -48,9 +48,10 @@ void evaluate_trajectory_files(const Arguments& a) {
   print_row("ATE", e.ate, 100, "cm");
   print_row(fmt::format("RPE over {} s", e.rpe_interval), e.rpe_translation, 100, "cm");
   print_row("", e.rpe_rotation, 180 / std::numbers::pi, "degrees");
-  fmt::print("poses                 {}{}, {} with a true pose\n", e.estimated_poses,
-             a.frames > 0 ? fmt::format(" for {} frames ({:.1f} %)", a.frames, 100.0 * e.estimated_poses / a.frames) : "",
-             e.matched_poses);
+  fmt::print(
+      "poses                 {}{}, {} with a true pose\n", e.estimated_poses,
+      a.frames > 0 ? fmt::format(" for {} frames ({:.1f} %)", a.frames, 100.0 * e.estimated_poses / a.frames) : "",
+      e.matched_poses);
 }
 
 void evaluate_mesh_files(const Arguments& a) {
@@ -58,7 +59,8 @@ void evaluate_mesh_files(const Arguments& a) {
   if (a.json) {
     nlohmann::json j{{"accuracy_m", to_json(e.accuracy)}, {"completeness_m", to_json(e.completeness)}};
     for (const auto& at : e.at)
-      j["at"].push_back({{"threshold_m", at.threshold}, {"precision", at.precision}, {"recall", at.recall}, {"f_score", at.f_score}});
+      j["at"].push_back(
+          {{"threshold_m", at.threshold}, {"precision", at.precision}, {"recall", at.recall}, {"f_score", at.f_score}});
     fmt::print("{}\n", j.dump(2));
     return;
   }
@@ -66,8 +68,8 @@ void evaluate_mesh_files(const Arguments& a) {
   print_row("accuracy", e.accuracy, 1000, "mm");
   print_row("completeness", e.completeness, 1000, "mm");
   for (const auto& at : e.at)
-    fmt::print("within {:.0f} cm           {:.2f} % of the estimate, {:.2f} % of the truth, F-score {:.2f} %\n", 100 * at.threshold,
-               100 * at.precision, 100 * at.recall, 100 * at.f_score);
+    fmt::print("within {:.0f} cm           {:.2f} % of the estimate, {:.2f} % of the truth, F-score {:.2f} %\n",
+               100 * at.threshold, 100 * at.precision, 100 * at.recall, 100 * at.f_score);
 }
 
 }  // namespace
@@ -82,7 +84,9 @@ void add_evaluate(CLI::App& program) {
   trajectory->add_option("TRUTH", a->truth, "TUM trajectory file, or the folder of a recording with true poses")
       ->required()
       ->check(CLI::ExistingPath);
-  trajectory->add_option("--rpe-interval", a->rpe_interval, "Seconds")->capture_default_str()->check(CLI::PositiveNumber);
+  trajectory->add_option("--rpe-interval", a->rpe_interval, "Seconds")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
   trajectory->add_option("--max-time-difference", a->max_time_difference, "Seconds between matched poses")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
@@ -93,7 +97,9 @@ void add_evaluate(CLI::App& program) {
   auto* mesh = command->add_subcommand("mesh", "Accuracy, completeness and F-score");
   mesh->add_option("ESTIMATE", a->estimate, "Mesh (.glb, .gltf, .ply)")->required()->check(CLI::ExistingFile);
   mesh->add_option("TRUTH", a->truth, "Mesh in the same frame")->required()->check(CLI::ExistingFile);
-  mesh->add_option("--samples", a->samples, "Points on each surface")->capture_default_str()->check(CLI::PositiveNumber);
+  mesh->add_option("--samples", a->samples, "Points on each surface")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
   mesh->add_flag("--json", a->json, "Print JSON, in metres");
   mesh->callback([a] { evaluate_mesh_files(*a); });
 }

@@ -27,7 +27,8 @@ void Progress::step(const std::string& state) {
   ++done_;
   const auto now = Clock::now();
   const bool last = total_ && done_ == *total_;
-  if (!last && std::chrono::duration<double>(now - last_).count() < (terminal_ ? kTerminalInterval : kPlainInterval)) return;
+  if (!last && std::chrono::duration<double>(now - last_).count() < (terminal_ ? kTerminalInterval : kPlainInterval))
+    return;
   last_ = now;
   const double rate = done_ / std::max(std::chrono::duration<double>(now - start_).count(), 1e-9);
   std::string line = fmt::format("{}{} frames  {:.1f}/s", done_, total_ ? fmt::format("/{}", *total_) : "", rate);

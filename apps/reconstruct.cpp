@@ -5,8 +5,8 @@
 #include <sys/resource.h>
 
 #include <algorithm>
-#include <chrono>
 #include <charconv>
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -91,9 +91,12 @@ double median(std::vector<double> values) {
 
 std::string words(const FrameReport& r) {
   switch (r.state) {
-    case FrameState::fused: return fmt::format("tracking, {:.0f} % inliers", 100 * r.inlier_share);
-    case FrameState::lost: return "LOST: " + r.reason;
-    case FrameState::skipped: return "skipped: " + r.reason;
+    case FrameState::fused:
+      return fmt::format("tracking, {:.0f} % inliers", 100 * r.inlier_share);
+    case FrameState::lost:
+      return "LOST: " + r.reason;
+    case FrameState::skipped:
+      return "skipped: " + r.reason;
   }
   return {};
 }
@@ -109,7 +112,8 @@ nlohmann::json to_json(const FrameReport& r) {
   nlohmann::json j{{"index", r.index}, {"timestamp", r.timestamp}, {"state", kStates[static_cast<int>(r.state)]}};
   if (!r.reason.empty()) j["reason"] = r.reason;
   if (r.iterations > 0)
-    j.update({{"inlier_share", r.inlier_share}, {"overlap", r.overlap}, {"rmse", r.rmse}, {"iterations", r.iterations}});
+    j.update(
+        {{"inlier_share", r.inlier_share}, {"overlap", r.overlap}, {"rmse", r.rmse}, {"iterations", r.iterations}});
   if (r.touched_bricks > 0) j.update({{"touched_bricks", r.touched_bricks}, {"new_bricks", r.new_bricks}});
   j["ms"] = r.stage_ms;
   return j;
@@ -151,8 +155,8 @@ void reconstruct(const Arguments& a) {
   for (const auto& r : frames)
     if (r.state == FrameState::skipped) spdlog::warn("frame {} skipped: {}", r.index, r.reason);
   if (fused == 0)
-    throw std::runtime_error(a.sequence + ": none of " + std::to_string(frames.size()) +
-                             " frames could be used" + (frames.empty() ? "" : "; the first: " + frames[0].reason));
+    throw std::runtime_error(a.sequence + ": none of " + std::to_string(frames.size()) + " frames could be used" +
+                             (frames.empty() ? "" : "; the first: " + frames[0].reason));
 
   const auto timed = [&](const char* name, auto&& work) {
     const auto begin = Clock::now();
@@ -171,14 +175,20 @@ void reconstruct(const Arguments& a) {
       {"sequence", a.sequence},
       {"device", statistics.device},
       {"options",
-       {{"voxel_size", options.fuse.voxel_size}, {"truncation", options.fuse.truncation}, {"max_depth", options.surface.max_depth}}},
+       {{"voxel_size", options.fuse.voxel_size},
+        {"truncation", options.fuse.truncation},
+        {"max_depth", options.surface.max_depth}}},
       {"frames",
-       {{"total", frames.size()}, {"fused", fused}, {"lost", count(FrameState::lost)}, {"skipped", count(FrameState::skipped)}}},
+       {{"total", frames.size()},
+        {"fused", fused},
+        {"lost", count(FrameState::lost)},
+        {"skipped", count(FrameState::skipped)}}},
       {"seconds", seconds},
       {"frames_per_second", static_cast<double>(frames.size()) / seconds},
       {"peak_memory_mb", peak_memory_mb()},
       {"device_memory_peak_mb", static_cast<double>(statistics.device_memory_peak) / (1 << 20)},
-      {"bricks", {{"allocated", statistics.bricks}, {"paged_out", statistics.paged_out}, {"paged_in", statistics.paged_in}}},
+      {"bricks",
+       {{"allocated", statistics.bricks}, {"paged_out", statistics.paged_out}, {"paged_in", statistics.paged_in}}},
       {"mesh", {{"vertices", mesh.positions.size()}, {"triangles", mesh.triangles.size()}}},
       {"loops", nlohmann::json::array()}};
   for (const auto& [stage, ms] : stages)
@@ -187,20 +197,22 @@ void reconstruct(const Arguments& a) {
                                {"max_ms", *std::max_element(ms.begin(), ms.end())},
                                {"total_ms", std::accumulate(ms.begin(), ms.end(), 0.0)}};
   for (const auto& [kernel, time] : statistics.kernels)
-    report["kernels"][kernel] = {{"calls", time.first}, {"total_ms", time.second}, {"mean_ms", time.second / std::max(1, time.first)}};
+    report["kernels"][kernel] = {
+        {"calls", time.first}, {"total_ms", time.second}, {"mean_ms", time.second / std::max(1, time.first)}};
   nlohmann::json per_frame = nlohmann::json::array();
   for (const auto& r : frames) per_frame.push_back(to_json(r));
   nlohmann::json whole = report;
   whole["per_frame"] = std::move(per_frame);
-  write_whole(a.output / "report.json", [&](const fs::path& temporary) { std::ofstream(temporary) << whole.dump(1) << '\n'; });
+  write_whole(a.output / "report.json",
+              [&](const fs::path& temporary) { std::ofstream(temporary) << whole.dump(1) << '\n'; });
 
   if (a.json) {
     fmt::print("{}\n", report.dump(2));
     return;
   }
-  fmt::print("{} of {} frames fused ({} lost, {} skipped) in {:.1f} s, {:.1f} frames/s, {:.0f} MB peak\n", fused, frames.size(),
-             count(FrameState::lost), count(FrameState::skipped), seconds, static_cast<double>(frames.size()) / seconds,
-             peak_memory_mb());
+  fmt::print("{} of {} frames fused ({} lost, {} skipped) in {:.1f} s, {:.1f} frames/s, {:.0f} MB peak\n", fused,
+             frames.size(), count(FrameState::lost), count(FrameState::skipped), seconds,
+             static_cast<double>(frames.size()) / seconds, peak_memory_mb());
   fmt::print("mesh        {} ({} triangles)\n", (a.output / "mesh.glb").string(), mesh.triangles.size());
   fmt::print("map         {}\n", (a.output / "map.vdb").string());
   fmt::print("trajectory  {}\n", (a.output / "trajectory.txt").string());
@@ -212,14 +224,18 @@ void reconstruct(const Arguments& a) {
 void add_reconstruct(CLI::App& program) {
   auto* command = program.add_subcommand("reconstruct", "Turn a recording into a mesh, a map and a trajectory");
   const auto a = std::make_shared<Arguments>();
-  command->add_option("SEQUENCE", a->sequence,
-                      "Folder (TUM RGB-D, 7-Scenes, ICL-NUIM, or with intrinsics.json) or synthetic:NAME")
+  command
+      ->add_option("SEQUENCE", a->sequence,
+                   "Folder (TUM RGB-D, 7-Scenes, ICL-NUIM, or with intrinsics.json) or synthetic:NAME")
       ->required();
-  command->add_option("-o,--output", a->output, "Folder for mesh.glb, map.vdb, trajectory.txt and report.json")->required();
+  command->add_option("-o,--output", a->output, "Folder for mesh.glb, map.vdb, trajectory.txt and report.json")
+      ->required();
   command->add_option("--config", a->config, "YAML file that overrides options")->check(CLI::ExistingFile);
   command->add_option("--voxel-size", a->voxel_size, "Metres; the truncation is four voxels [0.01]");
-  command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")->capture_default_str();
-  command->add_option("--device-memory", a->device_memory_mib, "MiB for the map on the device [half of it, 2048 at most]");
+  command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
+      ->capture_default_str();
+  command->add_option("--device-memory", a->device_memory_mib,
+                      "MiB for the map on the device [half of it, 2048 at most]");
   command->add_option("--frames", a->frames, "A:B:STEP, frames A to B - 1, every STEP-th [all]");
   command->add_option("--poses", a->poses, "Fuse with these world_from_camera poses (TUM format) and do not track")
       ->check(CLI::ExistingFile);

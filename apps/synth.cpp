@@ -30,7 +30,8 @@ struct Arguments {
 
 void write_image(const fs::path& file, const cv::Mat& image) {
   const std::vector<int> options{cv::IMWRITE_PNG_COMPRESSION, 2, cv::IMWRITE_JPEG_QUALITY, 95};
-  if (!cv::imwrite(file.string(), image, options)) throw std::runtime_error("cannot write " + file.string() + ": is the disk full?");
+  if (!cv::imwrite(file.string(), image, options))
+    throw std::runtime_error("cannot write " + file.string() + ": is the disk full?");
 }
 
 void write_text(const fs::path& file, const std::string& text) {
@@ -48,9 +49,11 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
   SceneRenderer render(device, scene, camera);
   fs::create_directories(folder / "rgb");
   fs::create_directories(folder / "depth");
-  write_text(folder / "camera.yaml",
-             fmt::format("width: {}\nheight: {}\nfx: {}\nfy: {}\ncx: {}\ncy: {}\ndistortion: [0, 0, 0, 0, 0]\ndepth_scale: {}\n",
-                         camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, kDepthScale));
+  write_text(
+      folder / "camera.yaml",
+      fmt::format(
+          "width: {}\nheight: {}\nfx: {}\nfy: {}\ncx: {}\ncy: {}\ndistortion: [0, 0, 0, 0, 0]\ndepth_scale: {}\n",
+          camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, kDepthScale));
   Mesh truth = scene.surface();
   std::vector<bool> seen(truth.triangles.size(), a.whole_mesh);
   Trajectory poses;
@@ -65,8 +68,8 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
     if (a.noise == "kinect") add_kinect_noise(images, camera, a.seed, i);
     cv::Mat depth(camera.height, camera.width, CV_16U), bgr;
     for (int p = 0; p < camera.width * camera.height; ++p)
-      depth.ptr<std::uint16_t>()[p] =
-          static_cast<std::uint16_t>(std::min(65535.0, std::round(images.depth[static_cast<std::size_t>(p)] * kDepthScale)));
+      depth.ptr<std::uint16_t>()[p] = static_cast<std::uint16_t>(
+          std::min(65535.0, std::round(images.depth[static_cast<std::size_t>(p)] * kDepthScale)));
     cv::cvtColor(cv::Mat(camera.height, camera.width, CV_8UC4, images.colour.data()), bgr, cv::COLOR_RGBA2BGR);
     const std::string name = fmt::format("{:.6f}", time);
     write_image(folder / "depth" / (name + ".png"), depth);
@@ -86,7 +89,8 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
 void synth(const Arguments& a) {
   if (fs::exists(a.output) && !(fs::is_directory(a.output) && fs::is_empty(a.output)) &&
       !fs::exists(a.output / "groundtruth_mesh.ply"))
-    throw std::runtime_error(a.output.string() + ": exists and is no synthetic sequence; choose another folder with -o");
+    throw std::runtime_error(a.output.string() +
+                             ": exists and is no synthetic sequence; choose another folder with -o");
   fs::path temporary = a.output;
   if (!temporary.has_filename()) temporary = temporary.parent_path();
   temporary += ".part";
@@ -110,9 +114,14 @@ void add_synth(CLI::App& program) {
   const auto a = std::make_shared<Arguments>();
   command->add_option("SCENE", a->scene, "room, sphere, plane, corridor or loop")->required();
   command->add_option("-o,--output", a->output, "Folder for the recording")->required();
-  command->add_option("--trajectory", a->trajectory, "Move along this TUM trajectory [the scene's own path]")->check(CLI::ExistingFile);
-  command->add_option("--frames", a->frames, "Number of frames, 30 a second")->capture_default_str()->check(CLI::PositiveNumber);
-  command->add_option("--noise", a->noise, "Depth and colour noise")->capture_default_str()->check(CLI::IsMember({"kinect", "none"}));
+  command->add_option("--trajectory", a->trajectory, "Move along this TUM trajectory [the scene's own path]")
+      ->check(CLI::ExistingFile);
+  command->add_option("--frames", a->frames, "Number of frames, 30 a second")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  command->add_option("--noise", a->noise, "Depth and colour noise")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"kinect", "none"}));
   command->add_option("--seed", a->seed, "Of the noise")->capture_default_str();
   command->add_option("--device", a->device, "Vulkan device; -1 chooses")->capture_default_str();
   command->add_flag("--whole-mesh", a->whole_mesh, "Keep unseen surface in groundtruth_mesh.ply");

@@ -7,10 +7,11 @@
 namespace cairn {
 
 /// Pinhole camera with Brown distortion (Brown 1971; the order of OpenCV). The camera frame is x right, y down, z
-/// forward; pixel (0, 0) is the centre of the upper left pixel. Depth and colour share it: depth is registered to colour.
+/// forward; pixel (0, 0) is the centre of the upper left pixel. Depth and colour share it: depth is registered to
+/// colour.
 struct Camera {
-  int width = 640;   // pixels
-  int height = 480;  // pixels
+  int width = 640;                                        // pixels
+  int height = 480;                                       // pixels
   double fx = 525.0, fy = 525.0, cx = 319.5, cy = 239.5;  // pixels; fy > 0, sources turn images that have it negative
   std::array<double, 5> distortion{};                     // k1 k2 p1 p2 k3; all zero: images are rectified
 
@@ -21,7 +22,8 @@ struct Camera {
   [[nodiscard]] Eigen::Vector2d project(const Eigen::Vector3d& p) const {
     return {fx * p.x() / p.z() + cx, fy * p.y() / p.z() + cy};
   }
-  /// The same camera at 1/2^level of the resolution; pixel (i, j) covers the 2^level block that starts at 2^level (i, j).
+  /// The same camera at 1/2^level of the resolution; pixel (i, j) covers the 2^level block that starts at 2^level (i,
+  /// j).
   [[nodiscard]] Camera at_level(int level) const {
     const double s = 1.0 / (1 << level);
     Camera c = *this;

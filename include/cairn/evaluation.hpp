@@ -15,12 +15,12 @@ struct ErrorStatistics {
 
 /// Sturm et al. 2012, "A benchmark for the evaluation of RGB-D SLAM systems".
 struct TrajectoryError {
-  ErrorStatistics ate;                // metres, after the SE(3) alignment of Horn 1987 / Umeyama 1991
-  ErrorStatistics rpe_translation;    // metres over `rpe_interval`
-  ErrorStatistics rpe_rotation;       // radians over `rpe_interval`
-  double rpe_interval = 1.0;          // seconds
-  int estimated_poses = 0;            // poses in the estimate
-  int matched_poses = 0;              // of them with a true pose within 20 ms, one to one
+  ErrorStatistics ate;              // metres, after the SE(3) alignment of Horn 1987 / Umeyama 1991
+  ErrorStatistics rpe_translation;  // metres over `rpe_interval`
+  ErrorStatistics rpe_rotation;     // radians over `rpe_interval`
+  double rpe_interval = 1.0;        // seconds
+  int estimated_poses = 0;          // poses in the estimate
+  int matched_poses = 0;            // of them with a true pose within 20 ms, one to one
   Eigen::Isometry3d truth_from_estimate = Eigen::Isometry3d::Identity();
 };
 
@@ -32,8 +32,8 @@ struct MeshError {
   ErrorStatistics accuracy;      // metres, from samples of the estimate to the truth's surface
   ErrorStatistics completeness;  // metres, from samples of the truth to the estimate's surface
   struct AtThreshold {
-    double threshold;                          // metres
-    double precision, recall, f_score;         // shares in [0, 1]: accuracy and completeness within the threshold
+    double threshold;                   // metres
+    double precision, recall, f_score;  // shares in [0, 1]: accuracy and completeness within the threshold
   };
   std::array<AtThreshold, 3> at{};  // 1, 2 and 5 cm (Knapitsch et al. 2017)
 };

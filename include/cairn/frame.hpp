@@ -18,7 +18,7 @@ struct Frame {
   std::vector<float> depth;           // metres along z; 0: no measurement; never NaN or negative
   std::vector<std::uint32_t> colour;  // bytes R, G, B, 255 in memory order (sRGB); empty: no colour for this frame
   std::optional<Eigen::Isometry3d> world_from_camera;  // pose that came with the frame (--poses, synthetic scenes)
-  std::string problem;                // not empty: the frame could not be read, its images are empty; why, in one line
+  std::string problem;  // not empty: the frame could not be read, its images are empty; why, in one line
 };
 
 /// A stream of frames, read in order.

@@ -21,20 +21,20 @@ enum class Poses {
 };
 
 enum class FrameState {
-  fused,    // has a pose and is part of the map
-  lost,     // no trustworthy pose: not fused
-  skipped   // could not be used at all
+  fused,   // has a pose and is part of the map
+  lost,    // no trustworthy pose: not fused
+  skipped  // could not be used at all
 };
 
 /// What became of one frame.
 struct FrameReport {
   int index = 0;
-  double timestamp = 0.0;      // seconds
+  double timestamp = 0.0;  // seconds
   FrameState state = FrameState::skipped;
-  std::string reason;          // why lost or skipped
-  double inlier_share = 0.0;   // see Alignment in src/track/icp.hpp
+  std::string reason;         // why lost or skipped
+  double inlier_share = 0.0;  // see Alignment in src/track/icp.hpp
   double overlap = 0.0;
-  double rmse = 0.0;           // standard deviations of the depth noise
+  double rmse = 0.0;  // standard deviations of the depth noise
   int iterations = 0;
   int touched_bricks = 0, new_bricks = 0;
   std::map<std::string, double> stage_ms;  // preprocess, raycast, track, fuse

@@ -7,32 +7,32 @@
 namespace cairn {
 
 struct SurfaceOptions {
-  float min_depth = 0.3f;             // metres; nearer measurements are dropped
-  float max_depth = 5.0f;             // metres; farther measurements are dropped
-  float filter_sigma_pixels = 1.5f;   // bilateral filter, spatial
-  float filter_sigma_depth = 3.0f;    // bilateral filter, in standard deviations of the depth noise
-  float edge_slope = 6.0f;            // a pixel whose neighbours differ by more than this many noise sigmas on both
-                                      // sides of a jump is flying and is dropped
+  float min_depth = 0.3f;            // metres; nearer measurements are dropped
+  float max_depth = 5.0f;            // metres; farther measurements are dropped
+  float filter_sigma_pixels = 1.5f;  // bilateral filter, spatial
+  float filter_sigma_depth = 3.0f;   // bilateral filter, in standard deviations of the depth noise
+  float edge_slope = 6.0f;           // a pixel whose neighbours differ by more than this many noise sigmas on both
+                                     // sides of a jump is flying and is dropped
 };
 
 struct TrackOptions {
-  int levels = 3;                     // pyramid levels, each half the size of the one before
-  int finest_level = 1;               // 0: full resolution, four times the work for 2 % less error
-  int iterations_finest = 10;         // at most, per level
+  int levels = 3;              // pyramid levels, each half the size of the one before
+  int finest_level = 1;        // 0: full resolution, four times the work for 2 % less error
+  int iterations_finest = 10;  // at most, per level
   int iterations_coarse = 12;
-  float max_distance = 0.1f;          // metres between matched points at the finest level
-  float max_angle = 0.5236f;          // radians between matched normals
-  float huber = 1.5f;                 // in standard deviations of the depth noise (Huber 1964)
-  float min_inlier_share = 0.25f;     // of the pixels that see the model; fewer means lost
-  float max_rmse = 4.0f;              // in standard deviations of the depth noise; more means lost
+  float max_distance = 0.1f;       // metres between matched points at the finest level
+  float max_angle = 0.5236f;       // radians between matched normals
+  float huber = 1.5f;              // in standard deviations of the depth noise (Huber 1964)
+  float min_inlier_share = 0.25f;  // of the pixels that see the model; fewer means lost
+  float max_rmse = 4.0f;           // in standard deviations of the depth noise; more means lost
 };
 
 struct FuseOptions {
-  float voxel_size = 0.01f;           // metres
-  float truncation = 0.04f;           // metres, on each side of the surface
-  float max_weight = 64.0f;           // observations at 1 m; lower forgets sooner
-  float min_mesh_weight = 1.5f;       // voxels below it make no surface
-  std::uint64_t device_memory = 0;    // bytes for bricks; 0: half of what the device has, 2 GiB at most
+  float voxel_size = 0.01f;         // metres
+  float truncation = 0.04f;         // metres, on each side of the surface
+  float max_weight = 64.0f;         // observations at 1 m; lower forgets sooner
+  float min_mesh_weight = 0.1f;     // voxels below it make no surface: one observation at 3 m, three at 5 m
+  std::uint64_t device_memory = 0;  // bytes for bricks; 0: half of what the device has, 2 GiB at most
 };
 
 struct Options {

@@ -32,7 +32,8 @@ struct Scene {
   [[nodiscard]] double distance(const Eigen::Vector3d& point) const;
   /// The pose of a hand-held-like camera at a time: 0.2 to 0.6 m/s, at most 45 degrees a second.
   [[nodiscard]] Eigen::Isometry3d world_from_camera(double seconds) const;
-  /// The surface as triangles with sides of at most `spacing`, exact at its vertices; hidden parts of solids are left out.
+  /// The surface as triangles with sides of at most `spacing`, exact at its vertices; hidden parts of solids are left
+  /// out.
   [[nodiscard]] Mesh surface(float spacing = 0.02f) const;
 };
 

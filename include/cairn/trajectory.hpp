@@ -24,6 +24,7 @@ using Trajectory = std::vector<StampedPose>;
 void write_trajectory(const std::filesystem::path& file, const Trajectory& trajectory);
 
 /// The pose at a time, interpolated (slerp) between its neighbours where these are at most `max_gap` seconds apart.
-[[nodiscard]] std::optional<Eigen::Isometry3d> pose_at(const Trajectory& trajectory, double timestamp, double max_gap = 0.1);
+[[nodiscard]] std::optional<Eigen::Isometry3d> pose_at(const Trajectory& trajectory, double timestamp,
+                                                       double max_gap = 0.1);
 
 }  // namespace cairn

@@ -17,7 +17,8 @@ namespace {
 using Box = Eigen::AlignedBox3f;
 
 /// Squared distance from a point to a triangle (Ericson 2005, Real-Time Collision Detection, 5.1.5).
-float squared_distance(const Eigen::Vector3f& p, const Eigen::Vector3f& a, const Eigen::Vector3f& b, const Eigen::Vector3f& c) {
+float squared_distance(const Eigen::Vector3f& p, const Eigen::Vector3f& a, const Eigen::Vector3f& b,
+                       const Eigen::Vector3f& c) {
   const Eigen::Vector3f ab = b - a, ac = c - a, ap = p - a;
   const float d1 = ab.dot(ap), d2 = ac.dot(ap);
   if (d1 <= 0 && d2 <= 0) return ap.squaredNorm();
@@ -72,7 +73,8 @@ std::vector<Eigen::Vector3f> sample(const Mesh& mesh, int count) {
   std::vector<double> cumulated;
   double area = 0;
   for (const auto& t : mesh.triangles) {
-    area += 0.5 * (mesh.positions[t[1]] - mesh.positions[t[0]]).cross(mesh.positions[t[2]] - mesh.positions[t[0]]).norm();
+    area +=
+        0.5 * (mesh.positions[t[1]] - mesh.positions[t[0]]).cross(mesh.positions[t[2]] - mesh.positions[t[0]]).norm();
     cumulated.push_back(area);
   }
   if (!(area > 0)) throw std::runtime_error("the mesh has no surface to evaluate");
@@ -85,7 +87,8 @@ std::vector<Eigen::Vector3f> sample(const Mesh& mesh, int count) {
     while (i + 1 < cumulated.size() && cumulated[i] < at) ++i;
     const auto& t = mesh.triangles[i];
     const double u = std::sqrt(uniform()), v = uniform();  // Osada et al. 2002, eq. 1
-    points.emplace_back(static_cast<float>(1 - u) * mesh.positions[t[0]] + static_cast<float>(u * (1 - v)) * mesh.positions[t[1]] +
+    points.emplace_back(static_cast<float>(1 - u) * mesh.positions[t[0]] +
+                        static_cast<float>(u * (1 - v)) * mesh.positions[t[1]] +
                         static_cast<float>(u * v) * mesh.positions[t[2]]);
   }
   return points;

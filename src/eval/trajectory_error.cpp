@@ -42,7 +42,8 @@ std::size_t nearest(const Trajectory& trajectory, double time) {
   if (after == trajectory.begin()) return 0;
   if (after == trajectory.end()) return trajectory.size() - 1;
   const auto before = after - 1;
-  return static_cast<std::size_t>((time - before->timestamp <= after->timestamp - time ? before : after) - trajectory.begin());
+  return static_cast<std::size_t>((time - before->timestamp <= after->timestamp - time ? before : after) -
+                                  trajectory.begin());
 }
 
 }  // namespace
@@ -84,7 +85,7 @@ TrajectoryError evaluate_trajectory(const Trajectory& estimate, const Trajectory
       continue;
     const Eigen::Isometry3d moved = estimate[i].world_from_camera.inverse() * estimate[j].world_from_camera;
     const Eigen::Isometry3d should = truth[a].world_from_camera.inverse() * truth[b].world_from_camera;
-    const Eigen::Isometry3d difference = should.inverse() * moved;
+    const Eigen::Isometry3d difference = moved * should.inverse();
     translations.push_back(difference.translation().norm());
     rotations.push_back(Eigen::AngleAxisd(difference.linear()).angle());
   }

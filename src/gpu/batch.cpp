@@ -12,15 +12,15 @@
 namespace cairn::gpu {
 namespace {
 
-constexpr std::uint64_t kChunk = 4 << 20;       // bytes of a staging chunk
+constexpr std::uint64_t kChunk = 4 << 20;        // bytes of a staging chunk
 constexpr std::uint64_t kKeepAtMost = 64 << 20;  // staging bytes that stay between runs
 constexpr auto kHost = vk::MemoryPropertyFlagBits::eHostVisible | vk::MemoryPropertyFlagBits::eHostCoherent;
 
 }  // namespace
 
 Batch::State::State(Device::State& d) : device(d) {
-  pool = vk::raii::CommandPool(*d.device, {.flags = vk::CommandPoolCreateFlagBits::eTransient,
-                                           .queueFamilyIndex = d.queue_family});
+  pool = vk::raii::CommandPool(
+      *d.device, {.flags = vk::CommandPoolCreateFlagBits::eTransient, .queueFamilyIndex = d.queue_family});
   commands = std::move(vk::raii::CommandBuffers(*d.device, {.commandPool = *pool, .commandBufferCount = 1}).front());
   fence = vk::raii::Fence(*d.device, vk::FenceCreateInfo{});
   queries = vk::raii::QueryPool(*d.device, {.queryType = vk::QueryType::eTimestamp, .queryCount = 2 * kMaxTimed});
@@ -55,10 +55,11 @@ vk::raii::CommandBuffer& Batch::State::record() {
     return commands;
   }
   constexpr auto kStages = vk::PipelineStageFlagBits::eComputeShader | vk::PipelineStageFlagBits::eTransfer;
-  commands.pipelineBarrier(kStages, kStages, {},
-                           vk::MemoryBarrier{.srcAccessMask = vk::AccessFlagBits::eMemoryWrite,
-                                             .dstAccessMask = vk::AccessFlagBits::eMemoryRead | vk::AccessFlagBits::eMemoryWrite},
-                           {}, {});
+  commands.pipelineBarrier(
+      kStages, kStages, {},
+      vk::MemoryBarrier{.srcAccessMask = vk::AccessFlagBits::eMemoryWrite,
+                        .dstAccessMask = vk::AccessFlagBits::eMemoryRead | vk::AccessFlagBits::eMemoryWrite},
+      {}, {});
   return commands;
 }
 
@@ -103,10 +104,11 @@ void Batch::fill(const Buffer& buffer, std::uint32_t word, std::uint64_t offset,
 void Batch::run() {
   State& s = *state_;
   if (!s.recording) return;
-  s.commands.pipelineBarrier(
-      vk::PipelineStageFlagBits::eComputeShader | vk::PipelineStageFlagBits::eTransfer, vk::PipelineStageFlagBits::eHost, {},
-      vk::MemoryBarrier{.srcAccessMask = vk::AccessFlagBits::eMemoryWrite, .dstAccessMask = vk::AccessFlagBits::eHostRead},
-      {}, {});
+  s.commands.pipelineBarrier(vk::PipelineStageFlagBits::eComputeShader | vk::PipelineStageFlagBits::eTransfer,
+                             vk::PipelineStageFlagBits::eHost, {},
+                             vk::MemoryBarrier{.srcAccessMask = vk::AccessFlagBits::eMemoryWrite,
+                                               .dstAccessMask = vk::AccessFlagBits::eHostRead},
+                             {}, {});
   s.commands.end();
   s.recording = false;
   s.device.queue->submit(vk::SubmitInfo{.commandBufferCount = 1, .pCommandBuffers = &*s.commands}, *s.fence);

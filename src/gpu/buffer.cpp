@@ -12,7 +12,8 @@ namespace {
 
 std::uint32_t memory_type(const Device::State& device, std::uint32_t allowed, vk::MemoryPropertyFlags properties) {
   for (std::uint32_t i = 0; i < device.memory_types.memoryTypeCount; ++i)
-    if ((allowed & (1u << i)) && (device.memory_types.memoryTypes[i].propertyFlags & properties) == properties) return i;
+    if ((allowed & (1u << i)) && (device.memory_types.memoryTypes[i].propertyFlags & properties) == properties)
+      return i;
   throw std::runtime_error("device " + device.info.name + " has no memory of the kind " + vk::to_string(properties));
 }
 

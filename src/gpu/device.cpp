@@ -51,21 +51,31 @@ std::optional<vk::raii::Instance> make_instance(const vk::raii::Context& context
 
 const char* type_name(vk::PhysicalDeviceType type) {
   switch (type) {
-    case vk::PhysicalDeviceType::eDiscreteGpu: return "discrete";
-    case vk::PhysicalDeviceType::eIntegratedGpu: return "integrated";
-    case vk::PhysicalDeviceType::eVirtualGpu: return "virtual";
-    case vk::PhysicalDeviceType::eCpu: return "cpu";
-    default: return "other";
+    case vk::PhysicalDeviceType::eDiscreteGpu:
+      return "discrete";
+    case vk::PhysicalDeviceType::eIntegratedGpu:
+      return "integrated";
+    case vk::PhysicalDeviceType::eVirtualGpu:
+      return "virtual";
+    case vk::PhysicalDeviceType::eCpu:
+      return "cpu";
+    default:
+      return "other";
   }
 }
 
 int preference(vk::PhysicalDeviceType type) {
   switch (type) {
-    case vk::PhysicalDeviceType::eDiscreteGpu: return 0;
-    case vk::PhysicalDeviceType::eIntegratedGpu: return 1;
-    case vk::PhysicalDeviceType::eVirtualGpu: return 2;
-    case vk::PhysicalDeviceType::eCpu: return 3;
-    default: return 4;
+    case vk::PhysicalDeviceType::eDiscreteGpu:
+      return 0;
+    case vk::PhysicalDeviceType::eIntegratedGpu:
+      return 1;
+    case vk::PhysicalDeviceType::eVirtualGpu:
+      return 2;
+    case vk::PhysicalDeviceType::eCpu:
+      return 3;
+    default:
+      return 4;
   }
 }
 
@@ -113,7 +123,8 @@ DeviceInfo describe(int index, const vk::raii::PhysicalDevice& physical) {
                            .get<vk::PhysicalDeviceSubgroupProperties>()
                            .subgroupSize;
   for (const auto& heap : physical.getMemoryProperties().memoryHeaps)
-    if (heap.flags & vk::MemoryHeapFlagBits::eDeviceLocal) info.memory = std::max<std::uint64_t>(info.memory, heap.size);
+    if (heap.flags & vk::MemoryHeapFlagBits::eDeviceLocal)
+      info.memory = std::max<std::uint64_t>(info.memory, heap.size);
   return info;
 }
 
@@ -126,7 +137,8 @@ std::filesystem::path pipeline_cache_file(const vk::raii::PhysicalDevice& physic
   const char* cache = std::getenv("XDG_CACHE_HOME");
   const char* home = std::getenv("HOME");
   if (cache == nullptr && home == nullptr) return {};
-  const auto folder = (cache != nullptr ? std::filesystem::path(cache) : std::filesystem::path(home) / ".cache") / "cairn";
+  const auto folder =
+      (cache != nullptr ? std::filesystem::path(cache) : std::filesystem::path(home) / ".cache") / "cairn";
   std::string id;
   for (const auto byte : physical.getProperties().pipelineCacheUUID) {
     constexpr char kHex[] = "0123456789abcdef";
@@ -159,15 +171,14 @@ Device::Device(int index) : state_(std::make_unique<State>()) {
   s.instance = make_instance(s.context, validation);
   if (!s.instance) no_device();
   if (validation)
-    s.messenger.emplace(
-        *s.instance,
-        vk::DebugUtilsMessengerCreateInfoEXT{.messageSeverity = vk::DebugUtilsMessageSeverityFlagBitsEXT::eWarning |
-                                                                vk::DebugUtilsMessageSeverityFlagBitsEXT::eError,
-                                             .messageType = vk::DebugUtilsMessageTypeFlagBitsEXT::eGeneral |
-                                                            vk::DebugUtilsMessageTypeFlagBitsEXT::eValidation |
-                                                            vk::DebugUtilsMessageTypeFlagBitsEXT::ePerformance,
-                                             .pfnUserCallback = keep_message,
-                                             .pUserData = &s.messages});
+    s.messenger.emplace(*s.instance, vk::DebugUtilsMessengerCreateInfoEXT{
+                                         .messageSeverity = vk::DebugUtilsMessageSeverityFlagBitsEXT::eWarning |
+                                                            vk::DebugUtilsMessageSeverityFlagBitsEXT::eError,
+                                         .messageType = vk::DebugUtilsMessageTypeFlagBitsEXT::eGeneral |
+                                                        vk::DebugUtilsMessageTypeFlagBitsEXT::eValidation |
+                                                        vk::DebugUtilsMessageTypeFlagBitsEXT::ePerformance,
+                                         .pfnUserCallback = keep_message,
+                                         .pUserData = &s.messages});
 
   vk::raii::PhysicalDevices physicals(*s.instance);
   if (physicals.empty()) no_device();
@@ -194,7 +205,8 @@ Device::Device(int index) : state_(std::make_unique<State>()) {
   s.memory_types = s.physical->getMemoryProperties();
   s.timestamp_period_ns = s.physical->getProperties().limits.timestampPeriod;
   const float priority = 1.0f;
-  const vk::DeviceQueueCreateInfo queue{.queueFamilyIndex = s.queue_family, .queueCount = 1, .pQueuePriorities = &priority};
+  const vk::DeviceQueueCreateInfo queue{
+      .queueFamilyIndex = s.queue_family, .queueCount = 1, .pQueuePriorities = &priority};
   const char* extension = VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME;
   const vk::PhysicalDeviceVulkan12Features v12{.scalarBlockLayout = true, .bufferDeviceAddress = true};
   s.device.emplace(*s.physical, vk::DeviceCreateInfo{.pNext = &v12,

@@ -16,7 +16,7 @@ struct DeviceInfo {
   std::string name, type, driver;
   std::uint64_t memory = 0;  // bytes of the largest device-local heap
   std::uint32_t subgroup_size = 0;
-  std::string missing;       // first feature that Cairn needs and this device lacks; empty: usable
+  std::string missing;  // first feature that Cairn needs and this device lacks; empty: usable
 };
 
 /// All Vulkan devices, usable or not. Empty when no driver is installed.

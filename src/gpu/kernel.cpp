@@ -21,7 +21,8 @@ struct Layout {
 Layout reflect(const std::string& name, std::span<const std::uint32_t> spirv) {
   spvc_context context = nullptr;
   const auto check = [&](spvc_result result) {
-    if (result != SPVC_SUCCESS) throw std::logic_error("shader " + name + ": " + spvc_context_get_last_error_string(context));
+    if (result != SPVC_SUCCESS)
+      throw std::logic_error("shader " + name + ": " + spvc_context_get_last_error_string(context));
   };
   check(spvc_context_create(&context));
   const std::unique_ptr<spvc_context_s, void (*)(spvc_context)> owner(context, spvc_context_destroy);
@@ -37,14 +38,14 @@ Layout reflect(const std::string& name, std::span<const std::uint32_t> spirv) {
   std::size_t count = 0;
   check(spvc_resources_get_resource_list_for_type(resources, SPVC_RESOURCE_TYPE_STORAGE_BUFFER, &list, &count));
   for (std::size_t i = 0; i < count; ++i)
-    layout.bindings = std::max(layout.bindings, 1 + spvc_compiler_get_decoration(compiler, list[i].id, SpvDecorationBinding));
+    layout.bindings =
+        std::max(layout.bindings, 1 + spvc_compiler_get_decoration(compiler, list[i].id, SpvDecorationBinding));
   check(spvc_resources_get_resource_list_for_type(resources, SPVC_RESOURCE_TYPE_PUSH_CONSTANT, &list, &count));
   if (count > 0)
     check(spvc_compiler_get_declared_struct_size(
         compiler, spvc_compiler_get_type_handle(compiler, list[0].base_type_id), &layout.push_bytes));
   for (unsigned i = 0; i < 3; ++i)
-    layout.workgroup[i] =
-        spvc_compiler_get_execution_mode_argument_by_index(compiler, SpvExecutionModeLocalSize, i);
+    layout.workgroup[i] = spvc_compiler_get_execution_mode_argument_by_index(compiler, SpvExecutionModeLocalSize, i);
   return layout;
 }
 
@@ -80,16 +81,16 @@ KernelBase::KernelBase(Device& device, std::string name, std::span<const std::ui
                                                    .pBindings = bindings.data()});
   const vk::PushConstantRange push{.stageFlags = vk::ShaderStageFlagBits::eCompute,
                                    .size = static_cast<std::uint32_t>(push_bytes)};
-  s.pipeline_layout = vk::raii::PipelineLayout(
-      *d.device,
-      vk::PipelineLayoutCreateInfo{
-          .setLayoutCount = 1, .pSetLayouts = &*s.set_layout, .pushConstantRangeCount = 1, .pPushConstantRanges = &push});
+  s.pipeline_layout = vk::raii::PipelineLayout(*d.device, vk::PipelineLayoutCreateInfo{.setLayoutCount = 1,
+                                                                                       .pSetLayouts = &*s.set_layout,
+                                                                                       .pushConstantRangeCount = 1,
+                                                                                       .pPushConstantRanges = &push});
   const vk::raii::ShaderModule module(*d.device, {.codeSize = spirv.size_bytes(), .pCode = spirv.data()});
-  s.pipeline = vk::raii::Pipeline(
-      *d.device, *d.pipelines,
-      vk::ComputePipelineCreateInfo{
-          .stage = {.stage = vk::ShaderStageFlagBits::eCompute, .module = *module, .pName = "main"},
-          .layout = *s.pipeline_layout});
+  s.pipeline =
+      vk::raii::Pipeline(*d.device, *d.pipelines,
+                         vk::ComputePipelineCreateInfo{
+                             .stage = {.stage = vk::ShaderStageFlagBits::eCompute, .module = *module, .pName = "main"},
+                             .layout = *s.pipeline_layout});
 }
 KernelBase::~KernelBase() = default;
 KernelBase::KernelBase(KernelBase&&) noexcept = default;

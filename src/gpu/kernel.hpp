@@ -30,7 +30,8 @@ class KernelBase {
   std::unique_ptr<State> state_;
 };
 
-/// One .comp file and its push struct. Binding count, workgroup size and push size are read from the SPIR-V and checked.
+/// One .comp file and its push struct. Binding count, workgroup size and push size are read from the SPIR-V and
+/// checked.
 ///
 ///   gpu::Kernel<TsdfIntegratePush> integrate_{device, "tsdf_integrate", tsdf_integrate_comp};
 ///   integrate_(batch, {512 * count, 1, 1}, push, {&depth, &voxels});

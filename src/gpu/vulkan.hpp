@@ -36,7 +36,8 @@ struct Device::State {
 
 /// A buffer with memory of its own. `mapped` is null for device-local memory.
 struct Allocation {
-  Allocation(Device::State& device, std::uint64_t bytes, vk::BufferUsageFlags usage, vk::MemoryPropertyFlags properties);
+  Allocation(Device::State& device, std::uint64_t bytes, vk::BufferUsageFlags usage,
+             vk::MemoryPropertyFlags properties);
   ~Allocation();
   Allocation(const Allocation&) = delete;
   Allocation& operator=(const Allocation&) = delete;
@@ -63,7 +64,8 @@ struct Batch::State {
   struct Arena {
     std::deque<Allocation> chunks;
     std::uint64_t used = 0;  // of the last chunk
-    Place take(Device::State& device, std::uint64_t bytes, vk::BufferUsageFlags usage, vk::MemoryPropertyFlags properties);
+    Place take(Device::State& device, std::uint64_t bytes, vk::BufferUsageFlags usage,
+               vk::MemoryPropertyFlags properties);
     void reset();
   };
   struct Download {

@@ -10,7 +10,8 @@
 
 namespace cairn {
 
-void write_whole(const std::filesystem::path& file, const std::function<void(const std::filesystem::path& temporary)>& write) {
+void write_whole(const std::filesystem::path& file,
+                 const std::function<void(const std::filesystem::path& temporary)>& write) {
   namespace fs = std::filesystem;
   // The extension stays last: some writers choose their format by it.
   const fs::path temporary =

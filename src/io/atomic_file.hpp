@@ -8,6 +8,7 @@ namespace cairn {
 
 /// Writes a file whole or not at all: `write` fills a temporary one beside it, which is then renamed. Throws
 /// std::runtime_error with the path and what to do; the temporary file is gone then.
-void write_whole(const std::filesystem::path& file, const std::function<void(const std::filesystem::path& temporary)>& write);
+void write_whole(const std::filesystem::path& file,
+                 const std::function<void(const std::filesystem::path& temporary)>& write);
 
 }  // namespace cairn

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// ICL-NUIM (Handa et al. 2014): associations.txt with image numbers as times. Its camera has fy = -480; turning poses by
-// F T F with F = diag(1, -1, 1) makes it an ordinary camera.
+// ICL-NUIM (Handa et al. 2014): associations.txt with image numbers as times. Its camera has fy = -480; turning poses
+// by F T F with F = diag(1, -1, 1) makes it an ordinary camera.
 #include <algorithm>
 #include <set>
 #include <stdexcept>

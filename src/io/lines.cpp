@@ -9,7 +9,8 @@
 
 namespace cairn {
 
-void for_each_line(const std::filesystem::path& file, const std::function<void(int, const std::vector<std::string>&)>& take) {
+void for_each_line(const std::filesystem::path& file,
+                   const std::function<void(int, const std::vector<std::string>&)>& take) {
   std::ifstream in(file);
   if (!in) throw std::runtime_error(file.string() + ": cannot be read");
   std::string line;

@@ -27,7 +27,8 @@ Recording read_recording(const fs::path& folder) {
                            "(7-Scenes), associations.txt (ICL-NUIM) or intrinsics.json");
 }
 
-/// Reads a whole image file. The decoders fill a cut-off image with grey and only print a warning, so the end is checked.
+/// Reads a whole image file. The decoders fill a cut-off image with grey and only print a warning, so the end is
+/// checked.
 cv::Mat decode(const fs::path& file, int flags) {
   std::ifstream in(file, std::ios::binary);
   if (!in) throw std::runtime_error("cannot be read");
@@ -56,7 +57,9 @@ class RecordingSource final : public Source {
   }
 
   const Camera& camera() const override { return recording_.camera; }
-  std::optional<int> size() const override { return std::max(0, (end_ - range_.begin + range_.step - 1) / range_.step); }
+  std::optional<int> size() const override {
+    return std::max(0, (end_ - range_.begin + range_.step - 1) / range_.step);
+  }
 
   std::optional<Frame> next() override {
     if (next_ >= end_) return std::nullopt;
@@ -86,8 +89,7 @@ class RecordingSource final : public Source {
   std::vector<float> read_depth(const fs::path& file) const {
     const Camera& c = recording_.camera;
     const cv::Mat image = decode(file, cv::IMREAD_UNCHANGED);
-    if (image.type() != CV_16UC1)
-      throw std::runtime_error("depth must be a 16-bit image with one channel");
+    if (image.type() != CV_16UC1) throw std::runtime_error("depth must be a 16-bit image with one channel");
     if (image.cols != c.width || image.rows != c.height)
       throw std::runtime_error("is " + std::to_string(image.cols) + "x" + std::to_string(image.rows) + ", the camera " +
                                std::to_string(c.width) + "x" + std::to_string(c.height));

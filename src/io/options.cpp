@@ -52,12 +52,15 @@ void read_options(const std::filesystem::path& file, Options& options) {
   for_each_option(options, [&](const char* name, auto& field, auto, auto) {
     setters[name] = [&field](const YAML::Node& node) { field = node.as<std::remove_reference_t<decltype(field)>>(); };
   });
-  const auto where = [&](const YAML::Node& node) { return file.string() + ":" + std::to_string(node.Mark().line + 1) + ": "; };
+  const auto where = [&](const YAML::Node& node) {
+    return file.string() + ":" + std::to_string(node.Mark().line + 1) + ": ";
+  };
   if (root.IsNull()) return;
   if (!root.IsMap()) throw std::runtime_error(where(root) + "expected sections such as `fuse:`");
   for (const auto& section : root) {
     const auto name = section.first.as<std::string>();
-    if (!section.second.IsMap()) throw std::runtime_error(where(section.first) + "`" + name + "` is no section of options");
+    if (!section.second.IsMap())
+      throw std::runtime_error(where(section.first) + "`" + name + "` is no section of options");
     for (const auto& option : section.second) {
       const std::string full = name + "." + option.first.as<std::string>();
       const auto setter = setters.find(full);

@@ -15,7 +15,9 @@ namespace {
 class ReadAhead final : public Source {
  public:
   ReadAhead(std::unique_ptr<Source> source, int ahead)
-      : source_(std::move(source)), ahead_(static_cast<std::size_t>(ahead)), thread_([this](std::stop_token s) { run(s); }) {}
+      : source_(std::move(source)),
+        ahead_(static_cast<std::size_t>(ahead)),
+        thread_([this](std::stop_token s) { run(s); }) {}
   const Camera& camera() const override { return source_->camera(); }
   std::optional<int> size() const override { return source_->size(); }
 

@@ -15,15 +15,15 @@ namespace cairn {
 /// What a folder of images says about itself, whatever its layout. Paths are absolute or relative to the program.
 struct Recording {
   struct Entry {
-    double timestamp;              // seconds
+    double timestamp;  // seconds
     std::filesystem::path depth;
     std::filesystem::path colour;  // empty: none
   };
   Camera camera;
-  double depth_scale = 5000.0;     // depth image units per metre
-  int invalid_depth = 0;           // a second value that means "no measurement", beside 0
+  double depth_scale = 5000.0;  // depth image units per metre
+  int invalid_depth = 0;        // a second value that means "no measurement", beside 0
   std::vector<Entry> entries;
-  Trajectory truth;                // world_from_camera; empty when there is none
+  Trajectory truth;  // world_from_camera; empty when there is none
 };
 
 // Each reads one layout, or returns nothing when the folder has another. Errors are thrown with file and line.
@@ -33,7 +33,8 @@ struct Recording {
 [[nodiscard]] std::optional<Recording> read_intrinsics_folder(const std::filesystem::path& folder);
 
 /// Calls `take(line number, words)` for each line that is neither empty nor a comment.
-void for_each_line(const std::filesystem::path& file, const std::function<void(int, const std::vector<std::string>&)>& take);
+void for_each_line(const std::filesystem::path& file,
+                   const std::function<void(int, const std::vector<std::string>&)>& take);
 /// The number that a word of a line holds; throws with file and line.
 [[nodiscard]] double number_of(const std::string& word, const std::filesystem::path& file, int line);
 

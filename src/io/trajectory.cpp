@@ -58,7 +58,8 @@ void write_trajectory(const std::filesystem::path& file, const Trajectory& traje
       Eigen::Quaterniond q(pose.linear());
       if (q.w() < 0) q.coeffs() = -q.coeffs();
       out << std::setprecision(6) << timestamp << std::setprecision(9);
-      for (const double v : {pose.translation().x(), pose.translation().y(), pose.translation().z(), q.x(), q.y(), q.z(), q.w()})
+      for (const double v :
+           {pose.translation().x(), pose.translation().y(), pose.translation().z(), q.x(), q.y(), q.z(), q.w()})
         out << ' ' << v;
       out << '\n';
     }

@@ -106,9 +106,10 @@ std::optional<Recording> read_tum(const fs::path& folder) {
   if (fs::exists(folder / "camera.yaml"))
     read_camera_yaml(folder / "camera.yaml", recording);
   else if (!known_camera(folder, recording.camera))
-    throw std::runtime_error(folder.string() +
-                             ": the camera is not known; add camera.yaml with width, height, fx, fy, cx, cy, distortion "
-                             "[k1, k2, p1, p2, k3] and depth_scale (units per metre)");
+    throw std::runtime_error(
+        folder.string() +
+        ": the camera is not known; add camera.yaml with width, height, fx, fy, cx, cy, distortion "
+        "[k1, k2, p1, p2, k3] and depth_scale (units per metre)");
   const auto depth = read_list(folder / "depth.txt");
   const auto colour = read_list(folder / "rgb.txt");
   const auto match = associate(depth, colour);

@@ -92,7 +92,8 @@ Mapper::Mapper(Mapper&&) noexcept = default;
 
 FrameReport Mapper::add(const Frame& frame) {
   State& s = *state_;
-  FrameReport report{.index = frame.index, .timestamp = frame.timestamp, .reason = unusable(frame, s.camera, s.trajectory)};
+  FrameReport report{
+      .index = frame.index, .timestamp = frame.timestamp, .reason = unusable(frame, s.camera, s.trajectory)};
   if (!report.reason.empty()) return report;
 
   const Surface live = timed(report, "preprocess", [&] { return s.preprocess(frame); });

@@ -5,8 +5,8 @@
 #include <tiny_gltf.h>
 
 #include <Eigen/Geometry>
-#include <cmath>
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <limits>
@@ -25,17 +25,19 @@ Eigen::Vector3f turned(const Eigen::Vector3f& v) { return {v.x(), -v.y(), -v.z()
 /// glTF's vertex colours are linear, ours sRGB (IEC 61966-2-1).
 std::uint16_t linear(std::uint8_t srgb) {
   const double c = srgb / 255.0;
-  return static_cast<std::uint16_t>(std::lround(65535.0 * (c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4))));
+  return static_cast<std::uint16_t>(
+      std::lround(65535.0 * (c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4))));
 }
 std::uint8_t srgb(double value) {
   const double c = std::clamp(value, 0.0, 1.0);
-  return static_cast<std::uint8_t>(std::lround(255.0 * (c <= 0.0031308 ? 12.92 * c : 1.055 * std::pow(c, 1 / 2.4) - 0.055)));
+  return static_cast<std::uint8_t>(
+      std::lround(255.0 * (c <= 0.0031308 ? 12.92 * c : 1.055 * std::pow(c, 1 / 2.4) - 0.055)));
 }
 
 /// Appends to the model's one buffer; returns the accessor.
 template <class T>
-int add_accessor(tinygltf::Model& model, const std::vector<T>& data, int component, int type, std::size_t count, int target,
-                 bool normalized = false) {
+int add_accessor(tinygltf::Model& model, const std::vector<T>& data, int component, int type, std::size_t count,
+                 int target, bool normalized = false) {
   auto& bytes = model.buffers[0].data;
   tinygltf::BufferView view;
   view.buffer = 0;
@@ -86,15 +88,16 @@ tinygltf::Model to_model(const Mesh& mesh) {
   primitive.mode = TINYGLTF_MODE_TRIANGLES;
   primitive.material = 0;
   primitive.attributes["POSITION"] =
-      add_accessor(model, flat(mesh.positions), TINYGLTF_COMPONENT_TYPE_FLOAT, TINYGLTF_TYPE_VEC3, mesh.positions.size(),
-                   TINYGLTF_TARGET_ARRAY_BUFFER);
+      add_accessor(model, flat(mesh.positions), TINYGLTF_COMPONENT_TYPE_FLOAT, TINYGLTF_TYPE_VEC3,
+                   mesh.positions.size(), TINYGLTF_TARGET_ARRAY_BUFFER);
   Eigen::Vector3f low = Eigen::Vector3f::Constant(std::numeric_limits<float>::max()), high = -low;
   for (const auto& p : mesh.positions) low = low.cwiseMin(turned(p)), high = high.cwiseMax(turned(p));
   model.accessors.back().minValues = {low.x(), low.y(), low.z()};
   model.accessors.back().maxValues = {high.x(), high.y(), high.z()};
   if (!mesh.normals.empty())
-    primitive.attributes["NORMAL"] = add_accessor(model, flat(mesh.normals), TINYGLTF_COMPONENT_TYPE_FLOAT, TINYGLTF_TYPE_VEC3,
-                                                  mesh.normals.size(), TINYGLTF_TARGET_ARRAY_BUFFER);
+    primitive.attributes["NORMAL"] =
+        add_accessor(model, flat(mesh.normals), TINYGLTF_COMPONENT_TYPE_FLOAT, TINYGLTF_TYPE_VEC3, mesh.normals.size(),
+                     TINYGLTF_TARGET_ARRAY_BUFFER);
   if (!mesh.colours.empty()) {
     std::array<std::uint16_t, 256> table{};
     for (std::size_t i = 0; i < table.size(); ++i) table[i] = linear(static_cast<std::uint8_t>(i));
@@ -108,8 +111,8 @@ tinygltf::Model to_model(const Mesh& mesh) {
   std::vector<std::uint32_t> indices;
   indices.reserve(3 * mesh.triangles.size());
   for (const auto& t : mesh.triangles) indices.insert(indices.end(), t.begin(), t.end());
-  primitive.indices = add_accessor(model, indices, TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT, TINYGLTF_TYPE_SCALAR, indices.size(),
-                                   TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER);
+  primitive.indices = add_accessor(model, indices, TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT, TINYGLTF_TYPE_SCALAR,
+                                   indices.size(), TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER);
 
   tinygltf::Material material;
   material.name = "surface";
@@ -142,7 +145,8 @@ void read_accessor(const tinygltf::Model& model, int index, const Take& take) {
   const auto stride = static_cast<std::size_t>(accessor.ByteStride(view));
   const std::size_t start = view.byteOffset + accessor.byteOffset;
   if (components > 4 || size < 0 ||
-      (accessor.count > 0 && start + stride * (accessor.count - 1) + static_cast<std::size_t>(components * size) > bytes.size()))
+      (accessor.count > 0 &&
+       start + stride * (accessor.count - 1) + static_cast<std::size_t>(components * size) > bytes.size()))
     throw std::runtime_error("an accessor reaches beyond its buffer");
   for (std::size_t i = 0; i < accessor.count; ++i) {
     std::array<double, 4> v{};
@@ -155,11 +159,23 @@ void read_accessor(const tinygltf::Model& model, int index, const Take& take) {
       };
       double& out = v[static_cast<std::size_t>(c)];
       switch (accessor.componentType) {
-        case TINYGLTF_COMPONENT_TYPE_FLOAT: { float f; std::memcpy(&f, at, 4); out = f; break; }
-        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE: out = as(std::uint8_t{}); break;
-        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT: out = as(std::uint16_t{}); break;
-        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT: out = as(std::uint32_t{}); break;
-        default: throw std::runtime_error("an accessor has a component type that is not read");
+        case TINYGLTF_COMPONENT_TYPE_FLOAT: {
+          float f;
+          std::memcpy(&f, at, 4);
+          out = f;
+          break;
+        }
+        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
+          out = as(std::uint8_t{});
+          break;
+        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT:
+          out = as(std::uint16_t{});
+          break;
+        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT:
+          out = as(std::uint32_t{});
+          break;
+        default:
+          throw std::runtime_error("an accessor has a component type that is not read");
       }
     }
     take(i, v);
@@ -192,7 +208,8 @@ void append(const tinygltf::Model& model, int node_index, const Eigen::Affine3d&
       const std::size_t count = mesh.positions.size() - first;
       if (const auto it = primitive.attributes.find("NORMAL"); it != primitive.attributes.end())
         read_accessor(model, it->second, [&](std::size_t, const auto& v) {
-          mesh.normals.push_back(turned((normal_transform * Eigen::Vector3d(v[0], v[1], v[2])).normalized().template cast<float>()));
+          mesh.normals.push_back(
+              turned((normal_transform * Eigen::Vector3d(v[0], v[1], v[2])).normalized().template cast<float>()));
         });
       if (const auto it = primitive.attributes.find("COLOR_0"); it != primitive.attributes.end())
         read_accessor(model, it->second, [&](std::size_t, const auto& v) {
@@ -200,7 +217,8 @@ void append(const tinygltf::Model& model, int node_index, const Eigen::Affine3d&
         });
       std::vector<std::uint32_t> indices;
       if (primitive.indices >= 0)
-        read_accessor(model, primitive.indices, [&](std::size_t, const auto& v) { indices.push_back(static_cast<std::uint32_t>(v[0])); });
+        read_accessor(model, primitive.indices,
+                      [&](std::size_t, const auto& v) { indices.push_back(static_cast<std::uint32_t>(v[0])); });
       else
         for (std::size_t i = 0; i < count; ++i) indices.push_back(static_cast<std::uint32_t>(i));
       for (std::size_t i = 0; i + 2 < indices.size(); i += 3) {
@@ -227,7 +245,8 @@ void write_gltf(const std::filesystem::path& file, const Mesh& mesh) {
     bin.replace_extension(".bin");
     write_whole(bin, [&](const std::filesystem::path& temporary) {
       std::ofstream out(temporary, std::ios::binary);
-      out.write(reinterpret_cast<const char*>(model.buffers[0].data.data()), static_cast<std::streamsize>(model.buffers[0].data.size()));
+      out.write(reinterpret_cast<const char*>(model.buffers[0].data.data()),
+                static_cast<std::streamsize>(model.buffers[0].data.size()));
       if (!out.flush()) throw std::runtime_error("the disk is full");
     });
     model.buffers[0].uri = bin.filename().string();
@@ -238,7 +257,8 @@ void write_gltf(const std::filesystem::path& file, const Mesh& mesh) {
     if (binary) {
       if (!writer.WriteGltfSceneToStream(&model, out, false, true)) throw std::runtime_error("tinygltf failed");
     } else {
-      // tinygltf would write the buffer a second time, as text or under the temporary name: the JSON gets the .bin's name.
+      // tinygltf would write the buffer a second time, as text or under the temporary name: the JSON gets the .bin's
+      // name.
       std::ostringstream json;
       writer.WriteGltfSceneToStream(&model, json, true, false);
       nlohmann::json j = nlohmann::json::parse(json.str());
@@ -256,7 +276,8 @@ Mesh read_gltf(const std::filesystem::path& file) {
   std::string error, warning;
   const bool loaded = file.extension() == ".glb" ? loader.LoadBinaryFromFile(&model, &error, &warning, file.string())
                                                  : loader.LoadASCIIFromFile(&model, &error, &warning, file.string());
-  if (!loaded) throw std::runtime_error(file.string() + ": cannot be read as glTF: " + error.substr(0, error.find('\n')));
+  if (!loaded)
+    throw std::runtime_error(file.string() + ": cannot be read as glTF: " + error.substr(0, error.find('\n')));
   Mesh mesh;
   try {
     const std::size_t scene = model.defaultScene < 0 ? 0 : static_cast<std::size_t>(model.defaultScene);

@@ -35,15 +35,24 @@ double read_number(std::istream& in, const std::string& type, bool ascii) {
       in.read(reinterpret_cast<char*>(&v), sizeof(v));
       return static_cast<double>(v);
     };
-    if (type == "float" || type == "float32") value = as(float{});
-    else if (type == "double" || type == "float64") value = as(double{});
-    else if (type == "uchar" || type == "uint8") value = as(std::uint8_t{});
-    else if (type == "char" || type == "int8") value = as(std::int8_t{});
-    else if (type == "ushort" || type == "uint16") value = as(std::uint16_t{});
-    else if (type == "short" || type == "int16") value = as(std::int16_t{});
-    else if (type == "uint" || type == "uint32") value = as(std::uint32_t{});
-    else if (type == "int" || type == "int32") value = as(std::int32_t{});
-    else throw std::runtime_error("type '" + type + "' is not read");
+    if (type == "float" || type == "float32")
+      value = as(float{});
+    else if (type == "double" || type == "float64")
+      value = as(double{});
+    else if (type == "uchar" || type == "uint8")
+      value = as(std::uint8_t{});
+    else if (type == "char" || type == "int8")
+      value = as(std::int8_t{});
+    else if (type == "ushort" || type == "uint16")
+      value = as(std::uint16_t{});
+    else if (type == "short" || type == "int16")
+      value = as(std::int16_t{});
+    else if (type == "uint" || type == "uint32")
+      value = as(std::uint32_t{});
+    else if (type == "int" || type == "int32")
+      value = as(std::int32_t{});
+    else
+      throw std::runtime_error("type '" + type + "' is not read");
   }
   if (!in) throw std::runtime_error("the file is cut off or malformed");
   return value;

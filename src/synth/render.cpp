@@ -75,8 +75,10 @@ void add_kinect_noise(SceneRenderer::Images& images, const Camera& camera, std::
   std::vector<float> noisy(images.depth.size(), 0.0f);
   for (int y = 0; y < camera.height; ++y) {
     for (int x = 0; x < camera.width; ++x) {
-      const int sx = std::clamp(static_cast<int>(std::lround(static_cast<float>(x) + kLateral * normal())), 0, camera.width - 1);
-      const int sy = std::clamp(static_cast<int>(std::lround(static_cast<float>(y) + kLateral * normal())), 0, camera.height - 1);
+      const int sx =
+          std::clamp(static_cast<int>(std::lround(static_cast<float>(x) + kLateral * normal())), 0, camera.width - 1);
+      const int sy =
+          std::clamp(static_cast<int>(std::lround(static_cast<float>(y) + kLateral * normal())), 0, camera.height - 1);
       const auto at = static_cast<std::size_t>(sy * camera.width + sx);
       const float z = images.depth[at], noise = kDisparityNoise * normal();
       if (z < kNear || z > kFar || images.cosine[at] < kGrazing) continue;
@@ -89,7 +91,8 @@ void add_kinect_noise(SceneRenderer::Images& images, const Camera& camera, std::
     const float grain = kColourNoise * normal();
     std::uint32_t out = 0xff000000u;
     for (int shift = 0; shift < 24; shift += 8)
-      out |= static_cast<std::uint32_t>(std::clamp(static_cast<float>((pixel >> shift) & 0xff) + grain, 0.0f, 255.0f)) << shift;
+      out |= static_cast<std::uint32_t>(std::clamp(static_cast<float>((pixel >> shift) & 0xff) + grain, 0.0f, 255.0f))
+             << shift;
     pixel = out;
   }
 }

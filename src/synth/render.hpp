@@ -30,9 +30,9 @@ class SceneRenderer {
   gpu::Kernel<shader::SceneRenderPush> render_;
 };
 
-/// What a Kinect would have measured (Khoshelham & Elberink 2012; Handa et al. 2014, sec. IV): pixels shifted by lateral
-/// noise, disparity with noise and quantised to 1/8 pixel, nothing at grazing angles or out of 0.4 to 5 m. Repeats for
-/// the same seed and frame.
+/// What a Kinect would have measured (Khoshelham & Elberink 2012; Handa et al. 2014, sec. IV): pixels shifted by
+/// lateral noise, disparity with noise and quantised to 1/8 pixel, nothing at grazing angles or out of 0.4 to 5 m.
+/// Repeats for the same seed and frame.
 void add_kinect_noise(SceneRenderer::Images& images, const Camera& camera, std::uint64_t seed, int frame);
 
 }  // namespace cairn

@@ -29,9 +29,12 @@ double box_distance(const Vector3d& p, const Vector3d& half) {
 double solid_distance(const Scene::Solid& s, const Vector3d& point) {
   const Vector3d p = local(s, point), half = s.half_size.cast<double>();
   switch (s.shape) {
-    case Shape::box: return box_distance(p, half);
-    case Shape::hollow: return -box_distance(p, half);
-    case Shape::sphere: return p.norm() - half.x();
+    case Shape::box:
+      return box_distance(p, half);
+    case Shape::hollow:
+      return -box_distance(p, half);
+    case Shape::sphere:
+      return p.norm() - half.x();
     case Shape::cylinder: {
       const double r = std::hypot(p.x(), p.z()) - half.x(), y = std::abs(p.y()) - half.y();
       return std::hypot(std::max(r, 0.0), std::max(y, 0.0)) + std::min(std::max(r, y), 0.0);
@@ -43,61 +46,152 @@ double solid_distance(const Scene::Solid& s, const Vector3d& point) {
 /// A box that stands on the floor.
 Scene::Solid standing(float x, float z, Vector3f size, float above, Pattern pattern, float scale, Vector3f colour,
                       Vector3f second, float yaw = 0) {
-  return {Shape::box, {x, static_cast<float>(kFloor) - above - size.y() / 2, z}, size / 2, yaw, pattern, scale, colour, second};
+  return {Shape::box, {x, static_cast<float>(kFloor) - above - size.y() / 2, z}, size / 2, yaw, pattern, scale, colour,
+          second};
 }
 
 std::vector<Scene::Solid> furnished_room() {
-  const Vector3f wood(0.62f, 0.42f, 0.24f), dark(0.40f, 0.25f, 0.13f), white(0.85f, 0.84f, 0.80f), grey(0.5f, 0.5f, 0.52f);
+  const Vector3f wood(0.62f, 0.42f, 0.24f), dark(0.40f, 0.25f, 0.13f), white(0.85f, 0.84f, 0.80f),
+      grey(0.5f, 0.5f, 0.52f);
   std::vector<Scene::Solid> s;
-  s.push_back({Shape::hollow, {0, 0, 0}, {2.7f, 1.3f, 2.3f}, 0, Pattern::tiles, 0.4f, {0.78f, 0.76f, 0.66f}, {0.55f, 0.5f, 0.45f}});
-  s.push_back(standing(0, 0, {3.2f, 0.012f, 2.4f}, 0, Pattern::checker, 0.22f, {0.62f, 0.2f, 0.18f}, {0.82f, 0.68f, 0.45f}));
+  s.push_back({Shape::hollow,
+               {0, 0, 0},
+               {2.7f, 1.3f, 2.3f},
+               0,
+               Pattern::tiles,
+               0.4f,
+               {0.78f, 0.76f, 0.66f},
+               {0.55f, 0.5f, 0.45f}});
+  s.push_back(
+      standing(0, 0, {3.2f, 0.012f, 2.4f}, 0, Pattern::checker, 0.22f, {0.62f, 0.2f, 0.18f}, {0.82f, 0.68f, 0.45f}));
   // desk with a screen, books, a lamp and a mug
   s.push_back(standing(0.2f, 1.85f, {1.6f, 0.05f, 0.75f}, 0.70f, Pattern::wood, 0.25f, wood, dark));
   for (const float x : {-0.52f, 0.92f})
-    for (const float z : {1.55f, 2.15f}) s.push_back(standing(x, z, {0.07f, 0.70f, 0.07f}, 0, Pattern::wood, 0.2f, dark, wood));
-  s.push_back(standing(0.15f, 2.05f, {0.62f, 0.38f, 0.05f}, 0.87f, Pattern::patches, 0.09f, {0.2f, 0.4f, 0.7f}, {0.1f, 0.6f, 0.5f}));
+    for (const float z : {1.55f, 2.15f})
+      s.push_back(standing(x, z, {0.07f, 0.70f, 0.07f}, 0, Pattern::wood, 0.2f, dark, wood));
+  s.push_back(standing(0.15f, 2.05f, {0.62f, 0.38f, 0.05f}, 0.87f, Pattern::patches, 0.09f, {0.2f, 0.4f, 0.7f},
+                       {0.1f, 0.6f, 0.5f}));
   s.push_back(standing(0.15f, 2.02f, {0.24f, 0.13f, 0.18f}, 0.75f, Pattern::plain, 0.1f, {0.25f, 0.25f, 0.27f}, grey));
-  s.push_back(standing(0.75f, 1.85f, {0.24f, 0.16f, 0.30f}, 0.75f, Pattern::patches, 0.045f, {0.7f, 0.2f, 0.2f}, white, 0.4f));
-  s.push_back({Shape::cylinder, {-0.35f, 0.49f, 1.75f}, {0.045f, 0.055f, 0}, 0, Pattern::checker, 0.03f, {0.85f, 0.3f, 0.2f}, white});
-  s.push_back({Shape::sphere, {-0.42f, 0.43f, 2.03f}, {0.12f, 0, 0}, 0, Pattern::checker, 0.06f, {0.9f, 0.75f, 0.3f}, {0.6f, 0.4f, 0.2f}});
+  s.push_back(
+      standing(0.75f, 1.85f, {0.24f, 0.16f, 0.30f}, 0.75f, Pattern::patches, 0.045f, {0.7f, 0.2f, 0.2f}, white, 0.4f));
+  s.push_back({Shape::cylinder,
+               {-0.35f, 0.49f, 1.75f},
+               {0.045f, 0.055f, 0},
+               0,
+               Pattern::checker,
+               0.03f,
+               {0.85f, 0.3f, 0.2f},
+               white});
+  s.push_back({Shape::sphere,
+               {-0.42f, 0.43f, 2.03f},
+               {0.12f, 0, 0},
+               0,
+               Pattern::checker,
+               0.06f,
+               {0.9f, 0.75f, 0.3f},
+               {0.6f, 0.4f, 0.2f}});
   // chair
-  s.push_back(standing(0.2f, 1.15f, {0.45f, 0.06f, 0.45f}, 0.42f, Pattern::checker, 0.06f, {0.2f, 0.45f, 0.35f}, {0.8f, 0.8f, 0.7f}, 0.3f));
-  s.push_back(standing(0.14f, 0.95f, {0.45f, 0.45f, 0.05f}, 0.50f, Pattern::tiles, 0.09f, {0.2f, 0.45f, 0.35f}, {0.8f, 0.8f, 0.7f}, 0.3f));
+  s.push_back(standing(0.2f, 1.15f, {0.45f, 0.06f, 0.45f}, 0.42f, Pattern::checker, 0.06f, {0.2f, 0.45f, 0.35f},
+                       {0.8f, 0.8f, 0.7f}, 0.3f));
+  s.push_back(standing(0.14f, 0.95f, {0.45f, 0.45f, 0.05f}, 0.50f, Pattern::tiles, 0.09f, {0.2f, 0.45f, 0.35f},
+                       {0.8f, 0.8f, 0.7f}, 0.3f));
   s.push_back({Shape::cylinder, {0.2f, 1.09f, 1.15f}, {0.05f, 0.21f, 0}, 0, Pattern::plain, 0.1f, grey, grey});
   s.push_back({Shape::cylinder, {0.2f, 1.275f, 1.15f}, {0.25f, 0.025f, 0}, 0, Pattern::plain, 0.1f, grey, grey});
   // shelf on the right with books
   s.push_back(standing(2.55f, 0.6f, {0.03f, 1.9f, 1.5f}, 0, Pattern::wood, 0.3f, dark, wood));
   for (int i = 0; i < 5; ++i)
-    s.push_back(standing(2.42f, 0.6f, {0.33f, 0.04f, 1.5f}, 0.05f + 0.45f * static_cast<float>(i), Pattern::wood, 0.3f, wood, dark));
+    s.push_back(standing(2.42f, 0.6f, {0.33f, 0.04f, 1.5f}, 0.05f + 0.45f * static_cast<float>(i), Pattern::wood, 0.3f,
+                         wood, dark));
   for (int i = 0; i < 4; ++i)
     for (int k = 0; k < 3; ++k)
       s.push_back(standing(2.43f - 0.02f * static_cast<float>((i + k) % 3), 0.12f + 0.45f * static_cast<float>(k),
-                           {0.24f, 0.24f + 0.04f * static_cast<float>((2 * i + k) % 3), 0.28f + 0.05f * static_cast<float>((i + 2 * k) % 3)},
-                           0.09f + 0.45f * static_cast<float>(i), Pattern::patches, 0.05f, {0.6f, 0.3f, 0.2f}, {0.2f, 0.3f, 0.6f}));
+                           {0.24f, 0.24f + 0.04f * static_cast<float>((2 * i + k) % 3),
+                            0.28f + 0.05f * static_cast<float>((i + 2 * k) % 3)},
+                           0.09f + 0.45f * static_cast<float>(i), Pattern::patches, 0.05f, {0.6f, 0.3f, 0.2f},
+                           {0.2f, 0.3f, 0.6f}));
   // sofa at the back with cushions
-  s.push_back(standing(-0.3f, -1.8f, {2.0f, 0.42f, 0.85f}, 0, Pattern::checker, 0.12f, {0.25f, 0.35f, 0.6f}, {0.35f, 0.45f, 0.7f}));
-  s.push_back(standing(-0.3f, -2.12f, {2.0f, 0.45f, 0.22f}, 0.42f, Pattern::checker, 0.12f, {0.25f, 0.35f, 0.6f}, {0.35f, 0.45f, 0.7f}));
+  s.push_back(standing(-0.3f, -1.8f, {2.0f, 0.42f, 0.85f}, 0, Pattern::checker, 0.12f, {0.25f, 0.35f, 0.6f},
+                       {0.35f, 0.45f, 0.7f}));
+  s.push_back(standing(-0.3f, -2.12f, {2.0f, 0.45f, 0.22f}, 0.42f, Pattern::checker, 0.12f, {0.25f, 0.35f, 0.6f},
+                       {0.35f, 0.45f, 0.7f}));
   for (const float x : {-1.38f, 0.78f})
-    s.push_back(standing(x, -1.8f, {0.18f, 0.62f, 0.85f}, 0, Pattern::checker, 0.12f, {0.22f, 0.3f, 0.55f}, {0.35f, 0.45f, 0.7f}));
-  s.push_back({Shape::sphere, {-0.9f, 0.74f, -1.85f}, {0.2f, 0, 0}, 0, Pattern::tiles, 0.1f, {0.85f, 0.55f, 0.2f}, white});
-  s.push_back({Shape::sphere, {0.4f, 0.76f, -1.9f}, {0.18f, 0, 0}, 0, Pattern::checker, 0.07f, {0.7f, 0.2f, 0.3f}, white});
+    s.push_back(standing(x, -1.8f, {0.18f, 0.62f, 0.85f}, 0, Pattern::checker, 0.12f, {0.22f, 0.3f, 0.55f},
+                         {0.35f, 0.45f, 0.7f}));
+  s.push_back(
+      {Shape::sphere, {-0.9f, 0.74f, -1.85f}, {0.2f, 0, 0}, 0, Pattern::tiles, 0.1f, {0.85f, 0.55f, 0.2f}, white});
+  s.push_back(
+      {Shape::sphere, {0.4f, 0.76f, -1.9f}, {0.18f, 0, 0}, 0, Pattern::checker, 0.07f, {0.7f, 0.2f, 0.3f}, white});
   // cupboard on the left, a box and a plant in front of it
   s.push_back(standing(-2.42f, 0.5f, {0.5f, 0.95f, 1.3f}, 0, Pattern::wood, 0.35f, {0.75f, 0.6f, 0.4f}, wood));
-  s.push_back(standing(-2.42f, 0.25f, {0.35f, 0.3f, 0.4f}, 0.95f, Pattern::patches, 0.07f, {0.3f, 0.55f, 0.3f}, white, 0.5f));
-  s.push_back({Shape::cylinder, {-2.4f, 0.2f, 0.85f}, {0.12f, 0.15f, 0}, 0, Pattern::tiles, 0.06f, {0.7f, 0.4f, 0.3f}, white});
-  s.push_back({Shape::sphere, {-2.4f, -0.1f, 0.85f}, {0.24f, 0, 0}, 0, Pattern::patches, 0.05f, {0.1f, 0.5f, 0.15f}, {0.3f, 0.6f, 0.2f}});
-  s.push_back(standing(-2.1f, -1.3f, {0.6f, 0.55f, 0.5f}, 0, Pattern::patches, 0.11f, {0.75f, 0.6f, 0.4f}, {0.5f, 0.3f, 0.2f}, 0.6f));
-  s.push_back({Shape::cylinder, {2.1f, 0.95f, -1.6f}, {0.28f, 0.35f, 0}, 0, Pattern::tiles, 0.12f, {0.5f, 0.6f, 0.65f}, white});
-  s.push_back({Shape::sphere, {2.1f, 0.38f, -1.6f}, {0.22f, 0, 0}, 0, Pattern::checker, 0.08f, {0.85f, 0.8f, 0.3f}, {0.3f, 0.3f, 0.3f}});
+  s.push_back(
+      standing(-2.42f, 0.25f, {0.35f, 0.3f, 0.4f}, 0.95f, Pattern::patches, 0.07f, {0.3f, 0.55f, 0.3f}, white, 0.5f));
+  s.push_back(
+      {Shape::cylinder, {-2.4f, 0.2f, 0.85f}, {0.12f, 0.15f, 0}, 0, Pattern::tiles, 0.06f, {0.7f, 0.4f, 0.3f}, white});
+  s.push_back({Shape::sphere,
+               {-2.4f, -0.1f, 0.85f},
+               {0.24f, 0, 0},
+               0,
+               Pattern::patches,
+               0.05f,
+               {0.1f, 0.5f, 0.15f},
+               {0.3f, 0.6f, 0.2f}});
+  s.push_back(standing(-2.1f, -1.3f, {0.6f, 0.55f, 0.5f}, 0, Pattern::patches, 0.11f, {0.75f, 0.6f, 0.4f},
+                       {0.5f, 0.3f, 0.2f}, 0.6f));
+  s.push_back(
+      {Shape::cylinder, {2.1f, 0.95f, -1.6f}, {0.28f, 0.35f, 0}, 0, Pattern::tiles, 0.12f, {0.5f, 0.6f, 0.65f}, white});
+  s.push_back({Shape::sphere,
+               {2.1f, 0.38f, -1.6f},
+               {0.22f, 0, 0},
+               0,
+               Pattern::checker,
+               0.08f,
+               {0.85f, 0.8f, 0.3f},
+               {0.3f, 0.3f, 0.3f}});
   // pictures and a door
-  s.push_back({Shape::box, {-1.2f, -0.35f, 2.28f}, {0.45f, 0.32f, 0.03f}, 0, Pattern::patches, 0.12f, {0.8f, 0.3f, 0.2f}, {0.2f, 0.3f, 0.8f}});
-  s.push_back({Shape::box, {1.6f, -0.3f, 2.28f}, {0.3f, 0.4f, 0.03f}, 0, Pattern::patches, 0.08f, {0.3f, 0.7f, 0.4f}, {0.9f, 0.8f, 0.3f}});
-  s.push_back({Shape::box, {0.2f, -0.45f, -2.28f}, {0.7f, 0.35f, 0.03f}, 0, Pattern::patches, 0.14f, {0.2f, 0.5f, 0.7f}, {0.9f, 0.6f, 0.4f}});
-  s.push_back({Shape::box, {-2.68f, 0.25f, -0.75f}, {0.03f, 1.05f, 0.42f}, 0, Pattern::wood, 0.5f, {0.65f, 0.55f, 0.42f}, dark});
-  s.push_back({Shape::box, {2.68f, -0.2f, -0.9f}, {0.03f, 0.45f, 0.5f}, 0, Pattern::tiles, 0.25f, {0.55f, 0.75f, 0.9f}, white});
+  s.push_back({Shape::box,
+               {-1.2f, -0.35f, 2.28f},
+               {0.45f, 0.32f, 0.03f},
+               0,
+               Pattern::patches,
+               0.12f,
+               {0.8f, 0.3f, 0.2f},
+               {0.2f, 0.3f, 0.8f}});
+  s.push_back({Shape::box,
+               {1.6f, -0.3f, 2.28f},
+               {0.3f, 0.4f, 0.03f},
+               0,
+               Pattern::patches,
+               0.08f,
+               {0.3f, 0.7f, 0.4f},
+               {0.9f, 0.8f, 0.3f}});
+  s.push_back({Shape::box,
+               {0.2f, -0.45f, -2.28f},
+               {0.7f, 0.35f, 0.03f},
+               0,
+               Pattern::patches,
+               0.14f,
+               {0.2f, 0.5f, 0.7f},
+               {0.9f, 0.6f, 0.4f}});
+  s.push_back({Shape::box,
+               {-2.68f, 0.25f, -0.75f},
+               {0.03f, 1.05f, 0.42f},
+               0,
+               Pattern::wood,
+               0.5f,
+               {0.65f, 0.55f, 0.42f},
+               dark});
+  s.push_back(
+      {Shape::box, {2.68f, -0.2f, -0.9f}, {0.03f, 0.45f, 0.5f}, 0, Pattern::tiles, 0.25f, {0.55f, 0.75f, 0.9f}, white});
   // ceiling lamp and a beam
   s.push_back({Shape::box, {0, -1.25f, 0.4f}, {2.7f, 0.06f, 0.09f}, 0, Pattern::wood, 0.3f, dark, wood});
-  s.push_back({Shape::cylinder, {0, -1.12f, -0.5f}, {0.28f, 0.1f, 0}, 0, Pattern::checker, 0.1f, {0.95f, 0.9f, 0.7f}, {0.8f, 0.6f, 0.3f}});
+  s.push_back({Shape::cylinder,
+               {0, -1.12f, -0.5f},
+               {0.28f, 0.1f, 0},
+               0,
+               Pattern::checker,
+               0.1f,
+               {0.95f, 0.9f, 0.7f},
+               {0.8f, 0.6f, 0.3f}});
   return s;
 }
 
@@ -123,7 +217,8 @@ void add_patch(Mesh& mesh, int columns, int rows, const Point& point) {
   const auto first = static_cast<std::uint32_t>(mesh.positions.size());
   for (int j = 0; j <= rows; ++j)
     for (int i = 0; i <= columns; ++i)
-      mesh.positions.push_back(point(static_cast<double>(i) / columns, static_cast<double>(j) / rows).template cast<float>());
+      mesh.positions.push_back(
+          point(static_cast<double>(i) / columns, static_cast<double>(j) / rows).template cast<float>());
   const auto at = [&](int i, int j) { return first + static_cast<std::uint32_t>(j * (columns + 1) + i); };
   for (int j = 0; j < rows; ++j)
     for (int i = 0; i < columns; ++i) {
@@ -158,7 +253,8 @@ void add_solid(Mesh& mesh, const Scene::Solid& s, double spacing) {
   if (s.shape == Shape::sphere) {
     add_patch(mesh, around, std::max(6, around / 2), [&](double a, double b) {
       const double polar = std::numbers::pi * b;
-      return place(r * Vector3d(std::sin(polar) * std::cos(kTurn * a), std::cos(polar), std::sin(polar) * std::sin(kTurn * a)));
+      return place(
+          r * Vector3d(std::sin(polar) * std::cos(kTurn * a), std::cos(polar), std::sin(polar) * std::sin(kTurn * a)));
     });
     return;
   }
@@ -180,7 +276,7 @@ double Scene::distance(const Vector3d& point) const {
 }
 
 Eigen::Isometry3d Scene::world_from_camera(double t) const {
-  const double sway = 0.03 * std::sin(5.1 * t) + 0.02 * std::sin(8.3 * t + 1.0);  // metres: steps and a hand
+  const double sway = 0.03 * std::sin(5.1 * t) + 0.02 * std::sin(8.3 * t + 1.0);     // metres: steps and a hand
   const double shake = 0.02 * std::sin(6.7 * t) + 0.012 * std::sin(11.0 * t + 0.5);  // radians
   const double roll = 0.06 * std::sin(1.3 * t) + 0.5 * shake;
   if (name == "sphere" || name == "plane") {
@@ -189,7 +285,8 @@ Eigen::Isometry3d Scene::world_from_camera(double t) const {
     return look(from, heading(-angle * 0.6, 0.1 * std::sin(0.8 * t) + shake), roll);
   }
   if (name == "corridor")
-    return look({0.15 * std::sin(0.7 * t), sway, 0.4 * t}, heading(0.35 * std::sin(0.5 * t), 0.15 + 0.1 * std::sin(0.7 * t) + shake), roll);
+    return look({0.15 * std::sin(0.7 * t), sway, 0.4 * t},
+                heading(0.35 * std::sin(0.5 * t), 0.15 + 0.1 * std::sin(0.7 * t) + shake), roll);
   if (name == "loop") {
     // Once around a square of 6 m in 48 s, with rounded corners, looking ahead and a little outwards.
     const double angle = 2 * std::numbers::pi * t / 48;
@@ -200,7 +297,8 @@ Eigen::Isometry3d Scene::world_from_camera(double t) const {
   }
   // Around the middle of the room, looking outwards, up and down.
   const double angle = 2 * std::numbers::pi * t / 24 + 0.15 * std::sin(1.1 * t);
-  const Vector3d from(0.75 * std::sin(angle) - 0.1, 0.15 * std::sin(0.8 * t) + sway - 0.1, 0.55 * std::cos(angle) - 0.35);
+  const Vector3d from(0.75 * std::sin(angle) - 0.1, 0.15 * std::sin(0.8 * t) + sway - 0.1,
+                      0.55 * std::cos(angle) - 0.35);
   return look(from, heading(angle + 0.25 * std::sin(0.9 * t), 0.28 + 0.2 * std::sin(0.7 * t) + shake), roll);
 }
 
@@ -225,24 +323,61 @@ Scene synthetic_scene(const std::string& name) {
   if (name == "room") {
     scene.solids = furnished_room();
   } else if (name == "sphere") {
-    scene.solids.push_back({Shape::sphere, {0, 0, 1.8f}, {0.6f, 0, 0}, 0, Pattern::checker, 0.15f, {0.8f, 0.3f, 0.2f}, {0.9f, 0.85f, 0.7f}});
+    scene.solids.push_back({Shape::sphere,
+                            {0, 0, 1.8f},
+                            {0.6f, 0, 0},
+                            0,
+                            Pattern::checker,
+                            0.15f,
+                            {0.8f, 0.3f, 0.2f},
+                            {0.9f, 0.85f, 0.7f}});
   } else if (name == "plane") {
-    scene.solids.push_back({Shape::box, {0, 0, 2.5f}, {6, 6, 0.5f}, 0, Pattern::patches, 0.15f, {0.7f, 0.6f, 0.3f}, {0.2f, 0.4f, 0.6f}});
+    scene.solids.push_back(
+        {Shape::box, {0, 0, 2.5f}, {6, 6, 0.5f}, 0, Pattern::patches, 0.15f, {0.7f, 0.6f, 0.3f}, {0.2f, 0.4f, 0.6f}});
   } else if (name == "corridor") {
-    scene.solids.push_back({Shape::hollow, {0, 0, 13}, {1.0f, 1.3f, 15}, 0, Pattern::patches, 0.3f, {0.7f, 0.65f, 0.5f}, {0.4f, 0.45f, 0.5f}});
+    scene.solids.push_back({Shape::hollow,
+                            {0, 0, 13},
+                            {1.0f, 1.3f, 15},
+                            0,
+                            Pattern::patches,
+                            0.3f,
+                            {0.7f, 0.65f, 0.5f},
+                            {0.4f, 0.45f, 0.5f}});
   } else if (name == "loop") {
-    scene.solids.push_back({Shape::hollow, {3, 0, 0}, {4.2f, 1.3f, 4.2f}, 0, Pattern::tiles, 0.35f, {0.75f, 0.72f, 0.6f}, {0.5f, 0.45f, 0.4f}});
-    scene.solids.push_back({Shape::box, {3, 0, 0}, {1.8f, 1.3f, 1.8f}, 0, Pattern::patches, 0.25f, {0.5f, 0.6f, 0.65f}, {0.8f, 0.5f, 0.3f}});
+    scene.solids.push_back({Shape::hollow,
+                            {3, 0, 0},
+                            {4.2f, 1.3f, 4.2f},
+                            0,
+                            Pattern::tiles,
+                            0.35f,
+                            {0.75f, 0.72f, 0.6f},
+                            {0.5f, 0.45f, 0.4f}});
+    scene.solids.push_back({Shape::box,
+                            {3, 0, 0},
+                            {1.8f, 1.3f, 1.8f},
+                            0,
+                            Pattern::patches,
+                            0.25f,
+                            {0.5f, 0.6f, 0.65f},
+                            {0.8f, 0.5f, 0.3f}});
     for (int i = 0; i < 16; ++i) {  // boxes and columns along the walls, each of its own size
       const float along = -3.6f + 0.9f * static_cast<float>(i / 2), side = i % 2 == 0 ? -0.98f : 6.98f;
       const float height = 0.5f + 0.37f * static_cast<float>(i * 7 % 5);
-      scene.solids.push_back(standing(side, along, {0.36f, height, 0.3f + 0.05f * static_cast<float>(i % 4)}, 0, Pattern::patches, 0.08f,
-                                      {0.3f + 0.04f * static_cast<float>(i), 0.5f, 0.3f}, {0.8f, 0.3f, 0.5f}, 0.3f * static_cast<float>(i)));
-      scene.solids.push_back({Shape::cylinder, {3 + along, 1.3f - height / 2, i % 2 == 0 ? -3.95f : 3.95f}, {0.14f, height / 2, 0}, 0,
-                              Pattern::checker, 0.07f, {0.7f, 0.3f, 0.2f}, {0.9f, 0.8f, 0.6f}});
+      scene.solids.push_back(standing(side, along, {0.36f, height, 0.3f + 0.05f * static_cast<float>(i % 4)}, 0,
+                                      Pattern::patches, 0.08f, {0.3f + 0.04f * static_cast<float>(i), 0.5f, 0.3f},
+                                      {0.8f, 0.3f, 0.5f}, 0.3f * static_cast<float>(i)));
+      scene.solids.push_back({Shape::cylinder,
+                              {3 + along, 1.3f - height / 2, i % 2 == 0 ? -3.95f : 3.95f},
+                              {0.14f, height / 2, 0},
+                              0,
+                              Pattern::checker,
+                              0.07f,
+                              {0.7f, 0.3f, 0.2f},
+                              {0.9f, 0.8f, 0.6f}});
     }
   } else {
-    throw std::runtime_error("there is no synthetic scene '" + name + "': choose room, sphere, plane, corridor or loop");
+    throw std::runtime_error("there is no synthetic scene '" + name +
+                             "': choose room, sphere, plane, corridor or loop");
   }
   return scene;
 }

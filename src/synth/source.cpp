@@ -10,7 +10,10 @@ namespace {
 class SyntheticSource final : public Source {
  public:
   explicit SyntheticSource(const SyntheticOptions& options)
-      : options_(options), scene_(synthetic_scene(options.scene)), camera_(synthetic_camera()), device_(options.device),
+      : options_(options),
+        scene_(synthetic_scene(options.scene)),
+        camera_(synthetic_camera()),
+        device_(options.device),
         render_(device_, scene_, camera_) {}
   const Camera& camera() const override { return camera_; }
   std::optional<int> size() const override { return options_.frames; }
@@ -22,7 +25,8 @@ class SyntheticSource final : public Source {
     if (!pose) return std::nullopt;
     auto images = render_(*pose);
     if (options_.kinect_noise) add_kinect_noise(images, camera_, options_.seed, next_);
-    Frame frame{.index = next_++, .timestamp = time, .depth = std::move(images.depth), .colour = std::move(images.colour)};
+    Frame frame{
+        .index = next_++, .timestamp = time, .depth = std::move(images.depth), .colour = std::move(images.colour)};
     if (options_.with_poses) frame.world_from_camera = *pose;
     return frame;
   }
@@ -38,7 +42,9 @@ class SyntheticSource final : public Source {
 
 }  // namespace
 
-std::unique_ptr<Source> open_synthetic(const SyntheticOptions& options) { return std::make_unique<SyntheticSource>(options); }
+std::unique_ptr<Source> open_synthetic(const SyntheticOptions& options) {
+  return std::make_unique<SyntheticSource>(options);
+}
 
 std::optional<Eigen::Isometry3d> synthetic_pose(const Scene& scene, const Trajectory& path, double seconds) {
   if (path.empty()) return scene.world_from_camera(seconds);

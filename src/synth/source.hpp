@@ -26,6 +26,7 @@ struct SyntheticOptions {
 [[nodiscard]] std::unique_ptr<Source> open_synthetic(const SyntheticOptions& options);
 
 /// world_from_camera of a synthetic recording; nothing beyond the end of a given path.
-[[nodiscard]] std::optional<Eigen::Isometry3d> synthetic_pose(const Scene& scene, const Trajectory& path, double seconds);
+[[nodiscard]] std::optional<Eigen::Isometry3d> synthetic_pose(const Scene& scene, const Trajectory& path,
+                                                              double seconds);
 
 }  // namespace cairn

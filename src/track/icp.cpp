@@ -87,7 +87,8 @@ Alignment Icp::operator()(const Surface& live, const ModelView& model, const Eig
   }
   result.submap_from_camera = model.submap_from_camera * model_from_live;
   // Products of rotations drift away from orthonormal ones.
-  result.submap_from_camera.linear() = Eigen::Quaterniond(result.submap_from_camera.linear()).normalized().toRotationMatrix();
+  result.submap_from_camera.linear() =
+      Eigen::Quaterniond(result.submap_from_camera.linear()).normalized().toRotationMatrix();
   result.information = system.a;
   result.inlier_share = system.seen > 0 ? system.inliers / system.seen : 0.0;
   result.overlap = system.live > 0 ? system.seen / system.live : 0.0;

@@ -36,7 +36,8 @@ class Icp {
     Eigen::Matrix<double, 6, 1> b = Eigen::Matrix<double, 6, 1>::Zero();
     double squared = 0, inliers = 0, seen = 0, live = 0;
   };
-  System linearise(const PointImage& live, const PointImage& model, const Eigen::Isometry3d& model_from_live, int level);
+  System linearise(const PointImage& live, const PointImage& model, const Eigen::Isometry3d& model_from_live,
+                   int level);
 
   gpu::Device& device_;
   TrackOptions options_;

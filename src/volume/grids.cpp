@@ -143,10 +143,12 @@ ReadGrids read_grids(const std::filesystem::path& file) {
     BrickVoxels voxels{};
     for (openvdb::Index i = 0; i < 512; ++i) {
       if (!leaf->isValueOn(i)) continue;
-      const auto d = static_cast<std::int16_t>(std::lround(leaf->getValue(i) / result.info.truncation * kDistanceUnits));
+      const auto d =
+          static_cast<std::int16_t>(std::lround(leaf->getValue(i) / result.info.truncation * kDistanceUnits));
       std::uint64_t v = static_cast<std::uint16_t>(d);
       v |= static_cast<std::uint64_t>(std::lround(w->getValue(i) * kWeightUnits)) << 16;
-      for (int k = 0; k < 3; ++k) v |= static_cast<std::uint64_t>(std::lround(c->getValue(i)[k] * 255.0f)) << (32 + 8 * k);
+      for (int k = 0; k < 3; ++k)
+        v |= static_cast<std::uint64_t>(std::lround(c->getValue(i)[k] * 255.0f)) << (32 + 8 * k);
       v |= static_cast<std::uint64_t>(n->getValue(i)) << 56;
       voxels[i] = v;
     }

@@ -16,7 +16,9 @@ constexpr std::uint32_t kMaxNewBricks = 65536;  // of one frame; what is left ov
 constexpr std::uint32_t kFirstDownload = 4096;  // most frames have fewer
 
 std::uint32_t tiles(const Camera& camera) {
-  const auto count = [](int pixels) { return (static_cast<std::uint32_t>(pixels) + shader::kTile - 1) / shader::kTile; };
+  const auto count = [](int pixels) {
+    return (static_cast<std::uint32_t>(pixels) + shader::kTile - 1) / shader::kTile;
+  };
   return count(camera.width) * count(camera.height);
 }
 

@@ -9,8 +9,8 @@
 namespace cairn {
 
 struct Fused {
-  int touched = 0;      // bricks that the frame could change
-  int new_bricks = 0;   // of them without a slot before
+  int touched = 0;     // bricks that the frame could change
+  int new_bricks = 0;  // of them without a slot before
 };
 
 /// Allocates the bricks of a frame's truncation band and fuses the frame into all bricks that it sees.
@@ -18,7 +18,8 @@ class Integrate {
  public:
   Integrate(gpu::Device& device, const Camera& camera, const SurfaceOptions& options);
   /// `stamp` counts fused frames from 1. Moves the volume's window to the camera.
-  Fused operator()(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, Volume& volume, std::uint32_t stamp);
+  Fused operator()(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, Volume& volume,
+                   std::uint32_t stamp);
 
  private:
   gpu::Device& device_;

@@ -17,8 +17,8 @@
 namespace cairn {
 namespace {
 
-constexpr int kCell = 16;                     // bricks a side of the parts that are paged in one after the other
-constexpr std::size_t kMaxBricks = 16384;     // of one dispatch
+constexpr int kCell = 16;                  // bricks a side of the parts that are paged in one after the other
+constexpr std::size_t kMaxBricks = 16384;  // of one dispatch
 
 Brick cell_of(const Brick& brick) {
   return brick.unaryExpr([](int i) { return (i - (i % kCell + kCell) % kCell) / kCell; });
@@ -29,7 +29,9 @@ bool by_cell(const Brick& a, const Brick& b) {
   return std::tie(ca.x(), ca.y(), ca.z(), a.x(), a.y(), a.z()) < std::tie(cb.x(), cb.y(), cb.z(), b.x(), b.y(), b.z());
 }
 
-Brick corner(std::uint32_t c) { return {static_cast<int>(c & 1), static_cast<int>(c >> 1 & 1), static_cast<int>(c >> 2)}; }
+Brick corner(std::uint32_t c) {
+  return {static_cast<int>(c & 1), static_cast<int>(c >> 1 & 1), static_cast<int>(c >> 2)};
+}
 
 /// What a part needs on the device: its bricks and all their neighbours.
 std::vector<Brick> with_neighbours(std::span<const Brick> bricks) {
@@ -107,7 +109,8 @@ Mesh Polygonize::operator()(Volume& volume, std::span<const Brick> wanted) {
   std::vector<std::uint32_t> neighbours(8 * bricks.size(), 0);
   for (std::size_t i = 0; i < bricks.size(); ++i)
     for (std::uint32_t c = 0; c < 8; ++c)
-      if (const auto it = position.find(bricks[i] + corner(c)); it != position.end()) neighbours[8 * i + c] = it->second;
+      if (const auto it = position.find(bricks[i] + corner(c)); it != position.end())
+        neighbours[8 * i + c] = it->second;
 
   const std::size_t n = bricks.size();
   const gpu::Buffer brick_list(device_, n * sizeof(shader::ivec3)), masks(device_, n * shader::kEdgeWords * 4);
@@ -122,8 +125,8 @@ Mesh Polygonize::operator()(Volume& volume, std::span<const Brick> wanted) {
     batch.run();
   }
 
-  const bool resident = std::all_of(bricks.begin(), bricks.end(),
-                                    [&](const Brick& b) { return volume.slot_of(b) != Volume::kNoSlot; });
+  const bool resident =
+      std::all_of(bricks.begin(), bricks.end(), [&](const Brick& b) { return volume.slot_of(b) != Volume::kNoSlot; });
   std::vector<std::uint32_t> first_of_word(n * shader::kEdgeWords), triangles_of_column(n * 64);
   std::vector<shader::MeshVertex> part_vertices;
   for (std::size_t begin = 0; begin < n;) {
@@ -139,7 +142,8 @@ Mesh Polygonize::operator()(Volume& volume, std::span<const Brick> wanted) {
                                       .first = static_cast<std::uint32_t>(begin),
                                       .count = count,
                                       .min_weight = volume.options().min_mesh_weight};
-    const std::span part_words = std::span(first_of_word).subspan(begin * shader::kEdgeWords, count * shader::kEdgeWords);
+    const std::span part_words =
+        std::span(first_of_word).subspan(begin * shader::kEdgeWords, count * shader::kEdgeWords);
     classify_(batch, {64 * count, 1, 1}, push, {&volume.page_table(), &brick_list, &table_, &masks, &cells, &counts});
     batch.download(masks, part_words, begin * shader::kEdgeWords * 4);
     batch.download(counts, std::span(triangles_of_column).subspan(begin * 64, count * 64), begin * 64 * 4);
@@ -147,7 +151,8 @@ Mesh Polygonize::operator()(Volume& volume, std::span<const Brick> wanted) {
 
     const std::size_t before = mesh.positions.size();
     auto total = static_cast<std::uint32_t>(before);
-    for (std::uint32_t& word : part_words) total += static_cast<std::uint32_t>(std::popcount(std::exchange(word, total)));
+    for (std::uint32_t& word : part_words)
+      total += static_cast<std::uint32_t>(std::popcount(std::exchange(word, total)));
     batch.upload(firsts, std::span<const std::uint32_t>(part_words), begin * shader::kEdgeWords * 4);
     part_vertices.resize(total - before);
     const gpu::Buffer vertex_buffer(device_, part_vertices.size() * sizeof(shader::MeshVertex));
@@ -186,9 +191,10 @@ Mesh Polygonize::operator()(Volume& volume, std::span<const Brick> wanted) {
     const std::size_t first = first_of_column[64 * begin], last = end < n ? first_of_column[64 * end] : total;
     const gpu::Buffer indices(device_, (last - first) * 12);
     const auto count = static_cast<std::uint32_t>(end - begin);
-    triangles_(batch, {64 * count, 1, 1},
-               {.volume = volume.view(), .first = static_cast<std::uint32_t>(begin), .count = count, .min_weight = 0},
-               {&volume.page_table(), &brick_list, &table_, &masks, &firsts, &cells, &neighbour_list, &counts, &indices});
+    triangles_(
+        batch, {64 * count, 1, 1},
+        {.volume = volume.view(), .first = static_cast<std::uint32_t>(begin), .count = count, .min_weight = 0},
+        {&volume.page_table(), &brick_list, &table_, &masks, &firsts, &cells, &neighbour_list, &counts, &indices});
     batch.download(indices, std::span(mesh.triangles).subspan(first, last - first));
     batch.run();
     begin = end;

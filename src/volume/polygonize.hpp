@@ -11,8 +11,8 @@
 
 namespace cairn {
 
-/// Marching cubes on the device. Vertices are shared between bricks: no cracks, no duplicates. The order of vertices and
-/// triangles depends on the voxels alone.
+/// Marching cubes on the device. Vertices are shared between bricks: no cracks, no duplicates. The order of vertices
+/// and triangles depends on the voxels alone.
 class Polygonize {
  public:
   explicit Polygonize(gpu::Device& device);
@@ -28,8 +28,8 @@ class Polygonize {
 };
 
 /// The 256 cases, by the set of corners inside: triangle count, then the edges of the triangles, each an edge's lower
-/// corner | axis << 3. On a face with two diagonal corners inside these are cut off one by one, in both cells that share
-/// the face, so that surfaces of neighbouring cells meet.
+/// corner | axis << 3. On a face with two diagonal corners inside these are cut off one by one, in both cells that
+/// share the face, so that surfaces of neighbouring cells meet.
 [[nodiscard]] std::array<std::uint32_t, 256 * 16> marching_cubes_table();
 
 }  // namespace cairn

@@ -12,7 +12,9 @@ namespace cairn {
 namespace {
 
 std::uint64_t tiles(const Camera& camera) {
-  const auto count = [](int pixels) { return (static_cast<std::uint64_t>(pixels) + shader::kTile - 1) / shader::kTile; };
+  const auto count = [](int pixels) {
+    return (static_cast<std::uint64_t>(pixels) + shader::kTile - 1) / shader::kTile;
+  };
   return count(camera.width) * count(camera.height);
 }
 
@@ -47,7 +49,8 @@ ModelView Raycast::operator()(const Volume& volume, const Eigen::Isometry3d& sub
           .min_depth = 0.5f * options_.min_depth,
           .max_depth = 2 * options_.max_depth},
          {&volume.slots(), &nearest_, &farthest_});
-  raycast_(batch, {camera.width, camera.height, 1}, {.volume = volume.view(), .camera = camera, .submap_from_camera = pose},
+  raycast_(batch, {camera.width, camera.height, 1},
+           {.volume = volume.view(), .camera = camera, .submap_from_camera = pose},
            {&volume.page_table(), &nearest_, &farthest_, &levels_[0].points});
   for (std::size_t i = 1; i < levels_.size(); ++i) {
     const Camera& c = levels_[i].camera;

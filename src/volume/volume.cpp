@@ -13,9 +13,9 @@ namespace cairn {
 namespace {
 
 constexpr std::uint64_t kBrickBytes = sizeof(BrickVoxels);
-constexpr std::uint32_t kMinBricks = 2048;      // 8 MiB: less does not hold one view of a room
-constexpr std::uint32_t kMaxTableBits = 8;      // 256 bricks a side: 64 MiB of page table
-constexpr std::size_t kBricksPerCopy = 4096;    // 16 MiB of staging at a time
+constexpr std::uint32_t kMinBricks = 2048;                       // 8 MiB: less does not hold one view of a room
+constexpr std::uint32_t kMaxTableBits = 8;                       // 256 bricks a side: 64 MiB of page table
+constexpr std::size_t kBricksPerCopy = 4096;                     // 16 MiB of staging at a time
 constexpr std::uint64_t kDefaultLimit = std::uint64_t{2} << 30;  // bytes
 
 std::uint32_t table_bits_for(float reach, float brick_size) {
@@ -121,8 +121,7 @@ void Volume::evict(std::span<const std::uint32_t> slots) {
   std::vector<shader::Placement> placements;
   for (auto it = slot_of_.begin(); it != slot_of_.end();) {
     if (gone.contains(it->second)) {
-      placements.push_back(
-          {.brick = it->first, .slot = it->second, .table_index = table_index(it->first), .entry = 0});
+      placements.push_back({.brick = it->first, .slot = it->second, .table_index = table_index(it->first), .entry = 0});
       it = slot_of_.erase(it);
     } else {
       ++it;
@@ -153,8 +152,8 @@ void Volume::make_room(std::size_t needed, std::span<const Brick> keep, std::uin
     if (!kept.contains(brick) && (now == 0 || states[slot].last_seen != now))
       candidates.push_back({states[slot].last_seen, slot, brick});
   if (candidates.size() + available < needed)
-    throw std::runtime_error("the device memory for " + std::to_string(capacity_) + " bricks does not hold one view: " +
-                             "raise --device-memory or --voxel-size");
+    throw std::runtime_error("the device memory for " + std::to_string(capacity_) +
+                             " bricks does not hold one view: " + "raise --device-memory or --voxel-size");
   std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
     return a.last_seen != b.last_seen ? a.last_seen < b.last_seen : before(a.brick, b.brick);
   });

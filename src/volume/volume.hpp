@@ -37,9 +37,9 @@ class Volume {
   /// What a kernel needs to find voxels, with the page table as a binding.
   [[nodiscard]] shader::VolumeView view() const;
   [[nodiscard]] const gpu::Buffer& page_table() const { return page_table_; }
-  [[nodiscard]] const gpu::Buffer& slots() const { return slots_; }     // SlotState by slot
+  [[nodiscard]] const gpu::Buffer& slots() const { return slots_; }      // SlotState by slot
   [[nodiscard]] std::uint32_t slot_count() const { return high_slot_; }  // slots in use lie below it
-  [[nodiscard]] std::uint32_t capacity() const { return capacity_; }    // bricks the device holds at most
+  [[nodiscard]] std::uint32_t capacity() const { return capacity_; }     // bricks the device holds at most
 
   /// Moves the window so that `centre` (metres, submap frame) is in its middle; bricks that leave it go to the host.
   void move_window(const Eigen::Vector3d& centre);

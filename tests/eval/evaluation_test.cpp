@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/evaluation.hpp"
+
+#include <gtest/gtest.h>
+
+#include "support/files.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// An octahedron refined towards a sphere.
+Mesh sphere(float radius, const Eigen::Vector3f& centre) {
+  Mesh mesh;
+  constexpr int kRows = 120, kColumns = 240;
+  for (int j = 0; j <= kRows; ++j)
+    for (int i = 0; i <= kColumns; ++i) {
+      const float polar = static_cast<float>(M_PI) * static_cast<float>(j) / kRows,
+                  a = 2 * static_cast<float>(M_PI) * static_cast<float>(i) / kColumns;
+      mesh.positions.emplace_back(centre + radius * Eigen::Vector3f(std::sin(polar) * std::cos(a), std::cos(polar),
+                                                                    std::sin(polar) * std::sin(a)));
+    }
+  const auto at = [](int i, int j) { return static_cast<std::uint32_t>(j * (kColumns + 1) + i); };
+  for (int j = 0; j < kRows; ++j)
+    for (int i = 0; i < kColumns; ++i) {
+      mesh.triangles.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+      mesh.triangles.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+    }
+  return mesh;
+}
+
+struct Reference {
+  const char *estimate, *truth;
+  double ate, rpe_translation, rpe_rotation;
+  int matched;
+};
+
+// Computed once with a separate numpy program that follows the benchmark's evaluate_ate and evaluate_rpe line by line.
+constexpr Reference kReferences[] = {
+    {"tum_fr1_xyz_rgbdslam_estimate.txt", "tum_fr1_xyz_groundtruth.txt", 0.013473498, 0.021217487, 0.016309823, 786},
+    {"tum_fr2_desk_orb_estimate.txt", "tum_fr2_desk_groundtruth.txt", 0.008143967, 0.007161112, 0.007941343, 2223},
+};
+
+TEST(EvaluateTrajectory, AgreesWithTheTumBenchmarkTools) {
+  CAIRN_REQUIRE_DATA("trajectories");
+  constexpr double kMetres = 1e-4;  // what the project promises; the difference seen is below 1e-9
+  for (const auto& r : kReferences) {
+    const auto folder = fs::path(CAIRN_DATA) / "trajectories";
+    const auto e = evaluate_trajectory(read_trajectory(folder / r.estimate), read_trajectory(folder / r.truth));
+    EXPECT_NEAR(e.ate.rmse, r.ate, kMetres);
+    EXPECT_NEAR(e.rpe_translation.rmse, r.rpe_translation, kMetres);
+    EXPECT_NEAR(e.rpe_rotation.rmse, r.rpe_rotation, 1e-4);
+    EXPECT_EQ(e.matched_poses, r.matched);
+  }
+}
+
+TEST(EvaluateTrajectory, IgnoresWhereTheWorldLies) {
+  Trajectory truth, estimate;
+  const Eigen::Isometry3d moved =
+      Eigen::Translation3d(4, 5, 6) * Eigen::AngleAxisd(1.0, Eigen::Vector3d(1, 1, 0).normalized());
+  for (int i = 0; i < 90; ++i) {
+    Eigen::Isometry3d pose(Eigen::AngleAxisd(0.02 * i, Eigen::Vector3d::UnitY()));
+    pose.translation() = Eigen::Vector3d(std::sin(0.1 * i), 0.01 * i, std::cos(0.07 * i));
+    truth.push_back({i / 30.0, pose});
+    estimate.push_back({i / 30.0, moved * pose});
+  }
+  const auto e = evaluate_trajectory(estimate, truth);
+  EXPECT_LT(e.ate.max, 1e-9);
+  EXPECT_LT(e.rpe_translation.max, 1e-9);
+  EXPECT_LT(e.rpe_rotation.max, 1e-7);
+}
+
+TEST(EvaluateTrajectory, RefusesTrajectoriesOfDifferentClocks) {
+  const Trajectory a(5, StampedPose{}), b(5, StampedPose{.timestamp = 1e9});
+  EXPECT_NE(error_of([&] { (void)evaluate_trajectory(a, b); }).find("same clock"), std::string::npos);
+}
+
+TEST(EvaluateMesh, MeasuresTheGapBetweenSpheres) {
+  const auto e = evaluate_mesh(sphere(1.015f, {0, 0, 0}), sphere(1.0f, {0, 0, 0}), 20000);
+  constexpr double kFacets = 4e-4;  // the triangles' distance from their sphere
+  EXPECT_NEAR(e.accuracy.mean, 0.015, kFacets);
+  EXPECT_NEAR(e.completeness.mean, 0.015, kFacets);
+  EXPECT_EQ(e.at[0].precision, 0.0);  // all beyond 1 cm
+  EXPECT_EQ(e.at[1].f_score, 1.0);    // all within 2 cm
+}
+
+TEST(EvaluateMesh, CountsWhatIsMissing) {
+  const Mesh whole = sphere(1.0f, {0, 0, 0});
+  Mesh half = whole;
+  std::erase_if(half.triangles, [&](const auto& t) { return half.positions[t[0]].y() > 0; });
+  const auto e = evaluate_mesh(half, whole, 20000);
+  EXPECT_LT(e.accuracy.max, 1e-3);
+  EXPECT_NEAR(e.at[0].recall, 0.5, 0.03);
+  EXPECT_EQ(e.at[0].precision, 1.0);
+}
+
+TEST(EvaluateMesh, RefusesAMeshWithoutSurface) {
+  EXPECT_NE(error_of([] { (void)evaluate_mesh(Mesh{}, Mesh{}); }).find("no surface"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <gtest/gtest.h>
+
+#include <opencv2/imgcodecs.hpp>
+
+#include "cairn/source.hpp"
+#include "support/files.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+void write_depth(const fs::path& file, int value, int type = CV_16U, int width = 64, int height = 48) {
+  cv::imwrite(file.string(), cv::Mat(height, width, type, cv::Scalar(value)));
+}
+void write_colour(const fs::path& file, int width = 64, int height = 48) {
+  cv::imwrite(file.string(), cv::Mat(height, width, CV_8UC3, cv::Scalar(10, 20, 30)));
+}
+
+/// A TUM recording of four frames at 0, 0.1, 0.2 and 0.3 s, 1 m deep.
+struct Tum {
+  TemporaryFolder folder;
+  Tum() {
+    fs::create_directories(folder / "rgb");
+    fs::create_directories(folder / "depth");
+    write_text(folder / "camera.yaml",
+               "{width: 64, height: 48, fx: 50, fy: 50, cx: 31.5, cy: 23.5, depth_scale: 5000}");
+    std::string rgb = "# colour\n", depth = "# depth\n";
+    for (int i = 0; i < 4; ++i) {
+      const std::string name = std::to_string(i);
+      write_depth(folder / ("depth/" + name + ".png"), 5000);
+      write_colour(folder / ("rgb/" + name + ".png"));
+      depth += "0." + name + " depth/" + name + ".png\n";
+      rgb += "0." + name + "05 rgb/" + name + ".png\n";
+    }
+    write_text(folder / "rgb.txt", rgb);
+    write_text(folder / "depth.txt", depth);
+  }
+  [[nodiscard]] std::vector<Frame> read(const FrameRange& range = {}) const {
+    const auto source = open_recording(folder.path(), range);
+    std::vector<Frame> frames;
+    while (auto frame = source->next()) frames.push_back(std::move(*frame));
+    return frames;
+  }
+};
+
+TEST(TumRecording, GivesMetresAndColourInMemoryOrder) {
+  const auto frames = Tum().read();
+  ASSERT_EQ(frames.size(), 4u);
+  EXPECT_FLOAT_EQ(frames[1].depth[100], 1.0f);
+  EXPECT_EQ(frames[1].colour[100], 0xff0a141eu);  // R 30, G 20, B 10
+  EXPECT_DOUBLE_EQ(frames[3].timestamp, 0.3);
+}
+
+TEST(TumRecording, PairsNearestTimestampsOneToOne) {
+  Tum tum;
+  write_text(tum.folder / "rgb.txt", "0.012 rgb/0.png\n0.101 rgb/1.png\n0.25 rgb/2.png\n");
+  const auto frames = tum.read();
+  EXPECT_FALSE(frames[0].colour.empty());  // 12 ms away
+  EXPECT_FALSE(frames[1].colour.empty());
+  EXPECT_TRUE(frames[2].colour.empty());  // 50 ms away
+  EXPECT_TRUE(frames[2].problem.empty());
+}
+
+TEST(TumRecording, ReadsOnlyTheFramesAskedFor) {
+  const auto frames = Tum().read({.begin = 1, .end = 4, .step = 2});
+  ASSERT_EQ(frames.size(), 2u);
+  EXPECT_EQ(frames[0].index, 1);
+  EXPECT_EQ(frames[1].index, 3);
+}
+
+TEST(TumRecording, TellsWhatIsWrongWithAFrameAndGoesOn) {
+  struct Case {
+    const char* name;
+    void (*spoil)(const fs::path& file);
+    const char* message;
+  };
+  const Case cases[] = {
+      {"truncated", [](const fs::path& f) { fs::resize_file(f, fs::file_size(f) - 20); }, "cut off"},
+      {"empty file", [](const fs::path& f) { fs::resize_file(f, 0); }, "no image"},
+      {"missing", [](const fs::path& f) { fs::remove(f); }, "cannot be read"},
+      {"8 bit", [](const fs::path& f) { write_depth(f, 50, CV_8U); }, "16-bit"},
+      {"other size", [](const fs::path& f) { write_depth(f, 5000, CV_16U, 32, 24); }, "32x24"},
+      {"all zero", [](const fs::path& f) { write_depth(f, 0); }, "no measurement"},
+  };
+  for (const auto& c : cases) {
+    SCOPED_TRACE(c.name);
+    Tum tum;
+    c.spoil(tum.folder / "depth/2.png");
+    const auto frames = tum.read();
+    ASSERT_EQ(frames.size(), 4u);
+    EXPECT_NE(frames[2].problem.find(c.message), std::string::npos) << frames[2].problem;
+    EXPECT_NE(frames[2].problem.find("2.png"), std::string::npos);
+    EXPECT_TRUE(frames[2].depth.empty());
+    EXPECT_TRUE(frames[3].problem.empty());
+  }
+}
+
+TEST(TumRecording, SkipsATimestampThatGoesBack) {
+  Tum tum;
+  write_text(tum.folder / "depth.txt", "0.0 depth/0.png\n0.2 depth/1.png\n0.1 depth/2.png\n0.3 depth/3.png\n");
+  const auto frames = tum.read();
+  EXPECT_NE(frames[2].problem.find("timestamp"), std::string::npos);
+  EXPECT_TRUE(frames[3].problem.empty());
+}
+
+TEST(TumRecording, KeepsAFrameWhoseColourIsBroken) {
+  Tum tum;
+  write_text(tum.folder / "rgb/1.png", "not an image");
+  const auto frames = tum.read();
+  EXPECT_TRUE(frames[1].problem.empty());
+  EXPECT_TRUE(frames[1].colour.empty());
+}
+
+TEST(OpenRecording, RefusesWhatIsNoRecordingAndSaysWhy) {
+  const TemporaryFolder empty;
+  EXPECT_NE(error_of([&] { (void)open_recording(empty / "nowhere"); }).find("no such folder"), std::string::npos);
+  EXPECT_NE(error_of([&] { (void)open_recording(empty.path()); }).find("rgb.txt"), std::string::npos);
+  {
+    Tum tum;
+    fs::remove(tum.folder / "rgb.txt");
+    EXPECT_NE(error_of([&] { (void)tum.read(); }).find("rgb.txt is missing"), std::string::npos);
+  }
+  {
+    Tum tum;
+    write_text(tum.folder / "depth.txt", "0.1 depth/0.png\nnonsense depth/1.png\n");
+    EXPECT_NE(error_of([&] { (void)tum.read(); }).find("depth.txt:2"), std::string::npos);
+  }
+  {
+    Tum tum;
+    fs::remove(tum.folder / "camera.yaml");
+    EXPECT_NE(error_of([&] { (void)tum.read(); }).find("add camera.yaml"), std::string::npos);
+  }
+}
+
+TEST(SevenScenes, Leaves0And65535OutAndStampsAt30Hz) {
+  const TemporaryFolder folder;
+  for (int i = 0; i < 2; ++i) {
+    cv::Mat depth(480, 640, CV_16U, cv::Scalar(2000));
+    depth.at<std::uint16_t>(0, 0) = 65535;
+    cv::imwrite((folder / ("frame-00000" + std::to_string(i) + ".depth.png")).string(), depth);
+    write_text(folder / ("frame-00000" + std::to_string(i) + ".pose.txt"), "1 0 0 0.5\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+  }
+  const auto source = open_recording(folder.path());
+  (void)source->next();
+  const auto frame = source->next();
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->depth[0], 0.0f);
+  EXPECT_FLOAT_EQ(frame->depth[1], 2.0f);
+  EXPECT_NEAR(frame->timestamp, 1.0 / 30, 1e-12);
+  EXPECT_DOUBLE_EQ(recorded_truth(folder.path())[1].world_from_camera.translation().x(), 0.5);
+}
+
+TEST(IclNuim, TurnsTheMirroredCameraIntoAnOrdinaryOne) {
+  CAIRN_REQUIRE_DATA("icl_office_kt0_101");
+  const auto folder = fs::path(CAIRN_DATA) / "icl_office_kt0_101";
+  EXPECT_GT(open_recording(folder)->camera().fy, 0);
+  const auto truth = recorded_truth(folder);
+  EXPECT_DOUBLE_EQ(truth[0].timestamp, 2.0);
+  EXPECT_NEAR(truth[0].world_from_camera.translation().y(), -0.00897074, 1e-9);
+}
+
+TEST(IntrinsicsFolder, ReadsDepthWithoutColour) {
+  const TemporaryFolder folder;
+  fs::create_directories(folder / "depth");
+  write_text(folder / "intrinsics.json",
+             R"({"width":64,"height":48,"fx":50,"fy":50,"cx":32,"cy":24,"depth_scale":1000})");
+  write_depth(folder / "depth/a.png", 1500);
+  const auto frame = open_recording(folder.path())->next();
+  ASSERT_TRUE(frame);
+  EXPECT_FLOAT_EQ(frame->depth[0], 1.5f);
+  EXPECT_TRUE(frame->colour.empty());
+  write_text(folder / "intrinsics.json", R"({"width":64})");
+  EXPECT_NE(error_of([&] { (void)open_recording(folder.path()); }).find("intrinsics.json"), std::string::npos);
+}
+
+TEST(ReadAhead, KeepsTheOrderAndPassesErrorsOn) {
+  Tum tum;
+  const auto ahead = read_ahead(open_recording(tum.folder.path()), 2);
+  for (int i = 0; i < 4; ++i) EXPECT_EQ(ahead->next()->index, i);
+  EXPECT_FALSE(ahead->next());
+
+  struct Broken final : Source {
+    Camera camera_;
+    const Camera& camera() const override { return camera_; }
+    std::optional<int> size() const override { return {}; }
+    std::optional<Frame> next() override { throw std::runtime_error("unplugged"); }
+  };
+  EXPECT_EQ(error_of([] { (void)read_ahead(std::make_unique<Broken>())->next(); }), "unplugged");
+}
+
+TEST(WithPoses, InterpolatesAndLeavesGapsOut) {
+  Tum tum;
+  Trajectory poses{{0.05, Eigen::Isometry3d::Identity()}, {0.15, Eigen::Isometry3d(Eigen::Translation3d(1, 0, 0))}};
+  const auto source = with_poses(open_recording(tum.folder.path()), poses);
+  EXPECT_FALSE(source->next()->world_from_camera);
+  const auto frame = source->next();
+  ASSERT_TRUE(frame->world_from_camera);
+  EXPECT_NEAR(frame->world_from_camera->translation().x(), 0.5, 1e-12);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "support/files.hpp"
+
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <sstream>
+
+namespace cairn {
+
+namespace fs = std::filesystem;
+
+TemporaryFolder::TemporaryFolder() {
+  std::string name = (fs::temp_directory_path() / "cairn-test-XXXXXX").string();
+  path_ = mkdtemp(name.data());
+}
+TemporaryFolder::~TemporaryFolder() {
+  std::error_code ignored;
+  fs::remove_all(path_, ignored);
+}
+
+void write_text(const fs::path& file, const std::string& text) { std::ofstream(file, std::ios::binary) << text; }
+
+std::string read_bytes(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+Ran run_cairn(const std::vector<std::string>& arguments, const std::string& environment) {
+  const TemporaryFolder folder;
+  std::string command = environment + " '" CAIRN_PROGRAM "'";
+  for (const auto& a : arguments) command += " '" + a + "'";
+  command += " >'" + (folder / "out").string() + "' 2>'" + (folder / "err").string() + "'";
+  const int status = std::system(command.c_str());
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + status, read_bytes(folder / "out"),
+          read_bytes(folder / "err")};
+}
+
+std::string validate_gltf(const fs::path& file) {
+  const std::string support = std::string(CAIRN_SOURCE_DIR) + "/tests/support";
+  if (!fs::exists(support + "/node_modules/gltf-validator"))
+    return "the validator is missing: run npm ci --prefix tests/support";
+  const TemporaryFolder folder;
+  const std::string out = (folder / "out").string();
+  const int status =
+      std::system(("node '" + support + "/validate_gltf.mjs' '" + file.string() + "' >'" + out + "' 2>&1").c_str());
+  return read_bytes(out) + (status == 0 ? "" : "the validator failed");
+}
+
+}  // namespace cairn

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+namespace cairn {
+
+/// A new empty folder that goes away with the object.
+class TemporaryFolder {
+ public:
+  TemporaryFolder();
+  ~TemporaryFolder();
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+  [[nodiscard]] std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+void write_text(const std::filesystem::path& file, const std::string& text);
+[[nodiscard]] std::string read_bytes(const std::filesystem::path& file);
+
+/// Runs the program; `err` is what it printed to stderr, `out` to stdout.
+struct Ran {
+  int exit_code;
+  std::string out, err;
+};
+[[nodiscard]] Ran run_cairn(const std::vector<std::string>& arguments, const std::string& environment = "");
+
+/// Errors and warnings of Khronos' glTF validator, one a line; empty: clean. Fails the test when it is not installed.
+[[nodiscard]] std::string validate_gltf(const std::filesystem::path& file);
+
+/// The message of the std::runtime_error that `f` throws; fails the test when it throws none.
+template <class F>
+std::string error_of(F&& f) {
+  try {
+    f();
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  ADD_FAILURE() << "nothing was thrown";
+  return {};
+}
+
+}  // namespace cairn
+
+// Recordings that are not part of the project: a test that needs one is skipped by name where it is absent.
+#define CAIRN_REQUIRE_DATA(name)                                            \
+  if (!std::filesystem::exists(std::filesystem::path(CAIRN_DATA) / (name))) \
+  GTEST_SKIP() << "recording " << (name) << " is not in " << CAIRN_DATA
