@@ -6,7 +6,7 @@
 #include "shaders/volume.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { BrickMarkPush push; };
-layout(binding = 0, scalar) readonly buffer Depth { float depth[]; };
+layout(binding = 0, scalar) readonly buffer Fusion { uvec2 fusion[]; };
 layout(binding = 1, scalar) buffer PageTable { uint page_table[]; };
 layout(binding = 2, scalar) buffer NewCount { uint new_count; };
 layout(binding = 3, scalar) writeonly buffer NewBricks { ivec3 new_bricks[]; };
@@ -16,15 +16,16 @@ void main() {
   uint i = gl_GlobalInvocationID.x;
   if (i >= columns * rows) return;
   uvec2 pixel = 2u * uvec2(i % columns, i / columns);
-  float z = depth[pixel.y * push.camera.width + pixel.x];
+  float z = uintBitsToFloat(fusion[pixel.y * push.camera.width + pixel.x].x);
   if (z <= 0.0) return;
   vec3 ray = rotate(push.submap_from_camera, ray_through(push.camera, vec2(pixel)));
   float band = push.volume.truncation;
   float voxel = push.volume.voxel_size;
-  // Steps of two voxels: a ray cuts off at most a corner thinner than that.
-  float step_z = 2.0 * voxel / length(ray);
-  for (float s = z - band; s < z + band + step_z; s += step_z) {
-    vec3 p = push.submap_from_camera.t + ray * min(s, z + band);
+  // Steps of half a brick, one of them on the surface: a ray misses bricks only where it cuts a corner of theirs.
+  int steps = int(ceil(band * length(ray) / (4.0 * voxel)));
+  float step_z = band / float(steps);
+  for (int k = -steps; k <= steps; ++k) {
+    vec3 p = push.submap_from_camera.t + ray * (z + float(k) * step_z);
     ivec3 brick = ivec3(floor(p / voxel + 0.5)) >> 3;
     if (!in_window(push.volume, brick)) continue;
     uint at = table_index(push.volume, brick);

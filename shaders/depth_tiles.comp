@@ -6,7 +6,7 @@
 #include "shaders/volume.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { DepthTilesPush push; };
-layout(binding = 0, scalar) readonly buffer Depth { float depth[]; };
+layout(binding = 0, scalar) readonly buffer Fusion { uvec2 fusion[]; };
 layout(binding = 1, scalar) writeonly buffer Farthest { float farthest[]; };
 
 void main() {
@@ -16,6 +16,6 @@ void main() {
   uint x0 = (i % columns) * kTile, y0 = (i / columns) * kTile;
   float most = 0.0;
   for (uint y = y0; y < min(y0 + kTile, push.height); ++y)
-    for (uint x = x0; x < min(x0 + kTile, push.width); ++x) most = max(most, depth[y * push.width + x]);
+    for (uint x = x0; x < min(x0 + kTile, push.width); ++x) most = max(most, uintBitsToFloat(fusion[y * push.width + x].x));
   farthest[i] = most;
 }

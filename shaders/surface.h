@@ -25,7 +25,7 @@ struct SurfaceFilterPush {
   float min_depth;
   float max_depth;
   float spatial;     // -1 / (2 sigma^2), sigma in pixels
-  float range;       // sigma in standard deviations of the depth noise
+  float range;       // where the weight ends, in standard deviations of the depth noise
   float edge_slope;  // in standard deviations of the depth noise
 };
 

@@ -10,8 +10,7 @@ layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { TsdfIntegratePush push; };
 layout(binding = 0, scalar) readonly buffer Selected { uint selected[]; };
 layout(binding = 1, scalar) readonly buffer Slots { SlotState slots[]; };
-layout(binding = 2, scalar) readonly buffer Depth { float depth[]; };
-layout(binding = 3, scalar) readonly buffer Colour { uint colour[]; };
+layout(binding = 2, scalar) readonly buffer Fusion { uvec2 fusion[]; };  // (depth bits, colour)
 
 const float kMaxColourWeight = 32.0;
 
@@ -30,7 +29,8 @@ void main() {
     bool inside = p.z > 0.0 && pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < float(push.camera.width) &&
                   pixel.y < float(push.camera.height);
     uint i = inside ? uint(pixel.y) * push.camera.width + uint(pixel.x) : 0u;
-    float z = inside ? depth[i] : 0.0;
+    uvec2 measured = inside ? fusion[i] : uvec2(0);
+    float z = uintBitsToFloat(measured.x);
     float sdf = (z - p.z) * inverse_truncation;
     if (z > 0.0 && sdf > -1.0) {
       uvec2 old = pool.v[at + k];
@@ -43,9 +43,8 @@ void main() {
                   (uint(round(min(sum, push.max_weight) * kWeightUnit)) << 16);
       uint rgb = old.y;
       if (push.has_colour != 0u && sdf < 1.0) {
-        uint c = colour[i];
         float n = float(rgb >> 24);
-        vec3 mean = (unpackUnorm4x8(rgb).rgb * n + unpackUnorm4x8(c).rgb) / (n + 1.0);
+        vec3 mean = (unpackUnorm4x8(rgb).rgb * n + unpackUnorm4x8(measured.y).rgb) / (n + 1.0);
         rgb = packUnorm4x8(vec4(mean, min(n + 1.0, kMaxColourWeight) / 255.0));
       }
       pool.v[at + k] = uvec2(word, rgb);

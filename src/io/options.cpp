@@ -19,7 +19,7 @@ void for_each_option(Options& o, Visit&& visit) {
   visit("surface.min_depth", o.surface.min_depth, 0.01, 10.0);
   visit("surface.max_depth", o.surface.max_depth, 0.1, 20.0);
   visit("surface.filter_sigma_pixels", o.surface.filter_sigma_pixels, 0.1, 10.0);
-  visit("surface.filter_sigma_depth", o.surface.filter_sigma_depth, 0.1, 100.0);
+  visit("surface.filter_range", o.surface.filter_range, 0.1, 100.0);
   visit("surface.edge_slope", o.surface.edge_slope, 0.1, 1000.0);
   visit("track.levels", o.track.levels, 1, 5);
   visit("track.finest_level", o.track.finest_level, 0, 4);

@@ -41,7 +41,7 @@ struct Mapper::State {
         poses(p),
         camera(c),
         device(device_index),
-        preprocess(device, c, o.surface, o.track.levels),
+        preprocess(device, c, o.surface, o.track.levels, o.track.finest_level),
         raycast(device, preprocess.camera(), o.surface, o.track.levels, o.track.finest_level),
         icp(device, o.track),
         integrate(device, preprocess.camera(), o.surface),

@@ -14,15 +14,17 @@ std::uint32_t pixels(const Camera& camera) { return static_cast<std::uint32_t>(c
 
 }  // namespace
 
-Preprocess::Preprocess(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels)
+Preprocess::Preprocess(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels,
+                       int finest_level)
     : device_(device),
       source_camera_(camera),
       options_(options),
+      finest_level_(finest_level),
       raw_depth_(device, 4 * std::uint64_t{pixels(camera)}),
       raw_colour_(device, 4 * std::uint64_t{pixels(camera)}),
       depth_(device, camera.distorted() ? 4 * std::uint64_t{pixels(camera)} : 4),
       colour_(device, camera.distorted() ? 4 * std::uint64_t{pixels(camera)} : 4),
-      clean_(device, 4 * std::uint64_t{pixels(camera)}),
+      fusion_(device, 8 * std::uint64_t{pixels(camera)}),
       rectify_(device, "surface_rectify", surface_rectify_comp),
       filter_(device, "surface_filter", surface_filter_comp),
       half_(device, "surface_half", surface_half_comp),
@@ -55,24 +57,24 @@ Surface Preprocess::operator()(const Frame& frame) {
               .has_colour = has_colour},
              {&raw_depth_, &raw_colour_, &depth_, &colour_});
   }
-  filter_(batch, {n, 1, 1},
+  filter_(batch, {n / 4, 1, 1},
           {.width = static_cast<std::uint32_t>(source_camera_.width),
            .height = static_cast<std::uint32_t>(source_camera_.height),
            .min_depth = options_.min_depth,
            .max_depth = options_.max_depth,
            .spatial = -0.5f / (options_.filter_sigma_pixels * options_.filter_sigma_pixels),
-           .range = options_.filter_sigma_depth,
+           .range = options_.filter_range,
            .edge_slope = options_.edge_slope},
-          {distorted ? &depth_ : &raw_depth_, &clean_, &smooth_[0]});
-  Surface surface{.levels = {}, .depth = &clean_, .colour = nullptr};
-  if (has_colour) surface.colour = distorted ? &colour_ : &raw_colour_;
+          {distorted ? &depth_ : &raw_depth_, distorted ? &colour_ : &raw_colour_, &fusion_, &smooth_[0]});
+  Surface surface{.levels = {}, .fusion = &fusion_, .has_colour = has_colour};
   for (std::size_t level = 0; level < levels_.size(); ++level) {
     const Camera& c = levels_[level].camera;
     if (level > 0)
       half_(batch, {pixels(c), 1, 1},
             {.width = static_cast<std::uint32_t>(c.width), .height = static_cast<std::uint32_t>(c.height)},
             {&smooth_[level - 1], &smooth_[level]});
-    normals_(batch, {pixels(c), 1, 1}, {.camera = shader::pinhole(c)}, {&smooth_[level], &levels_[level].points});
+    if (static_cast<int>(level) >= finest_level_)
+      normals_(batch, {pixels(c), 1, 1}, {.camera = shader::pinhole(c)}, {&smooth_[level], &levels_[level].points});
     surface.levels.push_back(&levels_[level]);
   }
   batch.run();

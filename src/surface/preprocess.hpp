@@ -18,15 +18,15 @@ struct PointImage {
 
 /// A frame on the device. The buffers belong to Preprocess and hold until its next call.
 struct Surface {
-  std::vector<const PointImage*> levels;  // smoothed, the finest first
-  const gpu::Buffer* depth = nullptr;     // metres, rectified, without flying pixels, not smoothed
-  const gpu::Buffer* colour = nullptr;    // bytes R, G, B, 255; null: the frame has none
+  std::vector<const PointImage*> levels;  // smoothed, the finest first; points from `finest_level` on
+  const gpu::Buffer* fusion = nullptr;    // (depth bits, colour) by pixel: rectified, without flying pixels, not smoothed
+  bool has_colour = false;
 };
 
 /// Rectifies, cleans and smooths a frame and makes its pyramid of points and normals.
 class Preprocess {
  public:
-  Preprocess(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels);
+  Preprocess(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels, int finest_level);
   [[nodiscard]] Surface operator()(const Frame& frame);
   /// The camera of the finest level: the source's, without distortion.
   [[nodiscard]] const Camera& camera() const { return levels_.front().camera; }
@@ -35,9 +35,10 @@ class Preprocess {
   gpu::Device& device_;
   Camera source_camera_;
   SurfaceOptions options_;
+  int finest_level_;
   std::vector<PointImage> levels_;
   std::vector<gpu::Buffer> smooth_;  // depth by level
-  gpu::Buffer raw_depth_, raw_colour_, depth_, colour_, clean_;
+  gpu::Buffer raw_depth_, raw_colour_, depth_, colour_, fusion_;
   gpu::Kernel<shader::SurfaceRectifyPush> rectify_;
   gpu::Kernel<shader::SurfaceFilterPush> filter_;
   gpu::Kernel<shader::SurfaceHalfPush> half_;

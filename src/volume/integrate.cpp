@@ -50,7 +50,7 @@ Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& sub
   batch.fill(new_count_, 0);
   mark_(batch, {pixels / 4, 1, 1},
         {.volume = volume.view(), .camera = pinhole, .submap_from_camera = pose, .capacity = kMaxNewBricks},
-        {surface.depth, &volume.page_table(), &new_count_, &new_bricks_});
+        {surface.fusion, &volume.page_table(), &new_count_, &new_bricks_});
   batch.download(new_count_, std::span<std::uint32_t>(new_count));
   batch.download(new_bricks_, marked);
   batch.run();
@@ -69,7 +69,7 @@ Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& sub
   batch.fill(selected_count_, 0);
   tiles_(batch, {tiles(camera_), 1, 1},
          {.width = static_cast<std::uint32_t>(camera_.width), .height = static_cast<std::uint32_t>(camera_.height)},
-         {surface.depth, &farthest_});
+         {surface.fusion, &farthest_});
   select_(batch, {volume.slot_count(), 1, 1},
           {.camera = pinhole,
            .submap_from_camera = pose,
@@ -88,11 +88,11 @@ Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& sub
               .camera = pinhole,
               .camera_from_submap = shader::rigid(submap_from_camera.inverse()),
               .count = selected_count[0],
-              .has_colour = surface.colour != nullptr,
+              .has_colour = surface.has_colour,
               .voxel_size = volume.options().voxel_size,
               .truncation = volume.options().truncation,
               .max_weight = volume.options().max_weight},
-             {&selected_, &volume.slots(), surface.depth, surface.colour != nullptr ? surface.colour : surface.depth});
+             {&selected_, &volume.slots(), surface.fusion});
   batch.run();
   return {.touched = static_cast<int>(selected_count[0]), .new_bricks = static_cast<int>(count)};
 }
