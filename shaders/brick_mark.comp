@@ -22,7 +22,7 @@ void main() {
   float band = push.volume.truncation;
   float voxel = push.volume.voxel_size;
   // Steps of half a brick, one of them on the surface: a ray misses bricks only where it cuts a corner of theirs.
-  int steps = int(ceil(band * length(ray) / (4.0 * voxel)));
+  int steps = int(ceil(band / (4.0 * voxel) - 0.01));
   float step_z = band / float(steps);
   for (int k = -steps; k <= steps; ++k) {
     vec3 p = push.submap_from_camera.t + ray * (z + float(k) * step_z);

@@ -17,12 +17,17 @@ void main() {
   SlotState state = slots[slot];
   if (state.used == 0u) return;
   vec3 centre = inverse_transform(push.submap_from_camera, (vec3(state.brick) + 0.5) * push.brick_size);
-  float radius = 0.8661 * push.brick_size;
-  float near = max(centre.z - radius, 0.5 * push.min_depth), far = centre.z + radius;
+  // Half the extent of the turned brick along the camera's axes, up to the outermost voxels.
+  float half_brick = 0.4375 * push.brick_size;
+  vec3 extent = half_brick * (abs(inverse_rotate(push.submap_from_camera, vec3(1, 0, 0))) +
+                              abs(inverse_rotate(push.submap_from_camera, vec3(0, 1, 0))) +
+                              abs(inverse_rotate(push.submap_from_camera, vec3(0, 0, 1))));
+  centre -= (inverse_rotate(push.submap_from_camera, vec3(1.0)) * (0.0625 * push.brick_size));
+  float near = max(centre.z - extent.z, 0.5 * push.min_depth), far = centre.z + extent.z;
   if (far < push.min_depth) return;
 
   vec2 f = vec2(push.camera.fx, push.camera.fy), c = vec2(push.camera.cx, push.camera.cy);
-  vec2 low = centre.xy - radius, high = centre.xy + radius;
+  vec2 low = centre.xy - extent.xy, high = centre.xy + extent.xy;
   vec2 from = f * low / mix(vec2(far), vec2(near), lessThan(low, vec2(0.0))) + c;
   vec2 to = f * high / mix(vec2(near), vec2(far), lessThan(high, vec2(0.0))) + c;
   vec2 size = vec2(push.camera.width, push.camera.height);
@@ -32,7 +37,7 @@ void main() {
   float seen = 0.0;
   for (uint y = first.y; y <= last.y; ++y)
     for (uint x = first.x; x <= last.x; ++x) seen = max(seen, farthest[y * columns + x]);
-  if (seen + push.truncation < centre.z - radius) return;
+  if (seen == 0.0 || seen + push.truncation < near) return;
 
   slots[slot].last_seen = push.stamp;
   uint place = atomicAdd(selected_count, 1u);

@@ -21,17 +21,20 @@ vec4 depth_clamped(ivec4 x, int row) {
   return vec4(depth[at.x], depth[at.y], depth[at.z], depth[at.w]);
 }
 
-// Weighted differences to the centres, summed over one row of five neighbours.
-void add_row(int row, ivec4 x, vec4 z, vec4 inverse, float dy2, inout vec4 sum, inout vec4 weights) {
-  vec4 a = depth_clamped(x - 2, row), b = depth_clamped(x + 2, row);
-  for (int dx = -2; dx <= 2; ++dx) {
-    vec4 other = dx == -2 ? a : dx == -1 ? vec4(a.yzw, b.x) : dx == 0 ? vec4(a.zw, b.xy) : dx == 1 ? vec4(a.w, b.xyz) : b;
-    vec4 e = (other - z) * inverse;
-    vec4 w = max(1.0 - e * e, vec4(0.0));
-    w *= w * exp((float(dx * dx) + dy2) * push.spatial);
-    sum += w * (other - z);
-    weights += w;
-  }
+// Weighted differences to the centres, summed over one row of five neighbours; a and b hold eight pixels of the row, and
+// g the spatial weights at distances 0, 1 and 2.
+void add_row(vec4 a, vec4 b, vec4 z, vec4 inverse, vec3 g, inout vec4 sum, inout vec4 weights) {
+  vec4 d0 = a - z, d1 = vec4(a.yzw, b.x) - z, d2 = vec4(a.zw, b.xy) - z, d3 = vec4(a.w, b.xyz) - z, d4 = b - z;
+  vec4 e0 = d0 * inverse, e1 = d1 * inverse, e2 = d2 * inverse, e3 = d3 * inverse, e4 = d4 * inverse;
+  vec4 w0 = max(1.0 - e0 * e0, vec4(0.0)), w1 = max(1.0 - e1 * e1, vec4(0.0)), w2 = max(1.0 - e2 * e2, vec4(0.0));
+  vec4 w3 = max(1.0 - e3 * e3, vec4(0.0)), w4 = max(1.0 - e4 * e4, vec4(0.0));
+  w0 *= w0 * g.z;
+  w1 *= w1 * g.y;
+  w2 *= w2 * g.x;
+  w3 *= w3 * g.y;
+  w4 *= w4 * g.z;
+  sum += w0 * d0 + w1 * d1 + w2 * d2 + w3 * d3 + w4 * d4;
+  weights += w0 + w1 + w2 + w3 + w4;
 }
 
 // A pixel between a nearer and a farther one lies on no surface: the sensor mixed both.
@@ -51,21 +54,30 @@ void main() {
   ivec4 x = 4 * (i % columns) + ivec4(0, 1, 2, 3);
   int row = y * width, up = max(y - 1, 0) * width, down = min(y + 1, height - 1) * width;
 
-  vec4 z = depth_clamped(x, row);
+  int far_up = max(y - 2, 0) * width, far_down = min(y + 2, height - 1) * width;
+  vec4 a0 = depth_clamped(x - 2, far_up), b0 = depth_clamped(x + 2, far_up);
+  vec4 a1 = depth_clamped(x - 2, up), b1 = depth_clamped(x + 2, up);
+  vec4 a2 = depth_clamped(x - 2, row), b2 = depth_clamped(x + 2, row);
+  vec4 a3 = depth_clamped(x - 2, down), b3 = depth_clamped(x + 2, down);
+  vec4 a4 = depth_clamped(x - 2, far_down), b4 = depth_clamped(x + 2, far_down);
+
+  vec4 z = vec4(a2.zw, b2.xy);
   z = mix(vec4(0.0), z, greaterThanEqual(z, vec4(push.min_depth)));
   z = mix(vec4(0.0), z, lessThanEqual(z, vec4(push.max_depth)));
   vec4 sigma = 0.0012 + 0.0019 * (z - 0.4) * (z - 0.4);  // depth_noise
   vec4 jump = push.edge_slope * sigma;
-  z = mix(z, vec4(0.0), between(depth_clamped(x - 1, row), z, depth_clamped(x + 1, row), jump));
-  z = mix(z, vec4(0.0), between(depth_clamped(x, up), z, depth_clamped(x, down), jump));
+  bvec4 across = between(vec4(a2.yzw, b2.x), z, vec4(a2.w, b2.xyz), jump);
+  bvec4 along = between(vec4(a1.zw, b1.xy), z, vec4(a3.zw, b3.xy), jump);
+  z = mix(mix(z, vec4(0.0), across), vec4(0.0), along);
 
   vec4 inverse = 1.0 / (push.range * sigma);
+  vec3 g = vec3(1.0, exp(push.spatial), exp(4.0 * push.spatial));
   vec4 sum = vec4(0.0), weights = vec4(0.0);
-  add_row(max(y - 2, 0) * width, x, z, inverse, 4.0, sum, weights);
-  add_row(up, x, z, inverse, 1.0, sum, weights);
-  add_row(row, x, z, inverse, 0.0, sum, weights);
-  add_row(down, x, z, inverse, 1.0, sum, weights);
-  add_row(min(y + 2, height - 1) * width, x, z, inverse, 4.0, sum, weights);
+  add_row(a0, b0, z, inverse, g * g.z, sum, weights);
+  add_row(a1, b1, z, inverse, g * g.y, sum, weights);
+  add_row(a2, b2, z, inverse, g, sum, weights);
+  add_row(a3, b3, z, inverse, g * g.y, sum, weights);
+  add_row(a4, b4, z, inverse, g * g.z, sum, weights);
   vec4 smoothed = mix(vec4(0.0), z + sum / max(weights, vec4(1e-6)), greaterThan(z, vec4(0.0)));
 
   uvec4 bits = floatBitsToUint(z);

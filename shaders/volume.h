@@ -95,7 +95,7 @@ struct BrickPlacePush {
   uint stamp;
 };
 
-const uint kTile = 16;  // pixels; side of the tiles of depth and range images
+const uint kTile = 8;  // pixels; side of the tiles of depth and range images
 
 #ifdef __cplusplus
 static_assert(sizeof(BrickMarkPush) <= 128 && sizeof(RaycastPush) <= 128 && sizeof(TsdfIntegratePush) <= 128);

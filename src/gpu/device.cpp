@@ -96,6 +96,7 @@ std::string missing_feature(const vk::raii::PhysicalDevice& physical) {
     return VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME;
   const auto chain = physical.getFeatures2<vk::PhysicalDeviceFeatures2, vk::PhysicalDeviceVulkan12Features>();
   const auto& v12 = chain.get<vk::PhysicalDeviceVulkan12Features>();
+  if (!chain.get<vk::PhysicalDeviceFeatures2>().features.shaderInt64) return "shaderInt64";
   if (!v12.scalarBlockLayout) return "scalarBlockLayout";
   if (!v12.bufferDeviceAddress) return "bufferDeviceAddress";
   const auto subgroup = physical.getProperties2<vk::PhysicalDeviceProperties2, vk::PhysicalDeviceSubgroupProperties>()
@@ -208,12 +209,14 @@ Device::Device(int index) : state_(std::make_unique<State>()) {
   const vk::DeviceQueueCreateInfo queue{
       .queueFamilyIndex = s.queue_family, .queueCount = 1, .pQueuePriorities = &priority};
   const char* extension = VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME;
+  const vk::PhysicalDeviceFeatures features{.shaderInt64 = true};
   const vk::PhysicalDeviceVulkan12Features v12{.scalarBlockLayout = true, .bufferDeviceAddress = true};
   s.device.emplace(*s.physical, vk::DeviceCreateInfo{.pNext = &v12,
                                                      .queueCreateInfoCount = 1,
                                                      .pQueueCreateInfos = &queue,
                                                      .enabledExtensionCount = 1,
-                                                     .ppEnabledExtensionNames = &extension});
+                                                     .ppEnabledExtensionNames = &extension,
+                                                     .pEnabledFeatures = &features});
   s.queue.emplace(*s.device, s.queue_family, 0);
 
   s.pipelines_file = pipeline_cache_file(*s.physical);

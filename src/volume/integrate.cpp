@@ -28,7 +28,7 @@ Integrate::Integrate(gpu::Device& device, const Camera& camera, const SurfaceOpt
     : device_(device),
       camera_(camera),
       options_(options),
-      farthest_(device, 4 * std::uint64_t{tiles(camera)}),
+      depth_tiles_(device, 4 * std::uint64_t{tiles(camera)}),
       new_count_(device, 4),
       new_bricks_(device, kMaxNewBricks * sizeof(shader::ivec3)),
       selected_count_(device, 4),
@@ -69,7 +69,7 @@ Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& sub
   batch.fill(selected_count_, 0);
   tiles_(batch, {tiles(camera_), 1, 1},
          {.width = static_cast<std::uint32_t>(camera_.width), .height = static_cast<std::uint32_t>(camera_.height)},
-         {surface.fusion, &farthest_});
+         {surface.fusion, &depth_tiles_});
   select_(batch, {volume.slot_count(), 1, 1},
           {.camera = pinhole,
            .submap_from_camera = pose,
@@ -79,7 +79,7 @@ Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& sub
            .brick_size = volume.brick_size(),
            .truncation = volume.options().truncation,
            .min_depth = options_.min_depth},
-          {&volume.slots(), &farthest_, &selected_count_, &selected_});
+          {&volume.slots(), &depth_tiles_, &selected_count_, &selected_});
   batch.download(selected_count_, std::span<std::uint32_t>(selected_count));
   batch.run();
 

@@ -25,7 +25,7 @@ class Integrate {
   gpu::Device& device_;
   Camera camera_;
   SurfaceOptions options_;
-  gpu::Buffer farthest_, new_count_, new_bricks_, selected_count_, selected_;
+  gpu::Buffer depth_tiles_, new_count_, new_bricks_, selected_count_, selected_;
   gpu::Kernel<shader::DepthTilesPush> tiles_;
   gpu::Kernel<shader::BrickMarkPush> mark_;
   gpu::Kernel<shader::BrickSelectPush> select_;
