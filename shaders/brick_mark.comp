@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Lists the bricks that the truncation band of every second measurement needs and that have no slot yet.
+// Lists the bricks that the truncation bands of a grid of measurements need and that have no slot yet.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/volume.h"
@@ -12,10 +12,10 @@ layout(binding = 2, scalar) buffer NewCount { uint new_count; };
 layout(binding = 3, scalar) writeonly buffer NewBricks { ivec3 new_bricks[]; };
 
 void main() {
-  uint columns = push.camera.width / 2u, rows = push.camera.height / 2u;
+  uint columns = push.camera.width / push.stride, rows = push.camera.height / push.stride;
   uint i = gl_GlobalInvocationID.x;
   if (i >= columns * rows) return;
-  uvec2 pixel = 2u * uvec2(i % columns, i / columns);
+  uvec2 pixel = push.stride * uvec2(i % columns, i / columns) + uvec2(push.phase % push.stride, (push.phase / push.stride) % push.stride);
   float z = uintBitsToFloat(fusion[pixel.y * push.camera.width + pixel.x].x);
   if (z <= 0.0) return;
   vec3 ray = rotate(push.submap_from_camera, ray_through(push.camera, vec2(pixel)));

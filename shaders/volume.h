@@ -31,6 +31,8 @@ struct BrickMarkPush {
   Pinhole camera;
   Rigid submap_from_camera;
   uint capacity;  // of the list of new bricks
+  uint stride;    // pixels; every stride-th of a row and a column is looked at
+  uint phase;     // which of them: changes from frame to frame
 };
 
 struct BrickSelectPush {
