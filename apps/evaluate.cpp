@@ -13,7 +13,7 @@ namespace cairn::apps {
 namespace {
 
 struct Arguments {
-  std::string estimate, truth;
+  std::string estimate, truth, seen;
   double rpe_interval = 1.0, max_time_difference = 0.02;
   int frames = 0, samples = 200000;
   bool json = false;
@@ -55,7 +55,8 @@ void evaluate_trajectory_files(const Arguments& a) {
 }
 
 void evaluate_mesh_files(const Arguments& a) {
-  const auto e = evaluate_mesh(read_mesh(a.estimate), read_mesh(a.truth), a.samples);
+  const Mesh seen = a.seen.empty() ? Mesh{} : read_mesh(a.seen);
+  const auto e = evaluate_mesh(read_mesh(a.estimate), read_mesh(a.truth), a.samples, a.seen.empty() ? nullptr : &seen);
   if (a.json) {
     nlohmann::json j{{"accuracy_m", to_json(e.accuracy)}, {"completeness_m", to_json(e.completeness)}};
     for (const auto& at : e.at)
@@ -97,6 +98,8 @@ void add_evaluate(CLI::App& program) {
   auto* mesh = command->add_subcommand("mesh", "Accuracy, completeness and F-score");
   mesh->add_option("ESTIMATE", a->estimate, "Mesh (.glb, .gltf, .ply)")->required()->check(CLI::ExistingFile);
   mesh->add_option("TRUTH", a->truth, "Mesh in the same frame")->required()->check(CLI::ExistingFile);
+  mesh->add_option("--seen", a->seen, "The part of the truth that completeness is measured on [all of it]")
+      ->check(CLI::ExistingFile);
   mesh->add_option("--samples", a->samples, "Points on each surface")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);

@@ -25,7 +25,6 @@ struct Arguments {
   int frames = 300, device = -1;
   std::string noise = "kinect";
   std::uint64_t seed = 1;
-  bool whole_mesh = false;
 };
 
 void write_image(const fs::path& file, const cv::Mat& image) {
@@ -55,7 +54,7 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
           "width: {}\nheight: {}\nfx: {}\nfy: {}\ncx: {}\ncy: {}\ndistortion: [0, 0, 0, 0, 0]\ndepth_scale: {}\n",
           camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, kDepthScale));
   Mesh truth = scene.surface();
-  std::vector<bool> seen(truth.triangles.size(), a.whole_mesh);
+  std::vector<bool> seen(truth.triangles.size());
   Trajectory poses;
   std::string rgb_list = "# timestamp filename\n", depth_list = rgb_list;
   Progress progress(a.frames);
@@ -64,7 +63,7 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
     const auto pose = synthetic_pose(scene, path, time);
     if (!pose) break;
     auto images = render(*pose);
-    if (!a.whole_mesh && i % 5 == 0) mark_seen(truth, camera, *pose, images.depth, seen);
+    if (i % 5 == 0) mark_seen(truth, camera, *pose, images.depth, seen);
     if (a.noise == "kinect") add_kinect_noise(images, camera, a.seed, i);
     cv::Mat depth(camera.height, camera.width, CV_16U), bgr;
     for (int p = 0; p < camera.width * camera.height; ++p)
@@ -82,8 +81,9 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
   write_text(folder / "rgb.txt", rgb_list);
   write_text(folder / "depth.txt", depth_list);
   write_trajectory(folder / "groundtruth.txt", poses);
-  std::erase_if(truth.triangles, [&, i = std::size_t{0}](const auto&) mutable { return !seen[i++]; });
   write_mesh(folder / "groundtruth_mesh.ply", truth);
+  std::erase_if(truth.triangles, [&, i = std::size_t{0}](const auto&) mutable { return !seen[i++]; });
+  write_mesh(folder / "groundtruth_seen.ply", truth);
 }
 
 void synth(const Arguments& a) {
@@ -124,7 +124,6 @@ void add_synth(CLI::App& program) {
       ->check(CLI::IsMember({"kinect", "none"}));
   command->add_option("--seed", a->seed, "Of the noise")->capture_default_str();
   command->add_option("--device", a->device, "Vulkan device; -1 chooses")->capture_default_str();
-  command->add_flag("--whole-mesh", a->whole_mesh, "Keep unseen surface in groundtruth_mesh.ply");
   command->callback([a] { synth(*a); });
 }
 

@@ -68,7 +68,9 @@ void main() {
       continue;
     }
     uint word = Voxels(push.volume.voxels).v[voxel_index(slot, voxel)].x;
-    float d = (word >> 16) != 0u ? voxel_distance(word) * truncation : 0.0;
+    // A voxel on the surface counts as in front of it: 0 stands for a voxel that was never seen.
+    float distance = voxel_distance(word);
+    float d = (word >> 16) != 0u ? (distance == 0.0 ? 1e-4 : distance) * truncation : 0.0;
     if (d < 0.0) {
       // Seen from behind, or through a hole: nothing to align with.
       if (before_d > 0.0) hit = mix(before, t, before_d / (before_d - d));

@@ -39,7 +39,9 @@ struct MeshError {
 };
 
 /// Samples both surfaces evenly by area, `samples` points each, seeded; distances are to triangles, not to vertices.
-/// Both meshes are in the same frame. Throws std::runtime_error for a mesh without triangles.
-[[nodiscard]] MeshError evaluate_mesh(const Mesh& estimate, const Mesh& truth, int samples = 200000);
+/// All meshes are in the same frame. `seen`: the part of the truth that the camera saw, on which completeness is
+/// measured; null: all of it. Throws std::runtime_error for a mesh without triangles.
+[[nodiscard]] MeshError evaluate_mesh(const Mesh& estimate, const Mesh& truth, int samples = 200000,
+                                      const Mesh* seen = nullptr);
 
 }  // namespace cairn

@@ -9,8 +9,8 @@ namespace cairn {
 struct SurfaceOptions {
   float min_depth = 0.3f;            // metres; nearer measurements are dropped
   float max_depth = 5.0f;            // metres; farther measurements are dropped
-  float filter_sigma_pixels = 1.5f;   // bilateral filter, spatial
-  float filter_range = 6.0f;          // bilateral filter: neighbours farther than this many noise sigmas do not count
+  float filter_sigma_pixels = 1.5f;  // bilateral filter, spatial
+  float filter_range = 6.0f;         // bilateral filter: neighbours farther than this many noise sigmas do not count
   float edge_slope = 6.0f;           // a pixel whose neighbours differ by more than this many noise sigmas on both
                                      // sides of a jump is flying and is dropped
 };

@@ -107,10 +107,10 @@ double share_within(const std::vector<double>& d, double threshold) {
 
 }  // namespace
 
-MeshError evaluate_mesh(const Mesh& estimate, const Mesh& truth, int samples) {
+MeshError evaluate_mesh(const Mesh& estimate, const Mesh& truth, int samples, const Mesh* seen) {
   if (samples < 1) throw std::runtime_error("the number of samples must be positive");
   const auto of_estimate = distances(sample(estimate, samples), Surface(truth));
-  const auto of_truth = distances(sample(truth, samples), Surface(estimate));
+  const auto of_truth = distances(sample(seen != nullptr ? *seen : truth, samples), Surface(estimate));
   MeshError error{.accuracy = statistics(of_estimate), .completeness = statistics(of_truth)};
   constexpr std::array kThresholds{0.01, 0.02, 0.05};
   for (std::size_t i = 0; i < kThresholds.size(); ++i) {

@@ -19,7 +19,7 @@ struct PointImage {
 /// A frame on the device. The buffers belong to Preprocess and hold until its next call.
 struct Surface {
   std::vector<const PointImage*> levels;  // smoothed, the finest first; points from `finest_level` on
-  const gpu::Buffer* fusion = nullptr;    // (depth bits, colour) by pixel: rectified, without flying pixels, not smoothed
+  const gpu::Buffer* fusion = nullptr;  // (depth bits, colour) by pixel: rectified, without flying pixels, not smoothed
   bool has_colour = false;
 };
 

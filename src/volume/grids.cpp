@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <fstream>
 #include <mutex>
 #include <stdexcept>
 
@@ -110,6 +111,10 @@ void write_grids(const std::filesystem::path& file, const BrickTree& bricks, con
     out.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
     out.write(grids);
     out.close();
+    // OpenVDB gives each file a random name of its own; the same map shall be the same bytes.
+    constexpr std::streamoff kUuidOffset = 21;  // magic number, three versions, one flag
+    std::fstream(temporary, std::ios::in | std::ios::out | std::ios::binary).seekp(kUuidOffset)
+        << "00000000-0000-4000-8000-000000000000";
   });
 }
 

@@ -49,10 +49,13 @@ Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& sub
   gpu::Batch batch(device_);
   batch.fill(new_count_, 0);
   // Neighbouring samples lie at most half a brick apart.
-  const auto stride = static_cast<std::uint32_t>(
-      std::clamp(0.5 * volume.brick_size() * camera_.fx / options_.max_depth, 1.0, 4.0));
+  const auto stride =
+      static_cast<std::uint32_t>(std::clamp(0.5 * volume.brick_size() * camera_.fx / options_.max_depth, 1.0, 4.0));
   mark_(batch, {pixels / (stride * stride), 1, 1},
-        {.volume = volume.view(), .camera = pinhole, .submap_from_camera = pose, .capacity = kMaxNewBricks,
+        {.volume = volume.view(),
+         .camera = pinhole,
+         .submap_from_camera = pose,
+         .capacity = kMaxNewBricks,
          .stride = stride,
          .phase = stamp},
         {surface.fusion, &volume.page_table(), &new_count_, &new_bricks_});

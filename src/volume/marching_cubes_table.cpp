@@ -47,7 +47,7 @@ std::array<std::uint32_t, 256 * 16> marching_cubes_table() {
       for (std::size_t i = 1; i + 1 < loop.size(); ++i) {
         assert(row[0] < 5);
         std::uint32_t* triangle = row + 1 + 3 * row[0]++;
-        triangle[0] = loop[0], triangle[1] = loop[i + 1], triangle[2] = loop[i];
+        triangle[0] = loop[0], triangle[1] = loop[i], triangle[2] = loop[i + 1];
       }
     }
   }

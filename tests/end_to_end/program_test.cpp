@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// The program as a user meets it.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "cairn/evaluation.hpp"
+#include "cairn/scene.hpp"
+#include "cairn/source.hpp"
+#include "support/files.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+nlohmann::json json_of(const Ran& ran) {
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  return ran.exit_code == 0 ? nlohmann::json::parse(ran.out) : nlohmann::json{};
+}
+
+/// One recording of the room for all tests.
+class Program : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder = new TemporaryFolder;
+    const Ran ran = run_cairn({"synth", "room", "-o", sequence(), "--frames", "40", "--noise", "kinect"});
+    ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  }
+  static void TearDownTestSuite() { delete folder; }
+  static std::string sequence() { return (*folder / "room").string(); }
+  static TemporaryFolder* folder;
+  TemporaryFolder out;
+};
+TemporaryFolder* Program::folder = nullptr;
+
+void expect_one_line(const Ran& ran, int exit_code, const std::string& what) {
+  EXPECT_EQ(ran.exit_code, exit_code) << ran.err;
+  EXPECT_NE(ran.err.find(what), std::string::npos) << ran.err;
+  EXPECT_EQ(std::count(ran.err.begin(), ran.err.end(), '\n'), 1) << ran.err;
+}
+
+TEST_F(Program, ReconstructsARoomWithinACentimetre) {
+  const auto map = (out / "map").string();
+  const auto report = json_of(run_cairn({"reconstruct", sequence(), "-o", map, "--json"}, "CAIRN_VALIDATION=1"));
+  EXPECT_EQ(report["frames"]["fused"], 40);
+  EXPECT_EQ(report["frames"]["lost"], 0);
+  EXPECT_GT(report["kernels"]["tsdf_integrate"]["total_ms"], 0.0);
+  for (const char* file : {"mesh.glb", "map.vdb", "trajectory.txt", "report.json"})
+    EXPECT_TRUE(fs::exists(map + "/" + file)) << file;
+  EXPECT_EQ(validate_gltf(map + "/mesh.glb"), "");
+  const auto error = json_of(
+      run_cairn({"evaluate", "trajectory", map + "/trajectory.txt", sequence() + "/groundtruth.txt", "--json"}));
+  EXPECT_LT(error["ate_m"]["rmse"], 0.01);
+  EXPECT_EQ(error["matched_poses"], 40);
+}
+
+TEST_F(Program, FusesTheTrueSurfaceFromTruePoses) {
+  const auto exact = (out / "exact").string(), map = (out / "map").string();
+  ASSERT_EQ(run_cairn({"synth", "room", "-o", exact, "--frames", "30", "--noise", "none"}).exit_code, 0);
+  ASSERT_EQ(run_cairn({"reconstruct", exact, "-o", map, "--poses", exact + "/groundtruth.txt"}).exit_code, 0);
+  const auto error = json_of(run_cairn({"evaluate", "mesh", map + "/mesh.glb", exact + "/groundtruth_mesh.ply",
+                                        "--seen", exact + "/groundtruth_seen.ply", "--json"}));
+  EXPECT_LT(error["accuracy_m"]["mean"], 0.002);
+  EXPECT_GT(error["at"][1]["recall"], 0.95);  // a second sees much of the surface only from afar or at a grazing angle
+}
+
+TEST_F(Program, WritesTheSameBytesFromTheSameInput) {
+  for (const char* name : {"a", "b"})
+    ASSERT_EQ(run_cairn({"reconstruct", sequence(), "-o", (out / name).string(), "--frames", "0:20"}).exit_code, 0);
+  for (const char* file : {"mesh.glb", "map.vdb", "trajectory.txt"})
+    EXPECT_EQ(read_bytes(out / "a" / file), read_bytes(out / "b" / file)) << file;
+}
+
+TEST_F(Program, CompletesWithLittleDeviceMemory) {
+  // A smaller voxel, so that the map outgrows the budget.
+  const auto run = [&](const char* name, std::vector<std::string> more) {
+    std::vector<std::string> arguments{"reconstruct",  sequence(), "-o",      (out / name).string(),
+                                       "--voxel-size", "0.006",    "--poses", sequence() + "/groundtruth.txt",
+                                       "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return json_of(run_cairn(arguments));
+  };
+  const auto all = run("all", {}), little = run("little", {"--device-memory", "130"});
+  EXPECT_GT(little["bricks"]["paged_out"], 1000);
+  const auto error = evaluate_mesh(read_mesh(out / "little" / "mesh.glb"), read_mesh(out / "all" / "mesh.glb"), 50000);
+  EXPECT_LT(error.accuracy.mean, 0.001);
+  EXPECT_LT(error.completeness.mean, 0.001);
+}
+
+TEST_F(Program, CountsABadFrameAndGoesOn) {
+  const auto copy = out / "copy";
+  fs::copy(sequence(), copy, fs::copy_options::recursive);
+  std::vector<fs::path> depth(fs::directory_iterator(copy / "depth"), {});
+  std::sort(depth.begin(), depth.end());
+  fs::resize_file(depth[5], fs::file_size(depth[5]) / 2);
+  const Ran ran = run_cairn({"reconstruct", copy.string(), "-o", (out / "map").string(), "--frames", "0:10", "--json"});
+  const auto report = json_of(ran);
+  EXPECT_EQ(report["frames"]["skipped"], 1);
+  EXPECT_EQ(report["frames"]["fused"], 9);
+  EXPECT_NE(ran.err.find("cut off"), std::string::npos);
+}
+
+TEST_F(Program, AnswersBadInputWithOneLine) {
+  const auto map = (out / "map").string();
+  expect_one_line(run_cairn({"reconstruct", (out / "nowhere").string(), "-o", map}), 1, "no such folder");
+  expect_one_line(run_cairn({"reconstruct", out.path().string(), "-o", map}), 1, "no known recording");
+  expect_one_line(run_cairn({"reconstruct", "synthetic:castle", "-o", map}), 1, "choose room");
+  expect_one_line(run_cairn({"reconstruct", sequence(), "-o", "/proc/nowhere/map"}), 1, "/proc/nowhere/map");
+  expect_one_line(run_cairn({"reconstruct", sequence(), "-o", map, "--voxel-size", "-1"}), 1, "voxel_size");
+  expect_one_line(run_cairn({"reconstruct", sequence(), "-o", map, "--device", "77"}), 1, "cairn devices");
+  expect_one_line(run_cairn({"reconstruct", sequence(), "-o", map, "--device-memory", "1"}), 1, "too little");
+  expect_one_line(
+      run_cairn({"reconstruct", sequence(), "-o", map}, "VK_ICD_FILENAMES=/nowhere VK_DRIVER_FILES=/nowhere"), 1,
+      "no Vulkan device");
+  write_text(out / "o.yaml", "fuse:\n  voxel_sise: 1\n");
+  expect_one_line(run_cairn({"reconstruct", sequence(), "-o", map, "--config", (out / "o.yaml").string()}), 1,
+                  "o.yaml:2");
+  write_text(out / "nan.txt", "0 0 0 nan 0 0 0 1\n");
+  expect_one_line(run_cairn({"reconstruct", sequence(), "-o", map, "--poses", (out / "nan.txt").string()}), 1,
+                  "nan.txt:1");
+  expect_one_line(run_cairn({"synth", "room", "-o", sequence() + "/depth"}), 1, "choose another folder");
+  EXPECT_FALSE(fs::exists(map + "/mesh.glb"));
+}
+
+TEST_F(Program, AnswersWrongUsageWithExitCode2) {
+  for (const std::vector<std::string>& arguments : {std::vector<std::string>{},
+                                                    {"dance"},
+                                                    {"reconstruct"},
+                                                    {"reconstruct", sequence(), "-o", "x", "--frames", "5:2"},
+                                                    {"reconstruct", sequence(), "-o", "x", "--voxel-size", "big"},
+                                                    {"synth", "room", "-o", "x", "--noise", "loud"}}) {
+    const Ran ran = run_cairn(arguments);
+    EXPECT_EQ(ran.exit_code, 2) << ran.err;
+    EXPECT_FALSE(ran.err.empty());
+  }
+  EXPECT_EQ(run_cairn({"--help"}).exit_code, 0);
+  EXPECT_EQ(run_cairn({"reconstruct", "--help"}).exit_code, 0);
+}
+
+struct Recorded {
+  const char* name;
+  const char* frames;
+  double ate;  // metres, over the part that is read here
+};
+
+class Recording : public testing::TestWithParam<Recorded> {};
+
+TEST_P(Recording, IsTrackedThroughout) {
+  CAIRN_REQUIRE_DATA(GetParam().name);
+  const TemporaryFolder out;
+  const auto folder = (fs::path(CAIRN_DATA) / GetParam().name).string();
+  const auto report = json_of(
+      run_cairn({"reconstruct", folder, "-o", (out / "map").string(), "--frames", GetParam().frames, "--json"}));
+  EXPECT_EQ(report["frames"]["fused"], report["frames"]["total"]);
+  const auto error =
+      json_of(run_cairn({"evaluate", "trajectory", (out / "map" / "trajectory.txt").string(), folder, "--json"}));
+  EXPECT_LT(error["ate_m"]["rmse"], GetParam().ate);
+  EXPECT_EQ(validate_gltf(out / "map" / "mesh.glb"), "");
+}
+
+INSTANTIATE_TEST_SUITE_P(Real, Recording,
+                         testing::Values(Recorded{"tum_fr1_rpy_400", "0:400", 0.05},
+                                         Recorded{"7scenes_redkitchen_600", "0:300", 0.032},
+                                         Recorded{"icl_office_kt0_101", "0:101", 0.01}),
+                         [](const auto& parameter) { return std::string(parameter.param.name); });
+
+}  // namespace
+}  // namespace cairn

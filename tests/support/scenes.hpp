@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <vector>
+
+#include "cairn/frame.hpp"
+#include "cairn/scene.hpp"
+#include "support/device.hpp"
+#include "synth/render.hpp"
+
+namespace cairn {
+
+/// A quarter of the synthetic camera's resolution: tests stay quick.
+inline Camera small_camera() { return {320, 240, 262.5, 262.5, 159.5, 119.5, {}}; }
+
+/// Frame `index` of a scene as seen along its own path, 30 a second.
+inline Frame scene_frame(const Scene& scene, const Camera& camera, int index, bool kinect_noise = false) {
+  SceneRenderer render(test_device(), scene, camera);
+  const Eigen::Isometry3d pose = scene.world_from_camera(index / 30.0);
+  auto images = render(pose);
+  if (kinect_noise) add_kinect_noise(images, camera, 1, index);
+  return {.index = index,
+          .timestamp = index / 30.0,
+          .depth = std::move(images.depth),
+          .colour = std::move(images.colour),
+          .world_from_camera = pose};
+}
+
+template <class T>
+std::vector<T> download(const gpu::Buffer& buffer, std::size_t count) {
+  std::vector<T> data(count);
+  gpu::Batch batch(test_device());
+  batch.download(buffer, data);
+  batch.run();
+  return data;
+}
+
+}  // namespace cairn

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "support/twins.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "shaders/surface.h"
+
+namespace cairn::twin {
+namespace {
+
+float at_clamped(const std::vector<float>& image, const Camera& c, int x, int y) {
+  return image[static_cast<std::size_t>(std::clamp(y, 0, c.height - 1) * c.width + std::clamp(x, 0, c.width - 1))];
+}
+
+bool between(float a, float z, float b, float jump) {
+  return a > 0 && b > 0 && (a - z) * (b - z) < 0 && std::abs(a - z) >= jump && std::abs(b - z) >= jump;
+}
+
+}  // namespace
+
+Filtered filter(const std::vector<float>& depth, const Camera& c, const SurfaceOptions& o) {
+  Filtered out{depth, depth};
+  for (int y = 0; y < c.height; ++y)
+    for (int x = 0; x < c.width; ++x) {
+      const auto at = [&](int dx, int dy) { return at_clamped(depth, c, x + dx, y + dy); };
+      float z = at(0, 0);
+      if (z < o.min_depth || z > o.max_depth) z = 0;
+      const float sigma = shader::depth_noise(z), jump = o.edge_slope * sigma;
+      if (between(at(-1, 0), z, at(1, 0), jump) || between(at(0, -1), z, at(0, 1), jump)) z = 0;
+      double sum = 0, weights = 0;
+      for (int dy = -2; dy <= 2; ++dy)
+        for (int dx = -2; dx <= 2; ++dx) {
+          const double e = (at(dx, dy) - z) / (o.filter_range * sigma);
+          const double biweight = std::pow(std::max(1 - e * e, 0.0), 2);
+          const double w =
+              biweight * std::exp(-0.5 * (dx * dx + dy * dy) / (o.filter_sigma_pixels * o.filter_sigma_pixels));
+          sum += w * (at(dx, dy) - z);
+          weights += w;
+        }
+      const auto i = static_cast<std::size_t>(y * c.width + x);
+      out.clean[i] = z;
+      out.smooth[i] = z > 0 ? static_cast<float>(z + sum / weights) : 0.0f;
+    }
+  return out;
+}
+
+std::vector<float> half(const std::vector<float>& fine, const Camera& c) {
+  const int width = c.width / 2, height = c.height / 2;
+  std::vector<float> coarse(static_cast<std::size_t>(width * height), 0.0f);
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x) {
+      std::vector<float> z;
+      for (int k = 0; k < 4; ++k)
+        if (const float v = at_clamped(fine, c, 2 * x + k % 2, 2 * y + k / 2); v > 0) z.push_back(v);
+      if (z.empty()) continue;
+      const float nearest = *std::min_element(z.begin(), z.end());
+      std::erase_if(z, [&](float v) { return v > nearest + 6 * shader::depth_noise(nearest); });
+      double sum = 0;
+      for (const float v : z) sum += v;
+      coarse[static_cast<std::size_t>(y * width + x)] = static_cast<float>(sum / static_cast<double>(z.size()));
+    }
+  return coarse;
+}
+
+std::vector<Eigen::Vector3f> normals(const std::vector<float>& depth, const Camera& c) {
+  std::vector<Eigen::Vector3f> out(depth.size(), Eigen::Vector3f::Zero());
+  for (int y = 1; y + 1 < c.height; ++y)
+    for (int x = 1; x + 1 < c.width; ++x) {
+      const float z = at_clamped(depth, c, x, y);
+      const double jump = 12 * z / c.fx + 3 * shader::depth_noise(z);
+      bool connected = z > 0;
+      for (const auto& [dx, dy] : {std::pair{-1, 0}, {1, 0}, {0, -1}, {0, 1}}) {
+        const float other = at_clamped(depth, c, x + dx, y + dy);
+        connected = connected && other > 0 && std::abs(other - z) < jump;
+      }
+      if (!connected) continue;
+      const auto point = [&](int u, int v) -> Eigen::Vector3d { return c.ray(u, v) * at_clamped(depth, c, u, v); };
+      out[static_cast<std::size_t>(y * c.width + x)] =
+          (point(x, y + 1) - point(x, y - 1)).cross(point(x + 1, y) - point(x - 1, y)).normalized().cast<float>();
+    }
+  return out;
+}
+
+void integrate(Voxel& v, const Eigen::Vector3d& p, const std::vector<float>& depth,
+               const std::vector<std::uint32_t>& colour, const Camera& c, const FuseOptions& o) {
+  if (p.z() <= 0) return;
+  const Eigen::Vector2d pixel = c.project(p).array() + 0.5;
+  if (pixel.minCoeff() < 0 || pixel.x() >= c.width || pixel.y() >= c.height) return;
+  const auto i = static_cast<std::size_t>(static_cast<int>(pixel.y()) * c.width + static_cast<int>(pixel.x()));
+  const float z = depth[i], sdf = (z - static_cast<float>(p.z())) / o.truncation;
+  if (z <= 0 || sdf <= -1) return;
+  const float w = 1 / std::max(1.0f, z * z);
+  v.distance = (v.distance * v.weight + std::min(sdf, 1.0f) * w) / (v.weight + w);
+  v.weight = std::min(v.weight + w, o.max_weight);
+  if (colour.empty() || sdf >= 1) return;
+  for (int k = 0; k < 3; ++k)
+    v.colour[k] =
+        (v.colour[k] * v.colour_weight + static_cast<float>((colour[i] >> (8 * k)) & 0xff)) / (v.colour_weight + 1);
+  v.colour_weight += 1;
+}
+
+Eigen::Vector3f unpack_normal(std::uint32_t code) {
+  if (code == 0) return Eigen::Vector3f::Zero();
+  const float x = static_cast<float>(code & 0xffff) / 65535 * 2 - 1, y = static_cast<float>(code >> 16) / 65535 * 2 - 1;
+  Eigen::Vector3f n(x, y, 1 - std::abs(x) - std::abs(y));
+  const float t = std::max(-n.z(), 0.0f);
+  n.x() += n.x() >= 0 ? -t : t;
+  n.y() += n.y() >= 0 ? -t : t;
+  return n.normalized();
+}
+
+}  // namespace cairn::twin

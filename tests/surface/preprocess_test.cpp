@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "surface/preprocess.hpp"
+
+#include <gtest/gtest.h>
+
+#include <bit>
+
+#include "support/scenes.hpp"
+#include "support/twins.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr float kSame = 2e-5f;  // metres: sums of 25 products in 32 bits
+
+TEST(Preprocess, EqualsItsPlainTwin) {
+  const Camera camera = small_camera();
+  const SurfaceOptions options;
+  Preprocess preprocess(test_device(), camera, options, 2, 0);
+  const Frame frame = scene_frame(synthetic_scene("room"), camera, 10, true);
+  const Surface surface = preprocess(frame);
+
+  const auto expected = twin::filter(frame.depth, camera, options);
+  const auto fusion = download<shader::uvec2>(*surface.fusion, frame.depth.size());
+  const auto points = download<shader::uvec2>(surface.levels[0]->points, frame.depth.size());
+  const auto normals = twin::normals(expected.smooth, camera);
+  int with_normal = 0, different = 0;
+  for (std::size_t i = 0; i < frame.depth.size(); ++i) {
+    ASSERT_EQ(std::bit_cast<float>(fusion[i].x), expected.clean[i]) << i;
+    ASSERT_EQ(fusion[i].y, frame.colour[i]) << i;
+    ASSERT_NEAR(std::bit_cast<float>(points[i].x), expected.smooth[i], kSame) << i;
+    const bool has = points[i].y != 0, should = !normals[i].isZero();
+    different += has != should;  // where a difference lies at the limit by rounding
+    if (!has || !should) continue;
+    ++with_normal;
+    ASSERT_GT(twin::unpack_normal(points[i].y).dot(normals[i]), 0.995f) << i;
+  }
+  EXPECT_GT(with_normal, 20000);
+  EXPECT_LT(different, 50);
+
+  const auto coarse = twin::half(expected.smooth, camera);
+  const auto coarse_points = download<shader::uvec2>(surface.levels[1]->points, coarse.size());
+  for (std::size_t i = 0; i < coarse.size(); ++i)
+    ASSERT_NEAR(std::bit_cast<float>(coarse_points[i].x), coarse[i], 2e-3f) << i;
+}
+
+TEST(Preprocess, DropsAFlyingPixelAndKeepsTheEdge) {
+  const Camera camera = small_camera();
+  Frame frame{.depth = std::vector<float>(static_cast<std::size_t>(camera.width * camera.height), 1.0f)};
+  const auto at = [&](int x) -> float& { return frame.depth[static_cast<std::size_t>(100 * camera.width + x)]; };
+  for (int y = 0; y < camera.height; ++y)
+    for (int x = 161; x < camera.width; ++x) frame.depth[static_cast<std::size_t>(y * camera.width + x)] = 2.0f;
+  at(160) = 1.5f;
+  Preprocess preprocess(test_device(), camera, {}, 1, 0);
+  const Surface surface = preprocess(frame);
+  const auto fusion = download<shader::uvec2>(*surface.fusion, frame.depth.size());
+  const auto clean = [&](int x) {
+    return std::bit_cast<float>(fusion[static_cast<std::size_t>(100 * camera.width + x)].x);
+  };
+  EXPECT_EQ(clean(160), 0.0f);
+  EXPECT_EQ(clean(159), 1.0f);
+  EXPECT_EQ(clean(161), 2.0f);
+}
+
+TEST(Preprocess, UndoesDistortion) {
+  // A plane's depth is the same everywhere, so colour tells: a pattern of its own pixel coordinates.
+  Camera camera = small_camera();
+  camera.distortion = {0.2624, -0.9531, -0.0054, 0.0026, 1.1633};
+  Frame frame{.depth = std::vector<float>(static_cast<std::size_t>(camera.width * camera.height), 1.0f)};
+  for (int y = 0; y < camera.height; ++y)
+    for (int x = 0; x < camera.width; ++x)
+      frame.colour.push_back(0xff000000u | static_cast<std::uint32_t>(x / 2) | static_cast<std::uint32_t>(y) << 8);
+  Preprocess preprocess(test_device(), camera, {}, 1, 0);
+  const Surface surface = preprocess(frame);
+  const auto fusion = download<shader::uvec2>(*surface.fusion, frame.depth.size());
+  const auto& [k1, k2, p1, p2, k3] = camera.distortion;
+  for (const auto& [x, y] : {std::pair{160, 120}, {60, 60}, {250, 180}, {40, 200}}) {
+    const double u = (x - camera.cx) / camera.fx, v = (y - camera.cy) / camera.fy, r2 = u * u + v * v;
+    const double radial = 1 + k1 * r2 + k2 * r2 * r2 + k3 * r2 * r2 * r2;
+    const double du = u * radial + 2 * p1 * u * v + p2 * (r2 + 2 * u * u),
+                 dv = v * radial + p1 * (r2 + 2 * v * v) + 2 * p2 * u * v;
+    const std::uint32_t c = fusion[static_cast<std::size_t>(y * camera.width + x)].y;
+    EXPECT_NEAR(c & 0xff, (camera.fx * du + camera.cx) / 2, 1.0);
+    EXPECT_NEAR((c >> 8) & 0xff, camera.fy * dv + camera.cy, 1.0);
+  }
+}
+
+}  // namespace
+}  // namespace cairn

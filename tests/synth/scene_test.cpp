@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/scene.hpp"
+
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "support/files.hpp"
+#include "support/scenes.hpp"
+
+namespace cairn {
+namespace {
+
+// Depth is computed in 32 bits: at 5 m a few units in the last place of a sum of squares.
+constexpr double kExact = 1e-4;  // metres
+
+class EveryScene : public testing::TestWithParam<const char*> {};
+
+TEST_P(EveryScene, IsRenderedWhereItsDistanceIsZero) {
+  const Scene scene = synthetic_scene(GetParam());
+  const Camera camera = small_camera();
+  for (const int index : {0, 77, 200}) {
+    const Frame frame = scene_frame(scene, camera, index);
+    int seen = 0;
+    for (int y = 0; y < camera.height; y += 3)
+      for (int x = 0; x < camera.width; x += 3) {
+        const float z = frame.depth[static_cast<std::size_t>(y * camera.width + x)];
+        if (z == 0) continue;
+        ++seen;
+        const Eigen::Vector3d p = *frame.world_from_camera * (camera.ray(x, y) * z);
+        ASSERT_NEAR(scene.distance(p), 0.0, kExact) << x << ' ' << y << " at " << p.transpose();
+        // Nothing lies before it.
+        ASSERT_GT(scene.distance(*frame.world_from_camera * (camera.ray(x, y) * (0.9 * z))), 0.0);
+      }
+    EXPECT_GT(seen, 500);
+  }
+}
+
+TEST_P(EveryScene, HasAPathClearOfSurfacesAndSlowEnough) {
+  const Scene scene = synthetic_scene(GetParam());
+  for (double t = 0; t < 40; t += 1 / 30.0) {
+    const Eigen::Isometry3d a = scene.world_from_camera(t), b = scene.world_from_camera(t + 1 / 30.0);
+    ASSERT_GT(scene.distance(a.translation()), 0.25) << "at " << t << " s";
+    ASSERT_LT((b.translation() - a.translation()).norm() * 30, 1.0) << "at " << t << " s";
+    ASSERT_LT(Eigen::AngleAxisd((a.inverse() * b).linear()).angle() * 30, 0.9) << "at " << t << " s";
+  }
+}
+
+TEST_P(EveryScene, HasATrueSurfaceOnItsSurface) {
+  const Scene scene = synthetic_scene(GetParam());
+  const Mesh mesh = scene.surface(0.05f);
+  ASSERT_GT(mesh.triangles.size(), 100u);
+  for (const auto& t : mesh.triangles)
+    for (const auto v : t) ASSERT_NEAR(scene.distance(mesh.positions[v].cast<double>()), 0.0, kExact);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, EveryScene, testing::Values("room", "sphere", "plane", "corridor", "loop"),
+                         [](const auto& parameter) { return std::string(parameter.param); });
+
+TEST(SyntheticScene, RefusesAnUnknownName) {
+  EXPECT_NE(error_of([] { (void)synthetic_scene("castle"); }).find("choose room"), std::string::npos);
+}
+
+TEST(KinectNoise, GrowsWithTheSquareOfTheDistanceAndRepeats) {
+  const Camera camera = synthetic_camera();
+  std::map<int, double> deviation;
+  for (const int z : {1, 2, 4}) {
+    SceneRenderer::Images images;
+    images.depth.assign(static_cast<std::size_t>(camera.width * camera.height), static_cast<float>(z));
+    images.cosine.assign(images.depth.size(), 1.0f);
+    images.colour.assign(images.depth.size(), 0xff808080u);
+    auto again = images;
+    add_kinect_noise(images, camera, 7, 3);
+    add_kinect_noise(again, camera, 7, 3);
+    EXPECT_EQ(images.depth, again.depth);
+    EXPECT_EQ(images.colour, again.colour);
+    double squares = 0;
+    for (const float d : images.depth) squares += (d - z) * (d - z);
+    deviation[z] = std::sqrt(squares / static_cast<double>(images.depth.size()));
+  }
+  EXPECT_NEAR(deviation[2] / deviation[1], 4.0, 1.0);
+  EXPECT_NEAR(deviation[4] / deviation[2], 4.0, 1.0);
+  EXPECT_LT(deviation[1], 0.005);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,339 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "volume/volume.hpp"
+
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <map>
+
+#include "cairn/mapper.hpp"
+#include "support/files.hpp"
+#include "support/scenes.hpp"
+#include "support/twins.hpp"
+#include "volume/integrate.hpp"
+#include "volume/polygonize.hpp"
+#include "volume/raycast.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::uint64_t kPool = 96 << 20;  // bytes, page table included
+
+FuseOptions fuse_options(float voxel = 0.02f) {
+  return {.voxel_size = voxel, .truncation = 4 * voxel, .device_memory = kPool};
+}
+
+/// A volume filled from a distance function, metres, through the host: exact voxels without a camera.
+template <class Distance>
+void fill(Volume& volume, const Eigen::Vector3f& low, const Eigen::Vector3f& high, const Distance& distance) {
+  BrickTree tree;
+  const float size = volume.brick_size(), voxel = volume.options().voxel_size, truncation = volume.options().truncation;
+  const auto first = (low / size).array().floor().cast<int>(), last = (high / size).array().floor().cast<int>();
+  for (int x = first.x(); x <= last.x(); ++x)
+    for (int y = first.y(); y <= last.y(); ++y)
+      for (int z = first.z(); z <= last.z(); ++z) {
+        BrickVoxels voxels{};
+        for (std::uint32_t i = 0; i < 512; ++i) {
+          const Eigen::Vector3f p = voxel * Eigen::Vector3f(static_cast<float>(8 * x + static_cast<int>(i >> 6)),
+                                                            static_cast<float>(8 * y + static_cast<int>(i >> 3 & 7)),
+                                                            static_cast<float>(8 * z + static_cast<int>(i & 7)));
+          const float d = std::clamp(distance(p) / truncation, -1.0f, 1.0f);
+          voxels[i] = static_cast<std::uint16_t>(static_cast<std::int16_t>(std::lround(d * 32767))) | 256ull << 16 |
+                      0x01806040ull << 32;
+        }
+        tree.put({x, y, z}, voxels);
+      }
+  volume.adopt(std::move(tree));
+}
+
+float sphere(const Eigen::Vector3f& p) { return (p - Eigen::Vector3f(0.1f, -0.05f, 0.02f)).norm() - 0.5f; }
+
+void expect_closed(const Mesh& mesh) {
+  std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
+  for (const auto& t : mesh.triangles)
+    for (std::size_t k = 0; k < 3; ++k) ++edges[{t[k], t[(k + 1) % 3]}];
+  for (const auto& [edge, count] : edges) {
+    ASSERT_EQ(count, 1);
+    ASSERT_TRUE(edges.contains({edge.second, edge.first}));
+  }
+  const auto euler = static_cast<long>(mesh.positions.size()) - static_cast<long>(edges.size() / 2) +
+                     static_cast<long>(mesh.triangles.size());
+  EXPECT_EQ(euler, 2);
+}
+
+TEST(Polygonize, MakesAClosedSphereAcrossBricksWithoutDuplicateVertices) {
+  Volume volume(test_device(), fuse_options(), 5.0f);
+  fill(volume, {-0.6f, -0.7f, -0.6f}, {0.8f, 0.6f, 0.7f}, sphere);
+  const Mesh mesh = Polygonize(test_device())(volume);
+  ASSERT_GT(mesh.triangles.size(), 5000u);
+  expect_closed(mesh);
+  // Linear interpolation along an edge of 2 cm misses a sphere of 50 cm by at most h^2 / 8r = 0.1 mm; 16 bits add 1 um.
+  constexpr float kInterpolation = 1.2e-4f;
+  std::map<std::tuple<float, float, float>, int> places;
+  for (std::size_t i = 0; i < mesh.positions.size(); ++i) {
+    const auto& p = mesh.positions[i];
+    ASSERT_NEAR(sphere(p), 0, kInterpolation);
+    ASSERT_GT(mesh.normals[i].dot((p - Eigen::Vector3f(0.1f, -0.05f, 0.02f)).normalized()), 0.999f);
+    ASSERT_EQ(mesh.colours[i], (std::array<std::uint8_t, 4>{0x40, 0x60, 0x80, 255}));
+    ASSERT_EQ(++places[std::tuple(p.x(), p.y(), p.z())], 1);
+  }
+  for (const auto& t : mesh.triangles) {
+    const auto &a = mesh.positions[t[0]], &b = mesh.positions[t[1]], &c = mesh.positions[t[2]];
+    ASSERT_GT((b - a).cross(c - a).dot(mesh.normals[t[0]]), 0) << "counter-clockwise seen from outside";
+  }
+}
+
+TEST(Polygonize, GivesTheSameMeshWhenTheMapExceedsTheDevice) {
+  FuseOptions small = fuse_options(0.01f);
+  Volume large(test_device(), small, 2.0f);
+  fill(large, {-0.6f, -0.7f, -0.6f}, {0.8f, 0.6f, 0.7f}, sphere);
+  Polygonize polygonize(test_device());
+  const Mesh all = polygonize(large);
+  small.device_memory = 10 << 20;  // 2,290 bricks of the map's 5,500
+  Volume paged(test_device(), small, 2.0f);
+  fill(paged, {-0.6f, -0.7f, -0.6f}, {0.8f, 0.6f, 0.7f}, sphere);
+  ASSERT_GT(paged.bricks().size(), paged.capacity());
+  const Mesh parts = polygonize(paged);
+  EXPECT_EQ(all.triangles, parts.triangles);
+  EXPECT_EQ(all.positions, parts.positions);
+  EXPECT_EQ(all.normals, parts.normals);
+}
+
+TEST(Polygonize, OfSomeBricksIsThatPartOfTheWhole) {
+  Volume volume(test_device(), fuse_options(), 5.0f);
+  fill(volume, {-0.6f, -0.7f, -0.6f}, {0.8f, 0.6f, 0.7f}, sphere);
+  Polygonize polygonize(test_device());
+  std::vector<Brick> right, left;
+  for (const Brick& b : volume.bricks()) (b.x() > 0 ? right : left).push_back(b);
+  const Mesh whole = polygonize(volume), a = polygonize(volume, right), b = polygonize(volume, left);
+  EXPECT_EQ(a.triangles.size() + b.triangles.size(), whole.triangles.size());
+  EXPECT_GT(a.triangles.size(), 1000u);
+  EXPECT_GT(b.triangles.size(), 1000u);
+}
+
+TEST(MarchingCubesTable, MeetsItselfOnEveryFace) {
+  // For each case and face, the directed segments on that face; the neighbour across the face has them reversed.
+  const auto table = marching_cubes_table();
+  const auto segments = [&](std::uint32_t inside, std::uint32_t axis, std::uint32_t side) {
+    std::map<std::pair<std::uint32_t, std::uint32_t>, int> found;
+    const std::uint32_t* row = &table[inside * 16];
+    const auto on_face = [&](std::uint32_t edge) { return edge >> 3 != axis && ((edge >> axis) & 1) == side; };
+    for (std::uint32_t i = 0; i < row[0]; ++i)
+      for (std::uint32_t k = 0; k < 3; ++k) {
+        const std::uint32_t a = row[1 + 3 * i + k], b = row[1 + 3 * i + (k + 1) % 3];
+        if (!on_face(a) || !on_face(b)) continue;
+        const std::uint32_t bit = ~(1u << axis);
+        ++found[{a & bit, b & bit}];
+      }
+    // A diagonal of a polygon that lies on the face runs both ways and is no border.
+    for (auto& [segment, count] : found)
+      if (const auto back = found.find({segment.second, segment.first}); back != found.end()) {
+        const int both = std::min(count, back->second);
+        count -= both;
+        back->second -= both;
+      }
+    std::erase_if(found, [](const auto& s) { return s.second == 0; });
+    return found;
+  };
+  for (std::uint32_t axis = 0; axis < 3; ++axis)
+    for (std::uint32_t low = 0; low < 256; ++low)
+      for (std::uint32_t high = 0; high < 256; ++high) {
+        bool fits = true;  // the upper face of `low` is the lower face of `high`
+        for (std::uint32_t c = 0; c < 8; ++c)
+          if ((c >> axis & 1) == 0) fits = fits && (high >> c & 1) == (low >> (c | 1u << axis) & 1);
+        if (!fits) continue;
+        const auto up = segments(low, axis, 1);
+        const auto down = segments(high, axis, 0);
+        ASSERT_EQ(up.size(), down.size());
+        for (const auto& [segment, count] : up) {
+          const auto back = down.find({segment.second, segment.first});
+          ASSERT_TRUE(back != down.end() && back->second == count) << low << ' ' << high << ' ' << axis;
+        }
+      }
+}
+
+TEST(Raycast, SeesTheSphereWhereItIs) {
+  Volume volume(test_device(), fuse_options(0.01f), 5.0f);
+  const auto far_sphere = [](const Eigen::Vector3f& p) { return (p - Eigen::Vector3f(0, 0, 1.5f)).norm() - 0.4f; };
+  fill(volume, {-0.5f, -0.5f, 1.0f}, {0.5f, 0.5f, 2.0f}, far_sphere);
+  volume.page_in(volume.bricks());
+  const Camera camera = small_camera();
+  Raycast raycast(test_device(), camera, {}, 2, 0);
+  const ModelView view = raycast(volume, Eigen::Isometry3d::Identity());
+  const auto points =
+      download<shader::uvec2>(view.levels[0]->points, static_cast<std::size_t>(camera.width * camera.height));
+  // A trilinear field bends by h^2 / 8r over a cell of 1 cm; Newton's steps end within a tenth of that.
+  constexpr double kCell = 1e-4, kNormal = 0.998;
+  int hits = 0, misses = 0;
+  for (int y = 0; y < camera.height; ++y)
+    for (int x = 0; x < camera.width; ++x) {
+      const Eigen::Vector3d ray = camera.ray(x, y);
+      const double b = ray.z() * 1.5, root = b * b - ray.squaredNorm() * (1.5 * 1.5 - 0.16);
+      const auto& p = points[static_cast<std::size_t>(y * camera.width + x)];
+      const float z = std::bit_cast<float>(p.x);
+      if (root < 0) {
+        if (root / ray.squaredNorm() > -0.01) continue;  // passes the sphere within about a voxel
+        ASSERT_EQ(z, 0.0f);
+        continue;
+      }
+      const double expected = (b - std::sqrt(root)) / ray.squaredNorm();
+      const Eigen::Vector3d normal = (ray * expected - Eigen::Vector3d(0, 0, 1.5)) / 0.4;
+      if (-normal.dot(ray.normalized()) < 0.3) continue;  // the rim: rays leave the band before they meet the surface
+      if (z == 0) {
+        ++misses;
+        continue;
+      }
+      ++hits;
+      ASSERT_NEAR(z, expected, 4 * kCell) << x << ' ' << y;
+      ASSERT_GT(twin::unpack_normal(p.y).cast<double>().dot(normal), kNormal) << x << ' ' << y;
+    }
+  EXPECT_GT(hits, 10000);
+  EXPECT_LT(misses, hits / 1000);
+}
+
+TEST(Integrate, EqualsItsPlainTwin) {
+  const Camera camera = small_camera();
+  const Scene scene = synthetic_scene("room");
+  Preprocess preprocess(test_device(), camera, {}, 1, 0);
+  Volume volume(test_device(), fuse_options(0.02f), 5.0f);
+  Integrate integrate(test_device(), camera, {});
+  std::vector<std::pair<Eigen::Isometry3d, std::vector<shader::uvec2>>> fused;
+  for (int i = 0; i < 3; ++i) {
+    const Frame frame = scene_frame(scene, camera, 5 * i);
+    const Surface surface = preprocess(frame);
+    const Fused result = integrate(surface, *frame.world_from_camera, volume, static_cast<std::uint32_t>(i + 1));
+    EXPECT_GT(result.touched, 100);
+    fused.emplace_back(*frame.world_from_camera, download<shader::uvec2>(*surface.fusion, frame.depth.size()));
+  }
+  const BrickTree& tree = volume.on_host();
+  int compared = 0, different = 0;
+  for (const Brick& brick : tree.bricks()) {
+    const std::uint64_t* voxels = tree.find(brick);
+    for (int i = 0; i < 512; i += 7) {
+      const Eigen::Vector3d p = 0.02 * (8 * brick + Brick(i >> 6, i >> 3 & 7, i & 7)).cast<double>();
+      twin::Voxel expected;
+      for (const auto& [pose, image] : fused) {
+        std::vector<float> depth(image.size());
+        std::vector<std::uint32_t> colour(image.size());
+        const Eigen::Vector3d q = pose.inverse() * p;
+        // Only the pixel that the voxel falls on matters.
+        if (q.z() <= 0) continue;
+        const Eigen::Vector2d pixel = camera.project(q).array() + 0.5;
+        if (pixel.minCoeff() < 0 || pixel.x() >= camera.width || pixel.y() >= camera.height) continue;
+        const auto at =
+            static_cast<std::size_t>(static_cast<int>(pixel.y()) * camera.width + static_cast<int>(pixel.x()));
+        depth[at] = std::bit_cast<float>(image[at].x);
+        colour[at] = image[at].y;
+        twin::integrate(expected, q, depth, colour, camera, volume.options());
+      }
+      const std::uint64_t v = voxels[i];
+      const float distance = static_cast<float>(static_cast<std::int16_t>(v & 0xffff)) / 32767,
+                  weight = static_cast<float>(v >> 16 & 0xffff) / 256;
+      ++compared;
+      // A voxel whose projection lies on a pixel's border may take the neighbour; a brick behind all surfaces is
+      // skipped.
+      const bool same = std::abs(weight - expected.weight) < 0.01f && std::abs(distance - expected.distance) < 1e-3f &&
+                        std::abs(static_cast<float>(v >> 32 & 0xff) - expected.colour.x()) <= 1.5f;
+      different += !same;
+    }
+    if (compared > 4000) break;
+  }
+  EXPECT_GT(compared, 2000);
+  EXPECT_LT(different, compared / 100);
+}
+
+TEST(Integrate, PutsTheZeroCrossingOnThePlane) {
+  const Camera camera = small_camera();
+  const Scene scene = synthetic_scene("plane");  // z = 2 m
+  Preprocess preprocess(test_device(), camera, {}, 1, 0);
+  Volume volume(test_device(), fuse_options(0.02f), 5.0f);
+  Integrate integrate(test_device(), camera, {});
+  for (int i = 0; i < 3; ++i) {
+    const Frame frame = scene_frame(scene, camera, 10 * i);
+    integrate(preprocess(frame), *frame.world_from_camera, volume, static_cast<std::uint32_t>(i + 1));
+  }
+  const Mesh mesh = Polygonize(test_device())(volume);
+  ASSERT_GT(mesh.positions.size(), 1000u);
+  // Projective distances of oblique views disagree away from the surface, not on it; a pixel is up to 4 mm wide here.
+  constexpr float kPixel = 2e-3f;
+  for (const auto& p : mesh.positions) ASSERT_NEAR(p.z(), 2.0f, kPixel);
+}
+
+TEST(Integrate, CarvesAwayWhatHasGone) {
+  const Camera camera = small_camera();
+  Preprocess preprocess(test_device(), camera, {}, 1, 0);
+  FuseOptions options = fuse_options(0.02f);
+  options.max_weight = 8;
+  Volume volume(test_device(), options, 5.0f);
+  Integrate integrate(test_device(), camera, {});
+  Frame frame{.depth = std::vector<float>(static_cast<std::size_t>(camera.width * camera.height), 3.0f)};
+  for (int y = 80; y < 160; ++y)
+    for (int x = 120; x < 200; ++x) frame.depth[static_cast<std::size_t>(y * camera.width + x)] = 1.0f;
+  integrate(preprocess(frame), Eigen::Isometry3d::Identity(), volume, 1);
+  const auto near = [&] {
+    const Mesh mesh = Polygonize(test_device())(volume);
+    return std::count_if(mesh.positions.begin(), mesh.positions.end(), [](const auto& p) { return p.z() < 2; });
+  };
+  EXPECT_GT(near(), 100);
+  std::fill(frame.depth.begin(), frame.depth.end(), 3.0f);
+  for (std::uint32_t i = 2; i < 30; ++i) integrate(preprocess(frame), Eigen::Isometry3d::Identity(), volume, i);
+  EXPECT_EQ(near(), 0);
+}
+
+TEST(Volume, KeepsBricksThatLeaveTheWindowAndBringsThemBack) {
+  Volume volume(test_device(), fuse_options(0.02f), 2.0f);
+  fill(volume, {-0.6f, -0.7f, -0.6f}, {0.8f, 0.6f, 0.7f}, sphere);
+  const auto all = volume.bricks();
+  volume.page_in(all);
+  Polygonize polygonize(test_device());
+  const Mesh before = polygonize(volume);
+  volume.move_window({100, 0, 0});
+  for (const Brick& b : all) ASSERT_EQ(volume.slot_of(b), Volume::kNoSlot);
+  EXPECT_EQ(volume.counts().paged_out, all.size());
+  volume.move_window({0, 0, 0});
+  volume.page_in(all);
+  EXPECT_NE(volume.slot_of(all[0]), Volume::kNoSlot);
+  const Mesh after = polygonize(volume);
+  EXPECT_EQ(before.positions, after.positions);
+  EXPECT_EQ(before.triangles, after.triangles);
+}
+
+TEST(Volume, RefusesTooLittleDeviceMemory) {
+  FuseOptions options = fuse_options();
+  options.device_memory = 1 << 20;
+  EXPECT_NE(error_of([&] { Volume(test_device(), options, 5.0f); }).find("--device-memory of 1 MiB is too little"),
+            std::string::npos);
+}
+
+TEST(Grids, ComeBackFromAFileAsTheyWere) {
+  const TemporaryFolder folder;
+  BrickTree tree;
+  for (int i = 0; i < 20; ++i) {
+    BrickVoxels voxels{};
+    for (std::uint32_t k = 0; k < 512; ++k)
+      if ((k + static_cast<std::uint32_t>(i)) % 3 != 0)
+        voxels[k] = (k * 128u - 30000u) % 65536u | static_cast<std::uint64_t>(k + 1) << 16 |
+                    static_cast<std::uint64_t>((k * 2654435761u) % 0xffffffu | 5u << 24) << 32;
+    // -32768 is no distance
+    for (auto& v : voxels)
+      if ((v & 0xffff) == 0x8000) v = 0;
+    tree.put({i - 10, 3 * i, -i}, voxels);
+  }
+  write_grids(folder / "map.vdb", tree, {.voxel_size = 0.01f, .truncation = 0.04f});
+  const ReadGrids read = read_grids(folder / "map.vdb");
+  EXPECT_FLOAT_EQ(read.info.voxel_size, 0.01f);
+  EXPECT_FLOAT_EQ(read.info.truncation, 0.04f);
+  ASSERT_EQ(read.tree.bricks(), tree.bricks());
+  for (const Brick& b : tree.bricks())
+    for (std::size_t k = 0; k < 512; ++k) ASSERT_EQ(read.tree.find(b)[k], tree.find(b)[k]) << k;
+}
+
+TEST(Grids, RefuseAFileThatIsNoMap) {
+  const TemporaryFolder folder;
+  write_text(folder / "map.vdb", "nothing of the kind");
+  EXPECT_NE(error_of([&] { (void)read_grids(folder / "map.vdb"); }).find("map.vdb"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace cairn
