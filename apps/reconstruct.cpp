@@ -79,7 +79,8 @@ void prepare_output(const fs::path& output) {
   if (error || !fs::is_directory(output))
     throw std::runtime_error("cannot make the folder " + output.string() + ": " + error.message() +
                              "; choose another with -o");
-  write_whole(output / ".cairn", [](const fs::path& temporary) { std::ofstream(temporary) << "cairn\n"; });
+  write_whole(output / ".cairn", [](const fs::path&) {});
+  fs::remove(output / ".cairn");
 }
 
 double median(std::vector<double> values) {

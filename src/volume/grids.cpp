@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "volume/grids.hpp"
 
+#include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
 #include <tbb/parallel_for.h>
 
@@ -107,14 +108,15 @@ void write_grids(const std::filesystem::path& file, const BrickTree& bricks, con
                                                 [](std::uint64_t v) { return static_cast<std::int32_t>(v >> 56); }));
   for (const auto& grid : grids) grid->setCreator("cairn");
   write_whole(file, [&](const std::filesystem::path& temporary) {
-    openvdb::io::File out(temporary.string());
-    out.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
-    out.write(grids);
-    out.close();
+    // Through a stream of ours: openvdb::io::File does not notice a full disk.
+    std::ofstream out(temporary, std::ios::binary);
+    openvdb::io::Stream stream(out);
+    stream.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
+    stream.write(grids);
     // OpenVDB gives each file a random name of its own; the same map shall be the same bytes.
     constexpr std::streamoff kUuidOffset = 21;  // magic number, three versions, one flag
-    std::fstream(temporary, std::ios::in | std::ios::out | std::ios::binary).seekp(kUuidOffset)
-        << "00000000-0000-4000-8000-000000000000";
+    out.seekp(kUuidOffset) << "00000000-0000-4000-8000-000000000000";
+    if (!out.flush()) throw std::runtime_error("the disk is full");
   });
 }
 

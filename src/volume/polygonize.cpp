@@ -17,7 +17,8 @@
 namespace cairn {
 namespace {
 
-constexpr int kCell = 16;                  // bricks a side of the parts that are paged in one after the other
+constexpr int kCell = 8;  // bricks a side of the parts that are paged in one after the other; with their
+                          // neighbours they fit into the smallest pool
 constexpr std::size_t kMaxBricks = 16384;  // of one dispatch
 
 Brick cell_of(const Brick& brick) {

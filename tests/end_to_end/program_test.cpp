@@ -89,6 +89,22 @@ TEST_F(Program, CompletesWithLittleDeviceMemory) {
   EXPECT_LT(error.completeness.mean, 0.001);
 }
 
+TEST_F(Program, KeepsTheOldFilesWhenTheDiskIsFull) {
+  const auto map = out / "map";
+  const std::vector<std::string> arguments{"reconstruct", sequence(), "-o", map.string(), "--frames", "0:5"};
+  ASSERT_EQ(run_cairn(arguments).exit_code, 0);
+  const std::string mesh = read_bytes(map / "mesh.glb"), grids = read_bytes(map / "map.vdb");
+  // A limit on the size of files behaves like a full disk: first too small for the mesh, then for the map alone.
+  for (const std::size_t limit : {mesh.size() / 2, grids.size() / 2}) {
+    const Ran ran = run_cairn(arguments, "trap '' XFSZ; ulimit -f " + std::to_string(limit / 512) + ";");
+    EXPECT_EQ(ran.exit_code, 1);
+    EXPECT_NE(ran.err.find("cannot write"), std::string::npos) << ran.err;
+    EXPECT_EQ(read_bytes(map / "mesh.glb") == mesh, true);
+    EXPECT_EQ(read_bytes(map / "map.vdb") == grids, true);
+    EXPECT_EQ(std::distance(fs::directory_iterator(map), {}), 4);  // no half-written file is left behind
+  }
+}
+
 TEST_F(Program, CountsABadFrameAndGoesOn) {
   const auto copy = out / "copy";
   fs::copy(sequence(), copy, fs::copy_options::recursive);

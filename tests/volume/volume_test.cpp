@@ -3,8 +3,10 @@
 #include "volume/volume.hpp"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <bit>
+#include <csignal>
 #include <map>
 
 #include "cairn/mapper.hpp"
@@ -98,6 +100,16 @@ TEST(Polygonize, GivesTheSameMeshWhenTheMapExceedsTheDevice) {
   EXPECT_EQ(all.triangles, parts.triangles);
   EXPECT_EQ(all.positions, parts.positions);
   EXPECT_EQ(all.normals, parts.normals);
+}
+
+TEST(Polygonize, PagesADenseMapThroughTheSmallestPool) {
+  FuseOptions small = fuse_options(0.01f);
+  small.device_memory = 10 << 20;
+  Volume volume(test_device(), small, 2.0f);
+  // Every brick of a block of 20 a side exists: no part of it may ask for more than the pool holds.
+  fill(volume, {-0.79f, -0.79f, -0.79f}, {0.79f, 0.79f, 0.79f}, sphere);
+  ASSERT_GE(volume.bricks().size(), 8000u);
+  expect_closed(Polygonize(test_device())(volume));
 }
 
 TEST(Polygonize, OfSomeBricksIsThatPartOfTheWhole) {
@@ -327,6 +339,29 @@ TEST(Grids, ComeBackFromAFileAsTheyWere) {
   ASSERT_EQ(read.tree.bricks(), tree.bricks());
   for (const Brick& b : tree.bricks())
     for (std::size_t k = 0; k < 512; ++k) ASSERT_EQ(read.tree.find(b)[k], tree.find(b)[k]) << k;
+}
+
+TEST(Grids, AreNotReplacedByAHalfWrittenFile) {
+  const TemporaryFolder folder;
+  write_text(folder / "map.vdb", "the old map");
+  BrickTree tree;
+  for (std::uint32_t i = 0; i < 500; ++i) {
+    BrickVoxels voxels;
+    for (std::uint32_t k = 0; k < 512; ++k) voxels[k] = (k * 2654435761u + i * 40503u) | 1u << 16;
+    tree.put({static_cast<int>(i), 0, 0}, voxels);
+  }
+  // A limit on the size of files behaves like a full disk.
+  const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit old_limit{}, limit{};
+  getrlimit(RLIMIT_FSIZE, &old_limit);
+  limit = {.rlim_cur = 100000, .rlim_max = old_limit.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &limit);
+  const std::string error =
+      error_of([&] { write_grids(folder / "map.vdb", tree, {.voxel_size = 0.01f, .truncation = 0.04f}); });
+  setrlimit(RLIMIT_FSIZE, &old_limit);
+  std::signal(SIGXFSZ, old_handler);
+  EXPECT_NE(error.find("cannot write"), std::string::npos) << error;
+  EXPECT_TRUE(read_bytes(folder / "map.vdb") == "the old map");
 }
 
 TEST(Grids, RefuseAFileThatIsNoMap) {

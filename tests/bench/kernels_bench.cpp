@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Time of each stage's kernels on the synthetic room, 640x480, 1 cm voxels. Keep the settings: numbers stay comparable.
+#include <benchmark/benchmark.h>
+
+#include "cairn/scene.hpp"
+#include "synth/render.hpp"
+#include "track/icp.hpp"
+#include "volume/integrate.hpp"
+#include "volume/polygonize.hpp"
+#include "volume/raycast.hpp"
+
+namespace cairn {
+namespace {
+
+/// A second of the room fused with its true poses.
+struct Bench {
+  gpu::Device device;
+  Camera camera = synthetic_camera();
+  Scene scene = synthetic_scene("room");
+  TrackOptions track;
+  SceneRenderer render{device, scene, camera};
+  Preprocess preprocess{device, camera, {}, track.levels, track.finest_level};
+  Volume volume{device, {}, 5.0f};
+  Integrate integrate{device, camera, {}};
+  Raycast raycast{device, camera, {}, track.levels, track.finest_level};
+  Icp icp{device, track};
+  Polygonize polygonize{device};
+  Frame frame;
+  Eigen::Isometry3d pose;
+  std::uint32_t stamp = 0;
+
+  Bench() {
+    for (int i = 0; i < 30; i += 3) {
+      pose = scene.world_from_camera(i / 30.0);
+      auto images = render(pose);
+      add_kinect_noise(images, camera, 1, i);
+      frame.depth = std::move(images.depth);
+      frame.colour = std::move(images.colour);
+      integrate(preprocess(frame), pose, volume, ++stamp);
+    }
+  }
+};
+
+Bench& bench() {
+  static Bench instance;
+  return instance;
+}
+
+void preprocess(benchmark::State& state) {
+  auto& b = bench();
+  for (auto _ : state) benchmark::DoNotOptimize(b.preprocess(b.frame));
+}
+void integrate(benchmark::State& state) {
+  auto& b = bench();
+  const Surface surface = b.preprocess(b.frame);
+  for (auto _ : state) benchmark::DoNotOptimize(b.integrate(surface, b.pose, b.volume, ++b.stamp));
+}
+void raycast(benchmark::State& state) {
+  auto& b = bench();
+  for (auto _ : state) benchmark::DoNotOptimize(b.raycast(b.volume, b.pose));
+}
+void align(benchmark::State& state) {
+  auto& b = bench();
+  const Surface live = b.preprocess(b.frame);
+  const ModelView model = b.raycast(b.volume, b.pose);
+  const Eigen::Isometry3d guess = b.pose * Eigen::Translation3d(0.01, 0.005, -0.01);
+  for (auto _ : state) benchmark::DoNotOptimize(b.icp(live, model, guess));
+}
+void polygonize(benchmark::State& state) {
+  auto& b = bench();
+  for (auto _ : state) benchmark::DoNotOptimize(b.polygonize(b.volume));
+}
+void render_scene(benchmark::State& state) {
+  auto& b = bench();
+  for (auto _ : state) benchmark::DoNotOptimize(b.render(b.pose));
+}
+
+BENCHMARK(preprocess)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(raycast)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(align)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(integrate)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(polygonize)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(render_scene)->Unit(benchmark::kMillisecond)->UseRealTime();
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Reconstructs a plane with the installed library.
+#include <cairn/mapper.hpp>
+#include <cstdio>
+
+int main() {
+  cairn::Mapper mapper(cairn::Camera{});
+  cairn::Frame frame;
+  frame.depth.assign(640 * 480, 1.5f);
+  if (mapper.add(frame).state != cairn::FrameState::fused) return 1;
+  const cairn::Mesh mesh = mapper.mesh();
+  std::printf("%zu triangles\n", mesh.triangles.size());
+  return mesh.triangles.empty() ? 1 : 0;
+}
