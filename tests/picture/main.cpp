@@ -41,7 +41,7 @@ int main(int argc, char** argv) {
     }
     const float area = (v[1].x() - v[0].x()) * (v[2].y() - v[0].y()) - (v[1].y() - v[0].y()) * (v[2].x() - v[0].x());
     if (area >= 0) continue;  // seen from behind: y is down, so that counter-clockwise is negative
-    const auto low = v[0].cwiseMin(v[1]).cwiseMin(v[2]), high = v[0].cwiseMax(v[1]).cwiseMax(v[2]);
+    const Eigen::Vector3f low = v[0].cwiseMin(v[1]).cwiseMin(v[2]), high = v[0].cwiseMax(v[1]).cwiseMax(v[2]);
     for (int y = std::max(0, static_cast<int>(low.y())); y <= std::min(kHeight - 1, static_cast<int>(high.y()) + 1);
          ++y)
       for (int x = std::max(0, static_cast<int>(low.x())); x <= std::min(kWidth - 1, static_cast<int>(high.x()) + 1);
