@@ -30,7 +30,7 @@ struct Arguments {
   fs::path output, config, poses;
   std::optional<float> voxel_size;
   std::optional<std::uint64_t> device_memory_mib;
-  int device = -1;
+  int device = -1, read_ahead = 4;
   std::string frames;
   bool json = false;
 };
@@ -69,7 +69,7 @@ std::unique_ptr<Source> open_source(const Arguments& a) {
   else
     source = open_recording(a.sequence, range);
   if (!a.poses.empty()) source = with_poses(std::move(source), read_trajectory(a.poses));
-  return read_ahead(std::move(source));
+  return a.read_ahead > 0 ? read_ahead(std::move(source), a.read_ahead) : std::move(source);
 }
 
 /// Fails before the work, not after it.
@@ -93,7 +93,7 @@ double median(std::vector<double> values) {
 std::string words(const FrameReport& r) {
   switch (r.state) {
     case FrameState::fused:
-      return fmt::format("tracking, {:.0f} % inliers", 100 * r.inlier_share);
+      return r.iterations > 0 ? fmt::format("tracking, {:.0f} % inliers", 100 * r.inlier_share) : "fusing";
     case FrameState::lost:
       return "LOST: " + r.reason;
     case FrameState::skipped:
@@ -234,6 +234,9 @@ void add_reconstruct(CLI::App& program) {
   command->add_option("--config", a->config, "YAML file that overrides options")->check(CLI::ExistingFile);
   command->add_option("--voxel-size", a->voxel_size, "Metres; the truncation is four voxels [0.01]");
   command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
+      ->capture_default_str();
+  command->add_option("--read-ahead", a->read_ahead, "frames decoded ahead in a thread of their own; 0: no thread")
+      ->check(CLI::Range(0, 1000))
       ->capture_default_str();
   command->add_option("--device-memory", a->device_memory_mib,
                       "MiB for the map on the device [half of it, 2048 at most]");

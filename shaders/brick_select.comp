@@ -35,8 +35,15 @@ void main() {
   uint columns = (push.camera.width + kTile - 1u) / kTile;
   uvec2 first = uvec2(max(from, vec2(0.0))) / kTile, last = uvec2(min(to, size - 1.0)) / kTile;
   float seen = 0.0;
-  for (uint y = first.y; y <= last.y; ++y)
-    for (uint x = first.x; x <= last.x; ++x) seen = max(seen, farthest[y * columns + x]);
+  // One loop: lanes with small bricks do not wait for the widest row of each.
+  uint across = last.x - first.x + 1u, count = across * (last.y - first.y + 1u);
+  uint tile = first.y * columns + first.x, x = 0u;
+  for (uint n = 0u; n < count; ++n) {
+    seen = max(seen, farthest[tile]);
+    bool turn = ++x == across;
+    tile += turn ? columns + 1u - across : 1u;
+    if (turn) x = 0u;
+  }
   if (seen == 0.0 || seen + push.truncation < near) return;
 
   slots[slot].last_seen = push.stamp;

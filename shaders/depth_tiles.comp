@@ -13,9 +13,11 @@ void main() {
   uint columns = (push.width + kTile - 1u) / kTile, rows = (push.height + kTile - 1u) / kTile;
   uint i = gl_GlobalInvocationID.x;
   if (i >= columns * rows) return;
-  uint x0 = (i % columns) * kTile, y0 = (i / columns) * kTile;
+  int x0 = int((i % columns) * kTile), last = int(push.width) - 1;
+  uint y0 = (i / columns) * kTile;
   float most = 0.0;
   for (uint y = y0; y < min(y0 + kTile, push.height); ++y)
-    for (uint x = x0; x < min(x0 + kTile, push.width); ++x) most = max(most, uintBitsToFloat(fusion[y * push.width + x].x));
+    for (int k = 0; k < int(kTile); ++k)  // of fixed length, so that it unrolls; a border's tile sees its last pixel again
+      most = max(most, uintBitsToFloat(fusion[int(y * push.width) + min(x0 + k, last)].x));
   farthest[i] = most;
 }

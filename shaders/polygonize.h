@@ -17,6 +17,9 @@ struct PolygonizePush {
   uint first;        // list position of the first brick of this dispatch
   uint count;        // bricks of this dispatch
   float min_weight;  // of a voxel that may make surface
+  // Device addresses, since these outgrow the range of a binding first. Both go by column of 8 voxels, 64 a brick.
+  uvec2 cells;       // cases, a byte a voxel
+  uvec2 triangles;   // triangles of the column's cells; later the number of its first one
 };
 
 struct MeshVertex {
@@ -28,6 +31,8 @@ struct MeshVertex {
 #ifdef __cplusplus
 }  // namespace cairn::shader
 #else
+layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Cells { uvec2 v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Triangles { uint v[]; };
 layout(push_constant, scalar) uniform Push { PolygonizePush push; };
 layout(binding = 0, scalar) readonly buffer PageTable { uint page_table[]; };
 layout(binding = 1, scalar) readonly buffer Bricks { ivec3 bricks[]; };

@@ -7,8 +7,6 @@
 layout(local_size_x = 64) in;
 layout(binding = 2, scalar) readonly buffer Table { uint table[]; };
 layout(binding = 3, scalar) buffer Masks { uint masks[]; };        // kEdgeWords a brick, zeroed
-layout(binding = 4, scalar) writeonly buffer Cells { uvec2 cells[]; };  // by column: cases, a byte a voxel
-layout(binding = 5, scalar) writeonly buffer Triangles { uint triangles[]; };  // by column
 
 void main() {
   uint brick = push.first + gl_WorkGroupID.x;
@@ -34,6 +32,6 @@ void main() {
   if (bits_x != 0u) atomicOr(masks[word], bits_x << shift);
   if (bits_y != 0u) atomicOr(masks[word + 16u], bits_y << shift);
   if (bits_z != 0u) atomicOr(masks[word + 32u], bits_z << shift);
-  cells[brick * 64u + column] = codes;
-  triangles[brick * 64u + column] = count;
+  Cells(push.cells).v[brick * 64u + column] = codes;
+  Triangles(push.triangles).v[brick * 64u + column] = count;
 }

@@ -8,10 +8,8 @@ layout(local_size_x = 64) in;
 layout(binding = 2, scalar) readonly buffer Table { uint table[]; };
 layout(binding = 3, scalar) readonly buffer Masks { uint masks[]; };
 layout(binding = 4, scalar) readonly buffer Firsts { uint firsts[]; };
-layout(binding = 5, scalar) readonly buffer Cells { uvec2 cells[]; };
-layout(binding = 6, scalar) readonly buffer Neighbours { uint neighbours[]; };  // 8 a brick: list position of brick + corner c
-layout(binding = 7, scalar) readonly buffer FirstTriangles { uint first_triangles[]; };  // by column
-layout(binding = 8, scalar) writeonly buffer Indices { uint indices[]; };
+layout(binding = 5, scalar) readonly buffer Neighbours { uint neighbours[]; };  // 8 a brick: list position of brick + corner c
+layout(binding = 6, scalar) writeonly buffer Indices { uint indices[]; };
 
 // The vertex on the edge that starts at a corner of a cell and runs along an axis.
 uint vertex_on(uint brick, uvec3 cell, uint edge) {
@@ -27,8 +25,9 @@ uint vertex_on(uint brick, uvec3 cell, uint edge) {
 void main() {
   uint brick = push.first + gl_WorkGroupID.x;
   uint column = gl_LocalInvocationID.x;
-  uint triangle = first_triangles[brick * 64u + column] - first_triangles[push.first * 64u];
-  uvec2 codes = cells[brick * 64u + column];
+  Triangles first = Triangles(push.triangles);
+  uint triangle = first.v[brick * 64u + column] - first.v[push.first * 64u];
+  uvec2 codes = Cells(push.cells).v[brick * 64u + column];
   for (uint k = 0u; k < 8u; ++k) {
     uint row = ((k < 4u ? codes.x : codes.y) >> (8u * (k & 3u)) & 0xffu) * kTableRow;
     uint corners = 3u * table[row];

@@ -53,6 +53,11 @@ inline Pinhole pinhole(const Camera& c) {
   return {static_cast<uint>(c.width), static_cast<uint>(c.height), static_cast<float>(c.fx),
           static_cast<float>(c.fy),   static_cast<float>(c.cx),    static_cast<float>(c.cy)};
 }
+/// A Buffer's device address as shaders take it; low word first.
+template <class Buffer>
+uvec2 address(const Buffer& buffer) {
+  return {static_cast<uint>(buffer.address()), static_cast<uint>(buffer.address() >> 32)};
+}
 inline Rigid rigid(const Eigen::Isometry3d& t) {
   const Eigen::Matrix<float, 3, 4> m = t.matrix().topRows<3>().cast<float>();
   return {m.col(0), m.col(1), m.col(2), m.col(3)};

@@ -20,7 +20,7 @@ class Buffer {
   Buffer& operator=(Buffer&&) noexcept;
 
   [[nodiscard]] std::uint64_t size() const;     // bytes
-  [[nodiscard]] std::uint64_t address() const;  // for GL_EXT_buffer_reference
+  [[nodiscard]] std::uint64_t address() const;  // for GL_EXT_buffer_reference; see shader::address in shaders/types.h
   [[nodiscard]] explicit operator bool() const { return state_ != nullptr; }
 
   struct State;

@@ -204,7 +204,9 @@ Device::Device(int index) : state_(std::make_unique<State>()) {
 
   s.queue_family = *compute_family(*s.physical);
   s.memory_types = s.physical->getMemoryProperties();
-  s.timestamp_period_ns = s.physical->getProperties().limits.timestampPeriod;
+  const auto limits = s.physical->getProperties().limits;
+  s.timestamp_period_ns = limits.timestampPeriod;
+  s.max_binding = limits.maxStorageBufferRange;
   const float priority = 1.0f;
   const vk::DeviceQueueCreateInfo queue{
       .queueFamilyIndex = s.queue_family, .queueCount = 1, .pQueuePriorities = &priority};

@@ -103,17 +103,21 @@ void KernelBase::dispatch(Batch& batch, std::array<std::uint32_t, 3> threads, co
                            std::to_string(buffers.size()) + " buffers");
   if (threads[0] == 0 || threads[1] == 0 || threads[2] == 0) return;
 
+  Batch::State& b = batch.state();
   std::vector<vk::DescriptorBufferInfo> infos;
   std::vector<vk::WriteDescriptorSet> writes;
   infos.reserve(buffers.size());
   for (const Buffer* buffer : buffers) {
+    if (buffer->size() > b.device.max_binding)
+      throw std::runtime_error("shader " + s.name + ": a buffer of " + std::to_string(buffer->size() >> 20) +
+                               " MiB is larger than this device binds (" + std::to_string(b.device.max_binding >> 20) +
+                               " MiB): the map has too many bricks, choose a larger --voxel-size");
     infos.push_back({.buffer = *buffer->state().allocation.buffer, .offset = 0, .range = VK_WHOLE_SIZE});
     writes.push_back({.dstBinding = static_cast<std::uint32_t>(writes.size()),
                       .descriptorCount = 1,
                       .descriptorType = vk::DescriptorType::eStorageBuffer,
                       .pBufferInfo = &infos.back()});
   }
-  Batch::State& b = batch.state();
   auto& commands = b.record();
   const bool timed = b.timed.size() < Batch::State::kMaxTimed;
   const auto query = static_cast<std::uint32_t>(2 * b.timed.size());

@@ -25,6 +25,7 @@ struct Device::State {
   std::filesystem::path pipelines_file;
   vk::PhysicalDeviceMemoryProperties memory_types;
   float timestamp_period_ns = 1.0f;
+  std::uint64_t max_binding = 0;  // bytes
   std::uint32_t queue_family = 0;
 
   DeviceInfo info;

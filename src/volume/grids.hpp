@@ -45,8 +45,8 @@ struct GridInfo {
   float truncation = 0.0f;  // metres
 };
 
-/// Writes the grids `tsdf` (float, metres, level set), `weight` (float) and `colour` (vec3f, 0..1, sRGB), active where
-/// the weight is not 0. Whole or not at all.
+/// Writes the grids `tsdf` (float, metres, level set), `weight` (float), `colour` (vec3f, 0..1, sRGB) and
+/// `colour_weight` (int32: frames), active where the weight is not 0. Whole or not at all.
 void write_grids(const std::filesystem::path& file, const BrickTree& tree, const GridInfo& info);
 
 struct ReadGrids {

@@ -126,8 +126,9 @@ Mesh Polygonize::operator()(Volume& volume, std::span<const Brick> wanted) {
     batch.run();
   }
 
-  const bool resident =
-      std::all_of(bricks.begin(), bricks.end(), [&](const Brick& b) { return volume.slot_of(b) != Volume::kNoSlot; });
+  // Normals look one voxel beyond the bricks of the list, so anything that is elsewhere may matter.
+  const bool resident = std::all_of(existing.begin(), existing.end(),
+                                    [&](const Brick& b) { return volume.slot_of(b) != Volume::kNoSlot; });
   std::vector<std::uint32_t> first_of_word(n * shader::kEdgeWords), triangles_of_column(n * 64);
   std::vector<shader::MeshVertex> part_vertices;
   for (std::size_t begin = 0; begin < n;) {
@@ -142,10 +143,12 @@ Mesh Polygonize::operator()(Volume& volume, std::span<const Brick> wanted) {
     const shader::PolygonizePush push{.volume = volume.view(),
                                       .first = static_cast<std::uint32_t>(begin),
                                       .count = count,
-                                      .min_weight = volume.options().min_mesh_weight};
+                                      .min_weight = volume.options().min_mesh_weight,
+                                      .cells = shader::address(cells),
+                                      .triangles = shader::address(counts)};
     const std::span part_words =
         std::span(first_of_word).subspan(begin * shader::kEdgeWords, count * shader::kEdgeWords);
-    classify_(batch, {64 * count, 1, 1}, push, {&volume.page_table(), &brick_list, &table_, &masks, &cells, &counts});
+    classify_(batch, {64 * count, 1, 1}, push, {&volume.page_table(), &brick_list, &table_, &masks});
     batch.download(masks, part_words, begin * shader::kEdgeWords * 4);
     batch.download(counts, std::span(triangles_of_column).subspan(begin * 64, count * 64), begin * 64 * 4);
     batch.run();
@@ -192,10 +195,14 @@ Mesh Polygonize::operator()(Volume& volume, std::span<const Brick> wanted) {
     const std::size_t first = first_of_column[64 * begin], last = end < n ? first_of_column[64 * end] : total;
     const gpu::Buffer indices(device_, (last - first) * 12);
     const auto count = static_cast<std::uint32_t>(end - begin);
-    triangles_(
-        batch, {64 * count, 1, 1},
-        {.volume = volume.view(), .first = static_cast<std::uint32_t>(begin), .count = count, .min_weight = 0},
-        {&volume.page_table(), &brick_list, &table_, &masks, &firsts, &cells, &neighbour_list, &counts, &indices});
+    triangles_(batch, {64 * count, 1, 1},
+               {.volume = volume.view(),
+                .first = static_cast<std::uint32_t>(begin),
+                .count = count,
+                .min_weight = 0,
+                .cells = shader::address(cells),
+                .triangles = shader::address(counts)},
+               {&volume.page_table(), &brick_list, &table_, &masks, &firsts, &neighbour_list, &indices});
     batch.download(indices, std::span(mesh.triangles).subspan(first, last - first));
     batch.run();
     begin = end;

@@ -58,8 +58,7 @@ Volume::Volume(gpu::Device& device, const FuseOptions& options, float reach)
 }
 
 shader::VolumeView Volume::view() const {
-  const std::uint64_t address = voxels_.address();
-  return {.voxels = {static_cast<std::uint32_t>(address), static_cast<std::uint32_t>(address >> 32)},
+  return {.voxels = shader::address(voxels_),
           .origin = origin_,
           .table_bits = table_bits_,
           .voxel_size = options_.voxel_size,

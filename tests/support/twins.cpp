@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "shaders/surface.h"
+#include "volume/polygonize.hpp"
 
 namespace cairn::twin {
 namespace {
@@ -99,6 +100,63 @@ void integrate(Voxel& v, const Eigen::Vector3d& p, const std::vector<float>& dep
     v.colour[k] =
         (v.colour[k] * v.colour_weight + static_cast<float>((colour[i] >> (8 * k)) & 0xff)) / (v.colour_weight + 1);
   v.colour_weight += 1;
+}
+
+std::vector<Eigen::Vector3f> polygonize(const BrickTree& tree, const FuseOptions& o) {
+  const auto table = marching_cubes_table();
+  const auto voxel = [&](const Eigen::Vector3i& v) -> std::uint64_t {
+    const Brick brick = v.unaryExpr([](int i) { return i >> 3; });
+    const std::uint64_t* found = tree.find(brick);
+    return found == nullptr ? 0 : found[(v.x() & 7) << 6 | (v.y() & 7) << 3 | (v.z() & 7)];
+  };
+  const auto corner = [](std::uint32_t c) {
+    return Eigen::Vector3i(static_cast<int>(c & 1), static_cast<int>(c >> 1 & 1), static_cast<int>(c >> 2 & 1));
+  };
+  const auto distance = [](std::uint64_t v) {
+    return static_cast<float>(static_cast<std::int16_t>(v & 0xffff)) / 32767;
+  };
+  std::vector<Eigen::Vector3f> corners;
+  for (const Brick& brick : tree.bricks())
+    for (int i = 0; i < 512; ++i) {
+      const Eigen::Vector3i cell = 8 * brick + Brick(i >> 6, i >> 3 & 7, i & 7);
+      std::uint32_t inside = 0;
+      bool known = true;
+      for (std::uint32_t c = 0; c < 8; ++c) {
+        const std::uint64_t v = voxel(cell + corner(c));
+        known = known && static_cast<float>(v >> 16 & 0xffff) / 256 >= o.min_mesh_weight;
+        if (distance(v) < 0) inside |= 1u << c;
+      }
+      if (!known) continue;
+      const std::uint32_t* row = &table[16 * std::size_t{inside}];
+      for (std::uint32_t k = 0; k < 3 * row[0]; ++k) {
+        const std::uint32_t edge = row[1 + k];
+        const Eigen::Vector3i a = cell + corner(edge & 7), b = a + Eigen::Vector3i::Unit(edge >> 3);
+        const float da = distance(voxel(a)), db = distance(voxel(b));
+        const float t = std::clamp(da / (da - db), 0.001f, 0.999f);
+        corners.emplace_back(o.voxel_size * (a.cast<float>() + t * (b - a).cast<float>()));
+      }
+    }
+  return corners;
+}
+
+std::vector<Brick> bands(const std::vector<float>& depth, const Camera& c, const Eigen::Isometry3d& pose,
+                         const FuseOptions& o, int stride, int phase_x, int phase_y) {
+  std::vector<Brick> bricks;
+  const int steps = static_cast<int>(std::ceil(o.truncation / (4 * o.voxel_size) - 0.01f));
+  for (int y = phase_y; y < c.height; y += stride)
+    for (int x = phase_x; x < c.width; x += stride) {
+      const double z = depth[static_cast<std::size_t>(y * c.width + x)];
+      for (int k = -steps; k <= steps && z > 0; ++k) {
+        const Eigen::Vector3d p = pose * (c.ray(x, y) * (z + k * o.truncation / static_cast<double>(steps)));
+        bricks.emplace_back((p / o.voxel_size).array().round().cast<int>().unaryExpr([](int i) { return i >> 3; }));
+      }
+    }
+  const auto order = [](const Brick& a, const Brick& b) {
+    return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
+  };
+  std::sort(bricks.begin(), bricks.end(), order);
+  bricks.erase(std::unique(bricks.begin(), bricks.end()), bricks.end());
+  return bricks;
 }
 
 Eigen::Vector3f unpack_normal(std::uint32_t code) {

@@ -31,6 +31,15 @@ struct Voxel {
 void integrate(Voxel& voxel, const Eigen::Vector3d& point_in_camera, const std::vector<float>& depth,
                const std::vector<std::uint32_t>& colour, const Camera& camera, const FuseOptions& options);
 
+/// Corners of all triangles of a map, voxels as BrickTree keeps them; `triangles` x 3, sorted by the place of their
+/// cell.
+[[nodiscard]] std::vector<Eigen::Vector3f> polygonize(const BrickTree& tree, const FuseOptions& options);
+
+/// The bricks along the truncation bands of every `stride`-th measurement, from (phase_x, phase_y) on, sorted.
+[[nodiscard]] std::vector<Brick> bands(const std::vector<float>& depth, const Camera& camera,
+                                       const Eigen::Isometry3d& submap_from_camera, const FuseOptions& options,
+                                       int stride, int phase_x, int phase_y);
+
 /// Unpacks a point image's second word; the inverse of pack_normal in shaders/types.h.
 [[nodiscard]] Eigen::Vector3f unpack_normal(std::uint32_t code);
 

@@ -8,6 +8,7 @@
 #include <bit>
 #include <csignal>
 #include <map>
+#include <set>
 
 #include "cairn/mapper.hpp"
 #include "support/files.hpp"
@@ -86,6 +87,48 @@ TEST(Polygonize, MakesAClosedSphereAcrossBricksWithoutDuplicateVertices) {
   }
 }
 
+TEST(Polygonize, EqualsItsPlainTwin) {
+  // Unevenly seen voxels: cells with unknown corners, and every case of the table that three rough waves make.
+  FuseOptions options = fuse_options();
+  Volume volume(test_device(), options, 5.0f);
+  fill(volume, {-0.3f, -0.3f, -0.3f}, {0.5f, 0.4f, 0.3f}, [](const Eigen::Vector3f& p) {
+    return 0.04f * (std::sin(90 * p.x()) + std::sin(83 * p.y() + 1) + std::sin(97 * p.z() + 2));
+  });
+  BrickTree tree;
+  for (const Brick& b : volume.on_host().bricks()) {
+    BrickVoxels voxels;
+    std::copy_n(volume.on_host().find(b), 512, voxels.begin());
+    for (std::uint32_t i = 0; i < 512; ++i)
+      if ((i * 2654435761u >> 13) % 40 == 0) voxels[i] &= ~0xffff0000ull;
+    if (b != Brick(1, 0, 0)) tree.put(b, voxels);
+  }
+  const std::vector<Eigen::Vector3f> expected = twin::polygonize(tree, options);
+  volume.adopt(std::move(tree));
+  const Mesh mesh = Polygonize(test_device())(volume);
+  ASSERT_GT(expected.size(), 30000u);
+  ASSERT_EQ(3 * mesh.triangles.size(), expected.size());
+  // Triangles come in another order; each has its own place.
+  const auto sorted = [](const auto& corners) {
+    std::vector<std::array<float, 3>> middles;
+    for (std::size_t i = 0; i < corners.size(); i += 3) {
+      const Eigen::Vector3f m = (corners[i] + corners[i + 1] + corners[i + 2]) / 3;
+      middles.push_back({m.x(), m.y(), m.z()});
+    }
+    // Close sums may change places: compare on a grid.
+    for (auto& m : middles)
+      for (float& v : m) v = std::round(v * 2e4f);
+    std::sort(middles.begin(), middles.end());
+    return middles;
+  };
+  std::vector<Eigen::Vector3f> corners;
+  for (const auto& t : mesh.triangles)
+    for (const std::uint32_t v : t) corners.push_back(mesh.positions[v]);
+  const auto a = sorted(corners), b = sorted(expected);
+  std::vector<std::array<float, 3>> only_one;
+  std::set_symmetric_difference(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(only_one));
+  EXPECT_LT(only_one.size(), a.size() / 50) << "a place on the grid's border may round to either side";
+}
+
 TEST(Polygonize, GivesTheSameMeshWhenTheMapExceedsTheDevice) {
   FuseOptions small = fuse_options(0.01f);
   Volume large(test_device(), small, 2.0f);
@@ -120,6 +163,19 @@ TEST(Polygonize, OfSomeBricksIsThatPartOfTheWhole) {
   for (const Brick& b : volume.bricks()) (b.x() > 0 ? right : left).push_back(b);
   const Mesh whole = polygonize(volume), a = polygonize(volume, right), b = polygonize(volume, left);
   EXPECT_EQ(a.triangles.size() + b.triangles.size(), whole.triangles.size());
+  const auto has_all_places_of = [&](const Mesh& part) {
+    std::set<std::array<float, 6>> places;
+    for (std::size_t i = 0; i < whole.positions.size(); ++i)
+      places.insert({whole.positions[i].x(), whole.positions[i].y(), whole.positions[i].z(), whole.normals[i].x(),
+                     whole.normals[i].y(), whole.normals[i].z()});
+    for (std::size_t i = 0; i < part.positions.size(); ++i)
+      if (!places.contains({part.positions[i].x(), part.positions[i].y(), part.positions[i].z(), part.normals[i].x(),
+                            part.normals[i].y(), part.normals[i].z()}))
+        return false;
+    return true;
+  };
+  EXPECT_TRUE(has_all_places_of(a));
+  EXPECT_TRUE(has_all_places_of(b));
   EXPECT_GT(a.triangles.size(), 1000u);
   EXPECT_GT(b.triangles.size(), 1000u);
 }
@@ -204,6 +260,26 @@ TEST(Raycast, SeesTheSphereWhereItIs) {
   EXPECT_LT(misses, hits / 1000);
 }
 
+TEST(Raycast, HalvesTheViewLikeItsPlainTwin) {
+  const Camera camera = small_camera();
+  const Frame frame = scene_frame(synthetic_scene("room"), camera, 0);
+  Preprocess preprocess(test_device(), camera, {}, 1, 0);
+  Volume volume(test_device(), fuse_options(0.02f), 5.0f);
+  (void)Integrate(test_device(), camera, {})(preprocess(frame), *frame.world_from_camera, volume, 1);
+  Raycast raycast(test_device(), camera, {}, 2, 0);
+  const ModelView view = raycast(volume, *frame.world_from_camera);
+  const auto depth_of = [](const PointImage& image) {
+    const auto points =
+        download<shader::uvec2>(image.points, static_cast<std::size_t>(image.camera.width * image.camera.height));
+    std::vector<float> depth(points.size());
+    for (std::size_t i = 0; i < points.size(); ++i) depth[i] = std::bit_cast<float>(points[i].x);
+    return depth;
+  };
+  const auto expected = twin::half(depth_of(*view.levels[0]), camera), half = depth_of(*view.levels[1]);
+  ASSERT_EQ(half.size(), expected.size());
+  for (std::size_t i = 0; i < half.size(); ++i) ASSERT_NEAR(half[i], expected[i], 1e-5f) << i;
+}
+
 TEST(Integrate, EqualsItsPlainTwin) {
   const Camera camera = small_camera();
   const Scene scene = synthetic_scene("room");
@@ -253,6 +329,29 @@ TEST(Integrate, EqualsItsPlainTwin) {
   }
   EXPECT_GT(compared, 2000);
   EXPECT_LT(different, compared / 100);
+}
+
+TEST(Integrate, AllocatesTheBricksOfItsPlainTwin) {
+  const Camera camera = small_camera();
+  const Frame frame = scene_frame(synthetic_scene("room"), camera, 0);
+  Preprocess preprocess(test_device(), camera, {}, 1, 0);
+  const FuseOptions options = fuse_options(0.01f);
+  Volume volume(test_device(), options, 5.0f);
+  const Surface surface = preprocess(frame);
+  // Half a brick at 5 m is 2.1 pixels: every second pixel, from phase 1 on (stamp 1) in x, 0 in y.
+  (void)Integrate(test_device(), camera, {})(surface, *frame.world_from_camera, volume, 1);
+  const auto image = download<shader::uvec2>(*surface.fusion, frame.depth.size());
+  std::vector<float> depth(image.size());
+  for (std::size_t i = 0; i < image.size(); ++i) depth[i] = std::bit_cast<float>(image[i].x);
+  const auto expected = twin::bands(depth, camera, *frame.world_from_camera, options, 2, 1, 0);
+  std::vector<Brick> only_one;
+  const auto allocated = volume.bricks();
+  std::set_symmetric_difference(allocated.begin(), allocated.end(), expected.begin(), expected.end(),
+                                std::back_inserter(only_one), [](const Brick& a, const Brick& b) {
+                                  return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
+                                });
+  EXPECT_GT(allocated.size(), 1000u);
+  EXPECT_LT(only_one.size(), allocated.size() / 200) << "a sample on a brick's border may fall to either side";
 }
 
 TEST(Integrate, PutsTheZeroCrossingOnThePlane) {
