@@ -113,8 +113,15 @@ nlohmann::json to_json(const FrameReport& r) {
   nlohmann::json j{{"index", r.index}, {"timestamp", r.timestamp}, {"state", kStates[static_cast<int>(r.state)]}};
   if (!r.reason.empty()) j["reason"] = r.reason;
   if (r.iterations > 0)
-    j.update(
-        {{"inlier_share", r.inlier_share}, {"overlap", r.overlap}, {"rmse", r.rmse}, {"iterations", r.iterations}});
+    j.update({{"inlier_share", r.inlier_share},
+              {"overlap", r.overlap},
+              {"rmse", r.rmse},
+              {"iterations", r.iterations},
+              {"photometric_share", r.photometric_share},
+              {"photometric_rmse", r.photometric_rmse},
+              {"unobserved_by_geometry", r.unobserved_by_geometry},
+              {"unobserved", r.unobserved},
+              {"guess", r.guess}});
   if (r.touched_bricks > 0) j.update({{"touched_bricks", r.touched_bricks}, {"new_bricks", r.new_bricks}});
   j["ms"] = r.stage_ms;
   return j;
@@ -188,6 +195,7 @@ void reconstruct(const Arguments& a) {
       {"frames_per_second", static_cast<double>(frames.size()) / seconds},
       {"peak_memory_mb", peak_memory_mb()},
       {"device_memory_peak_mb", static_cast<double>(statistics.device_memory_peak) / (1 << 20)},
+      {"clock_offset", statistics.clock_offset},
       {"bricks",
        {{"allocated", statistics.bricks}, {"paged_out", statistics.paged_out}, {"paged_in", statistics.paged_in}}},
       {"mesh", {{"vertices", mesh.positions.size()}, {"triangles", mesh.triangles.size()}}},

@@ -24,6 +24,7 @@ struct Arguments {
   fs::path output, trajectory;
   int frames = 300, device = -1;
   std::string noise = "kinect";
+  double colour_delay = 0;
   std::uint64_t seed = 1;
 };
 
@@ -63,6 +64,8 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
     const auto pose = synthetic_pose(scene, path, time);
     if (!pose) break;
     auto images = render(*pose);
+    const auto later = synthetic_pose(scene, path, std::max(0.0, time + a.colour_delay));
+    if (a.colour_delay != 0 && later) images.colour = render(*later).colour;
     if (i % 5 == 0) mark_seen(truth, camera, *pose, images.depth, seen);
     if (a.noise == "kinect") add_kinect_noise(images, camera, a.seed, i);
     cv::Mat depth(camera.height, camera.width, CV_16U), bgr;
@@ -122,6 +125,9 @@ void add_synth(CLI::App& program) {
   command->add_option("--noise", a->noise, "Depth and colour noise")
       ->capture_default_str()
       ->check(CLI::IsMember({"kinect", "none"}));
+  command->add_option("--colour-delay", a->colour_delay,
+                      "Seconds that colour images are taken after the depth images with the same stamp")
+      ->capture_default_str();
   command->add_option("--seed", a->seed, "Of the noise")->capture_default_str();
   command->add_option("--device", a->device, "Vulkan device; -1 chooses")->capture_default_str();
   command->callback([a] { synth(*a); });

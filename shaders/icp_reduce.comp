@@ -42,6 +42,11 @@ void main() {
     vec3 jt = inlier ? n * inverse_sigma : vec3(0);
     vec3 jr = inlier ? cross(p, n) * inverse_sigma : vec3(0);
     vec3 wr = jr * w, wt = jt * w;
+    if (push.crossed != 0u && inlier) {
+      vec3 live_normal = rotate(push.model_from_live, unpack_normal(l.y));
+      jt = live_normal * inverse_sigma;
+      jr = cross(p, live_normal) * inverse_sigma;
+    }
     rr0 += wr.x * jr;
     rr1 += vec3(wr.y * jr.y, wr.y * jr.z, wr.z * jr.z);
     rt0 += wr.x * jt;
@@ -65,5 +70,5 @@ void main() {
   counts = subgroupAdd(counts);
   if (subgroupElect())
     sums[gl_WorkGroupID.x * gl_NumSubgroups + gl_SubgroupID] =
-        IcpSums(rr0, rr1, rt0, rt1, rt2, tt0, tt1, br, bt, counts.x, counts.y, counts.z, counts.w);
+        IcpSums(NormalEquations(rr0, rr1, rt0, rt1, rt2, tt0, tt1, br, bt), counts.x, counts.y, counts.z, counts.w);
 }

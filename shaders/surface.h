@@ -34,6 +34,21 @@ struct SurfaceHalfPush {
   uint height;
 };
 
+struct SurfaceIntensityPush {
+  uint width;  // of the result
+  uint height;
+  uint fine_width;   // of the source
+  uint factor;       // source pixels a pixel, along x and y: 1 or 2
+  uint from_colour;  // 1: the source is a fusion image; 0: it holds intensities
+};
+
+// A packed pixel holds what one bilinear sample needs: x = I(x, y) | I(x + 1, y) << 12 | low byte of the depth << 24,
+// y = I(x, y + 1) | I(x + 1, y + 1) << 12 | high byte << 24. Intensities are 1 + 4094 times theirs, 0: none. Depth in mm.
+struct SurfacePackPush {
+  uint width;
+  uint height;
+};
+
 struct SurfaceNormalsPush {
   Pinhole camera;
 };

@@ -14,11 +14,12 @@ struct IcpReducePush {
   float max_distance;  // metres
   float min_cosine;    // of the angle between matched normals
   float huber;         // in standard deviations of the depth noise
+  uint crossed;        // 1: the matrix pairs live normals with the model's, so that noise of either cancels
 };
 
 // Sums over pixels of the normal equations A x = b of x = (rotation, translation), in units of the noise; A's upper
 // triangle by blocks.
-struct IcpSums {
+struct NormalEquations {
   vec3 rr0;  // rotation-rotation: xx xy xz
   vec3 rr1;  // yy yz zz
   vec3 rt0;  // rotation-translation, by rows
@@ -28,13 +29,42 @@ struct IcpSums {
   vec3 tt1;  // yy yz zz
   vec3 br;
   vec3 bt;
+};
+
+struct IcpSums {
+  NormalEquations normal;
   float squared;  // of the residuals of inliers
   float inliers;
   float seen;     // live points that fall on a point of the model
   float live;     // live points
 };
 
+struct PhotometricReducePush {
+  Pinhole camera;
+  Rigid keyframe_from_live;  // from the depth camera at its moment to the keyframe's colour camera at that one's
+  vec3 turn;                 // p + turn x p + shift: from the depth camera to the colour camera at their moments
+  vec3 shift;
+  uint threads;
+  float gain;  // of live brightness, so that it equals the keyframe's
+  float bias;
+  float inverse_sigma;  // of the residuals, 1 / brightness in 0..1
+};
+
+// Like IcpSums, of x = (rotation, translation) in the keyframe's frame, residuals in brightness.
+struct PhotometricSums {
+  NormalEquations normal;
+  float squared;  // weighted
+  float seen;     // points with a brightness in both images
+  float fitting;  // of these, within 2.5 sigma
+  float weight;
+  float live;     // weighted sums of live brightness, the keyframe's, and their products
+  float key;
+  float live_live;
+  float live_key;
+};
+
 #ifdef __cplusplus
+static_assert(sizeof(PhotometricReducePush) <= 128);
 }  // namespace cairn::shader
 #endif
 #endif

@@ -16,6 +16,7 @@ struct Frame {
   int index = 0;                      // position in the sequence, counted from 0 over all its depth images
   double timestamp = 0.0;             // seconds; increases from frame to frame
   std::vector<float> depth;           // metres along z; 0: no measurement; never NaN or negative
+  double colour_delay = 0.0;          // seconds from the depth image's stamp to the colour image's
   std::vector<std::uint32_t> colour;  // bytes R, G, B, 255 in memory order (sRGB); empty: no colour for this frame
   std::optional<Eigen::Isometry3d> world_from_camera;  // pose that came with the frame (--poses, synthetic scenes)
   std::string problem;  // not empty: the frame could not be read, its images are empty; why, in one line

@@ -32,9 +32,12 @@ struct FrameReport {
   double timestamp = 0.0;  // seconds
   FrameState state = FrameState::skipped;
   std::string reason;         // why lost or skipped
-  double inlier_share = 0.0;  // see Alignment in src/track/icp.hpp
+  double inlier_share = 0.0;  // see Alignment in src/track/align.hpp
   double overlap = 0.0;
-  double rmse = 0.0;  // standard deviations of the depth noise
+  double rmse = 0.0;                                       // standard deviations of the depth noise
+  double photometric_share = 0.0, photometric_rmse = 0.0;  // brightness in 0..1; 0: no colour was used
+  int unobserved_by_geometry = 0, unobserved = 0;          // directions of the pose, of 6
+  std::string guess;                                       // where the alignment started
   int iterations = 0;
   int touched_bricks = 0, new_bricks = 0;
   std::map<std::string, double> stage_ms;  // preprocess, raycast, track, fuse
@@ -60,7 +63,9 @@ class Mapper {
   /// fails or its memory does not hold one view.
   FrameReport add(const Frame& frame);
 
-  [[nodiscard]] const Trajectory& trajectory() const;  // of all fused frames
+  /// Of all fused frames, in the colour camera's clock: with Poses::tracked the depth images' stamps are moved by what
+  /// the images tell of the two clocks' difference (Statistics::clock_offset).
+  [[nodiscard]] Trajectory trajectory() const;
   /// The surface, in the world frame, with normals and colours.
   [[nodiscard]] Mesh mesh();
   /// Writes the grids `tsdf`, `weight` and `colour` to a .vdb file, whole or not at all.
@@ -70,6 +75,7 @@ class Mapper {
     std::string device;
     std::uint64_t device_memory_peak = 0;  // bytes
     std::uint64_t bricks = 0, paged_out = 0, paged_in = 0;
+    double clock_offset = 0;  // seconds that the colour camera's clock is ahead of the depth camera's
     std::map<std::string, std::pair<int, double>> kernels;  // calls and total milliseconds on the device, by kernel
   };
   [[nodiscard]] Statistics statistics() const;

@@ -22,6 +22,7 @@ struct TrackOptions {
   int iterations_coarse = 12;
   float max_distance = 0.1f;       // metres between matched points at the finest level
   float max_angle = 0.5236f;       // radians between matched normals
+  bool photometric = true;         // align brightness too, where there is colour
   float huber = 1.5f;              // in standard deviations of the depth noise (Huber 1964)
   float min_inlier_share = 0.25f;  // of the pixels that see the model; fewer means lost
   float max_rmse = 4.0f;           // in standard deviations of the depth noise; more means lost

@@ -97,6 +97,11 @@ void Batch::download_bytes(const Buffer& from, std::span<std::byte> data, std::u
   state_->pending_downloads.push_back({place, data});
 }
 
+void Batch::copy(const Buffer& from, const Buffer& to) {
+  state_->record().copyBuffer(*from.state().allocation.buffer, *to.state().allocation.buffer,
+                              vk::BufferCopy{.size = from.size()});
+}
+
 void Batch::fill(const Buffer& buffer, std::uint32_t word, std::uint64_t offset, std::uint64_t bytes) {
   state_->record().fillBuffer(*buffer.state().allocation.buffer, offset, bytes == 0 ? VK_WHOLE_SIZE : bytes, word);
 }

@@ -38,6 +38,8 @@ class Batch {
   void download(const Buffer& from, std::vector<T>& data, std::uint64_t offset = 0) {
     download_bytes(from, std::as_writable_bytes(std::span(data)), offset);
   }
+  /// Copies the whole of a buffer into one of at least its size.
+  void copy(const Buffer& from, const Buffer& to);
   /// Fills with a repeated 32-bit word. `offset` and `bytes` are multiples of 4; bytes 0: to the end.
   void fill(const Buffer& buffer, std::uint32_t word, std::uint64_t offset = 0, std::uint64_t bytes = 0);
 

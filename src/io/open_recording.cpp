@@ -79,6 +79,7 @@ class RecordingSource final : public Source {
     }
     try {
       if (!entry.colour.empty()) frame.colour = read_colour(entry.colour);
+      frame.colour_delay = entry.colour_delay;
     } catch (const std::exception&) {
       // Depth alone is still a frame.
     }

@@ -27,6 +27,7 @@ void for_each_option(Options& o, Visit&& visit) {
   visit("track.iterations_coarse", o.track.iterations_coarse, 1, 100);
   visit("track.max_distance", o.track.max_distance, 0.001, 1.0);
   visit("track.max_angle", o.track.max_angle, 0.01, 1.57);
+  visit("track.photometric", o.track.photometric, 0, 1);
   visit("track.huber", o.track.huber, 0.01, 100.0);
   visit("track.min_inlier_share", o.track.min_inlier_share, 0.0, 1.0);
   visit("track.max_rmse", o.track.max_rmse, 0.1, 1000.0);

@@ -18,6 +18,7 @@ struct Recording {
     double timestamp;  // seconds
     std::filesystem::path depth;
     std::filesystem::path colour;  // empty: none
+    double colour_delay = 0;       // seconds after the depth image
   };
   Camera camera;
   double depth_scale = 5000.0;  // depth image units per metre

@@ -113,9 +113,15 @@ std::optional<Recording> read_tum(const fs::path& folder) {
   const auto depth = read_list(folder / "depth.txt");
   const auto colour = read_list(folder / "rgb.txt");
   const auto match = associate(depth, colour);
-  for (std::size_t i = 0; i < depth.size(); ++i)
-    recording.entries.push_back({depth[i].timestamp, depth[i].image,
-                                 match[i] < 0 ? fs::path() : colour[static_cast<std::size_t>(match[i])].image});
+  for (std::size_t i = 0; i < depth.size(); ++i) {
+    Recording::Entry entry{.timestamp = depth[i].timestamp, .depth = depth[i].image, .colour = {}};
+    if (match[i] >= 0) {
+      const Stamped& image = colour[static_cast<std::size_t>(match[i])];
+      entry.colour = image.image;
+      entry.colour_delay = image.timestamp - entry.timestamp;
+    }
+    recording.entries.push_back(std::move(entry));
+  }
   if (fs::exists(folder / "groundtruth.txt")) recording.truth = read_trajectory(folder / "groundtruth.txt");
   return recording;
 }

@@ -2,26 +2,16 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "cairn/mapper.hpp"
 
-#include <chrono>
 #include <cmath>
 
 #include "surface/preprocess.hpp"
-#include "track/icp.hpp"
+#include "surface/stopwatch.hpp"
+#include "track/tracker.hpp"
 #include "volume/integrate.hpp"
 #include "volume/polygonize.hpp"
-#include "volume/raycast.hpp"
 
 namespace cairn {
 namespace {
-
-/// Runs a stage and notes its time.
-template <class Stage>
-auto timed(FrameReport& report, const char* name, Stage&& stage) {
-  const auto start = std::chrono::steady_clock::now();
-  auto result = stage();
-  report.stage_ms[name] += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-  return result;
-}
 
 std::string unusable(const Frame& frame, const Camera& camera, const Trajectory& before) {
   const auto pixels = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
@@ -33,6 +23,19 @@ std::string unusable(const Frame& frame, const Camera& camera, const Trajectory&
   return {};
 }
 
+void tell(const Tracked& tracked, FrameReport& report) {
+  const Alignment& a = tracked.alignment;
+  report.guess = tracked.guess;
+  report.inlier_share = a.inlier_share;
+  report.overlap = a.overlap;
+  report.rmse = a.rmse;
+  report.photometric_share = a.photometric_share;
+  report.photometric_rmse = a.photometric_rmse;
+  report.unobserved_by_geometry = a.unobserved_by_geometry;
+  report.unobserved = a.unobserved;
+  report.iterations = a.iterations;
+}
+
 }  // namespace
 
 struct Mapper::State {
@@ -42,44 +45,21 @@ struct Mapper::State {
         camera(c),
         device(device_index),
         preprocess(device, c, o.surface, o.track.levels, o.track.finest_level),
-        raycast(device, preprocess.camera(), o.surface, o.track.levels, o.track.finest_level),
-        icp(device, o.track),
+        tracker(device, preprocess.camera(), o),
         integrate(device, preprocess.camera(), o.surface),
         polygonize(device),
         volume(device, o.fuse, o.surface.max_depth) {}
-
-  /// Where the camera would be if it kept its velocity since the last two fused frames.
-  [[nodiscard]] Eigen::Isometry3d predict(double timestamp) const {
-    const Eigen::Isometry3d& last = trajectory.back().world_from_camera;
-    if (frames_lost > 0 || trajectory.size() < 2) return last;
-    const StampedPose& before = trajectory[trajectory.size() - 2];
-    const double interval = trajectory.back().timestamp - before.timestamp;
-    const double ratio = std::min((timestamp - trajectory.back().timestamp) / interval, 2.0);
-    const Eigen::Isometry3d motion = before.world_from_camera.inverse() * last;
-    const Eigen::AngleAxisd turn(motion.linear());
-    Eigen::Isometry3d step = Eigen::Isometry3d::Identity();
-    step.linear() = Eigen::AngleAxisd(turn.angle() * ratio, turn.axis()).toRotationMatrix();
-    step.translation() = motion.translation() * ratio;
-    return last * step;
-  }
-
-  Alignment align(const Surface& live, const Eigen::Isometry3d& guess, FrameReport& report) {
-    const ModelView model = timed(report, "raycast", [&] { return raycast(volume, guess); });
-    return timed(report, "track", [&] { return icp(live, model, guess); });
-  }
 
   Options options;
   Poses poses;
   Camera camera;
   gpu::Device device;
   Preprocess preprocess;
-  Raycast raycast;
-  Icp icp;
+  Tracker tracker;
   Integrate integrate;
   Polygonize polygonize;
   Volume volume;
   Trajectory trajectory;
-  int frames_lost = 0;      // since the last fused one
   std::uint32_t stamp = 0;  // fused frames
 };
 
@@ -96,9 +76,10 @@ FrameReport Mapper::add(const Frame& frame) {
       .index = frame.index, .timestamp = frame.timestamp, .reason = unusable(frame, s.camera, s.trajectory)};
   if (!report.reason.empty()) return report;
 
-  const Surface live = timed(report, "preprocess", [&] { return s.preprocess(frame); });
+  const Surface live = timed(report.stage_ms, "preprocess", [&] { return s.preprocess(frame); });
 
   Eigen::Isometry3d world_from_camera = Eigen::Isometry3d::Identity();
+  std::optional<Tracked> tracked;
   if (s.poses == Poses::given) {
     if (!frame.world_from_camera) {
       report.reason = "no pose is given for this time";
@@ -106,15 +87,11 @@ FrameReport Mapper::add(const Frame& frame) {
     }
     world_from_camera = *frame.world_from_camera;
   } else if (!s.trajectory.empty()) {
-    Alignment alignment = s.align(live, s.predict(frame.timestamp), report);
-    if (!alignment.converged() && s.frames_lost == 0)  // the hand may have stopped
-      alignment = s.align(live, s.trajectory.back().world_from_camera, report);
-    report.inlier_share = alignment.inlier_share;
-    report.overlap = alignment.overlap;
-    report.rmse = alignment.rmse;
-    report.iterations = alignment.iterations;
+    tracked = s.tracker(frame, live, s.volume, report.stage_ms);
+    const Alignment& alignment = tracked->alignment;
+    tell(*tracked, report);
     if (!alignment.converged()) {
-      ++s.frames_lost;
+      s.tracker.reject();
       report.state = FrameState::lost;
       report.reason = alignment.lost;
       return report;
@@ -122,16 +99,21 @@ FrameReport Mapper::add(const Frame& frame) {
     world_from_camera = alignment.submap_from_camera;
   }
 
-  const Fused fused = timed(report, "fuse", [&] { return s.integrate(live, world_from_camera, s.volume, ++s.stamp); });
+  const Fused fused =
+      timed(report.stage_ms, "fuse", [&] { return s.integrate(live, world_from_camera, s.volume, ++s.stamp); });
   report.touched_bricks = fused.touched;
   report.new_bricks = fused.new_bricks;
   report.state = FrameState::fused;
-  s.frames_lost = 0;
+  if (s.poses == Poses::tracked) s.tracker.accept(frame, live, world_from_camera, tracked ? &*tracked : nullptr);
   s.trajectory.push_back({frame.timestamp, world_from_camera});
   return report;
 }
 
-const Trajectory& Mapper::trajectory() const { return state_->trajectory; }
+Trajectory Mapper::trajectory() const {
+  Trajectory trajectory = state_->trajectory;
+  for (StampedPose& pose : trajectory) pose.timestamp += state_->tracker.clock_offset();
+  return trajectory;
+}
 
 Mesh Mapper::mesh() { return state_->polygonize(state_->volume); }
 
@@ -147,6 +129,7 @@ Mapper::Statistics Mapper::statistics() const {
                         .bricks = counts.allocated,
                         .paged_out = counts.paged_out,
                         .paged_in = counts.paged_in,
+                        .clock_offset = state_->tracker.clock_offset(),
                         .kernels = {}};
   for (const auto& [name, time] : state_->device.kernel_times()) statistics.kernels[name] = {time.calls, time.total_ms};
   return statistics;

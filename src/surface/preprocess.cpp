@@ -4,7 +4,9 @@
 
 #include "spirv/surface_filter.comp.h"
 #include "spirv/surface_half.comp.h"
+#include "spirv/surface_intensity.comp.h"
 #include "spirv/surface_normals.comp.h"
+#include "spirv/surface_pack.comp.h"
 #include "spirv/surface_rectify.comp.h"
 
 namespace cairn {
@@ -28,13 +30,18 @@ Preprocess::Preprocess(gpu::Device& device, const Camera& camera, const SurfaceO
       rectify_(device, "surface_rectify", surface_rectify_comp),
       filter_(device, "surface_filter", surface_filter_comp),
       half_(device, "surface_half", surface_half_comp),
-      normals_(device, "surface_normals", surface_normals_comp) {
+      normals_(device, "surface_normals", surface_normals_comp),
+      make_intensity_(device, "surface_intensity", surface_intensity_comp),
+      pack_(device, "surface_pack", surface_pack_comp) {
   Camera rectified = camera;
   rectified.distortion = {};
   for (int level = 0; level < levels; ++level) {
     const Camera c = rectified.at_level(level);
     levels_.push_back({c, gpu::Buffer(device, 8 * std::uint64_t{pixels(c)})});
     smooth_.emplace_back(device, 4 * std::uint64_t{pixels(c)});
+    const bool is_used = level >= finest_level;
+    intensity_.emplace_back(device, is_used ? 4 * std::uint64_t{pixels(c)} : 4);
+    packed_.emplace_back(device, is_used ? 8 * std::uint64_t{pixels(c)} : 8);
   }
 }
 
@@ -66,7 +73,7 @@ Surface Preprocess::operator()(const Frame& frame) {
            .range = options_.filter_range,
            .edge_slope = options_.edge_slope},
           {distorted ? &depth_ : &raw_depth_, distorted ? &colour_ : &raw_colour_, &fusion_, &smooth_[0]});
-  Surface surface{.levels = {}, .fusion = &fusion_, .has_colour = has_colour};
+  Surface surface{.levels = {}, .packed = {}, .fusion = &fusion_, .has_colour = has_colour};
   for (std::size_t level = 0; level < levels_.size(); ++level) {
     const Camera& c = levels_[level].camera;
     if (level > 0)
@@ -76,6 +83,23 @@ Surface Preprocess::operator()(const Frame& frame) {
     if (static_cast<int>(level) >= finest_level_)
       normals_(batch, {pixels(c), 1, 1}, {.camera = shader::pinhole(c)}, {&smooth_[level], &levels_[level].points});
     surface.levels.push_back(&levels_[level]);
+    if (!has_colour) continue;
+    surface.packed.push_back(nullptr);
+    if (static_cast<int>(level) < finest_level_) continue;
+    const bool from_colour = static_cast<int>(level) == finest_level_;  // in one step, two levels are the most
+    const auto width = static_cast<std::uint32_t>(c.width), height = static_cast<std::uint32_t>(c.height);
+    make_intensity_(batch, {pixels(c), 1, 1},
+                    {.width = width,
+                     .height = height,
+                     .fine_width = static_cast<std::uint32_t>(levels_[from_colour ? 0 : level - 1].camera.width),
+                     .factor = level == 0    ? 1u
+                               : from_colour ? 1u << level
+                                             : 2u,
+                     .from_colour = from_colour},
+                    {from_colour ? &fusion_ : &intensity_[level - 1], &intensity_[level]});
+    pack_(batch, {pixels(c), 1, 1}, {.width = width, .height = height},
+          {&intensity_[level], &levels_[level].points, &packed_[level]});
+    surface.packed.back() = &packed_[level];
   }
   batch.run();
   return surface;

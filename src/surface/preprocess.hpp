@@ -19,6 +19,8 @@ struct PointImage {
 /// A frame on the device. The buffers belong to Preprocess and hold until its next call.
 struct Surface {
   std::vector<const PointImage*> levels;  // smoothed, the finest first; points from `finest_level` on
+  /// By level what the photometric term reads (SurfacePackPush); empty without colour, null above `finest_level`.
+  std::vector<const gpu::Buffer*> packed;
   const gpu::Buffer* fusion = nullptr;  // (depth bits, colour) by pixel: rectified, without flying pixels, not smoothed
   bool has_colour = false;
 };
@@ -38,11 +40,14 @@ class Preprocess {
   int finest_level_;
   std::vector<PointImage> levels_;
   std::vector<gpu::Buffer> smooth_;  // depth by level
+  std::vector<gpu::Buffer> intensity_, packed_;
   gpu::Buffer raw_depth_, raw_colour_, depth_, colour_, fusion_;
   gpu::Kernel<shader::SurfaceRectifyPush> rectify_;
   gpu::Kernel<shader::SurfaceFilterPush> filter_;
   gpu::Kernel<shader::SurfaceHalfPush> half_;
   gpu::Kernel<shader::SurfaceNormalsPush> normals_;
+  gpu::Kernel<shader::SurfaceIntensityPush> make_intensity_;
+  gpu::Kernel<shader::SurfacePackPush> pack_;
 };
 
 }  // namespace cairn

@@ -6,7 +6,7 @@
 
 #include "cairn/scene.hpp"
 #include "synth/render.hpp"
-#include "track/icp.hpp"
+#include "track/align.hpp"
 #include "volume/integrate.hpp"
 #include "volume/polygonize.hpp"
 #include "volume/raycast.hpp"
@@ -25,7 +25,7 @@ struct Bench {
   Volume volume{device, {}, 5.0f};
   Integrate integrate{device, camera, {}};
   Raycast raycast{device, camera, {}, track.levels, track.finest_level};
-  Icp icp{device, track};
+  Align align{device, track};
   Polygonize polygonize{device};
   Frame frame;
   Eigen::Isometry3d pose;
@@ -87,7 +87,7 @@ void align(benchmark::State& state) {
   const ModelView model = b.raycast(b.volume, b.pose);
   const Eigen::Isometry3d guess = b.pose * Eigen::Translation3d(0.01, 0.005, -0.01);
   const KernelCounters counters(state);
-  for (auto _ : state) benchmark::DoNotOptimize(b.icp(live, model, guess));
+  for (auto _ : state) benchmark::DoNotOptimize(b.align(live, model, guess));
 }
 void polygonize(benchmark::State& state) {
   auto& b = bench();

@@ -159,6 +159,45 @@ std::vector<Brick> bands(const std::vector<float>& depth, const Camera& c, const
   return bricks;
 }
 
+std::vector<double> brightness(const std::vector<std::uint32_t>& colour) {
+  std::vector<double> out;
+  for (const std::uint32_t c : colour) {
+    const double r = c & 0xff, g = c >> 8 & 0xff, b = c >> 16 & 0xff, most = std::max({r, g, b});
+    out.push_back(most < 253 && most > 2 ? (0.299 * r + 0.587 * g + 0.114 * b) / 255 : -1);
+  }
+  return out;
+}
+
+Photometric photometric(const std::vector<double>& live, const std::vector<float>& live_depth,
+                        const std::vector<double>& key, const std::vector<float>& key_depth, const Camera& c,
+                        const Eigen::Isometry3d& key_from_live, double sigma) {
+  const auto at = [&](int x, int y) { return static_cast<std::size_t>(y * c.width + x); };
+  Photometric out;
+  double squared = 0, fitting = 0;
+  for (int y = 0; y + 1 < c.height; ++y)
+    for (int x = 0; x + 1 < c.width; ++x) {
+      const double z = live_depth[at(x, y)];
+      if (z <= 0) continue;
+      const Eigen::Vector3d q = key_from_live * (c.ray(x, y) * z);
+      const Eigen::Vector2d v = c.project(q);
+      if (q.z() <= 0.1 || v.minCoeff() < 0 || v.x() >= c.width - 1 || v.y() >= c.height - 1) continue;
+      const int u0 = static_cast<int>(v.x()), v0 = static_cast<int>(v.y());
+      const double fx = v.x() - u0, fy = v.y() - v0;
+      const double k[4] = {key[at(u0, v0)], key[at(u0 + 1, v0)], key[at(u0, v0 + 1)], key[at(u0 + 1, v0 + 1)]};
+      const double l[4] = {live[at(x, y)], live[at(x + 1, y)], live[at(x, y + 1)], live[at(x + 1, y + 1)]};
+      if (*std::min_element(k, k + 4) < 0 || *std::min_element(l, l + 4) < 0) continue;
+      const double zk = key_depth[at(u0, v0)];
+      if (zk > 0 && std::abs(zk - q.z()) >= 0.05 + 0.03 * q.z()) continue;
+      const double r = (1 - fy) * ((1 - fx) * k[0] + fx * k[1]) + fy * ((1 - fx) * k[2] + fx * k[3]) - l[0];
+      squared += 6 / (5 + r * r / (sigma * sigma)) * r * r;
+      fitting += std::abs(r) < 2.5 * sigma;
+      ++out.seen;
+    }
+  out.rmse = std::sqrt(squared / out.seen);
+  out.share = fitting / out.seen;
+  return out;
+}
+
 Eigen::Vector3f unpack_normal(std::uint32_t code) {
   if (code == 0) return Eigen::Vector3f::Zero();
   const float x = static_cast<float>(code & 0xffff) / 65535 * 2 - 1, y = static_cast<float>(code >> 16) / 65535 * 2 - 1;

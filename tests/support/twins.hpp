@@ -9,7 +9,7 @@
 
 #include "cairn/camera.hpp"
 #include "cairn/options.hpp"
-#include "track/icp.hpp"
+#include "track/align.hpp"
 #include "volume/volume.hpp"
 
 namespace cairn::twin {
@@ -39,6 +39,16 @@ void integrate(Voxel& voxel, const Eigen::Vector3d& point_in_camera, const std::
 [[nodiscard]] std::vector<Brick> bands(const std::vector<float>& depth, const Camera& camera,
                                        const Eigen::Isometry3d& submap_from_camera, const FuseOptions& options,
                                        int stride, int phase_x, int phase_y);
+
+/// Luminance in 0..1; -1 where over- or underexposed.
+[[nodiscard]] std::vector<double> brightness(const std::vector<std::uint32_t>& colour);
+struct Photometric {
+  double seen = 0, rmse = 0, share = 0;
+};
+/// Residuals of live brightness against a keyframe's, weighted by a t-distribution of scale `sigma`.
+[[nodiscard]] Photometric photometric(const std::vector<double>& live, const std::vector<float>& live_depth,
+                                      const std::vector<double>& key, const std::vector<float>& key_depth,
+                                      const Camera& camera, const Eigen::Isometry3d& key_from_live, double sigma);
 
 /// Unpacks a point image's second word; the inverse of pack_normal in shaders/types.h.
 [[nodiscard]] Eigen::Vector3f unpack_normal(std::uint32_t code);

@@ -1,0 +1,350 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "track/align.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+#include "spirv/icp_reduce.comp.h"
+#include "spirv/photometric_reduce.comp.h"
+
+namespace cairn {
+namespace {
+
+constexpr std::uint32_t kWorkgroup = 64;
+constexpr std::uint32_t kPixelsPerThread = 60;
+constexpr std::uint32_t kMaxGroups = 128;
+constexpr std::uint32_t kMaxSums = kMaxGroups * kWorkgroup;  // a subgroup has at least one thread
+constexpr double kConverged = 1e-5;  // radians and metres: a hundredth of a pixel and of a voxel
+constexpr double kMinBrightnessSigma = 1.0 / 255;
+constexpr double kMinDepthSigma = 0.1;   // standard deviations of the depth noise
+constexpr double kWeakGeometry = 0.002;  // share of a direction in the sum of all
+constexpr double kAgreeing = 0.75;       // share of inliers
+constexpr double kUnobserved = 1e-5;     // of the strongest direction
+// Brightness residuals of neighbouring pixels go together: of so many one is counted. With 1 or 0.3 instead, colour
+// that is not registered to depth (7-Scenes) pulls the pose away; with 0.01 it no longer holds where geometry is weak.
+constexpr double kIndependentBrightness = 0.05;
+constexpr double kTurning = 0.3;  // radians a second: the camera's turning tells when its images were taken
+constexpr double kMinPhotometricShare = 0.05;  // of the pixels must have a brightness in both images
+
+std::uint32_t groups_of(const Camera& camera) {
+  const auto pixels = static_cast<std::uint32_t>(camera.width * camera.height);
+  return std::clamp(pixels / (kWorkgroup * kPixelsPerThread), 16u, kMaxGroups);
+}
+
+void add(const shader::NormalEquations& p, Matrix6d& a, Vector6d& b) {
+  a(0, 0) += p.rr0.x, a(0, 1) += p.rr0.y, a(0, 2) += p.rr0.z;
+  a(1, 1) += p.rr1.x, a(1, 2) += p.rr1.y, a(2, 2) += p.rr1.z;
+  a(0, 3) += p.rt0.x, a(0, 4) += p.rt0.y, a(0, 5) += p.rt0.z;
+  a(1, 3) += p.rt1.x, a(1, 4) += p.rt1.y, a(1, 5) += p.rt1.z;
+  a(2, 3) += p.rt2.x, a(2, 4) += p.rt2.y, a(2, 5) += p.rt2.z;
+  a(3, 3) += p.tt0.x, a(3, 4) += p.tt0.y, a(3, 5) += p.tt0.z;
+  a(4, 4) += p.tt1.x, a(4, 5) += p.tt1.y, a(5, 5) += p.tt1.z;
+  b += (Vector6d() << p.br.x, p.br.y, p.br.z, p.bt.x, p.bt.y, p.bt.z).finished();
+}
+
+void symmetrise(Matrix6d& a) { a.triangularView<Eigen::StrictlyLower>() = a.transpose(); }
+
+/// How a small motion (rotation, translation) given in frame b reads in frame a.
+Matrix6d adjoint(const Eigen::Isometry3d& a_from_b) {
+  const Eigen::Matrix3d r = a_from_b.linear();
+  const Eigen::Vector3d t = a_from_b.translation();
+  Eigen::Matrix3d cross;
+  cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
+  Matrix6d m = Matrix6d::Zero();
+  m.topLeftCorner<3, 3>() = r;
+  m.bottomRightCorner<3, 3>() = r;
+  m.bottomLeftCorner<3, 3>() = cross * r;
+  return m;
+}
+
+/// Directions of the pose, rotations measured by what they move at the scene's distance.
+struct Directions {
+  explicit Directions(const Matrix6d& a) {
+    const double lever =
+        std::sqrt(a.topLeftCorner<3, 3>().trace() / std::max(a.bottomRightCorner<3, 3>().trace(), 1e-12));
+    scale << Eigen::Vector3d::Constant(1 / std::max(lever, 1e-3)), Eigen::Vector3d::Ones();
+    const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(scale.asDiagonal() * a * scale.asDiagonal());
+    values = solver.eigenvalues().cwiseMax(0.0);
+    vectors = solver.eigenvectors();
+  }
+  Vector6d scale, values;
+  Matrix6d vectors;
+};
+
+/// What of the pose the geometry observes: a projection of its equations that takes out the directions that it does
+/// not. Noise of the normals would hold them where they are (Zhang, Kaess & Singh 2016, sec. III, on the matrix that
+/// pairs live normals with the model's: noise is in the one or in the other, structure in both).
+struct Observed {
+  Matrix6d projection = Matrix6d::Identity();
+  int weak = 0;
+};
+Observed observed_by_geometry(const Matrix6d& crossed) {
+  const Directions d(crossed);
+  const double total = d.values.sum();
+  Matrix6d keep = Matrix6d::Zero();
+  Observed observed;
+  for (int i = 0; i < 6; ++i) {
+    if (d.values[i] < kWeakGeometry * total)
+      ++observed.weak;
+    else
+      keep += d.vectors.col(i) * d.vectors.col(i).transpose();
+  }
+  if (observed.weak > 0) observed.projection = d.scale.cwiseInverse().asDiagonal() * keep * d.scale.asDiagonal();
+  return observed;
+}
+
+/// Solves a x = b; x has no part along directions that `a` does not observe.
+std::optional<Vector6d> solve(const Matrix6d& a, const Vector6d& b, int& unobserved) {
+  const Directions d(a);
+  const double strongest = d.values.maxCoeff();
+  if (!(strongest > 0) || !std::isfinite(strongest)) return std::nullopt;
+  const Vector6d rhs = d.vectors.transpose() * d.scale.asDiagonal() * b;
+  Vector6d y = Vector6d::Zero();
+  unobserved = 0;
+  for (int i = 0; i < 6; ++i) {
+    if (d.values[i] > kUnobserved * strongest)
+      y[i] = rhs[i] / d.values[i];
+    else
+      ++unobserved;
+  }
+  const Vector6d x = d.scale.asDiagonal() * d.vectors * y;
+  if (!x.allFinite()) return std::nullopt;
+  return x;
+}
+
+}  // namespace
+
+Eigen::Isometry3d exponential(const Vector6d& x) {
+  Eigen::Isometry3d t = Eigen::Isometry3d::Identity();
+  const double angle = x.head<3>().norm();
+  if (angle > 0) t.linear() = Eigen::AngleAxisd(angle, x.head<3>() / angle).toRotationMatrix();
+  t.translation() = x.tail<3>();
+  return t;
+}
+
+Vector6d logarithm(const Eigen::Isometry3d& t) {
+  const Eigen::AngleAxisd turn(t.linear());
+  return (Vector6d() << turn.axis() * turn.angle(), t.translation()).finished();
+}
+
+Keyframe::Keyframe(gpu::Device& device, const Camera& camera, const TrackOptions& options) : device_(device) {
+  for (int level = 0; level < options.levels; ++level) {
+    const Camera c = camera.at_level(level);
+    const std::uint64_t pixels = std::uint64_t{8} * static_cast<std::uint64_t>(c.width * c.height);
+    packed_.emplace_back(device, level >= options.finest_level ? pixels : 8);
+  }
+}
+
+void Keyframe::set(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, const ColourMoment& moment) {
+  gpu::Batch batch(device_);
+  for (std::size_t level = 0; level < surface.packed.size(); ++level)
+    if (surface.packed[level] != nullptr) batch.copy(*surface.packed[level], packed_[level]);
+  batch.run();
+  submap_from_camera_ = submap_from_camera;
+  moment_ = moment;
+  is_set_ = true;
+}
+
+Eigen::Isometry3d Keyframe::submap_from_colour(double clock_offset) const {
+  return submap_from_camera_ * exponential(moment_.velocity * (moment_.stamp_delay - clock_offset));
+}
+
+Align::Align(gpu::Device& device, const TrackOptions& options)
+    : device_(device),
+      options_(options),
+      geometry_sums_(device, kMaxSums * sizeof(shader::IcpSums)),
+      crossed_sums_(device, kMaxSums * sizeof(shader::IcpSums)),
+      photometric_sums_(device, kMaxSums * sizeof(shader::PhotometricSums)),
+      icp_(device, "icp_reduce", icp_reduce_comp),
+      photometric_(device, "photometric_reduce", photometric_reduce_comp) {}
+
+shader::PhotometricReducePush Align::photometric_push(const Camera& camera, const Keyframe& keyframe,
+                                                      const Eigen::Isometry3d& submap_from_live,
+                                                      const ColourMoment& moment, const Brightness& brightness) const {
+  const Vector6d colour_motion = -moment.velocity * moment.delay();
+  return {.camera = shader::pinhole(camera),
+          .keyframe_from_live =
+              shader::rigid(keyframe.submap_from_colour(moment.clock_offset).inverse() * submap_from_live),
+          .turn = Eigen::Vector3f(colour_motion.head<3>().cast<float>()),
+          .shift = Eigen::Vector3f(colour_motion.tail<3>().cast<float>()),
+          .threads = groups_of(camera) * kWorkgroup,
+          .gain = static_cast<float>(brightness.gain),
+          .bias = static_cast<float>(brightness.bias),
+          .inverse_sigma = static_cast<float>(1 / brightness.sigma)};
+}
+
+std::vector<double> Align::clock_offset_costs(const Surface& live, const Keyframe& keyframe,
+                                              const Eigen::Isometry3d& submap_from_live, const ColourMoment& moment,
+                                              const Brightness& brightness) {
+  const int level = options_.levels - 1;
+  const auto l = static_cast<std::size_t>(level);
+  const Camera& camera = live.levels[l]->camera;
+  const std::uint32_t groups = groups_of(camera);
+  const std::size_t count = groups * (kWorkgroup / device_.info().subgroup_size);
+  std::vector<std::vector<shader::PhotometricSums>> sums(kClockOffsets.size(),
+                                                         std::vector<shader::PhotometricSums>(count));
+  gpu::Batch batch(device_);
+  for (std::size_t k = 0; k < kClockOffsets.size(); ++k) {
+    ColourMoment candidate = moment;
+    candidate.clock_offset = kClockOffsets[k];
+    photometric_(batch, {groups * kWorkgroup, 1, 1},
+                 photometric_push(camera, keyframe, submap_from_live, candidate, brightness),
+                 {&live.levels[l]->points, live.packed[l], &keyframe.level(level), &photometric_sums_});
+    batch.download(photometric_sums_, sums[k]);
+  }
+  batch.run();
+  std::vector<double> costs;
+  for (const auto& candidate : sums) {
+    double squared = 0, seen = 0;
+    for (const auto& p : candidate) squared += p.squared, seen += p.seen;
+    costs.push_back(seen > 0 ? squared / (seen * brightness.sigma * brightness.sigma) : 6.0);
+  }
+  return costs;
+}
+
+Alignment Align::operator()(const Surface& live, const ModelView& model, const Eigen::Isometry3d& guess,
+                            const Keyframe* keyframe, const ColourMoment& moment) {
+  Alignment result;
+  const bool has_brightness = options_.photometric && keyframe != nullptr && keyframe->is_set() && !live.packed.empty();
+  const Eigen::Isometry3d start = model.submap_from_camera.inverse() * guess;
+  Eigen::Isometry3d model_from_live = start;
+  const Eigen::Isometry3d keyframe_from_model =
+      has_brightness ? keyframe->submap_from_colour(moment.clock_offset).inverse() * model.submap_from_camera
+                     : model_from_live;
+  const Matrix6d keyframe_motion = adjoint(keyframe_from_model);
+  Brightness brightness;
+  Geometry geometry;
+  Photometry photometry;
+  Observed observed;
+  bool again = false;
+  bool uses_brightness = false;
+
+  for (int level = options_.levels - 1; level >= options_.finest_level; --level) {
+    const auto l = static_cast<std::size_t>(level);
+    const Camera& camera = live.levels[l]->camera;
+    const std::uint32_t groups = groups_of(camera), threads = groups * kWorkgroup;
+    std::vector<shader::IcpSums> geometry_sums(groups * (kWorkgroup / device_.info().subgroup_size));
+    std::vector<shader::IcpSums> crossed_sums(geometry_sums.size());
+    std::vector<shader::PhotometricSums> photometric_sums(has_brightness ? geometry_sums.size() : 0);
+    const int most = level == options_.finest_level ? options_.iterations_finest : options_.iterations_coarse;
+    for (int i = 0; i < most; ++i) {
+      gpu::Batch batch(device_);
+      shader::IcpReducePush push{.camera = shader::pinhole(camera),
+                                 .model_from_live = shader::rigid(model_from_live),
+                                 .threads = threads,
+                                 .max_distance = options_.max_distance * static_cast<float>(1 << level),
+                                 .min_cosine = std::cos(options_.max_angle),
+                                 .huber = options_.huber,
+                                 .crossed = 0};
+      icp_(batch, {threads, 1, 1}, push, {&live.levels[l]->points, &model.levels[l]->points, &geometry_sums_});
+      batch.download(geometry_sums_, geometry_sums);
+      const bool looks_for_weak = level == options_.finest_level && i == 0;  // close enough for normals to pair up
+      if (looks_for_weak) {
+        push.crossed = 1;
+        icp_(batch, {threads, 1, 1}, push, {&live.levels[l]->points, &model.levels[l]->points, &crossed_sums_});
+        batch.download(crossed_sums_, crossed_sums);
+      }
+      if (has_brightness) {
+        photometric_(
+            batch, {threads, 1, 1},
+            photometric_push(camera, *keyframe, model.submap_from_camera * model_from_live, moment, brightness),
+            {&live.levels[l]->points, live.packed[l], &keyframe->level(level), &photometric_sums_});
+        batch.download(photometric_sums_, photometric_sums);
+      }
+      batch.run();
+      ++result.iterations;
+
+      geometry = {};
+      for (const auto& p : geometry_sums) {
+        add(p.normal, geometry.a, geometry.b);
+        geometry.squared += p.squared, geometry.inliers += p.inliers, geometry.seen += p.seen, geometry.live += p.live;
+      }
+      symmetrise(geometry.a);
+      if (looks_for_weak) {
+        Matrix6d crossed = Matrix6d::Zero();
+        Vector6d unused = Vector6d::Zero();
+        for (const auto& p : crossed_sums) add(p.normal, crossed, unused);
+        symmetrise(crossed);
+        // Normals of surfaces that do not lie on each other yet say nothing about noise.
+        observed = geometry.inliers > kAgreeing * geometry.seen ? observed_by_geometry(crossed) : Observed{};
+        if (observed.weak > 0 && has_brightness && !again && level + 1 < options_.levels) {
+          // The coarse levels have slid along what they did not observe: once more, now that it is known.
+          again = true;
+          model_from_live = start;
+          level = options_.levels;
+          break;
+        }
+      }
+      photometry = {};
+      for (const auto& p : photometric_sums) {
+        add(p.normal, photometry.a, photometry.b);
+        photometry.squared += p.squared, photometry.seen += p.seen, photometry.fitting += p.fitting;
+        photometry.weight += p.weight, photometry.live += p.live, photometry.key += p.key;
+        photometry.live_live += p.live_live, photometry.live_key += p.live_key;
+      }
+      symmetrise(photometry.a);
+
+      // Each term in units of the scale of its own residuals.
+      Matrix6d a = geometry.a;
+      Vector6d b = geometry.b;
+      result.unobserved_by_geometry = geometry.inliers >= 6 ? observed.weak : 6;
+      if (geometry.inliers >= 6) {
+        a = observed.projection * a * observed.projection.transpose();
+        b = observed.projection * b;
+        const double variance = std::max(geometry.squared / geometry.inliers, kMinDepthSigma * kMinDepthSigma);
+        a /= variance, b /= variance;
+      } else {
+        a.setZero(), b.setZero();
+      }
+      uses_brightness = photometry.seen > kMinPhotometricShare * camera.width * camera.height;
+      if (uses_brightness) {
+        // Kerl, Sturm & Cremers 2013, eq. 15: one step of the fixed point an iteration.
+        brightness.sigma = std::max(std::sqrt(photometry.squared / photometry.seen), kMinBrightnessSigma);
+        const double variance = brightness.sigma * brightness.sigma / kIndependentBrightness;
+        a += keyframe_motion.transpose() * photometry.a * keyframe_motion / variance;
+        b += keyframe_motion.transpose() * photometry.b / variance;
+        // Gain and bias by weighted linear regression of the keyframe's brightness on the live one's.
+        const double w = photometry.weight, mean_live = photometry.live / w, mean_key = photometry.key / w;
+        const double spread = photometry.live_live / w - mean_live * mean_live;
+        const double together = photometry.live_key / w - mean_live * mean_key;
+        brightness.gain = spread > 1e-4 ? std::clamp(together / spread, 0.3, 3.0) : 1.0;
+        brightness.bias = mean_key - brightness.gain * mean_live;
+      }
+      result.information = a;
+      const std::optional<Vector6d> x = solve(a, b, result.unobserved);
+      if (!x) break;
+      model_from_live = exponential(*x) * model_from_live;
+      if (x->norm() < kConverged * (1 << level)) break;
+    }
+  }
+
+  result.submap_from_camera = model.submap_from_camera * model_from_live;
+  // Products of rotations drift away from orthonormal ones.
+  result.submap_from_camera.linear() =
+      Eigen::Quaterniond(result.submap_from_camera.linear()).normalized().toRotationMatrix();
+  result.inlier_share = geometry.seen > 0 ? geometry.inliers / geometry.seen : 0.0;
+  result.overlap = geometry.live > 0 ? geometry.seen / geometry.live : 0.0;
+  result.rmse = geometry.inliers > 0 ? std::sqrt(geometry.squared / geometry.inliers) : 0.0;
+  if (uses_brightness) {
+    result.photometric_share = photometry.fitting / photometry.seen;
+    result.photometric_rmse = brightness.sigma;
+    result.gain = brightness.gain, result.bias = brightness.bias;
+    if (moment.velocity.head<3>().norm() > kTurning)
+      result.clock_offset_costs = clock_offset_costs(live, *keyframe, result.submap_from_camera, moment, brightness);
+  }
+
+  const Camera& finest = live.levels[static_cast<std::size_t>(options_.finest_level)]->camera;
+  if (geometry.live < 0.02 * finest.width * finest.height)
+    result.lost = "too little depth";
+  else if (result.overlap < 0.05)
+    result.lost = "the map is out of view";
+  else if (result.inlier_share < options_.min_inlier_share)
+    result.lost = "too few points fit the map";
+  else if (result.rmse > options_.max_rmse)
+    result.lost = "points fit the map badly";
+  return result;
+}
+
+}  // namespace cairn

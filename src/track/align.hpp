@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <Eigen/Geometry>
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cairn/options.hpp"
+#include "shaders/track.h"
+#include "surface/preprocess.hpp"
+#include "volume/raycast.hpp"
+
+namespace cairn {
+
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+using Vector6d = Eigen::Matrix<double, 6, 1>;  // (rotation, translation): radians, metres
+
+struct Alignment {
+  Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
+  Matrix6d information = Matrix6d::Zero();  // of (rotation, translation) in the model view's frame; 1/rad^2, 1/m^2
+  double inlier_share = 0.0;                // of the live points that see the model
+  double overlap = 0.0;                     // share of the live points that see the model
+  double rmse = 0.0;                        // of the inliers, in standard deviations of the depth noise
+  double photometric_share = 0.0;           // of the points with brightness in both images, those that fit; 0: not used
+  double photometric_rmse = 0.0;            // brightness, 0..1
+  double gain = 1.0, bias = 0.0;            // keyframe brightness = gain * live + bias
+  int unobserved_by_geometry = 0;           // directions of the pose, 0..6
+  int unobserved = 0;                       // directions left at the guess
+  int iterations = 0;                       // over all levels
+  /// How badly brightness fits if the colour camera's clock were ahead by kClockOffsets; empty when the camera is slow.
+  std::vector<double> clock_offset_costs;
+  std::string lost;  // why the pose is not to be trusted; empty: converged
+  [[nodiscard]] bool converged() const { return lost.empty(); }
+};
+
+/// When and how the colour image of a frame was taken, beside its depth image.
+struct ColourMoment {
+  Vector6d velocity = Vector6d::Zero();  // of the camera, in its own frame: rad/s, m/s
+  double stamp_delay = 0.0;              // seconds from the depth image's stamp to the colour image's
+  double clock_offset = 0.0;             // seconds that the colour camera's clock is ahead of the depth camera's
+  [[nodiscard]] double delay() const { return stamp_delay - clock_offset; }
+};
+
+/// Candidates, in seconds. None is 0: there pixels would fall on pixels, and interpolation, which smooths noise away,
+/// would make every other candidate fit better.
+constexpr std::array<double, 8> kClockOffsets{-0.035, -0.025, -0.015, -0.005, 0.005, 0.015, 0.025, 0.035};
+
+/// Reference of the photometric term: a fused frame's brightness, kept on the device.
+class Keyframe {
+ public:
+  Keyframe(gpu::Device& device, const Camera& camera, const TrackOptions& options);
+  /// Copies the surface's brightness; it must have colour.
+  void set(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, const ColourMoment& moment);
+  void clear() { is_set_ = false; }
+  [[nodiscard]] bool is_set() const { return is_set_; }
+  [[nodiscard]] const Eigen::Isometry3d& submap_from_camera() const { return submap_from_camera_; }  // depth camera
+  /// The colour camera at its moment, if its clock is ahead by `clock_offset`.
+  [[nodiscard]] Eigen::Isometry3d submap_from_colour(double clock_offset) const;
+  [[nodiscard]] const gpu::Buffer& level(int level) const { return packed_[static_cast<std::size_t>(level)]; }
+
+ private:
+  gpu::Device& device_;
+  Eigen::Isometry3d submap_from_camera_ = Eigen::Isometry3d::Identity();
+  ColourMoment moment_;
+  std::vector<gpu::Buffer> packed_;
+  bool is_set_ = false;
+};
+
+/// Coarse-to-fine alignment of a live surface with the map: projective point-to-plane ICP against the model's surface,
+/// and brightness against a keyframe. Each term is weighted by the scale of its own residuals. Directions that the
+/// geometry does not observe are left to brightness, those that neither observes to the guess (Zhang, Kaess & Singh
+/// 2016).
+class Align {
+ public:
+  Align(gpu::Device& device, const TrackOptions& options);
+  /// `keyframe` may be null or not set: geometry alone.
+  [[nodiscard]] Alignment operator()(const Surface& live, const ModelView& model, const Eigen::Isometry3d& guess,
+                                     const Keyframe* keyframe = nullptr, const ColourMoment& moment = {});
+
+ private:
+  struct Geometry {
+    Matrix6d a = Matrix6d::Zero();
+    Vector6d b = Vector6d::Zero();
+    double squared = 0, inliers = 0, seen = 0, live = 0;
+  };
+  struct Photometry {
+    Matrix6d a = Matrix6d::Zero();  // in the keyframe's frame
+    Vector6d b = Vector6d::Zero();
+    double squared = 0, seen = 0, fitting = 0, weight = 0, live = 0, key = 0, live_live = 0, live_key = 0;
+  };
+  struct Brightness {
+    double gain = 1, bias = 0, sigma = 0.05;
+  };
+
+  [[nodiscard]] shader::PhotometricReducePush photometric_push(const Camera& camera, const Keyframe& keyframe,
+                                                               const Eigen::Isometry3d& submap_from_live,
+                                                               const ColourMoment& moment,
+                                                               const Brightness& brightness) const;
+  [[nodiscard]] std::vector<double> clock_offset_costs(const Surface& live, const Keyframe& keyframe,
+                                                       const Eigen::Isometry3d& submap_from_live,
+                                                       const ColourMoment& moment, const Brightness& brightness);
+
+  gpu::Device& device_;
+  TrackOptions options_;
+  gpu::Buffer geometry_sums_, crossed_sums_, photometric_sums_;
+  gpu::Kernel<shader::IcpReducePush> icp_;
+  gpu::Kernel<shader::PhotometricReducePush> photometric_;
+};
+
+/// Rotation about the vector's first half by its length, and translation by the second half.
+[[nodiscard]] Eigen::Isometry3d exponential(const Vector6d& x);
+/// The other way round, for rotations of less than half a turn.
+[[nodiscard]] Vector6d logarithm(const Eigen::Isometry3d& t);
+
+}  // namespace cairn

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <string>
+
+#include "cairn/frame.hpp"
+#include "cairn/trajectory.hpp"
+#include "surface/stopwatch.hpp"
+#include "track/align.hpp"
+
+namespace cairn {
+
+struct Tracked {
+  Alignment alignment;
+  std::string guess;  // where the alignment started: motion, still
+};
+
+/// Finds each frame's pose: guesses it, aligns it with the map, tells when it is lost.
+class Tracker {
+ public:
+  Tracker(gpu::Device& device, const Camera& camera, const Options& options);
+
+  /// The pose of a live surface, or why there is none. Nothing is kept of a frame that is not accepted.
+  [[nodiscard]] Tracked operator()(const Frame& frame, const Surface& live, const Volume& volume, StageTimes& times);
+  /// Tells that the frame was fused at this pose. `tracked` is null for the first one.
+  void accept(const Frame& frame, const Surface& live, const Eigen::Isometry3d& submap_from_camera,
+              const Tracked* tracked);
+  void reject() { ++lost_; }
+
+  /// Seconds that the colour camera's clock is ahead of the depth camera's, as far as the images tell.
+  [[nodiscard]] double clock_offset() const;
+
+ private:
+  struct Moment {
+    double timestamp;
+    Eigen::Isometry3d submap_from_camera;
+  };
+  [[nodiscard]] Eigen::Isometry3d predict(double timestamp) const;
+  [[nodiscard]] ColourMoment moment_of(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const;
+
+  TrackOptions options_;
+  Raycast raycast_;
+  Align align_;
+  Keyframe keyframe_;
+  std::vector<Moment> last_;                                       // at most two accepted frames, the newest at the end
+  int lost_ = 0;                                                   // frames since the last accepted one
+  std::array<double, kClockOffsets.size()> clock_offset_costs_{};  // summed over frames
+  int clock_offset_frames_ = 0;
+};
+
+}  // namespace cairn

@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "track/align.hpp"
+
+#include <gtest/gtest.h>
+
+#include <bit>
+
+#include "support/scenes.hpp"
+#include "support/twins.hpp"
+#include "volume/integrate.hpp"
+
+namespace cairn {
+namespace {
+
+/// The room fused from one exact frame, and the tools to align with it.
+struct Room {
+  Camera camera = small_camera();
+  Scene scene = synthetic_scene("room");
+  TrackOptions options{.finest_level = 0};
+  Preprocess preprocess{test_device(), camera, {}, options.levels, 0};
+  Volume volume{test_device(), {.voxel_size = 0.01f, .truncation = 0.04f, .device_memory = 256 << 20}, 5.0f};
+  Integrate integrate{test_device(), camera, {}};
+  Raycast raycast{test_device(), camera, {}, options.levels, 0};
+  Align align{test_device(), options};
+  Frame frame = scene_frame(scene, camera, 0);
+  Room() { integrate(preprocess(frame), *frame.world_from_camera, volume, 1); }
+};
+
+TEST(Align, StaysWhereItIs) {
+  Room s;
+  const Surface live = s.preprocess(s.frame);
+  const Eigen::Isometry3d pose = *s.frame.world_from_camera;
+  const Alignment a = s.align(live, s.raycast(s.volume, pose), pose);
+  EXPECT_TRUE(a.converged()) << a.lost;
+  const Eigen::Isometry3d error = pose.inverse() * a.submap_from_camera;
+  EXPECT_LT(error.translation().norm(), 1e-3);  // a tenth of a voxel: the filter rounds corners, the model does not
+  EXPECT_LT(Eigen::AngleAxisd(error.linear()).angle(), 1e-3);
+  EXPECT_GT(a.inlier_share, 0.9);
+}
+
+TEST(Align, FindsAKnownMotion) {
+  Room s;
+  // 5 cm and 4 degrees: a brisk hand between two frames.
+  Eigen::Isometry3d guess = *s.frame.world_from_camera;
+  guess = guess * Eigen::Translation3d(0.03, -0.02, 0.035) *
+          Eigen::AngleAxisd(0.07, Eigen::Vector3d(1, 2, -1).normalized());
+  const Surface live = s.preprocess(s.frame);
+  const Alignment a = s.align(live, s.raycast(s.volume, guess), guess);
+  EXPECT_TRUE(a.converged()) << a.lost;
+  const Eigen::Isometry3d error = s.frame.world_from_camera->inverse() * a.submap_from_camera;
+  EXPECT_LT(error.translation().norm(), 2e-3);
+  EXPECT_LT(Eigen::AngleAxisd(error.linear()).angle(), 2e-3);
+}
+
+TEST(Align, KnowsThatAnotherPlaceIsNotThisOne) {
+  Room s;
+  const Frame elsewhere = scene_frame(s.scene, s.camera, 360);  // half way around the room
+  const Surface live = s.preprocess(elsewhere);
+  const Eigen::Isometry3d guess = *s.frame.world_from_camera;
+  const Alignment a = s.align(live, s.raycast(s.volume, guess), guess);
+  EXPECT_FALSE(a.converged());
+}
+
+TEST(Align, SaysWhenThereIsNoDepth) {
+  Room s;
+  Frame dark = s.frame;
+  std::fill(dark.depth.begin(), dark.depth.end(), 0.0f);
+  const Surface live = s.preprocess(dark);
+  const Eigen::Isometry3d guess = *s.frame.world_from_camera;
+  EXPECT_EQ(s.align(live, s.raycast(s.volume, guess), guess).lost, "too little depth");
+}
+
+TEST(IcpReduce, EqualsItsPlainTwin) {
+  Room s;
+  TrackOptions one = s.options;
+  one.levels = 1;
+  one.iterations_finest = 1;  // the information of a result is that of its last linearisation
+  Align align(test_device(), one);
+  const Surface live = s.preprocess(s.frame);
+  Eigen::Isometry3d guess = *s.frame.world_from_camera * Eigen::Translation3d(0.01, 0.005, -0.01);
+  const ModelView model = s.raycast(s.volume, guess);
+  const Eigen::Isometry3d start = *s.frame.world_from_camera;
+  const Alignment a = align(live, model, start);
+
+  const auto pixels = static_cast<std::size_t>(s.camera.width * s.camera.height);
+  const auto l = download<shader::uvec2>(live.levels[0]->points, pixels),
+             m = download<shader::uvec2>(model.levels[0]->points, pixels);
+  const Eigen::Isometry3d model_from_live = model.submap_from_camera.inverse() * start;
+  Matrix6d expected = Matrix6d::Zero();
+  for (int y = 0; y < s.camera.height; ++y)
+    for (int x = 0; x < s.camera.width; ++x) {
+      const auto& lp = l[static_cast<std::size_t>(y * s.camera.width + x)];
+      const double z = std::bit_cast<float>(lp.x);
+      if (z <= 0 || lp.y == 0) continue;
+      const Eigen::Vector3d p = model_from_live * (s.camera.ray(x, y) * z);
+      const Eigen::Vector2d pixel = s.camera.project(p).array() + 0.5;
+      if (p.z() <= 0 || pixel.minCoeff() < 0 || pixel.x() >= s.camera.width || pixel.y() >= s.camera.height) continue;
+      const int u = static_cast<int>(pixel.x()), v = static_cast<int>(pixel.y());
+      const auto& mp = m[static_cast<std::size_t>(v * s.camera.width + u)];
+      const double zm = std::bit_cast<float>(mp.x);
+      if (zm <= 0 || mp.y == 0) continue;
+      const Eigen::Vector3d n = twin::unpack_normal(mp.y).cast<double>(), gap = s.camera.ray(u, v) * zm - p;
+      const Eigen::Vector3d ln = model_from_live.linear() * twin::unpack_normal(lp.y).cast<double>();
+      if (gap.norm() >= one.max_distance || ln.dot(n) <= std::cos(one.max_angle)) continue;
+      const double sigma = shader::depth_noise(static_cast<float>(z)), r = n.dot(gap) / sigma;
+      Eigen::Matrix<double, 6, 1> j;
+      j << p.cross(n) / sigma, n / sigma;
+      expected += std::min(1.0, one.huber / std::max(std::abs(r), 1e-6)) * j * j.transpose();
+    }
+  const Matrix6d information = a.rmse * a.rmse * a.information;        // in units of the depth noise
+  EXPECT_LT((information - expected).norm() / expected.norm(), 1e-3);  // pixels on a border may match a neighbour
+  EXPECT_GT(expected.norm(), 1e6);
+}
+
+/// A scene's frames along a path, fused with their true poses up to the last one, which is aligned.
+struct Slide {
+  Camera camera = small_camera();
+  TrackOptions options{.finest_level = 0};
+  Preprocess preprocess{test_device(), camera, {}, options.levels, 0};
+  Volume volume{test_device(), {.voxel_size = 0.01f, .truncation = 0.04f, .device_memory = 256 << 20}, 5.0f};
+  Integrate integrate{test_device(), camera, {}};
+  Raycast raycast{test_device(), camera, {}, options.levels, 0};
+  Align align{test_device(), options};
+  Keyframe keyframe{test_device(), camera, options};
+
+  /// Metres between the pose found and the true one when the guess is 2 cm aside along the camera's x.
+  Alignment aside(const char* scene_name, bool with_colour, bool noise = true) {
+    const Scene scene = synthetic_scene(scene_name);
+    for (int i = 0; i < 5; ++i) {
+      const Frame frame = scene_frame(scene, camera, i, noise);
+      const Surface live = preprocess(frame);
+      integrate(live, *frame.world_from_camera, volume, static_cast<std::uint32_t>(i + 1));
+      if (i == 4 && with_colour) keyframe.set(live, *frame.world_from_camera, {});
+    }
+    const Frame frame = scene_frame(scene, camera, 6, noise);
+    truth = *frame.world_from_camera;
+    const Eigen::Isometry3d guess = truth * Eigen::Translation3d(0.02, 0, 0);
+    return align(preprocess(frame), raycast(volume, guess), guess, with_colour ? &keyframe : nullptr);
+  }
+  Eigen::Isometry3d truth;
+};
+
+TEST(Align, SlidesOnAWallByGeometryAloneAndHoldsByItsTexture) {
+  Slide blind, seeing;
+  const Alignment slid = blind.aside("plane", false), held = seeing.aside("plane", true);
+  EXPECT_GT((blind.truth.inverse() * slid.submap_from_camera).translation().norm(), 0.01);
+  EXPECT_LT((seeing.truth.inverse() * held.submap_from_camera).translation().norm(), 0.003);
+  EXPECT_EQ(held.unobserved, 0);
+  EXPECT_GT(held.photometric_share, 0.8);
+}
+
+TEST(Align, KnowsWhatAWallDoesNotTell) {
+  Slide s;
+  const Alignment a = s.aside("plane", false, false);
+  EXPECT_EQ(a.unobserved_by_geometry, 3);  // two translations and the turn about its normal
+  EXPECT_EQ(a.unobserved, 3);              // left at the guess
+  EXPECT_NEAR((s.truth.inverse() * a.submap_from_camera).translation().x(), 0.02, 2e-3);
+}
+
+TEST(Align, KnowsThatARoomIsObserved) {
+  Slide s;
+  const Alignment a = s.aside("room", true);
+  EXPECT_EQ(a.unobserved_by_geometry, 0);
+  EXPECT_LT((s.truth.inverse() * a.submap_from_camera).translation().norm(), 0.003);
+}
+
+TEST(Align, FollowsAChangeOfExposure) {
+  Slide s;
+  const Scene scene = synthetic_scene("plane");
+  Frame first = scene_frame(scene, s.camera, 0), second = scene_frame(scene, s.camera, 2);
+  for (auto& pixel : second.colour) {
+    std::uint32_t darker = 0xff000000u;
+    for (int shift = 0; shift < 24; shift += 8) darker |= (((pixel >> shift) & 0xff) * 6 / 10 + 5) << shift;
+    pixel = darker;
+  }
+  const Surface key = s.preprocess(first);
+  s.integrate(key, *first.world_from_camera, s.volume, 1);
+  s.keyframe.set(key, *first.world_from_camera, {});
+  const Eigen::Isometry3d guess = *second.world_from_camera * Eigen::Translation3d(0.01, 0.005, 0);
+  const Alignment a = s.align(s.preprocess(second), s.raycast(s.volume, guess), guess, &s.keyframe);
+  EXPECT_NEAR(a.gain, 1 / 0.6, 0.05);
+  EXPECT_LT((second.world_from_camera->inverse() * a.submap_from_camera).translation().norm(), 0.003);
+}
+
+TEST(PhotometricReduce, PullsTowardsTheTruthAsItsPlainTwinDoes) {
+  // One level, one iteration, no geometry within reach: the information is that of the brightness alone.
+  Room s;
+  TrackOptions one = s.options;
+  one.levels = 1;
+  one.iterations_finest = 1;
+  one.max_distance = 1e-4f;
+  Align align(test_device(), one);
+  Keyframe keyframe(test_device(), s.camera, one);
+  const Frame next = scene_frame(s.scene, s.camera, 1);
+  const Surface key = s.preprocess(s.frame);
+  keyframe.set(key, *s.frame.world_from_camera, {});
+  const std::vector<double> brightness = twin::brightness(s.frame.colour);
+  const Surface live = s.preprocess(next);
+  const auto points = download<shader::uvec2>(live.levels[0]->points, next.depth.size());
+  const auto key_points = download<shader::uvec2>(key.levels[0]->points, next.depth.size());
+  // Far from the model's view, so that no point finds a partner.
+  const Alignment a = align(live, s.raycast(s.volume, *s.frame.world_from_camera), *next.world_from_camera, &keyframe);
+
+  std::vector<float> live_depth(points.size()), key_depth(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    live_depth[i] = std::bit_cast<float>(points[i].x);
+    key_depth[i] = std::bit_cast<float>(key_points[i].x);
+  }
+  const twin::Photometric expected =
+      twin::photometric(twin::brightness(next.colour), live_depth, brightness, key_depth, s.camera,
+                        s.frame.world_from_camera->inverse() * *next.world_from_camera, 0.05);
+  EXPECT_GT(expected.seen, 10000);
+  EXPECT_NEAR(a.photometric_rmse, expected.rmse, 0.01 * expected.rmse);
+  EXPECT_NEAR(a.photometric_share, expected.share, 0.005);
+}
+
+}  // namespace
+}  // namespace cairn
