@@ -45,7 +45,7 @@ struct Mapper::State {
         camera(c),
         device(device_index),
         preprocess(device, c, o.surface, o.track.levels, o.track.finest_level),
-        tracker(device, preprocess.camera(), o),
+        tracker(device, c, preprocess.camera(), o),
         integrate(device, preprocess.camera(), o.surface),
         polygonize(device),
         volume(device, o.fuse, o.surface.max_depth) {}

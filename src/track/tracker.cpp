@@ -8,18 +8,39 @@ namespace cairn {
 namespace {
 
 constexpr int kClockOffsetFrames = 10;        // before they are believed
-constexpr double kClockOffsetContrast = 1.3;  // of the worst fit to the best
-constexpr double kKeyframeTurn = 0.2;         // radians
-constexpr double kKeyframeDistance = 0.15;    // metres
-constexpr double kKeyframeShare = 0.5;        // of the points in both images that fit
+constexpr double kClockOffsetContrast = 1.5;  // of the worst fit to the best
+// Of misfit: above the first another guess is tried, above the second the frame is not fused. Frames of hand-held
+// Kinect recordings lie at 1.5 to 5; a pose 15 cm off gave 8.4.
+constexpr double kDoubtful = 4.0, kMisfit = 7.0;
+constexpr double kDoubtfulBrightness = 0.1;
+constexpr double kMaxSpeed = 4.0, kMaxTurn = 12.0;  // metres and radians a second: a hand is slower
+constexpr std::size_t kRecentPlaces = 3, kLikestPlaces = 6, kOtherPlaces = 4;  // compared with a frame
+// What a pose found after a loss must reach: a wrong one would be fused.
+constexpr double kFoundInliers = 0.5, kFoundOverlap = 0.3, kFoundBrightness = 0.6, kFoundMisfit = 5.0;
+constexpr double kKeyframeTurn = 0.2;       // radians
+constexpr double kKeyframeDistance = 0.15;  // metres
+constexpr double kKeyframeShare = 0.5;      // of the points in both images that fit
+
+/// Mean squared residual of the points that see the model, in variances of the depth noise; outliers count as 9.
+double misfit(const Alignment& a) { return a.inlier_share * a.rmse * a.rmse + (1 - a.inlier_share) * 9; }
+
+bool is_doubtful(const Alignment& a) {
+  return !a.converged() || misfit(a) > kDoubtful || a.photometric_rmse > kDoubtfulBrightness;
+}
+
+bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+  const Eigen::Isometry3d motion = a.inverse() * b;
+  return motion.translation().norm() > kKeyframeDistance || Eigen::AngleAxisd(motion.linear()).angle() > kKeyframeTurn;
+}
 
 }  // namespace
 
-Tracker::Tracker(gpu::Device& device, const Camera& camera, const Options& options)
+Tracker::Tracker(gpu::Device& device, const Camera& camera, const Camera& rectified, const Options& options)
     : options_(options.track),
-      raycast_(device, camera, options.surface, options.track.levels, options.track.finest_level),
+      source_camera_(camera),
+      raycast_(device, rectified, options.surface, options.track.levels, options.track.finest_level),
       align_(device, options.track),
-      keyframe_(device, camera, options.track) {}
+      keyframe_(device, rectified, options.track) {}
 
 /// Where the camera would be if it kept its velocity since the last two accepted frames.
 Eigen::Isometry3d Tracker::predict(double timestamp) const {
@@ -52,14 +73,78 @@ double Tracker::clock_offset() const {
   return kClockOffsets[best] + shift * (kClockOffsets[1] - kClockOffsets[0]);
 }
 
+std::vector<std::size_t> Tracker::candidates(const Frame& frame) const {
+  const Thumbnail view = thumbnail(frame.colour, frame.depth, source_camera_);
+  std::vector<std::pair<float, std::size_t>> ranked;
+  for (std::size_t i = 0; i < places_.size(); ++i) ranked.emplace_back(-similarity(view, places_[i].thumbnail), i);
+  std::sort(ranked.begin(), ranked.end());
+  std::vector<std::size_t> chosen;
+  for (std::size_t i = 0; i < std::min(kLikestPlaces, ranked.size()); ++i) chosen.push_back(ranked[i].second);
+  // Thumbnails of turned views are not alike: the others take turns from one lost frame to the next.
+  const std::size_t others = ranked.size() - chosen.size();
+  for (std::size_t k = 0; k < std::min(kOtherPlaces, others); ++k)
+    chosen.push_back(ranked[kLikestPlaces + (static_cast<std::size_t>(lost_) * kOtherPlaces + k) % others].second);
+  return chosen;
+}
+
+std::vector<Eigen::Isometry3d> Tracker::recognise(const Frame& frame, const std::vector<std::size_t>& places) const {
+  std::vector<Eigen::Isometry3d> guesses;
+  if (frame.colour.empty()) {
+    for (const std::size_t i : places) guesses.push_back(places_[i].submap_from_camera);
+    guesses.resize(std::min<std::size_t>(guesses.size(), 3));
+    return guesses;
+  }
+  const Features seen = describe(frame.colour, frame.depth, source_camera_);
+  std::optional<Located> best;
+  for (const std::size_t i : places) {
+    const auto located = locate(places_[i].features, seen, source_camera_);
+    if (!located || (best && located->inliers <= best->inliers)) continue;
+    best = located;
+    guesses.assign(1, places_[i].submap_from_camera * located->known_from_seen);
+  }
+  return guesses;
+}
+
 Tracked Tracker::operator()(const Frame& frame, const Surface& live, const Volume& volume, StageTimes& times) {
-  const auto align = [&](const Eigen::Isometry3d& guess) {
+  const auto align = [&](const Eigen::Isometry3d& guess, const char* name) {
     const ModelView model = timed(times, "raycast", [&] { return raycast_(volume, guess); });
-    return timed(times, "track", [&] { return align_(live, model, guess, &keyframe_, moment_of(frame, guess)); });
+    return timed(times, "track", [&] {
+      return Tracked{.alignment = align_(live, model, guess, &keyframe_, moment_of(frame, guess)), .guess = name};
+    });
   };
-  Tracked tracked{.alignment = align(predict(frame.timestamp)), .guess = "motion"};
-  if (!tracked.alignment.converged() && lost_ == 0)  // the hand may have stopped
-    tracked = {.alignment = align(last_.back().submap_from_camera), .guess = "still"};
+  const auto better = [](const Alignment& a, const Alignment& b) {
+    return a.converged() && (!b.converged() || misfit(a) / a.overlap < misfit(b) / b.overlap);
+  };
+  Tracked tracked = align(predict(frame.timestamp), "motion");
+  if (lost_ == 0) {
+    if (!tracked.alignment.converged())
+      tracked = align(last_.back().submap_from_camera, "still");  // the hand may have stopped
+    if (is_doubtful(tracked.alignment)) {
+      std::vector<std::size_t> recent;
+      for (std::size_t i = places_.size(); i > 0 && recent.size() < kRecentPlaces; --i) recent.push_back(i - 1);
+      for (const auto& guess : timed(times, "recognise", [&] { return recognise(frame, recent); }))
+        if (Tracked other = align(guess, "features"); better(other.alignment, tracked.alignment))
+          tracked = std::move(other);
+    }
+    const Eigen::Isometry3d motion = last_.back().submap_from_camera.inverse() * tracked.alignment.submap_from_camera;
+    const double interval = frame.timestamp - last_.back().timestamp;
+    if (tracked.alignment.converged() && (motion.translation().norm() > kMaxSpeed * interval ||
+                                          Eigen::AngleAxisd(motion.linear()).angle() > kMaxTurn * interval))
+      tracked.alignment.lost = "no hand moves like that";
+    else if (tracked.alignment.converged() && misfit(tracked.alignment) > kMisfit)
+      tracked.alignment.lost = "the frame fits the map badly from every guess";
+    return tracked;
+  }
+
+  const auto is_sure = [](const Alignment& a) {
+    return a.converged() && a.inlier_share > kFoundInliers && a.overlap > kFoundOverlap && misfit(a) < kFoundMisfit &&
+           a.unobserved == 0 && (a.photometric_share == 0 || a.photometric_share > kFoundBrightness);
+  };
+  if (is_sure(tracked.alignment)) return tracked;
+  const auto guesses = timed(times, "recognise", [&] { return recognise(frame, candidates(frame)); });
+  for (const auto& guess : guesses)
+    if (Tracked other = align(guess, "relocalised"); is_sure(other.alignment)) return other;
+  if (tracked.alignment.converged()) tracked.alignment.lost = "not found again yet";
   return tracked;
 }
 
@@ -72,12 +157,16 @@ void Tracker::accept(const Frame& frame, const Surface& live, const Eigen::Isome
     ++clock_offset_frames_;
   }
   if (!live.packed.empty()) {
-    const Eigen::Isometry3d motion = keyframe_.submap_from_camera().inverse() * submap_from_camera;
-    if (!keyframe_.is_set() || motion.translation().norm() > kKeyframeDistance ||
-        Eigen::AngleAxisd(motion.linear()).angle() > kKeyframeTurn ||
+    if (!keyframe_.is_set() || is_apart(keyframe_.submap_from_camera(), submap_from_camera) ||
         (tracked != nullptr && tracked->alignment.photometric_share < kKeyframeShare))
       keyframe_.set(live, submap_from_camera, moment);
   }
+  if (places_.empty() || is_apart(places_.back().submap_from_camera, submap_from_camera))
+    places_.push_back(
+        {.submap_from_camera = submap_from_camera,
+         .features = frame.colour.empty() ? Features{} : describe(frame.colour, frame.depth, source_camera_),
+         .thumbnail = thumbnail(frame.colour, frame.depth, source_camera_)});
+  if (lost_ > 0) last_.clear();  // no velocity across a gap
   lost_ = 0;
   if (last_.size() == 2) last_.erase(last_.begin());
   last_.push_back({frame.timestamp, submap_from_camera});

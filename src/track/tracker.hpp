@@ -5,6 +5,7 @@
 
 #include "cairn/frame.hpp"
 #include "cairn/trajectory.hpp"
+#include "place/features.hpp"
 #include "surface/stopwatch.hpp"
 #include "track/align.hpp"
 
@@ -12,13 +13,14 @@ namespace cairn {
 
 struct Tracked {
   Alignment alignment;
-  std::string guess;  // where the alignment started: motion, still
+  std::string guess;  // where the alignment started: motion, still, features, relocalised
 };
 
 /// Finds each frame's pose: guesses it, aligns it with the map, tells when it is lost.
 class Tracker {
  public:
-  Tracker(gpu::Device& device, const Camera& camera, const Options& options);
+  /// `camera` is the frames', `rectified` the surfaces'.
+  Tracker(gpu::Device& device, const Camera& camera, const Camera& rectified, const Options& options);
 
   /// The pose of a live surface, or why there is none. Nothing is kept of a frame that is not accepted.
   [[nodiscard]] Tracked operator()(const Frame& frame, const Surface& live, const Volume& volume, StageTimes& times);
@@ -31,6 +33,12 @@ class Tracker {
   [[nodiscard]] double clock_offset() const;
 
  private:
+  /// A place that was fused, to be recognised when the camera is lost.
+  struct Place {
+    Eigen::Isometry3d submap_from_camera;
+    Features features;
+    Thumbnail thumbnail;
+  };
   struct Moment {
     double timestamp;
     Eigen::Isometry3d submap_from_camera;
@@ -38,10 +46,18 @@ class Tracker {
   [[nodiscard]] Eigen::Isometry3d predict(double timestamp) const;
   [[nodiscard]] ColourMoment moment_of(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const;
 
+  /// Guesses from the corners that the frame shares with these places, the best first; without colour, their poses.
+  [[nodiscard]] std::vector<Eigen::Isometry3d> recognise(const Frame& frame,
+                                                         const std::vector<std::size_t>& places) const;
+  /// The places to compare with: the likest, and in turn some of the others.
+  [[nodiscard]] std::vector<std::size_t> candidates(const Frame& frame) const;
+
   TrackOptions options_;
+  Camera source_camera_;  // of the frames: with distortion
   Raycast raycast_;
   Align align_;
   Keyframe keyframe_;
+  std::vector<Place> places_;
   std::vector<Moment> last_;                                       // at most two accepted frames, the newest at the end
   int lost_ = 0;                                                   // frames since the last accepted one
   std::array<double, kClockOffsets.size()> clock_offset_costs_{};  // summed over frames

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Corners of an image that can be found again, with their places in space.
+#pragma once
+#include <Eigen/Geometry>
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "cairn/camera.hpp"
+
+namespace cairn {
+
+struct Features {
+  std::vector<Eigen::Vector2d> rays;                      // at z = 1, without distortion
+  std::vector<Eigen::Vector3d> points;                    // metres, camera frame; z = 0: no depth
+  std::vector<std::array<std::uint8_t, 32>> descriptors;  // ORB (Rublee et al. 2011)
+};
+
+/// Oriented FAST corners with binary descriptors. `colour` (bytes R, G, B, 255) and `depth` (metres) are of the
+/// camera's size.
+[[nodiscard]] Features describe(const std::vector<std::uint32_t>& colour, const std::vector<float>& depth,
+                                const Camera& camera);
+
+struct Located {
+  Eigen::Isometry3d known_from_seen = Eigen::Isometry3d::Identity();
+  int inliers = 0;
+};
+/// Where the camera that saw `seen` was, from corners whose place `known` tells: mutual nearest descriptors, then
+/// perspective-n-point in a RANSAC loop of fixed seed (Fischler & Bolles 1981; Lepetit et al. 2009). Nothing when fewer
+/// than 20 agree.
+[[nodiscard]] std::optional<Located> locate(const Features& known, const Features& seen, const Camera& camera);
+
+/// A blurred image of 40 x 30 pixels with mean 0 and norm 1 (Klein & Murray 2008): their products tell how alike two
+/// views are. From brightness, or from depth where there is no colour.
+using Thumbnail = std::array<float, 1200>;
+[[nodiscard]] Thumbnail thumbnail(const std::vector<std::uint32_t>& colour, const std::vector<float>& depth,
+                                  const Camera& camera);
+[[nodiscard]] float similarity(const Thumbnail& a, const Thumbnail& b);
+
+}  // namespace cairn
