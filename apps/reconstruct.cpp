@@ -121,6 +121,7 @@ nlohmann::json to_json(const FrameReport& r) {
               {"photometric_rmse", r.photometric_rmse},
               {"unobserved_by_geometry", r.unobserved_by_geometry},
               {"unobserved", r.unobserved},
+              {"moving", r.moving},
               {"guess", r.guess}});
   if (r.touched_bricks > 0) j.update({{"touched_bricks", r.touched_bricks}, {"new_bricks", r.new_bricks}});
   j["ms"] = r.stage_ms;

@@ -63,9 +63,9 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
     const double time = i / 30.0;
     const auto pose = synthetic_pose(scene, path, time);
     if (!pose) break;
-    auto images = render(*pose);
+    auto images = render(*pose, time);
     const auto later = synthetic_pose(scene, path, std::max(0.0, time + a.colour_delay));
-    if (a.colour_delay != 0 && later) images.colour = render(*later).colour;
+    if (a.colour_delay != 0 && later) images.colour = render(*later, time + a.colour_delay).colour;
     if (i % 5 == 0) mark_seen(truth, camera, *pose, images.depth, seen);
     if (a.noise == "kinect") add_kinect_noise(images, camera, a.seed, i);
     cv::Mat depth(camera.height, camera.width, CV_16U), bgr;
@@ -115,7 +115,7 @@ void synth(const Arguments& a) {
 void add_synth(CLI::App& program) {
   auto* command = program.add_subcommand("synth", "Render a synthetic recording with exact truth, in the TUM layout");
   const auto a = std::make_shared<Arguments>();
-  command->add_option("SCENE", a->scene, "room, sphere, plane, corridor or loop")->required();
+  command->add_option("SCENE", a->scene, "room, room-with-mover, sphere, plane, corridor or loop")->required();
   command->add_option("-o,--output", a->output, "Folder for the recording")->required();
   command->add_option("--trajectory", a->trajectory, "Move along this TUM trajectory [the scene's own path]")
       ->check(CLI::ExistingFile);
@@ -125,8 +125,9 @@ void add_synth(CLI::App& program) {
   command->add_option("--noise", a->noise, "Depth and colour noise")
       ->capture_default_str()
       ->check(CLI::IsMember({"kinect", "none"}));
-  command->add_option("--colour-delay", a->colour_delay,
-                      "Seconds that colour images are taken after the depth images with the same stamp")
+  command
+      ->add_option("--colour-delay", a->colour_delay,
+                   "Seconds that colour images are taken after the depth images with the same stamp")
       ->capture_default_str();
   command->add_option("--seed", a->seed, "Of the noise")->capture_default_str();
   command->add_option("--device", a->device, "Vulkan device; -1 chooses")->capture_default_str();

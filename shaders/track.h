@@ -63,8 +63,16 @@ struct PhotometricSums {
   float live_key;
 };
 
+struct MovingMaskPush {
+  Pinhole camera;  // of the coarsest level
+  Rigid model_from_live;
+  Rigid keyframe_from_live;
+  uint factor;  // pixels of the fusion image a pixel of this level
+  uint full_width;
+};
+
 #ifdef __cplusplus
-static_assert(sizeof(PhotometricReducePush) <= 128);
+static_assert(sizeof(MovingMaskPush) <= 128 && sizeof(PhotometricReducePush) <= 128);
 }  // namespace cairn::shader
 #endif
 #endif

@@ -37,6 +37,7 @@ struct FrameReport {
   double rmse = 0.0;                                       // standard deviations of the depth noise
   double photometric_share = 0.0, photometric_rmse = 0.0;  // brightness in 0..1; 0: no colour was used
   int unobserved_by_geometry = 0, unobserved = 0;          // directions of the pose, of 6
+  double moving = 0.0;                                     // share of the image that was left out since it moves
   std::string guess;                                       // where the alignment started
   int iterations = 0;
   int touched_bricks = 0, new_bricks = 0;

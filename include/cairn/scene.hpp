@@ -24,21 +24,27 @@ struct Scene {
     Pattern pattern = Pattern::plain;
     float scale = 0.1f;  // metres, of the pattern
     Eigen::Vector3f colour = Eigen::Vector3f::Constant(0.7f), second = Eigen::Vector3f::Constant(0.4f);
+    Eigen::Vector3f swing = Eigen::Vector3f::Zero();  // it moves to and fro between centre - swing and centre + swing
+    float period = 0;                                 // seconds; 0: it stands still
   };
   std::string name;
   std::vector<Solid> solids;
 
-  /// Distance to the nearest surface in metres, negative inside a solid; exact outside of all solids.
+  [[nodiscard]] bool moves() const;
+  /// The solids as they are at a time.
+  [[nodiscard]] std::vector<Solid> solids_at(double seconds) const;
+  /// Distance to the nearest surface that stands still, in metres, negative inside a solid; exact outside of all
+  /// solids.
   [[nodiscard]] double distance(const Eigen::Vector3d& point) const;
   /// The pose of a hand-held-like camera at a time: 0.2 to 0.6 m/s, at most 45 degrees a second.
   [[nodiscard]] Eigen::Isometry3d world_from_camera(double seconds) const;
-  /// The surface as triangles with sides of at most `spacing`, exact at its vertices; hidden parts of solids are left
-  /// out.
+  /// The surface of what stands still as triangles with sides of at most `spacing`, exact at its vertices; hidden parts
+  /// of solids are left out.
   [[nodiscard]] Mesh surface(float spacing = 0.02f) const;
 };
 
-/// `room` (furnished), `sphere`, `plane`, `corridor` or `loop` (a corridor around a block). Throws std::runtime_error
-/// for another name.
+/// `room` (furnished), `room-with-mover` (somebody walks through it), `sphere`, `plane`, `corridor` or `loop` (a
+/// corridor around a block). Throws std::runtime_error for another name.
 [[nodiscard]] Scene synthetic_scene(const std::string& name);
 
 /// The camera that synthetic recordings have.

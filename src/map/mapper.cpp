@@ -2,7 +2,10 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "cairn/mapper.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
+#include <string_view>
 
 #include "surface/preprocess.hpp"
 #include "surface/stopwatch.hpp"
@@ -17,7 +20,8 @@ std::string unusable(const Frame& frame, const Camera& camera, const Trajectory&
   const auto pixels = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
   if (!frame.problem.empty()) return frame.problem;
   if (frame.depth.size() != pixels) return "the depth image is not of the camera's size";
-  if (!frame.colour.empty() && frame.colour.size() != pixels) return "the colour image is not of the camera's size";
+  const auto [least, most] = std::minmax_element(frame.depth.begin(), frame.depth.end());
+  if (*least > 0 && *least == *most) return "every depth is the same: the sensor shows nothing";
   if (!std::isfinite(frame.timestamp)) return "the timestamp is not a number";
   if (!before.empty() && frame.timestamp <= before.back().timestamp) return "the timestamp goes back";
   return {};
@@ -60,7 +64,8 @@ struct Mapper::State {
   Polygonize polygonize;
   Volume volume;
   Trajectory trajectory;
-  std::uint32_t stamp = 0;  // fused frames
+  std::uint32_t stamp = 0;     // fused frames
+  std::size_t last_image = 0;  // hash of the last frame's depth
 };
 
 Mapper::Mapper(const Camera& camera, const Options& options, Poses poses, int device) {
@@ -70,11 +75,27 @@ Mapper::Mapper(const Camera& camera, const Options& options, Poses poses, int de
 Mapper::~Mapper() = default;
 Mapper::Mapper(Mapper&&) noexcept = default;
 
-FrameReport Mapper::add(const Frame& frame) {
+FrameReport Mapper::add(const Frame& given) {
   State& s = *state_;
+  // Colour that is not of the depth image's shape cannot be used; depth alone can.
+  std::optional<Frame> depth_alone;
+  if (!given.colour.empty() && given.colour.size() != given.depth.size()) {
+    depth_alone = given;
+    depth_alone->colour.clear();
+  }
+  const Frame& frame = depth_alone ? *depth_alone : given;
   FrameReport report{
       .index = frame.index, .timestamp = frame.timestamp, .reason = unusable(frame, s.camera, s.trajectory)};
   if (!report.reason.empty()) return report;
+
+  // Noise never repeats: the same image again is another moment's.
+  const std::size_t image = std::hash<std::string_view>()(
+      {reinterpret_cast<const char*>(frame.depth.data()), frame.depth.size() * sizeof(float)});
+  if (image == s.last_image && s.poses == Poses::tracked) {
+    report.reason = "the depth image is the one before: the sensor is stuck";
+    return report;
+  }
+  s.last_image = image;
 
   const Surface live = timed(report.stage_ms, "preprocess", [&] { return s.preprocess(frame); });
 
@@ -97,6 +118,8 @@ FrameReport Mapper::add(const Frame& frame) {
       return report;
     }
     world_from_camera = alignment.submap_from_camera;
+    report.moving =
+        timed(report.stage_ms, "track", [&] { return s.tracker.leave_out_moving(live, world_from_camera); });
   }
 
   const Fused fused =
@@ -104,6 +127,7 @@ FrameReport Mapper::add(const Frame& frame) {
   report.touched_bricks = fused.touched;
   report.new_bricks = fused.new_bricks;
   report.state = FrameState::fused;
+  if (depth_alone) report.reason = "its colour image is not of the camera's size: depth alone is used";
   if (s.poses == Poses::tracked) s.tracker.accept(frame, live, world_from_camera, tracked ? &*tracked : nullptr);
   s.trajectory.push_back({frame.timestamp, world_from_camera});
   return report;

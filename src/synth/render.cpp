@@ -26,6 +26,7 @@ shader::Solid to_shader(const Scene::Solid& s) {
 
 SceneRenderer::SceneRenderer(gpu::Device& device, const Scene& scene, const Camera& camera)
     : device_(device),
+      scene_(scene),
       camera_(camera),
       solid_count_(static_cast<std::uint32_t>(scene.solids.size())),
       solids_(device, scene.solids.size() * sizeof(shader::Solid)),
@@ -33,14 +34,19 @@ SceneRenderer::SceneRenderer(gpu::Device& device, const Scene& scene, const Came
       cosine_(device, depth_.size()),
       colour_(device, depth_.size()),
       render_(device, "scene_render", scene_render_comp) {
+  upload(0);
+}
+
+void SceneRenderer::upload(double seconds) {
   std::vector<shader::Solid> solids;
-  for (const auto& s : scene.solids) solids.push_back(to_shader(s));
-  gpu::Batch batch(device);
+  for (const auto& s : scene_.solids_at(seconds)) solids.push_back(to_shader(s));
+  gpu::Batch batch(device_);
   batch.upload(solids_, solids);
   batch.run();
 }
 
-SceneRenderer::Images SceneRenderer::operator()(const Eigen::Isometry3d& world_from_camera) {
+SceneRenderer::Images SceneRenderer::operator()(const Eigen::Isometry3d& world_from_camera, double seconds) {
+  if (scene_.moves()) upload(seconds);
   const auto pixels = static_cast<std::size_t>(camera_.width * camera_.height);
   Images images{std::vector<float>(pixels), std::vector<float>(pixels), std::vector<std::uint32_t>(pixels)};
   const shader::Pinhole camera = shader::pinhole(camera_);

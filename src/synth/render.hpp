@@ -20,10 +20,13 @@ class SceneRenderer {
     std::vector<float> cosine;          // between the ray and the surface's normal
     std::vector<std::uint32_t> colour;  // bytes R, G, B, 255
   };
-  [[nodiscard]] Images operator()(const Eigen::Isometry3d& world_from_camera);
+  [[nodiscard]] Images operator()(const Eigen::Isometry3d& world_from_camera, double seconds = 0);
 
  private:
+  void upload(double seconds);
+
   gpu::Device& device_;
+  Scene scene_;
   Camera camera_;
   std::uint32_t solid_count_;
   gpu::Buffer solids_, depth_, cosine_, colour_;

@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "cairn/scene.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -269,9 +270,23 @@ void add_solid(Mesh& mesh, const Scene::Solid& s, double spacing) {
 
 }  // namespace
 
+bool Scene::moves() const {
+  return std::any_of(solids.begin(), solids.end(), [](const Solid& s) { return s.period > 0; });
+}
+
+std::vector<Scene::Solid> Scene::solids_at(double seconds) const {
+  std::vector<Solid> now = solids;
+  for (Solid& s : now)
+    if (s.period > 0)
+      s.centre +=
+          static_cast<float>(std::cos(2 * std::numbers::pi * seconds / static_cast<double>(s.period))) * s.swing;
+  return now;
+}
+
 double Scene::distance(const Vector3d& point) const {
   double least = std::numeric_limits<double>::infinity();
-  for (const Solid& s : solids) least = std::min(least, solid_distance(s, point));
+  for (const Solid& s : solids)
+    if (s.period == 0) least = std::min(least, solid_distance(s, point));
   return least;
 }
 
@@ -305,7 +320,8 @@ Eigen::Isometry3d Scene::world_from_camera(double t) const {
 Mesh Scene::surface(float spacing) const {
   constexpr double kHidden = 1e-5;  // metres inside another solid
   Mesh all, mesh;
-  for (const Solid& s : solids) add_solid(all, s, spacing);
+  for (const Solid& s : solids)
+    if (s.period == 0) add_solid(all, s, spacing);
   mesh.positions = std::move(all.positions);
   for (const auto& t : all.triangles) {
     const Vector3f centre = (mesh.positions[t[0]] + mesh.positions[t[1]] + mesh.positions[t[2]]) / 3.0f;
@@ -320,8 +336,25 @@ Mesh Scene::surface(float spacing) const {
 
 Scene synthetic_scene(const std::string& name) {
   Scene scene{.name = name};
-  if (name == "room") {
+  if (name == "room" || name == "room-with-mover") {
     scene.solids = furnished_room();
+    if (name == "room-with-mover") {
+      const Vector3f walk(1.5f, 0, 0);
+      constexpr float kThereAndBack = 10;  // seconds: 0.9 m/s at most
+      scene.solids.push_back({.shape = Shape::cylinder,
+                              .centre = {0, 0.5f, 1.3f},
+                              .half_size = {0.17f, 0.75f, 0},
+                              .pattern = Pattern::checker,
+                              .colour = {0.2f, 0.3f, 0.5f},
+                              .swing = walk,
+                              .period = kThereAndBack});
+      scene.solids.push_back({.shape = Shape::sphere,
+                              .centre = {0, -0.38f, 1.3f},
+                              .half_size = {0.13f, 0, 0},
+                              .colour = {0.8f, 0.6f, 0.5f},
+                              .swing = walk,
+                              .period = kThereAndBack});
+    }
   } else if (name == "sphere") {
     scene.solids.push_back({Shape::sphere,
                             {0, 0, 1.8f},

@@ -23,7 +23,7 @@ class SyntheticSource final : public Source {
     const double time = next_ / 30.0;
     const auto pose = synthetic_pose(scene_, options_.path, time);
     if (!pose) return std::nullopt;
-    auto images = render_(*pose);
+    auto images = render_(*pose, time);
     if (options_.kinect_noise) add_kinect_noise(images, camera_, options_.seed, next_);
     Frame frame{
         .index = next_++, .timestamp = time, .depth = std::move(images.depth), .colour = std::move(images.colour)};

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+
+#include "spirv/moving_mask.comp.h"
 namespace cairn {
 namespace {
 
@@ -36,11 +38,14 @@ bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
 }  // namespace
 
 Tracker::Tracker(gpu::Device& device, const Camera& camera, const Camera& rectified, const Options& options)
-    : options_(options.track),
+    : device_(device),
+      options_(options.track),
       source_camera_(camera),
       raycast_(device, rectified, options.surface, options.track.levels, options.track.finest_level),
       align_(device, options.track),
-      keyframe_(device, rectified, options.track) {}
+      keyframe_(device, rectified, options.track),
+      moving_count_(device, 4),
+      mask_(device, "moving_mask", moving_mask_comp) {}
 
 /// Where the camera would be if it kept its velocity since the last two accepted frames.
 Eigen::Isometry3d Tracker::predict(double timestamp) const {
@@ -107,9 +112,9 @@ std::vector<Eigen::Isometry3d> Tracker::recognise(const Frame& frame, const std:
 
 Tracked Tracker::operator()(const Frame& frame, const Surface& live, const Volume& volume, StageTimes& times) {
   const auto align = [&](const Eigen::Isometry3d& guess, const char* name) {
-    const ModelView model = timed(times, "raycast", [&] { return raycast_(volume, guess); });
+    model_ = timed(times, "raycast", [&] { return raycast_(volume, guess); });
     return timed(times, "track", [&] {
-      return Tracked{.alignment = align_(live, model, guess, &keyframe_, moment_of(frame, guess)), .guess = name};
+      return Tracked{.alignment = align_(live, model_, guess, &keyframe_, moment_of(frame, guess)), .guess = name};
     });
   };
   const auto better = [](const Alignment& a, const Alignment& b) {
@@ -146,6 +151,27 @@ Tracked Tracker::operator()(const Frame& frame, const Surface& live, const Volum
     if (Tracked other = align(guess, "relocalised"); is_sure(other.alignment)) return other;
   if (tracked.alignment.converged()) tracked.alignment.lost = "not found again yet";
   return tracked;
+}
+
+double Tracker::leave_out_moving(const Surface& live, const Eigen::Isometry3d& submap_from_camera) {
+  if (!keyframe_.is_set() || live.packed.empty() || model_.levels.empty()) return 0;
+  const auto level = static_cast<std::size_t>(options_.levels - 1);
+  const Camera& camera = live.levels[level]->camera;
+  const auto pixels = static_cast<std::uint32_t>(camera.width * camera.height);
+  std::uint32_t count[1] = {0};
+  gpu::Batch batch(device_);
+  batch.fill(moving_count_, 0);
+  mask_(batch, {pixels, 1, 1},
+        {.camera = shader::pinhole(camera),
+         .model_from_live = shader::rigid(model_.submap_from_camera.inverse() * submap_from_camera),
+         .keyframe_from_live = shader::rigid(keyframe_.submap_from_camera().inverse() * submap_from_camera),
+         .factor = 1u << level,
+         .full_width = static_cast<std::uint32_t>(live.levels[0]->camera.width)},
+        {&live.levels[level]->points, &model_.levels[level]->points, &keyframe_.level(options_.levels - 1),
+         live.packed[level], live.fusion, &moving_count_});
+  batch.download(moving_count_, std::span<std::uint32_t>(count));
+  batch.run();
+  return static_cast<double>(count[0]) / pixels;
 }
 
 void Tracker::accept(const Frame& frame, const Surface& live, const Eigen::Isometry3d& submap_from_camera,

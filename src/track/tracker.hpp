@@ -24,6 +24,8 @@ class Tracker {
 
   /// The pose of a live surface, or why there is none. Nothing is kept of a frame that is not accepted.
   [[nodiscard]] Tracked operator()(const Frame& frame, const Surface& live, const Volume& volume, StageTimes& times);
+  /// Takes out of the surface's fusion image what moves: see shaders/moving_mask.comp. Returns its share of the image.
+  double leave_out_moving(const Surface& live, const Eigen::Isometry3d& submap_from_camera);
   /// Tells that the frame was fused at this pose. `tracked` is null for the first one.
   void accept(const Frame& frame, const Surface& live, const Eigen::Isometry3d& submap_from_camera,
               const Tracked* tracked);
@@ -52,11 +54,15 @@ class Tracker {
   /// The places to compare with: the likest, and in turn some of the others.
   [[nodiscard]] std::vector<std::size_t> candidates(const Frame& frame) const;
 
+  gpu::Device& device_;
   TrackOptions options_;
   Camera source_camera_;  // of the frames: with distortion
   Raycast raycast_;
   Align align_;
   Keyframe keyframe_;
+  gpu::Buffer moving_count_;
+  gpu::Kernel<shader::MovingMaskPush> mask_;
+  ModelView model_;  // the map as last seen by raycast_
   std::vector<Place> places_;
   std::vector<Moment> last_;                                       // at most two accepted frames, the newest at the end
   int lost_ = 0;                                                   // frames since the last accepted one

@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// What happens to tracking when the camera or its driver misbehaves: the synthetic room with Kinect noise at full size,
+// default options. No pose may be fused that is wrong.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numbers>
+
+#include "cairn/evaluation.hpp"
+#include "cairn/mapper.hpp"
+#include "support/scenes.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr double kWrong = 0.05;  // metres; a pose farther than this from the truth is wrong
+
+struct Outcome {
+  std::vector<FrameReport> reports;
+  int fused = 0, wrong = 0;
+  double rmse = 0;  // metres, of the fused frames, the first one's pose being true
+  std::size_t places = 0;
+};
+
+using Path = std::function<Eigen::Isometry3d(double seconds)>;
+using Spoil = std::function<bool(int index, Frame&)>;  // false: the frame is dropped
+
+Outcome run(const Scene& scene, int frames, const Path& path, const Spoil& spoil = {}) {
+  const Camera camera = synthetic_camera();
+  SceneRenderer render(test_device(), scene, camera);
+  Mapper mapper(camera);
+  Outcome outcome;
+  std::optional<Eigen::Isometry3d> start;
+  double squared = 0;
+  for (int i = 0; i < frames; ++i) {
+    const double time = i / 30.0;
+    const Eigen::Isometry3d truth = path(time);
+    auto images = render(truth, time);
+    add_kinect_noise(images, camera, 1, i);
+    Frame frame{.index = i, .timestamp = time, .depth = std::move(images.depth), .colour = std::move(images.colour)};
+    if (spoil && !spoil(i, frame)) continue;
+    if (!start) start = truth;
+    outcome.reports.push_back(mapper.add(frame));
+    if (outcome.reports.back().state != FrameState::fused) continue;
+    const Eigen::Isometry3d found = *start * mapper.trajectory().back().world_from_camera;
+    const double error = (found.translation() - truth.translation()).norm();
+    ++outcome.fused;
+    outcome.wrong += error > kWrong;
+    squared += error * error;
+  }
+  outcome.rmse = std::sqrt(squared / std::max(outcome.fused, 1));
+  ::testing::Test::RecordProperty("rmse_mm", std::to_string(1000 * outcome.rmse));
+  std::printf("%d of %zu frames fused, %d wrong, RMSE %.1f mm\n", outcome.fused, outcome.reports.size(), outcome.wrong,
+              1000 * outcome.rmse);
+  return outcome;
+}
+
+const Scene& room() {
+  static const Scene scene = synthetic_scene("room");
+  return scene;
+}
+Eigen::Isometry3d along(double seconds) { return room().world_from_camera(seconds); }
+
+/// Frames from `first` on until one is fused.
+int frames_until_found(const Outcome& o, int first) {
+  for (std::size_t i = 0; i < o.reports.size(); ++i)
+    if (o.reports[i].index >= first && o.reports[i].state == FrameState::fused) return o.reports[i].index - first;
+  return 1000;
+}
+
+void darken(Frame& frame) {
+  std::fill(frame.depth.begin(), frame.depth.end(), 0.0f);
+  std::fill(frame.colour.begin(), frame.colour.end(), 0xff000000u);
+}
+
+TEST(Robustness, WhipPan) {
+  // 150 degrees in half a second, 300 degrees a second.
+  const auto o = run(room(), 60, [](double t) {
+    const double turned = std::clamp((t - 0.5) / 0.5, 0.0, 1.0) * 150 * std::numbers::pi / 180;
+    return along(std::min(t, 0.5) + std::max(0.0, t - 1.0)) * Eigen::AngleAxisd(turned, Eigen::Vector3d::UnitY());
+  });
+  EXPECT_EQ(o.wrong, 0);
+  EXPECT_LE(frames_until_found(o, 31), 10);
+  EXPECT_LE(o.rmse, 0.01);
+}
+
+TEST(Robustness, Kidnapped) {
+  // There and back; in the middle third nothing is seen while the camera goes somewhere else.
+  const auto o = run(
+      room(), 135, [](double t) { return along(1.5 * std::min(t, 4.5 - t)); },
+      [](int i, Frame& frame) {
+        if (i >= 45 && i < 90) darken(frame);
+        return true;
+      });
+  EXPECT_EQ(o.wrong, 0);
+  EXPECT_LE(frames_until_found(o, 90), 10);
+  EXPECT_LE(o.rmse, 0.015);
+  EXPECT_GE(o.fused, 45 + 35);
+}
+
+TEST(Robustness, LensCapForTwoSeconds) {
+  const auto o = run(
+      room(), 90, [](double t) { return along(t < 0.5 ? t : std::max(0.5, t - 2.0)); },
+      [](int i, Frame& frame) {
+        if (i >= 15 && i < 75) darken(frame);
+        return true;
+      });
+  EXPECT_EQ(o.wrong, 0);
+  EXPECT_EQ(o.fused, 30);
+}
+
+TEST(Robustness, NoDepthAndFlatDepth) {
+  const auto o = run(room(), 40, along, [](int i, Frame& frame) {
+    if (i % 10 == 5) std::fill(frame.depth.begin(), frame.depth.end(), 0.0f);
+    if (i % 10 == 8) std::fill(frame.depth.begin(), frame.depth.end(), 1.5f);
+    return true;
+  });
+  EXPECT_EQ(o.wrong, 0);
+  EXPECT_EQ(o.fused, 32);
+}
+
+TEST(Robustness, FrozenImages) {
+  // The driver repeats an image for half a second, the hand goes on.
+  Frame kept;
+  const auto o = run(room(), 60, along, [&](int i, Frame& frame) {
+    if (i == 20) kept = frame;
+    if (i > 20 && i < 35) frame.depth = kept.depth, frame.colour = kept.colour;
+    return true;
+  });
+  EXPECT_EQ(o.wrong, 0);
+  EXPECT_EQ(o.reports[30].state, FrameState::skipped);
+  EXPECT_EQ(o.fused, 46);
+  EXPECT_LE(frames_until_found(o, 35), 10);
+}
+
+TEST(Robustness, EverySecondAndThirdFrame) {
+  for (const int step : {2, 3}) {
+    const auto o = run(room(), 90, along, [&](int i, Frame&) { return i % step == 0; });
+    EXPECT_EQ(o.wrong, 0) << step;
+    EXPECT_EQ(static_cast<std::size_t>(o.fused), o.reports.size()) << step;
+    EXPECT_LE(o.rmse, 0.01) << step;
+  }
+}
+
+TEST(Robustness, ShuffledExposure) {
+  const auto o = run(room(), 60, along, [](int i, Frame& frame) {
+    const std::uint32_t percent[] = {100, 60, 80, 45, 95};
+    for (auto& pixel : frame.colour) {
+      std::uint32_t changed = 0xff000000u;
+      for (int shift = 0; shift < 24; shift += 8)
+        changed |= (((pixel >> shift) & 0xff) * percent[i % 5] / 100) << shift;
+      pixel = changed;
+    }
+    return true;
+  });
+  EXPECT_EQ(o.wrong, 0);
+  EXPECT_EQ(o.fused, 60);
+  EXPECT_LE(o.rmse, 0.01);
+}
+
+TEST(Robustness, ColourThatEndsHalfWayOrHasAnotherSize) {
+  const auto o = run(room(), 60, along, [](int i, Frame& frame) {
+    if (i >= 20 && i < 40) frame.colour.resize(frame.colour.size() / 4);
+    if (i >= 40) frame.colour.clear();
+    return true;
+  });
+  EXPECT_EQ(o.fused, 60);
+  EXPECT_EQ(o.wrong, 0);
+  EXPECT_LE(o.rmse, 0.01);
+  EXPECT_NE(o.reports[25].reason.find("depth alone"), std::string::npos);
+  EXPECT_EQ(o.reports[50].photometric_share, 0);
+}
+
+TEST(Robustness, SomethingSmallMovesThroughTheRoom) {
+  // Less than half a person's width: who fills half of the view near the camera still takes the pose along.
+  Scene scene = synthetic_scene("room-with-mover");
+  for (auto& s : scene.solids)
+    if (s.period > 0) s.half_size.x() *= 0.4f;
+  const auto o = run(scene, 120, along);
+  const auto most = std::max_element(o.reports.begin(), o.reports.end(),
+                                     [](const auto& a, const auto& b) { return a.moving < b.moving; });
+  EXPECT_GT(most->moving, 0.02);
+  EXPECT_EQ(o.wrong, 0);
+  EXPECT_LE(o.rmse, 0.01);
+}
+
+}  // namespace
+}  // namespace cairn
