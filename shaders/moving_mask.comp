@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Takes out of the image to be fused what stands in front of the map where the keyframe saw through, or did not look:
-// something that moves. What the keyframe saw through is also no surface of the next keyframe; what stays is one of the
+// Takes out of the image to be fused what stands in front of the map and of what the keyframe saw behind it: something
+// that moves. What the keyframe saw through is also no surface of the next keyframe; what stays is one of the
 // keyframe after, and is fused from then on. One thread a pixel of the coarsest level.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -15,6 +15,8 @@ layout(binding = 2, scalar) readonly buffer Keyframe { uvec2 keyframe[]; };  // 
 layout(binding = 3, scalar) buffer Live { uvec2 live[]; };                   // packed
 layout(binding = 4, scalar) buffer Fusion { uvec2 fusion[]; };
 layout(binding = 5, scalar) buffer Count { uint count; };
+
+const float kReach = 2.5;  // metres: farther away single measurements stray by as much as a person is thick
 
 // x: stands in front of the map by more than noise explains; y: the keyframe saw through it.
 bvec2 judge(int x, int y) {
@@ -30,8 +32,9 @@ bvec2 judge(int x, int y) {
   float zm = in_model ? uintBitsToFloat(model[im.y * width + im.x].x) : 0.0;
   uvec2 pk = in_keyframe ? keyframe[iq.y * width + iq.x] : uvec2(0);
   float zk = float(int((pk.x >> 24) | ((pk.y >> 24) << 8))) * 0.001;
-  float gap = 0.1 + 6.0 * depth_noise(z);
-  return bvec2(zm > m.z + gap && (zk == 0.0 || zk > q.z + gap), zk > q.z + gap);
+  float gap = 0.2 + 10.0 * depth_noise(z);
+  bool seen_through = z < kReach && zk > q.z + gap;
+  return bvec2(seen_through && zm > m.z + gap, seen_through);
 }
 
 void main() {
@@ -41,7 +44,7 @@ void main() {
   bvec2 here = judge(x, y);
   // A pixel around it too: edges are blurred.
   bool moving = here.x || judge(x - 1, y).x || judge(x + 1, y).x || judge(x, y - 1).x || judge(x, y + 1).x;
-  if (here.y) live[i] &= uvec2(0x00ffffffu);
+  if (here.y && push.factor > 0u) live[i] &= uvec2(0x00ffffffu);
   if (!moving) return;
   atomicAdd(count, 1u);
   uint f = push.factor;

@@ -67,7 +67,7 @@ struct MovingMaskPush {
   Pinhole camera;  // of the coarsest level
   Rigid model_from_live;
   Rigid keyframe_from_live;
-  uint factor;  // pixels of the fusion image a pixel of this level
+  uint factor;  // pixels of the fusion image a pixel of this level; 0: only count
   uint full_width;
 };
 

@@ -16,6 +16,8 @@
 namespace cairn {
 namespace {
 
+constexpr int kMaxRepeats = 2;
+
 std::string unusable(const Frame& frame, const Camera& camera, const Trajectory& before) {
   const auto pixels = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
   if (!frame.problem.empty()) return frame.problem;
@@ -66,6 +68,7 @@ struct Mapper::State {
   Trajectory trajectory;
   std::uint32_t stamp = 0;     // fused frames
   std::size_t last_image = 0;  // hash of the last frame's depth
+  int repeats = 0;             // frames since that image was new
 };
 
 Mapper::Mapper(const Camera& camera, const Options& options, Poses poses, int device) {
@@ -88,14 +91,15 @@ FrameReport Mapper::add(const Frame& given) {
       .index = frame.index, .timestamp = frame.timestamp, .reason = unusable(frame, s.camera, s.trajectory)};
   if (!report.reason.empty()) return report;
 
-  // Noise never repeats: the same image again is another moment's.
+  // Noise never repeats. A driver may deliver one image twice, but not more often.
   const std::size_t image = std::hash<std::string_view>()(
       {reinterpret_cast<const char*>(frame.depth.data()), frame.depth.size() * sizeof(float)});
-  if (image == s.last_image && s.poses == Poses::tracked) {
-    report.reason = "the depth image is the one before: the sensor is stuck";
+  s.repeats = image == s.last_image ? s.repeats + 1 : 0;
+  s.last_image = image;
+  if (s.repeats > kMaxRepeats && s.poses == Poses::tracked) {
+    report.reason = "the depth image repeats: the sensor is stuck";
     return report;
   }
-  s.last_image = image;
 
   const Surface live = timed(report.stage_ms, "preprocess", [&] { return s.preprocess(frame); });
 

@@ -14,11 +14,13 @@ constexpr double kClockOffsetContrast = 1.5;  // of the worst fit to the best
 // Of misfit: above the first another guess is tried, above the second the frame is not fused. Frames of hand-held
 // Kinect recordings lie at 1.5 to 5; a pose 15 cm off gave 8.4.
 constexpr double kDoubtful = 4.0, kMisfit = 7.0;
+constexpr double kClearlyBetter = 0.8;  // times the misfit of the guess from motion
 constexpr double kDoubtfulBrightness = 0.1;
 constexpr double kMaxSpeed = 4.0, kMaxTurn = 12.0;  // metres and radians a second: a hand is slower
 constexpr std::size_t kRecentPlaces = 3, kLikestPlaces = 6, kOtherPlaces = 4;  // compared with a frame
 // What a pose found after a loss must reach: a wrong one would be fused.
 constexpr double kFoundInliers = 0.5, kFoundOverlap = 0.3, kFoundBrightness = 0.6, kFoundMisfit = 5.0;
+constexpr double kMaxMoving = 0.3;          // of the image; more is no person but a wrong pose or a sensor without use
 constexpr double kKeyframeTurn = 0.2;       // radians
 constexpr double kKeyframeDistance = 0.15;  // metres
 constexpr double kKeyframeShare = 0.5;      // of the points in both images that fit
@@ -118,7 +120,7 @@ Tracked Tracker::operator()(const Frame& frame, const Surface& live, const Volum
     });
   };
   const auto better = [](const Alignment& a, const Alignment& b) {
-    return a.converged() && (!b.converged() || misfit(a) / a.overlap < misfit(b) / b.overlap);
+    return a.converged() && (!b.converged() || misfit(a) / a.overlap < kClearlyBetter * misfit(b) / b.overlap);
   };
   Tracked tracked = align(predict(frame.timestamp), "motion");
   if (lost_ == 0) {
@@ -158,20 +160,24 @@ double Tracker::leave_out_moving(const Surface& live, const Eigen::Isometry3d& s
   const auto level = static_cast<std::size_t>(options_.levels - 1);
   const Camera& camera = live.levels[level]->camera;
   const auto pixels = static_cast<std::uint32_t>(camera.width * camera.height);
-  std::uint32_t count[1] = {0};
-  gpu::Batch batch(device_);
-  batch.fill(moving_count_, 0);
-  mask_(batch, {pixels, 1, 1},
-        {.camera = shader::pinhole(camera),
-         .model_from_live = shader::rigid(model_.submap_from_camera.inverse() * submap_from_camera),
-         .keyframe_from_live = shader::rigid(keyframe_.submap_from_camera().inverse() * submap_from_camera),
-         .factor = 1u << level,
-         .full_width = static_cast<std::uint32_t>(live.levels[0]->camera.width)},
-        {&live.levels[level]->points, &model_.levels[level]->points, &keyframe_.level(options_.levels - 1),
-         live.packed[level], live.fusion, &moving_count_});
-  batch.download(moving_count_, std::span<std::uint32_t>(count));
-  batch.run();
-  return static_cast<double>(count[0]) / pixels;
+  const auto mask = [&](std::uint32_t factor) {
+    std::uint32_t count[1] = {0};
+    gpu::Batch batch(device_);
+    batch.fill(moving_count_, 0);
+    mask_(batch, {pixels, 1, 1},
+          {.camera = shader::pinhole(camera),
+           .model_from_live = shader::rigid(model_.submap_from_camera.inverse() * submap_from_camera),
+           .keyframe_from_live = shader::rigid(keyframe_.submap_from_camera().inverse() * submap_from_camera),
+           .factor = factor,
+           .full_width = static_cast<std::uint32_t>(live.levels[0]->camera.width)},
+          {&live.levels[level]->points, &model_.levels[level]->points, &keyframe_.level(options_.levels - 1),
+           live.packed[level], live.fusion, &moving_count_});
+    batch.download(moving_count_, std::span<std::uint32_t>(count));
+    batch.run();
+    return static_cast<double>(count[0]) / pixels;
+  };
+  if (mask(0) > kMaxMoving) return 0;
+  return mask(1u << level);
 }
 
 void Tracker::accept(const Frame& frame, const Surface& live, const Eigen::Isometry3d& submap_from_camera,

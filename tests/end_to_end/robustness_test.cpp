@@ -132,7 +132,7 @@ TEST(Robustness, FrozenImages) {
   });
   EXPECT_EQ(o.wrong, 0);
   EXPECT_EQ(o.reports[30].state, FrameState::skipped);
-  EXPECT_EQ(o.fused, 46);
+  EXPECT_EQ(o.fused, 48);  // an image may come three times
   EXPECT_LE(frames_until_found(o, 35), 10);
 }
 
