@@ -139,7 +139,7 @@ Keyframe::Keyframe(gpu::Device& device, const Camera& camera, const TrackOptions
 
 void Keyframe::set(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, const ColourMoment& moment) {
   gpu::Batch batch(device_);
-  for (std::size_t level = 0; level < surface.packed.size(); ++level)
+  for (std::size_t level = 0; level < std::min(surface.packed.size(), packed_.size()); ++level)
     if (surface.packed[level] != nullptr) batch.copy(*surface.packed[level], packed_[level]);
   batch.run();
   submap_from_camera_ = submap_from_camera;

@@ -7,7 +7,7 @@
 int main() {
   cairn::Mapper mapper(cairn::Camera{});
   cairn::Frame frame;
-  frame.depth.assign(640 * 480, 1.5f);
+  for (int i = 0; i < 640 * 480; ++i) frame.depth.push_back(1.5f + 0.0005f * static_cast<float>(i % 640));  // a wall
   if (mapper.add(frame).state != cairn::FrameState::fused) return 1;
   const cairn::Mesh mesh = mapper.mesh();
   std::printf("%zu triangles\n", mesh.triangles.size());

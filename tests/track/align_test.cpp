@@ -195,10 +195,10 @@ TEST(PhotometricReduce, PullsTowardsTheTruthAsItsPlainTwinDoes) {
   const Frame next = scene_frame(s.scene, s.camera, 1);
   const Surface key = s.preprocess(s.frame);
   keyframe.set(key, *s.frame.world_from_camera, {});
+  const auto key_points = download<shader::uvec2>(key.levels[0]->points, next.depth.size());
   const std::vector<double> brightness = twin::brightness(s.frame.colour);
   const Surface live = s.preprocess(next);
   const auto points = download<shader::uvec2>(live.levels[0]->points, next.depth.size());
-  const auto key_points = download<shader::uvec2>(key.levels[0]->points, next.depth.size());
   // Far from the model's view, so that no point finds a partner.
   const Alignment a = align(live, s.raycast(s.volume, *s.frame.world_from_camera), *next.world_from_camera, &keyframe);
 
