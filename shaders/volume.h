@@ -100,6 +100,11 @@ struct BrickPlacePush {
 const uint kTile = 8;  // pixels; side of the tiles of depth and range images
 
 #ifdef __cplusplus
+/// Tiles of a camera's image.
+inline uint tiles(const Camera& camera) {
+  const auto count = [](int pixels) { return (static_cast<uint>(pixels) + kTile - 1) / kTile; };
+  return count(camera.width) * count(camera.height);
+}
 static_assert(sizeof(BrickMarkPush) <= 128 && sizeof(RaycastPush) <= 128 && sizeof(TsdfIntegratePush) <= 128);
 }  // namespace cairn::shader
 #else

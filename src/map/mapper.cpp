@@ -56,6 +56,15 @@ struct Mapper::State {
         polygonize(device),
         volume(device, o.fuse, o.surface.max_depth) {}
 
+  /// Noise never repeats. A driver may deliver one image twice, but not more often.
+  bool is_stuck(const Frame& frame) {
+    const std::size_t image = std::hash<std::string_view>()(
+        {reinterpret_cast<const char*>(frame.depth.data()), frame.depth.size() * sizeof(float)});
+    repeats = image == last_image ? repeats + 1 : 0;
+    last_image = image;
+    return repeats > kMaxRepeats;
+  }
+
   Options options;
   Poses poses;
   Camera camera;
@@ -91,12 +100,7 @@ FrameReport Mapper::add(const Frame& given) {
       .index = frame.index, .timestamp = frame.timestamp, .reason = unusable(frame, s.camera, s.trajectory)};
   if (!report.reason.empty()) return report;
 
-  // Noise never repeats. A driver may deliver one image twice, but not more often.
-  const std::size_t image = std::hash<std::string_view>()(
-      {reinterpret_cast<const char*>(frame.depth.data()), frame.depth.size() * sizeof(float)});
-  s.repeats = image == s.last_image ? s.repeats + 1 : 0;
-  s.last_image = image;
-  if (s.repeats > kMaxRepeats && s.poses == Poses::tracked) {
+  if (s.poses == Poses::tracked && s.is_stuck(frame)) {
     report.reason = "the depth image repeats: the sensor is stuck";
     return report;
   }

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "spirv/moving_mask.comp.h"
+
 namespace cairn {
 namespace {
 
@@ -14,8 +15,8 @@ constexpr double kClockOffsetContrast = 1.5;  // of the worst fit to the best
 // Of misfit: above the first another guess is tried, above the second the frame is not fused. Frames of hand-held
 // Kinect recordings lie at 1.5 to 5; a pose 15 cm off gave 8.4.
 constexpr double kDoubtful = 4.0, kMisfit = 7.0;
-constexpr double kClearlyBetter = 0.8;  // times the misfit of the guess from motion
-constexpr double kDoubtfulBrightness = 0.1;
+constexpr double kClearlyBetter = 0.8;              // times the misfit of the guess from motion
+constexpr double kDoubtfulBrightness = 0.1;         // photometric rmse, brightness in 0..1
 constexpr double kMaxSpeed = 4.0, kMaxTurn = 12.0;  // metres and radians a second: a hand is slower
 constexpr std::size_t kRecentPlaces = 3, kLikestPlaces = 6, kOtherPlaces = 4;  // compared with a frame
 // What a pose found after a loss must reach: a wrong one would be fused.
@@ -188,11 +189,9 @@ void Tracker::accept(const Frame& frame, const Surface& live, const Eigen::Isome
       clock_offset_costs_[k] += tracked->alignment.clock_offset_costs[k];
     ++clock_offset_frames_;
   }
-  if (!live.packed.empty()) {
-    if (!keyframe_.is_set() || is_apart(keyframe_.submap_from_camera(), submap_from_camera) ||
-        (tracked != nullptr && tracked->alignment.photometric_share < kKeyframeShare))
-      keyframe_.set(live, submap_from_camera, moment);
-  }
+  const bool is_far = !keyframe_.is_set() || is_apart(keyframe_.submap_from_camera(), submap_from_camera) ||
+                      (tracked != nullptr && tracked->alignment.photometric_share < kKeyframeShare);
+  if (is_far && !live.packed.empty()) keyframe_.set(live, submap_from_camera, moment);
   if (places_.empty() || is_apart(places_.back().submap_from_camera, submap_from_camera))
     places_.push_back(
         {.submap_from_camera = submap_from_camera,

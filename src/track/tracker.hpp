@@ -48,7 +48,7 @@ class Tracker {
   [[nodiscard]] Eigen::Isometry3d predict(double timestamp) const;
   [[nodiscard]] ColourMoment moment_of(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const;
 
-  /// Guesses from the corners that the frame shares with these places, the best first; without colour, their poses.
+  /// A guess from the place that the frame shares most corners with, if any; without colour, some of the places' poses.
   [[nodiscard]] std::vector<Eigen::Isometry3d> recognise(const Frame& frame,
                                                          const std::vector<std::size_t>& places) const;
   /// The places to compare with: the likest, and in turn some of the others.

@@ -15,20 +15,13 @@ namespace {
 constexpr std::uint32_t kMaxNewBricks = 65536;  // of one frame; what is left over comes with the next
 constexpr std::uint32_t kFirstDownload = 4096;  // most frames have fewer
 
-std::uint32_t tiles(const Camera& camera) {
-  const auto count = [](int pixels) {
-    return (static_cast<std::uint32_t>(pixels) + shader::kTile - 1) / shader::kTile;
-  };
-  return count(camera.width) * count(camera.height);
-}
-
 }  // namespace
 
 Integrate::Integrate(gpu::Device& device, const Camera& camera, const SurfaceOptions& options)
     : device_(device),
       camera_(camera),
       options_(options),
-      depth_tiles_(device, 4 * std::uint64_t{tiles(camera)}),
+      depth_tiles_(device, 4 * std::uint64_t{shader::tiles(camera)}),
       new_count_(device, 4),
       new_bricks_(device, kMaxNewBricks * sizeof(shader::ivec3)),
       selected_count_(device, 4),
@@ -75,7 +68,7 @@ Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& sub
     selected_ = gpu::Buffer(device_, 4 * std::uint64_t{std::min(2 * volume.slot_count(), volume.capacity())});
   std::uint32_t selected_count[1] = {0};
   batch.fill(selected_count_, 0);
-  tiles_(batch, {tiles(camera_), 1, 1},
+  tiles_(batch, {shader::tiles(camera_), 1, 1},
          {.width = static_cast<std::uint32_t>(camera_.width), .height = static_cast<std::uint32_t>(camera_.height)},
          {surface.fusion, &depth_tiles_});
   select_(batch, {volume.slot_count(), 1, 1},

@@ -9,23 +9,12 @@
 #include "spirv/view_half.comp.h"
 
 namespace cairn {
-namespace {
-
-std::uint64_t tiles(const Camera& camera) {
-  const auto count = [](int pixels) {
-    return (static_cast<std::uint64_t>(pixels) + shader::kTile - 1) / shader::kTile;
-  };
-  return count(camera.width) * count(camera.height);
-}
-
-}  // namespace
-
 Raycast::Raycast(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels, int finest_level)
     : device_(device),
       options_(options),
       finest_(finest_level),
-      nearest_(device, 4 * tiles(camera.at_level(finest_level))),
-      farthest_(device, 4 * tiles(camera.at_level(finest_level))),
+      nearest_(device, 4 * std::uint64_t{shader::tiles(camera.at_level(finest_level))}),
+      farthest_(device, 4 * std::uint64_t{shader::tiles(camera.at_level(finest_level))}),
       range_(device, "raycast_range", raycast_range_comp),
       raycast_(device, "raycast", raycast_comp),
       half_(device, "view_half", view_half_comp) {

@@ -13,16 +13,20 @@
 namespace cairn {
 namespace {
 
-/// The room fused from one exact frame, and the tools to align with it.
-struct Room {
+/// Everything between a frame and its alignment.
+struct Stages {
   Camera camera = small_camera();
-  Scene scene = synthetic_scene("room");
   TrackOptions options{.finest_level = 0};
   Preprocess preprocess{test_device(), camera, {}, options.levels, 0};
   Volume volume{test_device(), {.voxel_size = 0.01f, .truncation = 0.04f, .device_memory = 256 << 20}, 5.0f};
   Integrate integrate{test_device(), camera, {}};
   Raycast raycast{test_device(), camera, {}, options.levels, 0};
   Align align{test_device(), options};
+};
+
+/// The room fused from one exact frame.
+struct Room : Stages {
+  Scene scene = synthetic_scene("room");
   Frame frame = scene_frame(scene, camera, 0);
   Room() { integrate(preprocess(frame), *frame.world_from_camera, volume, 1); }
 };
@@ -114,14 +118,7 @@ TEST(IcpReduce, EqualsItsPlainTwin) {
 }
 
 /// A scene's frames along a path, fused with their true poses up to the last one, which is aligned.
-struct Slide {
-  Camera camera = small_camera();
-  TrackOptions options{.finest_level = 0};
-  Preprocess preprocess{test_device(), camera, {}, options.levels, 0};
-  Volume volume{test_device(), {.voxel_size = 0.01f, .truncation = 0.04f, .device_memory = 256 << 20}, 5.0f};
-  Integrate integrate{test_device(), camera, {}};
-  Raycast raycast{test_device(), camera, {}, options.levels, 0};
-  Align align{test_device(), options};
+struct Slide : Stages {
   Keyframe keyframe{test_device(), camera, options};
 
   /// Metres between the pose found and the true one when the guess is 2 cm aside along the camera's x.
