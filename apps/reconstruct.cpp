@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <numeric>
 
 #include "cairn/mapper.hpp"
@@ -93,7 +94,11 @@ double median(std::vector<double> values) {
 std::string words(const FrameReport& r) {
   switch (r.state) {
     case FrameState::fused:
-      return r.iterations > 0 ? fmt::format("tracking, {:.0f} % inliers", 100 * r.inlier_share) : "fusing";
+      if (r.iterations == 0) return "fusing";
+      return fmt::format("{:.0f} % inliers within {:.1f} sigma", 100 * r.inlier_share, r.rmse) +
+             (r.guess == "motion" ? "" : ", guess: " + r.guess) +
+             (r.unobserved_by_geometry > 0 ? fmt::format(", {} directions by colour", r.unobserved_by_geometry) : "") +
+             (r.unobserved > 0 ? fmt::format(", {} by motion", r.unobserved) : "");
     case FrameState::lost:
       return "LOST: " + r.reason;
     case FrameState::skipped:
@@ -163,6 +168,13 @@ void reconstruct(const Arguments& a) {
   const auto fused = count(FrameState::fused);
   for (const auto& r : frames)
     if (r.state == FrameState::skipped) spdlog::warn("frame {} skipped: {}", r.index, r.reason);
+  const Mapper::Statistics statistics = mapper.statistics();
+  if (const FocalEvidence& f = statistics.focal; f.contradicts())
+    spdlog::warn(
+        "{}: corners fit a focal length of {:.0f} pixels ({:.2f} pixels off) better than the given {:.0f} ({:.2f} "
+        "pixels "
+        "off, {} pairs of views): check the camera's intrinsics, and that colour is registered to depth",
+        a.sequence, f.scale * source->camera().fx, f.error_best, source->camera().fx, f.error_given, f.pairs);
   if (fused == 0)
     throw std::runtime_error(a.sequence + ": none of " + std::to_string(frames.size()) + " frames could be used" +
                              (frames.empty() ? "" : "; the first: " + frames[0].reason));
@@ -179,7 +191,6 @@ void reconstruct(const Arguments& a) {
   timed("write map", [&] { mapper.write_map(a.output / "map.vdb"); });
 
   const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
-  const Mapper::Statistics statistics = mapper.statistics();
   nlohmann::json report{
       {"sequence", a.sequence},
       {"device", statistics.device},
@@ -197,10 +208,16 @@ void reconstruct(const Arguments& a) {
       {"peak_memory_mb", peak_memory_mb()},
       {"device_memory_peak_mb", static_cast<double>(statistics.device_memory_peak) / (1 << 20)},
       {"clock_offset", statistics.clock_offset},
+      {"focal_length",
+       {{"best_scale", statistics.focal.scale},
+        {"error_given_pixels", statistics.focal.error_given},
+        {"error_best_pixels", statistics.focal.error_best},
+        {"pairs", statistics.focal.pairs}}},
       {"bricks",
        {{"allocated", statistics.bricks}, {"paged_out", statistics.paged_out}, {"paged_in", statistics.paged_in}}},
       {"mesh", {{"vertices", mesh.positions.size()}, {"triangles", mesh.triangles.size()}}},
       {"loops", nlohmann::json::array()}};
+  if (statistics.tilt) report["tilt_degrees"] = *statistics.tilt * 180 / std::numbers::pi;
   for (const auto& [stage, ms] : stages)
     report["stages"][stage] = {{"count", ms.size()},
                                {"median_ms", median(ms)},

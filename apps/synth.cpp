@@ -44,7 +44,7 @@ void write_text(const fs::path& file, const std::string& text) {
 void write_sequence(const Arguments& a, const fs::path& folder) {
   const Scene scene = synthetic_scene(a.scene);
   const Camera camera = synthetic_camera();
-  const Trajectory path = a.trajectory.empty() ? Trajectory{} : read_trajectory(a.trajectory);
+  const SyntheticPath path(scene, a.trajectory.empty() ? Trajectory{} : read_trajectory(a.trajectory), a.frames / 30.0);
   gpu::Device device(a.device);
   SceneRenderer render(device, scene, camera);
   fs::create_directories(folder / "rgb");
@@ -57,14 +57,14 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
   Mesh truth = scene.surface();
   std::vector<bool> seen(truth.triangles.size());
   Trajectory poses;
-  std::string rgb_list = "# timestamp filename\n", depth_list = rgb_list;
+  std::string rgb_list = "# timestamp filename\n", depth_list = rgb_list, accelerometer = "# timestamp ax ay az\n";
   Progress progress(a.frames);
   for (int i = 0; i < a.frames; ++i) {
     const double time = i / 30.0;
-    const auto pose = synthetic_pose(scene, path, time);
+    const auto pose = path.pose(time);
     if (!pose) break;
     auto images = render(*pose, time);
-    const auto later = synthetic_pose(scene, path, std::max(0.0, time + a.colour_delay));
+    const auto later = path.pose(std::max(0.0, time + a.colour_delay));
     if (a.colour_delay != 0 && later) images.colour = render(*later, time + a.colour_delay).colour;
     if (i % 5 == 0) mark_seen(truth, camera, *pose, images.depth, seen);
     if (a.noise == "kinect") add_kinect_noise(images, camera, a.seed, i);
@@ -78,11 +78,15 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
     write_image(folder / "rgb" / (name + ".jpg"), bgr);
     rgb_list += fmt::format("{0} rgb/{0}.jpg\n", name);
     depth_list += fmt::format("{0} depth/{0}.png\n", name);
+    const Eigen::Vector3d acceleration = path.acceleration(time);
+    accelerometer +=
+        fmt::format("{:.6f} {:.6f} {:.6f} {:.6f}\n", time, -acceleration.x(), -acceleration.y(), acceleration.z());
     poses.push_back({time, *pose});
     progress.step("rendering");
   }
   write_text(folder / "rgb.txt", rgb_list);
   write_text(folder / "depth.txt", depth_list);
+  write_text(folder / "accelerometer.txt", accelerometer);  // in a Kinect's axes: y up, z forward
   write_trajectory(folder / "groundtruth.txt", poses);
   write_mesh(folder / "groundtruth_mesh.ply", truth);
   std::erase_if(truth.triangles, [&, i = std::size_t{0}](const auto&) mutable { return !seen[i++]; });
@@ -117,7 +121,9 @@ void add_synth(CLI::App& program) {
   const auto a = std::make_shared<Arguments>();
   command->add_option("SCENE", a->scene, "room, room-with-mover, sphere, plane, corridor or loop")->required();
   command->add_option("-o,--output", a->output, "Folder for the recording")->required();
-  command->add_option("--trajectory", a->trajectory, "Move along this TUM trajectory [the scene's own path]")
+  command
+      ->add_option("--trajectory", a->trajectory,
+                   "Move along this TUM trajectory, z up, put into the middle of the scene [the scene's own path]")
       ->check(CLI::ExistingFile);
   command->add_option("--frames", a->frames, "Number of frames, 30 a second")
       ->capture_default_str()

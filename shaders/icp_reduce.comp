@@ -20,20 +20,26 @@ void main() {
   vec3 br = vec3(0), bt = vec3(0);
   vec4 counts = vec4(0);
   int width = int(push.camera.width), height = int(push.camera.height);
-  for (uint i = gl_GlobalInvocationID.x; i < push.camera.width * push.camera.height; i += push.threads) {
+  Tile tile = tile_of(push.camera, push.tile, int(gl_WorkGroupID.x), int(gl_LocalInvocationIndex));
+  ivec2 at = tile.begin;
+  for (int k = 0; k < tile.steps; ++k) {
+    bool exists = at.x < width && at.y < height;
+    int i = exists ? at.y * width + at.x : 0;
     uvec2 l = live[i];
     float z = uintBitsToFloat(l.x);
-    vec3 p = transform(push.model_from_live, ray_through(push.camera, vec2(i % push.camera.width, i / push.camera.width)) * z);
+    vec3 p = transform(push.model_from_live, ray_through(push.camera, vec2(at)) * z);
     ivec2 pixel = ivec2(floor(project(push.camera, p) + 0.5));
-    bool valid = l.y != 0u && z > 0.0 && p.z > 0.0;
+    bool valid = exists && l.y != 0u && z > 0.0 && p.z > 0.0;
     bool inside = valid && pixel.x >= 0 && pixel.y >= 0 && pixel.x < width && pixel.y < height;
     uvec2 m = inside ? model[pixel.y * width + pixel.x] : uvec2(0);
     float zm = uintBitsToFloat(m.x);
     bool seen = inside && zm > 0.0 && m.y != 0u;
     vec3 n = unpack_normal(m.y);
     vec3 gap = ray_through(push.camera, vec2(pixel)) * zm - p;
+    vec3 live_normal = rotate(push.model_from_live, unpack_normal(l.y));
+    // Of normals that agree, the noise would agree too.
     bool inlier = seen && dot(gap, gap) < push.max_distance * push.max_distance &&
-                  dot(rotate(push.model_from_live, unpack_normal(l.y)), n) > push.min_cosine;
+                  (push.crossed != 0u || dot(live_normal, n) > push.min_cosine);
 
     float inverse_sigma = 1.0 / depth_noise(z);
     float r = dot(n, gap) * inverse_sigma;
@@ -43,7 +49,6 @@ void main() {
     vec3 jr = inlier ? cross(p, n) * inverse_sigma : vec3(0);
     vec3 wr = jr * w, wt = jt * w;
     if (push.crossed != 0u && inlier) {
-      vec3 live_normal = rotate(push.model_from_live, unpack_normal(l.y));
       jt = live_normal * inverse_sigma;
       jr = cross(p, live_normal) * inverse_sigma;
     }
@@ -57,6 +62,7 @@ void main() {
     br += wr * r;
     bt += wt * r;
     counts += vec4(w * r * r, inlier ? 1.0 : 0.0, seen ? 1.0 : 0.0, valid ? 1.0 : 0.0);
+    at = step_in(tile, at);
   }
   rr0 = subgroupAdd(rr0);
   rr1 = subgroupAdd(rr1);

@@ -29,29 +29,33 @@ void main() {
   vec3 br = vec3(0), bt = vec3(0);
   vec4 counts = vec4(0), moments = vec4(0);
   int width = int(push.camera.width), height = int(push.camera.height);
+  Tile tile = tile_of(push.camera, push.tile, int(gl_WorkGroupID.x), int(gl_LocalInvocationIndex));
   vec2 focal = vec2(push.camera.fx, push.camera.fy);
-  for (uint i = gl_GlobalInvocationID.x; i < push.camera.width * push.camera.height; i += push.threads) {
+  ivec2 at = tile.begin;
+  for (int k = 0; k < tile.steps; ++k) {
+    bool exists = at.x < width && at.y < height;
+    int i = exists ? at.y * width + at.x : 0;
     float z = uintBitsToFloat(points[i].x);
-    vec3 p = ray_through(push.camera, vec2(i % push.camera.width, i / push.camera.width)) * z;
+    vec3 p = ray_through(push.camera, vec2(at)) * z;
     // Where the colour camera saw the point, at its own moment.
     vec2 u = project(push.camera, p + cross(push.turn, p) + push.shift);
     vec3 q = transform(push.keyframe_from_live, p);
     vec2 v = project(push.camera, q);
-    bool inside = z > 0.0 && q.z > 0.1 && min(min(u.x, u.y), min(v.x, v.y)) >= 0.0 &&
+    bool inside = exists && z > 0.0 && q.z > 0.1 && min(min(u.x, u.y), min(v.x, v.y)) >= 0.0 &&
                   max(u.x, v.x) < float(width - 1) && max(u.y, v.y) < float(height - 1);
     if (!inside) u = v = vec2(0.0);
     ivec2 iu = ivec2(u), iv = ivec2(v);
     uvec2 pl = inside ? live[iu.y * width + iu.x] : uvec2(0);
     uvec2 pk = inside ? keyframe[iv.y * width + iv.x] : uvec2(0);
-    vec4 a = bilinear(pl, u - vec2(iu)), k = bilinear(pk, v - vec2(iv));
+    vec4 a = bilinear(pl, u - vec2(iu)), key = bilinear(pk, v - vec2(iv));
     float zk = float(int((pk.x >> 24) | ((pk.y >> 24) << 8))) * 0.001;
     // Neither hidden in the keyframe nor behind something that was there.
-    bool seen = inside && a.w > 0.0 && k.w > 0.0 && (zk == 0.0 || abs(zk - q.z) < 0.05 + 0.03 * q.z);
+    bool seen = inside && a.w > 0.0 && key.w > 0.0 && (zk == 0.0 || abs(zk - q.z) < 0.05 + 0.03 * q.z);
 
-    float r = seen ? k.x - (push.gain * a.x + push.bias) : 0.0;
+    float r = seen ? key.x - (push.gain * a.x + push.bias) : 0.0;
     float e = r * push.inverse_sigma;
     float w = seen ? 6.0 / (5.0 + e * e) : 0.0;  // t-distribution with 5 degrees of freedom
-    vec2 g = focal * k.yz * (1.0 / q.z);
+    vec2 g = focal * key.yz * (1.0 / q.z);
     vec3 jt = seen ? vec3(g, -dot(g, q.xy) * (1.0 / q.z)) : vec3(0);
     vec3 jr = seen ? cross(q, jt) : vec3(0);
     vec3 wr = jr * w, wt = jt * w;
@@ -65,7 +69,8 @@ void main() {
     br -= wr * r;
     bt -= wt * r;
     counts += vec4(w * r * r, seen ? 1.0 : 0.0, seen && abs(e) < 2.5 ? 1.0 : 0.0, w);
-    moments += w * vec4(a.x, k.x, a.x * a.x, a.x * k.x);
+    moments += w * vec4(a.x, key.x, a.x * a.x, a.x * key.x);
+    at = step_in(tile, at);
   }
   rr0 = subgroupAdd(rr0);
   rr1 = subgroupAdd(rr1);

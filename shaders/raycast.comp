@@ -78,7 +78,8 @@ void main() {
     }
     before = t;
     before_d = d;
-    t += max(0.8 * d, 0.5) * per_voxel;
+    // The band in front of a surface is a truncation thick: half of it passes nothing.
+    t += (d > 0.0 ? max(0.8 * d, 0.5) : 0.5 * truncation) * per_voxel;
   }
 
   // Two Newton steps along the ray, with distance in truncations and t in depth.

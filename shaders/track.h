@@ -10,7 +10,7 @@ namespace cairn::shader {
 struct IcpReducePush {
   Pinhole camera;
   Rigid model_from_live;
-  uint threads;
+  uvec2 tile;  // pixels a workgroup, multiples of 8
   float max_distance;  // metres
   float min_cosine;    // of the angle between matched normals
   float huber;         // in standard deviations of the depth noise
@@ -44,7 +44,7 @@ struct PhotometricReducePush {
   Rigid keyframe_from_live;  // from the depth camera at its moment to the keyframe's colour camera at that one's
   vec3 turn;                 // p + turn x p + shift: from the depth camera to the colour camera at their moments
   vec3 shift;
-  uint threads;
+  uvec2 tile;
   float gain;  // of live brightness, so that it equals the keyframe's
   float bias;
   float inverse_sigma;  // of the residuals, 1 / brightness in 0..1
@@ -74,5 +74,22 @@ struct MovingMaskPush {
 #ifdef __cplusplus
 static_assert(sizeof(MovingMaskPush) <= 128 && sizeof(PhotometricReducePush) <= 128);
 }  // namespace cairn::shader
+#else
+// A workgroup of 64 threads walks its tile of the image in steps of 8 x 8 pixels.
+struct Tile {
+  ivec2 begin;  // this thread's first pixel
+  int end_x;
+  int width;
+  int steps;
+};
+Tile tile_of(Pinhole camera, uvec2 size, int group, int thread) {
+  int across = (int(camera.width) + int(size.x) - 1) / int(size.x);
+  ivec2 corner = ivec2((group % across) * int(size.x), (group / across) * int(size.y));
+  return Tile(corner + ivec2(thread & 7, thread >> 3), corner.x + int(size.x), int(size.x), int(size.x * size.y) / 64);
+}
+ivec2 step_in(Tile tile, ivec2 at) {
+  at.x += 8;
+  return at.x < tile.end_x ? at : ivec2(at.x - tile.width, at.y + 8);
+}
 #endif
 #endif

@@ -37,4 +37,16 @@ struct Camera {
   }
 };
 
+/// How well corners in views turned against each other fit other focal lengths: a systematic error tells of wrong
+/// intrinsics.
+struct FocalEvidence {
+  double scale = 1;                        // the length that fits best, in units of the camera's
+  double error_given = 0, error_best = 0;  // pixels, root mean square over the corners
+  int pairs = 0;                           // of views; 0: too few to tell
+  /// Whether the camera's intrinsics are in doubt.
+  [[nodiscard]] bool contradicts() const {
+    return pairs > 0 && (scale < 0.97 || scale > 1.03) && error_given > 1.03 * error_best;
+  }
+};
+
 }  // namespace cairn

@@ -19,6 +19,9 @@ struct Frame {
   double colour_delay = 0.0;          // seconds from the depth image's stamp to the colour image's
   std::vector<std::uint32_t> colour;  // bytes R, G, B, 255 in memory order (sRGB); empty: no colour for this frame
   std::optional<Eigen::Isometry3d> world_from_camera;  // pose that came with the frame (--poses, synthetic scenes)
+  /// Mean around this time of what the camera's accelerometer measures, m/s^2, in the camera's frame: at rest 9.81
+  /// upwards.
+  std::optional<Eigen::Vector3d> acceleration;
   std::string problem;  // not empty: the frame could not be read, its images are empty; why, in one line
 };
 

@@ -16,7 +16,8 @@
 namespace cairn {
 
 enum class Poses {
-  tracked,  // found by aligning each frame with the map; the world is the first camera's frame
+  tracked,  // found by aligning each frame with the map; the world is the first camera's frame,
+            // turned so that gravity points along y where Frame::acceleration tells it
   given     // taken from Frame::world_from_camera
 };
 
@@ -77,6 +78,8 @@ class Mapper {
     std::uint64_t device_memory_peak = 0;  // bytes
     std::uint64_t bricks = 0, paged_out = 0, paged_in = 0;
     double clock_offset = 0;  // seconds that the colour camera's clock is ahead of the depth camera's
+    FocalEvidence focal;
+    std::optional<double> tilt;  // radians between the world's y axis and gravity as all fused frames measured it
     std::map<std::string, std::pair<int, double>> kernels;  // calls and total milliseconds on the device, by kernel
   };
   [[nodiscard]] Statistics statistics() const;

@@ -64,7 +64,8 @@ class RecordingSource final : public Source {
   std::optional<Frame> next() override {
     if (next_ >= end_) return std::nullopt;
     const auto& entry = recording_.entries[static_cast<std::size_t>(next_)];
-    Frame frame{.index = next_, .timestamp = entry.timestamp, .world_from_camera = {}};
+    Frame frame{
+        .index = next_, .timestamp = entry.timestamp, .world_from_camera = {}, .acceleration = entry.acceleration};
     next_ += range_.step;
     if (entry.timestamp <= last_timestamp_) {
       frame.problem = entry.depth.string() + ": its timestamp does not come after the one before";

@@ -17,8 +17,9 @@ struct Recording {
   struct Entry {
     double timestamp;  // seconds
     std::filesystem::path depth;
-    std::filesystem::path colour;  // empty: none
-    double colour_delay = 0;       // seconds after the depth image
+    std::filesystem::path colour;                 // empty: none
+    double colour_delay = 0;                      // seconds after the depth image
+    std::optional<Eigen::Vector3d> acceleration;  // see Frame
   };
   Camera camera;
   double depth_scale = 5000.0;  // depth image units per metre

@@ -14,7 +14,8 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kMaxTimeDifference = 0.02;  // seconds between a depth image and its colour image
+constexpr double kAccelerationWindow = 0.25;  // seconds around a frame, so that the hand's shaking averages out
+constexpr double kMaxTimeDifference = 0.02;   // seconds between a depth image and its colour image
 
 struct Stamped {
   double timestamp;
@@ -94,6 +95,35 @@ bool known_camera(const fs::path& folder, Camera& camera) {
   return true;
 }
 
+struct Acceleration {
+  double timestamp;
+  Eigen::Vector3d value;  // in the camera's frame
+};
+
+/// A Kinect's accelerometer has y up and z forward: a half turn about z leads to the camera's frame.
+std::vector<Acceleration> read_accelerometer(const fs::path& file) {
+  std::vector<Acceleration> samples;
+  for_each_line(file, [&](int line, const std::vector<std::string>& words) {
+    if (words.size() != 4)
+      throw std::runtime_error(file.string() + ":" + std::to_string(line) + ": expected `timestamp ax ay az`");
+    const auto number = [&](std::size_t i) { return number_of(words[i], file, line); };
+    samples.push_back({number(0), {-number(1), -number(2), number(3)}});
+  });
+  std::stable_sort(samples.begin(), samples.end(),
+                   [](const auto& a, const auto& b) { return a.timestamp < b.timestamp; });
+  return samples;
+}
+
+std::optional<Eigen::Vector3d> mean_around(const std::vector<Acceleration>& samples, double timestamp) {
+  auto it = std::lower_bound(samples.begin(), samples.end(), timestamp - kAccelerationWindow,
+                             [](const Acceleration& a, double t) { return a.timestamp < t; });
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  int count = 0;
+  for (; it != samples.end() && it->timestamp <= timestamp + kAccelerationWindow; ++it, ++count) sum += it->value;
+  if (count == 0) return std::nullopt;
+  return sum / count;
+}
+
 }  // namespace
 
 std::optional<Recording> read_tum(const fs::path& folder) {
@@ -113,8 +143,11 @@ std::optional<Recording> read_tum(const fs::path& folder) {
   const auto depth = read_list(folder / "depth.txt");
   const auto colour = read_list(folder / "rgb.txt");
   const auto match = associate(depth, colour);
+  std::vector<Acceleration> accelerations;
+  if (fs::exists(folder / "accelerometer.txt")) accelerations = read_accelerometer(folder / "accelerometer.txt");
   for (std::size_t i = 0; i < depth.size(); ++i) {
-    Recording::Entry entry{.timestamp = depth[i].timestamp, .depth = depth[i].image, .colour = {}};
+    Recording::Entry entry{.timestamp = depth[i].timestamp, .depth = depth[i].image, .colour = {}, .acceleration = {}};
+    entry.acceleration = mean_around(accelerations, entry.timestamp);
     if (match[i] >= 0) {
       const Stamped& image = colour[static_cast<std::size_t>(match[i])];
       entry.colour = image.image;

@@ -29,6 +29,15 @@ std::string unusable(const Frame& frame, const Camera& camera, const Trajectory&
   return {};
 }
 
+/// The first camera's pose in a world whose y axis points down.
+Eigen::Isometry3d level(const std::optional<Eigen::Vector3d>& acceleration) {
+  Eigen::Isometry3d world_from_camera = Eigen::Isometry3d::Identity();
+  if (acceleration && acceleration->norm() > 0)
+    world_from_camera.linear() =
+        Eigen::Quaterniond::FromTwoVectors(*acceleration, -Eigen::Vector3d::UnitY()).toRotationMatrix();
+  return world_from_camera;
+}
+
 void tell(const Tracked& tracked, FrameReport& report) {
   const Alignment& a = tracked.alignment;
   report.guess = tracked.guess;
@@ -75,9 +84,10 @@ struct Mapper::State {
   Polygonize polygonize;
   Volume volume;
   Trajectory trajectory;
-  std::uint32_t stamp = 0;     // fused frames
-  std::size_t last_image = 0;  // hash of the last frame's depth
-  int repeats = 0;             // frames since that image was new
+  Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();  // sum over fused frames, in the world
+  std::uint32_t stamp = 0;                                 // fused frames
+  std::size_t last_image = 0;                              // hash of the last frame's depth
+  int repeats = 0;                                         // frames since that image was new
 };
 
 Mapper::Mapper(const Camera& camera, const Options& options, Poses poses, int device) {
@@ -115,7 +125,9 @@ FrameReport Mapper::add(const Frame& given) {
       return report;
     }
     world_from_camera = *frame.world_from_camera;
-  } else if (!s.trajectory.empty()) {
+  } else if (s.trajectory.empty()) {
+    world_from_camera = level(frame.acceleration);
+  } else {
     tracked = s.tracker(frame, live, s.volume, report.stage_ms);
     const Alignment& alignment = tracked->alignment;
     tell(*tracked, report);
@@ -137,6 +149,7 @@ FrameReport Mapper::add(const Frame& given) {
   report.state = FrameState::fused;
   if (depth_alone) report.reason = "its colour image is not of the camera's size: depth alone is used";
   if (s.poses == Poses::tracked) s.tracker.accept(frame, live, world_from_camera, tracked ? &*tracked : nullptr);
+  if (frame.acceleration) s.acceleration += world_from_camera.linear() * *frame.acceleration;
   s.trajectory.push_back({frame.timestamp, world_from_camera});
   return report;
 }
@@ -162,7 +175,11 @@ Mapper::Statistics Mapper::statistics() const {
                         .paged_out = counts.paged_out,
                         .paged_in = counts.paged_in,
                         .clock_offset = state_->tracker.clock_offset(),
+                        .focal = state_->tracker.focal(),
+                        .tilt = {},
                         .kernels = {}};
+  if (const Eigen::Vector3d& up = state_->acceleration; up.norm() > 0)
+    statistics.tilt = std::acos(std::clamp(-up.normalized().y(), -1.0, 1.0));
   for (const auto& [name, time] : state_->device.kernel_times()) statistics.kernels[name] = {time.calls, time.total_ms};
   return statistics;
 }

@@ -26,6 +26,46 @@ cv::Mat grey(const std::vector<std::uint32_t>& colour, const Camera& camera) {
   return out;
 }
 
+struct Matches {
+  std::vector<cv::Point3d> points;  // of the known view, metres
+  std::vector<cv::Point2d> rays;    // of the seen one, at z = 1
+};
+
+/// Mutual nearest descriptors, where the known corner has depth.
+Matches match(const Features& known, const Features& seen) {
+  Matches matches;
+  if (known.descriptors.empty() || seen.descriptors.empty()) return matches;
+  const auto mat = [](const Features& f) {
+    return cv::Mat(static_cast<int>(f.descriptors.size()), 32, CV_8U,
+                   const_cast<std::uint8_t*>(f.descriptors.front().data()));
+  };
+  std::vector<cv::DMatch> pairs;
+  cv::BFMatcher(cv::NORM_HAMMING, true).match(mat(seen), mat(known), pairs);
+  for (const auto& m : pairs) {
+    const Eigen::Vector3d& p = known.points[static_cast<std::size_t>(m.trainIdx)];
+    if (m.distance > kMaxHamming || p.z() <= 0) continue;
+    const Eigen::Vector2d& r = seen.rays[static_cast<std::size_t>(m.queryIdx)];
+    matches.points.emplace_back(p.x(), p.y(), p.z());
+    matches.rays.emplace_back(r.x(), r.y());
+  }
+  return matches;
+}
+
+struct Pnp {
+  cv::Vec3d turn, shift;  // seen_from_known
+  std::vector<int> inliers;
+};
+std::optional<Pnp> solve(const Matches& matches, const Camera& camera) {
+  if (matches.points.size() < kMinAgreeing) return std::nullopt;
+  Pnp pnp;
+  if (!cv::solvePnPRansac(matches.points, matches.rays, cv::Matx33d::eye(), cv::noArray(), pnp.turn, pnp.shift, false,
+                          kRansacIterations, static_cast<float>(kReprojection / camera.fx), 0.995, pnp.inliers,
+                          cv::SOLVEPNP_EPNP) ||
+      pnp.inliers.size() < kMinAgreeing)
+    return std::nullopt;
+  return pnp;
+}
+
 }  // namespace
 
 Features describe(const std::vector<std::uint32_t>& colour, const std::vector<float>& depth, const Camera& camera) {
@@ -50,35 +90,48 @@ Features describe(const std::vector<std::uint32_t>& colour, const std::vector<fl
 }
 
 std::optional<Located> locate(const Features& known, const Features& seen, const Camera& camera) {
-  if (known.descriptors.size() < kMinAgreeing || seen.descriptors.size() < kMinAgreeing) return std::nullopt;
-  const auto mat = [](const Features& f) {
-    return cv::Mat(static_cast<int>(f.descriptors.size()), 32, CV_8U,
-                   const_cast<std::uint8_t*>(f.descriptors.front().data()));
-  };
-  std::vector<cv::DMatch> matches;
-  cv::BFMatcher(cv::NORM_HAMMING, true).match(mat(seen), mat(known), matches);
-  std::vector<cv::Point3d> points;
-  std::vector<cv::Point2d> rays;
-  for (const auto& m : matches) {
-    const Eigen::Vector3d& p = known.points[static_cast<std::size_t>(m.trainIdx)];
-    if (m.distance > kMaxHamming || p.z() <= 0) continue;
-    const Eigen::Vector2d& r = seen.rays[static_cast<std::size_t>(m.queryIdx)];
-    points.emplace_back(p.x(), p.y(), p.z());
-    rays.emplace_back(r.x(), r.y());
-  }
-  if (points.size() < kMinAgreeing) return std::nullopt;
-  cv::Vec3d turn, shift;
-  std::vector<int> inliers;
-  if (!cv::solvePnPRansac(points, rays, cv::Matx33d::eye(), cv::noArray(), turn, shift, false, kRansacIterations,
-                          static_cast<float>(kReprojection / camera.fx), 0.995, inliers, cv::SOLVEPNP_EPNP) ||
-      inliers.size() < kMinAgreeing)
-    return std::nullopt;
-  const Eigen::Vector3d axis(turn[0], turn[1], turn[2]);
+  const auto pnp = solve(match(known, seen), camera);
+  if (!pnp) return std::nullopt;
+  const Eigen::Vector3d axis(pnp->turn[0], pnp->turn[1], pnp->turn[2]);
   Eigen::Isometry3d seen_from_known = Eigen::Isometry3d::Identity();
   if (axis.norm() > 0) seen_from_known.linear() = Eigen::AngleAxisd(axis.norm(), axis.normalized()).toRotationMatrix();
-  seen_from_known.translation() = Eigen::Vector3d(shift[0], shift[1], shift[2]);
+  seen_from_known.translation() = Eigen::Vector3d(pnp->shift[0], pnp->shift[1], pnp->shift[2]);
   if (!seen_from_known.matrix().allFinite()) return std::nullopt;
-  return Located{.known_from_seen = seen_from_known.inverse(), .inliers = static_cast<int>(inliers.size())};
+  return Located{.known_from_seen = seen_from_known.inverse(), .inliers = static_cast<int>(pnp->inliers.size())};
+}
+
+std::vector<double> focal_costs(const Features& known, const Features& seen, const Camera& camera) {
+  const Matches matches = match(known, seen);
+  const auto pnp = solve(matches, camera);
+  if (!pnp) return {};
+  // Also what a wrong focal length has driven out of the first pose's inliers.
+  std::vector<cv::Point2d> projected;
+  const auto project = [&](const std::vector<cv::Point3d>& points, const cv::Vec3d& turn, const cv::Vec3d& shift) {
+    cv::projectPoints(points, turn, shift, cv::Matx33d::eye(), cv::noArray(), projected);
+  };
+  project(matches.points, pnp->turn, pnp->shift);
+  Matches near;
+  for (std::size_t i = 0; i < projected.size(); ++i) {
+    if (!(cv::norm(projected[i] - matches.rays[i]) * camera.fx < 3 * kReprojection)) continue;
+    near.points.push_back(matches.points[i]);
+    near.rays.push_back(matches.rays[i]);
+  }
+  std::vector<double> costs;
+  for (const double scale : kFocalScales) {
+    Matches scaled = near;
+    for (auto& p : scaled.points) p.x /= scale, p.y /= scale;
+    for (auto& r : scaled.rays) r *= 1 / scale;
+    cv::Vec3d turn = pnp->turn, shift = pnp->shift;
+    if (!cv::solvePnP(scaled.points, scaled.rays, cv::Matx33d::eye(), cv::noArray(), turn, shift, true)) return {};
+    project(scaled.points, turn, shift);
+    double squared = 0;
+    for (std::size_t i = 0; i < projected.size(); ++i) {
+      const double error = cv::norm(projected[i] - scaled.rays[i]) * camera.fx * scale;
+      squared += std::min(error * error, kReprojection * kReprojection);
+    }
+    costs.push_back(squared / static_cast<double>(projected.size()));
+  }
+  return costs;
 }
 
 Thumbnail thumbnail(const std::vector<std::uint32_t>& colour, const std::vector<float>& depth, const Camera& camera) {

@@ -32,6 +32,12 @@ struct Located {
 /// than 20 agree.
 [[nodiscard]] std::optional<Located> locate(const Features& known, const Features& seen, const Camera& camera);
 
+/// Candidates for the true focal length in units of the camera's.
+constexpr std::array<double, 9> kFocalScales{0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15, 1.2};
+/// Mean squared distance, in pixels, between corners of `seen` and where `known`'s project to with each focal length
+/// and the pose that suits it best. The camera must have turned between the two. Empty when too few corners agree.
+[[nodiscard]] std::vector<double> focal_costs(const Features& known, const Features& seen, const Camera& camera);
+
 /// A blurred image of 40 x 30 pixels with mean 0 and norm 1 (Klein & Murray 2008): their products tell how alike two
 /// views are. From brightness, or from depth where there is no colour.
 using Thumbnail = std::array<float, 1200>;

@@ -12,21 +12,33 @@
 
 namespace cairn {
 
+/// How the camera moves through a scene.
+class SyntheticPath {
+ public:
+  /// `recorded`: world_from_camera in a world with z up, as TUM's; empty: the scene's own hand-held-like path. The
+  /// first `seconds` of it are put into the middle of the scene, their longer side along x.
+  SyntheticPath(Scene scene, Trajectory recorded, double seconds);
+  /// world_from_camera; nothing beyond the path's end or in a gap of more than 2.5 s. Shorter ones are passed at
+  /// constant velocity.
+  [[nodiscard]] std::optional<Eigen::Isometry3d> pose(double seconds) const;
+  /// What an accelerometer in the camera measures: see Frame::acceleration.
+  [[nodiscard]] Eigen::Vector3d acceleration(double seconds) const;
+
+ private:
+  Scene scene_;
+  Trajectory recorded_;  // in the scene
+};
+
 struct SyntheticOptions {
   std::string scene = "room";
   int frames = 300;
   bool kinect_noise = false;
   std::uint64_t seed = 1;
-  Trajectory path;          // world_from_camera; empty: the scene's own hand-held-like path
   bool with_poses = false;  // frames carry their true pose
   int device = -1;
 };
 
 /// A scene rendered on the fly, on a device of its own. Throws std::runtime_error for an unknown scene.
 [[nodiscard]] std::unique_ptr<Source> open_synthetic(const SyntheticOptions& options);
-
-/// world_from_camera of a synthetic recording; nothing beyond the end of a given path.
-[[nodiscard]] std::optional<Eigen::Isometry3d> synthetic_pose(const Scene& scene, const Trajectory& path,
-                                                              double seconds);
 
 }  // namespace cairn

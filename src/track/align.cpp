@@ -13,25 +13,41 @@ namespace cairn {
 namespace {
 
 constexpr std::uint32_t kWorkgroup = 64;
-constexpr std::uint32_t kPixelsPerThread = 60;
-constexpr std::uint32_t kMaxGroups = 128;
+constexpr std::uint32_t kTilesAcross = 4, kTilesDown = 8;
+constexpr std::uint32_t kMaxGroups = kTilesAcross * kTilesDown;
 constexpr std::uint32_t kMaxSums = kMaxGroups * kWorkgroup;  // a subgroup has at least one thread
-constexpr double kConverged = 1e-5;  // radians and metres: a hundredth of a pixel and of a voxel
+constexpr double kConverged = 1e-4;        // radians and metres: some hundredths of a pixel, a hundredth of a voxel
+constexpr double kConvergedCoarse = 4e-4;  // at level 0; twice that at each coarser one
 constexpr double kMinBrightnessSigma = 1.0 / 255;
 constexpr double kMinDepthSigma = 0.1;   // standard deviations of the depth noise
 constexpr double kWeakGeometry = 0.002;  // share of a direction in the sum of all
 constexpr double kAgreeing = 0.75;       // share of inliers
 constexpr double kUnobserved = 1e-5;     // of the strongest direction
-// Brightness residuals of neighbouring pixels go together: of so many one is counted. With 1 or 0.3 instead, colour
-// that is not registered to depth (7-Scenes) pulls the pose away; with 0.01 it no longer holds where geometry is weak.
-constexpr double kIndependentBrightness = 0.05;
+// Brightness residuals of neighbouring pixels go together, so that many tell as little as one. What the sensor's noise
+// explains of their variance depends on interpolation only; the rest is calibration, shutter and shading, which whole
+// objects share.
+constexpr double kBrightnessNoise = 0.015;  // standard deviation, brightness in 0..1
+constexpr double kNoiseTogether = 10;       // residuals that count as one
+constexpr double kSystematicTogether = 60;
 constexpr double kTurning = 0.3;  // radians a second: the camera's turning tells when its images were taken
 constexpr double kMinPhotometricShare = 0.05;  // of the pixels must have a brightness in both images
 
-std::uint32_t groups_of(const Camera& camera) {
-  const auto pixels = static_cast<std::uint32_t>(camera.width * camera.height);
-  return std::clamp(pixels / (kWorkgroup * kPixelsPerThread), 16u, kMaxGroups);
-}
+/// How the image is cut: a workgroup a tile.
+struct Tiling {
+  explicit Tiling(const Camera& camera) {
+    const auto in_eights = [](int pixels, std::uint32_t parts) {
+      return 8 * ((static_cast<std::uint32_t>(pixels) + 8 * parts - 1) / (8 * parts));
+    };
+    size = {in_eights(camera.width, kTilesAcross), in_eights(camera.height, kTilesDown)};
+    const auto groups_along = [](int pixels, std::uint32_t tile) {
+      return (static_cast<std::uint32_t>(pixels) + tile - 1) / tile;
+    };
+    groups = groups_along(camera.width, size.x) * groups_along(camera.height, size.y);
+  }
+  [[nodiscard]] std::uint32_t threads() const { return groups * kWorkgroup; }
+  shader::uvec2 size;
+  std::uint32_t groups;
+};
 
 void add(const shader::NormalEquations& p, Matrix6d& a, Vector6d& b) {
   a(0, 0) += p.rr0.x, a(0, 1) += p.rr0.y, a(0, 2) += p.rr0.z;
@@ -45,19 +61,6 @@ void add(const shader::NormalEquations& p, Matrix6d& a, Vector6d& b) {
 }
 
 void symmetrise(Matrix6d& a) { a.triangularView<Eigen::StrictlyLower>() = a.transpose(); }
-
-/// How a small motion (rotation, translation) given in frame b reads in frame a.
-Matrix6d adjoint(const Eigen::Isometry3d& a_from_b) {
-  const Eigen::Matrix3d r = a_from_b.linear();
-  const Eigen::Vector3d t = a_from_b.translation();
-  Eigen::Matrix3d cross;
-  cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
-  Matrix6d m = Matrix6d::Zero();
-  m.topLeftCorner<3, 3>() = r;
-  m.bottomRightCorner<3, 3>() = r;
-  m.bottomLeftCorner<3, 3>() = cross * r;
-  return m;
-}
 
 /// Directions of the pose, rotations measured by what they move at the scene's distance.
 struct Directions {
@@ -116,19 +119,6 @@ std::optional<Vector6d> solve(const Matrix6d& a, const Vector6d& b, int& unobser
 
 }  // namespace
 
-Eigen::Isometry3d exponential(const Vector6d& x) {
-  Eigen::Isometry3d t = Eigen::Isometry3d::Identity();
-  const double angle = x.head<3>().norm();
-  if (angle > 0) t.linear() = Eigen::AngleAxisd(angle, x.head<3>() / angle).toRotationMatrix();
-  t.translation() = x.tail<3>();
-  return t;
-}
-
-Vector6d logarithm(const Eigen::Isometry3d& t) {
-  const Eigen::AngleAxisd turn(t.linear());
-  return (Vector6d() << turn.axis() * turn.angle(), t.translation()).finished();
-}
-
 Keyframe::Keyframe(gpu::Device& device, const Camera& camera, const TrackOptions& options) : device_(device) {
   for (int level = 0; level < options.levels; ++level) {
     const Camera c = camera.at_level(level);
@@ -169,7 +159,7 @@ shader::PhotometricReducePush Align::photometric_push(const Camera& camera, cons
               shader::rigid(keyframe.submap_from_colour(moment.clock_offset).inverse() * submap_from_live),
           .turn = Eigen::Vector3f(colour_motion.head<3>().cast<float>()),
           .shift = Eigen::Vector3f(colour_motion.tail<3>().cast<float>()),
-          .threads = groups_of(camera) * kWorkgroup,
+          .tile = Tiling(camera).size,
           .gain = static_cast<float>(brightness.gain),
           .bias = static_cast<float>(brightness.bias),
           .inverse_sigma = static_cast<float>(1 / brightness.sigma)};
@@ -181,15 +171,15 @@ std::vector<double> Align::clock_offset_costs(const Surface& live, const Keyfram
   const int level = options_.levels - 1;
   const auto l = static_cast<std::size_t>(level);
   const Camera& camera = live.levels[l]->camera;
-  const std::uint32_t groups = groups_of(camera);
-  const std::size_t count = groups * (kWorkgroup / device_.info().subgroup_size);
+  const Tiling tiling(camera);
+  const std::size_t count = tiling.groups * (kWorkgroup / device_.info().subgroup_size);
   std::vector<std::vector<shader::PhotometricSums>> sums(kClockOffsets.size(),
                                                          std::vector<shader::PhotometricSums>(count));
   gpu::Batch batch(device_);
   for (std::size_t k = 0; k < kClockOffsets.size(); ++k) {
     ColourMoment candidate = moment;
     candidate.clock_offset = kClockOffsets[k];
-    photometric_(batch, {groups * kWorkgroup, 1, 1},
+    photometric_(batch, {tiling.threads(), 1, 1},
                  photometric_push(camera, keyframe, submap_from_live, candidate, brightness),
                  {&live.levels[l]->points, live.packed[l], &keyframe.level(level), &photometric_sums_});
     batch.download(photometric_sums_, sums[k]);
@@ -218,14 +208,14 @@ Alignment Align::operator()(const Surface& live, const ModelView& model, const E
   Geometry geometry;
   Photometry photometry;
   Observed observed;
-  bool again = false;
+  enum { undecided, without_weak, with_all } directions = undecided;  // of the geometry
   bool uses_brightness = false;
 
   for (int level = options_.levels - 1; level >= options_.finest_level; --level) {
     const auto l = static_cast<std::size_t>(level);
     const Camera& camera = live.levels[l]->camera;
-    const std::uint32_t groups = groups_of(camera), threads = groups * kWorkgroup;
-    std::vector<shader::IcpSums> geometry_sums(groups * (kWorkgroup / device_.info().subgroup_size));
+    const Tiling tiling(camera);
+    std::vector<shader::IcpSums> geometry_sums(tiling.groups * (kWorkgroup / device_.info().subgroup_size));
     std::vector<shader::IcpSums> crossed_sums(geometry_sums.size());
     std::vector<shader::PhotometricSums> photometric_sums(has_brightness ? geometry_sums.size() : 0);
     const int most = level == options_.finest_level ? options_.iterations_finest : options_.iterations_coarse;
@@ -233,22 +223,24 @@ Alignment Align::operator()(const Surface& live, const ModelView& model, const E
       gpu::Batch batch(device_);
       shader::IcpReducePush push{.camera = shader::pinhole(camera),
                                  .model_from_live = shader::rigid(model_from_live),
-                                 .threads = threads,
+                                 .tile = tiling.size,
                                  .max_distance = options_.max_distance * static_cast<float>(1 << level),
                                  .min_cosine = std::cos(options_.max_angle),
                                  .huber = options_.huber,
                                  .crossed = 0};
-      icp_(batch, {threads, 1, 1}, push, {&live.levels[l]->points, &model.levels[l]->points, &geometry_sums_});
+      icp_(batch, {tiling.threads(), 1, 1}, push, {&live.levels[l]->points, &model.levels[l]->points, &geometry_sums_});
       batch.download(geometry_sums_, geometry_sums);
-      const bool looks_for_weak = level == options_.finest_level && i == 0;  // close enough for normals to pair up
+      const bool looks_for_weak =
+          directions != with_all && level == options_.finest_level && i == 0;  // close enough for normals to pair up
       if (looks_for_weak) {
         push.crossed = 1;
-        icp_(batch, {threads, 1, 1}, push, {&live.levels[l]->points, &model.levels[l]->points, &crossed_sums_});
+        icp_(batch, {tiling.threads(), 1, 1}, push,
+             {&live.levels[l]->points, &model.levels[l]->points, &crossed_sums_});
         batch.download(crossed_sums_, crossed_sums);
       }
       if (has_brightness) {
         photometric_(
-            batch, {threads, 1, 1},
+            batch, {tiling.threads(), 1, 1},
             photometric_push(camera, *keyframe, model.submap_from_camera * model_from_live, moment, brightness),
             {&live.levels[l]->points, live.packed[l], &keyframe->level(level), &photometric_sums_});
         batch.download(photometric_sums_, photometric_sums);
@@ -265,14 +257,22 @@ Alignment Align::operator()(const Surface& live, const ModelView& model, const E
       if (looks_for_weak) {
         Matrix6d crossed = Matrix6d::Zero();
         Vector6d unused = Vector6d::Zero();
-        for (const auto& p : crossed_sums) add(p.normal, crossed, unused);
+        double near = 0;
+        for (const auto& p : crossed_sums) add(p.normal, crossed, unused), near += p.inliers;
         symmetrise(crossed);
-        // Normals of surfaces that do not lie on each other yet say nothing about noise.
-        observed = geometry.inliers > kAgreeing * geometry.seen ? observed_by_geometry(crossed) : Observed{};
-        if (observed.weak > 0 && has_brightness && !again && level + 1 < options_.levels) {
-          // The coarse levels have slid along what they did not observe: once more, now that it is known.
-          again = true;
+        // Normals of surfaces that do not lie on each other yet say nothing about noise. Those of a young map disagree
+        // even then; brightness that fits to its noise without the weak directions tells that they lie.
+        const bool agree = geometry.inliers > kAgreeing * geometry.seen, close = near > kAgreeing * geometry.seen;
+        const bool can_repeat = has_brightness && level + 1 < options_.levels;
+        const bool proved = directions == without_weak && brightness.sigma < kBrightnessNoise;
+        const bool trial = directions == undecided && can_repeat;
+        observed = agree || (close && (proved || trial)) ? observed_by_geometry(crossed) : Observed{};
+        // The coarse levels have slid along what they did not observe, or were wrong to leave it: once more.
+        const bool repeat = can_repeat && (directions == undecided ? observed.weak > 0 : !agree && !proved);
+        if (repeat) {
+          directions = directions == undecided ? without_weak : with_all;
           model_from_live = start;
+          brightness = {};
           level = options_.levels;
           break;
         }
@@ -302,7 +302,9 @@ Alignment Align::operator()(const Surface& live, const ModelView& model, const E
       if (uses_brightness) {
         // Kerl, Sturm & Cremers 2013, eq. 15: one step of the fixed point an iteration.
         brightness.sigma = std::max(std::sqrt(photometry.squared / photometry.seen), kMinBrightnessSigma);
-        const double variance = brightness.sigma * brightness.sigma / kIndependentBrightness;
+        const double all = brightness.sigma * brightness.sigma;
+        const double noise = std::min(all, kBrightnessNoise * kBrightnessNoise);
+        const double variance = kNoiseTogether * noise + kSystematicTogether * (all - noise);
         a += keyframe_motion.transpose() * photometry.a * keyframe_motion / variance;
         b += keyframe_motion.transpose() * photometry.b / variance;
         // Gain and bias by weighted linear regression of the keyframe's brightness on the live one's.
@@ -316,7 +318,7 @@ Alignment Align::operator()(const Surface& live, const ModelView& model, const E
       const std::optional<Vector6d> x = solve(a, b, result.unobserved);
       if (!x) break;
       model_from_live = exponential(*x) * model_from_live;
-      if (x->norm() < kConverged * (1 << level)) break;
+      if (x->norm() < (level == options_.finest_level ? kConverged : kConvergedCoarse * (1 << level))) break;
     }
   }
 

@@ -8,14 +8,12 @@
 #include <vector>
 
 #include "cairn/options.hpp"
+#include "cairn/pose.hpp"
 #include "shaders/track.h"
 #include "surface/preprocess.hpp"
 #include "volume/raycast.hpp"
 
 namespace cairn {
-
-using Matrix6d = Eigen::Matrix<double, 6, 6>;
-using Vector6d = Eigen::Matrix<double, 6, 1>;  // (rotation, translation): radians, metres
 
 struct Alignment {
   Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
@@ -108,10 +106,5 @@ class Align {
   gpu::Kernel<shader::IcpReducePush> icp_;
   gpu::Kernel<shader::PhotometricReducePush> photometric_;
 };
-
-/// Rotation about the vector's first half by its length, and translation by the second half.
-[[nodiscard]] Eigen::Isometry3d exponential(const Vector6d& x);
-/// The other way round, for rotations of less than half a turn.
-[[nodiscard]] Vector6d logarithm(const Eigen::Isometry3d& t);
 
 }  // namespace cairn

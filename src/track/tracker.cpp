@@ -11,12 +11,15 @@ namespace cairn {
 namespace {
 
 constexpr int kClockOffsetFrames = 10;        // before they are believed
+constexpr int kFocalPairs = 4;                // of views, before they are believed
+constexpr double kFocalTurn = 0.1;            // radians between the two views of a pair
 constexpr double kClockOffsetContrast = 1.5;  // of the worst fit to the best
 // Of misfit: above the first another guess is tried, above the second the frame is not fused. Frames of hand-held
 // Kinect recordings lie at 1.5 to 5; a pose 15 cm off gave 8.4.
 constexpr double kDoubtful = 4.0, kMisfit = 7.0;
-constexpr double kClearlyBetter = 0.8;              // times the misfit of the guess from motion
+constexpr double kClearlyBetter = 0.8;              // times the cost of the guess from motion
 constexpr double kDoubtfulBrightness = 0.1;         // photometric rmse, brightness in 0..1
+constexpr double kUsualBrightness = 0.03;           // photometric rmse of hand-held Kinect recordings
 constexpr double kMaxSpeed = 4.0, kMaxTurn = 12.0;  // metres and radians a second: a hand is slower
 constexpr std::size_t kRecentPlaces = 3, kLikestPlaces = 6, kOtherPlaces = 4;  // compared with a frame
 // What a pose found after a loss must reach: a wrong one would be fused.
@@ -31,6 +34,27 @@ double misfit(const Alignment& a) { return a.inlier_share * a.rmse * a.rmse + (1
 
 bool is_doubtful(const Alignment& a) {
   return !a.converged() || misfit(a) > kDoubtful || a.photometric_rmse > kDoubtfulBrightness;
+}
+
+/// Whether the frame fits clearly better at `a` than at `b`, by depth and by brightness.
+bool is_better(const Alignment& a, const Alignment& b) {
+  if (!a.converged() || !b.converged()) return a.converged();
+  const bool compares_brightness = a.photometric_share > 0 && b.photometric_share > 0;
+  const auto cost = [&](const Alignment& x) {
+    const double brightness = compares_brightness ? x.photometric_rmse / kUsualBrightness : 0.0;
+    return misfit(x) / x.overlap + brightness * brightness;
+  };
+  return cost(a) < kClearlyBetter * cost(b);
+}
+
+/// Where a function sampled at evenly spaced places is lowest: on the parabola through the lowest sample and its
+/// neighbours.
+template <std::size_t N>
+double lowest(const std::array<double, N>& at, const std::array<double, N>& values) {
+  const auto best = static_cast<std::size_t>(std::min_element(values.begin(), values.end()) - values.begin());
+  if (best == 0 || best + 1 == N) return at[best];
+  const double before = values[best - 1], after = values[best + 1], curvature = before - 2 * values[best] + after;
+  return at[best] + (curvature > 0 ? 0.5 * (before - after) / curvature : 0.0) * (at[1] - at[0]);
 }
 
 bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
@@ -70,15 +94,18 @@ ColourMoment Tracker::moment_of(const Frame& frame, const Eigen::Isometry3d& sub
 double Tracker::clock_offset() const {
   if (clock_offset_frames_ < kClockOffsetFrames) return 0.0;
   const auto& costs = clock_offset_costs_;
-  const auto best = static_cast<std::size_t>(std::min_element(costs.begin(), costs.end()) - costs.begin());
+  const auto [least, most] = std::minmax_element(costs.begin(), costs.end());
   // Colour that is not registered to depth fits nowhere much better than elsewhere.
-  if (*std::max_element(costs.begin(), costs.end()) < kClockOffsetContrast * costs[best]) return 0.0;
-  if (best == 0 || best + 1 == costs.size()) return kClockOffsets[best];
-  // The lowest point of the parabola through the best candidate and its neighbours.
-  const double before = costs[best - 1], after = costs[best + 1];
-  const double curvature = before - 2 * costs[best] + after;
-  const double shift = curvature > 0 ? 0.5 * (before - after) / curvature : 0.0;
-  return kClockOffsets[best] + shift * (kClockOffsets[1] - kClockOffsets[0]);
+  return *most < kClockOffsetContrast * *least ? 0.0 : lowest(kClockOffsets, costs);
+}
+
+FocalEvidence Tracker::focal() const {
+  if (focal_pairs_ < kFocalPairs) return {};
+  const auto error = [&](double cost) { return std::sqrt(cost / focal_pairs_); };
+  return {.scale = lowest(kFocalScales, focal_costs_),
+          .error_given = error(focal_costs_[kFocalScales.size() / 2]),
+          .error_best = error(*std::min_element(focal_costs_.begin(), focal_costs_.end())),
+          .pairs = focal_pairs_};
 }
 
 std::vector<std::size_t> Tracker::candidates(const Frame& frame) const {
@@ -120,9 +147,6 @@ Tracked Tracker::operator()(const Frame& frame, const Surface& live, const Volum
       return Tracked{.alignment = align_(live, model_, guess, &keyframe_, moment_of(frame, guess)), .guess = name};
     });
   };
-  const auto better = [](const Alignment& a, const Alignment& b) {
-    return a.converged() && (!b.converged() || misfit(a) / a.overlap < kClearlyBetter * misfit(b) / b.overlap);
-  };
   Tracked tracked = align(predict(frame.timestamp), "motion");
   if (lost_ == 0) {
     if (!tracked.alignment.converged())
@@ -131,7 +155,7 @@ Tracked Tracker::operator()(const Frame& frame, const Surface& live, const Volum
       std::vector<std::size_t> recent;
       for (std::size_t i = places_.size(); i > 0 && recent.size() < kRecentPlaces; --i) recent.push_back(i - 1);
       for (const auto& guess : timed(times, "recognise", [&] { return recognise(frame, recent); }))
-        if (Tracked other = align(guess, "features"); better(other.alignment, tracked.alignment))
+        if (Tracked other = align(guess, "features"); is_better(other.alignment, tracked.alignment))
           tracked = std::move(other);
     }
     const Eigen::Isometry3d motion = last_.back().submap_from_camera.inverse() * tracked.alignment.submap_from_camera;
@@ -181,6 +205,14 @@ double Tracker::leave_out_moving(const Surface& live, const Eigen::Isometry3d& s
   return mask(1u << level);
 }
 
+void Tracker::compare_focal_lengths(const Place& known, const Place& seen) {
+  const Eigen::Isometry3d motion = known.submap_from_camera.inverse() * seen.submap_from_camera;
+  if (Eigen::AngleAxisd(motion.linear()).angle() < kFocalTurn) return;
+  const auto costs = focal_costs(known.features, seen.features, source_camera_);
+  for (std::size_t i = 0; i < costs.size(); ++i) focal_costs_[i] += costs[i];
+  focal_pairs_ += !costs.empty();
+}
+
 void Tracker::accept(const Frame& frame, const Surface& live, const Eigen::Isometry3d& submap_from_camera,
                      const Tracked* tracked) {
   const ColourMoment moment = moment_of(frame, submap_from_camera);
@@ -192,11 +224,13 @@ void Tracker::accept(const Frame& frame, const Surface& live, const Eigen::Isome
   const bool is_far = !keyframe_.is_set() || is_apart(keyframe_.submap_from_camera(), submap_from_camera) ||
                       (tracked != nullptr && tracked->alignment.photometric_share < kKeyframeShare);
   if (is_far && !live.packed.empty()) keyframe_.set(live, submap_from_camera, moment);
-  if (places_.empty() || is_apart(places_.back().submap_from_camera, submap_from_camera))
-    places_.push_back(
-        {.submap_from_camera = submap_from_camera,
-         .features = frame.colour.empty() ? Features{} : describe(frame.colour, frame.depth, source_camera_),
-         .thumbnail = thumbnail(frame.colour, frame.depth, source_camera_)});
+  if (places_.empty() || is_apart(places_.back().submap_from_camera, submap_from_camera)) {
+    Place place{.submap_from_camera = submap_from_camera,
+                .features = frame.colour.empty() ? Features{} : describe(frame.colour, frame.depth, source_camera_),
+                .thumbnail = thumbnail(frame.colour, frame.depth, source_camera_)};
+    if (!places_.empty()) compare_focal_lengths(places_.back(), place);
+    places_.push_back(std::move(place));
+  }
   if (lost_ > 0) last_.clear();  // no velocity across a gap
   lost_ = 0;
   if (last_.size() == 2) last_.erase(last_.begin());

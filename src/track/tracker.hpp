@@ -33,6 +33,7 @@ class Tracker {
 
   /// Seconds that the colour camera's clock is ahead of the depth camera's, as far as the images tell.
   [[nodiscard]] double clock_offset() const;
+  [[nodiscard]] FocalEvidence focal() const;
 
  private:
   /// A place that was fused, to be recognised when the camera is lost.
@@ -48,6 +49,7 @@ class Tracker {
   [[nodiscard]] Eigen::Isometry3d predict(double timestamp) const;
   [[nodiscard]] ColourMoment moment_of(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const;
 
+  void compare_focal_lengths(const Place& known, const Place& seen);
   /// A guess from the place that the frame shares most corners with, if any; without colour, some of the places' poses.
   [[nodiscard]] std::vector<Eigen::Isometry3d> recognise(const Frame& frame,
                                                          const std::vector<std::size_t>& places) const;
@@ -68,6 +70,8 @@ class Tracker {
   int lost_ = 0;                                                   // frames since the last accepted one
   std::array<double, kClockOffsets.size()> clock_offset_costs_{};  // summed over frames
   int clock_offset_frames_ = 0;
+  std::array<double, kFocalScales.size()> focal_costs_{};  // summed over pairs of places
+  int focal_pairs_ = 0;
 };
 
 }  // namespace cairn

@@ -3,7 +3,10 @@
 // The program as a user meets it.
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <fstream>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "cairn/evaluation.hpp"
 #include "cairn/scene.hpp"
@@ -153,6 +156,42 @@ TEST_F(Program, AnswersWrongUsageWithExitCode2) {
   }
   EXPECT_EQ(run_cairn({"--help"}).exit_code, 0);
   EXPECT_EQ(run_cairn({"reconstruct", "--help"}).exit_code, 0);
+}
+
+TEST_F(Program, StandsTheMapUprightByTheAccelerometer) {
+  const fs::path map = out / "map";
+  const auto report = json_of(run_cairn({"reconstruct", sequence(), "-o", map.string(), "--json"}));
+  const auto found = read_trajectory(map / "trajectory.txt"),
+             truth = read_trajectory(fs::path(sequence()) / "groundtruth.txt");
+  // Both worlds have y down; the first true camera looks down by a third of a radian.
+  const Eigen::Matrix3d found_from_truth =
+      found.front().world_from_camera.linear() * truth.front().world_from_camera.linear().transpose();
+  // The hand's acceleration tilts the first measurement; the mean over the run tells by how much.
+  const double tilt = std::acos(found_from_truth.col(1).y());
+  EXPECT_LT(tilt, 0.06);
+  EXPECT_GT(std::acos(truth.front().world_from_camera.linear().col(1).y()), 0.1);
+  EXPECT_NEAR(report["tilt_degrees"].get<double>() * std::numbers::pi / 180, tilt, 0.025);
+}
+
+TEST_F(Program, EstimatesHowMuchLaterTheColourCameraIs) {
+  const auto late = (out / "late").string(), map = (out / "map").string();
+  ASSERT_EQ(run_cairn({"synth", "room", "-o", late, "--frames", "40", "--colour-delay", "0.02"}).exit_code, 0);
+  const auto report = json_of(run_cairn({"reconstruct", late, "-o", map, "--json"}));
+  // Its images are taken later than their stamps tell: its clock is behind.
+  EXPECT_NEAR(report["clock_offset"].get<double>(), -0.02, 0.008);
+  const auto without = json_of(run_cairn({"reconstruct", sequence(), "-o", map, "--json"}));
+  EXPECT_NEAR(without["clock_offset"].get<double>(), 0.0, 0.003);
+}
+
+TEST_F(Program, WarnsOfAWrongFocalLengthWithTheEvidence) {
+  const fs::path turning = out / "turning";
+  ASSERT_EQ(run_cairn({"synth", "room", "-o", turning.string(), "--frames", "110"}).exit_code, 0);
+  const Ran silent = run_cairn({"reconstruct", turning.string(), "-o", (out / "map").string()});
+  EXPECT_EQ(silent.err.find("intrinsics"), std::string::npos) << silent.err;
+  std::ofstream(turning / "camera.yaml") << "{width: 640, height: 480, fx: 578, fy: 578, cx: 319.5, cy: 239.5}";
+  const Ran warned = run_cairn({"reconstruct", turning.string(), "-o", (out / "map").string()});
+  EXPECT_EQ(warned.exit_code, 0) << warned.err;
+  EXPECT_NE(warned.err.find("check the camera's intrinsics"), std::string::npos) << warned.err;
 }
 
 struct Recorded {
