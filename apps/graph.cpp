@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "commands.hpp"
+#include "graph/pose_graph.hpp"
+
+namespace cairn::apps {
+namespace {
+
+struct Arguments {
+  std::filesystem::path input, output;
+  OptimiseOptions options{.robust = false};
+  bool json = false;
+};
+
+void optimise_file(const Arguments& a) {
+  PoseGraph graph = read_g2o(a.input);
+  const double chordal_before = chordal_cost(graph);
+  const OptimiseReport r = optimise(graph, a.options);
+  if (!a.output.empty()) write_g2o(a.output, graph);
+  const auto rejected = std::count_if(r.edge_weights.begin(), r.edge_weights.end(), [](double w) { return w < 0.5; });
+  if (a.json) {
+    fmt::print("{}\n", nlohmann::json{{"nodes", graph.world_from_node.size()},
+                                      {"edges", graph.edges.size()},
+                                      {"components", r.components},
+                                      {"cost_before", r.cost_before},
+                                      {"cost", r.cost},
+                                      {"chordal_cost_before", chordal_before},
+                                      {"chordal_cost", chordal_cost(graph)},
+                                      {"started_from_chordal", r.from_chordal},
+                                      {"iterations", r.iterations},
+                                      {"rejected_edges", rejected},
+                                      {"seconds", r.seconds}}
+                           .dump(2));
+    return;
+  }
+  fmt::print("{} nodes, {} edges, {} {}\n", graph.world_from_node.size(), graph.edges.size(), r.components,
+             r.components == 1 ? "component" : "components, each held at its first node");
+  fmt::print("cost     {:.6g} -> {:.6g} in {} iterations, {:.2f} s, from the {}\n", r.cost_before, r.cost, r.iterations,
+             r.seconds, r.from_chordal ? "chordal initialisation" : "given poses");
+  fmt::print("chordal  {:.6g} -> {:.6g}\n", chordal_before, chordal_cost(graph));
+  if (a.options.robust) fmt::print("{} edges taken for false\n", rejected);
+}
+
+}  // namespace
+
+void add_graph(CLI::App& program) {
+  auto* graph = program.add_subcommand("graph", "Work on pose graphs");
+  graph->require_subcommand(1);
+  auto* command = graph->add_subcommand("optimise", "Move the poses of a .g2o file to the least cost");
+  const auto a = std::make_shared<Arguments>();
+  command->add_option("GRAPH", a->input, "A .g2o file of VERTEX_SE3:QUAT and EDGE_SE3:QUAT")
+      ->required()
+      ->check(CLI::ExistingFile);
+  command->add_option("-o,--output", a->output, "Where to write the moved graph [nowhere]");
+  command->add_flag("--robust", a->options.robust,
+                    "Edges between nodes that do not follow each other may be false: find out which");
+  command->add_option("--threads", a->options.threads, "Threads")->capture_default_str()->check(CLI::Range(1, 256));
+  command->add_flag("--json", a->json, "Print the result to stdout as JSON");
+  command->callback([a] { optimise_file(*a); });
+}
+
+}  // namespace cairn::apps

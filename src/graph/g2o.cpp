@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+
+#include <cmath>
+#include <fstream>
+#include <map>
+#include <stdexcept>
+
+#include "graph/pose_graph.hpp"
+#include "io/atomic_file.hpp"
+#include "io/recording.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// g2o's order is (translation, rotation).
+int g2o_index(int i) { return (i + 3) % 6; }
+
+}  // namespace
+
+PoseGraph read_g2o(const fs::path& file) {
+  struct ReadEdge {
+    long from, to;
+    int line;
+    PoseGraph::Edge edge;
+  };
+  std::map<long, Eigen::Isometry3d> nodes;
+  std::vector<ReadEdge> edges;
+  for_each_line(file, [&](int line, const std::vector<std::string>& words) {
+    const auto wrong = [&](const std::string& what) {
+      return std::runtime_error(fmt::format("{}:{}: {}", file.string(), line, what));
+    };
+    const auto number = [&](std::size_t i) { return number_of(words[i], file, line); };
+    const auto id = [&](std::size_t i) { return std::lround(number(i)); };
+    const auto pose = [&](std::size_t i) {
+      const Eigen::Quaterniond q(number(i + 6), number(i + 3), number(i + 4), number(i + 5));
+      if (q.norm() < 1e-6) throw wrong("the quaternion is zero");
+      Eigen::Isometry3d t = Eigen::Isometry3d::Identity();
+      t.linear() = q.normalized().toRotationMatrix();
+      t.translation() << number(i), number(i + 1), number(i + 2);
+      return t;
+    };
+    if (words[0] == "VERTEX_SE3:QUAT") {
+      if (words.size() != 9) throw wrong("expected `VERTEX_SE3:QUAT id x y z qx qy qz qw`");
+      if (!nodes.emplace(id(1), pose(2)).second) throw wrong("node " + words[1] + " is there twice");
+    } else if (words[0] == "EDGE_SE3:QUAT") {
+      if (words.size() != 31)
+        throw wrong("expected `EDGE_SE3:QUAT from to x y z qx qy qz qw` and 21 numbers of the information matrix");
+      ReadEdge read{.from = id(1), .to = id(2), .line = line, .edge = {.from_from_to = pose(3)}};
+      std::size_t next = 10;
+      for (int r = 0; r < 6; ++r)
+        for (int c = r; c < 6; ++c)
+          read.edge.information(g2o_index(r), g2o_index(c)) = read.edge.information(g2o_index(c), g2o_index(r)) =
+              number(next++);
+      edges.push_back(std::move(read));
+    } else if (words[0] != "FIX") {
+      throw wrong("'" + words[0] + "' is not known; VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX are");
+    }
+  });
+  if (nodes.empty()) throw std::runtime_error(file.string() + ": holds no VERTEX_SE3:QUAT");
+
+  PoseGraph graph;
+  std::map<long, std::size_t> index;
+  for (const auto& [id, pose] : nodes) {
+    index[id] = graph.world_from_node.size();
+    graph.world_from_node.push_back(pose);
+  }
+  for (ReadEdge& read : edges) {
+    for (const long id : {read.from, read.to})
+      if (!index.contains(id))
+        throw std::runtime_error(fmt::format("{}:{}: there is no node {}", file.string(), read.line, id));
+    read.edge.from = index[read.from];
+    read.edge.to = index[read.to];
+    read.edge.may_be_false = std::abs(read.to - read.from) != 1;
+    graph.edges.push_back(read.edge);
+  }
+  return graph;
+}
+
+void write_g2o(const fs::path& file, const PoseGraph& graph) {
+  write_whole(file, [&](const fs::path& temporary) {
+    std::ofstream out(temporary);
+    const auto pose = [](const Eigen::Isometry3d& t) {
+      const Eigen::Quaterniond q(t.linear());
+      return fmt::format("{:.9g} {:.9g} {:.9g} {:.12g} {:.12g} {:.12g} {:.12g}", t.translation().x(),
+                         t.translation().y(), t.translation().z(), q.x(), q.y(), q.z(), q.w());
+    };
+    for (std::size_t i = 0; i < graph.world_from_node.size(); ++i)
+      out << fmt::format("VERTEX_SE3:QUAT {} {}\n", i, pose(graph.world_from_node[i]));
+    for (const auto& edge : graph.edges) {
+      out << fmt::format("EDGE_SE3:QUAT {} {} {}", edge.from, edge.to, pose(edge.from_from_to));
+      for (int r = 0; r < 6; ++r)
+        for (int c = r; c < 6; ++c) out << fmt::format(" {:.9g}", edge.information(g2o_index(r), g2o_index(c)));
+      out << '\n';
+    }
+    if (!out.flush()) throw std::runtime_error("cannot write " + file.string() + ": is the disk full?");
+  });
+}
+
+}  // namespace cairn

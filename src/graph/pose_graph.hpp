@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Poses bound to each other by measurements of how they lie to one another.
+#pragma once
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "cairn/pose.hpp"
+
+namespace cairn {
+
+struct PoseGraph {
+  struct Edge {
+    std::size_t from = 0, to = 0;                                    // nodes
+    Eigen::Isometry3d from_from_to = Eigen::Isometry3d::Identity();  // measured pose of `to` in the frame of `from`
+    Matrix6d information = Matrix6d::Identity();  // of (rotation, translation) in the frame of `to`; 1/rad^2, 1/m^2
+    bool may_be_false = false;  // a loop: the optimiser may find that it is no measurement of this pair
+  };
+  /// An accelerometer's reading at rest.
+  struct Gravity {
+    std::size_t node = 0;
+    Eigen::Vector3d up = -Eigen::Vector3d::UnitY();  // unit vector in the node's frame; in the world up is -y
+    double sigma = 0.02;                             // radians
+  };
+  std::vector<Eigen::Isometry3d> world_from_node;
+  std::vector<Edge> edges;
+  std::vector<Gravity> gravity;
+};
+
+struct OptimiseOptions {
+  bool robust = true;         // weigh edges that may be false
+  double false_edge = 22.46;  // squared error, in units of an edge's own noise, beyond which it is taken for false:
+                              // 99.9 % of the chi-squared distribution with 6 degrees of freedom
+  int max_iterations = 100;   // of Levenberg-Marquardt, each time that it is called
+  int threads = 2;
+};
+
+struct OptimiseReport {
+  double cost_before = 0, cost = 0;  // half the sum of squared errors in units of their noise, with the final weights
+  int iterations = 0;
+  int components = 0;                // parts that no edge joins; the first node of each stays where it is
+  bool from_chordal = false;         // started from the chordal initialisation, not from the given poses
+  std::vector<double> edge_weights;  // 1: believed, 0: false; by edge
+  double seconds = 0;
+};
+
+/// Moves the poses to the minimum of the sum of squared errors (Ceres, SE(3) on a manifold), from the given poses or
+/// from the chordal initialisation (Carlone et al. 2015), whichever costs less. Edges that may be false are weighed by
+/// graduated non-convexity with truncated least squares (Yang et al. 2020); before that, where many of them have no
+/// neighbour that agrees with them, only those that have are believed (after Mangelson et al. 2018). Throws
+/// std::runtime_error naming the edge for a number that is not finite, an information matrix that is not positive
+/// definite, or a node that does not exist; the graph is then unchanged.
+OptimiseReport optimise(PoseGraph& graph, const OptimiseOptions& options = {});
+
+/// Rotations that minimise the chordal distance to the measured ones, relaxed to matrices and projected; then the
+/// translations that suit them (Carlone, Tron, Daniilidis & Dellaert 2015, sec. III-B). Nodes that no edge reaches
+/// stay.
+[[nodiscard]] std::vector<Eigen::Isometry3d> chordal_initialisation(const PoseGraph& graph,
+                                                                    const std::vector<double>& edge_weights);
+
+/// Cost as certified solvers define it: sum of kappa |R_j - R_i R_ij|^2 + tau |t_j - t_i - R_i t_ij|^2 (Rosen et al.
+/// 2019, eq. 12), kappa and tau from the information matrices as there.
+[[nodiscard]] double chordal_cost(const PoseGraph& graph);
+
+/// A .g2o file (VERTEX_SE3:QUAT, EDGE_SE3:QUAT; ids are mapped to indices in the order of the ids). Information is read
+/// as of radians, as GTSAM and SE-Sync do. Edges between nodes that do not follow each other may be false. Throws
+/// std::runtime_error with file and line.
+[[nodiscard]] PoseGraph read_g2o(const std::filesystem::path& file);
+/// Writes it, whole or not at all.
+void write_g2o(const std::filesystem::path& file, const PoseGraph& graph);
+
+}  // namespace cairn

@@ -1,0 +1,259 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "graph/pose_graph.hpp"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <limits>
+#include <numbers>
+#include <random>
+
+#include "support/files.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+Eigen::Isometry3d random_motion(std::mt19937& random, double radians, double metres) {
+  std::normal_distribution<double> normal;
+  Vector6d x;
+  for (int i = 0; i < 6; ++i) x[i] = (i < 3 ? radians : metres) * normal(random);
+  return exponential(x);
+}
+
+/// A camera that goes twice round a circle of 2 m: odometry with noise, and a loop from each node to the one a round
+/// before.
+struct Ring {
+  static constexpr std::size_t kNodes = 80;
+  explicit Ring(double radians = 0.01, double metres = 0.01) {
+    std::mt19937 random(3);
+    for (std::size_t i = 0; i < kNodes; ++i) {
+      const double angle = 4 * std::numbers::pi * static_cast<double>(i) / kNodes;
+      Eigen::Isometry3d t(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()));
+      t.translation() << 2 * std::sin(angle), 0.2 * std::sin(3 * angle), 2 * std::cos(angle);
+      truth.push_back(t);
+    }
+    const auto join = [&](std::size_t from, std::size_t to, bool loop) {
+      PoseGraph::Edge edge{.from = from,
+                           .to = to,
+                           .from_from_to = truth[from].inverse() * truth[to] * random_motion(random, radians, metres),
+                           .may_be_false = loop};
+      edge.information.diagonal() << Eigen::Vector3d::Constant(1 / (radians * radians)),
+          Eigen::Vector3d::Constant(1 / (metres * metres));
+      graph.edges.push_back(edge);
+    };
+    for (std::size_t i = 1; i < kNodes; ++i) join(i - 1, i, false);
+    for (std::size_t i = kNodes / 2; i < kNodes; ++i) join(i - kNodes / 2, i, true);
+    graph.world_from_node.push_back(truth[0]);
+    for (std::size_t i = 1; i < kNodes; ++i)
+      graph.world_from_node.push_back(graph.world_from_node.back() * graph.edges[i - 1].from_from_to);
+  }
+  [[nodiscard]] double rmse() const {
+    double squared = 0;
+    for (std::size_t i = 0; i < kNodes; ++i)
+      squared += (graph.world_from_node[i].translation() - truth[i].translation()).squaredNorm();
+    return std::sqrt(squared / kNodes);
+  }
+  std::vector<Eigen::Isometry3d> truth;
+  PoseGraph graph;
+};
+
+TEST(PoseGraph, ClosesLoops) {
+  Ring ring;
+  const double drift = ring.rmse();
+  const OptimiseReport report = optimise(ring.graph);
+  EXPECT_LT(ring.rmse(), 0.6 * drift);
+  EXPECT_LT(report.cost, report.cost_before / 2);
+  // Half of the squared errors' sum: as many degrees of freedom as measurements exceed unknowns.
+  EXPECT_NEAR(report.cost, 0.5 * 6 * static_cast<double>(ring.graph.edges.size() - ring.truth.size() + 1), 40);
+  EXPECT_EQ(report.components, 1);
+  for (const double w : report.edge_weights) EXPECT_EQ(w, 1.0);
+}
+
+TEST(PoseGraph, IsExactWithoutNoise) {
+  Ring ring(1e-7, 1e-7);
+  std::mt19937 random(5);
+  for (std::size_t i = 1; i < Ring::kNodes; ++i)
+    ring.graph.world_from_node[i] = ring.graph.world_from_node[i] * random_motion(random, 0.5, 0.5);
+  optimise(ring.graph);
+  EXPECT_LT(ring.rmse(), 1e-5);
+}
+
+TEST(PoseGraph, TakesFalseLoopsForFalse) {
+  Ring clean, ring;
+  optimise(clean.graph);
+  std::mt19937 random(7);
+  std::vector<bool> is_false(ring.graph.edges.size(), false);
+  for (std::size_t k = Ring::kNodes - 1; k < ring.graph.edges.size(); k += 3) {
+    ring.graph.edges[k].from_from_to = random_motion(random, 1, 1);
+    is_false[k] = true;
+  }
+  const OptimiseReport report = optimise(ring.graph);
+  for (std::size_t k = 0; k < is_false.size(); ++k) EXPECT_EQ(report.edge_weights[k] < 0.5, is_false[k]) << k;
+  EXPECT_LT(ring.rmse(), clean.rmse() + 0.02);
+}
+
+TEST(PoseGraph, SurvivesAHugeError) {
+  Ring ring;
+  ring.graph.edges.back().from_from_to.translation() << 1e6, -1e6, 1e6;
+  const OptimiseReport report = optimise(ring.graph);
+  EXPECT_LT(report.edge_weights.back(), 0.5);
+  EXPECT_LT(ring.rmse(), 0.2);
+}
+
+TEST(PoseGraph, HoldsEachComponentAtItsFirstNode) {
+  Ring ring;
+  PoseGraph two = ring.graph;
+  for (const auto& node : ring.graph.world_from_node)
+    two.world_from_node.push_back(Eigen::Translation3d(9, 0, 0) * node);
+  for (auto edge : ring.graph.edges) {
+    edge.from += Ring::kNodes;
+    edge.to += Ring::kNodes;
+    two.edges.push_back(edge);
+  }
+  const Eigen::Isometry3d first = two.world_from_node[0], second = two.world_from_node[Ring::kNodes];
+  EXPECT_EQ(optimise(two).components, 2);
+  EXPECT_TRUE(two.world_from_node[0].isApprox(first, 1e-9));
+  EXPECT_TRUE(two.world_from_node[Ring::kNodes].isApprox(second, 1e-9));
+  optimise(ring.graph);
+  for (std::size_t i = 0; i < Ring::kNodes; ++i)
+    EXPECT_LT((two.world_from_node[i].translation() - ring.graph.world_from_node[i].translation()).norm(), 1e-3);
+}
+
+TEST(PoseGraph, StandsUprightByGravity) {
+  Ring ring;
+  const Eigen::Isometry3d tilt(Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitX()));
+  for (std::size_t i = 0; i < Ring::kNodes; ++i) {
+    ring.graph.world_from_node[i] = tilt * ring.graph.world_from_node[i];
+    ring.graph.gravity.push_back({.node = i, .up = ring.truth[i].linear().transpose() * -Eigen::Vector3d::UnitY()});
+  }
+  const Eigen::Vector3d start = ring.graph.world_from_node[0].translation();
+  optimise(ring.graph);
+  const Eigen::Vector3d up = ring.graph.world_from_node[0].linear() * ring.graph.gravity[0].up;
+  EXPECT_LT(std::acos(-up.y()), 0.02);
+  EXPECT_LT((ring.graph.world_from_node[0].translation() - start).norm(), 0.01);
+}
+
+TEST(PoseGraph, NamesTheEdgeThatIsWrong) {
+  const auto message = [](auto spoil) {
+    Ring ring;
+    spoil(ring.graph);
+    const auto before = ring.graph.world_from_node[5].matrix();
+    try {
+      optimise(ring.graph);
+    } catch (const std::exception& error) {
+      EXPECT_EQ((ring.graph.world_from_node[5].matrix() - before).norm(), 0);
+      return std::string(error.what());
+    }
+    return std::string("none");
+  };
+  EXPECT_EQ(message([](PoseGraph& g) { g.edges[3].information(2, 2) = std::numeric_limits<double>::quiet_NaN(); }),
+            "pose graph: edge 3 from node 3 to 4: its information matrix is not positive definite");
+  EXPECT_EQ(message([](PoseGraph& g) { g.edges[3].information(2, 2) = -1; }),
+            "pose graph: edge 3 from node 3 to 4: its information matrix is not positive definite");
+  EXPECT_EQ(message([](PoseGraph& g) { g.edges[3].to = 100; }),
+            "pose graph: edge 3 from node 3 to 100: there is no such node");
+  EXPECT_EQ(message([](PoseGraph& g) { g.edges[3].from_from_to.translation().x() = INFINITY; }),
+            "pose graph: edge 3 from node 3 to 4: its measurement is not finite");
+}
+
+TEST(G2o, ReadsWhatItWrites) {
+  const TemporaryFolder folder;
+  const Ring ring;
+  write_g2o(folder / "ring.g2o", ring.graph);
+  const PoseGraph read = read_g2o(folder / "ring.g2o");
+  ASSERT_EQ(read.edges.size(), ring.graph.edges.size());
+  for (std::size_t i = 0; i < Ring::kNodes; ++i)
+    EXPECT_TRUE(read.world_from_node[i].isApprox(ring.graph.world_from_node[i], 1e-6));
+  for (std::size_t k = 0; k < read.edges.size(); ++k) {
+    EXPECT_TRUE(read.edges[k].from_from_to.isApprox(ring.graph.edges[k].from_from_to, 1e-6));
+    EXPECT_TRUE(read.edges[k].information.isApprox(ring.graph.edges[k].information, 1e-6));
+    EXPECT_EQ(read.edges[k].may_be_false, ring.graph.edges[k].may_be_false);
+  }
+}
+
+TEST(G2o, TellsTheLineThatIsWrong) {
+  const TemporaryFolder folder;
+  const auto message = [&](const std::string& text) {
+    std::ofstream(folder / "x.g2o") << text;
+    try {
+      (void)read_g2o(folder / "x.g2o");
+    } catch (const std::exception& error) {
+      return std::string(error.what()).substr((folder / "x.g2o").string().size());
+    }
+    return std::string("none");
+  };
+  const std::string node = "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n";
+  EXPECT_EQ(message(""), ": holds no VERTEX_SE3:QUAT");
+  EXPECT_EQ(message(node + node), ":2: node 0 is there twice");
+  EXPECT_EQ(message("VERTEX_SE3:QUAT 0 0 0 0 0 0 0 0\n"), ":1: the quaternion is zero");
+  EXPECT_EQ(message("VERTEX_SE3:QUAT 0 0 0 nan 0 0 0 1\n"), ":1: 'nan' is not a number");
+  EXPECT_EQ(message(node + "EDGE_SE2 0 1\n"),
+            ":2: 'EDGE_SE2' is not known; VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX are");
+  EXPECT_EQ(message(node + "EDGE_SE3:QUAT 0 7 0 0 0 0 0 0 1 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1\n"),
+            ":2: there is no node 7");
+}
+
+struct Benchmark {
+  const char* name;
+  double certified;  // chordal cost (Rosen et al. 2019)
+};
+
+class PoseGraphBenchmark : public testing::TestWithParam<Benchmark> {
+ protected:
+  static PoseGraph load() { return read_g2o(fs::path(CAIRN_DATA) / "g2o" / (std::string(GetParam().name) + ".g2o")); }
+};
+
+TEST_P(PoseGraphBenchmark, ReachesTheMinimumFromTheFilesOwnStart) {
+  CAIRN_REQUIRE_DATA("g2o");
+  PoseGraph given = load(), chordal = load();
+  const OptimiseReport from_given = optimise(given, {.robust = false});
+  chordal.world_from_node = chordal_initialisation(chordal, std::vector<double>(chordal.edges.size(), 1.0));
+  const OptimiseReport from_chordal = optimise(chordal, {.robust = false});
+  EXPECT_NEAR(from_given.cost, from_chordal.cost, 1e-3 * from_chordal.cost);
+  // Not the same cost: it reduces each information matrix to two numbers.
+  EXPECT_NEAR(chordal_cost(given), GetParam().certified, 0.03 * GetParam().certified);
+  RecordProperty("seconds", std::to_string(from_given.seconds));
+  EXPECT_LT(from_given.seconds, 10);  // 2 on an idle machine; see the README
+}
+
+INSTANTIATE_TEST_SUITE_P(G2o, PoseGraphBenchmark,
+                         testing::Values(Benchmark{"sphere2500", 1687.0}, Benchmark{"torus3D", 24227.0},
+                                         Benchmark{"smallGrid3D", 1025.4}, Benchmark{"parking-garage", 1.263}),
+                         [](const auto& benchmark) {
+                           std::string name = benchmark.param.name;
+                           std::erase(name, '-');
+                           return name;
+                         });
+
+TEST(PoseGraphBenchmark, SphereWithAThirdOfFalseLoops) {
+  CAIRN_REQUIRE_DATA("g2o");
+  PoseGraph clean = read_g2o(fs::path(CAIRN_DATA) / "g2o" / "sphere2500.g2o"), spoiled = clean;
+  optimise(clean, {.robust = false});
+  std::mt19937 random(11);
+  std::uniform_int_distribution<std::size_t> any(0, clean.world_from_node.size() - 1);
+  const std::size_t count = clean.edges.size() * 3 / 10;
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t from = any(random), to = any(random);
+    if (from == to) continue;
+    PoseGraph::Edge edge = clean.edges.back();
+    edge.from = from, edge.to = to, edge.may_be_false = true;
+    edge.from_from_to = random_motion(random, 1, 10);
+    spoiled.edges.push_back(edge);
+  }
+  const OptimiseReport report = optimise(spoiled);
+  double squared = 0;
+  Eigen::AlignedBox3d box;
+  for (std::size_t i = 0; i < clean.world_from_node.size(); ++i) {
+    squared += (clean.world_from_node[i].translation() - spoiled.world_from_node[i].translation()).squaredNorm();
+    box.extend(clean.world_from_node[i].translation());
+  }
+  const double error = std::sqrt(squared / static_cast<double>(clean.world_from_node.size()));
+  std::printf("%.4f of the sphere's size, %.1f s\n", error / box.sizes().maxCoeff(), report.seconds);
+  EXPECT_LT(error, 0.01 * box.sizes().maxCoeff());
+}
+
+}  // namespace
+}  // namespace cairn
