@@ -33,7 +33,7 @@ struct Arguments {
   std::optional<std::uint64_t> device_memory_mib;
   int device = -1, read_ahead = 4;
   std::string frames;
-  bool json = false;
+  bool refuse = false, json = false;
 };
 
 /// A:B:STEP, each part may be empty.
@@ -142,10 +142,12 @@ void reconstruct(const Arguments& a) {
     options.fuse.truncation = 4 * *a.voxel_size;
   }
   if (a.device_memory_mib) options.fuse.device_memory = *a.device_memory_mib << 20;
+  options.refine = a.refuse;
   check(options);
   auto source = open_source(a);
   prepare_output(a.output);
-  Mapper mapper(source->camera(), options, a.poses.empty() ? Poses::tracked : Poses::given, a.device);
+  std::optional<Mapper> mapper(std::in_place, source->camera(), options,
+                               a.poses.empty() ? Poses::tracked : Poses::given, a.device);
 
   std::vector<FrameReport> frames;
   std::map<std::string, std::vector<double>> stages;
@@ -154,7 +156,7 @@ void reconstruct(const Arguments& a) {
     auto waited = Clock::now();
     while (auto frame = source->next()) {
       const double wait_ms = std::chrono::duration<double, std::milli>(Clock::now() - waited).count();
-      FrameReport report = mapper.add(*frame);
+      FrameReport report = mapper->add(*frame);
       report.stage_ms["wait for decoding"] = wait_ms;
       for (const auto& [stage, ms] : report.stage_ms) stages[stage].push_back(ms);
       progress.step(words(report));
@@ -168,7 +170,7 @@ void reconstruct(const Arguments& a) {
   const auto fused = count(FrameState::fused);
   for (const auto& r : frames)
     if (r.state == FrameState::skipped) spdlog::warn("frame {} skipped: {}", r.index, r.reason);
-  const Mapper::Statistics statistics = mapper.statistics();
+  Mapper::Statistics statistics = mapper->statistics();
   if (const FocalEvidence& f = statistics.focal; f.contradicts())
     spdlog::warn(
         "{}: corners fit a focal length of {:.0f} pixels ({:.2f} pixels off) better than the given {:.0f} ({:.2f} "
@@ -184,11 +186,33 @@ void reconstruct(const Arguments& a) {
     work();
     stages[name].push_back(std::chrono::duration<double, std::milli>(Clock::now() - begin).count());
   };
-  write_trajectory(a.output / "trajectory.txt", mapper.trajectory());
+  Trajectory trajectory = mapper->trajectory();
+  std::optional<Refined> refined;
+  if (a.refuse) {
+    timed("refine", [&] { refined = mapper->refine(a.output / "graph.g2o"); });
+    timed("fuse again", [&] {
+      auto again = with_poses(open_source(a), refined->trajectory, 0);
+      mapper.reset();  // gives its memory back
+      mapper.emplace(again->camera(), options, Poses::given, a.device);
+      Progress progress(again->size());
+      while (auto frame = again->next()) {
+        if (frame->world_from_camera) mapper->add(*frame);
+        progress.step("fusing again");
+      }
+    });
+    trajectory = refined->trajectory;
+    for (StampedPose& pose : trajectory) pose.timestamp += statistics.clock_offset;
+    const double clock_offset = statistics.clock_offset;
+    const FocalEvidence focal = statistics.focal;
+    const auto tilt = statistics.tilt;
+    statistics = mapper->statistics();
+    statistics.clock_offset = clock_offset, statistics.focal = focal, statistics.tilt = tilt;
+  }
+  write_trajectory(a.output / "trajectory.txt", trajectory);
   Mesh mesh;
-  timed("mesh", [&] { mesh = mapper.mesh(); });
+  timed("mesh", [&] { mesh = mapper->mesh(); });
   timed("write mesh", [&] { write_mesh(a.output / "mesh.glb", mesh); });
-  timed("write map", [&] { mapper.write_map(a.output / "map.vdb"); });
+  timed("write map", [&] { mapper->write_map(a.output / "map.vdb"); });
 
   const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
   nlohmann::json report{
@@ -217,6 +241,10 @@ void reconstruct(const Arguments& a) {
        {{"allocated", statistics.bricks}, {"paged_out", statistics.paged_out}, {"paged_in", statistics.paged_in}}},
       {"mesh", {{"vertices", mesh.positions.size()}, {"triangles", mesh.triangles.size()}}},
       {"loops", nlohmann::json::array()}};
+  if (refined)
+    report["refined"] = {{"keyframes", refined->keyframes},         {"pairs_tried", refined->pairs_tried},
+                         {"pairs_aligned", refined->pairs_aligned}, {"pairs_believed", refined->pairs_believed},
+                         {"cost_before", refined->cost_before},     {"cost", refined->cost}};
   if (statistics.tilt) report["tilt_degrees"] = *statistics.tilt * 180 / std::numbers::pi;
   for (const auto& [stage, ms] : stages)
     report["stages"][stage] = {{"count", ms.size()},
@@ -269,6 +297,10 @@ void add_reconstruct(CLI::App& program) {
   command->add_option("--frames", a->frames, "A:B:STEP, frames A to B - 1, every STEP-th [all]");
   command->add_option("--poses", a->poses, "Fuse with these world_from_camera poses (TUM format) and do not track")
       ->check(CLI::ExistingFile);
+  command
+      ->add_flag("--refuse", a->refuse,
+                 "Align keyframes with each other, correct the trajectory, and fuse all frames again with it")
+      ->excludes("--poses");
   command->add_flag("--json", a->json, "Print the report to stdout as JSON");
   command->callback([a] { reconstruct(*a); });
 }

@@ -45,6 +45,14 @@ struct FrameReport {
   std::map<std::string, double> stage_ms;  // preprocess, raycast, track, fuse
 };
 
+/// A trajectory made consistent by a pose graph over keyframes.
+struct Refined {
+  Trajectory trajectory;  // of all fused frames, stamped as the frames are
+  int keyframes = 0;
+  int pairs_tried = 0, pairs_aligned = 0, pairs_believed = 0;  // of keyframes that see the same
+  double cost_before = 0, cost = 0;                            // see OptimiseReport in src/graph/pose_graph.hpp
+};
+
 /// The map from a stream of frames: start here. One frame's way is Mapper::add in src/map/mapper.cpp.
 ///
 ///   auto source = cairn::open_recording("rgbd_dataset_freiburg1_desk");
@@ -68,6 +76,10 @@ class Mapper {
   /// Of all fused frames, in the colour camera's clock: with Poses::tracked the depth images' stamps are moved by what
   /// the images tell of the two clocks' difference (Statistics::clock_offset).
   [[nodiscard]] Trajectory trajectory() const;
+  /// Aligns keyframes that see the same with each other and corrects the trajectory (Options::refine must be set). The
+  /// map stays as it was fused: fuse the frames again with these poses. `graph_file`: where to write the keyframes'
+  /// graph (.g2o).
+  [[nodiscard]] Refined refine(const std::filesystem::path& graph_file = {});
   /// The surface, in the world frame, with normals and colours.
   [[nodiscard]] Mesh mesh();
   /// Writes the grids `tsdf`, `weight` and `colour` to a .vdb file, whole or not at all.

@@ -40,6 +40,7 @@ struct Options {
   SurfaceOptions surface;
   TrackOptions track;
   FuseOptions fuse;
+  bool refine = false;  // keep keyframes for Mapper::refine
 };
 
 /// Overrides `options` with a YAML file of the shape `surface: {max_depth: 4}`. Throws std::runtime_error with file and

@@ -24,8 +24,10 @@ struct FrameRange {
 /// Decodes `ahead` frames in a thread of its own.
 [[nodiscard]] std::unique_ptr<Source> read_ahead(std::unique_ptr<Source> source, int ahead = 4);
 
-/// Gives each frame the pose of the trajectory at its time; frames without one get a `problem`.
-[[nodiscard]] std::unique_ptr<Source> with_poses(std::unique_ptr<Source> source, Trajectory world_from_camera);
+/// Gives each frame the pose of the trajectory at its time, between two that are at most `max_gap` seconds apart;
+/// others get none.
+[[nodiscard]] std::unique_ptr<Source> with_poses(std::unique_ptr<Source> source, Trajectory world_from_camera,
+                                                 double max_gap = 0.1);
 
 /// True poses that a recording carries, by frame timestamp (groundtruth.txt, frame-*.pose.txt); empty when it has none.
 [[nodiscard]] Trajectory recorded_truth(const std::filesystem::path& folder);

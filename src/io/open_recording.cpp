@@ -130,18 +130,20 @@ class RecordingSource final : public Source {
 
 class WithPoses final : public Source {
  public:
-  WithPoses(std::unique_ptr<Source> source, Trajectory poses) : source_(std::move(source)), poses_(std::move(poses)) {}
+  WithPoses(std::unique_ptr<Source> source, Trajectory poses, double max_gap)
+      : source_(std::move(source)), poses_(std::move(poses)), max_gap_(max_gap) {}
   const Camera& camera() const override { return source_->camera(); }
   std::optional<int> size() const override { return source_->size(); }
   std::optional<Frame> next() override {
     auto frame = source_->next();
-    if (frame && frame->problem.empty()) frame->world_from_camera = pose_at(poses_, frame->timestamp);
+    if (frame && frame->problem.empty()) frame->world_from_camera = pose_at(poses_, frame->timestamp, max_gap_);
     return frame;
   }
 
  private:
   std::unique_ptr<Source> source_;
   Trajectory poses_;
+  double max_gap_;
 };
 
 }  // namespace
@@ -150,8 +152,8 @@ std::unique_ptr<Source> open_recording(const fs::path& folder, const FrameRange&
   return std::make_unique<RecordingSource>(read_recording(folder), range);
 }
 
-std::unique_ptr<Source> with_poses(std::unique_ptr<Source> source, Trajectory world_from_camera) {
-  return std::make_unique<WithPoses>(std::move(source), std::move(world_from_camera));
+std::unique_ptr<Source> with_poses(std::unique_ptr<Source> source, Trajectory world_from_camera, double max_gap) {
+  return std::make_unique<WithPoses>(std::move(source), std::move(world_from_camera), max_gap);
 }
 
 Trajectory recorded_truth(const fs::path& folder) { return read_recording(folder).truth; }

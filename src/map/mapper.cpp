@@ -7,6 +7,7 @@
 #include <functional>
 #include <string_view>
 
+#include "map/refine.hpp"
 #include "surface/preprocess.hpp"
 #include "surface/stopwatch.hpp"
 #include "track/tracker.hpp"
@@ -63,7 +64,9 @@ struct Mapper::State {
         tracker(device, c, preprocess.camera(), o),
         integrate(device, preprocess.camera(), o.surface),
         polygonize(device),
-        volume(device, o.fuse, o.surface.max_depth) {}
+        volume(device, o.fuse, o.surface.max_depth) {
+    if (o.refine && p == Poses::tracked) refine.emplace(device, c, o);
+  }
 
   /// Noise never repeats. A driver may deliver one image twice, but not more often.
   bool is_stuck(const Frame& frame) {
@@ -83,6 +86,7 @@ struct Mapper::State {
   Integrate integrate;
   Polygonize polygonize;
   Volume volume;
+  std::optional<Refine> refine;
   Trajectory trajectory;
   Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();  // sum over fused frames, in the world
   std::uint32_t stamp = 0;                                 // fused frames
@@ -149,6 +153,7 @@ FrameReport Mapper::add(const Frame& given) {
   report.state = FrameState::fused;
   if (depth_alone) report.reason = "its colour image is not of the camera's size: depth alone is used";
   if (s.poses == Poses::tracked) s.tracker.accept(frame, live, world_from_camera, tracked ? &*tracked : nullptr);
+  if (s.refine) s.refine->add(frame, world_from_camera, tracked ? &tracked->alignment.information : nullptr);
   if (frame.acceleration) s.acceleration += world_from_camera.linear() * *frame.acceleration;
   s.trajectory.push_back({frame.timestamp, world_from_camera});
   return report;
@@ -158,6 +163,10 @@ Trajectory Mapper::trajectory() const {
   Trajectory trajectory = state_->trajectory;
   for (StampedPose& pose : trajectory) pose.timestamp += state_->tracker.clock_offset();
   return trajectory;
+}
+
+Refined Mapper::refine(const std::filesystem::path& graph_file) {
+  return state_->refine ? (*state_->refine)(state_->trajectory, graph_file) : Refined{.trajectory = state_->trajectory};
 }
 
 Mesh Mapper::mesh() { return state_->polygonize(state_->volume); }

@@ -158,6 +158,31 @@ TEST_F(Program, AnswersWrongUsageWithExitCode2) {
   EXPECT_EQ(run_cairn({"reconstruct", "--help"}).exit_code, 0);
 }
 
+TEST_F(Program, FusesAgainWithRefinedPoses) {
+  const auto map = (out / "map").string();
+  const auto report = json_of(run_cairn({"reconstruct", sequence(), "-o", map, "--refuse", "--json"}));
+  EXPECT_EQ(report["frames"]["fused"], 40);
+  EXPECT_GT(report["refined"]["keyframes"], 1);
+  EXPECT_EQ(validate_gltf(map + "/mesh.glb"), "");
+  EXPECT_TRUE(fs::exists(map + "/graph.g2o"));
+  const auto error = json_of(
+      run_cairn({"evaluate", "trajectory", map + "/trajectory.txt", sequence() + "/groundtruth.txt", "--json"}));
+  EXPECT_LT(error["ate_m"]["rmse"], 0.002);
+  EXPECT_EQ(error["matched_poses"], 40);
+}
+
+TEST_F(Program, OptimisesAGraph) {
+  const auto file = (out / "chain.g2o").string(), moved = (out / "moved.g2o").string();
+  const std::string information = " 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1\n";
+  std::ofstream(file) << "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1 5 5 5 0 0 0 1\n"
+                      << "EDGE_SE3:QUAT 0 1 1 2 3 0 0 0 1" << information;
+  const auto report = json_of(run_cairn({"graph", "optimise", file, "-o", moved, "--json"}));
+  EXPECT_NEAR(report["cost"].get<double>(), 0, 1e-9);
+  EXPECT_EQ(report["components"], 1);
+  std::ofstream(file, std::ios::app) << "EDGE_SE3:QUAT 0 9 1 2 3 0 0 0 1" << information;
+  expect_one_line(run_cairn({"graph", "optimise", file, "-o", moved}), 1, "chain.g2o:4: there is no node 9");
+}
+
 TEST_F(Program, StandsTheMapUprightByTheAccelerometer) {
   const fs::path map = out / "map";
   const auto report = json_of(run_cairn({"reconstruct", sequence(), "-o", map.string(), "--json"}));

@@ -142,7 +142,8 @@ TEST(Align, SlidesOnAWallByGeometryAloneAndHoldsByItsTexture) {
   Slide blind, seeing;
   const Alignment slid = blind.aside("plane", false), held = seeing.aside("plane", true);
   EXPECT_GT((blind.truth.inverse() * slid.submap_from_camera).translation().norm(), 0.01);
-  // What the image shows stays: of a tilt about that point both terms know little, with this noise and so small an image.
+  // What the image shows stays: of a tilt about that point both terms know little, with this noise and so small an
+  // image.
   const Eigen::Vector3d ahead(0, 0, 2);
   EXPECT_LT((seeing.truth.inverse() * held.submap_from_camera * ahead - ahead).norm(), 0.003);
   EXPECT_LT((seeing.truth.inverse() * held.submap_from_camera).translation().norm(), 0.005);
