@@ -44,6 +44,10 @@ void main() {
     float inverse_sigma = 1.0 / depth_noise(z);
     float r = dot(n, gap) * inverse_sigma;
     float w = inlier ? min(1.0, push.huber / max(abs(r), 1e-6)) : 0.0;  // Huber 1964
+    if (push.cut > 0.0) {  // Beaton & Tukey 1974
+      float rest = max(0.0, 1.0 - r * r / (push.cut * push.cut));
+      w *= rest * rest;
+    }
     if (!inlier) r = 0.0;
     vec3 jt = inlier ? n * inverse_sigma : vec3(0);
     vec3 jr = inlier ? cross(p, n) * inverse_sigma : vec3(0);

@@ -14,6 +14,7 @@ struct IcpReducePush {
   float max_distance;  // metres
   float min_cosine;    // of the angle between matched normals
   float huber;         // in standard deviations of the depth noise
+  float cut;           // residuals from here on have no weight; 0: all have some
   uint crossed;        // 1: the matrix pairs live normals with the model's, so that noise of either cancels
 };
 

@@ -19,6 +19,7 @@ constexpr std::uint32_t kMaxSums = kMaxGroups * kWorkgroup;  // a subgroup has a
 constexpr double kConverged = 1e-4;        // radians and metres: some hundredths of a pixel, a hundredth of a voxel
 constexpr double kConvergedCoarse = 4e-4;  // at level 0; twice that at each coarser one
 constexpr double kMinBrightnessSigma = 1.0 / 255;
+constexpr float kCut = 4.0f;             // standard deviations of the depth noise
 constexpr double kMinDepthSigma = 0.1;   // standard deviations of the depth noise
 constexpr double kWeakGeometry = 0.002;  // share of a direction in the sum of all
 constexpr double kAgreeing = 0.75;       // share of inliers
@@ -195,7 +196,7 @@ std::vector<double> Align::clock_offset_costs(const Surface& live, const Keyfram
 }
 
 Alignment Align::operator()(const Surface& live, const ModelView& model, const Eigen::Isometry3d& guess,
-                            const Keyframe* keyframe, const ColourMoment& moment) {
+                            const Keyframe* keyframe, const ColourMoment& moment, Reach reach) {
   Alignment result;
   const bool has_brightness = options_.photometric && keyframe != nullptr && keyframe->is_set() && !live.packed.empty();
   const Eigen::Isometry3d start = model.submap_from_camera.inverse() * guess;
@@ -211,7 +212,8 @@ Alignment Align::operator()(const Surface& live, const ModelView& model, const E
   enum { undecided, without_weak, with_all } directions = undecided;  // of the geometry
   bool uses_brightness = false;
 
-  for (int level = options_.levels - 1; level >= options_.finest_level; --level) {
+  const int coarsest = reach == Reach::wide ? options_.levels - 1 : options_.finest_level;
+  for (int level = coarsest; level >= options_.finest_level; --level) {
     const auto l = static_cast<std::size_t>(level);
     const Camera& camera = live.levels[l]->camera;
     const Tiling tiling(camera);
@@ -227,6 +229,7 @@ Alignment Align::operator()(const Surface& live, const ModelView& model, const E
                                  .max_distance = options_.max_distance * static_cast<float>(1 << level),
                                  .min_cosine = std::cos(options_.max_angle),
                                  .huber = options_.huber,
+                                 .cut = reach == Reach::wide ? 0.0f : kCut,
                                  .crossed = 0};
       icp_(batch, {tiling.threads(), 1, 1}, push, {&live.levels[l]->points, &model.levels[l]->points, &geometry_sums_});
       batch.download(geometry_sums_, geometry_sums);
@@ -263,7 +266,7 @@ Alignment Align::operator()(const Surface& live, const ModelView& model, const E
         // Normals of surfaces that do not lie on each other yet say nothing about noise. Those of a young map disagree
         // even then; brightness that fits to its noise without the weak directions tells that they lie.
         const bool agree = geometry.inliers > kAgreeing * geometry.seen, close = near > kAgreeing * geometry.seen;
-        const bool can_repeat = has_brightness && level + 1 < options_.levels;
+        const bool can_repeat = has_brightness && level < coarsest;
         const bool proved = directions == without_weak && brightness.sigma < kBrightnessNoise;
         const bool trial = directions == undecided && can_repeat;
         observed = agree || (close && (proved || trial)) ? observed_by_geometry(crossed) : Observed{};
@@ -273,7 +276,7 @@ Alignment Align::operator()(const Surface& live, const ModelView& model, const E
           directions = directions == undecided ? without_weak : with_all;
           model_from_live = start;
           brightness = {};
-          level = options_.levels;
+          level = coarsest + 1;
           break;
         }
       }

@@ -33,6 +33,10 @@ struct Alignment {
   [[nodiscard]] bool converged() const { return lost.empty(); }
 };
 
+/// `close`: only at the finest level, and what lies far beside the map counts nothing: for a guess that is right where
+/// something else in view moves.
+enum class Reach { wide, close };
+
 /// When and how the colour image of a frame was taken, beside its depth image.
 struct ColourMoment {
   Vector6d velocity = Vector6d::Zero();  // of the camera, in its own frame: rad/s, m/s
@@ -75,7 +79,8 @@ class Align {
   Align(gpu::Device& device, const TrackOptions& options);
   /// `keyframe` may be null or not set: geometry alone.
   [[nodiscard]] Alignment operator()(const Surface& live, const ModelView& model, const Eigen::Isometry3d& guess,
-                                     const Keyframe* keyframe = nullptr, const ColourMoment& moment = {});
+                                     const Keyframe* keyframe = nullptr, const ColourMoment& moment = {},
+                                     Reach reach = Reach::wide);
 
  private:
   struct Geometry {

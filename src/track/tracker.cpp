@@ -19,6 +19,8 @@ constexpr double kClockOffsetContrast = 1.5;  // of the worst fit to the best
 constexpr double kDoubtful = 4.0, kMisfit = 7.0;
 constexpr double kClearlyBetter = 0.8;              // times the cost of the guess from motion
 constexpr double kDoubtfulBrightness = 0.1;         // photometric rmse, brightness in 0..1
+constexpr double kSuddenly = 2.5;                   // times the usual photometric rmse
+constexpr double kTellsApart = 0.5;                 // times the photometric rmse of another pose
 constexpr double kUsualBrightness = 0.03;           // photometric rmse of hand-held Kinect recordings
 constexpr double kMaxSpeed = 4.0, kMaxTurn = 12.0;  // metres and radians a second: a hand is slower
 constexpr std::size_t kRecentPlaces = 3, kLikestPlaces = 6, kOtherPlaces = 4;  // compared with a frame
@@ -141,22 +143,29 @@ std::vector<Eigen::Isometry3d> Tracker::recognise(const Frame& frame, const std:
 }
 
 Tracked Tracker::operator()(const Frame& frame, const Surface& live, const Volume& volume, StageTimes& times) {
-  const auto align = [&](const Eigen::Isometry3d& guess, const char* name) {
+  const auto align = [&](const Eigen::Isometry3d& guess, const char* name, Reach reach = Reach::wide) {
     model_ = timed(times, "raycast", [&] { return raycast_(volume, guess); });
     return timed(times, "track", [&] {
-      return Tracked{.alignment = align_(live, model_, guess, &keyframe_, moment_of(frame, guess)), .guess = name};
+      return Tracked{.alignment = align_(live, model_, guess, &keyframe_, moment_of(frame, guess), reach),
+                     .guess = name};
     });
   };
   Tracked tracked = align(predict(frame.timestamp), "motion");
   if (lost_ == 0) {
     if (!tracked.alignment.converged())
       tracked = align(last_.back().submap_from_camera, "still");  // the hand may have stopped
-    if (is_doubtful(tracked.alignment)) {
+    if (is_doubtful(tracked.alignment) || tracked.alignment.photometric_rmse > kSuddenly * usual_brightness_) {
       std::vector<std::size_t> recent;
       for (std::size_t i = places_.size(); i > 0 && recent.size() < kRecentPlaces; --i) recent.push_back(i - 1);
-      for (const auto& guess : timed(times, "recognise", [&] { return recognise(frame, recent); }))
+      for (const auto& guess : timed(times, "recognise", [&] { return recognise(frame, recent); })) {
         if (Tracked other = align(guess, "features"); is_better(other.alignment, tracked.alignment))
           tracked = std::move(other);
+        // Something may move through the view: brightness then tells the still part's pose from the moving one's.
+        if (Tracked other = align(guess, "features", Reach::close);
+            is_better(other.alignment, tracked.alignment) &&
+            other.alignment.photometric_rmse < kTellsApart * tracked.alignment.photometric_rmse)
+          tracked = std::move(other);
+      }
     }
     const Eigen::Isometry3d motion = last_.back().submap_from_camera.inverse() * tracked.alignment.submap_from_camera;
     const double interval = frame.timestamp - last_.back().timestamp;
@@ -231,6 +240,8 @@ void Tracker::accept(const Frame& frame, const Surface& live, const Eigen::Isome
     if (!places_.empty()) compare_focal_lengths(places_.back(), place);
     places_.push_back(std::move(place));
   }
+  if (tracked != nullptr && tracked->alignment.photometric_share > 0)
+    usual_brightness_ += 0.1 * (tracked->alignment.photometric_rmse - usual_brightness_);
   if (lost_ > 0) last_.clear();  // no velocity across a gap
   lost_ = 0;
   if (last_.size() == 2) last_.erase(last_.begin());

@@ -66,8 +66,9 @@ class Tracker {
   gpu::Kernel<shader::MovingMaskPush> mask_;
   ModelView model_;  // the map as last seen by raycast_
   std::vector<Place> places_;
-  std::vector<Moment> last_;                                       // at most two accepted frames, the newest at the end
-  int lost_ = 0;                                                   // frames since the last accepted one
+  std::vector<Moment> last_;        // at most two accepted frames, the newest at the end
+  double usual_brightness_ = 0.03;  // photometric rmse, a running mean over accepted frames
+  int lost_ = 0;                    // frames since the last accepted one
   std::array<double, kClockOffsets.size()> clock_offset_costs_{};  // summed over frames
   int clock_offset_frames_ = 0;
   std::array<double, kFocalScales.size()> focal_costs_{};  // summed over pairs of places

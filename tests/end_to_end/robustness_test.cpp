@@ -174,8 +174,16 @@ TEST(Robustness, ColourThatEndsHalfWayOrHasAnotherSize) {
   EXPECT_EQ(o.reports[50].photometric_share, 0);
 }
 
+TEST(Robustness, SomebodyWalksThroughTheRoom) {
+  // In front of the camera, at 1.2 m, into a part of the room that is not mapped yet.
+  const auto o = run(synthetic_scene("room-with-mover"), 90, along);
+  EXPECT_EQ(o.wrong, 0);
+  EXPECT_EQ(o.fused, 90);
+  EXPECT_LE(o.rmse, 0.01);
+}
+
 TEST(Robustness, SomethingSmallMovesThroughTheRoom) {
-  // Less than half a person's width: who fills half of the view near the camera still takes the pose along.
+  // Less than half a person's width.
   Scene scene = synthetic_scene("room-with-mover");
   for (auto& s : scene.solids)
     if (s.period > 0) s.half_size.x() *= 0.4f;
