@@ -34,7 +34,6 @@ double turn_of(const Eigen::Isometry3d& t) { return Eigen::AngleAxisd(t.linear()
 
 Refine::Refine(gpu::Device& device, const Camera& camera, const Options& options)
     : camera_(camera),
-      options_(options.track),
       first_(device, camera, options.surface, options.track.levels, options.track.finest_level),
       second_(device, camera, options.surface, options.track.levels, options.track.finest_level),
       align_(device, options.track) {}

@@ -42,7 +42,6 @@ class Refine {
   [[nodiscard]] std::vector<PoseGraph::Edge> align(const std::vector<Pair>& pairs);
 
   Camera camera_;
-  TrackOptions options_;
   Preprocess first_, second_;
   Align align_;
   std::vector<View> keyframes_;
