@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <numeric>
+#include <utility>
 
 #include "cairn/mapper.hpp"
 #include "cairn/source.hpp"
@@ -173,9 +174,8 @@ void reconstruct(const Arguments& a) {
   Mapper::Statistics statistics = mapper->statistics();
   if (const FocalEvidence& f = statistics.focal; f.contradicts())
     spdlog::warn(
-        "{}: corners fit a focal length of {:.0f} pixels ({:.2f} pixels off) better than the given {:.0f} ({:.2f} "
-        "pixels "
-        "off, {} pairs of views): check the camera's intrinsics, and that colour is registered to depth",
+        "{}: corners fit a focal length of {:.0f} pixels ({:.2f} pixels off) better than the given {:.0f} "
+        "({:.2f} pixels off, {} pairs of views): check the camera's intrinsics, and that colour is registered to depth",
         a.sequence, f.scale * source->camera().fx, f.error_best, source->camera().fx, f.error_given, f.pairs);
   if (fused == 0)
     throw std::runtime_error(a.sequence + ": none of " + std::to_string(frames.size()) + " frames could be used" +
@@ -202,11 +202,9 @@ void reconstruct(const Arguments& a) {
     });
     trajectory = refined->trajectory;
     for (StampedPose& pose : trajectory) pose.timestamp += statistics.clock_offset;
-    const double clock_offset = statistics.clock_offset;
-    const FocalEvidence focal = statistics.focal;
-    const auto tilt = statistics.tilt;
-    statistics = mapper->statistics();
-    statistics.clock_offset = clock_offset, statistics.focal = focal, statistics.tilt = tilt;
+    // The second pass knows about the map and how upright it stands, the first about the cameras.
+    const Mapper::Statistics tracked = std::exchange(statistics, mapper->statistics());
+    statistics.clock_offset = tracked.clock_offset, statistics.focal = tracked.focal;
   }
   write_trajectory(a.output / "trajectory.txt", trajectory);
   Mesh mesh;

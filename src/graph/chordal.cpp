@@ -22,10 +22,10 @@ struct Weights {
   double kappa, tau;
 };
 
-/// Least squares in `unknowns` values with `columns` right-hand sides at a time; each component's anchor is known.
+/// Least squares in `unknowns` values for three right-hand sides at a time; each component's anchor is known.
 class Problem {
  public:
-  Problem(Eigen::Index unknowns, Eigen::Index columns) : rhs_(Eigen::MatrixXd::Zero(unknowns, columns)) {}
+  explicit Problem(Eigen::Index unknowns) : rhs_(Eigen::MatrixXd::Zero(unknowns, 3)) {}
   void add(Eigen::Index row, Eigen::Index column, double value) { triplets_.emplace_back(row, column, value); }
   auto rhs(Eigen::Index row) { return rhs_.row(row); }
   [[nodiscard]] Eigen::MatrixXd solve() const {
@@ -60,7 +60,7 @@ std::vector<Eigen::Isometry3d> chordal_initialisation(const PoseGraph& graph, co
   if (count == 0) return poses;
 
   // The three rows of all rotations solve the same equations: row(R_j) = row(R_i) R_ij.
-  Problem rotations(3 * count, 3), translations(count, 3);
+  Problem rotations(3 * count), translations(count);
   for (std::size_t e = 0; e < graph.edges.size(); ++e) {
     if (weights[e] <= 0) continue;
     const auto& edge = graph.edges[e];

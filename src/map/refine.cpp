@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace cairn {
 namespace {
@@ -83,9 +84,12 @@ std::vector<PoseGraph::Edge> Refine::align(const std::vector<Pair>& pairs) {
     return a.converged() && a.inlier_share > kMinInliers && a.overlap > kMinOverlap && a.rmse < kMaxRmse &&
            a.unobserved == 0;
   };
+  // Pairs come in the order of `from`: its surface serves them all.
+  std::optional<std::size_t> seen_from;
+  ModelView view;
   const auto one_way = [&](std::size_t from, std::size_t to, const Eigen::Isometry3d& guess) {
-    const Surface seen = first_(keyframes_[from].frame);
-    const ModelView view{.levels = seen.levels};
+    if (seen_from != from) view.levels = first_(keyframes_[from].frame).levels;
+    seen_from = from;
     return align_(second_(keyframes_[to].frame), view, guess);
   };
   for (const Pair& pair : pairs) {
