@@ -119,7 +119,8 @@ void synth(const Arguments& a) {
 void add_synth(CLI::App& program) {
   auto* command = program.add_subcommand("synth", "Render a synthetic recording with exact truth, in the TUM layout");
   const auto a = std::make_shared<Arguments>();
-  command->add_option("SCENE", a->scene, "room, room-with-mover, sphere, plane, corridor or loop")->required();
+  command->add_option("SCENE", a->scene, "room, room-with-mover, flat, twin-rooms, sphere, plane, corridor or loop")
+      ->required();
   command->add_option("-o,--output", a->output, "Folder for the recording")->required();
   command
       ->add_option("--trajectory", a->trajectory,

@@ -29,6 +29,7 @@ struct Scene {
   };
   std::string name;
   std::vector<Solid> solids;
+  std::vector<Eigen::Vector2d> way;  // (x, z) of the path every 5 cm, where it leads through rooms
 
   [[nodiscard]] bool moves() const;
   /// The solids as they are at a time.
@@ -36,15 +37,17 @@ struct Scene {
   /// Distance to the nearest surface that stands still, in metres, negative inside a solid; exact outside of all
   /// solids.
   [[nodiscard]] double distance(const Eigen::Vector3d& point) const;
-  /// The pose of a hand-held-like camera at a time: 0.2 to 0.6 m/s, at most 45 degrees a second.
+  /// The pose of a hand-held-like camera at a time: 0.2 to 0.6 m/s, at most 45 degrees a second; on a
+  /// way through rooms also with glances aside of 160 degrees a second.
   [[nodiscard]] Eigen::Isometry3d world_from_camera(double seconds) const;
   /// The surface of what stands still as triangles with sides of at most `spacing`, exact at its vertices; hidden parts
   /// of solids are left out.
   [[nodiscard]] Mesh surface(float spacing = 0.02f) const;
 };
 
-/// `room` (furnished), `room-with-mover` (somebody walks through it), `sphere`, `plane`, `corridor` or `loop` (a
-/// corridor around a block). Throws std::runtime_error for another name.
+/// `room` (furnished), `room-with-mover` (somebody walks through it), `flat` (four rooms, once around), `twin-rooms`
+/// (two that look alike), `sphere`, `plane`, `corridor` or `loop` (a corridor around a block). Throws
+/// std::runtime_error for another name.
 [[nodiscard]] Scene synthetic_scene(const std::string& name);
 
 /// The camera that synthetic recordings have.

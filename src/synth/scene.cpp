@@ -8,6 +8,8 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "synth/rooms.hpp"
+
 namespace cairn {
 namespace {
 
@@ -15,8 +17,6 @@ using Shape = Scene::Shape;
 using Pattern = Scene::Pattern;
 using Eigen::Vector3d;
 using Eigen::Vector3f;
-
-constexpr double kFloor = 1.3;  // metres below the camera's height
 
 Vector3d local(const Scene::Solid& s, const Vector3d& p) {
   return Eigen::AngleAxisd(s.yaw, Vector3d::UnitY()) * (p - s.centre.cast<double>());
@@ -42,158 +42,6 @@ double solid_distance(const Scene::Solid& s, const Vector3d& point) {
     }
   }
   return 0;
-}
-
-/// A box that stands on the floor.
-Scene::Solid standing(float x, float z, Vector3f size, float above, Pattern pattern, float scale, Vector3f colour,
-                      Vector3f second, float yaw = 0) {
-  return {Shape::box, {x, static_cast<float>(kFloor) - above - size.y() / 2, z}, size / 2, yaw, pattern, scale, colour,
-          second};
-}
-
-std::vector<Scene::Solid> furnished_room() {
-  const Vector3f wood(0.62f, 0.42f, 0.24f), dark(0.40f, 0.25f, 0.13f), white(0.85f, 0.84f, 0.80f),
-      grey(0.5f, 0.5f, 0.52f);
-  std::vector<Scene::Solid> s;
-  s.push_back({Shape::hollow,
-               {0, 0, 0},
-               {2.7f, 1.3f, 2.3f},
-               0,
-               Pattern::tiles,
-               0.4f,
-               {0.78f, 0.76f, 0.66f},
-               {0.55f, 0.5f, 0.45f}});
-  s.push_back(
-      standing(0, 0, {3.2f, 0.012f, 2.4f}, 0, Pattern::checker, 0.22f, {0.62f, 0.2f, 0.18f}, {0.82f, 0.68f, 0.45f}));
-  // desk with a screen, books, a lamp and a mug
-  s.push_back(standing(0.2f, 1.85f, {1.6f, 0.05f, 0.75f}, 0.70f, Pattern::wood, 0.25f, wood, dark));
-  for (const float x : {-0.52f, 0.92f})
-    for (const float z : {1.55f, 2.15f})
-      s.push_back(standing(x, z, {0.07f, 0.70f, 0.07f}, 0, Pattern::wood, 0.2f, dark, wood));
-  s.push_back(standing(0.15f, 2.05f, {0.62f, 0.38f, 0.05f}, 0.87f, Pattern::patches, 0.09f, {0.2f, 0.4f, 0.7f},
-                       {0.1f, 0.6f, 0.5f}));
-  s.push_back(standing(0.15f, 2.02f, {0.24f, 0.13f, 0.18f}, 0.75f, Pattern::plain, 0.1f, {0.25f, 0.25f, 0.27f}, grey));
-  s.push_back(
-      standing(0.75f, 1.85f, {0.24f, 0.16f, 0.30f}, 0.75f, Pattern::patches, 0.045f, {0.7f, 0.2f, 0.2f}, white, 0.4f));
-  s.push_back({Shape::cylinder,
-               {-0.35f, 0.49f, 1.75f},
-               {0.045f, 0.055f, 0},
-               0,
-               Pattern::checker,
-               0.03f,
-               {0.85f, 0.3f, 0.2f},
-               white});
-  s.push_back({Shape::sphere,
-               {-0.42f, 0.43f, 2.03f},
-               {0.12f, 0, 0},
-               0,
-               Pattern::checker,
-               0.06f,
-               {0.9f, 0.75f, 0.3f},
-               {0.6f, 0.4f, 0.2f}});
-  // chair
-  s.push_back(standing(0.2f, 1.15f, {0.45f, 0.06f, 0.45f}, 0.42f, Pattern::checker, 0.06f, {0.2f, 0.45f, 0.35f},
-                       {0.8f, 0.8f, 0.7f}, 0.3f));
-  s.push_back(standing(0.14f, 0.95f, {0.45f, 0.45f, 0.05f}, 0.50f, Pattern::tiles, 0.09f, {0.2f, 0.45f, 0.35f},
-                       {0.8f, 0.8f, 0.7f}, 0.3f));
-  s.push_back({Shape::cylinder, {0.2f, 1.09f, 1.15f}, {0.05f, 0.21f, 0}, 0, Pattern::plain, 0.1f, grey, grey});
-  s.push_back({Shape::cylinder, {0.2f, 1.275f, 1.15f}, {0.25f, 0.025f, 0}, 0, Pattern::plain, 0.1f, grey, grey});
-  // shelf on the right with books
-  s.push_back(standing(2.55f, 0.6f, {0.03f, 1.9f, 1.5f}, 0, Pattern::wood, 0.3f, dark, wood));
-  for (int i = 0; i < 5; ++i)
-    s.push_back(standing(2.42f, 0.6f, {0.33f, 0.04f, 1.5f}, 0.05f + 0.45f * static_cast<float>(i), Pattern::wood, 0.3f,
-                         wood, dark));
-  for (int i = 0; i < 4; ++i)
-    for (int k = 0; k < 3; ++k)
-      s.push_back(standing(2.43f - 0.02f * static_cast<float>((i + k) % 3), 0.12f + 0.45f * static_cast<float>(k),
-                           {0.24f, 0.24f + 0.04f * static_cast<float>((2 * i + k) % 3),
-                            0.28f + 0.05f * static_cast<float>((i + 2 * k) % 3)},
-                           0.09f + 0.45f * static_cast<float>(i), Pattern::patches, 0.05f, {0.6f, 0.3f, 0.2f},
-                           {0.2f, 0.3f, 0.6f}));
-  // sofa at the back with cushions
-  s.push_back(standing(-0.3f, -1.8f, {2.0f, 0.42f, 0.85f}, 0, Pattern::checker, 0.12f, {0.25f, 0.35f, 0.6f},
-                       {0.35f, 0.45f, 0.7f}));
-  s.push_back(standing(-0.3f, -2.12f, {2.0f, 0.45f, 0.22f}, 0.42f, Pattern::checker, 0.12f, {0.25f, 0.35f, 0.6f},
-                       {0.35f, 0.45f, 0.7f}));
-  for (const float x : {-1.38f, 0.78f})
-    s.push_back(standing(x, -1.8f, {0.18f, 0.62f, 0.85f}, 0, Pattern::checker, 0.12f, {0.22f, 0.3f, 0.55f},
-                         {0.35f, 0.45f, 0.7f}));
-  s.push_back(
-      {Shape::sphere, {-0.9f, 0.74f, -1.85f}, {0.2f, 0, 0}, 0, Pattern::tiles, 0.1f, {0.85f, 0.55f, 0.2f}, white});
-  s.push_back(
-      {Shape::sphere, {0.4f, 0.76f, -1.9f}, {0.18f, 0, 0}, 0, Pattern::checker, 0.07f, {0.7f, 0.2f, 0.3f}, white});
-  // cupboard on the left, a box and a plant in front of it
-  s.push_back(standing(-2.42f, 0.5f, {0.5f, 0.95f, 1.3f}, 0, Pattern::wood, 0.35f, {0.75f, 0.6f, 0.4f}, wood));
-  s.push_back(
-      standing(-2.42f, 0.25f, {0.35f, 0.3f, 0.4f}, 0.95f, Pattern::patches, 0.07f, {0.3f, 0.55f, 0.3f}, white, 0.5f));
-  s.push_back(
-      {Shape::cylinder, {-2.4f, 0.2f, 0.85f}, {0.12f, 0.15f, 0}, 0, Pattern::tiles, 0.06f, {0.7f, 0.4f, 0.3f}, white});
-  s.push_back({Shape::sphere,
-               {-2.4f, -0.1f, 0.85f},
-               {0.24f, 0, 0},
-               0,
-               Pattern::patches,
-               0.05f,
-               {0.1f, 0.5f, 0.15f},
-               {0.3f, 0.6f, 0.2f}});
-  s.push_back(standing(-2.1f, -1.3f, {0.6f, 0.55f, 0.5f}, 0, Pattern::patches, 0.11f, {0.75f, 0.6f, 0.4f},
-                       {0.5f, 0.3f, 0.2f}, 0.6f));
-  s.push_back(
-      {Shape::cylinder, {2.1f, 0.95f, -1.6f}, {0.28f, 0.35f, 0}, 0, Pattern::tiles, 0.12f, {0.5f, 0.6f, 0.65f}, white});
-  s.push_back({Shape::sphere,
-               {2.1f, 0.38f, -1.6f},
-               {0.22f, 0, 0},
-               0,
-               Pattern::checker,
-               0.08f,
-               {0.85f, 0.8f, 0.3f},
-               {0.3f, 0.3f, 0.3f}});
-  // pictures and a door
-  s.push_back({Shape::box,
-               {-1.2f, -0.35f, 2.28f},
-               {0.45f, 0.32f, 0.03f},
-               0,
-               Pattern::patches,
-               0.12f,
-               {0.8f, 0.3f, 0.2f},
-               {0.2f, 0.3f, 0.8f}});
-  s.push_back({Shape::box,
-               {1.6f, -0.3f, 2.28f},
-               {0.3f, 0.4f, 0.03f},
-               0,
-               Pattern::patches,
-               0.08f,
-               {0.3f, 0.7f, 0.4f},
-               {0.9f, 0.8f, 0.3f}});
-  s.push_back({Shape::box,
-               {0.2f, -0.45f, -2.28f},
-               {0.7f, 0.35f, 0.03f},
-               0,
-               Pattern::patches,
-               0.14f,
-               {0.2f, 0.5f, 0.7f},
-               {0.9f, 0.6f, 0.4f}});
-  s.push_back({Shape::box,
-               {-2.68f, 0.25f, -0.75f},
-               {0.03f, 1.05f, 0.42f},
-               0,
-               Pattern::wood,
-               0.5f,
-               {0.65f, 0.55f, 0.42f},
-               dark});
-  s.push_back(
-      {Shape::box, {2.68f, -0.2f, -0.9f}, {0.03f, 0.45f, 0.5f}, 0, Pattern::tiles, 0.25f, {0.55f, 0.75f, 0.9f}, white});
-  // ceiling lamp and a beam
-  s.push_back({Shape::box, {0, -1.25f, 0.4f}, {2.7f, 0.06f, 0.09f}, 0, Pattern::wood, 0.3f, dark, wood});
-  s.push_back({Shape::cylinder,
-               {0, -1.12f, -0.5f},
-               {0.28f, 0.1f, 0},
-               0,
-               Pattern::checker,
-               0.1f,
-               {0.95f, 0.9f, 0.7f},
-               {0.8f, 0.6f, 0.3f}});
-  return s;
 }
 
 Eigen::Isometry3d look(const Vector3d& from, const Vector3d& direction, double roll) {
@@ -310,6 +158,28 @@ Eigen::Isometry3d Scene::world_from_camera(double t) const {
     const Vector3d from(-bulge * c + 3.0, sway, bulge * s);
     return look(from, heading(angle - 0.35 + 0.2 * std::sin(0.9 * t), 0.12 + 0.1 * std::sin(0.6 * t) + shake), roll);
   }
+  if (!way.empty()) {
+    constexpr double kSpeed = 0.5, kSpacing = 0.05, kAhead = 0.5;  // metres a second, metres
+    const auto at = [&](double metres) -> Eigen::Vector2d {
+      const double i = std::clamp(metres / kSpacing, 0.0, static_cast<double>(way.size()) - 1.001);
+      const auto k = static_cast<std::size_t>(i);
+      return way[k] + (i - static_cast<double>(k)) * (way[k + 1] - way[k]);
+    };
+    const double last = kSpacing * static_cast<double>(way.size() - 1);
+    const double along = std::clamp(kSpeed * t, 0.0, last);
+    const Eigen::Vector2d from = at(along), ahead = at(std::min(along + kAhead, last)) - at(along - kAhead);
+    // Every 7 s a glance of 80 degrees aside, to the left and to the right in turn: 0.75 s there, 0.75 s back.
+    constexpr double kGlance = 1.4, kPeriod = 7, kBegin = 3, kTurn = 0.75, kHold = 0.5;
+    const double phase = std::fmod(std::max(t, 0.0), kPeriod) - kBegin;
+    const auto ease = [](double x) { return x * x * (3 - 2 * x); };
+    const double out = ease(std::clamp(phase / kTurn, 0.0, 1.0)),
+                 back = ease(std::clamp((phase - kTurn - kHold) / kTurn, 0.0, 1.0));
+    const double side = std::fmod(std::max(t, 0.0), 2 * kPeriod) < kPeriod ? -1 : 1;
+    return look({from.x(), sway, from.y()},
+                heading(std::atan2(ahead.x(), ahead.y()) + side * kGlance * (out - back),
+                        0.2 + 0.15 * std::sin(0.6 * t) + shake),
+                roll);
+  }
   // Around the middle of the room, looking outwards, up and down.
   const double angle = 2 * std::numbers::pi * t / 24 + 0.15 * std::sin(1.1 * t);
   const Vector3d from(0.75 * std::sin(angle) - 0.1, 0.15 * std::sin(0.8 * t) + sway - 0.1,
@@ -377,40 +247,16 @@ Scene synthetic_scene(const std::string& name) {
                             {0.7f, 0.65f, 0.5f},
                             {0.4f, 0.45f, 0.5f}});
   } else if (name == "loop") {
-    scene.solids.push_back({Shape::hollow,
-                            {3, 0, 0},
-                            {4.2f, 1.3f, 4.2f},
-                            0,
-                            Pattern::tiles,
-                            0.35f,
-                            {0.75f, 0.72f, 0.6f},
-                            {0.5f, 0.45f, 0.4f}});
-    scene.solids.push_back({Shape::box,
-                            {3, 0, 0},
-                            {1.8f, 1.3f, 1.8f},
-                            0,
-                            Pattern::patches,
-                            0.25f,
-                            {0.5f, 0.6f, 0.65f},
-                            {0.8f, 0.5f, 0.3f}});
-    for (int i = 0; i < 16; ++i) {  // boxes and columns along the walls, each of its own size
-      const float along = -3.6f + 0.9f * static_cast<float>(i / 2), side = i % 2 == 0 ? -0.98f : 6.98f;
-      const float height = 0.5f + 0.37f * static_cast<float>(i * 7 % 5);
-      scene.solids.push_back(standing(side, along, {0.36f, height, 0.3f + 0.05f * static_cast<float>(i % 4)}, 0,
-                                      Pattern::patches, 0.08f, {0.3f + 0.04f * static_cast<float>(i), 0.5f, 0.3f},
-                                      {0.8f, 0.3f, 0.5f}, 0.3f * static_cast<float>(i)));
-      scene.solids.push_back({Shape::cylinder,
-                              {3 + along, 1.3f - height / 2, i % 2 == 0 ? -3.95f : 3.95f},
-                              {0.14f, height / 2, 0},
-                              0,
-                              Pattern::checker,
-                              0.07f,
-                              {0.7f, 0.3f, 0.2f},
-                              {0.9f, 0.8f, 0.6f}});
-    }
+    scene.solids = corridor_around_a_block();
+  } else if (name == "flat") {
+    scene.solids = flat();
+    scene.way = way_through_flat();
+  } else if (name == "twin-rooms") {
+    scene.solids = twin_rooms();
+    scene.way = way_through_twin_rooms();
   } else {
     throw std::runtime_error("there is no synthetic scene '" + name +
-                             "': choose room, sphere, plane, corridor or loop");
+                             "': choose room, room-with-mover, flat, twin-rooms, sphere, plane, corridor or loop");
   }
   return scene;
 }

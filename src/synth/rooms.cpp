@@ -1,0 +1,422 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "synth/rooms.hpp"
+
+#include <cmath>
+#include <numbers>
+
+namespace cairn {
+namespace {
+
+using Shape = Scene::Shape;
+using Pattern = Scene::Pattern;
+using Eigen::Vector3f;
+
+constexpr double kFloor = 1.3;  // metres below the camera's height
+
+/// A box that stands on the floor.
+Scene::Solid standing(float x, float z, Vector3f size, float above, Pattern pattern, float scale, Vector3f colour,
+                      Vector3f second, float yaw = 0) {
+  return {Shape::box, {x, static_cast<float>(kFloor) - above - size.y() / 2, z}, size / 2, yaw, pattern, scale, colour,
+          second};
+}
+
+}  // namespace
+
+std::vector<Scene::Solid> furnished_room() {
+  const Vector3f wood(0.62f, 0.42f, 0.24f), dark(0.40f, 0.25f, 0.13f), white(0.85f, 0.84f, 0.80f),
+      grey(0.5f, 0.5f, 0.52f);
+  std::vector<Scene::Solid> s;
+  s.push_back({Shape::hollow,
+               {0, 0, 0},
+               {2.7f, 1.3f, 2.3f},
+               0,
+               Pattern::tiles,
+               0.4f,
+               {0.78f, 0.76f, 0.66f},
+               {0.55f, 0.5f, 0.45f}});
+  s.push_back(
+      standing(0, 0, {3.2f, 0.012f, 2.4f}, 0, Pattern::checker, 0.22f, {0.62f, 0.2f, 0.18f}, {0.82f, 0.68f, 0.45f}));
+  // desk with a screen, books, a lamp and a mug
+  s.push_back(standing(0.2f, 1.85f, {1.6f, 0.05f, 0.75f}, 0.70f, Pattern::wood, 0.25f, wood, dark));
+  for (const float x : {-0.52f, 0.92f})
+    for (const float z : {1.55f, 2.15f})
+      s.push_back(standing(x, z, {0.07f, 0.70f, 0.07f}, 0, Pattern::wood, 0.2f, dark, wood));
+  s.push_back(standing(0.15f, 2.05f, {0.62f, 0.38f, 0.05f}, 0.87f, Pattern::patches, 0.09f, {0.2f, 0.4f, 0.7f},
+                       {0.1f, 0.6f, 0.5f}));
+  s.push_back(standing(0.15f, 2.02f, {0.24f, 0.13f, 0.18f}, 0.75f, Pattern::plain, 0.1f, {0.25f, 0.25f, 0.27f}, grey));
+  s.push_back(
+      standing(0.75f, 1.85f, {0.24f, 0.16f, 0.30f}, 0.75f, Pattern::patches, 0.045f, {0.7f, 0.2f, 0.2f}, white, 0.4f));
+  s.push_back({Shape::cylinder,
+               {-0.35f, 0.49f, 1.75f},
+               {0.045f, 0.055f, 0},
+               0,
+               Pattern::checker,
+               0.03f,
+               {0.85f, 0.3f, 0.2f},
+               white});
+  s.push_back({Shape::sphere,
+               {-0.42f, 0.43f, 2.03f},
+               {0.12f, 0, 0},
+               0,
+               Pattern::checker,
+               0.06f,
+               {0.9f, 0.75f, 0.3f},
+               {0.6f, 0.4f, 0.2f}});
+  // chair
+  s.push_back(standing(0.2f, 1.15f, {0.45f, 0.06f, 0.45f}, 0.42f, Pattern::checker, 0.06f, {0.2f, 0.45f, 0.35f},
+                       {0.8f, 0.8f, 0.7f}, 0.3f));
+  s.push_back(standing(0.14f, 0.95f, {0.45f, 0.45f, 0.05f}, 0.50f, Pattern::tiles, 0.09f, {0.2f, 0.45f, 0.35f},
+                       {0.8f, 0.8f, 0.7f}, 0.3f));
+  s.push_back({Shape::cylinder, {0.2f, 1.09f, 1.15f}, {0.05f, 0.21f, 0}, 0, Pattern::plain, 0.1f, grey, grey});
+  s.push_back({Shape::cylinder, {0.2f, 1.275f, 1.15f}, {0.25f, 0.025f, 0}, 0, Pattern::plain, 0.1f, grey, grey});
+  // shelf on the right with books
+  s.push_back(standing(2.55f, 0.6f, {0.03f, 1.9f, 1.5f}, 0, Pattern::wood, 0.3f, dark, wood));
+  for (int i = 0; i < 5; ++i)
+    s.push_back(standing(2.42f, 0.6f, {0.33f, 0.04f, 1.5f}, 0.05f + 0.45f * static_cast<float>(i), Pattern::wood, 0.3f,
+                         wood, dark));
+  for (int i = 0; i < 4; ++i)
+    for (int k = 0; k < 3; ++k)
+      s.push_back(standing(2.43f - 0.02f * static_cast<float>((i + k) % 3), 0.12f + 0.45f * static_cast<float>(k),
+                           {0.24f, 0.24f + 0.04f * static_cast<float>((2 * i + k) % 3),
+                            0.28f + 0.05f * static_cast<float>((i + 2 * k) % 3)},
+                           0.09f + 0.45f * static_cast<float>(i), Pattern::patches, 0.05f, {0.6f, 0.3f, 0.2f},
+                           {0.2f, 0.3f, 0.6f}));
+  // sofa at the back with cushions
+  s.push_back(standing(-0.3f, -1.8f, {2.0f, 0.42f, 0.85f}, 0, Pattern::checker, 0.12f, {0.25f, 0.35f, 0.6f},
+                       {0.35f, 0.45f, 0.7f}));
+  s.push_back(standing(-0.3f, -2.12f, {2.0f, 0.45f, 0.22f}, 0.42f, Pattern::checker, 0.12f, {0.25f, 0.35f, 0.6f},
+                       {0.35f, 0.45f, 0.7f}));
+  for (const float x : {-1.38f, 0.78f})
+    s.push_back(standing(x, -1.8f, {0.18f, 0.62f, 0.85f}, 0, Pattern::checker, 0.12f, {0.22f, 0.3f, 0.55f},
+                         {0.35f, 0.45f, 0.7f}));
+  s.push_back(
+      {Shape::sphere, {-0.9f, 0.74f, -1.85f}, {0.2f, 0, 0}, 0, Pattern::tiles, 0.1f, {0.85f, 0.55f, 0.2f}, white});
+  s.push_back(
+      {Shape::sphere, {0.4f, 0.76f, -1.9f}, {0.18f, 0, 0}, 0, Pattern::checker, 0.07f, {0.7f, 0.2f, 0.3f}, white});
+  // cupboard on the left, a box and a plant in front of it
+  s.push_back(standing(-2.42f, 0.5f, {0.5f, 0.95f, 1.3f}, 0, Pattern::wood, 0.35f, {0.75f, 0.6f, 0.4f}, wood));
+  s.push_back(
+      standing(-2.42f, 0.25f, {0.35f, 0.3f, 0.4f}, 0.95f, Pattern::patches, 0.07f, {0.3f, 0.55f, 0.3f}, white, 0.5f));
+  s.push_back(
+      {Shape::cylinder, {-2.4f, 0.2f, 0.85f}, {0.12f, 0.15f, 0}, 0, Pattern::tiles, 0.06f, {0.7f, 0.4f, 0.3f}, white});
+  s.push_back({Shape::sphere,
+               {-2.4f, -0.1f, 0.85f},
+               {0.24f, 0, 0},
+               0,
+               Pattern::patches,
+               0.05f,
+               {0.1f, 0.5f, 0.15f},
+               {0.3f, 0.6f, 0.2f}});
+  s.push_back(standing(-2.1f, -1.3f, {0.6f, 0.55f, 0.5f}, 0, Pattern::patches, 0.11f, {0.75f, 0.6f, 0.4f},
+                       {0.5f, 0.3f, 0.2f}, 0.6f));
+  s.push_back(
+      {Shape::cylinder, {2.1f, 0.95f, -1.6f}, {0.28f, 0.35f, 0}, 0, Pattern::tiles, 0.12f, {0.5f, 0.6f, 0.65f}, white});
+  s.push_back({Shape::sphere,
+               {2.1f, 0.38f, -1.6f},
+               {0.22f, 0, 0},
+               0,
+               Pattern::checker,
+               0.08f,
+               {0.85f, 0.8f, 0.3f},
+               {0.3f, 0.3f, 0.3f}});
+  // pictures and a door
+  s.push_back({Shape::box,
+               {-1.2f, -0.35f, 2.28f},
+               {0.45f, 0.32f, 0.03f},
+               0,
+               Pattern::patches,
+               0.12f,
+               {0.8f, 0.3f, 0.2f},
+               {0.2f, 0.3f, 0.8f}});
+  s.push_back({Shape::box,
+               {1.6f, -0.3f, 2.28f},
+               {0.3f, 0.4f, 0.03f},
+               0,
+               Pattern::patches,
+               0.08f,
+               {0.3f, 0.7f, 0.4f},
+               {0.9f, 0.8f, 0.3f}});
+  s.push_back({Shape::box,
+               {0.2f, -0.45f, -2.28f},
+               {0.7f, 0.35f, 0.03f},
+               0,
+               Pattern::patches,
+               0.14f,
+               {0.2f, 0.5f, 0.7f},
+               {0.9f, 0.6f, 0.4f}});
+  s.push_back({Shape::box,
+               {-2.68f, 0.25f, -0.75f},
+               {0.03f, 1.05f, 0.42f},
+               0,
+               Pattern::wood,
+               0.5f,
+               {0.65f, 0.55f, 0.42f},
+               dark});
+  s.push_back(
+      {Shape::box, {2.68f, -0.2f, -0.9f}, {0.03f, 0.45f, 0.5f}, 0, Pattern::tiles, 0.25f, {0.55f, 0.75f, 0.9f}, white});
+  // ceiling lamp and a beam
+  s.push_back({Shape::box, {0, -1.25f, 0.4f}, {2.7f, 0.06f, 0.09f}, 0, Pattern::wood, 0.3f, dark, wood});
+  s.push_back({Shape::cylinder,
+               {0, -1.12f, -0.5f},
+               {0.28f, 0.1f, 0},
+               0,
+               Pattern::checker,
+               0.1f,
+               {0.95f, 0.9f, 0.7f},
+               {0.8f, 0.6f, 0.3f}});
+  return s;
+}
+
+namespace {
+
+constexpr float kCeiling = -1.3f, kWall = 0.1f, kDoor = 0.9f, kLintel = 0.55f;  // metres
+const Vector3f kWood(0.62f, 0.42f, 0.24f), kDark(0.40f, 0.25f, 0.13f), kWhite(0.85f, 0.84f, 0.80f),
+    kGrey(0.5f, 0.5f, 0.52f);
+
+/// How a wall is papered.
+struct Paper {
+  Pattern pattern;
+  float scale;
+  Vector3f colour, second;
+};
+
+/// A wall between two points (x, z) along x or z, with a door of 0.9 m in it at `door` metres from the first, if any.
+void add_wall(std::vector<Scene::Solid>& s, const Eigen::Vector2f& from, const Eigen::Vector2f& to, float door,
+              const Paper& paper) {
+  const Eigen::Vector2f along = (to - from).normalized();
+  const float length = (to - from).norm(), height = static_cast<float>(kFloor) - kCeiling;
+  const auto piece = [&](float begin, float end, float below, float above) {
+    const Eigen::Vector2f middle = from + along * (0.5f * (begin + end));
+    const float half = 0.5f * (end - begin);
+    const Vector3f size(std::abs(along.x()) * half + std::abs(along.y()) * kWall / 2, (above - below) / 2,
+                        std::abs(along.y()) * half + std::abs(along.x()) * kWall / 2);
+    s.push_back({Shape::box,
+                 {middle.x(), static_cast<float>(kFloor) - (below + above) / 2, middle.y()},
+                 size,
+                 0,
+                 paper.pattern,
+                 paper.scale,
+                 paper.colour,
+                 paper.second});
+  };
+  if (door < 0) return piece(0, length, 0, height);
+  piece(0, door - kDoor / 2, 0, height);
+  piece(door + kDoor / 2, length, 0, height);
+  piece(door - kDoor / 2, door + kDoor / 2, height - kLintel, height);
+}
+
+/// A table with four legs and two things on it.
+void add_table(std::vector<Scene::Solid>& s, float x, float z, float width, float depth, const Vector3f& tint) {
+  s.push_back(standing(x, z, {width, 0.05f, depth}, 0.70f, Pattern::wood, 0.25f, kWood, kDark));
+  for (const float i : {-1.0f, 1.0f})
+    for (const float k : {-1.0f, 1.0f})
+      s.push_back(standing(x + i * (width / 2 - 0.08f), z + k * (depth / 2 - 0.08f), {0.07f, 0.70f, 0.07f}, 0,
+                           Pattern::wood, 0.2f, kDark, kWood));
+  s.push_back(standing(x - width / 4, z, {0.3f, 0.18f, 0.22f}, 0.75f, Pattern::patches, 0.05f, tint, kWhite, 0.5f));
+  s.push_back({Shape::cylinder,
+               {x + width / 4, static_cast<float>(kFloor) - 0.85f, z + 0.05f},
+               {0.06f, 0.1f, 0},
+               0,
+               Pattern::checker,
+               0.04f,
+               tint,
+               kWhite});
+}
+
+/// Three boards with books, its back against a wall along x (`along_x`) or z.
+void add_shelf(std::vector<Scene::Solid>& s, float x, float z, bool along_x, const Vector3f& tint) {
+  const auto size = [&](float width, float height, float depth) {
+    return along_x ? Vector3f(width, height, depth) : Vector3f(depth, height, width);
+  };
+  for (int i = 0; i < 4; ++i)
+    s.push_back(standing(x, z, size(1.3f, 0.04f, 0.3f), 0.05f + 0.45f * static_cast<float>(i), Pattern::wood, 0.3f,
+                         kWood, kDark));
+  for (int i = 0; i < 3; ++i)
+    for (int k = 0; k < 3; ++k) {
+      const float shift = -0.42f + 0.42f * static_cast<float>(k);
+      s.push_back(standing(along_x ? x + shift : x, along_x ? z : z + shift,
+                           size(0.26f + 0.05f * static_cast<float>((i + 2 * k) % 3),
+                                0.22f + 0.05f * static_cast<float>((2 * i + k) % 3), 0.22f),
+                           0.09f + 0.45f * static_cast<float>(i), Pattern::patches, 0.05f, tint, {0.2f, 0.3f, 0.6f}));
+    }
+}
+
+void add_picture(std::vector<Scene::Solid>& s, const Vector3f& centre, const Vector3f& half, float scale,
+                 const Vector3f& tint) {
+  s.push_back({Shape::box, centre, half, 0, Pattern::patches, scale, tint, {0.2f, 0.3f, 0.8f}});
+}
+
+void add_ball(std::vector<Scene::Solid>& s, const Vector3f& centre, float radius, const Vector3f& tint) {
+  s.push_back({Shape::sphere, centre, {radius, 0, 0}, 0, Pattern::checker, radius / 2, tint, kWhite});
+}
+
+void add_column(std::vector<Scene::Solid>& s, float x, float z, float radius, float height, const Vector3f& tint) {
+  s.push_back({Shape::cylinder,
+               {x, static_cast<float>(kFloor) - height / 2, z},
+               {radius, height / 2, 0},
+               0,
+               Pattern::tiles,
+               0.12f,
+               tint,
+               kWhite});
+}
+
+/// Points every 5 cm on the Catmull-Rom curve through some points.
+std::vector<Eigen::Vector2d> smooth(const std::vector<Eigen::Vector2d>& through) {
+  constexpr double kStep = 0.05;
+  std::vector<Eigen::Vector2d> way;
+  for (std::size_t i = 1; i + 2 < through.size(); ++i) {
+    const auto &a = through[i - 1], &b = through[i], &c = through[i + 1], &d = through[i + 2];
+    for (int k = 0; k < 100; ++k) {
+      const double t = k / 100.0;
+      const Eigen::Vector2d p =
+          0.5 * (2 * b + t * (c - a) + t * t * (2 * a - 5 * b + 4 * c - d) + t * t * t * (3 * b - a - 3 * c + d));
+      if (way.empty() || (p - way.back()).norm() >= kStep) way.push_back(p);
+    }
+  }
+  return way;
+}
+
+}  // namespace
+
+std::vector<Scene::Solid> flat() {
+  std::vector<Scene::Solid> s;
+  const Vector3f red(0.7f, 0.25f, 0.2f), green(0.25f, 0.55f, 0.3f), blue(0.25f, 0.35f, 0.65f), ochre(0.8f, 0.6f, 0.25f);
+  s.push_back({Shape::hollow,
+               {0, 0, 0},
+               {4.2f, 1.3f, 3.7f},
+               0,
+               Pattern::tiles,
+               0.4f,
+               {0.78f, 0.76f, 0.66f},
+               {0.55f, 0.5f, 0.45f}});
+  // Two walls cross in the middle; each of the four rooms has two doors.
+  add_wall(s, {-4.2f, 0}, {0, 0}, 1.6f, {Pattern::tiles, 0.33f, {0.7f, 0.75f, 0.72f}, {0.5f, 0.55f, 0.5f}});
+  add_wall(s, {0, 0}, {4.2f, 0}, 2.6f, {Pattern::checker, 0.28f, {0.76f, 0.7f, 0.6f}, {0.7f, 0.64f, 0.55f}});
+  add_wall(s, {0, 0}, {0, 3.7f}, 2.2f, {Pattern::wood, 0.5f, {0.72f, 0.68f, 0.6f}, {0.6f, 0.56f, 0.5f}});
+  add_wall(s, {0, -3.7f}, {0, 0}, 1.5f, {Pattern::tiles, 0.25f, {0.75f, 0.65f, 0.62f}, {0.6f, 0.5f, 0.48f}});
+  // first room: x < 0, z < 0
+  add_table(s, -2.3f, -3.2f, 1.4f, 0.7f, red);
+  add_shelf(s, -4.0f, -1.9f, false, green);
+  add_ball(s, {-0.5f, 1.05f, -0.55f}, 0.25f, ochre);
+  add_picture(s, {-1.0f, -0.3f, -3.68f}, {0.4f, 0.3f, 0.03f}, 0.1f, red);
+  add_picture(s, {-1.2f, -0.2f, -0.06f}, {0.45f, 0.35f, 0.03f}, 0.09f, green);
+  add_column(s, -0.5f, -3.3f, 0.22f, 0.8f, blue);
+  s.push_back(standing(-2.3f, -1.7f, {1.4f, 0.012f, 1.2f}, 0, Pattern::checker, 0.2f, red, kWhite));
+  // second: x < 0, z > 0
+  s.push_back(standing(-3.5f, 3.1f, {1.2f, 0.45f, 1.0f}, 0, Pattern::checker, 0.12f, blue, {0.35f, 0.45f, 0.7f}));
+  add_ball(s, {-3.6f, 0.68f, 3.2f}, 0.18f, red);
+  add_shelf(s, -1.9f, 3.52f, true, blue);
+  s.push_back(standing(-0.3f, 0.55f, {0.45f, 1.5f, 0.7f}, 0, Pattern::wood, 0.35f, kWood, kDark));
+  add_picture(s, {-4.18f, -0.3f, 1.3f}, {0.03f, 0.4f, 0.55f}, 0.11f, ochre);
+  add_picture(s, {-0.06f, -0.3f, 3.2f}, {0.03f, 0.25f, 0.3f}, 0.07f, green);
+  add_column(s, -3.7f, 0.5f, 0.2f, 1.2f, green);
+  s.push_back(standing(-2.2f, 1.7f, {1.6f, 0.012f, 1.3f}, 0, Pattern::tiles, 0.25f, green, ochre));
+  // third: x > 0, z > 0
+  add_table(s, 1.6f, 1.2f, 0.9f, 0.8f, green);
+  s.push_back(standing(3.9f, 2.9f, {0.55f, 0.9f, 1.4f}, 0, Pattern::patches, 0.2f, kWhite, kGrey));
+  s.push_back(standing(1.2f, 3.4f, {1.6f, 0.85f, 0.55f}, 0, Pattern::wood, 0.4f, {0.75f, 0.6f, 0.4f}, kWood));
+  add_column(s, 1.0f, 3.4f, 0.1f, 1.15f, red);
+  add_ball(s, {1.6f, 0.3f, 3.35f}, 0.15f, ochre);
+  add_picture(s, {2.9f, -0.35f, 3.68f}, {0.5f, 0.35f, 0.03f}, 0.12f, blue);
+  add_picture(s, {4.18f, -0.3f, 1.0f}, {0.03f, 0.35f, 0.4f}, 0.08f, red);
+  add_picture(s, {1.1f, -0.3f, 0.06f}, {0.45f, 0.3f, 0.03f}, 0.1f, ochre);
+  // fourth: x > 0, z < 0
+  s.push_back(standing(3.5f, -3.2f, {1.3f, 0.42f, 0.85f}, 0, Pattern::checker, 0.1f, red, {0.5f, 0.15f, 0.15f}));
+  s.push_back(standing(3.5f, -3.52f, {1.3f, 0.45f, 0.2f}, 0.42f, Pattern::checker, 0.1f, red, {0.5f, 0.15f, 0.15f}));
+  add_shelf(s, 1.5f, -0.25f, true, red);
+  add_ball(s, {0.5f, 1.08f, -0.6f}, 0.22f, green);
+  add_column(s, 3.75f, -0.55f, 0.3f, 0.75f, ochre);
+  add_ball(s, {3.75f, 0.3f, -0.55f}, 0.22f, green);
+  add_picture(s, {4.18f, -0.3f, -1.9f}, {0.03f, 0.4f, 0.6f}, 0.13f, green);
+  add_picture(s, {1.5f, -0.35f, -3.68f}, {0.6f, 0.35f, 0.03f}, 0.1f, blue);
+  s.push_back(standing(2.2f, -1.9f, {1.5f, 0.012f, 1.1f}, 0, Pattern::checker, 0.17f, blue, ochre));
+  return s;
+}
+
+std::vector<Eigen::Vector2d> way_through_flat() {
+  return smooth({{-0.9, -1.6}, {-1.2, -2.3}, {-2.2, -2.4}, {-3.1, -1.9}, {-3.0, -1.1}, {-2.6, -0.5},
+                 {-2.6, 0.5},  {-3.0, 1.3},  {-2.7, 2.2},  {-1.8, 2.5},  {-0.7, 2.2},  {0.6, 2.2},
+                 {1.6, 2.5},   {2.6, 2.6},   {3.1, 2.0},   {2.7, 1.2},   {2.6, 0.5},   {2.6, -0.5},
+                 {3.0, -1.4},  {2.7, -2.3},  {1.8, -2.6},  {0.6, -2.2},  {-0.6, -2.2}, {-1.4, -2.3},
+                 {-2.2, -2.4}, {-3.1, -1.9}, {-3.0, -1.1}, {-2.6, -0.5}, {-2.6, 0.5}});
+}
+
+std::vector<Scene::Solid> corridor_around_a_block() {
+  std::vector<Scene::Solid> s;
+  s.push_back({Shape::hollow,
+               {3, 0, 0},
+               {4.2f, 1.3f, 4.2f},
+               0,
+               Pattern::tiles,
+               0.35f,
+               {0.75f, 0.72f, 0.6f},
+               {0.5f, 0.45f, 0.4f}});
+  s.push_back(
+      {Shape::box, {3, 0, 0}, {1.8f, 1.3f, 1.8f}, 0, Pattern::patches, 0.25f, {0.5f, 0.6f, 0.65f}, {0.8f, 0.5f, 0.3f}});
+  for (int i = 0; i < 16; ++i) {  // boxes and columns along the walls, each of its own size
+    const float along = -3.6f + 0.9f * static_cast<float>(i / 2), side = i % 2 == 0 ? -0.98f : 6.98f;
+    const float height = 0.5f + 0.37f * static_cast<float>(i * 7 % 5);
+    s.push_back(standing(side, along, {0.36f, height, 0.3f + 0.05f * static_cast<float>(i % 4)}, 0, Pattern::patches,
+                         0.08f, {0.3f + 0.04f * static_cast<float>(i), 0.5f, 0.3f}, {0.8f, 0.3f, 0.5f},
+                         0.3f * static_cast<float>(i)));
+    s.push_back({Shape::cylinder,
+                 {3 + along, 1.3f - height / 2, i % 2 == 0 ? -3.95f : 3.95f},
+                 {0.14f, height / 2, 0},
+                 0,
+                 Pattern::checker,
+                 0.07f,
+                 {0.7f, 0.3f, 0.2f},
+                 {0.9f, 0.8f, 0.6f}});
+  }
+  return s;
+}
+
+std::vector<Scene::Solid> twin_rooms() {
+  std::vector<Scene::Solid> s;
+  const Vector3f red(0.7f, 0.25f, 0.2f), green(0.25f, 0.55f, 0.3f), blue(0.25f, 0.35f, 0.65f);
+  const Paper paper{Pattern::tiles, 0.35f, {0.78f, 0.74f, 0.66f}, {0.55f, 0.5f, 0.45f}};
+  // The one at x < 0; floor and ceiling are its own, so that they look alike, too.
+  for (const float y : {static_cast<float>(kFloor) + kWall / 2, kCeiling - kWall / 2})
+    s.push_back({Shape::box,
+                 {-2, y, 0},
+                 {2, kWall / 2, 2.1f},
+                 0,
+                 Pattern::tiles,
+                 0.4f,
+                 {0.6f, 0.55f, 0.5f},
+                 {0.5f, 0.42f, 0.35f}});
+  add_wall(s, {-4, -2.0f}, {0, -2.0f}, -1, paper);
+  add_wall(s, {-4, 2.0f}, {0, 2.0f}, -1, paper);
+  add_wall(s, {-4, -2.1f}, {-4, 2.1f}, -1, paper);
+  add_wall(s, {-kWall / 2, -2.0f}, {-kWall / 2, 2.0f}, 2.0f, paper);
+  add_table(s, -2.6f, 1.5f, 1.2f, 0.6f, red);
+  add_shelf(s, -3.75f, -0.2f, false, green);
+  add_ball(s, {-0.5f, 1.05f, -1.5f}, 0.25f, blue);
+  add_column(s, -3.5f, 1.5f, 0.2f, 0.9f, blue);
+  s.push_back(standing(-2.5f, -1.55f, {1.3f, 0.45f, 0.7f}, 0, Pattern::checker, 0.12f, blue, kGrey));
+  add_picture(s, {-2.2f, -0.3f, -1.94f}, {0.5f, 0.35f, 0.03f}, 0.1f, red);
+  add_picture(s, {-1.0f, -0.3f, 1.94f}, {0.4f, 0.3f, 0.03f}, 0.09f, green);
+  const std::size_t one = s.size();
+  for (std::size_t i = 0; i < one; ++i) {
+    Scene::Solid other = s[i];
+    other.centre.x() = -other.centre.x();
+    other.centre.z() = -other.centre.z();
+    other.yaw += std::numbers::pi_v<float>;
+    s.push_back(other);
+  }
+  return s;
+}
+
+std::vector<Eigen::Vector2d> way_through_twin_rooms() {
+  const std::vector<Eigen::Vector2d> around{{-0.8, 0.0},  {-1.4, 0.7},  {-2.4, 0.7}, {-3.0, 0.2},
+                                            {-2.8, -0.6}, {-1.8, -0.8}, {-0.8, 0.0}};
+  std::vector<Eigen::Vector2d> through{{-1.4, -0.4}};
+  for (const double sign : {1.0, -1.0, 1.0})
+    for (const auto& p : around) through.push_back(sign * p);
+  through.push_back({0, 0});
+  return smooth(through);
+}
+
+}  // namespace cairn

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// What furnished scenes consist of, and the ways through them. The floor lies 1.3 m below the origin.
+#pragma once
+#include <vector>
+
+#include "cairn/scene.hpp"
+
+namespace cairn {
+
+/// One room of 5.4 m x 4.6 m.
+[[nodiscard]] std::vector<Scene::Solid> furnished_room();
+
+/// A corridor 2.4 m wide around a block, with boxes and columns along its walls.
+[[nodiscard]] std::vector<Scene::Solid> corridor_around_a_block();
+
+/// Four furnished rooms around the origin, each with doors to two others: 8.4 m x 7.4 m.
+[[nodiscard]] std::vector<Scene::Solid> flat();
+/// Once around through its doors and 4 m on, points (x, z) every 5 cm.
+[[nodiscard]] std::vector<Eigen::Vector2d> way_through_flat();
+
+/// Two rooms, each the other turned by half a turn about the origin, with a door between them.
+[[nodiscard]] std::vector<Scene::Solid> twin_rooms();
+/// Around in the first, around in the second, and back.
+[[nodiscard]] std::vector<Eigen::Vector2d> way_through_twin_rooms();
+
+}  // namespace cairn
