@@ -10,6 +10,7 @@ void add_reconstruct(CLI::App& program);
 void add_evaluate(CLI::App& program);
 void add_synth(CLI::App& program);
 void add_graph(CLI::App& program);
+void add_merge(CLI::App& program);
 void add_devices(CLI::App& program);
 
 }  // namespace cairn::apps

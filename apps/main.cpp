@@ -16,6 +16,7 @@ int main(int argc, char** argv) {
   cairn::apps::add_reconstruct(program);
   cairn::apps::add_synth(program);
   cairn::apps::add_evaluate(program);
+  cairn::apps::add_merge(program);
   cairn::apps::add_graph(program);
   cairn::apps::add_devices(program);
   try {

@@ -10,7 +10,6 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <numeric>
 #include <utility>
 
@@ -18,6 +17,7 @@
 #include "cairn/source.hpp"
 #include "commands.hpp"
 #include "io/atomic_file.hpp"
+#include "outputs.hpp"
 #include "progress.hpp"
 #include "synth/source.hpp"
 
@@ -31,10 +31,11 @@ struct Arguments {
   std::string sequence;
   fs::path output, config, poses;
   std::optional<float> voxel_size;
-  std::optional<std::uint64_t> device_memory_mib;
+  std::optional<std::uint64_t> device_memory_mib, host_memory_mib;
   int device = -1, read_ahead = 4;
   std::string frames;
-  bool refuse = false, json = false;
+  double checkpoint_seconds = 20;
+  bool refuse = false, resume = false, no_loops = false, json = false;
 };
 
 /// A:B:STEP, each part may be empty.
@@ -62,27 +63,16 @@ FrameRange parse_frames(const std::string& text) {
   return {.begin = parts[0].value_or(0), .end = parts[1], .step = parts[2].value_or(1)};
 }
 
-std::unique_ptr<Source> open_source(const Arguments& a) {
-  const FrameRange range = parse_frames(a.frames);
+std::unique_ptr<Source> open_source(const Arguments& a, const FrameRange& range) {
   constexpr std::string_view kSynthetic = "synthetic:";
   std::unique_ptr<Source> source;
   if (a.sequence.starts_with(kSynthetic))
-    source = open_synthetic({.scene = a.sequence.substr(kSynthetic.size()), .frames = range.end.value_or(300)});
+    source = open_synthetic(
+        {.scene = a.sequence.substr(kSynthetic.size()), .first = range.begin, .frames = range.end.value_or(300)});
   else
     source = open_recording(a.sequence, range);
   if (!a.poses.empty()) source = with_poses(std::move(source), read_trajectory(a.poses));
   return a.read_ahead > 0 ? read_ahead(std::move(source), a.read_ahead) : std::move(source);
-}
-
-/// Fails before the work, not after it.
-void prepare_output(const fs::path& output) {
-  std::error_code error;
-  fs::create_directories(output, error);
-  if (error || !fs::is_directory(output))
-    throw std::runtime_error("cannot make the folder " + output.string() + ": " + error.message() +
-                             "; choose another with -o");
-  write_whole(output / ".cairn", [](const fs::path&) {});
-  fs::remove(output / ".cairn");
 }
 
 double median(std::vector<double> values) {
@@ -134,6 +124,28 @@ nlohmann::json to_json(const FrameReport& r) {
   return j;
 }
 
+/// What a session remembers for this program.
+struct Progressed {
+  std::string sequence;
+  int next = 0;  // frame
+  nlohmann::json per_frame = nlohmann::json::array();
+
+  [[nodiscard]] std::string note() const {
+    return nlohmann::json{{"sequence", sequence}, {"next", next}, {"per_frame", per_frame}}.dump();
+  }
+  static Progressed from(const std::string& note) {
+    const auto j = nlohmann::json::parse(note);
+    return {j.at("sequence"), j.at("next"), j.at("per_frame")};
+  }
+  [[nodiscard]] auto count(const char* state) const {
+    return std::count_if(per_frame.begin(), per_frame.end(), [&](const auto& f) { return f.at("state") == state; });
+  }
+};
+
+std::string identity(const std::string& sequence) {
+  return fs::exists(sequence) ? fs::weakly_canonical(sequence).string() : sequence;
+}
+
 void reconstruct(const Arguments& a) {
   const auto start = Clock::now();
   Options options;
@@ -143,119 +155,102 @@ void reconstruct(const Arguments& a) {
     options.fuse.truncation = 4 * *a.voxel_size;
   }
   if (a.device_memory_mib) options.fuse.device_memory = *a.device_memory_mib << 20;
-  options.refine = a.refuse;
+  if (a.host_memory_mib) options.map.host_memory = *a.host_memory_mib << 20;
+  if (a.no_loops) options.map.loops = false;
+  const Poses poses = a.poses.empty() ? Poses::tracked : Poses::given;
+  if (poses == Poses::tracked) options.session = a.output / "session";
   check(options);
-  auto source = open_source(a);
-  prepare_output(a.output);
-  std::optional<Mapper> mapper(std::in_place, source->camera(), options,
-                               a.poses.empty() ? Poses::tracked : Poses::given, a.device);
 
-  std::vector<FrameReport> frames;
+  Progressed progressed{.sequence = identity(a.sequence)};
+  FrameRange range = parse_frames(a.frames);
+  bool is_next_recording = false;
+  if (a.resume) {
+    Progressed before = Progressed::from(Mapper::session_info(options.session).note);
+    is_next_recording = before.sequence != progressed.sequence;
+    if (!is_next_recording) {
+      progressed = std::move(before);
+      while (range.begin < progressed.next) range.begin += range.step;
+    }
+  }
+  const auto source = open_source(a, range);
+  prepare_output(a.output);
+  if (!a.resume) fs::remove_all(a.output / "session");
+  Mapper mapper = a.resume ? Mapper::resume(source->camera(), options, a.device)
+                           : Mapper(source->camera(), options, poses, a.device);
+  if (is_next_recording) mapper.begin_recording();
+
   std::map<std::string, std::vector<double>> stages;
   {
     Progress progress(source->size());
-    auto waited = Clock::now();
+    auto waited = Clock::now(), saved = waited;
     while (auto frame = source->next()) {
       const double wait_ms = std::chrono::duration<double, std::milli>(Clock::now() - waited).count();
-      FrameReport report = mapper->add(*frame);
+      FrameReport report = mapper.add(*frame);
       report.stage_ms["wait for decoding"] = wait_ms;
       for (const auto& [stage, ms] : report.stage_ms) stages[stage].push_back(ms);
       progress.step(words(report));
-      frames.push_back(std::move(report));
+      if (report.state == FrameState::skipped) spdlog::warn("frame {} skipped: {}", report.index, report.reason);
+      progressed.next = report.index + 1;
+      progressed.per_frame.push_back(to_json(report));
       waited = Clock::now();
+      if (std::chrono::duration<double>(waited - saved).count() < a.checkpoint_seconds) continue;
+      mapper.checkpoint(progressed.note());
+      saved = Clock::now();
     }
   }
-  const auto count = [&](FrameState state) {
-    return std::count_if(frames.begin(), frames.end(), [&](const FrameReport& r) { return r.state == state; });
-  };
-  const auto fused = count(FrameState::fused);
-  for (const auto& r : frames)
-    if (r.state == FrameState::skipped) spdlog::warn("frame {} skipped: {}", r.index, r.reason);
-  Mapper::Statistics statistics = mapper->statistics();
-  if (const FocalEvidence& f = statistics.focal; f.contradicts())
+  const auto total = progressed.per_frame.size();
+  const auto fused = progressed.count("fused"), lost = progressed.count("lost"), skipped = progressed.count("skipped");
+  if (const FocalEvidence f = mapper.statistics().focal; f.contradicts())
     spdlog::warn(
         "{}: corners fit a focal length of {:.0f} pixels ({:.2f} pixels off) better than the given {:.0f} "
         "({:.2f} pixels off, {} pairs of views): check the camera's intrinsics, and that colour is registered to depth",
         a.sequence, f.scale * source->camera().fx, f.error_best, source->camera().fx, f.error_given, f.pairs);
   if (fused == 0)
-    throw std::runtime_error(a.sequence + ": none of " + std::to_string(frames.size()) + " frames could be used" +
-                             (frames.empty() ? "" : "; the first: " + frames[0].reason));
+    throw std::runtime_error(a.sequence + ": none of " + std::to_string(total) + " frames could be used" +
+                             (total == 0 ? "" : "; the first: " + progressed.per_frame[0].value("reason", "")));
 
-  const auto timed = [&](const char* name, auto&& work) {
+  const Timed timed = [&](const char* name, const std::function<void()>& work) {
     const auto begin = Clock::now();
     work();
     stages[name].push_back(std::chrono::duration<double, std::milli>(Clock::now() - begin).count());
   };
-  Trajectory trajectory = mapper->trajectory();
   std::optional<Refined> refined;
   if (a.refuse) {
-    timed("refine", [&] { refined = mapper->refine(a.output / "graph.g2o"); });
+    timed("refine", [&] { refined = mapper.refine(); });
     timed("fuse again", [&] {
-      auto again = with_poses(open_source(a), refined->trajectory, 0);
-      mapper.reset();  // gives its memory back
-      mapper.emplace(again->camera(), options, Poses::given, a.device);
+      const auto again = open_source(a, parse_frames(a.frames));
       Progress progress(again->size());
-      while (auto frame = again->next()) {
-        if (frame->world_from_camera) mapper->add(*frame);
-        progress.step("fusing again");
-      }
+      mapper.fuse_again(*again, [&] { progress.step("fusing again"); });
     });
-    trajectory = refined->trajectory;
-    for (StampedPose& pose : trajectory) pose.timestamp += statistics.clock_offset;
-    // The second pass knows about the map and how upright it stands, the first about the cameras.
-    const Mapper::Statistics tracked = std::exchange(statistics, mapper->statistics());
-    statistics.clock_offset = tracked.clock_offset, statistics.focal = tracked.focal;
   }
-  write_trajectory(a.output / "trajectory.txt", trajectory);
-  Mesh mesh;
-  timed("mesh", [&] { mesh = mapper->mesh(); });
-  timed("write mesh", [&] { write_mesh(a.output / "mesh.glb", mesh); });
-  timed("write map", [&] { mapper->write_map(a.output / "map.vdb"); });
+  nlohmann::json report = write_outputs(mapper, a.output, poses, timed);
+  timed("write session", [&] {
+    mapper.checkpoint(progressed.note());
+    if (const std::string problem = mapper.session_problem(); !problem.empty())
+      spdlog::warn("--resume cannot go on from here, the map itself is complete: {}", problem);
+  });
 
   const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
-  nlohmann::json report{
-      {"sequence", a.sequence},
-      {"device", statistics.device},
-      {"options",
-       {{"voxel_size", options.fuse.voxel_size},
-        {"truncation", options.fuse.truncation},
-        {"max_depth", options.surface.max_depth}}},
-      {"frames",
-       {{"total", frames.size()},
-        {"fused", fused},
-        {"lost", count(FrameState::lost)},
-        {"skipped", count(FrameState::skipped)}}},
-      {"seconds", seconds},
-      {"frames_per_second", static_cast<double>(frames.size()) / seconds},
-      {"peak_memory_mb", peak_memory_mb()},
-      {"device_memory_peak_mb", static_cast<double>(statistics.device_memory_peak) / (1 << 20)},
-      {"clock_offset", statistics.clock_offset},
-      {"focal_length",
-       {{"best_scale", statistics.focal.scale},
-        {"error_given_pixels", statistics.focal.error_given},
-        {"error_best_pixels", statistics.focal.error_best},
-        {"pairs", statistics.focal.pairs}}},
-      {"bricks",
-       {{"allocated", statistics.bricks}, {"paged_out", statistics.paged_out}, {"paged_in", statistics.paged_in}}},
-      {"mesh", {{"vertices", mesh.positions.size()}, {"triangles", mesh.triangles.size()}}},
-      {"loops", nlohmann::json::array()}};
+  report.update({{"sequence", a.sequence},
+                 {"options",
+                  {{"voxel_size", options.fuse.voxel_size},
+                   {"truncation", options.fuse.truncation},
+                   {"max_depth", options.surface.max_depth}}},
+                 {"frames", {{"total", total}, {"fused", fused}, {"lost", lost}, {"skipped", skipped}}},
+                 {"seconds", seconds},
+                 {"frames_per_second", static_cast<double>(total) / seconds},
+                 {"peak_memory_mb", peak_memory_mb()}});
   if (refined)
     report["refined"] = {{"keyframes", refined->keyframes},         {"pairs_tried", refined->pairs_tried},
                          {"pairs_aligned", refined->pairs_aligned}, {"pairs_believed", refined->pairs_believed},
                          {"cost_before", refined->cost_before},     {"cost", refined->cost}};
-  if (statistics.tilt) report["tilt_degrees"] = *statistics.tilt * 180 / std::numbers::pi;
   for (const auto& [stage, ms] : stages)
     report["stages"][stage] = {{"count", ms.size()},
                                {"median_ms", median(ms)},
                                {"max_ms", *std::max_element(ms.begin(), ms.end())},
                                {"total_ms", std::accumulate(ms.begin(), ms.end(), 0.0)}};
-  for (const auto& [kernel, time] : statistics.kernels)
-    report["kernels"][kernel] = {
-        {"calls", time.first}, {"total_ms", time.second}, {"mean_ms", time.second / std::max(1, time.first)}};
-  nlohmann::json per_frame = nlohmann::json::array();
-  for (const auto& r : frames) per_frame.push_back(to_json(r));
   nlohmann::json whole = report;
-  whole["per_frame"] = std::move(per_frame);
+  whole["per_frame"] = std::move(progressed.per_frame);
   write_whole(a.output / "report.json",
               [&](const fs::path& temporary) { std::ofstream(temporary) << whole.dump(1) << '\n'; });
 
@@ -263,10 +258,10 @@ void reconstruct(const Arguments& a) {
     fmt::print("{}\n", report.dump(2));
     return;
   }
-  fmt::print("{} of {} frames fused ({} lost, {} skipped) in {:.1f} s, {:.1f} frames/s, {:.0f} MB peak\n", fused,
-             frames.size(), count(FrameState::lost), count(FrameState::skipped), seconds,
-             static_cast<double>(frames.size()) / seconds, peak_memory_mb());
-  fmt::print("mesh        {} ({} triangles)\n", (a.output / "mesh.glb").string(), mesh.triangles.size());
+  fmt::print("{} of {} frames fused ({} lost, {} skipped) in {:.1f} s, {:.1f} frames/s, {:.0f} MB peak\n", fused, total,
+             lost, skipped, seconds, static_cast<double>(total) / seconds, peak_memory_mb());
+  fmt::print("mesh        {} ({} triangles)\n", (a.output / "mesh.glb").string(),
+             report["mesh"]["triangles"].get<std::size_t>());
   fmt::print("map         {}\n", (a.output / "map.vdb").string());
   fmt::print("trajectory  {}\n", (a.output / "trajectory.txt").string());
   fmt::print("report      {}\n", (a.output / "report.json").string());
@@ -281,7 +276,9 @@ void add_reconstruct(CLI::App& program) {
       ->add_option("SEQUENCE", a->sequence,
                    "Folder (TUM RGB-D, 7-Scenes, ICL-NUIM, or with intrinsics.json) or synthetic:NAME")
       ->required();
-  command->add_option("-o,--output", a->output, "Folder for mesh.glb, map.vdb, trajectory.txt and report.json")
+  command
+      ->add_option("-o,--output", a->output,
+                   "Folder for mesh.glb, map.vdb, trajectory.txt, graph.svg, report.json and the session")
       ->required();
   command->add_option("--config", a->config, "YAML file that overrides options")->check(CLI::ExistingFile);
   command->add_option("--voxel-size", a->voxel_size, "Metres; the truncation is four voxels [0.01]");
@@ -292,6 +289,9 @@ void add_reconstruct(CLI::App& program) {
       ->capture_default_str();
   command->add_option("--device-memory", a->device_memory_mib,
                       "MiB for the map on the device [half of it, 2048 at most]");
+  command->add_option("--host-memory", a->host_memory_mib,
+                      "MiB for ended submaps; others wait on the disk [a quarter of the host's]");
+  command->add_flag("--no-loops", a->no_loops, "Do not recognise places");
   command->add_option("--frames", a->frames, "A:B:STEP, frames A to B - 1, every STEP-th [all]");
   command->add_option("--poses", a->poses, "Fuse with these world_from_camera poses (TUM format) and do not track")
       ->check(CLI::ExistingFile);
@@ -299,6 +299,15 @@ void add_reconstruct(CLI::App& program) {
       ->add_flag("--refuse", a->refuse,
                  "Align keyframes with each other, correct the trajectory, and fuse all frames again with it")
       ->excludes("--poses");
+  command
+      ->add_flag("--resume", a->resume,
+                 "Go on from the session in OUT: where a run was cut off, or with another recording of the same place")
+      ->excludes("--poses");
+  command
+      ->add_option("--checkpoint", a->checkpoint_seconds,
+                   "Seconds between two checkpoints of the session: so much work a kill costs at most")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   command->add_flag("--json", a->json, "Print the report to stdout as JSON");
   command->callback([a] { reconstruct(*a); });
 }

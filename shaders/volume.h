@@ -97,6 +97,23 @@ struct BrickPlacePush {
   uint stamp;
 };
 
+// One submap's share of a brick of the world: where the brick's voxels lie in the submap, and the submap's bricks there.
+struct MergeSource {
+  Rigid source_from_target;  // voxels; the source's origin is the first voxel of slots[0], the target's that of its brick
+  uint slots[27];            // x + 3 (y + 3 z); kEmptySlot: the submap has no such brick
+};
+const uint kEmptySlot = 0u;  // holds voxels that nobody observed
+
+struct MergeTarget {
+  uint first;  // of the list of sources
+  uint count;
+};
+
+struct SubmapMergePush {
+  uvec2 voxels;      // of the sources, by slot
+  float max_weight;  // observations
+};
+
 const uint kTile = 8;  // pixels; side of the tiles of depth and range images
 
 #ifdef __cplusplus

@@ -3,9 +3,11 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "cairn/frame.hpp"
@@ -45,12 +47,20 @@ struct FrameReport {
   std::map<std::string, double> stage_ms;  // preprocess, raycast, track, fuse
 };
 
-/// A trajectory made consistent by a pose graph over keyframes.
+/// What Mapper::refine did.
 struct Refined {
-  Trajectory trajectory;  // of all fused frames, stamped as the frames are
   int keyframes = 0;
   int pairs_tried = 0, pairs_aligned = 0, pairs_believed = 0;  // of keyframes that see the same
   double cost_before = 0, cost = 0;                            // see OptimiseReport in src/graph/pose_graph.hpp
+};
+
+/// Two keyframes that were recognised as views of the same place.
+struct FoundLoop {
+  double from = 0, to = 0;                                         // timestamps, seconds
+  Eigen::Isometry3d from_from_to = Eigen::Isometry3d::Identity();  // measured
+  int corners = 0;                                                 // that agreed
+  double inlier_share = 0, rmse = 0;  // of the dense alignment, see Alignment in src/track/align.hpp
+  bool believed = true;               // by the pose graph
 };
 
 /// The map from a stream of frames: start here. One frame's way is Mapper::add in src/map/mapper.cpp.
@@ -74,12 +84,47 @@ class Mapper {
   FrameReport add(const Frame& frame);
 
   /// Of all fused frames, in the colour camera's clock: with Poses::tracked the depth images' stamps are moved by what
-  /// the images tell of the two clocks' difference (Statistics::clock_offset).
-  [[nodiscard]] Trajectory trajectory() const;
-  /// Aligns keyframes that see the same with each other and corrects the trajectory (Options::refine must be set). The
-  /// map stays as it was fused: fuse the frames again with these poses. `graph_file`: where to write the keyframes'
-  /// graph (.g2o).
-  [[nodiscard]] Refined refine(const std::filesystem::path& graph_file = {});
+  /// the images tell of the two clocks' difference (Statistics::clock_offset). Frames of pieces that nothing joins with
+  /// the largest one are left out.
+  /// `recording`: counted from 0 where a session goes on with another one; -1: the last.
+  [[nodiscard]] Trajectory trajectory(int recording = -1) const;
+  [[nodiscard]] int recordings() const;
+  /// Aligns keyframes that see the same with each other and corrects the poses; mesh() and write_map() follow by moving
+  /// the submaps.
+  Refined refine();
+  /// Fuses all frames again with the poses as they are now, for the best surface. `again` is the same recording from
+  /// its begin; `step` is called after each of its frames.
+  void fuse_again(Source& again, const std::function<void()>& step = {});
+  /// Loops that were found while the frames came, in their order.
+  [[nodiscard]] std::vector<FoundLoop> loops() const;
+  /// Writes the keyframes' pose graph by the extension: .g2o, or .svg, a picture of it. Whole or not at all.
+  void write_graph(const std::filesystem::path& file) const;
+
+  /// Writes all that is needed to go on from here into Options::session, beside the next frames. `note` is given back
+  /// by resume. A kill at any moment leaves the last checkpoint that was written.
+  void checkpoint(const std::string& note = {});
+  /// Waits for the checkpoint being written. Returns why session files cannot be written, or nothing; the map is not
+  /// harmed.
+  [[nodiscard]] std::string session_problem() const;
+  /// Goes on from the session in Options::session as if nothing had happened. Throws std::runtime_error if there is
+  /// none, it is damaged, or it was made with another camera or voxel size.
+  [[nodiscard]] static Mapper resume(const Camera& camera, const Options& options, int device = -1);
+  struct SessionInfo {
+    Camera camera;
+    float voxel_size = 0, truncation = 0;  // metres
+    std::string note;                      // what checkpoint was given
+  };
+  /// Throws as resume does.
+  [[nodiscard]] static SessionInfo session_info(const std::filesystem::path& folder);
+  /// Another recording follows, which begins somewhere in the map or outside of it. Frames are tracked once their place
+  /// is recognised; before that they are lost, and after a while they begin a piece of their own.
+  void begin_recording();
+  struct Merged {
+    int compared = 0, loops = 0;  // keyframes of the other session; loops to this one
+    bool joined = false;
+  };
+  /// Adds the map of another session with the same camera, by what both have seen.
+  Merged merge(Mapper& other);
   /// The surface, in the world frame, with normals and colours.
   [[nodiscard]] Mesh mesh();
   /// Writes the grids `tsdf`, `weight` and `colour` to a .vdb file, whole or not at all.
@@ -89,6 +134,10 @@ class Mapper {
     std::string device;
     std::uint64_t device_memory_peak = 0;  // bytes
     std::uint64_t bricks = 0, paged_out = 0, paged_in = 0;
+    int keyframes = 0, submaps = 0, pieces = 0;
+    int looked_up = 0, loops_tried = 0;  // keyframes looked for among earlier ones; pairs that were aligned
+    double graph_ms = 0, world_ms = 0;   // the longest optimisation; the longest update of the world's volume
+    std::uint64_t submap_memory_peak = 0, submaps_read_back = 0;  // bytes on the host; from the disk
     double clock_offset = 0;  // seconds that the colour camera's clock is ahead of the depth camera's
     FocalEvidence focal;
     std::optional<double> tilt;  // radians between the world's y axis and gravity as all fused frames measured it

@@ -36,11 +36,21 @@ struct FuseOptions {
   std::uint64_t device_memory = 0;  // bytes for bricks; 0: half of what the device has, 2 GiB at most
 };
 
+struct MapOptions {
+  float submap_radius = 3.0f;     // metres; a submap ends when the camera is farther than this from where it began,
+  int submap_bricks = 65536;      // or it holds this many bricks,
+  int submap_keyframes = 200;     // or this many keyframes: what tracking drifts over them
+  bool loops = true;              // recognise places and correct the map
+  int lost_frames = 45;           // lost for so many frames, the camera begins a new piece of the map
+  std::uint64_t host_memory = 0;  // bytes for ended submaps, others wait on the disk; 0: a quarter of what the host has
+};
+
 struct Options {
   SurfaceOptions surface;
   TrackOptions track;
   FuseOptions fuse;
-  bool refine = false;  // keep keyframes for Mapper::refine
+  MapOptions map;
+  std::filesystem::path session;  // folder for keyframes and submaps, and for a session to resume; empty: in memory
 };
 
 /// Overrides `options` with a YAML file of the shape `surface: {max_depth: 4}`. Throws std::runtime_error with file and

@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "gpu/batch.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cassert>
 #include <cstring>
@@ -30,7 +31,7 @@ Batch::State::Place Batch::State::Arena::take(Device::State& d, std::uint64_t by
                                               vk::MemoryPropertyFlags properties) {
   const std::uint64_t aligned = (bytes + 15) & ~std::uint64_t{15};
   if (chunks.empty() || used + aligned > chunks.back().size) {
-    chunks.emplace_back(d, std::max(aligned, kChunk), usage, properties);
+    chunks.emplace_back(d, std::max({aligned, kChunk, chunks.empty() ? usual : 0}), usage, properties);
     used = 0;
   }
   const Place place{&chunks.back(), used};
@@ -41,8 +42,9 @@ Batch::State::Place Batch::State::Arena::take(Device::State& d, std::uint64_t by
 void Batch::State::Arena::reset() {
   std::uint64_t total = 0;
   for (const auto& chunk : chunks) total += chunk.size;
-  // One chunk is reused from its start; several mean that this run was larger than usual.
-  if (chunks.size() > 1 || total > kKeepAtMost) chunks.clear();
+  // One chunk is reused from its start; instead of several the next run gets one of their size.
+  usual = total > kKeepAtMost ? 0 : total;
+  if (chunks.size() > 1 || usual == 0) chunks.clear();
   used = 0;
 }
 

@@ -64,7 +64,8 @@ struct Batch::State {
   /// Host-visible memory that grows by chunks and is reused after each run.
   struct Arena {
     std::deque<Allocation> chunks;
-    std::uint64_t used = 0;  // of the last chunk
+    std::uint64_t used = 0;   // bytes of the last chunk
+    std::uint64_t usual = 0;  // bytes that the last run took  // of the last chunk
     Place take(Device::State& device, std::uint64_t bytes, vk::BufferUsageFlags usage,
                vk::MemoryPropertyFlags properties);
     void reset();

@@ -35,6 +35,12 @@ void for_each_option(Options& o, Visit&& visit) {
   visit("fuse.truncation", o.fuse.truncation, 0.004, 1.0);
   visit("fuse.max_weight", o.fuse.max_weight, 1.0, 250.0);
   visit("fuse.min_mesh_weight", o.fuse.min_mesh_weight, 0.0, 250.0);
+  visit("map.submap_radius", o.map.submap_radius, 0.5, 100.0);
+  visit("map.submap_bricks", o.map.submap_bricks, 1000, 1e9);
+  visit("map.submap_keyframes", o.map.submap_keyframes, 2, 1e6);
+  visit("map.loops", o.map.loops, 0, 1);
+  visit("map.lost_frames", o.map.lost_frames, 1, 1e9);
+  visit("map.host_memory", o.map.host_memory, 0.0, 1e15);
   visit("fuse.device_memory", o.fuse.device_memory, 0.0, 1e15);
 }
 

@@ -5,9 +5,15 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <future>
+#include <set>
 #include <string_view>
+#include <tuple>
 
+#include "map/back_end.hpp"
+#include "map/graph_picture.hpp"
 #include "map/refine.hpp"
+#include "map/session.hpp"
 #include "surface/preprocess.hpp"
 #include "surface/stopwatch.hpp"
 #include "track/tracker.hpp"
@@ -18,15 +24,18 @@ namespace cairn {
 namespace {
 
 constexpr int kMaxRepeats = 2;
+constexpr std::uint64_t kWorldPool = std::uint64_t{256} << 20;  // bytes on the device while the whole map is meshed
 
-std::string unusable(const Frame& frame, const Camera& camera, const Trajectory& before) {
+constexpr double kEnoughDepth = 0.2;  // of the image, to begin a piece with
+
+std::string unusable(const Frame& frame, const Camera& camera, std::optional<double> before) {
   const auto pixels = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
   if (!frame.problem.empty()) return frame.problem;
   if (frame.depth.size() != pixels) return "the depth image is not of the camera's size";
   const auto [least, most] = std::minmax_element(frame.depth.begin(), frame.depth.end());
   if (*least > 0 && *least == *most) return "every depth is the same: the sensor shows nothing";
   if (!std::isfinite(frame.timestamp)) return "the timestamp is not a number";
-  if (!before.empty() && frame.timestamp <= before.back().timestamp) return "the timestamp goes back";
+  if (before && frame.timestamp <= *before) return "the timestamp goes back";
   return {};
 }
 
@@ -61,12 +70,11 @@ struct Mapper::State {
         camera(c),
         device(device_index),
         preprocess(device, c, o.surface, o.track.levels, o.track.finest_level),
-        tracker(device, c, preprocess.camera(), o),
         integrate(device, preprocess.camera(), o.surface),
         polygonize(device),
-        volume(device, o.fuse, o.surface.max_depth) {
-    if (o.refine && p == Poses::tracked) refine.emplace(device, c, o);
-  }
+        volume(device, o.fuse, o.surface.max_depth),
+        back_end(device, c, o),
+        tracker(device, c, preprocess.camera(), o, back_end.places()) {}
 
   /// Noise never repeats. A driver may deliver one image twice, but not more often.
   bool is_stuck(const Frame& frame) {
@@ -77,21 +85,56 @@ struct Mapper::State {
     return repeats > kMaxRepeats;
   }
 
+  /// Whether the camera has been lost for long enough and this frame shows something.
+  bool may_begin_piece(const Frame& frame) {
+    const auto seen = std::count_if(frame.depth.begin(), frame.depth.end(), [](float z) { return z > 0; });
+    lost += static_cast<double>(seen) > kEnoughDepth * static_cast<double>(frame.depth.size());
+    return lost >= options.map.lost_frames;
+  }
+
+  /// All of the map goes to submaps.
+  void end_everything() {
+    back_end.settle();
+    back_end.end_submap(volume, stamp, false);
+    whole.reset();
+  }
+
+  /// The volume of the whole map.
+  Volume& world() {
+    if (poses == Poses::given) return volume;
+    back_end.settle();
+    if (back_end.is_plain()) return volume;
+    if (!whole) {
+      back_end.end_submap(volume, stamp, true);
+      FuseOptions pool = options.fuse;
+      pool.device_memory = std::min(pool.device_memory != 0 ? pool.device_memory : kWorldPool, kWorldPool);
+      whole.emplace(device, pool, options.surface.max_depth);
+      whole->adopt(back_end.world().release());
+    }
+    return *whole;
+  }
+
   Options options;
   Poses poses;
   Camera camera;
   gpu::Device device;
   Preprocess preprocess;
-  Tracker tracker;
   Integrate integrate;
   Polygonize polygonize;
   Volume volume;
-  std::optional<Refine> refine;
-  Trajectory trajectory;
+  BackEnd back_end;
+  Tracker tracker;
+  std::optional<Volume> whole;                             // the world, where that is not what `volume` holds
+  Trajectory given;                                        // with Poses::given
+  std::optional<double> last_fused;                        // timestamp
+  int lost = 0;                                            // frames that saw something, since the last fused one
   Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();  // sum over fused frames, in the world
   std::uint32_t stamp = 0;                                 // fused frames
-  std::size_t last_image = 0;                              // hash of the last frame's depth
-  int repeats = 0;                                         // frames since that image was new
+  std::uint64_t checkpoints = 0;
+  std::future<std::string> writing;  // of a checkpoint; what went wrong
+  std::string problem;               // why session files could not be written
+  std::size_t last_image = 0;        // hash of the last frame's depth
+  int repeats = 0;                   // frames since that image was new
 };
 
 Mapper::Mapper(const Camera& camera, const Options& options, Poses poses, int device) {
@@ -111,7 +154,7 @@ FrameReport Mapper::add(const Frame& given) {
   }
   const Frame& frame = depth_alone ? *depth_alone : given;
   FrameReport report{
-      .index = frame.index, .timestamp = frame.timestamp, .reason = unusable(frame, s.camera, s.trajectory)};
+      .index = frame.index, .timestamp = frame.timestamp, .reason = unusable(frame, s.camera, s.last_fused)};
   if (!report.reason.empty()) return report;
 
   if (s.poses == Poses::tracked && s.is_stuck(frame)) {
@@ -129,21 +172,29 @@ FrameReport Mapper::add(const Frame& given) {
       return report;
     }
     world_from_camera = *frame.world_from_camera;
-  } else if (s.trajectory.empty()) {
+  } else if (s.back_end.atlas().frames.empty()) {
     world_from_camera = level(frame.acceleration);
   } else {
     tracked = s.tracker(frame, live, s.volume, report.stage_ms);
     const Alignment& alignment = tracked->alignment;
     tell(*tracked, report);
-    if (!alignment.converged()) {
+    if (alignment.converged()) {
+      world_from_camera = alignment.submap_from_camera;
+      report.moving =
+          timed(report.stage_ms, "track", [&] { return s.tracker.leave_out_moving(live, world_from_camera); });
+    } else {
       s.tracker.reject();
-      report.state = FrameState::lost;
-      report.reason = alignment.lost;
-      return report;
+      if (!s.may_begin_piece(frame)) {
+        report.state = FrameState::lost;
+        report.reason = alignment.lost;
+        return report;
+      }
+      s.back_end.end_submap(s.volume, s.stamp, false);
+      s.tracker.restart();
+      tracked.reset();
+      world_from_camera = level(frame.acceleration);
+      report.reason = "not found again: begins a new piece of the map";
     }
-    world_from_camera = alignment.submap_from_camera;
-    report.moving =
-        timed(report.stage_ms, "track", [&] { return s.tracker.leave_out_moving(live, world_from_camera); });
   }
 
   const Fused fused =
@@ -152,27 +203,181 @@ FrameReport Mapper::add(const Frame& given) {
   report.new_bricks = fused.new_bricks;
   report.state = FrameState::fused;
   if (depth_alone) report.reason = "its colour image is not of the camera's size: depth alone is used";
-  if (s.poses == Poses::tracked) s.tracker.accept(frame, live, world_from_camera, tracked ? &*tracked : nullptr);
-  if (s.refine) s.refine->add(frame, world_from_camera, tracked ? &tracked->alignment.information : nullptr);
+  if (s.poses == Poses::tracked) {
+    s.tracker.accept(frame, live, world_from_camera, tracked ? &*tracked : nullptr);
+    const bool is_keyframe = timed(report.stage_ms, "keyframe", [&] {
+      return s.back_end.add(frame, world_from_camera, tracked ? &tracked->alignment.information : nullptr, s.volume,
+                            s.stamp);
+    });
+    if (is_keyframe) s.tracker.learn_from_places();
+  } else {
+    s.given.push_back({frame.timestamp, world_from_camera});
+  }
   if (frame.acceleration) s.acceleration += world_from_camera.linear() * *frame.acceleration;
-  s.trajectory.push_back({frame.timestamp, world_from_camera});
+  s.last_fused = frame.timestamp;
+  s.lost = 0;
+  s.whole.reset();
   return report;
 }
 
-Trajectory Mapper::trajectory() const {
-  Trajectory trajectory = state_->trajectory;
+int Mapper::recordings() const { return 1 + static_cast<int>(state_->back_end.atlas().recordings.size()); }
+
+Trajectory Mapper::trajectory(int recording) const {
+  if (state_->poses == Poses::given) return state_->given;
+  const Atlas& atlas = state_->back_end.atlas();
+  const auto number = static_cast<std::size_t>(recording < 0 ? recordings() - 1 : recording);
+  const std::size_t begin = number == 0 ? 0 : atlas.recordings.at(number - 1);
+  const std::size_t end = number < atlas.recordings.size() ? atlas.recordings[number] : atlas.frames.size();
+  Trajectory trajectory = atlas.trajectory(atlas.main_piece(), begin, end);
   for (StampedPose& pose : trajectory) pose.timestamp += state_->tracker.clock_offset();
   return trajectory;
 }
 
-Refined Mapper::refine(const std::filesystem::path& graph_file) {
-  return state_->refine ? (*state_->refine)(state_->trajectory, graph_file) : Refined{.trajectory = state_->trajectory};
+Refined Mapper::refine() {
+  state_->whole.reset();
+  return cairn::refine(state_->back_end);
 }
 
-Mesh Mapper::mesh() { return state_->polygonize(state_->volume); }
+void Mapper::fuse_again(Source& again, const std::function<void()>& step) {
+  State& s = *state_;
+  s.back_end.settle();
+  if (recordings() > 1) throw std::runtime_error("frames of several recordings cannot be fused again");
+  const Atlas& atlas = s.back_end.atlas();
+  const Trajectory poses =
+      s.poses == Poses::given ? s.given : atlas.trajectory(atlas.main_piece(), 0, atlas.frames.size());
+  s.whole.reset();
+  s.volume.adopt({});
+  s.acceleration.setZero();
+  const std::uint32_t since = s.stamp + 1;
+  while (const auto frame = again.next()) {
+    if (const auto pose = frame->problem.empty() ? pose_at(poses, frame->timestamp, 0) : std::nullopt) {
+      (void)s.integrate(s.preprocess(*frame), *pose, s.volume, ++s.stamp);
+      if (frame->acceleration) s.acceleration += pose->linear() * *frame->acceleration;
+    }
+    if (step) step();
+  }
+  if (s.poses == Poses::tracked) s.back_end.rebase(since);
+}
+
+std::vector<FoundLoop> Mapper::loops() const {
+  const Atlas& atlas = state_->back_end.atlas();
+  std::vector<FoundLoop> loops;
+  for (const Loop& loop : atlas.loops)
+    if (loop.corners > 0)
+      loops.push_back({.from = atlas.keyframes[loop.edge.from].timestamp,
+                       .to = atlas.keyframes[loop.edge.to].timestamp,
+                       .from_from_to = loop.edge.from_from_to,
+                       .corners = loop.corners,
+                       .inlier_share = loop.inlier_share,
+                       .rmse = loop.rmse,
+                       .believed = loop.believed});
+  return loops;
+}
+
+void Mapper::write_graph(const std::filesystem::path& file) const {
+  if (file.extension() == ".svg")
+    write_graph_picture(file, state_->back_end.atlas());
+  else
+    write_g2o(file, state_->back_end.atlas().graph());
+}
+
+void Mapper::checkpoint(const std::string& note) {
+  State& s = *state_;
+  if (s.options.session.empty() || s.poses == Poses::given) return;
+  (void)session_problem();
+  Session session{.camera = s.camera,
+                  .fuse = s.options.fuse,
+                  .back_end = s.back_end.memory(),
+                  .tracker = s.tracker.memory(),
+                  .keyframe = s.tracker.keyframe().save(),
+                  .residency = s.volume.residency(),
+                  .stamp = s.stamp,
+                  .last_image = s.last_image,
+                  .repeats = s.repeats,
+                  .lost = s.lost,
+                  .last_fused = s.last_fused,
+                  .acceleration = s.acceleration,
+                  .number = ++s.checkpoints,
+                  .note = note};
+  if (const std::string problem = s.back_end.store(); !problem.empty()) {
+    s.problem = problem;
+    return;  // the checkpoint before still holds
+  }
+  s.writing = std::async(std::launch::async,
+                         [folder = s.options.session, session = std::move(session),
+                          active = std::make_shared<const BrickTree>(s.volume.on_host().copy())]() -> std::string {
+                           try {
+                             write_session(folder, session, *active);
+                             return {};
+                           } catch (const std::exception& error) {
+                             return error.what();
+                           }
+                         });
+}
+
+std::string Mapper::session_problem() const {
+  if (state_->writing.valid())
+    if (std::string problem = state_->writing.get(); !problem.empty()) state_->problem = problem;
+  return state_->problem;
+}
+
+Mapper::SessionInfo Mapper::session_info(const std::filesystem::path& folder) {
+  const Session session = read_session(folder).session;
+  return {session.camera, session.fuse.voxel_size, session.fuse.truncation, session.note};
+}
+
+Mapper Mapper::resume(const Camera& camera, const Options& options, int device) {
+  ReadSession read = read_session(options.session);
+  Session& session = read.session;
+  const Camera& c = session.camera;
+  if (c.width != camera.width || c.height != camera.height || c.fx != camera.fx || c.fy != camera.fy ||
+      c.cx != camera.cx || c.cy != camera.cy || c.distortion != camera.distortion)
+    throw std::runtime_error(options.session.string() + ": was made with another camera; choose another folder");
+  if (session.fuse.voxel_size != options.fuse.voxel_size || session.fuse.truncation != options.fuse.truncation)
+    throw std::runtime_error(options.session.string() + ": has voxels of " + std::to_string(session.fuse.voxel_size) +
+                             " m; give the same --voxel-size");
+  Mapper mapper(camera, options, Poses::tracked, device);
+  State& s = *mapper.state_;
+  s.back_end.restore(session.back_end);
+  s.tracker.restore(session.tracker, session.keyframe);
+  s.volume.restore(std::move(read.active), session.residency);
+  s.stamp = session.stamp;
+  s.last_image = session.last_image;
+  s.repeats = session.repeats;
+  s.lost = session.lost;
+  s.last_fused = session.last_fused;
+  s.acceleration = session.acceleration;
+  s.checkpoints = session.number;
+  return mapper;
+}
+
+void Mapper::begin_recording() {
+  State& s = *state_;
+  if (s.back_end.atlas().frames.empty()) return;
+  s.end_everything();
+  s.volume.adopt(s.back_end.world().release());
+  const Eigen::Isometry3d last = s.back_end.atlas().world_from_camera.back();
+  s.back_end.begin_in_world();
+  s.tracker.begin_in(last);
+  s.last_fused.reset();
+  s.lost = 0;
+}
+
+Mapper::Merged Mapper::merge(Mapper& other) {
+  State &s = *state_, &o = *other.state_;
+  s.end_everything();
+  o.end_everything();
+  Merged merged{.compared = static_cast<int>(o.back_end.atlas().keyframes.size())};
+  std::tie(merged.loops, merged.joined) = s.back_end.append(o.back_end);
+  s.acceleration += o.acceleration;
+  s.stamp += o.stamp;
+  return merged;
+}
+
+Mesh Mapper::mesh() { return state_->polygonize(state_->world()); }
 
 void Mapper::write_map(const std::filesystem::path& file) {
-  write_grids(file, state_->volume.on_host(),
+  write_grids(file, state_->world().on_host(),
               {.voxel_size = state_->options.fuse.voxel_size, .truncation = state_->options.fuse.truncation});
 }
 
@@ -187,6 +392,15 @@ Mapper::Statistics Mapper::statistics() const {
                         .focal = state_->tracker.focal(),
                         .tilt = {},
                         .kernels = {}};
+  const BackEnd& back_end = state_->back_end;
+  statistics.keyframes = static_cast<int>(back_end.atlas().keyframes.size());
+  statistics.submaps = static_cast<int>(back_end.submaps().size());
+  const auto pieces = back_end.atlas().pieces();
+  statistics.pieces = static_cast<int>(std::set(pieces.begin(), pieces.end()).size());
+  statistics.looked_up = back_end.counts().looked_up, statistics.loops_tried = back_end.counts().tried;
+  statistics.graph_ms = back_end.counts().graph_ms, statistics.world_ms = back_end.counts().world_ms;
+  statistics.submap_memory_peak = back_end.submaps().counts().peak_bytes;
+  statistics.submaps_read_back = back_end.submaps().counts().read_back;
   if (const Eigen::Vector3d& up = state_->acceleration; up.norm() > 0)
     statistics.tilt = std::acos(std::clamp(-up.normalized().y(), -1.0, 1.0));
   for (const auto& [name, time] : state_->device.kernel_times()) statistics.kernels[name] = {time.calls, time.total_ms};

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <numeric>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
@@ -23,6 +22,33 @@ cv::Mat grey(const std::vector<std::uint32_t>& colour, const Camera& camera) {
   const cv::Mat rgba(camera.height, camera.width, CV_8UC4, const_cast<std::uint32_t*>(colour.data()));
   cv::Mat out;
   cv::cvtColor(rgba, out, cv::COLOR_RGBA2GRAY);
+  return out;
+}
+
+/// What a camera would see of a surface without colour under a light from the upper left: edges and steps of the
+/// geometry, smoothed over the depth's noise.
+cv::Mat shaded(const std::vector<float>& depth, const Camera& camera) {
+  constexpr int kReach = 4;          // pixels to each side, between which the slope is taken
+  constexpr float kBlur = 3.0f;      // pixels
+  constexpr float kSteepest = 3.0f;  // metres a metre
+  const cv::Mat z(camera.height, camera.width, CV_32F, const_cast<float*>(depth.data()));
+  cv::Mat known, smooth, share;
+  cv::Mat(z > 0).convertTo(known, CV_32F, 1.0 / 255);
+  cv::GaussianBlur(z, smooth, {}, kBlur);
+  cv::GaussianBlur(known, share, {}, kBlur);
+  smooth /= cv::max(share, 1e-3f);
+  cv::Mat out(camera.height, camera.width, CV_8U, cv::Scalar(0));
+  for (int y = kReach; y + kReach < camera.height; ++y)
+    for (int x = kReach; x + kReach < camera.width; ++x) {
+      const float at = smooth.at<float>(y, x);
+      if (share.at<float>(y, x) < 0.5f) continue;
+      const float metres = 2 * kReach * at / static_cast<float>(camera.fx);
+      const auto slope = [&](float step) { return std::clamp(step / metres, -kSteepest, kSteepest); };
+      const float dx = slope(smooth.at<float>(y, x + kReach) - smooth.at<float>(y, x - kReach));
+      const float dy = slope(smooth.at<float>(y + kReach, x) - smooth.at<float>(y - kReach, x));
+      const float light = (0.5f * dx + 0.7f * dy + 0.5f) / std::sqrt(dx * dx + dy * dy + 1);
+      out.at<std::uint8_t>(y, x) = cv::saturate_cast<std::uint8_t>(128 + 110 * light);
+    }
   return out;
 }
 
@@ -71,7 +97,8 @@ std::optional<Pnp> solve(const Matches& matches, const Camera& camera) {
 Features describe(const std::vector<std::uint32_t>& colour, const std::vector<float>& depth, const Camera& camera) {
   std::vector<cv::KeyPoint> corners;
   cv::Mat descriptors;
-  cv::ORB::create(kCorners)->detectAndCompute(grey(colour, camera), cv::noArray(), corners, descriptors);
+  cv::ORB::create(kCorners)->detectAndCompute(colour.empty() ? shaded(depth, camera) : grey(colour, camera),
+                                              cv::noArray(), corners, descriptors);
   Features features;
   if (corners.empty()) return features;
   std::vector<cv::Point2d> pixels, rays;
@@ -132,28 +159,6 @@ std::vector<double> focal_costs(const Features& known, const Features& seen, con
     costs.push_back(squared / static_cast<double>(projected.size()));
   }
   return costs;
-}
-
-Thumbnail thumbnail(const std::vector<std::uint32_t>& colour, const std::vector<float>& depth, const Camera& camera) {
-  cv::Mat image;
-  if (colour.empty())
-    image = cv::Mat(camera.height, camera.width, CV_32F, const_cast<float*>(depth.data()));
-  else
-    grey(colour, camera).convertTo(image, CV_32F);
-  cv::Mat small;
-  cv::resize(image, small, {40, 30}, 0, 0, cv::INTER_AREA);
-  cv::GaussianBlur(small, small, {}, 1.0);
-  Thumbnail t;
-  std::copy_n(small.ptr<float>(), t.size(), t.begin());
-  const float mean = std::accumulate(t.begin(), t.end(), 0.0f) / static_cast<float>(t.size());
-  float norm = 0;
-  for (float& v : t) v -= mean, norm += v * v;
-  for (float& v : t) v /= std::sqrt(std::max(norm, 1e-12f));
-  return t;
-}
-
-float similarity(const Thumbnail& a, const Thumbnail& b) {
-  return std::inner_product(a.begin(), a.end(), b.begin(), 0.0f);
 }
 
 }  // namespace cairn

@@ -19,7 +19,7 @@ struct Features {
 };
 
 /// Oriented FAST corners with binary descriptors. `colour` (bytes R, G, B, 255) and `depth` (metres) are of the
-/// camera's size.
+/// camera's size. Without colour, corners of the surface as a light from the side would show it.
 [[nodiscard]] Features describe(const std::vector<std::uint32_t>& colour, const std::vector<float>& depth,
                                 const Camera& camera);
 
@@ -37,12 +37,5 @@ constexpr std::array<double, 9> kFocalScales{0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.
 /// Mean squared distance, in pixels, between corners of `seen` and where `known`'s project to with each focal length
 /// and the pose that suits it best. The camera must have turned between the two. Empty when too few corners agree.
 [[nodiscard]] std::vector<double> focal_costs(const Features& known, const Features& seen, const Camera& camera);
-
-/// A blurred image of 40 x 30 pixels with mean 0 and norm 1 (Klein & Murray 2008): their products tell how alike two
-/// views are. From brightness, or from depth where there is no colour.
-using Thumbnail = std::array<float, 1200>;
-[[nodiscard]] Thumbnail thumbnail(const std::vector<std::uint32_t>& colour, const std::vector<float>& depth,
-                                  const Camera& camera);
-[[nodiscard]] float similarity(const Thumbnail& a, const Thumbnail& b);
 
 }  // namespace cairn

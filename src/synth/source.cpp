@@ -21,9 +21,10 @@ class SyntheticSource final : public Source {
         path_(scene_, {}, 0),
         camera_(synthetic_camera()),
         device_(options.device),
-        render_(device_, scene_, camera_) {}
+        render_(device_, scene_, camera_),
+        next_(options.first) {}
   const Camera& camera() const override { return camera_; }
-  std::optional<int> size() const override { return options_.frames; }
+  std::optional<int> size() const override { return options_.frames - options_.first; }
 
   std::optional<Frame> next() override {
     if (next_ >= options_.frames) return std::nullopt;
@@ -46,7 +47,7 @@ class SyntheticSource final : public Source {
   Camera camera_;
   gpu::Device device_;
   SceneRenderer render_;
-  int next_ = 0;
+  int next_;
 };
 
 }  // namespace

@@ -31,7 +31,7 @@ class SyntheticPath {
 
 struct SyntheticOptions {
   std::string scene = "room";
-  int frames = 300;
+  int first = 0, frames = 300;  // from the first to the one before frame number `frames`
   bool kinect_noise = false;
   std::uint64_t seed = 1;
   bool with_poses = false;  // frames carry their true pose

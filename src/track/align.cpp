@@ -120,7 +120,8 @@ std::optional<Vector6d> solve(const Matrix6d& a, const Vector6d& b, int& unobser
 
 }  // namespace
 
-Keyframe::Keyframe(gpu::Device& device, const Camera& camera, const TrackOptions& options) : device_(device) {
+PhotometricKeyframe::PhotometricKeyframe(gpu::Device& device, const Camera& camera, const TrackOptions& options)
+    : device_(device) {
   for (int level = 0; level < options.levels; ++level) {
     const Camera c = camera.at_level(level);
     const std::uint64_t pixels = std::uint64_t{8} * static_cast<std::uint64_t>(c.width * c.height);
@@ -128,7 +129,8 @@ Keyframe::Keyframe(gpu::Device& device, const Camera& camera, const TrackOptions
   }
 }
 
-void Keyframe::set(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, const ColourMoment& moment) {
+void PhotometricKeyframe::set(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
+                              const ColourMoment& moment) {
   gpu::Batch batch(device_);
   for (std::size_t level = 0; level < std::min(surface.packed.size(), packed_.size()); ++level)
     if (surface.packed[level] != nullptr) batch.copy(*surface.packed[level], packed_[level]);
@@ -138,7 +140,30 @@ void Keyframe::set(const Surface& surface, const Eigen::Isometry3d& submap_from_
   is_set_ = true;
 }
 
-Eigen::Isometry3d Keyframe::submap_from_colour(double clock_offset) const {
+PhotometricKeyframe::Saved PhotometricKeyframe::save() const {
+  Saved saved{.submap_from_camera = submap_from_camera_, .moment = moment_, .levels = {}};
+  if (!is_set_) return saved;
+  gpu::Batch batch(device_);
+  saved.levels.resize(packed_.size());
+  for (std::size_t i = 0; i < packed_.size(); ++i) {
+    saved.levels[i].resize(packed_[i].size() / 4);
+    if (packed_[i]) batch.download(packed_[i], saved.levels[i]);
+  }
+  batch.run();
+  return saved;
+}
+
+void PhotometricKeyframe::restore(const Saved& saved) {
+  submap_from_camera_ = saved.submap_from_camera;
+  moment_ = saved.moment;
+  is_set_ = !saved.levels.empty();
+  gpu::Batch batch(device_);
+  for (std::size_t i = 0; i < saved.levels.size() && i < packed_.size(); ++i)
+    if (packed_[i] && saved.levels[i].size() * 4 == packed_[i].size()) batch.upload(packed_[i], saved.levels[i]);
+  batch.run();
+}
+
+Eigen::Isometry3d PhotometricKeyframe::submap_from_colour(double clock_offset) const {
   return submap_from_camera_ * exponential(moment_.velocity * (moment_.stamp_delay - clock_offset));
 }
 
@@ -151,7 +176,7 @@ Align::Align(gpu::Device& device, const TrackOptions& options)
       icp_(device, "icp_reduce", icp_reduce_comp),
       photometric_(device, "photometric_reduce", photometric_reduce_comp) {}
 
-shader::PhotometricReducePush Align::photometric_push(const Camera& camera, const Keyframe& keyframe,
+shader::PhotometricReducePush Align::photometric_push(const Camera& camera, const PhotometricKeyframe& keyframe,
                                                       const Eigen::Isometry3d& submap_from_live,
                                                       const ColourMoment& moment, const Brightness& brightness) const {
   const Vector6d colour_motion = -moment.velocity * moment.delay();
@@ -166,7 +191,7 @@ shader::PhotometricReducePush Align::photometric_push(const Camera& camera, cons
           .inverse_sigma = static_cast<float>(1 / brightness.sigma)};
 }
 
-std::vector<double> Align::clock_offset_costs(const Surface& live, const Keyframe& keyframe,
+std::vector<double> Align::clock_offset_costs(const Surface& live, const PhotometricKeyframe& keyframe,
                                               const Eigen::Isometry3d& submap_from_live, const ColourMoment& moment,
                                               const Brightness& brightness) {
   const int level = options_.levels - 1;
@@ -196,7 +221,7 @@ std::vector<double> Align::clock_offset_costs(const Surface& live, const Keyfram
 }
 
 Alignment Align::operator()(const Surface& live, const ModelView& model, const Eigen::Isometry3d& guess,
-                            const Keyframe* keyframe, const ColourMoment& moment, Reach reach) {
+                            const PhotometricKeyframe* keyframe, const ColourMoment& moment, Reach reach) {
   Alignment result;
   const bool has_brightness = options_.photometric && keyframe != nullptr && keyframe->is_set() && !live.packed.empty();
   const Eigen::Isometry3d start = model.submap_from_camera.inverse() * guess;

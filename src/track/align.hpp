@@ -50,12 +50,20 @@ struct ColourMoment {
 constexpr std::array<double, 8> kClockOffsets{-0.035, -0.025, -0.015, -0.005, 0.005, 0.015, 0.025, 0.035};
 
 /// Reference of the photometric term: a fused frame's brightness, kept on the device.
-class Keyframe {
+class PhotometricKeyframe {
  public:
-  Keyframe(gpu::Device& device, const Camera& camera, const TrackOptions& options);
+  PhotometricKeyframe(gpu::Device& device, const Camera& camera, const TrackOptions& options);
   /// Copies the surface's brightness; it must have colour.
   void set(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, const ColourMoment& moment);
   void clear() { is_set_ = false; }
+  /// What it holds, to go on with later; `levels` empty: not set.
+  struct Saved {
+    Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
+    ColourMoment moment;
+    std::vector<std::vector<std::uint32_t>> levels;
+  };
+  [[nodiscard]] Saved save() const;
+  void restore(const Saved& saved);
   [[nodiscard]] bool is_set() const { return is_set_; }
   [[nodiscard]] const Eigen::Isometry3d& submap_from_camera() const { return submap_from_camera_; }  // depth camera
   /// The colour camera at its moment, if its clock is ahead by `clock_offset`.
@@ -79,7 +87,7 @@ class Align {
   Align(gpu::Device& device, const TrackOptions& options);
   /// `keyframe` may be null or not set: geometry alone.
   [[nodiscard]] Alignment operator()(const Surface& live, const ModelView& model, const Eigen::Isometry3d& guess,
-                                     const Keyframe* keyframe = nullptr, const ColourMoment& moment = {},
+                                     const PhotometricKeyframe* keyframe = nullptr, const ColourMoment& moment = {},
                                      Reach reach = Reach::wide);
 
  private:
@@ -97,11 +105,12 @@ class Align {
     double gain = 1, bias = 0, sigma = 0.05;
   };
 
-  [[nodiscard]] shader::PhotometricReducePush photometric_push(const Camera& camera, const Keyframe& keyframe,
+  [[nodiscard]] shader::PhotometricReducePush photometric_push(const Camera& camera,
+                                                               const PhotometricKeyframe& keyframe,
                                                                const Eigen::Isometry3d& submap_from_live,
                                                                const ColourMoment& moment,
                                                                const Brightness& brightness) const;
-  [[nodiscard]] std::vector<double> clock_offset_costs(const Surface& live, const Keyframe& keyframe,
+  [[nodiscard]] std::vector<double> clock_offset_costs(const Surface& live, const PhotometricKeyframe& keyframe,
                                                        const Eigen::Isometry3d& submap_from_live,
                                                        const ColourMoment& moment, const Brightness& brightness);
 

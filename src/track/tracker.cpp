@@ -23,7 +23,7 @@ constexpr double kSuddenly = 2.5;                   // times the usual photometr
 constexpr double kTellsApart = 0.5;                 // times the photometric rmse of another pose
 constexpr double kUsualBrightness = 0.03;           // photometric rmse of hand-held Kinect recordings
 constexpr double kMaxSpeed = 4.0, kMaxTurn = 12.0;  // metres and radians a second: a hand is slower
-constexpr std::size_t kRecentPlaces = 3, kLikestPlaces = 6, kOtherPlaces = 4;  // compared with a frame
+constexpr std::size_t kRecentPlaces = 4, kLikestPlaces = 6, kOtherPlaces = 4;  // compared with a frame
 // What a pose found after a loss must reach: a wrong one would be fused.
 constexpr double kFoundInliers = 0.5, kFoundOverlap = 0.3, kFoundBrightness = 0.6, kFoundMisfit = 5.0;
 constexpr double kMaxMoving = 0.3;          // of the image; more is no person but a wrong pose or a sensor without use
@@ -66,10 +66,12 @@ bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
 
 }  // namespace
 
-Tracker::Tracker(gpu::Device& device, const Camera& camera, const Camera& rectified, const Options& options)
+Tracker::Tracker(gpu::Device& device, const Camera& camera, const Camera& rectified, const Options& options,
+                 const Places& places)
     : device_(device),
       options_(options.track),
       source_camera_(camera),
+      places_(places),
       raycast_(device, rectified, options.surface, options.track.levels, options.track.finest_level),
       align_(device, options.track),
       keyframe_(device, rectified, options.track),
@@ -78,72 +80,63 @@ Tracker::Tracker(gpu::Device& device, const Camera& camera, const Camera& rectif
 
 /// Where the camera would be if it kept its velocity since the last two accepted frames.
 Eigen::Isometry3d Tracker::predict(double timestamp) const {
-  const Moment& last = last_.back();
-  if (lost_ > 0 || last_.size() < 2) return last.submap_from_camera;
-  const double ratio = std::min((timestamp - last.timestamp) / (last.timestamp - last_[0].timestamp), 2.0);
+  const Moment& last = memory_.last.back();
+  if (memory_.lost > 0 || memory_.last.size() < 2) return last.submap_from_camera;
+  const double ratio = std::min((timestamp - last.timestamp) / (last.timestamp - memory_.last[0].timestamp), 2.0);
   return last.submap_from_camera *
-         exponential(ratio * logarithm(last_[0].submap_from_camera.inverse() * last.submap_from_camera));
+         exponential(ratio * logarithm(memory_.last[0].submap_from_camera.inverse() * last.submap_from_camera));
 }
 
 ColourMoment Tracker::moment_of(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const {
   ColourMoment moment{.stamp_delay = frame.colour_delay, .clock_offset = clock_offset()};
-  if (last_.empty() || lost_ > 0) return moment;
-  const double interval = frame.timestamp - last_.back().timestamp;
-  moment.velocity = logarithm(last_.back().submap_from_camera.inverse() * submap_from_camera) / interval;
+  if (memory_.last.empty() || memory_.lost > 0) return moment;
+  const double interval = frame.timestamp - memory_.last.back().timestamp;
+  moment.velocity = logarithm(memory_.last.back().submap_from_camera.inverse() * submap_from_camera) / interval;
   return moment;
 }
 
 double Tracker::clock_offset() const {
-  if (clock_offset_frames_ < kClockOffsetFrames) return 0.0;
-  const auto& costs = clock_offset_costs_;
+  if (memory_.clock_offset_frames < kClockOffsetFrames) return 0.0;
+  const auto& costs = memory_.clock_offset_costs;
   const auto [least, most] = std::minmax_element(costs.begin(), costs.end());
   // Colour that is not registered to depth fits nowhere much better than elsewhere.
   return *most < kClockOffsetContrast * *least ? 0.0 : lowest(kClockOffsets, costs);
 }
 
 FocalEvidence Tracker::focal() const {
-  if (focal_pairs_ < kFocalPairs) return {};
-  const auto error = [&](double cost) { return std::sqrt(cost / focal_pairs_); };
-  return {.scale = lowest(kFocalScales, focal_costs_),
-          .error_given = error(focal_costs_[kFocalScales.size() / 2]),
-          .error_best = error(*std::min_element(focal_costs_.begin(), focal_costs_.end())),
-          .pairs = focal_pairs_};
+  if (memory_.focal_pairs < kFocalPairs) return {};
+  const auto error = [&](double cost) { return std::sqrt(cost / memory_.focal_pairs); };
+  return {.scale = lowest(kFocalScales, memory_.focal_costs),
+          .error_given = error(memory_.focal_costs[kFocalScales.size() / 2]),
+          .error_best = error(*std::min_element(memory_.focal_costs.begin(), memory_.focal_costs.end())),
+          .pairs = memory_.focal_pairs};
 }
 
-std::vector<std::size_t> Tracker::candidates(const Frame& frame) const {
-  const Thumbnail view = thumbnail(frame.colour, frame.depth, source_camera_);
-  std::vector<std::pair<float, std::size_t>> ranked;
-  for (std::size_t i = 0; i < places_.size(); ++i) ranked.emplace_back(-similarity(view, places_[i].thumbnail), i);
-  std::sort(ranked.begin(), ranked.end());
+std::vector<std::size_t> Tracker::candidates(const Features& seen) const {
   std::vector<std::size_t> chosen;
-  for (std::size_t i = 0; i < std::min(kLikestPlaces, ranked.size()); ++i) chosen.push_back(ranked[i].second);
-  // Thumbnails of turned views are not alike: the others take turns from one lost frame to the next.
-  const std::size_t others = ranked.size() - chosen.size();
-  for (std::size_t k = 0; k < std::min(kOtherPlaces, others); ++k)
-    chosen.push_back(ranked[kLikestPlaces + (static_cast<std::size_t>(lost_) * kOtherPlaces + k) % others].second);
+  for (const auto& alike : places_.likest(seen, kLikestPlaces, memory_.first_place)) chosen.push_back(alike.place);
+  const std::size_t known = places_.size() - memory_.first_place;
+  for (std::size_t k = 0; k < std::min(kOtherPlaces, known); ++k)
+    chosen.push_back(memory_.first_place + (static_cast<std::size_t>(memory_.lost) * kOtherPlaces + k) % known);
   return chosen;
 }
 
-std::vector<Eigen::Isometry3d> Tracker::recognise(const Frame& frame, const std::vector<std::size_t>& places) const {
-  std::vector<Eigen::Isometry3d> guesses;
-  if (frame.colour.empty()) {
-    for (const std::size_t i : places) guesses.push_back(places_[i].submap_from_camera);
-    guesses.resize(std::min<std::size_t>(guesses.size(), 3));
-    return guesses;
-  }
-  const Features seen = describe(frame.colour, frame.depth, source_camera_);
-  std::optional<Located> best;
+std::optional<Eigen::Isometry3d> Tracker::recognise(const Features& seen,
+                                                    const std::vector<std::size_t>& places) const {
+  std::optional<Eigen::Isometry3d> guess;
+  int most = 0;
   for (const std::size_t i : places) {
     const auto located = locate(places_[i].features, seen, source_camera_);
-    if (!located || (best && located->inliers <= best->inliers)) continue;
-    best = located;
-    guesses.assign(1, places_[i].submap_from_camera * located->known_from_seen);
+    if (!located || located->inliers <= most) continue;
+    most = located->inliers;
+    guess = places_[i].submap_from_camera * located->known_from_seen;
   }
-  return guesses;
+  return guess;
 }
 
-Tracked Tracker::operator()(const Frame& frame, const Surface& live, const Volume& volume, StageTimes& times) {
+Tracked Tracker::operator()(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times) {
   const auto align = [&](const Eigen::Isometry3d& guess, const char* name, Reach reach = Reach::wide) {
+    if (memory_.lost > 0) volume.bring(guess.translation());
     model_ = timed(times, "raycast", [&] { return raycast_(volume, guess); });
     return timed(times, "track", [&] {
       return Tracked{.alignment = align_(live, model_, guess, &keyframe_, moment_of(frame, guess), reach),
@@ -151,24 +144,28 @@ Tracked Tracker::operator()(const Frame& frame, const Surface& live, const Volum
     });
   };
   Tracked tracked = align(predict(frame.timestamp), "motion");
-  if (lost_ == 0) {
+  if (memory_.lost == 0) {
     if (!tracked.alignment.converged())
-      tracked = align(last_.back().submap_from_camera, "still");  // the hand may have stopped
-    if (is_doubtful(tracked.alignment) || tracked.alignment.photometric_rmse > kSuddenly * usual_brightness_) {
+      tracked = align(memory_.last.back().submap_from_camera, "still");  // the hand may have stopped
+    if (is_doubtful(tracked.alignment) || tracked.alignment.photometric_rmse > kSuddenly * memory_.usual_brightness) {
       std::vector<std::size_t> recent;
-      for (std::size_t i = places_.size(); i > 0 && recent.size() < kRecentPlaces; --i) recent.push_back(i - 1);
-      for (const auto& guess : timed(times, "recognise", [&] { return recognise(frame, recent); })) {
-        if (Tracked other = align(guess, "features"); is_better(other.alignment, tracked.alignment))
+      for (std::size_t i = places_.size(); i > memory_.first_place && recent.size() < kRecentPlaces; --i)
+        recent.push_back(i - 1);
+      if (const auto guess = timed(times, "recognise", [&] {
+            return recognise(describe(frame.colour, frame.depth, source_camera_), recent);
+          })) {
+        if (Tracked other = align(*guess, "features"); is_better(other.alignment, tracked.alignment))
           tracked = std::move(other);
         // Something may move through the view: brightness then tells the still part's pose from the moving one's.
-        if (Tracked other = align(guess, "features", Reach::close);
+        if (Tracked other = align(*guess, "features", Reach::close);
             is_better(other.alignment, tracked.alignment) &&
             other.alignment.photometric_rmse < kTellsApart * tracked.alignment.photometric_rmse)
           tracked = std::move(other);
       }
     }
-    const Eigen::Isometry3d motion = last_.back().submap_from_camera.inverse() * tracked.alignment.submap_from_camera;
-    const double interval = frame.timestamp - last_.back().timestamp;
+    const Eigen::Isometry3d motion =
+        memory_.last.back().submap_from_camera.inverse() * tracked.alignment.submap_from_camera;
+    const double interval = frame.timestamp - memory_.last.back().timestamp;
     if (tracked.alignment.converged() && (motion.translation().norm() > kMaxSpeed * interval ||
                                           Eigen::AngleAxisd(motion.linear()).angle() > kMaxTurn * interval))
       tracked.alignment.lost = "no hand moves like that";
@@ -182,9 +179,12 @@ Tracked Tracker::operator()(const Frame& frame, const Surface& live, const Volum
            a.unobserved == 0 && (a.photometric_share == 0 || a.photometric_share > kFoundBrightness);
   };
   if (is_sure(tracked.alignment)) return tracked;
-  const auto guesses = timed(times, "recognise", [&] { return recognise(frame, candidates(frame)); });
-  for (const auto& guess : guesses)
-    if (Tracked other = align(guess, "relocalised"); is_sure(other.alignment)) return other;
+  const auto guess = timed(times, "recognise", [&] {
+    const Features seen = describe(frame.colour, frame.depth, source_camera_);
+    return recognise(seen, candidates(seen));
+  });
+  if (guess)
+    if (Tracked other = align(*guess, "relocalised"); is_sure(other.alignment)) return other;
   if (tracked.alignment.converged()) tracked.alignment.lost = "not found again yet";
   return tracked;
 }
@@ -214,12 +214,34 @@ double Tracker::leave_out_moving(const Surface& live, const Eigen::Isometry3d& s
   return mask(1u << level);
 }
 
-void Tracker::compare_focal_lengths(const Place& known, const Place& seen) {
+void Tracker::restart() {
+  memory_.first_place = places_.size();
+  memory_.last.clear();
+  memory_.lost = 0;
+  keyframe_.clear();
+  model_ = {};
+}
+
+void Tracker::begin_in(const Eigen::Isometry3d& submap_from_camera) {
+  restart();
+  memory_.first_place = 0;
+  memory_.last = {{0, submap_from_camera}};
+  memory_.lost = 1;
+}
+
+void Tracker::restore(const Memory& memory, const PhotometricKeyframe::Saved& keyframe) {
+  memory_ = memory;
+  keyframe_.restore(keyframe);
+}
+
+void Tracker::learn_from_places() {
+  if (places_.size() < memory_.first_place + 2) return;
+  const Place &known = places_[places_.size() - 2], &seen = places_[places_.size() - 1];
   const Eigen::Isometry3d motion = known.submap_from_camera.inverse() * seen.submap_from_camera;
   if (Eigen::AngleAxisd(motion.linear()).angle() < kFocalTurn) return;
   const auto costs = focal_costs(known.features, seen.features, source_camera_);
-  for (std::size_t i = 0; i < costs.size(); ++i) focal_costs_[i] += costs[i];
-  focal_pairs_ += !costs.empty();
+  for (std::size_t i = 0; i < costs.size(); ++i) memory_.focal_costs[i] += costs[i];
+  memory_.focal_pairs += !costs.empty();
 }
 
 void Tracker::accept(const Frame& frame, const Surface& live, const Eigen::Isometry3d& submap_from_camera,
@@ -227,25 +249,18 @@ void Tracker::accept(const Frame& frame, const Surface& live, const Eigen::Isome
   const ColourMoment moment = moment_of(frame, submap_from_camera);
   if (tracked != nullptr && !tracked->alignment.clock_offset_costs.empty()) {
     for (std::size_t k = 0; k < kClockOffsets.size(); ++k)
-      clock_offset_costs_[k] += tracked->alignment.clock_offset_costs[k];
-    ++clock_offset_frames_;
+      memory_.clock_offset_costs[k] += tracked->alignment.clock_offset_costs[k];
+    ++memory_.clock_offset_frames;
   }
   const bool is_far = !keyframe_.is_set() || is_apart(keyframe_.submap_from_camera(), submap_from_camera) ||
                       (tracked != nullptr && tracked->alignment.photometric_share < kKeyframeShare);
   if (is_far && !live.packed.empty()) keyframe_.set(live, submap_from_camera, moment);
-  if (places_.empty() || is_apart(places_.back().submap_from_camera, submap_from_camera)) {
-    Place place{.submap_from_camera = submap_from_camera,
-                .features = frame.colour.empty() ? Features{} : describe(frame.colour, frame.depth, source_camera_),
-                .thumbnail = thumbnail(frame.colour, frame.depth, source_camera_)};
-    if (!places_.empty()) compare_focal_lengths(places_.back(), place);
-    places_.push_back(std::move(place));
-  }
   if (tracked != nullptr && tracked->alignment.photometric_share > 0)
-    usual_brightness_ += 0.1 * (tracked->alignment.photometric_rmse - usual_brightness_);
-  if (lost_ > 0) last_.clear();  // no velocity across a gap
-  lost_ = 0;
-  if (last_.size() == 2) last_.erase(last_.begin());
-  last_.push_back({frame.timestamp, submap_from_camera});
+    memory_.usual_brightness += 0.1 * (tracked->alignment.photometric_rmse - memory_.usual_brightness);
+  if (memory_.lost > 0) memory_.last.clear();  // no velocity across a gap
+  memory_.lost = 0;
+  if (memory_.last.size() == 2) memory_.last.erase(memory_.last.begin());
+  memory_.last.push_back({frame.timestamp, submap_from_camera});
 }
 
 }  // namespace cairn

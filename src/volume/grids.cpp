@@ -56,10 +56,24 @@ typename Grid::Ptr make_grid(const VoxelTree& tree, const char* name, const Grid
   return grid;
 }
 
+void write_stream(const std::filesystem::path& file, const openvdb::GridPtrVec& grids) {
+  write_whole(file, [&](const std::filesystem::path& temporary) {
+    // Through a stream of ours: openvdb::io::File does not notice a full disk.
+    std::ofstream out(temporary, std::ios::binary);
+    openvdb::io::Stream stream(out);
+    stream.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
+    stream.write(grids);
+    // OpenVDB gives each file a random name of its own; the same map shall be the same bytes.
+    constexpr std::streamoff kUuidOffset = 21;  // magic number, three versions, one flag
+    out.seekp(kUuidOffset) << "00000000-0000-4000-8000-000000000000";
+    if (!out.flush()) throw std::runtime_error("the disk is full");
+  });
+}
+
 }  // namespace
 
 struct BrickTree::State {
-  VoxelTree tree{0};
+  VoxelTree::Ptr tree = std::make_shared<VoxelTree>(0);
 };
 
 BrickTree::BrickTree() : state_(std::make_unique<State>()) { initialize_once(); }
@@ -67,22 +81,32 @@ BrickTree::~BrickTree() = default;
 BrickTree::BrickTree(BrickTree&&) noexcept = default;
 BrickTree& BrickTree::operator=(BrickTree&&) noexcept = default;
 
+BrickTree BrickTree::copy() const {
+  BrickTree other;
+  other.state_->tree = std::make_shared<VoxelTree>(*state_->tree);
+  return other;
+}
+
 void BrickTree::put(const Eigen::Vector3i& brick, std::span<const std::uint64_t, 512> voxels) {
-  auto* leaf = state_->tree.touchLeaf(origin_of(brick));
+  auto* leaf = state_->tree->touchLeaf(origin_of(brick));
   std::memcpy(leaf->buffer().data(), voxels.data(), voxels.size_bytes());
   leaf->setValuesOn();
 }
 
+void BrickTree::erase(const Eigen::Vector3i& brick) {
+  delete state_->tree->stealNode<VoxelTree::LeafNodeType>(origin_of(brick), 0, false);
+}
+
 const std::uint64_t* BrickTree::find(const Eigen::Vector3i& brick) const {
-  const auto* leaf = std::as_const(state_->tree).probeConstLeaf(origin_of(brick));
+  const auto* leaf = std::as_const(*state_->tree).probeConstLeaf(origin_of(brick));
   return leaf == nullptr ? nullptr : reinterpret_cast<const std::uint64_t*>(leaf->buffer().data());
 }
 
-std::size_t BrickTree::size() const { return state_->tree.leafCount(); }
+std::size_t BrickTree::size() const { return state_->tree->leafCount(); }
 
 std::vector<Eigen::Vector3i> BrickTree::bricks() const {
   std::vector<Eigen::Vector3i> all;
-  for (auto leaf = state_->tree.cbeginLeaf(); leaf; ++leaf)
+  for (auto leaf = state_->tree->cbeginLeaf(); leaf; ++leaf)
     all.emplace_back(leaf->origin().x() >> 3, leaf->origin().y() >> 3, leaf->origin().z() >> 3);
   std::sort(all.begin(), all.end(), [](const Eigen::Vector3i& a, const Eigen::Vector3i& b) {
     return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
@@ -92,7 +116,7 @@ std::vector<Eigen::Vector3i> BrickTree::bricks() const {
 
 void write_grids(const std::filesystem::path& file, const BrickTree& bricks, const GridInfo& info) {
   // The trees are private to this file, so that OpenVDB's headers stay here.
-  const VoxelTree& tree = bricks.state_->tree;
+  const VoxelTree& tree = *bricks.state_->tree;
   openvdb::GridPtrVec grids;
   auto tsdf = make_grid<openvdb::FloatGrid>(tree, "tsdf", info, info.truncation,
                                             [&](std::uint64_t v) { return distance_of(v, info.truncation); });
@@ -107,17 +131,28 @@ void write_grids(const std::filesystem::path& file, const BrickTree& bricks, con
   grids.push_back(make_grid<openvdb::Int32Grid>(tree, "colour_weight", info, 0,
                                                 [](std::uint64_t v) { return static_cast<std::int32_t>(v >> 56); }));
   for (const auto& grid : grids) grid->setCreator("cairn");
-  write_whole(file, [&](const std::filesystem::path& temporary) {
-    // Through a stream of ours: openvdb::io::File does not notice a full disk.
-    std::ofstream out(temporary, std::ios::binary);
-    openvdb::io::Stream stream(out);
-    stream.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
-    stream.write(grids);
-    // OpenVDB gives each file a random name of its own; the same map shall be the same bytes.
-    constexpr std::streamoff kUuidOffset = 21;  // magic number, three versions, one flag
-    out.seekp(kUuidOffset) << "00000000-0000-4000-8000-000000000000";
-    if (!out.flush()) throw std::runtime_error("the disk is full");
-  });
+  write_stream(file, grids);
+}
+
+void write_bricks(const std::filesystem::path& file, const BrickTree& bricks) {
+  auto grid = openvdb::Int64Grid::create(bricks.state_->tree);
+  grid->setName("bricks");
+  write_stream(file, {grid});
+}
+
+BrickTree read_bricks(const std::filesystem::path& file) {
+  initialize_once();
+  BrickTree bricks;
+  try {
+    openvdb::io::File in(file.string());
+    in.open(false);
+    const auto grid = openvdb::gridPtrCast<openvdb::Int64Grid>(in.readGrid("bricks"));
+    if (!grid) throw std::runtime_error(file.string() + ": holds no bricks");
+    bricks.state_->tree = grid->treePtr();
+  } catch (const openvdb::Exception& error) {
+    throw std::runtime_error(file.string() + ": " + error.what());
+  }
+  return bricks;
 }
 
 ReadGrids read_grids(const std::filesystem::path& file) {

@@ -23,10 +23,12 @@ class BrickTree {
   BrickTree();
   ~BrickTree();
   BrickTree(BrickTree&&) noexcept;
+  [[nodiscard]] BrickTree copy() const;
   BrickTree& operator=(BrickTree&&) noexcept;
 
   /// Adds the brick or replaces it. `brick` counts bricks: voxel / 8.
   void put(const Eigen::Vector3i& brick, std::span<const std::uint64_t, 512> voxels);
+  void erase(const Eigen::Vector3i& brick);
   /// The brick's voxels, or null. Valid until the brick is put again.
   [[nodiscard]] const std::uint64_t* find(const Eigen::Vector3i& brick) const;
   [[nodiscard]] std::size_t size() const;  // bricks
@@ -34,10 +36,17 @@ class BrickTree {
   [[nodiscard]] std::vector<Eigen::Vector3i> bricks() const;
 
  private:
+  friend void write_bricks(const std::filesystem::path& file, const BrickTree& tree);
+  friend BrickTree read_bricks(const std::filesystem::path& file);
   friend void write_grids(const std::filesystem::path& file, const BrickTree& tree, const GridInfo& info);
   struct State;
   std::unique_ptr<State> state_;
 };
+
+/// Writes bricks as they are (one grid of 64-bit voxels) and reads them back: quick, for sessions. Whole or not at all;
+/// reading throws std::runtime_error for a file that is missing or broken.
+void write_bricks(const std::filesystem::path& file, const BrickTree& tree);
+[[nodiscard]] BrickTree read_bricks(const std::filesystem::path& file);
 
 /// What a map.vdb needs beside its voxels.
 struct GridInfo {

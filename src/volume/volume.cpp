@@ -113,9 +113,19 @@ void Volume::copy_to_host(std::span<const std::uint32_t> slots) {
   }
 }
 
+std::vector<shader::SlotState> Volume::slot_states() {
+  std::vector<shader::SlotState> states(high_slot_);
+  gpu::Batch batch(device_);
+  batch.download(slots_, states);
+  batch.run();
+  return states;
+}
+
 void Volume::evict(std::span<const std::uint32_t> slots) {
   if (slots.empty()) return;
   copy_to_host(slots);
+  const auto states = slot_states();
+  for (const std::uint32_t slot : slots) last_seen_[Brick(states[slot].brick)] = states[slot].last_seen;
   const std::unordered_set<std::uint32_t> gone(slots.begin(), slots.end());
   std::vector<shader::Placement> placements;
   for (auto it = slot_of_.begin(); it != slot_of_.end();) {
@@ -137,10 +147,7 @@ void Volume::evict(std::span<const std::uint32_t> slots) {
 void Volume::make_room(std::size_t needed, std::span<const Brick> keep, std::uint32_t now) {
   const std::size_t available = free_.size() + (capacity_ - high_slot_);
   if (needed <= available) return;
-  std::vector<shader::SlotState> states(high_slot_);
-  gpu::Batch batch(device_);
-  batch.download(slots_, states);
-  batch.run();
+  const auto states = slot_states();
   const std::unordered_set<Brick, BrickHash> kept(keep.begin(), keep.end());
   struct Candidate {
     std::uint32_t last_seen, slot;
@@ -214,6 +221,27 @@ void Volume::page_in(std::span<const Brick> bricks) {
   make_resident(existing, 0);
 }
 
+void Volume::bring(const Eigen::Vector3d& centre) {
+  move_window(centre);
+  std::vector<std::pair<double, Brick>> near;
+  bool all_here = true;
+  for (const Brick& brick : host_.bricks()) {
+    if (!in_window(brick)) continue;
+    near.emplace_back(
+        ((brick.cast<double>().array() + 0.5).matrix() * static_cast<double>(brick_size()) - centre).norm(), brick);
+    all_here = all_here && slot_of_.contains(brick);
+  }
+  if (all_here) return;
+  std::sort(near.begin(), near.end(), [](const auto& a, const auto& b) {
+    return a.first != b.first ? a.first < b.first : before(a.second, b.second);
+  });
+  std::vector<Brick> bricks;
+  for (std::size_t i = 0; i < std::min<std::size_t>(near.size(), capacity_ / 2); ++i) bricks.push_back(near[i].second);
+  page_in(bricks);
+}
+
+std::size_t Volume::size() const { return slot_of_.size() + last_seen_.size(); }
+
 std::vector<Brick> Volume::bricks() const {
   std::vector<Brick> all = host_.bricks();
   for (const auto& [brick, slot] : slot_of_)
@@ -230,8 +258,63 @@ const BrickTree& Volume::on_host() {
   return host_;
 }
 
+BrickTree Volume::split(std::uint32_t since, const Eigen::Vector3d& centre, float radius) {
+  const auto states = slot_states();
+  (void)on_host();
+  BrickTree submap, next;
+  const auto stays = [&](const Brick& brick) {
+    const Eigen::Vector3d at = (brick.cast<double>().array() + 0.5) * static_cast<double>(brick_size());
+    return (at - centre).norm() < static_cast<double>(radius);
+  };
+  std::vector<Brick> back;
+  for (const Brick& brick : host_.bricks()) {
+    const std::uint32_t slot = slot_of(brick);
+    if ((slot == kNoSlot ? last_seen_[brick] : states[slot].last_seen) < since) continue;
+    const std::span<const std::uint64_t, 512> voxels(host_.find(brick), 512);
+    submap.put(brick, voxels);
+    if (!stays(brick)) continue;
+    next.put(brick, voxels);
+    if (slot != kNoSlot) back.push_back(brick);
+  }
+  adopt(std::move(next));
+  make_resident(back, since);
+  return submap;
+}
+
+Volume::Residency Volume::residency() {
+  Residency r{.origin = origin_, .counts = counts_};
+  const auto states = slot_states();
+  std::vector<std::pair<std::uint32_t, Brick>> by_slot;
+  for (const auto& [brick, slot] : slot_of_) by_slot.emplace_back(slot, brick);
+  std::sort(by_slot.begin(), by_slot.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  for (const auto& [slot, brick] : by_slot) {
+    r.on_device.push_back(brick);
+    r.device_last_seen.push_back(states[slot].last_seen);
+  }
+  for (const auto& [brick, seen] : last_seen_) r.on_host.push_back(brick);
+  std::sort(r.on_host.begin(), r.on_host.end(), before);
+  for (const Brick& brick : r.on_host) r.host_last_seen.push_back(last_seen_.at(brick));
+  return r;
+}
+
+void Volume::restore(BrickTree tree, const Residency& r) {
+  adopt(std::move(tree));
+  origin_ = r.origin;
+  make_resident(r.on_device, 0);
+  auto states = slot_states();
+  for (std::size_t i = 0; i < r.on_device.size(); ++i)
+    if (const std::uint32_t slot = slot_of(r.on_device[i]); slot != kNoSlot)
+      states[slot].last_seen = r.device_last_seen[i];
+  gpu::Batch batch(device_);
+  batch.upload(slots_, states);
+  batch.run();
+  for (std::size_t i = 0; i < r.on_host.size(); ++i) last_seen_[r.on_host[i]] = r.host_last_seen[i];
+  counts_ = r.counts;
+}
+
 void Volume::adopt(BrickTree tree) {
   slot_of_.clear();
+  last_seen_.clear();
   free_.clear();
   high_slot_ = 0;
   host_ = std::move(tree);

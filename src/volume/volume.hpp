@@ -27,6 +27,9 @@ struct BrickHash {
 /// the others in an OpenVDB tree on the host. A brick is at one place at a time. Layout: shaders/volume.h.
 class Volume {
  public:
+  struct Counts {
+    std::uint64_t allocated = 0, paged_out = 0, paged_in = 0;  // bricks so far
+  };
   /// `reach`: metres around the camera that the page table covers. Throws std::runtime_error when the budget
   /// (FuseOptions::device_memory) holds too few bricks.
   Volume(gpu::Device& device, const FuseOptions& options, float reach);
@@ -49,20 +52,34 @@ class Volume {
   void make_resident(std::span<const Brick> bricks, std::uint32_t now);
   /// Like make_resident, but leaves out bricks that exist nowhere; the others may all make room.
   void page_in(std::span<const Brick> bricks);
+  /// Moves the window to a place where the camera may be and brings the bricks around it that the host has.
+  void bring(const Eigen::Vector3d& centre);
   [[nodiscard]] std::uint32_t slot_of(const Brick& brick) const;  // slot, or kNoSlot
   static constexpr std::uint32_t kNoSlot = 0xffffffffu;
 
   /// All bricks, on the device or the host, sorted by x, then y, then z.
   [[nodiscard]] std::vector<Brick> bricks() const;
+  [[nodiscard]] std::size_t size() const;  // bricks, about: those on the host may be counted twice
   /// The host's tree with every brick in it: those on the device are copied and stay there.
   [[nodiscard]] const BrickTree& on_host();
+
+  /// Ends a submap: returns copies of the bricks that were seen at `since` or later. Of these the ones within `radius`
+  /// (metres) of `centre` stay for the next submap; all others are dropped.
+  [[nodiscard]] BrickTree split(std::uint32_t since, const Eigen::Vector3d& centre, float radius);
+
+  /// Which bricks are where, to go on with later: together with on_host() all of the volume.
+  struct Residency {
+    Brick origin = Brick::Zero();           // of the window
+    std::vector<Brick> on_device, on_host;  // bricks and the stamps at which they were last seen
+    std::vector<std::uint32_t> device_last_seen, host_last_seen;
+    Counts counts;
+  };
+  [[nodiscard]] Residency residency();
+  void restore(BrickTree tree, const Residency& residency);
 
   /// Takes over a whole map; whatever was there is gone. The bricks come to the device when they are asked for.
   void adopt(BrickTree tree);
 
-  struct Counts {
-    std::uint64_t allocated = 0, paged_out = 0, paged_in = 0;  // bricks so far
-  };
   [[nodiscard]] const Counts& counts() const { return counts_; }
 
  private:
@@ -70,6 +87,7 @@ class Volume {
   void place(gpu::Batch& batch, std::span<const shader::Placement> placements, std::uint32_t stamp);
   void make_room(std::size_t needed, std::span<const Brick> keep, std::uint32_t now);
   void copy_to_host(std::span<const std::uint32_t> slots);
+  [[nodiscard]] std::vector<shader::SlotState> slot_states();
   [[nodiscard]] bool in_window(const Brick& brick) const;
   [[nodiscard]] std::uint32_t table_index(const Brick& brick) const;
 
@@ -83,6 +101,7 @@ class Volume {
   std::vector<std::uint32_t> free_;  // slots below high_slot_ that hold nothing, the lowest last
   std::unordered_map<Brick, std::uint32_t, BrickHash> slot_of_;
   BrickTree host_;
+  std::unordered_map<Brick, std::uint32_t, BrickHash> last_seen_;  // of bricks that went to the host
   Counts counts_;
 };
 

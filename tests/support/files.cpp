@@ -4,6 +4,7 @@
 
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <sstream>
 
@@ -35,6 +36,12 @@ Ran run_cairn(const std::vector<std::string>& arguments, const std::string& envi
   const int status = std::system(command.c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + status, read_bytes(folder / "out"),
           read_bytes(folder / "err")};
+}
+
+void expect_one_line(const Ran& ran, int exit_code, const std::string& what) {
+  EXPECT_EQ(ran.exit_code, exit_code) << ran.err;
+  EXPECT_NE(ran.err.find(what), std::string::npos) << ran.err;
+  EXPECT_EQ(std::count(ran.err.begin(), ran.err.end(), '\n'), 1) << ran.err;
 }
 
 std::string validate_gltf(const fs::path& file) {

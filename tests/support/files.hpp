@@ -34,6 +34,9 @@ struct Ran {
 };
 [[nodiscard]] Ran run_cairn(const std::vector<std::string>& arguments, const std::string& environment = "");
 
+/// The program ended with this exit code and one line on stderr that tells `what`.
+void expect_one_line(const Ran& ran, int exit_code, const std::string& what);
+
 /// Errors and warnings of Khronos' glTF validator, one a line; empty: clean. Fails the test when it is not installed.
 [[nodiscard]] std::string validate_gltf(const std::filesystem::path& file);
 

@@ -208,4 +208,49 @@ Eigen::Vector3f unpack_normal(std::uint32_t code) {
   return n.normalized();
 }
 
+Voxel merge(const Eigen::Vector3i& voxel, const std::vector<std::pair<const BrickTree*, Eigen::Isometry3d>>& submaps,
+            const FuseOptions& options) {
+  const double size = static_cast<double>(options.voxel_size);
+  double distance = 0, weight = 0, shade = 0;
+  Eigen::Vector3d colour = Eigen::Vector3d::Zero();
+  for (const auto& [tree, submap_from_world] : submaps) {
+    const Eigen::Vector3d at = submap_from_world * (size * voxel.cast<double>()) / size;
+    const auto word = [&, bricks = tree](const Eigen::Vector3i& v) -> std::uint64_t {
+      const Brick brick = v.unaryExpr([](int i) { return i >> 3; });
+      const std::uint64_t* voxels = bricks->find(brick);
+      return voxels == nullptr ? 0 : voxels[(v.x() & 7) * 64 + (v.y() & 7) * 8 + (v.z() & 7)];
+    };
+    const Eigen::Vector3i low = at.array().floor().cast<int>().matrix();
+    const Eigen::Vector3d high = at - low.cast<double>();
+    // Along the edges of the cell's tetrahedron that holds the point: the axis of the largest share first.
+    std::array<int, 3> axes{0, 1, 2};
+    std::stable_sort(axes.begin(), axes.end(), [&](int a, int b) { return high[a] > high[b]; });
+    Eigen::Vector3i corner = low;
+    double d = 0, w = 0;
+    double unseen = 0;  // share
+    for (int k = 0; k <= 3; ++k) {
+      const double before = k == 0 ? 1 : high[axes[static_cast<std::size_t>(k - 1)]];
+      const double after = k == 3 ? 0 : high[axes[static_cast<std::size_t>(k)]];
+      const std::uint64_t v = word(corner);
+      const auto units = static_cast<double>((v >> 16) & 0xffff);
+      unseen += units > 0 ? 0 : before - after;
+      d += (before - after) * static_cast<double>(static_cast<std::int16_t>(v & 0xffff)) / 32767;
+      w += (before - after) * units / 256;
+      if (k < 3) ++corner[axes[static_cast<std::size_t>(k)]];
+    }
+    if (unseen >= 1e-3) continue;
+    distance += w * d;
+    weight += w;
+    const std::uint64_t nearest = word((at.array() + 0.5).floor().cast<int>().matrix());
+    const auto n = static_cast<double>(nearest >> 56);
+    shade += n;
+    for (int c = 0; c < 3; ++c) colour[c] += n * static_cast<double>((nearest >> (32 + 8 * c)) & 0xff);
+  }
+  if (weight == 0) return {};
+  return {.distance = static_cast<float>(distance / weight),
+          .weight = static_cast<float>(std::min(weight, static_cast<double>(options.max_weight))),
+          .colour = (shade > 0 ? colour / shade : colour).cast<float>(),
+          .colour_weight = static_cast<float>(std::min(shade, 255.0))};
+}
+
 }  // namespace cairn::twin

@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <functional>
+#include <utility>
 #include <vector>
 
 #include "cairn/camera.hpp"
@@ -30,6 +31,11 @@ struct Voxel {
 /// One frame into one voxel.
 void integrate(Voxel& voxel, const Eigen::Vector3d& point_in_camera, const std::vector<float>& depth,
                const std::vector<std::uint32_t>& colour, const Camera& camera, const FuseOptions& options);
+
+/// The mean of submaps at one voxel of the world; each a map and submap_from_world in metres.
+[[nodiscard]] Voxel merge(const Eigen::Vector3i& voxel,
+                          const std::vector<std::pair<const BrickTree*, Eigen::Isometry3d>>& submaps,
+                          const FuseOptions& options);
 
 /// Corners of all triangles of a map, voxels as BrickTree keeps them; `triangles` x 3, sorted by the place of their
 /// cell.

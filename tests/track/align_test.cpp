@@ -119,7 +119,7 @@ TEST(IcpReduce, EqualsItsPlainTwin) {
 
 /// A scene's frames along a path, fused with their true poses up to the last one, which is aligned.
 struct Slide : Stages {
-  Keyframe keyframe{test_device(), camera, options};
+  PhotometricKeyframe keyframe{test_device(), camera, options};
 
   /// Metres between the pose found and the true one when the guess is 2 cm aside along the camera's x.
   Alignment aside(const char* scene_name, bool with_colour, bool noise = true) {
@@ -192,7 +192,7 @@ TEST(PhotometricReduce, PullsTowardsTheTruthAsItsPlainTwinDoes) {
   one.iterations_finest = 1;
   one.max_distance = 1e-4f;
   Align align(test_device(), one);
-  Keyframe keyframe(test_device(), s.camera, one);
+  PhotometricKeyframe keyframe(test_device(), s.camera, one);
   const Frame next = scene_frame(s.scene, s.camera, 1);
   const Surface key = s.preprocess(s.frame);
   keyframe.set(key, *s.frame.world_from_camera, {});

@@ -14,6 +14,7 @@
 #include "support/files.hpp"
 #include "support/scenes.hpp"
 #include "support/twins.hpp"
+#include "support/volumes.hpp"
 #include "volume/integrate.hpp"
 #include "volume/polygonize.hpp"
 #include "volume/raycast.hpp"
@@ -25,29 +26,6 @@ constexpr std::uint64_t kPool = 96 << 20;  // bytes, page table included
 
 FuseOptions fuse_options(float voxel = 0.02f) {
   return {.voxel_size = voxel, .truncation = 4 * voxel, .device_memory = kPool};
-}
-
-/// A volume filled from a distance function, metres, through the host: exact voxels without a camera.
-template <class Distance>
-void fill(Volume& volume, const Eigen::Vector3f& low, const Eigen::Vector3f& high, const Distance& distance) {
-  BrickTree tree;
-  const float size = volume.brick_size(), voxel = volume.options().voxel_size, truncation = volume.options().truncation;
-  const auto first = (low / size).array().floor().cast<int>(), last = (high / size).array().floor().cast<int>();
-  for (int x = first.x(); x <= last.x(); ++x)
-    for (int y = first.y(); y <= last.y(); ++y)
-      for (int z = first.z(); z <= last.z(); ++z) {
-        BrickVoxels voxels{};
-        for (std::uint32_t i = 0; i < 512; ++i) {
-          const Eigen::Vector3f p = voxel * Eigen::Vector3f(static_cast<float>(8 * x + static_cast<int>(i >> 6)),
-                                                            static_cast<float>(8 * y + static_cast<int>(i >> 3 & 7)),
-                                                            static_cast<float>(8 * z + static_cast<int>(i & 7)));
-          const float d = std::clamp(distance(p) / truncation, -1.0f, 1.0f);
-          voxels[i] = static_cast<std::uint16_t>(static_cast<std::int16_t>(std::lround(d * 32767))) | 256ull << 16 |
-                      0x01806040ull << 32;
-        }
-        tree.put({x, y, z}, voxels);
-      }
-  volume.adopt(std::move(tree));
 }
 
 float sphere(const Eigen::Vector3f& p) { return (p - Eigen::Vector3f(0.1f, -0.05f, 0.02f)).norm() - 0.5f; }
@@ -408,6 +386,19 @@ TEST(Volume, KeepsBricksThatLeaveTheWindowAndBringsThemBack) {
   const Mesh after = polygonize(volume);
   EXPECT_EQ(before.positions, after.positions);
   EXPECT_EQ(before.triangles, after.triangles);
+}
+
+TEST(Volume, SplitsIntoWhatWasSeenAndKeepsWhatIsNear) {
+  Volume volume(test_device(), fuse_options(), 2.0f);
+  const std::vector<Brick> old = {{0, 0, 0}, {1, 0, 0}}, seen = {{2, 0, 0}, {3, 0, 0}, {9, 0, 0}};
+  volume.make_resident(old, 1);
+  volume.make_resident(seen, 5);
+  const BrickTree submap = volume.split(2, Eigen::Vector3d::Zero(), 1.0f);
+  EXPECT_EQ(submap.bricks(), seen);
+  // Bricks are 16 cm wide: the last one lies 1.5 m away.
+  EXPECT_EQ(volume.bricks(), (std::vector<Brick>{{2, 0, 0}, {3, 0, 0}}));
+  // What was only kept was not seen by the next submap.
+  EXPECT_EQ(volume.split(6, Eigen::Vector3d::Zero(), 1.0f).size(), 0u);
 }
 
 TEST(Volume, RefusesTooLittleDeviceMemory) {

@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+
+#include "commands.hpp"
+#include "outputs.hpp"
+
+namespace cairn::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  std::vector<fs::path> maps;
+  fs::path output;
+  int device = -1;
+  bool allow_disconnected = false;
+};
+
+/// A copy of a session, so that the one that was given stays as it is.
+Mapper open_copy(const fs::path& map, const fs::path& copy, int device) {
+  const Mapper::SessionInfo info = Mapper::session_info(map / "session");
+  fs::remove_all(copy);
+  fs::copy(map / "session", copy, fs::copy_options::recursive);
+  Options options;
+  options.session = copy;
+  options.fuse.voxel_size = info.voxel_size, options.fuse.truncation = info.truncation;
+  return Mapper::resume(info.camera, options, device);
+}
+
+void merge(const Arguments& a) {
+  const Mapper::SessionInfo first = Mapper::session_info(a.maps[0] / "session");
+  for (const fs::path& map : a.maps) {
+    const Mapper::SessionInfo info = Mapper::session_info(map / "session");
+    const Camera &c = info.camera, &f = first.camera;
+    if (c.width != f.width || c.height != f.height || c.fx != f.fx || c.fy != f.fy || c.cx != f.cx || c.cy != f.cy)
+      throw std::runtime_error(map.string() + ": was made with another camera than " + a.maps[0].string() +
+                               "; such maps cannot be merged");
+    if (info.voxel_size != first.voxel_size || info.truncation != first.truncation)
+      throw std::runtime_error(fmt::format("{}: has voxels of {} m, {} of {} m; make both with the same --voxel-size",
+                                           map.string(), info.voxel_size, a.maps[0].string(), first.voxel_size));
+    if (fs::exists(a.output) && fs::equivalent(map, a.output))
+      throw std::runtime_error(a.output.string() + ": is one of the maps to merge; choose another folder with -o");
+  }
+  prepare_output(a.output);
+  // The session counts from when its copy is complete and merged; until then it has another name.
+  const fs::path temporary = a.output / ".session.part", other_copy = a.output / ".other.part";
+  const auto clean = [&] {
+    std::error_code ignored;
+    fs::remove_all(temporary, ignored);
+    fs::remove_all(other_copy, ignored);
+  };
+  try {
+    {
+      Mapper mapper = open_copy(a.maps[0], temporary, a.device);
+      for (std::size_t i = 1; i < a.maps.size(); ++i) {
+        Mapper other = open_copy(a.maps[i], other_copy, a.device);
+        const Mapper::Merged merged = mapper.merge(other);
+        const std::string found =
+            fmt::format("{} of {} keyframes see a place of the others", merged.loops, merged.compared);
+        if (!merged.joined && !a.allow_disconnected)
+          throw std::runtime_error(a.maps[i].string() + ": " + found +
+                                   ", too few that agree to join it; record a way from one to the other, or keep "
+                                   "separate pieces with --allow-disconnected");
+        fmt::print("{}: {}{}\n", a.maps[i].string(), found, merged.joined ? "" : "; kept as a separate piece");
+      }
+      const nlohmann::json report =
+          write_outputs(mapper, a.output, Poses::tracked, [](const char*, const auto& work) { work(); });
+      mapper.checkpoint(nlohmann::json{{"sequence", ""}, {"next", 0}, {"per_frame", nlohmann::json::array()}}.dump());
+      if (const std::string problem = mapper.session_problem(); !problem.empty()) throw std::runtime_error(problem);
+      fmt::print("mesh        {} ({} triangles)\n", (a.output / "mesh.glb").string(),
+                 report["mesh"]["triangles"].get<std::size_t>());
+    }
+    fs::remove_all(a.output / "session");
+    fs::rename(temporary, a.output / "session");
+    clean();
+  } catch (...) {
+    clean();
+    throw;
+  }
+}
+
+}  // namespace
+
+void add_merge(CLI::App& program) {
+  auto* command = program.add_subcommand("merge", "Join the maps of several sessions of the same place");
+  const auto a = std::make_shared<Arguments>();
+  command->add_option("MAPS", a->maps, "Folders that reconstruct has made")
+      ->required()
+      ->expected(2, 1000)
+      ->check(CLI::ExistingDirectory);
+  command->add_option("-o,--output", a->output, "Folder for the joined map and its session")->required();
+  command->add_flag("--allow-disconnected", a->allow_disconnected, "Keep maps that nothing joins as separate pieces");
+  command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
+      ->capture_default_str();
+  command->callback([a] { merge(*a); });
+}
+
+}  // namespace cairn::apps

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "outputs.hpp"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <numbers>
+#include <stdexcept>
+
+#include "io/atomic_file.hpp"
+
+namespace cairn::apps {
+namespace {
+
+nlohmann::json to_json(const FoundLoop& loop) {
+  const Eigen::Quaterniond q(loop.from_from_to.linear());
+  const Eigen::Vector3d& t = loop.from_from_to.translation();
+  return {{"from", loop.from},
+          {"to", loop.to},
+          {"translation", {t.x(), t.y(), t.z()}},
+          {"quaternion", {q.x(), q.y(), q.z(), q.w()}},
+          {"corners", loop.corners},
+          {"inlier_share", loop.inlier_share},
+          {"rmse", loop.rmse},
+          {"believed", loop.believed}};
+}
+
+}  // namespace
+
+void prepare_output(const std::filesystem::path& output) {
+  std::error_code error;
+  std::filesystem::create_directories(output, error);
+  if (error || !std::filesystem::is_directory(output))
+    throw std::runtime_error("cannot make the folder " + output.string() + ": " + error.message() +
+                             "; choose another with -o");
+  write_whole(output / ".cairn", [](const std::filesystem::path&) {});
+  std::filesystem::remove(output / ".cairn");
+}
+
+nlohmann::json write_outputs(Mapper& mapper, const std::filesystem::path& output, Poses poses, const Timed& timed) {
+  Mesh mesh;
+  timed("mesh", [&] { mesh = mapper.mesh(); });
+  timed("write mesh", [&] { write_mesh(output / "mesh.glb", mesh); });
+  // The last recording's, and beside it those of the recordings before.
+  for (int i = 0; i < mapper.recordings(); ++i)
+    if (const Trajectory t = mapper.trajectory(i); !t.empty())
+      write_trajectory(
+          output / (i + 1 == mapper.recordings() ? "trajectory.txt" : fmt::format("trajectory-{:03}.txt", i)), t);
+  if (poses == Poses::tracked) {
+    mapper.write_graph(output / "graph.g2o");
+    mapper.write_graph(output / "graph.svg");
+  }
+  timed("write map", [&] { mapper.write_map(output / "map.vdb"); });
+
+  const Mapper::Statistics statistics = mapper.statistics();
+  if (statistics.pieces > 1)
+    spdlog::warn("{} pieces of the map are not joined by any loop; the largest is written, the session keeps all",
+                 statistics.pieces);
+  nlohmann::json report{
+      {"device", statistics.device},
+      {"device_memory_peak_mb", static_cast<double>(statistics.device_memory_peak) / (1 << 20)},
+      {"clock_offset", statistics.clock_offset},
+      {"focal_length",
+       {{"best_scale", statistics.focal.scale},
+        {"error_given_pixels", statistics.focal.error_given},
+        {"error_best_pixels", statistics.focal.error_best},
+        {"pairs", statistics.focal.pairs}}},
+      {"bricks",
+       {{"allocated", statistics.bricks}, {"paged_out", statistics.paged_out}, {"paged_in", statistics.paged_in}}},
+      {"mesh", {{"vertices", mesh.positions.size()}, {"triangles", mesh.triangles.size()}}},
+      {"keyframes", statistics.keyframes},
+      {"submaps",
+       {{"ended", statistics.submaps},
+        {"pieces", statistics.pieces},
+        {"host_memory_peak_mb", static_cast<double>(statistics.submap_memory_peak) / (1 << 20)},
+        {"read_back", statistics.submaps_read_back}}},
+      {"places",
+       {{"looked_up", statistics.looked_up},
+        {"tried", statistics.loops_tried},
+        {"graph_ms", statistics.graph_ms},
+        {"world_ms", statistics.world_ms}}},
+      {"loops", nlohmann::json::array()}};
+  for (const FoundLoop& loop : mapper.loops()) report["loops"].push_back(to_json(loop));
+  if (statistics.tilt) report["tilt_degrees"] = *statistics.tilt * 180 / std::numbers::pi;
+  for (const auto& [kernel, time] : statistics.kernels)
+    report["kernels"][kernel] = {
+        {"calls", time.first}, {"total_ms", time.second}, {"mean_ms", time.second / std::max(1, time.first)}};
+  return report;
+}
+
+}  // namespace cairn::apps

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Fuses submaps that were moved and bent into bricks of the world: each voxel is the weighted mean of the submaps'
+// distances at its place, interpolated where all voxels around were observed. One workgroup a brick.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shaders/volume.h"
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform Push { SubmapMergePush push; };
+layout(binding = 0, scalar) readonly buffer Targets { MergeTarget targets[]; };
+layout(binding = 1, scalar) readonly buffer Sources { MergeSource sources[]; };
+layout(binding = 2, scalar) writeonly buffer Merged { uvec2 merged[]; };
+
+// Conversions go through int, and colours come from the nearest voxel alone: on a CPU device accesses and unsigned
+// conversions are what costs.
+
+const float kAll = 0.999;  // of the shares of the four voxels around
+
+uint index_of(uint source, ivec3 voxel) {
+  ivec3 b = voxel >> 3, v = voxel & 7;
+  return (sources[source].slots[b.x + 3 * b.y + 9 * b.z] << 9) | uint((v.x << 6) | (v.y << 3) | v.z);
+}
+
+// A voxel's part of the distance, the weight, and of what was seen.
+vec3 part(uint source, ivec3 voxel, float share) {
+  int word = int(Voxels(push.voxels).v[index_of(source, voxel)].x);
+  float weight = float((word >> 16) & 0xffff);
+  return share * vec3(float(bitfieldExtract(word, 0, 16)), weight, weight > 0.0 ? 1.0 : 0.0);
+}
+
+// What a voxel of the world has got so far.
+struct Sum {
+  float distance, weight;
+  vec4 colour;  // and its weight
+};
+
+void add(inout Sum sum, uint source, vec3 at) {
+  at = max(at, vec3(0.0));
+  ivec3 low = ivec3(at), high = low + 1;
+  vec3 h = at - vec3(low);  // shares of the high corner
+  // Of the six tetrahedra in the cell the one with the point: from the low corner to the high one, along the axis of
+  // the largest share first. Half the accesses of eight corners, and as exact on planes.
+  bvec3 is_first = bvec3(h.x >= h.y && h.x >= h.z, h.y > h.x && h.y >= h.z, h.z > h.x && h.z > h.y);
+  bvec3 is_last = bvec3(h.x < h.y && h.x < h.z, h.y <= h.x && h.y < h.z, h.z <= h.x && h.z <= h.y);
+  float most = max(h.x, max(h.y, h.z)), least = min(h.x, min(h.y, h.z)), middle = h.x + h.y + h.z - most - least;
+  vec3 found = part(source, low, 1.0 - most);
+  found += part(source, mix(low, high, is_first), most - middle);
+  found += part(source, mix(high, low, is_last), middle - least);
+  found += part(source, high, least);
+  float weight = found.z > kAll ? found.y : 0.0;
+  sum.distance += weight * found.x;
+  sum.weight += weight;
+
+  int rgbn = int(Voxels(push.voxels).v[index_of(source, ivec3(at + 0.5))].y);
+  float shade = weight > 0.0 ? float((rgbn >> 24) & 0xff) : 0.0;
+  sum.colour += shade * vec4(ivec4(rgbn & 0xff, (rgbn >> 8) & 0xff, (rgbn >> 16) & 0xff, 1));
+}
+
+uvec2 voxel_of(Sum sum) {
+  float mean = sum.weight > 0.0 ? sum.distance / sum.weight : 0.0;
+  int weight = int(min(sum.weight, push.max_weight * kWeightUnit) + 0.5);
+  ivec3 byte = ivec3((sum.colour.w > 0.0 ? sum.colour.rgb / sum.colour.w : vec3(0.0)) + 0.5);
+  uint rgb = uint(byte.x | (byte.y << 8) | (byte.z << 16) | (int(min(sum.colour.w, 255.0)) << 24));
+  return weight > 0 ? uvec2((uint(int(round(mean))) & 0xffffu) | (uint(weight) << 16), rgb) : uvec2(0);
+}
+
+void main() {
+  MergeTarget target = targets[gl_WorkGroupID.x];
+  int column = int(gl_LocalInvocationID.x);
+  uint to = (gl_WorkGroupID.x << 9) | uint(column << 3);
+  // Four voxels at a time: a source's transform is read for all of them once.
+  for (int z = 0; z < 8; z += 4) {
+    const Sum kNone = Sum(0.0, 0.0, vec4(0.0));
+    Sum a = kNone, b = kNone, c = kNone, d = kNone;
+    for (uint s = target.first; s < target.first + target.count; ++s) {
+      Rigid source_from_target = sources[s].source_from_target;
+      vec3 at = transform(source_from_target, vec3(ivec3(column >> 3, column & 7, z)));
+      add(a, s, at);
+      add(b, s, at + source_from_target.z);
+      add(c, s, at + 2.0 * source_from_target.z);
+      add(d, s, at + 3.0 * source_from_target.z);
+    }
+    merged[to | uint(z)] = voxel_of(a);
+    merged[to | uint(z + 1)] = voxel_of(b);
+    merged[to | uint(z + 2)] = voxel_of(c);
+    merged[to | uint(z + 3)] = voxel_of(d);
+  }
+}

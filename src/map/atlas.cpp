@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "map/atlas.hpp"
+
+#include <algorithm>
+#include <map>
+
+#include "map/match.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr double kAccelerometerSigma = 0.1;  // radians: a hand accelerates by a tenth of g
+
+}  // namespace
+
+void Atlas::add(const Keyframe& keyframe) {
+  world_from_camera.push_back(keyframe.follows ? correction(keyframes.size() - 1) * keyframe.submap_from_camera
+                                               : keyframe.submap_from_camera);
+  keyframes.push_back(keyframe);
+}
+
+Eigen::Isometry3d Atlas::correction(std::size_t keyframe) const {
+  return world_from_camera[keyframe] * keyframes[keyframe].submap_from_camera.inverse();
+}
+
+std::vector<std::size_t> Atlas::pieces() const {
+  std::vector<std::size_t> first(keyframes.size());
+  for (std::size_t k = 0; k < first.size(); ++k) first[k] = keyframes[k].follows ? first[k - 1] : k;
+  for (const Loop& loop : loops) {
+    if (!loop.believed) continue;
+    const std::size_t a = first[loop.edge.from], b = first[loop.edge.to];
+    if (a != b) std::replace(first.begin(), first.end(), std::max(a, b), std::min(a, b));
+  }
+  return first;
+}
+
+std::size_t Atlas::main_piece() const {
+  std::map<std::size_t, std::size_t> count;
+  for (const std::size_t first : pieces()) ++count[first];
+  std::size_t main = 0;
+  for (const auto& [first, size] : count)
+    if (size > count[main]) main = first;
+  return main;
+}
+
+PoseGraph Atlas::graph() const {
+  PoseGraph graph;
+  graph.world_from_node = world_from_camera;
+  for (std::size_t k = 0; k < keyframes.size(); ++k) {
+    const Keyframe& keyframe = keyframes[k];
+    if (const auto& up = keyframe.acceleration; up && up->norm() > 0)
+      graph.gravity.push_back({.node = k, .up = up->normalized(), .sigma = kAccelerometerSigma});
+    if (keyframe.follows)
+      graph.edges.push_back({.from = k - 1,
+                             .to = k,
+                             .from_from_to = keyframes[k - 1].piece_from_camera.inverse() * keyframe.piece_from_camera,
+                             .information = calibrated(keyframe.information)});
+  }
+  for (const Loop& loop : loops) graph.edges.push_back(loop.edge);
+  return graph;
+}
+
+void Atlas::take(const PoseGraph& graph, const OptimiseReport& report) {
+  const std::size_t known = graph.world_from_node.size();
+  std::copy(graph.world_from_node.begin(), graph.world_from_node.end(), world_from_camera.begin());
+  for (std::size_t k = known; k < keyframes.size(); ++k)
+    if (keyframes[k].follows) world_from_camera[k] = correction(k - 1) * keyframes[k].submap_from_camera;
+  std::size_t loop = 0;
+  for (std::size_t e = 0; e < graph.edges.size(); ++e)
+    if (graph.edges[e].may_be_false) loops[loop++].believed = report.edge_weights[e] > 0.5;
+}
+
+void Atlas::join(const PoseGraph::Edge& edge) {
+  const auto first = pieces();
+  if (first[edge.from] == first[edge.to]) return;
+  const bool from_stays = first[edge.from] < first[edge.to];
+  const std::size_t moving = from_stays ? edge.to : edge.from;
+  const Eigen::Isometry3d target = from_stays ? world_from_camera[edge.from] * edge.from_from_to
+                                              : world_from_camera[edge.to] * edge.from_from_to.inverse();
+  const Eigen::Isometry3d move = target * world_from_camera[moving].inverse();
+  for (std::size_t k = 0; k < keyframes.size(); ++k)
+    if (first[k] == first[moving]) world_from_camera[k] = move * world_from_camera[k];
+}
+
+Trajectory Atlas::trajectory(std::size_t piece, std::size_t begin, std::size_t end) const {
+  const auto piece_of = pieces();
+  Trajectory trajectory;
+  for (std::size_t i = begin; i < std::min(end, frames.size()); ++i) {
+    const FusedFrame& frame = frames[i];
+    const std::size_t k = frame.keyframe, next = k + 1;
+    if (piece_of[k] != piece) continue;
+    Eigen::Isometry3d move = correction(k);
+    if (next < keyframes.size() && keyframes[next].follows && frame.timestamp < keyframes[next].timestamp) {
+      const double before = keyframes[k].timestamp, after = keyframes[next].timestamp;
+      // In the frame of the earlier keyframe's camera, so that the far world does not swing.
+      const Eigen::Isometry3d &at = world_from_camera[k], &was = keyframes[k].submap_from_camera;
+      const Eigen::Isometry3d rest = at.inverse() * correction(next) * was;
+      move = at * exponential((frame.timestamp - before) / (after - before) * logarithm(rest)) * was.inverse();
+    }
+    Eigen::Isometry3d pose = move * frame.submap_from_camera;
+    pose.linear() = Eigen::Quaterniond(pose.linear()).normalized().toRotationMatrix();
+    trajectory.push_back({frame.timestamp, pose});
+  }
+  return trajectory;
+}
+
+}  // namespace cairn

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// What the map knows as a whole: keyframes, how they lie to each other, and submaps.
+#pragma once
+#include <vector>
+
+#include "cairn/trajectory.hpp"
+#include "graph/pose_graph.hpp"
+#include "map/keyframe.hpp"
+
+namespace cairn {
+
+/// Two keyframes that were found to see the same.
+struct Loop {
+  PoseGraph::Edge edge;
+  int corners = 0;                    // that agreed; 0: tried since the poses lie close together
+  double inlier_share = 0, rmse = 0;  // of the dense alignment
+  bool believed = true;               // by the pose graph
+};
+
+/// A fused frame.
+struct FusedFrame {
+  double timestamp = 0;  // seconds
+  Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
+  std::size_t keyframe = 0;  // the newest at its time
+};
+
+/// Tracking and fusion live in the submaps' frame; where that lies in the world is told by the keyframes, which the
+/// pose graph moves. All submaps of a piece share one frame, that of tracking without a break; what moves one against
+/// the other is their keyframes' poses in the world.
+struct Atlas {
+  std::vector<Keyframe> keyframes;
+  std::vector<Eigen::Isometry3d> world_from_camera;  // of the keyframes
+  std::vector<Loop> loops;
+  std::vector<FusedFrame> frames;
+  std::vector<std::size_t> recordings;  // the first frame of each recording after the first
+
+  /// Adds a keyframe where its tracked pose puts it.
+  void add(const Keyframe& keyframe);
+  /// What a keyframe was moved by: world_from_submap at its place.
+  [[nodiscard]] Eigen::Isometry3d correction(std::size_t keyframe) const;
+  /// Parts that neither tracking nor a loop joins, by keyframe: the number of the first keyframe of its part.
+  [[nodiscard]] std::vector<std::size_t> pieces() const;
+  /// The first keyframe of the piece that has most keyframes.
+  [[nodiscard]] std::size_t main_piece() const;
+  [[nodiscard]] PoseGraph graph() const;
+  /// Takes over what optimise() made of a graph of this atlas; keyframes and loops that came later are kept.
+  void take(const PoseGraph& graph, const OptimiseReport& report);
+  /// Moves the piece of one keyframe rigidly so that it lies to another as measured.
+  void join(const PoseGraph::Edge& edge);
+  /// Of a piece's frames from `begin` to `end`: corrections are interpolated between keyframes.
+  [[nodiscard]] Trajectory trajectory(std::size_t piece, std::size_t begin, std::size_t end) const;
+};
+
+}  // namespace cairn

@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "map/back_end.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <limits>
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kLookAlikes = 3;               // earlier keyframes that a new one is compared with by corners
+constexpr int kLoopCorners = 30;                     // that must agree before a loop is aligned
+constexpr double kTrust = 3;                         // times the tracker's own noise that a loop may move the camera by
+constexpr double kChance = 22.46;                    // 99.9 % of the chi-squared distribution with 6 degrees of freedom
+constexpr double kSlipped = 0.005, kTurned = 0.003;  // metres, radians: less is not worth an optimisation at once
+constexpr std::size_t kAgreeing = 3;                 // loops that join two sessions
+constexpr double kAgreeTurn = 0.1, kAgreeShift = 0.3;  // radians, metres that these may differ by: both have drifted
+constexpr double kUnmoved = 1e-4;                      // metres, radians
+
+double milliseconds(std::chrono::steady_clock::time_point since) {
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - since).count();
+}
+
+}  // namespace
+
+BackEnd::BackEnd(gpu::Device& device, const Camera& camera, const Options& options)
+    : camera_(camera),
+      options_(options),
+      match_(device, camera, options),
+      images_(camera, options.session.empty() ? std::filesystem::path() : options.session / "keyframes"),
+      submaps_(options.session, options.map.host_memory),
+      world_(device, options.fuse) {
+  if (!options.session.empty()) std::filesystem::create_directories(options.session / "keyframes");
+}
+
+bool BackEnd::add(const Frame& frame, const Eigen::Isometry3d& submap_from_camera, const Matrix6d* information,
+                  Volume& volume, std::uint32_t stamp) {
+  const bool breaks = std::exchange(breaks_, false);
+  const bool is_keyframe = breaks || submap_begin_ == atlas_.keyframes.size() ||
+                           is_apart(atlas_.keyframes.back().submap_from_camera, submap_from_camera);
+  if (is_keyframe) {
+    take_optimised();
+    if (!breaks && is_full(submap_from_camera, volume)) end_submap(volume, stamp, true);
+    atlas_.add({.frame = frame.index,
+                .timestamp = frame.timestamp,
+                .submap = submaps_.size(),
+                .follows = !breaks,
+                .piece_from_camera = submap_from_camera,
+                .submap_from_camera = submap_from_camera,
+                .information = information != nullptr ? *information : Matrix6d::Zero(),
+                .acceleration = frame.acceleration});
+    places_.add({submap_from_camera, describe(frame.colour, frame.depth, camera_)});
+    images_.put(atlas_.keyframes.size() - 1, frame, places_[places_.size() - 1].features);
+    if (breaks && in_world_) tie_to_world(information);
+    if (options_.map.loops) look_for_loop();
+  }
+  atlas_.frames.push_back({frame.timestamp, submap_from_camera, atlas_.keyframes.size() - 1});
+  return is_keyframe;
+}
+
+bool BackEnd::is_full(const Eigen::Isometry3d& submap_from_camera, const Volume& volume) const {
+  const Eigen::Vector3d begin = atlas_.keyframes[submap_begin_].submap_from_camera.translation();
+  return (submap_from_camera.translation() - begin).norm() > static_cast<double>(options_.map.submap_radius) ||
+         volume.size() > static_cast<std::size_t>(options_.map.submap_bricks) ||
+         atlas_.keyframes.size() - submap_begin_ >= static_cast<std::size_t>(options_.map.submap_keyframes);
+}
+
+void BackEnd::end_submap(Volume& volume, std::uint32_t stamp, bool keep) {
+  if (submap_begin_ == atlas_.keyframes.size()) return;
+  BrickTree voxels = volume.split(submap_since_, atlas_.frames.back().submap_from_camera.translation(),
+                                  keep ? options_.surface.max_depth : 0.0f);
+  submaps_.add(std::move(voxels));
+  searched_ = keep ? submap_begin_ : atlas_.keyframes.size();
+  submap_begin_ = atlas_.keyframes.size();
+  submap_since_ = stamp + 1;
+  breaks_ = breaks_ || !keep;
+}
+
+bool BackEnd::is_possible(std::size_t from, std::size_t to, const Eigen::Isometry3d& from_from_to) const {
+  Matrix6d covariance = Matrix6d::Zero();
+  for (std::size_t k = from + 1; k <= to; ++k) {
+    if (!atlas_.keyframes[k].follows) return true;  // nothing is known about how they lie
+    const Eigen::Isometry3d step =
+        atlas_.keyframes[k - 1].piece_from_camera.inverse() * atlas_.keyframes[k].piece_from_camera;
+    const Matrix6d ad = adjoint(step.inverse());
+    covariance = Matrix6d(ad * covariance * ad.transpose() + calibrated(atlas_.keyframes[k].information).inverse());
+  }
+  const Eigen::Isometry3d expected = atlas_.world_from_camera[from].inverse() * atlas_.world_from_camera[to];
+  const Vector6d error = logarithm(expected.inverse() * from_from_to);
+  return error.dot(covariance.ldlt().solve(error)) < kTrust * kTrust * kChance;
+}
+
+std::optional<Loop> BackEnd::find_loop(std::size_t to, std::size_t before) {
+  ++counts_.looked_up;
+  std::optional<Frame> seen;
+  for (const auto& alike : places_.likest(places_[to].features, kLookAlikes, 0, before)) {
+    const std::size_t from = alike.place;
+    const auto located = locate(places_[from].features, places_[to].features, camera_);
+    if (!located || located->inliers < kLoopCorners || !is_possible(from, to, located->known_from_seen)) continue;
+    ++counts_.tried;
+    if (!seen) seen = images_.get(to);
+    const auto match = match_.both_ways(images_.get(from), *seen, located->known_from_seen);
+    if (!match || !is_possible(from, to, match->from_from_to)) continue;
+    return Loop{.edge = {.from = from,
+                         .to = to,
+                         .from_from_to = match->from_from_to,
+                         .information = match->information,
+                         .may_be_false = true},
+                .corners = located->inliers,
+                .inlier_share = match->inlier_share,
+                .rmse = match->rmse};
+  }
+  return std::nullopt;
+}
+
+void BackEnd::look_for_loop() {
+  const std::size_t to = atlas_.keyframes.size() - 1;
+  if (searched_ == 0) return;
+  const auto loop = find_loop(to, searched_);
+  if (!loop) return;
+  atlas_.join(loop->edge);
+  atlas_.loops.push_back(*loop);
+  unsettled_ = true;
+  const Eigen::Isometry3d expected = atlas_.world_from_camera[loop->edge.from].inverse() * atlas_.world_from_camera[to];
+  const Vector6d slip = logarithm(expected.inverse() * loop->edge.from_from_to);
+  if (slip.head<3>().norm() > kTurned || slip.tail<3>().norm() > kSlipped) start_optimising();
+}
+
+/// Beside tracking; the poses are taken over at the next keyframe, always, so that offline runs repeat.
+void BackEnd::start_optimising() {
+  unsettled_ = false;
+  optimising_ = std::async(std::launch::async, [graph = atlas_.graph()]() mutable {
+    const OptimiseReport report = optimise(graph);
+    return std::pair(std::move(graph), report);
+  });
+}
+
+void BackEnd::take_optimised() {
+  if (!optimising_.valid()) return;
+  const auto [graph, report] = optimising_.get();
+  atlas_.take(graph, report);
+  ++counts_.optimised;
+  counts_.graph_ms = std::max(counts_.graph_ms, 1000 * report.seconds);
+}
+
+void BackEnd::settle() {
+  take_optimised();
+  if (!std::exchange(unsettled_, false)) return;
+  start_optimising();
+  take_optimised();
+}
+
+bool BackEnd::is_plain() const {
+  const auto piece_of = atlas_.pieces();
+  const std::size_t main = atlas_.main_piece();
+  for (std::size_t k = 0; k < atlas_.keyframes.size(); ++k)
+    if (piece_of[k] == main &&
+        (atlas_.keyframes[k].submap != submaps_.size() || !atlas_.correction(k).matrix().isIdentity(kUnmoved)))
+      return false;
+  return true;
+}
+
+std::string BackEnd::store() {
+  submaps_.wait();
+  const std::string problem = images_.problem();
+  return problem.empty() ? submaps_.problem() : problem;
+}
+
+BackEnd::Memory BackEnd::memory() const {
+  Memory memory{.atlas = atlas_,
+                .searched = searched_,
+                .submap_begin = submap_begin_,
+                .submap_since = submap_since_,
+                .breaks = breaks_,
+                .unsettled = unsettled_,
+                .optimising = optimising_.valid()};
+  for (std::size_t i = 0; i < submaps_.size(); ++i) memory.submaps.push_back(!submaps_.bricks(i).empty());
+  for (std::size_t k = 0; k < places_.size(); ++k) memory.places.push_back(places_[k].submap_from_camera);
+  return memory;
+}
+
+void BackEnd::restore(const Memory& memory) {
+  atlas_ = memory.atlas;
+  for (const bool has_file : memory.submaps) submaps_.add_stored(has_file);
+  for (std::size_t k = 0; k < memory.places.size(); ++k) places_.add({memory.places[k], images_.features(k)});
+  searched_ = memory.searched;
+  submap_begin_ = memory.submap_begin;
+  submap_since_ = memory.submap_since;
+  breaks_ = memory.breaks;
+  unsettled_ = memory.unsettled;
+  if (memory.optimising) start_optimising();  // the same graph: keyframes and loops come after its result
+}
+
+std::pair<int, bool> BackEnd::append(const BackEnd& other) {
+  const std::size_t keyframes = atlas_.keyframes.size(), frames = atlas_.frames.size(), submaps = submaps_.size();
+  for (std::size_t i = 0; i < other.submaps_.size(); ++i) submaps_.add(other.submaps_.copy(i));
+  for (std::size_t k = 0; k < other.atlas_.keyframes.size(); ++k) {
+    Keyframe keyframe = other.atlas_.keyframes[k];
+    keyframe.submap += submaps;
+    atlas_.keyframes.push_back(keyframe);
+    atlas_.world_from_camera.push_back(other.atlas_.world_from_camera[k]);
+    places_.add(other.places_[k]);
+    images_.copy(keyframes + k, other.images_, k);
+  }
+  for (Loop loop : other.atlas_.loops) {
+    loop.edge.from += keyframes, loop.edge.to += keyframes;
+    atlas_.loops.push_back(loop);
+  }
+  for (FusedFrame frame : other.atlas_.frames) {
+    frame.keyframe += keyframes;
+    atlas_.frames.push_back(frame);
+  }
+  atlas_.recordings.push_back(frames);
+  for (const std::size_t first : other.atlas_.recordings) atlas_.recordings.push_back(frames + first);
+  searched_ = submap_begin_ = atlas_.keyframes.size();
+  breaks_ = true;
+
+  std::vector<Loop> loops;
+  for (std::size_t to = keyframes; to < atlas_.keyframes.size(); ++to)
+    if (auto loop = find_loop(to, keyframes)) loops.push_back(*loop);
+  // Loops that tell the same about how the two maps lie to each other; which is told best by the one that most agree
+  // with.
+  const auto lies = [&](const Loop& l) {
+    return atlas_.world_from_camera[l.edge.from] * l.edge.from_from_to * atlas_.world_from_camera[l.edge.to].inverse();
+  };
+  std::size_t best = 0, most = 0;
+  for (std::size_t i = 0; i < loops.size(); ++i) {
+    const auto agrees = [&](const Loop& l) {
+      const Vector6d other_way = logarithm(lies(loops[i]).inverse() * lies(l));
+      return other_way.head<3>().norm() < kAgreeTurn && other_way.tail<3>().norm() < kAgreeShift;
+    };
+    const auto count = static_cast<std::size_t>(std::count_if(loops.begin(), loops.end(), agrees));
+    if (count > most) most = count, best = i;
+  }
+  if (most < kAgreeing) return {static_cast<int>(loops.size()), false};
+  atlas_.join(loops[best].edge);
+  atlas_.loops.insert(atlas_.loops.end(), loops.begin(), loops.end());
+  unsettled_ = true;
+  settle();
+  return {static_cast<int>(loops.size()), true};
+}
+
+void BackEnd::begin_in_world() {
+  settle();
+  const auto piece_of = atlas_.pieces();
+  const std::size_t main = atlas_.main_piece();
+  for (std::size_t k = 0; k < atlas_.keyframes.size(); ++k)
+    if (piece_of[k] == main) places_[k].submap_from_camera = atlas_.world_from_camera[k];
+  atlas_.recordings.push_back(atlas_.frames.size());
+  searched_ = submap_begin_ = atlas_.keyframes.size();
+  breaks_ = in_world_ = true;
+}
+
+/// The first keyframe of a recording that was found in the map: it lies to the old keyframes as tracking says.
+void BackEnd::tie_to_world(const Matrix6d* information) {
+  in_world_ = false;
+  if (information == nullptr) return;  // it begins a piece of its own
+  const auto piece_of = atlas_.pieces();
+  const std::size_t main = atlas_.main_piece(), to = atlas_.keyframes.size() - 1;
+  std::size_t from = main;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < to; ++k) {
+    if (piece_of[k] != main) continue;
+    const Vector6d motion = logarithm(atlas_.world_from_camera[k].inverse() * atlas_.world_from_camera[to]);
+    if (motion.norm() < least) least = motion.norm(), from = k;
+  }
+  atlas_.loops.push_back(
+      {.edge = {.from = from,
+                .to = to,
+                .from_from_to = atlas_.world_from_camera[from].inverse() * atlas_.world_from_camera[to],
+                .information = calibrated(*information),
+                .may_be_false = true}});
+}
+
+void BackEnd::rebase(std::uint32_t since) {
+  const auto piece_of = atlas_.pieces();
+  const std::size_t main = atlas_.main_piece();
+  const Trajectory poses = atlas_.trajectory(main, 0, atlas_.frames.size());
+  std::size_t next = 0;
+  for (FusedFrame& frame : atlas_.frames)
+    if (piece_of[frame.keyframe] == main) frame.submap_from_camera = poses[next++].world_from_camera;
+  std::vector<bool> used(submaps_.size() + 1, false);
+  for (std::size_t k = 0; k < atlas_.keyframes.size(); ++k) {
+    if (piece_of[k] == main) {
+      atlas_.keyframes[k].submap_from_camera = places_[k].submap_from_camera = atlas_.world_from_camera[k];
+      atlas_.keyframes[k].submap = submaps_.size();
+    }
+    used[atlas_.keyframes[k].submap] = true;
+  }
+  for (std::size_t i = 0; i < submaps_.size(); ++i)
+    if (!used[i]) submaps_.drop(i);
+  submap_since_ = since;
+}
+
+World& BackEnd::world() {
+  const auto start = std::chrono::steady_clock::now();
+  const auto piece_of = atlas_.pieces();
+  const std::size_t main = atlas_.main_piece();
+  std::vector<bool> is_main(submaps_.size() + 1, false);
+  for (std::size_t k = 0; k < piece_of.size(); ++k)
+    if (piece_of[k] == main) is_main[atlas_.keyframes[k].submap] = true;
+  std::vector<PlacedSubmap> placed;
+  for (std::size_t i = 0; i < submaps_.size(); ++i)
+    if (is_main[i]) placed.push_back({i, submaps_.bricks(i), Deformation(atlas_, i)});
+  (void)world_.update(placed, [&](std::size_t i) { return submaps_.voxels(i); });
+  counts_.world_ms = std::max(counts_.world_ms, milliseconds(start));
+  return world_;
+}
+
+}  // namespace cairn

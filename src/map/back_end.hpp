@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Global consistency: keyframes, submaps, loops, and where the pose graph says they lie.
+#pragma once
+#include <future>
+#include <optional>
+#include <utility>
+
+#include "map/atlas.hpp"
+#include "map/match.hpp"
+#include "map/submaps.hpp"
+#include "map/world.hpp"
+#include "place/places.hpp"
+
+namespace cairn {
+
+class BackEnd {
+ public:
+  BackEnd(gpu::Device& device, const Camera& camera, const Options& options);
+
+  /// Takes a fused frame: perhaps as a keyframe, which is then looked for among all earlier ones, and perhaps as the
+  /// last of its submap. `information` is of its alignment with the map, in its own frame; none for the first of a
+  /// piece. `stamp` counts fused frames. Returns whether it became a keyframe.
+  bool add(const Frame& frame, const Eigen::Isometry3d& submap_from_camera, const Matrix6d* information, Volume& volume,
+           std::uint32_t stamp);
+  /// Ends the submap that is being fused into. `keep`: what lies near the camera stays in the volume for the next one.
+  void end_submap(Volume& volume, std::uint32_t stamp, bool keep);
+
+  /// Waits for the pose graph at work and optimises once more if loops came since.
+  void settle();
+  /// Whether the world is what the volume holds: one submap, nothing moved.
+  [[nodiscard]] bool is_plain() const;
+  /// Tells that all frames of the main piece were fused again with their poses in the world, from stamp `since` on:
+  /// they are one submap now, the one being fused into.
+  void rebase(std::uint32_t since);
+  /// Waits until keyframes and ended submaps are in their files. Returns why they could not be written, or nothing.
+  [[nodiscard]] std::string store();
+
+  /// What it knows beside the files of keyframes and submaps, to go on with later.
+  struct Memory {
+    Atlas atlas;
+    std::vector<bool> submaps;  // by number: whether it has a file
+    std::vector<Eigen::Isometry3d> places;
+    std::size_t searched = 0, submap_begin = 0;
+    std::uint32_t submap_since = 1;
+    bool breaks = true, unsettled = false, optimising = false;
+  };
+  [[nodiscard]] Memory memory() const;
+  /// Reads the files. Throws std::runtime_error if one is missing or broken.
+  void restore(const Memory& memory);
+  /// Adds the ended submaps of another session and looks for its keyframes among the own ones. Returns the number of
+  /// loops and whether they join the two.
+  std::pair<int, bool> append(const BackEnd& other);
+  /// Prepares for a recording that begins somewhere in the map: tracking goes on in the world's frame, against `world`.
+  void begin_in_world();
+  /// Brings the world up to date with the ended submaps of the main piece.
+  World& world();
+
+  /// Whether tracking may have slipped so far that this is how two keyframes lie: its noise, added up from the one to
+  /// the other, against rooms that look alike.
+  [[nodiscard]] bool is_possible(std::size_t from, std::size_t to, const Eigen::Isometry3d& from_from_to) const;
+
+  [[nodiscard]] const Places& places() const { return places_; }
+  [[nodiscard]] const Atlas& atlas() const { return atlas_; }
+  [[nodiscard]] Atlas& atlas() { return atlas_; }
+  [[nodiscard]] const Submaps& submaps() const { return submaps_; }
+  [[nodiscard]] const KeyframeStore& images() const { return images_; }
+  [[nodiscard]] MatchSurfaces& match() { return match_; }
+  [[nodiscard]] const Camera& camera() const { return camera_; }
+
+  struct Counts {
+    int looked_up = 0, tried = 0;  // keyframes; pairs that were aligned
+    int optimised = 0;
+    double graph_ms = 0, world_ms = 0;  // the longest
+  };
+  [[nodiscard]] const Counts& counts() const { return counts_; }
+
+ private:
+  /// An earlier place that a keyframe sees, among those before `before`.
+  [[nodiscard]] std::optional<Loop> find_loop(std::size_t to, std::size_t before);
+  void look_for_loop();
+  void tie_to_world(const Matrix6d* information);
+  void start_optimising();
+  void take_optimised();
+  [[nodiscard]] bool is_full(const Eigen::Isometry3d& submap_from_camera, const Volume& volume) const;
+
+  Camera camera_;
+  Options options_;
+  MatchSurfaces match_;
+  KeyframeStore images_;
+  Submaps submaps_;
+  Places places_;
+  World world_;
+  Atlas atlas_;
+  std::size_t searched_ = 0;        // keyframes before it are looked for: tracking may not see what they saw
+  std::size_t submap_begin_ = 0;    // first keyframe of the submap that is being fused into
+  std::uint32_t submap_since_ = 1;  // its first stamp
+  bool in_world_ = false;           // the next frame is tracked in the frame of the world
+  bool breaks_ = true;              // the next frame begins a piece
+  bool unsettled_ = false;          // loops came that no optimisation has seen
+  std::future<std::pair<PoseGraph, OptimiseReport>> optimising_;
+  Counts counts_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "map/keyframe.hpp"
+
+#include <fmt/format.h>
+
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <utility>
+
+#include "io/atomic_file.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr double kTurn = 0.15, kDistance = 0.12;  // radians, metres between keyframes
+constexpr double kDepthSteps = 5000;              // a metre
+constexpr const char *kDepth = "depth.png", *kColour = "colour.jpg", *kCorners = "corners";  // files of a keyframe
+constexpr const char* kRemedy = "the session is damaged: reconstruct again without --resume";
+
+/// A corner in its file.
+struct Corner {
+  double ray[2], point[3];
+  std::array<std::uint8_t, 32> descriptor;
+};
+
+/// A version byte, then the corners.
+std::vector<std::uint8_t> bytes_of(const Features& features) {
+  std::vector<std::uint8_t> bytes(1 + features.rays.size() * sizeof(Corner), 1);
+  for (std::size_t i = 0; i < features.rays.size(); ++i) {
+    const auto& r = features.rays[i];
+    const auto& p = features.points[i];
+    const Corner corner{{r.x(), r.y()}, {p.x(), p.y(), p.z()}, features.descriptors[i]};
+    std::memcpy(&bytes[1 + i * sizeof corner], &corner, sizeof corner);
+  }
+  return bytes;
+}
+
+std::vector<std::uint8_t> read_bytes(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+void write_bytes(const std::filesystem::path& file, const std::vector<std::uint8_t>& bytes) {
+  write_whole(file, [&](const std::filesystem::path& temporary) {
+    std::ofstream out(temporary, std::ios::binary);
+    out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+    if (!out.flush()) throw std::runtime_error("the disk is full");
+  });
+}
+
+}  // namespace
+
+bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+  const Eigen::Isometry3d motion = a.inverse() * b;
+  return motion.translation().norm() >= kDistance || Eigen::AngleAxisd(motion.linear()).angle() >= kTurn;
+}
+
+KeyframeStore::KeyframeStore(const Camera& camera, std::filesystem::path folder)
+    : camera_(camera), folder_(std::move(folder)) {}
+
+std::filesystem::path KeyframeStore::file(std::size_t keyframe, const char* what) const {
+  return folder_ / fmt::format("{:06}.{}", keyframe, what);
+}
+
+void KeyframeStore::put(std::size_t keyframe, const Frame& frame, const Features& features) {
+  wait();
+  writing_ = std::async(std::launch::async, [this, keyframe, depth = frame.depth, colour = frame.colour,
+                                             corners = bytes_of(features)]() mutable {
+    Packed packed;
+    cv::Mat steps, bgr;
+    cv::Mat(camera_.height, camera_.width, CV_32F, depth.data()).convertTo(steps, CV_16U, kDepthSteps);
+    cv::imencode(".png", steps, packed.depth, {cv::IMWRITE_PNG_COMPRESSION, 1});
+    if (!colour.empty()) {
+      cv::cvtColor(cv::Mat(camera_.height, camera_.width, CV_8UC4, colour.data()), bgr, cv::COLOR_RGBA2BGR);
+      cv::imencode(".jpg", bgr, packed.colour, {cv::IMWRITE_JPEG_QUALITY, 95});
+    }
+    packed_.erase(keyframe);
+    try {
+      if (!folder_.empty()) {
+        write_bytes(file(keyframe, kDepth), packed.depth);
+        write_bytes(file(keyframe, kCorners), corners);
+        if (!packed.colour.empty()) write_bytes(file(keyframe, kColour), packed.colour);
+        return;
+      }
+    } catch (const std::exception& error) {
+      problem_ = error.what();
+    }
+    packed_[keyframe] = std::move(packed);
+  });
+}
+
+void KeyframeStore::copy(std::size_t keyframe, const KeyframeStore& from, std::size_t its) const {
+  wait();
+  from.wait();
+  for (const char* what : {kDepth, kCorners, kColour})
+    if (std::filesystem::exists(from.file(its, what)))
+      write_bytes(file(keyframe, what), read_bytes(from.file(its, what)));
+}
+
+void KeyframeStore::wait() const {
+  if (writing_.valid()) writing_.get();
+}
+
+std::string KeyframeStore::problem() const {
+  wait();
+  return problem_;
+}
+
+Features KeyframeStore::features(std::size_t keyframe) const {
+  wait();
+  const auto bytes = read_bytes(file(keyframe, kCorners));
+  if (bytes.empty() || bytes.size() % sizeof(Corner) != 1)
+    throw std::runtime_error(file(keyframe, kCorners).string() + ": is missing or broken; " + kRemedy);
+  Features features;
+  for (std::size_t at = 1; at < bytes.size(); at += sizeof(Corner)) {
+    Corner corner;
+    std::memcpy(&corner, &bytes[at], sizeof corner);
+    features.rays.emplace_back(corner.ray[0], corner.ray[1]);
+    features.points.emplace_back(corner.point[0], corner.point[1], corner.point[2]);
+    features.descriptors.push_back(corner.descriptor);
+  }
+  return features;
+}
+
+Frame KeyframeStore::get(std::size_t keyframe) const {
+  wait();
+  const auto kept = packed_.find(keyframe);
+  const Packed packed = kept != packed_.end()
+                            ? kept->second
+                            : Packed{read_bytes(file(keyframe, kDepth)), read_bytes(file(keyframe, kColour))};
+  cv::Mat steps, bgr;
+  if (!packed.depth.empty()) steps = cv::imdecode(packed.depth, cv::IMREAD_UNCHANGED);
+  if (steps.type() != CV_16U || steps.cols != camera_.width || steps.rows != camera_.height)
+    throw std::runtime_error(file(keyframe, kDepth).string() + ": is missing or broken; " + kRemedy);
+  Frame frame;
+  const auto pixels = static_cast<std::size_t>(camera_.width) * static_cast<std::size_t>(camera_.height);
+  frame.depth.resize(pixels);
+  cv::Mat depth(camera_.height, camera_.width, CV_32F, frame.depth.data());
+  steps.convertTo(depth, CV_32F, 1 / kDepthSteps);
+  if (!packed.colour.empty()) bgr = cv::imdecode(packed.colour, cv::IMREAD_COLOR);
+  if (bgr.cols == camera_.width && bgr.rows == camera_.height) {
+    frame.colour.resize(pixels);
+    cv::Mat rgba(camera_.height, camera_.width, CV_8UC4, frame.colour.data());
+    cv::cvtColor(bgr, rgba, cv::COLOR_BGR2RGBA);
+  }
+  return frame;
+}
+
+}  // namespace cairn

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <filesystem>
+#include <future>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cairn/frame.hpp"
+#include "cairn/pose.hpp"
+#include "place/features.hpp"
+
+namespace cairn {
+
+/// A frame that the map remembers: a node of the pose graph.
+struct Keyframe {
+  int frame = 0;           // index in its recording
+  double timestamp = 0.0;  // seconds
+  std::size_t submap = 0;  // that it was fused into
+  bool follows = false;    // how it lies to the keyframe before it was tracked; not so for the first of a piece
+  Eigen::Isometry3d piece_from_camera = Eigen::Isometry3d::Identity();   // as tracked
+  Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();  // as fused: the same, until fused again
+  Matrix6d information = Matrix6d::Zero();      // of that, in the camera's frame; 1/rad^2, 1/m^2
+  std::optional<Eigen::Vector3d> acceleration;  // see Frame
+};
+
+/// Whether a camera has moved far enough for another keyframe.
+[[nodiscard]] bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b);
+
+/// The keyframes' images, compressed (depth: PNG of 0.2 mm steps; colour: JPEG), and corners, in files of a folder or,
+/// without one, in memory.
+class KeyframeStore {
+ public:
+  KeyframeStore(const Camera& camera, std::filesystem::path folder);
+  /// Compresses and writes in a thread of its own. `keyframe` counts up, or goes back to write again. What cannot be
+  /// written stays in memory; problem() tells why.
+  void put(std::size_t keyframe, const Frame& frame, const Features& features);
+  /// Copies another store's keyframe. Both must have folders.
+  void copy(std::size_t keyframe, const KeyframeStore& from, std::size_t its) const;
+  /// Depth and colour as they were kept. Throws std::runtime_error naming the file if it is lost.
+  [[nodiscard]] Frame get(std::size_t keyframe) const;
+  /// Throws std::runtime_error naming the file if it is lost.
+  [[nodiscard]] Features features(std::size_t keyframe) const;
+  /// Waits until what was put is kept.
+  void wait() const;
+  /// Why files could not be written; empty if they could.
+  [[nodiscard]] std::string problem() const;
+
+ private:
+  struct Packed {
+    std::vector<std::uint8_t> depth, colour;
+  };
+  [[nodiscard]] std::filesystem::path file(std::size_t keyframe, const char* what) const;
+  Camera camera_;
+  std::filesystem::path folder_;
+  std::map<std::size_t, Packed> packed_;  // what is not in files
+  std::string problem_;
+  mutable std::future<void> writing_;
+};
+
+}  // namespace cairn

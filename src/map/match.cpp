@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "map/match.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr double kMinInliers = 0.4, kMinOverlap = 0.3, kMaxRmse = 2.0;
+constexpr double kSameTurn = 0.02, kSameDistance = 0.02;   // radians, metres between the alignments of both ways
+constexpr double kTurnFloor = 0.003, kShiftFloor = 0.004;  // radians, metres: what no number of points averages out
+constexpr double kTogether = 100;                          // points that count as one
+
+}  // namespace
+
+Matrix6d calibrated(const Matrix6d& information) {
+  Matrix6d covariance = kTogether * (information + 1e-6 * Matrix6d::Identity()).inverse();
+  covariance.diagonal().head<3>().array() += kTurnFloor * kTurnFloor;
+  covariance.diagonal().tail<3>().array() += kShiftFloor * kShiftFloor;
+  return covariance.inverse();
+}
+
+MatchSurfaces::MatchSurfaces(gpu::Device& device, const Camera& camera, const Options& options)
+    : first_(device, camera, options.surface, options.track.levels, options.track.finest_level),
+      second_(device, camera, options.surface, options.track.levels, options.track.finest_level),
+      align_(device, options.track) {}
+
+void MatchSurfaces::set_from(const Frame& from) { view_.levels = first_(from).levels; }
+
+std::optional<Match> MatchSurfaces::operator()(const Frame& to, const Eigen::Isometry3d& guess) {
+  const Alignment a = align_(second_(to), view_, guess);
+  if (!a.converged() || a.inlier_share < kMinInliers || a.overlap < kMinOverlap || a.rmse > kMaxRmse ||
+      a.unobserved > 0)
+    return std::nullopt;
+  // The alignment's information is of motions given in the frame of `from`.
+  const Matrix6d from_to = adjoint(a.submap_from_camera);
+  return Match{.from_from_to = a.submap_from_camera,
+               .information = calibrated(from_to.transpose() * a.information * from_to),
+               .inlier_share = a.inlier_share,
+               .rmse = a.rmse};
+}
+
+std::optional<Match> MatchSurfaces::both_ways(const Frame& from, const Frame& to, const Eigen::Isometry3d& guess) {
+  set_from(from);
+  const auto there = (*this)(to, guess);
+  if (!there) return std::nullopt;
+  set_from(to);
+  const auto back = (*this)(from, there->from_from_to.inverse());
+  if (!back) return std::nullopt;
+  const Eigen::Isometry3d round = there->from_from_to * back->from_from_to;
+  if (round.translation().norm() > kSameDistance || Eigen::AngleAxisd(round.linear()).angle() > kSameTurn)
+    return std::nullopt;
+  return there;
+}
+
+}  // namespace cairn

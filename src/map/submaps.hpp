@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <future>
+#include <memory>
+#include <vector>
+
+#include "volume/volume.hpp"
+
+namespace cairn {
+
+/// Ended submaps: parts of the map that no longer change, each what was fused while its keyframes were taken. With a
+/// folder each is a file there, and those used longest ago leave the memory when they need more than the budget.
+class Submaps {
+ public:
+  /// `budget`: bytes; 0: a quarter of the host's memory.
+  Submaps(std::filesystem::path folder, std::uint64_t budget);
+  void add(BrickTree voxels);
+  /// Adds one whose file is there already, or, if it has none, a dropped one.
+  void add_stored(bool has_file);
+  /// A submap's voxels, to be added elsewhere.
+  [[nodiscard]] BrickTree copy(std::size_t i) const;
+  /// Forgets a submap's voxels; the others keep their numbers, and its file stays: a checkpoint may name it.
+  void drop(std::size_t i);
+  [[nodiscard]] std::size_t size() const { return bricks_.size(); }
+  /// Sorted by x, then y, then z; none for a dropped submap.
+  [[nodiscard]] const std::vector<Brick>& bricks(std::size_t i) const { return bricks_[i]; }
+  /// A submap's voxels, from its file if they have left the memory.
+  [[nodiscard]] std::shared_ptr<const BrickTree> voxels(std::size_t i);
+  /// Waits until what was added is in its file.
+  void wait();
+  /// Why files could not be written; empty if they could. Such submaps stay in memory.
+  [[nodiscard]] const std::string& problem() const { return problem_; }
+  [[nodiscard]] std::filesystem::path file(std::size_t i) const;
+
+  struct Counts {
+    std::uint64_t peak_bytes = 0, read_back = 0;
+  };
+  [[nodiscard]] const Counts& counts() const { return counts_; }
+
+ private:
+  void keep_within_budget();
+  std::filesystem::path folder_;
+  std::uint64_t budget_;
+  std::vector<std::vector<Brick>> bricks_;
+  std::vector<std::shared_ptr<const BrickTree>> voxels_;  // null: in its file alone
+  std::vector<std::uint64_t> last_use_;
+  std::uint64_t use_ = 0;
+  std::vector<bool> stored_;  // in their files
+  std::string problem_;
+  std::future<std::string> writing_;  // what went wrong
+  Counts counts_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "map/world.hpp"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+#include <unordered_map>
+#include <unordered_set>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+constexpr double kMoved = 0.25;  // voxels
+constexpr int kCell = 8;         // bricks a side of what is merged together
+
+using BrickSet = std::unordered_set<Brick, BrickHash>;
+
+Eigen::Vector3d centre_of(const Brick& brick, double size) {
+  return (brick.cast<double>().array() + 0.5).matrix() * size;
+}
+
+/// Calls `visit` with the bricks of the world that a moved brick reaches.
+template <class Visit>
+void cover(const Brick& brick, const Eigen::Isometry3d& world_from_submap, double size, const Visit& visit) {
+  constexpr double kInside = 1e-4;  // of a brick: one that was not moved covers itself alone
+  Eigen::AlignedBox3d box;
+  for (int corner = 0; corner < 8; ++corner)
+    box.extend(world_from_submap *
+               ((brick.cast<double>() + Eigen::Vector3d(corner & 1, corner >> 1 & 1, corner >> 2)) * size));
+  const Brick low = (box.min().array() / size + kInside).floor().cast<int>().matrix();
+  const Brick high = (box.max().array() / size - kInside).floor().cast<int>().matrix();
+  for (int x = low.x(); x <= high.x(); ++x)
+    for (int y = low.y(); y <= high.y(); ++y)
+      for (int z = low.z(); z <= high.z(); ++z) visit(Brick(x, y, z));
+}
+
+/// How far a brick's corners go between two placements, at most; metres.
+double travel(const Brick& brick, const Eigen::Isometry3d& a, const Eigen::Isometry3d& b, double size) {
+  const Eigen::Vector3d centre = centre_of(brick, size);
+  return (a * centre - b * centre).norm() + (a.linear() - b.linear()).norm() * size * std::sqrt(3.0) / 2;
+}
+
+}  // namespace
+
+World::World(gpu::Device& device, const FuseOptions& options) : options_(options), merge_(device, options) {}
+
+BrickTree World::release() {
+  placements_.clear();
+  return std::exchange(bricks_, BrickTree());
+}
+
+std::vector<Brick> World::update(const std::vector<PlacedSubmap>& submaps, const LoadSubmap& load) {
+  const double size = 8.0 * static_cast<double>(options_.voxel_size),
+               tolerance = kMoved * static_cast<double>(options_.voxel_size);
+  BrickSet changed;
+  const auto touch = [&](const Brick& brick) { changed.insert(brick); };
+  std::vector<bool> present(placements_.size(), false);
+  for (const PlacedSubmap& submap : submaps) {
+    if (placements_.size() <= submap.id) placements_.resize(submap.id + 1), present.resize(submap.id + 1);
+    present[submap.id] = true;
+    std::vector<Placement>& placed = placements_[submap.id];
+    const bool is_new = placed.empty();
+    placed.resize(submap.bricks.size());
+    std::vector<Eigen::Isometry3d> now(submap.bricks.size());
+    tbb::parallel_for(std::size_t{0}, now.size(),
+                      [&](std::size_t i) { now[i] = submap.deformation(centre_of(submap.bricks[i], size)); });
+    for (std::size_t i = 0; i < now.size(); ++i) {
+      if (!is_new && travel(submap.bricks[i], placed[i].world_from_submap, now[i], size) < tolerance) continue;
+      if (!is_new) cover(placed[i].brick, placed[i].world_from_submap, size, touch);
+      cover(submap.bricks[i], now[i], size, touch);
+      placed[i] = {submap.bricks[i], now[i]};
+    }
+  }
+  for (std::size_t id = 0; id < placements_.size(); ++id) {
+    if (present[id]) continue;
+    for (const Placement& p : placements_[id]) cover(p.brick, p.world_from_submap, size, touch);
+    placements_[id].clear();
+  }
+
+  // From each submap a changed brick takes what the brick has that lies nearest to it.
+  std::unordered_map<Brick, std::vector<std::pair<MergeShare, double>>, BrickHash> shares;
+  for (std::size_t id = 0; id < placements_.size(); ++id)
+    for (const Placement& p : placements_[id])
+      cover(p.brick, p.world_from_submap, size, [&](const Brick& target) {
+        if (!changed.contains(target)) return;
+        const double distance =
+            (p.world_from_submap * centre_of(p.brick, size) - centre_of(target, size)).squaredNorm();
+        auto& of_target = shares[target];
+        if (of_target.empty() || of_target.back().first.submap != id)
+          of_target.push_back({{id, p.world_from_submap.inverse()}, distance});
+        else if (distance < of_target.back().second)
+          of_target.back() = {{id, p.world_from_submap.inverse()}, distance};
+      });
+
+  std::vector<Brick> bricks(changed.begin(), changed.end());
+  const auto cell = [](int i) { return (i - (i % kCell + kCell) % kCell) / kCell; };
+  std::sort(bricks.begin(), bricks.end(), [&](const Brick& a, const Brick& b) {
+    return std::tuple(cell(a.x()), cell(a.y()), cell(a.z()), a.x(), a.y(), a.z()) <
+           std::tuple(cell(b.x()), cell(b.y()), cell(b.z()), b.x(), b.y(), b.z());
+  });
+  std::vector<MergeJob> jobs;
+  for (const Brick& brick : bricks) {
+    MergeJob& job = jobs.emplace_back(MergeJob{.target = brick, .shares = {}});
+    if (const auto of_target = shares.find(brick); of_target != shares.end())
+      for (const auto& [share, distance] : of_target->second) job.shares.push_back(share);
+  }
+  merge_(jobs, load, bricks_);
+  std::sort(bricks.begin(), bricks.end(), [](const Brick& a, const Brick& b) {
+    return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
+  });
+  return bricks;
+}
+
+}  // namespace cairn

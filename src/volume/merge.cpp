@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "volume/merge.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <future>
+#include <map>
+#include <unordered_map>
+#include <utility>
+
+#include "spirv/submap_merge.comp.h"
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kSlots = 8192;    // source bricks on the device at a time: 32 MiB
+constexpr std::size_t kTargets = 4096;  // bricks of the world made at a time
+constexpr std::size_t kAround = 27;     // bricks that a turned brick may touch
+constexpr std::size_t kShares = 64;     // submaps that a brick is made of, at most: their weights have long saturated
+
+/// Where a brick's voxels lie in a submap, and which bricks that are.
+struct Placed {
+  shader::MergeSource source;
+  Brick base;
+  bool is_plain = false;  // voxels fall on voxels of `base` alone
+};
+
+Placed place(const Brick& target, const MergeShare& share, float voxel_size) {
+  const Eigen::Vector3d first = (8 * target).cast<double>();
+  Eigen::Isometry3d in_voxels = share.submap_from_world;
+  in_voxels.translation() = in_voxels.translation() / static_cast<double>(voxel_size) + in_voxels.linear() * first;
+  Eigen::AlignedBox3d box;
+  for (int corner = 0; corner < 8; ++corner)
+    box.extend(in_voxels * Eigen::Vector3d(corner & 1 ? 7 : 0, corner & 2 ? 7 : 0, corner & 4 ? 7 : 0));
+  constexpr double kRound = 1e-3;  // voxels
+  const Brick base = ((box.min().array() + kRound).floor() / 8).floor().cast<int>().matrix();
+  in_voxels.translation() -= (8 * base).cast<double>();
+  const bool is_plain = in_voxels.matrix().isIdentity(1e-4);
+  if (is_plain) in_voxels.setIdentity();
+  return {{.source_from_target = shader::rigid(in_voxels), .slots = {}}, base, is_plain};
+}
+
+Brick around(const Brick& base, std::size_t i) {
+  const auto k = static_cast<int>(i);
+  return base + Brick(k % 3, k / 3 % 3, k / 9);
+}
+
+}  // namespace
+
+Merge::Merge(gpu::Device& device, const FuseOptions& options)
+    : device_(device), options_(options), merge_(device, "submap_merge", submap_merge_comp) {}
+
+/// As many jobs from `begin` on as one dispatch takes, with their sources' voxels.
+void Merge::gather(std::span<const MergeJob> jobs, std::size_t begin, const LoadSubmap& submap, Gathered& to) const {
+  to.targets.clear();
+  to.sources.clear();
+  to.voxels.resize(kSlots);
+  to.voxels[shader::kEmptySlot].fill(0);
+  to.begin = to.end = begin;
+  std::map<std::size_t, std::shared_ptr<const BrickTree>> parts;
+  std::map<std::size_t, std::unordered_map<Brick, std::uint32_t, BrickHash>> slots;
+  to.used = shader::kEmptySlot + 1;
+  for (; to.end < jobs.size() && to.targets.size() < kTargets; ++to.end) {
+    const MergeJob& job = jobs[to.end];
+    const auto shares = std::span(job.shares).first(std::min(kShares, job.shares.size()));
+    if (to.used + kAround * shares.size() > kSlots) break;
+    to.targets.push_back(
+        {.first = static_cast<std::uint32_t>(to.sources.size()), .count = static_cast<std::uint32_t>(shares.size())});
+    for (const MergeShare& share : shares) {
+      auto& part = parts[share.submap];
+      if (!part) part = submap(share.submap);
+      auto& slot_of = slots[share.submap];
+      Placed placed = place(job.target, share, options_.voxel_size);
+      for (std::size_t i = 0; i < (placed.is_plain ? 1 : kAround); ++i) {
+        const Brick brick = around(placed.base, i);
+        const auto [known, is_new] = slot_of.try_emplace(brick, shader::kEmptySlot);
+        if (is_new)
+          if (const std::uint64_t* voxels = part->find(brick)) {
+            std::memcpy(to.voxels[to.used].data(), voxels, sizeof(BrickVoxels));
+            known->second = to.used++;
+          }
+        placed.source.slots[i] = known->second;
+      }
+      to.sources.push_back(placed.source);
+    }
+  }
+}
+
+void Merge::operator()(std::span<const MergeJob> jobs, const LoadSubmap& submap, BrickTree& world) {
+  if (jobs.empty()) return;
+  if (!voxels_) {
+    voxels_ = gpu::Buffer(device_, kSlots * sizeof(BrickVoxels));
+    merged_ = gpu::Buffer(device_, kTargets * sizeof(BrickVoxels));
+    targets_ = gpu::Buffer(device_, kTargets * sizeof(shader::MergeTarget));
+  }
+  gpu::Batch batch(device_);
+  std::vector<BrickVoxels> result;
+  Gathered now, next;
+  gather(jobs, 0, submap, now);
+  while (true) {
+    // The next part is gathered while the device works on this one.
+    std::future<void> gathering;
+    if (now.end < jobs.size())
+      gathering = std::async(std::launch::async, [&, begin = now.end] { gather(jobs, begin, submap, next); });
+    if (sources_.size() < now.sources.size() * sizeof(shader::MergeSource))
+      sources_ = gpu::Buffer(device_, 2 * now.sources.size() * sizeof(shader::MergeSource));
+    batch.upload(voxels_, std::span<const BrickVoxels>(now.voxels).first(now.used));
+    batch.upload(targets_, now.targets);
+    batch.upload(sources_, now.sources);
+    const auto count = static_cast<std::uint32_t>(now.targets.size());
+    merge_(batch, {64 * count, 1, 1}, {.voxels = shader::address(voxels_), .max_weight = options_.max_weight},
+           {&targets_, &sources_, &merged_});
+    result.resize(count);
+    batch.download(merged_, result);
+    batch.run();
+    for (std::size_t i = 0; i < result.size(); ++i) {
+      const bool is_empty = std::all_of(result[i].begin(), result[i].end(), [](std::uint64_t v) { return v == 0; });
+      if (is_empty)
+        world.erase(jobs[now.begin + i].target);
+      else
+        world.put(jobs[now.begin + i].target, result[i]);
+    }
+    if (!gathering.valid()) return;
+    gathering.get();
+    std::swap(now, next);
+  }
+}
+
+}  // namespace cairn

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// What a closed loop costs: the graph of 2,000 keyframes, and the world's volume from 30 submaps that it bends.
+#include <benchmark/benchmark.h>
+
+#include <numbers>
+
+#include "cairn/scene.hpp"
+#include "map/match.hpp"
+#include "map/world.hpp"
+#include "synth/render.hpp"
+#include "volume/integrate.hpp"
+#include "volume/polygonize.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kSubmaps = 30, kKeyframes = 2000;
+constexpr double kShift = 2.4;  // metres from one submap to the next: they overlap by half
+
+/// Thirty copies of what a second in the room shows, in a row, with keyframes along it.
+struct Bench {
+  gpu::Device device;
+  FuseOptions fuse;
+  Atlas atlas;
+  std::vector<std::shared_ptr<const BrickTree>> voxels;
+  World world{device, fuse};
+  Polygonize polygonize{device};
+
+  Bench() {
+    const Camera camera = synthetic_camera();
+    const Scene scene = synthetic_scene("room");
+    Preprocess preprocess(device, camera, {}, 3, 1);
+    Integrate integrate(device, camera, {});
+    SceneRenderer render(device, scene, camera);
+    Volume volume(device, fuse, 5.0f);
+    for (int i = 0; i < 10; ++i) {
+      const Eigen::Isometry3d pose = scene.world_from_camera(0.2 * i);
+      const auto images = render(pose);
+      Frame frame{.depth = images.depth, .colour = images.colour};
+      integrate(preprocess(frame), pose, volume, static_cast<std::uint32_t>(i + 1));
+    }
+    const BrickTree& room = volume.on_host();
+    for (std::size_t s = 0; s < kSubmaps; ++s) {
+      const Brick shift(static_cast<int>(kShift / 0.08 * static_cast<double>(s)), 0, 0);
+      BrickTree copy;
+      for (const Brick& brick : room.bricks())
+        copy.put(brick + shift, std::span<const std::uint64_t, 512>(room.find(brick), 512));
+      voxels.push_back(std::make_shared<const BrickTree>(std::move(copy)));
+    }
+    for (std::size_t k = 0; k < kKeyframes; ++k) {
+      const double along = static_cast<double>(k) / kKeyframes * kSubmaps;
+      Keyframe keyframe{
+          .timestamp = static_cast<double>(k), .submap = static_cast<std::size_t>(along), .follows = k > 0};
+      keyframe.submap_from_camera = scene.world_from_camera(0.03 * static_cast<double>(k % 67));
+      keyframe.submap_from_camera.pretranslate(Eigen::Vector3d(kShift * along, 0, 0));
+      keyframe.piece_from_camera = keyframe.submap_from_camera;
+      keyframe.information = 1e6 * Matrix6d::Identity();
+      atlas.add(keyframe);
+    }
+  }
+  /// Bends the row: its end goes aside by `metres`.
+  void bend(double metres) {
+    for (std::size_t k = 0; k < kKeyframes; ++k) {
+      const double share = static_cast<double>(k) / kKeyframes;
+      atlas.world_from_camera[k] = atlas.keyframes[k].submap_from_camera;
+      atlas.world_from_camera[k].pretranslate(Eigen::Vector3d(0, 0, metres * share * share));
+    }
+  }
+  std::vector<Brick> update() {
+    std::vector<PlacedSubmap> placed;
+    for (std::size_t s = 0; s < kSubmaps; ++s) placed.push_back({s, voxels[s]->bricks(), Deformation(atlas, s)});
+    return world.update(placed, [&](std::size_t s) { return voxels[s]; });
+  }
+};
+
+Bench& bench() {
+  static Bench instance;
+  return instance;
+}
+
+void move_thirty_submaps(benchmark::State& state) {
+  auto& b = bench();
+  b.bend(0);
+  (void)b.update();
+  double side = 0.5;
+  const double before = b.device.kernel_times().at("submap_merge").total_ms;
+  std::size_t bricks = 0;
+  for (auto _ : state) {
+    b.bend(side);
+    bricks = b.update().size();
+    side = -side;
+  }
+  state.counters["submap_merge_ms"] =
+      (b.device.kernel_times().at("submap_merge").total_ms - before) / static_cast<double>(state.iterations());
+  state.counters["world_bricks"] = static_cast<double>(bricks);
+  std::size_t sources = 0;
+  for (const auto& tree : b.voxels) sources += tree->size();
+  state.counters["submap_bricks"] = static_cast<double>(sources);
+}
+
+void mesh_the_world(benchmark::State& state) {
+  auto& b = bench();
+  (void)b.update();
+  Volume whole(b.device, b.fuse, 5.0f);
+  whole.adopt(b.world.release());
+  std::size_t triangles = 0;
+  for (auto _ : state) triangles = b.polygonize(whole).triangles.size();
+  state.counters["triangles"] = static_cast<double>(triangles);
+}
+
+/// A way once around with a loop at its end.
+void optimise_two_thousand_keyframes(benchmark::State& state) {
+  PoseGraph drifted;
+  const auto truth = [](std::size_t k) {
+    const double angle = 2 * std::numbers::pi * static_cast<double>(k) / kKeyframes;
+    Eigen::Isometry3d t(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()));
+    t.translation() = Eigen::Vector3d(30 * std::cos(angle), 0, -30 * std::sin(angle));
+    return t;
+  };
+  Vector6d slip;
+  slip << 0.0002, -0.0001, 0.0003, 0.0005, 0.0002, -0.0004;
+  const Matrix6d information = calibrated(1e8 * Matrix6d::Identity());
+  for (std::size_t k = 0; k < kKeyframes; ++k) {
+    if (k == 0) {
+      drifted.world_from_node.push_back(truth(0));
+      continue;
+    }
+    const Eigen::Isometry3d step = truth(k - 1).inverse() * truth(k) * exponential(slip);
+    drifted.world_from_node.push_back(drifted.world_from_node.back() * step);
+    drifted.edges.push_back({.from = k - 1, .to = k, .from_from_to = step, .information = information});
+  }
+  for (std::size_t k = 0; k < 40; ++k)
+    drifted.edges.push_back({.from = k,
+                             .to = kKeyframes - 40 + k,
+                             .from_from_to = truth(k).inverse() * truth(kKeyframes - 40 + k),
+                             .information = information,
+                             .may_be_false = true});
+  double cost = 0;
+  for (auto _ : state) {
+    PoseGraph graph = drifted;
+    cost = optimise(graph).cost;
+  }
+  state.counters["cost"] = cost;
+}
+
+BENCHMARK(move_thirty_submaps)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(mesh_the_world)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(optimise_two_thousand_keyframes)->Unit(benchmark::kMillisecond)->UseRealTime();
+
+}  // namespace
+}  // namespace cairn

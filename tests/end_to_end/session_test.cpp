@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Runs that are killed, go on, go on with another recording, and are joined.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "cairn/evaluation.hpp"
+#include "cairn/trajectory.hpp"
+#include "support/files.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Two recordings of the room that overlap by half, one of a corridor, and the map of the first.
+class Session : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder = new TemporaryFolder;
+    for (const auto& [scene, seed] : {std::pair("room", "1"), {"corridor", "3"}})
+      ASSERT_EQ(run_cairn({"synth", scene, "-o", path(scene), "--frames", "90", "--seed", seed}).exit_code, 0);
+    ASSERT_EQ(run_cairn({"reconstruct", path("room"), "-o", path("map"), "--frames", "0:60"}).exit_code, 0);
+  }
+  static void TearDownTestSuite() { delete folder; }
+  static std::string path(const std::string& name) { return (*folder / name).string(); }
+  /// A copy of the map of the first 60 frames.
+  [[nodiscard]] fs::path copy_of_map() const {
+    fs::copy(path("map"), out / "map", fs::copy_options::recursive);
+    return out / "map";
+  }
+  static TemporaryFolder* folder;
+  TemporaryFolder out;
+};
+TemporaryFolder* Session::folder = nullptr;
+
+/// Metres, root mean square, without any alignment but that of the session's very first pose, in first.txt beside it.
+double error_in_place(const fs::path& estimate, const fs::path& truth) {
+  const Trajectory found = read_trajectory(estimate), exact = read_trajectory(truth);
+  // Stamps are in the colour camera's clock as it was estimated: a fraction of a millisecond beside.
+  const auto truth_at = [&](double time) {
+    return *pose_at(exact, std::clamp(time, exact.front().timestamp, exact.back().timestamp));
+  };
+  const StampedPose first = read_trajectory(estimate.parent_path() / "first.txt").front();
+  const Eigen::Isometry3d world_from_scene = first.world_from_camera * truth_at(first.timestamp).inverse();
+  double squared = 0;
+  for (const auto& pose : found)
+    squared += (world_from_scene * truth_at(pose.timestamp).translation() - pose.world_from_camera.translation())
+                   .squaredNorm();
+  return std::sqrt(squared / static_cast<double>(found.size()));
+}
+
+TEST_F(Session, KilledAtAnyMomentEndsWithTheSameBytes) {
+  // Long enough to be killed in it, with checkpoints as often as they can be written.
+  std::vector<std::string> arguments{"reconstruct", path("room"), "-o", (out / "killed").string(), "--frames", "0:60"};
+  int killed = 0;
+  std::string from_where;
+  for (const char* seconds : {"1.7", "2.4", "3.3", "1.3"}) {
+    auto now = arguments;
+    now.insert(now.end(), {"--checkpoint", "0.3"});
+    if (killed > 0) now.emplace_back("--resume");
+    const Ran ran = run_cairn(now, "timeout -s KILL " + std::string(seconds));
+    if (fs::exists(out / "killed" / "session" / "state.cbor")) ++killed;
+    from_where += std::to_string(ran.exit_code) + " ";
+  }
+  ASSERT_GT(killed, 0) << from_where;
+  arguments.emplace_back("--resume");
+  const Ran ran = run_cairn(arguments);
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  for (const char* file : {"trajectory.txt", "mesh.glb", "map.vdb", "graph.g2o"})
+    EXPECT_TRUE(read_bytes(out / "killed" / file) == read_bytes(fs::path(path("map")) / file)) << file;
+}
+
+TEST_F(Session, GoesOnWithAnotherRecordingOfTheSamePlace) {
+  const fs::path map = copy_of_map();
+  fs::copy(map / "trajectory.txt", map / "first.txt");
+  // Other frames of the same scene under another name.
+  fs::copy(path("room"), out / "again", fs::copy_options::recursive);
+  const Ran ran = run_cairn(
+      {"reconstruct", (out / "again").string(), "-o", map.string(), "--frames", "30:90", "--resume", "--json"});
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  const auto report = nlohmann::json::parse(ran.out);
+  EXPECT_EQ(report["submaps"]["pieces"], 1);
+  EXPECT_GE(report["frames"]["fused"], 58);
+  EXPECT_LT(error_in_place(map / "trajectory.txt", fs::path(path("room")) / "groundtruth.txt"), 0.01);
+  // The recording before keeps its trajectory.
+  EXPECT_EQ(read_trajectory(map / "trajectory-000.txt").size(), 60u);
+}
+
+TEST_F(Session, BeginsAPieceOfItsOwnWhereNothingIsRecognised) {
+  const fs::path map = copy_of_map();
+  const Ran ran =
+      run_cairn({"reconstruct", path("corridor"), "-o", map.string(), "--frames", "0:70", "--resume", "--json"});
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  const auto report = nlohmann::json::parse(ran.out);
+  EXPECT_EQ(report["submaps"]["pieces"], 2);
+  EXPECT_GT(report["frames"]["fused"], 20);
+  EXPECT_NE(ran.err.find("not joined"), std::string::npos) << ran.err;
+  // The map is still there.
+  EXPECT_EQ(read_trajectory(map / "trajectory-000.txt").size(), 60u);
+  EXPECT_GT(report["mesh"]["triangles"], 100000);
+}
+
+TEST_F(Session, JoinsMapsOfTheSamePlace) {
+  ASSERT_EQ(run_cairn({"reconstruct", path("room"), "-o", (out / "b").string(), "--frames", "30:90"}).exit_code, 0);
+  const Ran ran =
+      run_cairn({"merge", path("map"), (out / "b").string(), "-o", (out / "c").string()}, "CAIRN_VALIDATION=1");
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  fs::copy(out / "c" / "trajectory-000.txt", out / "c" / "first.txt");
+  for (const char* trajectory : {"trajectory-000.txt", "trajectory.txt"})
+    EXPECT_LT(error_in_place(out / "c" / trajectory, fs::path(path("room")) / "groundtruth.txt"), 0.01) << trajectory;
+  EXPECT_EQ(validate_gltf(out / "c" / "mesh.glb"), "");
+  // And the joined map is a session, too.
+  const Ran more =
+      run_cairn({"reconstruct", path("room"), "-o", (out / "c").string(), "--frames", "60:75", "--resume"});
+  EXPECT_EQ(more.exit_code, 0) << more.err;
+}
+
+TEST_F(Session, RefusesToJoinMapsOfDifferentPlaces) {
+  ASSERT_EQ(run_cairn({"reconstruct", path("corridor"), "-o", (out / "b").string(), "--frames", "0:30"}).exit_code, 0);
+  const std::string c = (out / "c").string();
+  const std::string before = read_bytes(fs::path(path("map")) / "session" / "state.cbor");
+  expect_one_line(run_cairn({"merge", path("map"), (out / "b").string(), "-o", c}), 1, "--allow-disconnected");
+  EXPECT_FALSE(fs::exists(out / "c" / "session"));
+  const Ran ran = run_cairn({"merge", path("map"), (out / "b").string(), "-o", c, "--allow-disconnected"});
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_NE(ran.out.find("separate piece"), std::string::npos) << ran.out;
+  EXPECT_EQ(read_bytes(fs::path(path("map")) / "session" / "state.cbor"), before);
+  expect_one_line(run_cairn({"merge", path("map"), path("map"), "-o", path("map")}), 1, "is one of the maps");
+  expect_one_line(run_cairn({"merge", path("map"), path("room"), "-o", c}), 1, "no session");
+}
+
+TEST_F(Session, AnswersADamagedOneWithOneLine) {
+  const fs::path map = copy_of_map(), state = map / "session" / "state.cbor";
+  const std::vector<std::string> resume{"reconstruct", path("room"), "-o", map.string(), "--resume"};
+  const std::string good = read_bytes(state), mesh = read_bytes(map / "mesh.glb");
+
+  std::string bad = good;
+  bad[bad.size() / 2] = static_cast<char>(bad[bad.size() / 2] ^ 0x40);
+  write_text(state, bad);
+  expect_one_line(run_cairn(resume), 1, "is damaged");
+  write_text(state, good.substr(0, good.size() / 3));
+  expect_one_line(run_cairn(resume), 1, "is damaged");
+  bad = good;
+  bad[bad.find(" 1 ") + 1] = '7';
+  write_text(state, bad);
+  expect_one_line(run_cairn(resume), 1, "another version");
+  write_text(state, "something else");
+  expect_one_line(run_cairn(resume), 1, "no session of cairn");
+  fs::remove(state);
+  expect_one_line(run_cairn(resume), 1, "no session to go on with");
+
+  write_text(state, good);
+  auto coarser = resume;
+  coarser.insert(coarser.end(), {"--voxel-size", "0.02"});
+  expect_one_line(run_cairn(coarser), 1, "--voxel-size");
+  fs::rename(map / "session" / "keyframes" / "000001.corners", map / "elsewhere");
+  expect_one_line(run_cairn(resume), 1, "000001.corners");
+  fs::rename(map / "elsewhere", map / "session" / "keyframes" / "000001.corners");
+  for (const auto& entry : fs::directory_iterator(map / "session"))
+    if (entry.path().extension() == ".vdb") fs::resize_file(entry.path(), fs::file_size(entry.path()) / 2);
+  expect_one_line(run_cairn(resume), 1, "damaged");
+  // What had been reconstructed is still there.
+  EXPECT_TRUE(read_bytes(map / "mesh.glb") == mesh);
+}
+
+TEST_F(Session, IsNoReasonToLoseTheMapWhenItCannotBeWritten) {
+  // Files of at most 64 KiB: keyframes, submaps and checkpoints fail, as on a full disk; the map is then refused, too,
+  // but what was there stays.
+  const fs::path map = copy_of_map();
+  const std::string mesh = read_bytes(map / "mesh.glb");
+  const Ran full =
+      run_cairn({"reconstruct", path("room"), "-o", map.string(), "--frames", "60:70", "--resume", "--checkpoint", "0"},
+                "trap '' XFSZ; ulimit -f 128;");
+  EXPECT_EQ(full.exit_code, 1);
+  EXPECT_NE(full.err.find("cannot write"), std::string::npos) << full.err;
+  EXPECT_TRUE(read_bytes(map / "mesh.glb") == mesh);
+  const Ran again = run_cairn({"reconstruct", path("room"), "-o", map.string(), "--frames", "60:70", "--resume"});
+  EXPECT_EQ(again.exit_code, 0) << again.err;
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "map/world.hpp"
+
+#include <gtest/gtest.h>
+
+#include "support/device.hpp"
+#include "support/volumes.hpp"
+#include "volume/polygonize.hpp"
+
+namespace cairn {
+namespace {
+
+const FuseOptions kOptions{.voxel_size = 0.02f, .truncation = 0.08f, .device_memory = 96 << 20};
+const Eigen::Vector3f kCentre(0.1f, -0.05f, 0.02f);
+constexpr float kRadius = 0.4f;  // metres
+
+std::shared_ptr<const BrickTree> sphere() {
+  return std::make_shared<const BrickTree>(
+      distance_bricks(kOptions, kCentre.array() - 0.55f, kCentre.array() + 0.55f,
+                      [](const Eigen::Vector3f& p) { return (p - kCentre).norm() - kRadius; }));
+}
+
+/// Keyframes around the sphere, a submap each.
+Atlas atlas_of(std::size_t submaps) {
+  Atlas atlas;
+  for (std::size_t k = 0; k < submaps; ++k) {
+    Keyframe keyframe{.timestamp = static_cast<double>(k), .submap = k, .follows = k > 0};
+    keyframe.submap_from_camera.translation() = Eigen::Vector3d(0.1 * static_cast<double>(k), 0, -1);
+    atlas.add(keyframe);
+  }
+  return atlas;
+}
+
+std::vector<Brick> update(World& world, const Atlas& atlas,
+                          const std::vector<std::shared_ptr<const BrickTree>>& trees) {
+  std::vector<PlacedSubmap> placed;
+  for (std::size_t s = 0; s < trees.size(); ++s) placed.push_back({s, trees[s]->bricks(), Deformation(atlas, s)});
+  return world.update(placed, [&](std::size_t s) { return trees[s]; });
+}
+
+Mesh mesh_of(World& world) {
+  Volume volume(test_device(), kOptions, 5.0f);
+  volume.adopt(world.release());
+  return Polygonize(test_device())(volume);
+}
+
+TEST(World, TakesASubmapThatDidNotMoveVoxelByVoxel) {
+  World world(test_device(), kOptions);
+  const auto tree = sphere();
+  const auto made = update(world, atlas_of(1), {tree});
+  EXPECT_EQ(made, tree->bricks());
+  for (const Brick& brick : made)
+    for (std::size_t i = 0; i < 512; ++i) {
+      const std::uint64_t was = tree->find(brick)[i], now = world.bricks().find(brick)[i];
+      ASSERT_EQ(was, now);
+    }
+}
+
+TEST(World, TurnsAndMovesASurfaceWithItsSubmap) {
+  World world(test_device(), kOptions);
+  Atlas atlas = atlas_of(1);
+  Vector6d motion;
+  motion << 0.2, -0.5, 0.1, 0.313, -0.127, 0.055;
+  const Eigen::Isometry3d move = exponential(motion);
+  atlas.world_from_camera[0] = move * atlas.world_from_camera[0];
+  (void)update(world, atlas, {sphere()});
+  const Mesh mesh = mesh_of(world);
+  ASSERT_GT(mesh.triangles.size(), 3000u);
+  const Eigen::Vector3f centre = (move * kCentre.cast<double>()).cast<float>();
+  // Twice a linear interpolation over 2 cm: h^2 / 8r = 0.13 mm each, along a diagonal three times that.
+  for (const auto& p : mesh.positions) ASSERT_NEAR((p - centre).norm(), kRadius, 6e-4f);
+}
+
+TEST(World, MakesTheMeanOfSubmapsThatOverlap) {
+  World world(test_device(), kOptions);
+  Atlas atlas = atlas_of(2);
+  for (Keyframe& keyframe : atlas.keyframes) keyframe.follows = false;  // each moves by itself
+  atlas.world_from_camera[0].translation().x() -= 0.003;
+  atlas.world_from_camera[1].translation().x() += 0.003;
+  const auto tree = sphere();
+  (void)update(world, atlas, {tree, tree});
+  for (const auto& p : mesh_of(world).positions) ASSERT_NEAR((p - kCentre).norm(), kRadius, 6e-4f);
+}
+
+TEST(World, MakesAgainOnlyWhatMovedByMoreThanAFractionOfAVoxel) {
+  World world(test_device(), kOptions);
+  Atlas atlas = atlas_of(2);
+  for (Keyframe& keyframe : atlas.keyframes) keyframe.follows = false;
+  const auto tree = sphere();
+  atlas.world_from_camera[1].translation().y() += 2;  // far from the first
+  (void)update(world, atlas, {tree, tree});
+  EXPECT_TRUE(update(world, atlas, {tree, tree}).empty());
+  atlas.world_from_camera[0].translation().x() += 0.1 * kOptions.voxel_size;
+  EXPECT_TRUE(update(world, atlas, {tree, tree}).empty());
+  atlas.world_from_camera[0].translation().x() += 3;
+  const auto made = update(world, atlas, {tree, tree});
+  ASSERT_FALSE(made.empty());
+  for (const Brick& brick : made) ASSERT_LT(brick.y() * 0.16, 1.0);  // none of the second submap's
+  // The first submap has left its old place altogether.
+  for (const Brick& brick : tree->bricks()) ASSERT_EQ(world.bricks().find(brick), nullptr);
+  EXPECT_FALSE(update(world, atlas, {tree}).empty());
+  EXPECT_EQ(world.bricks().size(), made.size() - tree->size());
+}
+
+TEST(Deformation, SpreadsACorrectionWithoutASeam) {
+  Atlas atlas;
+  constexpr std::size_t kKeyframes = 60;
+  for (std::size_t k = 0; k < kKeyframes; ++k) {
+    Keyframe keyframe{.timestamp = static_cast<double>(k), .submap = k / 20, .follows = k > 0};
+    keyframe.submap_from_camera.translation().x() = 0.12 * static_cast<double>(k);
+    atlas.add(keyframe);
+    // The end of the way goes aside by 20 cm and turns by 3 degrees.
+    const double share = static_cast<double>(k) / kKeyframes;
+    Vector6d motion;
+    motion << 0, 0.05 * share, 0, 0, 0, 0.2 * share;
+    atlas.world_from_camera[k] = exponential(motion) * keyframe.submap_from_camera;
+  }
+  const Deformation submaps[3] = {{atlas, 0}, {atlas, 1}, {atlas, 2}};
+  double widest = 0, steepest = 0;
+  for (double x = 0; x < 7; x += 0.02) {
+    const Eigen::Vector3d p(x, 0.3, 1.2), q(x + 0.02, 0.3, 1.2);
+    // Neighbouring points stay neighbours: no step much larger than the bend itself, 0.1 m a metre at its end.
+    const auto& s = submaps[std::min(2, static_cast<int>(x / 2.4))];
+    steepest = std::max(steepest, std::abs((s(q) * q - s(p) * p).norm() - 0.02) / 0.02);
+    // Where one submap ends and the next begins, both say the same.
+    if (std::abs(x - 0.12 * 20) < 0.1) widest = std::max(widest, (submaps[0](p) * p - submaps[1](p) * p).norm());
+    if (std::abs(x - 0.12 * 40) < 0.1) widest = std::max(widest, (submaps[1](p) * p - submaps[2](p) * p).norm());
+  }
+  EXPECT_LT(widest, 0.01);
+  EXPECT_LT(steepest, 0.15);
+}
+
+}  // namespace
+}  // namespace cairn

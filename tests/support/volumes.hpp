@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <algorithm>
+#include <cmath>
+
+#include "volume/volume.hpp"
+
+namespace cairn {
+
+/// Bricks filled from a distance function, metres: exact voxels without a camera, each observed once.
+template <class Distance>
+BrickTree distance_bricks(const FuseOptions& options, const Eigen::Vector3f& low, const Eigen::Vector3f& high,
+                          const Distance& distance) {
+  BrickTree tree;
+  const float size = 8 * options.voxel_size, voxel = options.voxel_size, truncation = options.truncation;
+  const auto first = (low / size).array().floor().cast<int>(), last = (high / size).array().floor().cast<int>();
+  for (int x = first.x(); x <= last.x(); ++x)
+    for (int y = first.y(); y <= last.y(); ++y)
+      for (int z = first.z(); z <= last.z(); ++z) {
+        BrickVoxels voxels{};
+        for (std::uint32_t i = 0; i < 512; ++i) {
+          const Eigen::Vector3f p = voxel * Eigen::Vector3f(static_cast<float>(8 * x + static_cast<int>(i >> 6)),
+                                                            static_cast<float>(8 * y + static_cast<int>(i >> 3 & 7)),
+                                                            static_cast<float>(8 * z + static_cast<int>(i & 7)));
+          const float d = std::clamp(distance(p) / truncation, -1.0f, 1.0f);
+          voxels[i] = static_cast<std::uint16_t>(static_cast<std::int16_t>(std::lround(d * 32767))) | 256ull << 16 |
+                      0x01806040ull << 32;
+        }
+        tree.put({x, y, z}, voxels);
+      }
+  return tree;
+}
+
+/// The same in a volume.
+template <class Distance>
+void fill(Volume& volume, const Eigen::Vector3f& low, const Eigen::Vector3f& high, const Distance& distance) {
+  volume.adopt(distance_bricks(volume.options(), low, high, distance));
+}
+
+}  // namespace cairn
