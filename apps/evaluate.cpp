@@ -2,6 +2,9 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <fmt/format.h>
 
+#include <array>
+#include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
@@ -13,7 +16,8 @@ namespace cairn::apps {
 namespace {
 
 struct Arguments {
-  std::string estimate, truth, seen;
+  std::string estimate, truth, seen, trajectory, truth_trajectory;
+  std::vector<double> box;
   double rpe_interval = 1.0, max_time_difference = 0.02;
   int frames = 0, samples = 200000;
   bool json = false;
@@ -29,10 +33,14 @@ void print_row(const std::string& name, const ErrorStatistics& s, double scale, 
 }
 void print_head() { fmt::print("{:<22}{:>10}{:>10}{:>10}{:>10}\n", "", "rmse", "mean", "median", "max"); }
 
+/// A recording's folder stands for the true poses in it.
+Trajectory read_truth(const std::string& place) {
+  return std::filesystem::is_directory(place) ? recorded_truth(place) : read_trajectory(place);
+}
+
 void evaluate_trajectory_files(const Arguments& a) {
-  // A recording's folder stands for the true poses in it.
-  const Trajectory truth = std::filesystem::is_directory(a.truth) ? recorded_truth(a.truth) : read_trajectory(a.truth);
-  const auto e = evaluate_trajectory(read_trajectory(a.estimate), truth, a.rpe_interval, a.max_time_difference);
+  const auto e =
+      evaluate_trajectory(read_trajectory(a.estimate), read_truth(a.truth), a.rpe_interval, a.max_time_difference);
   if (a.json) {
     nlohmann::json j{{"ate_m", to_json(e.ate)},
                      {"rpe_translation_m", to_json(e.rpe_translation)},
@@ -54,9 +62,28 @@ void evaluate_trajectory_files(const Arguments& a) {
       e.matched_poses);
 }
 
+/// Leaves the triangles whose centre lies in the box (x y z of one corner, then of the other); an empty one: all.
+Mesh cut(Mesh mesh, const std::vector<double>& box) {
+  if (box.empty()) return mesh;
+  Eigen::AlignedBox3f inside;
+  for (const std::size_t i : {0u, 3u}) inside.extend(Eigen::Vector3d(box[i], box[i + 1], box[i + 2]).cast<float>());
+  std::erase_if(mesh.triangles, [&](const auto& t) {
+    return !inside.contains((mesh.positions[t[0]] + mesh.positions[t[1]] + mesh.positions[t[2]]) / 3.0f);
+  });
+  return mesh;
+}
+
 void evaluate_mesh_files(const Arguments& a) {
-  const Mesh seen = a.seen.empty() ? Mesh{} : read_mesh(a.seen);
-  const auto e = evaluate_mesh(read_mesh(a.estimate), read_mesh(a.truth), a.samples, a.seen.empty() ? nullptr : &seen);
+  Mesh estimate = read_mesh(a.estimate);
+  if (!a.trajectory.empty()) {
+    const auto by = evaluate_trajectory(read_trajectory(a.trajectory), read_truth(a.truth_trajectory));
+    const Eigen::Isometry3f move = by.truth_from_estimate.cast<float>();
+    for (auto& p : estimate.positions) p = move * p;
+    for (auto& n : estimate.normals) n = move.linear() * n;
+  }
+  const Mesh seen = a.seen.empty() ? Mesh{} : cut(read_mesh(a.seen), a.box);
+  const auto e =
+      evaluate_mesh(cut(std::move(estimate), a.box), read_mesh(a.truth), a.samples, a.seen.empty() ? nullptr : &seen);
   if (a.json) {
     nlohmann::json j{{"accuracy_m", to_json(e.accuracy)}, {"completeness_m", to_json(e.completeness)}};
     for (const auto& at : e.at)
@@ -71,6 +98,36 @@ void evaluate_mesh_files(const Arguments& a) {
   for (const auto& at : e.at)
     fmt::print("within {:.0f} cm           {:.2f} % of the estimate, {:.2f} % of the truth, F-score {:.2f} %\n",
                100 * at.threshold, 100 * at.precision, 100 * at.recall, 100 * at.f_score);
+}
+
+void evaluate_loops_file(const Arguments& a) {
+  std::vector<LoopMeasured> loops;
+  std::vector<std::pair<double, int>> keyframes;
+  try {
+    std::ifstream in(a.estimate);
+    const auto report = nlohmann::json::parse(in);
+    for (const auto& l : report.at("loops")) {
+      if (!l.at("believed").get<bool>()) continue;
+      const auto t = l.at("translation").get<std::array<double, 3>>();
+      const auto q = l.at("quaternion").get<std::array<double, 4>>();
+      LoopMeasured& loop = loops.emplace_back(LoopMeasured{.from = l.at("from"), .to = l.at("to")});
+      loop.from_from_to.linear() = Eigen::Quaterniond(q[3], q[0], q[1], q[2]).toRotationMatrix();
+      loop.from_from_to.translation() = Eigen::Vector3d(t[0], t[1], t[2]);
+    }
+    keyframes = report.at("searched").get<std::vector<std::pair<double, int>>>();
+  } catch (const nlohmann::json::exception& error) {
+    throw std::runtime_error(a.estimate + ": is no report of `cairn reconstruct`: " + error.what());
+  }
+  const LoopError e = evaluate_loops(loops, keyframes, read_truth(a.truth));
+  if (a.json) {
+    const nlohmann::json j{{"loops", e.loops}, {"right", e.right}, {"revisits", e.revisits}, {"found", e.found}};
+    fmt::print("{}\n", j.dump(2));
+    return;
+  }
+  const auto percent = [](int part, int all) { return all == 0 ? 0.0 : 100.0 * part / all; };
+  fmt::print("precision  {} of {} loops are right ({:.0f} %)\n", e.right, e.loops, percent(e.right, e.loops));
+  fmt::print("recall     {} of {} keyframes that see an earlier place have one ({:.0f} %)\n", e.found, e.revisits,
+             percent(e.found, e.revisits));
 }
 
 }  // namespace
@@ -100,11 +157,27 @@ void add_evaluate(CLI::App& program) {
   mesh->add_option("TRUTH", a->truth, "Mesh in the same frame")->required()->check(CLI::ExistingFile);
   mesh->add_option("--seen", a->seen, "The part of the truth that completeness is measured on [all of it]")
       ->check(CLI::ExistingFile);
+  auto* by = mesh->add_option("--trajectory", a->trajectory,
+                              "The estimate's trajectory: its alignment with the true one moves the mesh")
+                 ->check(CLI::ExistingFile);
+  by->needs(mesh->add_option("--truth-trajectory", a->truth_trajectory, "TUM trajectory file, or a recording's folder")
+                ->check(CLI::ExistingPath)
+                ->needs(by));
+  mesh->add_option("--box", a->box, "Only what lies in this part of the truth's frame: x y z of two corners, metres")
+      ->expected(6);
   mesh->add_option("--samples", a->samples, "Points on each surface")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
   mesh->add_flag("--json", a->json, "Print JSON, in metres");
   mesh->callback([a] { evaluate_mesh_files(*a); });
+
+  auto* loops = command->add_subcommand("loops", "Precision and recall of the places that were recognised");
+  loops->add_option("REPORT", a->estimate, "report.json of a reconstruction")->required()->check(CLI::ExistingFile);
+  loops->add_option("TRUTH", a->truth, "TUM trajectory file, or the folder of a recording with true poses")
+      ->required()
+      ->check(CLI::ExistingPath);
+  loops->add_flag("--json", a->json, "Print JSON");
+  loops->callback([a] { evaluate_loops_file(*a); });
 }
 
 }  // namespace cairn::apps

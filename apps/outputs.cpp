@@ -81,6 +81,7 @@ nlohmann::json write_outputs(Mapper& mapper, const std::filesystem::path& output
         {"tried", statistics.loops_tried},
         {"graph_ms", statistics.graph_ms},
         {"world_ms", statistics.world_ms}}},
+      {"searched", mapper.keyframes()},
       {"loops", nlohmann::json::array()}};
   for (const FoundLoop& loop : mapper.loops()) report["loops"].push_back(to_json(loop));
   if (statistics.tilt) report["tilt_degrees"] = *statistics.tilt * 180 / std::numbers::pi;

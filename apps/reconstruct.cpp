@@ -35,7 +35,7 @@ struct Arguments {
   int device = -1, read_ahead = 4;
   std::string frames;
   double checkpoint_seconds = 20;
-  bool refuse = false, resume = false, no_loops = false, json = false;
+  bool refine = false, refuse = false, resume = false, no_loops = false, json = false;
 };
 
 /// A:B:STEP, each part may be empty.
@@ -215,8 +215,8 @@ void reconstruct(const Arguments& a) {
     stages[name].push_back(std::chrono::duration<double, std::milli>(Clock::now() - begin).count());
   };
   std::optional<Refined> refined;
+  if (a.refine || a.refuse) timed("refine", [&] { refined = mapper.refine(); });
   if (a.refuse) {
-    timed("refine", [&] { refined = mapper.refine(); });
     timed("fuse again", [&] {
       const auto again = open_source(a, parse_frames(a.frames));
       Progress progress(again->size());
@@ -296,8 +296,12 @@ void add_reconstruct(CLI::App& program) {
   command->add_option("--poses", a->poses, "Fuse with these world_from_camera poses (TUM format) and do not track")
       ->check(CLI::ExistingFile);
   command
+      ->add_flag("--refine", a->refine,
+                 "Align keyframes with each other after the last frame and bend the map as the pose graph says")
+      ->excludes("--poses");
+  command
       ->add_flag("--refuse", a->refuse,
-                 "Align keyframes with each other, correct the trajectory, and fuse all frames again with it")
+                 "Like --refine, and fuse all frames again with the corrected poses, for the best surface")
       ->excludes("--poses");
   command
       ->add_flag("--resume", a->resume,

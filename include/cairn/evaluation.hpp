@@ -2,6 +2,8 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
 #include <array>
+#include <utility>
+#include <vector>
 
 #include "cairn/mesh.hpp"
 #include "cairn/trajectory.hpp"
@@ -27,6 +29,22 @@ struct TrajectoryError {
 /// Throws std::runtime_error when fewer than three poses match.
 [[nodiscard]] TrajectoryError evaluate_trajectory(const Trajectory& estimate, const Trajectory& truth,
                                                   double rpe_interval = 1.0, double max_time_difference = 0.02);
+
+/// How well places were recognised.
+struct LoopError {
+  int loops = 0, right = 0;     // a loop is right if its measured pose is within 10 cm and 5 degrees of the true one
+  int revisits = 0, found = 0;  // keyframes that look at an earlier place, and those of them with a right loop
+};
+/// `from_from_to` as measured between the views at two times.
+struct LoopMeasured {
+  double from = 0, to = 0;  // seconds
+  Eigen::Isometry3d from_from_to = Eigen::Isometry3d::Identity();
+};
+/// `keyframes`: times, and how many of the earlier ones were looked through; a revisit has one of these within 0.5 m
+/// and 25 degrees. What has no true pose within `max_time_difference` does not count.
+[[nodiscard]] LoopError evaluate_loops(const std::vector<LoopMeasured>& loops,
+                                       const std::vector<std::pair<double, int>>& keyframes, const Trajectory& truth,
+                                       double max_time_difference = 0.1);
 
 struct MeshError {
   ErrorStatistics accuracy;      // metres, from samples of the estimate to the truth's surface

@@ -95,6 +95,8 @@ class Mapper {
   /// Fuses all frames again with the poses as they are now, for the best surface. `again` is the same recording from
   /// its begin; `step` is called after each of its frames.
   void fuse_again(Source& again, const std::function<void()>& step = {});
+  /// When the keyframes were taken and how many earlier ones were looked through for their places.
+  [[nodiscard]] std::vector<std::pair<double, int>> keyframes() const;
   /// Loops that were found while the frames came, in their order.
   [[nodiscard]] std::vector<FoundLoop> loops() const;
   /// Writes the keyframes' pose graph by the extension: .g2o, or .svg, a picture of it. Whole or not at all.

@@ -45,6 +45,7 @@ bool BackEnd::add(const Frame& frame, const Eigen::Isometry3d& submap_from_camer
     atlas_.add({.frame = frame.index,
                 .timestamp = frame.timestamp,
                 .submap = submaps_.size(),
+                .searched = options_.map.loops ? searched_ : 0,
                 .follows = !breaks,
                 .piece_from_camera = submap_from_camera,
                 .submap_from_camera = submap_from_camera,

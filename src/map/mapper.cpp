@@ -259,6 +259,13 @@ void Mapper::fuse_again(Source& again, const std::function<void()>& step) {
   if (s.poses == Poses::tracked) s.back_end.rebase(since);
 }
 
+std::vector<std::pair<double, int>> Mapper::keyframes() const {
+  std::vector<std::pair<double, int>> keyframes;
+  for (const Keyframe& keyframe : state_->back_end.atlas().keyframes)
+    keyframes.emplace_back(keyframe.timestamp, static_cast<int>(keyframe.searched));
+  return keyframes;
+}
+
 std::vector<FoundLoop> Mapper::loops() const {
   const Atlas& atlas = state_->back_end.atlas();
   std::vector<FoundLoop> loops;

@@ -111,9 +111,9 @@ Json atlas_json(const Atlas& atlas) {
   Out keyframes, loops, frames, recordings;
   for (std::size_t k = 0; k < atlas.keyframes.size(); ++k) {
     const Keyframe& f = atlas.keyframes[k];
-    keyframes << f.frame << f.timestamp << f.submap << f.follows << f.piece_from_camera << f.submap_from_camera
-              << f.information << f.acceleration.has_value() << f.acceleration.value_or(Eigen::Vector3d::Zero())
-              << atlas.world_from_camera[k];
+    keyframes << f.frame << f.timestamp << f.submap << f.searched << f.follows << f.piece_from_camera
+              << f.submap_from_camera << f.information << f.acceleration.has_value()
+              << f.acceleration.value_or(Eigen::Vector3d::Zero()) << atlas.world_from_camera[k];
   }
   for (const Loop& l : atlas.loops)
     loops << l.edge.from << l.edge.to << l.edge.from_from_to << l.edge.information << l.corners << l.inlier_share
@@ -133,8 +133,8 @@ Atlas atlas_of(const Json& json) {
     bool has_acceleration = false;
     Eigen::Vector3d acceleration;
     Eigen::Isometry3d world_from_camera;
-    in >> f.frame >> f.timestamp >> f.submap >> f.follows >> f.piece_from_camera >> f.submap_from_camera >>
-        f.information >> has_acceleration >> acceleration >> world_from_camera;
+    in >> f.frame >> f.timestamp >> f.submap >> f.searched >> f.follows >> f.piece_from_camera >>
+        f.submap_from_camera >> f.information >> has_acceleration >> acceleration >> world_from_camera;
     if (has_acceleration) f.acceleration = acceleration;
     atlas.keyframes.push_back(f);
     atlas.world_from_camera.push_back(world_from_camera);

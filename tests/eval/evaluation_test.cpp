@@ -100,5 +100,30 @@ TEST(EvaluateMesh, RefusesAMeshWithoutSurface) {
   EXPECT_NE(error_of([] { (void)evaluate_mesh(Mesh{}, Mesh{}); }).find("no surface"), std::string::npos);
 }
 
+TEST(LoopError, CountsRightLoopsAndTheRevisitsThatHaveOne) {
+  // Along a line and back, one keyframe a second: the second half revisits the first.
+  Trajectory truth;
+  std::vector<std::pair<double, int>> keyframes;
+  for (int i = 0; i < 10; ++i) {
+    StampedPose pose{.timestamp = static_cast<double>(i)};
+    pose.world_from_camera.translation().x() = i < 5 ? i : 9.2 - i;
+    truth.push_back(pose);
+    keyframes.emplace_back(i, i < 5 ? 0 : 5);
+  }
+  const auto measured = [&](int from, int to, double off) {
+    LoopMeasured loop{.from = static_cast<double>(from), .to = static_cast<double>(to)};
+    loop.from_from_to = truth[static_cast<std::size_t>(from)].world_from_camera.inverse() *
+                        truth[static_cast<std::size_t>(to)].world_from_camera;
+    loop.from_from_to.translation().y() += off;
+    return loop;
+  };
+  const LoopError e =
+      evaluate_loops({measured(3, 6, 0.02), measured(2, 7, 0.5), measured(0, 9, 0.01)}, keyframes, truth, 1.5);
+  EXPECT_EQ(e.loops, 3);
+  EXPECT_EQ(e.right, 2);
+  EXPECT_EQ(e.revisits, 5);
+  EXPECT_EQ(e.found, 2);
+}
+
 }  // namespace
 }  // namespace cairn
