@@ -301,7 +301,7 @@ void add_reconstruct(CLI::App& program) {
       ->excludes("--poses");
   command
       ->add_flag("--refuse", a->refuse,
-                 "Like --refine, and fuse all frames again with the corrected poses, for the best surface")
+                 "Like --refine, but fuse all frames again with the corrected poses instead of bending the map")
       ->excludes("--poses");
   command
       ->add_flag("--resume", a->resume,

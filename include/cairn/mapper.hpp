@@ -92,8 +92,8 @@ class Mapper {
   /// Aligns keyframes that see the same with each other and corrects the poses; mesh() and write_map() follow by moving
   /// the submaps.
   Refined refine();
-  /// Fuses all frames again with the poses as they are now, for the best surface. `again` is the same recording from
-  /// its begin; `step` is called after each of its frames.
+  /// Fuses all frames again with the poses as they are now, instead of bending submaps. `again` is the same recording
+  /// from its begin; `step` is called after each of its frames.
   void fuse_again(Source& again, const std::function<void()>& step = {});
   /// When the keyframes were taken and how many earlier ones were looked through for their places.
   [[nodiscard]] std::vector<std::pair<double, int>> keyframes() const;

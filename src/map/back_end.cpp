@@ -68,7 +68,13 @@ bool BackEnd::is_full(const Eigen::Isometry3d& submap_from_camera, const Volume&
 }
 
 void BackEnd::end_submap(Volume& volume, std::uint32_t stamp, bool keep) {
-  if (submap_begin_ == atlas_.keyframes.size()) return;
+  if (submap_begin_ == atlas_.keyframes.size()) {  // nothing was fused since the last one
+    if (keep) return;
+    volume.adopt({});
+    searched_ = atlas_.keyframes.size();
+    breaks_ = true;
+    return;
+  }
   BrickTree voxels = volume.split(submap_since_, atlas_.frames.back().submap_from_camera.translation(),
                                   keep ? options_.surface.max_depth : 0.0f);
   submaps_.add(std::move(voxels));
@@ -173,6 +179,7 @@ BackEnd::Memory BackEnd::memory() const {
                 .searched = searched_,
                 .submap_begin = submap_begin_,
                 .submap_since = submap_since_,
+                .in_world = in_world_,
                 .breaks = breaks_,
                 .unsettled = unsettled_,
                 .optimising = optimising_.valid()};
@@ -188,6 +195,7 @@ void BackEnd::restore(const Memory& memory) {
   searched_ = memory.searched;
   submap_begin_ = memory.submap_begin;
   submap_since_ = memory.submap_since;
+  in_world_ = memory.in_world;
   breaks_ = memory.breaks;
   unsettled_ = memory.unsettled;
   if (memory.optimising) start_optimising();  // the same graph: keyframes and loops come after its result

@@ -43,7 +43,7 @@ class BackEnd {
     std::vector<Eigen::Isometry3d> places;
     std::size_t searched = 0, submap_begin = 0;
     std::uint32_t submap_since = 1;
-    bool breaks = true, unsettled = false, optimising = false;
+    bool in_world = false, breaks = true, unsettled = false, optimising = false;
   };
   [[nodiscard]] Memory memory() const;
   /// Reads the files. Throws std::runtime_error if one is missing or broken.

@@ -164,7 +164,7 @@ Json back_end_json(const BackEnd::Memory& m) {
   Out places, numbers, submaps;
   for (const auto& pose : m.places) places << pose;
   for (const bool has_file : m.submaps) submaps << has_file;
-  numbers << m.searched << m.submap_begin << m.submap_since << m.breaks << m.unsettled << m.optimising;
+  numbers << m.searched << m.submap_begin << m.submap_since << m.in_world << m.breaks << m.unsettled << m.optimising;
   return {{"atlas", atlas_json(m.atlas)},
           {"places", places.json()},
           {"submaps", submaps.json()},
@@ -176,7 +176,7 @@ BackEnd::Memory back_end_of(const Json& json) {
   for (In in(json.at("places")); !in.at_end();) in >> m.places.emplace_back();
   for (In in(json.at("submaps")); !in.at_end();) m.submaps.push_back(in.next() != 0);
   In numbers(json.at("numbers"));
-  numbers >> m.searched >> m.submap_begin >> m.submap_since >> m.breaks >> m.unsettled >> m.optimising;
+  numbers >> m.searched >> m.submap_begin >> m.submap_since >> m.in_world >> m.breaks >> m.unsettled >> m.optimising;
   if (m.places.size() != m.atlas.keyframes.size()) throw std::runtime_error("places and keyframes do not match");
   return m;
 }

@@ -195,5 +195,41 @@ TEST(Robustness, SomethingSmallMovesThroughTheRoom) {
   EXPECT_LE(o.rmse, 0.01);
 }
 
+TEST(Robustness, LostForLongItBeginsAnotherPieceAndJoinsItByALoop) {
+  const Scene scene = synthetic_scene("room");
+  const Camera camera = synthetic_camera();
+  SceneRenderer render(test_device(), scene, camera);
+  Options options;
+  options.map.lost_frames = 20;
+  Mapper mapper(camera, options);
+  // Two seconds of the way; then carried, in the dark, to where the map has never been, and back from there.
+  std::vector<double> way;
+  for (int i = 0; i < 30; ++i) way.push_back(i / 15.0);
+  for (int i = 0; i < 110; ++i) way.push_back(8.0 - i / 15.0);
+  Trajectory truth;
+  int lost = 0, pieces_at_most = 0;
+  for (std::size_t i = 0; i < way.size(); ++i) {
+    truth.push_back({static_cast<double>(i) / 15.0, scene.world_from_camera(way[i])});
+    auto images = render(truth.back().world_from_camera);
+    add_kinect_noise(images, camera, 1, static_cast<int>(i));
+    const FrameReport report = mapper.add({.index = static_cast<int>(i),
+                                           .timestamp = truth.back().timestamp,
+                                           .depth = std::move(images.depth),
+                                           .colour = std::move(images.colour)});
+    lost += report.state == FrameState::lost;
+    pieces_at_most = std::max(pieces_at_most, mapper.statistics().pieces);
+  }
+  EXPECT_NEAR(lost, options.map.lost_frames - 1, 2);
+  EXPECT_EQ(pieces_at_most, 2);
+  EXPECT_FALSE(mapper.loops().empty());
+  const Mesh mesh = mapper.mesh();
+  EXPECT_EQ(mapper.statistics().pieces, 1);
+  const Trajectory found = mapper.trajectory();
+  EXPECT_EQ(found.size(), way.size() - static_cast<std::size_t>(lost));
+  const TrajectoryError error = evaluate_trajectory(found, truth);
+  std::printf("%d lost, %zu loops, ATE %.1f mm\n", lost, mapper.loops().size(), 1000 * error.ate.rmse);
+  EXPECT_LT(error.ate.rmse, 0.015);
+}
+
 }  // namespace
 }  // namespace cairn
