@@ -56,7 +56,8 @@ vk::raii::CommandBuffer& Batch::State::record() {
     recording = true;
     return commands;
   }
-  constexpr auto kStages = vk::PipelineStageFlagBits::eComputeShader | vk::PipelineStageFlagBits::eTransfer;
+  constexpr auto kStages = vk::PipelineStageFlagBits::eComputeShader | vk::PipelineStageFlagBits::eTransfer |
+                           vk::PipelineStageFlagBits::eDrawIndirect;
   commands.pipelineBarrier(
       kStages, kStages, {},
       vk::MemoryBarrier{.srcAccessMask = vk::AccessFlagBits::eMemoryWrite,

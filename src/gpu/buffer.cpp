@@ -18,7 +18,8 @@ std::uint32_t memory_type(const Device::State& device, std::uint32_t allowed, vk
 }
 
 constexpr auto kStorage = vk::BufferUsageFlagBits::eStorageBuffer | vk::BufferUsageFlagBits::eTransferSrc |
-                          vk::BufferUsageFlagBits::eTransferDst | vk::BufferUsageFlagBits::eShaderDeviceAddress;
+                          vk::BufferUsageFlagBits::eTransferDst | vk::BufferUsageFlagBits::eShaderDeviceAddress |
+                          vk::BufferUsageFlagBits::eIndirectBuffer;
 
 }  // namespace
 

@@ -97,6 +97,7 @@ std::string missing_feature(const vk::raii::PhysicalDevice& physical) {
   const auto chain = physical.getFeatures2<vk::PhysicalDeviceFeatures2, vk::PhysicalDeviceVulkan12Features>();
   const auto& v12 = chain.get<vk::PhysicalDeviceVulkan12Features>();
   if (!chain.get<vk::PhysicalDeviceFeatures2>().features.shaderInt64) return "shaderInt64";
+  if (!v12.shaderBufferInt64Atomics) return "shaderBufferInt64Atomics";
   if (!v12.scalarBlockLayout) return "scalarBlockLayout";
   if (!v12.bufferDeviceAddress) return "bufferDeviceAddress";
   const auto subgroup = physical.getProperties2<vk::PhysicalDeviceProperties2, vk::PhysicalDeviceSubgroupProperties>()
@@ -212,7 +213,8 @@ Device::Device(int index) : state_(std::make_unique<State>()) {
       .queueFamilyIndex = s.queue_family, .queueCount = 1, .pQueuePriorities = &priority};
   const char* extension = VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME;
   const vk::PhysicalDeviceFeatures features{.shaderInt64 = true};
-  const vk::PhysicalDeviceVulkan12Features v12{.scalarBlockLayout = true, .bufferDeviceAddress = true};
+  const vk::PhysicalDeviceVulkan12Features v12{
+      .shaderBufferInt64Atomics = true, .scalarBlockLayout = true, .bufferDeviceAddress = true};
   s.device.emplace(*s.physical, vk::DeviceCreateInfo{.pNext = &v12,
                                                      .queueCreateInfoCount = 1,
                                                      .pQueueCreateInfos = &queue,

@@ -95,13 +95,13 @@ KernelBase::KernelBase(Device& device, std::string name, std::span<const std::ui
 KernelBase::~KernelBase() = default;
 KernelBase::KernelBase(KernelBase&&) noexcept = default;
 
-void KernelBase::dispatch(Batch& batch, std::array<std::uint32_t, 3> threads, const void* push,
-                          std::initializer_list<const Buffer*> buffers) const {
+template <class Record>
+void KernelBase::record(Batch& batch, const void* push, std::initializer_list<const Buffer*> buffers,
+                        const Record& dispatch_it) const {
   const State& s = *state_;
   if (buffers.size() != s.layout.bindings)
     throw std::logic_error("shader " + s.name + " has " + std::to_string(s.layout.bindings) + " bindings, got " +
                            std::to_string(buffers.size()) + " buffers");
-  if (threads[0] == 0 || threads[1] == 0 || threads[2] == 0) return;
 
   Batch::State& b = batch.state();
   std::vector<vk::DescriptorBufferInfo> infos;
@@ -128,13 +128,28 @@ void KernelBase::dispatch(Batch& batch, std::array<std::uint32_t, 3> threads, co
   commands.getDispatcher()->vkCmdPushConstants(
       static_cast<VkCommandBuffer>(*commands), static_cast<VkPipelineLayout>(*s.pipeline_layout),
       VK_SHADER_STAGE_COMPUTE_BIT, 0, static_cast<std::uint32_t>(s.layout.push_bytes), push);
-  const auto& group = s.layout.workgroup;
-  commands.dispatch((threads[0] + group[0] - 1) / group[0], (threads[1] + group[1] - 1) / group[1],
-                    (threads[2] + group[2] - 1) / group[2]);
+  dispatch_it(commands);
   if (timed) {
     commands.writeTimestamp(vk::PipelineStageFlagBits::eComputeShader, *b.queries, query + 1);
     b.timed.push_back(&s.name);
   }
+}
+
+void KernelBase::dispatch(Batch& batch, std::array<std::uint32_t, 3> threads, const void* push,
+                          std::initializer_list<const Buffer*> buffers) const {
+  if (threads[0] == 0 || threads[1] == 0 || threads[2] == 0) return;
+  const auto& group = state_->layout.workgroup;
+  record(batch, push, buffers, [&](const vk::raii::CommandBuffer& commands) {
+    commands.dispatch((threads[0] + group[0] - 1) / group[0], (threads[1] + group[1] - 1) / group[1],
+                      (threads[2] + group[2] - 1) / group[2]);
+  });
+}
+
+void KernelBase::dispatch_indirect(Batch& batch, const Buffer& groups, std::uint64_t offset, const void* push,
+                                   std::initializer_list<const Buffer*> buffers) const {
+  record(batch, push, buffers, [&](const vk::raii::CommandBuffer& commands) {
+    commands.dispatchIndirect(*groups.state().allocation.buffer, offset);
+  });
 }
 
 }  // namespace cairn::gpu
