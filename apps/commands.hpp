@@ -9,6 +9,7 @@ namespace cairn::apps {
 void add_reconstruct(CLI::App& program);
 void add_evaluate(CLI::App& program);
 void add_synth(CLI::App& program);
+void add_esdf(CLI::App& program);
 void add_graph(CLI::App& program);
 void add_merge(CLI::App& program);
 void add_devices(CLI::App& program);

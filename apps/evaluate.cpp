@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "cairn/evaluation.hpp"
+#include "cairn/scene.hpp"
 #include "cairn/source.hpp"
 #include "commands.hpp"
 
@@ -19,6 +20,7 @@ struct Arguments {
   std::string estimate, truth, seen, trajectory, truth_trajectory;
   std::vector<double> box;
   double rpe_interval = 1.0, max_time_difference = 0.02;
+  float esdf_voxel_size = 0;
   int frames = 0, samples = 200000;
   bool json = false;
 };
@@ -130,6 +132,30 @@ void evaluate_loops_file(const Arguments& a) {
              percent(e.found, e.revisits));
 }
 
+void evaluate_distances_of(const Arguments& a) {
+  EsdfOptions options;
+  options.voxel_size = a.esdf_voxel_size;
+  const auto field = map_distances(a.estimate, options);
+  const double voxel = field->voxel_size();
+  const DistanceError e = evaluate_distances(*field, synthetic_scene(a.truth), read_mesh(a.seen));
+  const double signs = e.signs == 0 ? 0.0 : static_cast<double>(e.right_signs) / e.signs;
+  if (a.json) {
+    const nlohmann::json j{
+        {"distance_m", to_json(e.distance)}, {"voxel_size_m", voxel}, {"gradient_mean_rad", e.gradient_mean},
+        {"gradients", e.gradients},          {"right_signs", signs},  {"known", e.known}};
+    fmt::print("{}\n", j.dump(2));
+    return;
+  }
+  print_head();
+  print_row("distance", e.distance, 1000, "mm");
+  print_row("", e.distance, 1 / voxel, "voxels");
+  fmt::print("gradient              {:.2f} degrees mean at {} points away from the medial axis\n",
+             e.gradient_mean * 180 / std::numbers::pi, e.gradients);
+  fmt::print("sign                  {:.3f} % right\n", 100 * signs);
+  fmt::print("points                {} of {} known ones are nearest to a surface that was seen\n", e.distance.count,
+             e.known);
+}
+
 }  // namespace
 
 void add_evaluate(CLI::App& program) {
@@ -178,6 +204,19 @@ void add_evaluate(CLI::App& program) {
       ->check(CLI::ExistingPath);
   loops->add_flag("--json", a->json, "Print JSON");
   loops->callback([a] { evaluate_loops_file(*a); });
+
+  auto* distances =
+      command->add_subcommand("distances", "A map's distance field against a synthetic scene's exact one");
+  distances->add_option("MAP", a->estimate, "map.vdb in the scene's frame (reconstruct --poses groundtruth.txt)")
+      ->required()
+      ->check(CLI::ExistingFile);
+  distances->add_option("SCENE", a->truth, "As in `cairn synth`")->required();
+  distances->add_option("--seen", a->seen, "groundtruth_seen.ply of the recording")
+      ->required()
+      ->check(CLI::ExistingFile);
+  distances->add_option("--esdf-voxel-size", a->esdf_voxel_size, "Metres: 1, 2, 4 or 8 voxels of the map [two]");
+  distances->add_flag("--json", a->json, "Print JSON, in metres and radians");
+  distances->callback([a] { evaluate_distances_of(*a); });
 }
 
 }  // namespace cairn::apps

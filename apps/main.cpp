@@ -15,6 +15,7 @@ int main(int argc, char** argv) {
   program.require_subcommand(1);
   cairn::apps::add_reconstruct(program);
   cairn::apps::add_synth(program);
+  cairn::apps::add_esdf(program);
   cairn::apps::add_evaluate(program);
   cairn::apps::add_merge(program);
   cairn::apps::add_graph(program);

@@ -35,7 +35,8 @@ struct Arguments {
   int device = -1, read_ahead = 4;
   std::string frames;
   double checkpoint_seconds = 20;
-  bool refine = false, refuse = false, resume = false, no_loops = false, json = false;
+  std::optional<float> esdf_voxel_size, max_distance;
+  bool esdf = false, refine = false, refuse = false, resume = false, no_loops = false, json = false;
 };
 
 /// A:B:STEP, each part may be empty.
@@ -157,6 +158,9 @@ void reconstruct(const Arguments& a) {
   if (a.device_memory_mib) options.fuse.device_memory = *a.device_memory_mib << 20;
   if (a.host_memory_mib) options.map.host_memory = *a.host_memory_mib << 20;
   if (a.no_loops) options.map.loops = false;
+  options.esdf.live = options.esdf.live || a.esdf;
+  if (a.esdf_voxel_size) options.esdf.voxel_size = *a.esdf_voxel_size;
+  if (a.max_distance) options.esdf.max_distance = *a.max_distance;
   const Poses poses = a.poses.empty() ? Poses::tracked : Poses::given;
   if (poses == Poses::tracked) options.session = a.output / "session";
   check(options);
@@ -291,6 +295,11 @@ void add_reconstruct(CLI::App& program) {
                       "MiB for the map on the device [half of it, 2048 at most]");
   command->add_option("--host-memory", a->host_memory_mib,
                       "MiB for ended submaps; others wait on the disk [a quarter of the host's]");
+  auto* live = command->add_flag(
+      "--esdf", a->esdf, "Keep a distance field up to date while frames are fused; map.vdb gets the grid `esdf`");
+  command->add_option("--esdf-voxel-size", a->esdf_voxel_size, "Metres: 1, 2, 4 or 8 voxels of the map [two]")
+      ->needs(live);
+  command->add_option("--max-distance", a->max_distance, "Metres that the distance field looks [2]")->needs(live);
   command->add_flag("--no-loops", a->no_loops, "Do not recognise places");
   command->add_option("--frames", a->frames, "A:B:STEP, frames A to B - 1, every STEP-th [all]");
   command->add_option("--poses", a->poses, "Fuse with these world_from_camera poses (TUM format) and do not track")

@@ -12,6 +12,7 @@ layout(push_constant, scalar) uniform Push { TsdfIntegratePush push; };
 layout(binding = 0, scalar) readonly buffer Selected { uint selected[]; };
 layout(binding = 1, scalar) readonly buffer Slots { SlotState slots[]; };
 layout(binding = 2, scalar) readonly buffer Fusion { uint64_t fusion[]; };  // (depth bits, colour)
+layout(binding = 3, scalar) writeonly buffer Changed { uint changed[]; };   // by selected brick: whether a distance is new
 
 // One 64-bit access instead of two 32-bit ones: half the cost of memory on a CPU device.
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer WideVoxels { uint64_t v[]; };
@@ -33,6 +34,7 @@ void main() {
   vec2 focal = vec2(push.camera.fx, push.camera.fy), centre = vec2(push.camera.cx, push.camera.cy) + 0.5;
   int width = int(push.camera.width), height = int(push.camera.height);
 
+  uint differs = 0u;
   for (uint k = 0u; k < 8u; ++k, p += step_p) {
     vec2 pixel = focal * p.xy * (1.0 / p.z) + centre;
     bool inside = p.z > 0.0 && min(pixel.x, pixel.y) >= 0.0 && pixel.x < float(width) && pixel.y < float(height);
@@ -49,6 +51,8 @@ void main() {
       d += (min(sdf, 1.0) - d) * (weight / sum);
       uint word = (uint(int(roundEven(d * 32767.0))) & 0xffffu) |
                   (uint(int(min(sum, push.max_weight) * kWeightUnit + 0.5)) << 16);
+      differs |= (word ^ old.x) & 0xffffu;
+      differs |= old.x < 0x10000u ? 1u : 0u;  // observed for the first time
       uint rgb = old.y;
       if (push.has_colour != 0u && sdf < 1.0) {
         float n = float(int(rgb >> 24));
@@ -59,4 +63,5 @@ void main() {
       pool.v[at + k] = pack64(uvec2(word, rgb));
     }
   }
+  if (differs != 0u) changed[gl_WorkGroupID.x] = 1u;
 }

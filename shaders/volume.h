@@ -35,6 +35,15 @@ struct BrickMarkPush {
   uint phase;     // which of them: changes from frame to frame
 };
 
+struct BrickFreePush {
+  VolumeView volume;
+  Pinhole camera;
+  Rigid camera_from_submap;
+  ivec3 first;    // of the bricks to look at
+  uint size;      // of their box: x | y << 10 | z << 20
+  uint capacity;  // of the list
+};
+
 struct BrickSelectPush {
   Pinhole camera;
   Rigid submap_from_camera;
@@ -122,7 +131,7 @@ inline uint tiles(const Camera& camera) {
   const auto count = [](int pixels) { return (static_cast<uint>(pixels) + kTile - 1) / kTile; };
   return count(camera.width) * count(camera.height);
 }
-static_assert(sizeof(BrickMarkPush) <= 128 && sizeof(RaycastPush) <= 128 && sizeof(TsdfIntegratePush) <= 128);
+static_assert(sizeof(BrickMarkPush) <= 128 && sizeof(BrickFreePush) <= 128 && sizeof(RaycastPush) <= 128 && sizeof(TsdfIntegratePush) <= 128);
 }  // namespace cairn::shader
 #else
 // A voxel: x = distance (signed 16 bit, in units of truncation / 32767) | weight (16 bit, in 1/256) << 16;

@@ -5,7 +5,9 @@
 #include <utility>
 #include <vector>
 
+#include "cairn/esdf.hpp"
 #include "cairn/mesh.hpp"
+#include "cairn/scene.hpp"
 #include "cairn/trajectory.hpp"
 
 namespace cairn {
@@ -61,5 +63,18 @@ struct MeshError {
 /// measured; null: all of it. Throws std::runtime_error for a mesh without triangles.
 [[nodiscard]] MeshError evaluate_mesh(const Mesh& estimate, const Mesh& truth, int samples = 200000,
                                       const Mesh* seen = nullptr);
+
+struct DistanceError {
+  ErrorStatistics distance;        // metres, absolute
+  double gradient_mean = 0;        // radians between the field's gradient and the true one
+  int gradients = 0;               // points away from the medial axis
+  int right_signs = 0, signs = 0;  // of points that are farther than a millimetre from the surface
+  int known = 0;                   // points looked at; of them `distance.count` are nearest to a surface that was seen
+};
+
+/// Compares a field with a scene's exact distances at a point in every fourth known voxel (seeded), where the nearest
+/// surface belongs to `seen` and is within reach. The medial axis is where the true gradient over a voxel is shorter
+/// than 0.98.
+[[nodiscard]] DistanceError evaluate_distances(const DistanceField& field, const Scene& scene, const Mesh& seen);
 
 }  // namespace cairn

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "cairn/esdf.hpp"
 #include "cairn/frame.hpp"
 #include "cairn/mesh.hpp"
 #include "cairn/options.hpp"
@@ -44,7 +45,7 @@ struct FrameReport {
   std::string guess;                                       // where the alignment started
   int iterations = 0;
   int touched_bricks = 0, new_bricks = 0;
-  std::map<std::string, double> stage_ms;  // preprocess, raycast, track, fuse
+  std::map<std::string, double> stage_ms;  // preprocess, raycast, track, fuse, keyframe, esdf, esdf to host
 };
 
 /// What Mapper::refine did.
@@ -129,7 +130,13 @@ class Mapper {
   Merged merge(Mapper& other);
   /// The surface, in the world frame, with normals and colours.
   [[nodiscard]] Mesh mesh();
-  /// Writes the grids `tsdf`, `weight` and `colour` to a .vdb file, whole or not at all.
+  /// The distance field of the whole map, made anew from its surface.
+  [[nodiscard]] std::shared_ptr<const DistanceField> distances();
+  /// With EsdfOptions::live the field as of the last frame, in the frame in which the camera is tracked: that of the
+  /// world before loops correct it. Null before the first frame. Any thread may ask while another one adds frames.
+  [[nodiscard]] std::shared_ptr<const DistanceField> live_distances() const;
+  /// Writes the grids `tsdf`, `weight` and `colour`, with EsdfOptions::live also `esdf`, to a .vdb file, whole or not
+  /// at all.
   void write_map(const std::filesystem::path& file);
 
   struct Statistics {

@@ -45,11 +45,18 @@ struct MapOptions {
   std::uint64_t host_memory = 0;  // bytes for ended submaps, others wait on the disk; 0: a quarter of what the host has
 };
 
+struct EsdfOptions {
+  bool live = false;          // keep the distance field up to date while frames are fused
+  float voxel_size = 0.0f;    // metres: 1, 2, 4 or 8 voxels of the TSDF; 0: two
+  float max_distance = 2.0f;  // metres; places that are farther from every surface only know that they are
+};
+
 struct Options {
   SurfaceOptions surface;
   TrackOptions track;
   FuseOptions fuse;
   MapOptions map;
+  EsdfOptions esdf;
   std::filesystem::path session;  // folder for keyframes and submaps, and for a session to resume; empty: in memory
 };
 

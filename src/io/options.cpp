@@ -41,6 +41,9 @@ void for_each_option(Options& o, Visit&& visit) {
   visit("map.loops", o.map.loops, 0, 1);
   visit("map.lost_frames", o.map.lost_frames, 1, 1e9);
   visit("map.host_memory", o.map.host_memory, 0.0, 1e15);
+  visit("esdf.live", o.esdf.live, 0, 1);
+  visit("esdf.voxel_size", o.esdf.voxel_size, 0.0, 1.6);
+  visit("esdf.max_distance", o.esdf.max_distance, 0.01, 20.0);
   visit("fuse.device_memory", o.fuse.device_memory, 0.0, 1e15);
 }
 

@@ -311,7 +311,7 @@ World& BackEnd::world() {
     if (piece_of[k] == main) is_main[atlas_.keyframes[k].submap] = true;
   std::vector<PlacedSubmap> placed;
   for (std::size_t i = 0; i < submaps_.size(); ++i)
-    if (is_main[i]) placed.push_back({i, submaps_.bricks(i), Deformation(atlas_, i)});
+    if (is_main[i]) placed.push_back({i, submaps_.bricks(i), submaps_.free(i), Deformation(atlas_, i)});
   (void)world_.update(placed, [&](std::size_t i) { return submaps_.voxels(i); });
   counts_.world_ms = std::max(counts_.world_ms, milliseconds(start));
   return world_;

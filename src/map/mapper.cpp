@@ -3,6 +3,7 @@
 #include "cairn/mapper.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <functional>
 #include <future>
@@ -17,6 +18,7 @@
 #include "surface/preprocess.hpp"
 #include "surface/stopwatch.hpp"
 #include "track/tracker.hpp"
+#include "volume/esdf.hpp"
 #include "volume/integrate.hpp"
 #include "volume/polygonize.hpp"
 
@@ -92,6 +94,19 @@ struct Mapper::State {
     return lost >= options.map.lost_frames;
   }
 
+  /// The live distance field follows what a frame changed; without one it starts with all that the volume holds.
+  Esdf::Updated update_distances(const Fused& fused) {
+    std::vector<Brick> changed = fused.changed;
+    changed.insert(changed.end(), fused.newly_free.begin(), fused.newly_free.end());
+    if (!esdf) {
+      esdf.emplace(device, options.fuse, options.esdf);
+      changed = volume.bricks();
+      const std::vector<Brick> free = volume.host().free_bricks();
+      changed.insert(changed.end(), free.begin(), free.end());
+    }
+    return esdf->update(volume, changed);
+  }
+
   /// All of the map goes to submaps.
   void end_everything() {
     back_end.settle();
@@ -124,6 +139,8 @@ struct Mapper::State {
   Volume volume;
   BackEnd back_end;
   Tracker tracker;
+  std::optional<Esdf> esdf;  // with EsdfOptions::live
+  std::atomic<std::shared_ptr<const DistanceField>> live_distances;
   std::optional<Volume> whole;                             // the world, where that is not what `volume` holds
   Trajectory given;                                        // with Poses::given
   std::optional<double> last_fused;                        // timestamp
@@ -214,6 +231,10 @@ FrameReport Mapper::add(const Frame& given) {
     s.given.push_back({frame.timestamp, world_from_camera});
   }
   if (frame.acceleration) s.acceleration += world_from_camera.linear() * *frame.acceleration;
+  if (s.options.esdf.live) {
+    (void)timed(report.stage_ms, "esdf", [&] { return s.update_distances(fused); });
+    s.live_distances = timed(report.stage_ms, "esdf to host", [&] { return s.esdf->field(); });
+  }
   s.last_fused = frame.timestamp;
   s.lost = 0;
   s.whole.reset();
@@ -368,6 +389,7 @@ void Mapper::begin_recording() {
   s.tracker.begin_in(last);
   s.last_fused.reset();
   s.lost = 0;
+  s.esdf.reset();
 }
 
 Mapper::Merged Mapper::merge(Mapper& other) {
@@ -383,9 +405,18 @@ Mapper::Merged Mapper::merge(Mapper& other) {
 
 Mesh Mapper::mesh() { return state_->polygonize(state_->world()); }
 
+std::shared_ptr<const DistanceField> Mapper::distances() {
+  State& s = *state_;
+  return distances_of(s.device, s.world().on_host(), s.options.fuse, s.options.esdf);
+}
+
+std::shared_ptr<const DistanceField> Mapper::live_distances() const { return state_->live_distances; }
+
 void Mapper::write_map(const std::filesystem::path& file) {
+  const auto field = state_->options.esdf.live ? distances() : nullptr;
   write_grids(file, state_->world().on_host(),
-              {.voxel_size = state_->options.fuse.voxel_size, .truncation = state_->options.fuse.truncation});
+              {.voxel_size = state_->options.fuse.voxel_size, .truncation = state_->options.fuse.truncation},
+              field.get());
 }
 
 Mapper::Statistics Mapper::statistics() const {

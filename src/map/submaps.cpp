@@ -22,6 +22,7 @@ void Submaps::add(BrickTree voxels) {
   wait();
   const std::size_t id = bricks_.size();
   bricks_.push_back(voxels.bricks());
+  free_.push_back(voxels.free_bricks());
   voxels_.push_back(std::make_shared<const BrickTree>(std::move(voxels)));
   last_use_.push_back(++use_);
   stored_.push_back(false);
@@ -44,6 +45,7 @@ BrickTree Submaps::copy(std::size_t i) const {
 void Submaps::add_stored(bool has_file) {
   voxels_.push_back(std::make_shared<const BrickTree>(has_file ? read_bricks(file(bricks_.size())) : BrickTree()));
   bricks_.push_back(voxels_.back()->bricks());
+  free_.push_back(voxels_.back()->free_bricks());
   last_use_.push_back(++use_);
   stored_.push_back(true);
   keep_within_budget();
@@ -52,6 +54,7 @@ void Submaps::add_stored(bool has_file) {
 void Submaps::drop(std::size_t i) {
   wait();
   bricks_[i].clear();
+  free_[i].clear();
   voxels_[i] = std::make_shared<const BrickTree>();
 }
 

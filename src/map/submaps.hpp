@@ -27,6 +27,8 @@ class Submaps {
   [[nodiscard]] std::size_t size() const { return bricks_.size(); }
   /// Sorted by x, then y, then z; none for a dropped submap.
   [[nodiscard]] const std::vector<Brick>& bricks(std::size_t i) const { return bricks_[i]; }
+  /// Bricks that it knows to be free.
+  [[nodiscard]] const std::vector<Brick>& free(std::size_t i) const { return free_[i]; }
   /// A submap's voxels, from its file if they have left the memory.
   [[nodiscard]] std::shared_ptr<const BrickTree> voxels(std::size_t i);
   /// Waits until what was added is in its file.
@@ -44,7 +46,7 @@ class Submaps {
   void keep_within_budget();
   std::filesystem::path folder_;
   std::uint64_t budget_;
-  std::vector<std::vector<Brick>> bricks_;
+  std::vector<std::vector<Brick>> bricks_, free_;
   std::vector<std::shared_ptr<const BrickTree>> voxels_;  // null: in its file alone
   std::vector<std::uint64_t> last_use_;
   std::uint64_t use_ = 0;

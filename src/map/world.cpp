@@ -109,10 +109,41 @@ std::vector<Brick> World::update(const std::vector<PlacedSubmap>& submaps, const
       for (const auto& [share, distance] : of_target->second) job.shares.push_back(share);
   }
   merge_(jobs, load, bricks_);
-  std::sort(bricks.begin(), bricks.end(), [](const Brick& a, const Brick& b) {
-    return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
-  });
+  if (!bricks.empty()) {
+    const std::vector<Brick> moved = move_free(submaps);
+    bricks.insert(bricks.end(), moved.begin(), moved.end());
+  }
+  std::sort(bricks.begin(), bricks.end(), before);
+  bricks.erase(std::unique(bricks.begin(), bricks.end()), bricks.end());
   return bricks;
+}
+
+/// Finds the free bricks of the world again: those whose middle lies in a free brick of a submap. Returns what changed.
+std::vector<Brick> World::move_free(const std::vector<PlacedSubmap>& submaps) {
+  const double size = 8.0 * static_cast<double>(options_.voxel_size);
+  BrickSet now;
+  for (const PlacedSubmap& submap : submaps) {
+    const BrickSet of_submap(submap.free.begin(), submap.free.end());
+    std::vector<Eigen::Isometry3d> moved(submap.free.size());
+    tbb::parallel_for(std::size_t{0}, moved.size(),
+                      [&](std::size_t i) { moved[i] = submap.deformation(centre_of(submap.free[i], size)); });
+    for (std::size_t i = 0; i < moved.size(); ++i)
+      cover(submap.free[i], moved[i], size, [&](const Brick& target) {
+        const Eigen::Vector3d there = moved[i].inverse() * centre_of(target, size);
+        if (of_submap.contains((there / size).array().floor().cast<int>().matrix())) now.insert(target);
+      });
+  }
+  const std::vector<Brick> before_list = bricks_.free_bricks();
+  const BrickSet was(before_list.begin(), before_list.end());
+  bricks_.forget_free();
+  std::vector<Brick> changed;
+  for (const Brick& brick : now) {
+    bricks_.mark_free(brick);
+    if (!was.contains(brick)) changed.push_back(brick);
+  }
+  for (const Brick& brick : was)
+    if (!now.contains(brick)) changed.push_back(brick);
+  return changed;
 }
 
 }  // namespace cairn

@@ -10,7 +10,10 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
+#include <limits>
+#include <map>
 #include <mutex>
+#include <optional>
 #include <stdexcept>
 
 #include "io/atomic_file.hpp"
@@ -19,6 +22,7 @@ namespace cairn {
 namespace {
 
 using VoxelTree = openvdb::Int64Tree;
+constexpr float kFreeWeight = 1.0f;  // of bricks without voxels that were seen to be empty
 constexpr float kDistanceUnits = 32767.0f, kWeightUnits = 256.0f;  // as in shaders/volume.h
 
 void initialize_once() {
@@ -27,16 +31,27 @@ void initialize_once() {
 }
 
 openvdb::Coord origin_of(const Eigen::Vector3i& brick) { return {8 * brick.x(), 8 * brick.y(), 8 * brick.z()}; }
+Eigen::Vector3i brick_at(const openvdb::Coord& voxel) { return {voxel.x() >> 3, voxel.y() >> 3, voxel.z() >> 3}; }
 
 float distance_of(std::uint64_t v, float truncation) {
   return static_cast<float>(static_cast<std::int16_t>(v & 0xffff)) / kDistanceUnits * truncation;
 }
 float weight_of(std::uint64_t v) { return static_cast<float>((v >> 16) & 0xffff) / kWeightUnits; }
 
-/// A grid with the tree's topology, its leaves filled by `value(voxel)`, active where the weight is not 0.
+/// Calls `visit` with the first voxel of each active tile of a leaf's size.
+template <class Tree, class Visit>
+void for_each_tile(const Tree& tree, const Visit& visit) {
+  auto tile = tree.cbeginValueOn();
+  tile.setMaxDepth(decltype(tile)::LEAF_DEPTH - 1);
+  for (; tile; ++tile) visit(tile.getCoord());
+}
+
+/// A grid with the tree's topology, its leaves filled by `value(voxel)`, active where the weight is not 0. Bricks that
+/// are free become active tiles of value `free`.
 template <class Grid, class Value>
 typename Grid::Ptr make_grid(const VoxelTree& tree, const char* name, const GridInfo& info,
-                             const typename Grid::ValueType& background, const Value& value) {
+                             const typename Grid::ValueType& background, const Value& value,
+                             const std::optional<typename Grid::ValueType>& free = {}) {
   auto grid = Grid::create(background);
   grid->setName(name);
   grid->setTransform(openvdb::math::Transform::createLinearTransform(info.voxel_size));
@@ -53,6 +68,31 @@ typename Grid::Ptr make_grid(const VoxelTree& tree, const char* name, const Grid
         to[i]->setValueOn(n, value(voxel));
     }
   });
+  if (free) for_each_tile(tree, [&](const openvdb::Coord& origin) { grid->tree().addTile(1, origin, *free, true); });
+  return grid;
+}
+
+/// The background is the largest distance: what is farther or unknown is not stored.
+openvdb::FloatGrid::Ptr distance_grid(const DistanceField& field) {
+  auto grid = openvdb::FloatGrid::create(field.max_distance());
+  grid->setName("esdf");
+  grid->setGridClass(openvdb::GRID_LEVEL_SET);
+  auto transform = openvdb::math::Transform::createLinearTransform(field.voxel_size());
+  transform->postTranslate(openvdb::Vec3d(field.origin().x(), field.origin().y(), field.origin().z()));
+  grid->setTransform(transform);
+  for (const auto& [block, samples] : field.blocks())
+    for (int part = 0; part < 8; ++part) {
+      const openvdb::Coord corner(8 * (part >> 2), 8 * (part >> 1 & 1), 8 * (part & 1));
+      const openvdb::Coord origin = openvdb::Coord(16 * block.x(), 16 * block.y(), 16 * block.z()) + corner;
+      openvdb::FloatTree::LeafNodeType* leaf = nullptr;
+      for (openvdb::Index n = 0; n < 512; ++n) {
+        const openvdb::Coord v = corner + openvdb::FloatTree::LeafNodeType::offsetToLocalCoord(n);
+        const float d = (*samples)[static_cast<std::size_t>(v.x() << 8 | v.y() << 4 | v.z())];
+        if (std::isnan(d)) continue;
+        if (leaf == nullptr) leaf = grid->tree().touchLeaf(origin);
+        leaf->setValueOn(n, d);
+      }
+    }
   return grid;
 }
 
@@ -97,6 +137,25 @@ void BrickTree::erase(const Eigen::Vector3i& brick) {
   delete state_->tree->stealNode<VoxelTree::LeafNodeType>(origin_of(brick), 0, false);
 }
 
+void BrickTree::mark_free(const Eigen::Vector3i& brick) {
+  if (find(brick) == nullptr) state_->tree->addTile(1, origin_of(brick), 0, true);
+}
+
+void BrickTree::forget_free() {
+  for (const Eigen::Vector3i& brick : free_bricks()) state_->tree->addTile(1, origin_of(brick), 0, false);
+}
+
+bool BrickTree::is_free(const Eigen::Vector3i& brick) const {
+  return find(brick) == nullptr && state_->tree->isValueOn(origin_of(brick));
+}
+
+std::vector<Eigen::Vector3i> BrickTree::free_bricks() const {
+  std::vector<Eigen::Vector3i> all;
+  for_each_tile(*state_->tree, [&](const openvdb::Coord& origin) { all.push_back(brick_at(origin)); });
+  std::sort(all.begin(), all.end(), before);
+  return all;
+}
+
 const std::uint64_t* BrickTree::find(const Eigen::Vector3i& brick) const {
   const auto* leaf = std::as_const(*state_->tree).probeConstLeaf(origin_of(brick));
   return leaf == nullptr ? nullptr : reinterpret_cast<const std::uint64_t*>(leaf->buffer().data());
@@ -106,32 +165,73 @@ std::size_t BrickTree::size() const { return state_->tree->leafCount(); }
 
 std::vector<Eigen::Vector3i> BrickTree::bricks() const {
   std::vector<Eigen::Vector3i> all;
-  for (auto leaf = state_->tree->cbeginLeaf(); leaf; ++leaf)
-    all.emplace_back(leaf->origin().x() >> 3, leaf->origin().y() >> 3, leaf->origin().z() >> 3);
-  std::sort(all.begin(), all.end(), [](const Eigen::Vector3i& a, const Eigen::Vector3i& b) {
-    return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
-  });
+  for (auto leaf = state_->tree->cbeginLeaf(); leaf; ++leaf) all.push_back(brick_at(leaf->origin()));
+  std::sort(all.begin(), all.end(), before);
   return all;
 }
 
-void write_grids(const std::filesystem::path& file, const BrickTree& bricks, const GridInfo& info) {
+void write_grids(const std::filesystem::path& file, const BrickTree& bricks, const GridInfo& info,
+                 const DistanceField* distances) {
   // The trees are private to this file, so that OpenVDB's headers stay here.
   const VoxelTree& tree = *bricks.state_->tree;
   openvdb::GridPtrVec grids;
-  auto tsdf = make_grid<openvdb::FloatGrid>(tree, "tsdf", info, info.truncation,
-                                            [&](std::uint64_t v) { return distance_of(v, info.truncation); });
+  auto tsdf = make_grid<openvdb::FloatGrid>(
+      tree, "tsdf", info, info.truncation, [&](std::uint64_t v) { return distance_of(v, info.truncation); },
+      info.truncation);
   tsdf->setGridClass(openvdb::GRID_LEVEL_SET);
   tsdf->insertMeta("truncation", openvdb::FloatMetadata(info.truncation));
   grids.push_back(tsdf);
-  grids.push_back(make_grid<openvdb::FloatGrid>(tree, "weight", info, 0.0f, weight_of));
+  grids.push_back(make_grid<openvdb::FloatGrid>(tree, "weight", info, 0.0f, weight_of, kFreeWeight));
   grids.push_back(make_grid<openvdb::Vec3SGrid>(tree, "colour", info, openvdb::Vec3s(0.0f), [](std::uint64_t v) {
     const auto channel = [&](int shift) { return static_cast<float>((v >> shift) & 0xff) / 255.0f; };
     return openvdb::Vec3s(channel(32), channel(40), channel(48));
   }));
   grids.push_back(make_grid<openvdb::Int32Grid>(tree, "colour_weight", info, 0,
                                                 [](std::uint64_t v) { return static_cast<std::int32_t>(v >> 56); }));
+  if (distances != nullptr) grids.push_back(distance_grid(*distances));
   for (const auto& grid : grids) grid->setCreator("cairn");
   write_stream(file, grids);
+}
+
+void write_distances(const std::filesystem::path& file, const DistanceField& distances) {
+  initialize_once();
+  const auto grid = distance_grid(distances);
+  grid->setCreator("cairn");
+  write_stream(file, {grid});
+}
+
+DistanceField DistanceField::read(const std::filesystem::path& vdb) {
+  initialize_once();
+  const auto wrong = [&](const std::string& why) {
+    return std::runtime_error(vdb.string() + ": " + why + "; expected a file of `cairn esdf` or `reconstruct --esdf`");
+  };
+  openvdb::FloatGrid::Ptr grid;
+  try {
+    openvdb::io::File in(vdb.string());
+    in.open(false);
+    grid = openvdb::gridPtrCast<openvdb::FloatGrid>(in.readGrid("esdf"));
+  } catch (const openvdb::Exception& error) {
+    throw wrong(error.what());
+  }
+  if (!grid) throw wrong("its grid `esdf` has another type");
+  std::map<std::array<int, 3>, std::shared_ptr<Block>> blocks;
+  for (auto leaf = grid->tree().cbeginLeaf(); leaf; ++leaf) {
+    const openvdb::Coord at = leaf->origin();
+    auto& block = blocks[{at.x() >> 4, at.y() >> 4, at.z() >> 4}];
+    if (!block) {
+      block = std::make_shared<Block>();
+      block->fill(std::numeric_limits<float>::quiet_NaN());
+    }
+    for (auto value = leaf->cbeginValueOn(); value; ++value) {
+      const openvdb::Coord v = value.getCoord();
+      (*block)[static_cast<std::size_t>((v.x() & 15) << 8 | (v.y() & 15) << 4 | (v.z() & 15))] = *value;
+    }
+  }
+  Blocks list;
+  for (const auto& [at, block] : blocks) list.emplace_back(Eigen::Vector3i(at[0], at[1], at[2]), block);
+  const openvdb::Vec3d origin = grid->transform().indexToWorld(openvdb::Vec3d(0.0));
+  return {static_cast<float>(grid->voxelSize().x()), Eigen::Vector3d(origin.x(), origin.y(), origin.z()).cast<float>(),
+          grid->background(), std::move(list)};
 }
 
 void write_bricks(const std::filesystem::path& file, const BrickTree& bricks) {
@@ -194,8 +294,9 @@ ReadGrids read_grids(const std::filesystem::path& file) {
       v |= static_cast<std::uint64_t>(n->getValue(i)) << 56;
       voxels[i] = v;
     }
-    result.tree.put({at.x() >> 3, at.y() >> 3, at.z() >> 3}, voxels);
+    result.tree.put(brick_at(at), voxels);
   }
+  for_each_tile(tsdf->tree(), [&](const openvdb::Coord& origin) { result.tree.mark_free(brick_at(origin)); });
   return result;
 }
 

@@ -3,6 +3,7 @@
 // The only door to OpenVDB.
 #pragma once
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <filesystem>
@@ -10,7 +11,14 @@
 #include <span>
 #include <vector>
 
+#include "cairn/esdf.hpp"
+
 namespace cairn {
+
+/// The order of lists of bricks: by x, then y, then z.
+[[nodiscard]] inline bool before(const Eigen::Vector3i& a, const Eigen::Vector3i& b) {
+  return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
+}
 
 /// Voxels of one brick in OpenVDB's leaf order, two words each as in shaders/volume.h, low word first.
 using BrickVoxels = std::array<std::uint64_t, 512>;
@@ -29,6 +37,12 @@ class BrickTree {
   /// Adds the brick or replaces it. `brick` counts bricks: voxel / 8.
   void put(const Eigen::Vector3i& brick, std::span<const std::uint64_t, 512> voxels);
   void erase(const Eigen::Vector3i& brick);
+  /// Notes that a brick without voxels was seen to be empty; an active tile in the tree. put takes its place.
+  void mark_free(const Eigen::Vector3i& brick);
+  void forget_free();
+  [[nodiscard]] bool is_free(const Eigen::Vector3i& brick) const;
+  /// Sorted like bricks().
+  [[nodiscard]] std::vector<Eigen::Vector3i> free_bricks() const;
   /// The brick's voxels, or null. Valid until the brick is put again.
   [[nodiscard]] const std::uint64_t* find(const Eigen::Vector3i& brick) const;
   [[nodiscard]] std::size_t size() const;  // bricks
@@ -38,7 +52,8 @@ class BrickTree {
  private:
   friend void write_bricks(const std::filesystem::path& file, const BrickTree& tree);
   friend BrickTree read_bricks(const std::filesystem::path& file);
-  friend void write_grids(const std::filesystem::path& file, const BrickTree& tree, const GridInfo& info);
+  friend void write_grids(const std::filesystem::path& file, const BrickTree& tree, const GridInfo& info,
+                          const DistanceField* distances);
   struct State;
   std::unique_ptr<State> state_;
 };
@@ -55,8 +70,10 @@ struct GridInfo {
 };
 
 /// Writes the grids `tsdf` (float, metres, level set), `weight` (float), `colour` (vec3f, 0..1, sRGB) and
-/// `colour_weight` (int32: frames), active where the weight is not 0. Whole or not at all.
-void write_grids(const std::filesystem::path& file, const BrickTree& tree, const GridInfo& info);
+/// `colour_weight` (int32: frames), active where the weight is not 0. Free bricks are active tiles of the first two.
+/// Whole or not at all. With `distances` also `esdf`, see write_distances in cairn/esdf.hpp.
+void write_grids(const std::filesystem::path& file, const BrickTree& tree, const GridInfo& info,
+                 const DistanceField* distances = nullptr);
 
 struct ReadGrids {
   BrickTree tree;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "spirv/brick_free.comp.h"
 #include "spirv/brick_mark.comp.h"
 #include "spirv/brick_select.comp.h"
 #include "spirv/depth_tiles.comp.h"
@@ -12,8 +13,10 @@
 namespace cairn {
 namespace {
 
-constexpr std::uint32_t kMaxNewBricks = 65536;  // of one frame; what is left over comes with the next
-constexpr std::uint32_t kFirstDownload = 4096;  // most frames have fewer
+constexpr std::uint32_t kMaxNewBricks = 65536;      // of one frame; what is left over comes with the next
+constexpr std::uint32_t kFirstDownload = 4096;      // most frames have fewer
+constexpr std::uint32_t kMaxFreeBricks = 1u << 20;  // that one frame looks through first
+constexpr std::uint32_t kLookEvery = 4;  // fused frames: neighbouring ones look through nearly the same bricks
 
 }  // namespace
 
@@ -24,9 +27,12 @@ Integrate::Integrate(gpu::Device& device, const Camera& camera, const SurfaceOpt
       depth_tiles_(device, 4 * std::uint64_t{shader::tiles(camera)}),
       new_count_(device, 4),
       new_bricks_(device, kMaxNewBricks * sizeof(shader::ivec3)),
+      free_count_(device, 4),
+      free_bricks_(device, kMaxFreeBricks * sizeof(shader::ivec3)),
       selected_count_(device, 4),
       tiles_(device, "depth_tiles", depth_tiles_comp),
       mark_(device, "brick_mark", brick_mark_comp),
+      free_(device, "brick_free", brick_free_comp),
       select_(device, "brick_select", brick_select_comp),
       integrate_(device, "tsdf_integrate", tsdf_integrate_comp) {}
 
@@ -84,6 +90,8 @@ Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& sub
   batch.download(selected_count_, std::span<std::uint32_t>(selected_count));
   batch.run();
 
+  if (changed_.size() < selected_.size()) changed_ = gpu::Buffer(device_, selected_.size());
+  batch.fill(changed_, 0);
   integrate_(batch, {64 * selected_count[0], 1, 1},
              {.voxels = volume.view().voxels,
               .camera = pinhole,
@@ -93,9 +101,53 @@ Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& sub
               .voxel_size = volume.options().voxel_size,
               .truncation = volume.options().truncation,
               .max_weight = volume.options().max_weight},
-             {&selected_, &volume.slots(), surface.fusion});
+             {&selected_, &volume.slots(), surface.fusion, &changed_});
+  std::vector<std::uint32_t> slots(selected_count[0]), changed(selected_count[0]);
+  batch.download(selected_, slots);
+  batch.download(changed_, changed);
   batch.run();
-  return {.touched = static_cast<int>(selected_count[0]), .new_bricks = static_cast<int>(count)};
+  Fused fused{.touched = static_cast<int>(slots.size()), .changed = {}, .new_bricks = static_cast<int>(count)};
+  for (std::size_t i = 0; i < slots.size(); ++i)
+    if (changed[i] != 0) fused.changed.push_back(volume.brick_in(slots[i]));
+  if (stamp % kLookEvery == 1) {
+    fused.newly_free = look_through(surface, submap_from_camera, volume);
+    volume.mark_free(fused.newly_free);
+  }
+  return fused;
+}
+
+/// The bricks in front of what the frame sees that have no voxels and were not known to be free.
+std::vector<Brick> Integrate::look_through(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
+                                           const Volume& volume) {
+  Eigen::AlignedBox3d view(submap_from_camera.translation());
+  for (int corner = 0; corner < 4; ++corner) {
+    const Eigen::Vector2d pixel((corner & 1) != 0 ? camera_.width : 0, (corner & 2) != 0 ? camera_.height : 0);
+    const Eigen::Vector3d ray((pixel.x() - camera_.cx) / camera_.fx, (pixel.y() - camera_.cy) / camera_.fy, 1.0);
+    view.extend(submap_from_camera * (static_cast<double>(options_.max_depth) * ray));
+  }
+  const double size = volume.brick_size();
+  const Brick first = (view.min() / size).array().floor().cast<int>();
+  const Brick extent = (view.max() / size).array().floor().cast<int>().matrix() - first + Brick::Ones();
+  const Brick clipped = extent.cwiseMin(1023);  // what the push holds; the window is narrower
+  std::uint32_t free_count[1] = {0};
+  gpu::Batch batch(device_);
+  batch.fill(free_count_, 0);
+  free_(batch, {static_cast<std::uint32_t>(clipped.prod()), 1, 1},
+        {.volume = volume.view(),
+         .camera = shader::pinhole(camera_),
+         .camera_from_submap = shader::rigid(submap_from_camera.inverse()),
+         .first = first,
+         .size = static_cast<std::uint32_t>(clipped.x() | clipped.y() << 10 | clipped.z() << 20),
+         .capacity = kMaxFreeBricks},
+        {surface.fusion, &volume.page_table(), &volume.free_marks(), &free_count_, &free_bricks_});
+  batch.download(free_count_, std::span<std::uint32_t>(free_count));
+  batch.run();
+  std::vector<shader::ivec3> found(std::min(free_count[0], kMaxFreeBricks));
+  batch.download(free_bricks_, found);
+  batch.run();
+  std::vector<Brick> bricks(found.begin(), found.end());
+  std::sort(bricks.begin(), bricks.end(), before);
+  return bricks;
 }
 
 }  // namespace cairn

@@ -9,8 +9,10 @@
 namespace cairn {
 
 struct Fused {
-  int touched = 0;     // bricks that the frame could change
-  int new_bricks = 0;  // of them without a slot before
+  int touched = 0;                // bricks that the frame could change
+  std::vector<Brick> changed;     // of them those with a new distance, in no order
+  int new_bricks = 0;             // without a slot before
+  std::vector<Brick> newly_free;  // bricks without voxels that the frame looked through, for the first time
 };
 
 /// Allocates the bricks of a frame's truncation band and fuses the frame into all bricks that it sees.
@@ -22,12 +24,16 @@ class Integrate {
                    std::uint32_t stamp);
 
  private:
+  [[nodiscard]] std::vector<Brick> look_through(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
+                                                const Volume& volume);
+
   gpu::Device& device_;
   Camera camera_;
   SurfaceOptions options_;
-  gpu::Buffer depth_tiles_, new_count_, new_bricks_, selected_count_, selected_;
+  gpu::Buffer depth_tiles_, new_count_, new_bricks_, free_count_, free_bricks_, selected_count_, selected_, changed_;
   gpu::Kernel<shader::DepthTilesPush> tiles_;
   gpu::Kernel<shader::BrickMarkPush> mark_;
+  gpu::Kernel<shader::BrickFreePush> free_;
   gpu::Kernel<shader::BrickSelectPush> select_;
   gpu::Kernel<shader::TsdfIntegratePush> integrate_;
 };

@@ -35,10 +35,6 @@ std::uint32_t capacity_for(const gpu::Device& device, const FuseOptions& options
   return static_cast<std::uint32_t>((budget - table_bytes) / per_brick);
 }
 
-bool before(const Brick& a, const Brick& b) {
-  return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
-}
-
 }  // namespace
 
 Volume::Volume(gpu::Device& device, const FuseOptions& options, float reach)
@@ -48,10 +44,12 @@ Volume::Volume(gpu::Device& device, const FuseOptions& options, float reach)
       capacity_(capacity_for(device, options, std::uint64_t{4} << (3 * table_bits_))),
       voxels_(device, capacity_ * kBrickBytes),
       page_table_(device, std::uint64_t{4} << (3 * table_bits_)),
+      free_marks_(device, (std::uint64_t{1} << (3 * table_bits_)) / 8),
       slots_(device, capacity_ * sizeof(shader::SlotState)),
       place_(device, "brick_place", brick_place_comp) {
   gpu::Batch batch(device_);
   batch.fill(page_table_, 0);
+  batch.fill(free_marks_, 0);
   batch.fill(slots_, 0);
   batch.run();
   origin_ = Brick::Constant(-(1 << (table_bits_ - 1)));
@@ -92,11 +90,23 @@ void Volume::move_window(const Eigen::Vector3d& centre) {
     if (!in_window(brick)) leaving.push_back(slot);
   std::sort(leaving.begin(), leaving.end());
   evict(leaving);
+  refresh_free_marks();
+}
+
+void Volume::refresh_free_marks() {
+  std::vector<std::uint32_t> marks(free_marks_.size() / 4);
+  for (const Brick& brick : host_.free_bricks())
+    if (in_window(brick)) marks[table_index(brick) / 32] |= 1u << (table_index(brick) % 32);
+  gpu::Batch batch(device_);
+  batch.upload(free_marks_, marks);
+  batch.run();
+}
+
+void Volume::mark_free(std::span<const Brick> bricks) {
+  for (const Brick& brick : bricks) host_.mark_free(brick);
 }
 
 void Volume::copy_to_host(std::span<const std::uint32_t> slots) {
-  std::unordered_map<std::uint32_t, Brick> brick_of;
-  for (const auto& [brick, slot] : slot_of_) brick_of.emplace(slot, brick);
   std::vector<BrickVoxels> voxels;
   for (std::size_t begin = 0; begin < slots.size(); begin += kBricksPerCopy) {
     const auto some = slots.subspan(begin, std::min(kBricksPerCopy, slots.size() - begin));
@@ -109,7 +119,7 @@ void Volume::copy_to_host(std::span<const std::uint32_t> slots) {
       i = end;
     }
     batch.run();
-    for (std::size_t i = 0; i < some.size(); ++i) host_.put(brick_of.at(some[i]), voxels[i]);
+    for (std::size_t i = 0; i < some.size(); ++i) host_.put(brick_in_[some[i]], voxels[i]);
   }
 }
 
@@ -191,6 +201,8 @@ void Volume::make_resident(std::span<const Brick> bricks, std::uint32_t now) {
         free_.pop_back();
       }
       slot_of_.emplace(missing[i], slot);
+      brick_in_.resize(high_slot_);
+      brick_in_[slot] = missing[i];
       placements.push_back(
           {.brick = missing[i], .slot = slot, .table_index = table_index(missing[i]), .entry = slot + 1});
     }
@@ -250,11 +262,15 @@ std::vector<Brick> Volume::bricks() const {
   return all;
 }
 
-const BrickTree& Volume::on_host() {
+std::vector<std::uint32_t> Volume::slots_in_use() const {
   std::vector<std::uint32_t> slots;
   for (const auto& [brick, slot] : slot_of_) slots.push_back(slot);
   std::sort(slots.begin(), slots.end());
-  copy_to_host(slots);
+  return slots;
+}
+
+const BrickTree& Volume::on_host() {
+  copy_to_host(slots_in_use());
   return host_;
 }
 
@@ -276,6 +292,10 @@ BrickTree Volume::split(std::uint32_t since, const Eigen::Vector3d& centre, floa
     next.put(brick, voxels);
     if (slot != kNoSlot) back.push_back(brick);
   }
+  for (const Brick& brick : host_.free_bricks()) {
+    submap.mark_free(brick);
+    if (stays(brick)) next.mark_free(brick);
+  }
   adopt(std::move(next));
   make_resident(back, since);
   return submap;
@@ -284,11 +304,8 @@ BrickTree Volume::split(std::uint32_t since, const Eigen::Vector3d& centre, floa
 Volume::Residency Volume::residency() {
   Residency r{.origin = origin_, .counts = counts_};
   const auto states = slot_states();
-  std::vector<std::pair<std::uint32_t, Brick>> by_slot;
-  for (const auto& [brick, slot] : slot_of_) by_slot.emplace_back(slot, brick);
-  std::sort(by_slot.begin(), by_slot.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  for (const auto& [slot, brick] : by_slot) {
-    r.on_device.push_back(brick);
+  for (const std::uint32_t slot : slots_in_use()) {
+    r.on_device.push_back(brick_in_[slot]);
     r.device_last_seen.push_back(states[slot].last_seen);
   }
   for (const auto& [brick, seen] : last_seen_) r.on_host.push_back(brick);
@@ -300,6 +317,7 @@ Volume::Residency Volume::residency() {
 void Volume::restore(BrickTree tree, const Residency& r) {
   adopt(std::move(tree));
   origin_ = r.origin;
+  refresh_free_marks();
   make_resident(r.on_device, 0);
   auto states = slot_states();
   for (std::size_t i = 0; i < r.on_device.size(); ++i)
@@ -322,6 +340,7 @@ void Volume::adopt(BrickTree tree) {
   batch.fill(page_table_, 0);
   batch.fill(slots_, 0);
   batch.run();
+  refresh_free_marks();
 }
 
 }  // namespace cairn

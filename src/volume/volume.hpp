@@ -40,9 +40,10 @@ class Volume {
   /// What a kernel needs to find voxels, with the page table as a binding.
   [[nodiscard]] shader::VolumeView view() const;
   [[nodiscard]] const gpu::Buffer& page_table() const { return page_table_; }
-  [[nodiscard]] const gpu::Buffer& slots() const { return slots_; }      // SlotState by slot
-  [[nodiscard]] std::uint32_t slot_count() const { return high_slot_; }  // slots in use lie below it
-  [[nodiscard]] std::uint32_t capacity() const { return capacity_; }     // bricks the device holds at most
+  [[nodiscard]] const gpu::Buffer& free_marks() const { return free_marks_; }  // a bit by entry of the page table
+  [[nodiscard]] const gpu::Buffer& slots() const { return slots_; }            // SlotState by slot
+  [[nodiscard]] std::uint32_t slot_count() const { return high_slot_; }        // slots in use lie below it
+  [[nodiscard]] std::uint32_t capacity() const { return capacity_; }           // bricks the device holds at most
 
   /// Moves the window so that `centre` (metres, submap frame) is in its middle; bricks that leave it go to the host.
   void move_window(const Eigen::Vector3d& centre);
@@ -56,12 +57,18 @@ class Volume {
   void bring(const Eigen::Vector3d& centre);
   [[nodiscard]] std::uint32_t slot_of(const Brick& brick) const;  // slot, or kNoSlot
   static constexpr std::uint32_t kNoSlot = 0xffffffffu;
+  [[nodiscard]] const Brick& brick_in(std::uint32_t slot) const { return brick_in_[slot]; }  // of a slot in use
+
+  /// Notes bricks without voxels that a camera has looked through; their bits are set already. They go to the host.
+  void mark_free(std::span<const Brick> bricks);
 
   /// All bricks, on the device or the host, sorted by x, then y, then z.
   [[nodiscard]] std::vector<Brick> bricks() const;
   [[nodiscard]] std::size_t size() const;  // bricks, about: those on the host may be counted twice
   /// The host's tree with every brick in it: those on the device are copied and stay there.
   [[nodiscard]] const BrickTree& on_host();
+  /// The host's tree as it is: of bricks on the device it holds no or old voxels.
+  [[nodiscard]] const BrickTree& host() const { return host_; }
 
   /// Ends a submap: returns copies of the bricks that were seen at `since` or later. Of these the ones within `radius`
   /// (metres) of `centre` stay for the next submap; all others are dropped.
@@ -83,11 +90,13 @@ class Volume {
   [[nodiscard]] const Counts& counts() const { return counts_; }
 
  private:
+  void refresh_free_marks();
   void evict(std::span<const std::uint32_t> slots);
   void place(gpu::Batch& batch, std::span<const shader::Placement> placements, std::uint32_t stamp);
   void make_room(std::size_t needed, std::span<const Brick> keep, std::uint32_t now);
   void copy_to_host(std::span<const std::uint32_t> slots);
   [[nodiscard]] std::vector<shader::SlotState> slot_states();
+  [[nodiscard]] std::vector<std::uint32_t> slots_in_use() const;
   [[nodiscard]] bool in_window(const Brick& brick) const;
   [[nodiscard]] std::uint32_t table_index(const Brick& brick) const;
 
@@ -96,10 +105,11 @@ class Volume {
   std::uint32_t table_bits_, capacity_;
   std::uint32_t high_slot_ = 0;
   Brick origin_ = Brick::Zero();
-  gpu::Buffer voxels_, page_table_, slots_, placements_;
+  gpu::Buffer voxels_, page_table_, free_marks_, slots_, placements_;
   gpu::Kernel<shader::BrickPlacePush> place_;
   std::vector<std::uint32_t> free_;  // slots below high_slot_ that hold nothing, the lowest last
   std::unordered_map<Brick, std::uint32_t, BrickHash> slot_of_;
+  std::vector<Brick> brick_in_;  // by slot; those not in use hold any
   BrickTree host_;
   std::unordered_map<Brick, std::uint32_t, BrickHash> last_seen_;  // of bricks that went to the host
   Counts counts_;

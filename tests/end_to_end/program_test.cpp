@@ -7,11 +7,15 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
 
+#include "cairn/esdf.hpp"
 #include "cairn/evaluation.hpp"
 #include "cairn/scene.hpp"
 #include "cairn/source.hpp"
 #include "support/files.hpp"
+#include "volume/grids.hpp"
 
 namespace cairn {
 namespace {
@@ -240,6 +244,117 @@ INSTANTIATE_TEST_SUITE_P(Real, Recording,
                                          Recorded{"7scenes_redkitchen_600", "0:300", 0.032},
                                          Recorded{"icl_office_kt0_101", "0:101", 0.01}),
                          [](const auto& parameter) { return std::string(parameter.param.name); });
+
+void write_text(const fs::path& file, const std::string& text) { std::ofstream(file) << text; }
+
+TEST_F(Program, AnswersHowFarTheNextSurfaceIs) {
+  const auto exact = (out / "exact").string(), map = (out / "map").string();
+  ASSERT_EQ(run_cairn({"synth", "room", "-o", exact, "--frames", "30", "--noise", "none"}).exit_code, 0);
+  const auto report =
+      json_of(run_cairn({"reconstruct", exact, "-o", map, "--poses", exact + "/groundtruth.txt", "--esdf", "--json"}));
+  EXPECT_EQ(report["stages"]["esdf"]["count"], 30);
+  const auto error = json_of(run_cairn(
+      {"evaluate", "distances", map + "/map.vdb", "room", "--seen", exact + "/groundtruth_seen.ply", "--json"}));
+  EXPECT_LT(error["distance_m"]["mean"], 0.3 * 0.02);
+  EXPECT_LT(error["gradient_mean_rad"], 3 * std::numbers::pi / 180);
+  EXPECT_GT(error["right_signs"], 0.999);
+  EXPECT_GT(error["distance_m"]["count"], 100000);
+
+  // What reconstruct wrote beside the TSDF is what `cairn esdf` makes of it.
+  ASSERT_EQ(run_cairn({"esdf", map, "-o", (out / "esdf.vdb").string()}).exit_code, 0);
+  const DistanceField written = DistanceField::read(map + "/map.vdb"), made = DistanceField::read(out / "esdf.vdb");
+  const Scene scene = synthetic_scene("room");
+  std::string csv = "x,y,z\n";
+  int known = 0;
+  std::vector<Eigen::Vector3f> points;
+  for (int i = 0; i < 400; ++i) {
+    points.emplace_back(0.011f * static_cast<float>(i % 200), 0.3f, 2.0f - 0.005f * static_cast<float>(i));
+    const auto a = written.query(points.back()), b = made.query(points.back());
+    EXPECT_EQ(a.known, b.known);
+    EXPECT_EQ(a.distance, b.distance);
+    known += a.known;
+    csv += std::to_string(points.back().x()) + ",0.3," + std::to_string(points.back().z()) + "\n";
+  }
+  EXPECT_GT(known, 100);
+  write_text(out / "points.csv", csv + "nan,0,0\n1e9,0,0\n");
+  const Ran ran =
+      run_cairn({"esdf", map, "--query", (out / "points.csv").string(), "-o", (out / "answers.csv").string()});
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  std::ifstream answers(out / "answers.csv");
+  std::string line;
+  std::getline(answers, line);
+  EXPECT_EQ(line, "x,y,z,distance,gx,gy,gz,state");
+  int lines = 0, said = 0;
+  while (std::getline(answers, line)) {
+    ++lines;
+    said += line.ends_with(",known");
+    EXPECT_TRUE(line.ends_with(",known") || line.ends_with(",,,,,unknown")) << line;
+  }
+  EXPECT_EQ(lines, 402);
+  EXPECT_EQ(said, known);
+}
+
+TEST_F(Program, DrawsSlicesAndCostmaps) {
+  const auto map = (out / "map").string();
+  ASSERT_EQ(run_cairn({"reconstruct", sequence(), "-o", map, "--poses", sequence() + "/groundtruth.txt"}).exit_code, 0);
+  const Ran ran = run_cairn({"esdf", map, "--slice", "y=0.2", (out / "slice.png").string(), "--costmap",
+                             (out / "floor.yaml").string(), "--height", "-1.0:0.4", "--json"});
+  const auto told = json_of(ran);
+  const cv::Mat slice = cv::imread((out / "slice.png").string());
+  ASSERT_FALSE(slice.empty());
+  EXPECT_GT(slice.cols, 900);
+  std::ifstream yaml(out / "floor.yaml");
+  std::string text(std::istreambuf_iterator<char>(yaml), {});
+  for (const char* part : {"image: floor.pgm\n", "resolution: 0.02\n", "origin: [", "negate: 0\n", "occupied_thresh:"})
+    EXPECT_NE(text.find(part), std::string::npos) << part;
+  const cv::Mat costmap = cv::imread((out / "floor.pgm").string(), cv::IMREAD_UNCHANGED);
+  ASSERT_FALSE(costmap.empty());
+  EXPECT_NEAR(costmap.cols, (told["high"][2].get<double>() - told["low"][2].get<double>()) / 0.02, 2);
+  EXPECT_NEAR(costmap.rows, (told["high"][0].get<double>() - told["low"][0].get<double>()) / 0.02, 2);
+  for (const int value : {0, 254, 205}) EXPECT_GT(cv::countNonZero(costmap == value), 500) << value;
+  EXPECT_EQ(cv::countNonZero(costmap == 0) + cv::countNonZero(costmap == 254) + cv::countNonZero(costmap == 205),
+            costmap.rows * costmap.cols);
+}
+
+TEST_F(Program, TellsWhatIsWrongWithQuestionsAboutDistances) {
+  const auto map = (out / "map").string(), csv = (out / "points.csv").string();
+  ASSERT_EQ(run_cairn({"reconstruct", sequence(), "-o", map, "--frames", "0:3", "--voxel-size", "0.02", "--poses",
+                       sequence() + "/groundtruth.txt"})
+                .exit_code,
+            0);
+  const auto refused = [&](std::vector<std::string> arguments, const std::string& expected, int exit_code = 1) {
+    arguments.insert(arguments.begin(), "esdf");
+    const Ran ran = run_cairn(arguments);
+    EXPECT_EQ(ran.exit_code, exit_code) << expected;
+    EXPECT_NE(ran.err.find(expected), std::string::npos) << ran.err;
+  };
+  for (const auto& [text, expected] : {std::pair{"x,y,z\n1,2,3\n1,2\n", ":3: has 2 columns"},
+                                       {"x,y,z\n1,2,foo\n", ":2: 'foo' is not a number"},
+                                       {"x,y\n1,2\n", ":1: expected the header x,y,z"},
+                                       {"", ":1: is empty"}}) {
+    write_text(csv, text);
+    refused({map, "--query", csv}, expected);
+  }
+  refused({map, "--max-distance", "-1"}, "esdf.max_distance");
+  refused({map, "--max-distance", "1e9"}, "esdf.max_distance");
+  refused({map, "--esdf-voxel-size", "0.03"}, "take 1, 2, 4 or 8 times");
+  refused({map, "-o", (out / "x.foo").string()}, "unknown kind of file");
+  refused({map, "-o", (out / "x.csv").string()}, "give --query");
+  refused({map, "-o", (out / "none" / "x.vdb").string()}, "the folder is missing or not writable");
+  refused({map, "--slice", "y=40", (out / "x.png").string()}, "nothing is known at y = 40");
+  refused({map, "--slice", "w=1", (out / "x.png").string()}, "is no plane", 2);
+  refused({map, "--costmap", (out / "x.yaml").string()}, "needs --height", 2);
+  refused({map, "--costmap", (out / "x.yaml").string(), "--height", "8:9"}, "nothing between 8 and 9 m");
+  EXPECT_FALSE(fs::exists(out / "x.vdb"));
+  EXPECT_FALSE(fs::exists(out / "x.yaml"));
+  // An empty map, and one that looked at nothing.
+  write_grids(out / "empty.vdb", {}, {.voxel_size = 0.02f, .truncation = 0.08f});
+  refused({(out / "empty.vdb").string()}, "holds no surface");
+  BrickTree free;
+  free.mark_free({1, 2, 3});
+  write_grids(out / "free.vdb", free, {.voxel_size = 0.02f, .truncation = 0.08f});
+  refused({(out / "free.vdb").string()}, "holds no surface");
+}
 
 }  // namespace
 }  // namespace cairn

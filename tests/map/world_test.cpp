@@ -35,7 +35,8 @@ Atlas atlas_of(std::size_t submaps) {
 std::vector<Brick> update(World& world, const Atlas& atlas,
                           const std::vector<std::shared_ptr<const BrickTree>>& trees) {
   std::vector<PlacedSubmap> placed;
-  for (std::size_t s = 0; s < trees.size(); ++s) placed.push_back({s, trees[s]->bricks(), Deformation(atlas, s)});
+  for (std::size_t s = 0; s < trees.size(); ++s)
+    placed.push_back({s, trees[s]->bricks(), trees[s]->free_bricks(), Deformation(atlas, s)});
   return world.update(placed, [&](std::size_t s) { return trees[s]; });
 }
 

@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/esdf.hpp"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string_view>
+
+#include "commands.hpp"
+#include "io/atomic_file.hpp"
+#include "pictures.hpp"
+
+namespace cairn::apps {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+struct Arguments {
+  fs::path map;
+  std::vector<fs::path> outputs, costmaps;
+  fs::path query;
+  std::vector<std::string> slice;  // plane and file
+  std::string height;
+  EsdfOptions esdf;
+  int device = -1;
+  bool json = false;
+};
+
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+std::optional<float> number(std::string_view text) {
+  while (!text.empty() && (text.front() == ' ' || text.front() == '\t')) text.remove_prefix(1);
+  while (!text.empty() && (text.back() == ' ' || text.back() == '\t' || text.back() == '\r')) text.remove_suffix(1);
+  if (!text.empty() && text.front() == '+') text.remove_prefix(1);
+  float value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (text.empty() || error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+/// A CSV file with the header x,y,z and three numbers a line (nan is one).
+std::vector<Eigen::Vector3f> read_points(const fs::path& file) {
+  std::ifstream in(file);
+  std::string line;
+  int count = 0;
+  const auto wrong = [&](const std::string& why) {
+    return std::runtime_error(fmt::format("{}:{}: {}", file.string(), count, why));
+  };
+  const auto next = [&] {
+    ++count;
+    return static_cast<bool>(std::getline(in, line));
+  };
+  if (!next()) throw wrong("is empty; expected the header x,y,z");
+  std::string header;
+  for (const char c : line)
+    if (c != ' ' && c != '\r' && c != '"') header += c;
+  if (header != "x,y,z") throw wrong("expected the header x,y,z, found '" + line + "'");
+  std::vector<Eigen::Vector3f> points;
+  while (next()) {
+    if (line.empty() || line == "\r") continue;
+    std::vector<float> values;
+    std::string_view rest = line;
+    while (true) {
+      const std::size_t comma = std::min(rest.find(','), rest.size());
+      const auto value = number(rest.substr(0, comma));
+      if (!value) throw wrong(fmt::format("'{}' is not a number", rest.substr(0, comma)));
+      values.push_back(*value);
+      if (comma == rest.size()) break;
+      rest.remove_prefix(comma + 1);
+    }
+    if (values.size() != 3) throw wrong(fmt::format("has {} columns; expected x,y,z", values.size()));
+    points.emplace_back(values[0], values[1], values[2]);
+  }
+  return points;
+}
+
+void write_answers(std::FILE* out, const std::vector<Eigen::Vector3f>& points,
+                   const std::vector<DistanceField::Answer>& answers) {
+  fmt::print(out, "x,y,z,distance,gx,gy,gz,state\n");
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Eigen::Vector3f& p = points[i];
+    const DistanceField::Answer& a = answers[i];
+    if (a.known)
+      fmt::print(out, "{},{},{},{:.6f},{:.5f},{:.5f},{:.5f},known\n", p.x(), p.y(), p.z(), a.distance, a.gradient.x(),
+                 a.gradient.y(), a.gradient.z());
+    else
+      fmt::print(out, "{},{},{},,,,,unknown\n", p.x(), p.y(), p.z());
+  }
+}
+
+struct Plane {
+  int axis = 0;
+  float at = 0;  // metres
+};
+Plane parse_plane(const std::string& text) {
+  const auto value = text.size() > 2 && text[1] == '=' ? number(std::string_view(text).substr(2)) : std::nullopt;
+  if (!value || !std::isfinite(*value) || text[0] < 'x' || text[0] > 'z')
+    throw CLI::ValidationError("--slice", "'" + text + "' is no plane, for example z=0.5");
+  return {text[0] - 'x', *value};
+}
+
+Band parse_band(const std::string& text) {
+  const std::size_t colon = text.find(':');
+  const auto low = number(std::string_view(text).substr(0, colon));
+  const auto high = colon == std::string::npos ? std::nullopt : number(std::string_view(text).substr(colon + 1));
+  if (!low || !high || !(*low < *high))
+    throw CLI::ValidationError("--height", "'" + text + "' is not LOW:HIGH, for example -1.2:0.3");
+  return {*low, *high};
+}
+
+void esdf(const Arguments& a) {
+  std::optional<fs::path> grid, table;
+  for (const fs::path& output : a.outputs) {
+    if (output.extension() == ".vdb")
+      grid = output;
+    else if (output.extension() == ".csv" && !a.query.empty())
+      table = output;
+    else
+      throw std::runtime_error(output.string() + (output.extension() == ".csv"
+                                                      ? ": answers need questions, give --query POINTS.csv"
+                                                      : ": unknown kind of file; take .vdb, or .csv with --query"));
+  }
+  const Plane plane = a.slice.empty() ? Plane{} : parse_plane(a.slice[0]);
+  if (!a.costmaps.empty() && a.height.empty())
+    throw CLI::ValidationError("--costmap", "needs --height LOW:HIGH, the robot's lowest and highest point");
+  const Band band = a.costmaps.empty() ? Band{} : parse_band(a.height);
+  const std::vector<Eigen::Vector3f> points = a.query.empty() ? std::vector<Eigen::Vector3f>{} : read_points(a.query);
+
+  const auto start = Clock::now();
+  const auto field = map_distances(fs::is_directory(a.map) ? a.map / "map.vdb" : a.map, a.esdf, a.device);
+  const double made = seconds_since(start);
+  if (grid) write_distances(*grid, *field);
+  double asked = 0;
+  std::size_t known = 0;
+  if (!a.query.empty()) {
+    std::vector<DistanceField::Answer> answers(points.size());
+    const auto begin = Clock::now();
+    field->query(points, answers);
+    asked = seconds_since(begin);
+    for (const auto& answer : answers) known += answer.known;
+    if (table)
+      write_whole(*table, [&](const fs::path& temporary) {
+        const std::unique_ptr<std::FILE, int (*)(std::FILE*)> out(std::fopen(temporary.c_str(), "w"), std::fclose);
+        if (!out) throw std::runtime_error("cannot be written");
+        write_answers(out.get(), points, answers);
+        if (std::fflush(out.get()) != 0) throw std::runtime_error("the disk is full");
+      });
+    else
+      write_answers(stdout, points, answers);
+  }
+  if (!a.slice.empty()) write_slice(a.slice[1], *field, plane.axis, plane.at);
+  for (const fs::path& costmap : a.costmaps) write_costmap(costmap, *field, band);
+
+  std::size_t voxels = 0;
+  for (const auto& [block, samples] : field->blocks())
+    for (const float d : *samples) voxels += !std::isnan(d);
+  const Eigen::AlignedBox3f box = field->bounds();
+  const auto corner = [](const Eigen::Vector3f& p) { return fmt::format("{:.2f} {:.2f} {:.2f}", p.x(), p.y(), p.z()); };
+  if (a.json) {
+    const nlohmann::json j{{"voxel_size", field->voxel_size()},
+                           {"max_distance", field->max_distance()},
+                           {"known_voxels", voxels},
+                           {"low", {box.min().x(), box.min().y(), box.min().z()}},
+                           {"high", {box.max().x(), box.max().y(), box.max().z()}},
+                           {"seconds", made},
+                           {"points", points.size()},
+                           {"known_points", known},
+                           {"query_seconds", asked}};
+    fmt::print("{}\n", j.dump(2));
+  } else if (a.query.empty() || table) {
+    fmt::print("{} voxels of {} m known, from {} to {}, in {:.2f} s\n", voxels, field->voxel_size(), corner(box.min()),
+               corner(box.max()), made);
+    if (!points.empty())
+      fmt::print("{} of {} points known, {:.1f} million points/s\n", known, points.size(),
+                 1e-6 * static_cast<double>(points.size()) / asked);
+  }
+}
+
+}  // namespace
+
+void add_esdf(CLI::App& program) {
+  auto* command =
+      program.add_subcommand("esdf", "Distances to the nearest surface: a grid, answers, pictures, costmaps");
+  const auto a = std::make_shared<Arguments>();
+  command->add_option("MAP", a->map, "map.vdb, or the folder with it")->required()->check(CLI::ExistingPath);
+  command
+      ->add_option("-o,--output", a->outputs,
+                   "X.vdb: the grid `esdf`. X.csv with --query: x,y,z,distance,gx,gy,gz,state")
+      ->expected(1, 2);
+  command->add_option("--max-distance", a->esdf.max_distance, "Metres; what is farther only knows that it is")
+      ->capture_default_str();
+  command->add_option("--esdf-voxel-size", a->esdf.voxel_size, "Metres: 1, 2, 4 or 8 voxels of the map [two]");
+  command->add_option("--query", a->query, "CSV file of points, header x,y,z, metres in the map's frame")
+      ->check(CLI::ExistingFile);
+  command->add_option("--slice", a->slice, "Plane and picture, for example: y=0.5 slice.png")
+      ->expected(2)
+      ->type_name("PLANE PNG");
+  command->add_option("--costmap", a->costmaps,
+                      "X.yaml: occupancy for ROS map_server, with X.pgm beside it. ROS axes: x is the map's z, y its "
+                      "-x, up its -y");
+  command->add_option("--height", a->height,
+                      "LOW:HIGH, the band of the costmap in metres above the map's origin, the first camera");
+  command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
+      ->capture_default_str();
+  command->add_flag("--json", a->json, "Print JSON");
+  command->callback([a] { esdf(*a); });
+}
+
+}  // namespace cairn::apps

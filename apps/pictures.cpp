@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "pictures.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+#include "io/atomic_file.hpp"
+
+namespace cairn::apps {
+namespace {
+
+constexpr int kWidth = 1000;                                        // pixels of a slice, about
+constexpr int kMargin = 70;                                         // pixels, for axes
+constexpr int kLegend = 130;                                        // pixels, right of the slice
+constexpr std::uint8_t kOccupied = 0, kFree = 254, kUnknown = 205;  // as map_server writes them
+
+const cv::Scalar kInk(40, 40, 40);
+
+void write_image(const std::filesystem::path& file, const char* extension, const cv::Mat& image) {
+  std::vector<std::uint8_t> bytes;
+  if (!cv::imencode(extension, image, bytes)) throw std::runtime_error(file.string() + ": cannot be encoded");
+  write_whole(file, [&](const std::filesystem::path& temporary) {
+    std::ofstream out(temporary, std::ios::binary);
+    out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+    if (!out.flush()) throw std::runtime_error("the disk is full");
+  });
+}
+
+/// Inside red, near yellow, far blue; a thin dark line is where the surface passes.
+cv::Vec3b colour_of(float distance, float most, float pixel) {
+  if (std::abs(distance) < 0.75f * pixel) return {30, 30, 30};
+  if (distance < 0) return {60, 60, 200};
+  static const cv::Mat palette = [] {
+    cv::Mat ramp(1, 256, CV_8U), colours;
+    for (int i = 0; i < 256; ++i) ramp.at<std::uint8_t>(i) = static_cast<std::uint8_t>(235 - i * 200 / 255);
+    cv::applyColorMap(ramp, colours, cv::COLORMAP_VIRIDIS);
+    return colours;
+  }();
+  const auto step = static_cast<int>(std::clamp(distance / most, 0.0f, 1.0f) * 255.0f);
+  cv::Vec3b colour = palette.at<cv::Vec3b>(step);
+  const float line = std::fmod(distance, 0.25f);
+  if (std::min(line, 0.25f - line) < 0.5f * pixel)
+    for (int c = 0; c < 3; ++c) colour[c] = static_cast<std::uint8_t>(colour[c] * 3 / 4);
+  return colour;
+}
+
+void text(cv::Mat& image, const std::string& words, cv::Point at, bool is_centred = false) {
+  int base = 0;
+  const cv::Size size = cv::getTextSize(words, cv::FONT_HERSHEY_SIMPLEX, 0.45, 1, &base);
+  if (is_centred) at.x -= size.width / 2;
+  cv::putText(image, words, at, cv::FONT_HERSHEY_SIMPLEX, 0.45, kInk, 1, cv::LINE_AA);
+}
+
+double tick_of(double length) {
+  for (const double tick : {0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0})
+    if (length / tick <= 8) return tick;
+  return 20.0;
+}
+
+}  // namespace
+
+void write_slice(const std::filesystem::path& png, const DistanceField& field, int axis, float at) {
+  const Eigen::AlignedBox3f box = field.bounds();
+  if (at < box.min()[axis] || at > box.max()[axis])
+    throw std::runtime_error(fmt::format("{}: nothing is known at {} = {}; the map reaches from {:.2f} to {:.2f}",
+                                         png.string(), "xyz"[axis], at, box.min()[axis], box.max()[axis]));
+  // Seen along the axis; a plane of constant y is the floor plan, with z upwards.
+  const int across = axis == 0 ? 2 : 0, down = axis == 1 ? 2 : 1;
+  const bool is_flipped = axis == 1;
+  const float width = box.sizes()[across], height = box.sizes()[down];
+  const float pixel = std::max(width, height) / kWidth;
+  const auto columns = static_cast<int>(width / pixel) + 1, rows = static_cast<int>(height / pixel) + 1;
+  std::vector<Eigen::Vector3f> points;
+  for (int row = 0; row < rows; ++row)
+    for (int column = 0; column < columns; ++column) {
+      Eigen::Vector3f p;
+      p[axis] = at;
+      p[across] = box.min()[across] + pixel * static_cast<float>(column);
+      p[down] = box.min()[down] + pixel * static_cast<float>(is_flipped ? rows - 1 - row : row);
+      points.push_back(p);
+    }
+  std::vector<DistanceField::Answer> answers(points.size());
+  field.query(points, answers);
+
+  float most = 0;
+  for (const auto& a : answers)
+    if (a.known) most = std::max(most, a.distance);
+  most = std::max(0.1f, std::ceil(most * 10) / 10);
+  cv::Mat image(std::max(rows, 260) + 2 * kMargin, columns + 2 * kMargin + kLegend, CV_8UC3, cv::Scalar::all(255));
+  for (int row = 0; row < rows; ++row)
+    for (int column = 0; column < columns; ++column) {
+      const auto& a = answers[static_cast<std::size_t>(row * columns + column)];
+      image.at<cv::Vec3b>(row + kMargin, column + kMargin) =
+          a.known ? colour_of(a.distance, most, pixel) : cv::Vec3b(225, 225, 225);
+    }
+  cv::rectangle(image, {kMargin - 1, kMargin - 1, columns + 2, rows + 2}, kInk);
+  text(image, fmt::format("signed distance at {} = {:.2f} m, lines every 0.25 m", "xyz"[axis], at), {kMargin, 40});
+  const double tick = tick_of(static_cast<double>(std::max(width, height)));
+  for (double v = std::ceil(static_cast<double>(box.min()[across]) / tick) * tick;
+       v <= static_cast<double>(box.max()[across]); v += tick) {
+    const int x = kMargin + static_cast<int>((v - static_cast<double>(box.min()[across])) / static_cast<double>(pixel));
+    cv::line(image, {x, kMargin + rows}, {x, kMargin + rows + 5}, kInk);
+    text(image, fmt::format("{:g}", std::round(v * 10) / 10 + 0.0), {x, kMargin + rows + 22}, true);
+  }
+  for (double v = std::ceil(static_cast<double>(box.min()[down]) / tick) * tick;
+       v <= static_cast<double>(box.max()[down]); v += tick) {
+    const auto offset = static_cast<int>((v - static_cast<double>(box.min()[down])) / static_cast<double>(pixel));
+    const int y = kMargin + (is_flipped ? rows - 1 - offset : offset);
+    cv::line(image, {kMargin - 6, y}, {kMargin - 1, y}, kInk);
+    text(image, fmt::format("{:g}", std::round(v * 10) / 10 + 0.0), {kMargin - 30, y + 5}, true);
+  }
+  text(image, fmt::format("{} (m)", "xyz"[across]), {kMargin + columns / 2, kMargin + rows + 45}, true);
+  text(image, fmt::format("{} (m)", "xyz"[down]), {kMargin - 55, kMargin - 12});
+
+  const int left = 2 * kMargin - 30 + columns, bar = 180;
+  for (int y = 0; y < bar; ++y)
+    for (int x = 0; x < 20; ++x)
+      image.at<cv::Vec3b>(kMargin + y, left + x) =
+          colour_of(std::max(1e-3f, most * (1 - static_cast<float>(y) / bar)), most, 1e-9f);
+  cv::rectangle(image, {left - 1, kMargin - 1, 22, bar + 2}, kInk);
+  for (int i = 0; i <= 4; ++i)
+    text(image, fmt::format("{:.2f} m", most * static_cast<float>(4 - i) / 4), {left + 28, kMargin + i * bar / 4 + 5});
+  int y = kMargin + bar + 25;
+  for (const auto& [colour, words] : {std::pair{colour_of(0, most, 1), "surface"},
+                                      {colour_of(-1, most, 0.1f), "behind it"},
+                                      {cv::Vec3b(225, 225, 225), "unknown"}}) {
+    cv::rectangle(image, {left, y - 10, 20, 14}, cv::Scalar(colour[0], colour[1], colour[2]), cv::FILLED);
+    text(image, words, {left + 28, y + 2});
+    y += 24;
+  }
+  write_image(png, ".png", image);
+}
+
+void write_costmap(const std::filesystem::path& yaml, const DistanceField& field, const Band& band) {
+  const Eigen::AlignedBox3f box = field.bounds();
+  const float voxel = field.voxel_size();
+  // ROS looks from above with x to the right and y upwards in the picture: x is the map's z, y its -x, z its -y.
+  const auto cells = [&](int axis) { return static_cast<int>(std::lround(box.sizes()[axis] / voxel)) + 1; };
+  const int columns = cells(2), rows = cells(0);
+  const auto first = static_cast<int>(std::ceil((-band.high - box.min().y()) / voxel)),
+             last = static_cast<int>(std::floor((-band.low - box.min().y()) / voxel));
+  if (last < 0 || first >= cells(1) || last < first)
+    throw std::runtime_error(
+        fmt::format("{}: the map has nothing between {} and {} m; it reaches from {:.2f} to {:.2f}", yaml.string(),
+                    band.low, band.high, -box.max().y(), -box.min().y()));
+  cv::Mat image(rows, columns, CV_8U, cv::Scalar(kUnknown));
+  std::vector<Eigen::Vector3f> points;
+  std::vector<DistanceField::Answer> answers;
+  for (int row = 0; row < rows; ++row)
+    for (int column = 0; column < columns; ++column) {
+      points.clear();
+      for (int i = first; i <= last; ++i)
+        points.emplace_back(box.min() + voxel * Eigen::Vector3i(row, i, column).cast<float>());
+      bool is_occupied = false;
+      int known = 0;
+      for (const Eigen::Vector3f& p : points) {
+        const auto answer = field.query(p);
+        known += answer.known;
+        is_occupied = is_occupied || (answer.known && answer.distance < 0.5f * voxel);
+      }
+      image.at<std::uint8_t>(row, column) = is_occupied                                    ? kOccupied
+                                            : 2 * known >= static_cast<int>(points.size()) ? kFree
+                                                                                           : kUnknown;
+    }
+  auto pgm = yaml;
+  pgm.replace_extension(".pgm");
+  write_image(pgm, ".pgm", image);
+  write_whole(yaml, [&](const std::filesystem::path& temporary) {
+    std::ofstream out(temporary);
+    out << fmt::format(
+        "image: {}\nresolution: {:g}\norigin: [{:.4f}, {:.4f}, 0.0]\nnegate: 0\noccupied_thresh: 0.65\n"
+        "free_thresh: 0.196\n",
+        pgm.filename().string(), voxel, box.min().z() - voxel / 2, -box.max().x() - voxel / 2);
+    if (!out.flush()) throw std::runtime_error("the disk is full");
+  });
+}
+
+}  // namespace cairn::apps

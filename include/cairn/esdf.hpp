@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <Eigen/Geometry>
+#include <array>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "cairn/options.hpp"
+
+namespace cairn {
+
+/// Signed Euclidean distances to the nearest surface: positive in front of it, negative behind. World frame, metres. A
+/// field never changes: what updates the map makes a new one, which shares what stayed. Any number of threads may ask.
+class DistanceField {
+ public:
+  /// Samples of 16x16x16 voxels, x * 256 + y * 16 + z; NaN where nothing was observed.
+  using Block = std::array<float, 4096>;
+  using Blocks = std::vector<std::pair<Eigen::Vector3i, std::shared_ptr<const Block>>>;
+
+  struct Answer {
+    bool known = false;     // false: nobody has seen this place, or it lies outside the map
+    float distance = 0.0f;  // metres; at most max_distance(), which also stands for "farther"
+    Eigen::Vector3f gradient = Eigen::Vector3f::Zero();  // of the distance, unit length: away from the nearest surface
+                                                         // in front of it; zero where everything is far
+  };
+
+  /// Block (i, j, k) starts with voxel 16 (i, j, k); voxel (i, j, k) samples the point origin + voxel_size * (i, j, k).
+  DistanceField(float voxel_size, const Eigen::Vector3f& origin, float max_distance, Blocks blocks);
+  /// Reads the grid `esdf` that write_map or `cairn esdf` wrote. Throws std::runtime_error if there is none.
+  [[nodiscard]] static DistanceField read(const std::filesystem::path& vdb);
+
+  /// Distances and directions at points (metres), interpolated between the voxels around them (trilinear). NaN and
+  /// points outside the map are unknown. `answers` is of the size of `points`. Uses all cores.
+  void query(std::span<const Eigen::Vector3f> points, std::span<Answer> answers) const;
+  [[nodiscard]] Answer query(const Eigen::Vector3f& point) const;
+
+  [[nodiscard]] float voxel_size() const { return voxel_size_; }
+  [[nodiscard]] float max_distance() const { return max_distance_; }
+  [[nodiscard]] const Eigen::Vector3f& origin() const { return origin_; }
+  [[nodiscard]] const Blocks& blocks() const { return blocks_; }
+  /// Around all known voxels, metres; empty if there are none.
+  [[nodiscard]] Eigen::AlignedBox3f bounds() const;
+
+ private:
+  [[nodiscard]] float at(const Eigen::Vector3i& voxel) const;  // NaN: unknown
+
+  float voxel_size_;
+  Eigen::Vector3f origin_;
+  float max_distance_;
+  Blocks blocks_;
+  Eigen::Vector3i first_ = Eigen::Vector3i::Zero(), size_ = Eigen::Vector3i::Zero();  // of the table, blocks
+  std::vector<const Block*> table_;                                                   // null: nothing known
+};
+
+/// The distance field of a map.vdb that write_map wrote. `device`: as `cairn devices` numbers them; -1 chooses. Throws
+/// std::runtime_error when the file is no map, holds no surface, or an option is out of range.
+[[nodiscard]] std::shared_ptr<const DistanceField> map_distances(const std::filesystem::path& map,
+                                                                 const EsdfOptions& options = {}, int device = -1);
+
+/// Writes the grid `esdf` to a .vdb file (metres; active where known), whole or not at all.
+void write_distances(const std::filesystem::path& vdb, const DistanceField& distances);
+
+}  // namespace cairn

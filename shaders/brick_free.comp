@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Lists bricks without voxels that lie wholly in front of what the depth image sees: all eight corners and the middle
+// are nearer than the measurement behind them. A bit for each brick of the window tells which are known already.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shaders/volume.h"
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform Push { BrickFreePush push; };
+layout(binding = 0, scalar) readonly buffer Fusion { uvec2 fusion[]; };  // (depth bits, colour)
+layout(binding = 1, scalar) readonly buffer PageTable { uint page_table[]; };
+layout(binding = 2, scalar) buffer Marks { uint marks[]; };
+layout(binding = 3, scalar) buffer FreeCount { uint free_count; };
+layout(binding = 4, scalar) writeonly buffer FreeBricks { ivec3 free_bricks[]; };
+
+bool in_front(vec3 p) {
+  vec2 pixel = vec2(push.camera.fx, push.camera.fy) * p.xy / p.z + vec2(push.camera.cx, push.camera.cy) + 0.5;
+  int width = int(push.camera.width), height = int(push.camera.height);
+  bool inside = p.z > 0.0 && min(pixel.x, pixel.y) >= 0.0 && pixel.x < float(width) && pixel.y < float(height);
+  return inside && p.z < uintBitsToFloat(fusion[inside ? int(pixel.y) * width + int(pixel.x) : 0].x);
+}
+
+void main() {
+  int index = int(gl_GlobalInvocationID.x);
+  int x_size = int(push.size & 1023u), y_size = int((push.size >> 10) & 1023u), z_size = int(push.size >> 20);
+  int row = int((float(index) + 0.5) / float(x_size)), z = int((float(row) + 0.5) / float(y_size));
+  if (z >= z_size) return;
+  ivec3 brick = push.first + ivec3(index - row * x_size, row - z * y_size, z);
+  if (!in_window(push.volume, brick)) return;
+  float size = 8.0 * push.volume.voxel_size;
+  vec3 middle = transform(push.camera_from_submap, (vec3(brick) + 0.5) * size);
+  uint at = table_index(push.volume, brick), bit = 1u << (at & 31u);
+  bool is_free = in_front(middle) && page_table[at] == 0u && (marks[at >> 5] & bit) == 0u;
+  vec3 half_x = 0.5 * size * push.camera_from_submap.x, half_y = 0.5 * size * push.camera_from_submap.y,
+       half_z = 0.5 * size * push.camera_from_submap.z;
+  for (int corner = 0; corner < (is_free ? 8 : 0); ++corner)
+    is_free = in_front(middle + ((corner & 1) != 0 ? half_x : -half_x) + ((corner & 2) != 0 ? half_y : -half_y) +
+                       ((corner & 4) != 0 ? half_z : -half_z));
+  if (!is_free) return;
+  uint place = atomicAdd(free_count, 1u);
+  if (place >= push.capacity) return;  // it comes with another frame
+  free_bricks[place] = brick;
+  atomicOr(marks[at >> 5], bit);
+}

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// The distance field on the device. A block is 16x16x16 voxels; voxel (x, y, z) of slot s has the address
+// s << 12 | x << 8 | y << 4 | z. A page table finds the slot of a block; it wraps around, so that the map may lie
+// anywhere as long as it is smaller than the table. Every voxel holds
+//   nearest   the voxel whose patch of surface is the nearest one: squared distance (float bits) << 32 | address
+//   surface   its own patch, if the surface passes it, and what is known about it; see kHasSurface and below
+// A patch lies at height * normal from its voxel's centre and is perpendicular to the normal. Lengths in voxels.
+#ifndef CAIRN_ESDF_H
+#define CAIRN_ESDF_H
+#include "shaders/volume.h"
+#ifdef __cplusplus
+namespace cairn::shader {
+#endif
+
+const uint kEsdfSide = 16;       // voxels
+const uint kEsdfVoxels = 4096;   // a block
+const uint kEsdfReach = 512;     // blocks from the world's origin
+
+const uint kPatchBits = 0x0fffffffu;  // where its patch lies, with
+const uint kHasSurface = 1u << 27;
+const uint kChanged = 1u << 28;  // its patch came, went or moved in this update
+const uint kQueued = 1u << 29;   // it waits in the list
+const uint kStateShift = 30;     // two bits:
+const uint kUnknown = 0;
+const uint kOutside = 1;
+const uint kInside = 2;
+
+struct EsdfView {
+  uvec2 nearest;      // device addresses, by voxel
+  uvec2 surface;
+  uvec2 blocks;       // packed block coordinates by slot
+  uvec2 table;        // slot + 1 by block, or 0
+  uvec2 counts;       // EsdfCount by step of the wave
+  uint table_bits;    // the table has 2^table_bits blocks a side
+  float max_squared;  // no voxel looks farther
+};
+
+// A list of voxels and the dispatch that works on it: 64 of them a group.
+struct EsdfCount {
+  uint groups;
+  uint one_y;
+  uint one_z;
+  uint count;
+};
+
+struct EsdfEntry {
+  uint voxel;  // address
+  uint site;   // its nearest patch when the list was settled
+};
+
+const uint kNoSite = 0xffffffffu;
+
+// A brick of the TSDF whose voxels changed.
+struct EsdfJob {
+  ivec3 brick;
+  uint slot;   // of its voxels; kNoSlot: it has none
+  uint state;  // of all of it when it has none
+};
+
+struct EsdfSitesPush {
+  EsdfView field;
+  uvec2 voxels;         // the TSDF's
+  uint jobs;            // a workgroup does 512 voxels of the field
+  uint scale_bits;      // 2^scale_bits TSDF voxels a voxel of the field: 1, 2, 4 or 8
+  float min_weight;     // of TSDF voxels that make surface
+  float slope;          // of the TSDF at a surface: truncations a TSDF voxel
+  float tolerance;      // patches that moved less stay where they are
+  uint capacity;        // of the list
+};
+
+struct EsdfCheckPush {
+  EsdfView field;
+  uint blocks;
+  uint capacity;  // of the list
+};
+
+struct EsdfWavePush {
+  EsdfView field;
+  uint step;        // of the counts: works on list `step`, appends to list `step + 1`
+  uint capacity;    // of a list
+  uint is_settled;  // esdf_settle came before
+};
+
+struct EsdfDistancePush {
+  EsdfView field;
+  uint blocks;
+  float voxel_size;    // metres
+  float max_distance;  // metres
+};
+
+#ifdef __cplusplus
+}  // namespace cairn::shader
+#else
+// A CPU device computes both sides of every `if` for all lanes. What few voxels need is therefore done in two loops: the
+// first one marks in bits what is to be done, the second one runs over these bits.
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#extension GL_EXT_shader_atomic_int64 : require
+layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Nearest { uint64_t v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Words { uint v[]; };
+
+const uint64_t kFar = ~0ul;
+
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Counts { EsdfCount v[]; };
+
+// Places in the list of a step; returns the first.
+uint append(EsdfView field, uint step, uint places) {
+  Counts counts = Counts(field.counts);
+  uint first = atomicAdd(counts.v[step].count, places);
+  uint groups = ((first + places + 63u) >> 6) - ((first + 63u) >> 6);
+  if (groups != 0u) atomicAdd(counts.v[step].groups, groups);
+  return first;
+}
+
+ivec3 voxel_of(EsdfView field, uint address) {
+  uint b = Words(field.blocks).v[address >> 12];
+  ivec3 block = ivec3(b & 1023u, (b >> 10) & 1023u, b >> 20) - int(kEsdfReach);
+  return block * 16 + ivec3((address >> 8) & 15u, (address >> 4) & 15u, address & 15u);
+}
+const uint kNoVoxel = 0xffffffffu;
+uint address_of(EsdfView field, ivec3 voxel) {
+  uvec3 b = uvec3(voxel >> 4) & ((1u << field.table_bits) - 1u), v = uvec3(voxel) & 15u;
+  uint entry = Words(field.table).v[(((b.z << field.table_bits) | b.y) << field.table_bits) | b.x];
+  return entry == 0u ? kNoVoxel : ((entry - 1u) << 12) | (v.x << 8) | (v.y << 4) | v.z;
+}
+
+// Patches: height in 9 bits, normal in 18 (octahedral, as pack_normal).
+const float kHeightUnits = 255.0;  // a voxel
+uint pack_patch(float height, vec3 n) {
+  n /= abs(n.x) + abs(n.y) + abs(n.z);
+  vec2 e = n.z >= 0.0 ? n.xy : (1.0 - abs(n.yx)) * vec2(n.x >= 0.0 ? 1.0 : -1.0, n.y >= 0.0 ? 1.0 : -1.0);
+  ivec2 code = ivec2((e * 0.5 + 0.5) * 511.0 + 0.5);
+  int h = int(clamp(height, -1.0, 1.0) * kHeightUnits + 256.5);
+  return uint(h | (code.x << 9) | (code.y << 18)) | kHasSurface;
+}
+vec3 patch_normal(uint word) {
+  vec2 e = vec2(ivec2((word >> 9) & 511u, (word >> 18) & 511u)) * (2.0 / 511.0) - 1.0;
+  vec3 n = vec3(e, 1.0 - abs(e.x) - abs(e.y));
+  float t = max(-n.z, 0.0);
+  n.xy += vec2(n.x >= 0.0 ? -t : t, n.y >= 0.0 ? -t : t);
+  return normalize(n);
+}
+float patch_height(uint word) { return float(int(word & 511u) - 256) * (1.0 / kHeightUnits); }
+vec3 patch_point(uint word) { return patch_height(word) * patch_normal(word); }  // from its voxel's centre
+
+// Of a voxel that lies `away` from the patch's voxel.
+// The steps to a voxel's neighbours, and to itself, numbered by 9 x + 3 y + z from (-1, -1, -1).
+ivec3 step_of(int number) {
+  int x = (number * 57) >> 9, r = number - 9 * x, y = (r * 11) >> 5;  // divisions by 9 and 3
+  return ivec3(x, y, r - 3 * y) - 1;
+}
+
+uint64_t candidate(ivec3 away, vec3 point, uint site) {
+  vec3 q = vec3(away) - point;
+  return pack64(uvec2(site, floatBitsToUint(dot(q, q))));
+}
+float squared_of(uint64_t nearest) { return uintBitsToFloat(unpack32(nearest).y); }
+uint site_of(uint64_t nearest) { return unpack32(nearest).x; }
+#endif
+#endif

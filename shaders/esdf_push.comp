@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// One step of the wave: the voxels of a list offer their nearest patch to the neighbours that lie away from it; those
+// for which it is nearer than what they knew make the next list (vector propagation: Danielsson 1980).
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shaders/esdf.h"
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform Push { EsdfWavePush push; };
+layout(binding = 0, scalar) readonly buffer List { EsdfEntry list[]; };
+layout(binding = 1, scalar) writeonly buffer Next { EsdfEntry next[]; };
+layout(binding = 2, scalar) buffer Dirty { uint dirty[]; };
+
+const float kNear = 1.5;     // voxels: closer to the patch than this it is offered to all neighbours
+const float kAside = 0.1;   // an axis along which it lies less far than this share is looked at on both sides
+
+void main() {
+  if (gl_GlobalInvocationID.x >= min(push.capacity, Counts(push.field.counts).v[push.step].count)) return;
+  EsdfEntry entry = list[gl_GlobalInvocationID.x];
+  if (entry.site == kNoSite) return;
+  if (push.is_settled == 0u && entry.site != site_of(Nearest(push.field.nearest).v[entry.voxel])) return;
+  Nearest nearest = Nearest(push.field.nearest);
+  Words squares = Words(push.field.nearest);  // the high words
+  uint most_squared = floatBitsToUint(push.field.max_squared);
+  Words surface = Words(push.field.surface);
+  ivec3 voxel = voxel_of(push.field, entry.voxel), away = voxel - voxel_of(push.field, entry.site);
+  vec3 point = patch_point(surface.v[entry.site]);
+  vec3 q = vec3(away) - point;
+  float most = max(abs(q.x), max(abs(q.y), abs(q.z)));
+  bool near = most < kNear;
+  bvec3 both = lessThan(abs(q), vec3(near ? 1e9 : kAside * most));
+  ivec3 sign_of = ivec3(q.x < 0.0 ? -1 : 1, q.y < 0.0 ? -1 : 1, q.z < 0.0 ? -1 : 1);
+  ivec3 low = ivec3(both.x ? -1 : min(sign_of.x, 0),
+                    both.y ? -1 : min(sign_of.y, 0),
+                    both.z ? -1 : min(sign_of.z, 0));
+  ivec3 size = ivec3(both.x ? 3 : 2, both.y ? 3 : 2, both.z ? 3 : 2);
+  int total = size.x * size.y * size.z;
+  ivec3 at = ivec3(0);
+  uint bits = 0u;
+  for (int i = 0; i < total; ++i) {
+    ivec3 e = low + at;
+    at.z = at.z + 1 == size.z ? 0 : at.z + 1;  // counts through the box: CPU devices divide lane by lane
+    at.y = at.z != 0 ? at.y : at.y + 1 == size.y ? 0 : at.y + 1;
+    at.x += (at.y | at.z) == 0 ? 1 : 0;
+    vec3 r = q + vec3(e);
+    float squared = dot(r, r);
+    uint neighbour = address_of(push.field, voxel + e);
+    uint theirs = squares.v[2u * (neighbour != kNoVoxel ? neighbour : entry.voxel) + 1u];
+    bool is_nearer = neighbour != kNoVoxel && floatBitsToUint(squared) < min(theirs, most_squared);
+    bits |= is_nearer ? 1u << (9 * e.x + 3 * e.y + e.z + 13) : 0u;
+  }
+  bits &= ~(1u << 13);  // itself
+  uint taken = 0u;
+  for (; bits != 0u; bits &= bits - 1u) {
+    int number = findLSB(bits);
+    ivec3 e = step_of(number);
+    uint64_t offered = candidate(away + e, point, entry.site);
+    taken |= atomicMin(nearest.v[address_of(push.field, voxel + e)], offered) > offered ? 1u << number : 0u;
+  }
+  if (taken == 0u) return;
+  uint index = append(push.field, push.step + 1u, uint(bitCount(taken)));
+  for (; taken != 0u; taken &= taken - 1u, ++index) {
+    uint neighbour = address_of(push.field, voxel + step_of(findLSB(taken)));
+    if (index < push.capacity) next[index] = EsdfEntry(neighbour, entry.site);
+    if (dirty[neighbour >> 12] == 0u) dirty[neighbour >> 12] = 1u;
+  }
+}

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Ends a list: notes what its voxels know now, so that the next step does not depend on the order of its threads. The
+// first list's voxels stop waiting.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shaders/esdf.h"
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform Push { EsdfWavePush push; };
+layout(binding = 0, scalar) buffer List { EsdfEntry list[]; };
+layout(binding = 1, scalar) buffer Dirty { uint dirty[]; };
+
+void main() {
+  uint i = gl_GlobalInvocationID.x;
+  if (i >= min(push.capacity, Counts(push.field.counts).v[push.step].count)) return;
+  EsdfEntry entry = list[i];
+  uint site = site_of(Nearest(push.field.nearest).v[entry.voxel]);
+  if (push.step == 0u) {
+    Words surface = Words(push.field.surface);
+    surface.v[entry.voxel] &= ~(kQueued | kChanged);
+    list[i].site = site;
+  }
+  // Of several patches that were offered to a voxel in one step the nearest one goes on.
+  if (push.step != 0u && site != entry.site) list[i].site = kNoSite;
+  if (dirty[entry.voxel >> 12] == 0u) dirty[entry.voxel >> 12] = 1u;  // two cores that write to one word wait
+}

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// From bricks of the TSDF to patches of surface and states. In each cell of 2x2x2 TSDF voxels the plane that fits the
+// eight distances says where the surface passes; of several cells in one voxel of the field the one counts whose surface
+// passes nearest to the voxel's centre.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shaders/esdf.h"
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform Push { EsdfSitesPush push; };
+layout(binding = 0, scalar) readonly buffer Jobs { EsdfJob jobs[]; };
+layout(binding = 1, scalar) writeonly buffer List { EsdfEntry list[]; };
+layout(binding = 2, scalar) writeonly buffer Dirty { uint dirty[]; };
+layout(binding = 3, scalar) buffer Removed { uint removed; };  // patches that went or moved
+
+const float kSlack = 1.25;  // a patch that was there stays until the surface is so much farther than it would come at
+const float kMargin = 0.02;  // voxels
+const float kSteep = 1.5;    // times the slope of a surface seen straight on
+const float kNearSurface = 0.7;  // truncations: a cell that the surface passes has a corner that is as near
+
+// What a voxel of the field is made of: the new word of `surface`. `shifts` 2: cells that begin one TSDF voxel earlier are
+// looked at, too.
+uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
+  int scale_voxels = 1 << push.scale_bits, cell_bits = max(0, int(push.scale_bits) - 1), cells = 1 << (3 * cell_bits);
+  bool is_finest = scale_voxels == 1;
+  float scale = float(scale_voxels);
+  // In TSDF voxels: the centre of the voxel of the field, and how far from a cell's own centre its part of it reaches.
+  vec3 centre = vec3(at) * scale + 0.5 * (scale - 1.0);
+  float reach = min(scale, 2.0) * 0.5 * ((old & kHasSurface) != 0u ? kSlack : 1.0);
+  float best = 1e9, height = 0.0, sum = 0.0;
+  vec3 normal = vec3(0.0, 0.0, 1.0);
+  int observed = 0, mask = (1 << cell_bits) - 1;
+  uint least = max(1u, uint(push.min_weight * kWeightUnit));
+  Voxels pool = Voxels(push.voxels);
+  for (int i = 0; i < cells * shifts; ++i) {
+    bool is_shifted = i >= cells;
+    ivec3 cell = ivec3(i >> (2 * cell_bits), (i >> cell_bits) & mask, i & mask);
+    ivec3 own = at * scale_voxels + 2 * cell, low = clamp(own - (is_shifted ? 1 : 0), 0, 6);
+    uint from = ((job.slot == kNoSlot ? 0u : job.slot) << 9) | uint((low.x << 6) | (low.y << 3) | low.z);
+    uint w000 = pool.v[from].x, w001 = pool.v[from + 1u].x, w010 = pool.v[from + 8u].x, w011 = pool.v[from + 9u].x;
+    uint w100 = pool.v[from + 64u].x, w101 = pool.v[from + 65u].x, w110 = pool.v[from + 72u].x,
+         w111 = pool.v[from + 73u].x;
+    uint weight = min(min(min(w000, w001), min(w010, w011)), min(min(w100, w101), min(w110, w111))) >> 16;
+    vec4 a = vec4(voxel_distance(w000), voxel_distance(w001), voxel_distance(w010), voxel_distance(w011));
+    vec4 b = vec4(voxel_distance(w100), voxel_distance(w101), voxel_distance(w110), voxel_distance(w111));
+    vec4 s = a + b;
+    vec3 gradient = 0.25 * vec3(dot(b - a, vec4(1.0)), s.z + s.w - s.x - s.y, s.y + s.w - s.x - s.z);
+    float slope = length(gradient), inverse = 1.0 / max(slope, 1e-6);
+    float mean = 0.125 * dot(s, vec4(1.0));
+    // Where the plane passes along the normal: from the middle of this cell's part of the voxel, and from its centre.
+    vec3 middle = vec3(low) + 0.5, part = is_finest ? vec3(at) : vec3(own) + 0.5;
+    float at_part = mean + dot(gradient, part - middle), at_centre = mean + dot(gradient, centre - middle);
+    float away = abs(at_centre * inverse);
+    // A plane may pass beyond the corners, in the gap to the next cell. At the finest scale there are no gaps, but at
+    // bricks' borders, and steps from one thing to what lies behind it must not be extended.
+    vec4 smallest = min(a, b), largest = max(a, b);
+    bool is_crossed = min(min(smallest.x, smallest.y), min(smallest.z, smallest.w)) < 0.0 &&
+                      max(max(largest.x, largest.y), max(largest.z, largest.w)) >= 0.0;
+    bool passes = weight >= least && slope > 1e-3 && (is_crossed || !is_finest || slope <= kSteep * push.slope) &&
+                  abs(at_part) * inverse <= reach * (abs(gradient.x) + abs(gradient.y) + abs(gradient.z)) * inverse + kMargin;
+    bool is_better = passes && away < best;
+    best = is_better ? away : best;
+    height = is_better ? -at_centre * inverse / scale : height;
+    normal = is_better ? gradient * inverse : normal;
+    sum += weight >= 1u && !is_shifted ? at_part : 0.0;
+    observed += weight >= 1u && !is_shifted ? 1 : 0;
+  }
+  uint state = 2 * observed >= cells ? (sum >= 0.0 ? kOutside : kInside) : kUnknown;
+  bool has = best < 1e8 && abs(height) <= 1.0, had = (old & kHasSurface) != 0u;
+  uint word = has ? pack_patch(height, normal) : 0u;
+  vec3 moved = patch_point(word) - patch_point(old);
+  bool stays = had && has && dot(moved, moved) <= push.tolerance * push.tolerance;
+  word = stays ? old & kPatchBits : word;
+  bool is_changed = had != has || (had && has && !stays);
+  word |= (state << kStateShift) | (is_changed ? kChanged | kQueued : 0u);
+  return word;
+}
+
+// Whether the surface may pass a voxel: some corner of its cells is near to it, or was not observed beside others that
+// were. `is_cut`: it may pass between its cells and the ones before them. `state` as surface_of finds it.
+bool may_have_surface(EsdfJob job, ivec3 at, out bool is_cut, out uint state) {
+  int scale_voxels = 1 << push.scale_bits, cell_bits = max(0, int(push.scale_bits) - 1), cells = 1 << (3 * cell_bits);
+  int mask = (1 << cell_bits) - 1, sum = 0, observed = 0, least = 32767;
+  Voxels pool = Voxels(push.voxels);
+  is_cut = false;
+  for (int i = 0; i < cells; ++i) {
+    ivec3 low = min(at * scale_voxels + 2 * ivec3(i >> (2 * cell_bits), (i >> cell_bits) & mask, i & mask), 6);
+    uint from = ((job.slot == kNoSlot ? 0u : job.slot) << 9) | uint((low.x << 6) | (low.y << 3) | low.z);
+    ivec4 a = ivec4(pool.v[from].x, pool.v[from + 1u].x, pool.v[from + 8u].x, pool.v[from + 9u].x);
+    ivec4 b = ivec4(pool.v[from + 64u].x, pool.v[from + 65u].x, pool.v[from + 72u].x, pool.v[from + 73u].x);
+    ivec4 da = (a << 16) >> 16, db = (b << 16) >> 16, wa = (a >> 16) & 0xffff, wb = (b >> 16) & 0xffff;
+    ivec4 both = min(abs(da), abs(db)), total = da + db, lowest = min(wa, wb), highest = max(wa, wb);
+    least = min(least, min(min(both.x, both.y), min(both.z, both.w)));
+    bool is_observed = min(min(lowest.x, lowest.y), min(lowest.z, lowest.w)) > 0;
+    is_cut = is_cut || (!is_observed && max(max(highest.x, highest.y), max(highest.z, highest.w)) > 0);
+    sum += is_observed ? total.x + total.y + total.z + total.w : 0;
+    observed += is_observed ? 1 : 0;
+  }
+  state = 2 * observed >= cells ? (sum >= 0 ? kOutside : kInside) : kUnknown;
+  bool is_near = observed > 0 && least < int(kNearSurface * 32767.0);
+  return is_cut || is_near;
+}
+
+// A thread does 2^scale_bits columns along z of as many voxels as a brick has a side: eight voxels. Loads cost most on a
+// CPU device, and a column has one brick and one block.
+struct Column {
+  EsdfJob job;
+  ivec3 at;      // in the brick: its first voxel
+  uint address;  // of that; kNoVoxel: nothing to do
+};
+Column column_of(int column) {
+  int bits = 3 - int(push.scale_bits), side = 1 << bits;
+  int index = (int(gl_WorkGroupID.x) << (6 + int(push.scale_bits))) + (column << 6) + int(gl_LocalInvocationID.x);
+  int brick = index >> (2 * bits);
+  Column c;
+  c.job = jobs[min(brick, int(push.jobs) - 1)];
+  c.at = ivec3((index >> bits) & (side - 1), index & (side - 1), 0);
+  c.address = brick < int(push.jobs) ? address_of(push.field, c.job.brick * side + c.at) : kNoVoxel;
+  return c;
+}
+
+void main() {
+  int bits = 3 - int(push.scale_bits), side = 1 << bits;
+  uint changed = 0u, gone = 0u, closer = 0u, cut = 0u;  // by voxel of this thread
+  Words surface = Words(push.field.surface);
+  for (int column = 0; column < 1 << push.scale_bits; ++column) {
+    Column c = column_of(column);
+    bool is_there = c.address != kNoVoxel, has_voxels = is_there && c.job.slot != kNoSlot;
+    for (int z = 0; z < side; ++z) {
+      uint bit = 1u << ((column << bits) + z);
+      bool is_cut;
+      uint old = surface.v[is_there ? c.address + uint(z) : 0u], state;
+      bool is_close = may_have_surface(c.job, c.at + ivec3(0, 0, z), is_cut, state) && has_voxels;
+      closer |= is_close ? bit : 0u;
+      cut |= is_close && is_cut ? bit : 0u;
+      bool is_gone = (old & kHasSurface) != 0u;
+      uint word = ((has_voxels ? state : c.job.state) << kStateShift) | (is_gone ? kChanged | kQueued : 0u);
+      bool is_new = is_there && !is_close && word != old;
+      if (is_new) {
+        surface.v[c.address + uint(z)] = word;
+        dirty[c.address >> 12] = 1u;
+      }
+      changed |= is_new && is_gone ? bit : 0u;
+      gone |= is_new && is_gone ? 1u : 0u;
+    }
+  }
+  for (; closer != 0u; closer &= closer - 1u) {
+    int i = findLSB(closer);
+    Column c = column_of(i >> bits);
+    uint z = uint(i & (side - 1)), address = c.address + z, old = surface.v[address];
+    // A surface that is seen at a grazing angle may lie between what is in front of all and one voxel behind it.
+    uint word = surface_of(c.job, c.at + ivec3(0, 0, z), old, (cut >> i & 1u) != 0u ? 2 : 1);
+    if (word != old) {
+      surface.v[address] = word;
+      dirty[address >> 12] = 1u;
+    }
+    changed |= (word & kChanged) != 0u ? 1u << i : 0u;
+    gone |= (word & kChanged) != 0u ? old & kHasSurface : 0u;
+  }
+  if (gone != 0u) removed = 1u;
+  for (; changed != 0u; changed &= changed - 1u) {
+    int i = findLSB(changed);
+    uint address = column_of(i >> bits).address + uint(i & (side - 1)), word = surface.v[address];
+    uint64_t own = candidate(ivec3(0), patch_point(word), address);
+    Nearest nearest = Nearest(push.field.nearest);
+    if ((word & kHasSurface) != 0u && own < nearest.v[address]) nearest.v[address] = own;
+    uint index = append(push.field, 0u, 1u);
+    if (index < push.capacity) list[index] = EsdfEntry(address, kNoSite);
+  }
+}

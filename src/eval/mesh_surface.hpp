@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <Eigen/Geometry>
+#include <cmath>
+#include <numeric>
+#include <unsupported/Eigen/BVH>
+#include <vector>
+
+#include "cairn/mesh.hpp"
+
+namespace cairn {
+
+/// Squared distance from a point to a triangle (Ericson 2005, Real-Time Collision Detection, 5.1.5).
+inline float squared_distance(const Eigen::Vector3f& p, const Eigen::Vector3f& a, const Eigen::Vector3f& b,
+                              const Eigen::Vector3f& c) {
+  const Eigen::Vector3f ab = b - a, ac = c - a, ap = p - a;
+  const float d1 = ab.dot(ap), d2 = ac.dot(ap);
+  if (d1 <= 0 && d2 <= 0) return ap.squaredNorm();
+  const Eigen::Vector3f bp = p - b;
+  const float d3 = ab.dot(bp), d4 = ac.dot(bp);
+  if (d3 >= 0 && d4 <= d3) return bp.squaredNorm();
+  const float vc = d1 * d4 - d3 * d2;
+  if (vc <= 0 && d1 >= 0 && d3 <= 0) return (ap - d1 / (d1 - d3) * ab).squaredNorm();
+  const Eigen::Vector3f cp = p - c;
+  const float d5 = ab.dot(cp), d6 = ac.dot(cp);
+  if (d6 >= 0 && d5 <= d6) return cp.squaredNorm();
+  const float vb = d5 * d2 - d1 * d6;
+  if (vb <= 0 && d2 >= 0 && d6 <= 0) return (ap - d2 / (d2 - d6) * ac).squaredNorm();
+  const float va = d3 * d6 - d5 * d4;
+  if (va <= 0 && d4 >= d3 && d5 >= d6) return (bp - (d4 - d3) / ((d4 - d3) + (d5 - d6)) * (c - b)).squaredNorm();
+  const float scale = 1.0f / (va + vb + vc);
+  return (ap - vb * scale * ab - vc * scale * ac).squaredNorm();
+}
+
+/// Distances to a mesh, which must outlive it.
+class MeshSurface {
+ public:
+  explicit MeshSurface(const Mesh& mesh) : mesh_(mesh) {
+    std::vector<int> objects(mesh.triangles.size());
+    std::iota(objects.begin(), objects.end(), 0);
+    std::vector<Eigen::AlignedBox3f> boxes(objects.size());
+    for (std::size_t i = 0; i < boxes.size(); ++i)
+      for (const auto v : mesh.triangles[i]) boxes[i].extend(mesh.positions[v]);
+    tree_.init(objects.begin(), objects.end(), boxes.begin(), boxes.end());
+  }
+
+  [[nodiscard]] double distance(const Eigen::Vector3f& point) const {
+    struct Nearest {
+      using Scalar = float;
+      const Mesh& mesh;
+      const Eigen::Vector3f& p;
+      float minimumOnVolume(const Eigen::AlignedBox3f& box) const { return box.squaredExteriorDistance(p); }
+      float minimumOnObject(int i) const {
+        const auto& t = mesh.triangles[static_cast<std::size_t>(i)];
+        return squared_distance(p, mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]);
+      }
+    } nearest{mesh_, point};
+    return std::sqrt(static_cast<double>(Eigen::BVMinimize(tree_, nearest)));
+  }
+
+ private:
+  const Mesh& mesh_;
+  Eigen::KdBVH<float, 3, int> tree_;
+};
+
+}  // namespace cairn

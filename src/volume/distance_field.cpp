@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "cairn/esdf.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr int kSide = 16;
+constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
+constexpr float kFlat = 1e-3f;  // a gradient that is shorter shows nowhere
+
+int index_in(const Eigen::Vector3i& v) { return (v.x() & 15) << 8 | (v.y() & 15) << 4 | (v.z() & 15); }
+
+}  // namespace
+
+DistanceField::DistanceField(float voxel_size, const Eigen::Vector3f& origin, float max_distance, Blocks blocks)
+    : voxel_size_(voxel_size), origin_(origin), max_distance_(max_distance), blocks_(std::move(blocks)) {
+  if (blocks_.empty()) return;
+  Eigen::AlignedBox3i box;
+  for (const auto& [block, samples] : blocks_) box.extend(block);
+  first_ = box.min();
+  size_ = box.sizes() + Eigen::Vector3i::Ones();
+  table_.resize(static_cast<std::size_t>(size_.x()) * static_cast<std::size_t>(size_.y()) *
+                static_cast<std::size_t>(size_.z()));
+  for (const auto& [block, samples] : blocks_) {
+    const Eigen::Vector3i b = block - first_;
+    table_[static_cast<std::size_t>((b.x() * size_.y() + b.y()) * size_.z() + b.z())] = samples.get();
+  }
+}
+
+float DistanceField::at(const Eigen::Vector3i& voxel) const {
+  const Eigen::Vector3i b = voxel.unaryExpr([](int i) { return i >> 4; }) - first_;
+  if ((b.array() < 0).any() || (b.array() >= size_.array()).any()) return kUnknown;
+  const Block* block = table_[static_cast<std::size_t>((b.x() * size_.y() + b.y()) * size_.z() + b.z())];
+  return block == nullptr ? kUnknown : (*block)[static_cast<std::size_t>(index_in(voxel))];
+}
+
+DistanceField::Answer DistanceField::query(const Eigen::Vector3f& point) const {
+  const Eigen::Vector3f p = (point - origin_) / voxel_size_;
+  constexpr float kTooFar = 1e8f;                       // of what an int holds
+  if (!(p.cwiseAbs().maxCoeff() < kTooFar)) return {};  // NaN, too
+  const Eigen::Vector3i low = p.array().floor().cast<int>();
+  const Eigen::Vector3f h = p - low.cast<float>();
+  std::array<float, 8> corner;  // x << 2 | y << 1 | z
+  const Eigen::Vector3i b = low.unaryExpr([](int i) { return i >> 4; }) - first_;
+  const Eigen::Vector3i v = low.unaryExpr([](int i) { return i & 15; });
+  if ((b.array() >= 0).all() && (b.array() < size_.array()).all() && (v.array() < kSide - 1).all()) {
+    const Block* block = table_[static_cast<std::size_t>((b.x() * size_.y() + b.y()) * size_.z() + b.z())];
+    if (block == nullptr) return {};
+    const float* s = block->data() + index_in(v);
+    corner = {s[0], s[1], s[16], s[17], s[256], s[257], s[272], s[273]};
+  } else {
+    for (int c = 0; c < 8; ++c)
+      corner[static_cast<std::size_t>(c)] = at(low + Eigen::Vector3i(c >> 2, c >> 1 & 1, c & 1));
+  }
+  const float x0 = 1 - h.x(), y0 = 1 - h.y(), z0 = 1 - h.z(), x1 = h.x(), y1 = h.y(), z1 = h.z();
+  const float z00 = corner[0] * z0 + corner[1] * z1, z01 = corner[2] * z0 + corner[3] * z1,
+              z10 = corner[4] * z0 + corner[5] * z1, z11 = corner[6] * z0 + corner[7] * z1;
+  const float yz0 = z00 * y0 + z01 * y1, yz1 = z10 * y0 + z11 * y1;
+  Answer answer{.known = true, .distance = yz0 * x0 + yz1 * x1};
+  answer.gradient = {yz1 - yz0, (z01 - z00) * x0 + (z11 - z10) * x1,
+                     ((corner[1] - corner[0]) * y0 + (corner[3] - corner[2]) * y1) * x0 +
+                         ((corner[5] - corner[4]) * y0 + (corner[7] - corner[6]) * y1) * x1};
+  if (std::isnan(answer.distance)) {
+    // Something around it is unknown: what the voxel that holds the point knows, with its neighbours.
+    const Eigen::Vector3i nearest = p.array().round().cast<int>();
+    const float here = at(nearest);
+    if (std::isnan(here)) return {};
+    for (int axis = 0; axis < 3; ++axis) {
+      const float before = at(nearest - Eigen::Vector3i::Unit(axis)), after = at(nearest + Eigen::Vector3i::Unit(axis));
+      const float low_side = std::isnan(before) ? here : before, high_side = std::isnan(after) ? here : after;
+      const float span = std::isnan(before) || std::isnan(after) ? 1.0f : 2.0f;
+      answer.gradient[axis] = (high_side - low_side) / span;
+    }
+    answer.distance = here + answer.gradient.dot(p - nearest.cast<float>());
+  }
+  const float length = answer.gradient.norm();
+  answer.gradient = length < kFlat * voxel_size_ ? Eigen::Vector3f::Zero() : Eigen::Vector3f(answer.gradient / length);
+  return answer;
+}
+
+void DistanceField::query(std::span<const Eigen::Vector3f> points, std::span<Answer> answers) const {
+  if (points.size() != answers.size())
+    throw std::invalid_argument("as many answers as points are needed: " + std::to_string(points.size()) + " and " +
+                                std::to_string(answers.size()));
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 4096), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i < range.end(); ++i) answers[i] = query(points[i]);
+  });
+}
+
+Eigen::AlignedBox3f DistanceField::bounds() const {
+  Eigen::AlignedBox3f box;
+  for (const auto& [block, samples] : blocks_)
+    for (int i = 0; i < 4096; ++i)
+      if (!std::isnan((*samples)[static_cast<std::size_t>(i)]))
+        box.extend(origin_ +
+                   voxel_size_ * (kSide * block + Eigen::Vector3i(i >> 8, i >> 4 & 15, i & 15)).cast<float>());
+  return box;
+}
+
+}  // namespace cairn

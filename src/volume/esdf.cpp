@@ -1,0 +1,370 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "volume/esdf.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "spirv/esdf_check.comp.h"
+#include "spirv/esdf_distance.comp.h"
+#include "spirv/esdf_pull.comp.h"
+#include "spirv/esdf_push.comp.h"
+#include "spirv/esdf_settle.comp.h"
+#include "spirv/esdf_sites.comp.h"
+
+namespace cairn {
+namespace {
+
+constexpr float kTolerance = 0.25f;                // voxels; see EsdfSitesPush
+constexpr float kGap = 0.8f;                       // metres
+constexpr std::uint32_t kFirstCapacity = 256;      // blocks: 12 MiB
+constexpr std::uint32_t kSteps = 24;               // of the wave before the host looks whether it has ended; even
+constexpr std::uint32_t kMaxTableBits = 8;         // 256 blocks a side
+constexpr std::size_t kJobsAtOnce = 4096;          // bricks from the host: 16 MiB
+constexpr std::size_t kBlocksAtOnce = 1024;        // distances that go to the host: 16 MiB
+constexpr std::uint32_t kIsNew = 1, kRestart = 2;  // flags of esdf_check
+
+constexpr shader::EsdfCount kNothing{.groups = 0, .one_y = 1, .one_z = 1, .count = 0};
+
+float voxel_size_for(const FuseOptions& fuse, const EsdfOptions& options) {
+  return options.voxel_size > 0 ? options.voxel_size : 2 * fuse.voxel_size;
+}
+
+int scale_for(const FuseOptions& fuse, const EsdfOptions& options) {
+  const float wanted = voxel_size_for(fuse, options) / fuse.voxel_size;
+  for (const int scale : {1, 2, 4, 8})
+    if (std::abs(wanted - static_cast<float>(scale)) < 1e-3f * static_cast<float>(scale)) return scale;
+  throw std::runtime_error("--esdf-voxel-size is " + std::to_string(voxel_size_for(fuse, options)) +
+                           " m: take 1, 2, 4 or 8 times the map's " + std::to_string(fuse.voxel_size) + " m");
+}
+
+}  // namespace
+
+Esdf::Esdf(gpu::Device& device, const FuseOptions& fuse, const EsdfOptions& options)
+    : device_(device),
+      fuse_(fuse),
+      options_(options),
+      scale_(scale_for(fuse, options)),
+      voxel_size_(static_cast<float>(scale_) * fuse.voxel_size),
+      sites_(device, "esdf_sites", esdf_sites_comp),
+      check_(device, "esdf_check", esdf_check_comp),
+      pull_(device, "esdf_pull", esdf_pull_comp),
+      settle_(device, "esdf_settle", esdf_settle_comp),
+      push_(device, "esdf_push", esdf_push_comp),
+      distance_(device, "esdf_distance", esdf_distance_comp),
+      counts_(device, (kSteps + 1) * sizeof(shader::EsdfCount)),
+      removed_(device, 4) {}
+
+shader::EsdfView Esdf::view() const {
+  const float reach = options_.max_distance / voxel_size_;
+  return {.nearest = shader::address(nearest_),
+          .surface = shader::address(surface_),
+          .blocks = shader::address(blocks_),
+          .table = shader::address(table_),
+          .counts = shader::address(counts_),
+          .table_bits = table_bits_,
+          .max_squared = reach * reach};
+}
+
+Esdf::Updated Esdf::update(const Volume& volume, std::span<const Brick> changed) {
+  return update(changed, &volume, volume.host());
+}
+
+Esdf::Updated Esdf::update(const BrickTree& map, std::span<const Brick> changed) {
+  return update(changed, nullptr, map);
+}
+
+Esdf::Updated Esdf::update(std::span<const Brick> changed, const Volume* volume, const BrickTree& map) {
+  std::vector<shader::EsdfJob> here, elsewhere;  // voxels on the device; on the host or nowhere
+  std::vector<const std::uint64_t*> voxels;      // of those elsewhere
+  for (const Brick& brick : changed) {
+    const std::uint32_t slot = volume != nullptr ? volume->slot_of(brick) : Volume::kNoSlot;
+    if (slot != Volume::kNoSlot) {
+      here.push_back({.brick = brick, .slot = slot, .state = shader::kUnknown});
+      continue;
+    }
+    elsewhere.push_back(
+        {.brick = brick, .slot = Volume::kNoSlot, .state = map.is_free(brick) ? shader::kOutside : shader::kUnknown});
+    voxels.push_back(map.find(brick));
+    if (voxels.back() != nullptr) elsewhere.back().slot = 0;
+  }
+  reserve(here);
+  reserve(elsewhere);
+  if (slot_of_.empty()) return {};
+
+  gpu::Batch batch(device_);
+  batch.upload(counts_, std::vector<shader::EsdfCount>(kSteps + 1, kNothing));
+  batch.fill(removed_, 0);
+  if (!here.empty()) find_sites(batch, here, volume->view().voxels);
+  for (std::size_t begin = 0; begin < elsewhere.size(); begin += kJobsAtOnce) {
+    batch.run();  // no buffer grows while it is in use
+    const auto jobs = std::span(elsewhere).subspan(begin, std::min(kJobsAtOnce, elsewhere.size() - begin));
+    if (voxels_.size() < jobs.size() * sizeof(BrickVoxels))
+      voxels_ = gpu::Buffer(device_, jobs.size() * sizeof(BrickVoxels));
+    std::uint32_t slot = 0;
+    for (std::size_t i = 0; i < jobs.size(); ++i) {
+      if (voxels[begin + i] == nullptr) continue;
+      batch.upload(voxels_, std::span(voxels[begin + i], 512), slot * sizeof(BrickVoxels));
+      jobs[i].slot = slot++;
+    }
+    find_sites(batch, jobs, shader::address(voxels_));
+  }
+  return spread(batch, false);
+}
+
+void Esdf::find_sites(gpu::Batch& batch, std::span<const shader::EsdfJob> jobs, shader::uvec2 voxels) {
+  if (jobs_.size() < jobs.size_bytes()) jobs_ = gpu::Buffer(device_, 2 * jobs.size_bytes());
+  const auto side = static_cast<std::uint32_t>(8 / scale_);
+  const auto count = static_cast<std::uint32_t>(jobs.size());
+  batch.upload(jobs_, jobs);
+  sites_(batch, {(count * side * side * side + 7) / 8, 1, 1},
+         {.field = view(),
+          .voxels = voxels,
+          .jobs = count,
+          .scale_bits = static_cast<std::uint32_t>(std::countr_zero(static_cast<unsigned>(scale_))),
+          .min_weight = fuse_.min_mesh_weight,
+          .slope = fuse_.voxel_size / fuse_.truncation,
+          .tolerance = kTolerance,
+          .capacity = list_capacity_},
+         {&jobs_, &list_[0], &dirty_, &removed_});
+}
+
+/// Makes blocks for what was observed and what lies between it, since a wave may have to cross what nobody saw: a block
+/// is left out when it fits into a cube of kGap that holds no observed block (a morphological closing).
+void Esdf::reserve(std::span<const shader::EsdfJob> jobs) {
+  const int bricks = 2 * scale_;  // of the TSDF a block
+  const int reach = std::max(1, static_cast<int>(std::lround(kGap / 2 / (shader::kEsdfSide * voxel_size_))));
+  std::vector<Brick> around;
+  for (int x = -reach; x <= reach; ++x)
+    for (int y = -reach; y <= reach; ++y)
+      for (int z = -reach; z <= reach; ++z) around.emplace_back(x, y, z);
+  std::vector<Block> wanted;
+  for (const shader::EsdfJob& job : jobs) {
+    if (job.slot == Volume::kNoSlot && job.state == shader::kUnknown) continue;
+    const Block block =
+        Brick(job.brick).unaryExpr([&](int i) { return (i - (i % bricks + bricks) % bricks) / bricks; });
+    if (!known_.insert(block).second) continue;
+    for (const Brick& offset : around) {
+      const Block near = block + offset;
+      if (!near_.insert(near).second) continue;
+      for (const Brick& farther : around) {
+        int& unknown = unknown_around_.try_emplace(near + farther, static_cast<int>(around.size())).first->second;
+        if (--unknown > 0) continue;
+        wanted.push_back(near + farther);
+        box_.extend(near + farther);
+      }
+    }
+  }
+  std::sort(wanted.begin(), wanted.end(), before);
+  if (!wanted.empty()) allocate(wanted);
+}
+
+void Esdf::allocate(const std::vector<Block>& blocks) {
+  const int extent = box_.sizes().maxCoeff() + 3;  // nothing may look around the table onto its other side
+  std::uint32_t bits = std::max(5u, table_bits_);
+  while (extent > 1 << bits) ++bits;
+  if (bits > kMaxTableBits ||
+      box_.min().cwiseAbs().cwiseMax(box_.max().cwiseAbs()).maxCoeff() >= static_cast<int>(shader::kEsdfReach))
+    throw std::runtime_error("the distance field would be wider than " +
+                             std::to_string((1 << kMaxTableBits) * static_cast<int>(shader::kEsdfSide)) +
+                             " voxels: raise --esdf-voxel-size");
+  const std::size_t first = block_of_.size();
+  for (const Block& block : blocks) {
+    slot_of_.emplace(block, static_cast<std::uint32_t>(block_of_.size()));
+    block_of_.push_back(block);
+  }
+  std::uint32_t capacity = std::max(kFirstCapacity, capacity_);
+  while (capacity < block_of_.size()) capacity *= 2;
+  if (capacity != capacity_) resize(capacity);
+
+  gpu::Batch batch(device_);
+  std::size_t begin = first;
+  if (bits != table_bits_) {
+    table_bits_ = bits;
+    table_ = gpu::Buffer(device_, std::uint64_t{4} << (3 * bits));
+    batch.fill(table_, 0);
+    begin = 0;
+  }
+  const auto mask = (1 << bits) - 1;
+  std::vector<std::uint32_t> packed;
+  for (std::size_t slot = begin; slot < block_of_.size(); ++slot) {
+    const Block& b = block_of_[slot];
+    const auto at = static_cast<std::uint64_t>(((((b.z() & mask) << bits) | (b.y() & mask)) << bits) | (b.x() & mask));
+    batch.fill(table_, static_cast<std::uint32_t>(slot + 1), 4 * at, 4);
+  }
+  constexpr auto kReach = static_cast<int>(shader::kEsdfReach);
+  for (std::size_t slot = first; slot < block_of_.size(); ++slot) {
+    const Block b = block_of_[slot] + Block::Constant(kReach);
+    packed.push_back(static_cast<std::uint32_t>(b.x() | b.y() << 10 | b.z() << 20));
+  }
+  batch.upload(blocks_, packed, 4 * first);
+  const std::uint64_t voxels = packed.size() * std::uint64_t{shader::kEsdfVoxels};
+  batch.fill(nearest_, 0xffffffffu, first * std::uint64_t{shader::kEsdfVoxels} * 8, voxels * 8);
+  batch.fill(surface_, 0, first * std::uint64_t{shader::kEsdfVoxels} * 4, voxels * 4);
+  batch.run();
+}
+
+void Esdf::resize(std::uint32_t capacity) {
+  const std::uint64_t voxels = std::uint64_t{capacity} * shader::kEsdfVoxels;
+  gpu::Batch batch(device_);
+  const auto grow = [&](gpu::Buffer& buffer, std::uint64_t bytes) {
+    gpu::Buffer larger(device_, bytes);
+    batch.fill(larger, 0);
+    if (buffer) batch.copy(buffer, larger);
+    batch.run();
+    buffer = std::move(larger);
+  };
+  grow(nearest_, 8 * voxels);
+  grow(surface_, 4 * voxels);
+  grow(blocks_, 4 * std::uint64_t{capacity});
+  grow(dirty_, 4 * std::uint64_t{capacity});
+  check_list_ = gpu::Buffer(device_, 4 * std::uint64_t{capacity});
+  // Lists are empty between updates. One that does not hold all that it should makes a rebuild.
+  list_capacity_ = static_cast<std::uint32_t>(voxels / 2);
+  for (gpu::Buffer& list : list_) list = gpu::Buffer(device_, list_capacity_ * sizeof(shader::EsdfEntry));
+  capacity_ = capacity;
+}
+
+Esdf::Updated Esdf::rebuild() {
+  if (slot_of_.empty()) return {};
+  gpu::Batch batch(device_);
+  batch.upload(counts_, std::vector<shader::EsdfCount>(kSteps + 1, kNothing));
+  return spread(batch, true);
+}
+
+/// From the changed patches in the list to distances.
+Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
+  Updated updated;
+  std::vector<shader::EsdfCount> counts(kSteps + 1, kNothing);
+  std::uint32_t removed[1] = {0};
+  if (!restart) {
+    batch.download(counts_, std::span(counts).first(1));
+    batch.download(removed_, std::span<std::uint32_t>(removed));
+    batch.run();
+    updated.sites = static_cast<int>(counts[0].count);
+    restart = counts[0].count > list_capacity_ || 2 * (block_of_.size() - settled_) > block_of_.size();
+  }
+  updated.rebuilt = restart;
+  if (restart) {  // the list begins anew with all patches
+    counts[0] = kNothing;
+    batch.upload(counts_, counts);
+  }
+  std::vector<std::uint32_t> blocks;
+  for (std::size_t slot = restart || removed[0] != 0 ? 0 : settled_; slot < block_of_.size(); ++slot)
+    blocks.push_back(static_cast<std::uint32_t>(slot) << 2 | (restart ? kRestart : slot >= settled_ ? kIsNew : 0));
+  settled_ = block_of_.size();
+  if (blocks.empty() && updated.sites == 0) return updated;
+  batch.upload(check_list_, blocks);
+  const auto count = static_cast<std::uint32_t>(blocks.size());
+  check_(batch, {64 * count, 1, 1}, {.field = view(), .blocks = count, .capacity = list_capacity_},
+         {&check_list_, &list_[0]});
+  if (!restart)
+    pull_.indirect(batch, counts_, 0, {.field = view(), .step = 0, .capacity = list_capacity_}, {&list_[0]});
+  settle_.indirect(batch, counts_, 0, {.field = view(), .step = 0, .capacity = list_capacity_}, {&list_[0], &dirty_});
+  if (run_waves(batch, updated)) return updated;
+  if (restart) throw std::logic_error("a distance field's wave does not fit its list");
+  Updated again = rebuild();
+  again.sites = updated.sites;
+  return again;
+}
+
+/// Runs until nothing is nearer; false when a list was too small.
+bool Esdf::run_waves(gpu::Batch& batch, Updated& updated) {
+  std::vector<shader::EsdfCount> counts(kSteps + 1);
+  while (true) {
+    for (std::uint32_t step = 0; step < kSteps; ++step) {
+      // Settling each step makes the result independent of the threads' order. Between frames that would cost a tenth,
+      // and nobody writes that field to a file.
+      const gpu::Buffer &now = list_[step & 1], &next = list_[(step + 1) & 1];
+      push_.indirect(batch, counts_, step * sizeof(shader::EsdfCount),
+                     {.field = view(), .step = step, .capacity = list_capacity_, .is_settled = updated.rebuilt},
+                     {&now, &next, &dirty_});
+      if (updated.rebuilt)
+        settle_.indirect(batch, counts_, (step + 1) * sizeof(shader::EsdfCount),
+                         {.field = view(), .step = step + 1, .capacity = list_capacity_}, {&next, &dirty_});
+    }
+    batch.download(counts_, counts);
+    batch.run();
+    for (const auto& c : counts) {
+      if (c.count > list_capacity_) return false;
+      updated.voxels += static_cast<int>(c.count);
+      updated.steps += c.count > 0;
+    }
+    if (counts[kSteps].count == 0) return true;
+    updated.voxels -= static_cast<int>(counts[kSteps].count), --updated.steps;  // counted once more with the next part
+    counts[0] = counts[kSteps];
+    std::fill(counts.begin() + 1, counts.end(), kNothing);
+    batch.upload(counts_, counts);
+  }
+}
+
+std::shared_ptr<const DistanceField> map_distances(const std::filesystem::path& map, const EsdfOptions& options,
+                                                   int device) {
+  const ReadGrids read = read_grids(map);
+  Options checked;
+  checked.fuse.voxel_size = read.info.voxel_size;
+  checked.fuse.truncation = read.info.truncation;
+  checked.esdf = options;
+  check(checked);
+  gpu::Device on(device);
+  auto field = distances_of(on, read.tree, checked.fuse, options);
+  const bool has_surface = std::any_of(field->blocks().begin(), field->blocks().end(), [&](const auto& block) {
+    return std::any_of(block.second->begin(), block.second->end(), [&](float d) { return d < field->max_distance(); });
+  });
+  if (!has_surface) throw std::runtime_error(map.string() + ": holds no surface to be distant from");
+  return field;
+}
+
+std::shared_ptr<const DistanceField> distances_of(gpu::Device& device, const BrickTree& map, const FuseOptions& fuse,
+                                                  const EsdfOptions& options) {
+  Esdf esdf(device, fuse, options);
+  std::vector<Brick> all = map.bricks();
+  const std::vector<Brick> free = map.free_bricks();
+  all.insert(all.end(), free.begin(), free.end());
+  esdf.update(map, all);
+  return esdf.field();
+}
+
+std::shared_ptr<const DistanceField> Esdf::field() {
+  const float offset = 0.5f * static_cast<float>(scale_ - 1) * fuse_.voxel_size;
+  std::vector<std::uint32_t> dirty(block_of_.size());
+  if (!dirty.empty()) {
+    gpu::Batch batch(device_);
+    batch.download(dirty_, dirty);
+    batch.fill(dirty_, 0);
+    batch.run();
+  }
+  samples_.resize(block_of_.size());
+  std::vector<std::uint32_t> slots;
+  for (std::uint32_t slot = 0; slot < block_of_.size(); ++slot)
+    if (dirty[slot] != 0) slots.push_back(slot);
+  if (!slots.empty() && !distances_) distances_ = gpu::Buffer(device_, kBlocksAtOnce * sizeof(DistanceField::Block));
+  for (std::size_t begin = 0; begin < slots.size(); begin += kBlocksAtOnce) {
+    const auto some = std::span(slots).subspan(begin, std::min(kBlocksAtOnce, slots.size() - begin));
+    const auto count = static_cast<std::uint32_t>(some.size());
+    std::vector<DistanceField::Block> distances(some.size());
+    gpu::Batch batch(device_);
+    batch.upload(check_list_, std::span<const std::uint32_t>(some));
+    distance_(batch, {64 * count, 1, 1},
+              {.field = view(), .blocks = count, .voxel_size = voxel_size_, .max_distance = options_.max_distance},
+              {&check_list_, &distances_});
+    batch.download(distances_, distances);
+    batch.run();
+    for (std::size_t i = 0; i < some.size(); ++i) {
+      const bool is_known =
+          std::any_of(distances[i].begin(), distances[i].end(), [](float d) { return !std::isnan(d); });
+      samples_[some[i]] = is_known ? std::make_shared<const DistanceField::Block>(distances[i]) : nullptr;
+    }
+  }
+  DistanceField::Blocks blocks;
+  for (std::size_t slot = 0; slot < samples_.size(); ++slot)
+    if (samples_[slot]) blocks.emplace_back(block_of_[slot], samples_[slot]);
+  return std::make_shared<const DistanceField>(voxel_size_, Eigen::Vector3f::Constant(offset), options_.max_distance,
+                                               std::move(blocks));
+}
+
+}  // namespace cairn

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <memory>
+#include <span>
+#include <unordered_map>
+#include <unordered_set>
+#include <vector>
+
+#include "cairn/esdf.hpp"
+#include "shaders/esdf.h"
+#include "volume/volume.hpp"
+
+namespace cairn {
+
+/// The Euclidean signed distance field of a map, on the device. Each voxel knows the nearest patch of surface. An
+/// update finds the patches in the bricks that changed; where one came, a wave of "this is nearer" goes out, and where
+/// one went or moved, the voxels that it was nearest to ask their neighbours first (Lau et al. 2013, Oleynikova et al.
+/// 2017; the wave is vector propagation after Danielsson 1980).
+class Esdf {
+ public:
+  /// Throws std::runtime_error when the voxel size is not 1, 2, 4 or 8 voxels of the TSDF.
+  Esdf(gpu::Device& device, const FuseOptions& fuse, const EsdfOptions& options);
+
+  struct Updated {
+    int sites = 0;   // voxels in which a patch of surface came, went or moved
+    int voxels = 0;  // that found another nearest patch, counted once a step
+    int steps = 0;   // of the wave
+    bool rebuilt = false;
+  };
+  /// Brings the field up to date with bricks of the map that have changed, come, or gone. The result is within a
+  /// quarter of a voxel of a field made anew, by patches that moved less and stay where they are, and beyond that only
+  /// where patches nearly as near were found. It is made anew, with the same bits each time, when most of it is new.
+  Updated update(const Volume& volume, std::span<const Brick> changed);
+  Updated update(const BrickTree& map, std::span<const Brick> changed);
+  /// Forgets all distances and finds them again from the patches of surface.
+  Updated rebuild();
+
+  /// The field as it is; voxels that did not change since the last call are shared with its answer.
+  [[nodiscard]] std::shared_ptr<const DistanceField> field();
+  [[nodiscard]] float voxel_size() const { return voxel_size_; }         // metres
+  [[nodiscard]] std::size_t blocks() const { return block_of_.size(); }  // of 16x16x16 voxels
+
+ private:
+  using Block = Eigen::Vector3i;  // voxel / 16
+  Updated update(std::span<const Brick> changed, const Volume* volume, const BrickTree& map);
+  void reserve(std::span<const shader::EsdfJob> jobs);
+  void allocate(const std::vector<Block>& blocks);
+  void resize(std::uint32_t capacity);
+  void find_sites(gpu::Batch& batch, std::span<const shader::EsdfJob> jobs, shader::uvec2 voxels);
+  Updated spread(gpu::Batch& batch, bool restart);
+  [[nodiscard]] bool run_waves(gpu::Batch& batch, Updated& updated);
+  [[nodiscard]] shader::EsdfView view() const;
+
+  gpu::Device& device_;
+  FuseOptions fuse_;
+  EsdfOptions options_;
+  int scale_;         // TSDF voxels a voxel
+  float voxel_size_;  // metres
+  gpu::Kernel<shader::EsdfSitesPush> sites_;
+  gpu::Kernel<shader::EsdfCheckPush> check_;
+  gpu::Kernel<shader::EsdfWavePush> pull_, settle_, push_;
+  gpu::Kernel<shader::EsdfDistancePush> distance_;
+
+  std::uint32_t capacity_ = 0, table_bits_ = 0, list_capacity_ = 0;  // blocks; voxels
+  gpu::Buffer nearest_, surface_, blocks_, table_, dirty_, list_[2], counts_, removed_, jobs_, voxels_, check_list_,
+      distances_;
+  std::vector<Block> block_of_;  // by slot
+  std::unordered_map<Block, std::uint32_t, BrickHash> slot_of_;
+  std::unordered_set<Block, BrickHash> known_, near_;         // with observed voxels; these and what lies around them
+  std::unordered_map<Block, int, BrickHash> unknown_around_;  // blocks not in near_; missing: all
+  Eigen::AlignedBox3i box_;                                   // of all blocks
+  std::size_t settled_ = 0;                                   // blocks below it took part in a wave
+  std::vector<std::shared_ptr<const DistanceField::Block>> samples_;  // by slot
+};
+
+/// The field of a whole map on the host.
+[[nodiscard]] std::shared_ptr<const DistanceField> distances_of(gpu::Device& device, const BrickTree& map,
+                                                                const FuseOptions& fuse, const EsdfOptions& options);
+
+}  // namespace cairn

@@ -1,0 +1,352 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "volume/esdf.hpp"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstring>
+#include <limits>
+#include <map>
+#include <thread>
+
+#include "map/world.hpp"
+#include "support/files.hpp"
+#include "support/scenes.hpp"
+#include "support/volumes.hpp"
+#include "surface/preprocess.hpp"
+#include "volume/integrate.hpp"
+
+namespace cairn {
+namespace {
+
+const FuseOptions kFuse{.voxel_size = 0.02f, .truncation = 0.08f};
+
+float sphere(const Eigen::Vector3f& p) { return p.norm() - 0.4f; }
+float ball_over_floor(const Eigen::Vector3f& p) {
+  return std::min((p - Eigen::Vector3f(0.2f, 0, 0)).norm() - 0.25f, 0.5f - p.y());
+}
+float floor_alone(const Eigen::Vector3f& p) { return 0.5f - p.y(); }
+
+const Eigen::Vector3f kLow = Eigen::Vector3f::Constant(-0.9f), kHigh = Eigen::Vector3f::Constant(0.9f);
+
+struct Difference {
+  double mean = 0, max = 0;  // voxels
+  int voxels = 0, states = 0;
+};
+
+/// Over all voxels of two fields of the same map.
+Difference difference(const DistanceField& a, const DistanceField& b) {
+  Difference d;
+  std::map<std::array<int, 3>, const DistanceField::Block*> of_b;
+  for (const auto& [at, samples] : b.blocks()) of_b[{at.x(), at.y(), at.z()}] = samples.get();
+  for (const auto& [at, samples] : a.blocks()) {
+    const auto other = of_b.find({at.x(), at.y(), at.z()});
+    for (std::size_t i = 0; i < 4096; ++i) {
+      const float x = (*samples)[i],
+                  y = other == of_b.end() ? std::numeric_limits<float>::quiet_NaN() : (*other->second)[i];
+      d.states += std::isnan(x) != std::isnan(y);
+      if (std::isnan(x) || std::isnan(y)) continue;
+      const double by = std::abs(x - y) / a.voxel_size();
+      d.mean += by, d.max = std::max(d.max, by), ++d.voxels;
+    }
+  }
+  d.mean /= std::max(1, d.voxels);
+  return d;
+}
+
+/// Errors against a distance function, at the voxels, in voxels.
+template <class Distance>
+Difference error(const DistanceField& field, const Distance& distance) {
+  Difference d;
+  for (const auto& [at, samples] : field.blocks())
+    for (int i = 0; i < 4096; ++i) {
+      const float found = (*samples)[static_cast<std::size_t>(i)];
+      if (std::isnan(found)) continue;
+      const Eigen::Vector3i voxel = 16 * at + Eigen::Vector3i(i >> 8, i >> 4 & 15, i & 15);
+      const Eigen::Vector3f p = field.origin() + field.voxel_size() * voxel.cast<float>();
+      const float truth = distance(p);
+      const double by = std::abs(found - truth) / field.voxel_size();
+      d.mean += by, d.max = std::max(d.max, by), ++d.voxels;
+      d.states += std::abs(truth) > 0.001f && (found < 0) != (truth < 0);
+    }
+  d.mean /= std::max(1, d.voxels);
+  return d;
+}
+
+TEST(Esdf, FindsExactDistancesAroundASphereAtEveryScale) {
+  const BrickTree tree = distance_bricks(kFuse, kLow, kHigh, sphere);
+  for (const float voxel : {0.02f, 0.04f, 0.08f}) {
+    const auto field = distances_of(test_device(), tree, kFuse, {.voxel_size = voxel});
+    const Difference d = error(*field, sphere);
+    // Patches are planes: half of the sphere's curvature over the cell that they stand for, deep inside all of it.
+    EXPECT_LT(d.mean, 0.08) << voxel;
+    EXPECT_LT(d.max, 1.0) << voxel;
+    EXPECT_EQ(d.states, 0) << voxel;
+    EXPECT_NEAR(d.voxels, std::pow(12 * 8 * 0.02 / static_cast<double>(voxel), 3), 1e-3 * d.voxels) << voxel;
+  }
+}
+
+TEST(Esdf, EqualsARebuildAfterSurfacesCameAndWent) {
+  const BrickTree with = distance_bricks(kFuse, kLow, kHigh, ball_over_floor);
+  const BrickTree without = distance_bricks(kFuse, kLow, kHigh, floor_alone);
+  Esdf esdf(test_device(), kFuse, {.voxel_size = 0.02f});
+  esdf.update(with, with.bricks());
+  // Bricks that the ball's truncation band reaches are those that change.
+  std::vector<Brick> changed;
+  for (const Brick& brick : with.bricks())
+    if (std::memcmp(with.find(brick), without.find(brick), sizeof(BrickVoxels)) != 0) changed.push_back(brick);
+  ASSERT_GT(changed.size(), 20u);
+  ASSERT_LT(changed.size(), with.size() / 2);
+  for (int round = 0; round < 2; ++round) {
+    const bool is_there = round == 1;
+    const Esdf::Updated updated = esdf.update(is_there ? with : without, changed);
+    EXPECT_FALSE(updated.rebuilt);
+    EXPECT_GT(updated.sites, 500);
+    const auto field = esdf.field();
+    const auto fresh = distances_of(test_device(), is_there ? with : without, kFuse, {.voxel_size = 0.02f});
+    const Difference d = difference(*field, *fresh);
+    EXPECT_EQ(d.states, 0);
+    // Vector propagation may miss the nearest patch for the one next to it, now as in a rebuild.
+    EXPECT_LT(d.mean, 0.002);
+    EXPECT_LT(d.max, 0.3);
+  }
+}
+
+TEST(Esdf, DoesNothingWhereNothingChanged) {
+  const BrickTree tree = distance_bricks(kFuse, kLow, kHigh, sphere);
+  Esdf esdf(test_device(), kFuse, {});
+  esdf.update(tree, tree.bricks());
+  const auto before = esdf.field();
+  const Esdf::Updated updated = esdf.update(tree, tree.bricks());
+  EXPECT_EQ(updated.sites, 0);
+  EXPECT_EQ(updated.voxels, 0);
+  const auto after = esdf.field();
+  ASSERT_EQ(before->blocks().size(), after->blocks().size());
+  for (std::size_t i = 0; i < before->blocks().size(); ++i)
+    EXPECT_EQ(before->blocks()[i].second, after->blocks()[i].second);  // shared
+}
+
+TEST(Esdf, GivesTheSameBitsAgain) {
+  const BrickTree tree = distance_bricks(kFuse, kLow, kHigh, ball_over_floor);
+  const auto a = distances_of(test_device(), tree, kFuse, {}), b = distances_of(test_device(), tree, kFuse, {});
+  ASSERT_EQ(a->blocks().size(), b->blocks().size());
+  for (std::size_t i = 0; i < a->blocks().size(); ++i)
+    EXPECT_EQ(std::memcmp(a->blocks()[i].second->data(), b->blocks()[i].second->data(), sizeof(DistanceField::Block)),
+              0);
+}
+
+TEST(Esdf, TellsUnknownFromFreeAndLooksAcrossWhatNobodySaw) {
+  // A floor, free space far above it, nothing known between the two.
+  BrickTree tree = distance_bricks(kFuse, {-0.5f, 0.4f, -0.5f}, {0.5f, 0.6f, 0.5f}, floor_alone);
+  for (int x = -3; x < 3; ++x)
+    for (int z = -3; z < 3; ++z) tree.mark_free({x, -4, z});
+  const auto field = distances_of(test_device(), tree, kFuse, {});
+  const auto free = field->query({0.0f, -0.56f, 0.0f}), between = field->query({0.0f, -0.1f, 0.0f});
+  EXPECT_TRUE(free.known);
+  EXPECT_NEAR(free.distance, 1.06f, 0.01f);
+  EXPECT_NEAR(free.gradient.y(), -1.0f, 0.02f);
+  EXPECT_FALSE(between.known);
+  EXPECT_TRUE(field->query({0.0f, 0.55f, 0.0f}).known);
+  EXPECT_LT(field->query({0.0f, 0.55f, 0.0f}).distance, 0.0f);
+}
+
+TEST(Esdf, GrowsIntoAllDirectionsAndForgetsWhatIsGone) {
+  Esdf esdf(test_device(), kFuse, {});
+  BrickTree map;
+  std::vector<Brick> first;
+  for (const float at : {0.0f, 6.0f, -9.0f}) {
+    const Eigen::Vector3f centre(at, -at / 2, at / 3);
+    const BrickTree part = distance_bricks(kFuse, centre + kLow, centre + kHigh,
+                                           [&](const Eigen::Vector3f& p) { return (p - centre).norm() - 0.3f; });
+    for (const Brick& brick : part.bricks()) map.put(brick, std::span<const std::uint64_t, 512>(part.find(brick), 512));
+    if (first.empty()) first = part.bricks();
+    esdf.update(map, part.bricks());
+    EXPECT_NEAR(esdf.field()->query(centre + Eigen::Vector3f(0.6f, 0, 0)).distance, 0.3f, 0.005f) << at;
+  }
+  for (const Brick& brick : first) map.erase(brick);
+  esdf.update(map, first);
+  EXPECT_FALSE(esdf.field()->query({0.6f, 0, 0}).known);
+  EXPECT_TRUE(esdf.field()->query({6.6f, -3.0f, 2.0f}).known);
+}
+
+TEST(Esdf, FollowsALoopThatMovesHalfTheMap) {
+  // Two submaps of a wall with a ball before it; the second one's keyframe moves as after a loop.
+  const auto scene = [](const Eigen::Vector3f& p) {
+    return std::min(0.6f - p.z(), (p - Eigen::Vector3f(0, 0, 0.1f)).norm() - 0.2f);
+  };
+  std::vector<std::shared_ptr<const BrickTree>> trees;
+  Atlas atlas;
+  for (int s = 0; s < 2; ++s) {
+    const Eigen::Vector3f shift(1.6f * static_cast<float>(s), 0, 0);
+    BrickTree tree =
+        distance_bricks(kFuse, shift + Eigen::Vector3f(-0.8f, -0.6f, -0.3f), shift + Eigen::Vector3f(0.7f, 0.6f, 0.7f),
+                        [&](const Eigen::Vector3f& p) { return scene(p - shift); });
+    for (int x = 0; x < 4; ++x) tree.mark_free({10 * s + x - 2, 0, -4});
+    trees.push_back(std::make_shared<const BrickTree>(std::move(tree)));
+    Keyframe keyframe{.timestamp = static_cast<double>(s), .submap = static_cast<std::size_t>(s), .follows = s > 0};
+    keyframe.submap_from_camera.translation() = shift.cast<double>() - Eigen::Vector3d(0, 0, 1);
+    keyframe.piece_from_camera = keyframe.submap_from_camera;
+    atlas.add(keyframe);
+  }
+  World world(test_device(), kFuse);
+  const auto update = [&] {
+    std::vector<PlacedSubmap> placed;
+    for (std::size_t s = 0; s < 2; ++s)
+      placed.push_back({s, trees[s]->bricks(), trees[s]->free_bricks(), Deformation(atlas, s)});
+    return world.update(placed, [&](std::size_t s) { return trees[s]; });
+  };
+  Esdf esdf(test_device(), kFuse, {.voxel_size = 0.02f});
+  esdf.update(world.bricks(), update());
+  EXPECT_TRUE(esdf.field()->query({1.6f, 0.08f, -0.56f}).known);  // in a free brick
+  atlas.world_from_camera[1].pretranslate(Eigen::Vector3d(0.05, 0.013, -0.07));
+  const std::vector<Brick> changed = update();
+  ASSERT_GT(changed.size(), 50u);
+  esdf.update(world.bricks(), changed);
+  const auto moved = esdf.field();
+  const auto fresh = distances_of(test_device(), world.bricks(), kFuse, {.voxel_size = 0.02f});
+  const Difference d = difference(*moved, *fresh);
+  EXPECT_EQ(d.states, 0);
+  EXPECT_LT(d.mean, 0.05);  // patches that moved by less than a quarter of a voxel stay
+  EXPECT_LT(d.max, 0.6);
+  EXPECT_NEAR(moved->query({1.65f, 0.013f, -0.37f}).distance, 0.2f, 0.02f);
+}
+
+TEST(Esdf, RefusesAVoxelSizeThatIsNoMultipleOfTheMaps) {
+  for (const float voxel : {0.03f, 0.01f, 0.32f})
+    EXPECT_THROW(Esdf(test_device(), kFuse, {.voxel_size = voxel}), std::runtime_error) << voxel;
+}
+
+TEST(DistanceField, AnswersBetweenVoxelsAndNothingBeyondThem) {
+  const auto field =
+      distances_of(test_device(), distance_bricks(kFuse, kLow, kHigh, sphere), kFuse, {.voxel_size = 0.02f});
+  std::vector<Eigen::Vector3f> points;
+  for (int i = 0; i < 500; ++i) {
+    const float a = 0.1f * static_cast<float>(i), r = 0.25f + 0.001f * static_cast<float>(i);
+    points.emplace_back(r * std::cos(a), r * std::sin(a) * 0.8f, r * std::sin(a) * 0.6f);
+  }
+  std::vector<DistanceField::Answer> answers(points.size());
+  field->query(points, answers);
+  float sum = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    ASSERT_TRUE(answers[i].known);
+    EXPECT_NEAR(answers[i].distance, sphere(points[i]), 0.003f);
+    const float angle = std::acos(std::min(1.0f, answers[i].gradient.dot(points[i].normalized())));
+    EXPECT_LT(angle, 0.15f) << i;  // the sphere is patches of 2 cm, which turn by 0.05 radians from one to the next
+    sum += angle;
+  }
+  EXPECT_LT(sum / static_cast<float>(points.size()), 0.035f);
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN(), kInfinite = std::numeric_limits<float>::infinity();
+  for (const Eigen::Vector3f& p : {Eigen::Vector3f(kNan, 0, 0), Eigen::Vector3f(0, kInfinite, 0),
+                                   Eigen::Vector3f(0, 0, 1e30f), Eigen::Vector3f(50, 0, 0)})
+    EXPECT_FALSE(field->query(p).known) << p.transpose();
+  std::vector<DistanceField::Answer> too_few(2);
+  EXPECT_THROW(field->query(points, too_few), std::invalid_argument);
+}
+
+TEST(DistanceField, AnswersWhileTheMapIsUpdated) {
+  const BrickTree with = distance_bricks(kFuse, kLow, kHigh, ball_over_floor);
+  const BrickTree without = distance_bricks(kFuse, kLow, kHigh, floor_alone);
+  Esdf esdf(test_device(), kFuse, {});
+  esdf.update(with, with.bricks());
+  std::atomic<std::shared_ptr<const DistanceField>> newest = esdf.field();
+  std::atomic<bool> ended = false;
+  std::atomic<int> wrong = 0, asked = 0;
+  std::thread planner([&] {
+    while (!ended) {
+      const std::shared_ptr<const DistanceField> field = newest;
+      const float d = field->query({0.2f, 0.05f, 0.3f}).distance;  // 0.05 with the ball, 0.45 without it
+      wrong += std::abs(d - ball_over_floor({0.2f, 0.05f, 0.3f})) > 0.01f && std::abs(d - 0.45f) > 0.01f;
+      ++asked;
+    }
+  });
+  for (int i = 0; i < 6; ++i) {
+    const BrickTree& map = i % 2 == 0 ? without : with;
+    esdf.update(map, map.bricks());
+    newest = esdf.field();
+  }
+  ended = true;
+  planner.join();
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GT(asked, 0);
+}
+
+TEST(DistanceField, ComesBackFromItsFile) {
+  const auto field = distances_of(test_device(), distance_bricks(kFuse, kLow, kHigh, sphere), kFuse, {});
+  const TemporaryFolder folder;
+  write_distances(folder / "esdf.vdb", *field);
+  const DistanceField read = DistanceField::read(folder / "esdf.vdb");
+  const Difference d = difference(*field, read);
+  EXPECT_EQ(d.states, 0);
+  EXPECT_EQ(d.max, 0.0);
+  EXPECT_EQ(read.voxel_size(), field->voxel_size());
+  EXPECT_TRUE(read.origin().isApprox(field->origin()));
+  EXPECT_EQ(read.max_distance(), field->max_distance());
+  write_grids(folder / "map.vdb", distance_bricks(kFuse, kLow, kHigh, sphere),
+              {.voxel_size = 0.02f, .truncation = 0.08f});
+  EXPECT_THROW((void)DistanceField::read(folder / "map.vdb"), std::runtime_error);
+  EXPECT_THROW((void)DistanceField::read(folder / "none.vdb"), std::runtime_error);
+}
+
+TEST(FreeBricks, AreThoseThatACameraLooksThrough) {
+  const Scene scene = synthetic_scene("room");
+  const Camera camera = small_camera();
+  Preprocess preprocess(test_device(), camera, {}, 3, 1);
+  Integrate integrate(test_device(), camera, {});
+  const FuseOptions fuse;
+  Volume volume(test_device(), fuse, 5.0f);
+  const Frame frame = scene_frame(scene, camera, 0);
+  const Eigen::Isometry3d& pose = *frame.world_from_camera;
+  const Fused fused = integrate(preprocess(frame), pose, volume, 1);
+  ASSERT_GT(fused.newly_free.size(), 1000u);
+  const double size = volume.brick_size();
+  for (const Brick& brick : fused.newly_free) {
+    EXPECT_EQ(volume.slot_of(brick), Volume::kNoSlot);
+    EXPECT_TRUE(volume.host().is_free(brick));
+    const Eigen::Vector3d middle = (brick.cast<double>().array() + 0.5) * size;
+    EXPECT_GT(scene.distance(middle), 0.0) << brick.transpose();
+  }
+  // Nearly all of the way from the camera to what it sees is free or holds voxels; the image's border is seen in part.
+  int there = 0, samples = 0;
+  for (int v = 40; v < 200; v += 8)
+    for (int u = 40; u < 280; u += 8) {
+      const float z = frame.depth[static_cast<std::size_t>(v * camera.width + u)];
+      if (!(z > 0.6f) || z > 5.0f) continue;
+      const Eigen::Vector3d ray((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0);
+      for (double share = 0.3; share < 1.0; share += 0.1) {
+        const Eigen::Vector3d p = pose * (share * static_cast<double>(z) * ray);
+        const Brick brick = (p / size).array().floor().cast<int>();
+        there += volume.slot_of(brick) != Volume::kNoSlot || volume.host().is_free(brick);
+        ++samples;
+      }
+    }
+  ASSERT_GT(samples, 1000);
+  EXPECT_GT(there, 0.9 * samples);
+  // A second look finds nothing new.
+  EXPECT_LT(integrate(preprocess(frame), pose, volume, 5).newly_free.size(), fused.newly_free.size() / 50);
+}
+
+TEST(FreeBricks, ComeBackFromFiles) {
+  BrickTree tree = distance_bricks(kFuse, {0, 0, 0}, {0.2f, 0.2f, 0.2f}, sphere);
+  const std::vector<Brick> free{{-7, 3, 2}, {-7, 3, 3}, {40, -100, 7}};
+  for (const Brick& brick : free) tree.mark_free(brick);
+  tree.mark_free({0, 0, 0});  // has voxels and stays as it is
+  EXPECT_EQ(tree.free_bricks(), free);
+  EXPECT_FALSE(tree.is_free({0, 0, 0}));
+  const TemporaryFolder folder;
+  write_grids(folder / "map.vdb", tree, {.voxel_size = 0.02f, .truncation = 0.08f});
+  EXPECT_EQ(read_grids(folder / "map.vdb").tree.free_bricks(), free);
+  write_bricks(folder / "bricks.vdb", tree);
+  EXPECT_EQ(read_bricks(folder / "bricks.vdb").free_bricks(), free);
+  BrickTree copy = tree.copy();
+  const BrickVoxels voxels{1};
+  copy.put(free[0], voxels);
+  EXPECT_FALSE(copy.is_free(free[0]));
+  copy.forget_free();
+  EXPECT_TRUE(copy.free_bricks().empty());
+  EXPECT_EQ(copy.size(), tree.size() + 1);
+  EXPECT_EQ(tree.free_bricks(), free);
+}
+
+}  // namespace
+}  // namespace cairn
