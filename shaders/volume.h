@@ -109,9 +109,10 @@ struct BrickPlacePush {
 // One submap's share of a brick of the world: where the brick's voxels lie in the submap, and the submap's bricks there.
 struct MergeSource {
   Rigid source_from_target;  // voxels; the source's origin is the first voxel of slots[0], the target's that of its brick
-  uint slots[27];            // x + 3 (y + 3 z); kEmptySlot: the submap has no such brick
+  uint slots[27];            // x + 3 (y + 3 z); or kEmptySlot, kFreeSlot
 };
 const uint kEmptySlot = 0u;  // holds voxels that nobody observed
+const uint kFreeSlot = 1u;   // holds voxels that were seen to be free and nothing more
 
 struct MergeTarget {
   uint first;  // of the list of sources

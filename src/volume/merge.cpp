@@ -20,6 +20,9 @@ constexpr std::size_t kTargets = 4096;  // bricks of the world made at a time
 constexpr std::size_t kAround = 27;     // bricks that a turned brick may touch
 constexpr std::size_t kShares = 64;     // submaps that a brick is made of, at most: their weights have long saturated
 
+/// Far from any surface; of too little weight to bound a mesh.
+constexpr std::uint64_t kFreeVoxel = 0x7fff | 16ull << 16;
+
 /// Where a brick's voxels lie in a submap, and which bricks that are.
 struct Placed {
   shader::MergeSource source;
@@ -58,10 +61,11 @@ void Merge::gather(std::span<const MergeJob> jobs, std::size_t begin, const Load
   to.sources.clear();
   to.voxels.resize(kSlots);
   to.voxels[shader::kEmptySlot].fill(0);
+  to.voxels[shader::kFreeSlot].fill(kFreeVoxel);
   to.begin = to.end = begin;
   std::map<std::size_t, std::shared_ptr<const BrickTree>> parts;
   std::map<std::size_t, std::unordered_map<Brick, std::uint32_t, BrickHash>> slots;
-  to.used = shader::kEmptySlot + 1;
+  to.used = shader::kFreeSlot + 1;
   for (; to.end < jobs.size() && to.targets.size() < kTargets; ++to.end) {
     const MergeJob& job = jobs[to.end];
     const auto shares = std::span(job.shares).first(std::min(kShares, job.shares.size()));
@@ -76,11 +80,14 @@ void Merge::gather(std::span<const MergeJob> jobs, std::size_t begin, const Load
       for (std::size_t i = 0; i < (placed.is_plain ? 1 : kAround); ++i) {
         const Brick brick = around(placed.base, i);
         const auto [known, is_new] = slot_of.try_emplace(brick, shader::kEmptySlot);
-        if (is_new)
+        if (is_new) {
           if (const std::uint64_t* voxels = part->find(brick)) {
             std::memcpy(to.voxels[to.used].data(), voxels, sizeof(BrickVoxels));
             known->second = to.used++;
+          } else if (part->is_free(brick)) {
+            known->second = shader::kFreeSlot;
           }
+        }
         placed.source.slots[i] = known->second;
       }
       to.sources.push_back(placed.source);

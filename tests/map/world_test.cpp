@@ -132,5 +132,45 @@ TEST(Deformation, SpreadsACorrectionWithoutASeam) {
   EXPECT_LT(steepest, 0.15);
 }
 
+TEST(World, LeavesNoGapBetweenVoxelsAndFreeSpaceWhereSubmapsTurn) {
+  const FuseOptions fuse;
+  BrickTree tree = distance_bricks(fuse, {-0.8f, -0.8f, -0.04f}, {0.8f, 0.8f, 0.04f},
+                                   [](const Eigen::Vector3f& p) { return -p.z(); });
+  for (int x = -10; x < 10; ++x)
+    for (int y = -10; y < 10; ++y)
+      for (int z = -8; z < -1; ++z) tree.mark_free({x, y, z});
+  const auto submap = std::make_shared<const BrickTree>(std::move(tree));
+  Atlas atlas;
+  Keyframe keyframe{.timestamp = 0.0, .submap = 0};
+  keyframe.submap_from_camera.translation() = Eigen::Vector3d(0, 0, -0.5);
+  keyframe.piece_from_camera = keyframe.submap_from_camera;
+  atlas.add(keyframe);
+  const Eigen::Isometry3d turn(Eigen::AngleAxisd(0.3, Eigen::Vector3d(0.3, 1, 0.5).normalized()));
+  atlas.world_from_camera[0] = turn * atlas.world_from_camera[0];
+  World world(test_device(), fuse);
+  const std::vector<PlacedSubmap> placed{{0, submap->bricks(), submap->free_bricks(), Deformation(atlas, 0)}};
+  const auto made = world.update(placed, [&](std::size_t) { return submap; });
+  EXPECT_TRUE(std::is_sorted(made.begin(), made.end(), before));
+  int known = 0, samples = 0;
+  for (float x = -0.4f; x < 0.4f; x += 0.05f)
+    for (float y = -0.4f; y < 0.4f; y += 0.05f)
+      for (float z = -0.5f; z < 0.02f; z += 0.013f) {
+        const Eigen::Vector3d p = turn * Eigen::Vector3f(x, y, z).cast<double>() / 0.01;
+        const Eigen::Vector3i voxel = p.array().round().cast<int>();
+        const Brick brick = voxel.unaryExpr([](int i) { return i >> 3; });
+        const std::uint64_t* voxels = world.bricks().find(brick);
+        const auto at = static_cast<std::size_t>((voxel.x() & 7) << 6 | (voxel.y() & 7) << 3 | (voxel.z() & 7));
+        known += voxels != nullptr ? ((voxels[at] >> 16) & 0xffff) != 0 : world.bricks().is_free(brick);
+        ++samples;
+      }
+  EXPECT_GT(known, 0.995 * samples);
+  // What was free makes no surface of its own.
+  Volume whole(test_device(), fuse, 5.0f);
+  whole.adopt(world.release());
+  const Mesh mesh = Polygonize(test_device())(whole);
+  ASSERT_GT(mesh.triangles.size(), 1000u);
+  for (const auto& p : mesh.positions) EXPECT_NEAR((turn.inverse() * p.cast<double>()).z(), 0.0, 0.002);
+}
+
 }  // namespace
 }  // namespace cairn
