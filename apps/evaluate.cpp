@@ -140,15 +140,20 @@ void evaluate_distances_of(const Arguments& a) {
   const DistanceError e = evaluate_distances(*field, synthetic_scene(a.truth), read_mesh(a.seen));
   const double signs = e.signs == 0 ? 0.0 : static_cast<double>(e.right_signs) / e.signs;
   if (a.json) {
-    const nlohmann::json j{
-        {"distance_m", to_json(e.distance)}, {"voxel_size_m", voxel}, {"gradient_mean_rad", e.gradient_mean},
-        {"gradients", e.gradients},          {"right_signs", signs},  {"known", e.known}};
+    const nlohmann::json j{{"distance_m", to_json(e.distance)},
+                           {"within_voxel", e.within_voxel},
+                           {"voxel_size_m", voxel},
+                           {"gradient_mean_rad", e.gradient_mean},
+                           {"gradients", e.gradients},
+                           {"right_signs", signs},
+                           {"known", e.known}};
     fmt::print("{}\n", j.dump(2));
     return;
   }
   print_head();
   print_row("distance", e.distance, 1000, "mm");
   print_row("", e.distance, 1 / voxel, "voxels");
+  fmt::print("within a voxel        {:.2f} %\n", 100 * e.within_voxel);
   fmt::print("gradient              {:.2f} degrees mean at {} points away from the medial axis\n",
              e.gradient_mean * 180 / std::numbers::pi, e.gradients);
   fmt::print("sign                  {:.3f} % right\n", 100 * signs);

@@ -66,6 +66,7 @@ struct MeshError {
 
 struct DistanceError {
   ErrorStatistics distance;        // metres, absolute
+  double within_voxel = 0;         // share of these that are less than a voxel
   double gradient_mean = 0;        // radians between the field's gradient and the true one
   int gradients = 0;               // points away from the medial axis
   int right_signs = 0, signs = 0;  // of points that are farther than a millimetre from the surface

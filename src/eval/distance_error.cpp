@@ -62,9 +62,11 @@ DistanceError evaluate_distances(const DistanceField& field, const Scene& scene,
 
   DistanceError result{.distance = {}, .known = static_cast<int>(points.size())};
   std::vector<double> errors;
+  int within = 0;
   for (const AtPoint& a : at) {
     if (!a.counts) continue;
     errors.push_back(a.error);
+    within += a.error < voxel;
     if (std::abs(a.truth) > kOnSurface) {
       ++result.signs;
       result.right_signs += (a.truth < 0) == (a.distance < 0);
@@ -75,6 +77,7 @@ DistanceError evaluate_distances(const DistanceField& field, const Scene& scene,
     }
   }
   result.gradient_mean /= std::max(1, result.gradients);
+  result.within_voxel = static_cast<double>(within) / std::max<double>(1, static_cast<double>(errors.size()));
   result.distance = statistics(std::move(errors));
   return result;
 }

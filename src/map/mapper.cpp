@@ -208,6 +208,7 @@ FrameReport Mapper::add(const Frame& given) {
       }
       s.back_end.end_submap(s.volume, s.stamp, false);
       s.tracker.restart();
+      s.esdf.reset();
       tracked.reset();
       world_from_camera = level(frame.acceleration);
       report.reason = "not found again: begins a new piece of the map";

@@ -245,8 +245,6 @@ INSTANTIATE_TEST_SUITE_P(Real, Recording,
                                          Recorded{"icl_office_kt0_101", "0:101", 0.01}),
                          [](const auto& parameter) { return std::string(parameter.param.name); });
 
-void write_text(const fs::path& file, const std::string& text) { std::ofstream(file) << text; }
-
 TEST_F(Program, AnswersHowFarTheNextSurfaceIs) {
   const auto exact = (out / "exact").string(), map = (out / "map").string();
   ASSERT_EQ(run_cairn({"synth", "room", "-o", exact, "--frames", "30", "--noise", "none"}).exit_code, 0);
@@ -256,6 +254,7 @@ TEST_F(Program, AnswersHowFarTheNextSurfaceIs) {
   const auto error = json_of(run_cairn(
       {"evaluate", "distances", map + "/map.vdb", "room", "--seen", exact + "/groundtruth_seen.ply", "--json"}));
   EXPECT_LT(error["distance_m"]["mean"], 0.3 * 0.02);
+  EXPECT_GT(error["within_voxel"], 0.98);
   EXPECT_LT(error["gradient_mean_rad"], 3 * std::numbers::pi / 180);
   EXPECT_GT(error["right_signs"], 0.999);
   EXPECT_GT(error["distance_m"]["count"], 100000);

@@ -5,11 +5,13 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <cstdio>
 #include <cstring>
 #include <limits>
 #include <map>
 #include <thread>
 
+#include "cairn/source.hpp"
 #include "map/world.hpp"
 #include "support/files.hpp"
 #include "support/scenes.hpp"
@@ -210,6 +212,44 @@ TEST(Esdf, FollowsALoopThatMovesHalfTheMap) {
   EXPECT_LT(d.mean, 0.05);  // patches that moved by less than a quarter of a voxel stay
   EXPECT_LT(d.max, 0.6);
   EXPECT_NEAR(moved->query({1.65f, 0.013f, -0.37f}).distance, 0.2f, 0.02f);
+}
+
+TEST(Esdf, EqualsARebuildAllAlongARecording) {
+  CAIRN_REQUIRE_DATA("7scenes_redkitchen_600");
+  const auto folder = std::filesystem::path(CAIRN_DATA) / "7scenes_redkitchen_600";
+  const auto source = with_poses(open_recording(folder, {.begin = 0, .end = 200}), recorded_truth(folder));
+  const FuseOptions fuse;
+  Preprocess preprocess(test_device(), source->camera(), {}, 3, 1);
+  Integrate integrate(test_device(), preprocess.camera(), {});
+  Volume volume(test_device(), fuse, 5.0f);
+  Esdf live(test_device(), fuse, {});
+  std::uint32_t frames = 0;
+  double mean = 0, most = 0, mean_of_made_anew = 0;
+  int times = 0;
+  while (const auto frame = source->next()) {
+    const Fused fused = integrate(preprocess(*frame), *frame->world_from_camera, volume, ++frames);
+    std::vector<Brick> changed = fused.changed;
+    changed.insert(changed.end(), fused.newly_free.begin(), fused.newly_free.end());
+    live.update(volume, changed);
+    if (frames % 10 != 0) continue;
+    // The same patches spread anew, and a field made of the map as it is.
+    const auto before = live.field();
+    live.rebuild();
+    const Difference spread = difference(*before, *live.field());
+    EXPECT_EQ(spread.states, 0);
+    EXPECT_LT(spread.mean, 0.02);
+    EXPECT_LT(spread.max, 3.0);
+    mean += spread.mean, most = std::max(most, spread.max), ++times;
+    if (frames % 100 == 0) {
+      const auto fresh = distances_of(test_device(), volume.on_host(), fuse, {});
+      const Difference made = difference(*before, *fresh);
+      EXPECT_LT(made.states, 1e-3 * made.voxels);
+      EXPECT_LT(made.mean, 0.15);  // patches stay until they moved by a quarter of a voxel
+      mean_of_made_anew = made.mean;
+    }
+  }
+  std::printf("spread anew %d times: mean %.4f, max %.2f voxels; made anew: mean %.3f voxels\n", times, mean / times,
+              most, mean_of_made_anew);
 }
 
 TEST(Esdf, RefusesAVoxelSizeThatIsNoMultipleOfTheMaps) {
