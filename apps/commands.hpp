@@ -7,6 +7,9 @@
 namespace cairn::apps {
 
 void add_reconstruct(CLI::App& program);
+void add_live(CLI::App& program);
+void add_view(CLI::App& program);
+void add_record(CLI::App& program);
 void add_evaluate(CLI::App& program);
 void add_synth(CLI::App& program);
 void add_esdf(CLI::App& program);

@@ -14,6 +14,9 @@ int main(int argc, char** argv) {
   program.set_version_flag("--version", CAIRN_VERSION);
   program.require_subcommand(1);
   cairn::apps::add_reconstruct(program);
+  cairn::apps::add_live(program);
+  cairn::apps::add_record(program);
+  cairn::apps::add_view(program);
   cairn::apps::add_synth(program);
   cairn::apps::add_esdf(program);
   cairn::apps::add_evaluate(program);

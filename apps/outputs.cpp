@@ -3,7 +3,6 @@
 #include "outputs.hpp"
 
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <numbers>
@@ -55,9 +54,6 @@ nlohmann::json write_outputs(Mapper& mapper, const std::filesystem::path& output
   timed("write map", [&] { mapper.write_map(output / "map.vdb"); });
 
   const Mapper::Statistics statistics = mapper.statistics();
-  if (statistics.pieces > 1)
-    spdlog::warn("{} pieces of the map are not joined by any loop; the largest is written, the session keeps all",
-                 statistics.pieces);
   nlohmann::json report{
       {"device", statistics.device},
       {"device_memory_peak_mb", static_cast<double>(statistics.device_memory_peak) / (1 << 20)},

@@ -26,11 +26,7 @@ const cv::Scalar kInk(40, 40, 40);
 void write_image(const std::filesystem::path& file, const char* extension, const cv::Mat& image) {
   std::vector<std::uint8_t> bytes;
   if (!cv::imencode(extension, image, bytes)) throw std::runtime_error(file.string() + ": cannot be encoded");
-  write_whole(file, [&](const std::filesystem::path& temporary) {
-    std::ofstream out(temporary, std::ios::binary);
-    out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-    if (!out.flush()) throw std::runtime_error("the disk is full");
-  });
+  write_whole(file, bytes);
 }
 
 /// Inside red, near yellow, far blue; a thin dark line is where the surface passes.
@@ -172,14 +168,9 @@ void write_costmap(const std::filesystem::path& yaml, const DistanceField& field
   auto pgm = yaml;
   pgm.replace_extension(".pgm");
   write_image(pgm, ".pgm", image);
-  write_whole(yaml, [&](const std::filesystem::path& temporary) {
-    std::ofstream out(temporary);
-    out << fmt::format(
-        "image: {}\nresolution: {:g}\norigin: [{:.4f}, {:.4f}, 0.0]\nnegate: 0\noccupied_thresh: 0.65\n"
-        "free_thresh: 0.196\n",
-        pgm.filename().string(), voxel, box.min().z() - voxel / 2, -box.max().x() - voxel / 2);
-    if (!out.flush()) throw std::runtime_error("the disk is full");
-  });
+  write_whole(yaml, fmt::format("image: {}\nresolution: {:g}\norigin: [{:.4f}, {:.4f}, 0.0]\nnegate: 0\n"
+                                "occupied_thresh: 0.65\nfree_thresh: 0.196\n",
+                                pgm.filename().string(), voxel, box.min().z() - voxel / 2, -box.max().x() - voxel / 2));
 }
 
 }  // namespace cairn::apps

@@ -2,13 +2,9 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <fmt/format.h>
 
-#include <cmath>
-#include <fstream>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
-
 #include "cairn/scene.hpp"
 #include "commands.hpp"
+#include "io/tum_writer.hpp"
 #include "progress.hpp"
 #include "synth/render.hpp"
 #include "synth/source.hpp"
@@ -17,7 +13,6 @@ namespace cairn::apps {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kDepthScale = 5000.0;  // units per metre, as in the TUM benchmark
 
 struct Arguments {
   std::string scene;
@@ -28,18 +23,6 @@ struct Arguments {
   std::uint64_t seed = 1;
 };
 
-void write_image(const fs::path& file, const cv::Mat& image) {
-  const std::vector<int> options{cv::IMWRITE_PNG_COMPRESSION, 2, cv::IMWRITE_JPEG_QUALITY, 95};
-  if (!cv::imwrite(file.string(), image, options))
-    throw std::runtime_error("cannot write " + file.string() + ": is the disk full?");
-}
-
-void write_text(const fs::path& file, const std::string& text) {
-  std::ofstream out(file);
-  out << text;
-  if (!out.flush()) throw std::runtime_error("cannot write " + file.string() + ": is the disk full?");
-}
-
 /// Renders everything into `folder`.
 void write_sequence(const Arguments& a, const fs::path& folder) {
   const Scene scene = synthetic_scene(a.scene);
@@ -47,17 +30,10 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
   const SyntheticPath path(scene, a.trajectory.empty() ? Trajectory{} : read_trajectory(a.trajectory), a.frames / 30.0);
   gpu::Device device(a.device);
   SceneRenderer render(device, scene, camera);
-  fs::create_directories(folder / "rgb");
-  fs::create_directories(folder / "depth");
-  write_text(
-      folder / "camera.yaml",
-      fmt::format(
-          "width: {}\nheight: {}\nfx: {}\nfy: {}\ncx: {}\ncy: {}\ndistortion: [0, 0, 0, 0, 0]\ndepth_scale: {}\n",
-          camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, kDepthScale));
+  TumWriter writer(folder, camera);
   Mesh truth = scene.surface();
   std::vector<bool> seen(truth.triangles.size());
   Trajectory poses;
-  std::string rgb_list = "# timestamp filename\n", depth_list = rgb_list, accelerometer = "# timestamp ax ay az\n";
   Progress progress(a.frames);
   for (int i = 0; i < a.frames; ++i) {
     const double time = i / 30.0;
@@ -68,25 +44,15 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
     if (a.colour_delay != 0 && later) images.colour = render(*later, time + a.colour_delay).colour;
     if (i % 5 == 0) mark_seen(truth, camera, *pose, images.depth, seen);
     if (a.noise == "kinect") add_kinect_noise(images, camera, a.seed, i);
-    cv::Mat depth(camera.height, camera.width, CV_16U), bgr;
-    for (int p = 0; p < camera.width * camera.height; ++p)
-      depth.ptr<std::uint16_t>()[p] = static_cast<std::uint16_t>(
-          std::min(65535.0, std::round(images.depth[static_cast<std::size_t>(p)] * kDepthScale)));
-    cv::cvtColor(cv::Mat(camera.height, camera.width, CV_8UC4, images.colour.data()), bgr, cv::COLOR_RGBA2BGR);
-    const std::string name = fmt::format("{:.6f}", time);
-    write_image(folder / "depth" / (name + ".png"), depth);
-    write_image(folder / "rgb" / (name + ".jpg"), bgr);
-    rgb_list += fmt::format("{0} rgb/{0}.jpg\n", name);
-    depth_list += fmt::format("{0} depth/{0}.png\n", name);
-    const Eigen::Vector3d acceleration = path.acceleration(time);
-    accelerometer +=
-        fmt::format("{:.6f} {:.6f} {:.6f} {:.6f}\n", time, -acceleration.x(), -acceleration.y(), acceleration.z());
+    writer.add(encode({.timestamp = time,
+                       .depth = std::move(images.depth),
+                       .colour = std::move(images.colour),
+                       .world_from_camera = {},
+                       .acceleration = path.acceleration(time)},
+                      camera));
     poses.push_back({time, *pose});
     progress.step("rendering");
   }
-  write_text(folder / "rgb.txt", rgb_list);
-  write_text(folder / "depth.txt", depth_list);
-  write_text(folder / "accelerometer.txt", accelerometer);  // in a Kinect's axes: y up, z forward
   write_trajectory(folder / "groundtruth.txt", poses);
   write_mesh(folder / "groundtruth_mesh.ply", truth);
   std::erase_if(truth.triangles, [&, i = std::size_t{0}](const auto&) mutable { return !seen[i++]; });

@@ -34,6 +34,10 @@ class Source {
   [[nodiscard]] virtual std::optional<int> size() const = 0;
   /// The next frame, or nothing at the end of the stream. A frame that cannot be read has its `problem` set.
   [[nodiscard]] virtual std::optional<Frame> next() = 0;
+  /// Why the stream ended before its time (unplugged, cut off), in one line; empty: it did not.
+  [[nodiscard]] virtual std::string ended_early() const { return {}; }
+  /// Frames that came too fast for whoever reads, so far.
+  [[nodiscard]] virtual int dropped() const { return 0; }
 };
 
 }  // namespace cairn

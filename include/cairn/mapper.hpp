@@ -64,6 +64,19 @@ struct FoundLoop {
   bool believed = true;               // by the pose graph
 };
 
+/// A part of the surface: what lies in one cube of the submap's frame. It replaces what was told of this cube before.
+struct SurfacePart {
+  int submap = 0;
+  Eigen::Vector3i cell = Eigen::Vector3i::Zero();  // the cube's number
+  Mesh mesh;                                       // in the submap's frame; may be empty
+};
+
+/// What of the surface changed, and where the submaps lie now.
+struct SurfaceChanges {
+  std::vector<SurfacePart> parts;
+  std::vector<Eigen::Isometry3d> world_from_submap;  // by submap; loops move them
+};
+
 /// The map from a stream of frames: start here. One frame's way is Mapper::add in src/map/mapper.cpp.
 ///
 ///   auto source = cairn::open_recording("rgbd_dataset_freiburg1_desk");
@@ -130,6 +143,10 @@ class Mapper {
   Merged merge(Mapper& other);
   /// The surface, in the world frame, with normals and colours.
   [[nodiscard]] Mesh mesh();
+  /// The surface as it grows, for showing it: parts that changed since they were asked for, new ones first, as many as
+  /// `max_bricks` cubes of 8 voxels hold; well-known places come rarely. `all`: also those. The first call begins to
+  /// follow the surface with all that is on the device. Submaps lie as rigid bodies; mesh() bends them.
+  [[nodiscard]] SurfaceChanges surface_changes(int max_bricks = 1000, bool all = false);
   /// The distance field of the whole map, made anew from its surface.
   [[nodiscard]] std::shared_ptr<const DistanceField> distances();
   /// With EsdfOptions::live the field as of the last frame, in the frame in which the camera is tracked: that of the

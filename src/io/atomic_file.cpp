@@ -27,4 +27,16 @@ void write_whole(const std::filesystem::path& file,
   }
 }
 
+void write_whole(const std::filesystem::path& file, std::string_view text) {
+  write_whole(file, [&](const std::filesystem::path& temporary) {
+    std::ofstream out(temporary, std::ios::binary);
+    out.write(text.data(), static_cast<std::streamsize>(text.size()));
+    if (!out.flush()) throw std::runtime_error("the disk is full");
+  });
+}
+
+void write_whole(const std::filesystem::path& file, std::span<const std::uint8_t> bytes) {
+  write_whole(file, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+}
+
 }  // namespace cairn

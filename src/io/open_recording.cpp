@@ -10,6 +10,7 @@
 
 #include "cairn/source.hpp"
 #include "io/recording.hpp"
+#include "io/wrapped_source.hpp"
 
 namespace cairn {
 namespace {
@@ -128,12 +129,10 @@ class RecordingSource final : public Source {
   double last_timestamp_ = -INFINITY;
 };
 
-class WithPoses final : public Source {
+class WithPoses final : public WrappedSource {
  public:
   WithPoses(std::unique_ptr<Source> source, Trajectory poses, double max_gap)
-      : source_(std::move(source)), poses_(std::move(poses)), max_gap_(max_gap) {}
-  const Camera& camera() const override { return source_->camera(); }
-  std::optional<int> size() const override { return source_->size(); }
+      : WrappedSource(std::move(source)), poses_(std::move(poses)), max_gap_(max_gap) {}
   std::optional<Frame> next() override {
     auto frame = source_->next();
     if (frame && frame->problem.empty()) frame->world_from_camera = pose_at(poses_, frame->timestamp, max_gap_);
@@ -141,7 +140,6 @@ class WithPoses final : public Source {
   }
 
  private:
-  std::unique_ptr<Source> source_;
   Trajectory poses_;
   double max_gap_;
 };

@@ -8,18 +8,17 @@
 #include <utility>
 
 #include "cairn/source.hpp"
+#include "io/wrapped_source.hpp"
 
 namespace cairn {
 namespace {
 
-class ReadAhead final : public Source {
+class ReadAhead final : public WrappedSource {
  public:
   ReadAhead(std::unique_ptr<Source> source, int ahead)
-      : source_(std::move(source)),
+      : WrappedSource(std::move(source)),
         ahead_(static_cast<std::size_t>(ahead)),
         thread_([this](std::stop_token s) { run(s); }) {}
-  const Camera& camera() const override { return source_->camera(); }
-  std::optional<int> size() const override { return source_->size(); }
 
   std::optional<Frame> next() override {
     std::unique_lock lock(mutex_);
@@ -52,7 +51,6 @@ class ReadAhead final : public Source {
     changed_.notify_all();
   }
 
-  std::unique_ptr<Source> source_;
   std::size_t ahead_;
   std::mutex mutex_;
   std::condition_variable_any changed_;

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // TUM RGB-D benchmark (Sturm et al. 2012): rgb.txt and depth.txt list images with their times.
-#include <yaml-cpp/yaml.h>
-
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <tuple>
 
+#include "io/camera_file.hpp"
 #include "io/recording.hpp"
 
 namespace cairn {
@@ -57,27 +56,9 @@ std::vector<int> associate(const std::vector<Stamped>& depth, const std::vector<
   return match;
 }
 
-void read_camera_yaml(const fs::path& file, Recording& recording) {
-  try {
-    const YAML::Node y = YAML::LoadFile(file.string());
-    Camera& c = recording.camera;
-    for (const auto& [name, field] : {std::pair{"fx", &c.fx}, {"fy", &c.fy}, {"cx", &c.cx}, {"cy", &c.cy}}) {
-      if (!y[name]) throw std::runtime_error(file.string() + ": `" + name + "` is missing");
-      *field = y[name].as<double>();
-    }
-    c.width = y["width"].as<int>(640);
-    c.height = y["height"].as<int>(480);
-    recording.depth_scale = y["depth_scale"].as<double>(5000.0);
-    if (y["distortion"]) {
-      const auto d = y["distortion"].as<std::vector<double>>();
-      if (d.size() != 5) throw std::runtime_error(file.string() + ": `distortion` takes k1 k2 p1 p2 k3");
-      std::copy(d.begin(), d.end(), c.distortion.begin());
-    }
-    if (!(c.fx > 0 && c.fy > 0 && c.width > 0 && c.height > 0 && recording.depth_scale > 0))
-      throw std::runtime_error(file.string() + ": focal lengths, size and depth_scale must be positive");
-  } catch (const YAML::Exception& error) {
-    throw std::runtime_error(file.string() + ":" + std::to_string(error.mark.line + 1) + ": " + error.msg);
-  }
+void use(const CameraFile& file, Recording& recording) {
+  recording.camera = file.camera;
+  recording.depth_scale = file.depth_scale;
 }
 
 /// Calibrations published with the benchmark.
@@ -134,7 +115,7 @@ std::optional<Recording> read_tum(const fs::path& folder) {
                              (has_depth ? "rgb.txt" : "depth.txt") + " is missing");
   Recording recording;
   if (fs::exists(folder / "camera.yaml"))
-    read_camera_yaml(folder / "camera.yaml", recording);
+    use(read_camera_file(folder / "camera.yaml"), recording);
   else if (!known_camera(folder, recording.camera))
     throw std::runtime_error(
         folder.string() +

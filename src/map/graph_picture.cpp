@@ -85,11 +85,7 @@ void write_graph_picture(const std::filesystem::path& file, const Atlas& atlas) 
   line({kMargin, height - 16}, {kMargin + metres * scale, height - 16}, "black", 2);
   svg += fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\">{} m, seen from above</text>\n</svg>\n",
                      kMargin + metres * scale + 8, height - 11, metres);
-  write_whole(file, [&](const std::filesystem::path& temporary) {
-    std::ofstream out(temporary);
-    out << svg;
-    if (!out.flush()) throw std::runtime_error("the disk is full");
-  });
+  write_whole(file, svg);
 }
 
 }  // namespace cairn

@@ -45,14 +45,6 @@ std::vector<std::uint8_t> read_bytes(const std::filesystem::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-void write_bytes(const std::filesystem::path& file, const std::vector<std::uint8_t>& bytes) {
-  write_whole(file, [&](const std::filesystem::path& temporary) {
-    std::ofstream out(temporary, std::ios::binary);
-    out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-    if (!out.flush()) throw std::runtime_error("the disk is full");
-  });
-}
-
 }  // namespace
 
 bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
@@ -82,9 +74,9 @@ void KeyframeStore::put(std::size_t keyframe, const Frame& frame, const Features
     packed_.erase(keyframe);
     try {
       if (!folder_.empty()) {
-        write_bytes(file(keyframe, kDepth), packed.depth);
-        write_bytes(file(keyframe, kCorners), corners);
-        if (!packed.colour.empty()) write_bytes(file(keyframe, kColour), packed.colour);
+        write_whole(file(keyframe, kDepth), packed.depth);
+        write_whole(file(keyframe, kCorners), corners);
+        if (!packed.colour.empty()) write_whole(file(keyframe, kColour), packed.colour);
         return;
       }
     } catch (const std::exception& error) {
@@ -99,7 +91,7 @@ void KeyframeStore::copy(std::size_t keyframe, const KeyframeStore& from, std::s
   from.wait();
   for (const char* what : {kDepth, kCorners, kColour})
     if (std::filesystem::exists(from.file(its, what)))
-      write_bytes(file(keyframe, what), read_bytes(from.file(its, what)));
+      write_whole(file(keyframe, what), read_bytes(from.file(its, what)));
 }
 
 void KeyframeStore::wait() const {

@@ -13,6 +13,7 @@
 
 #include "map/back_end.hpp"
 #include "map/graph_picture.hpp"
+#include "map/growing_surface.hpp"
 #include "map/refine.hpp"
 #include "map/session.hpp"
 #include "surface/preprocess.hpp"
@@ -139,7 +140,8 @@ struct Mapper::State {
   Volume volume;
   BackEnd back_end;
   Tracker tracker;
-  std::optional<Esdf> esdf;  // with EsdfOptions::live
+  std::optional<GrowingSurface> surface;  // once it is asked for
+  std::optional<Esdf> esdf;               // with EsdfOptions::live
   std::atomic<std::shared_ptr<const DistanceField>> live_distances;
   std::optional<Volume> whole;                             // the world, where that is not what `volume` holds
   Trajectory given;                                        // with Poses::given
@@ -209,6 +211,7 @@ FrameReport Mapper::add(const Frame& given) {
       s.back_end.end_submap(s.volume, s.stamp, false);
       s.tracker.restart();
       s.esdf.reset();
+      if (s.surface) s.surface.emplace();
       tracked.reset();
       world_from_camera = level(frame.acceleration);
       report.reason = "not found again: begins a new piece of the map";
@@ -236,6 +239,7 @@ FrameReport Mapper::add(const Frame& given) {
     (void)timed(report.stage_ms, "esdf", [&] { return s.update_distances(fused); });
     s.live_distances = timed(report.stage_ms, "esdf to host", [&] { return s.esdf->field(); });
   }
+  if (s.surface) s.surface->change(fused.changed);
   s.last_fused = frame.timestamp;
   s.lost = 0;
   s.whole.reset();
@@ -405,6 +409,22 @@ Mapper::Merged Mapper::merge(Mapper& other) {
 }
 
 Mesh Mapper::mesh() { return state_->polygonize(state_->world()); }
+
+SurfaceChanges Mapper::surface_changes(int max_bricks, bool all) {
+  State& s = *state_;
+  const Atlas& atlas = s.back_end.atlas();
+  const int submap = static_cast<int>(s.back_end.submaps().size());
+  if (!s.surface) {
+    s.surface.emplace();
+    s.surface->change(s.volume.bricks());
+  }
+  SurfaceChanges changes{.parts = s.surface->take(s.volume, s.polygonize, submap, max_bricks, all),
+                         .world_from_submap = {}};
+  changes.world_from_submap.assign(static_cast<std::size_t>(submap) + 1, Eigen::Isometry3d::Identity());
+  for (std::size_t k = atlas.keyframes.size(); k-- > 0;)  // a submap lies as its first keyframe
+    changes.world_from_submap[atlas.keyframes[k].submap] = atlas.correction(k);
+  return changes;
+}
 
 std::shared_ptr<const DistanceField> Mapper::distances() {
   State& s = *state_;

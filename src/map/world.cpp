@@ -97,11 +97,7 @@ std::vector<Brick> World::update(const std::vector<PlacedSubmap>& submaps, const
       });
 
   std::vector<Brick> bricks(changed.begin(), changed.end());
-  const auto cell = [](int i) { return (i - (i % kCell + kCell) % kCell) / kCell; };
-  std::sort(bricks.begin(), bricks.end(), [&](const Brick& a, const Brick& b) {
-    return std::tuple(cell(a.x()), cell(a.y()), cell(a.z()), a.x(), a.y(), a.z()) <
-           std::tuple(cell(b.x()), cell(b.y()), cell(b.z()), b.x(), b.y(), b.z());
-  });
+  std::sort(bricks.begin(), bricks.end(), [](const Brick& a, const Brick& b) { return before_by_cell(a, b, kCell); });
   std::vector<MergeJob> jobs;
   for (const Brick& brick : bricks) {
     MergeJob& job = jobs.emplace_back(MergeJob{.target = brick, .shares = {}});

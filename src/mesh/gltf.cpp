@@ -243,12 +243,7 @@ void write_gltf(const std::filesystem::path& file, const Mesh& mesh) {
     // The .bin first: a .gltf that can be seen is complete.
     std::filesystem::path bin = file;
     bin.replace_extension(".bin");
-    write_whole(bin, [&](const std::filesystem::path& temporary) {
-      std::ofstream out(temporary, std::ios::binary);
-      out.write(reinterpret_cast<const char*>(model.buffers[0].data.data()),
-                static_cast<std::streamsize>(model.buffers[0].data.size()));
-      if (!out.flush()) throw std::runtime_error("the disk is full");
-    });
+    write_whole(bin, model.buffers[0].data);
     model.buffers[0].uri = bin.filename().string();
   }
   write_whole(file, [&](const std::filesystem::path& temporary) {

@@ -141,11 +141,7 @@ void write_ply(const std::filesystem::path& file, const Mesh& mesh) {
     bytes += '\3';
     put(t.data(), 12);
   }
-  write_whole(file, [&](const std::filesystem::path& temporary) {
-    std::ofstream out(temporary, std::ios::binary);
-    out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-    if (!out.flush()) throw std::runtime_error("the disk is full");
-  });
+  write_whole(file, bytes);
 }
 
 }  // namespace cairn

@@ -145,8 +145,7 @@ void Esdf::reserve(std::span<const shader::EsdfJob> jobs) {
   std::vector<Block> wanted;
   for (const shader::EsdfJob& job : jobs) {
     if (job.slot == Volume::kNoSlot && job.state == shader::kUnknown) continue;
-    const Block block =
-        Brick(job.brick).unaryExpr([&](int i) { return (i - (i % bricks + bricks) % bricks) / bricks; });
+    const Block block = cell_of(job.brick, bricks);
     if (!known_.insert(block).second) continue;
     for (const Brick& offset : around) {
       const Block near = block + offset;

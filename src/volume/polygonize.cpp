@@ -8,6 +8,7 @@
 #include <numeric>
 #include <tuple>
 #include <unordered_map>
+#include <unordered_set>
 #include <utility>
 
 #include "spirv/polygonize_classify.comp.h"
@@ -21,14 +22,7 @@ constexpr int kCell = 8;  // bricks a side of the parts that are paged in one af
                           // neighbours they fit into the smallest pool
 constexpr std::size_t kMaxBricks = 16384;  // of one dispatch
 
-Brick cell_of(const Brick& brick) {
-  return brick.unaryExpr([](int i) { return (i - (i % kCell + kCell) % kCell) / kCell; });
-}
-
-bool by_cell(const Brick& a, const Brick& b) {
-  const Brick ca = cell_of(a), cb = cell_of(b);
-  return std::tie(ca.x(), ca.y(), ca.z(), a.x(), a.y(), a.z()) < std::tie(cb.x(), cb.y(), cb.z(), b.x(), b.y(), b.z());
-}
+bool by_cell(const Brick& a, const Brick& b) { return before_by_cell(a, b, kCell); }
 
 Brick corner(std::uint32_t c) {
   return {static_cast<int>(c & 1), static_cast<int>(c >> 1 & 1), static_cast<int>(c >> 2)};
@@ -45,6 +39,8 @@ std::vector<Brick> with_neighbours(std::span<const Brick> bricks) {
   all.erase(std::unique(all.begin(), all.end()), all.end());
   return all;
 }
+
+bool is_on_device(const Volume& volume, const Brick& brick) { return volume.slot_of(brick) != Volume::kNoSlot; }
 
 void drop_unused_vertices(Mesh& mesh) {
   constexpr std::uint32_t kUnused = 0xffffffffu;
@@ -81,27 +77,31 @@ Polygonize::Polygonize(gpu::Device& device)
   batch.run();
 }
 
-Mesh Polygonize::operator()(Volume& volume) { return (*this)(volume, volume.bricks()); }
+Mesh Polygonize::operator()(Volume& volume) {
+  const auto all = volume.bricks();
+  const bool resident = std::all_of(all.begin(), all.end(), [&](const Brick& b) { return is_on_device(volume, b); });
+  const std::unordered_set<Brick, BrickHash> exists(all.begin(), all.end());
+  return polygonize(
+      volume, all, [&](const Brick& b) { return exists.contains(b); }, resident);
+}
 
-Mesh Polygonize::operator()(Volume& volume, std::span<const Brick> wanted) {
+Mesh Polygonize::on_device(Volume& volume, std::span<const Brick> bricks) {
+  return polygonize(
+      volume, bricks, [&](const Brick& b) { return is_on_device(volume, b); }, true);
+}
+
+Mesh Polygonize::polygonize(Volume& volume, std::span<const Brick> wanted,
+                            const std::function<bool(const Brick&)>& exists, bool resident) {
   // Cells reach into + neighbours, which own some of their edges.
-  const auto existing = volume.bricks();
-  const std::unordered_map<Brick, bool, BrickHash> exists = [&] {
-    std::unordered_map<Brick, bool, BrickHash> all;
-    for (const Brick& b : existing) all.emplace(b, false);
-    for (const Brick& b : wanted)
-      if (const auto it = all.find(b); it != all.end()) it->second = true;
-    return all;
-  }();
+  std::unordered_map<Brick, bool, BrickHash> is_wanted;
+  for (const Brick& b : wanted)
+    if (exists(b)) is_wanted[b] = true;
   std::vector<Brick> bricks;
-  for (const auto& [brick, is_wanted] : exists) {
-    bool needed = is_wanted;
-    for (std::uint32_t c = 1; c < 8 && !needed; ++c) {
-      const auto it = exists.find(brick - corner(c));
-      needed = it != exists.end() && it->second;
-    }
-    if (needed) bricks.push_back(brick);
-  }
+  for (const Brick& b : wanted)
+    for (std::uint32_t c = 1; c < 8; ++c)
+      if (const Brick neighbour = b + corner(c); !is_wanted.contains(neighbour) && exists(neighbour))
+        is_wanted[neighbour] = false;
+  for (const auto& [brick, unused] : is_wanted) bricks.push_back(brick);
   std::sort(bricks.begin(), bricks.end(), by_cell);
   Mesh mesh;
   if (bricks.empty()) return mesh;
@@ -126,17 +126,16 @@ Mesh Polygonize::operator()(Volume& volume, std::span<const Brick> wanted) {
     batch.run();
   }
 
-  // Normals look one voxel beyond the bricks of the list, so anything that is elsewhere may matter.
-  const bool resident = std::all_of(existing.begin(), existing.end(),
-                                    [&](const Brick& b) { return volume.slot_of(b) != Volume::kNoSlot; });
   std::vector<std::uint32_t> first_of_word(n * shader::kEdgeWords), triangles_of_column(n * 64);
   std::vector<shader::MeshVertex> part_vertices;
   for (std::size_t begin = 0; begin < n;) {
     std::size_t end = begin + 1;
-    while (end < n && end - begin < kMaxBricks && (resident || cell_of(bricks[end]) == cell_of(bricks[begin]))) ++end;
+    while (end < n && end - begin < kMaxBricks &&
+           (resident || cell_of(bricks[end], kCell) == cell_of(bricks[begin], kCell)))
+      ++end;
     const auto part = std::span(bricks).subspan(begin, end - begin);
     if (!resident) {
-      volume.move_window((cell_of(part[0]).cast<double>().array() + 0.5).matrix() * kCell * volume.brick_size());
+      volume.move_window((cell_of(part[0], kCell).cast<double>().array() + 0.5).matrix() * kCell * volume.brick_size());
       volume.page_in(with_neighbours(part));
     }
     const auto count = static_cast<std::uint32_t>(part.size());
@@ -176,22 +175,22 @@ Mesh Polygonize::operator()(Volume& volume, std::span<const Brick> wanted) {
   std::vector<std::uint32_t> first_of_column(n * 64);
   std::uint32_t total = 0;
   for (std::size_t i = 0; i < n; ++i) {
-    const bool is_wanted = exists.at(bricks[i]);
+    const bool makes_triangles = is_wanted.at(bricks[i]);
     for (std::size_t column = 64 * i; column < 64 * (i + 1); ++column) {
       first_of_column[column] = total;
-      if (is_wanted) total += triangles_of_column[column];
+      if (makes_triangles) total += triangles_of_column[column];
     }
   }
   batch.upload(counts, first_of_column);
   batch.run();
   mesh.triangles.resize(total);
   for (std::size_t begin = 0; begin < n;) {
-    if (!exists.at(bricks[begin])) {
+    if (!is_wanted.at(bricks[begin])) {
       ++begin;
       continue;
     }
     std::size_t end = begin;
-    while (end < n && end - begin < kMaxBricks && exists.at(bricks[end])) ++end;
+    while (end < n && end - begin < kMaxBricks && is_wanted.at(bricks[end])) ++end;
     const std::size_t first = first_of_column[64 * begin], last = end < n ? first_of_column[64 * end] : total;
     const gpu::Buffer indices(device_, (last - first) * 12);
     const auto count = static_cast<std::uint32_t>(end - begin);

@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
 #include <array>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -18,10 +19,14 @@ class Polygonize {
   explicit Polygonize(gpu::Device& device);
   /// The surface of the whole map; bricks that are on the host are paged in, part by part.
   [[nodiscard]] Mesh operator()(Volume& volume);
-  /// The triangles of the cells of some bricks.
-  [[nodiscard]] Mesh operator()(Volume& volume, std::span<const Brick> bricks);
+  /// The triangles of the cells of some bricks; what is not on the device counts as not there, and stays where it is.
+  [[nodiscard]] Mesh on_device(Volume& volume, std::span<const Brick> bricks);
 
  private:
+  /// `resident`: all that the cells and their normals look at is on the device.
+  [[nodiscard]] Mesh polygonize(Volume& volume, std::span<const Brick> wanted,
+                                const std::function<bool(const Brick&)>& exists, bool resident);
+
   gpu::Device& device_;
   gpu::Buffer table_;
   gpu::Kernel<shader::PolygonizePush> classify_, vertices_, triangles_;

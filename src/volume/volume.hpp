@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <span>
+#include <tuple>
 #include <unordered_map>
 #include <vector>
 
@@ -22,6 +23,17 @@ struct BrickHash {
            static_cast<std::size_t>(b.z()) * 83492791u;
   }
 };
+
+/// The cube of `bricks` bricks a side that a brick lies in.
+[[nodiscard]] inline Brick cell_of(const Brick& brick, int bricks) {
+  return brick.unaryExpr([bricks](int i) { return (i - (i % bricks + bricks) % bricks) / bricks; });
+}
+
+/// An order that keeps the bricks of a cell together: by x, y and z of the cell, then of the brick.
+[[nodiscard]] inline bool before_by_cell(const Brick& a, const Brick& b, int bricks) {
+  const Brick ca = cell_of(a, bricks), cb = cell_of(b, bricks);
+  return std::tie(ca.x(), ca.y(), ca.z(), a.x(), a.y(), a.z()) < std::tie(cb.x(), cb.y(), cb.z(), b.x(), b.y(), b.z());
+}
 
 /// Sparse voxels: those around the camera in a pool on the device, found through a page table that follows the camera,
 /// the others in an OpenVDB tree on the host. A brick is at one place at a time. Layout: shaders/volume.h.

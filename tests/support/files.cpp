@@ -44,6 +44,13 @@ void expect_one_line(const Ran& ran, int exit_code, const std::string& what) {
   EXPECT_EQ(std::count(ran.err.begin(), ran.err.end(), '\n'), 1) << ran.err;
 }
 
+void expect_last_line(const Ran& ran, int exit_code, const std::string& what) {
+  EXPECT_EQ(ran.exit_code, exit_code) << ran.err;
+  const auto end = ran.err.find_last_not_of('\n');
+  const auto begin = ran.err.rfind('\n', end);
+  EXPECT_NE(ran.err.substr(begin == ran.err.npos ? 0 : begin).find(what), std::string::npos) << ran.err;
+}
+
 std::string validate_gltf(const fs::path& file) {
   const std::string support = std::string(CAIRN_SOURCE_DIR) + "/tests/support";
   if (!fs::exists(support + "/node_modules/gltf-validator"))

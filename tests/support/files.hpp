@@ -37,6 +37,9 @@ struct Ran {
 /// The program ended with this exit code and one line on stderr that tells `what`.
 void expect_one_line(const Ran& ran, int exit_code, const std::string& what);
 
+/// The same where progress comes before it.
+void expect_last_line(const Ran& ran, int exit_code, const std::string& what);
+
 /// Errors and warnings of Khronos' glTF validator, one a line; empty: clean. Fails the test when it is not installed.
 [[nodiscard]] std::string validate_gltf(const std::filesystem::path& file);
 

@@ -139,7 +139,8 @@ TEST(Polygonize, OfSomeBricksIsThatPartOfTheWhole) {
   Polygonize polygonize(test_device());
   std::vector<Brick> right, left;
   for (const Brick& b : volume.bricks()) (b.x() > 0 ? right : left).push_back(b);
-  const Mesh whole = polygonize(volume), a = polygonize(volume, right), b = polygonize(volume, left);
+  const Mesh whole = polygonize(volume), a = polygonize.on_device(volume, right),
+             b = polygonize.on_device(volume, left);
   EXPECT_EQ(a.triangles.size() + b.triangles.size(), whole.triangles.size());
   const auto has_all_places_of = [&](const Mesh& part) {
     std::set<std::array<float, 6>> places;

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <chrono>
+#include <deque>
+#include <thread>
+
+#include "commands.hpp"
+#include "interrupt.hpp"
+#include "io/newest_frame.hpp"
+#include "live_view.hpp"
+#include "progress.hpp"
+#include "run.hpp"
+#include "sources.hpp"
+
+namespace cairn::apps {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using namespace std::chrono_literals;
+constexpr auto kPatience = 50ms;  // for a frame, before the viewers are looked after
+
+struct Arguments : RunArguments {
+  bool view = false, as_fast_as_possible = false;
+  int port = kDefaultPort;
+};
+
+/// Frames as they come: the newest of a sensor or of a recording that plays; with --as-fast-as-possible every one.
+class Stream {
+ public:
+  Stream(const Arguments& a, const FrameRange& range) {
+    auto source = open_sequence(a.sequence, {.range = range, .camera = a.camera, .copy_to = {}});
+    if (a.as_fast_as_possible) {
+      every_ = read_ahead(std::move(source));
+    } else {
+      if (!is_sensor(a.sequence)) source = at_recorded_speed(std::move(source));
+      newest_ = std::make_unique<NewestFrame>(std::move(source));
+    }
+  }
+  [[nodiscard]] const Source& source() const { return newest_ ? *newest_ : *every_; }
+  [[nodiscard]] bool ended() const { return newest_ ? newest_->ended() : ended_; }
+  /// Nothing when none came in time, or at the end.
+  std::optional<Frame> next() {
+    if (newest_) return newest_->next_within(kPatience);
+    arrived_ = Clock::now();
+    auto frame = every_->next();
+    ended_ = !frame;
+    return frame;
+  }
+  [[nodiscard]] Clock::time_point arrived() const { return newest_ ? newest_->arrived() : arrived_; }
+
+ private:
+  std::unique_ptr<NewestFrame> newest_;
+  std::unique_ptr<Source> every_;
+  Clock::time_point arrived_;
+  bool ended_ = false;
+};
+
+double milliseconds(Clock::duration d) { return std::chrono::duration<double, std::milli>(d).count(); }
+
+double percentile(std::vector<double> values, double share) {
+  if (values.empty()) return 0;
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+void live(const Arguments& a) {
+  const Options options = options_of(a, Poses::tracked);
+  const Beginning begin = beginning(a, options, {});
+  std::optional<LiveView> view;
+  if (a.view) view.emplace(a.port);
+  Stream stream(a, begin.range);
+  Run run(a, options, Poses::tracked, stream.source().camera(), begin.progressed, begin.is_next_recording);
+  if (view) view->begin(run.mapper(), stream.source().camera(), options);
+
+  std::vector<double> latencies;
+  bool paused = false;
+  const auto first = Clock::now();
+  {
+    const Interrupt interrupt;
+    Progress progress(a.as_fast_as_possible ? stream.source().size() : std::nullopt);
+    while (!interrupt.requested()) {
+      auto frame = stream.next();
+      if (!frame && stream.ended()) break;
+      if (view) {
+        const LiveView::Asked asked = view->asked();
+        if (asked.finish) break;
+        if (asked.pause) paused = *asked.pause;
+        if (asked.reset) {
+          run.reset();
+          view->begin(run.mapper(), stream.source().camera(), options);
+          latencies.clear();
+        }
+      }
+      if (frame && !paused) {
+        const FrameReport report = run.add(*frame, 0);
+        latencies.push_back(milliseconds(Clock::now() - stream.arrived()));
+        progress.step(words(report) + (stream.source().dropped() > 0
+                                           ? fmt::format(", {} skipped to keep up", stream.source().dropped())
+                                           : ""));
+        if (view) view->fused(*frame, report, latencies.back());
+      }
+      if (view) view->update(paused, stream.source().dropped());
+    }
+  }
+  if (view) view->finishing();
+  if (const std::string why = stream.source().ended_early(); !why.empty()) run.warn(why);
+  const double seconds = std::chrono::duration<double>(Clock::now() - first).count();
+  const nlohmann::json told{{"seconds", seconds},
+                            {"frames_per_second", static_cast<double>(run.progressed().count("fused")) / seconds},
+                            {"skipped_to_keep_up", stream.source().dropped()},
+                            {"latency_ms",
+                             {{"median", percentile(latencies, 0.5)},
+                              {"p95", percentile(latencies, 0.95)},
+                              {"max", percentile(latencies, 1)}}}};
+  nlohmann::json more{{"live", told}};
+  if (view) more["live"]["view"] = view->told();
+  run.finish(more);
+  if (!a.json)
+    fmt::print("live        {:.1f} frames/s, {} skipped to keep up, {:.0f} ms from frame to pose (95 %)\n",
+               told["frames_per_second"].get<double>(), stream.source().dropped(), percentile(latencies, 0.95));
+  if (view) view->finished(a.output);
+}
+
+}  // namespace
+
+void add_live(CLI::App& program) {
+  auto* command = program.add_subcommand("live", "Map what a depth camera sees while it moves, and watch the map grow");
+  const auto a = std::make_shared<Arguments>();
+  add_run_options(*command, *a);
+  auto* view = command->add_flag("--view", a->view, "Show the map in a browser while it grows; prints the address");
+  command->add_option("--port", a->port, "Of the view, on this machine; 0: any free one")
+      ->check(CLI::Range(0, 65535))
+      ->capture_default_str()
+      ->needs(view);
+  command->add_flag("--as-fast-as-possible", a->as_fast_as_possible,
+                    "Fuse every frame of a recording instead of playing it at the speed it was taken at");
+  command->callback([a] { live(*a); });
+}
+
+}  // namespace cairn::apps

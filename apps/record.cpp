@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+#include <oneapi/tbb/parallel_pipeline.h>
+
+#include <nlohmann/json.hpp>
+
+#include "commands.hpp"
+#include "interrupt.hpp"
+#include "io/tum_writer.hpp"
+#include "progress.hpp"
+#include "sources.hpp"
+
+namespace cairn::apps {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr std::uint64_t kReserve = std::uint64_t{256} << 20;  // bytes that a recording leaves free on the disk
+constexpr std::size_t kInFlight = 60;  // frames between sensor and disk: two seconds that the disk may stall for
+constexpr int kCheckDisk = 30;         // frames
+
+struct Arguments {
+  std::string sequence;
+  fs::path output, camera;
+  std::string colour = "jpg";
+  double seconds = 0;
+  bool json = false;
+};
+
+std::uint64_t left_on_disk(const fs::path& output) {
+  return fs::space(fs::weakly_canonical(output).parent_path()).available;
+}
+
+/// What was recorded, and why it ended.
+struct Recorded {
+  int frames = 0, unreadable = 0;
+  double first = 0, last = 0;  // timestamps, seconds
+  std::string ended;           // early; empty: as asked
+};
+
+/// Gives the frames that should be recorded, until one of the reasons to end.
+class Reader {
+ public:
+  Reader(Source& source, const Arguments& a, Recorded& recorded) : source_(source), a_(a), recorded_(recorded) {}
+  std::optional<Frame> operator()() {
+    while (!interrupt_.requested()) {
+      auto frame = source_.next();
+      if (!frame) {
+        recorded_.ended = source_.ended_early();
+        return frame;
+      }
+      if (!frame->problem.empty()) {
+        ++recorded_.unreadable;
+        continue;
+      }
+      if (recorded_.frames == 0) recorded_.first = frame->timestamp;
+      if (a_.seconds > 0 && frame->timestamp - recorded_.first >= a_.seconds) break;
+      if (recorded_.frames % kCheckDisk == 0 && left_on_disk(a_.output) < kReserve) {
+        recorded_.ended = fmt::format("{}: less than {} MiB are left on the disk", a_.output.string(), kReserve >> 20);
+        break;
+      }
+      recorded_.last = frame->timestamp;
+      ++recorded_.frames;
+      progress_.step("recording" + (source_.dropped() > 0 ? fmt::format(", {} DROPPED", source_.dropped()) : ""));
+      return frame;
+    }
+    return std::nullopt;
+  }
+
+ private:
+  Source& source_;
+  const Arguments& a_;
+  Recorded& recorded_;
+  Interrupt interrupt_;
+  Progress progress_{std::nullopt};
+};
+
+/// The sensor is read, images are encoded and written at the same time; frames stay in their order.
+void write_images(Reader& read, const Camera& camera, const Arguments& a) {
+  namespace tbb = oneapi::tbb;
+  TumWriter writer(a.output, camera);
+  using tbb::filter_mode;
+  tbb::parallel_pipeline(
+      kInFlight,
+      tbb::make_filter<void, Frame>(filter_mode::serial_in_order, [&](tbb::flow_control& flow) {
+        auto frame = read();
+        if (!frame) flow.stop();
+        return std::move(frame).value_or(Frame{});
+      }) & tbb::make_filter<Frame, EncodedFrame>(filter_mode::parallel, [&](const Frame& frame) {
+        return encode(frame, camera, a.colour == "png");
+      }) & tbb::make_filter<EncodedFrame, void>(filter_mode::serial_in_order, [&](const EncodedFrame& frame) {
+        writer.add(frame);
+      }));
+}
+
+void record(const Arguments& a) {
+  const bool to_oni = a.output.extension() == ".oni";
+  if (to_oni && !a.sequence.starts_with("openni:") && !a.sequence.ends_with(".oni"))
+    throw std::runtime_error(a.output.string() + ": only what OpenNI2 gives can be recorded as .oni; name a folder");
+  if (to_oni && fs::exists(a.output)) throw std::runtime_error(a.output.string() + ": exists; choose another name");
+  if (fs::path folder = fs::weakly_canonical(a.output).parent_path(); !fs::is_directory(folder))
+    throw std::runtime_error(folder.string() + ": there is no such folder");
+  if (const auto left = left_on_disk(a.output); left < 2 * kReserve)
+    throw std::runtime_error(fmt::format("{}: {} MiB are left on the disk, a recording needs {} at least",
+                                         a.output.string(), left >> 20, 2 * kReserve >> 20));
+  auto source = open_sequence(a.sequence, {.range = {}, .camera = a.camera, .copy_to = to_oni ? a.output : fs::path()});
+  Recorded recorded;
+  {
+    Reader read(*source, a, recorded);
+    if (to_oni)
+      while (read()) {
+      }
+    else
+      write_images(read, source->camera(), a);
+  }
+  const int dropped = source->dropped();
+  source.reset();  // closes the .oni file
+  const double seconds = recorded.last - recorded.first;
+  if (recorded.frames == 0)
+    throw std::runtime_error(a.sequence + ": no frame came" + (recorded.ended.empty() ? "" : "; " + recorded.ended));
+  if (a.json)
+    fmt::print("{}\n", nlohmann::json{{"frames", recorded.frames},
+                                      {"dropped", dropped},
+                                      {"unreadable", recorded.unreadable},
+                                      {"seconds", seconds}}
+                           .dump(2));
+  else
+    fmt::print("{}: {} frames in {:.1f} s, {} dropped{}\n", a.output.string(), recorded.frames, seconds, dropped,
+               recorded.unreadable > 0 ? fmt::format(", {} unreadable", recorded.unreadable) : "");
+  if (!recorded.ended.empty())
+    throw std::runtime_error(recorded.ended + "; what came before is in " + a.output.string());
+}
+
+}  // namespace
+
+void add_record(CLI::App& program) {
+  auto* command = program.add_subcommand("record", "Keep what a depth camera sees, to reconstruct it later");
+  const auto a = std::make_shared<Arguments>();
+  command->add_option("URI", a->sequence, kSequenceHelp)->required();
+  command->add_option("-o,--output", a->output, "New folder for a recording in the TUM layout, or .oni file")
+      ->required();
+  command->add_option("--camera", a->camera, "camera.yaml instead of the sensor's own intrinsics")
+      ->check(CLI::ExistingFile);
+  command->add_option("--seconds", a->seconds, "Ends after so long; 0: with Ctrl-C")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command->add_option("--colour", a->colour, "Format of the colour images")
+      ->check(CLI::IsMember({"jpg", "png"}))
+      ->capture_default_str();
+  command->add_flag("--json", a->json, "Print what was recorded to stdout as JSON");
+  command->callback([a] { record(*a); });
+}
+
+}  // namespace cairn::apps

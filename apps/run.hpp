@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// What `reconstruct` and `live` share: from options to frames to written files.
+#pragma once
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cairn/mapper.hpp"
+#include "cairn/source.hpp"
+
+namespace cairn::apps {
+
+/// What the user says about a map and where it goes.
+struct RunArguments {
+  std::string sequence;
+  std::filesystem::path output, config, camera;
+  std::optional<float> voxel_size;
+  std::optional<std::uint64_t> device_memory_mib, host_memory_mib;
+  int device = -1;
+  double checkpoint_seconds = 20;
+  std::optional<float> esdf_voxel_size, max_distance;
+  bool esdf = false, resume = false, no_loops = false, json = false;
+};
+
+void add_run_options(CLI::App& command, RunArguments& a);
+/// Checked. Throws std::runtime_error for what does not fit.
+[[nodiscard]] Options options_of(const RunArguments& a, Poses poses);
+
+/// What a session remembers for this program.
+struct Progressed {
+  std::string sequence;
+  int next = 0;  // frame
+  nlohmann::json per_frame = nlohmann::json::array();
+
+  [[nodiscard]] std::string note() const;
+  static Progressed from(const std::string& note);
+  [[nodiscard]] int count(const char* state) const;  // fused, lost or skipped
+};
+
+/// A frame's report in a few words.
+[[nodiscard]] std::string words(const FrameReport& report);
+[[nodiscard]] double peak_memory_mb();
+
+/// From the first frame to the written files.
+class Run {
+ public:
+  /// `progressed` is what an earlier run of the same sequence did; with RunArguments::resume and another sequence the
+  /// map goes on with a new recording. The output folder is made, and the session in it begins anew without resume.
+  Run(RunArguments arguments, const Options& options, Poses poses, const Camera& camera, Progressed progressed,
+      bool is_next_recording);
+
+  FrameReport add(const Frame& frame, double waited_ms);
+  /// Forgets the map and begins again with the next frame.
+  void reset();
+  [[nodiscard]] Mapper& mapper() { return *mapper_; }
+  [[nodiscard]] const Progressed& progressed() const { return progressed_; }
+  /// Does the work and keeps its time under a stage's name.
+  void timed(const char* stage, const std::function<void()>& work);
+  /// Tells the user at once, and whoever reads the report.
+  void warn(const std::string& text);
+
+  /// Writes everything, with report.json and report.html, of which `more` is a part, and tells the user. Throws
+  /// std::runtime_error if no frame could be used.
+  void finish(const nlohmann::json& more = {});
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  RunArguments arguments_;
+  Options options_;
+  Poses poses_;
+  Camera camera_;
+  Progressed progressed_;
+  std::optional<Mapper> mapper_;
+  std::map<std::string, std::vector<double>> stages_;
+  std::vector<std::string> warnings_;
+  Clock::time_point start_ = Clock::now(), saved_ = start_;
+};
+
+/// Where a run begins: what an earlier one did, and the frames that are left.
+struct Beginning {
+  Progressed progressed;
+  FrameRange range;
+  bool is_next_recording = false;
+};
+[[nodiscard]] Beginning beginning(const RunArguments& a, const Options& options, FrameRange range);
+
+}  // namespace cairn::apps

@@ -1,0 +1,319 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// OpenNI2: sensors (PrimeSense, Xtion, the first Kinect) and recordings (.oni); the only door to it.
+#include <OpenNI.h>
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <atomic>
+#include <cmath>
+#include <cstring>
+#include <deque>
+#include <fstream>
+#include <numbers>
+#include <stdexcept>
+
+#include "cairn/source.hpp"
+#include "io/camera_file.hpp"
+#include "io/colour_registration.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr int kPatience = 2000;         // milliseconds without an image after which a stream has ended
+constexpr double kHalfAFrame = 0.0175;  // seconds: a colour image that is farther from the depth image has its own
+
+/// The library, for as long as the program runs.
+void start_openni() {
+  struct Library {
+    Library() {
+      if (openni::OpenNI::initialize() != openni::STATUS_OK)
+        throw std::runtime_error(std::string("OpenNI2 has no drivers: install libopenni2-0. ") +
+                                 openni::OpenNI::getExtendedError());
+    }
+    ~Library() { openni::OpenNI::shutdown(); }
+  };
+  static const Library library;
+}
+
+/// Whether a sensor that OpenNI2 knows is plugged in, as the kernel tells.
+bool is_plugged_in() {
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator("/sys/bus/usb/devices", ignored)) {
+    const auto word = [&](const char* name) {
+      std::string text;
+      std::ifstream(entry.path() / name) >> text;
+      return text;
+    };
+    const std::string vendor = word("idVendor");
+    if (vendor == "1d27" || vendor == "2bc5" || (vendor == "045e" && word("idProduct") == "02ae")) return true;
+  }
+  return false;
+}
+
+std::string why_no_sensor() {
+  return is_plugged_in()
+             ? "a depth sensor is plugged in but cannot be opened: allow it with the udev rules of libopenni2-0 "
+               "(/lib/udev/rules.d/60-libopenni2-0.rules, then plug it in again), or end the program that uses it"
+             : "no depth sensor is plugged in that OpenNI2's drivers know (PrimeSense, Xtion, Kinect for Xbox 360); "
+               "look with `lsusb`, or give a recording";
+}
+
+class Unplugged final : public openni::OpenNI::DeviceDisconnectedListener {
+ public:
+  explicit Unplugged(std::string uri) : uri_(std::move(uri)) { openni::OpenNI::addDeviceDisconnectedListener(this); }
+  ~Unplugged() override { openni::OpenNI::removeDeviceDisconnectedListener(this); }
+  void onDeviceDisconnected(const openni::DeviceInfo* info) override {
+    happened_ = happened_ || uri_ == info->getUri();
+  }
+  [[nodiscard]] bool happened() const { return happened_; }
+
+ private:
+  std::string uri_;
+  std::atomic<bool> happened_ = false;
+};
+
+/// Chooses 640x480 at 30 Hz in the wanted format where the sensor has it; the mode stays as it is otherwise.
+void choose_mode(openni::VideoStream& stream, openni::PixelFormat format) {
+  const auto& modes = stream.getSensorInfo().getSupportedVideoModes();
+  for (int i = 0; i < modes.getSize(); ++i)
+    if (modes[i].getResolutionX() == 640 && modes[i].getResolutionY() == 480 && modes[i].getFps() == 30 &&
+        modes[i].getPixelFormat() == format) {
+      (void)stream.setVideoMode(modes[i]);
+      return;
+    }
+}
+
+Camera camera_of(const openni::VideoStream& depth) {
+  const auto mode = depth.getVideoMode();
+  const double w = mode.getResolutionX(), h = mode.getResolutionY();
+  // OpenNI2 measures from the image's corner (CoordinateConverter), so its middle is half a pixel before ours.
+  Camera camera{.width = mode.getResolutionX(), .height = mode.getResolutionY(), .cx = w / 2, .cy = h / 2};
+  camera.fx = w / 2 / std::tan(depth.getHorizontalFieldOfView() / 2.0);
+  camera.fy = h / 2 / std::tan(depth.getVerticalFieldOfView() / 2.0);
+  if (!(camera.fx > 0 && std::isfinite(camera.fx) && camera.fy > 0 && std::isfinite(camera.fy)))
+    throw std::runtime_error("does not tell its field of view; give its intrinsics with --camera camera.yaml");
+  return camera;
+}
+
+class OpenNiSource final : public Source {
+ public:
+  OpenNiSource(const std::string& uri, const OpenNiOptions& options) : name_(uri.empty() ? "openni:" : uri) {
+    start_openni();
+    const auto opened = device_.open(uri.empty() ? openni::ANY_DEVICE : uri.c_str());
+    if (opened != openni::STATUS_OK) fail(opened);
+    if (device_.isFile() && device_.getPlaybackControl() == nullptr)
+      throw std::runtime_error(name_ + ": cannot be played");
+    if (!device_.hasSensor(openni::SENSOR_DEPTH) || depth_.create(device_, openni::SENSOR_DEPTH) != openni::STATUS_OK)
+      throw std::runtime_error(name_ + ": has no depth images");
+    has_colour_ =
+        device_.hasSensor(openni::SENSOR_COLOR) && colour_.create(device_, openni::SENSOR_COLOR) == openni::STATUS_OK;
+    if (!device_.isFile()) prepare_sensor();
+    read_formats();
+    if (options.camera.empty())
+      camera_ = camera_of(depth_);
+    else
+      use(read_camera_file(options.camera), options.camera);
+    if (auto* playback = device_.getPlaybackControl()) {
+      (void)playback->setSpeed(-1);  // an image is read when it is asked for
+      (void)playback->setRepeatEnabled(false);
+      frames_ = playback->getNumberOfFrames(depth_);
+      if (frames_ == 0) throw std::runtime_error(name_ + ": holds no depth image");
+      if (frames_ < 0) spdlog::warn("{}: was never finished; its images are read as far as they go", name_);
+    }
+    unplugged_.emplace(device_.getDeviceInfo().getUri());
+    if (!options.copy_to.empty()) copy_to(options.copy_to);
+    if (depth_.start() != openni::STATUS_OK || (has_colour_ && colour_.start() != openni::STATUS_OK))
+      fail(openni::STATUS_ERROR);
+  }
+  ~OpenNiSource() override {
+    recorder_.stop();
+    recorder_.destroy();
+    depth_.stop();
+    colour_.stop();
+  }
+  OpenNiSource(const OpenNiSource&) = delete;
+  OpenNiSource& operator=(const OpenNiSource&) = delete;
+
+  const Camera& camera() const override { return camera_; }
+  std::optional<int> size() const override { return frames_ > 0 ? std::optional(frames_ - delivered_) : std::nullopt; }
+  std::string ended_early() const override { return ended_early_; }
+  int dropped() const override { return dropped_; }
+
+  /// A depth image waits for the colour image that is nearest in time; that comes before it or soon after.
+  std::optional<Frame> next() override {
+    while (!may_deliver()) {
+      if (frames_ > 0 && read_ == frames_) {
+        at_end_ = true;
+        continue;
+      }
+      openni::VideoStream* streams[] = {&depth_, &colour_};
+      int ready = -1;
+      const auto status = openni::OpenNI::waitForAnyStream(streams, has_colour_ ? 2 : 1, &ready, kPatience);
+      if (unplugged_->happened() || status != openni::STATUS_OK) {
+        ended_early_ = why_ended();
+        at_end_ = true;
+        continue;
+      }
+      openni::VideoFrameRef image;
+      if (streams[ready]->readFrame(&image) != openni::STATUS_OK) continue;
+      if (ready == 0)
+        take_depth(image);
+      else
+        take_colour(image);
+    }
+    if (waiting_.empty()) return std::nullopt;
+    Frame frame = std::move(waiting_.front());
+    waiting_.pop_front();
+    attach_colour(frame);
+    frame.index = delivered_++;
+    return frame;
+  }
+
+ private:
+  struct Image {
+    double timestamp;  // seconds
+    std::vector<std::uint32_t> pixels;
+  };
+
+  [[noreturn]] void fail(openni::Status status) const {
+    const std::string said = openni::OpenNI::getExtendedError();
+    const bool is_file = name_.ends_with(".oni");
+    if (is_file && !fs::exists(name_)) throw std::runtime_error(name_ + ": there is no such file");
+    if (is_file) throw std::runtime_error(name_ + ": is cut off or no OpenNI recording");
+    if (name_ == "openni:" || status == openni::STATUS_NO_DEVICE)
+      throw std::runtime_error("openni:: " + why_no_sensor());
+    throw std::runtime_error("openni:" + name_ + ": cannot be opened; is another program using it? " + said);
+  }
+
+  [[nodiscard]] std::string why_ended() const {
+    if (unplugged_->happened()) return name_ + ": the sensor was unplugged";
+    if (!device_.isFile()) return name_ + ": the sensor gave no image for two seconds";
+    return frames_ > 0 ? fmt::format("{}: is cut off after {} of {} images", name_, read_, frames_) : "";
+  }
+
+  void prepare_sensor() {
+    choose_mode(depth_, openni::PIXEL_FORMAT_DEPTH_1_MM);
+    if (!has_colour_) return;
+    choose_mode(colour_, openni::PIXEL_FORMAT_RGB888);
+    (void)depth_.setMirroringEnabled(false);
+    (void)colour_.setMirroringEnabled(false);
+    (void)device_.setDepthColorSyncEnabled(true);
+    constexpr auto kRegistered = openni::IMAGE_REGISTRATION_DEPTH_TO_COLOR;
+    registered_ = device_.isImageRegistrationModeSupported(kRegistered) &&
+                  device_.setImageRegistrationMode(kRegistered) == openni::STATUS_OK;
+  }
+
+  void read_formats() {
+    const auto depth = depth_.getVideoMode().getPixelFormat();
+    if (depth != openni::PIXEL_FORMAT_DEPTH_1_MM && depth != openni::PIXEL_FORMAT_DEPTH_100_UM)
+      throw std::runtime_error(name_ + ": its depth is neither in mm nor in 0.1 mm");
+    metres_ = depth == openni::PIXEL_FORMAT_DEPTH_1_MM ? 1e-3f : 1e-4f;
+    if (has_colour_ && colour_.getVideoMode().getPixelFormat() != openni::PIXEL_FORMAT_RGB888) {
+      spdlog::warn("{}: its colour images are not RGB, they are left out", name_);
+      has_colour_ = false;
+    }
+  }
+
+  void use(const CameraFile& file, const fs::path& path) {
+    camera_ = file.camera;
+    const auto mode = depth_.getVideoMode();
+    if (camera_.width != mode.getResolutionX() || camera_.height != mode.getResolutionY())
+      throw std::runtime_error(fmt::format("{}: is for {}x{} pixels, {} gives {}x{}", path.string(), camera_.width,
+                                           camera_.height, name_, mode.getResolutionX(), mode.getResolutionY()));
+    if (has_colour_ && !registered_ && file.colour) registration_.emplace(camera_, *file.colour);
+  }
+
+  void copy_to(const fs::path& file) {
+    if (recorder_.create(file.c_str()) != openni::STATUS_OK || recorder_.attach(depth_) != openni::STATUS_OK ||
+        (has_colour_ && recorder_.attach(colour_, true) != openni::STATUS_OK) || recorder_.start() != openni::STATUS_OK)
+      throw std::runtime_error("cannot record to " + file.string() + ": " + openni::OpenNI::getExtendedError());
+  }
+
+  [[nodiscard]] bool may_deliver() const {
+    if (at_end_) return true;
+    return !waiting_.empty() &&
+           (!has_colour_ || waiting_.size() > 1 ||
+            (!images_.empty() && images_.back().timestamp >= waiting_.front().timestamp - kHalfAFrame));
+  }
+
+  static double seconds(const openni::VideoFrameRef& image) { return static_cast<double>(image.getTimestamp()) * 1e-6; }
+
+  /// Calls `pixel(target index, source row, source column)`; the source is turned where the stream is mirrored.
+  template <class Pixel>
+  static void for_each_pixel(const openni::VideoFrameRef& image, bool mirrored, Pixel&& pixel) {
+    const int w = image.getWidth(), h = image.getHeight();
+    for (int y = 0; y < h; ++y) {
+      const auto* row =
+          static_cast<const std::uint8_t*>(image.getData()) + static_cast<std::ptrdiff_t>(y) * image.getStrideInBytes();
+      for (int x = 0; x < w; ++x) pixel(static_cast<std::size_t>(y * w + x), row, mirrored ? w - 1 - x : x);
+    }
+  }
+
+  void take_depth(const openni::VideoFrameRef& image) {
+    ++read_;
+    if (last_index_ && image.getFrameIndex() > *last_index_ + 1) dropped_ += image.getFrameIndex() - *last_index_ - 1;
+    last_index_ = image.getFrameIndex();
+    Frame frame{.timestamp = seconds(image), .world_from_camera = {}, .acceleration = {}};
+    if (image.getWidth() != camera_.width || image.getHeight() != camera_.height) {
+      frame.problem = "the depth image is not of the camera's size";
+    } else {
+      frame.depth.resize(static_cast<std::size_t>(image.getWidth()) * static_cast<std::size_t>(image.getHeight()));
+      for_each_pixel(image, depth_.getMirroringEnabled(), [&](std::size_t i, const std::uint8_t* row, int x) {
+        std::uint16_t z;
+        std::memcpy(&z, row + 2 * x, 2);
+        frame.depth[i] = static_cast<float>(z) * metres_;
+      });
+    }
+    waiting_.push_back(std::move(frame));
+  }
+
+  void take_colour(const openni::VideoFrameRef& image) {
+    Image colour{.timestamp = seconds(image), .pixels = {}};
+    colour.pixels.resize(static_cast<std::size_t>(image.getWidth()) * static_cast<std::size_t>(image.getHeight()));
+    for_each_pixel(image, colour_.getMirroringEnabled(), [&](std::size_t i, const std::uint8_t* row, int x) {
+      const std::uint8_t* p = row + 3 * x;
+      colour.pixels[i] = p[0] | std::uint32_t{p[1]} << 8 | std::uint32_t{p[2]} << 16 | 0xff000000u;
+    });
+    images_.push_back(std::move(colour));
+    if (images_.size() > 4) images_.pop_front();
+  }
+
+  void attach_colour(Frame& frame) {
+    const Image* nearest = nullptr;
+    for (const Image& image : images_)
+      if (nearest == nullptr ||
+          std::abs(image.timestamp - frame.timestamp) < std::abs(nearest->timestamp - frame.timestamp))
+        nearest = &image;
+    if (nearest == nullptr || std::abs(nearest->timestamp - frame.timestamp) > kHalfAFrame || !frame.problem.empty())
+      return;
+    frame.colour_delay = nearest->timestamp - frame.timestamp;
+    frame.colour = registration_ ? (*registration_)(frame.depth, nearest->pixels) : nearest->pixels;
+  }
+
+  std::string name_;
+  openni::Device device_;
+  openni::VideoStream depth_, colour_;
+  openni::Recorder recorder_;
+  std::optional<Unplugged> unplugged_;
+  Camera camera_;
+  std::optional<ColourRegistration> registration_;  // by this program
+  bool has_colour_ = false, registered_ = false, at_end_ = false;
+  float metres_ = 1e-3f;  // of a unit of depth
+  int frames_ = 0;        // of a file; -1: it does not tell
+  int read_ = 0, delivered_ = 0;
+  std::atomic<int> dropped_ = 0;
+  std::optional<int> last_index_;
+  std::deque<Frame> waiting_;  // for colour
+  std::deque<Image> images_;   // the last few
+  std::string ended_early_;
+};
+
+}  // namespace
+
+std::unique_ptr<Source> open_openni(const std::string& uri, const OpenNiOptions& options) {
+  return std::make_unique<OpenNiSource>(uri, options);
+}
+
+}  // namespace cairn

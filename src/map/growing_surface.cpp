@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "map/growing_surface.hpp"
+
+#include <algorithm>
+#include <tuple>
+#include <unordered_set>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+constexpr double kDue = 0.5;  // of the frames that had seen the cell when it was last shown
+
+std::vector<Brick> bricks_on_device(const Volume& volume, const Brick& cell) {
+  std::vector<Brick> bricks;
+  for (int x = 0; x < GrowingSurface::kCell; ++x)
+    for (int y = 0; y < GrowingSurface::kCell; ++y)
+      for (int z = 0; z < GrowingSurface::kCell; ++z)
+        if (const Brick b = cell * GrowingSurface::kCell + Brick(x, y, z); volume.slot_of(b) != Volume::kNoSlot)
+          bricks.push_back(b);
+  return bricks;
+}
+
+/// Shares out the triangles of a mesh among the cells that their middles lie in.
+std::unordered_map<Brick, Mesh, BrickHash> by_cell(const Mesh& mesh, float cell_size) {
+  struct Part {
+    Mesh mesh;
+    std::unordered_map<std::uint32_t, std::uint32_t> vertex;  // number in the part, by number in the whole
+  };
+  std::unordered_map<Brick, Part, BrickHash> parts;
+  for (const auto& t : mesh.triangles) {
+    const Eigen::Vector3f middle = (mesh.positions[t[0]] + mesh.positions[t[1]] + mesh.positions[t[2]]) / 3;
+    Part& part = parts[(middle / cell_size).array().floor().matrix().cast<int>()];
+    std::array<std::uint32_t, 3> triangle;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto [it, is_new] = part.vertex.try_emplace(t[k], static_cast<std::uint32_t>(part.mesh.positions.size()));
+      if (is_new) {
+        part.mesh.positions.push_back(mesh.positions[t[k]]);
+        part.mesh.normals.push_back(mesh.normals[t[k]]);
+        part.mesh.colours.push_back(mesh.colours[t[k]]);
+      }
+      triangle[k] = it->second;
+    }
+    part.mesh.triangles.push_back(triangle);
+  }
+  std::unordered_map<Brick, Mesh, BrickHash> meshes;
+  for (auto& [cell, part] : parts) meshes.emplace(cell, std::move(part.mesh));
+  return meshes;
+}
+
+}  // namespace
+
+void GrowingSurface::change(std::span<const Brick> bricks) {
+  std::unordered_set<Brick, BrickHash> cells;
+  for (const Brick& brick : bricks) cells.insert(cell_of(brick, kCell));
+  for (const Brick& cell : cells) ++cells_[cell].since;
+}
+
+std::vector<SurfacePart> GrowingSurface::take(Volume& volume, Polygonize& polygonize, int submap, int max_bricks,
+                                              bool all) {
+  std::vector<std::pair<double, Brick>> due;
+  for (const auto& [cell, seen] : cells_)
+    if (seen.since > (all ? 0 : kDue * seen.frames)) due.emplace_back(-seen.since / (1.0 + seen.frames), cell);
+  std::sort(due.begin(), due.end(), [](const auto& a, const auto& b) {
+    const auto order = [](const auto& d) { return std::tuple(d.first, d.second.x(), d.second.y(), d.second.z()); };
+    return order(a) < order(b);
+  });
+  std::vector<Brick> cells, bricks;
+  for (const auto& [urgency, cell] : due) {
+    const auto of_cell = bricks_on_device(volume, cell);
+    if (of_cell.empty()) continue;
+    if (!bricks.empty() && bricks.size() + of_cell.size() > static_cast<std::size_t>(max_bricks)) break;
+    bricks.insert(bricks.end(), of_cell.begin(), of_cell.end());
+    cells.push_back(cell);
+  }
+  auto meshes = by_cell(polygonize.on_device(volume, bricks), volume.brick_size() * kCell);
+  std::vector<SurfacePart> parts;
+  for (const Brick& cell : cells) {
+    Seen& seen = cells_[cell];
+    seen = {.frames = seen.frames + seen.since};
+    parts.push_back({.submap = submap, .cell = cell, .mesh = std::move(meshes[cell])});
+  }
+  return parts;
+}
+
+}  // namespace cairn

@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "view/server.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+// clang-format off: Boost 1.74's awaitable.hpp needs this and forgets it
+#include <utility>
+// clang-format on
+#include <boost/asio/awaitable.hpp>
+#include <boost/asio/co_spawn.hpp>
+#include <boost/asio/detached.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/redirect_error.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/asio/use_awaitable.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
+#include <chrono>
+#include <optional>
+#include <random>
+#include <stdexcept>
+#include <thread>
+
+namespace cairn {
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace http = beast::http;
+using namespace std::chrono_literals;
+using asio::ip::tcp;
+using WebSocket = beast::websocket::stream<beast::tcp_stream>;
+
+constexpr auto kPatience = 15s;            // with a client that neither asks nor reads
+constexpr auto kLook = 15ms;               // between looks for something new
+constexpr std::size_t kMaxMessage = 4096;  // bytes that a viewer may send at once
+constexpr std::size_t kMaxHeader = 16384;  // bytes
+constexpr int kMaxViewers = 32;
+
+std::string random_token() {
+  std::random_device random;
+  std::string token;
+  for (int i = 0; i < 4; ++i) token += fmt::format("{:08x}", random());
+  return token;
+}
+
+using Request = http::request<http::empty_body>;
+
+}  // namespace
+
+struct Server::State {
+  State(int port, std::map<std::string, Served> f, Feed* feed_) : files(std::move(f)), feed(feed_) {
+    try {
+      acceptor = tcp::acceptor(context, {asio::ip::address_v4::loopback(), static_cast<std::uint16_t>(port)});
+    } catch (const boost::system::system_error& error) {
+      throw std::runtime_error(
+          fmt::format("port {} cannot be used: {}; choose another with --port", port, error.code().message()));
+    }
+    host = fmt::format("127.0.0.1:{}", acceptor.local_endpoint().port());
+    other_host = fmt::format("localhost:{}", acceptor.local_endpoint().port());
+    asio::co_spawn(context, accept(), asio::detached);
+    thread = std::jthread([this] { context.run(); });
+  }
+  ~State() { context.stop(); }
+
+  asio::awaitable<void> accept() {
+    while (true) {
+      boost::system::error_code error;
+      tcp::socket socket = co_await acceptor.async_accept(asio::redirect_error(asio::use_awaitable, error));
+      if (!error)
+        asio::co_spawn(context, talk(beast::tcp_stream(std::move(socket))), [](const std::exception_ptr&) {
+          // The client went away, or sent what no browser sends: nobody is left to be told.
+        });
+      else
+        co_await pause(100ms);  // no file descriptor is left, perhaps
+    }
+  }
+
+  static asio::awaitable<void> pause(std::chrono::milliseconds time) {
+    asio::steady_timer timer(co_await asio::this_coro::executor, time);
+    co_await timer.async_wait(asio::use_awaitable);
+  }
+
+  [[nodiscard]] bool is_ours(const Request& request) const {
+    const auto is = [&](beast::string_view address) { return address == host || address == other_host; };
+    if (!is(request[http::field::host])) return false;
+    if (request.count(http::field::origin) == 0) return true;
+    beast::string_view origin = request[http::field::origin];
+    constexpr beast::string_view kScheme = "http://";
+    if (!origin.starts_with(kScheme)) return false;
+    origin.remove_prefix(kScheme.size());
+    return is(origin);
+  }
+
+  /// The name below the token that a request asks for, or nothing.
+  [[nodiscard]] std::optional<std::string> name_of(const Request& request) const {
+    beast::string_view target = request.target();
+    const std::string prefix = "/" + token + "/";
+    if (!target.starts_with(prefix)) return std::nullopt;
+    target.remove_prefix(prefix.size());
+    return std::string(target.substr(0, target.find('?')));
+  }
+
+  asio::awaitable<void> talk(beast::tcp_stream stream) {
+    beast::flat_buffer buffer;
+    while (true) {
+      stream.expires_after(kPatience);
+      http::request_parser<http::empty_body> parser;
+      parser.header_limit(kMaxHeader);
+      parser.body_limit(std::uint64_t{0});
+      co_await http::async_read(stream, buffer, parser, asio::use_awaitable);
+      const Request request = parser.release();
+      const auto name = name_of(request);
+      if (!is_ours(request)) {
+        co_await refuse(stream, request, http::status::forbidden, "this page is served to this machine only");
+      } else if (!name) {
+        co_await refuse(stream, request, http::status::not_found, "open the address that cairn printed");
+      } else if (feed != nullptr && *name == "live" && beast::websocket::is_upgrade(request)) {
+        if (feed->viewers() < kMaxViewers) {
+          stream.expires_never();  // the WebSocket has its own
+          co_await follow(WebSocket(std::move(stream)), request);
+          co_return;
+        }
+        co_await refuse(stream, request, http::status::service_unavailable, "too many viewers");
+      } else if (request.method() != http::verb::get && request.method() != http::verb::head) {
+        co_await refuse(stream, request, http::status::method_not_allowed, "only GET is answered");
+      } else if (const auto file = files.find(*name); file == files.end()) {
+        co_await refuse(stream, request, http::status::not_found, "there is no such file");
+      } else {
+        co_await serve(stream, request, file->second);
+      }
+      if (!request.keep_alive()) break;
+    }
+    boost::system::error_code ignored;
+    stream.socket().shutdown(tcp::socket::shutdown_send, ignored);
+  }
+
+  template <class Response>
+  static void prepare(Response& response, const Request& request, beast::string_view content_type) {
+    response.set(http::field::content_type, content_type);
+    response.set(http::field::cache_control, "no-store");
+    response.set("X-Content-Type-Options", "nosniff");
+    response.set("Referrer-Policy", "no-referrer");
+    response.set("Content-Security-Policy",
+                 "default-src 'self' 'unsafe-inline' data: blob:; frame-ancestors 'none'; base-uri 'none'");
+    response.keep_alive(request.keep_alive());
+    response.prepare_payload();
+  }
+
+  template <class Response>
+  static asio::awaitable<void> send(beast::tcp_stream& stream, Response& response) {
+    http::serializer<false, typename Response::body_type> serializer(response);
+    // A large file may take long, but some of it must go through all the time.
+    while (!serializer.is_done()) {
+      stream.expires_after(kPatience);
+      co_await http::async_write_some(stream, serializer, asio::use_awaitable);
+    }
+  }
+
+  static asio::awaitable<void> refuse(beast::tcp_stream& stream, const Request& request, http::status status,
+                                      const char* why) {
+    http::response<http::string_body> response(status, request.version(), std::string(why) + "\n");
+    prepare(response, request, "text/plain");
+    co_await send(stream, response);
+  }
+
+  static asio::awaitable<void> serve(beast::tcp_stream& stream, const Request& request, const Served& file) {
+    const bool head = request.method() == http::verb::head;
+    if (const auto* text = std::get_if<std::string>(&file.body)) {
+      http::response<http::string_body> response(http::status::ok, request.version(), head ? "" : *text);
+      prepare(response, request, file.content_type);
+      if (head) response.content_length(text->size());
+      co_await send(stream, response);
+      co_return;
+    }
+    http::response<http::file_body> response(http::status::ok, request.version());
+    boost::system::error_code error;
+    const auto& path = std::get<std::filesystem::path>(file.body);
+    response.body().open(path.c_str(), beast::file_mode::scan, error);
+    if (error) {
+      co_await refuse(stream, request, http::status::not_found, "the file is gone");
+      co_return;
+    }
+    prepare(response, request, file.content_type);
+    co_await send(stream, response);
+  }
+
+  /// Sends what is new until the viewer goes; listens at the same time.
+  asio::awaitable<void> follow(WebSocket socket, const Request& request) {
+    socket.set_option(beast::websocket::stream_base::timeout{kPatience, kPatience, true});
+    socket.read_message_max(kMaxMessage);
+    socket.auto_fragment(false);
+    co_await socket.async_accept(request, asio::use_awaitable);
+    const auto shared = std::make_shared<WebSocket>(std::move(socket));
+    feed->enter();
+    asio::co_spawn(context, listen(shared), asio::detached);
+    try {
+      std::uint64_t version = 0;
+      while (shared->is_open()) {
+        const auto items = feed->since(version);
+        if (items.empty()) co_await pause(kLook);
+        // One at a time: after each, newer versions of the others are what should be sent.
+        if (!items.empty()) {
+          const Feed::Item& item = items.front();
+          version = item.version;
+          shared->text(item.is_text);
+          co_await shared->async_write(asio::buffer(*item.bytes), asio::use_awaitable);
+        }
+      }
+    } catch (const boost::system::system_error&) {
+      // It vanished.
+    }
+    feed->leave();
+  }
+
+  asio::awaitable<void> listen(std::shared_ptr<WebSocket> socket) {
+    try {
+      while (true) {
+        beast::flat_buffer buffer;
+        co_await socket->async_read(buffer, asio::use_awaitable);
+        if (socket->got_text()) feed->ask(beast::buffers_to_string(buffer.data()));
+      }
+    } catch (const boost::system::system_error&) {
+      // It said goodbye or too much; Beast has closed the connection.
+    }
+  }
+
+  std::map<std::string, Served> files;
+  Feed* feed;
+  std::string token = random_token(), host, other_host;
+  asio::io_context context{1};
+  tcp::acceptor acceptor{context};
+  std::jthread thread;  // last: it uses the others
+};
+
+Server::Server(int port, std::map<std::string, Served> files, Feed* feed)
+    : state_(std::make_unique<State>(port, std::move(files), feed)) {}
+Server::~Server() = default;
+
+std::string Server::url() const { return "http://" + state_->host + "/" + state_->token + "/"; }
+
+}  // namespace cairn

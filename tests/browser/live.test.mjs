@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// The live view as a person meets it: in Chromium, from a stream that goes on while it is looked at.
+import assert from 'node:assert/strict';
+import { existsSync } from 'node:fs';
+import { join } from 'node:path';
+import test from 'node:test';
+import { Program, inFolder, pictures, triangles, until, withBrowser } from './browser.mjs';
+
+const statusOf = (page) => page.locator('#status').getAttribute('data-status');
+const fusedIn = async (page) => Number(await page.locator('dt:text-is("Fused") + dd').textContent());
+
+test('the mesh grows, the buttons work, and the result is written', () => inFolder(async (folder) => {
+  const out = join(folder, 'map');
+  const program = new Program('live', 'synthetic:room', '-o', out, '--view', '--port', '0');
+  const url = await program.url();
+  await withBrowser(async (open, errors) => {
+    const page = await open(url);
+    await until(async () => (await triangles(page)) > 1000);
+    const first = await triangles(page);
+    await until(async () => (await triangles(page)) > 1.2 * first, () => `it stayed at ${first} triangles`);
+    for (const name of ['What the colour camera sees', 'What the depth camera sees'])
+      await until(() => page.getByAltText(name).evaluate((image) => image.naturalWidth === 320));
+    assert.match(await page.locator('#status').textContent(), /Tracking/);
+
+    await page.getByRole('button', { name: 'Pause' }).click();
+    await until(async () => (await statusOf(page)) === 'paused');
+    const fused = await fusedIn(page);
+    await page.waitForTimeout(700);
+    assert.equal(await fusedIn(page), fused);
+
+    // A second viewer, on a phone, comes late and sees all of it.
+    const phone = await open(url, { width: 390, height: 780 });
+    await until(async () => (await triangles(phone)) >= (await triangles(page)));
+    await phone.screenshot({ path: join(pictures, 'live-phone.png') });
+    assert.ok(await phone.evaluate(() => document.documentElement.scrollWidth <= innerWidth));
+    for (const button of await phone.getByRole('button').all()) assert.ok((await button.boundingBox()).height >= 36);
+    await phone.close();
+
+    await page.getByRole('button', { name: 'Start' }).click();
+    await until(async () => (await fusedIn(page)) > fused);
+    await page.screenshot({ path: join(pictures, 'live.png') });
+
+    page.on('dialog', (dialog) => dialog.accept());
+    await page.getByRole('button', { name: 'Reset' }).click();
+    await until(async () => (await fusedIn(page)) < fused, () => 'the map was not thrown away');
+    await until(async () => (await triangles(page)) > 1000);
+    await page.getByRole('button', { name: 'Finish' }).click();
+    assert.equal(await program.ended, 0, program.output);
+    await until(async () => (await statusOf(page)) === 'finished');
+    assert.match(await page.locator('#status').textContent(), /report\.html/);
+    assert.deepEqual(errors, []);
+  });
+  for (const file of ['mesh.glb', 'map.vdb', 'trajectory.txt', 'report.json', 'report.html'])
+    assert.ok(existsSync(join(out, file)), file);
+}));
+
+test('the page comes back when the connection breaks, and tells when the program is gone', () => inFolder(async (folder) => {
+  const program = new Program('live', 'synthetic:room', '-o', join(folder, 'map'), '--view', '--port', '0');
+  const url = await program.url();
+  await withBrowser(async (open, errors) => {
+    const page = await open(url, undefined, () => {
+      window.sockets = [];
+      window.WebSocket = class extends WebSocket {
+        constructor(...args) { super(...args); window.sockets.push(this); }
+      };
+    });
+    await until(async () => (await triangles(page)) > 1000);
+    await page.evaluate(() => window.sockets.at(-1).close());
+    await until(async () => (await statusOf(page)) === 'gone');
+    await until(async () => (await statusOf(page)) === 'good');
+    assert.equal(await page.evaluate(() => window.sockets.length), 2);
+    const before = await fusedIn(page);
+    await until(async () => (await fusedIn(page)) > before);
+    program.kill('SIGKILL');
+    await until(async () => (await statusOf(page)) === 'gone');
+    errors.length = 0;  // the browser itself tells of connections that fail
+  });
+}));

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Measures `cairn live --view` with one viewer. Usage: CAIRN_PROGRAM=... CAIRN_PICTURES=... node measure_live.mjs
+// SEQUENCE OUT reader|page [arguments of cairn live]. reader: takes all that is sent and draws nothing, as with the
+// page open on another machine; page: the page itself, drawn by this machine.
+import { Program, triangles, until, withBrowser } from './browser.mjs';
+
+const [sequence, out, viewer, ...more] = process.argv.slice(2);
+const program = new Program('live', sequence, '-o', out, '--view', '--port', '0', '--json', ...more);
+const url = await program.url();
+await withBrowser(async (open, errors) => {
+  const begin = Date.now();
+  if (viewer === 'page') {
+    const page = await open(url);
+    await until(async () => (await triangles(page)) > 0);
+    console.log(`first mesh in the page after ${Date.now() - begin} ms, with the start of the program`);
+  } else {
+    const page = await open(`${url}data.json`);
+    await page.evaluate((address) => {
+      window.received = 0;
+      const socket = new WebSocket(address.replace('http', 'ws') + 'live');
+      socket.binaryType = 'arraybuffer';
+      socket.onmessage = ({ data }) => { window.received += data.byteLength ?? data.length; };
+    }, url);
+  }
+  await program.ended;
+  errors.length = 0;  // the connection went away with the program
+});
+const report = JSON.parse(program.output.slice(program.output.indexOf('\n{')));
+console.log(JSON.stringify({ live: report.live, frames: report.frames, stages: Object.fromEntries(
+    Object.entries(report.stages).map(([stage, { median_ms: ms }]) => [stage, Math.round(10 * ms) / 10])) }, null, 1));

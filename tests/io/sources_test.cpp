@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Sources that are not folders: OpenNI2 files, colour from beside the depth camera, frames as time passes.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <thread>
+
+#include "cairn/source.hpp"
+#include "io/colour_registration.hpp"
+#include "io/newest_frame.hpp"
+#include "io/tum_writer.hpp"
+#include "support/files.hpp"
+
+namespace cairn {
+namespace {
+
+using namespace std::chrono_literals;
+
+/// Small frames, as fast as they are asked for or one in each `period`.
+class Ticks final : public Source {
+ public:
+  Ticks(int count, std::chrono::milliseconds period) : count_(count), period_(period) {}
+  const Camera& camera() const override { return camera_; }
+  std::optional<int> size() const override { return count_ - next_; }
+  std::optional<Frame> next() override {
+    if (next_ == count_) return std::nullopt;
+    std::this_thread::sleep_for(period_);
+    return Frame{.index = next_, .timestamp = 0.02 * next_++, .depth = {1, 2, 3, 4, 5, 6}, .colour = {}};
+  }
+
+ private:
+  Camera camera_{.width = 3, .height = 2};
+  int count_, next_ = 0;
+  std::chrono::milliseconds period_;
+};
+
+double seconds_of(const std::function<void()>& work) {
+  const auto begin = std::chrono::steady_clock::now();
+  work();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+TEST(OpenNi, ReadsAnOldKinectRecordingToItsEnd) {
+  CAIRN_REQUIRE_DATA("oni/kinect_3DJ_12frames.oni");
+  const auto source = open_openni(CAIRN_DATA "/oni/kinect_3DJ_12frames.oni");
+  EXPECT_NEAR(source->camera().fx, 320 / std::tan(1.0145 / 2), 0.1);
+  EXPECT_EQ(source->size(), 12);
+  double last = -1;
+  for (int i = 0; i < 12; ++i) {
+    const auto frame = source->next();
+    ASSERT_TRUE(frame);
+    EXPECT_EQ(frame->problem, "");
+    EXPECT_EQ(frame->index, i);
+    EXPECT_GT(frame->timestamp, last);
+    last = frame->timestamp;
+    EXPECT_EQ(frame->colour.size(), frame->depth.size());
+    EXPECT_LT(std::abs(frame->colour_delay), 0.017);
+    const auto seen =
+        std::count_if(frame->depth.begin(), frame->depth.end(), [](float z) { return z > 0.4f && z < 10; });
+    EXPECT_GT(seen, 100000);
+  }
+  EXPECT_FALSE(source->next());
+  EXPECT_EQ(source->ended_early(), "");
+}
+
+TEST(OpenNi, TellsWhatIsWrongWithAFile) {
+  const TemporaryFolder folder;
+  EXPECT_NE(error_of([&] { (void)open_openni((folder / "none.oni").string()); }).find("there is no such file"),
+            std::string::npos);
+  write_text(folder / "text.oni", "this is not a recording");
+  EXPECT_NE(error_of([&] { (void)open_openni((folder / "text.oni").string()); }).find("cut off or no OpenNI recording"),
+            std::string::npos);
+  CAIRN_REQUIRE_DATA("oni/kinect_3DJ_12frames.oni");
+  write_text(folder / "cut.oni", read_bytes(CAIRN_DATA "/oni/kinect_3DJ_12frames.oni").substr(0, 700000));
+  EXPECT_NE(error_of([&] { (void)open_openni((folder / "cut.oni").string()); }).find("cut off"), std::string::npos);
+}
+
+TEST(OpenNi, RefusesACameraFileOfAnotherSize) {
+  CAIRN_REQUIRE_DATA("oni/kinect_3DJ_12frames.oni");
+  const TemporaryFolder folder;
+  write_text(folder / "camera.yaml", "width: 320\nheight: 240\nfx: 300\nfy: 300\ncx: 160\ncy: 120\n");
+  const auto open = [&] {
+    (void)open_openni(CAIRN_DATA "/oni/kinect_3DJ_12frames.oni", {.camera = folder / "camera.yaml", .copy_to = {}});
+  };
+  EXPECT_NE(error_of(open).find("is for 320x240 pixels"), std::string::npos);
+}
+
+TEST(ColourRegistration, FindsTheColourOfAPointThatBothCamerasSee) {
+  const Camera depth{.width = 64, .height = 48, .fx = 60, .fy = 60, .cx = 31.5, .cy = 23.5};
+  ColourCamera colour{.camera = {.width = 80, .height = 60, .fx = 75, .fy = 75, .cx = 39.5, .cy = 29.5}};
+  colour.colour_from_depth.translation().x() = -0.1;  // the colour camera is 10 cm to the right
+  std::vector<std::uint32_t> image(80 * 60);
+  for (std::uint32_t i = 0; i < image.size(); ++i) image[i] = 1 + i;
+  const std::vector<float> near(64 * 48, 1.0f);
+  const auto registered = ColourRegistration(depth, colour)(near, image);
+  for (int y = 0; y < 48; y += 5)
+    for (int x = 0; x < 64; x += 5) {
+      const Eigen::Vector3d point = colour.colour_from_depth * Eigen::Vector3d(depth.ray(x, y));
+      const Eigen::Vector2d pixel = colour.camera.project(point);
+      const auto u = std::lround(pixel.x()), v = std::lround(pixel.y());
+      const bool inside = u >= 0 && u < 80 && v >= 0 && v < 60;
+      EXPECT_EQ(registered[static_cast<std::size_t>(y * 64 + x)],
+                inside ? image[static_cast<std::size_t>(v * 80 + u)] : 0);
+    }
+}
+
+TEST(CameraFile, TellsFileAndLineOfWhatIsWrong) {
+  const TemporaryFolder folder;
+  const auto error = [&](const std::string& text) {
+    write_text(folder / "camera.yaml", text);
+    return error_of([&] { (void)read_camera_file(folder / "camera.yaml"); });
+  };
+  EXPECT_NE(error("fx: 500\nfy: 500\ncx: 320\n").find("`cy` is missing"), std::string::npos);
+  EXPECT_NE(error("fx: 500\nfy: five\ncx: 320\ncy: 240\n").find("camera.yaml:2"), std::string::npos);
+  EXPECT_NE(error("fx: 5\nfy: 5\ncx: 3\ncy: 2\ncolour: {fx: 5, fy: 5, cx: 3, cy: 2, translation: [0, 0, 0], rotation: "
+                  "[0, 0, 0, 2]}\n")
+                .find("unit quaternion"),
+            std::string::npos);
+}
+
+TEST(NewestFrame, SkipsWhatASlowReaderHasNoTimeForAndNeverLagsBehind) {
+  NewestFrame source(std::make_unique<Ticks>(60, 10ms));
+  int taken = 0, last = -1;
+  while (const auto frame = source.next()) {
+    EXPECT_GT(frame->index, last);
+    last = frame->index;
+    ++taken;
+    EXPECT_LT(NewestFrame::Clock::now() - source.arrived(), 60ms);  // it waited for the reader at most
+    std::this_thread::sleep_for(35ms);
+  }
+  EXPECT_EQ(last, 59);
+  EXPECT_LT(taken, 30);
+  EXPECT_EQ(source.dropped(), 60 - taken);
+}
+
+TEST(NewestFrame, TellsWhetherTheStreamEndedOrIsOnlySlow) {
+  NewestFrame source(std::make_unique<Ticks>(1, 100ms));
+  EXPECT_FALSE(source.next_within(10ms));
+  EXPECT_FALSE(source.ended());
+  EXPECT_TRUE(source.next());
+  EXPECT_FALSE(source.next());
+  EXPECT_TRUE(source.ended());
+}
+
+TEST(AtRecordedSpeed, TakesAsLongAsTheRecordingDid) {
+  const auto source = at_recorded_speed(std::make_unique<Ticks>(21, 0ms));
+  EXPECT_NEAR(seconds_of([&] {
+                while (source->next()) {
+                }
+              }),
+              0.4, 0.1);
+}
+
+TEST(TumWriter, KeepsDepthAndTimesAsTheyWere) {
+  const TemporaryFolder folder;
+  const Camera camera{.width = 3, .height = 2, .fx = 4, .fy = 5, .cx = 1, .cy = 0.5};
+  {
+    TumWriter writer(folder / "a", camera);
+    writer.add(encode({.timestamp = 1.5,
+                       .depth = {0, 0.001f, 1.2346f, 5.0f, 13.1f, 20.0f},
+                       .colour_delay = 0.004,
+                       .colour = std::vector<std::uint32_t>(6, 0xff102030u)},
+                      camera, true));
+  }
+  const auto source = open_recording(folder / "a");
+  EXPECT_EQ(source->camera().fy, 5);
+  const auto frame = source->next();
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->timestamp, 1.5);
+  EXPECT_NEAR(frame->colour_delay, 0.004, 1e-9);
+  EXPECT_EQ(frame->colour, std::vector<std::uint32_t>(6, 0xff102030u));
+  const std::vector<float> depth{0, 0.001f, 1.2346f, 5.0f, 13.1f, 0};  // the last does not fit
+  for (std::size_t i = 0; i < depth.size(); ++i) EXPECT_NEAR(frame->depth[i], depth[i], 1e-4);
+  EXPECT_NE(error_of([&] { TumWriter(folder / "a", camera); }).find("is not empty"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace cairn
