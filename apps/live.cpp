@@ -36,8 +36,8 @@ class Stream {
     if (a.as_fast_as_possible) {
       every_ = read_ahead(std::move(source));
     } else {
-      if (!is_sensor(a.sequence)) source = at_recorded_speed(std::move(source));
-      newest_ = std::make_unique<NewestFrame>(std::move(source));
+      newest_ = std::make_unique<NewestFrame>(std::move(source),
+                                              is_sensor(a.sequence) ? Pace::as_it_comes : Pace::as_recorded);
     }
   }
   [[nodiscard]] const Source& source() const { return newest_ ? *newest_ : *every_; }

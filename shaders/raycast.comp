@@ -41,6 +41,8 @@ vec4 sample_field(vec3 v) {
   return vec4(gradient, seen > 0.0 ? mix(y0, y1, f.z) : 2.0);
 }
 
+const int kSteps = 64;  // rays that take more graze along the fringe of what was seen and find nothing to align with
+
 void main() {
   uvec2 pixel = gl_GlobalInvocationID.xy;
   if (pixel.x >= push.camera.width || pixel.y >= push.camera.height) return;
@@ -56,7 +58,7 @@ void main() {
 
   float before = t, before_d = 0.0;  // last sample in front of the surface; 0: none
   float hit = 0.0;
-  for (int steps = 0; steps < 400 && t < end; ++steps) {
+  for (int steps = 0; steps < kSteps && t < end; ++steps) {
     vec3 v = origin + ray * t;
     ivec3 voxel = ivec3(floor(v + 0.5));
     uint slot = find_slot(voxel);
@@ -82,14 +84,10 @@ void main() {
     t += (d > 0.0 ? max(0.8 * d, 0.5) : 0.5 * truncation) * per_voxel;
   }
 
-  // Two Newton steps along the ray, with distance in truncations and t in depth.
-  vec4 field = vec4(0.0);
-  for (int i = 0; i < 2; ++i) {
-    field = sample_field(origin + ray * hit);
-    float slope = dot(field.xyz, ray);
-    float change = slope < 0.0 && field.w < 1.5 ? clamp(-field.w / slope, -2.0 * per_voxel, 2.0 * per_voxel) : 0.0;
-    hit += change;
-  }
+  // A Newton step along the ray, with distance in truncations and t in depth. A second one changes no trajectory.
+  vec4 field = sample_field(origin + ray * hit);
+  float slope = dot(field.xyz, ray);
+  if (slope < 0.0 && field.w < 1.5) hit -= clamp(field.w / slope, -2.0 * per_voxel, 2.0 * per_voxel);
   bool found = hit > 0.0 && field.w < 0.5 && dot(field.xyz, field.xyz) > 0.0;
   vec3 n = inverse_rotate(push.submap_from_camera, field.xyz);
   points[pixel.y * push.camera.width + pixel.x] =

@@ -34,6 +34,10 @@ class Source {
   [[nodiscard]] virtual std::optional<int> size() const = 0;
   /// The next frame, or nothing at the end of the stream. A frame that cannot be read has its `problem` set.
   [[nodiscard]] virtual std::optional<Frame> next() = 0;
+  /// When the next frame was taken, seconds; nothing where that is only known once it is read.
+  [[nodiscard]] virtual std::optional<double> next_timestamp() const { return std::nullopt; }
+  /// Passes over the frame that next_timestamp() tells of, without reading it.
+  virtual void skip() {}
   /// Why the stream ended before its time (unplugged, cut off), in one line; empty: it did not.
   [[nodiscard]] virtual std::string ended_early() const { return {}; }
   /// Frames that came too fast for whoever reads, so far.

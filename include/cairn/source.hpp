@@ -32,9 +32,6 @@ struct OpenNiOptions {
 /// device, or colour to depth here. Throws std::runtime_error with what is missing and what to install or allow.
 [[nodiscard]] std::unique_ptr<Source> open_openni(const std::string& uri, const OpenNiOptions& options = {});
 
-/// Gives a recording's frames at the speed they were taken at: each waits for its time since the first.
-[[nodiscard]] std::unique_ptr<Source> at_recorded_speed(std::unique_ptr<Source> source);
-
 /// Decodes `ahead` frames in a thread of its own.
 [[nodiscard]] std::unique_ptr<Source> read_ahead(std::unique_ptr<Source> source, int ahead = 4);
 

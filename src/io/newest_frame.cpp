@@ -4,27 +4,86 @@
 
 namespace cairn {
 
-NewestFrame::NewestFrame(std::unique_ptr<Source> source)
-    : WrappedSource(std::move(source)), thread_([this](std::stop_token s) { run(s); }) {}
+NewestFrame::NewestFrame(std::unique_ptr<Source> source, Pace pace)
+    : WrappedSource(std::move(source)), thread_([this, pace](std::stop_token stop) {
+        try {
+          pace == Pace::as_recorded ? play(stop) : run(stop);
+        } catch (...) {
+          const std::lock_guard lock(mutex_);
+          error_ = std::current_exception();
+        }
+        const std::lock_guard lock(mutex_);
+        ended_ = true;
+        changed_.notify_all();
+      }) {}
+
+void NewestFrame::put(Frame frame, Clock::time_point arrived) {
+  const std::lock_guard lock(mutex_);
+  dropped_ += newest_.has_value();
+  newest_ = std::move(frame);
+  newest_arrived_ = arrived;
+  changed_.notify_all();
+}
 
 void NewestFrame::run(const std::stop_token& stop) {
-  try {
-    while (!stop.stop_requested()) {
-      auto frame = source_->next();
-      if (!frame) break;
-      const std::lock_guard lock(mutex_);
-      dropped_ += newest_.has_value();
-      newest_ = std::move(frame);
-      newest_arrived_ = Clock::now();
-      changed_.notify_all();
-    }
-  } catch (...) {
-    const std::lock_guard lock(mutex_);
-    error_ = std::current_exception();
+  while (!stop.stop_requested()) {
+    auto frame = source_->next();
+    if (!frame) return;
+    put(std::move(*frame), Clock::now());
   }
-  const std::lock_guard lock(mutex_);
-  ended_ = true;
-  changed_.notify_all();
+}
+
+void NewestFrame::play(const std::stop_token& stop) {
+  std::optional<std::pair<double, Clock::time_point>> first;  // timestamp, and when it was given
+  double before = 0;                                          // timestamp of the frame before
+  Seconds reading{0};                                         // a frame takes, smoothed
+  const auto due = [&](double timestamp) {
+    return first->second + std::chrono::duration_cast<Clock::duration>(Seconds(timestamp - first->first));
+  };
+  // So late that the frame after it is due, too.
+  const auto is_late = [&](double timestamp) {
+    return first && Clock::now() - due(timestamp) > Seconds(timestamp - before);
+  };
+  while (!stop.stop_requested()) {
+    {
+      std::unique_lock lock(mutex_);
+      if (!changed_.wait(lock, stop, [&] { return !newest_; })) return;
+      if (first) {
+        const auto begin = taken_ + std::chrono::duration_cast<Clock::duration>(busy_ - 1.5 * reading);
+        changed_.wait_until(lock, stop, begin, [] { return false; });
+      }
+    }
+    const auto drop = [&](double timestamp) {
+      before = timestamp;
+      const std::lock_guard lock(mutex_);
+      ++dropped_;
+    };
+    for (auto t = source_->next_timestamp(); t && is_late(*t); t = source_->next_timestamp()) {
+      source_->skip();
+      drop(*t);
+    }
+    const auto begin = Clock::now();
+    auto frame = source_->next();
+    if (!frame) return;
+    reading += 0.2 * (Clock::now() - begin - reading);
+    if (!first) first = {frame->timestamp, Clock::now()};
+    const double timestamp = frame->timestamp;
+    if (is_late(timestamp)) {
+      const Seconds interval(timestamp - before);
+      if (!source_->next_timestamp() && reading < interval && source_->size().value_or(1) > 0) {
+        drop(timestamp);
+        continue;
+      }
+      // It cannot be read as fast as it was taken: it plays as fast as it can.
+      if (reading >= interval) first->second += Clock::now() - due(timestamp);
+    }
+    before = timestamp;
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait_until(lock, stop, due(timestamp), [] { return false; });
+    }
+    put(std::move(*frame), due(timestamp));
+  }
 }
 
 std::optional<Frame> NewestFrame::next() {
@@ -34,12 +93,16 @@ std::optional<Frame> NewestFrame::next() {
 
 std::optional<Frame> NewestFrame::next_within(std::chrono::milliseconds patience) {
   std::unique_lock lock(mutex_);
+  if (!std::exchange(is_asked_, true)) busy_ += 0.2 * (Clock::now() - taken_ - busy_);
   changed_.wait_for(lock, patience, [&] { return newest_.has_value() || ended_; });
   if (!newest_) {
     if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
     return std::nullopt;
   }
   arrived_ = newest_arrived_;
+  taken_ = Clock::now();
+  is_asked_ = false;
+  changed_.notify_all();
   return std::exchange(newest_, std::nullopt);
 }
 

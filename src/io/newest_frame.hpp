@@ -12,28 +12,40 @@
 
 namespace cairn {
 
-/// Reads in a thread of its own and keeps only the newest frame: whoever is slower than the stream skips frames and
-/// never lags behind. dropped() counts those that nobody took.
+enum class Pace {
+  as_it_comes,  // a sensor's own
+  as_recorded   // each frame has its time since the first, as when it was taken
+};
+
+/// Keeps only the newest frame, from a thread of its own: whoever is slower than the stream skips frames and never lags
+/// behind. dropped() counts those that nobody took. Of a recording, frames that come too late are not even read, where
+/// the source can pass over them, and the next is read just before it will be asked for; what reads more slowly than it
+/// was taken plays more slowly.
 class NewestFrame final : public WrappedSource {
  public:
   using Clock = std::chrono::steady_clock;
-  explicit NewestFrame(std::unique_ptr<Source> source);
+  NewestFrame(std::unique_ptr<Source> source, Pace pace);
   std::optional<Frame> next() override;
   /// The same, but at most `patience` late: nothing also when no frame came by then and the stream goes on.
   std::optional<Frame> next_within(std::chrono::milliseconds patience);
   [[nodiscard]] bool ended() const;
   [[nodiscard]] std::optional<int> size() const override { return std::nullopt; }
   [[nodiscard]] int dropped() const override;
-  /// When the frame came that next() gave last.
+  /// When the frame came that next() gave last; of a recording, when it was due.
   [[nodiscard]] Clock::time_point arrived() const { return arrived_; }
 
  private:
+  using Seconds = std::chrono::duration<double>;
   void run(const std::stop_token& stop);
+  void play(const std::stop_token& stop);
+  void put(Frame frame, Clock::time_point arrived);
 
   mutable std::mutex mutex_;
   std::condition_variable_any changed_;
   std::optional<Frame> newest_;
-  Clock::time_point newest_arrived_, arrived_;
+  Clock::time_point newest_arrived_, arrived_, taken_;
+  Seconds busy_{0};       // the reader is with a frame, smoothed
+  bool is_asked_ = true;  // since a frame was taken
   int dropped_ = 0;
   std::exception_ptr error_;
   bool ended_ = false;

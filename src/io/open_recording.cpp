@@ -62,6 +62,12 @@ class RecordingSource final : public Source {
     return std::max(0, (end_ - range_.begin + range_.step - 1) / range_.step);
   }
 
+  std::optional<double> next_timestamp() const override {
+    if (next_ >= end_) return std::nullopt;
+    return recording_.entries[static_cast<std::size_t>(next_)].timestamp;
+  }
+  void skip() override { next_ += range_.step; }
+
   std::optional<Frame> next() override {
     if (next_ >= end_) return std::nullopt;
     const auto& entry = recording_.entries[static_cast<std::size_t>(next_)];

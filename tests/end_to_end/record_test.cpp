@@ -90,7 +90,9 @@ TEST_F(Record, LeavesWhatCameBeforeItWasKilled) {
 }
 
 TEST_F(Record, FinishesAtCtrlC) {
-  const Ran ran = run_cairn({"record", "openni:", "-o", out("a"), "--json"}, sensor() + " timeout -s INT 2");
+  const Ran ran = run_cairn({"record", "openni:", "-o", out("a"), "--json"},
+                            sensor() + " timeout --foreground --preserve-status -s INT 2");
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
   EXPECT_NE(ran.out.find("\"dropped\": 0"), std::string::npos) << ran.err;
   EXPECT_GT(frames_in(*open_recording(folder / "a")), 15);
 }

@@ -20,19 +20,27 @@ using namespace std::chrono_literals;
 /// Small frames, as fast as they are asked for or one in each `period`.
 class Ticks final : public Source {
  public:
-  Ticks(int count, std::chrono::milliseconds period) : count_(count), period_(period) {}
+  Ticks(int count, std::chrono::milliseconds period, bool can_skip = false)
+      : count_(count), period_(period), can_skip_(can_skip) {}
+  [[nodiscard]] int read() const { return read_; }
+  std::optional<double> next_timestamp() const override {
+    return can_skip_ && next_ < count_ ? std::optional(0.02 * next_) : std::nullopt;
+  }
+  void skip() override { ++next_; }
   const Camera& camera() const override { return camera_; }
   std::optional<int> size() const override { return count_ - next_; }
   std::optional<Frame> next() override {
     if (next_ == count_) return std::nullopt;
+    ++read_;
     std::this_thread::sleep_for(period_);
     return Frame{.index = next_, .timestamp = 0.02 * next_++, .depth = {1, 2, 3, 4, 5, 6}, .colour = {}};
   }
 
  private:
   Camera camera_{.width = 3, .height = 2};
-  int count_, next_ = 0;
+  int count_, next_ = 0, read_ = 0;
   std::chrono::milliseconds period_;
+  bool can_skip_;
 };
 
 double seconds_of(const std::function<void()>& work) {
@@ -120,7 +128,7 @@ TEST(CameraFile, TellsFileAndLineOfWhatIsWrong) {
 }
 
 TEST(NewestFrame, SkipsWhatASlowReaderHasNoTimeForAndNeverLagsBehind) {
-  NewestFrame source(std::make_unique<Ticks>(60, 10ms));
+  NewestFrame source(std::make_unique<Ticks>(60, 10ms), Pace::as_it_comes);
   int taken = 0, last = -1;
   while (const auto frame = source.next()) {
     EXPECT_GT(frame->index, last);
@@ -135,7 +143,7 @@ TEST(NewestFrame, SkipsWhatASlowReaderHasNoTimeForAndNeverLagsBehind) {
 }
 
 TEST(NewestFrame, TellsWhetherTheStreamEndedOrIsOnlySlow) {
-  NewestFrame source(std::make_unique<Ticks>(1, 100ms));
+  NewestFrame source(std::make_unique<Ticks>(1, 100ms), Pace::as_it_comes);
   EXPECT_FALSE(source.next_within(10ms));
   EXPECT_FALSE(source.ended());
   EXPECT_TRUE(source.next());
@@ -143,13 +151,41 @@ TEST(NewestFrame, TellsWhetherTheStreamEndedOrIsOnlySlow) {
   EXPECT_TRUE(source.ended());
 }
 
-TEST(AtRecordedSpeed, TakesAsLongAsTheRecordingDid) {
-  const auto source = at_recorded_speed(std::make_unique<Ticks>(21, 0ms));
+TEST(NewestFrame, PlaysARecordingAsFastAsItWasTaken) {
+  NewestFrame source(std::make_unique<Ticks>(21, 0ms), Pace::as_recorded);
+  int frames = 0;
   EXPECT_NEAR(seconds_of([&] {
-                while (source->next()) {
-                }
+                while (source.next()) ++frames;
               }),
               0.4, 0.1);
+  EXPECT_EQ(frames + source.dropped(), 21);
+  EXPECT_GE(frames, 18);
+}
+
+TEST(NewestFrame, DoesNotReadWhatASlowReaderOfARecordingHasNoTimeFor) {
+  for (const bool can_skip : {true, false}) {
+    auto ticks = std::make_unique<Ticks>(60, 2ms, can_skip);
+    const Ticks& played = *ticks;
+    NewestFrame source(std::move(ticks), Pace::as_recorded);
+    int taken = 0, last = -1;
+    while (const auto frame = source.next()) {
+      last = frame->index;
+      ++taken;
+      EXPECT_LT(NewestFrame::Clock::now() - source.arrived(), 120ms);
+      std::this_thread::sleep_for(70ms);  // three and a half frames
+    }
+    EXPECT_GE(last, 56);
+    EXPECT_LT(taken, 25);
+    EXPECT_EQ(taken + source.dropped(), 60);
+    EXPECT_EQ(played.read(), can_skip ? taken : 60);
+  }
+}
+
+TEST(NewestFrame, PlaysMoreSlowlyWhatCannotBeReadInTime) {
+  NewestFrame source(std::make_unique<Ticks>(12, 50ms), Pace::as_recorded);  // 20 ms apart
+  int frames = 0;
+  while (source.next()) ++frames;
+  EXPECT_GE(frames, 9);
 }
 
 TEST(TumWriter, KeepsDepthAndTimesAsTheyWere) {

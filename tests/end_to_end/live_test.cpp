@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// `cairn live` without a browser; with one: tests/browser.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "cairn/source.hpp"
+#include "support/files.hpp"
+#include "synth/source.hpp"
+#include "view/server.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Live : public testing::Test {
+ protected:
+  [[nodiscard]] std::string out(const std::string& name) const { return (folder / name).string(); }
+  void expect_map(const std::string& name) const {
+    for (const char* file : {"mesh.glb", "map.vdb", "trajectory.txt", "report.json", "report.html"})
+      EXPECT_TRUE(fs::exists(folder / name / file)) << file;
+  }
+  [[nodiscard]] nlohmann::json report(const std::string& name) const {
+    return nlohmann::json::parse(read_bytes(folder / name / "report.json"));
+  }
+  TemporaryFolder folder;
+};
+
+TEST_F(Live, FollowsASensorUntilItIsUnplugged) {
+  const auto room = open_synthetic({.scene = "room", .first = 0, .frames = 90});
+  for (int i = 0; auto frame = room->next(); ++i) {
+    std::ofstream depth(folder / ("depth-" + std::to_string(i) + ".raw"), std::ios::binary);
+    std::ofstream colour(folder / ("colour-" + std::to_string(i) + ".raw"), std::ios::binary);
+    for (std::size_t p = 0; p < frame->depth.size(); ++p) {
+      const auto z = static_cast<std::uint16_t>(std::lround(1000 * frame->depth[p]));
+      depth.write(reinterpret_cast<const char*>(&z), 2);
+      colour.write(reinterpret_cast<const char*>(&frame->colour[p]), 3);
+    }
+  }
+  const Ran ran = run_cairn({"live", "openni:", "-o", out("map")}, "LD_LIBRARY_PATH='" CAIRN_OPENNI
+                                                                   "' CAIRN_SENSOR='unplug=80 frames=" +
+                                                                       folder.path().string() + "' CAIRN_VALIDATION=1");
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  expect_map("map");
+  const auto told = report("map");
+  EXPECT_GT(told["frames"]["fused"], 4);
+  EXPECT_EQ(told["frames"]["lost"], 0);
+  EXPECT_NE(told["warnings"][0].get<std::string>().find("unplugged"), std::string::npos);
+  EXPECT_NEAR(told["frames"]["total"].get<int>() + told["live"]["skipped_to_keep_up"].get<int>(), 80, 3);
+  EXPECT_GT(told["live"]["latency_ms"]["p95"], 0);
+}
+
+TEST_F(Live, MakesWhatReconstructMakesWhenItTakesEveryFrame) {
+  ASSERT_EQ(run_cairn({"live", "synthetic:room", "-o", out("a"), "--as-fast-as-possible"},
+                      "timeout --foreground --preserve-status -s INT 9")
+                .exit_code,
+            0);
+  const int frames = report("a")["frames"]["total"];
+  ASSERT_GT(frames, 3);
+  ASSERT_EQ(
+      run_cairn({"reconstruct", "synthetic:room", "-o", out("b"), "--frames", "0:" + std::to_string(frames)}).exit_code,
+      0);
+  for (const char* file : {"mesh.glb", "map.vdb", "trajectory.txt"})
+    EXPECT_EQ(read_bytes(folder / "a" / file) == read_bytes(folder / "b" / file), true) << file;
+}
+
+TEST_F(Live, FinishesAtTheFirstCtrlC) {
+  const Ran ran =
+      run_cairn({"live", "synthetic:room", "-o", out("map")}, "timeout --foreground --preserve-status -s INT 9");
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_NE(ran.err.find("once more ends at once"), std::string::npos);
+  expect_map("map");
+}
+
+TEST_F(Live, LeavesASessionToResumeAtTheSecondCtrlC) {
+  const std::string twice = "f() { \"$@\" & p=$!; sleep 9; kill -INT $p; sleep 0.2; kill -INT $p; wait $p; }; f";
+  const Ran ran = run_cairn({"live", "synthetic:room", "-o", out("map"), "--checkpoint", "0.5"}, twice);
+  EXPECT_EQ(ran.exit_code, 130) << ran.err;
+  EXPECT_FALSE(fs::exists(folder / "map" / "mesh.glb"));
+  const Ran resumed = run_cairn({"reconstruct", "synthetic:room", "-o", out("map"), "--resume", "--frames", "0:60"});
+  EXPECT_EQ(resumed.exit_code, 0) << resumed.err;
+  expect_map("map");
+}
+
+TEST_F(Live, AnswersWhatCannotBeShownWithOneLine) {
+  const Server server(0, {}, nullptr);
+  const std::string port = server.url().substr(17, server.url().find('/', 17) - 17);
+  expect_one_line(run_cairn({"live", "synthetic:room", "-o", out("a"), "--view", "--port", port}), 1,
+                  "port " + port + " cannot be used");
+  expect_one_line(run_cairn({"live", out("none.oni"), "-o", out("a")}), 1, "there is no such file");
+  expect_one_line(run_cairn({"view", folder.path().string()}), 1, "cannot be read; give a folder that cairn has made");
+  EXPECT_EQ(run_cairn({"live", "synthetic:room", "-o", out("a"), "--port", "1"}).exit_code, 2);
+  write_text(folder / "report.json", "{\"fra");
+  expect_one_line(run_cairn({"view", folder.path().string()}), 1, "is damaged");
+}
+
+}  // namespace
+}  // namespace cairn
