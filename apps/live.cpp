@@ -79,12 +79,15 @@ void live(const Arguments& a) {
 
   std::vector<double> latencies;
   bool paused = false;
+  Clock::duration waited{};
   const auto first = Clock::now();
   {
     const Interrupt interrupt;
     Progress progress(a.as_fast_as_possible ? stream.source().size() : std::nullopt);
     while (!interrupt.requested()) {
+      const auto asked_at = Clock::now();
       auto frame = stream.next();
+      waited += Clock::now() - asked_at;
       if (!frame && stream.ended()) break;
       if (view) {
         const LiveView::Asked asked = view->asked();
@@ -97,7 +100,7 @@ void live(const Arguments& a) {
         }
       }
       if (frame && !paused) {
-        const FrameReport report = run.add(*frame, 0);
+        const FrameReport report = run.add(*frame, milliseconds(std::exchange(waited, {})));
         latencies.push_back(milliseconds(Clock::now() - stream.arrived()));
         progress.step(words(report) + (stream.source().dropped() > 0
                                            ? fmt::format(", {} skipped to keep up", stream.source().dropped())

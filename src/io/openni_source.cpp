@@ -183,7 +183,7 @@ class OpenNiSource final : public Source {
     if (is_file && !fs::exists(name_)) throw std::runtime_error(name_ + ": there is no such file");
     if (is_file) throw std::runtime_error(name_ + ": is cut off or no OpenNI recording");
     if (name_ == "openni:" || status == openni::STATUS_NO_DEVICE)
-      throw std::runtime_error("openni:: " + why_no_sensor());
+      throw std::runtime_error("openni: " + why_no_sensor());
     throw std::runtime_error("openni:" + name_ + ": cannot be opened; is another program using it? " + said);
   }
 

@@ -103,6 +103,10 @@ Mesh Polygonize::polygonize(Volume& volume, std::span<const Brick> wanted,
         is_wanted[neighbour] = false;
   for (const auto& [brick, unused] : is_wanted) bricks.push_back(brick);
   std::sort(bricks.begin(), bricks.end(), by_cell);
+  // Those that make triangles come first.
+  const auto makers = static_cast<std::size_t>(
+      std::stable_partition(bricks.begin(), bricks.end(), [&](const Brick& b) { return is_wanted.at(b); }) -
+      bricks.begin());
   Mesh mesh;
   if (bricks.empty()) return mesh;
   std::unordered_map<Brick, std::uint32_t, BrickHash> position;
@@ -175,22 +179,16 @@ Mesh Polygonize::polygonize(Volume& volume, std::span<const Brick> wanted,
   std::vector<std::uint32_t> first_of_column(n * 64);
   std::uint32_t total = 0;
   for (std::size_t i = 0; i < n; ++i) {
-    const bool makes_triangles = is_wanted.at(bricks[i]);
     for (std::size_t column = 64 * i; column < 64 * (i + 1); ++column) {
       first_of_column[column] = total;
-      if (makes_triangles) total += triangles_of_column[column];
+      if (i < makers) total += triangles_of_column[column];
     }
   }
   batch.upload(counts, first_of_column);
   batch.run();
   mesh.triangles.resize(total);
-  for (std::size_t begin = 0; begin < n;) {
-    if (!is_wanted.at(bricks[begin])) {
-      ++begin;
-      continue;
-    }
-    std::size_t end = begin;
-    while (end < n && end - begin < kMaxBricks && is_wanted.at(bricks[end])) ++end;
+  for (std::size_t begin = 0, end = 0; begin < makers; begin = end) {
+    end = std::min(begin + kMaxBricks, makers);
     const std::size_t first = first_of_column[64 * begin], last = end < n ? first_of_column[64 * end] : total;
     const gpu::Buffer indices(device_, (last - first) * 12);
     const auto count = static_cast<std::uint32_t>(end - begin);
@@ -204,7 +202,6 @@ Mesh Polygonize::polygonize(Volume& volume, std::span<const Brick> wanted,
                {&volume.page_table(), &brick_list, &table_, &masks, &firsts, &neighbour_list, &indices});
     batch.download(indices, std::span(mesh.triangles).subspan(first, last - first));
     batch.run();
-    begin = end;
   }
   drop_unused_vertices(mesh);
   return mesh;

@@ -2,8 +2,9 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // Measures `cairn live --view` with one viewer. Usage: CAIRN_PROGRAM=... CAIRN_PICTURES=... node measure_live.mjs
 // SEQUENCE OUT reader|page [arguments of cairn live]. reader: takes all that is sent and draws nothing, as with the
-// page open on another machine; page: the page itself, drawn by this machine.
-import { Program, triangles, until, withBrowser } from './browser.mjs';
+// page open on another machine; page: the page itself, drawn by this machine, and a picture of it.
+import { join } from 'node:path';
+import { Program, pictures, triangles, until, withBrowser } from './browser.mjs';
 
 const [sequence, out, viewer, ...more] = process.argv.slice(2);
 let program;
@@ -16,7 +17,10 @@ await withBrowser(async (open, errors) => {
   if (viewer === 'page') {
     await page.goto(url);
     await until(async () => (await triangles(page)) > 0);
-    console.log(`first mesh in the page after ${Date.now() - begin} ms, with the start of the program`);
+    const first = Date.now() - begin;
+    await page.waitForTimeout(6000);
+    await page.screenshot({ path: join(pictures, 'live-measured.png') });
+    console.log(`first mesh in the page after ${first} ms, with the start of the program`);
   } else {
     await page.goto(`${url}data.json`);
     await page.evaluate((address) => {
