@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "commands.hpp"
+#include "gpu/device.hpp"
 #include "interrupt.hpp"
 #include "io/newest_frame.hpp"
 #include "live_view.hpp"
@@ -21,6 +22,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
+constexpr int kLevelOnCpu = 2;    // TrackOptions::finest_level
 constexpr auto kPatience = 50ms;  // for a frame, before the viewers are looked after
 
 struct Arguments : RunArguments {
@@ -68,8 +70,20 @@ double percentile(std::vector<double> values, double share) {
   return *at;
 }
 
+/// A CPU keeps up with more frames when it aligns them at a quarter of the resolution: that costs less accuracy than
+/// frames that are left out.
+Options defaults_of(const Arguments& a) {
+  Options options;
+  const auto devices = gpu::list_devices();
+  const bool is_cpu = std::all_of(devices.begin(), devices.end(), [&](const gpu::DeviceInfo& d) {
+    return d.type == "cpu" || !d.missing.empty() || (a.device >= 0 && d.index != a.device);
+  });
+  if (is_cpu && !a.as_fast_as_possible) options.track.finest_level = kLevelOnCpu;
+  return options;
+}
+
 void live(const Arguments& a) {
-  const Options options = options_of(a, Poses::tracked);
+  const Options options = options_of(a, Poses::tracked, defaults_of(a));
   const Beginning begin = beginning(a, options, {});
   std::optional<LiveView> view;
   if (a.view) view.emplace(a.port);

@@ -17,9 +17,9 @@ namespace cairn::apps {
 namespace {
 
 using namespace std::chrono_literals;
-constexpr auto kSurfaceEvery = 300ms, kImagesEvery = 200ms, kStateEvery = 100ms;
+constexpr auto kSurfaceEvery = 120ms, kImagesEvery = 200ms, kStateEvery = 100ms;
 constexpr auto kRecent = 2s;        // of frames that rates are told of
-constexpr int kBricksAtOnce = 300;  // of the surface: as many as cost less than a frame
+constexpr int kBricksAtOnce = 120;  // of the surface: as many as cost less than a frame
 constexpr double kFewInliers = 0.45;
 constexpr auto kGoodbye = 500ms;  // for viewers to hear the last words
 

@@ -85,8 +85,8 @@ int Progressed::count(const char* state) const {
       std::count_if(per_frame.begin(), per_frame.end(), [&](const auto& f) { return f.at("state") == state; }));
 }
 
-Options options_of(const RunArguments& a, Poses poses) {
-  Options options;
+Options options_of(const RunArguments& a, Poses poses, const Options& defaults) {
+  Options options = defaults;
   if (!a.config.empty()) read_options(a.config, options);
   if (a.voxel_size) {
     options.fuse.voxel_size = *a.voxel_size;
@@ -195,7 +195,8 @@ void Run::finish(const nlohmann::json& more) {
                  {"options",
                   {{"voxel_size", options_.fuse.voxel_size},
                    {"truncation", options_.fuse.truncation},
-                   {"max_depth", options_.surface.max_depth}}},
+                   {"max_depth", options_.surface.max_depth},
+                   {"track_finest_level", options_.track.finest_level}}},
                  {"frames", {{"total", total}, {"fused", fused}, {"lost", lost}, {"skipped", skipped}}},
                  {"seconds", seconds},
                  {"frames_per_second", static_cast<double>(total) / seconds},

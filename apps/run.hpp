@@ -30,8 +30,8 @@ struct RunArguments {
 };
 
 void add_run_options(CLI::App& command, RunArguments& a);
-/// Checked. Throws std::runtime_error for what does not fit.
-[[nodiscard]] Options options_of(const RunArguments& a, Poses poses);
+/// Over the program's own defaults, checked. Throws std::runtime_error for what does not fit.
+[[nodiscard]] Options options_of(const RunArguments& a, Poses poses, const Options& defaults = {});
 
 /// What a session remembers for this program.
 struct Progressed {

@@ -2,7 +2,15 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "io/newest_frame.hpp"
 
+#include <algorithm>
+#include <utility>
+
 namespace cairn {
+namespace {
+
+constexpr double kReadEarly = 1.5;  // times as long as reading a frame takes
+
+}  // namespace
 
 NewestFrame::NewestFrame(std::unique_ptr<Source> source, Pace pace)
     : WrappedSource(std::move(source)), thread_([this, pace](std::stop_token stop) {
@@ -40,25 +48,26 @@ void NewestFrame::play(const std::stop_token& stop) {
   const auto due = [&](double timestamp) {
     return first->second + std::chrono::duration_cast<Clock::duration>(Seconds(timestamp - first->first));
   };
-  // So late that the frame after it is due, too.
-  const auto is_late = [&](double timestamp) {
-    return first && Clock::now() - due(timestamp) > Seconds(timestamp - before);
+  // So late at a moment that the frame after it is due, too.
+  const auto is_late = [&](double timestamp, Clock::time_point at) {
+    return first && at - due(timestamp) > Seconds(timestamp - before);
   };
   while (!stop.stop_requested()) {
+    Clock::time_point wanted;  // when the reader will ask, about
     {
       std::unique_lock lock(mutex_);
       if (!changed_.wait(lock, stop, [&] { return !newest_; })) return;
-      if (first) {
-        const auto begin = taken_ + std::chrono::duration_cast<Clock::duration>(busy_ - 1.5 * reading);
-        changed_.wait_until(lock, stop, begin, [] { return false; });
-      }
+      wanted = taken_ + std::chrono::duration_cast<Clock::duration>(busy_);
+      const auto begin = wanted - std::chrono::duration_cast<Clock::duration>(kReadEarly * reading);
+      if (first) changed_.wait_until(lock, stop, begin, [] { return false; });
     }
+    wanted = std::max(wanted, Clock::now());
     const auto drop = [&](double timestamp) {
       before = timestamp;
       const std::lock_guard lock(mutex_);
       ++dropped_;
     };
-    for (auto t = source_->next_timestamp(); t && is_late(*t); t = source_->next_timestamp()) {
+    for (auto t = source_->next_timestamp(); t && is_late(*t, wanted); t = source_->next_timestamp()) {
       source_->skip();
       drop(*t);
     }
@@ -68,7 +77,7 @@ void NewestFrame::play(const std::stop_token& stop) {
     reading += 0.2 * (Clock::now() - begin - reading);
     if (!first) first = {frame->timestamp, Clock::now()};
     const double timestamp = frame->timestamp;
-    if (is_late(timestamp)) {
+    if (is_late(timestamp, Clock::now())) {
       const Seconds interval(timestamp - before);
       if (!source_->next_timestamp() && reading < interval && source_->size().value_or(1) > 0) {
         drop(timestamp);

@@ -156,10 +156,14 @@ PhotometricKeyframe::Saved PhotometricKeyframe::save() const {
 void PhotometricKeyframe::restore(const Saved& saved) {
   submap_from_camera_ = saved.submap_from_camera;
   moment_ = saved.moment;
-  is_set_ = !saved.levels.empty();
+  // One that was saved with other levels is done without, until the next.
+  is_set_ = saved.levels.size() == packed_.size();
+  for (std::size_t i = 0; is_set_ && i < packed_.size(); ++i)
+    is_set_ = !packed_[i] || saved.levels[i].size() * 4 == packed_[i].size();
+  if (!is_set_) return;
   gpu::Batch batch(device_);
-  for (std::size_t i = 0; i < saved.levels.size() && i < packed_.size(); ++i)
-    if (packed_[i] && saved.levels[i].size() * 4 == packed_[i].size()) batch.upload(packed_[i], saved.levels[i]);
+  for (std::size_t i = 0; i < packed_.size(); ++i)
+    if (packed_[i]) batch.upload(packed_[i], saved.levels[i]);
   batch.run();
 }
 

@@ -6,12 +6,14 @@ import { existsSync, mkdirSync, mkdtempSync, rmSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
+import { fileURLToPath } from 'node:url';
 
 const require = createRequire(new URL('../support/package.json', import.meta.url));
 const { chromium } = require('playwright-core');
 
-export const cairn = process.env.CAIRN_PROGRAM;
-export const pictures = process.env.CAIRN_PICTURES;
+const build = fileURLToPath(new URL('../../build/release/', import.meta.url));
+export const cairn = process.env.CAIRN_PROGRAM ?? join(build, 'cairn');
+export const pictures = process.env.CAIRN_PICTURES ?? join(build, 'pictures');
 mkdirSync(pictures, { recursive: true });
 
 /** Runs `test(folder)` in a new folder that goes away. */

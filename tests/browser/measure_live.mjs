@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Measures `cairn live --view` with one viewer. Usage: CAIRN_PROGRAM=... CAIRN_PICTURES=... node measure_live.mjs
-// SEQUENCE OUT reader|page [arguments of cairn live]. reader: takes all that is sent and draws nothing, as with the
+// Measures `cairn live --view` with one viewer. Usage: node measure_live.mjs SEQUENCE OUT reader|page [arguments of
+// cairn live]. reader: takes all that is sent and draws nothing, as with the
 // page open on another machine; page: the page itself, drawn by this machine, and a picture of it.
 import { join } from 'node:path';
 import { Program, pictures, triangles, until, withBrowser } from './browser.mjs';
@@ -19,7 +19,7 @@ await withBrowser(async (open, errors) => {
     await until(async () => (await triangles(page)) > 0);
     const first = Date.now() - begin;
     await page.waitForTimeout(6000);
-    await page.screenshot({ path: join(pictures, 'live-measured.png') });
+    await page.screenshot({ path: join(pictures, 'live-measured.jpg'), quality: 82 });
     console.log(`first mesh in the page after ${first} ms, with the start of the program`);
   } else {
     await page.goto(`${url}data.json`);
