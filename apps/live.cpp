@@ -93,6 +93,7 @@ void live(const Arguments& a) {
 
   std::vector<double> latencies;
   bool paused = false;
+  int fused = 0;
   Clock::duration waited{};
   const auto first = Clock::now();
   {
@@ -115,6 +116,7 @@ void live(const Arguments& a) {
       }
       if (frame && !paused) {
         const FrameReport report = run.add(*frame, milliseconds(std::exchange(waited, {})));
+        fused += report.state == FrameState::fused;
         latencies.push_back(milliseconds(Clock::now() - stream.arrived()));
         progress.step(words(report) + (stream.source().dropped() > 0
                                            ? fmt::format(", {} skipped to keep up", stream.source().dropped())
@@ -128,7 +130,7 @@ void live(const Arguments& a) {
   if (const std::string why = stream.source().ended_early(); !why.empty()) run.warn(why);
   const double seconds = std::chrono::duration<double>(Clock::now() - first).count();
   const nlohmann::json told{{"seconds", seconds},
-                            {"frames_per_second", static_cast<double>(run.progressed().count("fused")) / seconds},
+                            {"frames_per_second", fused / seconds},
                             {"skipped_to_keep_up", stream.source().dropped()},
                             {"latency_ms",
                              {{"median", percentile(latencies, 0.5)},

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <filesystem>
 #include <memory>
 
 #include "commands.hpp"
 #include "outputs.hpp"
+#include "run.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -35,8 +37,7 @@ void merge(const Arguments& a) {
   const Mapper::SessionInfo first = Mapper::session_info(a.maps[0] / "session");
   for (const fs::path& map : a.maps) {
     const Mapper::SessionInfo info = Mapper::session_info(map / "session");
-    const Camera &c = info.camera, &f = first.camera;
-    if (c.width != f.width || c.height != f.height || c.fx != f.fx || c.fy != f.fy || c.cx != f.cx || c.cy != f.cy)
+    if (info.camera != first.camera)
       throw std::runtime_error(map.string() + ": was made with another camera than " + a.maps[0].string() +
                                "; such maps cannot be merged");
     if (info.voxel_size != first.voxel_size || info.truncation != first.truncation)
@@ -67,10 +68,20 @@ void merge(const Arguments& a) {
                                    "separate pieces with --allow-disconnected");
         fmt::print("{}: {}{}\n", a.maps[i].string(), found, merged.joined ? "" : "; kept as a separate piece");
       }
-      const nlohmann::json report =
+      nlohmann::json report =
           write_outputs(mapper, a.output, Poses::tracked, [](const char*, const auto& work) { work(); });
       mapper.checkpoint(nlohmann::json{{"sequence", ""}, {"next", 0}, {"per_frame", nlohmann::json::array()}}.dump());
       if (const std::string problem = mapper.session_problem(); !problem.empty()) throw std::runtime_error(problem);
+      std::size_t poses = 0;
+      for (int i = 0; i < mapper.recordings(); ++i) poses += mapper.trajectory(i).size();
+      std::vector<std::string> maps;
+      for (const fs::path& map : a.maps) maps.push_back(map.string());
+      report.update({{"sequence", fmt::format("{}", fmt::join(maps, " + "))},
+                     {"options", {{"voxel_size", first.voxel_size}, {"truncation", first.truncation}}},
+                     {"frames", {{"total", poses}, {"fused", poses}, {"lost", 0}, {"skipped", 0}}},
+                     {"peak_memory_mb", peak_memory_mb()},
+                     {"warnings", nlohmann::json::array()}});
+      write_report(a.output, report);
       fmt::print("mesh        {} ({} triangles)\n", (a.output / "mesh.glb").string(),
                  report["mesh"]["triangles"].get<std::size_t>());
     }

@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "io/atomic_file.hpp"
+#include "view/report_page.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -85,6 +86,11 @@ nlohmann::json write_outputs(Mapper& mapper, const std::filesystem::path& output
     report["kernels"][kernel] = {
         {"calls", time.first}, {"total_ms", time.second}, {"mean_ms", time.second / std::max(1, time.first)}};
   return report;
+}
+
+void write_report(const std::filesystem::path& output, const nlohmann::json& report) {
+  write_whole(output / "report.json", report.dump(1) + '\n');
+  write_report_page(output);
 }
 
 }  // namespace cairn::apps

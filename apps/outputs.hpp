@@ -19,4 +19,7 @@ using Timed = std::function<void(const char* stage, const std::function<void()>&
 [[nodiscard]] nlohmann::json write_outputs(Mapper& mapper, const std::filesystem::path& output, Poses poses,
                                            const Timed& timed);
 
+/// Writes report.json and report.html, which needs the other outputs.
+void write_report(const std::filesystem::path& output, const nlohmann::json& report);
+
 }  // namespace cairn::apps

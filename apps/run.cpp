@@ -10,10 +10,8 @@
 #include <numeric>
 #include <utility>
 
-#include "io/atomic_file.hpp"
 #include "outputs.hpp"
 #include "sources.hpp"
-#include "view/report_page.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -210,8 +208,7 @@ void Run::finish(const nlohmann::json& more) {
                                {"total_ms", std::accumulate(ms.begin(), ms.end(), 0.0)}};
   nlohmann::json whole = report;
   whole["per_frame"] = progressed_.per_frame;
-  write_whole(output / "report.json", whole.dump(1) + '\n');
-  write_report_page(output);
+  write_report(output, whole);
 
   if (arguments_.json) {
     fmt::print("{}\n", report.dump(2));

@@ -40,11 +40,12 @@ export async function showFinished(scene, data) {
   for (const warning of report.warnings ?? []) panel.append(element('div', { className: 'warning' }, warning));
   if (data.mesh_left_out)
     panel.append(element('div', { className: 'warning' }, `The mesh is too large for this page: cairn view shows ${data.mesh_left_out}`));
+  const time = report.seconds == null ? [] : [
+    ['Time', `${report.seconds.toFixed(1)} s`], ['Frames a second', report.frames_per_second.toFixed(1)]];
   const list = [
     ['Sequence', report.sequence], ['Frames', `${frames.fused} fused, ${frames.lost} lost, ${frames.skipped} unusable`],
     ['Triangles', report.mesh.triangles.toLocaleString('en')], ['Keyframes', report.keyframes],
-    ['Loops', report.loops.length], ['Time', `${report.seconds.toFixed(1)} s`],
-    ['Frames a second', report.frames_per_second.toFixed(1)], ['Peak memory', megabytes(report.peak_memory_mb)],
+    ['Loops', report.loops.length], ...time, ['Peak memory', megabytes(report.peak_memory_mb)],
     ['Memory on the device', megabytes(report.device_memory_peak_mb)], ['Device', report.device],
   ];
   if (report.live)

@@ -15,6 +15,7 @@ struct Camera {
   double fx = 525.0, fy = 525.0, cx = 319.5, cy = 239.5;  // pixels; fy > 0, sources turn images that have it negative
   std::array<double, 5> distortion{};                     // k1 k2 p1 p2 k3; all zero: images are rectified
 
+  friend bool operator==(const Camera&, const Camera&) = default;
   [[nodiscard]] bool distorted() const { return distortion != std::array<double, 5>{}; }
   /// Direction with z = 1 of the ray through an undistorted pixel.
   [[nodiscard]] Eigen::Vector3d ray(double u, double v) const { return {(u - cx) / fx, (v - cy) / fy, 1.0}; }

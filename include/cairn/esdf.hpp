@@ -42,11 +42,16 @@ class DistanceField {
   [[nodiscard]] float max_distance() const { return max_distance_; }
   [[nodiscard]] const Eigen::Vector3f& origin() const { return origin_; }
   [[nodiscard]] const Blocks& blocks() const { return blocks_; }
+  /// The voxel that is number `sample` of a block: z runs fastest.
+  [[nodiscard]] static Eigen::Vector3i voxel(const Eigen::Vector3i& block, int sample) {
+    return 16 * block + Eigen::Vector3i(sample >> 8, sample >> 4 & 15, sample & 15);
+  }
   /// Around all known voxels, metres; empty if there are none.
   [[nodiscard]] Eigen::AlignedBox3f bounds() const;
 
  private:
-  [[nodiscard]] float at(const Eigen::Vector3i& voxel) const;  // NaN: unknown
+  [[nodiscard]] const Block* block_of(const Eigen::Vector3i& voxel) const;  // null: nothing known
+  [[nodiscard]] float at(const Eigen::Vector3i& voxel) const;               // NaN: unknown
 
   float voxel_size_;
   Eigen::Vector3f origin_;

@@ -362,9 +362,7 @@ Mapper::SessionInfo Mapper::session_info(const std::filesystem::path& folder) {
 Mapper Mapper::resume(const Camera& camera, const Options& options, int device) {
   ReadSession read = read_session(options.session);
   Session& session = read.session;
-  const Camera& c = session.camera;
-  if (c.width != camera.width || c.height != camera.height || c.fx != camera.fx || c.fy != camera.fy ||
-      c.cx != camera.cx || c.cy != camera.cy || c.distortion != camera.distortion)
+  if (session.camera != camera)
     throw std::runtime_error(options.session.string() + ": was made with another camera; choose another folder");
   if (session.fuse.voxel_size != options.fuse.voxel_size || session.fuse.truncation != options.fuse.truncation)
     throw std::runtime_error(options.session.string() + ": has voxels of " + std::to_string(session.fuse.voxel_size) +

@@ -36,10 +36,14 @@ DistanceField::DistanceField(float voxel_size, const Eigen::Vector3f& origin, fl
   }
 }
 
-float DistanceField::at(const Eigen::Vector3i& voxel) const {
+const DistanceField::Block* DistanceField::block_of(const Eigen::Vector3i& voxel) const {
   const Eigen::Vector3i b = voxel.unaryExpr([](int i) { return i >> 4; }) - first_;
-  if ((b.array() < 0).any() || (b.array() >= size_.array()).any()) return kUnknown;
-  const Block* block = table_[static_cast<std::size_t>((b.x() * size_.y() + b.y()) * size_.z() + b.z())];
+  if ((b.array() < 0).any() || (b.array() >= size_.array()).any()) return nullptr;
+  return table_[static_cast<std::size_t>((b.x() * size_.y() + b.y()) * size_.z() + b.z())];
+}
+
+float DistanceField::at(const Eigen::Vector3i& voxel) const {
+  const Block* block = block_of(voxel);
   return block == nullptr ? kUnknown : (*block)[static_cast<std::size_t>(index_in(voxel))];
 }
 
@@ -50,10 +54,9 @@ DistanceField::Answer DistanceField::query(const Eigen::Vector3f& point) const {
   const Eigen::Vector3i low = p.array().floor().cast<int>();
   const Eigen::Vector3f h = p - low.cast<float>();
   std::array<float, 8> corner;  // x << 2 | y << 1 | z
-  const Eigen::Vector3i b = low.unaryExpr([](int i) { return i >> 4; }) - first_;
   const Eigen::Vector3i v = low.unaryExpr([](int i) { return i & 15; });
-  if ((b.array() >= 0).all() && (b.array() < size_.array()).all() && (v.array() < kSide - 1).all()) {
-    const Block* block = table_[static_cast<std::size_t>((b.x() * size_.y() + b.y()) * size_.z() + b.z())];
+  if ((v.array() < kSide - 1).all()) {  // the eight voxels around it lie in one block
+    const Block* block = block_of(low);
     if (block == nullptr) return {};
     const float* s = block->data() + index_in(v);
     corner = {s[0], s[1], s[16], s[17], s[256], s[257], s[272], s[273]};
@@ -101,8 +104,7 @@ Eigen::AlignedBox3f DistanceField::bounds() const {
   for (const auto& [block, samples] : blocks_)
     for (int i = 0; i < 4096; ++i)
       if (!std::isnan((*samples)[static_cast<std::size_t>(i)]))
-        box.extend(origin_ +
-                   voxel_size_ * (kSide * block + Eigen::Vector3i(i >> 8, i >> 4 & 15, i & 15)).cast<float>());
+        box.extend(origin_ + voxel_size_ * voxel(block, i).cast<float>());
   return box;
 }
 

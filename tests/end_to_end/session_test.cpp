@@ -110,6 +110,7 @@ TEST_F(Session, JoinsMapsOfTheSamePlace) {
   const Ran ran =
       run_cairn({"merge", path("map"), (out / "b").string(), "-o", (out / "c").string()}, "CAIRN_VALIDATION=1");
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_TRUE(fs::exists(out / "c" / "report.html"));
   fs::copy(out / "c" / "trajectory-000.txt", out / "c" / "first.txt");
   for (const char* trajectory : {"trajectory-000.txt", "trajectory.txt"})
     EXPECT_LT(error_in_place(out / "c" / trajectory, fs::path(path("room")) / "groundtruth.txt"), 0.01) << trajectory;

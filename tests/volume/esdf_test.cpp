@@ -65,7 +65,7 @@ Difference error(const DistanceField& field, const Distance& distance) {
     for (int i = 0; i < 4096; ++i) {
       const float found = (*samples)[static_cast<std::size_t>(i)];
       if (std::isnan(found)) continue;
-      const Eigen::Vector3i voxel = 16 * at + Eigen::Vector3i(i >> 8, i >> 4 & 15, i & 15);
+      const Eigen::Vector3i voxel = DistanceField::voxel(at, i);
       const Eigen::Vector3f p = field.origin() + field.voxel_size() * voxel.cast<float>();
       const float truth = distance(p);
       const double by = std::abs(found - truth) / field.voxel_size();
