@@ -15,6 +15,10 @@ namespace cairn::shader {
 
 const uint kEsdfSide = 16;       // voxels
 const uint kEsdfVoxels = 4096;   // a block
+// A block to check is its slot << kBlockFlags, with what is asked of it.
+const uint kBlockIsNew = 1u;
+const uint kBlockRestart = 2u;
+const uint kBlockFlags = 2;
 const uint kEsdfReach = 512;     // blocks from the world's origin
 
 const uint kPatchBits = 0x0fffffffu;  // where its patch lies, with
@@ -71,7 +75,6 @@ struct EsdfSitesPush {
 
 struct EsdfCheckPush {
   EsdfView field;
-  uint blocks;
   uint capacity;  // of the list
 };
 
@@ -84,7 +87,6 @@ struct EsdfWavePush {
 
 struct EsdfDistancePush {
   EsdfView field;
-  uint blocks;
   float voxel_size;    // metres
   float max_distance;  // metres
 };

@@ -7,17 +7,15 @@
 #include "shaders/esdf.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { EsdfCheckPush push; };
-layout(binding = 0, scalar) readonly buffer Blocks { uint blocks[]; };  // slot << 2 | kRestart | kIsNew
+layout(binding = 0, scalar) readonly buffer Blocks { uint blocks[]; };  // slot << kBlockFlags | flags
 layout(binding = 1, scalar) writeonly buffer List { EsdfEntry list[]; };
 
-const uint kIsNew = 1u;
-const uint kRestart = 2u;
 
 void main() {
-  uint block = blocks[gl_WorkGroupID.x], base = (block >> 2) << 12;
+  uint block = blocks[gl_WorkGroupID.x], base = (block >> kBlockFlags) << 12;
   Nearest nearest = Nearest(push.field.nearest);
   Words surface = Words(push.field.surface);
-  bool is_new = (block & kIsNew) != 0u, restart = (block & kRestart) != 0u;
+  bool is_new = (block & kBlockIsNew) != 0u, restart = (block & kBlockRestart) != 0u;
   uvec2 bits = uvec2(0u);
   for (uint i = 0u; i < 64u; ++i) {
     uint local = i * 64u + gl_LocalInvocationID.x, address = base | local;

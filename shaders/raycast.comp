@@ -84,10 +84,15 @@ void main() {
     t += (d > 0.0 ? max(0.8 * d, 0.5) : 0.5 * truncation) * per_voxel;
   }
 
-  // A Newton step along the ray, with distance in truncations and t in depth. A second one changes no trajectory.
-  vec4 field = sample_field(origin + ray * hit);
-  float slope = dot(field.xyz, ray);
-  if (slope < 0.0 && field.w < 1.5) hit -= clamp(field.w / slope, -2.0 * per_voxel, 2.0 * per_voxel);
+  // Two Newton steps along the ray, with distance in truncations and t in depth. One would do for a trajectory, but not
+  // to tell another place from this one.
+  vec4 field = vec4(0.0);
+  for (int i = 0; i < 2; ++i) {
+    field = sample_field(origin + ray * hit);
+    float slope = dot(field.xyz, ray);
+    float change = slope < 0.0 && field.w < 1.5 ? clamp(-field.w / slope, -2.0 * per_voxel, 2.0 * per_voxel) : 0.0;
+    hit += change;
+  }
   bool found = hit > 0.0 && field.w < 0.5 && dot(field.xyz, field.xyz) > 0.0;
   vec3 n = inverse_rotate(push.submap_from_camera, field.xyz);
   points[pixel.y * push.camera.width + pixel.x] =

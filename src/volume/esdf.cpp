@@ -19,14 +19,13 @@
 namespace cairn {
 namespace {
 
-constexpr float kTolerance = 0.25f;                // voxels; see EsdfSitesPush
-constexpr float kGap = 0.8f;                       // metres
-constexpr std::uint32_t kFirstCapacity = 256;      // blocks: 12 MiB
-constexpr std::uint32_t kSteps = 24;               // of the wave before the host looks whether it has ended; even
-constexpr std::uint32_t kMaxTableBits = 8;         // 256 blocks a side
-constexpr std::size_t kJobsAtOnce = 4096;          // bricks from the host: 16 MiB
-constexpr std::size_t kBlocksAtOnce = 1024;        // distances that go to the host: 16 MiB
-constexpr std::uint32_t kIsNew = 1, kRestart = 2;  // flags of esdf_check
+constexpr float kTolerance = 0.25f;            // voxels; see EsdfSitesPush
+constexpr float kGap = 0.8f;                   // metres
+constexpr std::uint32_t kFirstCapacity = 256;  // blocks: 12 MiB
+constexpr std::uint32_t kSteps = 24;           // of the wave before the host looks whether it has ended; even
+constexpr std::uint32_t kMaxTableBits = 8;     // 256 blocks a side
+constexpr std::size_t kJobsAtOnce = 4096;      // bricks from the host: 16 MiB
+constexpr std::size_t kBlocksAtOnce = 1024;    // distances that go to the host: 16 MiB
 
 constexpr shader::EsdfCount kNothing{.groups = 0, .one_y = 1, .one_z = 1, .count = 0};
 
@@ -254,13 +253,14 @@ Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
   }
   std::vector<std::uint32_t> blocks;
   for (std::size_t slot = restart || removed[0] != 0 ? 0 : settled_; slot < block_of_.size(); ++slot)
-    blocks.push_back(static_cast<std::uint32_t>(slot) << 2 | (restart ? kRestart : slot >= settled_ ? kIsNew : 0));
+    blocks.push_back(static_cast<std::uint32_t>(slot) << shader::kBlockFlags | (restart ? shader::kBlockRestart
+                                                                                : slot >= settled_ ? shader::kBlockIsNew
+                                                                                                   : 0u));
   settled_ = block_of_.size();
   if (blocks.empty() && updated.sites == 0) return updated;
   batch.upload(check_list_, blocks);
   const auto count = static_cast<std::uint32_t>(blocks.size());
-  check_(batch, {64 * count, 1, 1}, {.field = view(), .blocks = count, .capacity = list_capacity_},
-         {&check_list_, &list_[0]});
+  check_(batch, {64 * count, 1, 1}, {.field = view(), .capacity = list_capacity_}, {&check_list_, &list_[0]});
   if (!restart)
     pull_.indirect(batch, counts_, 0, {.field = view(), .step = 0, .capacity = list_capacity_}, {&list_[0]});
   settle_.indirect(batch, counts_, 0, {.field = view(), .step = 0, .capacity = list_capacity_}, {&list_[0], &dirty_});
@@ -349,7 +349,7 @@ std::shared_ptr<const DistanceField> Esdf::field() {
     gpu::Batch batch(device_);
     batch.upload(check_list_, std::span<const std::uint32_t>(some));
     distance_(batch, {64 * count, 1, 1},
-              {.field = view(), .blocks = count, .voxel_size = voxel_size_, .max_distance = options_.max_distance},
+              {.field = view(), .voxel_size = voxel_size_, .max_distance = options_.max_distance},
               {&check_list_, &distances_});
     batch.download(distances_, distances);
     batch.run();
