@@ -3,7 +3,6 @@
 #include "live_view.hpp"
 
 #include <fmt/format.h>
-#include <sys/resource.h>
 
 #include <cstdio>
 #include <fstream>
@@ -66,7 +65,6 @@ void LiveView::begin(Mapper& mapper, const Camera& camera, const Options& option
   counts_.clear();
   recent_.clear();
   any_ = false;
-  begin_ = Clock::now();
   send_state("waiting", "Waiting for the first frame");
 }
 
@@ -99,7 +97,6 @@ void LiveView::fused(const Frame& frame, const FrameReport& report, double laten
 
 void LiveView::update(bool paused, int dropped) {
   const auto now = Clock::now();
-  paused_ = paused;
   dropped_ = dropped;
   while (!recent_.empty() && now - recent_.front().first > kRecent) recent_.pop_front();
   if (now - surface_ > kSurfaceEvery) send_surface(paused);  // a viewer may come late and wants all of it

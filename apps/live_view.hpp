@@ -18,7 +18,7 @@ inline constexpr int kDefaultPort = 4242;
 [[nodiscard]] Served viewer_file();
 
 /// What `cairn live --view` shows: fills the feed of the viewers from the map, as much as the time allows, and hears
-/// what they ask for. Without viewers it does nothing.
+/// what they ask for. Without viewers it makes the surface alone, since one may come late.
 class LiveView {
  public:
   /// Throws std::runtime_error when the port is in use. Prints the address.
@@ -58,9 +58,9 @@ class LiveView {
   int epoch_ = 0, dropped_ = 0, sent_parts_ = 0;
   std::map<std::string, int> counts_;  // frames by state
   FrameReport last_;
-  bool paused_ = false, any_ = false;
+  bool any_ = false;                                         // frames
   std::deque<std::pair<Clock::time_point, double>> recent_;  // frames of the last seconds, and their latency
-  Clock::time_point begin_, surface_, images_, state_;       // when each was sent last
+  Clock::time_point surface_, images_, state_;               // when each was sent last
   std::optional<Clock::time_point> first_frame_;
   std::optional<double> first_mesh_seconds_;
   std::vector<double> surface_ms_;

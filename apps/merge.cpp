@@ -70,7 +70,7 @@ void merge(const Arguments& a) {
       }
       nlohmann::json report =
           write_outputs(mapper, a.output, Poses::tracked, [](const char*, const auto& work) { work(); });
-      mapper.checkpoint(nlohmann::json{{"sequence", ""}, {"next", 0}, {"per_frame", nlohmann::json::array()}}.dump());
+      mapper.checkpoint(Progressed{}.note());
       if (const std::string problem = mapper.session_problem(); !problem.empty()) throw std::runtime_error(problem);
       std::size_t poses = 0;
       for (int i = 0; i < mapper.recordings(); ++i) poses += mapper.trajectory(i).size();
