@@ -7,6 +7,7 @@
 namespace cairn::apps {
 
 void add_reconstruct(CLI::App& program);
+void add_export(CLI::App& program);
 void add_live(CLI::App& program);
 void add_view(CLI::App& program);
 void add_record(CLI::App& program);

@@ -17,11 +17,11 @@ namespace cairn::apps {
 namespace {
 
 struct Arguments {
-  std::string estimate, truth, seen, trajectory, truth_trajectory;
+  std::string estimate, truth, seen, trajectory, truth_trajectory, poses;
   std::vector<double> box;
   double rpe_interval = 1.0, max_time_difference = 0.02;
   float esdf_voxel_size = 0;
-  int frames = 0, samples = 200000;
+  int frames = 0, samples = 200000, step = 10;
   bool json = false;
 };
 
@@ -100,6 +100,39 @@ void evaluate_mesh_files(const Arguments& a) {
   for (const auto& at : e.at)
     fmt::print("within {:.0f} cm           {:.2f} % of the estimate, {:.2f} % of the truth, F-score {:.2f} %\n",
                100 * at.threshold, 100 * at.precision, 100 * at.recall, 100 * at.f_score);
+}
+
+void evaluate_topology_of(const Arguments& a) {
+  const MeshTopology t = examine_topology(read_mesh(a.estimate));
+  if (a.json) {
+    const nlohmann::json j{{"non_manifold_edges", t.non_manifold_edges},
+                           {"degenerate_triangles", t.degenerate_triangles},
+                           {"unreferenced_vertices", t.unreferenced_vertices},
+                           {"pieces", t.pieces},
+                           {"borders", t.borders},
+                           {"border_edges", t.border_edges},
+                           {"border_length_m", t.border_length}};
+    fmt::print("{}\n", j.dump(2));
+    return;
+  }
+  fmt::print("non-manifold edges     {}\ndegenerate triangles   {}\nunreferenced vertices  {}\n", t.non_manifold_edges,
+             t.degenerate_triangles, t.unreferenced_vertices);
+  fmt::print("pieces                 {}\nborders                {}, {:.1f} m long\n", t.pieces, t.borders,
+             t.border_length);
+}
+
+void evaluate_views_of(const Arguments& a) {
+  const std::vector<Mesh> parts = read_mesh_parts(a.estimate);
+  Eigen::Isometry3d world_from_recording = Eigen::Isometry3d::Identity();
+  if (!a.trajectory.empty())
+    world_from_recording = estimate_from_truth(read_trajectory(a.trajectory), read_truth(a.truth_trajectory));
+  const auto recording = with_poses(open_recording(a.truth), read_truth(a.poses.empty() ? a.truth : a.poses));
+  const ViewError e = evaluate_views(parts, *recording, world_from_recording, a.step);
+  if (a.json)
+    fmt::print("{}\n", nlohmann::json{{"psnr_db", e.psnr}, {"covered", e.covered}, {"frames", e.frames}}.dump(2));
+  else
+    fmt::print("PSNR     {:.2f} dB over {} frames\ncovered  {:.1f} % of what they see\n", e.psnr, e.frames,
+               100 * e.covered);
 }
 
 void evaluate_loops_file(const Arguments& a) {
@@ -201,6 +234,33 @@ void add_evaluate(CLI::App& program) {
       ->check(CLI::PositiveNumber);
   mesh->add_flag("--json", a->json, "Print JSON, in metres");
   mesh->callback([a] { evaluate_mesh_files(*a); });
+
+  auto* topology = command->add_subcommand("topology", "Whether a mesh hangs together as a mesh should");
+  topology->add_option("MESH", a->estimate, "Mesh (.glb, .gltf, .ply)")->required()->check(CLI::ExistingFile);
+  topology->add_flag("--json", a->json, "Print JSON");
+  topology->callback([a] { evaluate_topology_of(*a); });
+
+  auto* views = command->add_subcommand("views", "Pictures of a mesh against a recording's, by their PSNR");
+  views->add_option("MESH", a->estimate, "Mesh (.glb, .gltf, .ply)")->required()->check(CLI::ExistingFile);
+  views->add_option("RECORDING", a->truth, "Folder of a recording with true poses")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  views->add_option("--poses", a->poses, "TUM trajectory file: the recording's poses [those in it]")
+      ->check(CLI::ExistingFile);
+  auto* of_map = views
+                     ->add_option("--trajectory", a->trajectory,
+                                  "The map's trajectory: its alignment with the true one moves the recording's poses")
+                     ->check(CLI::ExistingFile);
+  of_map->needs(views
+                    ->add_option("--truth-trajectory", a->truth_trajectory,
+                                 "TUM trajectory file, or the folder of the recording that the map was made from")
+                    ->check(CLI::ExistingPath)
+                    ->needs(of_map));
+  views->add_option("--step", a->step, "Every STEP-th frame is compared")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  views->add_flag("--json", a->json, "Print JSON");
+  views->callback([a] { evaluate_views_of(*a); });
 
   auto* loops = command->add_subcommand("loops", "Precision and recall of the places that were recognised");
   loops->add_option("REPORT", a->estimate, "report.json of a reconstruction")->required()->check(CLI::ExistingFile);

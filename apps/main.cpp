@@ -14,6 +14,7 @@ int main(int argc, char** argv) {
   program.set_version_flag("--version", CAIRN_VERSION);
   program.require_subcommand(1);
   cairn::apps::add_reconstruct(program);
+  cairn::apps::add_export(program);
   cairn::apps::add_live(program);
   cairn::apps::add_record(program);
   cairn::apps::add_view(program);

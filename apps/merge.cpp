@@ -24,13 +24,9 @@ struct Arguments {
 
 /// A copy of a session, so that the one that was given stays as it is.
 Mapper open_copy(const fs::path& map, const fs::path& copy, int device) {
-  const Mapper::SessionInfo info = Mapper::session_info(map / "session");
   fs::remove_all(copy);
   fs::copy(map / "session", copy, fs::copy_options::recursive);
-  Options options;
-  options.session = copy;
-  options.fuse.voxel_size = info.voxel_size, options.fuse.truncation = info.truncation;
-  return Mapper::resume(info.camera, options, device);
+  return Mapper::open(copy, device);
 }
 
 void merge(const Arguments& a) {
@@ -69,7 +65,7 @@ void merge(const Arguments& a) {
         fmt::print("{}: {}{}\n", a.maps[i].string(), found, merged.joined ? "" : "; kept as a separate piece");
       }
       nlohmann::json report =
-          write_outputs(mapper, a.output, Poses::tracked, [](const char*, const auto& work) { work(); });
+          write_outputs(mapper, a.output, Poses::tracked, {}, [](const char*, const auto& work) { work(); });
       mapper.checkpoint(Progressed{}.note());
       if (const std::string problem = mapper.session_problem(); !problem.empty()) throw std::runtime_error(problem);
       std::size_t poses = 0;

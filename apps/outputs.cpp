@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "io/atomic_file.hpp"
+#include "progress.hpp"
 #include "view/report_page.hpp"
 
 namespace cairn::apps {
@@ -39,10 +40,34 @@ void prepare_output(const std::filesystem::path& output) {
   std::filesystem::remove(output / ".cairn");
 }
 
-nlohmann::json write_outputs(Mapper& mapper, const std::filesystem::path& output, Poses poses, const Timed& timed) {
-  Mesh mesh;
-  timed("mesh", [&] { mesh = mapper.mesh(); });
-  timed("write mesh", [&] { write_mesh(output / "mesh.glb", mesh); });
+nlohmann::json to_json(const Exported& e) {
+  nlohmann::json j{{"full_triangles", e.full_triangles},
+                   {"triangles", e.triangles},
+                   {"vertices", e.vertices},
+                   {"pieces_removed", e.pieces_removed},
+                   {"holes_filled", e.holes_filled},
+                   {"error_m", e.error},
+                   {"parts", e.parts},
+                   {"ms", e.stage_ms}};
+  if (e.points > 0) j["points"] = e.points;
+  if (e.tiles > 0) j["tiles"] = e.tiles;
+  if (e.textures > 0)
+    j.update({{"textures", e.textures},
+              {"charts", e.charts},
+              {"texel_m", e.texel},
+              {"texels", e.texels},
+              {"textured_share", e.textured_share},
+              {"keyframes", e.keyframes}});
+  return j;
+}
+
+nlohmann::json write_outputs(Mapper& mapper, const std::filesystem::path& output, Poses poses,
+                             const ExportOptions& options, const Timed& timed) {
+  Exported mesh;
+  timed("mesh", [&] {
+    Progress progress(std::nullopt, "steps");
+    mesh = mapper.export_mesh(output / "mesh.glb", options, on(progress));
+  });
   // The last recording's, and beside it those of the recordings before.
   for (int i = 0; i < mapper.recordings(); ++i)
     if (const Trajectory t = mapper.trajectory(i); !t.empty())
@@ -66,7 +91,7 @@ nlohmann::json write_outputs(Mapper& mapper, const std::filesystem::path& output
         {"pairs", statistics.focal.pairs}}},
       {"bricks",
        {{"allocated", statistics.bricks}, {"paged_out", statistics.paged_out}, {"paged_in", statistics.paged_in}}},
-      {"mesh", {{"vertices", mesh.positions.size()}, {"triangles", mesh.triangles.size()}}},
+      {"mesh", to_json(mesh)},
       {"keyframes", statistics.keyframes},
       {"submaps",
        {{"ended", statistics.submaps},

@@ -17,7 +17,10 @@ using Timed = std::function<void(const char* stage, const std::function<void()>&
 /// Writes mesh.glb, map.vdb, the trajectories and, for a tracked map, graph.g2o and graph.svg. Returns what report.json
 /// tells about them and the map.
 [[nodiscard]] nlohmann::json write_outputs(Mapper& mapper, const std::filesystem::path& output, Poses poses,
-                                           const Timed& timed);
+                                           const ExportOptions& options, const Timed& timed);
+
+/// What report.json and --json tell of an exported mesh.
+[[nodiscard]] nlohmann::json to_json(const Exported& exported);
 
 /// Writes report.json and report.html, which needs the other outputs.
 void write_report(const std::filesystem::path& output, const nlohmann::json& report);

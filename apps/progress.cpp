@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <utility>
 
 namespace cairn::apps {
 namespace {
@@ -15,7 +16,8 @@ constexpr int kBarWidth = 24;
 
 }  // namespace
 
-Progress::Progress(std::optional<int> total) : total_(total), terminal_(isatty(STDERR_FILENO) != 0) {}
+Progress::Progress(std::optional<int> total, std::string what)
+    : total_(total), what_(std::move(what)), terminal_(isatty(STDERR_FILENO) != 0) {}
 Progress::~Progress() { clear(); }
 
 void Progress::clear() {
@@ -25,13 +27,23 @@ void Progress::clear() {
 
 void Progress::step(const std::string& state) {
   ++done_;
+  show(state);
+}
+
+void Progress::step(int done, int total, const std::string& state) {
+  done_ = done;
+  total_ = total;
+  show(state);
+}
+
+void Progress::show(const std::string& state) {
   const auto now = Clock::now();
   const bool last = total_ && done_ == *total_;
   if (!last && std::chrono::duration<double>(now - last_).count() < (terminal_ ? kTerminalInterval : kPlainInterval))
     return;
   last_ = now;
   const double rate = done_ / std::max(std::chrono::duration<double>(now - start_).count(), 1e-9);
-  std::string line = fmt::format("{}{} frames  {:.1f}/s", done_, total_ ? fmt::format("/{}", *total_) : "", rate);
+  std::string line = fmt::format("{}{} {}  {:.1f}/s", done_, total_ ? fmt::format("/{}", *total_) : "", what_, rate);
   if (total_) {
     const int left = static_cast<int>((*total_ - done_) / rate + 0.5);
     line += fmt::format("  {}:{:02} left", left / 60, left % 60);

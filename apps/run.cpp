@@ -10,6 +10,7 @@
 #include <numeric>
 #include <utility>
 
+#include "export_options.hpp"
 #include "outputs.hpp"
 #include "sources.hpp"
 
@@ -97,6 +98,8 @@ Options options_of(const RunArguments& a, Poses poses, const Options& defaults) 
   if (a.esdf_voxel_size) options.esdf.voxel_size = *a.esdf_voxel_size;
   if (a.max_distance) options.esdf.max_distance = *a.max_distance;
   if (poses == Poses::tracked) options.session = a.output / "session";
+  options.keep_keyframes = a.mesh.texture.enabled;
+  check(a.mesh, a.output / "mesh.glb");
   check(options);
   return options;
 }
@@ -177,8 +180,9 @@ void Run::finish(const nlohmann::json& more) {
         "({:.2f} pixels off, {} pairs of views): check the camera's intrinsics, and that colour is registered to depth",
         sequence, f.scale * camera_.fx, f.error_best, camera_.fx, f.error_given, f.pairs));
 
-  nlohmann::json report =
-      write_outputs(*mapper_, output, poses_, [this](const char* stage, const auto& work) { timed(stage, work); });
+  arguments_.mesh.source = fs::path(sequence).filename().string();
+  nlohmann::json report = write_outputs(*mapper_, output, poses_, arguments_.mesh,
+                                        [this](const char* stage, const auto& work) { timed(stage, work); });
   if (const int pieces = report["submaps"]["pieces"]; pieces > 1)
     warn(fmt::format("{} pieces of the map are not joined by any loop; the largest is written, the session keeps all",
                      pieces));
@@ -254,6 +258,7 @@ void add_run_options(CLI::App& command, RunArguments& a) {
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command.add_flag("--json", a.json, "Print the report to stdout as JSON");
+  add_export_options(command, a.mesh);
 }
 
 }  // namespace cairn::apps

@@ -27,6 +27,7 @@ struct RunArguments {
   double checkpoint_seconds = 20;
   std::optional<float> esdf_voxel_size, max_distance;
   bool esdf = false, resume = false, no_loops = false, json = false;
+  ExportOptions mesh;
 };
 
 void add_run_options(CLI::App& command, RunArguments& a);

@@ -26,6 +26,7 @@ struct MeshVertex {
   vec3 position;  // metres, submap frame
   vec3 normal;
   uint colour;
+  float weight;   // observations at 1 m
 };
 
 #ifdef __cplusplus

@@ -42,6 +42,7 @@ void main() {
     vec3 colour = (ca * unpackUnorm4x8(wa.y).rgb + cb * unpackUnorm4x8(wb.y).rgb) / max(ca + cb, 1e-6);
     if (ca + cb == 0.0) colour = vec3(0.7);
     vertices[vertex++] = MeshVertex((vec3(a) + t * vec3(step_v)) * push.volume.voxel_size, n / max(length(n), 1e-12),
-                                    packUnorm4x8(vec4(colour, 1.0)));
+                                    packUnorm4x8(vec4(colour, 1.0)),
+                                    mix(voxel_weight(wa.x), voxel_weight(wb.x), t));
   }
 }

@@ -74,6 +74,11 @@ export async function showFinished(scene, data) {
   scene.setPath(new Float32Array(data.trajectory.flatMap(([t, x, y, z]) => [t - begin, x, y, z])));
   scene.setLoops(report.loops.filter((loop) => loop.believed).map((loop) => [loop.from - begin, loop.to - begin]));
   const bytes = data.mesh_base64 ? decoded(data.mesh_base64) : data.mesh ? await (await fetch(data.mesh)).arrayBuffer() : null;
-  if (bytes) await scene.setModel(bytes);
-  else scene.lookAtAll();
+  try {
+    if (bytes) await scene.setModel(bytes);
+    else scene.lookAtAll();
+  } catch (error) {  // Draco's decoder is not in this page
+    panel.prepend(element('div', { className: 'warning' }, `The mesh is not shown here: ${error.message}`));
+    scene.lookAtAll();
+  }
 }

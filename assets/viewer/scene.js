@@ -3,6 +3,7 @@
 // The 3D picture: surface, camera and its path, loops.
 import * as THREE from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
+import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 
 const kPathColour = 0x4c8dff, kLoopColour = 0x37b26c, kCameraColour = 0xffc531;
@@ -129,6 +130,7 @@ export class Scene {
   }
 
   materialOf(mesh) {
+    if (mesh.userData.textured) return this.look === 'colour' ? mesh.userData.textured : this.materials.shape;
     return mesh.geometry.hasAttribute('color') ? this.materials[this.look] : this.materials.shape;
   }
 
@@ -239,10 +241,13 @@ export class Scene {
 
   /** A finished mesh, glTF: y is up in it. */
   async setModel(bytes) {
-    const gltf = await new GLTFLoader().parseAsync(bytes, '');
+    const gltf = await new GLTFLoader().setMeshoptDecoder(MeshoptDecoder).parseAsync(bytes, '');
     this.model = gltf.scene;
     this.scene.add(this.model);
-    for (const mesh of this.meshes()) mesh.material = this.materialOf(mesh);
+    for (const mesh of this.meshes()) {
+      if (mesh.material.map) mesh.userData.textured = mesh.material;
+      mesh.material = this.materialOf(mesh);
+    }
     this.lookAtAll();
   }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cairn/esdf.hpp"
+#include "cairn/frame.hpp"
 #include "cairn/mesh.hpp"
 #include "cairn/scene.hpp"
 #include "cairn/trajectory.hpp"
@@ -31,6 +32,10 @@ struct TrajectoryError {
 /// Throws std::runtime_error when fewer than three poses match.
 [[nodiscard]] TrajectoryError evaluate_trajectory(const Trajectory& estimate, const Trajectory& truth,
                                                   double rpe_interval = 1.0, double max_time_difference = 0.02);
+
+/// Where the truth's frame lies in the estimate's, by positions and orientations of all poses: for pictures, where a
+/// milliradian matters; the ATE's alignment looks at positions alone. Throws std::runtime_error when no pose matches.
+[[nodiscard]] Eigen::Isometry3d estimate_from_truth(const Trajectory& estimate, const Trajectory& truth);
 
 /// How well places were recognised.
 struct LoopError {
@@ -63,6 +68,38 @@ struct MeshError {
 /// measured; null: all of it. Throws std::runtime_error for a mesh without triangles.
 [[nodiscard]] MeshError evaluate_mesh(const Mesh& estimate, const Mesh& truth, int samples = 200000,
                                       const Mesh* seen = nullptr);
+
+/// A mesh as a camera sees it.
+struct RenderedView {
+  std::vector<float> depth;           // metres along z; 0: nothing
+  std::vector<std::uint32_t> colour;  // bytes R, G, B, 255; a mesh without colours is shaded by its normals
+};
+/// Draws the parts of a mesh, front sides alone, with their textures or vertex colours. `samples`: along x and y of a
+/// pixel; depth is the first one's.
+[[nodiscard]] RenderedView render_mesh(const std::vector<Mesh>& parts, const Camera& camera,
+                                       const Eigen::Isometry3d& world_from_camera, int samples = 2);
+
+/// How well pictures of a mesh agree with a recording's.
+struct ViewError {
+  double psnr = 0;  // dB over all pixels and channels that were compared
+  double covered =
+      0;  // share of the recording's depth pixels where the mesh lies within 5 cm of it: these are compared
+  int frames = 0;
+};
+/// `world_from_recording` moves the recording's poses, Frame::world_from_camera, to the mesh. Every `step`-th frame is
+/// looked at. Throws std::runtime_error for a recording without poses or colour.
+[[nodiscard]] ViewError evaluate_views(const std::vector<Mesh>& parts, Source& recording,
+                                       const Eigen::Isometry3d& world_from_recording, int step = 10);
+
+/// How a mesh's triangles hang together; vertices at the very same place count as one.
+struct MeshTopology {
+  std::size_t non_manifold_edges = 0;  // of more than two triangles
+  std::size_t degenerate_triangles = 0, unreferenced_vertices = 0;
+  std::size_t pieces = 0;                     // that no vertex joins
+  std::size_t borders = 0, border_edges = 0;  // rims of holes and outer edges
+  double border_length = 0;                   // metres
+};
+[[nodiscard]] MeshTopology examine_topology(const Mesh& mesh);
 
 struct DistanceError {
   ErrorStatistics distance;        // metres, absolute

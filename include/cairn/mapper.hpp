@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "cairn/esdf.hpp"
+#include "cairn/export.hpp"
 #include "cairn/frame.hpp"
 #include "cairn/mesh.hpp"
 #include "cairn/options.hpp"
@@ -128,10 +129,13 @@ class Mapper {
   struct SessionInfo {
     Camera camera;
     float voxel_size = 0, truncation = 0;  // metres
+    float min_depth = 0, max_depth = 0;    // metres, see SurfaceOptions
     std::string note;                      // what checkpoint was given
   };
   /// Throws as resume does.
   [[nodiscard]] static SessionInfo session_info(const std::filesystem::path& folder);
+  /// A session as it was made, to look at it or write it; other options have their defaults. Throws as resume does.
+  [[nodiscard]] static Mapper open(const std::filesystem::path& folder, int device = -1);
   /// Another recording follows, which begins somewhere in the map or outside of it. Frames are tracked once their place
   /// is recognised; before that they are lost, and after a while they begin a piece of their own.
   void begin_recording();
@@ -141,8 +145,13 @@ class Mapper {
   };
   /// Adds the map of another session with the same camera, by what both have seen.
   Merged merge(Mapper& other);
-  /// The surface, in the world frame, with normals and colours.
+  /// The surface as it is in the volume, in the world frame, with normals and colours.
   [[nodiscard]] Mesh mesh();
+  /// Writes the surface: clean, simplified, textured and packed as asked for; by the extension .glb, .gltf, .ply, .obj,
+  /// or a tileset.json (3D Tiles 1.1) with its tiles beside it. It works cell by cell. Each file whole or not at all,
+  /// the one that was asked for last. Throws std::runtime_error with what is wrong and what to do.
+  Exported export_mesh(const std::filesystem::path& file, const ExportOptions& options = {},
+                       const ExportProgress& progress = {});
   /// The surface as it grows, for showing it: parts that changed since they were asked for, new ones first, as many as
   /// `max_bricks` cubes of 8 voxels hold; well-known places come rarely. `all`: also those. The first call begins to
   /// follow the surface with all that is on the device. Submaps lie as rigid bodies; mesh() bends them.

@@ -9,21 +9,34 @@
 
 namespace cairn {
 
+/// An image that is drawn on a mesh, row by row from the top; sRGB.
+struct Texture {
+  int width = 0, height = 0;
+  std::vector<std::array<std::uint8_t, 3>> texels;
+};
+
 /// Triangles in the map's world frame (z forward of the first camera, y down, or the frame of the given poses).
-/// `normals` and `colours` are empty or of the size of `positions`. Triangles are counter-clockwise seen from outside.
+/// All that goes by vertex is empty or of the size of `positions`. Triangles are counter-clockwise seen from outside.
 struct Mesh {
   std::vector<Eigen::Vector3f> positions;            // metres
   std::vector<Eigen::Vector3f> normals;              // unit length, away from the solid
   std::vector<std::array<std::uint8_t, 4>> colours;  // R, G, B, 255 (sRGB)
+  std::vector<float> weights;                        // observations at 1 m; only of a map's own mesh, never in a file
+  std::vector<Eigen::Vector2f> texture_places;       // 0, 0 is the texture's upper left corner, 1, 1 its lower right
   std::vector<std::array<std::uint32_t, 3>> triangles;
+  Texture texture;
 };
 
-/// Writes by extension: .glb, .gltf (with .bin beside it) or .ply (binary). glTF is turned to y-up, and says so in
-/// `asset.extras`; PLY stays in the world frame. Whole or not at all. Throws std::runtime_error for an unknown
-/// extension or an unwritable place.
+/// Writes by extension: .glb, .gltf (with .bin and texture beside it), .ply (binary) or .obj (with .mtl and texture).
+/// glTF is turned to y-up, and says so in `asset.extras`; PLY and OBJ stay in the world frame; PLY has no texture.
+/// Whole or not at all. Throws std::runtime_error for an unknown extension or an unwritable place.
 void write_mesh(const std::filesystem::path& file, const Mesh& mesh);
 
-/// Reads what write_mesh wrote, back in the world frame; also other systems' PLY (ascii or binary) and glTF triangles.
+/// Reads .glb, .gltf (also with KHR_mesh_quantization, EXT_meshopt_compression and KHR_draco_mesh_compression) and .ply
+/// that write_mesh or others wrote, back in the world frame. A mesh of several parts becomes one, without texture.
 [[nodiscard]] Mesh read_mesh(const std::filesystem::path& file);
+
+/// The same, part by part, each with its own texture.
+[[nodiscard]] std::vector<Mesh> read_mesh_parts(const std::filesystem::path& file);
 
 }  // namespace cairn

@@ -52,6 +52,7 @@ struct EsdfOptions {
 };
 
 struct Options {
+  bool keep_keyframes = false;  // also with given poses, for textures; with tracked ones they are kept anyway
   SurfaceOptions surface;
   TrackOptions track;
   FuseOptions fuse;

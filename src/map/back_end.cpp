@@ -44,6 +44,7 @@ bool BackEnd::add(const Frame& frame, const Eigen::Isometry3d& submap_from_camer
     if (!breaks && is_full(submap_from_camera, volume)) end_submap(volume, stamp, true);
     atlas_.add({.frame = frame.index,
                 .timestamp = frame.timestamp,
+                .colour_delay = frame.colour_delay,
                 .submap = submaps_.size(),
                 .searched = options_.map.loops ? searched_ : 0,
                 .follows = !breaks,

@@ -20,6 +20,7 @@ namespace cairn {
 struct Keyframe {
   int frame = 0;             // index in its recording
   double timestamp = 0.0;    // seconds
+  double colour_delay = 0;   // see Frame
   std::size_t submap = 0;    // that it was fused into
   std::size_t searched = 0;  // so many of the keyframes before it were looked through for its place
   bool follows = false;      // how it lies to the keyframe before it was tracked; not so for the first of a piece

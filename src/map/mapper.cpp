@@ -12,6 +12,7 @@
 #include <tuple>
 
 #include "map/back_end.hpp"
+#include "map/export.hpp"
 #include "map/graph_picture.hpp"
 #include "map/growing_surface.hpp"
 #include "map/refine.hpp"
@@ -77,7 +78,53 @@ struct Mapper::State {
         polygonize(device),
         volume(device, o.fuse, o.surface.max_depth),
         back_end(device, c, o),
-        tracker(device, c, preprocess.camera(), o, back_end.places()) {}
+        tracker(device, c, preprocess.camera(), o, back_end.places()),
+        given_images(c, {}) {}
+
+  /// With given poses keyframes are only for textures.
+  void keep_keyframe(const Frame& frame, const Eigen::Isometry3d& world_from_camera) {
+    if (!options.keep_keyframes ||
+        (!given_keyframes.empty() &&
+         !is_apart(given[given_keyframes.back().first].world_from_camera, world_from_camera)))
+      return;
+    given_images.put(given_keyframes.size(), frame, {});
+    given_keyframes.emplace_back(given.size(), frame.colour_delay);
+  }
+
+  /// Keyframes of the main piece, as textures need them.
+  std::vector<TextureKeyframe> texture_keyframes() const {
+    constexpr double kMaxGap = 0.2;  // seconds between frames that tell the camera's velocity
+    const auto velocity = [&](const auto& frames, std::size_t i, const auto& pose) -> Vector6d {
+      const std::size_t a = i > 0 ? i - 1 : i, b = i + 1 < frames.size() ? i + 1 : i;
+      const double seconds = frames[b].timestamp - frames[a].timestamp;
+      if (!(seconds > 0 && seconds < kMaxGap)) return Vector6d::Zero();
+      return logarithm(pose(a).inverse() * pose(b)) / seconds;
+    };
+    std::vector<TextureKeyframe> keyframes;
+    if (poses == Poses::given) {
+      for (std::size_t k = 0; k < given_keyframes.size(); ++k) {
+        const auto [i, delay] = given_keyframes[k];
+        keyframes.push_back({.image = k,
+                             .world_from_camera = given[i].world_from_camera,
+                             .velocity = velocity(given, i, [&](std::size_t j) { return given[j].world_from_camera; }),
+                             .colour_delay = delay});
+      }
+      return keyframes;
+    }
+    const Atlas& atlas = back_end.atlas();
+    const auto piece_of = atlas.pieces();
+    const std::size_t main = atlas.keyframes.empty() ? 0 : atlas.main_piece();
+    for (std::size_t i = 0; i < atlas.frames.size(); ++i) {
+      const std::size_t k = atlas.frames[i].keyframe;
+      if (piece_of[k] != main || (i > 0 && atlas.frames[i - 1].keyframe == k)) continue;
+      keyframes.push_back(
+          {.image = k,
+           .world_from_camera = atlas.world_from_camera[k],
+           .velocity = velocity(atlas.frames, i, [&](std::size_t j) { return atlas.frames[j].submap_from_camera; }),
+           .colour_delay = atlas.keyframes[k].colour_delay - tracker.clock_offset()});
+    }
+    return keyframes;
+  }
 
   /// Noise never repeats. A driver may deliver one image twice, but not more often.
   bool is_stuck(const Frame& frame) {
@@ -143,12 +190,14 @@ struct Mapper::State {
   std::optional<GrowingSurface> surface;  // once it is asked for
   std::optional<Esdf> esdf;               // with EsdfOptions::live
   std::atomic<std::shared_ptr<const DistanceField>> live_distances;
-  std::optional<Volume> whole;                             // the world, where that is not what `volume` holds
-  Trajectory given;                                        // with Poses::given
-  std::optional<double> last_fused;                        // timestamp
-  int lost = 0;                                            // frames that saw something, since the last fused one
-  Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();  // sum over fused frames, in the world
-  std::uint32_t stamp = 0;                                 // fused frames
+  std::optional<Volume> whole;                                  // the world, where that is not what `volume` holds
+  Trajectory given;                                             // with Poses::given
+  KeyframeStore given_images;                                   // then, with Options::keep_keyframes
+  std::vector<std::pair<std::size_t, double>> given_keyframes;  // of `given`; the colour images' delays
+  std::optional<double> last_fused;                             // timestamp
+  int lost = 0;                                                 // frames that saw something, since the last fused one
+  Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();       // sum over fused frames, in the world
+  std::uint32_t stamp = 0;                                      // fused frames
   std::uint64_t checkpoints = 0;
   std::future<std::string> writing;  // of a checkpoint; what went wrong
   std::string problem;               // why session files could not be written
@@ -232,6 +281,7 @@ FrameReport Mapper::add(const Frame& given) {
     });
     if (is_keyframe) s.tracker.learn_from_places();
   } else {
+    s.keep_keyframe(frame, world_from_camera);
     s.given.push_back({frame.timestamp, world_from_camera});
   }
   if (frame.acceleration) s.acceleration += world_from_camera.linear() * *frame.acceleration;
@@ -320,6 +370,8 @@ void Mapper::checkpoint(const std::string& note) {
   (void)session_problem();
   Session session{.camera = s.camera,
                   .fuse = s.options.fuse,
+                  .min_depth = s.options.surface.min_depth,
+                  .max_depth = s.options.surface.max_depth,
                   .back_end = s.back_end.memory(),
                   .tracker = s.tracker.memory(),
                   .keyframe = s.tracker.keyframe().save(),
@@ -356,7 +408,17 @@ std::string Mapper::session_problem() const {
 
 Mapper::SessionInfo Mapper::session_info(const std::filesystem::path& folder) {
   const Session session = read_session(folder).session;
-  return {session.camera, session.fuse.voxel_size, session.fuse.truncation, session.note};
+  return {session.camera,    session.fuse.voxel_size, session.fuse.truncation,
+          session.min_depth, session.max_depth,       session.note};
+}
+
+Mapper Mapper::open(const std::filesystem::path& folder, int device) {
+  const SessionInfo info = session_info(folder);
+  Options options;
+  options.session = folder;
+  options.fuse.voxel_size = info.voxel_size, options.fuse.truncation = info.truncation;
+  options.surface.min_depth = info.min_depth, options.surface.max_depth = info.max_depth;
+  return resume(info.camera, options, device);
 }
 
 Mapper Mapper::resume(const Camera& camera, const Options& options, int device) {
@@ -407,6 +469,24 @@ Mapper::Merged Mapper::merge(Mapper& other) {
 }
 
 Mesh Mapper::mesh() { return state_->polygonize(state_->world()); }
+
+Exported Mapper::export_mesh(const std::filesystem::path& file, const ExportOptions& options,
+                             const ExportProgress& progress) {
+  State& s = *state_;
+  check(options, file);
+  const KeyframeStore& images = s.poses == Poses::given ? s.given_images : s.back_end.images();
+  images.wait();
+  Volume& volume = s.world();
+  ExportInput input{.volume = volume,
+                    .polygonize = s.polygonize,
+                    .camera = s.camera,
+                    .surface = s.options.surface,
+                    .keyframes = s.texture_keyframes(),
+                    .get_image = [&](std::size_t image) { return images.get(image); },
+                    .paths = {}};
+  for (int i = 0; i < recordings(); ++i) input.paths.push_back(trajectory(i));
+  return export_surface(input, file, options, progress);
+}
 
 SurfaceChanges Mapper::surface_changes(int max_bricks, bool all) {
   State& s = *state_;

@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr int kVersion = 1;
+constexpr int kVersion = 2;
 constexpr const char* kMagic = "cairn session";
 
 std::uint32_t checksum(const std::vector<std::uint8_t>& bytes) {
@@ -111,7 +111,7 @@ Json atlas_json(const Atlas& atlas) {
   Out keyframes, loops, frames, recordings;
   for (std::size_t k = 0; k < atlas.keyframes.size(); ++k) {
     const Keyframe& f = atlas.keyframes[k];
-    keyframes << f.frame << f.timestamp << f.submap << f.searched << f.follows << f.piece_from_camera
+    keyframes << f.frame << f.timestamp << f.colour_delay << f.submap << f.searched << f.follows << f.piece_from_camera
               << f.submap_from_camera << f.information << f.acceleration.has_value()
               << f.acceleration.value_or(Eigen::Vector3d::Zero()) << atlas.world_from_camera[k];
   }
@@ -133,7 +133,7 @@ Atlas atlas_of(const Json& json) {
     bool has_acceleration = false;
     Eigen::Vector3d acceleration;
     Eigen::Isometry3d world_from_camera;
-    in >> f.frame >> f.timestamp >> f.submap >> f.searched >> f.follows >> f.piece_from_camera >>
+    in >> f.frame >> f.timestamp >> f.colour_delay >> f.submap >> f.searched >> f.follows >> f.piece_from_camera >>
         f.submap_from_camera >> f.information >> has_acceleration >> acceleration >> world_from_camera;
     if (has_acceleration) f.acceleration = acceleration;
     atlas.keyframes.push_back(f);
@@ -249,6 +249,8 @@ void write_session(const fs::path& folder, const Session& s, const BrickTree& ac
   const Json state{{"camera", camera_json(s.camera)},
                    {"voxel_size", s.fuse.voxel_size},
                    {"truncation", s.fuse.truncation},
+                   {"min_depth", s.min_depth},
+                   {"max_depth", s.max_depth},
                    {"back_end", back_end_json(s.back_end)},
                    {"tracker", tracker_json(s.tracker, s.keyframe)},
                    {"residency", residency_json(s.residency)},
@@ -298,6 +300,8 @@ ReadSession read_session(const fs::path& folder) {
     s.camera = camera_of(state.at("camera"));
     s.fuse.voxel_size = state.at("voxel_size");
     s.fuse.truncation = state.at("truncation");
+    s.min_depth = state.at("min_depth");
+    s.max_depth = state.at("max_depth");
     s.back_end = back_end_of(state.at("back_end"));
     tracker_of(state.at("tracker"), s.tracker, s.keyframe);
     s.residency = residency_of(state.at("residency"));

@@ -15,6 +15,7 @@ namespace cairn {
 struct Session {
   Camera camera;
   FuseOptions fuse;
+  float min_depth = 0, max_depth = 0;  // metres, see SurfaceOptions
   BackEnd::Memory back_end;
   Tracker::Memory tracker;
   PhotometricKeyframe::Saved keyframe;

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
+#include <cstdint>
 #include <filesystem>
+#include <vector>
 
 #include "cairn/mesh.hpp"
 
@@ -10,7 +12,16 @@ namespace cairn {
 
 void write_gltf(const std::filesystem::path& file, const Mesh& mesh);
 void write_ply(const std::filesystem::path& file, const Mesh& mesh);
-[[nodiscard]] Mesh read_gltf(const std::filesystem::path& file);
 [[nodiscard]] Mesh read_ply(const std::filesystem::path& file);
+
+/// Wavefront: X.obj, X.mtl and, for parts with textures, X-0.jpg or .png and so on beside it.
+struct ObjOptions {
+  bool png = false;
+  int jpeg_quality = 90;
+};
+void write_obj(const std::filesystem::path& file, const std::vector<Mesh>& parts, const ObjOptions& options = {});
+
+/// Encoded as JPEG or PNG.
+[[nodiscard]] std::vector<std::uint8_t> encode_image(const Texture& texture, bool png, int jpeg_quality);
 
 }  // namespace cairn

@@ -2,23 +2,35 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // glTF 2.0 through tinygltf. glTF is y-up and right-handed; the world is y-down: a half turn about x leads from one to
 // the other, so that z forward becomes -z, as glTF's own cameras look.
+#include "mesh/gltf.hpp"
+
+#include <draco/compression/encode.h>
+#include <draco/mesh/mesh.h>
+#include <meshoptimizer.h>
 #include <tiny_gltf.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
-#include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <stdexcept>
 
 #include "io/atomic_file.hpp"
+#include "mesh/clean.hpp"
 #include "mesh/formats.hpp"
+#include "mesh/topology.hpp"
 
 namespace cairn {
 namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+constexpr int kGrid = 65535;  // steps of a quantised position along the longest side
+constexpr int kDracoPositionBits = 16, kDracoNormalBits = 10, kDracoPlaceBits = 14, kDracoColourBits = 12;
+constexpr std::array kUnlit{"KHR_materials_unlit"};
 
 Eigen::Vector3f turned(const Eigen::Vector3f& v) { return {v.x(), -v.y(), -v.z()}; }
 
@@ -28,34 +40,32 @@ std::uint16_t linear(std::uint8_t srgb) {
   return static_cast<std::uint16_t>(
       std::lround(65535.0 * (c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4))));
 }
-std::uint8_t srgb(double value) {
-  const double c = std::clamp(value, 0.0, 1.0);
-  return static_cast<std::uint8_t>(
-      std::lround(255.0 * (c <= 0.0031308 ? 12.92 * c : 1.055 * std::pow(c, 1 / 2.4) - 0.055)));
+
+/// An attribute or the indices as they go into a buffer.
+struct Stream {
+  Bytes bytes;
+  std::size_t count = 0, stride = 0;  // elements; bytes
+  int component = 0, type = 0;
+  bool normalized = false;
+};
+
+template <class T>
+Stream stream_of(const std::vector<T>& values, std::size_t per_element, std::size_t padded, int component, int type,
+                 bool normalized) {
+  Stream s{.count = values.size() / per_element,
+           .stride = padded * sizeof(T),
+           .component = component,
+           .type = type,
+           .normalized = normalized};
+  s.bytes.resize(s.count * s.stride, 0);
+  for (std::size_t i = 0; i < s.count; ++i)
+    std::memcpy(&s.bytes[i * s.stride], &values[i * per_element], per_element * sizeof(T));
+  return s;
 }
 
-/// Appends to the model's one buffer; returns the accessor.
-template <class T>
-int add_accessor(tinygltf::Model& model, const std::vector<T>& data, int component, int type, std::size_t count,
-                 int target, bool normalized = false) {
-  auto& bytes = model.buffers[0].data;
-  tinygltf::BufferView view;
-  view.buffer = 0;
-  view.byteOffset = bytes.size();
-  view.byteLength = data.size() * sizeof(T);
-  view.target = target;
-  bytes.resize(bytes.size() + view.byteLength);
-  std::memcpy(bytes.data() + view.byteOffset, data.data(), view.byteLength);
-  bytes.resize((bytes.size() + 3) & ~std::size_t{3});
-  model.bufferViews.push_back(view);
-  tinygltf::Accessor accessor;
-  accessor.bufferView = static_cast<int>(model.bufferViews.size()) - 1;
-  accessor.componentType = component;
-  accessor.type = type;
-  accessor.count = count;
-  accessor.normalized = normalized;
-  model.accessors.push_back(accessor);
-  return static_cast<int>(model.accessors.size()) - 1;
+Stream floats(const std::vector<float>& values, int type) {
+  const std::size_t n = type == TINYGLTF_TYPE_VEC2 ? 2 : 3;
+  return stream_of(values, n, n, TINYGLTF_COMPONENT_TYPE_FLOAT, type, false);
 }
 
 std::vector<float> flat(const std::vector<Eigen::Vector3f>& vectors) {
@@ -66,225 +76,483 @@ std::vector<float> flat(const std::vector<Eigen::Vector3f>& vectors) {
   return values;
 }
 
-tinygltf::Model to_model(const Mesh& mesh) {
-  tinygltf::Model model;
-  model.asset.version = "2.0";
-  model.asset.generator = "cairn";
-  tinygltf::Value::Object extras;
-  extras["up_axis"] = tinygltf::Value(std::string("y"));
-  extras["unit"] = tinygltf::Value(std::string("metre"));
-  extras["gltf_from_world"] = tinygltf::Value(std::string("half turn about x: (x, -y, -z)"));
-  model.asset.extras = tinygltf::Value(extras);
-  tinygltf::Scene scene;
-  scene.name = "map";
-  model.defaultScene = 0;
-  if (mesh.triangles.empty()) {  // glTF has no empty meshes
-    model.scenes.push_back(scene);
-    return model;
-  }
+Stream colours_of(const Mesh& mesh) {
+  std::array<std::uint16_t, 256> table{};
+  for (std::size_t i = 0; i < table.size(); ++i) table[i] = linear(static_cast<std::uint8_t>(i));
+  std::vector<std::uint16_t> values;
+  values.reserve(4 * mesh.colours.size());
+  for (const auto& c : mesh.colours) values.insert(values.end(), {table[c[0]], table[c[1]], table[c[2]], 65535});
+  return stream_of(values, 4, 4, TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT, TINYGLTF_TYPE_VEC4, true);
+}
 
-  model.buffers.emplace_back();
-  tinygltf::Primitive primitive;
-  primitive.mode = TINYGLTF_MODE_TRIANGLES;
-  primitive.material = 0;
-  primitive.attributes["POSITION"] =
-      add_accessor(model, flat(mesh.positions), TINYGLTF_COMPONENT_TYPE_FLOAT, TINYGLTF_TYPE_VEC3,
-                   mesh.positions.size(), TINYGLTF_TARGET_ARRAY_BUFFER);
-  Eigen::Vector3f low = Eigen::Vector3f::Constant(std::numeric_limits<float>::max()), high = -low;
-  for (const auto& p : mesh.positions) low = low.cwiseMin(turned(p)), high = high.cwiseMax(turned(p));
-  model.accessors.back().minValues = {low.x(), low.y(), low.z()};
-  model.accessors.back().maxValues = {high.x(), high.y(), high.z()};
-  if (!mesh.normals.empty())
-    primitive.attributes["NORMAL"] =
-        add_accessor(model, flat(mesh.normals), TINYGLTF_COMPONENT_TYPE_FLOAT, TINYGLTF_TYPE_VEC3, mesh.normals.size(),
-                     TINYGLTF_TARGET_ARRAY_BUFFER);
-  if (!mesh.colours.empty()) {
-    std::array<std::uint16_t, 256> table{};
-    for (std::size_t i = 0; i < table.size(); ++i) table[i] = linear(static_cast<std::uint8_t>(i));
-    std::vector<std::uint16_t> colours;
-    colours.reserve(4 * mesh.colours.size());
-    for (const auto& c : mesh.colours) colours.insert(colours.end(), {table[c[0]], table[c[1]], table[c[2]], 65535});
-    primitive.attributes["COLOR_0"] =
-        add_accessor(model, colours, TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT, TINYGLTF_TYPE_VEC4, mesh.colours.size(),
-                     TINYGLTF_TARGET_ARRAY_BUFFER, true);
+using Attributes = std::vector<std::pair<std::string, Stream>>;
+
+Attributes plain_attributes(const Mesh& mesh) {
+  Attributes attributes;
+  attributes.emplace_back("POSITION", floats(flat(mesh.positions), TINYGLTF_TYPE_VEC3));
+  if (!mesh.normals.empty()) attributes.emplace_back("NORMAL", floats(flat(mesh.normals), TINYGLTF_TYPE_VEC3));
+  if (!mesh.texture_places.empty()) {
+    std::vector<float> places;
+    for (const auto& p : mesh.texture_places) places.insert(places.end(), {p.x(), p.y()});
+    attributes.emplace_back("TEXCOORD_0", floats(places, TINYGLTF_TYPE_VEC2));
   }
+  if (!mesh.colours.empty() && mesh.texture_places.empty()) attributes.emplace_back("COLOR_0", colours_of(mesh));
+  return attributes;
+}
+
+Attributes quantised_attributes(const Snapped& snapped) {
+  const Mesh& mesh = snapped.mesh;
+  Attributes attributes;
+  std::vector<std::uint16_t> positions, places;
+  for (const auto& p : mesh.positions) {
+    const Eigen::Vector3f steps = (turned(p) - snapped.low) / snapped.step;
+    for (const float f : steps) positions.push_back(static_cast<std::uint16_t>(std::clamp(std::lround(f), 0l, 65535l)));
+  }
+  attributes.emplace_back(
+      "POSITION", stream_of(positions, 3, 4, TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT, TINYGLTF_TYPE_VEC3, false));
+  if (!mesh.normals.empty()) {
+    std::vector<std::int8_t> normals;
+    for (const auto& n : mesh.normals)
+      for (const float f : turned(n)) normals.push_back(static_cast<std::int8_t>(std::lround(127 * f)));
+    attributes.emplace_back("NORMAL", stream_of(normals, 3, 4, TINYGLTF_COMPONENT_TYPE_BYTE, TINYGLTF_TYPE_VEC3, true));
+  }
+  for (const auto& p : mesh.texture_places)
+    for (const float f : p)
+      places.push_back(static_cast<std::uint16_t>(std::clamp(std::lround(65535 * f), 0l, 65535l)));
+  if (!places.empty())
+    attributes.emplace_back("TEXCOORD_0",
+                            stream_of(places, 2, 2, TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT, TINYGLTF_TYPE_VEC2, true));
+  if (!mesh.colours.empty() && places.empty()) attributes.emplace_back("COLOR_0", colours_of(mesh));
+  return attributes;
+}
+
+/// Order in which caches work best, which is also what packs best.
+void reorder(Mesh& mesh) {
+  std::vector<std::uint32_t> indices;
+  for (const auto& t : mesh.triangles) indices.insert(indices.end(), t.begin(), t.end());
+  meshopt_optimizeVertexCache(indices.data(), indices.data(), indices.size(), mesh.positions.size());
+  std::vector<std::uint32_t> moved(mesh.positions.size());
+  const std::size_t used =
+      meshopt_optimizeVertexFetchRemap(moved.data(), indices.data(), indices.size(), mesh.positions.size());
+  std::vector<std::uint32_t> order(used);
+  for (std::uint32_t v = 0; v < moved.size(); ++v)
+    if (moved[v] != kNone) order[moved[v]] = v;
+  take_vertices(mesh, order);
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i)
+    for (std::size_t k = 0; k < 3; ++k) mesh.triangles[i][k] = moved[indices[3 * i + k]];
+}
+
+Stream indices_of(const Mesh& mesh) {
   std::vector<std::uint32_t> indices;
   indices.reserve(3 * mesh.triangles.size());
   for (const auto& t : mesh.triangles) indices.insert(indices.end(), t.begin(), t.end());
-  primitive.indices = add_accessor(model, indices, TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT, TINYGLTF_TYPE_SCALAR,
-                                   indices.size(), TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER);
-
-  tinygltf::Material material;
-  material.name = "surface";
-  material.pbrMetallicRoughness.metallicFactor = 0.0;
-  material.pbrMetallicRoughness.roughnessFactor = 1.0;
-  material.doubleSided = true;
-  model.materials.push_back(material);
-  tinygltf::Mesh gltf_mesh;
-  gltf_mesh.name = "surface";
-  gltf_mesh.primitives.push_back(primitive);
-  model.meshes.push_back(gltf_mesh);
-  tinygltf::Node node;
-  node.name = "map";
-  node.mesh = 0;
-  model.nodes.push_back(node);
-  scene.nodes.push_back(0);
-  model.scenes.push_back(scene);
-  return model;
+  if (mesh.positions.size() < 65535)
+    return stream_of(std::vector<std::uint16_t>(indices.begin(), indices.end()), 1, 1,
+                     TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT, TINYGLTF_TYPE_SCALAR, false);
+  return stream_of(indices, 1, 1, TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT, TINYGLTF_TYPE_SCALAR, false);
 }
 
-/// Calls `take(index, components)` for each element of an accessor, as numbers; normalized integers become 0..1.
-template <class Take>
-void read_accessor(const tinygltf::Model& model, int index, const Take& take) {
-  const auto& accessor = model.accessors.at(static_cast<std::size_t>(index));
-  if (accessor.bufferView < 0 || accessor.sparse.isSparse) throw std::runtime_error("sparse accessors are not read");
-  const auto& view = model.bufferViews.at(static_cast<std::size_t>(accessor.bufferView));
-  const auto& bytes = model.buffers.at(static_cast<std::size_t>(view.buffer)).data;
-  const int components = tinygltf::GetNumComponentsInType(static_cast<std::uint32_t>(accessor.type));
-  const int size = tinygltf::GetComponentSizeInBytes(static_cast<std::uint32_t>(accessor.componentType));
-  const auto stride = static_cast<std::size_t>(accessor.ByteStride(view));
-  const std::size_t start = view.byteOffset + accessor.byteOffset;
-  if (components > 4 || size < 0 ||
-      (accessor.count > 0 &&
-       start + stride * (accessor.count - 1) + static_cast<std::size_t>(components * size) > bytes.size()))
-    throw std::runtime_error("an accessor reaches beyond its buffer");
-  for (std::size_t i = 0; i < accessor.count; ++i) {
-    std::array<double, 4> v{};
-    for (int c = 0; c < components; ++c) {
-      const unsigned char* at = bytes.data() + start + i * stride + static_cast<std::size_t>(c * size);
-      const auto as = [&]<class T>(T value) {
-        std::memcpy(&value, at, sizeof(T));
-        const double scale = accessor.normalized ? static_cast<double>(std::numeric_limits<T>::max()) : 1.0;
-        return static_cast<double>(value) / scale;
-      };
-      double& out = v[static_cast<std::size_t>(c)];
-      switch (accessor.componentType) {
-        case TINYGLTF_COMPONENT_TYPE_FLOAT: {
-          float f;
-          std::memcpy(&f, at, 4);
-          out = f;
-          break;
-        }
-        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
-          out = as(std::uint8_t{});
-          break;
-        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT:
-          out = as(std::uint16_t{});
-          break;
-        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT:
-          out = as(std::uint32_t{});
-          break;
-        default:
-          throw std::runtime_error("an accessor has a component type that is not read");
-      }
-    }
-    take(i, v);
+/// Values of what an accessor counts: POSITION tells its box.
+void set_box(const Mesh& mesh, const Snapped* snapped, tinygltf::Accessor& accessor) {
+  Eigen::Vector3f low = Eigen::Vector3f::Constant(std::numeric_limits<float>::max()), high = -low;
+  for (const auto& p : mesh.positions) low = low.cwiseMin(turned(p)), high = high.cwiseMax(turned(p));
+  if (snapped != nullptr) {
+    const auto steps = [&](const Eigen::Vector3f& p) {
+      return Eigen::Vector3f(((p - snapped->low) / snapped->step).array().round().matrix());
+    };
+    low = steps(low), high = steps(high);
   }
+  accessor.minValues = {low.x(), low.y(), low.z()};
+  accessor.maxValues = {high.x(), high.y(), high.z()};
 }
 
-Eigen::Affine3d local_transform(const tinygltf::Node& node) {
-  Eigen::Affine3d t = Eigen::Affine3d::Identity();
-  if (node.matrix.size() == 16) t.matrix() = Eigen::Map<const Eigen::Matrix4d>(node.matrix.data());
-  if (node.translation.size() == 3) t.translate(Eigen::Map<const Eigen::Vector3d>(node.translation.data()));
-  if (node.rotation.size() == 4)
-    t.rotate(Eigen::Quaterniond(node.rotation[3], node.rotation[0], node.rotation[1], node.rotation[2]));
-  if (node.scale.size() == 3) t.scale(Eigen::Map<const Eigen::Vector3d>(node.scale.data()));
-  return t;
-}
-
-void append(const tinygltf::Model& model, int node_index, const Eigen::Affine3d& parent, Mesh& mesh, int depth) {
-  if (depth > 64) throw std::runtime_error("its nodes are nested too deeply");
-  const auto& node = model.nodes.at(static_cast<std::size_t>(node_index));
-  const Eigen::Affine3d transform = parent * local_transform(node);
-  const Eigen::Matrix3d normal_transform = transform.linear().inverse().transpose();
-  if (node.mesh >= 0) {
-    for (const auto& primitive : model.meshes.at(static_cast<std::size_t>(node.mesh)).primitives) {
-      const auto position = primitive.attributes.find("POSITION");
-      if (primitive.mode != TINYGLTF_MODE_TRIANGLES || position == primitive.attributes.end()) continue;
-      const std::size_t first = mesh.positions.size();
-      read_accessor(model, position->second, [&](std::size_t, const auto& v) {
-        mesh.positions.push_back(turned((transform * Eigen::Vector3d(v[0], v[1], v[2])).template cast<float>()));
-      });
-      const std::size_t count = mesh.positions.size() - first;
-      if (const auto it = primitive.attributes.find("NORMAL"); it != primitive.attributes.end())
-        read_accessor(model, it->second, [&](std::size_t, const auto& v) {
-          mesh.normals.push_back(
-              turned((normal_transform * Eigen::Vector3d(v[0], v[1], v[2])).normalized().template cast<float>()));
-        });
-      if (const auto it = primitive.attributes.find("COLOR_0"); it != primitive.attributes.end())
-        read_accessor(model, it->second, [&](std::size_t, const auto& v) {
-          mesh.colours.push_back({srgb(v[0]), srgb(v[1]), srgb(v[2]), 255});
-        });
-      std::vector<std::uint32_t> indices;
-      if (primitive.indices >= 0)
-        read_accessor(model, primitive.indices,
-                      [&](std::size_t, const auto& v) { indices.push_back(static_cast<std::uint32_t>(v[0])); });
-      else
-        for (std::size_t i = 0; i < count; ++i) indices.push_back(static_cast<std::uint32_t>(i));
-      for (std::size_t i = 0; i + 2 < indices.size(); i += 3) {
-        std::array<std::uint32_t, 3> t{};
-        for (std::size_t k = 0; k < 3; ++k) {
-          if (indices[i + k] >= count) throw std::runtime_error("an index reaches beyond the vertices");
-          t[k] = indices[i + k] + static_cast<std::uint32_t>(first);
-        }
-        mesh.triangles.push_back(t);
-      }
-    }
-  }
-  for (const int child : node.children) append(model, child, transform, mesh, depth + 1);
-}
+std::vector<double> numbers(const Eigen::Vector3f& v) { return {v.x(), v.y(), v.z()}; }
 
 }  // namespace
 
-void write_gltf(const std::filesystem::path& file, const Mesh& mesh) {
-  tinygltf::Model model = to_model(mesh);
-  const bool binary = file.extension() == ".glb";
-  if (!binary && !model.buffers.empty()) {
-    // The .bin first: a .gltf that can be seen is complete.
-    std::filesystem::path bin = file;
-    bin.replace_extension(".bin");
-    write_whole(bin, model.buffers[0].data);
-    model.buffers[0].uri = bin.filename().string();
-  }
-  write_whole(file, [&](const std::filesystem::path& temporary) {
-    tinygltf::TinyGLTF writer;
-    std::ofstream out(temporary, std::ios::binary);
-    if (binary) {
-      if (!writer.WriteGltfSceneToStream(&model, out, false, true)) throw std::runtime_error("tinygltf failed");
-    } else {
-      // tinygltf would write the buffer a second time, as text or under the temporary name: the JSON gets the .bin's
-      // name.
-      std::ostringstream json;
-      writer.WriteGltfSceneToStream(&model, json, true, false);
-      nlohmann::json j = nlohmann::json::parse(json.str());
-      if (!model.buffers.empty())
-        j["buffers"][0] = {{"byteLength", model.buffers[0].data.size()}, {"uri", model.buffers[0].uri}};
-      out << j.dump(1) << '\n';
-    }
-    if (!out.flush()) throw std::runtime_error("the disk is full");
-  });
+Snapped snap(const Mesh& mesh) {
+  Snapped snapped{.mesh = mesh};
+  if (mesh.positions.empty()) return snapped;
+  Eigen::AlignedBox3f box;
+  for (const auto& p : mesh.positions) box.extend(turned(p));
+  snapped.low = box.min();
+  // A power of two, so that steps times it are exact and the same places stay the same in every part.
+  const float longest = std::max(box.sizes().maxCoeff(), 1e-3f);
+  snapped.step = std::exp2(std::ceil(std::log2(longest / static_cast<float>(kGrid - 1))));
+  snapped.low = ((snapped.low / snapped.step).array().floor() * snapped.step).matrix();
+  for (auto& p : snapped.mesh.positions)
+    p = turned((((turned(p) - snapped.low) / snapped.step).array().round() * snapped.step).matrix() + snapped.low);
+  (void)make_manifold(snapped.mesh);
+  (void)drop_unused_vertices(snapped.mesh);
+  return snapped;
 }
 
-Mesh read_gltf(const std::filesystem::path& file) {
+struct GltfWriter::State {
+  GltfOptions options;
   tinygltf::Model model;
-  tinygltf::TinyGLTF loader;
-  std::string error, warning;
-  const bool loaded = file.extension() == ".glb" ? loader.LoadBinaryFromFile(&model, &error, &warning, file.string())
-                                                 : loader.LoadASCIIFromFile(&model, &error, &warning, file.string());
-  if (!loaded)
-    throw std::runtime_error(file.string() + ": cannot be read as glTF: " + error.substr(0, error.find('\n')));
-  Mesh mesh;
-  try {
-    const std::size_t scene = model.defaultScene < 0 ? 0 : static_cast<std::size_t>(model.defaultScene);
-    if (scene < model.scenes.size())
-      for (const int node : model.scenes[scene].nodes) append(model, node, Eigen::Affine3d::Identity(), mesh, 0);
-  } catch (const std::exception& problem) {
-    throw std::runtime_error(file.string() + ": " + problem.what());
+  Bytes buffer;
+  std::size_t fallback = 0;  // bytes of the buffer that nobody needs to have
+  struct Compressed {        // what a view of the fallback buffer is made from
+    std::size_t view, offset, size, count, stride;
+    const char* mode;
+  };
+  std::vector<Compressed> compressed;
+  std::vector<Bytes> images;
+
+  void use(const char* extension, bool required = false) {
+    const auto note = [&](std::vector<std::string>& list) {
+      if (std::find(list.begin(), list.end(), extension) == list.end()) list.emplace_back(extension);
+    };
+    note(model.extensionsUsed);
+    if (required) note(model.extensionsRequired);
   }
-  // Parts with and without an attribute cannot be told apart in one mesh.
-  if (mesh.normals.size() != mesh.positions.size()) mesh.normals.clear();
-  if (mesh.colours.size() != mesh.positions.size()) mesh.colours.clear();
-  return mesh;
+
+  /// Appends to the buffer; the view of it.
+  int add_view(const Bytes& bytes) {
+    buffer.resize((buffer.size() + 3) & ~std::size_t{3});
+    tinygltf::BufferView view;
+    view.buffer = 0;
+    view.byteOffset = buffer.size();
+    view.byteLength = bytes.size();
+    buffer.insert(buffer.end(), bytes.begin(), bytes.end());
+    model.bufferViews.push_back(view);
+    return static_cast<int>(model.bufferViews.size()) - 1;
+  }
+
+  int add_accessor(const Stream& stream, int view) {
+    tinygltf::Accessor accessor;
+    accessor.bufferView = view;
+    accessor.componentType = stream.component;
+    accessor.type = stream.type;
+    accessor.count = stream.count;
+    accessor.normalized = stream.normalized;
+    model.accessors.push_back(accessor);
+    return static_cast<int>(model.accessors.size()) - 1;
+  }
+
+  int add_stream(const Stream& stream, bool is_index, bool compress) {
+    int number = 0;
+    if (compress) {
+      Bytes packed;
+      if (is_index) {
+        meshopt_encodeIndexVersion(1);
+        std::vector<std::uint32_t> indices(stream.count);
+        for (std::size_t i = 0; i < stream.count; ++i)
+          std::memcpy(&indices[i], &stream.bytes[i * stream.stride], stream.stride);
+        packed.resize(meshopt_encodeIndexBufferBound(stream.count, stream.count));
+        packed.resize(meshopt_encodeIndexBuffer(packed.data(), packed.size(), indices.data(), indices.size()));
+      } else {
+        meshopt_encodeVertexVersion(0);
+        packed.resize(meshopt_encodeVertexBufferBound(stream.count, stream.stride));
+        packed.resize(
+            meshopt_encodeVertexBuffer(packed.data(), packed.size(), stream.bytes.data(), stream.count, stream.stride));
+      }
+      number = add_view(packed);
+      tinygltf::BufferView& view = model.bufferViews.back();
+      compressed.push_back({.view = static_cast<std::size_t>(number),
+                            .offset = view.byteOffset,
+                            .size = packed.size(),
+                            .count = stream.count,
+                            .stride = stream.stride,
+                            .mode = is_index ? "TRIANGLES" : "ATTRIBUTES"});
+      view.buffer = 1;
+      view.byteOffset = fallback;
+      view.byteLength = stream.bytes.size();
+      fallback = (fallback + stream.bytes.size() + 3) & ~std::size_t{3};
+    } else {
+      number = add_view(stream.bytes);
+    }
+    tinygltf::BufferView& view = model.bufferViews.back();
+    view.target = is_index ? TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER : TINYGLTF_TARGET_ARRAY_BUFFER;
+    if (!is_index) view.byteStride = stream.stride;
+    return add_accessor(stream, number);
+  }
+
+  int material_of(const Mesh& mesh) {
+    tinygltf::Material material;
+    material.name = "surface";
+    material.pbrMetallicRoughness.metallicFactor = 0.0;
+    material.pbrMetallicRoughness.roughnessFactor = 1.0;
+    material.doubleSided = true;
+    const bool is_textured = !mesh.texture_places.empty();
+    if (is_textured || !mesh.colours.empty()) {  // the light is in the colours already
+      use(kUnlit[0]);
+      material.extensions[kUnlit[0]] = tinygltf::Value(tinygltf::Value::Object{});
+    }
+    if (is_textured) {
+      images.push_back(encode_image(mesh.texture, options.png, options.jpeg_quality));
+      tinygltf::Image image;
+      image.mimeType = options.png ? "image/png" : "image/jpeg";
+      image.name = "texture-" + std::to_string(model.images.size());
+      if (model.samplers.empty()) {
+        tinygltf::Sampler sampler;
+        sampler.magFilter = TINYGLTF_TEXTURE_FILTER_LINEAR;
+        sampler.minFilter = TINYGLTF_TEXTURE_FILTER_LINEAR_MIPMAP_LINEAR;
+        sampler.wrapS = sampler.wrapT = TINYGLTF_TEXTURE_WRAP_CLAMP_TO_EDGE;
+        model.samplers.push_back(sampler);
+      }
+      tinygltf::Texture texture;
+      texture.sampler = 0;
+      texture.source = static_cast<int>(model.images.size());
+      model.images.push_back(image);
+      material.pbrMetallicRoughness.baseColorTexture.index = static_cast<int>(model.textures.size());
+      model.textures.push_back(texture);
+    }
+    // All parts without a texture share their material.
+    if (!is_textured)
+      for (std::size_t i = 0; i < model.materials.size(); ++i)
+        if (model.materials[i] == material) return static_cast<int>(i);
+    model.materials.push_back(material);
+    return static_cast<int>(model.materials.size()) - 1;
+  }
+
+  void encode_draco(const Mesh& mesh, tinygltf::Primitive& primitive) {
+    draco::Mesh coded;
+    coded.set_num_points(static_cast<std::uint32_t>(mesh.positions.size()));
+    tinygltf::Value::Object ids;
+    for (const auto& [name, stream] : plain_attributes(mesh)) {
+      const bool is_short = stream.component == TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT;
+      draco::GeometryAttribute attribute;
+      const auto kind = name == "POSITION"     ? draco::GeometryAttribute::POSITION
+                        : name == "NORMAL"     ? draco::GeometryAttribute::NORMAL
+                        : name == "TEXCOORD_0" ? draco::GeometryAttribute::TEX_COORD
+                                               : draco::GeometryAttribute::COLOR;
+      attribute.Init(
+          kind, nullptr,
+          static_cast<std::int8_t>(tinygltf::GetNumComponentsInType(static_cast<std::uint32_t>(stream.type))),
+          is_short ? draco::DT_UINT16 : draco::DT_FLOAT32, stream.normalized, static_cast<std::int64_t>(stream.stride),
+          0);
+      const int id = coded.AddAttribute(attribute, true, static_cast<std::uint32_t>(stream.count));
+      for (std::uint32_t i = 0; i < stream.count; ++i)
+        coded.attribute(id)->SetAttributeValue(draco::AttributeValueIndex(i), &stream.bytes[i * stream.stride]);
+      ids[name] = tinygltf::Value(static_cast<int>(coded.attribute(id)->unique_id()));
+      primitive.attributes[name] = add_accessor(stream, -1);
+      if (name == "POSITION") set_box(mesh, nullptr, model.accessors.back());
+    }
+    coded.SetNumFaces(mesh.triangles.size());
+    for (std::uint32_t i = 0; i < mesh.triangles.size(); ++i)
+      coded.SetFace(draco::FaceIndex(i),
+                    {draco::PointIndex(mesh.triangles[i][0]), draco::PointIndex(mesh.triangles[i][1]),
+                     draco::PointIndex(mesh.triangles[i][2])});
+    draco::Encoder encoder;
+    encoder.SetTrackEncodedProperties(true);
+    encoder.SetAttributeQuantization(draco::GeometryAttribute::POSITION, kDracoPositionBits);
+    encoder.SetAttributeQuantization(draco::GeometryAttribute::NORMAL, kDracoNormalBits);
+    encoder.SetAttributeQuantization(draco::GeometryAttribute::TEX_COORD, kDracoPlaceBits);
+    encoder.SetAttributeQuantization(draco::GeometryAttribute::COLOR, kDracoColourBits);
+    draco::EncoderBuffer out;
+    if (const draco::Status status = encoder.EncodeMeshToBuffer(coded, &out); !status.ok())
+      throw std::runtime_error("draco cannot encode the mesh: " + status.error_msg_string());
+    for (const auto& [name, accessor] : primitive.attributes)
+      model.accessors[static_cast<std::size_t>(accessor)].count = encoder.num_encoded_points();
+    const auto* bytes = reinterpret_cast<const std::uint8_t*>(out.data());
+    const int view = add_view(Bytes(bytes, bytes + out.size()));
+    Stream indices = indices_of(mesh);
+    indices.count = 3 * encoder.num_encoded_faces();
+    indices.component = TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT;
+    primitive.indices = add_accessor(indices, -1);
+    tinygltf::Value::Object extension;
+    extension["bufferView"] = tinygltf::Value(view);
+    extension["attributes"] = tinygltf::Value(ids);
+    primitive.extensions["KHR_draco_mesh_compression"] = tinygltf::Value(extension);
+    use("KHR_draco_mesh_compression", true);
+  }
+
+  /// The JSON; `bin` and `image_files` name what lies beside it, empty: it is in the file.
+  [[nodiscard]] std::string json(const std::string& bin, const std::vector<std::string>& image_files) const {
+    tinygltf::Model told = model;
+    tinygltf::TinyGLTF writer;
+    std::ostringstream text;
+    told.images.clear();  // tinygltf would write files
+    if (!writer.WriteGltfSceneToStream(&told, text, false, false)) throw std::runtime_error("tinygltf failed");
+    nlohmann::json j = nlohmann::json::parse(text.str());
+    if (!buffer.empty()) {
+      j["buffers"] = {{{"byteLength", buffer.size()}}};
+      if (!bin.empty()) j["buffers"][0]["uri"] = bin;
+    }
+    for (std::size_t i = 0; i < model.images.size(); ++i) {
+      nlohmann::json& image = j["images"][i];
+      image = {{"name", model.images[i].name}, {"mimeType", model.images[i].mimeType}};
+      if (image_files.empty())
+        image["bufferView"] = model.bufferViews.size() - images.size() + i;
+      else
+        image["uri"] = image_files[i];
+    }
+    if (!model.cameras.empty()) j["cameras"][0]["perspective"].erase("zfar");  // tinygltf writes 0 for no end
+    if (!compressed.empty()) {
+      j["buffers"].push_back(
+          {{"byteLength", fallback}, {"extensions", {{"EXT_meshopt_compression", {{"fallback", true}}}}}});
+      for (const Compressed& c : compressed)
+        j["bufferViews"][c.view]["extensions"]["EXT_meshopt_compression"] = {
+            {"buffer", 0},      {"byteOffset", c.offset}, {"byteLength", c.size}, {"byteStride", c.stride},
+            {"count", c.count}, {"mode", c.mode}};
+    }
+    return bin.empty() ? j.dump() : j.dump(1) + '\n';
+  }
+};
+
+GltfWriter::GltfWriter(GltfOptions options) : state_(std::make_unique<State>()) {
+  State& s = *state_;
+  s.options = std::move(options);
+  s.model.asset.version = "2.0";
+  s.model.asset.generator = "cairn";
+  tinygltf::Value::Object extras;
+  extras["up_axis"] = tinygltf::Value(std::string("y"));
+  extras["unit"] = tinygltf::Value(std::string("metre"));
+  extras["scale"] = tinygltf::Value(1.0);
+  extras["gltf_from_world"] = tinygltf::Value(std::string("half turn about x: (x, -y, -z)"));
+  if (!s.options.source.empty()) extras["source"] = tinygltf::Value(s.options.source);
+  s.model.asset.extras = tinygltf::Value(extras);
+  tinygltf::Scene scene;
+  scene.name = "map";
+  s.model.scenes.push_back(scene);
+  s.model.defaultScene = 0;
+}
+GltfWriter::~GltfWriter() = default;
+GltfWriter::GltfWriter(GltfWriter&&) noexcept = default;
+
+GltfWriter::Added GltfWriter::add(const std::string& name, const Mesh& given) {
+  if (given.triangles.empty()) return {};  // glTF has no empty meshes
+  State& s = *state_;
+  const Compression compression = s.options.compression;
+  std::optional<Snapped> snapped;
+  if (compression != Compression::none) {
+    snapped = snap(given);
+    if (compression == Compression::meshopt) reorder(snapped->mesh);
+    if (snapped->mesh.triangles.empty()) return {};
+  }
+  const Mesh& mesh = snapped ? snapped->mesh : given;
+  tinygltf::Primitive primitive;
+  primitive.mode = TINYGLTF_MODE_TRIANGLES;
+  primitive.material = s.material_of(mesh);
+  tinygltf::Node node;
+  node.name = name;
+  if (compression == Compression::draco) {
+    s.encode_draco(mesh, primitive);
+  } else {
+    const bool compress = compression == Compression::meshopt;
+    for (const auto& [attribute, stream] : snapped ? quantised_attributes(*snapped) : plain_attributes(mesh)) {
+      primitive.attributes[attribute] = s.add_stream(stream, false, compress);
+      if (attribute == "POSITION") set_box(mesh, snapped ? &*snapped : nullptr, s.model.accessors.back());
+    }
+    primitive.indices = s.add_stream(indices_of(mesh), true, compress);
+    if (snapped) {
+      node.translation = numbers(snapped->low);
+      node.scale = std::vector<double>(3, snapped->step);
+      s.use("KHR_mesh_quantization", true);
+    }
+    if (compress) s.use("EXT_meshopt_compression", true);
+  }
+  node.mesh = static_cast<int>(s.model.meshes.size());
+  tinygltf::Mesh gltf_mesh;
+  gltf_mesh.name = name;
+  gltf_mesh.primitives.push_back(primitive);
+  s.model.meshes.push_back(gltf_mesh);
+  s.model.scenes[0].nodes.push_back(static_cast<int>(s.model.nodes.size()));
+  s.model.nodes.push_back(node);
+  return {mesh.triangles.size(), mesh.positions.size()};
+}
+
+void GltfWriter::add_cameras(const Camera& camera, const Trajectory& path,
+                             const std::vector<Eigen::Isometry3d>& cameras) {
+  State& s = *state_;
+  const auto add_node = [&](const tinygltf::Node& node) {
+    s.model.scenes[0].nodes.push_back(static_cast<int>(s.model.nodes.size()));
+    s.model.nodes.push_back(node);
+  };
+  if (path.size() > 1) {
+    Mesh line;
+    for (const StampedPose& pose : path)
+      line.positions.emplace_back(pose.world_from_camera.translation().cast<float>());
+    tinygltf::Primitive primitive;
+    primitive.mode = TINYGLTF_MODE_LINE_STRIP;
+    primitive.attributes["POSITION"] = s.add_stream(floats(flat(line.positions), TINYGLTF_TYPE_VEC3), false, false);
+    set_box(line, nullptr, s.model.accessors.back());
+    tinygltf::Material material;
+    material.name = "path";
+    material.pbrMetallicRoughness.baseColorFactor = {0.07, 0.26, 1.0, 1.0};
+    s.use(kUnlit[0]);
+    material.extensions[kUnlit[0]] = tinygltf::Value(tinygltf::Value::Object{});
+    primitive.material = static_cast<int>(s.model.materials.size());
+    s.model.materials.push_back(material);
+    tinygltf::Node node;
+    node.name = "path";
+    node.mesh = static_cast<int>(s.model.meshes.size());
+    tinygltf::Mesh mesh;
+    mesh.name = "path";
+    mesh.primitives.push_back(primitive);
+    s.model.meshes.push_back(mesh);
+    add_node(node);
+  }
+  if (cameras.empty()) return;
+  tinygltf::Camera lens;
+  lens.type = "perspective";
+  lens.name = "depth camera";
+  lens.perspective.yfov = 2 * std::atan(0.5 * camera.height / camera.fy);
+  lens.perspective.aspectRatio = camera.width * camera.fy / (camera.height * camera.fx);
+  lens.perspective.znear = 0.05;
+  s.model.cameras.push_back(lens);
+  const Eigen::Matrix3d turn = Eigen::Vector3d(1, -1, -1).asDiagonal();
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    tinygltf::Node node;
+    node.name = "camera-" + std::to_string(i);
+    node.camera = 0;
+    const Eigen::Quaterniond q(turn * cameras[i].linear() * turn);
+    const Eigen::Vector3d t = turn * cameras[i].translation();
+    node.rotation = {q.x(), q.y(), q.z(), q.w()};
+    node.translation = {t.x(), t.y(), t.z()};
+    add_node(node);
+  }
+}
+
+Bytes join_glb(std::string json, const Bytes& buffer) {
+  while (json.size() % 4 != 0) json += ' ';
+  const std::size_t padded = (buffer.size() + 3) & ~std::size_t{3};
+  const std::size_t total = 12 + 8 + json.size() + (buffer.empty() ? 0 : 8 + padded);
+  if (total > std::numeric_limits<std::uint32_t>::max())
+    throw std::runtime_error(
+        "more than 4 GiB do not fit into a .glb: simplify or compress it, or write a tileset.json");
+  Bytes bytes;
+  bytes.reserve(total);
+  const auto put = [&](std::size_t word) {
+    for (int i = 0; i < 4; ++i) bytes.push_back(static_cast<std::uint8_t>(word >> (8 * i)));
+  };
+  put(0x46546c67), put(2), put(total);
+  put(json.size()), put(0x4e4f534a);
+  bytes.insert(bytes.end(), json.begin(), json.end());
+  if (!buffer.empty()) {
+    put(padded), put(0x004e4942);
+    bytes.insert(bytes.end(), buffer.begin(), buffer.end());
+    bytes.resize(total, 0);
+  }
+  return bytes;
+}
+
+Bytes GltfWriter::glb() const {
+  // Images go to the end of the buffer.
+  State whole = *state_;
+  for (const Bytes& image : whole.images) (void)whole.add_view(image);
+  return join_glb(whole.json({}, {}), whole.buffer);
+}
+
+void GltfWriter::write(const std::filesystem::path& file) const {
+  if (file.extension() == ".glb") return write_whole(file, glb());
+  // What lies beside it first: a .gltf that can be seen is complete.
+  const std::string stem = file.stem().string();
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < state_->images.size(); ++i) {
+    names.push_back(stem + "-" + std::to_string(i) + (state_->options.png ? ".png" : ".jpg"));
+    write_whole(file.parent_path() / names.back(), state_->images[i]);
+  }
+  const std::string bin = stem + ".bin";
+  if (!state_->buffer.empty()) write_whole(file.parent_path() / bin, state_->buffer);
+  write_whole(file, state_->json(bin, names));
+}
+
+void write_gltf(const std::filesystem::path& file, const Mesh& mesh) {
+  GltfWriter writer;
+  writer.add("map", mesh);
+  writer.write(file);
 }
 
 }  // namespace cairn

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 #include "mesh/formats.hpp"
+#include "mesh/gltf.hpp"
 
 namespace cairn {
 namespace {
@@ -14,18 +17,48 @@ namespace {
 
 }  // namespace
 
+std::vector<std::uint8_t> encode_image(const Texture& texture, bool png, int jpeg_quality) {
+  cv::Mat bgr;
+  cv::cvtColor(cv::Mat(texture.height, texture.width, CV_8UC3, const_cast<std::uint8_t*>(texture.texels[0].data())),
+               bgr, cv::COLOR_RGB2BGR);
+  std::vector<std::uint8_t> bytes;
+  if (png)
+    cv::imencode(".png", bgr, bytes, {cv::IMWRITE_PNG_COMPRESSION, 6});
+  else
+    cv::imencode(".jpg", bgr, bytes, {cv::IMWRITE_JPEG_QUALITY, jpeg_quality, cv::IMWRITE_JPEG_OPTIMIZE, 1});
+  return bytes;
+}
+
 void write_mesh(const std::filesystem::path& file, const Mesh& mesh) {
   const auto extension = file.extension();
   if (extension == ".glb" || extension == ".gltf") return write_gltf(file, mesh);
   if (extension == ".ply") return write_ply(file, mesh);
+  if (extension == ".obj") return write_obj(file, {mesh});
+  unknown(file);
+}
+
+std::vector<Mesh> read_mesh_parts(const std::filesystem::path& file) {
+  const auto extension = file.extension();
+  if (extension == ".glb" || extension == ".gltf") return read_gltf_parts(file);
+  if (extension == ".ply") return {read_ply(file)};
   unknown(file);
 }
 
 Mesh read_mesh(const std::filesystem::path& file) {
-  const auto extension = file.extension();
-  if (extension == ".glb" || extension == ".gltf") return read_gltf(file);
-  if (extension == ".ply") return read_ply(file);
-  unknown(file);
+  std::vector<Mesh> parts = read_mesh_parts(file);
+  if (parts.size() == 1) return std::move(parts[0]);
+  Mesh mesh;
+  for (const Mesh& part : parts) {
+    const auto first = static_cast<std::uint32_t>(mesh.positions.size());
+    mesh.positions.insert(mesh.positions.end(), part.positions.begin(), part.positions.end());
+    mesh.normals.insert(mesh.normals.end(), part.normals.begin(), part.normals.end());
+    mesh.colours.insert(mesh.colours.end(), part.colours.begin(), part.colours.end());
+    for (const auto& t : part.triangles) mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+  }
+  // Parts with and without an attribute cannot be told apart in one mesh.
+  if (mesh.normals.size() != mesh.positions.size()) mesh.normals.clear();
+  if (mesh.colours.size() != mesh.positions.size()) mesh.colours.clear();
+  return mesh;
 }
 
 }  // namespace cairn

@@ -13,10 +13,13 @@ using StageTimes = std::map<std::string, double>;
 /// Runs a stage and adds its time.
 template <class Stage>
 auto timed(StageTimes& times, const char* name, Stage&& stage) {
-  const auto start = std::chrono::steady_clock::now();
-  auto result = stage();
-  times[name] += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-  return result;
+  struct Stopwatch {
+    using Clock = std::chrono::steady_clock;
+    double& total;
+    Clock::time_point start = Clock::now();
+    ~Stopwatch() { total += std::chrono::duration<double, std::milli>(Clock::now() - start).count(); }
+  } stopwatch{times[name]};
+  return stage();
 }
 
 }  // namespace cairn

@@ -285,12 +285,20 @@ ReadGrids read_grids(const std::filesystem::path& file) {
     BrickVoxels voxels{};
     for (openvdb::Index i = 0; i < 512; ++i) {
       if (!leaf->isValueOn(i)) continue;
+      const openvdb::Vec3s& rgb = c->getValue(i);
+      const auto is_in = [](float value, float low, float high) { return value >= low && value <= high; };  // no NaN
+      if (!is_in(leaf->getValue(i) / result.info.truncation, -1.001f, 1.001f) ||
+          !is_in(w->getValue(i) * kWeightUnits, 0, 65535) || !is_in(rgb.x(), 0, 1) || !is_in(rgb.y(), 0, 1) ||
+          !is_in(rgb.z(), 0, 1) || n->getValue(i) < 0 || n->getValue(i) > 255) {
+        const auto where = leaf->offsetToGlobalCoord(i);
+        throw wrong("voxel " + std::to_string(where.x()) + " " + std::to_string(where.y()) + " " +
+                    std::to_string(where.z()) + " holds a value that is out of range or not a number");
+      }
       const auto d =
           static_cast<std::int16_t>(std::lround(leaf->getValue(i) / result.info.truncation * kDistanceUnits));
       std::uint64_t v = static_cast<std::uint16_t>(d);
       v |= static_cast<std::uint64_t>(std::lround(w->getValue(i) * kWeightUnits)) << 16;
-      for (int k = 0; k < 3; ++k)
-        v |= static_cast<std::uint64_t>(std::lround(c->getValue(i)[k] * 255.0f)) << (32 + 8 * k);
+      for (int k = 0; k < 3; ++k) v |= static_cast<std::uint64_t>(std::lround(rgb[k] * 255.0f)) << (32 + 8 * k);
       v |= static_cast<std::uint64_t>(n->getValue(i)) << 56;
       voxels[i] = v;
     }

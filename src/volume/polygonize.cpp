@@ -11,6 +11,7 @@
 #include <unordered_set>
 #include <utility>
 
+#include "mesh/topology.hpp"
 #include "spirv/polygonize_classify.comp.h"
 #include "spirv/polygonize_triangles.comp.h"
 #include "spirv/polygonize_vertices.comp.h"
@@ -42,27 +43,6 @@ std::vector<Brick> with_neighbours(std::span<const Brick> bricks) {
 
 bool is_on_device(const Volume& volume, const Brick& brick) { return volume.slot_of(brick) != Volume::kNoSlot; }
 
-void drop_unused_vertices(Mesh& mesh) {
-  constexpr std::uint32_t kUnused = 0xffffffffu;
-  std::vector<std::uint32_t> moved(mesh.positions.size(), kUnused);
-  for (const auto& t : mesh.triangles)
-    for (const std::uint32_t v : t) moved[v] = 0;
-  std::uint32_t count = 0;
-  for (std::size_t v = 0; v < moved.size(); ++v) {
-    if (moved[v] == kUnused) continue;
-    moved[v] = count;
-    mesh.positions[count] = mesh.positions[v];
-    mesh.normals[count] = mesh.normals[v];
-    mesh.colours[count] = mesh.colours[v];
-    ++count;
-  }
-  mesh.positions.resize(count);
-  mesh.normals.resize(count);
-  mesh.colours.resize(count);
-  for (auto& t : mesh.triangles)
-    for (std::uint32_t& v : t) v = moved[v];
-}
-
 }  // namespace
 
 Polygonize::Polygonize(gpu::Device& device)
@@ -77,12 +57,14 @@ Polygonize::Polygonize(gpu::Device& device)
   batch.run();
 }
 
-Mesh Polygonize::operator()(Volume& volume) {
+Mesh Polygonize::operator()(Volume& volume) { return operator()(volume, volume.bricks()); }
+
+Mesh Polygonize::operator()(Volume& volume, std::span<const Brick> bricks) {
   const auto all = volume.bricks();
   const bool resident = std::all_of(all.begin(), all.end(), [&](const Brick& b) { return is_on_device(volume, b); });
   const std::unordered_set<Brick, BrickHash> exists(all.begin(), all.end());
   return polygonize(
-      volume, all, [&](const Brick& b) { return exists.contains(b); }, resident);
+      volume, bricks, [&](const Brick& b) { return exists.contains(b); }, resident);
 }
 
 Mesh Polygonize::on_device(Volume& volume, std::span<const Brick> bricks) {
@@ -171,6 +153,7 @@ Mesh Polygonize::polygonize(Volume& volume, std::span<const Brick> wanted,
       mesh.positions.emplace_back(v.position);
       mesh.normals.emplace_back(v.normal);
       mesh.colours.push_back(std::bit_cast<std::array<std::uint8_t, 4>>(v.colour | 0xff000000u));
+      mesh.weights.push_back(v.weight);
     }
     begin = end;
   }
@@ -203,7 +186,7 @@ Mesh Polygonize::polygonize(Volume& volume, std::span<const Brick> wanted,
     batch.download(indices, std::span(mesh.triangles).subspan(first, last - first));
     batch.run();
   }
-  drop_unused_vertices(mesh);
+  (void)drop_unused_vertices(mesh);
   return mesh;
 }
 

@@ -2,10 +2,11 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // What the browser tests share: the program, Debian's Chromium, and pages that must not complain.
 import { spawn, spawnSync } from 'node:child_process';
-import { existsSync, mkdirSync, mkdtempSync, rmSync } from 'node:fs';
+import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
+import { createServer } from 'node:http';
 import { createRequire } from 'node:module';
 import { tmpdir } from 'node:os';
-import { join } from 'node:path';
+import { extname, join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 
 const require = createRequire(new URL('../support/package.json', import.meta.url));
@@ -81,3 +82,28 @@ export async function withBrowser(test) {
 }
 
 export const triangles = (page) => page.evaluate(() => window.cairn?.triangles ?? 0);
+
+/** A page that opens exported files of `folder`; see export_page.js. `close()` ends its server. */
+export async function exportPage(open, folder) {
+  const { build } = require('esbuild');
+  const bundled = await build({
+    entryPoints: [fileURLToPath(new URL('export_page.js', import.meta.url))], bundle: true, write: false, format: 'esm',
+    nodePaths: [fileURLToPath(new URL('../support/node_modules', import.meta.url))], logLevel: 'warning',
+  });
+  const draco = fileURLToPath(new URL('../support/node_modules/three/examples/jsm/libs/draco/gltf/', import.meta.url));
+  const types = { '.html': 'text/html', '.js': 'text/javascript', '.json': 'application/json', '.wasm': 'application/wasm' };
+  const server = createServer((request, response) => {
+    const path = new URL(request.url, 'http://x').pathname;
+    const send = (body, type) => response.writeHead(200, { 'Content-Type': type }).end(body);
+    if (path === '/') return send('<!doctype html><link rel="icon" href="data:,"><body><script type="module" src="/page.js"></script>', 'text/html');
+    if (path === '/page.js') return send(bundled.outputFiles[0].contents, 'text/javascript');
+    const file = path.startsWith('/draco/') ? join(draco, path.slice(7)) : join(folder, path);
+    if (!existsSync(file)) return response.writeHead(404).end();
+    return send(readFileSync(file), types[extname(file)] ?? 'application/octet-stream');
+  });
+  await new Promise((resolve) => server.listen(0, '127.0.0.1', resolve));
+  server.unref();
+  const page = await open(`http://127.0.0.1:${server.address().port}/`, { width: 1000, height: 640 });
+  await until(() => page.evaluate(() => Boolean(window.openTiles)));
+  return { page, close: () => server.close() };
+}

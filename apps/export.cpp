@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/export.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+
+#include "cairn/mapper.hpp"
+#include "commands.hpp"
+#include "export_options.hpp"
+#include "outputs.hpp"
+#include "progress.hpp"
+
+namespace cairn::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  fs::path map, output;
+  ExportOptions options;
+  int device = -1;
+  bool json = false;
+};
+
+/// A folder with a session has all; without one there is the map alone, and no keyframes.
+Exported export_it(const Arguments& a) {
+  ExportOptions options = a.options;
+  options.source = fs::weakly_canonical(a.map).filename().string();
+  check(options, a.output);
+  Progress progress(std::nullopt, "steps");
+  if (fs::is_directory(a.map) && fs::exists(a.map / "session" / "state.cbor")) {
+    Mapper mapper = Mapper::open(a.map / "session", a.device);
+    return mapper.export_mesh(a.output, options, on(progress));
+  }
+  return export_map(fs::is_directory(a.map) ? a.map / "map.vdb" : a.map, a.output, options, on(progress), a.device);
+}
+
+void run_export(const Arguments& a) {
+  if (const fs::path folder = a.output.parent_path(); !folder.empty()) prepare_output(folder);
+  const Exported e = export_it(a);
+  if (a.json) {
+    fmt::print("{}\n", to_json(e).dump(2));
+    return;
+  }
+  double seconds = 0;
+  for (const auto& [stage, ms] : e.stage_ms) seconds += 1e-3 * ms;
+  if (e.points > 0)
+    fmt::print("{}: {} points in {:.1f} s\n", a.output.string(), e.points, seconds);
+  else
+    fmt::print("{}: {} of {} triangles{} in {:.1f} s\n", a.output.string(), e.triangles, e.full_triangles,
+               e.tiles > 0 ? fmt::format(" in {} tiles", e.tiles) : "", seconds);
+  if (e.pieces_removed + e.holes_filled > 0)
+    fmt::print("clean     {} floating pieces removed, {} holes filled\n", e.pieces_removed, e.holes_filled);
+  if (e.error > 0) fmt::print("simplify  {:.1f} mm at most\n", 1e3 * static_cast<double>(e.error));
+  if (e.textures > 0)
+    fmt::print("texture   {} texels of {:.1f} mm in {} charts, {:.1f} % of them seen by {} keyframes\n", e.texels,
+               1e3 * static_cast<double>(e.texel), e.charts, 100 * e.textured_share, e.keyframes);
+}
+
+}  // namespace
+
+void add_export_options(CLI::App& command, ExportOptions& o) {
+  constexpr const char* kGroup = "Mesh";
+  const auto option = [&](const char* name, auto& value, const char* help) {
+    return command.add_option(name, value, help)->capture_default_str()->group(kGroup);
+  };
+  option("--simplify", o.simplify.ratio, "Share of the triangles that is left");
+  option("--max-error", o.simplify.max_error,
+         "Metres that simplification may move the surface; 0: what --simplify needs");
+  option("--min-piece", o.clean.min_piece, "Metres; smaller floating pieces are removed");
+  option("--min-weight", o.clean.min_weight, "Observations at 1 m; surface that was seen less is removed");
+  option("--fill-holes", o.clean.fill_holes, "Metres; smaller holes are closed");
+  command.add_flag("--texture", o.texture.enabled, "A texture from the keyframes instead of the voxels' colours")
+      ->group(kGroup);
+  option("--texel", o.texture.texel, "Metres; 0: what the keyframes see, as far as it fits");
+  option("--texture-size", o.texture.max_size, "Texels a side of one texture, at most");
+  command.add_option("--texture-format", o.texture.png, "jpeg or png [jpeg]")
+      ->transform(CLI::CheckedTransformer(std::map<std::string, bool>{{"jpeg", false}, {"png", true}}))
+      ->group(kGroup);
+  option("--jpeg-quality", o.texture.jpeg_quality, "1 to 100");
+  command
+      .add_option("--compress", o.compression,
+                  "glTF: none, quantised (KHR_mesh_quantization), meshopt (EXT_meshopt_compression) or draco "
+                  "(KHR_draco_mesh_compression) [none]")
+      ->transform(CLI::CheckedTransformer(std::map<std::string, Compression>{{"none", Compression::none},
+                                                                             {"quantised", Compression::quantised},
+                                                                             {"meshopt", Compression::meshopt},
+                                                                             {"draco", Compression::draco}}))
+      ->group(kGroup);
+  option("--cell-size", o.cell_size, "Metres; glTF gets a node, 3D Tiles a tile for each cell; 0: by the map's size");
+  command.add_flag("--cameras", o.cameras, "glTF: the camera's path as a line, and a camera for each keyframe")
+      ->group(kGroup);
+}
+
+void add_export(CLI::App& program) {
+  auto* command = program.add_subcommand("export", "Write a map's mesh: clean, simplified, textured, packed");
+  const auto a = std::make_shared<Arguments>();
+  command->add_option("MAP", a->map, "Folder that reconstruct, live or merge has made, or its map.vdb")
+      ->required()
+      ->check(CLI::ExistingPath);
+  command
+      ->add_option("-o,--output", a->output,
+                   "X.glb, X.gltf, X.ply, X.obj, or tileset.json: 3D Tiles 1.1 with levels of detail")
+      ->required();
+  add_export_options(*command, a->options);
+  command->add_option("--points", a->options.point_spacing, "X.ply: points that many metres apart, no triangles")
+      ->group("Mesh");
+  command
+      ->add_option("--lods", a->options.levels,
+                   "Levels of detail, each with a quarter of the triangles: X.glb, X.lod1.glb, ...")
+      ->capture_default_str()
+      ->group("Mesh");
+  command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
+      ->capture_default_str();
+  command->add_flag("--json", a->json, "Print JSON");
+  command->callback([a] { run_export(*a); });
+}
+
+}  // namespace cairn::apps

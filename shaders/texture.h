@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// The colour of a surface's points from keyframes that see them. A keyframe is on the device as a view: by pixel (depth
+// and confidence as half floats, colour), and an image of a quarter of the size with the colour's low frequencies.
+#ifndef CAIRN_TEXTURE_H
+#define CAIRN_TEXTURE_H
+#include "shaders/types.h"
+#ifdef __cplusplus
+#include <cmath>
+namespace cairn::shader {
+#endif
+
+const uint kTileSide = 8;     // texels
+const uint kTileTexels = 64;  // that choose their views together
+const uint kTileViews = 12;   // views that a tile looks at, at most
+const uint kNoView = 0xffffffffu;
+
+struct Texel {     // a point under a texel
+  vec3 position;   // metres, world
+  uint normal;     // packed; 0: no point
+  uint colour;     // what it has without views; bytes R, G, B
+};
+
+struct TextureView {
+  Rigid camera_from_world;
+  vec3 velocity;   // of the camera in its own frame, m/s
+  vec3 turn_rate;  // rad/s
+  float delay;     // seconds from the depth image to the colour image
+  vec3 gain;       // its colours are multiplied with
+  uvec2 pixels;    // device addresses
+  uvec2 blurred;
+};
+
+struct TexturePreparePush {
+  Pinhole camera;
+};
+
+struct TextureBlendPush {
+  Pinhole camera;
+  uint tiles;
+  uint views;       // TextureView that there are
+  float tolerance;  // metres that a surface may lie behind what was measured, beside the noise
+};
+
+struct TextureSamplePush {
+  Pinhole camera;
+  uint points;
+  uint view;
+  float tolerance;
+};
+
+#ifdef __cplusplus
+/// pack_normal and unpack_normal of shaders/types.h on the host.
+inline uint pack_normal(const Eigen::Vector3f& normal) {
+  const Eigen::Vector3f n = normal / normal.lpNorm<1>();
+  Eigen::Vector2f e = n.head<2>();
+  if (n.z() < 0)
+    e = {(1 - std::abs(n.y())) * (n.x() >= 0 ? 1.0f : -1.0f), (1 - std::abs(n.x())) * (n.y() >= 0 ? 1.0f : -1.0f)};
+  const auto word = [](float f) { return static_cast<uint>(std::lround((f * 0.5f + 0.5f) * 65535.0f)); };
+  const uint code = word(e.x()) | word(e.y()) << 16;
+  return code == 0 ? 0xffffffffu : code;
+}
+inline Eigen::Vector3f unpack_normal(uint code) {
+  Eigen::Vector3f n(static_cast<float>(code & 0xffffu) / 32767.5f - 1, static_cast<float>(code >> 16) / 32767.5f - 1, 0);
+  n.z() = 1 - std::abs(n.x()) - std::abs(n.y());
+  const float t = std::max(-n.z(), 0.0f);
+  n.x() += n.x() >= 0 ? -t : t;
+  n.y() += n.y() >= 0 ? -t : t;
+  return n.normalized();
+}
+}  // namespace cairn::shader
+#else
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+#include "shaders/surface.h"
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer ViewPixels { uvec2 v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer ViewBlurred { uint v[]; };
+
+const float kExposure = 0.01;  // seconds, of a usual indoor image
+
+// How good a view is for a point: its texels a square metre, less where the image was moving, at depth edges and at its
+// own. 0: it does not see the point. `pixel` is of the colour image, which was taken `delay` later.
+float view_weight(TextureView view, Pinhole camera, vec3 position, vec3 normal, float tolerance, out vec2 pixel) {
+  vec3 p = transform(view.camera_from_world, position), moving = view.velocity + cross(view.turn_rate, p);
+  vec3 later = p - view.delay * moving;
+  float z = max(p.z, 0.05);
+  vec2 last = vec2(camera.width - 1u, camera.height - 1u) - 0.001;
+  vec2 in_depth = project(camera, vec3(p.xy, z)), in_colour = project(camera, vec3(later.xy, max(later.z, 0.05)));
+  pixel = clamp(in_colour, vec2(0.0), last);
+  vec2 measured = clamp(in_depth, vec2(0.0), last);
+  ivec2 nearest = ivec2(measured + 0.5);
+  vec2 seen = unpackHalf2x16(ViewPixels(view.pixels).v[uint(nearest.y) * camera.width + uint(nearest.x)].x);
+  float cosine = -dot(rotate(view.camera_from_world, normal), p) / length(p);
+  bool inside = p.z > 0.05 && in_colour == pixel && in_depth == measured && seen.x > 0.0 && cosine > 0.1 &&
+                abs(z - seen.x) < tolerance + 3.0 * depth_noise(z);
+  vec2 blur = vec2(camera.fx, camera.fy) / z * (moving.xy - p.xy / z * moving.z) * kExposure;  // pixels
+  float sharp = 1.0 / (1.0 + dot(blur, blur));
+  return inside ? seen.y * sharp * cosine * cosine / max(z * z, 0.25) : 0.0;
+}
+
+vec3 colour_of(uint word) { return unpackUnorm4x8(word).rgb; }
+
+// Between four pixels.
+vec3 sharp_colour(TextureView view, Pinhole camera, vec2 pixel) {
+  uvec2 corner = uvec2(pixel);
+  vec2 f = pixel - vec2(corner);
+  uint i = corner.y * camera.width + corner.x;
+  ViewPixels pixels = ViewPixels(view.pixels);
+  vec3 above = mix(colour_of(pixels.v[i].y), colour_of(pixels.v[i + 1u].y), f.x);
+  vec3 below = mix(colour_of(pixels.v[i + camera.width].y), colour_of(pixels.v[i + camera.width + 1u].y), f.x);
+  return view.gain * mix(above, below, f.y);
+}
+
+// Pixel (i, j) of the blurred image is the mean around the middle of the block of 4 x 4 that begins at 4 (i, j).
+vec3 smooth_colour(TextureView view, Pinhole camera, vec2 pixel) {
+  uvec2 size = uvec2(camera.width >> 2, camera.height >> 2);
+  vec2 at = clamp((pixel - 1.5) * 0.25, vec2(0.0), vec2(size - 1u) - 0.001);
+  uvec2 corner = uvec2(at);
+  vec2 f = at - vec2(corner);
+  uint i = corner.y * size.x + corner.x;
+  ViewBlurred pixels = ViewBlurred(view.blurred);
+  vec3 above = mix(colour_of(pixels.v[i]), colour_of(pixels.v[i + 1u]), f.x);
+  vec3 below = mix(colour_of(pixels.v[i + size.x]), colour_of(pixels.v[i + size.x + 1u]), f.x);
+  return view.gain * mix(above, below, f.y);
+}
+#endif
+#endif

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// The colour of each texel from its tile's views, in two bands (Burt & Adelson 1983): low frequencies are a mean of all
+// views, in which seams do not show; high ones come from the best view nearly alone, so that views that are a little
+// beside each other make no ghosts. Views whose colour is far from the others' see something else: they are left out.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shaders/texture.h"
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform Push { TextureBlendPush push; };
+layout(binding = 0, scalar) readonly buffer Texels { Texel texels[]; };
+layout(binding = 1, scalar) readonly buffer Views { TextureView views[]; };
+layout(binding = 2, scalar) readonly buffer Chosen { uvec2 chosen[]; };
+layout(binding = 3, scalar) writeonly buffer Colours { uint colours[]; };  // alpha 0: no view sees it
+
+const float kDiffers = 0.1;  // of the range of colours: where half of the belief is gone, about
+
+void main() {
+  uint i = gl_GlobalInvocationID.x, tile = i / kTileTexels;
+  if (tile >= push.tiles) return;
+  Texel texel = texels[i];
+  vec3 normal = unpack_normal(texel.normal), mean = vec3(0.0);
+  float total = 0.0, best = 0.0;
+  vec2 pixel;
+  for (uint k = 0u; k < kTileViews; ++k) {
+    uint v = chosen[tile * kTileViews + k].y;
+    if (v == kNoView) break;
+    TextureView view = views[v];
+    float w = view_weight(view, push.camera, texel.position, normal, push.tolerance, pixel);
+    mean += w * smooth_colour(view, push.camera, pixel);
+    total += w;
+    best = max(best, w);
+  }
+  if (texel.normal == 0u || total == 0.0) {
+    colours[i] = texel.colour & 0xffffffu;
+    return;
+  }
+  mean /= total;
+  vec3 low = vec3(0.0), high = vec3(0.0);
+  float low_total = 0.0, high_total = 0.0;
+  for (uint k = 0u; k < kTileViews; ++k) {
+    uint v = chosen[tile * kTileViews + k].y;
+    if (v == kNoView) break;
+    TextureView view = views[v];
+    float w = view_weight(view, push.camera, texel.position, normal, push.tolerance, pixel);
+    vec3 smooth_c = smooth_colour(view, push.camera, pixel), d = (smooth_c - mean) / kDiffers;
+    float believed = 1.0 / (1.0 + dot(d, d));
+    believed *= believed;
+    float share = w / best, share2 = share * share, sharp = share2 * share2 * share2 * believed;
+    low += w * believed * smooth_c;
+    low_total += w * believed;
+    high += sharp * (sharp_colour(view, push.camera, pixel) - smooth_c);
+    high_total += sharp;
+  }
+  colours[i] = packUnorm4x8(vec4(low / low_total + high / max(high_total, 1e-12), 1.0));
+}

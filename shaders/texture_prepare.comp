@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// A frame becomes a view: how far each pixel can be trusted to show the surface at its depth. Colour and depth images
+// lie on each other within a few pixels only, so edges of things are trusted less, and so is the image's own border.
+// Where nothing was measured the map tells what can be seen.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shaders/texture.h"
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform Push { TexturePreparePush push; };
+layout(binding = 0, scalar) readonly buffer Fusion { uvec2 fusion[]; };  // depth bits, colour
+layout(binding = 1, scalar) readonly buffer Model { uvec2 model[]; };  // the map from there at half the size: depth bits
+layout(binding = 2, scalar) writeonly buffer Pixels { uvec2 pixels[]; };
+
+const int kNear = 2, kFar = 5;  // pixels
+const float kBorder = 24.0;     // pixels
+
+float depth_at(ivec2 p) {
+  p = clamp(p, ivec2(0), ivec2(push.camera.width, push.camera.height) - 1);
+  return uintBitsToFloat(fusion[uint(p.y) * push.camera.width + uint(p.x)].x);
+}
+
+// Whether the surface breaks between two pixels on either side; on a plane depths on both sides cancel.
+bool breaks(ivec2 p, ivec2 step_p, float z, float jump) {
+  float a = depth_at(p + step_p), b = depth_at(p - step_p);
+  return (a > 0.0 && b > 0.0 && abs(a + b - 2.0 * z) > jump) || ((a == 0.0) != (b == 0.0));
+}
+
+void main() {
+  uint i = gl_GlobalInvocationID.x;
+  if (i >= push.camera.width * push.camera.height) return;
+  ivec2 p = ivec2(i % push.camera.width, i / push.camera.width);
+  uvec2 word = fusion[i];
+  float z = uintBitsToFloat(word.x), jump = 0.03 + 4.0 * depth_noise(z);
+  bool near = false, far = false;
+  for (int k = 0; k < 4; ++k) {
+    ivec2 direction = ivec2(k == 1 ? 0 : 1, k == 0 ? 0 : k == 3 ? -1 : 1);
+    near = near || breaks(p, kNear * direction, z, jump);
+    far = far || breaks(p, kFar * direction, z, jump);
+  }
+  ivec2 to_border = min(p, ivec2(push.camera.width, push.camera.height) - 1 - p);
+  float confidence = clamp(float(min(to_border.x, to_border.y)) / kBorder, 0.02, 1.0);
+  confidence *= near ? 0.02 : far ? 0.2 : 1.0;
+  // Over- and underexposed pixels have lost their colour.
+  vec3 c = colour_of(word.y);
+  confidence *= min(min(c.r, c.g), c.b) > 0.985 ? 0.1 : 1.0;
+  uvec2 half_size = uvec2(push.camera.width >> 1, push.camera.height >> 1);
+  uvec2 h = min(uvec2(p) >> 1, half_size - 1u);
+  float there = uintBitsToFloat(model[h.y * half_size.x + h.x].x);
+  confidence *= z > 0.0 ? 1.0 : 0.05;
+  z = z > 0.0 ? z : there;
+  pixels[i] = uvec2(packHalf2x16(vec2((word.y >> 24) != 0u ? z : 0.0, confidence)), word.y);
+}

@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "cairn/evaluation.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr float kNear = 0.05f;    // metres
+constexpr float kAgrees = 0.05f;  // metres between a surface and what was measured
+constexpr int kBand = 32;         // rows that one thread draws at a time
+
+/// A corner as it is drawn: 1/z, and what is interpolated over z.
+struct Corner {
+  Eigen::Vector3f point;  // in the camera
+  Eigen::Vector3f colour;
+  Eigen::Vector2f place;
+};
+
+Corner between(const Corner& a, const Corner& b, float t) {
+  return {a.point + t * (b.point - a.point), a.colour + t * (b.colour - a.colour), a.place + t * (b.place - a.place)};
+}
+
+/// The part of a triangle before the near plane.
+std::vector<Corner> clipped(const std::array<Corner, 3>& triangle) {
+  std::vector<Corner> polygon;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Corner &a = triangle[k], &b = triangle[(k + 1) % 3];
+    const bool in = a.point.z() >= kNear;
+    if (in) polygon.push_back(a);
+    if (in != (b.point.z() >= kNear))
+      polygon.push_back(between(a, b, (kNear - a.point.z()) / (b.point.z() - a.point.z())));
+  }
+  return polygon;
+}
+
+Eigen::Vector3f texel(const Texture& t, int x, int y) {
+  const auto& c =
+      t.texels[static_cast<std::size_t>(std::clamp(y, 0, t.height - 1)) * static_cast<std::size_t>(t.width) +
+               static_cast<std::size_t>(std::clamp(x, 0, t.width - 1))];
+  return Eigen::Vector3f(c[0], c[1], c[2]);
+}
+
+Eigen::Vector3f bilinear(const Texture& t, const Eigen::Vector2f& place) {
+  const float x = place.x() * static_cast<float>(t.width) - 0.5f, y = place.y() * static_cast<float>(t.height) - 0.5f;
+  const int i = static_cast<int>(std::floor(x)), j = static_cast<int>(std::floor(y));
+  const float u = x - static_cast<float>(i), v = y - static_cast<float>(j);
+  return (1 - v) * ((1 - u) * texel(t, i, j) + u * texel(t, i + 1, j)) +
+         v * ((1 - u) * texel(t, i, j + 1) + u * texel(t, i + 1, j + 1));
+}
+
+struct Drawn {
+  Eigen::Vector2f at[3];
+  float inverse_z[3];
+  Corner corner[3];
+  const Texture* texture;
+  float low_y, high_y;
+};
+
+}  // namespace
+
+RenderedView render_mesh(const std::vector<Mesh>& parts, const Camera& camera,
+                         const Eigen::Isometry3d& world_from_camera, int samples) {
+  const Eigen::Isometry3f camera_from_world = world_from_camera.inverse().cast<float>();
+  const int width = camera.width * samples, height = camera.height * samples;
+  // Sample (i, j) lies at ((i + 0.5) / samples - 0.5) of the pixels.
+  const auto s = static_cast<float>(samples);
+  const float fx = s * static_cast<float>(camera.fx), fy = s * static_cast<float>(camera.fy),
+              cx = s * (static_cast<float>(camera.cx) + 0.5f) - 0.5f,
+              cy = s * (static_cast<float>(camera.cy) + 0.5f) - 0.5f;
+  std::vector<Drawn> triangles;
+  for (const Mesh& mesh : parts) {
+    const bool is_textured = !mesh.texture_places.empty() && !mesh.texture.texels.empty();
+    for (const auto& t : mesh.triangles) {
+      std::array<Corner, 3> corners;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t v = t[k];
+        Corner& c = corners[k];
+        c.point = camera_from_world * mesh.positions[v];
+        c.place = is_textured ? mesh.texture_places[v] : Eigen::Vector2f::Zero();
+        if (!mesh.colours.empty())
+          c.colour = Eigen::Vector3f(mesh.colours[v][0], mesh.colours[v][1], mesh.colours[v][2]);
+        else if (!mesh.normals.empty())
+          c.colour = Eigen::Vector3f::Constant(
+              60 + 180 * std::abs((camera_from_world.linear() * mesh.normals[v]).dot(c.point.normalized())));
+        else
+          c.colour = Eigen::Vector3f::Constant(180);
+      }
+      const Eigen::Vector3f normal = (corners[1].point - corners[0].point).cross(corners[2].point - corners[0].point);
+      if (normal.dot(corners[0].point) >= 0) continue;  // seen from behind
+      const std::vector<Corner> polygon = clipped(corners);
+      for (std::size_t k = 1; k + 1 < polygon.size(); ++k) {
+        Drawn d{.texture = is_textured ? &mesh.texture : nullptr};
+        d.corner[0] = polygon[0], d.corner[1] = polygon[k], d.corner[2] = polygon[k + 1];
+        Eigen::Vector2f low = Eigen::Vector2f::Constant(1e30f), high = -low;
+        for (int c = 0; c < 3; ++c) {
+          const Eigen::Vector3f& p = d.corner[c].point;
+          d.inverse_z[c] = 1 / p.z();
+          d.at[c] = {fx * p.x() / p.z() + cx, fy * p.y() / p.z() + cy};
+          low = low.cwiseMin(d.at[c]);
+          high = high.cwiseMax(d.at[c]);
+        }
+        if (high.x() < 0 || high.y() < 0 || low.x() > static_cast<float>(width) || low.y() > static_cast<float>(height))
+          continue;
+        d.low_y = low.y(), d.high_y = high.y();
+        triangles.push_back(d);
+      }
+    }
+  }
+  std::vector<std::vector<std::uint32_t>> bands(static_cast<std::size_t>((height + kBand - 1) / kBand));
+  for (std::uint32_t i = 0; i < triangles.size(); ++i) {
+    const int first = std::max(0, static_cast<int>(triangles[i].low_y) / kBand),
+              last = std::min(static_cast<int>(bands.size()) - 1, static_cast<int>(triangles[i].high_y) / kBand);
+    for (int b = first; b <= last; ++b) bands[static_cast<std::size_t>(b)].push_back(i);
+  }
+  const auto index = [&](int x, int y) {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
+  };
+  std::vector<float> nearest(index(0, height), 0);  // 1/z
+  std::vector<Eigen::Vector3f> colour(nearest.size(), Eigen::Vector3f::Zero());
+  tbb::parallel_for(std::size_t{0}, bands.size(), [&](std::size_t b) {
+    for (const std::uint32_t number : bands[b]) {
+      const Drawn& d = triangles[number];
+      const Eigen::Vector2f ab = d.at[1] - d.at[0], ac = d.at[2] - d.at[0];
+      const float area = ab.x() * ac.y() - ab.y() * ac.x();
+      if (area == 0) continue;
+      const int y0 = std::max(static_cast<int>(b) * kBand, static_cast<int>(std::ceil(d.low_y))),
+                y1 = std::min(
+                    {(static_cast<int>(b) + 1) * kBand - 1, height - 1, static_cast<int>(std::floor(d.high_y))});
+      const float low_x = std::min({d.at[0].x(), d.at[1].x(), d.at[2].x()}),
+                  high_x = std::max({d.at[0].x(), d.at[1].x(), d.at[2].x()});
+      for (int y = y0; y <= y1; ++y)
+        for (int x = std::max(0, static_cast<int>(std::ceil(low_x)));
+             x <= std::min(width - 1, static_cast<int>(std::floor(high_x))); ++x) {
+          const Eigen::Vector2f q = Eigen::Vector2f(static_cast<float>(x), static_cast<float>(y)) - d.at[0];
+          const float v = (q.x() * ac.y() - q.y() * ac.x()) / area, w = (ab.x() * q.y() - ab.y() * q.x()) / area,
+                      u = 1 - v - w;
+          if (u < -1e-5f || v < -1e-5f || w < -1e-5f) continue;
+          const float inverse = u * d.inverse_z[0] + v * d.inverse_z[1] + w * d.inverse_z[2];
+          if (inverse <= nearest[index(x, y)]) continue;
+          nearest[index(x, y)] = inverse;
+          const float pu = u * d.inverse_z[0] / inverse, pv = v * d.inverse_z[1] / inverse, pw = 1 - pu - pv;
+          colour[index(x, y)] =
+              d.texture != nullptr
+                  ? bilinear(*d.texture, pu * d.corner[0].place + pv * d.corner[1].place + pw * d.corner[2].place)
+                  : Eigen::Vector3f(pu * d.corner[0].colour + pv * d.corner[1].colour + pw * d.corner[2].colour);
+        }
+    }
+  });
+  RenderedView view;
+  for (int y = 0; y < camera.height; ++y)
+    for (int x = 0; x < camera.width; ++x) {
+      Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+      int hit = 0;
+      float z = 0;
+      for (int j = 0; j < samples; ++j)
+        for (int i = 0; i < samples; ++i) {
+          const std::size_t at = index(x * samples + i, y * samples + j);
+          if (nearest[at] <= 0) continue;
+          if (z == 0) z = 1 / nearest[at];
+          sum += colour[at];
+          ++hit;
+        }
+      view.depth.push_back(z);
+      std::uint32_t word = 0xff000000u;
+      if (hit > 0)
+        for (int c = 0; c < 3; ++c)
+          word |= static_cast<std::uint32_t>(std::clamp(std::lround(sum[c] / static_cast<float>(hit)), 0l, 255l))
+                  << (8 * c);
+      view.colour.push_back(word);
+    }
+  return view;
+}
+
+ViewError evaluate_views(const std::vector<Mesh>& parts, Source& recording,
+                         const Eigen::Isometry3d& world_from_recording, int step) {
+  ViewError error;
+  double squared = 0;
+  std::size_t compared = 0, measured = 0;
+  for (int i = 0; auto frame = recording.next(); ++i) {
+    if (i % step != 0 || !frame->world_from_camera || frame->colour.empty() || !frame->problem.empty()) continue;
+    const RenderedView view = render_mesh(parts, recording.camera(), world_from_recording * *frame->world_from_camera);
+    for (std::size_t p = 0; p < frame->depth.size(); ++p) {
+      if (!(frame->depth[p] > 0)) continue;
+      ++measured;
+      if (view.depth[p] == 0 || std::abs(view.depth[p] - frame->depth[p]) > kAgrees) continue;
+      ++compared;
+      for (int c = 0; c < 24; c += 8) {
+        const auto a = static_cast<int>(view.colour[p] >> c & 255), b = static_cast<int>(frame->colour[p] >> c & 255);
+        squared += (a - b) * (a - b);
+      }
+    }
+    ++error.frames;
+  }
+  if (compared == 0)
+    throw std::runtime_error(
+        "no picture of the recording shows the mesh: it needs colour images and their poses in the "
+        "mesh's frame");
+  error.psnr = 10 * std::log10(255.0 * 255.0 * 3 * static_cast<double>(compared) / std::max(squared, 1e-9));
+  error.covered = static_cast<double>(compared) / static_cast<double>(measured);
+  return error;
+}
+
+}  // namespace cairn

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// From the volume to a file: cell by cell mesh, clean, simplify, texture, write.
+#pragma once
+#include "cairn/camera.hpp"
+#include "cairn/export.hpp"
+#include "cairn/trajectory.hpp"
+#include "texture/views.hpp"
+#include "volume/polygonize.hpp"
+
+namespace cairn {
+
+/// What there is to export.
+struct ExportInput {
+  Volume& volume;  // of the whole map
+  Polygonize& polygonize;
+  Camera camera;
+  SurfaceOptions surface;
+  std::vector<TextureKeyframe> keyframes;
+  TextureViews::GetImage get_image;
+  std::vector<Trajectory> paths;
+};
+
+/// By the extension of `file`, see write_mesh; also tileset.json, 3D Tiles 1.1 with levels of detail. Throws
+/// std::runtime_error with what to do; nothing is half written.
+Exported export_surface(const ExportInput& input, const std::filesystem::path& file, const ExportOptions& options,
+                        const ExportProgress& progress);
+
+}  // namespace cairn

@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "mesh/clean.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <limits>
+#include <unordered_map>
+
+#include "mesh/topology.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr int kSmoothings = 3;            // of borders
+constexpr std::size_t kLongestRim = 192;  // vertices of a hole that is filled: the work goes with its cube
+
+Eigen::Vector3d area_vector(const Mesh& mesh, const std::array<std::uint32_t, 3>& t) {
+  const Eigen::Vector3d a = mesh.positions[t[0]].cast<double>();
+  return 0.5 * (mesh.positions[t[1]].cast<double>() - a).cross(mesh.positions[t[2]].cast<double>() - a);
+}
+
+void remove_triangles(Mesh& mesh, const std::vector<bool>& remove) {
+  std::erase_if(mesh.triangles, [&, i = std::size_t{0}](const auto&) mutable { return remove[i++]; });
+}
+
+void remove_unseen(Mesh& mesh, float min_weight) {
+  if (min_weight <= 0 || mesh.weights.empty()) return;
+  std::erase_if(mesh.triangles, [&](const auto& t) {
+    return std::any_of(t.begin(), t.end(), [&](std::uint32_t v) { return mesh.weights[v] < min_weight; });
+  });
+}
+
+std::size_t remove_pieces(Mesh& mesh, const CleanOptions& options) {
+  const Pieces parts = pieces(mesh, first_at_place(mesh));
+  struct Piece {
+    Eigen::AlignedBox3f box;
+    double weight = 0, corners = 0;
+  };
+  std::vector<Piece> all(parts.count);
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    Piece& piece = all[parts.of_triangle[i]];
+    for (const std::uint32_t v : mesh.triangles[i]) {
+      piece.box.extend(mesh.positions[v]);
+      piece.weight += mesh.weights.empty() ? std::numeric_limits<float>::max() : mesh.weights[v];
+      ++piece.corners;
+    }
+  }
+  std::vector<bool> is_small(all.size());
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const float size = all[i].box.diagonal().norm();
+    const bool is_weak = all[i].weight < static_cast<double>(options.min_support) * all[i].corners;
+    is_small[i] = size < options.min_piece || (size < 3 * options.min_piece && is_weak);
+  }
+  std::erase_if(mesh.triangles,
+                [&, i = std::size_t{0}](const auto&) mutable { return is_small[parts.of_triangle[i++]]; });
+  return static_cast<std::size_t>(std::count(is_small.begin(), is_small.end(), true));
+}
+
+/// The border goes from `from` to `to` with the surface on its left.
+struct Rim {
+  std::uint32_t from, to;
+};
+std::vector<Rim> rims(const Mesh& mesh, const std::vector<Side>& sides) {
+  std::vector<Rim> rims;
+  for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
+    if (end - begin != 1) return;
+    const auto& t = mesh.triangles[sides[begin].triangle];
+    rims.push_back({t[sides[begin].corner], t[(sides[begin].corner + 1) % 3]});
+  });
+  return rims;
+}
+
+std::vector<std::uint32_t> own_names(const Mesh& mesh) {
+  std::vector<std::uint32_t> name(mesh.positions.size());
+  for (std::uint32_t v = 0; v < name.size(); ++v) name[v] = v;
+  return name;
+}
+
+/// Triangles that hang on by one side alone stick out of the border.
+void remove_spikes(Mesh& mesh) {
+  const std::vector<Side> sides = sides_by_edge(mesh, own_names(mesh));
+  std::vector<int> open(mesh.triangles.size(), 0);
+  for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
+    if (end - begin == 1) ++open[sides[begin].triangle];
+  });
+  std::vector<bool> remove(open.size());
+  for (std::size_t i = 0; i < open.size(); ++i) remove[i] = open[i] >= 2;
+  remove_triangles(mesh, remove);
+}
+
+/// Borders follow the voxels in steps. Each border vertex goes towards the middle of its two neighbours along the
+/// border.
+void smooth_borders(Mesh& mesh) {
+  const std::vector<Rim> border = rims(mesh, sides_by_edge(mesh, own_names(mesh)));
+  std::vector<std::uint32_t> next(mesh.positions.size(), kNone), previous = next;
+  std::vector<bool> is_simple(mesh.positions.size(), true);
+  for (const auto& [from, to] : border) {
+    if (next[from] != kNone) is_simple[from] = false;
+    if (previous[to] != kNone) is_simple[to] = false;
+    next[from] = to, previous[to] = from;
+  }
+  std::vector<Eigen::Vector3f> smooth;
+  for (int i = 0; i < kSmoothings; ++i) {
+    smooth = mesh.positions;
+    for (const auto& [from, to] : border)
+      if (is_simple[from] && previous[from] != kNone)
+        smooth[from] =
+            0.5f * mesh.positions[from] + 0.25f * (mesh.positions[previous[from]] + mesh.positions[next[from]]);
+    mesh.positions.swap(smooth);
+  }
+}
+
+/// Closes one rim: the triangulation with the least area, by dynamic programming (Barequet & Sharir 1995). Nothing
+/// where a triangle would have none.
+void fill(Mesh& mesh, const std::vector<std::uint32_t>& rim) {
+  constexpr float kFlat = 1e-3f, kForbidden = 1e6f;  // area over the square of the longest side
+
+  const std::size_t n = rim.size();
+  std::vector<float> cost(n * n, 0);
+  std::vector<std::uint32_t> split(n * n, 0);
+  const auto area = [&](std::size_t i, std::size_t k, std::size_t j) {
+    const Eigen::Vector3f &a = mesh.positions[rim[i]], b = mesh.positions[rim[k]], c = mesh.positions[rim[j]];
+    const float area_of = 0.5f * (b - a).cross(c - a).norm();
+    const float longest = std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
+    return area_of > kFlat * longest ? area_of : kForbidden;
+  };
+  for (std::size_t length = 2; length < n; ++length)
+    for (std::size_t i = 0; i + length < n; ++i) {
+      const std::size_t j = i + length;
+      float best = std::numeric_limits<float>::max();
+      for (std::size_t k = i + 1; k < j; ++k)
+        if (const float c = cost[i * n + k] + cost[k * n + j] + area(i, k, j); c < best)
+          best = c, split[i * n + j] = static_cast<std::uint32_t>(k);
+      cost[i * n + j] = best;
+    }
+  if (cost[n - 1] >= kForbidden) return;
+  std::vector<std::pair<std::size_t, std::size_t>> open{{0, n - 1}};
+  while (!open.empty()) {
+    const auto [i, j] = open.back();
+    open.pop_back();
+    if (j < i + 2) continue;
+    const std::size_t k = split[i * n + j];
+    mesh.triangles.push_back({rim[j], rim[k], rim[i]});  // the other way round than the border goes
+    open.push_back({i, k});
+    open.push_back({k, j});
+  }
+}
+
+std::size_t fill_holes(Mesh& mesh, float max_size) {
+  if (max_size <= 0) return 0;
+  const std::vector<Side> sides = sides_by_edge(mesh, own_names(mesh));
+  std::unordered_map<std::uint32_t, std::uint32_t> next;
+  std::vector<bool> twice(mesh.positions.size(), false);
+  std::vector<std::uint32_t> begins;
+  for (const auto& [from, to] : rims(mesh, sides)) {
+    if (!next.try_emplace(from, to).second) twice[from] = true;
+    begins.push_back(from);
+  }
+  // From the lowest place on, so that it does not matter how vertices are numbered.
+  std::sort(begins.begin(), begins.end(), [&](std::uint32_t a, std::uint32_t b) {
+    const Eigen::Vector3f &p = mesh.positions[a], &q = mesh.positions[b];
+    return std::lexicographical_compare(p.data(), p.data() + 3, q.data(), q.data() + 3);
+  });
+  std::vector<std::uint64_t> edges;  // there is no second triangle at a chord that is there already
+  for_each_edge(sides, [&](std::size_t begin, std::size_t) { edges.push_back(sides[begin].edge); });
+  std::vector<bool> done(mesh.positions.size(), false);
+  std::size_t filled = 0;
+  for (const std::uint32_t begin : begins) {
+    if (done[begin]) continue;
+    std::vector<std::uint32_t> rim;
+    Eigen::AlignedBox3f box;
+    Eigen::Vector3d round = Eigen::Vector3d::Zero(), surface = Eigen::Vector3d::Zero();
+    bool is_simple = true;
+    for (std::uint32_t v = begin; !done[v]; v = next.at(v)) {
+      done[v] = true;
+      rim.push_back(v);
+      box.extend(mesh.positions[v]);
+      is_simple = is_simple && !twice[v] && next.contains(next.at(v));
+      if (!is_simple) break;
+    }
+    if (!is_simple || rim.size() < 3 || rim.size() > kLongestRim || box.diagonal().norm() > max_size) continue;
+    // Around a hole the border turns against the surface's normal; around the outside of a piece with it.
+    for (std::size_t i = 0; i < rim.size(); ++i) {
+      const Eigen::Vector3d a = mesh.positions[rim[i]].cast<double>(),
+                            b = mesh.positions[rim[(i + 1) % rim.size()]].cast<double>();
+      round += (a - box.center().cast<double>()).cross(b - box.center().cast<double>());
+      if (!mesh.normals.empty()) surface += mesh.normals[rim[i]].cast<double>();
+    }
+    if (!mesh.normals.empty() && round.dot(surface) > 0) continue;
+    const std::size_t before = mesh.triangles.size();
+    fill(mesh, rim);
+    bool fits = mesh.triangles.size() > before;
+    for (std::size_t t = before; t < mesh.triangles.size() && fits; ++t)
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t a = mesh.triangles[t][k], b = mesh.triangles[t][(k + 1) % 3];
+        const auto it = next.find(b);
+        if (it != next.end() && it->second == a) continue;  // along the rim
+        const std::uint64_t edge = std::uint64_t{std::min(a, b)} << 32 | std::max(a, b);
+        fits = fits && !std::binary_search(edges.begin(), edges.end(), edge);
+      }
+    if (!fits)
+      mesh.triangles.resize(before);
+    else
+      ++filled;
+  }
+  return filled;
+}
+
+}  // namespace
+
+std::size_t make_manifold(Mesh& mesh) {
+  const std::size_t before = mesh.triangles.size();
+  const std::vector<std::uint32_t> name = first_at_place(mesh);
+  std::erase_if(mesh.triangles, [&](const auto& t) {
+    return name[t[0]] == name[t[1]] || name[t[1]] == name[t[2]] || name[t[2]] == name[t[0]] ||
+           !(area_vector(mesh, t).norm() > 0);
+  });
+  while (true) {
+    const std::vector<Side> sides = sides_by_edge(mesh, name);
+    std::vector<bool> remove(mesh.triangles.size(), false);
+    bool any = false;
+    for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
+      std::size_t left = 0;
+      for (std::size_t i = begin; i < end; ++i) left += !remove[sides[i].triangle];
+      for (; left > 2; --left, any = true) {
+        std::size_t least = end;
+        for (std::size_t i = begin; i < end; ++i) {
+          const std::uint32_t t = sides[i].triangle;
+          if (remove[t]) continue;
+          if (least == end || area_vector(mesh, mesh.triangles[t]).norm() <
+                                  area_vector(mesh, mesh.triangles[sides[least].triangle]).norm())
+            least = i;
+        }
+        remove[sides[least].triangle] = true;
+      }
+    });
+    if (!any) break;
+    remove_triangles(mesh, remove);
+  }
+  return before - mesh.triangles.size();
+}
+
+Cleaned clean(Mesh& mesh, const CleanOptions& options) {
+  Cleaned cleaned;
+  remove_unseen(mesh, options.min_weight);
+  (void)make_manifold(mesh);
+  cleaned.pieces_removed = remove_pieces(mesh, options);
+  remove_spikes(mesh);
+  cleaned.holes_filled = fill_holes(mesh, options.fill_holes);
+  smooth_borders(mesh);
+  (void)make_manifold(mesh);
+  (void)drop_unused_vertices(mesh);
+  return cleaned;
+}
+
+}  // namespace cairn

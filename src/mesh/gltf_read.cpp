@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <tiny_gltf.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <stdexcept>
+
+#include "mesh/formats.hpp"
+#include "mesh/gltf.hpp"
+
+namespace cairn {
+namespace {
+
+Eigen::Vector3f turned(const Eigen::Vector3f& v) { return {v.x(), -v.y(), -v.z()}; }
+
+std::uint8_t srgb(double value) {  // IEC 61966-2-1
+  const double c = std::clamp(value, 0.0, 1.0);
+  return static_cast<std::uint8_t>(
+      std::lround(255.0 * (c <= 0.0031308 ? 12.92 * c : 1.055 * std::pow(c, 1 / 2.4) - 0.055)));
+}
+
+/// Calls `take(index, components)` for each element of an accessor, as numbers; normalized integers become 0..1.
+template <class Take>
+void read_accessor(const tinygltf::Model& model, int index, const Take& take) {
+  const auto& accessor = model.accessors.at(static_cast<std::size_t>(index));
+  if (accessor.bufferView < 0 || accessor.sparse.isSparse) throw std::runtime_error("sparse accessors are not read");
+  const auto& view = model.bufferViews.at(static_cast<std::size_t>(accessor.bufferView));
+  const auto& bytes = model.buffers.at(static_cast<std::size_t>(view.buffer)).data;
+  const int components = tinygltf::GetNumComponentsInType(static_cast<std::uint32_t>(accessor.type));
+  const int size = tinygltf::GetComponentSizeInBytes(static_cast<std::uint32_t>(accessor.componentType));
+  const auto stride = static_cast<std::size_t>(accessor.ByteStride(view));
+  const std::size_t start = view.byteOffset + accessor.byteOffset;
+  if (components > 4 || size < 0 ||
+      (accessor.count > 0 &&
+       start + stride * (accessor.count - 1) + static_cast<std::size_t>(components * size) > bytes.size()))
+    throw std::runtime_error("an accessor reaches beyond its buffer");
+  for (std::size_t i = 0; i < accessor.count; ++i) {
+    std::array<double, 4> v{};
+    for (int c = 0; c < components; ++c) {
+      const unsigned char* at = bytes.data() + start + i * stride + static_cast<std::size_t>(c * size);
+      const auto as = [&]<class T>(T value) {
+        std::memcpy(&value, at, sizeof(T));
+        const double scale = accessor.normalized ? static_cast<double>(std::numeric_limits<T>::max()) : 1.0;
+        return static_cast<double>(value) / scale;
+      };
+      double& out = v[static_cast<std::size_t>(c)];
+      switch (accessor.componentType) {
+        case TINYGLTF_COMPONENT_TYPE_FLOAT: {
+          float f;
+          std::memcpy(&f, at, 4);
+          out = f;
+          break;
+        }
+        case TINYGLTF_COMPONENT_TYPE_BYTE:
+          out = as(std::int8_t{});
+          break;
+        case TINYGLTF_COMPONENT_TYPE_SHORT:
+          out = as(std::int16_t{});
+          break;
+        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
+          out = as(std::uint8_t{});
+          break;
+        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT:
+          out = as(std::uint16_t{});
+          break;
+        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT:
+          out = as(std::uint32_t{});
+          break;
+        default:
+          throw std::runtime_error("an accessor has a component type that is not read");
+      }
+    }
+    take(i, v);
+  }
+}
+
+Eigen::Affine3d local_transform(const tinygltf::Node& node) {
+  Eigen::Affine3d t = Eigen::Affine3d::Identity();
+  if (node.matrix.size() == 16) t.matrix() = Eigen::Map<const Eigen::Matrix4d>(node.matrix.data());
+  if (node.translation.size() == 3) t.translate(Eigen::Map<const Eigen::Vector3d>(node.translation.data()));
+  if (node.rotation.size() == 4)
+    t.rotate(Eigen::Quaterniond(node.rotation[3], node.rotation[0], node.rotation[1], node.rotation[2]));
+  if (node.scale.size() == 3) t.scale(Eigen::Map<const Eigen::Vector3d>(node.scale.data()));
+  return t;
+}
+
+Texture texture_of(const tinygltf::Model& model, const tinygltf::Primitive& primitive) {
+  Texture texture;
+  if (primitive.material < 0) return texture;
+  const int index =
+      model.materials.at(static_cast<std::size_t>(primitive.material)).pbrMetallicRoughness.baseColorTexture.index;
+  if (index < 0) return texture;
+  const int source = model.textures.at(static_cast<std::size_t>(index)).source;
+  if (source < 0) return texture;
+  const tinygltf::Image& image = model.images.at(static_cast<std::size_t>(source));
+  const auto pixels = static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height),
+             components = static_cast<std::size_t>(image.component);
+  if (image.bits != 8 || components < 3 || image.image.size() < pixels * components)
+    throw std::runtime_error("a texture has a pixel format that is not read");
+  texture.width = image.width;
+  texture.height = image.height;
+  for (std::size_t i = 0; i < pixels; ++i)
+    texture.texels.push_back(
+        {image.image[i * components], image.image[i * components + 1], image.image[i * components + 2]});
+  return texture;
+}
+
+Mesh part_of(const tinygltf::Model& model, const tinygltf::Primitive& primitive, const Eigen::Affine3d& transform) {
+  Mesh mesh;
+  const Eigen::Matrix3d normal_transform = transform.linear().inverse().transpose();
+  const auto each = [&](const char* name, const auto& take) {
+    if (const auto it = primitive.attributes.find(name); it != primitive.attributes.end())
+      read_accessor(model, it->second, [&](std::size_t, const std::array<double, 4>& v) { take(v); });
+  };
+  each("POSITION", [&](const auto& v) {
+    mesh.positions.push_back(turned((transform * Eigen::Vector3d(v[0], v[1], v[2])).template cast<float>()));
+  });
+  each("NORMAL", [&](const auto& v) {
+    mesh.normals.push_back(
+        turned((normal_transform * Eigen::Vector3d(v[0], v[1], v[2])).normalized().template cast<float>()));
+  });
+  each("COLOR_0", [&](const auto& v) { mesh.colours.push_back({srgb(v[0]), srgb(v[1]), srgb(v[2]), 255}); });
+  each("TEXCOORD_0",
+       [&](const auto& v) { mesh.texture_places.emplace_back(static_cast<float>(v[0]), static_cast<float>(v[1])); });
+  const std::size_t count = mesh.positions.size();
+  if ((!mesh.normals.empty() && mesh.normals.size() != count) ||
+      (!mesh.colours.empty() && mesh.colours.size() != count) ||
+      (!mesh.texture_places.empty() && mesh.texture_places.size() != count))
+    throw std::runtime_error("the attributes of a mesh are not of one size");
+  if (!mesh.texture_places.empty()) mesh.texture = texture_of(model, primitive);
+  std::vector<std::uint32_t> indices;
+  if (primitive.indices >= 0)
+    read_accessor(model, primitive.indices,
+                  [&](std::size_t, const auto& v) { indices.push_back(static_cast<std::uint32_t>(v[0])); });
+  else
+    for (std::size_t i = 0; i < count; ++i) indices.push_back(static_cast<std::uint32_t>(i));
+  for (std::size_t i = 0; i + 2 < indices.size(); i += 3) {
+    for (std::size_t k = 0; k < 3; ++k)
+      if (indices[i + k] >= count) throw std::runtime_error("an index reaches beyond the vertices");
+    mesh.triangles.push_back({indices[i], indices[i + 1], indices[i + 2]});
+  }
+  return mesh;
+}
+
+void append(const tinygltf::Model& model, int node_index, const Eigen::Affine3d& parent, std::vector<Mesh>& parts,
+            int depth) {
+  if (depth > 64) throw std::runtime_error("its nodes are nested too deeply");
+  const auto& node = model.nodes.at(static_cast<std::size_t>(node_index));
+  const Eigen::Affine3d transform = parent * local_transform(node);
+  if (node.mesh >= 0)
+    for (const auto& primitive : model.meshes.at(static_cast<std::size_t>(node.mesh)).primitives)
+      if (primitive.mode == TINYGLTF_MODE_TRIANGLES && primitive.attributes.contains("POSITION"))
+        parts.push_back(part_of(model, primitive, transform));
+  for (const int child : node.children) append(model, child, transform, parts, depth + 1);
+}
+
+}  // namespace
+
+std::vector<Mesh> read_gltf_parts(const std::filesystem::path& file) {
+  tinygltf::Model model;
+  tinygltf::TinyGLTF loader;
+  std::string error, warning;
+  const std::vector<std::uint8_t> plain = decompressed_gltf(file);
+  const bool loaded =
+      !plain.empty()               ? loader.LoadBinaryFromMemory(&model, &error, &warning, plain.data(),
+                                                                 static_cast<unsigned>(plain.size()), file.parent_path().string())
+      : file.extension() == ".glb" ? loader.LoadBinaryFromFile(&model, &error, &warning, file.string())
+                                   : loader.LoadASCIIFromFile(&model, &error, &warning, file.string());
+  if (!loaded)
+    throw std::runtime_error(file.string() + ": cannot be read as glTF: " + error.substr(0, error.find('\n')));
+  std::vector<Mesh> parts;
+  try {
+    const std::size_t scene = model.defaultScene < 0 ? 0 : static_cast<std::size_t>(model.defaultScene);
+    if (scene < model.scenes.size())
+      for (const int node : model.scenes[scene].nodes) append(model, node, Eigen::Affine3d::Identity(), parts, 0);
+  } catch (const std::exception& problem) {
+    throw std::runtime_error(file.string() + ": " + problem.what());
+  }
+  return parts;
+}
+
+}  // namespace cairn

@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "mesh/simplify.hpp"
+
+#include <meshoptimizer.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+
+#include "mesh/clean.hpp"
+#include "mesh/topology.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr int kRounds = 4;          // of making again what came out with sides of three triangles
+constexpr float kFarthest = 2.5f;   // of a surface beside another, in units of what quadrics tell: on spheres 2.4
+constexpr float kRegionScale = 24;  // Felzenszwalb & Huttenlocher's k, in steps of colour
+constexpr std::uint32_t kSmallRegion = 64;  // triangles; smaller regions are noise
+constexpr int kVotes = 2;                   // of neighbours, to straighten the edges of regions
+
+/// What meshoptimizer works on: a vertex for each region that meets in it, which makes the edges between regions seams.
+struct Split {
+  std::vector<Eigen::Vector3f> positions;
+  std::vector<std::uint32_t> original, indices;
+};
+
+Split split_by_region(const Mesh& mesh, const std::vector<std::uint32_t>& region) {
+  Split split;
+  split.positions = mesh.positions;
+  split.original.resize(mesh.positions.size());
+  std::iota(split.original.begin(), split.original.end(), 0u);
+  std::vector<std::uint32_t> region_of(mesh.positions.size(), kNone);
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> more;  // vertex and region
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i)
+    for (std::uint32_t v : mesh.triangles[i]) {
+      const std::uint32_t r = region.empty() ? 0 : region[i];
+      if (region_of[v] == kNone) region_of[v] = r;
+      if (region_of[v] != r) {
+        const auto [it, is_new] = more.try_emplace({v, r}, static_cast<std::uint32_t>(split.positions.size()));
+        if (is_new) {
+          split.positions.push_back(mesh.positions[v]);
+          split.original.push_back(v);
+        }
+        v = it->second;
+      }
+      split.indices.push_back(v);
+    }
+  return split;
+}
+
+/// meshoptimizer leaves a place alone where three or more vertices meet: unused ones lock it.
+void lock(Split& split, const Mesh& mesh, const std::vector<bool>& locked) {
+  for (std::uint32_t v = 0; v < locked.size(); ++v)
+    if (locked[v])
+      for (int i = 0; i < 2; ++i) {
+        split.positions.push_back(mesh.positions[v]);
+        split.original.push_back(v);
+      }
+}
+
+/// Vertices of sides with more than two triangles.
+std::vector<std::uint32_t> at_bad_sides(const Mesh& mesh) {
+  const std::vector<Side> sides = sides_by_edge(mesh, first_at_place(mesh));
+  std::vector<std::uint32_t> bad;
+  for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
+    if (end - begin <= 2) return;
+    bad.push_back(static_cast<std::uint32_t>(sides[begin].edge >> 32));
+    bad.push_back(static_cast<std::uint32_t>(sides[begin].edge));
+  });
+  return bad;
+}
+
+}  // namespace
+
+Simplified simplify(Mesh& mesh, const SimplifyOptions& options, const std::vector<bool>& locked, bool keep_colours) {
+  if (mesh.triangles.empty() || (options.ratio >= 1 && options.max_error <= 0)) return {0, drop_unused_vertices(mesh)};
+  const float scale = meshopt_simplifyScale(mesh.positions[0].data(), mesh.positions.size(), sizeof(Eigen::Vector3f));
+  const auto target =
+      options.max_error > 0 && options.ratio >= 1
+          ? std::size_t{0}
+          : static_cast<std::size_t>(static_cast<double>(options.ratio) * static_cast<double>(mesh.triangles.size()));
+  const float allowed = options.max_error > 0 ? options.max_error / (kFarthest * scale) : 1.0f;
+  const std::vector<std::uint32_t> region =
+      keep_colours && !mesh.colours.empty() ? colour_regions(mesh) : std::vector<std::uint32_t>{};
+  std::vector<bool> fixed = locked;
+  float error = 0;
+  for (int round = 0;; ++round) {
+    Split split = split_by_region(mesh, region);
+    lock(split, mesh, fixed);
+    std::vector<std::uint32_t> left(split.indices.size());
+    left.resize(meshopt_simplify(left.data(), split.indices.data(), split.indices.size(), split.positions[0].data(),
+                                 split.positions.size(), sizeof(Eigen::Vector3f), 3 * target, allowed, 0, &error));
+    Mesh simple;
+    simple.positions = mesh.positions;
+    for (std::size_t i = 0; i < left.size(); i += 3)
+      simple.triangles.push_back({split.original[left[i]], split.original[left[i + 1]], split.original[left[i + 2]]});
+    const std::vector<std::uint32_t> bad = at_bad_sides(simple);
+    if (bad.empty() || round == kRounds) {
+      mesh.triangles = std::move(simple.triangles);
+      (void)make_manifold(mesh);
+      break;
+    }
+    // What collapsed there stays as it was: the surroundings of these places are locked.
+    std::vector<bool> near(mesh.positions.size(), false);
+    for (const std::uint32_t v : bad) near[v] = true;
+    for (int ring = 0; ring <= round; ++ring) {
+      std::vector<bool> wider = near;
+      for (const auto& t : mesh.triangles)
+        if (near[t[0]] || near[t[1]] || near[t[2]])
+          for (const std::uint32_t v : t) wider[v] = true;
+      near.swap(wider);
+    }
+    fixed.resize(mesh.positions.size(), false);
+    for (std::size_t v = 0; v < near.size(); ++v)
+      if (near[v]) fixed[v] = true;
+  }
+  return {kFarthest * error * scale, drop_unused_vertices(mesh)};
+}
+
+std::vector<std::uint32_t> colour_regions(const Mesh& mesh) {
+  struct Link {
+    float difference;
+    std::uint32_t a, b;
+  };
+  std::vector<Eigen::Vector3f> colour;
+  for (const auto& t : mesh.triangles) {
+    Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+    for (const std::uint32_t v : t)
+      sum += Eigen::Vector3f(mesh.colours[v][0], mesh.colours[v][1], mesh.colours[v][2]) / 3;
+    colour.push_back(sum);
+  }
+  std::vector<Link> links;
+  const std::vector<Side> sides = sides_by_edge(mesh, first_at_place(mesh));
+  for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin + 1; i < end; ++i) {
+      const std::uint32_t a = sides[begin].triangle, b = sides[i].triangle;
+      links.push_back({(colour[a] - colour[b]).norm(), a, b});
+    }
+  });
+  std::sort(links.begin(), links.end(), [](const Link& x, const Link& y) {
+    return std::tie(x.difference, x.a, x.b) < std::tie(y.difference, y.a, y.b);
+  });
+  std::vector<std::uint32_t> parent(mesh.triangles.size()), size(parent.size(), 1);
+  std::iota(parent.begin(), parent.end(), 0u);
+  std::vector<float> inside(parent.size(), 0);
+  const auto root = [&](std::uint32_t t) {
+    while (parent[t] != t) t = parent[t] = parent[parent[t]];
+    return t;
+  };
+  const auto join = [&](std::uint32_t a, std::uint32_t b) {
+    if (size[a] < size[b]) std::swap(a, b);
+    parent[b] = a;
+    size[a] += size[b];
+    return a;
+  };
+  for (const auto& [difference, a, b] : links) {
+    const std::uint32_t p = root(a), q = root(b);
+    const auto limit = [&](std::uint32_t r) {
+      return inside[r] + kRegionScale / std::sqrt(static_cast<float>(size[r]));
+    };
+    if (p != q && difference <= std::min(limit(p), limit(q))) inside[join(p, q)] = difference;
+  }
+  for (const Link& link : links) {
+    const std::uint32_t p = root(link.a), q = root(link.b);
+    if (p != q && std::min(size[p], size[q]) < kSmallRegion) (void)join(p, q);
+  }
+  std::vector<std::uint32_t> region(parent.size());
+  for (std::uint32_t t = 0; t < region.size(); ++t) region[t] = root(t);
+  std::vector<std::array<std::uint32_t, 3>> beside(region.size(), {kNone, kNone, kNone});
+  for (const Link& link : links)
+    for (const auto& [t, other] : {std::pair(link.a, link.b), {link.b, link.a}})
+      if (const auto free = std::find(beside[t].begin(), beside[t].end(), kNone); free != beside[t].end())
+        *free = other;
+  for (int vote = 0; vote < kVotes; ++vote) {
+    const std::vector<std::uint32_t> was = region;
+    for (std::size_t t = 0; t < region.size(); ++t) {
+      const auto& [a, b, c] = beside[t];
+      const auto is = [&](std::uint32_t i, std::uint32_t j) { return i != kNone && j != kNone && was[i] == was[j]; };
+      if (is(a, b) || is(a, c))
+        region[t] = was[a];
+      else if (is(b, c))
+        region[t] = was[b];
+    }
+  }
+  return region;
+}
+
+}  // namespace cairn

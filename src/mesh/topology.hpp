@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// How triangles hang together.
+#pragma once
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "cairn/mesh.hpp"
+
+namespace cairn {
+
+constexpr std::uint32_t kNone = 0xffffffffu;
+
+/// By vertex, the first one that lies at the very same place.
+[[nodiscard]] std::vector<std::uint32_t> first_at_place(const Mesh& mesh);
+
+/// A side of a triangle: from the vertex of its corner to that of its next one.
+struct Side {
+  std::uint64_t edge;      // lower vertex << 32 | higher vertex
+  std::uint32_t triangle;  // its number
+  std::uint32_t corner;    // 0 to 2
+};
+/// All sides, those of the same edge one after the other, by triangle. Vertices are renamed by `name`.
+[[nodiscard]] std::vector<Side> sides_by_edge(const Mesh& mesh, const std::vector<std::uint32_t>& name);
+
+/// Calls `visit(first, last)` for the sides of each edge.
+template <class Visit>
+void for_each_edge(const std::vector<Side>& sides, const Visit& visit) {
+  for (std::size_t begin = 0, end = 0; begin < sides.size(); begin = end) {
+    while (end < sides.size() && sides[end].edge == sides[begin].edge) ++end;
+    visit(begin, end);
+  }
+}
+
+/// Parts that no shared vertex joins, by triangle; counted from 0 in the order of their first triangles.
+struct Pieces {
+  std::vector<std::uint32_t> of_triangle;
+  std::uint32_t count = 0;
+};
+[[nodiscard]] Pieces pieces(const Mesh& mesh, const std::vector<std::uint32_t>& name);
+
+/// Leaves the vertices that triangles use, in their order; returns these.
+std::vector<std::uint32_t> drop_unused_vertices(Mesh& mesh);
+
+/// Leaves the vertices that are told, in this order, with all that they carry; triangles are not touched.
+void take_vertices(Mesh& mesh, const std::vector<std::uint32_t>& vertices);
+
+}  // namespace cairn

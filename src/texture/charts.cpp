@@ -1,0 +1,448 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "texture/charts.hpp"
+
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <opencv2/imgproc.hpp>
+#include <unordered_map>
+
+#include "mesh/topology.hpp"
+
+// stb's rectangle packer: a header that is a program.
+#define STB_RECT_PACK_IMPLEMENTATION
+#define STBRP_STATIC
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wunused-function"
+#include <stb_rect_pack.h>
+#pragma GCC diagnostic pop
+
+namespace cairn {
+namespace {
+
+constexpr int kPadding = 2;        // texels around each chart that belong to it
+constexpr float kTurned = 0.62f;   // cosine between a chart's axis and the smoothed surface in it, at least
+constexpr float kFlat = 0.2f;      // the same of a triangle itself
+constexpr int kSmoothings = 4;     // of normals
+constexpr float kSubtexels = 256;  // places are rounded to them, so that neighbours agree to whom a texel belongs
+
+using Place = Eigen::Matrix<std::int64_t, 2, 1>;  // subtexels
+
+Place rounded(const Eigen::Vector2f& texels) {
+  return {std::llround(texels.x() * kSubtexels), std::llround(texels.y() * kSubtexels)};
+}
+
+/// Twice the signed area.
+std::int64_t cross(const Place& a, const Place& b, const Place& c) {
+  return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
+}
+
+/// Calls `visit(x, y)` for texels whose middle lies in the triangle; of two triangles at a side one alone has it.
+template <class Visit>
+void rasterise(std::array<Place, 3> p, const Visit& visit) {
+  const std::int64_t area = cross(p[0], p[1], p[2]);
+  if (area == 0) return;
+  if (area < 0) std::swap(p[1], p[2]);
+  constexpr auto kOne = static_cast<std::int64_t>(kSubtexels), kHalf = kOne / 2;
+  const Place low = p[0].cwiseMin(p[1]).cwiseMin(p[2]), high = p[0].cwiseMax(p[1]).cwiseMax(p[2]);
+  const auto first = [&](std::int64_t v) { return (v - kHalf + kOne - 1) >> 8; };
+  const auto last = [&](std::int64_t v) { return (v - kHalf) >> 8; };
+  std::array<std::int64_t, 3> bias;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Place d = p[(k + 1) % 3] - p[k];
+    bias[k] = d.y() < 0 || (d.y() == 0 && d.x() > 0) ? 0 : -1;
+  }
+  for (std::int64_t y = first(low.y()); y <= last(high.y()); ++y)
+    for (std::int64_t x = first(low.x()); x <= last(high.x()); ++x) {
+      const Place at(x * kOne + kHalf, y * kOne + kHalf);
+      if (cross(p[0], p[1], at) + bias[0] >= 0 && cross(p[1], p[2], at) + bias[1] >= 0 &&
+          cross(p[2], p[0], at) + bias[2] >= 0)
+        visit(static_cast<int>(x), static_cast<int>(y));
+    }
+}
+
+struct Shape {
+  std::vector<Eigen::Vector3f> normal, smooth;       // of triangles
+  std::vector<float> area;                           // of triangles
+  std::vector<std::array<std::uint32_t, 3>> beside;  // triangles at the sides, or kNone
+};
+
+Shape shape_of(const Mesh& mesh) {
+  Shape shape;
+  const std::size_t n = mesh.triangles.size();
+  std::vector<Eigen::Vector3f> weighted;
+  for (const auto& t : mesh.triangles) {
+    const Eigen::Vector3f& a = mesh.positions[t[0]];
+    const Eigen::Vector3f v = 0.5f * (mesh.positions[t[1]] - a).cross(mesh.positions[t[2]] - a);
+    shape.area.push_back(v.norm());
+    shape.normal.push_back(v / std::max(v.norm(), 1e-20f));
+    weighted.push_back(v);
+  }
+  for (int i = 0; i < kSmoothings; ++i) {
+    std::vector<Eigen::Vector3f> of_vertex(mesh.positions.size(), Eigen::Vector3f::Zero());
+    for (std::size_t t = 0; t < n; ++t)
+      for (const std::uint32_t v : mesh.triangles[t]) of_vertex[v] += weighted[t];
+    for (std::size_t t = 0; t < n; ++t) {
+      const auto& [a, b, c] = mesh.triangles[t];
+      const Eigen::Vector3f mean = of_vertex[a] + of_vertex[b] + of_vertex[c];
+      weighted[t] = shape.area[t] / std::max(mean.norm(), 1e-20f) * mean;
+    }
+  }
+  for (std::size_t t = 0; t < n; ++t) shape.smooth.push_back(weighted[t].normalized());
+  shape.beside.assign(n, {kNone, kNone, kNone});
+  std::vector<std::uint32_t> name(mesh.positions.size());
+  std::iota(name.begin(), name.end(), 0u);
+  const std::vector<Side> sides = sides_by_edge(mesh, name);
+  for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
+    if (end - begin != 2) return;
+    const Side &a = sides[begin], &b = sides[begin + 1];
+    shape.beside[a.triangle][a.corner] = b.triangle;
+    shape.beside[b.triangle][b.corner] = a.triangle;
+  });
+  return shape;
+}
+
+/// Directions along the chart's plane, the first along the longer side of the smallest rectangle around it.
+Eigen::Matrix<float, 2, 3> plane_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles,
+                                    const Eigen::Vector3f& axis, float texel) {
+  Eigen::Matrix<float, 2, 3> plane;
+  const Eigen::Vector3f u = axis.unitOrthogonal();
+  plane << u.transpose(), axis.cross(u).transpose();
+  std::vector<cv::Point2f> points;
+  for (const std::uint32_t t : triangles)
+    for (const std::uint32_t v : mesh.triangles[t]) {
+      const Eigen::Vector2f p = plane * mesh.positions[v];
+      points.emplace_back(p.x(), p.y());
+    }
+  const cv::RotatedRect box = cv::minAreaRect(points);
+  const float angle = (box.angle + (box.size.width < box.size.height ? 90.0f : 0.0f)) * static_cast<float>(CV_PI) / 180;
+  return Eigen::Rotation2Df(-angle).toRotationMatrix() * plane / texel;
+}
+
+Chart chart_of(const Mesh& mesh, std::vector<std::uint32_t> triangles, const Eigen::Matrix<float, 2, 3>& plane) {
+  Chart chart{std::move(triangles), plane, Eigen::Vector2f::Constant(1e30f), Eigen::Vector2f::Constant(-1e30f)};
+  for (const std::uint32_t t : chart.triangles)
+    for (const std::uint32_t v : mesh.triangles[t]) {
+      const Eigen::Vector2f p = plane * mesh.positions[v];
+      chart.low = chart.low.cwiseMin(p);
+      chart.high = chart.high.cwiseMax(p);
+    }
+  return chart;
+}
+
+Eigen::Vector2i size_of(const Chart& chart) {
+  return (chart.high - chart.low).array().ceil().cast<int>() + 1 + 2 * kPadding;
+}
+
+/// Where a triangle lies in the image of its chart.
+std::array<Eigen::Vector2f, 3> places_in(const Chart& chart, const Mesh& mesh, std::uint32_t triangle) {
+  std::array<Eigen::Vector2f, 3> places;
+  for (std::size_t k = 0; k < 3; ++k)
+    places[k] = chart.plane * mesh.positions[mesh.triangles[triangle][k]] - chart.low +
+                Eigen::Vector2f::Constant(kPadding + 0.5f);
+  return places;
+}
+
+/// Takes triangles out of a chart that would cover others of it; returns them.
+std::vector<std::uint32_t> take_out_covering(Chart& chart, const Mesh& mesh) {
+  const Eigen::Vector2i size = size_of(chart);
+  std::vector<bool> covered(static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()), false);
+  std::vector<std::uint32_t> stay, out;
+  for (const std::uint32_t t : chart.triangles) {
+    const auto places = places_in(chart, mesh, t);
+    const std::array<Place, 3> p{rounded(places[0]), rounded(places[1]), rounded(places[2])};
+    const auto at = [&](int x, int y) {
+      return static_cast<std::size_t>(y) * static_cast<std::size_t>(size.x()) + static_cast<std::size_t>(x);
+    };
+    bool is_free = true;
+    rasterise(p, [&](int x, int y) { is_free = is_free && !covered[at(x, y)]; });
+    if (is_free) rasterise(p, [&](int x, int y) { covered[at(x, y)] = true; });
+    (is_free ? stay : out).push_back(t);
+  }
+  chart.triangles = std::move(stay);
+  return out;
+}
+
+/// Charts that are too large for a texture become several.
+std::vector<Chart> cut(const Mesh& mesh, Chart chart, int max_size) {
+  const Eigen::Vector2i parts = size_of(chart).unaryExpr([&](int s) { return 1 + s / (max_size - 2 * kPadding); });
+  std::vector<Chart> charts;
+  if (parts == Eigen::Vector2i::Ones()) {
+    charts.push_back(std::move(chart));
+    return charts;
+  }
+  std::vector<std::vector<std::uint32_t>> of(static_cast<std::size_t>(parts.prod()));
+  const Eigen::Vector2f step = (chart.high - chart.low).cwiseQuotient(parts.cast<float>());
+  for (const std::uint32_t t : chart.triangles) {
+    const auto& [a, b, c] = mesh.triangles[t];
+    const Eigen::Vector2f middle =
+        chart.plane * ((mesh.positions[a] + mesh.positions[b] + mesh.positions[c]) / 3) - chart.low;
+    const Eigen::Vector2i cell =
+        middle.cwiseQuotient(step).cast<int>().cwiseMin((parts.array() - 1).matrix()).cwiseMax(0);
+    of[static_cast<std::size_t>(cell.y() * parts.x() + cell.x())].push_back(t);
+  }
+  for (auto& triangles : of)
+    if (!triangles.empty()) charts.push_back(chart_of(mesh, std::move(triangles), chart.plane));
+  return charts;
+}
+
+}  // namespace
+
+std::vector<Chart> make_charts(const Mesh& mesh, float texel, int max_size) {
+  const Shape shape = shape_of(mesh);
+  const std::size_t n = mesh.triangles.size();
+  std::vector<std::uint32_t> order(n);
+  std::iota(order.begin(), order.end(), 0u);
+  std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+    const auto flatness = [&](std::uint32_t t) { return shape.area[t] * shape.normal[t].dot(shape.smooth[t]); };
+    return flatness(a) > flatness(b);
+  });
+  std::vector<Chart> charts;
+  std::vector<std::uint32_t> visit(n, 0);  // by triangle: the last growth that came by
+  std::vector<bool> taken(n, false);
+  std::uint32_t growth = 0;
+  const auto grow = [&](std::uint32_t seed, const Eigen::Vector3f& axis) {
+    ++growth;
+    std::vector<std::uint32_t> triangles{seed};
+    visit[seed] = growth;
+    for (std::size_t i = 0; i < triangles.size(); ++i)
+      for (const std::uint32_t next : shape.beside[triangles[i]]) {
+        if (next == kNone || taken[next] || visit[next] == growth) continue;
+        visit[next] = growth;
+        if (shape.smooth[next].dot(axis) > kTurned && shape.normal[next].dot(axis) > kFlat) triangles.push_back(next);
+      }
+    return triangles;
+  };
+  std::vector<std::uint32_t> seeds = order;
+  while (!seeds.empty()) {
+    std::vector<std::uint32_t> again;
+    for (const std::uint32_t seed : seeds) {
+      if (taken[seed]) continue;
+      const Eigen::Vector3f first =
+          shape.smooth[seed].dot(shape.normal[seed]) > kFlat ? shape.smooth[seed] : shape.normal[seed];
+      std::vector<std::uint32_t> triangles = grow(seed, first);
+      Eigen::Vector3f axis = first;
+      if (triangles.size() > 1) {
+        Eigen::Vector3f mean = Eigen::Vector3f::Zero();
+        for (const std::uint32_t t : triangles) mean += shape.area[t] * shape.normal[t];
+        mean.normalize();
+        if (shape.normal[seed].dot(mean) > kFlat) axis = mean, triangles = grow(seed, axis);
+      }
+      Chart chart = chart_of(mesh, triangles, plane_of(mesh, triangles, axis, texel));
+      for (const std::uint32_t t : triangles) taken[t] = true;
+      for (const std::uint32_t t : take_out_covering(chart, mesh)) {
+        taken[t] = false;
+        again.push_back(t);
+      }
+      for (Chart& part : cut(mesh, chart_of(mesh, std::move(chart.triangles), chart.plane), max_size))
+        charts.push_back(std::move(part));
+    }
+    seeds = std::move(again);
+  }
+  return charts;
+}
+
+std::optional<TextureAtlas> pack(const Mesh& mesh, const std::vector<Chart>& charts, int max_size) {
+  std::vector<stbrp_rect> rects;
+  double area = 0;
+  int widest = 0;
+  for (std::size_t i = 0; i < charts.size(); ++i) {
+    const Eigen::Vector2i size = size_of(charts[i]);
+    rects.push_back({static_cast<int>(i), size.x(), size.y(), 0, 0, 0});
+    area += static_cast<double>(size.x()) * size.y();
+    widest = std::max(widest, size.x());
+  }
+  if (area > static_cast<double>(max_size) * max_size || widest > max_size) return std::nullopt;
+  const int width = std::min(max_size, std::max(widest, (static_cast<int>(std::sqrt(1.06 * area)) + 15) / 16 * 16));
+  std::vector<stbrp_node> nodes(static_cast<std::size_t>(width));
+  stbrp_context context;
+  stbrp_init_target(&context, width, max_size, nodes.data(), width);
+  if (!rects.empty() && stbrp_pack_rects(&context, rects.data(), static_cast<int>(rects.size())) == 0)
+    return std::nullopt;
+
+  TextureAtlas atlas;
+  atlas.charts = static_cast<int>(charts.size());
+  atlas.mesh.texture.width = width;
+  int height = 1;
+  for (const stbrp_rect& r : rects) height = std::max(height, r.y + r.h);
+  atlas.mesh.texture.height = height;
+  const Eigen::Vector2f scale(1.0f / static_cast<float>(width), 1.0f / static_cast<float>(height));
+
+  std::vector<std::uint32_t> from;
+  for (std::size_t i = 0; i < charts.size(); ++i) {
+    const Chart& chart = charts[i];
+    const stbrp_rect& rect = rects[i];
+    const Eigen::Vector2f offset(static_cast<float>(rect.x), static_cast<float>(rect.y));
+    std::unordered_map<std::uint32_t, std::uint32_t> vertex;
+    for (const std::uint32_t t : chart.triangles) {
+      const auto places = places_in(chart, mesh, t);
+      auto& triangle = atlas.mesh.triangles.emplace_back();
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t v = mesh.triangles[t][k];
+        const auto [it, is_new] = vertex.try_emplace(v, static_cast<std::uint32_t>(from.size()));
+        if (is_new) {
+          from.push_back(v);
+          atlas.mesh.texture_places.push_back((places[k] + offset).cwiseProduct(scale));
+        }
+        triangle[k] = it->second;
+      }
+    }
+  }
+  std::vector<Eigen::Vector2f> texture_places = std::move(atlas.mesh.texture_places);
+  atlas.mesh.texture_places.clear();
+  atlas.mesh.positions = mesh.positions;
+  atlas.mesh.normals = mesh.normals;
+  atlas.mesh.colours = mesh.colours;
+  take_vertices(atlas.mesh, from);
+  atlas.mesh.texture_places = std::move(texture_places);
+
+  // The points under the texels, chart by chart in tiles.
+  struct Tiles {
+    std::vector<shader::Texel> points;
+    std::vector<std::uint32_t> texel;
+  };
+  std::vector<Tiles> of_chart(charts.size());
+  tbb::parallel_for(std::size_t{0}, charts.size(), [&](std::size_t i) {
+    const Chart& chart = charts[i];
+    const stbrp_rect& rect = rects[i];
+    const int w = rect.w, h = rect.h;
+    std::vector<std::uint32_t> owner(static_cast<std::size_t>(w) * static_cast<std::size_t>(h), kNone);
+    const auto at = [&](int x, int y) -> std::uint32_t& {
+      return owner[static_cast<std::size_t>(y) * static_cast<std::size_t>(w) + static_cast<std::size_t>(x)];
+    };
+    for (const std::uint32_t t : chart.triangles) {
+      const auto places = places_in(chart, mesh, t);
+      rasterise({rounded(places[0]), rounded(places[1]), rounded(places[2])}, [&](int x, int y) { at(x, y) = t; });
+    }
+    // Texels around the chart, which filters look at, belong to the triangle beside them.
+    for (int ring = 0; ring < kPadding; ++ring) {
+      const std::vector<std::uint32_t> was = owner;
+      const auto before = [&](int x, int y) {
+        return x < 0 || y < 0 || x >= w || y >= h
+                   ? kNone
+                   : was[static_cast<std::size_t>(y) * static_cast<std::size_t>(w) + static_cast<std::size_t>(x)];
+      };
+      for (int y = 0; y < h; ++y)
+        for (int x = 0; x < w; ++x)
+          for (const auto& [dx, dy] : {std::pair(-1, 0), {1, 0}, {0, -1}, {0, 1}, {-1, -1}, {1, -1}, {-1, 1}, {1, 1}})
+            if (at(x, y) == kNone) at(x, y) = before(x + dx, y + dy);
+    }
+    // Slivers may cover no texel's middle: their neighbourhood is coloured all the same.
+    Tiles& tiles = of_chart[i];
+    constexpr int kSide = shader::kTileSide;
+    for (int ty = 0; ty < h; ty += kSide)
+      for (int tx = 0; tx < w; tx += kSide) {
+        const std::size_t first = tiles.points.size();
+        bool any = false;
+        tiles.points.resize(first + shader::kTileTexels);
+        tiles.texel.resize(first + shader::kTileTexels, 0);
+        for (int k = 0; k < kSide * kSide; ++k) {
+          const int x = tx + k % kSide, y = ty + k / kSide;
+          if (x >= w || y >= h || at(x, y) == kNone) continue;
+          const std::uint32_t t = at(x, y);
+          const auto p = places_in(chart, mesh, t);
+          const Eigen::Vector2f ab = p[1] - p[0], ac = p[2] - p[0],
+                                q = Eigen::Vector2f(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f) - p[0];
+          const float area_of = ab.x() * ac.y() - ab.y() * ac.x();
+          float b = 0, c = 0;
+          if (std::abs(area_of) > 1e-9f) {
+            b = (q.x() * ac.y() - q.y() * ac.x()) / area_of;
+            c = (ab.x() * q.y() - ab.y() * q.x()) / area_of;
+          }
+          const std::array<float, 3> weight{1 - b - c, b, c};
+          Eigen::Vector3f position = Eigen::Vector3f::Zero(), normal = position, colour = position;
+          for (std::size_t corner = 0; corner < 3; ++corner) {
+            const std::uint32_t v = mesh.triangles[t][corner];
+            position += weight[corner] * mesh.positions[v];
+            const float inside = std::clamp(weight[corner], 0.0f, 1.0f);
+            if (!mesh.normals.empty()) normal += inside * mesh.normals[v];
+            if (!mesh.colours.empty())
+              colour += inside * Eigen::Vector3f(mesh.colours[v][0], mesh.colours[v][1], mesh.colours[v][2]);
+          }
+          const auto byte = [](float f) { return static_cast<std::uint32_t>(std::clamp(f, 0.0f, 255.0f) + 0.5f); };
+          const std::size_t slot = first + static_cast<std::size_t>(k);
+          tiles.points[slot] = {position,
+                                shader::pack_normal(normal.norm() > 1e-6f ? normal : Eigen::Vector3f::UnitZ()),
+                                byte(colour.x()) | byte(colour.y()) << 8 | byte(colour.z()) << 16};
+          tiles.texel[slot] = static_cast<std::uint32_t>((rect.y + y) * width + rect.x + x);
+          any = true;
+        }
+        if (!any) {
+          tiles.points.resize(first);
+          tiles.texel.resize(first);
+        }
+      }
+  });
+  for (Tiles& tiles : of_chart) {
+    atlas.points.insert(atlas.points.end(), tiles.points.begin(), tiles.points.end());
+    atlas.texel.insert(atlas.texel.end(), tiles.texel.begin(), tiles.texel.end());
+    tiles = {};
+  }
+  return atlas;
+}
+
+void fill_between(Texture& texture, std::vector<bool> known) {
+  struct Level {
+    int width, height;
+    std::vector<Eigen::Vector3f> colour;
+    std::vector<float> weight;
+  };
+  // Means of what is known, coarser and coarser; then back, each unknown texel from the coarser level (Gortler et al.
+  // 1996, pull-push).
+  const auto index = [](int width, int x, int y) {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
+  };
+  std::vector<Level> levels;
+  const auto halved = [&](int width, int height, const auto& colour, const auto& weight) {
+    Level half{(width + 1) / 2, (height + 1) / 2, {}, {}};
+    half.colour.resize(index(half.width, 0, half.height));
+    half.weight.resize(half.colour.size());
+    tbb::parallel_for(0, half.height, [&](int y) {
+      for (int x = 0; x < half.width; ++x) {
+        Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+        float total = 0;
+        for (int k = 0; k < 4; ++k) {
+          const int fx = 2 * x + (k & 1), fy = 2 * y + (k >> 1);
+          if (fx >= width || fy >= height) continue;
+          const float w = weight(index(width, fx, fy));
+          sum += w * colour(index(width, fx, fy));
+          total += w;
+        }
+        half.colour[index(half.width, x, y)] = total > 0 ? Eigen::Vector3f(sum / total) : sum;
+        half.weight[index(half.width, x, y)] = total > 0 ? 1.0f : 0.0f;
+      }
+    });
+    return half;
+  };
+  const auto vector = [&](std::size_t i) {
+    return Eigen::Vector3f(texture.texels[i][0], texture.texels[i][1], texture.texels[i][2]);
+  };
+  levels.push_back(
+      halved(texture.width, texture.height, vector, [&](std::size_t i) { return known[i] ? 1.0f : 0.0f; }));
+  while (levels.back().width > 1 || levels.back().height > 1) {
+    const Level& fine = levels.back();
+    levels.push_back(halved(
+        fine.width, fine.height, [&](std::size_t i) { return fine.colour[i]; },
+        [&](std::size_t i) { return fine.weight[i]; }));
+  }
+  for (std::size_t l = levels.size() - 1; l-- > 0;) {
+    Level& fine = levels[l];
+    const Level& coarse = levels[l + 1];
+    for (int y = 0; y < fine.height; ++y)
+      for (int x = 0; x < fine.width; ++x)
+        if (const std::size_t i = index(fine.width, x, y); fine.weight[i] == 0)
+          fine.colour[i] = coarse.colour[index(coarse.width, x / 2, y / 2)];
+  }
+  for (int y = 0; y < texture.height; ++y)
+    for (int x = 0; x < texture.width; ++x)
+      if (const std::size_t i = index(texture.width, x, y); !known[i])
+        for (int c = 0; c < 3; ++c)
+          texture.texels[i][static_cast<std::size_t>(c)] =
+              static_cast<std::uint8_t>(levels[0].colour[index(levels[0].width, x / 2, y / 2)][c] + 0.5f);
+}
+
+}  // namespace cairn

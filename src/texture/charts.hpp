@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// A mesh is cut into charts that lie flat side by side in a texture.
+#pragma once
+#include <optional>
+#include <vector>
+
+#include "cairn/mesh.hpp"
+#include "shaders/texture.h"
+
+namespace cairn {
+
+/// A part of a mesh and its projection to a plane, in which no two triangles cover each other.
+struct Chart {
+  std::vector<std::uint32_t> triangles;
+  Eigen::Matrix<float, 2, 3> plane;  // from a point to its place, texels
+  Eigen::Vector2f low, high;         // of the places of its vertices
+};
+
+/// Grows charts from the flattest places as far as the surface does not turn away (Sander et al. 2003). `texel`:
+/// metres; `max_size`: texels a side.
+[[nodiscard]] std::vector<Chart> make_charts(const Mesh& mesh, float texel, int max_size);
+
+/// Charts with their places in a texture.
+struct TextureAtlas {
+  Mesh mesh;  // a vertex for each chart that it belongs to, with texture_places; its texture has a size and no texels
+  int charts = 0;
+  /// Points of the surface under the texels, kTileTexels for each tile of a chart; where `normal` is 0 there is none.
+  std::vector<shader::Texel> points;
+  std::vector<std::uint32_t> texel;  // of each point: its number in the texture
+};
+/// Packs charts. Nothing where they do not fit into a texture of `max_size` a side.
+[[nodiscard]] std::optional<TextureAtlas> pack(const Mesh& mesh, const std::vector<Chart>& charts, int max_size);
+
+/// Gives texels between charts colours that go smoothly from one to the next, so that neither filters nor JPEG bleed.
+void fill_between(Texture& texture, std::vector<bool> known);
+
+}  // namespace cairn

@@ -1,0 +1,380 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "texture/views.hpp"
+
+#include <tbb/parallel_for.h>
+
+#include <Eigen/SparseCholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+#include "spirv/texture_blend.comp.h"
+#include "spirv/texture_blur.comp.h"
+#include "spirv/texture_prepare.comp.h"
+#include "spirv/texture_sample.comp.h"
+#include "spirv/texture_select.comp.h"
+
+namespace cairn {
+namespace {
+
+constexpr float kTolerance = 0.02f;        // metres between the surface and what a keyframe measured, beside noise
+constexpr std::size_t kBatchTiles = 4096;  // that are coloured at once
+constexpr int kGridX = 12, kGridY = 9;     // points of a keyframe whose exposure others are compared with
+constexpr int kEnoughPoints = 8;           // that two keyframes see
+constexpr double kPull = 0.02;             // of gains to 1, in pairs of this weight
+constexpr double kMaxGain = 1.0;           // logarithm
+constexpr int kDarkest = 12;               // of 255; darker colours tell nothing about exposure
+
+std::uint32_t pixels_of(const Camera& c) { return static_cast<std::uint32_t>(c.width * c.height); }
+
+/// Interleaves the bits of three numbers: near places have near codes (Morton 1966).
+std::uint64_t morton(const Eigen::Vector3f& p) {
+  std::uint64_t code = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto v = static_cast<std::uint64_t>(std::clamp((p[axis] + 1000.0f) * 8.0f, 0.0f, 2097151.0f));
+    for (int bit = 0; bit < 21; ++bit) code |= (v >> bit & 1) << (3 * bit + axis);
+  }
+  return code;
+}
+
+}  // namespace
+
+TextureViews::TextureViews(Volume& volume, const Camera& camera, const SurfaceOptions& options,
+                           std::vector<TextureKeyframe> keyframes, GetImage get_image, std::uint64_t memory)
+    : volume_(volume),
+      device_(volume.device()),
+      max_depth_(options.max_depth),
+      preprocess_(device_, camera, options, 1, 1),
+      camera_(preprocess_.camera()),
+      raycast_(device_, camera_, options, 2, 1),
+      keyframes_(std::move(keyframes)),
+      gains_(keyframes_.size(), Eigen::Vector3f::Ones()),
+      get_image_(std::move(get_image)),
+      capacity_(std::max<std::size_t>(16, memory / (pixels_of(camera_) * 8 + pixels_of(camera_) / 4))),
+      place_(keyframes_.size(), -1),
+      prepare_(device_, "texture_prepare", texture_prepare_comp),
+      blur_(device_, "texture_blur", texture_blur_comp),
+      select_(device_, "texture_select", texture_select_comp),
+      blend_(device_, "texture_blend", texture_blend_comp),
+      sample_(device_, "texture_sample", texture_sample_comp) {
+  for (const TextureKeyframe& k : keyframes_)
+    camera_from_world_.emplace_back(k.world_from_camera.inverse().cast<float>());
+}
+
+const TextureViews::OnDevice& TextureViews::on_device(std::size_t keyframe) const {
+  return *images_[static_cast<std::size_t>(place_[keyframe])];
+}
+
+/// Brings keyframes' images to the device, no more than it holds.
+void TextureViews::bring(std::span<const std::size_t> keyframes) {
+  ++use_;
+  std::vector<std::size_t> missing;
+  for (const std::size_t k : keyframes)
+    if (place_[k] >= 0)
+      images_[static_cast<std::size_t>(place_[k])]->last_use = use_;
+    else
+      missing.push_back(k);
+  constexpr std::size_t kAtOnce = 8;
+  for (std::size_t begin = 0; begin < missing.size(); begin += kAtOnce) {
+    const auto some = std::span(missing).subspan(begin, std::min(kAtOnce, missing.size() - begin));
+    std::vector<Frame> frames(some.size());
+    tbb::parallel_for(std::size_t{0}, some.size(),
+                      [&](std::size_t i) { frames[i] = get_image_(keyframes_[some[i]].image); });
+    for (std::size_t i = 0; i < some.size(); ++i) {
+      if (images_.size() < capacity_) {
+        images_.push_back(std::make_unique<OnDevice>());
+        images_.back()->pixels = gpu::Buffer(device_, pixels_of(camera_) * 8);
+        images_.back()->blurred = gpu::Buffer(device_, pixels_of(camera_) / 4);
+        place_[some[i]] = static_cast<int>(images_.size()) - 1;
+      } else {
+        const auto oldest = std::min_element(images_.begin(), images_.end(),
+                                             [](const auto& a, const auto& b) { return a->last_use < b->last_use; });
+        place_[(*oldest)->keyframe] = -1;
+        place_[some[i]] = static_cast<int>(oldest - images_.begin());
+      }
+      OnDevice& image = *images_[static_cast<std::size_t>(place_[some[i]])];
+      image.keyframe = some[i];
+      image.last_use = use_;
+      const Surface surface = preprocess_(frames[i]);
+      image.has_colour = surface.has_colour;
+      const Eigen::Isometry3d& pose = keyframes_[some[i]].world_from_camera;
+      volume_.bring(pose.translation());
+      const ModelView model = raycast_(volume_, pose);
+      gpu::Batch batch(device_);
+      const shader::TexturePreparePush push{shader::pinhole(camera_)};
+      prepare_(batch, {pixels_of(camera_), 1, 1}, push, {surface.fusion, &model.levels[1]->points, &image.pixels});
+      blur_(batch, {pixels_of(camera_) / 16, 1, 1}, push, {&image.pixels, &image.blurred});
+      batch.run();
+    }
+  }
+}
+
+shader::TextureView TextureViews::view_of(std::size_t keyframe) const {
+  const TextureKeyframe& k = keyframes_[keyframe];
+  const OnDevice& image = on_device(keyframe);
+  return {.camera_from_world = shader::rigid(k.world_from_camera.inverse()),
+          .velocity = Eigen::Vector3f(k.velocity.tail<3>().cast<float>()),
+          .turn_rate = Eigen::Vector3f(k.velocity.head<3>().cast<float>()),
+          .delay = static_cast<float>(k.colour_delay),
+          .gain = gains_[keyframe],
+          .pixels = shader::address(image.pixels),
+          .blurred = shader::address(image.blurred)};
+}
+
+bool TextureViews::may_see(std::size_t keyframe, const Eigen::Vector3f& point, const Eigen::Vector3f& normal) const {
+  constexpr float kAround = 24;  // pixels
+  const Eigen::Isometry3f& t = camera_from_world_[keyframe];
+  const Eigen::Vector3f p = t * point;
+  if (p.z() < 0.05f || p.z() > 1.1f * max_depth_ || (t.linear() * normal).dot(p) > 0.1f * p.norm()) return false;
+  const Eigen::Vector2d at = camera_.project(p.cast<double>());
+  return at.x() > -kAround && at.y() > -kAround && at.x() < camera_.width + kAround &&
+         at.y() < camera_.height + kAround;
+}
+
+float TextureViews::texel_size(const Mesh& mesh) const {
+  constexpr std::size_t kSamples = 2000;
+  std::vector<float> sizes;
+  const std::size_t step = std::max<std::size_t>(1, mesh.positions.size() / kSamples);
+  for (std::size_t v = 0; v < mesh.positions.size(); v += step) {
+    float best = std::numeric_limits<float>::max();
+    for (std::size_t k = 0; k < keyframes_.size(); ++k)
+      if (may_see(k, mesh.positions[v], mesh.normals[v]))
+        best = std::min(best, (camera_from_world_[k] * mesh.positions[v]).z() / static_cast<float>(camera_.fx));
+    if (best < std::numeric_limits<float>::max()) sizes.push_back(best);
+  }
+  if (sizes.empty()) return 0;
+  std::nth_element(sizes.begin(), sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2), sizes.end());
+  return sizes[sizes.size() / 2];
+}
+
+bool TextureViews::compensate_exposure(const std::function<void()>& step) {
+  // Points of all keyframes so far, as they were seen by the one that they come from.
+  std::vector<shader::Texel> points;
+  std::vector<std::size_t> first;  // by keyframe
+  std::vector<ExposurePair> pairs;
+  bool any_colour = false;
+  std::vector<shader::uvec2> pixels(pixels_of(camera_));
+  std::vector<std::uint32_t> colours;
+  gpu::Buffer point_buffer, colour_buffer;
+  gpu::Buffer view_buffer(device_, sizeof(shader::TextureView));
+  for (std::size_t k = 0; k < keyframes_.size(); ++k) {
+    bring(std::array{k});
+    const OnDevice& image = on_device(k);
+    first.push_back(points.size());
+    any_colour = any_colour || image.has_colour;
+    if (!image.has_colour) {
+      if (step) step();
+      continue;
+    }
+    // Only points that may lie in view are asked for.
+    std::vector<shader::Texel> near;
+    std::vector<std::size_t> from;
+    for (std::size_t other = 0; other < k; ++other) {
+      const std::size_t end = first[other + 1];
+      for (std::size_t i = first[other]; i < end; ++i) {
+        const Eigen::Vector3f p = points[i].position;
+        if (!may_see(k, p, (keyframes_[other].world_from_camera.translation().cast<float>() - p).normalized()))
+          continue;
+        near.push_back(points[i]);
+        from.push_back(other);
+      }
+    }
+    gpu::Batch batch(device_);
+    const shader::TextureView view = view_of(k);
+    batch.upload(view_buffer, std::span(&view, 1));
+    batch.download(image.pixels, pixels);
+    colours.resize(near.size());
+    if (!near.empty()) {
+      if (point_buffer.size() < near.size() * sizeof(shader::Texel) || !point_buffer) {
+        point_buffer = gpu::Buffer(device_, 2 * near.size() * sizeof(shader::Texel));
+        colour_buffer = gpu::Buffer(device_, 2 * near.size() * 4);
+      }
+      batch.upload(point_buffer, near);
+      sample_(batch, {static_cast<std::uint32_t>(near.size()), 1, 1},
+              {.camera = shader::pinhole(camera_),
+               .points = static_cast<std::uint32_t>(near.size()),
+               .view = 0,
+               .tolerance = kTolerance},
+              {&point_buffer, &view_buffer, &colour_buffer});
+      batch.download(colour_buffer, colours);
+    }
+    batch.run();
+    std::array<std::vector<double>, 3> differences;
+    for (std::size_t i = 0; i < near.size();) {
+      const std::size_t other = from[i];
+      for (auto& d : differences) d.clear();
+      for (; i < near.size() && from[i] == other; ++i) {
+        if (colours[i] == 0) continue;
+        for (std::uint32_t c = 0; c < 3; ++c) {
+          const auto a = static_cast<int>(near[i].colour >> (8 * c) & 255),
+                     b = static_cast<int>(colours[i] >> (8 * c) & 255);
+          if (std::min(a, b) >= kDarkest && std::max(a, b) < 250)
+            differences[c].push_back(std::log(static_cast<double>(a) / b));
+        }
+      }
+      ExposurePair pair{.a = other, .b = k};
+      bool enough = true;
+      for (std::size_t c = 0; c < 3; ++c) {
+        auto& d = differences[c];
+        enough = enough && d.size() >= kEnoughPoints;
+        if (!enough) break;
+        const auto middle = d.begin() + static_cast<std::ptrdiff_t>(d.size() / 2);
+        std::nth_element(d.begin(), middle, d.end());
+        pair.logarithms[static_cast<int>(c)] = *middle;
+        pair.count = static_cast<int>(d.size());
+      }
+      if (enough) pairs.push_back(pair);
+    }
+    // Its own points, with the colour of its low frequencies as the others will be asked for theirs.
+    std::vector<shader::Texel> own;
+    for (int gy = 0; gy < kGridY; ++gy)
+      for (int gx = 0; gx < kGridX; ++gx) {
+        const int x = (2 * gx + 1) * camera_.width / (2 * kGridX), y = (2 * gy + 1) * camera_.height / (2 * kGridY);
+        const shader::uvec2 word = pixels[static_cast<std::size_t>(y * camera_.width + x)];
+        // Depth as a half float.
+        const std::uint32_t half = word.x & 0xffffu;
+        if (half == 0) continue;
+        const float z = std::ldexp(static_cast<float>((half & 1023u) | (half >> 10 != 0 ? 1024u : 0u)),
+                                   static_cast<int>(std::max(half >> 10, 1u)) - 25);
+        const Eigen::Vector3d p = keyframes_[k].world_from_camera * (static_cast<double>(z) * camera_.ray(x, y));
+        const Eigen::Vector3d to_camera = (keyframes_[k].world_from_camera.translation() - p).normalized();
+        own.push_back({Eigen::Vector3f(p.cast<float>()), shader::pack_normal(to_camera.cast<float>()), 0});
+      }
+    if (!own.empty()) {
+      const gpu::Buffer own_points(device_, own.size() * sizeof(shader::Texel)), own_colours(device_, own.size() * 4);
+      colours.resize(own.size());
+      gpu::Batch again(device_);
+      again.upload(own_points, own);
+      sample_(again, {static_cast<std::uint32_t>(own.size()), 1, 1},
+              {.camera = shader::pinhole(camera_),
+               .points = static_cast<std::uint32_t>(own.size()),
+               .view = 0,
+               .tolerance = kTolerance},
+              {&own_points, &view_buffer, &own_colours});
+      again.download(own_colours, colours);
+      again.run();
+      for (std::size_t i = 0; i < own.size(); ++i) {
+        own[i].colour = colours[i];
+        if (colours[i] != 0) points.push_back(own[i]);
+      }
+    }
+    if (step) step();
+  }
+  first.push_back(points.size());
+  gains_ = exposure_gains(keyframes_.size(), pairs);
+  return any_colour;
+}
+
+std::vector<Eigen::Vector3f> exposure_gains(std::size_t keyframes, std::span<const ExposurePair> pairs) {
+  std::vector<Eigen::Vector3f> gains(keyframes, Eigen::Vector3f::Ones());
+  if (pairs.empty()) return gains;
+  // For each channel: sum over pairs of count (log gain_a - log gain_b + log a / b)^2 is least.
+  const auto n = static_cast<int>(keyframes);
+  double mean = 0;
+  for (const ExposurePair& pair : pairs) mean += 2.0 * pair.count / static_cast<double>(keyframes);
+  std::vector<Eigen::Triplet<double>> entries;
+  Eigen::MatrixX3d right = Eigen::MatrixX3d::Zero(n, 3);
+  for (const ExposurePair& pair : pairs) {
+    const auto a = static_cast<int>(pair.a), b = static_cast<int>(pair.b);
+    const double w = pair.count;
+    entries.insert(entries.end(), {{a, a, w}, {b, b, w}, {a, b, -w}, {b, a, -w}});
+    right.row(a) -= w * pair.logarithms.transpose();
+    right.row(b) += w * pair.logarithms.transpose();
+  }
+  for (int k = 0; k < n; ++k) entries.emplace_back(k, k, kPull * mean);
+  Eigen::SparseMatrix<double> matrix(n, n);
+  matrix.setFromTriplets(entries.begin(), entries.end());
+  const Eigen::MatrixX3d logarithms = Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>(matrix).solve(right);
+  for (int k = 0; k < n; ++k)
+    for (int c = 0; c < 3; ++c)
+      gains[static_cast<std::size_t>(k)][c] =
+          static_cast<float>(std::exp(std::clamp(logarithms(k, c), -kMaxGain, kMaxGain)));
+  return gains;
+}
+
+std::size_t TextureViews::blend(TextureAtlas& atlas) {
+  Texture& texture = atlas.mesh.texture;
+  const auto size = static_cast<std::size_t>(texture.width) * static_cast<std::size_t>(texture.height);
+  texture.texels.assign(size, {0, 0, 0});
+  std::vector<bool> known(size, false);
+  const std::size_t tiles = atlas.points.size() / shader::kTileTexels;
+  struct Tile {
+    std::uint64_t code;
+    std::size_t first;  // point
+    Eigen::Vector3f middle, normal;
+  };
+  std::vector<Tile> order(tiles);
+  tbb::parallel_for(std::size_t{0}, tiles, [&](std::size_t i) {
+    Tile& tile = order[i];
+    tile.first = i * shader::kTileTexels;
+    // The point in the middle, or the one nearest to it in the list.
+    for (std::size_t k = 0; k < shader::kTileTexels; ++k) {
+      const shader::Texel& t = atlas.points[tile.first + (27 + k) % shader::kTileTexels];
+      if (t.normal == 0) continue;
+      tile.middle = t.position;
+      tile.normal = shader::unpack_normal(t.normal);
+      break;
+    }
+    tile.code = morton(tile.middle);
+  });
+  std::sort(order.begin(), order.end(),
+            [](const Tile& a, const Tile& b) { return std::tie(a.code, a.first) < std::tie(b.code, b.first); });
+
+  std::size_t seen = 0;
+  const std::size_t most = std::min(kBatchTiles, std::max<std::size_t>(tiles, 1));
+  const gpu::Buffer points(device_, most * shader::kTileTexels * sizeof(shader::Texel)),
+      chosen(device_, most * shader::kTileViews * 8), colours(device_, most * shader::kTileTexels * 4),
+      views(device_, std::max<std::size_t>(1, std::min(capacity_, keyframes_.size())) * sizeof(shader::TextureView));
+  std::vector<shader::Texel> batch_points;
+  std::vector<std::uint32_t> batch_colours;
+  for (std::size_t begin = 0; begin < tiles; begin += most) {
+    const auto part = std::span(order).subspan(begin, std::min(most, tiles - begin));
+    std::vector<int> sees(keyframes_.size(), 0);
+    tbb::parallel_for(std::size_t{0}, keyframes_.size(), [&](std::size_t k) {
+      for (const Tile& tile : part) sees[k] += may_see(k, tile.middle, tile.normal);
+    });
+    std::vector<std::size_t> needed;
+    for (std::size_t k = 0; k < sees.size(); ++k)
+      if (sees[k] > 0) needed.push_back(k);
+    std::stable_sort(needed.begin(), needed.end(), [&](std::size_t a, std::size_t b) { return sees[a] > sees[b]; });
+    if (needed.size() > capacity_) needed.resize(capacity_);
+    std::sort(needed.begin(), needed.end());
+    bring(needed);
+    std::vector<shader::TextureView> list;
+    for (const std::size_t k : needed)
+      if (on_device(k).has_colour) list.push_back(view_of(k));
+    batch_points.clear();
+    for (const Tile& tile : part)
+      batch_points.insert(batch_points.end(), atlas.points.begin() + static_cast<std::ptrdiff_t>(tile.first),
+                          atlas.points.begin() + static_cast<std::ptrdiff_t>(tile.first + shader::kTileTexels));
+    batch_colours.resize(batch_points.size());
+    const auto count = static_cast<std::uint32_t>(part.size());
+    const shader::TextureBlendPush push{.camera = shader::pinhole(camera_),
+                                        .tiles = count,
+                                        .views = static_cast<std::uint32_t>(list.size()),
+                                        .tolerance = kTolerance};
+    gpu::Batch batch(device_);
+    batch.upload(points, batch_points);
+    batch.upload(views, list);
+    select_(batch, {count, 1, 1}, push, {&points, &views, &chosen});
+    blend_(batch, {count * shader::kTileTexels, 1, 1}, push, {&points, &views, &chosen, &colours});
+    batch.download(colours, batch_colours);
+    batch.run();
+    for (std::size_t i = 0; i < part.size(); ++i)
+      for (std::size_t k = 0; k < shader::kTileTexels; ++k) {
+        const std::size_t point = part[i].first + k;
+        if (atlas.points[point].normal == 0) continue;
+        const std::uint32_t word = batch_colours[i * shader::kTileTexels + k];
+        const std::uint32_t texel = atlas.texel[point];
+        known[texel] = true;
+        seen += word >> 24 != 0;
+        for (std::uint32_t c = 0; c < 3; ++c) texture.texels[texel][c] = static_cast<std::uint8_t>(word >> (8 * c));
+      }
+  }
+  fill_between(texture, std::move(known));
+  return seen;
+}
+
+}  // namespace cairn

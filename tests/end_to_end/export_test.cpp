@@ -1,0 +1,312 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// `cairn export` and what reconstruct writes with the same options.
+#include <gtest/gtest.h>
+#include <openvdb/openvdb.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "cairn/evaluation.hpp"
+#include "cairn/source.hpp"
+#include "support/files.hpp"
+#include "volume/grids.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+/// A scan of the room and its map; one without colour; one with given poses, which has no session.
+class Export : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder = new TemporaryFolder;
+    ASSERT_EQ(run_cairn({"synth", "room", "-o", path("room"), "--frames", "60"}).exit_code, 0);
+    ASSERT_EQ(run_cairn({"reconstruct", path("room"), "-o", path("map"), "--voxel-size", "0.02"}).exit_code, 0);
+    ASSERT_EQ(run_cairn({"reconstruct", path("room"), "-o", path("given"), "--voxel-size", "0.02", "--frames", "0:20",
+                         "--poses", path("room/groundtruth.txt")})
+                  .exit_code,
+              0);
+  }
+  static void TearDownTestSuite() { delete folder; }
+  static std::string path(const std::string& name) { return (*folder / name).string(); }
+  [[nodiscard]] std::string to(const std::string& name) const { return (out / name).string(); }
+  /// Exports the map and returns what --json tells.
+  Json exported(const std::string& name, std::vector<std::string> options = {}) const {
+    std::vector<std::string> arguments{"export", path("map"), "-o", to(name), "--json"};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    const Ran ran = run_cairn(arguments);
+    EXPECT_EQ(ran.exit_code, 0) << ran.err;
+    return ran.exit_code == 0 ? Json::parse(ran.out) : Json{};
+  }
+  void expect_refused(std::vector<std::string> options, const std::string& what, const std::string& file = "x.glb",
+                      const std::string& map = "map") const {
+    std::vector<std::string> arguments{"export", path(map), "-o", to(file)};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    const Ran ran = run_cairn(arguments);
+    expect_last_line(ran, 1, what);
+    EXPECT_TRUE(fs::is_empty(out.path())) << "something was left behind";
+  }
+  static TemporaryFolder* folder;
+  TemporaryFolder out;
+};
+TemporaryFolder* Export::folder = nullptr;
+
+void expect_sound(const std::vector<Mesh>& parts) {
+  for (const Mesh& part : parts) {
+    const MeshTopology topology = examine_topology(part);
+    EXPECT_EQ(topology.non_manifold_edges, 0u);
+    EXPECT_EQ(topology.degenerate_triangles, 0u);
+    EXPECT_EQ(topology.unreferenced_vertices, 0u);
+  }
+}
+
+TEST_F(Export, WritesEveryFormatSoundAndValid) {
+  const std::vector<std::pair<std::string, std::vector<std::string>>> kinds{
+      {"plain.glb", {}},
+      {"simple.glb", {"--simplify", "0.1", "--cameras"}},
+      {"bounded.gltf", {"--max-error", "0.004", "--fill-holes", "0.2"}},
+      {"quantised.glb", {"--simplify", "0.1", "--compress", "quantised"}},
+      {"meshopt.glb", {"--simplify", "0.1", "--compress", "meshopt", "--texture"}},
+      {"meshopt.gltf", {"--simplify", "0.1", "--compress", "meshopt", "--texture", "--texture-format", "png"}},
+      {"draco.glb", {"--simplify", "0.1", "--compress", "draco", "--texture", "--texture-size", "512"}},
+      {"cells.glb", {"--simplify", "0.2", "--cell-size", "1.5", "--texture"}},
+      {"plain.ply", {"--simplify", "0.5"}}};
+  for (const auto& [name, options] : kinds) {
+    SCOPED_TRACE(name);
+    const Json told = exported(name, options);
+    if (!name.ends_with(".ply")) {
+      EXPECT_EQ(validate_gltf(to(name)), "");
+    }
+    const std::vector<Mesh> parts = read_mesh_parts(to(name));
+    expect_sound(parts);
+    std::size_t triangles = 0;
+    for (const Mesh& part : parts) triangles += part.triangles.size();
+    EXPECT_NEAR(static_cast<double>(triangles), told.at("triangles").get<double>(),
+                0.002 * static_cast<double>(triangles));
+    if (name == "simple.glb") {
+      EXPECT_NEAR(static_cast<double>(triangles), 0.1 * told.at("full_triangles").get<double>(), 500);
+    } else if (name == "cells.glb") {
+      EXPECT_GT(parts.size(), 4u);
+    } else if (name == "draco.glb") {
+      EXPECT_LE(std::max(parts[0].texture.width, parts[0].texture.height), 512);
+    }
+  }
+}
+
+TEST_F(Export, TexturesShowTheSceneFromPosesThatWereNoKeyframes) {
+  // Frames that lie between keyframes, against pictures without noise.
+  exported("textured.glb", {"--simplify", "0.1", "--texture"});
+  exported("coloured.glb", {"--simplify", "0.1"});
+  const Trajectory truth = read_trajectory(path("room/groundtruth.txt"));
+  const Eigen::Isometry3d move = estimate_from_truth(read_trajectory(path("map/trajectory.txt")), truth);
+  const auto psnr = [&](const char* name) {
+    const auto recording = with_poses(open_recording(path("room")), truth);
+    return evaluate_views(read_mesh_parts(to(name)), *recording, move, 7);
+  };
+  const ViewError textured = psnr("textured.glb"), coloured = psnr("coloured.glb");
+  EXPECT_GT(textured.covered, 0.97);
+  EXPECT_GT(textured.psnr, 28);
+  EXPECT_GT(textured.psnr, coloured.psnr + 6) << coloured.psnr;
+}
+
+TEST_F(Export, IsTheSameForTheSameMapAndLeavesItAsItIs) {
+  const auto listing = [&] {
+    std::map<std::string, std::string> files;
+    for (const auto& entry : fs::directory_iterator(path("map/session")))
+      if (entry.is_regular_file()) files[entry.path().filename().string()] = read_bytes(entry.path());
+    return files;
+  };
+  const auto before = listing();
+  for (const char* name : {"a.glb", "b.glb"})
+    exported(name, {"--simplify", "0.1", "--texture", "--compress", "meshopt"});
+  EXPECT_EQ(read_bytes(out / "a.glb"), read_bytes(out / "b.glb"));
+  EXPECT_TRUE(listing() == before);
+}
+
+TEST_F(Export, DoesAsReconstructDoesWithTheSameOptions) {
+  ASSERT_EQ(run_cairn({"reconstruct", path("room"), "-o", to("again"), "--voxel-size", "0.02", "--simplify", "0.1",
+                       "--texture", "--compress", "quantised"})
+                .exit_code,
+            0);
+  exported("a.glb", {"--simplify", "0.1", "--texture", "--compress", "quantised"});
+  const std::vector<Mesh> a = read_mesh_parts(out / "again" / "mesh.glb"), b = read_mesh_parts(to("a.glb"));
+  ASSERT_EQ(a.size(), b.size());
+  EXPECT_EQ(a[0].positions, b[0].positions);
+  EXPECT_EQ(a[0].triangles, b[0].triangles);
+  EXPECT_EQ(a[0].texture.texels, b[0].texture.texels);
+}
+
+TEST_F(Export, SimplifiesWithoutNewHoles) {
+  exported("full.ply");
+  exported("simple.ply", {"--simplify", "0.1"});
+  const Mesh full = read_mesh(to("full.ply")), simple = read_mesh(to("simple.ply"));
+  const MeshError error = evaluate_mesh(simple, full, 50000);
+  EXPECT_LT(error.accuracy.mean, 0.002);
+  EXPECT_LT(error.completeness.mean, 0.002);
+  EXPECT_LT(error.completeness.max, 0.05);  // a hole would lie farther from what is left
+  EXPECT_LE(examine_topology(simple).borders, examine_topology(full).borders);
+}
+
+TEST_F(Export, CellsFitTogetherWithoutCracks) {
+  exported("whole.ply", {"--simplify", "0.2"});
+  exported("cells.ply", {"--simplify", "0.2", "--cell-size", "1.2"});
+  const double whole = examine_topology(read_mesh(to("whole.ply"))).border_length,
+               cells = examine_topology(read_mesh(to("cells.ply"))).border_length;
+  EXPECT_NEAR(cells, whole, 0.03 * whole);
+}
+
+TEST_F(Export, WritesTilesWithLevelsOfDetail) {
+  const Json told =
+      exported("tileset.json", {"--simplify", "0.3", "--cell-size", "1.3", "--compress", "meshopt", "--texture"});
+  const Json tileset = Json::parse(read_bytes(out / "tileset.json"));
+  EXPECT_EQ(tileset.at("asset").at("version"), "1.1");
+  int tiles = 0, leaves = 0;
+  const std::function<void(const Json&, double)> visit = [&](const Json& tile, double parent_error) {
+    const double error = tile.at("geometricError");
+    EXPECT_LE(error, parent_error);
+    if (tile.contains("content")) {
+      ++tiles;
+      const fs::path file = out / tile.at("content").at("uri").get<std::string>();
+      EXPECT_EQ(validate_gltf(file), "");
+      const std::vector<Mesh> parts = read_mesh_parts(file);
+      expect_sound(parts);
+      // The box is z-up: x, z and -y of the world.
+      const auto box = tile.at("boundingVolume").at("box").get<std::vector<double>>();
+      for (const auto& p : parts.at(0).positions)
+        for (const auto& [at, middle, half] :
+             {std::tuple(p.x(), box[0], box[3]), {p.z(), box[1], box[7]}, {-p.y(), box[2], box[11]}})
+          ASSERT_LE(std::abs(static_cast<double>(at) - middle), half + 1e-3);
+    }
+    if (!tile.contains("children")) {
+      ++leaves;
+      EXPECT_EQ(error, 0);
+      return;
+    }
+    for (const Json& child : tile.at("children")) visit(child, error);
+  };
+  visit(tileset.at("root"), tileset.at("geometricError").get<double>() + 1e-9);
+  EXPECT_EQ(tiles, told.at("tiles").get<int>());
+  EXPECT_GT(leaves, 6);
+  EXPECT_GT(tiles, leaves);
+}
+
+TEST_F(Export, WritesPointsAndLevels) {
+  const Json told = exported("points.ply", {"--points", "0.05"});
+  const Mesh points = read_mesh(to("points.ply"));
+  EXPECT_TRUE(points.triangles.empty());
+  EXPECT_EQ(points.positions.size(), told.at("points").get<std::size_t>());
+  EXPECT_EQ(points.positions.size(), points.normals.size());
+  EXPECT_EQ(points.positions.size(), points.colours.size());
+  double area = 0;
+  const Mesh mesh = read_mesh(path("map/mesh.glb"));
+  for (const auto& t : mesh.triangles)
+    area +=
+        0.5 *
+        static_cast<double>(
+            (mesh.positions[t[1]] - mesh.positions[t[0]]).cross(mesh.positions[t[2]] - mesh.positions[t[0]]).norm());
+  EXPECT_GT(static_cast<double>(points.positions.size()), area / (0.05 * 0.05));
+  EXPECT_LT(static_cast<double>(points.positions.size()), 2.5 * area / (0.05 * 0.05));
+
+  exported("x.glb", {"--simplify", "0.4", "--lods", "3", "--texture"});
+  std::size_t before = read_mesh(to("x.glb")).triangles.size();
+  for (const char* name : {"x.lod1.glb", "x.lod2.glb"}) {
+    EXPECT_EQ(validate_gltf(to(name)), "");
+    const std::size_t now = read_mesh(to(name)).triangles.size();
+    EXPECT_NEAR(static_cast<double>(now), 0.25 * static_cast<double>(before), 0.02 * static_cast<double>(before));
+    before = now;
+  }
+}
+
+TEST_F(Export, OfAMapWithoutSessionIsItsMesh) {
+  const Ran ran = run_cairn({"export", path("given"), "-o", to("x.glb"), "--simplify", "0.2"});
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_EQ(validate_gltf(to("x.glb")), "");
+  fs::remove(to("x.glb"));
+  expect_refused({"--texture"}, "has no keyframes", "x.glb", "given");
+  expect_refused({"--texture"}, "has no keyframes", "x.glb", "map/map.vdb");
+}
+
+TEST_F(Export, TexturesAlsoWithGivenPoses) {
+  const Ran ran = run_cairn({"reconstruct", path("room"), "-o", to("map"), "--voxel-size", "0.02", "--frames", "0:20",
+                             "--poses", path("room/groundtruth.txt"), "--texture", "--simplify", "0.2"});
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_GT(read_mesh_parts(out / "map" / "mesh.glb").at(0).texture.width, 100);
+}
+
+TEST_F(Export, RefusesWhatCannotBe) {
+  expect_refused({}, "'.stl' is no format that is written; use .glb", "x.stl");
+  expect_refused({}, "'' is no format", "x");
+  expect_refused({"--simplify", "0"}, "--simplify is 0: it must be between");
+  expect_refused({"--simplify", "1.5"}, "--simplify is 1.5: it must be between");
+  expect_refused({"--simplify", "nan"}, "--simplify is nan");
+  expect_refused({"--max-error", "-1"}, "--max-error is -1");
+  expect_refused({"--texture-size", "7"}, "--texture-size is 7");
+  expect_refused({"--texture"}, "PLY has none", "x.ply");
+  expect_refused({"--points", "0.1"}, "--points needs .ply");
+  expect_refused({"--compress", "draco"}, "--compress needs .glb", "x.obj");
+  expect_refused({"--cameras"}, "--cameras needs .glb", "x.ply");
+  expect_refused({"--min-piece", "10"}, "nothing of the surface is left");
+  expect_refused({"--texture", "--texture-size", "64", "--texel", "0.0001"}, "", "x.stl");
+  EXPECT_EQ(run_cairn({"export", to("nowhere"), "-o", to("x.glb")}).exit_code, 2);
+  expect_one_line(run_cairn({"reconstruct", path("room"), "-o", to("m"), "--simplify", "2"}), 1, "--simplify is 2");
+}
+
+TEST_F(Export, RefusesMapsThatAreEmptyOrBroken) {
+  const FuseOptions fuse;
+  const GridInfo info{.voxel_size = fuse.voxel_size, .truncation = fuse.truncation};
+  const auto refuse = [&](const std::string& what) {
+    expect_last_line(run_cairn({"export", path("broken.vdb"), "-o", to("x.glb")}), 1, what);
+    EXPECT_TRUE(fs::is_empty(out.path()));
+  };
+  write_grids(path("broken.vdb"), BrickTree(), info);
+  refuse("the map is empty");
+
+  // One brick, with a surface of 8 cm, which is a floating piece unless it may be.
+  BrickTree one;
+  BrickVoxels voxels{};
+  for (std::size_t i = 0; i < 512; ++i) {
+    const auto d = static_cast<std::int16_t>(std::lround((static_cast<double>(i & 7) - 3.4) / 4 * 32767));
+    voxels[i] = static_cast<std::uint16_t>(d) | 512ull << 16 | 0x01'30'80'ffull << 32;
+  }
+  one.put({0, 0, 0}, voxels);
+  write_grids(path("broken.vdb"), one, info);
+  refuse("nothing of the surface is left");
+  const Ran ran = run_cairn({"export", path("broken.vdb"), "-o", to("one.glb"), "--min-piece", "0"});
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_EQ(validate_gltf(to("one.glb")), "");
+  EXPECT_EQ(read_mesh(to("one.glb")).triangles.size(), 98u - 2u);  // two corners stuck out
+  fs::remove(to("one.glb"));
+
+  openvdb::initialize();
+  openvdb::io::File in(path("broken.vdb"));
+  in.open();
+  openvdb::GridPtrVec grids = *in.getGrids();
+  in.close();
+  for (const auto& grid : grids)
+    if (grid->getName() == "colour")
+      openvdb::gridPtrCast<openvdb::Vec3SGrid>(grid)->tree().setValue({3, 3, 3},
+                                                                      openvdb::Vec3s(0.5f, std::nanf(""), 0.5f));
+  openvdb::io::File(path("broken.vdb")).write(grids);
+  refuse("voxel 3 3 3 holds a value that is out of range or not a number");
+}
+
+TEST_F(Export, LeavesNothingHalfWrittenOnAFullDisk) {
+  // A limit on the size of files behaves like one.
+  for (const auto& [file, kilobytes] :
+       {std::pair("x.glb", 100), {"x.gltf", 100}, {"x.ply", 100}, {"x.obj", 100}, {"tileset.json", 20}}) {
+    const Ran ran = run_cairn({"export", path("map"), "-o", to(file)},
+                              "trap '' XFSZ; ulimit -f " + std::to_string(2 * kilobytes) + ";");
+    expect_last_line(ran, 1, "the disk is full");
+    EXPECT_FALSE(fs::exists(out / file));
+    for (const auto& entry : fs::directory_iterator(out.path()))
+      EXPECT_TRUE(entry.path().extension() != ".part" && entry.path().string().find("tmp") == std::string::npos)
+          << entry.path();
+  }
+  expect_last_line(run_cairn({"export", path("map"), "-o", "/proc/x/x.glb"}), 1, "/proc/x");
+}
+
+}  // namespace
+}  // namespace cairn

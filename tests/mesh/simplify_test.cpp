@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "mesh/simplify.hpp"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <set>
+
+#include "cairn/evaluation.hpp"
+#include "eval/mesh_surface.hpp"
+#include "support/meshes.hpp"
+
+namespace cairn {
+namespace {
+
+/// Farthest that points of one surface lie from the other.
+double farthest(const Mesh& from, const Mesh& to) {
+  const MeshSurface surface(to);
+  double most = 0;
+  for (const auto& t : from.triangles)
+    for (const Eigen::Vector3f& w : {Eigen::Vector3f(1, 0, 0), Eigen::Vector3f(0.34f, 0.33f, 0.33f)})
+      most = std::max(most, surface.distance(w[0] * from.positions[t[0]] + w[1] * from.positions[t[1]] +
+                                             w[2] * from.positions[t[2]]));
+  return most;
+}
+
+TEST(Simplify, LeavesTwoTrianglesOfARectangle) {
+  Mesh mesh = flat_grid(30, 20, 0.01f);
+  const Simplified simplified = simplify(mesh, {.max_error = 1e-4f}, {}, false);
+  EXPECT_LE(mesh.triangles.size(), 4u);
+  EXPECT_LT(simplified.error, 1e-4f);
+  EXPECT_NEAR(examine_topology(mesh).border_length, 1.0, 1e-4);
+  EXPECT_EQ(mesh.positions.size(), mesh.normals.size());
+}
+
+TEST(Simplify, StaysWithinTheErrorThatWasAskedFor) {
+  const Mesh full = sphere_mesh(6);
+  for (const float error : {0.004f, 0.01f, 0.04f}) {
+    Mesh mesh = full;
+    simplify(mesh, {.max_error = error}, {}, false);
+    EXPECT_LT(mesh.triangles.size(), full.triangles.size() / 4) << error;
+    EXPECT_LT(farthest(full, mesh), static_cast<double>(error));
+    EXPECT_LT(farthest(mesh, full), static_cast<double>(error));
+  }
+}
+
+TEST(Simplify, LeavesTheShareThatWasAskedForAndNoHoles) {
+  Mesh mesh = sphere_mesh(5);
+  const std::size_t full = mesh.triangles.size();
+  simplify(mesh, {.ratio = 0.1f}, {}, false);
+  EXPECT_NEAR(static_cast<double>(mesh.triangles.size()), 0.1 * static_cast<double>(full), 4);
+  const MeshTopology topology = examine_topology(mesh);
+  EXPECT_EQ(topology.border_edges, 0u);
+  EXPECT_EQ(topology.non_manifold_edges, 0u);
+  EXPECT_EQ(topology.degenerate_triangles, 0u);
+  EXPECT_EQ(topology.unreferenced_vertices, 0u);
+}
+
+TEST(Simplify, KeepsLockedVertices) {
+  Mesh mesh = flat_grid(30, 30, 0.01f);
+  std::vector<bool> locked;
+  std::set<std::pair<float, float>> places;
+  for (const auto& p : mesh.positions) {
+    locked.push_back(p.x() == 0);
+    if (p.x() == 0) places.emplace(p.x(), p.y());
+  }
+  const Simplified simplified = simplify(mesh, {.max_error = 1e-3f}, locked, false);
+  EXPECT_LT(mesh.triangles.size(), 50u);
+  for (const auto& p : mesh.positions) places.erase({p.x(), p.y()});
+  EXPECT_TRUE(places.empty());
+  for (std::size_t i = 0; i < simplified.kept.size(); ++i)
+    EXPECT_EQ(mesh.positions[i].y(), 0.01f * static_cast<float>(simplified.kept[i] / 31));
+}
+
+/// Largest difference between the colour of the mesh and the true one, at the middles of triangles away from edges of
+/// colour.
+double colour_error(const Mesh& mesh, const std::function<int(const Eigen::Vector3f&)>& truth) {
+  double sum = 0, area = 0;
+  for (const auto& t : mesh.triangles) {
+    const Eigen::Vector3f &a = mesh.positions[t[0]], &b = mesh.positions[t[1]], &c = mesh.positions[t[2]];
+    const double size = static_cast<double>((b - a).cross(c - a).norm());
+    const int colour = (mesh.colours[t[0]][0] + mesh.colours[t[1]][0] + mesh.colours[t[2]][0]) / 3;
+    sum += size * std::abs(colour - truth((a + b + c) / 3));
+    area += size;
+  }
+  return sum / area;
+}
+
+TEST(Simplify, KeepsEdgesOfColourWhereTheyAre) {
+  const auto stripes = [](const Eigen::Vector3f& p) { return static_cast<int>(p.x() / 0.2f) % 2 == 0 ? 40 : 220; };
+  Mesh full = flat_grid(100, 100, 0.01f);
+  for (const auto& p : full.positions) {
+    const auto c = static_cast<std::uint8_t>(stripes(p + Eigen::Vector3f(0.005f, 0, 0)));
+    full.colours.push_back({c, c, c, 255});
+  }
+  Mesh kept = full, lost = full;
+  simplify(kept, {.ratio = 0.02f}, {}, true);
+  simplify(lost, {.ratio = 0.02f}, {}, false);
+  EXPECT_LE(kept.triangles.size(), full.triangles.size() / 25);
+  EXPECT_LT(colour_error(kept, stripes), 12) << "beside " << colour_error(lost, stripes);
+  EXPECT_GT(colour_error(lost, stripes), 2 * colour_error(kept, stripes));
+}
+
+TEST(ColourRegions, AreThoseOfTheColoursInSpiteOfNoise) {
+  Mesh mesh = flat_grid(60, 60, 0.01f);
+  std::uint32_t state = 1;
+  for (const auto& p : mesh.positions) {
+    state = state * 1664525u + 1013904223u;
+    const auto c = static_cast<std::uint8_t>((p.x() < 0.3f ? 60 : 160) + static_cast<int>(state >> 29));
+    mesh.colours.push_back({c, c, c, 255});
+  }
+  const auto region = colour_regions(mesh);
+  EXPECT_EQ(std::set(region.begin(), region.end()).size(), 2u);
+}
+
+}  // namespace
+}  // namespace cairn

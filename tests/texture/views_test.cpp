@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Against an exact scene: a flat wall with a pattern, and boards before it.
+#include "texture/views.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "support/meshes.hpp"
+#include "support/scenes.hpp"
+#include "volume/volume.hpp"
+
+namespace cairn {
+namespace {
+
+/// The colour of the wall z = 2 at a place; smooth, so that its pixels can tell it exactly enough.
+Eigen::Vector3f wall(float x, float y) {
+  return {128 + 80 * std::sin(7 * x), 128 + 80 * std::sin(9 * y + 1), 128 + 60 * std::cos(6 * (x + y))};
+}
+
+std::uint32_t word(const Eigen::Vector3f& c, float exposure) {
+  std::uint32_t w = 0xff000000u;
+  for (int k = 0; k < 3; ++k)
+    w |= static_cast<std::uint32_t>(std::lround(std::clamp(exposure * c[k], 0.0f, 255.0f))) << (8 * k);
+  return w;
+}
+
+/// What a camera at (x, 0, 0) that looks along z sees; `board`: something red at 1 m covers this part of the image.
+Frame look(float x, float exposure, int board_from = 0, int board_to = 0) {
+  const Camera camera = small_camera();
+  Frame frame;
+  for (int v = 0; v < camera.height; ++v)
+    for (int u = 0; u < camera.width; ++u) {
+      const Eigen::Vector3f ray = camera.ray(u, v).cast<float>();
+      const bool is_board = u >= board_from && u < board_to;
+      frame.depth.push_back(is_board ? 1.0f : 2.0f);
+      frame.colour.push_back(is_board ? 0xff0000ffu : word(wall(x + 2 * ray.x(), 2 * ray.y()), exposure));
+    }
+  return frame;
+}
+
+struct WallScene {
+  Volume volume{test_device(), {.device_memory = 96 << 20}, 5};
+  std::vector<Frame> frames;
+  std::vector<TextureKeyframe> keyframes;
+  TextureAtlas atlas;
+
+  void add(Frame frame, float x) {
+    TextureKeyframe k{.image = frames.size()};
+    k.world_from_camera.translation().x() = static_cast<double>(x);
+    keyframes.push_back(k);
+    frames.push_back(std::move(frame));
+  }
+  [[nodiscard]] TextureViews views() {
+    return {volume, small_camera(), SurfaceOptions{}, keyframes, [&](std::size_t i) { return frames[i]; }, 64 << 20};
+  }
+  /// The middle of the wall, turned to the cameras; its own colour is black.
+  void make_atlas() {
+    Mesh mesh = grid_mesh(20, 20, 0.04f, [](float x, float y) { return Eigen::Vector3f(x - 0.4f, 0.4f - y, 2); });
+    for (auto& n : mesh.normals) n = {0, 0, -1};
+    mesh.colours.assign(mesh.positions.size(), {0, 0, 0, 255});
+    atlas = *pack(mesh, make_charts(mesh, 0.01f, 512), 512);
+  }
+  /// Root mean square and largest difference to the wall times an exposure.
+  [[nodiscard]] std::pair<double, double> error(float exposure) const {
+    double squared = 0, most = 0, count = 0;
+    for (std::size_t i = 0; i < atlas.points.size(); ++i) {
+      if (atlas.points[i].normal == 0) continue;
+      const Eigen::Vector3f p = atlas.points[i].position, c = exposure * wall(p.x(), p.y());
+      const auto& t = atlas.mesh.texture.texels[atlas.texel[i]];
+      for (int k = 0; k < 3; ++k) {
+        const double d = static_cast<double>(t[static_cast<std::size_t>(k)]) - static_cast<double>(c[k]);
+        squared += d * d;
+        most = std::max(most, std::abs(d));
+        ++count;
+      }
+    }
+    return {std::sqrt(squared / count), most};
+  }
+};
+
+TEST(TextureViews, GiveTheColourThatTheySee) {
+  WallScene s;
+  for (const float x : {-0.2f, 0.0f, 0.25f}) s.add(look(x, 1), x);
+  s.make_atlas();
+  TextureViews views = s.views();
+  const std::size_t seen = views.blend(s.atlas);
+  std::size_t points = 0;
+  for (const auto& p : s.atlas.points) points += p.normal != 0;
+  EXPECT_EQ(seen, points);
+  const auto [rms, most] = s.error(1);
+  EXPECT_LT(rms, 1.5);
+  EXPECT_LT(most, 6);
+}
+
+TEST(TextureViews, DoNotSeeThroughWhatIsBeforeTheSurface) {
+  WallScene s;
+  s.add(look(0.0f, 1, 100, 200), 0);  // covers the middle
+  s.add(look(0.3f, 1, 10, 40), 0.3f);
+  s.make_atlas();
+  TextureViews views = s.views();
+  views.blend(s.atlas);
+  for (std::size_t i = 0; i < s.atlas.points.size(); ++i) {
+    if (s.atlas.points[i].normal == 0) continue;
+    const auto& t = s.atlas.mesh.texture.texels[s.atlas.texel[i]];
+    ASSERT_FALSE(t[0] > 240 && t[1] < 30 && t[2] < 30) << "the board's colour is on the wall";
+  }
+  EXPECT_LT(s.error(1).first, 2);
+}
+
+TEST(TextureViews, LeaveOutWhatOneOfThemSeesOtherwise) {
+  // Somebody stood flat before the wall once: four views agree, one shows red at the wall's own depth.
+  WallScene s;
+  for (const float x : {-0.2f, -0.1f, 0.1f, 0.2f}) s.add(look(x, 1), x);
+  Frame odd = look(0, 1, 120, 180);
+  odd.depth.assign(odd.depth.size(), 2.0f);
+  s.add(odd, 0);
+  s.make_atlas();
+  TextureViews views = s.views();
+  views.blend(s.atlas);
+  EXPECT_LT(s.error(1).first, 4);
+}
+
+TEST(TextureViews, BringExposuresTogether) {
+  WallScene s;
+  const std::array<float, 5> exposures{0.7f, 0.85f, 1.0f, 1.15f, 1.3f};
+  for (std::size_t i = 0; i < exposures.size(); ++i) {
+    const float x = 0.15f * (static_cast<float>(i) - 2);
+    s.add(look(x, exposures[i]), x);
+  }
+  s.make_atlas();
+  TextureViews views = s.views();
+  EXPECT_TRUE(views.compensate_exposure());
+  double mean = 0;
+  for (std::size_t i = 0; i < exposures.size(); ++i) mean += std::log(static_cast<double>(exposures[i])) / 5;
+  for (std::size_t i = 0; i < exposures.size(); ++i)
+    for (int c = 0; c < 3; ++c)
+      EXPECT_NEAR(static_cast<double>(views.gains()[i][c] * exposures[i]), std::exp(mean), 0.03) << i;
+  views.blend(s.atlas);
+  EXPECT_LT(s.error(static_cast<float>(std::exp(mean))).first, 4);
+}
+
+TEST(TextureViews, UseTheMapWhereNothingWasMeasured) {
+  WallScene s;
+  Frame blind = look(0, 1);
+  blind.depth.assign(blind.depth.size(), 0.0f);
+  s.add(blind, 0);
+  s.make_atlas();
+  EXPECT_EQ(s.views().blend(s.atlas), 0u);  // an empty map shows nothing
+  // A map of the wall.
+  BrickTree tree;
+  for (int x = -8; x < 8; ++x)
+    for (int y = -8; y < 8; ++y)
+      for (int z = 24; z <= 25; ++z) {
+        BrickVoxels voxels{};
+        for (std::uint32_t i = 0; i < 512; ++i) {
+          const float d =
+              std::clamp((2.0f - 0.01f * static_cast<float>(8 * z + static_cast<int>(i & 7))) / 0.04f, -1.0f, 1.0f);
+          voxels[i] = static_cast<std::uint16_t>(static_cast<std::int16_t>(std::lround(d * 32767))) | 256ull << 16;
+        }
+        tree.put({x, y, z}, voxels);
+      }
+  s.volume.adopt(std::move(tree));
+  EXPECT_GT(s.views().blend(s.atlas), 1000u);
+  EXPECT_LT(s.error(1).first, 3);
+}
+
+TEST(TextureViews, TakeTheColourImageWhenItWasTaken) {
+  // The camera goes to the right at 1 m/s, its colour images come 20 ms after the depth images.
+  WallScene s;
+  for (const float x : {-0.1f, 0.1f}) {
+    s.add(look(x + 0.02f, 1), x);
+    s.keyframes.back().velocity << 0, 0, 0, 1, 0, 0;
+    s.keyframes.back().colour_delay = 0.02;
+  }
+  s.make_atlas();
+  TextureViews views = s.views();
+  views.blend(s.atlas);
+  EXPECT_LT(s.error(1).first, 1.5);
+}
+
+TEST(TextureViews, HoldNoMoreImagesThanTheyMay) {
+  WallScene s;
+  for (int i = 0; i < 40; ++i) s.add(look(0.01f * static_cast<float>(i), 1), 0.01f * static_cast<float>(i));
+  s.make_atlas();
+  const std::uint64_t before = test_device().memory_in_use();
+  TextureViews views(
+      s.volume, small_camera(), SurfaceOptions{}, s.keyframes, [&](std::size_t i) { return s.frames[i]; }, 1 << 20);
+  views.compensate_exposure();
+  views.blend(s.atlas);
+  EXPECT_LT(test_device().memory_in_use() - before, 40u << 20);
+  EXPECT_LT(s.error(1).first, 2);
+}
+
+TEST(ExposureGains, StayOneWhereNothingIsCompared) {
+  for (const auto& gain : exposure_gains(3, {})) EXPECT_EQ(gain, Eigen::Vector3f(Eigen::Vector3f::Ones()));
+}
+
+TEST(PackNormal, ComesBackOnTheHost) {
+  for (const Eigen::Vector3f& n : {Eigen::Vector3f(0, 0, 1), Eigen::Vector3f(0, 0, -1), Eigen::Vector3f(1, 2, -3),
+                                   Eigen::Vector3f(-0.5f, 0.2f, 0.1f), Eigen::Vector3f(-1, -1, -1)})
+    EXPECT_LT((shader::unpack_normal(shader::pack_normal(n)) - n.normalized()).norm(), 1e-4f) << n.transpose();
+}
+
+}  // namespace
+}  // namespace cairn
