@@ -69,7 +69,7 @@ void add_export_options(CLI::App& command, ExportOptions& o) {
   };
   option("--simplify", o.simplify.ratio, "Share of the triangles that is left");
   option("--max-error", o.simplify.max_error,
-         "Metres that simplification may move the surface; 0: what --simplify needs");
+         "Metres that simplification may move the surface; 0: what --simplify needs, two voxels at most");
   option("--min-piece", o.clean.min_piece, "Metres; smaller floating pieces are removed");
   option("--min-weight", o.clean.min_weight, "Observations at 1 m; surface that was seen less is removed");
   option("--fill-holes", o.clean.fill_holes, "Metres; smaller holes are closed");

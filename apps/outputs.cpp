@@ -15,6 +15,8 @@
 namespace cairn::apps {
 namespace {
 
+constexpr float kPreviewTriangles = 1e6f;
+
 nlohmann::json to_json(const FoundLoop& loop) {
   const Eigen::Quaterniond q(loop.from_from_to.linear());
   const Eigen::Vector3d& t = loop.from_from_to.translation();
@@ -67,6 +69,14 @@ nlohmann::json write_outputs(Mapper& mapper, const std::filesystem::path& output
   timed("mesh", [&] {
     Progress progress(std::nullopt, "steps");
     mesh = mapper.export_mesh(output / "mesh.glb", options, on(progress));
+    // What is too large for report.html is shown there with fewer triangles.
+    std::filesystem::remove(output / "preview.glb");
+    if (std::filesystem::file_size(output / "mesh.glb") > kMaxInlineMesh) {
+      ExportOptions preview = options;
+      preview.simplify = {.ratio = std::min(1.0f, kPreviewTriangles / static_cast<float>(mesh.triangles))};
+      preview.compression = Compression::meshopt;
+      mapper.export_mesh(output / "preview.glb", preview, on(progress));
+    }
   });
   // The last recording's, and beside it those of the recordings before.
   for (int i = 0; i < mapper.recordings(); ++i)

@@ -20,7 +20,7 @@ struct CleanOptions {
 
 struct SimplifyOptions {
   float ratio = 1.0f;      // of the triangles that is left, more where max_error does not allow it
-  float max_error = 0.0f;  // metres that the surface may move; 0: as far as the ratio needs
+  float max_error = 0.0f;  // metres that the surface may move; 0: as far as the ratio needs, two voxels at most
 };
 
 struct TextureOptions {

@@ -303,8 +303,8 @@ void BackEnd::rebase(std::uint32_t since) {
   submap_since_ = since;
 }
 
-World& BackEnd::world() {
-  const auto start = std::chrono::steady_clock::now();
+/// Ended submaps of the main piece, as the pose graph bends them.
+std::vector<PlacedSubmap> BackEnd::placed_submaps() const {
   const auto piece_of = atlas_.pieces();
   const std::size_t main = atlas_.main_piece();
   std::vector<bool> is_main(submaps_.size() + 1, false);
@@ -313,9 +313,16 @@ World& BackEnd::world() {
   std::vector<PlacedSubmap> placed;
   for (std::size_t i = 0; i < submaps_.size(); ++i)
     if (is_main[i]) placed.push_back({i, submaps_.bricks(i), submaps_.free(i), Deformation(atlas_, i)});
-  (void)world_.update(placed, [&](std::size_t i) { return submaps_.voxels(i); });
+  return placed;
+}
+
+World& BackEnd::world() {
+  const auto start = std::chrono::steady_clock::now();
+  (void)world_.update(placed_submaps(), load_submap());
   counts_.world_ms = std::max(counts_.world_ms, milliseconds(start));
   return world_;
 }
+
+WorldParts BackEnd::world_parts(gpu::Device& device) const { return {device, options_.fuse, placed_submaps()}; }
 
 }  // namespace cairn

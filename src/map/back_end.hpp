@@ -55,6 +55,11 @@ class BackEnd {
   void begin_in_world();
   /// Brings the world up to date with the ended submaps of the main piece.
   World& world();
+  /// The same world, to be made part by part.
+  [[nodiscard]] WorldParts world_parts(gpu::Device& device) const;
+  [[nodiscard]] LoadSubmap load_submap() {
+    return [this](std::size_t i) { return submaps_.voxels(i); };
+  }
 
   /// Whether tracking may have slipped so far that this is how two keyframes lie: its noise, added up from the one to
   /// the other, against rooms that look alike.
@@ -79,6 +84,7 @@ class BackEnd {
   /// An earlier place that a keyframe sees, among those before `before`.
   [[nodiscard]] std::optional<Loop> find_loop(std::size_t to, std::size_t before);
   void look_for_loop();
+  [[nodiscard]] std::vector<PlacedSubmap> placed_submaps() const;
   void tie_to_world(const Matrix6d* information);
   void start_optimising();
   void take_optimised();

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <functional>
 #include <map>
+#include <memory>
 #include <stdexcept>
 #include <unordered_map>
 
@@ -30,7 +31,8 @@ constexpr std::size_t kOneNode = 65536;          // bricks of a map that is not 
 constexpr int kUsualCell = 64, kUsualTile = 32;  // bricks a side
 constexpr float kLevelRatio = 0.25f;             // of the triangles, from one level of detail to the next
 constexpr std::uint64_t kViewMemory = std::uint64_t{512} << 20;  // bytes of keyframes on the device
-constexpr float kFull = 0.75f;                                   // of a texture that charts cover, about
+constexpr float kMostError = 2;  // voxels that a ratio may move the surface, doubled from level to level
+constexpr float kFull = 0.75f;   // of a texture that charts cover, about
 constexpr std::uint8_t kNeverFree = 255;
 
 bool is_gltf(const fs::path& file) { return file.extension() == ".glb" || file.extension() == ".gltf"; }
@@ -41,6 +43,7 @@ struct Part {
   Mesh mesh;
   std::vector<std::uint8_t> free_from;  // by vertex: the level from which on all of its triangles are in one mesh
   float error = 0;                      // metres
+  std::shared_ptr<const VoxelColours> colours;  // of the surface before it was simplified, for textures
 };
 
 Brick cell_at(const Brick& cell, int level) {
@@ -57,7 +60,7 @@ class Exporter {
  public:
   Exporter(const ExportInput& input, const fs::path& file, const ExportOptions& options, const ExportProgress& progress)
       : input_(input), file_(file), options_(options), progress_(progress) {
-    const std::vector<Brick> bricks = input.volume.bricks();
+    const std::vector<Brick>& bricks = input.bricks;
     if (bricks.empty())
       throw std::runtime_error(file.string() + ": is not written, the map is empty: no frame was fused into it");
     const float brick = input.volume.brick_size();
@@ -138,7 +141,14 @@ class Exporter {
     Part part;
     Mesh& mesh = part.mesh;
     const bool is_whole = cell_bricks_ == 0;
-    timed("mesh", [&] { mesh = input_.polygonize(input_.volume, is_whole ? cells_.begin()->second : around(cell)); });
+    timed("mesh", [&] {
+      const std::vector<Brick> bricks = is_whole ? cells_.begin()->second : around(cell);
+      if (input_.load) {
+        input_.load(bricks);
+        if (views_) views_->forget();  // what they see of the map is another part now
+      }
+      mesh = input_.polygonize(input_.volume, bricks);
+    });
     step("cleaning");
     const float size = static_cast<float>(cell_bricks_) * input_.volume.brick_size();
     const auto owner = [&](const std::array<std::uint32_t, 3>& t) -> Brick {
@@ -166,6 +176,8 @@ class Exporter {
     });
     mesh.weights.clear();
     if (!has_colours(mesh)) mesh.colours.clear();
+    if (options_.texture.enabled)
+      part.colours = std::make_shared<VoxelColours>(mesh, input_.volume.options().voxel_size);
     return part;
   }
 
@@ -176,10 +188,14 @@ class Exporter {
     });
   }
 
-  void simplify_part(Part& part, const SimplifyOptions& options, int level) {
+  /// `freed`: what is in one mesh by now; `level` of detail.
+  void simplify_part(Part& part, SimplifyOptions options, int freed, int level) {
+    // Where a ratio would need more than this, more triangles stay.
+    if (options.max_error <= 0 && options.ratio < 1)
+      options.max_error = std::ldexp(kMostError * input_.volume.options().voxel_size, level);
     timed("simplify", [&] {
       std::vector<bool> locked(part.free_from.size(), false);
-      for (std::size_t v = 0; v < locked.size(); ++v) locked[v] = part.free_from[v] > level;
+      for (std::size_t v = 0; v < locked.size(); ++v) locked[v] = part.free_from[v] > freed;
       const Simplified simplified = simplify(part.mesh, options, locked, !options_.texture.enabled);
       take(part.free_from, simplified.kept);
       part.error += simplified.error;
@@ -188,7 +204,8 @@ class Exporter {
   }
 
   /// With a texture, if one is asked for.
-  Mesh dressed(const Mesh& mesh, int level) {
+  Mesh dressed(const Part& part, int level) {
+    const Mesh& mesh = part.mesh;
     if (!options_.texture.enabled || mesh.triangles.empty()) return mesh;
     double area = 0;
     for (const auto& t : mesh.triangles)
@@ -212,7 +229,7 @@ class Exporter {
     step("colouring");
     std::size_t points = 0;
     for (const shader::Texel& t : atlas->points) points += t.normal != 0;
-    const std::size_t seen = timed("texture", [&] { return views_->blend(*atlas); });
+    const std::size_t seen = timed("texture", [&] { return views_->blend(*atlas, part.colours.get()); });
     seen_ += seen;
     exported_.texels += points;
     exported_.textured_share =
@@ -259,8 +276,9 @@ class Exporter {
       step("simplifying");
       for (std::size_t level = 0; level < levels; ++level) {
         // Cells of one file stay cells at every level.
-        simplify_part(part, level == 0 ? options_.simplify : SimplifyOptions{.ratio = kLevelRatio}, 0);
-        Mesh mesh = dressed(part.mesh, static_cast<int>(level));
+        simplify_part(part, level == 0 ? options_.simplify : SimplifyOptions{.ratio = kLevelRatio}, 0,
+                      static_cast<int>(level));
+        Mesh mesh = dressed(part, static_cast<int>(level));
         GltfWriter::Added added{mesh.triangles.size(), mesh.positions.size()};
         if (is_gltf(file_)) {
           const std::string name = cells_.size() == 1 ? "map" : fmt::format("cell {} {} {}", cell[0], cell[1], cell[2]);
@@ -322,7 +340,7 @@ class Exporter {
       if (!cells_.contains(cell)) return std::nullopt;
       part = part_of(cell);
       step("simplifying");
-      simplify_part(part, options_.simplify, 0);
+      simplify_part(part, options_.simplify, 0, 0);
       step("meshing");
     } else {
       std::vector<Part> children;
@@ -333,14 +351,14 @@ class Exporter {
         }
       if (children.empty()) return std::nullopt;
       part = together(children);
-      simplify_part(part, {.ratio = kLevelRatio}, level);
+      simplify_part(part, {.ratio = kLevelRatio}, level, level);
       for (const Tile& child : tile.children) tile.box.extend(child.box);
     }
     if (part.mesh.triangles.empty()) return std::nullopt;
     for (const auto& p : part.mesh.positions) tile.box.extend(p);
     tile.error = part.error;
     tile.content = fmt::format("{}_{}_{}_{}.glb", level, cell[0], cell[1], cell[2]);
-    const Mesh mesh = dressed(part.mesh, level);
+    const Mesh mesh = dressed(part, level);
     ++exported_.tiles;
     timed("write", [&] {
       GltfWriter writer(gltf_options());
@@ -450,7 +468,8 @@ Exported export_map(const fs::path& map, const fs::path& file, const ExportOptio
   Volume volume(on, fuse, SurfaceOptions{}.max_depth);
   volume.adopt(std::move(read.tree));
   Polygonize polygonize(on);
-  return export_surface({.volume = volume, .polygonize = polygonize}, file, options, progress);
+  return export_surface({.bricks = volume.bricks(), .volume = volume, .polygonize = polygonize}, file, options,
+                        progress);
 }
 
 }  // namespace cairn

@@ -2,6 +2,9 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // From the volume to a file: cell by cell mesh, clean, simplify, texture, write.
 #pragma once
+#include <functional>
+#include <span>
+
 #include "cairn/camera.hpp"
 #include "cairn/export.hpp"
 #include "cairn/trajectory.hpp"
@@ -12,7 +15,9 @@ namespace cairn {
 
 /// What there is to export.
 struct ExportInput {
-  Volume& volume;  // of the whole map
+  std::vector<Brick> bricks;                         // of the whole map, sorted
+  Volume& volume;                                    // of the whole map, or of what `load` has brought
+  std::function<void(std::span<const Brick>)> load;  // brings bricks in place of those before; none: all are there
   Polygonize& polygonize;
   Camera camera;
   SurfaceOptions surface;

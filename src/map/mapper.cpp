@@ -162,6 +162,13 @@ struct Mapper::State {
     whole.reset();
   }
 
+  /// How much of the device the whole map may take while it is looked at beside the volume.
+  FuseOptions world_pool() const {
+    FuseOptions pool = options.fuse;
+    pool.device_memory = std::min(pool.device_memory != 0 ? pool.device_memory : kWorldPool, kWorldPool);
+    return pool;
+  }
+
   /// The volume of the whole map.
   Volume& world() {
     if (poses == Poses::given) return volume;
@@ -169,9 +176,7 @@ struct Mapper::State {
     if (back_end.is_plain()) return volume;
     if (!whole) {
       back_end.end_submap(volume, stamp, true);
-      FuseOptions pool = options.fuse;
-      pool.device_memory = std::min(pool.device_memory != 0 ? pool.device_memory : kWorldPool, kWorldPool);
-      whole.emplace(device, pool, options.surface.max_depth);
+      whole.emplace(device, world_pool(), options.surface.max_depth);
       whole->adopt(back_end.world().release());
     }
     return *whole;
@@ -476,14 +481,27 @@ Exported Mapper::export_mesh(const std::filesystem::path& file, const ExportOpti
   check(options, file);
   const KeyframeStore& images = s.poses == Poses::given ? s.given_images : s.back_end.images();
   images.wait();
-  Volume& volume = s.world();
-  ExportInput input{.volume = volume,
+  // A world that lies otherwise than it was fused is made part by part, so that it may be larger than the memory.
+  s.back_end.settle();
+  const bool in_parts = s.poses == Poses::tracked && !s.back_end.is_plain();
+  std::optional<WorldParts> parts;
+  std::optional<Volume> part;
+  if (in_parts) {
+    s.back_end.end_submap(s.volume, s.stamp, true);
+    parts.emplace(s.back_end.world_parts(s.device));
+    part.emplace(s.device, s.world_pool(), s.options.surface.max_depth);
+  }
+  ExportInput input{.bricks = in_parts ? parts->bricks() : s.volume.bricks(),
+                    .volume = in_parts ? *part : s.volume,
+                    .load = {},
                     .polygonize = s.polygonize,
                     .camera = s.camera,
                     .surface = s.options.surface,
                     .keyframes = s.texture_keyframes(),
                     .get_image = [&](std::size_t image) { return images.get(image); },
                     .paths = {}};
+  if (in_parts)
+    input.load = [&](std::span<const Brick> bricks) { part->adopt(parts->make(bricks, s.back_end.load_submap())); };
   for (int i = 0; i < recordings(); ++i) input.paths.push_back(trajectory(i));
   return export_surface(input, file, options, progress);
 }

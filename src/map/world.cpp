@@ -44,7 +44,63 @@ double travel(const Brick& brick, const Eigen::Isometry3d& a, const Eigen::Isome
   return (a * centre - b * centre).norm() + (a.linear() - b.linear()).norm() * size * std::sqrt(3.0) / 2;
 }
 
+/// From each submap a brick of the world takes what the brick has that lies nearest to it.
+std::vector<MergeJob> jobs_of(const BrickSet& wanted, const std::vector<std::vector<PlacedBrick>>& placed,
+                              double size) {
+  std::unordered_map<Brick, std::vector<std::pair<MergeShare, double>>, BrickHash> shares;
+  for (std::size_t id = 0; id < placed.size(); ++id)
+    for (const PlacedBrick& p : placed[id])
+      cover(p.brick, p.world_from_submap, size, [&](const Brick& target) {
+        if (!wanted.contains(target)) return;
+        const double distance =
+            (p.world_from_submap * centre_of(p.brick, size) - centre_of(target, size)).squaredNorm();
+        auto& of_target = shares[target];
+        if (of_target.empty() || of_target.back().first.submap != id)
+          of_target.push_back({{id, p.world_from_submap.inverse()}, distance});
+        else if (distance < of_target.back().second)
+          of_target.back() = {{id, p.world_from_submap.inverse()}, distance};
+      });
+  std::vector<Brick> bricks(wanted.begin(), wanted.end());
+  std::sort(bricks.begin(), bricks.end(), [](const Brick& a, const Brick& b) { return before_by_cell(a, b, kCell); });
+  std::vector<MergeJob> jobs;
+  for (const Brick& brick : bricks) {
+    MergeJob& job = jobs.emplace_back(MergeJob{.target = brick, .shares = {}});
+    if (const auto of_target = shares.find(brick); of_target != shares.end())
+      for (const auto& [share, distance] : of_target->second) job.shares.push_back(share);
+  }
+  return jobs;
+}
+
+/// Where the bricks of a submap lie now.
+std::vector<Eigen::Isometry3d> places_of(const PlacedSubmap& submap, double size) {
+  std::vector<Eigen::Isometry3d> places(submap.bricks.size());
+  tbb::parallel_for(std::size_t{0}, places.size(),
+                    [&](std::size_t i) { places[i] = submap.deformation(centre_of(submap.bricks[i], size)); });
+  return places;
+}
+
 }  // namespace
+
+WorldParts::WorldParts(gpu::Device& device, const FuseOptions& options, const std::vector<PlacedSubmap>& submaps)
+    : brick_size_(8.0 * static_cast<double>(options.voxel_size)), merge_(device, options) {
+  BrickSet reached;
+  for (const PlacedSubmap& submap : submaps) {
+    if (placed_.size() <= submap.id) placed_.resize(submap.id + 1);
+    const std::vector<Eigen::Isometry3d> places = places_of(submap, brick_size_);
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      placed_[submap.id].push_back({submap.bricks[i], places[i]});
+      cover(submap.bricks[i], places[i], brick_size_, [&](const Brick& target) { reached.insert(target); });
+    }
+  }
+  bricks_.assign(reached.begin(), reached.end());
+  std::sort(bricks_.begin(), bricks_.end(), before);
+}
+
+BrickTree WorldParts::make(std::span<const Brick> bricks, const LoadSubmap& load) {
+  BrickTree tree;
+  merge_(jobs_of(BrickSet(bricks.begin(), bricks.end()), placed_, brick_size_), load, tree);
+  return tree;
+}
 
 World::World(gpu::Device& device, const FuseOptions& options) : options_(options), merge_(device, options) {}
 
@@ -62,12 +118,10 @@ std::vector<Brick> World::update(const std::vector<PlacedSubmap>& submaps, const
   for (const PlacedSubmap& submap : submaps) {
     if (placements_.size() <= submap.id) placements_.resize(submap.id + 1), present.resize(submap.id + 1);
     present[submap.id] = true;
-    std::vector<Placement>& placed = placements_[submap.id];
+    std::vector<PlacedBrick>& placed = placements_[submap.id];
     const bool is_new = placed.empty();
     placed.resize(submap.bricks.size());
-    std::vector<Eigen::Isometry3d> now(submap.bricks.size());
-    tbb::parallel_for(std::size_t{0}, now.size(),
-                      [&](std::size_t i) { now[i] = submap.deformation(centre_of(submap.bricks[i], size)); });
+    const std::vector<Eigen::Isometry3d> now = places_of(submap, size);
     for (std::size_t i = 0; i < now.size(); ++i) {
       if (!is_new && travel(submap.bricks[i], placed[i].world_from_submap, now[i], size) < tolerance) continue;
       if (!is_new) cover(placed[i].brick, placed[i].world_from_submap, size, touch);
@@ -77,34 +131,12 @@ std::vector<Brick> World::update(const std::vector<PlacedSubmap>& submaps, const
   }
   for (std::size_t id = 0; id < placements_.size(); ++id) {
     if (present[id]) continue;
-    for (const Placement& p : placements_[id]) cover(p.brick, p.world_from_submap, size, touch);
+    for (const PlacedBrick& p : placements_[id]) cover(p.brick, p.world_from_submap, size, touch);
     placements_[id].clear();
   }
 
-  // From each submap a changed brick takes what the brick has that lies nearest to it.
-  std::unordered_map<Brick, std::vector<std::pair<MergeShare, double>>, BrickHash> shares;
-  for (std::size_t id = 0; id < placements_.size(); ++id)
-    for (const Placement& p : placements_[id])
-      cover(p.brick, p.world_from_submap, size, [&](const Brick& target) {
-        if (!changed.contains(target)) return;
-        const double distance =
-            (p.world_from_submap * centre_of(p.brick, size) - centre_of(target, size)).squaredNorm();
-        auto& of_target = shares[target];
-        if (of_target.empty() || of_target.back().first.submap != id)
-          of_target.push_back({{id, p.world_from_submap.inverse()}, distance});
-        else if (distance < of_target.back().second)
-          of_target.back() = {{id, p.world_from_submap.inverse()}, distance};
-      });
-
   std::vector<Brick> bricks(changed.begin(), changed.end());
-  std::sort(bricks.begin(), bricks.end(), [](const Brick& a, const Brick& b) { return before_by_cell(a, b, kCell); });
-  std::vector<MergeJob> jobs;
-  for (const Brick& brick : bricks) {
-    MergeJob& job = jobs.emplace_back(MergeJob{.target = brick, .shares = {}});
-    if (const auto of_target = shares.find(brick); of_target != shares.end())
-      for (const auto& [share, distance] : of_target->second) job.shares.push_back(share);
-  }
-  merge_(jobs, load, bricks_);
+  merge_(jobs_of(changed, placements_, size), load, bricks_);
   if (!bricks.empty()) {
     const std::vector<Brick> moved = move_free(submaps);
     bricks.insert(bricks.end(), moved.begin(), moved.end());

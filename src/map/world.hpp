@@ -15,6 +15,29 @@ struct PlacedSubmap {
   Deformation deformation;
 };
 
+/// A brick of a submap as it lies in the world.
+struct PlacedBrick {
+  Brick brick;
+  Eigen::Isometry3d world_from_submap;
+};
+
+/// The world part by part, for what needs all of it and never at once: its bricks are known, their voxels are made when
+/// they are asked for.
+class WorldParts {
+ public:
+  WorldParts(gpu::Device& device, const FuseOptions& options, const std::vector<PlacedSubmap>& submaps);
+  /// All bricks that submaps reach, sorted; some may turn out to hold nothing.
+  [[nodiscard]] const std::vector<Brick>& bricks() const { return bricks_; }
+  /// The voxels of some bricks. `load(id)` gives a submap's.
+  [[nodiscard]] BrickTree make(std::span<const Brick> bricks, const LoadSubmap& load);
+
+ private:
+  double brick_size_;
+  Merge merge_;
+  std::vector<std::vector<PlacedBrick>> placed_;  // by submap
+  std::vector<Brick> bricks_;
+};
+
 /// The volume of the world: all submaps, moved and bent as the pose graph says.
 class World {
  public:
@@ -29,14 +52,10 @@ class World {
 
  private:
   [[nodiscard]] std::vector<Brick> move_free(const std::vector<PlacedSubmap>& submaps);
-  struct Placement {
-    Brick brick;
-    Eigen::Isometry3d world_from_submap;
-  };
   FuseOptions options_;
   Merge merge_;
   BrickTree bricks_;
-  std::vector<std::vector<Placement>> placements_;  // by submap, as last fused
+  std::vector<std::vector<PlacedBrick>> placements_;  // by submap, as last fused
 };
 
 }  // namespace cairn

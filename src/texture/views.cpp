@@ -111,6 +111,11 @@ void TextureViews::bring(std::span<const std::size_t> keyframes) {
   }
 }
 
+void TextureViews::forget() {
+  std::fill(place_.begin(), place_.end(), -1);
+  images_.clear();
+}
+
 shader::TextureView TextureViews::view_of(std::size_t keyframe) const {
   const TextureKeyframe& k = keyframes_[keyframe];
   const OnDevice& image = on_device(keyframe);
@@ -294,7 +299,7 @@ std::vector<Eigen::Vector3f> exposure_gains(std::size_t keyframes, std::span<con
   return gains;
 }
 
-std::size_t TextureViews::blend(TextureAtlas& atlas) {
+std::size_t TextureViews::blend(TextureAtlas& atlas, const VoxelColours* unseen) {
   Texture& texture = atlas.mesh.texture;
   const auto size = static_cast<std::size_t>(texture.width) * static_cast<std::size_t>(texture.height);
   texture.texels.assign(size, {0, 0, 0});
@@ -362,6 +367,11 @@ std::size_t TextureViews::blend(TextureAtlas& atlas) {
     blend_(batch, {count * shader::kTileTexels, 1, 1}, push, {&points, &views, &chosen, &colours});
     batch.download(colours, batch_colours);
     batch.run();
+    if (unseen != nullptr)
+      tbb::parallel_for(std::size_t{0}, batch_points.size(), [&](std::size_t i) {
+        std::uint32_t& word = batch_colours[i];
+        if (word >> 24 == 0 && batch_points[i].normal != 0) word = unseen->at(batch_points[i].position, word);
+      });
     for (std::size_t i = 0; i < part.size(); ++i)
       for (std::size_t k = 0; k < shader::kTileTexels; ++k) {
         const std::size_t point = part[i].first + k;

@@ -9,6 +9,7 @@
 #include "cairn/pose.hpp"
 #include "surface/preprocess.hpp"
 #include "texture/charts.hpp"
+#include "texture/voxel_colours.hpp"
 #include "volume/raycast.hpp"
 
 namespace cairn {
@@ -37,8 +38,12 @@ class TextureViews {
   /// What each keyframe's colours are multiplied with, by channel.
   [[nodiscard]] const std::vector<Eigen::Vector3f>& gains() const { return gains_; }
 
-  /// Colours the atlas' texture. Returns how many of its points a keyframe sees; others get the mesh's own colour.
-  std::size_t blend(TextureAtlas& atlas);
+  /// Colours the atlas' texture. Returns how many of its points a keyframe sees; others get the colour of `unseen`, if
+  /// there is one, else of the mesh's own vertices.
+  std::size_t blend(TextureAtlas& atlas, const VoxelColours* unseen = nullptr);
+
+  /// The map is another part of itself from now on: images that were compared with it are brought anew.
+  void forget();
 
   /// A texel's size that shows all that the keyframes see of the points: metres, the median over the points.
   [[nodiscard]] float texel_size(const Mesh& mesh) const;

@@ -23,8 +23,7 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::uintmax_t kMaxInlineMesh = std::uintmax_t{64} << 20;  // bytes
-constexpr std::string_view kPlace = "<!-- data -->";                 // in the page
+constexpr std::string_view kPlace = "<!-- data -->";  // in the page
 
 std::string read_bytes(const fs::path& file) {
   std::ifstream in(file, std::ios::binary);
@@ -73,8 +72,10 @@ std::string finished_data(const fs::path& folder) {
 void write_report_page(const fs::path& folder) {
   nlohmann::json data = data_of(folder);
   if (const fs::path mesh = folder / "mesh.glb"; fs::exists(mesh)) {
-    if (fs::file_size(mesh) <= kMaxInlineMesh)
-      data["mesh_base64"] = base64(read_bytes(mesh));
+    const fs::path preview = folder / "preview.glb";
+    const bool fits = fs::file_size(mesh) <= kMaxInlineMesh;
+    if (fits || fs::exists(preview))
+      data["mesh_base64"] = base64(read_bytes(fits ? mesh : preview));
     else
       data["mesh_left_out"] = mesh.string();
   }

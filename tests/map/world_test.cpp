@@ -46,6 +46,32 @@ Mesh mesh_of(World& world) {
   return Polygonize(test_device())(volume);
 }
 
+TEST(WorldParts, AreWhatTheWholeIs) {
+  // Two submaps, one of which was moved.
+  Atlas atlas = atlas_of(2);
+  atlas.world_from_camera[1].translate(Eigen::Vector3d(0.03, 0.02, 0.01));
+  const auto tree = sphere();
+  World world(test_device(), kOptions);
+  (void)update(world, atlas, {tree, tree});
+  std::vector<PlacedSubmap> placed;
+  for (const std::size_t s : {0u, 1u}) placed.push_back({s, tree->bricks(), {}, Deformation(atlas, s)});
+  WorldParts parts(test_device(), kOptions, placed);
+  const std::vector<Brick>& all = parts.bricks();
+  std::size_t compared = 0;
+  for (const auto& some : {std::span(all).first(all.size() / 3), std::span(all).subspan(all.size() / 3)}) {
+    const BrickTree made = parts.make(some, [&](std::size_t) { return tree; });
+    EXPECT_LE(made.size(), some.size());
+    for (const Brick& brick : some) {
+      const std::uint64_t *a = world.bricks().find(brick), *b = made.find(brick);
+      ASSERT_EQ(a == nullptr, b == nullptr);
+      if (a == nullptr) continue;
+      ASSERT_TRUE(std::equal(a, a + 512, b));
+      ++compared;
+    }
+  }
+  EXPECT_EQ(compared, world.bricks().size());
+}
+
 TEST(World, TakesASubmapThatDidNotMoveVoxelByVoxel) {
   World world(test_device(), kOptions);
   const auto tree = sphere();

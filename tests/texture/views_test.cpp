@@ -193,6 +193,22 @@ TEST(TextureViews, HoldNoMoreImagesThanTheyMay) {
   EXPECT_LT(s.error(1).first, 2);
 }
 
+TEST(TextureViews, GiveWhatNobodySeesTheVoxelsColour) {
+  WallScene s;
+  s.add(look(5, 1), 5);  // looks elsewhere
+  s.make_atlas();
+  Mesh fine = grid_mesh(250, 250, 0.004f, [](float x, float y) { return Eigen::Vector3f(x - 0.5f, 0.5f - y, 2); });
+  for (const auto& p : fine.positions) {
+    const Eigen::Vector3f c = wall(p.x(), p.y());
+    fine.colours.push_back(
+        {static_cast<std::uint8_t>(c.x()), static_cast<std::uint8_t>(c.y()), static_cast<std::uint8_t>(c.z()), 255});
+  }
+  const VoxelColours colours(fine, 0.01f);
+  EXPECT_EQ(s.views().blend(s.atlas, &colours), 0u);
+  EXPECT_LT(s.error(1).first, 3);
+  EXPECT_EQ(colours.at({9, 9, 9}, 0x123456), 0x123456u);
+}
+
 TEST(ExposureGains, StayOneWhereNothingIsCompared) {
   for (const auto& gain : exposure_gains(3, {})) EXPECT_EQ(gain, Eigen::Vector3f(Eigen::Vector3f::Ones()));
 }
