@@ -59,7 +59,8 @@ nlohmann::json to_json(const Exported& e) {
               {"texel_m", e.texel},
               {"texels", e.texels},
               {"textured_share", e.textured_share},
-              {"keyframes", e.keyframes}});
+              {"keyframes", e.keyframes},
+              {"colour_camera", e.colour_camera}});
   return j;
 }
 

@@ -31,6 +31,13 @@ struct TextureView {
   uvec2 blurred;
 };
 
+// How the colour camera differs from the depth camera whose images its own are said to lie on.
+struct ColourCamera {
+  vec3 turn;   // small rotation, rad
+  vec3 shift;  // metres
+  float zoom;  // of its focal length; 1: the same
+};
+
 struct TexturePreparePush {
   Pinhole camera;
 };
@@ -38,15 +45,18 @@ struct TexturePreparePush {
 struct TextureBlendPush {
   Pinhole camera;
   uint tiles;
+  ColourCamera colour;
   uint views;       // TextureView that there are
   float tolerance;  // metres that a surface may lie behind what was measured, beside the noise
 };
 
 struct TextureSamplePush {
   Pinhole camera;
+  ColourCamera colour;
   uint points;
   uint view;
   float tolerance;
+  uint sharp;  // 1: colours as they are; 0: their low frequencies
 };
 
 #ifdef __cplusplus
@@ -80,12 +90,13 @@ const float kExposure = 0.01;  // seconds, of a usual indoor image
 
 // How good a view is for a point: its texels a square metre, less where the image was moving, at depth edges and at its
 // own. 0: it does not see the point. `pixel` is of the colour image, which was taken `delay` later.
-float view_weight(TextureView view, Pinhole camera, vec3 position, vec3 normal, float tolerance, out vec2 pixel) {
+float view_weight(TextureView view, Pinhole camera, ColourCamera colour, vec3 position, vec3 normal, float tolerance, out vec2 pixel) {
   vec3 p = transform(view.camera_from_world, position), moving = view.velocity + cross(view.turn_rate, p);
   vec3 later = p - view.delay * moving;
+  later += cross(colour.turn, later) + colour.shift;
   float z = max(p.z, 0.05);
   vec2 last = vec2(camera.width - 1u, camera.height - 1u) - 0.001;
-  vec2 in_depth = project(camera, vec3(p.xy, z)), in_colour = project(camera, vec3(later.xy, max(later.z, 0.05)));
+  vec2 in_depth = project(camera, vec3(p.xy, z)), in_colour = project(camera, vec3(colour.zoom * later.xy, max(later.z, 0.05)));
   pixel = clamp(in_colour, vec2(0.0), last);
   vec2 measured = clamp(in_depth, vec2(0.0), last);
   ivec2 nearest = ivec2(measured + 0.5);

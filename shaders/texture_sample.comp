@@ -10,13 +10,16 @@ layout(binding = 0, scalar) readonly buffer Texels { Texel texels[]; };
 layout(binding = 1, scalar) readonly buffer Views { TextureView views[]; };
 layout(binding = 2, scalar) writeonly buffer Colours { uint colours[]; };  // 0: not seen
 
+const float kSure = 0.1;  // pixels at edges, slanted and moving ones are less
+
 void main() {
   uint i = gl_GlobalInvocationID.x;
   if (i >= push.points) return;
   Texel t = texels[i];
   vec2 pixel;
   TextureView view = views[push.view];
-  float w = view_weight(view, push.camera, t.position, unpack_normal(t.normal), push.tolerance, pixel);
-  vec2 seen = unpackHalf2x16(ViewPixels(view.pixels).v[uint(pixel.y + 0.5) * push.camera.width + uint(pixel.x + 0.5)].x);
-  colours[i] = w > 0.0 && seen.y > 0.5 ? packUnorm4x8(vec4(smooth_colour(view, push.camera, pixel), 1.0)) : 0u;
+  float w = view_weight(view, push.camera, push.colour, t.position, unpack_normal(t.normal), push.tolerance, pixel);
+  vec3 colour = push.sharp != 0u ? sharp_colour(view, push.camera, pixel) : smooth_colour(view, push.camera, pixel);
+  float z = transform(view.camera_from_world, t.position).z;
+  colours[i] = w * max(z * z, 0.25) > kSure ? packUnorm4x8(vec4(colour, 1.0)) : 0u;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
+#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <functional>
@@ -65,7 +66,9 @@ struct Exported {
   std::size_t texels = 0;
   double textured_share = 0;  // of the texels that a keyframe sees; others have the voxels' colour
   int keyframes = 0;
-  std::map<std::string, double> stage_ms;  // mesh, clean, simplify, charts, exposure, texture, write
+  std::array<float, 7> colour_camera{0, 0, 0, 0, 0, 0, 1};  // how it was found to differ from the depth camera: turn
+                                                            // (rad), shift (metres), zoom
+  std::map<std::string, double> stage_ms;                   // mesh, clean, simplify, charts, exposure, texture, write
 };
 
 /// Called after each step of `count`; `what` is done next.

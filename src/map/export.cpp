@@ -117,6 +117,9 @@ class Exporter {
       throw std::runtime_error(file_.string() +
                                ": is not written, the keyframes have no colour, from which a texture is made: export "
                                "without --texture");
+    timed("registration", [&] { views_->register_colour(); });
+    const shader::ColourCamera& c = views_->colour_camera();
+    exported_.colour_camera = {c.turn.x, c.turn.y, c.turn.z, c.shift.x, c.shift.y, c.shift.z, c.zoom};
   }
 
   /// The bricks of a cell and of its neighbourhood, so that what is decided at its border is decided alike on both

@@ -154,13 +154,194 @@ float TextureViews::texel_size(const Mesh& mesh) const {
   return sizes[sizes.size() / 2];
 }
 
+/// Points that a keyframe has measured, on a grid of its image, turned to it.
+std::vector<shader::Texel> TextureViews::points_of(std::size_t keyframe, int columns, int rows) {
+  std::vector<shader::uvec2> pixels(pixels_of(camera_));
+  gpu::Batch batch(device_);
+  batch.download(on_device(keyframe).pixels, pixels);
+  batch.run();
+  std::vector<shader::Texel> points;
+  const Eigen::Isometry3d& pose = keyframes_[keyframe].world_from_camera;
+  for (int gy = 0; gy < rows; ++gy)
+    for (int gx = 0; gx < columns; ++gx) {
+      const int x = (2 * gx + 1) * camera_.width / (2 * columns), y = (2 * gy + 1) * camera_.height / (2 * rows);
+      const std::uint32_t half = pixels[static_cast<std::size_t>(y * camera_.width + x)].x & 0xffffu;  // of the depth
+      if (half == 0) continue;
+      const float z = std::ldexp(static_cast<float>((half & 1023u) | (half >> 10 != 0 ? 1024u : 0u)),
+                                 static_cast<int>(std::max(half >> 10, 1u)) - 25);
+      const Eigen::Vector3d p = pose * (static_cast<double>(z) * camera_.ray(x, y));
+      points.push_back({Eigen::Vector3f(p.cast<float>()),
+                        shader::pack_normal((pose.translation() - p).normalized().cast<float>()), 0});
+    }
+  return points;
+}
+
+/// What keyframes see at points that they share, for any colour camera.
+struct TextureViews::Sampling {
+  struct Seen {
+    std::size_t point, keyframe;
+  };
+  std::vector<shader::Texel> points;
+  std::vector<Seen> seen;           // by keyframe
+  std::vector<std::size_t> chosen;  // keyframes
+  gpu::Buffer buffer, colours, view;
+
+  /// Brightness of 0..1 with the keyframes' gains; -1: not seen.
+  std::vector<float> operator()(TextureViews& views, const shader::ColourCamera& colour, bool sharp) {
+    std::vector<float> brightness;
+    std::vector<shader::Texel> list;
+    std::vector<std::uint32_t> words;
+    for (std::size_t i = 0; i < seen.size();) {
+      const std::size_t k = seen[i].keyframe;
+      list.clear();
+      for (; i < seen.size() && seen[i].keyframe == k; ++i) list.push_back(points[seen[i].point]);
+      words.resize(list.size());
+      const shader::TextureView of_keyframe = views.view_of(k);
+      gpu::Batch batch(views.device_);
+      batch.upload(view, std::span(&of_keyframe, 1));
+      batch.upload(buffer, list);
+      views.sample_(batch, {static_cast<std::uint32_t>(list.size()), 1, 1},
+                    {.camera = shader::pinhole(views.camera_),
+                     .colour = colour,
+                     .points = static_cast<std::uint32_t>(list.size()),
+                     .view = 0,
+                     .tolerance = kTolerance,
+                     .sharp = sharp},
+                    {&buffer, &view, &colours});
+      batch.download(colours, words);
+      batch.run();
+      for (const std::uint32_t word : words)
+        brightness.push_back(
+            word == 0 ? -1.0f : static_cast<float>((word & 255) + (word >> 8 & 255) + (word >> 16 & 255)) / 765);
+    }
+    return brightness;
+  }
+};
+
+void TextureViews::register_colour() {
+  constexpr std::size_t kKeyframes = 40;    // looked at, spread over all
+  constexpr int kColumns = 24, kRows = 18;  // of points a keyframe
+  constexpr std::size_t kParameters = 7;
+  constexpr std::size_t kEnough = 2000;  // pairs of a point and a keyframe
+  constexpr double kBetter = 0.9;        // of the cost that has to be left
+  using Vector = Eigen::Matrix<double, 7, 1>;
+  // Steps of derivatives, and how far from nothing a camera may be: radians, metres, zoom.
+  const Vector step = (Vector() << 2e-3, 2e-3, 2e-3, 4e-3, 4e-3, 4e-3, 2e-3).finished();
+  const Vector usual = (Vector() << 0.02, 0.02, 0.02, 0.03, 0.03, 0.03, 0.05).finished();
+  const auto camera = [](const Vector& x) {
+    return shader::ColourCamera{Eigen::Vector3f(x.head<3>().cast<float>()),
+                                Eigen::Vector3f(x.segment<3>(3).cast<float>()), static_cast<float>(1 + x[6])};
+  };
+  Sampling sampling;
+  const std::size_t stride = std::max<std::size_t>(1, keyframes_.size() / std::min(kKeyframes, capacity_));
+  for (std::size_t k = 0; k < keyframes_.size() && sampling.chosen.size() < capacity_; k += stride) {
+    bring(std::array{k});
+    if (on_device(k).has_colour) sampling.chosen.push_back(k);
+  }
+  for (const std::size_t k : sampling.chosen)
+    for (const shader::Texel& p : points_of(k, kColumns, kRows)) sampling.points.push_back(p);
+  std::size_t most = 1;
+  for (const std::size_t k : sampling.chosen) {
+    const std::size_t before = sampling.seen.size();
+    for (std::size_t i = 0; i < sampling.points.size(); ++i)
+      if (const shader::Texel& p = sampling.points[i]; may_see(k, p.position, shader::unpack_normal(p.normal)))
+        sampling.seen.push_back({i, k});
+    most = std::max(most, sampling.seen.size() - before);
+  }
+  sampling.buffer = gpu::Buffer(device_, most * sizeof(shader::Texel));
+  sampling.colours = gpu::Buffer(device_, most * 4);
+  sampling.view = gpu::Buffer(device_, sizeof(shader::TextureView));
+
+  /// Differences to the mean of all that see a point, where more than one does.
+  struct Residuals {
+    std::vector<double> value;
+    std::vector<std::size_t> at;  // in `seen`
+    double cost = 0;
+  };
+  const auto robust = [](double r) {  // Huber 1964
+    constexpr double kHuber = 0.06;
+    return std::abs(r) <= kHuber ? r * r : kHuber * (2 * std::abs(r) - kHuber);
+  };
+  const auto residuals_of = [&](const std::vector<float>& brightness, const std::vector<bool>* which) {
+    std::vector<double> sum(sampling.points.size(), 0), count(sum.size(), 0);
+    const auto counts = [&](std::size_t i) { return brightness[i] >= 0 && (which == nullptr || (*which)[i]); };
+    for (std::size_t i = 0; i < brightness.size(); ++i)
+      if (counts(i)) sum[sampling.seen[i].point] += static_cast<double>(brightness[i]), ++count[sampling.seen[i].point];
+    Residuals r;
+    for (std::size_t i = 0; i < brightness.size(); ++i) {
+      const std::size_t p = sampling.seen[i].point;
+      if (!counts(i) || count[p] < 2) continue;
+      r.value.push_back(static_cast<double>(brightness[i]) - sum[p] / count[p]);
+      r.at.push_back(i);
+      r.cost += robust(r.value.back());
+    }
+    if (!r.value.empty()) r.cost /= static_cast<double>(r.value.size());
+    return r;
+  };
+
+  Vector best = Vector::Zero();
+  const Residuals none = residuals_of(sampling(*this, camera(best), true), nullptr);
+  if (none.value.size() < kEnough) return;
+  // Where to begin: fields of view differ more than anything else.
+  double least = std::numeric_limits<double>::infinity();
+  for (const double zoom : {0.0, -0.04, 0.04, -0.08, 0.08, -0.12, 0.12}) {
+    Vector x = Vector::Zero();
+    x[6] = zoom;
+    const double cost = residuals_of(sampling(*this, camera(x), false), nullptr).cost;
+    if (cost < (zoom == 0 ? 1.0 : 0.97) * least) least = cost, best = x;
+  }
+  for (const auto& [sharp, iterations] : {std::pair(false, 8), {true, 6}}) {
+    double damping = 1e-3;
+    for (int i = 0; i < iterations; ++i) {
+      const std::vector<float> at = sampling(*this, camera(best), sharp);
+      std::vector<std::vector<float>> beside;
+      std::vector<bool> all(at.size(), true);
+      for (std::size_t p = 0; p < kParameters; ++p) {
+        Vector x = best;
+        x[static_cast<int>(p)] += step[static_cast<int>(p)];
+        beside.push_back(sampling(*this, camera(x), sharp));
+        for (std::size_t j = 0; j < at.size(); ++j) all[j] = all[j] && at[j] >= 0 && beside[p][j] >= 0;
+      }
+      const Residuals now = residuals_of(at, &all);
+      std::vector<Residuals> moved;
+      for (const auto& b : beside) moved.push_back(residuals_of(b, &all));
+      Eigen::Matrix<double, 7, 7> a = Eigen::Matrix<double, 7, 7>::Zero();
+      Vector g = Vector::Zero();
+      for (std::size_t r = 0; r < now.value.size(); ++r) {
+        Vector j;
+        for (std::size_t p = 0; p < kParameters; ++p)
+          j[static_cast<int>(p)] = (moved[p].value[r] - now.value[r]) / step[static_cast<int>(p)];
+        const double w = std::min(1.0, 0.06 / std::max(std::abs(now.value[r]), 1e-9));
+        a += w * j * j.transpose();
+        g += w * now.value[r] * j;
+      }
+      // The usual camera is the one that was promised; noise of a tenth.
+      const Vector pull = (0.01 * usual.array().square().inverse()).matrix();
+      a.diagonal() += pull;
+      g += pull.cwiseProduct(best);
+      a.diagonal() *= 1 + damping;
+      const Vector x = best - a.ldlt().solve(g);
+      const double cost = residuals_of(sampling(*this, camera(x), sharp), &all).cost;
+      if (cost < now.cost) {
+        const bool is_done = cost > 0.999 * now.cost;
+        best = x;
+        damping *= 0.3;
+        if (is_done) break;
+      } else {
+        damping *= 30;
+        if (damping > 1e3) break;
+      }
+    }
+  }
+  if (residuals_of(sampling(*this, camera(best), true), nullptr).cost < kBetter * none.cost) colour_ = camera(best);
+}
+
 bool TextureViews::compensate_exposure(const std::function<void()>& step) {
   // Points of all keyframes so far, as they were seen by the one that they come from.
   std::vector<shader::Texel> points;
   std::vector<std::size_t> first;  // by keyframe
   std::vector<ExposurePair> pairs;
   bool any_colour = false;
-  std::vector<shader::uvec2> pixels(pixels_of(camera_));
   std::vector<std::uint32_t> colours;
   gpu::Buffer point_buffer, colour_buffer;
   gpu::Buffer view_buffer(device_, sizeof(shader::TextureView));
@@ -189,7 +370,6 @@ bool TextureViews::compensate_exposure(const std::function<void()>& step) {
     gpu::Batch batch(device_);
     const shader::TextureView view = view_of(k);
     batch.upload(view_buffer, std::span(&view, 1));
-    batch.download(image.pixels, pixels);
     colours.resize(near.size());
     if (!near.empty()) {
       if (point_buffer.size() < near.size() * sizeof(shader::Texel) || !point_buffer) {
@@ -199,6 +379,7 @@ bool TextureViews::compensate_exposure(const std::function<void()>& step) {
       batch.upload(point_buffer, near);
       sample_(batch, {static_cast<std::uint32_t>(near.size()), 1, 1},
               {.camera = shader::pinhole(camera_),
+               .colour = colour_,
                .points = static_cast<std::uint32_t>(near.size()),
                .view = 0,
                .tolerance = kTolerance},
@@ -233,20 +414,7 @@ bool TextureViews::compensate_exposure(const std::function<void()>& step) {
       if (enough) pairs.push_back(pair);
     }
     // Its own points, with the colour of its low frequencies as the others will be asked for theirs.
-    std::vector<shader::Texel> own;
-    for (int gy = 0; gy < kGridY; ++gy)
-      for (int gx = 0; gx < kGridX; ++gx) {
-        const int x = (2 * gx + 1) * camera_.width / (2 * kGridX), y = (2 * gy + 1) * camera_.height / (2 * kGridY);
-        const shader::uvec2 word = pixels[static_cast<std::size_t>(y * camera_.width + x)];
-        // Depth as a half float.
-        const std::uint32_t half = word.x & 0xffffu;
-        if (half == 0) continue;
-        const float z = std::ldexp(static_cast<float>((half & 1023u) | (half >> 10 != 0 ? 1024u : 0u)),
-                                   static_cast<int>(std::max(half >> 10, 1u)) - 25);
-        const Eigen::Vector3d p = keyframes_[k].world_from_camera * (static_cast<double>(z) * camera_.ray(x, y));
-        const Eigen::Vector3d to_camera = (keyframes_[k].world_from_camera.translation() - p).normalized();
-        own.push_back({Eigen::Vector3f(p.cast<float>()), shader::pack_normal(to_camera.cast<float>()), 0});
-      }
+    std::vector<shader::Texel> own = points_of(k, kGridX, kGridY);
     if (!own.empty()) {
       const gpu::Buffer own_points(device_, own.size() * sizeof(shader::Texel)), own_colours(device_, own.size() * 4);
       colours.resize(own.size());
@@ -254,6 +422,7 @@ bool TextureViews::compensate_exposure(const std::function<void()>& step) {
       again.upload(own_points, own);
       sample_(again, {static_cast<std::uint32_t>(own.size()), 1, 1},
               {.camera = shader::pinhole(camera_),
+               .colour = colour_,
                .points = static_cast<std::uint32_t>(own.size()),
                .view = 0,
                .tolerance = kTolerance},
@@ -358,6 +527,7 @@ std::size_t TextureViews::blend(TextureAtlas& atlas, const VoxelColours* unseen)
     const auto count = static_cast<std::uint32_t>(part.size());
     const shader::TextureBlendPush push{.camera = shader::pinhole(camera_),
                                         .tiles = count,
+                                        .colour = colour_,
                                         .views = static_cast<std::uint32_t>(list.size()),
                                         .tolerance = kTolerance};
     gpu::Batch batch(device_);

@@ -35,6 +35,11 @@ class TextureViews {
   /// Finds by how much the keyframes' exposures differ where they see the same, so that blend() takes them to their
   /// mean. `step` is called after each keyframe. Returns whether any has colour.
   bool compensate_exposure(const std::function<void()>& step = {});
+  /// Finds how the colour camera lies to the depth camera, where colour is not on depth as it should be: turn, shift
+  /// and zoom with which what several keyframes see agrees best (as Zhou & Koltun 2014 move each image). Kept only if
+  /// it agrees much better so. Wants compensate_exposure() before it.
+  void register_colour();
+  [[nodiscard]] const shader::ColourCamera& colour_camera() const { return colour_; }
   /// What each keyframe's colours are multiplied with, by channel.
   [[nodiscard]] const std::vector<Eigen::Vector3f>& gains() const { return gains_; }
 
@@ -51,6 +56,7 @@ class TextureViews {
   [[nodiscard]] std::size_t size() const { return keyframes_.size(); }
 
  private:
+  struct Sampling;
   struct OnDevice {
     std::size_t keyframe = 0;
     std::uint64_t last_use = 0;
@@ -59,6 +65,7 @@ class TextureViews {
   };
   void bring(std::span<const std::size_t> keyframes);
   [[nodiscard]] const OnDevice& on_device(std::size_t keyframe) const;
+  [[nodiscard]] std::vector<shader::Texel> points_of(std::size_t keyframe, int columns, int rows);
   [[nodiscard]] shader::TextureView view_of(std::size_t keyframe) const;
   [[nodiscard]] bool may_see(std::size_t keyframe, const Eigen::Vector3f& point, const Eigen::Vector3f& normal) const;
 
@@ -71,6 +78,7 @@ class TextureViews {
   std::vector<TextureKeyframe> keyframes_;
   std::vector<Eigen::Isometry3f> camera_from_world_;
   std::vector<Eigen::Vector3f> gains_;
+  shader::ColourCamera colour_{{0, 0, 0}, {0, 0, 0}, 1};
   GetImage get_image_;
   std::size_t capacity_;
   std::uint64_t use_ = 0;

@@ -26,8 +26,9 @@ std::uint32_t word(const Eigen::Vector3f& c, float exposure) {
   return w;
 }
 
-/// What a camera at (x, 0, 0) that looks along z sees; `board`: something red at 1 m covers this part of the image.
-Frame look(float x, float exposure, int board_from = 0, int board_to = 0) {
+/// What a camera at (x, 0, 0) that looks along z sees; `zoom`: of the colour camera beside the depth camera; `board`:
+/// something red at 1 m covers this part of the image.
+Frame look(float x, float exposure, int board_from = 0, int board_to = 0, float zoom = 1) {
   const Camera camera = small_camera();
   Frame frame;
   for (int v = 0; v < camera.height; ++v)
@@ -35,7 +36,7 @@ Frame look(float x, float exposure, int board_from = 0, int board_to = 0) {
       const Eigen::Vector3f ray = camera.ray(u, v).cast<float>();
       const bool is_board = u >= board_from && u < board_to;
       frame.depth.push_back(is_board ? 1.0f : 2.0f);
-      frame.colour.push_back(is_board ? 0xff0000ffu : word(wall(x + 2 * ray.x(), 2 * ray.y()), exposure));
+      frame.colour.push_back(is_board ? 0xff0000ffu : word(wall(x + 2 * ray.x() / zoom, 2 * ray.y() / zoom), exposure));
     }
   return frame;
 }
@@ -139,6 +140,34 @@ TEST(TextureViews, BringExposuresTogether) {
       EXPECT_NEAR(static_cast<double>(views.gains()[i][c] * exposures[i]), std::exp(mean), 0.03) << i;
   views.blend(s.atlas);
   EXPECT_LT(s.error(static_cast<float>(std::exp(mean))).first, 4);
+}
+
+TEST(TextureViews, FindAColourCameraWithAnotherFieldOfView) {
+  for (const float zoom : {0.9f, 1.0f}) {
+    WallScene s;
+    for (int i = 0; i < 7; ++i) {
+      const float x = 0.2f * static_cast<float>(i - 3);
+      s.add(look(x, 1, 0, 0, zoom), x);
+    }
+    s.make_atlas();
+    TextureViews views = s.views();
+    views.compensate_exposure();
+    views.blend(s.atlas);
+    const double before = s.error(1).first;
+    views.register_colour();
+    views.blend(s.atlas);
+    if (zoom == 1.0f) {  // what is right already stays exactly as it is
+      EXPECT_EQ(views.colour_camera().zoom, 1.0f);
+      EXPECT_EQ(views.colour_camera().turn.x, 0.0f);
+      EXPECT_EQ(views.colour_camera().shift.y, 0.0f);
+    } else {
+      // On a wall at 2 m a step back is a zoom.
+      const shader::ColourCamera& c = views.colour_camera();
+      EXPECT_NEAR(static_cast<double>(c.zoom * 2 / (2 + c.shift.z)), static_cast<double>(zoom), 0.005);
+      EXPECT_GT(before, 8);
+      EXPECT_LT(s.error(1).first, 0.35 * before);
+    }
+  }
 }
 
 TEST(TextureViews, UseTheMapWhereNothingWasMeasured) {
