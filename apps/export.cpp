@@ -25,21 +25,32 @@ struct Arguments {
   bool json = false;
 };
 
+bool has_session(const fs::path& map) { return fs::exists(map / "session" / "state.cbor"); }
+
 /// A folder with a session has all; without one there is the map alone, and no keyframes.
 Exported export_it(const Arguments& a) {
   ExportOptions options = a.options;
   options.source = fs::weakly_canonical(a.map).filename().string();
   check(options, a.output);
   Progress progress(std::nullopt, "steps");
-  if (fs::is_directory(a.map) && fs::exists(a.map / "session" / "state.cbor")) {
+  if (has_session(a.map)) {
     Mapper mapper = Mapper::open(a.map / "session", a.device);
     return mapper.export_mesh(a.output, options, on(progress));
   }
   return export_map(fs::is_directory(a.map) ? a.map / "map.vdb" : a.map, a.output, options, on(progress), a.device);
 }
 
+/// The grids of a session: of a run that was cut off there is no map.vdb yet.
+void export_grids(const Arguments& a) {
+  if (!has_session(a.map))
+    throw std::runtime_error(a.map.string() + ": has no session to make grids from; a map.vdb is what it would be");
+  Mapper::open(a.map / "session", a.device).write_map(a.output);
+  fmt::print("{}\n", a.output.string());
+}
+
 void run_export(const Arguments& a) {
   if (const fs::path folder = a.output.parent_path(); !folder.empty()) prepare_output(folder);
+  if (a.output.extension() == ".vdb") return export_grids(a);
   const Exported e = export_it(a);
   if (a.json) {
     fmt::print("{}\n", to_json(e).dump(2));
@@ -103,7 +114,7 @@ void add_export(CLI::App& program) {
       ->check(CLI::ExistingPath);
   command
       ->add_option("-o,--output", a->output,
-                   "X.glb, X.gltf, X.ply, X.obj, or tileset.json: 3D Tiles 1.1 with levels of detail")
+                   "X.glb, X.gltf, X.ply, X.obj, tileset.json: 3D Tiles 1.1 with levels of detail, or X.vdb: the grids")
       ->required();
   add_export_options(*command, a->options);
   command->add_option("--points", a->options.point_spacing, "X.ply: points that many metres apart, no triangles")

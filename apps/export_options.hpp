@@ -2,7 +2,6 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
 #include <CLI/CLI.hpp>
-#include <memory>
 
 #include "cairn/export.hpp"
 

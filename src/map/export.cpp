@@ -372,19 +372,6 @@ class Exporter {
     return std::pair{std::move(tile), std::move(part)};
   }
 
-  static Mesh joined(const std::vector<Mesh>& parts) {
-    Mesh all;
-    for (const Mesh& part : parts) {
-      const auto first = static_cast<std::uint32_t>(all.positions.size());
-      all.positions.insert(all.positions.end(), part.positions.begin(), part.positions.end());
-      all.normals.insert(all.normals.end(), part.normals.begin(), part.normals.end());
-      all.colours.insert(all.colours.end(), part.colours.begin(), part.colours.end());
-      for (const auto& t : part.triangles) all.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
-    }
-    if (all.colours.size() != all.positions.size()) all.colours.clear();
-    return all;
-  }
-
   /// Parts that share vertices at their borders become one.
   static Part together(std::vector<Part>& parts) {
     std::vector<Mesh> meshes;

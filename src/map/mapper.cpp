@@ -460,6 +460,7 @@ void Mapper::begin_recording() {
   s.last_fused.reset();
   s.lost = 0;
   s.esdf.reset();
+  if (s.surface) s.surface.emplace();
 }
 
 Mapper::Merged Mapper::merge(Mapper& other) {

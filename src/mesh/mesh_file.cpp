@@ -6,6 +6,7 @@
 
 #include "mesh/formats.hpp"
 #include "mesh/gltf.hpp"
+#include "mesh/topology.hpp"
 
 namespace cairn {
 namespace {
@@ -46,19 +47,7 @@ std::vector<Mesh> read_mesh_parts(const std::filesystem::path& file) {
 
 Mesh read_mesh(const std::filesystem::path& file) {
   std::vector<Mesh> parts = read_mesh_parts(file);
-  if (parts.size() == 1) return std::move(parts[0]);
-  Mesh mesh;
-  for (const Mesh& part : parts) {
-    const auto first = static_cast<std::uint32_t>(mesh.positions.size());
-    mesh.positions.insert(mesh.positions.end(), part.positions.begin(), part.positions.end());
-    mesh.normals.insert(mesh.normals.end(), part.normals.begin(), part.normals.end());
-    mesh.colours.insert(mesh.colours.end(), part.colours.begin(), part.colours.end());
-    for (const auto& t : part.triangles) mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
-  }
-  // Parts with and without an attribute cannot be told apart in one mesh.
-  if (mesh.normals.size() != mesh.positions.size()) mesh.normals.clear();
-  if (mesh.colours.size() != mesh.positions.size()) mesh.colours.clear();
-  return mesh;
+  return parts.size() == 1 ? std::move(parts[0]) : joined(parts);
 }
 
 }  // namespace cairn

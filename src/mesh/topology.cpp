@@ -111,6 +111,21 @@ std::vector<std::uint32_t> drop_unused_vertices(Mesh& mesh) {
   return used;
 }
 
+Mesh joined(const std::vector<Mesh>& parts) {
+  Mesh all;
+  const auto append = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
+  for (const Mesh& part : parts) {
+    const auto first = static_cast<std::uint32_t>(all.positions.size());
+    append(all.positions, part.positions);
+    append(all.normals, part.normals);
+    append(all.colours, part.colours);
+    for (const auto& t : part.triangles) all.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+  }
+  if (all.normals.size() != all.positions.size()) all.normals.clear();
+  if (all.colours.size() != all.positions.size()) all.colours.clear();
+  return all;
+}
+
 MeshTopology examine_topology(const Mesh& mesh) {
   MeshTopology topology;
   const std::vector<std::uint32_t> name = first_at_place(mesh);

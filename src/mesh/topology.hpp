@@ -43,6 +43,9 @@ struct Pieces {
 /// Leaves the vertices that triangles use, in their order; returns these.
 std::vector<std::uint32_t> drop_unused_vertices(Mesh& mesh);
 
+/// Parts one after the other, without textures; normals and colours only where all parts have them.
+[[nodiscard]] Mesh joined(const std::vector<Mesh>& parts);
+
 /// Leaves the vertices that are told, in this order, with all that they carry; triangles are not touched.
 void take_vertices(Mesh& mesh, const std::vector<std::uint32_t>& vertices);
 

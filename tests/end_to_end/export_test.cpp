@@ -220,6 +220,30 @@ TEST_F(Export, WritesPointsAndLevels) {
   }
 }
 
+TEST_F(Export, WritesTheGridsOfASession) {
+  ASSERT_EQ(run_cairn({"export", path("map"), "-o", to("x.vdb")}).exit_code, 0);
+  EXPECT_EQ(read_bytes(to("x.vdb")), read_bytes(path("map/map.vdb")));
+  fs::remove(to("x.vdb"));
+  expect_refused({}, "has no session", "x.vdb", "given");
+}
+
+TEST_F(Export, IsMeasuredByTheProgram) {
+  exported("x.glb", {"--simplify", "0.1", "--texture"});
+  const Ran topology = run_cairn({"evaluate", "topology", to("x.glb"), "--json"});
+  ASSERT_EQ(topology.exit_code, 0) << topology.err;
+  EXPECT_EQ(Json::parse(topology.out).at("non_manifold_edges"), 0);
+  EXPECT_GT(Json::parse(topology.out).at("border_length_m").get<double>(), 1);
+  const Ran views =
+      run_cairn({"evaluate", "views", to("x.glb"), path("room"), "--trajectory", path("map/trajectory.txt"),
+                 "--truth-trajectory", path("room"), "--step", "20", "--json"});
+  ASSERT_EQ(views.exit_code, 0) << views.err;
+  EXPECT_EQ(Json::parse(views.out).at("frames"), 3);
+  EXPECT_GT(Json::parse(views.out).at("psnr_db").get<double>(), 25);
+  // Pictures from poses in another frame show something else.
+  const Ran beside = run_cairn({"evaluate", "views", to("x.glb"), path("room"), "--step", "20", "--json"});
+  EXPECT_TRUE(beside.exit_code == 1 || Json::parse(beside.out).at("psnr_db").get<double>() < 22) << beside.out;
+}
+
 TEST_F(Export, OfAMapWithoutSessionIsItsMesh) {
   const Ran ran = run_cairn({"export", path("given"), "-o", to("x.glb"), "--simplify", "0.2"});
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
