@@ -219,8 +219,8 @@ struct TextureViews::Sampling {
 };
 
 void TextureViews::register_colour() {
-  constexpr std::size_t kKeyframes = 40;    // looked at, spread over all
-  constexpr int kColumns = 24, kRows = 18;  // of points a keyframe
+  constexpr std::size_t kGroups = 8, kInGroup = 5;  // of neighbouring keyframes, spread over all
+  constexpr int kColumns = 24, kRows = 18;          // of points a keyframe
   constexpr std::size_t kParameters = 7;
   constexpr std::size_t kEnough = 2000;  // pairs of a point and a keyframe
   constexpr double kBetter = 0.9;        // of the cost that has to be left
@@ -233,8 +233,9 @@ void TextureViews::register_colour() {
                                 Eigen::Vector3f(x.segment<3>(3).cast<float>()), static_cast<float>(1 + x[6])};
   };
   Sampling sampling;
-  const std::size_t stride = std::max<std::size_t>(1, keyframes_.size() / std::min(kKeyframes, capacity_));
-  for (std::size_t k = 0; k < keyframes_.size() && sampling.chosen.size() < capacity_; k += stride) {
+  const std::size_t group = std::max(keyframes_.size() / kGroups, kInGroup);
+  for (std::size_t k = 0; k < keyframes_.size() && sampling.chosen.size() < capacity_; ++k) {
+    if (k % group >= kInGroup) continue;
     bring(std::array{k});
     if (on_device(k).has_colour) sampling.chosen.push_back(k);
   }
