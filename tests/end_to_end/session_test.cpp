@@ -147,7 +147,7 @@ TEST_F(Session, AnswersADamagedOneWithOneLine) {
   write_text(state, good.substr(0, good.size() / 3));
   expect_one_line(run_cairn(resume), 1, "is damaged");
   bad = good;
-  bad[bad.find(" 1 ") + 1] = '7';
+  bad[bad.find(" 2 ") + 1] = '7';  // the version of the format
   write_text(state, bad);
   expect_one_line(run_cairn(resume), 1, "another version");
   write_text(state, "something else");
