@@ -145,8 +145,9 @@ struct Server::State {
     response.set(http::field::cache_control, "no-store");
     response.set("X-Content-Type-Options", "nosniff");
     response.set("Referrer-Policy", "no-referrer");
-    response.set("Content-Security-Policy",
-                 "default-src 'self' 'unsafe-inline' data: blob:; frame-ancestors 'none'; base-uri 'none'");
+    response.set(
+        "Content-Security-Policy",
+        "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; frame-ancestors 'none'; base-uri 'none'");
     response.keep_alive(request.keep_alive());
     response.prepare_payload();
   }
