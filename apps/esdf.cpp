@@ -3,18 +3,21 @@
 #include "cairn/esdf.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ostream.h>
 
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iostream>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string_view>
 
 #include "commands.hpp"
 #include "io/atomic_file.hpp"
+#include "io/query_points.hpp"
+#include "io/words.hpp"
 #include "pictures.hpp"
 
 namespace cairn::apps {
@@ -36,53 +39,7 @@ struct Arguments {
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
-std::optional<float> number(std::string_view text) {
-  while (!text.empty() && (text.front() == ' ' || text.front() == '\t')) text.remove_prefix(1);
-  while (!text.empty() && (text.back() == ' ' || text.back() == '\t' || text.back() == '\r')) text.remove_suffix(1);
-  if (!text.empty() && text.front() == '+') text.remove_prefix(1);
-  float value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (text.empty() || error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
-
-/// A CSV file with the header x,y,z and three numbers a line (nan is one).
-std::vector<Eigen::Vector3f> read_points(const fs::path& file) {
-  std::ifstream in(file);
-  std::string line;
-  int count = 0;
-  const auto wrong = [&](const std::string& why) {
-    return std::runtime_error(fmt::format("{}:{}: {}", file.string(), count, why));
-  };
-  const auto next = [&] {
-    ++count;
-    return static_cast<bool>(std::getline(in, line));
-  };
-  if (!next()) throw wrong("is empty; expected the header x,y,z");
-  std::string header;
-  for (const char c : line)
-    if (c != ' ' && c != '\r' && c != '"') header += c;
-  if (header != "x,y,z") throw wrong("expected the header x,y,z, found '" + line + "'");
-  std::vector<Eigen::Vector3f> points;
-  while (next()) {
-    if (line.empty() || line == "\r") continue;
-    std::vector<float> values;
-    std::string_view rest = line;
-    while (true) {
-      const std::size_t comma = std::min(rest.find(','), rest.size());
-      const auto value = number(rest.substr(0, comma));
-      if (!value) throw wrong(fmt::format("'{}' is not a number", rest.substr(0, comma)));
-      values.push_back(*value);
-      if (comma == rest.size()) break;
-      rest.remove_prefix(comma + 1);
-    }
-    if (values.size() != 3) throw wrong(fmt::format("has {} columns; expected x,y,z", values.size()));
-    points.emplace_back(values[0], values[1], values[2]);
-  }
-  return points;
-}
-
-void write_answers(std::FILE* out, const std::vector<Eigen::Vector3f>& points,
+void write_answers(std::ostream& out, const std::vector<Eigen::Vector3f>& points,
                    const std::vector<DistanceField::Answer>& answers) {
   fmt::print(out, "x,y,z,distance,gx,gy,gz,state\n");
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -101,7 +58,8 @@ struct Plane {
   float at = 0;  // metres
 };
 Plane parse_plane(const std::string& text) {
-  const auto value = text.size() > 2 && text[1] == '=' ? number(std::string_view(text).substr(2)) : std::nullopt;
+  const auto value =
+      text.size() > 2 && text[1] == '=' ? number_in<float>(std::string_view(text).substr(2)) : std::nullopt;
   if (!value || !std::isfinite(*value) || text[0] < 'x' || text[0] > 'z')
     throw CLI::ValidationError("--slice", "'" + text + "' is no plane, for example z=0.5");
   return {text[0] - 'x', *value};
@@ -109,8 +67,9 @@ Plane parse_plane(const std::string& text) {
 
 Band parse_band(const std::string& text) {
   const std::size_t colon = text.find(':');
-  const auto low = number(std::string_view(text).substr(0, colon));
-  const auto high = colon == std::string::npos ? std::nullopt : number(std::string_view(text).substr(colon + 1));
+  const auto low = number_in<float>(std::string_view(text).substr(0, colon));
+  const auto high =
+      colon == std::string::npos ? std::nullopt : number_in<float>(std::string_view(text).substr(colon + 1));
   if (!low || !high || !(*low < *high))
     throw CLI::ValidationError("--height", "'" + text + "' is not LOW:HIGH, for example -1.2:0.3");
   return {*low, *high};
@@ -132,7 +91,8 @@ void esdf(const Arguments& a) {
   if (!a.costmaps.empty() && a.height.empty())
     throw CLI::ValidationError("--costmap", "needs --height LOW:HIGH, the robot's lowest and highest point");
   const Band band = a.costmaps.empty() ? Band{} : parse_band(a.height);
-  const std::vector<Eigen::Vector3f> points = a.query.empty() ? std::vector<Eigen::Vector3f>{} : read_points(a.query);
+  const std::vector<Eigen::Vector3f> points =
+      a.query.empty() ? std::vector<Eigen::Vector3f>{} : read_query_points(a.query);
 
   const auto start = Clock::now();
   const auto field = map_distances(fs::is_directory(a.map) ? a.map / "map.vdb" : a.map, a.esdf, a.device);
@@ -147,14 +107,9 @@ void esdf(const Arguments& a) {
     asked = seconds_since(begin);
     for (const auto& answer : answers) known += answer.known;
     if (table)
-      write_whole(*table, [&](const fs::path& temporary) {
-        const std::unique_ptr<std::FILE, int (*)(std::FILE*)> out(std::fopen(temporary.c_str(), "w"), std::fclose);
-        if (!out) throw std::runtime_error("cannot be written");
-        write_answers(out.get(), points, answers);
-        if (std::fflush(out.get()) != 0) throw std::runtime_error("the disk is full");
-      });
+      write_whole(*table, [&](std::ostream& out) { write_answers(out, points, answers); });
     else
-      write_answers(stdout, points, answers);
+      write_answers(std::cout, points, answers);
   }
   if (!a.slice.empty()) write_slice(a.slice[1], *field, plane.axis, plane.at);
   for (const fs::path& costmap : a.costmaps) write_costmap(costmap, *field, band);

@@ -12,6 +12,7 @@
 #include "export_options.hpp"
 #include "outputs.hpp"
 #include "progress.hpp"
+#include "sources.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -30,7 +31,7 @@ bool has_session(const fs::path& map) { return fs::exists(map / "session" / "sta
 /// A folder with a session has all; without one there is the map alone, and no keyframes.
 Exported export_it(const Arguments& a) {
   ExportOptions options = a.options;
-  options.source = fs::weakly_canonical(a.map).filename().string();
+  options.source = tidy(a.map).filename().string();
   check(options, a.output);
   Progress progress(std::nullopt, "steps");
   if (has_session(a.map)) {

@@ -61,7 +61,6 @@ void add_graph(CLI::App& program) {
   command->add_option("-o,--output", a->output, "Where to write the moved graph [nowhere]");
   command->add_flag("--robust", a->options.robust,
                     "Edges between nodes that do not follow each other may be false: find out which");
-  command->add_option("--threads", a->options.threads, "Threads")->capture_default_str()->check(CLI::Range(1, 256));
   command->add_flag("--json", a->json, "Print the result to stdout as JSON");
   command->callback([a] { optimise_file(*a); });
 }

@@ -60,13 +60,6 @@ class Stream {
 
 double milliseconds(Clock::duration d) { return std::chrono::duration<double, std::milli>(d).count(); }
 
-double percentile(std::vector<double> values, double share) {
-  if (values.empty()) return 0;
-  const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
-
 /// A CPU keeps up with more frames when it aligns them at a quarter of the resolution: that costs less accuracy than
 /// frames that are left out.
 Options defaults_of(const Arguments& a) {
@@ -88,7 +81,7 @@ void live(const Arguments& a) {
   Run run(a, options, Poses::tracked, stream.source().camera(), begin.progressed, begin.is_next_recording);
   if (view) view->begin(run.mapper(), stream.source().camera(), options);
 
-  std::vector<double> latencies;
+  Durations latencies;
   bool paused = false;
   int fused = 0;
   Clock::duration waited{};
@@ -108,17 +101,18 @@ void live(const Arguments& a) {
         if (asked.reset) {
           run.reset();
           view->begin(run.mapper(), stream.source().camera(), options);
-          latencies.clear();
+          latencies = {};
         }
       }
       if (frame && !paused) {
         const FrameReport report = run.add(*frame, milliseconds(std::exchange(waited, {})));
         fused += report.state == FrameState::fused;
-        latencies.push_back(milliseconds(Clock::now() - stream.arrived()));
+        const double latency = milliseconds(Clock::now() - stream.arrived());
+        latencies.add(latency);
         progress.step(words(report) + (stream.source().dropped() > 0
                                            ? fmt::format(", {} skipped to keep up", stream.source().dropped())
                                            : ""));
-        if (view) view->fused(*frame, report, latencies.back());
+        if (view) view->fused(*frame, report, latency);
       }
       if (view) view->update(paused, stream.source().dropped());
     }
@@ -126,19 +120,18 @@ void live(const Arguments& a) {
   if (view) view->finishing();
   if (const std::string why = stream.source().ended_early(); !why.empty()) run.warn(why);
   const double seconds = std::chrono::duration<double>(Clock::now() - first).count();
-  const nlohmann::json told{{"seconds", seconds},
-                            {"frames_per_second", fused / seconds},
-                            {"skipped_to_keep_up", stream.source().dropped()},
-                            {"latency_ms",
-                             {{"median", percentile(latencies, 0.5)},
-                              {"p95", percentile(latencies, 0.95)},
-                              {"max", percentile(latencies, 1)}}}};
+  const nlohmann::json told{
+      {"seconds", seconds},
+      {"frames_per_second", fused / seconds},
+      {"skipped_to_keep_up", stream.source().dropped()},
+      {"latency_ms",
+       {{"median", latencies.percentile(0.5)}, {"p95", latencies.percentile(0.95)}, {"max", latencies.most()}}}};
   nlohmann::json more{{"live", told}};
   if (view) more["live"]["view"] = view->told();
   run.finish(more);
   if (!a.json)
     fmt::print("live        {:.1f} frames/s, {} skipped to keep up, {:.0f} ms from frame to pose (95 %)\n",
-               told["frames_per_second"].get<double>(), stream.source().dropped(), percentile(latencies, 0.95));
+               told["frames_per_second"].get<double>(), stream.source().dropped(), latencies.percentile(0.95));
   if (view) view->finished(a.output);
 }
 

@@ -6,7 +6,6 @@
 
 #include <cstdio>
 #include <fstream>
-#include <numeric>
 #include <thread>
 
 #include "view/messages.hpp"
@@ -115,23 +114,25 @@ void LiveView::send_surface(bool all) {
   nlohmann::json submaps = nlohmann::json::array();
   for (const Eigen::Isometry3d& pose : changes.world_from_submap) submaps.push_back(to_json(pose));
   feed_.set("submaps", nlohmann::json{{"epoch", epoch_}, {"submaps", submaps}}.dump(), true);
-  feed_.set("path", path_message(mapper_->trajectory(), epoch_));
+  feed_.set("path", path_message(mapper_->path(kMaxPath), epoch_));
   sent_parts_ += static_cast<int>(changes.parts.size());
   surface_ = Clock::now();
   if (!changes.parts.empty()) {
-    surface_ms_.push_back(std::chrono::duration<double, std::milli>(surface_ - start).count());
+    surface_ms_.add(std::chrono::duration<double, std::milli>(surface_ - start).count());
     if (!first_mesh_seconds_) first_mesh_seconds_ = std::chrono::duration<double>(surface_ - *first_frame_).count();
   }
 }
 
 void LiveView::send_state(const char* status, const std::string& words) {
   state_ = Clock::now();
+  const Feed::Size held = feed_.size();
   nlohmann::json state{{"epoch", epoch_},
                        {"status", status},
                        {"words", words},
                        {"frames", counts_},
                        {"skipped_to_keep_up", dropped_},
                        {"memory_mb", memory_mb()},
+                       {"feed", {{"things", held.things}, {"bytes", held.bytes}, {"requests", held.requests}}},
                        {"loops", nlohmann::json::array()}};
   if (recent_.size() > 1) {
     const double seconds = std::chrono::duration<double>(recent_.back().first - recent_.front().first).count();
@@ -145,7 +146,7 @@ void LiveView::send_state(const char* status, const std::string& words) {
     state["keyframes"] = statistics.keyframes;
     state["submaps"] = statistics.submaps + 1;
     state["pieces"] = statistics.pieces;
-    const Trajectory trajectory = mapper_->trajectory();
+    const Trajectory trajectory = mapper_->path(2);
     if (!trajectory.empty()) {
       state["camera"] = to_json(trajectory.back().world_from_camera);
       for (const FoundLoop& loop : mapper_->loops())
@@ -170,12 +171,9 @@ void LiveView::finished(const std::filesystem::path& output) {
 
 nlohmann::json LiveView::told() const {
   const double seconds = first_frame_ ? std::chrono::duration<double>(Clock::now() - *first_frame_).count() : 0;
-  nlohmann::json told{
-      {"parts", sent_parts_},
-      {"updates_per_second", seconds > 0 ? static_cast<double>(surface_ms_.size()) / seconds : 0},
-      {"ms_per_update", surface_ms_.empty() ? 0
-                                            : std::accumulate(surface_ms_.begin(), surface_ms_.end(), 0.0) /
-                                                  static_cast<double>(surface_ms_.size())}};
+  nlohmann::json told{{"parts", sent_parts_},
+                      {"updates_per_second", seconds > 0 ? static_cast<double>(surface_ms_.count()) / seconds : 0},
+                      {"ms_per_update", surface_ms_.mean()}};
   if (first_mesh_seconds_) told["first_mesh_seconds"] = *first_mesh_seconds_;
   return told;
 }

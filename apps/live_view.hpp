@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "cairn/mapper.hpp"
+#include "durations.hpp"
 #include "view/server.hpp"
 
 namespace cairn::apps {
@@ -63,7 +64,7 @@ class LiveView {
   Clock::time_point surface_, images_, state_;               // when each was sent last
   std::optional<Clock::time_point> first_frame_;
   std::optional<double> first_mesh_seconds_;
-  std::vector<double> surface_ms_;
+  Durations surface_ms_;
 };
 
 }  // namespace cairn::apps

@@ -3,9 +3,25 @@
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
+#include <iostream>
 
 #include "commands.hpp"
+#include "io/json_text.hpp"
+
+namespace {
+
+/// What is buffered goes out; a full disk behind stdout is an error like others.
+int ended(int exit_code) {
+  std::cout.flush();
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good()) return exit_code;
+  std::fprintf(stderr, "cairn: cannot write to stdout: %s; make room where it goes\n", std::strerror(errno));
+  return 1;
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
   spdlog::set_default_logger(spdlog::stderr_color_mt("cairn"));
@@ -27,10 +43,10 @@ int main(int argc, char** argv) {
   try {
     program.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return program.exit(error) == 0 ? 0 : 2;
+    return ended(program.exit(error) == 0 ? 0 : 2);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "cairn: %s\n", error.what());
+    std::fprintf(stderr, "cairn: %s\n", cairn::plain(error.what()).c_str());
     return 1;
   }
-  return 0;
+  return ended(0);
 }

@@ -22,13 +22,6 @@ struct Arguments {
   bool allow_disconnected = false;
 };
 
-/// A copy of a session, so that the one that was given stays as it is.
-Mapper open_copy(const fs::path& map, const fs::path& copy, int device) {
-  fs::remove_all(copy);
-  fs::copy(map / "session", copy, fs::copy_options::recursive);
-  return Mapper::open(copy, device);
-}
-
 void merge(const Arguments& a) {
   const Mapper::SessionInfo first = Mapper::session_info(a.maps[0] / "session");
   for (const fs::path& map : a.maps) {
@@ -43,51 +36,34 @@ void merge(const Arguments& a) {
       throw std::runtime_error(a.output.string() + ": is one of the maps to merge; choose another folder with -o");
   }
   prepare_output(a.output);
-  // The session counts from when its copy is complete and merged; until then it has another name.
-  const fs::path temporary = a.output / ".session.part", other_copy = a.output / ".other.part";
-  const auto clean = [&] {
-    std::error_code ignored;
-    fs::remove_all(temporary, ignored);
-    fs::remove_all(other_copy, ignored);
-  };
-  try {
-    {
-      Mapper mapper = open_copy(a.maps[0], temporary, a.device);
-      for (std::size_t i = 1; i < a.maps.size(); ++i) {
-        Mapper other = open_copy(a.maps[i], other_copy, a.device);
-        const Mapper::Merged merged = mapper.merge(other);
-        const std::string found =
-            fmt::format("{} of {} keyframes see a place of the others", merged.loops, merged.compared);
-        if (!merged.joined && !a.allow_disconnected)
-          throw std::runtime_error(a.maps[i].string() + ": " + found +
-                                   ", too few that agree to join it; record a way from one to the other, or keep "
-                                   "separate pieces with --allow-disconnected");
-        fmt::print("{}: {}{}\n", a.maps[i].string(), found, merged.joined ? "" : "; kept as a separate piece");
-      }
-      nlohmann::json report =
-          write_outputs(mapper, a.output, Poses::tracked, {}, [](const char*, const auto& work) { work(); });
-      mapper.checkpoint(Progressed{}.note());
-      if (const std::string problem = mapper.session_problem(); !problem.empty()) throw std::runtime_error(problem);
-      std::size_t poses = 0;
-      for (int i = 0; i < mapper.recordings(); ++i) poses += mapper.trajectory(i).size();
-      std::vector<std::string> maps;
-      for (const fs::path& map : a.maps) maps.push_back(map.string());
-      report.update({{"sequence", fmt::format("{}", fmt::join(maps, " + "))},
-                     {"options", {{"voxel_size", first.voxel_size}, {"truncation", first.truncation}}},
-                     {"frames", {{"total", poses}, {"fused", poses}, {"lost", 0}, {"skipped", 0}}},
-                     {"peak_memory_mb", peak_memory_mb()},
-                     {"warnings", nlohmann::json::array()}});
-      write_report(a.output, report);
-      fmt::print("mesh        {} ({} triangles)\n", (a.output / "mesh.glb").string(),
-                 report["mesh"]["triangles"].get<std::size_t>());
-    }
-    fs::remove_all(a.output / "session");
-    fs::rename(temporary, a.output / "session");
-    clean();
-  } catch (...) {
-    clean();
-    throw;
+  // The joined session counts from its checkpoint; those that were given stay as they are.
+  Mapper mapper = Mapper::copy(a.maps[0] / "session", a.output / "session", a.device);
+  for (std::size_t i = 1; i < a.maps.size(); ++i) {
+    Mapper other = Mapper::open(a.maps[i] / "session", a.device);
+    const Mapper::Merged merged = mapper.merge(other);
+    const std::string found =
+        fmt::format("{} of {} keyframes see a place of the others", merged.loops, merged.compared);
+    if (!merged.joined && !a.allow_disconnected)
+      throw std::runtime_error(a.maps[i].string() + ": " + found +
+                               ", too few that agree to join it; record a way from one to the other, or keep "
+                               "separate pieces with --allow-disconnected");
+    fmt::print("{}: {}{}\n", a.maps[i].string(), found, merged.joined ? "" : "; kept as a separate piece");
   }
+  Outputs outputs(a.output, [](const char*, const auto& work) { work(); });
+  nlohmann::json report = outputs.write(mapper, Poses::tracked, {}, Progressed{}.note());
+  std::size_t poses = 0;
+  for (int i = 0; i < mapper.recordings(); ++i) poses += mapper.trajectory(i).size();
+  std::vector<std::string> maps;
+  for (const fs::path& map : a.maps) maps.push_back(map.string());
+  report.update({{"sequence", fmt::format("{}", fmt::join(maps, " + "))},
+                 {"options", {{"voxel_size", first.voxel_size}, {"truncation", first.truncation}}},
+                 {"frames", {{"total", poses}, {"fused", poses}, {"lost", 0}, {"skipped", 0}}},
+                 {"peak_memory_mb", peak_memory_mb()},
+                 {"warnings", nlohmann::json::array()}});
+  outputs.write_report(report);
+  outputs.expect_all();
+  fmt::print("mesh        {} ({} triangles)\n", (a.output / "mesh.glb").string(),
+             report["mesh"]["triangles"].get<std::size_t>());
 }
 
 }  // namespace

@@ -3,12 +3,14 @@
 #include "outputs.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <numbers>
 #include <stdexcept>
 
 #include "io/atomic_file.hpp"
+#include "io/json_text.hpp"
 #include "progress.hpp"
 #include "view/report_page.hpp"
 
@@ -38,8 +40,9 @@ void prepare_output(const std::filesystem::path& output) {
   if (error || !std::filesystem::is_directory(output))
     throw std::runtime_error("cannot make the folder " + output.string() + ": " + error.message() +
                              "; choose another with -o");
-  write_whole(output / ".cairn", [](const std::filesystem::path&) {});
+  write_whole(output / ".cairn", "", Durable::some_time);
   std::filesystem::remove(output / ".cairn");
+  remove_leftovers(output);
 }
 
 nlohmann::json to_json(const Exported& e) {
@@ -64,31 +67,52 @@ nlohmann::json to_json(const Exported& e) {
   return j;
 }
 
-nlohmann::json write_outputs(Mapper& mapper, const std::filesystem::path& output, Poses poses,
-                             const ExportOptions& options, const Timed& timed) {
-  Exported mesh;
-  timed("mesh", [&] {
-    Progress progress(std::nullopt, "steps");
-    mesh = mapper.export_mesh(output / "mesh.glb", options, on(progress));
-    // What is too large for report.html is shown there with fewer triangles.
-    std::filesystem::remove(output / "preview.glb");
-    if (std::filesystem::file_size(output / "mesh.glb") > kMaxInlineMesh) {
-      ExportOptions preview = options;
-      preview.simplify = {.ratio = std::min(1.0f, kPreviewTriangles / static_cast<float>(mesh.triangles))};
-      preview.compression = Compression::meshopt;
-      mapper.export_mesh(output / "preview.glb", preview, on(progress));
-    }
-  });
-  // The last recording's, and beside it those of the recordings before.
-  for (int i = 0; i < mapper.recordings(); ++i)
-    if (const Trajectory t = mapper.trajectory(i); !t.empty())
-      write_trajectory(
-          output / (i + 1 == mapper.recordings() ? "trajectory.txt" : fmt::format("trajectory-{:03}.txt", i)), t);
-  if (poses == Poses::tracked) {
-    mapper.write_graph(output / "graph.g2o");
-    mapper.write_graph(output / "graph.svg");
+void Outputs::attempt(const char* what, const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const std::exception& error) {
+    if (failed_.empty()) why_ = error.what();
+    failed_.emplace_back(what);
   }
-  timed("write map", [&] { mapper.write_map(output / "map.vdb"); });
+}
+
+nlohmann::json Outputs::write(Mapper& mapper, Poses poses, const ExportOptions& options, const std::string& note) {
+  // What cost most to make comes first.
+  attempt("session", [&] {
+    timed_("write session", [&] {
+      mapper.checkpoint(note);
+      if (const std::string problem = mapper.session_problem(); !problem.empty()) throw std::runtime_error(problem);
+    });
+  });
+  mapper.settle();
+  // The last recording's, and beside it those of the recordings before.
+  attempt("trajectory.txt", [&] {
+    for (int i = 0; i < mapper.recordings(); ++i)
+      if (const Trajectory t = mapper.trajectory(i); !t.empty())
+        write_trajectory(
+            output_ / (i + 1 == mapper.recordings() ? "trajectory.txt" : fmt::format("trajectory-{:03}.txt", i)), t);
+  });
+  if (poses == Poses::tracked)
+    attempt("graph.g2o", [&] {
+      mapper.write_graph(output_ / "graph.g2o");
+      mapper.write_graph(output_ / "graph.svg");
+    });
+  attempt("map.vdb", [&] { timed_("write map", [&] { mapper.write_map(output_ / "map.vdb"); }); });
+  std::optional<Exported> mesh;
+  attempt("mesh.glb", [&] {
+    timed_("mesh", [&] {
+      Progress progress(std::nullopt, "steps");
+      mesh = mapper.export_mesh(output_ / "mesh.glb", options, on(progress));
+      // What is too large for report.html is shown there with fewer triangles.
+      std::filesystem::remove(output_ / "preview.glb");
+      if (std::filesystem::file_size(output_ / "mesh.glb") > kMaxInlineMesh) {
+        ExportOptions preview = options;
+        preview.simplify = {.ratio = std::min(1.0f, kPreviewTriangles / static_cast<float>(mesh->triangles))};
+        preview.compression = Compression::meshopt;
+        mapper.export_mesh(output_ / "preview.glb", preview, on(progress));
+      }
+    });
+  });
 
   const Mapper::Statistics statistics = mapper.statistics();
   nlohmann::json report{
@@ -102,7 +126,6 @@ nlohmann::json write_outputs(Mapper& mapper, const std::filesystem::path& output
         {"pairs", statistics.focal.pairs}}},
       {"bricks",
        {{"allocated", statistics.bricks}, {"paged_out", statistics.paged_out}, {"paged_in", statistics.paged_in}}},
-      {"mesh", to_json(mesh)},
       {"keyframes", statistics.keyframes},
       {"submaps",
        {{"ended", statistics.submaps},
@@ -116,6 +139,7 @@ nlohmann::json write_outputs(Mapper& mapper, const std::filesystem::path& output
         {"world_ms", statistics.world_ms}}},
       {"searched", mapper.keyframes()},
       {"loops", nlohmann::json::array()}};
+  if (mesh) report["mesh"] = to_json(*mesh);
   for (const FoundLoop& loop : mapper.loops()) report["loops"].push_back(to_json(loop));
   if (statistics.tilt) report["tilt_degrees"] = *statistics.tilt * 180 / std::numbers::pi;
   for (const auto& [kernel, time] : statistics.kernels)
@@ -124,9 +148,24 @@ nlohmann::json write_outputs(Mapper& mapper, const std::filesystem::path& output
   return report;
 }
 
-void write_report(const std::filesystem::path& output, const nlohmann::json& report) {
-  write_whole(output / "report.json", report.dump(1) + '\n');
-  write_report_page(output);
+void Outputs::write_report(const nlohmann::json& report) {
+  attempt("report.html", [&] {
+    write_whole(output_ / "report.json", text_of(report, 1) + '\n');
+    write_report_page(output_);
+  });
+}
+
+void Outputs::expect_all() const {
+  if (failed_.empty()) return;
+  const bool has_session = failed_[0] != "session" && std::filesystem::exists(output_ / "session" / "state.cbor");
+  std::string what = fmt::format("{}", fmt::join(failed_, ", "));
+  std::string remedy = has_session ? "the same command with --resume makes what is missing"
+                                   : "the same command makes it again from the beginning";
+  if (failed_ == std::vector<std::string>{"mesh.glb"})
+    remedy =
+        fmt::format("make it again with cairn export {0} -o {1}", output_.string(), (output_ / "mesh.glb").string());
+  throw std::runtime_error(fmt::format("{}; without {} the map in {} is not complete, all else is written: {}", why_,
+                                       what, output_.string(), remedy));
 }
 
 }  // namespace cairn::apps

@@ -3,26 +3,42 @@
 #pragma once
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "cairn/mapper.hpp"
 
 namespace cairn::apps {
 
-/// Fails before the work, not after it.
+/// Makes the folder, and removes what killed runs have left half written. Fails before the work, not after it.
 void prepare_output(const std::filesystem::path& output);
 
 /// Calls `work`, and keeps its time under a stage's name.
 using Timed = std::function<void(const char* stage, const std::function<void()>& work)>;
 
-/// Writes mesh.glb, map.vdb, the trajectories and, for a tracked map, graph.g2o and graph.svg. Returns what report.json
-/// tells about them and the map.
-[[nodiscard]] nlohmann::json write_outputs(Mapper& mapper, const std::filesystem::path& output, Poses poses,
-                                           const ExportOptions& options, const Timed& timed);
+/// Writes a map's files one after the other. One that fails leaves the others.
+class Outputs {
+ public:
+  Outputs(std::filesystem::path output, Timed timed) : output_(std::move(output)), timed_(std::move(timed)) {}
+  /// Writes the session with `note`, if there is one, the trajectories, for a tracked map graph.g2o and graph.svg,
+  /// map.vdb, and mesh.glb last. Returns what report.json tells about them and the map.
+  [[nodiscard]] nlohmann::json write(Mapper& mapper, Poses poses, const ExportOptions& options,
+                                     const std::string& note);
+  /// Writes report.json and report.html, which needs the other outputs.
+  void write_report(const nlohmann::json& report);
+  /// Throws std::runtime_error with what could not be written, why, and how to make it, if anything.
+  void expect_all() const;
+
+ private:
+  void attempt(const char* what, const std::function<void()>& work);
+  std::filesystem::path output_;
+  Timed timed_;
+  std::vector<std::string> failed_;  // names of outputs
+  std::string why_;                  // the first one
+};
 
 /// What report.json and --json tell of an exported mesh.
 [[nodiscard]] nlohmann::json to_json(const Exported& exported);
-
-/// Writes report.json and report.html, which needs the other outputs.
-void write_report(const std::filesystem::path& output, const nlohmann::json& report);
 
 }  // namespace cairn::apps

@@ -27,9 +27,7 @@ struct Arguments {
   bool json = false;
 };
 
-std::uint64_t left_on_disk(const fs::path& output) {
-  return fs::space(fs::weakly_canonical(output).parent_path()).available;
-}
+std::uint64_t left_on_disk(const fs::path& output) { return fs::space(tidy(output).parent_path()).available; }
 
 /// What was recorded, and why it ended.
 struct Recorded {
@@ -98,7 +96,7 @@ void record(const Arguments& a) {
   if (to_oni && !a.sequence.starts_with("openni:") && !a.sequence.ends_with(".oni"))
     throw std::runtime_error(a.output.string() + ": only what OpenNI2 gives can be recorded as .oni; name a folder");
   if (to_oni && fs::exists(a.output)) throw std::runtime_error(a.output.string() + ": exists; choose another name");
-  if (fs::path folder = fs::weakly_canonical(a.output).parent_path(); !fs::is_directory(folder))
+  if (fs::path folder = tidy(a.output).parent_path(); !fs::is_directory(folder))
     throw std::runtime_error(folder.string() + ": there is no such folder");
   if (const auto left = left_on_disk(a.output); left < 2 * kReserve)
     throw std::runtime_error(fmt::format("{}: {} MiB are left on the disk, a recording needs {} at least",

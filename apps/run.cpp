@@ -3,14 +3,15 @@
 #include "run.hpp"
 
 #include <fmt/format.h>
+#include <malloc.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
 
-#include <algorithm>
-#include <numeric>
 #include <utility>
 
 #include "export_options.hpp"
+#include "io/json_text.hpp"
+#include "map/session.hpp"
 #include "outputs.hpp"
 #include "sources.hpp"
 
@@ -18,13 +19,9 @@ namespace cairn::apps {
 namespace {
 
 namespace fs = std::filesystem;
+constexpr int kColourless = 30;  // frames after which a recording has no colour
 
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
+constexpr std::uint64_t kMostMib = std::uint64_t{1} << 24;  // 16 TiB
 
 nlohmann::json to_json(const FrameReport& r) {
   static constexpr const char* kStates[] = {"fused", "lost", "skipped"};
@@ -71,17 +68,12 @@ double peak_memory_mb() {
 }
 
 std::string Progressed::note() const {
-  return nlohmann::json{{"sequence", sequence}, {"next", next}, {"per_frame", per_frame}}.dump();
+  return text_of({{"recording", recording}, {"next", next}, {"frames", frames.save()}});
 }
 
 Progressed Progressed::from(const std::string& note) {
   const auto j = nlohmann::json::parse(note);
-  return {j.at("sequence"), j.at("next"), j.at("per_frame")};
-}
-
-int Progressed::count(const char* state) const {
-  return static_cast<int>(
-      std::count_if(per_frame.begin(), per_frame.end(), [&](const auto& f) { return f.at("state") == state; }));
+  return {j.at("recording"), j.at("next"), FrameLog::from(j.at("frames"))};
 }
 
 Options options_of(const RunArguments& a, Poses poses, const Options& defaults) {
@@ -101,14 +93,26 @@ Options options_of(const RunArguments& a, Poses poses, const Options& defaults) 
   options.keep_keyframes = a.mesh.texture.enabled;
   check(a.mesh, a.output / "mesh.glb");
   check(options);
+  if (a.mesh.clean.min_weight > options.fuse.max_weight)
+    throw std::runtime_error(
+        fmt::format("--min-weight is {}: nothing is left of the surface, no voxel counts more "
+                    "observations than fuse.max_weight, {}",
+                    a.mesh.clean.min_weight, options.fuse.max_weight));
   return options;
 }
 
 Beginning beginning(const RunArguments& a, const Options& options, FrameRange range) {
-  Beginning begin{.progressed = {.sequence = identity(a.sequence)}, .range = range};
+  Beginning begin{.progressed = {.recording = identity(a.sequence, a.camera)}, .range = range};
   if (!a.resume) return begin;
-  Progressed before = Progressed::from(Mapper::session_info(options.session).note);
-  begin.is_next_recording = before.sequence != begin.progressed.sequence || is_sensor(a.sequence);
+  Progressed before;
+  const std::string note = Mapper::session_info(options.session).note;
+  try {
+    before = Progressed::from(note);
+  } catch (const nlohmann::json::exception& error) {
+    throw std::runtime_error(fmt::format("{}: is damaged ({}); reconstruct again without --resume",
+                                         options.session.string(), plain(error.what())));
+  }
+  begin.is_next_recording = before.recording != begin.progressed.recording || is_sensor(a.sequence);
   if (!begin.is_next_recording) {
     begin.progressed = std::move(before);
     while (begin.range.begin < begin.progressed.next) begin.range.begin += begin.range.step;
@@ -124,6 +128,8 @@ Run::Run(RunArguments arguments, const Options& options, Poses poses, const Came
       camera_(camera),
       progressed_(std::move(progressed)) {
   prepare_output(arguments_.output);
+  if (poses_ == Poses::given && fs::exists(arguments_.output / "session"))
+    replaced_ = std::make_unique<SessionLock>(arguments_.output / "session");
   if (arguments_.resume) {
     mapper_.emplace(Mapper::resume(camera_, options_, arguments_.device));
     if (is_next_recording) mapper_->begin_recording();
@@ -134,20 +140,30 @@ Run::Run(RunArguments arguments, const Options& options, Poses poses, const Came
 
 void Run::reset() {
   mapper_.reset();
-  fs::remove_all(arguments_.output / "session");
   mapper_.emplace(camera_, options_, poses_, arguments_.device);
-  progressed_.per_frame = nlohmann::json::array();
+  told_ = 0;
+  progressed_.frames = {};
   stages_.clear();
 }
 
 FrameReport Run::add(const Frame& frame, double waited_ms) {
+  if (arguments_.mesh.texture.enabled && !arguments_.resume && frame.problem.empty() && !has_colour_) {
+    has_colour_ = !frame.colour.empty();
+    if (!has_colour_ && ++colourless_ == kColourless)
+      throw std::runtime_error(
+          fmt::format("{}: the first {} frames have no colour, from which a texture is made: leave "
+                      "out --texture",
+                      arguments_.sequence, kColourless));
+  }
   FrameReport report = mapper_->add(frame);
+  tell_warnings();
   report.stage_ms["wait for decoding"] = waited_ms;
-  for (const auto& [stage, ms] : report.stage_ms) stages_[stage].push_back(ms);
+  for (const auto& [stage, ms] : report.stage_ms) stages_[stage].add(ms);
   if (report.state == FrameState::skipped) spdlog::warn("frame {} skipped: {}", report.index, report.reason);
   progressed_.next = report.index + 1;
-  progressed_.per_frame.push_back(to_json(report));
+  progressed_.frames.add(to_json(report));
   if (std::chrono::duration<double>(Clock::now() - saved_).count() >= arguments_.checkpoint_seconds) {
+    malloc_trim(0);  // the last one copied the volume: a run of hours would creep by what is left of such copies
     mapper_->checkpoint(progressed_.note());
     saved_ = Clock::now();
   }
@@ -157,7 +173,7 @@ FrameReport Run::add(const Frame& frame, double waited_ms) {
 void Run::timed(const char* stage, const std::function<void()>& work) {
   const auto begin = Clock::now();
   work();
-  stages_[stage].push_back(std::chrono::duration<double, std::milli>(Clock::now() - begin).count());
+  stages_[stage].add(std::chrono::duration<double, std::milli>(Clock::now() - begin).count());
 }
 
 void Run::warn(const std::string& text) {
@@ -165,33 +181,35 @@ void Run::warn(const std::string& text) {
   warnings_.push_back(text);
 }
 
+void Run::tell_warnings() {
+  while (told_ < mapper_->warnings().size()) warn(mapper_->warnings()[told_++]);
+}
+
 void Run::finish(const nlohmann::json& more) {
-  const auto total = progressed_.per_frame.size();
-  const auto fused = progressed_.count("fused"), lost = progressed_.count("lost"),
-             skipped = progressed_.count("skipped");
+  const FrameLog& frames = progressed_.frames;
+  const int total = frames.size(), fused = frames.count("fused"), lost = frames.count("lost"),
+            skipped = frames.count("skipped");
   const std::string& sequence = arguments_.sequence;
   const fs::path& output = arguments_.output;
   if (fused == 0)
     throw std::runtime_error(sequence + ": none of " + std::to_string(total) + " frames could be used" +
-                             (total == 0 ? "" : "; the first: " + progressed_.per_frame[0].value("reason", "")));
+                             (total == 0 ? "" : "; the first: " + frames.first_reason()));
   if (const FocalEvidence f = mapper_->statistics().focal; f.contradicts())
     warn(fmt::format(
         "{}: corners fit a focal length of {:.0f} pixels ({:.2f} pixels off) better than the given {:.0f} "
         "({:.2f} pixels off, {} pairs of views): check the camera's intrinsics, and that colour is registered to depth",
         sequence, f.scale * camera_.fx, f.error_best, camera_.fx, f.error_given, f.pairs));
 
-  arguments_.mesh.source = fs::path(sequence).filename().string();
-  nlohmann::json report = write_outputs(*mapper_, output, poses_, arguments_.mesh,
-                                        [this](const char* stage, const auto& work) { timed(stage, work); });
+  arguments_.mesh.source = (fs::exists(sequence) ? tidy(sequence) : fs::path(sequence)).filename().string();
+  Outputs outputs(output, [this](const char* stage, const auto& work) { timed(stage, work); });
+  nlohmann::json report = outputs.write(*mapper_, poses_, arguments_.mesh, progressed_.note());
   if (const int pieces = report["submaps"]["pieces"]; pieces > 1)
     warn(fmt::format("{} pieces of the map are not joined by any loop; the largest is written, the session keeps all",
                      pieces));
-  timed("write session", [&] {
-    mapper_->checkpoint(progressed_.note());
-    if (const std::string problem = mapper_->session_problem(); !problem.empty())
-      warn("--resume cannot go on from here, the map itself is complete: " + problem);
-  });
+  // With given poses there is no session; the one of an earlier run is not this map's.
+  if (replaced_) remove_session(output / "session", *replaced_);
 
+  tell_warnings();
   const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
   report.update({{"sequence", sequence},
                  {"options",
@@ -206,16 +224,15 @@ void Run::finish(const nlohmann::json& more) {
                  {"warnings", warnings_}});
   if (!more.is_null()) report.update(more);
   for (const auto& [stage, ms] : stages_)
-    report["stages"][stage] = {{"count", ms.size()},
-                               {"median_ms", median(ms)},
-                               {"max_ms", *std::max_element(ms.begin(), ms.end())},
-                               {"total_ms", std::accumulate(ms.begin(), ms.end(), 0.0)}};
+    report["stages"][stage] = {
+        {"count", ms.count()}, {"median_ms", ms.percentile(0.5)}, {"max_ms", ms.most()}, {"total_ms", ms.total()}};
   nlohmann::json whole = report;
-  whole["per_frame"] = progressed_.per_frame;
-  write_report(output, whole);
+  whole["per_frame"] = frames.kept();
+  outputs.write_report(whole);
+  outputs.expect_all();
 
   if (arguments_.json) {
-    fmt::print("{}\n", report.dump(2));
+    fmt::print("{}\n", text_of(report, 2));
     return;
   }
   fmt::print("{} of {} frames fused ({} lost, {} skipped) in {:.1f} s, {:.1f} frames/s, {:.0f} MB peak\n", fused, total,
@@ -239,10 +256,13 @@ void add_run_options(CLI::App& command, RunArguments& a) {
   command.add_option("--voxel-size", a.voxel_size, "Metres; the truncation is four voxels [0.01]");
   command.add_option("--device", a.device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
       ->capture_default_str();
-  command.add_option("--device-memory", a.device_memory_mib,
-                     "MiB for the map on the device [half of it, 2048 at most]");
-  command.add_option("--host-memory", a.host_memory_mib,
-                     "MiB for ended submaps; others wait on the disk [a quarter of the host's]");
+  command
+      .add_option("--device-memory", a.device_memory_mib, "MiB for the map on the device [half of it, 2048 at most]")
+      ->check(CLI::Range(std::uint64_t{1}, kMostMib));
+  command
+      .add_option("--host-memory", a.host_memory_mib,
+                  "MiB for ended submaps; others wait on the disk [a quarter of the host's]")
+      ->check(CLI::Range(std::uint64_t{1}, kMostMib));
   auto* live = command.add_flag(
       "--esdf", a.esdf, "Keep a distance field up to date while frames are fused; map.vdb gets the grid `esdf`");
   command.add_option("--esdf-voxel-size", a.esdf_voxel_size, "Metres: 1, 2, 4 or 8 voxels of the map [two]")

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -14,6 +15,9 @@
 
 #include "cairn/mapper.hpp"
 #include "cairn/source.hpp"
+#include "durations.hpp"
+#include "io/frame_log.hpp"
+#include "map/session_lock.hpp"
 
 namespace cairn::apps {
 
@@ -36,13 +40,12 @@ void add_run_options(CLI::App& command, RunArguments& a);
 
 /// What a session remembers for this program.
 struct Progressed {
-  std::string sequence;
-  int next = 0;  // frame
-  nlohmann::json per_frame = nlohmann::json::array();
+  std::string recording;  // see identity()
+  int next = 0;           // frame
+  FrameLog frames;
 
   [[nodiscard]] std::string note() const;
   static Progressed from(const std::string& note);
-  [[nodiscard]] int count(const char* state) const;  // fused, lost or skipped
 };
 
 /// A frame's report in a few words.
@@ -53,7 +56,8 @@ struct Progressed {
 class Run {
  public:
   /// `progressed` is what an earlier run of the same sequence did; with RunArguments::resume and another sequence the
-  /// map goes on with a new recording. The output folder is made, and the session in it begins anew without resume.
+  /// map goes on with a new recording. The output folder is made; without resume the session in it stays until the
+  /// first checkpoint.
   Run(RunArguments arguments, const Options& options, Poses poses, const Camera& camera, Progressed progressed,
       bool is_next_recording);
 
@@ -61,14 +65,15 @@ class Run {
   /// Forgets the map and begins again with the next frame.
   void reset();
   [[nodiscard]] Mapper& mapper() { return *mapper_; }
-  [[nodiscard]] const Progressed& progressed() const { return progressed_; }
   /// Does the work and keeps its time under a stage's name.
   void timed(const char* stage, const std::function<void()>& work);
   /// Tells the user at once, and whoever reads the report.
   void warn(const std::string& text);
+  /// Warns of what the map has switched off since it was last asked.
+  void tell_warnings();
 
   /// Writes everything, with report.json and report.html, of which `more` is a part, and tells the user. Throws
-  /// std::runtime_error if no frame could be used.
+  /// std::runtime_error if no frame could be used, or with what could not be written.
   void finish(const nlohmann::json& more = {});
 
  private:
@@ -78,9 +83,13 @@ class Run {
   Poses poses_;
   Camera camera_;
   Progressed progressed_;
+  std::unique_ptr<SessionLock> replaced_;  // of the session of an earlier run, when this one makes none
   std::optional<Mapper> mapper_;
-  std::map<std::string, std::vector<double>> stages_;
+  std::map<std::string, Durations> stages_;
   std::vector<std::string> warnings_;
+  bool has_colour_ = false;
+  int colourless_ = 0;    // frames before there is colour
+  std::size_t told_ = 0;  // of the map's own warnings
   Clock::time_point start_ = Clock::now(), saved_ = start_;
 };
 

@@ -2,6 +2,10 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "sources.hpp"
 
+#include <fmt/format.h>
+
+#include <array>
+#include <boost/crc.hpp>
 #include <stdexcept>
 
 #include "io/wrapped_source.hpp"
@@ -56,8 +60,32 @@ std::unique_ptr<Source> open_sequence(const std::string& sequence, const Opening
   return open_recording(sequence, opening.range);
 }
 
-std::string identity(const std::string& sequence) {
-  return std::filesystem::exists(sequence) ? std::filesystem::weakly_canonical(sequence).string() : sequence;
+std::filesystem::path tidy(const std::filesystem::path& path) {
+  const auto whole = std::filesystem::weakly_canonical(std::filesystem::absolute(path));
+  return whole.has_filename() ? whole : whole.parent_path();
+}
+
+std::string identity(const std::string& sequence, const std::filesystem::path& camera) {
+  if (is_sensor(sequence) || sequence.starts_with(kSynthetic)) return sequence;
+  constexpr int kFrames = 3, kTries = 30;  // frames; readable ones among the first
+  const auto source = open_sequence(sequence, {.range = {}, .camera = camera, .copy_to = {}});
+  boost::crc_optimal<64, 0x42f0e1eba9ea3693u, ~0ull, ~0ull, true, true> sum;  // ECMA-182
+  const auto take = [&](const auto& values) {
+    sum.process_bytes(std::data(values), std::size(values) * sizeof(*std::data(values)));
+  };
+  const Camera& c = source->camera();
+  take(std::array{c.width, c.height});
+  take(std::array{c.fx, c.fy, c.cx, c.cy});
+  take(c.distortion);
+  for (int tried = 0, taken = 0; tried < kTries && taken < kFrames; ++tried) {
+    const auto frame = source->next();
+    if (!frame) break;
+    if (!frame->problem.empty()) continue;
+    take(std::array{frame->timestamp});
+    take(frame->depth);
+    ++taken;
+  }
+  return fmt::format("recording {:016x}", sum.checksum());
 }
 
 }  // namespace cairn::apps

@@ -26,7 +26,10 @@ inline constexpr const char* kSequenceHelp =
 [[nodiscard]] bool is_sensor(std::string_view sequence);
 /// Opens what the user calls a sequence. Throws std::runtime_error with what is missing and what to do.
 [[nodiscard]] std::unique_ptr<Source> open_sequence(const std::string& sequence, const Opening& opening = {});
-/// What a session remembers of it.
-[[nodiscard]] std::string identity(const std::string& sequence);
+/// A path from the root, without `.`, `..` and a slash at its end; it need not exist.
+[[nodiscard]] std::filesystem::path tidy(const std::filesystem::path& path);
+/// What a session remembers of it: what it shows, wherever it lies. A recording is known by its camera and its first
+/// frames. `camera` as in Opening.
+[[nodiscard]] std::string identity(const std::string& sequence, const std::filesystem::path& camera);
 
 }  // namespace cairn::apps

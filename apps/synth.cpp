@@ -6,6 +6,7 @@
 #include "commands.hpp"
 #include "io/tum_writer.hpp"
 #include "progress.hpp"
+#include "sources.hpp"
 #include "synth/render.hpp"
 #include "synth/source.hpp"
 
@@ -17,16 +18,26 @@ namespace fs = std::filesystem;
 struct Arguments {
   std::string scene;
   fs::path output, trajectory;
-  int frames = 300, device = -1;
+  int frames = 300, width = 640, device = -1;
   std::string noise = "kinect";
   double colour_delay = 0;
   std::uint64_t seed = 1;
 };
 
+/// The camera of synthetic recordings with images of another size.
+Camera camera_of(int width) {
+  Camera camera = synthetic_camera();
+  const double scale = static_cast<double>(width) / camera.width;
+  camera.width = width, camera.height = width * 3 / 4;
+  camera.fx *= scale, camera.fy *= scale;
+  camera.cx = 0.5 * (camera.width - 1), camera.cy = 0.5 * (camera.height - 1);
+  return camera;
+}
+
 /// Renders everything into `folder`.
 void write_sequence(const Arguments& a, const fs::path& folder) {
   const Scene scene = synthetic_scene(a.scene);
-  const Camera camera = synthetic_camera();
+  const Camera camera = camera_of(a.width);
   const SyntheticPath path(scene, a.trajectory.empty() ? Trajectory{} : read_trajectory(a.trajectory), a.frames / 30.0);
   gpu::Device device(a.device);
   SceneRenderer render(device, scene, camera);
@@ -64,14 +75,14 @@ void synth(const Arguments& a) {
       !fs::exists(a.output / "groundtruth_mesh.ply"))
     throw std::runtime_error(a.output.string() +
                              ": exists and is no synthetic sequence; choose another folder with -o");
-  fs::path temporary = a.output;
-  if (!temporary.has_filename()) temporary = temporary.parent_path();
+  const fs::path output = tidy(a.output);
+  fs::path temporary = output;
   temporary += ".part";
   fs::remove_all(temporary);
   try {
     write_sequence(a, temporary);
-    fs::remove_all(a.output);
-    fs::rename(temporary, a.output);
+    fs::remove_all(output);
+    fs::rename(temporary, output);
   } catch (...) {
     std::error_code ignored;
     fs::remove_all(temporary, ignored);
@@ -95,6 +106,9 @@ void add_synth(CLI::App& program) {
   command->add_option("--frames", a->frames, "Number of frames, 30 a second")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
+  command->add_option("--width", a->width, "Of the images in pixels; their height is three quarters of it")
+      ->capture_default_str()
+      ->check(CLI::Range(64, 4096));
   command->add_option("--noise", a->noise, "Depth and colour noise")
       ->capture_default_str()
       ->check(CLI::IsMember({"kinect", "none"}));

@@ -21,11 +21,12 @@ bool in_front(vec3 p) {
 }
 
 void main() {
-  int index = int(gl_GlobalInvocationID.x);
-  int x_size = int(push.size & 1023u), y_size = int((push.size >> 10) & 1023u), z_size = int(push.size >> 20);
-  int row = int((float(index) + 0.5) / float(x_size)), z = int((float(row) + 0.5) / float(y_size));
-  if (z >= z_size) return;
-  ivec3 brick = push.first + ivec3(index - row * x_size, row - z * y_size, z);
+  // A layer has at most 2^20 bricks: a float holds their numbers.
+  int index = int(gl_GlobalInvocationID.x), z = int(gl_WorkGroupID.y);
+  int x_size = int(push.size & 1023u), y_size = int((push.size >> 10) & 1023u);
+  int y = int((float(index) + 0.5) / float(x_size));
+  if (y >= y_size) return;
+  ivec3 brick = push.first + ivec3(index - y * x_size, y, z);
   if (!in_window(push.volume, brick)) return;
   float size = 8.0 * push.volume.voxel_size;
   vec3 middle = transform(push.camera_from_submap, (vec3(brick) + 0.5) * size);
@@ -38,7 +39,7 @@ void main() {
                        ((corner & 4) != 0 ? half_z : -half_z));
   if (!is_free) return;
   uint place = atomicAdd(free_count, 1u);
-  if (place >= push.capacity) return;  // it comes with another frame
+  if (place >= push.capacity) return;  // the next pass lists it
   free_bricks[place] = brick;
   atomicOr(marks[at >> 5], bit);
 }

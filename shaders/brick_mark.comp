@@ -13,7 +13,7 @@ layout(binding = 3, scalar) writeonly buffer NewBricks { ivec3 new_bricks[]; };
 
 void main() {
   uint columns = push.camera.width / push.stride, rows = push.camera.height / push.stride;
-  uint i = gl_GlobalInvocationID.x;
+  uint i = thread_index();
   if (i >= columns * rows) return;
   uvec2 pixel = push.stride * uvec2(i % columns, i / columns) + uvec2(push.phase % push.stride, (push.phase / push.stride) % push.stride);
   float z = uintBitsToFloat(fusion[pixel.y * push.camera.width + pixel.x].x);
@@ -35,6 +35,6 @@ void main() {
     if (place < push.capacity)
       new_bricks[place] = brick;
     else
-      page_table[at] = 0u;  // the next frame asks again
+      page_table[at] = 0u;  // the next pass lists it
   }
 }

@@ -11,7 +11,8 @@ layout(binding = 1, scalar) writeonly buffer PageTable { uint page_table[]; };
 layout(binding = 2, scalar) writeonly buffer Slots { SlotState slots[]; };
 
 void main() {
-  Placement p = placements[gl_WorkGroupID.x];
+  if (group_index() >= push.count) return;
+  Placement p = placements[group_index()];
   Voxels pool = Voxels(push.voxels);
   for (uint i = gl_LocalInvocationID.x; i < kBrickVoxels; i += 64u) pool.v[(p.slot << 9) | i] = uvec2(0);
   if (gl_LocalInvocationID.x == 0u) {

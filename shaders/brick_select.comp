@@ -12,7 +12,7 @@ layout(binding = 2, scalar) buffer SelectedCount { uint selected_count; };
 layout(binding = 3, scalar) writeonly buffer Selected { uint selected[]; };
 
 void main() {
-  uint slot = gl_GlobalInvocationID.x;
+  uint slot = thread_index();
   if (slot >= push.slots) return;
   SlotState state = slots[slot];
   if (state.used == 0u) return;

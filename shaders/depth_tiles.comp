@@ -11,7 +11,7 @@ layout(binding = 1, scalar) writeonly buffer Farthest { float farthest[]; };
 
 void main() {
   uint columns = (push.width + kTile - 1u) / kTile, rows = (push.height + kTile - 1u) / kTile;
-  uint i = gl_GlobalInvocationID.x;
+  uint i = thread_index();
   if (i >= columns * rows) return;
   int x0 = int((i % columns) * kTile), last = int(push.width) - 1;
   uint y0 = (i / columns) * kTile;

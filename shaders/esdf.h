@@ -38,9 +38,11 @@ struct EsdfView {
   uvec2 counts;       // EsdfCount by step of the wave
   uint table_bits;    // the table has 2^table_bits blocks a side
   float max_squared;  // no voxel looks farther
+  uint max_groups;    // of one dispatch
 };
 
-// A list of voxels and the dispatch that works on it: 64 of them a group.
+// A list of voxels and the dispatch that works on it: 64 of them a group, and several times where it is longer than a
+// dispatch may be.
 struct EsdfCount {
   uint groups;
   uint one_y;
@@ -76,6 +78,7 @@ struct EsdfSitesPush {
 struct EsdfCheckPush {
   EsdfView field;
   uint capacity;  // of the list
+  uint blocks;
 };
 
 struct EsdfWavePush {
@@ -89,6 +92,7 @@ struct EsdfDistancePush {
   EsdfView field;
   float voxel_size;    // metres
   float max_distance;  // metres
+  uint blocks;
 };
 
 #ifdef __cplusplus
@@ -109,7 +113,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Counts { Esd
 uint append(EsdfView field, uint step, uint places) {
   Counts counts = Counts(field.counts);
   uint first = atomicAdd(counts.v[step].count, places);
-  uint groups = ((first + places + 63u) >> 6) - ((first + 63u) >> 6);
+  uint groups = min((first + places + 63u) >> 6, field.max_groups) - min((first + 63u) >> 6, field.max_groups);
   if (groups != 0u) atomicAdd(counts.v[step].groups, groups);
   return first;
 }
@@ -145,17 +149,20 @@ vec3 patch_normal(uint word) {
 float patch_height(uint word) { return float(int(word & 511u) - 256) * (1.0 / kHeightUnits); }
 vec3 patch_point(uint word) { return patch_height(word) * patch_normal(word); }  // from its voxel's centre
 
-// Of a voxel that lies `away` from the patch's voxel.
 // The steps to a voxel's neighbours, and to itself, numbered by 9 x + 3 y + z from (-1, -1, -1).
 ivec3 step_of(int number) {
   int x = (number * 57) >> 9, r = number - 9 * x, y = (r * 11) >> 5;  // divisions by 9 and 3
   return ivec3(x, y, r - 3 * y) - 1;
 }
 
-uint64_t candidate(ivec3 away, vec3 point, uint site) {
-  vec3 q = vec3(away) - point;
-  return pack64(uvec2(site, floatBitsToUint(dot(q, q))));
+// Of a voxel that lies `away` from the patch's voxel: the same bits wherever it is asked for, since which of two patches
+// is nearer must not depend on who asks. Of patches equally far the one at the lower address counts as the nearer.
+uint squared_bits(ivec3 away, vec3 point) {
+  precise vec3 q = vec3(away) - point;
+  precise float squared = q.x * q.x + q.y * q.y + q.z * q.z;
+  return floatBitsToUint(squared);
 }
+uint64_t candidate(ivec3 away, vec3 point, uint site) { return pack64(uvec2(site, squared_bits(away, point))); }
 float squared_of(uint64_t nearest) { return uintBitsToFloat(unpack32(nearest).y); }
 uint site_of(uint64_t nearest) { return unpack32(nearest).x; }
 #endif

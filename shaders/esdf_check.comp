@@ -12,7 +12,8 @@ layout(binding = 1, scalar) writeonly buffer List { EsdfEntry list[]; };
 
 
 void main() {
-  uint block = blocks[gl_WorkGroupID.x], base = (block >> kBlockFlags) << 12;
+  if (group_index() >= push.blocks) return;
+  uint block = blocks[group_index()], base = (block >> kBlockFlags) << 12;
   Nearest nearest = Nearest(push.field.nearest);
   Words surface = Words(push.field.surface);
   bool is_new = (block & kBlockIsNew) != 0u, restart = (block & kBlockRestart) != 0u;

@@ -12,7 +12,8 @@ layout(binding = 1, scalar) writeonly buffer Distances { uint distances[]; };
 const float kPatch = 0.75;  // voxels: radius of a patch
 
 void main() {
-  uint base = blocks[gl_WorkGroupID.x] << 12;
+  if (group_index() >= push.blocks) return;
+  uint base = blocks[group_index()] << 12;
   ivec3 block = voxel_of(push.field, base);
   Words surface = Words(push.field.surface);
   for (uint i = 0u; i < 64u; ++i) {
@@ -29,6 +30,6 @@ void main() {
     float d = squared - height * height <= kPatch * kPatch ? abs(height) : sqrt(squared);
     float metres = is_far ? push.max_distance : min(d * push.voxel_size, push.max_distance);
     uint bits = floatBitsToUint(state == kInside ? -metres : metres);
-    distances[(gl_WorkGroupID.x << 12) | local] = state == kUnknown ? 0x7fc00000u : bits;
+    distances[(group_index() << 12) | local] = state == kUnknown ? 0x7fc00000u : bits;
   }
 }

@@ -9,9 +9,8 @@ layout(push_constant, scalar) uniform Push { EsdfWavePush push; };
 layout(binding = 0, scalar) readonly buffer List { EsdfEntry list[]; };
 
 ivec3 face_of(int i) { int s = 1 - 2 * (i & 1), a = i >> 1; return ivec3(a == 0 ? s : 0, a == 1 ? s : 0, a == 2 ? s : 0); }
-void main() {
-  if (gl_GlobalInvocationID.x >= min(push.capacity, Counts(push.field.counts).v[push.step].count)) return;
-  uint address = list[gl_GlobalInvocationID.x].voxel;
+
+void take_over(uint address) {
   ivec3 voxel = voxel_of(push.field, address);
   Nearest nearest = Nearest(push.field.nearest);
   Words surface = Words(push.field.surface);
@@ -30,4 +29,9 @@ void main() {
     if (theirs != kFar && squared_of(mine) <= push.field.max_squared) best = min(best, mine);
   }
   nearest.v[address] = best;
+}
+
+void main() {
+  uint count = min(push.capacity, Counts(push.field.counts).v[push.step].count);
+  for (uint i = gl_GlobalInvocationID.x; i < count; i += 64u * gl_NumWorkGroups.x) take_over(list[i].voxel);
 }

@@ -14,13 +14,11 @@ layout(binding = 2, scalar) buffer Dirty { uint dirty[]; };
 const float kNear = 1.5;     // voxels: closer to the patch than this it is offered to all neighbours
 const float kAside = 0.1;   // an axis along which it lies less far than this share is looked at on both sides
 
-void main() {
-  if (gl_GlobalInvocationID.x >= min(push.capacity, Counts(push.field.counts).v[push.step].count)) return;
-  EsdfEntry entry = list[gl_GlobalInvocationID.x];
+void offer(EsdfEntry entry) {
   if (entry.site == kNoSite) return;
   if (push.is_settled == 0u && entry.site != site_of(Nearest(push.field.nearest).v[entry.voxel])) return;
   Nearest nearest = Nearest(push.field.nearest);
-  Words squares = Words(push.field.nearest);  // the high words
+  Words words = Words(push.field.nearest);  // low: site; high: squared distance
   uint most_squared = floatBitsToUint(push.field.max_squared);
   Words surface = Words(push.field.surface);
   ivec3 voxel = voxel_of(push.field, entry.voxel), away = voxel - voxel_of(push.field, entry.site);
@@ -42,20 +40,22 @@ void main() {
     at.z = at.z + 1 == size.z ? 0 : at.z + 1;  // counts through the box: CPU devices divide lane by lane
     at.y = at.z != 0 ? at.y : at.y + 1 == size.y ? 0 : at.y + 1;
     at.x += (at.y | at.z) == 0 ? 1 : 0;
-    vec3 r = q + vec3(e);
-    float squared = dot(r, r);
-    uint neighbour = address_of(push.field, voxel + e);
-    uint theirs = squares.v[2u * (neighbour != kNoVoxel ? neighbour : entry.voxel) + 1u];
-    bool is_nearer = neighbour != kNoVoxel && floatBitsToUint(squared) < min(theirs, most_squared);
-    bits |= is_nearer ? 1u << (9 * e.x + 3 * e.y + e.z + 13) : 0u;
+    uint squared = squared_bits(away + e, point), neighbour = address_of(push.field, voxel + e);
+    uint theirs = words.v[2u * (neighbour != kNoVoxel ? neighbour : entry.voxel) + 1u];
+    // What lies as far as theirs is offered, too: theirs may have come in this very step, and then the order of the
+    // threads must not decide between the two.
+    bool may_be_nearer = neighbour != kNoVoxel && squared <= theirs && squared < most_squared;
+    bits |= may_be_nearer ? 1u << (9 * e.x + 3 * e.y + e.z + 13) : 0u;
   }
   bits &= ~(1u << 13);  // itself
   uint taken = 0u;
   for (; bits != 0u; bits &= bits - 1u) {
     int number = findLSB(bits);
     ivec3 e = step_of(number);
+    uint neighbour = address_of(push.field, voxel + e);
+    if (words.v[2u * neighbour] == entry.site) continue;  // it came another way
     uint64_t offered = candidate(away + e, point, entry.site);
-    taken |= atomicMin(nearest.v[address_of(push.field, voxel + e)], offered) > offered ? 1u << number : 0u;
+    taken |= atomicMin(nearest.v[neighbour], offered) > offered ? 1u << number : 0u;
   }
   if (taken == 0u) return;
   uint index = append(push.field, push.step + 1u, uint(bitCount(taken)));
@@ -64,4 +64,9 @@ void main() {
     if (index < push.capacity) next[index] = EsdfEntry(neighbour, entry.site);
     if (dirty[neighbour >> 12] == 0u) dirty[neighbour >> 12] = 1u;
   }
+}
+
+void main() {
+  uint count = min(push.capacity, Counts(push.field.counts).v[push.step].count);
+  for (uint i = gl_GlobalInvocationID.x; i < count; i += 64u * gl_NumWorkGroups.x) offer(list[i]);
 }

@@ -10,9 +10,7 @@ layout(push_constant, scalar) uniform Push { EsdfWavePush push; };
 layout(binding = 0, scalar) buffer List { EsdfEntry list[]; };
 layout(binding = 1, scalar) buffer Dirty { uint dirty[]; };
 
-void main() {
-  uint i = gl_GlobalInvocationID.x;
-  if (i >= min(push.capacity, Counts(push.field.counts).v[push.step].count)) return;
+void settle(uint i) {
   EsdfEntry entry = list[i];
   uint site = site_of(Nearest(push.field.nearest).v[entry.voxel]);
   if (push.step == 0u) {
@@ -23,4 +21,9 @@ void main() {
   // Of several patches that were offered to a voxel in one step the nearest one goes on.
   if (push.step != 0u && site != entry.site) list[i].site = kNoSite;
   if (dirty[entry.voxel >> 12] == 0u) dirty[entry.voxel >> 12] = 1u;  // two cores that write to one word wait
+}
+
+void main() {
+  uint count = min(push.capacity, Counts(push.field.counts).v[push.step].count);
+  for (uint i = gl_GlobalInvocationID.x; i < count; i += 64u * gl_NumWorkGroups.x) settle(i);
 }

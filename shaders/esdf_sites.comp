@@ -110,7 +110,7 @@ struct Column {
 };
 Column column_of(int column) {
   int bits = 3 - int(push.scale_bits), side = 1 << bits;
-  int index = (int(gl_WorkGroupID.x) << (6 + int(push.scale_bits))) + (column << 6) + int(gl_LocalInvocationID.x);
+  int index = (int(group_index()) << (6 + int(push.scale_bits))) + (column << 6) + int(gl_LocalInvocationID.x);
   int brick = index >> (2 * bits);
   Column c;
   c.job = jobs[min(brick, int(push.jobs) - 1)];

@@ -80,5 +80,6 @@ void main() {
   counts = subgroupAdd(counts);
   if (subgroupElect())
     sums[gl_WorkGroupID.x * gl_NumSubgroups + gl_SubgroupID] =
-        IcpSums(NormalEquations(rr0, rr1, rt0, rt1, rt2, tt0, tt1, br, bt), counts.x, counts.y, counts.z, counts.w);
+        IcpSums(NormalEquations(rr0, rr1, rt0, rt1, rt2, tt0, tt1, br, bt), counts.x, counts.y, counts.z, counts.w,
+                gl_NumSubgroups);
 }

@@ -38,7 +38,7 @@ bvec2 judge(int x, int y) {
 }
 
 void main() {
-  uint i = gl_GlobalInvocationID.x;
+  uint i = thread_index();
   if (i >= push.camera.width * push.camera.height) return;
   int x = int(i % push.camera.width), y = int(i / push.camera.width);
   bvec2 here = judge(x, y);

@@ -86,5 +86,5 @@ void main() {
   if (subgroupElect())
     sums[gl_WorkGroupID.x * gl_NumSubgroups + gl_SubgroupID] =
         PhotometricSums(NormalEquations(rr0, rr1, rt0, rt1, rt2, tt0, tt1, br, bt), counts.x, counts.y, counts.z, counts.w,
-                        moments.x, moments.y, moments.z, moments.w);
+                        moments.x, moments.y, moments.z, moments.w, gl_NumSubgroups);
 }

@@ -9,7 +9,8 @@ layout(binding = 2, scalar) readonly buffer Table { uint table[]; };
 layout(binding = 3, scalar) buffer Masks { uint masks[]; };        // kEdgeWords a brick, zeroed
 
 void main() {
-  uint brick = push.first + gl_WorkGroupID.x;
+  if (group_index() >= push.count) return;
+  uint brick = push.first + group_index();
   uint column = gl_LocalInvocationID.x;
   ivec3 base = bricks[brick] * 8 + ivec3(column >> 3, column & 7u, 0);
   uint least = min_weight_units();

@@ -23,7 +23,8 @@ uint vertex_on(uint brick, uvec3 cell, uint edge) {
 }
 
 void main() {
-  uint brick = push.first + gl_WorkGroupID.x;
+  if (group_index() >= push.count) return;
+  uint brick = push.first + group_index();
   uint column = gl_LocalInvocationID.x;
   Triangles first = Triangles(push.triangles);
   uint triangle = first.v[brick * 64u + column] - first.v[push.first * 64u];

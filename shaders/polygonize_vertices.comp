@@ -21,8 +21,8 @@ vec3 gradient(ivec3 v, float d) {
 }
 
 void main() {
-  if (gl_GlobalInvocationID.x >= push.count * kEdgeWords) return;
-  uint index = push.first * kEdgeWords + gl_GlobalInvocationID.x;
+  if (thread_index() >= push.count * kEdgeWords) return;
+  uint index = push.first * kEdgeWords + thread_index();
   uint bits = masks[index];
   uint vertex = firsts[index] - firsts[push.first * kEdgeWords];
   uint word = index % kEdgeWords;

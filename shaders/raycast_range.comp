@@ -11,7 +11,7 @@ layout(binding = 1, scalar) buffer Nearest { uint nearest[]; };  // bits of posi
 layout(binding = 2, scalar) buffer Farthest { uint farthest[]; };
 
 void main() {
-  uint slot = gl_GlobalInvocationID.x;
+  uint slot = thread_index();
   if (slot >= push.slots) return;
   SlotState state = slots[slot];
   if (state.used == 0u) return;

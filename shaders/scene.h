@@ -23,6 +23,7 @@ struct Solid {
   vec3 centre;
   vec3 half_size;
   float yaw;     // radians
+  float reach;   // of a ball around the centre that holds the solid; of kHollow, which is around everything: endless
   uint shape;
   uint pattern;
   float scale;   // of the pattern

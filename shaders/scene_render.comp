@@ -101,11 +101,23 @@ void main() {
   vec3 o = push.world_from_camera.t;
   vec4 best = vec4(0.0, 0.0, 0.0, kFar);
   uint which = 0u;
-  for (uint i = 0u; i < push.solids; ++i) {
-    Solid solid = solids[i];
-    vec4 hit = meet(solid, turn(o - solid.centre, solid.yaw), turn(d, solid.yaw));
-    which = hit.w < best.w ? i : which;
-    best = hit.w < best.w ? hit : best;
+  for (uint first = 0u; first < push.solids; first += 32u) {
+    // Most solids lie beside the ray, which a ball around each tells; the others are marked and met in a loop of their own.
+    uint marked = 0u;
+    for (uint i = first; i < min(first + 32u, push.solids); ++i) {
+      vec3 m = solids[i].centre - o;
+      float along = dot(m, d), reach = solids[i].reach * solids[i].reach;
+      bool near = dot(m, m) - along * along / dot(d, d) <= reach && (along > 0.0 || dot(m, m) <= reach);
+      marked |= (near ? 1u : 0u) << (i - first);
+    }
+    while (marked != 0u) {
+      uint i = first + findLSB(marked);
+      marked &= marked - 1u;
+      Solid solid = solids[i];
+      vec4 hit = meet(solid, turn(o - solid.centre, solid.yaw), turn(d, solid.yaw));
+      which = hit.w < best.w ? i : which;
+      best = hit.w < best.w ? hit : best;
+    }
   }
   uint at = pixel.y * push.camera.width + pixel.x;
   bool found = best.w < 100.0;

@@ -65,9 +65,10 @@ uvec2 voxel_of(Sum sum) {
 }
 
 void main() {
-  MergeTarget target = targets[gl_WorkGroupID.x];
+  if (group_index() >= push.targets) return;
+  MergeTarget target = targets[group_index()];
   int column = int(gl_LocalInvocationID.x);
-  uint to = (gl_WorkGroupID.x << 9) | uint(column << 3);
+  uint to = (group_index() << 9) | uint(column << 3);
   // Four voxels at a time: a source's transform is read for all of them once.
   for (int z = 0; z < 8; z += 4) {
     const Sum kNone = Sum(0.0, 0.0, vec4(0.0));

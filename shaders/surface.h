@@ -32,6 +32,7 @@ struct SurfaceFilterPush {
 struct SurfaceHalfPush {
   uint width;   // of the coarser image
   uint height;
+  uint fine_width;  // of the finer one: twice that, and one more where it is odd
 };
 
 struct SurfaceIntensityPush {

@@ -48,10 +48,11 @@ void main() {
   width = int(push.width);
   height = int(push.height);
   int columns = (width + 3) / 4;
-  int i = int(gl_GlobalInvocationID.x);
+  int i = int(thread_index());
   if (i >= columns * height) return;
   int y = i / columns;
-  ivec4 x = 4 * (i % columns) + ivec4(0, 1, 2, 3);
+  // The last four of a row lie over those before them where four do not divide it.
+  ivec4 x = min(4 * (i % columns), width - 4) + ivec4(0, 1, 2, 3);
   int row = y * width, up = max(y - 1, 0) * width, down = min(y + 1, height - 1) * width;
 
   int far_up = max(y - 2, 0) * width, far_down = min(y + 2, height - 1) * width;
@@ -81,7 +82,7 @@ void main() {
   vec4 smoothed = mix(vec4(0.0), z + sum / max(weights, vec4(1e-6)), greaterThan(z, vec4(0.0)));
 
   uvec4 bits = floatBitsToUint(z);
-  ivec4 at = row + min(x, ivec4(width - 1));
+  ivec4 at = row + x;
   fusion[at.x] = uvec2(bits.x, colour[at.x]);
   fusion[at.y] = uvec2(bits.y, colour[at.y]);
   fusion[at.z] = uvec2(bits.z, colour[at.z]);

@@ -10,10 +10,10 @@ layout(binding = 0, scalar) readonly buffer Fine { float fine[]; };
 layout(binding = 1, scalar) writeonly buffer Coarse { float coarse[]; };
 
 void main() {
-  uint i = gl_GlobalInvocationID.x;
+  uint i = thread_index();
   if (i >= push.width * push.height) return;
-  uint at = 2u * (i / push.width) * (2u * push.width) + 2u * (i % push.width);
-  vec4 z = vec4(fine[at], fine[at + 1u], fine[at + 2u * push.width], fine[at + 2u * push.width + 1u]);
+  uint at = 2u * (i / push.width) * push.fine_width + 2u * (i % push.width);
+  vec4 z = vec4(fine[at], fine[at + 1u], fine[at + push.fine_width], fine[at + push.fine_width + 1u]);
   vec4 far = mix(z, vec4(1e9), equal(z, vec4(0.0)));
   float nearest = min(min(far.x, far.y), min(far.z, far.w));
   float limit = nearest + 6.0 * depth_noise(nearest);

@@ -18,7 +18,7 @@ float read(int i) {
 }
 
 void main() {
-  uint i = gl_GlobalInvocationID.x;
+  uint i = thread_index();
   if (i >= push.width * push.height) return;
   int f = int(push.factor), fine_width = int(push.fine_width);
   int at = f * int(i / push.width) * fine_width + f * int(i % push.width);

@@ -11,7 +11,7 @@ layout(binding = 1, scalar) writeonly buffer Points { uvec2 points[]; };
 
 void main() {
   int width = int(push.camera.width), height = int(push.camera.height);
-  int i = int(gl_GlobalInvocationID.x);
+  int i = int(thread_index());
   if (i >= width * height) return;
   ivec2 p = ivec2(i % width, i / width);
   float z = depth[i];

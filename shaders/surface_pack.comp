@@ -13,7 +13,7 @@ layout(binding = 2, scalar) writeonly buffer Packed { uvec2 packed_pixels[]; };
 uint code(float v) { return v < 0.0 ? 0u : 1u + uint(int(v * 4094.0 + 0.5)); }
 
 void main() {
-  uint i = gl_GlobalInvocationID.x;
+  uint i = thread_index();
   if (i >= push.width * push.height) return;
   uint x = i % push.width, y = i / push.width;
   if (x + 1u == push.width || y + 1u == push.height) {

@@ -13,7 +13,7 @@ layout(binding = 3, scalar) writeonly buffer Colour { uint colour[]; };
 
 void main() {
   uint width = push.camera.width, height = push.camera.height;
-  uint i = gl_GlobalInvocationID.x;
+  uint i = thread_index();
   if (i >= width * height) return;
   // Brown 1971, in the form of OpenCV: from the ideal to the measured image
   vec2 n = ray_through(push.camera, vec2(i % width, i / width)).xy;

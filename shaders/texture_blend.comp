@@ -16,7 +16,7 @@ layout(binding = 3, scalar) writeonly buffer Colours { uint colours[]; };  // al
 const float kDiffers = 0.1;  // of the range of colours: where half of the belief is gone, about
 
 void main() {
-  uint i = gl_GlobalInvocationID.x, tile = i / kTileTexels;
+  uint i = thread_index(), tile = i / kTileTexels;
   if (tile >= push.tiles) return;
   Texel texel = texels[i];
   vec3 normal = unpack_normal(texel.normal), mean = vec3(0.0);

@@ -12,7 +12,7 @@ layout(binding = 1, scalar) writeonly buffer Blurred { uint blurred[]; };
 
 void main() {
   uvec2 size = uvec2(push.camera.width >> 2, push.camera.height >> 2);
-  uint i = gl_GlobalInvocationID.x;
+  uint i = thread_index();
   if (i >= size.x * size.y) return;
   ivec2 first = 4 * ivec2(i % size.x, i / size.x) - 4, last = ivec2(push.camera.width, push.camera.height) - 1;
   uvec2 middle = pixels[uint(min(first.y + 6, last.y)) * push.camera.width + uint(min(first.x + 6, last.x))];

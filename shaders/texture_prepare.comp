@@ -27,7 +27,7 @@ bool breaks(ivec2 p, ivec2 step_p, float z, float jump) {
 }
 
 void main() {
-  uint i = gl_GlobalInvocationID.x;
+  uint i = thread_index();
   if (i >= push.camera.width * push.camera.height) return;
   ivec2 p = ivec2(i % push.camera.width, i / push.camera.width);
   uvec2 word = fusion[i];

@@ -13,7 +13,7 @@ layout(binding = 2, scalar) writeonly buffer Colours { uint colours[]; };  // 0:
 const float kSure = 0.1;  // pixels at edges, slanted and moving ones are less
 
 void main() {
-  uint i = gl_GlobalInvocationID.x;
+  uint i = thread_index();
   if (i >= push.points) return;
   Texel t = texels[i];
   vec2 pixel;

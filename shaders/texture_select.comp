@@ -23,7 +23,7 @@ uint sample_of(uint tile, uint k) {
 }
 
 void main() {
-  uint tile = gl_GlobalInvocationID.x;
+  uint tile = thread_index();
   if (tile >= push.tiles) return;
   uint s0 = sample_of(tile, 0u), s1 = sample_of(tile, 1u), s2 = sample_of(tile, 2u), s3 = sample_of(tile, 3u),
        s4 = sample_of(tile, 4u);

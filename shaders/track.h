@@ -38,6 +38,7 @@ struct IcpSums {
   float inliers;
   float seen;     // live points that fall on a point of the model
   float live;     // live points
+  uint parts;     // sums that this workgroup wrote: one a subgroup, whose size is the device's choice
 };
 
 struct PhotometricReducePush {
@@ -62,6 +63,7 @@ struct PhotometricSums {
   float key;
   float live_live;
   float live_key;
+  uint parts;  // see IcpSums
 };
 
 struct MovingMaskPush {

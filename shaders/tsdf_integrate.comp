@@ -23,7 +23,8 @@ const float kMaxColourWeight = 32.0;
 vec3 channels(uint rgb) { return vec3(ivec3(rgb & 0xffu, (rgb >> 8) & 0xffu, (rgb >> 16) & 0xffu)); }
 
 void main() {
-  uint slot = selected[gl_WorkGroupID.x];
+  if (group_index() >= push.count) return;
+  uint slot = selected[group_index()];
   uint column = gl_LocalInvocationID.x;
   ivec3 voxel = slots[slot].brick * 8 + ivec3(column >> 3, column & 7u, 0);
   vec3 p = transform(push.camera_from_submap, vec3(voxel) * push.voxel_size);
@@ -33,6 +34,11 @@ void main() {
   float inverse_truncation = 1.0 / push.truncation;
   vec2 focal = vec2(push.camera.fx, push.camera.fy), centre = vec2(push.camera.cx, push.camera.cy) + 0.5;
   int width = int(push.camera.width), height = int(push.camera.height);
+
+  // Means have whole levels: what a measurement adds to one is rounded up as often as its fraction says, by another
+  // threshold each frame (Weyl's sequence of the golden ratio; columns begin apart). Rounded to the nearest one, means of
+  // many would follow no change of less than 16 levels.
+  float threshold = fract(0.618034 * float(int(push.stamp & 4095u)) + 0.381966 * float(int(column)));
 
   uint differs = 0u;
   for (uint k = 0u; k < 8u; ++k, p += step_p) {
@@ -57,11 +63,11 @@ void main() {
       if (push.has_colour != 0u && sdf < 1.0) {
         float n = float(int(rgb >> 24));
         vec3 mean = channels(rgb);
-        mean += (channels(measured.y) - mean) * (1.0 / (n + 1.0)) + 0.5;
+        mean += (channels(measured.y) - mean) * (1.0 / (n + 1.0)) + threshold;
         rgb = uint(int(mean.x) | (int(mean.y) << 8) | (int(mean.z) << 16) | (int(min(n + 1.0, kMaxColourWeight)) << 24));
       }
       pool.v[at + k] = pack64(uvec2(word, rgb));
     }
   }
-  if (differs != 0u) changed[gl_WorkGroupID.x] = 1u;
+  if (differs != 0u) changed[group_index()] = 1u;
 }

@@ -64,6 +64,11 @@ inline Rigid rigid(const Eigen::Isometry3d& t) {
 }
 }  // namespace cairn::shader
 #else
+// Devices guarantee 65,535 workgroups along x alone: gpu::Kernel folds longer rows along y, and the threads beyond the
+// end are for the shader to leave out. Of shaders with 64 threads a group:
+uint group_index() { return gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x; }
+uint thread_index() { return group_index() * 64u + gl_LocalInvocationID.x; }
+
 vec3 rotate(Rigid m, vec3 v) { return m.x * v.x + m.y * v.y + m.z * v.z; }
 vec3 transform(Rigid m, vec3 p) { return rotate(m, p) + m.t; }
 vec3 inverse_rotate(Rigid m, vec3 v) { return vec3(dot(m.x, v), dot(m.y, v), dot(m.z, v)); }

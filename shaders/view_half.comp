@@ -10,10 +10,10 @@ layout(binding = 0, scalar) readonly buffer Fine { uvec2 fine[]; };
 layout(binding = 1, scalar) writeonly buffer Coarse { uvec2 coarse[]; };
 
 void main() {
-  uint i = gl_GlobalInvocationID.x;
+  uint i = thread_index();
   if (i >= push.width * push.height) return;
-  uint at = 2u * (i / push.width) * (2u * push.width) + 2u * (i % push.width);
-  uvec2 a = fine[at], b = fine[at + 1u], c = fine[at + 2u * push.width], d = fine[at + 2u * push.width + 1u];
+  uint at = 2u * (i / push.width) * push.fine_width + 2u * (i % push.width);
+  uvec2 a = fine[at], b = fine[at + 1u], c = fine[at + push.fine_width], d = fine[at + push.fine_width + 1u];
   vec4 z = uintBitsToFloat(uvec4(a.x, b.x, c.x, d.x));
   vec4 far = mix(z, vec4(1e9), equal(z, vec4(0.0)));
   float nearest = min(min(far.x, far.y), min(far.z, far.w));

@@ -40,7 +40,7 @@ struct BrickFreePush {
   Pinhole camera;
   Rigid camera_from_submap;
   ivec3 first;    // of the bricks to look at
-  uint size;      // of their box: x | y << 10 | z << 20
+  uint size;      // of their box: x | y << 10 | z << 20; a row of threads is one layer along z
   uint capacity;  // of the list
 };
 
@@ -64,6 +64,7 @@ struct TsdfIntegratePush {
   float voxel_size;
   float truncation;
   float max_weight;
+  uint stamp;         // the frame
 };
 
 struct DepthTilesPush {
@@ -122,6 +123,7 @@ struct MergeTarget {
 struct SubmapMergePush {
   uvec2 voxels;      // of the sources, by slot
   float max_weight;  // observations
+  uint targets;
 };
 
 const uint kTile = 8;  // pixels; side of the tiles of depth and range images

@@ -44,7 +44,7 @@ export async function showFinished(scene, data) {
     ['Time', `${report.seconds.toFixed(1)} s`], ['Frames a second', report.frames_per_second.toFixed(1)]];
   const list = [
     ['Sequence', report.sequence], ['Frames', `${frames.fused} fused, ${frames.lost} lost, ${frames.skipped} unusable`],
-    ['Triangles', report.mesh.triangles.toLocaleString('en')], ['Keyframes', report.keyframes],
+    ['Triangles', report.mesh?.triangles.toLocaleString('en') ?? 'not written'], ['Keyframes', report.keyframes],
     ['Loops', report.loops.length], ...time, ['Peak memory', megabytes(report.peak_memory_mb)],
     ['Memory on the device', megabytes(report.device_memory_peak_mb)], ['Device', report.device],
   ];

@@ -38,6 +38,11 @@ struct Camera {
   }
 };
 
+/// Throws std::runtime_error naming the field, its value and what is allowed, for a camera that no image can be of: a
+/// size out of 16..4096 pixels, a focal length out of a twentieth to twenty times the larger side, a principal point
+/// farther than one image beside the image, or what is not a number.
+void check(const Camera& camera);
+
 /// How well corners in views turned against each other fit other focal lengths: a systematic error tells of wrong
 /// intrinsics.
 struct FocalEvidence {

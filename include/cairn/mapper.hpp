@@ -19,6 +19,9 @@
 
 namespace cairn {
 
+struct ReadSession;
+class SessionWriter;
+
 enum class Poses {
   tracked,  // found by aligning each frame with the map; the world is the first camera's frame,
             // turned so that gravity points along y where Frame::acceleration tells it
@@ -89,14 +92,18 @@ struct SurfaceChanges {
 class Mapper {
  public:
   /// `device`: as `cairn devices` numbers them; -1 chooses. Throws std::runtime_error for options out of range (see
-  /// check) and for a device that cannot be used.
+  /// check), for a device that cannot be used, and while somebody else writes into Options::session. A session that is
+  /// there stays until this one's first checkpoint.
   explicit Mapper(const Camera& camera, const Options& options = {}, Poses poses = Poses::tracked, int device = -1);
   ~Mapper();
   Mapper(Mapper&&) noexcept;
 
   /// Aligns and fuses the next frame. Bad frames and lost tracking are told in the report. Throws only when the device
-  /// fails or its memory does not hold one view.
+  /// fails or its memory does not hold one view; what was fused before can still be read and written.
   FrameReport add(const Frame& frame);
+  /// Stages that failed and were switched off since the map can do without them, one line each, in the order in which
+  /// it happened.
+  [[nodiscard]] const std::vector<std::string>& warnings() const;
 
   /// Of all fused frames, in the colour camera's clock: with Poses::tracked the depth images' stamps are moved by what
   /// the images tell of the two clocks' difference (Statistics::clock_offset). Frames of pieces that nothing joins with
@@ -104,11 +111,18 @@ class Mapper {
   /// `recording`: counted from 0 where a session goes on with another one; -1: the last.
   [[nodiscard]] Trajectory trajectory(int recording = -1) const;
   [[nodiscard]] int recordings() const;
+  /// The last recording's trajectory for showing it: at most `points` of its poses, two at least, the first and the
+  /// newest among them.
+  [[nodiscard]] Trajectory path(std::size_t points) const;
+  /// Moves the keyframes as all loops so far say, as mesh() and write_map() do: call it before trajectory() and
+  /// write_graph() when no frame follows.
+  void settle();
   /// Aligns keyframes that see the same with each other and corrects the poses; mesh() and write_map() follow by moving
-  /// the submaps.
+  /// the submaps. When it fails the poses stay as they are, and a warning tells why.
   Refined refine();
   /// Fuses all frames again with the poses as they are now, instead of bending submaps. `again` is the same recording
-  /// from its begin; `step` is called after each of its frames.
+  /// from its begin; `step` is called after each of its frames. When it fails the map stays as it is, and a warning
+  /// tells why.
   void fuse_again(Source& again, const std::function<void()>& step = {});
   /// When the keyframes were taken and how many earlier ones were looked through for their places.
   [[nodiscard]] std::vector<std::pair<double, int>> keyframes() const;
@@ -134,8 +148,12 @@ class Mapper {
   };
   /// Throws as resume does.
   [[nodiscard]] static SessionInfo session_info(const std::filesystem::path& folder);
-  /// A session as it was made, to look at it or write it; other options have their defaults. Throws as resume does.
+  /// A session as it was made, to look at it; other options have their defaults. Nothing in the folder changes, and a
+  /// mapper that goes on writing there is not disturbed. Throws as resume does.
   [[nodiscard]] static Mapper open(const std::filesystem::path& folder, int device = -1);
+  /// The same to go on with: `to` is another session's folder, where the copy counts from its first checkpoint.
+  [[nodiscard]] static Mapper copy(const std::filesystem::path& folder, const std::filesystem::path& to,
+                                   int device = -1);
   /// Another recording follows, which begins somewhere in the map or outside of it. Frames are tracked once their place
   /// is recognised; before that they are lost, and after a while they begin a piece of their own.
   void begin_recording();
@@ -143,7 +161,8 @@ class Mapper {
     int compared = 0, loops = 0;  // keyframes of the other session; loops to this one
     bool joined = false;
   };
-  /// Adds the map of another session with the same camera, by what both have seen.
+  /// Adds the map of another session with the same camera and voxels, by what both have seen. Throws std::runtime_error
+  /// when they differ, or one has no folder for its session.
   Merged merge(Mapper& other);
   /// The surface as it is in the volume, in the world frame, with normals and colours.
   [[nodiscard]] Mesh mesh();
@@ -159,7 +178,8 @@ class Mapper {
   /// The distance field of the whole map, made anew from its surface.
   [[nodiscard]] std::shared_ptr<const DistanceField> distances();
   /// With EsdfOptions::live the field as of the last frame, in the frame in which the camera is tracked: that of the
-  /// world before loops correct it. Null before the first frame. Any thread may ask while another one adds frames.
+  /// world before loops correct it. Null before the first frame, and once it cannot be made. Any thread may ask while
+  /// another one adds frames.
   [[nodiscard]] std::shared_ptr<const DistanceField> live_distances() const;
   /// Writes the grids `tsdf`, `weight` and `colour`, with EsdfOptions::live also `esdf`, to a .vdb file, whole or not
   /// at all.
@@ -182,6 +202,9 @@ class Mapper {
 
  private:
   struct State;
+  explicit Mapper(std::unique_ptr<State> state);
+  [[nodiscard]] static std::unique_ptr<State> restore(ReadSession read, const Options& options, int device,
+                                                      std::unique_ptr<SessionWriter> writer);
   std::unique_ptr<State> state_;
 };
 

@@ -6,7 +6,9 @@
 #include <array>
 #include <cassert>
 #include <cstring>
+#include <exception>
 #include <stdexcept>
+#include <string>
 
 #include "gpu/vulkan.hpp"
 
@@ -15,7 +17,16 @@ namespace {
 
 constexpr std::uint64_t kChunk = 4 << 20;        // bytes of a staging chunk
 constexpr std::uint64_t kKeepAtMost = 64 << 20;  // staging bytes that stay between runs
+// Memory that the host may read and write, and for downloads, where there is such, reads fast.
 constexpr auto kHost = vk::MemoryPropertyFlagBits::eHostVisible | vk::MemoryPropertyFlagBits::eHostCoherent;
+
+/// Of the device's buffers no one else looks after the ends.
+void check_range(const char* what, const Buffer& buffer, std::uint64_t offset, std::uint64_t bytes) {
+  if (!buffer) throw std::logic_error(std::string(what) + ": the buffer has no memory");
+  if (offset > buffer.size() || bytes > buffer.size() - offset)
+    throw std::logic_error(std::string(what) + " of " + std::to_string(bytes) + " bytes at " + std::to_string(offset) +
+                           ": the buffer has " + std::to_string(buffer.size()));
+}
 
 }  // namespace
 
@@ -28,10 +39,10 @@ Batch::State::State(Device::State& d) : device(d) {
 }
 
 Batch::State::Place Batch::State::Arena::take(Device::State& d, std::uint64_t bytes, vk::BufferUsageFlags usage,
-                                              vk::MemoryPropertyFlags properties) {
+                                              vk::MemoryPropertyFlags preferred) {
   const std::uint64_t aligned = (bytes + 15) & ~std::uint64_t{15};
   if (chunks.empty() || used + aligned > chunks.back().size) {
-    chunks.emplace_back(d, std::max({aligned, kChunk, chunks.empty() ? usual : 0}), usage, properties);
+    chunks.emplace_back(d, std::max({aligned, kChunk, chunks.empty() ? usual : 0}), usage, kHost, preferred);
     used = 0;
   }
   const Place place{&chunks.back(), used};
@@ -77,14 +88,15 @@ Batch::Batch(Device& device) {
 }
 
 Batch::~Batch() {
-  assert(!state_->recording && "a batch was recorded and never run");
-  if (!state_->recording) state_->device.idle_batches.push_back(std::move(state_));
+  assert((!state_->recording || std::uncaught_exceptions() > 0) && "a batch was recorded and never run");
+  // One that was cut off by an exception points at what is no longer there: another takes its place.
+  if (!state_->recording && !state_->failed) state_->device.idle_batches.push_back(std::move(state_));
 }
 
 void Batch::upload_bytes(const Buffer& to, std::span<const std::byte> data, std::uint64_t offset) {
   if (data.empty()) return;
-  assert(offset + data.size() <= to.size());
-  const auto place = state_->uploads.take(state_->device, data.size(), vk::BufferUsageFlagBits::eTransferSrc, kHost);
+  check_range("upload", to, offset, data.size());
+  const auto place = state_->uploads.take(state_->device, data.size(), vk::BufferUsageFlagBits::eTransferSrc, {});
   std::memcpy(place.chunk->mapped + place.offset, data.data(), data.size());
   state_->record().copyBuffer(*place.chunk->buffer, *to.state().allocation.buffer,
                               vk::BufferCopy{.srcOffset = place.offset, .dstOffset = offset, .size = data.size()});
@@ -92,26 +104,29 @@ void Batch::upload_bytes(const Buffer& to, std::span<const std::byte> data, std:
 
 void Batch::download_bytes(const Buffer& from, std::span<std::byte> data, std::uint64_t offset) {
   if (data.empty()) return;
-  assert(offset + data.size() <= from.size());
+  check_range("download", from, offset, data.size());
   const auto place = state_->downloads.take(state_->device, data.size(), vk::BufferUsageFlagBits::eTransferDst,
-                                            kHost | vk::MemoryPropertyFlagBits::eHostCached);
+                                            vk::MemoryPropertyFlagBits::eHostCached);
   state_->record().copyBuffer(*from.state().allocation.buffer, *place.chunk->buffer,
                               vk::BufferCopy{.srcOffset = offset, .dstOffset = place.offset, .size = data.size()});
   state_->pending_downloads.push_back({place, data});
 }
 
 void Batch::copy(const Buffer& from, const Buffer& to) {
+  check_range("copy", to, 0, from.size());
   state_->record().copyBuffer(*from.state().allocation.buffer, *to.state().allocation.buffer,
                               vk::BufferCopy{.size = from.size()});
 }
 
 void Batch::fill(const Buffer& buffer, std::uint32_t word, std::uint64_t offset, std::uint64_t bytes) {
+  check_range("fill", buffer, offset, bytes);
   state_->record().fillBuffer(*buffer.state().allocation.buffer, offset, bytes == 0 ? VK_WHOLE_SIZE : bytes, word);
 }
 
 void Batch::run() {
   State& s = *state_;
   if (!s.recording) return;
+  s.failed = true;  // until the end is reached
   s.commands.pipelineBarrier(vk::PipelineStageFlagBits::eComputeShader | vk::PipelineStageFlagBits::eTransfer,
                              vk::PipelineStageFlagBits::eHost, {},
                              vk::MemoryBarrier{.srcAccessMask = vk::AccessFlagBits::eMemoryWrite,
@@ -139,6 +154,7 @@ void Batch::run() {
   s.pending_downloads.clear();
   s.uploads.reset();
   s.downloads.reset();
+  s.failed = false;
 }
 
 }  // namespace cairn::gpu

@@ -10,10 +10,11 @@
 namespace cairn::gpu {
 namespace {
 
-std::uint32_t memory_type(const Device::State& device, std::uint32_t allowed, vk::MemoryPropertyFlags properties) {
-  for (std::uint32_t i = 0; i < device.memory_types.memoryTypeCount; ++i)
-    if ((allowed & (1u << i)) && (device.memory_types.memoryTypes[i].propertyFlags & properties) == properties)
-      return i;
+std::uint32_t memory_type(const Device::State& device, std::uint32_t allowed, vk::MemoryPropertyFlags properties,
+                          vk::MemoryPropertyFlags preferred) {
+  for (const auto wanted : {properties | preferred, properties})
+    for (std::uint32_t i = 0; i < device.memory_types.memoryTypeCount; ++i)
+      if ((allowed & (1u << i)) && (device.memory_types.memoryTypes[i].propertyFlags & wanted) == wanted) return i;
   throw std::runtime_error("device " + device.info.name + " has no memory of the kind " + vk::to_string(properties));
 }
 
@@ -24,17 +25,22 @@ constexpr auto kStorage = vk::BufferUsageFlagBits::eStorageBuffer | vk::BufferUs
 }  // namespace
 
 Allocation::Allocation(Device::State& d, std::uint64_t bytes, vk::BufferUsageFlags usage,
-                       vk::MemoryPropertyFlags properties)
+                       vk::MemoryPropertyFlags properties, vk::MemoryPropertyFlags preferred)
     : device(d), size(std::max<std::uint64_t>(bytes, 4)) {
+  if (size > d.max_allocation)
+    throw std::runtime_error("device " + d.info.name + " takes " + std::to_string(d.max_allocation >> 20) +
+                             " MiB in one piece at most, not " + std::to_string(size >> 20) +
+                             ": lower --device-memory, or choose a larger --voxel-size");
   try {
     buffer = vk::raii::Buffer(*d.device, vk::BufferCreateInfo{.size = size, .usage = usage});
     const auto needs = buffer.getMemoryRequirements();
     const vk::MemoryAllocateFlagsInfo flags{.flags = vk::MemoryAllocateFlagBits::eDeviceAddress};
     const bool addressed = static_cast<bool>(usage & vk::BufferUsageFlagBits::eShaderDeviceAddress);
     memory = vk::raii::DeviceMemory(
-        *d.device, vk::MemoryAllocateInfo{.pNext = addressed ? &flags : nullptr,
-                                          .allocationSize = needs.size,
-                                          .memoryTypeIndex = memory_type(d, needs.memoryTypeBits, properties)});
+        *d.device,
+        vk::MemoryAllocateInfo{.pNext = addressed ? &flags : nullptr,
+                               .allocationSize = needs.size,
+                               .memoryTypeIndex = memory_type(d, needs.memoryTypeBits, properties, preferred)});
   } catch (const vk::OutOfDeviceMemoryError&) {
     throw std::runtime_error("device " + d.info.name + " is out of memory for " + std::to_string(size >> 20) +
                              " MiB: lower --device-memory");

@@ -14,9 +14,16 @@ namespace {
 
 constexpr const char* kValidationLayer = "VK_LAYER_KHRONOS_validation";
 
-bool validation_wanted() {
+enum class Validation { off, usual, synchronisation, on_device };
+
+Validation validation_wanted() {
   const char* value = std::getenv("CAIRN_VALIDATION");
-  return value != nullptr && std::string_view(value) == "1";
+  const std::string_view wanted = value != nullptr ? value : "";
+  if (wanted.empty() || wanted == "0") return Validation::off;
+  if (wanted == "1") return Validation::usual;
+  if (wanted == "sync") return Validation::synchronisation;
+  if (wanted == "gpu") return Validation::on_device;
+  throw std::runtime_error("CAIRN_VALIDATION is '" + std::string(wanted) + "', it takes 0, 1, sync or gpu");
 }
 
 VKAPI_ATTR VkBool32 VKAPI_CALL keep_message(VkDebugUtilsMessageSeverityFlagBitsEXT, VkDebugUtilsMessageTypeFlagsEXT,
@@ -25,10 +32,10 @@ VKAPI_ATTR VkBool32 VKAPI_CALL keep_message(VkDebugUtilsMessageSeverityFlagBitsE
   return VK_FALSE;
 }
 
-std::optional<vk::raii::Instance> make_instance(const vk::raii::Context& context, bool validation) {
+std::optional<vk::raii::Instance> make_instance(const vk::raii::Context& context, Validation validation) {
   const vk::ApplicationInfo application{.pApplicationName = "cairn", .apiVersion = VK_API_VERSION_1_2};
   std::vector<const char*> layers, extensions;
-  if (validation) {
+  if (validation != Validation::off) {
     const auto available = context.enumerateInstanceLayerProperties();
     if (std::none_of(available.begin(), available.end(),
                      [](const auto& l) { return std::string_view(l.layerName) == kValidationLayer; }))
@@ -37,7 +44,17 @@ std::optional<vk::raii::Instance> make_instance(const vk::raii::Context& context
     layers.push_back(kValidationLayer);
     extensions.push_back(VK_EXT_DEBUG_UTILS_EXTENSION_NAME);
   }
-  const vk::InstanceCreateInfo create{.pApplicationInfo = &application,
+  std::vector<vk::ValidationFeatureEnableEXT> features;
+  if (validation == Validation::synchronisation)
+    features = {vk::ValidationFeatureEnableEXT::eSynchronizationValidation};
+  if (validation == Validation::on_device)
+    features = {vk::ValidationFeatureEnableEXT::eGpuAssisted,
+                vk::ValidationFeatureEnableEXT::eGpuAssistedReserveBindingSlot};
+  if (!features.empty()) extensions.push_back(VK_EXT_VALIDATION_FEATURES_EXTENSION_NAME);
+  const vk::ValidationFeaturesEXT enable{.enabledValidationFeatureCount = static_cast<std::uint32_t>(features.size()),
+                                         .pEnabledValidationFeatures = features.data()};
+  const vk::InstanceCreateInfo create{.pNext = features.empty() ? nullptr : &enable,
+                                      .pApplicationInfo = &application,
                                       .enabledLayerCount = static_cast<std::uint32_t>(layers.size()),
                                       .ppEnabledLayerNames = layers.data(),
                                       .enabledExtensionCount = static_cast<std::uint32_t>(extensions.size()),
@@ -84,6 +101,24 @@ std::optional<std::uint32_t> compute_family(const vk::raii::PhysicalDevice& phys
   for (std::uint32_t i = 0; i < families.size(); ++i)
     if ((families[i].queueFlags & vk::QueueFlagBits::eCompute) && families[i].timestampValidBits > 0) return i;
   return std::nullopt;
+}
+
+/// Whether pipelines may ask for the subgroup size that the device tells.
+bool has_subgroup_size_control(const vk::raii::PhysicalDevice& physical) {
+  const auto extensions = physical.enumerateDeviceExtensionProperties();
+  if (std::none_of(extensions.begin(), extensions.end(), [](const auto& e) {
+        return std::string_view(e.extensionName) == VK_EXT_SUBGROUP_SIZE_CONTROL_EXTENSION_NAME;
+      }))
+    return false;
+  const auto properties = physical.getProperties2<vk::PhysicalDeviceProperties2, vk::PhysicalDeviceSubgroupProperties,
+                                                  vk::PhysicalDeviceSubgroupSizeControlProperties>();
+  const auto& sizes = properties.get<vk::PhysicalDeviceSubgroupSizeControlProperties>();
+  const std::uint32_t usual = properties.get<vk::PhysicalDeviceSubgroupProperties>().subgroupSize;
+  return physical.getFeatures2<vk::PhysicalDeviceFeatures2, vk::PhysicalDeviceSubgroupSizeControlFeatures>()
+             .get<vk::PhysicalDeviceSubgroupSizeControlFeatures>()
+             .subgroupSizeControl &&
+         (sizes.requiredSubgroupSizeStages & vk::ShaderStageFlagBits::eCompute) && usual >= sizes.minSubgroupSize &&
+         usual <= sizes.maxSubgroupSize;
 }
 
 /// The first feature that is missing, empty when all are there.
@@ -159,7 +194,7 @@ std::vector<char> read_file(const std::filesystem::path& file) {
 
 std::vector<DeviceInfo> list_devices() {
   const vk::raii::Context context;
-  const auto instance = make_instance(context, false);
+  const auto instance = make_instance(context, Validation::off);
   std::vector<DeviceInfo> devices;
   if (!instance) return devices;
   for (const auto& physical : vk::raii::PhysicalDevices(*instance))
@@ -169,10 +204,10 @@ std::vector<DeviceInfo> list_devices() {
 
 Device::Device(int index) : state_(std::make_unique<State>()) {
   State& s = *state_;
-  const bool validation = validation_wanted();
+  const Validation validation = validation_wanted();
   s.instance = make_instance(s.context, validation);
   if (!s.instance) no_device();
-  if (validation)
+  if (validation != Validation::off)
     s.messenger.emplace(*s.instance, vk::DebugUtilsMessengerCreateInfoEXT{
                                          .messageSeverity = vk::DebugUtilsMessageSeverityFlagBitsEXT::eWarning |
                                                             vk::DebugUtilsMessageSeverityFlagBitsEXT::eError,
@@ -184,7 +219,7 @@ Device::Device(int index) : state_(std::make_unique<State>()) {
 
   vk::raii::PhysicalDevices physicals(*s.instance);
   if (physicals.empty()) no_device();
-  if (index >= static_cast<int>(physicals.size()))
+  if (index < -1 || index >= static_cast<int>(physicals.size()))
     throw std::runtime_error("there is no Vulkan device " + std::to_string(index) + ": see `cairn devices`");
   if (index < 0) {
     int best = 5;
@@ -208,19 +243,30 @@ Device::Device(int index) : state_(std::make_unique<State>()) {
   const auto limits = s.physical->getProperties().limits;
   s.timestamp_period_ns = limits.timestampPeriod;
   s.max_binding = limits.maxStorageBufferRange;
+  std::copy(limits.maxComputeWorkGroupCount.begin(), limits.maxComputeWorkGroupCount.end(), s.max_groups.begin());
+  s.max_allocation =
+      s.physical->getProperties2<vk::PhysicalDeviceProperties2, vk::PhysicalDeviceMaintenance3Properties>()
+          .get<vk::PhysicalDeviceMaintenance3Properties>()
+          .maxMemoryAllocationSize;
+  s.subgroup_size_control = has_subgroup_size_control(*s.physical);
   const float priority = 1.0f;
   const vk::DeviceQueueCreateInfo queue{
       .queueFamilyIndex = s.queue_family, .queueCount = 1, .pQueuePriorities = &priority};
-  const char* extension = VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME;
+  std::vector<const char*> extensions{VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME};
+  if (s.subgroup_size_control) extensions.push_back(VK_EXT_SUBGROUP_SIZE_CONTROL_EXTENSION_NAME);
+  vk::PhysicalDeviceSubgroupSizeControlFeatures subgroup_size{.subgroupSizeControl = true};
   const vk::PhysicalDeviceFeatures features{.shaderInt64 = true};
-  const vk::PhysicalDeviceVulkan12Features v12{
-      .shaderBufferInt64Atomics = true, .scalarBlockLayout = true, .bufferDeviceAddress = true};
-  s.device.emplace(*s.physical, vk::DeviceCreateInfo{.pNext = &v12,
-                                                     .queueCreateInfoCount = 1,
-                                                     .pQueueCreateInfos = &queue,
-                                                     .enabledExtensionCount = 1,
-                                                     .ppEnabledExtensionNames = &extension,
-                                                     .pEnabledFeatures = &features});
+  const vk::PhysicalDeviceVulkan12Features v12{.pNext = s.subgroup_size_control ? &subgroup_size : nullptr,
+                                               .shaderBufferInt64Atomics = true,
+                                               .scalarBlockLayout = true,
+                                               .bufferDeviceAddress = true};
+  s.device.emplace(*s.physical,
+                   vk::DeviceCreateInfo{.pNext = &v12,
+                                        .queueCreateInfoCount = 1,
+                                        .pQueueCreateInfos = &queue,
+                                        .enabledExtensionCount = static_cast<std::uint32_t>(extensions.size()),
+                                        .ppEnabledExtensionNames = extensions.data(),
+                                        .pEnabledFeatures = &features});
   s.queue.emplace(*s.device, s.queue_family, 0);
 
   s.pipelines_file = pipeline_cache_file(*s.physical);
@@ -251,6 +297,9 @@ Device::~Device() {
 const DeviceInfo& Device::info() const { return state_->info; }
 const std::vector<std::string>& Device::validation_messages() const { return state_->messages; }
 const std::map<std::string, KernelTime>& Device::kernel_times() const { return state_->times; }
+std::uint64_t Device::max_allocation() const { return state_->max_allocation; }
+std::uint64_t Device::max_binding() const { return state_->max_binding; }
+std::uint32_t Device::max_groups() const { return state_->max_groups[0]; }
 std::uint64_t Device::memory_in_use() const { return state_->in_use; }
 std::uint64_t Device::peak_memory() const { return state_->peak; }
 

@@ -32,7 +32,8 @@ class Device {
  public:
   /// -1 picks the first usable discrete, else integrated, else CPU device. Throws std::runtime_error naming the
   /// missing feature, or what to install when there is no device. The environment variable CAIRN_VALIDATION=1 turns
-  /// the Khronos validation layer on.
+  /// the Khronos validation layer on, `sync` also its search for commands that do not wait for each other, `gpu` also
+  /// its checks inside of shaders.
   explicit Device(int index = -1);
   ~Device();
   Device(const Device&) = delete;
@@ -43,6 +44,10 @@ class Device {
   [[nodiscard]] const std::vector<std::string>& validation_messages() const;
   /// Time on the device by kernel, from timestamps.
   [[nodiscard]] const std::map<std::string, KernelTime>& kernel_times() const;
+  /// Bytes that one buffer may have, and one that a kernel binds.
+  [[nodiscard]] std::uint64_t max_allocation() const;
+  [[nodiscard]] std::uint64_t max_binding() const;
+  [[nodiscard]] std::uint32_t max_groups() const;  // workgroups along x
   /// Bytes in buffers now, and at most so far.
   [[nodiscard]] std::uint64_t memory_in_use() const;
   [[nodiscard]] std::uint64_t peak_memory() const;

@@ -4,6 +4,7 @@
 
 #include <spirv_cross/spirv_cross_c.h>
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "gpu/vulkan.hpp"
@@ -15,6 +16,7 @@ struct Layout {
   std::uint32_t bindings = 0;
   std::size_t push_bytes = 0;
   std::array<std::uint32_t, 3> workgroup{};
+  bool uses_subgroups = false;
 };
 
 /// What the shader declares, read from its SPIR-V.
@@ -46,6 +48,10 @@ Layout reflect(const std::string& name, std::span<const std::uint32_t> spirv) {
         compiler, spvc_compiler_get_type_handle(compiler, list[0].base_type_id), &layout.push_bytes));
   for (unsigned i = 0; i < 3; ++i)
     layout.workgroup[i] = spvc_compiler_get_execution_mode_argument_by_index(compiler, SpvExecutionModeLocalSize, i);
+  const SpvCapability* capabilities = nullptr;
+  check(spvc_compiler_get_declared_capabilities(compiler, &capabilities, &count));
+  layout.uses_subgroups =
+      std::find(capabilities, capabilities + count, SpvCapabilityGroupNonUniformArithmetic) != capabilities + count;
   return layout;
 }
 
@@ -86,11 +92,13 @@ KernelBase::KernelBase(Device& device, std::string name, std::span<const std::ui
                                                                                        .pushConstantRangeCount = 1,
                                                                                        .pPushConstantRanges = &push});
   const vk::raii::ShaderModule module(*d.device, {.codeSize = spirv.size_bytes(), .pCode = spirv.data()});
-  s.pipeline =
-      vk::raii::Pipeline(*d.device, *d.pipelines,
-                         vk::ComputePipelineCreateInfo{
-                             .stage = {.stage = vk::ShaderStageFlagBits::eCompute, .module = *module, .pName = "main"},
-                             .layout = *s.pipeline_layout});
+  vk::PipelineShaderStageCreateInfo stage{
+      .stage = vk::ShaderStageFlagBits::eCompute, .module = *module, .pName = "main"};
+  // Where a device may choose among subgroup sizes, sums would depend on its choice.
+  const vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo size{.requiredSubgroupSize = d.info.subgroup_size};
+  if (s.layout.uses_subgroups && d.subgroup_size_control) stage.pNext = &size;
+  s.pipeline = vk::raii::Pipeline(*d.device, *d.pipelines,
+                                  vk::ComputePipelineCreateInfo{.stage = stage, .layout = *s.pipeline_layout});
 }
 KernelBase::~KernelBase() = default;
 KernelBase::KernelBase(KernelBase&&) noexcept = default;
@@ -108,6 +116,7 @@ void KernelBase::record(Batch& batch, const void* push, std::initializer_list<co
   std::vector<vk::WriteDescriptorSet> writes;
   infos.reserve(buffers.size());
   for (const Buffer* buffer : buffers) {
+    if (!*buffer) throw std::logic_error("shader " + s.name + ": a buffer has no memory");
     if (buffer->size() > b.device.max_binding)
       throw std::runtime_error("shader " + s.name + ": a buffer of " + std::to_string(buffer->size() >> 20) +
                                " MiB is larger than this device binds (" + std::to_string(b.device.max_binding >> 20) +
@@ -138,11 +147,20 @@ void KernelBase::record(Batch& batch, const void* push, std::initializer_list<co
 void KernelBase::dispatch(Batch& batch, std::array<std::uint32_t, 3> threads, const void* push,
                           std::initializer_list<const Buffer*> buffers) const {
   if (threads[0] == 0 || threads[1] == 0 || threads[2] == 0) return;
-  const auto& group = state_->layout.workgroup;
-  record(batch, push, buffers, [&](const vk::raii::CommandBuffer& commands) {
-    commands.dispatch((threads[0] + group[0] - 1) / group[0], (threads[1] + group[1] - 1) / group[1],
-                      (threads[2] + group[2] - 1) / group[2]);
-  });
+  const auto& most = batch.state().device.max_groups;
+  std::array<std::uint32_t, 3> groups{};
+  for (std::size_t i = 0; i < 3; ++i)
+    groups[i] = threads[i] / state_->layout.workgroup[i] + (threads[i] % state_->layout.workgroup[i] != 0 ? 1 : 0);
+  if (groups[0] > most[0] && groups[1] == 1) {  // see group_index in shaders/types.h
+    groups[1] = (groups[0] + most[0] - 1) / most[0];
+    groups[0] = (groups[0] + groups[1] - 1) / groups[1];
+  }
+  for (std::size_t i = 0; i < 3; ++i)
+    if (groups[i] > most[i])
+      throw std::logic_error("shader " + state_->name + ": " + std::to_string(groups[i]) +
+                             " workgroups along one axis, the device takes " + std::to_string(most[i]));
+  record(batch, push, buffers,
+         [&](const vk::raii::CommandBuffer& commands) { commands.dispatch(groups[0], groups[1], groups[2]); });
 }
 
 void KernelBase::dispatch_indirect(Batch& batch, const Buffer& groups, std::uint64_t offset, const void* push,

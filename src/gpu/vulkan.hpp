@@ -3,6 +3,7 @@
 // Private to src/gpu: the Vulkan objects behind Device, Buffer and Batch.
 #pragma once
 #define VULKAN_HPP_NO_STRUCT_CONSTRUCTORS
+#include <array>
 #include <deque>
 #include <filesystem>
 #include <optional>
@@ -25,7 +26,10 @@ struct Device::State {
   std::filesystem::path pipelines_file;
   vk::PhysicalDeviceMemoryProperties memory_types;
   float timestamp_period_ns = 1.0f;
-  std::uint64_t max_binding = 0;  // bytes
+  std::uint64_t max_binding = 0;     // bytes
+  std::uint64_t max_allocation = 0;  // bytes of one buffer
+  std::array<std::uint32_t, 3> max_groups{};
+  bool subgroup_size_control = false;
   std::uint32_t queue_family = 0;
 
   DeviceInfo info;
@@ -35,10 +39,11 @@ struct Device::State {
   std::vector<std::unique_ptr<Batch::State>> idle_batches;
 };
 
-/// A buffer with memory of its own. `mapped` is null for device-local memory.
+/// A buffer with memory of its own. `mapped` is null for device-local memory. Memory with `preferred` properties, too,
+/// is taken where the device has it.
 struct Allocation {
-  Allocation(Device::State& device, std::uint64_t bytes, vk::BufferUsageFlags usage,
-             vk::MemoryPropertyFlags properties);
+  Allocation(Device::State& device, std::uint64_t bytes, vk::BufferUsageFlags usage, vk::MemoryPropertyFlags properties,
+             vk::MemoryPropertyFlags preferred = {});
   ~Allocation();
   Allocation(const Allocation&) = delete;
   Allocation& operator=(const Allocation&) = delete;
@@ -65,9 +70,9 @@ struct Batch::State {
   struct Arena {
     std::deque<Allocation> chunks;
     std::uint64_t used = 0;   // bytes of the last chunk
-    std::uint64_t usual = 0;  // bytes that the last run took  // of the last chunk
+    std::uint64_t usual = 0;  // bytes that the last run took
     Place take(Device::State& device, std::uint64_t bytes, vk::BufferUsageFlags usage,
-               vk::MemoryPropertyFlags properties);
+               vk::MemoryPropertyFlags preferred);
     void reset();
   };
   struct Download {
@@ -85,6 +90,7 @@ struct Batch::State {
   std::vector<Download> pending_downloads;
   std::vector<const std::string*> timed;
   bool recording = false;
+  bool failed = false;  // what was submitted may still be at work: not to be used again
 
   vk::raii::CommandBuffer& record();  // begins when needed; orders what follows after what came before
 };

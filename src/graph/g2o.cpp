@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <fstream>
 #include <map>
@@ -10,6 +13,7 @@
 #include "graph/pose_graph.hpp"
 #include "io/atomic_file.hpp"
 #include "io/recording.hpp"
+#include "io/words.hpp"
 
 namespace cairn {
 namespace {
@@ -18,6 +22,22 @@ namespace fs = std::filesystem;
 
 /// g2o's order is (translation, rotation).
 int g2o_index(int i) { return (i + 3) % 6; }
+
+/// The least information in any direction: of the most in one, and where there is none (1/rad^2, 1/m^2).
+constexpr double kLeastShare = 1e-9, kLeast = 1e-12;
+
+/// Published graphs hold matrices with eigenvalues below zero, as their makers' estimates gave them. Such a direction
+/// was not measured: its eigenvalue becomes next to nothing. Returns whether the matrix was of that kind; others stay
+/// as they are.
+bool make_positive_definite(Matrix6d& information) {
+  if (Eigen::LLT<Matrix6d>(information).info() == Eigen::Success) return false;
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(information);
+  const double least = std::max(kLeast, kLeastShare * eigen.eigenvalues().maxCoeff());
+  const Matrix6d clamped =
+      eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(least).asDiagonal() * eigen.eigenvectors().transpose();
+  information = 0.5 * (clamped + clamped.transpose());
+  return true;
+}
 
 }  // namespace
 
@@ -29,23 +49,28 @@ PoseGraph read_g2o(const fs::path& file) {
   };
   std::map<long, Eigen::Isometry3d> nodes;
   std::vector<ReadEdge> edges;
+  std::size_t indefinite = 0;
   for_each_line(file, [&](int line, const std::vector<std::string>& words) {
     const auto wrong = [&](const std::string& what) {
       return std::runtime_error(fmt::format("{}:{}: {}", file.string(), line, what));
     };
     const auto number = [&](std::size_t i) { return number_of(words[i], file, line); };
-    const auto id = [&](std::size_t i) { return std::lround(number(i)); };
+    const auto id = [&](std::size_t i) {
+      const double value = number(i);
+      if (value != std::floor(value) || std::abs(value) > 1e15) throw wrong("'" + shown(words[i]) + "' is no node");
+      return std::lround(value);
+    };
     const auto pose = [&](std::size_t i) {
       const Eigen::Quaterniond q(number(i + 6), number(i + 3), number(i + 4), number(i + 5));
-      if (q.norm() < 1e-6) throw wrong("the quaternion is zero");
+      if (!is_rotation(q)) throw wrong("the quaternion is zero or too large");
       Eigen::Isometry3d t = Eigen::Isometry3d::Identity();
       t.linear() = q.normalized().toRotationMatrix();
-      t.translation() << number(i), number(i + 1), number(i + 2);
+      t.translation() = Eigen::Vector3d(number(i), number(i + 1), number(i + 2));
       return t;
     };
     if (words[0] == "VERTEX_SE3:QUAT") {
       if (words.size() != 9) throw wrong("expected `VERTEX_SE3:QUAT id x y z qx qy qz qw`");
-      if (!nodes.emplace(id(1), pose(2)).second) throw wrong("node " + words[1] + " is there twice");
+      if (!nodes.emplace(id(1), pose(2)).second) throw wrong("node " + shown(words[1]) + " is there twice");
     } else if (words[0] == "EDGE_SE3:QUAT") {
       if (words.size() != 31)
         throw wrong("expected `EDGE_SE3:QUAT from to x y z qx qy qz qw` and 21 numbers of the information matrix");
@@ -55,12 +80,19 @@ PoseGraph read_g2o(const fs::path& file) {
         for (int c = r; c < 6; ++c)
           read.edge.information(g2o_index(r), g2o_index(c)) = read.edge.information(g2o_index(c), g2o_index(r)) =
               number(next++);
+      if (!(read.edge.information.cwiseAbs().maxCoeff() < 1e100)) throw wrong("its information is too large");
+      indefinite += make_positive_definite(read.edge.information);
       edges.push_back(std::move(read));
     } else if (words[0] != "FIX") {
-      throw wrong("'" + words[0] + "' is not known; VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX are");
+      throw wrong("'" + shown(words[0]) + "' is not known; VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX are");
     }
   });
   if (nodes.empty()) throw std::runtime_error(file.string() + ": holds no VERTEX_SE3:QUAT");
+  if (indefinite > 0)
+    spdlog::warn(
+        "{}: {} of {} edges have an information matrix that is not positive definite; what they say in directions of "
+        "no or negative information is left out",
+        file.string(), indefinite, edges.size());
 
   PoseGraph graph;
   std::map<long, std::size_t> index;
@@ -81,8 +113,7 @@ PoseGraph read_g2o(const fs::path& file) {
 }
 
 void write_g2o(const fs::path& file, const PoseGraph& graph) {
-  write_whole(file, [&](const fs::path& temporary) {
-    std::ofstream out(temporary);
+  write_whole(file, [&](std::ostream& out) {
     const auto pose = [](const Eigen::Isometry3d& t) {
       const Eigen::Quaterniond q(t.linear());
       return fmt::format("{:.9g} {:.9g} {:.9g} {:.12g} {:.12g} {:.12g} {:.12g}", t.translation().x(),
@@ -96,7 +127,6 @@ void write_g2o(const fs::path& file, const PoseGraph& graph) {
         for (int c = r; c < 6; ++c) out << fmt::format(" {:.9g}", edge.information(g2o_index(r), g2o_index(c)));
       out << '\n';
     }
-    if (!out.flush()) throw std::runtime_error("cannot write " + file.string() + ": is the disk full?");
   });
 }
 

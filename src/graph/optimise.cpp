@@ -144,8 +144,7 @@ bool start_from_chordal(const PoseGraph& graph, const std::vector<double>& weigh
 }
 
 /// Levenberg-Marquardt over the edges of more than no weight. Returns its iterations.
-int solve(const PoseGraph& graph, const std::vector<double>& weights, int iterations, int threads,
-          std::vector<Parameters>& poses) {
+int solve(const PoseGraph& graph, const std::vector<double>& weights, int iterations, std::vector<Parameters>& poses) {
   ceres::Problem problem;
   for (std::size_t k = 0; k < graph.edges.size(); ++k)
     if (const auto& edge = graph.edges[k]; weights[k] > 0)
@@ -170,7 +169,7 @@ int solve(const PoseGraph& graph, const std::vector<double>& weights, int iterat
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   options.max_num_iterations = iterations;
-  options.num_threads = threads;
+  options.num_threads = 1;  // several add the residuals up in the order in which they come by
   options.function_tolerance = 1e-7;
   options.gradient_tolerance = 1e-12;
   options.parameter_tolerance = 1e-12;
@@ -264,7 +263,7 @@ int weigh(const PoseGraph& graph, const OptimiseOptions& options, std::vector<Pa
       else
         w = std::sqrt(limit * mu * (mu + 1) / squared[k]) - mu, decided = false;
     }
-    iterations += solve(graph, weights, kRoundIterations, options.threads, poses);
+    iterations += solve(graph, weights, kRoundIterations, poses);
     if (decided && round > 0) break;
     squared = squared_errors(graph, poses);
   }
@@ -299,7 +298,7 @@ OptimiseReport optimise(PoseGraph& graph, const OptimiseOptions& options) {
   report.cost_before = cost(graph, poses, weights);
   const auto settle = [&] {
     const bool from_chordal = start_from_chordal(graph, weights, poses);
-    report.iterations += solve(graph, weights, options.max_iterations, options.threads, poses);
+    report.iterations += solve(graph, weights, options.max_iterations, poses);
     return from_chordal;
   };
   report.from_chordal = settle();

@@ -35,7 +35,6 @@ struct OptimiseOptions {
   double false_edge = 22.46;  // squared error, in units of an edge's own noise, beyond which it is taken for false:
                               // 99.9 % of the chi-squared distribution with 6 degrees of freedom
   int max_iterations = 100;   // of Levenberg-Marquardt, each time that it is called
-  int threads = 2;
 };
 
 struct OptimiseReport {
@@ -52,7 +51,7 @@ struct OptimiseReport {
 /// graduated non-convexity with truncated least squares (Yang et al. 2020); before that, where many of them have no
 /// neighbour that agrees with them, only those that have are believed (after Mangelson et al. 2018). Throws
 /// std::runtime_error naming the edge for a number that is not finite, an information matrix that is not positive
-/// definite, or a node that does not exist; the graph is then unchanged.
+/// definite, or a node that does not exist; the graph is then unchanged. The same graph gives the same bits.
 OptimiseReport optimise(PoseGraph& graph, const OptimiseOptions& options = {});
 
 /// Rotations that minimise the chordal distance to the measured ones, relaxed to matrices and projected; then the
@@ -66,8 +65,9 @@ OptimiseReport optimise(PoseGraph& graph, const OptimiseOptions& options = {});
 [[nodiscard]] double chordal_cost(const PoseGraph& graph);
 
 /// A .g2o file (VERTEX_SE3:QUAT, EDGE_SE3:QUAT; ids are mapped to indices in the order of the ids). Information is read
-/// as of radians, as GTSAM and SE-Sync do. Edges between nodes that do not follow each other may be false. Throws
-/// std::runtime_error with file and line.
+/// as of radians, as GTSAM and SE-Sync do; what is not positive definite is made so, with one warning that counts such
+/// edges. Edges between nodes that do not follow each other may be false. Throws std::runtime_error with file and
+/// line.
 [[nodiscard]] PoseGraph read_g2o(const std::filesystem::path& file);
 /// Writes it, whole or not at all.
 void write_g2o(const std::filesystem::path& file, const PoseGraph& graph);

@@ -2,41 +2,211 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "io/atomic_file.hpp"
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
-#include <fstream>
+#include <cerrno>
+#include <cstring>
+#include <memory>
 #include <stdexcept>
+#include <streambuf>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace cairn {
+namespace {
 
-void write_whole(const std::filesystem::path& file,
-                 const std::function<void(const std::filesystem::path& temporary)>& write) {
-  namespace fs = std::filesystem;
-  // The extension stays last: some writers choose their format by it.
-  const fs::path temporary =
-      file.parent_path() / ("." + file.stem().string() + "." + std::to_string(getpid()) + file.extension().string());
-  std::error_code ignored;
+namespace fs = std::filesystem;
+
+constexpr std::string_view kTemporary = ".cairn-";     // how the names of temporary files begin
+constexpr std::size_t kBuffer = std::size_t{1} << 20;  // bytes between two writes of a stream
+
+/// What went wrong, and what can be done about it.
+std::string reason(int error) {
+  std::string text = std::strerror(error);
+  switch (error) {
+    case ENOSPC:
+    case EDQUOT:
+      return "the disk is full (" + text + "): make room there, or choose another";
+    case ENOENT:
+    case ENOTDIR:
+      return text + ": make the folder first, or choose another";
+    case EACCES:
+    case EPERM:
+    case EROFS:
+      return text + ": choose a folder that you may write to";
+    case EFBIG:
+      return text + ": raise the limit on files, or choose another disk";
+    case EIO:
+      return text + ": the disk may be failing, choose another";
+    default:
+      return text;
+  }
+}
+
+struct SystemError {
+  int number;
+};
+
+class File {
+ public:
+  File(const fs::path& file, int flags) : descriptor_(open(file.c_str(), flags | O_CLOEXEC, 0666)) {
+    if (descriptor_ < 0) throw SystemError{errno};
+  }
+  ~File() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+  }
+  File(const File&) = delete;
+  File& operator=(const File&) = delete;
+  [[nodiscard]] int descriptor() const { return descriptor_; }
+  void write(const char* bytes, std::size_t count) const {
+    while (count > 0) {
+      const ssize_t written = ::write(descriptor_, bytes, count);
+      if (written < 0 && errno == EINTR) continue;
+      if (written <= 0) throw SystemError{written == 0 ? ENOSPC : errno};
+      bytes += written;
+      count -= static_cast<std::size_t>(written);
+    }
+  }
+  void sync() const {
+    if (fsync(descriptor_) != 0) throw SystemError{errno};
+  }
+  void close() {
+    if (::close(std::exchange(descriptor_, -1)) != 0) throw SystemError{errno};
+  }
+
+ private:
+  int descriptor_;
+};
+
+void sync(const fs::path& folder) {
   try {
-    if (!std::ofstream(temporary)) throw std::runtime_error("the folder is missing or not writable");
-    write(temporary);
-    fs::rename(temporary, file);
+    File(folder.empty() ? fs::path(".") : folder, O_RDONLY | O_DIRECTORY).sync();
+  } catch (const SystemError& error) {
+    if (error.number != EINVAL && error.number != ENOTSUP) throw;  // of a file system whose folders need none
+  }
+}
+
+/// A stream's way into a file: few large writes, and the first error is kept, since streams do not tell it.
+class FileBuffer final : public std::streambuf {
+ public:
+  explicit FileBuffer(const File& file) : file_(file), bytes_(kBuffer) { start(); }
+  [[nodiscard]] int error() const { return error_; }
+
+ protected:
+  int sync() override {
+    if (error_ == 0) try {
+        file_.write(pbase(), static_cast<std::size_t>(pptr() - pbase()));
+      } catch (const SystemError& error) {
+        error_ = error.number;
+      }
+    start();
+    return error_ == 0 ? 0 : -1;
+  }
+  int_type overflow(int_type c) override {
+    if (sync() != 0) return traits_type::eof();
+    return traits_type::eq_int_type(c, traits_type::eof()) ? traits_type::not_eof(c)
+                                                           : sputc(traits_type::to_char_type(c));
+  }
+  pos_type seekoff(off_type offset, std::ios_base::seekdir from, std::ios_base::openmode) override {
+    static constexpr int kFrom[] = {SEEK_SET, SEEK_CUR, SEEK_END};
+    if (sync() != 0) return pos_type(off_type(-1));
+    return lseek(file_.descriptor(), offset, kFrom[static_cast<int>(from)]);
+  }
+  pos_type seekpos(pos_type position, std::ios_base::openmode mode) override {
+    return seekoff(off_type(position), std::ios_base::beg, mode);
+  }
+
+ private:
+  void start() { setp(bytes_.data(), bytes_.data() + bytes_.size()); }
+  const File& file_;
+  std::vector<char> bytes_;
+  int error_ = 0;
+};
+
+/// A new temporary file. The lock on it tells that its writer lives, see remove_leftovers.
+std::unique_ptr<File> begin(const fs::path& temporary) {
+  while (true) {
+    auto file = std::make_unique<File>(temporary, O_RDWR | O_CREAT | O_TRUNC);
+    (void)flock(file->descriptor(), LOCK_EX | LOCK_NB);  // where there are no locks, nothing is taken for left over
+    struct stat now {};
+    if (fstat(file->descriptor(), &now) != 0 || now.st_nlink > 0) return file;
+  }
+}
+
+void write_temporary(const fs::path& file, Durable durable, const std::function<void(const File&)>& write) {
+  // The extension stays last, so that nobody takes it for another kind of file.
+  fs::path name = std::string(kTemporary) + std::to_string(getpid()) + ".";
+  name += file.filename();
+  const fs::path temporary = file.parent_path() / name;
+  bool exists = false;
+  try {
+    const auto out = begin(temporary);
+    exists = true;
+    write(*out);
+    if (durable == Durable::now) out->sync();
+    if (std::rename(temporary.c_str(), file.c_str()) != 0) throw SystemError{errno};
+    exists = false;
+    out->close();
+    if (durable == Durable::now) sync(file.parent_path());
+  } catch (const SystemError& error) {
+    if (exists) unlink(temporary.c_str());
+    throw std::runtime_error("cannot write " + file.string() + ": " + reason(error.number));
   } catch (const std::exception& error) {
-    fs::remove(temporary, ignored);
+    if (exists) unlink(temporary.c_str());
     throw std::runtime_error("cannot write " + file.string() + ": " + error.what());
   }
 }
 
-void write_whole(const std::filesystem::path& file, std::string_view text) {
-  write_whole(file, [&](const std::filesystem::path& temporary) {
-    std::ofstream out(temporary, std::ios::binary);
-    out.write(text.data(), static_cast<std::streamsize>(text.size()));
-    if (!out.flush()) throw std::runtime_error("the disk is full");
+}  // namespace
+
+void write_whole(const fs::path& file, const std::function<void(std::ostream&)>& write) {
+  write_temporary(file, Durable::now, [&](const File& to) {
+    FileBuffer buffer(to);
+    std::ostream out(&buffer);
+    try {
+      write(out);
+      out.flush();
+    } catch (...) {
+      if (buffer.error() == 0) throw;  // else this is only what followed from it
+    }
+    if (buffer.error() != 0) throw SystemError{buffer.error()};
   });
 }
 
-void write_whole(const std::filesystem::path& file, std::span<const std::uint8_t> bytes) {
-  write_whole(file, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+void write_whole(const fs::path& file, std::string_view text, Durable durable) {
+  write_temporary(file, durable, [&](const File& to) { to.write(text.data(), text.size()); });
+}
+
+void write_whole(const fs::path& file, std::span<const std::uint8_t> bytes, Durable durable) {
+  write_whole(file, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()), durable);
+}
+
+void remove_leftovers(const fs::path& folder) {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with(kTemporary) || !entry.is_regular_file(error)) continue;
+    const std::size_t end = name.find_first_not_of("0123456789", kTemporary.size());
+    if (end == kTemporary.size() || end == name.npos || name[end] != '.') continue;
+    try {
+      const File left(entry.path(), O_RDWR);
+      if (flock(left.descriptor(), LOCK_EX | LOCK_NB) == 0) unlink(entry.path().c_str());
+    } catch (const SystemError&) {
+      // Somebody else's: it stays.
+    }
+  }
+}
+
+void sync_folder(const fs::path& folder) {
+  try {
+    sync(folder);
+  } catch (const SystemError& error) {
+    throw std::runtime_error("cannot write " + folder.string() + ": " + reason(error.number));
+  }
 }
 
 }  // namespace cairn

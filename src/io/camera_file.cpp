@@ -12,38 +12,58 @@
 #include <utility>
 #include <vector>
 
+#include "io/read_whole.hpp"
+#include "io/words.hpp"
+
 namespace cairn {
 namespace {
 
-std::vector<double> numbers(const YAML::Node& node, std::size_t count, const char* what) {
-  const auto values = node.as<std::vector<double>>();
-  if (values.size() != count) throw std::runtime_error(what);
+constexpr double kLeastUnits = 1, kMostUnits = 1e6;  // of depth images, per metre
+constexpr double kFarthest = 10;                     // metres between the two cameras
+
+/// The node's value, or an error that names the key and the line.
+template <class T>
+T value_of(const YAML::Node& node, const std::string& key, const char* expected) {
+  try {
+    return node.as<T>();
+  } catch (const YAML::Exception&) {
+    throw YAML::Exception(node.Mark(), "`" + key + "` takes " + expected);
+  }
+}
+
+std::vector<double> numbers(const YAML::Node& y, const char* key, std::size_t count, const char* expected) {
+  const auto values = value_of<std::vector<double>>(y[key], key, expected);
+  if (values.size() != count) throw std::runtime_error(fmt::format("`{}` takes {}", key, expected));
   return values;
 }
 
 Camera read_camera(const YAML::Node& y) {
+  if (!y.IsMap()) throw std::runtime_error("expected lines such as `fx: 525.0`");
   Camera c;
   for (const auto& [name, field] : {std::pair{"fx", &c.fx}, {"fy", &c.fy}, {"cx", &c.cx}, {"cy", &c.cy}}) {
     if (!y[name]) throw std::runtime_error(std::string("`") + name + "` is missing");
-    *field = y[name].as<double>();
+    *field = value_of<double>(y[name], name, "a number");
   }
-  c.width = y["width"].as<int>(640);
-  c.height = y["height"].as<int>(480);
+  for (const auto& [name, field] : {std::pair{"width", &c.width}, {"height", &c.height}})
+    if (y[name]) *field = value_of<int>(y[name], name, "a whole number");
   if (y["distortion"]) {
-    const auto d = numbers(y["distortion"], 5, "`distortion` takes k1 k2 p1 p2 k3");
+    const auto d = numbers(y, "distortion", 5, "k1 k2 p1 p2 k3");
     std::copy(d.begin(), d.end(), c.distortion.begin());
   }
-  if (!(c.fx > 0 && c.fy > 0 && c.width > 0 && c.height > 0))
-    throw std::runtime_error("focal lengths and size must be positive");
+  check(c);
   return c;
 }
 
 ColourCamera read_colour_camera(const YAML::Node& y) {
   ColourCamera colour{.camera = read_camera(y)};
-  const auto t = numbers(y["translation"], 3, "`translation` takes x y z, metres");
-  const auto q = numbers(y["rotation"], 4, "`rotation` takes qx qy qz qw");
+  const auto t = numbers(y, "translation", 3, "x y z, metres");
+  const auto q = numbers(y, "rotation", 4, "qx qy qz qw");
+  for (const double metres : t)
+    if (!(std::abs(metres) <= kFarthest))
+      throw std::runtime_error(
+          fmt::format("`translation` has {}, allowed is -{} to {} metres", metres, kFarthest, kFarthest));
   const Eigen::Quaterniond rotation(q[3], q[0], q[1], q[2]);
-  if (std::abs(rotation.norm() - 1) > 1e-2) throw std::runtime_error("`rotation` is no unit quaternion");
+  if (!(std::abs(rotation.norm() - 1) <= 1e-2)) throw std::runtime_error("`rotation` is no unit quaternion");
   colour.colour_from_depth.linear() = rotation.normalized().toRotationMatrix();
   colour.colour_from_depth.translation() = Eigen::Vector3d(t[0], t[1], t[2]);
   return colour;
@@ -51,19 +71,26 @@ ColourCamera read_colour_camera(const YAML::Node& y) {
 
 }  // namespace
 
+void check_depth_scale(double units) {
+  if (!(units >= kLeastUnits && units <= kMostUnits))  // NaN, too
+    throw std::runtime_error(
+        fmt::format("depth_scale is {}, allowed is {} to {} units per metre", units, kLeastUnits, kMostUnits));
+}
+
 CameraFile read_camera_file(const std::filesystem::path& file) {
+  const std::string name = file.string();
   try {
-    const YAML::Node y = YAML::LoadFile(file.string());
-    CameraFile read{.camera = read_camera(y), .depth_scale = y["depth_scale"].as<double>(5000.0), .colour = {}};
-    if (!(read.depth_scale > 0)) throw std::runtime_error("depth_scale must be positive");
+    const auto bytes = read_whole(file);
+    const YAML::Node y = YAML::Load(std::string(bytes.begin(), bytes.end()));
+    CameraFile read{.camera = read_camera(y), .colour = {}};
+    if (y["depth_scale"]) read.depth_scale = value_of<double>(y["depth_scale"], "depth_scale", "a number");
+    check_depth_scale(read.depth_scale);
     if (y["colour"]) read.colour = read_colour_camera(y["colour"]);
     return read;
-  } catch (const YAML::BadFile&) {
-    throw std::runtime_error(file.string() + ": cannot be read");
   } catch (const YAML::Exception& error) {
-    throw std::runtime_error(file.string() + ":" + std::to_string(error.mark.line + 1) + ": " + error.msg);
+    throw std::runtime_error(name + ":" + std::to_string(error.mark.line + 1) + ": " + shown(error.msg));
   } catch (const std::runtime_error& error) {
-    throw std::runtime_error(file.string() + ": " + error.what());
+    throw std::runtime_error(name + ": " + error.what());
   }
 }
 

@@ -23,9 +23,12 @@ struct CameraFile {
   std::optional<ColourCamera> colour;  // none: it shares the depth camera's view
 };
 
+/// Throws std::runtime_error with the value and the range that is allowed.
+void check_depth_scale(double units_per_metre);
+
 /// width, height, fx, fy, cx, cy, and perhaps distortion [k1, k2, p1, p2, k3], depth_scale and `colour`: the same keys
 /// with translation [x, y, z] and rotation [qx, qy, qz, qw] of colour_from_depth. Throws std::runtime_error with file
-/// and line.
+/// and line, or file and key.
 [[nodiscard]] CameraFile read_camera_file(const std::filesystem::path& file);
 /// The file's text for a camera that colour and depth share.
 [[nodiscard]] std::string camera_file_text(const Camera& camera, double depth_scale);

@@ -24,7 +24,8 @@ std::optional<Recording> read_icl_nuim(const std::filesystem::path& folder) {
     const bool depth_first = words[1].starts_with("depth");
     // A shortened copy of the set may keep the whole list.
     const fs::path depth = folder / words[depth_first ? 1 : 3];
-    if (fs::exists(depth)) recording.entries.push_back({time, depth, folder / words[depth_first ? 3 : 1]});
+    std::error_code ignored;  // a name that no file can have
+    if (fs::exists(depth, ignored)) recording.entries.push_back({time, depth, folder / words[depth_first ? 3 : 1]});
   });
   if (recording.entries.empty()) throw std::runtime_error(list.string() + ": lists no image that exists");
   std::stable_sort(recording.entries.begin(), recording.entries.end(),

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "io/recording.hpp"
+#include "io/words.hpp"
 
 namespace cairn {
 
@@ -15,6 +16,7 @@ void for_each_line(const std::filesystem::path& file,
   if (!in) throw std::runtime_error(file.string() + ": cannot be read");
   std::string line;
   for (int number = 1; std::getline(in, line); ++number) {
+    if (number == 1 && line.starts_with("\xef\xbb\xbf")) line.erase(0, 3);  // a mark that Windows' editors leave
     std::istringstream stream(line);
     std::vector<std::string> words;
     for (std::string word; stream >> word;) words.push_back(word);
@@ -23,11 +25,10 @@ void for_each_line(const std::filesystem::path& file,
 }
 
 double number_of(const std::string& word, const std::filesystem::path& file, int line) {
-  char* end = nullptr;
-  const double value = std::strtod(word.c_str(), &end);
-  if (end == word.c_str() || *end != '\0' || !std::isfinite(value))
-    throw std::runtime_error(file.string() + ":" + std::to_string(line) + ": '" + word + "' is not a number");
-  return value;
+  const auto value = number_in(word);
+  if (!value || !std::isfinite(*value))
+    throw std::runtime_error(file.string() + ":" + std::to_string(line) + ": '" + shown(word) + "' is not a number");
+  return *value;
 }
 
 }  // namespace cairn

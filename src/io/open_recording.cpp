@@ -2,13 +2,13 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <opencv2/core/utils/logger.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 #include "cairn/source.hpp"
+#include "io/image_file.hpp"
+#include "io/read_whole.hpp"
 #include "io/recording.hpp"
 #include "io/wrapped_source.hpp"
 
@@ -26,26 +26,6 @@ Recording read_recording(const fs::path& folder) {
   throw std::runtime_error(folder.string() +
                            ": no known recording; expected rgb.txt and depth.txt (TUM), frame-000000.depth.png "
                            "(7-Scenes), associations.txt (ICL-NUIM) or intrinsics.json");
-}
-
-/// Reads a whole image file. The decoders fill a cut-off image with grey and only print a warning, so the end is
-/// checked.
-cv::Mat decode(const fs::path& file, int flags) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) throw std::runtime_error("cannot be read");
-  const std::vector<char> bytes{std::istreambuf_iterator<char>(in), {}};
-  const std::string_view all(bytes.data(), bytes.size());
-  const std::string_view end = all.substr(all.size() - std::min<std::size_t>(all.size(), 64));
-  const bool png = all.starts_with("\x89PNG"), jpeg = all.starts_with("\xff\xd8");
-  if ((png && end.find("IEND") == end.npos) || (jpeg && end.find("\xff\xd9") == end.npos))
-    throw std::runtime_error("the file is cut off");
-  cv::Mat image;
-  try {
-    image = cv::imdecode(cv::Mat(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data())), flags);
-  } catch (const cv::Exception&) {
-  }
-  if (image.empty()) throw std::runtime_error("is no image that can be decoded");
-  return image;
 }
 
 class RecordingSource final : public Source {
@@ -97,7 +77,7 @@ class RecordingSource final : public Source {
  private:
   std::vector<float> read_depth(const fs::path& file) const {
     const Camera& c = recording_.camera;
-    const cv::Mat image = decode(file, cv::IMREAD_UNCHANGED);
+    const cv::Mat image = decode_image(read_whole(file), cv::IMREAD_UNCHANGED);
     if (image.type() != CV_16UC1) throw std::runtime_error("depth must be a 16-bit image with one channel");
     if (image.cols != c.width || image.rows != c.height)
       throw std::runtime_error("is " + std::to_string(image.cols) + "x" + std::to_string(image.rows) + ", the camera " +
@@ -121,8 +101,8 @@ class RecordingSource final : public Source {
   /// Colour at the size of depth; empty when its shape is another.
   std::vector<std::uint32_t> read_colour(const fs::path& file) const {
     const Camera& c = recording_.camera;
-    cv::Mat image = decode(file, cv::IMREAD_COLOR), rgba;
-    if (image.cols * c.height != image.rows * c.width) return {};
+    cv::Mat image = decode_image(read_whole(file), cv::IMREAD_COLOR), rgba;
+    if (std::int64_t{image.cols} * c.height != std::int64_t{image.rows} * c.width) return {};
     if (image.cols != c.width) cv::resize(image, image, {c.width, c.height}, 0, 0, cv::INTER_AREA);
     cv::cvtColor(image, rgba, cv::COLOR_BGR2RGBA);
     const auto* data = rgba.ptr<std::uint32_t>();

@@ -16,6 +16,7 @@
 #include "cairn/source.hpp"
 #include "io/camera_file.hpp"
 #include "io/colour_registration.hpp"
+#include "io/oni_file.hpp"
 
 namespace cairn {
 namespace {
@@ -85,7 +86,7 @@ void choose_mode(openni::VideoStream& stream, openni::PixelFormat format) {
     }
 }
 
-Camera camera_of(const openni::VideoStream& depth) {
+Camera camera_of(const openni::VideoStream& depth, const std::string& name) {
   const auto mode = depth.getVideoMode();
   const double w = mode.getResolutionX(), h = mode.getResolutionY();
   // OpenNI2 measures from the image's corner (CoordinateConverter), so its middle is half a pixel before ours.
@@ -93,7 +94,12 @@ Camera camera_of(const openni::VideoStream& depth) {
   camera.fx = w / 2 / std::tan(depth.getHorizontalFieldOfView() / 2.0);
   camera.fy = h / 2 / std::tan(depth.getVerticalFieldOfView() / 2.0);
   if (!(camera.fx > 0 && std::isfinite(camera.fx) && camera.fy > 0 && std::isfinite(camera.fy)))
-    throw std::runtime_error("does not tell its field of view; give its intrinsics with --camera camera.yaml");
+    throw std::runtime_error(name + ": does not tell its field of view; give its intrinsics with --camera camera.yaml");
+  try {
+    check(camera);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(name + ": " + error.what() + ", or give them with --camera camera.yaml");
+  }
   return camera;
 }
 
@@ -101,6 +107,7 @@ class OpenNiSource final : public Source {
  public:
   OpenNiSource(const std::string& uri, const OpenNiOptions& options) : name_(uri.empty() ? "openni:" : uri) {
     start_openni();
+    if (std::error_code ignored; name_.ends_with(".oni") && fs::is_regular_file(name_, ignored)) check_oni(name_);
     const auto opened = device_.open(uri.empty() ? openni::ANY_DEVICE : uri.c_str());
     if (opened != openni::STATUS_OK) fail(opened);
     if (device_.isFile() && device_.getPlaybackControl() == nullptr)
@@ -112,7 +119,7 @@ class OpenNiSource final : public Source {
     if (!device_.isFile()) prepare_sensor();
     read_formats();
     if (options.camera.empty())
-      camera_ = camera_of(depth_);
+      camera_ = camera_of(depth_, name_);
     else
       use(read_camera_file(options.camera), options.camera);
     if (auto* playback = device_.getPlaybackControl()) {
@@ -240,6 +247,13 @@ class OpenNiSource final : public Source {
 
   static double seconds(const openni::VideoFrameRef& image) { return static_cast<double>(image.getTimestamp()) * 1e-6; }
 
+  /// Whether the image has the bytes that its size asks for: a file may say anything.
+  static bool is_whole(const openni::VideoFrameRef& image, int bytes_per_pixel) {
+    const std::int64_t width = image.getWidth(), height = image.getHeight(), stride = image.getStrideInBytes();
+    return width > 0 && height > 0 && stride >= width * bytes_per_pixel && image.getData() != nullptr &&
+           stride * (height - 1) + width * bytes_per_pixel <= image.getDataSize();
+  }
+
   /// Calls `pixel(target index, source row, source column)`; the source is turned where the stream is mirrored.
   template <class Pixel>
   static void for_each_pixel(const openni::VideoFrameRef& image, bool mirrored, Pixel&& pixel) {
@@ -258,6 +272,8 @@ class OpenNiSource final : public Source {
     Frame frame{.timestamp = seconds(image), .world_from_camera = {}, .acceleration = {}};
     if (image.getWidth() != camera_.width || image.getHeight() != camera_.height) {
       frame.problem = "the depth image is not of the camera's size";
+    } else if (!is_whole(image, 2)) {
+      frame.problem = "the depth image is cut off";
     } else {
       frame.depth.resize(static_cast<std::size_t>(image.getWidth()) * static_cast<std::size_t>(image.getHeight()));
       for_each_pixel(image, depth_.getMirroringEnabled(), [&](std::size_t i, const std::uint8_t* row, int x) {
@@ -270,6 +286,7 @@ class OpenNiSource final : public Source {
   }
 
   void take_colour(const openni::VideoFrameRef& image) {
+    if (!is_whole(image, 3)) return;
     Image colour{.timestamp = seconds(image), .pixels = {}};
     colour.pixels.resize(static_cast<std::size_t>(image.getWidth()) * static_cast<std::size_t>(image.getHeight()));
     for_each_pixel(image, colour_.getMirroringEnabled(), [&](std::size_t i, const std::uint8_t* row, int x) {

@@ -10,6 +10,9 @@
 #include <stdexcept>
 #include <string>
 
+#include "io/read_whole.hpp"
+#include "io/words.hpp"
+
 namespace cairn {
 namespace {
 
@@ -50,37 +53,35 @@ void for_each_option(Options& o, Visit&& visit) {
 }  // namespace
 
 void read_options(const std::filesystem::path& file, Options& options) {
-  YAML::Node root;
-  try {
-    root = YAML::LoadFile(file.string());
-  } catch (const YAML::ParserException& error) {
-    throw std::runtime_error(file.string() + ":" + std::to_string(error.mark.line + 1) + ": " + error.msg);
-  } catch (const YAML::BadFile&) {
-    throw std::runtime_error(file.string() + ": cannot be read");
-  }
   std::map<std::string, std::function<void(const YAML::Node&)>> setters;
   for_each_option(options, [&](const char* name, auto& field, auto, auto) {
     setters[name] = [&field](const YAML::Node& node) { field = node.as<std::remove_reference_t<decltype(field)>>(); };
   });
-  const auto where = [&](const YAML::Node& node) {
-    return file.string() + ":" + std::to_string(node.Mark().line + 1) + ": ";
-  };
-  if (root.IsNull()) return;
-  if (!root.IsMap()) throw std::runtime_error(where(root) + "expected sections such as `fuse:`");
-  for (const auto& section : root) {
-    const auto name = section.first.as<std::string>();
-    if (!section.second.IsMap())
-      throw std::runtime_error(where(section.first) + "`" + name + "` is no section of options");
-    for (const auto& option : section.second) {
-      const std::string full = name + "." + option.first.as<std::string>();
-      const auto setter = setters.find(full);
-      if (setter == setters.end()) throw std::runtime_error(where(option.first) + "there is no option `" + full + "`");
-      try {
-        setter->second(option.second);
-      } catch (const YAML::Exception&) {
-        throw std::runtime_error(where(option.second) + "`" + full + "` does not take this value");
-      }
+  const auto set = [&](const YAML::Node& key, const YAML::Node& value, const std::string& section) {
+    const std::string name = section + "." + key.Scalar();
+    const auto setter = setters.find(name);
+    if (setter == setters.end()) throw YAML::Exception(key.Mark(), "there is no option `" + name + "`");
+    try {
+      setter->second(value);
+    } catch (const YAML::Exception&) {
+      throw YAML::Exception(value.Mark(), "`" + name + "` does not take this value");
     }
+  };
+  try {
+    const auto bytes = read_whole(file);
+    const YAML::Node root = YAML::Load(std::string(bytes.begin(), bytes.end()));
+    if (root.IsNull()) return;
+    if (!root.IsMap()) throw YAML::Exception(root.Mark(), "expected sections such as `fuse:`");
+    for (const auto& section : root) {
+      const std::string& name = section.first.Scalar();
+      if (!section.second.IsMap())
+        throw YAML::Exception(section.first.Mark(), "`" + name + "` is no section of options");
+      for (const auto& option : section.second) set(option.first, option.second, name);
+    }
+  } catch (const YAML::Exception& error) {
+    throw std::runtime_error(file.string() + ":" + std::to_string(error.mark.line + 1) + ": " + shown(error.msg));
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(file.string() + ": " + error.what());
   }
   check(options);
 }

@@ -21,6 +21,7 @@ Eigen::Isometry3d read_pose(const fs::path& file) {
   for (int r = 0; r < 3; ++r)
     for (int c = 0; c < 4; ++c) pose.matrix()(r, c) = v[static_cast<std::size_t>(4 * r + c)];
   pose.linear() = Eigen::Quaterniond(pose.linear()).normalized().toRotationMatrix();
+  if (!pose.matrix().allFinite()) throw std::runtime_error(file.string() + ": its numbers are too large for a pose");
   return pose;
 }
 

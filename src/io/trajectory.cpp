@@ -10,40 +10,37 @@
 #include <stdexcept>
 
 #include "io/atomic_file.hpp"
+#include "io/recording.hpp"
+#include "io/words.hpp"
 
 namespace cairn {
 
 Trajectory read_trajectory(const std::filesystem::path& file) {
-  std::ifstream in(file);
-  if (!in) throw std::runtime_error(file.string() + ": cannot be read");
   Trajectory trajectory;
-  std::string line;
-  for (int number = 1; std::getline(in, line); ++number) {
-    const std::size_t first = line.find_first_not_of(" \t\r");
-    if (first == std::string::npos || line[first] == '#') continue;
-    std::replace(line.begin(), line.end(), ',', ' ');
-    const auto wrong = [&](const char* why) {
-      return std::runtime_error(file.string() + ":" + std::to_string(number) + ": " + why +
+  for_each_line(file, [&](int line, const std::vector<std::string>& words) {
+    const auto wrong = [&](const std::string& why) {
+      return std::runtime_error(file.string() + ":" + std::to_string(line) + ": " + why +
                                 "; expected `timestamp tx ty tz qx qy qz qw`");
     };
-    double v[8];
-    std::istringstream words(line);
-    std::string word;
-    for (double& value : v) {
-      if (!(words >> word)) throw wrong("fewer than 8 numbers");
-      char* end = nullptr;
-      value = std::strtod(word.c_str(), &end);
-      if (*end != '\0') throw wrong("not a number");
-      if (!std::isfinite(value)) throw wrong("a number is not finite");
+    std::vector<double> v;
+    for (std::string word : words) {
+      std::replace(word.begin(), word.end(), ',', ' ');
+      std::istringstream parts(word);
+      for (std::string part; parts >> part;) {
+        const auto value = number_in(part);
+        if (!value) throw wrong("'" + shown(part) + "' is not a number");
+        if (!std::isfinite(*value)) throw wrong("a number is not finite");
+        v.push_back(*value);
+      }
     }
-    if (words >> word) throw wrong("more than 8 numbers");
+    if (v.size() != 8) throw wrong(v.size() < 8 ? "fewer than 8 numbers" : "more than 8 numbers");
     const Eigen::Quaterniond q(v[7], v[4], v[5], v[6]);
-    if (q.norm() < 1e-6) throw wrong("the quaternion is zero");
+    if (!is_rotation(q)) throw wrong("the quaternion is zero or too large");
     StampedPose pose{.timestamp = v[0]};
     pose.world_from_camera.linear() = q.normalized().toRotationMatrix();
     pose.world_from_camera.translation() = Eigen::Vector3d(v[1], v[2], v[3]);
     trajectory.push_back(pose);
-  }
+  });
   if (trajectory.empty()) throw std::runtime_error(file.string() + ": holds no pose");
   std::stable_sort(trajectory.begin(), trajectory.end(),
                    [](const StampedPose& a, const StampedPose& b) { return a.timestamp < b.timestamp; });
@@ -51,8 +48,7 @@ Trajectory read_trajectory(const std::filesystem::path& file) {
 }
 
 void write_trajectory(const std::filesystem::path& file, const Trajectory& trajectory) {
-  write_whole(file, [&](const std::filesystem::path& temporary) {
-    std::ofstream out(temporary);
+  write_whole(file, [&](std::ostream& out) {
     out << "# timestamp tx ty tz qx qy qz qw: world_from_camera, seconds and metres\n" << std::fixed;
     for (const auto& [timestamp, pose] : trajectory) {
       Eigen::Quaterniond q(pose.linear());
@@ -63,7 +59,6 @@ void write_trajectory(const std::filesystem::path& file, const Trajectory& traje
         out << ' ' << v;
       out << '\n';
     }
-    if (!out.flush()) throw std::runtime_error("the disk is full");
   });
 }
 

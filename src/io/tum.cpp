@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // TUM RGB-D benchmark (Sturm et al. 2012): rgb.txt and depth.txt list images with their times.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -15,6 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 constexpr double kAccelerationWindow = 0.25;  // seconds around a frame, so that the hand's shaking averages out
 constexpr double kMaxTimeDifference = 0.02;   // seconds between a depth image and its colour image
+constexpr std::size_t kMostNear = 1000;       // colour images at a depth image's time, more than any camera takes
 
 struct Stamped {
   double timestamp;
@@ -42,8 +45,13 @@ std::vector<int> associate(const std::vector<Stamped>& depth, const std::vector<
   for (std::size_t d = 0; d < depth.size(); ++d) {
     auto it = std::lower_bound(order.begin(), order.end(), depth[d].timestamp - kMaxTimeDifference,
                                [&](int i, double t) { return time(i) < t; });
-    for (; it != order.end() && time(*it) <= depth[d].timestamp + kMaxTimeDifference; ++it)
+    const std::size_t known = pairs.size();
+    for (; it != order.end() && time(*it) <= depth[d].timestamp + kMaxTimeDifference; ++it) {
+      if (pairs.size() - known == kMostNear)
+        throw std::runtime_error(fmt::format("rgb.txt: lists more than {} images within {} s of each other", kMostNear,
+                                             2 * kMaxTimeDifference));
       pairs.emplace_back(std::abs(time(*it) - depth[d].timestamp), static_cast<int>(d), *it);
+    }
   }
   std::sort(pairs.begin(), pairs.end());
   std::vector<int> match(depth.size(), -1);

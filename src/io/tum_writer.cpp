@@ -59,8 +59,9 @@ void TumWriter::add(const EncodedFrame& frame) {
   const std::string depth = "depth/" + name + ".png",
                     colour_time = fmt::format("{:.6f}", frame.timestamp + frame.colour_delay),
                     colour = "rgb/" + name + frame.colour_extension;
-  write_whole(folder_ / depth, frame.depth);
-  if (!frame.colour.empty()) write_whole(folder_ / colour, frame.colour);
+  // Nothing is waited for: the sensor goes on.
+  write_whole(folder_ / depth, frame.depth, Durable::some_time);
+  if (!frame.colour.empty()) write_whole(folder_ / colour, frame.colour, Durable::some_time);
   bytes_ += frame.depth.size() + frame.colour.size();
   if (!frame.colour.empty()) append("rgb.txt", colour_time + " " + colour + "\n");
   if (frame.acceleration)  // in a Kinect's axes: y up, z forward

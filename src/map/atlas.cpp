@@ -83,10 +83,11 @@ void Atlas::join(const PoseGraph::Edge& edge) {
     if (first[k] == first[moving]) world_from_camera[k] = move * world_from_camera[k];
 }
 
-Trajectory Atlas::trajectory(std::size_t piece, std::size_t begin, std::size_t end) const {
+Trajectory Atlas::trajectory(std::size_t piece, std::size_t begin, std::size_t end, std::size_t step) const {
   const auto piece_of = pieces();
   Trajectory trajectory;
-  for (std::size_t i = begin; i < std::min(end, frames.size()); ++i) {
+  end = std::min(end, frames.size());
+  for (std::size_t i = begin; i < end; i += i + 1 < end ? std::min(step, end - 1 - i) : 1) {
     const FusedFrame& frame = frames[i];
     const std::size_t k = frame.keyframe, next = k + 1;
     if (piece_of[k] != piece) continue;

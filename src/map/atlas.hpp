@@ -48,8 +48,10 @@ struct Atlas {
   void take(const PoseGraph& graph, const OptimiseReport& report);
   /// Moves the piece of one keyframe rigidly so that it lies to another as measured.
   void join(const PoseGraph::Edge& edge);
-  /// Of a piece's frames from `begin` to `end`: corrections are interpolated between keyframes.
-  [[nodiscard]] Trajectory trajectory(std::size_t piece, std::size_t begin, std::size_t end) const;
+  /// Of a piece's frames from `begin` to `end`, every `step`-th and the last: corrections are interpolated between
+  /// keyframes.
+  [[nodiscard]] Trajectory trajectory(std::size_t piece, std::size_t begin, std::size_t end,
+                                      std::size_t step = 1) const;
 };
 
 }  // namespace cairn

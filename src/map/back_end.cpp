@@ -16,6 +16,7 @@ constexpr double kChance = 22.46;                    // 99.9 % of the chi-square
 constexpr double kSlipped = 0.005, kTurned = 0.003;  // metres, radians: less is not worth an optimisation at once
 constexpr std::size_t kAgreeing = 3;                 // loops that join two sessions
 constexpr double kAgreeTurn = 0.1, kAgreeShift = 0.3;  // radians, metres that these may differ by: both have drifted
+constexpr double kMany = 0.75;                         // of the keyframes that end a submap
 constexpr double kUnmoved = 1e-4;                      // metres, radians
 
 double milliseconds(std::chrono::steady_clock::time_point since) {
@@ -24,24 +25,29 @@ double milliseconds(std::chrono::steady_clock::time_point since) {
 
 }  // namespace
 
-BackEnd::BackEnd(gpu::Device& device, const Camera& camera, const Options& options)
+BackEnd::BackEnd(gpu::Device& device, const Camera& camera, const Options& options, Access access)
     : camera_(camera),
       options_(options),
       match_(device, camera, options),
-      images_(camera, options.session.empty() ? std::filesystem::path() : options.session / "keyframes"),
-      submaps_(options.session, options.map.host_memory),
+      images_(camera, options.session.empty() ? std::filesystem::path() : options.session / "keyframes", access),
+      submaps_(options.session, options.map.host_memory, access),
       world_(device, options.fuse) {
-  if (!options.session.empty()) std::filesystem::create_directories(options.session / "keyframes");
+  if (!options.session.empty() && access == Access::write)
+    std::filesystem::create_directories(options.session / "keyframes");
 }
 
 bool BackEnd::add(const Frame& frame, const Eigen::Isometry3d& submap_from_camera, const Matrix6d* information,
                   Volume& volume, std::uint32_t stamp) {
   const bool breaks = std::exchange(breaks_, false);
-  const bool is_keyframe = breaks || submap_begin_ == atlas_.keyframes.size() ||
-                           is_apart(atlas_.keyframes.back().submap_from_camera, submap_from_camera);
+  const bool is_keyframe = breaks || submap_begin_ == atlas_.keyframes.size() || is_new_view(submap_from_camera);
   if (is_keyframe) {
     take_optimised();
-    if (!breaks && is_full(submap_from_camera, volume)) end_submap(volume, stamp, true);
+    // After the whole map was looked at nothing is in the submap yet.
+    if (!breaks && submap_begin_ < atlas_.keyframes.size() && is_full(submap_from_camera, volume))
+      end_submap(volume, stamp, true);
+    Features features;
+    warnings_.attempt("keyframes without corners are not recognised",
+                      [&] { features = describe(frame.colour, frame.depth, camera_); });
     atlas_.add({.frame = frame.index,
                 .timestamp = frame.timestamp,
                 .colour_delay = frame.colour_delay,
@@ -52,13 +58,24 @@ bool BackEnd::add(const Frame& frame, const Eigen::Isometry3d& submap_from_camer
                 .submap_from_camera = submap_from_camera,
                 .information = information != nullptr ? *information : Matrix6d::Zero(),
                 .acceleration = frame.acceleration});
-    places_.add({submap_from_camera, describe(frame.colour, frame.depth, camera_)});
-    images_.put(atlas_.keyframes.size() - 1, frame, places_[places_.size() - 1].features);
+    warnings_.attempt("keyframes without images close no loops",
+                      [&] { images_.put(atlas_.keyframes.size() - 1, frame, features); });
+    places_.add({.submap_from_camera = submap_from_camera, .features = std::move(features), .is_here = true});
     if (breaks && in_world_) tie_to_world(information);
     if (options_.map.loops) look_for_loop();
   }
   atlas_.frames.push_back({frame.timestamp, submap_from_camera, atlas_.keyframes.size() - 1});
   return is_keyframe;
+}
+
+/// Whether the camera left the last keyframe, and in a submap that has many all others of it as well: tracking holds to
+/// what they saw, so that going there again tells nothing new, and a room that is seen for hours stays one submap.
+bool BackEnd::is_new_view(const Eigen::Isometry3d& submap_from_camera) const {
+  const auto left = [&](const Keyframe& k) { return is_apart(k.submap_from_camera, submap_from_camera); };
+  const auto begin = atlas_.keyframes.begin() + static_cast<std::ptrdiff_t>(submap_begin_),
+             end = atlas_.keyframes.end();
+  const bool has_many = static_cast<double>(end - begin) >= kMany * options_.map.submap_keyframes;
+  return has_many ? std::all_of(begin, end, left) : left(atlas_.keyframes.back());
 }
 
 bool BackEnd::is_full(const Eigen::Isometry3d& submap_from_camera, const Volume& volume) const {
@@ -72,17 +89,23 @@ void BackEnd::end_submap(Volume& volume, std::uint32_t stamp, bool keep) {
   if (submap_begin_ == atlas_.keyframes.size()) {  // nothing was fused since the last one
     if (keep) return;
     volume.adopt({});
-    searched_ = atlas_.keyframes.size();
-    breaks_ = true;
+    leave_frame();
     return;
   }
   BrickTree voxels = volume.split(submap_since_, atlas_.frames.back().submap_from_camera.translation(),
                                   keep ? options_.surface.max_depth : 0.0f);
   submaps_.add(std::move(voxels));
-  searched_ = keep ? submap_begin_ : atlas_.keyframes.size();
+  searched_ = submap_begin_;
   submap_begin_ = atlas_.keyframes.size();
   submap_since_ = stamp + 1;
-  breaks_ = breaks_ || !keep;
+  if (!keep) leave_frame();
+}
+
+/// The next frame begins a piece, and how that lies to what is known nobody can tell.
+void BackEnd::leave_frame() {
+  searched_ = atlas_.keyframes.size();
+  breaks_ = true;
+  for (std::size_t k = 0; k < places_.size(); ++k) places_[k].is_here = false;
 }
 
 bool BackEnd::is_possible(std::size_t from, std::size_t to, const Eigen::Isometry3d& from_from_to) const {
@@ -125,7 +148,8 @@ std::optional<Loop> BackEnd::find_loop(std::size_t to, std::size_t before) {
 void BackEnd::look_for_loop() {
   const std::size_t to = atlas_.keyframes.size() - 1;
   if (searched_ == 0) return;
-  const auto loop = find_loop(to, searched_);
+  std::optional<Loop> loop;
+  options_.map.loops = warnings_.attempt("loops are no longer looked for", [&] { loop = find_loop(to, searched_); });
   if (!loop) return;
   atlas_.join(loop->edge);
   atlas_.loops.push_back(*loop);
@@ -138,6 +162,7 @@ void BackEnd::look_for_loop() {
 /// Beside tracking; the poses are taken over at the next keyframe, always, so that offline runs repeat.
 void BackEnd::start_optimising() {
   unsettled_ = false;
+  if (!optimises_) return;
   optimising_ = std::async(std::launch::async, [graph = atlas_.graph()]() mutable {
     const OptimiseReport report = optimise(graph);
     return std::pair(std::move(graph), report);
@@ -146,10 +171,13 @@ void BackEnd::start_optimising() {
 
 void BackEnd::take_optimised() {
   if (!optimising_.valid()) return;
-  const auto [graph, report] = optimising_.get();
-  atlas_.take(graph, report);
-  ++counts_.optimised;
-  counts_.graph_ms = std::max(counts_.graph_ms, 1000 * report.seconds);
+  optimises_ = warnings_.attempt("keyframes stay where they are, and loops are no longer looked for", [&] {
+    const auto [graph, report] = optimising_.get();
+    atlas_.take(graph, report);
+    ++counts_.optimised;
+    counts_.graph_ms = std::max(counts_.graph_ms, 1000 * report.seconds);
+  });
+  options_.map.loops = options_.map.loops && optimises_;
 }
 
 void BackEnd::settle() {
@@ -170,9 +198,8 @@ bool BackEnd::is_plain() const {
 }
 
 std::string BackEnd::store() {
-  submaps_.wait();
-  const std::string problem = images_.problem();
-  return problem.empty() ? submaps_.problem() : problem;
+  const std::string problem = images_.store();
+  return problem.empty() ? submaps_.store() : problem;
 }
 
 BackEnd::Memory BackEnd::memory() const {
@@ -185,14 +212,18 @@ BackEnd::Memory BackEnd::memory() const {
                 .unsettled = unsettled_,
                 .optimising = optimising_.valid()};
   for (std::size_t i = 0; i < submaps_.size(); ++i) memory.submaps.push_back(!submaps_.bricks(i).empty());
-  for (std::size_t k = 0; k < places_.size(); ++k) memory.places.push_back(places_[k].submap_from_camera);
+  for (std::size_t k = 0; k < places_.size(); ++k)
+    memory.places.emplace_back(places_[k].submap_from_camera, places_[k].is_here);
   return memory;
 }
 
 void BackEnd::restore(const Memory& memory) {
   atlas_ = memory.atlas;
   for (const bool has_file : memory.submaps) submaps_.add_stored(has_file);
-  for (std::size_t k = 0; k < memory.places.size(); ++k) places_.add({memory.places[k], images_.features(k)});
+  for (std::size_t k = 0; k < memory.places.size(); ++k) {
+    const auto& [pose, is_here] = memory.places[k];
+    places_.add({.submap_from_camera = pose, .features = images_.features(k), .is_here = is_here});
+  }
   searched_ = memory.searched;
   submap_begin_ = memory.submap_begin;
   submap_since_ = memory.submap_since;
@@ -223,8 +254,8 @@ std::pair<int, bool> BackEnd::append(const BackEnd& other) {
   }
   atlas_.recordings.push_back(frames);
   for (const std::size_t first : other.atlas_.recordings) atlas_.recordings.push_back(frames + first);
-  searched_ = submap_begin_ = atlas_.keyframes.size();
-  breaks_ = true;
+  submap_begin_ = atlas_.keyframes.size();
+  leave_frame();
 
   std::vector<Loop> loops;
   for (std::size_t to = keyframes; to < atlas_.keyframes.size(); ++to)
@@ -255,11 +286,15 @@ void BackEnd::begin_in_world() {
   settle();
   const auto piece_of = atlas_.pieces();
   const std::size_t main = atlas_.main_piece();
+  submap_begin_ = atlas_.keyframes.size();
+  leave_frame();
   for (std::size_t k = 0; k < atlas_.keyframes.size(); ++k)
-    if (piece_of[k] == main) places_[k].submap_from_camera = atlas_.world_from_camera[k];
+    if (piece_of[k] == main) {
+      places_[k].submap_from_camera = atlas_.world_from_camera[k];
+      places_[k].is_here = true;
+    }
   atlas_.recordings.push_back(atlas_.frames.size());
-  searched_ = submap_begin_ = atlas_.keyframes.size();
-  breaks_ = in_world_ = true;
+  in_world_ = true;
 }
 
 /// The first keyframe of a recording that was found in the map: it lies to the old keyframes as tracking says.
@@ -321,6 +356,14 @@ World& BackEnd::world() {
   (void)world_.update(placed_submaps(), load_submap());
   counts_.world_ms = std::max(counts_.world_ms, milliseconds(start));
   return world_;
+}
+
+LoadSubmap BackEnd::load_submap() {
+  return [this](std::size_t i) {
+    auto voxels = std::make_shared<const BrickTree>();
+    warnings_.attempt("what it holds is missing in the map", [&] { voxels = submaps_.voxels(i); });
+    return voxels;
+  };
 }
 
 WorldParts BackEnd::world_parts(gpu::Device& device) const { return {device, options_.fuse, placed_submaps()}; }

@@ -9,6 +9,7 @@
 #include "map/atlas.hpp"
 #include "map/match.hpp"
 #include "map/submaps.hpp"
+#include "map/warnings.hpp"
 #include "map/world.hpp"
 #include "place/places.hpp"
 
@@ -16,7 +17,8 @@ namespace cairn {
 
 class BackEnd {
  public:
-  BackEnd(gpu::Device& device, const Camera& camera, const Options& options);
+  /// Options::session: where keyframes and submaps are, or are to be written.
+  BackEnd(gpu::Device& device, const Camera& camera, const Options& options, Access access = Access::write);
 
   /// Takes a fused frame: perhaps as a keyframe, which is then looked for among all earlier ones, and perhaps as the
   /// last of its submap. `information` is of its alignment with the map, in its own frame; none for the first of a
@@ -39,8 +41,8 @@ class BackEnd {
   /// What it knows beside the files of keyframes and submaps, to go on with later.
   struct Memory {
     Atlas atlas;
-    std::vector<bool> submaps;  // by number: whether it has a file
-    std::vector<Eigen::Isometry3d> places;
+    std::vector<bool> submaps;                               // by number: whether it has a file
+    std::vector<std::pair<Eigen::Isometry3d, bool>> places;  // see Place
     std::size_t searched = 0, submap_begin = 0;
     std::uint32_t submap_since = 1;
     bool in_world = false, breaks = true, unsettled = false, optimising = false;
@@ -57,9 +59,8 @@ class BackEnd {
   World& world();
   /// The same world, to be made part by part.
   [[nodiscard]] WorldParts world_parts(gpu::Device& device) const;
-  [[nodiscard]] LoadSubmap load_submap() {
-    return [this](std::size_t i) { return submaps_.voxels(i); };
-  }
+  /// Gives submaps' voxels. One whose file is lost is told of and has none.
+  [[nodiscard]] LoadSubmap load_submap();
 
   /// Whether tracking may have slipped so far that this is how two keyframes lie: its noise, added up from the one to
   /// the other, against rooms that look alike.
@@ -72,6 +73,9 @@ class BackEnd {
   [[nodiscard]] const KeyframeStore& images() const { return images_; }
   [[nodiscard]] MatchSurfaces& match() { return match_; }
   [[nodiscard]] const Camera& camera() const { return camera_; }
+  /// Stages of the map that failed and are left out.
+  [[nodiscard]] Warnings& warnings() { return warnings_; }
+  [[nodiscard]] const Warnings& warnings() const { return warnings_; }
 
   struct Counts {
     int looked_up = 0, tried = 0;  // keyframes; pairs that were aligned
@@ -84,10 +88,12 @@ class BackEnd {
   /// An earlier place that a keyframe sees, among those before `before`.
   [[nodiscard]] std::optional<Loop> find_loop(std::size_t to, std::size_t before);
   void look_for_loop();
+  void leave_frame();
   [[nodiscard]] std::vector<PlacedSubmap> placed_submaps() const;
   void tie_to_world(const Matrix6d* information);
   void start_optimising();
   void take_optimised();
+  [[nodiscard]] bool is_new_view(const Eigen::Isometry3d& submap_from_camera) const;
   [[nodiscard]] bool is_full(const Eigen::Isometry3d& submap_from_camera, const Volume& volume) const;
 
   Camera camera_;
@@ -104,8 +110,10 @@ class BackEnd {
   bool in_world_ = false;           // the next frame is tracked in the frame of the world
   bool breaks_ = true;              // the next frame begins a piece
   bool unsettled_ = false;          // loops came that no optimisation has seen
+  bool optimises_ = true;           // no optimisation has failed
   std::future<std::pair<PoseGraph, OptimiseReport>> optimising_;
   Counts counts_;
+  Warnings warnings_;
 };
 
 }  // namespace cairn

@@ -13,12 +13,14 @@
 #include <utility>
 
 #include "io/atomic_file.hpp"
+#include "io/image_file.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr double kTurn = 0.15, kDistance = 0.12;  // radians, metres between keyframes
-constexpr double kDepthSteps = 5000;              // a metre
+constexpr double kTurn = 0.15, kDistance = 0.12;    // radians, metres between keyframes
+constexpr double kDepthSteps = 5000;                // a metre
+constexpr double kMostDepth = 65535 / kDepthSteps;  // metres; what is farther is left out instead of brought nearer
 constexpr const char *kDepth = "depth.png", *kColour = "colour.jpg", *kCorners = "corners";  // files of a keyframe
 constexpr const char* kRemedy = "the session is damaged: reconstruct again without --resume";
 
@@ -52,8 +54,8 @@ bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
   return motion.translation().norm() >= kDistance || Eigen::AngleAxisd(motion.linear()).angle() >= kTurn;
 }
 
-KeyframeStore::KeyframeStore(const Camera& camera, std::filesystem::path folder)
-    : camera_(camera), folder_(std::move(folder)) {}
+KeyframeStore::KeyframeStore(const Camera& camera, std::filesystem::path folder, Access access)
+    : camera_(camera), folder_(std::move(folder)), writes_(!folder_.empty() && access == Access::write) {}
 
 std::filesystem::path KeyframeStore::file(std::size_t keyframe, const char* what) const {
   return folder_ / fmt::format("{:06}.{}", keyframe, what);
@@ -64,26 +66,31 @@ void KeyframeStore::put(std::size_t keyframe, const Frame& frame, const Features
   writing_ = std::async(std::launch::async, [this, keyframe, depth = frame.depth, colour = frame.colour,
                                              corners = bytes_of(features)]() mutable {
     Packed packed;
-    cv::Mat steps, bgr;
-    cv::Mat(camera_.height, camera_.width, CV_32F, depth.data()).convertTo(steps, CV_16U, kDepthSteps);
-    cv::imencode(".png", steps, packed.depth, {cv::IMWRITE_PNG_COMPRESSION, 1});
-    if (!colour.empty()) {
-      cv::cvtColor(cv::Mat(camera_.height, camera_.width, CV_8UC4, colour.data()), bgr, cv::COLOR_RGBA2BGR);
-      cv::imencode(".jpg", bgr, packed.colour, {cv::IMWRITE_JPEG_QUALITY, 95});
-    }
+    packed.corners = std::move(corners);
     packed_.erase(keyframe);
     try {
-      if (!folder_.empty()) {
-        write_whole(file(keyframe, kDepth), packed.depth);
-        write_whole(file(keyframe, kCorners), corners);
-        if (!packed.colour.empty()) write_whole(file(keyframe, kColour), packed.colour);
-        return;
+      cv::Mat steps, bgr;
+      const cv::Mat metres(camera_.height, camera_.width, CV_32F, depth.data());
+      metres.convertTo(steps, CV_16U, kDepthSteps);
+      steps.setTo(0, metres > kMostDepth);
+      cv::imencode(".png", steps, packed.depth, {cv::IMWRITE_PNG_COMPRESSION, 1});
+      if (!colour.empty()) {
+        cv::cvtColor(cv::Mat(camera_.height, camera_.width, CV_8UC4, colour.data()), bgr, cv::COLOR_RGBA2BGR);
+        cv::imencode(".jpg", bgr, packed.colour, {cv::IMWRITE_JPEG_QUALITY, 95});
       }
-    } catch (const std::exception& error) {
-      problem_ = error.what();
+      if (writes_) return write(keyframe, packed);
+    } catch (const std::exception&) {
+      // It stays in memory until store().
     }
     packed_[keyframe] = std::move(packed);
   });
+}
+
+void KeyframeStore::write(std::size_t keyframe, const Packed& packed) const {
+  // A checkpoint brings them to the disk all at once, see SessionWriter.
+  write_whole(file(keyframe, kDepth), packed.depth, Durable::some_time);
+  if (!packed.colour.empty()) write_whole(file(keyframe, kColour), packed.colour, Durable::some_time);
+  write_whole(file(keyframe, kCorners), packed.corners, Durable::some_time);
 }
 
 void KeyframeStore::copy(std::size_t keyframe, const KeyframeStore& from, std::size_t its) const {
@@ -91,16 +98,25 @@ void KeyframeStore::copy(std::size_t keyframe, const KeyframeStore& from, std::s
   from.wait();
   for (const char* what : {kDepth, kCorners, kColour})
     if (std::filesystem::exists(from.file(its, what)))
-      write_whole(file(keyframe, what), read_bytes(from.file(its, what)));
+      write_whole(file(keyframe, what), read_bytes(from.file(its, what)), Durable::some_time);
 }
 
 void KeyframeStore::wait() const {
   if (writing_.valid()) writing_.get();
 }
 
-std::string KeyframeStore::problem() const {
+std::string KeyframeStore::store() {
   wait();
-  return problem_;
+  if (!writes_) return {};
+  try {
+    while (!packed_.empty()) {
+      write(packed_.begin()->first, packed_.begin()->second);
+      packed_.erase(packed_.begin());
+    }
+    return {};
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
 }
 
 Features KeyframeStore::features(std::size_t keyframe) const {
@@ -124,9 +140,16 @@ Frame KeyframeStore::get(std::size_t keyframe) const {
   const auto kept = packed_.find(keyframe);
   const Packed packed = kept != packed_.end()
                             ? kept->second
-                            : Packed{read_bytes(file(keyframe, kDepth)), read_bytes(file(keyframe, kColour))};
+                            : Packed{read_bytes(file(keyframe, kDepth)), read_bytes(file(keyframe, kColour)), {}};
   cv::Mat steps, bgr;
-  if (!packed.depth.empty()) steps = cv::imdecode(packed.depth, cv::IMREAD_UNCHANGED);
+  const auto decoded = [](const std::vector<std::uint8_t>& bytes, int flags) {
+    try {
+      return decode_image(bytes, flags);
+    } catch (const std::runtime_error&) {
+      return cv::Mat();  // told below, or left out
+    }
+  };
+  if (!packed.depth.empty()) steps = decoded(packed.depth, cv::IMREAD_UNCHANGED);
   if (steps.type() != CV_16U || steps.cols != camera_.width || steps.rows != camera_.height)
     throw std::runtime_error(file(keyframe, kDepth).string() + ": is missing or broken; " + kRemedy);
   Frame frame;
@@ -134,7 +157,7 @@ Frame KeyframeStore::get(std::size_t keyframe) const {
   frame.depth.resize(pixels);
   cv::Mat depth(camera_.height, camera_.width, CV_32F, frame.depth.data());
   steps.convertTo(depth, CV_32F, 1 / kDepthSteps);
-  if (!packed.colour.empty()) bgr = cv::imdecode(packed.colour, cv::IMREAD_COLOR);
+  if (!packed.colour.empty()) bgr = decoded(packed.colour, cv::IMREAD_COLOR);
   if (bgr.cols == camera_.width && bgr.rows == camera_.height) {
     frame.colour.resize(pixels);
     cv::Mat rgba(camera_.height, camera_.width, CV_8UC4, frame.colour.data());

@@ -33,14 +33,19 @@ struct Keyframe {
 /// Whether a camera has moved far enough for another keyframe.
 [[nodiscard]] bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b);
 
+/// What a session's folder is open for.
+enum class Access { write, read };
+
 /// The keyframes' images, compressed (depth: PNG of 0.2 mm steps; colour: JPEG), and corners, in files of a folder or,
 /// without one, in memory.
 class KeyframeStore {
  public:
-  KeyframeStore(const Camera& camera, std::filesystem::path folder);
+  /// Without the right to write, what is put stays in memory.
+  KeyframeStore(const Camera& camera, std::filesystem::path folder, Access access = Access::write);
   /// Compresses and writes in a thread of its own. `keyframe` counts up, or goes back to write again. What cannot be
-  /// written stays in memory; problem() tells why.
+  /// written stays in memory; store() tries again.
   void put(std::size_t keyframe, const Frame& frame, const Features& features);
+  [[nodiscard]] bool in_files() const { return !folder_.empty(); }
   /// Copies another store's keyframe. Both must have folders.
   void copy(std::size_t keyframe, const KeyframeStore& from, std::size_t its) const;
   /// Depth and colour as they were kept. Throws std::runtime_error naming the file if it is lost.
@@ -49,18 +54,19 @@ class KeyframeStore {
   [[nodiscard]] Features features(std::size_t keyframe) const;
   /// Waits until what was put is kept.
   void wait() const;
-  /// Why files could not be written; empty if they could.
-  [[nodiscard]] std::string problem() const;
+  /// Brings all that was put into files. Returns why some could not be written, or nothing.
+  [[nodiscard]] std::string store();
 
  private:
   struct Packed {
-    std::vector<std::uint8_t> depth, colour;
+    std::vector<std::uint8_t> depth, colour, corners;
   };
+  void write(std::size_t keyframe, const Packed& packed) const;
   [[nodiscard]] std::filesystem::path file(std::size_t keyframe, const char* what) const;
   Camera camera_;
   std::filesystem::path folder_;
+  bool writes_;
   std::map<std::size_t, Packed> packed_;  // what is not in files
-  std::string problem_;
   mutable std::future<void> writing_;
 };
 

@@ -7,7 +7,9 @@
 #include <cmath>
 #include <functional>
 #include <future>
+#include <limits>
 #include <set>
+#include <stdexcept>
 #include <string_view>
 #include <tuple>
 
@@ -31,17 +33,72 @@ constexpr int kMaxRepeats = 2;
 constexpr std::uint64_t kWorldPool = std::uint64_t{256} << 20;  // bytes on the device while the whole map is meshed
 
 constexpr double kEnoughDepth = 0.2;  // of the image, to begin a piece with
+constexpr double kLeastDepth = 0.02;  // of the image, to begin the map with
+
+std::string in_metres(float length) {
+  std::string text = std::to_string(length);
+  text.erase(text.find_last_not_of('0') + 1);
+  return text.back() == '.' ? text + '0' : text;
+}
+
+constexpr double kRigid = 1e-3;         // of a rotation times its own transpose, beside the identity
+constexpr double kFarthestVoxel = 4e6;  // from the origin: single precision still tells neighbouring voxels apart
 
 std::string unusable(const Frame& frame, const Camera& camera, std::optional<double> before) {
   const auto pixels = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
   if (!frame.problem.empty()) return frame.problem;
-  if (frame.depth.size() != pixels) return "the depth image is not of the camera's size";
-  const auto [least, most] = std::minmax_element(frame.depth.begin(), frame.depth.end());
-  if (*least > 0 && *least == *most) return "every depth is the same: the sensor shows nothing";
+  if (frame.depth.empty() || frame.depth.size() != pixels) return "the depth image is not of the camera's size";
+  float least = frame.depth[0], most = least;
+  bool is_depth = true;
+  for (const float z : frame.depth) {
+    least = std::min(least, z), most = std::max(most, z);
+    is_depth &= z >= 0 && z <= std::numeric_limits<float>::max();
+  }
+  if (!is_depth) return "a depth is negative or no number: 0 stands for no measurement";
+  if (least > 0 && least == most) return "every depth is the same: the sensor shows nothing";
   if (!std::isfinite(frame.timestamp)) return "the timestamp is not a number";
   if (before && frame.timestamp <= *before) return "the timestamp goes back";
   return {};
 }
+
+/// Why nothing can be fused at a pose that was given.
+std::string unusable(const std::optional<Eigen::Isometry3d>& world_from_camera, float voxel_size) {
+  if (!world_from_camera) return "no pose is given for this time";
+  const Eigen::Matrix3d turn = world_from_camera->linear();
+  if (!world_from_camera->matrix().allFinite() || !(turn * turn.transpose()).isIdentity(kRigid) ||
+      turn.determinant() < 0)
+    return "the given pose is no rotation and translation";
+  if (world_from_camera->translation().norm() > kFarthestVoxel * static_cast<double>(voxel_size))
+    return "the given pose is too far from the origin for voxels of this size";
+  return {};
+}
+
+/// The frame without what of it cannot be used beside the depth image, and why.
+struct Usable {
+  explicit Usable(const Frame& given) : frame_(given) {
+    const auto drop = [&](const char* reason, const auto& what) {
+      if (!mended_) mended_ = given;
+      what(*mended_);
+      why_ += (why_.empty() ? "" : "; ") + std::string(reason);
+    };
+    if (!given.colour.empty() && given.colour.size() != given.depth.size())
+      drop("its colour image is not of the camera's size: depth alone is used", [](Frame& f) { f.colour.clear(); });
+    if (!std::isfinite(given.colour_delay))
+      drop("the colour image's time is not a number: depth alone is used", [](Frame& f) {
+        f.colour.clear();
+        f.colour_delay = 0;
+      });
+    if (given.acceleration && !given.acceleration->allFinite())
+      drop("its acceleration is not a number: it is left out", [](Frame& f) { f.acceleration.reset(); });
+  }
+  [[nodiscard]] const Frame& frame() const { return mended_ ? *mended_ : frame_; }
+  [[nodiscard]] const std::string& why() const { return why_; }
+
+ private:
+  const Frame& frame_;
+  std::optional<Frame> mended_;
+  std::string why_;
+};
 
 /// The first camera's pose in a world whose y axis points down.
 Eigen::Isometry3d level(const std::optional<Eigen::Vector3d>& acceleration) {
@@ -65,10 +122,26 @@ void tell(const Tracked& tracked, FrameReport& report) {
   report.iterations = a.iterations;
 }
 
+/// As the session was made.
+Options options_of(const Session& session) {
+  Options options;
+  options.fuse.voxel_size = session.fuse.voxel_size, options.fuse.truncation = session.fuse.truncation;
+  options.surface.min_depth = session.min_depth, options.surface.max_depth = session.max_depth;
+  return options;
+}
+
+/// Options for the part of the mapper that has its files in a run's folder.
+Options with_files(Options options, const std::filesystem::path& files) {
+  options.session = files;
+  return options;
+}
+
 }  // namespace
 
 struct Mapper::State {
-  State(const Camera& c, const Options& o, Poses p, int device_index)
+  /// `files`: the run's folder, which `w` may write into; empty: all stays in memory.
+  State(const Camera& c, const Options& o, Poses p, int device_index, std::unique_ptr<SessionWriter> w = {},
+        const std::filesystem::path& files = {})
       : options(o),
         poses(p),
         camera(c),
@@ -77,9 +150,12 @@ struct Mapper::State {
         integrate(device, preprocess.camera(), o.surface),
         polygonize(device),
         volume(device, o.fuse, o.surface.max_depth),
-        back_end(device, c, o),
+        writer(std::move(w)),
+        back_end(device, c, with_files(o, files), writer ? Access::write : Access::read),
         tracker(device, c, preprocess.camera(), o, back_end.places()),
         given_images(c, {}) {}
+
+  [[nodiscard]] Warnings& warnings() { return back_end.warnings(); }
 
   /// With given poses keyframes are only for textures.
   void keep_keyframe(const Frame& frame, const Eigen::Isometry3d& world_from_camera) {
@@ -142,17 +218,34 @@ struct Mapper::State {
     return lost >= options.map.lost_frames;
   }
 
-  /// The live distance field follows what a frame changed; without one it starts with all that the volume holds.
-  Esdf::Updated update_distances(const Fused& fused) {
-    std::vector<Brick> changed = fused.changed;
-    changed.insert(changed.end(), fused.newly_free.begin(), fused.newly_free.end());
-    if (!esdf) {
-      esdf.emplace(device, options.fuse, options.esdf);
-      changed = volume.bricks();
-      const std::vector<Brick> free = volume.host().free_bricks();
-      changed.insert(changed.end(), free.begin(), free.end());
-    }
-    return esdf->update(volume, changed);
+  /// Whether there is as much depth as alignment asks for.
+  bool can_begin_map(const Frame& frame) const {
+    const auto seen = std::count_if(frame.depth.begin(), frame.depth.end(), [this](float z) {
+      return z >= options.surface.min_depth && z <= options.surface.max_depth;
+    });
+    return static_cast<double>(seen) >= kLeastDepth * static_cast<double>(frame.depth.size());
+  }
+
+  /// The live distance field follows what a frame changed; without one it starts with all that the volume holds. Where
+  /// it cannot it ends: an old one would tell of free space that is none.
+  void follow_distances(const Fused& fused, StageTimes& times) {
+    options.esdf.live = warnings().attempt("there is no distance field from here on", [&] {
+      timed(times, "esdf", [&] {
+        std::vector<Brick> changed = fused.changed;
+        changed.insert(changed.end(), fused.newly_free.begin(), fused.newly_free.end());
+        if (!esdf) {
+          esdf.emplace(device, options.fuse, options.esdf);
+          changed = volume.bricks();
+          const std::vector<Brick> free = volume.host().free_bricks();
+          changed.insert(changed.end(), free.begin(), free.end());
+        }
+        return esdf->update(volume, changed);
+      });
+      live_distances = timed(times, "esdf to host", [&] { return esdf->field(); });
+    });
+    if (options.esdf.live) return;
+    esdf.reset();
+    live_distances = std::shared_ptr<const DistanceField>();
   }
 
   /// All of the map goes to submaps.
@@ -190,9 +283,12 @@ struct Mapper::State {
   Integrate integrate;
   Polygonize polygonize;
   Volume volume;
+  std::unique_ptr<SessionWriter> writer;  // of Options::session; none: the session is only looked at
+  std::optional<FileLock> hold;           // then
   BackEnd back_end;
   Tracker tracker;
   std::optional<GrowingSurface> surface;  // once it is asked for
+  bool shows_surface = true;              // it could be made so far
   std::optional<Esdf> esdf;               // with EsdfOptions::live
   std::atomic<std::shared_ptr<const DistanceField>> live_distances;
   std::optional<Volume> whole;                                  // the world, where that is not what `volume` holds
@@ -211,24 +307,30 @@ struct Mapper::State {
 };
 
 Mapper::Mapper(const Camera& camera, const Options& options, Poses poses, int device) {
+  check(camera);
   check(options);
-  state_ = std::make_unique<State>(camera, options, poses, device);
+  if (options.esdf.live) (void)esdf_scale(options.fuse, options.esdf);
+  if (options.session.empty() || poses == Poses::given) {
+    state_ = std::make_unique<State>(camera, options, poses, device);
+  } else {
+    auto writer = std::make_unique<SessionWriter>(options.session);
+    const std::filesystem::path files = writer->files();
+    state_ = std::make_unique<State>(camera, options, poses, device, std::move(writer), files);
+  }
 }
+Mapper::Mapper(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Mapper::~Mapper() = default;
 Mapper::Mapper(Mapper&&) noexcept = default;
 
 FrameReport Mapper::add(const Frame& given) {
   State& s = *state_;
-  // Colour that is not of the depth image's shape cannot be used; depth alone can.
-  std::optional<Frame> depth_alone;
-  if (!given.colour.empty() && given.colour.size() != given.depth.size()) {
-    depth_alone = given;
-    depth_alone->colour.clear();
-  }
-  const Frame& frame = depth_alone ? *depth_alone : given;
   FrameReport report{
-      .index = frame.index, .timestamp = frame.timestamp, .reason = unusable(frame, s.camera, s.last_fused)};
+      .index = given.index, .timestamp = given.timestamp, .reason = unusable(given, s.camera, s.last_fused)};
+  if (report.reason.empty() && s.poses == Poses::given)
+    report.reason = unusable(given.world_from_camera, s.options.fuse.voxel_size);
   if (!report.reason.empty()) return report;
+  const Usable usable(given);
+  const Frame& frame = usable.frame();
 
   if (s.poses == Poses::tracked && s.is_stuck(frame)) {
     report.reason = "the depth image repeats: the sensor is stuck";
@@ -240,12 +342,13 @@ FrameReport Mapper::add(const Frame& given) {
   Eigen::Isometry3d world_from_camera = Eigen::Isometry3d::Identity();
   std::optional<Tracked> tracked;
   if (s.poses == Poses::given) {
-    if (!frame.world_from_camera) {
-      report.reason = "no pose is given for this time";
-      return report;
-    }
     world_from_camera = *frame.world_from_camera;
   } else if (s.back_end.atlas().frames.empty()) {
+    if (!s.can_begin_map(frame)) {
+      report.reason = "too little depth between " + in_metres(s.options.surface.min_depth) + " and " +
+                      in_metres(s.options.surface.max_depth) + " m to begin the map with";
+      return report;
+    }
     world_from_camera = level(frame.acceleration);
   } else {
     tracked = s.tracker(frame, live, s.volume, report.stage_ms);
@@ -254,7 +357,7 @@ FrameReport Mapper::add(const Frame& given) {
     if (alignment.converged()) {
       world_from_camera = alignment.submap_from_camera;
       report.moving =
-          timed(report.stage_ms, "track", [&] { return s.tracker.leave_out_moving(live, world_from_camera); });
+          timed(report.stage_ms, "track", [&] { return s.tracker.leave_out_moving(live, *tracked, s.volume); });
     } else {
       s.tracker.reject();
       if (!s.may_begin_piece(frame)) {
@@ -277,23 +380,20 @@ FrameReport Mapper::add(const Frame& given) {
   report.touched_bricks = fused.touched;
   report.new_bricks = fused.new_bricks;
   report.state = FrameState::fused;
-  if (depth_alone) report.reason = "its colour image is not of the camera's size: depth alone is used";
+  if (!usable.why().empty()) report.reason = usable.why();
   if (s.poses == Poses::tracked) {
     s.tracker.accept(frame, live, world_from_camera, tracked ? &*tracked : nullptr);
     const bool is_keyframe = timed(report.stage_ms, "keyframe", [&] {
       return s.back_end.add(frame, world_from_camera, tracked ? &tracked->alignment.information : nullptr, s.volume,
                             s.stamp);
     });
-    if (is_keyframe) s.tracker.learn_from_places();
+    if (is_keyframe) s.warnings().attempt("the focal length is not checked", [&] { s.tracker.learn_from_places(); });
   } else {
     s.keep_keyframe(frame, world_from_camera);
     s.given.push_back({frame.timestamp, world_from_camera});
   }
   if (frame.acceleration) s.acceleration += world_from_camera.linear() * *frame.acceleration;
-  if (s.options.esdf.live) {
-    (void)timed(report.stage_ms, "esdf", [&] { return s.update_distances(fused); });
-    s.live_distances = timed(report.stage_ms, "esdf to host", [&] { return s.esdf->field(); });
-  }
+  if (s.options.esdf.live) s.follow_distances(fused, report.stage_ms);
   if (s.surface) s.surface->change(fused.changed);
   s.last_fused = frame.timestamp;
   s.lost = 0;
@@ -314,30 +414,62 @@ Trajectory Mapper::trajectory(int recording) const {
   return trajectory;
 }
 
+Trajectory Mapper::path(std::size_t points) const {
+  const State& s = *state_;
+  const Atlas& atlas = s.back_end.atlas();
+  const auto step_of = [&](std::size_t frames) { return frames / std::max<std::size_t>(1, points - 1) + 1; };
+  Trajectory path;
+  if (s.poses == Poses::tracked) {
+    const std::size_t begin = atlas.recordings.empty() ? 0 : atlas.recordings.back(), end = atlas.frames.size();
+    path = atlas.trajectory(atlas.main_piece(), begin, end, step_of(end - begin));
+    for (StampedPose& pose : path) pose.timestamp += s.tracker.clock_offset();
+  } else if (!s.given.empty()) {
+    for (std::size_t i = 0; i + 1 < s.given.size(); i += step_of(s.given.size())) path.push_back(s.given[i]);
+    path.push_back(s.given.back());
+  }
+  return path;
+}
+
+const std::vector<std::string>& Mapper::warnings() const { return state_->warnings().all(); }
+
 Refined Mapper::refine() {
   state_->whole.reset();
-  return cairn::refine(state_->back_end);
+  Refined refined;
+  state_->warnings().attempt("poses stay as they are", [&] { refined = cairn::refine(state_->back_end); });
+  return refined;
 }
 
 void Mapper::fuse_again(Source& again, const std::function<void()>& step) {
   State& s = *state_;
   s.back_end.settle();
-  if (recordings() > 1) throw std::runtime_error("frames of several recordings cannot be fused again");
   const Atlas& atlas = s.back_end.atlas();
   const Trajectory poses =
       s.poses == Poses::given ? s.given : atlas.trajectory(atlas.main_piece(), 0, atlas.frames.size());
   s.whole.reset();
-  s.volume.adopt({});
-  s.acceleration.setZero();
-  const std::uint32_t since = s.stamp + 1;
-  while (const auto frame = again.next()) {
-    if (const auto pose = frame->problem.empty() ? pose_at(poses, frame->timestamp, 0) : std::nullopt) {
-      (void)s.integrate(s.preprocess(*frame), *pose, s.volume, ++s.stamp);
-      if (frame->acceleration) s.acceleration += pose->linear() * *frame->acceleration;
+  const Volume::Residency residency = s.volume.residency();
+  BrickTree before = s.volume.on_host().copy();
+  const Eigen::Vector3d acceleration = s.acceleration;
+  const bool is_done = s.warnings().attempt("frames are not fused again", [&] {
+    if (recordings() > 1) throw std::runtime_error("the map is made of several recordings");
+    s.volume.adopt({});
+    s.acceleration.setZero();
+    const std::uint32_t since = s.stamp + 1;
+    while (const auto next = again.next()) {
+      const auto pose =
+          unusable(*next, s.camera, std::nullopt).empty() ? pose_at(poses, next->timestamp, 0) : std::nullopt;
+      if (pose) {
+        const Usable usable(*next);
+        const Frame& frame = usable.frame();
+        (void)s.integrate(s.preprocess(frame), *pose, s.volume, ++s.stamp);
+        if (frame.acceleration) s.acceleration += pose->linear() * *frame.acceleration;
+      }
+      if (step) step();
     }
-    if (step) step();
-  }
-  if (s.poses == Poses::tracked) s.back_end.rebase(since);
+    if (s.poses == Poses::tracked) s.back_end.rebase(since);
+  });
+  if (is_done) return;
+  s.volume.restore(std::move(before), residency);
+  s.acceleration = acceleration;
 }
 
 std::vector<std::pair<double, int>> Mapper::keyframes() const {
@@ -371,7 +503,7 @@ void Mapper::write_graph(const std::filesystem::path& file) const {
 
 void Mapper::checkpoint(const std::string& note) {
   State& s = *state_;
-  if (s.options.session.empty() || s.poses == Poses::given) return;
+  if (!s.writer) return;
   (void)session_problem();
   Session session{.camera = s.camera,
                   .fuse = s.options.fuse,
@@ -388,16 +520,15 @@ void Mapper::checkpoint(const std::string& note) {
                   .last_fused = s.last_fused,
                   .acceleration = s.acceleration,
                   .number = ++s.checkpoints,
+                  .run = {},
                   .note = note};
-  if (const std::string problem = s.back_end.store(); !problem.empty()) {
-    s.problem = problem;
-    return;  // the checkpoint before still holds
-  }
+  s.problem = s.back_end.store();
+  if (!s.problem.empty()) return;  // the checkpoint before still holds
   s.writing = std::async(std::launch::async,
-                         [folder = s.options.session, session = std::move(session),
+                         [&writer = *s.writer, session = std::move(session),
                           active = std::make_shared<const BrickTree>(s.volume.on_host().copy())]() -> std::string {
                            try {
-                             write_session(folder, session, *active);
+                             writer.write(session, *active);
                              return {};
                            } catch (const std::exception& error) {
                              return error.what();
@@ -417,25 +548,14 @@ Mapper::SessionInfo Mapper::session_info(const std::filesystem::path& folder) {
           session.min_depth, session.max_depth,       session.note};
 }
 
-Mapper Mapper::open(const std::filesystem::path& folder, int device) {
-  const SessionInfo info = session_info(folder);
-  Options options;
-  options.session = folder;
-  options.fuse.voxel_size = info.voxel_size, options.fuse.truncation = info.truncation;
-  options.surface.min_depth = info.min_depth, options.surface.max_depth = info.max_depth;
-  return resume(info.camera, options, device);
-}
-
-Mapper Mapper::resume(const Camera& camera, const Options& options, int device) {
-  ReadSession read = read_session(options.session);
-  Session& session = read.session;
-  if (session.camera != camera)
-    throw std::runtime_error(options.session.string() + ": was made with another camera; choose another folder");
-  if (session.fuse.voxel_size != options.fuse.voxel_size || session.fuse.truncation != options.fuse.truncation)
-    throw std::runtime_error(options.session.string() + ": has voxels of " + std::to_string(session.fuse.voxel_size) +
-                             " m; give the same --voxel-size");
-  Mapper mapper(camera, options, Poses::tracked, device);
-  State& s = *mapper.state_;
+/// Goes on with what was read. Without a writer it is only looked at.
+std::unique_ptr<Mapper::State> Mapper::restore(ReadSession read, const Options& options, int device,
+                                               std::unique_ptr<SessionWriter> writer) {
+  const Session& session = read.session;
+  const std::filesystem::path files = writer ? writer->files() : read.files;
+  auto state = std::make_unique<State>(session.camera, options, Poses::tracked, device, std::move(writer), files);
+  State& s = *state;
+  s.hold.emplace(std::move(read.hold));
   s.back_end.restore(session.back_end);
   s.tracker.restore(session.tracker, session.keyframe);
   s.volume.restore(std::move(read.active), session.residency);
@@ -446,18 +566,46 @@ Mapper Mapper::resume(const Camera& camera, const Options& options, int device) 
   s.last_fused = session.last_fused;
   s.acceleration = session.acceleration;
   s.checkpoints = session.number;
-  return mapper;
+  return state;
+}
+
+Mapper Mapper::open(const std::filesystem::path& folder, int device) {
+  ReadSession read = read_session(folder);
+  const Options options = options_of(read.session);
+  return Mapper(restore(std::move(read), options, device, nullptr));
+}
+
+Mapper Mapper::copy(const std::filesystem::path& folder, const std::filesystem::path& to, int device) {
+  ReadSession read = read_session(folder);
+  Options options = options_of(read.session);
+  options.session = to;
+  auto writer = std::make_unique<SessionWriter>(to);
+  writer->copy_files(read);
+  return Mapper(restore(std::move(read), options, device, std::move(writer)));
+}
+
+Mapper Mapper::resume(const Camera& camera, const Options& options, int device) {
+  check(options);
+  if (options.esdf.live) (void)esdf_scale(options.fuse, options.esdf);
+  ReadSession read = read_session(options.session);
+  const Session& session = read.session;
+  if (session.camera != camera)
+    throw std::runtime_error(options.session.string() + ": was made with another camera; choose another folder");
+  if (session.fuse.voxel_size != options.fuse.voxel_size || session.fuse.truncation != options.fuse.truncation)
+    throw std::runtime_error(options.session.string() + ": has voxels of " + std::to_string(session.fuse.voxel_size) +
+                             " m; give the same --voxel-size");
+  auto writer = std::make_unique<SessionWriter>(options.session, read);
+  return Mapper(restore(std::move(read), options, device, std::move(writer)));
 }
 
 void Mapper::begin_recording() {
   State& s = *state_;
+  s.last_fused.reset();
   if (s.back_end.atlas().frames.empty()) return;
   s.end_everything();
   s.volume.adopt(s.back_end.world().release());
-  const Eigen::Isometry3d last = s.back_end.atlas().world_from_camera.back();
   s.back_end.begin_in_world();
-  s.tracker.begin_in(last);
-  s.last_fused.reset();
+  s.tracker.begin_lost();
   s.lost = 0;
   s.esdf.reset();
   if (s.surface) s.surface.emplace();
@@ -465,6 +613,12 @@ void Mapper::begin_recording() {
 
 Mapper::Merged Mapper::merge(Mapper& other) {
   State &s = *state_, &o = *other.state_;
+  if (&s == &o) throw std::runtime_error("a map cannot be merged with itself");
+  if (!s.writer || !o.back_end.images().in_files())
+    throw std::runtime_error("a map without a folder for its session cannot be merged: it has no session to take");
+  if (s.camera != o.camera) throw std::runtime_error("maps cannot be merged: one was made with another camera");
+  if (s.options.fuse.voxel_size != o.options.fuse.voxel_size || s.options.fuse.truncation != o.options.fuse.truncation)
+    throw std::runtime_error("maps cannot be merged: one has voxels of another size or another truncation");
   s.end_everything();
   o.end_everything();
   Merged merged{.compared = static_cast<int>(o.back_end.atlas().keyframes.size())};
@@ -473,6 +627,8 @@ Mapper::Merged Mapper::merge(Mapper& other) {
   s.stamp += o.stamp;
   return merged;
 }
+
+void Mapper::settle() { state_->back_end.settle(); }
 
 Mesh Mapper::mesh() { return state_->polygonize(state_->world()); }
 
@@ -488,6 +644,7 @@ Exported Mapper::export_mesh(const std::filesystem::path& file, const ExportOpti
   std::optional<WorldParts> parts;
   std::optional<Volume> part;
   if (in_parts) {
+    s.whole.reset();
     s.back_end.end_submap(s.volume, s.stamp, true);
     parts.emplace(s.back_end.world_parts(s.device));
     part.emplace(s.device, s.world_pool(), s.options.surface.max_depth);
@@ -511,12 +668,15 @@ SurfaceChanges Mapper::surface_changes(int max_bricks, bool all) {
   State& s = *state_;
   const Atlas& atlas = s.back_end.atlas();
   const int submap = static_cast<int>(s.back_end.submaps().size());
-  if (!s.surface) {
-    s.surface.emplace();
-    s.surface->change(s.volume.bricks());
-  }
-  SurfaceChanges changes{.parts = s.surface->take(s.volume, s.polygonize, submap, max_bricks, all),
-                         .world_from_submap = {}};
+  SurfaceChanges changes;
+  const auto take = [&] {
+    if (!s.surface) {
+      s.surface.emplace();
+      s.surface->change(s.volume.bricks());
+    }
+    changes.parts = s.surface->take(s.volume, s.polygonize, submap, max_bricks, all);
+  };
+  s.shows_surface = s.shows_surface && s.warnings().attempt("the surface is no longer shown", take);
   changes.world_from_submap.assign(static_cast<std::size_t>(submap) + 1, Eigen::Isometry3d::Identity());
   for (std::size_t k = atlas.keyframes.size(); k-- > 0;)  // a submap lies as its first keyframe
     changes.world_from_submap[atlas.keyframes[k].submap] = atlas.correction(k);
@@ -531,7 +691,9 @@ std::shared_ptr<const DistanceField> Mapper::distances() {
 std::shared_ptr<const DistanceField> Mapper::live_distances() const { return state_->live_distances; }
 
 void Mapper::write_map(const std::filesystem::path& file) {
-  const auto field = state_->options.esdf.live ? distances() : nullptr;
+  std::shared_ptr<const DistanceField> field;
+  if (state_->options.esdf.live)
+    state_->warnings().attempt(file.string() + " has no grid `esdf`", [&] { field = distances(); });
   write_grids(file, state_->world().on_host(),
               {.voxel_size = state_->options.fuse.voxel_size, .truncation = state_->options.fuse.truncation},
               field.get());

@@ -79,7 +79,7 @@ class Cache {
 
 Refined refine(BackEnd& back_end) {
   back_end.settle();
-  Atlas& atlas = back_end.atlas();
+  Atlas atlas = back_end.atlas();  // what fails on the way leaves the map as it is
   Refined refined{.keyframes = static_cast<int>(atlas.keyframes.size())};
   if (atlas.keyframes.size() < 2) return refined;
   const auto pairs = choose_pairs(back_end);
@@ -110,6 +110,7 @@ Refined refine(BackEnd& back_end) {
   PoseGraph graph = atlas.graph();
   const OptimiseReport report = optimise(graph);
   atlas.take(graph, report);
+  back_end.atlas() = atlas;
   refined.cost_before = report.cost_before, refined.cost = report.cost;
   refined.pairs_tried = static_cast<int>(pairs.size());
   for (const Loop& loop : atlas.loops) {

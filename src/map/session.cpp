@@ -2,16 +2,24 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "map/session.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <boost/crc.hpp>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <type_traits>
 
 #include "io/atomic_file.hpp"
+#include "io/json_text.hpp"
 
 namespace cairn {
 namespace {
@@ -19,8 +27,11 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr int kVersion = 2;
+constexpr int kVersion = 3;
 constexpr const char* kMagic = "cairn session";
+constexpr const char* kState = "state.cbor";
+constexpr const char* kKeyframes = "keyframes";
+constexpr const char* kAgain = "reconstruct again without --resume";
 
 std::uint32_t checksum(const std::vector<std::uint8_t>& bytes) {
   boost::crc_32_type crc;
@@ -39,6 +50,7 @@ Json blob(const std::vector<T>& values) {
 template <class T>
 std::vector<T> unblob(const Json& json) {
   const auto& bytes = json.get_binary();
+  if (bytes.size() % sizeof(T) != 0) throw std::runtime_error("a number is cut off");
   std::vector<T> values(bytes.size() / sizeof(T));
   if (!values.empty()) std::memcpy(values.data(), bytes.data(), values.size() * sizeof(T));
   return values;
@@ -85,7 +97,14 @@ class In {
   }
   template <class T>
   requires std::is_arithmetic_v<T> In& operator>>(T& value) {
-    value = static_cast<T>(next());
+    const double number = next();
+    if constexpr (std::is_integral_v<T>) {
+      constexpr double kEnd = 4 * static_cast<double>(std::numeric_limits<T>::max() / 4 + 1);  // one past the last
+      if (!(number >= static_cast<double>(std::numeric_limits<T>::min()) && number < kEnd &&
+            number == std::floor(number)))
+        throw std::runtime_error("a number is out of range");
+    }
+    value = static_cast<T>(number);
     return *this;
   }
 
@@ -139,21 +158,16 @@ Atlas atlas_of(const Json& json) {
     atlas.keyframes.push_back(f);
     atlas.world_from_camera.push_back(world_from_camera);
   }
-  const auto known = [&](std::size_t keyframe) {
-    if (keyframe >= atlas.keyframes.size()) throw std::runtime_error("a keyframe is missing");
-  };
   for (In in(json.at("loops")); !in.at_end();) {
     Loop l;
     in >> l.edge.from >> l.edge.to >> l.edge.from_from_to >> l.edge.information >> l.corners >> l.inlier_share >>
         l.rmse >> l.believed;
     l.edge.may_be_false = true;
-    known(l.edge.from), known(l.edge.to);
     atlas.loops.push_back(l);
   }
   for (In in(json.at("frames")); !in.at_end();) {
     FusedFrame f;
     in >> f.timestamp >> f.submap_from_camera >> f.keyframe;
-    known(f.keyframe);
     atlas.frames.push_back(f);
   }
   for (In in(json.at("recordings")); !in.at_end();) in >> atlas.recordings.emplace_back();
@@ -162,7 +176,7 @@ Atlas atlas_of(const Json& json) {
 
 Json back_end_json(const BackEnd::Memory& m) {
   Out places, numbers, submaps;
-  for (const auto& pose : m.places) places << pose;
+  for (const auto& [pose, is_here] : m.places) places << pose << is_here;
   for (const bool has_file : m.submaps) submaps << has_file;
   numbers << m.searched << m.submap_begin << m.submap_since << m.in_world << m.breaks << m.unsettled << m.optimising;
   return {{"atlas", atlas_json(m.atlas)},
@@ -173,18 +187,20 @@ Json back_end_json(const BackEnd::Memory& m) {
 BackEnd::Memory back_end_of(const Json& json) {
   BackEnd::Memory m;
   m.atlas = atlas_of(json.at("atlas"));
-  for (In in(json.at("places")); !in.at_end();) in >> m.places.emplace_back();
+  for (In in(json.at("places")); !in.at_end();) {
+    auto& [pose, is_here] = m.places.emplace_back();
+    in >> pose >> is_here;
+  }
   for (In in(json.at("submaps")); !in.at_end();) m.submaps.push_back(in.next() != 0);
   In numbers(json.at("numbers"));
   numbers >> m.searched >> m.submap_begin >> m.submap_since >> m.in_world >> m.breaks >> m.unsettled >> m.optimising;
-  if (m.places.size() != m.atlas.keyframes.size()) throw std::runtime_error("places and keyframes do not match");
   return m;
 }
 
 Json tracker_json(const Tracker::Memory& m, const PhotometricKeyframe::Saved& k) {
   Out last, numbers, keyframe;
   for (const auto& moment : m.last) last << moment.timestamp << moment.submap_from_camera;
-  numbers << m.usual_brightness << m.lost << m.first_place << m.clock_offset_frames << m.focal_pairs;
+  numbers << m.usual_brightness << m.lost << m.clock_offset_frames << m.focal_pairs;
   for (const double cost : m.clock_offset_costs) numbers << cost;
   for (const double cost : m.focal_costs) numbers << cost;
   keyframe << k.submap_from_camera << k.moment.velocity << k.moment.stamp_delay << k.moment.clock_offset;
@@ -198,7 +214,7 @@ void tracker_of(const Json& json, Tracker::Memory& m, PhotometricKeyframe::Saved
     in >> moment.timestamp >> moment.submap_from_camera;
   }
   In numbers(json.at("numbers")), keyframe(json.at("keyframe"));
-  numbers >> m.usual_brightness >> m.lost >> m.first_place >> m.clock_offset_frames >> m.focal_pairs;
+  numbers >> m.usual_brightness >> m.lost >> m.clock_offset_frames >> m.focal_pairs;
   for (double& cost : m.clock_offset_costs) numbers >> cost;
   for (double& cost : m.focal_costs) numbers >> cost;
   keyframe >> k.submap_from_camera >> k.moment.velocity >> k.moment.stamp_delay >> k.moment.clock_offset;
@@ -222,8 +238,6 @@ Volume::Residency residency_of(const Json& json) {
   In origin(json.at("origin"));
   origin >> r.origin.x() >> r.origin.y() >> r.origin.z() >> r.counts.allocated >> r.counts.paged_out >>
       r.counts.paged_in;
-  if (r.device_last_seen.size() != r.on_device.size() || r.host_last_seen.size() != r.on_host.size())
-    throw std::runtime_error("bricks and their stamps do not match");
   return r;
 }
 
@@ -235,15 +249,268 @@ Camera camera_of(const Json& j) {
   return {j.at("width"), j.at("height"), j.at("fx"), j.at("fy"), j.at("cx"), j.at("cy"), j.at("distortion")};
 }
 
-fs::path active_file(const fs::path& folder, std::uint64_t number) {
-  return folder / fmt::format("active-{:06}.vdb", number);
+fs::path active_file(const fs::path& files, std::uint64_t number) {
+  return files / fmt::format("active-{:06}.vdb", number);
+}
+
+/// The number of a run by the name of its folder, run-N.
+std::optional<unsigned long> run_number(const std::string& name) {
+  constexpr std::string_view kRun = "run-";
+  unsigned long number = 0;
+  const char *begin = name.data() + std::min(name.size(), kRun.size()), *end = name.data() + name.size();
+  if (!name.starts_with(kRun) || begin == end) return std::nullopt;
+  const auto [stop, error] = std::from_chars(begin, end, number);
+  if (error != std::errc() || stop != end) return std::nullopt;
+  return number;
+}
+
+void require(bool is_so, const char* otherwise) {
+  if (!is_so) throw std::runtime_error(otherwise);
+}
+void require_rigid(const Eigen::Isometry3d& pose) {
+  constexpr double kBent = 0.01;  // that rounding never reaches
+  const Eigen::Matrix3d r = pose.linear();
+  require(pose.matrix().allFinite() && (r.transpose() * r - Eigen::Matrix3d::Identity()).norm() < kBent &&
+              r.determinant() > 0 && pose.matrix().row(3) == Eigen::RowVector4d(0, 0, 0, 1),
+          "a pose is none");
+}
+void require_near(const Brick& brick) {
+  constexpr int kFar = 1 << 24;  // bricks; nothing overflows
+  require((brick.array() > -kFar).all() && (brick.array() < kFar).all(), "a brick lies nowhere");
+}
+
+/// Everything that others take for granted: numbers of what exists, finite values.
+void validate(const Session& s) {
+  const Camera& c = s.camera;
+  constexpr int kMostPixels = 1 << 14;  // a side
+  require(c.width > 0 && c.height > 0 && c.width <= kMostPixels && c.height <= kMostPixels && c.fx > 0 && c.fy > 0 &&
+              std::isfinite(c.fx) && std::isfinite(c.fy) && std::isfinite(c.cx) && std::isfinite(c.cy) &&
+              std::all_of(c.distortion.begin(), c.distortion.end(), [](double d) { return std::isfinite(d); }),
+          "its camera is none");
+  Options options;
+  options.fuse.voxel_size = s.fuse.voxel_size, options.fuse.truncation = s.fuse.truncation;
+  options.surface.min_depth = s.min_depth, options.surface.max_depth = s.max_depth;
+  check(options);
+  require(run_number(s.run).has_value(), "it names no run");
+
+  const BackEnd::Memory& m = s.back_end;
+  const Atlas& atlas = m.atlas;
+  const std::size_t keyframes = atlas.keyframes.size(), submaps = m.submaps.size();
+  for (std::size_t k = 0; k < keyframes; ++k) {
+    const Keyframe& f = atlas.keyframes[k];
+    require(f.submap <= submaps, "a submap is missing");
+    require(f.searched <= k && !(f.follows && k == 0), "a keyframe is missing");
+    require(std::isfinite(f.timestamp) && std::isfinite(f.colour_delay) && f.information.allFinite() &&
+                (!f.acceleration || f.acceleration->allFinite()),
+            "a number is none");
+    require_rigid(f.piece_from_camera), require_rigid(f.submap_from_camera), require_rigid(atlas.world_from_camera[k]);
+  }
+  for (const Loop& l : atlas.loops) {
+    require(l.edge.from < keyframes && l.edge.to < keyframes && l.edge.from != l.edge.to, "a keyframe is missing");
+    require(l.edge.information.allFinite(), "a number is none");
+    require_rigid(l.edge.from_from_to);
+  }
+  require(atlas.frames.empty() == (keyframes == 0), "keyframes and frames do not match");
+  for (const FusedFrame& f : atlas.frames) {
+    require(f.keyframe < keyframes, "a keyframe is missing");
+    require(std::isfinite(f.timestamp), "a number is none");
+    require_rigid(f.submap_from_camera);
+  }
+  require(std::is_sorted(atlas.recordings.begin(), atlas.recordings.end()) &&
+              (atlas.recordings.empty() || atlas.recordings.back() <= atlas.frames.size()),
+          "a recording is missing");
+  require(m.places.size() == keyframes, "places and keyframes do not match");
+  for (const auto& [pose, is_here] : m.places) require_rigid(pose);
+  require(m.searched <= keyframes && m.submap_begin <= keyframes, "a keyframe is missing");
+
+  const Tracker::Memory& t = s.tracker;
+  require(t.last.size() <= 2 && t.last.empty() == atlas.frames.empty(), "the last frames are missing");
+  for (const auto& moment : t.last) {
+    require(std::isfinite(moment.timestamp), "a number is none");
+    require_rigid(moment.submap_from_camera);
+  }
+  const auto is_finite = [](double d) { return std::isfinite(d); };
+  require(std::isfinite(t.usual_brightness) && t.lost >= 0 && t.clock_offset_frames >= 0 && t.focal_pairs >= 0 &&
+              std::all_of(t.clock_offset_costs.begin(), t.clock_offset_costs.end(), is_finite) &&
+              std::all_of(t.focal_costs.begin(), t.focal_costs.end(), is_finite) && s.repeats >= 0 && s.lost >= 0 &&
+              (!s.last_fused || std::isfinite(*s.last_fused)) && s.acceleration.allFinite() &&
+              s.keyframe.moment.velocity.allFinite() && std::isfinite(s.keyframe.moment.stamp_delay) &&
+              std::isfinite(s.keyframe.moment.clock_offset),
+          "a number is none");
+  require_rigid(s.keyframe.submap_from_camera);
+
+  const Volume::Residency& r = s.residency;
+  require(r.device_last_seen.size() == r.on_device.size() && r.host_last_seen.size() == r.on_host.size(),
+          "bricks and their stamps do not match");
+  require_near(r.origin);
+  for (const auto* bricks : {&r.on_device, &r.on_host})
+    for (const Brick& brick : *bricks) require_near(brick);
+}
+
+/// CBOR that is no deeper than a session's, so that no file can use up the stack.
+class Shallow : public nlohmann::detail::json_sax_dom_parser<Json> {
+ public:
+  explicit Shallow(Json& to) : json_sax_dom_parser(to) {}
+  bool start_object(std::size_t size) { return enter() && json_sax_dom_parser::start_object(size); }
+  bool start_array(std::size_t size) { return enter() && json_sax_dom_parser::start_array(size); }
+  bool end_object() { return --depth_, json_sax_dom_parser::end_object(); }
+  bool end_array() { return --depth_, json_sax_dom_parser::end_array(); }
+
+ private:
+  bool enter() {
+    require(++depth_ < 16, "it is nested too deeply");
+    return true;
+  }
+  int depth_ = 0;
+};
+
+/// The state with its first line checked.
+struct State {
+  std::vector<std::uint8_t> cbor;
+  std::uint32_t checksum = 0;
+};
+State read_state(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in) throw std::runtime_error(file.string() + ": there is no session to go on with; run without --resume first");
+  std::string magic(std::strlen(kMagic), ' ');
+  int version = 0;
+  State state;
+  in.read(magic.data(), static_cast<std::streamsize>(magic.size()));
+  in >> version >> std::hex >> state.checksum;
+  in.get();
+  if (!in || magic != kMagic) throw std::runtime_error(file.string() + ": is no session of cairn; " + kAgain);
+  if (version != kVersion)
+    throw std::runtime_error(
+        fmt::format("{}: was written by another version of cairn (format {}, this one reads {}); {}", file.string(),
+                    version, kVersion, kAgain));
+  state.cbor.assign(std::istreambuf_iterator<char>(in), {});
+  if (checksum(state.cbor) != state.checksum) throw std::runtime_error(file.string() + ": is damaged; " + kAgain);
+  return state;
+}
+
+/// Brings all files of the disk that a folder is on to it: of keyframes there are many, and to wait for each costs
+/// more.
+void sync_disk(const fs::path& folder) {
+  const int descriptor = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  const bool synced = descriptor >= 0 && syncfs(descriptor) == 0;
+  const int error = errno;
+  if (descriptor >= 0) close(descriptor);
+  if (!synced) throw std::runtime_error("cannot write " + folder.string() + ": " + std::strerror(error));
+}
+
+/// Whether the session has a state with this checksum.
+bool names(const fs::path& session, std::uint32_t checksum) {
+  try {
+    return read_state(session / kState).checksum == checksum;
+  } catch (const std::exception&) {
+    return false;
+  }
+}
+
+Session session_of(const std::vector<std::uint8_t>& cbor) {
+  Session s;
+  Json state;
+  Shallow sax(state);
+  Json::sax_parse(cbor, &sax, Json::input_format_t::cbor);
+  s.camera = camera_of(state.at("camera"));
+  s.fuse.voxel_size = state.at("voxel_size");
+  s.fuse.truncation = state.at("truncation");
+  s.min_depth = state.at("min_depth");
+  s.max_depth = state.at("max_depth");
+  s.back_end = back_end_of(state.at("back_end"));
+  tracker_of(state.at("tracker"), s.tracker, s.keyframe);
+  s.residency = residency_of(state.at("residency"));
+  In numbers(state.at("numbers"));
+  bool was_fused = false;
+  double last_fused = 0;
+  numbers >> s.stamp >> s.repeats >> s.lost >> was_fused >> last_fused >> s.acceleration;
+  if (was_fused) s.last_fused = last_fused;
+  s.last_image = state.at("last_image");
+  s.number = state.at("number");
+  s.run = state.at("run");
+  s.note = state.at("note");
+  validate(s);
+  return s;
+}
+
+/// Beside state.cbor and the lock, what cairn writes into a session's folder: in this format and in the one before.
+bool is_ours(const std::string& name) {
+  return run_number(name) || name == kKeyframes ||
+         ((name.starts_with("submap-") || name.starts_with("active-")) && name.ends_with(".vdb"));
 }
 
 }  // namespace
 
-void write_session(const fs::path& folder, const Session& s, const BrickTree& active) {
-  fs::create_directories(folder);
-  write_bricks(active_file(folder, s.number), active);
+ReadSession read_session(const fs::path& session) {
+  const fs::path file = session / kState;
+  while (true) {
+    const State state = read_state(file);
+    try {
+      Session s;
+      try {
+        s = session_of(state.cbor);
+      } catch (const std::exception& error) {
+        throw std::runtime_error(fmt::format("{}: is damaged ({}); {}", file.string(), plain(error.what()), kAgain));
+      }
+      const fs::path files = session / s.run;
+      if (!fs::is_directory(files))
+        throw std::runtime_error(files.string() + ": is missing; the session is damaged: " + kAgain);
+      auto hold = FileLock::take(files, FileLock::Kind::shared, true);
+      try {
+        BrickTree active = read_bricks(active_file(files, s.number));
+        return {std::move(s), std::move(active), files, state.checksum, std::move(*hold)};
+      } catch (const std::exception& error) {
+        throw std::runtime_error(std::string(error.what()) + "; the session is damaged: " + kAgain);
+      }
+    } catch (const std::exception&) {
+      // Perhaps somebody has written a newer state meanwhile, and removed what this one names.
+      if (read_state(file).checksum == state.checksum) throw;
+    }
+  }
+}
+
+SessionWriter::SessionWriter(fs::path session) : session_(std::move(session)), lock_(session_) {
+  unsigned long last = 0;
+  for (const auto& entry : fs::directory_iterator(session_))
+    last = std::max(last, run_number(entry.path().filename().string()).value_or(0));
+  remove_leftovers(session_);
+  files_ = session_ / fmt::format("run-{:04}", last + 1);
+  std::error_code error, ignored;
+  if (fs::create_directories(files_ / kKeyframes, error)) return;
+  fs::remove_all(files_, ignored);
+  throw std::runtime_error("cannot make the folder " + files_.string() + ": " + error.message() +
+                           "; choose another with -o");
+}
+
+SessionWriter::SessionWriter(fs::path session, const ReadSession& read)
+    : session_(std::move(session)), lock_(session_), files_(read.files), is_named_(true) {
+  if (read_state(session_ / kState).checksum != read.checksum)
+    throw std::runtime_error(session_.string() + ": another run wrote into it just now; try again");
+  remove_others(read.session.number);
+  for (const fs::path& folder : {session_, files_, files_ / kKeyframes}) remove_leftovers(folder);
+}
+
+SessionWriter::~SessionWriter() {
+  std::error_code ignored;
+  if (!is_named_) fs::remove_all(files_, ignored);
+}
+
+void SessionWriter::copy_files(const ReadSession& from) const {
+  const auto copy = [&](const fs::path& name) {
+    std::ifstream in(from.files / name, std::ios::binary);
+    const std::string bytes{std::istreambuf_iterator<char>(in), {}};
+    if (!in) throw std::runtime_error((from.files / name).string() + ": cannot be read; the session is damaged");
+    write_whole(files_ / name, bytes, Durable::some_time);
+  };
+  for (const auto& entry : fs::directory_iterator(from.files))
+    if (const fs::path name = entry.path().filename(); name.string().starts_with("submap-")) copy(name);
+  for (const auto& entry : fs::directory_iterator(from.files / kKeyframes))
+    if (const fs::path name = entry.path().filename(); name.string()[0] != '.') copy(kKeyframes / name);
+}
+
+void SessionWriter::write(const Session& s, const BrickTree& active) {
+  write_bricks(active_file(files_, s.number), active);
+  sync_disk(files_);
   Out numbers;
   numbers << s.stamp << s.repeats << s.lost << s.last_fused.has_value() << s.last_fused.value_or(0) << s.acceleration;
   const Json state{{"camera", camera_json(s.camera)},
@@ -257,71 +524,44 @@ void write_session(const fs::path& folder, const Session& s, const BrickTree& ac
                    {"numbers", numbers.json()},
                    {"last_image", s.last_image},
                    {"number", s.number},
+                   {"run", files_.filename().string()},
                    {"note", s.note}};
-  const auto bytes = Json::to_cbor(state);
-  write_whole(folder / "state.cbor", [&](const fs::path& temporary) {
-    std::ofstream out(temporary, std::ios::binary);
-    out << fmt::format("{} {} {:08x}\n", kMagic, kVersion, checksum(bytes));
-    out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-    if (!out.flush()) throw std::runtime_error("the disk is full");
-  });
-  // From here on the new state counts.
-  std::vector<fs::path> stale;
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    const std::string name = entry.path().filename().string();
-    if (name.starts_with("active-") && entry.path() != active_file(folder, s.number)) stale.push_back(entry.path());
+  const auto cbor = Json::to_cbor(state);
+  std::string bytes = fmt::format("{} {} {:08x}\n", kMagic, kVersion, checksum(cbor));
+  bytes.append(cbor.begin(), cbor.end());
+  try {
+    write_whole(session_ / kState, bytes);
+  } catch (const std::exception&) {
+    // It may be there all the same, but perhaps not after a power cut.
+    is_named_ = is_named_ || names(session_, checksum(cbor));
+    throw;
   }
-  std::error_code ignored;
-  for (const auto& file : stale) fs::remove(file, ignored);
+  // From here on the new state counts, also after a power cut.
+  is_named_ = true;
+  remove_others(s.number);
 }
 
-ReadSession read_session(const fs::path& folder) {
-  const fs::path file = folder / "state.cbor";
-  std::ifstream in(file, std::ios::binary);
-  if (!in) throw std::runtime_error(file.string() + ": there is no session to go on with; run without --resume first");
-  std::string magic(std::strlen(kMagic), ' ');
-  int version = 0;
-  std::uint32_t sum = 0;
-  in.read(magic.data(), static_cast<std::streamsize>(magic.size()));
-  in >> version >> std::hex >> sum;
-  in.get();
-  constexpr const char* kAgain = "reconstruct again without --resume";
-  if (!in || magic != kMagic) throw std::runtime_error(file.string() + ": is no session of cairn; " + kAgain);
-  if (version != kVersion)
-    throw std::runtime_error(
-        fmt::format("{}: was written by another version of cairn (format {}, this one reads {}); {}", file.string(),
-                    version, kVersion, kAgain));
-  const std::vector<std::uint8_t> bytes{std::istreambuf_iterator<char>(in), {}};
-  if (checksum(bytes) != sum) throw std::runtime_error(file.string() + ": is damaged; " + kAgain);
-  ReadSession read;
-  Session& s = read.session;
-  try {
-    const Json state = Json::from_cbor(bytes);
-    s.camera = camera_of(state.at("camera"));
-    s.fuse.voxel_size = state.at("voxel_size");
-    s.fuse.truncation = state.at("truncation");
-    s.min_depth = state.at("min_depth");
-    s.max_depth = state.at("max_depth");
-    s.back_end = back_end_of(state.at("back_end"));
-    tracker_of(state.at("tracker"), s.tracker, s.keyframe);
-    s.residency = residency_of(state.at("residency"));
-    In numbers(state.at("numbers"));
-    bool was_fused = false;
-    double last_fused = 0;
-    numbers >> s.stamp >> s.repeats >> s.lost >> was_fused >> last_fused >> s.acceleration;
-    if (was_fused) s.last_fused = last_fused;
-    s.last_image = state.at("last_image");
-    s.number = state.at("number");
-    s.note = state.at("note");
-  } catch (const std::exception& error) {
-    throw std::runtime_error(file.string() + ": is damaged (" + error.what() + "); " + kAgain);
-  }
-  try {
-    read.active = read_bricks(active_file(folder, s.number));
-  } catch (const std::exception& error) {
-    throw std::runtime_error(std::string(error.what()) + "; the session is damaged: " + kAgain);
-  }
-  return read;
+void SessionWriter::remove_others(std::uint64_t number) const {
+  std::vector<fs::path> stale;
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(session_, ignored))
+    if (is_ours(entry.path().filename().string()) && entry.path() != files_) stale.push_back(entry.path());
+  for (const auto& entry : fs::directory_iterator(files_, ignored))
+    if (entry.path().filename().string().starts_with("active-") && entry.path() != active_file(files_, number))
+      stale.push_back(entry.path());
+  for (const fs::path& path : stale)
+    if (!fs::is_directory(path, ignored))
+      fs::remove(path, ignored);
+    else if (FileLock::take(path, FileLock::Kind::exclusive))  // what somebody reads goes with the next checkpoint
+      fs::remove_all(path, ignored);
+}
+
+void remove_session(const fs::path& session, const SessionLock&) {
+  fs::remove(session / kState);
+  std::vector<fs::path> stale;
+  for (const auto& entry : fs::directory_iterator(session))
+    if (is_ours(entry.path().filename().string())) stale.push_back(entry.path());
+  for (const fs::path& path : stale) fs::remove_all(path);
 }
 
 }  // namespace cairn

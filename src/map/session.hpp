@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // A session: a folder from which a run goes on. `state.cbor` is written last and at once, and names what else belongs
-// to it: `keyframes/` (images and corners), `submap-N.vdb`, and `active-N.vdb`, the volume that is being fused into.
+// to it: a run's own folder, `run-N/`, with `keyframes/` (images and corners), `submap-N.vdb`, and `active-N.vdb`, the
+// volume that is being fused into. A new run has a new folder, and the session before it stays whole until the new
+// one's first checkpoint takes its place.
 #pragma once
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "map/back_end.hpp"
+#include "map/session_lock.hpp"
 #include "track/tracker.hpp"
 
 namespace cairn {
@@ -26,18 +30,50 @@ struct Session {
   std::optional<double> last_fused;
   Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();
   std::uint64_t number = 0;  // of the checkpoint
+  std::string run;           // the name of its folder; SessionWriter sees to it
   std::string note;          // of whoever drives the mapper
 };
-
-/// Writes the volume's bricks and then the state, each whole or not at all; a kill at any moment leaves the session
-/// before or this one. Files that no longer belong to it are removed.
-void write_session(const std::filesystem::path& folder, const Session& session, const BrickTree& active);
 
 struct ReadSession {
   Session session;
   BrickTree active;
+  std::filesystem::path files;  // the run's folder
+  std::uint32_t checksum = 0;   // of state.cbor
+  FileLock hold;                // whoever writes leaves these files as long as this lives
 };
-/// Throws std::runtime_error with what is wrong and what to do: nothing there, damaged, written by another version.
-[[nodiscard]] ReadSession read_session(const std::filesystem::path& folder);
+/// Changes nothing in the folder, and may be called while another process writes there. Throws std::runtime_error with
+/// what is wrong and what to do: nothing there, damaged, written by another version.
+[[nodiscard]] ReadSession read_session(const std::filesystem::path& session);
+
+/// Writes a session: of one process at a time, see SessionLock.
+class SessionWriter {
+ public:
+  /// Begins a new run. What is there stays until the first write.
+  explicit SessionWriter(std::filesystem::path session);
+  /// Goes on with the run that was read.
+  SessionWriter(std::filesystem::path session, const ReadSession& read);
+  /// A run without a written state is gone with this.
+  ~SessionWriter();
+  SessionWriter(const SessionWriter&) = delete;
+  SessionWriter& operator=(const SessionWriter&) = delete;
+
+  /// Where keyframes and submaps are to be written.
+  [[nodiscard]] const std::filesystem::path& files() const { return files_; }
+  /// Brings another session's files, to go on with a copy of it.
+  void copy_files(const ReadSession& from) const;
+  /// Writes the volume's bricks and then the state, each whole or not at all; a kill at any moment leaves the session
+  /// before or this one. Files that no longer belong to it are removed then.
+  void write(const Session& state, const BrickTree& active);
+
+ private:
+  void remove_others(std::uint64_t number) const;
+  std::filesystem::path session_;
+  SessionLock lock_;
+  std::filesystem::path files_;
+  bool is_named_ = false;  // by state.cbor
+};
+
+/// Removes a session that something newer has replaced; whoever calls holds its lock.
+void remove_session(const std::filesystem::path& session, const SessionLock& lock);
 
 }  // namespace cairn

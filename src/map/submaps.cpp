@@ -10,11 +10,12 @@
 
 namespace cairn {
 
-Submaps::Submaps(std::filesystem::path folder, std::uint64_t budget)
+Submaps::Submaps(std::filesystem::path folder, std::uint64_t budget, Access access)
     : folder_(std::move(folder)),
       budget_(budget != 0 ? budget
                           : static_cast<std::uint64_t>(sysconf(_SC_PHYS_PAGES)) *
-                                static_cast<std::uint64_t>(sysconf(_SC_PAGE_SIZE)) / 4) {}
+                                static_cast<std::uint64_t>(sysconf(_SC_PAGE_SIZE)) / 4),
+      writes_(!folder_.empty() && access == Access::write) {}
 
 std::filesystem::path Submaps::file(std::size_t i) const { return folder_ / fmt::format("submap-{:04}.vdb", i); }
 
@@ -26,13 +27,13 @@ void Submaps::add(BrickTree voxels) {
   voxels_.push_back(std::make_shared<const BrickTree>(std::move(voxels)));
   last_use_.push_back(++use_);
   stored_.push_back(false);
-  if (!folder_.empty())
-    writing_ = std::async(std::launch::async, [tree = voxels_[id], to = file(id)]() -> std::string {
+  if (writes_)
+    writing_ = std::async(std::launch::async, [tree = voxels_[id], to = file(id)] {
       try {
         write_bricks(to, *tree);
-        return {};
-      } catch (const std::exception& error) {
-        return error.what();
+        return true;
+      } catch (const std::runtime_error&) {
+        return false;  // it stays in memory until store()
       }
     });
   keep_within_budget();
@@ -59,12 +60,21 @@ void Submaps::drop(std::size_t i) {
 }
 
 void Submaps::wait() {
-  if (!writing_.valid()) return;
-  const std::string problem = writing_.get();
-  if (problem.empty())
-    stored_.back() = true;
-  else
-    problem_ = problem;
+  if (writing_.valid()) stored_.back() = writing_.get();
+}
+
+std::string Submaps::store() {
+  wait();
+  if (!writes_) return {};
+  try {
+    for (std::size_t i = 0; i < stored_.size(); ++i) {
+      if (!stored_[i]) write_bricks(file(i), *voxels_[i]);
+      stored_[i] = true;
+    }
+    return {};
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
 }
 
 void Submaps::keep_within_budget() {

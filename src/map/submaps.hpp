@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "map/keyframe.hpp"
 #include "volume/volume.hpp"
 
 namespace cairn {
@@ -15,8 +16,8 @@ namespace cairn {
 /// folder each is a file there, and those used longest ago leave the memory when they need more than the budget.
 class Submaps {
  public:
-  /// `budget`: bytes; 0: a quarter of the host's memory.
-  Submaps(std::filesystem::path folder, std::uint64_t budget);
+  /// `budget`: bytes; 0: a quarter of the host's memory. Without the right to write, what is added stays in memory.
+  Submaps(std::filesystem::path folder, std::uint64_t budget, Access access);
   void add(BrickTree voxels);
   /// Adds one whose file is there already, or, if it has none, a dropped one.
   void add_stored(bool has_file);
@@ -31,10 +32,8 @@ class Submaps {
   [[nodiscard]] const std::vector<Brick>& free(std::size_t i) const { return free_[i]; }
   /// A submap's voxels, from its file if they have left the memory.
   [[nodiscard]] std::shared_ptr<const BrickTree> voxels(std::size_t i);
-  /// Waits until what was added is in its file.
-  void wait();
-  /// Why files could not be written; empty if they could. Such submaps stay in memory.
-  [[nodiscard]] const std::string& problem() const { return problem_; }
+  /// Brings all that was added into files. Returns why some could not be written, which stay in memory, or nothing.
+  [[nodiscard]] std::string store();
   [[nodiscard]] std::filesystem::path file(std::size_t i) const;
 
   struct Counts {
@@ -43,16 +42,17 @@ class Submaps {
   [[nodiscard]] const Counts& counts() const { return counts_; }
 
  private:
+  void wait();
   void keep_within_budget();
   std::filesystem::path folder_;
   std::uint64_t budget_;
+  bool writes_;
   std::vector<std::vector<Brick>> bricks_, free_;
   std::vector<std::shared_ptr<const BrickTree>> voxels_;  // null: in its file alone
   std::vector<std::uint64_t> last_use_;
   std::uint64_t use_ = 0;
-  std::vector<bool> stored_;  // in their files
-  std::string problem_;
-  std::future<std::string> writing_;  // what went wrong
+  std::vector<bool> stored_;   // in their files
+  std::future<bool> writing_;  // of the newest; whether it went well
   Counts counts_;
 };
 

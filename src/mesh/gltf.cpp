@@ -20,6 +20,7 @@
 #include <stdexcept>
 
 #include "io/atomic_file.hpp"
+#include "io/json_text.hpp"
 #include "mesh/clean.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/topology.hpp"
@@ -401,7 +402,7 @@ GltfWriter::GltfWriter(GltfOptions options) : state_(std::make_unique<State>()) 
   extras["unit"] = tinygltf::Value(std::string("metre"));
   extras["scale"] = tinygltf::Value(1.0);
   extras["gltf_from_world"] = tinygltf::Value(std::string("half turn about x: (x, -y, -z)"));
-  if (!s.options.source.empty()) extras["source"] = tinygltf::Value(s.options.source);
+  if (!s.options.source.empty()) extras["source"] = tinygltf::Value(as_utf8(s.options.source));
   s.model.asset.extras = tinygltf::Value(extras);
   tinygltf::Scene scene;
   scene.name = "map";
@@ -538,7 +539,7 @@ Bytes GltfWriter::glb() const {
 void GltfWriter::write(const std::filesystem::path& file) const {
   if (file.extension() == ".glb") return write_whole(file, glb());
   // What lies beside it first: a .gltf that can be seen is complete.
-  const std::string stem = file.stem().string();
+  const std::string stem = as_utf8(file.stem().string());  // they are named in it
   std::vector<std::string> names;
   for (std::size_t i = 0; i < state_->images.size(); ++i) {
     names.push_back(stem + "-" + std::to_string(i) + (state_->options.png ? ".png" : ".jpg"));

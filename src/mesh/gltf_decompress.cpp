@@ -5,11 +5,10 @@
 #include <meshoptimizer.h>
 
 #include <cstring>
-#include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "io/read_whole.hpp"
 #include "mesh/gltf.hpp"
 
 namespace cairn {
@@ -19,10 +18,21 @@ using Json = nlohmann::json;
 using Bytes = std::vector<std::uint8_t>;
 constexpr const char *kMeshopt = "EXT_meshopt_compression", *kDraco = "KHR_draco_mesh_compression";
 
-Bytes bytes_of(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) throw std::runtime_error("cannot be read");
-  return {std::istreambuf_iterator<char>(in), {}};
+constexpr int kDeepest = 64;               // nested values in the JSON: readers of it call themselves for each
+constexpr std::size_t kMostUnpacked = 64;  // bytes that meshopt's vertex codec makes of one, at most
+
+Json parsed(const Bytes& text) {
+  return Json::parse(text.begin(), text.end(), [](int depth, Json::parse_event_t, const Json&) {
+    if (depth > kDeepest) throw std::runtime_error("its JSON is nested too deeply");
+    return true;
+  });
+}
+
+template <class T>
+const T& item(const std::vector<T>& list, const Json& index, const char* what) {
+  const auto i = index.get<std::size_t>();
+  if (i >= list.size()) throw std::runtime_error("there is no " + std::string(what) + " " + std::to_string(i));
+  return list[i];
 }
 
 std::uint32_t word_at(const Bytes& bytes, std::size_t at) {
@@ -42,17 +52,25 @@ Bytes part(const Bytes& bytes, std::size_t offset, std::size_t size) {
 Bytes decode_meshopt(const Json& view, const std::vector<Bytes>& buffers) {
   const Json& e = view.at("extensions").at(kMeshopt);
   const std::size_t count = e.at("count"), stride = e.at("byteStride");
-  const Bytes packed = part(buffers.at(e.at("buffer")), e.value("byteOffset", std::size_t{0}), e.at("byteLength"));
-  if (stride == 0 || stride > 256 || count > packed.size() * 1024)
-    throw std::runtime_error("a compressed view is malformed");
-  Bytes bytes(count * stride);
   const std::string mode = e.at("mode");
+  const Bytes packed =
+      part(item(buffers, e.at("buffer"), "buffer"), e.value("byteOffset", std::size_t{0}), e.at("byteLength"));
+  // The decoders end the program for what they do not take, and the size is not what decides how much is written.
+  const bool attributes = mode == "ATTRIBUTES", triangles = mode == "TRIANGLES";
+  if (!attributes && !triangles && mode != "INDICES") throw std::runtime_error("a compressed view has no known mode");
+  if (attributes ? stride == 0 || stride > 256 || stride % 4 != 0 : stride != 2 && stride != 4)
+    throw std::runtime_error("a compressed view has a stride of " + std::to_string(stride) + ", which " + mode +
+                             " cannot have");
+  if ((triangles && count % 3 != 0) || count > packed.size() * kMostUnpacked / stride)
+    throw std::runtime_error("a compressed view has " + std::to_string(count) + " elements, which its " +
+                             std::to_string(packed.size()) + " bytes cannot hold");
   if (e.value("filter", "NONE") != "NONE")
     throw std::runtime_error("filters of " + std::string(kMeshopt) + " are not read");
-  const int failed =
-      mode == "ATTRIBUTES"  ? meshopt_decodeVertexBuffer(bytes.data(), count, stride, packed.data(), packed.size())
-      : mode == "TRIANGLES" ? meshopt_decodeIndexBuffer(bytes.data(), count, stride, packed.data(), packed.size())
-                            : meshopt_decodeIndexSequence(bytes.data(), count, stride, packed.data(), packed.size());
+  Bytes bytes(count * stride);
+  const int failed = attributes ? meshopt_decodeVertexBuffer(bytes.data(), count, stride, packed.data(), packed.size())
+                     : triangles
+                         ? meshopt_decodeIndexBuffer(bytes.data(), count, stride, packed.data(), packed.size())
+                         : meshopt_decodeIndexSequence(bytes.data(), count, stride, packed.data(), packed.size());
   if (failed != 0) throw std::runtime_error("a compressed view is damaged");
   return bytes;
 }
@@ -60,7 +78,7 @@ Bytes decode_meshopt(const Json& view, const std::vector<Bytes>& buffers) {
 /// Puts what a draco stream holds into views of their own.
 void decode_draco(Json& j, Json& primitive, std::vector<Bytes>& views) {
   const Json e = primitive["extensions"][kDraco];
-  const Bytes& packed = views.at(e.at("bufferView"));
+  const Bytes& packed = item(views, e.at("bufferView"), "view");
   draco::DecoderBuffer buffer;
   buffer.Init(reinterpret_cast<const char*>(packed.data()), packed.size());
   auto decoded = draco::Decoder().DecodeMeshFromBuffer(&buffer);
@@ -103,16 +121,15 @@ void decode_draco(Json& j, Json& primitive, std::vector<Bytes>& views) {
 
 std::vector<std::uint8_t> decompressed_gltf(const std::filesystem::path& file) {
   try {
-    const Bytes bytes = bytes_of(file);
+    const Bytes bytes = read_whole(file);
     Json j;
     Bytes bin;
     if (file.extension() == ".glb") {
       const std::size_t size = word_at(bytes, 12);
-      const Bytes text = part(bytes, 20, size);
-      j = Json::parse(text.begin(), text.end());
+      j = parsed(part(bytes, 20, size));
       if (20 + size + 8 <= bytes.size()) bin = part(bytes, 28 + size, word_at(bytes, 20 + size));
     } else {
-      j = Json::parse(bytes.begin(), bytes.end());
+      j = parsed(bytes);
     }
     bool is_compressed = false;
     for (const auto& e : j.value("extensionsUsed", Json::array())) is_compressed |= e == kMeshopt || e == kDraco;
@@ -120,14 +137,14 @@ std::vector<std::uint8_t> decompressed_gltf(const std::filesystem::path& file) {
     std::vector<Bytes> buffers;
     for (const auto& b : j.value("buffers", Json::array())) {
       const std::string uri = b.value("uri", "");
-      buffers.push_back(!uri.empty() ? bytes_of(file.parent_path() / uri) : buffers.empty() ? bin : Bytes{});
+      buffers.push_back(!uri.empty() ? read_whole(file.parent_path() / uri) : buffers.empty() ? bin : Bytes{});
     }
     std::vector<Bytes> views;
     for (auto& view : j["bufferViews"]) {
       const bool is_packed = view.contains("extensions") && view["extensions"].contains(kMeshopt);
       views.push_back(is_packed ? decode_meshopt(view, buffers)
-                                : part(buffers.at(view.at("buffer")), view.value("byteOffset", std::size_t{0}),
-                                       view.at("byteLength")));
+                                : part(item(buffers, view.at("buffer"), "buffer"),
+                                       view.value("byteOffset", std::size_t{0}), view.at("byteLength")));
       view.erase("extensions");
     }
     for (auto& mesh : j["meshes"])
@@ -145,6 +162,11 @@ std::vector<std::uint8_t> decompressed_gltf(const std::filesystem::path& file) {
     j["buffers"] = {{{"byteLength", buffer.size()}}};
     j.erase("extensionsRequired");
     return join_glb(j.dump(), buffer);
+  } catch (const Json::parse_error& error) {
+    throw std::runtime_error(file.string() + ": cannot be read as glTF: its JSON is malformed at byte " +
+                             std::to_string(error.byte));
+  } catch (const Json::exception&) {
+    throw std::runtime_error(file.string() + ": cannot be read as glTF: its JSON does not say what glTF asks for");
   } catch (const std::exception& error) {
     throw std::runtime_error(file.string() + ": cannot be read as glTF: " + error.what());
   }

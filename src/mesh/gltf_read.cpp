@@ -7,8 +7,13 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <set>
+#include <span>
 #include <stdexcept>
 
+#include "io/image_file.hpp"
+#include "io/read_whole.hpp"
+#include "io/words.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/gltf.hpp"
 
@@ -23,20 +28,38 @@ std::uint8_t srgb(double value) {  // IEC 61966-2-1
       std::lround(255.0 * (c <= 0.0031308 ? 12.92 * c : 1.055 * std::pow(c, 1 / 2.4) - 0.055)));
 }
 
-/// Calls `take(index, components)` for each element of an accessor, as numbers; normalized integers become 0..1.
+template <class T>
+const T& item(const std::vector<T>& list, int index, const char* what) {
+  if (index < 0 || static_cast<std::size_t>(index) >= list.size())
+    throw std::runtime_error("there is no " + std::string(what) + " " + std::to_string(index));
+  return list[static_cast<std::size_t>(index)];
+}
+
+/// The part of a buffer that a view shows.
+std::span<const std::uint8_t> bytes_of(const tinygltf::Model& model, const tinygltf::BufferView& view) {
+  const auto& bytes = item(model.buffers, view.buffer, "buffer").data;
+  if (view.byteOffset > bytes.size() || view.byteLength > bytes.size() - view.byteOffset)
+    throw std::runtime_error("a view reaches beyond its buffer");
+  return std::span(bytes).subspan(view.byteOffset, view.byteLength);
+}
+
+/// Calls `take(components)` for each element of an accessor, as numbers; normalized integers become 0..1.
 template <class Take>
 void read_accessor(const tinygltf::Model& model, int index, const Take& take) {
-  const auto& accessor = model.accessors.at(static_cast<std::size_t>(index));
+  const auto& accessor = item(model.accessors, index, "accessor");
   if (accessor.bufferView < 0 || accessor.sparse.isSparse) throw std::runtime_error("sparse accessors are not read");
-  const auto& view = model.bufferViews.at(static_cast<std::size_t>(accessor.bufferView));
-  const auto& bytes = model.buffers.at(static_cast<std::size_t>(view.buffer)).data;
+  const auto& view = item(model.bufferViews, accessor.bufferView, "view");
+  const auto bytes = bytes_of(model, view);
   const int components = tinygltf::GetNumComponentsInType(static_cast<std::uint32_t>(accessor.type));
   const int size = tinygltf::GetComponentSizeInBytes(static_cast<std::uint32_t>(accessor.componentType));
-  const auto stride = static_cast<std::size_t>(accessor.ByteStride(view));
-  const std::size_t start = view.byteOffset + accessor.byteOffset;
-  if (components > 4 || size < 0 ||
-      (accessor.count > 0 &&
-       start + stride * (accessor.count - 1) + static_cast<std::size_t>(components * size) > bytes.size()))
+  const int step = accessor.ByteStride(view);
+  if (components < 1 || components > 4 || size < 1 || step < 1)
+    throw std::runtime_error("an accessor has a type or a stride that is not read");
+  const auto stride = static_cast<std::size_t>(step), start = accessor.byteOffset,
+             element = static_cast<std::size_t>(components * size);
+  // Without products and sums of what the file says: they may wrap.
+  if (accessor.count > 0 && (start > bytes.size() || element > bytes.size() - start ||
+                             accessor.count - 1 > (bytes.size() - start - element) / stride))
     throw std::runtime_error("an accessor reaches beyond its buffer");
   for (std::size_t i = 0; i < accessor.count; ++i) {
     std::array<double, 4> v{};
@@ -74,7 +97,7 @@ void read_accessor(const tinygltf::Model& model, int index, const Take& take) {
           throw std::runtime_error("an accessor has a component type that is not read");
       }
     }
-    take(i, v);
+    take(v);
   }
 }
 
@@ -91,22 +114,50 @@ Eigen::Affine3d local_transform(const tinygltf::Node& node) {
 Texture texture_of(const tinygltf::Model& model, const tinygltf::Primitive& primitive) {
   Texture texture;
   if (primitive.material < 0) return texture;
-  const int index =
-      model.materials.at(static_cast<std::size_t>(primitive.material)).pbrMetallicRoughness.baseColorTexture.index;
+  const int index = item(model.materials, primitive.material, "material").pbrMetallicRoughness.baseColorTexture.index;
   if (index < 0) return texture;
-  const int source = model.textures.at(static_cast<std::size_t>(index)).source;
+  const int source = item(model.textures, index, "texture").source;
   if (source < 0) return texture;
-  const tinygltf::Image& image = model.images.at(static_cast<std::size_t>(source));
-  const auto pixels = static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height),
-             components = static_cast<std::size_t>(image.component);
-  if (image.bits != 8 || components < 3 || image.image.size() < pixels * components)
-    throw std::runtime_error("a texture has a pixel format that is not read");
-  texture.width = image.width;
-  texture.height = image.height;
-  for (std::size_t i = 0; i < pixels; ++i)
-    texture.texels.push_back(
-        {image.image[i * components], image.image[i * components + 1], image.image[i * components + 2]});
+  const tinygltf::Image& image = item(model.images, source, "image");
+  const cv::Mat pixels =
+      decode_image(image.bufferView < 0 ? std::span<const std::uint8_t>(image.image)
+                                        : bytes_of(model, item(model.bufferViews, image.bufferView, "view")),
+                   cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+  texture.width = pixels.cols;
+  texture.height = pixels.rows;
+  for (int y = 0; y < pixels.rows; ++y)
+    for (int x = 0; x < pixels.cols; ++x) {
+      const auto& bgr = pixels.at<cv::Vec3b>(y, x);
+      texture.texels.push_back({bgr[2], bgr[1], bgr[0]});
+    }
   return texture;
+}
+
+/// What tinygltf calls with an image: those of views are read where they are needed, by bytes_of, since it does not
+/// look whether they lie in their buffers.
+bool keep_image(tinygltf::Image* image, int, std::string*, std::string*, int, int, const unsigned char* bytes, int size,
+                void*) {
+  if (image->bufferView < 0) image->image.assign(bytes, bytes + size);
+  return true;
+}
+
+/// Files beside a .gltf, for tinygltf.
+tinygltf::FsCallbacks files() {
+  return {.FileExists = [](const std::string& file,
+                           void*) { return std::filesystem::is_regular_file(std::filesystem::path(file)); },
+          .ExpandFilePath = [](const std::string& file, void*) { return file; },
+          .ReadWholeFile =
+              [](std::vector<unsigned char>* bytes, std::string* error, const std::string& file, void*) {
+                try {
+                  *bytes = read_whole(file);
+                  return true;
+                } catch (const std::exception& problem) {
+                  *error += file + ": " + problem.what() + "\n";
+                  return false;
+                }
+              },
+          .WriteWholeFile = nullptr,
+          .user_data = nullptr};
 }
 
 Mesh part_of(const tinygltf::Model& model, const tinygltf::Primitive& primitive, const Eigen::Affine3d& transform) {
@@ -114,7 +165,7 @@ Mesh part_of(const tinygltf::Model& model, const tinygltf::Primitive& primitive,
   const Eigen::Matrix3d normal_transform = transform.linear().inverse().transpose();
   const auto each = [&](const char* name, const auto& take) {
     if (const auto it = primitive.attributes.find(name); it != primitive.attributes.end())
-      read_accessor(model, it->second, [&](std::size_t, const std::array<double, 4>& v) { take(v); });
+      read_accessor(model, it->second, take);
   };
   each("POSITION", [&](const auto& v) {
     mesh.positions.push_back(turned((transform * Eigen::Vector3d(v[0], v[1], v[2])).template cast<float>()));
@@ -134,28 +185,30 @@ Mesh part_of(const tinygltf::Model& model, const tinygltf::Primitive& primitive,
   if (!mesh.texture_places.empty()) mesh.texture = texture_of(model, primitive);
   std::vector<std::uint32_t> indices;
   if (primitive.indices >= 0)
-    read_accessor(model, primitive.indices,
-                  [&](std::size_t, const auto& v) { indices.push_back(static_cast<std::uint32_t>(v[0])); });
+    read_accessor(model, primitive.indices, [&](const auto& v) {
+      if (!(v[0] >= 0 && v[0] < static_cast<double>(count)))
+        throw std::runtime_error("an index reaches beyond the vertices");
+      indices.push_back(static_cast<std::uint32_t>(v[0]));
+    });
   else
     for (std::size_t i = 0; i < count; ++i) indices.push_back(static_cast<std::uint32_t>(i));
-  for (std::size_t i = 0; i + 2 < indices.size(); i += 3) {
-    for (std::size_t k = 0; k < 3; ++k)
-      if (indices[i + k] >= count) throw std::runtime_error("an index reaches beyond the vertices");
+  for (std::size_t i = 0; i + 2 < indices.size(); i += 3)
     mesh.triangles.push_back({indices[i], indices[i + 1], indices[i + 2]});
-  }
   return mesh;
 }
 
-void append(const tinygltf::Model& model, int node_index, const Eigen::Affine3d& parent, std::vector<Mesh>& parts,
-            int depth) {
+/// `seen` holds the nodes on whose way it was: each has one parent, or reading might never end.
+void append(const tinygltf::Model& model, int index, const Eigen::Affine3d& parent, std::vector<Mesh>& parts,
+            std::set<int>& seen, int depth) {
+  const auto& node = item(model.nodes, index, "node");
   if (depth > 64) throw std::runtime_error("its nodes are nested too deeply");
-  const auto& node = model.nodes.at(static_cast<std::size_t>(node_index));
+  if (!seen.insert(index).second) throw std::runtime_error("node " + std::to_string(index) + " is there twice");
   const Eigen::Affine3d transform = parent * local_transform(node);
   if (node.mesh >= 0)
-    for (const auto& primitive : model.meshes.at(static_cast<std::size_t>(node.mesh)).primitives)
+    for (const auto& primitive : item(model.meshes, node.mesh, "mesh").primitives)
       if (primitive.mode == TINYGLTF_MODE_TRIANGLES && primitive.attributes.contains("POSITION"))
         parts.push_back(part_of(model, primitive, transform));
-  for (const int child : node.children) append(model, child, transform, parts, depth + 1);
+  for (const int child : node.children) append(model, child, transform, parts, seen, depth + 1);
 }
 
 }  // namespace
@@ -163,6 +216,8 @@ void append(const tinygltf::Model& model, int node_index, const Eigen::Affine3d&
 std::vector<Mesh> read_gltf_parts(const std::filesystem::path& file) {
   tinygltf::Model model;
   tinygltf::TinyGLTF loader;
+  loader.SetFsCallbacks(files());
+  loader.SetImageLoader(keep_image, nullptr);
   std::string error, warning;
   const std::vector<std::uint8_t> plain = decompressed_gltf(file);
   const bool loaded =
@@ -171,12 +226,13 @@ std::vector<Mesh> read_gltf_parts(const std::filesystem::path& file) {
       : file.extension() == ".glb" ? loader.LoadBinaryFromFile(&model, &error, &warning, file.string())
                                    : loader.LoadASCIIFromFile(&model, &error, &warning, file.string());
   if (!loaded)
-    throw std::runtime_error(file.string() + ": cannot be read as glTF: " + error.substr(0, error.find('\n')));
+    throw std::runtime_error(file.string() + ": cannot be read as glTF: " + shown(error.substr(0, error.find('\n'))));
   std::vector<Mesh> parts;
   try {
     const std::size_t scene = model.defaultScene < 0 ? 0 : static_cast<std::size_t>(model.defaultScene);
+    std::set<int> seen;
     if (scene < model.scenes.size())
-      for (const int node : model.scenes[scene].nodes) append(model, node, Eigen::Affine3d::Identity(), parts, 0);
+      for (const int node : model.scenes[scene].nodes) append(model, node, Eigen::Affine3d::Identity(), parts, seen, 0);
   } catch (const std::exception& problem) {
     throw std::runtime_error(file.string() + ": " + problem.what());
   }

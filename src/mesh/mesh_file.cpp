@@ -40,9 +40,19 @@ void write_mesh(const std::filesystem::path& file, const Mesh& mesh) {
 
 std::vector<Mesh> read_mesh_parts(const std::filesystem::path& file) {
   const auto extension = file.extension();
-  if (extension == ".glb" || extension == ".gltf") return read_gltf_parts(file);
-  if (extension == ".ply") return {read_ply(file)};
-  unknown(file);
+  std::vector<Mesh> parts;
+  if (extension == ".glb" || extension == ".gltf")
+    parts = read_gltf_parts(file);
+  else if (extension == ".ply")
+    parts.push_back(read_ply(file));
+  else
+    unknown(file);
+  for (const Mesh& part : parts)
+    for (std::size_t v = 0; v < part.positions.size(); ++v)
+      if (!part.positions[v].allFinite())
+        throw std::runtime_error(file.string() + ": vertex " + std::to_string(v) +
+                                 " is at no place: a coordinate is not finite");
+  return parts;
 }
 
 Mesh read_mesh(const std::filesystem::path& file) {

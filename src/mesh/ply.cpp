@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // Stanford PLY. tinygltf's neighbours in Debian have no PLY reader; the format is a header and plain records.
+#include <algorithm>
 #include <bit>
 #include <cstring>
-#include <fstream>
+#include <limits>
 #include <map>
 #include <sstream>
 #include <stdexcept>
+#include <string_view>
 
 #include "io/atomic_file.hpp"
+#include "io/read_whole.hpp"
+#include "io/words.hpp"
 #include "mesh/formats.hpp"
 
 namespace cairn {
@@ -21,88 +25,143 @@ struct Property {
 };
 struct Element {
   std::string name;
-  std::size_t count = 0;
+  std::uint64_t count = 0;
   std::vector<Property> properties;
 };
 
-/// Reads one number of a PLY type from text or bytes.
-double read_number(std::istream& in, const std::string& type, bool ascii) {
-  double value = 0;
-  if (ascii) {
-    in >> value;
-  } else {
-    const auto as = [&]<class T>(T v) {
-      in.read(reinterpret_cast<char*>(&v), sizeof(v));
-      return static_cast<double>(v);
-    };
-    if (type == "float" || type == "float32")
-      value = as(float{});
-    else if (type == "double" || type == "float64")
-      value = as(double{});
-    else if (type == "uchar" || type == "uint8")
-      value = as(std::uint8_t{});
-    else if (type == "char" || type == "int8")
-      value = as(std::int8_t{});
-    else if (type == "ushort" || type == "uint16")
-      value = as(std::uint16_t{});
-    else if (type == "short" || type == "int16")
-      value = as(std::int16_t{});
-    else if (type == "uint" || type == "uint32")
-      value = as(std::uint32_t{});
-    else if (type == "int" || type == "int32")
-      value = as(std::int32_t{});
-    else
-      throw std::runtime_error("type '" + type + "' is not read");
+/// The bytes of a file, from its begin to its end.
+class Rest {
+ public:
+  explicit Rest(std::string_view bytes) : rest_(bytes) {}
+  std::string_view line() {
+    const std::string_view line = take(std::min(rest_.find('\n'), rest_.size()));
+    rest_.remove_prefix(rest_.empty() ? 0 : 1);
+    return line;
   }
-  if (!in) throw std::runtime_error("the file is cut off or malformed");
-  return value;
-}
+  [[nodiscard]] bool at_end() const { return rest_.empty(); }
+  /// A number of a PLY type, as text or bytes.
+  double number(const std::string& type, bool ascii) {
+    if (ascii) {
+      constexpr const char* kSpace = " \t\r\n";
+      take(std::min(rest_.find_first_not_of(kSpace), rest_.size()));
+      const auto value = number_in(take(std::min(rest_.find_first_of(kSpace), rest_.size())));
+      if (!value) throw std::runtime_error("the file is cut off or malformed");
+      return *value;
+    }
+    if (type == "float" || type == "float32") return as<float>();
+    if (type == "double" || type == "float64") return as<double>();
+    if (type == "uchar" || type == "uint8") return as<std::uint8_t>();
+    if (type == "char" || type == "int8") return as<std::int8_t>();
+    if (type == "ushort" || type == "uint16") return as<std::uint16_t>();
+    if (type == "short" || type == "int16") return as<std::int16_t>();
+    if (type == "uint" || type == "uint32") return as<std::uint32_t>();
+    if (type == "int" || type == "int32") return as<std::int32_t>();
+    throw std::runtime_error("type '" + shown(type) + "' is not read");
+  }
 
-Mesh read(std::istream& in) {
-  std::string line, word, format;
-  std::getline(in, line);
-  if (!line.starts_with("ply")) throw std::runtime_error("is no PLY file");
+ private:
+  std::string_view take(std::size_t count) {
+    if (count > rest_.size()) throw std::runtime_error("the file is cut off or malformed");
+    const std::string_view taken = rest_.substr(0, count);
+    rest_.remove_prefix(count);
+    return taken;
+  }
+  template <class T>
+  double as() {
+    T value;
+    std::memcpy(&value, take(sizeof(T)).data(), sizeof(T));
+    return static_cast<double>(value);
+  }
+  std::string_view rest_;
+};
+
+struct Header {
+  bool ascii = false;
   std::vector<Element> elements;
-  while (std::getline(in, line) && !line.starts_with("end_header")) {
+};
+
+Header read_header(Rest& rest) {
+  if (!rest.line().starts_with("ply")) throw std::runtime_error("is no PLY file");
+  Header header;
+  std::string format;
+  while (true) {
+    if (rest.at_end()) throw std::runtime_error("its header has no end_header: the file is cut off");
+    const std::string line(rest.line());
     std::istringstream words(line);
+    std::string word;
     words >> word;
+    if (word == "end_header") break;
     if (word == "format") {
       words >> format;
     } else if (word == "element") {
-      words >> elements.emplace_back().name >> elements.back().count;
-    } else if (word == "property" && !elements.empty()) {
+      Element& element = header.elements.emplace_back();
+      std::string text;
+      words >> element.name >> text;
+      const auto count = number_in<std::uint64_t>(text);
+      if (!count) throw std::runtime_error("'" + shown(text) + "' is no number of elements");
+      element.count = *count;
+    } else if (word == "property" && !header.elements.empty()) {
       Property p;
       words >> p.type;
       if (p.type == "list") words >> p.count_type >> p.type;
       words >> p.name;
-      elements.back().properties.push_back(p);
+      header.elements.back().properties.push_back(p);
     }
   }
-  const bool ascii = format == "ascii";
-  if (!ascii && format != "binary_little_endian") throw std::runtime_error("format '" + format + "' is not read");
+  header.ascii = format == "ascii";
+  if (!header.ascii && format != "binary_little_endian")
+    throw std::runtime_error("format '" + shown(format) + "' is not read");
+  if (std::count_if(header.elements.begin(), header.elements.end(),
+                    [](const Element& e) { return e.name == "vertex"; }) > 1)
+    throw std::runtime_error("has more than one list of vertices");  // which may differ in what they have
+  for (const Element& element : header.elements) {
+    if (element.properties.empty() && element.count > 0)
+      throw std::runtime_error("element '" + shown(element.name) + "' has no properties");
+    const auto has = [&](const char* name) {
+      return std::any_of(element.properties.begin(), element.properties.end(),
+                         [&](const Property& p) { return p.name == name && p.count_type.empty(); });
+    };
+    if (element.name == "vertex" && !(has("x") && has("y") && has("z")))
+      throw std::runtime_error("its vertices have no x, y and z");
+  }
+  return header;
+}
+
+/// An index or a count of a list.
+std::uint32_t whole(double value) {
+  if (!(value >= 0 && value <= std::numeric_limits<std::uint32_t>::max()))
+    throw std::runtime_error("a face has an index or a length that is negative or too large");
+  return static_cast<std::uint32_t>(value);
+}
+
+std::uint8_t channel(double value) { return static_cast<std::uint8_t>(value > 0 ? std::min(value, 255.0) : 0.0); }
+
+Mesh read(Rest rest) {
+  const auto [ascii, elements] = read_header(rest);
   Mesh mesh;
   for (const auto& element : elements) {
     std::map<std::string, double> v;
     std::vector<std::uint32_t> list;
-    for (std::size_t i = 0; i < element.count; ++i) {
+    // Nothing is reserved for what the header promises: it may promise anything.
+    for (std::uint64_t i = 0; i < element.count; ++i) {
       for (const auto& p : element.properties) {
         if (p.count_type.empty()) {
-          v[p.name] = read_number(in, p.type, ascii);
+          v[p.name] = rest.number(p.type, ascii);
           continue;
         }
-        list.resize(static_cast<std::size_t>(read_number(in, p.count_type, ascii)));
-        for (auto& item : list) item = static_cast<std::uint32_t>(read_number(in, p.type, ascii));
-        if (element.name == "face" && p.name.starts_with("vertex_ind"))
-          for (std::size_t k = 1; k + 1 < list.size(); ++k) mesh.triangles.push_back({list[0], list[k], list[k + 1]});
+        const bool is_face = element.name == "face" && p.name.starts_with("vertex_ind");
+        list.clear();
+        for (std::uint32_t left = whole(rest.number(p.count_type, ascii)); left > 0; --left) {
+          const double item = rest.number(p.type, ascii);
+          if (is_face) list.push_back(whole(item));
+        }
+        for (std::size_t k = 1; k + 1 < list.size(); ++k) mesh.triangles.push_back({list[0], list[k], list[k + 1]});
       }
       if (element.name != "vertex") continue;
       const auto f = [&](const char* name) { return static_cast<float>(v[name]); };
       mesh.positions.emplace_back(f("x"), f("y"), f("z"));
       if (v.contains("nx")) mesh.normals.emplace_back(f("nx"), f("ny"), f("nz"));
-      if (v.contains("red")) {
-        const auto c = [&](const char* name) { return static_cast<std::uint8_t>(v[name]); };
-        mesh.colours.push_back({c("red"), c("green"), c("blue"), 255});
-      }
+      if (v.contains("red")) mesh.colours.push_back({channel(v["red"]), channel(v["green"]), channel(v["blue"]), 255});
     }
   }
   for (const auto& t : mesh.triangles)
@@ -114,11 +173,10 @@ Mesh read(std::istream& in) {
 }  // namespace
 
 Mesh read_ply(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) throw std::runtime_error(file.string() + ": cannot be read");
   try {
-    return read(in);
-  } catch (const std::exception& error) {
+    const auto bytes = read_whole(file);
+    return read(Rest({reinterpret_cast<const char*>(bytes.data()), bytes.size()}));
+  } catch (const std::runtime_error& error) {
     throw std::runtime_error(file.string() + ": " + error.what());
   }
 }

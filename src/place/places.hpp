@@ -15,6 +15,7 @@ namespace cairn {
 struct Place {
   Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
   Features features;
+  bool is_here = true;  // its pose is in the frame in which the camera is tracked now: not so for those of other pieces
 };
 
 /// Places, and an index of their corners that finds those alike without comparing with each: tables of places by some

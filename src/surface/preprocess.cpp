@@ -64,21 +64,26 @@ Surface Preprocess::operator()(const Frame& frame) {
               .has_colour = has_colour},
              {&raw_depth_, &raw_colour_, &depth_, &colour_});
   }
-  filter_(batch, {n / 4, 1, 1},
-          {.width = static_cast<std::uint32_t>(source_camera_.width),
-           .height = static_cast<std::uint32_t>(source_camera_.height),
-           .min_depth = options_.min_depth,
-           .max_depth = options_.max_depth,
-           .spatial = -0.5f / (options_.filter_sigma_pixels * options_.filter_sigma_pixels),
-           .range = options_.filter_range,
-           .edge_slope = options_.edge_slope},
-          {distorted ? &depth_ : &raw_depth_, distorted ? &colour_ : &raw_colour_, &fusion_, &smooth_[0]});
+  filter_(
+      batch,
+      {(static_cast<std::uint32_t>(source_camera_.width) + 3) / 4 * static_cast<std::uint32_t>(source_camera_.height),
+       1, 1},
+      {.width = static_cast<std::uint32_t>(source_camera_.width),
+       .height = static_cast<std::uint32_t>(source_camera_.height),
+       .min_depth = options_.min_depth,
+       .max_depth = options_.max_depth,
+       .spatial = -0.5f / (options_.filter_sigma_pixels * options_.filter_sigma_pixels),
+       .range = options_.filter_range,
+       .edge_slope = options_.edge_slope},
+      {distorted ? &depth_ : &raw_depth_, distorted ? &colour_ : &raw_colour_, &fusion_, &smooth_[0]});
   Surface surface{.levels = {}, .packed = {}, .fusion = &fusion_, .has_colour = has_colour};
   for (std::size_t level = 0; level < levels_.size(); ++level) {
     const Camera& c = levels_[level].camera;
     if (level > 0)
       half_(batch, {pixels(c), 1, 1},
-            {.width = static_cast<std::uint32_t>(c.width), .height = static_cast<std::uint32_t>(c.height)},
+            {.width = static_cast<std::uint32_t>(c.width),
+             .height = static_cast<std::uint32_t>(c.height),
+             .fine_width = static_cast<std::uint32_t>(levels_[level - 1].camera.width)},
             {&smooth_[level - 1], &smooth_[level]});
     if (static_cast<int>(level) >= finest_level_)
       normals_(batch, {pixels(c), 1, 1}, {.camera = shader::pinhole(c)}, {&smooth_[level], &levels_[level].points});

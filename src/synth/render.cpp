@@ -11,10 +11,16 @@
 namespace cairn {
 namespace {
 
+/// Of a ball around the centre that holds the solid, in metres, with room for rounding.
+float reach(const Scene::Solid& s) {
+  return s.shape == Scene::Shape::hollow ? 1e9f : 1.01f * s.half_size.norm() + 0.01f;
+}
+
 shader::Solid to_shader(const Scene::Solid& s) {
   return {.centre = s.centre,
           .half_size = s.half_size,
           .yaw = s.yaw,
+          .reach = reach(s),
           .shape = static_cast<std::uint32_t>(s.shape),
           .pattern = static_cast<std::uint32_t>(s.pattern),
           .scale = s.scale,

@@ -116,6 +116,17 @@ void add_solid(Mesh& mesh, const Scene::Solid& s, double spacing) {
     });
 }
 
+/// Whether a point lies as deep as `depth` in one of the solids that stand still.
+bool lies_inside(const std::vector<Scene::Solid>& solids, const Vector3f& point, double depth) {
+  return std::any_of(solids.begin(), solids.end(), [&](const Scene::Solid& s) {
+    if (s.period > 0) return false;
+    // Most solids are elsewhere, which a ball around them tells sooner; only a room is around what is far from it.
+    const float reach = 1.01f * s.half_size.norm();
+    if (s.shape != Shape::hollow && (point - s.centre).squaredNorm() > reach * reach) return false;
+    return solid_distance(s, point.cast<double>()) <= -depth;
+  });
+}
+
 }  // namespace
 
 bool Scene::moves() const {
@@ -193,13 +204,14 @@ Mesh Scene::surface(float spacing) const {
   for (const Solid& s : solids)
     if (s.period == 0) add_solid(all, s, spacing);
   mesh.positions = std::move(all.positions);
+  std::vector<char> hidden(mesh.positions.size());  // by vertex
+  for (std::size_t v = 0; v < hidden.size(); ++v) hidden[v] = lies_inside(solids, mesh.positions[v], kHidden);
   for (const auto& t : all.triangles) {
+    if (hidden[t[0]] || hidden[t[1]] || hidden[t[2]]) continue;
+    // The centre of a curved solid's triangle lies a little inside its own solid, which is why the corners count, too.
     const Vector3f centre = (mesh.positions[t[0]] + mesh.positions[t[1]] + mesh.positions[t[2]]) / 3.0f;
-    // The centre of a curved solid's triangle lies a little inside its own solid, so the corners are asked too.
-    double corners = std::numeric_limits<double>::infinity();
-    for (const auto v : t) corners = std::min(corners, distance(mesh.positions[v].cast<double>()));
     const double sagitta = 0.02 * spacing;
-    if (corners > -kHidden && distance(centre.cast<double>()) > -kHidden - sagitta) mesh.triangles.push_back(t);
+    if (!lies_inside(solids, centre, kHidden + sagitta)) mesh.triangles.push_back(t);
   }
   return mesh;
 }

@@ -58,7 +58,8 @@ TextureViews::TextureViews(Volume& volume, const Camera& camera, const SurfaceOp
       blur_(device_, "texture_blur", texture_blur_comp),
       select_(device_, "texture_select", texture_select_comp),
       blend_(device_, "texture_blend", texture_blend_comp),
-      sample_(device_, "texture_sample", texture_sample_comp) {
+      sample_(device_, "texture_sample", texture_sample_comp),
+      sample_view_(device_, sizeof(shader::TextureView)) {
   for (const TextureKeyframe& k : keyframes_)
     camera_from_world_.emplace_back(k.world_from_camera.inverse().cast<float>());
 }
@@ -176,53 +177,38 @@ std::vector<shader::Texel> TextureViews::points_of(std::size_t keyframe, int col
   return points;
 }
 
-/// What keyframes see at points that they share, for any colour camera.
-struct TextureViews::Sampling {
-  struct Seen {
-    std::size_t point, keyframe;
-  };
-  std::vector<shader::Texel> points;
-  std::vector<Seen> seen;           // by keyframe
-  std::vector<std::size_t> chosen;  // keyframes
-  gpu::Buffer buffer, colours, view;
-
-  /// Brightness of 0..1 with the keyframes' gains; -1: not seen.
-  std::vector<float> operator()(TextureViews& views, const shader::ColourCamera& colour, bool sharp) {
-    std::vector<float> brightness;
-    std::vector<shader::Texel> list;
-    std::vector<std::uint32_t> words;
-    for (std::size_t i = 0; i < seen.size();) {
-      const std::size_t k = seen[i].keyframe;
-      list.clear();
-      for (; i < seen.size() && seen[i].keyframe == k; ++i) list.push_back(points[seen[i].point]);
-      words.resize(list.size());
-      const shader::TextureView of_keyframe = views.view_of(k);
-      gpu::Batch batch(views.device_);
-      batch.upload(view, std::span(&of_keyframe, 1));
-      batch.upload(buffer, list);
-      views.sample_(batch, {static_cast<std::uint32_t>(list.size()), 1, 1},
-                    {.camera = shader::pinhole(views.camera_),
-                     .colour = colour,
-                     .points = static_cast<std::uint32_t>(list.size()),
-                     .view = 0,
-                     .tolerance = kTolerance,
-                     .sharp = sharp},
-                    {&buffer, &view, &colours});
-      batch.download(colours, words);
-      batch.run();
-      for (const std::uint32_t word : words)
-        brightness.push_back(
-            word == 0 ? -1.0f : static_cast<float>((word & 255) + (word >> 8 & 255) + (word >> 16 & 255)) / 765);
-    }
-    return brightness;
+std::vector<std::uint32_t> TextureViews::sample(std::size_t keyframe, const std::vector<shader::Texel>& points,
+                                                const shader::ColourCamera& colour, bool sharp) {
+  std::vector<std::uint32_t> colours(points.size());
+  if (points.empty()) return colours;
+  if (!sample_points_ || sample_points_.size() < points.size() * sizeof(shader::Texel)) {
+    sample_points_ = gpu::Buffer(device_, 2 * points.size() * sizeof(shader::Texel));
+    sample_colours_ = gpu::Buffer(device_, 2 * points.size() * 4);
   }
-};
+  const auto count = static_cast<std::uint32_t>(points.size());
+  const shader::TextureView view = view_of(keyframe);
+  gpu::Batch batch(device_);
+  batch.upload(sample_view_, std::span(&view, 1));
+  batch.upload(sample_points_, points);
+  sample_(batch, {count, 1, 1},
+          {.camera = shader::pinhole(camera_),
+           .colour = colour,
+           .points = count,
+           .view = 0,
+           .tolerance = kTolerance,
+           .sharp = sharp},
+          {&sample_points_, &sample_view_, &sample_colours_});
+  batch.download(sample_colours_, colours);
+  batch.run();
+  return colours;
+}
 
 void TextureViews::register_colour() {
   constexpr std::size_t kGroups = 8, kInGroup = 5;  // of neighbouring keyframes, spread over all
   constexpr int kColumns = 24, kRows = 18;          // of points a keyframe
   constexpr std::size_t kParameters = 7;
   constexpr std::size_t kEnough = 2000;  // pairs of a point and a keyframe
+  constexpr double kHuber = 0.06;        // of the range of brightness
   constexpr double kBetter = 0.9;        // of the cost that has to be left
   using Vector = Eigen::Matrix<double, 7, 1>;
   // Steps of derivatives, and how far from nothing a camera may be: radians, metres, zoom.
@@ -232,48 +218,58 @@ void TextureViews::register_colour() {
     return shader::ColourCamera{Eigen::Vector3f(x.head<3>().cast<float>()),
                                 Eigen::Vector3f(x.segment<3>(3).cast<float>()), static_cast<float>(1 + x[6])};
   };
-  Sampling sampling;
+  // Points of some keyframes, and which of these may see each.
+  struct Seen {
+    std::size_t point, keyframe;
+  };
+  std::vector<shader::Texel> points;
+  std::vector<Seen> seen;  // by keyframe
+  std::vector<std::size_t> chosen;
   const std::size_t group = std::max(keyframes_.size() / kGroups, kInGroup);
-  for (std::size_t k = 0; k < keyframes_.size() && sampling.chosen.size() < capacity_; ++k) {
+  for (std::size_t k = 0; k < keyframes_.size() && chosen.size() < capacity_; ++k) {
     if (k % group >= kInGroup) continue;
     bring(std::array{k});
-    if (on_device(k).has_colour) sampling.chosen.push_back(k);
+    if (on_device(k).has_colour) chosen.push_back(k);
   }
-  for (const std::size_t k : sampling.chosen)
-    for (const shader::Texel& p : points_of(k, kColumns, kRows)) sampling.points.push_back(p);
-  std::size_t most = 1;
-  for (const std::size_t k : sampling.chosen) {
-    const std::size_t before = sampling.seen.size();
-    for (std::size_t i = 0; i < sampling.points.size(); ++i)
-      if (const shader::Texel& p = sampling.points[i]; may_see(k, p.position, shader::unpack_normal(p.normal)))
-        sampling.seen.push_back({i, k});
-    most = std::max(most, sampling.seen.size() - before);
-  }
-  sampling.buffer = gpu::Buffer(device_, most * sizeof(shader::Texel));
-  sampling.colours = gpu::Buffer(device_, most * 4);
-  sampling.view = gpu::Buffer(device_, sizeof(shader::TextureView));
+  for (const std::size_t k : chosen)
+    for (const shader::Texel& p : points_of(k, kColumns, kRows)) points.push_back(p);
+  for (const std::size_t k : chosen)
+    for (std::size_t i = 0; i < points.size(); ++i)
+      if (const shader::Texel& p = points[i]; may_see(k, p.position, shader::unpack_normal(p.normal)))
+        seen.push_back({i, k});
+  // Brightness of 0..1 with the keyframes' gains, by `seen`; -1: not seen.
+  const auto brightness_of = [&](const shader::ColourCamera& colour, bool sharp) {
+    std::vector<float> brightness;
+    std::vector<shader::Texel> list;
+    for (std::size_t i = 0; i < seen.size();) {
+      const std::size_t k = seen[i].keyframe;
+      list.clear();
+      for (; i < seen.size() && seen[i].keyframe == k; ++i) list.push_back(points[seen[i].point]);
+      for (const std::uint32_t word : sample(k, list, colour, sharp))
+        brightness.push_back(
+            word == 0 ? -1.0f : static_cast<float>((word & 255) + (word >> 8 & 255) + (word >> 16 & 255)) / 765);
+    }
+    return brightness;
+  };
 
   /// Differences to the mean of all that see a point, where more than one does.
   struct Residuals {
     std::vector<double> value;
-    std::vector<std::size_t> at;  // in `seen`
     double cost = 0;
   };
   const auto robust = [](double r) {  // Huber 1964
-    constexpr double kHuber = 0.06;
     return std::abs(r) <= kHuber ? r * r : kHuber * (2 * std::abs(r) - kHuber);
   };
   const auto residuals_of = [&](const std::vector<float>& brightness, const std::vector<bool>* which) {
-    std::vector<double> sum(sampling.points.size(), 0), count(sum.size(), 0);
+    std::vector<double> sum(points.size(), 0), count(sum.size(), 0);
     const auto counts = [&](std::size_t i) { return brightness[i] >= 0 && (which == nullptr || (*which)[i]); };
     for (std::size_t i = 0; i < brightness.size(); ++i)
-      if (counts(i)) sum[sampling.seen[i].point] += static_cast<double>(brightness[i]), ++count[sampling.seen[i].point];
+      if (counts(i)) sum[seen[i].point] += static_cast<double>(brightness[i]), ++count[seen[i].point];
     Residuals r;
     for (std::size_t i = 0; i < brightness.size(); ++i) {
-      const std::size_t p = sampling.seen[i].point;
+      const std::size_t p = seen[i].point;
       if (!counts(i) || count[p] < 2) continue;
       r.value.push_back(static_cast<double>(brightness[i]) - sum[p] / count[p]);
-      r.at.push_back(i);
       r.cost += robust(r.value.back());
     }
     if (!r.value.empty()) r.cost /= static_cast<double>(r.value.size());
@@ -281,26 +277,26 @@ void TextureViews::register_colour() {
   };
 
   Vector best = Vector::Zero();
-  const Residuals none = residuals_of(sampling(*this, camera(best), true), nullptr);
+  const Residuals none = residuals_of(brightness_of(camera(best), true), nullptr);
   if (none.value.size() < kEnough) return;
   // Where to begin: fields of view differ more than anything else.
   double least = std::numeric_limits<double>::infinity();
   for (const double zoom : {0.0, -0.04, 0.04, -0.08, 0.08, -0.12, 0.12}) {
     Vector x = Vector::Zero();
     x[6] = zoom;
-    const double cost = residuals_of(sampling(*this, camera(x), false), nullptr).cost;
+    const double cost = residuals_of(brightness_of(camera(x), false), nullptr).cost;
     if (cost < (zoom == 0 ? 1.0 : 0.97) * least) least = cost, best = x;
   }
   for (const auto& [sharp, iterations] : {std::pair(false, 8), {true, 6}}) {
     double damping = 1e-3;
     for (int i = 0; i < iterations; ++i) {
-      const std::vector<float> at = sampling(*this, camera(best), sharp);
+      const std::vector<float> at = brightness_of(camera(best), sharp);
       std::vector<std::vector<float>> beside;
       std::vector<bool> all(at.size(), true);
       for (std::size_t p = 0; p < kParameters; ++p) {
         Vector x = best;
         x[static_cast<int>(p)] += step[static_cast<int>(p)];
-        beside.push_back(sampling(*this, camera(x), sharp));
+        beside.push_back(brightness_of(camera(x), sharp));
         for (std::size_t j = 0; j < at.size(); ++j) all[j] = all[j] && at[j] >= 0 && beside[p][j] >= 0;
       }
       const Residuals now = residuals_of(at, &all);
@@ -312,7 +308,7 @@ void TextureViews::register_colour() {
         Vector j;
         for (std::size_t p = 0; p < kParameters; ++p)
           j[static_cast<int>(p)] = (moved[p].value[r] - now.value[r]) / step[static_cast<int>(p)];
-        const double w = std::min(1.0, 0.06 / std::max(std::abs(now.value[r]), 1e-9));
+        const double w = std::min(1.0, kHuber / std::max(std::abs(now.value[r]), 1e-9));
         a += w * j * j.transpose();
         g += w * now.value[r] * j;
       }
@@ -322,7 +318,7 @@ void TextureViews::register_colour() {
       g += pull.cwiseProduct(best);
       a.diagonal() *= 1 + damping;
       const Vector x = best - a.ldlt().solve(g);
-      const double cost = residuals_of(sampling(*this, camera(x), sharp), &all).cost;
+      const double cost = residuals_of(brightness_of(camera(x), sharp), &all).cost;
       if (cost < now.cost) {
         const bool is_done = cost > 0.999 * now.cost;
         best = x;
@@ -334,7 +330,7 @@ void TextureViews::register_colour() {
       }
     }
   }
-  if (residuals_of(sampling(*this, camera(best), true), nullptr).cost < kBetter * none.cost) colour_ = camera(best);
+  if (residuals_of(brightness_of(camera(best), true), nullptr).cost < kBetter * none.cost) colour_ = camera(best);
 }
 
 bool TextureViews::compensate_exposure(const std::function<void()>& step) {
@@ -343,9 +339,6 @@ bool TextureViews::compensate_exposure(const std::function<void()>& step) {
   std::vector<std::size_t> first;  // by keyframe
   std::vector<ExposurePair> pairs;
   bool any_colour = false;
-  std::vector<std::uint32_t> colours;
-  gpu::Buffer point_buffer, colour_buffer;
-  gpu::Buffer view_buffer(device_, sizeof(shader::TextureView));
   for (std::size_t k = 0; k < keyframes_.size(); ++k) {
     bring(std::array{k});
     const OnDevice& image = on_device(k);
@@ -368,26 +361,7 @@ bool TextureViews::compensate_exposure(const std::function<void()>& step) {
         from.push_back(other);
       }
     }
-    gpu::Batch batch(device_);
-    const shader::TextureView view = view_of(k);
-    batch.upload(view_buffer, std::span(&view, 1));
-    colours.resize(near.size());
-    if (!near.empty()) {
-      if (point_buffer.size() < near.size() * sizeof(shader::Texel) || !point_buffer) {
-        point_buffer = gpu::Buffer(device_, 2 * near.size() * sizeof(shader::Texel));
-        colour_buffer = gpu::Buffer(device_, 2 * near.size() * 4);
-      }
-      batch.upload(point_buffer, near);
-      sample_(batch, {static_cast<std::uint32_t>(near.size()), 1, 1},
-              {.camera = shader::pinhole(camera_),
-               .colour = colour_,
-               .points = static_cast<std::uint32_t>(near.size()),
-               .view = 0,
-               .tolerance = kTolerance},
-              {&point_buffer, &view_buffer, &colour_buffer});
-      batch.download(colour_buffer, colours);
-    }
-    batch.run();
+    const std::vector<std::uint32_t> colours = sample(k, near, colour_, false);
     std::array<std::vector<double>, 3> differences;
     for (std::size_t i = 0; i < near.size();) {
       const std::size_t other = from[i];
@@ -416,24 +390,10 @@ bool TextureViews::compensate_exposure(const std::function<void()>& step) {
     }
     // Its own points, with the colour of its low frequencies as the others will be asked for theirs.
     std::vector<shader::Texel> own = points_of(k, kGridX, kGridY);
-    if (!own.empty()) {
-      const gpu::Buffer own_points(device_, own.size() * sizeof(shader::Texel)), own_colours(device_, own.size() * 4);
-      colours.resize(own.size());
-      gpu::Batch again(device_);
-      again.upload(own_points, own);
-      sample_(again, {static_cast<std::uint32_t>(own.size()), 1, 1},
-              {.camera = shader::pinhole(camera_),
-               .colour = colour_,
-               .points = static_cast<std::uint32_t>(own.size()),
-               .view = 0,
-               .tolerance = kTolerance},
-              {&own_points, &view_buffer, &own_colours});
-      again.download(own_colours, colours);
-      again.run();
-      for (std::size_t i = 0; i < own.size(); ++i) {
-        own[i].colour = colours[i];
-        if (colours[i] != 0) points.push_back(own[i]);
-      }
+    const std::vector<std::uint32_t> own_colours = sample(k, own, colour_, false);
+    for (std::size_t i = 0; i < own.size(); ++i) {
+      own[i].colour = own_colours[i];
+      if (own_colours[i] != 0) points.push_back(own[i]);
     }
     if (step) step();
   }

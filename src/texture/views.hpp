@@ -56,7 +56,6 @@ class TextureViews {
   [[nodiscard]] std::size_t size() const { return keyframes_.size(); }
 
  private:
-  struct Sampling;
   struct OnDevice {
     std::size_t keyframe = 0;
     std::uint64_t last_use = 0;
@@ -66,6 +65,10 @@ class TextureViews {
   void bring(std::span<const std::size_t> keyframes);
   [[nodiscard]] const OnDevice& on_device(std::size_t keyframe) const;
   [[nodiscard]] std::vector<shader::Texel> points_of(std::size_t keyframe, int columns, int rows);
+  /// What a keyframe on the device sees at some points, `sharp` or its low frequencies: bytes R, G, B, 255; 0: not
+  /// seen.
+  [[nodiscard]] std::vector<std::uint32_t> sample(std::size_t keyframe, const std::vector<shader::Texel>& points,
+                                                  const shader::ColourCamera& colour, bool sharp);
   [[nodiscard]] shader::TextureView view_of(std::size_t keyframe) const;
   [[nodiscard]] bool may_see(std::size_t keyframe, const Eigen::Vector3f& point, const Eigen::Vector3f& normal) const;
 
@@ -87,6 +90,7 @@ class TextureViews {
   gpu::Kernel<shader::TexturePreparePush> prepare_, blur_;
   gpu::Kernel<shader::TextureBlendPush> select_, blend_;
   gpu::Kernel<shader::TextureSamplePush> sample_;
+  gpu::Buffer sample_view_, sample_points_, sample_colours_;  // grow with what is asked for
 };
 
 /// Gains that bring pairs of keyframes together in the mean square, with a little pull to 1 (as Brown & Lowe 2007).

@@ -174,6 +174,8 @@ Eigen::Isometry3d PhotometricKeyframe::submap_from_colour(double clock_offset) c
 Align::Align(gpu::Device& device, const TrackOptions& options)
     : device_(device),
       options_(options),
+      geometry_parts_(std::max(1u, kWorkgroup / std::max(1u, device.info().subgroup_size))),
+      photometric_parts_(geometry_parts_),
       geometry_sums_(device, kMaxSums * sizeof(shader::IcpSums)),
       crossed_sums_(device, kMaxSums * sizeof(shader::IcpSums)),
       photometric_sums_(device, kMaxSums * sizeof(shader::PhotometricSums)),
@@ -202,7 +204,7 @@ std::vector<double> Align::clock_offset_costs(const Surface& live, const Photome
   const auto l = static_cast<std::size_t>(level);
   const Camera& camera = live.levels[l]->camera;
   const Tiling tiling(camera);
-  const std::size_t count = tiling.groups * (kWorkgroup / device_.info().subgroup_size);
+  const std::size_t count = tiling.groups * photometric_parts_;
   std::vector<std::vector<shader::PhotometricSums>> sums(kClockOffsets.size(),
                                                          std::vector<shader::PhotometricSums>(count));
   gpu::Batch batch(device_);
@@ -246,9 +248,9 @@ Alignment Align::operator()(const Surface& live, const ModelView& model, const E
     const auto l = static_cast<std::size_t>(level);
     const Camera& camera = live.levels[l]->camera;
     const Tiling tiling(camera);
-    std::vector<shader::IcpSums> geometry_sums(tiling.groups * (kWorkgroup / device_.info().subgroup_size));
+    std::vector<shader::IcpSums> geometry_sums(tiling.groups * geometry_parts_);
     std::vector<shader::IcpSums> crossed_sums(geometry_sums.size());
-    std::vector<shader::PhotometricSums> photometric_sums(has_brightness ? geometry_sums.size() : 0);
+    std::vector<shader::PhotometricSums> photometric_sums(has_brightness ? tiling.groups * photometric_parts_ : 0);
     const int most = level == options_.finest_level ? options_.iterations_finest : options_.iterations_coarse;
     for (int i = 0; i < most; ++i) {
       gpu::Batch batch(device_);
@@ -278,6 +280,18 @@ Alignment Align::operator()(const Surface& live, const ModelView& model, const E
         batch.download(photometric_sums_, photometric_sums);
       }
       batch.run();
+      const bool as_told = geometry_sums[0].parts == geometry_parts_ &&
+                           (!has_brightness || photometric_sums[0].parts == photometric_parts_);
+      if (!as_told) {  // the device runs the shaders with another subgroup size than it told: once more, with all sums
+        geometry_parts_ = geometry_sums[0].parts;
+        geometry_sums.resize(tiling.groups * geometry_parts_), crossed_sums.resize(geometry_sums.size());
+        if (has_brightness) {
+          photometric_parts_ = photometric_sums[0].parts;
+          photometric_sums.resize(tiling.groups * photometric_parts_);
+        }
+        --i;
+        continue;
+      }
       ++result.iterations;
 
       geometry = {};

@@ -116,6 +116,8 @@ class Align {
 
   gpu::Device& device_;
   TrackOptions options_;
+  // Sums that a workgroup writes, as its device tells; the shader knows better.
+  std::uint32_t geometry_parts_, photometric_parts_;
   gpu::Buffer geometry_sums_, crossed_sums_, photometric_sums_;
   gpu::Kernel<shader::IcpReducePush> icp_;
   gpu::Kernel<shader::PhotometricReducePush> photometric_;

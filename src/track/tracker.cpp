@@ -113,12 +113,21 @@ FocalEvidence Tracker::focal() const {
 }
 
 std::vector<std::size_t> Tracker::candidates(const Features& seen) const {
-  std::vector<std::size_t> chosen;
-  for (const auto& alike : places_.likest(seen, kLikestPlaces, memory_.first_place)) chosen.push_back(alike.place);
-  const std::size_t known = places_.size() - memory_.first_place;
-  for (std::size_t k = 0; k < std::min(kOtherPlaces, known); ++k)
-    chosen.push_back(memory_.first_place + (static_cast<std::size_t>(memory_.lost) * kOtherPlaces + k) % known);
+  std::vector<std::size_t> chosen, here;
+  for (const auto& alike : places_.likest(seen, places_.size()))
+    if (places_[alike.place].is_here && chosen.size() < kLikestPlaces) chosen.push_back(alike.place);
+  for (std::size_t i = 0; i < places_.size(); ++i)
+    if (places_[i].is_here) here.push_back(i);
+  for (std::size_t k = 0; k < std::min(kOtherPlaces, here.size()); ++k)
+    chosen.push_back(here[(static_cast<std::size_t>(memory_.lost) * kOtherPlaces + k) % here.size()]);
   return chosen;
+}
+
+std::vector<std::size_t> Tracker::recent() const {
+  std::vector<std::size_t> recent;
+  for (std::size_t i = places_.size(); i > 0 && recent.size() < kRecentPlaces; --i)
+    if (places_[i - 1].is_here) recent.push_back(i - 1);
+  return recent;
 }
 
 std::optional<Eigen::Isometry3d> Tracker::recognise(const Features& seen,
@@ -140,7 +149,8 @@ Tracked Tracker::operator()(const Frame& frame, const Surface& live, Volume& vol
     model_ = timed(times, "raycast", [&] { return raycast_(volume, guess); });
     return timed(times, "track", [&] {
       return Tracked{.alignment = align_(live, model_, guess, &keyframe_, moment_of(frame, guess), reach),
-                     .guess = name};
+                     .guess = name,
+                     .seen_from = guess};
     });
   };
   Tracked tracked = align(predict(frame.timestamp), "motion");
@@ -148,11 +158,8 @@ Tracked Tracker::operator()(const Frame& frame, const Surface& live, Volume& vol
     if (!tracked.alignment.converged())
       tracked = align(memory_.last.back().submap_from_camera, "still");  // the hand may have stopped
     if (is_doubtful(tracked.alignment) || tracked.alignment.photometric_rmse > kSuddenly * memory_.usual_brightness) {
-      std::vector<std::size_t> recent;
-      for (std::size_t i = places_.size(); i > memory_.first_place && recent.size() < kRecentPlaces; --i)
-        recent.push_back(i - 1);
       if (const auto guess = timed(times, "recognise", [&] {
-            return recognise(describe(frame.colour, frame.depth, source_camera_), recent);
+            return recognise(describe(frame.colour, frame.depth, source_camera_), recent());
           })) {
         if (Tracked other = align(*guess, "features"); is_better(other.alignment, tracked.alignment))
           tracked = std::move(other);
@@ -189,8 +196,11 @@ Tracked Tracker::operator()(const Frame& frame, const Surface& live, Volume& vol
   return tracked;
 }
 
-double Tracker::leave_out_moving(const Surface& live, const Eigen::Isometry3d& submap_from_camera) {
-  if (!keyframe_.is_set() || live.packed.empty() || model_.levels.empty()) return 0;
+double Tracker::leave_out_moving(const Surface& live, const Tracked& tracked, const Volume& volume) {
+  if (!keyframe_.is_set() || live.packed.empty()) return 0;
+  const Eigen::Isometry3d& submap_from_camera = tracked.alignment.submap_from_camera;
+  // Another guess may have been tried since, and have been worse.
+  if (model_.submap_from_camera.matrix() != tracked.seen_from.matrix()) model_ = raycast_(volume, tracked.seen_from);
   const auto level = static_cast<std::size_t>(options_.levels - 1);
   const Camera& camera = live.levels[level]->camera;
   const auto pixels = static_cast<std::uint32_t>(camera.width * camera.height);
@@ -215,17 +225,16 @@ double Tracker::leave_out_moving(const Surface& live, const Eigen::Isometry3d& s
 }
 
 void Tracker::restart() {
-  memory_.first_place = places_.size();
   memory_.last.clear();
   memory_.lost = 0;
   keyframe_.clear();
   model_ = {};
 }
 
-void Tracker::begin_in(const Eigen::Isometry3d& submap_from_camera) {
+void Tracker::begin_lost() {
   restart();
-  memory_.first_place = 0;
-  memory_.last = {{0, submap_from_camera}};
+  const auto newest = recent();
+  memory_.last = {{0, newest.empty() ? Eigen::Isometry3d::Identity() : places_[newest[0]].submap_from_camera}};
   memory_.lost = 1;
 }
 
@@ -235,7 +244,7 @@ void Tracker::restore(const Memory& memory, const PhotometricKeyframe::Saved& ke
 }
 
 void Tracker::learn_from_places() {
-  if (places_.size() < memory_.first_place + 2) return;
+  if (places_.size() < 2 || !places_[places_.size() - 2].is_here) return;
   const Place &known = places_[places_.size() - 2], &seen = places_[places_.size() - 1];
   const Eigen::Isometry3d motion = known.submap_from_camera.inverse() * seen.submap_from_camera;
   if (Eigen::AngleAxisd(motion.linear()).angle() < kFocalTurn) return;

@@ -14,20 +14,22 @@ namespace cairn {
 struct Tracked {
   Alignment alignment;
   std::string guess;  // where the alignment started: motion, still, features, relocalised
+  Eigen::Isometry3d seen_from =
+      Eigen::Isometry3d::Identity();  // submap_from_camera of the map's view that it aligns with
 };
 
 /// Finds each frame's pose: guesses it, aligns it with the map, tells when it is lost.
 class Tracker {
  public:
-  /// `camera` is the frames', `rectified` the surfaces'. The places are those of the map that is tracked against;
-  /// somebody else adds to them.
+  /// `camera` is the frames', `rectified` the surfaces'. The places are those of the map; somebody else adds to them,
+  /// and tells which lie in the frame that is tracked in.
   Tracker(gpu::Device& device, const Camera& camera, const Camera& rectified, const Options& options,
           const Places& places);
 
   /// The pose of a live surface, or why there is none. Nothing is kept of a frame that is not accepted.
   [[nodiscard]] Tracked operator()(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
   /// Takes out of the surface's fusion image what moves: see shaders/moving_mask.comp. Returns its share of the image.
-  double leave_out_moving(const Surface& live, const Eigen::Isometry3d& submap_from_camera);
+  double leave_out_moving(const Surface& live, const Tracked& tracked, const Volume& volume);
   /// Tells that the frame was fused at this pose. `tracked` is null for the first one.
   void accept(const Frame& frame, const Surface& live, const Eigen::Isometry3d& submap_from_camera,
               const Tracked* tracked);
@@ -50,7 +52,6 @@ class Tracker {
     std::vector<Moment> last;        // at most two accepted frames, the newest at the end
     double usual_brightness = 0.03;  // photometric rmse, a running mean over accepted frames
     int lost = 0;                    // frames since the last accepted one
-    std::size_t first_place = 0;     // of the map that is tracked against
     std::array<double, kClockOffsets.size()> clock_offset_costs{};  // summed over frames
     int clock_offset_frames = 0;
     std::array<double, kFocalScales.size()> focal_costs{};  // summed over pairs of places
@@ -59,8 +60,8 @@ class Tracker {
   [[nodiscard]] const Memory& memory() const { return memory_; }
   [[nodiscard]] const PhotometricKeyframe& keyframe() const { return keyframe_; }
   void restore(const Memory& memory, const PhotometricKeyframe::Saved& keyframe);
-  /// Starts lost in a map with places, as if last seen at one of them.
-  void begin_in(const Eigen::Isometry3d& submap_from_camera);
+  /// Starts lost in a map with places, as if last seen at the newest of them.
+  void begin_lost();
 
  private:
   [[nodiscard]] Eigen::Isometry3d predict(double timestamp) const;
@@ -69,6 +70,8 @@ class Tracker {
   /// A guess from the place that shares most corners with the frame, if any.
   [[nodiscard]] std::optional<Eigen::Isometry3d> recognise(const Features& seen,
                                                            const std::vector<std::size_t>& places) const;
+  /// The newest places, the newest first.
+  [[nodiscard]] std::vector<std::size_t> recent() const;
   /// The places to compare a lost frame with: the likest, and in turn some of the others.
   [[nodiscard]] std::vector<std::size_t> candidates(const Features& seen) const;
 

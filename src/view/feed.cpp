@@ -33,6 +33,13 @@ std::vector<Feed::Item> Feed::since(std::uint64_t version) const {
   return items;
 }
 
+Feed::Size Feed::size() const {
+  const std::lock_guard lock(mutex_);
+  Size size{.things = items_.size(), .bytes = 0, .requests = requests_.size()};
+  for (const auto& [name, item] : items_) size.bytes += name.size() + item.bytes->size();
+  return size;
+}
+
 void Feed::ask(std::string request) {
   const std::lock_guard lock(mutex_);
   if (requests_.size() < kMaxRequests) requests_.push_back(std::move(request));

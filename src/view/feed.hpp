@@ -27,6 +27,12 @@ class Feed {
   /// What was set after `version`, in that order.
   [[nodiscard]] std::vector<Item> since(std::uint64_t version) const;
 
+  /// What it holds: things that were set, their bytes, and requests that wait.
+  struct Size {
+    std::size_t things = 0, bytes = 0, requests = 0;
+  };
+  [[nodiscard]] Size size() const;
+
   /// Something a viewer asks for; rubbish is told apart by whoever takes it.
   void ask(std::string request);
   /// What was asked for since the last call.

@@ -12,9 +12,8 @@
 namespace cairn {
 namespace {
 
-constexpr int kThumbnailWidth = 320;    // pixels
-constexpr std::size_t kMaxPath = 4000;  // points
-constexpr float kNearest = 0.3f;        // metres, red
+constexpr int kThumbnailWidth = 320;  // pixels
+constexpr float kNearest = 0.3f;      // metres, red
 
 template <class... Values>
 std::string packed(Values... values) {

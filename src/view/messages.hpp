@@ -18,8 +18,10 @@ namespace cairn {
 /// 2, kind (0 colour, 1 depth); then a small JPEG. Depth is shown from near (red) to far (blue); black: none.
 [[nodiscard]] std::string colour_message(const Frame& frame, const Camera& camera);
 [[nodiscard]] std::string depth_message(const Frame& frame, const Camera& camera, float max_depth);
-/// 3, epoch, count; then time (seconds since the first) and place (metres, world) of the camera: 4 × float each, some
-/// thousand at most.
+/// As many places of the camera as a path needs to be shown.
+constexpr std::size_t kMaxPath = 4000;
+/// 3, epoch, count; then time (seconds since the first) and place (metres, world) of the camera: 4 × float each, at
+/// most so many.
 [[nodiscard]] std::string path_message(const Trajectory& trajectory, int epoch);
 
 }  // namespace cairn

@@ -11,6 +11,7 @@
 
 #include "cairn/trajectory.hpp"
 #include "io/atomic_file.hpp"
+#include "io/json_text.hpp"
 
 // The page as the build has made it, byte for byte (viewer.html).
 __asm__(
@@ -41,12 +42,17 @@ nlohmann::json data_of(const fs::path& folder) {
     }
   try {
     return {{"mode", "finished"},
-            {"name", fs::weakly_canonical(folder).filename().string()},
+            {"name", fs::canonical(folder).filename().string()},
             {"report", nlohmann::json::parse(read_bytes(folder / "report.json"))},
             {"trajectory", trajectory}};
   } catch (const nlohmann::json::exception& error) {
-    throw std::runtime_error((folder / "report.json").string() + ": is damaged: " + error.what());
+    throw std::runtime_error((folder / "report.json").string() + ": is damaged: " + plain(error.what()));
   }
+}
+
+/// A run whose mesh could not be written does not show an earlier one's.
+bool has_mesh(const fs::path& folder, const nlohmann::json& data) {
+  return data["report"].contains("mesh") && fs::exists(folder / "mesh.glb");
 }
 
 std::string base64(const std::string& bytes) {
@@ -65,13 +71,13 @@ std::string_view viewer_page() {
 
 std::string finished_data(const fs::path& folder) {
   nlohmann::json data = data_of(folder);
-  if (fs::exists(folder / "mesh.glb")) data["mesh"] = "mesh.glb";
-  return data.dump();
+  if (has_mesh(folder, data)) data["mesh"] = "mesh.glb";
+  return text_of(data);
 }
 
 void write_report_page(const fs::path& folder) {
   nlohmann::json data = data_of(folder);
-  if (const fs::path mesh = folder / "mesh.glb"; fs::exists(mesh)) {
+  if (const fs::path mesh = folder / "mesh.glb"; has_mesh(folder, data)) {
     const fs::path preview = folder / "preview.glb";
     const bool fits = fs::file_size(mesh) <= kMaxInlineMesh;
     if (fits || fs::exists(preview))
@@ -79,7 +85,7 @@ void write_report_page(const fs::path& folder) {
     else
       data["mesh_left_out"] = mesh.string();
   }
-  std::string text = data.dump();
+  std::string text = text_of(data);
   for (std::size_t at = 0; (at = text.find('<', at)) != text.npos;) text.replace(at, 1, "\\u003c");  // ends no script
   std::string page(viewer_page());
   page.replace(page.find(kPlace), kPlace.size(), "<script type=\"application/json\" id=\"data\">" + text + "</script>");

@@ -3,14 +3,13 @@
 #include "view/server.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
+#include <spdlog/spdlog.h>
 
 // clang-format off: Boost 1.74's awaitable.hpp needs this and forgets it
 #include <utility>
 // clang-format on
 #include <boost/asio/awaitable.hpp>
 #include <boost/asio/co_spawn.hpp>
-#include <boost/asio/detached.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/redirect_error.hpp>
@@ -35,11 +34,9 @@ using namespace std::chrono_literals;
 using asio::ip::tcp;
 using WebSocket = beast::websocket::stream<beast::tcp_stream>;
 
-constexpr auto kPatience = 15s;            // with a client that neither asks nor reads
 constexpr auto kLook = 15ms;               // between looks for something new
 constexpr std::size_t kMaxMessage = 4096;  // bytes that a viewer may send at once
 constexpr std::size_t kMaxHeader = 16384;  // bytes
-constexpr int kMaxViewers = 32;
 
 std::string random_token() {
   std::random_device random;
@@ -48,12 +45,44 @@ std::string random_token() {
   return token;
 }
 
+/// Takes as long whatever the two differ in, so that a token cannot be guessed letter by letter.
+bool is_same(std::string_view a, std::string_view b) {
+  if (a.size() != b.size()) return false;
+  volatile unsigned char difference = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) difference = difference | static_cast<unsigned char>(a[i] ^ b[i]);
+  return difference == 0;
+}
+
+/// One more as long as it lives, however its scope is left.
+class Counted {
+ public:
+  explicit Counted(int& count) : count_(count) { ++count_; }
+  ~Counted() { --count_; }
+  Counted(const Counted&) = delete;
+  Counted& operator=(const Counted&) = delete;
+
+ private:
+  int& count_;
+};
+
+class Viewing {
+ public:
+  explicit Viewing(Feed& feed) : feed_(feed) { feed_.enter(); }
+  ~Viewing() { feed_.leave(); }
+  Viewing(const Viewing&) = delete;
+  Viewing& operator=(const Viewing&) = delete;
+
+ private:
+  Feed& feed_;
+};
+
 using Request = http::request<http::empty_body>;
 
 }  // namespace
 
 struct Server::State {
-  State(int port, std::map<std::string, Served> f, Feed* feed_) : files(std::move(f)), feed(feed_) {
+  State(int port, std::map<std::string, Served> f, Feed* feed_, const ServerLimits& l)
+      : files(std::move(f)), feed(feed_), limits(l) {
     try {
       acceptor = tcp::acceptor(context, {asio::ip::address_v4::loopback(), static_cast<std::uint16_t>(port)});
     } catch (const boost::system::system_error& error) {
@@ -62,21 +91,40 @@ struct Server::State {
     }
     host = fmt::format("127.0.0.1:{}", acceptor.local_endpoint().port());
     other_host = fmt::format("localhost:{}", acceptor.local_endpoint().port());
-    asio::co_spawn(context, accept(), asio::detached);
-    thread = std::jthread([this] { context.run(); });
+    spawn(accept());
+    thread = std::jthread([this] { run(); });
   }
   ~State() { context.stop(); }
+
+  void run() {
+    while (!context.stopped()) try {
+        context.run();
+      } catch (const std::exception& error) {
+        spdlog::warn("view: {}; it goes on", error.what());
+      }
+  }
+
+  /// Beside the others. An exception ends what is spawned, and nothing else.
+  void spawn(asio::awaitable<void> work) {
+    asio::co_spawn(context, std::move(work), [](const std::exception_ptr& problem) {
+      try {
+        if (problem) std::rethrow_exception(problem);
+      } catch (const boost::system::system_error&) {
+        // The client went away, or sent what no browser sends: nobody is left to be told.
+      } catch (const std::exception& error) {
+        spdlog::warn("view: {}; one connection is closed", error.what());
+      }
+    });
+  }
 
   asio::awaitable<void> accept() {
     while (true) {
       boost::system::error_code error;
       tcp::socket socket = co_await acceptor.async_accept(asio::redirect_error(asio::use_awaitable, error));
-      if (!error)
-        asio::co_spawn(context, talk(beast::tcp_stream(std::move(socket))), [](const std::exception_ptr&) {
-          // The client went away, or sent what no browser sends: nobody is left to be told.
-        });
-      else
+      if (error)
         co_await pause(100ms);  // no file descriptor is left, perhaps
+      else if (connections < limits.connections)
+        spawn(talk(beast::tcp_stream(std::move(socket))));
     }
   }
 
@@ -98,17 +146,17 @@ struct Server::State {
 
   /// The name below the token that a request asks for, or nothing.
   [[nodiscard]] std::optional<std::string> name_of(const Request& request) const {
-    beast::string_view target = request.target();
+    const std::string_view target(request.target().data(), request.target().size());
     const std::string prefix = "/" + token + "/";
-    if (!target.starts_with(prefix)) return std::nullopt;
-    target.remove_prefix(prefix.size());
-    return std::string(target.substr(0, target.find('?')));
+    if (!is_same(target.substr(0, prefix.size()), prefix)) return std::nullopt;
+    return std::string(target.substr(prefix.size(), target.find('?') - prefix.size()));
   }
 
   asio::awaitable<void> talk(beast::tcp_stream stream) {
+    const Counted counted(connections);
     beast::flat_buffer buffer;
     while (true) {
-      stream.expires_after(kPatience);
+      stream.expires_after(limits.patience);  // for all of the request, however slowly it drips
       http::request_parser<http::empty_body> parser;
       parser.header_limit(kMaxHeader);
       parser.body_limit(std::uint64_t{0});
@@ -120,7 +168,7 @@ struct Server::State {
       } else if (!name) {
         co_await refuse(stream, request, http::status::not_found, "open the address that cairn printed");
       } else if (feed != nullptr && *name == "live" && beast::websocket::is_upgrade(request)) {
-        if (feed->viewers() < kMaxViewers) {
+        if (feed->viewers() < limits.viewers) {
           stream.expires_never();  // the WebSocket has its own
           co_await follow(WebSocket(std::move(stream)), request);
           co_return;
@@ -152,30 +200,34 @@ struct Server::State {
     response.prepare_payload();
   }
 
+  /// HEAD gets the same answer as GET without its body.
   template <class Response>
-  static asio::awaitable<void> send(beast::tcp_stream& stream, Response& response) {
+  asio::awaitable<void> send(beast::tcp_stream& stream, const Request& request, Response& response) const {
     http::serializer<false, typename Response::body_type> serializer(response);
+    if (request.method() == http::verb::head) {
+      stream.expires_after(limits.patience);
+      co_await http::async_write_header(stream, serializer, asio::use_awaitable);
+      co_return;
+    }
     // A large file may take long, but some of it must go through all the time.
     while (!serializer.is_done()) {
-      stream.expires_after(kPatience);
+      stream.expires_after(limits.patience);
       co_await http::async_write_some(stream, serializer, asio::use_awaitable);
     }
   }
 
-  static asio::awaitable<void> refuse(beast::tcp_stream& stream, const Request& request, http::status status,
-                                      const char* why) {
+  asio::awaitable<void> refuse(beast::tcp_stream& stream, const Request& request, http::status status,
+                               const char* why) const {
     http::response<http::string_body> response(status, request.version(), std::string(why) + "\n");
     prepare(response, request, "text/plain");
-    co_await send(stream, response);
+    co_await send(stream, request, response);
   }
 
-  static asio::awaitable<void> serve(beast::tcp_stream& stream, const Request& request, const Served& file) {
-    const bool head = request.method() == http::verb::head;
+  asio::awaitable<void> serve(beast::tcp_stream& stream, const Request& request, const Served& file) const {
     if (const auto* text = std::get_if<std::string>(&file.body)) {
-      http::response<http::string_body> response(http::status::ok, request.version(), head ? "" : *text);
+      http::response<http::string_body> response(http::status::ok, request.version(), *text);
       prepare(response, request, file.content_type);
-      if (head) response.content_length(text->size());
-      co_await send(stream, response);
+      co_await send(stream, request, response);
       co_return;
     }
     http::response<http::file_body> response(http::status::ok, request.version());
@@ -187,59 +239,53 @@ struct Server::State {
       co_return;
     }
     prepare(response, request, file.content_type);
-    co_await send(stream, response);
+    co_await send(stream, request, response);
   }
 
   /// Sends what is new until the viewer goes; listens at the same time.
   asio::awaitable<void> follow(WebSocket socket, const Request& request) {
-    socket.set_option(beast::websocket::stream_base::timeout{kPatience, kPatience, true});
+    socket.set_option(beast::websocket::stream_base::timeout{limits.patience, limits.patience, true});
     socket.read_message_max(kMaxMessage);
     socket.auto_fragment(false);
     co_await socket.async_accept(request, asio::use_awaitable);
     const auto shared = std::make_shared<WebSocket>(std::move(socket));
-    feed->enter();
-    asio::co_spawn(context, listen(shared), asio::detached);
-    try {
-      std::uint64_t version = 0;
-      while (shared->is_open()) {
-        const auto items = feed->since(version);
-        if (items.empty()) co_await pause(kLook);
-        // One at a time: after each, newer versions of the others are what should be sent.
-        if (!items.empty()) {
-          const Feed::Item& item = items.front();
-          version = item.version;
-          shared->text(item.is_text);
-          co_await shared->async_write(asio::buffer(*item.bytes), asio::use_awaitable);
-        }
+    const Viewing viewing(*feed);
+    spawn(listen(shared));
+    std::uint64_t version = 0;
+    while (shared->is_open()) {
+      const auto items = feed->since(version);
+      if (items.empty()) co_await pause(kLook);
+      // One at a time: after each, newer versions of the others are what should be sent.
+      if (!items.empty()) {
+        const Feed::Item& item = items.front();
+        version = item.version;
+        shared->text(item.is_text);
+        co_await shared->async_write(asio::buffer(*item.bytes), asio::use_awaitable);
       }
-    } catch (const boost::system::system_error&) {
-      // It vanished.
     }
-    feed->leave();
   }
 
+  /// Until the viewer says goodbye, or too much: Beast closes the connection then.
   asio::awaitable<void> listen(std::shared_ptr<WebSocket> socket) {
-    try {
-      while (true) {
-        beast::flat_buffer buffer;
-        co_await socket->async_read(buffer, asio::use_awaitable);
-        if (socket->got_text()) feed->ask(beast::buffers_to_string(buffer.data()));
-      }
-    } catch (const boost::system::system_error&) {
-      // It said goodbye or too much; Beast has closed the connection.
+    while (true) {
+      beast::flat_buffer buffer;
+      co_await socket->async_read(buffer, asio::use_awaitable);
+      if (socket->got_text()) feed->ask(beast::buffers_to_string(buffer.data()));
     }
   }
 
   std::map<std::string, Served> files;
   Feed* feed;
+  ServerLimits limits;
+  int connections = 0;  // at the moment; of the thread alone
   std::string token = random_token(), host, other_host;
   asio::io_context context{1};
   tcp::acceptor acceptor{context};
   std::jthread thread;  // last: it uses the others
 };
 
-Server::Server(int port, std::map<std::string, Served> files, Feed* feed)
-    : state_(std::make_unique<State>(port, std::move(files), feed)) {}
+Server::Server(int port, std::map<std::string, Served> files, Feed* feed, const ServerLimits& limits)
+    : state_(std::make_unique<State>(port, std::move(files), feed, limits)) {}
 Server::~Server() = default;
 
 std::string Server::url() const { return "http://" + state_->host + "/" + state_->token + "/"; }

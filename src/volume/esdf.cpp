@@ -33,7 +33,9 @@ float voxel_size_for(const FuseOptions& fuse, const EsdfOptions& options) {
   return options.voxel_size > 0 ? options.voxel_size : 2 * fuse.voxel_size;
 }
 
-int scale_for(const FuseOptions& fuse, const EsdfOptions& options) {
+}  // namespace
+
+int esdf_scale(const FuseOptions& fuse, const EsdfOptions& options) {
   const float wanted = voxel_size_for(fuse, options) / fuse.voxel_size;
   for (const int scale : {1, 2, 4, 8})
     if (std::abs(wanted - static_cast<float>(scale)) < 1e-3f * static_cast<float>(scale)) return scale;
@@ -41,13 +43,11 @@ int scale_for(const FuseOptions& fuse, const EsdfOptions& options) {
                            " m: take 1, 2, 4 or 8 times the map's " + std::to_string(fuse.voxel_size) + " m");
 }
 
-}  // namespace
-
 Esdf::Esdf(gpu::Device& device, const FuseOptions& fuse, const EsdfOptions& options)
     : device_(device),
       fuse_(fuse),
       options_(options),
-      scale_(scale_for(fuse, options)),
+      scale_(esdf_scale(fuse, options)),
       voxel_size_(static_cast<float>(scale_) * fuse.voxel_size),
       sites_(device, "esdf_sites", esdf_sites_comp),
       check_(device, "esdf_check", esdf_check_comp),
@@ -66,7 +66,8 @@ shader::EsdfView Esdf::view() const {
           .table = shader::address(table_),
           .counts = shader::address(counts_),
           .table_bits = table_bits_,
-          .max_squared = reach * reach};
+          .max_squared = reach * reach,
+          .max_groups = device_.max_groups()};
 }
 
 Esdf::Updated Esdf::update(const Volume& volume, std::span<const Brick> changed) {
@@ -78,9 +79,12 @@ Esdf::Updated Esdf::update(const BrickTree& map, std::span<const Brick> changed)
 }
 
 Esdf::Updated Esdf::update(std::span<const Brick> changed, const Volume* volume, const BrickTree& map) {
-  std::vector<shader::EsdfJob> here, elsewhere;  // voxels on the device; on the host or nowhere
-  std::vector<const std::uint64_t*> voxels;      // of those elsewhere
-  for (const Brick& brick : changed) {
+  std::vector<shader::EsdfJob> here, elsewhere;               // voxels on the device; on the host or nowhere
+  std::vector<const std::uint64_t*> voxels;                   // of those elsewhere
+  std::vector<Brick> bricks(changed.begin(), changed.end());  // each once: two threads would see each other's patches
+  std::sort(bricks.begin(), bricks.end(), before);
+  bricks.erase(std::unique(bricks.begin(), bricks.end()), bricks.end());
+  for (const Brick& brick : bricks) {
     const std::uint32_t slot = volume != nullptr ? volume->slot_of(brick) : Volume::kNoSlot;
     if (slot != Volume::kNoSlot) {
       here.push_back({.brick = brick, .slot = slot, .state = shader::kUnknown});
@@ -221,10 +225,14 @@ void Esdf::resize(std::uint32_t capacity) {
   grow(blocks_, 4 * std::uint64_t{capacity});
   grow(dirty_, 4 * std::uint64_t{capacity});
   check_list_ = gpu::Buffer(device_, 4 * std::uint64_t{capacity});
-  // Lists are empty between updates. One that does not hold all that it should makes a rebuild.
-  list_capacity_ = static_cast<std::uint32_t>(voxels / 2);
-  for (gpu::Buffer& list : list_) list = gpu::Buffer(device_, list_capacity_ * sizeof(shader::EsdfEntry));
+  resize_lists(std::max(list_capacity_, static_cast<std::uint32_t>(voxels / 2)));
   capacity_ = capacity;
+}
+
+/// Lists are empty between updates. One that does not hold all that it should makes a rebuild.
+void Esdf::resize_lists(std::uint32_t capacity) {
+  list_capacity_ = capacity;
+  for (gpu::Buffer& list : list_) list = gpu::Buffer(device_, list_capacity_ * sizeof(shader::EsdfEntry));
 }
 
 Esdf::Updated Esdf::rebuild() {
@@ -260,12 +268,13 @@ Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
   if (blocks.empty() && updated.sites == 0) return updated;
   batch.upload(check_list_, blocks);
   const auto count = static_cast<std::uint32_t>(blocks.size());
-  check_(batch, {64 * count, 1, 1}, {.field = view(), .capacity = list_capacity_}, {&check_list_, &list_[0]});
+  check_(batch, {64 * count, 1, 1}, {.field = view(), .capacity = list_capacity_, .blocks = count},
+         {&check_list_, &list_[0]});
   if (!restart)
     pull_.indirect(batch, counts_, 0, {.field = view(), .step = 0, .capacity = list_capacity_}, {&list_[0]});
   settle_.indirect(batch, counts_, 0, {.field = view(), .step = 0, .capacity = list_capacity_}, {&list_[0], &dirty_});
   if (run_waves(batch, updated)) return updated;
-  if (restart) throw std::logic_error("a distance field's wave does not fit its list");
+  if (restart) resize_lists(2 * list_capacity_);  // a surface of many crumbs: its waves are broad
   Updated again = rebuild();
   again.sites = updated.sites;
   return again;
@@ -349,7 +358,7 @@ std::shared_ptr<const DistanceField> Esdf::field() {
     gpu::Batch batch(device_);
     batch.upload(check_list_, std::span<const std::uint32_t>(some));
     distance_(batch, {64 * count, 1, 1},
-              {.field = view(), .voxel_size = voxel_size_, .max_distance = options_.max_distance},
+              {.field = view(), .voxel_size = voxel_size_, .max_distance = options_.max_distance, .blocks = count},
               {&check_list_, &distances_});
     batch.download(distances_, distances);
     batch.run();

@@ -13,6 +13,10 @@
 
 namespace cairn {
 
+/// How many voxels of the TSDF a voxel of the distance field is wide. Throws std::runtime_error when that is not 1, 2,
+/// 4 or 8.
+[[nodiscard]] int esdf_scale(const FuseOptions& fuse, const EsdfOptions& options);
+
 /// The Euclidean signed distance field of a map, on the device. Each voxel knows the nearest patch of surface. An
 /// update finds the patches in the bricks that changed; where one came, a wave of "this is nearer" goes out, and where
 /// one went or moved, the voxels that it was nearest to ask their neighbours first (Lau et al. 2013, Oleynikova et al.
@@ -47,6 +51,7 @@ class Esdf {
   void reserve(std::span<const shader::EsdfJob> jobs);
   void allocate(const std::vector<Block>& blocks);
   void resize(std::uint32_t capacity);
+  void resize_lists(std::uint32_t capacity);
   void find_sites(gpu::Batch& batch, std::span<const shader::EsdfJob> jobs, shader::uvec2 voxels);
   Updated spread(gpu::Batch& batch, bool restart);
   [[nodiscard]] bool run_waves(gpu::Batch& batch, Updated& updated);

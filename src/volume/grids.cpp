@@ -17,6 +17,7 @@
 #include <stdexcept>
 
 #include "io/atomic_file.hpp"
+#include "io/words.hpp"
 
 namespace cairn {
 namespace {
@@ -97,16 +98,13 @@ openvdb::FloatGrid::Ptr distance_grid(const DistanceField& field) {
 }
 
 void write_stream(const std::filesystem::path& file, const openvdb::GridPtrVec& grids) {
-  write_whole(file, [&](const std::filesystem::path& temporary) {
-    // Through a stream of ours: openvdb::io::File does not notice a full disk.
-    std::ofstream out(temporary, std::ios::binary);
+  write_whole(file, [&](std::ostream& out) {  // openvdb::io::File does not notice a full disk
     openvdb::io::Stream stream(out);
     stream.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
     stream.write(grids);
     // OpenVDB gives each file a random name of its own; the same map shall be the same bytes.
     constexpr std::streamoff kUuidOffset = 21;  // magic number, three versions, one flag
     out.seekp(kUuidOffset) << "00000000-0000-4000-8000-000000000000";
-    if (!out.flush()) throw std::runtime_error("the disk is full");
   });
 }
 
@@ -210,8 +208,8 @@ DistanceField DistanceField::read(const std::filesystem::path& vdb) {
     openvdb::io::File in(vdb.string());
     in.open(false);
     grid = openvdb::gridPtrCast<openvdb::FloatGrid>(in.readGrid("esdf"));
-  } catch (const openvdb::Exception& error) {
-    throw wrong(error.what());
+  } catch (const std::exception& error) {  // OpenVDB's, or no memory for a size that a broken file tells
+    throw wrong(shown(error.what()));
   }
   if (!grid) throw wrong("its grid `esdf` has another type");
   std::map<std::array<int, 3>, std::shared_ptr<Block>> blocks;
@@ -247,10 +245,10 @@ BrickTree read_bricks(const std::filesystem::path& file) {
     openvdb::io::File in(file.string());
     in.open(false);
     const auto grid = openvdb::gridPtrCast<openvdb::Int64Grid>(in.readGrid("bricks"));
-    if (!grid) throw std::runtime_error(file.string() + ": holds no bricks");
+    if (!grid) throw std::runtime_error("holds no bricks");
     bricks.state_->tree = grid->treePtr();
-  } catch (const openvdb::Exception& error) {
-    throw std::runtime_error(file.string() + ": " + error.what());
+  } catch (const std::exception& error) {
+    throw std::runtime_error(file.string() + ": " + shown(error.what()));
   }
   return bricks;
 }
@@ -266,8 +264,8 @@ ReadGrids read_grids(const std::filesystem::path& file) {
     in.open(false);
     constexpr const char* kNames[4] = {"tsdf", "weight", "colour", "colour_weight"};
     for (int i = 0; i < 4; ++i) base[i] = in.readGrid(kNames[i]);
-  } catch (const openvdb::Exception& error) {
-    throw wrong(error.what());
+  } catch (const std::exception& error) {  // OpenVDB's, or no memory for a size that a broken file tells
+    throw wrong(shown(error.what()));
   }
   const auto tsdf = openvdb::gridPtrCast<openvdb::FloatGrid>(base[0]);
   const auto weight = openvdb::gridPtrCast<openvdb::FloatGrid>(base[1]);

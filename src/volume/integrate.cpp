@@ -13,10 +13,10 @@
 namespace cairn {
 namespace {
 
-constexpr std::uint32_t kMaxNewBricks = 65536;      // of one frame; what is left over comes with the next
-constexpr std::uint32_t kFirstDownload = 4096;      // most frames have fewer
-constexpr std::uint32_t kMaxFreeBricks = 1u << 20;  // that one frame looks through first
-constexpr std::uint32_t kLookEvery = 4;  // fused frames: neighbouring ones look through nearly the same bricks
+constexpr std::uint32_t kNewAtOnce = 16384;     // bricks that a pass over a frame lists; further passes list the others
+constexpr std::uint32_t kFreeAtOnce = 1 << 18;  // the same of those that it looks through
+constexpr std::uint32_t kFirstDownload = 4096;  // most frames have fewer new ones
+constexpr std::uint32_t kLookEvery = 4;         // fused frames: neighbouring ones look through nearly the same bricks
 
 }  // namespace
 
@@ -26,9 +26,9 @@ Integrate::Integrate(gpu::Device& device, const Camera& camera, const SurfaceOpt
       options_(options),
       depth_tiles_(device, 4 * std::uint64_t{shader::tiles(camera)}),
       new_count_(device, 4),
-      new_bricks_(device, kMaxNewBricks * sizeof(shader::ivec3)),
+      new_bricks_(device, kNewAtOnce * sizeof(shader::ivec3)),
       free_count_(device, 4),
-      free_bricks_(device, kMaxFreeBricks * sizeof(shader::ivec3)),
+      free_bricks_(device, kFreeAtOnce * sizeof(shader::ivec3)),
       selected_count_(device, 4),
       tiles_(device, "depth_tiles", depth_tiles_comp),
       mark_(device, "brick_mark", brick_mark_comp),
@@ -43,33 +43,37 @@ Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& sub
   const shader::Pinhole pinhole = shader::pinhole(camera_);
   const shader::Rigid pose = shader::rigid(submap_from_camera);
 
-  std::uint32_t new_count[1] = {0};
-  std::vector<shader::ivec3> marked(kFirstDownload);
   gpu::Batch batch(device_);
-  batch.fill(new_count_, 0);
   // Neighbouring samples lie at most half a brick apart.
   const auto stride =
       static_cast<std::uint32_t>(std::clamp(0.5 * volume.brick_size() * camera_.fx / options_.max_depth, 1.0, 4.0));
-  mark_(batch, {pixels / (stride * stride), 1, 1},
-        {.volume = volume.view(),
-         .camera = pinhole,
-         .submap_from_camera = pose,
-         .capacity = kMaxNewBricks,
-         .stride = stride,
-         .phase = stamp},
-        {surface.fusion, &volume.page_table(), &new_count_, &new_bricks_});
-  batch.download(new_count_, std::span<std::uint32_t>(new_count));
-  batch.download(new_bricks_, marked);
-  batch.run();
-  const std::uint32_t count = std::min(new_count[0], kMaxNewBricks);
-  if (count > kFirstDownload) {
-    marked.resize(count);
+  std::vector<Brick> bricks;
+  // Which bricks a full list holds depends on the order of the threads, and so all are taken before one gets its slot.
+  for (std::uint32_t listed = kNewAtOnce + 1; listed > kNewAtOnce;) {
+    std::vector<shader::ivec3> marked(kFirstDownload);
+    batch.fill(new_count_, 0);
+    mark_(batch, {pixels / (stride * stride), 1, 1},
+          {.volume = volume.view(),
+           .camera = pinhole,
+           .submap_from_camera = pose,
+           .capacity = kNewAtOnce,
+           .stride = stride,
+           .phase = stamp},
+          {surface.fusion, &volume.page_table(), &new_count_, &new_bricks_});
+    batch.download(new_count_, std::span<std::uint32_t>(&listed, 1));
     batch.download(new_bricks_, marked);
     batch.run();
+    const std::uint32_t count = std::min(listed, kNewAtOnce);
+    if (count > kFirstDownload) {
+      marked.resize(count);
+      batch.download(new_bricks_, marked);
+      batch.run();
+    }
+    bricks.insert(bricks.end(), marked.begin(), marked.begin() + count);
   }
-  const std::vector<Brick> bricks(marked.begin(), marked.begin() + count);
   volume.make_resident(bricks, stamp);
 
+  if (volume.slot_count() == 0) return {};  // nothing was ever seen
   if (selected_.size() < 4 * std::uint64_t{volume.slot_count()})
     selected_ = gpu::Buffer(device_, 4 * std::uint64_t{std::min(2 * volume.slot_count(), volume.capacity())});
   std::uint32_t selected_count[1] = {0};
@@ -100,13 +104,14 @@ Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& sub
               .has_colour = surface.has_colour,
               .voxel_size = volume.options().voxel_size,
               .truncation = volume.options().truncation,
-              .max_weight = volume.options().max_weight},
+              .max_weight = volume.options().max_weight,
+              .stamp = stamp},
              {&selected_, &volume.slots(), surface.fusion, &changed_});
   std::vector<std::uint32_t> slots(selected_count[0]), changed(selected_count[0]);
   batch.download(selected_, slots);
   batch.download(changed_, changed);
   batch.run();
-  Fused fused{.touched = static_cast<int>(slots.size()), .changed = {}, .new_bricks = static_cast<int>(count)};
+  Fused fused{.touched = static_cast<int>(slots.size()), .changed = {}, .new_bricks = static_cast<int>(bricks.size())};
   for (std::size_t i = 0; i < slots.size(); ++i)
     if (changed[i] != 0) fused.changed.push_back(volume.brick_in(slots[i]));
   if (stamp % kLookEvery == 1) {
@@ -129,23 +134,25 @@ std::vector<Brick> Integrate::look_through(const Surface& surface, const Eigen::
   const Brick first = (view.min() / size).array().floor().cast<int>();
   const Brick extent = (view.max() / size).array().floor().cast<int>().matrix() - first + Brick::Ones();
   const Brick clipped = extent.cwiseMin(1023);  // what the push holds; the window is narrower
-  std::uint32_t free_count[1] = {0};
   gpu::Batch batch(device_);
-  batch.fill(free_count_, 0);
-  free_(batch, {static_cast<std::uint32_t>(clipped.prod()), 1, 1},
-        {.volume = volume.view(),
-         .camera = shader::pinhole(camera_),
-         .camera_from_submap = shader::rigid(submap_from_camera.inverse()),
-         .first = first,
-         .size = static_cast<std::uint32_t>(clipped.x() | clipped.y() << 10 | clipped.z() << 20),
-         .capacity = kMaxFreeBricks},
-        {surface.fusion, &volume.page_table(), &volume.free_marks(), &free_count_, &free_bricks_});
-  batch.download(free_count_, std::span<std::uint32_t>(free_count));
-  batch.run();
-  std::vector<shader::ivec3> found(std::min(free_count[0], kMaxFreeBricks));
-  batch.download(free_bricks_, found);
-  batch.run();
-  std::vector<Brick> bricks(found.begin(), found.end());
+  std::vector<Brick> bricks;
+  for (std::uint32_t listed = kFreeAtOnce + 1; listed > kFreeAtOnce;) {
+    batch.fill(free_count_, 0);
+    free_(batch, {static_cast<std::uint32_t>(clipped.x() * clipped.y()), static_cast<std::uint32_t>(clipped.z()), 1},
+          {.volume = volume.view(),
+           .camera = shader::pinhole(camera_),
+           .camera_from_submap = shader::rigid(submap_from_camera.inverse()),
+           .first = first,
+           .size = static_cast<std::uint32_t>(clipped.x() | clipped.y() << 10 | clipped.z() << 20),
+           .capacity = kFreeAtOnce},
+          {surface.fusion, &volume.page_table(), &volume.free_marks(), &free_count_, &free_bricks_});
+    batch.download(free_count_, std::span<std::uint32_t>(&listed, 1));
+    batch.run();
+    std::vector<shader::ivec3> found(std::min(listed, kFreeAtOnce));
+    batch.download(free_bricks_, found);
+    batch.run();
+    bricks.insert(bricks.end(), found.begin(), found.end());
+  }
   std::sort(bricks.begin(), bricks.end(), before);
   return bricks;
 }

@@ -117,7 +117,8 @@ void Merge::operator()(std::span<const MergeJob> jobs, const LoadSubmap& submap,
     batch.upload(targets_, now.targets);
     batch.upload(sources_, now.sources);
     const auto count = static_cast<std::uint32_t>(now.targets.size());
-    merge_(batch, {64 * count, 1, 1}, {.voxels = shader::address(voxels_), .max_weight = options_.max_weight},
+    merge_(batch, {64 * count, 1, 1},
+           {.voxels = shader::address(voxels_), .max_weight = options_.max_weight, .targets = count},
            {&targets_, &sources_, &merged_});
     result.resize(count);
     batch.download(merged_, result);

@@ -44,7 +44,9 @@ ModelView Raycast::operator()(const Volume& volume, const Eigen::Isometry3d& sub
   for (std::size_t i = 1; i < levels_.size(); ++i) {
     const Camera& c = levels_[i].camera;
     half_(batch, {static_cast<std::uint32_t>(c.width * c.height), 1, 1},
-          {.width = static_cast<std::uint32_t>(c.width), .height = static_cast<std::uint32_t>(c.height)},
+          {.width = static_cast<std::uint32_t>(c.width),
+           .height = static_cast<std::uint32_t>(c.height),
+           .fine_width = static_cast<std::uint32_t>(levels_[i - 1].camera.width)},
           {&levels_[i - 1].points, &levels_[i].points});
   }
   batch.run();

@@ -14,6 +14,7 @@ namespace {
 
 constexpr std::uint64_t kBrickBytes = sizeof(BrickVoxels);
 constexpr std::uint32_t kMinBricks = 2048;                       // 8 MiB: less does not hold one view of a room
+constexpr std::uint64_t kMostBricks = std::uint64_t{1} << 23;    // 32 GiB
 constexpr std::uint32_t kMaxTableBits = 8;                       // 256 bricks a side: 64 MiB of page table
 constexpr std::size_t kBricksPerCopy = 4096;                     // 16 MiB of staging at a time
 constexpr std::uint64_t kDefaultLimit = std::uint64_t{2} << 30;  // bytes
@@ -32,7 +33,9 @@ std::uint32_t capacity_for(const gpu::Device& device, const FuseOptions& options
   if (budget < needed)
     throw std::runtime_error("--device-memory of " + std::to_string(budget >> 20) + " MiB is too little: at least " +
                              std::to_string((needed >> 20) + 1) + " MiB are needed at this voxel size");
-  return static_cast<std::uint32_t>((budget - table_bytes) / per_brick);
+  // Voxels are one buffer, and voxel numbers have 32 bits.
+  return static_cast<std::uint32_t>(std::min({(budget - table_bytes) / per_brick, device.max_allocation() / kBrickBytes,
+                                              device.max_binding() / sizeof(shader::SlotState), kMostBricks}));
 }
 
 }  // namespace
@@ -188,7 +191,14 @@ void Volume::make_resident(std::span<const Brick> bricks, std::uint32_t now) {
   std::sort(missing.begin(), missing.end(), before);
   missing.erase(std::unique(missing.begin(), missing.end()), missing.end());
   if (missing.empty()) return;
-  make_room(missing.size(), bricks, now);
+  try {
+    make_room(missing.size(), bricks, now);
+  } catch (const std::runtime_error&) {
+    gpu::Batch batch(device_);  // they wait for slots no longer: or no later frame would ask for them
+    for (const Brick& brick : missing) batch.fill(page_table_, 0, 4 * std::uint64_t{table_index(brick)}, 4);
+    batch.run();
+    throw;
+  }
 
   for (std::size_t begin = 0; begin < missing.size(); begin += kBricksPerCopy) {
     std::vector<shader::Placement> placements;
@@ -318,11 +328,14 @@ void Volume::restore(BrickTree tree, const Residency& r) {
   adopt(std::move(tree));
   origin_ = r.origin;
   refresh_free_marks();
-  make_resident(r.on_device, 0);
+  // With another window or less memory than before, some stay on the host.
+  make_resident(std::span(r.on_device).first(std::min<std::size_t>(r.on_device.size(), capacity_)), 0);
   auto states = slot_states();
   for (std::size_t i = 0; i < r.on_device.size(); ++i)
     if (const std::uint32_t slot = slot_of(r.on_device[i]); slot != kNoSlot)
       states[slot].last_seen = r.device_last_seen[i];
+    else
+      last_seen_[r.on_device[i]] = r.device_last_seen[i];
   gpu::Batch batch(device_);
   batch.upload(slots_, states);
   batch.run();

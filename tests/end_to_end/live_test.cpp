@@ -41,9 +41,9 @@ TEST_F(Live, FollowsASensorUntilItIsUnplugged) {
       colour.write(reinterpret_cast<const char*>(&frame->colour[p]), 3);
     }
   }
-  const Ran ran = run_cairn({"live", "openni:", "-o", out("map")}, "LD_LIBRARY_PATH='" CAIRN_OPENNI
-                                                                   "' CAIRN_SENSOR='unplug=80 frames=" +
-                                                                       folder.path().string() + "' CAIRN_VALIDATION=1");
+  const Ran ran = run_cairn({"live", "openni:", "-o", out("map")},
+                            "LD_LIBRARY_PATH='" + openni_folder() +
+                                "' CAIRN_SENSOR='unplug=80 frames=" + folder.path().string() + "' CAIRN_VALIDATION=1");
   EXPECT_EQ(ran.exit_code, 0) << ran.err;
   expect_map("map");
   const auto told = report("map");

@@ -15,6 +15,7 @@
 #include "cairn/scene.hpp"
 #include "cairn/source.hpp"
 #include "support/files.hpp"
+#include "support/shared.hpp"
 #include "volume/grids.hpp"
 
 namespace cairn {
@@ -27,20 +28,14 @@ nlohmann::json json_of(const Ran& ran) {
   return ran.exit_code == 0 ? nlohmann::json::parse(ran.out) : nlohmann::json{};
 }
 
-/// One recording of the room for all tests.
 class Program : public testing::Test {
  protected:
-  static void SetUpTestSuite() {
-    folder = new TemporaryFolder;
-    const Ran ran = run_cairn({"synth", "room", "-o", sequence(), "--frames", "40", "--noise", "kinect"});
-    ASSERT_EQ(ran.exit_code, 0) << ran.err;
-  }
-  static void TearDownTestSuite() { delete folder; }
-  static std::string sequence() { return (*folder / "room").string(); }
-  static TemporaryFolder* folder;
+  static std::string sequence() { return shared_recording({"room", "--frames", "40", "--noise", "kinect"}).string(); }
+  static std::string exact() { return shared_recording({"room", "--frames", "30", "--noise", "none"}).string(); }
+  /// What reconstruct makes of the sequence unless it is told otherwise.
+  static fs::path map_of_sequence() { return shared_map(sequence(), {}); }
   TemporaryFolder out;
 };
-TemporaryFolder* Program::folder = nullptr;
 
 TEST_F(Program, ReconstructsARoomWithinACentimetre) {
   const auto map = (out / "map").string();
@@ -58,8 +53,7 @@ TEST_F(Program, ReconstructsARoomWithinACentimetre) {
 }
 
 TEST_F(Program, FusesTheTrueSurfaceFromTruePoses) {
-  const auto exact = (out / "exact").string(), map = (out / "map").string();
-  ASSERT_EQ(run_cairn({"synth", "room", "-o", exact, "--frames", "30", "--noise", "none"}).exit_code, 0);
+  const std::string exact = Program::exact(), map = (out / "map").string();
   ASSERT_EQ(run_cairn({"reconstruct", exact, "-o", map, "--poses", exact + "/groundtruth.txt"}).exit_code, 0);
   const auto error = json_of(run_cairn({"evaluate", "mesh", map + "/mesh.glb", exact + "/groundtruth_mesh.ply",
                                         "--seen", exact + "/groundtruth_seen.ply", "--json"}));
@@ -183,8 +177,8 @@ TEST_F(Program, OptimisesAGraph) {
 }
 
 TEST_F(Program, StandsTheMapUprightByTheAccelerometer) {
-  const fs::path map = out / "map";
-  const auto report = json_of(run_cairn({"reconstruct", sequence(), "-o", map.string(), "--json"}));
+  const fs::path map = map_of_sequence();
+  const auto report = nlohmann::json::parse(read_bytes(map / "report.json"));
   const auto found = read_trajectory(map / "trajectory.txt"),
              truth = read_trajectory(fs::path(sequence()) / "groundtruth.txt");
   // Both worlds have y down; the first true camera looks down by a third of a radian.
@@ -203,7 +197,7 @@ TEST_F(Program, EstimatesHowMuchLaterTheColourCameraIs) {
   const auto report = json_of(run_cairn({"reconstruct", late, "-o", map, "--json"}));
   // Its images are taken later than their stamps tell: its clock is behind.
   EXPECT_NEAR(report["clock_offset"].get<double>(), -0.02, 0.008);
-  const auto without = json_of(run_cairn({"reconstruct", sequence(), "-o", map, "--json"}));
+  const auto without = nlohmann::json::parse(read_bytes(map_of_sequence() / "report.json"));
   EXPECT_NEAR(without["clock_offset"].get<double>(), 0.0, 0.003);
 }
 
@@ -229,7 +223,7 @@ class Recording : public testing::TestWithParam<Recorded> {};
 TEST_P(Recording, IsTrackedThroughout) {
   CAIRN_REQUIRE_DATA(GetParam().name);
   const TemporaryFolder out;
-  const auto folder = (fs::path(CAIRN_DATA) / GetParam().name).string();
+  const auto folder = (data_folder() / GetParam().name).string();
   const auto report = json_of(
       run_cairn({"reconstruct", folder, "-o", (out / "map").string(), "--frames", GetParam().frames, "--json"}));
   EXPECT_EQ(report["frames"]["fused"], report["frames"]["total"]);
@@ -246,8 +240,7 @@ INSTANTIATE_TEST_SUITE_P(Real, Recording,
                          [](const auto& parameter) { return std::string(parameter.param.name); });
 
 TEST_F(Program, AnswersHowFarTheNextSurfaceIs) {
-  const auto exact = (out / "exact").string(), map = (out / "map").string();
-  ASSERT_EQ(run_cairn({"synth", "room", "-o", exact, "--frames", "30", "--noise", "none"}).exit_code, 0);
+  const std::string exact = Program::exact(), map = (out / "map").string();
   const auto report =
       json_of(run_cairn({"reconstruct", exact, "-o", map, "--poses", exact + "/groundtruth.txt", "--esdf", "--json"}));
   EXPECT_EQ(report["stages"]["esdf"]["count"], 30);
@@ -339,7 +332,7 @@ TEST_F(Program, TellsWhatIsWrongWithQuestionsAboutDistances) {
   refused({map, "--esdf-voxel-size", "0.03"}, "take 1, 2, 4 or 8 times");
   refused({map, "-o", (out / "x.foo").string()}, "unknown kind of file");
   refused({map, "-o", (out / "x.csv").string()}, "give --query");
-  refused({map, "-o", (out / "none" / "x.vdb").string()}, "the folder is missing or not writable");
+  refused({map, "-o", (out / "none" / "x.vdb").string()}, "No such file or directory: make the folder first");
   refused({map, "--slice", "y=40", (out / "x.png").string()}, "nothing is known at y = 40");
   refused({map, "--slice", "w=1", (out / "x.png").string()}, "is no plane", 2);
   refused({map, "--costmap", (out / "x.yaml").string()}, "needs --height", 2);

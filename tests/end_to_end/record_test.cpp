@@ -15,7 +15,7 @@ namespace {
 
 /// The environment in which `openni:` is the virtual sensor; `behaviour` in the words of its driver.
 std::string sensor(const std::string& behaviour = "") {
-  return "LD_LIBRARY_PATH='" CAIRN_OPENNI "' CAIRN_SENSOR='" + behaviour + "'";
+  return "LD_LIBRARY_PATH='" + openni_folder() + "' CAIRN_SENSOR='" + behaviour + "'";
 }
 
 int frames_in(Source& source) {
@@ -111,7 +111,7 @@ TEST_F(Record, TellsThatTheDiskIsFullAndKeepsTheRest) {
   show(10, depth);
   const Ran ran = run_cairn({"record", "openni:", "-o", out("a")},
                             "trap '' XFSZ; ulimit -f 100; " + sensor("frames=" + folder.path().string()));
-  expect_last_line(ran, 1, "the disk is full");
+  expect_last_line(ran, 1, "File too large");
   EXPECT_EQ(frames_in(*open_recording(folder / "a")), 10);
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder / "a"))
     EXPECT_NE(entry.path().filename().string()[0], '.') << entry.path();

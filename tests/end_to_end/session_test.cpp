@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "cairn/evaluation.hpp"
 #include "cairn/trajectory.hpp"
 #include "support/files.hpp"
+#include "support/shared.hpp"
 
 namespace cairn {
 namespace {
@@ -19,23 +21,18 @@ namespace fs = std::filesystem;
 /// Two recordings of the room that overlap by half, one of a corridor, and the map of the first.
 class Session : public testing::Test {
  protected:
-  static void SetUpTestSuite() {
-    folder = new TemporaryFolder;
-    for (const auto& [scene, seed] : {std::pair("room", "1"), {"corridor", "3"}})
-      ASSERT_EQ(run_cairn({"synth", scene, "-o", path(scene), "--frames", "90", "--seed", seed}).exit_code, 0);
-    ASSERT_EQ(run_cairn({"reconstruct", path("room"), "-o", path("map"), "--frames", "0:60"}).exit_code, 0);
+  /// Of a recording, or of the map; they are shared, so that only copies change.
+  static std::string path(const std::string& name) {
+    if (name == "map") return shared_map(path("room"), {"--frames", "0:60"}).string();
+    return shared_recording({name, "--frames", "90", "--seed", name == "room" ? "1" : "3"}).string();
   }
-  static void TearDownTestSuite() { delete folder; }
-  static std::string path(const std::string& name) { return (*folder / name).string(); }
   /// A copy of the map of the first 60 frames.
   [[nodiscard]] fs::path copy_of_map() const {
     fs::copy(path("map"), out / "map", fs::copy_options::recursive);
     return out / "map";
   }
-  static TemporaryFolder* folder;
   TemporaryFolder out;
 };
-TemporaryFolder* Session::folder = nullptr;
 
 /// Metres, root mean square, without any alignment but that of the session's very first pose, in first.txt beside it.
 double error_in_place(const fs::path& estimate, const fs::path& truth) {
@@ -77,10 +74,16 @@ TEST_F(Session, KilledAtAnyMomentEndsWithTheSameBytes) {
 TEST_F(Session, GoesOnWithAnotherRecordingOfTheSamePlace) {
   const fs::path map = copy_of_map();
   fs::copy(map / "trajectory.txt", map / "first.txt");
-  // Other frames of the same scene under another name.
+  // A recording of the same scene that begins later: it is known by its first frames, not by its name.
   fs::copy(path("room"), out / "again", fs::copy_options::recursive);
+  std::istringstream list(read_bytes(out / "again" / "depth.txt"));
+  std::string later;
+  int frames = 0;
+  for (std::string line; std::getline(list, line);)
+    if (line.starts_with('#') || ++frames > 5) later += line + '\n';
+  write_text(out / "again" / "depth.txt", later);
   const Ran ran = run_cairn(
-      {"reconstruct", (out / "again").string(), "-o", map.string(), "--frames", "30:90", "--resume", "--json"});
+      {"reconstruct", (out / "again").string(), "-o", map.string(), "--frames", "25:85", "--resume", "--json"});
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
   const auto report = nlohmann::json::parse(ran.out);
   EXPECT_EQ(report["submaps"]["pieces"], 1);
@@ -147,7 +150,7 @@ TEST_F(Session, AnswersADamagedOneWithOneLine) {
   write_text(state, good.substr(0, good.size() / 3));
   expect_one_line(run_cairn(resume), 1, "is damaged");
   bad = good;
-  bad[bad.find(" 2 ") + 1] = '7';  // the version of the format
+  bad[bad.find(" 3 ") + 1] = '7';  // the version of the format
   write_text(state, bad);
   expect_one_line(run_cairn(resume), 1, "another version");
   write_text(state, "something else");
@@ -159,10 +162,11 @@ TEST_F(Session, AnswersADamagedOneWithOneLine) {
   auto coarser = resume;
   coarser.insert(coarser.end(), {"--voxel-size", "0.02"});
   expect_one_line(run_cairn(coarser), 1, "--voxel-size");
-  fs::rename(map / "session" / "keyframes" / "000001.corners", map / "elsewhere");
+  const fs::path run = map / "session" / "run-0001", corners = run / "keyframes" / "000001.corners";
+  fs::rename(corners, map / "elsewhere");
   expect_one_line(run_cairn(resume), 1, "000001.corners");
-  fs::rename(map / "elsewhere", map / "session" / "keyframes" / "000001.corners");
-  for (const auto& entry : fs::directory_iterator(map / "session"))
+  fs::rename(map / "elsewhere", corners);
+  for (const auto& entry : fs::directory_iterator(run))
     if (entry.path().extension() == ".vdb") fs::resize_file(entry.path(), fs::file_size(entry.path()) / 2);
   expect_one_line(run_cairn(resume), 1, "damaged");
   // What had been reconstructed is still there.

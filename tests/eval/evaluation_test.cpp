@@ -47,7 +47,7 @@ TEST(EvaluateTrajectory, AgreesWithTheTumBenchmarkTools) {
   CAIRN_REQUIRE_DATA("trajectories");
   constexpr double kMetres = 1e-4;  // what the project promises; the difference seen is below 1e-9
   for (const auto& r : kReferences) {
-    const auto folder = fs::path(CAIRN_DATA) / "trajectories";
+    const auto folder = data_folder() / "trajectories";
     const auto e = evaluate_trajectory(read_trajectory(folder / r.estimate), read_trajectory(folder / r.truth));
     EXPECT_NEAR(e.ate.rmse, r.ate, kMetres);
     EXPECT_NEAR(e.rpe_translation.rmse, r.rpe_translation, kMetres);

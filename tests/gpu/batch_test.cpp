@@ -48,12 +48,13 @@ TEST(Device, CountsItsMemory) {
 }
 
 TEST(Device, NamesAnIndexThatDoesNotExist) {
-  EXPECT_THROW(
-      try { gpu::Device device(99); } catch (const std::runtime_error& e) {
-        EXPECT_NE(std::string(e.what()).find("cairn devices"), std::string::npos);
-        throw;
-      },
-      std::runtime_error);
+  for (const int index : {99, -5})
+    EXPECT_THROW(
+        try { gpu::Device device(index); } catch (const std::runtime_error& e) {
+          EXPECT_NE(std::string(e.what()).find("cairn devices"), std::string::npos);
+          throw;
+        },
+        std::runtime_error);
 }
 
 }  // namespace

@@ -11,6 +11,7 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
+using namespace std::string_literals;
 
 void write_depth(const fs::path& file, int value, int type = CV_16U, int width = 64, int height = 48) {
   cv::imwrite(file.string(), cv::Mat(height, width, type, cv::Scalar(value)));
@@ -84,6 +85,10 @@ TEST(TumRecording, TellsWhatIsWrongWithAFrameAndGoesOn) {
       {"8 bit", [](const fs::path& f) { write_depth(f, 50, CV_8U); }, "16-bit"},
       {"other size", [](const fs::path& f) { write_depth(f, 5000, CV_16U, 32, 24); }, "32x24"},
       {"all zero", [](const fs::path& f) { write_depth(f, 0); }, "no measurement"},
+      // 65536 x 65536 pixels of 16 bits, told by a file of some hundred bytes.
+      {"too large", [](const fs::path& f) { write_text(f, read_bytes(f).replace(16, 8, "\0\1\0\0\0\1\0\0"s)); },
+       "no image that can be decoded"},
+      {"TIFF", [](const fs::path& f) { write_text(f, "II*\0\0\0\0\0"s); }, "neither PNG nor JPEG"},
   };
   for (const auto& c : cases) {
     SCOPED_TRACE(c.name);
@@ -155,7 +160,7 @@ TEST(SevenScenes, Leaves0And65535OutAndStampsAt30Hz) {
 
 TEST(IclNuim, TurnsTheMirroredCameraIntoAnOrdinaryOne) {
   CAIRN_REQUIRE_DATA("icl_office_kt0_101");
-  const auto folder = fs::path(CAIRN_DATA) / "icl_office_kt0_101";
+  const auto folder = data_folder() / "icl_office_kt0_101";
   EXPECT_GT(open_recording(folder)->camera().fy, 0);
   const auto truth = recorded_truth(folder);
   EXPECT_DOUBLE_EQ(truth[0].timestamp, 2.0);

@@ -4,11 +4,14 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <cstring>
+#include <map>
 #include <thread>
 
 #include "cairn/source.hpp"
 #include "io/colour_registration.hpp"
 #include "io/newest_frame.hpp"
+#include "io/recording.hpp"
 #include "io/tum_writer.hpp"
 #include "support/files.hpp"
 
@@ -51,7 +54,7 @@ double seconds_of(const std::function<void()>& work) {
 
 TEST(OpenNi, ReadsAnOldKinectRecordingToItsEnd) {
   CAIRN_REQUIRE_DATA("oni/kinect_3DJ_12frames.oni");
-  const auto source = open_openni(CAIRN_DATA "/oni/kinect_3DJ_12frames.oni");
+  const auto source = open_openni(data_folder() / "oni/kinect_3DJ_12frames.oni");
   EXPECT_NEAR(source->camera().fx, 320 / std::tan(1.0145 / 2), 0.1);
   EXPECT_EQ(source->size(), 12);
   double last = -1;
@@ -80,8 +83,30 @@ TEST(OpenNi, TellsWhatIsWrongWithAFile) {
   EXPECT_NE(error_of([&] { (void)open_openni((folder / "text.oni").string()); }).find("cut off or no OpenNI recording"),
             std::string::npos);
   CAIRN_REQUIRE_DATA("oni/kinect_3DJ_12frames.oni");
-  write_text(folder / "cut.oni", read_bytes(CAIRN_DATA "/oni/kinect_3DJ_12frames.oni").substr(0, 700000));
+  write_text(folder / "cut.oni", read_bytes(data_folder() / "oni/kinect_3DJ_12frames.oni").substr(0, 700000));
   EXPECT_NE(error_of([&] { (void)open_openni((folder / "cut.oni").string()); }).find("cut off"), std::string::npos);
+}
+
+TEST(OpenNi, IsNotGivenAFileWhoseSizesCannotBe) {
+  CAIRN_REQUIRE_DATA("oni/kinect_3DJ_12frames.oni");
+  const std::string good = read_bytes(data_folder() / "oni/kinect_3DJ_12frames.oni");
+  const TemporaryFolder folder;
+  const auto error = [&](std::size_t at, std::uint32_t value) {
+    std::string bad = good;
+    std::memcpy(&bad[at], &value, sizeof value);
+    write_text(folder / "a.oni", bad);
+    const std::string all = error_of([&] { (void)open_openni((folder / "a.oni").string()); });
+    return all.substr(std::min(all.size(), all.find("at byte")));
+  };
+  // The second record begins at byte 100, a property: magic, kind, node, sizes of fields and payload, undo; the name.
+  EXPECT_EQ(error(100, 7), "at byte 100 no record begins here");
+  EXPECT_EQ(error(104, 99), "at byte 100 there is no record of kind 99");
+  EXPECT_EQ(error(112, 3), "at byte 100 a record has a size that cannot be");
+  EXPECT_EQ(error(116, 0xffffffff), "at byte 100 a record has a size that cannot be");
+  EXPECT_EQ(error(128, 0x7fffffff), "at byte 100 a name has no end");
+  const std::size_t mode = good.find("xnMapOutputMode") + 20;
+  EXPECT_NE(error(mode, 1u << 30).find("an image has 1073741824 pixels along a side, allowed is 16 to 4096"),
+            std::string::npos);
 }
 
 TEST(OpenNi, RefusesACameraFileOfAnotherSize) {
@@ -89,7 +114,7 @@ TEST(OpenNi, RefusesACameraFileOfAnotherSize) {
   const TemporaryFolder folder;
   write_text(folder / "camera.yaml", "width: 320\nheight: 240\nfx: 300\nfy: 300\ncx: 160\ncy: 120\n");
   const auto open = [&] {
-    (void)open_openni(CAIRN_DATA "/oni/kinect_3DJ_12frames.oni", {.camera = folder / "camera.yaml", .copy_to = {}});
+    (void)open_openni(data_folder() / "oni/kinect_3DJ_12frames.oni", {.camera = folder / "camera.yaml", .copy_to = {}});
   };
   EXPECT_NE(error_of(open).find("is for 320x240 pixels"), std::string::npos);
 }
@@ -121,10 +146,70 @@ TEST(CameraFile, TellsFileAndLineOfWhatIsWrong) {
   };
   EXPECT_NE(error("fx: 500\nfy: 500\ncx: 320\n").find("`cy` is missing"), std::string::npos);
   EXPECT_NE(error("fx: 500\nfy: five\ncx: 320\ncy: 240\n").find("camera.yaml:2"), std::string::npos);
-  EXPECT_NE(error("fx: 5\nfy: 5\ncx: 3\ncy: 2\ncolour: {fx: 5, fy: 5, cx: 3, cy: 2, translation: [0, 0, 0], rotation: "
-                  "[0, 0, 0, 2]}\n")
-                .find("unit quaternion"),
+  EXPECT_NE(
+      error("fx: 50\nfy: 50\ncx: 3\ncy: 2\ncolour: {fx: 50, fy: 50, cx: 3, cy: 2, translation: [0, 0, 0], rotation: "
+            "[0, 0, 0, 2]}\n")
+          .find("unit quaternion"),
+      std::string::npos);
+  EXPECT_NE(error("fx: 500\nfy: 500\ncx: 320\ncy: 240\nwidth: 640.5\n").find("camera.yaml:5: `width` takes a whole"),
             std::string::npos);
+  EXPECT_NE(error("- 1\n- 2\n").find("camera.yaml: expected lines such as"), std::string::npos);
+  EXPECT_NE(error(std::string(100000, '{')).find("camera.yaml:1: "), std::string::npos);
+}
+
+TEST(CameraFile, RefusesACameraThatMakesNoSense) {
+  const TemporaryFolder folder;
+  const auto error = [&](const std::string& changed, const std::string& value) {
+    std::string text, json;
+    for (const auto& [key, usual] : std::map<std::string, std::string>{{"width", "640"},
+                                                                       {"height", "480"},
+                                                                       {"fx", "525"},
+                                                                       {"fy", "525"},
+                                                                       {"cx", "320"},
+                                                                       {"cy", "240"},
+                                                                       {"distortion", "[0, 0, 0, 0, 0]"},
+                                                                       {"depth_scale", "1000"}}) {
+      const std::string& now = key == changed ? value : usual;
+      text += key + ": " + now + "\n";
+      json += (json.empty() ? "{\"" : ", \"") + key + "\": " + now;
+    }
+    write_text(folder / "camera.yaml", text);
+    write_text(folder / "intrinsics.json", json + "}");
+    // The same fault in either file is told in the same words.
+    const std::string yaml = error_of([&] { (void)read_camera_file(folder / "camera.yaml"); }),
+                      told = error_of([&] { (void)read_intrinsics_folder(folder.path()); });
+    const auto after = [](const std::string& all, const std::string& name) {
+      const auto at = all.find(name);
+      return at == all.npos ? "no file named: " + all : all.substr(at + name.size());
+    };
+    EXPECT_TRUE(after(told, "intrinsics.json").starts_with(after(yaml, "camera.yaml"))) << told << '\n' << yaml;
+    return after(yaml, "camera.yaml");
+  };
+  EXPECT_EQ(error("cx", "-5000"), ": the camera's cx is -5000, allowed is -640 to 1280: check the intrinsics");
+  EXPECT_EQ(error("fx", "-1"), ": the camera's fx is -1, allowed is 32 to 12800: check the intrinsics");
+  EXPECT_EQ(error("fy", "0"), ": the camera's fy is 0, allowed is 32 to 12800: check the intrinsics");
+  EXPECT_EQ(error("width", "0"), ": the camera's width is 0, allowed is 16 to 4096: check the intrinsics");
+  EXPECT_EQ(error("height", "100000"), ": the camera's height is 100000, allowed is 16 to 4096: check the intrinsics");
+  EXPECT_EQ(error("distortion", "[0, 1e9, 0, 0, 0]"),
+            ": the camera's distortion is 1000000000, allowed is -1000 to 1000: check the intrinsics");
+  EXPECT_EQ(error("depth_scale", "0"), ": depth_scale is 0, allowed is 1 to 1000000 units per metre");
+}
+
+TEST(IntrinsicsFolder, TellsTheKeyThatIsWrong) {
+  const TemporaryFolder folder;
+  const auto error = [&](const std::string& text) {
+    write_text(folder / "intrinsics.json", text);
+    const std::string all = error_of([&] { (void)read_intrinsics_folder(folder.path()); });
+    return all.substr(all.find(".json") + 5, all.find(';') - all.find(".json") - 5);
+  };
+  const std::string most = R"("width": 64, "height": 48, "fx": 60, "fy": 60, "cx": 32)";
+  EXPECT_EQ(error("{"), ": is no JSON");
+  EXPECT_EQ(error("[]"), ": is no JSON object");
+  EXPECT_EQ(error("{" + most + "}"), ": `cy` is missing");
+  EXPECT_EQ(error("{" + most + R"(, "cy": "24"})"), ": `cy` is not a number");
+  EXPECT_EQ(error(R"({"width": 1e300})"), ": `width` is no number of pixels");
+  EXPECT_EQ(error("{" + most + R"(, "cy": 24, "distortion": [1]})"), ": `distortion` takes [k1, k2, p1, p2, k3]");
+  EXPECT_EQ(error("{" + most + R"(, "cy": 24, "frame_rate": 0})"), ": `frame_rate` is 0, allowed is 0.001 to 100000");
 }
 
 TEST(NewestFrame, SkipsWhatASlowReaderHasNoTimeForAndNeverLagsBehind) {
@@ -190,14 +275,13 @@ TEST(NewestFrame, PlaysMoreSlowlyWhatCannotBeReadInTime) {
 
 TEST(TumWriter, KeepsDepthAndTimesAsTheyWere) {
   const TemporaryFolder folder;
-  const Camera camera{.width = 3, .height = 2, .fx = 4, .fy = 5, .cx = 1, .cy = 0.5};
+  const Camera camera{.width = 16, .height = 16, .fx = 4, .fy = 5, .cx = 8, .cy = 8};
+  const std::vector<std::uint32_t> colour(256, 0xff102030u);
+  std::vector<float> depth{0, 0.001f, 1.2346f, 5.0f, 13.1f, 20.0f};
+  depth.resize(256, 2.0f);
   {
     TumWriter writer(folder / "a", camera);
-    writer.add(encode({.timestamp = 1.5,
-                       .depth = {0, 0.001f, 1.2346f, 5.0f, 13.1f, 20.0f},
-                       .colour_delay = 0.004,
-                       .colour = std::vector<std::uint32_t>(6, 0xff102030u)},
-                      camera, true));
+    writer.add(encode({.timestamp = 1.5, .depth = depth, .colour_delay = 0.004, .colour = colour}, camera, true));
   }
   const auto source = open_recording(folder / "a");
   EXPECT_EQ(source->camera().fy, 5);
@@ -205,8 +289,8 @@ TEST(TumWriter, KeepsDepthAndTimesAsTheyWere) {
   ASSERT_TRUE(frame);
   EXPECT_EQ(frame->timestamp, 1.5);
   EXPECT_NEAR(frame->colour_delay, 0.004, 1e-9);
-  EXPECT_EQ(frame->colour, std::vector<std::uint32_t>(6, 0xff102030u));
-  const std::vector<float> depth{0, 0.001f, 1.2346f, 5.0f, 13.1f, 0};  // the last does not fit
+  EXPECT_EQ(frame->colour, colour);
+  depth[5] = 0;  // it does not fit
   for (std::size_t i = 0; i < depth.size(); ++i) EXPECT_NEAR(frame->depth[i], depth[i], 1e-4);
   EXPECT_NE(error_of([&] { TumWriter(folder / "a", camera); }).find("is not empty"), std::string::npos);
 }

@@ -76,10 +76,35 @@ TEST(BackEnd, IsNotTakenInByARoomThatLooksLikeAnother) {
   EXPECT_GT(atlas.loops.size(), 3u);
 }
 
+TEST(BackEnd, RemembersNoMoreOfARoomThatItSeesAgainAndAgain) {
+  Options options;
+  options.map.submap_keyframes = 20;
+  options.map.loops = false;
+  const Camera camera = small_camera();
+  Volume volume(test_device(), options.fuse, 5.0f);
+  BackEnd back_end(test_device(), camera, options);
+  const Matrix6d information = 1e6 * Matrix6d::Identity();
+  const std::size_t pixels = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+  std::size_t once = 0;
+  for (int i = 0; i < 1000; ++i) {  // ten times there and back
+    const int along = i % 100 < 50 ? i % 100 : 100 - i % 100;
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.translation() = Eigen::Vector3d(0.04 * along, 0.003 * (i % 7), 0);
+    const Frame frame{.index = i, .timestamp = 0.1 * i, .depth = std::vector<float>(pixels, 2.0f), .colour = {}};
+    back_end.add(frame, pose, i > 0 ? &information : nullptr, volume, static_cast<std::uint32_t>(i + 1));
+    if (i == 100) once = back_end.atlas().keyframes.size();
+  }
+  EXPECT_GE(once, 15u);
+  EXPECT_LE(back_end.atlas().keyframes.size(), once + 2);
+  EXPECT_EQ(back_end.submaps().size(), 0u);
+  EXPECT_EQ(back_end.atlas().frames.size(), 1000u);
+  EXPECT_EQ(back_end.atlas().trajectory(0, 0, 1000).size(), 1000u);
+}
+
 TEST(BackEnd, KeepsSubmapsOnTheDiskWhenTheyExceedTheBudget) {
   const TemporaryFolder folder;
   std::vector<Brick> bricks;
-  Submaps submaps(folder.path(), 1 << 20);  // 256 bricks
+  Submaps submaps(folder.path(), 1 << 20, Access::write);  // 256 bricks
   std::vector<BrickTree> originals;
   for (int s = 0; s < 5; ++s) {
     BrickTree tree;
@@ -91,8 +116,7 @@ TEST(BackEnd, KeepsSubmapsOnTheDiskWhenTheyExceedTheBudget) {
     originals.push_back(tree.copy());
     submaps.add(std::move(tree));
   }
-  submaps.wait();
-  EXPECT_EQ(submaps.problem(), "");
+  EXPECT_EQ(submaps.store(), "");
   EXPECT_LE(submaps.counts().peak_bytes, std::uint64_t{1} << 20);
   for (int round = 0; round < 2; ++round)
     for (std::size_t s = 0; s < 5; ++s) {
@@ -104,14 +128,120 @@ TEST(BackEnd, KeepsSubmapsOnTheDiskWhenTheyExceedTheBudget) {
   EXPECT_GT(submaps.counts().read_back, 3u);
 }
 
-TEST(BackEnd, KeepsInMemoryWhatCannotBeWritten) {
-  Submaps submaps("/proc/nowhere", 1 << 20);
+/// Two keyframes in a frame, and others of the same place in another one: nothing is known about how the two lie.
+struct TwoPieces {
+  explicit TwoPieces(const Matrix6d& information, const std::filesystem::path& session = {}) {
+    options.session = session;
+    back_end.emplace(test_device(), small_camera(), options);
+    for (int i = 0; i < 2; ++i) add(i, Eigen::Isometry3d::Identity(), i > 0 ? &information : nullptr);
+    back_end->end_submap(volume, stamp, false);
+    (void)back_end->store();
+  }
+  void add(int i, const Eigen::Isometry3d& piece_from_scene, const Matrix6d* information) {
+    Frame frame = scene_frame(synthetic_scene("room"), small_camera(), 12 * i, true);
+    frame.index = static_cast<int>(stamp);
+    frame.timestamp = static_cast<double>(stamp);
+    back_end->add(frame, piece_from_scene * *frame.world_from_camera, information, volume, ++stamp);
+  }
+  Options options;
+  Volume volume{test_device(), options.fuse, 5.0f};
+  std::optional<BackEnd> back_end;
+  std::uint32_t stamp = 0;
+};
+
+const Eigen::Isometry3d kElsewhere(Eigen::Translation3d(3, 0, 4));
+
+TEST(BackEnd, GoesOnWithoutLoopsWhenKeyframesAreLost) {
+  const TemporaryFolder folder;
+  const Matrix6d information = 1e6 * Matrix6d::Identity();
+  TwoPieces p(information, folder / "session");
+  for (const auto& entry : std::filesystem::directory_iterator(folder / "session" / "keyframes"))
+    std::filesystem::remove(entry);
+  for (int i = 0; i < 3; ++i) p.add(i, kElsewhere, i > 0 ? &information : nullptr);
+  p.back_end->settle();
+  ASSERT_EQ(p.back_end->warnings().all().size(), 1u);
+  const std::string& warning = p.back_end->warnings().all()[0];
+  EXPECT_NE(warning.find("depth.png: is missing"), std::string::npos) << warning;
+  EXPECT_NE(warning.find("loops are no longer looked for"), std::string::npos) << warning;
+  EXPECT_EQ(p.back_end->atlas().keyframes.size(), 5u);
+  EXPECT_EQ(p.back_end->counts().looked_up, 1);
+}
+
+TEST(BackEnd, LeavesKeyframesWhereTheyAreWhenTheGraphCannotBeOptimised) {
+  Matrix6d information = 1e6 * Matrix6d::Identity();
+  information(5, 5) = -1e3;  // no covariance has such an inverse
+  TwoPieces p(information);
+  for (int i = 0; i < 3; ++i) {
+    p.add(i, kElsewhere, i > 0 ? &information : nullptr);
+    p.back_end->settle();
+  }
+  EXPECT_GE(p.back_end->atlas().loops.size(), 1u);
+  ASSERT_EQ(p.back_end->warnings().all().size(), 1u);
+  const std::string& warning = p.back_end->warnings().all()[0];
+  EXPECT_NE(warning.find("not positive definite"), std::string::npos) << warning;
+  EXPECT_NE(warning.find("keyframes stay where they are"), std::string::npos) << warning;
+  EXPECT_EQ(p.back_end->atlas().keyframes.size(), 5u);
+}
+
+TEST(BackEnd, KnowsWhichPlacesLieInTheFrameOfTracking) {
+  const Matrix6d information = 1e6 * Matrix6d::Identity();
+  TwoPieces p(information);
+  const auto here = [&] {
+    std::string all;
+    for (std::size_t k = 0; k < p.back_end->places().size(); ++k) all += p.back_end->places()[k].is_here ? 'x' : '.';
+    return all;
+  };
+  EXPECT_EQ(here(), "..");
+  p.options.map.loops = false;
+  p.back_end.emplace(test_device(), small_camera(), p.options);
+  for (int i = 0; i < 2; ++i) p.add(i, Eigen::Isometry3d::Identity(), i > 0 ? &information : nullptr);
+  p.back_end->end_submap(p.volume, p.stamp, false);
+  for (int i = 0; i < 3; ++i) p.add(i, kElsewhere, i > 0 ? &information : nullptr);
+  EXPECT_EQ(here(), "..xxx");
+  p.back_end->end_submap(p.volume, p.stamp, false);
+  EXPECT_EQ(here(), ".....");
+  p.back_end->begin_in_world();  // of the larger piece
+  EXPECT_EQ(here(), "..xxx");
+  const BackEnd::Memory memory = p.back_end->memory();
+  EXPECT_FALSE(memory.places[0].second);
+  EXPECT_TRUE(memory.places[4].second);
+  p.add(0, kElsewhere, &information);
+  EXPECT_EQ(here(), "..xxxx");
+}
+
+TEST(BackEnd, KeepsInMemoryWhatCannotBeWrittenAndTriesAgain) {
+  const TemporaryFolder folder;
+  Submaps submaps(folder / "session", 1 << 20, Access::write);
+  KeyframeStore keyframes(small_camera(), folder / "session");
   BrickTree tree;
   tree.put({1, 2, 3}, BrickVoxels{5});
   submaps.add(std::move(tree));
-  submaps.wait();
-  EXPECT_NE(submaps.problem().find("cannot write"), std::string::npos);
+  const Frame frame{.depth = std::vector<float>(320 * 240, 1.5f)};
+  keyframes.put(0, frame, {});
+  for (const std::string& problem : {submaps.store(), keyframes.store()})
+    EXPECT_NE(problem.find("cannot write"), std::string::npos);
   EXPECT_EQ(submaps.voxels(0)->size(), 1u);
+  EXPECT_EQ(keyframes.get(0).depth, frame.depth);
+  // Once there is room, they are written.
+  std::filesystem::create_directory(folder / "session");
+  EXPECT_EQ(submaps.store() + keyframes.store(), "");
+  EXPECT_EQ(read_bricks(submaps.file(0)).size(), 1u);
+  EXPECT_EQ(KeyframeStore(small_camera(), folder / "session").get(0).depth, frame.depth);
+}
+
+TEST(BackEnd, WritesNothingIntoASessionThatIsLookedAt) {
+  const TemporaryFolder folder;
+  Submaps submaps(folder.path(), 1 << 20, Access::read);
+  KeyframeStore keyframes(small_camera(), folder.path(), Access::read);
+  BrickTree tree;
+  tree.put({1, 2, 3}, BrickVoxels{5});
+  submaps.add(std::move(tree));
+  const Frame frame{.depth = std::vector<float>(320 * 240, 1.5f)};
+  keyframes.put(0, frame, {});
+  EXPECT_EQ(submaps.store() + keyframes.store(), "");
+  EXPECT_EQ(submaps.voxels(0)->size(), 1u);
+  EXPECT_EQ(keyframes.get(0).depth, frame.depth);
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
 }
 
 }  // namespace

@@ -2,6 +2,9 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <gtest/gtest.h>
 
+#include <functional>
+#include <nlohmann/json.hpp>
+
 #include "cairn/evaluation.hpp"
 #include "cairn/mesh.hpp"
 #include "mesh/gltf.hpp"
@@ -154,6 +157,146 @@ TEST(Snap, LeavesNoTriangleWithoutArea) {
   const MeshTopology topology = examine_topology(snapped.mesh);
   EXPECT_EQ(topology.degenerate_triangles + topology.unreferenced_vertices, 0u);
   EXPECT_EQ(snapped.mesh.triangles.size(), 32u);
+}
+
+/// What reading a .glb of a triangle says when its JSON is spoiled; all of its coordinates' bytes are `byte`.
+std::string error_of_glb(const std::function<void(nlohmann::json&)>& spoil, std::uint8_t byte = 0) {
+  nlohmann::json j{{"asset", {{"version", "2.0"}}},
+                   {"buffers", {{{"byteLength", 36}}}},
+                   {"bufferViews", {{{"buffer", 0}, {"byteLength", 36}}}},
+                   {"accessors", {{{"bufferView", 0}, {"componentType", 5126}, {"count", 3}, {"type", "VEC3"}}}},
+                   {"meshes", {{{"primitives", {{{"attributes", {{"POSITION", 0}}}}}}}}},
+                   {"nodes", {{{"mesh", 0}}}},
+                   {"scenes", {{{"nodes", {0}}}}}};
+  spoil(j);
+  const TemporaryFolder folder;
+  const auto glb = join_glb(j.dump(), std::vector<std::uint8_t>(36, byte));
+  write_text(folder / "a.glb", {glb.begin(), glb.end()});
+  try {
+    (void)read_mesh(folder / "a.glb");
+  } catch (const std::runtime_error& error) {
+    return std::string(error.what()).substr((folder / "a.glb").string().size());
+  }
+  return "";
+}
+
+TEST(ReadGltf, RefusesWhatReachesBeyondItsBuffer) {
+  EXPECT_EQ(error_of_glb([](auto&) {}), "");
+  const std::string beyond = ": an accessor reaches beyond its buffer";
+  // stride * (count - 1) is a multiple of 2^64
+  EXPECT_EQ(error_of_glb([](auto& j) {
+              j["bufferViews"][0]["byteStride"] = 16;
+              j["accessors"][0]["count"] = (1LL << 60) + 1;
+            }),
+            beyond);
+  EXPECT_EQ(error_of_glb([](auto& j) { j["accessors"][0]["count"] = 4; }), beyond);
+  EXPECT_EQ(error_of_glb([](auto& j) { j["accessors"][0]["byteOffset"] = 1; }), beyond);
+  EXPECT_EQ(error_of_glb([](auto& j) { j["bufferViews"][0]["byteOffset"] = 4; }), ": a view reaches beyond its buffer");
+  EXPECT_EQ(error_of_glb([](auto& j) { j["bufferViews"][0]["buffer"] = 7; }), ": there is no buffer 7");
+  EXPECT_EQ(error_of_glb([](auto& j) { j["accessors"][0]["bufferView"] = 7; }), ": there is no view 7");
+  // Doubles whose stride is not a multiple of eight: tinygltf tells a stride of -1.
+  EXPECT_EQ(error_of_glb([](auto& j) {
+              j["bufferViews"][0]["byteStride"] = 12;
+              j["accessors"][0]["componentType"] = 5130;
+            }),
+            ": an accessor has a type or a stride that is not read");
+}
+
+TEST(ReadGltf, RefusesAMeshThatNeverEnds) {
+  EXPECT_EQ(error_of_glb([](auto& j) { j["nodes"][0]["children"] = {0}; }), ": node 0 is there twice");
+  // Each node is twice a child of the one before: 2^60 meshes.
+  EXPECT_EQ(error_of_glb([](auto& j) {
+              for (int i = 0; i < 60; ++i) {
+                j["nodes"][i]["children"] = {i + 1, i + 1};
+                j["nodes"][i + 1]["mesh"] = 0;
+              }
+            }),
+            ": node 60 is there twice");
+  const TemporaryFolder folder;
+  write_text(folder / "a.gltf", R"({"extras": )" + std::string(100000, '['));
+  EXPECT_NE(error_of([&] { (void)read_mesh(folder / "a.gltf"); }).find("its JSON is nested too deeply"),
+            std::string::npos);
+}
+
+TEST(ReadGltf, TellsThatItsJsonIsWrongInPlainWords) {
+  EXPECT_EQ(error_of_glb([](auto& j) {
+              j["bufferViews"] = "none";
+              j["extensionsUsed"] = {"EXT_meshopt_compression"};
+            }),
+            ": cannot be read as glTF: its JSON does not say what glTF asks for");
+  const TemporaryFolder folder;
+  write_text(folder / "a.gltf", "{\"asset\": ");
+  EXPECT_NE(error_of([&] { (void)read_mesh(folder / "a.gltf"); }).find("its JSON is malformed at byte 11"),
+            std::string::npos);
+}
+
+TEST(ReadGltf, RefusesAPositionThatIsNoNumber) {
+  EXPECT_EQ(error_of_glb([](auto&) {}, 0xff), ": vertex 0 is at no place: a coordinate is not finite");
+}
+
+/// What reading a .glb says whose view claims to be compressed by meshopt.
+std::string error_of_meshopt(const std::string& mode, std::uint64_t count, std::uint64_t stride) {
+  return error_of_glb([&](nlohmann::json& j) {
+    j["extensionsUsed"] = {"EXT_meshopt_compression"};
+    j["bufferViews"][0]["extensions"]["EXT_meshopt_compression"] = {
+        {"buffer", 0}, {"byteLength", 36}, {"count", count}, {"byteStride", stride}, {"mode", mode}};
+  });
+}
+
+TEST(ReadGltf, RefusesWhatMeshoptCannotHaveWritten) {
+  const std::string prefix = ": cannot be read as glTF: a compressed view has ";
+  EXPECT_EQ(error_of_meshopt("TRIANGLES", 3, 8), prefix + "a stride of 8, which TRIANGLES cannot have");
+  EXPECT_EQ(error_of_meshopt("TRIANGLES", 3, 1), prefix + "a stride of 1, which TRIANGLES cannot have");
+  EXPECT_EQ(error_of_meshopt("INDICES", 3, 3), prefix + "a stride of 3, which INDICES cannot have");
+  EXPECT_EQ(error_of_meshopt("ATTRIBUTES", 3, 6), prefix + "a stride of 6, which ATTRIBUTES cannot have");
+  EXPECT_EQ(error_of_meshopt("ATTRIBUTES", 3, 0), prefix + "a stride of 0, which ATTRIBUTES cannot have");
+  EXPECT_EQ(error_of_meshopt("TRIANGLES", 4, 4), prefix + "4 elements, which its 36 bytes cannot hold");
+  EXPECT_EQ(error_of_meshopt("ATTRIBUTES", 30000, 256), prefix + "30000 elements, which its 36 bytes cannot hold");
+  EXPECT_EQ(error_of_meshopt("SOMETHING", 3, 4), prefix + "no known mode");
+  EXPECT_EQ(error_of_meshopt("TRIANGLES", 3, 4), ": cannot be read as glTF: a compressed view is damaged");
+}
+
+std::string error_of_ply(const std::string& text) {
+  const TemporaryFolder folder;
+  write_text(folder / "a.ply", text);
+  return error_of([&] { (void)read_mesh(folder / "a.ply"); }).substr((folder / "a.ply").string().size());
+}
+
+TEST(ReadPly, RefusesCountsThatTheFileDoesNotHold) {
+  const std::string ascii = "ply\nformat ascii 1.0\n", cut = ": the file is cut off or malformed",
+                    place = "property float x\nproperty float y\nproperty float z\n",
+                    face = "element face 1\nproperty list int int vertex_indices\nend_header\n";
+  EXPECT_EQ(error_of_ply(ascii + "element vertex -1\n" + place + "end_header\n"), ": '-1' is no number of elements");
+  EXPECT_EQ(error_of_ply(ascii + "element vertex 18446744073709551615\n" + place + "end_header\n0 0 0\n"), cut);
+  EXPECT_EQ(error_of_ply(ascii + "element camera 99999999999999\nend_header\n"),
+            ": element 'camera' has no properties");
+  EXPECT_EQ(error_of_ply(ascii + "element vertex 1\nproperty float x\nend_header\n0\n"),
+            ": its vertices have no x, y and z");
+  EXPECT_EQ(error_of_ply(ascii + face + "-1\n"), ": a face has an index or a length that is negative or too large");
+  EXPECT_EQ(error_of_ply(ascii + face + "3 0 -1 2\n"),
+            ": a face has an index or a length that is negative or too large");
+  EXPECT_EQ(error_of_ply(ascii + face + "2000000000 1\n"), cut);
+  EXPECT_EQ(error_of_ply("ply\nformat ascii 1.0\n" + face.substr(0, face.find("end_header"))),
+            ": its header has no end_header: the file is cut off");
+}
+
+TEST(ReadPly, RefusesASecondListOfVertices) {
+  const std::string place = "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
+  EXPECT_EQ(
+      error_of_ply("ply\nformat ascii 1.0\n" + place + place +
+                   "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n0 0 0\n0 0 0 1 2 3\n"),
+      ": has more than one list of vertices");
+}
+
+TEST(ReadPly, ReadsLinesThatEndAsOnWindows) {
+  const TemporaryFolder folder;
+  write_text(folder / "a.ply",
+             "ply\r\nformat ascii 1.0\r\nelement vertex 3\r\nproperty float x\r\nproperty float y\r\nproperty float "
+             "z\r\nproperty float red\r\nproperty float green\r\nproperty float blue\r\nelement face 1\r\nproperty "
+             "list uchar int vertex_indices\r\nend_header\r\n0 0 0 300 -1 7\r\n1 0 0 0 0 0\r\n0 1 0 0 0 0\r\n3 0 1 2");
+  const Mesh mesh = read_mesh(folder / "a.ply");
+  EXPECT_EQ(mesh.triangles.size(), 1u);
+  EXPECT_EQ(mesh.colours[0], (std::array<std::uint8_t, 4>{255, 0, 7, 255}));
 }
 
 TEST(WriteObj, TellsPlacesMaterialAndTexture) {

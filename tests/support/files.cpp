@@ -12,6 +12,15 @@ namespace cairn {
 
 namespace fs = std::filesystem;
 
+// The paths are known to this file alone, so that a checkout elsewhere compiles the same tests.
+fs::path data_folder() { return CAIRN_DATA; }
+std::string openni_folder() { return CAIRN_OPENNI; }
+std::string faulty_device_folder() { return CAIRN_FAULTY_DEVICE; }
+fs::path program_file() { return CAIRN_PROGRAM; }
+fs::path shared_folder() { return CAIRN_SHARED; }
+std::string faults_library() { return CAIRN_FAULTS; }
+fs::path source_folder() { return CAIRN_SOURCE_DIR; }
+
 TemporaryFolder::TemporaryFolder() {
   std::string name = (fs::temp_directory_path() / "cairn-test-XXXXXX").string();
   path_ = mkdtemp(name.data());
@@ -27,6 +36,8 @@ std::string read_bytes(const fs::path& file) {
   std::ifstream in(file, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), {}};
 }
+
+std::string cairn_program() { return CAIRN_PROGRAM; }
 
 Ran run_cairn(const std::vector<std::string>& arguments, const std::string& environment) {
   const TemporaryFolder folder;
@@ -52,7 +63,7 @@ void expect_last_line(const Ran& ran, int exit_code, const std::string& what) {
 }
 
 std::string validate_gltf(const fs::path& file) {
-  const std::string support = std::string(CAIRN_SOURCE_DIR) + "/tests/support";
+  const std::string support = (source_folder() / "tests/support").string();
   if (!fs::exists(support + "/node_modules/gltf-validator"))
     return "the validator is missing: run npm ci --prefix tests/support";
   const TemporaryFolder folder;

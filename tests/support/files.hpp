@@ -10,6 +10,21 @@
 
 namespace cairn {
 
+/// Recordings that are not part of the project, beside its folder.
+[[nodiscard]] std::filesystem::path data_folder();
+/// A copy of OpenNI2 whose only sensor is the virtual one of tests/sensor.
+[[nodiscard]] std::string openni_folder();
+/// The folder of a Vulkan layer that fails and lacks what CAIRN_FAULTS asks for, see tests/faulty_device.
+[[nodiscard]] std::string faulty_device_folder();
+/// The program, as run_cairn runs it.
+[[nodiscard]] std::filesystem::path program_file();
+/// Where the tests of this build keep what they share: support/shared.hpp.
+[[nodiscard]] std::filesystem::path shared_folder();
+/// A library that makes the disk fail, see tests/faults.
+[[nodiscard]] std::string faults_library();
+/// The project's own folder.
+[[nodiscard]] std::filesystem::path source_folder();
+
 /// A new empty folder that goes away with the object.
 class TemporaryFolder {
  public:
@@ -27,6 +42,8 @@ class TemporaryFolder {
 void write_text(const std::filesystem::path& file, const std::string& text);
 [[nodiscard]] std::string read_bytes(const std::filesystem::path& file);
 
+/// The program under test.
+[[nodiscard]] std::string cairn_program();
 /// Runs the program; `err` is what it printed to stderr, `out` to stdout.
 struct Ran {
   int exit_code;
@@ -58,6 +75,6 @@ std::string error_of(F&& f) {
 }  // namespace cairn
 
 // Recordings that are not part of the project: a test that needs one is skipped by name where it is absent.
-#define CAIRN_REQUIRE_DATA(name)                                            \
-  if (!std::filesystem::exists(std::filesystem::path(CAIRN_DATA) / (name))) \
-  GTEST_SKIP() << "recording " << (name) << " is not in " << CAIRN_DATA
+#define CAIRN_REQUIRE_DATA(name)                               \
+  if (!std::filesystem::exists(cairn::data_folder() / (name))) \
+  GTEST_SKIP() << "recording " << (name) << " is not in " << cairn::data_folder()

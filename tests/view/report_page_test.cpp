@@ -11,7 +11,7 @@ namespace {
 
 TEST(ReportPage, ShowsAPreviewInsteadOfAMeshThatIsTooLarge) {
   const TemporaryFolder folder;
-  write_text(folder / "report.json", "{}");
+  write_text(folder / "report.json", R"({"mesh": {}})");
   write_text(folder / "mesh.glb", "the mesh itself");
   write_report_page(folder.path());
   EXPECT_NE(read_bytes(folder / "report.html").find("dGhlIG1lc2ggaXRzZWxm"), std::string::npos);  // in base64

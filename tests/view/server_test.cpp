@@ -3,15 +3,19 @@
 #include "view/server.hpp"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <boost/asio/connect.hpp>
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/read.hpp>
 #include <boost/asio/write.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <chrono>
 #include <thread>
+#include <vector>
 
 #include "support/files.hpp"
 
@@ -31,6 +35,9 @@ bool becomes(const std::function<bool()>& condition) {
 
 class Web : public testing::Test {
  protected:
+  explicit Web(const ServerLimits& limits = {})
+      : server(0, {{"", {"text/html", std::string("the page")}}, {"a.glb", {"model/gltf-binary", folder / "a.glb"}}},
+               &feed, limits) {}
   /// Below http://HOST/TOKEN/.
   [[nodiscard]] std::string path(const std::string& name) const { return url().substr(url().find('/', 7)) + name; }
   [[nodiscard]] std::string host() const { return url().substr(7, url().find('/', 7) - 7); }
@@ -53,6 +60,20 @@ class Web : public testing::Test {
     http::read(socket, buffer, response);
     return response;
   }
+  /// All that a connection says until its end.
+  static std::string heard_from(tcp::socket& socket) {
+    std::string all;
+    boost::system::error_code end;
+    asio::read(socket, asio::dynamic_buffer(all), end);
+    return all;
+  }
+  /// The answer to a request's first line, byte by byte.
+  std::string raw(const std::string& verb, const std::string& target) {
+    auto socket = connect();
+    asio::write(socket,
+                asio::buffer(verb + " " + target + " HTTP/1.1\r\nHost: " + host() + "\r\nConnection: close\r\n\r\n"));
+    return heard_from(socket);
+  }
   using Socket = beast::websocket::stream<tcp::socket>;
   Socket follow(const std::string& origin = "") {
     Socket socket(connect());
@@ -71,8 +92,12 @@ class Web : public testing::Test {
   TemporaryFolder folder;
   asio::io_context context;
   Feed feed;
-  Server server{
-      0, {{"", {"text/html", std::string("the page")}}, {"a.glb", {"model/gltf-binary", folder / "a.glb"}}}, &feed};
+  Server server;
+};
+
+class ImpatientWeb : public Web {
+ protected:
+  ImpatientWeb() : Web({.patience = 400ms, .connections = 4}) {}
 };
 
 TEST_F(Web, ServesThePageAndFilesToWhoKnowsTheToken) {
@@ -176,6 +201,131 @@ TEST_F(Web, DoesNotQueueForASlowViewer) {
   int messages = 0;
   for (std::string last; last != "99"; ++messages) last = read(slow);
   EXPECT_LT(messages, 60);
+}
+
+TEST_F(Web, AnswersHeadWithTheHeaderOfGetAlone) {
+  write_text(folder / "a.glb", "the bytes of a mesh");
+  for (const std::string& target : {path(""), path("a.glb"), path("missing"), std::string("/")}) {
+    const std::string get = raw("GET", target), head = raw("HEAD", target);
+    ASSERT_NE(get.find("\r\n\r\n"), std::string::npos);
+    EXPECT_EQ(head, get.substr(0, get.find("\r\n\r\n") + 4)) << target;
+    EXPECT_LT(head.size(), get.size());
+  }
+}
+
+TEST_F(Web, TakesATokenAloneThatIsRightToItsLastLetter) {
+  std::string token = path("");
+  for (std::size_t i : {std::size_t{1}, token.size() / 2, token.size() - 2}) {
+    std::string wrong = token;
+    wrong[i] = wrong[i] == '0' ? '1' : '0';
+    EXPECT_EQ(get(wrong, host()).result(), http::status::not_found);
+  }
+  EXPECT_EQ(get(token.substr(0, token.size() - 1), host()).result(), http::status::not_found);
+  EXPECT_EQ(get(token, host()).result(), http::status::ok);
+}
+
+TEST_F(Web, RefusesRequestsThatAreTooLargeOrNone) {
+  const std::string first = "GET " + path("") + " HTTP/1.1\r\nHost: " + host() + "\r\n";
+  for (const std::string& request : {
+           first + "X: " + std::string(20'000, 'x') + "\r\n\r\n",
+           first + "Content-Length: 10\r\n\r\n0123456789",
+           first + "Content-Length: 18446744073709551615\r\n\r\n",
+           first + "Transfer-Encoding: chunked\r\n\r\nffffffffffffffff\r\n",
+           "GET " + std::string(20'000, '/') + " HTTP/1.1\r\n\r\n",
+           std::string("GET / HTTP/9.9\r\n\r\n"),
+           std::string("\r\n\r\n\r\n\r\n"),
+           std::string("\0\0\0\0\r\n\r\n", 8),
+       }) {
+    auto socket = connect();
+    boost::system::error_code ignored;  // it may be closed before all is sent
+    asio::write(socket, asio::buffer(request), ignored);
+    socket.shutdown(tcp::socket::shutdown_send, ignored);
+    EXPECT_EQ(heard_from(socket).find("200 OK"), std::string::npos) << request.substr(0, 200);
+  }
+  EXPECT_EQ(get(path(""), host()).result(), http::status::ok);
+}
+
+TEST_F(Web, ClosesOnWebSocketMessagesThatBreakTheProtocol) {
+  const std::string mask(4, '\0');
+  for (const std::string& bytes : {
+           std::string("\x81\x02hi"),       // not masked
+           "\x83\x81" + mask + "x",         // a kind that there is not
+           "\xf1\x81" + mask + "x",         // compressed, though nobody agreed to that
+           "\x80\x81" + mask + "x",         // goes on, but nothing had begun
+           "\x81\x82" + mask + "\xff\xfe",  // text that is not UTF-8
+           "\x89\xfe\x01" + std::string(1, '\0') + mask + std::string(256, 'x'),  // a ping that is too long
+           "\x88\x81" + mask + "x",                                               // half a reason to go
+       }) {
+    auto viewer = follow();
+    ASSERT_TRUE(becomes([&] { return feed.viewers() == 1; }));
+    asio::write(viewer.next_layer(), asio::buffer(bytes));
+    EXPECT_TRUE(becomes([&] { return feed.viewers() == 0; })) << bytes;
+  }
+  EXPECT_TRUE(feed.take_requests().empty());
+  // A message in pieces without end.
+  auto viewer = follow();
+  ASSERT_TRUE(becomes([&] { return feed.viewers() == 1; }));
+  boost::system::error_code closed;
+  for (int i = 0; i < 10'000 && !closed; ++i) {
+    const std::string piece = (i == 0 ? "\x01" : std::string(1, '\0')) + "\xe4" + mask + std::string(100, 'x');
+    asio::write(viewer.next_layer(), asio::buffer(piece), closed);
+  }
+  EXPECT_TRUE(becomes([&] { return feed.viewers() == 0; }));
+  EXPECT_EQ(get(path(""), host()).result(), http::status::ok);
+}
+
+TEST_F(ImpatientWeb, ClosesARequestThatDripsForTooLong) {
+  auto socket = connect();
+  boost::system::error_code closed;
+  const auto begin = std::chrono::steady_clock::now();
+  const std::string request = "GET " + path("") + " HTTP/1.1\r\nHost: " + host() + "\r\n" + std::string(1000, 'x');
+  for (std::size_t i = 0; i < request.size() && !closed; ++i) {
+    asio::write(socket, asio::buffer(request.substr(i, 1)), closed);
+    std::this_thread::sleep_for(20ms);
+  }
+  EXPECT_TRUE(closed);
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, 10s);
+}
+
+TEST_F(ImpatientWeb, HoldsNoMoreThanSomeConnectionsAndForgetsIdleOnes) {
+  std::vector<tcp::socket> idle;
+  for (int i = 0; i < 4; ++i) idle.push_back(connect());
+  std::this_thread::sleep_for(100ms);
+  auto one_more = connect();
+  EXPECT_EQ(heard_from(one_more), "");  // returns: it was closed
+  EXPECT_TRUE(becomes([&] {
+    try {
+      return get(path(""), host()).result() == http::status::ok;
+    } catch (const boost::system::system_error&) {
+      return false;
+    }
+  }));
+  for (auto& socket : idle) EXPECT_EQ(heard_from(socket), "");
+}
+
+TEST_F(ImpatientWeb, ClosesAViewerThatDoesNotRead) {
+  auto stuck = follow();
+  ASSERT_TRUE(becomes([&] { return feed.viewers() == 1; }));
+  const std::string large(20'000'000, 'x');  // more than the sockets' buffers hold
+  feed.set("large", large);
+  EXPECT_TRUE(becomes([&] { return feed.viewers() == 0; }));
+}
+
+TEST_F(Web, GoesOnWhenNoFileDescriptorIsLeft) {
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &before), 0);
+  tcp::socket socket(context);
+  socket.open(tcp::v4());
+  const int next = dup(0);
+  ASSERT_GE(next, 0);
+  close(next);
+  const rlimit none_left{static_cast<rlim_t>(next), before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &none_left), 0);
+  const auto port = static_cast<std::uint16_t>(std::stoi(host().substr(host().find(':') + 1)));
+  socket.connect({asio::ip::address_v4::loopback(), port});
+  std::this_thread::sleep_for(250ms);
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &before), 0);
+  EXPECT_EQ(get(path(""), host()).result(), http::status::ok);
 }
 
 TEST(Server, TellsThatAPortIsInUse) {

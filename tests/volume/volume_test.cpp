@@ -333,6 +333,20 @@ TEST(Integrate, AllocatesTheBricksOfItsPlainTwin) {
   EXPECT_LT(only_one.size(), allocated.size() / 200) << "a sample on a brick's border may fall to either side";
 }
 
+TEST(Integrate, TakesTheNewBricksOfAFrameHoweverMany) {
+  const Camera camera = small_camera();
+  const FuseOptions options{.voxel_size = 0.004f, .truncation = 0.016f, .device_memory = std::uint64_t{224} << 20};
+  const Frame frame{.depth = std::vector<float>(static_cast<std::size_t>(camera.width * camera.height), 3.0f)};
+  Preprocess preprocess(test_device(), camera, {}, 1, 0);
+  Volume volume(test_device(), options, 5.0f);
+  const Fused fused = Integrate(test_device(), camera, {})(preprocess(frame), Eigen::Isometry3d::Identity(), volume, 2);
+  // More than one pass lists, and all of them: which ones were left to the next frame would depend on the threads.
+  const auto expected = twin::bands(frame.depth, camera, Eigen::Isometry3d::Identity(), options, 1, 0, 0);
+  ASSERT_GT(expected.size(), 17000u);
+  EXPECT_NEAR(fused.new_bricks, static_cast<double>(expected.size()), static_cast<double>(expected.size() / 200));
+  EXPECT_EQ(volume.bricks().size(), static_cast<std::size_t>(fused.new_bricks));
+}
+
 TEST(Integrate, PutsTheZeroCrossingOnThePlane) {
   const Camera camera = small_camera();
   const Scene scene = synthetic_scene("plane");  // z = 2 m
@@ -400,6 +414,24 @@ TEST(Volume, SplitsIntoWhatWasSeenAndKeepsWhatIsNear) {
   EXPECT_EQ(volume.bricks(), (std::vector<Brick>{{2, 0, 0}, {3, 0, 0}}));
   // What was only kept was not seen by the next submap.
   EXPECT_EQ(volume.split(6, Eigen::Vector3d::Zero(), 1.0f).size(), 0u);
+}
+
+TEST(Volume, GoesOnWithAnotherReachOrLessMemoryAndLosesNothing) {
+  Volume volume(test_device(), fuse_options(), 5.0f);
+  std::vector<Brick> all;  // the last ones lie 4.8 m away
+  for (int x = -30; x < 30; ++x)
+    for (int y = -25; y < 25; ++y) all.emplace_back(x, y, 0);
+  volume.make_resident(all, 5);
+  const Volume::Residency residency = volume.residency();
+  const BrickTree tree = volume.on_host().copy();
+  FuseOptions small = fuse_options();
+  small.device_memory = 10 << 20;  // 2500 bricks
+  for (const auto& [options, reach] : {std::pair(fuse_options(), 2.0f), {fuse_options(), 9.0f}, {small, 5.0f}}) {
+    Volume other(test_device(), options, reach);
+    other.restore(tree.copy(), residency);
+    EXPECT_EQ(other.bricks(), all);
+    EXPECT_EQ(other.split(5, Eigen::Vector3d::Zero(), 1.0f).bricks(), all);
+  }
 }
 
 TEST(Volume, RefusesTooLittleDeviceMemory) {

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <cstddef>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+namespace cairn {
+
+/// The reports of a run's frames. All are counted; kept are all of the first some thousand, and of a longer run some
+/// thousand that lie evenly in it, so that a run of days takes no more memory than one of minutes.
+class FrameLog {
+ public:
+  /// `report` has a "state".
+  void add(const nlohmann::json& report);
+  [[nodiscard]] int count(const std::string& state) const;
+  [[nodiscard]] int size() const { return size_; }
+  /// Why the first frame that was not fused was not.
+  [[nodiscard]] const std::string& first_reason() const { return first_reason_; }
+  /// The reports that are kept, in their order.
+  [[nodiscard]] nlohmann::json kept() const;
+
+  /// To go on with later.
+  [[nodiscard]] nlohmann::json save() const;
+  /// Throws nlohmann::json::exception for what save() has not made.
+  [[nodiscard]] static FrameLog from(const nlohmann::json& saved);
+
+  static constexpr std::size_t kMost = 4096;  // reports
+
+ private:
+  std::vector<std::string> lines_;  // every every_-th report, as text: a fifth of the memory
+  int every_ = 1, size_ = 0;
+  std::map<std::string, int> counts_;  // by state
+  std::string first_reason_;
+};
+
+}  // namespace cairn

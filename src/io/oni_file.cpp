@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// The records of OpenNI's recordings, as Source/Drivers/OniFile/DataRecords.h of OpenNI2 tells them.
+#include "io/oni_file.hpp"
+
+#include <fmt/format.h>
+
+#include <cstdint>
+#include <cstring>
+#include <fstream>
+#include <stdexcept>
+#include <string_view>
+#include <vector>
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kFileHeader = 24, kRecordHeader = 28;  // bytes
+constexpr std::uint32_t kRecordMagic = 0x0052494e;           // "NIR"
+constexpr std::uint32_t kMostNodes = 64, kMostFields = 1 << 20, kMostPayload = 1 << 28;
+constexpr std::uint32_t kLeastSide = 16, kMostSide = 4096;  // pixels of an image
+constexpr std::size_t kSeekEntry = 20;                      // time, number, place
+
+enum Kind : std::uint32_t {
+  kNodeAdded4 = 0x02,  // as format 1.0.0.4 has it, and 5
+  kIntProperty,
+  kRealProperty,
+  kStringProperty,
+  kGeneralProperty,
+  kNodeRemoved,
+  kDataBegin,
+  kStateReady,
+  kNewData,
+  kEnd,
+  kNodeAdded5,
+  kNodeAdded,
+  kSeekTable
+};
+
+template <class T>
+T number_at(std::string_view bytes, std::size_t at) {
+  if (at > bytes.size() || sizeof(T) > bytes.size() - at) throw std::runtime_error("a record is too short");
+  T value;
+  std::memcpy(&value, bytes.data() + at, sizeof(T));
+  return value;
+}
+
+/// The text of a length and that many bytes, of which the last is 0; moves to what comes after it.
+std::string_view text_in(std::string_view& fields) {
+  const auto length = number_at<std::uint32_t>(fields, 0);
+  if (length == 0 || length > fields.size() - 4 || fields[4 + length - 1] != '\0')
+    throw std::runtime_error("a name has no end");
+  const std::string_view text = fields.substr(4, length - 1);
+  fields.remove_prefix(4 + length);
+  return text;
+}
+
+void check_property(std::uint32_t kind, std::string_view fields) {
+  const std::string_view name = text_in(fields);
+  const auto size = number_at<std::uint32_t>(fields, 0);
+  const std::string_view value = fields.substr(4);
+  if (size != value.size()) throw std::runtime_error("a property is not of its size");
+  if ((kind == kIntProperty || kind == kRealProperty) && size != 8)
+    throw std::runtime_error("a number is not of eight bytes");
+  if (kind == kStringProperty && (value.empty() || value.back() != '\0')) throw std::runtime_error("a text has no end");
+  if (kind == kGeneralProperty && name == "xnMapOutputMode")
+    for (const std::size_t at : {0, 4})
+      if (const auto side = number_at<std::uint32_t>(value, at); side < kLeastSide || side > kMostSide)
+        throw std::runtime_error(
+            fmt::format("an image has {} pixels along a side, allowed is {} to {}", side, kLeastSide, kMostSide));
+}
+
+void check_fields(std::uint32_t kind, std::string_view fields) {
+  switch (kind) {
+    case kIntProperty:
+    case kRealProperty:
+    case kStringProperty:
+    case kGeneralProperty:
+      return check_property(kind, fields);
+    case kNodeAdded4:
+    case kNodeAdded5:
+    case kNodeAdded:
+      (void)text_in(fields);
+      // Its kind and codec; then how many frames, from when to when; then the place of its seek table.
+      if (fields.size() != (kind == kNodeAdded ? 36u : kind == kNodeAdded5 ? 28u : 8u))
+        throw std::runtime_error("a node is not of its size");
+      return;
+    case kDataBegin:
+    case kNewData:
+      if (fields.size() != 12) throw std::runtime_error("a record is not of its size");
+      return;
+    case kNodeRemoved:
+    case kStateReady:
+    case kEnd:
+    case kSeekTable:
+      if (!fields.empty()) throw std::runtime_error("a record is not of its size");
+      return;
+    default:
+      throw std::runtime_error(fmt::format("there is no record of kind {}", kind));
+  }
+}
+
+class OniFile {
+ public:
+  explicit OniFile(const std::filesystem::path& file) : in_(file, std::ios::binary) {
+    size_ = std::filesystem::file_size(file);
+  }
+
+  void check() {
+    if (size_ < kFileHeader) return;  // cut off: OpenNI2 tells
+    const std::string_view header = read(kFileHeader);
+    if (!header.starts_with("NI10")) throw std::runtime_error("it is no OpenNI recording");
+    if (number_at<std::uint32_t>(header, 20) > kMostNodes) throw std::runtime_error("it has too many nodes");
+    at_ = kFileHeader;
+    while (size_ - at_ >= kRecordHeader && check_record()) {
+    }
+  }
+  [[nodiscard]] std::uint64_t at() const { return at_; }
+
+ private:
+  /// Returns false at the last one.
+  bool check_record() {
+    const std::string_view header = read(kRecordHeader);
+    const auto magic = number_at<std::uint32_t>(header, 0), kind = number_at<std::uint32_t>(header, 4),
+               node = number_at<std::uint32_t>(header, 8), fields = number_at<std::uint32_t>(header, 12),
+               payload = number_at<std::uint32_t>(header, 16);
+    if (magic != kRecordMagic) throw std::runtime_error("no record begins here");
+    if (fields < kRecordHeader || fields > kMostFields || payload > kMostPayload)
+      throw std::runtime_error("a record has a size that cannot be");
+    if (kind != kEnd && node > kMostNodes) throw std::runtime_error("a record belongs to no node");
+    if (size_ - at_ < std::uint64_t{fields} + payload) return false;  // cut off
+    check_fields(kind, read(fields - kRecordHeader));
+    if (kind == kSeekTable) check_seek_table(payload);
+    at_ += std::uint64_t{fields} + payload;
+    in_.seekg(static_cast<std::streamoff>(at_));
+    return kind != kEnd;
+  }
+
+  void check_seek_table(std::uint32_t size) {
+    if (size % kSeekEntry != 0) throw std::runtime_error("a seek table is not of its size");
+    const std::string_view table = read(size);
+    for (std::size_t i = 0; i < size; i += kSeekEntry)
+      if (number_at<std::uint64_t>(table, i + 12) >= size_)
+        throw std::runtime_error("a seek table leads out of the file");
+  }
+
+  std::string_view read(std::size_t count) {
+    buffer_.resize(count);
+    if (!in_.read(buffer_.data(), static_cast<std::streamsize>(count))) throw std::runtime_error("it cannot be read");
+    return {buffer_.data(), count};
+  }
+
+  std::ifstream in_;
+  std::uint64_t size_ = 0, at_ = 0;
+  std::vector<char> buffer_;
+};
+
+}  // namespace
+
+void check_oni(const std::filesystem::path& file) {
+  OniFile oni(file);
+  try {
+    oni.check();
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(fmt::format("{}: is cut off or no OpenNI recording that can be played: at byte {} {}",
+                                         file.string(), oni.at(), error.what()));
+  }
+}
+
+}  // namespace cairn

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "io/words.hpp"
+
+namespace cairn {
+
+std::string shown(std::string_view text) {
+  constexpr std::size_t kMost = 120;
+  std::string shown;
+  for (const char c : text.substr(0, kMost)) shown += c >= ' ' && c <= '~' && c != '\'' ? c : '?';
+  return text.size() > kMost ? shown + "..." : shown;
+}
+
+}  // namespace cairn

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+# SPDX-FileCopyrightText: The Cairn developers
+# ctest reads this when it starts: it asks the test program, PROGRAM, what tests there are. Those of a suite run in one
+# process, since starting one costs more than most tests take; tests that run long are listed here and run one by one,
+# so that they can be dealt to all cores, and so do those that are skipped where there are no recordings.
+#
+# Labels: quick or slow; data (needs recordings beside the project's folder), program (runs cairn as a user does),
+# subgroups (the kernels with subgroups of 4 and 16), and browser in CMakeLists.txt.
+cmake_minimum_required(VERSION 3.25)
+if(NOT EXISTS "${PROGRAM}")
+  add_test(cairn_tests_is_not_built "${PROGRAM}")
+  return()
+endif()
+
+# Tests that run by themselves and about how many seconds each takes. From 5 on it is slow; what takes longest begins
+# first.
+set(single
+    "^BackEnd\\.(FindsTheWayBack|IsNotTakenIn)" 40
+    "^Real/Recording\\." 60
+    "^Robustness\\." 20
+    "^Session\\." 20
+    "^Program\\." 10
+    "^Export\\." 10
+    "^Live\\." 12
+    "^Record\\." 5
+    "^Esdf\\.EqualsARebuildAllAlongARecording" 40
+    "^GrowingSurface\\.IsInTheEnd" 15
+    "^Refine\\.TakesTheDriftOut" 10
+    "PoseGraphBenchmark\\." 10
+    "^EvaluateTrajectory\\.AgreesWithTheTumBenchmarkTools|^OpenNi\\.Re(ads|fuses)A|^IclNuim\\.Turns" 1)
+# Suites that run long together: what their tests share takes longer than they.
+set(long_suites Faults 100 Outputs 90 Kills 30 Places 20 Mapper 20 ImageSizes 20 FaultyDevice 15
+                ImageSizesAtTheirLimits 10 SessionFiles 10)
+set(data "^Real/Recording\\.|PoseGraphBenchmark|AllAlongARecording|^EvaluateTrajectory\\.Agrees|^OpenNi\\.Re(ads|fuses)A|^IclNuim\\.Turns")
+set(program "^(Program|Session|Export|Live|Record|Real/Recording)\\.|^(Faults|Kills|Outputs)$")
+# These measure time, or show what two threads do: nothing else runs beside them.
+set(alone "^Live\\.|^Record\\.|^NewestFrame")
+# Suites that run kernels and little else.
+set(kernels Align IcpReduce PhotometricReduce Preprocess Integrate Raycast Volume Polygonize Merge Esdf FreeBricks
+            DistanceField World WorldParts TextureViews Batch Device Places)
+
+function(add name filter seconds)
+  add_test("${name}" "${PROGRAM}" "--gtest_filter=${filter}" --gtest_brief=1)
+  set(labels ${ARGN})
+  if(seconds LESS 5)
+    list(APPEND labels quick)
+  else()
+    list(APPEND labels slow)
+  endif()
+  foreach(label data program)
+    if(name MATCHES "${${label}}")
+      list(APPEND labels ${label})
+    endif()
+  endforeach()
+  set_tests_properties("${name}" PROPERTIES LABELS "${labels}" COST ${seconds} TIMEOUT 600)
+  if(data IN_LIST labels)
+    set_tests_properties("${name}" PROPERTIES SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\] 1 test")
+  endif()
+  if(name MATCHES "${alone}")
+    set_tests_properties("${name}" PROPERTIES PROCESSORS 2)
+  endif()
+endfunction()
+
+execute_process(COMMAND "${PROGRAM}" --gtest_list_tests OUTPUT_VARIABLE listed COMMAND_ERROR_IS_FATAL ANY)
+string(REGEX REPLACE "[ ]*#[^\n]*" "" listed "${listed}")  # what a parameter is
+string(REPLACE "\n" ";" listed "${listed}")
+set(suites)
+foreach(line IN LISTS listed)
+  if(line MATCHES "^([^ ]+)\\.$")
+    set(suite ${CMAKE_MATCH_1})
+    list(APPEND suites ${suite})
+    set(together_${suite} OFF)
+    set(single_${suite})
+  elseif(line MATCHES "^  (.+)$")
+    set(test ${suite}.${CMAKE_MATCH_1})
+    set(rest ${single})
+    set(seconds)
+    while(rest AND NOT seconds)
+      list(POP_FRONT rest pattern cost)
+      if(test MATCHES "${pattern}")
+        set(seconds ${cost})
+      endif()
+    endwhile()
+    if(seconds)
+      list(APPEND single_${suite} ${test})
+      add(${test} ${test} ${seconds})
+    else()
+      set(together_${suite} ON)
+    endif()
+  endif()
+endforeach()
+
+foreach(suite IN LISTS suites)
+  if(together_${suite})
+    list(JOIN single_${suite} ":" others)
+    set(seconds 1)
+    list(FIND long_suites ${suite} at)
+    if(NOT at EQUAL -1)
+      math(EXPR at "${at} + 1")
+      list(GET long_suites ${at} seconds)
+    endif()
+    add(${suite} "${suite}.*-${others}" ${seconds})
+  endif()
+endforeach()
+
+# Other devices run other subgroups. The driver's cache of kernels does not know the width, so that each has its own.
+set(filter)
+set(others)
+foreach(suite IN LISTS kernels)
+  list(APPEND filter ${suite}.*)
+  list(APPEND others ${single_${suite}})
+endforeach()
+list(JOIN filter ":" filter)
+list(JOIN others ":" others)
+foreach(width 128 512)
+  math(EXPR size "${width} / 32")
+  set(name Kernels.InSubgroupsOf${size})
+  add(${name} "${filter}-${others}" 30 subgroups)
+  set_tests_properties(${name} PROPERTIES ENVIRONMENT
+    "LP_NATIVE_VECTOR_WIDTH=${width};MESA_SHADER_CACHE_DIR=${FOLDER}/shader-cache-${width}")
+endforeach()

@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Every command line of the README and of docs/ is run as it stands there, in a fresh folder, with small inputs. A line
+// that cannot be run here is named below with the reason; one that is neither fails this test.
+import assert from 'node:assert/strict';
+import { spawn, spawnSync } from 'node:child_process';
+import {
+  cpSync, existsSync, mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync, symlinkSync, writeFileSync,
+} from 'node:fs';
+import { tmpdir } from 'node:os';
+import { dirname, join } from 'node:path';
+import test, { after, before } from 'node:test';
+import { fileURLToPath } from 'node:url';
+
+const source = fileURLToPath(new URL('../../', import.meta.url));
+const cairn = process.env.CAIRN_PROGRAM ?? join(source, 'build/release/cairn');
+const build = dirname(cairn);
+
+// Not run here, and why.
+const elsewhere = {
+  './scripts/demo': 'CI runs it by itself',
+  './scripts/test': 'it runs this test',
+  'scripts/test -L quick': 'the tests run by themselves',
+  'build/release/tests/cairn_bench': 'minutes',
+  '$cairn evaluate mesh out/map/mesh.glb out/flat/groundtruth_mesh.ply --trajectory out/map/trajectory.txt --truth-trajectory out/flat --box -1 -1.5 -3.9 1 1.5 0':
+    'the box is where 1400 frames come back to: minutes',
+  'scripts/install-deps --peers && scripts/compare RECORDING 200': 'installs other programs',
+  'node tests/browser/measure_live.mjs RECORDING OUT reader': 'a whole recording in a browser, with its clock',
+  'node tests/browser/measure_export.mjs X.glb': 'measures a browser',
+};
+// The rest of a command whose beginning alone stands in a sentence.
+const goes_on = {
+  'cairn esdf MAP': ' -o X.vdb',
+};
+
+/** The command lines of a page: of its code blocks, and what in its text begins like one. */
+function commands(page) {
+  const begins = /^(\$?cairn |(\.\/)?scripts\/|build\/release\/|cairn_(tests|bench) |node )/;
+  const lines = [];
+  const text = readFileSync(page, 'utf8').replace(/^```(\w*)\n([^]*?)^```/gm, (_, kind, block) => {
+    if (['', 'sh', 'bash'].includes(kind))
+      for (const line of block.replace(/\\\n\s*/g, '').split('\n')) lines.push(line.replace(/\s+#.*/, '').trim());
+    return '';
+  });
+  for (const [, span] of text.matchAll(/`([^`\n]+)`/g)) lines.push(span);
+  return [...new Set(lines)].filter((line) => begins.test(line));
+}
+
+const docs = join(source, 'docs');
+const pages = [join(source, 'README.md'),
+  ...(existsSync(docs) ? readdirSync(docs).filter((name) => name.endsWith('.md')).map((name) => join(docs, name)) : [])];
+
+const folder = mkdtempSync(join(tmpdir(), 'cairn-commands-'));
+const kept = join(folder, 'kept'), work = join(folder, 'work');
+const inputs = {};  // a word of the documentation → the file or folder that stands for it
+
+function run(...args) {
+  const ran = spawnSync(cairn, args, { encoding: 'utf8' });
+  assert.equal(ran.status, 0, `cairn ${args.join(' ')}: ${ran.stderr}`);
+}
+
+before(() => {
+  mkdirSync(kept);
+  mkdirSync(join(work, 'build/release/tests'), { recursive: true });
+  mkdirSync(join(work, 'assets'));
+  const keep = (name) => join(kept, name);
+  run('synth', 'room', '-o', keep('recording'), '--frames', '30');
+  run('reconstruct', keep('recording'), '-o', keep('map'));
+  run('reconstruct', keep('recording'), '-o', keep('other'), '--frames', '5:30');
+  run('export', keep('map'), '-o', keep('x.glb'), '--simplify', '0.1');
+  for (const word of ['RECORDING', 'FOLDER']) inputs[word] = keep('recording');
+  for (const word of ['MAP', 'OUT', 'A']) inputs[word] = keep('map');
+  inputs.B = keep('other');
+  inputs['X.glb'] = keep('x.glb');
+  inputs['X.g2o'] = keep('map/graph.g2o');
+  // Motion capture has z up. The room's own path, so that its pictures show the same part of the room.
+  const turned = readFileSync(keep('recording/groundtruth.txt'), 'utf8').split('\n').filter((line) => /^\d/.test(line));
+  writeFileSync(keep('captured.txt'), turned.map((line) => {
+    const [t, x, y, z, a, b, c, w] = line.split(' ').map(Number), h = Math.SQRT1_2;
+    // A quarter turn about x, (-h, 0, 0, h), before the pose: y down becomes z up.
+    const [i, j, k, r] = [h * a - h * w, h * b + h * c, h * c - h * b, h * w + h * a];
+    return [t, x, z, -y, i, j, k, r].join(' ');
+  }).join('\n') + '\n');
+  inputs['groundtruth.txt'] = inputs['rgbd_dataset_freiburg2_desk/groundtruth.txt'] = keep('captured.txt');
+
+  // cairn, but with few frames, and on a port that is free.
+  writeFileSync(join(work, 'build/release/cairn'), `#!/usr/bin/env bash
+words=("$@") frames=0
+for i in "\${!words[@]}"; do
+  [[ \${words[i]} != --frames || $1 != synth ]] || { words[i+1]=30; frames=1; }
+done
+[[ $1 != synth || $frames == 1 ]] || words+=(--frames 30)
+[[ $1 != view && " $* " != *" --view "* ]] || words+=(--port 0)
+exec '${cairn}' "\${words[@]}"
+`, { mode: 0o755 });
+  for (const name of ['cairn_tests', 'cairn_bench', 'cairn_picture'])
+    symlinkSync(join(build, 'tests', name), join(work, 'build/release/tests', name));
+});
+after(() => rmSync(folder, { recursive: true }));
+
+/** Puts small inputs where a line reads, and takes away what it is to write. */
+function prepare(line) {
+  const words = line.split(/\s+/);
+  words.forEach((word, i) => {
+    if (!inputs[word]) return;
+    rmSync(join(work, word), { recursive: true, force: true });
+    if (words[i - 1] === '-o') return;
+    mkdirSync(dirname(join(work, word)), { recursive: true });
+    cpSync(inputs[word], join(work, word), { recursive: true });
+  });
+}
+
+/** Runs a line to its end; what goes on until somebody ends it is ended as by Ctrl-C. */
+async function execute(line) {
+  const process_ = spawn('bash', ['-c', line], {
+    cwd: work, detached: true, stdio: ['ignore', 'ignore', 'pipe'],
+    env: {
+      ...process.env, cairn: 'build/release/cairn',
+      PATH: `${join(work, 'build/release')}:${join(work, 'build/release/tests')}:${process.env.PATH}`,
+      ...(line.includes('openni:') && { LD_LIBRARY_PATH: join(build, 'tests/openni'), CAIRN_SENSOR: '' }),
+    },
+  });
+  let told = '';
+  const goesOn = /^\$?cairn (live|record|view)\b/.test(line);
+  const end = (signal) => { try { process.kill(-process_.pid, signal); } catch { /* it has ended by itself */ } };
+  const limit = setTimeout(() => end('SIGKILL'), 240000);
+  let ended = false;
+  process_.stderr.setEncoding('utf8').on('data', (text) => {
+    told += text;
+    if (!goesOn || ended || !/ frames|Ctrl-C ends/.test(told)) return;
+    ended = true;
+    end('SIGINT');
+  });
+  const status = await new Promise((resolve) => process_.on('close', (code, signal) => resolve(code ?? signal)));
+  clearTimeout(limit);
+  return { status, told };
+}
+
+for (const page of pages)
+  for (const line of commands(page)) {
+    const name = `${page.slice(source.length)}: ${line}`;
+    if (line.startsWith('scripts/campaign ')) {
+      test(name, { skip: 'hours: docs/reliability.md tells what it found last' }, () => {});
+      continue;
+    }
+    if (elsewhere[line]) {
+      test(name, { skip: elsewhere[line] }, () => {});
+      continue;
+    }
+    test(name, async () => {
+      let complete = line + (goes_on[line] ?? '');
+      if (/^cairn \w+$/.test(line) && line !== 'cairn devices') complete += ' --help';  // a name in a sentence
+      if (line.startsWith('cairn_tests')) complete += ' --gtest_list_tests | grep -q "^  "';  // they run by themselves
+      if (line.startsWith('cairn_bench')) complete += ' --benchmark_list_tests | grep -q .';  // minutes
+      prepare(complete);
+      const { status, told } = await execute(complete);
+      assert.equal(status, 0, `${complete}\n${told.slice(-2000)}`);
+    });
+  }
+
+test('every reason stands for a line that is there', () => {
+  const all = pages.flatMap(commands);
+  for (const line of [...Object.keys(elsewhere), ...Object.keys(goes_on)]) assert.ok(all.includes(line), line);
+});
+
+test('every option that is named is one', () => {
+  const help = (...args) => spawnSync(cairn, [...args, '--help'], { encoding: 'utf8' }).stdout;
+  const subcommands = ['reconstruct', 'export', 'live', 'record', 'view', 'synth', 'esdf', 'merge', 'devices',
+    'evaluate', 'graph'].map((name) => [name]);
+  for (const name of ['trajectory', 'mesh', 'views', 'topology', 'distances', 'loops']) subcommands.push(['evaluate', name]);
+  subcommands.push(['graph', 'optimise']);
+  const known = new Set([...help(), ...subcommands.map((words) => help(...words))].join('').match(/--[a-z][a-z-]*/g));
+  const scripts = [join(source, 'scripts'), join(source, 'scripts/campaigns')]
+    .flatMap((folder) => readdirSync(folder, { withFileTypes: true }).filter((entry) => entry.isFile())
+      .map((entry) => readFileSync(join(folder, entry.name), 'utf8'))).join('');
+  const of_scripts = new Set(scripts.match(/--[a-z][a-z-]*/g));
+  for (const page of pages)
+    for (const [, span] of readFileSync(page, 'utf8').matchAll(/`(--[a-z][^`\n]*)`/g))
+      for (const option of span.match(/--[a-z][a-z-]*/g))
+        assert.ok(known.has(option) || of_scripts.has(option), `${page}: ${option}`);
+});

@@ -1,0 +1,312 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Runs on a disk that fails, and runs that are killed. scripts/campaign faults and scripts/campaign kill run the same
+// tests with CAIRN_FAULTS_EVERY=1 and CAIRN_KILLS=N.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <sstream>
+#include <thread>
+
+#include "cairn/mapper.hpp"
+#include "cairn/mesh.hpp"
+#include "graph/pose_graph.hpp"
+#include "map/session.hpp"
+#include "support/files.hpp"
+#include "support/recordings.hpp"
+#include "volume/grids.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+int number_from(const char* variable, int otherwise) {
+  const char* value = std::getenv(variable);
+  return value == nullptr ? otherwise : std::atoi(value);
+}
+
+std::map<std::string, std::string> bytes_below(const fs::path& folder) {
+  std::map<std::string, std::string> bytes;
+  for (const auto& entry : fs::recursive_directory_iterator(folder))
+    if (entry.is_regular_file()) bytes[fs::relative(entry.path(), folder).string()] = read_bytes(entry.path());
+  return bytes;
+}
+
+/// A small recording that comes back to where it was, what becomes of it, and an older map.
+class HardTimes : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder = new TemporaryFolder;
+    write_small_recording(*folder / "rec", {.frames = 40, .speed = 4, .turns_at = 2.6});
+    write_small_recording(*folder / "old", {.frames = 12, .scene = "corridor"});
+    ASSERT_EQ(run_cairn(reconstruct("rec", *folder / "good")).exit_code, 0);
+    ASSERT_EQ(run_cairn(reconstruct("old", *folder / "before")).exit_code, 0);
+    const auto report = nlohmann::json::parse(read_bytes(*folder / "good" / "report.json"));
+    EXPECT_GT(report["submaps"]["ended"], 1);
+    EXPECT_GT(report["loops"].size(), 0u);
+    EXPECT_EQ(report["frames"]["fused"], 40);
+  }
+  static void TearDownTestSuite() { delete folder; }
+  static std::vector<std::string> reconstruct(const std::string& recording, const fs::path& output,
+                                              const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments{"reconstruct", (*folder / recording).string(), "-o", output.string(),
+                                       "--config",    (*folder / "rec.yaml").string()};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  }
+  /// What differs from the run that nothing happened to.
+  static std::string differences(const fs::path& output) {
+    std::string different;
+    for (const char* file : {"mesh.glb", "map.vdb", "trajectory.txt", "graph.g2o"})
+      if (!fs::exists(output / file) || read_bytes(output / file) != read_bytes(*folder / "good" / file))
+        different += std::string(file) + " ";
+    return different;
+  }
+  static TemporaryFolder* folder;
+  TemporaryFolder out;
+};
+TemporaryFolder* HardTimes::folder = nullptr;
+
+class Faults : public HardTimes {
+ protected:
+  [[nodiscard]] std::string disk(const fs::path& watched, int at, const std::string& kind) const {
+    return "CAIRN_FAULTS_FOLDER='" + watched.string() + "' CAIRN_FAULTS_AT=" + std::to_string(at) +
+           " CAIRN_FAULTS_KIND=" + kind + " CAIRN_FAULTS_LOG='" + (out / "log").string() + "' LD_PRELOAD='" +
+           faults_library() + "'";
+  }
+  /// What the last program did, an operation a line.
+  [[nodiscard]] std::vector<std::string> operations() const {
+    std::vector<std::string> lines;
+    std::istringstream in(read_bytes(out / "log"));
+    for (std::string line; std::getline(in, line);) lines.push_back(line);
+    return lines;
+  }
+  [[nodiscard]] int count() const {
+    const auto lines = operations();
+    return static_cast<int>(
+        std::count_if(lines.begin(), lines.end(), [](const auto& line) { return !line.starts_with("unlink"); }));
+  }
+  /// Every file that is there under its own name is whole, and nothing else is there.
+  static void expect_whole(const fs::path& output, const std::string& when) {
+    for (const auto& entry : fs::recursive_directory_iterator(output)) {
+      const fs::path& file = entry.path();
+      EXPECT_FALSE(file.filename().string().starts_with(".cairn")) << when << file;
+      const std::string extension = file.extension().string();
+      EXPECT_NO_THROW({
+        if (extension == ".glb") {
+          EXPECT_FALSE(read_mesh(file).triangles.empty()) << when;
+        }
+        if (file.filename() == "map.vdb") {
+          EXPECT_GT(read_grids(file).tree.size(), 0u) << when;
+        }
+        if (file.filename().string().starts_with("trajectory")) {
+          EXPECT_FALSE(read_trajectory(file).empty());
+        }
+        if (extension == ".g2o") {
+          EXPECT_FALSE(read_g2o(file).edges.empty());
+        }
+        if (extension == ".json") {
+          EXPECT_TRUE(nlohmann::json::accept(read_bytes(file)));
+        }
+        if (extension == ".html") {
+          EXPECT_NE(read_bytes(file).find("</html>"), std::string::npos) << when;
+        }
+      }) << when
+         << file;
+    }
+  }
+  static void expect_told(const Ran& ran, const std::string& when) {
+    EXPECT_TRUE(ran.exit_code == 0 || ran.exit_code == 1) << when << ran.exit_code << ran.err;
+    EXPECT_EQ(ran.err.find("json.exception"), std::string::npos) << when << ran.err;
+    if (ran.exit_code == 0) return;
+    const std::size_t begin = ran.err.rfind('\n', ran.err.size() - 2);
+    const std::string last = ran.err.substr(begin == ran.err.npos ? 0 : begin + 1);
+    EXPECT_TRUE(last.starts_with("cairn: ")) << when << ran.err;
+    EXPECT_TRUE(last.find("No space left") != last.npos || last.find("Input/output error") != last.npos)
+        << when << last;
+  }
+};
+
+TEST_F(Faults, AnyOperationOfARunMayFail) {
+  const std::vector<std::string> often{"--checkpoint", "0.08"};
+  fs::copy(*folder / "before", out / "map", fs::copy_options::recursive);
+  ASSERT_EQ(run_cairn(reconstruct("rec", out / "map", often), disk(out / "map", 0, "eio")).exit_code, 0);
+  const int operations = count();
+  ASSERT_GT(operations, 60);
+  const auto old_session = bytes_below(*folder / "before" / "session");
+  const int step = number_from("CAIRN_FAULTS_EVERY", std::max(1, operations / 5));
+  int failed = 0, old = 0, resumed = 0, runs = 0;
+  for (const char* kind : {"full", "eio", "short"}) {
+    for (int n = 1 + runs % step; n <= operations; n += step) {
+      ++runs;
+      const std::string when = std::string(kind) + " at " + std::to_string(n) + ": ";
+      fs::remove_all(out / "map");
+      fs::remove(out / "log");
+      fs::copy(*folder / "before", out / "map", fs::copy_options::recursive);
+      const Ran ran = run_cairn(reconstruct("rec", out / "map", often), disk(out / "map", n, kind));
+      expect_told(ran, when);
+      if (std::string_view(kind) == "short") {
+        EXPECT_EQ(ran.exit_code, 0) << when << ran.err;
+      }
+      failed += ran.exit_code != 0;
+      expect_whole(out / "map", when);
+      ASSERT_TRUE(fs::exists(out / "map" / "session" / "state.cbor")) << when << ran.err;
+      EXPECT_FALSE(fs::exists(out / "map" / "session" / "lock")) << when;
+      if (bytes_below(out / "map" / "session") == old_session) {
+        ++old;
+        EXPECT_EQ(ran.exit_code, 1) << when;
+        continue;
+      }
+      const Ran again = run_cairn(reconstruct("rec", out / "map", {"--resume"}));
+      ++resumed;
+      EXPECT_EQ(again.exit_code, 0) << when << again.err << "after " << ran.err;
+      EXPECT_EQ(differences(out / "map"), "") << when;
+    }
+  }
+  std::printf("%d operations, %d runs with one that failed: %d told it, %d left the old session, %d were resumed\n",
+              operations, runs, failed, old, resumed);
+}
+
+TEST_F(Faults, AnyOperationOfAnExportMayFail) {
+  const auto session = bytes_below(*folder / "good");
+  const int every = number_from("CAIRN_FAULTS_EVERY", 4);
+  int operations = 0, runs = 0;
+  for (const char* file : {"x.glb", "x.obj", "tileset.json", "x.vdb"}) {
+    const std::vector<std::string> arguments{"export", (*folder / "good").string(), "-o", (out / "to" / file).string()};
+    fs::remove(out / "log");
+    ASSERT_EQ(run_cairn(arguments, disk(out / "to", 0, "eio")).exit_code, 0);
+    const int last = count();
+    operations += last;
+    for (const char* kind : {"full", "eio"})
+      for (int n = 1 + runs % every; n <= last; n += every) {
+        ++runs;
+        fs::remove_all(out / "to");
+        const std::string when = std::string(file) + ", " + kind + " at " + std::to_string(n) + ": ";
+        const Ran ran = run_cairn(arguments, disk(out / "to", n, kind));
+        expect_told(ran, when);
+        if (fs::exists(out / "to")) expect_whole(out / "to", when);
+        EXPECT_TRUE(ran.exit_code == 1 || fs::exists(out / "to" / file)) << when;
+      }
+    fs::remove_all(out / "to");
+  }
+  EXPECT_TRUE(bytes_below(*folder / "good") == session);
+  std::printf("%d operations of four exports, %d runs with one that failed\n", operations, runs);
+}
+
+TEST_F(Faults, AFileIsOnTheDiskBeforeItHasItsName) {
+  const fs::path map = out / "map";
+  ASSERT_EQ(run_cairn(reconstruct("rec", map, {"--checkpoint", "0.2"}), disk(map, 0, "eio")).exit_code, 0);
+  const auto lines = operations();
+  int renamed = 0;
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    if (!lines[i].starts_with("rename ")) continue;
+    const fs::path file = lines[i].substr(7);
+    if (file.filename() == ".cairn") continue;  // tries whether the folder can be written to
+    ++renamed;
+    if (file.parent_path().filename() == "keyframes") {  // all at once before a state names them
+      const auto rest = lines.begin() + static_cast<std::ptrdiff_t>(i);
+      const auto state = std::find(rest, lines.end(), "rename " + (map / "session" / "state.cbor").string());
+      EXPECT_TRUE(std::any_of(rest, state, [](const auto& line) { return line.starts_with("syncfs "); })) << file;
+      continue;
+    }
+    const std::string temporary = "/.cairn-", synced = "fsync ";
+    bool before = false, after = false;
+    for (std::size_t j = i; j-- > 0 && !before;)
+      before = lines[j].starts_with(synced) && lines[j].find(temporary) != std::string::npos &&
+               lines[j].ends_with("." + file.filename().string()) &&
+               fs::path(lines[j].substr(6)).parent_path() == file.parent_path();
+    for (std::size_t j = i; j < lines.size() && !after; ++j) after = lines[j] == synced + file.parent_path().string();
+    EXPECT_TRUE(before) << file;
+    EXPECT_TRUE(after) << file;
+  }
+  EXPECT_GT(renamed, 20);
+  // The bricks of the checkpoint before go when the new state is on the disk.
+  for (std::size_t i = 0; i < lines.size(); ++i)
+    if (lines[i].starts_with("unlink ") && lines[i].find("/active-") != std::string::npos) {
+      std::size_t state = i;
+      while (state > 0 && lines[state] != "rename " + (map / "session" / "state.cbor").string()) --state;
+      EXPECT_NE(std::find(lines.begin() + static_cast<std::ptrdiff_t>(state),
+                          lines.begin() + static_cast<std::ptrdiff_t>(i), "fsync " + (map / "session").string()),
+                lines.begin() + static_cast<std::ptrdiff_t>(i));
+    }
+}
+
+class Kills : public HardTimes {
+ protected:
+  /// Runs the program and kills it after so long. Returns its exit code, or nothing if it was killed.
+  static std::optional<int> run_and_kill(const std::vector<std::string>& arguments, double seconds,
+                                         const fs::path& err) {
+    const std::string program = cairn_program();
+    std::vector<char*> argv{const_cast<char*>(program.c_str())};
+    for (const std::string& a : arguments) argv.push_back(const_cast<char*>(a.c_str()));
+    argv.push_back(nullptr);
+    posix_spawn_file_actions_t files;
+    posix_spawn_file_actions_init(&files);
+    posix_spawn_file_actions_addopen(&files, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+    posix_spawn_file_actions_addopen(&files, STDERR_FILENO, err.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666);
+    pid_t process = 0;
+    const int spawned = posix_spawn(&process, program.c_str(), &files, nullptr, argv.data(), environ);
+    posix_spawn_file_actions_destroy(&files);
+    if (spawned != 0) return -1;
+    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+    int status = 0;
+    while (waitpid(process, &status, WNOHANG) == 0) {
+      if (std::chrono::steady_clock::now() >= end) {
+        kill(process, SIGKILL);
+        waitpid(process, &status, 0);
+        break;
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    if (WIFEXITED(status)) return WEXITSTATUS(status);
+    return WTERMSIG(status) == SIGKILL ? std::nullopt : std::optional(1000 + WTERMSIG(status));
+  }
+};
+
+TEST_F(Kills, AtAnyMomentEndWithTheSameBytes) {
+  const int wanted = number_from("CAIRN_KILLS", 4);
+  const auto begin = std::chrono::steady_clock::now();
+  fs::create_directory(out / "try");
+  ASSERT_EQ(run_and_kill(reconstruct("rec", out / "try", {"--checkpoint", "0.05"}), 1e9, out / "err"), 0)
+      << read_bytes(out / "err");
+  const double whole = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  std::mt19937 random(static_cast<unsigned>(number_from("CAIRN_SEED", 1)));
+  int kills = 0, resumes = 0, finished = 0, different = 0;
+  const fs::path map = out / "map";
+  while (kills < wanted || finished == 0) {
+    const bool resume = fs::exists(map / "session" / "state.cbor");
+    std::vector<std::string> more{"--checkpoint", "0.05"};
+    if (resume) more.emplace_back("--resume");
+    const double seconds = kills < wanted ? std::uniform_real_distribution<>(0.05, 1.2 * whole)(random) : 1e9;
+    const auto ended = run_and_kill(reconstruct("rec", map, more), seconds, out / "err");
+    resumes += resume;
+    if (!ended) {
+      ++kills;
+      continue;
+    }
+    ++finished;
+    EXPECT_EQ(*ended, 0) << read_bytes(out / "err");
+    const std::string differs = differences(map);
+    EXPECT_EQ(differs, "");
+    different += !differs.empty();
+    for (const auto& entry : fs::recursive_directory_iterator(map))
+      EXPECT_FALSE(entry.path().filename().string().starts_with(".cairn")) << entry.path();
+    fs::remove_all(map);
+  }
+  std::printf("%d kills, %d resumes, %d finished runs compared byte by byte with the one without kills, %d different\n",
+              kills, resumes, finished, different);
+}
+
+}  // namespace
+}  // namespace cairn

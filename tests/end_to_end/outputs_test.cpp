@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// What runs write and read: under any name, only when all is well, and never at the cost of an earlier run.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "cairn/mapper.hpp"
+#include "map/session_lock.hpp"
+#include "support/files.hpp"
+#include "support/recordings.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::map<std::string, std::string> bytes_below(const fs::path& folder) {
+  std::map<std::string, std::string> bytes;
+  for (const auto& entry : fs::recursive_directory_iterator(folder))
+    bytes[fs::relative(entry.path(), folder).string()] = entry.is_regular_file() ? read_bytes(entry.path()) : "";
+  return bytes;
+}
+
+/// A working folder with small recordings and a map. Names are relative to it.
+class Outputs : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder = new TemporaryFolder;
+    write_small_recording(*folder / "rec", {.frames = 20, .speed = 4});
+    write_small_recording(*folder / "other", {.frames = 12, .scene = "corridor"});
+    write_small_recording(*folder / "grey", {.frames = 12, .colour = false});
+    write_small_recording(*folder / "long-grey", {.frames = 40, .colour = false});
+    const Ran ran = run(reconstruct("rec", "map"));
+    ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  }
+  static void TearDownTestSuite() { delete folder; }
+  static Ran run(const std::vector<std::string>& arguments, const std::string& environment = "") {
+    return run_cairn(arguments, "cd '" + folder->path().string() + "'; " + environment);
+  }
+  static std::vector<std::string> reconstruct(const std::string& recording, const std::string& output,
+                                              const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments{"reconstruct", recording, "-o", output, "--config", "rec.yaml"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  }
+  static TemporaryFolder* folder;
+};
+TemporaryFolder* Outputs::folder = nullptr;
+
+TEST_F(Outputs, GoByAnyNameInEveryCommand) {
+  // Relative, with a slash, by another way, with a space, and in an encoding that is not UTF-8.
+  const std::string base = folder->path().filename().string();
+  fs::copy(*folder / "rec", *folder / "a b", fs::copy_options::recursive);
+  fs::copy(*folder / "rec", *folder / "caf\xe9", fs::copy_options::recursive);
+  struct Names {
+    std::string recording, output;
+    bool all = false;  // of the commands
+  };
+  for (const auto& [recording, output, all] :
+       {Names{"rec", "out1"}, Names{"./rec", "../" + base + "/out3"}, Names{"a b", "out 4/"},
+        Names{"rec/", "./out2/", true}, Names{"caf\xe9", "fen\xeatre", true}}) {
+    SCOPED_TRACE(output);
+    const fs::path out = output;
+    const auto succeeds = [&](const std::vector<std::string>& arguments, const std::string& environment = "") {
+      const Ran ran = run(arguments, environment);
+      EXPECT_EQ(ran.exit_code, 0) << arguments[0] << ": " << ran.err;
+      return ran;
+    };
+    succeeds(reconstruct(recording, output, {"--checkpoint", "0"}));
+    const Ran again = succeeds(reconstruct(recording, output, {"--resume", "--json"}));
+    EXPECT_EQ(nlohmann::json::parse(again.out)["frames"]["total"], 20);  // nothing is fused twice
+    EXPECT_TRUE(fs::exists(*folder / out / "report.html"));
+    if (!all) continue;
+    for (const char* file : {"x.glb", "x.gltf", "x.ply", "x.obj", "tileset.json", "x.vdb"})
+      succeeds({"export", output, "-o", (out / file).string()});
+    succeeds({"export", output, "-o", (out / "caf\xe9.gltf").string()});
+    EXPECT_FALSE(read_mesh(*folder / out / "caf\xe9.gltf").triangles.empty());
+    succeeds({"live", recording, "-o", (out / "live").string(), "--as-fast-as-possible", "--config", "rec.yaml"});
+    succeeds({"merge", output, (out / "live").string(), "-o", (out / "both/").string()});
+    succeeds({"esdf", output, "-o", (out / "d.vdb").string(), "--slice", "y=0", (out / "s.png").string(), "--costmap",
+              (out / "c.yaml").string(), "--height", "-1:0.3"});
+    write_text(*folder / out / "points.csv", "x,y,z\n0,0,1\n");
+    succeeds({"esdf", output, "-o", (out / "a.csv").string(), "--query", (out / "points.csv").string()});
+    succeeds({"graph", "optimise", (out / "graph.g2o").string(), "-o", (out / "g.g2o").string()});
+    succeeds({"evaluate", "trajectory", (out / "trajectory.txt").string(), (out / "trajectory.txt").string()});
+    succeeds({"synth", "sphere", "-o", (out / "synth/").string(), "--frames", "1"});
+    succeeds({"synth", "sphere", "-o", "synth-" + recording.substr(0, 3), "--frames", "1"});
+    EXPECT_NE(run({"view", output, "--port", "0"}, "timeout -s INT 1").out.find("http"), std::string::npos);
+    succeeds({"record", "rec", "-o", "recorded-" + recording.substr(0, 3)});
+    succeeds({"record", recording, "-o", (out / "recorded/").string()});
+  }
+}
+
+TEST_F(Outputs, OfAnEarlierRunStayWhenACommandFails) {
+  fs::copy(*folder / "map", *folder / "safe", fs::copy_options::recursive);
+  const auto before = bytes_below(*folder / "safe");
+  write_text(*folder / "wrong.yaml", "fuse: {voxel_size: 7}\n");
+  const std::vector<std::pair<std::vector<std::string>, std::string>> failing{
+      {reconstruct("rec", "safe", {"--device", "9"}), "device"},
+      {reconstruct("rec", "safe", {"--esdf", "--esdf-voxel-size", "0.05"}), "--esdf-voxel-size"},
+      {reconstruct("rec", "safe", {"--min-weight", "250"}), "--min-weight"},
+      {reconstruct("rec", "safe", {"--simplify", "7"}), "--simplify"},
+      {reconstruct("rec", "safe", {"--device-memory", "1"}), "--device-memory"},
+      {reconstruct("long-grey", "safe", {"--texture"}), "--texture"},
+      {reconstruct("nowhere", "safe"), "nowhere"},
+      {reconstruct("rec", "safe", {"--resume", "--voxel-size", "0.02"}), "--voxel-size"},
+      {{"reconstruct", "rec", "-o", "safe", "--config", "wrong.yaml"}, "fuse.voxel_size"},
+      {{"live", "rec", "-o", "safe", "--device", "9"}, "device"},
+      {{"live", "openni:nowhere", "-o", "safe"}, "no depth sensor"},
+      {{"merge", "map", "other", "-o", "safe"}, "no session"},
+      {{"export", "safe", "-o", "safe/mesh.glb", "--device", "9"}, "device"},
+      {{"export", "safe", "-o", "safe/mesh.glb", "--min-weight", "250"}, "nothing of the surface is left"},
+  };
+  for (const auto& [arguments, told] : failing) {
+    expect_last_line(run(arguments), 1, told);
+    EXPECT_TRUE(bytes_below(*folder / "safe") == before) << told;
+  }
+  // And where there was nothing, no session is left.
+  for (const auto& [arguments, told] : failing) {
+    auto elsewhere = arguments;
+    for (auto& a : elsewhere)
+      if (a == "safe") a = "empty";
+    if (elsewhere[0] != "export") (void)run(elsewhere);
+    EXPECT_FALSE(fs::exists(*folder / "empty" / "session")) << told;
+  }
+}
+
+TEST_F(Outputs, AreWrittenAlsoWhenTheMeshCannotBe) {
+  // Too short to know at its beginning that no colour comes.
+  const Ran ran = run(reconstruct("grey", "plain", {"--texture"}));
+  expect_last_line(ran, 1, "cairn export plain -o plain/mesh.glb");
+  EXPECT_NE(ran.err.find("no colour"), std::string::npos) << ran.err;
+  for (const char* file : {"trajectory.txt", "graph.g2o", "map.vdb", "report.json", "report.html"})
+    EXPECT_TRUE(fs::exists(*folder / "plain" / file)) << file;
+  EXPECT_FALSE(fs::exists(*folder / "plain" / "mesh.glb"));
+  EXPECT_EQ(run({"export", "plain", "-o", "plain/mesh.glb"}).exit_code, 0);
+  EXPECT_TRUE(fs::exists(*folder / "plain" / "mesh.glb"));
+  // The session is that of the last frame: nothing is left to do.
+  const Ran more = run(reconstruct("grey", "plain", {"--resume", "--json"}));
+  ASSERT_EQ(more.exit_code, 0) << more.err;
+  EXPECT_EQ(nlohmann::json::parse(more.out)["frames"]["total"], 12);
+}
+
+TEST_F(Outputs, AreNotChangedByReading) {
+  const auto before = bytes_below(*folder / "map");
+  const std::vector<std::vector<std::string>> reading{
+      {"export", "map", "-o", "read/x.glb", "--texture"},
+      {"export", "map", "-o", "read/x.vdb"},
+      {"esdf", "map", "-o", "read/d.vdb"},
+      {"merge", "map", "map", "-o", "read/both"},
+      {"evaluate", "trajectory", "map/trajectory.txt", "rec/../map/trajectory.txt"},
+  };
+  fs::create_directory(*folder / "read");
+  for (const auto& arguments : reading) {
+    const Ran ran = run(arguments);
+    EXPECT_EQ(ran.exit_code, 0) << ran.err;
+    EXPECT_TRUE(bytes_below(*folder / "map") == before) << arguments[0];
+  }
+}
+
+TEST_F(Outputs, HaveOneWriter) {
+  fs::copy(*folder / "map", *folder / "taken", fs::copy_options::recursive);
+  const auto before = bytes_below(*folder / "taken");
+  {
+    const SessionLock lock(*folder / "taken" / "session");
+    const std::string who = "another run writes into it (process " + std::to_string(getpid());
+    for (const auto& more : {std::vector<std::string>{}, {"--resume"}, {"--poses", "map/trajectory.txt"}})
+      expect_last_line(run(reconstruct("rec", "taken", more)), 1, who);
+    expect_last_line(run({"merge", "map", "map", "-o", "taken"}), 1, who);
+    EXPECT_EQ(run({"export", "taken", "-o", "beside.glb"}).exit_code, 0);
+  }
+  EXPECT_TRUE(bytes_below(*folder / "taken") == before);
+}
+
+TEST_F(Outputs, OfGivenPosesReplaceASession) {
+  fs::copy(*folder / "map", *folder / "posed", fs::copy_options::recursive);
+  const Ran ran = run(reconstruct("rec", "posed", {"--poses", "map/trajectory.txt"}));
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_FALSE(fs::exists(*folder / "posed" / "session"));
+}
+
+TEST_F(Outputs, GoOnWithARecordingThatWasMovedAndNotWithAnotherInItsPlace) {
+  fs::copy(*folder / "rec", *folder / "here", fs::copy_options::recursive);
+  ASSERT_EQ(run(reconstruct("here", "moves", {"--frames", "0:12"})).exit_code, 0);
+  fs::rename(*folder / "here", *folder / "there");
+  const Ran moved = run(reconstruct("there", "moves", {"--resume", "--json"}));
+  ASSERT_EQ(moved.exit_code, 0) << moved.err;
+  EXPECT_EQ(nlohmann::json::parse(moved.out)["frames"]["total"], 20);
+  EXPECT_TRUE(read_bytes(*folder / "moves" / "mesh.glb").size() > 0);
+  EXPECT_FALSE(fs::exists(*folder / "moves" / "trajectory-000.txt"));  // one recording
+  EXPECT_TRUE(read_bytes(*folder / "moves" / "trajectory.txt") == read_bytes(*folder / "map" / "trajectory.txt"));
+  // Other footage under the name of before begins at its first frame, as another recording.
+  fs::remove_all(*folder / "there");
+  fs::copy(*folder / "other", *folder / "there", fs::copy_options::recursive);
+  const Ran other = run(reconstruct("there", "moves", {"--resume", "--json"}));
+  // Whether so small images of a corridor tell that they are no part of the room is not the question here.
+  const bool is_none = other.exit_code == 1 && other.err.find("none of 12 frames") != std::string::npos;
+  EXPECT_TRUE(is_none || other.exit_code == 0) << other.err;
+  if (!is_none) {
+    EXPECT_EQ(nlohmann::json::parse(other.out)["frames"]["total"], 12);
+  }
+}
+
+TEST_F(Outputs, ToAFullStdoutAreAnError) {
+  const std::string in = "cd '" + folder->path().string() + "'; '" + cairn_program() + "' ";
+  for (const char* command :
+       {"--help", "--version", "devices", "export map -o full.ply", "export map -o full.ply --json",
+        "evaluate trajectory map/trajectory.txt map/trajectory.txt"}) {
+    const int status = std::system((in + command + " >/dev/full 2>full.txt").c_str());
+    EXPECT_EQ(WEXITSTATUS(status), 1) << command;
+    const std::string told = read_bytes(*folder / "full.txt");
+    EXPECT_NE(told.find("stdout: No space left on device"), std::string::npos) << command << told;
+    EXPECT_EQ(std::count(told.begin(), told.end(), '\n'), 1) << told;
+  }
+}
+
+TEST_F(Outputs, SayNothingOfTheJsonLibrary) {
+  fs::create_directories(*folder / "bad" / "depth");
+  for (const char* text : {"{", "[]", "{\"width\": \"wide\"}"}) {
+    write_text(*folder / "bad" / "intrinsics.json", text);
+    for (const auto& arguments : {reconstruct("bad", "x"), {"evaluate", "loops", "bad/intrinsics.json", "rec"}}) {
+      const Ran ran = run(arguments);
+      EXPECT_EQ(ran.exit_code, 1) << ran.err;
+      EXPECT_EQ(ran.err.find("json.exception"), std::string::npos) << ran.err;
+      EXPECT_NE(ran.err.find("intrinsics.json"), std::string::npos) << ran.err;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// A disk that fails, for the programs that this library is loaded into (LD_PRELOAD). It counts what is done to change a
+// folder: files opened for writing, writes, fsyncs, renames, folders made.
+//   CAIRN_FAULTS_FOLDER  absolute; what lies in it is counted
+//   CAIRN_FAULTS_AT      the operation that fails, counted from 1; 0: none
+//   CAIRN_FAULTS_KIND    full: from that one on nothing can be written (of a write, half still fits); eio: it alone
+//                        fails; short: it alone, if it is a write, writes half
+//   CAIRN_FAULTS_LOG     file that gets a line for each operation
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <sys/uio.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <cstdarg>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <string>
+#include <string_view>
+
+namespace {
+
+template <class F>
+F* next(const char* name) {
+  return reinterpret_cast<F*>(dlsym(RTLD_NEXT, name));
+}
+
+std::string_view environment(const char* name) {
+  const char* value = std::getenv(name);
+  return value == nullptr ? "" : value;
+}
+
+std::array<std::atomic<bool>, 4096> watched;  // by descriptor
+std::atomic<long> operations = 0;
+std::atomic<bool> full = false;
+
+bool is_inside(const char* path) {
+  const std::string_view folder = environment("CAIRN_FAULTS_FOLDER");
+  return !folder.empty() && path != nullptr && std::string_view(path).starts_with(folder);
+}
+
+void log(const char* what, const char* path) {
+  static const int to = [] {
+    const std::string file(environment("CAIRN_FAULTS_LOG"));
+    using Open = int(const char*, int, ...);
+    return file.empty() ? -1 : next<Open>("open")(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
+  }();
+  if (to < 0) return;
+  const std::string line = std::string(what) + " " + path + "\n";
+  using Write = ssize_t(int, const void*, std::size_t);
+  (void)!next<Write>("write")(to, line.data(), line.size());
+}
+
+enum class Fault { none, fails, half };
+
+/// What becomes of the next operation; errno is set if it fails.
+Fault fault(const char* what, const char* path, bool writes) {
+  static const long at = std::atol(std::string(environment("CAIRN_FAULTS_AT")).c_str());
+  static const std::string kind(environment("CAIRN_FAULTS_KIND"));
+  log(what, path);
+  const long number = ++operations;
+  if (full && writes) return errno = ENOSPC, Fault::fails;
+  if (number != at) return Fault::none;
+  const bool is_write = std::string_view(what) == "write";
+  if (kind == "short") return is_write ? Fault::half : Fault::none;
+  if (kind == "eio") return errno = EIO, Fault::fails;
+  full = true;
+  return is_write ? Fault::half : (errno = ENOSPC, Fault::fails);
+}
+
+Fault fault_of(const char* what, int descriptor, bool writes) {
+  if (descriptor < 0 || descriptor >= static_cast<int>(watched.size()) ||
+      !watched[static_cast<std::size_t>(descriptor)])
+    return Fault::none;
+  char path[4096] = "";
+  const ssize_t size = readlink(("/proc/self/fd/" + std::to_string(descriptor)).c_str(), path, sizeof path - 1);
+  path[size < 0 ? 0 : size] = 0;
+  return fault(what, path, writes);
+}
+
+void watch(int descriptor, bool is_watched) {
+  if (descriptor >= 0 && descriptor < static_cast<int>(watched.size()))
+    watched[static_cast<std::size_t>(descriptor)] = is_watched;
+}
+
+int opened(const char* name, const char* path, int flags, mode_t mode) {
+  const bool inside = is_inside(path), writes = (flags & O_ACCMODE) != O_RDONLY;
+  if (inside && writes && fault("open", path, (flags & O_CREAT) != 0) != Fault::none) return -1;
+  using Open = int(const char*, int, ...);
+  const int descriptor = next<Open>(name)(path, flags, mode);
+  watch(descriptor, inside && (writes || (flags & O_DIRECTORY) != 0));
+  return descriptor;
+}
+
+}  // namespace
+
+extern "C" {
+
+int open(const char* path, int flags, ...) {
+  std::va_list rest;
+  va_start(rest, flags);
+  const mode_t mode = (flags & O_CREAT) != 0 ? va_arg(rest, mode_t) : 0;
+  va_end(rest);
+  return opened("open", path, flags, mode);
+}
+
+int open64(const char* path, int flags, ...) {
+  std::va_list rest;
+  va_start(rest, flags);
+  const mode_t mode = (flags & O_CREAT) != 0 ? va_arg(rest, mode_t) : 0;
+  va_end(rest);
+  return opened("open64", path, flags, mode);
+}
+
+std::FILE* fopen(const char* path, const char* mode) {
+  const bool inside = is_inside(path) && std::strpbrk(mode, "wa+") != nullptr;
+  if (inside && fault("open", path, true) != Fault::none) return nullptr;
+  std::FILE* file = next<std::FILE*(const char*, const char*)>("fopen")(path, mode);
+  if (file != nullptr) watch(fileno(file), inside);
+  return file;
+}
+std::FILE* fopen64(const char* path, const char* mode) { return fopen(path, mode); }
+
+ssize_t write(int descriptor, const void* bytes, std::size_t count) {
+  const Fault f = fault_of("write", descriptor, true);
+  if (f == Fault::fails) return -1;
+  return next<ssize_t(int, const void*, std::size_t)>("write")(descriptor, bytes,
+                                                               f == Fault::half ? (count + 1) / 2 : count);
+}
+
+ssize_t writev(int descriptor, const struct iovec* parts, int count) {
+  const Fault f = fault_of("write", descriptor, true);
+  if (f == Fault::fails) return -1;
+  return next<ssize_t(int, const struct iovec*, int)>("writev")(descriptor, parts,
+                                                                f == Fault::half ? (count + 1) / 2 : count);
+}
+
+int fsync(int descriptor) {
+  return fault_of("fsync", descriptor, false) == Fault::none ? next<int(int)>("fsync")(descriptor) : -1;
+}
+
+int syncfs(int descriptor) {
+  return fault_of("syncfs", descriptor, false) == Fault::none ? next<int(int)>("syncfs")(descriptor) : -1;
+}
+
+int rename(const char* from, const char* to) {
+  if (is_inside(to) && fault("rename", to, false) != Fault::none) return -1;
+  return next<int(const char*, const char*)>("rename")(from, to);
+}
+
+int mkdir(const char* path, mode_t mode) {
+  if (is_inside(path) && fault("mkdir", path, true) != Fault::none) return -1;
+  return next<int(const char*, mode_t)>("mkdir")(path, mode);
+}
+
+int unlink(const char* path) {
+  if (is_inside(path)) log("unlink", path);
+  return next<int(const char*)>("unlink")(path);
+}
+
+int remove(const char* path) {
+  if (is_inside(path)) log("unlink", path);
+  return next<int(const char*)>("remove")(path);
+}
+
+int close(int descriptor) {
+  watch(descriptor, false);
+  return next<int(int)>("close")(descriptor);
+}
+
+}  // extern "C"

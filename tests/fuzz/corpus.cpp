@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Writes small valid inputs, DIR/TARGET/NAME, from which the fuzz targets start.
+#include <cstring>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+
+#include "cairn/esdf.hpp"
+#include "graph/pose_graph.hpp"
+#include "io/camera_file.hpp"
+#include "map/session.hpp"
+#include "mesh/formats.hpp"
+#include "mesh/gltf.hpp"
+
+using namespace cairn;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path place(const fs::path& folder, const char* target, const std::string& name) {
+  fs::create_directories(folder / target);
+  return folder / target / name;
+}
+void put(const fs::path& file, const std::string& text) { std::ofstream(file, std::ios::binary) << text; }
+
+Trajectory path() {
+  Trajectory path(3);
+  for (int i = 0; i < 3; ++i) {
+    auto& [time, pose] = path[static_cast<std::size_t>(i)];
+    time = 0.1 * i;
+    pose.linear() = Eigen::AngleAxisd(0.3 * i, Eigen::Vector3d::UnitY()).toRotationMatrix();
+    pose.translation().x() = 0.1 * i;
+  }
+  return path;
+}
+
+/// A tetrahedron, with colours or a texture.
+Mesh mesh(bool textured) {
+  Mesh mesh;
+  mesh.positions = {{0, 0, 0}, {1, 0, 0.5f}, {0, 2, 0}, {0, 0, 3}};
+  mesh.normals.assign(4, Eigen::Vector3f::UnitX());
+  mesh.triangles = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
+  if (textured) {
+    mesh.texture_places = {{0, 0}, {1, 0}, {0, 1}, {1, 1}};
+    mesh.texture = {8, 8, std::vector<std::array<std::uint8_t, 3>>(64, {10, 120, 200})};
+  } else {
+    mesh.colours = {{0, 1, 2, 255}, {100, 150, 200, 255}, {255, 254, 128, 255}, {7, 77, 177, 255}};
+  }
+  return mesh;
+}
+
+void write_text_inputs(const fs::path& folder) {
+  write_trajectory(place(folder, "trajectory", "path"), path());
+  put(place(folder, "trajectory", "csv"), "#t,x,y,z,qx,qy,qz,qw\r\n1,0,0,0,0,0,0,1\r\n2, 1e-3, +2, -3, 0, 0, 0.7, 0.7");
+  PoseGraph graph;
+  for (const auto& [time, pose] : path()) graph.world_from_node.push_back(pose);
+  graph.edges = {{.from = 0, .to = 1}, {.from = 1, .to = 2}, {.from = 0, .to = 2}};
+  graph.edges[1].information(3, 3) = -5;
+  write_g2o(place(folder, "g2o", "graph"), graph);
+  put(place(folder, "options", "all"),
+      "fuse:\n  voxel_size: 0.02\n  truncation: 0.08\ntrack: {levels: 4, photometric: true}\n# more\nmap:\n  loops: "
+      "0\n");
+  const std::string camera = camera_file_text({.width = 16, .height = 16, .fx = 16, .fy = 16, .cx = 8, .cy = 8}, 5000);
+  put(place(folder, "camera", "plain"), camera);
+  put(place(folder, "camera", "colour"),
+      camera +
+          "colour: {width: 32, height: 32, fx: 30, fy: 30, cx: 16, cy: 16, translation: [0.1, 0, 0], rotation: [0, "
+          "0, 0, 1]}\n");
+  put(place(folder, "query", "points"), "x,y,z\n0,0,0\n1.5, -2e-3 ,nan\r\n\n+1,inf,3");
+  put(place(folder, "recording", "tum"),
+      "@depth.txt\n# time file\n0.0 depth/1.png\n0.1 depth/2.png\n@rgb.txt\n0.01 rgb/1.png\n0.11 "
+      "rgb/2.png\n@camera.yaml\n" +
+          camera +
+          "@accelerometer.txt\n0.0 0 9.8 0\n0.1 0.1 9.7 0\n@groundtruth.txt\n0 0 0 0 0 0 0 1\n0.2 1 0 0 0 0 0 1\n");
+  put(place(folder, "recording", "icl"),
+      "@associations.txt\n1 depth/1.png 1 rgb/1.png\n2 depth/2.png 2 rgb/2.png\n@groundtruth.txt\n1 0 0 0 0 0 0 1\n");
+  put(place(folder, "recording", "seven"), "@frame-000000.pose.txt\n1 0 0 0.5\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+  put(place(folder, "recording", "intrinsics"),
+      "@intrinsics.json\n{\"width\": 16, \"height\": 16, \"fx\": 16, \"fy\": 16, \"cx\": 8, \"cy\": 8, "
+      "\"depth_scale\": "
+      "1000, \"frame_rate\": 30, \"distortion\": [0.1, 0, 0, 0, 0]}\n");
+}
+
+void write_images(const fs::path& folder) {
+  cv::Mat depth(16, 16, CV_16U), colour(16, 16, CV_8UC3);
+  for (int y = 0; y < 16; ++y)
+    for (int x = 0; x < 16; ++x) {
+      depth.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(1000 + 97 * x + 31 * y);
+      colour.at<cv::Vec3b>(y, x) = cv::Vec3b::all(static_cast<std::uint8_t>(15 * x + y));
+    }
+  for (const char* target : {"image", "keyframe"}) {
+    cv::imwrite(place(folder, target, "depth.png"), depth);
+    cv::imwrite(place(folder, target, "colour.png"), colour);
+    cv::imwrite(place(folder, target, "colour.jpg"), colour);
+    cv::imwrite(place(folder, target, "progressive.jpg"), colour, {cv::IMWRITE_JPEG_PROGRESSIVE, 1});
+  }
+  put(place(folder, "keyframe", "corners"), '\1' + std::string(2 * 72, '\0'));
+}
+
+void write_meshes(const fs::path& folder) {
+  write_ply(place(folder, "ply", "binary"), mesh(false));
+  put(place(folder, "ply", "ascii"),
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty double y\nproperty int z\nproperty uchar "
+      "red\nproperty uchar green\nproperty uchar blue\nelement face 1\nproperty list uchar int "
+      "vertex_indices\nend_header\n"
+      "0 0 0 1 2 3\n1 0 0 1 2 3\n0 1e0 0 1 2 3\n3 0 1 2\n");
+  int number = 0;
+  for (const Compression compression :
+       {Compression::none, Compression::quantised, Compression::meshopt, Compression::draco}) {
+    GltfWriter writer({.compression = compression, .png = number % 2 == 0});
+    writer.add("a", mesh(true));
+    writer.add("b", mesh(false));
+    writer.add_cameras({}, path(), {Eigen::Isometry3d::Identity()});
+    const auto bytes = writer.glb();
+    put(place(folder, "glb", std::to_string(number++)), {bytes.begin(), bytes.end()});
+  }
+  put(place(folder, "gltf", "embedded"), R"({"asset": {"version": "2.0"}, "buffers": [{"byteLength": 36,
+ "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}],
+ "bufferViews": [{"buffer": 0, "byteLength": 36, "byteStride": 12}],
+ "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+ "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 0}, "material": 0}]}],
+ "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}], "textures": [{"source": 0}],
+ "images": [{"bufferView": 0, "mimeType": "image/png"}],
+ "nodes": [{"mesh": 0, "children": [1], "rotation": [0, 0, 0, 1]}, {"mesh": 0, "translation": [1, 2, 3], "scale": [2, 2, 2]}],
+ "scene": 0, "scenes": [{"nodes": [0]}]})");
+}
+
+void write_sessions(const fs::path& folder, const fs::path& work) {
+  Session session;
+  session.camera = {.width = 16, .height = 16, .fx = 16, .fy = 16, .cx = 8, .cy = 8};
+  session.number = 1;
+  session.note = "a note";
+  session.last_fused = 0.2;
+  Atlas& atlas = session.back_end.atlas;
+  for (const auto& [time, pose] : path()) {
+    atlas.keyframes.push_back({.timestamp = time, .acceleration = Eigen::Vector3d::UnitY()});
+    atlas.world_from_camera.push_back(pose);
+    atlas.frames.push_back({.timestamp = time, .submap_from_camera = pose, .keyframe = atlas.keyframes.size() - 1});
+    session.back_end.places.emplace_back(pose, true);
+    session.tracker.last.push_back({.timestamp = time, .submap_from_camera = pose});
+  }
+  session.tracker.last.resize(2);
+  atlas.loops.push_back({.edge = {.from = 0, .to = 2}, .corners = 20});
+  atlas.recordings = {2};
+  session.back_end.submaps = {true};
+  session.keyframe.levels = {{1, 2, 3, 4}, {5}};
+  session.residency.on_device = {Brick(1, 2, 3)};
+  session.residency.device_last_seen = {1};
+  BrickTree tree;
+  BrickVoxels voxels{};
+  for (std::size_t i = 0; i < 512; ++i) voxels[i] = (i << 32) | 0x0100'0000u | (i * 7);
+  tree.put({1, 2, 3}, voxels);
+  tree.mark_free({1, 2, 4});
+  SessionWriter(work / "session").write(session, tree);
+  fs::rename(work / "session" / "state.cbor", place(folder, "session", "state"));
+  write_bricks(place(folder, "vdb", "bricks"), tree);
+  auto block = std::make_shared<DistanceField::Block>();
+  block->fill(0.25f);
+  const DistanceField distances(0.02f, Eigen::Vector3f::Zero(), 1.0f, {{Eigen::Vector3i(0, 1, 2), block}});
+  write_grids(place(folder, "vdb", "map"), tree, {.voxel_size = 0.01f, .truncation = 0.04f}, &distances);
+}
+
+/// A node with a property of each kind, a frame, a seek table and the end.
+void write_oni(const fs::path& folder) {
+  const auto number = [](auto value) { return std::string(reinterpret_cast<const char*>(&value), sizeof value); };
+  const auto text = [&](const std::string& t) { return number(static_cast<std::uint32_t>(t.size() + 1)) + t + '\0'; };
+  const auto record = [&](std::uint32_t kind, const std::string& fields, const std::string& payload = "") {
+    return number(0x0052494eu) + number(kind) + number(1u) + number(static_cast<std::uint32_t>(28 + fields.size())) +
+           number(static_cast<std::uint32_t>(payload.size())) + number(std::uint64_t{0}) + fields + payload;
+  };
+  const std::string eight = number(8u) + number(std::uint64_t{1});
+  put(place(folder, "oni", "depth"),
+      std::string("NI10") + number(0x00010001u) + number(0u) + number(std::uint64_t{1000}) + number(1u) +
+          record(13, text("Depth1") + number(2u) + number(0x547a3631u) + number(1u) + std::string(24, '\0')) +
+          record(3, text("xnIsGenerating") + eight) + record(4, text("xnFov") + eight) +
+          record(5, text("ID") + text("0")) +
+          record(6, text("xnMapOutputMode") + number(12u) + number(640u) + number(480u) + number(30u)) + record(9, "") +
+          record(8, number(1u) + number(std::uint64_t{0})) +
+          record(10, number(std::uint64_t{33}) + number(1u), "depth") + record(7, "") +
+          record(14, "", std::string(12, '\0') + number(std::uint64_t{24})) + record(11, ""));
+}
+
+void write_requests(const fs::path& folder) {
+  put(place(folder, "http", "page"), "GET /TOKEN/ HTTP/1.1\r\nHost: HOST\r\n\r\n");
+  put(place(folder, "http", "two"),
+      "HEAD /TOKEN/file?x=1 HTTP/1.1\r\nHost: HOST\r\nOrigin: http://HOST\r\n\r\n"
+      "GET /TOKEN/gone HTTP/1.0\r\nHost: HOST\r\n\r\n");
+  put(place(folder, "http", "refused"), "POST /TOKEN/ HTTP/1.1\r\nHost: HOST\r\nContent-Length: 3\r\n\r\nabc");
+  put(place(folder, "http", "live"),
+      "GET /TOKEN/live HTTP/1.1\r\nHost: HOST\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: "
+      "13\r\n"
+      "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n" +
+          std::string("\x81\x82\1\2\3\4zc\x88\x80\1\2\3\4", 15));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 2) {
+    std::fprintf(stderr, "usage: cairn_fuzz_corpus DIR\n");
+    return 2;
+  }
+  const fs::path folder = argv[1], work = folder / ".work";
+  fs::create_directories(work);
+  write_text_inputs(folder);
+  write_images(folder);
+  write_meshes(folder);
+  write_sessions(folder, work);
+  write_oni(folder);
+  write_requests(folder);
+  fs::remove_all(work);
+}

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// What the fuzz targets share. A target gives bytes to a reader, which returns something usable or throws a
+// std::runtime_error that a user can read; all else ends the process, which libFuzzer keeps as a finding.
+#pragma once
+#include <unistd.h>
+
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+namespace cairn::fuzz {
+
+/// A folder of this process, for readers that take paths; the campaign puts it where files cost nothing.
+inline const std::filesystem::path& folder() {
+  static const std::filesystem::path folder = [] {
+    auto made = std::filesystem::temp_directory_path() / ("cairn-fuzz-" + std::to_string(getpid()));
+    std::filesystem::create_directories(made);
+    std::atexit([] {
+      std::error_code ignored;
+      std::filesystem::remove_all(std::filesystem::temp_directory_path() / ("cairn-fuzz-" + std::to_string(getpid())),
+                                  ignored);
+    });
+    return made;
+  }();
+  return folder;
+}
+
+inline std::filesystem::path file_of(const std::string& name, std::string_view bytes) {
+  auto file = folder() / name;
+  std::ofstream(file, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  return file;
+}
+
+inline std::string_view text_of(const std::uint8_t* data, std::size_t size) {
+  return {reinterpret_cast<const char*>(data), size};
+}
+
+/// Ends the process unless `read` returns or tells its problem in one line without the tags of libraries.
+template <class Read>
+void expect_value_or_plain_error(const Read& read) {
+  try {
+    read();
+  } catch (const std::runtime_error& error) {
+    // Between quotes stand words of the file, which the fuzzer fills with what it sees compared.
+    std::string said;
+    bool quoted = false, is_plain = *error.what() != '\0';
+    for (const char c : std::string_view(error.what())) {
+      is_plain &= c >= ' ' && c != 127;
+      quoted ^= c == '\'';
+      if (!quoted) said += c;
+    }
+    if (is_plain && said.find("json.exception") == said.npos) return;
+    std::fprintf(stderr, "not a line for a user: %s\n", error.what());
+    std::abort();
+  }
+}
+
+/// Keeps what is read from being optimised away, and touches all of it for the address sanitizer.
+template <class Numbers>
+void touch(const Numbers& numbers) {
+  [[maybe_unused]] static volatile double sink;
+  double sum = 0;
+  for (const auto& number : numbers) sum += static_cast<double>(number);
+  sink = sum;
+}
+
+}  // namespace cairn::fuzz
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// What the targets of mesh files share: they differ in the extension alone.
+#pragma once
+#include "cairn/mesh.hpp"
+#include "fuzz.hpp"
+
+namespace cairn::fuzz {
+
+/// Reads the bytes as a mesh file of that name, and checks that all its parts are whole.
+inline void read_parts(const char* name, const std::uint8_t* data, std::size_t size) {
+  const auto file = file_of(name, text_of(data, size));
+  expect_value_or_plain_error([&] {
+    for (const Mesh& part : read_mesh_parts(file)) {
+      const std::size_t count = part.positions.size();
+      for (const auto& position : part.positions) touch(position);
+      for (const auto& triangle : part.triangles)
+        for (const std::uint32_t index : triangle)
+          if (index >= count) std::abort();
+      if (!part.normals.empty() && part.normals.size() != count) std::abort();
+      if (!part.colours.empty() && part.colours.size() != count) std::abort();
+      if (!part.texture_places.empty() && part.texture_places.size() != count) std::abort();
+    }
+  });
+}
+
+}  // namespace cairn::fuzz

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// The state of a session. Its checksum is made right again, or nothing else would ever be looked at.
+#include <fmt/format.h>
+
+#include <boost/crc.hpp>
+
+#include "fuzz.hpp"
+#include "map/session.hpp"
+
+using namespace cairn;
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const bool prepared = [] {
+    std::filesystem::create_directory(fuzz::folder() / "run-0001");
+    write_bricks(fuzz::folder() / "run-0001" / "active-000001.vdb", BrickTree());
+    return true;
+  }();
+  (void)prepared;
+  const std::string_view all = fuzz::text_of(data, size);
+  const std::string_view header = all.substr(0, all.find('\n'));
+  const std::string_view state = all.substr(std::min(all.size(), header.size() + 1));
+  boost::crc_32_type crc;
+  crc.process_bytes(state.data(), state.size());
+  fuzz::file_of("state.cbor", fmt::format("{} {:08x}\n{}", header.substr(0, header.rfind(' ')), crc.checksum(), state));
+  fuzz::expect_value_or_plain_error([&] {
+    const Session session = read_session(fuzz::folder()).session;
+    const Atlas& atlas = session.back_end.atlas;
+    if (atlas.world_from_camera.size() != atlas.keyframes.size()) std::abort();
+    for (const Loop& loop : atlas.loops)
+      if (loop.edge.from >= atlas.keyframes.size() || loop.edge.to >= atlas.keyframes.size()) std::abort();
+    for (const FusedFrame& frame : atlas.frames)
+      if (frame.keyframe >= atlas.keyframes.size()) std::abort();
+    for (const auto& level : session.keyframe.levels) fuzz::touch(level);
+  });
+  return 0;
+}

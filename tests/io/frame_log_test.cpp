@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "io/frame_log.hpp"
+
+#include <gtest/gtest.h>
+
+namespace cairn {
+namespace {
+
+nlohmann::json report(int index) {
+  return {{"index", index},
+          {"state", index % 10 == 3 ? "lost" : "fused"},
+          {"ms", {{"track", 1.5}}},
+          {"reason", "because of " + std::to_string(index)}};
+}
+
+TEST(FrameLog, KeepsAllOfARunOfMinutes) {
+  FrameLog log;
+  nlohmann::json all = nlohmann::json::array();
+  for (int i = 0; i < 4000; ++i) {
+    all.push_back(report(i));
+    log.add(all.back());
+  }
+  EXPECT_EQ(log.kept(), all);
+}
+
+TEST(FrameLog, KeepsSomeOfEachPartOfARunOfDaysAndCountsAll) {
+  FrameLog log;
+  for (int i = 0; i < 100'000; ++i) {
+    log.add(report(i));
+    if (i == 50'000) log = FrameLog::from(nlohmann::json::parse(log.save().dump()));  // was killed and goes on
+  }
+  EXPECT_EQ(log.size(), 100'000);
+  EXPECT_EQ(log.count("lost"), 10'000);
+  EXPECT_EQ(log.count("skipped"), 0);
+  EXPECT_EQ(log.first_reason(), "because of 3");
+  const nlohmann::json kept = log.kept();
+  EXPECT_GT(kept.size(), FrameLog::kMost / 2);
+  EXPECT_LE(kept.size(), FrameLog::kMost);
+  const int step = kept[1]["index"];
+  for (std::size_t i = 0; i < kept.size(); ++i) ASSERT_EQ(kept[i], report(static_cast<int>(i) * step));
+}
+
+TEST(FrameLog, RefusesWhatItHasNotSaved) {
+  EXPECT_THROW((void)FrameLog::from(nullptr), nlohmann::json::exception);
+  EXPECT_THROW((void)FrameLog::from(nlohmann::json::object()), nlohmann::json::exception);
+  nlohmann::json saved = FrameLog().save();
+  saved["lines"] = {"{\"index\": "};
+  EXPECT_THROW((void)FrameLog::from(saved), nlohmann::json::exception);
+}
+
+}  // namespace
+}  // namespace cairn

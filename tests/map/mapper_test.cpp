@@ -1,0 +1,287 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// What a map makes of frames that make no sense and of stages that fail: it tells, and goes on.
+#include "cairn/mapper.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <limits>
+
+#include "cairn/source.hpp"
+#include "support/files.hpp"
+#include "support/scenes.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN(), kInf = std::numeric_limits<float>::infinity();
+
+/// The first frames of a way through the room, seen by a small camera.
+const std::vector<Frame>& room_frames() {
+  static const std::vector<Frame> frames = [] {
+    std::vector<Frame> made;
+    for (int i = 0; i < 12; ++i) made.push_back(scene_frame(synthetic_scene("room"), small_camera(), i, true));
+    return made;
+  }();
+  return frames;
+}
+
+Options coarse() {
+  Options options;
+  options.fuse = {.voxel_size = 0.02f, .truncation = 0.08f, .device_memory = std::uint64_t{96} << 20};
+  return options;
+}
+
+bool is_same(const Mesh& a, const Mesh& b) { return a.positions == b.positions && a.triangles == b.triangles; }
+
+TEST(Mapper, AnswersEverythingBeforeItsFirstFrame) {
+  const TemporaryFolder folder;
+  Options options = coarse();
+  options.session = folder / "session";
+  Mapper mapper(small_camera(), options);
+  EXPECT_TRUE(mapper.trajectory().empty());
+  EXPECT_EQ(mapper.recordings(), 1);
+  EXPECT_EQ(mapper.refine().keyframes, 0);
+  EXPECT_TRUE(mapper.keyframes().empty());
+  EXPECT_TRUE(mapper.loops().empty());
+  EXPECT_TRUE(mapper.mesh().triangles.empty());
+  EXPECT_TRUE(mapper.surface_changes().parts.empty());
+  EXPECT_TRUE(mapper.distances()->blocks().empty());
+  EXPECT_EQ(mapper.live_distances(), nullptr);
+  EXPECT_EQ(mapper.statistics().pieces, 0);
+  mapper.write_graph(folder / "graph.g2o");
+  mapper.write_graph(folder / "graph.svg");
+  mapper.begin_recording();
+  mapper.checkpoint();
+  EXPECT_EQ(mapper.session_problem(), "");
+  EXPECT_NE(error_of([&] { mapper.export_mesh(folder / "mesh.glb"); }).find("the map is empty"), std::string::npos);
+  options.session = folder / "other";
+  Mapper other(small_camera(), options);
+  EXPECT_EQ(mapper.merge(other).compared, 0);
+  EXPECT_TRUE(mapper.warnings().empty());
+}
+
+TEST(Mapper, RefusesToMergeWhatDoesNotGoTogether) {
+  const TemporaryFolder folder;
+  Options options = coarse();
+  options.session = folder / "session";
+  Mapper mapper(small_camera(), options);
+  const auto refuses = [&](const char* why, Mapper&& other) {
+    const std::string message = error_of([&] { mapper.merge(other); });
+    EXPECT_NE(message.find(why), std::string::npos) << message;
+  };
+  EXPECT_NE(error_of([&] { mapper.merge(mapper); }).find("with itself"), std::string::npos);
+  refuses("no session", Mapper(small_camera(), coarse()));
+  options.session = folder / "other";
+  refuses("another camera", Mapper(synthetic_camera(), options));
+  options.fuse.voxel_size = 0.04f;
+  refuses("voxels of another size", Mapper(small_camera(), options));
+}
+
+TEST(Mapper, RefusesFramesThatMakeNoSenseWithoutHarm) {
+  const std::vector<Frame>& frames = room_frames();
+  Mapper mapper(small_camera(), coarse());
+  const auto refuses = [&](const Frame& good, const char* why, const auto& spoil) {
+    Frame frame = good;
+    spoil(frame);
+    const FrameReport report = mapper.add(frame);
+    EXPECT_EQ(report.state, FrameState::skipped) << why;
+    EXPECT_NE(report.reason.find(why), std::string::npos) << report.reason;
+  };
+  const auto refuses_all = [&](const Frame& good) {
+    for (const float bad : {kNan, -1.0f, kInf, -kInf})
+      refuses(good, "negative or no number", [&](Frame& f) { f.depth[100] = bad; });
+    refuses(good, "negative or no number", [](Frame& f) { std::fill(f.depth.begin(), f.depth.end(), kNan); });
+    refuses(good, "camera's size", [](Frame& f) { f.depth.pop_back(); });
+    refuses(good, "camera's size", [](Frame& f) { f.depth.clear(); });
+    for (const float bad : {kNan, kInf, -kInf})
+      refuses(good, "timestamp is not a number", [&](Frame& f) { f.timestamp = static_cast<double>(bad); });
+  };
+  refuses_all(frames[0]);
+  EXPECT_TRUE(mapper.mesh().triangles.empty());
+  ASSERT_EQ(mapper.add(frames[0]).state, FrameState::fused);
+  const Mesh before = mapper.mesh();
+  refuses_all(frames[1]);
+  refuses(frames[1], "goes back", [](Frame& f) { f.timestamp = 0; });
+  EXPECT_TRUE(is_same(mapper.mesh(), before));
+  EXPECT_EQ(mapper.trajectory().size(), 1u);
+  // What comes beside the depth image is left out alone.
+  Frame frame = frames[1];
+  frame.acceleration = Eigen::Vector3d(0, static_cast<double>(kInf), 0);
+  frame.colour_delay = static_cast<double>(kNan);
+  const FrameReport report = mapper.add(frame);
+  EXPECT_EQ(report.state, FrameState::fused);
+  EXPECT_NE(report.reason.find("acceleration is not a number"), std::string::npos) << report.reason;
+  EXPECT_NE(report.reason.find("depth alone"), std::string::npos) << report.reason;
+  EXPECT_FALSE(mapper.statistics().tilt);
+  for (std::size_t i = 2; i < 6; ++i) EXPECT_EQ(mapper.add(frames[i]).state, FrameState::fused);
+  EXPECT_TRUE(mapper.warnings().empty());
+}
+
+TEST(Mapper, RefusesPosesThatAreNone) {
+  Mapper mapper(small_camera(), coarse(), Poses::given);
+  const auto refuses = [&](const char* why, const auto& spoil) {
+    Frame frame = room_frames()[0];
+    spoil(*frame.world_from_camera);
+    const FrameReport report = mapper.add(frame);
+    EXPECT_EQ(report.state, FrameState::skipped) << why;
+    EXPECT_NE(report.reason.find(why), std::string::npos) << report.reason;
+  };
+  const auto no_motion = "no rotation and translation";
+  refuses(no_motion, [](auto& pose) { pose.translation().x() = static_cast<double>(kNan); });
+  refuses(no_motion, [](auto& pose) { pose.matrix()(0, 0) = static_cast<double>(kInf); });
+  refuses(no_motion, [](auto& pose) { pose.linear() *= 2; });
+  refuses(no_motion, [](auto& pose) { pose.linear().col(0) *= -1; });
+  refuses(no_motion, [](auto& pose) { pose.linear().setZero(); });
+  refuses("too far", [](auto& pose) { pose.translation().y() = 1e12; });
+  EXPECT_TRUE(mapper.mesh().triangles.empty());
+  EXPECT_EQ(mapper.add(room_frames()[0]).state, FrameState::fused);
+}
+
+TEST(Mapper, GoesOnWithoutADistanceFieldThatWouldBeTooWide) {
+  const TemporaryFolder folder;
+  Options options = coarse();
+  options.esdf = {.live = true, .voxel_size = 0.02f};
+  Mapper mapper(small_camera(), options, Poses::given);
+  ASSERT_EQ(mapper.add(room_frames()[0]).state, FrameState::fused);
+  EXPECT_NE(mapper.live_distances(), nullptr);
+  for (std::size_t i = 1; i < 4; ++i) {
+    Frame frame = room_frames()[i];
+    frame.world_from_camera->translation().x() += 200 * static_cast<double>(i);
+    EXPECT_EQ(mapper.add(frame).state, FrameState::fused) << i;
+    EXPECT_EQ(mapper.live_distances(), nullptr);
+  }
+  ASSERT_EQ(mapper.warnings().size(), 1u);
+  EXPECT_NE(mapper.warnings()[0].find("raise --esdf-voxel-size; there is no distance field"), std::string::npos)
+      << mapper.warnings()[0];
+  EXPECT_EQ(mapper.trajectory().size(), 4u);
+  mapper.write_map(folder / "map.vdb");
+  EXPECT_TRUE(std::filesystem::exists(folder / "map.vdb"));
+}
+
+TEST(Mapper, KeepsWhatWasFusedWhenAViewDoesNotFitIntoTheDevicesMemory) {
+  Options options;
+  options.fuse.voxel_size = 0.005f;
+  options.fuse.truncation = 0.02f;
+  options.fuse.device_memory = std::uint64_t{76} << 20;  // of that 64 for the page table
+  Mapper mapper(small_camera(), options, Poses::given);
+  Frame narrow = room_frames()[0], wide = room_frames()[1];
+  for (int y = 0; y < 240; ++y)
+    for (int x = 0; x < 320; ++x)
+      if (x < 140 || x > 180) narrow.depth[static_cast<std::size_t>(y * 320 + x)] = 0;
+  ASSERT_EQ(mapper.add(narrow).state, FrameState::fused);
+  const Mesh before = mapper.mesh();
+  ASSERT_FALSE(before.triangles.empty());
+  EXPECT_NE(error_of([&] { mapper.add(wide); }).find("does not hold one view"), std::string::npos);
+  EXPECT_TRUE(is_same(mapper.mesh(), before));
+  EXPECT_EQ(mapper.trajectory().size(), 1u);
+  // What did not fit then may come later.
+  Frame later = narrow;
+  later.timestamp = wide.timestamp + 1;
+  std::rotate(later.depth.begin(), later.depth.begin() + 60, later.depth.end());
+  ASSERT_EQ(mapper.add(later).state, FrameState::fused);
+  EXPECT_GT(mapper.mesh().triangles.size(), before.triangles.size() * 3 / 2);
+}
+
+TEST(Mapper, KeepsItsPosesWhenTheyCannotBeRefined) {
+  const TemporaryFolder folder;
+  Options options = coarse();
+  options.session = folder / "session";
+  Mapper mapper(small_camera(), options);
+  for (const Frame& frame : room_frames()) ASSERT_EQ(mapper.add(frame).state, FrameState::fused);
+  ASSERT_GE(mapper.keyframes().size(), 2u);
+  mapper.checkpoint();
+  ASSERT_EQ(mapper.session_problem(), "");
+  const Trajectory before = mapper.trajectory();
+  for (const auto& entry : std::filesystem::directory_iterator(options.session / "run-0001" / "keyframes"))
+    std::filesystem::remove(entry);
+  EXPECT_EQ(mapper.refine().pairs_aligned, 0);
+  ASSERT_EQ(mapper.warnings().size(), 1u);
+  EXPECT_NE(mapper.warnings()[0].find("is missing or broken"), std::string::npos) << mapper.warnings()[0];
+  EXPECT_NE(mapper.warnings()[0].find("poses stay as they are"), std::string::npos) << mapper.warnings()[0];
+  const Trajectory after = mapper.trajectory();
+  ASSERT_EQ(after.size(), before.size());
+  for (std::size_t i = 0; i < after.size(); ++i)
+    EXPECT_EQ(after[i].world_from_camera.matrix(), before[i].world_from_camera.matrix());
+}
+
+/// A recording that breaks in the middle.
+class BrokenSource : public Source {
+ public:
+  [[nodiscard]] const Camera& camera() const override { return camera_; }
+  [[nodiscard]] std::optional<int> size() const override { return std::nullopt; }
+  [[nodiscard]] std::optional<Frame> next() override {
+    if (next_ == 5) throw std::runtime_error("the disk went away");
+    return room_frames()[next_++];
+  }
+
+ private:
+  Camera camera_ = small_camera();
+  std::size_t next_ = 0;
+};
+
+TEST(Mapper, KeepsTheMapWhenFramesCannotBeFusedAgain) {
+  Mapper mapper(small_camera(), coarse());
+  for (const Frame& frame : room_frames()) ASSERT_EQ(mapper.add(frame).state, FrameState::fused);
+  const Mesh before = mapper.mesh();
+  BrokenSource source;
+  mapper.fuse_again(source);
+  ASSERT_EQ(mapper.warnings().size(), 1u);
+  EXPECT_EQ(mapper.warnings()[0], "the disk went away; frames are not fused again");
+  EXPECT_TRUE(is_same(mapper.mesh(), before));
+  EXPECT_EQ(mapper.trajectory().size(), room_frames().size());
+}
+
+TEST(Mapper, LeavesOutASubmapThatIsLost) {
+  const TemporaryFolder folder;
+  Options options = coarse();
+  options.session = folder / "session";
+  options.map.submap_keyframes = 2;
+  options.map.host_memory = 1;  // all but the last one wait on the disk
+  Mapper mapper(small_camera(), options);
+  const Scene scene = synthetic_scene("room");
+  for (int i = 0; i < 16; ++i) {
+    Frame frame = scene_frame(scene, small_camera(), 4 * i, true);
+    frame.index = i;
+    ASSERT_EQ(mapper.add(frame).state, FrameState::fused) << i;
+  }
+  ASSERT_GE(mapper.statistics().submaps, 2);
+  mapper.checkpoint();
+  ASSERT_EQ(mapper.session_problem(), "");
+  std::filesystem::remove(options.session / "run-0001" / "submap-0000.vdb");
+  mapper.begin_recording();  // the world is needed whole
+  EXPECT_FALSE(mapper.mesh().triangles.empty());
+  ASSERT_EQ(mapper.warnings().size(), 1u);
+  EXPECT_NE(mapper.warnings()[0].find("submap-0000.vdb"), std::string::npos) << mapper.warnings()[0];
+}
+
+TEST(Mapper, MapsWithoutColourOnSomeFramesOrOnAll) {
+  for (const std::size_t step : {1u, 3u}) {
+    Mapper mapper(small_camera(), coarse());
+    for (std::size_t i = 0; i < room_frames().size(); ++i) {
+      Frame frame = room_frames()[i];
+      if (i % step == 0) frame.colour.clear();
+      EXPECT_EQ(mapper.add(frame).state, FrameState::fused) << step << " " << i;
+    }
+    EXPECT_GT(mapper.mesh().triangles.size(), 1000u);
+  }
+}
+
+TEST(Mapper, BeginsNoPieceWithNothingToSee) {
+  Options options = coarse();
+  options.map.lost_frames = 3;
+  Mapper mapper(small_camera(), options);
+  ASSERT_EQ(mapper.add(room_frames()[0]).state, FrameState::fused);
+  for (int i = 1; i < 10; ++i) {
+    Frame dark = room_frames()[1];
+    dark.timestamp = i;
+    std::fill(dark.depth.begin(), dark.depth.end(), 0.0f);
+    dark.depth[static_cast<std::size_t>(i)] = 1;  // or the sensor would be stuck
+    EXPECT_EQ(mapper.add(dark).state, FrameState::lost);
+  }
+  EXPECT_EQ(mapper.statistics().pieces, 1);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,248 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "map/session.hpp"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <boost/crc.hpp>
+#include <functional>
+#include <limits>
+#include <set>
+#include <thread>
+
+#include "support/files.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Two keyframes with a loop between them.
+Session small_session() {
+  Session s;
+  s.fuse.voxel_size = 0.01f, s.fuse.truncation = 0.04f;
+  s.min_depth = 0.3f, s.max_depth = 5.0f;
+  Atlas& atlas = s.back_end.atlas;
+  for (int i = 0; i < 2; ++i) {
+    atlas.keyframes.push_back({.frame = i, .timestamp = 0.1 * i, .follows = i > 0});
+    atlas.world_from_camera.push_back(Eigen::Isometry3d::Identity());
+    atlas.frames.push_back({0.1 * i, Eigen::Isometry3d::Identity(), static_cast<std::size_t>(i)});
+    s.back_end.places.emplace_back(Eigen::Isometry3d::Identity(), true);
+    s.tracker.last.push_back({0.1 * i, Eigen::Isometry3d::Identity()});
+  }
+  atlas.loops.push_back({.edge = {.from = 0, .to = 1, .may_be_false = true}});
+  s.back_end.submaps = {false};
+  s.residency.on_device = {{1, 2, 3}};
+  s.residency.device_last_seen = {7};
+  s.number = 1;
+  s.note = "a note";
+  return s;
+}
+
+BrickTree one_brick() {
+  BrickTree tree;
+  tree.put({1, 2, 3}, BrickVoxels{5});
+  return tree;
+}
+
+std::set<std::string> names_in(const fs::path& folder) {
+  std::set<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder)) names.insert(entry.path().filename().string());
+  return names;
+}
+
+TEST(SessionFiles, ComeBackAsTheyWereWritten) {
+  const TemporaryFolder folder;
+  SessionWriter(folder / "s").write(small_session(), one_brick());
+  const ReadSession read = read_session(folder / "s");
+  EXPECT_EQ(read.session.back_end.atlas.keyframes.size(), 2u);
+  EXPECT_EQ(read.session.residency.device_last_seen, std::vector<std::uint32_t>{7});
+  EXPECT_EQ(read.session.note, "a note");
+  EXPECT_EQ(read.active.size(), 1u);
+  EXPECT_EQ(names_in(folder / "s"), (std::set<std::string>{"run-0001", "state.cbor"}));
+}
+
+TEST(SessionFiles, WithNumbersOfWhatDoesNotExistAreDamaged) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto pose = [](auto change) {
+    Eigen::Isometry3d changed = Eigen::Isometry3d::Identity();
+    change(changed);
+    return changed;
+  };
+  const Eigen::Isometry3d no_pose = pose([&](auto&p) { p.translation().x() = nan; }),
+                          bent = pose([](auto&p) { p.linear()(0, 0) = 2; });
+  const std::vector<std::function<void(Session&)>> damages{
+      [](Session& s) { s.back_end.atlas.keyframes[1].submap = 2; },
+      [](Session& s) { s.back_end.atlas.keyframes[1].searched = 2; },
+      [](Session& s) { s.back_end.atlas.keyframes[0].follows = true; },
+      [&](Session& s) { s.back_end.atlas.keyframes[0].timestamp = nan; },
+      [&](Session& s) { s.back_end.atlas.keyframes[0].piece_from_camera = no_pose; },
+      [&](Session& s) { s.back_end.atlas.keyframes[0].submap_from_camera = bent; },
+      [&](Session& s) { s.back_end.atlas.world_from_camera[1] = no_pose; },
+      [](Session& s) { s.back_end.atlas.loops[0].edge.to = 2; },
+      [](Session& s) { s.back_end.atlas.loops[0].edge.from = 1; },
+      [&](Session& s) { s.back_end.atlas.loops[0].edge.information(2, 2) = nan; },
+      [](Session& s) { s.back_end.atlas.frames[1].keyframe = 2; },
+      [&](Session& s) { s.back_end.atlas.frames[1].submap_from_camera = bent; },
+      [](Session& s) { s.back_end.atlas.frames.clear(); },
+      [](Session& s) { s.back_end.atlas.recordings = {3}; },
+      [](Session& s) {
+        s.back_end.atlas.recordings = {1, 0};
+      },
+      [](Session& s) { s.back_end.searched = 3; },
+      [](Session& s) { s.back_end.submap_begin = 3; },
+      [](Session& s) { s.back_end.places.pop_back(); },
+      [&](Session& s) { s.back_end.places[0].first = no_pose; },
+      [](Session& s) { s.tracker.last.clear(); },
+      [](Session& s) { s.tracker.last.push_back(s.tracker.last[0]); },
+      [](Session& s) { s.tracker.lost = -1; },
+      [&](Session& s) { s.tracker.usual_brightness = nan; },
+      [&](Session& s) { s.tracker.focal_costs[0] = nan; },
+      [&](Session& s) { s.keyframe.submap_from_camera = no_pose; },
+      [](Session& s) { s.residency.device_last_seen.clear(); },
+      [](Session& s) {
+        s.residency.on_host = {{1 << 30, 0, 0}}, s.residency.host_last_seen = {1};
+      },
+      [](Session& s) { s.residency.origin.x() = std::numeric_limits<int>::min(); },
+      [](Session& s) { s.camera.width = 0; },
+      [](Session& s) { s.camera.height = 1 << 30; },
+      [](Session& s) { s.camera.fx = -1; },
+      [&](Session& s) { s.camera.cx = nan; },
+      [](Session& s) { s.fuse.voxel_size = 0; },
+      [](Session& s) { s.fuse.truncation = 0; },
+      [](Session& s) { s.max_depth = 1e9f; },
+      [&](Session& s) { s.last_fused = nan; },
+  };
+  for (std::size_t i = 0; i < damages.size(); ++i) {
+    const TemporaryFolder folder;
+    Session s = small_session();
+    damages[i](s);
+    SessionWriter(folder / "s").write(s, one_brick());
+    const std::string error = error_of([&] { (void)read_session(folder / "s"); });
+    EXPECT_NE(error.find("state.cbor: is damaged ("), std::string::npos) << i << ": " << error;
+    EXPECT_EQ(error.find("json.exception"), std::string::npos) << error;
+  }
+}
+
+/// A state with a right first line.
+std::string state_of(const std::string& cbor) {
+  boost::crc_32_type crc;
+  crc.process_bytes(cbor.data(), cbor.size());
+  std::string line(32, ' ');
+  line.resize(
+      static_cast<std::size_t>(std::snprintf(line.data(), line.size(), "cairn session 3 %08x\n", crc.checksum())));
+  return line + cbor;
+}
+
+TEST(SessionFiles, ThatAreNoStateAreDamagedInPlainWords) {
+  const TemporaryFolder folder;
+  fs::create_directory(folder / "s");
+  // A number, an empty map, arrays a million deep, a text that is cut off.
+  for (const std::string& cbor :
+       {std::string("\x01"), std::string("\xa0"), std::string(1000000, '\x81'), std::string("\x79\xff")}) {
+    write_text(folder / "s" / "state.cbor", state_of(cbor));
+    const std::string error = error_of([&] { (void)read_session(folder / "s"); });
+    EXPECT_NE(error.find("state.cbor: is damaged ("), std::string::npos) << error;
+    EXPECT_EQ(error.find("json.exception"), std::string::npos) << error;
+  }
+}
+
+TEST(SessionFiles, HaveOneWriterAndTheSecondIsToldWhoItIs) {
+  const TemporaryFolder folder;
+  {
+    SessionWriter writer(folder / "s");
+    writer.write(small_session(), one_brick());
+    for (const auto& second :
+         {std::function<void()>([&] { const SessionWriter w(folder / "s"); }),
+          std::function<void()>([&] { const SessionWriter w(folder / "s", read_session(folder / "s")); }),
+          std::function<void()>([&] { const SessionLock lock(folder / "s"); })}) {
+      const std::string error = error_of(second);
+      EXPECT_NE(error.find("another run writes into it (process " + std::to_string(getpid()) + ": "), std::string::npos)
+          << error;
+      EXPECT_NE(error.find("_tests"), std::string::npos) << error;
+    }
+    EXPECT_EQ(read_session(folder / "s").session.note, "a note");
+  }
+  // A lock that a killed one left is on nothing.
+  write_text(folder / "s" / "lock", "process 1: somebody");
+  const SessionWriter writer(folder / "s", read_session(folder / "s"));
+}
+
+TEST(SessionFiles, OfTheRunBeforeStayUntilANewOneIsComplete) {
+  const TemporaryFolder folder;
+  Session s = small_session();
+  SessionWriter(folder / "s").write(s, one_brick());
+  {
+    const SessionWriter second(folder / "s");
+    EXPECT_EQ(second.files().filename(), "run-0002");
+    EXPECT_EQ(read_session(folder / "s").session.note, "a note");
+  }
+  EXPECT_EQ(names_in(folder / "s"), (std::set<std::string>{"run-0001", "state.cbor"}));
+  {
+    SessionWriter second(folder / "s");
+    s.note = "another";
+    second.write(s, one_brick());
+    EXPECT_EQ(names_in(folder / "s"), (std::set<std::string>{"lock", "run-0002", "state.cbor"}));
+  }
+  EXPECT_EQ(read_session(folder / "s").session.note, "another");
+  remove_session(folder / "s", SessionLock(folder / "s"));
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
+TEST(SessionFiles, OfARunThatFailedAreGone) {
+  const TemporaryFolder folder;
+  { const SessionWriter writer(folder / "s"); }
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
+TEST(SessionFiles, OfKilledRunsAreRemovedAtTheNextStart) {
+  const TemporaryFolder folder;
+  SessionWriter(folder / "s").write(small_session(), one_brick());
+  const fs::path run = folder / "s" / "run-0001";
+  for (const fs::path& left : {folder / "s" / ".cairn-4711.state.cbor", run / ".cairn-4711.submap-0000.vdb",
+                               run / "keyframes" / ".cairn-4711.000001.corners", run / "active-000002.vdb"})
+    write_text(left, "half");
+  fs::create_directories(folder / "s" / "run-0002" / "keyframes");
+  const SessionWriter writer(folder / "s", read_session(folder / "s"));
+  EXPECT_EQ(names_in(folder / "s"), (std::set<std::string>{"lock", "run-0001", "state.cbor"}));
+  EXPECT_EQ(names_in(run), (std::set<std::string>{"active-000001.vdb", "keyframes"}));
+  EXPECT_TRUE(fs::is_empty(run / "keyframes"));
+}
+
+TEST(SessionFiles, ThatAreBeingReadStayUntilTheyAreNot) {
+  const TemporaryFolder folder;
+  SessionWriter(folder / "s").write(small_session(), one_brick());
+  std::optional<ReadSession> reader(read_session(folder / "s"));
+  SessionWriter second(folder / "s");
+  second.write(small_session(), one_brick());
+  EXPECT_TRUE(fs::exists(reader->files / "active-000001.vdb"));
+  reader.reset();
+  second.write(small_session(), one_brick());
+  EXPECT_EQ(names_in(folder / "s"), (std::set<std::string>{"lock", "run-0002", "state.cbor"}));
+}
+
+TEST(SessionFiles, AreWholeForWhoeverReadsBesideTheWriter) {
+  const TemporaryFolder folder;
+  SessionWriter(folder / "s").write(small_session(), one_brick());
+  std::atomic<bool> ended = false;
+  std::thread writing([&] {
+    Session s = small_session();
+    for (int run = 0; run < 10; ++run) {
+      SessionWriter writer(folder / "s");
+      for (int i = 0; i < 5; ++i) {
+        ++s.number;
+        writer.write(s, one_brick());
+      }
+    }
+    ended = true;
+  });
+  int read = 0;
+  for (; !ended; ++read) EXPECT_EQ(read_session(folder / "s").active.size(), 1u);
+  writing.join();
+  EXPECT_GT(read, 5);
+}
+
+}  // namespace
+}  // namespace cairn

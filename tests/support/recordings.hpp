@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <filesystem>
+#include <string>
+
+#include "io/tum_writer.hpp"
+#include "support/files.hpp"
+#include "support/scenes.hpp"
+
+namespace cairn {
+
+/// What a recording that is made for a test shows.
+struct SmallRecording {
+  int frames = 40;
+  double speed = 1;       // times that of the scene's own path
+  double turns_at = 1e9;  // seconds after which the camera goes back the same way
+  bool colour = true;
+  std::string scene = "room";
+};
+
+/// Writes a recording of 160x120 pixels: whole runs of it take a second. What suits it is written beside it, as
+/// FOLDER.yaml, for --config: 3 cm voxels and short submaps.
+inline void write_small_recording(const std::filesystem::path& folder, const SmallRecording& r = {}) {
+  const Camera camera{160, 120, 131.25, 131.25, 79.5, 59.5, {}};
+  const Scene scene = synthetic_scene(r.scene);
+  SceneRenderer render(test_device(), scene, camera);
+  TumWriter writer(folder, camera);
+  for (int i = 0; i < r.frames; ++i) {
+    const double time = r.speed * i / 30.0;
+    auto images = render(scene.world_from_camera(time > r.turns_at ? 2 * r.turns_at - time : time));
+    if (!r.colour) images.colour.clear();
+    writer.add(encode(
+        {.index = i, .timestamp = i / 30.0, .depth = std::move(images.depth), .colour = std::move(images.colour)},
+        camera));
+  }
+  if (!r.colour) {  // a folder of depth images alone
+    for (const char* name : {"rgb", "rgb.txt", "depth.txt", "camera.yaml"}) std::filesystem::remove_all(folder / name);
+    write_text(
+        folder / "intrinsics.json",
+        R"({"width": 160, "height": 120, "fx": 131.25, "fy": 131.25, "cx": 79.5, "cy": 59.5, "depth_scale": 5000})");
+  }
+  std::filesystem::path config = folder;
+  config += ".yaml";
+  write_text(config,
+             "fuse: {voxel_size: 0.03, truncation: 0.12}\ntrack: {finest_level: 0}\n"
+             "map: {submap_keyframes: 6}\n");
+}
+
+}  // namespace cairn
