@@ -106,6 +106,7 @@ void live(const Arguments& a) {
       }
       if (frame && !paused) {
         const FrameReport report = run.add(*frame, milliseconds(std::exchange(waited, {})));
+        if (run.stopped()) break;
         fused += report.state == FrameState::fused;
         const double latency = milliseconds(Clock::now() - stream.arrived());
         latencies.add(latency);

@@ -71,7 +71,7 @@ void Outputs::attempt(const char* what, const std::function<void()>& work) {
   try {
     work();
   } catch (const std::exception& error) {
-    if (failed_.empty()) why_ = error.what();
+    if (why_.empty()) why_ = error.what();
     failed_.emplace_back(what);
   }
 }
@@ -156,8 +156,12 @@ void Outputs::write_report(const nlohmann::json& report) {
 }
 
 void Outputs::expect_all() const {
-  if (failed_.empty()) return;
-  const bool has_session = failed_[0] != "session" && std::filesystem::exists(output_ / "session" / "state.cbor");
+  if (why_.empty()) return;
+  const bool has_session =
+      (failed_.empty() || failed_[0] != "session") && std::filesystem::exists(output_ / "session" / "state.cbor");
+  if (failed_.empty())
+    throw std::runtime_error(fmt::format("{}; {} holds what was fused before{}", why_, output_.string(),
+                                         has_session ? ", the same command with --resume goes on from there" : ""));
   std::string what = fmt::format("{}", fmt::join(failed_, ", "));
   std::string remedy = has_session ? "the same command with --resume makes what is missing"
                                    : "the same command makes it again from the beginning";

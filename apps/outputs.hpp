@@ -20,14 +20,16 @@ using Timed = std::function<void(const char* stage, const std::function<void()>&
 /// Writes a map's files one after the other. One that fails leaves the others.
 class Outputs {
  public:
-  Outputs(std::filesystem::path output, Timed timed) : output_(std::move(output)), timed_(std::move(timed)) {}
+  /// `stopped`: why the run ended before its recording did, or nothing.
+  Outputs(std::filesystem::path output, Timed timed, std::string stopped = {})
+      : output_(std::move(output)), timed_(std::move(timed)), why_(std::move(stopped)) {}
   /// Writes the session with `note`, if there is one, the trajectories, for a tracked map graph.g2o and graph.svg,
   /// map.vdb, and mesh.glb last. Returns what report.json tells about them and the map.
   [[nodiscard]] nlohmann::json write(Mapper& mapper, Poses poses, const ExportOptions& options,
                                      const std::string& note);
   /// Writes report.json and report.html, which needs the other outputs.
   void write_report(const nlohmann::json& report);
-  /// Throws std::runtime_error with what could not be written, why, and how to make it, if anything.
+  /// Throws std::runtime_error if the run stopped or anything could not be written: why, and how to make it.
   void expect_all() const;
 
  private:
@@ -35,7 +37,7 @@ class Outputs {
   std::filesystem::path output_;
   Timed timed_;
   std::vector<std::string> failed_;  // names of outputs
-  std::string why_;                  // the first one
+  std::string why_;                  // it stopped, or the first of them could not be written
 };
 
 /// What report.json and --json tell of an exported mesh.

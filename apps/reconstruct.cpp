@@ -68,6 +68,7 @@ void reconstruct(const Arguments& a) {
       if (!frame) break;
       const FrameReport report =
           run.add(*frame, std::chrono::duration<double, std::milli>(Clock::now() - waited).count());
+      if (run.stopped()) break;
       progress.step(words(report));
       waited = Clock::now();
     }
@@ -75,14 +76,14 @@ void reconstruct(const Arguments& a) {
   if (const std::string why = source->ended_early(); !why.empty()) run.warn(why);
 
   nlohmann::json more;
-  if (a.refine || a.refuse)
+  if ((a.refine || a.refuse) && !run.stopped())
     run.timed("refine", [&] {
       const Refined refined = run.mapper().refine();
       more["refined"] = {{"keyframes", refined.keyframes},         {"pairs_tried", refined.pairs_tried},
                          {"pairs_aligned", refined.pairs_aligned}, {"pairs_believed", refined.pairs_believed},
                          {"cost_before", refined.cost_before},     {"cost", refined.cost}};
     });
-  if (a.refuse)
+  if (a.refuse && !run.stopped())
     run.timed("fuse again", [&] {
       const auto again = open_source(a, parse_frames(a.frames));
       Progress progress(again->size());

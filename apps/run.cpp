@@ -155,7 +155,14 @@ FrameReport Run::add(const Frame& frame, double waited_ms) {
                       "out --texture",
                       arguments_.sequence, kColourless));
   }
-  FrameReport report = mapper_->add(frame);
+  FrameReport report;
+  try {
+    report = mapper_->add(frame);
+  } catch (const std::exception& error) {
+    if (progressed_.frames.count("fused") == 0) throw;
+    stopped_ = fmt::format("{}: frame {}: {}", arguments_.sequence, progressed_.next, error.what());
+    return report;
+  }
   tell_warnings();
   report.stage_ms["wait for decoding"] = waited_ms;
   for (const auto& [stage, ms] : report.stage_ms) stages_[stage].add(ms);
@@ -201,7 +208,7 @@ void Run::finish(const nlohmann::json& more) {
         sequence, f.scale * camera_.fx, f.error_best, camera_.fx, f.error_given, f.pairs));
 
   arguments_.mesh.source = (fs::exists(sequence) ? tidy(sequence) : fs::path(sequence)).filename().string();
-  Outputs outputs(output, [this](const char* stage, const auto& work) { timed(stage, work); });
+  Outputs outputs(output, [this](const char* stage, const auto& work) { timed(stage, work); }, stopped_);
   nlohmann::json report = outputs.write(*mapper_, poses_, arguments_.mesh, progressed_.note());
   if (const int pieces = report["submaps"]["pieces"]; pieces > 1)
     warn(fmt::format("{} pieces of the map are not joined by any loop; the largest is written, the session keeps all",

@@ -61,7 +61,10 @@ class Run {
   Run(RunArguments arguments, const Options& options, Poses poses, const Camera& camera, Progressed progressed,
       bool is_next_recording);
 
+  /// Fuses a frame. One at which the mapper fails, as without memory, stops the run: it is to be finished then. Throws
+  /// std::runtime_error if that is the first.
   FrameReport add(const Frame& frame, double waited_ms);
+  [[nodiscard]] bool stopped() const { return !stopped_.empty(); }
   /// Forgets the map and begins again with the next frame.
   void reset();
   [[nodiscard]] Mapper& mapper() { return *mapper_; }
@@ -87,6 +90,7 @@ class Run {
   std::optional<Mapper> mapper_;
   std::map<std::string, Durations> stages_;
   std::vector<std::string> warnings_;
+  std::string stopped_;  // why
   bool has_colour_ = false;
   int colourless_ = 0;    // frames before there is colour
   std::size_t told_ = 0;  // of the map's own warnings

@@ -20,6 +20,16 @@ void Atlas::add(const Keyframe& keyframe) {
   keyframes.push_back(keyframe);
 }
 
+void Atlas::add_frame(double timestamp, const Eigen::Isometry3d& submap_from_camera) {
+  const Eigen::Isometry3d keyframe_from_camera = keyframes.back().submap_from_camera.inverse() * submap_from_camera;
+  frames.push_back({timestamp, static_cast<std::uint32_t>(keyframes.size() - 1),
+                    logarithm(keyframe_from_camera).cast<float>()});
+}
+
+Eigen::Isometry3d Atlas::submap_from_camera(const FusedFrame& frame) const {
+  return keyframes[frame.keyframe].submap_from_camera * exponential(frame.twist.cast<double>());
+}
+
 Eigen::Isometry3d Atlas::correction(std::size_t keyframe) const {
   return world_from_camera[keyframe] * keyframes[keyframe].submap_from_camera.inverse();
 }
@@ -99,7 +109,7 @@ Trajectory Atlas::trajectory(std::size_t piece, std::size_t begin, std::size_t e
       const Eigen::Isometry3d rest = at.inverse() * correction(next) * was;
       move = at * exponential((frame.timestamp - before) / (after - before) * logarithm(rest)) * was.inverse();
     }
-    Eigen::Isometry3d pose = move * frame.submap_from_camera;
+    Eigen::Isometry3d pose = move * submap_from_camera(frame);
     pose.linear() = Eigen::Quaterniond(pose.linear()).normalized().toRotationMatrix();
     trajectory.push_back({frame.timestamp, pose});
   }

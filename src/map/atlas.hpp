@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // What the map knows as a whole: keyframes, how they lie to each other, and submaps.
 #pragma once
+#include <deque>
 #include <vector>
 
 #include "cairn/trajectory.hpp"
@@ -18,11 +19,12 @@ struct Loop {
   bool believed = true;               // by the pose graph
 };
 
-/// A fused frame.
+/// A fused frame. A run of hours has many: 40 bytes each.
 struct FusedFrame {
-  double timestamp = 0;  // seconds
-  Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
-  std::size_t keyframe = 0;  // the newest at its time
+  double timestamp = 0;        // seconds
+  std::uint32_t keyframe = 0;  // the newest at its time
+  /// keyframe_from_camera, the logarithm: they lie near each other, so that single precision is right to a micrometre.
+  Eigen::Matrix<float, 6, 1> twist = Eigen::Matrix<float, 6, 1>::Zero();
 };
 
 /// Tracking and fusion live in the submaps' frame; where that lies in the world is told by the keyframes, which the
@@ -32,11 +34,14 @@ struct Atlas {
   std::vector<Keyframe> keyframes;
   std::vector<Eigen::Isometry3d> world_from_camera;  // of the keyframes
   std::vector<Loop> loops;
-  std::vector<FusedFrame> frames;
+  std::deque<FusedFrame> frames;
   std::vector<std::size_t> recordings;  // the first frame of each recording after the first
 
   /// Adds a keyframe where its tracked pose puts it.
   void add(const Keyframe& keyframe);
+  /// Adds a frame, the newest keyframe or one after it.
+  void add_frame(double timestamp, const Eigen::Isometry3d& submap_from_camera);
+  [[nodiscard]] Eigen::Isometry3d submap_from_camera(const FusedFrame& frame) const;
   /// What a keyframe was moved by: world_from_submap at its place.
   [[nodiscard]] Eigen::Isometry3d correction(std::size_t keyframe) const;
   /// Parts that neither tracking nor a loop joins, by keyframe: the number of the first keyframe of its part.

@@ -64,7 +64,7 @@ bool BackEnd::add(const Frame& frame, const Eigen::Isometry3d& submap_from_camer
     if (breaks && in_world_) tie_to_world(information);
     if (options_.map.loops) look_for_loop();
   }
-  atlas_.frames.push_back({frame.timestamp, submap_from_camera, atlas_.keyframes.size() - 1});
+  atlas_.add_frame(frame.timestamp, submap_from_camera);
   return is_keyframe;
 }
 
@@ -92,7 +92,7 @@ void BackEnd::end_submap(Volume& volume, std::uint32_t stamp, bool keep) {
     leave_frame();
     return;
   }
-  BrickTree voxels = volume.split(submap_since_, atlas_.frames.back().submap_from_camera.translation(),
+  BrickTree voxels = volume.split(submap_since_, atlas_.submap_from_camera(atlas_.frames.back()).translation(),
                                   keep ? options_.surface.max_depth : 0.0f);
   submaps_.add(std::move(voxels));
   searched_ = submap_begin_;
@@ -249,7 +249,7 @@ std::pair<int, bool> BackEnd::append(const BackEnd& other) {
     atlas_.loops.push_back(loop);
   }
   for (FusedFrame frame : other.atlas_.frames) {
-    frame.keyframe += keyframes;
+    frame.keyframe += static_cast<std::uint32_t>(keyframes);
     atlas_.frames.push_back(frame);
   }
   atlas_.recordings.push_back(frames);
@@ -324,7 +324,9 @@ void BackEnd::rebase(std::uint32_t since) {
   const Trajectory poses = atlas_.trajectory(main, 0, atlas_.frames.size());
   std::size_t next = 0;
   for (FusedFrame& frame : atlas_.frames)
-    if (piece_of[frame.keyframe] == main) frame.submap_from_camera = poses[next++].world_from_camera;
+    if (piece_of[frame.keyframe] == main)
+      frame.twist = logarithm(atlas_.world_from_camera[frame.keyframe].inverse() * poses[next++].world_from_camera)
+                        .cast<float>();
   std::vector<bool> used(submaps_.size() + 1, false);
   for (std::size_t k = 0; k < atlas_.keyframes.size(); ++k) {
     if (piece_of[k] == main) {

@@ -196,7 +196,7 @@ struct Mapper::State {
       keyframes.push_back(
           {.image = k,
            .world_from_camera = atlas.world_from_camera[k],
-           .velocity = velocity(atlas.frames, i, [&](std::size_t j) { return atlas.frames[j].submap_from_camera; }),
+           .velocity = velocity(atlas.frames, i, [&](std::size_t j) { return atlas.submap_from_camera(atlas.frames[j]); }),
            .colour_delay = atlas.keyframes[k].colour_delay - tracker.clock_offset()});
     }
     return keyframes;

@@ -127,7 +127,7 @@ std::vector<Brick> bricks_of(const Json& json) {
 }
 
 Json atlas_json(const Atlas& atlas) {
-  Out keyframes, loops, frames, recordings;
+  Out keyframes, loops, recordings;
   for (std::size_t k = 0; k < atlas.keyframes.size(); ++k) {
     const Keyframe& f = atlas.keyframes[k];
     keyframes << f.frame << f.timestamp << f.colour_delay << f.submap << f.searched << f.follows << f.piece_from_camera
@@ -137,11 +137,17 @@ Json atlas_json(const Atlas& atlas) {
   for (const Loop& l : atlas.loops)
     loops << l.edge.from << l.edge.to << l.edge.from_from_to << l.edge.information << l.corners << l.inlier_share
           << l.rmse << l.believed;
-  for (const FusedFrame& f : atlas.frames) frames << f.timestamp << f.submap_from_camera << f.keyframe;
+  std::vector<double> stamps;
+  std::vector<std::uint32_t> their_keyframes;
+  std::vector<float> twists;
+  for (const FusedFrame& f : atlas.frames) {
+    stamps.push_back(f.timestamp), their_keyframes.push_back(f.keyframe);
+    twists.insert(twists.end(), f.twist.begin(), f.twist.end());
+  }
   for (const std::size_t first : atlas.recordings) recordings << first;
   return {{"keyframes", keyframes.json()},
           {"loops", loops.json()},
-          {"frames", frames.json()},
+          {"frames", {{"stamps", blob(stamps)}, {"keyframes", blob(their_keyframes)}, {"twists", blob(twists)}}},
           {"recordings", recordings.json()}};
 }
 
@@ -165,11 +171,14 @@ Atlas atlas_of(const Json& json) {
     l.edge.may_be_false = true;
     atlas.loops.push_back(l);
   }
-  for (In in(json.at("frames")); !in.at_end();) {
-    FusedFrame f;
-    in >> f.timestamp >> f.submap_from_camera >> f.keyframe;
-    atlas.frames.push_back(f);
-  }
+  const Json& frames = json.at("frames");
+  const auto stamps = unblob<double>(frames.at("stamps"));
+  const auto their_keyframes = unblob<std::uint32_t>(frames.at("keyframes"));
+  const auto twists = unblob<float>(frames.at("twists"));
+  if (their_keyframes.size() != stamps.size() || twists.size() != 6 * stamps.size())
+    throw std::runtime_error("frames and their places do not match");
+  for (std::size_t i = 0; i < stamps.size(); ++i)
+    atlas.frames.push_back({stamps[i], their_keyframes[i], Eigen::Map<const Eigen::Matrix<float, 6, 1>>(&twists[6 * i])});
   for (In in(json.at("recordings")); !in.at_end();) in >> atlas.recordings.emplace_back();
   return atlas;
 }
@@ -313,8 +322,7 @@ void validate(const Session& s) {
   require(atlas.frames.empty() == (keyframes == 0), "keyframes and frames do not match");
   for (const FusedFrame& f : atlas.frames) {
     require(f.keyframe < keyframes, "a keyframe is missing");
-    require(std::isfinite(f.timestamp), "a number is none");
-    require_rigid(f.submap_from_camera);
+    require(std::isfinite(f.timestamp) && f.twist.allFinite(), "a number is none");
   }
   require(std::is_sorted(atlas.recordings.begin(), atlas.recordings.end()) &&
               (atlas.recordings.empty() || atlas.recordings.back() <= atlas.frames.size()),

@@ -21,6 +21,7 @@ const elsewhere = {
   './scripts/demo': 'CI runs it by itself',
   './scripts/test': 'it runs this test',
   'scripts/test -L quick': 'the tests run by themselves',
+  'scripts/tidy': 'CI runs it by itself',
   'build/release/tests/cairn_bench': 'minutes',
   '$cairn evaluate mesh out/map/mesh.glb out/flat/groundtruth_mesh.ply --trajectory out/map/trajectory.txt --truth-trajectory out/flat --box -1 -1.5 -3.9 1 1.5 0':
     'the box is where 1400 frames come back to: minutes',
@@ -64,7 +65,7 @@ before(() => {
   mkdirSync(join(work, 'build/release/tests'), { recursive: true });
   mkdirSync(join(work, 'assets'));
   const keep = (name) => join(kept, name);
-  run('synth', 'room', '-o', keep('recording'), '--frames', '30');
+  run('synth', 'room', '-o', keep('recording'), '--frames', '30', '--width', '320');
   run('reconstruct', keep('recording'), '-o', keep('map'));
   run('reconstruct', keep('recording'), '-o', keep('other'), '--frames', '5:30');
   run('export', keep('map'), '-o', keep('x.glb'), '--simplify', '0.1');
@@ -83,13 +84,14 @@ before(() => {
   }).join('\n') + '\n');
   inputs['groundtruth.txt'] = inputs['rgbd_dataset_freiburg2_desk/groundtruth.txt'] = keep('captured.txt');
 
-  // cairn, but with few frames, and on a port that is free.
+  // cairn, but with few and small frames, and on a port that is free.
   writeFileSync(join(work, 'build/release/cairn'), `#!/usr/bin/env bash
 words=("$@") frames=0
 for i in "\${!words[@]}"; do
   [[ \${words[i]} != --frames || $1 != synth ]] || { words[i+1]=30; frames=1; }
 done
 [[ $1 != synth || $frames == 1 ]] || words+=(--frames 30)
+[[ $1 != synth ]] || words+=(--width 320)
 [[ $1 != view && " $* " != *" --view "* ]] || words+=(--port 0)
 exec '${cairn}' "\${words[@]}"
 `, { mode: 0o755 });

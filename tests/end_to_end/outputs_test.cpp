@@ -145,6 +145,20 @@ TEST_F(Outputs, AreWrittenAlsoWhenTheMeshCannotBe) {
   EXPECT_EQ(nlohmann::json::parse(more.out)["frames"]["total"], 12);
 }
 
+TEST_F(Outputs, HoldWhatWasFusedBeforeTheDeviceFailed) {
+  const std::string failing = "VK_LAYER_PATH='" + faulty_device_folder() +
+                              "' VK_INSTANCE_LAYERS=VK_LAYER_CAIRN_faulty_device CAIRN_VALIDATION=0 "
+                              "CAIRN_FAULTS=submit=60";
+  expect_last_line(run(reconstruct("rec", "stopped"), failing), 1, "--resume goes on from there");
+  const std::size_t before = read_trajectory(*folder / "stopped/trajectory.txt").size();
+  EXPECT_GT(before, 0u);
+  EXPECT_LT(before, 20u);
+  EXPECT_FALSE(read_mesh(*folder / "stopped/mesh.glb").triangles.empty());
+  const Ran resumed = run(reconstruct("rec", "stopped", {"--resume"}));
+  EXPECT_EQ(resumed.exit_code, 0) << resumed.err;
+  EXPECT_EQ(read_trajectory(*folder / "stopped/trajectory.txt").size(), 20u);
+}
+
 TEST_F(Outputs, AreNotChangedByReading) {
   const auto before = bytes_below(*folder / "map");
   const std::vector<std::vector<std::string>> reading{

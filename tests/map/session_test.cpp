@@ -28,7 +28,7 @@ Session small_session() {
   for (int i = 0; i < 2; ++i) {
     atlas.keyframes.push_back({.frame = i, .timestamp = 0.1 * i, .follows = i > 0});
     atlas.world_from_camera.push_back(Eigen::Isometry3d::Identity());
-    atlas.frames.push_back({0.1 * i, Eigen::Isometry3d::Identity(), static_cast<std::size_t>(i)});
+    atlas.add_frame(0.1 * i, Eigen::Isometry3d::Identity());
     s.back_end.places.emplace_back(Eigen::Isometry3d::Identity(), true);
     s.tracker.last.push_back({0.1 * i, Eigen::Isometry3d::Identity()});
   }
@@ -85,7 +85,7 @@ TEST(SessionFiles, WithNumbersOfWhatDoesNotExistAreDamaged) {
       [](Session& s) { s.back_end.atlas.loops[0].edge.from = 1; },
       [&](Session& s) { s.back_end.atlas.loops[0].edge.information(2, 2) = nan; },
       [](Session& s) { s.back_end.atlas.frames[1].keyframe = 2; },
-      [&](Session& s) { s.back_end.atlas.frames[1].submap_from_camera = bent; },
+      [&](Session& s) { s.back_end.atlas.frames[1].twist[2] = std::numeric_limits<float>::infinity(); },
       [](Session& s) { s.back_end.atlas.frames.clear(); },
       [](Session& s) { s.back_end.atlas.recordings = {3}; },
       [](Session& s) {
