@@ -3,7 +3,6 @@
 #include "run.hpp"
 
 #include <fmt/format.h>
-#include <malloc.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
 
@@ -170,7 +169,6 @@ FrameReport Run::add(const Frame& frame, double waited_ms) {
   progressed_.next = report.index + 1;
   progressed_.frames.add(to_json(report));
   if (std::chrono::duration<double>(Clock::now() - saved_).count() >= arguments_.checkpoint_seconds) {
-    malloc_trim(0);  // the last one copied the volume: a run of hours would creep by what is left of such copies
     mapper_->checkpoint(progressed_.note());
     saved_ = Clock::now();
   }

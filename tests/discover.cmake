@@ -5,7 +5,7 @@
 # so that they can be dealt to all cores, and so do those that are skipped where there are no recordings.
 #
 # Labels: quick or slow; data (needs recordings beside the project's folder), program (runs cairn as a user does),
-# subgroups (the kernels with subgroups of 4 and 16), and browser in CMakeLists.txt.
+# subgroups (sums with subgroups of 4 and 16), and browser in CMakeLists.txt.
 cmake_minimum_required(VERSION 3.25)
 if(NOT EXISTS "${PROGRAM}")
   add_test(cairn_tests_is_not_built "${PROGRAM}")
@@ -35,9 +35,8 @@ set(data "^Real/Recording\\.|PoseGraphBenchmark|AllAlongARecording|^EvaluateTraj
 set(program "^(Program|Session|Export|Live|Record|Real/Recording)\\.|^(Faults|Kills|Outputs)$")
 # These measure time, or show what two threads do: nothing else runs beside them.
 set(alone "^Live\\.|^Record\\.|^NewestFrame")
-# Suites that run kernels and little else.
-set(kernels Align IcpReduce PhotometricReduce Preprocess Integrate Raycast Volume Polygonize Merge Esdf FreeBricks
-            DistanceField World WorldParts TextureViews Batch Device Places)
+# Suites of the kernels that add up within subgroups.
+set(kernels Align IcpReduce PhotometricReduce Tracker Device)
 
 function(add name filter seconds)
   add_test("${name}" "${PROGRAM}" "--gtest_filter=${filter}" --gtest_brief=1)
@@ -114,8 +113,8 @@ list(JOIN filter ":" filter)
 list(JOIN others ":" others)
 foreach(width 128 512)
   math(EXPR size "${width} / 32")
-  set(name Kernels.InSubgroupsOf${size})
-  add(${name} "${filter}-${others}" 30 subgroups)
+  set(name Sums.InSubgroupsOf${size})
+  add(${name} "${filter}-${others}" 15 subgroups)
   set_tests_properties(${name} PROPERTIES ENVIRONMENT
     "LP_NATIVE_VECTOR_WIDTH=${width};MESA_SHADER_CACHE_DIR=${FOLDER}/shader-cache-${width}")
 endforeach()

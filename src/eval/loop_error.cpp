@@ -33,6 +33,7 @@ LoopError evaluate_loops(const std::vector<LoopMeasured>& loops, const std::vect
     found.insert(loop.to);
   }
   std::vector<std::optional<Eigen::Isometry3d>> poses;
+  poses.reserve(keyframes.size());
   for (const auto& [time, searched] : keyframes) poses.push_back(at(time));
   for (std::size_t k = 0; k < keyframes.size(); ++k) {
     const auto searched = std::min(static_cast<std::size_t>(std::max(0, keyframes[k].second)), k);

@@ -32,7 +32,7 @@ T value_of(const YAML::Node& node, const std::string& key, const char* expected)
 }
 
 std::vector<double> numbers(const YAML::Node& y, const char* key, std::size_t count, const char* expected) {
-  const auto values = value_of<std::vector<double>>(y[key], key, expected);
+  auto values = value_of<std::vector<double>>(y[key], key, expected);
   if (values.size() != count) throw std::runtime_error(fmt::format("`{}` takes {}", key, expected));
   return values;
 }

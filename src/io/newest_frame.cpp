@@ -13,7 +13,7 @@ constexpr double kReadEarly = 1.5;  // times as long as reading a frame takes
 }  // namespace
 
 NewestFrame::NewestFrame(std::unique_ptr<Source> source, Pace pace)
-    : WrappedSource(std::move(source)), thread_([this, pace](std::stop_token stop) {
+    : WrappedSource(std::move(source)), thread_([this, pace](const std::stop_token& stop) {
         try {
           pace == Pace::as_recorded ? play(stop) : run(stop);
         } catch (...) {

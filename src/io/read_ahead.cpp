@@ -18,7 +18,7 @@ class ReadAhead final : public WrappedSource {
   ReadAhead(std::unique_ptr<Source> source, int ahead)
       : WrappedSource(std::move(source)),
         ahead_(static_cast<std::size_t>(ahead)),
-        thread_([this](std::stop_token s) { run(s); }) {}
+        thread_([this](const std::stop_token& s) { run(s); }) {}
 
   std::optional<Frame> next() override {
     std::unique_lock lock(mutex_);

@@ -51,6 +51,7 @@ Brick cell_at(const Brick& cell, int level) {
 
 void take(std::vector<std::uint8_t>& values, const std::vector<std::uint32_t>& kept) {
   std::vector<std::uint8_t> taken;
+  taken.reserve(kept.size());
   for (const std::uint32_t v : kept) taken.push_back(values[v]);
   values = std::move(taken);
 }

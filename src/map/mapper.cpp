@@ -2,6 +2,8 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "cairn/mapper.hpp"
 
+#include <malloc.h>
+
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -196,7 +198,8 @@ struct Mapper::State {
       keyframes.push_back(
           {.image = k,
            .world_from_camera = atlas.world_from_camera[k],
-           .velocity = velocity(atlas.frames, i, [&](std::size_t j) { return atlas.submap_from_camera(atlas.frames[j]); }),
+           .velocity =
+               velocity(atlas.frames, i, [&](std::size_t j) { return atlas.submap_from_camera(atlas.frames[j]); }),
            .colour_delay = atlas.keyframes[k].colour_delay - tracker.clock_offset()});
     }
     return keyframes;
@@ -524,16 +527,20 @@ void Mapper::checkpoint(const std::string& note) {
                   .note = note};
   s.problem = s.back_end.store();
   if (!s.problem.empty()) return;  // the checkpoint before still holds
-  s.writing = std::async(std::launch::async,
-                         [&writer = *s.writer, session = std::move(session),
-                          active = std::make_shared<const BrickTree>(s.volume.on_host().copy())]() -> std::string {
-                           try {
-                             writer.write(session, *active);
-                             return {};
-                           } catch (const std::exception& error) {
-                             return error.what();
-                           }
-                         });
+  s.writing = std::async(
+      std::launch::async,
+      [&writer = *s.writer, session = std::make_unique<const Session>(std::move(session)),
+       active = std::make_unique<const BrickTree>(s.volume.on_host().copy())]() mutable -> std::string {
+        std::string problem;
+        try {
+          writer.write(*session, *active);
+        } catch (const std::exception& error) {
+          problem = error.what();
+        }
+        session.reset(), active.reset();  // the future that holds this function lives until the next checkpoint
+        malloc_trim(0);                   // a run of hours would creep by what is left of such copies
+        return problem;
+      });
 }
 
 std::string Mapper::session_problem() const {

@@ -41,7 +41,7 @@ std::optional<Match> MatchSurfaces::operator()(const Frame& to, const Eigen::Iso
 
 std::optional<Match> MatchSurfaces::both_ways(const Frame& from, const Frame& to, const Eigen::Isometry3d& guess) {
   set_from(from);
-  const auto there = (*this)(to, guess);
+  auto there = (*this)(to, guess);
   if (!there) return std::nullopt;
   set_from(to);
   const auto back = (*this)(from, there->from_from_to.inverse());

@@ -99,8 +99,8 @@ class In {
   requires std::is_arithmetic_v<T> In& operator>>(T& value) {
     const double number = next();
     if constexpr (std::is_integral_v<T>) {
-      constexpr double kEnd = 4 * static_cast<double>(std::numeric_limits<T>::max() / 4 + 1);  // one past the last
-      if (!(number >= static_cast<double>(std::numeric_limits<T>::min()) && number < kEnd &&
+      const double end = std::ldexp(1.0, std::numeric_limits<T>::digits);  // one past the last
+      if (!(number >= static_cast<double>(std::numeric_limits<T>::min()) && number < end &&
             number == std::floor(number)))
         throw std::runtime_error("a number is out of range");
     }
@@ -178,7 +178,8 @@ Atlas atlas_of(const Json& json) {
   if (their_keyframes.size() != stamps.size() || twists.size() != 6 * stamps.size())
     throw std::runtime_error("frames and their places do not match");
   for (std::size_t i = 0; i < stamps.size(); ++i)
-    atlas.frames.push_back({stamps[i], their_keyframes[i], Eigen::Map<const Eigen::Matrix<float, 6, 1>>(&twists[6 * i])});
+    atlas.frames.push_back(
+        {stamps[i], their_keyframes[i], Eigen::Map<const Eigen::Matrix<float, 6, 1>>(&twists[6 * i])});
   for (In in(json.at("recordings")); !in.at_end();) in >> atlas.recordings.emplace_back();
   return atlas;
 }

@@ -100,7 +100,7 @@ std::shared_ptr<const BrickTree> Submaps::voxels(std::size_t i) {
   if (!voxels_[i]) {
     voxels_[i] = std::make_shared<const BrickTree>(read_bricks(file(i)));
     ++counts_.read_back;
-    const auto held = voxels_[i];
+    auto held = voxels_[i];
     keep_within_budget();
     return held;
   }

@@ -15,6 +15,7 @@
 #include "cairn/scene.hpp"
 #include "cairn/source.hpp"
 #include "support/files.hpp"
+#include "support/recordings.hpp"
 #include "support/shared.hpp"
 #include "volume/grids.hpp"
 
@@ -65,6 +66,19 @@ TEST_F(Program, WritesTheSameBytesFromTheSameInput) {
   for (const char* name : {"a", "b"})
     ASSERT_EQ(run_cairn({"reconstruct", sequence(), "-o", (out / name).string(), "--frames", "0:20"}).exit_code, 0);
   for (const char* file : {"mesh.glb", "map.vdb", "trajectory.txt"})
+    EXPECT_EQ(read_bytes(out / "a" / file), read_bytes(out / "b" / file)) << file;
+}
+
+TEST_F(Program, WritesTheSameBytesAfterALoopWithOneThreadAndOneCore) {
+  write_small_recording(out / "loop", {.frames = 40, .speed = 4, .turns_at = 2.6});
+  const auto run = [&](const char* name, const std::string& environment) {
+    return json_of(run_cairn({"reconstruct", (out / "loop").string(), "-o", (out / name).string(), "--config",
+                              (out / "loop.yaml").string(), "--refine", "--json"},
+                             environment));
+  };
+  EXPECT_GT(run("a", "")["loops"].size(), 0u);
+  (void)run("b", "LP_NUM_THREADS=1 taskset -c 0");
+  for (const char* file : {"mesh.glb", "map.vdb", "trajectory.txt", "graph.g2o"})
     EXPECT_EQ(read_bytes(out / "a" / file), read_bytes(out / "b" / file)) << file;
 }
 
