@@ -8,7 +8,7 @@
 namespace cairn::shader {
 #endif
 
-const uint kBox = 0;       // turned by yaw about the vertical
+const uint kBox = 0;       // turned about the vertical
 const uint kSphere = 1;    // radius half_size.x
 const uint kCylinder = 2;  // upright: radius half_size.x, half height half_size.y
 const uint kHollow = 3;    // everything outside a box: the walls of a room
@@ -22,7 +22,7 @@ const uint kPatches = 4;   // cells of random colours, like books or a picture
 struct Solid {
   vec3 centre;
   vec3 half_size;
-  float yaw;     // radians
+  vec2 heading;  // cosine and sine of the turn
   float reach;   // of a ball around the centre that holds the solid; of kHollow, which is around everything: endless
   uint shape;
   uint pattern;

@@ -4,6 +4,7 @@
 // the view, as the surface of a diffuse object does.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_ballot : require
 #include "shaders/scene.h"
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { SceneRenderPush push; };
@@ -32,9 +33,8 @@ float noise(vec3 p) {
                  mix(hash(i + ivec3(0, 1, 1)), hash(i + ivec3(1, 1, 1)), f.x), f.y),
              f.z);
 }
-vec3 turn(vec3 v, float yaw) {
-  float c = cos(yaw), s = sin(yaw);
-  return vec3(c * v.x + s * v.z, v.y, -s * v.x + c * v.z);
+vec3 turn(vec3 v, vec2 heading) {
+  return vec3(heading.x * v.x + heading.y * v.z, v.y, -heading.y * v.x + heading.x * v.z);
 }
 
 // Where a ray enters a box around the origin, x, and leaves it, y; the faces' axes tell the normals.
@@ -94,36 +94,49 @@ vec3 texture_at(Solid solid, vec3 p, vec3 n) {
   return base * (0.62 + 0.5 * grain + 0.22 * (blotch - 0.5));
 }
 
+// Whether the ball around a solid reaches into the cone around the directions of a workgroup's pixels.
+bool is_near(uint i, vec3 o, vec3 axis, float cosine, float sine) {
+  vec3 m = solids[i].centre - o;
+  float reach = solids[i].reach, along = dot(m, axis), beside = sqrt(max(dot(m, m) - along * along, 0.0));
+  bool in_front = along * cosine + beside * sine >= 0.0;  // the nearest part of the cone is not its tip
+  return in_front ? beside * cosine - along * sine <= reach : dot(m, m) <= reach * reach;
+}
+
 void main() {
   uvec2 pixel = gl_GlobalInvocationID.xy;
-  if (pixel.x >= push.camera.width || pixel.y >= push.camera.height) return;
   vec3 d = rotate(push.world_from_camera, ray_through(push.camera, vec2(pixel)));
   vec3 o = push.world_from_camera.t;
+  vec2 corner = vec2(gl_WorkGroupID.xy * gl_WorkGroupSize.xy), size = vec2(gl_WorkGroupSize.xy) - 1.0;
+  vec3 axis = normalize(ray_through(push.camera, corner + 0.5 * size));
+  float cosine_of_cone = 1.0;
+  for (uint c = 0u; c < 4u; ++c)
+    cosine_of_cone = min(cosine_of_cone, dot(axis, normalize(ray_through(push.camera, corner + size * vec2(c & 1u, c >> 1u)))));
+  axis = rotate(push.world_from_camera, axis);
+  float sine_of_cone = sqrt(max(1.0 - cosine_of_cone * cosine_of_cone, 0.0)) + 1e-4;  // with room for rounding
   vec4 best = vec4(0.0, 0.0, 0.0, kFar);
   uint which = 0u;
-  for (uint first = 0u; first < push.solids; first += 32u) {
-    // Most solids lie beside the ray, which a ball around each tells; the others are marked and met in a loop of their own.
-    uint marked = 0u;
-    for (uint i = first; i < min(first + 32u, push.solids); ++i) {
-      vec3 m = solids[i].centre - o;
-      float along = dot(m, d), reach = solids[i].reach * solids[i].reach;
-      bool near = dot(m, m) - along * along / dot(d, d) <= reach && (along > 0.0 || dot(m, m) <= reach);
-      marked |= (near ? 1u : 0u) << (i - first);
-    }
+  uint step = min(gl_SubgroupSize, 32u);
+  for (uint first = 0u; first < push.solids; first += step) {
+    // Most solids lie beside the workgroup's pixels: each thread looks at one, then all meet those that do not.
+    uint mine = first + gl_SubgroupInvocationID;
+    bool near = gl_SubgroupInvocationID < step && mine < push.solids &&
+                is_near(min(mine, push.solids - 1u), o, axis, cosine_of_cone, sine_of_cone);
+    uint marked = subgroupBallot(near).x;
     while (marked != 0u) {
       uint i = first + findLSB(marked);
       marked &= marked - 1u;
       Solid solid = solids[i];
-      vec4 hit = meet(solid, turn(o - solid.centre, solid.yaw), turn(d, solid.yaw));
+      vec4 hit = meet(solid, turn(o - solid.centre, solid.heading), turn(d, solid.heading));
       which = hit.w < best.w ? i : which;
       best = hit.w < best.w ? hit : best;
     }
   }
+  if (pixel.x >= push.camera.width || pixel.y >= push.camera.height) return;
   uint at = pixel.y * push.camera.width + pixel.x;
   bool found = best.w < 100.0;
   Solid solid = solids[which];
-  vec3 n = turn(best.xyz, -solid.yaw);
-  vec3 p = turn(o + d * best.w - solid.centre, solid.yaw);
+  vec3 n = turn(best.xyz, vec2(solid.heading.x, -solid.heading.y));
+  vec3 p = turn(o + d * best.w - solid.centre, solid.heading);
   float light = 0.75 + 0.25 * dot(n, normalize(vec3(0.4, -0.8, -0.45)));
   vec3 shade = clamp(texture_at(solid, p, best.xyz) * light * 1.15, 0.0, 1.0);
   depth[at] = found ? best.w : 0.0;

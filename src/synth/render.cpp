@@ -19,7 +19,7 @@ float reach(const Scene::Solid& s) {
 shader::Solid to_shader(const Scene::Solid& s) {
   return {.centre = s.centre,
           .half_size = s.half_size,
-          .yaw = s.yaw,
+          .heading = {std::cos(s.yaw), std::sin(s.yaw)},
           .reach = reach(s),
           .shape = static_cast<std::uint32_t>(s.shape),
           .pattern = static_cast<std::uint32_t>(s.pattern),

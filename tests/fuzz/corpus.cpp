@@ -136,7 +136,7 @@ void write_sessions(const fs::path& folder, const fs::path& work) {
   for (const auto& [time, pose] : path()) {
     atlas.keyframes.push_back({.timestamp = time, .acceleration = Eigen::Vector3d::UnitY()});
     atlas.world_from_camera.push_back(pose);
-    atlas.add_frame(time, pose);
+    atlas.frames.push_back({.timestamp = time, .keyframe = static_cast<std::uint32_t>(atlas.keyframes.size() - 1)});
     session.back_end.places.emplace_back(pose, true);
     session.tracker.last.push_back({.timestamp = time, .submap_from_camera = pose});
   }
