@@ -19,7 +19,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
-constexpr int kLevelOnCpu = 2;    // TrackOptions::finest_level
+constexpr int kWidthOnCpu = 256;  // pixels across that are aligned: the most
 constexpr auto kPatience = 50ms;  // for a frame, before the viewers are looked after
 
 struct Arguments : RunArguments {
@@ -60,24 +60,28 @@ class Stream {
 
 double milliseconds(Clock::duration d) { return std::chrono::duration<double, std::milli>(d).count(); }
 
-/// A CPU keeps up with more frames when it aligns them at a quarter of the resolution: that costs less accuracy than
-/// frames that are left out.
-Options defaults_of(const Arguments& a) {
+/// A CPU keeps up with more frames when it aligns few of their pixels, of 640x480 every fourth: that costs less
+/// accuracy than frames that are left out. Small images are aligned as everywhere.
+Options defaults_of(const Arguments& a, const Camera& camera) {
   Options options;
   const auto devices = gpu::list_devices();
   const bool is_cpu = std::all_of(devices.begin(), devices.end(), [&](const gpu::DeviceInfo& d) {
     return d.type == "cpu" || !d.missing.empty() || (a.device >= 0 && d.index != a.device);
   });
-  if (is_cpu && !a.as_fast_as_possible) options.track.finest_level = kLevelOnCpu;
+  if (is_cpu && !a.as_fast_as_possible)
+    while (options.track.finest_level + 1 < options.track.levels &&
+           camera.width >> options.track.finest_level > kWidthOnCpu)
+      ++options.track.finest_level;
   return options;
 }
 
 void live(const Arguments& a) {
-  const Options options = options_of(a, Poses::tracked, defaults_of(a));
+  Options options = options_of(a, Poses::tracked);  // what is wrong with them is told before a sensor is opened
   const Beginning begin = beginning(a, options, {});
   std::optional<LiveView> view;
   if (a.view) view.emplace(a.port);
   Stream stream(a, begin.range);
+  options = options_of(a, Poses::tracked, defaults_of(a, stream.source().camera()));
   Run run(a, options, Poses::tracked, stream.source().camera(), begin.progressed, begin.is_next_recording);
   if (view) view->begin(run.mapper(), stream.source().camera(), options);
 

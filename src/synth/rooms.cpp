@@ -15,8 +15,8 @@ using Eigen::Vector3f;
 constexpr double kFloor = 1.3;  // metres below the camera's height
 
 /// A box that stands on the floor.
-Scene::Solid standing(float x, float z, Vector3f size, float above, Pattern pattern, float scale, Vector3f colour,
-                      Vector3f second, float yaw = 0) {
+Scene::Solid standing(float x, float z, Vector3f size, float above, Pattern pattern, float scale,
+                      const Vector3f& colour, const Vector3f& second, float yaw = 0) {
   return {Shape::box, {x, static_cast<float>(kFloor) - above - size.y() / 2, z}, size / 2, yaw, pattern, scale, colour,
           second};
 }
@@ -356,7 +356,8 @@ std::vector<Scene::Solid> corridor_around_a_block() {
   s.push_back(
       {Shape::box, {3, 0, 0}, {1.8f, 1.3f, 1.8f}, 0, Pattern::patches, 0.25f, {0.5f, 0.6f, 0.65f}, {0.8f, 0.5f, 0.3f}});
   for (int i = 0; i < 16; ++i) {  // boxes and columns along the walls, each of its own size
-    const float along = -3.6f + 0.9f * static_cast<float>(i / 2), side = i % 2 == 0 ? -0.98f : 6.98f;
+    const int row = i / 2;
+    const float along = -3.6f + 0.9f * static_cast<float>(row), side = i % 2 == 0 ? -0.98f : 6.98f;
     const float height = 0.5f + 0.37f * static_cast<float>(i * 7 % 5);
     s.push_back(standing(side, along, {0.36f, height, 0.3f + 0.05f * static_cast<float>(i % 4)}, 0, Pattern::patches,
                          0.08f, {0.3f + 0.04f * static_cast<float>(i), 0.5f, 0.3f}, {0.8f, 0.3f, 0.5f},

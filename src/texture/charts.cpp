@@ -363,7 +363,9 @@ std::optional<TextureAtlas> pack(const Mesh& mesh, const std::vector<Chart>& cha
             if (!mesh.colours.empty())
               colour += inside * Eigen::Vector3f(mesh.colours[v][0], mesh.colours[v][1], mesh.colours[v][2]);
           }
-          const auto byte = [](float f) { return static_cast<std::uint32_t>(std::clamp(f, 0.0f, 255.0f) + 0.5f); };
+          const auto byte = [](float f) {
+            return static_cast<std::uint32_t>(std::lround(std::clamp(f, 0.0f, 255.0f)));
+          };
           const std::size_t slot = first + static_cast<std::size_t>(k);
           tiles.points[slot] = {position,
                                 shader::pack_normal(normal.norm() > 1e-6f ? normal : Eigen::Vector3f::UnitZ()),
@@ -442,7 +444,7 @@ void fill_between(Texture& texture, std::vector<bool> known) {
       if (const std::size_t i = index(texture.width, x, y); !known[i])
         for (int c = 0; c < 3; ++c)
           texture.texels[i][static_cast<std::size_t>(c)] =
-              static_cast<std::uint8_t>(levels[0].colour[index(levels[0].width, x / 2, y / 2)][c] + 0.5f);
+              static_cast<std::uint8_t>(std::lround(levels[0].colour[index(levels[0].width, x / 2, y / 2)][c]));
 }
 
 }  // namespace cairn

@@ -301,6 +301,7 @@ void TextureViews::register_colour() {
       }
       const Residuals now = residuals_of(at, &all);
       std::vector<Residuals> moved;
+      moved.reserve(beside.size());
       for (const auto& b : beside) moved.push_back(residuals_of(b, &all));
       Eigen::Matrix<double, 7, 7> a = Eigen::Matrix<double, 7, 7>::Zero();
       Vector g = Vector::Zero();

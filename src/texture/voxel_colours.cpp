@@ -32,7 +32,7 @@ std::uint32_t VoxelColours::at(const Eigen::Vector3f& place, std::uint32_t other
   }
   if (!(total > 0)) return otherwise;
   const Eigen::Vector3f mean = sum / total;
-  const auto byte = [](float value) { return static_cast<std::uint32_t>(value + 0.5f); };
+  const auto byte = [](float value) { return static_cast<std::uint32_t>(std::lround(value)); };
   return byte(mean.x()) | byte(mean.y()) << 8 | byte(mean.z()) << 16;
 }
 

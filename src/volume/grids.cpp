@@ -59,6 +59,7 @@ typename Grid::Ptr make_grid(const VoxelTree& tree, const char* name, const Grid
   std::vector<const VoxelTree::LeafNodeType*> from;
   tree.getNodes(from);
   std::vector<typename Grid::TreeType::LeafNodeType*> to;
+  to.reserve(from.size());
   for (const auto* leaf : from) to.push_back(grid->tree().touchLeaf(leaf->origin()));
   tbb::parallel_for(std::size_t{0}, from.size(), [&](std::size_t i) {
     for (openvdb::Index n = 0; n < 512; ++n) {

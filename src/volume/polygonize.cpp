@@ -83,6 +83,7 @@ Mesh Polygonize::polygonize(Volume& volume, std::span<const Brick> wanted,
     for (std::uint32_t c = 1; c < 8; ++c)
       if (const Brick neighbour = b + corner(c); !is_wanted.contains(neighbour) && exists(neighbour))
         is_wanted[neighbour] = false;
+  bricks.reserve(is_wanted.size());
   for (const auto& [brick, unused] : is_wanted) bricks.push_back(brick);
   std::sort(bricks.begin(), bricks.end(), by_cell);
   // Those that make triangles come first.
