@@ -29,7 +29,7 @@ double memory_mb() {
 }
 
 nlohmann::json to_json(const Eigen::Isometry3d& pose) {  // column by column, as three.js takes it
-  const Eigen::Matrix4d m = pose.matrix();
+  const Eigen::Matrix4d& m = pose.matrix();
   return std::vector<double>(m.data(), m.data() + 16);
 }
 

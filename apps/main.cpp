@@ -21,9 +21,7 @@ int ended(int exit_code) {
   return 1;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int run(int argc, char** argv) {
   spdlog::set_default_logger(spdlog::stderr_color_mt("cairn"));
   spdlog::set_pattern("%^%l%$ %v");
   CLI::App program("Dense RGB-D mapping: a depth-camera stream becomes a mesh, a TSDF and a trajectory.", "cairn");
@@ -49,4 +47,15 @@ int main(int argc, char** argv) {
     return 1;
   }
   return ended(0);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const std::exception& error) {  // while it began, or told of another
+    std::fprintf(stderr, "cairn: %s\n", error.what());
+    return 1;
+  }
 }

@@ -60,6 +60,16 @@ double tick_of(double length) {
   return 20.0;
 }
 
+/// Multiples of `step` from `begin` to `end`.
+std::vector<double> multiples(float begin, float end, double step) {
+  const auto first = std::lround(std::ceil(static_cast<double>(begin) / step)),
+             last = std::lround(std::floor(static_cast<double>(end) / step));
+  std::vector<double> values;
+  values.reserve(static_cast<std::size_t>(std::max(0L, last - first + 1)));
+  for (long i = first; i <= last; ++i) values.push_back(static_cast<double>(i) * step);
+  return values;
+}
+
 }  // namespace
 
 void write_slice(const std::filesystem::path& png, const DistanceField& field, int axis, float at) {
@@ -99,14 +109,12 @@ void write_slice(const std::filesystem::path& png, const DistanceField& field, i
   cv::rectangle(image, {kMargin - 1, kMargin - 1, columns + 2, rows + 2}, kInk);
   text(image, fmt::format("signed distance at {} = {:.2f} m, lines every 0.25 m", "xyz"[axis], at), {kMargin, 40});
   const double tick = tick_of(static_cast<double>(std::max(width, height)));
-  for (double v = std::ceil(static_cast<double>(box.min()[across]) / tick) * tick;
-       v <= static_cast<double>(box.max()[across]); v += tick) {
+  for (const double v : multiples(box.min()[across], box.max()[across], tick)) {
     const int x = kMargin + static_cast<int>((v - static_cast<double>(box.min()[across])) / static_cast<double>(pixel));
     cv::line(image, {x, kMargin + rows}, {x, kMargin + rows + 5}, kInk);
     text(image, fmt::format("{:g}", std::round(v * 10) / 10 + 0.0), {x, kMargin + rows + 22}, true);
   }
-  for (double v = std::ceil(static_cast<double>(box.min()[down]) / tick) * tick;
-       v <= static_cast<double>(box.max()[down]); v += tick) {
+  for (const double v : multiples(box.min()[down], box.max()[down], tick)) {
     const auto offset = static_cast<int>((v - static_cast<double>(box.min()[down])) / static_cast<double>(pixel));
     const int y = kMargin + (is_flipped ? rows - 1 - offset : offset);
     cv::line(image, {kMargin - 6, y}, {kMargin - 1, y}, kInk);

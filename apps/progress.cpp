@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <cstdio>
 #include <utility>
 
@@ -45,7 +46,7 @@ void Progress::show(const std::string& state) {
   const double rate = done_ / std::max(std::chrono::duration<double>(now - start_).count(), 1e-9);
   std::string line = fmt::format("{}{} {}  {:.1f}/s", done_, total_ ? fmt::format("/{}", *total_) : "", what_, rate);
   if (total_) {
-    const int left = static_cast<int>((*total_ - done_) / rate + 0.5);
+    const int left = static_cast<int>(std::lround((*total_ - done_) / rate));
     line += fmt::format("  {}:{:02} left", left / 60, left % 60);
     if (terminal_) {
       const int filled = kBarWidth * done_ / std::max(*total_, 1);

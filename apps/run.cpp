@@ -206,7 +206,8 @@ void Run::finish(const nlohmann::json& more) {
         sequence, f.scale * camera_.fx, f.error_best, camera_.fx, f.error_given, f.pairs));
 
   arguments_.mesh.source = (fs::exists(sequence) ? tidy(sequence) : fs::path(sequence)).filename().string();
-  Outputs outputs(output, [this](const char* stage, const auto& work) { timed(stage, work); }, stopped_);
+  Outputs outputs(
+      output, [this](const char* stage, const auto& work) { timed(stage, work); }, stopped_);
   nlohmann::json report = outputs.write(*mapper_, poses_, arguments_.mesh, progressed_.note());
   if (const int pieces = report["submaps"]["pieces"]; pieces > 1)
     warn(fmt::format("{} pieces of the map are not joined by any loop; the largest is written, the session keeps all",

@@ -4,7 +4,7 @@
 // the view, as the surface of a diffuse object does.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_arithmetic : require
 #include "shaders/scene.h"
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { SceneRenderPush push; };
@@ -115,13 +115,14 @@ void main() {
   float sine_of_cone = sqrt(max(1.0 - cosine_of_cone * cosine_of_cone, 0.0)) + 1e-4;  // with room for rounding
   vec4 best = vec4(0.0, 0.0, 0.0, kFar);
   uint which = 0u;
-  uint step = min(gl_SubgroupSize, 32u);
+  // Counted, since lavapipe numbers the threads of a subgroup of 16 wrongly (Mesa 22.3).
+  uint lane = subgroupExclusiveAdd(1u), step = min(subgroupAdd(1u), 32u);
   for (uint first = 0u; first < push.solids; first += step) {
     // Most solids lie beside the workgroup's pixels: each thread looks at one, then all meet those that do not.
-    uint mine = first + gl_SubgroupInvocationID;
-    bool near = gl_SubgroupInvocationID < step && mine < push.solids &&
+    uint mine = first + lane;
+    bool near = lane < step && mine < push.solids &&
                 is_near(min(mine, push.solids - 1u), o, axis, cosine_of_cone, sine_of_cone);
-    uint marked = subgroupBallot(near).x;
+    uint marked = subgroupOr(near ? 1u << lane : 0u);
     while (marked != 0u) {
       uint i = first + findLSB(marked);
       marked &= marked - 1u;

@@ -137,10 +137,9 @@ std::string missing_feature(const vk::raii::PhysicalDevice& physical) {
   if (!v12.bufferDeviceAddress) return "bufferDeviceAddress";
   const auto subgroup = physical.getProperties2<vk::PhysicalDeviceProperties2, vk::PhysicalDeviceSubgroupProperties>()
                             .get<vk::PhysicalDeviceSubgroupProperties>();
-  constexpr auto kOperations = vk::SubgroupFeatureFlagBits::eArithmetic | vk::SubgroupFeatureFlagBits::eBallot;
-  if ((subgroup.supportedOperations & kOperations) != kOperations ||
+  if (!(subgroup.supportedOperations & vk::SubgroupFeatureFlagBits::eArithmetic) ||
       !(subgroup.supportedStages & vk::ShaderStageFlagBits::eCompute))
-    return "subgroup arithmetic and ballots in compute shaders";
+    return "subgroup arithmetic in compute shaders";
   if (!compute_family(physical)) return "a compute queue with timestamps";
   return {};
 }

@@ -22,8 +22,8 @@ void Atlas::add(const Keyframe& keyframe) {
 
 void Atlas::add_frame(double timestamp, const Eigen::Isometry3d& submap_from_camera) {
   const Eigen::Isometry3d keyframe_from_camera = keyframes.back().submap_from_camera.inverse() * submap_from_camera;
-  frames.push_back({timestamp, static_cast<std::uint32_t>(keyframes.size() - 1),
-                    logarithm(keyframe_from_camera).cast<float>()});
+  frames.push_back(
+      {timestamp, static_cast<std::uint32_t>(keyframes.size() - 1), logarithm(keyframe_from_camera).cast<float>()});
 }
 
 Eigen::Isometry3d Atlas::submap_from_camera(const FusedFrame& frame) const {

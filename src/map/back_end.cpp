@@ -325,8 +325,8 @@ void BackEnd::rebase(std::uint32_t since) {
   std::size_t next = 0;
   for (FusedFrame& frame : atlas_.frames)
     if (piece_of[frame.keyframe] == main)
-      frame.twist = logarithm(atlas_.world_from_camera[frame.keyframe].inverse() * poses[next++].world_from_camera)
-                        .cast<float>();
+      frame.twist =
+          logarithm(atlas_.world_from_camera[frame.keyframe].inverse() * poses[next++].world_from_camera).cast<float>();
   std::vector<bool> used(submaps_.size() + 1, false);
   for (std::size_t k = 0; k < atlas_.keyframes.size(); ++k) {
     if (piece_of[k] == main) {
