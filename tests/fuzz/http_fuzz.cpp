@@ -5,6 +5,9 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 
+#include <cerrno>
+#include <cstdio>
+
 #include "fuzz.hpp"
 #include "view/server.hpp"
 
@@ -51,7 +54,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   address.sin_family = AF_INET;
   address.sin_port = htons(static_cast<std::uint16_t>(site.port));
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  if (connect(connection, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0) std::abort();  // it died
+  int connected = -1;
+  do connected = connect(connection, reinterpret_cast<sockaddr*>(&address), sizeof address);
+  while (connected != 0 && errno == EINTR);  // libFuzzer's clock
+  if (connected != 0 && errno != EISCONN) {
+    std::perror("the server is gone");
+    std::abort();
+  }
   (void)!send(connection, bytes.data(), bytes.size(), MSG_NOSIGNAL);
   shutdown(connection, SHUT_WR);
   char answer[4096];

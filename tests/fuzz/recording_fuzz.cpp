@@ -44,7 +44,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (const char* known : kFiles)
       if (name.starts_with('@') && name.substr(1) == known) {
         fuzz::file_of(std::string("recording/") + known, rest.substr(0, end));
-        if (name.ends_with("pose.txt")) fs::copy_file(folder / "depth/1.png", folder / "frame-000000.depth.png");
+        if (name.ends_with("pose.txt"))
+          fs::copy_file(folder / "depth/1.png", folder / "frame-000000.depth.png",
+                        fs::copy_options::overwrite_existing);
       }
     rest.remove_prefix(std::min(end, rest.size()));
   }

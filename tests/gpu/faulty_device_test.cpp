@@ -115,8 +115,11 @@ TEST(FaultyDevice, AnyAllocationMayFailAndWhatWasFusedStays) {
           EXPECT_FALSE(mapper.mesh().triangles.empty());
         } catch (const std::runtime_error& error) {
           expect_told(error);
-          EXPECT_GE(mapper.trajectory().size(), fused);  // the frame that failed may have got its place
-          EXPECT_EQ(fused > 0, !mapper.mesh().triangles.empty()) << n;
+          // The frame that failed may have got its place, and be part of the surface.
+          EXPECT_GE(mapper.trajectory().size(), fused);
+          if (fused > 0) {
+            EXPECT_FALSE(mapper.mesh().triangles.empty()) << n;
+          }
         }
       } catch (const std::runtime_error& error) {
         expect_told(error);
@@ -128,7 +131,7 @@ TEST(FaultyDevice, AnyAllocationMayFailAndWhatWasFusedStays) {
   }
   EXPECT_GT(failed, 10);
   EXPECT_GT(after_checkpoint, 0);
-  RecordProperty("allocations_failed", failed);
+  std::printf("%d allocations failed, one in each run\n", failed);
 }
 
 TEST(FaultyDevice, LimitsThatVulkanGuaranteesAreEnough) {
