@@ -124,14 +124,6 @@ void tell(const Tracked& tracked, FrameReport& report) {
   report.iterations = a.iterations;
 }
 
-/// As the session was made.
-Options options_of(const Session& session) {
-  Options options;
-  options.fuse.voxel_size = session.fuse.voxel_size, options.fuse.truncation = session.fuse.truncation;
-  options.surface.min_depth = session.min_depth, options.surface.max_depth = session.max_depth;
-  return options;
-}
-
 /// Options for the part of the mapper that has its files in a run's folder.
 Options with_files(Options options, const std::filesystem::path& files) {
   options.session = files;

@@ -291,16 +291,8 @@ void require_near(const Brick& brick) {
 
 /// Everything that others take for granted: numbers of what exists, finite values.
 void validate(const Session& s) {
-  const Camera& c = s.camera;
-  constexpr int kMostPixels = 1 << 14;  // a side
-  require(c.width > 0 && c.height > 0 && c.width <= kMostPixels && c.height <= kMostPixels && c.fx > 0 && c.fy > 0 &&
-              std::isfinite(c.fx) && std::isfinite(c.fy) && std::isfinite(c.cx) && std::isfinite(c.cy) &&
-              std::all_of(c.distortion.begin(), c.distortion.end(), [](double d) { return std::isfinite(d); }),
-          "its camera is none");
-  Options options;
-  options.fuse.voxel_size = s.fuse.voxel_size, options.fuse.truncation = s.fuse.truncation;
-  options.surface.min_depth = s.min_depth, options.surface.max_depth = s.max_depth;
-  check(options);
+  check(s.camera);
+  check(options_of(s));
   require(run_number(s.run).has_value(), "it names no run");
 
   const BackEnd::Memory& m = s.back_end;
@@ -449,6 +441,13 @@ bool is_ours(const std::string& name) {
 }
 
 }  // namespace
+
+Options options_of(const Session& session) {
+  Options options;
+  options.fuse.voxel_size = session.fuse.voxel_size, options.fuse.truncation = session.fuse.truncation;
+  options.surface.min_depth = session.min_depth, options.surface.max_depth = session.max_depth;
+  return options;
+}
 
 ReadSession read_session(const fs::path& session) {
   const fs::path file = session / kState;

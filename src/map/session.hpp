@@ -34,6 +34,9 @@ struct Session {
   std::string note;          // of whoever drives the mapper
 };
 
+/// Those that the session was made with; the others have their defaults.
+[[nodiscard]] Options options_of(const Session& session);
+
 struct ReadSession {
   Session session;
   BrickTree active;

@@ -32,18 +32,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-int number_from(const char* variable, int otherwise) {
-  const char* value = std::getenv(variable);
-  return value == nullptr ? otherwise : std::atoi(value);
-}
-
-std::map<std::string, std::string> bytes_below(const fs::path& folder) {
-  std::map<std::string, std::string> bytes;
-  for (const auto& entry : fs::recursive_directory_iterator(folder))
-    if (entry.is_regular_file()) bytes[fs::relative(entry.path(), folder).string()] = read_bytes(entry.path());
-  return bytes;
-}
-
 /// A small recording that comes back to where it was, what becomes of it, and an older map.
 class HardTimes : public testing::Test {
  protected:
@@ -266,7 +254,7 @@ class Kills : public HardTimes {
   /// Runs the program and kills it after so long. Returns its exit code, or nothing if it was killed.
   static std::optional<int> run_and_kill(const std::vector<std::string>& arguments, double seconds,
                                          const fs::path& err) {
-    const std::string program = cairn_program();
+    const std::string program = program_file();
     std::vector<char*> argv{const_cast<char*>(program.c_str())};
     for (const std::string& a : arguments) argv.push_back(const_cast<char*>(a.c_str()));
     argv.push_back(nullptr);

@@ -18,13 +18,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::map<std::string, std::string> bytes_below(const fs::path& folder) {
-  std::map<std::string, std::string> bytes;
-  for (const auto& entry : fs::recursive_directory_iterator(folder))
-    bytes[fs::relative(entry.path(), folder).string()] = entry.is_regular_file() ? read_bytes(entry.path()) : "";
-  return bytes;
-}
-
 /// A working folder with small recordings and a map. Names are relative to it.
 class Outputs : public testing::Test {
  protected:
@@ -151,10 +144,7 @@ TEST_F(Outputs, AreWrittenAlsoWhenTheMeshCannotBe) {
 }
 
 TEST_F(Outputs, HoldWhatWasFusedBeforeTheDeviceFailed) {
-  const std::string failing = "VK_LAYER_PATH='" + faulty_device_folder() +
-                              "' VK_INSTANCE_LAYERS=VK_LAYER_CAIRN_faulty_device CAIRN_VALIDATION=0 "
-                              "CAIRN_FAULTS=submit=60";
-  expect_last_line(run(reconstruct("rec", "stopped"), failing), 1, "--resume goes on from there");
+  expect_last_line(run(reconstruct("rec", "stopped"), faulty_device("submit=60")), 1, "--resume goes on from there");
   const std::size_t before = read_trajectory(*folder / "stopped/trajectory.txt").size();
   EXPECT_GT(before, 0u);
   EXPECT_LT(before, 20u);
@@ -225,7 +215,7 @@ TEST_F(Outputs, GoOnWithARecordingThatWasMovedAndNotWithAnotherInItsPlace) {
 }
 
 TEST_F(Outputs, ToAFullStdoutAreAnError) {
-  const std::string in = "cd '" + folder->path().string() + "'; '" + cairn_program() + "' ";
+  const std::string in = "cd '" + folder->path().string() + "'; '" + program_file().string() + "' ";
   for (const char* command :
        {"--help", "--version", "devices", "export map -o full.ply", "export map -o full.ply --json",
         "evaluate trajectory map/trajectory.txt map/trajectory.txt"}) {

@@ -15,14 +15,12 @@
 namespace cairn {
 namespace {
 
-constexpr const char* kLayer = "VK_LAYER_CAIRN_faulty_device";
-
 /// While it lives every device that is made has these faults.
 class Faults {
  public:
   explicit Faults(const std::string& words) {
     setenv("VK_LAYER_PATH", faulty_device_folder().c_str(), 1);
-    setenv("VK_INSTANCE_LAYERS", kLayer, 1);
+    setenv("VK_INSTANCE_LAYERS", kFaultyDevice, 1);
     setenv("CAIRN_FAULTS", words.c_str(), 1);
     unsetenv("CAIRN_VALIDATION");
   }
@@ -82,8 +80,7 @@ TEST(FaultyDevice, AnyAllocationMayFailAndWhatWasFusedStays) {
   const Scene scene = synthetic_scene("room");
   std::vector<Frame> frames;
   for (int i = 0; i < 6; ++i) frames.push_back(scene_frame(scene, camera, 3 * i));
-  const char* every = std::getenv("CAIRN_FAULTS_EVERY");  // `scripts/campaign faults` takes every one
-  const long step = every != nullptr ? std::atol(every) : 9;
+  const int step = number_from("CAIRN_FAULTS_EVERY", 9);  // `scripts/campaign faults` takes every one
   int failed = 0, after_checkpoint = 0;
   bool any = true;
   for (long n = 1; any; n += step) {
@@ -144,8 +141,7 @@ TEST(FaultyDevice, LimitsThatVulkanGuaranteesAreEnough) {
   };
   reconstruct("usual", "");
   // Subgroups of 8 or 16 that are told to be of 4; 300 workgroups instead of 65,535 are less than a frame needs.
-  reconstruct("least", "VK_LAYER_PATH='" + faulty_device_folder() + "' VK_INSTANCE_LAYERS=" + kLayer +
-                           " CAIRN_VALIDATION=0 CAIRN_FAULTS='groups=300 piece=268435456 subgroup=4 uncached'");
+  reconstruct("least", faulty_device("groups=300 piece=268435456 subgroup=4 uncached"));
   for (const char* name : {"mesh.glb", "map.vdb", "trajectory.txt"})
     EXPECT_TRUE(read_bytes(folder / "usual" / name) == read_bytes(folder / "least" / name)) << name;
 }

@@ -16,6 +16,10 @@ namespace fs = std::filesystem;
 fs::path data_folder() { return CAIRN_DATA; }
 std::string openni_folder() { return CAIRN_OPENNI; }
 std::string faulty_device_folder() { return CAIRN_FAULTY_DEVICE; }
+std::string faulty_device(const std::string& faults) {
+  return "VK_LAYER_PATH='" + faulty_device_folder() + "' VK_INSTANCE_LAYERS=" + kFaultyDevice +
+         " CAIRN_VALIDATION=0 CAIRN_FAULTS='" + faults + "'";
+}
 fs::path program_file() { return CAIRN_PROGRAM; }
 fs::path shared_folder() { return CAIRN_SHARED; }
 std::string faults_library() { return CAIRN_FAULTS; }
@@ -37,7 +41,17 @@ std::string read_bytes(const fs::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-std::string cairn_program() { return CAIRN_PROGRAM; }
+std::map<std::string, std::string> bytes_below(const fs::path& folder) {
+  std::map<std::string, std::string> bytes;
+  for (const auto& entry : fs::recursive_directory_iterator(folder))
+    bytes[fs::relative(entry.path(), folder).string()] = entry.is_regular_file() ? read_bytes(entry.path()) : "";
+  return bytes;
+}
+
+int number_from(const char* variable, int otherwise) {
+  const char* value = std::getenv(variable);
+  return value == nullptr ? otherwise : std::atoi(value);
+}
 
 Ran run_cairn(const std::vector<std::string>& arguments, const std::string& environment) {
   const TemporaryFolder folder;

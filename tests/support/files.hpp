@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -14,8 +15,11 @@ namespace cairn {
 [[nodiscard]] std::filesystem::path data_folder();
 /// A copy of OpenNI2 whose only sensor is the virtual one of tests/sensor.
 [[nodiscard]] std::string openni_folder();
-/// The folder of a Vulkan layer that fails and lacks what CAIRN_FAULTS asks for, see tests/faulty_device.
+/// A Vulkan layer that fails and lacks what CAIRN_FAULTS asks for, see tests/faulty_device, and its folder.
+inline constexpr const char* kFaultyDevice = "VK_LAYER_CAIRN_faulty_device";
 [[nodiscard]] std::string faulty_device_folder();
+/// The environment of a program whose device has these faults.
+[[nodiscard]] std::string faulty_device(const std::string& faults);
 /// The program, as run_cairn runs it.
 [[nodiscard]] std::filesystem::path program_file();
 /// Where the tests of this build keep what they share: support/shared.hpp.
@@ -41,9 +45,11 @@ class TemporaryFolder {
 
 void write_text(const std::filesystem::path& file, const std::string& text);
 [[nodiscard]] std::string read_bytes(const std::filesystem::path& file);
+/// All that lies in a folder, by its name there: files' bytes, and nothing for folders.
+[[nodiscard]] std::map<std::string, std::string> bytes_below(const std::filesystem::path& folder);
+/// What the environment says, as campaigns do.
+[[nodiscard]] int number_from(const char* variable, int otherwise);
 
-/// The program under test.
-[[nodiscard]] std::string cairn_program();
 /// Runs the program; `err` is what it printed to stderr, `out` to stdout.
 struct Ran {
   int exit_code;
