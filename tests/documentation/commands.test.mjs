@@ -53,6 +53,7 @@ const pages = [join(source, 'README.md'),
 
 const folder = mkdtempSync(join(tmpdir(), 'cairn-commands-'));
 const kept = join(folder, 'kept'), work = join(folder, 'work');
+const voxel = '0.02';  // metres
 const inputs = {};  // a word of the documentation → the file or folder that stands for it
 
 function run(...args) {
@@ -65,9 +66,11 @@ before(() => {
   mkdirSync(join(work, 'build/release/tests'), { recursive: true });
   mkdirSync(join(work, 'assets'));
   const keep = (name) => join(kept, name);
-  run('synth', 'room', '-o', keep('recording'), '--frames', '30', '--width', '320');
-  run('reconstruct', keep('recording'), '-o', keep('map'));
-  run('reconstruct', keep('recording'), '-o', keep('other'), '--frames', '5:30');
+  // Long enough for maps that can be joined; most lines need less.
+  run('synth', 'room', '-o', keep('long'), '--frames', '20', '--width', '320');
+  run('reconstruct', keep('long'), '-o', keep('map'), '--voxel-size', voxel);
+  run('reconstruct', keep('long'), '-o', keep('other'), '--frames', '3:20', '--voxel-size', voxel);
+  run('synth', 'room', '-o', keep('recording'), '--frames', '10', '--width', '320');
   run('export', keep('map'), '-o', keep('x.glb'), '--simplify', '0.1');
   for (const word of ['RECORDING', 'FOLDER']) inputs[word] = keep('recording');
   for (const word of ['MAP', 'OUT', 'A']) inputs[word] = keep('map');
@@ -84,14 +87,15 @@ before(() => {
   }).join('\n') + '\n');
   inputs['groundtruth.txt'] = inputs['rgbd_dataset_freiburg2_desk/groundtruth.txt'] = keep('captured.txt');
 
-  // cairn, but with few and small frames, and on a port that is free.
+  // cairn, but with few and small frames, large voxels, and on a port that is free.
   writeFileSync(join(work, 'build/release/cairn'), `#!/usr/bin/env bash
 words=("$@") frames=0
 for i in "\${!words[@]}"; do
-  [[ \${words[i]} != --frames || $1 != synth ]] || { words[i+1]=30; frames=1; }
+  [[ \${words[i]} != --frames || $1 != synth ]] || { words[i+1]=10; frames=1; }
 done
-[[ $1 != synth || $frames == 1 ]] || words+=(--frames 30)
+[[ $1 != synth || $frames == 1 ]] || words+=(--frames 10)
 [[ $1 != synth ]] || words+=(--width 320)
+[[ ! $1 =~ ^(reconstruct|live)$ || " $* " == *" --voxel-size "* ]] || words+=(--voxel-size ${voxel})
 [[ $1 != view && " $* " != *" --view "* ]] || words+=(--port 0)
 exec '${cairn}' "\${words[@]}"
 `, { mode: 0o755 });
