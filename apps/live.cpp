@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #include <fmt/format.h>
+#include <malloc.h>
 
 #include <algorithm>
 #include <chrono>
@@ -75,7 +76,16 @@ Options defaults_of(const Arguments& a, const Camera& camera) {
   return options;
 }
 
+/// Memory that one thread gave back shall serve all others, and large pieces go back to the system: a run of hours
+/// would creep by what each thread keeps and by gaps between what stays.
+void keep_memory_together() {
+  mallopt(M_ARENA_MAX, 2);
+  mallopt(M_MMAP_THRESHOLD, 1 << 20);
+  mallopt(M_TRIM_THRESHOLD, 16 << 20);
+}
+
 void live(const Arguments& a) {
+  keep_memory_together();
   Options options = options_of(a, Poses::tracked);  // what is wrong with them is told before a sensor is opened
   const Beginning begin = beginning(a, options, {});
   std::optional<LiveView> view;

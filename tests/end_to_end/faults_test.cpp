@@ -139,7 +139,7 @@ TEST_F(Faults, AnyOperationOfARunMayFail) {
   const int operations = count();
   ASSERT_GT(operations, 60);
   const auto old_session = bytes_below(*folder / "before" / "session");
-  const int step = number_from("CAIRN_FAULTS_EVERY", std::max(1, operations / 5));
+  const int step = number_from("CAIRN_FAULTS_EVERY", std::max(1, operations / 3));
   int failed = 0, old = 0, resumed = 0, known = 0, runs = 0, first = 1;
   std::set<std::map<std::string, std::string>> resumed_from;
   for (const char* kind : {"full", "eio", "short"}) {

@@ -56,7 +56,7 @@ TEST_F(Live, FollowsASensorUntilItIsUnplugged) {
 
 TEST_F(Live, MakesWhatReconstructMakesWhenItTakesEveryFrame) {
   ASSERT_EQ(run_cairn({"live", "synthetic:room", "-o", out("a"), "--as-fast-as-possible"},
-                      "timeout --foreground --preserve-status -s INT 9")
+                      "timeout --foreground --preserve-status -s INT 6")
                 .exit_code,
             0);
   const int frames = report("a")["frames"]["total"];
@@ -70,14 +70,14 @@ TEST_F(Live, MakesWhatReconstructMakesWhenItTakesEveryFrame) {
 
 TEST_F(Live, FinishesAtTheFirstCtrlC) {
   const Ran ran =
-      run_cairn({"live", "synthetic:room", "-o", out("map")}, "timeout --foreground --preserve-status -s INT 9");
+      run_cairn({"live", "synthetic:room", "-o", out("map")}, "timeout --foreground --preserve-status -s INT 6");
   EXPECT_EQ(ran.exit_code, 0) << ran.err;
   EXPECT_NE(ran.err.find("once more ends at once"), std::string::npos);
   expect_map("map");
 }
 
 TEST_F(Live, LeavesASessionToResumeAtTheSecondCtrlC) {
-  const std::string twice = "f() { \"$@\" & p=$!; sleep 9; kill -INT $p; sleep 0.2; kill -INT $p; wait $p; }; f";
+  const std::string twice = "f() { \"$@\" & p=$!; sleep 6; kill -INT $p; sleep 0.2; kill -INT $p; wait $p; }; f";
   const Ran ran = run_cairn({"live", "synthetic:room", "-o", out("map"), "--checkpoint", "0.5"}, twice);
   EXPECT_EQ(ran.exit_code, 130) << ran.err;
   EXPECT_FALSE(fs::exists(folder / "map" / "mesh.glb"));

@@ -26,22 +26,31 @@ struct Outcome {
 };
 
 using Path = std::function<Eigen::Isometry3d(double seconds)>;
-using Spoil = std::function<bool(int index, Frame&)>;  // false: the frame is dropped
+using Spoil = std::function<void(int index, Frame&)>;
+using Sees = std::function<bool(int index)>;
 
-Outcome run(const Scene& scene, int frames, const Path& path, const Spoil& spoil = {}) {
+/// Every `step`th of the frames; where the camera `sees` nothing they are black.
+Outcome run(const Scene& scene, int frames, const Path& path, const Spoil& spoil = {}, const Sees& sees = {},
+            int step = 1) {
   const Camera camera = synthetic_camera();
   SceneRenderer render(test_device(), scene, camera);
   Mapper mapper(camera);
   Outcome outcome;
   std::optional<Eigen::Isometry3d> start;
   double squared = 0;
-  for (int i = 0; i < frames; ++i) {
+  for (int i = 0; i < frames; i += step) {
     const double time = i / 30.0;
     const Eigen::Isometry3d truth = path(time);
-    auto images = render(truth, time);
-    add_kinect_noise(images, camera, 1, i);
-    Frame frame{.index = i, .timestamp = time, .depth = std::move(images.depth), .colour = std::move(images.colour)};
-    if (spoil && !spoil(i, frame)) continue;
+    Frame frame{.index = i, .timestamp = time};
+    if (!sees || sees(i)) {
+      auto images = render(truth, time);
+      add_kinect_noise(images, camera, 1, i);
+      frame.depth = std::move(images.depth), frame.colour = std::move(images.colour);
+    } else {
+      const std::size_t pixels = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+      frame.depth.assign(pixels, 0.0f), frame.colour.assign(pixels, 0xff000000u);
+    }
+    if (spoil) spoil(i, frame);
     if (!start) start = truth;
     outcome.reports.push_back(mapper.add(frame));
     if (outcome.reports.back().state != FrameState::fused) continue;
@@ -71,11 +80,6 @@ int frames_until_found(const Outcome& o, int first) {
   return 1000;
 }
 
-void darken(Frame& frame) {
-  std::fill(frame.depth.begin(), frame.depth.end(), 0.0f);
-  std::fill(frame.colour.begin(), frame.colour.end(), 0xff000000u);
-}
-
 TEST(Robustness, WhipPan) {
   // 150 degrees in half a second, 300 degrees a second.
   const auto o = run(room(), 60, [](double t) {
@@ -90,11 +94,8 @@ TEST(Robustness, WhipPan) {
 TEST(Robustness, Kidnapped) {
   // There and back; in the middle third nothing is seen while the camera goes somewhere else.
   const auto o = run(
-      room(), 135, [](double t) { return along(1.5 * std::min(t, 4.5 - t)); },
-      [](int i, Frame& frame) {
-        if (i >= 45 && i < 90) darken(frame);
-        return true;
-      });
+      room(), 135, [](double t) { return along(1.5 * std::min(t, 4.5 - t)); }, {},
+      [](int i) { return i < 45 || i >= 90; });
   EXPECT_EQ(o.wrong, 0);
   EXPECT_LE(frames_until_found(o, 90), 10);
   EXPECT_LE(o.rmse, 0.015);
@@ -103,11 +104,8 @@ TEST(Robustness, Kidnapped) {
 
 TEST(Robustness, LensCapForTwoSeconds) {
   const auto o = run(
-      room(), 90, [](double t) { return along(t < 0.5 ? t : std::max(0.5, t - 2.0)); },
-      [](int i, Frame& frame) {
-        if (i >= 15 && i < 75) darken(frame);
-        return true;
-      });
+      room(), 90, [](double t) { return along(t < 0.5 ? t : std::max(0.5, t - 2.0)); }, {},
+      [](int i) { return i < 15 || i >= 75; });
   EXPECT_EQ(o.wrong, 0);
   EXPECT_EQ(o.fused, 30);
 }
@@ -116,7 +114,6 @@ TEST(Robustness, NoDepthAndFlatDepth) {
   const auto o = run(room(), 40, along, [](int i, Frame& frame) {
     if (i % 10 == 5) std::fill(frame.depth.begin(), frame.depth.end(), 0.0f);
     if (i % 10 == 8) std::fill(frame.depth.begin(), frame.depth.end(), 1.5f);
-    return true;
   });
   EXPECT_EQ(o.wrong, 0);
   EXPECT_EQ(o.fused, 32);
@@ -128,7 +125,6 @@ TEST(Robustness, FrozenImages) {
   const auto o = run(room(), 60, along, [&](int i, Frame& frame) {
     if (i == 20) kept = frame;
     if (i > 20 && i < 35) frame.depth = kept.depth, frame.colour = kept.colour;
-    return true;
   });
   EXPECT_EQ(o.wrong, 0);
   EXPECT_EQ(o.reports[30].state, FrameState::skipped);
@@ -138,7 +134,7 @@ TEST(Robustness, FrozenImages) {
 
 TEST(Robustness, EverySecondAndThirdFrame) {
   for (const int step : {2, 3}) {
-    const auto o = run(room(), 90, along, [&](int i, Frame&) { return i % step == 0; });
+    const auto o = run(room(), 90, along, {}, {}, step);
     EXPECT_EQ(o.wrong, 0) << step;
     EXPECT_EQ(static_cast<std::size_t>(o.fused), o.reports.size()) << step;
     EXPECT_LE(o.rmse, 0.01) << step;
@@ -154,7 +150,6 @@ TEST(Robustness, ShuffledExposure) {
         changed |= (((pixel >> shift) & 0xff) * percent[i % 5] / 100) << shift;
       pixel = changed;
     }
-    return true;
   });
   EXPECT_EQ(o.wrong, 0);
   EXPECT_EQ(o.fused, 60);
@@ -165,7 +160,6 @@ TEST(Robustness, ColourThatEndsHalfWayOrHasAnotherSize) {
   const auto o = run(room(), 60, along, [](int i, Frame& frame) {
     if (i >= 20 && i < 40) frame.colour.resize(frame.colour.size() / 4);
     if (i >= 40) frame.colour.clear();
-    return true;
   });
   EXPECT_EQ(o.fused, 60);
   EXPECT_EQ(o.wrong, 0);
@@ -187,7 +181,7 @@ TEST(Robustness, SomethingSmallMovesThroughTheRoom) {
   Scene scene = synthetic_scene("room-with-mover");
   for (auto& s : scene.solids)
     if (s.period > 0) s.half_size.x() *= 0.4f;
-  const auto o = run(scene, 120, along);
+  const auto o = run(scene, 120, along, {}, {}, 2);
   const auto most = std::max_element(o.reports.begin(), o.reports.end(),
                                      [](const auto& a, const auto& b) { return a.moving < b.moving; });
   EXPECT_GT(most->moving, 0.02);
@@ -204,12 +198,12 @@ TEST(Robustness, LostForLongItBeginsAnotherPieceAndJoinsItByALoop) {
   Mapper mapper(camera, options);
   // Two seconds of the way; then carried, in the dark, to where the map has never been, and back from there.
   std::vector<double> way;
-  for (int i = 0; i < 30; ++i) way.push_back(i / 15.0);
-  for (int i = 0; i < 110; ++i) way.push_back(8.0 - i / 15.0);
+  for (int i = 0; i < 20; ++i) way.push_back(i / 10.0);
+  for (int i = 0; i < 73; ++i) way.push_back(8.0 - i / 10.0);
   Trajectory truth;
   int lost = 0, pieces_at_most = 0;
   for (std::size_t i = 0; i < way.size(); ++i) {
-    truth.push_back({static_cast<double>(i) / 15.0, scene.world_from_camera(way[i])});
+    truth.push_back({static_cast<double>(i) / 10.0, scene.world_from_camera(way[i])});
     auto images = render(truth.back().world_from_camera);
     add_kinect_noise(images, camera, 1, static_cast<int>(i));
     const FrameReport report = mapper.add({.index = static_cast<int>(i),

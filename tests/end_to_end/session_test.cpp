@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Runs that are killed, go on, go on with another recording, and are joined.
+// Runs that go on with another recording, and maps that are joined; faults_test.cpp has those that are killed.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -50,27 +50,6 @@ double error_in_place(const fs::path& estimate, const fs::path& truth) {
   return std::sqrt(squared / static_cast<double>(found.size()));
 }
 
-TEST_F(Session, KilledAtAnyMomentEndsWithTheSameBytes) {
-  // Long enough to be killed in it, with checkpoints as often as they can be written.
-  std::vector<std::string> arguments{"reconstruct", path("room"), "-o", (out / "killed").string(), "--frames", "0:60"};
-  int killed = 0;
-  std::string from_where;
-  for (const char* seconds : {"1.7", "2.4", "3.3", "1.3"}) {
-    auto now = arguments;
-    now.insert(now.end(), {"--checkpoint", "0.3"});
-    if (killed > 0) now.emplace_back("--resume");
-    const Ran ran = run_cairn(now, "timeout -s KILL " + std::string(seconds));
-    if (fs::exists(out / "killed" / "session" / "state.cbor")) ++killed;
-    from_where += std::to_string(ran.exit_code) + " ";
-  }
-  ASSERT_GT(killed, 0) << from_where;
-  arguments.emplace_back("--resume");
-  const Ran ran = run_cairn(arguments);
-  ASSERT_EQ(ran.exit_code, 0) << ran.err;
-  for (const char* file : {"trajectory.txt", "mesh.glb", "map.vdb", "graph.g2o"})
-    EXPECT_TRUE(read_bytes(out / "killed" / file) == read_bytes(fs::path(path("map")) / file)) << file;
-}
-
 TEST_F(Session, GoesOnWithAnotherRecordingOfTheSamePlace) {
   const fs::path map = copy_of_map();
   fs::copy(map / "trajectory.txt", map / "first.txt");
@@ -95,8 +74,9 @@ TEST_F(Session, GoesOnWithAnotherRecordingOfTheSamePlace) {
 
 TEST_F(Session, BeginsAPieceOfItsOwnWhereNothingIsRecognised) {
   const fs::path map = copy_of_map();
-  const Ran ran =
-      run_cairn({"reconstruct", path("corridor"), "-o", map.string(), "--frames", "0:70", "--resume", "--json"});
+  write_text(out / "soon.yaml", "map: {lost_frames: 15}\n");
+  const Ran ran = run_cairn({"reconstruct", path("corridor"), "-o", map.string(), "--frames", "0:45", "--resume",
+                             "--config", (out / "soon.yaml").string(), "--json"});
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
   const auto report = nlohmann::json::parse(ran.out);
   EXPECT_EQ(report["submaps"]["pieces"], 2);
