@@ -34,7 +34,7 @@ set(long_suites Faults 100 Outputs 90 Kills 30 Places 20 Mapper 20 ImageSizes 20
 set(data "^Real/Recording\\.|PoseGraphBenchmark|AllAlongARecording|^EvaluateTrajectory\\.Agrees|^OpenNi\\.Re(ads|fuses)A|^IclNuim\\.Turns")
 set(program "^(Program|Session|Export|Live|Record|Real/Recording)\\.|^(Faults|Kills|Outputs)$")
 # These measure time, or show what two threads do: nothing else runs beside them.
-set(alone "^Live\\.|^Record\\.|^NewestFrame")
+set(alone "^Live\\.Follows|^Record\\.|^NewestFrame")
 # Suites of the kernels that add up within subgroups.
 set(kernels Align IcpReduce PhotometricReduce Tracker Device)
 
