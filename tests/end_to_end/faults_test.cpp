@@ -291,11 +291,12 @@ TEST_F(Kills, AtAnyMomentEndWithTheSameBytes) {
   std::mt19937 random(static_cast<unsigned>(number_from("CAIRN_SEED", 1)));
   int kills = 0, resumes = 0, finished = 0, different = 0;
   const fs::path map = out / "map";
-  while (kills < wanted || finished == 0) {
+  while (kills < wanted || resumes < wanted || finished == 0) {
     const bool resume = fs::exists(map / "session" / "state.cbor");
     std::vector<std::string> more{"--checkpoint", "0.05"};
     if (resume) more.emplace_back("--resume");
-    const double seconds = kills < wanted ? std::uniform_real_distribution<>(0.05, 1.2 * whole)(random) : 1e9;
+    const double seconds =
+        kills < wanted || resumes < wanted ? std::uniform_real_distribution<>(0.05, 1.2 * whole)(random) : 1e9;
     const auto ended = run_and_kill(reconstruct("rec", map, more), seconds, out / "err");
     resumes += resume;
     if (!ended) {
