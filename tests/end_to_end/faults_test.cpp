@@ -132,7 +132,11 @@ class Faults : public HardTimes {
   }
 };
 
-TEST_F(Faults, AnyOperationOfARunMayFail) {
+/// A disk that is full, one that breaks, and one that writes less than it was given.
+class FaultsOfARun : public Faults, public testing::WithParamInterface<const char*> {};
+
+TEST_P(FaultsOfARun, LoseNothingWhateverFails) {
+  const std::string_view kinds[] = {"full", "eio", "short"}, kind = GetParam();
   const std::vector<std::string> often{"--checkpoint", "0"};  // after every frame: each run does the same
   fs::copy(*folder / "before", out / "map", fs::copy_options::recursive);
   ASSERT_EQ(run_cairn(reconstruct("rec", out / "map", often), disk(out / "map", 0, "eio")).exit_code, 0);
@@ -140,47 +144,49 @@ TEST_F(Faults, AnyOperationOfARunMayFail) {
   ASSERT_GT(operations, 60);
   const auto old_session = bytes_below(*folder / "before" / "session");
   const int step = number_from("CAIRN_FAULTS_EVERY", std::max(1, operations / 3));
-  int failed = 0, old = 0, resumed = 0, known = 0, runs = 0, first = 1;
+  // The three begin at different ones, so that with a step of three each fails once.
+  const auto first = static_cast<int>(std::find(std::begin(kinds), std::end(kinds), kind) - std::begin(kinds)) % step;
+  int failed = 0, old = 0, resumed = 0, known = 0, runs = 0;
   std::set<std::map<std::string, std::string>> resumed_from;
-  for (const char* kind : {"full", "eio", "short"}) {
-    for (int n = (first++ - 1) % step + 1; n <= operations; n += step) {
-      ++runs;
-      const std::string when = std::string(kind) + " at " + std::to_string(n) + ": ";
-      fs::remove_all(out / "map");
-      fs::remove(out / "log");
-      fs::copy(*folder / "before", out / "map", fs::copy_options::recursive);
-      const Ran ran = run_cairn(reconstruct("rec", out / "map", often), disk(out / "map", n, kind));
-      expect_told(ran, when);
-      if (std::string_view(kind) == "short") {
-        EXPECT_EQ(ran.exit_code, 0) << when << ran.err;
-      }
-      failed += ran.exit_code != 0;
-      expect_whole(out / "map", when);
-      ASSERT_TRUE(fs::exists(out / "map" / "session" / "state.cbor")) << when << ran.err;
-      EXPECT_FALSE(fs::exists(out / "map" / "session" / "lock")) << when;
-      auto session = bytes_below(out / "map" / "session");
-      if (session == old_session) {
-        ++old;
-        EXPECT_EQ(ran.exit_code, 1) << when;
-        continue;
-      }
-      // What goes on from the same bytes ends with the same, as runs without faults show.
-      if (!resumed_from.insert(std::move(session)).second) {
-        ++known;
-        continue;
-      }
-      const Ran again = run_cairn(reconstruct("rec", out / "map", {"--resume"}));
-      ++resumed;
-      EXPECT_EQ(again.exit_code, 0) << when << again.err << "after " << ran.err;
-      EXPECT_EQ(differences(out / "map"), "") << when;
+  for (int n = first + 1; n <= operations; n += step) {
+    ++runs;
+    const std::string when = std::string(kind) + " at " + std::to_string(n) + ": ";
+    fs::remove_all(out / "map");
+    fs::remove(out / "log");
+    fs::copy(*folder / "before", out / "map", fs::copy_options::recursive);
+    const Ran ran = run_cairn(reconstruct("rec", out / "map", often), disk(out / "map", n, GetParam()));
+    expect_told(ran, when);
+    if (kind == "short") {
+      EXPECT_EQ(ran.exit_code, 0) << when << ran.err;
     }
+    failed += ran.exit_code != 0;
+    expect_whole(out / "map", when);
+    ASSERT_TRUE(fs::exists(out / "map" / "session" / "state.cbor")) << when << ran.err;
+    EXPECT_FALSE(fs::exists(out / "map" / "session" / "lock")) << when;
+    auto session = bytes_below(out / "map" / "session");
+    if (session == old_session) {
+      ++old;
+      EXPECT_EQ(ran.exit_code, 1) << when;
+      continue;
+    }
+    // What goes on from the same bytes ends with the same, as runs without faults show.
+    if (!resumed_from.insert(std::move(session)).second) {
+      ++known;
+      continue;
+    }
+    const Ran again = run_cairn(reconstruct("rec", out / "map", {"--resume"}));
+    ++resumed;
+    EXPECT_EQ(again.exit_code, 0) << when << again.err << "after " << ran.err;
+    EXPECT_EQ(differences(out / "map"), "") << when;
   }
   std::printf(
-      "%d operations, %d runs with one that failed: %d told it, %d left the old session, %d another, %d of them "
-      "different"
-      " and resumed\n",
-      operations, runs, failed, old, resumed + known, resumed);
+      "%d operations, %d runs with one that failed (%s): %d told it, %d left the old session, %d another, %d of them "
+      "different and resumed\n",
+      operations, runs, GetParam(), failed, old, resumed + known, resumed);
 }
+
+INSTANTIATE_TEST_SUITE_P(Disk, FaultsOfARun, testing::Values("full", "eio", "short"),
+                         [](const auto& parameter) { return std::string(parameter.param); });
 
 TEST_F(Faults, AnyOperationOfAnExportMayFail) {
   const auto session = bytes_below(*folder / "good");
