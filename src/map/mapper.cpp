@@ -5,7 +5,6 @@
 #include <malloc.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <functional>
 #include <future>
@@ -19,6 +18,7 @@
 #include "map/export.hpp"
 #include "map/graph_picture.hpp"
 #include "map/growing_surface.hpp"
+#include "map/newest.hpp"
 #include "map/refine.hpp"
 #include "map/session.hpp"
 #include "surface/preprocess.hpp"
@@ -236,11 +236,11 @@ struct Mapper::State {
         }
         return esdf->update(volume, changed);
       });
-      live_distances = timed(times, "esdf to host", [&] { return esdf->field(); });
+      live_distances.put(timed(times, "esdf to host", [&] { return esdf->field(); }));
     });
     if (options.esdf.live) return;
     esdf.reset();
-    live_distances = std::shared_ptr<const DistanceField>();
+    live_distances.put({});
   }
 
   /// All of the map goes to submaps.
@@ -285,7 +285,7 @@ struct Mapper::State {
   std::optional<GrowingSurface> surface;  // once it is asked for
   bool shows_surface = true;              // it could be made so far
   std::optional<Esdf> esdf;               // with EsdfOptions::live
-  std::atomic<std::shared_ptr<const DistanceField>> live_distances;
+  Newest<DistanceField> live_distances;
   std::optional<Volume> whole;                                  // the world, where that is not what `volume` holds
   Trajectory given;                                             // with Poses::given
   KeyframeStore given_images;                                   // then, with Options::keep_keyframes
@@ -687,7 +687,7 @@ std::shared_ptr<const DistanceField> Mapper::distances() {
   return distances_of(s.device, s.world().on_host(), s.options.fuse, s.options.esdf);
 }
 
-std::shared_ptr<const DistanceField> Mapper::live_distances() const { return state_->live_distances; }
+std::shared_ptr<const DistanceField> Mapper::live_distances() const { return state_->live_distances.get(); }
 
 void Mapper::write_map(const std::filesystem::path& file) {
   std::shared_ptr<const DistanceField> field;

@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "cairn/source.hpp"
+#include "map/newest.hpp"
 #include "map/world.hpp"
 #include "support/files.hpp"
 #include "support/scenes.hpp"
@@ -332,12 +333,13 @@ TEST(DistanceField, AnswersWhileTheMapIsUpdated) {
   const BrickTree without = distance_bricks(kFuse, kLow, kHigh, floor_alone);
   Esdf esdf(test_device(), kFuse, {});
   esdf.update(with, with.bricks());
-  std::atomic<std::shared_ptr<const DistanceField>> newest = esdf.field();
+  Newest<DistanceField> newest;
+  newest.put(esdf.field());
   std::atomic<bool> ended = false;
   std::atomic<int> wrong = 0, asked = 0;
   std::thread planner([&] {
     while (!ended) {
-      const std::shared_ptr<const DistanceField> field = newest;
+      const std::shared_ptr<const DistanceField> field = newest.get();
       const float d = field->query({0.2f, 0.05f, 0.3f}).distance;  // 0.05 with the ball, 0.45 without it
       wrong += std::abs(d - ball_over_floor({0.2f, 0.05f, 0.3f})) > 0.01f && std::abs(d - 0.45f) > 0.01f;
       ++asked;
@@ -346,7 +348,7 @@ TEST(DistanceField, AnswersWhileTheMapIsUpdated) {
   for (int i = 0; i < 6; ++i) {
     const BrickTree& map = i % 2 == 0 ? without : with;
     esdf.update(map, map.bricks());
-    newest = esdf.field();
+    newest.put(esdf.field());
   }
   ended = true;
   planner.join();
