@@ -9,7 +9,7 @@ import { exportPage, inFolder, pictures, run, triangles, until, withBrowser } fr
 
 test('three.js opens every glTF, and 3d-tiles-renderer the tiles', () => inFolder(async (folder) => {
   const map = join(folder, 'map');
-  run('reconstruct', 'synthetic:room', '-o', map, '--frames', '0:60:2', '--voxel-size', '0.02', '--simplify', '0.2',
+  run('reconstruct', 'synthetic:room', '-o', map, '--frames', '0:60:4', '--voxel-size', '0.02', '--simplify', '0.2',
     '--texture', '--compress', 'meshopt');
   const write = (name, ...options) => JSON.parse(run('export', map, '-o', join(folder, name), '--json', ...options));
   const files = {

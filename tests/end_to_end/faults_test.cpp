@@ -190,7 +190,7 @@ INSTANTIATE_TEST_SUITE_P(Disk, FaultsOfARun, testing::Values("full", "eio", "sho
 
 TEST_F(Faults, AnyOperationOfAnExportMayFail) {
   const auto session = bytes_below(*folder / "good");
-  const int every = number_from("CAIRN_FAULTS_EVERY", 4);
+  const int every = number_from("CAIRN_FAULTS_EVERY", 8);
   int operations = 0, runs = 0;
   for (const char* file : {"x.glb", "x.obj", "tileset.json", "x.vdb"}) {
     const std::vector<std::string> arguments{"export", (*folder / "good").string(), "-o", (out / "to" / file).string()};
