@@ -133,10 +133,11 @@ class Faults : public HardTimes {
 };
 
 /// A disk that is full, one that breaks, and one that writes less than it was given.
-class FaultsOfARun : public Faults, public testing::WithParamInterface<const char*> {};
+constexpr std::string_view kKinds[] = {"full", "eio", "short"};
+class FaultsOfARun : public Faults, public testing::WithParamInterface<std::string_view> {};
 
 TEST_P(FaultsOfARun, LoseNothingWhateverFails) {
-  const std::string_view kinds[] = {"full", "eio", "short"}, kind = GetParam();
+  const std::string kind(GetParam());
   const std::vector<std::string> often{"--checkpoint", "0"};  // after every frame: each run does the same
   fs::copy(*folder / "before", out / "map", fs::copy_options::recursive);
   ASSERT_EQ(run_cairn(reconstruct("rec", out / "map", often), disk(out / "map", 0, "eio")).exit_code, 0);
@@ -145,16 +146,17 @@ TEST_P(FaultsOfARun, LoseNothingWhateverFails) {
   const auto old_session = bytes_below(*folder / "before" / "session");
   const int step = number_from("CAIRN_FAULTS_EVERY", std::max(1, operations / 3));
   // The three begin at different ones, so that with a step of three each fails once.
-  const auto first = static_cast<int>(std::find(std::begin(kinds), std::end(kinds), kind) - std::begin(kinds)) % step;
+  const auto first =
+      static_cast<int>(std::find(std::begin(kKinds), std::end(kKinds), kind) - std::begin(kKinds)) % step;
   int failed = 0, old = 0, resumed = 0, known = 0, runs = 0;
   std::set<std::map<std::string, std::string>> resumed_from;
   for (int n = first + 1; n <= operations; n += step) {
     ++runs;
-    const std::string when = std::string(kind) + " at " + std::to_string(n) + ": ";
+    const std::string when = kind + " at " + std::to_string(n) + ": ";
     fs::remove_all(out / "map");
     fs::remove(out / "log");
     fs::copy(*folder / "before", out / "map", fs::copy_options::recursive);
-    const Ran ran = run_cairn(reconstruct("rec", out / "map", often), disk(out / "map", n, GetParam()));
+    const Ran ran = run_cairn(reconstruct("rec", out / "map", often), disk(out / "map", n, kind));
     expect_told(ran, when);
     if (kind == "short") {
       EXPECT_EQ(ran.exit_code, 0) << when << ran.err;
@@ -182,10 +184,10 @@ TEST_P(FaultsOfARun, LoseNothingWhateverFails) {
   std::printf(
       "%d operations, %d runs with one that failed (%s): %d told it, %d left the old session, %d another, %d of them "
       "different and resumed\n",
-      operations, runs, GetParam(), failed, old, resumed + known, resumed);
+      operations, runs, kind.c_str(), failed, old, resumed + known, resumed);
 }
 
-INSTANTIATE_TEST_SUITE_P(Disk, FaultsOfARun, testing::Values("full", "eio", "short"),
+INSTANTIATE_TEST_SUITE_P(Disk, FaultsOfARun, testing::ValuesIn(kKinds),
                          [](const auto& parameter) { return std::string(parameter.param); });
 
 TEST_F(Faults, AnyOperationOfAnExportMayFail) {
