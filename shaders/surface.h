@@ -60,6 +60,25 @@ inline float depth_noise(float z) { return 0.0012f + 0.0019f * (z - 0.4f) * (z -
 }  // namespace cairn::shader
 #else
 float depth_noise(float z) { return 0.0012 + 0.0019 * (z - 0.4) * (z - 0.4); }  // Nguyen, Izadi & Lovell 2012; metres
+
+// What compares depths compares their inverses, 1 / m: there the noise is as large for what lies nearer as for what lies
+// farther. Limits in depth would move surfaces, and with them the whole path, by which side they cut more noise from.
+vec4 inverse_depth(vec4 z) { return 1.0 / max(z, vec4(1e-3)); }  // of no measurement: far beside all others
+
+// Of four pixels that become one, those that lie where the first of them does: 1, the others: 0. A sensor may well be
+// twice as noisy as depth_noise says; of what is left out then, the mean would miss the noise's other half.
+vec4 at_one_place(vec4 z) {
+  const float kApart = 12.0;  // standard deviations
+  vec4 valid = vec4(greaterThan(z, vec4(0.0))), q = inverse_depth(z);
+  float first = valid.x > 0.0 ? q.x : valid.y > 0.0 ? q.y : valid.z > 0.0 ? q.z : q.w;
+  return valid * vec4(lessThanEqual(abs(q - first), vec4(kApart * depth_noise(1.0 / first) * first * first)));
+}
+
+// The depth of pixels that are at one place; 0: of none.
+float mean_depth(vec4 z, vec4 same) {
+  float count = dot(same, vec4(1.0));
+  return count > 0.0 ? count / dot(inverse_depth(z), same) : 0.0;
+}
 #endif
 
 #endif

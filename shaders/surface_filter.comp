@@ -21,10 +21,10 @@ vec4 depth_clamped(ivec4 x, int row) {
   return vec4(depth[at.x], depth[at.y], depth[at.z], depth[at.w]);
 }
 
-// Weighted differences to the centres, summed over one row of five neighbours; a and b hold eight pixels of the row, and
-// g the spatial weights at distances 0, 1 and 2.
-void add_row(vec4 a, vec4 b, vec4 z, vec4 inverse, vec3 g, inout vec4 sum, inout vec4 weights) {
-  vec4 d0 = a - z, d1 = vec4(a.yzw, b.x) - z, d2 = vec4(a.zw, b.xy) - z, d3 = vec4(a.w, b.xyz) - z, d4 = b - z;
+// Weighted differences of inverse depth to the centres, summed over one row of five neighbours; a and b hold eight pixels
+// of the row, and g the spatial weights at distances 0, 1 and 2.
+void add_row(vec4 a, vec4 b, vec4 q, vec4 inverse, vec3 g, inout vec4 sum, inout vec4 weights) {
+  vec4 d0 = a - q, d1 = vec4(a.yzw, b.x) - q, d2 = vec4(a.zw, b.xy) - q, d3 = vec4(a.w, b.xyz) - q, d4 = b - q;
   vec4 e0 = d0 * inverse, e1 = d1 * inverse, e2 = d2 * inverse, e3 = d3 * inverse, e4 = d4 * inverse;
   vec4 w0 = max(1.0 - e0 * e0, vec4(0.0)), w1 = max(1.0 - e1 * e1, vec4(0.0)), w2 = max(1.0 - e2 * e2, vec4(0.0));
   vec4 w3 = max(1.0 - e3 * e3, vec4(0.0)), w4 = max(1.0 - e4 * e4, vec4(0.0));
@@ -71,15 +71,18 @@ void main() {
   bvec4 along = between(vec4(a1.zw, b1.xy), z, vec4(a3.zw, b3.xy), jump);
   z = mix(mix(z, vec4(0.0), across), vec4(0.0), along);
 
-  vec4 inverse = 1.0 / (push.range * sigma);
+  vec4 q = inverse_depth(z), inverse = 1.0 / (push.range * sigma * q * q);
+  a0 = inverse_depth(a0), b0 = inverse_depth(b0), a1 = inverse_depth(a1), b1 = inverse_depth(b1);
+  a2 = inverse_depth(a2), b2 = inverse_depth(b2), a3 = inverse_depth(a3), b3 = inverse_depth(b3);
+  a4 = inverse_depth(a4), b4 = inverse_depth(b4);
   vec3 g = vec3(1.0, exp(push.spatial), exp(4.0 * push.spatial));
   vec4 sum = vec4(0.0), weights = vec4(0.0);
-  add_row(a0, b0, z, inverse, g * g.z, sum, weights);
-  add_row(a1, b1, z, inverse, g * g.y, sum, weights);
-  add_row(a2, b2, z, inverse, g, sum, weights);
-  add_row(a3, b3, z, inverse, g * g.y, sum, weights);
-  add_row(a4, b4, z, inverse, g * g.z, sum, weights);
-  vec4 smoothed = mix(vec4(0.0), z + sum / max(weights, vec4(1e-6)), greaterThan(z, vec4(0.0)));
+  add_row(a0, b0, q, inverse, g * g.z, sum, weights);
+  add_row(a1, b1, q, inverse, g * g.y, sum, weights);
+  add_row(a2, b2, q, inverse, g, sum, weights);
+  add_row(a3, b3, q, inverse, g * g.y, sum, weights);
+  add_row(a4, b4, q, inverse, g * g.z, sum, weights);
+  vec4 smoothed = mix(vec4(0.0), 1.0 / (q + sum / max(weights, vec4(1e-6))), greaterThan(z, vec4(0.0)));
 
   uvec4 bits = floatBitsToUint(z);
   ivec4 at = row + x;

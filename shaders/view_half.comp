@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Halves a point image: the mean of those of four points that lie on the nearest surface.
+// Halves a point image: the mean of those of four points that lie on one surface.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/surface.h"
@@ -15,10 +15,8 @@ void main() {
   uint at = 2u * (i / push.width) * push.fine_width + 2u * (i % push.width);
   uvec2 a = fine[at], b = fine[at + 1u], c = fine[at + push.fine_width], d = fine[at + push.fine_width + 1u];
   vec4 z = uintBitsToFloat(uvec4(a.x, b.x, c.x, d.x));
-  vec4 far = mix(z, vec4(1e9), equal(z, vec4(0.0)));
-  float nearest = min(min(far.x, far.y), min(far.z, far.w));
-  vec4 same = mix(vec4(0.0), vec4(1.0), lessThanEqual(far, vec4(nearest + 6.0 * depth_noise(nearest))));
+  vec4 same = at_one_place(z);
   vec3 n = same.x * unpack_normal(a.y) + same.y * unpack_normal(b.y) + same.z * unpack_normal(c.y) + same.w * unpack_normal(d.y);
-  coarse[i] = nearest < 1e8 ? uvec2(floatBitsToUint(dot(z, same) / dot(same, vec4(1.0))), pack_normal(n / max(length(n), 1e-12)))
-                            : uvec2(0);
+  float depth = mean_depth(z, same);
+  coarse[i] = depth > 0.0 ? uvec2(floatBitsToUint(depth), pack_normal(n / max(length(n), 1e-12))) : uvec2(0);
 }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "shaders/surface.h"
 #include "volume/polygonize.hpp"
@@ -19,6 +20,8 @@ bool between(float a, float z, float b, float jump) {
   return a > 0 && b > 0 && (a - z) * (b - z) < 0 && std::abs(a - z) >= jump && std::abs(b - z) >= jump;
 }
 
+double inverse_depth(float z) { return 1 / std::max(static_cast<double>(z), 1e-3); }
+
 }  // namespace
 
 Filtered filter(const std::vector<float>& depth, const Camera& c, const SurfaceOptions& o) {
@@ -30,19 +33,20 @@ Filtered filter(const std::vector<float>& depth, const Camera& c, const SurfaceO
       if (z < o.min_depth || z > o.max_depth) z = 0;
       const float sigma = shader::depth_noise(z), jump = o.edge_slope * sigma;
       if (between(at(-1, 0), z, at(1, 0), jump) || between(at(0, -1), z, at(0, 1), jump)) z = 0;
+      const double q = inverse_depth(z);
       double sum = 0, weights = 0;
       for (int dy = -2; dy <= 2; ++dy)
         for (int dx = -2; dx <= 2; ++dx) {
-          const double e = (at(dx, dy) - z) / (o.filter_range * sigma);
+          const double d = inverse_depth(at(dx, dy)) - q, e = d / (o.filter_range * sigma * q * q);
           const double biweight = std::pow(std::max(1 - e * e, 0.0), 2);
           const double w =
               biweight * std::exp(-0.5 * (dx * dx + dy * dy) / (o.filter_sigma_pixels * o.filter_sigma_pixels));
-          sum += w * (at(dx, dy) - z);
+          sum += w * d;
           weights += w;
         }
       const auto i = static_cast<std::size_t>(y * c.width + x);
       out.clean[i] = z;
-      out.smooth[i] = z > 0 ? static_cast<float>(z + sum / weights) : 0.0f;
+      out.smooth[i] = z > 0 ? static_cast<float>(1 / (q + sum / weights)) : 0.0f;
     }
   return out;
 }
@@ -52,15 +56,14 @@ std::vector<float> half(const std::vector<float>& fine, const Camera& c) {
   std::vector<float> coarse(static_cast<std::size_t>(width * height), 0.0f);
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x) {
-      std::vector<float> z;
+      std::vector<double> q;
       for (int k = 0; k < 4; ++k)
-        if (const float v = at_clamped(fine, c, 2 * x + k % 2, 2 * y + k / 2); v > 0) z.push_back(v);
-      if (z.empty()) continue;
-      const float nearest = *std::min_element(z.begin(), z.end());
-      std::erase_if(z, [&](float v) { return v > nearest + 6 * shader::depth_noise(nearest); });
-      double sum = 0;
-      for (const float v : z) sum += v;
-      coarse[static_cast<std::size_t>(y * width + x)] = static_cast<float>(sum / static_cast<double>(z.size()));
+        if (const float z = at_clamped(fine, c, 2 * x + k % 2, 2 * y + k / 2); z > 0) q.push_back(1 / z);
+      if (q.empty()) continue;
+      const double first = q[0], limit = 12 * shader::depth_noise(static_cast<float>(1 / first)) * first * first;
+      std::erase_if(q, [&](double other) { return std::abs(other - first) > limit; });
+      const double sum = std::accumulate(q.begin(), q.end(), 0.0);
+      coarse[static_cast<std::size_t>(y * width + x)] = static_cast<float>(static_cast<double>(q.size()) / sum);
     }
   return coarse;
 }

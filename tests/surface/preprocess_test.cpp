@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <bit>
+#include <random>
 
 #include "support/scenes.hpp"
 #include "support/twins.hpp"
@@ -71,6 +72,31 @@ TEST(Preprocess, DropsAFlyingPixelAndKeepsTheEdge) {
   EXPECT_EQ(clean(160), 0.0f);
   EXPECT_EQ(clean(159), 1.0f);
   EXPECT_EQ(clean(161), 2.0f);
+}
+
+TEST(Preprocess, LeavesANoisyPlaneWhereItIs) {
+  // Sensors measure disparity, or are as noisy on both sides; a mean that left out more of one would move the map.
+  const Camera camera = small_camera();
+  constexpr float kDepth = 3;
+  const float sigma = shader::depth_noise(kDepth) / (kDepth * kDepth);  // 1 / m
+  Preprocess preprocess(test_device(), camera, {}, 3, 0);
+  for (const float times : {1.0f, 2.0f, 3.0f}) {
+    std::mt19937 random(1);
+    std::normal_distribution<float> noise(0, times * sigma);
+    Frame frame{.depth = std::vector<float>(static_cast<std::size_t>(camera.width * camera.height))};
+    for (float& z : frame.depth) z = 1 / (1 / kDepth + noise(random));
+    const Surface surface = preprocess(frame);
+    for (int level = 0; level < 3; ++level) {
+      const Camera& c = surface.levels[static_cast<std::size_t>(level)]->camera;
+      const auto points = download<shader::uvec2>(surface.levels[static_cast<std::size_t>(level)]->points,
+                                                  static_cast<std::size_t>(c.width * c.height));
+      double sum = 0, count = 0;
+      for (const auto& p : points)
+        if (const float z = std::bit_cast<float>(p.x); z > 0) sum += 1 / z, ++count;
+      EXPECT_GT(count, 0.8 * static_cast<double>(points.size()));
+      EXPECT_NEAR(count / sum, kDepth, 0.0002 * kDepth) << times << " times the noise, level " << level;
+    }
+  }
 }
 
 TEST(Preprocess, UndoesDistortion) {
