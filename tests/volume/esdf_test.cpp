@@ -261,7 +261,7 @@ TEST(Esdf, FollowsALoopThatMovesHalfTheMap) {
 TEST(Esdf, EqualsARebuildAllAlongARecording) {
   CAIRN_REQUIRE_DATA("7scenes_redkitchen_600");
   const auto folder = data_folder() / "7scenes_redkitchen_600";
-  const auto source = with_poses(open_recording(folder, {.begin = 0, .end = 200, .step = 4}), recorded_truth(folder));
+  const auto source = with_poses(open_recording(folder, {.begin = 0, .end = 180, .step = 6}), recorded_truth(folder));
   const FuseOptions fuse;
   Preprocess preprocess(test_device(), source->camera(), {}, 3, 1);
   Integrate integrate(test_device(), preprocess.camera(), {});
@@ -284,7 +284,7 @@ TEST(Esdf, EqualsARebuildAllAlongARecording) {
     EXPECT_LT(spread.mean, 0.02);
     EXPECT_LT(spread.max, 3.0);
     mean += spread.mean, most = std::max(most, spread.max), ++times;
-    if (frames == 50) {
+    if (frames == 30) {
       const auto fresh = distances_of(test_device(), volume.on_host(), fuse, {});
       const Difference made = difference(*before, *fresh);
       EXPECT_LT(made.states, 1e-3 * made.voxels);
