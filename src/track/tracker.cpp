@@ -26,6 +26,8 @@ constexpr double kMaxSpeed = 4.0, kMaxTurn = 12.0;  // metres and radians a seco
 constexpr std::size_t kRecentPlaces = 4, kLikestPlaces = 6, kOtherPlaces = 4;  // compared with a frame
 // What a pose found after a loss must reach: a wrong one would be fused.
 constexpr double kFoundInliers = 0.5, kFoundOverlap = 0.3, kFoundBrightness = 0.6, kFoundMisfit = 5.0;
+// After so many lost frames, without brightness to tell, the camera may be anywhere: walls fit walls.
+constexpr int kStillThere = 30;
 constexpr double kMaxMoving = 0.3;          // of the image; more is no person but a wrong pose or a sensor without use
 constexpr double kKeyframeTurn = 0.2;       // radians
 constexpr double kKeyframeDistance = 0.15;  // metres
@@ -183,9 +185,12 @@ Tracked Tracker::operator()(const Frame& frame, const Surface& live, Volume& vol
 
   const auto is_sure = [](const Alignment& a) {
     return a.converged() && a.inlier_share > kFoundInliers && a.overlap > kFoundOverlap && misfit(a) < kFoundMisfit &&
-           a.unobserved == 0 && (a.photometric_share == 0 || a.photometric_share > kFoundBrightness);
+           a.unobserved == 0 &&
+           (a.photometric_share == 0 ||
+            (a.photometric_share > kFoundBrightness && a.photometric_rmse < kDoubtfulBrightness));
   };
-  if (is_sure(tracked.alignment)) return tracked;
+  if (is_sure(tracked.alignment) && (memory_.lost <= kStillThere || tracked.alignment.photometric_share > 0))
+    return tracked;
   const auto guess = timed(times, "recognise", [&] {
     const Features seen = describe(frame.colour, frame.depth, source_camera_);
     return recognise(seen, candidates(seen));
@@ -235,7 +240,7 @@ void Tracker::begin_lost() {
   restart();
   const auto newest = recent();
   memory_.last = {{0, newest.empty() ? Eigen::Isometry3d::Identity() : places_[newest[0]].submap_from_camera}};
-  memory_.lost = 1;
+  memory_.lost = kStillThere + 1;
 }
 
 void Tracker::restore(const Memory& memory, const PhotometricKeyframe::Saved& keyframe) {

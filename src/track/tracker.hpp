@@ -60,7 +60,7 @@ class Tracker {
   [[nodiscard]] const Memory& memory() const { return memory_; }
   [[nodiscard]] const PhotometricKeyframe& keyframe() const { return keyframe_; }
   void restore(const Memory& memory, const PhotometricKeyframe::Saved& keyframe);
-  /// Starts lost in a map with places, as if last seen at the newest of them.
+  /// Starts lost in a map with places, as if last seen, long ago, at the newest of them.
   void begin_lost();
 
  private:

@@ -64,6 +64,20 @@ TEST(Tracker, BeginsLostAtTheNewestPlaceOfItsOwnFrame) {
   EXPECT_EQ(t.tracker.memory().last[0].submap_from_camera.matrix(), t.first.world_from_camera->matrix());
 }
 
+TEST(Tracker, TakesNoPlaceForAnotherByDepthAlone) {
+  // A recording that begins anywhere: walls fit the walls of the newest place, but no corners do.
+  Tracking t;
+  t.add_place(t.first, *t.first.world_from_camera, true);
+  for (int i = 100; i <= 620; i += 40) {  // all around the room
+    const Frame elsewhere = scene_frame(synthetic_scene("room"), t.camera, i);
+    t.tracker.begin_lost();
+    const Tracked tracked = t.tracker(elsewhere, t.preprocess(elsewhere), t.volume, t.times);
+    const double error =
+        (tracked.alignment.submap_from_camera.translation() - elsewhere.world_from_camera->translation()).norm();
+    EXPECT_TRUE(!tracked.alignment.converged() || error < 0.02) << i << ", " << tracked.guess << ": " << error;
+  }
+}
+
 TEST(Tracker, LeavesOutWhatMovesAsSeenFromThePoseThatCounts) {
   Tracking t;
   Frame frame = t.next;
