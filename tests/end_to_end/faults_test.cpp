@@ -76,8 +76,8 @@ class Faults : public HardTimes {
  protected:
   [[nodiscard]] std::string disk(const fs::path& watched, int at, const std::string& kind) const {
     return "CAIRN_FAULTS_FOLDER='" + watched.string() + "' CAIRN_FAULTS_AT=" + std::to_string(at) +
-           " CAIRN_FAULTS_KIND=" + kind + " CAIRN_FAULTS_LOG='" + (out / "log").string() + "' LD_PRELOAD='" +
-           faults_library() + "'";
+           " CAIRN_FAULTS_KIND=" + kind + " CAIRN_FAULTS_LOG='" + (out / "log").string() +
+           "' LD_PRELOAD=\"$LD_PRELOAD:\"'" + faults_library() + "'";
   }
   /// What the last program did, an operation a line.
   [[nodiscard]] std::vector<std::string> operations() const {
