@@ -94,7 +94,7 @@ for i in "\${!words[@]}"; do
   [[ \${words[i]} != --frames || $1 != synth ]] || { words[i+1]=10; frames=1; }
 done
 [[ $1 != synth || $frames == 1 ]] || words+=(--frames 10)
-[[ $1 != synth ]] || words+=(--width 320)
+[[ $1 != synth || " $* " == *" --width "* ]] || words+=(--width 320)
 [[ ! $1 =~ ^(reconstruct|live)$ || " $* " == *" --voxel-size "* ]] || words+=(--voxel-size ${voxel})
 [[ $1 != view && " $* " != *" --view "* ]] || words+=(--port 0)
 exec '${cairn}' "\${words[@]}"
