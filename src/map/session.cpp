@@ -16,6 +16,7 @@
 #include <iterator>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <string_view>
 #include <type_traits>
 
 #include "io/atomic_file.hpp"
@@ -33,7 +34,7 @@ constexpr const char* kState = "state.cbor";
 constexpr const char* kKeyframes = "keyframes";
 constexpr const char* kAgain = "reconstruct again without --resume";
 
-std::uint32_t checksum(const std::vector<std::uint8_t>& bytes) {
+std::uint32_t checksum(std::string_view bytes) {
   boost::crc_32_type crc;
   crc.process_bytes(bytes.data(), bytes.size());
   return crc.checksum();
@@ -140,6 +141,8 @@ Json atlas_json(const Atlas& atlas) {
   std::vector<double> stamps;
   std::vector<std::uint32_t> their_keyframes;
   std::vector<float> twists;
+  stamps.reserve(atlas.frames.size()), their_keyframes.reserve(atlas.frames.size());
+  twists.reserve(6 * atlas.frames.size());
   for (const FusedFrame& f : atlas.frames) {
     stamps.push_back(f.timestamp), their_keyframes.push_back(f.keyframe);
     twists.insert(twists.end(), f.twist.begin(), f.twist.end());
@@ -367,7 +370,7 @@ class Shallow : public nlohmann::detail::json_sax_dom_parser<Json> {
 
 /// The state with its first line checked.
 struct State {
-  std::vector<std::uint8_t> cbor;
+  std::string cbor;
   std::uint32_t checksum = 0;
 };
 State read_state(const fs::path& file) {
@@ -408,7 +411,7 @@ bool names(const fs::path& session, std::uint32_t checksum) {
   }
 }
 
-Session session_of(const std::vector<std::uint8_t>& cbor) {
+Session session_of(const std::string& cbor) {
   Session s;
   Json state;
   Shallow sax(state);
@@ -534,14 +537,17 @@ void SessionWriter::write(const Session& s, const BrickTree& active) {
                    {"number", s.number},
                    {"run", files_.filename().string()},
                    {"note", s.note}};
-  const auto cbor = Json::to_cbor(state);
-  std::string bytes = fmt::format("{} {} {:08x}\n", kMagic, kVersion, checksum(cbor));
-  bytes.append(cbor.begin(), cbor.end());
+  const auto first_line = [](std::uint32_t sum) { return fmt::format("{} {} {:08x}\n", kMagic, kVersion, sum); };
+  std::string bytes = first_line(0);
+  const std::size_t begin = bytes.size();
+  Json::to_cbor(state, bytes);  // behind the first line: there are megabytes of it after some hours
+  const std::uint32_t sum = checksum(std::string_view(bytes).substr(begin));
+  bytes.replace(0, begin, first_line(sum));
   try {
     write_whole(session_ / kState, bytes);
   } catch (const std::exception&) {
     // It may be there all the same, but perhaps not after a power cut.
-    is_named_ = is_named_ || names(session_, checksum(cbor));
+    is_named_ = is_named_ || names(session_, sum);
     throw;
   }
   // From here on the new state counts, also after a power cut.
