@@ -77,11 +77,10 @@ Options defaults_of(const Arguments& a, const Camera& camera) {
 }
 
 /// Memory that one thread gave back shall serve all others, and large pieces go back to the system: a run of hours
-/// would creep by what each thread keeps, by gaps between what stays, and by what a checkpoint of ever more frames
-/// takes while it is written.
+/// would creep by what each thread keeps and by gaps between what stays.
 void keep_memory_together() {
   mallopt(M_ARENA_MAX, 2);
-  mallopt(M_MMAP_THRESHOLD, 1 << 18);
+  mallopt(M_MMAP_THRESHOLD, 1 << 20);
   mallopt(M_TRIM_THRESHOLD, 16 << 20);
 }
 
