@@ -2,11 +2,11 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // What the map knows as a whole: keyframes, how they lie to each other, and submaps.
 #pragma once
-#include <deque>
 #include <vector>
 
 #include "cairn/trajectory.hpp"
 #include "graph/pose_graph.hpp"
+#include "map/fused_frames.hpp"
 #include "map/keyframe.hpp"
 
 namespace cairn {
@@ -19,14 +19,6 @@ struct Loop {
   bool believed = true;               // by the pose graph
 };
 
-/// A fused frame. A run of hours has many: 40 bytes each.
-struct FusedFrame {
-  double timestamp = 0;        // seconds
-  std::uint32_t keyframe = 0;  // the newest at its time
-  /// keyframe_from_camera, the logarithm: they lie near each other, so that single precision is right to a micrometre.
-  Eigen::Matrix<float, 6, 1> twist = Eigen::Matrix<float, 6, 1>::Zero();
-};
-
 /// Tracking and fusion live in the submaps' frame; where that lies in the world is told by the keyframes, which the
 /// pose graph moves. All submaps of a piece share one frame, that of tracking without a break; what moves one against
 /// the other is their keyframes' poses in the world.
@@ -34,7 +26,7 @@ struct Atlas {
   std::vector<Keyframe> keyframes;
   std::vector<Eigen::Isometry3d> world_from_camera;  // of the keyframes
   std::vector<Loop> loops;
-  std::deque<FusedFrame> frames;
+  FusedFrames frames;
   std::vector<std::size_t> recordings;  // the first frame of each recording after the first
 
   /// Adds a keyframe where its tracked pose puts it.

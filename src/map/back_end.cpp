@@ -248,7 +248,8 @@ std::pair<int, bool> BackEnd::append(const BackEnd& other) {
     loop.edge.from += keyframes, loop.edge.to += keyframes;
     atlas_.loops.push_back(loop);
   }
-  for (FusedFrame frame : other.atlas_.frames) {
+  for (std::size_t i = 0; i < other.atlas_.frames.size(); ++i) {
+    FusedFrame frame = other.atlas_.frames[i];
     frame.keyframe += static_cast<std::uint32_t>(keyframes);
     atlas_.frames.push_back(frame);
   }
@@ -323,10 +324,15 @@ void BackEnd::rebase(std::uint32_t since) {
   const std::size_t main = atlas_.main_piece();
   const Trajectory poses = atlas_.trajectory(main, 0, atlas_.frames.size());
   std::size_t next = 0;
-  for (FusedFrame& frame : atlas_.frames)
+  FusedFrames frames;
+  for (std::size_t i = 0; i < atlas_.frames.size(); ++i) {
+    FusedFrame frame = atlas_.frames[i];
     if (piece_of[frame.keyframe] == main)
       frame.twist =
           logarithm(atlas_.world_from_camera[frame.keyframe].inverse() * poses[next++].world_from_camera).cast<float>();
+    frames.push_back(frame);
+  }
+  atlas_.frames = std::move(frames);
   std::vector<bool> used(submaps_.size() + 1, false);
   for (std::size_t k = 0; k < atlas_.keyframes.size(); ++k) {
     if (piece_of[k] == main) {

@@ -28,8 +28,9 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr int kVersion = 3;
+constexpr int kVersion = 4;
 constexpr const char* kMagic = "cairn session";
+constexpr const char* kFrames = "cairn frames";
 constexpr const char* kState = "state.cbor";
 constexpr const char* kKeyframes = "keyframes";
 constexpr const char* kAgain = "reconstruct again without --resume";
@@ -55,6 +56,10 @@ std::vector<T> unblob(const Json& json) {
   std::vector<T> values(bytes.size() / sizeof(T));
   if (!values.empty()) std::memcpy(values.data(), bytes.data(), values.size() * sizeof(T));
   return values;
+}
+
+void require(bool is_so, const char* otherwise) {
+  if (!is_so) throw std::runtime_error(otherwise);
 }
 
 /// One after the other: writing and reading in the same order.
@@ -127,6 +132,34 @@ std::vector<Brick> bricks_of(const Json& json) {
   return bricks;
 }
 
+Json frames_json(const FusedFrames::Chunk& frames) {
+  std::vector<double> stamps;
+  std::vector<std::uint32_t> keyframes;
+  std::vector<float> twists;
+  for (const FusedFrame& f : frames) {
+    stamps.push_back(f.timestamp), keyframes.push_back(f.keyframe);
+    twists.insert(twists.end(), f.twist.begin(), f.twist.end());
+  }
+  return {{"stamps", blob(stamps)}, {"keyframes", blob(keyframes)}, {"twists", blob(twists)}};
+}
+/// Of a session with so many keyframes.
+FusedFrames::Chunk frames_of(const Json& json, std::size_t keyframe_count) {
+  const auto stamps = unblob<double>(json.at("stamps"));
+  const auto keyframes = unblob<std::uint32_t>(json.at("keyframes"));
+  const auto twists = unblob<float>(json.at("twists"));
+  require(keyframes.size() == stamps.size() && twists.size() == 6 * stamps.size(),
+          "frames and their places do not match");
+  FusedFrames::Chunk frames;
+  for (std::size_t i = 0; i < stamps.size(); ++i) {
+    const FusedFrame& f = frames.emplace_back(
+        FusedFrame{stamps[i], keyframes[i], Eigen::Map<const Eigen::Matrix<float, 6, 1>>(&twists[6 * i])});
+    require(f.keyframe < keyframe_count, "a keyframe is missing");
+    require(std::isfinite(f.timestamp) && f.twist.allFinite(), "a number is none");
+  }
+  return frames;
+}
+
+/// Without the full chunks of frames, which have files of their own.
 Json atlas_json(const Atlas& atlas) {
   Out keyframes, loops, recordings;
   for (std::size_t k = 0; k < atlas.keyframes.size(); ++k) {
@@ -138,19 +171,10 @@ Json atlas_json(const Atlas& atlas) {
   for (const Loop& l : atlas.loops)
     loops << l.edge.from << l.edge.to << l.edge.from_from_to << l.edge.information << l.corners << l.inlier_share
           << l.rmse << l.believed;
-  std::vector<double> stamps;
-  std::vector<std::uint32_t> their_keyframes;
-  std::vector<float> twists;
-  stamps.reserve(atlas.frames.size()), their_keyframes.reserve(atlas.frames.size());
-  twists.reserve(6 * atlas.frames.size());
-  for (const FusedFrame& f : atlas.frames) {
-    stamps.push_back(f.timestamp), their_keyframes.push_back(f.keyframe);
-    twists.insert(twists.end(), f.twist.begin(), f.twist.end());
-  }
   for (const std::size_t first : atlas.recordings) recordings << first;
   return {{"keyframes", keyframes.json()},
           {"loops", loops.json()},
-          {"frames", {{"stamps", blob(stamps)}, {"keyframes", blob(their_keyframes)}, {"twists", blob(twists)}}},
+          {"frames", frames_json(atlas.frames.rest())},
           {"recordings", recordings.json()}};
 }
 
@@ -174,15 +198,7 @@ Atlas atlas_of(const Json& json) {
     l.edge.may_be_false = true;
     atlas.loops.push_back(l);
   }
-  const Json& frames = json.at("frames");
-  const auto stamps = unblob<double>(frames.at("stamps"));
-  const auto their_keyframes = unblob<std::uint32_t>(frames.at("keyframes"));
-  const auto twists = unblob<float>(frames.at("twists"));
-  if (their_keyframes.size() != stamps.size() || twists.size() != 6 * stamps.size())
-    throw std::runtime_error("frames and their places do not match");
-  for (std::size_t i = 0; i < stamps.size(); ++i)
-    atlas.frames.push_back(
-        {stamps[i], their_keyframes[i], Eigen::Map<const Eigen::Matrix<float, 6, 1>>(&twists[6 * i])});
+  for (const FusedFrame& f : frames_of(json.at("frames"), atlas.keyframes.size())) atlas.frames.push_back(f);
   for (In in(json.at("recordings")); !in.at_end();) in >> atlas.recordings.emplace_back();
   return atlas;
 }
@@ -266,6 +282,10 @@ fs::path active_file(const fs::path& files, std::uint64_t number) {
   return files / fmt::format("active-{:06}.vdb", number);
 }
 
+bool is_frames(std::string_view name) {
+  return name.starts_with("frames-") && name.ends_with(".cbor") && name.find('/') == std::string_view::npos;
+}
+
 /// The number of a run by the name of its folder, run-N.
 std::optional<unsigned long> run_number(const std::string& name) {
   constexpr std::string_view kRun = "run-";
@@ -277,9 +297,6 @@ std::optional<unsigned long> run_number(const std::string& name) {
   return number;
 }
 
-void require(bool is_so, const char* otherwise) {
-  if (!is_so) throw std::runtime_error(otherwise);
-}
 void require_rigid(const Eigen::Isometry3d& pose) {
   constexpr double kBent = 0.01;  // that rounding never reaches
   const Eigen::Matrix3d r = pose.linear();
@@ -292,8 +309,9 @@ void require_near(const Brick& brick) {
   require((brick.array() > -kFar).all() && (brick.array() < kFar).all(), "a brick lies nowhere");
 }
 
-/// Everything that others take for granted: numbers of what exists, finite values.
-void validate(const Session& s) {
+/// Everything that others take for granted: numbers of what exists, finite values. `frames`: how many there are with
+/// those of full chunks.
+void validate(const Session& s, std::size_t frames) {
   check(s.camera);
   check(options_of(s));
   require(run_number(s.run).has_value(), "it names no run");
@@ -315,20 +333,16 @@ void validate(const Session& s) {
     require(l.edge.information.allFinite(), "a number is none");
     require_rigid(l.edge.from_from_to);
   }
-  require(atlas.frames.empty() == (keyframes == 0), "keyframes and frames do not match");
-  for (const FusedFrame& f : atlas.frames) {
-    require(f.keyframe < keyframes, "a keyframe is missing");
-    require(std::isfinite(f.timestamp) && f.twist.allFinite(), "a number is none");
-  }
+  require((frames == 0) == (keyframes == 0), "keyframes and frames do not match");
   require(std::is_sorted(atlas.recordings.begin(), atlas.recordings.end()) &&
-              (atlas.recordings.empty() || atlas.recordings.back() <= atlas.frames.size()),
+              (atlas.recordings.empty() || atlas.recordings.back() <= frames),
           "a recording is missing");
   require(m.places.size() == keyframes, "places and keyframes do not match");
   for (const auto& [pose, is_here] : m.places) require_rigid(pose);
   require(m.searched <= keyframes && m.submap_begin <= keyframes, "a keyframe is missing");
 
   const Tracker::Memory& t = s.tracker;
-  require(t.last.size() <= 2 && t.last.empty() == atlas.frames.empty(), "the last frames are missing");
+  require(t.last.size() <= 2 && t.last.empty() == (frames == 0), "the last frames are missing");
   for (const auto& moment : t.last) {
     require(std::isfinite(moment.timestamp), "a number is none");
     require_rigid(moment.submap_from_camera);
@@ -368,28 +382,55 @@ class Shallow : public nlohmann::detail::json_sax_dom_parser<Json> {
   int depth_ = 0;
 };
 
-/// The state with its first line checked.
-struct State {
+/// CBOR behind a first line that was checked.
+struct Checked {
   std::string cbor;
   std::uint32_t checksum = 0;
 };
-State read_state(const fs::path& file) {
+Checked read_checked(const fs::path& file, const std::string& magic) {
   std::ifstream in(file, std::ios::binary);
-  if (!in) throw std::runtime_error(file.string() + ": there is no session to go on with; run without --resume first");
-  std::string magic(std::strlen(kMagic), ' ');
+  if (!in) throw std::runtime_error(file.string() + ": cannot be opened");
+  std::string begin(magic.size(), ' ');
   int version = 0;
-  State state;
-  in.read(magic.data(), static_cast<std::streamsize>(magic.size()));
-  in >> version >> std::hex >> state.checksum;
+  Checked read;
+  in.read(begin.data(), static_cast<std::streamsize>(begin.size()));
+  in >> version >> std::hex >> read.checksum;
   in.get();
-  if (!in || magic != kMagic) throw std::runtime_error(file.string() + ": is no session of cairn; " + kAgain);
+  if (!in || begin != magic)
+    throw std::runtime_error(fmt::format("{}: does not begin with '{}'", file.string(), magic));
   if (version != kVersion)
-    throw std::runtime_error(
-        fmt::format("{}: was written by another version of cairn (format {}, this one reads {}); {}", file.string(),
-                    version, kVersion, kAgain));
-  state.cbor.assign(std::istreambuf_iterator<char>(in), {});
-  if (checksum(state.cbor) != state.checksum) throw std::runtime_error(file.string() + ": is damaged; " + kAgain);
-  return state;
+    throw std::runtime_error(fmt::format("{}: was written by another version of cairn (format {}, this one reads {})",
+                                         file.string(), version, kVersion));
+  read.cbor.assign(std::istreambuf_iterator<char>(in), {});
+  if (checksum(read.cbor) != read.checksum) throw std::runtime_error(file.string() + ": is damaged");
+  return read;
+}
+Checked read_state(const fs::path& session) {
+  const fs::path file = session / kState;
+  if (!fs::exists(file))
+    throw std::runtime_error(file.string() + ": there is no session to go on with; run without --resume first");
+  try {
+    return read_checked(file, kMagic);
+  } catch (const std::exception& error) {
+    throw std::runtime_error(fmt::format("{}; {}", error.what(), kAgain));
+  }
+}
+Json parsed(const std::string& cbor) {
+  Json json;
+  Shallow sax(json);
+  Json::sax_parse(cbor, &sax, Json::input_format_t::cbor);
+  return json;
+}
+
+/// With a first line for read_checked(); the checksum.
+std::pair<std::string, std::uint32_t> with_first_line(const Json& json, const char* magic) {
+  const auto first_line = [&](std::uint32_t sum) { return fmt::format("{} {} {:08x}\n", magic, kVersion, sum); };
+  std::string bytes = first_line(0);
+  const std::size_t begin = bytes.size();
+  Json::to_cbor(json, bytes);
+  const std::uint32_t sum = checksum(std::string_view(bytes).substr(begin));
+  bytes.replace(0, begin, first_line(sum));
+  return {std::move(bytes), sum};
 }
 
 /// Brings all files of the disk that a folder is on to it: of keyframes there are many, and to wait for each costs
@@ -405,17 +446,16 @@ void sync_disk(const fs::path& folder) {
 /// Whether the session has a state with this checksum.
 bool names(const fs::path& session, std::uint32_t checksum) {
   try {
-    return read_state(session / kState).checksum == checksum;
+    return read_state(session).checksum == checksum;
   } catch (const std::exception&) {
     return false;
   }
 }
 
-Session session_of(const std::string& cbor) {
+/// And the files of its full chunks of frames, which are still to be read.
+std::pair<Session, std::vector<std::string>> session_of(const std::string& cbor) {
   Session s;
-  Json state;
-  Shallow sax(state);
-  Json::sax_parse(cbor, &sax, Json::input_format_t::cbor);
+  const Json state = parsed(cbor);
   s.camera = camera_of(state.at("camera"));
   s.fuse.voxel_size = state.at("voxel_size");
   s.fuse.truncation = state.at("truncation");
@@ -433,8 +473,27 @@ Session session_of(const std::string& cbor) {
   s.number = state.at("number");
   s.run = state.at("run");
   s.note = state.at("note");
-  validate(s);
-  return s;
+  std::vector<std::string> frame_files = state.at("frame_files");
+  for (const std::string& name : frame_files) require(is_frames(name), "frames are missing");
+  validate(s, FusedFrames::kChunk * frame_files.size() + s.back_end.atlas.frames.size());
+  return {std::move(s), std::move(frame_files)};
+}
+
+FusedFrames read_frames(const fs::path& files, const std::vector<std::string>& names, const Atlas& atlas) {
+  FusedFrames frames;
+  for (const std::string& name : names) {
+    const fs::path file = files / name;
+    const Checked read = read_checked(file, kFrames);
+    try {
+      auto chunk = frames_of(parsed(read.cbor), atlas.keyframes.size());
+      require(chunk.size() == FusedFrames::kChunk, "frames are missing");
+      frames.push_back(std::make_shared<const FusedFrames::Chunk>(std::move(chunk)));
+    } catch (const std::exception& error) {
+      throw std::runtime_error(fmt::format("{}: is damaged ({})", file.string(), plain(error.what())));
+    }
+  }
+  for (const FusedFrame& frame : atlas.frames.rest()) frames.push_back(frame);
+  return frames;
 }
 
 /// Beside state.cbor and the lock, what cairn writes into a session's folder: in this format and in the one before.
@@ -455,11 +514,12 @@ Options options_of(const Session& session) {
 ReadSession read_session(const fs::path& session) {
   const fs::path file = session / kState;
   while (true) {
-    const State state = read_state(file);
+    const Checked state = read_state(session);
     try {
       Session s;
+      std::vector<std::string> frame_files;
       try {
-        s = session_of(state.cbor);
+        std::tie(s, frame_files) = session_of(state.cbor);
       } catch (const std::exception& error) {
         throw std::runtime_error(fmt::format("{}: is damaged ({}); {}", file.string(), plain(error.what()), kAgain));
       }
@@ -469,13 +529,14 @@ ReadSession read_session(const fs::path& session) {
       auto hold = FileLock::take(files, FileLock::Kind::shared, true);
       try {
         BrickTree active = read_bricks(active_file(files, s.number));
-        return {std::move(s), std::move(active), files, state.checksum, std::move(*hold)};
+        s.back_end.atlas.frames = read_frames(files, frame_files, s.back_end.atlas);
+        return {std::move(s), std::move(active), files, state.checksum, std::move(*hold), std::move(frame_files)};
       } catch (const std::exception& error) {
         throw std::runtime_error(std::string(error.what()) + "; the session is damaged: " + kAgain);
       }
     } catch (const std::exception&) {
       // Perhaps somebody has written a newer state meanwhile, and removed what this one names.
-      if (read_state(file).checksum == state.checksum) throw;
+      if (read_state(session).checksum == state.checksum) throw;
     }
   }
 }
@@ -495,9 +556,9 @@ SessionWriter::SessionWriter(fs::path session) : session_(std::move(session)), l
 
 SessionWriter::SessionWriter(fs::path session, const ReadSession& read)
     : session_(std::move(session)), lock_(session_), files_(read.files), is_named_(true) {
-  if (read_state(session_ / kState).checksum != read.checksum)
+  if (read_state(session_).checksum != read.checksum)
     throw std::runtime_error(session_.string() + ": another run wrote into it just now; try again");
-  remove_others(read.session.number);
+  remove_others(read.session.number, read.frame_files);
   for (const fs::path& folder : {session_, files_, files_ / kKeyframes}) remove_leftovers(folder);
 }
 
@@ -519,8 +580,23 @@ void SessionWriter::copy_files(const ReadSession& from) const {
     if (const fs::path name = entry.path().filename(); name.string()[0] != '.') copy(kKeyframes / name);
 }
 
+SessionWriter::FrameFiles SessionWriter::write_frames(const FusedFrames& frames, std::uint64_t number) const {
+  FrameFiles files;
+  for (std::size_t i = 0; i < frames.full().size(); ++i) {
+    const auto& chunk = files.chunks.emplace_back(frames.full()[i]);
+    if (i < written_.chunks.size() && written_.chunks[i] == chunk) {
+      files.names.push_back(written_.names[i]);
+      continue;
+    }
+    files.names.push_back(fmt::format("frames-{:06}-{:06}.cbor", number, i));
+    write_whole(files_ / files.names.back(), with_first_line(frames_json(*chunk), kFrames).first, Durable::some_time);
+  }
+  return files;
+}
+
 void SessionWriter::write(const Session& s, const BrickTree& active) {
   write_bricks(active_file(files_, s.number), active);
+  FrameFiles frames = write_frames(s.back_end.atlas.frames, s.number);
   sync_disk(files_);
   Out numbers;
   numbers << s.stamp << s.repeats << s.lost << s.last_fused.has_value() << s.last_fused.value_or(0) << s.acceleration;
@@ -536,13 +612,9 @@ void SessionWriter::write(const Session& s, const BrickTree& active) {
                    {"last_image", s.last_image},
                    {"number", s.number},
                    {"run", files_.filename().string()},
+                   {"frame_files", frames.names},
                    {"note", s.note}};
-  const auto first_line = [](std::uint32_t sum) { return fmt::format("{} {} {:08x}\n", kMagic, kVersion, sum); };
-  std::string bytes = first_line(0);
-  const std::size_t begin = bytes.size();
-  Json::to_cbor(state, bytes);  // behind the first line: there are megabytes of it after some hours
-  const std::uint32_t sum = checksum(std::string_view(bytes).substr(begin));
-  bytes.replace(0, begin, first_line(sum));
+  const auto [bytes, sum] = with_first_line(state, kMagic);
   try {
     write_whole(session_ / kState, bytes);
   } catch (const std::exception&) {
@@ -552,17 +624,23 @@ void SessionWriter::write(const Session& s, const BrickTree& active) {
   }
   // From here on the new state counts, also after a power cut.
   is_named_ = true;
-  remove_others(s.number);
+  written_ = std::move(frames);
+  remove_others(s.number, written_.names);
 }
 
-void SessionWriter::remove_others(std::uint64_t number) const {
+void SessionWriter::remove_others(std::uint64_t number, const std::vector<std::string>& frame_files) const {
   std::vector<fs::path> stale;
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(session_, ignored))
     if (is_ours(entry.path().filename().string()) && entry.path() != files_) stale.push_back(entry.path());
-  for (const auto& entry : fs::directory_iterator(files_, ignored))
-    if (entry.path().filename().string().starts_with("active-") && entry.path() != active_file(files_, number))
-      stale.push_back(entry.path());
+  for (const auto& entry : fs::directory_iterator(files_, ignored)) {
+    const std::string name = entry.path().filename().string();
+    const bool is_old =
+        name.starts_with("active-")
+            ? entry.path() != active_file(files_, number)
+            : is_frames(name) && std::find(frame_files.begin(), frame_files.end(), name) == frame_files.end();
+    if (is_old) stale.push_back(entry.path());
+  }
   for (const fs::path& path : stale)
     if (!fs::is_directory(path, ignored))
       fs::remove(path, ignored);

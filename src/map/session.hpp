@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // A session: a folder from which a run goes on. `state.cbor` is written last and at once, and names what else belongs
-// to it: a run's own folder, `run-N/`, with `keyframes/` (images and corners), `submap-N.vdb`, and `active-N.vdb`, the
-// volume that is being fused into. A new run has a new folder, and the session before it stays whole until the new
-// one's first checkpoint takes its place.
+// to it: a run's own folder, `run-N/`, with `keyframes/` (images and corners), `submap-N.vdb`, `frames-N-I.cbor` (the
+// frames' poses, a thousand in each), and `active-N.vdb`, the volume that is being fused into. A new run has a new
+// folder, and the session before it stays whole until the new one's first checkpoint takes its place.
 #pragma once
 #include <filesystem>
 #include <memory>
@@ -43,6 +43,7 @@ struct ReadSession {
   std::filesystem::path files;  // the run's folder
   std::uint32_t checksum = 0;   // of state.cbor
   FileLock hold;                // whoever writes leaves these files as long as this lives
+  std::vector<std::string> frame_files;
 };
 /// Changes nothing in the folder, and may be called while another process writes there. Throws std::runtime_error with
 /// what is wrong and what to do: nothing there, damaged, written by another version.
@@ -62,18 +63,26 @@ class SessionWriter {
 
   /// Where keyframes and submaps are to be written.
   [[nodiscard]] const std::filesystem::path& files() const { return files_; }
-  /// Brings another session's files, to go on with a copy of it.
+  /// Brings another session's keyframes and submaps, to go on with a copy of it.
   void copy_files(const ReadSession& from) const;
-  /// Writes the volume's bricks and then the state, each whole or not at all; a kill at any moment leaves the session
-  /// before or this one. Files that no longer belong to it are removed then.
+  /// Writes the volume's bricks, full chunks of frames that are new, and then the state, each whole or not at all; a
+  /// kill at any moment leaves the session before or this one. Files that no longer belong to it are removed then.
   void write(const Session& state, const BrickTree& active);
 
  private:
-  void remove_others(std::uint64_t number) const;
+  /// Full chunks of frames and the names of their files.
+  struct FrameFiles {
+    std::vector<std::shared_ptr<const FusedFrames::Chunk>> chunks;
+    std::vector<std::string> names;
+  };
+  [[nodiscard]] FrameFiles write_frames(const FusedFrames& frames, std::uint64_t number) const;
+  /// Leaves what the state with that number and those files of frames names.
+  void remove_others(std::uint64_t number, const std::vector<std::string>& frame_files) const;
   std::filesystem::path session_;
   SessionLock lock_;
   std::filesystem::path files_;
   bool is_named_ = false;  // by state.cbor
+  FrameFiles written_;     // of the last state
 };
 
 /// Removes a session that something newer has replaced; whoever calls holds its lock.

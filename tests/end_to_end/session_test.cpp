@@ -130,11 +130,11 @@ TEST_F(Session, AnswersADamagedOneWithOneLine) {
   write_text(state, good.substr(0, good.size() / 3));
   expect_one_line(run_cairn(resume), 1, "is damaged");
   bad = good;
-  bad[bad.find(" 3 ") + 1] = '7';  // the version of the format
+  bad[std::string("cairn session ").size()] = '7';  // the version of the format
   write_text(state, bad);
   expect_one_line(run_cairn(resume), 1, "another version");
   write_text(state, "something else");
-  expect_one_line(run_cairn(resume), 1, "no session of cairn");
+  expect_one_line(run_cairn(resume), 1, "does not begin with 'cairn session'");
   fs::remove(state);
   expect_one_line(run_cairn(resume), 1, "no session to go on with");
 

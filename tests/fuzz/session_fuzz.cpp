@@ -29,8 +29,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (atlas.world_from_camera.size() != atlas.keyframes.size()) std::abort();
     for (const Loop& loop : atlas.loops)
       if (loop.edge.from >= atlas.keyframes.size() || loop.edge.to >= atlas.keyframes.size()) std::abort();
-    for (const FusedFrame& frame : atlas.frames)
-      if (frame.keyframe >= atlas.keyframes.size()) std::abort();
+    for (std::size_t i = 0; i < atlas.frames.size(); ++i)
+      if (atlas.frames[i].keyframe >= atlas.keyframes.size()) std::abort();
     for (const auto& level : session.keyframe.levels) fuzz::touch(level);
   });
   return 0;

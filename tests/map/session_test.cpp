@@ -84,9 +84,13 @@ TEST(SessionFiles, WithNumbersOfWhatDoesNotExistAreDamaged) {
       [](Session& s) { s.back_end.atlas.loops[0].edge.to = 2; },
       [](Session& s) { s.back_end.atlas.loops[0].edge.from = 1; },
       [&](Session& s) { s.back_end.atlas.loops[0].edge.information(2, 2) = nan; },
-      [](Session& s) { s.back_end.atlas.frames[1].keyframe = 2; },
-      [&](Session& s) { s.back_end.atlas.frames[1].twist[2] = std::numeric_limits<float>::infinity(); },
-      [](Session& s) { s.back_end.atlas.frames.clear(); },
+      [](Session& s) { s.back_end.atlas.frames.push_back({.timestamp = 0.2, .keyframe = 2}); },
+      [](Session& s) {
+        FusedFrame frame{.timestamp = 0.2, .keyframe = 1};
+        frame.twist[2] = std::numeric_limits<float>::infinity();
+        s.back_end.atlas.frames.push_back(frame);
+      },
+      [](Session& s) { s.back_end.atlas.frames = {}; },
       [](Session& s) { s.back_end.atlas.recordings = {3}; },
       [](Session& s) {
         s.back_end.atlas.recordings = {1, 0};
@@ -132,7 +136,7 @@ std::string state_of(const std::string& cbor) {
   crc.process_bytes(cbor.data(), cbor.size());
   std::string line(32, ' ');
   line.resize(
-      static_cast<std::size_t>(std::snprintf(line.data(), line.size(), "cairn session 3 %08x\n", crc.checksum())));
+      static_cast<std::size_t>(std::snprintf(line.data(), line.size(), "cairn session 4 %08x\n", crc.checksum())));
   return line + cbor;
 }
 
@@ -201,14 +205,96 @@ TEST(SessionFiles, OfKilledRunsAreRemovedAtTheNextStart) {
   const TemporaryFolder folder;
   SessionWriter(folder / "s").write(small_session(), one_brick());
   const fs::path run = folder / "s" / "run-0001";
-  for (const fs::path& left : {folder / "s" / ".cairn-4711.state.cbor", run / ".cairn-4711.submap-0000.vdb",
-                               run / "keyframes" / ".cairn-4711.000001.corners", run / "active-000002.vdb"})
+  for (const fs::path& left :
+       {folder / "s" / ".cairn-4711.state.cbor", run / ".cairn-4711.submap-0000.vdb",
+        run / "keyframes" / ".cairn-4711.000001.corners", run / "active-000002.vdb", run / "frames-000002-000000.cbor"})
     write_text(left, "half");
   fs::create_directories(folder / "s" / "run-0002" / "keyframes");
   const SessionWriter writer(folder / "s", read_session(folder / "s"));
   EXPECT_EQ(names_in(folder / "s"), (std::set<std::string>{"lock", "run-0001", "state.cbor"}));
   EXPECT_EQ(names_in(run), (std::set<std::string>{"active-000001.vdb", "keyframes"}));
   EXPECT_TRUE(fs::is_empty(run / "keyframes"));
+}
+
+/// Frames until there are so many.
+void fill(Atlas& atlas, std::size_t count) {
+  while (atlas.frames.size() < count)
+    atlas.add_frame(0.1 * static_cast<double>(atlas.frames.size()),
+                    Eigen::Isometry3d(Eigen::Translation3d(0.001 * static_cast<double>(atlas.frames.size()), 0, 0)));
+}
+
+TEST(SessionFiles, OfFramesAreWrittenOnce) {
+  const TemporaryFolder folder;
+  const fs::path run = folder / "s" / "run-0001";
+  constexpr std::size_t kChunk = FusedFrames::kChunk;
+  Session s = small_session();
+  SessionWriter writer(folder / "s");
+  fill(s.back_end.atlas, 2 * kChunk + 5);
+  writer.write(s, one_brick());
+  const std::set<std::string> two{"frames-000001-000000.cbor", "frames-000001-000001.cbor"};
+  const auto frame_files = [&] {
+    std::set<std::string> names = names_in(run);
+    std::erase_if(names, [](const std::string& name) { return !name.starts_with("frames-"); });
+    return names;
+  };
+  EXPECT_EQ(frame_files(), two);
+  const auto first = fs::last_write_time(run / *two.begin());
+  const auto state_size = fs::file_size(folder / "s" / "state.cbor");
+
+  fill(s.back_end.atlas, 3 * kChunk + 5);
+  s.number = 2;
+  writer.write(s, one_brick());
+  std::set<std::string> three = two;
+  three.insert("frames-000002-000002.cbor");
+  EXPECT_EQ(frame_files(), three);
+  EXPECT_EQ(fs::last_write_time(run / *two.begin()), first);
+  EXPECT_LT(fs::file_size(folder / "s" / "state.cbor"), state_size + 100);
+
+  const FusedFrames read = read_session(folder / "s").session.back_end.atlas.frames;
+  ASSERT_EQ(read.size(), s.back_end.atlas.frames.size());
+  for (std::size_t i = 0; i < read.size(); ++i) {
+    ASSERT_EQ(read[i].timestamp, s.back_end.atlas.frames[i].timestamp);
+    ASSERT_EQ(read[i].keyframe, s.back_end.atlas.frames[i].keyframe);
+    ASSERT_EQ(read[i].twist, s.back_end.atlas.frames[i].twist);
+  }
+
+  // Frames that moved since are not those of the files.
+  FusedFrames moved;
+  moved.push_back(s.back_end.atlas.frames.full()[0]);
+  for (std::size_t i = kChunk; i < read.size(); ++i) {
+    FusedFrame frame = read[i];
+    frame.twist[0] += 1;
+    moved.push_back(frame);
+  }
+  s.back_end.atlas.frames = moved;
+  s.number = 3;
+  writer.write(s, one_brick());
+  EXPECT_EQ(frame_files(), (std::set<std::string>{"frames-000001-000000.cbor", "frames-000003-000001.cbor",
+                                                  "frames-000003-000002.cbor"}));
+  EXPECT_EQ(read_session(folder / "s").session.back_end.atlas.frames[kChunk].twist[0], read[kChunk].twist[0] + 1);
+}
+
+TEST(SessionFiles, OfFramesThatAreMissingOrDamagedAreTold) {
+  const TemporaryFolder folder;
+  Session s = small_session();
+  fill(s.back_end.atlas, FusedFrames::kChunk + 5);
+  SessionWriter(folder / "s").write(s, one_brick());
+  const fs::path file = folder / "s" / "run-0001" / "frames-000001-000000.cbor";
+  std::string bytes = read_bytes(file);
+  const auto told = [&] { return error_of([&] { (void)read_session(folder / "s"); }); };
+  const auto expect_told = [&](const std::string& what) {
+    const std::string error = told(), end = "; the session is damaged: reconstruct again without --resume";
+    EXPECT_EQ(error, file.string() + ": " + what + end);
+  };
+  ++bytes.back();
+  write_text(file, bytes);
+  expect_told("is damaged");
+  write_text(file, bytes.substr(0, 5));
+  expect_told("does not begin with 'cairn frames'");
+  write_text(file, "cairn frames 1 00000000\n");
+  expect_told("was written by another version of cairn (format 1, this one reads 4)");
+  fs::remove(file);
+  expect_told("cannot be opened");
 }
 
 TEST(SessionFiles, ThatAreBeingReadStayUntilTheyAreNot) {
