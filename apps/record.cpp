@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <oneapi/tbb/parallel_pipeline.h>
 
+#include <atomic>
+#include <exception>
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
@@ -77,18 +79,28 @@ class Reader {
 void write_images(Reader& read, const Camera& camera, const Arguments& a) {
   namespace tbb = oneapi::tbb;
   TumWriter writer(a.output, camera);
+  // Kept until all is through: TBB would leak the image that a filter throws at.
+  std::exception_ptr failure;
+  std::atomic<bool> failed = false;
   using tbb::filter_mode;
   tbb::parallel_pipeline(
       kInFlight,
       tbb::make_filter<void, Frame>(filter_mode::serial_in_order, [&](tbb::flow_control& flow) {
-        auto frame = read();
+        auto frame = failed ? std::nullopt : read();
         if (!frame) flow.stop();
         return std::move(frame).value_or(Frame{});
       }) & tbb::make_filter<Frame, EncodedFrame>(filter_mode::parallel, [&](const Frame& frame) {
         return encode(frame, camera, a.colour == "png");
       }) & tbb::make_filter<EncodedFrame, void>(filter_mode::serial_in_order, [&](const EncodedFrame& frame) {
-        writer.add(frame);
+        if (failed) return;
+        try {
+          writer.add(frame);
+        } catch (const std::exception&) {
+          failure = std::current_exception();
+          failed = true;
+        }
       }));
+  if (failure) std::rethrow_exception(failure);
 }
 
 void record(const Arguments& a) {
