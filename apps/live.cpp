@@ -135,10 +135,11 @@ void live(const Arguments& a) {
   if (view) view->finishing();
   if (const std::string why = stream.source().ended_early(); !why.empty()) run.warn(why);
   const double seconds = std::chrono::duration<double>(Clock::now() - first).count();
+  const int dropped = stream.source().dropped();  // a sensor goes on while files are written
   const nlohmann::json told{
       {"seconds", seconds},
       {"frames_per_second", fused / seconds},
-      {"skipped_to_keep_up", stream.source().dropped()},
+      {"skipped_to_keep_up", dropped},
       {"latency_ms",
        {{"median", latencies.percentile(0.5)}, {"p95", latencies.percentile(0.95)}, {"max", latencies.most()}}}};
   nlohmann::json more{{"live", told}};
@@ -146,7 +147,7 @@ void live(const Arguments& a) {
   run.finish(more);
   if (!a.json)
     fmt::print("live        {:.1f} frames/s, {} skipped to keep up, {:.0f} ms from frame to pose (95 %)\n",
-               told["frames_per_second"].get<double>(), stream.source().dropped(), latencies.percentile(0.95));
+               told["frames_per_second"].get<double>(), dropped, latencies.percentile(0.95));
   if (view) view->finished(a.output);
 }
 
