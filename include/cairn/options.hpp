@@ -9,17 +9,17 @@ namespace cairn {
 struct SurfaceOptions {
   float min_depth = 0.3f;            // metres; nearer measurements are dropped
   float max_depth = 5.0f;            // metres; farther measurements are dropped
-  float filter_sigma_pixels = 1.5f;  // bilateral filter, spatial
+  float filter_sigma_pixels = 1.5f;  // pixels; the width of the bilateral filter
   float filter_range = 6.0f;         // bilateral filter: neighbours farther than this many noise sigmas do not count
   float edge_slope = 6.0f;           // a pixel whose neighbours differ by more than this many noise sigmas on both
                                      // sides of a jump is flying and is dropped
 };
 
 struct TrackOptions {
-  int levels = 3;              // pyramid levels, each half the size of the one before
-  int finest_level = 1;        // 0: full resolution, four times the work for 2 % less error
-  int iterations_finest = 10;  // at most, per level
-  int iterations_coarse = 12;
+  int levels = 3;                  // pyramid levels, each half the size of the one before
+  int finest_level = 1;            // 0: full resolution, four times the work for 2 % less error
+  int iterations_finest = 10;      // at most, on the finest level
+  int iterations_coarse = 12;      // at most, per level
   float max_distance = 0.1f;       // metres between matched points at the finest level
   float max_angle = 0.5236f;       // radians between matched normals
   bool photometric = true;         // align brightness too, where there is colour
@@ -37,18 +37,18 @@ struct FuseOptions {
 };
 
 struct MapOptions {
-  float submap_radius = 3.0f;     // metres; a submap ends when the camera is farther than this from where it began,
-  int submap_bricks = 65536;      // or it holds this many bricks,
-  int submap_keyframes = 200;     // or this many keyframes: what tracking drifts over them
+  float submap_radius = 3.0f;     // metres from where a submap began; a camera that is farther away ends it
+  int submap_bricks = 65536;      // that end a submap
+  int submap_keyframes = 200;     // that end a submap: what tracking drifts over them stays in it
   bool loops = true;              // recognise places and correct the map
-  int lost_frames = 45;           // lost for so many frames, the camera begins a new piece of the map
+  int lost_frames = 45;           // in a row, after which the camera begins a new piece of the map
   std::uint64_t host_memory = 0;  // bytes for ended submaps, others wait on the disk; 0: a quarter of what the host has
 };
 
 struct EsdfOptions {
-  bool live = false;          // keep the distance field up to date while frames are fused
+  bool live = false;          // true keeps the distance field up to date while frames are fused
   float voxel_size = 0.0f;    // metres: 1, 2, 4 or 8 voxels of the TSDF; 0: two
-  float max_distance = 2.0f;  // metres; places that are farther from every surface only know that they are
+  float max_distance = 2.0f;  // metres; of places farther from every surface only that is known
 };
 
 struct Options {

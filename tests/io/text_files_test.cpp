@@ -152,6 +152,24 @@ TEST(Options, AreOverriddenByYaml) {
   EXPECT_FLOAT_EQ(options.surface.max_depth, Options{}.surface.max_depth);
 }
 
+TEST(Options, OfTheDefaultFileAreTheDefaults) {
+  const Options defaults;
+  Options options{.surface = {.edge_slope = 7},
+                  .track = {.max_angle = 0.1f, .photometric = false},
+                  .fuse = {.device_memory = 1},
+                  .map = {.submap_bricks = 1000, .loops = false},
+                  .esdf = {.live = true, .max_distance = 1}};
+  read_options(source_folder() / "assets/default.yaml", options);
+  EXPECT_EQ(options.surface.edge_slope, defaults.surface.edge_slope);
+  EXPECT_EQ(options.track.max_angle, defaults.track.max_angle);
+  EXPECT_EQ(options.track.photometric, defaults.track.photometric);
+  EXPECT_EQ(options.fuse.device_memory, defaults.fuse.device_memory);
+  EXPECT_EQ(options.map.submap_bricks, defaults.map.submap_bricks);
+  EXPECT_EQ(options.map.loops, defaults.map.loops);
+  EXPECT_EQ(options.esdf.live, defaults.esdf.live);
+  EXPECT_EQ(options.esdf.max_distance, defaults.esdf.max_distance);
+}
+
 TEST(Options, RefuseUnknownKeysAndBadValuesByLine) {
   const TemporaryFolder folder;
   const auto file = folder / "o.yaml";
