@@ -1,4 +1,4 @@
-# Installs the build into a new folder, builds the outside project against it and runs that.
+# Installs the build into a new folder, builds the outside project and the README's program against it and runs both.
 # Takes BUILD, SOURCE and WORK.
 function(run)
   execute_process(COMMAND ${ARGN} RESULT_VARIABLE failed OUTPUT_VARIABLE output ERROR_VARIABLE output)
@@ -8,7 +8,18 @@ function(run)
 endfunction()
 file(REMOVE_RECURSE ${WORK})
 run(${CMAKE_COMMAND} --install ${BUILD} --prefix ${WORK}/installed)
-run(${CMAKE_COMMAND} -S ${SOURCE} -B ${WORK}/build -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH=${WORK}/installed)
+file(READ ${SOURCE}/../../README.md readme)
+string(REGEX MATCH "\n```cpp\n([^`]*)```" found "${readme}")
+file(WRITE ${WORK}/readme.cpp "${CMAKE_MATCH_1}")
+run(${CMAKE_COMMAND} -S ${SOURCE} -B ${WORK}/build -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH=${WORK}/installed
+    -DREADME_CODE=${WORK}/readme.cpp)
 run(${CMAKE_COMMAND} --build ${WORK}/build)
 run(${WORK}/build/cairn_user)
 run(${WORK}/installed/bin/cairn devices)
+run(${WORK}/installed/bin/cairn synth room -o ${WORK}/rgbd_dataset_freiburg1_desk --frames 5 --width 320)
+run(${CMAKE_COMMAND} -E chdir ${WORK} ${WORK}/build/readme)
+foreach(file trajectory.txt desk.glb)
+  if(NOT EXISTS ${WORK}/${file})
+    message(FATAL_ERROR "the README's program wrote no ${file}")
+  endif()
+endforeach()
