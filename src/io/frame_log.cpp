@@ -3,20 +3,35 @@
 #include "io/frame_log.hpp"
 
 #include <algorithm>
+#include <string_view>
 #include <utility>
 
 namespace cairn {
+namespace {
+
+void for_each_line(std::string_view lines, const auto& visit) {
+  for (std::size_t end = 0; (end = lines.find('\n')) != lines.npos; lines.remove_prefix(end + 1))
+    visit(lines.substr(0, end));
+}
+
+}  // namespace
 
 void FrameLog::add(const nlohmann::json& report) {
   const auto& state = report.at("state").get_ref<const std::string&>();
   ++counts_[state];
   if (state != "fused" && first_reason_.empty()) first_reason_ = report.value("reason", "");
   if (size_++ % every_ != 0) return;
-  lines_.push_back(report.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
-  if (lines_.size() <= kMost) return;
-  // Every second one goes.
-  for (std::size_t i = 1; 2 * i < lines_.size(); ++i) lines_[i] = std::move(lines_[2 * i]);
-  lines_.resize((lines_.size() + 1) / 2);
+  lines_ += report.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + '\n';
+  if (++line_count_ <= kMost) return;
+  std::string kept;
+  std::size_t number = 0;
+  line_count_ = 0;
+  for_each_line(lines_, [&](std::string_view line) {
+    if (number++ % 2 == 1) return;  // every second one goes
+    kept.append(line) += '\n';
+    ++line_count_;
+  });
+  lines_ = std::move(kept);
   every_ *= 2;
 }
 
@@ -27,7 +42,7 @@ int FrameLog::count(const std::string& state) const {
 
 nlohmann::json FrameLog::kept() const {
   nlohmann::json all = nlohmann::json::array();
-  for (const std::string& line : lines_) all.push_back(nlohmann::json::parse(line));
+  for_each_line(lines_, [&](std::string_view line) { all.push_back(nlohmann::json::parse(line)); });
   return all;
 }
 
@@ -37,12 +52,12 @@ nlohmann::json FrameLog::save() const {
 
 FrameLog FrameLog::from(const nlohmann::json& saved) {
   FrameLog log;
-  log.lines_ = saved.at("lines").get<std::vector<std::string>>();
+  log.lines_ = saved.at("lines").get<std::string>();
   log.every_ = std::max(1, saved.at("every").get<int>());
   log.size_ = saved.at("size");
   log.counts_ = saved.at("counts").get<std::map<std::string, int>>();
   log.first_reason_ = saved.at("first_reason");
-  (void)log.kept();  // nothing else is a report
+  log.line_count_ = log.kept().size();  // throws: nothing else is a report
   return log;
 }
 

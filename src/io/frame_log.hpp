@@ -5,7 +5,6 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
-#include <vector>
 
 namespace cairn {
 
@@ -30,7 +29,10 @@ class FrameLog {
   static constexpr std::size_t kMost = 4096;  // reports
 
  private:
-  std::vector<std::string> lines_;  // every every_-th report, as text: a fifth of the memory
+  /// Every every_-th report, a line each: in one piece, since thousands of small ones that stay would keep memory
+  /// between them from going back to the system.
+  std::string lines_;
+  std::size_t line_count_ = 0;
   int every_ = 1, size_ = 0;
   std::map<std::string, int> counts_;  // by state
   std::string first_reason_;

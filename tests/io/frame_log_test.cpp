@@ -45,7 +45,7 @@ TEST(FrameLog, RefusesWhatItHasNotSaved) {
   EXPECT_THROW((void)FrameLog::from(nullptr), nlohmann::json::exception);
   EXPECT_THROW((void)FrameLog::from(nlohmann::json::object()), nlohmann::json::exception);
   nlohmann::json saved = FrameLog().save();
-  saved["lines"] = {"{\"index\": "};
+  saved["lines"] = "{\"index\": \n";
   EXPECT_THROW((void)FrameLog::from(saved), nlohmann::json::exception);
 }
 
