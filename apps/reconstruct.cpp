@@ -19,7 +19,7 @@ struct Arguments : RunArguments {
   fs::path poses;
   std::string frames;
   int read_ahead = 4;
-  bool refine = false, refuse = false;
+  bool refine = false, reintegrate = false;
 };
 
 /// A:B:STEP, each part may be empty.
@@ -76,18 +76,18 @@ void reconstruct(const Arguments& a) {
   if (const std::string why = source->ended_early(); !why.empty()) run.warn(why);
 
   nlohmann::json more;
-  if ((a.refine || a.refuse) && !run.stopped())
+  if ((a.refine || a.reintegrate) && !run.stopped())
     run.timed("refine", [&] {
       const Refined refined = run.mapper().refine();
       more["refined"] = {{"keyframes", refined.keyframes},         {"pairs_tried", refined.pairs_tried},
                          {"pairs_aligned", refined.pairs_aligned}, {"pairs_believed", refined.pairs_believed},
                          {"cost_before", refined.cost_before},     {"cost", refined.cost}};
     });
-  if (a.refuse && !run.stopped())
-    run.timed("fuse again", [&] {
+  if (a.reintegrate && !run.stopped())
+    run.timed("reintegrate", [&] {
       const auto again = open_source(a, parse_frames(a.frames));
       Progress progress(again->size());
-      run.mapper().fuse_again(*again, [&] { progress.step("fusing again"); });
+      run.mapper().reintegrate(*again, [&] { progress.step("reintegrating"); });
     });
   run.finish(more);
 }
@@ -111,7 +111,7 @@ void add_reconstruct(CLI::App& program) {
                  "Align keyframes with each other after the last frame and bend the map as the pose graph says")
       ->excludes(poses);
   command
-      ->add_flag("--refuse", a->refuse,
+      ->add_flag("--reintegrate", a->reintegrate,
                  "Like --refine, but fuse all frames again with the corrected poses instead of bending the map")
       ->excludes(poses);
   command->callback([a] { reconstruct(*a); });

@@ -123,7 +123,7 @@ class Mapper {
   /// Fuses all frames again with the poses as they are now, instead of bending submaps. `again` is the same recording
   /// from its begin; `step` is called after each of its frames. When it fails the map stays as it is, and a warning
   /// tells why.
-  void fuse_again(Source& again, const std::function<void()>& step = {});
+  void reintegrate(Source& again, const std::function<void()>& step = {});
   /// When the keyframes were taken and how many earlier ones were looked through for their places.
   [[nodiscard]] std::vector<std::pair<double, int>> keyframes() const;
   /// Loops that were found while the frames came, in their order.

@@ -434,7 +434,7 @@ Refined Mapper::refine() {
   return refined;
 }
 
-void Mapper::fuse_again(Source& again, const std::function<void()>& step) {
+void Mapper::reintegrate(Source& again, const std::function<void()>& step) {
   State& s = *state_;
   s.back_end.settle();
   const Atlas& atlas = s.back_end.atlas();

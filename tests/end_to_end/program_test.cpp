@@ -167,7 +167,7 @@ TEST_F(Program, AnswersWrongUsageWithExitCode2) {
 
 TEST_F(Program, FusesAgainWithRefinedPoses) {
   const auto map = (out / "map").string();
-  const auto report = json_of(run_cairn({"reconstruct", sequence(), "-o", map, "--refuse", "--json"}));
+  const auto report = json_of(run_cairn({"reconstruct", sequence(), "-o", map, "--reintegrate", "--json"}));
   EXPECT_EQ(report["frames"]["fused"], 40);
   EXPECT_GT(report["refined"]["keyframes"], 1);
   EXPECT_EQ(validate_gltf(map + "/mesh.glb"), "");

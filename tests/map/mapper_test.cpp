@@ -226,7 +226,7 @@ TEST(Mapper, KeepsTheMapWhenFramesCannotBeFusedAgain) {
   for (const Frame& frame : room_frames()) ASSERT_EQ(mapper.add(frame).state, FrameState::fused);
   const Mesh before = mapper.mesh();
   BrokenSource source;
-  mapper.fuse_again(source);
+  mapper.reintegrate(source);
   ASSERT_EQ(mapper.warnings().size(), 1u);
   EXPECT_EQ(mapper.warnings()[0], "the disk went away; frames are not fused again");
   EXPECT_TRUE(is_same(mapper.mesh(), before));

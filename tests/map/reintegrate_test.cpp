@@ -25,7 +25,7 @@ class Given final : public Source {
   std::size_t next_ = 0;
 };
 
-TEST(FuseAgain, TakesDepthAloneWhereColourHasAnotherSizeAndLeavesOutWhatAddDid) {
+TEST(Reintegrate, TakesDepthAloneWhereColourHasAnotherSizeAndLeavesOutWhatAddDid) {
   std::vector<Frame> frames;
   for (int i = 0; i < 4; ++i) {
     frames.push_back(scene_frame(synthetic_scene("room"), kSmall, i));
@@ -37,7 +37,7 @@ TEST(FuseAgain, TakesDepthAloneWhereColourHasAnotherSizeAndLeavesOutWhatAddDid) 
   EXPECT_EQ(mapper.trajectory().size(), 3u);
   const std::size_t before = mapper.mesh().triangles.size();
   Given again(frames);
-  mapper.fuse_again(again);
+  mapper.reintegrate(again);
   EXPECT_NEAR(static_cast<double>(mapper.mesh().triangles.size()), static_cast<double>(before), 0.01 * before);
 }
 
