@@ -140,8 +140,11 @@ async function execute(line) {
   return { status, told };
 }
 
+const begun = new Set();
 for (const page of pages)
   for (const line of commands(page)) {
+    if (begun.has(line.replace(/^\$/, ''))) continue;  // another page has it, too
+    begun.add(line.replace(/^\$/, ''));
     const name = `${page.slice(source.length)}: ${line}`;
     if (line.startsWith('scripts/campaign ')) {
       test(name, { skip: 'hours: docs/reliability.md tells what it found last' }, () => {});
