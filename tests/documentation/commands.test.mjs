@@ -47,7 +47,7 @@ function commands(page) {
 
 const docs = join(source, 'docs');
 const pages = [join(source, 'README.md'), join(source, 'CONTRIBUTING.md'),
-  ...(existsSync(docs) ? readdirSync(docs).filter((name) => name.endsWith('.md')).map((name) => join(docs, name)) : [])];
+  ...(existsSync(docs) ? readdirSync(docs).filter((name) => name.endsWith('.md')).sort().map((name) => join(docs, name)) : [])];
 
 const folder = mkdtempSync(join(tmpdir(), 'cairn-commands-'));
 const kept = join(folder, 'kept'), work = join(folder, 'work');
