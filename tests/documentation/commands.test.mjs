@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Every command line of the README, of CONTRIBUTING and of docs/ is run as it stands there, in a fresh folder, with small inputs. A line
-// that cannot be run here is named below with the reason; one that is neither fails this test.
+// Every command line of the README, of CONTRIBUTING and of docs/ is run as it stands there, in a fresh folder, with small
+// inputs; one that stands on several pages is run once. A line that cannot be run here is named below with the reason;
+// one that is neither fails this test.
 import assert from 'node:assert/strict';
 import { spawn, spawnSync } from 'node:child_process';
 import {
@@ -143,8 +144,9 @@ async function execute(line) {
 const begun = new Set();
 for (const page of pages)
   for (const line of commands(page)) {
-    if (begun.has(line.replace(/^\$/, ''))) continue;  // another page has it, too
-    begun.add(line.replace(/^\$/, ''));
+    const plain = line.replace(/^\$/, '');
+    if (begun.has(plain)) continue;  // another page has it, too
+    begun.add(plain);
     const name = `${page.slice(source.length)}: ${line}`;
     if (line.startsWith('scripts/campaign ')) {
       test(name, { skip: 'hours: docs/reliability.md tells what it found last' }, () => {});
