@@ -14,10 +14,10 @@
 #include <optional>
 #include <string_view>
 
+#include "base/atomic_file.hpp"
+#include "base/words.hpp"
 #include "commands.hpp"
-#include "io/atomic_file.hpp"
 #include "io/query_points.hpp"
-#include "io/words.hpp"
 #include "pictures.hpp"
 
 namespace cairn::apps {

@@ -108,7 +108,7 @@ void evaluate_topology_of(const Arguments& a) {
     const nlohmann::json j{{"non_manifold_edges", t.non_manifold_edges},
                            {"degenerate_triangles", t.degenerate_triangles},
                            {"unreferenced_vertices", t.unreferenced_vertices},
-                           {"pieces", t.pieces},
+                           {"components", t.components},
                            {"borders", t.borders},
                            {"border_edges", t.border_edges},
                            {"border_length_m", t.border_length}};
@@ -117,7 +117,7 @@ void evaluate_topology_of(const Arguments& a) {
   }
   fmt::print("non-manifold edges     {}\ndegenerate triangles   {}\nunreferenced vertices  {}\n", t.non_manifold_edges,
              t.degenerate_triangles, t.unreferenced_vertices);
-  fmt::print("pieces                 {}\nborders                {}, {:.1f} m long\n", t.pieces, t.borders,
+  fmt::print("pieces                 {}\nborders                {}, {:.1f} m long\n", t.components, t.borders,
              t.border_length);
 }
 
@@ -142,12 +142,12 @@ void evaluate_loops_file(const Arguments& a) {
     std::ifstream in(a.estimate);
     const auto report = nlohmann::json::parse(in);
     for (const auto& l : report.at("loops")) {
-      if (!l.at("believed").get<bool>()) continue;
+      if (!l.at("inlier").get<bool>()) continue;
       const auto t = l.at("translation").get<std::array<double, 3>>();
       const auto q = l.at("quaternion").get<std::array<double, 4>>();
       LoopMeasured& loop = loops.emplace_back(LoopMeasured{.from = l.at("from"), .to = l.at("to")});
-      loop.from_from_to.linear() = Eigen::Quaterniond(q[3], q[0], q[1], q[2]).toRotationMatrix();
-      loop.from_from_to.translation() = Eigen::Vector3d(t[0], t[1], t[2]);
+      loop.i_from_j.linear() = Eigen::Quaterniond(q[3], q[0], q[1], q[2]).toRotationMatrix();
+      loop.i_from_j.translation() = Eigen::Vector3d(t[0], t[1], t[2]);
     }
     keyframes = report.at("searched").get<std::vector<std::pair<double, int>>>();
   } catch (const nlohmann::json::exception& error) {

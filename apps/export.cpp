@@ -64,8 +64,8 @@ void run_export(const Arguments& a) {
   else
     fmt::print("{}: {} of {} triangles{} in {:.1f} s\n", a.output.string(), e.triangles, e.full_triangles,
                e.tiles > 0 ? fmt::format(" in {} tiles", e.tiles) : "", seconds);
-  if (e.pieces_removed + e.holes_filled > 0)
-    fmt::print("clean     {} floating pieces removed, {} holes filled\n", e.pieces_removed, e.holes_filled);
+  if (e.components_removed + e.holes_filled > 0)
+    fmt::print("clean     {} floating pieces removed, {} holes filled\n", e.components_removed, e.holes_filled);
   if (e.error > 0) fmt::print("simplify  {:.1f} mm at most\n", 1e3 * static_cast<double>(e.error));
   if (e.textures > 0)
     fmt::print("texture   {} texels of {:.1f} mm in {} charts, {:.1f} % of them seen by {} keyframes\n", e.texels,

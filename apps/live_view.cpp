@@ -145,13 +145,12 @@ void LiveView::send_state(const char* status, const std::string& words) {
     const Mapper::Statistics statistics = mapper_->statistics();
     state["keyframes"] = statistics.keyframes;
     state["submaps"] = statistics.submaps + 1;
-    state["pieces"] = statistics.pieces;
+    state["components"] = statistics.components;
     const Trajectory trajectory = mapper_->path(2);
     if (!trajectory.empty()) {
       state["camera"] = to_json(trajectory.back().world_from_camera);
       for (const FoundLoop& loop : mapper_->loops())
-        state["loops"].push_back(
-            {loop.from - trajectory[0].timestamp, loop.to - trajectory[0].timestamp, loop.believed});
+        state["loops"].push_back({loop.from - trajectory[0].timestamp, loop.to - trajectory[0].timestamp, loop.inlier});
     }
     state["view"] = {{"fx", camera_.fx / camera_.width},
                      {"aspect", static_cast<double>(camera_.width) / camera_.height}};

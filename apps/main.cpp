@@ -8,8 +8,8 @@
 #include <cstring>
 #include <iostream>
 
+#include "base/json_text.hpp"
 #include "commands.hpp"
-#include "io/json_text.hpp"
 
 namespace {
 

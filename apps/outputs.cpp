@@ -9,8 +9,8 @@
 #include <numbers>
 #include <stdexcept>
 
-#include "io/atomic_file.hpp"
-#include "io/json_text.hpp"
+#include "base/atomic_file.hpp"
+#include "base/json_text.hpp"
 #include "progress.hpp"
 #include "view/report_page.hpp"
 
@@ -20,8 +20,8 @@ namespace {
 constexpr float kPreviewTriangles = 1e6f;
 
 nlohmann::json to_json(const FoundLoop& loop) {
-  const Eigen::Quaterniond q(loop.from_from_to.linear());
-  const Eigen::Vector3d& t = loop.from_from_to.translation();
+  const Eigen::Quaterniond q(loop.i_from_j.linear());
+  const Eigen::Vector3d& t = loop.i_from_j.translation();
   return {{"from", loop.from},
           {"to", loop.to},
           {"translation", {t.x(), t.y(), t.z()}},
@@ -29,7 +29,7 @@ nlohmann::json to_json(const FoundLoop& loop) {
           {"corners", loop.corners},
           {"inlier_share", loop.inlier_share},
           {"rmse", loop.rmse},
-          {"believed", loop.believed}};
+          {"inlier", loop.inlier}};
 }
 
 }  // namespace
@@ -49,7 +49,7 @@ nlohmann::json to_json(const Exported& e) {
   nlohmann::json j{{"full_triangles", e.full_triangles},
                    {"triangles", e.triangles},
                    {"vertices", e.vertices},
-                   {"pieces_removed", e.pieces_removed},
+                   {"components_removed", e.components_removed},
                    {"holes_filled", e.holes_filled},
                    {"error_m", e.error},
                    {"parts", e.parts},
@@ -129,7 +129,7 @@ nlohmann::json Outputs::write(Mapper& mapper, Poses poses, const ExportOptions& 
       {"keyframes", statistics.keyframes},
       {"submaps",
        {{"ended", statistics.submaps},
-        {"pieces", statistics.pieces},
+        {"components", statistics.components},
         {"host_memory_peak_mb", static_cast<double>(statistics.submap_memory_peak) / (1 << 20)},
         {"read_back", statistics.submaps_read_back}}},
       {"places",

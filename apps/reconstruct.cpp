@@ -80,7 +80,7 @@ void reconstruct(const Arguments& a) {
     run.timed("refine", [&] {
       const Refined refined = run.mapper().refine();
       more["refined"] = {{"keyframes", refined.keyframes},         {"pairs_tried", refined.pairs_tried},
-                         {"pairs_aligned", refined.pairs_aligned}, {"pairs_believed", refined.pairs_believed},
+                         {"pairs_aligned", refined.pairs_aligned}, {"pairs_inlier", refined.pairs_inlier},
                          {"cost_before", refined.cost_before},     {"cost", refined.cost}};
     });
   if (a.reintegrate && !run.stopped())

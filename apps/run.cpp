@@ -8,10 +8,10 @@
 
 #include <utility>
 
+#include "base/json_text.hpp"
 #include "export_options.hpp"
-#include "io/json_text.hpp"
-#include "map/session.hpp"
 #include "outputs.hpp"
+#include "session/session.hpp"
 #include "sources.hpp"
 
 namespace cairn::apps {
@@ -33,7 +33,7 @@ nlohmann::json to_json(const FrameReport& r) {
               {"iterations", r.iterations},
               {"photometric_share", r.photometric_share},
               {"photometric_rmse", r.photometric_rmse},
-              {"unobserved_by_geometry", r.unobserved_by_geometry},
+              {"degenerate_directions", r.degenerate_directions},
               {"unobserved", r.unobserved},
               {"moving", r.moving},
               {"guess", r.guess}});
@@ -50,7 +50,7 @@ std::string words(const FrameReport& r) {
       if (r.iterations == 0) return "fusing";
       return fmt::format("{:.0f} % inliers within {:.1f} sigma", 100 * r.inlier_share, r.rmse) +
              (r.guess == "motion" ? "" : ", guess: " + r.guess) +
-             (r.unobserved_by_geometry > 0 ? fmt::format(", {} directions by colour", r.unobserved_by_geometry) : "") +
+             (r.degenerate_directions > 0 ? fmt::format(", {} directions by colour", r.degenerate_directions) : "") +
              (r.unobserved > 0 ? fmt::format(", {} by motion", r.unobserved) : "");
     case FrameState::lost:
       return "LOST: " + r.reason;
@@ -209,7 +209,7 @@ void Run::finish(const nlohmann::json& more) {
   Outputs outputs(
       output, [this](const char* stage, const auto& work) { timed(stage, work); }, stopped_);
   nlohmann::json report = outputs.write(*mapper_, poses_, arguments_.mesh, progressed_.note());
-  if (const int pieces = report["submaps"]["pieces"]; pieces > 1)
+  if (const int pieces = report["submaps"]["components"]; pieces > 1)
     warn(fmt::format("{} pieces of the map are not joined by any loop; the largest is written, the session keeps all",
                      pieces));
   // With given poses there is no session; the one of an earlier run is not this map's.

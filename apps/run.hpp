@@ -17,7 +17,7 @@
 #include "cairn/source.hpp"
 #include "durations.hpp"
 #include "io/frame_log.hpp"
-#include "map/session_lock.hpp"
+#include "session/session_lock.hpp"
 
 namespace cairn::apps {
 

@@ -17,6 +17,6 @@ void main() {
   for (uint i = gl_LocalInvocationID.x; i < kBrickVoxels; i += 64u) pool.v[(p.slot << 9) | i] = uvec2(0);
   if (gl_LocalInvocationID.x == 0u) {
     page_table[p.table_index] = p.entry;
-    slots[p.slot] = SlotState(p.brick, p.entry == 0u ? 0u : 1u, push.stamp);
+    slots[p.slot] = SlotState(p.brick, p.entry == 0u ? 0u : 1u, push.fused_count);
   }
 }

@@ -46,7 +46,7 @@ void main() {
   }
   if (seen == 0.0 || seen + push.truncation < near) return;
 
-  slots[slot].last_seen = push.stamp;
+  slots[slot].last_seen = push.fused_count;
   uint place = atomicAdd(selected_count, 1u);
   if (place < push.capacity) selected[place] = slot;
 }

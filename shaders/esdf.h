@@ -3,9 +3,9 @@
 // The distance field on the device. A block is 16x16x16 voxels; voxel (x, y, z) of slot s has the address
 // s << 12 | x << 8 | y << 4 | z. A page table finds the slot of a block; it wraps around, so that the map may lie
 // anywhere as long as it is smaller than the table. Every voxel holds
-//   nearest   the voxel whose patch of surface is the nearest one: squared distance (float bits) << 32 | address
-//   surface   its own patch, if the surface passes it, and what is known about it; see kHasSurface and below
-// A patch lies at height * normal from its voxel's centre and is perpendicular to the normal. Lengths in voxels.
+//   nearest   the voxel whose site is the nearest one: squared distance (float bits) << 32 | address
+//   surface   its own site, if the surface passes it, and what is known about it; see kHasSurface and below
+// A site lies at height * normal from its voxel's centre and is perpendicular to the normal. Lengths in voxels.
 #ifndef CAIRN_ESDF_H
 #define CAIRN_ESDF_H
 #include "shaders/volume.h"
@@ -21,9 +21,9 @@ const uint kBlockRestart = 2u;
 const uint kBlockFlags = 2;
 const uint kEsdfReach = 512;     // blocks from the world's origin
 
-const uint kPatchBits = 0x0fffffffu;  // where its patch lies, with
+const uint kSiteBits = 0x0fffffffu;  // where its site lies, with
 const uint kHasSurface = 1u << 27;
-const uint kChanged = 1u << 28;  // its patch came, went or moved in this update
+const uint kChanged = 1u << 28;  // its site came, went or moved in this update
 const uint kQueued = 1u << 29;   // it waits in the list
 const uint kStateShift = 30;     // two bits:
 const uint kUnknown = 0;
@@ -52,7 +52,7 @@ struct EsdfCount {
 
 struct EsdfEntry {
   uint voxel;  // address
-  uint site;   // its nearest patch when the list was settled
+  uint site;   // its nearest site when the list was settled
 };
 
 const uint kNoSite = 0xffffffffu;
@@ -71,7 +71,7 @@ struct EsdfSitesPush {
   uint scale_bits;      // 2^scale_bits TSDF voxels a voxel of the field: 1, 2, 4 or 8
   float min_weight;     // of TSDF voxels that make surface
   float slope;          // of the TSDF at a surface: truncations a TSDF voxel
-  float tolerance;      // patches that moved less stay where they are
+  float tolerance;      // sites that moved less stay where they are
   uint capacity;        // of the list
 };
 
@@ -130,24 +130,24 @@ uint address_of(EsdfView field, ivec3 voxel) {
   return entry == 0u ? kNoVoxel : ((entry - 1u) << 12) | (v.x << 8) | (v.y << 4) | v.z;
 }
 
-// Patches: height in 9 bits, normal in 18 (octahedral, as pack_normal).
+// Sites: height in 9 bits, normal in 18 (octahedral, as pack_normal).
 const float kHeightUnits = 255.0;  // a voxel
-uint pack_patch(float height, vec3 n) {
+uint pack_site(float height, vec3 n) {
   n /= abs(n.x) + abs(n.y) + abs(n.z);
   vec2 e = n.z >= 0.0 ? n.xy : (1.0 - abs(n.yx)) * vec2(n.x >= 0.0 ? 1.0 : -1.0, n.y >= 0.0 ? 1.0 : -1.0);
   ivec2 code = ivec2((e * 0.5 + 0.5) * 511.0 + 0.5);
   int h = int(clamp(height, -1.0, 1.0) * kHeightUnits + 256.5);
   return uint(h | (code.x << 9) | (code.y << 18)) | kHasSurface;
 }
-vec3 patch_normal(uint word) {
+vec3 site_normal(uint word) {
   vec2 e = vec2(ivec2((word >> 9) & 511u, (word >> 18) & 511u)) * (2.0 / 511.0) - 1.0;
   vec3 n = vec3(e, 1.0 - abs(e.x) - abs(e.y));
   float t = max(-n.z, 0.0);
   n.xy += vec2(n.x >= 0.0 ? -t : t, n.y >= 0.0 ? -t : t);
   return normalize(n);
 }
-float patch_height(uint word) { return float(int(word & 511u) - 256) * (1.0 / kHeightUnits); }
-vec3 patch_point(uint word) { return patch_height(word) * patch_normal(word); }  // from its voxel's centre
+float site_height(uint word) { return float(int(word & 511u) - 256) * (1.0 / kHeightUnits); }
+vec3 site_point(uint word) { return site_height(word) * site_normal(word); }  // from its voxel's centre
 
 // The steps to a voxel's neighbours, and to itself, numbered by 9 x + 3 y + z from (-1, -1, -1).
 ivec3 step_of(int number) {
@@ -155,8 +155,8 @@ ivec3 step_of(int number) {
   return ivec3(x, y, r - 3 * y) - 1;
 }
 
-// Of a voxel that lies `away` from the patch's voxel: the same bits wherever it is asked for, since which of two patches
-// is nearer must not depend on who asks. Of patches equally far the one at the lower address counts as the nearer.
+// Of a voxel that lies `away` from the site's voxel: the same bits wherever it is asked for, since which of two sites
+// is nearer must not depend on who asks. Of sites equally far the one at the lower address counts as the nearer.
 uint squared_bits(ivec3 away, vec3 point) {
   precise vec3 q = vec3(away) - point;
   precise float squared = q.x * q.x + q.y * q.y + q.z * q.z;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Looks through blocks for voxels whose nearest patch has gone or moved, and for the border of new blocks. These have to
-// ask their neighbours. Or starts again: voxels know their own patches alone. One workgroup a block.
+// Looks through blocks for voxels whose nearest site has gone or moved, and for the border of new blocks. These have to
+// ask their neighbours. Or starts again: voxels know their own sites alone. One workgroup a block.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/esdf.h"
@@ -38,7 +38,7 @@ void main() {
     bool has = (word & kHasSurface) != 0u;
     if (restart || found != kFar) {
       ivec3 away = voxel_of(push.field, address) - voxel_of(push.field, site);
-      nearest.v[address] = has ? candidate(away, patch_point(word), site) : kFar;
+      nearest.v[address] = has ? candidate(away, site_point(word), site) : kFar;
     }
     if (restart) surface.v[address] = word & ~(kQueued | kChanged);
     if (!restart || has) {

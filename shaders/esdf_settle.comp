@@ -18,7 +18,7 @@ void settle(uint i) {
     surface.v[entry.voxel] &= ~(kQueued | kChanged);
     list[i].site = site;
   }
-  // Of several patches that were offered to a voxel in one step the nearest one goes on.
+  // Of several sites that were offered to a voxel in one step the nearest one goes on.
   if (push.step != 0u && site != entry.site) list[i].site = kNoSite;
   if (dirty[entry.voxel >> 12] == 0u) dirty[entry.voxel >> 12] = 1u;  // two cores that write to one word wait
 }

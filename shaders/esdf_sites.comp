@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// From bricks of the TSDF to patches of surface and states. In each cell of 2x2x2 TSDF voxels the plane that fits the
+// From bricks of the TSDF to sites and states. In each cell of 2x2x2 TSDF voxels the plane that fits the
 // eight distances says where the surface passes; of several cells in one voxel of the field the one counts whose surface
 // passes nearest to the voxel's centre.
 #version 460
@@ -11,9 +11,9 @@ layout(push_constant, scalar) uniform Push { EsdfSitesPush push; };
 layout(binding = 0, scalar) readonly buffer Jobs { EsdfJob jobs[]; };
 layout(binding = 1, scalar) writeonly buffer List { EsdfEntry list[]; };
 layout(binding = 2, scalar) writeonly buffer Dirty { uint dirty[]; };
-layout(binding = 3, scalar) buffer Removed { uint removed; };  // patches that went or moved
+layout(binding = 3, scalar) buffer Removed { uint removed; };  // sites that went or moved
 
-const float kSlack = 1.25;  // a patch that was there stays until the surface is so much farther than it would come at
+const float kSlack = 1.25;  // a site that was there stays until the surface is so much farther than it would come at
 const float kMargin = 0.02;  // voxels
 const float kSteep = 1.5;    // times the slope of a surface seen straight on
 const float kNearSurface = 0.7;  // truncations: a cell that the surface passes has a corner that is as near
@@ -67,10 +67,10 @@ uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
   }
   uint state = 2 * observed >= cells ? (sum >= 0.0 ? kOutside : kInside) : kUnknown;
   bool has = best < 1e8 && abs(height) <= 1.0, had = (old & kHasSurface) != 0u;
-  uint word = has ? pack_patch(height, normal) : 0u;
-  vec3 moved = patch_point(word) - patch_point(old);
+  uint word = has ? pack_site(height, normal) : 0u;
+  vec3 moved = site_point(word) - site_point(old);
   bool stays = had && has && dot(moved, moved) <= push.tolerance * push.tolerance;
-  word = stays ? old & kPatchBits : word;
+  word = stays ? old & kSiteBits : word;
   bool is_changed = had != has || (had && has && !stays);
   word |= (state << kStateShift) | (is_changed ? kChanged | kQueued : 0u);
   return word;
@@ -161,7 +161,7 @@ void main() {
   for (; changed != 0u; changed &= changed - 1u) {
     int i = findLSB(changed);
     uint address = column_of(i >> bits).address + uint(i & (side - 1)), word = surface.v[address];
-    uint64_t own = candidate(ivec3(0), patch_point(word), address);
+    uint64_t own = candidate(ivec3(0), site_point(word), address);
     Nearest nearest = Nearest(push.field.nearest);
     if ((word & kHasSurface) != 0u && own < nearest.v[address]) nearest.v[address] = own;
     uint index = append(push.field, 0u, 1u);

@@ -38,7 +38,7 @@ void main() {
     float z = uintBitsToFloat(points[i].x);
     vec3 p = ray_through(push.camera, vec2(at)) * z;
     // Where the colour camera saw the point, at its own moment.
-    vec2 u = project(push.camera, p + cross(push.turn, p) + push.shift);
+    vec2 u = project(push.camera, p + cross(push.rotation, p) + push.translation);
     vec3 q = transform(push.keyframe_from_live, p);
     vec2 v = project(push.camera, q);
     bool inside = exists && z > 0.0 && q.z > 0.1 && min(min(u.x, u.y), min(v.x, v.y)) >= 0.0 &&

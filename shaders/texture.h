@@ -33,9 +33,9 @@ struct TextureView {
 
 // How the colour camera differs from the depth camera whose images its own are said to lie on.
 struct ColourCamera {
-  vec3 turn;   // small rotation, rad
-  vec3 shift;  // metres
-  float zoom;  // of its focal length; 1: the same
+  vec3 rotation;   // small rotation, rad
+  vec3 translation;  // metres
+  float focal_scale;  // of its focal length; 1: the same
 };
 
 struct TexturePreparePush {
@@ -93,10 +93,10 @@ const float kExposure = 0.01;  // seconds, of a usual indoor image
 float view_weight(TextureView view, Pinhole camera, ColourCamera colour, vec3 position, vec3 normal, float tolerance, out vec2 pixel) {
   vec3 p = transform(view.camera_from_world, position), moving = view.velocity + cross(view.turn_rate, p);
   vec3 later = p - view.delay * moving;
-  later += cross(colour.turn, later) + colour.shift;
+  later += cross(colour.rotation, later) + colour.translation;
   float z = max(p.z, 0.05);
   vec2 last = vec2(camera.width - 1u, camera.height - 1u) - 0.001;
-  vec2 in_depth = project(camera, vec3(p.xy, z)), in_colour = project(camera, vec3(colour.zoom * later.xy, max(later.z, 0.05)));
+  vec2 in_depth = project(camera, vec3(p.xy, z)), in_colour = project(camera, vec3(colour.focal_scale * later.xy, max(later.z, 0.05)));
   pixel = clamp(in_colour, vec2(0.0), last);
   vec2 measured = clamp(in_depth, vec2(0.0), last);
   ivec2 nearest = ivec2(measured + 0.5);

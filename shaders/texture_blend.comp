@@ -44,11 +44,11 @@ void main() {
     TextureView view = views[v];
     float w = view_weight(view, push.camera, push.colour, texel.position, normal, push.tolerance, pixel);
     vec3 smooth_c = smooth_colour(view, push.camera, pixel), d = (smooth_c - mean) / kDiffers;
-    float believed = 1.0 / (1.0 + dot(d, d));
-    believed *= believed;
-    float share = w / best, share2 = share * share, sharp = share2 * share2 * share2 * believed;
-    low += w * believed * smooth_c;
-    low_total += w * believed;
+    float confidence = 1.0 / (1.0 + dot(d, d));
+    confidence *= confidence;
+    float share = w / best, share2 = share * share, sharp = share2 * share2 * share2 * confidence;
+    low += w * confidence * smooth_c;
+    low_total += w * confidence;
     high += sharp * (sharp_colour(view, push.camera, pixel) - smooth_c);
     high_total += sharp;
   }

@@ -44,8 +44,8 @@ struct IcpSums {
 struct PhotometricReducePush {
   Pinhole camera;
   Rigid keyframe_from_live;  // from the depth camera at its moment to the keyframe's colour camera at that one's
-  vec3 turn;                 // p + turn x p + shift: from the depth camera to the colour camera at their moments
-  vec3 shift;
+  vec3 rotation;                 // p + rotation x p + translation: from the depth camera to the colour camera at their moments
+  vec3 translation;
   uvec2 tile;
   float gain;  // of live brightness, so that it equals the keyframe's
   float bias;

@@ -38,7 +38,7 @@ void main() {
   // Means have whole levels: what a measurement adds to one is rounded up as often as its fraction says, by another
   // threshold each frame (Weyl's sequence of the golden ratio; columns begin apart). Rounded to the nearest one, means of
   // many would follow no change of less than 16 levels.
-  float threshold = fract(0.618034 * float(int(push.stamp & 4095u)) + 0.381966 * float(int(column)));
+  float threshold = fract(0.618034 * float(int(push.fused_count & 4095u)) + 0.381966 * float(int(column)));
 
   uint differs = 0u;
   for (uint k = 0u; k < 8u; ++k, p += step_p) {

@@ -49,7 +49,7 @@ struct BrickSelectPush {
   Rigid submap_from_camera;
   uint slots;         // slots to look at
   uint capacity;      // of the list of selected slots
-  uint stamp;         // the frame, for the slots' last use
+  uint fused_count;         // the frame, for the slots' last use
   float brick_size;   // metres
   float truncation;   // metres
   float min_depth;    // metres
@@ -64,7 +64,7 @@ struct TsdfIntegratePush {
   float voxel_size;
   float truncation;
   float max_weight;
-  uint stamp;         // the frame
+  uint fused_count;         // the frame
 };
 
 struct DepthTilesPush {
@@ -90,7 +90,7 @@ struct RaycastPush {
 struct SlotState {
   ivec3 brick;
   uint used;       // 1: holds a brick
-  uint last_seen;  // stamp of the last frame that integrated into it
+  uint last_seen;  // fused_count of the last frame that integrated into it
 };
 
 // One change of residency: the brick gets a slot and empty voxels (entry = slot + 1), or loses its slot (entry = 0).
@@ -104,7 +104,7 @@ struct Placement {
 struct BrickPlacePush {
   uvec2 voxels;
   uint count;
-  uint stamp;
+  uint fused_count;
 };
 
 // One submap's share of a brick of the world: where the brick's voxels lie in the submap, and the submap's bricks there.

@@ -29,7 +29,7 @@ set(single
     "PoseGraphBenchmark\\." 10
     "^EvaluateTrajectory\\.AgreesWithTheTumBenchmarkTools|^OpenNi\\.Re(ads|fuses)A|^IclNuim\\.Turns" 1)
 # Suites that run long together: what their tests share takes longer than they.
-set(long_suites Disk/FaultsOfARun 60 Faults 30 Outputs 70 Kills 30 Places 20 Mapper 20 ImageSizes 20 FaultyDevice 15
+set(long_suites Disk/FaultsOfARun 60 Faults 30 Outputs 70 Kills 30 KeyframeDatabase 20 Mapper 20 ImageSizes 20 FaultyDevice 15
                 ImageSizesAtTheirLimits 10 SessionFiles 10)
 set(data "^Real/Recording\\.|PoseGraphBenchmark|AllAlongARecording|^EvaluateTrajectory\\.Agrees|^OpenNi\\.Re(ads|fuses)A|^IclNuim\\.Turns")
 set(program "^(Program|Session|Export|Live|Record|Real/Recording)\\.|^(Faults|Disk/FaultsOfARun|Kills|Outputs)$")

@@ -67,12 +67,12 @@ export async function showFinished(scene, data) {
   const begin = data.trajectory[0]?.[0] ?? 0;
   if (report.loops.length > 0)
     panel.append(element('h2', {}, 'Loops'), element('ul', { className: 'loops' }, ...report.loops.map((loop) => element(
-        'li', { className: loop.believed ? '' : 'refused' },
+        'li', { className: loop.inlier ? '' : 'refused' },
         `${(loop.from - begin).toFixed(1)} s ↔ ${(loop.to - begin).toFixed(1)} s, ${loop.corners} corners`))));
   panel.append(element('h2', {}, 'Parameters'), facts(Object.entries(report.options)));
 
   scene.setPath(new Float32Array(data.trajectory.flatMap(([t, x, y, z]) => [t - begin, x, y, z])));
-  scene.setLoops(report.loops.filter((loop) => loop.believed).map((loop) => [loop.from - begin, loop.to - begin]));
+  scene.setLoops(report.loops.filter((loop) => loop.inlier).map((loop) => [loop.from - begin, loop.to - begin]));
   const bytes = data.mesh_base64 ? decoded(data.mesh_base64) : data.mesh ? await (await fetch(data.mesh)).arrayBuffer() : null;
   try {
     if (bytes) await scene.setModel(bytes);

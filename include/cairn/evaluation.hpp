@@ -42,10 +42,10 @@ struct LoopError {
   int loops = 0, right = 0;     // a loop is right if its measured pose is within 10 cm and 5 degrees of the true one
   int revisits = 0, found = 0;  // keyframes that look at an earlier place, and those of them with a right loop
 };
-/// `from_from_to` as measured between the views at two times.
+/// `i_from_j` as measured between the views at two times.
 struct LoopMeasured {
   double from = 0, to = 0;  // seconds
-  Eigen::Isometry3d from_from_to = Eigen::Isometry3d::Identity();
+  Eigen::Isometry3d i_from_j = Eigen::Isometry3d::Identity();
 };
 /// `keyframes`: times, and how many of the earlier ones were looked through; a revisit has one of these within 0.5 m
 /// and 25 degrees. What has no true pose within `max_time_difference` does not count.
@@ -95,8 +95,8 @@ struct ViewError {
 struct MeshTopology {
   std::size_t non_manifold_edges = 0;  // of more than two triangles
   std::size_t degenerate_triangles = 0, unreferenced_vertices = 0;
-  std::size_t pieces = 0;                     // that no vertex joins
-  std::size_t borders = 0, border_edges = 0;  // rims of holes and outer edges
+  std::size_t components = 0;                 // that no vertex joins
+  std::size_t borders = 0, border_edges = 0;  // boundary_edges of holes and outer edges
   double border_length = 0;                   // metres
 };
 [[nodiscard]] MeshTopology examine_topology(const Mesh& mesh);

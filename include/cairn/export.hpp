@@ -59,16 +59,17 @@ void check(const ExportOptions& options, const std::filesystem::path& file);
 struct Exported {
   std::size_t full_triangles = 0;  // of the map before anything was done to it
   std::size_t triangles = 0, vertices = 0, points = 0;
-  std::size_t pieces_removed = 0, holes_filled = 0;
+  std::size_t components_removed = 0, holes_filled = 0;
   float error = 0;  // metres by which simplification moved the surface at most, by its own account
   int parts = 0, textures = 0, charts = 0, tiles = 0;
   float texel = 0;  // metres; the coarsest
   std::size_t texels = 0;
   double textured_share = 0;  // of the texels that a keyframe sees; others have the voxels' colour
   int keyframes = 0;
-  std::array<float, 7> colour_camera{0, 0, 0, 0, 0, 0, 1};  // how it was found to differ from the depth camera: turn
-                                                            // (rad), shift (metres), zoom
-  std::map<std::string, double> stage_ms;                   // mesh, clean, simplify, charts, exposure, texture, write
+  std::array<float, 7> colour_camera{0, 0, 0, 0,
+                                     0, 0, 1};  // how it was found to differ from the depth camera: rotation
+                                                // (rad), translation (metres), focal scale
+  std::map<std::string, double> stage_ms;       // mesh, clean, simplify, charts, exposure, texture, write
 };
 
 /// Called after each step of `count`; `what` is done next.

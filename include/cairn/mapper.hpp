@@ -44,7 +44,7 @@ struct FrameReport {
   double overlap = 0.0;
   double rmse = 0.0;                                       // standard deviations of the depth noise
   double photometric_share = 0.0, photometric_rmse = 0.0;  // brightness in 0..1; 0: no colour was used
-  int unobserved_by_geometry = 0, unobserved = 0;          // directions of the pose, of 6
+  int degenerate_directions = 0, unobserved = 0;           // directions of the pose, of 6
   double moving = 0.0;                                     // share of the image that was left out since it moves
   std::string guess;                                       // where the alignment started
   int iterations = 0;
@@ -55,17 +55,17 @@ struct FrameReport {
 /// What Mapper::refine did.
 struct Refined {
   int keyframes = 0;
-  int pairs_tried = 0, pairs_aligned = 0, pairs_believed = 0;  // of keyframes that see the same
-  double cost_before = 0, cost = 0;                            // see OptimiseReport in src/graph/pose_graph.hpp
+  int pairs_tried = 0, pairs_aligned = 0, pairs_inlier = 0;  // of keyframes that see the same
+  double cost_before = 0, cost = 0;                          // see OptimiseReport in src/graph/pose_graph.hpp
 };
 
 /// Two keyframes that were recognised as views of the same place.
 struct FoundLoop {
-  double from = 0, to = 0;                                         // timestamps, seconds
-  Eigen::Isometry3d from_from_to = Eigen::Isometry3d::Identity();  // measured
-  int corners = 0;                                                 // that agreed
+  double from = 0, to = 0;                                     // timestamps, seconds
+  Eigen::Isometry3d i_from_j = Eigen::Isometry3d::Identity();  // measured
+  int corners = 0;                                             // that agreed
   double inlier_share = 0, rmse = 0;  // of the dense alignment, see Alignment in src/track/align.hpp
-  bool believed = true;               // by the pose graph
+  bool inlier = true;                 // by the pose graph
 };
 
 /// A part of the surface: what lies in one cube of the submap's frame. It replaces what was told of this cube before.
@@ -189,7 +189,7 @@ class Mapper {
     std::string device;
     std::uint64_t device_memory_peak = 0;  // bytes
     std::uint64_t bricks = 0, paged_out = 0, paged_in = 0;
-    int keyframes = 0, submaps = 0, pieces = 0;
+    int keyframes = 0, submaps = 0, components = 0;
     int looked_up = 0, loops_tried = 0;  // keyframes looked for among earlier ones; pairs that were aligned
     double graph_ms = 0, world_ms = 0;   // the longest optimisation; the longest update of the world's volume
     std::uint64_t submap_memory_peak = 0, submaps_read_back = 0;  // bytes on the host; from the disk

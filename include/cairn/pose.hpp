@@ -9,7 +9,7 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;  // (rotation, translation): radians, metres
 
 /// Rotation about the vector's first half by its length, and translation by the second half.
-[[nodiscard]] inline Eigen::Isometry3d exponential(const Vector6d& x) {
+[[nodiscard]] inline Eigen::Isometry3d retract(const Vector6d& x) {
   Eigen::Isometry3d t = Eigen::Isometry3d::Identity();
   const double angle = x.head<3>().norm();
   if (angle > 0) t.linear() = Eigen::AngleAxisd(angle, x.head<3>() / angle).toRotationMatrix();
@@ -18,7 +18,7 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;  // (rotation, translation): radia
 }
 
 /// The other way round, for rotations of less than half a turn.
-[[nodiscard]] inline Vector6d logarithm(const Eigen::Isometry3d& t) {
+[[nodiscard]] inline Vector6d local_coordinates(const Eigen::Isometry3d& t) {
   const Eigen::AngleAxisd turn(t.linear());
   return (Vector6d() << turn.axis() * turn.angle(), t.translation()).finished();
 }

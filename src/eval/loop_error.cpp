@@ -28,7 +28,7 @@ LoopError evaluate_loops(const std::vector<LoopMeasured>& loops, const std::vect
     const auto from = at(loop.from), to = at(loop.to);
     if (!from || !to) continue;
     ++error.loops;
-    if (!is_within((from->inverse() * *to).inverse() * loop.from_from_to, kRightShift, kRightTurn)) continue;
+    if (!is_within((from->inverse() * *to).inverse() * loop.i_from_j, kRightShift, kRightTurn)) continue;
     ++error.right;
     found.insert(loop.to);
   }

@@ -77,14 +77,14 @@ RenderedView render_mesh(const std::vector<Mesh>& parts, const Camera& camera,
               cy = s * (static_cast<float>(camera.cy) + 0.5f) - 0.5f;
   std::vector<Drawn> triangles;
   for (const Mesh& mesh : parts) {
-    const bool is_textured = !mesh.texture_places.empty() && !mesh.texture.texels.empty();
+    const bool is_textured = !mesh.texture_coordinates.empty() && !mesh.texture.texels.empty();
     for (const auto& t : mesh.triangles) {
       std::array<Corner, 3> corners;
       for (std::size_t k = 0; k < 3; ++k) {
         const std::uint32_t v = t[k];
         Corner& c = corners[k];
         c.point = camera_from_world * mesh.positions[v];
-        c.place = is_textured ? mesh.texture_places[v] : Eigen::Vector2f::Zero();
+        c.place = is_textured ? mesh.texture_coordinates[v] : Eigen::Vector2f::Zero();
         if (!mesh.colours.empty())
           c.colour = Eigen::Vector3f(mesh.colours[v][0], mesh.colours[v][1], mesh.colours[v][2]);
         else if (!mesh.normals.empty())

@@ -65,8 +65,8 @@ std::vector<Eigen::Isometry3d> chordal_initialisation(const PoseGraph& graph, co
     if (weights[e] <= 0) continue;
     const auto& edge = graph.edges[e];
     const double kappa = weights[e] * Weights(edge.information).kappa;
-    const Eigen::Index i = number[edge.from], j = number[edge.to];
-    const Eigen::Matrix3d measured = edge.from_from_to.linear();
+    const Eigen::Index i = number[edge.i], j = number[edge.j];
+    const Eigen::Matrix3d measured = edge.i_from_j.linear();
     for (int k = 0; k < 3; ++k) {
       if (i >= 0) rotations.add(3 * i + k, 3 * i + k, kappa);
       if (j >= 0) rotations.add(3 * j + k, 3 * j + k, kappa);
@@ -75,9 +75,9 @@ std::vector<Eigen::Isometry3d> chordal_initialisation(const PoseGraph& graph, co
           rotations.add(3 * i + k, 3 * j + l, -kappa * measured(k, l));
           rotations.add(3 * j + l, 3 * i + k, -kappa * measured(k, l));
         } else if (i >= 0) {
-          rotations.rhs(3 * i + k) += kappa * measured(k, l) * poses[edge.to].linear().col(l).transpose();
+          rotations.rhs(3 * i + k) += kappa * measured(k, l) * poses[edge.j].linear().col(l).transpose();
         } else if (j >= 0) {
-          rotations.rhs(3 * j + l) += kappa * measured(k, l) * poses[edge.from].linear().col(k).transpose();
+          rotations.rhs(3 * j + l) += kappa * measured(k, l) * poses[edge.i].linear().col(k).transpose();
         }
       }
     }
@@ -93,16 +93,15 @@ std::vector<Eigen::Isometry3d> chordal_initialisation(const PoseGraph& graph, co
     if (weights[e] <= 0) continue;
     const auto& edge = graph.edges[e];
     const double tau = weights[e] * Weights(edge.information).tau;
-    const Eigen::Index i = number[edge.from], j = number[edge.to];
-    const Eigen::RowVector3d step =
-        (poses[edge.from].linear() * edge.from_from_to.translation()).transpose();  // t_j - t_i
+    const Eigen::Index i = number[edge.i], j = number[edge.j];
+    const Eigen::RowVector3d step = (poses[edge.i].linear() * edge.i_from_j.translation()).transpose();  // t_j - t_i
     if (i >= 0) {
       translations.add(i, i, tau);
       translations.rhs(i) -= tau * step;
       if (j >= 0)
         translations.add(i, j, -tau);
       else
-        translations.rhs(i) += tau * poses[edge.to].translation().transpose();
+        translations.rhs(i) += tau * poses[edge.j].translation().transpose();
     }
     if (j >= 0) {
       translations.add(j, j, tau);
@@ -110,7 +109,7 @@ std::vector<Eigen::Isometry3d> chordal_initialisation(const PoseGraph& graph, co
       if (i >= 0)
         translations.add(j, i, -tau);
       else
-        translations.rhs(j) += tau * poses[edge.from].translation().transpose();
+        translations.rhs(j) += tau * poses[edge.i].translation().transpose();
     }
   }
   const Eigen::MatrixXd rows = translations.solve();
@@ -123,9 +122,9 @@ double chordal_cost(const PoseGraph& graph) {
   double cost = 0;
   for (const auto& edge : graph.edges) {
     const Weights w(edge.information);
-    const Eigen::Isometry3d &i = graph.world_from_node[edge.from], &j = graph.world_from_node[edge.to];
-    cost += w.kappa * (j.linear() - i.linear() * edge.from_from_to.linear()).squaredNorm() +
-            w.tau * (j.translation() - i * edge.from_from_to.translation()).squaredNorm();
+    const Eigen::Isometry3d &i = graph.world_from_node[edge.i], &j = graph.world_from_node[edge.j];
+    cost += w.kappa * (j.linear() - i.linear() * edge.i_from_j.linear()).squaredNorm() +
+            w.tau * (j.translation() - i * edge.i_from_j.translation()).squaredNorm();
   }
   return cost;
 }

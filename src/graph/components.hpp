@@ -20,7 +20,7 @@ inline std::vector<std::size_t> component_of(const PoseGraph& graph, const std::
   };
   for (std::size_t k = 0; k < graph.edges.size(); ++k) {
     if (weights[k] <= 0) continue;
-    const std::size_t a = root(graph.edges[k].from), b = root(graph.edges[k].to);
+    const std::size_t a = root(graph.edges[k].i), b = root(graph.edges[k].j);
     parent[std::max(a, b)] = std::min(a, b);
   }
   for (std::size_t i = 0; i < parent.size(); ++i) parent[i] = root(i);

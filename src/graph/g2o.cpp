@@ -10,10 +10,10 @@
 #include <map>
 #include <stdexcept>
 
+#include "base/atomic_file.hpp"
+#include "base/words.hpp"
 #include "graph/pose_graph.hpp"
-#include "io/atomic_file.hpp"
 #include "io/recording.hpp"
-#include "io/words.hpp"
 
 namespace cairn {
 namespace {
@@ -74,7 +74,7 @@ PoseGraph read_g2o(const fs::path& file) {
     } else if (words[0] == "EDGE_SE3:QUAT") {
       if (words.size() != 31)
         throw wrong("expected `EDGE_SE3:QUAT from to x y z qx qy qz qw` and 21 numbers of the information matrix");
-      ReadEdge read{.from = id(1), .to = id(2), .line = line, .edge = {.from_from_to = pose(3)}};
+      ReadEdge read{.from = id(1), .to = id(2), .line = line, .edge = {.i_from_j = pose(3)}};
       std::size_t next = 10;
       for (int r = 0; r < 6; ++r)
         for (int c = r; c < 6; ++c)
@@ -104,9 +104,9 @@ PoseGraph read_g2o(const fs::path& file) {
     for (const long id : {read.from, read.to})
       if (!index.contains(id))
         throw std::runtime_error(fmt::format("{}:{}: there is no node {}", file.string(), read.line, id));
-    read.edge.from = index[read.from];
-    read.edge.to = index[read.to];
-    read.edge.may_be_false = std::abs(read.to - read.from) != 1;
+    read.edge.i = index[read.from];
+    read.edge.j = index[read.to];
+    read.edge.is_loop_closure = std::abs(read.to - read.from) != 1;
     graph.edges.push_back(read.edge);
   }
   return graph;
@@ -122,7 +122,7 @@ void write_g2o(const fs::path& file, const PoseGraph& graph) {
     for (std::size_t i = 0; i < graph.world_from_node.size(); ++i)
       out << fmt::format("VERTEX_SE3:QUAT {} {}\n", i, pose(graph.world_from_node[i]));
     for (const auto& edge : graph.edges) {
-      out << fmt::format("EDGE_SE3:QUAT {} {} {}", edge.from, edge.to, pose(edge.from_from_to));
+      out << fmt::format("EDGE_SE3:QUAT {} {} {}", edge.i, edge.j, pose(edge.i_from_j));
       for (int r = 0; r < 6; ++r)
         for (int c = r; c < 6; ++c) out << fmt::format(" {:.9g}", edge.information(g2o_index(r), g2o_index(c)));
       out << '\n';

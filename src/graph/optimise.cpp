@@ -78,11 +78,11 @@ void check(const PoseGraph& graph) {
   for (std::size_t k = 0; k < graph.edges.size(); ++k) {
     const auto& e = graph.edges[k];
     const auto wrong = [&](const char* what) {
-      return std::runtime_error(fmt::format("pose graph: edge {} from node {} to {}: {}", k, e.from, e.to, what));
+      return std::runtime_error(fmt::format("pose graph: edge {} from node {} to {}: {}", k, e.i, e.j, what));
     };
-    if (e.from >= nodes || e.to >= nodes) throw wrong("there is no such node");
-    if (e.from == e.to) throw wrong("joins a node with itself");
-    if (!e.from_from_to.matrix().allFinite()) throw wrong("its measurement is not finite");
+    if (e.i >= nodes || e.j >= nodes) throw wrong("there is no such node");
+    if (e.i == e.j) throw wrong("joins a node with itself");
+    if (!e.i_from_j.matrix().allFinite()) throw wrong("its measurement is not finite");
     if (!e.information.allFinite() || Eigen::LLT<Matrix6d>(e.information).info() != Eigen::Success)
       throw wrong("its information matrix is not positive definite");
   }
@@ -107,7 +107,7 @@ struct AnchorError {
 };
 
 EdgeError error_of(const PoseGraph::Edge& edge, double weight) {
-  return {Eigen::Quaterniond(edge.from_from_to.linear()), edge.from_from_to.translation(),
+  return {Eigen::Quaterniond(edge.i_from_j.linear()), edge.i_from_j.translation(),
           std::sqrt(weight) * Matrix6d(Eigen::LLT<Matrix6d>(edge.information).matrixU())};
 }
 
@@ -116,7 +116,7 @@ std::vector<double> squared_errors(const PoseGraph& graph, const std::vector<Par
   std::vector<double> squared;
   for (const auto& edge : graph.edges) {
     Vector6d e;
-    error_of(edge, 1)(poses[edge.from].data(), poses[edge.to].data(), e.data());
+    error_of(edge, 1)(poses[edge.i].data(), poses[edge.j].data(), e.data());
     squared.push_back(e.squaredNorm());
   }
   return squared;
@@ -150,7 +150,7 @@ int solve(const PoseGraph& graph, const std::vector<double>& weights, int iterat
     if (const auto& edge = graph.edges[k]; weights[k] > 0)
       problem.AddResidualBlock(
           new ceres::AutoDiffCostFunction<EdgeError, 6, 7, 7>(new EdgeError(error_of(edge, weights[k]))), nullptr,
-          poses[edge.from].data(), poses[edge.to].data());
+          poses[edge.i].data(), poses[edge.j].data());
   for (const auto& g : graph.gravity)
     problem.AddResidualBlock(new ceres::AutoDiffCostFunction<GravityError, 3, 7>(new GravityError{g.up, 1 / g.sigma}),
                              nullptr, poses[g.node].data());
@@ -183,18 +183,18 @@ int solve(const PoseGraph& graph, const std::vector<double>& weights, int iterat
 /// Edges that may be false and have a neighbour, from near their one end to near their other, that says the same within
 /// the noise of both and of the way between their ends (pairwise consistency: Mangelson et al. 2018); or that have such
 /// neighbours which all say something else.
-enum class Witness { none, agrees, contradicts };
-std::vector<Witness> witnesses(const PoseGraph& graph, double limit) {
-  std::vector<Witness> found(graph.edges.size(), Witness::none);
+enum class Consistency { none, agrees, contradicts };
+std::vector<Consistency> pairwise_consistency(const PoseGraph& graph, double limit) {
+  std::vector<Consistency> found(graph.edges.size(), Consistency::none);
   const std::size_t nodes = graph.world_from_node.size();
   std::vector<const PoseGraph::Edge*> step(nodes, nullptr);  // from node i to node i + 1
   std::vector<std::vector<std::size_t>> from(nodes);
   for (std::size_t k = 0; k < graph.edges.size(); ++k) {
     const auto& e = graph.edges[k];
-    if (e.may_be_false)
-      from[e.from].push_back(k);
-    else if (e.to == e.from + 1)
-      step[e.from] = &e;
+    if (e.is_loop_closure)
+      from[e.i].push_back(k);
+    else if (e.j == e.i + 1)
+      step[e.i] = &e;
   }
   struct Way {
     Eigen::Isometry3d pose;  // of the end in the frame of the begin
@@ -212,27 +212,27 @@ std::vector<Witness> witnesses(const PoseGraph& graph, double limit) {
     Way way{Eigen::Isometry3d::Identity(), Matrix6d::Zero()};
     for (std::size_t i = std::min(a, b); i < std::max(a, b); ++i) {
       if (step[i] == nullptr) return std::nullopt;
-      way = then(way, {step[i]->from_from_to, step[i]->information.inverse()});
+      way = then(way, {step[i]->i_from_j, step[i]->information.inverse()});
     }
     return a <= b ? way : reverse(way);
   };
   for (std::size_t k = 0; k < graph.edges.size(); ++k) {
     const auto& e = graph.edges[k];
-    if (!e.may_be_false) continue;
-    const Way loop{e.from_from_to, e.information.inverse()};
-    for (std::size_t i = e.from - std::min(e.from, kNeighbours); i <= std::min(e.from + kNeighbours, nodes - 1); ++i)
+    if (!e.is_loop_closure) continue;
+    const Way loop{e.i_from_j, e.information.inverse()};
+    for (std::size_t i = e.i - std::min(e.i, kNeighbours); i <= std::min(e.i + kNeighbours, nodes - 1); ++i)
       for (const std::size_t other : from[i]) {
         const auto& o = graph.edges[other];
-        if (other == k || (found[k] == Witness::agrees && found[other] == Witness::agrees)) continue;
-        if (std::max(o.to, e.to) - std::min(o.to, e.to) > kNeighbours) continue;
-        const auto there = along(e.from, o.from), back = along(o.to, e.to);
+        if (other == k || (found[k] == Consistency::agrees && found[other] == Consistency::agrees)) continue;
+        if (std::max(o.j, e.j) - std::min(o.j, e.j) > kNeighbours) continue;
+        const auto there = along(e.i, o.i), back = along(o.j, e.j);
         if (!there || !back) continue;
         // Round trip: along the other edge, then back along this one.
-        const Way around = then(then(then(*there, {o.from_from_to, o.information.inverse()}), *back), reverse(loop));
-        const Vector6d error = logarithm(around.pose);
+        const Way around = then(then(then(*there, {o.i_from_j, o.information.inverse()}), *back), reverse(loop));
+        const Vector6d error = local_coordinates(around.pose);
         const bool agree = error.dot(around.covariance.ldlt().solve(error)) < limit;
         for (const std::size_t edge : {k, other})
-          if (found[edge] != Witness::agrees) found[edge] = agree ? Witness::agrees : Witness::contradicts;
+          if (found[edge] != Consistency::agrees) found[edge] = agree ? Consistency::agrees : Consistency::contradicts;
       }
   }
   return found;
@@ -240,12 +240,12 @@ std::vector<Witness> witnesses(const PoseGraph& graph, double limit) {
 
 /// Graduated non-convexity with truncated least squares (Yang, Antonante, Tzoumas & Carlone 2020, sec. III). Edges that
 /// have no weight at the start keep none.
-int weigh(const PoseGraph& graph, const OptimiseOptions& options, std::vector<Parameters>& poses,
-          std::vector<double>& weights) {
-  const double limit = options.false_edge;
+int graduated_non_convexity(const PoseGraph& graph, const OptimiseOptions& options, std::vector<Parameters>& poses,
+                            std::vector<double>& weights) {
+  const double limit = options.inlier_threshold;
   std::vector<std::size_t> judged;
   for (std::size_t k = 0; k < weights.size(); ++k)
-    if (graph.edges[k].may_be_false && weights[k] > 0) judged.push_back(k);
+    if (graph.edges[k].is_loop_closure && weights[k] > 0) judged.push_back(k);
   std::vector<double> squared = squared_errors(graph, poses);
   double most = 0;
   for (const std::size_t k : judged) most = std::max(most, squared[k]);
@@ -283,14 +283,15 @@ OptimiseReport optimise(PoseGraph& graph, const OptimiseOptions& options) {
   if (graph.edges.empty() && graph.gravity.empty()) return report;
 
   if (options.robust) {
-    const std::vector<Witness> found = witnesses(graph, options.false_edge);
-    const auto count = [&](Witness w) { return static_cast<double>(std::count(found.begin(), found.end(), w)); };
+    const std::vector<Consistency> found = pairwise_consistency(graph, options.inlier_threshold);
+    const auto count = [&](Consistency w) { return static_cast<double>(std::count(found.begin(), found.end(), w)); };
     double alone = 0;
-    for (std::size_t k = 0; k < weights.size(); ++k) alone += graph.edges[k].may_be_false && found[k] == Witness::none;
-    const bool too_many_alone = alone > kFewAlone + kShareAlone * count(Witness::agrees);
     for (std::size_t k = 0; k < weights.size(); ++k)
-      if (graph.edges[k].may_be_false &&
-          (found[k] == Witness::contradicts || (found[k] == Witness::none && too_many_alone)))
+      alone += graph.edges[k].is_loop_closure && found[k] == Consistency::none;
+    const bool too_many_alone = alone > kFewAlone + kShareAlone * count(Consistency::agrees);
+    for (std::size_t k = 0; k < weights.size(); ++k)
+      if (graph.edges[k].is_loop_closure &&
+          (found[k] == Consistency::contradicts || (found[k] == Consistency::none && too_many_alone)))
         weights[k] = 0;
   }
   std::vector<Parameters> poses;
@@ -303,12 +304,12 @@ OptimiseReport optimise(PoseGraph& graph, const OptimiseOptions& options) {
   };
   report.from_chordal = settle();
   if (options.robust) {
-    report.iterations += weigh(graph, options, poses, weights);
+    report.iterations += graduated_non_convexity(graph, options, poses, weights);
     settle();  // a false edge may have torn the poses too far apart to come back
     // What was left out at the start and fits is believed after all; what does not fit is not.
     const auto squared = squared_errors(graph, poses);
     for (std::size_t k = 0; k < weights.size(); ++k)
-      if (graph.edges[k].may_be_false) weights[k] = squared[k] <= options.false_edge ? 1.0 : 0.0;
+      if (graph.edges[k].is_loop_closure) weights[k] = squared[k] <= options.inlier_threshold ? 1.0 : 0.0;
     settle();
   }
   for (std::size_t i = 0; i < poses.size(); ++i) graph.world_from_node[i] = pose(poses[i]);

@@ -14,10 +14,10 @@ namespace cairn {
 
 struct PoseGraph {
   struct Edge {
-    std::size_t from = 0, to = 0;                                    // nodes
-    Eigen::Isometry3d from_from_to = Eigen::Isometry3d::Identity();  // measured pose of `to` in the frame of `from`
-    Matrix6d information = Matrix6d::Identity();  // of (rotation, translation) in the frame of `to`; 1/rad^2, 1/m^2
-    bool may_be_false = false;  // a loop: the optimiser may find that it is no measurement of this pair
+    std::size_t i = 0, j = 0;                                    // nodes
+    Eigen::Isometry3d i_from_j = Eigen::Isometry3d::Identity();  // measured pose of j in the frame of i
+    Matrix6d information = Matrix6d::Identity();  // of (rotation, translation) in the frame of j; 1/rad^2, 1/m^2
+    bool is_loop_closure = false;  // a loop: the optimiser may find that it is no measurement of this pair
   };
   /// An accelerometer's reading at rest.
   struct Gravity {
@@ -31,10 +31,10 @@ struct PoseGraph {
 };
 
 struct OptimiseOptions {
-  bool robust = true;         // weigh edges that may be false
-  double false_edge = 22.46;  // squared error, in units of an edge's own noise, beyond which it is taken for false:
-                              // 99.9 % of the chi-squared distribution with 6 degrees of freedom
-  int max_iterations = 100;   // of Levenberg-Marquardt, each time that it is called
+  bool robust = true;               // weigh edges that may be false
+  double inlier_threshold = 22.46;  // squared error, in units of an edge's own noise, beyond which it is taken for
+                                    // false: 99.9 % of the chi-squared distribution with 6 degrees of freedom
+  int max_iterations = 100;  // of Levenberg-Marquardt, each time that it is called
 };
 
 struct OptimiseReport {

@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
-#include "io/read_whole.hpp"
-#include "io/words.hpp"
+#include "base/read_whole.hpp"
+#include "base/words.hpp"
 
 namespace cairn {
 namespace {

@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "base/read_whole.hpp"
 #include "io/camera_file.hpp"
-#include "io/read_whole.hpp"
 #include "io/recording.hpp"
 
 namespace cairn {

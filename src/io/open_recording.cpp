@@ -6,9 +6,9 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
+#include "base/image_file.hpp"
+#include "base/read_whole.hpp"
 #include "cairn/source.hpp"
-#include "io/image_file.hpp"
-#include "io/read_whole.hpp"
 #include "io/recording.hpp"
 #include "io/wrapped_source.hpp"
 

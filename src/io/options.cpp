@@ -10,8 +10,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "io/read_whole.hpp"
-#include "io/words.hpp"
+#include "base/read_whole.hpp"
+#include "base/words.hpp"
 
 namespace cairn {
 namespace {

@@ -8,8 +8,8 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "io/read_whole.hpp"
-#include "io/words.hpp"
+#include "base/read_whole.hpp"
+#include "base/words.hpp"
 
 namespace cairn {
 namespace {

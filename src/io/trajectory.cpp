@@ -9,9 +9,9 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "io/atomic_file.hpp"
+#include "base/atomic_file.hpp"
+#include "base/words.hpp"
 #include "io/recording.hpp"
-#include "io/words.hpp"
 
 namespace cairn {
 

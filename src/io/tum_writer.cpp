@@ -12,7 +12,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "io/atomic_file.hpp"
+#include "base/atomic_file.hpp"
 #include "io/camera_file.hpp"
 
 namespace cairn {

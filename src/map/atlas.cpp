@@ -22,32 +22,32 @@ void Atlas::add(const Keyframe& keyframe) {
 
 void Atlas::add_frame(double timestamp, const Eigen::Isometry3d& submap_from_camera) {
   const Eigen::Isometry3d keyframe_from_camera = keyframes.back().submap_from_camera.inverse() * submap_from_camera;
-  frames.push_back(
-      {timestamp, static_cast<std::uint32_t>(keyframes.size() - 1), logarithm(keyframe_from_camera).cast<float>()});
+  frames.push_back({timestamp, static_cast<std::uint32_t>(keyframes.size() - 1),
+                    local_coordinates(keyframe_from_camera).cast<float>()});
 }
 
 Eigen::Isometry3d Atlas::submap_from_camera(const FusedFrame& frame) const {
-  return keyframes[frame.keyframe].submap_from_camera * exponential(frame.twist.cast<double>());
+  return keyframes[frame.keyframe].submap_from_camera * retract(frame.twist.cast<double>());
 }
 
 Eigen::Isometry3d Atlas::correction(std::size_t keyframe) const {
   return world_from_camera[keyframe] * keyframes[keyframe].submap_from_camera.inverse();
 }
 
-std::vector<std::size_t> Atlas::pieces() const {
+std::vector<std::size_t> Atlas::components() const {
   std::vector<std::size_t> first(keyframes.size());
   for (std::size_t k = 0; k < first.size(); ++k) first[k] = keyframes[k].follows ? first[k - 1] : k;
   for (const Loop& loop : loops) {
-    if (!loop.believed) continue;
-    const std::size_t a = first[loop.edge.from], b = first[loop.edge.to];
+    if (!loop.inlier) continue;
+    const std::size_t a = first[loop.edge.i], b = first[loop.edge.j];
     if (a != b) std::replace(first.begin(), first.end(), std::max(a, b), std::min(a, b));
   }
   return first;
 }
 
-std::size_t Atlas::main_piece() const {
+std::size_t Atlas::main_component() const {
   std::map<std::size_t, std::size_t> count;
-  for (const std::size_t first : pieces()) ++count[first];
+  for (const std::size_t first : components()) ++count[first];
   std::size_t main = 0;
   for (const auto& [first, size] : count)
     if (size > count[main]) main = first;
@@ -62,10 +62,11 @@ PoseGraph Atlas::graph() const {
     if (const auto& up = keyframe.acceleration; up && up->norm() > 0)
       graph.gravity.push_back({.node = k, .up = up->normalized(), .sigma = kAccelerometerSigma});
     if (keyframe.follows)
-      graph.edges.push_back({.from = k - 1,
-                             .to = k,
-                             .from_from_to = keyframes[k - 1].piece_from_camera.inverse() * keyframe.piece_from_camera,
-                             .information = calibrated(keyframe.information)});
+      graph.edges.push_back(
+          {.i = k - 1,
+           .j = k,
+           .i_from_j = keyframes[k - 1].odometry_from_camera.inverse() * keyframe.odometry_from_camera,
+           .information = calibrated(keyframe.information)});
   }
   for (const Loop& loop : loops) graph.edges.push_back(loop.edge);
   return graph;
@@ -78,36 +79,36 @@ void Atlas::take(const PoseGraph& graph, const OptimiseReport& report) {
     if (keyframes[k].follows) world_from_camera[k] = correction(k - 1) * keyframes[k].submap_from_camera;
   std::size_t loop = 0;
   for (std::size_t e = 0; e < graph.edges.size(); ++e)
-    if (graph.edges[e].may_be_false) loops[loop++].believed = report.edge_weights[e] > 0.5;
+    if (graph.edges[e].is_loop_closure) loops[loop++].inlier = report.edge_weights[e] > 0.5;
 }
 
 void Atlas::join(const PoseGraph::Edge& edge) {
-  const auto first = pieces();
-  if (first[edge.from] == first[edge.to]) return;
-  const bool from_stays = first[edge.from] < first[edge.to];
-  const std::size_t moving = from_stays ? edge.to : edge.from;
-  const Eigen::Isometry3d target = from_stays ? world_from_camera[edge.from] * edge.from_from_to
-                                              : world_from_camera[edge.to] * edge.from_from_to.inverse();
+  const auto first = components();
+  if (first[edge.i] == first[edge.j]) return;
+  const bool from_stays = first[edge.i] < first[edge.j];
+  const std::size_t moving = from_stays ? edge.j : edge.i;
+  const Eigen::Isometry3d target =
+      from_stays ? world_from_camera[edge.i] * edge.i_from_j : world_from_camera[edge.j] * edge.i_from_j.inverse();
   const Eigen::Isometry3d move = target * world_from_camera[moving].inverse();
   for (std::size_t k = 0; k < keyframes.size(); ++k)
     if (first[k] == first[moving]) world_from_camera[k] = move * world_from_camera[k];
 }
 
 Trajectory Atlas::trajectory(std::size_t piece, std::size_t begin, std::size_t end, std::size_t step) const {
-  const auto piece_of = pieces();
+  const auto component_of = components();
   Trajectory trajectory;
   end = std::min(end, frames.size());
   for (std::size_t i = begin; i < end; i += i + 1 < end ? std::min(step, end - 1 - i) : 1) {
     const FusedFrame& frame = frames[i];
     const std::size_t k = frame.keyframe, next = k + 1;
-    if (piece_of[k] != piece) continue;
+    if (component_of[k] != piece) continue;
     Eigen::Isometry3d move = correction(k);
     if (next < keyframes.size() && keyframes[next].follows && frame.timestamp < keyframes[next].timestamp) {
       const double before = keyframes[k].timestamp, after = keyframes[next].timestamp;
       // In the frame of the earlier keyframe's camera, so that the far world does not swing.
       const Eigen::Isometry3d &at = world_from_camera[k], &was = keyframes[k].submap_from_camera;
       const Eigen::Isometry3d rest = at.inverse() * correction(next) * was;
-      move = at * exponential((frame.timestamp - before) / (after - before) * logarithm(rest)) * was.inverse();
+      move = at * retract((frame.timestamp - before) / (after - before) * local_coordinates(rest)) * was.inverse();
     }
     Eigen::Isometry3d pose = move * submap_from_camera(frame);
     pose.linear() = Eigen::Quaterniond(pose.linear()).normalized().toRotationMatrix();

@@ -16,7 +16,7 @@ struct Loop {
   PoseGraph::Edge edge;
   int corners = 0;                    // that agreed; 0: tried since the poses lie close together
   double inlier_share = 0, rmse = 0;  // of the dense alignment
-  bool believed = true;               // by the pose graph
+  bool inlier = true;                 // by the pose graph
 };
 
 /// Tracking and fusion live in the submaps' frame; where that lies in the world is told by the keyframes, which the
@@ -37,9 +37,9 @@ struct Atlas {
   /// What a keyframe was moved by: world_from_submap at its place.
   [[nodiscard]] Eigen::Isometry3d correction(std::size_t keyframe) const;
   /// Parts that neither tracking nor a loop joins, by keyframe: the number of the first keyframe of its part.
-  [[nodiscard]] std::vector<std::size_t> pieces() const;
+  [[nodiscard]] std::vector<std::size_t> components() const;
   /// The first keyframe of the piece that has most keyframes.
-  [[nodiscard]] std::size_t main_piece() const;
+  [[nodiscard]] std::size_t main_component() const;
   [[nodiscard]] PoseGraph graph() const;
   /// Takes over what optimise() made of a graph of this atlas; keyframes and loops that came later are kept.
   void take(const PoseGraph& graph, const OptimiseReport& report);

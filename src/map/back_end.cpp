@@ -9,7 +9,7 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kLookAlikes = 3;               // earlier keyframes that a new one is compared with by corners
+constexpr std::size_t kCandidates = 3;               // earlier keyframes that a new one is compared with by corners
 constexpr int kLoopCorners = 30;                     // that must agree before a loop is aligned
 constexpr double kTrust = 3;                         // times the tracker's own noise that a loop may move the camera by
 constexpr double kChance = 22.46;                    // 99.9 % of the chi-squared distribution with 6 degrees of freedom
@@ -37,30 +37,30 @@ BackEnd::BackEnd(gpu::Device& device, const Camera& camera, const Options& optio
 }
 
 bool BackEnd::add(const Frame& frame, const Eigen::Isometry3d& submap_from_camera, const Matrix6d* information,
-                  Volume& volume, std::uint32_t stamp) {
+                  Volume& volume, std::uint32_t fused_count) {
   const bool breaks = std::exchange(breaks_, false);
   const bool is_keyframe = breaks || submap_begin_ == atlas_.keyframes.size() || is_new_view(submap_from_camera);
   if (is_keyframe) {
     take_optimised();
     // After the whole map was looked at nothing is in the submap yet.
     if (!breaks && submap_begin_ < atlas_.keyframes.size() && is_full(submap_from_camera, volume))
-      end_submap(volume, stamp, true);
+      end_submap(volume, fused_count, true);
     Features features;
     warnings_.attempt("keyframes without corners are not recognised",
-                      [&] { features = describe(frame.colour, frame.depth, camera_); });
+                      [&] { features = extract_features(frame.colour, frame.depth, camera_); });
     atlas_.add({.frame = frame.index,
                 .timestamp = frame.timestamp,
                 .colour_delay = frame.colour_delay,
                 .submap = submaps_.size(),
                 .searched = options_.map.loops ? searched_ : 0,
                 .follows = !breaks,
-                .piece_from_camera = submap_from_camera,
+                .odometry_from_camera = submap_from_camera,
                 .submap_from_camera = submap_from_camera,
                 .information = information != nullptr ? *information : Matrix6d::Zero(),
                 .acceleration = frame.acceleration});
     warnings_.attempt("keyframes without images close no loops",
                       [&] { images_.put(atlas_.keyframes.size() - 1, frame, features); });
-    places_.add({.submap_from_camera = submap_from_camera, .features = std::move(features), .is_here = true});
+    database_.add({.submap_from_camera = submap_from_camera, .features = std::move(features), .is_here = true});
     if (breaks && in_world_) tie_to_world(information);
     if (options_.map.loops) look_for_loop();
   }
@@ -85,7 +85,7 @@ bool BackEnd::is_full(const Eigen::Isometry3d& submap_from_camera, const Volume&
          atlas_.keyframes.size() - submap_begin_ >= static_cast<std::size_t>(options_.map.submap_keyframes);
 }
 
-void BackEnd::end_submap(Volume& volume, std::uint32_t stamp, bool keep) {
+void BackEnd::end_submap(Volume& volume, std::uint32_t fused_count, bool keep) {
   if (submap_begin_ == atlas_.keyframes.size()) {  // nothing was fused since the last one
     if (keep) return;
     volume.adopt({});
@@ -97,7 +97,7 @@ void BackEnd::end_submap(Volume& volume, std::uint32_t stamp, bool keep) {
   submaps_.add(std::move(voxels));
   searched_ = submap_begin_;
   submap_begin_ = atlas_.keyframes.size();
-  submap_since_ = stamp + 1;
+  submap_since_ = fused_count + 1;
   if (!keep) leave_frame();
 }
 
@@ -105,39 +105,39 @@ void BackEnd::end_submap(Volume& volume, std::uint32_t stamp, bool keep) {
 void BackEnd::leave_frame() {
   searched_ = atlas_.keyframes.size();
   breaks_ = true;
-  for (std::size_t k = 0; k < places_.size(); ++k) places_[k].is_here = false;
+  for (std::size_t k = 0; k < database_.size(); ++k) database_[k].is_here = false;
 }
 
-bool BackEnd::is_possible(std::size_t from, std::size_t to, const Eigen::Isometry3d& from_from_to) const {
+bool BackEnd::is_possible(std::size_t from, std::size_t to, const Eigen::Isometry3d& i_from_j) const {
   Matrix6d covariance = Matrix6d::Zero();
   for (std::size_t k = from + 1; k <= to; ++k) {
     if (!atlas_.keyframes[k].follows) return true;  // nothing is known about how they lie
     const Eigen::Isometry3d step =
-        atlas_.keyframes[k - 1].piece_from_camera.inverse() * atlas_.keyframes[k].piece_from_camera;
+        atlas_.keyframes[k - 1].odometry_from_camera.inverse() * atlas_.keyframes[k].odometry_from_camera;
     const Matrix6d ad = adjoint(step.inverse());
     covariance = Matrix6d(ad * covariance * ad.transpose() + calibrated(atlas_.keyframes[k].information).inverse());
   }
   const Eigen::Isometry3d expected = atlas_.world_from_camera[from].inverse() * atlas_.world_from_camera[to];
-  const Vector6d error = logarithm(expected.inverse() * from_from_to);
+  const Vector6d error = local_coordinates(expected.inverse() * i_from_j);
   return error.dot(covariance.ldlt().solve(error)) < kTrust * kTrust * kChance;
 }
 
 std::optional<Loop> BackEnd::find_loop(std::size_t to, std::size_t before) {
   ++counts_.looked_up;
   std::optional<Frame> seen;
-  for (const auto& alike : places_.likest(places_[to].features, kLookAlikes, 0, before)) {
-    const std::size_t from = alike.place;
-    const auto located = locate(places_[from].features, places_[to].features, camera_);
+  for (const auto& candidate : database_.query(database_[to].features, kCandidates, 0, before)) {
+    const std::size_t from = candidate.entry;
+    const auto located = solve_pnp(database_[from].features, database_[to].features, camera_);
     if (!located || located->inliers < kLoopCorners || !is_possible(from, to, located->known_from_seen)) continue;
     ++counts_.tried;
     if (!seen) seen = images_.get(to);
     const auto match = match_.both_ways(images_.get(from), *seen, located->known_from_seen);
-    if (!match || !is_possible(from, to, match->from_from_to)) continue;
-    return Loop{.edge = {.from = from,
-                         .to = to,
-                         .from_from_to = match->from_from_to,
+    if (!match || !is_possible(from, to, match->i_from_j)) continue;
+    return Loop{.edge = {.i = from,
+                         .j = to,
+                         .i_from_j = match->i_from_j,
                          .information = match->information,
-                         .may_be_false = true},
+                         .is_loop_closure = true},
                 .corners = located->inliers,
                 .inlier_share = match->inlier_share,
                 .rmse = match->rmse};
@@ -154,8 +154,8 @@ void BackEnd::look_for_loop() {
   atlas_.join(loop->edge);
   atlas_.loops.push_back(*loop);
   unsettled_ = true;
-  const Eigen::Isometry3d expected = atlas_.world_from_camera[loop->edge.from].inverse() * atlas_.world_from_camera[to];
-  const Vector6d slip = logarithm(expected.inverse() * loop->edge.from_from_to);
+  const Eigen::Isometry3d expected = atlas_.world_from_camera[loop->edge.i].inverse() * atlas_.world_from_camera[to];
+  const Vector6d slip = local_coordinates(expected.inverse() * loop->edge.i_from_j);
   if (slip.head<3>().norm() > kTurned || slip.tail<3>().norm() > kSlipped) start_optimising();
 }
 
@@ -188,10 +188,10 @@ void BackEnd::settle() {
 }
 
 bool BackEnd::is_plain() const {
-  const auto piece_of = atlas_.pieces();
-  const std::size_t main = atlas_.main_piece();
+  const auto component_of = atlas_.components();
+  const std::size_t main = atlas_.main_component();
   for (std::size_t k = 0; k < atlas_.keyframes.size(); ++k)
-    if (piece_of[k] == main &&
+    if (component_of[k] == main &&
         (atlas_.keyframes[k].submap != submaps_.size() || !atlas_.correction(k).matrix().isIdentity(kUnmoved)))
       return false;
   return true;
@@ -212,8 +212,8 @@ BackEnd::Memory BackEnd::memory() const {
                 .unsettled = unsettled_,
                 .optimising = optimising_.valid()};
   for (std::size_t i = 0; i < submaps_.size(); ++i) memory.submaps.push_back(!submaps_.bricks(i).empty());
-  for (std::size_t k = 0; k < places_.size(); ++k)
-    memory.places.emplace_back(places_[k].submap_from_camera, places_[k].is_here);
+  for (std::size_t k = 0; k < database_.size(); ++k)
+    memory.places.emplace_back(database_[k].submap_from_camera, database_[k].is_here);
   return memory;
 }
 
@@ -222,7 +222,7 @@ void BackEnd::restore(const Memory& memory) {
   for (const bool has_file : memory.submaps) submaps_.add_stored(has_file);
   for (std::size_t k = 0; k < memory.places.size(); ++k) {
     const auto& [pose, is_here] = memory.places[k];
-    places_.add({.submap_from_camera = pose, .features = images_.features(k), .is_here = is_here});
+    database_.add({.submap_from_camera = pose, .features = images_.features(k), .is_here = is_here});
   }
   searched_ = memory.searched;
   submap_begin_ = memory.submap_begin;
@@ -241,11 +241,11 @@ std::pair<int, bool> BackEnd::append(const BackEnd& other) {
     keyframe.submap += submaps;
     atlas_.keyframes.push_back(keyframe);
     atlas_.world_from_camera.push_back(other.atlas_.world_from_camera[k]);
-    places_.add(other.places_[k]);
+    database_.add(other.database_[k]);
     images_.copy(keyframes + k, other.images_, k);
   }
   for (Loop loop : other.atlas_.loops) {
-    loop.edge.from += keyframes, loop.edge.to += keyframes;
+    loop.edge.i += keyframes, loop.edge.j += keyframes;
     atlas_.loops.push_back(loop);
   }
   for (std::size_t i = 0; i < other.atlas_.frames.size(); ++i) {
@@ -264,12 +264,12 @@ std::pair<int, bool> BackEnd::append(const BackEnd& other) {
   // Loops that tell the same about how the two maps lie to each other; which is told best by the one that most agree
   // with.
   const auto lies = [&](const Loop& l) {
-    return atlas_.world_from_camera[l.edge.from] * l.edge.from_from_to * atlas_.world_from_camera[l.edge.to].inverse();
+    return atlas_.world_from_camera[l.edge.i] * l.edge.i_from_j * atlas_.world_from_camera[l.edge.j].inverse();
   };
   std::size_t best = 0, most = 0;
   for (std::size_t i = 0; i < loops.size(); ++i) {
     const auto agrees = [&](const Loop& l) {
-      const Vector6d other_way = logarithm(lies(loops[i]).inverse() * lies(l));
+      const Vector6d other_way = local_coordinates(lies(loops[i]).inverse() * lies(l));
       return other_way.head<3>().norm() < kAgreeTurn && other_way.tail<3>().norm() < kAgreeShift;
     };
     const auto count = static_cast<std::size_t>(std::count_if(loops.begin(), loops.end(), agrees));
@@ -285,14 +285,14 @@ std::pair<int, bool> BackEnd::append(const BackEnd& other) {
 
 void BackEnd::begin_in_world() {
   settle();
-  const auto piece_of = atlas_.pieces();
-  const std::size_t main = atlas_.main_piece();
+  const auto component_of = atlas_.components();
+  const std::size_t main = atlas_.main_component();
   submap_begin_ = atlas_.keyframes.size();
   leave_frame();
   for (std::size_t k = 0; k < atlas_.keyframes.size(); ++k)
-    if (piece_of[k] == main) {
-      places_[k].submap_from_camera = atlas_.world_from_camera[k];
-      places_[k].is_here = true;
+    if (component_of[k] == main) {
+      database_[k].submap_from_camera = atlas_.world_from_camera[k];
+      database_[k].is_here = true;
     }
   atlas_.recordings.push_back(atlas_.frames.size());
   in_world_ = true;
@@ -302,41 +302,41 @@ void BackEnd::begin_in_world() {
 void BackEnd::tie_to_world(const Matrix6d* information) {
   in_world_ = false;
   if (information == nullptr) return;  // it begins a piece of its own
-  const auto piece_of = atlas_.pieces();
-  const std::size_t main = atlas_.main_piece(), to = atlas_.keyframes.size() - 1;
+  const auto component_of = atlas_.components();
+  const std::size_t main = atlas_.main_component(), to = atlas_.keyframes.size() - 1;
   std::size_t from = main;
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t k = 0; k < to; ++k) {
-    if (piece_of[k] != main) continue;
-    const Vector6d motion = logarithm(atlas_.world_from_camera[k].inverse() * atlas_.world_from_camera[to]);
+    if (component_of[k] != main) continue;
+    const Vector6d motion = local_coordinates(atlas_.world_from_camera[k].inverse() * atlas_.world_from_camera[to]);
     if (motion.norm() < least) least = motion.norm(), from = k;
   }
-  atlas_.loops.push_back(
-      {.edge = {.from = from,
-                .to = to,
-                .from_from_to = atlas_.world_from_camera[from].inverse() * atlas_.world_from_camera[to],
-                .information = calibrated(*information),
-                .may_be_false = true}});
+  atlas_.loops.push_back({.edge = {.i = from,
+                                   .j = to,
+                                   .i_from_j = atlas_.world_from_camera[from].inverse() * atlas_.world_from_camera[to],
+                                   .information = calibrated(*information),
+                                   .is_loop_closure = true}});
 }
 
 void BackEnd::rebase(std::uint32_t since) {
-  const auto piece_of = atlas_.pieces();
-  const std::size_t main = atlas_.main_piece();
+  const auto component_of = atlas_.components();
+  const std::size_t main = atlas_.main_component();
   const Trajectory poses = atlas_.trajectory(main, 0, atlas_.frames.size());
   std::size_t next = 0;
   FusedFrames frames;
   for (std::size_t i = 0; i < atlas_.frames.size(); ++i) {
     FusedFrame frame = atlas_.frames[i];
-    if (piece_of[frame.keyframe] == main)
+    if (component_of[frame.keyframe] == main)
       frame.twist =
-          logarithm(atlas_.world_from_camera[frame.keyframe].inverse() * poses[next++].world_from_camera).cast<float>();
+          local_coordinates(atlas_.world_from_camera[frame.keyframe].inverse() * poses[next++].world_from_camera)
+              .cast<float>();
     frames.push_back(frame);
   }
   atlas_.frames = std::move(frames);
   std::vector<bool> used(submaps_.size() + 1, false);
   for (std::size_t k = 0; k < atlas_.keyframes.size(); ++k) {
-    if (piece_of[k] == main) {
-      atlas_.keyframes[k].submap_from_camera = places_[k].submap_from_camera = atlas_.world_from_camera[k];
+    if (component_of[k] == main) {
+      atlas_.keyframes[k].submap_from_camera = database_[k].submap_from_camera = atlas_.world_from_camera[k];
       atlas_.keyframes[k].submap = submaps_.size();
     }
     used[atlas_.keyframes[k].submap] = true;
@@ -348,11 +348,11 @@ void BackEnd::rebase(std::uint32_t since) {
 
 /// Ended submaps of the main piece, as the pose graph bends them.
 std::vector<PlacedSubmap> BackEnd::placed_submaps() const {
-  const auto piece_of = atlas_.pieces();
-  const std::size_t main = atlas_.main_piece();
+  const auto component_of = atlas_.components();
+  const std::size_t main = atlas_.main_component();
   std::vector<bool> is_main(submaps_.size() + 1, false);
-  for (std::size_t k = 0; k < piece_of.size(); ++k)
-    if (piece_of[k] == main) is_main[atlas_.keyframes[k].submap] = true;
+  for (std::size_t k = 0; k < component_of.size(); ++k)
+    if (component_of[k] == main) is_main[atlas_.keyframes[k].submap] = true;
   std::vector<PlacedSubmap> placed;
   for (std::size_t i = 0; i < submaps_.size(); ++i)
     if (is_main[i]) placed.push_back({i, submaps_.bricks(i), submaps_.free(i), Deformation(atlas_, i)});

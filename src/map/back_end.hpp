@@ -6,12 +6,12 @@
 #include <optional>
 #include <utility>
 
+#include "base/warnings.hpp"
 #include "map/atlas.hpp"
 #include "map/match.hpp"
 #include "map/submaps.hpp"
-#include "map/warnings.hpp"
 #include "map/world.hpp"
-#include "place/places.hpp"
+#include "place/keyframe_database.hpp"
 
 namespace cairn {
 
@@ -22,18 +22,18 @@ class BackEnd {
 
   /// Takes a fused frame: perhaps as a keyframe, which is then looked for among all earlier ones, and perhaps as the
   /// last of its submap. `information` is of its alignment with the map, in its own frame; none for the first of a
-  /// piece. `stamp` counts fused frames. Returns whether it became a keyframe.
+  /// piece. `fused_count` counts fused frames. Returns whether it became a keyframe.
   bool add(const Frame& frame, const Eigen::Isometry3d& submap_from_camera, const Matrix6d* information, Volume& volume,
-           std::uint32_t stamp);
+           std::uint32_t fused_count);
   /// Ends the submap that is being fused into. `keep`: what lies near the camera stays in the volume for the next one.
-  void end_submap(Volume& volume, std::uint32_t stamp, bool keep);
+  void end_submap(Volume& volume, std::uint32_t fused_count, bool keep);
 
   /// Waits for the pose graph at work and optimises once more if loops came since.
   void settle();
   /// Whether the world is what the volume holds: one submap, nothing moved.
   [[nodiscard]] bool is_plain() const;
-  /// Tells that all frames of the main piece were fused again with their poses in the world, from stamp `since` on:
-  /// they are one submap now, the one being fused into.
+  /// Tells that all frames of the main piece were fused again with their poses in the world, from fused_count `since`
+  /// on: they are one submap now, the one being fused into.
   void rebase(std::uint32_t since);
   /// Waits until keyframes and ended submaps are in their files. Returns why they could not be written, or nothing.
   [[nodiscard]] std::string store();
@@ -42,7 +42,7 @@ class BackEnd {
   struct Memory {
     Atlas atlas;
     std::vector<bool> submaps;                               // by number: whether it has a file
-    std::vector<std::pair<Eigen::Isometry3d, bool>> places;  // see Place
+    std::vector<std::pair<Eigen::Isometry3d, bool>> places;  // see DatabaseEntry
     std::size_t searched = 0, submap_begin = 0;
     std::uint32_t submap_since = 1;
     bool in_world = false, breaks = true, unsettled = false, optimising = false;
@@ -64,9 +64,9 @@ class BackEnd {
 
   /// Whether tracking may have slipped so far that this is how two keyframes lie: its noise, added up from the one to
   /// the other, against rooms that look alike.
-  [[nodiscard]] bool is_possible(std::size_t from, std::size_t to, const Eigen::Isometry3d& from_from_to) const;
+  [[nodiscard]] bool is_possible(std::size_t from, std::size_t to, const Eigen::Isometry3d& i_from_j) const;
 
-  [[nodiscard]] const Places& places() const { return places_; }
+  [[nodiscard]] const KeyframeDatabase& places() const { return database_; }
   [[nodiscard]] const Atlas& atlas() const { return atlas_; }
   [[nodiscard]] Atlas& atlas() { return atlas_; }
   [[nodiscard]] const Submaps& submaps() const { return submaps_; }
@@ -101,12 +101,12 @@ class BackEnd {
   MatchSurfaces match_;
   KeyframeStore images_;
   Submaps submaps_;
-  Places places_;
+  KeyframeDatabase database_;
   World world_;
   Atlas atlas_;
   std::size_t searched_ = 0;        // keyframes before it are looked for: tracking may not see what they saw
   std::size_t submap_begin_ = 0;    // first keyframe of the submap that is being fused into
-  std::uint32_t submap_since_ = 1;  // its first stamp
+  std::uint32_t submap_since_ = 1;  // its first fused_count
   bool in_world_ = false;           // the next frame is tracked in the frame of the world
   bool breaks_ = true;              // the next frame begins a piece
   bool unsettled_ = false;          // loops came that no optimisation has seen

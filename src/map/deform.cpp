@@ -34,10 +34,10 @@ Deformation::Deformation(const Atlas& atlas, std::size_t submap) {
     const Eigen::Isometry3d move = atlas.correction(k);
     controls_.push_back({.centre = camera.translation(),
                          .forward = camera.linear().col(2),
-                         .turn = Eigen::Quaterniond(move.linear()),
+                         .rotation = Eigen::Quaterniond(move.linear()),
                          .move = move});
     is_rigid_ = is_rigid_ && move.isApprox(controls_.front().move, kSame);
-    if (controls_.back().turn.dot(controls_.front().turn) < 0) controls_.back().turn.coeffs() *= -1;
+    if (controls_.back().rotation.dot(controls_.front().rotation) < 0) controls_.back().rotation.coeffs() *= -1;
   }
 }
 
@@ -52,16 +52,16 @@ Eigen::Isometry3d Deformation::operator()(const Eigen::Vector3d& point) const {
   double least = std::numeric_limits<double>::infinity();
   for (const Control& c : controls_) least = std::min(least, squared(c));
   double sum = 0;
-  Eigen::Vector4d turn = Eigen::Vector4d::Zero();
+  Eigen::Vector4d rotation = Eigen::Vector4d::Zero();
   Eigen::Vector3d moved = Eigen::Vector3d::Zero();
   for (const Control& c : controls_) {
     const double w = std::exp(least - squared(c));
     sum += w;
-    turn += w * c.turn.coeffs();
+    rotation += w * c.rotation.coeffs();
     moved += w * (c.move * point);
   }
   Eigen::Isometry3d t = Eigen::Isometry3d::Identity();
-  t.linear() = Eigen::Quaterniond(turn.normalized()).toRotationMatrix();
+  t.linear() = Eigen::Quaterniond(rotation.normalized()).toRotationMatrix();
   t.translation() = moved / sum - t.linear() * point;
   return t;
 }

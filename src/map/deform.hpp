@@ -19,7 +19,7 @@ class Deformation {
  private:
   struct Control {
     Eigen::Vector3d centre, forward;  // of the camera in the submap
-    Eigen::Quaterniond turn;          // world_from_submap
+    Eigen::Quaterniond rotation;      // world_from_submap
     Eigen::Isometry3d move;
   };
   std::vector<Control> controls_;

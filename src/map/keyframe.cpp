@@ -12,8 +12,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "io/atomic_file.hpp"
-#include "io/image_file.hpp"
+#include "base/atomic_file.hpp"
+#include "base/image_file.hpp"
 
 namespace cairn {
 namespace {

@@ -24,8 +24,8 @@ struct Keyframe {
   std::size_t submap = 0;    // that it was fused into
   std::size_t searched = 0;  // so many of the keyframes before it were looked through for its place
   bool follows = false;      // how it lies to the keyframe before it was tracked; not so for the first of a piece
-  Eigen::Isometry3d piece_from_camera = Eigen::Isometry3d::Identity();   // as tracked
-  Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();  // as fused: the same, until fused again
+  Eigen::Isometry3d odometry_from_camera = Eigen::Isometry3d::Identity();  // as tracked
+  Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();    // as fused: the same, until fused again
   Matrix6d information = Matrix6d::Zero();      // of that, in the camera's frame; 1/rad^2, 1/m^2
   std::optional<Eigen::Vector3d> acceleration;  // see Frame
 };

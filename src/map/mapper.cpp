@@ -14,16 +14,16 @@
 #include <string_view>
 #include <tuple>
 
+#include "base/newest.hpp"
+#include "base/stopwatch.hpp"
+#include "export/export.hpp"
+#include "export/graph_picture.hpp"
 #include "map/back_end.hpp"
-#include "map/export.hpp"
-#include "map/graph_picture.hpp"
 #include "map/growing_surface.hpp"
-#include "map/newest.hpp"
 #include "map/refine.hpp"
-#include "map/session.hpp"
+#include "map/tracker.hpp"
+#include "session/session.hpp"
 #include "surface/preprocess.hpp"
-#include "surface/stopwatch.hpp"
-#include "track/tracker.hpp"
 #include "volume/esdf.hpp"
 #include "volume/integrate.hpp"
 #include "volume/polygonize.hpp"
@@ -119,7 +119,7 @@ void tell(const Tracked& tracked, FrameReport& report) {
   report.rmse = a.rmse;
   report.photometric_share = a.photometric_share;
   report.photometric_rmse = a.photometric_rmse;
-  report.unobserved_by_geometry = a.unobserved_by_geometry;
+  report.degenerate_directions = a.degenerate_directions;
   report.unobserved = a.unobserved;
   report.iterations = a.iterations;
 }
@@ -168,7 +168,7 @@ struct Mapper::State {
       const std::size_t a = i > 0 ? i - 1 : i, b = i + 1 < frames.size() ? i + 1 : i;
       const double seconds = frames[b].timestamp - frames[a].timestamp;
       if (!(seconds > 0 && seconds < kMaxGap)) return Vector6d::Zero();
-      return logarithm(pose(a).inverse() * pose(b)) / seconds;
+      return local_coordinates(pose(a).inverse() * pose(b)) / seconds;
     };
     std::vector<TextureKeyframe> keyframes;
     if (poses == Poses::given) {
@@ -182,11 +182,11 @@ struct Mapper::State {
       return keyframes;
     }
     const Atlas& atlas = back_end.atlas();
-    const auto piece_of = atlas.pieces();
-    const std::size_t main = atlas.keyframes.empty() ? 0 : atlas.main_piece();
+    const auto component_of = atlas.components();
+    const std::size_t main = atlas.keyframes.empty() ? 0 : atlas.main_component();
     for (std::size_t i = 0; i < atlas.frames.size(); ++i) {
       const std::size_t k = atlas.frames[i].keyframe;
-      if (piece_of[k] != main || (i > 0 && atlas.frames[i - 1].keyframe == k)) continue;
+      if (component_of[k] != main || (i > 0 && atlas.frames[i - 1].keyframe == k)) continue;
       keyframes.push_back(
           {.image = k,
            .world_from_camera = atlas.world_from_camera[k],
@@ -246,7 +246,7 @@ struct Mapper::State {
   /// All of the map goes to submaps.
   void end_everything() {
     back_end.settle();
-    back_end.end_submap(volume, stamp, false);
+    back_end.end_submap(volume, fused_count, false);
     whole.reset();
   }
 
@@ -263,7 +263,7 @@ struct Mapper::State {
     back_end.settle();
     if (back_end.is_plain()) return volume;
     if (!whole) {
-      back_end.end_submap(volume, stamp, true);
+      back_end.end_submap(volume, fused_count, true);
       whole.emplace(device, world_pool(), options.surface.max_depth);
       whole->adopt(back_end.world().release());
     }
@@ -293,7 +293,7 @@ struct Mapper::State {
   std::optional<double> last_fused;                             // timestamp
   int lost = 0;                                                 // frames that saw something, since the last fused one
   Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();       // sum over fused frames, in the world
-  std::uint32_t stamp = 0;                                      // fused frames
+  std::uint32_t fused_count = 0;                                // fused frames
   std::uint64_t checkpoints = 0;
   std::future<std::string> writing;  // of a checkpoint; what went wrong
   std::string problem;               // why session files could not be written
@@ -360,7 +360,7 @@ FrameReport Mapper::add(const Frame& given) {
         report.reason = alignment.lost;
         return report;
       }
-      s.back_end.end_submap(s.volume, s.stamp, false);
+      s.back_end.end_submap(s.volume, s.fused_count, false);
       s.tracker.restart();
       s.esdf.reset();
       if (s.surface) s.surface.emplace();
@@ -371,7 +371,7 @@ FrameReport Mapper::add(const Frame& given) {
   }
 
   const Fused fused =
-      timed(report.stage_ms, "fuse", [&] { return s.integrate(live, world_from_camera, s.volume, ++s.stamp); });
+      timed(report.stage_ms, "fuse", [&] { return s.integrate(live, world_from_camera, s.volume, ++s.fused_count); });
   report.touched_bricks = fused.touched;
   report.new_bricks = fused.new_bricks;
   report.state = FrameState::fused;
@@ -380,7 +380,7 @@ FrameReport Mapper::add(const Frame& given) {
     s.tracker.accept(frame, live, world_from_camera, tracked ? &*tracked : nullptr);
     const bool is_keyframe = timed(report.stage_ms, "keyframe", [&] {
       return s.back_end.add(frame, world_from_camera, tracked ? &tracked->alignment.information : nullptr, s.volume,
-                            s.stamp);
+                            s.fused_count);
     });
     if (is_keyframe) s.warnings().attempt("the focal length is not checked", [&] { s.tracker.learn_from_places(); });
   } else {
@@ -404,7 +404,7 @@ Trajectory Mapper::trajectory(int recording) const {
   const auto number = static_cast<std::size_t>(recording < 0 ? recordings() - 1 : recording);
   const std::size_t begin = number == 0 ? 0 : atlas.recordings.at(number - 1);
   const std::size_t end = number < atlas.recordings.size() ? atlas.recordings[number] : atlas.frames.size();
-  Trajectory trajectory = atlas.trajectory(atlas.main_piece(), begin, end);
+  Trajectory trajectory = atlas.trajectory(atlas.main_component(), begin, end);
   for (StampedPose& pose : trajectory) pose.timestamp += state_->tracker.clock_offset();
   return trajectory;
 }
@@ -416,7 +416,7 @@ Trajectory Mapper::path(std::size_t points) const {
   Trajectory path;
   if (s.poses == Poses::tracked) {
     const std::size_t begin = atlas.recordings.empty() ? 0 : atlas.recordings.back(), end = atlas.frames.size();
-    path = atlas.trajectory(atlas.main_piece(), begin, end, step_of(end - begin));
+    path = atlas.trajectory(atlas.main_component(), begin, end, step_of(end - begin));
     for (StampedPose& pose : path) pose.timestamp += s.tracker.clock_offset();
   } else if (!s.given.empty()) {
     for (std::size_t i = 0; i + 1 < s.given.size(); i += step_of(s.given.size())) path.push_back(s.given[i]);
@@ -439,7 +439,7 @@ void Mapper::reintegrate(Source& again, const std::function<void()>& step) {
   s.back_end.settle();
   const Atlas& atlas = s.back_end.atlas();
   const Trajectory poses =
-      s.poses == Poses::given ? s.given : atlas.trajectory(atlas.main_piece(), 0, atlas.frames.size());
+      s.poses == Poses::given ? s.given : atlas.trajectory(atlas.main_component(), 0, atlas.frames.size());
   s.whole.reset();
   const Volume::Residency residency = s.volume.residency();
   BrickTree before = s.volume.on_host().copy();
@@ -448,14 +448,14 @@ void Mapper::reintegrate(Source& again, const std::function<void()>& step) {
     if (recordings() > 1) throw std::runtime_error("the map is made of several recordings");
     s.volume.adopt({});
     s.acceleration.setZero();
-    const std::uint32_t since = s.stamp + 1;
+    const std::uint32_t since = s.fused_count + 1;
     while (const auto next = again.next()) {
       const auto pose =
           unusable(*next, s.camera, std::nullopt).empty() ? pose_at(poses, next->timestamp, 0) : std::nullopt;
       if (pose) {
         const Usable usable(*next);
         const Frame& frame = usable.frame();
-        (void)s.integrate(s.preprocess(frame), *pose, s.volume, ++s.stamp);
+        (void)s.integrate(s.preprocess(frame), *pose, s.volume, ++s.fused_count);
         if (frame.acceleration) s.acceleration += pose->linear() * *frame.acceleration;
       }
       if (step) step();
@@ -479,13 +479,13 @@ std::vector<FoundLoop> Mapper::loops() const {
   std::vector<FoundLoop> loops;
   for (const Loop& loop : atlas.loops)
     if (loop.corners > 0)
-      loops.push_back({.from = atlas.keyframes[loop.edge.from].timestamp,
-                       .to = atlas.keyframes[loop.edge.to].timestamp,
-                       .from_from_to = loop.edge.from_from_to,
+      loops.push_back({.from = atlas.keyframes[loop.edge.i].timestamp,
+                       .to = atlas.keyframes[loop.edge.j].timestamp,
+                       .i_from_j = loop.edge.i_from_j,
                        .corners = loop.corners,
                        .inlier_share = loop.inlier_share,
                        .rmse = loop.rmse,
-                       .believed = loop.believed});
+                       .inlier = loop.inlier});
   return loops;
 }
 
@@ -508,7 +508,7 @@ void Mapper::checkpoint(const std::string& note) {
                   .tracker = s.tracker.memory(),
                   .keyframe = s.tracker.keyframe().save(),
                   .residency = s.volume.residency(),
-                  .stamp = s.stamp,
+                  .fused_count = s.fused_count,
                   .last_image = s.last_image,
                   .repeats = s.repeats,
                   .lost = s.lost,
@@ -558,7 +558,7 @@ std::unique_ptr<Mapper::State> Mapper::restore(ReadSession read, const Options& 
   s.back_end.restore(session.back_end);
   s.tracker.restore(session.tracker, session.keyframe);
   s.volume.restore(std::move(read.active), session.residency);
-  s.stamp = session.stamp;
+  s.fused_count = session.fused_count;
   s.last_image = session.last_image;
   s.repeats = session.repeats;
   s.lost = session.lost;
@@ -623,7 +623,7 @@ Mapper::Merged Mapper::merge(Mapper& other) {
   Merged merged{.compared = static_cast<int>(o.back_end.atlas().keyframes.size())};
   std::tie(merged.loops, merged.joined) = s.back_end.append(o.back_end);
   s.acceleration += o.acceleration;
-  s.stamp += o.stamp;
+  s.fused_count += o.fused_count;
   return merged;
 }
 
@@ -644,7 +644,7 @@ Exported Mapper::export_mesh(const std::filesystem::path& file, const ExportOpti
   std::optional<Volume> part;
   if (in_parts) {
     s.whole.reset();
-    s.back_end.end_submap(s.volume, s.stamp, true);
+    s.back_end.end_submap(s.volume, s.fused_count, true);
     parts.emplace(s.back_end.world_parts(s.device));
     part.emplace(s.device, s.world_pool(), s.options.surface.max_depth);
   }
@@ -712,8 +712,8 @@ Mapper::Statistics Mapper::statistics() const {
   const BackEnd& back_end = state_->back_end;
   statistics.keyframes = static_cast<int>(back_end.atlas().keyframes.size());
   statistics.submaps = static_cast<int>(back_end.submaps().size());
-  const auto pieces = back_end.atlas().pieces();
-  statistics.pieces = static_cast<int>(std::set(pieces.begin(), pieces.end()).size());
+  const auto component_of = back_end.atlas().components();
+  statistics.components = static_cast<int>(std::set(component_of.begin(), component_of.end()).size());
   statistics.looked_up = back_end.counts().looked_up, statistics.loops_tried = back_end.counts().tried;
   statistics.graph_ms = back_end.counts().graph_ms, statistics.world_ms = back_end.counts().world_ms;
   statistics.submap_memory_peak = back_end.submaps().counts().peak_bytes;

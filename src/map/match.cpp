@@ -33,7 +33,7 @@ std::optional<Match> MatchSurfaces::operator()(const Frame& to, const Eigen::Iso
     return std::nullopt;
   // The alignment's information is of motions given in the frame of `from`.
   const Matrix6d from_to = adjoint(a.submap_from_camera);
-  return Match{.from_from_to = a.submap_from_camera,
+  return Match{.i_from_j = a.submap_from_camera,
                .information = calibrated(from_to.transpose() * a.information * from_to),
                .inlier_share = a.inlier_share,
                .rmse = a.rmse};
@@ -44,9 +44,9 @@ std::optional<Match> MatchSurfaces::both_ways(const Frame& from, const Frame& to
   auto there = (*this)(to, guess);
   if (!there) return std::nullopt;
   set_from(to);
-  const auto back = (*this)(from, there->from_from_to.inverse());
+  const auto back = (*this)(from, there->i_from_j.inverse());
   if (!back) return std::nullopt;
-  const Eigen::Isometry3d round = there->from_from_to * back->from_from_to;
+  const Eigen::Isometry3d round = there->i_from_j * back->i_from_j;
   if (round.translation().norm() > kSameDistance || Eigen::AngleAxisd(round.linear()).angle() > kSameTurn)
     return std::nullopt;
   return there;

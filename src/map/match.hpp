@@ -16,7 +16,7 @@ namespace cairn {
 [[nodiscard]] Matrix6d calibrated(const Matrix6d& information);
 
 struct Match {
-  Eigen::Isometry3d from_from_to = Eigen::Isometry3d::Identity();
+  Eigen::Isometry3d i_from_j = Eigen::Isometry3d::Identity();
   Matrix6d information = Matrix6d::Zero();  // calibrated, in the frame of `to`
   double inlier_share = 0, rmse = 0;        // see Alignment
 };
@@ -35,7 +35,7 @@ class MatchSurfaces {
  private:
   Preprocess first_, second_;
   Align align_;
-  ModelView view_;
+  SurfacePrediction view_;
 };
 
 }  // namespace cairn

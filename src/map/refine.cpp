@@ -11,27 +11,27 @@ namespace {
 
 constexpr double kCovisibleTurn = 0.6, kCovisibleDistance = 0.8;  // radians, metres between views of much of the same
 constexpr std::size_t kCovisible = 6;                             // pairs a keyframe, beside the one with the next
-constexpr std::size_t kLookAlikes = 3;                            // places that a keyframe is compared with by corners
+constexpr std::size_t kCandidates = 3;                            // places that a keyframe is compared with by corners
 constexpr int kLoopCorners = 30;                                  // that must agree before a loop is aligned
 
 struct Pair {
   std::size_t from, to;
-  Eigen::Isometry3d from_from_to;  // guess
-  int corners;                     // that agree; 0: chosen by their poses
+  Eigen::Isometry3d i_from_j;  // guess
+  int corners;                 // that agree; 0: chosen by their poses
 };
 
 std::vector<Pair> choose_pairs(const BackEnd& back_end) {
   const Atlas& atlas = back_end.atlas();
-  const Places& places = back_end.places();
-  const auto pieces = atlas.pieces();
+  const KeyframeDatabase& places = back_end.places();
+  const auto component_of = atlas.components();
   std::set<std::pair<std::size_t, std::size_t>> known;
-  for (const Loop& loop : atlas.loops) known.emplace(loop.edge.from, loop.edge.to);
+  for (const Loop& loop : atlas.loops) known.emplace(loop.edge.i, loop.edge.j);
   std::vector<Pair> pairs;
   for (std::size_t i = 0; i < places.size(); ++i) {
     std::vector<std::pair<double, std::size_t>> near;
     std::set<std::size_t> all_near;
     for (std::size_t j = i + 1; j < places.size(); ++j) {
-      if (pieces[i] != pieces[j]) continue;
+      if (component_of[i] != component_of[j]) continue;
       const Eigen::Isometry3d motion = atlas.world_from_camera[i].inverse() * atlas.world_from_camera[j];
       const double turn = Eigen::AngleAxisd(motion.linear()).angle() / kCovisibleTurn,
                    shift = motion.translation().norm() / kCovisibleDistance;
@@ -46,13 +46,13 @@ std::vector<Pair> choose_pairs(const BackEnd& back_end) {
         pairs.push_back({i, j, atlas.world_from_camera[i].inverse() * atlas.world_from_camera[j], 0});
     }
     std::size_t compared = 0;
-    for (const auto& alike : places.likest(places[i].features, 4 * kLookAlikes, i + 1)) {
-      if (all_near.contains(alike.place) || compared == kLookAlikes) continue;
+    for (const auto& candidate : places.query(places[i].features, 4 * kCandidates, i + 1)) {
+      if (all_near.contains(candidate.entry) || compared == kCandidates) continue;
       ++compared;
-      const auto located = locate(places[i].features, places[alike.place].features, back_end.camera());
-      if (located && located->inliers >= kLoopCorners && !known.contains({i, alike.place}) &&
-          back_end.is_possible(i, alike.place, located->known_from_seen))
-        pairs.push_back({i, alike.place, located->known_from_seen, located->inliers});
+      const auto located = solve_pnp(places[i].features, places[candidate.entry].features, back_end.camera());
+      if (located && located->inliers >= kLoopCorners && !known.contains({i, candidate.entry}) &&
+          back_end.is_possible(i, candidate.entry, located->known_from_seen))
+        pairs.push_back({i, candidate.entry, located->known_from_seen, located->inliers});
     }
   }
   return pairs;
@@ -90,19 +90,19 @@ Refined refine(BackEnd& back_end) {
     std::optional<Match> found;
     if (pair.corners > 0) {
       const Frame first = image(pair.from);
-      found = match.both_ways(first, image(pair.to), pair.from_from_to);
+      found = match.both_ways(first, image(pair.to), pair.i_from_j);
       from.reset();
     } else {
       if (from != pair.from) match.set_from(image(pair.from));
       from = pair.from;
-      found = match(image(pair.to), pair.from_from_to);
+      found = match(image(pair.to), pair.i_from_j);
     }
     if (!found) continue;
-    atlas.loops.push_back({.edge = {.from = pair.from,
-                                    .to = pair.to,
-                                    .from_from_to = found->from_from_to,
+    atlas.loops.push_back({.edge = {.i = pair.from,
+                                    .j = pair.to,
+                                    .i_from_j = found->i_from_j,
                                     .information = found->information,
-                                    .may_be_false = true},
+                                    .is_loop_closure = true},
                            .corners = pair.corners,
                            .inlier_share = found->inlier_share,
                            .rmse = found->rmse});
@@ -115,7 +115,7 @@ Refined refine(BackEnd& back_end) {
   refined.pairs_tried = static_cast<int>(pairs.size());
   for (const Loop& loop : atlas.loops) {
     ++refined.pairs_aligned;
-    refined.pairs_believed += loop.believed;
+    refined.pairs_inlier += loop.inlier;
   }
   return refined;
 }

@@ -31,8 +31,8 @@ void remove_unseen(Mesh& mesh, float min_weight) {
   });
 }
 
-std::size_t remove_pieces(Mesh& mesh, const CleanOptions& options) {
-  const Pieces parts = pieces(mesh, first_at_place(mesh));
+std::size_t remove_small_components(Mesh& mesh, const CleanOptions& options) {
+  const Components parts = connected_components(mesh, weld(mesh));
   struct Piece {
     Eigen::AlignedBox3f box;
     double weight = 0, corners = 0;
@@ -58,17 +58,17 @@ std::size_t remove_pieces(Mesh& mesh, const CleanOptions& options) {
 }
 
 /// The border goes from `from` to `to` with the surface on its left.
-struct Rim {
+struct BoundaryEdge {
   std::uint32_t from, to;
 };
-std::vector<Rim> rims(const Mesh& mesh, const std::vector<Side>& sides) {
-  std::vector<Rim> rims;
+std::vector<BoundaryEdge> boundary_edges(const Mesh& mesh, const std::vector<Side>& sides) {
+  std::vector<BoundaryEdge> boundary_edges;
   for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
     if (end - begin != 1) return;
     const auto& t = mesh.triangles[sides[begin].triangle];
-    rims.push_back({t[sides[begin].corner], t[(sides[begin].corner + 1) % 3]});
+    boundary_edges.push_back({t[sides[begin].corner], t[(sides[begin].corner + 1) % 3]});
   });
-  return rims;
+  return boundary_edges;
 }
 
 std::vector<std::uint32_t> own_names(const Mesh& mesh) {
@@ -92,7 +92,7 @@ void remove_spikes(Mesh& mesh) {
 /// Borders follow the voxels in steps. Each border vertex goes towards the middle of its two neighbours along the
 /// border.
 void smooth_borders(Mesh& mesh) {
-  const std::vector<Rim> border = rims(mesh, sides_by_edge(mesh, own_names(mesh)));
+  const std::vector<BoundaryEdge> border = boundary_edges(mesh, sides_by_edge(mesh, own_names(mesh)));
   std::vector<std::uint32_t> next(mesh.positions.size(), kNone), previous = next;
   std::vector<bool> is_simple(mesh.positions.size(), true);
   for (const auto& [from, to] : border) {
@@ -153,7 +153,7 @@ std::size_t fill_holes(Mesh& mesh, float max_size) {
   std::unordered_map<std::uint32_t, std::uint32_t> next;
   std::vector<bool> twice(mesh.positions.size(), false);
   std::vector<std::uint32_t> begins;
-  for (const auto& [from, to] : rims(mesh, sides)) {
+  for (const auto& [from, to] : boundary_edges(mesh, sides)) {
     if (!next.try_emplace(from, to).second) twice[from] = true;
     begins.push_back(from);
   }
@@ -211,7 +211,7 @@ std::size_t fill_holes(Mesh& mesh, float max_size) {
 
 std::size_t make_manifold(Mesh& mesh) {
   const std::size_t before = mesh.triangles.size();
-  const std::vector<std::uint32_t> name = first_at_place(mesh);
+  const std::vector<std::uint32_t> name = weld(mesh);
   std::erase_if(mesh.triangles, [&](const auto& t) {
     return name[t[0]] == name[t[1]] || name[t[1]] == name[t[2]] || name[t[2]] == name[t[0]] ||
            !(area_vector(mesh, t).norm() > 0);
@@ -245,7 +245,7 @@ Cleaned clean(Mesh& mesh, const CleanOptions& options) {
   Cleaned cleaned;
   remove_unseen(mesh, options.min_weight);
   (void)make_manifold(mesh);
-  cleaned.pieces_removed = remove_pieces(mesh, options);
+  cleaned.components_removed = remove_small_components(mesh, options);
   remove_spikes(mesh);
   cleaned.holes_filled = fill_holes(mesh, options.fill_holes);
   smooth_borders(mesh);

@@ -7,7 +7,7 @@
 namespace cairn {
 
 struct Cleaned {
-  std::size_t pieces_removed = 0, holes_filled = 0;
+  std::size_t components_removed = 0, holes_filled = 0;
 };
 
 /// Removes what is no surface: triangles without area, sides that more than two triangles share, spikes on borders,

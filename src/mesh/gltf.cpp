@@ -19,8 +19,8 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "io/atomic_file.hpp"
-#include "io/json_text.hpp"
+#include "base/atomic_file.hpp"
+#include "base/json_text.hpp"
 #include "mesh/clean.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/topology.hpp"
@@ -92,12 +92,12 @@ Attributes plain_attributes(const Mesh& mesh) {
   Attributes attributes;
   attributes.emplace_back("POSITION", floats(flat(mesh.positions), TINYGLTF_TYPE_VEC3));
   if (!mesh.normals.empty()) attributes.emplace_back("NORMAL", floats(flat(mesh.normals), TINYGLTF_TYPE_VEC3));
-  if (!mesh.texture_places.empty()) {
+  if (!mesh.texture_coordinates.empty()) {
     std::vector<float> places;
-    for (const auto& p : mesh.texture_places) places.insert(places.end(), {p.x(), p.y()});
+    for (const auto& p : mesh.texture_coordinates) places.insert(places.end(), {p.x(), p.y()});
     attributes.emplace_back("TEXCOORD_0", floats(places, TINYGLTF_TYPE_VEC2));
   }
-  if (!mesh.colours.empty() && mesh.texture_places.empty()) attributes.emplace_back("COLOR_0", colours_of(mesh));
+  if (!mesh.colours.empty() && mesh.texture_coordinates.empty()) attributes.emplace_back("COLOR_0", colours_of(mesh));
   return attributes;
 }
 
@@ -117,7 +117,7 @@ Attributes quantised_attributes(const Snapped& snapped) {
       for (const float f : turned(n)) normals.push_back(static_cast<std::int8_t>(std::lround(127 * f)));
     attributes.emplace_back("NORMAL", stream_of(normals, 3, 4, TINYGLTF_COMPONENT_TYPE_BYTE, TINYGLTF_TYPE_VEC3, true));
   }
-  for (const auto& p : mesh.texture_places)
+  for (const auto& p : mesh.texture_coordinates)
     for (const float f : p)
       places.push_back(static_cast<std::uint16_t>(std::clamp(std::lround(65535 * f), 0l, 65535l)));
   if (!places.empty())
@@ -275,7 +275,7 @@ struct GltfWriter::State {
     material.pbrMetallicRoughness.metallicFactor = 0.0;
     material.pbrMetallicRoughness.roughnessFactor = 1.0;
     material.doubleSided = true;
-    const bool is_textured = !mesh.texture_places.empty();
+    const bool is_textured = !mesh.texture_coordinates.empty();
     if (is_textured || !mesh.colours.empty()) {  // the light is in the colours already
       use(kUnlit[0]);
       material.extensions[kUnlit[0]] = tinygltf::Value(tinygltf::Value::Object{});

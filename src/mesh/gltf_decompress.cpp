@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "io/read_whole.hpp"
+#include "base/read_whole.hpp"
 #include "mesh/gltf.hpp"
 
 namespace cairn {

@@ -11,9 +11,9 @@
 #include <span>
 #include <stdexcept>
 
-#include "io/image_file.hpp"
-#include "io/read_whole.hpp"
-#include "io/words.hpp"
+#include "base/image_file.hpp"
+#include "base/read_whole.hpp"
+#include "base/words.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/gltf.hpp"
 
@@ -175,14 +175,15 @@ Mesh part_of(const tinygltf::Model& model, const tinygltf::Primitive& primitive,
         turned((normal_transform * Eigen::Vector3d(v[0], v[1], v[2])).normalized().template cast<float>()));
   });
   each("COLOR_0", [&](const auto& v) { mesh.colours.push_back({srgb(v[0]), srgb(v[1]), srgb(v[2]), 255}); });
-  each("TEXCOORD_0",
-       [&](const auto& v) { mesh.texture_places.emplace_back(static_cast<float>(v[0]), static_cast<float>(v[1])); });
+  each("TEXCOORD_0", [&](const auto& v) {
+    mesh.texture_coordinates.emplace_back(static_cast<float>(v[0]), static_cast<float>(v[1]));
+  });
   const std::size_t count = mesh.positions.size();
   if ((!mesh.normals.empty() && mesh.normals.size() != count) ||
       (!mesh.colours.empty() && mesh.colours.size() != count) ||
-      (!mesh.texture_places.empty() && mesh.texture_places.size() != count))
+      (!mesh.texture_coordinates.empty() && mesh.texture_coordinates.size() != count))
     throw std::runtime_error("the attributes of a mesh are not of one size");
-  if (!mesh.texture_places.empty()) mesh.texture = texture_of(model, primitive);
+  if (!mesh.texture_coordinates.empty()) mesh.texture = texture_of(model, primitive);
   std::vector<std::uint32_t> indices;
   if (primitive.indices >= 0)
     read_accessor(model, primitive.indices, [&](const auto& v) {

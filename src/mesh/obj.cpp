@@ -5,7 +5,7 @@
 
 #include <iterator>
 
-#include "io/atomic_file.hpp"
+#include "base/atomic_file.hpp"
 #include "mesh/formats.hpp"
 
 namespace cairn {
@@ -15,12 +15,12 @@ void write_obj(const std::filesystem::path& file, const std::vector<Mesh>& parts
   std::string materials, text = "# cairn, metres\n";
   auto out = std::back_inserter(text);
   bool has_textures = false;
-  for (const Mesh& part : parts) has_textures = has_textures || !part.texture_places.empty();
+  for (const Mesh& part : parts) has_textures = has_textures || !part.texture_coordinates.empty();
   if (has_textures) fmt::format_to(out, "mtllib {}.mtl\n", stem);
   std::size_t first = 1, first_place = 1, first_normal = 1;
   for (std::size_t i = 0; i < parts.size(); ++i) {
     const Mesh& mesh = parts[i];
-    const bool has_places = !mesh.texture_places.empty(), has_normals = !mesh.normals.empty();
+    const bool has_places = !mesh.texture_coordinates.empty(), has_normals = !mesh.normals.empty();
     fmt::format_to(out, "o part-{}\n", i);
     for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
       const Eigen::Vector3f& p = mesh.positions[v];
@@ -30,7 +30,7 @@ void write_obj(const std::filesystem::path& file, const std::vector<Mesh>& parts
                        mesh.colours[v][2] / 255.0);
       text += '\n';
     }
-    for (const auto& p : mesh.texture_places) fmt::format_to(out, "vt {:.6f} {:.6f}\n", p.x(), 1 - p.y());
+    for (const auto& p : mesh.texture_coordinates) fmt::format_to(out, "vt {:.6f} {:.6f}\n", p.x(), 1 - p.y());
     for (const auto& n : mesh.normals) fmt::format_to(out, "vn {:.4f} {:.4f} {:.4f}\n", n.x(), n.y(), n.z());
     if (has_places) {
       const std::string image = fmt::format("{}-{}.{}", stem, i, options.png ? "png" : "jpg");
@@ -48,7 +48,7 @@ void write_obj(const std::filesystem::path& file, const std::vector<Mesh>& parts
       text += '\n';
     }
     first += mesh.positions.size();
-    first_place += mesh.texture_places.size();
+    first_place += mesh.texture_coordinates.size();
     first_normal += mesh.normals.size();
   }
   if (has_textures) write_whole(file.parent_path() / (stem + ".mtl"), materials);

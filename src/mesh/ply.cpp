@@ -10,9 +10,9 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "io/atomic_file.hpp"
-#include "io/read_whole.hpp"
-#include "io/words.hpp"
+#include "base/atomic_file.hpp"
+#include "base/read_whole.hpp"
+#include "base/words.hpp"
 #include "mesh/formats.hpp"
 
 namespace cairn {

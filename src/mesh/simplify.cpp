@@ -63,7 +63,7 @@ void lock(Split& split, const Mesh& mesh, const std::vector<bool>& locked) {
 
 /// Vertices of sides with more than two triangles.
 std::vector<std::uint32_t> at_bad_sides(const Mesh& mesh) {
-  const std::vector<Side> sides = sides_by_edge(mesh, first_at_place(mesh));
+  const std::vector<Side> sides = sides_by_edge(mesh, weld(mesh));
   std::vector<std::uint32_t> bad;
   for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
     if (end - begin <= 2) return;
@@ -133,7 +133,7 @@ std::vector<std::uint32_t> colour_regions(const Mesh& mesh) {
     colour.push_back(sum);
   }
   std::vector<Link> links;
-  const std::vector<Side> sides = sides_by_edge(mesh, first_at_place(mesh));
+  const std::vector<Side> sides = sides_by_edge(mesh, weld(mesh));
   for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin + 1; i < end; ++i) {
       const std::uint32_t a = sides[begin].triangle, b = sides[i].triangle;

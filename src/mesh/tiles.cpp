@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "io/atomic_file.hpp"
+#include "base/atomic_file.hpp"
 
 namespace cairn {
 namespace {

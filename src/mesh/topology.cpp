@@ -30,7 +30,7 @@ bool is_degenerate(const Mesh& mesh, const std::array<std::uint32_t, 3>& t, cons
 
 }  // namespace
 
-std::vector<std::uint32_t> first_at_place(const Mesh& mesh) {
+std::vector<std::uint32_t> weld(const Mesh& mesh) {
   std::unordered_map<std::array<std::uint32_t, 3>, std::uint32_t, PlaceHash> first;
   first.reserve(mesh.positions.size());
   std::vector<std::uint32_t> name(mesh.positions.size());
@@ -58,7 +58,7 @@ std::vector<Side> sides_by_edge(const Mesh& mesh, const std::vector<std::uint32_
   return sides;
 }
 
-Pieces pieces(const Mesh& mesh, const std::vector<std::uint32_t>& name) {
+Components connected_components(const Mesh& mesh, const std::vector<std::uint32_t>& name) {
   std::vector<std::uint32_t> parent(mesh.positions.size());
   std::iota(parent.begin(), parent.end(), 0u);
   const auto root = [&](std::uint32_t v) {
@@ -70,14 +70,14 @@ Pieces pieces(const Mesh& mesh, const std::vector<std::uint32_t>& name) {
       const std::uint32_t a = root(name[t[0]]), b = root(name[t[k]]);
       parent[std::max(a, b)] = std::min(a, b);
     }
-  Pieces pieces;
+  Components components;
   std::vector<std::uint32_t> number(mesh.positions.size(), kNone);
   for (const auto& t : mesh.triangles) {
     std::uint32_t& n = number[root(name[t[0]])];
-    if (n == kNone) n = pieces.count++;
-    pieces.of_triangle.push_back(n);
+    if (n == kNone) n = components.count++;
+    components.of_triangle.push_back(n);
   }
-  return pieces;
+  return components;
 }
 
 void take_vertices(Mesh& mesh, const std::vector<std::uint32_t>& vertices) {
@@ -92,7 +92,7 @@ void take_vertices(Mesh& mesh, const std::vector<std::uint32_t>& vertices) {
   take(mesh.normals);
   take(mesh.colours);
   take(mesh.weights);
-  take(mesh.texture_places);
+  take(mesh.texture_coordinates);
 }
 
 std::vector<std::uint32_t> drop_unused_vertices(Mesh& mesh) {
@@ -128,7 +128,7 @@ Mesh joined(const std::vector<Mesh>& parts) {
 
 MeshTopology examine_topology(const Mesh& mesh) {
   MeshTopology topology;
-  const std::vector<std::uint32_t> name = first_at_place(mesh);
+  const std::vector<std::uint32_t> name = weld(mesh);
   std::vector<bool> used(mesh.positions.size(), false);
   for (const auto& t : mesh.triangles) {
     topology.degenerate_triangles += is_degenerate(mesh, t, name);
@@ -155,7 +155,7 @@ MeshTopology examine_topology(const Mesh& mesh) {
   };
   for (const auto& [a, b] : border) parent[root(a)] = root(b);
   for (const auto& [v, p] : parent) topology.borders += v == p;
-  topology.pieces = pieces(mesh, name).count;
+  topology.components = connected_components(mesh, name).count;
   return topology;
 }
 

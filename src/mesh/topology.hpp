@@ -13,7 +13,7 @@ namespace cairn {
 constexpr std::uint32_t kNone = 0xffffffffu;
 
 /// By vertex, the first one that lies at the very same place.
-[[nodiscard]] std::vector<std::uint32_t> first_at_place(const Mesh& mesh);
+[[nodiscard]] std::vector<std::uint32_t> weld(const Mesh& mesh);
 
 /// A side of a triangle: from the vertex of its corner to that of its next one.
 struct Side {
@@ -34,11 +34,11 @@ void for_each_edge(const std::vector<Side>& sides, const Visit& visit) {
 }
 
 /// Parts that no shared vertex joins, by triangle; counted from 0 in the order of their first triangles.
-struct Pieces {
+struct Components {
   std::vector<std::uint32_t> of_triangle;
   std::uint32_t count = 0;
 };
-[[nodiscard]] Pieces pieces(const Mesh& mesh, const std::vector<std::uint32_t>& name);
+[[nodiscard]] Components connected_components(const Mesh& mesh, const std::vector<std::uint32_t>& name);
 
 /// Leaves the vertices that triangles use, in their order; returns these.
 std::vector<std::uint32_t> drop_unused_vertices(Mesh& mesh);

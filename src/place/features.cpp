@@ -78,15 +78,15 @@ Matches match(const Features& known, const Features& seen) {
 }
 
 struct Pnp {
-  cv::Vec3d turn, shift;  // seen_from_known
+  cv::Vec3d rotation, translation;  // seen_from_known
   std::vector<int> inliers;
 };
 std::optional<Pnp> solve(const Matches& matches, const Camera& camera) {
   if (matches.points.size() < kMinAgreeing) return std::nullopt;
   Pnp pnp;
-  if (!cv::solvePnPRansac(matches.points, matches.rays, cv::Matx33d::eye(), cv::noArray(), pnp.turn, pnp.shift, false,
-                          kRansacIterations, static_cast<float>(kReprojection / camera.fx), 0.995, pnp.inliers,
-                          cv::SOLVEPNP_EPNP) ||
+  if (!cv::solvePnPRansac(matches.points, matches.rays, cv::Matx33d::eye(), cv::noArray(), pnp.rotation,
+                          pnp.translation, false, kRansacIterations, static_cast<float>(kReprojection / camera.fx),
+                          0.995, pnp.inliers, cv::SOLVEPNP_EPNP) ||
       pnp.inliers.size() < kMinAgreeing)
     return std::nullopt;
   return pnp;
@@ -94,7 +94,8 @@ std::optional<Pnp> solve(const Matches& matches, const Camera& camera) {
 
 }  // namespace
 
-Features describe(const std::vector<std::uint32_t>& colour, const std::vector<float>& depth, const Camera& camera) {
+Features extract_features(const std::vector<std::uint32_t>& colour, const std::vector<float>& depth,
+                          const Camera& camera) {
   std::vector<cv::KeyPoint> corners;
   cv::Mat descriptors;
   cv::ORB::create(kCorners)->detectAndCompute(colour.empty() ? shaded(depth, camera) : grey(colour, camera),
@@ -116,15 +117,15 @@ Features describe(const std::vector<std::uint32_t>& colour, const std::vector<fl
   return features;
 }
 
-std::optional<Located> locate(const Features& known, const Features& seen, const Camera& camera) {
+std::optional<PnpPose> solve_pnp(const Features& known, const Features& seen, const Camera& camera) {
   const auto pnp = solve(match(known, seen), camera);
   if (!pnp) return std::nullopt;
-  const Eigen::Vector3d axis(pnp->turn[0], pnp->turn[1], pnp->turn[2]);
+  const Eigen::Vector3d axis(pnp->rotation[0], pnp->rotation[1], pnp->rotation[2]);
   Eigen::Isometry3d seen_from_known = Eigen::Isometry3d::Identity();
   if (axis.norm() > 0) seen_from_known.linear() = Eigen::AngleAxisd(axis.norm(), axis.normalized()).toRotationMatrix();
-  seen_from_known.translation() = Eigen::Vector3d(pnp->shift[0], pnp->shift[1], pnp->shift[2]);
+  seen_from_known.translation() = Eigen::Vector3d(pnp->translation[0], pnp->translation[1], pnp->translation[2]);
   if (!seen_from_known.matrix().allFinite()) return std::nullopt;
-  return Located{.known_from_seen = seen_from_known.inverse(), .inliers = static_cast<int>(pnp->inliers.size())};
+  return PnpPose{.known_from_seen = seen_from_known.inverse(), .inliers = static_cast<int>(pnp->inliers.size())};
 }
 
 std::vector<double> focal_costs(const Features& known, const Features& seen, const Camera& camera) {
@@ -133,10 +134,11 @@ std::vector<double> focal_costs(const Features& known, const Features& seen, con
   if (!pnp) return {};
   // Also what a wrong focal length has driven out of the first pose's inliers.
   std::vector<cv::Point2d> projected;
-  const auto project = [&](const std::vector<cv::Point3d>& points, const cv::Vec3d& turn, const cv::Vec3d& shift) {
-    cv::projectPoints(points, turn, shift, cv::Matx33d::eye(), cv::noArray(), projected);
+  const auto project = [&](const std::vector<cv::Point3d>& points, const cv::Vec3d& rotation,
+                           const cv::Vec3d& translation) {
+    cv::projectPoints(points, rotation, translation, cv::Matx33d::eye(), cv::noArray(), projected);
   };
-  project(matches.points, pnp->turn, pnp->shift);
+  project(matches.points, pnp->rotation, pnp->translation);
   Matches near;
   for (std::size_t i = 0; i < projected.size(); ++i) {
     if (!(cv::norm(projected[i] - matches.rays[i]) * camera.fx < 3 * kReprojection)) continue;
@@ -148,9 +150,10 @@ std::vector<double> focal_costs(const Features& known, const Features& seen, con
     Matches scaled = near;
     for (auto& p : scaled.points) p.x /= scale, p.y /= scale;
     for (auto& r : scaled.rays) r *= 1 / scale;
-    cv::Vec3d turn = pnp->turn, shift = pnp->shift;
-    if (!cv::solvePnP(scaled.points, scaled.rays, cv::Matx33d::eye(), cv::noArray(), turn, shift, true)) return {};
-    project(scaled.points, turn, shift);
+    cv::Vec3d rotation = pnp->rotation, translation = pnp->translation;
+    if (!cv::solvePnP(scaled.points, scaled.rays, cv::Matx33d::eye(), cv::noArray(), rotation, translation, true))
+      return {};
+    project(scaled.points, rotation, translation);
     double squared = 0;
     for (std::size_t i = 0; i < projected.size(); ++i) {
       const double error = cv::norm(projected[i] - scaled.rays[i]) * camera.fx * scale;

@@ -20,17 +20,17 @@ struct Features {
 
 /// Oriented FAST corners with binary descriptors. `colour` (bytes R, G, B, 255) and `depth` (metres) are of the
 /// camera's size. Without colour, corners of the surface as a light from the side would show it.
-[[nodiscard]] Features describe(const std::vector<std::uint32_t>& colour, const std::vector<float>& depth,
-                                const Camera& camera);
+[[nodiscard]] Features extract_features(const std::vector<std::uint32_t>& colour, const std::vector<float>& depth,
+                                        const Camera& camera);
 
-struct Located {
+struct PnpPose {
   Eigen::Isometry3d known_from_seen = Eigen::Isometry3d::Identity();
   int inliers = 0;
 };
 /// Where the camera that saw `seen` was, from corners whose place `known` tells: mutual nearest descriptors, then
 /// perspective-n-point in a RANSAC loop of fixed seed (Fischler & Bolles 1981; Lepetit et al. 2009). Nothing when fewer
 /// than 20 agree.
-[[nodiscard]] std::optional<Located> locate(const Features& known, const Features& seen, const Camera& camera);
+[[nodiscard]] std::optional<PnpPose> solve_pnp(const Features& known, const Features& seen, const Camera& camera);
 
 /// Candidates for the true focal length in units of the camera's.
 constexpr std::array<double, 9> kFocalScales{0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15, 1.2};

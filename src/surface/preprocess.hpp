@@ -11,14 +11,14 @@
 namespace cairn {
 
 /// Points with normals in the frame of a camera, by pixel; see shaders/surface.h.
-struct PointImage {
+struct VertexNormalMap {
   Camera camera;
   gpu::Buffer points;
 };
 
 /// A frame on the device. The buffers belong to Preprocess and hold until its next call.
 struct Surface {
-  std::vector<const PointImage*> levels;  // smoothed, the finest first; points from `finest_level` on
+  std::vector<const VertexNormalMap*> levels;  // smoothed, the finest first; points from `finest_level` on
   /// By level what the photometric term reads (SurfacePackPush); empty without colour, null above `finest_level`.
   std::vector<const gpu::Buffer*> packed;
   const gpu::Buffer* fusion = nullptr;  // (depth bits, colour) by pixel: rectified, without flying pixels, not smoothed
@@ -38,7 +38,7 @@ class Preprocess {
   Camera source_camera_;
   SurfaceOptions options_;
   int finest_level_;
-  std::vector<PointImage> levels_;
+  std::vector<VertexNormalMap> levels_;
   std::vector<gpu::Buffer> smooth_;  // depth by level
   std::vector<gpu::Buffer> intensity_, packed_;
   gpu::Buffer raw_depth_, raw_colour_, depth_, colour_, fusion_;

@@ -286,19 +286,19 @@ std::optional<TextureAtlas> pack(const Mesh& mesh, const std::vector<Chart>& cha
         const auto [it, is_new] = vertex.try_emplace(v, static_cast<std::uint32_t>(from.size()));
         if (is_new) {
           from.push_back(v);
-          atlas.mesh.texture_places.push_back((places[k] + offset).cwiseProduct(scale));
+          atlas.mesh.texture_coordinates.push_back((places[k] + offset).cwiseProduct(scale));
         }
         triangle[k] = it->second;
       }
     }
   }
-  std::vector<Eigen::Vector2f> texture_places = std::move(atlas.mesh.texture_places);
-  atlas.mesh.texture_places.clear();
+  std::vector<Eigen::Vector2f> texture_coordinates = std::move(atlas.mesh.texture_coordinates);
+  atlas.mesh.texture_coordinates.clear();
   atlas.mesh.positions = mesh.positions;
   atlas.mesh.normals = mesh.normals;
   atlas.mesh.colours = mesh.colours;
   take_vertices(atlas.mesh, from);
-  atlas.mesh.texture_places = std::move(texture_places);
+  atlas.mesh.texture_coordinates = std::move(texture_coordinates);
 
   // The points under the texels, chart by chart in tiles.
   struct Tiles {

@@ -23,7 +23,8 @@ struct Chart {
 
 /// Charts with their places in a texture.
 struct TextureAtlas {
-  Mesh mesh;  // a vertex for each chart that it belongs to, with texture_places; its texture has a size and no texels
+  Mesh mesh;  // a vertex for each chart that it belongs to, with texture_coordinates; its texture has a size and no
+              // texels
   int charts = 0;
   /// Points of the surface under the texels, kTileTexels for each tile of a chart; where `normal` is 0 there is none.
   std::vector<shader::Texel> points;

@@ -102,7 +102,7 @@ void TextureViews::bring(std::span<const std::size_t> keyframes) {
       image.has_colour = surface.has_colour;
       const Eigen::Isometry3d& pose = keyframes_[some[i]].world_from_camera;
       volume_.bring(pose.translation());
-      const ModelView model = raycast_(volume_, pose);
+      const SurfacePrediction model = raycast_(volume_, pose);
       gpu::Batch batch(device_);
       const shader::TexturePreparePush push{shader::pinhole(camera_)};
       prepare_(batch, {pixels_of(camera_), 1, 1}, push, {surface.fusion, &model.levels[1]->points, &image.pixels});
@@ -211,7 +211,7 @@ void TextureViews::register_colour() {
   constexpr double kHuber = 0.06;        // of the range of brightness
   constexpr double kBetter = 0.9;        // of the cost that has to be left
   using Vector = Eigen::Matrix<double, 7, 1>;
-  // Steps of derivatives, and how far from nothing a camera may be: radians, metres, zoom.
+  // Steps of derivatives, and how far from nothing a camera may be: radians, metres, focal scale.
   const Vector step = (Vector() << 2e-3, 2e-3, 2e-3, 4e-3, 4e-3, 4e-3, 2e-3).finished();
   const Vector usual = (Vector() << 0.02, 0.02, 0.02, 0.03, 0.03, 0.03, 0.05).finished();
   const auto camera = [](const Vector& x) {
@@ -281,11 +281,11 @@ void TextureViews::register_colour() {
   if (none.value.size() < kEnough) return;
   // Where to begin: fields of view differ more than anything else.
   double least = std::numeric_limits<double>::infinity();
-  for (const double zoom : {0.0, -0.04, 0.04, -0.08, 0.08, -0.12, 0.12}) {
+  for (const double focal_scale : {0.0, -0.04, 0.04, -0.08, 0.08, -0.12, 0.12}) {
     Vector x = Vector::Zero();
-    x[6] = zoom;
+    x[6] = focal_scale;
     const double cost = residuals_of(brightness_of(camera(x), false), nullptr).cost;
-    if (cost < (zoom == 0 ? 1.0 : 0.97) * least) least = cost, best = x;
+    if (cost < (focal_scale == 0 ? 1.0 : 0.97) * least) least = cost, best = x;
   }
   for (const auto& [sharp, iterations] : {std::pair(false, 8), {true, 6}}) {
     double damping = 1e-3;

@@ -35,9 +35,9 @@ class TextureViews {
   /// Finds by how much the keyframes' exposures differ where they see the same, so that blend() takes them to their
   /// mean. `step` is called after each keyframe. Returns whether any has colour.
   bool compensate_exposure(const std::function<void()>& step = {});
-  /// Finds how the colour camera lies to the depth camera, where colour is not on depth as it should be: turn, shift
-  /// and zoom with which what several keyframes see agrees best (as Zhou & Koltun 2014 move each image). Kept only if
-  /// it agrees much better so. Wants compensate_exposure() before it.
+  /// Finds how the colour camera lies to the depth camera, where colour is not on depth as it should be: the rotation,
+  /// translation and focal scale with which what several keyframes see agrees best (as Zhou & Koltun 2014 move each
+  /// image). Kept only if it agrees much better so. Wants compensate_exposure() before it.
   void register_colour();
   [[nodiscard]] const shader::ColourCamera& colour_camera() const { return colour_; }
   /// What each keyframe's colours are multiplied with, by channel.

@@ -168,7 +168,7 @@ void PhotometricKeyframe::restore(const Saved& saved) {
 }
 
 Eigen::Isometry3d PhotometricKeyframe::submap_from_colour(double clock_offset) const {
-  return submap_from_camera_ * exponential(moment_.velocity * (moment_.stamp_delay - clock_offset));
+  return submap_from_camera_ * retract(moment_.velocity * (moment_.stamp_delay - clock_offset));
 }
 
 Align::Align(gpu::Device& device, const TrackOptions& options)
@@ -189,8 +189,8 @@ shader::PhotometricReducePush Align::photometric_push(const Camera& camera, cons
   return {.camera = shader::pinhole(camera),
           .keyframe_from_live =
               shader::rigid(keyframe.submap_from_colour(moment.clock_offset).inverse() * submap_from_live),
-          .turn = Eigen::Vector3f(colour_motion.head<3>().cast<float>()),
-          .shift = Eigen::Vector3f(colour_motion.tail<3>().cast<float>()),
+          .rotation = Eigen::Vector3f(colour_motion.head<3>().cast<float>()),
+          .translation = Eigen::Vector3f(colour_motion.tail<3>().cast<float>()),
           .tile = Tiling(camera).size,
           .gain = static_cast<float>(brightness.gain),
           .bias = static_cast<float>(brightness.bias),
@@ -226,7 +226,7 @@ std::vector<double> Align::clock_offset_costs(const Surface& live, const Photome
   return costs;
 }
 
-Alignment Align::operator()(const Surface& live, const ModelView& model, const Eigen::Isometry3d& guess,
+Alignment Align::operator()(const Surface& live, const SurfacePrediction& model, const Eigen::Isometry3d& guess,
                             const PhotometricKeyframe* keyframe, const ColourMoment& moment, Reach reach) {
   Alignment result;
   const bool has_brightness = options_.photometric && keyframe != nullptr && keyframe->is_set() && !live.packed.empty();
@@ -335,7 +335,7 @@ Alignment Align::operator()(const Surface& live, const ModelView& model, const E
       // Each term in units of the scale of its own residuals.
       Matrix6d a = geometry.a;
       Vector6d b = geometry.b;
-      result.unobserved_by_geometry = geometry.inliers >= 6 ? observed.weak : 6;
+      result.degenerate_directions = geometry.inliers >= 6 ? observed.weak : 6;
       if (geometry.inliers >= 6) {
         a = observed.projection * a * observed.projection.transpose();
         b = observed.projection * b;
@@ -363,7 +363,7 @@ Alignment Align::operator()(const Surface& live, const ModelView& model, const E
       result.information = a;
       const std::optional<Vector6d> x = solve(a, b, result.unobserved);
       if (!x) break;
-      model_from_live = exponential(*x) * model_from_live;
+      model_from_live = retract(*x) * model_from_live;
       if (x->norm() < (level == options_.finest_level ? kConverged : kConvergedCoarse * (1 << level))) break;
     }
   }

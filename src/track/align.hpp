@@ -24,7 +24,7 @@ struct Alignment {
   double photometric_share = 0.0;           // of the points with brightness in both images, those that fit; 0: not used
   double photometric_rmse = 0.0;            // brightness, 0..1
   double gain = 1.0, bias = 0.0;            // keyframe brightness = gain * live + bias
-  int unobserved_by_geometry = 0;           // directions of the pose, 0..6
+  int degenerate_directions = 0;            // directions of the pose, 0..6
   int unobserved = 0;                       // directions left at the guess
   int iterations = 0;                       // over all levels
   /// How badly brightness fits if the colour camera's clock were ahead by kClockOffsets; empty when the camera is slow.
@@ -86,9 +86,9 @@ class Align {
  public:
   Align(gpu::Device& device, const TrackOptions& options);
   /// `keyframe` may be null or not set: geometry alone.
-  [[nodiscard]] Alignment operator()(const Surface& live, const ModelView& model, const Eigen::Isometry3d& guess,
-                                     const PhotometricKeyframe* keyframe = nullptr, const ColourMoment& moment = {},
-                                     Reach reach = Reach::wide);
+  [[nodiscard]] Alignment operator()(const Surface& live, const SurfacePrediction& model,
+                                     const Eigen::Isometry3d& guess, const PhotometricKeyframe* keyframe = nullptr,
+                                     const ColourMoment& moment = {}, Reach reach = Reach::wide);
 
  private:
   struct Geometry {

@@ -9,9 +9,9 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "base/atomic_file.hpp"
+#include "base/json_text.hpp"
 #include "cairn/trajectory.hpp"
-#include "io/atomic_file.hpp"
-#include "io/json_text.hpp"
 
 // The page as the build has made it, byte for byte (viewer.html).
 __asm__(

@@ -11,8 +11,8 @@
 
 #include "spirv/esdf_check.comp.h"
 #include "spirv/esdf_distance.comp.h"
-#include "spirv/esdf_pull.comp.h"
-#include "spirv/esdf_push.comp.h"
+#include "spirv/esdf_lower.comp.h"
+#include "spirv/esdf_raise.comp.h"
 #include "spirv/esdf_settle.comp.h"
 #include "spirv/esdf_sites.comp.h"
 
@@ -51,9 +51,9 @@ Esdf::Esdf(gpu::Device& device, const FuseOptions& fuse, const EsdfOptions& opti
       voxel_size_(static_cast<float>(scale_) * fuse.voxel_size),
       sites_(device, "esdf_sites", esdf_sites_comp),
       check_(device, "esdf_check", esdf_check_comp),
-      pull_(device, "esdf_pull", esdf_pull_comp),
+      raise_(device, "esdf_raise", esdf_raise_comp),
       settle_(device, "esdf_settle", esdf_settle_comp),
-      push_(device, "esdf_push", esdf_push_comp),
+      lower_(device, "esdf_lower", esdf_lower_comp),
       distance_(device, "esdf_distance", esdf_distance_comp),
       counts_(device, (kSteps + 1) * sizeof(shader::EsdfCount)),
       removed_(device, 4) {}
@@ -81,7 +81,7 @@ Esdf::Updated Esdf::update(const BrickTree& map, std::span<const Brick> changed)
 Esdf::Updated Esdf::update(std::span<const Brick> changed, const Volume* volume, const BrickTree& map) {
   std::vector<shader::EsdfJob> here, elsewhere;               // voxels on the device; on the host or nowhere
   std::vector<const std::uint64_t*> voxels;                   // of those elsewhere
-  std::vector<Brick> bricks(changed.begin(), changed.end());  // each once: two threads would see each other's patches
+  std::vector<Brick> bricks(changed.begin(), changed.end());  // each once: two threads would see each other's sites
   std::sort(bricks.begin(), bricks.end(), before);
   bricks.erase(std::unique(bricks.begin(), bricks.end()), bricks.end());
   for (const Brick& brick : bricks) {
@@ -242,7 +242,7 @@ Esdf::Updated Esdf::rebuild() {
   return spread(batch, true);
 }
 
-/// From the changed patches in the list to distances.
+/// From the changed sites in the list to distances.
 Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
   Updated updated;
   std::vector<shader::EsdfCount> counts(kSteps + 1, kNothing);
@@ -255,7 +255,7 @@ Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
     restart = counts[0].count > list_capacity_ || 2 * (block_of_.size() - settled_) > block_of_.size();
   }
   updated.rebuilt = restart;
-  if (restart) {  // the list begins anew with all patches
+  if (restart) {  // the list begins anew with all sites
     counts[0] = kNothing;
     batch.upload(counts_, counts);
   }
@@ -271,7 +271,7 @@ Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
   check_(batch, {64 * count, 1, 1}, {.field = view(), .capacity = list_capacity_, .blocks = count},
          {&check_list_, &list_[0]});
   if (!restart)
-    pull_.indirect(batch, counts_, 0, {.field = view(), .step = 0, .capacity = list_capacity_}, {&list_[0]});
+    raise_.indirect(batch, counts_, 0, {.field = view(), .step = 0, .capacity = list_capacity_}, {&list_[0]});
   settle_.indirect(batch, counts_, 0, {.field = view(), .step = 0, .capacity = list_capacity_}, {&list_[0], &dirty_});
   if (run_waves(batch, updated)) return updated;
   if (restart) resize_lists(2 * list_capacity_);  // a surface of many crumbs: its waves are broad
@@ -288,9 +288,9 @@ bool Esdf::run_waves(gpu::Batch& batch, Updated& updated) {
       // Settling each step makes the result independent of the threads' order. Between frames that would cost a tenth,
       // and nobody writes that field to a file.
       const gpu::Buffer &now = list_[step & 1], &next = list_[(step + 1) & 1];
-      push_.indirect(batch, counts_, step * sizeof(shader::EsdfCount),
-                     {.field = view(), .step = step, .capacity = list_capacity_, .is_settled = updated.rebuilt},
-                     {&now, &next, &dirty_});
+      lower_.indirect(batch, counts_, step * sizeof(shader::EsdfCount),
+                      {.field = view(), .step = step, .capacity = list_capacity_, .is_settled = updated.rebuilt},
+                      {&now, &next, &dirty_});
       if (updated.rebuilt)
         settle_.indirect(batch, counts_, (step + 1) * sizeof(shader::EsdfCount),
                          {.field = view(), .step = step + 1, .capacity = list_capacity_}, {&next, &dirty_});

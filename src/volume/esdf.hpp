@@ -17,8 +17,8 @@ namespace cairn {
 /// 4 or 8.
 [[nodiscard]] int esdf_scale(const FuseOptions& fuse, const EsdfOptions& options);
 
-/// The Euclidean signed distance field of a map, on the device. Each voxel knows the nearest patch of surface. An
-/// update finds the patches in the bricks that changed; where one came, a wave of "this is nearer" goes out, and where
+/// The Euclidean signed distance field of a map, on the device. Each voxel knows the nearest site. An
+/// update finds the sites in the bricks that changed; where one came, a wave of "this is nearer" goes out, and where
 /// one went or moved, the voxels that it was nearest to ask their neighbours first (Lau et al. 2013, Oleynikova et al.
 /// 2017; the wave is vector propagation after Danielsson 1980).
 class Esdf {
@@ -27,17 +27,17 @@ class Esdf {
   Esdf(gpu::Device& device, const FuseOptions& fuse, const EsdfOptions& options);
 
   struct Updated {
-    int sites = 0;   // voxels in which a patch of surface came, went or moved
-    int voxels = 0;  // that found another nearest patch, counted once a step
+    int sites = 0;   // voxels in which a site came, went or moved
+    int voxels = 0;  // that found another nearest site, counted once a step
     int steps = 0;   // of the wave
     bool rebuilt = false;
   };
   /// Brings the field up to date with bricks of the map that have changed, come, or gone. The result is within a
-  /// quarter of a voxel of a field made anew, by patches that moved less and stay where they are, and beyond that only
-  /// where patches nearly as near were found. It is made anew, with the same bits each time, when most of it is new.
+  /// quarter of a voxel of a field made anew, by sites that moved less and stay where they are, and beyond that only
+  /// where sites nearly as near were found. It is made anew, with the same bits each time, when most of it is new.
   Updated update(const Volume& volume, std::span<const Brick> changed);
   Updated update(const BrickTree& map, std::span<const Brick> changed);
-  /// Forgets all distances and finds them again from the patches of surface.
+  /// Forgets all distances and finds them again from the sites.
   Updated rebuild();
 
   /// The field as it is; voxels that did not change since the last call are shared with its answer.
@@ -64,7 +64,7 @@ class Esdf {
   float voxel_size_;  // metres
   gpu::Kernel<shader::EsdfSitesPush> sites_;
   gpu::Kernel<shader::EsdfCheckPush> check_;
-  gpu::Kernel<shader::EsdfWavePush> pull_, settle_, push_;
+  gpu::Kernel<shader::EsdfWavePush> raise_, settle_, lower_;
   gpu::Kernel<shader::EsdfDistancePush> distance_;
 
   std::uint32_t capacity_ = 0, table_bits_ = 0, list_capacity_ = 0;  // blocks; voxels

@@ -16,8 +16,8 @@
 #include <optional>
 #include <stdexcept>
 
-#include "io/atomic_file.hpp"
-#include "io/words.hpp"
+#include "base/atomic_file.hpp"
+#include "base/words.hpp"
 
 namespace cairn {
 namespace {

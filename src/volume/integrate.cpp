@@ -37,7 +37,7 @@ Integrate::Integrate(gpu::Device& device, const Camera& camera, const SurfaceOpt
       integrate_(device, "tsdf_integrate", tsdf_integrate_comp) {}
 
 Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, Volume& volume,
-                            std::uint32_t stamp) {
+                            std::uint32_t fused_count) {
   volume.move_window(submap_from_camera.translation());
   const auto pixels = static_cast<std::uint32_t>(camera_.width * camera_.height);
   const shader::Pinhole pinhole = shader::pinhole(camera_);
@@ -58,7 +58,7 @@ Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& sub
            .submap_from_camera = pose,
            .capacity = kNewAtOnce,
            .stride = stride,
-           .phase = stamp},
+           .phase = fused_count},
           {surface.fusion, &volume.page_table(), &new_count_, &new_bricks_});
     batch.download(new_count_, std::span<std::uint32_t>(&listed, 1));
     batch.download(new_bricks_, marked);
@@ -71,7 +71,7 @@ Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& sub
     }
     bricks.insert(bricks.end(), marked.begin(), marked.begin() + count);
   }
-  volume.make_resident(bricks, stamp);
+  volume.make_resident(bricks, fused_count);
 
   if (volume.slot_count() == 0) return {};  // nothing was ever seen
   if (selected_.size() < 4 * std::uint64_t{volume.slot_count()})
@@ -86,7 +86,7 @@ Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& sub
            .submap_from_camera = pose,
            .slots = volume.slot_count(),
            .capacity = static_cast<std::uint32_t>(selected_.size() / 4),
-           .stamp = stamp,
+           .fused_count = fused_count,
            .brick_size = volume.brick_size(),
            .truncation = volume.options().truncation,
            .min_depth = options_.min_depth},
@@ -105,7 +105,7 @@ Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& sub
               .voxel_size = volume.options().voxel_size,
               .truncation = volume.options().truncation,
               .max_weight = volume.options().max_weight,
-              .stamp = stamp},
+              .fused_count = fused_count},
              {&selected_, &volume.slots(), surface.fusion, &changed_});
   std::vector<std::uint32_t> slots(selected_count[0]), changed(selected_count[0]);
   batch.download(selected_, slots);
@@ -114,7 +114,7 @@ Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& sub
   Fused fused{.touched = static_cast<int>(slots.size()), .changed = {}, .new_bricks = static_cast<int>(bricks.size())};
   for (std::size_t i = 0; i < slots.size(); ++i)
     if (changed[i] != 0) fused.changed.push_back(volume.brick_in(slots[i]));
-  if (stamp % kLookEvery == 1) {
+  if (fused_count % kLookEvery == 1) {
     fused.newly_free = look_through(surface, submap_from_camera, volume);
     volume.mark_free(fused.newly_free);
   }

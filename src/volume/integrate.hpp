@@ -19,9 +19,9 @@ struct Fused {
 class Integrate {
  public:
   Integrate(gpu::Device& device, const Camera& camera, const SurfaceOptions& options);
-  /// `stamp` counts fused frames from 1. Moves the volume's window to the camera.
+  /// `fused_count` counts fused frames from 1. Moves the volume's window to the camera.
   Fused operator()(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, Volume& volume,
-                   std::uint32_t stamp);
+                   std::uint32_t fused_count);
 
  private:
   [[nodiscard]] std::vector<Brick> look_through(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,

@@ -24,7 +24,7 @@ Raycast::Raycast(gpu::Device& device, const Camera& camera, const SurfaceOptions
   }
 }
 
-ModelView Raycast::operator()(const Volume& volume, const Eigen::Isometry3d& submap_from_camera) {
+SurfacePrediction Raycast::operator()(const Volume& volume, const Eigen::Isometry3d& submap_from_camera) {
   const shader::Pinhole camera = shader::pinhole(levels_[0].camera);
   const shader::Rigid pose = shader::rigid(submap_from_camera);
   gpu::Batch batch(device_);
@@ -50,8 +50,8 @@ ModelView Raycast::operator()(const Volume& volume, const Eigen::Isometry3d& sub
           {&levels_[i - 1].points, &levels_[i].points});
   }
   batch.run();
-  ModelView view{.submap_from_camera = submap_from_camera,
-                 .levels = std::vector<const PointImage*>(static_cast<std::size_t>(finest_), nullptr)};
+  SurfacePrediction view{.submap_from_camera = submap_from_camera,
+                         .levels = std::vector<const VertexNormalMap*>(static_cast<std::size_t>(finest_), nullptr)};
   for (const auto& level : levels_) view.levels.push_back(&level);
   return view;
 }

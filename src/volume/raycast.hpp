@@ -10,22 +10,22 @@
 namespace cairn {
 
 /// The model seen from a pose. The buffers belong to Raycast and hold until its next call.
-struct ModelView {
+struct SurfacePrediction {
   Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
-  std::vector<const PointImage*> levels;  // as in Surface; null above the finest level that was asked for
+  std::vector<const VertexNormalMap*> levels;  // as in Surface; null above the finest level that was asked for
 };
 
 /// Renders the volume's surface as a pyramid of points with normals.
 class Raycast {
  public:
   Raycast(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels, int finest_level);
-  [[nodiscard]] ModelView operator()(const Volume& volume, const Eigen::Isometry3d& submap_from_camera);
+  [[nodiscard]] SurfacePrediction operator()(const Volume& volume, const Eigen::Isometry3d& submap_from_camera);
 
  private:
   gpu::Device& device_;
   SurfaceOptions options_;
   int finest_;
-  std::vector<PointImage> levels_;  // from the finest level on
+  std::vector<VertexNormalMap> levels_;  // from the finest level on
   gpu::Buffer nearest_, farthest_;
   gpu::Kernel<shader::RaycastRangePush> range_;
   gpu::Kernel<shader::RaycastPush> raycast_;

@@ -227,12 +227,12 @@ void Volume::make_resident(std::span<const Brick> bricks, std::uint32_t now) {
   }
 }
 
-void Volume::place(gpu::Batch& batch, std::span<const shader::Placement> placements, std::uint32_t stamp) {
+void Volume::place(gpu::Batch& batch, std::span<const shader::Placement> placements, std::uint32_t fused_count) {
   if (placements_.size() < placements.size_bytes())
     placements_ = gpu::Buffer(device_, std::max(placements.size_bytes(), kBricksPerCopy * sizeof(shader::Placement)));
   batch.upload(placements_, placements);
   const auto count = static_cast<std::uint32_t>(placements.size());
-  place_(batch, {64 * count, 1, 1}, {.voxels = view().voxels, .count = count, .stamp = stamp},
+  place_(batch, {64 * count, 1, 1}, {.voxels = view().voxels, .count = count, .fused_count = fused_count},
          {&placements_, &page_table_, &slots_});
 }
 

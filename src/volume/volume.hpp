@@ -104,7 +104,7 @@ class Volume {
  private:
   void refresh_free_marks();
   void evict(std::span<const std::uint32_t> slots);
-  void place(gpu::Batch& batch, std::span<const shader::Placement> placements, std::uint32_t stamp);
+  void place(gpu::Batch& batch, std::span<const shader::Placement> placements, std::uint32_t fused_count);
   void make_room(std::size_t needed, std::span<const Brick> keep, std::uint32_t now);
   void copy_to_host(std::span<const std::uint32_t> slots);
   [[nodiscard]] std::vector<shader::SlotState> slot_states();

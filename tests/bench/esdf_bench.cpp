@@ -201,7 +201,7 @@ void follow_a_loop(benchmark::State& state) {
     trees.push_back(std::make_shared<const BrickTree>(std::move(tree)));
     Keyframe keyframe{.timestamp = static_cast<double>(s), .submap = static_cast<std::size_t>(s), .follows = s > 0};
     keyframe.submap_from_camera.translation() = Eigen::Vector3d(3.2 * s, 0, 0);
-    keyframe.piece_from_camera = keyframe.submap_from_camera;
+    keyframe.odometry_from_camera = keyframe.submap_from_camera;
     atlas.add(keyframe);
   }
   World world(r.device, r.fuse);

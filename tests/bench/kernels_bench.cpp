@@ -29,7 +29,7 @@ struct Bench {
   Polygonize polygonize{device};
   Frame frame;
   Eigen::Isometry3d pose;
-  std::uint32_t stamp = 0;
+  std::uint32_t fused_count = 0;
 
   Bench() {
     for (int i = 0; i < 30; i += 3) {
@@ -38,7 +38,7 @@ struct Bench {
       add_kinect_noise(images, camera, 1, i);
       frame.depth = std::move(images.depth);
       frame.colour = std::move(images.colour);
-      integrate(preprocess(frame), pose, volume, ++stamp);
+      integrate(preprocess(frame), pose, volume, ++fused_count);
     }
   }
 };
@@ -74,7 +74,7 @@ void integrate(benchmark::State& state) {
   auto& b = bench();
   const Surface surface = b.preprocess(b.frame);
   const KernelCounters counters(state);
-  for (auto _ : state) benchmark::DoNotOptimize(b.integrate(surface, b.pose, b.volume, ++b.stamp));
+  for (auto _ : state) benchmark::DoNotOptimize(b.integrate(surface, b.pose, b.volume, ++b.fused_count));
 }
 void raycast(benchmark::State& state) {
   auto& b = bench();
@@ -84,7 +84,7 @@ void raycast(benchmark::State& state) {
 void align(benchmark::State& state) {
   auto& b = bench();
   const Surface live = b.preprocess(b.frame);
-  const ModelView model = b.raycast(b.volume, b.pose);
+  const SurfacePrediction model = b.raycast(b.volume, b.pose);
   const Eigen::Isometry3d guess = b.pose * Eigen::Translation3d(0.01, 0.005, -0.01);
   const KernelCounters counters(state);
   for (auto _ : state) benchmark::DoNotOptimize(b.align(live, model, guess));

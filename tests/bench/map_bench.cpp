@@ -54,7 +54,7 @@ struct Bench {
           .timestamp = static_cast<double>(k), .submap = static_cast<std::size_t>(along), .follows = k > 0};
       keyframe.submap_from_camera = scene.world_from_camera(0.03 * static_cast<double>(k % 67));
       keyframe.submap_from_camera.pretranslate(Eigen::Vector3d(kShift * along, 0, 0));
-      keyframe.piece_from_camera = keyframe.submap_from_camera;
+      keyframe.odometry_from_camera = keyframe.submap_from_camera;
       keyframe.information = 1e6 * Matrix6d::Identity();
       atlas.add(keyframe);
     }
@@ -126,16 +126,16 @@ void optimise_two_thousand_keyframes(benchmark::State& state) {
       drifted.world_from_node.push_back(truth(0));
       continue;
     }
-    const Eigen::Isometry3d step = truth(k - 1).inverse() * truth(k) * exponential(slip);
+    const Eigen::Isometry3d step = truth(k - 1).inverse() * truth(k) * retract(slip);
     drifted.world_from_node.push_back(drifted.world_from_node.back() * step);
-    drifted.edges.push_back({.from = k - 1, .to = k, .from_from_to = step, .information = information});
+    drifted.edges.push_back({.i = k - 1, .j = k, .i_from_j = step, .information = information});
   }
   for (std::size_t k = 0; k < 40; ++k)
-    drifted.edges.push_back({.from = k,
-                             .to = kKeyframes - 40 + k,
-                             .from_from_to = truth(k).inverse() * truth(kKeyframes - 40 + k),
+    drifted.edges.push_back({.i = k,
+                             .j = kKeyframes - 40 + k,
+                             .i_from_j = truth(k).inverse() * truth(kKeyframes - 40 + k),
                              .information = information,
-                             .may_be_false = true});
+                             .is_loop_closure = true});
   double cost = 0;
   for (auto _ : state) {
     PoseGraph graph = drifted;

@@ -22,7 +22,7 @@
 #include "cairn/mapper.hpp"
 #include "cairn/mesh.hpp"
 #include "graph/pose_graph.hpp"
-#include "map/session.hpp"
+#include "session/session.hpp"
 #include "support/files.hpp"
 #include "support/recordings.hpp"
 #include "volume/grids.hpp"

@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cairn/mapper.hpp"
-#include "map/session_lock.hpp"
+#include "session/session_lock.hpp"
 #include "support/files.hpp"
 #include "support/recordings.hpp"
 

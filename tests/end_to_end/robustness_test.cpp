@@ -217,13 +217,13 @@ TEST(Robustness, LostForLongItBeginsAnotherPieceAndJoinsItByALoop) {
                                            .depth = std::move(images.depth),
                                            .colour = std::move(images.colour)});
     lost += report.state == FrameState::lost;
-    pieces_at_most = std::max(pieces_at_most, mapper.statistics().pieces);
+    pieces_at_most = std::max(pieces_at_most, mapper.statistics().components);
   }
   EXPECT_NEAR(lost, options.map.lost_frames - 1, 2);
   EXPECT_EQ(pieces_at_most, 2);
   EXPECT_FALSE(mapper.loops().empty());
   const Mesh mesh = mapper.mesh();
-  EXPECT_EQ(mapper.statistics().pieces, 1);
+  EXPECT_EQ(mapper.statistics().components, 1);
   const Trajectory found = mapper.trajectory();
   EXPECT_EQ(found.size(), way.size() - static_cast<std::size_t>(lost));
   const TrajectoryError error = evaluate_trajectory(found, truth);

@@ -65,7 +65,7 @@ TEST_F(Session, GoesOnWithAnotherRecordingOfTheSamePlace) {
       {"reconstruct", (out / "again").string(), "-o", map.string(), "--frames", "25:65", "--resume", "--json"});
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
   const auto report = nlohmann::json::parse(ran.out);
-  EXPECT_EQ(report["submaps"]["pieces"], 1);
+  EXPECT_EQ(report["submaps"]["components"], 1);
   EXPECT_GE(report["frames"]["fused"], 38);
   EXPECT_LT(error_in_place(map / "trajectory.txt", fs::path(path("room")) / "groundtruth.txt"), 0.01);
   // The recording before keeps its trajectory.
@@ -79,7 +79,7 @@ TEST_F(Session, BeginsAPieceOfItsOwnWhereNothingIsRecognised) {
                              "--config", (out / "soon.yaml").string(), "--json"});
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
   const auto report = nlohmann::json::parse(ran.out);
-  EXPECT_EQ(report["submaps"]["pieces"], 2);
+  EXPECT_EQ(report["submaps"]["components"], 2);
   EXPECT_GT(report["frames"]["fused"], 20);
   EXPECT_NE(ran.err.find("not joined"), std::string::npos) << ran.err;
   // The map is still there, and nothing was added to it.

@@ -112,9 +112,9 @@ TEST(LoopError, CountsRightLoopsAndTheRevisitsThatHaveOne) {
   }
   const auto measured = [&](int from, int to, double off) {
     LoopMeasured loop{.from = static_cast<double>(from), .to = static_cast<double>(to)};
-    loop.from_from_to = truth[static_cast<std::size_t>(from)].world_from_camera.inverse() *
-                        truth[static_cast<std::size_t>(to)].world_from_camera;
-    loop.from_from_to.translation().y() += off;
+    loop.i_from_j = truth[static_cast<std::size_t>(from)].world_from_camera.inverse() *
+                    truth[static_cast<std::size_t>(to)].world_from_camera;
+    loop.i_from_j.translation().y() += off;
     return loop;
   };
   const LoopError e =

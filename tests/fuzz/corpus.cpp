@@ -8,9 +8,9 @@
 #include "cairn/esdf.hpp"
 #include "graph/pose_graph.hpp"
 #include "io/camera_file.hpp"
-#include "map/session.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/gltf.hpp"
+#include "session/session.hpp"
 
 using namespace cairn;
 
@@ -42,7 +42,7 @@ Mesh mesh(bool textured) {
   mesh.normals.assign(4, Eigen::Vector3f::UnitX());
   mesh.triangles = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
   if (textured) {
-    mesh.texture_places = {{0, 0}, {1, 0}, {0, 1}, {1, 1}};
+    mesh.texture_coordinates = {{0, 0}, {1, 0}, {0, 1}, {1, 1}};
     mesh.texture = {8, 8, std::vector<std::array<std::uint8_t, 3>>(64, {10, 120, 200})};
   } else {
     mesh.colours = {{0, 1, 2, 255}, {100, 150, 200, 255}, {255, 254, 128, 255}, {7, 77, 177, 255}};
@@ -55,7 +55,7 @@ void write_text_inputs(const fs::path& folder) {
   put(place(folder, "trajectory", "csv"), "#t,x,y,z,qx,qy,qz,qw\r\n1,0,0,0,0,0,0,1\r\n2, 1e-3, +2, -3, 0, 0, 0.7, 0.7");
   PoseGraph graph;
   for (const auto& [time, pose] : path()) graph.world_from_node.push_back(pose);
-  graph.edges = {{.from = 0, .to = 1}, {.from = 1, .to = 2}, {.from = 0, .to = 2}};
+  graph.edges = {{.i = 0, .j = 1}, {.i = 1, .j = 2}, {.i = 0, .j = 2}};
   graph.edges[1].information(3, 3) = -5;
   write_g2o(place(folder, "g2o", "graph"), graph);
   put(place(folder, "options", "all"),
@@ -141,7 +141,7 @@ void write_sessions(const fs::path& folder, const fs::path& work) {
     session.tracker.last.push_back({.timestamp = time, .submap_from_camera = pose});
   }
   session.tracker.last.resize(2);
-  atlas.loops.push_back({.edge = {.from = 0, .to = 2}, .corners = 20});
+  atlas.loops.push_back({.edge = {.i = 0, .j = 2}, .corners = 20});
   atlas.recordings = {2};
   session.back_end.submaps = {true};
   session.keyframe.levels = {{1, 2, 3, 4}, {5}};

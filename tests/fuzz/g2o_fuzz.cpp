@@ -17,7 +17,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (const auto& node : graph.world_from_node)
       if (!node.matrix().allFinite()) std::abort();
     for (const auto& edge : graph.edges) {
-      if (edge.from >= graph.world_from_node.size() || edge.to >= graph.world_from_node.size()) std::abort();
+      if (edge.i >= graph.world_from_node.size() || edge.j >= graph.world_from_node.size()) std::abort();
       if (Eigen::LLT<Matrix6d>(edge.information).info() != Eigen::Success) std::abort();
     }
   });

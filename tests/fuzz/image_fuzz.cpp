@@ -2,8 +2,8 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <opencv2/core/utils/logger.hpp>
 
+#include "base/image_file.hpp"
 #include "fuzz.hpp"
-#include "io/image_file.hpp"
 
 using namespace cairn;
 

@@ -6,7 +6,7 @@
 #include <boost/crc.hpp>
 
 #include "fuzz.hpp"
-#include "map/session.hpp"
+#include "session/session.hpp"
 
 using namespace cairn;
 
@@ -28,7 +28,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const Atlas& atlas = session.back_end.atlas;
     if (atlas.world_from_camera.size() != atlas.keyframes.size()) std::abort();
     for (const Loop& loop : atlas.loops)
-      if (loop.edge.from >= atlas.keyframes.size() || loop.edge.to >= atlas.keyframes.size()) std::abort();
+      if (loop.edge.i >= atlas.keyframes.size() || loop.edge.j >= atlas.keyframes.size()) std::abort();
     for (std::size_t i = 0; i < atlas.frames.size(); ++i)
       if (atlas.frames[i].keyframe >= atlas.keyframes.size()) std::abort();
     for (const auto& level : session.keyframe.levels) fuzz::touch(level);

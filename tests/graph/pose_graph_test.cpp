@@ -24,7 +24,7 @@ Eigen::Isometry3d random_motion(std::mt19937& random, double radians, double met
   std::normal_distribution<double> normal;
   Vector6d x;
   for (int i = 0; i < 6; ++i) x[i] = (i < 3 ? radians : metres) * normal(random);
-  return exponential(x);
+  return retract(x);
 }
 
 /// A camera that goes twice round a circle of 2 m: odometry with noise, and a loop from each node to the one a round
@@ -40,10 +40,10 @@ struct Ring {
       truth.push_back(t);
     }
     const auto join = [&](std::size_t from, std::size_t to, bool loop) {
-      PoseGraph::Edge edge{.from = from,
-                           .to = to,
-                           .from_from_to = truth[from].inverse() * truth[to] * random_motion(random, radians, metres),
-                           .may_be_false = loop};
+      PoseGraph::Edge edge{.i = from,
+                           .j = to,
+                           .i_from_j = truth[from].inverse() * truth[to] * random_motion(random, radians, metres),
+                           .is_loop_closure = loop};
       edge.information.diagonal() << Eigen::Vector3d::Constant(1 / (radians * radians)),
           Eigen::Vector3d::Constant(1 / (metres * metres));
       graph.edges.push_back(edge);
@@ -52,7 +52,7 @@ struct Ring {
     for (std::size_t i = kNodes / 2; i < kNodes; ++i) join(i - kNodes / 2, i, true);
     graph.world_from_node.push_back(truth[0]);
     for (std::size_t i = 1; i < kNodes; ++i)
-      graph.world_from_node.push_back(graph.world_from_node.back() * graph.edges[i - 1].from_from_to);
+      graph.world_from_node.push_back(graph.world_from_node.back() * graph.edges[i - 1].i_from_j);
   }
   [[nodiscard]] double rmse() const {
     double squared = 0;
@@ -91,7 +91,7 @@ TEST(PoseGraph, TakesFalseLoopsForFalse) {
   std::mt19937 random(7);
   std::vector<bool> is_false(ring.graph.edges.size(), false);
   for (std::size_t k = Ring::kNodes - 1; k < ring.graph.edges.size(); k += 3) {
-    ring.graph.edges[k].from_from_to = random_motion(random, 1, 1);
+    ring.graph.edges[k].i_from_j = random_motion(random, 1, 1);
     is_false[k] = true;
   }
   const OptimiseReport report = optimise(ring.graph);
@@ -103,7 +103,7 @@ TEST(PoseGraph, GivesTheSameBitsAgain) {
   std::optional<PoseGraph> first;
   for (int i = 0; i < 20; ++i) {
     Ring ring;
-    ring.graph.edges.back().from_from_to.translation() << 3, 4, 5;  // weights are found over many rounds
+    ring.graph.edges.back().i_from_j.translation() << 3, 4, 5;  // weights are found over many rounds
     optimise(ring.graph);
     if (!first) first = ring.graph;
     for (std::size_t k = 0; k < Ring::kNodes; ++k)
@@ -113,7 +113,7 @@ TEST(PoseGraph, GivesTheSameBitsAgain) {
 
 TEST(PoseGraph, SurvivesAHugeError) {
   Ring ring;
-  ring.graph.edges.back().from_from_to.translation() << 1e6, -1e6, 1e6;
+  ring.graph.edges.back().i_from_j.translation() << 1e6, -1e6, 1e6;
   const OptimiseReport report = optimise(ring.graph);
   EXPECT_LT(report.edge_weights.back(), 0.5);
   EXPECT_LT(ring.rmse(), 0.2);
@@ -125,8 +125,8 @@ TEST(PoseGraph, HoldsEachComponentAtItsFirstNode) {
   for (const auto& node : ring.graph.world_from_node)
     two.world_from_node.push_back(Eigen::Translation3d(9, 0, 0) * node);
   for (auto edge : ring.graph.edges) {
-    edge.from += Ring::kNodes;
-    edge.to += Ring::kNodes;
+    edge.i += Ring::kNodes;
+    edge.j += Ring::kNodes;
     two.edges.push_back(edge);
   }
   const Eigen::Isometry3d first = two.world_from_node[0], second = two.world_from_node[Ring::kNodes];
@@ -169,9 +169,9 @@ TEST(PoseGraph, NamesTheEdgeThatIsWrong) {
             "pose graph: edge 3 from node 3 to 4: its information matrix is not positive definite");
   EXPECT_EQ(message([](PoseGraph& g) { g.edges[3].information(2, 2) = -1; }),
             "pose graph: edge 3 from node 3 to 4: its information matrix is not positive definite");
-  EXPECT_EQ(message([](PoseGraph& g) { g.edges[3].to = 100; }),
+  EXPECT_EQ(message([](PoseGraph& g) { g.edges[3].j = 100; }),
             "pose graph: edge 3 from node 3 to 100: there is no such node");
-  EXPECT_EQ(message([](PoseGraph& g) { g.edges[3].from_from_to.translation().x() = INFINITY; }),
+  EXPECT_EQ(message([](PoseGraph& g) { g.edges[3].i_from_j.translation().x() = INFINITY; }),
             "pose graph: edge 3 from node 3 to 4: its measurement is not finite");
 }
 
@@ -184,9 +184,9 @@ TEST(G2o, ReadsWhatItWrites) {
   for (std::size_t i = 0; i < Ring::kNodes; ++i)
     EXPECT_TRUE(read.world_from_node[i].isApprox(ring.graph.world_from_node[i], 1e-6));
   for (std::size_t k = 0; k < read.edges.size(); ++k) {
-    EXPECT_TRUE(read.edges[k].from_from_to.isApprox(ring.graph.edges[k].from_from_to, 1e-6));
+    EXPECT_TRUE(read.edges[k].i_from_j.isApprox(ring.graph.edges[k].i_from_j, 1e-6));
     EXPECT_TRUE(read.edges[k].information.isApprox(ring.graph.edges[k].information, 1e-6));
-    EXPECT_EQ(read.edges[k].may_be_false, ring.graph.edges[k].may_be_false);
+    EXPECT_EQ(read.edges[k].is_loop_closure, ring.graph.edges[k].is_loop_closure);
   }
 }
 
@@ -288,8 +288,8 @@ TEST(PoseGraphBenchmark, SphereWithAThirdOfFalseLoops) {
     const std::size_t from = any(random), to = any(random);
     if (from == to) continue;
     PoseGraph::Edge edge = clean.edges.back();
-    edge.from = from, edge.to = to, edge.may_be_false = true;
-    edge.from_from_to = random_motion(random, 1, 10);
+    edge.i = from, edge.j = to, edge.is_loop_closure = true;
+    edge.i_from_j = random_motion(random, 1, 10);
     spoiled.edges.push_back(edge);
   }
   const OptimiseReport report = optimise(spoiled);

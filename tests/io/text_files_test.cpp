@@ -6,10 +6,10 @@
 #include <clocale>
 #include <set>
 
+#include "base/atomic_file.hpp"
+#include "base/words.hpp"
 #include "cairn/options.hpp"
 #include "cairn/trajectory.hpp"
-#include "io/atomic_file.hpp"
-#include "io/words.hpp"
 #include "support/files.hpp"
 
 namespace cairn {

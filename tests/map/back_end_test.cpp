@@ -29,7 +29,7 @@ struct Walk {
       const Frame frame{
           .index = i, .timestamp = 0.2 * i, .depth = std::move(images.depth), .colour = std::move(images.colour)};
       tracked = i == 0 ? truth[0]
-                       : tracked * truth[static_cast<std::size_t>(i) - 1].inverse() * truth.back() * exponential(drift);
+                       : tracked * truth[static_cast<std::size_t>(i) - 1].inverse() * truth.back() * retract(drift);
       back_end->add(frame, tracked, i > 0 ? &information : nullptr, volume, static_cast<std::uint32_t>(i + 1));
     }
     back_end->settle();
@@ -38,8 +38,7 @@ struct Walk {
   [[nodiscard]] double error(const Loop& loop) const {
     const auto& keyframes = back_end->atlas().keyframes;
     const auto at = [&](std::size_t k) { return truth[static_cast<std::size_t>(keyframes[k].frame)]; };
-    return ((at(loop.edge.from).inverse() * at(loop.edge.to)).translation() - loop.edge.from_from_to.translation())
-        .norm();
+    return ((at(loop.edge.i).inverse() * at(loop.edge.j)).translation() - loop.edge.i_from_j.translation()).norm();
   }
   Camera camera = small_camera();
   Options options;
@@ -55,7 +54,7 @@ TEST(BackEnd, FindsTheWayBackAndTakesTheDriftOut) {
   ASSERT_GT(atlas.loops.size(), 3u);
   for (const Loop& loop : atlas.loops) {
     EXPECT_LT(walk.error(loop), 0.03);
-    EXPECT_GT(loop.edge.to, loop.edge.from + 50);
+    EXPECT_GT(loop.edge.j, loop.edge.i + 50);
   }
   const double before = (walk.tracked.translation() - walk.truth.back().translation()).norm();
   const double after = (atlas.world_from_camera.back().translation() -
@@ -65,7 +64,7 @@ TEST(BackEnd, FindsTheWayBackAndTakesTheDriftOut) {
               walk.back_end->submaps().size(), atlas.loops.size(), 1000 * before, 1000 * after);
   EXPECT_GT(before, 0.1);
   EXPECT_LT(after, 0.3 * before);
-  EXPECT_EQ(atlas.pieces(), std::vector<std::size_t>(atlas.keyframes.size(), 0));
+  EXPECT_EQ(atlas.components(), std::vector<std::size_t>(atlas.keyframes.size(), 0));
 }
 
 TEST(BackEnd, IsNotTakenInByARoomThatLooksLikeAnother) {
@@ -134,19 +133,19 @@ struct TwoPieces {
     options.session = session;
     back_end.emplace(test_device(), small_camera(), options);
     for (int i = 0; i < 2; ++i) add(i, Eigen::Isometry3d::Identity(), i > 0 ? &information : nullptr);
-    back_end->end_submap(volume, stamp, false);
+    back_end->end_submap(volume, fused_count, false);
     (void)back_end->store();
   }
   void add(int i, const Eigen::Isometry3d& piece_from_scene, const Matrix6d* information) {
     Frame frame = scene_frame(synthetic_scene("room"), small_camera(), 12 * i, true);
-    frame.index = static_cast<int>(stamp);
-    frame.timestamp = static_cast<double>(stamp);
-    back_end->add(frame, piece_from_scene * *frame.world_from_camera, information, volume, ++stamp);
+    frame.index = static_cast<int>(fused_count);
+    frame.timestamp = static_cast<double>(fused_count);
+    back_end->add(frame, piece_from_scene * *frame.world_from_camera, information, volume, ++fused_count);
   }
   Options options;
   Volume volume{test_device(), options.fuse, 5.0f};
   std::optional<BackEnd> back_end;
-  std::uint32_t stamp = 0;
+  std::uint32_t fused_count = 0;
 };
 
 const Eigen::Isometry3d kElsewhere(Eigen::Translation3d(3, 0, 4));
@@ -195,10 +194,10 @@ TEST(BackEnd, KnowsWhichPlacesLieInTheFrameOfTracking) {
   p.options.map.loops = false;
   p.back_end.emplace(test_device(), small_camera(), p.options);
   for (int i = 0; i < 2; ++i) p.add(i, Eigen::Isometry3d::Identity(), i > 0 ? &information : nullptr);
-  p.back_end->end_submap(p.volume, p.stamp, false);
+  p.back_end->end_submap(p.volume, p.fused_count, false);
   for (int i = 0; i < 3; ++i) p.add(i, kElsewhere, i > 0 ? &information : nullptr);
   EXPECT_EQ(here(), "..xxx");
-  p.back_end->end_submap(p.volume, p.stamp, false);
+  p.back_end->end_submap(p.volume, p.fused_count, false);
   EXPECT_EQ(here(), ".....");
   p.back_end->begin_in_world();  // of the larger piece
   EXPECT_EQ(here(), "..xxx");

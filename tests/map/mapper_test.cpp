@@ -49,7 +49,7 @@ TEST(Mapper, AnswersEverythingBeforeItsFirstFrame) {
   EXPECT_TRUE(mapper.surface_changes().parts.empty());
   EXPECT_TRUE(mapper.distances()->blocks().empty());
   EXPECT_EQ(mapper.live_distances(), nullptr);
-  EXPECT_EQ(mapper.statistics().pieces, 0);
+  EXPECT_EQ(mapper.statistics().components, 0);
   mapper.write_graph(folder / "graph.g2o");
   mapper.write_graph(folder / "graph.svg");
   mapper.begin_recording();
@@ -280,7 +280,7 @@ TEST(Mapper, BeginsNoPieceWithNothingToSee) {
     dark.depth[static_cast<std::size_t>(i)] = 1;  // or the sensor would be stuck
     EXPECT_EQ(mapper.add(dark).state, FrameState::lost);
   }
-  EXPECT_EQ(mapper.statistics().pieces, 1);
+  EXPECT_EQ(mapper.statistics().components, 1);
 }
 
 }  // namespace

@@ -21,7 +21,7 @@ struct Drift {
       Vector6d drift;
       drift << 0.01, 0.015, 0, 0.04, 0.02, 0.05;
       truth.push_back(*frame.world_from_camera);
-      tracked.push_back({frame.timestamp, truth.back() * exponential(drift * i / kFrames)});
+      tracked.push_back({frame.timestamp, truth.back() * retract(drift * i / kFrames)});
       frames.push_back(std::move(frame));
     }
   }
@@ -58,7 +58,7 @@ TEST(Refine, TakesTheDriftOutOfAWayThereAndBack) {
   const Refined refined = refine(m.back_end);
   const Trajectory trajectory = m.back_end.atlas().trajectory(0, 0, d.frames.size());
   std::printf("%.1f mm -> %.1f mm, %d of %d pairs aligned, %d believed\n", 1000 * d.error(d.tracked),
-              1000 * d.error(trajectory), refined.pairs_aligned, refined.pairs_tried, refined.pairs_believed);
+              1000 * d.error(trajectory), refined.pairs_aligned, refined.pairs_tried, refined.pairs_inlier);
   EXPECT_GT(d.error(d.tracked), 0.02);
   EXPECT_LT(d.error(trajectory), 0.3 * d.error(d.tracked));
   EXPECT_LT(refined.cost, refined.cost_before);

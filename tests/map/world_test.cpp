@@ -89,7 +89,7 @@ TEST(World, TurnsAndMovesASurfaceWithItsSubmap) {
   Atlas atlas = atlas_of(1);
   Vector6d motion;
   motion << 0.2, -0.5, 0.1, 0.313, -0.127, 0.055;
-  const Eigen::Isometry3d move = exponential(motion);
+  const Eigen::Isometry3d move = retract(motion);
   atlas.world_from_camera[0] = move * atlas.world_from_camera[0];
   (void)update(world, atlas, {sphere()});
   const Mesh mesh = mesh_of(world);
@@ -141,7 +141,7 @@ TEST(Deformation, SpreadsACorrectionWithoutASeam) {
     const double share = static_cast<double>(k) / kKeyframes;
     Vector6d motion;
     motion << 0, 0.05 * share, 0, 0, 0, 0.2 * share;
-    atlas.world_from_camera[k] = exponential(motion) * keyframe.submap_from_camera;
+    atlas.world_from_camera[k] = retract(motion) * keyframe.submap_from_camera;
   }
   const Deformation submaps[3] = {{atlas, 0}, {atlas, 1}, {atlas, 2}};
   double widest = 0, steepest = 0;
@@ -169,7 +169,7 @@ TEST(World, LeavesNoGapBetweenVoxelsAndFreeSpaceWhereSubmapsTurn) {
   Atlas atlas;
   Keyframe keyframe{.timestamp = 0.0, .submap = 0};
   keyframe.submap_from_camera.translation() = Eigen::Vector3d(0, 0, -0.5);
-  keyframe.piece_from_camera = keyframe.submap_from_camera;
+  keyframe.odometry_from_camera = keyframe.submap_from_camera;
   atlas.add(keyframe);
   const Eigen::Isometry3d turn(Eigen::AngleAxisd(0.3, Eigen::Vector3d(0.3, 1, 0.5).normalized()));
   atlas.world_from_camera[0] = turn * atlas.world_from_camera[0];

@@ -35,7 +35,7 @@ TEST(Clean, RemovesFloatingPiecesThatAreSmallOrHardlySeen) {
   thing.weights.assign(thing.positions.size(), 5.0f);
   append(mesh, thing);
   const Cleaned cleaned = clean(mesh, {.min_piece = 0.1f, .min_support = 2.0f});
-  EXPECT_EQ(cleaned.pieces_removed, 2u);
+  EXPECT_EQ(cleaned.components_removed, 2u);
   EXPECT_EQ(mesh.triangles.size(), surface + thing.triangles.size() - 4);  // but for corners that stick out of borders
   EXPECT_EQ(examine_topology(mesh).unreferenced_vertices, 0u);
 }
@@ -126,7 +126,7 @@ TEST(Topology, TellsSplitVerticesAtOnePlaceAsOne) {
   for (std::size_t i = 2; i < 4; ++i)
     for (auto& v : mesh.triangles[i]) v = v == 1 ? 6 : v == 4 ? 7 : v;
   const MeshTopology topology = examine_topology(mesh);
-  EXPECT_EQ(topology.pieces, 1u);
+  EXPECT_EQ(topology.components, 1u);
   EXPECT_EQ(topology.border_edges, 6u);
   EXPECT_DOUBLE_EQ(topology.border_length, 6.0);
   EXPECT_EQ(topology.unreferenced_vertices, 1u);

@@ -72,7 +72,7 @@ INSTANTIATE_TEST_SUITE_P(Formats, MeshFile, testing::Values(".glb", ".gltf", ".p
 /// A textured sheet, bent.
 Mesh sheet() {
   Mesh mesh = grid_mesh(20, 10, 0.05f, [](float x, float y) { return Eigen::Vector3f(x - 1, y + 2, 0.2f * x * x); });
-  for (const auto& p : mesh.positions) mesh.texture_places.emplace_back(p.x() + 1, 2 * (p.y() - 2));
+  for (const auto& p : mesh.positions) mesh.texture_coordinates.emplace_back(p.x() + 1, 2 * (p.y() - 2));
   mesh.texture = {32, 16, {}};
   for (int y = 0; y < 16; ++y)
     for (int x = 0; x < 32; ++x)
@@ -113,7 +113,7 @@ TEST_P(Compressed, ComesBackAndSatisfiesTheGltfValidator) {
   EXPECT_LT(evaluate_mesh(parts[0], sheet(), 2000).accuracy.max, step);
   for (std::size_t v = 0; v < parts[0].positions.size(); ++v) {
     const Eigen::Vector3f& p = parts[0].positions[v];
-    EXPECT_LT((parts[0].texture_places[v] - Eigen::Vector2f(p.x() + 1, 2 * (p.y() - 2))).norm(), 4e-4f);
+    EXPECT_LT((parts[0].texture_coordinates[v] - Eigen::Vector2f(p.x() + 1, 2 * (p.y() - 2))).norm(), 4e-4f);
   }
   for (std::size_t v = 0; v < parts[1].positions.size(); ++v) {
     EXPECT_LT((parts[1].normals[v] - parts[1].positions[v].normalized()).norm(), 0.02f);

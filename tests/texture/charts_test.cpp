@@ -38,7 +38,7 @@ void expect_sound(const Mesh& mesh) {
   for (const auto& t : atlas->mesh.triangles) {
     Eigen::Vector2f p[3];
     for (std::size_t k = 0; k < 3; ++k) {
-      p[k] = atlas->mesh.texture_places[t[k]].cwiseProduct(
+      p[k] = atlas->mesh.texture_coordinates[t[k]].cwiseProduct(
           Eigen::Vector2f(static_cast<float>(width), static_cast<float>(height)));
       ASSERT_TRUE((p[k].array() >= 1).all());
     }

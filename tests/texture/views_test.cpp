@@ -26,9 +26,9 @@ std::uint32_t word(const Eigen::Vector3f& c, float exposure) {
   return w;
 }
 
-/// What a camera at (x, 0, 0) that looks along z sees; `zoom`: of the colour camera beside the depth camera; `board`:
-/// something red at 1 m covers this part of the image.
-Frame look(float x, float exposure, int board_from = 0, int board_to = 0, float zoom = 1) {
+/// What a camera at (x, 0, 0) that looks along z sees; `focal_scale`: of the colour camera beside the depth camera;
+/// `board`: something red at 1 m covers this part of the image.
+Frame look(float x, float exposure, int board_from = 0, int board_to = 0, float focal_scale = 1) {
   const Camera camera = small_camera();
   Frame frame;
   for (int v = 0; v < camera.height; ++v)
@@ -36,7 +36,8 @@ Frame look(float x, float exposure, int board_from = 0, int board_to = 0, float 
       const Eigen::Vector3f ray = camera.ray(u, v).cast<float>();
       const bool is_board = u >= board_from && u < board_to;
       frame.depth.push_back(is_board ? 1.0f : 2.0f);
-      frame.colour.push_back(is_board ? 0xff0000ffu : word(wall(x + 2 * ray.x() / zoom, 2 * ray.y() / zoom), exposure));
+      frame.colour.push_back(is_board ? 0xff0000ffu
+                                      : word(wall(x + 2 * ray.x() / focal_scale, 2 * ray.y() / focal_scale), exposure));
     }
   return frame;
 }
@@ -143,11 +144,11 @@ TEST(TextureViews, BringExposuresTogether) {
 }
 
 TEST(TextureViews, FindAColourCameraWithAnotherFieldOfView) {
-  for (const float zoom : {0.9f, 1.0f}) {
+  for (const float focal_scale : {0.9f, 1.0f}) {
     WallScene s;
     for (int i = 0; i < 7; ++i) {
       const float x = 0.2f * static_cast<float>(i - 3);
-      s.add(look(x, 1, 0, 0, zoom), x);
+      s.add(look(x, 1, 0, 0, focal_scale), x);
     }
     s.make_atlas();
     TextureViews views = s.views();
@@ -156,14 +157,15 @@ TEST(TextureViews, FindAColourCameraWithAnotherFieldOfView) {
     const double before = s.error(1).first;
     views.register_colour();
     views.blend(s.atlas);
-    if (zoom == 1.0f) {  // what is right already stays exactly as it is
-      EXPECT_EQ(views.colour_camera().zoom, 1.0f);
-      EXPECT_EQ(views.colour_camera().turn.x, 0.0f);
-      EXPECT_EQ(views.colour_camera().shift.y, 0.0f);
+    if (focal_scale == 1.0f) {  // what is right already stays exactly as it is
+      EXPECT_EQ(views.colour_camera().focal_scale, 1.0f);
+      EXPECT_EQ(views.colour_camera().rotation.x, 0.0f);
+      EXPECT_EQ(views.colour_camera().translation.y, 0.0f);
     } else {
-      // On a wall at 2 m a step back is a zoom.
+      // On a wall at 2 m a step back is a focal_scale.
       const shader::ColourCamera& c = views.colour_camera();
-      EXPECT_NEAR(static_cast<double>(c.zoom * 2 / (2 + c.shift.z)), static_cast<double>(zoom), 0.005);
+      EXPECT_NEAR(static_cast<double>(c.focal_scale * 2 / (2 + c.translation.z)), static_cast<double>(focal_scale),
+                  0.005);
       EXPECT_GT(before, 8);
       EXPECT_LT(s.error(1).first, 0.35 * before);
     }

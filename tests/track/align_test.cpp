@@ -93,7 +93,7 @@ TEST(IcpReduce, EqualsItsPlainTwin) {
   Align align(test_device(), one);
   const Surface live = s.preprocess(s.frame);
   Eigen::Isometry3d guess = *s.frame.world_from_camera * Eigen::Translation3d(0.01, 0.005, -0.01);
-  const ModelView model = s.raycast(s.volume, guess);
+  const SurfacePrediction model = s.raycast(s.volume, guess);
   const Eigen::Isometry3d start = *s.frame.world_from_camera;
   const Alignment a = align(live, model, start);
 
@@ -164,15 +164,15 @@ TEST(Align, SlidesOnAWallByGeometryAloneAndHoldsByItsTexture) {
 TEST(Align, KnowsWhatAWallDoesNotTell) {
   Slide s;
   const Alignment a = s.aside("plane", false, false);
-  EXPECT_EQ(a.unobserved_by_geometry, 3);  // two translations and the turn about its normal
-  EXPECT_EQ(a.unobserved, 3);              // left at the guess
+  EXPECT_EQ(a.degenerate_directions, 3);  // two translations and the turn about its normal
+  EXPECT_EQ(a.unobserved, 3);             // left at the guess
   EXPECT_NEAR((s.truth.inverse() * a.submap_from_camera).translation().x(), 0.02, 2e-3);
 }
 
 TEST(Align, KnowsThatARoomIsObserved) {
   Slide s;
   const Alignment a = s.aside("room", true);
-  EXPECT_EQ(a.unobserved_by_geometry, 0);
+  EXPECT_EQ(a.degenerate_directions, 0);
   EXPECT_LT((s.truth.inverse() * a.submap_from_camera).translation().norm(), 0.003);
 }
 

@@ -11,8 +11,8 @@
 #include <map>
 #include <thread>
 
+#include "base/newest.hpp"
 #include "cairn/source.hpp"
-#include "map/newest.hpp"
 #include "map/world.hpp"
 #include "support/files.hpp"
 #include "support/scenes.hpp"
@@ -232,7 +232,7 @@ TEST(Esdf, FollowsALoopThatMovesHalfTheMap) {
     trees.push_back(std::make_shared<const BrickTree>(std::move(tree)));
     Keyframe keyframe{.timestamp = static_cast<double>(s), .submap = static_cast<std::size_t>(s), .follows = s > 0};
     keyframe.submap_from_camera.translation() = shift.cast<double>() - Eigen::Vector3d(0, 0, 1);
-    keyframe.piece_from_camera = keyframe.submap_from_camera;
+    keyframe.odometry_from_camera = keyframe.submap_from_camera;
     atlas.add(keyframe);
   }
   World world(test_device(), kFuse);

@@ -23,8 +23,8 @@ TEST(Integrate, ColoursFollowSmallChangesForEver) {
   Integrate integrate(test_device(), camera, {});
   Volume volume(test_device(), {.voxel_size = 0.02f, .truncation = 0.08f, .device_memory = 64 << 20}, 5.0f);
   const Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  std::uint32_t stamp = 0;
-  for (int i = 0; i < 60; ++i) (void)integrate(preprocess(wall(camera, 100)), pose, volume, ++stamp);
+  std::uint32_t fused_count = 0;
+  for (int i = 0; i < 60; ++i) (void)integrate(preprocess(wall(camera, 100)), pose, volume, ++fused_count);
   const auto mean = [&] {
     double sum = 0, count = 0;
     for (const Brick& brick : volume.bricks()) {
@@ -37,7 +37,7 @@ TEST(Integrate, ColoursFollowSmallChangesForEver) {
   };
   EXPECT_NEAR(mean(), 100, 0.01);
   // Ten levels brighter: of means rounded to the nearest level none would ever move.
-  for (int i = 0; i < 200; ++i) (void)integrate(preprocess(wall(camera, 110)), pose, volume, ++stamp);
+  for (int i = 0; i < 200; ++i) (void)integrate(preprocess(wall(camera, 110)), pose, volume, ++fused_count);
   EXPECT_NEAR(mean(), 110, 1);
 }
 

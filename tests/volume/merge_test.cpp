@@ -37,7 +37,7 @@ TEST(Merge, EqualsItsPlainTwin) {
   for (std::size_t i = 0; i < trees.size(); ++i) {
     Vector6d motion;
     motion << 0.3 * static_cast<double>(i), -0.2, 0.7 * static_cast<double>(i), 0.0137, -0.0211, 0.0072;
-    submaps.emplace_back(trees[i].get(), exponential(motion));
+    submaps.emplace_back(trees[i].get(), retract(motion));
     job.shares.push_back({i, submaps.back().second});
   }
   BrickTree world;

@@ -207,7 +207,7 @@ TEST(Raycast, SeesTheSphereWhereItIs) {
   volume.page_in(volume.bricks());
   const Camera camera = small_camera();
   Raycast raycast(test_device(), camera, {}, 2, 0);
-  const ModelView view = raycast(volume, Eigen::Isometry3d::Identity());
+  const SurfacePrediction view = raycast(volume, Eigen::Isometry3d::Identity());
   const auto points =
       download<shader::uvec2>(view.levels[0]->points, static_cast<std::size_t>(camera.width * camera.height));
   // A trilinear field bends by h^2 / 8r over a cell of 1 cm; Newton's steps end within a tenth of that.
@@ -246,8 +246,8 @@ TEST(Raycast, HalvesTheViewLikeItsPlainTwin) {
   Volume volume(test_device(), fuse_options(0.02f), 5.0f);
   (void)Integrate(test_device(), camera, {})(preprocess(frame), *frame.world_from_camera, volume, 1);
   Raycast raycast(test_device(), camera, {}, 2, 0);
-  const ModelView view = raycast(volume, *frame.world_from_camera);
-  const auto depth_of = [](const PointImage& image) {
+  const SurfacePrediction view = raycast(volume, *frame.world_from_camera);
+  const auto depth_of = [](const VertexNormalMap& image) {
     const auto points =
         download<shader::uvec2>(image.points, static_cast<std::size_t>(image.camera.width * image.camera.height));
     std::vector<float> depth(points.size());
@@ -317,7 +317,7 @@ TEST(Integrate, AllocatesTheBricksOfItsPlainTwin) {
   const FuseOptions options = fuse_options(0.01f);
   Volume volume(test_device(), options, 5.0f);
   const Surface surface = preprocess(frame);
-  // Half a brick at 5 m is 2.1 pixels: every second pixel, from phase 1 on (stamp 1) in x, 0 in y.
+  // Half a brick at 5 m is 2.1 pixels: every second pixel, from phase 1 on (fused_count 1) in x, 0 in y.
   (void)Integrate(test_device(), camera, {})(surface, *frame.world_from_camera, volume, 1);
   const auto image = download<shader::uvec2>(*surface.fusion, frame.depth.size());
   std::vector<float> depth(image.size());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// One step of the wave: the voxels of a list offer their nearest patch to the neighbours that lie away from it; those
+// One step of the wave: the voxels of a list offer their nearest site to the neighbours that lie away from it; those
 // for which it is nearer than what they knew make the next list (vector propagation: Danielsson 1980).
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -11,7 +11,7 @@ layout(binding = 0, scalar) readonly buffer List { EsdfEntry list[]; };
 layout(binding = 1, scalar) writeonly buffer Next { EsdfEntry next[]; };
 layout(binding = 2, scalar) buffer Dirty { uint dirty[]; };
 
-const float kNear = 1.5;     // voxels: closer to the patch than this it is offered to all neighbours
+const float kNear = 1.5;     // voxels: closer to the site than this it is offered to all neighbours
 const float kAside = 0.1;   // an axis along which it lies less far than this share is looked at on both sides
 
 void offer(EsdfEntry entry) {
@@ -22,7 +22,7 @@ void offer(EsdfEntry entry) {
   uint most_squared = floatBitsToUint(push.field.max_squared);
   Words surface = Words(push.field.surface);
   ivec3 voxel = voxel_of(push.field, entry.voxel), away = voxel - voxel_of(push.field, entry.site);
-  vec3 point = patch_point(surface.v[entry.site]);
+  vec3 point = site_point(surface.v[entry.site]);
   vec3 q = vec3(away) - point;
   float most = max(abs(q.x), max(abs(q.y), abs(q.z)));
   bool near = most < kNear;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "track/tracker.hpp"
+#include "map/tracker.hpp"
 
 #include <gtest/gtest.h>
 
@@ -22,7 +22,7 @@ struct Tracking {
   }
   void add_place(const Frame& seen, const Eigen::Isometry3d& submap_from_camera, bool is_here) {
     places.add({.submap_from_camera = submap_from_camera,
-                .features = describe(seen.colour, seen.depth, camera),
+                .features = extract_features(seen.colour, seen.depth, camera),
                 .is_here = is_here});
   }
   Camera camera = small_camera();
@@ -31,7 +31,7 @@ struct Tracking {
   Preprocess preprocess{test_device(), camera, {}, 3, 1};
   Integrate integrate{test_device(), camera, {}};
   Volume volume{test_device(), options.fuse, 5.0f};
-  Places places;
+  KeyframeDatabase places;
   Tracker tracker{test_device(), camera, camera, options, places};
   StageTimes times;
 };

@@ -5,8 +5,8 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "base/words.hpp"
 #include "io/recording.hpp"
-#include "io/words.hpp"
 
 namespace cairn {
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "io/words.hpp"
+#include "base/words.hpp"
 
 namespace cairn {
 

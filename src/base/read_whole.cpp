@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "io/read_whole.hpp"
+#include "base/read_whole.hpp"
 
 #include <fstream>
 #include <iterator>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "io/image_file.hpp"
+#include "base/image_file.hpp"
 
 #include <stdexcept>
 #include <string_view>

@@ -11,8 +11,8 @@
 #include <string>
 
 #include "map/back_end.hpp"
-#include "map/session_lock.hpp"
-#include "track/tracker.hpp"
+#include "map/tracker.hpp"
+#include "session/session_lock.hpp"
 
 namespace cairn {
 
@@ -24,7 +24,7 @@ struct Session {
   Tracker::Memory tracker;
   PhotometricKeyframe::Saved keyframe;
   Volume::Residency residency;
-  std::uint32_t stamp = 0;
+  std::uint32_t fused_count = 0;
   std::size_t last_image = 0;
   int repeats = 0, lost = 0;
   std::optional<double> last_fused;

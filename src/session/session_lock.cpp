@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "map/session_lock.hpp"
+#include "session/session_lock.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>

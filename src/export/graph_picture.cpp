@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "map/graph_picture.hpp"
+#include "export/graph_picture.hpp"
 
 #include <fmt/format.h>
 
@@ -10,7 +10,7 @@
 #include <fstream>
 #include <stdexcept>
 
-#include "io/atomic_file.hpp"
+#include "base/atomic_file.hpp"
 
 namespace cairn {
 namespace {
@@ -24,13 +24,13 @@ Eigen::Vector2d from_above(const Eigen::Isometry3d& pose) { return {pose.transla
 }  // namespace
 
 void write_graph_picture(const std::filesystem::path& file, const Atlas& atlas) {
-  const auto piece_of = atlas.pieces();
-  const std::size_t main = atlas.keyframes.empty() ? 0 : atlas.main_piece();
+  const auto component_of = atlas.components();
+  const std::size_t main = atlas.keyframes.empty() ? 0 : atlas.main_component();
   Eigen::AlignedBox2d box;
   for (std::size_t k = 0; k < atlas.keyframes.size(); ++k) {
-    if (piece_of[k] != main) continue;
+    if (component_of[k] != main) continue;
     box.extend(from_above(atlas.world_from_camera[k]));
-    box.extend(from_above(atlas.keyframes[k].piece_from_camera));
+    box.extend(from_above(atlas.keyframes[k].odometry_from_camera));
   }
   if (box.isEmpty()) box.extend(Eigen::Vector2d::Zero());
   box.extend(box.min() - Eigen::Vector2d::Constant(0.1));
@@ -51,20 +51,20 @@ void write_graph_picture(const std::filesystem::path& file, const Atlas& atlas) 
   };
   const auto way = [&](const char* colour, double width, const auto& pose_of) {
     for (std::size_t k = 1; k < atlas.keyframes.size(); ++k)
-      if (piece_of[k] == main && atlas.keyframes[k].follows)
+      if (component_of[k] == main && atlas.keyframes[k].follows)
         line(pixel(from_above(pose_of(k - 1))), pixel(from_above(pose_of(k))), colour, width);
   };
-  way(kTracked, 2, [&](std::size_t k) { return atlas.keyframes[k].piece_from_camera; });
+  way(kTracked, 2, [&](std::size_t k) { return atlas.keyframes[k].odometry_from_camera; });
   int loops = 0, refused = 0;
   for (const Loop& loop : atlas.loops) {
-    if (loop.corners == 0 || piece_of[loop.edge.to] != main) continue;
-    ++(loop.believed ? loops : refused);
-    line(pixel(from_above(atlas.world_from_camera[loop.edge.from])),
-         pixel(from_above(atlas.world_from_camera[loop.edge.to])), loop.believed ? kLoop : kRefused, 1.2);
+    if (loop.corners == 0 || component_of[loop.edge.j] != main) continue;
+    ++(loop.inlier ? loops : refused);
+    line(pixel(from_above(atlas.world_from_camera[loop.edge.i])),
+         pixel(from_above(atlas.world_from_camera[loop.edge.j])), loop.inlier ? kLoop : kRefused, 1.2);
   }
   way(kCorrected, 2, [&](std::size_t k) { return atlas.world_from_camera[k]; });
   for (std::size_t k = 0; k < atlas.keyframes.size(); ++k) {
-    if (piece_of[k] != main) continue;
+    if (component_of[k] != main) continue;
     const Eigen::Vector2d p = pixel(from_above(atlas.world_from_camera[k]));
     const bool begins_submap = k == 0 || atlas.keyframes[k].submap != atlas.keyframes[k - 1].submap;
     svg += fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\" fill=\"{}\" stroke=\"{}\"/>\n", p.x(), p.y(),
@@ -77,8 +77,8 @@ void write_graph_picture(const std::filesystem::path& file, const Atlas& atlas) 
     left += 55 + 7.6 * static_cast<double>(text.size());
   };
   legend(kTracked, "as tracked");
-  legend(kCorrected,
-         fmt::format("corrected ({} keyframes; rings: submaps)", std::count(piece_of.begin(), piece_of.end(), main)));
+  legend(kCorrected, fmt::format("corrected ({} keyframes; rings: submaps)",
+                                 std::count(component_of.begin(), component_of.end(), main)));
   legend(kLoop, fmt::format("{} loops", loops));
   if (refused > 0) legend(kRefused, fmt::format("{} not believed", refused));
   const double metres = std::pow(10, std::floor(std::log10(200 / scale)));

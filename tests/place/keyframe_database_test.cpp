@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "place/places.hpp"
+#include "place/keyframe_database.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,7 +13,7 @@ namespace {
 /// Views around the room, then again from places beside them.
 struct Around {
   static constexpr int kViews = 24;
-  Places places;
+  KeyframeDatabase places;
   std::vector<Features> again;
   explicit Around(bool colour) {
     const Scene scene = synthetic_scene("room");
@@ -24,10 +24,10 @@ struct Around {
       Vector6d aside;
       aside << 0.03, -0.1, 0.05, 0.12, -0.05, 0.08;
       for (const bool second : {false, true}) {
-        auto images = render(second ? pose * exponential(aside) : pose);
+        auto images = render(second ? pose * retract(aside) : pose);
         add_kinect_noise(images, camera, second ? 2 : 1, i);
         if (!colour) images.colour.clear();
-        Features features = describe(images.colour, images.depth, camera);
+        Features features = extract_features(images.colour, images.depth, camera);
         if (second)
           again.push_back(std::move(features));
         else
@@ -38,37 +38,37 @@ struct Around {
   [[nodiscard]] int found() const {
     int count = 0;
     for (std::size_t i = 0; i < kViews; ++i) {
-      const auto alike = places.likest(again[i], 3);
-      count += std::any_of(alike.begin(), alike.end(), [&](const auto& a) { return a.place == i; });
+      const auto alike = places.query(again[i], 3);
+      count += std::any_of(alike.begin(), alike.end(), [&](const auto& a) { return a.entry == i; });
     }
     return count;
   }
 };
 
-TEST(Places, AreFoundByTheirCorners) {
+TEST(KeyframeDatabase, AreFoundByTheirCorners) {
   const Around around(true);
   EXPECT_GE(around.found(), 22);
   // And are told apart by how these lie.
   for (std::size_t i = 0; i < Around::kViews; i += 5) {
-    const auto located = locate(around.places[i].features, around.again[i], synthetic_camera());
+    const auto located = solve_pnp(around.places[i].features, around.again[i], synthetic_camera());
     ASSERT_TRUE(located) << i;
     EXPECT_NEAR(located->known_from_seen.translation().norm(), 0.15, 0.03);
   }
 }
 
-TEST(Places, AreFoundByDepthAlone) {
+TEST(KeyframeDatabase, AreFoundByDepthAlone) {
   const int found = Around(false).found();
   std::printf("%d of %d\n", found, Around::kViews);
   EXPECT_GE(found, 16);
 }
 
-TEST(Places, KeepToTheRangeThatIsAskedFor) {
+TEST(KeyframeDatabase, KeepToTheRangeThatIsAskedFor) {
   const Around around(true);
-  for (const auto& alike : around.places.likest(around.again[5], 100, 7, 12)) {
-    EXPECT_GE(alike.place, 7u);
-    EXPECT_LT(alike.place, 12u);
+  for (const auto& candidate : around.places.query(around.again[5], 100, 7, 12)) {
+    EXPECT_GE(candidate.entry, 7u);
+    EXPECT_LT(candidate.entry, 12u);
   }
-  EXPECT_TRUE(around.places.likest({}, 5).empty());
+  EXPECT_TRUE(around.places.query({}, 5).empty());
 }
 
 }  // namespace

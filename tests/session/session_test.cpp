@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "map/session.hpp"
+#include "session/session.hpp"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -32,7 +32,7 @@ Session small_session() {
     s.back_end.places.emplace_back(Eigen::Isometry3d::Identity(), true);
     s.tracker.last.push_back({0.1 * i, Eigen::Isometry3d::Identity()});
   }
-  atlas.loops.push_back({.edge = {.from = 0, .to = 1, .may_be_false = true}});
+  atlas.loops.push_back({.edge = {.i = 0, .j = 1, .is_loop_closure = true}});
   s.back_end.submaps = {false};
   s.residency.on_device = {{1, 2, 3}};
   s.residency.device_last_seen = {7};
@@ -78,11 +78,11 @@ TEST(SessionFiles, WithNumbersOfWhatDoesNotExistAreDamaged) {
       [](Session& s) { s.back_end.atlas.keyframes[1].searched = 2; },
       [](Session& s) { s.back_end.atlas.keyframes[0].follows = true; },
       [&](Session& s) { s.back_end.atlas.keyframes[0].timestamp = nan; },
-      [&](Session& s) { s.back_end.atlas.keyframes[0].piece_from_camera = no_pose; },
+      [&](Session& s) { s.back_end.atlas.keyframes[0].odometry_from_camera = no_pose; },
       [&](Session& s) { s.back_end.atlas.keyframes[0].submap_from_camera = bent; },
       [&](Session& s) { s.back_end.atlas.world_from_camera[1] = no_pose; },
-      [](Session& s) { s.back_end.atlas.loops[0].edge.to = 2; },
-      [](Session& s) { s.back_end.atlas.loops[0].edge.from = 1; },
+      [](Session& s) { s.back_end.atlas.loops[0].edge.j = 2; },
+      [](Session& s) { s.back_end.atlas.loops[0].edge.i = 1; },
       [&](Session& s) { s.back_end.atlas.loops[0].edge.information(2, 2) = nan; },
       [](Session& s) { s.back_end.atlas.frames.push_back({.timestamp = 0.2, .keyframe = 2}); },
       [](Session& s) {

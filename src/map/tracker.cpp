@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "track/tracker.hpp"
+#include "map/tracker.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -23,7 +23,7 @@ constexpr double kSuddenly = 2.5;                   // times the usual photometr
 constexpr double kTellsApart = 0.5;                 // times the photometric rmse of another pose
 constexpr double kUsualBrightness = 0.03;           // photometric rmse of hand-held Kinect recordings
 constexpr double kMaxSpeed = 4.0, kMaxTurn = 12.0;  // metres and radians a second: a hand is slower
-constexpr std::size_t kRecentPlaces = 4, kLikestPlaces = 6, kOtherPlaces = 4;  // compared with a frame
+constexpr std::size_t kRecentPlaces = 4, kMostSimilar = 6, kOtherPlaces = 4;  // compared with a frame
 // What a pose found after a loss must reach: a wrong one would be fused.
 constexpr double kFoundInliers = 0.5, kFoundOverlap = 0.3, kFoundBrightness = 0.6, kFoundMisfit = 5.0;
 // After so many lost frames, without brightness to tell, the camera may be anywhere: walls fit walls.
@@ -69,11 +69,11 @@ bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
 }  // namespace
 
 Tracker::Tracker(gpu::Device& device, const Camera& camera, const Camera& rectified, const Options& options,
-                 const Places& places)
+                 const KeyframeDatabase& places)
     : device_(device),
       options_(options.track),
       source_camera_(camera),
-      places_(places),
+      database_(places),
       raycast_(device, rectified, options.surface, options.track.levels, options.track.finest_level),
       align_(device, options.track),
       keyframe_(device, rectified, options.track),
@@ -86,14 +86,14 @@ Eigen::Isometry3d Tracker::predict(double timestamp) const {
   if (memory_.lost > 0 || memory_.last.size() < 2) return last.submap_from_camera;
   const double ratio = std::min((timestamp - last.timestamp) / (last.timestamp - memory_.last[0].timestamp), 2.0);
   return last.submap_from_camera *
-         exponential(ratio * logarithm(memory_.last[0].submap_from_camera.inverse() * last.submap_from_camera));
+         retract(ratio * local_coordinates(memory_.last[0].submap_from_camera.inverse() * last.submap_from_camera));
 }
 
 ColourMoment Tracker::moment_of(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const {
   ColourMoment moment{.stamp_delay = frame.colour_delay, .clock_offset = clock_offset()};
   if (memory_.last.empty() || memory_.lost > 0) return moment;
   const double interval = frame.timestamp - memory_.last.back().timestamp;
-  moment.velocity = logarithm(memory_.last.back().submap_from_camera.inverse() * submap_from_camera) / interval;
+  moment.velocity = local_coordinates(memory_.last.back().submap_from_camera.inverse() * submap_from_camera) / interval;
   return moment;
 }
 
@@ -116,10 +116,10 @@ FocalEvidence Tracker::focal() const {
 
 std::vector<std::size_t> Tracker::candidates(const Features& seen) const {
   std::vector<std::size_t> chosen, here;
-  for (const auto& alike : places_.likest(seen, places_.size()))
-    if (places_[alike.place].is_here && chosen.size() < kLikestPlaces) chosen.push_back(alike.place);
-  for (std::size_t i = 0; i < places_.size(); ++i)
-    if (places_[i].is_here) here.push_back(i);
+  for (const auto& candidate : database_.query(seen, database_.size()))
+    if (database_[candidate.entry].is_here && chosen.size() < kMostSimilar) chosen.push_back(candidate.entry);
+  for (std::size_t i = 0; i < database_.size(); ++i)
+    if (database_[i].is_here) here.push_back(i);
   for (std::size_t k = 0; k < std::min(kOtherPlaces, here.size()); ++k)
     chosen.push_back(here[(static_cast<std::size_t>(memory_.lost) * kOtherPlaces + k) % here.size()]);
   return chosen;
@@ -127,8 +127,8 @@ std::vector<std::size_t> Tracker::candidates(const Features& seen) const {
 
 std::vector<std::size_t> Tracker::recent() const {
   std::vector<std::size_t> recent;
-  for (std::size_t i = places_.size(); i > 0 && recent.size() < kRecentPlaces; --i)
-    if (places_[i - 1].is_here) recent.push_back(i - 1);
+  for (std::size_t i = database_.size(); i > 0 && recent.size() < kRecentPlaces; --i)
+    if (database_[i - 1].is_here) recent.push_back(i - 1);
   return recent;
 }
 
@@ -137,10 +137,10 @@ std::optional<Eigen::Isometry3d> Tracker::recognise(const Features& seen,
   std::optional<Eigen::Isometry3d> guess;
   int most = 0;
   for (const std::size_t i : places) {
-    const auto located = locate(places_[i].features, seen, source_camera_);
+    const auto located = solve_pnp(database_[i].features, seen, source_camera_);
     if (!located || located->inliers <= most) continue;
     most = located->inliers;
-    guess = places_[i].submap_from_camera * located->known_from_seen;
+    guess = database_[i].submap_from_camera * located->known_from_seen;
   }
   return guess;
 }
@@ -161,7 +161,7 @@ Tracked Tracker::operator()(const Frame& frame, const Surface& live, Volume& vol
       tracked = align(memory_.last.back().submap_from_camera, "still");  // the hand may have stopped
     if (is_doubtful(tracked.alignment) || tracked.alignment.photometric_rmse > kSuddenly * memory_.usual_brightness) {
       if (const auto guess = timed(times, "recognise", [&] {
-            return recognise(describe(frame.colour, frame.depth, source_camera_), recent());
+            return recognise(extract_features(frame.colour, frame.depth, source_camera_), recent());
           })) {
         if (Tracked other = align(*guess, "features"); is_better(other.alignment, tracked.alignment))
           tracked = std::move(other);
@@ -192,7 +192,7 @@ Tracked Tracker::operator()(const Frame& frame, const Surface& live, Volume& vol
   if (is_sure(tracked.alignment) && (memory_.lost <= kStillThere || tracked.alignment.photometric_share > 0))
     return tracked;
   const auto guess = timed(times, "recognise", [&] {
-    const Features seen = describe(frame.colour, frame.depth, source_camera_);
+    const Features seen = extract_features(frame.colour, frame.depth, source_camera_);
     return recognise(seen, candidates(seen));
   });
   if (guess)
@@ -239,7 +239,7 @@ void Tracker::restart() {
 void Tracker::begin_lost() {
   restart();
   const auto newest = recent();
-  memory_.last = {{0, newest.empty() ? Eigen::Isometry3d::Identity() : places_[newest[0]].submap_from_camera}};
+  memory_.last = {{0, newest.empty() ? Eigen::Isometry3d::Identity() : database_[newest[0]].submap_from_camera}};
   memory_.lost = kStillThere + 1;
 }
 
@@ -249,8 +249,8 @@ void Tracker::restore(const Memory& memory, const PhotometricKeyframe::Saved& ke
 }
 
 void Tracker::learn_from_places() {
-  if (places_.size() < 2 || !places_[places_.size() - 2].is_here) return;
-  const Place &known = places_[places_.size() - 2], &seen = places_[places_.size() - 1];
+  if (database_.size() < 2 || !database_[database_.size() - 2].is_here) return;
+  const DatabaseEntry &known = database_[database_.size() - 2], &seen = database_[database_.size() - 1];
   const Eigen::Isometry3d motion = known.submap_from_camera.inverse() * seen.submap_from_camera;
   if (Eigen::AngleAxisd(motion.linear()).angle() < kFocalTurn) return;
   const auto costs = focal_costs(known.features, seen.features, source_camera_);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "map/export.hpp"
+#include "export/export.hpp"
 
 #include <fmt/format.h>
 
@@ -12,6 +12,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "base/stopwatch.hpp"
 #include "mesh/clean.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/gltf.hpp"
@@ -19,7 +20,6 @@
 #include "mesh/simplify.hpp"
 #include "mesh/tiles.hpp"
 #include "mesh/topology.hpp"
-#include "surface/stopwatch.hpp"
 
 namespace cairn {
 namespace {
@@ -119,7 +119,8 @@ class Exporter {
                                "without --texture");
     timed("registration", [&] { views_->register_colour(); });
     const shader::ColourCamera& c = views_->colour_camera();
-    exported_.colour_camera = {c.turn.x, c.turn.y, c.turn.z, c.shift.x, c.shift.y, c.shift.z, c.zoom};
+    exported_.colour_camera = {c.rotation.x,    c.rotation.y,    c.rotation.z, c.translation.x,
+                               c.translation.y, c.translation.z, c.focal_scale};
   }
 
   /// The bricks of a cell and of its neighbourhood, so that what is decided at its border is decided alike on both
@@ -163,7 +164,7 @@ class Exporter {
       exported_.full_triangles +=
           static_cast<std::size_t>(std::count_if(mesh.triangles.begin(), mesh.triangles.end(), own));
       const Cleaned cleaned = clean(mesh, options_.clean);
-      exported_.pieces_removed += cleaned.pieces_removed;  // at borders of cells counted in both
+      exported_.components_removed += cleaned.components_removed;  // at borders of cells counted in both
       exported_.holes_filled += cleaned.holes_filled;
       part.free_from.assign(mesh.positions.size(), 0);
       if (is_whole) return;
@@ -207,7 +208,7 @@ class Exporter {
   }
 
   /// With a texture, if one is asked for.
-  Mesh dressed(const Part& part, int level) {
+  Mesh textured(const Part& part, int level) {
     const Mesh& mesh = part.mesh;
     if (!options_.texture.enabled || mesh.triangles.empty()) return mesh;
     double area = 0;
@@ -281,7 +282,7 @@ class Exporter {
         // Cells of one file stay cells at every level.
         simplify_part(part, level == 0 ? options_.simplify : SimplifyOptions{.ratio = kLevelRatio}, 0,
                       static_cast<int>(level));
-        Mesh mesh = dressed(part, static_cast<int>(level));
+        Mesh mesh = textured(part, static_cast<int>(level));
         GltfWriter::Added added{mesh.triangles.size(), mesh.positions.size()};
         if (is_gltf(file_)) {
           const std::string name = cells_.size() == 1 ? "map" : fmt::format("cell {} {} {}", cell[0], cell[1], cell[2]);
@@ -361,7 +362,7 @@ class Exporter {
     for (const auto& p : part.mesh.positions) tile.box.extend(p);
     tile.error = part.error;
     tile.content = fmt::format("{}_{}_{}_{}.glb", level, cell[0], cell[1], cell[2]);
-    const Mesh mesh = dressed(part, level);
+    const Mesh mesh = textured(part, level);
     ++exported_.tiles;
     timed("write", [&] {
       GltfWriter writer(gltf_options());
@@ -382,7 +383,7 @@ class Exporter {
       all.error = std::max(all.error, part.error);
     }
     all.mesh = joined(meshes);
-    const std::vector<std::uint32_t> name = first_at_place(all.mesh);
+    const std::vector<std::uint32_t> name = weld(all.mesh);
     for (std::size_t v = 0; v < name.size(); ++v)
       all.free_from[name[v]] = std::max(all.free_from[name[v]], all.free_from[v]);
     for (auto& t : all.mesh.triangles)

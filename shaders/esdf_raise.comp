@@ -25,7 +25,7 @@ void take_over(uint address) {
     uint neighbour = address_of(push.field, voxel + face_of(findLSB(bits)));
     uint64_t theirs = nearest.v[neighbour];
     uint site = theirs == kFar ? address : site_of(theirs);
-    uint64_t mine = candidate(voxel - voxel_of(push.field, site), patch_point(surface.v[site]), site);
+    uint64_t mine = candidate(voxel - voxel_of(push.field, site), site_point(surface.v[site]), site);
     if (theirs != kFar && squared_of(mine) <= push.field.max_squared) best = min(best, mine);
   }
   nearest.v[address] = best;

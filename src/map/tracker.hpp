@@ -3,10 +3,10 @@
 #pragma once
 #include <string>
 
+#include "base/stopwatch.hpp"
 #include "cairn/frame.hpp"
 #include "cairn/trajectory.hpp"
-#include "place/places.hpp"
-#include "surface/stopwatch.hpp"
+#include "place/keyframe_database.hpp"
 #include "track/align.hpp"
 
 namespace cairn {
@@ -24,7 +24,7 @@ class Tracker {
   /// `camera` is the frames', `rectified` the surfaces'. The places are those of the map; somebody else adds to them,
   /// and tells which lie in the frame that is tracked in.
   Tracker(gpu::Device& device, const Camera& camera, const Camera& rectified, const Options& options,
-          const Places& places);
+          const KeyframeDatabase& places);
 
   /// The pose of a live surface, or why there is none. Nothing is kept of a frame that is not accepted.
   [[nodiscard]] Tracked operator()(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
@@ -72,19 +72,19 @@ class Tracker {
                                                            const std::vector<std::size_t>& places) const;
   /// The newest places, the newest first.
   [[nodiscard]] std::vector<std::size_t> recent() const;
-  /// The places to compare a lost frame with: the likest, and in turn some of the others.
+  /// The places to compare a lost frame with: the most similar ones, and in turn some of the others.
   [[nodiscard]] std::vector<std::size_t> candidates(const Features& seen) const;
 
   gpu::Device& device_;
   TrackOptions options_;
   Camera source_camera_;  // of the frames: with distortion
-  const Places& places_;
+  const KeyframeDatabase& database_;
   Raycast raycast_;
   Align align_;
   PhotometricKeyframe keyframe_;
   gpu::Buffer moving_count_;
   gpu::Kernel<shader::MovingMaskPush> mask_;
-  ModelView model_;  // the map as last seen by raycast_
+  SurfacePrediction model_;  // the map as last seen by raycast_
   Memory memory_;
 };
 

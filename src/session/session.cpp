@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "map/session.hpp"
+#include "session/session.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -19,8 +19,8 @@
 #include <string_view>
 #include <type_traits>
 
-#include "io/atomic_file.hpp"
-#include "io/json_text.hpp"
+#include "base/atomic_file.hpp"
+#include "base/json_text.hpp"
 
 namespace cairn {
 namespace {
@@ -164,13 +164,13 @@ Json atlas_json(const Atlas& atlas) {
   Out keyframes, loops, recordings;
   for (std::size_t k = 0; k < atlas.keyframes.size(); ++k) {
     const Keyframe& f = atlas.keyframes[k];
-    keyframes << f.frame << f.timestamp << f.colour_delay << f.submap << f.searched << f.follows << f.piece_from_camera
-              << f.submap_from_camera << f.information << f.acceleration.has_value()
+    keyframes << f.frame << f.timestamp << f.colour_delay << f.submap << f.searched << f.follows
+              << f.odometry_from_camera << f.submap_from_camera << f.information << f.acceleration.has_value()
               << f.acceleration.value_or(Eigen::Vector3d::Zero()) << atlas.world_from_camera[k];
   }
   for (const Loop& l : atlas.loops)
-    loops << l.edge.from << l.edge.to << l.edge.from_from_to << l.edge.information << l.corners << l.inlier_share
-          << l.rmse << l.believed;
+    loops << l.edge.i << l.edge.j << l.edge.i_from_j << l.edge.information << l.corners << l.inlier_share << l.rmse
+          << l.inlier;
   for (const std::size_t first : atlas.recordings) recordings << first;
   return {{"keyframes", keyframes.json()},
           {"loops", loops.json()},
@@ -185,7 +185,7 @@ Atlas atlas_of(const Json& json) {
     bool has_acceleration = false;
     Eigen::Vector3d acceleration;
     Eigen::Isometry3d world_from_camera;
-    in >> f.frame >> f.timestamp >> f.colour_delay >> f.submap >> f.searched >> f.follows >> f.piece_from_camera >>
+    in >> f.frame >> f.timestamp >> f.colour_delay >> f.submap >> f.searched >> f.follows >> f.odometry_from_camera >>
         f.submap_from_camera >> f.information >> has_acceleration >> acceleration >> world_from_camera;
     if (has_acceleration) f.acceleration = acceleration;
     atlas.keyframes.push_back(f);
@@ -193,9 +193,9 @@ Atlas atlas_of(const Json& json) {
   }
   for (In in(json.at("loops")); !in.at_end();) {
     Loop l;
-    in >> l.edge.from >> l.edge.to >> l.edge.from_from_to >> l.edge.information >> l.corners >> l.inlier_share >>
-        l.rmse >> l.believed;
-    l.edge.may_be_false = true;
+    in >> l.edge.i >> l.edge.j >> l.edge.i_from_j >> l.edge.information >> l.corners >> l.inlier_share >> l.rmse >>
+        l.inlier;
+    l.edge.is_loop_closure = true;
     atlas.loops.push_back(l);
   }
   for (const FusedFrame& f : frames_of(json.at("frames"), atlas.keyframes.size())) atlas.frames.push_back(f);
@@ -326,12 +326,13 @@ void validate(const Session& s, std::size_t frames) {
     require(std::isfinite(f.timestamp) && std::isfinite(f.colour_delay) && f.information.allFinite() &&
                 (!f.acceleration || f.acceleration->allFinite()),
             "a number is none");
-    require_rigid(f.piece_from_camera), require_rigid(f.submap_from_camera), require_rigid(atlas.world_from_camera[k]);
+    require_rigid(f.odometry_from_camera), require_rigid(f.submap_from_camera),
+        require_rigid(atlas.world_from_camera[k]);
   }
   for (const Loop& l : atlas.loops) {
-    require(l.edge.from < keyframes && l.edge.to < keyframes && l.edge.from != l.edge.to, "a keyframe is missing");
+    require(l.edge.i < keyframes && l.edge.j < keyframes && l.edge.i != l.edge.j, "a keyframe is missing");
     require(l.edge.information.allFinite(), "a number is none");
-    require_rigid(l.edge.from_from_to);
+    require_rigid(l.edge.i_from_j);
   }
   require((frames == 0) == (keyframes == 0), "keyframes and frames do not match");
   require(std::is_sorted(atlas.recordings.begin(), atlas.recordings.end()) &&
@@ -467,7 +468,7 @@ std::pair<Session, std::vector<std::string>> session_of(const std::string& cbor)
   In numbers(state.at("numbers"));
   bool was_fused = false;
   double last_fused = 0;
-  numbers >> s.stamp >> s.repeats >> s.lost >> was_fused >> last_fused >> s.acceleration;
+  numbers >> s.fused_count >> s.repeats >> s.lost >> was_fused >> last_fused >> s.acceleration;
   if (was_fused) s.last_fused = last_fused;
   s.last_image = state.at("last_image");
   s.number = state.at("number");
@@ -599,7 +600,8 @@ void SessionWriter::write(const Session& s, const BrickTree& active) {
   FrameFiles frames = write_frames(s.back_end.atlas.frames, s.number);
   sync_disk(files_);
   Out numbers;
-  numbers << s.stamp << s.repeats << s.lost << s.last_fused.has_value() << s.last_fused.value_or(0) << s.acceleration;
+  numbers << s.fused_count << s.repeats << s.lost << s.last_fused.has_value() << s.last_fused.value_or(0)
+          << s.acceleration;
   const Json state{{"camera", camera_json(s.camera)},
                    {"voxel_size", s.fuse.voxel_size},
                    {"truncation", s.fuse.truncation},
