@@ -40,7 +40,7 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
   const Camera camera = camera_of(a.width);
   const SyntheticPath path(scene, a.trajectory.empty() ? Trajectory{} : read_trajectory(a.trajectory), a.frames / 30.0);
   gpu::Device device(a.device);
-  SceneRenderer render(device, scene, camera);
+  SceneRenderer renderer(device, scene, camera);
   TumWriter writer(folder, camera);
   Mesh truth = scene.surface();
   std::vector<bool> seen(truth.triangles.size());
@@ -50,9 +50,9 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
     const double time = i / 30.0;
     const auto pose = path.pose(time);
     if (!pose) break;
-    auto images = render(*pose, time);
+    auto images = renderer.render(*pose, time);
     const auto later = path.pose(std::max(0.0, time + a.colour_delay));
-    if (a.colour_delay != 0 && later) images.colour = render(*later, time + a.colour_delay).colour;
+    if (a.colour_delay != 0 && later) images.colour = renderer.render(*later, time + a.colour_delay).colour;
     if (i % 5 == 0) mark_seen(truth, camera, *pose, images.depth, seen);
     if (a.noise == "kinect") add_kinect_noise(images, camera, a.seed, i);
     writer.add(encode({.timestamp = time,

@@ -151,7 +151,7 @@ class Exporter {
         input_.load(bricks);
         if (views_) views_->forget();  // what they see of the map is another part now
       }
-      mesh = input_.polygonize(input_.volume, bricks);
+      mesh = input_.polygonizer.polygonize(input_.volume, bricks);
     });
     step("cleaning");
     const float size = static_cast<float>(cell_bricks_) * input_.volume.brick_size();
@@ -458,8 +458,8 @@ Exported export_map(const fs::path& map, const fs::path& file, const ExportOptio
   fuse.truncation = read.info.truncation;
   Volume volume(on, fuse, SurfaceOptions{}.max_depth);
   volume.adopt(std::move(read.tree));
-  Polygonize polygonize(on);
-  return export_surface({.bricks = volume.bricks(), .volume = volume, .polygonize = polygonize}, file, options,
+  Polygonizer polygonizer(on);
+  return export_surface({.bricks = volume.bricks(), .volume = volume, .polygonizer = polygonizer}, file, options,
                         progress);
 }
 

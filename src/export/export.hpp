@@ -18,7 +18,7 @@ struct ExportInput {
   std::vector<Brick> bricks;                         // of the whole map, sorted
   Volume& volume;                                    // of the whole map, or of what `load` has brought
   std::function<void(std::span<const Brick>)> load;  // brings bricks in place of those before; none: all are there
-  Polygonize& polygonize;
+  Polygonizer& polygonizer;
   Camera camera;
   SurfaceOptions surface;
   std::vector<TextureKeyframe> keyframes;

@@ -28,7 +28,7 @@ double milliseconds(std::chrono::steady_clock::time_point since) {
 BackEnd::BackEnd(gpu::Device& device, const Camera& camera, const Options& options, Access access)
     : camera_(camera),
       options_(options),
-      match_(device, camera, options),
+      matcher_(device, camera, options),
       images_(camera, options.session.empty() ? std::filesystem::path() : options.session / "keyframes", access),
       submaps_(options.session, options.map.host_memory, access),
       world_(device, options.fuse) {
@@ -131,7 +131,7 @@ std::optional<Loop> BackEnd::find_loop(std::size_t to, std::size_t before) {
     if (!located || located->inliers < kLoopCorners || !is_possible(from, to, located->known_from_seen)) continue;
     ++counts_.tried;
     if (!seen) seen = images_.get(to);
-    const auto match = match_.both_ways(images_.get(from), *seen, located->known_from_seen);
+    const auto match = matcher_.both_ways(images_.get(from), *seen, located->known_from_seen);
     if (!match || !is_possible(from, to, match->i_from_j)) continue;
     return Loop{.edge = {.i = from,
                          .j = to,

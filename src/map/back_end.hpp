@@ -71,7 +71,7 @@ class BackEnd {
   [[nodiscard]] Atlas& atlas() { return atlas_; }
   [[nodiscard]] const Submaps& submaps() const { return submaps_; }
   [[nodiscard]] const KeyframeStore& images() const { return images_; }
-  [[nodiscard]] MatchSurfaces& match() { return match_; }
+  [[nodiscard]] SurfaceMatcher& matcher() { return matcher_; }
   [[nodiscard]] const Camera& camera() const { return camera_; }
   /// Stages of the map that failed and are left out.
   [[nodiscard]] Warnings& warnings() { return warnings_; }
@@ -98,7 +98,7 @@ class BackEnd {
 
   Camera camera_;
   Options options_;
-  MatchSurfaces match_;
+  SurfaceMatcher matcher_;
   KeyframeStore images_;
   Submaps submaps_;
   KeyframeDatabase database_;

@@ -57,7 +57,7 @@ void GrowingSurface::change(std::span<const Brick> bricks) {
   for (const Brick& cell : cells) ++cells_[cell].since;
 }
 
-std::vector<SurfacePart> GrowingSurface::take(Volume& volume, Polygonize& polygonize, int submap, int max_bricks,
+std::vector<SurfacePart> GrowingSurface::take(Volume& volume, Polygonizer& polygonizer, int submap, int max_bricks,
                                               bool all) {
   std::vector<std::pair<double, Brick>> due;
   for (const auto& [cell, seen] : cells_)
@@ -74,7 +74,7 @@ std::vector<SurfacePart> GrowingSurface::take(Volume& volume, Polygonize& polygo
     bricks.insert(bricks.end(), of_cell.begin(), of_cell.end());
     cells.push_back(cell);
   }
-  auto meshes = by_cell(polygonize.on_device(volume, bricks), volume.brick_size() * kCell);
+  auto meshes = by_cell(polygonizer.on_device(volume, bricks), volume.brick_size() * kCell);
   std::vector<SurfacePart> parts;
   for (const Brick& cell : cells) {
     Seen& seen = cells_[cell];

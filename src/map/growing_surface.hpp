@@ -22,7 +22,7 @@ class GrowingSurface {
   void change(std::span<const Brick> bricks);
   /// The cells that are due, most of all changed first, until they hold `max_bricks`. Cells that are not on the device
   /// wait. With `all` also those that changed but are not due.
-  [[nodiscard]] std::vector<SurfacePart> take(Volume& volume, Polygonize& polygonize, int submap, int max_bricks,
+  [[nodiscard]] std::vector<SurfacePart> take(Volume& volume, Polygonizer& polygonizer, int submap, int max_bricks,
                                               bool all);
 
  private:

@@ -140,13 +140,13 @@ struct Mapper::State {
         poses(p),
         camera(c),
         device(device_index),
-        preprocess(device, c, o.surface, o.track.levels, o.track.finest_level),
-        integrate(device, preprocess.camera(), o.surface),
-        polygonize(device),
+        preprocessor(device, c, o.surface, o.track.levels, o.track.finest_level),
+        integrator(device, preprocessor.camera(), o.surface),
+        polygonizer(device),
         volume(device, o.fuse, o.surface.max_depth),
         writer(std::move(w)),
         back_end(device, c, with_files(o, files), writer ? Access::write : Access::read),
-        tracker(device, c, preprocess.camera(), o, back_end.places()),
+        tracker(device, c, preprocessor.camera(), o, back_end.places()),
         given_images(c, {}) {}
 
   [[nodiscard]] Warnings& warnings() { return back_end.warnings(); }
@@ -274,9 +274,9 @@ struct Mapper::State {
   Poses poses;
   Camera camera;
   gpu::Device device;
-  Preprocess preprocess;
-  Integrate integrate;
-  Polygonize polygonize;
+  Preprocessor preprocessor;
+  Integrator integrator;
+  Polygonizer polygonizer;
   Volume volume;
   std::unique_ptr<SessionWriter> writer;  // of Options::session; none: the session is only looked at
   std::optional<FileLock> hold;           // then
@@ -332,7 +332,7 @@ FrameReport Mapper::add(const Frame& given) {
     return report;
   }
 
-  const Surface live = timed(report.stage_ms, "preprocess", [&] { return s.preprocess(frame); });
+  const Surface live = timed(report.stage_ms, "preprocess", [&] { return s.preprocessor.preprocess(frame); });
 
   Eigen::Isometry3d world_from_camera = Eigen::Isometry3d::Identity();
   std::optional<Tracked> tracked;
@@ -370,8 +370,8 @@ FrameReport Mapper::add(const Frame& given) {
     }
   }
 
-  const Fused fused =
-      timed(report.stage_ms, "fuse", [&] { return s.integrate(live, world_from_camera, s.volume, ++s.fused_count); });
+  const Fused fused = timed(report.stage_ms, "fuse",
+                            [&] { return s.integrator.integrate(live, world_from_camera, s.volume, ++s.fused_count); });
   report.touched_bricks = fused.touched;
   report.new_bricks = fused.new_bricks;
   report.state = FrameState::fused;
@@ -455,7 +455,7 @@ void Mapper::reintegrate(Source& again, const std::function<void()>& step) {
       if (pose) {
         const Usable usable(*next);
         const Frame& frame = usable.frame();
-        (void)s.integrate(s.preprocess(frame), *pose, s.volume, ++s.fused_count);
+        (void)s.integrator.integrate(s.preprocessor.preprocess(frame), *pose, s.volume, ++s.fused_count);
         if (frame.acceleration) s.acceleration += pose->linear() * *frame.acceleration;
       }
       if (step) step();
@@ -629,7 +629,7 @@ Mapper::Merged Mapper::merge(Mapper& other) {
 
 void Mapper::settle() { state_->back_end.settle(); }
 
-Mesh Mapper::mesh() { return state_->polygonize(state_->world()); }
+Mesh Mapper::mesh() { return state_->polygonizer.polygonize(state_->world()); }
 
 Exported Mapper::export_mesh(const std::filesystem::path& file, const ExportOptions& options,
                              const ExportProgress& progress) {
@@ -651,7 +651,7 @@ Exported Mapper::export_mesh(const std::filesystem::path& file, const ExportOpti
   ExportInput input{.bricks = in_parts ? parts->bricks() : s.volume.bricks(),
                     .volume = in_parts ? *part : s.volume,
                     .load = {},
-                    .polygonize = s.polygonize,
+                    .polygonizer = s.polygonizer,
                     .camera = s.camera,
                     .surface = s.options.surface,
                     .keyframes = s.texture_keyframes(),
@@ -673,7 +673,7 @@ SurfaceChanges Mapper::surface_changes(int max_bricks, bool all) {
       s.surface.emplace();
       s.surface->change(s.volume.bricks());
     }
-    changes.parts = s.surface->take(s.volume, s.polygonize, submap, max_bricks, all);
+    changes.parts = s.surface->take(s.volume, s.polygonizer, submap, max_bricks, all);
   };
   s.shows_surface = s.shows_surface && s.warnings().attempt("the surface is no longer shown", take);
   changes.world_from_submap.assign(static_cast<std::size_t>(submap) + 1, Eigen::Isometry3d::Identity());

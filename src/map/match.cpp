@@ -19,15 +19,15 @@ Matrix6d calibrated(const Matrix6d& information) {
   return covariance.inverse();
 }
 
-MatchSurfaces::MatchSurfaces(gpu::Device& device, const Camera& camera, const Options& options)
+SurfaceMatcher::SurfaceMatcher(gpu::Device& device, const Camera& camera, const Options& options)
     : first_(device, camera, options.surface, options.track.levels, options.track.finest_level),
       second_(device, camera, options.surface, options.track.levels, options.track.finest_level),
-      align_(device, options.track) {}
+      aligner_(device, options.track) {}
 
-void MatchSurfaces::set_from(const Frame& from) { view_.levels = first_(from).levels; }
+void SurfaceMatcher::set_from(const Frame& from) { view_.levels = first_.preprocess(from).levels; }
 
-std::optional<Match> MatchSurfaces::operator()(const Frame& to, const Eigen::Isometry3d& guess) {
-  const Alignment a = align_(second_(to), view_, guess);
+std::optional<Match> SurfaceMatcher::match(const Frame& to, const Eigen::Isometry3d& guess) {
+  const Alignment a = aligner_.align(second_.preprocess(to), view_, guess);
   if (!a.converged() || a.inlier_share < kMinInliers || a.overlap < kMinOverlap || a.rmse > kMaxRmse ||
       a.unobserved > 0)
     return std::nullopt;
@@ -39,12 +39,12 @@ std::optional<Match> MatchSurfaces::operator()(const Frame& to, const Eigen::Iso
                .rmse = a.rmse};
 }
 
-std::optional<Match> MatchSurfaces::both_ways(const Frame& from, const Frame& to, const Eigen::Isometry3d& guess) {
+std::optional<Match> SurfaceMatcher::both_ways(const Frame& from, const Frame& to, const Eigen::Isometry3d& guess) {
   set_from(from);
-  auto there = (*this)(to, guess);
+  auto there = match(to, guess);
   if (!there) return std::nullopt;
   set_from(to);
-  const auto back = (*this)(from, there->i_from_j.inverse());
+  const auto back = match(from, there->i_from_j.inverse());
   if (!back) return std::nullopt;
   const Eigen::Isometry3d round = there->i_from_j * back->i_from_j;
   if (round.translation().norm() > kSameDistance || Eigen::AngleAxisd(round.linear()).angle() > kSameTurn)

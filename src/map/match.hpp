@@ -22,19 +22,19 @@ struct Match {
 };
 
 /// Dense alignment of two depth images, point to plane, by geometry alone: colour may not be registered to depth.
-class MatchSurfaces {
+class SurfaceMatcher {
  public:
-  MatchSurfaces(gpu::Device& device, const Camera& camera, const Options& options);
+  SurfaceMatcher(gpu::Device& device, const Camera& camera, const Options& options);
   /// Chooses the frame that others are aligned with.
   void set_from(const Frame& from);
   /// Nothing where too little of both is the same surface.
-  [[nodiscard]] std::optional<Match> operator()(const Frame& to, const Eigen::Isometry3d& guess);
+  [[nodiscard]] std::optional<Match> match(const Frame& to, const Eigen::Isometry3d& guess);
   /// Aligns also the other way round and asks that both agree: for a guess that may be false. Chooses `from`.
   [[nodiscard]] std::optional<Match> both_ways(const Frame& from, const Frame& to, const Eigen::Isometry3d& guess);
 
  private:
-  Preprocess first_, second_;
-  Align align_;
+  Preprocessor first_, second_;
+  Aligner aligner_;
   SurfacePrediction view_;
 };
 

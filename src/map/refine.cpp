@@ -84,18 +84,18 @@ Refined refine(BackEnd& back_end) {
   if (atlas.keyframes.size() < 2) return refined;
   const auto pairs = choose_pairs(back_end);
   Cache image(back_end.images());
-  MatchSurfaces& match = back_end.match();
+  SurfaceMatcher& matcher = back_end.matcher();
   std::optional<std::size_t> from;
   for (const Pair& pair : pairs) {
     std::optional<Match> found;
     if (pair.corners > 0) {
       const Frame first = image(pair.from);
-      found = match.both_ways(first, image(pair.to), pair.i_from_j);
+      found = matcher.both_ways(first, image(pair.to), pair.i_from_j);
       from.reset();
     } else {
-      if (from != pair.from) match.set_from(image(pair.from));
+      if (from != pair.from) matcher.set_from(image(pair.from));
       from = pair.from;
-      found = match(image(pair.to), pair.i_from_j);
+      found = matcher.match(image(pair.to), pair.i_from_j);
     }
     if (!found) continue;
     atlas.loops.push_back({.edge = {.i = pair.from,

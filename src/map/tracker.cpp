@@ -74,8 +74,8 @@ Tracker::Tracker(gpu::Device& device, const Camera& camera, const Camera& rectif
       options_(options.track),
       source_camera_(camera),
       database_(places),
-      raycast_(device, rectified, options.surface, options.track.levels, options.track.finest_level),
-      align_(device, options.track),
+      raycaster_(device, rectified, options.surface, options.track.levels, options.track.finest_level),
+      aligner_(device, options.track),
       keyframe_(device, rectified, options.track),
       moving_count_(device, 4),
       mask_(device, "moving_mask", moving_mask_comp) {}
@@ -148,9 +148,9 @@ std::optional<Eigen::Isometry3d> Tracker::recognise(const Features& seen,
 Tracked Tracker::operator()(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times) {
   const auto align = [&](const Eigen::Isometry3d& guess, const char* name, Reach reach = Reach::wide) {
     if (memory_.lost > 0) volume.bring(guess.translation());
-    model_ = timed(times, "raycast", [&] { return raycast_(volume, guess); });
+    model_ = timed(times, "raycast", [&] { return raycaster_.raycast(volume, guess); });
     return timed(times, "track", [&] {
-      return Tracked{.alignment = align_(live, model_, guess, &keyframe_, moment_of(frame, guess), reach),
+      return Tracked{.alignment = aligner_.align(live, model_, guess, &keyframe_, moment_of(frame, guess), reach),
                      .guess = name,
                      .seen_from = guess};
     });
@@ -205,7 +205,8 @@ double Tracker::leave_out_moving(const Surface& live, const Tracked& tracked, co
   if (!keyframe_.is_set() || live.packed.empty()) return 0;
   const Eigen::Isometry3d& submap_from_camera = tracked.alignment.submap_from_camera;
   // Another guess may have been tried since, and have been worse.
-  if (model_.submap_from_camera.matrix() != tracked.seen_from.matrix()) model_ = raycast_(volume, tracked.seen_from);
+  if (model_.submap_from_camera.matrix() != tracked.seen_from.matrix())
+    model_ = raycaster_.raycast(volume, tracked.seen_from);
   const auto level = static_cast<std::size_t>(options_.levels - 1);
   const Camera& camera = live.levels[level]->camera;
   const auto pixels = static_cast<std::uint32_t>(camera.width * camera.height);

@@ -79,8 +79,8 @@ class Tracker {
   TrackOptions options_;
   Camera source_camera_;  // of the frames: with distortion
   const KeyframeDatabase& database_;
-  Raycast raycast_;
-  Align align_;
+  Raycaster raycaster_;
+  Aligner aligner_;
   PhotometricKeyframe keyframe_;
   gpu::Buffer moving_count_;
   gpu::Kernel<shader::MovingMaskPush> mask_;

@@ -82,7 +82,7 @@ std::vector<Eigen::Isometry3d> places_of(const PlacedSubmap& submap, double size
 }  // namespace
 
 WorldParts::WorldParts(gpu::Device& device, const FuseOptions& options, const std::vector<PlacedSubmap>& submaps)
-    : brick_size_(8.0 * static_cast<double>(options.voxel_size)), merge_(device, options) {
+    : brick_size_(8.0 * static_cast<double>(options.voxel_size)), merger_(device, options) {
   BrickSet reached;
   for (const PlacedSubmap& submap : submaps) {
     if (placed_.size() <= submap.id) placed_.resize(submap.id + 1);
@@ -98,11 +98,11 @@ WorldParts::WorldParts(gpu::Device& device, const FuseOptions& options, const st
 
 BrickTree WorldParts::make(std::span<const Brick> bricks, const LoadSubmap& load) {
   BrickTree tree;
-  merge_(jobs_of(BrickSet(bricks.begin(), bricks.end()), placed_, brick_size_), load, tree);
+  merger_.merge(jobs_of(BrickSet(bricks.begin(), bricks.end()), placed_, brick_size_), load, tree);
   return tree;
 }
 
-World::World(gpu::Device& device, const FuseOptions& options) : options_(options), merge_(device, options) {}
+World::World(gpu::Device& device, const FuseOptions& options) : options_(options), merger_(device, options) {}
 
 BrickTree World::release() {
   placements_.clear();
@@ -136,7 +136,7 @@ std::vector<Brick> World::update(const std::vector<PlacedSubmap>& submaps, const
   }
 
   std::vector<Brick> bricks(changed.begin(), changed.end());
-  merge_(jobs_of(changed, placements_, size), load, bricks_);
+  merger_.merge(jobs_of(changed, placements_, size), load, bricks_);
   if (!bricks.empty()) {
     const std::vector<Brick> moved = move_free(submaps);
     bricks.insert(bricks.end(), moved.begin(), moved.end());

@@ -33,7 +33,7 @@ class WorldParts {
 
  private:
   double brick_size_;
-  Merge merge_;
+  Merger merger_;
   std::vector<std::vector<PlacedBrick>> placed_;  // by submap
   std::vector<Brick> bricks_;
 };
@@ -53,7 +53,7 @@ class World {
  private:
   [[nodiscard]] std::vector<Brick> move_free(const std::vector<PlacedSubmap>& submaps);
   FuseOptions options_;
-  Merge merge_;
+  Merger merger_;
   BrickTree bricks_;
   std::vector<std::vector<PlacedBrick>> placements_;  // by submap, as last fused
 };

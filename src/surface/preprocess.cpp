@@ -16,8 +16,8 @@ std::uint32_t pixels(const Camera& camera) { return static_cast<std::uint32_t>(c
 
 }  // namespace
 
-Preprocess::Preprocess(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels,
-                       int finest_level)
+Preprocessor::Preprocessor(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels,
+                           int finest_level)
     : device_(device),
       source_camera_(camera),
       options_(options),
@@ -45,7 +45,7 @@ Preprocess::Preprocess(gpu::Device& device, const Camera& camera, const SurfaceO
   }
 }
 
-Surface Preprocess::operator()(const Frame& frame) {
+Surface Preprocessor::preprocess(const Frame& frame) {
   const std::uint32_t n = pixels(source_camera_);
   const bool has_colour = !frame.colour.empty();
   const bool distorted = source_camera_.distorted();

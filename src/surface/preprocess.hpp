@@ -16,7 +16,7 @@ struct VertexNormalMap {
   gpu::Buffer points;
 };
 
-/// A frame on the device. The buffers belong to Preprocess and hold until its next call.
+/// A frame on the device. The buffers belong to Preprocessor and hold until its next call.
 struct Surface {
   std::vector<const VertexNormalMap*> levels;  // smoothed, the finest first; points from `finest_level` on
   /// By level what the photometric term reads (SurfacePackPush); empty without colour, null above `finest_level`.
@@ -26,10 +26,10 @@ struct Surface {
 };
 
 /// Rectifies, cleans and smooths a frame and makes its pyramid of points and normals.
-class Preprocess {
+class Preprocessor {
  public:
-  Preprocess(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels, int finest_level);
-  [[nodiscard]] Surface operator()(const Frame& frame);
+  Preprocessor(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels, int finest_level);
+  [[nodiscard]] Surface preprocess(const Frame& frame);
   /// The camera of the finest level: the source's, without distortion.
   [[nodiscard]] const Camera& camera() const { return levels_.front().camera; }
 

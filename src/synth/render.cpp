@@ -51,7 +51,7 @@ void SceneRenderer::upload(double seconds) {
   batch.run();
 }
 
-SceneRenderer::Images SceneRenderer::operator()(const Eigen::Isometry3d& world_from_camera, double seconds) {
+SceneRenderer::Images SceneRenderer::render(const Eigen::Isometry3d& world_from_camera, double seconds) {
   if (scene_.moves()) upload(seconds);
   const auto pixels = static_cast<std::size_t>(camera_.width * camera_.height);
   Images images{std::vector<float>(pixels), std::vector<float>(pixels), std::vector<std::uint32_t>(pixels)};

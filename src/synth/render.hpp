@@ -20,7 +20,7 @@ class SceneRenderer {
     std::vector<float> cosine;          // between the ray and the surface's normal
     std::vector<std::uint32_t> colour;  // bytes R, G, B, 255
   };
-  [[nodiscard]] Images operator()(const Eigen::Isometry3d& world_from_camera, double seconds = 0);
+  [[nodiscard]] Images render(const Eigen::Isometry3d& world_from_camera, double seconds = 0);
 
  private:
   void upload(double seconds);

@@ -21,7 +21,7 @@ class SyntheticSource final : public Source {
         path_(scene_, {}, 0),
         camera_(synthetic_camera()),
         device_(options.device),
-        render_(device_, scene_, camera_),
+        renderer_(device_, scene_, camera_),
         next_(options.first) {}
   const Camera& camera() const override { return camera_; }
   std::optional<int> size() const override { return options_.frames - options_.first; }
@@ -31,7 +31,7 @@ class SyntheticSource final : public Source {
     const double time = next_ / 30.0;
     const auto pose = path_.pose(time);
     if (!pose) return std::nullopt;
-    auto images = render_(*pose, time);
+    auto images = renderer_.render(*pose, time);
     if (options_.kinect_noise) add_kinect_noise(images, camera_, options_.seed, next_);
     Frame frame{
         .index = next_++, .timestamp = time, .depth = std::move(images.depth), .colour = std::move(images.colour)};
@@ -46,7 +46,7 @@ class SyntheticSource final : public Source {
   SyntheticPath path_;
   Camera camera_;
   gpu::Device device_;
-  SceneRenderer render_;
+  SceneRenderer renderer_;
   int next_;
 };
 

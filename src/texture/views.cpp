@@ -46,9 +46,9 @@ TextureViews::TextureViews(Volume& volume, const Camera& camera, const SurfaceOp
     : volume_(volume),
       device_(volume.device()),
       max_depth_(options.max_depth),
-      preprocess_(device_, camera, options, 1, 1),
-      camera_(preprocess_.camera()),
-      raycast_(device_, camera_, options, 2, 1),
+      preprocessor_(device_, camera, options, 1, 1),
+      camera_(preprocessor_.camera()),
+      raycaster_(device_, camera_, options, 2, 1),
       keyframes_(std::move(keyframes)),
       gains_(keyframes_.size(), Eigen::Vector3f::Ones()),
       get_image_(std::move(get_image)),
@@ -98,11 +98,11 @@ void TextureViews::bring(std::span<const std::size_t> keyframes) {
       OnDevice& image = *images_[static_cast<std::size_t>(place_[some[i]])];
       image.keyframe = some[i];
       image.last_use = use_;
-      const Surface surface = preprocess_(frames[i]);
+      const Surface surface = preprocessor_.preprocess(frames[i]);
       image.has_colour = surface.has_colour;
       const Eigen::Isometry3d& pose = keyframes_[some[i]].world_from_camera;
       volume_.bring(pose.translation());
-      const SurfacePrediction model = raycast_(volume_, pose);
+      const SurfacePrediction model = raycaster_.raycast(volume_, pose);
       gpu::Batch batch(device_);
       const shader::TexturePreparePush push{shader::pinhole(camera_)};
       prepare_(batch, {pixels_of(camera_), 1, 1}, push, {surface.fusion, &model.levels[1]->points, &image.pixels});

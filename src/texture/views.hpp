@@ -75,9 +75,9 @@ class TextureViews {
   Volume& volume_;
   gpu::Device& device_;
   float max_depth_;
-  Preprocess preprocess_;
+  Preprocessor preprocessor_;
   Camera camera_;  // without distortion
-  Raycast raycast_;
+  Raycaster raycaster_;
   std::vector<TextureKeyframe> keyframes_;
   std::vector<Eigen::Isometry3f> camera_from_world_;
   std::vector<Eigen::Vector3f> gains_;

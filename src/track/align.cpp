@@ -171,7 +171,7 @@ Eigen::Isometry3d PhotometricKeyframe::submap_from_colour(double clock_offset) c
   return submap_from_camera_ * retract(moment_.velocity * (moment_.stamp_delay - clock_offset));
 }
 
-Align::Align(gpu::Device& device, const TrackOptions& options)
+Aligner::Aligner(gpu::Device& device, const TrackOptions& options)
     : device_(device),
       options_(options),
       geometry_parts_(std::max(1u, kWorkgroup / std::max(1u, device.info().subgroup_size))),
@@ -182,9 +182,10 @@ Align::Align(gpu::Device& device, const TrackOptions& options)
       icp_(device, "icp_reduce", icp_reduce_comp),
       photometric_(device, "photometric_reduce", photometric_reduce_comp) {}
 
-shader::PhotometricReducePush Align::photometric_push(const Camera& camera, const PhotometricKeyframe& keyframe,
-                                                      const Eigen::Isometry3d& submap_from_live,
-                                                      const ColourMoment& moment, const Brightness& brightness) const {
+shader::PhotometricReducePush Aligner::photometric_push(const Camera& camera, const PhotometricKeyframe& keyframe,
+                                                        const Eigen::Isometry3d& submap_from_live,
+                                                        const ColourMoment& moment,
+                                                        const Brightness& brightness) const {
   const Vector6d colour_motion = -moment.velocity * moment.delay();
   return {.camera = shader::pinhole(camera),
           .keyframe_from_live =
@@ -197,9 +198,9 @@ shader::PhotometricReducePush Align::photometric_push(const Camera& camera, cons
           .inverse_sigma = static_cast<float>(1 / brightness.sigma)};
 }
 
-std::vector<double> Align::clock_offset_costs(const Surface& live, const PhotometricKeyframe& keyframe,
-                                              const Eigen::Isometry3d& submap_from_live, const ColourMoment& moment,
-                                              const Brightness& brightness) {
+std::vector<double> Aligner::clock_offset_costs(const Surface& live, const PhotometricKeyframe& keyframe,
+                                                const Eigen::Isometry3d& submap_from_live, const ColourMoment& moment,
+                                                const Brightness& brightness) {
   const int level = options_.levels - 1;
   const auto l = static_cast<std::size_t>(level);
   const Camera& camera = live.levels[l]->camera;
@@ -226,8 +227,8 @@ std::vector<double> Align::clock_offset_costs(const Surface& live, const Photome
   return costs;
 }
 
-Alignment Align::operator()(const Surface& live, const SurfacePrediction& model, const Eigen::Isometry3d& guess,
-                            const PhotometricKeyframe* keyframe, const ColourMoment& moment, Reach reach) {
+Alignment Aligner::align(const Surface& live, const SurfacePrediction& model, const Eigen::Isometry3d& guess,
+                         const PhotometricKeyframe* keyframe, const ColourMoment& moment, Reach reach) {
   Alignment result;
   const bool has_brightness = options_.photometric && keyframe != nullptr && keyframe->is_set() && !live.packed.empty();
   const Eigen::Isometry3d start = model.submap_from_camera.inverse() * guess;

@@ -82,13 +82,13 @@ class PhotometricKeyframe {
 /// and brightness against a keyframe. Each term is weighted by the scale of its own residuals. Directions that the
 /// geometry does not observe are left to brightness, those that neither observes to the guess (Zhang, Kaess & Singh
 /// 2016).
-class Align {
+class Aligner {
  public:
-  Align(gpu::Device& device, const TrackOptions& options);
+  Aligner(gpu::Device& device, const TrackOptions& options);
   /// `keyframe` may be null or not set: geometry alone.
-  [[nodiscard]] Alignment operator()(const Surface& live, const SurfacePrediction& model,
-                                     const Eigen::Isometry3d& guess, const PhotometricKeyframe* keyframe = nullptr,
-                                     const ColourMoment& moment = {}, Reach reach = Reach::wide);
+  [[nodiscard]] Alignment align(const Surface& live, const SurfacePrediction& model, const Eigen::Isometry3d& guess,
+                                const PhotometricKeyframe* keyframe = nullptr, const ColourMoment& moment = {},
+                                Reach reach = Reach::wide);
 
  private:
   struct Geometry {

@@ -20,7 +20,7 @@ constexpr std::uint32_t kLookEvery = 4;         // fused frames: neighbouring on
 
 }  // namespace
 
-Integrate::Integrate(gpu::Device& device, const Camera& camera, const SurfaceOptions& options)
+Integrator::Integrator(gpu::Device& device, const Camera& camera, const SurfaceOptions& options)
     : device_(device),
       camera_(camera),
       options_(options),
@@ -36,7 +36,7 @@ Integrate::Integrate(gpu::Device& device, const Camera& camera, const SurfaceOpt
       select_(device, "brick_select", brick_select_comp),
       integrate_(device, "tsdf_integrate", tsdf_integrate_comp) {}
 
-Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, Volume& volume,
+Fused Integrator::integrate(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, Volume& volume,
                             std::uint32_t fused_count) {
   volume.move_window(submap_from_camera.translation());
   const auto pixels = static_cast<std::uint32_t>(camera_.width * camera_.height);
@@ -122,8 +122,8 @@ Fused Integrate::operator()(const Surface& surface, const Eigen::Isometry3d& sub
 }
 
 /// The bricks in front of what the frame sees that have no voxels and were not known to be free.
-std::vector<Brick> Integrate::look_through(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
-                                           const Volume& volume) {
+std::vector<Brick> Integrator::look_through(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
+                                            const Volume& volume) {
   Eigen::AlignedBox3d view(submap_from_camera.translation());
   for (int corner = 0; corner < 4; ++corner) {
     const Eigen::Vector2d pixel((corner & 1) != 0 ? camera_.width : 0, (corner & 2) != 0 ? camera_.height : 0);

@@ -16,12 +16,12 @@ struct Fused {
 };
 
 /// Allocates the bricks of a frame's truncation band and fuses the frame into all bricks that it sees.
-class Integrate {
+class Integrator {
  public:
-  Integrate(gpu::Device& device, const Camera& camera, const SurfaceOptions& options);
+  Integrator(gpu::Device& device, const Camera& camera, const SurfaceOptions& options);
   /// `fused_count` counts fused frames from 1. Moves the volume's window to the camera.
-  Fused operator()(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, Volume& volume,
-                   std::uint32_t fused_count);
+  Fused integrate(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, Volume& volume,
+                  std::uint32_t fused_count);
 
  private:
   [[nodiscard]] std::vector<Brick> look_through(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,

@@ -52,11 +52,11 @@ Brick around(const Brick& base, std::size_t i) {
 
 }  // namespace
 
-Merge::Merge(gpu::Device& device, const FuseOptions& options)
+Merger::Merger(gpu::Device& device, const FuseOptions& options)
     : device_(device), options_(options), merge_(device, "submap_merge", submap_merge_comp) {}
 
 /// As many jobs from `begin` on as one dispatch takes, with their sources' voxels.
-void Merge::gather(std::span<const MergeJob> jobs, std::size_t begin, const LoadSubmap& submap, Gathered& to) const {
+void Merger::gather(std::span<const MergeJob> jobs, std::size_t begin, const LoadSubmap& submap, Gathered& to) const {
   to.targets.clear();
   to.sources.clear();
   to.voxels.resize(kSlots);
@@ -95,7 +95,7 @@ void Merge::gather(std::span<const MergeJob> jobs, std::size_t begin, const Load
   }
 }
 
-void Merge::operator()(std::span<const MergeJob> jobs, const LoadSubmap& submap, BrickTree& world) {
+void Merger::merge(std::span<const MergeJob> jobs, const LoadSubmap& submap, BrickTree& world) {
   if (jobs.empty()) return;
   if (!voxels_) {
     voxels_ = gpu::Buffer(device_, kSlots * sizeof(BrickVoxels));

@@ -24,12 +24,12 @@ struct MergeJob {
 using LoadSubmap = std::function<std::shared_ptr<const BrickTree>(std::size_t submap)>;
 
 /// Fuses submaps into bricks of the world on the device: weighted means of resampled voxels.
-class Merge {
+class Merger {
  public:
-  Merge(gpu::Device& device, const FuseOptions& options);
+  Merger(gpu::Device& device, const FuseOptions& options);
   /// Puts the jobs' bricks into `world`; those without any observed voxel are erased from it. `submap` is called from
   /// one thread at a time. Jobs that lie together should follow each other.
-  void operator()(std::span<const MergeJob> jobs, const LoadSubmap& submap, BrickTree& world);
+  void merge(std::span<const MergeJob> jobs, const LoadSubmap& submap, BrickTree& world);
 
  private:
   /// Jobs of one dispatch.

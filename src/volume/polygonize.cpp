@@ -45,7 +45,7 @@ bool is_on_device(const Volume& volume, const Brick& brick) { return volume.slot
 
 }  // namespace
 
-Polygonize::Polygonize(gpu::Device& device)
+Polygonizer::Polygonizer(gpu::Device& device)
     : device_(device),
       table_(device, 256 * shader::kTableRow * 4),
       classify_(device, "polygonize_classify", polygonize_classify_comp),
@@ -57,9 +57,9 @@ Polygonize::Polygonize(gpu::Device& device)
   batch.run();
 }
 
-Mesh Polygonize::operator()(Volume& volume) { return operator()(volume, volume.bricks()); }
+Mesh Polygonizer::polygonize(Volume& volume) { return polygonize(volume, volume.bricks()); }
 
-Mesh Polygonize::operator()(Volume& volume, std::span<const Brick> bricks) {
+Mesh Polygonizer::polygonize(Volume& volume, std::span<const Brick> bricks) {
   const auto all = volume.bricks();
   const bool resident = std::all_of(all.begin(), all.end(), [&](const Brick& b) { return is_on_device(volume, b); });
   const std::unordered_set<Brick, BrickHash> exists(all.begin(), all.end());
@@ -67,13 +67,13 @@ Mesh Polygonize::operator()(Volume& volume, std::span<const Brick> bricks) {
       volume, bricks, [&](const Brick& b) { return exists.contains(b); }, resident);
 }
 
-Mesh Polygonize::on_device(Volume& volume, std::span<const Brick> bricks) {
+Mesh Polygonizer::on_device(Volume& volume, std::span<const Brick> bricks) {
   return polygonize(
       volume, bricks, [&](const Brick& b) { return is_on_device(volume, b); }, true);
 }
 
-Mesh Polygonize::polygonize(Volume& volume, std::span<const Brick> wanted,
-                            const std::function<bool(const Brick&)>& exists, bool resident) {
+Mesh Polygonizer::polygonize(Volume& volume, std::span<const Brick> wanted,
+                             const std::function<bool(const Brick&)>& exists, bool resident) {
   // Cells reach into + neighbours, which own some of their edges.
   std::unordered_map<Brick, bool, BrickHash> is_wanted;
   for (const Brick& b : wanted)

@@ -14,13 +14,13 @@ namespace cairn {
 
 /// Marching cubes on the device. Vertices are shared between bricks: no cracks, no duplicates. The order of vertices
 /// and triangles depends on the voxels alone.
-class Polygonize {
+class Polygonizer {
  public:
-  explicit Polygonize(gpu::Device& device);
+  explicit Polygonizer(gpu::Device& device);
   /// The surface of the whole map; bricks that are on the host are paged in, part by part.
-  [[nodiscard]] Mesh operator()(Volume& volume);
+  [[nodiscard]] Mesh polygonize(Volume& volume);
   /// The part of it in the cells of some bricks, sorted as Volume::bricks sorts them.
-  [[nodiscard]] Mesh operator()(Volume& volume, std::span<const Brick> bricks);
+  [[nodiscard]] Mesh polygonize(Volume& volume, std::span<const Brick> bricks);
   /// The triangles of the cells of some bricks; what is not on the device counts as not there, and stays where it is.
   [[nodiscard]] Mesh on_device(Volume& volume, std::span<const Brick> bricks);
 

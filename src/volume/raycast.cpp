@@ -9,7 +9,8 @@
 #include "spirv/view_half.comp.h"
 
 namespace cairn {
-Raycast::Raycast(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels, int finest_level)
+Raycaster::Raycaster(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels,
+                     int finest_level)
     : device_(device),
       options_(options),
       finest_(finest_level),
@@ -24,7 +25,7 @@ Raycast::Raycast(gpu::Device& device, const Camera& camera, const SurfaceOptions
   }
 }
 
-SurfacePrediction Raycast::operator()(const Volume& volume, const Eigen::Isometry3d& submap_from_camera) {
+SurfacePrediction Raycaster::raycast(const Volume& volume, const Eigen::Isometry3d& submap_from_camera) {
   const shader::Pinhole camera = shader::pinhole(levels_[0].camera);
   const shader::Rigid pose = shader::rigid(submap_from_camera);
   gpu::Batch batch(device_);

@@ -9,17 +9,17 @@
 
 namespace cairn {
 
-/// The model seen from a pose. The buffers belong to Raycast and hold until its next call.
+/// The model seen from a pose. The buffers belong to Raycaster and hold until its next call.
 struct SurfacePrediction {
   Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
   std::vector<const VertexNormalMap*> levels;  // as in Surface; null above the finest level that was asked for
 };
 
 /// Renders the volume's surface as a pyramid of points with normals.
-class Raycast {
+class Raycaster {
  public:
-  Raycast(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels, int finest_level);
-  [[nodiscard]] SurfacePrediction operator()(const Volume& volume, const Eigen::Isometry3d& submap_from_camera);
+  Raycaster(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels, int finest_level);
+  [[nodiscard]] SurfacePrediction raycast(const Volume& volume, const Eigen::Isometry3d& submap_from_camera);
 
  private:
   gpu::Device& device_;

@@ -30,19 +30,19 @@ struct Room {
   FuseOptions fuse;
   Camera camera = synthetic_camera();
   Scene scene = synthetic_scene("room");
-  SceneRenderer render{device, scene, camera};
-  Preprocess preprocess{device, camera, {}, 3, 1};
-  Integrate integrate{device, camera, {}};
+  SceneRenderer renderer{device, scene, camera};
+  Preprocessor preprocessor{device, camera, {}, 3, 1};
+  Integrator integrator{device, camera, {}};
   Volume volume{device, fuse, 5.0f};
   std::vector<Brick> bricks;
 
   Room() {
     for (int i = 0; i < kFrames; ++i) {
       const Eigen::Isometry3d pose = scene.world_from_camera(i / 12.0);
-      auto images = render(pose);
+      auto images = renderer.render(pose);
       add_kinect_noise(images, camera, 1, i);
       const Frame frame{.depth = std::move(images.depth), .colour = std::move(images.colour)};
-      integrate(preprocess(frame), pose, volume, static_cast<std::uint32_t>(i + 1));
+      integrator.integrate(preprocessor.preprocess(frame), pose, volume, static_cast<std::uint32_t>(i + 1));
     }
     bricks = volume.bricks();
     const auto free = volume.on_host().free_bricks();

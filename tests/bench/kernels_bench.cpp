@@ -20,13 +20,13 @@ struct Bench {
   Camera camera = synthetic_camera();
   Scene scene = synthetic_scene("room");
   TrackOptions track;
-  SceneRenderer render{device, scene, camera};
-  Preprocess preprocess{device, camera, {}, track.levels, track.finest_level};
+  SceneRenderer renderer{device, scene, camera};
+  Preprocessor preprocessor{device, camera, {}, track.levels, track.finest_level};
   Volume volume{device, {}, 5.0f};
-  Integrate integrate{device, camera, {}};
-  Raycast raycast{device, camera, {}, track.levels, track.finest_level};
-  Align align{device, track};
-  Polygonize polygonize{device};
+  Integrator integrator{device, camera, {}};
+  Raycaster raycaster{device, camera, {}, track.levels, track.finest_level};
+  Aligner aligner{device, track};
+  Polygonizer polygonizer{device};
   Frame frame;
   Eigen::Isometry3d pose;
   std::uint32_t fused_count = 0;
@@ -34,11 +34,11 @@ struct Bench {
   Bench() {
     for (int i = 0; i < 30; i += 3) {
       pose = scene.world_from_camera(i / 30.0);
-      auto images = render(pose);
+      auto images = renderer.render(pose);
       add_kinect_noise(images, camera, 1, i);
       frame.depth = std::move(images.depth);
       frame.colour = std::move(images.colour);
-      integrate(preprocess(frame), pose, volume, ++fused_count);
+      integrator.integrate(preprocessor.preprocess(frame), pose, volume, ++fused_count);
     }
   }
 };
@@ -68,36 +68,36 @@ class KernelCounters {
 void preprocess(benchmark::State& state) {
   auto& b = bench();
   const KernelCounters counters(state);
-  for (auto _ : state) benchmark::DoNotOptimize(b.preprocess(b.frame));
+  for (auto _ : state) benchmark::DoNotOptimize(b.preprocessor.preprocess(b.frame));
 }
 void integrate(benchmark::State& state) {
   auto& b = bench();
-  const Surface surface = b.preprocess(b.frame);
+  const Surface surface = b.preprocessor.preprocess(b.frame);
   const KernelCounters counters(state);
-  for (auto _ : state) benchmark::DoNotOptimize(b.integrate(surface, b.pose, b.volume, ++b.fused_count));
+  for (auto _ : state) benchmark::DoNotOptimize(b.integrator.integrate(surface, b.pose, b.volume, ++b.fused_count));
 }
 void raycast(benchmark::State& state) {
   auto& b = bench();
   const KernelCounters counters(state);
-  for (auto _ : state) benchmark::DoNotOptimize(b.raycast(b.volume, b.pose));
+  for (auto _ : state) benchmark::DoNotOptimize(b.raycaster.raycast(b.volume, b.pose));
 }
 void align(benchmark::State& state) {
   auto& b = bench();
-  const Surface live = b.preprocess(b.frame);
-  const SurfacePrediction model = b.raycast(b.volume, b.pose);
+  const Surface live = b.preprocessor.preprocess(b.frame);
+  const SurfacePrediction model = b.raycaster.raycast(b.volume, b.pose);
   const Eigen::Isometry3d guess = b.pose * Eigen::Translation3d(0.01, 0.005, -0.01);
   const KernelCounters counters(state);
-  for (auto _ : state) benchmark::DoNotOptimize(b.align(live, model, guess));
+  for (auto _ : state) benchmark::DoNotOptimize(b.aligner.align(live, model, guess));
 }
 void polygonize(benchmark::State& state) {
   auto& b = bench();
   const KernelCounters counters(state);
-  for (auto _ : state) benchmark::DoNotOptimize(b.polygonize(b.volume));
+  for (auto _ : state) benchmark::DoNotOptimize(b.polygonizer.polygonize(b.volume));
 }
 void render_scene(benchmark::State& state) {
   auto& b = bench();
   const KernelCounters counters(state);
-  for (auto _ : state) benchmark::DoNotOptimize(b.render(b.pose));
+  for (auto _ : state) benchmark::DoNotOptimize(b.renderer.render(b.pose));
 }
 
 BENCHMARK(preprocess)->Unit(benchmark::kMillisecond)->UseRealTime();

@@ -25,20 +25,20 @@ struct Bench {
   Atlas atlas;
   std::vector<std::shared_ptr<const BrickTree>> voxels;
   World world{device, fuse};
-  Polygonize polygonize{device};
+  Polygonizer polygonizer{device};
 
   Bench() {
     const Camera camera = synthetic_camera();
     const Scene scene = synthetic_scene("room");
-    Preprocess preprocess(device, camera, {}, 3, 1);
-    Integrate integrate(device, camera, {});
-    SceneRenderer render(device, scene, camera);
+    Preprocessor preprocessor(device, camera, {}, 3, 1);
+    Integrator integrator(device, camera, {});
+    SceneRenderer renderer(device, scene, camera);
     Volume volume(device, fuse, 5.0f);
     for (int i = 0; i < 10; ++i) {
       const Eigen::Isometry3d pose = scene.world_from_camera(0.2 * i);
-      const auto images = render(pose);
+      const auto images = renderer.render(pose);
       Frame frame{.depth = images.depth, .colour = images.colour};
-      integrate(preprocess(frame), pose, volume, static_cast<std::uint32_t>(i + 1));
+      integrator.integrate(preprocessor.preprocess(frame), pose, volume, static_cast<std::uint32_t>(i + 1));
     }
     const BrickTree& room = volume.on_host();
     for (std::size_t s = 0; s < kSubmaps; ++s) {
@@ -105,7 +105,7 @@ void mesh_the_world(benchmark::State& state) {
   Volume whole(b.device, b.fuse, 5.0f);
   whole.adopt(b.world.release());
   std::size_t triangles = 0;
-  for (auto _ : state) triangles = b.polygonize(whole).triangles.size();
+  for (auto _ : state) triangles = b.polygonizer.polygonize(whole).triangles.size();
   state.counters["triangles"] = static_cast<double>(triangles);
 }
 

@@ -33,7 +33,7 @@ using Sees = std::function<bool(int index)>;
 Outcome run(const Scene& scene, int frames, const Path& path, const Spoil& spoil = {}, const Sees& sees = {},
             int step = 1) {
   const Camera camera = synthetic_camera();
-  SceneRenderer render(test_device(), scene, camera);
+  SceneRenderer renderer(test_device(), scene, camera);
   Mapper mapper(camera);
   Outcome outcome;
   std::optional<Eigen::Isometry3d> start;
@@ -43,7 +43,7 @@ Outcome run(const Scene& scene, int frames, const Path& path, const Spoil& spoil
     const Eigen::Isometry3d truth = path(time);
     Frame frame{.index = i, .timestamp = time};
     if (!sees || sees(i)) {
-      auto images = render(truth, time);
+      auto images = renderer.render(truth, time);
       add_kinect_noise(images, camera, 1, i);
       frame.depth = std::move(images.depth), frame.colour = std::move(images.colour);
     } else {
@@ -198,7 +198,7 @@ TEST(Robustness, SomethingSmallMovesThroughTheRoom) {
 TEST(Robustness, LostForLongItBeginsAnotherPieceAndJoinsItByALoop) {
   const Scene scene = synthetic_scene("room");
   const Camera camera = synthetic_camera();
-  SceneRenderer render(test_device(), scene, camera);
+  SceneRenderer renderer(test_device(), scene, camera);
   Options options;
   options.map.lost_frames = 20;
   Mapper mapper(camera, options);
@@ -210,7 +210,7 @@ TEST(Robustness, LostForLongItBeginsAnotherPieceAndJoinsItByALoop) {
   int lost = 0, pieces_at_most = 0;
   for (std::size_t i = 0; i < way.size(); ++i) {
     truth.push_back({static_cast<double>(i) / 10.0, scene.world_from_camera(way[i])});
-    auto images = render(truth.back().world_from_camera);
+    auto images = renderer.render(truth.back().world_from_camera);
     add_kinect_noise(images, camera, 1, static_cast<int>(i));
     const FrameReport report = mapper.add({.index = static_cast<int>(i),
                                            .timestamp = truth.back().timestamp,

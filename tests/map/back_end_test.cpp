@@ -18,13 +18,13 @@ struct Walk {
     options.session = session;
     back_end.emplace(test_device(), camera, options);
     const Scene scene = synthetic_scene(name);
-    SceneRenderer render(test_device(), scene, camera);
+    SceneRenderer renderer(test_device(), scene, camera);
     const Matrix6d information = 1e6 * Matrix6d::Identity();
     Vector6d drift;
     drift << 0, slip, 0, slip, 0, slip;
     for (int i = 0; i < frames; ++i) {
       truth.push_back(scene.world_from_camera(0.2 * i));
-      auto images = render(truth.back());
+      auto images = renderer.render(truth.back());
       add_kinect_noise(images, camera, 1, i);
       const Frame frame{
           .index = i, .timestamp = 0.2 * i, .depth = std::move(images.depth), .colour = std::move(images.colour)};

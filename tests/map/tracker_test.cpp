@@ -15,8 +15,8 @@ struct Tracking {
   Tracking() {
     for (std::uint32_t i = 0; i < 4; ++i) {
       first = scene_frame(synthetic_scene("room"), camera, static_cast<int>(i));
-      const Surface live = preprocess(first);
-      integrate(live, *first.world_from_camera, volume, i + 2);
+      const Surface live = preprocessor.preprocess(first);
+      integrator.integrate(live, *first.world_from_camera, volume, i + 2);
       tracker.accept(first, live, *first.world_from_camera, nullptr);
     }
   }
@@ -28,8 +28,8 @@ struct Tracking {
   Camera camera = small_camera();
   Options options;
   Frame first, next = scene_frame(synthetic_scene("room"), camera, 5);
-  Preprocess preprocess{test_device(), camera, {}, 3, 1};
-  Integrate integrate{test_device(), camera, {}};
+  Preprocessor preprocessor{test_device(), camera, {}, 3, 1};
+  Integrator integrator{test_device(), camera, {}};
   Volume volume{test_device(), options.fuse, 5.0f};
   KeyframeDatabase places;
   Tracker tracker{test_device(), camera, camera, options, places};
@@ -49,7 +49,7 @@ TEST(Tracker, ComparesALostFrameOnlyWithPlacesOfItsOwnFrame) {
   t.add_place(t.next, aside(*t.next.world_from_camera), false);  // as alike as can be, and in another piece's frame
   t.tracker.begin_lost();
   t.places[0].is_here = true;
-  const Tracked tracked = t.tracker(t.next, t.preprocess(t.next), t.volume, t.times);
+  const Tracked tracked = t.tracker(t.next, t.preprocessor.preprocess(t.next), t.volume, t.times);
   ASSERT_TRUE(tracked.alignment.converged()) << tracked.alignment.lost;
   EXPECT_LT((tracked.alignment.submap_from_camera.translation() - t.next.world_from_camera->translation()).norm(),
             0.02);
@@ -71,7 +71,7 @@ TEST(Tracker, TakesNoPlaceForAnotherByDepthAlone) {
   for (int i = 100; i <= 620; i += 40) {  // all around the room
     const Frame elsewhere = scene_frame(synthetic_scene("room"), t.camera, i);
     t.tracker.begin_lost();
-    const Tracked tracked = t.tracker(elsewhere, t.preprocess(elsewhere), t.volume, t.times);
+    const Tracked tracked = t.tracker(elsewhere, t.preprocessor.preprocess(elsewhere), t.volume, t.times);
     const double error =
         (tracked.alignment.submap_from_camera.translation() - elsewhere.world_from_camera->translation()).norm();
     EXPECT_TRUE(!tracked.alignment.converged() || error < 0.02) << i << ", " << tracked.guess << ": " << error;
@@ -83,7 +83,7 @@ TEST(Tracker, LeavesOutWhatMovesAsSeenFromThePoseThatCounts) {
   Frame frame = t.next;
   for (int y = 100; y < 140; ++y)  // something came before the camera
     for (int x = 140; x < 190; ++x) frame.depth[static_cast<std::size_t>(y * t.camera.width + x)] = 0.8f;
-  const Surface live = t.preprocess(frame);
+  const Surface live = t.preprocessor.preprocess(frame);
   const Tracked tracked = t.tracker(frame, live, t.volume, t.times);
   ASSERT_TRUE(tracked.alignment.converged()) << tracked.alignment.lost;
   const double moving = t.tracker.leave_out_moving(live, tracked, t.volume);
@@ -91,8 +91,8 @@ TEST(Tracker, LeavesOutWhatMovesAsSeenFromThePoseThatCounts) {
   // A guess that is tried and rejected afterwards shows the map from elsewhere.
   Tracked rejected = tracked;
   rejected.seen_from = aside(tracked.seen_from);
-  EXPECT_NE(t.tracker.leave_out_moving(t.preprocess(frame), rejected, t.volume), moving);
-  EXPECT_EQ(t.tracker.leave_out_moving(t.preprocess(frame), tracked, t.volume), moving);
+  EXPECT_NE(t.tracker.leave_out_moving(t.preprocessor.preprocess(frame), rejected, t.volume), moving);
+  EXPECT_EQ(t.tracker.leave_out_moving(t.preprocessor.preprocess(frame), tracked, t.volume), moving);
 }
 
 }  // namespace

@@ -43,7 +43,7 @@ std::vector<Brick> update(World& world, const Atlas& atlas,
 Mesh mesh_of(World& world) {
   Volume volume(test_device(), kOptions, 5.0f);
   volume.adopt(world.release());
-  return Polygonize(test_device())(volume);
+  return Polygonizer(test_device()).polygonize(volume);
 }
 
 TEST(WorldParts, AreWhatTheWholeIs) {
@@ -193,7 +193,7 @@ TEST(World, LeavesNoGapBetweenVoxelsAndFreeSpaceWhereSubmapsTurn) {
   // What was free makes no surface of its own.
   Volume whole(test_device(), fuse, 5.0f);
   whole.adopt(world.release());
-  const Mesh mesh = Polygonize(test_device())(whole);
+  const Mesh mesh = Polygonizer(test_device()).polygonize(whole);
   ASSERT_GT(mesh.triangles.size(), 1000u);
   for (const auto& p : mesh.positions) EXPECT_NEAR((turn.inverse() * p.cast<double>()).z(), 0.0, 0.002);
 }

@@ -18,13 +18,13 @@ struct Around {
   explicit Around(bool colour) {
     const Scene scene = synthetic_scene("room");
     const Camera camera = synthetic_camera();
-    SceneRenderer render(test_device(), scene, camera);
+    SceneRenderer renderer(test_device(), scene, camera);
     for (int i = 0; i < kViews; ++i) {
       const Eigen::Isometry3d pose = scene.world_from_camera(i);
       Vector6d aside;
       aside << 0.03, -0.1, 0.05, 0.12, -0.05, 0.08;
       for (const bool second : {false, true}) {
-        auto images = render(second ? pose * retract(aside) : pose);
+        auto images = renderer.render(second ? pose * retract(aside) : pose);
         add_kinect_noise(images, camera, second ? 2 : 1, i);
         if (!colour) images.colour.clear();
         Features features = extract_features(images.colour, images.depth, camera);

@@ -24,11 +24,11 @@ struct SmallRecording {
 inline void write_small_recording(const std::filesystem::path& folder, const SmallRecording& r = {}) {
   const Camera camera{160, 120, 131.25, 131.25, 79.5, 59.5, {}};
   const Scene scene = synthetic_scene(r.scene);
-  SceneRenderer render(test_device(), scene, camera);
+  SceneRenderer renderer(test_device(), scene, camera);
   TumWriter writer(folder, camera);
   for (int i = 0; i < r.frames; ++i) {
     const double time = r.speed * i / 30.0;
-    auto images = render(scene.world_from_camera(time > r.turns_at ? 2 * r.turns_at - time : time));
+    auto images = renderer.render(scene.world_from_camera(time > r.turns_at ? 2 * r.turns_at - time : time));
     if (!r.colour) images.colour.clear();
     writer.add(encode(
         {.index = i, .timestamp = i / 30.0, .depth = std::move(images.depth), .colour = std::move(images.colour)},

@@ -15,9 +15,9 @@ inline Camera small_camera() { return {320, 240, 262.5, 262.5, 159.5, 119.5, {}}
 
 /// Frame `index` of a scene as seen along its own path, 30 a second.
 inline Frame scene_frame(const Scene& scene, const Camera& camera, int index, bool kinect_noise = false) {
-  SceneRenderer render(test_device(), scene, camera);
+  SceneRenderer renderer(test_device(), scene, camera);
   const Eigen::Isometry3d pose = scene.world_from_camera(index / 30.0);
-  auto images = render(pose);
+  auto images = renderer.render(pose);
   if (kinect_noise) add_kinect_noise(images, camera, 1, index);
   return {.index = index,
           .timestamp = index / 30.0,

@@ -21,9 +21,9 @@ TEST_P(PreprocessOfSize, EqualsItsPlainTwin) {
   Camera camera = small_camera();
   camera.width = GetParam().first, camera.height = GetParam().second;
   const SurfaceOptions options;
-  Preprocess preprocess(test_device(), camera, options, 2, 0);
+  Preprocessor preprocessor(test_device(), camera, options, 2, 0);
   const Frame frame = scene_frame(synthetic_scene("room"), camera, 10, true);
-  const Surface surface = preprocess(frame);
+  const Surface surface = preprocessor.preprocess(frame);
 
   const auto expected = twin::filter(frame.depth, camera, options);
   const auto fusion = download<shader::uvec2>(*surface.fusion, frame.depth.size());
@@ -63,8 +63,8 @@ TEST(Preprocess, DropsAFlyingPixelAndKeepsTheEdge) {
   for (int y = 0; y < camera.height; ++y)
     for (int x = 161; x < camera.width; ++x) frame.depth[static_cast<std::size_t>(y * camera.width + x)] = 2.0f;
   at(160) = 1.5f;
-  Preprocess preprocess(test_device(), camera, {}, 1, 0);
-  const Surface surface = preprocess(frame);
+  Preprocessor preprocessor(test_device(), camera, {}, 1, 0);
+  const Surface surface = preprocessor.preprocess(frame);
   const auto fusion = download<shader::uvec2>(*surface.fusion, frame.depth.size());
   const auto clean = [&](int x) {
     return std::bit_cast<float>(fusion[static_cast<std::size_t>(100 * camera.width + x)].x);
@@ -79,13 +79,13 @@ TEST(Preprocess, LeavesANoisyPlaneWhereItIs) {
   const Camera camera = small_camera();
   constexpr float kDepth = 3;
   const float sigma = shader::depth_noise(kDepth) / (kDepth * kDepth);  // 1 / m
-  Preprocess preprocess(test_device(), camera, {}, 3, 0);
+  Preprocessor preprocessor(test_device(), camera, {}, 3, 0);
   for (const float times : {1.0f, 2.0f, 3.0f}) {
     std::mt19937 random(1);
     std::normal_distribution<float> noise(0, times * sigma);
     Frame frame{.depth = std::vector<float>(static_cast<std::size_t>(camera.width * camera.height))};
     for (float& z : frame.depth) z = 1 / (1 / kDepth + noise(random));
-    const Surface surface = preprocess(frame);
+    const Surface surface = preprocessor.preprocess(frame);
     for (int level = 0; level < 3; ++level) {
       const Camera& c = surface.levels[static_cast<std::size_t>(level)]->camera;
       const auto points = download<shader::uvec2>(surface.levels[static_cast<std::size_t>(level)]->points,
@@ -107,8 +107,8 @@ TEST(Preprocess, UndoesDistortion) {
   for (int y = 0; y < camera.height; ++y)
     for (int x = 0; x < camera.width; ++x)
       frame.colour.push_back(0xff000000u | static_cast<std::uint32_t>(x / 2) | static_cast<std::uint32_t>(y) << 8);
-  Preprocess preprocess(test_device(), camera, {}, 1, 0);
-  const Surface surface = preprocess(frame);
+  Preprocessor preprocessor(test_device(), camera, {}, 1, 0);
+  const Surface surface = preprocessor.preprocess(frame);
   const auto fusion = download<shader::uvec2>(*surface.fusion, frame.depth.size());
   const auto& [k1, k2, p1, p2, k3] = camera.distortion;
   for (const auto& [x, y] : {std::pair{160, 120}, {60, 60}, {250, 180}, {40, 200}}) {

@@ -17,25 +17,25 @@ namespace {
 struct Stages {
   Camera camera = small_camera();
   TrackOptions options{.finest_level = 0};
-  Preprocess preprocess{test_device(), camera, {}, options.levels, 0};
+  Preprocessor preprocessor{test_device(), camera, {}, options.levels, 0};
   Volume volume{test_device(), {.voxel_size = 0.01f, .truncation = 0.04f, .device_memory = 256 << 20}, 5.0f};
-  Integrate integrate{test_device(), camera, {}};
-  Raycast raycast{test_device(), camera, {}, options.levels, 0};
-  Align align{test_device(), options};
+  Integrator integrator{test_device(), camera, {}};
+  Raycaster raycaster{test_device(), camera, {}, options.levels, 0};
+  Aligner aligner{test_device(), options};
 };
 
 /// The room fused from one exact frame.
 struct Room : Stages {
   Scene scene = synthetic_scene("room");
   Frame frame = scene_frame(scene, camera, 0);
-  Room() { integrate(preprocess(frame), *frame.world_from_camera, volume, 1); }
+  Room() { integrator.integrate(preprocessor.preprocess(frame), *frame.world_from_camera, volume, 1); }
 };
 
 TEST(Align, StaysWhereItIs) {
   Room s;
-  const Surface live = s.preprocess(s.frame);
+  const Surface live = s.preprocessor.preprocess(s.frame);
   const Eigen::Isometry3d pose = *s.frame.world_from_camera;
-  const Alignment a = s.align(live, s.raycast(s.volume, pose), pose);
+  const Alignment a = s.aligner.align(live, s.raycaster.raycast(s.volume, pose), pose);
   EXPECT_TRUE(a.converged()) << a.lost;
   const Eigen::Isometry3d error = pose.inverse() * a.submap_from_camera;
   EXPECT_LT(error.translation().norm(), 1e-3);  // a tenth of a voxel: the filter rounds corners, the model does not
@@ -49,8 +49,8 @@ TEST(Align, FindsAKnownMotion) {
   Eigen::Isometry3d guess = *s.frame.world_from_camera;
   guess = guess * Eigen::Translation3d(0.03, -0.02, 0.035) *
           Eigen::AngleAxisd(0.07, Eigen::Vector3d(1, 2, -1).normalized());
-  const Surface live = s.preprocess(s.frame);
-  const Alignment a = s.align(live, s.raycast(s.volume, guess), guess);
+  const Surface live = s.preprocessor.preprocess(s.frame);
+  const Alignment a = s.aligner.align(live, s.raycaster.raycast(s.volume, guess), guess);
   EXPECT_TRUE(a.converged()) << a.lost;
   const Eigen::Isometry3d error = s.frame.world_from_camera->inverse() * a.submap_from_camera;
   EXPECT_LT(error.translation().norm(), 2e-3);
@@ -61,17 +61,17 @@ TEST(Align, KnowsByBrightnessThatAnotherPlaceIsNotThisOne) {
   // Walls fit walls: by depth alone every other of these places is taken for the known one.
   constexpr double kUsual = 0.03;  // photometric rmse of frames that are where they should be
   Room s;
-  const Surface known = s.preprocess(s.frame);
+  const Surface known = s.preprocessor.preprocess(s.frame);
   const Eigen::Isometry3d guess = *s.frame.world_from_camera;
   PhotometricKeyframe keyframe(test_device(), s.camera, s.options);
   keyframe.set(known, guess, {});
-  const Alignment here = s.align(known, s.raycast(s.volume, guess), guess, &keyframe);
+  const Alignment here = s.aligner.align(known, s.raycaster.raycast(s.volume, guess), guess, &keyframe);
   EXPECT_TRUE(here.converged()) << here.lost;
   EXPECT_LT(here.photometric_rmse, kUsual / 3);
   for (int i = 100; i <= 620; i += 40) {  // all around the room
     const Frame elsewhere = scene_frame(s.scene, s.camera, i);
-    const Surface live = s.preprocess(elsewhere);
-    const Alignment a = s.align(live, s.raycast(s.volume, guess), guess, &keyframe);
+    const Surface live = s.preprocessor.preprocess(elsewhere);
+    const Alignment a = s.aligner.align(live, s.raycaster.raycast(s.volume, guess), guess, &keyframe);
     EXPECT_TRUE(!a.converged() || a.photometric_rmse > 3 * kUsual) << i << ": " << a.photometric_rmse;
   }
 }
@@ -80,9 +80,9 @@ TEST(Align, SaysWhenThereIsNoDepth) {
   Room s;
   Frame dark = s.frame;
   std::fill(dark.depth.begin(), dark.depth.end(), 0.0f);
-  const Surface live = s.preprocess(dark);
+  const Surface live = s.preprocessor.preprocess(dark);
   const Eigen::Isometry3d guess = *s.frame.world_from_camera;
-  EXPECT_EQ(s.align(live, s.raycast(s.volume, guess), guess).lost, "too little depth");
+  EXPECT_EQ(s.aligner.align(live, s.raycaster.raycast(s.volume, guess), guess).lost, "too little depth");
 }
 
 TEST(IcpReduce, EqualsItsPlainTwin) {
@@ -90,12 +90,12 @@ TEST(IcpReduce, EqualsItsPlainTwin) {
   TrackOptions one = s.options;
   one.levels = 1;
   one.iterations_finest = 1;  // the information of a result is that of its last linearisation
-  Align align(test_device(), one);
-  const Surface live = s.preprocess(s.frame);
+  Aligner aligner(test_device(), one);
+  const Surface live = s.preprocessor.preprocess(s.frame);
   Eigen::Isometry3d guess = *s.frame.world_from_camera * Eigen::Translation3d(0.01, 0.005, -0.01);
-  const SurfacePrediction model = s.raycast(s.volume, guess);
+  const SurfacePrediction model = s.raycaster.raycast(s.volume, guess);
   const Eigen::Isometry3d start = *s.frame.world_from_camera;
-  const Alignment a = align(live, model, start);
+  const Alignment a = aligner.align(live, model, start);
 
   const auto pixels = static_cast<std::size_t>(s.camera.width * s.camera.height);
   const auto l = download<shader::uvec2>(live.levels[0]->points, pixels),
@@ -136,14 +136,15 @@ struct Slide : Stages {
     const Scene scene = synthetic_scene(scene_name);
     for (int i = 0; i < 5; ++i) {
       const Frame frame = scene_frame(scene, camera, i, noise);
-      const Surface live = preprocess(frame);
-      integrate(live, *frame.world_from_camera, volume, static_cast<std::uint32_t>(i + 1));
+      const Surface live = preprocessor.preprocess(frame);
+      integrator.integrate(live, *frame.world_from_camera, volume, static_cast<std::uint32_t>(i + 1));
       if (i == 4 && with_colour) keyframe.set(live, *frame.world_from_camera, {});
     }
     const Frame frame = scene_frame(scene, camera, 6, noise);
     truth = *frame.world_from_camera;
     const Eigen::Isometry3d guess = truth * Eigen::Translation3d(0.02, 0, 0);
-    return align(preprocess(frame), raycast(volume, guess), guess, with_colour ? &keyframe : nullptr);
+    return aligner.align(preprocessor.preprocess(frame), raycaster.raycast(volume, guess), guess,
+                         with_colour ? &keyframe : nullptr);
   }
   Eigen::Isometry3d truth;
 };
@@ -185,11 +186,12 @@ TEST(Align, FollowsAChangeOfExposure) {
     for (int shift = 0; shift < 24; shift += 8) darker |= (((pixel >> shift) & 0xff) * 6 / 10 + 5) << shift;
     pixel = darker;
   }
-  const Surface key = s.preprocess(first);
-  s.integrate(key, *first.world_from_camera, s.volume, 1);
+  const Surface key = s.preprocessor.preprocess(first);
+  s.integrator.integrate(key, *first.world_from_camera, s.volume, 1);
   s.keyframe.set(key, *first.world_from_camera, {});
   const Eigen::Isometry3d guess = *second.world_from_camera * Eigen::Translation3d(0.01, 0.005, 0);
-  const Alignment a = s.align(s.preprocess(second), s.raycast(s.volume, guess), guess, &s.keyframe);
+  const Alignment a =
+      s.aligner.align(s.preprocessor.preprocess(second), s.raycaster.raycast(s.volume, guess), guess, &s.keyframe);
   EXPECT_NEAR(a.gain, 1 / 0.6, 0.05);
   EXPECT_LT((second.world_from_camera->inverse() * a.submap_from_camera).translation().norm(), 0.003);
 }
@@ -201,17 +203,18 @@ TEST(PhotometricReduce, PullsTowardsTheTruthAsItsPlainTwinDoes) {
   one.levels = 1;
   one.iterations_finest = 1;
   one.max_distance = 1e-4f;
-  Align align(test_device(), one);
+  Aligner aligner(test_device(), one);
   PhotometricKeyframe keyframe(test_device(), s.camera, one);
   const Frame next = scene_frame(s.scene, s.camera, 1);
-  const Surface key = s.preprocess(s.frame);
+  const Surface key = s.preprocessor.preprocess(s.frame);
   keyframe.set(key, *s.frame.world_from_camera, {});
   const auto key_points = download<shader::uvec2>(key.levels[0]->points, next.depth.size());
   const std::vector<double> brightness = twin::brightness(s.frame.colour);
-  const Surface live = s.preprocess(next);
+  const Surface live = s.preprocessor.preprocess(next);
   const auto points = download<shader::uvec2>(live.levels[0]->points, next.depth.size());
   // Far from the model's view, so that no point finds a partner.
-  const Alignment a = align(live, s.raycast(s.volume, *s.frame.world_from_camera), *next.world_from_camera, &keyframe);
+  const Alignment a = aligner.align(live, s.raycaster.raycast(s.volume, *s.frame.world_from_camera),
+                                    *next.world_from_camera, &keyframe);
 
   std::vector<float> live_depth(points.size()), key_depth(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) {

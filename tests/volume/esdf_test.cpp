@@ -263,15 +263,16 @@ TEST(Esdf, EqualsARebuildAllAlongARecording) {
   const auto folder = data_folder() / "7scenes_redkitchen_600";
   const auto source = with_poses(open_recording(folder, {.begin = 0, .end = 180, .step = 6}), recorded_truth(folder));
   const FuseOptions fuse;
-  Preprocess preprocess(test_device(), source->camera(), {}, 3, 1);
-  Integrate integrate(test_device(), preprocess.camera(), {});
+  Preprocessor preprocessor(test_device(), source->camera(), {}, 3, 1);
+  Integrator integrator(test_device(), preprocessor.camera(), {});
   Volume volume(test_device(), fuse, 5.0f);
   Esdf live(test_device(), fuse, {});
   std::uint32_t frames = 0;
   double mean = 0, most = 0, mean_of_made_anew = 0;
   int times = 0;
   while (const auto frame = source->next()) {
-    const Fused fused = integrate(preprocess(*frame), *frame->world_from_camera, volume, ++frames);
+    const Fused fused =
+        integrator.integrate(preprocessor.preprocess(*frame), *frame->world_from_camera, volume, ++frames);
     std::vector<Brick> changed = fused.changed;
     changed.insert(changed.end(), fused.newly_free.begin(), fused.newly_free.end());
     live.update(volume, changed);
@@ -376,13 +377,13 @@ TEST(DistanceField, ComesBackFromItsFile) {
 TEST(FreeBricks, AreThoseThatACameraLooksThrough) {
   const Scene scene = synthetic_scene("room");
   const Camera camera = small_camera();
-  Preprocess preprocess(test_device(), camera, {}, 3, 1);
-  Integrate integrate(test_device(), camera, {});
+  Preprocessor preprocessor(test_device(), camera, {}, 3, 1);
+  Integrator integrator(test_device(), camera, {});
   const FuseOptions fuse;
   Volume volume(test_device(), fuse, 5.0f);
   const Frame frame = scene_frame(scene, camera, 0);
   const Eigen::Isometry3d& pose = *frame.world_from_camera;
-  const Fused fused = integrate(preprocess(frame), pose, volume, 1);
+  const Fused fused = integrator.integrate(preprocessor.preprocess(frame), pose, volume, 1);
   ASSERT_GT(fused.newly_free.size(), 1000u);
   const double size = volume.brick_size();
   for (const Brick& brick : fused.newly_free) {
@@ -408,7 +409,8 @@ TEST(FreeBricks, AreThoseThatACameraLooksThrough) {
   ASSERT_GT(samples, 1000);
   EXPECT_GT(there, 0.9 * samples);
   // A second look finds nothing new.
-  EXPECT_LT(integrate(preprocess(frame), pose, volume, 5).newly_free.size(), fused.newly_free.size() / 50);
+  EXPECT_LT(integrator.integrate(preprocessor.preprocess(frame), pose, volume, 5).newly_free.size(),
+            fused.newly_free.size() / 50);
 }
 
 TEST(FreeBricks, ComeBackFromFiles) {

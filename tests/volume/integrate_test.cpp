@@ -19,12 +19,13 @@ Frame wall(const Camera& camera, std::uint32_t grey) {
 
 TEST(Integrate, ColoursFollowSmallChangesForEver) {
   const Camera camera{160, 120, 131.25, 131.25, 79.5, 59.5, {}};
-  Preprocess preprocess(test_device(), camera, {}, 1, 0);
-  Integrate integrate(test_device(), camera, {});
+  Preprocessor preprocessor(test_device(), camera, {}, 1, 0);
+  Integrator integrator(test_device(), camera, {});
   Volume volume(test_device(), {.voxel_size = 0.02f, .truncation = 0.08f, .device_memory = 64 << 20}, 5.0f);
   const Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   std::uint32_t fused_count = 0;
-  for (int i = 0; i < 60; ++i) (void)integrate(preprocess(wall(camera, 100)), pose, volume, ++fused_count);
+  for (int i = 0; i < 60; ++i)
+    (void)integrator.integrate(preprocessor.preprocess(wall(camera, 100)), pose, volume, ++fused_count);
   const auto mean = [&] {
     double sum = 0, count = 0;
     for (const Brick& brick : volume.bricks()) {
@@ -37,18 +38,19 @@ TEST(Integrate, ColoursFollowSmallChangesForEver) {
   };
   EXPECT_NEAR(mean(), 100, 0.01);
   // Ten levels brighter: of means rounded to the nearest level none would ever move.
-  for (int i = 0; i < 200; ++i) (void)integrate(preprocess(wall(camera, 110)), pose, volume, ++fused_count);
+  for (int i = 0; i < 200; ++i)
+    (void)integrator.integrate(preprocessor.preprocess(wall(camera, 110)), pose, volume, ++fused_count);
   EXPECT_NEAR(mean(), 110, 1);
 }
 
 TEST(Integrate, AFrameWithoutUsableDepthChangesNothing) {
   const Camera camera{160, 120, 131.25, 131.25, 79.5, 59.5, {}};
-  Preprocess preprocess(test_device(), camera, {}, 1, 0);
-  Integrate integrate(test_device(), camera, {});
+  Preprocessor preprocessor(test_device(), camera, {}, 1, 0);
+  Integrator integrator(test_device(), camera, {});
   Volume volume(test_device(), {.voxel_size = 0.02f, .truncation = 0.08f, .device_memory = 64 << 20}, 5.0f);
   Frame far = wall(camera, 100);
   std::fill(far.depth.begin(), far.depth.end(), 9.0f);
-  const Fused fused = integrate(preprocess(far), Eigen::Isometry3d::Identity(), volume, 1);
+  const Fused fused = integrator.integrate(preprocessor.preprocess(far), Eigen::Isometry3d::Identity(), volume, 1);
   EXPECT_EQ(fused.touched, 0);
   EXPECT_TRUE(volume.bricks().empty());
 }

@@ -41,8 +41,9 @@ TEST(Merge, EqualsItsPlainTwin) {
     job.shares.push_back({i, submaps.back().second});
   }
   BrickTree world;
-  Merge(test_device(), options)(
-      std::span(&job, 1), [&](std::size_t i) { return trees[i]; }, world);
+  Merger(test_device(), options)
+      .merge(
+          std::span(&job, 1), [&](std::size_t i) { return trees[i]; }, world);
   ASSERT_EQ(world.size(), 1u);
   const std::uint64_t* merged = world.find(job.target);
   int observed = 0, colours = 0;
@@ -71,8 +72,9 @@ TEST(Merge, ErasesWhatNobodyObserved) {
   const BrickVoxels old{1, 2, 3};
   const MergeJob job{.target = {40, 0, 0}, .shares = {{0, Eigen::Isometry3d::Identity()}}};
   world.put(job.target, old);
-  Merge(test_device(), {})(
-      std::span(&job, 1), [&](std::size_t) { return tree; }, world);
+  Merger(test_device(), {})
+      .merge(
+          std::span(&job, 1), [&](std::size_t) { return tree; }, world);
   EXPECT_EQ(world.size(), 0u);
 }
 

@@ -46,7 +46,7 @@ void expect_closed(const Mesh& mesh) {
 TEST(Polygonize, MakesAClosedSphereAcrossBricksWithoutDuplicateVertices) {
   Volume volume(test_device(), fuse_options(), 5.0f);
   fill(volume, {-0.6f, -0.7f, -0.6f}, {0.8f, 0.6f, 0.7f}, sphere);
-  const Mesh mesh = Polygonize(test_device())(volume);
+  const Mesh mesh = Polygonizer(test_device()).polygonize(volume);
   ASSERT_GT(mesh.triangles.size(), 5000u);
   expect_closed(mesh);
   // Linear interpolation along an edge of 2 cm misses a sphere of 50 cm by at most h^2 / 8r = 0.1 mm; 16 bits add 1 um.
@@ -82,7 +82,7 @@ TEST(Polygonize, EqualsItsPlainTwin) {
   }
   const std::vector<Eigen::Vector3f> expected = twin::polygonize(tree, options);
   volume.adopt(std::move(tree));
-  const Mesh mesh = Polygonize(test_device())(volume);
+  const Mesh mesh = Polygonizer(test_device()).polygonize(volume);
   ASSERT_GT(expected.size(), 30000u);
   ASSERT_EQ(3 * mesh.triangles.size(), expected.size());
   // Triangles come in another order; each has its own place.
@@ -111,13 +111,13 @@ TEST(Polygonize, GivesTheSameMeshWhenTheMapExceedsTheDevice) {
   FuseOptions small = fuse_options(0.01f);
   Volume large(test_device(), small, 2.0f);
   fill(large, {-0.6f, -0.7f, -0.6f}, {0.8f, 0.6f, 0.7f}, sphere);
-  Polygonize polygonize(test_device());
-  const Mesh all = polygonize(large);
+  Polygonizer polygonizer(test_device());
+  const Mesh all = polygonizer.polygonize(large);
   small.device_memory = 10 << 20;  // 2,290 bricks of the map's 5,500
   Volume paged(test_device(), small, 2.0f);
   fill(paged, {-0.6f, -0.7f, -0.6f}, {0.8f, 0.6f, 0.7f}, sphere);
   ASSERT_GT(paged.bricks().size(), paged.capacity());
-  const Mesh parts = polygonize(paged);
+  const Mesh parts = polygonizer.polygonize(paged);
   EXPECT_EQ(all.triangles, parts.triangles);
   EXPECT_EQ(all.positions, parts.positions);
   EXPECT_EQ(all.normals, parts.normals);
@@ -130,17 +130,17 @@ TEST(Polygonize, PagesADenseMapThroughTheSmallestPool) {
   // Every brick of a block of 20 a side exists: no part of it may ask for more than the pool holds.
   fill(volume, {-0.79f, -0.79f, -0.79f}, {0.79f, 0.79f, 0.79f}, sphere);
   ASSERT_GE(volume.bricks().size(), 8000u);
-  expect_closed(Polygonize(test_device())(volume));
+  expect_closed(Polygonizer(test_device()).polygonize(volume));
 }
 
 TEST(Polygonize, OfSomeBricksIsThatPartOfTheWhole) {
   Volume volume(test_device(), fuse_options(), 5.0f);
   fill(volume, {-0.6f, -0.7f, -0.6f}, {0.8f, 0.6f, 0.7f}, sphere);
-  Polygonize polygonize(test_device());
+  Polygonizer polygonizer(test_device());
   std::vector<Brick> right, left;
   for (const Brick& b : volume.bricks()) (b.x() > 0 ? right : left).push_back(b);
-  const Mesh whole = polygonize(volume), a = polygonize.on_device(volume, right),
-             b = polygonize.on_device(volume, left);
+  const Mesh whole = polygonizer.polygonize(volume), a = polygonizer.on_device(volume, right),
+             b = polygonizer.on_device(volume, left);
   EXPECT_EQ(a.triangles.size() + b.triangles.size(), whole.triangles.size());
   const auto has_all_places_of = [&](const Mesh& part) {
     std::set<std::array<float, 6>> places;
@@ -206,8 +206,8 @@ TEST(Raycast, SeesTheSphereWhereItIs) {
   fill(volume, {-0.5f, -0.5f, 1.0f}, {0.5f, 0.5f, 2.0f}, far_sphere);
   volume.page_in(volume.bricks());
   const Camera camera = small_camera();
-  Raycast raycast(test_device(), camera, {}, 2, 0);
-  const SurfacePrediction view = raycast(volume, Eigen::Isometry3d::Identity());
+  Raycaster raycaster(test_device(), camera, {}, 2, 0);
+  const SurfacePrediction view = raycaster.raycast(volume, Eigen::Isometry3d::Identity());
   const auto points =
       download<shader::uvec2>(view.levels[0]->points, static_cast<std::size_t>(camera.width * camera.height));
   // A trilinear field bends by h^2 / 8r over a cell of 1 cm; Newton's steps end within a tenth of that.
@@ -242,11 +242,12 @@ TEST(Raycast, SeesTheSphereWhereItIs) {
 TEST(Raycast, HalvesTheViewLikeItsPlainTwin) {
   const Camera camera = small_camera();
   const Frame frame = scene_frame(synthetic_scene("room"), camera, 0);
-  Preprocess preprocess(test_device(), camera, {}, 1, 0);
+  Preprocessor preprocessor(test_device(), camera, {}, 1, 0);
   Volume volume(test_device(), fuse_options(0.02f), 5.0f);
-  (void)Integrate(test_device(), camera, {})(preprocess(frame), *frame.world_from_camera, volume, 1);
-  Raycast raycast(test_device(), camera, {}, 2, 0);
-  const SurfacePrediction view = raycast(volume, *frame.world_from_camera);
+  (void)Integrator(test_device(), camera, {})
+      .integrate(preprocessor.preprocess(frame), *frame.world_from_camera, volume, 1);
+  Raycaster raycaster(test_device(), camera, {}, 2, 0);
+  const SurfacePrediction view = raycaster.raycast(volume, *frame.world_from_camera);
   const auto depth_of = [](const VertexNormalMap& image) {
     const auto points =
         download<shader::uvec2>(image.points, static_cast<std::size_t>(image.camera.width * image.camera.height));
@@ -262,14 +263,15 @@ TEST(Raycast, HalvesTheViewLikeItsPlainTwin) {
 TEST(Integrate, EqualsItsPlainTwin) {
   const Camera camera = small_camera();
   const Scene scene = synthetic_scene("room");
-  Preprocess preprocess(test_device(), camera, {}, 1, 0);
+  Preprocessor preprocessor(test_device(), camera, {}, 1, 0);
   Volume volume(test_device(), fuse_options(0.02f), 5.0f);
-  Integrate integrate(test_device(), camera, {});
+  Integrator integrator(test_device(), camera, {});
   std::vector<std::pair<Eigen::Isometry3d, std::vector<shader::uvec2>>> fused;
   for (int i = 0; i < 3; ++i) {
     const Frame frame = scene_frame(scene, camera, 5 * i);
-    const Surface surface = preprocess(frame);
-    const Fused result = integrate(surface, *frame.world_from_camera, volume, static_cast<std::uint32_t>(i + 1));
+    const Surface surface = preprocessor.preprocess(frame);
+    const Fused result =
+        integrator.integrate(surface, *frame.world_from_camera, volume, static_cast<std::uint32_t>(i + 1));
     EXPECT_GT(result.touched, 100);
     fused.emplace_back(*frame.world_from_camera, download<shader::uvec2>(*surface.fusion, frame.depth.size()));
   }
@@ -313,12 +315,12 @@ TEST(Integrate, EqualsItsPlainTwin) {
 TEST(Integrate, AllocatesTheBricksOfItsPlainTwin) {
   const Camera camera = small_camera();
   const Frame frame = scene_frame(synthetic_scene("room"), camera, 0);
-  Preprocess preprocess(test_device(), camera, {}, 1, 0);
+  Preprocessor preprocessor(test_device(), camera, {}, 1, 0);
   const FuseOptions options = fuse_options(0.01f);
   Volume volume(test_device(), options, 5.0f);
-  const Surface surface = preprocess(frame);
+  const Surface surface = preprocessor.preprocess(frame);
   // Half a brick at 5 m is 2.1 pixels: every second pixel, from phase 1 on (fused_count 1) in x, 0 in y.
-  (void)Integrate(test_device(), camera, {})(surface, *frame.world_from_camera, volume, 1);
+  (void)Integrator(test_device(), camera, {}).integrate(surface, *frame.world_from_camera, volume, 1);
   const auto image = download<shader::uvec2>(*surface.fusion, frame.depth.size());
   std::vector<float> depth(image.size());
   for (std::size_t i = 0; i < image.size(); ++i) depth[i] = std::bit_cast<float>(image[i].x);
@@ -337,9 +339,10 @@ TEST(Integrate, TakesTheNewBricksOfAFrameHoweverMany) {
   const Camera camera = small_camera();
   const FuseOptions options{.voxel_size = 0.004f, .truncation = 0.016f, .device_memory = std::uint64_t{224} << 20};
   const Frame frame{.depth = std::vector<float>(static_cast<std::size_t>(camera.width * camera.height), 3.0f)};
-  Preprocess preprocess(test_device(), camera, {}, 1, 0);
+  Preprocessor preprocessor(test_device(), camera, {}, 1, 0);
   Volume volume(test_device(), options, 5.0f);
-  const Fused fused = Integrate(test_device(), camera, {})(preprocess(frame), Eigen::Isometry3d::Identity(), volume, 2);
+  const Fused fused = Integrator(test_device(), camera, {})
+                          .integrate(preprocessor.preprocess(frame), Eigen::Isometry3d::Identity(), volume, 2);
   // More than one pass lists, and all of them: which ones were left to the next frame would depend on the threads.
   const auto expected = twin::bands(frame.depth, camera, Eigen::Isometry3d::Identity(), options, 1, 0, 0);
   ASSERT_GT(expected.size(), 17000u);
@@ -350,14 +353,15 @@ TEST(Integrate, TakesTheNewBricksOfAFrameHoweverMany) {
 TEST(Integrate, PutsTheZeroCrossingOnThePlane) {
   const Camera camera = small_camera();
   const Scene scene = synthetic_scene("plane");  // z = 2 m
-  Preprocess preprocess(test_device(), camera, {}, 1, 0);
+  Preprocessor preprocessor(test_device(), camera, {}, 1, 0);
   Volume volume(test_device(), fuse_options(0.02f), 5.0f);
-  Integrate integrate(test_device(), camera, {});
+  Integrator integrator(test_device(), camera, {});
   for (int i = 0; i < 3; ++i) {
     const Frame frame = scene_frame(scene, camera, 10 * i);
-    integrate(preprocess(frame), *frame.world_from_camera, volume, static_cast<std::uint32_t>(i + 1));
+    integrator.integrate(preprocessor.preprocess(frame), *frame.world_from_camera, volume,
+                         static_cast<std::uint32_t>(i + 1));
   }
-  const Mesh mesh = Polygonize(test_device())(volume);
+  const Mesh mesh = Polygonizer(test_device()).polygonize(volume);
   ASSERT_GT(mesh.positions.size(), 1000u);
   // Projective distances of oblique views disagree away from the surface, not on it; a pixel is up to 4 mm wide here.
   constexpr float kPixel = 2e-3f;
@@ -366,22 +370,23 @@ TEST(Integrate, PutsTheZeroCrossingOnThePlane) {
 
 TEST(Integrate, CarvesAwayWhatHasGone) {
   const Camera camera = small_camera();
-  Preprocess preprocess(test_device(), camera, {}, 1, 0);
+  Preprocessor preprocessor(test_device(), camera, {}, 1, 0);
   FuseOptions options = fuse_options(0.02f);
   options.max_weight = 8;
   Volume volume(test_device(), options, 5.0f);
-  Integrate integrate(test_device(), camera, {});
+  Integrator integrator(test_device(), camera, {});
   Frame frame{.depth = std::vector<float>(static_cast<std::size_t>(camera.width * camera.height), 3.0f)};
   for (int y = 80; y < 160; ++y)
     for (int x = 120; x < 200; ++x) frame.depth[static_cast<std::size_t>(y * camera.width + x)] = 1.0f;
-  integrate(preprocess(frame), Eigen::Isometry3d::Identity(), volume, 1);
+  integrator.integrate(preprocessor.preprocess(frame), Eigen::Isometry3d::Identity(), volume, 1);
   const auto near = [&] {
-    const Mesh mesh = Polygonize(test_device())(volume);
+    const Mesh mesh = Polygonizer(test_device()).polygonize(volume);
     return std::count_if(mesh.positions.begin(), mesh.positions.end(), [](const auto& p) { return p.z() < 2; });
   };
   EXPECT_GT(near(), 100);
   std::fill(frame.depth.begin(), frame.depth.end(), 3.0f);
-  for (std::uint32_t i = 2; i < 30; ++i) integrate(preprocess(frame), Eigen::Isometry3d::Identity(), volume, i);
+  for (std::uint32_t i = 2; i < 30; ++i)
+    integrator.integrate(preprocessor.preprocess(frame), Eigen::Isometry3d::Identity(), volume, i);
   EXPECT_EQ(near(), 0);
 }
 
@@ -390,15 +395,15 @@ TEST(Volume, KeepsBricksThatLeaveTheWindowAndBringsThemBack) {
   fill(volume, {-0.6f, -0.7f, -0.6f}, {0.8f, 0.6f, 0.7f}, sphere);
   const auto all = volume.bricks();
   volume.page_in(all);
-  Polygonize polygonize(test_device());
-  const Mesh before = polygonize(volume);
+  Polygonizer polygonizer(test_device());
+  const Mesh before = polygonizer.polygonize(volume);
   volume.move_window({100, 0, 0});
   for (const Brick& b : all) ASSERT_EQ(volume.slot_of(b), Volume::kNoSlot);
   EXPECT_EQ(volume.counts().paged_out, all.size());
   volume.move_window({0, 0, 0});
   volume.page_in(all);
   EXPECT_NE(volume.slot_of(all[0]), Volume::kNoSlot);
-  const Mesh after = polygonize(volume);
+  const Mesh after = polygonizer.polygonize(volume);
   EXPECT_EQ(before.positions, after.positions);
   EXPECT_EQ(before.triangles, after.triangles);
 }
