@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+#include "base/lines.hpp"
+
 #include <cmath>
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
 
 #include "base/words.hpp"
-#include "io/recording.hpp"
 
 namespace cairn {
 

@@ -11,9 +11,9 @@
 #include <stdexcept>
 
 #include "base/atomic_file.hpp"
+#include "base/lines.hpp"
 #include "base/words.hpp"
 #include "graph/pose_graph.hpp"
-#include "io/recording.hpp"
 
 namespace cairn {
 namespace {

@@ -2,11 +2,10 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
 #include <filesystem>
-#include <functional>
 #include <optional>
-#include <string>
 #include <vector>
 
+#include "base/lines.hpp"
 #include "cairn/camera.hpp"
 #include "cairn/trajectory.hpp"
 
@@ -33,13 +32,5 @@ struct Recording {
 [[nodiscard]] std::optional<Recording> read_seven_scenes(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_icl_nuim(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_intrinsics_folder(const std::filesystem::path& folder);
-
-/// Calls `take(line number, words)` for each line that is neither empty nor a comment.
-void for_each_line(const std::filesystem::path& file,
-                   const std::function<void(int, const std::vector<std::string>&)>& take);
-/// The number that a word of a line holds; throws with file and line.
-[[nodiscard]] double number_of(const std::string& word, const std::filesystem::path& file, int line);
-/// Whether a quaternion of a file can be made one of length 1.
-[[nodiscard]] inline bool is_rotation(const Eigen::Quaterniond& q) { return q.norm() >= 1e-6 && q.norm() <= 1e6; }
 
 }  // namespace cairn
