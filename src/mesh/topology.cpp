@@ -80,37 +80,6 @@ Components connected_components(const Mesh& mesh, const std::vector<std::uint32_
   return components;
 }
 
-void take_vertices(Mesh& mesh, const std::vector<std::uint32_t>& vertices) {
-  const auto take = [&](auto& by_vertex) {
-    if (by_vertex.empty()) return;
-    std::remove_reference_t<decltype(by_vertex)> taken;
-    taken.reserve(vertices.size());
-    for (const std::uint32_t v : vertices) taken.push_back(by_vertex[v]);
-    by_vertex = std::move(taken);
-  };
-  take(mesh.positions);
-  take(mesh.normals);
-  take(mesh.colours);
-  take(mesh.weights);
-  take(mesh.texture_coordinates);
-}
-
-std::vector<std::uint32_t> drop_unused_vertices(Mesh& mesh) {
-  std::vector<std::uint32_t> moved(mesh.positions.size(), kNone), used;
-  for (const auto& t : mesh.triangles)
-    for (const std::uint32_t v : t) moved[v] = 0;
-  for (std::uint32_t v = 0; v < moved.size(); ++v)
-    if (moved[v] != kNone) {
-      moved[v] = static_cast<std::uint32_t>(used.size());
-      used.push_back(v);
-    }
-  if (used.size() == moved.size()) return used;
-  take_vertices(mesh, used);
-  for (auto& t : mesh.triangles)
-    for (std::uint32_t& v : t) v = moved[v];
-  return used;
-}
-
 Mesh joined(const std::vector<Mesh>& parts) {
   Mesh all;
   const auto append = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };

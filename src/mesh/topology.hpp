@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/mesh_vertices.hpp"
 #include "cairn/mesh.hpp"
 
 namespace cairn {
@@ -40,13 +41,7 @@ struct Components {
 };
 [[nodiscard]] Components connected_components(const Mesh& mesh, const std::vector<std::uint32_t>& name);
 
-/// Leaves the vertices that triangles use, in their order; returns these.
-std::vector<std::uint32_t> drop_unused_vertices(Mesh& mesh);
-
 /// Parts one after the other, without textures; normals and colours only where all parts have them.
 [[nodiscard]] Mesh joined(const std::vector<Mesh>& parts);
-
-/// Leaves the vertices that are told, in this order, with all that they carry; triangles are not touched.
-void take_vertices(Mesh& mesh, const std::vector<std::uint32_t>& vertices);
 
 }  // namespace cairn

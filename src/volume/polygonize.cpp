@@ -11,7 +11,7 @@
 #include <unordered_set>
 #include <utility>
 
-#include "mesh/topology.hpp"
+#include "base/mesh_vertices.hpp"
 #include "spirv/polygonize_classify.comp.h"
 #include "spirv/polygonize_triangles.comp.h"
 #include "spirv/polygonize_vertices.comp.h"
