@@ -8,6 +8,7 @@
 #include "cairn/trajectory.hpp"
 #include "place/keyframe_database.hpp"
 #include "track/align.hpp"
+#include "volume/raycast.hpp"
 
 namespace cairn {
 

@@ -7,23 +7,9 @@
 #include "cairn/options.hpp"
 #include "gpu/kernel.hpp"
 #include "shaders/surface.h"
+#include "surface/surface.hpp"
 
 namespace cairn {
-
-/// Points with normals in the frame of a camera, by pixel; see shaders/surface.h.
-struct VertexNormalMap {
-  Camera camera;
-  gpu::Buffer points;
-};
-
-/// A frame on the device. The buffers belong to Preprocessor and hold until its next call.
-struct Surface {
-  std::vector<const VertexNormalMap*> levels;  // smoothed, the finest first; points from `finest_level` on
-  /// By level what the photometric term reads (SurfacePackPush); empty without colour, null above `finest_level`.
-  std::vector<const gpu::Buffer*> packed;
-  const gpu::Buffer* fusion = nullptr;  // (depth bits, colour) by pixel: rectified, without flying pixels, not smoothed
-  bool has_colour = false;
-};
 
 /// Rectifies, cleans and smooths a frame and makes its pyramid of points and normals.
 class Preprocessor {

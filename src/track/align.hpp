@@ -9,9 +9,9 @@
 
 #include "cairn/options.hpp"
 #include "cairn/pose.hpp"
+#include "gpu/kernel.hpp"
 #include "shaders/track.h"
-#include "surface/preprocess.hpp"
-#include "volume/raycast.hpp"
+#include "surface/prediction.hpp"
 
 namespace cairn {
 

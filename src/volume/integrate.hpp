@@ -3,7 +3,7 @@
 #pragma once
 #include <Eigen/Geometry>
 
-#include "surface/preprocess.hpp"
+#include "surface/surface.hpp"
 #include "volume/volume.hpp"
 
 namespace cairn {

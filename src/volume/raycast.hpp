@@ -4,16 +4,11 @@
 #include <Eigen/Geometry>
 #include <vector>
 
-#include "surface/preprocess.hpp"
+#include "shaders/surface.h"
+#include "surface/prediction.hpp"
 #include "volume/volume.hpp"
 
 namespace cairn {
-
-/// The model seen from a pose. The buffers belong to Raycaster and hold until its next call.
-struct SurfacePrediction {
-  Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
-  std::vector<const VertexNormalMap*> levels;  // as in Surface; null above the finest level that was asked for
-};
 
 /// Renders the volume's surface as a pyramid of points with normals.
 class Raycaster {

@@ -14,6 +14,7 @@
 #include "map/world.hpp"
 #include "spirv/trial_flood.comp.h"
 #include "spirv/trial_separable.comp.h"
+#include "surface/preprocess.hpp"
 #include "synth/render.hpp"
 #include "tests/bench/shaders/trial.h"
 #include "volume/esdf.hpp"

@@ -5,6 +5,7 @@
 #include <benchmark/benchmark.h>
 
 #include "cairn/scene.hpp"
+#include "surface/preprocess.hpp"
 #include "synth/render.hpp"
 #include "track/align.hpp"
 #include "volume/integrate.hpp"

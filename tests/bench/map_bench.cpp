@@ -8,6 +8,7 @@
 #include "cairn/scene.hpp"
 #include "map/match.hpp"
 #include "map/world.hpp"
+#include "surface/preprocess.hpp"
 #include "synth/render.hpp"
 #include "volume/integrate.hpp"
 #include "volume/polygonize.hpp"

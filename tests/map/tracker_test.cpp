@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "support/scenes.hpp"
+#include "surface/preprocess.hpp"
 #include "volume/integrate.hpp"
 
 namespace cairn {

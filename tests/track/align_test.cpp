@@ -8,7 +8,9 @@
 
 #include "support/scenes.hpp"
 #include "support/twins.hpp"
+#include "surface/preprocess.hpp"
 #include "volume/integrate.hpp"
+#include "volume/raycast.hpp"
 
 namespace cairn {
 namespace {

@@ -6,6 +6,7 @@
 
 #include "cairn/mapper.hpp"
 #include "support/scenes.hpp"
+#include "surface/preprocess.hpp"
 
 namespace cairn {
 namespace {

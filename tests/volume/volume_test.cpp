@@ -15,6 +15,7 @@
 #include "support/scenes.hpp"
 #include "support/twins.hpp"
 #include "support/volumes.hpp"
+#include "surface/preprocess.hpp"
 #include "volume/integrate.hpp"
 #include "volume/polygonize.hpp"
 #include "volume/raycast.hpp"
