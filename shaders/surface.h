@@ -54,12 +54,13 @@ struct SurfaceNormalsPush {
   Pinhole camera;
 };
 
+// Standard deviation, in metres, of a structured-light depth measurement (Nguyen, Izadi & Lovell 2012, axial noise).
+constexpr float depth_noise(float z) { return 0.0012f + 0.0019f * (z - 0.4f) * (z - 0.4f); }
+
 #ifdef __cplusplus
-/// Standard deviation, in metres, of a structured-light depth measurement (Nguyen, Izadi & Lovell 2012, axial noise).
-inline float depth_noise(float z) { return 0.0012f + 0.0019f * (z - 0.4f) * (z - 0.4f); }
 }  // namespace cairn::shader
 #else
-float depth_noise(float z) { return 0.0012 + 0.0019 * (z - 0.4) * (z - 0.4); }  // Nguyen, Izadi & Lovell 2012; metres
+vec4 depth_noise(vec4 z) { return vec4(depth_noise(z.x), depth_noise(z.y), depth_noise(z.z), depth_noise(z.w)); }
 
 // What compares depths compares their inverses, 1 / m: there the noise is as large for what lies nearer as for what lies
 // farther. Limits in depth would move surfaces, and with them the whole path, by which side they cut more noise from.

@@ -65,7 +65,7 @@ void main() {
   vec4 z = vec4(a2.zw, b2.xy);
   z = mix(vec4(0.0), z, greaterThanEqual(z, vec4(push.min_depth)));
   z = mix(vec4(0.0), z, lessThanEqual(z, vec4(push.max_depth)));
-  vec4 sigma = 0.0012 + 0.0019 * (z - 0.4) * (z - 0.4);  // depth_noise
+  vec4 sigma = depth_noise(z);
   vec4 jump = push.edge_slope * sigma;
   bvec4 across = between(vec4(a2.yzw, b2.x), z, vec4(a2.w, b2.xyz), jump);
   bvec4 along = between(vec4(a1.zw, b1.xy), z, vec4(a3.zw, b3.xy), jump);

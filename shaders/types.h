@@ -30,6 +30,7 @@ using ivec3 = Triple<int>;
 using uvec2 = Pair<uint>;
 #else
 #extension GL_EXT_scalar_block_layout : require
+#define constexpr  // what functions are in C++ that both languages read
 #endif
 
 struct Pinhole {  // pixels; see cairn/camera.hpp
