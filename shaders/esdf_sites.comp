@@ -30,7 +30,7 @@ uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
   float best = 1e9, height = 0.0, sum = 0.0;
   vec3 normal = vec3(0.0, 0.0, 1.0);
   int observed = 0, mask = (1 << cell_bits) - 1;
-  uint least = max(1u, uint(push.min_weight * kWeightUnit));
+  uint least = least_weight(push.min_weight);
   Voxels pool = Voxels(push.voxels);
   for (int i = 0; i < cells * shifts; ++i) {
     bool is_shifted = i >= cells;
@@ -80,7 +80,7 @@ uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
 // were. `is_cut`: it may pass between its cells and the ones before them. `state` as surface_of finds it.
 bool may_have_surface(EsdfJob job, ivec3 at, out bool is_cut, out uint state) {
   int scale_voxels = 1 << push.scale_bits, cell_bits = max(0, int(push.scale_bits) - 1), cells = 1 << (3 * cell_bits);
-  int mask = (1 << cell_bits) - 1, sum = 0, observed = 0, least = 32767;
+  int mask = (1 << cell_bits) - 1, sum = 0, observed = 0, least = int(kDistanceUnits);
   Voxels pool = Voxels(push.voxels);
   is_cut = false;
   for (int i = 0; i < cells; ++i) {
@@ -97,7 +97,7 @@ bool may_have_surface(EsdfJob job, ivec3 at, out bool is_cut, out uint state) {
     observed += is_observed ? 1 : 0;
   }
   state = 2 * observed >= cells ? (sum >= 0 ? kOutside : kInside) : kUnknown;
-  bool is_near = observed > 0 && least < int(kNearSurface * 32767.0);
+  bool is_near = observed > 0 && least < int(kNearSurface * kDistanceUnits);
   return is_cut || is_near;
 }
 

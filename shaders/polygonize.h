@@ -55,6 +55,5 @@ uint cell_case(ivec3 voxel, uint words_min) {
   }
   return least < words_min ? kNoCase : inside;
 }
-uint min_weight_units() { return max(1u, uint(push.min_weight * kWeightUnit)); }
 #endif
 #endif

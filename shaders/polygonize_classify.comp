@@ -13,7 +13,7 @@ void main() {
   uint brick = push.first + group_index();
   uint column = gl_LocalInvocationID.x;
   ivec3 base = bricks[brick] * 8 + ivec3(column >> 3, column & 7u, 0);
-  uint least = min_weight_units();
+  uint least = least_weight(push.min_weight);
   uvec2 codes = uvec2(0);
   uint bits_x = 0u, bits_y = 0u, bits_z = 0u, count = 0u;
   for (uint k = 0u; k < 8u; ++k) {

@@ -58,10 +58,10 @@ void add(inout Sum sum, uint source, vec3 at) {
 
 uvec2 voxel_of(Sum sum) {
   float mean = sum.weight > 0.0 ? sum.distance / sum.weight : 0.0;
-  int weight = int(min(sum.weight, push.max_weight * kWeightUnit) + 0.5);
+  int weight = int(min(sum.weight, push.max_weight * kWeightUnits) + 0.5);
   ivec3 byte = ivec3((sum.colour.w > 0.0 ? sum.colour.rgb / sum.colour.w : vec3(0.0)) + 0.5);
   uint rgb = uint(byte.x | (byte.y << 8) | (byte.z << 16) | (int(min(sum.colour.w, 255.0)) << 24));
-  return weight > 0 ? uvec2((uint(int(round(mean))) & 0xffffu) | (uint(weight) << 16), rgb) : uvec2(0);
+  return weight > 0 ? uvec2(distance_and_weight(int(round(mean)), weight), rgb) : uvec2(0);
 }
 
 void main() {

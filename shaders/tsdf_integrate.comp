@@ -51,12 +51,12 @@ void main() {
       uvec2 old = unpack32(pool.v[at + k]);
       // A structured-light measurement is worth less with the square of its distance (Khoshelham & Elberink 2012).
       float weight = 1.0 / max(1.0, z * z);
-      float old_weight = float(int(old.x >> 16)) * (1.0 / kWeightUnit);
+      float old_weight = voxel_weight(old.x);
       float sum = old_weight + weight;
       float d = voxel_distance(old.x);
       d += (min(sdf, 1.0) - d) * (weight / sum);
-      uint word = (uint(int(roundEven(d * 32767.0))) & 0xffffu) |
-                  (uint(int(min(sum, push.max_weight) * kWeightUnit + 0.5)) << 16);
+      uint word = distance_and_weight(int(roundEven(d * kDistanceUnits)),
+                                      int(min(sum, push.max_weight) * kWeightUnits + 0.5));
       differs |= (word ^ old.x) & 0xffffu;
       differs |= old.x < 0x10000u ? 1u : 0u;  // observed for the first time
       uint rgb = old.y;

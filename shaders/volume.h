@@ -2,17 +2,17 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // The volume on the device. A brick is 8x8x8 voxels with OpenVDB's leaf order, z fastest: x * 64 + y * 8 + z. Voxel
 // coordinates are integers, voxel (i, j, k) samples the point voxel_size * (i, j, k) of the submap frame; brick (i, j, k)
-// starts at voxel 8 (i, j, k). The page table is a dense window of kTableSize^3 bricks that wraps around: brick b lies
-// at b mod size. Its entries are slot + 1, or 0.
+// starts at voxel 8 (i, j, k). The page table is a dense window of 2^table_bits bricks a side that wraps around: brick b
+// lies at b mod its side. An entry is slot + 1, 0 for a brick that has none, or kPending.
 #ifndef CAIRN_VOLUME_H
 #define CAIRN_VOLUME_H
 #ifdef __cplusplus
-#include "shaders/types.h"
+#include "shaders/voxel.h"
 namespace cairn::shader {
 #else
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference_uvec2 : require
-#include "shaders/types.h"
+#include "shaders/voxel.h"
 #endif
 
 const uint kBrickVoxels = 512;
@@ -137,13 +137,7 @@ inline uint tiles(const Camera& camera) {
 static_assert(sizeof(BrickMarkPush) <= 128 && sizeof(BrickFreePush) <= 128 && sizeof(RaycastPush) <= 128 && sizeof(TsdfIntegratePush) <= 128);
 }  // namespace cairn::shader
 #else
-// A voxel: x = distance (signed 16 bit, in units of truncation / 32767) | weight (16 bit, in 1/256) << 16;
-// y = red | green << 8 | blue << 16 | colour weight << 24.
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Voxels { uvec2 v[]; };
-
-const float kWeightUnit = 256.0;
-float voxel_distance(uint word) { return float(bitfieldExtract(int(word), 0, 16)) * (1.0 / 32767.0); }  // truncations
-float voxel_weight(uint word) { return float(word >> 16) * (1.0 / kWeightUnit); }
 
 bool in_window(VolumeView volume, ivec3 brick) {
   return all(lessThan(uvec3(brick - volume.origin), uvec3(1u << volume.table_bits)));

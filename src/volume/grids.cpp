@@ -18,13 +18,13 @@
 
 #include "base/atomic_file.hpp"
 #include "base/words.hpp"
+#include "shaders/voxel.h"
 
 namespace cairn {
 namespace {
 
 using VoxelTree = openvdb::Int64Tree;
 constexpr float kFreeWeight = 1.0f;  // of bricks without voxels that were seen to be empty
-constexpr float kDistanceUnits = 32767.0f, kWeightUnits = 256.0f;  // as in shaders/volume.h
 
 void initialize_once() {
   static std::once_flag once;
@@ -33,11 +33,6 @@ void initialize_once() {
 
 openvdb::Coord origin_of(const Eigen::Vector3i& brick) { return {8 * brick.x(), 8 * brick.y(), 8 * brick.z()}; }
 Eigen::Vector3i brick_at(const openvdb::Coord& voxel) { return {voxel.x() >> 3, voxel.y() >> 3, voxel.z() >> 3}; }
-
-float distance_of(std::uint64_t v, float truncation) {
-  return static_cast<float>(static_cast<std::int16_t>(v & 0xffff)) / kDistanceUnits * truncation;
-}
-float weight_of(std::uint64_t v) { return static_cast<float>((v >> 16) & 0xffff) / kWeightUnits; }
 
 /// Calls `visit` with the first voxel of each active tile of a leaf's size.
 template <class Tree, class Visit>
@@ -175,12 +170,12 @@ void write_grids(const std::filesystem::path& file, const BrickTree& bricks, con
   const VoxelTree& tree = *bricks.state_->tree;
   openvdb::GridPtrVec grids;
   auto tsdf = make_grid<openvdb::FloatGrid>(
-      tree, "tsdf", info, info.truncation, [&](std::uint64_t v) { return distance_of(v, info.truncation); },
+      tree, "tsdf", info, info.truncation, [&](std::uint64_t v) { return shader::voxel_distance(v) * info.truncation; },
       info.truncation);
   tsdf->setGridClass(openvdb::GRID_LEVEL_SET);
   tsdf->insertMeta("truncation", openvdb::FloatMetadata(info.truncation));
   grids.push_back(tsdf);
-  grids.push_back(make_grid<openvdb::FloatGrid>(tree, "weight", info, 0.0f, weight_of, kFreeWeight));
+  grids.push_back(make_grid<openvdb::FloatGrid>(tree, "weight", info, 0.0f, shader::voxel_weight, kFreeWeight));
   grids.push_back(make_grid<openvdb::Vec3SGrid>(tree, "colour", info, openvdb::Vec3s(0.0f), [](std::uint64_t v) {
     const auto channel = [&](int shift) { return static_cast<float>((v >> shift) & 0xff) / 255.0f; };
     return openvdb::Vec3s(channel(32), channel(40), channel(48));
@@ -287,19 +282,15 @@ ReadGrids read_grids(const std::filesystem::path& file) {
       const openvdb::Vec3s& rgb = c->getValue(i);
       const auto is_in = [](float value, float low, float high) { return value >= low && value <= high; };  // no NaN
       if (!is_in(leaf->getValue(i) / result.info.truncation, -1.001f, 1.001f) ||
-          !is_in(w->getValue(i) * kWeightUnits, 0, 65535) || !is_in(rgb.x(), 0, 1) || !is_in(rgb.y(), 0, 1) ||
+          !is_in(w->getValue(i) * shader::kWeightUnits, 0, 65535) || !is_in(rgb.x(), 0, 1) || !is_in(rgb.y(), 0, 1) ||
           !is_in(rgb.z(), 0, 1) || n->getValue(i) < 0 || n->getValue(i) > 255) {
         const auto where = leaf->offsetToGlobalCoord(i);
         throw wrong("voxel " + std::to_string(where.x()) + " " + std::to_string(where.y()) + " " +
                     std::to_string(where.z()) + " holds a value that is out of range or not a number");
       }
-      const auto d =
-          static_cast<std::int16_t>(std::lround(leaf->getValue(i) / result.info.truncation * kDistanceUnits));
-      std::uint64_t v = static_cast<std::uint16_t>(d);
-      v |= static_cast<std::uint64_t>(std::lround(w->getValue(i) * kWeightUnits)) << 16;
-      for (int k = 0; k < 3; ++k) v |= static_cast<std::uint64_t>(std::lround(rgb[k] * 255.0f)) << (32 + 8 * k);
-      v |= static_cast<std::uint64_t>(n->getValue(i)) << 56;
-      voxels[i] = v;
+      auto colour_word = static_cast<std::uint32_t>(n->getValue(i)) << 24;
+      for (int k = 0; k < 3; ++k) colour_word |= static_cast<std::uint32_t>(std::lround(rgb[k] * 255.0f)) << (8 * k);
+      voxels[i] = shader::pack_voxel(leaf->getValue(i) / result.info.truncation, w->getValue(i), colour_word);
     }
     result.tree.put(brick_at(at), voxels);
   }

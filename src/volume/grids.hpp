@@ -20,7 +20,7 @@ namespace cairn {
   return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
 }
 
-/// Voxels of one brick in OpenVDB's leaf order, two words each as in shaders/volume.h, low word first.
+/// Voxels of one brick in OpenVDB's leaf order, see shaders/voxel.h.
 using BrickVoxels = std::array<std::uint64_t, 512>;
 
 struct GridInfo;

@@ -21,7 +21,7 @@ constexpr std::size_t kAround = 27;     // bricks that a turned brick may touch
 constexpr std::size_t kShares = 64;     // submaps that a brick is made of, at most: their weights have long saturated
 
 /// Far from any surface; of too little weight to bound a mesh.
-constexpr std::uint64_t kFreeVoxel = 0x7fff | 16ull << 16;
+const std::uint64_t kFreeVoxel = shader::pack_voxel(1.0f, 1.0f / 16);
 
 /// Where a brick's voxels lie in a submap, and which bricks that are.
 struct Placed {

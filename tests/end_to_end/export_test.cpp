@@ -9,6 +9,7 @@
 
 #include "cairn/evaluation.hpp"
 #include "cairn/source.hpp"
+#include "shaders/voxel.h"
 #include "support/files.hpp"
 #include "support/shared.hpp"
 #include "volume/grids.hpp"
@@ -296,8 +297,7 @@ TEST_F(Export, RefusesMapsThatAreEmptyOrBroken) {
   BrickTree one;
   BrickVoxels voxels{};
   for (std::size_t i = 0; i < 512; ++i) {
-    const auto d = static_cast<std::int16_t>(std::lround((static_cast<double>(i & 7) - 3.4) / 4 * 32767));
-    voxels[i] = static_cast<std::uint16_t>(d) | 512ull << 16 | 0x01'30'80'ffull << 32;
+    voxels[i] = shader::pack_voxel((static_cast<float>(i & 7) - 3.4f) / 4, 2, 0x01'30'80'ff);
   }
   one.put({0, 0, 0}, voxels);
   write_grids(broken, one, info);

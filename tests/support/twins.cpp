@@ -115,9 +115,6 @@ std::vector<Eigen::Vector3f> polygonize(const BrickTree& tree, const FuseOptions
   const auto corner = [](std::uint32_t c) {
     return Eigen::Vector3i(static_cast<int>(c & 1), static_cast<int>(c >> 1 & 1), static_cast<int>(c >> 2 & 1));
   };
-  const auto distance = [](std::uint64_t v) {
-    return static_cast<float>(static_cast<std::int16_t>(v & 0xffff)) / 32767;
-  };
   std::vector<Eigen::Vector3f> corners;
   for (const Brick& brick : tree.bricks())
     for (int i = 0; i < 512; ++i) {
@@ -126,15 +123,15 @@ std::vector<Eigen::Vector3f> polygonize(const BrickTree& tree, const FuseOptions
       bool known = true;
       for (std::uint32_t c = 0; c < 8; ++c) {
         const std::uint64_t v = voxel(cell + corner(c));
-        known = known && static_cast<float>(v >> 16 & 0xffff) / 256 >= o.min_mesh_weight;
-        if (distance(v) < 0) inside |= 1u << c;
+        known = known && shader::voxel_weight(v) >= o.min_mesh_weight;
+        if (shader::voxel_distance(v) < 0) inside |= 1u << c;
       }
       if (!known) continue;
       const std::uint32_t* row = &table[16 * std::size_t{inside}];
       for (std::uint32_t k = 0; k < 3 * row[0]; ++k) {
         const std::uint32_t edge = row[1 + k];
         const Eigen::Vector3i a = cell + corner(edge & 7), b = a + Eigen::Vector3i::Unit(edge >> 3);
-        const float da = distance(voxel(a)), db = distance(voxel(b));
+        const float da = shader::voxel_distance(voxel(a)), db = shader::voxel_distance(voxel(b));
         const float t = std::clamp(da / (da - db), 0.001f, 0.999f);
         corners.emplace_back(o.voxel_size * (a.cast<float>() + t * (b - a).cast<float>()));
       }
@@ -235,10 +232,10 @@ Voxel merge(const Eigen::Vector3i& voxel, const std::vector<std::pair<const Bric
       const double before = k == 0 ? 1 : high[axes[static_cast<std::size_t>(k - 1)]];
       const double after = k == 3 ? 0 : high[axes[static_cast<std::size_t>(k)]];
       const std::uint64_t v = word(corner);
-      const auto units = static_cast<double>((v >> 16) & 0xffff);
-      unseen += units > 0 ? 0 : before - after;
-      d += (before - after) * static_cast<double>(static_cast<std::int16_t>(v & 0xffff)) / 32767;
-      w += (before - after) * units / 256;
+      const auto observations = static_cast<double>(shader::voxel_weight(v));
+      unseen += observations > 0 ? 0 : before - after;
+      d += (before - after) * static_cast<double>(shader::voxel_distance(v));
+      w += (before - after) * observations;
       if (k < 3) ++corner[axes[static_cast<std::size_t>(k)]];
     }
     if (unseen >= 1e-3) continue;

@@ -2,7 +2,6 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
 #include <algorithm>
-#include <cmath>
 
 #include "volume/volume.hpp"
 
@@ -24,8 +23,7 @@ BrickTree distance_bricks(const FuseOptions& options, const Eigen::Vector3f& low
                                                             static_cast<float>(8 * y + static_cast<int>(i >> 3 & 7)),
                                                             static_cast<float>(8 * z + static_cast<int>(i & 7)));
           const float d = std::clamp(distance(p) / truncation, -1.0f, 1.0f);
-          voxels[i] = static_cast<std::uint16_t>(static_cast<std::int16_t>(std::lround(d * 32767))) | 256ull << 16 |
-                      0x01806040ull << 32;
+          voxels[i] = shader::pack_voxel(d, 1, 0x01806040);
         }
         tree.put({x, y, z}, voxels);
       }

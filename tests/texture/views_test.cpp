@@ -188,7 +188,7 @@ TEST(TextureViews, UseTheMapWhereNothingWasMeasured) {
         for (std::uint32_t i = 0; i < 512; ++i) {
           const float d =
               std::clamp((2.0f - 0.01f * static_cast<float>(8 * z + static_cast<int>(i & 7))) / 0.04f, -1.0f, 1.0f);
-          voxels[i] = static_cast<std::uint16_t>(static_cast<std::int16_t>(std::lround(d * 32767))) | 256ull << 16;
+          voxels[i] = shader::pack_voxel(d, 1);
         }
         tree.put({x, y, z}, voxels);
       }

@@ -5,6 +5,7 @@
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/Interpolation.h>
 
+#include "shaders/voxel.h"
 #include "support/files.hpp"
 #include "volume/grids.hpp"
 
@@ -19,9 +20,9 @@ TEST(Grids, OpenAsMetricLevelSetsInOpenVdb) {
     BrickVoxels voxels;
     for (int i = 0; i < 512; ++i) {
       const double x = 0.01 * (8 * brick + (i >> 6));
-      const auto d = static_cast<std::int16_t>(std::lround(std::clamp((0.043 - x) / 0.04, -1.0, 1.0) * 32767));
+      const double d = std::clamp((0.043 - x) / 0.04, -1.0, 1.0);
       voxels[static_cast<std::size_t>(i)] =
-          static_cast<std::uint16_t>(d) | 512ull << 16 | 0x01'00'80'ffull << 32;  // blue 0, green 0x80, red 0xff
+          shader::pack_voxel(static_cast<float>(d), 2, 0x01'00'80'ff);  // blue 0, green 0x80, red 0xff
     }
     tree.put({brick, 0, 0}, voxels);
   }

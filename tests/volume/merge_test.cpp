@@ -51,10 +51,10 @@ TEST(Merge, EqualsItsPlainTwin) {
     const Eigen::Vector3i voxel = 8 * job.target + Eigen::Vector3i(i >> 6, (i >> 3) & 7, i & 7);
     const twin::Voxel expected = twin::merge(voxel, submaps, options);
     const std::uint64_t v = merged[i];
-    const auto weight = static_cast<double>((v >> 16) & 0xffff) / 256;
+    const auto weight = static_cast<double>(shader::voxel_weight(v));
     // Places are computed in 32 bits, and noise is as steep as can be: 1e-5 voxels times the step between two.
     ASSERT_NEAR(weight, expected.weight, 0.02) << i;
-    ASSERT_NEAR(static_cast<double>(static_cast<std::int16_t>(v & 0xffff)) / 32767, expected.distance, 2e-3) << i;
+    ASSERT_NEAR(static_cast<double>(shader::voxel_distance(v)), expected.distance, 2e-3) << i;
     observed += weight > 0;
     bool same = true;
     for (int c = 0; c < 3; ++c)

@@ -298,8 +298,7 @@ TEST(Integrate, EqualsItsPlainTwin) {
         twin::integrate(expected, q, depth, colour, camera, volume.options());
       }
       const std::uint64_t v = voxels[i];
-      const float distance = static_cast<float>(static_cast<std::int16_t>(v & 0xffff)) / 32767,
-                  weight = static_cast<float>(v >> 16 & 0xffff) / 256;
+      const float distance = shader::voxel_distance(v), weight = shader::voxel_weight(v);
       ++compared;
       // A voxel whose projection lies on a pixel's border may take the neighbour; a brick behind all surfaces is
       // skipped.
