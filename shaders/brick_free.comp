@@ -14,7 +14,7 @@ layout(binding = 3, scalar) buffer FreeCount { uint free_count; };
 layout(binding = 4, scalar) writeonly buffer FreeBricks { ivec3 free_bricks[]; };
 
 bool in_front(vec3 p) {
-  vec2 pixel = vec2(push.camera.fx, push.camera.fy) * p.xy / p.z + vec2(push.camera.cx, push.camera.cy) + 0.5;
+  vec2 pixel = project(push.camera, p) + 0.5;
   int width = int(push.camera.width), height = int(push.camera.height);
   bool inside = p.z > 0.0 && min(pixel.x, pixel.y) >= 0.0 && pixel.x < float(width) && pixel.y < float(height);
   return inside && p.z < uintBitsToFloat(fusion[inside ? int(pixel.y) * width + int(pixel.x) : 0].x);

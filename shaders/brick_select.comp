@@ -26,14 +26,10 @@ void main() {
   float near = max(centre.z - extent.z, 0.5 * push.min_depth), far = centre.z + extent.z;
   if (far < push.min_depth) return;
 
-  vec2 f = vec2(push.camera.fx, push.camera.fy), c = vec2(push.camera.cx, push.camera.cy);
-  vec2 low = centre.xy - extent.xy, high = centre.xy + extent.xy;
-  vec2 from = f * low / mix(vec2(far), vec2(near), lessThan(low, vec2(0.0))) + c;
-  vec2 to = f * high / mix(vec2(near), vec2(far), lessThan(high, vec2(0.0))) + c;
-  vec2 size = vec2(push.camera.width, push.camera.height);
-  if (any(lessThan(to, vec2(0.0))) || any(greaterThanEqual(from, size))) return;
-  uint columns = (push.camera.width + kTile - 1u) / kTile;
-  uvec2 first = uvec2(max(from, vec2(0.0))) / kTile, last = uvec2(min(to, size - 1.0)) / kTile;
+  TileRange tiles = tiles_of_box(push.camera, centre.xy - extent.xy, centre.xy + extent.xy, near, far);
+  if (!tiles.is_in_view) return;
+  uvec2 first = tiles.first, last = tiles.last;
+  uint columns = tiles_along(push.camera.width);
   float seen = 0.0;
   // One loop: lanes with small bricks do not wait for the widest row of each.
   uint across = last.x - first.x + 1u, count = across * (last.y - first.y + 1u);

@@ -10,7 +10,7 @@ layout(binding = 0, scalar) readonly buffer Fusion { uvec2 fusion[]; };
 layout(binding = 1, scalar) writeonly buffer Farthest { float farthest[]; };
 
 void main() {
-  uint columns = (push.width + kTile - 1u) / kTile, rows = (push.height + kTile - 1u) / kTile;
+  uint columns = tiles_along(push.width), rows = tiles_along(push.height);
   uint i = thread_index();
   if (i >= columns * rows) return;
   int x0 = int((i % columns) * kTile), last = int(push.width) - 1;

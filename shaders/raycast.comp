@@ -46,7 +46,7 @@ const int kSteps = 64;  // rays that take more graze along the fringe of what wa
 void main() {
   uvec2 pixel = gl_GlobalInvocationID.xy;
   if (pixel.x >= push.camera.width || pixel.y >= push.camera.height) return;
-  uint tile = (pixel.y / kTile) * ((push.camera.width + kTile - 1u) / kTile) + pixel.x / kTile;
+  uint tile = (pixel.y / kTile) * tiles_along(push.camera.width) + pixel.x / kTile;
   float t = uintBitsToFloat(nearest[tile]), end = uintBitsToFloat(farthest[tile]);
 
   // In voxels; t is the depth, since the ray has z = 1 in the camera's frame.

@@ -20,14 +20,10 @@ void main() {
   float near = max(centre.z - radius, push.min_depth), far = min(centre.z + radius, push.max_depth);
   if (far <= near) return;
 
-  vec2 f = vec2(push.camera.fx, push.camera.fy), c = vec2(push.camera.cx, push.camera.cy);
-  vec2 low = centre.xy - radius, high = centre.xy + radius;
-  vec2 from = f * low / mix(vec2(far), vec2(near), lessThan(low, vec2(0.0))) + c;
-  vec2 to = f * high / mix(vec2(near), vec2(far), lessThan(high, vec2(0.0))) + c;
-  vec2 size = vec2(push.camera.width, push.camera.height);
-  if (any(lessThan(to, vec2(0.0))) || any(greaterThanEqual(from, size))) return;
-  uint columns = (push.camera.width + kTile - 1u) / kTile;
-  uvec2 first = uvec2(max(from, vec2(0.0))) / kTile, last = uvec2(min(to, size - 1.0)) / kTile;
+  TileRange tiles = tiles_of_box(push.camera, centre.xy - radius, centre.xy + radius, near, far);
+  if (!tiles.is_in_view) return;
+  uvec2 first = tiles.first, last = tiles.last;
+  uint columns = tiles_along(push.camera.width);
   for (uint y = first.y; y <= last.y; ++y) {
     for (uint x = first.x; x <= last.x; ++x) {
       uint tile = y * columns + x;

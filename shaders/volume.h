@@ -127,17 +127,32 @@ struct SubmapMergePush {
 };
 
 const uint kTile = 8;  // pixels; side of the tiles of depth and range images
+constexpr uint tiles_along(uint pixels) { return (pixels + kTile - 1u) / kTile; }
 
 #ifdef __cplusplus
 /// Tiles of a camera's image.
 inline uint tiles(const Camera& camera) {
-  const auto count = [](int pixels) { return (static_cast<uint>(pixels) + kTile - 1) / kTile; };
-  return count(camera.width) * count(camera.height);
+  return tiles_along(static_cast<uint>(camera.width)) * tiles_along(static_cast<uint>(camera.height));
 }
 static_assert(sizeof(BrickMarkPush) <= 128 && sizeof(BrickFreePush) <= 128 && sizeof(RaycastPush) <= 128 && sizeof(TsdfIntegratePush) <= 128);
 }  // namespace cairn::shader
 #else
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Voxels { uvec2 v[]; };
+
+// The tiles that a box along the camera's axes may cover, `low` and `high` in x and y, `near` and `far` along z.
+struct TileRange {
+  uvec2 first;
+  uvec2 last;
+  bool is_in_view;
+};
+TileRange tiles_of_box(Pinhole camera, vec2 low, vec2 high, float near, float far) {
+  vec2 f = vec2(camera.fx, camera.fy), c = vec2(camera.cx, camera.cy);
+  vec2 from = f * low / mix(vec2(far), vec2(near), lessThan(low, vec2(0.0))) + c;
+  vec2 to = f * high / mix(vec2(near), vec2(far), lessThan(high, vec2(0.0))) + c;
+  vec2 size = vec2(camera.width, camera.height);
+  bool is_outside = any(lessThan(to, vec2(0.0))) || any(greaterThanEqual(from, size));
+  return TileRange(uvec2(max(from, vec2(0.0))) / kTile, uvec2(min(to, size - 1.0)) / kTile, !is_outside);
+}
 
 bool in_window(VolumeView volume, ivec3 brick) {
   return all(lessThan(uvec3(brick - volume.origin), uvec3(1u << volume.table_bits)));
