@@ -54,7 +54,6 @@ struct TextureSamplePush {
   Pinhole camera;
   ColourCamera colour;
   uint points;
-  uint view;
   float tolerance;
   uint sharp;  // 1: colours as they are; 0: their low frequencies
 };

@@ -7,7 +7,7 @@
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { TextureSamplePush push; };
 layout(binding = 0, scalar) readonly buffer Texels { Texel texels[]; };
-layout(binding = 1, scalar) readonly buffer Views { TextureView views[]; };
+layout(binding = 1, scalar) readonly buffer Views { TextureView views[]; };  // one
 layout(binding = 2, scalar) writeonly buffer Colours { uint colours[]; };  // 0: not seen
 
 const float kSure = 0.1;  // pixels at edges, slanted and moving ones are less
@@ -17,7 +17,7 @@ void main() {
   if (i >= push.points) return;
   Texel t = texels[i];
   vec2 pixel;
-  TextureView view = views[push.view];
+  TextureView view = views[0];
   float w = view_weight(view, push.camera, push.colour, t.position, unpack_normal(t.normal), push.tolerance, pixel);
   vec3 colour = push.sharp != 0u ? sharp_colour(view, push.camera, pixel) : smooth_colour(view, push.camera, pixel);
   float z = transform(view.camera_from_world, t.position).z;

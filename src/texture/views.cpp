@@ -190,14 +190,10 @@ std::vector<std::uint32_t> TextureViews::sample(std::size_t keyframe, const std:
   gpu::Batch batch(device_);
   batch.upload(sample_view_, std::span(&view, 1));
   batch.upload(sample_points_, points);
-  sample_(batch, {count, 1, 1},
-          {.camera = shader::pinhole(camera_),
-           .colour = colour,
-           .points = count,
-           .view = 0,
-           .tolerance = kTolerance,
-           .sharp = sharp},
-          {&sample_points_, &sample_view_, &sample_colours_});
+  sample_(
+      batch, {count, 1, 1},
+      {.camera = shader::pinhole(camera_), .colour = colour, .points = count, .tolerance = kTolerance, .sharp = sharp},
+      {&sample_points_, &sample_view_, &sample_colours_});
   batch.download(sample_colours_, colours);
   batch.run();
   return colours;
