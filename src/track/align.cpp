@@ -63,6 +63,39 @@ void add(const shader::NormalEquations& p, Matrix6d& a, Vector6d& b) {
 
 void symmetrise(Matrix6d& a) { a.triangularView<Eigen::StrictlyLower>() = a.transpose(); }
 
+/// The geometric term, or what of it pairs live normals with the model's.
+struct Geometry {
+  Matrix6d a = Matrix6d::Zero();
+  Vector6d b = Vector6d::Zero();
+  double squared = 0, inliers = 0, seen = 0, live = 0;
+};
+Geometry sum_of(const std::vector<shader::IcpSums>& parts) {
+  Geometry sum;
+  for (const auto& p : parts) {
+    add(p.normal, sum.a, sum.b);
+    sum.squared += p.squared, sum.inliers += p.inliers, sum.seen += p.seen, sum.live += p.live;
+  }
+  symmetrise(sum.a);
+  return sum;
+}
+
+struct Photometry {
+  Matrix6d a = Matrix6d::Zero();  // in the keyframe's frame
+  Vector6d b = Vector6d::Zero();
+  double squared = 0, seen = 0, fitting = 0, weight = 0, live = 0, key = 0, live_live = 0, live_key = 0;
+};
+Photometry sum_of(const std::vector<shader::PhotometricSums>& parts) {
+  Photometry sum;
+  for (const auto& p : parts) {
+    add(p.normal, sum.a, sum.b);
+    sum.squared += p.squared, sum.seen += p.seen, sum.fitting += p.fitting;
+    sum.weight += p.weight, sum.live += p.live, sum.key += p.key;
+    sum.live_live += p.live_live, sum.live_key += p.live_key;
+  }
+  symmetrise(sum.a);
+  return sum;
+}
+
 /// Directions of the pose, rotations measured by what they move at the scene's distance.
 struct Directions {
   explicit Directions(const Matrix6d& a) {
@@ -118,7 +151,55 @@ std::optional<Vector6d> solve(const Matrix6d& a, const Vector6d& b, int& unobser
   return x;
 }
 
+/// Gain and bias by weighted linear regression of the keyframe's brightness on the live one's.
+void fit_exposure(const Photometry& p, double& gain, double& bias) {
+  const double mean_live = p.live / p.weight, mean_key = p.key / p.weight;
+  const double spread = p.live_live / p.weight - mean_live * mean_live;
+  const double together = p.live_key / p.weight - mean_live * mean_key;
+  gain = spread > 1e-4 ? std::clamp(together / spread, 0.3, 3.0) : 1.0;
+  bias = mean_key - gain * mean_live;
+}
+
+/// Why an alignment is not to be trusted; empty: it is.
+std::string distrust(const Alignment& alignment, double live, const Camera& finest, const TrackOptions& options) {
+  if (live < 0.02 * finest.width * finest.height) return "too little depth";
+  if (alignment.overlap < 0.05) return "the map is out of view";
+  if (alignment.inlier_share < options.min_inlier_share) return "too few points fit the map";
+  if (alignment.rmse > options.max_rmse) return "points fit the map badly";
+  return {};
+}
+
 }  // namespace
+
+/// What is aligned with what.
+struct Aligner::Views {
+  const Surface& live;
+  const SurfacePrediction& model;
+  const PhotometricKeyframe* keyframe;  // null: geometry alone
+  const ColourMoment& moment;
+  Reach reach;
+  Matrix6d keyframe_motion;  // a motion in the model's frame as one in the keyframe's
+};
+
+struct Aligner::Brightness {
+  double gain = 1, bias = 0, sigma = 0.05;
+};
+
+/// What is known of the pose so far.
+struct Aligner::Estimate {
+  Eigen::Isometry3d model_from_live;
+  Brightness brightness;
+  // Of the last iteration:
+  Geometry geometry, crossed;  // crossed: where it was asked for
+  Photometry photometry;
+  bool uses_brightness = false;
+  Matrix6d information = Matrix6d::Zero();
+  int degenerate_directions = 0, unobserved = 0;
+  // Directions of the pose that geometry may move:
+  Observed observed;
+  enum { undecided, without_weak, with_all } directions = undecided;
+  int iterations = 0;
+};
 
 PhotometricKeyframe::PhotometricKeyframe(gpu::Device& device, const Camera& camera, const TrackOptions& options)
     : device_(device) {
@@ -227,172 +308,160 @@ std::vector<double> Aligner::clock_offset_costs(const Surface& live, const Photo
   return costs;
 }
 
+int Aligner::coarsest(Reach reach) const { return reach == Reach::wide ? options_.levels - 1 : options_.finest_level; }
+
 Alignment Aligner::align(const Surface& live, const SurfacePrediction& model, const Eigen::Isometry3d& guess,
                          const PhotometricKeyframe* keyframe, const ColourMoment& moment, Reach reach) {
-  Alignment result;
   const bool has_brightness = options_.photometric && keyframe != nullptr && keyframe->is_set() && !live.packed.empty();
+  Views views{live, model, has_brightness ? keyframe : nullptr, moment, reach, Matrix6d::Zero()};
+  if (has_brightness)
+    views.keyframe_motion =
+        adjoint(keyframe->submap_from_colour(moment.clock_offset).inverse() * model.submap_from_camera);
   const Eigen::Isometry3d start = model.submap_from_camera.inverse() * guess;
-  Eigen::Isometry3d model_from_live = start;
-  const Eigen::Isometry3d keyframe_from_model =
-      has_brightness ? keyframe->submap_from_colour(moment.clock_offset).inverse() * model.submap_from_camera
-                     : model_from_live;
-  const Matrix6d keyframe_motion = adjoint(keyframe_from_model);
-  Brightness brightness;
-  Geometry geometry;
-  Photometry photometry;
-  Observed observed;
-  enum { undecided, without_weak, with_all } directions = undecided;  // of the geometry
-  bool uses_brightness = false;
+  Estimate estimate{.model_from_live = start};
+  while (!descend(views, estimate)) {
+    // The coarse levels have slid along what they did not observe, or were wrong to leave it: once more.
+    estimate.model_from_live = start;
+    estimate.brightness = {};
+  }
+  return judge(views, estimate);
+}
 
-  const int coarsest = reach == Reach::wide ? options_.levels - 1 : options_.finest_level;
-  for (int level = coarsest; level >= options_.finest_level; --level) {
-    const auto l = static_cast<std::size_t>(level);
-    const Camera& camera = live.levels[l]->camera;
-    const Tiling tiling(camera);
-    std::vector<shader::IcpSums> geometry_sums(tiling.groups * geometry_parts_);
-    std::vector<shader::IcpSums> crossed_sums(geometry_sums.size());
-    std::vector<shader::PhotometricSums> photometric_sums(has_brightness ? tiling.groups * photometric_parts_ : 0);
-    const int most = level == options_.finest_level ? options_.iterations_finest : options_.iterations_coarse;
+/// Iterates from the coarsest level to the finest. False when, close enough for normals to pair up, the directions that
+/// geometry may move turn out to be others than the coarse levels took.
+bool Aligner::descend(const Views& views, Estimate& estimate) {
+  const bool has_coarser = coarsest(views.reach) > options_.finest_level;
+  for (int level = coarsest(views.reach); level >= options_.finest_level; --level) {
+    const bool is_finest = level == options_.finest_level;
+    const int most = is_finest ? options_.iterations_finest : options_.iterations_coarse;
     for (int i = 0; i < most; ++i) {
-      gpu::Batch batch(device_);
-      shader::IcpReducePush push{.camera = shader::pinhole(camera),
-                                 .model_from_live = shader::rigid(model_from_live),
-                                 .tile = tiling.size,
-                                 .max_distance = options_.max_distance * static_cast<float>(1 << level),
-                                 .min_cosine = std::cos(options_.max_angle),
-                                 .huber = options_.huber,
-                                 .cut = reach == Reach::wide ? 0.0f : kCut,
-                                 .crossed = 0};
-      icp_(batch, {tiling.threads(), 1, 1}, push, {&live.levels[l]->points, &model.levels[l]->points, &geometry_sums_});
-      batch.download(geometry_sums_, geometry_sums);
-      const bool looks_for_weak =
-          directions != with_all && level == options_.finest_level && i == 0;  // close enough for normals to pair up
-      if (looks_for_weak) {
-        push.crossed = 1;
-        icp_(batch, {tiling.threads(), 1, 1}, push,
-             {&live.levels[l]->points, &model.levels[l]->points, &crossed_sums_});
-        batch.download(crossed_sums_, crossed_sums);
-      }
-      if (has_brightness) {
-        photometric_(
-            batch, {tiling.threads(), 1, 1},
-            photometric_push(camera, *keyframe, model.submap_from_camera * model_from_live, moment, brightness),
-            {&live.levels[l]->points, live.packed[l], &keyframe->level(level), &photometric_sums_});
-        batch.download(photometric_sums_, photometric_sums);
-      }
-      batch.run();
-      const bool as_told = geometry_sums[0].parts == geometry_parts_ &&
-                           (!has_brightness || photometric_sums[0].parts == photometric_parts_);
-      if (!as_told) {  // the device runs the shaders with another subgroup size than it told: once more, with all sums
-        geometry_parts_ = geometry_sums[0].parts;
-        geometry_sums.resize(tiling.groups * geometry_parts_), crossed_sums.resize(geometry_sums.size());
-        if (has_brightness) {
-          photometric_parts_ = photometric_sums[0].parts;
-          photometric_sums.resize(tiling.groups * photometric_parts_);
-        }
-        --i;
-        continue;
-      }
-      ++result.iterations;
-
-      geometry = {};
-      for (const auto& p : geometry_sums) {
-        add(p.normal, geometry.a, geometry.b);
-        geometry.squared += p.squared, geometry.inliers += p.inliers, geometry.seen += p.seen, geometry.live += p.live;
-      }
-      symmetrise(geometry.a);
-      if (looks_for_weak) {
-        Matrix6d crossed = Matrix6d::Zero();
-        Vector6d unused = Vector6d::Zero();
-        double near = 0;
-        for (const auto& p : crossed_sums) add(p.normal, crossed, unused), near += p.inliers;
-        symmetrise(crossed);
-        // Normals of surfaces that do not lie on each other yet say nothing about noise. Those of a young map disagree
-        // even then; brightness that fits to its noise without the weak directions tells that they lie.
-        const bool agree = geometry.inliers > kAgreeing * geometry.seen, close = near > kAgreeing * geometry.seen;
-        const bool can_repeat = has_brightness && level < coarsest;
-        const bool proved = directions == without_weak && brightness.sigma < kBrightnessNoise;
-        const bool trial = directions == undecided && can_repeat;
-        observed = agree || (close && (proved || trial)) ? observed_by_geometry(crossed) : Observed{};
-        // The coarse levels have slid along what they did not observe, or were wrong to leave it: once more.
-        const bool repeat = can_repeat && (directions == undecided ? observed.weak > 0 : !agree && !proved);
-        if (repeat) {
-          directions = directions == undecided ? without_weak : with_all;
-          model_from_live = start;
-          brightness = {};
-          level = coarsest + 1;
-          break;
-        }
-      }
-      photometry = {};
-      for (const auto& p : photometric_sums) {
-        add(p.normal, photometry.a, photometry.b);
-        photometry.squared += p.squared, photometry.seen += p.seen, photometry.fitting += p.fitting;
-        photometry.weight += p.weight, photometry.live += p.live, photometry.key += p.key;
-        photometry.live_live += p.live_live, photometry.live_key += p.live_key;
-      }
-      symmetrise(photometry.a);
-
-      // Each term in units of the scale of its own residuals.
-      Matrix6d a = geometry.a;
-      Vector6d b = geometry.b;
-      result.degenerate_directions = geometry.inliers >= 6 ? observed.weak : 6;
-      if (geometry.inliers >= 6) {
-        a = observed.projection * a * observed.projection.transpose();
-        b = observed.projection * b;
-        const double variance = std::max(geometry.squared / geometry.inliers, kMinDepthSigma * kMinDepthSigma);
-        a /= variance, b /= variance;
-      } else {
-        a.setZero(), b.setZero();
-      }
-      uses_brightness = photometry.seen > kMinPhotometricShare * camera.width * camera.height;
-      if (uses_brightness) {
-        // Kerl, Sturm & Cremers 2013, eq. 15: one step of the fixed point an iteration.
-        brightness.sigma = std::max(std::sqrt(photometry.squared / photometry.seen), kMinBrightnessSigma);
-        const double all = brightness.sigma * brightness.sigma;
-        const double noise = std::min(all, kBrightnessNoise * kBrightnessNoise);
-        const double variance = kNoiseTogether * noise + kSystematicTogether * (all - noise);
-        a += keyframe_motion.transpose() * photometry.a * keyframe_motion / variance;
-        b += keyframe_motion.transpose() * photometry.b / variance;
-        // Gain and bias by weighted linear regression of the keyframe's brightness on the live one's.
-        const double w = photometry.weight, mean_live = photometry.live / w, mean_key = photometry.key / w;
-        const double spread = photometry.live_live / w - mean_live * mean_live;
-        const double together = photometry.live_key / w - mean_live * mean_key;
-        brightness.gain = spread > 1e-4 ? std::clamp(together / spread, 0.3, 3.0) : 1.0;
-        brightness.bias = mean_key - brightness.gain * mean_live;
-      }
-      result.information = a;
-      const std::optional<Vector6d> x = solve(a, b, result.unobserved);
-      if (!x) break;
-      model_from_live = retract(*x) * model_from_live;
-      if (x->norm() < (level == options_.finest_level ? kConverged : kConvergedCoarse * (1 << level))) break;
+      const bool looks_for_weak = estimate.directions != Estimate::with_all && is_finest && i == 0;
+      linearise(views, level, looks_for_weak, estimate);
+      ++estimate.iterations;
+      if (looks_for_weak && !find_degenerate_directions(views.keyframe != nullptr && has_coarser, estimate))
+        return false;
+      if (!step(views, level, estimate)) break;
     }
   }
+  return true;
+}
 
-  result.submap_from_camera = model.submap_from_camera * model_from_live;
+/// The normal equations of both terms at the estimate, and `crossed`, the geometry's by pairs of normals.
+void Aligner::linearise(const Views& views, int level, bool crossed, Estimate& estimate) {
+  const auto l = static_cast<std::size_t>(level);
+  const VertexNormalMap& live = *views.live.levels[l];
+  const Tiling tiling(live.camera);
+  shader::IcpReducePush push{.camera = shader::pinhole(live.camera),
+                             .model_from_live = shader::rigid(estimate.model_from_live),
+                             .tile = tiling.size,
+                             .max_distance = options_.max_distance * static_cast<float>(1 << level),
+                             .min_cosine = std::cos(options_.max_angle),
+                             .huber = options_.huber,
+                             .cut = views.reach == Reach::wide ? 0.0f : kCut,
+                             .crossed = 0};
+  const auto reduce_geometry = [&](gpu::Batch& batch, const gpu::Buffer& sums, std::vector<shader::IcpSums>& to) {
+    to.resize(tiling.groups * geometry_parts_);
+    icp_(batch, {tiling.threads(), 1, 1}, push, {&live.points, &views.model.levels[l]->points, &sums});
+    batch.download(sums, to);
+  };
+  for (bool as_told = false; !as_told;) {
+    gpu::Batch batch(device_);
+    push.crossed = 0;
+    reduce_geometry(batch, geometry_sums_, geometry_read_);
+    push.crossed = 1;
+    if (crossed) reduce_geometry(batch, crossed_sums_, crossed_read_);
+    photometric_read_.resize(views.keyframe != nullptr ? tiling.groups * photometric_parts_ : 0);
+    if (views.keyframe != nullptr) {
+      photometric_(
+          batch, {tiling.threads(), 1, 1},
+          photometric_push(live.camera, *views.keyframe, views.model.submap_from_camera * estimate.model_from_live,
+                           views.moment, estimate.brightness),
+          {&live.points, views.live.packed[l], &views.keyframe->level(level), &photometric_sums_});
+      batch.download(photometric_sums_, photometric_read_);
+    }
+    batch.run();
+    // A device may run the shaders with another subgroup size than it told: once more, with all sums.
+    const std::uint32_t geometry_parts = geometry_read_[0].parts;
+    const std::uint32_t photometric_parts = views.keyframe != nullptr ? photometric_read_[0].parts : photometric_parts_;
+    as_told = geometry_parts == geometry_parts_ && photometric_parts == photometric_parts_;
+    geometry_parts_ = geometry_parts, photometric_parts_ = photometric_parts;
+  }
+  estimate.geometry = sum_of(geometry_read_);
+  if (crossed) estimate.crossed = sum_of(crossed_read_);
+  estimate.photometry = sum_of(photometric_read_);
+}
+
+/// False when the coarse levels have to be done again with other directions, which is possible where `can_repeat`.
+bool Aligner::find_degenerate_directions(bool can_repeat, Estimate& e) {
+  // Normals of surfaces that do not lie on each other yet say nothing about noise. Those of a young map disagree even
+  // then; brightness that fits to its noise without the weak directions tells that they lie.
+  const bool agree = e.geometry.inliers > kAgreeing * e.geometry.seen;
+  const bool close = e.crossed.inliers > kAgreeing * e.geometry.seen;
+  const bool proved = e.directions == Estimate::without_weak && e.brightness.sigma < kBrightnessNoise;
+  const bool trial = e.directions == Estimate::undecided && can_repeat;
+  e.observed = agree || (close && (proved || trial)) ? observed_by_geometry(e.crossed.a) : Observed{};
+  if (!can_repeat) return true;
+  if (e.directions == Estimate::undecided ? e.observed.weak == 0 : agree || proved) return true;
+  e.directions = e.directions == Estimate::undecided ? Estimate::without_weak : Estimate::with_all;
+  return false;
+}
+
+/// One step of Gauss-Newton, each term in units of the scale of its own residuals. False: the level is done.
+bool Aligner::step(const Views& views, int level, Estimate& e) const {
+  Matrix6d a = e.geometry.a;
+  Vector6d b = e.geometry.b;
+  e.degenerate_directions = e.geometry.inliers >= 6 ? e.observed.weak : 6;
+  if (e.geometry.inliers >= 6) {
+    a = e.observed.projection * a * e.observed.projection.transpose();
+    b = e.observed.projection * b;
+    const double variance = std::max(e.geometry.squared / e.geometry.inliers, kMinDepthSigma * kMinDepthSigma);
+    a /= variance, b /= variance;
+  } else {
+    a.setZero(), b.setZero();
+  }
+  const Camera& camera = views.live.levels[static_cast<std::size_t>(level)]->camera;
+  e.uses_brightness = e.photometry.seen > kMinPhotometricShare * camera.width * camera.height;
+  if (e.uses_brightness) {
+    // Kerl, Sturm & Cremers 2013, eq. 15: one step of the fixed point an iteration.
+    e.brightness.sigma = std::max(std::sqrt(e.photometry.squared / e.photometry.seen), kMinBrightnessSigma);
+    const double all = e.brightness.sigma * e.brightness.sigma;
+    const double noise = std::min(all, kBrightnessNoise * kBrightnessNoise);
+    const double variance = kNoiseTogether * noise + kSystematicTogether * (all - noise);
+    a += views.keyframe_motion.transpose() * e.photometry.a * views.keyframe_motion / variance;
+    b += views.keyframe_motion.transpose() * e.photometry.b / variance;
+    fit_exposure(e.photometry, e.brightness.gain, e.brightness.bias);
+  }
+  e.information = a;
+  const std::optional<Vector6d> x = solve(a, b, e.unobserved);
+  if (!x) return false;
+  e.model_from_live = retract(*x) * e.model_from_live;
+  return x->norm() >= (level == options_.finest_level ? kConverged : kConvergedCoarse * (1 << level));
+}
+
+/// The pose, how well the images fit at it, and whether it is to be trusted.
+Alignment Aligner::judge(const Views& views, const Estimate& e) {
+  Alignment result{.submap_from_camera = views.model.submap_from_camera * e.model_from_live,
+                   .information = e.information,
+                   .degenerate_directions = e.degenerate_directions,
+                   .unobserved = e.unobserved,
+                   .iterations = e.iterations};
   // Products of rotations drift away from orthonormal ones.
   result.submap_from_camera.linear() =
       Eigen::Quaterniond(result.submap_from_camera.linear()).normalized().toRotationMatrix();
-  result.inlier_share = geometry.seen > 0 ? geometry.inliers / geometry.seen : 0.0;
-  result.overlap = geometry.live > 0 ? geometry.seen / geometry.live : 0.0;
-  result.rmse = geometry.inliers > 0 ? std::sqrt(geometry.squared / geometry.inliers) : 0.0;
-  if (uses_brightness) {
-    result.photometric_share = photometry.fitting / photometry.seen;
-    result.photometric_rmse = brightness.sigma;
-    result.gain = brightness.gain, result.bias = brightness.bias;
-    if (moment.velocity.head<3>().norm() > kTurning)
-      result.clock_offset_costs = clock_offset_costs(live, *keyframe, result.submap_from_camera, moment, brightness);
+  const Geometry& g = e.geometry;
+  result.inlier_share = g.seen > 0 ? g.inliers / g.seen : 0.0;
+  result.overlap = g.live > 0 ? g.seen / g.live : 0.0;
+  result.rmse = g.inliers > 0 ? std::sqrt(g.squared / g.inliers) : 0.0;
+  if (e.uses_brightness) {
+    result.photometric_share = e.photometry.fitting / e.photometry.seen;
+    result.photometric_rmse = e.brightness.sigma;
+    result.gain = e.brightness.gain, result.bias = e.brightness.bias;
+    if (views.moment.velocity.head<3>().norm() > kTurning)
+      result.clock_offset_costs =
+          clock_offset_costs(views.live, *views.keyframe, result.submap_from_camera, views.moment, e.brightness);
   }
-
-  const Camera& finest = live.levels[static_cast<std::size_t>(options_.finest_level)]->camera;
-  if (geometry.live < 0.02 * finest.width * finest.height)
-    result.lost = "too little depth";
-  else if (result.overlap < 0.05)
-    result.lost = "the map is out of view";
-  else if (result.inlier_share < options_.min_inlier_share)
-    result.lost = "too few points fit the map";
-  else if (result.rmse > options_.max_rmse)
-    result.lost = "points fit the map badly";
+  const Camera& finest = views.live.levels[static_cast<std::size_t>(options_.finest_level)]->camera;
+  result.lost = distrust(result, g.live, finest, options_);
   return result;
 }
 

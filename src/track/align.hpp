@@ -91,20 +91,16 @@ class Aligner {
                                 Reach reach = Reach::wide);
 
  private:
-  struct Geometry {
-    Matrix6d a = Matrix6d::Zero();
-    Vector6d b = Vector6d::Zero();
-    double squared = 0, inliers = 0, seen = 0, live = 0;
-  };
-  struct Photometry {
-    Matrix6d a = Matrix6d::Zero();  // in the keyframe's frame
-    Vector6d b = Vector6d::Zero();
-    double squared = 0, seen = 0, fitting = 0, weight = 0, live = 0, key = 0, live_live = 0, live_key = 0;
-  };
-  struct Brightness {
-    double gain = 1, bias = 0, sigma = 0.05;
-  };
+  struct Views;
+  struct Brightness;
+  struct Estimate;
 
+  [[nodiscard]] int coarsest(Reach reach) const;
+  [[nodiscard]] bool descend(const Views& views, Estimate& estimate);
+  void linearise(const Views& views, int level, bool crossed, Estimate& estimate);
+  [[nodiscard]] static bool find_degenerate_directions(bool can_repeat, Estimate& estimate);
+  [[nodiscard]] bool step(const Views& views, int level, Estimate& estimate) const;
+  [[nodiscard]] Alignment judge(const Views& views, const Estimate& estimate);
   [[nodiscard]] shader::PhotometricReducePush photometric_push(const Camera& camera,
                                                                const PhotometricKeyframe& keyframe,
                                                                const Eigen::Isometry3d& submap_from_live,
@@ -119,6 +115,8 @@ class Aligner {
   // Sums that a workgroup writes, as its device tells; the shader knows better.
   std::uint32_t geometry_parts_, photometric_parts_;
   gpu::Buffer geometry_sums_, crossed_sums_, photometric_sums_;
+  std::vector<shader::IcpSums> geometry_read_, crossed_read_;  // from them
+  std::vector<shader::PhotometricSums> photometric_read_;
   gpu::Kernel<shader::IcpReducePush> icp_;
   gpu::Kernel<shader::PhotometricReducePush> photometric_;
 };
