@@ -43,7 +43,72 @@ std::vector<Brick> with_neighbours(std::span<const Brick> bricks) {
 
 bool is_on_device(const Volume& volume, const Brick& brick) { return volume.slot_of(brick) != Volume::kNoSlot; }
 
+struct Plan {
+  std::vector<Brick> bricks;              // the makers of triangles first, then those that own some of their edges
+  std::size_t makers = 0;                 // bricks
+  std::vector<std::uint32_t> neighbours;  // 8 a brick: where in `bricks` those at its corners are; 0 also for none
+};
+
+Plan plan_for(std::span<const Brick> wanted, const std::function<bool(const Brick&)>& exists) {
+  // Cells reach into + neighbours, which own some of their edges.
+  std::unordered_map<Brick, bool, BrickHash> is_wanted;
+  for (const Brick& b : wanted)
+    if (exists(b)) is_wanted[b] = true;
+  Plan plan;
+  std::vector<Brick>& bricks = plan.bricks;
+  for (const Brick& b : wanted)
+    for (std::uint32_t c = 1; c < 8; ++c)
+      if (const Brick neighbour = b + corner(c); !is_wanted.contains(neighbour) && exists(neighbour))
+        is_wanted[neighbour] = false;
+  bricks.reserve(is_wanted.size());
+  for (const auto& [brick, unused] : is_wanted) bricks.push_back(brick);
+  std::sort(bricks.begin(), bricks.end(), by_cell);
+  plan.makers = static_cast<std::size_t>(
+      std::stable_partition(bricks.begin(), bricks.end(), [&](const Brick& b) { return is_wanted.at(b); }) -
+      bricks.begin());
+  std::unordered_map<Brick, std::uint32_t, BrickHash> position;
+  for (std::size_t i = 0; i < bricks.size(); ++i) position.emplace(bricks[i], static_cast<std::uint32_t>(i));
+  plan.neighbours.resize(8 * bricks.size(), 0);
+  for (std::size_t i = 0; i < bricks.size(); ++i)
+    for (std::uint32_t c = 0; c < 8; ++c)
+      if (const auto it = position.find(bricks[i] + corner(c)); it != position.end())
+        plan.neighbours[8 * i + c] = it->second;
+  return plan;
+}
+
 }  // namespace
+
+/// What the kernels leave for each other, by brick of the plan.
+struct Polygonizer::Work {
+  Work(gpu::Device& device, const Plan& of)
+      : plan(of),
+        brick_list(device, plan.bricks.size() * sizeof(shader::ivec3)),
+        masks(device, plan.bricks.size() * shader::kEdgeWords * 4),
+        firsts(device, plan.bricks.size() * shader::kEdgeWords * 4),
+        cells(device, plan.bricks.size() * 512),
+        counts(device, plan.bricks.size() * 64 * 4),
+        neighbours(device, plan.bricks.size() * 32),
+        triangles_of_column(plan.bricks.size() * 64) {
+    const std::vector<shader::ivec3> list(plan.bricks.begin(), plan.bricks.end());
+    gpu::Batch batch(device);
+    batch.upload(brick_list, list);
+    batch.upload(neighbours, plan.neighbours);
+    batch.fill(masks, 0);
+    batch.run();
+  }
+  /// For the bricks from `begin` to `end`.
+  [[nodiscard]] shader::PolygonizePush push(const Volume& volume, std::size_t begin, std::size_t end) const {
+    return {.volume = volume.view(),
+            .first = static_cast<std::uint32_t>(begin),
+            .count = static_cast<std::uint32_t>(end - begin),
+            .min_weight = volume.options().min_mesh_weight,
+            .cells = shader::address(cells),
+            .triangles = shader::address(counts)};
+  }
+  const Plan& plan;
+  gpu::Buffer brick_list, masks, firsts, cells, counts, neighbours;  // firsts: vertices by word of the masks
+  std::vector<std::uint32_t> triangles_of_column;
+};
 
 Polygonizer::Polygonizer(gpu::Device& device)
     : device_(device),
@@ -74,121 +139,79 @@ Mesh Polygonizer::on_device(Volume& volume, std::span<const Brick> bricks) {
 
 Mesh Polygonizer::polygonize(Volume& volume, std::span<const Brick> wanted,
                              const std::function<bool(const Brick&)>& exists, bool resident) {
-  // Cells reach into + neighbours, which own some of their edges.
-  std::unordered_map<Brick, bool, BrickHash> is_wanted;
-  for (const Brick& b : wanted)
-    if (exists(b)) is_wanted[b] = true;
-  std::vector<Brick> bricks;
-  for (const Brick& b : wanted)
-    for (std::uint32_t c = 1; c < 8; ++c)
-      if (const Brick neighbour = b + corner(c); !is_wanted.contains(neighbour) && exists(neighbour))
-        is_wanted[neighbour] = false;
-  bricks.reserve(is_wanted.size());
-  for (const auto& [brick, unused] : is_wanted) bricks.push_back(brick);
-  std::sort(bricks.begin(), bricks.end(), by_cell);
-  // Those that make triangles come first.
-  const auto makers = static_cast<std::size_t>(
-      std::stable_partition(bricks.begin(), bricks.end(), [&](const Brick& b) { return is_wanted.at(b); }) -
-      bricks.begin());
+  const Plan plan = plan_for(wanted, exists);
   Mesh mesh;
-  if (bricks.empty()) return mesh;
-  std::unordered_map<Brick, std::uint32_t, BrickHash> position;
-  for (std::size_t i = 0; i < bricks.size(); ++i) position.emplace(bricks[i], static_cast<std::uint32_t>(i));
-  std::vector<std::uint32_t> neighbours(8 * bricks.size(), 0);
-  for (std::size_t i = 0; i < bricks.size(); ++i)
-    for (std::uint32_t c = 0; c < 8; ++c)
-      if (const auto it = position.find(bricks[i] + corner(c)); it != position.end())
-        neighbours[8 * i + c] = it->second;
-
-  const std::size_t n = bricks.size();
-  const gpu::Buffer brick_list(device_, n * sizeof(shader::ivec3)), masks(device_, n * shader::kEdgeWords * 4);
-  const gpu::Buffer firsts(device_, n * shader::kEdgeWords * 4), cells(device_, n * 512);
-  const gpu::Buffer counts(device_, n * 64 * 4), neighbour_list(device_, n * 32);
-  gpu::Batch batch(device_);
-  {
-    const std::vector<shader::ivec3> list(bricks.begin(), bricks.end());
-    batch.upload(brick_list, list);
-    batch.upload(neighbour_list, neighbours);
-    batch.fill(masks, 0);
-    batch.run();
-  }
-
-  std::vector<std::uint32_t> first_of_word(n * shader::kEdgeWords), triangles_of_column(n * 64);
-  std::vector<shader::MeshVertex> part_vertices;
-  for (std::size_t begin = 0; begin < n;) {
-    std::size_t end = begin + 1;
-    while (end < n && end - begin < kMaxBricks &&
-           (resident || cell_of(bricks[end], kCell) == cell_of(bricks[begin], kCell)))
+  if (plan.bricks.empty()) return mesh;
+  Work work(device_, plan);
+  for (std::size_t begin = 0, end = 0; begin < plan.bricks.size(); begin = end) {
+    const Brick cell = cell_of(plan.bricks[begin], kCell);
+    end = begin + 1;
+    while (end < plan.bricks.size() && end - begin < kMaxBricks &&
+           (resident || cell_of(plan.bricks[end], kCell) == cell))
       ++end;
-    const auto part = std::span(bricks).subspan(begin, end - begin);
     if (!resident) {
-      volume.move_window((cell_of(part[0], kCell).cast<double>().array() + 0.5).matrix() * kCell * volume.brick_size());
-      volume.page_in(with_neighbours(part));
+      volume.move_window((cell.cast<double>().array() + 0.5).matrix() * kCell * volume.brick_size());
+      volume.page_in(with_neighbours(std::span(plan.bricks).subspan(begin, end - begin)));
     }
-    const auto count = static_cast<std::uint32_t>(part.size());
-    const shader::PolygonizePush push{.volume = volume.view(),
-                                      .first = static_cast<std::uint32_t>(begin),
-                                      .count = count,
-                                      .min_weight = volume.options().min_mesh_weight,
-                                      .cells = shader::address(cells),
-                                      .triangles = shader::address(counts)};
-    const std::span part_words =
-        std::span(first_of_word).subspan(begin * shader::kEdgeWords, count * shader::kEdgeWords);
-    classify_(batch, {64 * count, 1, 1}, push, {&volume.page_table(), &brick_list, &table_, &masks});
-    batch.download(masks, part_words, begin * shader::kEdgeWords * 4);
-    batch.download(counts, std::span(triangles_of_column).subspan(begin * 64, count * 64), begin * 64 * 4);
-    batch.run();
-
-    const std::size_t before = mesh.positions.size();
-    auto total = static_cast<std::uint32_t>(before);
-    for (std::uint32_t& word : part_words)
-      total += static_cast<std::uint32_t>(std::popcount(std::exchange(word, total)));
-    batch.upload(firsts, std::span<const std::uint32_t>(part_words), begin * shader::kEdgeWords * 4);
-    part_vertices.resize(total - before);
-    const gpu::Buffer vertex_buffer(device_, part_vertices.size() * sizeof(shader::MeshVertex));
-    vertices_(batch, {count * shader::kEdgeWords, 1, 1}, push,
-              {&volume.page_table(), &brick_list, &masks, &firsts, &vertex_buffer});
-    batch.download(vertex_buffer, part_vertices);
-    batch.run();
-    for (const auto& v : part_vertices) {
-      mesh.positions.emplace_back(v.position);
-      mesh.normals.emplace_back(v.normal);
-      mesh.colours.push_back(std::bit_cast<std::array<std::uint8_t, 4>>(v.colour | 0xff000000u));
-      mesh.weights.push_back(v.weight);
-    }
-    begin = end;
+    add_vertices(volume, work, begin, end, mesh);
   }
+  add_triangles(volume, work, mesh);
+  (void)drop_unused_vertices(mesh);
+  return mesh;
+}
 
-  // Triangles need no voxels, so the parts no longer matter. Bricks that were not asked for make none.
-  std::vector<std::uint32_t> first_of_column(n * 64);
+/// Classifies the cells of the bricks from `begin` to `end`, which are on the device, and makes their vertices.
+void Polygonizer::add_vertices(const Volume& volume, Work& work, std::size_t begin, std::size_t end, Mesh& mesh) {
+  const shader::PolygonizePush push = work.push(volume, begin, end);
+  std::vector<std::uint32_t> words(push.count * shader::kEdgeWords);
+  gpu::Batch batch(device_);
+  classify_(batch, {64 * push.count, 1, 1}, push, {&volume.page_table(), &work.brick_list, &table_, &work.masks});
+  batch.download(work.masks, words, begin * shader::kEdgeWords * 4);
+  batch.download(work.counts, std::span(work.triangles_of_column).subspan(begin * 64, push.count * 64), begin * 64 * 4);
+  batch.run();
+
+  const std::size_t before = mesh.positions.size();
+  auto total = static_cast<std::uint32_t>(before);
+  for (std::uint32_t& word : words) total += static_cast<std::uint32_t>(std::popcount(std::exchange(word, total)));
+  batch.upload(work.firsts, words, begin * shader::kEdgeWords * 4);
+  std::vector<shader::MeshVertex> vertices(total - before);
+  const gpu::Buffer vertex_buffer(device_, vertices.size() * sizeof(shader::MeshVertex));
+  vertices_(batch, {push.count * shader::kEdgeWords, 1, 1}, push,
+            {&volume.page_table(), &work.brick_list, &work.masks, &work.firsts, &vertex_buffer});
+  batch.download(vertex_buffer, vertices);
+  batch.run();
+  for (const auto& v : vertices) {
+    mesh.positions.emplace_back(v.position);
+    mesh.normals.emplace_back(v.normal);
+    mesh.colours.push_back(std::bit_cast<std::array<std::uint8_t, 4>>(v.colour | 0xff000000u));
+    mesh.weights.push_back(v.weight);
+  }
+}
+
+/// Triangles need no voxels, so it does not matter where the bricks are.
+void Polygonizer::add_triangles(const Volume& volume, Work& work, Mesh& mesh) {
+  const std::size_t bricks = work.plan.bricks.size(), makers = work.plan.makers;
+  std::vector<std::uint32_t> first_of_column(bricks * 64);
   std::uint32_t total = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t column = 64 * i; column < 64 * (i + 1); ++column) {
-      first_of_column[column] = total;
-      if (i < makers) total += triangles_of_column[column];
-    }
+  for (std::size_t column = 0; column < first_of_column.size(); ++column) {
+    first_of_column[column] = total;
+    if (column < 64 * makers) total += work.triangles_of_column[column];
   }
-  batch.upload(counts, first_of_column);
+  gpu::Batch batch(device_);
+  batch.upload(work.counts, first_of_column);
   batch.run();
   mesh.triangles.resize(total);
   for (std::size_t begin = 0, end = 0; begin < makers; begin = end) {
     end = std::min(begin + kMaxBricks, makers);
-    const std::size_t first = first_of_column[64 * begin], last = end < n ? first_of_column[64 * end] : total;
+    const std::size_t first = first_of_column[64 * begin], last = end < bricks ? first_of_column[64 * end] : total;
     const gpu::Buffer indices(device_, (last - first) * 12);
-    const auto count = static_cast<std::uint32_t>(end - begin);
-    triangles_(batch, {64 * count, 1, 1},
-               {.volume = volume.view(),
-                .first = static_cast<std::uint32_t>(begin),
-                .count = count,
-                .min_weight = 0,
-                .cells = shader::address(cells),
-                .triangles = shader::address(counts)},
-               {&volume.page_table(), &brick_list, &table_, &masks, &firsts, &neighbour_list, &indices});
+    const shader::PolygonizePush push = work.push(volume, begin, end);
+    triangles_(
+        batch, {64 * push.count, 1, 1}, push,
+        {&volume.page_table(), &work.brick_list, &table_, &work.masks, &work.firsts, &work.neighbours, &indices});
     batch.download(indices, std::span(mesh.triangles).subspan(first, last - first));
     batch.run();
   }
-  (void)drop_unused_vertices(mesh);
-  return mesh;
 }
 
 }  // namespace cairn

@@ -25,9 +25,12 @@ class Polygonizer {
   [[nodiscard]] Mesh on_device(Volume& volume, std::span<const Brick> bricks);
 
  private:
+  struct Work;
   /// `resident`: all that the cells and their normals look at is on the device.
   [[nodiscard]] Mesh polygonize(Volume& volume, std::span<const Brick> wanted,
                                 const std::function<bool(const Brick&)>& exists, bool resident);
+  void add_vertices(const Volume& volume, Work& work, std::size_t begin, std::size_t end, Mesh& mesh);
+  void add_triangles(const Volume& volume, Work& work, Mesh& mesh);
 
   gpu::Device& device_;
   gpu::Buffer table_;
