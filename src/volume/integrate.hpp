@@ -24,6 +24,12 @@ class Integrator {
                   std::uint32_t fused_count);
 
  private:
+  [[nodiscard]] std::vector<Brick> find_missing(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
+                                                const Volume& volume, std::uint32_t fused_count);
+  [[nodiscard]] std::uint32_t select(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
+                                     const Volume& volume, std::uint32_t fused_count);
+  [[nodiscard]] Fused fuse(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, const Volume& volume,
+                           std::uint32_t fused_count, std::uint32_t count);
   [[nodiscard]] std::vector<Brick> look_through(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
                                                 const Volume& volume);
 
