@@ -76,7 +76,18 @@ Surface Preprocessor::preprocess(const Frame& frame) {
        .range = options_.filter_range,
        .edge_slope = options_.edge_slope},
       {distorted ? &depth_ : &raw_depth_, distorted ? &colour_ : &raw_colour_, &fusion_, &smooth_[0]});
+  make_pyramid(batch, has_colour);
+  batch.run();
   Surface surface{.levels = {}, .packed = {}, .fusion = &fusion_, .has_colour = has_colour};
+  for (std::size_t level = 0; level < levels_.size(); ++level) {
+    surface.levels.push_back(&levels_[level]);
+    if (has_colour) surface.packed.push_back(static_cast<int>(level) >= finest_level_ ? &packed_[level] : nullptr);
+  }
+  return surface;
+}
+
+/// From smooth_[0] and fusion_ to all that is asked of the levels.
+void Preprocessor::make_pyramid(gpu::Batch& batch, bool has_colour) {
   for (std::size_t level = 0; level < levels_.size(); ++level) {
     const Camera& c = levels_[level].camera;
     if (level > 0)
@@ -85,12 +96,9 @@ Surface Preprocessor::preprocess(const Frame& frame) {
              .height = static_cast<std::uint32_t>(c.height),
              .fine_width = static_cast<std::uint32_t>(levels_[level - 1].camera.width)},
             {&smooth_[level - 1], &smooth_[level]});
-    if (static_cast<int>(level) >= finest_level_)
-      normals_(batch, {pixels(c), 1, 1}, {.camera = shader::pinhole(c)}, {&smooth_[level], &levels_[level].points});
-    surface.levels.push_back(&levels_[level]);
-    if (!has_colour) continue;
-    surface.packed.push_back(nullptr);
     if (static_cast<int>(level) < finest_level_) continue;
+    normals_(batch, {pixels(c), 1, 1}, {.camera = shader::pinhole(c)}, {&smooth_[level], &levels_[level].points});
+    if (!has_colour) continue;
     const bool from_colour = static_cast<int>(level) == finest_level_;  // in one step, two levels are the most
     const auto width = static_cast<std::uint32_t>(c.width), height = static_cast<std::uint32_t>(c.height);
     make_intensity_(batch, {pixels(c), 1, 1},
@@ -104,10 +112,7 @@ Surface Preprocessor::preprocess(const Frame& frame) {
                     {from_colour ? &fusion_ : &intensity_[level - 1], &intensity_[level]});
     pack_(batch, {pixels(c), 1, 1}, {.width = width, .height = height},
           {&intensity_[level], &levels_[level].points, &packed_[level]});
-    surface.packed.back() = &packed_[level];
   }
-  batch.run();
-  return surface;
 }
 
 }  // namespace cairn

@@ -20,6 +20,8 @@ class Preprocessor {
   [[nodiscard]] const Camera& camera() const { return levels_.front().camera; }
 
  private:
+  void make_pyramid(gpu::Batch& batch, bool has_colour);
+
   gpu::Device& device_;
   Camera source_camera_;
   SurfaceOptions options_;
