@@ -47,20 +47,12 @@ Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& m) {
   return u * svd.matrixV().transpose();
 }
 
-}  // namespace
-
-std::vector<Eigen::Isometry3d> chordal_initialisation(const PoseGraph& graph, const std::vector<double>& weights) {
-  std::vector<Eigen::Isometry3d> poses = graph.world_from_node;
-  const std::vector<std::size_t> anchors = component_of(graph, weights);
-  // Unknowns are numbered over the nodes that are no anchor.
-  std::vector<Eigen::Index> number(poses.size(), -1);
-  Eigen::Index count = 0;
-  for (std::size_t i = 0; i < poses.size(); ++i)
-    if (anchors[i] != i) number[i] = count++;
-  if (count == 0) return poses;
-
+/// Matrices in place of the rotations, from the given ones of the anchors; three columns a node.
+Eigen::MatrixXd relaxed_rotations(const PoseGraph& graph, const std::vector<double>& weights,
+                                  const std::vector<Eigen::Index>& number, Eigen::Index count,
+                                  const std::vector<Eigen::Isometry3d>& poses) {
   // The three rows of all rotations solve the same equations: row(R_j) = row(R_i) R_ij.
-  Problem rotations(3 * count), translations(count);
+  Problem rotations(3 * count);
   for (std::size_t e = 0; e < graph.edges.size(); ++e) {
     if (weights[e] <= 0) continue;
     const auto& edge = graph.edges[e];
@@ -82,13 +74,14 @@ std::vector<Eigen::Isometry3d> chordal_initialisation(const PoseGraph& graph, co
       }
     }
   }
-  const Eigen::MatrixXd columns = rotations.solve();
-  for (std::size_t n = 0; n < poses.size(); ++n) {
-    if (number[n] < 0) continue;
-    const Eigen::Matrix3d m = columns.middleRows<3>(3 * number[n]).transpose();
-    if (m.allFinite()) poses[n].linear() = nearest_rotation(m);
-  }
+  return rotations.solve();
+}
 
+/// The translations that suit the rotations of `poses`; a row a node.
+Eigen::MatrixXd fitting_translations(const PoseGraph& graph, const std::vector<double>& weights,
+                                     const std::vector<Eigen::Index>& number, Eigen::Index count,
+                                     const std::vector<Eigen::Isometry3d>& poses) {
+  Problem translations(count);
   for (std::size_t e = 0; e < graph.edges.size(); ++e) {
     if (weights[e] <= 0) continue;
     const auto& edge = graph.edges[e];
@@ -112,7 +105,28 @@ std::vector<Eigen::Isometry3d> chordal_initialisation(const PoseGraph& graph, co
         translations.rhs(j) += tau * poses[edge.i].translation().transpose();
     }
   }
-  const Eigen::MatrixXd rows = translations.solve();
+  return translations.solve();
+}
+
+}  // namespace
+
+std::vector<Eigen::Isometry3d> chordal_initialisation(const PoseGraph& graph, const std::vector<double>& weights) {
+  std::vector<Eigen::Isometry3d> poses = graph.world_from_node;
+  const std::vector<std::size_t> anchors = component_of(graph, weights);
+  // Unknowns are numbered over the nodes that are no anchor.
+  std::vector<Eigen::Index> number(poses.size(), -1);
+  Eigen::Index count = 0;
+  for (std::size_t i = 0; i < poses.size(); ++i)
+    if (anchors[i] != i) number[i] = count++;
+  if (count == 0) return poses;
+
+  const Eigen::MatrixXd columns = relaxed_rotations(graph, weights, number, count, poses);
+  for (std::size_t n = 0; n < poses.size(); ++n) {
+    if (number[n] < 0) continue;
+    const Eigen::Matrix3d m = columns.middleRows<3>(3 * number[n]).transpose();
+    if (m.allFinite()) poses[n].linear() = nearest_rotation(m);
+  }
+  const Eigen::MatrixXd rows = fitting_translations(graph, weights, number, count, poses);
   for (std::size_t n = 0; n < poses.size(); ++n)
     if (number[n] >= 0 && rows.row(number[n]).allFinite()) poses[n].translation() = rows.row(number[n]).transpose();
   return poses;

@@ -39,52 +39,87 @@ bool make_positive_definite(Matrix6d& information) {
   return true;
 }
 
+struct ReadEdge {
+  long from, to;
+  int line;
+  PoseGraph::Edge edge;
+};
+
+/// One line of a file, by its words.
+struct Line {
+  const fs::path& file;
+  int number;
+  const std::vector<std::string>& words;
+
+  [[nodiscard]] std::runtime_error wrong(const std::string& what) const {
+    return std::runtime_error(fmt::format("{}:{}: {}", file.string(), number, what));
+  }
+  [[nodiscard]] double value(std::size_t i) const { return number_of(words[i], file, number); }
+  [[nodiscard]] long id(std::size_t i) const {
+    const double v = value(i);
+    if (v != std::floor(v) || std::abs(v) > 1e15) throw wrong("'" + shown(words[i]) + "' is no node");
+    return std::lround(v);
+  }
+  /// From seven words.
+  [[nodiscard]] Eigen::Isometry3d pose(std::size_t i) const {
+    const Eigen::Quaterniond q(value(i + 6), value(i + 3), value(i + 4), value(i + 5));
+    if (!is_rotation(q)) throw wrong("the quaternion is zero or too large");
+    Eigen::Isometry3d t = Eigen::Isometry3d::Identity();
+    t.linear() = q.normalized().toRotationMatrix();
+    t.translation() = Eigen::Vector3d(value(i), value(i + 1), value(i + 2));
+    return t;
+  }
+  [[nodiscard]] ReadEdge edge() const {
+    if (words.size() != 31)
+      throw wrong("expected `EDGE_SE3:QUAT from to x y z qx qy qz qw` and 21 numbers of the information matrix");
+    ReadEdge read{.from = id(1), .to = id(2), .line = number, .edge = {.i_from_j = pose(3)}};
+    Matrix6d& information = read.edge.information;
+    std::size_t next = 10;
+    for (int r = 0; r < 6; ++r)
+      for (int c = r; c < 6; ++c)
+        information(g2o_index(r), g2o_index(c)) = information(g2o_index(c), g2o_index(r)) = value(next++);
+    if (!(information.cwiseAbs().maxCoeff() < 1e100)) throw wrong("its information is too large");
+    return read;
+  }
+};
+
+/// The graph with its nodes numbered in the order of their ids.
+PoseGraph numbered(const std::map<long, Eigen::Isometry3d>& nodes, const std::vector<ReadEdge>& edges,
+                   const fs::path& file) {
+  PoseGraph graph;
+  std::map<long, std::size_t> index;
+  for (const auto& [id, pose] : nodes) {
+    index[id] = graph.world_from_node.size();
+    graph.world_from_node.push_back(pose);
+  }
+  for (const ReadEdge& read : edges) {
+    for (const long id : {read.from, read.to})
+      if (!index.contains(id))
+        throw std::runtime_error(fmt::format("{}:{}: there is no node {}", file.string(), read.line, id));
+    PoseGraph::Edge& edge = graph.edges.emplace_back(read.edge);
+    edge.i = index[read.from];
+    edge.j = index[read.to];
+    edge.is_loop_closure = std::abs(read.to - read.from) != 1;
+  }
+  return graph;
+}
+
 }  // namespace
 
 PoseGraph read_g2o(const fs::path& file) {
-  struct ReadEdge {
-    long from, to;
-    int line;
-    PoseGraph::Edge edge;
-  };
   std::map<long, Eigen::Isometry3d> nodes;
   std::vector<ReadEdge> edges;
   std::size_t indefinite = 0;
-  for_each_line(file, [&](int line, const std::vector<std::string>& words) {
-    const auto wrong = [&](const std::string& what) {
-      return std::runtime_error(fmt::format("{}:{}: {}", file.string(), line, what));
-    };
-    const auto number = [&](std::size_t i) { return number_of(words[i], file, line); };
-    const auto id = [&](std::size_t i) {
-      const double value = number(i);
-      if (value != std::floor(value) || std::abs(value) > 1e15) throw wrong("'" + shown(words[i]) + "' is no node");
-      return std::lround(value);
-    };
-    const auto pose = [&](std::size_t i) {
-      const Eigen::Quaterniond q(number(i + 6), number(i + 3), number(i + 4), number(i + 5));
-      if (!is_rotation(q)) throw wrong("the quaternion is zero or too large");
-      Eigen::Isometry3d t = Eigen::Isometry3d::Identity();
-      t.linear() = q.normalized().toRotationMatrix();
-      t.translation() = Eigen::Vector3d(number(i), number(i + 1), number(i + 2));
-      return t;
-    };
+  for_each_line(file, [&](int number, const std::vector<std::string>& words) {
+    const Line line{file, number, words};
     if (words[0] == "VERTEX_SE3:QUAT") {
-      if (words.size() != 9) throw wrong("expected `VERTEX_SE3:QUAT id x y z qx qy qz qw`");
-      if (!nodes.emplace(id(1), pose(2)).second) throw wrong("node " + shown(words[1]) + " is there twice");
+      if (words.size() != 9) throw line.wrong("expected `VERTEX_SE3:QUAT id x y z qx qy qz qw`");
+      if (!nodes.emplace(line.id(1), line.pose(2)).second)
+        throw line.wrong("node " + shown(words[1]) + " is there twice");
     } else if (words[0] == "EDGE_SE3:QUAT") {
-      if (words.size() != 31)
-        throw wrong("expected `EDGE_SE3:QUAT from to x y z qx qy qz qw` and 21 numbers of the information matrix");
-      ReadEdge read{.from = id(1), .to = id(2), .line = line, .edge = {.i_from_j = pose(3)}};
-      std::size_t next = 10;
-      for (int r = 0; r < 6; ++r)
-        for (int c = r; c < 6; ++c)
-          read.edge.information(g2o_index(r), g2o_index(c)) = read.edge.information(g2o_index(c), g2o_index(r)) =
-              number(next++);
-      if (!(read.edge.information.cwiseAbs().maxCoeff() < 1e100)) throw wrong("its information is too large");
-      indefinite += make_positive_definite(read.edge.information);
-      edges.push_back(std::move(read));
+      indefinite += make_positive_definite(edges.emplace_back(line.edge()).edge.information);
     } else if (words[0] != "FIX") {
-      throw wrong("'" + shown(words[0]) + "' is not known; VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX are");
+      throw line.wrong("'" + shown(words[0]) + "' is not known; VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX are");
     }
   });
   if (nodes.empty()) throw std::runtime_error(file.string() + ": holds no VERTEX_SE3:QUAT");
@@ -93,23 +128,7 @@ PoseGraph read_g2o(const fs::path& file) {
         "{}: {} of {} edges have an information matrix that is not positive definite; what they say in directions of "
         "no or negative information is left out",
         file.string(), indefinite, edges.size());
-
-  PoseGraph graph;
-  std::map<long, std::size_t> index;
-  for (const auto& [id, pose] : nodes) {
-    index[id] = graph.world_from_node.size();
-    graph.world_from_node.push_back(pose);
-  }
-  for (ReadEdge& read : edges) {
-    for (const long id : {read.from, read.to})
-      if (!index.contains(id))
-        throw std::runtime_error(fmt::format("{}:{}: there is no node {}", file.string(), read.line, id));
-    read.edge.i = index[read.from];
-    read.edge.j = index[read.to];
-    read.edge.is_loop_closure = std::abs(read.to - read.from) != 1;
-    graph.edges.push_back(read.edge);
-  }
-  return graph;
+  return numbered(nodes, edges, file);
 }
 
 void write_g2o(const fs::path& file, const PoseGraph& graph) {

@@ -180,6 +180,31 @@ int solve(const PoseGraph& graph, const std::vector<double>& weights, int iterat
   return static_cast<int>(summary.iterations.size()) - 1;
 }
 
+/// A way from one node to another.
+struct Way {
+  Eigen::Isometry3d pose;  // of the end in the frame of the begin
+  Matrix6d covariance;     // in the frame of the end
+};
+Way then(const Way& a, const Way& b) {
+  const Matrix6d ad = adjoint(b.pose.inverse());
+  return {a.pose * b.pose, Matrix6d(ad * a.covariance * ad.transpose() + b.covariance)};
+}
+Way reverse(const Way& a) {
+  const Matrix6d ad = adjoint(a.pose);
+  return {a.pose.inverse(), Matrix6d(ad * a.covariance * ad.transpose())};
+}
+Way along(const PoseGraph::Edge& edge) { return {edge.i_from_j, edge.information.inverse()}; }
+
+/// From node `a` to node `b` by `step`, the edges from node i to node i + 1; nothing where one is missing.
+std::optional<Way> along(const std::vector<const PoseGraph::Edge*>& step, std::size_t a, std::size_t b) {
+  Way way{Eigen::Isometry3d::Identity(), Matrix6d::Zero()};
+  for (std::size_t i = std::min(a, b); i < std::max(a, b); ++i) {
+    if (step[i] == nullptr) return std::nullopt;
+    way = then(way, along(*step[i]));
+  }
+  return a <= b ? way : reverse(way);
+}
+
 /// Edges that may be false and have a neighbour, from near their one end to near their other, that says the same within
 /// the noise of both and of the way between their ends (pairwise consistency: Mangelson et al. 2018); or that have such
 /// neighbours which all say something else.
@@ -196,39 +221,19 @@ std::vector<Consistency> pairwise_consistency(const PoseGraph& graph, double lim
     else if (e.j == e.i + 1)
       step[e.i] = &e;
   }
-  struct Way {
-    Eigen::Isometry3d pose;  // of the end in the frame of the begin
-    Matrix6d covariance;     // in the frame of the end
-  };
-  const auto then = [](const Way& a, const Way& b) {
-    const Matrix6d ad = adjoint(b.pose.inverse());
-    return Way{a.pose * b.pose, Matrix6d(ad * a.covariance * ad.transpose() + b.covariance)};
-  };
-  const auto reverse = [](const Way& a) {
-    const Matrix6d ad = adjoint(a.pose);
-    return Way{a.pose.inverse(), Matrix6d(ad * a.covariance * ad.transpose())};
-  };
-  const auto along = [&](std::size_t a, std::size_t b) -> std::optional<Way> {
-    Way way{Eigen::Isometry3d::Identity(), Matrix6d::Zero()};
-    for (std::size_t i = std::min(a, b); i < std::max(a, b); ++i) {
-      if (step[i] == nullptr) return std::nullopt;
-      way = then(way, {step[i]->i_from_j, step[i]->information.inverse()});
-    }
-    return a <= b ? way : reverse(way);
-  };
   for (std::size_t k = 0; k < graph.edges.size(); ++k) {
     const auto& e = graph.edges[k];
     if (!e.is_loop_closure) continue;
-    const Way loop{e.i_from_j, e.information.inverse()};
+    const Way loop = along(e);
     for (std::size_t i = e.i - std::min(e.i, kNeighbours); i <= std::min(e.i + kNeighbours, nodes - 1); ++i)
       for (const std::size_t other : from[i]) {
         const auto& o = graph.edges[other];
         if (other == k || (found[k] == Consistency::agrees && found[other] == Consistency::agrees)) continue;
         if (std::max(o.j, e.j) - std::min(o.j, e.j) > kNeighbours) continue;
-        const auto there = along(e.i, o.i), back = along(o.j, e.j);
+        const auto there = along(step, e.i, o.i), back = along(step, o.j, e.j);
         if (!there || !back) continue;
         // Round trip: along the other edge, then back along this one.
-        const Way around = then(then(then(*there, {o.i_from_j, o.information.inverse()}), *back), reverse(loop));
+        const Way around = then(then(then(*there, along(o)), *back), reverse(loop));
         const Vector6d error = local_coordinates(around.pose);
         const bool agree = error.dot(around.covariance.ldlt().solve(error)) < limit;
         for (const std::size_t edge : {k, other})
@@ -236,6 +241,22 @@ std::vector<Consistency> pairwise_consistency(const PoseGraph& graph, double lim
       }
   }
   return found;
+}
+
+/// Loops that others contradict have no weight; nor have those that none agrees with, where these are too many.
+std::vector<double> first_weights(const PoseGraph& graph, double limit) {
+  std::vector<double> weights(graph.edges.size(), 1.0);
+  const std::vector<Consistency> found = pairwise_consistency(graph, limit);
+  const auto agreeing = static_cast<double>(std::count(found.begin(), found.end(), Consistency::agrees));
+  double alone = 0;
+  for (std::size_t k = 0; k < weights.size(); ++k)
+    alone += graph.edges[k].is_loop_closure && found[k] == Consistency::none;
+  const bool too_many_alone = alone > kFewAlone + kShareAlone * agreeing;
+  for (std::size_t k = 0; k < weights.size(); ++k)
+    if (graph.edges[k].is_loop_closure &&
+        (found[k] == Consistency::contradicts || (found[k] == Consistency::none && too_many_alone)))
+      weights[k] = 0;
+  return weights;
 }
 
 /// Graduated non-convexity with truncated least squares (Yang, Antonante, Tzoumas & Carlone 2020, sec. III). Edges that
@@ -282,18 +303,7 @@ OptimiseReport optimise(PoseGraph& graph, const OptimiseOptions& options) {
   report.edge_weights = weights;
   if (graph.edges.empty() && graph.gravity.empty()) return report;
 
-  if (options.robust) {
-    const std::vector<Consistency> found = pairwise_consistency(graph, options.inlier_threshold);
-    const auto count = [&](Consistency w) { return static_cast<double>(std::count(found.begin(), found.end(), w)); };
-    double alone = 0;
-    for (std::size_t k = 0; k < weights.size(); ++k)
-      alone += graph.edges[k].is_loop_closure && found[k] == Consistency::none;
-    const bool too_many_alone = alone > kFewAlone + kShareAlone * count(Consistency::agrees);
-    for (std::size_t k = 0; k < weights.size(); ++k)
-      if (graph.edges[k].is_loop_closure &&
-          (found[k] == Consistency::contradicts || (found[k] == Consistency::none && too_many_alone)))
-        weights[k] = 0;
-  }
+  if (options.robust) weights = first_weights(graph, options.inlier_threshold);
   std::vector<Parameters> poses;
   for (const auto& t : graph.world_from_node) poses.push_back(parameters(t));
   report.cost_before = cost(graph, poses, weights);

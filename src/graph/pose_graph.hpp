@@ -34,7 +34,7 @@ struct OptimiseOptions {
   bool robust = true;               // weigh edges that may be false
   double inlier_threshold = 22.46;  // squared error, in units of an edge's own noise, beyond which it is taken for
                                     // false: 99.9 % of the chi-squared distribution with 6 degrees of freedom
-  int max_iterations = 100;  // of Levenberg-Marquardt, each time that it is called
+  int max_iterations = 100;         // of Levenberg-Marquardt, each time that it is called
 };
 
 struct OptimiseReport {
