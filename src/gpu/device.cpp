@@ -144,6 +144,19 @@ std::string missing_feature(const vk::raii::PhysicalDevice& physical) {
   return {};
 }
 
+/// The number of the first usable one of the best type; 0 where none is usable, which then tells why.
+int best_of(const vk::raii::PhysicalDevices& physicals) {
+  int index = 0, best = 5;
+  for (std::size_t i = 0; i < physicals.size(); ++i) {
+    const int rank = preference(physicals[i].getProperties().deviceType);
+    if (rank < best && missing_feature(physicals[i]).empty()) {
+      best = rank;
+      index = static_cast<int>(i);
+    }
+  }
+  return index;
+}
+
 DeviceInfo describe(int index, const vk::raii::PhysicalDevice& physical) {
   const auto properties = physical.getProperties();
   DeviceInfo info{.index = index,
@@ -202,6 +215,38 @@ std::vector<DeviceInfo> list_devices() {
   return devices;
 }
 
+void Device::State::open() {
+  queue_family = *compute_family(*physical);
+  memory_types = physical->getMemoryProperties();
+  const auto limits = physical->getProperties().limits;
+  timestamp_period_ns = limits.timestampPeriod;
+  max_binding = limits.maxStorageBufferRange;
+  std::copy(limits.maxComputeWorkGroupCount.begin(), limits.maxComputeWorkGroupCount.end(), max_groups.begin());
+  max_allocation = physical->getProperties2<vk::PhysicalDeviceProperties2, vk::PhysicalDeviceMaintenance3Properties>()
+                       .get<vk::PhysicalDeviceMaintenance3Properties>()
+                       .maxMemoryAllocationSize;
+  subgroup_size_control = has_subgroup_size_control(*physical);
+
+  const float priority = 1.0f;
+  const vk::DeviceQueueCreateInfo queue_of_family{
+      .queueFamilyIndex = queue_family, .queueCount = 1, .pQueuePriorities = &priority};
+  std::vector<const char*> extensions{VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME};
+  if (subgroup_size_control) extensions.push_back(VK_EXT_SUBGROUP_SIZE_CONTROL_EXTENSION_NAME);
+  vk::PhysicalDeviceSubgroupSizeControlFeatures subgroup_size{.subgroupSizeControl = true};
+  const vk::PhysicalDeviceFeatures features{.shaderInt64 = true};
+  const vk::PhysicalDeviceVulkan12Features v12{.pNext = subgroup_size_control ? &subgroup_size : nullptr,
+                                               .shaderBufferInt64Atomics = true,
+                                               .scalarBlockLayout = true,
+                                               .bufferDeviceAddress = true};
+  device.emplace(*physical, vk::DeviceCreateInfo{.pNext = &v12,
+                                                 .queueCreateInfoCount = 1,
+                                                 .pQueueCreateInfos = &queue_of_family,
+                                                 .enabledExtensionCount = static_cast<std::uint32_t>(extensions.size()),
+                                                 .ppEnabledExtensionNames = extensions.data(),
+                                                 .pEnabledFeatures = &features});
+  queue.emplace(*device, queue_family, 0);
+}
+
 Device::Device(int index) : state_(std::make_unique<State>()) {
   State& s = *state_;
   const Validation validation = validation_wanted();
@@ -221,53 +266,13 @@ Device::Device(int index) : state_(std::make_unique<State>()) {
   if (physicals.empty()) no_device();
   if (index < -1 || index >= static_cast<int>(physicals.size()))
     throw std::runtime_error("there is no Vulkan device " + std::to_string(index) + ": see `cairn devices`");
-  if (index < 0) {
-    int best = 5;
-    for (std::size_t i = 0; i < physicals.size(); ++i) {
-      const int rank = preference(physicals[i].getProperties().deviceType);
-      if (rank < best && missing_feature(physicals[i]).empty()) {
-        best = rank;
-        index = static_cast<int>(i);
-      }
-    }
-    if (index < 0) index = 0;  // none is usable: the first one tells why
-  }
+  if (index < 0) index = best_of(physicals);
   s.physical = std::move(physicals[static_cast<std::size_t>(index)]);
   s.info = describe(index, *s.physical);
   if (!s.info.missing.empty())
     throw std::runtime_error("Vulkan device " + std::to_string(index) + " (" + s.info.name + ") lacks " +
                              s.info.missing + ": choose another with --device, see `cairn devices`");
-
-  s.queue_family = *compute_family(*s.physical);
-  s.memory_types = s.physical->getMemoryProperties();
-  const auto limits = s.physical->getProperties().limits;
-  s.timestamp_period_ns = limits.timestampPeriod;
-  s.max_binding = limits.maxStorageBufferRange;
-  std::copy(limits.maxComputeWorkGroupCount.begin(), limits.maxComputeWorkGroupCount.end(), s.max_groups.begin());
-  s.max_allocation =
-      s.physical->getProperties2<vk::PhysicalDeviceProperties2, vk::PhysicalDeviceMaintenance3Properties>()
-          .get<vk::PhysicalDeviceMaintenance3Properties>()
-          .maxMemoryAllocationSize;
-  s.subgroup_size_control = has_subgroup_size_control(*s.physical);
-  const float priority = 1.0f;
-  const vk::DeviceQueueCreateInfo queue{
-      .queueFamilyIndex = s.queue_family, .queueCount = 1, .pQueuePriorities = &priority};
-  std::vector<const char*> extensions{VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME};
-  if (s.subgroup_size_control) extensions.push_back(VK_EXT_SUBGROUP_SIZE_CONTROL_EXTENSION_NAME);
-  vk::PhysicalDeviceSubgroupSizeControlFeatures subgroup_size{.subgroupSizeControl = true};
-  const vk::PhysicalDeviceFeatures features{.shaderInt64 = true};
-  const vk::PhysicalDeviceVulkan12Features v12{.pNext = s.subgroup_size_control ? &subgroup_size : nullptr,
-                                               .shaderBufferInt64Atomics = true,
-                                               .scalarBlockLayout = true,
-                                               .bufferDeviceAddress = true};
-  s.device.emplace(*s.physical,
-                   vk::DeviceCreateInfo{.pNext = &v12,
-                                        .queueCreateInfoCount = 1,
-                                        .pQueueCreateInfos = &queue,
-                                        .enabledExtensionCount = static_cast<std::uint32_t>(extensions.size()),
-                                        .ppEnabledExtensionNames = extensions.data(),
-                                        .pEnabledFeatures = &features});
-  s.queue.emplace(*s.device, s.queue_family, 0);
+  s.open();
 
   s.pipelines_file = pipeline_cache_file(*s.physical);
   const auto cached = read_file(s.pipelines_file);  // the driver checks the header and ignores what is not its own

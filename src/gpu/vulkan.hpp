@@ -37,6 +37,8 @@ struct Device::State {
   std::map<std::string, KernelTime> times;
   std::uint64_t in_use = 0, peak = 0;
   std::vector<std::unique_ptr<Batch::State>> idle_batches;
+
+  void open();  // `physical`: its limits, the device, and its queue
 };
 
 /// A buffer with memory of its own. `mapped` is null for device-local memory. Memory with `preferred` properties, too,
@@ -66,11 +68,12 @@ struct Batch::State {
     Allocation* chunk;
     std::uint64_t offset;
   };
-  /// Host-visible memory that grows by chunks and is reused after each run.
+  /// Host-visible memory that grows by chunks. One chunk stays for the next run; instead of several that one gets a
+  /// chunk of their size, unless it is too large to keep.
   struct Arena {
     std::deque<Allocation> chunks;
     std::uint64_t used = 0;   // bytes of the last chunk
-    std::uint64_t usual = 0;  // bytes that the last run took
+    std::uint64_t usual = 0;  // bytes of the first chunk, if more than of others
     Place take(Device::State& device, std::uint64_t bytes, vk::BufferUsageFlags usage,
                vk::MemoryPropertyFlags preferred);
     void reset();
