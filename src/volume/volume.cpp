@@ -152,13 +152,13 @@ void Volume::evict(std::span<const std::uint32_t> slots) {
   gpu::Batch batch(device_);
   place(batch, placements, 0);
   batch.run();
-  free_.insert(free_.end(), slots.begin(), slots.end());
-  std::sort(free_.begin(), free_.end(), std::greater<>());
+  vacant_.insert(vacant_.end(), slots.begin(), slots.end());
+  std::sort(vacant_.begin(), vacant_.end(), std::greater<>());
   counts_.paged_out += slots.size();
 }
 
 void Volume::make_room(std::size_t needed, std::span<const Brick> keep, std::uint32_t now) {
-  const std::size_t available = free_.size() + (capacity_ - high_slot_);
+  const std::size_t available = vacant_.size() + (capacity_ - high_slot_);
   if (needed <= available) return;
   const auto states = slot_states();
   const std::unordered_set<Brick, BrickHash> kept(keep.begin(), keep.end());
@@ -204,11 +204,11 @@ void Volume::make_resident(std::span<const Brick> bricks, std::uint32_t now) {
     std::vector<shader::Placement> placements;
     for (std::size_t i = begin; i < std::min(begin + kBricksPerCopy, missing.size()); ++i) {
       std::uint32_t slot = high_slot_;
-      if (free_.empty()) {
+      if (vacant_.empty()) {
         ++high_slot_;
       } else {
-        slot = free_.back();
-        free_.pop_back();
+        slot = vacant_.back();
+        vacant_.pop_back();
       }
       slot_of_.emplace(missing[i], slot);
       brick_in_.resize(high_slot_);
@@ -346,7 +346,7 @@ void Volume::restore(BrickTree tree, const Residency& r) {
 void Volume::adopt(BrickTree tree) {
   slot_of_.clear();
   last_seen_.clear();
-  free_.clear();
+  vacant_.clear();
   high_slot_ = 0;
   host_ = std::move(tree);
   gpu::Batch batch(device_);

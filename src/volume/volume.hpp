@@ -119,7 +119,7 @@ class Volume {
   Brick origin_ = Brick::Zero();
   gpu::Buffer voxels_, page_table_, free_marks_, slots_, placements_;
   gpu::Kernel<shader::BrickPlacePush> place_;
-  std::vector<std::uint32_t> free_;  // slots below high_slot_ that hold nothing, the lowest last
+  std::vector<std::uint32_t> vacant_;  // slots below high_slot_ that hold nothing, the lowest last
   std::unordered_map<Brick, std::uint32_t, BrickHash> slot_of_;
   std::vector<Brick> brick_in_;  // by slot; those not in use hold any
   BrickTree host_;
