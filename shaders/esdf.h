@@ -5,7 +5,8 @@
 // anywhere as long as it is smaller than the table. Every voxel holds
 //   nearest   the voxel whose site is the nearest one: squared distance (float bits) << 32 | address
 //   surface   its own site, if the surface passes it, and what is known about it; see kHasSurface and below
-// A site lies at height * normal from its voxel's centre and is perpendicular to the normal. Lengths in voxels.
+// At a site the surface is a plane, perpendicular to the normal and at height * normal from the voxel's centre. Lengths
+// in voxels.
 #ifndef CAIRN_ESDF_H
 #define CAIRN_ESDF_H
 #include "shaders/volume.h"
@@ -21,7 +22,7 @@ const uint kBlockRestart = 2u;
 const uint kBlockFlags = 2;
 const uint kEsdfReach = 512;     // blocks from the world's origin
 
-const uint kSiteBits = 0x0fffffffu;  // where its site lies, with
+const uint kSiteBits = 0x0fffffffu;  // height and normal of its own site, with
 const uint kHasSurface = 1u << 27;
 const uint kChanged = 1u << 28;  // its site came, went or moved in this update
 const uint kQueued = 1u << 29;   // it waits in the list
@@ -52,7 +53,7 @@ struct EsdfCount {
 
 struct EsdfEntry {
   uint voxel;  // address
-  uint site;   // its nearest site when the list was settled
+  uint site;   // what it was offered in the step before; kNoSite: nothing, or not the nearest
 };
 
 const uint kNoSite = 0xffffffffu;

@@ -9,7 +9,7 @@ layout(push_constant, scalar) uniform Push { EsdfDistancePush push; };
 layout(binding = 0, scalar) readonly buffer Blocks { uint blocks[]; };  // slots
 layout(binding = 1, scalar) writeonly buffer Distances { uint distances[]; };
 
-const float kPatch = 0.75;  // voxels: radius of a site
+const float kPlane = 0.75;  // voxels: so far around a site its plane is the surface
 
 void main() {
   if (group_index() >= push.blocks) return;
@@ -25,9 +25,8 @@ void main() {
     uint word = surface.v[site];
     ivec3 voxel = block + ivec3((local >> 8) & 15u, (local >> 4) & 15u, local & 15u);
     vec3 n = site_normal(word), q = vec3(voxel - voxel_of(push.field, site)) - site_height(word) * n;
-    // Over its site the surface is a plane.
     float height = dot(q, n), squared = dot(q, q);
-    float d = squared - height * height <= kPatch * kPatch ? abs(height) : sqrt(squared);
+    float d = squared - height * height <= kPlane * kPlane ? abs(height) : sqrt(squared);
     float metres = is_far ? push.max_distance : min(d * push.voxel_size, push.max_distance);
     uint bits = floatBitsToUint(state == kInside ? -metres : metres);
     distances[(group_index() << 12) | local] = state == kUnknown ? 0x7fc00000u : bits;

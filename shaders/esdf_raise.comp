@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The voxels of the list take over the nearest of what their neighbours outside of the list know.
+// The raise wave of Lau et al. 2013 in one step: voxels that lost their nearest site take over the nearest of those that
+// their neighbours outside of the list know.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/esdf.h"

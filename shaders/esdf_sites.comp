@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// From bricks of the TSDF to sites and states. In each cell of 2x2x2 TSDF voxels the plane that fits the
-// eight distances says where the surface passes; of several cells in one voxel of the field the one counts whose surface
-// passes nearest to the voxel's centre.
+// From bricks of the TSDF to sites and states. In each cell of 2x2x2 TSDF voxels the plane that fits the eight distances
+// says where the surface passes; of several cells in one voxel of the field the one counts whose surface passes nearest
+// to the voxel's centre.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/esdf.h"
@@ -13,7 +13,7 @@ layout(binding = 1, scalar) writeonly buffer List { EsdfEntry list[]; };
 layout(binding = 2, scalar) writeonly buffer Dirty { uint dirty[]; };
 layout(binding = 3, scalar) buffer Removed { uint removed; };  // sites that went or moved
 
-const float kSlack = 1.25;  // a site that was there stays until the surface is so much farther than it would come at
+const float kSlack = 1.25;  // a site stays until the surface is so much farther than where one would come
 const float kMargin = 0.02;  // voxels
 const float kSteep = 1.5;    // times the slope of a surface seen straight on
 const float kNearSurface = 0.7;  // truncations: a cell that the surface passes has a corner that is as near

@@ -17,10 +17,10 @@ namespace cairn {
 /// 4 or 8.
 [[nodiscard]] int esdf_scale(const FuseOptions& fuse, const EsdfOptions& options);
 
-/// The Euclidean signed distance field of a map, on the device. Each voxel knows the nearest site. An
-/// update finds the sites in the bricks that changed; where one came, a wave of "this is nearer" goes out, and where
-/// one went or moved, the voxels that it was nearest to ask their neighbours first (Lau et al. 2013, Oleynikova et al.
-/// 2017; the wave is vector propagation after Danielsson 1980).
+/// The Euclidean signed distance field of a map, on the device. Each voxel knows the nearest site: a voxel that the
+/// surface passes, and where it lies there. An update finds the sites in the bricks that changed; where one came, a
+/// wave lowers the distances around it, and where one went or moved, those that came from it are raised first (Lau et
+/// al. 2013, Oleynikova et al. 2017; the wave is vector propagation after Danielsson 1980).
 class Esdf {
  public:
   /// Throws std::runtime_error when the voxel size is not 1, 2, 4 or 8 voxels of the TSDF.
@@ -32,9 +32,9 @@ class Esdf {
     int steps = 0;   // of the wave
     bool rebuilt = false;
   };
-  /// Brings the field up to date with bricks of the map that have changed, come, or gone. The result is within a
-  /// quarter of a voxel of a field made anew, by sites that moved less and stay where they are, and beyond that only
-  /// where sites nearly as near were found. It is made anew, with the same bits each time, when most of it is new.
+  /// Brings the field up to date with bricks of the map that have changed, come, or gone. Sites that moved by less than
+  /// a quarter of a voxel stay where they are: by so much the result may differ from a field made anew, and by more
+  /// only where a site nearly as near was found. It is made anew, with the same bits each time, when most of it is new.
   Updated update(const Volume& volume, std::span<const Brick> changed);
   Updated update(const BrickTree& map, std::span<const Brick> changed);
   /// Forgets all distances and finds them again from the sites.
