@@ -96,21 +96,21 @@ TrajectoryError evaluate_trajectory(const Trajectory& estimate, const Trajectory
 
 Eigen::Isometry3d estimate_from_truth(const Trajectory& estimate, const Trajectory& truth) {
   Eigen::Vector4d rotation = Eigen::Vector4d::Zero();
-  std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> places;
+  std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> positions;
   for (const StampedPose& pose : estimate) {
     const auto exact = pose_at(truth, pose.timestamp);
     if (!exact) continue;
     const Eigen::Vector4d q =
         Eigen::Quaterniond(pose.world_from_camera.linear() * exact->linear().transpose()).coeffs();
     rotation += rotation.dot(q) < 0 ? Eigen::Vector4d(-q) : q;
-    places.emplace_back(pose.world_from_camera.translation(), exact->translation());
+    positions.emplace_back(pose.world_from_camera.translation(), exact->translation());
   }
-  if (places.empty()) throw std::runtime_error("no pose of the estimate has a true one at its time");
+  if (positions.empty()) throw std::runtime_error("no pose of the estimate has a true one at its time");
   Eigen::Isometry3d move = Eigen::Isometry3d::Identity();
   move.linear() = Eigen::Quaterniond(rotation.normalized()).toRotationMatrix();
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();
-  for (const auto& [found, exact] : places) translation += found - move.linear() * exact;
-  move.translation() = translation / static_cast<double>(places.size());
+  for (const auto& [found, exact] : positions) translation += found - move.linear() * exact;
+  move.translation() = translation / static_cast<double>(positions.size());
   return move;
 }
 

@@ -33,17 +33,17 @@ void remove_unseen(Mesh& mesh, float min_weight) {
 
 std::size_t remove_small_components(Mesh& mesh, const CleanOptions& options) {
   const Components parts = connected_components(mesh, weld(mesh));
-  struct Piece {
+  struct Component {
     Eigen::AlignedBox3f box;
     double weight = 0, corners = 0;
   };
-  std::vector<Piece> all(parts.count);
+  std::vector<Component> all(parts.count);
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
-    Piece& piece = all[parts.of_triangle[i]];
+    Component& component = all[parts.of_triangle[i]];
     for (const std::uint32_t v : mesh.triangles[i]) {
-      piece.box.extend(mesh.positions[v]);
-      piece.weight += mesh.weights.empty() ? std::numeric_limits<float>::max() : mesh.weights[v];
-      ++piece.corners;
+      component.box.extend(mesh.positions[v]);
+      component.weight += mesh.weights.empty() ? std::numeric_limits<float>::max() : mesh.weights[v];
+      ++component.corners;
     }
   }
   std::vector<bool> is_small(all.size());
@@ -71,15 +71,9 @@ std::vector<BoundaryEdge> boundary_edges(const Mesh& mesh, const std::vector<Sid
   return boundary_edges;
 }
 
-std::vector<std::uint32_t> own_names(const Mesh& mesh) {
-  std::vector<std::uint32_t> name(mesh.positions.size());
-  for (std::uint32_t v = 0; v < name.size(); ++v) name[v] = v;
-  return name;
-}
-
 /// Triangles that hang on by one side alone stick out of the border.
 void remove_spikes(Mesh& mesh) {
-  const std::vector<Side> sides = sides_by_edge(mesh, own_names(mesh));
+  const std::vector<Side> sides = sides_by_edge(mesh, own_ids(mesh));
   std::vector<int> open(mesh.triangles.size(), 0);
   for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
     if (end - begin == 1) ++open[sides[begin].triangle];
@@ -92,7 +86,7 @@ void remove_spikes(Mesh& mesh) {
 /// Borders follow the voxels in steps. Each border vertex goes towards the middle of its two neighbours along the
 /// border.
 void smooth_borders(Mesh& mesh) {
-  const std::vector<BoundaryEdge> border = boundary_edges(mesh, sides_by_edge(mesh, own_names(mesh)));
+  const std::vector<BoundaryEdge> border = boundary_edges(mesh, sides_by_edge(mesh, own_ids(mesh)));
   std::vector<std::uint32_t> next(mesh.positions.size(), kNone), previous = next;
   std::vector<bool> is_simple(mesh.positions.size(), true);
   for (const auto& [from, to] : border) {
@@ -149,7 +143,7 @@ void fill(Mesh& mesh, const std::vector<std::uint32_t>& rim) {
 
 std::size_t fill_holes(Mesh& mesh, float max_size) {
   if (max_size <= 0) return 0;
-  const std::vector<Side> sides = sides_by_edge(mesh, own_names(mesh));
+  const std::vector<Side> sides = sides_by_edge(mesh, own_ids(mesh));
   std::unordered_map<std::uint32_t, std::uint32_t> next;
   std::vector<bool> twice(mesh.positions.size(), false);
   std::vector<std::uint32_t> begins;
@@ -157,7 +151,7 @@ std::size_t fill_holes(Mesh& mesh, float max_size) {
     if (!next.try_emplace(from, to).second) twice[from] = true;
     begins.push_back(from);
   }
-  // From the lowest place on, so that it does not matter how vertices are numbered.
+  // From the lowest position on, so that it does not matter how vertices are numbered.
   std::sort(begins.begin(), begins.end(), [&](std::uint32_t a, std::uint32_t b) {
     const Eigen::Vector3f &p = mesh.positions[a], &q = mesh.positions[b];
     return std::lexicographical_compare(p.data(), p.data() + 3, q.data(), q.data() + 3);
@@ -211,13 +205,13 @@ std::size_t fill_holes(Mesh& mesh, float max_size) {
 
 std::size_t make_manifold(Mesh& mesh) {
   const std::size_t before = mesh.triangles.size();
-  const std::vector<std::uint32_t> name = weld(mesh);
+  const std::vector<std::uint32_t> vertex_id = weld(mesh);
   std::erase_if(mesh.triangles, [&](const auto& t) {
-    return name[t[0]] == name[t[1]] || name[t[1]] == name[t[2]] || name[t[2]] == name[t[0]] ||
-           !(area_vector(mesh, t).norm() > 0);
+    return vertex_id[t[0]] == vertex_id[t[1]] || vertex_id[t[1]] == vertex_id[t[2]] ||
+           vertex_id[t[2]] == vertex_id[t[0]] || !(area_vector(mesh, t).norm() > 0);
   });
   while (true) {
-    const std::vector<Side> sides = sides_by_edge(mesh, name);
+    const std::vector<Side> sides = sides_by_edge(mesh, vertex_id);
     std::vector<bool> remove(mesh.triangles.size(), false);
     bool any = false;
     for_each_edge(sides, [&](std::size_t begin, std::size_t end) {

@@ -30,7 +30,7 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 constexpr int kGrid = 65535;  // steps of a quantised position along the longest side
-constexpr int kDracoPositionBits = 16, kDracoNormalBits = 10, kDracoPlaceBits = 14, kDracoColourBits = 12;
+constexpr int kDracoPositionBits = 16, kDracoNormalBits = 10, kDracoTexCoordBits = 14, kDracoColourBits = 12;
 constexpr std::array kUnlit{"KHR_materials_unlit"};
 
 Eigen::Vector3f turned(const Eigen::Vector3f& v) { return {v.x(), -v.y(), -v.z()}; }
@@ -93,9 +93,10 @@ Attributes plain_attributes(const Mesh& mesh) {
   attributes.emplace_back("POSITION", floats(flat(mesh.positions), TINYGLTF_TYPE_VEC3));
   if (!mesh.normals.empty()) attributes.emplace_back("NORMAL", floats(flat(mesh.normals), TINYGLTF_TYPE_VEC3));
   if (!mesh.texture_coordinates.empty()) {
-    std::vector<float> places;
-    for (const auto& p : mesh.texture_coordinates) places.insert(places.end(), {p.x(), p.y()});
-    attributes.emplace_back("TEXCOORD_0", floats(places, TINYGLTF_TYPE_VEC2));
+    std::vector<float> texture_coordinates;
+    for (const auto& p : mesh.texture_coordinates)
+      texture_coordinates.insert(texture_coordinates.end(), {p.x(), p.y()});
+    attributes.emplace_back("TEXCOORD_0", floats(texture_coordinates, TINYGLTF_TYPE_VEC2));
   }
   if (!mesh.colours.empty() && mesh.texture_coordinates.empty()) attributes.emplace_back("COLOR_0", colours_of(mesh));
   return attributes;
@@ -104,7 +105,7 @@ Attributes plain_attributes(const Mesh& mesh) {
 Attributes quantised_attributes(const Snapped& snapped) {
   const Mesh& mesh = snapped.mesh;
   Attributes attributes;
-  std::vector<std::uint16_t> positions, places;
+  std::vector<std::uint16_t> positions, texture_coordinates;
   for (const auto& p : mesh.positions) {
     const Eigen::Vector3f steps = (turned(p) - snapped.low) / snapped.step;
     for (const float f : steps) positions.push_back(static_cast<std::uint16_t>(std::clamp(std::lround(f), 0l, 65535l)));
@@ -119,11 +120,11 @@ Attributes quantised_attributes(const Snapped& snapped) {
   }
   for (const auto& p : mesh.texture_coordinates)
     for (const float f : p)
-      places.push_back(static_cast<std::uint16_t>(std::clamp(std::lround(65535 * f), 0l, 65535l)));
-  if (!places.empty())
-    attributes.emplace_back("TEXCOORD_0",
-                            stream_of(places, 2, 2, TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT, TINYGLTF_TYPE_VEC2, true));
-  if (!mesh.colours.empty() && places.empty()) attributes.emplace_back("COLOR_0", colours_of(mesh));
+      texture_coordinates.push_back(static_cast<std::uint16_t>(std::clamp(std::lround(65535 * f), 0l, 65535l)));
+  if (!texture_coordinates.empty())
+    attributes.emplace_back("TEXCOORD_0", stream_of(texture_coordinates, 2, 2, TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT,
+                                                    TINYGLTF_TYPE_VEC2, true));
+  if (!mesh.colours.empty() && texture_coordinates.empty()) attributes.emplace_back("COLOR_0", colours_of(mesh));
   return attributes;
 }
 
@@ -177,7 +178,7 @@ Snapped snap(const Mesh& mesh) {
   Eigen::AlignedBox3f box;
   for (const auto& p : mesh.positions) box.extend(turned(p));
   snapped.low = box.min();
-  // A power of two, so that steps times it are exact and the same places stay the same in every part.
+  // A power of two, so that steps times it are exact and the same positions stay the same in every part.
   const float longest = std::max(box.sizes().maxCoeff(), 1e-3f);
   snapped.step = std::exp2(std::ceil(std::log2(longest / static_cast<float>(kGrid - 1))));
   snapped.low = ((snapped.low / snapped.step).array().floor() * snapped.step).matrix();
@@ -339,7 +340,7 @@ struct GltfWriter::State {
     encoder.SetTrackEncodedProperties(true);
     encoder.SetAttributeQuantization(draco::GeometryAttribute::POSITION, kDracoPositionBits);
     encoder.SetAttributeQuantization(draco::GeometryAttribute::NORMAL, kDracoNormalBits);
-    encoder.SetAttributeQuantization(draco::GeometryAttribute::TEX_COORD, kDracoPlaceBits);
+    encoder.SetAttributeQuantization(draco::GeometryAttribute::TEX_COORD, kDracoTexCoordBits);
     encoder.SetAttributeQuantization(draco::GeometryAttribute::COLOR, kDracoColourBits);
     draco::EncoderBuffer out;
     if (const draco::Status status = encoder.EncodeMeshToBuffer(coded, &out); !status.ok())

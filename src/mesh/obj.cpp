@@ -17,22 +17,22 @@ void write_obj(const std::filesystem::path& file, const std::vector<Mesh>& parts
   bool has_textures = false;
   for (const Mesh& part : parts) has_textures = has_textures || !part.texture_coordinates.empty();
   if (has_textures) fmt::format_to(out, "mtllib {}.mtl\n", stem);
-  std::size_t first = 1, first_place = 1, first_normal = 1;
+  std::size_t first = 1, first_texture_coordinate = 1, first_normal = 1;
   for (std::size_t i = 0; i < parts.size(); ++i) {
     const Mesh& mesh = parts[i];
-    const bool has_places = !mesh.texture_coordinates.empty(), has_normals = !mesh.normals.empty();
+    const bool is_textured = !mesh.texture_coordinates.empty(), has_normals = !mesh.normals.empty();
     fmt::format_to(out, "o part-{}\n", i);
     for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
       const Eigen::Vector3f& p = mesh.positions[v];
       fmt::format_to(out, "v {} {} {}", p.x(), p.y(), p.z());
-      if (!mesh.colours.empty() && !has_places)
+      if (!mesh.colours.empty() && !is_textured)
         fmt::format_to(out, " {:.4f} {:.4f} {:.4f}", mesh.colours[v][0] / 255.0, mesh.colours[v][1] / 255.0,
                        mesh.colours[v][2] / 255.0);
       text += '\n';
     }
     for (const auto& p : mesh.texture_coordinates) fmt::format_to(out, "vt {:.6f} {:.6f}\n", p.x(), 1 - p.y());
     for (const auto& n : mesh.normals) fmt::format_to(out, "vn {:.4f} {:.4f} {:.4f}\n", n.x(), n.y(), n.z());
-    if (has_places) {
+    if (is_textured) {
       const std::string image = fmt::format("{}-{}.{}", stem, i, options.png ? "png" : "jpg");
       write_whole(file.parent_path() / image, encode_image(mesh.texture, options.png, options.jpeg_quality));
       materials += fmt::format("newmtl surface-{}\nKd 1 1 1\nKs 0 0 0\nillum 0\nmap_Kd {}\n", i, image);
@@ -42,13 +42,13 @@ void write_obj(const std::filesystem::path& file, const std::vector<Mesh>& parts
       text += 'f';
       for (const std::uint32_t v : t) {
         fmt::format_to(out, " {}", first + v);
-        if (has_places) fmt::format_to(out, "/{}", first_place + v);
-        if (has_normals) fmt::format_to(out, "{}{}", has_places ? "/" : "//", first_normal + v);
+        if (is_textured) fmt::format_to(out, "/{}", first_texture_coordinate + v);
+        if (has_normals) fmt::format_to(out, "{}{}", is_textured ? "/" : "//", first_normal + v);
       }
       text += '\n';
     }
     first += mesh.positions.size();
-    first_place += mesh.texture_coordinates.size();
+    first_texture_coordinate += mesh.texture_coordinates.size();
     first_normal += mesh.normals.size();
   }
   if (has_textures) write_whole(file.parent_path() / (stem + ".mtl"), materials);

@@ -7,23 +7,27 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <boost/pending/disjoint_sets.hpp>
 #include <numeric>
 #include <tuple>
 #include <unordered_map>
+#include <unordered_set>
 
 #include "cairn/evaluation.hpp"
 
 namespace cairn {
 namespace {
 
-struct PlaceHash {
+struct PositionHash {
   std::size_t operator()(const std::array<std::uint32_t, 3>& p) const {  // Teschner et al. 2003
     return p[0] * std::size_t{73856093} ^ p[1] * std::size_t{19349669} ^ p[2] * std::size_t{83492791};
   }
 };
 
-bool is_degenerate(const Mesh& mesh, const std::array<std::uint32_t, 3>& t, const std::vector<std::uint32_t>& name) {
-  if (name[t[0]] == name[t[1]] || name[t[1]] == name[t[2]] || name[t[2]] == name[t[0]]) return true;
+bool is_degenerate(const Mesh& mesh, const std::array<std::uint32_t, 3>& t,
+                   const std::vector<std::uint32_t>& vertex_id) {
+  if (vertex_id[t[0]] == vertex_id[t[1]] || vertex_id[t[1]] == vertex_id[t[2]] || vertex_id[t[2]] == vertex_id[t[0]])
+    return true;
   const Eigen::Vector3d a = mesh.positions[t[0]].cast<double>();
   return !((mesh.positions[t[1]].cast<double>() - a).cross(mesh.positions[t[2]].cast<double>() - a).norm() > 0);
 }
@@ -31,25 +35,31 @@ bool is_degenerate(const Mesh& mesh, const std::array<std::uint32_t, 3>& t, cons
 }  // namespace
 
 std::vector<std::uint32_t> weld(const Mesh& mesh) {
-  std::unordered_map<std::array<std::uint32_t, 3>, std::uint32_t, PlaceHash> first;
+  std::unordered_map<std::array<std::uint32_t, 3>, std::uint32_t, PositionHash> first;
   first.reserve(mesh.positions.size());
-  std::vector<std::uint32_t> name(mesh.positions.size());
-  for (std::size_t v = 0; v < name.size(); ++v) {
+  std::vector<std::uint32_t> vertex_id(mesh.positions.size());
+  for (std::size_t v = 0; v < vertex_id.size(); ++v) {
     const Eigen::Vector3f p = mesh.positions[v] + Eigen::Vector3f::Zero();  // there is one zero only
-    name[v] = first
-                  .try_emplace({std::bit_cast<std::uint32_t>(p.x()), std::bit_cast<std::uint32_t>(p.y()),
-                                std::bit_cast<std::uint32_t>(p.z())},
-                               static_cast<std::uint32_t>(v))
-                  .first->second;
+    vertex_id[v] = first
+                       .try_emplace({std::bit_cast<std::uint32_t>(p.x()), std::bit_cast<std::uint32_t>(p.y()),
+                                     std::bit_cast<std::uint32_t>(p.z())},
+                                    static_cast<std::uint32_t>(v))
+                       .first->second;
   }
-  return name;
+  return vertex_id;
 }
 
-std::vector<Side> sides_by_edge(const Mesh& mesh, const std::vector<std::uint32_t>& name) {
+std::vector<std::uint32_t> own_ids(const Mesh& mesh) {
+  std::vector<std::uint32_t> vertex_id(mesh.positions.size());
+  std::iota(vertex_id.begin(), vertex_id.end(), 0u);
+  return vertex_id;
+}
+
+std::vector<Side> sides_by_edge(const Mesh& mesh, const std::vector<std::uint32_t>& vertex_id) {
   std::vector<Side> sides(3 * mesh.triangles.size());
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
     for (std::uint32_t c = 0; c < 3; ++c) {
-      const std::uint64_t a = name[mesh.triangles[t][c]], b = name[mesh.triangles[t][(c + 1) % 3]];
+      const std::uint64_t a = vertex_id[mesh.triangles[t][c]], b = vertex_id[mesh.triangles[t][(c + 1) % 3]];
       sides[3 * t + c] = {std::min(a, b) << 32 | std::max(a, b), static_cast<std::uint32_t>(t), c};
     }
   tbb::parallel_sort(sides, [](const Side& a, const Side& b) {
@@ -58,22 +68,14 @@ std::vector<Side> sides_by_edge(const Mesh& mesh, const std::vector<std::uint32_
   return sides;
 }
 
-Components connected_components(const Mesh& mesh, const std::vector<std::uint32_t>& name) {
-  std::vector<std::uint32_t> parent(mesh.positions.size());
-  std::iota(parent.begin(), parent.end(), 0u);
-  const auto root = [&](std::uint32_t v) {
-    while (parent[v] != v) v = parent[v] = parent[parent[v]];
-    return v;
-  };
+Components connected_components(const Mesh& mesh, const std::vector<std::uint32_t>& vertex_id) {
+  boost::disjoint_sets_with_storage<> sets(mesh.positions.size());
   for (const auto& t : mesh.triangles)
-    for (const std::size_t k : {1u, 2u}) {
-      const std::uint32_t a = root(name[t[0]]), b = root(name[t[k]]);
-      parent[std::max(a, b)] = std::min(a, b);
-    }
+    for (const std::size_t k : {1u, 2u}) sets.union_set(vertex_id[t[0]], vertex_id[t[k]]);
   Components components;
   std::vector<std::uint32_t> number(mesh.positions.size(), kNone);
   for (const auto& t : mesh.triangles) {
-    std::uint32_t& n = number[root(name[t[0]])];
+    std::uint32_t& n = number[sets.find_set(vertex_id[t[0]])];
     if (n == kNone) n = components.count++;
     components.of_triangle.push_back(n);
   }
@@ -97,14 +99,14 @@ Mesh joined(const std::vector<Mesh>& parts) {
 
 MeshTopology examine_topology(const Mesh& mesh) {
   MeshTopology topology;
-  const std::vector<std::uint32_t> name = weld(mesh);
+  const std::vector<std::uint32_t> vertex_id = weld(mesh);
   std::vector<bool> used(mesh.positions.size(), false);
   for (const auto& t : mesh.triangles) {
-    topology.degenerate_triangles += is_degenerate(mesh, t, name);
+    topology.degenerate_triangles += is_degenerate(mesh, t, vertex_id);
     for (const std::uint32_t v : t) used[v] = true;
   }
   topology.unreferenced_vertices = static_cast<std::size_t>(std::count(used.begin(), used.end(), false));
-  const std::vector<Side> sides = sides_by_edge(mesh, name);
+  const std::vector<Side> sides = sides_by_edge(mesh, vertex_id);
   // Borders hang together where they share a vertex.
   std::vector<std::array<std::uint32_t, 2>> border;
   for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
@@ -116,15 +118,12 @@ MeshTopology examine_topology(const Mesh& mesh) {
     topology.border_length += static_cast<double>((mesh.positions[a] - mesh.positions[b]).norm());
     border.push_back({a, b});
   });
-  std::unordered_map<std::uint32_t, std::uint32_t> parent;
-  const auto root = [&](std::uint32_t v) {
-    parent.try_emplace(v, v);
-    while (parent[v] != v) v = parent[v] = parent[parent[v]];
-    return v;
-  };
-  for (const auto& [a, b] : border) parent[root(a)] = root(b);
-  for (const auto& [v, p] : parent) topology.borders += v == p;
-  topology.components = connected_components(mesh, name).count;
+  boost::disjoint_sets_with_storage<> sets(mesh.positions.size());
+  for (const auto& [from, to] : border) sets.union_set(from, to);
+  std::unordered_set<std::size_t> borders;
+  for (const auto& [from, to] : border) borders.insert(sets.find_set(from));
+  topology.borders = borders.size();
+  topology.components = connected_components(mesh, vertex_id).count;
   return topology;
 }
 

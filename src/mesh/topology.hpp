@@ -13,8 +13,10 @@ namespace cairn {
 
 constexpr std::uint32_t kNone = 0xffffffffu;
 
-/// By vertex, the first one that lies at the very same place.
+/// By vertex, the first one at the very same position: vertices count as one where these ids are the same.
 [[nodiscard]] std::vector<std::uint32_t> weld(const Mesh& mesh);
+/// By vertex, itself.
+[[nodiscard]] std::vector<std::uint32_t> own_ids(const Mesh& mesh);
 
 /// A side of a triangle: from the vertex of its corner to that of its next one.
 struct Side {
@@ -22,8 +24,8 @@ struct Side {
   std::uint32_t triangle;  // its number
   std::uint32_t corner;    // 0 to 2
 };
-/// All sides, those of the same edge one after the other, by triangle. Vertices are renamed by `name`.
-[[nodiscard]] std::vector<Side> sides_by_edge(const Mesh& mesh, const std::vector<std::uint32_t>& name);
+/// All sides, those of the same edge one after the other, by triangle.
+[[nodiscard]] std::vector<Side> sides_by_edge(const Mesh& mesh, const std::vector<std::uint32_t>& vertex_id);
 
 /// Calls `visit(first, last)` for the sides of each edge.
 template <class Visit>
@@ -39,7 +41,7 @@ struct Components {
   std::vector<std::uint32_t> of_triangle;
   std::uint32_t count = 0;
 };
-[[nodiscard]] Components connected_components(const Mesh& mesh, const std::vector<std::uint32_t>& name);
+[[nodiscard]] Components connected_components(const Mesh& mesh, const std::vector<std::uint32_t>& vertex_id);
 
 /// Parts one after the other, without textures; normals and colours only where all parts have them.
 [[nodiscard]] Mesh joined(const std::vector<Mesh>& parts);

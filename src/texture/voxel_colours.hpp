@@ -8,13 +8,13 @@
 
 namespace cairn {
 
-/// The colours of a mesh's vertices as means over the cubes of a grid, to ask for at places in between.
+/// The colours of a mesh's vertices as means over the cubes of a grid, to ask for at points in between.
 class VoxelColours {
  public:
   /// `size`: side of the cubes, metres.
   VoxelColours(const Mesh& mesh, float size);
   /// Bytes R, G, B of the surroundings; `otherwise` where there is no vertex.
-  [[nodiscard]] std::uint32_t at(const Eigen::Vector3f& place, std::uint32_t otherwise) const;
+  [[nodiscard]] std::uint32_t at(const Eigen::Vector3f& point, std::uint32_t otherwise) const;
 
  private:
   struct Mean {
