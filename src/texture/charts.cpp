@@ -28,37 +28,40 @@ constexpr int kPadding = 2;        // texels around each chart that belong to it
 constexpr float kTurned = 0.62f;   // cosine between a chart's axis and the smoothed surface in it, at least
 constexpr float kFlat = 0.2f;      // the same of a triangle itself
 constexpr int kSmoothings = 4;     // of normals
-constexpr float kSubtexels = 256;  // places are rounded to them, so that neighbours agree to whom a texel belongs
+constexpr float kSubtexels = 256;  // corners are rounded to them, so that neighbours agree to whom a texel belongs
 
-using Place = Eigen::Matrix<std::int64_t, 2, 1>;  // subtexels
+using Subtexels = Eigen::Matrix<std::int64_t, 2, 1>;  // fixed-point coordinates in an image
 
-Place rounded(const Eigen::Vector2f& texels) {
-  return {std::llround(texels.x() * kSubtexels), std::llround(texels.y() * kSubtexels)};
+std::array<Subtexels, 3> in_subtexels(const std::array<Eigen::Vector2f, 3>& corners) {
+  std::array<Subtexels, 3> p;
+  for (std::size_t k = 0; k < 3; ++k)
+    p[k] = {std::llround(corners[k].x() * kSubtexels), std::llround(corners[k].y() * kSubtexels)};
+  return p;
 }
 
 /// Twice the signed area.
-std::int64_t cross(const Place& a, const Place& b, const Place& c) {
+std::int64_t cross(const Subtexels& a, const Subtexels& b, const Subtexels& c) {
   return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
 }
 
 /// Calls `visit(x, y)` for texels whose middle lies in the triangle; of two triangles at a side one alone has it.
 template <class Visit>
-void rasterise(std::array<Place, 3> p, const Visit& visit) {
+void rasterise(std::array<Subtexels, 3> p, const Visit& visit) {
   const std::int64_t area = cross(p[0], p[1], p[2]);
   if (area == 0) return;
   if (area < 0) std::swap(p[1], p[2]);
   constexpr auto kOne = static_cast<std::int64_t>(kSubtexels), kHalf = kOne / 2;
-  const Place low = p[0].cwiseMin(p[1]).cwiseMin(p[2]), high = p[0].cwiseMax(p[1]).cwiseMax(p[2]);
+  const Subtexels low = p[0].cwiseMin(p[1]).cwiseMin(p[2]), high = p[0].cwiseMax(p[1]).cwiseMax(p[2]);
   const auto first = [&](std::int64_t v) { return (v - kHalf + kOne - 1) >> 8; };
   const auto last = [&](std::int64_t v) { return (v - kHalf) >> 8; };
   std::array<std::int64_t, 3> bias;
   for (std::size_t k = 0; k < 3; ++k) {
-    const Place d = p[(k + 1) % 3] - p[k];
+    const Subtexels d = p[(k + 1) % 3] - p[k];
     bias[k] = d.y() < 0 || (d.y() == 0 && d.x() > 0) ? 0 : -1;
   }
   for (std::int64_t y = first(low.y()); y <= last(high.y()); ++y)
     for (std::int64_t x = first(low.x()); x <= last(high.x()); ++x) {
-      const Place at(x * kOne + kHalf, y * kOne + kHalf);
+      const Subtexels at(x * kOne + kHalf, y * kOne + kHalf);
       if (cross(p[0], p[1], at) + bias[0] >= 0 && cross(p[1], p[2], at) + bias[1] >= 0 &&
           cross(p[2], p[0], at) + bias[2] >= 0)
         visit(static_cast<int>(x), static_cast<int>(y));
@@ -66,9 +69,9 @@ void rasterise(std::array<Place, 3> p, const Visit& visit) {
 }
 
 struct Shape {
-  std::vector<Eigen::Vector3f> normal, smooth;       // of triangles
-  std::vector<float> area;                           // of triangles
-  std::vector<std::array<std::uint32_t, 3>> beside;  // triangles at the sides, or kNone
+  std::vector<Eigen::Vector3f> normal, smooth;         // of triangles
+  std::vector<float> area;                             // of triangles
+  std::vector<std::array<std::uint32_t, 3>> adjacent;  // triangles at the sides, or kNone
 };
 
 Shape shape_of(const Mesh& mesh) {
@@ -93,15 +96,13 @@ Shape shape_of(const Mesh& mesh) {
     }
   }
   for (std::size_t t = 0; t < n; ++t) shape.smooth.push_back(weighted[t].normalized());
-  shape.beside.assign(n, {kNone, kNone, kNone});
-  std::vector<std::uint32_t> name(mesh.positions.size());
-  std::iota(name.begin(), name.end(), 0u);
-  const std::vector<Side> sides = sides_by_edge(mesh, name);
+  shape.adjacent.assign(n, {kNone, kNone, kNone});
+  const std::vector<Side> sides = sides_by_edge(mesh, own_ids(mesh));
   for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
     if (end - begin != 2) return;
     const Side &a = sides[begin], &b = sides[begin + 1];
-    shape.beside[a.triangle][a.corner] = b.triangle;
-    shape.beside[b.triangle][b.corner] = a.triangle;
+    shape.adjacent[a.triangle][a.corner] = b.triangle;
+    shape.adjacent[b.triangle][b.corner] = a.triangle;
   });
   return shape;
 }
@@ -138,30 +139,29 @@ Eigen::Vector2i size_of(const Chart& chart) {
   return (chart.high - chart.low).array().ceil().cast<int>() + 1 + 2 * kPadding;
 }
 
-/// Where a triangle lies in the image of its chart.
-std::array<Eigen::Vector2f, 3> places_in(const Chart& chart, const Mesh& mesh, std::uint32_t triangle) {
-  std::array<Eigen::Vector2f, 3> places;
+/// A triangle in the image of its chart, texels.
+std::array<Eigen::Vector2f, 3> corners_in(const Chart& chart, const Mesh& mesh, std::uint32_t triangle) {
+  std::array<Eigen::Vector2f, 3> corners;
   for (std::size_t k = 0; k < 3; ++k)
-    places[k] = chart.plane * mesh.positions[mesh.triangles[triangle][k]] - chart.low +
-                Eigen::Vector2f::Constant(kPadding + 0.5f);
-  return places;
+    corners[k] = chart.plane * mesh.positions[mesh.triangles[triangle][k]] - chart.low +
+                 Eigen::Vector2f::Constant(kPadding + 0.5f);
+  return corners;
 }
 
-/// Takes triangles out of a chart that would cover others of it; returns them.
-std::vector<std::uint32_t> take_out_covering(Chart& chart, const Mesh& mesh) {
+/// Takes triangles out of a chart that would overlap others of it; returns them.
+std::vector<std::uint32_t> take_out_overlapping(Chart& chart, const Mesh& mesh) {
   const Eigen::Vector2i size = size_of(chart);
   std::vector<bool> covered(static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()), false);
+  const auto at = [&](int x, int y) {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(size.x()) + static_cast<std::size_t>(x);
+  };
   std::vector<std::uint32_t> stay, out;
   for (const std::uint32_t t : chart.triangles) {
-    const auto places = places_in(chart, mesh, t);
-    const std::array<Place, 3> p{rounded(places[0]), rounded(places[1]), rounded(places[2])};
-    const auto at = [&](int x, int y) {
-      return static_cast<std::size_t>(y) * static_cast<std::size_t>(size.x()) + static_cast<std::size_t>(x);
-    };
-    bool is_free = true;
-    rasterise(p, [&](int x, int y) { is_free = is_free && !covered[at(x, y)]; });
-    if (is_free) rasterise(p, [&](int x, int y) { covered[at(x, y)] = true; });
-    (is_free ? stay : out).push_back(t);
+    const std::array<Subtexels, 3> p = in_subtexels(corners_in(chart, mesh, t));
+    bool overlaps = false;
+    rasterise(p, [&](int x, int y) { overlaps = overlaps || covered[at(x, y)]; });
+    if (!overlaps) rasterise(p, [&](int x, int y) { covered[at(x, y)] = true; });
+    (overlaps ? out : stay).push_back(t);
   }
   chart.triangles = std::move(stay);
   return out;
@@ -190,6 +190,159 @@ std::vector<Chart> cut(const Mesh& mesh, Chart chart, int max_size) {
   return charts;
 }
 
+/// A rectangle of the texture for each chart.
+struct Layout {
+  int width = 0, height = 1;
+  std::vector<stbrp_rect> rects;
+};
+
+std::optional<Layout> lay_out(const std::vector<Chart>& charts, int max_size) {
+  Layout layout;
+  double area = 0;
+  int widest = 0;
+  for (std::size_t i = 0; i < charts.size(); ++i) {
+    const Eigen::Vector2i size = size_of(charts[i]);
+    layout.rects.push_back({static_cast<int>(i), size.x(), size.y(), 0, 0, 0});
+    area += static_cast<double>(size.x()) * size.y();
+    widest = std::max(widest, size.x());
+  }
+  if (area > static_cast<double>(max_size) * max_size || widest > max_size) return std::nullopt;
+  layout.width = std::min(max_size, std::max(widest, (static_cast<int>(std::sqrt(1.06 * area)) + 15) / 16 * 16));
+  std::vector<stbrp_node> nodes(static_cast<std::size_t>(layout.width));
+  stbrp_context context;
+  stbrp_init_target(&context, layout.width, max_size, nodes.data(), layout.width);
+  if (!charts.empty() && stbrp_pack_rects(&context, layout.rects.data(), static_cast<int>(charts.size())) == 0)
+    return std::nullopt;
+  for (const stbrp_rect& r : layout.rects) layout.height = std::max(layout.height, r.y + r.h);
+  return layout;
+}
+
+/// The mesh with a vertex for each chart that it belongs to, and with texture coordinates.
+Mesh unwrapped(const Mesh& mesh, const std::vector<Chart>& charts, const Layout& layout) {
+  Mesh result;
+  result.texture.width = layout.width;
+  result.texture.height = layout.height;
+  const Eigen::Vector2f scale(1.0f / static_cast<float>(layout.width), 1.0f / static_cast<float>(layout.height));
+  std::vector<std::uint32_t> original;  // by vertex of the result
+  std::vector<Eigen::Vector2f> texture_coordinates;
+  for (std::size_t i = 0; i < charts.size(); ++i) {
+    const Eigen::Vector2f offset(static_cast<float>(layout.rects[i].x), static_cast<float>(layout.rects[i].y));
+    std::unordered_map<std::uint32_t, std::uint32_t> vertex;
+    for (const std::uint32_t t : charts[i].triangles) {
+      const auto corners = corners_in(charts[i], mesh, t);
+      auto& triangle = result.triangles.emplace_back();
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t v = mesh.triangles[t][k];
+        const auto [it, is_new] = vertex.try_emplace(v, static_cast<std::uint32_t>(original.size()));
+        if (is_new) {
+          original.push_back(v);
+          texture_coordinates.push_back((corners[k] + offset).cwiseProduct(scale));
+        }
+        triangle[k] = it->second;
+      }
+    }
+  }
+  result.positions = mesh.positions;
+  result.normals = mesh.normals;
+  result.colours = mesh.colours;
+  take_vertices(result, original);
+  result.texture_coordinates = std::move(texture_coordinates);
+  return result;
+}
+
+/// The triangle at each texel of a chart's rectangle, or kNone.
+struct TriangleImage {
+  int width, height;
+  std::vector<std::uint32_t> triangles;
+
+  [[nodiscard]] std::size_t index(int x, int y) const {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
+  }
+  [[nodiscard]] bool contains(int x, int y) const { return x >= 0 && y >= 0 && x < width && y < height; }
+};
+
+/// Texels around the chart, which filters look at, get the triangle beside them.
+void dilate(TriangleImage& image) {
+  for (int ring = 0; ring < kPadding; ++ring) {
+    const std::vector<std::uint32_t> before = image.triangles;
+    for (int y = 0; y < image.height; ++y)
+      for (int x = 0; x < image.width; ++x)
+        for (const auto& [dx, dy] : {std::pair(-1, 0), {1, 0}, {0, -1}, {0, 1}, {-1, -1}, {1, -1}, {-1, 1}, {1, 1}})
+          if (std::uint32_t& t = image.triangles[image.index(x, y)]; t == kNone && image.contains(x + dx, y + dy))
+            t = before[image.index(x + dx, y + dy)];
+  }
+}
+
+TriangleImage draw(const Chart& chart, const Mesh& mesh, int width, int height) {
+  TriangleImage image{width, height, {}};
+  image.triangles.assign(image.index(0, height), kNone);
+  for (const std::uint32_t t : chart.triangles)
+    rasterise(in_subtexels(corners_in(chart, mesh, t)), [&](int x, int y) { image.triangles[image.index(x, y)] = t; });
+  dilate(image);
+  return image;
+}
+
+/// The point of a triangle, or of its plane beside it, under a texel.
+shader::Texel surface_point(const Chart& chart, const Mesh& mesh, std::uint32_t triangle, int x, int y) {
+  const auto p = corners_in(chart, mesh, triangle);
+  const Eigen::Vector2f ab = p[1] - p[0], ac = p[2] - p[0],
+                        q = Eigen::Vector2f(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f) - p[0];
+  const float area = ab.x() * ac.y() - ab.y() * ac.x();
+  float b = 0, c = 0;
+  if (std::abs(area) > 1e-9f) {
+    b = (q.x() * ac.y() - q.y() * ac.x()) / area;
+    c = (ab.x() * q.y() - ab.y() * q.x()) / area;
+  }
+  const std::array<float, 3> weight{1 - b - c, b, c};
+  Eigen::Vector3f position = Eigen::Vector3f::Zero(), normal = position, colour = position;
+  for (std::size_t corner = 0; corner < 3; ++corner) {
+    const std::uint32_t v = mesh.triangles[triangle][corner];
+    position += weight[corner] * mesh.positions[v];
+    const float inside = std::clamp(weight[corner], 0.0f, 1.0f);
+    if (!mesh.normals.empty()) normal += inside * mesh.normals[v];
+    if (!mesh.colours.empty())
+      colour += inside * Eigen::Vector3f(mesh.colours[v][0], mesh.colours[v][1], mesh.colours[v][2]);
+  }
+  const auto byte = [](float f) { return static_cast<std::uint32_t>(std::lround(std::clamp(f, 0.0f, 255.0f))); };
+  return {position, shader::pack_normal(normal.norm() > 1e-6f ? normal : Eigen::Vector3f::UnitZ()),
+          byte(colour.x()) | byte(colour.y()) << 8 | byte(colour.z()) << 16};
+}
+
+/// As in TextureAtlas, of one chart.
+struct Tiles {
+  std::vector<shader::Texel> points;
+  std::vector<std::uint32_t> texel;
+};
+
+Tiles tiles_of(const Chart& chart, const Mesh& mesh, const stbrp_rect& rect, int texture_width) {
+  // Slivers may cover no texel's middle: their neighbourhood is coloured all the same.
+  const TriangleImage image = draw(chart, mesh, rect.w, rect.h);
+  Tiles tiles;
+  constexpr int kSide = shader::kTileSide;
+  for (int ty = 0; ty < rect.h; ty += kSide)
+    for (int tx = 0; tx < rect.w; tx += kSide) {
+      const std::size_t first = tiles.points.size();
+      bool any = false;
+      tiles.points.resize(first + shader::kTileTexels);
+      tiles.texel.resize(first + shader::kTileTexels, 0);
+      for (int k = 0; k < kSide * kSide; ++k) {
+        const int x = tx + k % kSide, y = ty + k / kSide;
+        if (!image.contains(x, y)) continue;
+        const std::uint32_t t = image.triangles[image.index(x, y)];
+        if (t == kNone) continue;
+        const std::size_t slot = first + static_cast<std::size_t>(k);
+        tiles.points[slot] = surface_point(chart, mesh, t, x, y);
+        tiles.texel[slot] = static_cast<std::uint32_t>((rect.y + y) * texture_width + rect.x + x);
+        any = true;
+      }
+      if (!any) {
+        tiles.points.resize(first);
+        tiles.texel.resize(first);
+      }
+    }
+  return tiles;
+}
+
 }  // namespace
 
 std::vector<Chart> make_charts(const Mesh& mesh, float texel, int max_size) {
@@ -210,7 +363,7 @@ std::vector<Chart> make_charts(const Mesh& mesh, float texel, int max_size) {
     std::vector<std::uint32_t> triangles{seed};
     visit[seed] = growth;
     for (std::size_t i = 0; i < triangles.size(); ++i)
-      for (const std::uint32_t next : shape.beside[triangles[i]]) {
+      for (const std::uint32_t next : shape.adjacent[triangles[i]]) {
         if (next == kNone || taken[next] || visit[next] == growth) continue;
         visit[next] = growth;
         if (shape.smooth[next].dot(axis) > kTurned && shape.normal[next].dot(axis) > kFlat) triangles.push_back(next);
@@ -234,7 +387,7 @@ std::vector<Chart> make_charts(const Mesh& mesh, float texel, int max_size) {
       }
       Chart chart = chart_of(mesh, triangles, plane_of(mesh, triangles, axis, texel));
       for (const std::uint32_t t : triangles) taken[t] = true;
-      for (const std::uint32_t t : take_out_covering(chart, mesh)) {
+      for (const std::uint32_t t : take_out_overlapping(chart, mesh)) {
         taken[t] = false;
         again.push_back(t);
       }
@@ -247,138 +400,14 @@ std::vector<Chart> make_charts(const Mesh& mesh, float texel, int max_size) {
 }
 
 std::optional<TextureAtlas> pack(const Mesh& mesh, const std::vector<Chart>& charts, int max_size) {
-  std::vector<stbrp_rect> rects;
-  double area = 0;
-  int widest = 0;
-  for (std::size_t i = 0; i < charts.size(); ++i) {
-    const Eigen::Vector2i size = size_of(charts[i]);
-    rects.push_back({static_cast<int>(i), size.x(), size.y(), 0, 0, 0});
-    area += static_cast<double>(size.x()) * size.y();
-    widest = std::max(widest, size.x());
-  }
-  if (area > static_cast<double>(max_size) * max_size || widest > max_size) return std::nullopt;
-  const int width = std::min(max_size, std::max(widest, (static_cast<int>(std::sqrt(1.06 * area)) + 15) / 16 * 16));
-  std::vector<stbrp_node> nodes(static_cast<std::size_t>(width));
-  stbrp_context context;
-  stbrp_init_target(&context, width, max_size, nodes.data(), width);
-  if (!rects.empty() && stbrp_pack_rects(&context, rects.data(), static_cast<int>(rects.size())) == 0)
-    return std::nullopt;
-
+  const std::optional<Layout> layout = lay_out(charts, max_size);
+  if (!layout) return std::nullopt;
   TextureAtlas atlas;
   atlas.charts = static_cast<int>(charts.size());
-  atlas.mesh.texture.width = width;
-  int height = 1;
-  for (const stbrp_rect& r : rects) height = std::max(height, r.y + r.h);
-  atlas.mesh.texture.height = height;
-  const Eigen::Vector2f scale(1.0f / static_cast<float>(width), 1.0f / static_cast<float>(height));
-
-  std::vector<std::uint32_t> from;
-  for (std::size_t i = 0; i < charts.size(); ++i) {
-    const Chart& chart = charts[i];
-    const stbrp_rect& rect = rects[i];
-    const Eigen::Vector2f offset(static_cast<float>(rect.x), static_cast<float>(rect.y));
-    std::unordered_map<std::uint32_t, std::uint32_t> vertex;
-    for (const std::uint32_t t : chart.triangles) {
-      const auto places = places_in(chart, mesh, t);
-      auto& triangle = atlas.mesh.triangles.emplace_back();
-      for (std::size_t k = 0; k < 3; ++k) {
-        const std::uint32_t v = mesh.triangles[t][k];
-        const auto [it, is_new] = vertex.try_emplace(v, static_cast<std::uint32_t>(from.size()));
-        if (is_new) {
-          from.push_back(v);
-          atlas.mesh.texture_coordinates.push_back((places[k] + offset).cwiseProduct(scale));
-        }
-        triangle[k] = it->second;
-      }
-    }
-  }
-  std::vector<Eigen::Vector2f> texture_coordinates = std::move(atlas.mesh.texture_coordinates);
-  atlas.mesh.texture_coordinates.clear();
-  atlas.mesh.positions = mesh.positions;
-  atlas.mesh.normals = mesh.normals;
-  atlas.mesh.colours = mesh.colours;
-  take_vertices(atlas.mesh, from);
-  atlas.mesh.texture_coordinates = std::move(texture_coordinates);
-
-  // The points under the texels, chart by chart in tiles.
-  struct Tiles {
-    std::vector<shader::Texel> points;
-    std::vector<std::uint32_t> texel;
-  };
+  atlas.mesh = unwrapped(mesh, charts, *layout);
   std::vector<Tiles> of_chart(charts.size());
-  tbb::parallel_for(std::size_t{0}, charts.size(), [&](std::size_t i) {
-    const Chart& chart = charts[i];
-    const stbrp_rect& rect = rects[i];
-    const int w = rect.w, h = rect.h;
-    std::vector<std::uint32_t> owner(static_cast<std::size_t>(w) * static_cast<std::size_t>(h), kNone);
-    const auto at = [&](int x, int y) -> std::uint32_t& {
-      return owner[static_cast<std::size_t>(y) * static_cast<std::size_t>(w) + static_cast<std::size_t>(x)];
-    };
-    for (const std::uint32_t t : chart.triangles) {
-      const auto places = places_in(chart, mesh, t);
-      rasterise({rounded(places[0]), rounded(places[1]), rounded(places[2])}, [&](int x, int y) { at(x, y) = t; });
-    }
-    // Texels around the chart, which filters look at, belong to the triangle beside them.
-    for (int ring = 0; ring < kPadding; ++ring) {
-      const std::vector<std::uint32_t> was = owner;
-      const auto before = [&](int x, int y) {
-        return x < 0 || y < 0 || x >= w || y >= h
-                   ? kNone
-                   : was[static_cast<std::size_t>(y) * static_cast<std::size_t>(w) + static_cast<std::size_t>(x)];
-      };
-      for (int y = 0; y < h; ++y)
-        for (int x = 0; x < w; ++x)
-          for (const auto& [dx, dy] : {std::pair(-1, 0), {1, 0}, {0, -1}, {0, 1}, {-1, -1}, {1, -1}, {-1, 1}, {1, 1}})
-            if (at(x, y) == kNone) at(x, y) = before(x + dx, y + dy);
-    }
-    // Slivers may cover no texel's middle: their neighbourhood is coloured all the same.
-    Tiles& tiles = of_chart[i];
-    constexpr int kSide = shader::kTileSide;
-    for (int ty = 0; ty < h; ty += kSide)
-      for (int tx = 0; tx < w; tx += kSide) {
-        const std::size_t first = tiles.points.size();
-        bool any = false;
-        tiles.points.resize(first + shader::kTileTexels);
-        tiles.texel.resize(first + shader::kTileTexels, 0);
-        for (int k = 0; k < kSide * kSide; ++k) {
-          const int x = tx + k % kSide, y = ty + k / kSide;
-          if (x >= w || y >= h || at(x, y) == kNone) continue;
-          const std::uint32_t t = at(x, y);
-          const auto p = places_in(chart, mesh, t);
-          const Eigen::Vector2f ab = p[1] - p[0], ac = p[2] - p[0],
-                                q = Eigen::Vector2f(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f) - p[0];
-          const float area_of = ab.x() * ac.y() - ab.y() * ac.x();
-          float b = 0, c = 0;
-          if (std::abs(area_of) > 1e-9f) {
-            b = (q.x() * ac.y() - q.y() * ac.x()) / area_of;
-            c = (ab.x() * q.y() - ab.y() * q.x()) / area_of;
-          }
-          const std::array<float, 3> weight{1 - b - c, b, c};
-          Eigen::Vector3f position = Eigen::Vector3f::Zero(), normal = position, colour = position;
-          for (std::size_t corner = 0; corner < 3; ++corner) {
-            const std::uint32_t v = mesh.triangles[t][corner];
-            position += weight[corner] * mesh.positions[v];
-            const float inside = std::clamp(weight[corner], 0.0f, 1.0f);
-            if (!mesh.normals.empty()) normal += inside * mesh.normals[v];
-            if (!mesh.colours.empty())
-              colour += inside * Eigen::Vector3f(mesh.colours[v][0], mesh.colours[v][1], mesh.colours[v][2]);
-          }
-          const auto byte = [](float f) {
-            return static_cast<std::uint32_t>(std::lround(std::clamp(f, 0.0f, 255.0f)));
-          };
-          const std::size_t slot = first + static_cast<std::size_t>(k);
-          tiles.points[slot] = {position,
-                                shader::pack_normal(normal.norm() > 1e-6f ? normal : Eigen::Vector3f::UnitZ()),
-                                byte(colour.x()) | byte(colour.y()) << 8 | byte(colour.z()) << 16};
-          tiles.texel[slot] = static_cast<std::uint32_t>((rect.y + y) * width + rect.x + x);
-          any = true;
-        }
-        if (!any) {
-          tiles.points.resize(first);
-          tiles.texel.resize(first);
-        }
-      }
-  });
+  tbb::parallel_for(std::size_t{0}, charts.size(),
+                    [&](std::size_t i) { of_chart[i] = tiles_of(charts[i], mesh, layout->rects[i], layout->width); });
   for (Tiles& tiles : of_chart) {
     atlas.points.insert(atlas.points.end(), tiles.points.begin(), tiles.points.end());
     atlas.texel.insert(atlas.texel.end(), tiles.texel.begin(), tiles.texel.end());

@@ -10,18 +10,18 @@
 
 namespace cairn {
 
-/// A part of a mesh and its projection to a plane, in which no two triangles cover each other.
+/// A part of a mesh and its projection to a plane, in which no two triangles overlap.
 struct Chart {
   std::vector<std::uint32_t> triangles;
-  Eigen::Matrix<float, 2, 3> plane;  // from a point to its place, texels
-  Eigen::Vector2f low, high;         // of the places of its vertices
+  Eigen::Matrix<float, 2, 3> plane;  // from a point to texels
+  Eigen::Vector2f low, high;         // of its vertices there
 };
 
-/// Grows charts from the flattest places as far as the surface does not turn away (Sander et al. 2003). `texel`:
+/// Grows charts from the flattest triangles as far as the surface does not turn away (Sander et al. 2003). `texel`:
 /// metres; `max_size`: texels a side.
 [[nodiscard]] std::vector<Chart> make_charts(const Mesh& mesh, float texel, int max_size);
 
-/// Charts with their places in a texture.
+/// Charts side by side in a texture.
 struct TextureAtlas {
   Mesh mesh;  // a vertex for each chart that it belongs to, with texture_coordinates; its texture has a size and no
               // texels
