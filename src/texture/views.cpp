@@ -7,14 +7,16 @@
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
-#include <numeric>
+#include <optional>
 
 #include "spirv/texture_blend.comp.h"
 #include "spirv/texture_blur.comp.h"
 #include "spirv/texture_prepare.comp.h"
 #include "spirv/texture_sample.comp.h"
 #include "spirv/texture_select.comp.h"
+#include "texture/colour_registration.hpp"
 
 namespace cairn {
 namespace {
@@ -22,14 +24,14 @@ namespace {
 constexpr float kTolerance = 0.02f;        // metres between the surface and what a keyframe measured, beside noise
 constexpr std::size_t kBatchTiles = 4096;  // that are coloured at once
 constexpr int kGridX = 12, kGridY = 9;     // points of a keyframe whose exposure others are compared with
-constexpr int kEnoughPoints = 8;           // that two keyframes see
+constexpr std::size_t kEnoughPoints = 8;   // that two keyframes see
 constexpr double kPull = 0.02;             // of gains to 1, in pairs of this weight
 constexpr double kMaxGain = 1.0;           // logarithm
 constexpr int kDarkest = 12;               // of 255; darker colours tell nothing about exposure
 
 std::uint32_t pixels_of(const Camera& c) { return static_cast<std::uint32_t>(c.width * c.height); }
 
-/// Interleaves the bits of three numbers: near places have near codes (Morton 1966).
+/// Interleaves the bits of three numbers: near points have near codes (Morton 1966).
 std::uint64_t morton(const Eigen::Vector3f& p) {
   std::uint64_t code = 0;
   for (int axis = 0; axis < 3; ++axis) {
@@ -53,7 +55,7 @@ TextureViews::TextureViews(Volume& volume, const Camera& camera, const SurfaceOp
       gains_(keyframes_.size(), Eigen::Vector3f::Ones()),
       get_image_(std::move(get_image)),
       capacity_(std::max<std::size_t>(16, memory / (pixels_of(camera_) * 8 + pixels_of(camera_) / 4))),
-      place_(keyframes_.size(), -1),
+      slot_(keyframes_.size(), -1),
       prepare_(device_, "texture_prepare", texture_prepare_comp),
       blur_(device_, "texture_blur", texture_blur_comp),
       select_(device_, "texture_select", texture_select_comp),
@@ -65,7 +67,7 @@ TextureViews::TextureViews(Volume& volume, const Camera& camera, const SurfaceOp
 }
 
 const TextureViews::OnDevice& TextureViews::on_device(std::size_t keyframe) const {
-  return *images_[static_cast<std::size_t>(place_[keyframe])];
+  return *images_[static_cast<std::size_t>(slot_[keyframe])];
 }
 
 /// Brings keyframes' images to the device, no more than it holds.
@@ -73,8 +75,8 @@ void TextureViews::bring(std::span<const std::size_t> keyframes) {
   ++use_;
   std::vector<std::size_t> missing;
   for (const std::size_t k : keyframes)
-    if (place_[k] >= 0)
-      images_[static_cast<std::size_t>(place_[k])]->last_use = use_;
+    if (slot_[k] >= 0)
+      images_[static_cast<std::size_t>(slot_[k])]->last_use = use_;
     else
       missing.push_back(k);
   constexpr std::size_t kAtOnce = 8;
@@ -88,14 +90,14 @@ void TextureViews::bring(std::span<const std::size_t> keyframes) {
         images_.push_back(std::make_unique<OnDevice>());
         images_.back()->pixels = gpu::Buffer(device_, pixels_of(camera_) * 8);
         images_.back()->blurred = gpu::Buffer(device_, pixels_of(camera_) / 4);
-        place_[some[i]] = static_cast<int>(images_.size()) - 1;
+        slot_[some[i]] = static_cast<int>(images_.size()) - 1;
       } else {
         const auto oldest = std::min_element(images_.begin(), images_.end(),
                                              [](const auto& a, const auto& b) { return a->last_use < b->last_use; });
-        place_[(*oldest)->keyframe] = -1;
-        place_[some[i]] = static_cast<int>(oldest - images_.begin());
+        slot_[(*oldest)->keyframe] = -1;
+        slot_[some[i]] = static_cast<int>(oldest - images_.begin());
       }
-      OnDevice& image = *images_[static_cast<std::size_t>(place_[some[i]])];
+      OnDevice& image = *images_[static_cast<std::size_t>(slot_[some[i]])];
       image.keyframe = some[i];
       image.last_use = use_;
       const Surface surface = preprocessor_.preprocess(frames[i]);
@@ -113,7 +115,7 @@ void TextureViews::bring(std::span<const std::size_t> keyframes) {
 }
 
 void TextureViews::forget() {
-  std::fill(place_.begin(), place_.end(), -1);
+  std::fill(slot_.begin(), slot_.end(), -1);
   images_.clear();
 }
 
@@ -166,11 +168,10 @@ std::vector<shader::Texel> TextureViews::points_of(std::size_t keyframe, int col
   for (int gy = 0; gy < rows; ++gy)
     for (int gx = 0; gx < columns; ++gx) {
       const int x = (2 * gx + 1) * camera_.width / (2 * columns), y = (2 * gy + 1) * camera_.height / (2 * rows);
-      const std::uint32_t half = pixels[static_cast<std::size_t>(y * camera_.width + x)].x & 0xffffu;  // of the depth
-      if (half == 0) continue;
-      const float z = std::ldexp(static_cast<float>((half & 1023u) | (half >> 10 != 0 ? 1024u : 0u)),
-                                 static_cast<int>(std::max(half >> 10, 1u)) - 25);
-      const Eigen::Vector3d p = pose * (static_cast<double>(z) * camera_.ray(x, y));
+      const auto z = std::bit_cast<Eigen::half>(
+          static_cast<std::uint16_t>(pixels[static_cast<std::size_t>(y * camera_.width + x)].x));
+      if (z == Eigen::half(0)) continue;
+      const Eigen::Vector3d p = pose * (static_cast<double>(static_cast<float>(z)) * camera_.ray(x, y));
       points.push_back({Eigen::Vector3f(p.cast<float>()),
                         shader::pack_normal((pose.translation() - p).normalized().cast<float>()), 0});
     }
@@ -202,24 +203,6 @@ std::vector<std::uint32_t> TextureViews::sample(std::size_t keyframe, const std:
 void TextureViews::register_colour() {
   constexpr std::size_t kGroups = 8, kInGroup = 5;  // of neighbouring keyframes, spread over all
   constexpr int kColumns = 24, kRows = 18;          // of points a keyframe
-  constexpr std::size_t kParameters = 7;
-  constexpr std::size_t kEnough = 2000;  // pairs of a point and a keyframe
-  constexpr double kHuber = 0.06;        // of the range of brightness
-  constexpr double kBetter = 0.9;        // of the cost that has to be left
-  using Vector = Eigen::Matrix<double, 7, 1>;
-  // Steps of derivatives, and how far from nothing a camera may be: radians, metres, focal scale.
-  const Vector step = (Vector() << 2e-3, 2e-3, 2e-3, 4e-3, 4e-3, 4e-3, 2e-3).finished();
-  const Vector usual = (Vector() << 0.02, 0.02, 0.02, 0.03, 0.03, 0.03, 0.05).finished();
-  const auto camera = [](const Vector& x) {
-    return shader::ColourCamera{Eigen::Vector3f(x.head<3>().cast<float>()),
-                                Eigen::Vector3f(x.segment<3>(3).cast<float>()), static_cast<float>(1 + x[6])};
-  };
-  // Points of some keyframes, and which of these may see each.
-  struct Seen {
-    std::size_t point, keyframe;
-  };
-  std::vector<shader::Texel> points;
-  std::vector<Seen> seen;  // by keyframe
   std::vector<std::size_t> chosen;
   const std::size_t group = std::max(keyframes_.size() / kGroups, kInGroup);
   for (std::size_t k = 0; k < keyframes_.size() && chosen.size() < capacity_; ++k) {
@@ -227,174 +210,103 @@ void TextureViews::register_colour() {
     bring(std::array{k});
     if (on_device(k).has_colour) chosen.push_back(k);
   }
+  // Points of some keyframes, and which of these may see each.
+  std::vector<shader::Texel> points;
   for (const std::size_t k : chosen)
     for (const shader::Texel& p : points_of(k, kColumns, kRows)) points.push_back(p);
-  for (const std::size_t k : chosen)
-    for (std::size_t i = 0; i < points.size(); ++i)
-      if (const shader::Texel& p = points[i]; may_see(k, p.position, shader::unpack_normal(p.normal)))
-        seen.push_back({i, k});
-  // Brightness of 0..1 with the keyframes' gains, by `seen`; -1: not seen.
-  const auto brightness_of = [&](const shader::ColourCamera& colour, bool sharp) {
+  ColourObservations observations{.points = points.size(), .point = {}, .brightness = {}};
+  std::vector<std::pair<std::size_t, std::vector<shader::Texel>>> asked;  // of keyframes, as the observations go
+  for (const std::size_t k : chosen) {
+    auto& list = asked.emplace_back(k, std::vector<shader::Texel>{}).second;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      if (!may_see(k, points[i].position, shader::unpack_normal(points[i].normal))) continue;
+      observations.point.push_back(i);
+      list.push_back(points[i]);
+    }
+  }
+  observations.brightness = [&](const shader::ColourCamera& colour, bool sharp) {
     std::vector<float> brightness;
-    std::vector<shader::Texel> list;
-    for (std::size_t i = 0; i < seen.size();) {
-      const std::size_t k = seen[i].keyframe;
-      list.clear();
-      for (; i < seen.size() && seen[i].keyframe == k; ++i) list.push_back(points[seen[i].point]);
+    brightness.reserve(observations.point.size());
+    for (const auto& [k, list] : asked)
       for (const std::uint32_t word : sample(k, list, colour, sharp))
         brightness.push_back(
             word == 0 ? -1.0f : static_cast<float>((word & 255) + (word >> 8 & 255) + (word >> 16 & 255)) / 765);
-    }
     return brightness;
   };
+  if (const auto camera = register_colour_camera(observations)) colour_ = *camera;
+}
 
-  /// Differences to the mean of all that see a point, where more than one does.
-  struct Residuals {
-    std::vector<double> value;
-    double cost = 0;
-  };
-  const auto robust = [](double r) {  // Huber 1964
-    return std::abs(r) <= kHuber ? r * r : kHuber * (2 * std::abs(r) - kHuber);
-  };
-  const auto residuals_of = [&](const std::vector<float>& brightness, const std::vector<bool>* which) {
-    std::vector<double> sum(points.size(), 0), count(sum.size(), 0);
-    const auto counts = [&](std::size_t i) { return brightness[i] >= 0 && (which == nullptr || (*which)[i]); };
-    for (std::size_t i = 0; i < brightness.size(); ++i)
-      if (counts(i)) sum[seen[i].point] += static_cast<double>(brightness[i]), ++count[seen[i].point];
-    Residuals r;
-    for (std::size_t i = 0; i < brightness.size(); ++i) {
-      const std::size_t p = seen[i].point;
-      if (!counts(i) || count[p] < 2) continue;
-      r.value.push_back(static_cast<double>(brightness[i]) - sum[p] / count[p]);
-      r.cost += robust(r.value.back());
-    }
-    if (!r.value.empty()) r.cost /= static_cast<double>(r.value.size());
-    return r;
-  };
+namespace {
 
-  Vector best = Vector::Zero();
-  const Residuals none = residuals_of(brightness_of(camera(best), true), nullptr);
-  if (none.value.size() < kEnough) return;
-  // Where to begin: fields of view differ more than anything else.
-  double least = std::numeric_limits<double>::infinity();
-  for (const double focal_scale : {0.0, -0.04, 0.04, -0.08, 0.08, -0.12, 0.12}) {
-    Vector x = Vector::Zero();
-    x[6] = focal_scale;
-    const double cost = residuals_of(brightness_of(camera(x), false), nullptr).cost;
-    if (cost < (focal_scale == 0 ? 1.0 : 0.97) * least) least = cost, best = x;
+/// Logarithms of the colours of two keyframes over each other, by channel. Nothing where there are too few.
+std::optional<ExposurePair> exposure_pair(std::size_t a, std::size_t b,
+                                          std::array<std::vector<double>, 3>& differences) {
+  ExposurePair pair{.a = a, .b = b};
+  for (std::size_t c = 0; c < 3; ++c) {
+    auto& d = differences[c];
+    if (d.size() < kEnoughPoints) return std::nullopt;
+    const auto middle = d.begin() + static_cast<std::ptrdiff_t>(d.size() / 2);
+    std::nth_element(d.begin(), middle, d.end());
+    pair.logarithms[static_cast<int>(c)] = *middle;
+    pair.count = static_cast<int>(d.size());
   }
-  for (const auto& [sharp, iterations] : {std::pair(false, 8), {true, 6}}) {
-    double damping = 1e-3;
-    for (int i = 0; i < iterations; ++i) {
-      const std::vector<float> at = brightness_of(camera(best), sharp);
-      std::vector<std::vector<float>> beside;
-      std::vector<bool> all(at.size(), true);
-      for (std::size_t p = 0; p < kParameters; ++p) {
-        Vector x = best;
-        x[static_cast<int>(p)] += step[static_cast<int>(p)];
-        beside.push_back(brightness_of(camera(x), sharp));
-        for (std::size_t j = 0; j < at.size(); ++j) all[j] = all[j] && at[j] >= 0 && beside[p][j] >= 0;
-      }
-      const Residuals now = residuals_of(at, &all);
-      std::vector<Residuals> moved;
-      moved.reserve(beside.size());
-      for (const auto& b : beside) moved.push_back(residuals_of(b, &all));
-      Eigen::Matrix<double, 7, 7> a = Eigen::Matrix<double, 7, 7>::Zero();
-      Vector g = Vector::Zero();
-      for (std::size_t r = 0; r < now.value.size(); ++r) {
-        Vector j;
-        for (std::size_t p = 0; p < kParameters; ++p)
-          j[static_cast<int>(p)] = (moved[p].value[r] - now.value[r]) / step[static_cast<int>(p)];
-        const double w = std::min(1.0, kHuber / std::max(std::abs(now.value[r]), 1e-9));
-        a += w * j * j.transpose();
-        g += w * now.value[r] * j;
-      }
-      // The usual camera is the one that was promised; noise of a tenth.
-      const Vector pull = (0.01 * usual.array().square().inverse()).matrix();
-      a.diagonal() += pull;
-      g += pull.cwiseProduct(best);
-      a.diagonal() *= 1 + damping;
-      const Vector x = best - a.ldlt().solve(g);
-      const double cost = residuals_of(brightness_of(camera(x), sharp), &all).cost;
-      if (cost < now.cost) {
-        const bool is_done = cost > 0.999 * now.cost;
-        best = x;
-        damping *= 0.3;
-        if (is_done) break;
-      } else {
-        damping *= 30;
-        if (damping > 1e3) break;
+  return pair;
+}
+
+}  // namespace
+
+std::vector<ExposurePair> TextureViews::compare_exposures(std::size_t keyframe, const SeenPoints& earlier) {
+  // Only points that may lie in view are asked for.
+  SeenPoints near;
+  for (std::size_t i = 0; i < earlier.points.size(); ++i) {
+    const std::size_t other = earlier.keyframe[i];
+    const Eigen::Vector3f p = earlier.points[i].position;
+    if (!may_see(keyframe, p, (keyframes_[other].world_from_camera.translation().cast<float>() - p).normalized()))
+      continue;
+    near.points.push_back(earlier.points[i]);
+    near.keyframe.push_back(other);
+  }
+  const std::vector<std::uint32_t> colours = sample(keyframe, near.points, colour_, false);
+  std::vector<ExposurePair> pairs;
+  std::array<std::vector<double>, 3> differences;
+  for (std::size_t i = 0; i < near.points.size();) {
+    const std::size_t other = near.keyframe[i];
+    for (auto& d : differences) d.clear();
+    for (; i < near.points.size() && near.keyframe[i] == other; ++i) {
+      if (colours[i] == 0) continue;
+      for (std::uint32_t c = 0; c < 3; ++c) {
+        const auto a = static_cast<int>(near.points[i].colour >> (8 * c) & 255),
+                   b = static_cast<int>(colours[i] >> (8 * c) & 255);
+        if (std::min(a, b) >= kDarkest && std::max(a, b) < 250)
+          differences[c].push_back(std::log(static_cast<double>(a) / b));
       }
     }
+    if (const auto pair = exposure_pair(other, keyframe, differences)) pairs.push_back(*pair);
   }
-  if (residuals_of(brightness_of(camera(best), true), nullptr).cost < kBetter * none.cost) colour_ = camera(best);
+  return pairs;
 }
 
 bool TextureViews::compensate_exposure(const std::function<void()>& step) {
-  // Points of all keyframes so far, as they were seen by the one that they come from.
-  std::vector<shader::Texel> points;
-  std::vector<std::size_t> first;  // by keyframe
+  SeenPoints points;  // of all keyframes so far
   std::vector<ExposurePair> pairs;
   bool any_colour = false;
   for (std::size_t k = 0; k < keyframes_.size(); ++k) {
     bring(std::array{k});
-    const OnDevice& image = on_device(k);
-    first.push_back(points.size());
-    any_colour = any_colour || image.has_colour;
-    if (!image.has_colour) {
-      if (step) step();
-      continue;
-    }
-    // Only points that may lie in view are asked for.
-    std::vector<shader::Texel> near;
-    std::vector<std::size_t> from;
-    for (std::size_t other = 0; other < k; ++other) {
-      const std::size_t end = first[other + 1];
-      for (std::size_t i = first[other]; i < end; ++i) {
-        const Eigen::Vector3f p = points[i].position;
-        if (!may_see(k, p, (keyframes_[other].world_from_camera.translation().cast<float>() - p).normalized()))
-          continue;
-        near.push_back(points[i]);
-        from.push_back(other);
+    if (on_device(k).has_colour) {
+      any_colour = true;
+      for (const ExposurePair& pair : compare_exposures(k, points)) pairs.push_back(pair);
+      // Its own points, with the colour of its low frequencies as the others will be asked for theirs.
+      std::vector<shader::Texel> own = points_of(k, kGridX, kGridY);
+      const std::vector<std::uint32_t> own_colours = sample(k, own, colour_, false);
+      for (std::size_t i = 0; i < own.size(); ++i) {
+        if (own_colours[i] == 0) continue;
+        own[i].colour = own_colours[i];
+        points.points.push_back(own[i]);
+        points.keyframe.push_back(k);
       }
-    }
-    const std::vector<std::uint32_t> colours = sample(k, near, colour_, false);
-    std::array<std::vector<double>, 3> differences;
-    for (std::size_t i = 0; i < near.size();) {
-      const std::size_t other = from[i];
-      for (auto& d : differences) d.clear();
-      for (; i < near.size() && from[i] == other; ++i) {
-        if (colours[i] == 0) continue;
-        for (std::uint32_t c = 0; c < 3; ++c) {
-          const auto a = static_cast<int>(near[i].colour >> (8 * c) & 255),
-                     b = static_cast<int>(colours[i] >> (8 * c) & 255);
-          if (std::min(a, b) >= kDarkest && std::max(a, b) < 250)
-            differences[c].push_back(std::log(static_cast<double>(a) / b));
-        }
-      }
-      ExposurePair pair{.a = other, .b = k};
-      bool enough = true;
-      for (std::size_t c = 0; c < 3; ++c) {
-        auto& d = differences[c];
-        enough = enough && d.size() >= kEnoughPoints;
-        if (!enough) break;
-        const auto middle = d.begin() + static_cast<std::ptrdiff_t>(d.size() / 2);
-        std::nth_element(d.begin(), middle, d.end());
-        pair.logarithms[static_cast<int>(c)] = *middle;
-        pair.count = static_cast<int>(d.size());
-      }
-      if (enough) pairs.push_back(pair);
-    }
-    // Its own points, with the colour of its low frequencies as the others will be asked for theirs.
-    std::vector<shader::Texel> own = points_of(k, kGridX, kGridY);
-    const std::vector<std::uint32_t> own_colours = sample(k, own, colour_, false);
-    for (std::size_t i = 0; i < own.size(); ++i) {
-      own[i].colour = own_colours[i];
-      if (own_colours[i] != 0) points.push_back(own[i]);
     }
     if (step) step();
   }
-  first.push_back(points.size());
   gains_ = exposure_gains(keyframes_.size(), pairs);
   return any_colour;
 }
@@ -426,19 +338,16 @@ std::vector<Eigen::Vector3f> exposure_gains(std::size_t keyframes, std::span<con
   return gains;
 }
 
-std::size_t TextureViews::blend(TextureAtlas& atlas, const VoxelColours* unseen) {
-  Texture& texture = atlas.mesh.texture;
-  const auto size = static_cast<std::size_t>(texture.width) * static_cast<std::size_t>(texture.height);
-  texture.texels.assign(size, {0, 0, 0});
-  std::vector<bool> known(size, false);
-  const std::size_t tiles = atlas.points.size() / shader::kTileTexels;
-  struct Tile {
-    std::uint64_t code;
-    std::size_t first;  // point
-    Eigen::Vector3f middle, normal;
-  };
-  std::vector<Tile> order(tiles);
-  tbb::parallel_for(std::size_t{0}, tiles, [&](std::size_t i) {
+struct TextureViews::Tile {
+  std::uint64_t code;
+  std::size_t first;  // point
+  Eigen::Vector3f middle, normal;
+};
+
+/// So that those which lie near each other are coloured together.
+std::vector<TextureViews::Tile> TextureViews::in_morton_order(const TextureAtlas& atlas) {
+  std::vector<Tile> order(atlas.points.size() / shader::kTileTexels);
+  tbb::parallel_for(std::size_t{0}, order.size(), [&](std::size_t i) {
     Tile& tile = order[i];
     tile.first = i * shader::kTileTexels;
     // The point in the middle, or the one nearest to it in the list.
@@ -453,63 +362,90 @@ std::size_t TextureViews::blend(TextureAtlas& atlas, const VoxelColours* unseen)
   });
   std::sort(order.begin(), order.end(),
             [](const Tile& a, const Tile& b) { return std::tie(a.code, a.first) < std::tie(b.code, b.first); });
+  return order;
+}
 
+std::vector<std::size_t> TextureViews::keyframes_that_see(std::span<const Tile> tiles) const {
+  std::vector<int> sees(keyframes_.size(), 0);
+  tbb::parallel_for(std::size_t{0}, keyframes_.size(), [&](std::size_t k) {
+    for (const Tile& tile : tiles) sees[k] += may_see(k, tile.middle, tile.normal);
+  });
+  std::vector<std::size_t> needed;
+  for (std::size_t k = 0; k < sees.size(); ++k)
+    if (sees[k] > 0) needed.push_back(k);
+  std::stable_sort(needed.begin(), needed.end(), [&](std::size_t a, std::size_t b) { return sees[a] > sees[b]; });
+  if (needed.size() > capacity_) needed.resize(capacity_);
+  std::sort(needed.begin(), needed.end());
+  return needed;
+}
+
+/// What a batch of tiles is coloured in: on the device, and on the host.
+struct TextureViews::BlendBuffers {
+  gpu::Buffer points, chosen, colours, views;
+  std::vector<shader::Texel> tile_points;
+  std::vector<std::uint32_t> tile_colours;
+};
+
+void TextureViews::blend_tiles(const TextureAtlas& atlas, std::span<const Tile> tiles, BlendBuffers& buffers) {
+  const std::vector<std::size_t> needed = keyframes_that_see(tiles);
+  bring(needed);
+  std::vector<shader::TextureView> views;
+  for (const std::size_t k : needed)
+    if (on_device(k).has_colour) views.push_back(view_of(k));
+  buffers.tile_points.clear();
+  for (const Tile& tile : tiles) {
+    const auto first = atlas.points.begin() + static_cast<std::ptrdiff_t>(tile.first);
+    buffers.tile_points.insert(buffers.tile_points.end(), first, first + shader::kTileTexels);
+  }
+  buffers.tile_colours.resize(buffers.tile_points.size());
+  const auto count = static_cast<std::uint32_t>(tiles.size());
+  const shader::TextureBlendPush push{.camera = shader::pinhole(camera_),
+                                      .tiles = count,
+                                      .colour = colour_,
+                                      .views = static_cast<std::uint32_t>(views.size()),
+                                      .tolerance = kTolerance};
+  gpu::Batch batch(device_);
+  batch.upload(buffers.points, buffers.tile_points);
+  batch.upload(buffers.views, views);
+  select_(batch, {count, 1, 1}, push, {&buffers.points, &buffers.views, &buffers.chosen});
+  blend_(batch, {count * shader::kTileTexels, 1, 1}, push,
+         {&buffers.points, &buffers.views, &buffers.chosen, &buffers.colours});
+  batch.download(buffers.colours, buffers.tile_colours);
+  batch.run();
+}
+
+std::size_t TextureViews::blend(TextureAtlas& atlas, const VoxelColours* unseen) {
+  Texture& texture = atlas.mesh.texture;
+  const auto size = static_cast<std::size_t>(texture.width) * static_cast<std::size_t>(texture.height);
+  texture.texels.assign(size, {0, 0, 0});
+  std::vector<bool> known(size, false);
+  const std::vector<Tile> order = in_morton_order(atlas);
+  const std::size_t most = std::min(kBatchTiles, std::max<std::size_t>(order.size(), 1));
+  BlendBuffers buffers{.points = {device_, most * shader::kTileTexels * sizeof(shader::Texel)},
+                       .chosen = {device_, most * shader::kTileViews * 8},
+                       .colours = {device_, most * shader::kTileTexels * 4},
+                       .views = {device_, std::max<std::size_t>(1, std::min(capacity_, keyframes_.size())) *
+                                              sizeof(shader::TextureView)},
+                       .tile_points = {},
+                       .tile_colours = {}};
   std::size_t seen = 0;
-  const std::size_t most = std::min(kBatchTiles, std::max<std::size_t>(tiles, 1));
-  const gpu::Buffer points(device_, most * shader::kTileTexels * sizeof(shader::Texel)),
-      chosen(device_, most * shader::kTileViews * 8), colours(device_, most * shader::kTileTexels * 4),
-      views(device_, std::max<std::size_t>(1, std::min(capacity_, keyframes_.size())) * sizeof(shader::TextureView));
-  std::vector<shader::Texel> batch_points;
-  std::vector<std::uint32_t> batch_colours;
-  for (std::size_t begin = 0; begin < tiles; begin += most) {
-    const auto part = std::span(order).subspan(begin, std::min(most, tiles - begin));
-    std::vector<int> sees(keyframes_.size(), 0);
-    tbb::parallel_for(std::size_t{0}, keyframes_.size(), [&](std::size_t k) {
-      for (const Tile& tile : part) sees[k] += may_see(k, tile.middle, tile.normal);
-    });
-    std::vector<std::size_t> needed;
-    for (std::size_t k = 0; k < sees.size(); ++k)
-      if (sees[k] > 0) needed.push_back(k);
-    std::stable_sort(needed.begin(), needed.end(), [&](std::size_t a, std::size_t b) { return sees[a] > sees[b]; });
-    if (needed.size() > capacity_) needed.resize(capacity_);
-    std::sort(needed.begin(), needed.end());
-    bring(needed);
-    std::vector<shader::TextureView> list;
-    for (const std::size_t k : needed)
-      if (on_device(k).has_colour) list.push_back(view_of(k));
-    batch_points.clear();
-    for (const Tile& tile : part)
-      batch_points.insert(batch_points.end(), atlas.points.begin() + static_cast<std::ptrdiff_t>(tile.first),
-                          atlas.points.begin() + static_cast<std::ptrdiff_t>(tile.first + shader::kTileTexels));
-    batch_colours.resize(batch_points.size());
-    const auto count = static_cast<std::uint32_t>(part.size());
-    const shader::TextureBlendPush push{.camera = shader::pinhole(camera_),
-                                        .tiles = count,
-                                        .colour = colour_,
-                                        .views = static_cast<std::uint32_t>(list.size()),
-                                        .tolerance = kTolerance};
-    gpu::Batch batch(device_);
-    batch.upload(points, batch_points);
-    batch.upload(views, list);
-    select_(batch, {count, 1, 1}, push, {&points, &views, &chosen});
-    blend_(batch, {count * shader::kTileTexels, 1, 1}, push, {&points, &views, &chosen, &colours});
-    batch.download(colours, batch_colours);
-    batch.run();
+  for (std::size_t begin = 0; begin < order.size(); begin += most) {
+    const auto tiles = std::span(order).subspan(begin, std::min(most, order.size() - begin));
+    blend_tiles(atlas, tiles, buffers);
     if (unseen != nullptr)
-      tbb::parallel_for(std::size_t{0}, batch_points.size(), [&](std::size_t i) {
-        std::uint32_t& word = batch_colours[i];
-        if (word >> 24 == 0 && batch_points[i].normal != 0) word = unseen->at(batch_points[i].position, word);
+      tbb::parallel_for(std::size_t{0}, buffers.tile_points.size(), [&](std::size_t i) {
+        const shader::Texel& point = buffers.tile_points[i];
+        std::uint32_t& word = buffers.tile_colours[i];
+        if (word >> 24 == 0 && point.normal != 0) word = unseen->at(point.position, word);
       });
-    for (std::size_t i = 0; i < part.size(); ++i)
-      for (std::size_t k = 0; k < shader::kTileTexels; ++k) {
-        const std::size_t point = part[i].first + k;
-        if (atlas.points[point].normal == 0) continue;
-        const std::uint32_t word = batch_colours[i * shader::kTileTexels + k];
-        const std::uint32_t texel = atlas.texel[point];
-        known[texel] = true;
-        seen += word >> 24 != 0;
-        for (std::uint32_t c = 0; c < 3; ++c) texture.texels[texel][c] = static_cast<std::uint8_t>(word >> (8 * c));
-      }
+    for (std::size_t i = 0; i < buffers.tile_points.size(); ++i) {
+      if (buffers.tile_points[i].normal == 0) continue;
+      const std::uint32_t word = buffers.tile_colours[i];
+      const std::uint32_t texel = atlas.texel[tiles[i / shader::kTileTexels].first + i % shader::kTileTexels];
+      known[texel] = true;
+      seen += word >> 24 != 0;
+      for (std::uint32_t c = 0; c < 3; ++c) texture.texels[texel][c] = static_cast<std::uint8_t>(word >> (8 * c));
+    }
   }
   fill_between(texture, std::move(known));
   return seen;

@@ -22,6 +22,14 @@ struct TextureKeyframe {
   double colour_delay = 0;                                              // seconds from the depth to the colour image
 };
 
+/// How the colours of two keyframes differ: logarithms of the colour of `a` over that of `b`, the median of `count`
+/// points that both see.
+struct ExposurePair {
+  std::size_t a = 0, b = 0;
+  Eigen::Vector3d logarithms = Eigen::Vector3d::Zero();
+  int count = 0;
+};
+
 /// Colours surfaces from keyframes. Their images come to the device when they are needed and leave it when others need
 /// the place.
 class TextureViews {
@@ -35,9 +43,8 @@ class TextureViews {
   /// Finds by how much the keyframes' exposures differ where they see the same, so that blend() takes them to their
   /// mean. `step` is called after each keyframe. Returns whether any has colour.
   bool compensate_exposure(const std::function<void()>& step = {});
-  /// Finds how the colour camera lies to the depth camera, where colour is not on depth as it should be: the rotation,
-  /// translation and focal scale with which what several keyframes see agrees best (as Zhou & Koltun 2014 move each
-  /// image). Kept only if it agrees much better so. Wants compensate_exposure() before it.
+  /// Finds how the colour camera lies to the depth camera, where colour is not on depth as it should be, from what
+  /// several keyframes see (register_colour_camera()). Wants compensate_exposure() before it.
   void register_colour();
   [[nodiscard]] const shader::ColourCamera& colour_camera() const { return colour_; }
   /// What each keyframe's colours are multiplied with, by channel.
@@ -62,6 +69,12 @@ class TextureViews {
     bool has_colour = false;
     gpu::Buffer pixels, blurred;
   };
+  struct SeenPoints {  // with the colours in which the keyframes that they come from see them
+    std::vector<shader::Texel> points;
+    std::vector<std::size_t> keyframe;  // of each, in order
+  };
+  struct Tile;  // of the atlas
+  struct BlendBuffers;
   void bring(std::span<const std::size_t> keyframes);
   [[nodiscard]] const OnDevice& on_device(std::size_t keyframe) const;
   [[nodiscard]] std::vector<shader::Texel> points_of(std::size_t keyframe, int columns, int rows);
@@ -69,6 +82,12 @@ class TextureViews {
   /// seen.
   [[nodiscard]] std::vector<std::uint32_t> sample(std::size_t keyframe, const std::vector<shader::Texel>& points,
                                                   const shader::ColourCamera& colour, bool sharp);
+  [[nodiscard]] std::vector<ExposurePair> compare_exposures(std::size_t keyframe, const SeenPoints& earlier);
+  [[nodiscard]] static std::vector<Tile> in_morton_order(const TextureAtlas& atlas);
+  /// Those that see most of some tiles, no more than the device holds.
+  [[nodiscard]] std::vector<std::size_t> keyframes_that_see(std::span<const Tile> tiles) const;
+  /// Colours tiles in `tile_colours`: bytes R, G, B, and 255 where a keyframe sees the point.
+  void blend_tiles(const TextureAtlas& atlas, std::span<const Tile> tiles, BlendBuffers& buffers);
   [[nodiscard]] shader::TextureView view_of(std::size_t keyframe) const;
   [[nodiscard]] bool may_see(std::size_t keyframe, const Eigen::Vector3f& point, const Eigen::Vector3f& normal) const;
 
@@ -86,7 +105,7 @@ class TextureViews {
   std::size_t capacity_;
   std::uint64_t use_ = 0;
   std::vector<std::unique_ptr<OnDevice>> images_;
-  std::vector<int> place_;  // by keyframe: in images_, or -1
+  std::vector<int> slot_;  // by keyframe: in images_, or -1
   gpu::Kernel<shader::TexturePreparePush> prepare_, blur_;
   gpu::Kernel<shader::TextureBlendPush> select_, blend_;
   gpu::Kernel<shader::TextureSamplePush> sample_;
@@ -94,12 +113,6 @@ class TextureViews {
 };
 
 /// Gains that bring pairs of keyframes together in the mean square, with a little pull to 1 (as Brown & Lowe 2007).
-/// `logarithms`: of the colour of `a` over that of `b`, the median of `count` points that both see.
-struct ExposurePair {
-  std::size_t a = 0, b = 0;
-  Eigen::Vector3d logarithms = Eigen::Vector3d::Zero();
-  int count = 0;
-};
 [[nodiscard]] std::vector<Eigen::Vector3f> exposure_gains(std::size_t keyframes, std::span<const ExposurePair> pairs);
 
 }  // namespace cairn
