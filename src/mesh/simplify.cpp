@@ -51,7 +51,7 @@ Split split_by_region(const Mesh& mesh, const std::vector<std::uint32_t>& region
   return split;
 }
 
-/// meshoptimizer leaves a place alone where three or more vertices meet: unused ones lock it.
+/// meshoptimizer leaves a point alone where three or more vertices meet: unused ones lock it.
 void lock(Split& split, const Mesh& mesh, const std::vector<bool>& locked) {
   for (std::uint32_t v = 0; v < locked.size(); ++v)
     if (locked[v])
@@ -61,8 +61,8 @@ void lock(Split& split, const Mesh& mesh, const std::vector<bool>& locked) {
       }
 }
 
-/// Vertices of sides with more than two triangles.
-std::vector<std::uint32_t> at_bad_sides(const Mesh& mesh) {
+/// Vertices of edges with more than two triangles.
+std::vector<std::uint32_t> at_non_manifold_edges(const Mesh& mesh) {
   const std::vector<Side> sides = sides_by_edge(mesh, weld(mesh));
   std::vector<std::uint32_t> bad;
   for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
@@ -71,6 +71,87 @@ std::vector<std::uint32_t> at_bad_sides(const Mesh& mesh) {
     bad.push_back(static_cast<std::uint32_t>(sides[begin].edge));
   });
   return bad;
+}
+
+/// Two triangles at one side.
+struct Link {
+  float difference;  // of colour
+  std::uint32_t a, b;
+};
+
+/// By difference.
+std::vector<Link> links_between(const Mesh& mesh) {
+  std::vector<Eigen::Vector3f> colour;  // of triangles
+  for (const auto& t : mesh.triangles) {
+    Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+    for (const std::uint32_t v : t)
+      sum += Eigen::Vector3f(mesh.colours[v][0], mesh.colours[v][1], mesh.colours[v][2]) / 3;
+    colour.push_back(sum);
+  }
+  std::vector<Link> links;
+  const std::vector<Side> sides = sides_by_edge(mesh, weld(mesh));
+  for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin + 1; i < end; ++i) {
+      const std::uint32_t a = sides[begin].triangle, b = sides[i].triangle;
+      links.push_back({(colour[a] - colour[b]).norm(), a, b});
+    }
+  });
+  std::sort(links.begin(), links.end(), [](const Link& x, const Link& y) {
+    return std::tie(x.difference, x.a, x.b) < std::tie(y.difference, y.a, y.b);
+  });
+  return links;
+}
+
+/// Regions grow together while they differ no more than they do within (Felzenszwalb & Huttenlocher 2004); then small
+/// ones join the neighbour most like them.
+std::vector<std::uint32_t> segment(std::size_t triangles, const std::vector<Link>& links) {
+  std::vector<std::uint32_t> parent(triangles), size(triangles, 1);
+  std::iota(parent.begin(), parent.end(), 0u);
+  std::vector<float> inside(triangles, 0);
+  const auto root = [&](std::uint32_t t) {
+    while (parent[t] != t) t = parent[t] = parent[parent[t]];
+    return t;
+  };
+  const auto join = [&](std::uint32_t a, std::uint32_t b) {
+    if (size[a] < size[b]) std::swap(a, b);
+    parent[b] = a;
+    size[a] += size[b];
+    return a;
+  };
+  for (const auto& [difference, a, b] : links) {
+    const std::uint32_t p = root(a), q = root(b);
+    const auto limit = [&](std::uint32_t r) {
+      return inside[r] + kRegionScale / std::sqrt(static_cast<float>(size[r]));
+    };
+    if (p != q && difference <= std::min(limit(p), limit(q))) inside[join(p, q)] = difference;
+  }
+  for (const Link& link : links) {
+    const std::uint32_t p = root(link.a), q = root(link.b);
+    if (p != q && std::min(size[p], size[q]) < kSmallRegion) (void)join(p, q);
+  }
+  std::vector<std::uint32_t> region(triangles);
+  for (std::uint32_t t = 0; t < region.size(); ++t) region[t] = root(t);
+  return region;
+}
+
+/// Triangles of which two neighbours are of one region join it: edges of regions become straight.
+void straighten(std::vector<std::uint32_t>& region, const std::vector<Link>& links) {
+  std::vector<std::array<std::uint32_t, 3>> neighbours(region.size(), {kNone, kNone, kNone});
+  for (const Link& link : links)
+    for (const auto& [t, other] : {std::pair(link.a, link.b), {link.b, link.a}})
+      if (const auto slot = std::find(neighbours[t].begin(), neighbours[t].end(), kNone); slot != neighbours[t].end())
+        *slot = other;
+  for (int vote = 0; vote < kVotes; ++vote) {
+    const std::vector<std::uint32_t> was = region;
+    for (std::size_t t = 0; t < region.size(); ++t) {
+      const auto& [a, b, c] = neighbours[t];
+      const auto agree = [&](std::uint32_t i, std::uint32_t j) { return i != kNone && j != kNone && was[i] == was[j]; };
+      if (agree(a, b) || agree(a, c))
+        region[t] = was[a];
+      else if (agree(b, c))
+        region[t] = was[b];
+    }
+  }
 }
 
 }  // namespace
@@ -97,13 +178,13 @@ Simplified simplify(Mesh& mesh, const SimplifyOptions& options, const std::vecto
     simple.positions = mesh.positions;
     for (std::size_t i = 0; i < left.size(); i += 3)
       simple.triangles.push_back({split.original[left[i]], split.original[left[i + 1]], split.original[left[i + 2]]});
-    const std::vector<std::uint32_t> bad = at_bad_sides(simple);
+    const std::vector<std::uint32_t> bad = at_non_manifold_edges(simple);
     if (bad.empty() || round == kRounds) {
       mesh.triangles = std::move(simple.triangles);
       (void)make_manifold(mesh);
       break;
     }
-    // What collapsed there stays as it was: the surroundings of these places are locked.
+    // What collapsed there stays as it was: the surroundings of these vertices are locked.
     std::vector<bool> near(mesh.positions.size(), false);
     for (const std::uint32_t v : bad) near[v] = true;
     for (int ring = 0; ring <= round; ++ring) {
@@ -121,70 +202,9 @@ Simplified simplify(Mesh& mesh, const SimplifyOptions& options, const std::vecto
 }
 
 std::vector<std::uint32_t> colour_regions(const Mesh& mesh) {
-  struct Link {
-    float difference;
-    std::uint32_t a, b;
-  };
-  std::vector<Eigen::Vector3f> colour;
-  for (const auto& t : mesh.triangles) {
-    Eigen::Vector3f sum = Eigen::Vector3f::Zero();
-    for (const std::uint32_t v : t)
-      sum += Eigen::Vector3f(mesh.colours[v][0], mesh.colours[v][1], mesh.colours[v][2]) / 3;
-    colour.push_back(sum);
-  }
-  std::vector<Link> links;
-  const std::vector<Side> sides = sides_by_edge(mesh, weld(mesh));
-  for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin + 1; i < end; ++i) {
-      const std::uint32_t a = sides[begin].triangle, b = sides[i].triangle;
-      links.push_back({(colour[a] - colour[b]).norm(), a, b});
-    }
-  });
-  std::sort(links.begin(), links.end(), [](const Link& x, const Link& y) {
-    return std::tie(x.difference, x.a, x.b) < std::tie(y.difference, y.a, y.b);
-  });
-  std::vector<std::uint32_t> parent(mesh.triangles.size()), size(parent.size(), 1);
-  std::iota(parent.begin(), parent.end(), 0u);
-  std::vector<float> inside(parent.size(), 0);
-  const auto root = [&](std::uint32_t t) {
-    while (parent[t] != t) t = parent[t] = parent[parent[t]];
-    return t;
-  };
-  const auto join = [&](std::uint32_t a, std::uint32_t b) {
-    if (size[a] < size[b]) std::swap(a, b);
-    parent[b] = a;
-    size[a] += size[b];
-    return a;
-  };
-  for (const auto& [difference, a, b] : links) {
-    const std::uint32_t p = root(a), q = root(b);
-    const auto limit = [&](std::uint32_t r) {
-      return inside[r] + kRegionScale / std::sqrt(static_cast<float>(size[r]));
-    };
-    if (p != q && difference <= std::min(limit(p), limit(q))) inside[join(p, q)] = difference;
-  }
-  for (const Link& link : links) {
-    const std::uint32_t p = root(link.a), q = root(link.b);
-    if (p != q && std::min(size[p], size[q]) < kSmallRegion) (void)join(p, q);
-  }
-  std::vector<std::uint32_t> region(parent.size());
-  for (std::uint32_t t = 0; t < region.size(); ++t) region[t] = root(t);
-  std::vector<std::array<std::uint32_t, 3>> beside(region.size(), {kNone, kNone, kNone});
-  for (const Link& link : links)
-    for (const auto& [t, other] : {std::pair(link.a, link.b), {link.b, link.a}})
-      if (const auto free = std::find(beside[t].begin(), beside[t].end(), kNone); free != beside[t].end())
-        *free = other;
-  for (int vote = 0; vote < kVotes; ++vote) {
-    const std::vector<std::uint32_t> was = region;
-    for (std::size_t t = 0; t < region.size(); ++t) {
-      const auto& [a, b, c] = beside[t];
-      const auto is = [&](std::uint32_t i, std::uint32_t j) { return i != kNone && j != kNone && was[i] == was[j]; };
-      if (is(a, b) || is(a, c))
-        region[t] = was[a];
-      else if (is(b, c))
-        region[t] = was[b];
-    }
-  }
+  const std::vector<Link> links = links_between(mesh);
+  std::vector<std::uint32_t> region = segment(mesh.triangles.size(), links);
+  straighten(region, links);
   return region;
 }
 
