@@ -75,18 +75,73 @@ Band parse_band(const std::string& text) {
   return {*low, *high};
 }
 
-void esdf(const Arguments& a) {
+struct Outputs {
   std::optional<fs::path> grid, table;
+};
+Outputs sort_outputs(const Arguments& a) {
+  Outputs outputs;
   for (const fs::path& output : a.outputs) {
     if (output.extension() == ".vdb")
-      grid = output;
+      outputs.grid = output;
     else if (output.extension() == ".csv" && !a.query.empty())
-      table = output;
+      outputs.table = output;
     else
       throw std::runtime_error(output.string() + (output.extension() == ".csv"
                                                       ? ": answers need questions, give --query POINTS.csv"
                                                       : ": unknown kind of file; take .vdb, or .csv with --query"));
   }
+  return outputs;
+}
+
+struct Asked {
+  std::size_t points = 0, known = 0;
+  double seconds = 0;
+};
+/// Answers go to a table, or else to the standard output.
+Asked answer(const DistanceField& field, const std::vector<Eigen::Vector3f>& points,
+             const std::optional<fs::path>& table) {
+  std::vector<DistanceField::Answer> answers(points.size());
+  const auto start = Clock::now();
+  field.query(points, answers);
+  Asked asked{.points = points.size(), .seconds = seconds_since(start)};
+  for (const auto& a : answers) asked.known += a.known;
+  if (table)
+    write_whole(*table, [&](std::ostream& out) { write_answers(out, points, answers); });
+  else
+    write_answers(std::cout, points, answers);
+  return asked;
+}
+
+/// `seconds`: that making the field took.
+void print_summary(const DistanceField& field, double seconds, const Asked& asked, bool as_json) {
+  std::size_t voxels = 0;
+  for (const auto& [block, samples] : field.blocks())
+    for (const float d : *samples) voxels += !std::isnan(d);
+  const Eigen::AlignedBox3f box = field.bounds();
+  if (as_json) {
+    const nlohmann::json j{{"voxel_size", field.voxel_size()},
+                           {"max_distance", field.max_distance()},
+                           {"known_voxels", voxels},
+                           {"low", {box.min().x(), box.min().y(), box.min().z()}},
+                           {"high", {box.max().x(), box.max().y(), box.max().z()}},
+                           {"seconds", seconds},
+                           {"points", asked.points},
+                           {"known_points", asked.known},
+                           {"query_seconds", asked.seconds}};
+    fmt::print("{}\n", j.dump(2));
+    return;
+  }
+  const auto corner = [](const Eigen::Vector3f& p) { return fmt::format("{:.2f} {:.2f} {:.2f}", p.x(), p.y(), p.z()); };
+  fmt::print("{} voxels of {} m known, from {} to {}, in {:.2f} s\n", voxels, field.voxel_size(), corner(box.min()),
+             corner(box.max()), seconds);
+  if (asked.points > 0)
+    fmt::print("{} of {} points known, {:.1f} million points/s\n", asked.known, asked.points,
+               1e-6 * static_cast<double>(asked.points) / asked.seconds);
+}
+
+void esdf(const Arguments& a) {
+  // All that may be wrong in the command is told before the work begins.
+  const Outputs outputs = sort_outputs(a);
   const Plane plane = a.slice.empty() ? Plane{} : parse_plane(a.slice[0]);
   if (!a.costmaps.empty() && a.height.empty())
     throw CLI::ValidationError("--costmap", "needs --height LOW:HIGH, the robot's lowest and highest point");
@@ -96,47 +151,12 @@ void esdf(const Arguments& a) {
 
   const auto start = Clock::now();
   const auto field = map_distances(fs::is_directory(a.map) ? a.map / "map.vdb" : a.map, a.esdf, a.device);
-  const double made = seconds_since(start);
-  if (grid) write_distances(*grid, *field);
-  double asked = 0;
-  std::size_t known = 0;
-  if (!a.query.empty()) {
-    std::vector<DistanceField::Answer> answers(points.size());
-    const auto begin = Clock::now();
-    field->query(points, answers);
-    asked = seconds_since(begin);
-    for (const auto& answer : answers) known += answer.known;
-    if (table)
-      write_whole(*table, [&](std::ostream& out) { write_answers(out, points, answers); });
-    else
-      write_answers(std::cout, points, answers);
-  }
+  const double seconds = seconds_since(start);
+  if (outputs.grid) write_distances(*outputs.grid, *field);
+  const Asked asked = a.query.empty() ? Asked{} : answer(*field, points, outputs.table);
   if (!a.slice.empty()) write_slice(a.slice[1], *field, plane.axis, plane.at);
   for (const fs::path& costmap : a.costmaps) write_costmap(costmap, *field, band);
-
-  std::size_t voxels = 0;
-  for (const auto& [block, samples] : field->blocks())
-    for (const float d : *samples) voxels += !std::isnan(d);
-  const Eigen::AlignedBox3f box = field->bounds();
-  const auto corner = [](const Eigen::Vector3f& p) { return fmt::format("{:.2f} {:.2f} {:.2f}", p.x(), p.y(), p.z()); };
-  if (a.json) {
-    const nlohmann::json j{{"voxel_size", field->voxel_size()},
-                           {"max_distance", field->max_distance()},
-                           {"known_voxels", voxels},
-                           {"low", {box.min().x(), box.min().y(), box.min().z()}},
-                           {"high", {box.max().x(), box.max().y(), box.max().z()}},
-                           {"seconds", made},
-                           {"points", points.size()},
-                           {"known_points", known},
-                           {"query_seconds", asked}};
-    fmt::print("{}\n", j.dump(2));
-  } else if (a.query.empty() || table) {
-    fmt::print("{} voxels of {} m known, from {} to {}, in {:.2f} s\n", voxels, field->voxel_size(), corner(box.min()),
-               corner(box.max()), made);
-    if (!points.empty())
-      fmt::print("{} of {} points known, {:.1f} million points/s\n", known, points.size(),
-                 1e-6 * static_cast<double>(points.size()) / asked);
-  }
+  if (a.json || a.query.empty() || outputs.table) print_summary(*field, seconds, asked, a.json);
 }
 
 }  // namespace

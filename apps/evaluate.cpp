@@ -36,8 +36,8 @@ void print_row(const std::string& name, const ErrorStatistics& s, double scale, 
 void print_head() { fmt::print("{:<22}{:>10}{:>10}{:>10}{:>10}\n", "", "rmse", "mean", "median", "max"); }
 
 /// A recording's folder stands for the true poses in it.
-Trajectory read_truth(const std::string& place) {
-  return std::filesystem::is_directory(place) ? recorded_truth(place) : read_trajectory(place);
+Trajectory read_truth(const std::string& path) {
+  return std::filesystem::is_directory(path) ? recorded_truth(path) : read_trajectory(path);
 }
 
 void evaluate_trajectory_files(const Arguments& a) {
@@ -194,94 +194,109 @@ void evaluate_distances_of(const Arguments& a) {
              e.known);
 }
 
+void add_trajectory(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
+  auto* command = evaluate.add_subcommand("trajectory", "ATE and RPE as the TUM benchmark defines them");
+  command->add_option("ESTIMATE", a->estimate, "TUM trajectory file")->required()->check(CLI::ExistingFile);
+  command->add_option("TRUTH", a->truth, "TUM trajectory file, or the folder of a recording with true poses")
+      ->required()
+      ->check(CLI::ExistingPath);
+  command->add_option("--rpe-interval", a->rpe_interval, "Seconds")->capture_default_str()->check(CLI::PositiveNumber);
+  command->add_option("--max-time-difference", a->max_time_difference, "Seconds between matched poses")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  command->add_option("--frames", a->frames, "Frames of the sequence, to tell how many have a pose");
+  command->add_flag("--json", a->json, "Print JSON, in metres and radians");
+  command->callback([a] { evaluate_trajectory_files(*a); });
+}
+
+void add_mesh(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
+  auto* command = evaluate.add_subcommand("mesh", "Accuracy, completeness and F-score");
+  command->add_option("ESTIMATE", a->estimate, "Mesh (.glb, .gltf, .ply)")->required()->check(CLI::ExistingFile);
+  command->add_option("TRUTH", a->truth, "Mesh in the same frame")->required()->check(CLI::ExistingFile);
+  command->add_option("--seen", a->seen, "The part of the truth that completeness is measured on [all of it]")
+      ->check(CLI::ExistingFile);
+  auto* by = command
+                 ->add_option("--trajectory", a->trajectory,
+                              "The estimate's trajectory: its alignment with the true one moves the mesh")
+                 ->check(CLI::ExistingFile);
+  by->needs(
+      command->add_option("--truth-trajectory", a->truth_trajectory, "TUM trajectory file, or a recording's folder")
+          ->check(CLI::ExistingPath)
+          ->needs(by));
+  command->add_option("--box", a->box, "Only what lies in this part of the truth's frame: x y z of two corners, metres")
+      ->expected(6);
+  command->add_option("--samples", a->samples, "Points on each surface")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  command->add_flag("--json", a->json, "Print JSON, in metres");
+  command->callback([a] { evaluate_mesh_files(*a); });
+}
+
+void add_topology(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
+  auto* command = evaluate.add_subcommand("topology", "Whether a mesh hangs together as a mesh should");
+  command->add_option("MESH", a->estimate, "Mesh (.glb, .gltf, .ply)")->required()->check(CLI::ExistingFile);
+  command->add_flag("--json", a->json, "Print JSON");
+  command->callback([a] { evaluate_topology_of(*a); });
+}
+
+void add_views(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
+  auto* command = evaluate.add_subcommand("views", "Pictures of a mesh against a recording's, by their PSNR");
+  command->add_option("MESH", a->estimate, "Mesh (.glb, .gltf, .ply)")->required()->check(CLI::ExistingFile);
+  command->add_option("RECORDING", a->truth, "Folder of a recording with true poses")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  command->add_option("--poses", a->poses, "TUM trajectory file: the recording's poses [those in it]")
+      ->check(CLI::ExistingFile);
+  auto* of_map = command
+                     ->add_option("--trajectory", a->trajectory,
+                                  "The map's trajectory: its alignment with the true one moves the recording's poses")
+                     ->check(CLI::ExistingFile);
+  of_map->needs(command
+                    ->add_option("--truth-trajectory", a->truth_trajectory,
+                                 "TUM trajectory file, or the folder of the recording that the map was made from")
+                    ->check(CLI::ExistingPath)
+                    ->needs(of_map));
+  command->add_option("--step", a->step, "Every STEP-th frame is compared")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  command->add_flag("--json", a->json, "Print JSON");
+  command->callback([a] { evaluate_views_of(*a); });
+}
+
+void add_loops(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
+  auto* command = evaluate.add_subcommand("loops", "Precision and recall of the places that were recognised");
+  command->add_option("REPORT", a->estimate, "report.json of a reconstruction")->required()->check(CLI::ExistingFile);
+  command->add_option("TRUTH", a->truth, "TUM trajectory file, or the folder of a recording with true poses")
+      ->required()
+      ->check(CLI::ExistingPath);
+  command->add_flag("--json", a->json, "Print JSON");
+  command->callback([a] { evaluate_loops_file(*a); });
+}
+
+void add_distances(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
+  auto* command = evaluate.add_subcommand("distances", "A map's distance field against a synthetic scene's exact one");
+  command->add_option("MAP", a->estimate, "map.vdb in the scene's frame (reconstruct --poses groundtruth.txt)")
+      ->required()
+      ->check(CLI::ExistingFile);
+  command->add_option("SCENE", a->truth, "As in `cairn synth`")->required();
+  command->add_option("--seen", a->seen, "groundtruth_seen.ply of the recording")->required()->check(CLI::ExistingFile);
+  command->add_option("--esdf-voxel-size", a->esdf_voxel_size, "Metres: 1, 2, 4 or 8 voxels of the map [two]");
+  command->add_flag("--json", a->json, "Print JSON, in metres and radians");
+  command->callback([a] { evaluate_distances_of(*a); });
+}
+
 }  // namespace
 
 void add_evaluate(CLI::App& program) {
   auto* command = program.add_subcommand("evaluate", "Compare a trajectory or a mesh with the truth");
   command->require_subcommand(1);
   const auto a = std::make_shared<Arguments>();
-
-  auto* trajectory = command->add_subcommand("trajectory", "ATE and RPE as the TUM benchmark defines them");
-  trajectory->add_option("ESTIMATE", a->estimate, "TUM trajectory file")->required()->check(CLI::ExistingFile);
-  trajectory->add_option("TRUTH", a->truth, "TUM trajectory file, or the folder of a recording with true poses")
-      ->required()
-      ->check(CLI::ExistingPath);
-  trajectory->add_option("--rpe-interval", a->rpe_interval, "Seconds")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
-  trajectory->add_option("--max-time-difference", a->max_time_difference, "Seconds between matched poses")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
-  trajectory->add_option("--frames", a->frames, "Frames of the sequence, to tell how many have a pose");
-  trajectory->add_flag("--json", a->json, "Print JSON, in metres and radians");
-  trajectory->callback([a] { evaluate_trajectory_files(*a); });
-
-  auto* mesh = command->add_subcommand("mesh", "Accuracy, completeness and F-score");
-  mesh->add_option("ESTIMATE", a->estimate, "Mesh (.glb, .gltf, .ply)")->required()->check(CLI::ExistingFile);
-  mesh->add_option("TRUTH", a->truth, "Mesh in the same frame")->required()->check(CLI::ExistingFile);
-  mesh->add_option("--seen", a->seen, "The part of the truth that completeness is measured on [all of it]")
-      ->check(CLI::ExistingFile);
-  auto* by = mesh->add_option("--trajectory", a->trajectory,
-                              "The estimate's trajectory: its alignment with the true one moves the mesh")
-                 ->check(CLI::ExistingFile);
-  by->needs(mesh->add_option("--truth-trajectory", a->truth_trajectory, "TUM trajectory file, or a recording's folder")
-                ->check(CLI::ExistingPath)
-                ->needs(by));
-  mesh->add_option("--box", a->box, "Only what lies in this part of the truth's frame: x y z of two corners, metres")
-      ->expected(6);
-  mesh->add_option("--samples", a->samples, "Points on each surface")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
-  mesh->add_flag("--json", a->json, "Print JSON, in metres");
-  mesh->callback([a] { evaluate_mesh_files(*a); });
-
-  auto* topology = command->add_subcommand("topology", "Whether a mesh hangs together as a mesh should");
-  topology->add_option("MESH", a->estimate, "Mesh (.glb, .gltf, .ply)")->required()->check(CLI::ExistingFile);
-  topology->add_flag("--json", a->json, "Print JSON");
-  topology->callback([a] { evaluate_topology_of(*a); });
-
-  auto* views = command->add_subcommand("views", "Pictures of a mesh against a recording's, by their PSNR");
-  views->add_option("MESH", a->estimate, "Mesh (.glb, .gltf, .ply)")->required()->check(CLI::ExistingFile);
-  views->add_option("RECORDING", a->truth, "Folder of a recording with true poses")
-      ->required()
-      ->check(CLI::ExistingDirectory);
-  views->add_option("--poses", a->poses, "TUM trajectory file: the recording's poses [those in it]")
-      ->check(CLI::ExistingFile);
-  auto* of_map = views
-                     ->add_option("--trajectory", a->trajectory,
-                                  "The map's trajectory: its alignment with the true one moves the recording's poses")
-                     ->check(CLI::ExistingFile);
-  of_map->needs(views
-                    ->add_option("--truth-trajectory", a->truth_trajectory,
-                                 "TUM trajectory file, or the folder of the recording that the map was made from")
-                    ->check(CLI::ExistingPath)
-                    ->needs(of_map));
-  views->add_option("--step", a->step, "Every STEP-th frame is compared")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
-  views->add_flag("--json", a->json, "Print JSON");
-  views->callback([a] { evaluate_views_of(*a); });
-
-  auto* loops = command->add_subcommand("loops", "Precision and recall of the places that were recognised");
-  loops->add_option("REPORT", a->estimate, "report.json of a reconstruction")->required()->check(CLI::ExistingFile);
-  loops->add_option("TRUTH", a->truth, "TUM trajectory file, or the folder of a recording with true poses")
-      ->required()
-      ->check(CLI::ExistingPath);
-  loops->add_flag("--json", a->json, "Print JSON");
-  loops->callback([a] { evaluate_loops_file(*a); });
-
-  auto* distances =
-      command->add_subcommand("distances", "A map's distance field against a synthetic scene's exact one");
-  distances->add_option("MAP", a->estimate, "map.vdb in the scene's frame (reconstruct --poses groundtruth.txt)")
-      ->required()
-      ->check(CLI::ExistingFile);
-  distances->add_option("SCENE", a->truth, "As in `cairn synth`")->required();
-  distances->add_option("--seen", a->seen, "groundtruth_seen.ply of the recording")
-      ->required()
-      ->check(CLI::ExistingFile);
-  distances->add_option("--esdf-voxel-size", a->esdf_voxel_size, "Metres: 1, 2, 4 or 8 voxels of the map [two]");
-  distances->add_flag("--json", a->json, "Print JSON, in metres and radians");
-  distances->callback([a] { evaluate_distances_of(*a); });
+  add_trajectory(*command, a);
+  add_mesh(*command, a);
+  add_topology(*command, a);
+  add_views(*command, a);
+  add_loops(*command, a);
+  add_distances(*command, a);
 }
 
 }  // namespace cairn::apps

@@ -22,6 +22,7 @@ constexpr int kLegend = 130;                                        // pixels, r
 constexpr std::uint8_t kOccupied = 0, kFree = 254, kUnknown = 205;  // as map_server writes them
 
 const cv::Scalar kInk(40, 40, 40);
+const cv::Vec3b kUnknownColour(225, 225, 225);
 
 void write_image(const std::filesystem::path& file, const char* extension, const cv::Mat& image) {
   std::vector<std::uint8_t> bytes;
@@ -70,6 +71,93 @@ std::vector<double> multiples(float begin, float end, double step) {
   return values;
 }
 
+/// A plane across an axis as a picture shows it, seen along the axis; one of constant y is the floor plan, with z
+/// upwards.
+struct SliceView {
+  int axis, across, down;  // axes of the map
+  bool is_flipped;         // rows go against `down`
+  float at, pixel;         // metres
+  int columns, rows;
+  Eigen::AlignedBox3f box;
+};
+
+SliceView slice_view(const Eigen::AlignedBox3f& box, int axis, float at) {
+  SliceView view{.axis = axis,
+                 .across = axis == 0 ? 2 : 0,
+                 .down = axis == 1 ? 2 : 1,
+                 .is_flipped = axis == 1,
+                 .at = at,
+                 .pixel = 0,
+                 .columns = 0,
+                 .rows = 0,
+                 .box = box};
+  const float width = box.sizes()[view.across], height = box.sizes()[view.down];
+  view.pixel = std::max(width, height) / kWidth;
+  view.columns = static_cast<int>(width / view.pixel) + 1;
+  view.rows = static_cast<int>(height / view.pixel) + 1;
+  return view;
+}
+
+/// The distances at the pixels, row by row.
+std::vector<DistanceField::Answer> distances_on(const SliceView& view, const DistanceField& field) {
+  std::vector<Eigen::Vector3f> points;
+  for (int row = 0; row < view.rows; ++row)
+    for (int column = 0; column < view.columns; ++column) {
+      Eigen::Vector3f p;
+      p[view.axis] = view.at;
+      p[view.across] = view.box.min()[view.across] + view.pixel * static_cast<float>(column);
+      p[view.down] =
+          view.box.min()[view.down] + view.pixel * static_cast<float>(view.is_flipped ? view.rows - 1 - row : row);
+      points.push_back(p);
+    }
+  std::vector<DistanceField::Answer> answers(points.size());
+  field.query(points, answers);
+  return answers;
+}
+
+void draw_axes(cv::Mat& image, const SliceView& view) {
+  cv::rectangle(image, {kMargin - 1, kMargin - 1, view.columns + 2, view.rows + 2}, kInk);
+  const int bottom = kMargin + view.rows;
+  const float across = view.box.min()[view.across], down = view.box.min()[view.down];
+  const auto pixels = [&](double length) { return static_cast<int>(length / static_cast<double>(view.pixel)); };
+  const auto label = [](double v) { return fmt::format("{:g}", std::round(v * 10) / 10 + 0.0); };
+  const double tick =
+      tick_of(static_cast<double>(std::max(view.box.sizes()[view.across], view.box.sizes()[view.down])));
+  for (const double v : multiples(across, view.box.max()[view.across], tick)) {
+    const int x = kMargin + pixels(v - static_cast<double>(across));
+    cv::line(image, {x, bottom}, {x, bottom + 5}, kInk);
+    text(image, label(v), {x, bottom + 22}, true);
+  }
+  for (const double v : multiples(down, view.box.max()[view.down], tick)) {
+    const int offset = pixels(v - static_cast<double>(down));
+    const int y = kMargin + (view.is_flipped ? view.rows - 1 - offset : offset);
+    cv::line(image, {kMargin - 6, y}, {kMargin - 1, y}, kInk);
+    text(image, label(v), {kMargin - 30, y + 5}, true);
+  }
+  text(image, fmt::format("{} (m)", "xyz"[view.across]), {kMargin + view.columns / 2, bottom + 45}, true);
+  text(image, fmt::format("{} (m)", "xyz"[view.down]), {kMargin - 55, kMargin - 12});
+}
+
+/// The colours of distances up to `most`, from `left` on.
+void draw_legend(cv::Mat& image, int left, float most) {
+  constexpr int kBar = 180;  // pixels
+  for (int y = 0; y < kBar; ++y)
+    for (int x = 0; x < 20; ++x)
+      image.at<cv::Vec3b>(kMargin + y, left + x) =
+          colour_of(std::max(1e-3f, most * (1 - static_cast<float>(y) / kBar)), most, 1e-9f);
+  cv::rectangle(image, {left - 1, kMargin - 1, 22, kBar + 2}, kInk);
+  for (int i = 0; i <= 4; ++i)
+    text(image, fmt::format("{:.2f} m", most * static_cast<float>(4 - i) / 4), {left + 28, kMargin + i * kBar / 4 + 5});
+  int y = kMargin + kBar + 25;
+  for (const auto& [colour, words] : {std::pair{colour_of(0, most, 1), "surface"},
+                                      {colour_of(-1, most, 0.1f), "behind it"},
+                                      {kUnknownColour, "unknown"}}) {
+    cv::rectangle(image, {left, y - 10, 20, 14}, cv::Scalar(colour[0], colour[1], colour[2]), cv::FILLED);
+    text(image, words, {left + 28, y + 2});
+    y += 24;
+  }
+}
+
 }  // namespace
 
 void write_slice(const std::filesystem::path& png, const DistanceField& field, int axis, float at) {
@@ -77,68 +165,23 @@ void write_slice(const std::filesystem::path& png, const DistanceField& field, i
   if (at < box.min()[axis] || at > box.max()[axis])
     throw std::runtime_error(fmt::format("{}: nothing is known at {} = {}; the map reaches from {:.2f} to {:.2f}",
                                          png.string(), "xyz"[axis], at, box.min()[axis], box.max()[axis]));
-  // Seen along the axis; a plane of constant y is the floor plan, with z upwards.
-  const int across = axis == 0 ? 2 : 0, down = axis == 1 ? 2 : 1;
-  const bool is_flipped = axis == 1;
-  const float width = box.sizes()[across], height = box.sizes()[down];
-  const float pixel = std::max(width, height) / kWidth;
-  const auto columns = static_cast<int>(width / pixel) + 1, rows = static_cast<int>(height / pixel) + 1;
-  std::vector<Eigen::Vector3f> points;
-  for (int row = 0; row < rows; ++row)
-    for (int column = 0; column < columns; ++column) {
-      Eigen::Vector3f p;
-      p[axis] = at;
-      p[across] = box.min()[across] + pixel * static_cast<float>(column);
-      p[down] = box.min()[down] + pixel * static_cast<float>(is_flipped ? rows - 1 - row : row);
-      points.push_back(p);
-    }
-  std::vector<DistanceField::Answer> answers(points.size());
-  field.query(points, answers);
-
+  const SliceView view = slice_view(box, axis, at);
+  const std::vector<DistanceField::Answer> answers = distances_on(view, field);
   float most = 0;
   for (const auto& a : answers)
     if (a.known) most = std::max(most, a.distance);
   most = std::max(0.1f, std::ceil(most * 10) / 10);
-  cv::Mat image(std::max(rows, 260) + 2 * kMargin, columns + 2 * kMargin + kLegend, CV_8UC3, cv::Scalar::all(255));
-  for (int row = 0; row < rows; ++row)
-    for (int column = 0; column < columns; ++column) {
-      const auto& a = answers[static_cast<std::size_t>(row * columns + column)];
+  cv::Mat image(std::max(view.rows, 260) + 2 * kMargin, view.columns + 2 * kMargin + kLegend, CV_8UC3,
+                cv::Scalar::all(255));
+  for (int row = 0; row < view.rows; ++row)
+    for (int column = 0; column < view.columns; ++column) {
+      const auto& a = answers[static_cast<std::size_t>(row * view.columns + column)];
       image.at<cv::Vec3b>(row + kMargin, column + kMargin) =
-          a.known ? colour_of(a.distance, most, pixel) : cv::Vec3b(225, 225, 225);
+          a.known ? colour_of(a.distance, most, view.pixel) : kUnknownColour;
     }
-  cv::rectangle(image, {kMargin - 1, kMargin - 1, columns + 2, rows + 2}, kInk);
   text(image, fmt::format("signed distance at {} = {:.2f} m, lines every 0.25 m", "xyz"[axis], at), {kMargin, 40});
-  const double tick = tick_of(static_cast<double>(std::max(width, height)));
-  for (const double v : multiples(box.min()[across], box.max()[across], tick)) {
-    const int x = kMargin + static_cast<int>((v - static_cast<double>(box.min()[across])) / static_cast<double>(pixel));
-    cv::line(image, {x, kMargin + rows}, {x, kMargin + rows + 5}, kInk);
-    text(image, fmt::format("{:g}", std::round(v * 10) / 10 + 0.0), {x, kMargin + rows + 22}, true);
-  }
-  for (const double v : multiples(box.min()[down], box.max()[down], tick)) {
-    const auto offset = static_cast<int>((v - static_cast<double>(box.min()[down])) / static_cast<double>(pixel));
-    const int y = kMargin + (is_flipped ? rows - 1 - offset : offset);
-    cv::line(image, {kMargin - 6, y}, {kMargin - 1, y}, kInk);
-    text(image, fmt::format("{:g}", std::round(v * 10) / 10 + 0.0), {kMargin - 30, y + 5}, true);
-  }
-  text(image, fmt::format("{} (m)", "xyz"[across]), {kMargin + columns / 2, kMargin + rows + 45}, true);
-  text(image, fmt::format("{} (m)", "xyz"[down]), {kMargin - 55, kMargin - 12});
-
-  const int left = 2 * kMargin - 30 + columns, bar = 180;
-  for (int y = 0; y < bar; ++y)
-    for (int x = 0; x < 20; ++x)
-      image.at<cv::Vec3b>(kMargin + y, left + x) =
-          colour_of(std::max(1e-3f, most * (1 - static_cast<float>(y) / bar)), most, 1e-9f);
-  cv::rectangle(image, {left - 1, kMargin - 1, 22, bar + 2}, kInk);
-  for (int i = 0; i <= 4; ++i)
-    text(image, fmt::format("{:.2f} m", most * static_cast<float>(4 - i) / 4), {left + 28, kMargin + i * bar / 4 + 5});
-  int y = kMargin + bar + 25;
-  for (const auto& [colour, words] : {std::pair{colour_of(0, most, 1), "surface"},
-                                      {colour_of(-1, most, 0.1f), "behind it"},
-                                      {cv::Vec3b(225, 225, 225), "unknown"}}) {
-    cv::rectangle(image, {left, y - 10, 20, 14}, cv::Scalar(colour[0], colour[1], colour[2]), cv::FILLED);
-    text(image, words, {left + 28, y + 2});
-    y += 24;
-  }
+  draw_axes(image, view);
+  draw_legend(image, 2 * kMargin - 30 + view.columns, most);
   write_image(png, ".png", image);
 }
 
