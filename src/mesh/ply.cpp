@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Stanford PLY. tinygltf's neighbours in Debian have no PLY reader; the format is a header and plain records.
+// Stanford PLY: a header and plain records.
 #include <algorithm>
 #include <bit>
 #include <cstring>

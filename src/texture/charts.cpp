@@ -273,6 +273,7 @@ void dilate(TriangleImage& image) {
   }
 }
 
+/// A sliver may cover no texel's middle: what lies around it is coloured all the same.
 TriangleImage draw(const Chart& chart, const Mesh& mesh, int width, int height) {
   TriangleImage image{width, height, {}};
   image.triangles.assign(image.index(0, height), kNone);
@@ -315,7 +316,6 @@ struct Tiles {
 };
 
 Tiles tiles_of(const Chart& chart, const Mesh& mesh, const stbrp_rect& rect, int texture_width) {
-  // Slivers may cover no texel's middle: their neighbourhood is coloured all the same.
   const TriangleImage image = draw(chart, mesh, rect.w, rect.h);
   Tiles tiles;
   constexpr int kSide = shader::kTileSide;

@@ -41,6 +41,21 @@ std::uint64_t morton(const Eigen::Vector3f& p) {
   return code;
 }
 
+/// `differences`: logarithms of the colours of `a` over those of `b`, by channel. Nothing where there are too few.
+std::optional<ExposurePair> exposure_pair(std::size_t a, std::size_t b,
+                                          std::array<std::vector<double>, 3>& differences) {
+  ExposurePair pair{.a = a, .b = b};
+  for (std::size_t c = 0; c < 3; ++c) {
+    auto& d = differences[c];
+    if (d.size() < kEnoughPoints) return std::nullopt;
+    const auto middle = d.begin() + static_cast<std::ptrdiff_t>(d.size() / 2);
+    std::nth_element(d.begin(), middle, d.end());
+    pair.logarithms[static_cast<int>(c)] = *middle;
+    pair.count = static_cast<int>(d.size());
+  }
+  return pair;
+}
+
 }  // namespace
 
 TextureViews::TextureViews(Volume& volume, const Camera& camera, const SurfaceOptions& options,
@@ -235,25 +250,6 @@ void TextureViews::register_colour() {
   };
   if (const auto camera = register_colour_camera(observations)) colour_ = *camera;
 }
-
-namespace {
-
-/// Logarithms of the colours of two keyframes over each other, by channel. Nothing where there are too few.
-std::optional<ExposurePair> exposure_pair(std::size_t a, std::size_t b,
-                                          std::array<std::vector<double>, 3>& differences) {
-  ExposurePair pair{.a = a, .b = b};
-  for (std::size_t c = 0; c < 3; ++c) {
-    auto& d = differences[c];
-    if (d.size() < kEnoughPoints) return std::nullopt;
-    const auto middle = d.begin() + static_cast<std::ptrdiff_t>(d.size() / 2);
-    std::nth_element(d.begin(), middle, d.end());
-    pair.logarithms[static_cast<int>(c)] = *middle;
-    pair.count = static_cast<int>(d.size());
-  }
-  return pair;
-}
-
-}  // namespace
 
 std::vector<ExposurePair> TextureViews::compare_exposures(std::size_t keyframe, const SeenPoints& earlier) {
   // Only points that may lie in view are asked for.
