@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The one door for finished files.
+// Files that are whole or not there: the one door for finished files.
 #pragma once
 #include <cstdint>
 #include <filesystem>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+// Whole images from the bytes of PNG and JPEG files.
 #pragma once
 #include <cstdint>
 #include <opencv2/imgcodecs.hpp>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+// JSON as text that people read, and text as a part of JSON.
 #pragma once
 #include <nlohmann/json.hpp>
 #include <string>

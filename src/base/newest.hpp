@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+// One value that a thread replaces while others read it.
 #pragma once
 #include <memory>
 #include <mutex>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+// A file read at once.
 #pragma once
 #include <cstdint>
 #include <filesystem>

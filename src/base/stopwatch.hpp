@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+// How long stages take.
 #pragma once
 #include <chrono>
 #include <map>

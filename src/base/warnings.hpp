@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+// Failures that are told and do not end a run.
 #pragma once
 #include <algorithm>
 #include <exception>

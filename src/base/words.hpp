@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Words of text files.
+// Words of text files: the numbers that they are, and how messages show them.
 #pragma once
 #include <charconv>
 #include <optional>

@@ -6,6 +6,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "base/lines.hpp"
 #include "io/recording.hpp"
 
 namespace cairn {

@@ -3,6 +3,7 @@
 // 7-Scenes (Shotton et al. 2013): frame-000000.{depth.png,color.png or jpg,pose.txt}, depth in millimetres.
 #include <stdexcept>
 
+#include "base/lines.hpp"
 #include "io/recording.hpp"
 
 namespace cairn {

@@ -10,8 +10,8 @@
 #include <stdexcept>
 
 #include "base/atomic_file.hpp"
+#include "base/lines.hpp"
 #include "base/words.hpp"
-#include "io/recording.hpp"
 
 namespace cairn {
 

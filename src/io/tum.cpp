@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <tuple>
 
+#include "base/lines.hpp"
 #include "io/camera_file.hpp"
 #include "io/recording.hpp"
 

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/options.hpp"
+
+#include <gtest/gtest.h>
+
+#include "support/files.hpp"
+
+namespace cairn {
+namespace {
+
+TEST(Options, AreOverriddenByYaml) {
+  const TemporaryFolder folder;
+  write_text(folder / "o.yaml", "fuse:\n  voxel_size: 0.02\n  truncation: 0.08\ntrack:\n  levels: 4\n");
+  Options options;
+  read_options(folder / "o.yaml", options);
+  EXPECT_FLOAT_EQ(options.fuse.voxel_size, 0.02f);
+  EXPECT_EQ(options.track.levels, 4);
+  EXPECT_FLOAT_EQ(options.surface.max_depth, Options{}.surface.max_depth);
+}
+
+TEST(Options, OfTheDefaultFileAreTheDefaults) {
+  const Options defaults;
+  Options options{.surface = {.edge_slope = 7},
+                  .track = {.max_angle = 0.1f, .photometric = false},
+                  .fuse = {.device_memory = 1},
+                  .map = {.submap_bricks = 1000, .loops = false},
+                  .esdf = {.live = true, .max_distance = 1}};
+  read_options(source_folder() / "assets/default.yaml", options);
+  EXPECT_EQ(options.surface.edge_slope, defaults.surface.edge_slope);
+  EXPECT_EQ(options.track.max_angle, defaults.track.max_angle);
+  EXPECT_EQ(options.track.photometric, defaults.track.photometric);
+  EXPECT_EQ(options.fuse.device_memory, defaults.fuse.device_memory);
+  EXPECT_EQ(options.map.submap_bricks, defaults.map.submap_bricks);
+  EXPECT_EQ(options.map.loops, defaults.map.loops);
+  EXPECT_EQ(options.esdf.live, defaults.esdf.live);
+  EXPECT_EQ(options.esdf.max_distance, defaults.esdf.max_distance);
+}
+
+TEST(Options, RefuseUnknownKeysAndBadValuesByLine) {
+  const TemporaryFolder folder;
+  const auto file = folder / "o.yaml";
+  const auto error = [&](const std::string& text) {
+    write_text(file, text);
+    Options options;
+    return error_of([&] { read_options(file, options); });
+  };
+  EXPECT_NE(error("fuse:\n  voxel_sise: 0.02\n").find("o.yaml:2: there is no option `fuse.voxel_sise`"),
+            std::string::npos);
+  EXPECT_NE(error("fuse:\n  voxel_size: big\n").find("o.yaml:2"), std::string::npos);
+  EXPECT_NE(error("fuse: 3\n").find("o.yaml:1"), std::string::npos);
+  EXPECT_NE(error("fuse:\n  voxel_size: -1\n").find("voxel_size"), std::string::npos);
+  EXPECT_NE(error("fuse: [\n").find("o.yaml:"), std::string::npos);
+  EXPECT_NE(error("fuse:\n  ? [voxel_size]\n  : 0.02\n").find("o.yaml:2: there is no option"), std::string::npos);
+  EXPECT_NE(error(std::string(100000, '[')).find("o.yaml:1: "), std::string::npos);
+}
+
+}  // namespace
+}  // namespace cairn
