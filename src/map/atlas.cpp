@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <map>
 
+#include "base/union_find.hpp"
 #include "map/match.hpp"
 
 namespace cairn {
@@ -35,14 +36,12 @@ Eigen::Isometry3d Atlas::correction(std::size_t keyframe) const {
 }
 
 std::vector<std::size_t> Atlas::components() const {
-  std::vector<std::size_t> first(keyframes.size());
-  for (std::size_t k = 0; k < first.size(); ++k) first[k] = keyframes[k].follows ? first[k - 1] : k;
-  for (const Loop& loop : loops) {
-    if (!loop.inlier) continue;
-    const std::size_t a = first[loop.edge.i], b = first[loop.edge.j];
-    if (a != b) std::replace(first.begin(), first.end(), std::max(a, b), std::min(a, b));
-  }
-  return first;
+  UnionFind<std::size_t> sets(keyframes.size());
+  for (std::size_t k = 1; k < keyframes.size(); ++k)
+    if (keyframes[k].follows) sets.join(k - 1, k);
+  for (const Loop& loop : loops)
+    if (loop.inlier) sets.join(loop.edge.i, loop.edge.j);
+  return sets.all();
 }
 
 std::size_t Atlas::main_component() const {
