@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// A file of a session: a first line with what it is, the format's number and a checksum, and CBOR behind it.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace cairn {
+
+/// What was behind a first line, or is to come there.
+struct CheckedBytes {
+  std::string bytes;
+  std::uint32_t checksum = 0;
+};
+
+/// The CBOR of a file of this kind. Throws std::runtime_error, with the file's name, for another kind, another format,
+/// or a checksum that is not the bytes'.
+[[nodiscard]] CheckedBytes read_checked(const std::filesystem::path& file, const std::string& kind);
+/// A whole file for read_checked(), and the checksum of its CBOR.
+[[nodiscard]] CheckedBytes checked_file(const nlohmann::json& json, const char* kind);
+
+/// CBOR as JSON. Throws for what is none, or is nested so deeply that it would use up the stack.
+[[nodiscard]] nlohmann::json parse_cbor(const std::string& cbor);
+
+}  // namespace cairn

@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "session/state.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <concepts>
+#include <cstdint>
+#include <cstring>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <type_traits>
+#include <utility>
+
+#include "base/json_text.hpp"
+
+namespace cairn {
+namespace {
+
+using Json = nlohmann::json;
+
+template <class T>
+concept Number = std::is_arithmetic_v<T>;
+template <class T, class Struct>
+concept Of = std::same_as<std::remove_const_t<T>, Struct>;
+
+// The fields of each struct, listed once: Out writes and In reads what `io` is called with.
+
+void fields(auto& io, Of<Eigen::Isometry3d> auto& pose) { io(pose.matrix()); }
+void fields(auto& io, Of<std::pair<Eigen::Isometry3d, bool>> auto& place) { io(place.first, place.second); }
+
+void fields(auto& io, Of<Camera> auto& c) { io(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion); }
+
+void fields(auto& io, Of<Keyframe> auto& k) {
+  io(k.frame, k.timestamp, k.colour_delay, k.submap, k.searched, k.follows, k.odometry_from_camera,
+     k.submap_from_camera, k.information, k.acceleration);
+}
+
+void fields(auto& io, Of<Loop> auto& l) {
+  io(l.edge.i, l.edge.j, l.edge.i_from_j, l.edge.information, l.edge.is_loop_closure, l.corners, l.inlier_share, l.rmse,
+     l.inlier);
+}
+
+void fields(auto& io, Of<FusedFrame> auto& f) { io(f.timestamp, f.keyframe, f.twist); }
+
+void fields(auto& io, Of<Tracker::Moment> auto& m) { io(m.timestamp, m.submap_from_camera); }
+
+void fields(auto& io, Of<Tracker::Memory> auto& m) {
+  io(m.last, m.usual_brightness, m.lost, m.clock_offset_costs, m.clock_offset_frames, m.focal_costs, m.focal_pairs);
+}
+
+void fields(auto& io, Of<PhotometricKeyframe::Saved> auto& k) {
+  io(k.submap_from_camera, k.moment.velocity, k.moment.stamp_delay, k.moment.clock_offset, k.levels);
+}
+
+void fields(auto& io, Of<Volume::Residency> auto& r) {
+  io(r.origin, r.on_device, r.on_host, r.device_last_seen, r.host_last_seen, r.counts.allocated, r.counts.paged_out,
+     r.counts.paged_in);
+}
+
+/// The entries of state.cbor by their names. `newest`: frames that are in no file of their own.
+void entries(auto& io, Of<Session> auto& s, Of<FusedFrames::Chunk> auto& newest, Of<std::string> auto& run,
+             Of<std::vector<std::string>> auto& frame_files) {
+  io("camera", s.camera);
+  io("options", s.fuse.voxel_size, s.fuse.truncation, s.min_depth, s.max_depth);
+  auto& m = s.back_end;
+  io("keyframes", m.atlas.keyframes);
+  io("world_from_camera", m.atlas.world_from_camera);
+  io("loops", m.atlas.loops);
+  io("frames", newest);
+  io("frame_files", frame_files);
+  io("recordings", m.atlas.recordings);
+  io("submaps", m.submaps);
+  io("places", m.places);
+  io("back_end", m.searched, m.submap_begin, m.submap_since, m.in_world, m.breaks, m.unsettled, m.optimising);
+  io("tracker", s.tracker);
+  io("photometric_keyframe", s.keyframe);
+  io("residency", s.residency);
+  io("mapper", s.fused_count, s.last_image, s.repeats, s.lost, s.last_fused, s.acceleration);
+  io("number", s.number);
+  io("run", run);
+  io("note", s.note);
+}
+
+/// Values one after the other, as they are in memory; before those of a list there is their count.
+class Out {
+ public:
+  void operator()(const auto&... values) { (put(values), ...); }
+  [[nodiscard]] std::vector<std::uint8_t> take() { return std::move(bytes_); }
+
+ private:
+  template <Number T>
+  void append(const T* values, std::size_t count) {
+    const auto* bytes = reinterpret_cast<const std::uint8_t*>(values);
+    bytes_.insert(bytes_.end(), bytes, bytes + count * sizeof(T));
+  }
+  template <class T>
+  void put(const T& value) {
+    fields(*this, value);
+  }
+  template <Number T>
+  void put(const T& value) {
+    append(&value, 1);
+  }
+  template <class T, int rows, int columns>
+  void put(const Eigen::Matrix<T, rows, columns>& m) {
+    append(m.data(), static_cast<std::size_t>(m.size()));
+  }
+  template <class T, std::size_t count>
+  void put(const std::array<T, count>& values) {
+    append(values.data(), count);
+  }
+  template <class T>
+  void put(const std::optional<T>& value) {
+    put(value.has_value());
+    if (value) put(*value);
+  }
+  void put(const std::string& text) {
+    put(std::uint64_t{text.size()});
+    append(text.data(), text.size());
+  }
+  template <class T>
+  void put(const std::vector<T>& values) {
+    put(std::uint64_t{values.size()});
+    if constexpr (Number<T> && !std::same_as<T, bool>)
+      append(values.data(), values.size());
+    else
+      for (const T& value : values) put(value);
+  }
+
+  std::vector<std::uint8_t> bytes_;
+};
+
+/// Reads what Out has written. It asks for memory as far as there are bytes, whatever a count says.
+class In {
+ public:
+  explicit In(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
+  void operator()(auto&... values) { (get(values), ...); }
+  [[nodiscard]] bool at_end() const { return bytes_.empty(); }
+
+ private:
+  template <Number T>
+  void take(T* values, std::size_t count) {
+    if (bytes_.size() / sizeof(T) < count) throw std::runtime_error("ends early");
+    if (count > 0) std::memcpy(values, bytes_.data(), count * sizeof(T));
+    bytes_ = bytes_.subspan(count * sizeof(T));
+  }
+  template <Number T>
+  T next() {
+    T value{};
+    get(value);
+    return value;
+  }
+  template <class T>
+  void get(T& value) {
+    fields(*this, value);
+  }
+  template <Number T>
+  void get(T& value) {
+    take(&value, 1);
+  }
+  void get(bool& value) { value = next<std::uint8_t>() != 0; }
+  template <class T, int rows, int columns>
+  void get(Eigen::Matrix<T, rows, columns>& m) {
+    take(m.data(), static_cast<std::size_t>(m.size()));
+  }
+  template <class T, std::size_t count>
+  void get(std::array<T, count>& values) {
+    take(values.data(), count);
+  }
+  template <class T>
+  void get(std::optional<T>& value) {
+    if (next<bool>()) get(value.emplace());
+  }
+  template <class List>
+  void get_numbers(List& list) {
+    const auto count = next<std::uint64_t>();
+    if (count > bytes_.size() / sizeof(list[0])) throw std::runtime_error("ends early");
+    list.resize(count);
+    take(list.data(), list.size());
+  }
+  void get(std::string& text) { get_numbers(text); }
+  void get(std::vector<bool>& values) {
+    for (auto count = next<std::uint64_t>(); count > 0; --count) values.push_back(next<bool>());
+  }
+  template <class T>
+  void get(std::vector<T>& values) {
+    if constexpr (Number<T>)
+      get_numbers(values);
+    else
+      for (auto count = next<std::uint64_t>(); count > 0; --count) get(values.emplace_back());
+  }
+
+  std::span<const std::uint8_t> bytes_;
+};
+
+class WriteEntries {
+ public:
+  explicit WriteEntries(Json& json) : json_(json) {}
+  void operator()(const char* name, const auto&... values) {
+    Out out;
+    out(values...);
+    json_[name] = Json::binary(out.take());
+  }
+
+ private:
+  Json& json_;
+};
+
+class ReadEntries {
+ public:
+  explicit ReadEntries(const Json& json) : json_(json) {}
+  void operator()(const char* name, auto&... values) {
+    const Json& entry = json_.at(name);
+    try {
+      In in(entry.get_binary());
+      in(values...);
+      if (!in.at_end()) throw std::runtime_error("is too long");
+    } catch (const std::exception& error) {
+      throw std::runtime_error(fmt::format("'{}' {}", name, plain(error.what())));
+    }
+  }
+
+ private:
+  const Json& json_;
+};
+
+}  // namespace
+
+Json json_of(const Session& session, const std::string& run, const std::vector<std::string>& frame_files) {
+  Json json = Json::object();
+  WriteEntries io(json);
+  entries(io, session, session.back_end.atlas.frames.rest(), run, frame_files);
+  return json;
+}
+
+State state_of(const Json& json) {
+  State state;
+  FusedFrames::Chunk newest;
+  ReadEntries io(json);
+  entries(io, state.session, newest, state.session.run, state.frame_files);
+  for (const FusedFrame& frame : newest) state.session.back_end.atlas.frames.push_back(frame);
+  return state;
+}
+
+Json json_of(const FusedFrames::Chunk& frames) {
+  Json json = Json::object();
+  WriteEntries io(json);
+  io("frames", frames);
+  return json;
+}
+
+FusedFrames::Chunk frames_of(const Json& json) {
+  FusedFrames::Chunk frames;
+  ReadEntries io(json);
+  io("frames", frames);
+  return frames;
+}
+
+}  // namespace cairn

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// A session's state as what state.cbor and the files of frames hold, and back.
+#pragma once
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "session/session.hpp"
+
+namespace cairn {
+
+/// What state.cbor holds: a session with its newest frames, and the names of the files with the others.
+struct State {
+  Session session;
+  std::vector<std::string> frame_files;
+};
+
+/// `run`: the name of the folder in which the frames' files are.
+[[nodiscard]] nlohmann::json json_of(const Session& session, const std::string& run,
+                                     const std::vector<std::string>& frame_files);
+/// Throws for what json_of() has not made. What it says is not validated.
+[[nodiscard]] State state_of(const nlohmann::json& json);
+
+[[nodiscard]] nlohmann::json json_of(const FusedFrames::Chunk& frames);
+/// As state_of().
+[[nodiscard]] FusedFrames::Chunk frames_of(const nlohmann::json& json);
+
+}  // namespace cairn

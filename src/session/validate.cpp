@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "session/validate.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <initializer_list>
+#include <stdexcept>
+#include <string_view>
+
+namespace cairn {
+namespace {
+
+void require(bool is_so, const char* otherwise) {
+  if (!is_so) throw std::runtime_error(otherwise);
+}
+
+void require_numbers(std::initializer_list<double> values) {
+  require(std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); }), "a number is none");
+}
+template <class Matrix>
+void require_numbers(const Eigen::MatrixBase<Matrix>& m) {
+  require(m.allFinite(), "a number is none");
+}
+
+void require_rigid(const Eigen::Isometry3d& pose) {
+  constexpr double kBent = 0.01;  // that rounding never reaches
+  const Eigen::Matrix3d r = pose.linear();
+  require(pose.matrix().allFinite() && (r.transpose() * r - Eigen::Matrix3d::Identity()).norm() < kBent &&
+              r.determinant() > 0 && pose.matrix().row(3) == Eigen::RowVector4d(0, 0, 0, 1),
+          "a pose is none");
+}
+
+void require_near(const Brick& brick) {
+  constexpr int kFar = 1 << 24;  // bricks; nothing overflows
+  require((brick.array() > -kFar).all() && (brick.array() < kFar).all(), "a brick lies nowhere");
+}
+
+void validate(const Keyframe& keyframe, std::size_t number, std::size_t submaps) {
+  require(keyframe.submap <= submaps, "a submap is missing");
+  require(keyframe.searched <= number && !(keyframe.follows && number == 0), "a keyframe is missing");
+  require_numbers({keyframe.timestamp, keyframe.colour_delay});
+  require_numbers(keyframe.information);
+  if (keyframe.acceleration) require_numbers(*keyframe.acceleration);
+  require_rigid(keyframe.odometry_from_camera);
+  require_rigid(keyframe.submap_from_camera);
+}
+
+void validate(const Loop& loop, std::size_t keyframes) {
+  const PoseGraph::Edge& edge = loop.edge;
+  require(edge.i < keyframes && edge.j < keyframes && edge.i != edge.j, "a keyframe is missing");
+  require_numbers(edge.information);
+  require_rigid(edge.i_from_j);
+}
+
+void validate(const BackEnd::Memory& m, std::size_t frames) {
+  const Atlas& atlas = m.atlas;
+  const std::size_t keyframes = atlas.keyframes.size();
+  for (std::size_t k = 0; k < keyframes; ++k) validate(atlas.keyframes[k], k, m.submaps.size());
+  require(atlas.world_from_camera.size() == keyframes, "poses and keyframes do not match");
+  for (const Eigen::Isometry3d& pose : atlas.world_from_camera) require_rigid(pose);
+  for (const Loop& loop : atlas.loops) validate(loop, keyframes);
+  require(atlas.frames.full().empty(), "frames stand where only the newest do");
+  validate(atlas.frames.rest(), keyframes);
+  require((frames == 0) == (keyframes == 0), "keyframes and frames do not match");
+  require(std::is_sorted(atlas.recordings.begin(), atlas.recordings.end()) &&
+              (atlas.recordings.empty() || atlas.recordings.back() <= frames),
+          "a recording is missing");
+  require(m.places.size() == keyframes, "places and keyframes do not match");
+  for (const auto& [pose, is_here] : m.places) require_rigid(pose);
+  require(m.searched <= keyframes && m.submap_begin <= keyframes, "a keyframe is missing");
+}
+
+void validate(const Tracker::Memory& t, std::size_t frames) {
+  require(t.last.size() <= 2 && t.last.empty() == (frames == 0), "the last frames are missing");
+  for (const Tracker::Moment& moment : t.last) {
+    require_numbers({moment.timestamp});
+    require_rigid(moment.submap_from_camera);
+  }
+  require_numbers({t.usual_brightness});
+  for (const double cost : t.clock_offset_costs) require_numbers({cost});
+  for (const double cost : t.focal_costs) require_numbers({cost});
+  require(t.lost >= 0 && t.clock_offset_frames >= 0 && t.focal_pairs >= 0, "a count is below zero");
+}
+
+void validate(const PhotometricKeyframe::Saved& keyframe) {
+  require_rigid(keyframe.submap_from_camera);
+  require_numbers(keyframe.moment.velocity);
+  require_numbers({keyframe.moment.stamp_delay, keyframe.moment.clock_offset});
+}
+
+void validate(const Volume::Residency& r) {
+  require(r.device_last_seen.size() == r.on_device.size() && r.host_last_seen.size() == r.on_host.size(),
+          "bricks and their stamps do not match");
+  require_near(r.origin);
+  for (const auto* bricks : {&r.on_device, &r.on_host})
+    for (const Brick& brick : *bricks) require_near(brick);
+}
+
+}  // namespace
+
+void validate(const Session& s, std::size_t frames) {
+  check(s.camera);
+  check(options_of(s));
+  require(run_number(s.run).has_value(), "it names no run");
+  validate(s.back_end, frames);
+  validate(s.tracker, frames);
+  validate(s.keyframe);
+  validate(s.residency);
+  require(s.repeats >= 0 && s.lost >= 0, "a count is below zero");
+  require_numbers({s.last_fused.value_or(0)});
+  require_numbers(s.acceleration);
+}
+
+void validate(const FusedFrames::Chunk& frames, std::size_t keyframes) {
+  for (const FusedFrame& frame : frames) {
+    require(frame.keyframe < keyframes, "a keyframe is missing");
+    require_numbers({frame.timestamp});
+    require_numbers(frame.twist);
+  }
+}
+
+std::optional<unsigned long> run_number(const std::string& name) {
+  constexpr std::string_view kRun = "run-";
+  unsigned long number = 0;
+  const char *begin = name.data() + std::min(name.size(), kRun.size()), *end = name.data() + name.size();
+  if (!name.starts_with(kRun) || begin == end) return std::nullopt;
+  const auto [stop, error] = std::from_chars(begin, end, number);
+  if (error != std::errc() || stop != end) return std::nullopt;
+  return number;
+}
+
+}  // namespace cairn
