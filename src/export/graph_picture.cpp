@@ -7,8 +7,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <fstream>
-#include <stdexcept>
+#include <string>
+#include <vector>
 
 #include "base/atomic_file.hpp"
 
@@ -21,11 +21,60 @@ constexpr const char *kTracked = "#b9b9b9", *kCorrected = "#1f5fbf", *kLoop = "#
 
 Eigen::Vector2d from_above(const Eigen::Isometry3d& pose) { return {pose.translation().x(), -pose.translation().z()}; }
 
-}  // namespace
+/// Of a drawing that fills the width.
+class Svg {
+ public:
+  /// `box`: what is drawn, metres.
+  explicit Svg(const Eigen::AlignedBox2d& box)
+      : low_(box.min()),
+        scale_((kWidth - 2 * kMargin) / box.sizes().maxCoeff()),
+        height_(scale_ * box.sizes().y() + 2 * kMargin + kLegend),
+        text_(fmt::format("<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0:.0f}\" height=\"{1:.0f}\" "
+                          "viewBox=\"0 0 {0:.0f} {1:.0f}\" font-family=\"sans-serif\" font-size=\"14\">\n"
+                          "<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
+                          kWidth, height_)) {}
 
-void write_graph_picture(const std::filesystem::path& file, const Atlas& atlas) {
-  const auto component_of = atlas.components();
-  const std::size_t main = atlas.keyframes.empty() ? 0 : atlas.main_component();
+  /// Between two places in metres.
+  void line(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const char* colour, double width) {
+    line_px(pixel(a), pixel(b), colour, width);
+  }
+  void circle(const Eigen::Vector2d& place, int radius, const char* fill, const char* stroke) {
+    const Eigen::Vector2d p = pixel(place);
+    text_ += fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\" fill=\"{}\" stroke=\"{}\"/>\n", p.x(), p.y(),
+                         radius, fill, stroke);
+  }
+  /// What a colour means; each stands right of the one before.
+  void legend(const char* colour, const std::string& text) {
+    line_px({legend_end_, 30}, {legend_end_ + 24, 30}, colour, 3);
+    text_ += fmt::format("<text x=\"{:.0f}\" y=\"35\">{}</text>\n", legend_end_ + 30, text);
+    legend_end_ += 55 + 7.6 * static_cast<double>(text.size());
+  }
+  /// A length that is a power of ten; ends the drawing.
+  [[nodiscard]] std::string with_scale() {
+    const double metres = std::pow(10, std::floor(std::log10(200 / scale_)));
+    line_px({kMargin, height_ - 16}, {kMargin + metres * scale_, height_ - 16}, "black", 2);
+    return text_ + fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\">{} m, seen from above</text>\n</svg>\n",
+                               kMargin + metres * scale_ + 8, height_ - 11, metres);
+  }
+
+ private:
+  [[nodiscard]] Eigen::Vector2d pixel(const Eigen::Vector2d& p) const {
+    return Eigen::Vector2d(kMargin, kMargin + kLegend) + scale_ * (p - low_);
+  }
+  void line_px(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const char* colour, double width) {
+    text_ += fmt::format(
+        "<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"{}\" stroke-width=\"{}\"/>\n", a.x(),
+        a.y(), b.x(), b.y(), colour, width);
+  }
+
+  Eigen::Vector2d low_;
+  double scale_, height_;  // pixels a metre; pixels
+  std::string text_;
+  double legend_end_ = kMargin;
+};
+
+/// The poses of a component's keyframes, as tracked and as corrected, with a margin.
+Eigen::AlignedBox2d box_of(const Atlas& atlas, const std::vector<std::size_t>& component_of, std::size_t main) {
   Eigen::AlignedBox2d box;
   for (std::size_t k = 0; k < atlas.keyframes.size(); ++k) {
     if (component_of[k] != main) continue;
@@ -35,57 +84,41 @@ void write_graph_picture(const std::filesystem::path& file, const Atlas& atlas) 
   if (box.isEmpty()) box.extend(Eigen::Vector2d::Zero());
   box.extend(box.min() - Eigen::Vector2d::Constant(0.1));
   box.extend(box.max() + Eigen::Vector2d::Constant(0.1));
-  const double scale = (kWidth - 2 * kMargin) / box.sizes().maxCoeff();
-  const double height = scale * box.sizes().y() + 2 * kMargin + kLegend;
-  const auto pixel = [&](const Eigen::Vector2d& p) -> Eigen::Vector2d {
-    return Eigen::Vector2d(kMargin, kMargin + kLegend) + scale * (p - box.min());
-  };
-  std::string svg = fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 {0:.0f} {1:.0f}\" "
-      "font-family=\"sans-serif\" font-size=\"14\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
-      kWidth, height);
-  const auto line = [&](const Eigen::Vector2d& a, const Eigen::Vector2d& b, const char* colour, double width) {
-    svg += fmt::format(
-        "<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"{}\" stroke-width=\"{}\"/>\n", a.x(),
-        a.y(), b.x(), b.y(), colour, width);
-  };
-  const auto way = [&](const char* colour, double width, const auto& pose_of) {
+  return box;
+}
+
+}  // namespace
+
+void write_graph_picture(const std::filesystem::path& file, const Atlas& atlas) {
+  const auto component_of = atlas.components();
+  const std::size_t main = atlas.keyframes.empty() ? 0 : atlas.main_component();
+  Svg svg(box_of(atlas, component_of, main));
+  const auto path = [&](const char* colour, const auto& pose_of) {
     for (std::size_t k = 1; k < atlas.keyframes.size(); ++k)
       if (component_of[k] == main && atlas.keyframes[k].follows)
-        line(pixel(from_above(pose_of(k - 1))), pixel(from_above(pose_of(k))), colour, width);
+        svg.line(from_above(pose_of(k - 1)), from_above(pose_of(k)), colour, 2);
   };
-  way(kTracked, 2, [&](std::size_t k) { return atlas.keyframes[k].odometry_from_camera; });
+  const auto corrected = [&](std::size_t k) { return atlas.world_from_camera[k]; };
+  path(kTracked, [&](std::size_t k) { return atlas.keyframes[k].odometry_from_camera; });
   int loops = 0, refused = 0;
   for (const Loop& loop : atlas.loops) {
     if (loop.corners == 0 || component_of[loop.edge.j] != main) continue;
     ++(loop.inlier ? loops : refused);
-    line(pixel(from_above(atlas.world_from_camera[loop.edge.i])),
-         pixel(from_above(atlas.world_from_camera[loop.edge.j])), loop.inlier ? kLoop : kRefused, 1.2);
+    svg.line(from_above(corrected(loop.edge.i)), from_above(corrected(loop.edge.j)), loop.inlier ? kLoop : kRefused,
+             1.2);
   }
-  way(kCorrected, 2, [&](std::size_t k) { return atlas.world_from_camera[k]; });
+  path(kCorrected, corrected);
   for (std::size_t k = 0; k < atlas.keyframes.size(); ++k) {
     if (component_of[k] != main) continue;
-    const Eigen::Vector2d p = pixel(from_above(atlas.world_from_camera[k]));
     const bool begins_submap = k == 0 || atlas.keyframes[k].submap != atlas.keyframes[k - 1].submap;
-    svg += fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\" fill=\"{}\" stroke=\"{}\"/>\n", p.x(), p.y(),
-                       begins_submap ? 5 : 2, begins_submap ? "white" : kCorrected, kCorrected);
+    svg.circle(from_above(corrected(k)), begins_submap ? 5 : 2, begins_submap ? "white" : kCorrected, kCorrected);
   }
-  double left = kMargin;
-  const auto legend = [&](const char* colour, const std::string& text) {
-    line({left, 30}, {left + 24, 30}, colour, 3);
-    svg += fmt::format("<text x=\"{:.0f}\" y=\"35\">{}</text>\n", left + 30, text);
-    left += 55 + 7.6 * static_cast<double>(text.size());
-  };
-  legend(kTracked, "as tracked");
-  legend(kCorrected, fmt::format("corrected ({} keyframes; rings: submaps)",
-                                 std::count(component_of.begin(), component_of.end(), main)));
-  legend(kLoop, fmt::format("{} loops", loops));
-  if (refused > 0) legend(kRefused, fmt::format("{} not believed", refused));
-  const double metres = std::pow(10, std::floor(std::log10(200 / scale)));
-  line({kMargin, height - 16}, {kMargin + metres * scale, height - 16}, "black", 2);
-  svg += fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\">{} m, seen from above</text>\n</svg>\n",
-                     kMargin + metres * scale + 8, height - 11, metres);
-  write_whole(file, svg);
+  svg.legend(kTracked, "as tracked");
+  svg.legend(kCorrected, fmt::format("corrected ({} keyframes; rings: submaps)",
+                                     std::count(component_of.begin(), component_of.end(), main)));
+  svg.legend(kLoop, fmt::format("{} loops", loops));
+  if (refused > 0) svg.legend(kRefused, fmt::format("{} not believed", refused));
+  write_whole(file, svg.with_scale());
 }
 
 }  // namespace cairn

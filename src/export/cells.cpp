@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "export/cells.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kOneNode = 65536;          // bricks of a map that is not cut into cells unless it is asked for
+constexpr int kUsualCell = 64, kUsualTile = 32;  // bricks a side
+
+}  // namespace
+
+Cells::Cells(const std::vector<Brick>& bricks, float brick_size, bool as_tiles, const ExportOptions& options) {
+  if (options.cell_size > 0)
+    side_ = std::max(4, static_cast<int>(std::lround(options.cell_size / brick_size)));
+  else if (as_tiles || bricks.size() > kOneNode)
+    side_ = as_tiles ? kUsualTile : kUsualCell;
+  if (side_ == 0) {
+    cells_[{0, 0, 0}] = bricks;
+    return;
+  }
+  side_length_ = static_cast<float>(side_) * brick_size;
+  origin_ = cell_of(bricks[0], side_);
+  for (const Brick& b : bricks) origin_ = origin_.cwiseMin(cell_of(b, side_));
+  for (const Brick& b : bricks) cells_[key(cell_of(b, side_) - origin_)].push_back(b);
+  margin_ = 2 + static_cast<int>(std::max(3 * options.clean.min_piece, options.clean.fill_holes) / brick_size);
+}
+
+std::vector<Brick> Cells::around(const Key& cell) const {
+  if (is_whole()) return cells_.at(cell);
+  std::vector<Brick> bricks;
+  const Brick low = (brick(cell) + origin_) * side_ - Brick::Constant(margin_),
+              high = (brick(cell) + origin_ + Brick::Ones()) * side_ + Brick::Constant(margin_);
+  const int reach = 1 + (margin_ - 1) / side_;
+  for (int x = -reach; x <= reach; ++x)
+    for (int y = -reach; y <= reach; ++y)
+      for (int z = -reach; z <= reach; ++z)
+        if (const auto it = cells_.find(key(brick(cell) + Brick(x, y, z))); it != cells_.end())
+          for (const Brick& b : it->second)
+            if ((b.array() >= low.array()).all() && (b.array() < high.array()).all()) bricks.push_back(b);
+  std::sort(bricks.begin(), bricks.end(), before);
+  return bricks;
+}
+
+Brick Cells::owner(const Mesh& mesh, const std::array<std::uint32_t, 3>& t) const {
+  const Eigen::Vector3f middle = (mesh.positions[t[0]] + mesh.positions[t[1]] + mesh.positions[t[2]]) / 3;
+  return (middle / side_length_).array().floor().cast<int>().matrix() - origin_;
+}
+
+}  // namespace cairn

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+
+#include <stdexcept>
+
+#include "export/export_run.hpp"
+
+namespace cairn {
+
+void check(const ExportOptions& o, const std::filesystem::path& file) {
+  const auto extension = file.extension();
+  if (extension != ".glb" && extension != ".gltf" && extension != ".ply" && extension != ".obj" && extension != ".json")
+    throw std::runtime_error(
+        fmt::format("{}: '{}' is no format that is written; use .glb, .gltf, .ply, .obj, or "
+                    "tileset.json for 3D Tiles",
+                    file.string(), extension.string()));
+  const auto range = [](const char* name, double value, double low, double high) {
+    if (!(value >= low && value <= high))
+      throw std::runtime_error(fmt::format("--{} is {}: it must be between {} and {}", name, value, low, high));
+  };
+  range("simplify", static_cast<double>(o.simplify.ratio), 0.0001, 1);
+  range("max-error", static_cast<double>(o.simplify.max_error), 0, 1);
+  range("min-piece", static_cast<double>(o.clean.min_piece), 0, 10);
+  range("min-weight", static_cast<double>(o.clean.min_weight), 0, 255);
+  range("fill-holes", static_cast<double>(o.clean.fill_holes), 0, 2);
+  range("texel", static_cast<double>(o.texture.texel), 0, 1);
+  range("texture-size", o.texture.max_size, 64, 16384);
+  range("jpeg-quality", o.texture.jpeg_quality, 1, 100);
+  range("cell-size", static_cast<double>(o.cell_size), 0, 1000);
+  range("points", static_cast<double>(o.point_spacing), 0, 10);
+  range("lods", o.levels, 1, 8);
+  const auto refuse = [&](const char* what, const char* why) {
+    throw std::runtime_error(fmt::format("{}: {} {}", file.string(), what, why));
+  };
+  if (o.texture.enabled && extension == ".ply")
+    refuse("--texture", "needs .glb, .gltf, .obj or tileset.json: PLY has none");
+  if (o.point_spacing > 0 && extension != ".ply") refuse("--points", "needs .ply");
+  if (o.compression != Compression::none && extension != ".glb" && extension != ".gltf" && extension != ".json")
+    refuse("--compress", "needs .glb, .gltf or tileset.json");
+  if (o.cameras && !is_gltf(file)) refuse("--cameras", "needs .glb or .gltf");
+  if (o.levels > 1 && (is_tileset(file) || o.point_spacing > 0))
+    refuse("--lods", "needs a single mesh file: tiles have levels anyway");
+}
+
+}  // namespace cairn

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "export/part.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "export/texturer.hpp"
+#include "mesh/clean.hpp"
+#include "mesh/simplify.hpp"
+#include "mesh/topology.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr float kMostError = 2;  // voxels that a ratio may move the surface, doubled from level to level
+constexpr std::uint8_t kNeverFree = 255;
+
+void take(std::vector<std::uint8_t>& values, const std::vector<std::uint32_t>& kept) {
+  std::vector<std::uint8_t> taken;
+  taken.reserve(kept.size());
+  for (const std::uint32_t v : kept) taken.push_back(values[v]);
+  values = std::move(taken);
+}
+
+/// The level from which on two cells are in one.
+std::uint8_t common_level(const Brick& a, const Brick& b) {
+  for (std::uint8_t level = 0; level < 30; ++level)
+    if (Cells::at_level(a, level) == Cells::at_level(b, level)) return level;
+  return kNeverFree;
+}
+
+/// The cell's own triangles of a mesh of its surroundings.
+Part cut_out(Mesh mesh, const Cells& cells, const Cells::Key& cell) {
+  Part part;
+  part.free_from.assign(mesh.positions.size(), 0);
+  if (!cells.is_whole()) {
+    for (const auto& t : mesh.triangles) {
+      const std::uint8_t level = common_level(cells.owner(mesh, t), Cells::brick(cell));
+      for (const std::uint32_t v : t) part.free_from[v] = std::max(part.free_from[v], level);
+    }
+    std::erase_if(mesh.triangles, [&](const auto& t) { return !cells.is_own(mesh, t, cell); });
+    take(part.free_from, drop_unused_vertices(mesh));
+  }
+  part.mesh = std::move(mesh);
+  return part;
+}
+
+/// Without any colour the mesh is all of the volume's grey.
+bool has_colours(const Mesh& mesh) {
+  return std::any_of(mesh.colours.begin(), mesh.colours.end(), [](const auto& c) {
+    return c != std::array<std::uint8_t, 4>{179, 179, 179, 255};
+  });
+}
+
+}  // namespace
+
+Part make_part(ExportRun& run, Texturer* texturer, const Cells::Key& cell) {
+  const ExportInput& input = run.input;
+  Mesh mesh = run.timed("mesh", [&] {
+    const std::vector<Brick> bricks = run.cells.around(cell);
+    if (input.load) {
+      input.load(bricks);
+      if (texturer != nullptr) texturer->forget();  // what they see of the map is another part now
+    }
+    return input.polygonizer.polygonize(input.volume, bricks);
+  });
+  run.step("cleaning");
+  Part part = run.timed("clean", [&] {
+    run.exported.full_triangles += static_cast<std::size_t>(std::count_if(
+        mesh.triangles.begin(), mesh.triangles.end(), [&](const auto& t) { return run.cells.is_own(mesh, t, cell); }));
+    const Cleaned cleaned = clean(mesh, run.options.clean);
+    run.exported.components_removed += cleaned.components_removed;  // at borders of cells counted in both
+    run.exported.holes_filled += cleaned.holes_filled;
+    return cut_out(std::move(mesh), run.cells, cell);
+  });
+  part.mesh.weights.clear();
+  if (!has_colours(part.mesh)) part.mesh.colours.clear();
+  if (texturer != nullptr) part.colours = std::make_shared<VoxelColours>(part.mesh, input.volume.options().voxel_size);
+  return part;
+}
+
+void simplify_part(ExportRun& run, Part& part, SimplifyOptions options, int freed, int level) {
+  // Where a ratio would need more than this, more triangles stay.
+  if (options.max_error <= 0 && options.ratio < 1)
+    options.max_error = std::ldexp(kMostError * run.input.volume.options().voxel_size, level);
+  run.timed("simplify", [&] {
+    std::vector<bool> locked(part.free_from.size(), false);
+    for (std::size_t v = 0; v < locked.size(); ++v) locked[v] = part.free_from[v] > freed;
+    const Simplified simplified = simplify(part.mesh, options, locked, !run.options.texture.enabled);
+    take(part.free_from, simplified.kept);
+    part.error += simplified.error;
+  });
+  run.exported.error = std::max(run.exported.error, part.error);
+}
+
+Part join_parts(std::vector<Part> parts) {
+  std::vector<Mesh> meshes;
+  Part all;
+  for (Part& part : parts) {
+    meshes.push_back(std::move(part.mesh));
+    all.free_from.insert(all.free_from.end(), part.free_from.begin(), part.free_from.end());
+    all.error = std::max(all.error, part.error);
+  }
+  all.mesh = joined(meshes);
+  const std::vector<std::uint32_t> name = weld(all.mesh);
+  for (std::size_t v = 0; v < name.size(); ++v)
+    all.free_from[name[v]] = std::max(all.free_from[name[v]], all.free_from[v]);
+  for (auto& t : all.mesh.triangles)
+    for (std::uint32_t& v : t) v = name[v];
+  take(all.free_from, drop_unused_vertices(all.mesh));
+  return all;
+}
+
+}  // namespace cairn

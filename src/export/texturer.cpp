@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "export/texturer.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+constexpr std::uint64_t kViewMemory = std::uint64_t{512} << 20;  // bytes of keyframes on the device
+constexpr float kFull = 0.75f;                                   // of a texture that charts cover, about
+constexpr int kTries = 40;                                       // of charts that are coarser each time
+
+std::vector<TextureKeyframe> keyframes_of(const ExportRun& run) {
+  if (run.input.keyframes.empty())
+    throw not_written(run.file,
+                      "the map has no keyframes, from which a texture is made: reconstruct with --texture, or export "
+                      "without it");
+  return run.input.keyframes;
+}
+
+double area_of(const Mesh& mesh) {
+  double area = 0;
+  for (const auto& t : mesh.triangles)
+    area +=
+        0.5 *
+        static_cast<double>(
+            (mesh.positions[t[1]] - mesh.positions[t[0]]).cross(mesh.positions[t[2]] - mesh.positions[t[0]]).norm());
+  return area;
+}
+
+}  // namespace
+
+Texturer::Texturer(ExportRun& run)
+    : run_(run),
+      views_(run.input.volume, run.input.camera, run.input.surface, keyframes_of(run), run.input.get_image,
+             kViewMemory) {
+  run.exported.keyframes = static_cast<int>(views_.size());
+  const bool has_colour =
+      run.timed("exposure", [&] { return views_.compensate_exposure([&] { run.step("comparing exposures"); }); });
+  if (!has_colour)
+    throw not_written(run.file, "the keyframes have no colour, from which a texture is made: export without --texture");
+  run.timed("registration", [&] { views_.register_colour(); });
+  const shader::ColourCamera& c = views_.colour_camera();
+  run.exported.colour_camera = {c.rotation.x,    c.rotation.y,    c.rotation.z, c.translation.x,
+                                c.translation.y, c.translation.z, c.focal_scale};
+}
+
+float Texturer::texel_size(const Mesh& mesh, int level) const {
+  const TextureOptions& options = run_.options.texture;
+  const auto max_size = static_cast<float>(options.max_size);
+  float texel = options.texel > 0 ? options.texel : views_.texel_size(mesh);
+  if (!(texel > 0)) texel = 0.25f * run_.input.volume.options().voxel_size;
+  return std::max(std::ldexp(texel, level), static_cast<float>(std::sqrt(area_of(mesh) / kFull)) / max_size);
+}
+
+Mesh Texturer::texture(const Part& part, int level) {
+  const Mesh& mesh = part.mesh;
+  if (mesh.triangles.empty()) return mesh;
+  const int max_size = run_.options.texture.max_size;
+  float texel = texel_size(mesh, level);
+  std::optional<TextureAtlas> atlas;
+  run_.timed("charts", [&] {
+    for (int tries = 0; !atlas; ++tries, texel *= 1.15f) {
+      if (tries == kTries)
+        throw std::runtime_error("the surface does not fit into a texture: give a larger --texture-size");
+      atlas = pack(mesh, make_charts(mesh, texel, max_size), max_size);
+    }
+    texel /= 1.15f;
+  });
+  run_.step("colouring");
+  std::size_t points = 0;
+  for (const shader::Texel& t : atlas->points) points += t.normal != 0;
+  seen_ += run_.timed("texture", [&] { return views_.blend(*atlas, part.colours.get()); });
+  Exported& exported = run_.exported;
+  exported.texels += points;
+  exported.textured_share =
+      exported.texels == 0 ? 0 : static_cast<double>(seen_) / static_cast<double>(exported.texels);
+  exported.charts += atlas->charts;
+  exported.texel = std::max(exported.texel, texel);
+  ++exported.textures;
+  return std::move(atlas->mesh);
+}
+
+}  // namespace cairn

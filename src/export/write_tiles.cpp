@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+
+#include <optional>
+#include <utility>
+
+#include "export/texturer.hpp"
+#include "export/write.hpp"
+#include "mesh/tiles.hpp"
+
+namespace cairn {
+namespace {
+
+struct TilePart {
+  Tile tile;
+  Part part;
+};
+
+Part make_leaf(ExportRun& run, Texturer* texturer, const Cells::Key& cell) {
+  Part part = make_part(run, texturer, cell);
+  run.step("simplifying");
+  simplify_part(run, part, run.options.simplify, 0, 0);
+  run.step("meshing");
+  return part;
+}
+
+void write_content(ExportRun& run, const std::string& name, const Mesh& mesh, int level) {
+  run.timed("write", [&] {
+    GltfWriter writer(run.gltf_options());
+    const auto added = writer.add(name.substr(0, name.find('.')), mesh);
+    if (level == 0) run.add(added);
+    writer.write(run.file.parent_path() / name);
+  });
+}
+
+/// Tiles from the leaves up; each is in memory until its parent is made. Nothing where there is no surface.
+std::optional<TilePart> make_tile(ExportRun& run, Texturer* texturer, const Cells::Key& cell, int level) {
+  Tile tile;
+  Part part;
+  if (level == 0) {
+    if (!run.cells.all().contains(cell)) return std::nullopt;
+    part = make_leaf(run, texturer, cell);
+  } else {
+    std::vector<Part> children;
+    for (int c = 0; c < 8; ++c) {
+      const Brick child_cell = 2 * Cells::brick(cell) + Brick(c & 1, c >> 1 & 1, c >> 2);
+      if (auto child = make_tile(run, texturer, Cells::key(child_cell), level - 1)) {
+        tile.children.push_back(std::move(child->tile));
+        children.push_back(std::move(child->part));
+      }
+    }
+    if (children.empty()) return std::nullopt;
+    part = join_parts(std::move(children));
+    simplify_part(run, part, {.ratio = kLevelRatio}, level, level);
+    for (const Tile& child : tile.children) tile.box.extend(child.box);
+  }
+  if (part.mesh.triangles.empty()) return std::nullopt;
+  for (const auto& p : part.mesh.positions) tile.box.extend(p);
+  tile.error = part.error;
+  tile.content = fmt::format("{}_{}_{}_{}.glb", level, cell[0], cell[1], cell[2]);
+  ++run.exported.tiles;
+  write_content(run, tile.content, texturer != nullptr ? texturer->texture(part, level) : part.mesh, level);
+  return TilePart{std::move(tile), std::move(part)};
+}
+
+}  // namespace
+
+void write_tiles(ExportRun& run, Texturer* texturer) {
+  int top = 0;
+  for (const auto& [cell, bricks] : run.cells.all())
+    while (Cells::at_level(Cells::brick(cell), top) != Brick::Zero()) ++top;
+  const auto root = make_tile(run, texturer, {0, 0, 0}, top);
+  run.refuse_empty(root.has_value());
+  run.timed("write", [&] { write_tileset(run.file, root->tile); });
+}
+
+}  // namespace cairn
