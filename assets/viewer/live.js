@@ -6,7 +6,8 @@ import { readMessage } from './messages.js';
 
 const kAgainAfter = 1000;  // milliseconds
 
-export function showLive(scene) {
+/** What stands beside the picture. */
+function makePanel() {
   const colour = element('img', { alt: 'What the colour camera sees' }),
         depth = element('img', { alt: 'What the depth camera sees, near red, far blue' });
   const numbers = element('div'), loops = element('ul', { className: 'loops' });
@@ -14,9 +15,11 @@ export function showLive(scene) {
       element('div', { className: 'images' }, element('figure', {}, colour, element('figcaption', {}, 'Colour')),
               element('figure', {}, depth, element('figcaption', {}, 'Depth, near red'))),
       element('h2', {}, 'Now'), numbers, element('h2', {}, 'Loops'), loops);
+  return { colour, depth, numbers, loops };
+}
 
-  let socket, finished = false, epoch = 0;
-  const ask = (what) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify({ do: what }));
+/** `ask` sends the program what to do. */
+function makeButtons(scene, ask) {
   const pause = element('button', { onclick: () => ask(pause.dataset.paused ? 'start' : 'pause') }, 'Pause');
   const reset = element('button', { onclick: () => confirm('Throw this map away and begin again?') && ask('reset') }, 'Reset');
   const finish = element('button', { onclick: () => ask('finish') }, 'Finish');
@@ -24,6 +27,44 @@ export function showLive(scene) {
   scene.onFollow = (on) => follow.setAttribute('aria-pressed', on);
   document.getElementById('buttons').append(pause, reset, finish, follow, ...viewButtons(scene));
   scene.setFollow(true);
+  return { pause, reset, finish };
+}
+
+function showNumbers(numbers, state, triangles) {
+  const frames = { fused: 0, lost: 0, skipped: 0, ...state.frames };
+  numbers.replaceChildren(facts([
+    ['Frames a second', state.frames_per_second?.toFixed(1) ?? '–'],
+    ['Frame to pose', state.latency_ms ? `${state.latency_ms.toFixed(0)} ms` : '–'],
+    ['Fused', frames.fused], ['Lost', frames.lost], ['Unusable', frames.skipped],
+    ['Skipped to keep up', state.skipped_to_keep_up],
+    ['Triangles', triangles.toLocaleString('en')],
+    ['Keyframes', state.keyframes ?? 0], ['Submaps', state.submaps ?? 1],
+    ['Memory', `${state.memory_mb.toFixed(0)} MB`],
+  ]));
+}
+
+function showState(state, scene, panel, { pause, reset, finish }) {
+  setStatus(state.status, state.words);
+  pause.textContent = state.status === 'paused' ? 'Start' : 'Pause';
+  pause.dataset.paused = state.status === 'paused' ? 'yes' : '';
+  for (const button of [pause, reset, finish]) button.disabled = ['finishing', 'finished'].includes(state.status);
+  if (state.camera) scene.setCamera(state.camera, state.view);
+  scene.setLoops(state.loops.filter(([, , believed]) => believed));
+  showNumbers(panel.numbers, state, scene.triangles);
+  if (panel.loops.childElementCount !== state.loops.length)
+    panel.loops.replaceChildren(...state.loops.map(([from, to, believed]) => element(
+        'li', { className: believed ? '' : 'refused' }, `${from.toFixed(1)} s ↔ ${to.toFixed(1)} s`)));
+}
+
+function showImage(image, blob) {
+  URL.revokeObjectURL(image.src);
+  image.src = URL.createObjectURL(blob);
+}
+
+export function showLive(scene) {
+  let socket, finished = false, epoch = 0;
+  const ask = (what) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify({ do: what }));
+  const panel = makePanel(), buttons = makeButtons(scene, ask);
 
   const isNew = (message) => {
     if (message.epoch > epoch) {
@@ -33,52 +74,25 @@ export function showLive(scene) {
     return message.epoch === epoch;
   };
 
-  const onState = (state) => {
-    if (!isNew(state)) return;
-    finished = state.status === 'finished';
-    setStatus(state.status, state.words);
-    pause.textContent = state.status === 'paused' ? 'Start' : 'Pause';
-    pause.dataset.paused = state.status === 'paused' ? 'yes' : '';
-    for (const button of [pause, reset, finish]) button.disabled = ['finishing', 'finished'].includes(state.status);
-    if (state.camera) scene.setCamera(state.camera, state.view);
-    scene.setLoops(state.loops.filter(([, , believed]) => believed));
-    const frames = { fused: 0, lost: 0, skipped: 0, ...state.frames };
-    numbers.replaceChildren(facts([
-      ['Frames a second', state.frames_per_second?.toFixed(1) ?? '–'],
-      ['Frame to pose', state.latency_ms ? `${state.latency_ms.toFixed(0)} ms` : '–'],
-      ['Fused', frames.fused], ['Lost', frames.lost], ['Unusable', frames.skipped],
-      ['Skipped to keep up', state.skipped_to_keep_up],
-      ['Triangles', scene.triangles.toLocaleString('en')],
-      ['Keyframes', state.keyframes ?? 0], ['Submaps', state.submaps ?? 1],
-      ['Memory', `${state.memory_mb.toFixed(0)} MB`],
-    ]));
-    if (loops.childElementCount !== state.loops.length)
-      loops.replaceChildren(...state.loops.map(([from, to, believed]) => element(
-          'li', { className: believed ? '' : 'refused' }, `${from.toFixed(1)} s ↔ ${to.toFixed(1)} s`)));
+  const onText = (message) => {
+    if (!isNew(message)) return;
+    if (!('status' in message)) return scene.setSubmaps(message.submaps);
+    finished = message.status === 'finished';
+    showState(message, scene, panel, buttons);
   };
 
-  const show = (image, blob) => {
-    URL.revokeObjectURL(image.src);
-    image.src = URL.createObjectURL(blob);
+  const onBytes = (message) => {
+    if (message.kind === 'image') showImage(panel[message.of], message.jpeg);
+    else if (!isNew(message)) return;
+    else if (message.kind === 'part') scene.setPart(message);
+    else scene.setPath(message.points);
   };
 
   const connect = () => {
     socket = new WebSocket(new URL('live', location.href.replace(/^http/, 'ws')));
     socket.binaryType = 'arraybuffer';
     socket.onopen = () => { epoch = 0; };  // all of it comes again
-    socket.onmessage = ({ data }) => {
-      if (typeof data === 'string') {
-        const message = JSON.parse(data);
-        if ('status' in message) onState(message);
-        else if (isNew(message)) scene.setSubmaps(message.submaps);
-        return;
-      }
-      const message = readMessage(data);
-      if (message.kind === 'image') show(message.of === 'colour' ? colour : depth, message.jpeg);
-      else if (!isNew(message)) return;
-      else if (message.kind === 'part') scene.setPart(message);
-      else scene.setPath(message.points);
-    };
+    socket.onmessage = ({ data }) => typeof data === 'string' ? onText(JSON.parse(data)) : onBytes(readMessage(data));
     socket.onclose = () => {
       if (finished) return;
       setStatus('gone', 'The program has ended or cannot be reached; trying again');
