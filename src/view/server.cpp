@@ -78,6 +78,89 @@ class Viewing {
 
 using Request = http::request<http::empty_body>;
 
+/// Where the server is found, and whether a request is for it.
+struct Address {
+  std::string token, host, other_host;
+
+  [[nodiscard]] bool is_ours(const Request& request) const {
+    const auto is = [&](beast::string_view address) { return address == host || address == other_host; };
+    if (!is(request[http::field::host])) return false;
+    if (request.count(http::field::origin) == 0) return true;
+    beast::string_view origin = request[http::field::origin];
+    constexpr beast::string_view kScheme = "http://";
+    if (!origin.starts_with(kScheme)) return false;
+    origin.remove_prefix(kScheme.size());
+    return is(origin);
+  }
+
+  /// The name below the token that a request asks for, or nothing.
+  [[nodiscard]] std::optional<std::string> name_of(const Request& request) const {
+    const std::string_view target(request.target().data(), request.target().size());
+    const std::string prefix = "/" + token + "/";
+    if (!is_same(target.substr(0, prefix.size()), prefix)) return std::nullopt;
+    return std::string(target.substr(prefix.size(), target.find('?') - prefix.size()));
+  }
+};
+
+// Answers over HTTP. `patience`: with a client that does not read.
+
+template <class Response>
+void prepare(Response& response, const Request& request, beast::string_view content_type) {
+  response.set(http::field::content_type, content_type);
+  response.set(http::field::cache_control, "no-store");
+  response.set("X-Content-Type-Options", "nosniff");
+  response.set("Referrer-Policy", "no-referrer");
+  response.set(
+      "Content-Security-Policy",
+      "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; frame-ancestors 'none'; base-uri 'none'");
+  response.keep_alive(request.keep_alive());
+  response.prepare_payload();
+}
+
+/// HEAD gets the same answer as GET without its body.
+template <class Response>
+asio::awaitable<void> send(beast::tcp_stream& stream, const Request& request, Response& response,
+                           std::chrono::milliseconds patience) {
+  http::serializer<false, typename Response::body_type> serializer(response);
+  if (request.method() == http::verb::head) {
+    stream.expires_after(patience);
+    co_await http::async_write_header(stream, serializer, asio::use_awaitable);
+    co_return;
+  }
+  // A large file may take long, but some of it must go through all the time.
+  while (!serializer.is_done()) {
+    stream.expires_after(patience);
+    co_await http::async_write_some(stream, serializer, asio::use_awaitable);
+  }
+}
+
+asio::awaitable<void> refuse(beast::tcp_stream& stream, const Request& request, http::status status, const char* why,
+                             std::chrono::milliseconds patience) {
+  http::response<http::string_body> response(status, request.version(), std::string(why) + "\n");
+  prepare(response, request, "text/plain");
+  co_await send(stream, request, response, patience);
+}
+
+asio::awaitable<void> serve(beast::tcp_stream& stream, const Request& request, const Served& file,
+                            std::chrono::milliseconds patience) {
+  if (const auto* text = std::get_if<std::string>(&file.body)) {
+    http::response<http::string_body> response(http::status::ok, request.version(), *text);
+    prepare(response, request, file.content_type);
+    co_await send(stream, request, response, patience);
+    co_return;
+  }
+  http::response<http::file_body> response(http::status::ok, request.version());
+  boost::system::error_code error;
+  const auto& path = std::get<std::filesystem::path>(file.body);
+  response.body().open(path.c_str(), beast::file_mode::scan, error);
+  if (error) {
+    co_await refuse(stream, request, http::status::not_found, "the file is gone", patience);
+    co_return;
+  }
+  prepare(response, request, file.content_type);
+  co_await send(stream, request, response, patience);
+}
+
 }  // namespace
 
 struct Server::State {
@@ -89,8 +172,8 @@ struct Server::State {
       throw std::runtime_error(
           fmt::format("port {} cannot be used: {}; choose another with --port", port, error.code().message()));
     }
-    host = fmt::format("127.0.0.1:{}", acceptor.local_endpoint().port());
-    other_host = fmt::format("localhost:{}", acceptor.local_endpoint().port());
+    const auto real_port = acceptor.local_endpoint().port();
+    address = {random_token(), fmt::format("127.0.0.1:{}", real_port), fmt::format("localhost:{}", real_port)};
     spawn(accept());
     thread = std::jthread([this] { run(); });
   }
@@ -133,23 +216,9 @@ struct Server::State {
     co_await timer.async_wait(asio::use_awaitable);
   }
 
-  [[nodiscard]] bool is_ours(const Request& request) const {
-    const auto is = [&](beast::string_view address) { return address == host || address == other_host; };
-    if (!is(request[http::field::host])) return false;
-    if (request.count(http::field::origin) == 0) return true;
-    beast::string_view origin = request[http::field::origin];
-    constexpr beast::string_view kScheme = "http://";
-    if (!origin.starts_with(kScheme)) return false;
-    origin.remove_prefix(kScheme.size());
-    return is(origin);
-  }
-
-  /// The name below the token that a request asks for, or nothing.
-  [[nodiscard]] std::optional<std::string> name_of(const Request& request) const {
-    const std::string_view target(request.target().data(), request.target().size());
-    const std::string prefix = "/" + token + "/";
-    if (!is_same(target.substr(0, prefix.size()), prefix)) return std::nullopt;
-    return std::string(target.substr(prefix.size(), target.find('?') - prefix.size()));
+  /// Whether a request that is for this server follows the feed.
+  [[nodiscard]] bool asks_for_feed(const Request& request) const {
+    return feed != nullptr && address.name_of(request) == "live" && beast::websocket::is_upgrade(request);
   }
 
   asio::awaitable<void> talk(beast::tcp_stream stream) {
@@ -162,84 +231,35 @@ struct Server::State {
       parser.body_limit(std::uint64_t{0});
       co_await http::async_read(stream, buffer, parser, asio::use_awaitable);
       const Request request = parser.release();
-      const auto name = name_of(request);
-      if (!is_ours(request)) {
-        co_await refuse(stream, request, http::status::forbidden, "this page is served to this machine only");
-      } else if (!name) {
-        co_await refuse(stream, request, http::status::not_found, "open the address that cairn printed");
-      } else if (feed != nullptr && *name == "live" && beast::websocket::is_upgrade(request)) {
-        if (feed->viewers() < limits.viewers) {
-          stream.expires_never();  // the WebSocket has its own
-          co_await follow(WebSocket(std::move(stream)), request);
-          co_return;
-        }
-        co_await refuse(stream, request, http::status::service_unavailable, "too many viewers");
-      } else if (request.method() != http::verb::get && request.method() != http::verb::head) {
-        co_await refuse(stream, request, http::status::method_not_allowed, "only GET is answered");
-      } else if (const auto file = files.find(*name); file == files.end()) {
-        co_await refuse(stream, request, http::status::not_found, "there is no such file");
-      } else {
-        co_await serve(stream, request, file->second);
+      if (address.is_ours(request) && asks_for_feed(request) && feed->viewers() < limits.viewers) {
+        stream.expires_never();  // the WebSocket has its own
+        co_await follow(WebSocket(std::move(stream)), request);
+        co_return;
       }
+      co_await answer(stream, request);
       if (!request.keep_alive()) break;
     }
     boost::system::error_code ignored;
     stream.socket().shutdown(tcp::socket::shutdown_send, ignored);
   }
 
-  template <class Response>
-  static void prepare(Response& response, const Request& request, beast::string_view content_type) {
-    response.set(http::field::content_type, content_type);
-    response.set(http::field::cache_control, "no-store");
-    response.set("X-Content-Type-Options", "nosniff");
-    response.set("Referrer-Policy", "no-referrer");
-    response.set(
-        "Content-Security-Policy",
-        "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; frame-ancestors 'none'; base-uri 'none'");
-    response.keep_alive(request.keep_alive());
-    response.prepare_payload();
-  }
-
-  /// HEAD gets the same answer as GET without its body.
-  template <class Response>
-  asio::awaitable<void> send(beast::tcp_stream& stream, const Request& request, Response& response) const {
-    http::serializer<false, typename Response::body_type> serializer(response);
-    if (request.method() == http::verb::head) {
-      stream.expires_after(limits.patience);
-      co_await http::async_write_header(stream, serializer, asio::use_awaitable);
-      co_return;
-    }
-    // A large file may take long, but some of it must go through all the time.
-    while (!serializer.is_done()) {
-      stream.expires_after(limits.patience);
-      co_await http::async_write_some(stream, serializer, asio::use_awaitable);
-    }
-  }
-
-  asio::awaitable<void> refuse(beast::tcp_stream& stream, const Request& request, http::status status,
-                               const char* why) const {
-    http::response<http::string_body> response(status, request.version(), std::string(why) + "\n");
-    prepare(response, request, "text/plain");
-    co_await send(stream, request, response);
-  }
-
-  asio::awaitable<void> serve(beast::tcp_stream& stream, const Request& request, const Served& file) const {
-    if (const auto* text = std::get_if<std::string>(&file.body)) {
-      http::response<http::string_body> response(http::status::ok, request.version(), *text);
-      prepare(response, request, file.content_type);
-      co_await send(stream, request, response);
-      co_return;
-    }
-    http::response<http::file_body> response(http::status::ok, request.version());
-    boost::system::error_code error;
-    const auto& path = std::get<std::filesystem::path>(file.body);
-    response.body().open(path.c_str(), beast::file_mode::scan, error);
-    if (error) {
-      co_await refuse(stream, request, http::status::not_found, "the file is gone");
-      co_return;
-    }
-    prepare(response, request, file.content_type);
-    co_await send(stream, request, response);
+  asio::awaitable<void> answer(beast::tcp_stream& stream, const Request& request) const {
+    const auto refused = [&](http::status status, const char* why) {
+      return refuse(stream, request, status, why, limits.patience);
+    };
+    const auto name = address.name_of(request);
+    if (!address.is_ours(request))
+      co_await refused(http::status::forbidden, "this page is served to this machine only");
+    else if (!name)
+      co_await refused(http::status::not_found, "open the address that cairn printed");
+    else if (asks_for_feed(request))
+      co_await refused(http::status::service_unavailable, "too many viewers");
+    else if (request.method() != http::verb::get && request.method() != http::verb::head)
+      co_await refused(http::status::method_not_allowed, "only GET is answered");
+    else if (const auto file = files.find(*name); file == files.end())
+      co_await refused(http::status::not_found, "there is no such file");
+    else
+      co_await serve(stream, request, file->second, limits.patience);
   }
 
   /// Sends what is new until the viewer goes; listens at the same time.
@@ -278,7 +298,7 @@ struct Server::State {
   Feed* feed;
   ServerLimits limits;
   int connections = 0;  // at the moment; of the thread alone
-  std::string token = random_token(), host, other_host;
+  Address address;
   asio::io_context context{1};
   tcp::acceptor acceptor{context};
   std::jthread thread;  // last: it uses the others
@@ -288,6 +308,6 @@ Server::Server(int port, std::map<std::string, Served> files, Feed* feed, const 
     : state_(std::make_unique<State>(port, std::move(files), feed, limits)) {}
 Server::~Server() = default;
 
-std::string Server::url() const { return "http://" + state_->host + "/" + state_->token + "/"; }
+std::string Server::url() const { return "http://" + state_->address.host + "/" + state_->address.token + "/"; }
 
 }  // namespace cairn
