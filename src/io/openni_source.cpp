@@ -10,7 +10,6 @@
 #include <cstring>
 #include <deque>
 #include <fstream>
-#include <numbers>
 #include <stdexcept>
 
 #include "cairn/source.hpp"
@@ -103,6 +102,73 @@ Camera camera_of(const openni::VideoStream& depth, const std::string& name) {
   return camera;
 }
 
+double seconds(const openni::VideoFrameRef& image) { return static_cast<double>(image.getTimestamp()) * 1e-6; }
+
+/// Whether the image has the bytes that its size asks for: a file may say anything.
+bool is_whole(const openni::VideoFrameRef& image, int bytes_per_pixel) {
+  const std::int64_t width = image.getWidth(), height = image.getHeight(), stride = image.getStrideInBytes();
+  return width > 0 && height > 0 && stride >= width * bytes_per_pixel && image.getData() != nullptr &&
+         stride * (height - 1) + width * bytes_per_pixel <= image.getDataSize();
+}
+
+/// `pixel(source row, source column)` of each pixel; the source is turned where the stream is mirrored.
+template <class T, class Pixel>
+std::vector<T> pixels_of(const openni::VideoFrameRef& image, bool mirrored, Pixel&& pixel) {
+  const int w = image.getWidth(), h = image.getHeight();
+  std::vector<T> pixels(static_cast<std::size_t>(w) * static_cast<std::size_t>(h));
+  auto* to = pixels.data();
+  for (int y = 0; y < h; ++y) {
+    const auto* row =
+        static_cast<const std::uint8_t*>(image.getData()) + static_cast<std::ptrdiff_t>(y) * image.getStrideInBytes();
+    for (int x = 0; x < w; ++x) *to++ = pixel(row, mirrored ? w - 1 - x : x);
+  }
+  return pixels;
+}
+
+/// Metres.
+std::vector<float> depth_of(const openni::VideoFrameRef& image, bool mirrored, float unit) {
+  return pixels_of<float>(image, mirrored, [unit](const std::uint8_t* row, int x) {
+    std::uint16_t z;
+    std::memcpy(&z, row + 2 * x, 2);
+    return static_cast<float>(z) * unit;
+  });
+}
+
+std::vector<std::uint32_t> colour_of(const openni::VideoFrameRef& image, bool mirrored) {
+  return pixels_of<std::uint32_t>(image, mirrored, [](const std::uint8_t* row, int x) {
+    const std::uint8_t* p = row + 3 * x;
+    return p[0] | std::uint32_t{p[1]} << 8 | std::uint32_t{p[2]} << 16 | 0xff000000u;
+  });
+}
+
+/// The last few colour images.
+class ColourImages {
+ public:
+  struct Image {
+    double timestamp;  // seconds
+    std::vector<std::uint32_t> pixels;
+  };
+  void add(Image image) {
+    images_.push_back(std::move(image));
+    if (images_.size() > 4) images_.pop_front();
+  }
+  /// Whether one that comes later will not be nearer to this time than those that are there.
+  [[nodiscard]] bool reach(double timestamp) const {
+    return !images_.empty() && images_.back().timestamp >= timestamp - kHalfAFrame;
+  }
+  /// The nearest in time; none if it is that of another depth image.
+  [[nodiscard]] const Image* nearest(double timestamp) const {
+    const Image* nearest = nullptr;
+    for (const Image& image : images_)
+      if (nearest == nullptr || std::abs(image.timestamp - timestamp) < std::abs(nearest->timestamp - timestamp))
+        nearest = &image;
+    return nearest != nullptr && std::abs(nearest->timestamp - timestamp) > kHalfAFrame ? nullptr : nearest;
+  }
+
+ private:
+  std::deque<Image> images_;
+};
+
 class OpenNiSource final : public Source {
  public:
   OpenNiSource(const std::string& uri, const OpenNiOptions& options) : name_(uri.empty() ? "openni:" : uri) {
@@ -122,13 +188,7 @@ class OpenNiSource final : public Source {
       camera_ = camera_of(depth_, name_);
     else
       use(read_camera_file(options.camera), options.camera);
-    if (auto* playback = device_.getPlaybackControl()) {
-      (void)playback->setSpeed(-1);  // an image is read when it is asked for
-      (void)playback->setRepeatEnabled(false);
-      frames_ = playback->getNumberOfFrames(depth_);
-      if (frames_ == 0) throw std::runtime_error(name_ + ": holds no depth image");
-      if (frames_ < 0) spdlog::warn("{}: was never finished; its images are read as far as they go", name_);
-    }
+    if (auto* playback = device_.getPlaybackControl()) prepare_file(*playback);
     unplugged_.emplace(device_.getDeviceInfo().getUri());
     if (!options.copy_to.empty()) copy_to(options.copy_to);
     if (depth_.start() != openni::STATUS_OK || (has_colour_ && colour_.start() != openni::STATUS_OK))
@@ -145,31 +205,12 @@ class OpenNiSource final : public Source {
 
   const Camera& camera() const override { return camera_; }
   std::optional<int> size() const override { return frames_ > 0 ? std::optional(frames_ - delivered_) : std::nullopt; }
-  std::string ended_early() const override { return ended_early_; }
+  std::string ended_early() const override { return ended_early_.value_or(""); }
   int dropped() const override { return dropped_; }
 
   /// A depth image waits for the colour image that is nearest in time; that comes before it or soon after.
   std::optional<Frame> next() override {
-    while (!may_deliver()) {
-      if (frames_ > 0 && read_ == frames_) {
-        at_end_ = true;
-        continue;
-      }
-      openni::VideoStream* streams[] = {&depth_, &colour_};
-      int ready = -1;
-      const auto status = openni::OpenNI::waitForAnyStream(streams, has_colour_ ? 2 : 1, &ready, kPatience);
-      if (unplugged_->happened() || status != openni::STATUS_OK) {
-        ended_early_ = why_ended();
-        at_end_ = true;
-        continue;
-      }
-      openni::VideoFrameRef image;
-      if (streams[ready]->readFrame(&image) != openni::STATUS_OK) continue;
-      if (ready == 0)
-        take_depth(image);
-      else
-        take_colour(image);
-    }
+    while (!may_deliver()) at_end_ = !read_image();
     if (waiting_.empty()) return std::nullopt;
     Frame frame = std::move(waiting_.front());
     waiting_.pop_front();
@@ -179,10 +220,24 @@ class OpenNiSource final : public Source {
   }
 
  private:
-  struct Image {
-    double timestamp;  // seconds
-    std::vector<std::uint32_t> pixels;
-  };
+  /// Waits for an image and takes it. Returns false when none will come any more.
+  bool read_image() {
+    if (frames_ > 0 && read_ == frames_) return false;
+    openni::VideoStream* streams[] = {&depth_, &colour_};
+    int ready = -1;
+    const auto status = openni::OpenNI::waitForAnyStream(streams, has_colour_ ? 2 : 1, &ready, kPatience);
+    if (unplugged_->happened() || status != openni::STATUS_OK) {
+      ended_early_ = why_ended();
+      return false;
+    }
+    openni::VideoFrameRef image;
+    if (streams[ready]->readFrame(&image) != openni::STATUS_OK) return true;
+    if (ready == 0)
+      take_depth(image);
+    else
+      take_colour(image);
+    return true;
+  }
 
   [[noreturn]] void fail(openni::Status status) const {
     const std::string said = openni::OpenNI::getExtendedError();
@@ -194,10 +249,12 @@ class OpenNiSource final : public Source {
     throw std::runtime_error("openni:" + name_ + ": cannot be opened; is another program using it? " + said);
   }
 
-  [[nodiscard]] std::string why_ended() const {
+  /// Nothing: at its end.
+  [[nodiscard]] std::optional<std::string> why_ended() const {
     if (unplugged_->happened()) return name_ + ": the sensor was unplugged";
     if (!device_.isFile()) return name_ + ": the sensor gave no image for two seconds";
-    return frames_ > 0 ? fmt::format("{}: is cut off after {} of {} images", name_, read_, frames_) : "";
+    if (frames_ > 0) return fmt::format("{}: is cut off after {} of {} images", name_, read_, frames_);
+    return std::nullopt;
   }
 
   void prepare_sensor() {
@@ -210,6 +267,14 @@ class OpenNiSource final : public Source {
     constexpr auto kRegistered = openni::IMAGE_REGISTRATION_DEPTH_TO_COLOR;
     registered_ = device_.isImageRegistrationModeSupported(kRegistered) &&
                   device_.setImageRegistrationMode(kRegistered) == openni::STATUS_OK;
+  }
+
+  void prepare_file(openni::PlaybackControl& playback) {
+    (void)playback.setSpeed(-1);  // an image is read when it is asked for
+    (void)playback.setRepeatEnabled(false);
+    frames_ = playback.getNumberOfFrames(depth_);
+    if (frames_ == 0) throw std::runtime_error(name_ + ": holds no depth image");
+    if (frames_ < 0) spdlog::warn("{}: was never finished; its images are read as far as they go", name_);
   }
 
   void read_formats() {
@@ -241,28 +306,7 @@ class OpenNiSource final : public Source {
   [[nodiscard]] bool may_deliver() const {
     if (at_end_) return true;
     return !waiting_.empty() &&
-           (!has_colour_ || waiting_.size() > 1 ||
-            (!images_.empty() && images_.back().timestamp >= waiting_.front().timestamp - kHalfAFrame));
-  }
-
-  static double seconds(const openni::VideoFrameRef& image) { return static_cast<double>(image.getTimestamp()) * 1e-6; }
-
-  /// Whether the image has the bytes that its size asks for: a file may say anything.
-  static bool is_whole(const openni::VideoFrameRef& image, int bytes_per_pixel) {
-    const std::int64_t width = image.getWidth(), height = image.getHeight(), stride = image.getStrideInBytes();
-    return width > 0 && height > 0 && stride >= width * bytes_per_pixel && image.getData() != nullptr &&
-           stride * (height - 1) + width * bytes_per_pixel <= image.getDataSize();
-  }
-
-  /// Calls `pixel(target index, source row, source column)`; the source is turned where the stream is mirrored.
-  template <class Pixel>
-  static void for_each_pixel(const openni::VideoFrameRef& image, bool mirrored, Pixel&& pixel) {
-    const int w = image.getWidth(), h = image.getHeight();
-    for (int y = 0; y < h; ++y) {
-      const auto* row =
-          static_cast<const std::uint8_t*>(image.getData()) + static_cast<std::ptrdiff_t>(y) * image.getStrideInBytes();
-      for (int x = 0; x < w; ++x) pixel(static_cast<std::size_t>(y * w + x), row, mirrored ? w - 1 - x : x);
-    }
+           (!has_colour_ || waiting_.size() > 1 || colour_images_.reach(waiting_.front().timestamp));
   }
 
   void take_depth(const openni::VideoFrameRef& image) {
@@ -270,43 +314,24 @@ class OpenNiSource final : public Source {
     if (last_index_ && image.getFrameIndex() > *last_index_ + 1) dropped_ += image.getFrameIndex() - *last_index_ - 1;
     last_index_ = image.getFrameIndex();
     Frame frame{.timestamp = seconds(image), .world_from_camera = {}, .acceleration = {}};
-    if (image.getWidth() != camera_.width || image.getHeight() != camera_.height) {
+    if (image.getWidth() != camera_.width || image.getHeight() != camera_.height)
       frame.problem = "the depth image is not of the camera's size";
-    } else if (!is_whole(image, 2)) {
+    else if (!is_whole(image, 2))
       frame.problem = "the depth image is cut off";
-    } else {
-      frame.depth.resize(static_cast<std::size_t>(image.getWidth()) * static_cast<std::size_t>(image.getHeight()));
-      for_each_pixel(image, depth_.getMirroringEnabled(), [&](std::size_t i, const std::uint8_t* row, int x) {
-        std::uint16_t z;
-        std::memcpy(&z, row + 2 * x, 2);
-        frame.depth[i] = static_cast<float>(z) * metres_;
-      });
-    }
+    else
+      frame.depth = depth_of(image, depth_.getMirroringEnabled(), metres_);
     waiting_.push_back(std::move(frame));
   }
 
   void take_colour(const openni::VideoFrameRef& image) {
-    if (!is_whole(image, 3)) return;
-    Image colour{.timestamp = seconds(image), .pixels = {}};
-    colour.pixels.resize(static_cast<std::size_t>(image.getWidth()) * static_cast<std::size_t>(image.getHeight()));
-    for_each_pixel(image, colour_.getMirroringEnabled(), [&](std::size_t i, const std::uint8_t* row, int x) {
-      const std::uint8_t* p = row + 3 * x;
-      colour.pixels[i] = p[0] | std::uint32_t{p[1]} << 8 | std::uint32_t{p[2]} << 16 | 0xff000000u;
-    });
-    images_.push_back(std::move(colour));
-    if (images_.size() > 4) images_.pop_front();
+    if (is_whole(image, 3)) colour_images_.add({seconds(image), colour_of(image, colour_.getMirroringEnabled())});
   }
 
-  void attach_colour(Frame& frame) {
-    const Image* nearest = nullptr;
-    for (const Image& image : images_)
-      if (nearest == nullptr ||
-          std::abs(image.timestamp - frame.timestamp) < std::abs(nearest->timestamp - frame.timestamp))
-        nearest = &image;
-    if (nearest == nullptr || std::abs(nearest->timestamp - frame.timestamp) > kHalfAFrame || !frame.problem.empty())
-      return;
-    frame.colour_delay = nearest->timestamp - frame.timestamp;
-    frame.colour = registration_ ? (*registration_)(frame.depth, nearest->pixels) : nearest->pixels;
+  void attach_colour(Frame& frame) const {
+    const ColourImages::Image* image = colour_images_.nearest(frame.timestamp);
+    if (image == nullptr || !frame.problem.empty()) return;
+    frame.colour_delay = image->timestamp - frame.timestamp;
+    frame.colour = registration_ ? (*registration_)(frame.depth, image->pixels) : image->pixels;
   }
 
   std::string name_;
@@ -323,8 +348,8 @@ class OpenNiSource final : public Source {
   std::atomic<int> dropped_ = 0;
   std::optional<int> last_index_;
   std::deque<Frame> waiting_;  // for colour
-  std::deque<Image> images_;   // the last few
-  std::string ended_early_;
+  ColourImages colour_images_;
+  std::optional<std::string> ended_early_;
 };
 
 }  // namespace
