@@ -198,7 +198,7 @@ void Run::finish(const nlohmann::json& more) {
   const fs::path& output = arguments_.output;
   if (fused == 0)
     throw std::runtime_error(sequence + ": none of " + std::to_string(total) + " frames could be used" +
-                             (total == 0 ? "" : "; the first: " + frames.first_reason()));
+                             (total == 0 ? "" : "; the first: " + frames.first_reason().value_or("")));
   if (const FocalEvidence f = mapper_->statistics().focal; f.contradicts())
     warn(fmt::format(
         "{}: corners fit a focal length of {:.0f} pixels ({:.2f} pixels off) better than the given {:.0f} "

@@ -19,7 +19,7 @@ void for_each_line(std::string_view lines, const auto& visit) {
 void FrameLog::add(const nlohmann::json& report) {
   const auto& state = report.at("state").get_ref<const std::string&>();
   ++counts_[state];
-  if (state != "fused" && first_reason_.empty()) first_reason_ = report.value("reason", "");
+  if (state != "fused" && !first_reason_ && report.contains("reason")) first_reason_ = report["reason"].get<std::string>();
   if (size_++ % every_ != 0) return;
   lines_ += report.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + '\n';
   if (++line_count_ <= kMost) return;
@@ -47,7 +47,9 @@ nlohmann::json FrameLog::kept() const {
 }
 
 nlohmann::json FrameLog::save() const {
-  return {{"lines", lines_}, {"every", every_}, {"size", size_}, {"counts", counts_}, {"first_reason", first_reason_}};
+  nlohmann::json saved{{"lines", lines_}, {"every", every_}, {"size", size_}, {"counts", counts_}};
+  if (first_reason_) saved["first_reason"] = *first_reason_;
+  return saved;
 }
 
 FrameLog FrameLog::from(const nlohmann::json& saved) {
@@ -56,7 +58,7 @@ FrameLog FrameLog::from(const nlohmann::json& saved) {
   log.every_ = std::max(1, saved.at("every").get<int>());
   log.size_ = saved.at("size");
   log.counts_ = saved.at("counts").get<std::map<std::string, int>>();
-  log.first_reason_ = saved.at("first_reason");
+  if (saved.contains("first_reason")) log.first_reason_ = saved["first_reason"].get<std::string>();
   log.line_count_ = log.kept().size();  // throws: nothing else is a report
   return log;
 }

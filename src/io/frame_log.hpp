@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 
 namespace cairn {
@@ -16,8 +17,8 @@ class FrameLog {
   void add(const nlohmann::json& report);
   [[nodiscard]] int count(const std::string& state) const;
   [[nodiscard]] int size() const { return size_; }
-  /// Why the first frame that was not fused was not.
-  [[nodiscard]] const std::string& first_reason() const { return first_reason_; }
+  /// Why the first frame that was not fused was not; nothing as long as all were.
+  [[nodiscard]] const std::optional<std::string>& first_reason() const { return first_reason_; }
   /// The reports that are kept, in their order.
   [[nodiscard]] nlohmann::json kept() const;
 
@@ -35,7 +36,7 @@ class FrameLog {
   std::size_t line_count_ = 0;
   int every_ = 1, size_ = 0;
   std::map<std::string, int> counts_;  // by state
-  std::string first_reason_;
+  std::optional<std::string> first_reason_;
 };
 
 }  // namespace cairn

@@ -22,6 +22,7 @@ TEST(FrameLog, KeepsAllOfARunOfMinutes) {
     log.add(all.back());
   }
   EXPECT_EQ(log.kept(), all);
+  EXPECT_EQ(FrameLog().first_reason(), std::nullopt);
 }
 
 TEST(FrameLog, KeepsSomeOfEachPartOfARunOfDaysAndCountsAll) {
