@@ -64,6 +64,31 @@ TEST(SessionFiles, ComeBackAsTheyWereWritten) {
   EXPECT_EQ(names_in(folder / "s"), (std::set<std::string>{"run-0001", "state.cbor"}));
 }
 
+TEST(SessionFiles, HaveTheSameBytesWhenTheyAreReadAndWrittenAgain) {
+  const TemporaryFolder folder;
+  Session s = small_session();
+  s.camera.distortion = {0.1, 0.2, 0.3, 0.4, 0.5};
+  s.back_end.atlas.keyframes[1].acceleration = Eigen::Vector3d(1, 2, 3);
+  s.back_end.atlas.recordings = {1};
+  s.back_end.submaps = {true, false};
+  s.tracker.focal_costs[1] = 0.5;
+  s.keyframe.levels = {{1, 2, 3}, {}};
+  s.residency.on_host = {{4, 5, 6}, {-7, 8, 9}};
+  s.residency.host_last_seen = {1, 2};
+  s.last_fused = 0.1;
+  SessionWriter(folder / "s").write(s, one_brick());
+  const ReadSession read = read_session(folder / "s");
+  SessionWriter(folder / "again").write(read.session, read.active);
+  EXPECT_EQ(read_bytes(folder / "again" / "state.cbor"), read_bytes(folder / "s" / "state.cbor"));
+  EXPECT_EQ(read.session.camera, s.camera);
+  EXPECT_EQ(read.session.back_end.atlas.keyframes[0].acceleration, std::nullopt);
+  EXPECT_EQ(read.session.back_end.atlas.keyframes[1].acceleration, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(read.session.back_end.submaps, s.back_end.submaps);
+  EXPECT_EQ(read.session.keyframe.levels, s.keyframe.levels);
+  EXPECT_EQ(read.session.residency.on_host, s.residency.on_host);
+  EXPECT_EQ(read.session.last_fused, 0.1);
+}
+
 TEST(SessionFiles, WithNumbersOfWhatDoesNotExistAreDamaged) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto pose = [](auto change) {
@@ -151,6 +176,18 @@ TEST(SessionFiles, ThatAreNoStateAreDamagedInPlainWords) {
     EXPECT_NE(error.find("state.cbor: is damaged ("), std::string::npos) << error;
     EXPECT_EQ(error.find("json.exception"), std::string::npos) << error;
   }
+}
+
+TEST(SessionFiles, OfWhichAnEntryHasTheWrongLengthTellWhichOne) {
+  const TemporaryFolder folder;
+  fs::create_directory(folder / "s");
+  const std::string begin = std::string("\xa1\x66") + "camera";  // of a map with one entry
+  const auto told = [&](const std::string& camera) {
+    write_text(folder / "s" / "state.cbor", state_of(begin + camera));
+    return error_of([&] { (void)read_session(folder / "s"); });
+  };
+  EXPECT_NE(told("\x41x").find("is damaged ('camera' ends early)"), std::string::npos);
+  EXPECT_NE(told("\x58\x60" + std::string(0x60, 'x')).find("is damaged ('camera' is too long)"), std::string::npos);
 }
 
 TEST(SessionFiles, HaveOneWriterAndTheSecondIsToldWhoItIs) {
