@@ -2,20 +2,20 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <cstdio>
 
+#include "cairn/device.hpp"
 #include "commands.hpp"
-#include "gpu/device.hpp"
 
 namespace cairn::apps {
 
 void add_devices(CLI::App& program) {
   auto* command = program.add_subcommand("devices", "List the Vulkan devices and whether Cairn can use them");
   command->callback([] {
-    const auto devices = gpu::list_devices();
+    const auto devices = list_devices();
     if (devices.empty())
       throw std::runtime_error("no Vulkan device found: install a driver, for example mesa-vulkan-drivers");
     for (const auto& d : devices)
       std::printf("%d  %-10s  %s (%s)  %s\n", d.index, d.type.c_str(), d.name.c_str(), d.driver.c_str(),
-                  d.missing.empty() ? "usable" : ("lacks " + d.missing).c_str());
+                  d.missing ? ("lacks " + *d.missing).c_str() : "usable");
   });
 }
 

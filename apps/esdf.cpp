@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "cairn/esdf.hpp"
-
 #include <fmt/format.h>
 #include <fmt/ostream.h>
 
+#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
@@ -14,10 +13,9 @@
 #include <optional>
 #include <string_view>
 
-#include "base/atomic_file.hpp"
-#include "base/words.hpp"
+#include "cairn/atomic_file.hpp"
+#include "cairn/map.hpp"
 #include "commands.hpp"
-#include "io/query_points.hpp"
 #include "pictures.hpp"
 
 namespace cairn::apps {
@@ -53,13 +51,20 @@ void write_answers(std::ostream& out, const std::vector<Eigen::Vector3f>& points
   }
 }
 
+/// The number that a word is, also nan or inf; nothing if it is none.
+std::optional<float> number_in(std::string_view word) {
+  float value = 0;
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  if (error != std::errc() || end != word.data() + word.size()) return std::nullopt;
+  return value;
+}
+
 struct Plane {
   int axis = 0;
   float at = 0;  // metres
 };
 Plane parse_plane(const std::string& text) {
-  const auto value =
-      text.size() > 2 && text[1] == '=' ? number_in<float>(std::string_view(text).substr(2)) : std::nullopt;
+  const auto value = text.size() > 2 && text[1] == '=' ? number_in(std::string_view(text).substr(2)) : std::nullopt;
   if (!value || !std::isfinite(*value) || text[0] < 'x' || text[0] > 'z')
     throw CLI::ValidationError("--slice", "'" + text + "' is no plane, for example z=0.5");
   return {text[0] - 'x', *value};
@@ -67,9 +72,8 @@ Plane parse_plane(const std::string& text) {
 
 Band parse_band(const std::string& text) {
   const std::size_t colon = text.find(':');
-  const auto low = number_in<float>(std::string_view(text).substr(0, colon));
-  const auto high =
-      colon == std::string::npos ? std::nullopt : number_in<float>(std::string_view(text).substr(colon + 1));
+  const auto low = number_in(std::string_view(text).substr(0, colon));
+  const auto high = colon == std::string::npos ? std::nullopt : number_in(std::string_view(text).substr(colon + 1));
   if (!low || !high || !(*low < *high))
     throw CLI::ValidationError("--height", "'" + text + "' is not LOW:HIGH, for example -1.2:0.3");
   return {*low, *high};
@@ -150,7 +154,7 @@ void esdf(const Arguments& a) {
       a.query.empty() ? std::vector<Eigen::Vector3f>{} : read_query_points(a.query);
 
   const auto start = Clock::now();
-  const auto field = map_distances(fs::is_directory(a.map) ? a.map / "map.vdb" : a.map, a.esdf, a.device);
+  const auto field = Map::open(fs::is_directory(a.map) ? a.map / "map.vdb" : a.map, a.device).distances(a.esdf);
   const double seconds = seconds_since(start);
   if (outputs.grid) write_distances(*outputs.grid, *field);
   const Asked asked = a.query.empty() ? Asked{} : answer(*field, points, outputs.table);

@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "cairn/evaluation.hpp"
+#include "cairn/map.hpp"
 #include "cairn/scene.hpp"
 #include "cairn/source.hpp"
 #include "commands.hpp"
@@ -126,7 +127,7 @@ void evaluate_views_of(const Arguments& a) {
   Eigen::Isometry3d world_from_recording = Eigen::Isometry3d::Identity();
   if (!a.trajectory.empty())
     world_from_recording = estimate_from_truth(read_trajectory(a.trajectory), read_truth(a.truth_trajectory));
-  const auto recording = with_poses(open_recording(a.truth), read_truth(a.poses.empty() ? a.truth : a.poses));
+  const auto recording = with_poses(open_source(a.truth), read_truth(a.poses.empty() ? a.truth : a.poses));
   const ViewError e = evaluate_views(parts, *recording, world_from_recording, a.step);
   if (a.json)
     fmt::print("{}\n", nlohmann::json{{"psnr_db", e.psnr}, {"covered", e.covered}, {"frames", e.frames}}.dump(2));
@@ -168,7 +169,7 @@ void evaluate_loops_file(const Arguments& a) {
 void evaluate_distances_of(const Arguments& a) {
   EsdfOptions options;
   options.voxel_size = a.esdf_voxel_size;
-  const auto field = map_distances(a.estimate, options);
+  const auto field = Map::open(a.estimate).distances(options);
   const double voxel = field->voxel_size();
   const DistanceError e = evaluate_distances(*field, synthetic_scene(a.truth), read_mesh(a.seen));
   const double signs = e.signs == 0 ? 0.0 : static_cast<double>(e.right_signs) / e.signs;

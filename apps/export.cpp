@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <memory>
 
-#include "cairn/mapper.hpp"
+#include "cairn/map.hpp"
 #include "commands.hpp"
 #include "export_options.hpp"
 #include "outputs.hpp"
@@ -28,24 +28,19 @@ struct Arguments {
 
 bool has_session(const fs::path& map) { return fs::exists(map / "session" / "state.cbor"); }
 
-/// A folder with a session has all; without one there is the map alone, and no keyframes.
 Exported export_it(const Arguments& a) {
   ExportOptions options = a.options;
   options.source = tidy(a.map).filename().string();
   check(options, a.output);
   Progress progress(std::nullopt, "steps");
-  if (has_session(a.map)) {
-    Mapper mapper = Mapper::open(a.map / "session", a.device);
-    return mapper.export_mesh(a.output, options, on(progress));
-  }
-  return export_map(fs::is_directory(a.map) ? a.map / "map.vdb" : a.map, a.output, options, on(progress), a.device);
+  return Map::open(a.map, a.device).export_mesh(a.output, options, on(progress));
 }
 
 /// The grids of a session: of a run that was cut off there is no map.vdb yet.
 void export_grids(const Arguments& a) {
   if (!has_session(a.map))
     throw std::runtime_error(a.map.string() + ": has no session to make grids from; a map.vdb is what it would be");
-  Mapper::open(a.map / "session", a.device).write_map(a.output);
+  Map::open(a.map, a.device).write_grids(a.output);
   fmt::print("{}\n", a.output.string());
 }
 

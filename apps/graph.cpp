@@ -7,8 +7,8 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "cairn/pose_graph.hpp"
 #include "commands.hpp"
-#include "graph/pose_graph.hpp"
 
 namespace cairn::apps {
 namespace {

@@ -6,11 +6,11 @@
 #include <algorithm>
 #include <chrono>
 
+#include "cairn/device.hpp"
+#include "cairn/live_source.hpp"
+#include "cairn/viewer.hpp"
 #include "commands.hpp"
-#include "gpu/device.hpp"
 #include "interrupt.hpp"
-#include "io/newest_frame.hpp"
-#include "live_view.hpp"
 #include "progress.hpp"
 #include "run.hpp"
 #include "sources.hpp"
@@ -25,19 +25,19 @@ constexpr auto kPatience = 50ms;  // for a frame, before the viewers are looked 
 
 struct Arguments : RunArguments {
   bool view = false, as_fast_as_possible = false;
-  int port = kDefaultPort;
+  int port = kDefaultViewerPort;
 };
 
 /// Frames as they come: the newest of a sensor or of a recording that plays; with --as-fast-as-possible every one.
 class Stream {
  public:
   Stream(const Arguments& a, const FrameRange& range) {
-    auto source = open_sequence(a.sequence, {.range = range, .camera = a.camera, .copy_to = {}});
+    auto source = open_source(a.sequence, {.range = range, .camera = a.camera, .copy_to = {}});
     if (a.as_fast_as_possible) {
       every_ = read_ahead(std::move(source));
     } else {
-      newest_ = std::make_unique<NewestFrame>(std::move(source),
-                                              is_sensor(a.sequence) ? Pace::as_it_comes : Pace::as_recorded);
+      newest_ = std::make_unique<LiveSource>(std::move(source),
+                                             is_sensor(a.sequence) ? Pace::as_it_comes : Pace::as_recorded);
     }
   }
   [[nodiscard]] const Source& source() const { return newest_ ? *newest_ : *every_; }
@@ -53,7 +53,7 @@ class Stream {
   [[nodiscard]] Clock::time_point arrived() const { return newest_ ? newest_->arrived() : arrived_; }
 
  private:
-  std::unique_ptr<NewestFrame> newest_;
+  std::unique_ptr<LiveSource> newest_;
   std::unique_ptr<Source> every_;
   Clock::time_point arrived_;
   bool ended_ = false;
@@ -65,9 +65,9 @@ double milliseconds(Clock::duration d) { return std::chrono::duration<double, st
 /// accuracy than frames that are left out. Small images are aligned as everywhere.
 Options defaults_of(const Arguments& a, const Camera& camera) {
   Options options;
-  const auto devices = gpu::list_devices();
-  const bool is_cpu = std::all_of(devices.begin(), devices.end(), [&](const gpu::DeviceInfo& d) {
-    return d.type == "cpu" || !d.missing.empty() || (a.device >= 0 && d.index != a.device);
+  const auto devices = list_devices();
+  const bool is_cpu = std::all_of(devices.begin(), devices.end(), [&](const DeviceInfo& d) {
+    return d.type == "cpu" || d.missing || (a.device >= 0 && d.index != a.device);
   });
   if (is_cpu && !a.as_fast_as_possible)
     while (options.track.finest_level + 1 < options.track.levels &&
@@ -86,14 +86,17 @@ void keep_memory_together() {
 
 void live(const Arguments& a) {
   keep_memory_together();
-  Options options = options_of(a, Poses::tracked);  // what is wrong with them is told before a sensor is opened
-  const Beginning begin = beginning(a, options, {});
-  std::optional<LiveView> view;
-  if (a.view) view.emplace(a.port);
+  Options options = options_of(a);  // what is wrong with them is told before a sensor is opened
+  const Beginning begin = beginning(a, {});
+  std::optional<LiveViewer> view;
+  if (a.view) {
+    view.emplace(a.port);
+    fmt::print(stderr, "view        {}\n", view->url());
+  }
   Stream stream(a, begin.range);
-  options = options_of(a, Poses::tracked, defaults_of(a, stream.source().camera()));
+  options = options_of(a, defaults_of(a, stream.source().camera()));
   Run run(a, options, Poses::tracked, stream.source().camera(), begin.progressed, begin.is_next_recording);
-  if (view) view->begin(run.mapper(), stream.source().camera(), options);
+  if (view) view->begin(run.mapper(), stream.source().camera(), options.surface.max_depth);
 
   Durations latencies;
   bool paused = false;
@@ -109,12 +112,12 @@ void live(const Arguments& a) {
       waited += Clock::now() - asked_at;
       if (!frame && stream.ended()) break;
       if (view) {
-        const LiveView::Asked asked = view->asked();
+        const LiveViewer::Asked asked = view->asked();
         if (asked.finish) break;
         if (asked.pause) paused = *asked.pause;
         if (asked.reset) {
           run.reset();
-          view->begin(run.mapper(), stream.source().camera(), options);
+          view->begin(run.mapper(), stream.source().camera(), options.surface.max_depth);
           latencies = {};
         }
       }
@@ -133,7 +136,7 @@ void live(const Arguments& a) {
     }
   }
   if (view) view->finishing();
-  if (const std::string why = stream.source().ended_early(); !why.empty()) run.warn(why);
+  if (const auto why = stream.source().ended_early()) run.warn(*why);
   const double seconds = std::chrono::duration<double>(Clock::now() - first).count();
   const int dropped = stream.source().dropped();  // a sensor goes on while files are written
   const nlohmann::json told{
@@ -143,7 +146,12 @@ void live(const Arguments& a) {
       {"latency_ms",
        {{"median", latencies.percentile(0.5)}, {"p95", latencies.percentile(0.95)}, {"max", latencies.most()}}}};
   nlohmann::json more{{"live", told}};
-  if (view) more["live"]["view"] = view->told();
+  if (view) {
+    const LiveViewer::Told seen = view->told();
+    more["live"]["view"] = {
+        {"parts", seen.parts}, {"updates_per_second", seen.updates_per_second}, {"ms_per_update", seen.ms_per_update}};
+    if (seen.first_mesh_seconds) more["live"]["view"]["first_mesh_seconds"] = *seen.first_mesh_seconds;
+  }
   run.finish(more);
   if (!a.json)
     fmt::print("live        {:.1f} frames/s, {} skipped to keep up, {:.0f} ms from frame to pose (95 %)\n",

@@ -8,8 +8,9 @@
 #include <cstring>
 #include <iostream>
 
-#include "base/json_text.hpp"
 #include "commands.hpp"
+#include "flags.hpp"
+#include "json_text.hpp"
 
 namespace {
 
@@ -43,7 +44,7 @@ int run(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return ended(program.exit(error) == 0 ? 0 : 2);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "cairn: %s\n", cairn::plain(error.what()).c_str());
+    std::fprintf(stderr, "cairn: %s\n", cairn::apps::in_flags(cairn::apps::plain(error.what())).c_str());
     return 1;
   }
   return ended(0);

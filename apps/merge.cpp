@@ -23,9 +23,9 @@ struct Arguments {
 };
 
 void merge(const Arguments& a) {
-  const Mapper::SessionInfo first = Mapper::session_info(a.maps[0] / "session");
+  const Session::Info first = Session::info(a.maps[0] / "session");
   for (const fs::path& map : a.maps) {
-    const Mapper::SessionInfo info = Mapper::session_info(map / "session");
+    const Session::Info info = Session::info(map / "session");
     if (info.camera != first.camera)
       throw std::runtime_error(map.string() + ": was made with another camera than " + a.maps[0].string() +
                                "; such maps cannot be merged");
@@ -37,10 +37,10 @@ void merge(const Arguments& a) {
   }
   prepare_output(a.output);
   // The joined session counts from its checkpoint; those that were given stay as they are.
-  Mapper mapper = Mapper::copy(a.maps[0] / "session", a.output / "session", a.device);
+  Session session = Session::copy(a.maps[0] / "session", a.output / "session");
+  Mapper mapper = session.mapper(a.device);
   for (std::size_t i = 1; i < a.maps.size(); ++i) {
-    Mapper other = Mapper::open(a.maps[i] / "session", a.device);
-    const Mapper::Merged merged = mapper.merge(other);
+    const Session::Merged merged = Session::merge(mapper, a.maps[i] / "session", a.device);
     const std::string found =
         fmt::format("{} of {} keyframes see a place of the others", merged.loops, merged.compared);
     if (!merged.joined && !a.allow_disconnected)
@@ -50,7 +50,7 @@ void merge(const Arguments& a) {
     fmt::print("{}: {}{}\n", a.maps[i].string(), found, merged.joined ? "" : "; kept as a separate piece");
   }
   Outputs outputs(a.output, [](const char*, const auto& work) { work(); });
-  nlohmann::json report = outputs.write(mapper, Poses::tracked, {}, Progressed{}.note());
+  nlohmann::json report = outputs.write(mapper, &session, {}, Progressed{}.note());
   std::size_t poses = 0;
   for (int i = 0; i < mapper.recordings(); ++i) poses += mapper.trajectory(i).size();
   std::vector<std::string> maps;

@@ -9,10 +9,10 @@
 #include <numbers>
 #include <stdexcept>
 
-#include "base/atomic_file.hpp"
-#include "base/json_text.hpp"
+#include "cairn/atomic_file.hpp"
+#include "cairn/viewer.hpp"
+#include "json_text.hpp"
 #include "progress.hpp"
-#include "view/report_page.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -30,6 +30,36 @@ nlohmann::json to_json(const FoundLoop& loop) {
           {"inlier_share", loop.inlier_share},
           {"rmse", loop.rmse},
           {"inlier", loop.inlier}};
+}
+
+nlohmann::json to_json(const Statistics& statistics) {
+  nlohmann::json report{
+      {"device", statistics.device},
+      {"device_memory_peak_mb", static_cast<double>(statistics.device_memory_peak) / (1 << 20)},
+      {"clock_offset", statistics.clock_offset},
+      {"focal_length",
+       {{"best_scale", statistics.focal.scale},
+        {"error_given_pixels", statistics.focal.error_given},
+        {"error_best_pixels", statistics.focal.error_best},
+        {"pairs", statistics.focal.pairs}}},
+      {"bricks",
+       {{"allocated", statistics.bricks}, {"paged_out", statistics.paged_out}, {"paged_in", statistics.paged_in}}},
+      {"keyframes", statistics.keyframes},
+      {"submaps",
+       {{"ended", statistics.submaps},
+        {"components", statistics.components},
+        {"host_memory_peak_mb", static_cast<double>(statistics.submap_memory_peak) / (1 << 20)},
+        {"read_back", statistics.submaps_read_back}}},
+      {"places",
+       {{"looked_up", statistics.looked_up},
+        {"tried", statistics.loops_tried},
+        {"graph_ms", statistics.graph_ms},
+        {"world_ms", statistics.world_ms}}}};
+  if (statistics.tilt) report["tilt_degrees"] = *statistics.tilt * 180 / std::numbers::pi;
+  for (const auto& [kernel, time] : statistics.kernels)
+    report["kernels"][kernel] = {
+        {"calls", time.first}, {"total_ms", time.second}, {"mean_ms", time.second / std::max(1, time.first)}};
+  return report;
 }
 
 }  // namespace
@@ -71,80 +101,62 @@ void Outputs::attempt(const char* what, const std::function<void()>& work) {
   try {
     work();
   } catch (const std::exception& error) {
-    if (why_.empty()) why_ = error.what();
+    if (!why_) why_ = error.what();
     failed_.emplace_back(what);
   }
 }
 
-nlohmann::json Outputs::write(Mapper& mapper, Poses poses, const ExportOptions& options, const std::string& note) {
-  // What cost most to make comes first.
-  attempt("session", [&] {
-    timed_("write session", [&] {
-      mapper.checkpoint(note);
-      if (const std::string problem = mapper.session_problem(); !problem.empty()) throw std::runtime_error(problem);
-    });
+void Outputs::write_session(Mapper& mapper, Session& session, const std::string& note) {
+  timed_("write session", [&] {
+    session.checkpoint(mapper, note);
+    if (const auto problem = session.problem()) throw std::runtime_error(*problem);
   });
-  mapper.settle();
-  // The last recording's, and beside it those of the recordings before.
-  attempt("trajectory.txt", [&] {
-    for (int i = 0; i < mapper.recordings(); ++i)
-      if (const Trajectory t = mapper.trajectory(i); !t.empty())
-        write_trajectory(
-            output_ / (i + 1 == mapper.recordings() ? "trajectory.txt" : fmt::format("trajectory-{:03}.txt", i)), t);
-  });
-  if (poses == Poses::tracked)
-    attempt("graph.g2o", [&] {
-      mapper.write_graph(output_ / "graph.g2o");
-      mapper.write_graph(output_ / "graph.svg");
-    });
-  attempt("map.vdb", [&] { timed_("write map", [&] { mapper.write_map(output_ / "map.vdb"); }); });
-  std::optional<Exported> mesh;
-  attempt("mesh.glb", [&] {
-    timed_("mesh", [&] {
-      Progress progress(std::nullopt, "steps");
-      mesh = mapper.export_mesh(output_ / "mesh.glb", options, on(progress));
-      // What is too large for report.html is shown there with fewer triangles.
-      std::filesystem::remove(output_ / "preview.glb");
-      if (std::filesystem::file_size(output_ / "mesh.glb") > kMaxInlineMesh) {
-        ExportOptions preview = options;
-        preview.simplify = {.ratio = std::min(1.0f, kPreviewTriangles / static_cast<float>(mesh->triangles))};
-        preview.compression = Compression::meshopt;
-        mapper.export_mesh(output_ / "preview.glb", preview, on(progress));
-      }
-    });
-  });
+}
 
-  const Mapper::Statistics statistics = mapper.statistics();
-  nlohmann::json report{
-      {"device", statistics.device},
-      {"device_memory_peak_mb", static_cast<double>(statistics.device_memory_peak) / (1 << 20)},
-      {"clock_offset", statistics.clock_offset},
-      {"focal_length",
-       {{"best_scale", statistics.focal.scale},
-        {"error_given_pixels", statistics.focal.error_given},
-        {"error_best_pixels", statistics.focal.error_best},
-        {"pairs", statistics.focal.pairs}}},
-      {"bricks",
-       {{"allocated", statistics.bricks}, {"paged_out", statistics.paged_out}, {"paged_in", statistics.paged_in}}},
-      {"keyframes", statistics.keyframes},
-      {"submaps",
-       {{"ended", statistics.submaps},
-        {"components", statistics.components},
-        {"host_memory_peak_mb", static_cast<double>(statistics.submap_memory_peak) / (1 << 20)},
-        {"read_back", statistics.submaps_read_back}}},
-      {"places",
-       {{"looked_up", statistics.looked_up},
-        {"tried", statistics.loops_tried},
-        {"graph_ms", statistics.graph_ms},
-        {"world_ms", statistics.world_ms}}},
-      {"searched", mapper.keyframes()},
-      {"loops", nlohmann::json::array()}};
+/// The last recording's, and beside it those of the recordings before.
+void Outputs::write_trajectories(const Mapper& mapper) {
+  for (int i = 0; i < mapper.recordings(); ++i)
+    if (const Trajectory t = mapper.trajectory(i); !t.empty())
+      write_trajectory(
+          output_ / (i + 1 == mapper.recordings() ? "trajectory.txt" : fmt::format("trajectory-{:03}.txt", i)), t);
+}
+
+/// And what report.html shows in its place when it is too large, with fewer triangles.
+std::optional<Exported> Outputs::write_mesh(Mapper& mapper, const ExportOptions& options) {
+  std::optional<Exported> mesh;
+  timed_("mesh", [&] {
+    Progress progress(std::nullopt, "steps");
+    mesh = mapper.map().export_mesh(output_ / "mesh.glb", options, on(progress));
+    std::filesystem::remove(output_ / "preview.glb");
+    if (std::filesystem::file_size(output_ / "mesh.glb") > kMaxInlineMesh) {
+      ExportOptions preview = options;
+      preview.simplify = {.ratio = std::min(1.0f, kPreviewTriangles / static_cast<float>(mesh->triangles))};
+      preview.compression = Compression::meshopt;
+      mapper.map().export_mesh(output_ / "preview.glb", preview, on(progress));
+    }
+  });
+  return mesh;
+}
+
+nlohmann::json Outputs::write(Mapper& mapper, Session* session, const ExportOptions& options, const std::string& note) {
+  // What cost most to make comes first.
+  if (session != nullptr) attempt("session", [&] { write_session(mapper, *session, note); });
+  mapper.settle();
+  attempt("trajectory.txt", [&] { write_trajectories(mapper); });
+  if (session != nullptr)
+    attempt("graph.g2o", [&] {
+      mapper.map().write_graph(output_ / "graph.g2o");
+      mapper.map().write_graph(output_ / "graph.svg");
+    });
+  attempt("map.vdb", [&] { timed_("write map", [&] { mapper.map().write_grids(output_ / "map.vdb"); }); });
+  std::optional<Exported> mesh;
+  attempt("mesh.glb", [&] { mesh = write_mesh(mapper, options); });
+
+  nlohmann::json report = to_json(mapper.statistics());
+  report["searched"] = mapper.keyframes();
+  report["loops"] = nlohmann::json::array();
   if (mesh) report["mesh"] = to_json(*mesh);
   for (const FoundLoop& loop : mapper.loops()) report["loops"].push_back(to_json(loop));
-  if (statistics.tilt) report["tilt_degrees"] = *statistics.tilt * 180 / std::numbers::pi;
-  for (const auto& [kernel, time] : statistics.kernels)
-    report["kernels"][kernel] = {
-        {"calls", time.first}, {"total_ms", time.second}, {"mean_ms", time.second / std::max(1, time.first)}};
   return report;
 }
 
@@ -156,11 +168,11 @@ void Outputs::write_report(const nlohmann::json& report) {
 }
 
 void Outputs::expect_all() const {
-  if (why_.empty()) return;
+  if (!why_) return;
   const bool has_session =
       (failed_.empty() || failed_[0] != "session") && std::filesystem::exists(output_ / "session" / "state.cbor");
   if (failed_.empty())
-    throw std::runtime_error(fmt::format("{}; {} holds what was fused before{}", why_, output_.string(),
+    throw std::runtime_error(fmt::format("{}; {} holds what was fused before{}", *why_, output_.string(),
                                          has_session ? ", the same command with --resume goes on from there" : ""));
   std::string what = fmt::format("{}", fmt::join(failed_, ", "));
   std::string remedy = has_session ? "the same command with --resume makes what is missing"
@@ -168,7 +180,7 @@ void Outputs::expect_all() const {
   if (failed_ == std::vector<std::string>{"mesh.glb"})
     remedy =
         fmt::format("make it again with cairn export {0} -o {1}", output_.string(), (output_ / "mesh.glb").string());
-  throw std::runtime_error(fmt::format("{}; without {} the map in {} is not complete, all else is written: {}", why_,
+  throw std::runtime_error(fmt::format("{}; without {} the map in {} is not complete, all else is written: {}", *why_,
                                        what, output_.string(), remedy));
 }
 

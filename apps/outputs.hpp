@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cairn/mapper.hpp"
+#include "cairn/session.hpp"
 
 namespace cairn::apps {
 
@@ -20,12 +21,12 @@ using Timed = std::function<void(const char* stage, const std::function<void()>&
 /// Writes a map's files one after the other. One that fails leaves the others.
 class Outputs {
  public:
-  /// `stopped`: why the run ended before its recording did, or nothing.
-  Outputs(std::filesystem::path output, Timed timed, std::string stopped = {})
+  /// `stopped`: why the run ended before its recording did, if so.
+  Outputs(std::filesystem::path output, Timed timed, std::optional<std::string> stopped = {})
       : output_(std::move(output)), timed_(std::move(timed)), why_(std::move(stopped)) {}
-  /// Writes the session with `note`, if there is one, the trajectories, for a tracked map graph.g2o and graph.svg,
-  /// map.vdb, and mesh.glb last. Returns what report.json tells about them and the map.
-  [[nodiscard]] nlohmann::json write(Mapper& mapper, Poses poses, const ExportOptions& options,
+  /// Writes the session with `note` and the pose graph as graph.g2o and graph.svg, unless `session` is null, the
+  /// trajectories, map.vdb, and mesh.glb last. Returns what report.json tells about them and the map.
+  [[nodiscard]] nlohmann::json write(Mapper& mapper, Session* session, const ExportOptions& options,
                                      const std::string& note);
   /// Writes report.json and report.html, which needs the other outputs.
   void write_report(const nlohmann::json& report);
@@ -33,11 +34,14 @@ class Outputs {
   void expect_all() const;
 
  private:
+  void write_session(Mapper& mapper, Session& session, const std::string& note);
+  void write_trajectories(const Mapper& mapper);
+  [[nodiscard]] std::optional<Exported> write_mesh(Mapper& mapper, const ExportOptions& options);
   void attempt(const char* what, const std::function<void()>& work);
   std::filesystem::path output_;
   Timed timed_;
   std::vector<std::string> failed_;  // names of outputs
-  std::string why_;                  // it stopped, or the first of them could not be written
+  std::optional<std::string> why_;   // it stopped, or the first of them could not be written
 };
 
 /// What report.json and --json tell of an exported mesh.

@@ -11,7 +11,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
-#include "base/atomic_file.hpp"
+#include "cairn/atomic_file.hpp"
 
 namespace cairn::apps {
 namespace {

@@ -47,17 +47,17 @@ FrameRange parse_frames(const std::string& text) {
   return {.begin = parts[0].value_or(0), .end = parts[1], .step = parts[2].value_or(1)};
 }
 
-std::unique_ptr<Source> open_source(const Arguments& a, const FrameRange& range) {
-  auto source = open_sequence(a.sequence, {.range = range, .camera = a.camera, .copy_to = {}});
+std::unique_ptr<Source> open_frames(const Arguments& a, const FrameRange& range) {
+  auto source = open_source(a.sequence, {.range = range, .camera = a.camera, .copy_to = {}});
   if (!a.poses.empty()) source = with_poses(std::move(source), read_trajectory(a.poses));
   return a.read_ahead > 0 ? read_ahead(std::move(source), a.read_ahead) : std::move(source);
 }
 
 void reconstruct(const Arguments& a) {
   const Poses poses = a.poses.empty() ? Poses::tracked : Poses::given;
-  const Options options = options_of(a, poses);
-  const Beginning begin = beginning(a, options, parse_frames(a.frames));
-  const auto source = open_source(a, begin.range);
+  const Options options = options_of(a);
+  const Beginning begin = beginning(a, parse_frames(a.frames));
+  const auto source = open_frames(a, begin.range);
   Run run(a, options, poses, source->camera(), begin.progressed, begin.is_next_recording);
   {
     const Interrupt interrupt;
@@ -73,7 +73,7 @@ void reconstruct(const Arguments& a) {
       waited = Clock::now();
     }
   }
-  if (const std::string why = source->ended_early(); !why.empty()) run.warn(why);
+  if (const auto why = source->ended_early()) run.warn(*why);
 
   nlohmann::json more;
   if ((a.refine || a.reintegrate) && !run.stopped())
@@ -85,7 +85,7 @@ void reconstruct(const Arguments& a) {
     });
   if (a.reintegrate && !run.stopped())
     run.timed("reintegrate", [&] {
-      const auto again = open_source(a, parse_frames(a.frames));
+      const auto again = open_frames(a, parse_frames(a.frames));
       Progress progress(again->size());
       run.mapper().reintegrate(*again, [&] { progress.step("reintegrating"); });
     });

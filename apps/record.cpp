@@ -7,9 +7,9 @@
 #include <exception>
 #include <nlohmann/json.hpp>
 
+#include "cairn/recorder.hpp"
 #include "commands.hpp"
 #include "interrupt.hpp"
-#include "io/tum_writer.hpp"
 #include "progress.hpp"
 #include "sources.hpp"
 
@@ -34,8 +34,8 @@ std::uint64_t left_on_disk(const fs::path& output) { return fs::space(tidy(outpu
 /// What was recorded, and why it ended.
 struct Recorded {
   int frames = 0, unreadable = 0;
-  double first = 0, last = 0;  // timestamps, seconds
-  std::string ended;           // early; empty: as asked
+  double first = 0, last = 0;        // timestamps, seconds
+  std::optional<std::string> ended;  // early: why
 };
 
 /// Gives the frames that should be recorded, until one of the reasons to end.
@@ -49,7 +49,7 @@ class Reader {
         recorded_.ended = source_.ended_early();
         return frame;
       }
-      if (!frame->problem.empty()) {
+      if (frame->problem) {
         ++recorded_.unreadable;
         continue;
       }
@@ -78,7 +78,7 @@ class Reader {
 /// The sensor is read, images are encoded and written at the same time; frames stay in their order.
 void write_images(Reader& read, const Camera& camera, const Arguments& a) {
   namespace tbb = oneapi::tbb;
-  TumWriter writer(a.output, camera);
+  Recorder writer(a.output, camera);
   // Kept until all is through: TBB would leak the image that a filter throws at.
   std::exception_ptr failure;
   std::atomic<bool> failed = false;
@@ -113,7 +113,7 @@ void record(const Arguments& a) {
   if (const auto left = left_on_disk(a.output); left < 2 * kReserve)
     throw std::runtime_error(fmt::format("{}: {} MiB are left on the disk, a recording needs {} at least",
                                          a.output.string(), left >> 20, 2 * kReserve >> 20));
-  auto source = open_sequence(a.sequence, {.range = {}, .camera = a.camera, .copy_to = to_oni ? a.output : fs::path()});
+  auto source = open_source(a.sequence, {.range = {}, .camera = a.camera, .copy_to = to_oni ? a.output : fs::path()});
   Recorded recorded;
   {
     Reader read(*source, a, recorded);
@@ -127,7 +127,7 @@ void record(const Arguments& a) {
   source.reset();  // closes the .oni file
   const double seconds = recorded.last - recorded.first;
   if (recorded.frames == 0)
-    throw std::runtime_error(a.sequence + ": no frame came" + (recorded.ended.empty() ? "" : "; " + recorded.ended));
+    throw std::runtime_error(a.sequence + ": no frame came" + (recorded.ended ? "; " + *recorded.ended : ""));
   if (a.json)
     fmt::print("{}\n", nlohmann::json{{"frames", recorded.frames},
                                       {"dropped", dropped},
@@ -137,8 +137,7 @@ void record(const Arguments& a) {
   else
     fmt::print("{}: {} frames in {:.1f} s, {} dropped{}\n", a.output.string(), recorded.frames, seconds, dropped,
                recorded.unreadable > 0 ? fmt::format(", {} unreadable", recorded.unreadable) : "");
-  if (!recorded.ended.empty())
-    throw std::runtime_error(recorded.ended + "; what came before is in " + a.output.string());
+  if (recorded.ended) throw std::runtime_error(*recorded.ended + "; what came before is in " + a.output.string());
 }
 
 }  // namespace

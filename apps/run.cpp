@@ -8,10 +8,10 @@
 
 #include <utility>
 
-#include "base/json_text.hpp"
 #include "export_options.hpp"
+#include "flags.hpp"
+#include "json_text.hpp"
 #include "outputs.hpp"
-#include "session/session.hpp"
 #include "sources.hpp"
 
 namespace cairn::apps {
@@ -50,8 +50,9 @@ std::string words(const FrameReport& r) {
       if (r.iterations == 0) return "fusing";
       return fmt::format("{:.0f} % inliers within {:.1f} sigma", 100 * r.inlier_share, r.rmse) +
              (r.guess == "motion" ? "" : ", guess: " + r.guess) +
-             (r.degenerate_directions > 0 ? fmt::format(", {} directions by colour", r.degenerate_directions) : "") +
-             (r.unobserved > 0 ? fmt::format(", {} by motion", r.unobserved) : "");
+             (r.degenerate_directions > 0 ? fmt::format(", colour tells {} of 6 directions", r.degenerate_directions)
+                                          : "") +
+             (r.unobserved > 0 ? fmt::format(", {} follow the motion before", r.unobserved) : "");
     case FrameState::lost:
       return "LOST: " + r.reason;
     case FrameState::skipped:
@@ -75,7 +76,7 @@ Progressed Progressed::from(const std::string& note) {
   return {j.at("recording"), j.at("next"), FrameLog::from(j.at("frames"))};
 }
 
-Options options_of(const RunArguments& a, Poses poses, const Options& defaults) {
+Options options_of(const RunArguments& a, const Options& defaults) {
   Options options = defaults;
   if (!a.config.empty()) read_options(a.config, options);
   if (a.voxel_size) {
@@ -88,7 +89,6 @@ Options options_of(const RunArguments& a, Poses poses, const Options& defaults) 
   options.esdf.live = options.esdf.live || a.esdf;
   if (a.esdf_voxel_size) options.esdf.voxel_size = *a.esdf_voxel_size;
   if (a.max_distance) options.esdf.max_distance = *a.max_distance;
-  if (poses == Poses::tracked) options.session = a.output / "session";
   options.keep_keyframes = a.mesh.texture.enabled;
   check(a.mesh, a.output / "mesh.glb");
   check(options);
@@ -100,16 +100,16 @@ Options options_of(const RunArguments& a, Poses poses, const Options& defaults) 
   return options;
 }
 
-Beginning beginning(const RunArguments& a, const Options& options, FrameRange range) {
+Beginning beginning(const RunArguments& a, FrameRange range) {
   Beginning begin{.progressed = {.recording = identity(a.sequence, a.camera)}, .range = range};
   if (!a.resume) return begin;
   Progressed before;
-  const std::string note = Mapper::session_info(options.session).note;
+  const std::string note = Session::info(a.output / "session").note;
   try {
     before = Progressed::from(note);
   } catch (const nlohmann::json::exception& error) {
     throw std::runtime_error(fmt::format("{}: is damaged ({}); reconstruct again without --resume",
-                                         options.session.string(), plain(error.what())));
+                                         (a.output / "session").string(), plain(error.what())));
   }
   begin.is_next_recording = before.recording != begin.progressed.recording || is_sensor(a.sequence);
   if (!begin.is_next_recording) {
@@ -128,9 +128,10 @@ Run::Run(RunArguments arguments, const Options& options, Poses poses, const Came
       progressed_(std::move(progressed)) {
   prepare_output(arguments_.output);
   if (poses_ == Poses::given && fs::exists(arguments_.output / "session"))
-    replaced_ = std::make_unique<SessionLock>(arguments_.output / "session");
+    replaced_.emplace(arguments_.output / "session");
   if (arguments_.resume) {
-    mapper_.emplace(Mapper::resume(camera_, options_, arguments_.device));
+    session_.emplace(Session::resume(arguments_.output / "session"));
+    mapper_.emplace(session_->mapper(camera_, options_, arguments_.device));
     if (is_next_recording) mapper_->begin_recording();
   } else {
     reset();
@@ -139,14 +140,20 @@ Run::Run(RunArguments arguments, const Options& options, Poses poses, const Came
 
 void Run::reset() {
   mapper_.reset();
-  mapper_.emplace(camera_, options_, poses_, arguments_.device);
+  session_.reset();
+  if (poses_ == Poses::tracked) {
+    session_.emplace(Session::create(arguments_.output / "session"));
+    mapper_.emplace(session_->mapper(camera_, options_, arguments_.device));
+  } else {
+    mapper_.emplace(camera_, options_, poses_, arguments_.device);
+  }
   told_ = 0;
   progressed_.frames = {};
   stages_.clear();
 }
 
 FrameReport Run::add(const Frame& frame, double waited_ms) {
-  if (arguments_.mesh.texture.enabled && !arguments_.resume && frame.problem.empty() && !has_colour_) {
+  if (arguments_.mesh.texture.enabled && !arguments_.resume && !frame.problem && !has_colour_) {
     has_colour_ = !frame.colour.empty();
     if (!has_colour_ && ++colourless_ == kColourless)
       throw std::runtime_error(
@@ -169,7 +176,7 @@ FrameReport Run::add(const Frame& frame, double waited_ms) {
   progressed_.next = report.index + 1;
   progressed_.frames.add(to_json(report));
   if (std::chrono::duration<double>(Clock::now() - saved_).count() >= arguments_.checkpoint_seconds) {
-    mapper_->checkpoint(progressed_.note());
+    if (session_) session_->checkpoint(*mapper_, progressed_.note());
     saved_ = Clock::now();
   }
   return report;
@@ -181,7 +188,8 @@ void Run::timed(const char* stage, const std::function<void()>& work) {
   stages_[stage].add(std::chrono::duration<double, std::milli>(Clock::now() - begin).count());
 }
 
-void Run::warn(const std::string& text) {
+void Run::warn(const std::string& message) {
+  const std::string text = in_flags(message);
   spdlog::warn("{}", text);
   warnings_.push_back(text);
 }
@@ -208,12 +216,12 @@ void Run::finish(const nlohmann::json& more) {
   arguments_.mesh.source = (fs::exists(sequence) ? tidy(sequence) : fs::path(sequence)).filename().string();
   Outputs outputs(
       output, [this](const char* stage, const auto& work) { timed(stage, work); }, stopped_);
-  nlohmann::json report = outputs.write(*mapper_, poses_, arguments_.mesh, progressed_.note());
+  nlohmann::json report = outputs.write(*mapper_, session_ ? &*session_ : nullptr, arguments_.mesh, progressed_.note());
   if (const int pieces = report["submaps"]["components"]; pieces > 1)
     warn(fmt::format("{} pieces of the map are not joined by any loop; the largest is written, the session keeps all",
                      pieces));
   // With given poses there is no session; the one of an earlier run is not this map's.
-  if (replaced_) remove_session(output / "session", *replaced_);
+  if (replaced_) replaced_->remove();
 
   tell_warnings();
   const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();

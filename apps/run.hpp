@@ -14,10 +14,10 @@
 #include <vector>
 
 #include "cairn/mapper.hpp"
+#include "cairn/session.hpp"
 #include "cairn/source.hpp"
 #include "durations.hpp"
-#include "io/frame_log.hpp"
-#include "session/session_lock.hpp"
+#include "frame_log.hpp"
 
 namespace cairn::apps {
 
@@ -36,7 +36,7 @@ struct RunArguments {
 
 void add_run_options(CLI::App& command, RunArguments& a);
 /// Over the program's own defaults, checked. Throws std::runtime_error for what does not fit.
-[[nodiscard]] Options options_of(const RunArguments& a, Poses poses, const Options& defaults = {});
+[[nodiscard]] Options options_of(const RunArguments& a, const Options& defaults = {});
 
 /// What a session remembers for this program.
 struct Progressed {
@@ -64,7 +64,7 @@ class Run {
   /// Fuses a frame. One at which the mapper fails, as without memory, stops the run: it is to be finished then. Throws
   /// std::runtime_error if that is the first.
   FrameReport add(const Frame& frame, double waited_ms);
-  [[nodiscard]] bool stopped() const { return !stopped_.empty(); }
+  [[nodiscard]] bool stopped() const { return stopped_.has_value(); }
   /// Forgets the map and begins again with the next frame.
   void reset();
   [[nodiscard]] Mapper& mapper() { return *mapper_; }
@@ -86,11 +86,12 @@ class Run {
   Poses poses_;
   Camera camera_;
   Progressed progressed_;
-  std::unique_ptr<SessionLock> replaced_;  // of the session of an earlier run, when this one makes none
+  std::optional<ReplacedSession> replaced_;  // of an earlier run, when this one makes none
+  std::optional<Session> session_;           // of tracked poses
   std::optional<Mapper> mapper_;
   std::map<std::string, Durations> stages_;
   std::vector<std::string> warnings_;
-  std::string stopped_;  // why
+  std::optional<std::string> stopped_;  // why
   bool has_colour_ = false;
   int colourless_ = 0;    // frames before there is colour
   std::size_t told_ = 0;  // of the map's own warnings
@@ -103,6 +104,6 @@ struct Beginning {
   FrameRange range;
   bool is_next_recording = false;
 };
-[[nodiscard]] Beginning beginning(const RunArguments& a, const Options& options, FrameRange range);
+[[nodiscard]] Beginning beginning(const RunArguments& a, FrameRange range);
 
 }  // namespace cairn::apps

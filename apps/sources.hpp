@@ -10,26 +10,16 @@
 
 namespace cairn::apps {
 
-struct Opening {
-  FrameRange range;
-  std::filesystem::path camera;   // camera.yaml that a sensor's or .oni file's own intrinsics are replaced with
-  std::filesystem::path copy_to;  // .oni file, see OpenNiOptions
-};
-
 /// How SEQUENCE is explained to the user.
 inline constexpr const char* kSequenceHelp =
     "Folder (TUM RGB-D, 7-Scenes, ICL-NUIM, or with intrinsics.json), .oni file, openni: or openni:URI for a sensor, "
     "or "
     "synthetic:NAME";
 
-/// Whether this is a sensor, which has no end and waits for nobody.
-[[nodiscard]] bool is_sensor(std::string_view sequence);
-/// Opens what the user calls a sequence. Throws std::runtime_error with what is missing and what to do.
-[[nodiscard]] std::unique_ptr<Source> open_sequence(const std::string& sequence, const Opening& opening = {});
 /// A path from the root, without `.`, `..` and a slash at its end; it need not exist.
 [[nodiscard]] std::filesystem::path tidy(const std::filesystem::path& path);
 /// What a session remembers of it: what it shows, wherever it lies. A recording is known by its camera and its first
-/// frames. `camera` as in Opening.
+/// frames. `camera` as in SourceOptions.
 [[nodiscard]] std::string identity(const std::string& sequence, const std::filesystem::path& camera);
 
 }  // namespace cairn::apps

@@ -2,13 +2,11 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <fmt/format.h>
 
-#include "cairn/scene.hpp"
+#include "cairn/recorder.hpp"
+#include "cairn/synthetic.hpp"
 #include "commands.hpp"
-#include "io/tum_writer.hpp"
 #include "progress.hpp"
 #include "sources.hpp"
-#include "synth/render.hpp"
-#include "synth/source.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -39,9 +37,8 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
   const Scene scene = synthetic_scene(a.scene);
   const Camera camera = camera_of(a.width);
   const SyntheticPath path(scene, a.trajectory.empty() ? Trajectory{} : read_trajectory(a.trajectory), a.frames / 30.0);
-  gpu::Device device(a.device);
-  SceneRenderer renderer(device, scene, camera);
-  TumWriter writer(folder, camera);
+  SceneCamera in_scene(scene, camera, a.device);
+  Recorder writer(folder, camera);
   Mesh truth = scene.surface();
   std::vector<bool> seen(truth.triangles.size());
   Trajectory poses;
@@ -50,9 +47,9 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
     const double time = i / 30.0;
     const auto pose = path.pose(time);
     if (!pose) break;
-    auto images = renderer.render(*pose, time);
+    auto images = in_scene.look(*pose, time);
     const auto later = path.pose(std::max(0.0, time + a.colour_delay));
-    if (a.colour_delay != 0 && later) images.colour = renderer.render(*later, time + a.colour_delay).colour;
+    if (a.colour_delay != 0 && later) images.colour = in_scene.look(*later, time + a.colour_delay).colour;
     if (i % 5 == 0) mark_seen(truth, camera, *pose, images.depth, seen);
     if (a.noise == "kinect") add_kinect_noise(images, camera, a.seed, i);
     writer.add(encode({.timestamp = time,

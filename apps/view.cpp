@@ -7,10 +7,9 @@
 #include <memory>
 #include <thread>
 
+#include "cairn/viewer.hpp"
 #include "commands.hpp"
 #include "interrupt.hpp"
-#include "live_view.hpp"
-#include "view/report_page.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -19,17 +18,13 @@ using namespace std::chrono_literals;
 
 struct Arguments {
   std::filesystem::path map;
-  int port = kDefaultPort;
+  int port = kDefaultViewerPort;
 };
 
 void view(const Arguments& a) {
-  std::map<std::string, Served> files{{"", viewer_file()},
-                                      {"data.json", Served{"application/json", finished_data(a.map)}}};
-  if (const auto mesh = a.map / "mesh.glb"; std::filesystem::exists(mesh))
-    files["mesh.glb"] = Served{"model/gltf-binary", mesh};
   const Interrupt interrupt("");
-  const Server server(a.port, std::move(files), nullptr);
-  fmt::print("{}\n", server.url());
+  const MapViewer viewer(a.map, a.port);
+  fmt::print("{}\n", viewer.url());
   std::fflush(stdout);
   fmt::print(stderr, "open this address in a browser on this machine; Ctrl-C ends\n");
   while (!interrupt.requested()) std::this_thread::sleep_for(100ms);

@@ -34,7 +34,7 @@ set(long_suites Disk/FaultsOfARun 60 Faults 30 Outputs 70 Kills 30 KeyframeDatab
 set(data "^Real/Recording\\.|PoseGraphBenchmark|AllAlongARecording|^EvaluateTrajectory\\.Agrees|^OpenNi\\.Re(ads|fuses)A|^IclNuim\\.Turns")
 set(program "^(Program|Session|Export|Live|Record|Real/Recording)\\.|^(Faults|Disk/FaultsOfARun|Kills|Outputs)$")
 # These measure time, or show what two threads do: nothing else runs beside them.
-set(alone "^Live\\.Follows|^Record\\.|^NewestFrame")
+set(alone "^Live\\.Follows|^Record\\.|^LiveSource")
 # Suites of the kernels that add up within subgroups.
 set(kernels Align IcpReduce PhotometricReduce Tracker Device)
 

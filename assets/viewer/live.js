@@ -49,11 +49,11 @@ function showState(state, scene, panel, { pause, reset, finish }) {
   pause.dataset.paused = state.status === 'paused' ? 'yes' : '';
   for (const button of [pause, reset, finish]) button.disabled = ['finishing', 'finished'].includes(state.status);
   if (state.camera) scene.setCamera(state.camera, state.view);
-  scene.setLoops(state.loops.filter(([, , believed]) => believed));
+  scene.setLoops(state.loops.filter(([, , inlier]) => inlier));
   showNumbers(panel.numbers, state, scene.triangles);
   if (panel.loops.childElementCount !== state.loops.length)
-    panel.loops.replaceChildren(...state.loops.map(([from, to, believed]) => element(
-        'li', { className: believed ? '' : 'refused' }, `${from.toFixed(1)} s ↔ ${to.toFixed(1)} s`)));
+    panel.loops.replaceChildren(...state.loops.map(([from, to, inlier]) => element(
+        'li', { className: inlier ? '' : 'refused' }, `${from.toFixed(1)} s ↔ ${to.toFixed(1)} s`)));
 }
 
 function showImage(image, blob) {

@@ -30,7 +30,7 @@ class DistanceField {
 
   /// Block (i, j, k) starts with voxel 16 (i, j, k); voxel (i, j, k) samples the point origin + voxel_size * (i, j, k).
   DistanceField(float voxel_size, const Eigen::Vector3f& origin, float max_distance, Blocks blocks);
-  /// Reads the grid `esdf` that write_map or `cairn esdf` wrote. Throws std::runtime_error if there is none.
+  /// Reads the grid `esdf` that write_grids or `cairn esdf` wrote. Throws std::runtime_error if there is none.
   [[nodiscard]] static DistanceField read(const std::filesystem::path& vdb);
 
   /// Distances and directions at points (metres), interpolated between the voxels around them (trilinear). NaN and
@@ -61,12 +61,11 @@ class DistanceField {
   std::vector<const Block*> table_;                                                   // null: nothing known
 };
 
-/// The distance field of a map.vdb that write_map wrote. `device`: as `cairn devices` numbers them; -1 chooses. Throws
-/// std::runtime_error when the file is no map, holds no surface, or an option is out of range.
-[[nodiscard]] std::shared_ptr<const DistanceField> map_distances(const std::filesystem::path& map,
-                                                                 const EsdfOptions& options = {}, int device = -1);
-
 /// Writes the grid `esdf` to a .vdb file (metres; active where known), whole or not at all.
 void write_distances(const std::filesystem::path& vdb, const DistanceField& distances);
+
+/// Points to ask for, from a CSV file with the header x,y,z and three numbers a line, metres (nan is one). Throws
+/// std::runtime_error with file and line.
+[[nodiscard]] std::vector<Eigen::Vector3f> read_query_points(const std::filesystem::path& file);
 
 }  // namespace cairn

@@ -75,9 +75,4 @@ struct Exported {
 /// Called after each step of `count`; `what` is done next.
 using ExportProgress = std::function<void(int done, int count, const std::string& what)>;
 
-/// Exports a map.vdb as Mapper::export_mesh does a map; it has no keyframes, so no texture. `device`: as `cairn
-/// devices` numbers them. Throws std::runtime_error if it is no map or as export_mesh does.
-Exported export_map(const std::filesystem::path& map, const std::filesystem::path& file, const ExportOptions& options,
-                    const ExportProgress& progress = {}, int device = -1);
-
 }  // namespace cairn

@@ -22,7 +22,7 @@ struct Frame {
   /// Mean around this time of what the camera's accelerometer measures, m/s^2, in the camera's frame: at rest 9.81
   /// upwards.
   std::optional<Eigen::Vector3d> acceleration;
-  std::string problem;  // not empty: the frame could not be read, its images are empty; why, in one line
+  std::optional<std::string> problem;  // why the frame could not be read, in one line: its images are then empty
 };
 
 /// A stream of frames, read in order.
@@ -38,9 +38,9 @@ class Source {
   [[nodiscard]] virtual std::optional<double> next_timestamp() const { return std::nullopt; }
   /// Passes over the frame that next_timestamp() tells of, without reading it.
   virtual void skip() {}
-  /// Why the stream ended before its time (unplugged, cut off), in one line; empty: it did not.
-  [[nodiscard]] virtual std::string ended_early() const { return {}; }
-  /// Frames that came too fast for whoever reads, so far.
+  /// Why the stream ended before its time (unplugged, cut off), in one line, if it did.
+  [[nodiscard]] virtual std::optional<std::string> ended_early() const { return std::nullopt; }
+  /// Frames that were left out so far since the reader was slower than the stream.
   [[nodiscard]] virtual int dropped() const { return 0; }
 };
 

@@ -58,7 +58,6 @@ struct Options {
   FuseOptions fuse;
   MapOptions map;
   EsdfOptions esdf;
-  std::filesystem::path session;  // folder for keyframes and submaps, and for a session to resume; empty: in memory
 };
 
 /// Overrides `options` with a YAML file of the shape `surface: {max_depth: 4}`. Throws std::runtime_error with file and

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 
 #include "cairn/frame.hpp"
 #include "cairn/trajectory.hpp"
@@ -11,26 +14,33 @@
 namespace cairn {
 
 struct FrameRange {
-  int begin = 0;
+  int begin = 0;           // frame, counted from 0
   std::optional<int> end;  // one past the last
-  int step = 1;
+  int step = 1;            // every step-th
 };
 
-/// Opens a recording; the layout is recognised by its files (TUM RGB-D: rgb.txt and depth.txt; 7-Scenes:
-/// frame-000000.depth.png; ICL-NUIM: associations.txt with a negative fy; intrinsics.json). Throws std::runtime_error
-/// with what is missing, where, and what to do. `synthetic:NAME` is opened by synth/source.hpp, an .oni file by
-/// open_openni.
-[[nodiscard]] std::unique_ptr<Source> open_recording(const std::filesystem::path& folder, const FrameRange& range = {});
-
-struct OpenNiOptions {
-  std::filesystem::path camera;   // camera.yaml: intrinsics, and where the colour camera is when the device cannot
-                                  // register depth to colour itself; empty: from the field of view
-  std::filesystem::path copy_to;  // .oni file that gets every image, depth exactly; empty: none
+struct SourceOptions {
+  FrameRange range;
+  std::filesystem::path camera;   // camera.yaml: for a sensor or .oni file its intrinsics, and where the colour camera
+                                  // is when the device cannot register depth to colour; empty: from the field of view
+  std::filesystem::path copy_to;  // .oni file that gets every image of a sensor, depth exactly; empty: none
 };
 
-/// A sensor by its OpenNI2 URI, the first one for an empty URI, or an .oni file. Depth is registered to colour by the
-/// device, or colour to depth here. Throws std::runtime_error with what is missing and what to install or allow.
-[[nodiscard]] std::unique_ptr<Source> open_openni(const std::string& uri, const OpenNiOptions& options = {});
+/// Opens an input by its name:
+///
+/// - a folder, whose layout is recognised by its files: TUM RGB-D (rgb.txt and depth.txt), 7-Scenes
+///   (frame-000000.depth.png), ICL-NUIM (associations.txt with a negative fy), images with intrinsics.json;
+/// - an .oni file;
+/// - `openni:` for the first sensor, `openni:URI` for the one that OpenNI2 has under this URI;
+/// - `synthetic:NAME`, a scene (see synthetic_scene) rendered on the fly.
+///
+/// Throws std::runtime_error with what is missing, where, and what to do.
+[[nodiscard]] std::unique_ptr<Source> open_source(const std::string& name, const SourceOptions& options = {});
+
+/// Whether a name is a sensor's, which has no end and waits for nobody.
+[[nodiscard]] bool is_sensor(std::string_view name);
+/// Whether a name is that of a scene which open_source renders.
+[[nodiscard]] bool is_synthetic(std::string_view name);
 
 /// Decodes `ahead` frames in a thread of its own.
 [[nodiscard]] std::unique_ptr<Source> read_ahead(std::unique_ptr<Source> source, int ahead = 4);
@@ -42,5 +52,18 @@ struct OpenNiOptions {
 
 /// True poses that a recording carries, by frame timestamp (groundtruth.txt, frame-*.pose.txt); empty when it has none.
 [[nodiscard]] Trajectory recorded_truth(const std::filesystem::path& folder);
+
+/// A source that changes how or when the frames of another one are given.
+class WrappedSource : public Source {
+ public:
+  explicit WrappedSource(std::unique_ptr<Source> source) : source_(std::move(source)) {}
+  const Camera& camera() const override { return source_->camera(); }
+  std::optional<int> size() const override { return source_->size(); }
+  std::optional<std::string> ended_early() const override { return source_->ended_early(); }
+  int dropped() const override { return source_->dropped(); }
+
+ protected:
+  std::unique_ptr<Source> source_;
+};
 
 }  // namespace cairn

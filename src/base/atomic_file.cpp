@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "base/atomic_file.hpp"
+#include "cairn/atomic_file.hpp"
 
 #include <fcntl.h>
 #include <sys/file.h>

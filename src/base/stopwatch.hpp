@@ -15,10 +15,11 @@ using StageTimes = std::map<std::string, double>;
 template <class Stage>
 auto timed(StageTimes& times, const char* name, Stage&& stage) {
   struct Stopwatch {
-    using Clock = std::chrono::steady_clock;
     double& total;
-    Clock::time_point start = Clock::now();
-    ~Stopwatch() { total += std::chrono::duration<double, std::milli>(Clock::now() - start).count(); }
+    std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
+    ~Stopwatch() {
+      total += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    }
   } stopwatch{times[name]};
   return stage();
 }

@@ -230,7 +230,7 @@ ViewError evaluate_views(const std::vector<Mesh>& parts, Source& recording,
   double squared = 0;
   std::size_t compared = 0, measured = 0;
   for (int i = 0; auto frame = recording.next(); ++i) {
-    if (i % step != 0 || !frame->world_from_camera || frame->colour.empty() || !frame->problem.empty()) continue;
+    if (i % step != 0 || !frame->world_from_camera || frame->colour.empty() || frame->problem) continue;
     const RenderedView view = render_mesh(parts, recording.camera(), world_from_recording * *frame->world_from_camera);
     for (std::size_t p = 0; p < frame->depth.size(); ++p) {
       if (!(frame->depth[p] > 0)) continue;

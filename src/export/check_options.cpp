@@ -17,30 +17,30 @@ void check(const ExportOptions& o, const std::filesystem::path& file) {
                     file.string(), extension.string()));
   const auto range = [](const char* name, double value, double low, double high) {
     if (!(value >= low && value <= high))
-      throw std::runtime_error(fmt::format("--{} is {}: it must be between {} and {}", name, value, low, high));
+      throw std::runtime_error(fmt::format("{} is {}: it must be between {} and {}", name, value, low, high));
   };
-  range("simplify", static_cast<double>(o.simplify.ratio), 0.0001, 1);
-  range("max-error", static_cast<double>(o.simplify.max_error), 0, 1);
-  range("min-piece", static_cast<double>(o.clean.min_piece), 0, 10);
-  range("min-weight", static_cast<double>(o.clean.min_weight), 0, 255);
-  range("fill-holes", static_cast<double>(o.clean.fill_holes), 0, 2);
-  range("texel", static_cast<double>(o.texture.texel), 0, 1);
-  range("texture-size", o.texture.max_size, 64, 16384);
-  range("jpeg-quality", o.texture.jpeg_quality, 1, 100);
-  range("cell-size", static_cast<double>(o.cell_size), 0, 1000);
-  range("points", static_cast<double>(o.point_spacing), 0, 10);
-  range("lods", o.levels, 1, 8);
+  range("SimplifyOptions::ratio", static_cast<double>(o.simplify.ratio), 0.0001, 1);
+  range("SimplifyOptions::max_error", static_cast<double>(o.simplify.max_error), 0, 1);
+  range("CleanOptions::min_piece", static_cast<double>(o.clean.min_piece), 0, 10);
+  range("CleanOptions::min_weight", static_cast<double>(o.clean.min_weight), 0, 255);
+  range("CleanOptions::fill_holes", static_cast<double>(o.clean.fill_holes), 0, 2);
+  range("TextureOptions::texel", static_cast<double>(o.texture.texel), 0, 1);
+  range("TextureOptions::max_size", o.texture.max_size, 64, 16384);
+  range("TextureOptions::jpeg_quality", o.texture.jpeg_quality, 1, 100);
+  range("ExportOptions::cell_size", static_cast<double>(o.cell_size), 0, 1000);
+  range("ExportOptions::point_spacing", static_cast<double>(o.point_spacing), 0, 10);
+  range("ExportOptions::levels", o.levels, 1, 8);
   const auto refuse = [&](const char* what, const char* why) {
     throw std::runtime_error(fmt::format("{}: {} {}", file.string(), what, why));
   };
   if (o.texture.enabled && extension == ".ply")
-    refuse("--texture", "needs .glb, .gltf, .obj or tileset.json: PLY has none");
-  if (o.point_spacing > 0 && extension != ".ply") refuse("--points", "needs .ply");
+    refuse("TextureOptions::enabled", "needs .glb, .gltf, .obj or tileset.json: PLY has none");
+  if (o.point_spacing > 0 && extension != ".ply") refuse("ExportOptions::point_spacing", "needs .ply");
   if (o.compression != Compression::none && extension != ".glb" && extension != ".gltf" && extension != ".json")
-    refuse("--compress", "needs .glb, .gltf or tileset.json");
-  if (o.cameras && !is_gltf(file)) refuse("--cameras", "needs .glb or .gltf");
+    refuse("ExportOptions::compression", "needs .glb, .gltf or tileset.json");
+  if (o.cameras && !is_gltf(file)) refuse("ExportOptions::cameras", "needs .glb or .gltf");
   if (o.levels > 1 && (is_tileset(file) || o.point_spacing > 0))
-    refuse("--lods", "needs a single mesh file: tiles have levels anyway");
+    refuse("ExportOptions::levels", "needs a single mesh file: tiles have levels anyway");
 }
 
 }  // namespace cairn

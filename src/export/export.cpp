@@ -36,19 +36,4 @@ Exported export_surface(const ExportInput& input, const fs::path& file, const Ex
   return std::move(run.exported);
 }
 
-Exported export_map(const fs::path& map, const fs::path& file, const ExportOptions& options,
-                    const ExportProgress& progress, int device) {
-  check(options, file);
-  ReadGrids read = read_grids(map);
-  gpu::Device on(device);
-  FuseOptions fuse;
-  fuse.voxel_size = read.info.voxel_size;
-  fuse.truncation = read.info.truncation;
-  Volume volume(on, fuse, SurfaceOptions{}.max_depth);
-  volume.adopt(std::move(read.tree));
-  Polygonizer polygonizer(on);
-  return export_surface({.bricks = volume.bricks(), .volume = volume, .polygonizer = polygonizer}, file, options,
-                        progress);
-}
-
 }  // namespace cairn

@@ -48,7 +48,7 @@ struct ExportRun {
   void refuse_empty(std::size_t left) const {
     if (left == 0)
       throw not_written(
-          file, "nothing of the surface is left: it is empty, or --min-piece or --min-weight removed all of it");
+          file, "nothing of the surface is left: it is empty, or CleanOptions::min_piece or CleanOptions::min_weight removed all of it");
   }
   [[nodiscard]] GltfOptions gltf_options() const {
     return {.compression = options.compression,

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "base/atomic_file.hpp"
+#include "cairn/atomic_file.hpp"
 
 namespace cairn {
 namespace {

@@ -17,9 +17,10 @@ constexpr int kTries = 40;                                       // of charts th
 
 std::vector<TextureKeyframe> keyframes_of(const ExportRun& run) {
   if (run.input.keyframes.empty())
-    throw not_written(run.file,
-                      "the map has no keyframes, from which a texture is made: reconstruct with --texture, or export "
-                      "without it");
+    throw not_written(
+        run.file,
+        "the map has no keyframes, from which a texture is made: keep them (Options::keep_keyframes), or export "
+        "without it");
   return run.input.keyframes;
 }
 
@@ -43,7 +44,8 @@ Texturer::Texturer(ExportRun& run)
   const bool has_colour =
       run.timed("exposure", [&] { return views_.compensate_exposure([&] { run.step("comparing exposures"); }); });
   if (!has_colour)
-    throw not_written(run.file, "the keyframes have no colour, from which a texture is made: export without --texture");
+    throw not_written(
+        run.file, "the keyframes have no colour, from which a texture is made: export without TextureOptions::enabled");
   run.timed("registration", [&] { views_.register_colour(); });
   const shader::ColourCamera& c = views_.colour_camera();
   run.exported.colour_camera = {c.rotation.x,    c.rotation.y,    c.rotation.z, c.translation.x,
@@ -67,7 +69,7 @@ Mesh Texturer::texture(const Part& part, int level) {
   run_.timed("charts", [&] {
     for (int tries = 0; !atlas; ++tries, texel *= 1.15f) {
       if (tries == kTries)
-        throw std::runtime_error("the surface does not fit into a texture: give a larger --texture-size");
+        throw std::runtime_error("the surface does not fit into a texture: give a larger TextureOptions::max_size");
       atlas = pack(mesh, make_charts(mesh, texel, max_size), max_size);
     }
     texel /= 1.15f;

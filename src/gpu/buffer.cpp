@@ -30,7 +30,7 @@ Allocation::Allocation(Device::State& d, std::uint64_t bytes, vk::BufferUsageFla
   if (size > d.max_allocation)
     throw std::runtime_error("device " + d.info.name + " takes " + std::to_string(d.max_allocation >> 20) +
                              " MiB in one piece at most, not " + std::to_string(size >> 20) +
-                             ": lower --device-memory, or choose a larger --voxel-size");
+                             ": lower FuseOptions::device_memory, or choose a larger FuseOptions::voxel_size");
   try {
     buffer = vk::raii::Buffer(*d.device, vk::BufferCreateInfo{.size = size, .usage = usage});
     const auto needs = buffer.getMemoryRequirements();
@@ -43,9 +43,9 @@ Allocation::Allocation(Device::State& d, std::uint64_t bytes, vk::BufferUsageFla
                                .memoryTypeIndex = memory_type(d, needs.memoryTypeBits, properties, preferred)});
   } catch (const vk::OutOfDeviceMemoryError&) {
     throw std::runtime_error("device " + d.info.name + " is out of memory for " + std::to_string(size >> 20) +
-                             " MiB: lower --device-memory");
+                             " MiB: lower FuseOptions::device_memory");
   } catch (const vk::OutOfHostMemoryError&) {
-    throw std::runtime_error("out of memory for " + std::to_string(size >> 20) + " MiB: lower --device-memory");
+    throw std::runtime_error("out of memory for " + std::to_string(size >> 20) + " MiB: lower FuseOptions::device_memory");
   }
   buffer.bindMemory(*memory, 0);
   if (properties & vk::MemoryPropertyFlagBits::eHostVisible)

@@ -121,8 +121,8 @@ bool has_subgroup_size_control(const vk::raii::PhysicalDevice& physical) {
          usual <= sizes.maxSubgroupSize;
 }
 
-/// The first feature that is missing, empty when all are there.
-std::string missing_feature(const vk::raii::PhysicalDevice& physical) {
+/// The first feature that is missing, if any.
+std::optional<std::string> missing_feature(const vk::raii::PhysicalDevice& physical) {
   if (physical.getProperties().apiVersion < VK_API_VERSION_1_2) return "Vulkan 1.2";
   const auto extensions = physical.enumerateDeviceExtensionProperties();
   if (std::none_of(extensions.begin(), extensions.end(), [](const auto& e) {
@@ -149,7 +149,7 @@ int best_of(const vk::raii::PhysicalDevices& physicals) {
   int index = 0, best = 5;
   for (std::size_t i = 0; i < physicals.size(); ++i) {
     const int rank = preference(physicals[i].getProperties().deviceType);
-    if (rank < best && missing_feature(physicals[i]).empty()) {
+    if (rank < best && !missing_feature(physicals[i])) {
       best = rank;
       index = static_cast<int>(i);
     }
@@ -205,7 +205,7 @@ std::vector<char> read_file(const std::filesystem::path& file) {
 
 }  // namespace
 
-std::vector<DeviceInfo> list_devices() {
+std::vector<DeviceInfo> find_devices() {
   const vk::raii::Context context;
   const auto instance = make_instance(context, Validation::off);
   std::vector<DeviceInfo> devices;
@@ -269,9 +269,9 @@ Device::Device(int index) : state_(std::make_unique<State>()) {
   if (index < 0) index = best_of(physicals);
   s.physical = std::move(physicals[static_cast<std::size_t>(index)]);
   s.info = describe(index, *s.physical);
-  if (!s.info.missing.empty())
+  if (s.info.missing)
     throw std::runtime_error("Vulkan device " + std::to_string(index) + " (" + s.info.name + ") lacks " +
-                             s.info.missing + ": choose another with --device, see `cairn devices`");
+                             *s.info.missing + ": choose another device, see list_devices (`cairn devices`)");
   s.open();
 
   s.pipelines_file = pipeline_cache_file(*s.physical);
@@ -309,3 +309,5 @@ std::uint64_t Device::memory_in_use() const { return state_->in_use; }
 std::uint64_t Device::peak_memory() const { return state_->peak; }
 
 }  // namespace cairn::gpu
+
+std::vector<cairn::DeviceInfo> cairn::list_devices() { return gpu::find_devices(); }

@@ -8,19 +8,12 @@
 #include <string>
 #include <vector>
 
+#include "cairn/device.hpp"
+
 // The only door to Vulkan for the stages: no Vulkan type appears in src/gpu/*.hpp.
 namespace cairn::gpu {
 
-struct DeviceInfo {
-  int index = 0;  // what --device takes
-  std::string name, type, driver;
-  std::uint64_t memory = 0;  // bytes of the largest device-local heap
-  std::uint32_t subgroup_size = 0;
-  std::string missing;  // first feature that Cairn needs and this device lacks; empty: usable
-};
-
-/// All Vulkan devices, usable or not. Empty when no driver is installed.
-[[nodiscard]] std::vector<DeviceInfo> list_devices();
+[[nodiscard]] std::vector<DeviceInfo> find_devices();  // see list_devices
 
 struct KernelTime {
   int calls = 0;

@@ -120,7 +120,7 @@ void KernelBase::record(Batch& batch, const void* push, std::initializer_list<co
     if (buffer->size() > b.device.max_binding)
       throw std::runtime_error("shader " + s.name + ": a buffer of " + std::to_string(buffer->size() >> 20) +
                                " MiB is larger than this device binds (" + std::to_string(b.device.max_binding >> 20) +
-                               " MiB): the map has too many bricks, choose a larger --voxel-size");
+                               " MiB): the map has too many bricks, choose a larger FuseOptions::voxel_size");
     infos.push_back({.buffer = *buffer->state().allocation.buffer, .offset = 0, .range = VK_WHOLE_SIZE});
     writes.push_back({.dstBinding = static_cast<std::uint32_t>(writes.size()),
                       .descriptorCount = 1,

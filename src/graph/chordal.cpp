@@ -5,8 +5,8 @@
 #include <Eigen/SparseCore>
 #include <vector>
 
+#include "cairn/pose_graph.hpp"
 #include "graph/components.hpp"
-#include "graph/pose_graph.hpp"
 
 namespace cairn {
 namespace {

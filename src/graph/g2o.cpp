@@ -10,10 +10,10 @@
 #include <map>
 #include <stdexcept>
 
-#include "base/atomic_file.hpp"
 #include "base/lines.hpp"
 #include "base/words.hpp"
-#include "graph/pose_graph.hpp"
+#include "cairn/atomic_file.hpp"
+#include "cairn/pose_graph.hpp"
 
 namespace cairn {
 namespace {

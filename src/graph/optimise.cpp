@@ -11,8 +11,8 @@
 #include <optional>
 #include <stdexcept>
 
+#include "cairn/pose_graph.hpp"
 #include "graph/components.hpp"
-#include "graph/pose_graph.hpp"
 
 namespace cairn {
 namespace {

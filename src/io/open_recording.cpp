@@ -10,7 +10,6 @@
 #include "base/read_whole.hpp"
 #include "cairn/source.hpp"
 #include "io/recording.hpp"
-#include "io/wrapped_source.hpp"
 
 namespace cairn {
 namespace {
@@ -121,7 +120,7 @@ class WithPoses final : public WrappedSource {
       : WrappedSource(std::move(source)), poses_(std::move(poses)), max_gap_(max_gap) {}
   std::optional<Frame> next() override {
     auto frame = source_->next();
-    if (frame && frame->problem.empty()) frame->world_from_camera = pose_at(poses_, frame->timestamp, max_gap_);
+    if (frame && !frame->problem) frame->world_from_camera = pose_at(poses_, frame->timestamp, max_gap_);
     return frame;
   }
 

@@ -12,10 +12,10 @@
 #include <fstream>
 #include <stdexcept>
 
-#include "cairn/source.hpp"
 #include "io/camera_file.hpp"
 #include "io/colour_registration.hpp"
 #include "io/oni_file.hpp"
+#include "io/openni.hpp"
 
 namespace cairn {
 namespace {
@@ -93,11 +93,11 @@ Camera camera_of(const openni::VideoStream& depth, const std::string& name) {
   camera.fx = w / 2 / std::tan(depth.getHorizontalFieldOfView() / 2.0);
   camera.fy = h / 2 / std::tan(depth.getVerticalFieldOfView() / 2.0);
   if (!(camera.fx > 0 && std::isfinite(camera.fx) && camera.fy > 0 && std::isfinite(camera.fy)))
-    throw std::runtime_error(name + ": does not tell its field of view; give its intrinsics with --camera camera.yaml");
+    throw std::runtime_error(name + ": does not tell its field of view; give its intrinsics with a camera.yaml (SourceOptions::camera)");
   try {
     check(camera);
   } catch (const std::runtime_error& error) {
-    throw std::runtime_error(name + ": " + error.what() + ", or give them with --camera camera.yaml");
+    throw std::runtime_error(name + ": " + error.what() + ", or give them with a camera.yaml (SourceOptions::camera)");
   }
   return camera;
 }
@@ -205,7 +205,7 @@ class OpenNiSource final : public Source {
 
   const Camera& camera() const override { return camera_; }
   std::optional<int> size() const override { return frames_ > 0 ? std::optional(frames_ - delivered_) : std::nullopt; }
-  std::string ended_early() const override { return ended_early_.value_or(""); }
+  std::optional<std::string> ended_early() const override { return ended_early_; }
   int dropped() const override { return dropped_; }
 
   /// A depth image waits for the colour image that is nearest in time; that comes before it or soon after.
@@ -329,7 +329,7 @@ class OpenNiSource final : public Source {
 
   void attach_colour(Frame& frame) const {
     const ColourImages::Image* image = colour_images_.nearest(frame.timestamp);
-    if (image == nullptr || !frame.problem.empty()) return;
+    if (image == nullptr || frame.problem) return;
     frame.colour_delay = image->timestamp - frame.timestamp;
     frame.colour = registration_ ? (*registration_)(frame.depth, image->pixels) : image->pixels;
   }

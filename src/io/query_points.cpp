@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "io/query_points.hpp"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -10,6 +8,7 @@
 
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
+#include "cairn/esdf.hpp"
 
 namespace cairn {
 namespace {

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "cairn/source.hpp"
-#include "io/wrapped_source.hpp"
 
 namespace cairn {
 namespace {

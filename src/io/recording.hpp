@@ -2,11 +2,13 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <vector>
 
 #include "base/lines.hpp"
 #include "cairn/camera.hpp"
+#include "cairn/source.hpp"
 #include "cairn/trajectory.hpp"
 
 namespace cairn {
@@ -32,5 +34,8 @@ struct Recording {
 [[nodiscard]] std::optional<Recording> read_seven_scenes(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_icl_nuim(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_intrinsics_folder(const std::filesystem::path& folder);
+
+/// The frames of a folder, whatever its layout. Throws std::runtime_error with what is missing, where, and what to do.
+[[nodiscard]] std::unique_ptr<Source> open_recording(const std::filesystem::path& folder, const FrameRange& range = {});
 
 }  // namespace cairn

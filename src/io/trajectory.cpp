@@ -9,9 +9,9 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "base/atomic_file.hpp"
 #include "base/lines.hpp"
 #include "base/words.hpp"
+#include "cairn/atomic_file.hpp"
 
 namespace cairn {
 

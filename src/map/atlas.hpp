@@ -4,8 +4,8 @@
 #pragma once
 #include <vector>
 
+#include "cairn/pose_graph.hpp"
 #include "cairn/trajectory.hpp"
-#include "graph/pose_graph.hpp"
 #include "map/fused_frames.hpp"
 #include "map/keyframe.hpp"
 

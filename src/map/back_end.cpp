@@ -25,15 +25,15 @@ double milliseconds(std::chrono::steady_clock::time_point since) {
 
 }  // namespace
 
-BackEnd::BackEnd(gpu::Device& device, const Camera& camera, const Options& options, Access access)
+BackEnd::BackEnd(gpu::Device& device, const Camera& camera, const Options& options, const std::filesystem::path& files,
+                 Access access)
     : camera_(camera),
       options_(options),
       matcher_(device, camera, options),
-      images_(camera, options.session.empty() ? std::filesystem::path() : options.session / "keyframes", access),
-      submaps_(options.session, options.map.host_memory, access),
+      images_(camera, files.empty() ? files : files / "keyframes", access),
+      submaps_(files, options.map.host_memory, access),
       world_(device, options.fuse) {
-  if (!options.session.empty() && access == Access::write)
-    std::filesystem::create_directories(options.session / "keyframes");
+  if (!files.empty() && access == Access::write) std::filesystem::create_directories(files / "keyframes");
 }
 
 bool BackEnd::add(const Frame& frame, const Eigen::Isometry3d& submap_from_camera, const Matrix6d* information,
@@ -174,7 +174,6 @@ void BackEnd::take_optimised() {
   optimises_ = warnings_.attempt("keyframes stay where they are, and loops are no longer looked for", [&] {
     const auto [graph, report] = optimising_.get();
     atlas_.take(graph, report);
-    ++counts_.optimised;
     counts_.graph_ms = std::max(counts_.graph_ms, 1000 * report.seconds);
   });
   options_.map.loops = options_.map.loops && optimises_;
@@ -197,9 +196,9 @@ bool BackEnd::is_plain() const {
   return true;
 }
 
-std::string BackEnd::store() {
-  const std::string problem = images_.store();
-  return problem.empty() ? submaps_.store() : problem;
+std::optional<std::string> BackEnd::store() {
+  auto problem = images_.store();
+  return problem ? problem : submaps_.store();
 }
 
 BackEnd::Memory BackEnd::memory() const {

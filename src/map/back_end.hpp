@@ -17,8 +17,9 @@ namespace cairn {
 
 class BackEnd {
  public:
-  /// Options::session: where keyframes and submaps are, or are to be written.
-  BackEnd(gpu::Device& device, const Camera& camera, const Options& options, Access access = Access::write);
+  /// `files`: the folder where keyframes and submaps are, or are to be written; empty: all stays in memory.
+  BackEnd(gpu::Device& device, const Camera& camera, const Options& options, const std::filesystem::path& files = {},
+          Access access = Access::write);
 
   /// Takes a fused frame: perhaps as a keyframe, which is then looked for among all earlier ones, and perhaps as the
   /// last of its submap. `information` is of its alignment with the map, in its own frame; none for the first of a
@@ -35,8 +36,8 @@ class BackEnd {
   /// Tells that all frames of the main piece were fused again with their poses in the world, from fused_count `since`
   /// on: they are one submap now, the one being fused into.
   void rebase(std::uint32_t since);
-  /// Waits until keyframes and ended submaps are in their files. Returns why they could not be written, or nothing.
-  [[nodiscard]] std::string store();
+  /// Waits until keyframes and ended submaps are in their files. Returns why they could not be written, if so.
+  [[nodiscard]] std::optional<std::string> store();
 
   /// What it knows beside the files of keyframes and submaps, to go on with later.
   struct Memory {
@@ -66,7 +67,7 @@ class BackEnd {
   /// the other, against rooms that look alike.
   [[nodiscard]] bool is_possible(std::size_t from, std::size_t to, const Eigen::Isometry3d& i_from_j) const;
 
-  [[nodiscard]] const KeyframeDatabase& places() const { return database_; }
+  [[nodiscard]] const KeyframeDatabase& keyframes() const { return database_; }
   [[nodiscard]] const Atlas& atlas() const { return atlas_; }
   [[nodiscard]] Atlas& atlas() { return atlas_; }
   [[nodiscard]] const Submaps& submaps() const { return submaps_; }
@@ -78,8 +79,7 @@ class BackEnd {
   [[nodiscard]] const Warnings& warnings() const { return warnings_; }
 
   struct Counts {
-    int looked_up = 0, tried = 0;  // keyframes; pairs that were aligned
-    int optimised = 0;
+    int looked_up = 0, tried = 0;       // keyframes; pairs that were aligned
     double graph_ms = 0, world_ms = 0;  // the longest
   };
   [[nodiscard]] const Counts& counts() const { return counts_; }

@@ -6,7 +6,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "cairn/mapper.hpp"
+#include "cairn/live_surface.hpp"
 #include "volume/polygonize.hpp"
 
 namespace cairn {

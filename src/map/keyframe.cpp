@@ -12,8 +12,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "base/atomic_file.hpp"
 #include "base/image_file.hpp"
+#include "cairn/atomic_file.hpp"
 
 namespace cairn {
 namespace {
@@ -22,7 +22,7 @@ constexpr double kTurn = 0.15, kDistance = 0.12;    // radians, metres between k
 constexpr double kDepthSteps = 5000;                // a metre
 constexpr double kMostDepth = 65535 / kDepthSteps;  // metres; what is farther is left out instead of brought nearer
 constexpr const char *kDepth = "depth.png", *kColour = "colour.jpg", *kCorners = "corners";  // files of a keyframe
-constexpr const char* kRemedy = "the session is damaged: reconstruct again without --resume";
+constexpr const char* kRemedy = "the session is damaged: begin a new session";
 
 /// A corner in its file.
 struct Corner {
@@ -105,15 +105,15 @@ void KeyframeStore::wait() const {
   if (writing_.valid()) writing_.get();
 }
 
-std::string KeyframeStore::store() {
+std::optional<std::string> KeyframeStore::store() {
   wait();
-  if (!writes_) return {};
+  if (!writes_) return std::nullopt;
   try {
     while (!packed_.empty()) {
       write(packed_.begin()->first, packed_.begin()->second);
       packed_.erase(packed_.begin());
     }
-    return {};
+    return std::nullopt;
   } catch (const std::runtime_error& error) {
     return error.what();
   }

@@ -55,7 +55,7 @@ class KeyframeStore {
   /// Waits until what was put is kept.
   void wait() const;
   /// Brings all that was put into files. Returns why some could not be written, or nothing.
-  [[nodiscard]] std::string store();
+  [[nodiscard]] std::optional<std::string> store();
 
  private:
   struct Packed {

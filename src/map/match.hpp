@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "cairn/options.hpp"
-#include "graph/pose_graph.hpp"
+#include "cairn/pose_graph.hpp"
 #include "surface/preprocess.hpp"
 #include "track/align.hpp"
 

@@ -22,15 +22,15 @@ struct Pair {
 
 std::vector<Pair> choose_pairs(const BackEnd& back_end) {
   const Atlas& atlas = back_end.atlas();
-  const KeyframeDatabase& places = back_end.places();
+  const KeyframeDatabase& database = back_end.keyframes();
   const auto component_of = atlas.components();
   std::set<std::pair<std::size_t, std::size_t>> known;
   for (const Loop& loop : atlas.loops) known.emplace(loop.edge.i, loop.edge.j);
   std::vector<Pair> pairs;
-  for (std::size_t i = 0; i < places.size(); ++i) {
+  for (std::size_t i = 0; i < database.size(); ++i) {
     std::vector<std::pair<double, std::size_t>> near;
     std::set<std::size_t> all_near;
-    for (std::size_t j = i + 1; j < places.size(); ++j) {
+    for (std::size_t j = i + 1; j < database.size(); ++j) {
       if (component_of[i] != component_of[j]) continue;
       const Eigen::Isometry3d motion = atlas.world_from_camera[i].inverse() * atlas.world_from_camera[j];
       const double turn = Eigen::AngleAxisd(motion.linear()).angle() / kCovisibleTurn,
@@ -46,10 +46,10 @@ std::vector<Pair> choose_pairs(const BackEnd& back_end) {
         pairs.push_back({i, j, atlas.world_from_camera[i].inverse() * atlas.world_from_camera[j], 0});
     }
     std::size_t compared = 0;
-    for (const auto& candidate : places.query(places[i].features, 4 * kCandidates, i + 1)) {
+    for (const auto& candidate : database.query(database[i].features, 4 * kCandidates, i + 1)) {
       if (all_near.contains(candidate.entry) || compared == kCandidates) continue;
       ++compared;
-      const auto located = solve_pnp(places[i].features, places[candidate.entry].features, back_end.camera());
+      const auto located = solve_pnp(database[i].features, database[candidate.entry].features, back_end.camera());
       if (located && located->inliers >= kLoopCorners && !known.contains({i, candidate.entry}) &&
           back_end.is_possible(i, candidate.entry, located->known_from_seen))
         pairs.push_back({i, candidate.entry, located->known_from_seen, located->inliers});

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
-#include "cairn/mapper.hpp"
+#include "cairn/reports.hpp"
 #include "map/back_end.hpp"
 
 namespace cairn {

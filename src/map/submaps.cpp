@@ -63,15 +63,15 @@ void Submaps::wait() {
   if (writing_.valid()) stored_.back() = writing_.get();
 }
 
-std::string Submaps::store() {
+std::optional<std::string> Submaps::store() {
   wait();
-  if (!writes_) return {};
+  if (!writes_) return std::nullopt;
   try {
     for (std::size_t i = 0; i < stored_.size(); ++i) {
       if (!stored_[i]) write_bricks(file(i), *voxels_[i]);
       stored_[i] = true;
     }
-    return {};
+    return std::nullopt;
   } catch (const std::runtime_error& error) {
     return error.what();
   }

@@ -33,7 +33,7 @@ class Submaps {
   /// A submap's voxels, from its file if they have left the memory.
   [[nodiscard]] std::shared_ptr<const BrickTree> voxels(std::size_t i);
   /// Brings all that was added into files. Returns why some could not be written, which stay in memory, or nothing.
-  [[nodiscard]] std::string store();
+  [[nodiscard]] std::optional<std::string> store();
   [[nodiscard]] std::filesystem::path file(std::size_t i) const;
 
   struct Counts {

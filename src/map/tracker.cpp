@@ -2,53 +2,39 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "map/tracker.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
+#include "map/tracking_criteria.hpp"
 #include "spirv/moving_mask.comp.h"
 
 namespace cairn {
 namespace {
 
-constexpr int kClockOffsetFrames = 10;        // before they are believed
-constexpr int kFocalPairs = 4;                // of views, before they are believed
-constexpr double kFocalTurn = 0.1;            // radians between the two views of a pair
-constexpr double kClockOffsetContrast = 1.5;  // of the worst fit to the best
-// Of misfit: above the first another guess is tried, above the second the frame is not fused. Frames of hand-held
-// Kinect recordings lie at 1.5 to 5; a pose 15 cm off gave 8.4.
-constexpr double kDoubtful = 4.0, kMisfit = 7.0;
-constexpr double kClearlyBetter = 0.8;              // times the cost of the guess from motion
-constexpr double kDoubtfulBrightness = 0.1;         // photometric rmse, brightness in 0..1
-constexpr double kSuddenly = 2.5;                   // times the usual photometric rmse
-constexpr double kTellsApart = 0.5;                 // times the photometric rmse of another pose
-constexpr double kUsualBrightness = 0.03;           // photometric rmse of hand-held Kinect recordings
-constexpr double kMaxSpeed = 4.0, kMaxTurn = 12.0;  // metres and radians a second: a hand is slower
+constexpr int kClockOffsetFrames = 10;                                        // before they are believed
+constexpr int kFocalPairs = 4;                                                // of views, before they are believed
+constexpr double kFocalTurn = 0.1;                                            // radians between the two views of a pair
+constexpr double kClockOffsetContrast = 1.5;                                  // of the worst fit to the best
 constexpr std::size_t kRecentPlaces = 4, kMostSimilar = 6, kOtherPlaces = 4;  // compared with a frame
-// What a pose found after a loss must reach: a wrong one would be fused.
-constexpr double kFoundInliers = 0.5, kFoundOverlap = 0.3, kFoundBrightness = 0.6, kFoundMisfit = 5.0;
-// After so many lost frames, without brightness to tell, the camera may be anywhere: walls fit walls.
-constexpr int kStillThere = 30;
-constexpr double kMaxMoving = 0.3;          // of the image; more is no person but a wrong pose or a sensor without use
-constexpr double kKeyframeTurn = 0.2;       // radians
-constexpr double kKeyframeDistance = 0.15;  // metres
-constexpr double kKeyframeShare = 0.5;      // of the points in both images that fit
+constexpr double kMaxMoving = 0.3;    // of the image; more is no person but a wrong pose or a sensor without use
+constexpr double kEnoughDepth = 0.2;  // of the image, to begin a component with
+constexpr double kLeastDepth = 0.02;  // of the image, to begin the map with: as much as alignment asks for
 
-/// Mean squared residual of the points that see the model, in variances of the depth noise; outliers count as 9.
-double misfit(const Alignment& a) { return a.inlier_share * a.rmse * a.rmse + (1 - a.inlier_share) * 9; }
-
-bool is_doubtful(const Alignment& a) {
-  return !a.converged() || misfit(a) > kDoubtful || a.photometric_rmse > kDoubtfulBrightness;
+/// The first camera's pose in a world whose y axis points down.
+Eigen::Isometry3d level(const std::optional<Eigen::Vector3d>& acceleration) {
+  Eigen::Isometry3d world_from_camera = Eigen::Isometry3d::Identity();
+  if (acceleration && acceleration->norm() > 0)
+    world_from_camera.linear() =
+        Eigen::Quaterniond::FromTwoVectors(*acceleration, -Eigen::Vector3d::UnitY()).toRotationMatrix();
+  return world_from_camera;
 }
 
-/// Whether the frame fits clearly better at `a` than at `b`, by depth and by brightness.
-bool is_better(const Alignment& a, const Alignment& b) {
-  if (!a.converged() || !b.converged()) return a.converged();
-  const bool compares_brightness = a.photometric_share > 0 && b.photometric_share > 0;
-  const auto cost = [&](const Alignment& x) {
-    const double brightness = compares_brightness ? x.photometric_rmse / kUsualBrightness : 0.0;
-    return misfit(x) / x.overlap + brightness * brightness;
-  };
-  return cost(a) < kClearlyBetter * cost(b);
+/// Share of the depth image that lies between two depths.
+double share_between(const std::vector<float>& depth, float least, float most) {
+  const auto seen = std::count_if(depth.begin(), depth.end(), [&](float z) { return z >= least && z <= most; });
+  return static_cast<double>(seen) / static_cast<double>(depth.size());
 }
 
 /// Where a function sampled at evenly spaced places is lowest: on the parabola through the lowest sample and its
@@ -61,29 +47,24 @@ double lowest(const std::array<double, N>& at, const std::array<double, N>& valu
   return at[best] + (curvature > 0 ? 0.5 * (before - after) / curvature : 0.0) * (at[1] - at[0]);
 }
 
-bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
-  const Eigen::Isometry3d motion = a.inverse() * b;
-  return motion.translation().norm() > kKeyframeDistance || Eigen::AngleAxisd(motion.linear()).angle() > kKeyframeTurn;
-}
-
 }  // namespace
 
 Tracker::Tracker(gpu::Device& device, const Camera& camera, const Camera& rectified, const Options& options,
-                 const KeyframeDatabase& places)
+                 const KeyframeDatabase& keyframes)
     : device_(device),
-      options_(options.track),
+      options_(options),
       source_camera_(camera),
-      database_(places),
+      keyframes_(keyframes),
       raycaster_(device, rectified, options.surface, options.track.levels, options.track.finest_level),
       aligner_(device, options.track),
-      keyframe_(device, rectified, options.track),
+      reference_(device, rectified, options.track),
       moving_count_(device, 4),
       mask_(device, "moving_mask", moving_mask_comp) {}
 
-/// Where the camera would be if it kept its velocity since the last two accepted frames.
+/// Where the camera would be if it kept its velocity since the last two fused frames.
 Eigen::Isometry3d Tracker::predict(double timestamp) const {
   const Moment& last = memory_.last.back();
-  if (memory_.lost > 0 || memory_.last.size() < 2) return last.submap_from_camera;
+  if (memory_.lost_frames > 0 || memory_.last.size() < 2) return last.submap_from_camera;
   const double ratio = std::min((timestamp - last.timestamp) / (last.timestamp - memory_.last[0].timestamp), 2.0);
   return last.submap_from_camera *
          retract(ratio * local_coordinates(memory_.last[0].submap_from_camera.inverse() * last.submap_from_camera));
@@ -91,7 +72,7 @@ Eigen::Isometry3d Tracker::predict(double timestamp) const {
 
 ColourMoment Tracker::moment_of(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const {
   ColourMoment moment{.stamp_delay = frame.colour_delay, .clock_offset = clock_offset()};
-  if (memory_.last.empty() || memory_.lost > 0) return moment;
+  if (memory_.last.empty() || memory_.lost_frames > 0) return moment;
   const double interval = frame.timestamp - memory_.last.back().timestamp;
   moment.velocity = local_coordinates(memory_.last.back().submap_from_camera.inverse() * submap_from_camera) / interval;
   return moment;
@@ -116,98 +97,134 @@ FocalEvidence Tracker::focal() const {
 
 std::vector<std::size_t> Tracker::candidates(const Features& seen) const {
   std::vector<std::size_t> chosen, here;
-  for (const auto& candidate : database_.query(seen, database_.size()))
-    if (database_[candidate.entry].is_here && chosen.size() < kMostSimilar) chosen.push_back(candidate.entry);
-  for (std::size_t i = 0; i < database_.size(); ++i)
-    if (database_[i].is_here) here.push_back(i);
+  for (const auto& candidate : keyframes_.query(seen, keyframes_.size()))
+    if (keyframes_[candidate.entry].is_here && chosen.size() < kMostSimilar) chosen.push_back(candidate.entry);
+  for (std::size_t i = 0; i < keyframes_.size(); ++i)
+    if (keyframes_[i].is_here) here.push_back(i);
   for (std::size_t k = 0; k < std::min(kOtherPlaces, here.size()); ++k)
-    chosen.push_back(here[(static_cast<std::size_t>(memory_.lost) * kOtherPlaces + k) % here.size()]);
+    chosen.push_back(here[(static_cast<std::size_t>(memory_.lost_frames) * kOtherPlaces + k) % here.size()]);
   return chosen;
 }
 
 std::vector<std::size_t> Tracker::recent() const {
   std::vector<std::size_t> recent;
-  for (std::size_t i = database_.size(); i > 0 && recent.size() < kRecentPlaces; --i)
-    if (database_[i - 1].is_here) recent.push_back(i - 1);
+  for (std::size_t i = keyframes_.size(); i > 0 && recent.size() < kRecentPlaces; --i)
+    if (keyframes_[i - 1].is_here) recent.push_back(i - 1);
   return recent;
 }
 
 std::optional<Eigen::Isometry3d> Tracker::recognise(const Features& seen,
-                                                    const std::vector<std::size_t>& places) const {
+                                                    const std::vector<std::size_t>& keyframes) const {
   std::optional<Eigen::Isometry3d> guess;
   int most = 0;
-  for (const std::size_t i : places) {
-    const auto located = solve_pnp(database_[i].features, seen, source_camera_);
+  for (const std::size_t i : keyframes) {
+    const auto located = solve_pnp(keyframes_[i].features, seen, source_camera_);
     if (!located || located->inliers <= most) continue;
     most = located->inliers;
-    guess = database_[i].submap_from_camera * located->known_from_seen;
+    guess = keyframes_[i].submap_from_camera * located->known_from_seen;
   }
   return guess;
 }
 
-Tracked Tracker::operator()(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times) {
-  const auto align = [&](const Eigen::Isometry3d& guess, const char* name, Reach reach = Reach::wide) {
-    if (memory_.lost > 0) volume.bring(guess.translation());
-    model_ = timed(times, "raycast", [&] { return raycaster_.raycast(volume, guess); });
-    return timed(times, "track", [&] {
-      return Tracked{.alignment = aligner_.align(live, model_, guess, &keyframe_, moment_of(frame, guess), reach),
-                     .guess = name,
-                     .seen_from = guess};
-    });
-  };
-  Tracked tracked = align(predict(frame.timestamp), "motion");
-  if (memory_.lost == 0) {
-    if (!tracked.alignment.converged())
-      tracked = align(memory_.last.back().submap_from_camera, "still");  // the hand may have stopped
-    if (is_doubtful(tracked.alignment) || tracked.alignment.photometric_rmse > kSuddenly * memory_.usual_brightness) {
-      if (const auto guess = timed(times, "recognise", [&] {
-            return recognise(extract_features(frame.colour, frame.depth, source_camera_), recent());
-          })) {
-        if (Tracked other = align(*guess, "features"); is_better(other.alignment, tracked.alignment))
-          tracked = std::move(other);
-        // Something may move through the view: brightness then tells the still part's pose from the moving one's.
-        if (Tracked other = align(*guess, "features", Reach::close);
-            is_better(other.alignment, tracked.alignment) &&
-            other.alignment.photometric_rmse < kTellsApart * tracked.alignment.photometric_rmse)
-          tracked = std::move(other);
-      }
-    }
-    const Eigen::Isometry3d motion =
-        memory_.last.back().submap_from_camera.inverse() * tracked.alignment.submap_from_camera;
-    const double interval = frame.timestamp - memory_.last.back().timestamp;
-    if (tracked.alignment.converged() && (motion.translation().norm() > kMaxSpeed * interval ||
-                                          Eigen::AngleAxisd(motion.linear()).angle() > kMaxTurn * interval))
-      tracked.alignment.lost = "no hand moves like that";
-    else if (tracked.alignment.converged() && misfit(tracked.alignment) > kMisfit)
-      tracked.alignment.lost = "the frame fits the map badly from every guess";
+Tracked Tracker::track(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times) {
+  if (memory_.last.empty()) return begin_map(frame);
+  Tracked tracked =
+      memory_.lost_frames == 0 ? follow(frame, live, volume, times) : relocalise(frame, live, volume, times);
+  tracked.cause = tracked.alignment.lost;
+  tracked.reason = text_of(tracked.cause);
+  if (tracked.alignment.converged()) {
+    tracked.state = Tracked::State::aligned;
+    tracked.submap_from_camera = tracked.alignment.submap_from_camera;
+    tracked.moving = timed(times, "track", [&] { return leave_out_moving(live, tracked, volume); });
     return tracked;
   }
+  ++memory_.lost_frames;
+  if (!gives_up(frame)) return tracked;
+  restart();
+  tracked.state = Tracked::State::begins;
+  tracked.cause = FrameCause::new_component;
+  tracked.reason = text_of(tracked.cause);
+  tracked.submap_from_camera = level(frame.acceleration);
+  return tracked;
+}
 
-  const auto is_sure = [](const Alignment& a) {
-    return a.converged() && a.inlier_share > kFoundInliers && a.overlap > kFoundOverlap && misfit(a) < kFoundMisfit &&
-           a.unobserved == 0 &&
-           (a.photometric_share == 0 ||
-            (a.photometric_share > kFoundBrightness && a.photometric_rmse < kDoubtfulBrightness));
+Tracked Tracker::begin_map(const Frame& frame) const {
+  if (share_between(frame.depth, options_.surface.min_depth, options_.surface.max_depth) < kLeastDepth)
+    return {.cause = FrameCause::too_little_depth,
+            .reason = fmt::format("too little depth between {} and {} m to begin the map with",
+                                  options_.surface.min_depth, options_.surface.max_depth)};
+  return {.state = Tracked::State::begins, .submap_from_camera = level(frame.acceleration)};
+}
+
+bool Tracker::gives_up(const Frame& frame) {
+  const auto seen = std::count_if(frame.depth.begin(), frame.depth.end(), [](float z) { return z > 0; });
+  memory_.lost_views += static_cast<double>(seen) > kEnoughDepth * static_cast<double>(frame.depth.size());
+  return memory_.lost_views >= options_.map.lost_frames;
+}
+
+/// Aligns the frame with the map as seen from the guess.
+Tracked Tracker::align(const Frame& frame, const Surface& live, Volume& volume, const Eigen::Isometry3d& guess,
+                       const char* name, Reach reach, StageTimes& times) {
+  if (memory_.lost_frames > 0) volume.bring(guess.translation());
+  prediction_ = timed(times, "raycast", [&] { return raycaster_.raycast(volume, guess); });
+  return timed(times, "track", [&] {
+    return Tracked{.alignment = aligner_.align(live, prediction_, guess, &reference_, moment_of(frame, guess), reach),
+                   .guess = name,
+                   .predicted_from = guess};
+  });
+}
+
+/// The frame follows one that was fused: the camera goes on as before, stops, or is where corners say.
+Tracked Tracker::follow(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times) {
+  const Moment& last = memory_.last.back();
+  const auto try_from = [&](const Eigen::Isometry3d& guess, const char* name, Reach reach = Reach::wide) {
+    return align(frame, live, volume, guess, name, reach, times);
   };
-  if (is_sure(tracked.alignment) && (memory_.lost <= kStillThere || tracked.alignment.photometric_share > 0))
-    return tracked;
+  Tracked best = try_from(predict(frame.timestamp), "motion");
+  if (!best.alignment.converged()) best = try_from(last.submap_from_camera, "still");  // the hand may have stopped
+  if (is_doubtful(best.alignment, memory_.usual_brightness)) {
+    if (const auto guess = timed(times, "recognise", [&] {
+          return recognise(extract_features(frame.colour, frame.depth, source_camera_), recent());
+        })) {
+      if (Tracked other = try_from(*guess, "features"); is_better(other.alignment, best.alignment))
+        best = std::move(other);
+      // Something may move through the view: brightness then tells the still part's pose from the moving one's.
+      if (Tracked other = try_from(*guess, "features", Reach::close); tells_apart(other.alignment, best.alignment))
+        best = std::move(other);
+    }
+  }
+  Alignment& a = best.alignment;
+  if (!a.converged()) return best;
+  if (!is_hand_motion(last.submap_from_camera.inverse() * a.submap_from_camera, frame.timestamp - last.timestamp))
+    a.lost = FrameCause::too_fast;
+  else if (misfit(a) > kMisfit)
+    a.lost = FrameCause::poor_fit;
+  return best;
+}
+
+/// The camera is lost: it is where it was last, or where corners say, if that is certain.
+Tracked Tracker::relocalise(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times) {
+  Tracked tracked = align(frame, live, volume, predict(frame.timestamp), "motion", Reach::wide, times);
+  if (is_certain_in_place(tracked.alignment, memory_.lost_frames)) return tracked;
   const auto guess = timed(times, "recognise", [&] {
     const Features seen = extract_features(frame.colour, frame.depth, source_camera_);
     return recognise(seen, candidates(seen));
   });
   if (guess)
-    if (Tracked other = align(*guess, "relocalised"); is_sure(other.alignment)) return other;
-  if (tracked.alignment.converged()) tracked.alignment.lost = "not found again yet";
+    if (Tracked other = align(frame, live, volume, *guess, "relocalised", Reach::wide, times);
+        is_certain(other.alignment))
+      return other;
+  if (tracked.alignment.converged()) tracked.alignment.lost = FrameCause::not_relocalised;
   return tracked;
 }
 
 double Tracker::leave_out_moving(const Surface& live, const Tracked& tracked, const Volume& volume) {
-  if (!keyframe_.is_set() || live.packed.empty()) return 0;
-  const Eigen::Isometry3d& submap_from_camera = tracked.alignment.submap_from_camera;
+  if (!reference_.is_set() || live.packed.empty()) return 0;
+  const Eigen::Isometry3d& submap_from_camera = tracked.submap_from_camera;
   // Another guess may have been tried since, and have been worse.
-  if (model_.submap_from_camera.matrix() != tracked.seen_from.matrix())
-    model_ = raycaster_.raycast(volume, tracked.seen_from);
-  const auto level = static_cast<std::size_t>(options_.levels - 1);
+  if (prediction_.submap_from_camera.matrix() != tracked.predicted_from.matrix())
+    prediction_ = raycaster_.raycast(volume, tracked.predicted_from);
+  const auto level = static_cast<std::size_t>(options_.track.levels - 1);
   const Camera& camera = live.levels[level]->camera;
   const auto pixels = static_cast<std::uint32_t>(camera.width * camera.height);
   const auto mask = [&](std::uint32_t factor) {
@@ -216,12 +233,12 @@ double Tracker::leave_out_moving(const Surface& live, const Tracked& tracked, co
     batch.fill(moving_count_, 0);
     mask_(batch, {pixels, 1, 1},
           {.camera = shader::pinhole(camera),
-           .model_from_live = shader::rigid(model_.submap_from_camera.inverse() * submap_from_camera),
-           .keyframe_from_live = shader::rigid(keyframe_.submap_from_camera().inverse() * submap_from_camera),
+           .model_from_live = shader::rigid(prediction_.submap_from_camera.inverse() * submap_from_camera),
+           .keyframe_from_live = shader::rigid(reference_.submap_from_camera().inverse() * submap_from_camera),
            .factor = factor,
            .full_width = static_cast<std::uint32_t>(live.levels[0]->camera.width)},
-          {&live.levels[level]->points, &model_.levels[level]->points, &keyframe_.level(options_.levels - 1),
-           live.packed[level], live.fusion, &moving_count_});
+          {&live.levels[level]->points, &prediction_.levels[level]->points,
+           &reference_.level(options_.track.levels - 1), live.packed[level], live.fusion, &moving_count_});
     batch.download(moving_count_, std::span<std::uint32_t>(count));
     batch.run();
     return static_cast<double>(count[0]) / pixels;
@@ -232,26 +249,26 @@ double Tracker::leave_out_moving(const Surface& live, const Tracked& tracked, co
 
 void Tracker::restart() {
   memory_.last.clear();
-  memory_.lost = 0;
-  keyframe_.clear();
-  model_ = {};
+  memory_.lost_frames = memory_.lost_views = 0;
+  reference_.clear();
+  prediction_ = {};
 }
 
 void Tracker::begin_lost() {
   restart();
   const auto newest = recent();
-  memory_.last = {{0, newest.empty() ? Eigen::Isometry3d::Identity() : database_[newest[0]].submap_from_camera}};
-  memory_.lost = kStillThere + 1;
+  memory_.last = {{0, newest.empty() ? Eigen::Isometry3d::Identity() : keyframes_[newest[0]].submap_from_camera}};
+  memory_.lost_frames = kStillThere + 1;
 }
 
-void Tracker::restore(const Memory& memory, const PhotometricKeyframe::Saved& keyframe) {
+void Tracker::restore(const Memory& memory, const PhotometricKeyframe::Saved& reference) {
   memory_ = memory;
-  keyframe_.restore(keyframe);
+  reference_.restore(reference);
 }
 
-void Tracker::learn_from_places() {
-  if (database_.size() < 2 || !database_[database_.size() - 2].is_here) return;
-  const DatabaseEntry &known = database_[database_.size() - 2], &seen = database_[database_.size() - 1];
+void Tracker::learn_focal_length() {
+  if (keyframes_.size() < 2 || !keyframes_[keyframes_.size() - 2].is_here) return;
+  const DatabaseEntry &known = keyframes_[keyframes_.size() - 2], &seen = keyframes_[keyframes_.size() - 1];
   const Eigen::Isometry3d motion = known.submap_from_camera.inverse() * seen.submap_from_camera;
   if (Eigen::AngleAxisd(motion.linear()).angle() < kFocalTurn) return;
   const auto costs = focal_costs(known.features, seen.features, source_camera_);
@@ -259,23 +276,22 @@ void Tracker::learn_from_places() {
   memory_.focal_pairs += !costs.empty();
 }
 
-void Tracker::accept(const Frame& frame, const Surface& live, const Eigen::Isometry3d& submap_from_camera,
-                     const Tracked* tracked) {
-  const ColourMoment moment = moment_of(frame, submap_from_camera);
-  if (tracked != nullptr && !tracked->alignment.clock_offset_costs.empty()) {
-    for (std::size_t k = 0; k < kClockOffsets.size(); ++k)
-      memory_.clock_offset_costs[k] += tracked->alignment.clock_offset_costs[k];
+void Tracker::commit(const Frame& frame, const Surface& live, const Tracked& tracked) {
+  const Eigen::Isometry3d& pose = tracked.submap_from_camera;
+  const Alignment* a = tracked.state == Tracked::State::aligned ? &tracked.alignment : nullptr;
+  const ColourMoment moment = moment_of(frame, pose);
+  if (a != nullptr && !a->clock_offset_costs.empty()) {
+    for (std::size_t k = 0; k < kClockOffsets.size(); ++k) memory_.clock_offset_costs[k] += a->clock_offset_costs[k];
     ++memory_.clock_offset_frames;
   }
-  const bool is_far = !keyframe_.is_set() || is_apart(keyframe_.submap_from_camera(), submap_from_camera) ||
-                      (tracked != nullptr && tracked->alignment.photometric_share < kKeyframeShare);
-  if (is_far && !live.packed.empty()) keyframe_.set(live, submap_from_camera, moment);
-  if (tracked != nullptr && tracked->alignment.photometric_share > 0)
-    memory_.usual_brightness += 0.1 * (tracked->alignment.photometric_rmse - memory_.usual_brightness);
-  if (memory_.lost > 0) memory_.last.clear();  // no velocity across a gap
-  memory_.lost = 0;
+  if (!live.packed.empty() && (!reference_.is_set() || is_new_reference(reference_.submap_from_camera(), pose, a)))
+    reference_.set(live, pose, moment);
+  if (a != nullptr && a->photometric_share > 0)
+    memory_.usual_brightness += 0.1 * (a->photometric_rmse - memory_.usual_brightness);
+  if (memory_.lost_frames > 0) memory_.last.clear();  // no velocity across a gap
+  memory_.lost_frames = memory_.lost_views = 0;
   if (memory_.last.size() == 2) memory_.last.erase(memory_.last.begin());
-  memory_.last.push_back({frame.timestamp, submap_from_camera});
+  memory_.last.push_back({frame.timestamp, pose});
 }
 
 }  // namespace cairn

@@ -5,6 +5,7 @@
 
 #include "base/stopwatch.hpp"
 #include "cairn/frame.hpp"
+#include "cairn/reports.hpp"
 #include "cairn/trajectory.hpp"
 #include "place/keyframe_database.hpp"
 #include "track/align.hpp"
@@ -12,33 +13,44 @@
 
 namespace cairn {
 
+/// Where a frame was taken, and how sure that is.
 struct Tracked {
-  Alignment alignment;
-  std::string guess;  // where the alignment started: motion, still, features, relocalised
-  Eigen::Isometry3d seen_from =
-      Eigen::Isometry3d::Identity();  // submap_from_camera of the map's view that it aligns with
+  enum class State {
+    aligned,  // with the map
+    begins,   // the map, or after a long loss a component of its own: there is nothing to align with
+    lost      // no trustworthy pose
+  };
+  State state = State::lost;
+  Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();  // unless lost
+  Alignment alignment;  // the last one that was tried; not for the map's first frame
+  std::string guess;    // where it started: motion, still, features, relocalised
+  Eigen::Isometry3d predicted_from = Eigen::Isometry3d::Identity();  // submap_from_camera of the surface predicted then
+  FrameCause cause = FrameCause::none;
+  std::string reason;  // the cause in words
+  double moving = 0;   // share of the image that moves and was taken out of the surface's fusion image
+
+  /// Of the pose, in the camera's frame; null where there was nothing to align with.
+  [[nodiscard]] const Matrix6d* information() const {
+    return state == State::aligned ? &alignment.information : nullptr;
+  }
 };
 
-/// Finds each frame's pose: guesses it, aligns it with the map, tells when it is lost.
+/// Finds each frame's pose: guesses it, aligns it with the map, tells when it is lost. Two calls a frame: `track`, and
+/// `commit` once it is fused.
 class Tracker {
  public:
-  /// `camera` is the frames', `rectified` the surfaces'. The places are those of the map; somebody else adds to them,
-  /// and tells which lie in the frame that is tracked in.
+  /// `camera` is the frames', `rectified` the surfaces'. The keyframes are those of the map; somebody else adds to
+  /// them, and tells which lie in the frame that is tracked in.
   Tracker(gpu::Device& device, const Camera& camera, const Camera& rectified, const Options& options,
-          const KeyframeDatabase& places);
+          const KeyframeDatabase& keyframes);
 
-  /// The pose of a live surface, or why there is none. Nothing is kept of a frame that is not accepted.
-  [[nodiscard]] Tracked operator()(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
-  /// Takes out of the surface's fusion image what moves: see shaders/moving_mask.comp. Returns its share of the image.
-  double leave_out_moving(const Surface& live, const Tracked& tracked, const Volume& volume);
-  /// Tells that the frame was fused at this pose. `tracked` is null for the first one.
-  void accept(const Frame& frame, const Surface& live, const Eigen::Isometry3d& submap_from_camera,
-              const Tracked* tracked);
-  void reject() { ++memory_.lost; }
-  /// Forgets the map: the next accepted frame is the first of another one.
-  void restart();
-  /// Compares the last two places, if the camera turned between them: see focal().
-  void learn_from_places();
+  /// The pose of a frame, or why there is none. Takes what moves out of `live`'s fusion image (see
+  /// shaders/moving_mask.comp). Of the frame only is kept that it was lost.
+  [[nodiscard]] Tracked track(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
+  /// Tells that the frame was fused at the pose that was found.
+  void commit(const Frame& frame, const Surface& live, const Tracked& tracked);
+  /// Compares the last two keyframes, if the camera turned between them: see focal().
+  void learn_focal_length();
 
   /// Seconds that the colour camera's clock is ahead of the depth camera's, as far as the images tell.
   [[nodiscard]] double clock_offset() const;
@@ -48,44 +60,56 @@ class Tracker {
     double timestamp = 0;
     Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
   };
-  /// What it knows beside the places, to go on with later.
+  /// What it knows beside the keyframes, to go on with later.
   struct Memory {
-    std::vector<Moment> last;        // at most two accepted frames, the newest at the end
-    double usual_brightness = 0.03;  // photometric rmse, a running mean over accepted frames
-    int lost = 0;                    // frames since the last accepted one
+    std::vector<Moment> last;        // at most two fused frames, the newest at the end
+    double usual_brightness = 0.03;  // photometric rmse, a running mean over fused frames
+    int lost_frames = 0;             // since the last fused one
+    int lost_views = 0;              // those of them that saw something
     std::array<double, kClockOffsets.size()> clock_offset_costs{};  // summed over frames
     int clock_offset_frames = 0;
-    std::array<double, kFocalScales.size()> focal_costs{};  // summed over pairs of places
+    std::array<double, kFocalScales.size()> focal_costs{};  // summed over pairs of keyframes
     int focal_pairs = 0;
   };
   [[nodiscard]] const Memory& memory() const { return memory_; }
-  [[nodiscard]] const PhotometricKeyframe& keyframe() const { return keyframe_; }
-  void restore(const Memory& memory, const PhotometricKeyframe::Saved& keyframe);
-  /// Starts lost in a map with places, as if last seen, long ago, at the newest of them.
+  [[nodiscard]] const PhotometricKeyframe& reference() const { return reference_; }
+  void restore(const Memory& memory, const PhotometricKeyframe::Saved& reference);
+  /// Starts lost in a map with keyframes, as if last seen, long ago, at the newest of them.
   void begin_lost();
 
  private:
+  [[nodiscard]] Tracked begin_map(const Frame& frame) const;
+  [[nodiscard]] Tracked follow(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
+  [[nodiscard]] Tracked relocalise(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
+  [[nodiscard]] Tracked align(const Frame& frame, const Surface& live, Volume& volume, const Eigen::Isometry3d& guess,
+                              const char* name, Reach reach, StageTimes& times);
+  /// Whether a component of its own begins: the camera has been lost for long enough and this frame shows something.
+  [[nodiscard]] bool gives_up(const Frame& frame);
+  /// Forgets the map.
+  void restart();
+  [[nodiscard]] double leave_out_moving(const Surface& live, const Tracked& tracked, const Volume& volume);
+
   [[nodiscard]] Eigen::Isometry3d predict(double timestamp) const;
   [[nodiscard]] ColourMoment moment_of(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const;
 
-  /// A guess from the place that shares most corners with the frame, if any.
+  /// A guess from the keyframe that shares most corners with the frame, if any.
   [[nodiscard]] std::optional<Eigen::Isometry3d> recognise(const Features& seen,
-                                                           const std::vector<std::size_t>& places) const;
-  /// The newest places, the newest first.
+                                                           const std::vector<std::size_t>& keyframes) const;
+  /// The newest keyframes, the newest first.
   [[nodiscard]] std::vector<std::size_t> recent() const;
-  /// The places to compare a lost frame with: the most similar ones, and in turn some of the others.
+  /// The keyframes to compare a lost frame with: the most similar ones, and in turn some of the others.
   [[nodiscard]] std::vector<std::size_t> candidates(const Features& seen) const;
 
   gpu::Device& device_;
-  TrackOptions options_;
+  Options options_;
   Camera source_camera_;  // of the frames: with distortion
-  const KeyframeDatabase& database_;
+  const KeyframeDatabase& keyframes_;
   Raycaster raycaster_;
   Aligner aligner_;
-  PhotometricKeyframe keyframe_;
+  PhotometricKeyframe reference_;
   gpu::Buffer moving_count_;
   gpu::Kernel<shader::MovingMaskPush> mask_;
-  SurfacePrediction model_;  // the map as last seen by raycast_
+  SurfacePrediction prediction_;  // of the alignment that track found
   Memory memory_;
 };
 

@@ -19,8 +19,8 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "base/atomic_file.hpp"
 #include "base/json_text.hpp"
+#include "cairn/atomic_file.hpp"
 #include "mesh/clean.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/topology.hpp"

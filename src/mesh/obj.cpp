@@ -5,7 +5,7 @@
 
 #include <iterator>
 
-#include "base/atomic_file.hpp"
+#include "cairn/atomic_file.hpp"
 #include "mesh/formats.hpp"
 
 namespace cairn {

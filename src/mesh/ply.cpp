@@ -10,9 +10,9 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "base/atomic_file.hpp"
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
+#include "cairn/atomic_file.hpp"
 #include "mesh/formats.hpp"
 
 namespace cairn {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "base/atomic_file.hpp"
+#include "cairn/atomic_file.hpp"
 
 namespace cairn {
 namespace {

@@ -1,249 +1,210 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "session/session.hpp"
+#include "cairn/session.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <unistd.h>
+#include <malloc.h>
 
-#include <algorithm>
-#include <cerrno>
-#include <cstring>
-#include <fstream>
-#include <iterator>
+#include <future>
 #include <stdexcept>
-#include <string_view>
 #include <utility>
 
-#include "base/atomic_file.hpp"
-#include "base/json_text.hpp"
-#include "session/checked_file.hpp"
-#include "session/state.hpp"
-#include "session/validate.hpp"
+#include "export/map_contents.hpp"
+#include "map/map_state.hpp"
+#include "session/session_files.hpp"
 
 namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kStateKind = "cairn session";
-constexpr const char* kFramesKind = "cairn frames";
-constexpr const char* kState = "state.cbor";
-constexpr const char* kKeyframes = "keyframes";
-constexpr const char* kAgain = "reconstruct again without --resume";
-
-fs::path active_file(const fs::path& files, std::uint64_t number) {
-  return files / fmt::format("active-{:06}.vdb", number);
+/// All that a mapper knows beside its files, to go on with later. The volume looks at the device for it.
+SessionState snapshot(MapState& s, std::uint64_t number, const std::string& note) {
+  return {.camera = s.camera,
+          .fuse = s.options.fuse,
+          .min_depth = s.options.surface.min_depth,
+          .max_depth = s.options.surface.max_depth,
+          .back_end = s.back_end.memory(),
+          .tracker = s.tracker.memory(),
+          .reference = s.tracker.reference().save(),
+          .residency = s.volume.residency(),
+          .fused_count = s.fused_count,
+          .last_image = s.last_image,
+          .repeats = s.repeats,
+          .last_fused = s.last_fused,
+          .acceleration = s.acceleration,
+          .number = number,
+          .run = {},
+          .note = note};
 }
 
-bool is_frames(std::string_view name) {
-  return name.starts_with("frames-") && name.ends_with(".cbor") && name.find('/') == std::string_view::npos;
-}
-
-CheckedBytes read_state(const fs::path& session) {
-  const fs::path file = session / kState;
-  if (!fs::exists(file))
-    throw std::runtime_error(file.string() + ": there is no session to go on with; run without --resume first");
-  try {
-    return read_checked(file, kStateKind);
-  } catch (const std::exception& error) {
-    throw std::runtime_error(fmt::format("{}; {}", error.what(), kAgain));
-  }
-}
-
-/// Brings all files of the disk that a folder is on to it: of keyframes there are many, and to wait for each costs
-/// more.
-void sync_disk(const fs::path& folder) {
-  const int descriptor = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  const bool synced = descriptor >= 0 && syncfs(descriptor) == 0;
-  const int error = errno;
-  if (descriptor >= 0) close(descriptor);
-  if (!synced) throw std::runtime_error("cannot write " + folder.string() + ": " + std::strerror(error));
-}
-
-/// Whether the session has a state with this checksum.
-bool names(const fs::path& session, std::uint32_t checksum) {
-  try {
-    return read_state(session).checksum == checksum;
-  } catch (const std::exception&) {
-    return false;
-  }
-}
-
-/// With its newest frames; those of files are still to be read.
-State parse_state(const std::string& cbor) {
-  State state = state_of(parse_cbor(cbor));
-  for (const std::string& name : state.frame_files)
-    if (!is_frames(name)) throw std::runtime_error("frames are missing");
-  validate(state.session, FusedFrames::kChunk * state.frame_files.size() + state.session.back_end.atlas.frames.size());
+/// A mapper's state as it was read. `read` keeps what is needed to hold its files.
+std::shared_ptr<MapState> restore(ReadSession& read, const Options& options, int device, MapFiles files) {
+  const SessionState& session = read.session;
+  auto state = std::make_shared<MapState>(session.camera, options, Poses::tracked, device, std::move(files));
+  MapState& s = *state;
+  s.back_end.restore(session.back_end);
+  s.tracker.restore(session.tracker, session.reference);
+  s.volume.restore(std::move(read.active), session.residency);
+  s.fused_count = session.fused_count;
+  s.last_image = session.last_image;
+  s.repeats = session.repeats;
+  s.last_fused = session.last_fused;
+  s.acceleration = session.acceleration;
   return state;
 }
 
-FusedFrames read_frames(const fs::path& files, const std::vector<std::string>& names, const Atlas& atlas) {
-  FusedFrames frames;
-  for (const std::string& name : names) {
-    const fs::path file = files / name;
-    const CheckedBytes read = read_checked(file, kFramesKind);
-    try {
-      auto chunk = frames_of(parse_cbor(read.bytes));
-      validate(chunk, atlas.keyframes.size());
-      if (chunk.size() != FusedFrames::kChunk) throw std::runtime_error("frames are missing");
-      frames.push_back(std::make_shared<const FusedFrames::Chunk>(std::move(chunk)));
-    } catch (const std::exception& error) {
-      throw std::runtime_error(fmt::format("{}: is damaged ({})", file.string(), plain(error.what())));
-    }
-  }
-  for (const FusedFrame& frame : atlas.frames.rest()) frames.push_back(frame);
-  return frames;
-}
-
-/// What a state names; throws what is wrong with it or with the files, and what to do.
-ReadSession read_files(const fs::path& session, const CheckedBytes& bytes) {
-  State state;
-  try {
-    state = parse_state(bytes.bytes);
-  } catch (const std::exception& error) {
-    throw std::runtime_error(
-        fmt::format("{}: is damaged ({}); {}", (session / kState).string(), plain(error.what()), kAgain));
-  }
-  Session& s = state.session;
-  const fs::path files = session / s.run;
-  if (!fs::is_directory(files))
-    throw std::runtime_error(files.string() + ": is missing; the session is damaged: " + kAgain);
-  auto hold = FileLock::take(files, FileLock::Kind::shared, true);
-  try {
-    BrickTree active = read_bricks(active_file(files, s.number));
-    s.back_end.atlas.frames = read_frames(files, state.frame_files, s.back_end.atlas);
-    return {std::move(s), std::move(active), files, bytes.checksum, std::move(*hold), std::move(state.frame_files)};
-  } catch (const std::exception& error) {
-    throw std::runtime_error(std::string(error.what()) + "; the session is damaged: " + kAgain);
-  }
-}
-
-/// Beside state.cbor and the lock, what cairn writes into a session's folder: in this format and in the one before.
-bool is_ours(const std::string& name) {
-  return run_number(name) || name == kKeyframes ||
-         ((name.starts_with("submap-") || name.starts_with("active-")) && name.ends_with(".vdb"));
+/// A session as it was made, to look at it: nobody may remove its files meanwhile.
+std::shared_ptr<MapState> open_session(const fs::path& folder, int device) {
+  const auto read = std::make_shared<ReadSession>(read_session(folder));
+  return restore(*read, options_of(read->session), device,
+                 {.folder = read->files, .access = Access::read, .hold = read});
 }
 
 }  // namespace
 
-Options options_of(const Session& session) {
-  Options options;
-  options.fuse.voxel_size = session.fuse.voxel_size, options.fuse.truncation = session.fuse.truncation;
-  options.surface.min_depth = session.min_depth, options.surface.max_depth = session.max_depth;
-  return options;
-}
-
-ReadSession read_session(const fs::path& session) {
-  while (true) {
-    const CheckedBytes state = read_state(session);
-    try {
-      return read_files(session, state);
-    } catch (const std::exception&) {
-      // Perhaps somebody has written a newer state meanwhile, and removed what this one names.
-      if (read_state(session).checksum == state.checksum) throw;
-    }
+class Session::State {
+ public:
+  State(fs::path folder, std::shared_ptr<SessionWriter> writer, std::optional<ReadSession> read)
+      : folder_(std::move(folder)), writer_(std::move(writer)), read_(std::move(read)) {}
+  ~State() {
+    if (writing_.valid()) writing_.wait();
   }
-}
 
-SessionWriter::SessionWriter(fs::path session) : session_(std::move(session)), lock_(session_) {
-  unsigned long last = 0;
-  for (const auto& entry : fs::directory_iterator(session_))
-    last = std::max(last, run_number(entry.path().filename().string()).value_or(0));
-  remove_leftovers(session_);
-  files_ = session_ / fmt::format("run-{:04}", last + 1);
-  std::error_code error, ignored;
-  if (fs::create_directories(files_ / kKeyframes, error)) return;
-  fs::remove_all(files_, ignored);
-  throw std::runtime_error("cannot make the folder " + files_.string() + ": " + error.message() +
-                           "; choose another with -o");
-}
-
-SessionWriter::SessionWriter(fs::path session, const ReadSession& read)
-    : session_(std::move(session)), lock_(session_), files_(read.files), is_named_(true) {
-  if (read_state(session_).checksum != read.checksum)
-    throw std::runtime_error(session_.string() + ": another run wrote into it just now; try again");
-  remove_others(read.session.number, read.frame_files);
-  for (const fs::path& folder : {session_, files_, files_ / kKeyframes}) remove_leftovers(folder);
-}
-
-SessionWriter::~SessionWriter() {
-  std::error_code ignored;
-  if (!is_named_) fs::remove_all(files_, ignored);
-}
-
-void SessionWriter::copy_files(const ReadSession& from) const {
-  const auto copy = [&](const fs::path& name) {
-    std::ifstream in(from.files / name, std::ios::binary);
-    const std::string bytes{std::istreambuf_iterator<char>(in), {}};
-    if (!in) throw std::runtime_error((from.files / name).string() + ": cannot be read; the session is damaged");
-    write_whole(files_ / name, bytes, Durable::some_time);
-  };
-  for (const auto& entry : fs::directory_iterator(from.files))
-    if (const fs::path name = entry.path().filename(); name.string().starts_with("submap-")) copy(name);
-  for (const auto& entry : fs::directory_iterator(from.files / kKeyframes))
-    if (const fs::path name = entry.path().filename(); name.string()[0] != '.') copy(kKeyframes / name);
-}
-
-SessionWriter::FrameFiles SessionWriter::write_frames(const FusedFrames& frames, std::uint64_t number) const {
-  FrameFiles files;
-  for (std::size_t i = 0; i < frames.full().size(); ++i) {
-    const auto& chunk = files.chunks.emplace_back(frames.full()[i]);
-    if (i < written_.chunks.size() && written_.chunks[i] == chunk) {
-      files.names.push_back(written_.names[i]);
-      continue;
-    }
-    files.names.push_back(fmt::format("frames-{:06}-{:06}.cbor", number, i));
-    write_whole(files_ / files.names.back(), checked_file(json_of(*chunk), kFramesKind).bytes, Durable::some_time);
+  Mapper mapper(const Camera& camera, const Options& options, int device) {
+    check(camera);
+    check(options);
+    if (options.esdf.live) (void)esdf_scale(options.fuse, options.esdf);
+    MapFiles files{.folder = writer_->files(), .access = Access::write, .hold = writer_};
+    if (!read_) return Mapper(std::make_shared<MapState>(camera, options, Poses::tracked, device, std::move(files)));
+    const SessionState& session = read_->session;
+    if (session.camera != camera)
+      throw std::runtime_error(folder_.string() + ": was made with another camera; choose another folder");
+    if (session.fuse.voxel_size != options.fuse.voxel_size || session.fuse.truncation != options.fuse.truncation)
+      throw std::runtime_error(fmt::format("{}: has voxels of {} m, not of {} m (FuseOptions::voxel_size)",
+                                           folder_.string(), session.fuse.voxel_size, options.fuse.voxel_size));
+    checkpoints_ = session.number;
+    Mapper mapper(restore(*read_, options, device, std::move(files)));
+    read_.reset();
+    return mapper;
   }
-  return files;
-}
 
-void SessionWriter::write(const Session& s, const BrickTree& active) {
-  write_bricks(active_file(files_, s.number), active);
-  FrameFiles frames = write_frames(s.back_end.atlas.frames, s.number);
-  sync_disk(files_);
-  const CheckedBytes state = checked_file(json_of(s, files_.filename().string(), frames.names), kStateKind);
-  try {
-    write_whole(session_ / kState, state.bytes);
-  } catch (const std::exception&) {
-    // It may be there all the same, but perhaps not after a power cut.
-    is_named_ = is_named_ || names(session_, state.checksum);
-    throw;
+  Mapper mapper(int device) {
+    if (!read_) throw std::runtime_error(folder_.string() + ": is new: a mapper for it needs a camera");
+    return mapper(Camera(read_->session.camera), options_of(read_->session), device);
   }
-  // From here on the new state counts, also after a power cut.
-  is_named_ = true;
-  written_ = std::move(frames);
-  remove_others(s.number, written_.names);
-}
 
-void SessionWriter::remove_others(std::uint64_t number, const std::vector<std::string>& frame_files) const {
-  std::vector<fs::path> stale;
-  std::error_code ignored;
-  for (const auto& entry : fs::directory_iterator(session_, ignored))
-    if (is_ours(entry.path().filename().string()) && entry.path() != files_) stale.push_back(entry.path());
-  for (const auto& entry : fs::directory_iterator(files_, ignored)) {
-    const std::string name = entry.path().filename().string();
-    const bool is_old =
-        name.starts_with("active-")
-            ? entry.path() != active_file(files_, number)
-            : is_frames(name) && std::find(frame_files.begin(), frame_files.end(), name) == frame_files.end();
-    if (is_old) stale.push_back(entry.path());
+  void checkpoint(MapState& s, const std::string& note) {
+    (void)problem();
+    SessionState session = snapshot(s, ++checkpoints_, note);
+    problem_ = s.back_end.store();
+    if (problem_) return;  // the checkpoint before still holds
+    writing_ = std::async(
+        std::launch::async,
+        [writer = writer_, session = std::make_unique<const SessionState>(std::move(session)),
+         active =
+             std::make_unique<const BrickTree>(s.volume.on_host().copy())]() mutable -> std::optional<std::string> {
+          std::optional<std::string> problem;
+          try {
+            writer->write(*session, *active);
+          } catch (const std::exception& error) {
+            problem = error.what();
+          }
+          session.reset(), active.reset();  // the future that holds this function lives until the next checkpoint
+          malloc_trim(0);                   // a run of hours would creep by what is left of such copies
+          return problem;
+        });
   }
-  for (const fs::path& path : stale)
-    if (!fs::is_directory(path, ignored))
-      fs::remove(path, ignored);
-    else if (FileLock::take(path, FileLock::Kind::exclusive))  // what somebody reads goes with the next checkpoint
-      fs::remove_all(path, ignored);
+
+  std::optional<std::string> problem() {
+    if (writing_.valid())
+      if (auto problem = writing_.get()) problem_ = std::move(problem);
+    return problem_;
+  }
+
+ private:
+  fs::path folder_;
+  std::shared_ptr<SessionWriter> writer_;
+  std::optional<ReadSession> read_;  // until it has become a mapper
+  std::uint64_t checkpoints_ = 0;
+  std::future<std::optional<std::string>> writing_;  // of a checkpoint; what went wrong
+  std::optional<std::string> problem_;               // why session files could not be written
+};
+
+Session::Session(std::unique_ptr<State> state) : state_(std::move(state)) {}
+Session::~Session() = default;
+Session::Session(Session&&) noexcept = default;
+Session& Session::operator=(Session&&) noexcept = default;
+
+Session Session::create(const fs::path& folder) {
+  return Session(std::make_unique<State>(folder, std::make_shared<SessionWriter>(folder), std::nullopt));
 }
 
-void remove_session(const fs::path& session, const SessionLock&) {
-  fs::remove(session / kState);
-  std::vector<fs::path> stale;
-  for (const auto& entry : fs::directory_iterator(session))
-    if (is_ours(entry.path().filename().string())) stale.push_back(entry.path());
-  for (const fs::path& path : stale) fs::remove_all(path);
+Session Session::resume(const fs::path& folder) {
+  ReadSession read = read_session(folder);
+  auto writer = std::make_shared<SessionWriter>(folder, read);
+  return Session(std::make_unique<State>(folder, std::move(writer), std::move(read)));
+}
+
+Session Session::copy(const fs::path& from, const fs::path& to) {
+  ReadSession read = read_session(from);
+  auto writer = std::make_shared<SessionWriter>(to);
+  writer->copy_files(read);
+  return Session(std::make_unique<State>(to, std::move(writer), std::move(read)));
+}
+
+Mapper Session::mapper(const Camera& camera, const Options& options, int device) {
+  return state_->mapper(camera, options, device);
+}
+
+Mapper Session::mapper(int device) { return state_->mapper(device); }
+
+void Session::checkpoint(const Mapper& mapper, const std::string& note) { state_->checkpoint(*mapper.state(), note); }
+
+std::optional<std::string> Session::problem() { return state_->problem(); }
+
+Session::Info Session::info(const fs::path& folder) {
+  const SessionState session = read_session(folder).session;
+  return {session.camera,    session.fuse.voxel_size, session.fuse.truncation,
+          session.min_depth, session.max_depth,       session.note};
+}
+
+Session::Merged Session::merge(Mapper& mapper, const fs::path& other_session, int device) {
+  MapState& s = *mapper.state();
+  const auto other = open_session(other_session, device);
+  MapState& o = *other;
+  if (s.files.folder.empty())
+    throw std::runtime_error(other_session.string() + ": cannot be merged into a map without a session of its own");
+  if (fs::equivalent(s.files.folder, o.files.folder))
+    throw std::runtime_error(other_session.string() + ": a map cannot be merged with itself");
+  if (s.camera != o.camera)
+    throw std::runtime_error(other_session.string() + ": cannot be merged: it was made with another camera");
+  if (s.options.fuse.voxel_size != o.options.fuse.voxel_size || s.options.fuse.truncation != o.options.fuse.truncation)
+    throw std::runtime_error(other_session.string() +
+                             ": cannot be merged: it has voxels of another size or another truncation");
+  s.end_everything();
+  o.end_everything();
+  Merged merged{.compared = static_cast<int>(o.back_end.atlas().keyframes.size())};
+  std::tie(merged.loops, merged.joined) = s.back_end.append(o.back_end);
+  s.acceleration += o.acceleration;
+  s.fused_count += o.fused_count;
+  return merged;
+}
+
+struct ReplacedSession::State {
+  fs::path folder;
+  SessionLock lock{folder};
+};
+
+ReplacedSession::ReplacedSession(const fs::path& folder) : state_(std::make_unique<State>(folder)) {}
+ReplacedSession::~ReplacedSession() = default;
+
+void ReplacedSession::remove() { remove_session(state_->folder, state_->lock); }
+
+Map Map::open(const fs::path& folder, int device) {
+  if (fs::exists(folder / "session" / "state.cbor")) return map_of(open_session(folder / "session", device));
+  if (fs::exists(folder / "state.cbor")) return map_of(open_session(folder, device));
+  return map_of_grids(fs::is_directory(folder) ? folder / "map.vdb" : folder, device);
 }
 
 }  // namespace cairn

@@ -48,7 +48,8 @@ void fields(auto& io, Of<FusedFrame> auto& f) { io(f.timestamp, f.keyframe, f.tw
 void fields(auto& io, Of<Tracker::Moment> auto& m) { io(m.timestamp, m.submap_from_camera); }
 
 void fields(auto& io, Of<Tracker::Memory> auto& m) {
-  io(m.last, m.usual_brightness, m.lost, m.clock_offset_costs, m.clock_offset_frames, m.focal_costs, m.focal_pairs);
+  io(m.last, m.usual_brightness, m.lost_frames, m.lost_views, m.clock_offset_costs, m.clock_offset_frames,
+     m.focal_costs, m.focal_pairs);
 }
 
 void fields(auto& io, Of<PhotometricKeyframe::Saved> auto& k) {
@@ -61,7 +62,7 @@ void fields(auto& io, Of<Volume::Residency> auto& r) {
 }
 
 /// The entries of state.cbor by their names. `newest`: frames that are in no file of their own.
-void entries(auto& io, Of<Session> auto& s, Of<FusedFrames::Chunk> auto& newest, Of<std::string> auto& run,
+void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& newest, Of<std::string> auto& run,
              Of<std::vector<std::string>> auto& frame_files) {
   io("camera", s.camera);
   io("options", s.fuse.voxel_size, s.fuse.truncation, s.min_depth, s.max_depth);
@@ -76,9 +77,9 @@ void entries(auto& io, Of<Session> auto& s, Of<FusedFrames::Chunk> auto& newest,
   io("places", m.places);
   io("back_end", m.searched, m.submap_begin, m.submap_since, m.in_world, m.breaks, m.unsettled, m.optimising);
   io("tracker", s.tracker);
-  io("photometric_keyframe", s.keyframe);
+  io("photometric_keyframe", s.reference);
   io("residency", s.residency);
-  io("mapper", s.fused_count, s.last_image, s.repeats, s.lost, s.last_fused, s.acceleration);
+  io("mapper", s.fused_count, s.last_image, s.repeats, s.last_fused, s.acceleration);
   io("number", s.number);
   io("run", run);
   io("note", s.note);
@@ -229,15 +230,15 @@ class ReadEntries {
 
 }  // namespace
 
-Json json_of(const Session& session, const std::string& run, const std::vector<std::string>& frame_files) {
+Json json_of(const SessionState& session, const std::string& run, const std::vector<std::string>& frame_files) {
   Json json = Json::object();
   WriteEntries io(json);
   entries(io, session, session.back_end.atlas.frames.rest(), run, frame_files);
   return json;
 }
 
-State state_of(const Json& json) {
-  State state;
+StateFile state_of(const Json& json) {
+  StateFile state;
   FusedFrames::Chunk newest;
   ReadEntries io(json);
   entries(io, state.session, newest, state.session.run, state.frame_files);

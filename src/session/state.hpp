@@ -6,21 +6,21 @@
 #include <string>
 #include <vector>
 
-#include "session/session.hpp"
+#include "session/session_files.hpp"
 
 namespace cairn {
 
 /// What state.cbor holds: a session with its newest frames, and the names of the files with the others.
-struct State {
-  Session session;
+struct StateFile {
+  SessionState session;
   std::vector<std::string> frame_files;
 };
 
 /// `run`: the name of the folder in which the frames' files are.
-[[nodiscard]] nlohmann::json json_of(const Session& session, const std::string& run,
+[[nodiscard]] nlohmann::json json_of(const SessionState& session, const std::string& run,
                                      const std::vector<std::string>& frame_files);
 /// Throws for what json_of() has not made. What it says is not validated.
-[[nodiscard]] State state_of(const nlohmann::json& json);
+[[nodiscard]] StateFile state_of(const nlohmann::json& json);
 
 [[nodiscard]] nlohmann::json json_of(const FusedFrames::Chunk& frames);
 /// As state_of().

@@ -81,7 +81,8 @@ void validate(const Tracker::Memory& t, std::size_t frames) {
   require_numbers({t.usual_brightness});
   for (const double cost : t.clock_offset_costs) require_numbers({cost});
   for (const double cost : t.focal_costs) require_numbers({cost});
-  require(t.lost >= 0 && t.clock_offset_frames >= 0 && t.focal_pairs >= 0, "a count is below zero");
+  require(t.lost_frames >= 0 && t.lost_views >= 0 && t.clock_offset_frames >= 0 && t.focal_pairs >= 0,
+          "a count is below zero");
 }
 
 void validate(const PhotometricKeyframe::Saved& keyframe) {
@@ -100,15 +101,15 @@ void validate(const Volume::Residency& r) {
 
 }  // namespace
 
-void validate(const Session& s, std::size_t frames) {
+void validate(const SessionState& s, std::size_t frames) {
   check(s.camera);
   check(options_of(s));
   require(run_number(s.run).has_value(), "it names no run");
   validate(s.back_end, frames);
   validate(s.tracker, frames);
-  validate(s.keyframe);
+  validate(s.reference);
   validate(s.residency);
-  require(s.repeats >= 0 && s.lost >= 0, "a count is below zero");
+  require(s.repeats >= 0, "a count is below zero");
   require_numbers({s.last_fused.value_or(0)});
   require_numbers(s.acceleration);
 }

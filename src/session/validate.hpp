@@ -6,13 +6,13 @@
 #include <optional>
 #include <string>
 
-#include "session/session.hpp"
+#include "session/session_files.hpp"
 
 namespace cairn {
 
 /// Throws std::runtime_error with what is wrong. The session has its newest frames; `frames`: how many there are with
 /// those of full chunks.
-void validate(const Session& session, std::size_t frames);
+void validate(const SessionState& session, std::size_t frames);
 /// The same for frames of a session with so many keyframes.
 void validate(const FusedFrames::Chunk& frames, std::size_t keyframes);
 

@@ -51,10 +51,10 @@ void SceneRenderer::upload(double seconds) {
   batch.run();
 }
 
-SceneRenderer::Images SceneRenderer::render(const Eigen::Isometry3d& world_from_camera, double seconds) {
+SceneImages SceneRenderer::render(const Eigen::Isometry3d& world_from_camera, double seconds) {
   if (scene_.moves()) upload(seconds);
   const auto pixels = static_cast<std::size_t>(camera_.width * camera_.height);
-  Images images{std::vector<float>(pixels), std::vector<float>(pixels), std::vector<std::uint32_t>(pixels)};
+  SceneImages images{std::vector<float>(pixels), std::vector<float>(pixels), std::vector<std::uint32_t>(pixels)};
   const shader::Pinhole camera = shader::pinhole(camera_);
   gpu::Batch batch(device_);
   render_(batch, {camera.width, camera.height, 1},
@@ -67,7 +67,7 @@ SceneRenderer::Images SceneRenderer::render(const Eigen::Isometry3d& world_from_
   return images;
 }
 
-void add_kinect_noise(SceneRenderer::Images& images, const Camera& camera, std::uint64_t seed, int frame) {
+void add_kinect_noise(SceneImages& images, const Camera& camera, std::uint64_t seed, int frame) {
   constexpr float kBaseline = 0.075f;         // metres
   constexpr float kLateral = 0.5f;            // pixels, standard deviation
   constexpr float kDisparityNoise = 0.08f;    // pixels, standard deviation
@@ -107,6 +107,20 @@ void add_kinect_noise(SceneRenderer::Images& images, const Camera& camera, std::
              << shift;
     pixel = out;
   }
+}
+
+struct SceneCamera::State {
+  State(const Scene& scene, const Camera& camera, int index) : device(index), renderer(device, scene, camera) {}
+  gpu::Device device;
+  SceneRenderer renderer;
+};
+
+SceneCamera::SceneCamera(const Scene& scene, const Camera& camera, int device)
+    : state_(std::make_unique<State>(scene, camera, device)) {}
+SceneCamera::~SceneCamera() = default;
+
+SceneImages SceneCamera::look(const Eigen::Isometry3d& world_from_camera, double seconds) {
+  return state_->renderer.render(world_from_camera, seconds);
 }
 
 }  // namespace cairn

@@ -160,13 +160,13 @@ void fit_exposure(const Photometry& p, double& gain, double& bias) {
   bias = mean_key - gain * mean_live;
 }
 
-/// Why an alignment is not to be trusted; empty: it is.
-std::string distrust(const Alignment& alignment, double live, const Camera& finest, const TrackOptions& options) {
-  if (live < 0.02 * finest.width * finest.height) return "too little depth";
-  if (alignment.overlap < 0.05) return "the map is out of view";
-  if (alignment.inlier_share < options.min_inlier_share) return "too few points fit the map";
-  if (alignment.rmse > options.max_rmse) return "points fit the map badly";
-  return {};
+/// Why an alignment is not to be trusted, if it is not.
+FrameCause distrust(const Alignment& alignment, double live, const Camera& finest, const TrackOptions& options) {
+  if (live < 0.02 * finest.width * finest.height) return FrameCause::little_depth;
+  if (alignment.overlap < 0.05) return FrameCause::out_of_view;
+  if (alignment.inlier_share < options.min_inlier_share) return FrameCause::too_few_inliers;
+  if (alignment.rmse > options.max_rmse) return FrameCause::large_residuals;
+  return FrameCause::none;
 }
 
 }  // namespace

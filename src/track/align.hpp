@@ -4,11 +4,11 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "cairn/options.hpp"
 #include "cairn/pose.hpp"
+#include "cairn/reports.hpp"
 #include "gpu/kernel.hpp"
 #include "shaders/track.h"
 #include "surface/prediction.hpp"
@@ -29,8 +29,8 @@ struct Alignment {
   int iterations = 0;                       // over all levels
   /// How badly brightness fits if the colour camera's clock were ahead by kClockOffsets; empty when the camera is slow.
   std::vector<double> clock_offset_costs;
-  std::string lost;  // why the pose is not to be trusted; empty: converged
-  [[nodiscard]] bool converged() const { return lost.empty(); }
+  FrameCause lost = FrameCause::none;  // why the pose is not to be trusted
+  [[nodiscard]] bool converged() const { return lost == FrameCause::none; }
 };
 
 /// `close`: only at the finest level, and what lies far beside the map counts nothing: for a guess that is right where

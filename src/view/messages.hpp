@@ -7,7 +7,8 @@
 #include <string>
 
 #include "cairn/frame.hpp"
-#include "cairn/mapper.hpp"
+#include "cairn/live_surface.hpp"
+#include "cairn/trajectory.hpp"
 
 namespace cairn {
 

@@ -9,9 +9,10 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "base/atomic_file.hpp"
 #include "base/json_text.hpp"
+#include "cairn/atomic_file.hpp"
 #include "cairn/trajectory.hpp"
+#include "cairn/viewer.hpp"
 
 // The page as the build has made it, byte for byte (viewer.html).
 __asm__(

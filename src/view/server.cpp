@@ -170,7 +170,7 @@ struct Server::State {
       acceptor = tcp::acceptor(context, {asio::ip::address_v4::loopback(), static_cast<std::uint16_t>(port)});
     } catch (const boost::system::system_error& error) {
       throw std::runtime_error(
-          fmt::format("port {} cannot be used: {}; choose another with --port", port, error.code().message()));
+          fmt::format("port {} cannot be used: {}; choose another one, or 0 for any free one", port, error.code().message()));
     }
     const auto real_port = acceptor.local_endpoint().port();
     address = {random_token(), fmt::format("127.0.0.1:{}", real_port), fmt::format("localhost:{}", real_port)};

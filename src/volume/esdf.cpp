@@ -39,7 +39,7 @@ int esdf_scale(const FuseOptions& fuse, const EsdfOptions& options) {
   const float wanted = voxel_size_for(fuse, options) / fuse.voxel_size;
   for (const int scale : {1, 2, 4, 8})
     if (std::abs(wanted - static_cast<float>(scale)) < 1e-3f * static_cast<float>(scale)) return scale;
-  throw std::runtime_error("--esdf-voxel-size is " + std::to_string(voxel_size_for(fuse, options)) +
+  throw std::runtime_error("EsdfOptions::voxel_size is " + std::to_string(voxel_size_for(fuse, options)) +
                            " m: take 1, 2, 4 or 8 times the map's " + std::to_string(fuse.voxel_size) + " m");
 }
 
@@ -173,7 +173,7 @@ void Esdf::allocate(const std::vector<Block>& blocks) {
       box_.min().cwiseAbs().cwiseMax(box_.max().cwiseAbs()).maxCoeff() >= static_cast<int>(shader::kEsdfReach))
     throw std::runtime_error("the distance field would be wider than " +
                              std::to_string((1 << kMaxTableBits) * static_cast<int>(shader::kEsdfSide)) +
-                             " voxels: raise --esdf-voxel-size");
+                             " voxels: raise EsdfOptions::voxel_size");
   const std::size_t first = block_of_.size();
   for (const Block& block : blocks) {
     slot_of_.emplace(block, static_cast<std::uint32_t>(block_of_.size()));
@@ -308,23 +308,6 @@ bool Esdf::run_waves(gpu::Batch& batch, Updated& updated) {
     std::fill(counts.begin() + 1, counts.end(), kNothing);
     batch.upload(counts_, counts);
   }
-}
-
-std::shared_ptr<const DistanceField> map_distances(const std::filesystem::path& map, const EsdfOptions& options,
-                                                   int device) {
-  const ReadGrids read = read_grids(map);
-  Options checked;
-  checked.fuse.voxel_size = read.info.voxel_size;
-  checked.fuse.truncation = read.info.truncation;
-  checked.esdf = options;
-  check(checked);
-  gpu::Device on(device);
-  auto field = distances_of(on, read.tree, checked.fuse, options);
-  const bool has_surface = std::any_of(field->blocks().begin(), field->blocks().end(), [&](const auto& block) {
-    return std::any_of(block.second->begin(), block.second->end(), [&](float d) { return d < field->max_distance(); });
-  });
-  if (!has_surface) throw std::runtime_error(map.string() + ": holds no surface to be distant from");
-  return field;
 }
 
 std::shared_ptr<const DistanceField> distances_of(gpu::Device& device, const BrickTree& map, const FuseOptions& fuse,

@@ -16,8 +16,8 @@
 #include <optional>
 #include <stdexcept>
 
-#include "base/atomic_file.hpp"
 #include "base/words.hpp"
+#include "cairn/atomic_file.hpp"
 #include "shaders/voxel.h"
 
 namespace cairn {

@@ -106,7 +106,7 @@ TEST_F(Export, TexturesShowTheSceneFromPosesThatWereNoKeyframes) {
   const Trajectory truth = read_trajectory(path("room/groundtruth.txt"));
   const Eigen::Isometry3d move = estimate_from_truth(read_trajectory(path("map/trajectory.txt")), truth);
   const auto psnr = [&](const char* name) {
-    const auto recording = with_poses(open_recording(path("room")), truth);
+    const auto recording = with_poses(open_source(path("room")), truth);
     return evaluate_views(read_mesh_parts(to(name)), *recording, move, 7);
   };
   const ViewError textured = psnr("textured.glb"), coloured = psnr("coloured.glb");

@@ -21,8 +21,8 @@
 
 #include "cairn/mapper.hpp"
 #include "cairn/mesh.hpp"
-#include "graph/pose_graph.hpp"
-#include "session/session.hpp"
+#include "cairn/pose_graph.hpp"
+#include "session/session_files.hpp"
 #include "support/files.hpp"
 #include "support/recordings.hpp"
 #include "volume/grids.hpp"

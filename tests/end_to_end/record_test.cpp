@@ -20,7 +20,7 @@ std::string sensor(const std::string& behaviour = "") {
 
 int frames_in(Source& source) {
   int frames = 0;
-  while (const auto frame = source.next()) frames += frame->problem.empty() && !frame->colour.empty();
+  while (const auto frame = source.next()) frames += !frame->problem && !frame->colour.empty();
   return frames;
 }
 
@@ -47,7 +47,7 @@ TEST_F(Record, KeepsEveryFrameOfASensor) {
   const auto told = nlohmann::json::parse(ran.out);
   EXPECT_NEAR(told["frames"].get<int>(), 60, 1);
   EXPECT_EQ(told["dropped"], 0);
-  const auto source = open_recording(folder / "a");
+  const auto source = open_source(folder / "a");
   EXPECT_NEAR(source->camera().fx, 525, 0.01);
   EXPECT_EQ(frames_in(*source), told["frames"]);
 }
@@ -63,7 +63,7 @@ TEST_F(Record, WritesAndReadsOniWithIdenticalDepth) {
   const Ran ran = run_cairn({"record", "openni:", "-o", out("a.oni"), "--seconds", "1"},
                             sensor("frames=" + folder.path().string()));
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
-  const auto source = open_openni(out("a.oni"));
+  const auto source = open_source(out("a.oni"));
   const auto is = [&](const Frame& frame, std::size_t image) {
     for (std::size_t p = 0; p < frame.depth.size(); ++p)
       if (std::lround(frame.depth[p] * 1000) != images[image % images.size()][p]) return false;
@@ -83,10 +83,10 @@ TEST_F(Record, WritesAndReadsOniWithIdenticalDepth) {
 
 TEST_F(Record, LeavesWhatCameBeforeItWasKilled) {
   record_and_kill(out("a"));
-  const auto source = open_recording(folder / "a");
+  const auto source = open_source(folder / "a");
   EXPECT_GT(frames_in(*source), 15);
   record_and_kill(out("a.oni"));
-  EXPECT_GT(frames_in(*open_openni(out("a.oni"))), 15);
+  EXPECT_GT(frames_in(*open_source(out("a.oni"))), 15);
 }
 
 TEST_F(Record, FinishesAtCtrlC) {
@@ -94,13 +94,13 @@ TEST_F(Record, FinishesAtCtrlC) {
                             sensor() + " timeout --foreground --preserve-status -s INT 2");
   EXPECT_EQ(ran.exit_code, 0) << ran.err;
   EXPECT_NE(ran.out.find("\"dropped\": 0"), std::string::npos) << ran.err;
-  EXPECT_GT(frames_in(*open_recording(folder / "a")), 15);
+  EXPECT_GT(frames_in(*open_source(folder / "a")), 15);
 }
 
 TEST_F(Record, KeepsWhatCameBeforeTheSensorWasUnplugged) {
   expect_last_line(run_cairn({"record", "openni:", "-o", out("a")}, sensor("unplug=20")), 1,
                    "unplugged; what came before is in");
-  EXPECT_NEAR(frames_in(*open_recording(folder / "a")), 20, 2);
+  EXPECT_NEAR(frames_in(*open_source(folder / "a")), 20, 2);
 }
 
 TEST_F(Record, TellsThatTheDiskIsFullAndKeepsTheRest) {
@@ -112,7 +112,7 @@ TEST_F(Record, TellsThatTheDiskIsFullAndKeepsTheRest) {
   const Ran ran = run_cairn({"record", "openni:", "-o", out("a")},
                             "trap '' XFSZ; ulimit -f 100; " + sensor("frames=" + folder.path().string()));
   expect_last_line(ran, 1, "File too large");
-  EXPECT_EQ(frames_in(*open_recording(folder / "a")), 10);
+  EXPECT_EQ(frames_in(*open_source(folder / "a")), 10);
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder / "a"))
     EXPECT_NE(entry.path().filename().string()[0], '.') << entry.path();
 }

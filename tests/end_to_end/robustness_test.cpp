@@ -222,7 +222,7 @@ TEST(Robustness, LostForLongItBeginsAnotherPieceAndJoinsItByALoop) {
   EXPECT_NEAR(lost, options.map.lost_frames - 1, 2);
   EXPECT_EQ(pieces_at_most, 2);
   EXPECT_FALSE(mapper.loops().empty());
-  const Mesh mesh = mapper.mesh();
+  const Mesh mesh = mapper.map().mesh();
   EXPECT_EQ(mapper.statistics().components, 1);
   const Trajectory found = mapper.trajectory();
   EXPECT_EQ(found.size(), way.size() - static_cast<std::size_t>(lost));

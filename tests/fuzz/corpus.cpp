@@ -6,11 +6,11 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "cairn/esdf.hpp"
-#include "graph/pose_graph.hpp"
+#include "cairn/pose_graph.hpp"
 #include "io/camera_file.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/gltf.hpp"
-#include "session/session.hpp"
+#include "session/session_files.hpp"
 
 using namespace cairn;
 
@@ -127,7 +127,7 @@ void write_meshes(const fs::path& folder) {
 }
 
 void write_sessions(const fs::path& folder, const fs::path& work) {
-  Session session;
+  SessionState session;
   session.camera = {.width = 16, .height = 16, .fx = 16, .fy = 16, .cx = 8, .cy = 8};
   session.number = 1;
   session.note = "a note";
@@ -144,7 +144,7 @@ void write_sessions(const fs::path& folder, const fs::path& work) {
   atlas.loops.push_back({.edge = {.i = 0, .j = 2}, .corners = 20});
   atlas.recordings = {2};
   session.back_end.submaps = {true};
-  session.keyframe.levels = {{1, 2, 3, 4}, {5}};
+  session.reference.levels = {{1, 2, 3, 4}, {5}};
   session.residency.on_device = {Brick(1, 2, 3)};
   session.residency.device_last_seen = {1};
   BrickTree tree;

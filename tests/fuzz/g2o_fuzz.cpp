@@ -4,8 +4,8 @@
 
 #include <Eigen/Cholesky>
 
+#include "cairn/pose_graph.hpp"
 #include "fuzz.hpp"
-#include "graph/pose_graph.hpp"
 
 using namespace cairn;
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/esdf.hpp"
 #include "fuzz.hpp"
-#include "io/query_points.hpp"
 
 using namespace cairn;
 

@@ -7,6 +7,7 @@
 
 #include "cairn/source.hpp"
 #include "fuzz.hpp"
+#include "io/recording.hpp"
 
 using namespace cairn;
 

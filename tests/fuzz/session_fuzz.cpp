@@ -6,7 +6,7 @@
 #include <boost/crc.hpp>
 
 #include "fuzz.hpp"
-#include "session/session.hpp"
+#include "session/session_files.hpp"
 
 using namespace cairn;
 
@@ -24,14 +24,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   crc.process_bytes(state.data(), state.size());
   fuzz::file_of("state.cbor", fmt::format("{} {:08x}\n{}", header.substr(0, header.rfind(' ')), crc.checksum(), state));
   fuzz::expect_value_or_plain_error([&] {
-    const Session session = read_session(fuzz::folder()).session;
+    const SessionState session = read_session(fuzz::folder()).session;
     const Atlas& atlas = session.back_end.atlas;
     if (atlas.world_from_camera.size() != atlas.keyframes.size()) std::abort();
     for (const Loop& loop : atlas.loops)
       if (loop.edge.i >= atlas.keyframes.size() || loop.edge.j >= atlas.keyframes.size()) std::abort();
     for (std::size_t i = 0; i < atlas.frames.size(); ++i)
       if (atlas.frames[i].keyframe >= atlas.keyframes.size()) std::abort();
-    for (const auto& level : session.keyframe.levels) fuzz::touch(level);
+    for (const auto& level : session.reference.levels) fuzz::touch(level);
   });
   return 0;
 }

@@ -7,6 +7,7 @@
 #include <cstdlib>
 
 #include "cairn/mapper.hpp"
+#include "cairn/session.hpp"
 #include "gpu/batch.hpp"
 #include "support/files.hpp"
 #include "support/scenes.hpp"
@@ -86,8 +87,7 @@ TEST(FaultyDevice, AnyAllocationMayFailAndWhatWasFusedStays) {
   for (long n = 1; any; n += step) {
     any = false;
     const TemporaryFolder folder;
-    Options options{.fuse = {.voxel_size = 0.02f, .truncation = 0.08f, .device_memory = 64 << 20},
-                    .session = folder / "session"};
+    const Options options{.fuse = {.voxel_size = 0.02f, .truncation = 0.08f, .device_memory = 64 << 20}};
     const auto expect_told = [&](const std::runtime_error& error) {
       any = true;
       ++failed;
@@ -99,23 +99,24 @@ TEST(FaultyDevice, AnyAllocationMayFailAndWhatWasFusedStays) {
     {
       const Faults faults("allocation=" + std::to_string(n));
       try {
-        Mapper mapper(camera, options);
+        Session session = Session::create(folder / "session");
+        Mapper mapper = session.mapper(camera, options);
         std::size_t fused = 0;
         try {
           for (const Frame& frame : frames) {
             fused += mapper.add(frame).state == FrameState::fused;
             if (fused == 3) {
-              mapper.checkpoint();
-              saved = mapper.session_problem().empty();
+              session.checkpoint(mapper);
+              saved = !session.problem();
             }
           }
-          EXPECT_FALSE(mapper.mesh().triangles.empty());
+          EXPECT_FALSE(mapper.map().mesh().triangles.empty());
         } catch (const std::runtime_error& error) {
           expect_told(error);
           // The frame that failed may have got its place, and be part of the surface.
           EXPECT_GE(mapper.trajectory().size(), fused);
           if (fused > 0) {
-            EXPECT_FALSE(mapper.mesh().triangles.empty()) << n;
+            EXPECT_FALSE(mapper.map().mesh().triangles.empty()) << n;
           }
         }
       } catch (const std::runtime_error& error) {
@@ -124,7 +125,7 @@ TEST(FaultyDevice, AnyAllocationMayFailAndWhatWasFusedStays) {
     }
     if (!saved) continue;
     ++after_checkpoint;
-    EXPECT_EQ(Mapper::resume(camera, options).trajectory().size(), 3u) << n;
+    EXPECT_EQ(Session::resume(folder / "session").mapper(camera, options).trajectory().size(), 3u) << n;
   }
   EXPECT_GT(failed, 10);
   EXPECT_GT(after_checkpoint, 0);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "graph/pose_graph.hpp"
+#include "cairn/pose_graph.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+#include "io/recording.hpp"
+
 #include <gtest/gtest.h>
 
 #include <opencv2/imgcodecs.hpp>
@@ -62,7 +64,7 @@ TEST(TumRecording, PairsNearestTimestampsOneToOne) {
   EXPECT_FALSE(frames[0].colour.empty());  // 12 ms away
   EXPECT_FALSE(frames[1].colour.empty());
   EXPECT_TRUE(frames[2].colour.empty());  // 50 ms away
-  EXPECT_TRUE(frames[2].problem.empty());
+  EXPECT_FALSE(frames[2].problem);
 }
 
 TEST(TumRecording, ReadsOnlyTheFramesAskedFor) {
@@ -96,10 +98,10 @@ TEST(TumRecording, TellsWhatIsWrongWithAFrameAndGoesOn) {
     c.spoil(tum.folder / "depth/2.png");
     const auto frames = tum.read();
     ASSERT_EQ(frames.size(), 4u);
-    EXPECT_NE(frames[2].problem.find(c.message), std::string::npos) << frames[2].problem;
-    EXPECT_NE(frames[2].problem.find("2.png"), std::string::npos);
+    EXPECT_NE(frames[2].problem->find(c.message), std::string::npos) << *frames[2].problem;
+    EXPECT_NE(frames[2].problem->find("2.png"), std::string::npos);
     EXPECT_TRUE(frames[2].depth.empty());
-    EXPECT_TRUE(frames[3].problem.empty());
+    EXPECT_FALSE(frames[3].problem);
   }
 }
 
@@ -107,15 +109,15 @@ TEST(TumRecording, SkipsATimestampThatGoesBack) {
   Tum tum;
   write_text(tum.folder / "depth.txt", "0.0 depth/0.png\n0.2 depth/1.png\n0.1 depth/2.png\n0.3 depth/3.png\n");
   const auto frames = tum.read();
-  EXPECT_NE(frames[2].problem.find("timestamp"), std::string::npos);
-  EXPECT_TRUE(frames[3].problem.empty());
+  EXPECT_NE(frames[2].problem->find("timestamp"), std::string::npos);
+  EXPECT_FALSE(frames[3].problem);
 }
 
 TEST(TumRecording, KeepsAFrameWhoseColourIsBroken) {
   Tum tum;
   write_text(tum.folder / "rgb/1.png", "not an image");
   const auto frames = tum.read();
-  EXPECT_TRUE(frames[1].problem.empty());
+  EXPECT_FALSE(frames[1].problem);
   EXPECT_TRUE(frames[1].colour.empty());
 }
 

@@ -8,11 +8,12 @@
 #include <map>
 #include <thread>
 
+#include "cairn/live_source.hpp"
+#include "cairn/recorder.hpp"
 #include "cairn/source.hpp"
 #include "io/colour_registration.hpp"
-#include "io/newest_frame.hpp"
+#include "io/openni.hpp"
 #include "io/recording.hpp"
-#include "io/tum_writer.hpp"
 #include "support/files.hpp"
 
 namespace cairn {
@@ -61,7 +62,7 @@ TEST(OpenNi, ReadsAnOldKinectRecordingToItsEnd) {
   for (int i = 0; i < 12; ++i) {
     const auto frame = source->next();
     ASSERT_TRUE(frame);
-    EXPECT_EQ(frame->problem, "");
+    EXPECT_FALSE(frame->problem);
     EXPECT_EQ(frame->index, i);
     EXPECT_GT(frame->timestamp, last);
     last = frame->timestamp;
@@ -72,7 +73,7 @@ TEST(OpenNi, ReadsAnOldKinectRecordingToItsEnd) {
     EXPECT_GT(seen, 100000);
   }
   EXPECT_FALSE(source->next());
-  EXPECT_EQ(source->ended_early(), "");
+  EXPECT_FALSE(source->ended_early());
 }
 
 TEST(OpenNi, TellsWhatIsWrongWithAFile) {
@@ -212,14 +213,14 @@ TEST(IntrinsicsFolder, TellsTheKeyThatIsWrong) {
   EXPECT_EQ(error("{" + most + R"(, "cy": 24, "frame_rate": 0})"), ": `frame_rate` is 0, allowed is 0.001 to 100000");
 }
 
-TEST(NewestFrame, SkipsWhatASlowReaderHasNoTimeForAndNeverLagsBehind) {
-  NewestFrame source(std::make_unique<Ticks>(60, 10ms), Pace::as_it_comes);
+TEST(LiveSource, SkipsWhatASlowReaderHasNoTimeForAndNeverLagsBehind) {
+  LiveSource source(std::make_unique<Ticks>(60, 10ms), Pace::as_it_comes);
   int taken = 0, last = -1;
   while (const auto frame = source.next()) {
     EXPECT_GT(frame->index, last);
     last = frame->index;
     ++taken;
-    EXPECT_LT(NewestFrame::Clock::now() - source.arrived(), 60ms);  // it waited for the reader at most
+    EXPECT_LT(LiveSource::Clock::now() - source.arrived(), 60ms);  // it waited for the reader at most
     std::this_thread::sleep_for(35ms);
   }
   EXPECT_EQ(last, 59);
@@ -227,8 +228,8 @@ TEST(NewestFrame, SkipsWhatASlowReaderHasNoTimeForAndNeverLagsBehind) {
   EXPECT_EQ(source.dropped(), 60 - taken);
 }
 
-TEST(NewestFrame, TellsWhetherTheStreamEndedOrIsOnlySlow) {
-  NewestFrame source(std::make_unique<Ticks>(1, 100ms), Pace::as_it_comes);
+TEST(LiveSource, TellsWhetherTheStreamEndedOrIsOnlySlow) {
+  LiveSource source(std::make_unique<Ticks>(1, 100ms), Pace::as_it_comes);
   EXPECT_FALSE(source.next_within(10ms));
   EXPECT_FALSE(source.ended());
   EXPECT_TRUE(source.next());
@@ -236,8 +237,8 @@ TEST(NewestFrame, TellsWhetherTheStreamEndedOrIsOnlySlow) {
   EXPECT_TRUE(source.ended());
 }
 
-TEST(NewestFrame, PlaysARecordingAsFastAsItWasTaken) {
-  NewestFrame source(std::make_unique<Ticks>(21, 0ms), Pace::as_recorded);
+TEST(LiveSource, PlaysARecordingAsFastAsItWasTaken) {
+  LiveSource source(std::make_unique<Ticks>(21, 0ms), Pace::as_recorded);
   int frames = 0;
   EXPECT_NEAR(seconds_of([&] {
                 while (source.next()) ++frames;
@@ -247,16 +248,16 @@ TEST(NewestFrame, PlaysARecordingAsFastAsItWasTaken) {
   EXPECT_GE(frames, 18);
 }
 
-TEST(NewestFrame, DoesNotReadWhatASlowReaderOfARecordingHasNoTimeFor) {
+TEST(LiveSource, DoesNotReadWhatASlowReaderOfARecordingHasNoTimeFor) {
   for (const bool can_skip : {true, false}) {
     auto ticks = std::make_unique<Ticks>(60, 2ms, can_skip);
     const Ticks& played = *ticks;
-    NewestFrame source(std::move(ticks), Pace::as_recorded);
+    LiveSource source(std::move(ticks), Pace::as_recorded);
     int taken = 0, last = -1;
     while (const auto frame = source.next()) {
       last = frame->index;
       ++taken;
-      EXPECT_LT(NewestFrame::Clock::now() - source.arrived(), 120ms);
+      EXPECT_LT(LiveSource::Clock::now() - source.arrived(), 120ms);
       std::this_thread::sleep_for(70ms);  // three and a half frames
     }
     EXPECT_GE(last, 56);
@@ -266,21 +267,21 @@ TEST(NewestFrame, DoesNotReadWhatASlowReaderOfARecordingHasNoTimeFor) {
   }
 }
 
-TEST(NewestFrame, PlaysMoreSlowlyWhatCannotBeReadInTime) {
-  NewestFrame source(std::make_unique<Ticks>(12, 50ms), Pace::as_recorded);  // 20 ms apart
+TEST(LiveSource, PlaysMoreSlowlyWhatCannotBeReadInTime) {
+  LiveSource source(std::make_unique<Ticks>(12, 50ms), Pace::as_recorded);  // 20 ms apart
   int frames = 0;
   while (source.next()) ++frames;
   EXPECT_GE(frames, 9);
 }
 
-TEST(TumWriter, KeepsDepthAndTimesAsTheyWere) {
+TEST(Recorder, KeepsDepthAndTimesAsTheyWere) {
   const TemporaryFolder folder;
   const Camera camera{.width = 16, .height = 16, .fx = 4, .fy = 5, .cx = 8, .cy = 8};
   const std::vector<std::uint32_t> colour(256, 0xff102030u);
   std::vector<float> depth{0, 0.001f, 1.2346f, 5.0f, 13.1f, 20.0f};
   depth.resize(256, 2.0f);
   {
-    TumWriter writer(folder / "a", camera);
+    Recorder writer(folder / "a", camera);
     writer.add(encode({.timestamp = 1.5, .depth = depth, .colour_delay = 0.004, .colour = colour}, camera, true));
   }
   const auto source = open_recording(folder / "a");
@@ -292,7 +293,7 @@ TEST(TumWriter, KeepsDepthAndTimesAsTheyWere) {
   EXPECT_EQ(frame->colour, colour);
   depth[5] = 0;  // it does not fit
   for (std::size_t i = 0; i < depth.size(); ++i) EXPECT_NEAR(frame->depth[i], depth[i], 1e-4);
-  EXPECT_NE(error_of([&] { TumWriter(folder / "a", camera); }).find("is not empty"), std::string::npos);
+  EXPECT_NE(error_of([&] { Recorder(folder / "a", camera); }).find("is not empty"), std::string::npos);
 }
 
 }  // namespace

@@ -15,8 +15,7 @@ namespace {
 struct Walk {
   Walk(const std::string& name, int frames, double slip, const std::filesystem::path& session = {}) {
     options.map.submap_radius = 1.5f;
-    options.session = session;
-    back_end.emplace(test_device(), camera, options);
+    back_end.emplace(test_device(), camera, options, session);
     const Scene scene = synthetic_scene(name);
     SceneRenderer renderer(test_device(), scene, camera);
     const Matrix6d information = 1e6 * Matrix6d::Identity();
@@ -115,7 +114,7 @@ TEST(BackEnd, KeepsSubmapsOnTheDiskWhenTheyExceedTheBudget) {
     originals.push_back(tree.copy());
     submaps.add(std::move(tree));
   }
-  EXPECT_EQ(submaps.store(), "");
+  EXPECT_FALSE(submaps.store());
   EXPECT_LE(submaps.counts().peak_bytes, std::uint64_t{1} << 20);
   for (int round = 0; round < 2; ++round)
     for (std::size_t s = 0; s < 5; ++s) {
@@ -130,8 +129,7 @@ TEST(BackEnd, KeepsSubmapsOnTheDiskWhenTheyExceedTheBudget) {
 /// Two keyframes in a frame, and others of the same place in another one: nothing is known about how the two lie.
 struct TwoPieces {
   explicit TwoPieces(const Matrix6d& information, const std::filesystem::path& session = {}) {
-    options.session = session;
-    back_end.emplace(test_device(), small_camera(), options);
+    back_end.emplace(test_device(), small_camera(), options, session);
     for (int i = 0; i < 2; ++i) add(i, Eigen::Isometry3d::Identity(), i > 0 ? &information : nullptr);
     back_end->end_submap(volume, fused_count, false);
     (void)back_end->store();
@@ -187,7 +185,8 @@ TEST(BackEnd, KnowsWhichPlacesLieInTheFrameOfTracking) {
   TwoPieces p(information);
   const auto here = [&] {
     std::string all;
-    for (std::size_t k = 0; k < p.back_end->places().size(); ++k) all += p.back_end->places()[k].is_here ? 'x' : '.';
+    for (std::size_t k = 0; k < p.back_end->keyframes().size(); ++k)
+      all += p.back_end->keyframes()[k].is_here ? 'x' : '.';
     return all;
   };
   EXPECT_EQ(here(), "..");
@@ -217,13 +216,12 @@ TEST(BackEnd, KeepsInMemoryWhatCannotBeWrittenAndTriesAgain) {
   submaps.add(std::move(tree));
   const Frame frame{.depth = std::vector<float>(320 * 240, 1.5f)};
   keyframes.put(0, frame, {});
-  for (const std::string& problem : {submaps.store(), keyframes.store()})
-    EXPECT_NE(problem.find("cannot write"), std::string::npos);
+  for (const auto& problem : {submaps.store(), keyframes.store()}) EXPECT_TRUE(problem);
   EXPECT_EQ(submaps.voxels(0)->size(), 1u);
   EXPECT_EQ(keyframes.get(0).depth, frame.depth);
   // Once there is room, they are written.
   std::filesystem::create_directory(folder / "session");
-  EXPECT_EQ(submaps.store() + keyframes.store(), "");
+  EXPECT_FALSE(submaps.store() || keyframes.store());
   EXPECT_EQ(read_bricks(submaps.file(0)).size(), 1u);
   EXPECT_EQ(KeyframeStore(small_camera(), folder / "session").get(0).depth, frame.depth);
 }
@@ -237,7 +235,7 @@ TEST(BackEnd, WritesNothingIntoASessionThatIsLookedAt) {
   submaps.add(std::move(tree));
   const Frame frame{.depth = std::vector<float>(320 * 240, 1.5f)};
   keyframes.put(0, frame, {});
-  EXPECT_EQ(submaps.store() + keyframes.store(), "");
+  EXPECT_FALSE(submaps.store() || keyframes.store());
   EXPECT_EQ(submaps.voxels(0)->size(), 1u);
   EXPECT_EQ(keyframes.get(0).depth, frame.depth);
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));

@@ -6,6 +6,8 @@
 
 #include <map>
 
+#include "cairn/live_surface.hpp"
+#include "cairn/mapper.hpp"
 #include "support/scenes.hpp"
 #include "synth/source.hpp"
 
@@ -40,14 +42,15 @@ struct Watched {
 TEST(GrowingSurface, IsInTheEndTheWholeMeshAndCostsLittleByFrame) {
   const auto source = open_synthetic({.scene = "room", .first = 0, .frames = 40});
   Mapper mapper(source->camera());
+  LiveSurface surface(mapper);
   Watched watched;
   while (const auto frame = source->next()) {
     (void)mapper.add(*frame);
-    watched.take(mapper.surface_changes(300));
+    watched.take(surface.changes(300));
   }
   const std::size_t before = watched.triangles();
-  for (int i = 0; i < 100; ++i) watched.take(mapper.surface_changes(300, true));
-  const Mesh whole = mapper.mesh();
+  for (int i = 0; i < 100; ++i) watched.take(surface.changes(300, true));
+  const Mesh whole = mapper.map().mesh();
   // Parts were made one after the other, so where they meet a few triangles may be those of an earlier moment.
   EXPECT_NEAR(static_cast<double>(watched.triangles()), static_cast<double>(whole.triangles.size()),
               0.002 * static_cast<double>(whole.triangles.size()));
@@ -56,14 +59,14 @@ TEST(GrowingSurface, IsInTheEndTheWholeMeshAndCostsLittleByFrame) {
   int most = 0;
   for (const auto& [place, times] : watched.times) most = std::max(most, times);
   EXPECT_LE(most, 15);  // of 40 frames
-  EXPECT_TRUE(mapper.surface_changes(300, true).parts.empty());
+  EXPECT_TRUE(surface.changes(300, true).parts.empty());
 }
 
 TEST(GrowingSurface, LiesWhereTheWholeMeshLies) {
   const auto source = open_synthetic({.scene = "room", .first = 0, .frames = 5});
   Mapper mapper(source->camera());
   while (const auto frame = source->next()) (void)mapper.add(*frame);
-  const SurfaceChanges changes = mapper.surface_changes(1 << 20, true);
+  const SurfaceChanges changes = LiveSurface(mapper).changes(1 << 20, true);
   ASSERT_EQ(changes.world_from_submap.size(), 1u);
   EXPECT_TRUE(changes.world_from_submap[0].matrix().isIdentity());
   Eigen::AlignedBox3f box, whole;
@@ -74,7 +77,7 @@ TEST(GrowingSurface, LiesWhereTheWholeMeshLies) {
       EXPECT_GT(in_cell.minCoeff(), -0.05f);  // a voxel's triangle reaches a voxel beyond
       EXPECT_LT(in_cell.maxCoeff(), 1.05f);
     }
-  for (const auto& p : mapper.mesh().positions) whole.extend(p);
+  for (const auto& p : mapper.map().mesh().positions) whole.extend(p);
   EXPECT_TRUE(box.isApprox(whole, 1e-5f));
 }
 

@@ -51,7 +51,7 @@ TEST_P(ImageSizes, AreTrackedAndFusedToTheLastPixel) {
   EXPECT_LT(error.translation().norm(), kDrift);
   EXPECT_LT(Eigen::AngleAxisd(error.linear()).angle(), kDrift);
 
-  const Mesh mesh = mapper.mesh();
+  const Mesh mesh = mapper.map().mesh();
   // A little inside of the image: at its very border later frames carve.
   for (const auto& [x, y] : {std::pair{width / 50, height - 1 - height / 50},
                              {width - 1 - width / 50, height - 1 - height / 50},
@@ -86,7 +86,7 @@ TEST(ImageSizesAtTheirLimits, TheLargestIsFused) {
   EXPECT_EQ(mapper.add(frame).state, FrameState::fused);
   const float z = frame.depth.back();
   const Eigen::Vector3d corner = *frame.world_from_camera * (static_cast<double>(z) * camera.ray(4095, 4095));
-  EXPECT_LT(distance(mapper.mesh(), corner.cast<float>()), kOnSurface * 0.04f);
+  EXPECT_LT(distance(mapper.map().mesh(), corner.cast<float>()), kOnSurface * 0.04f);
 }
 
 }  // namespace

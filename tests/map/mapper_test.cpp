@@ -8,6 +8,8 @@
 #include <cstring>
 #include <limits>
 
+#include "cairn/live_surface.hpp"
+#include "cairn/session.hpp"
 #include "cairn/source.hpp"
 #include "support/files.hpp"
 #include "support/scenes.hpp"
@@ -35,76 +37,87 @@ Options coarse() {
 
 bool is_same(const Mesh& a, const Mesh& b) { return a.positions == b.positions && a.triangles == b.triangles; }
 
+/// A session without frames.
+void save(const std::filesystem::path& folder, const Camera& camera, const Options& options) {
+  Session session = Session::create(folder);
+  const Mapper mapper = session.mapper(camera, options);
+  session.checkpoint(mapper);
+  EXPECT_FALSE(session.problem());
+}
+
 TEST(Mapper, AnswersEverythingBeforeItsFirstFrame) {
   const TemporaryFolder folder;
-  Options options = coarse();
-  options.session = folder / "session";
-  Mapper mapper(small_camera(), options);
+  Session session = Session::create(folder / "session");
+  Mapper mapper = session.mapper(small_camera(), coarse());
   EXPECT_TRUE(mapper.trajectory().empty());
   EXPECT_EQ(mapper.recordings(), 1);
   EXPECT_EQ(mapper.refine().keyframes, 0);
   EXPECT_TRUE(mapper.keyframes().empty());
   EXPECT_TRUE(mapper.loops().empty());
-  EXPECT_TRUE(mapper.mesh().triangles.empty());
-  EXPECT_TRUE(mapper.surface_changes().parts.empty());
-  EXPECT_TRUE(mapper.distances()->blocks().empty());
+  EXPECT_TRUE(mapper.map().mesh().triangles.empty());
+  EXPECT_TRUE(LiveSurface(mapper).changes().parts.empty());
+  EXPECT_TRUE(mapper.map().distances()->blocks().empty());
   EXPECT_EQ(mapper.live_distances(), nullptr);
   EXPECT_EQ(mapper.statistics().components, 0);
-  mapper.write_graph(folder / "graph.g2o");
-  mapper.write_graph(folder / "graph.svg");
+  mapper.map().write_graph(folder / "graph.g2o");
+  mapper.map().write_graph(folder / "graph.svg");
   mapper.begin_recording();
-  mapper.checkpoint();
-  EXPECT_EQ(mapper.session_problem(), "");
-  EXPECT_NE(error_of([&] { mapper.export_mesh(folder / "mesh.glb"); }).find("the map is empty"), std::string::npos);
-  options.session = folder / "other";
-  Mapper other(small_camera(), options);
-  EXPECT_EQ(mapper.merge(other).compared, 0);
+  session.checkpoint(mapper);
+  EXPECT_FALSE(session.problem());
+  EXPECT_NE(error_of([&] { mapper.map().export_mesh(folder / "mesh.glb"); }).find("the map is empty"),
+            std::string::npos);
+  save(folder / "other", small_camera(), coarse());
+  EXPECT_EQ(Session::merge(mapper, folder / "other").compared, 0);
   EXPECT_TRUE(mapper.warnings().empty());
 }
 
 TEST(Mapper, RefusesToMergeWhatDoesNotGoTogether) {
   const TemporaryFolder folder;
-  Options options = coarse();
-  options.session = folder / "session";
-  Mapper mapper(small_camera(), options);
-  const auto refuses = [&](const char* why, Mapper&& other) {
-    const std::string message = error_of([&] { mapper.merge(other); });
+  Session session = Session::create(folder / "session");
+  Mapper mapper = session.mapper(small_camera(), coarse());
+  session.checkpoint(mapper);
+  ASSERT_FALSE(session.problem());
+  const auto refuses = [&](const char* why, Mapper& into, const char* other) {
+    const std::string message = error_of([&] { Session::merge(into, folder / other); });
     EXPECT_NE(message.find(why), std::string::npos) << message;
   };
-  EXPECT_NE(error_of([&] { mapper.merge(mapper); }).find("with itself"), std::string::npos);
-  refuses("no session", Mapper(small_camera(), coarse()));
-  options.session = folder / "other";
-  refuses("another camera", Mapper(synthetic_camera(), options));
+  refuses("with itself", mapper, "session");
+  Mapper in_memory(small_camera(), coarse());
+  refuses("without a session", in_memory, "session");
+  save(folder / "camera", synthetic_camera(), coarse());
+  refuses("another camera", mapper, "camera");
+  Options options = coarse();
   options.fuse.voxel_size = 0.04f;
-  refuses("voxels of another size", Mapper(small_camera(), options));
+  save(folder / "voxels", small_camera(), options);
+  refuses("voxels of another size", mapper, "voxels");
 }
 
 TEST(Mapper, RefusesFramesThatMakeNoSenseWithoutHarm) {
   const std::vector<Frame>& frames = room_frames();
   Mapper mapper(small_camera(), coarse());
-  const auto refuses = [&](const Frame& good, const char* why, const auto& spoil) {
+  const auto refuses = [&](const Frame& good, FrameCause why, const auto& spoil) {
     Frame frame = good;
     spoil(frame);
     const FrameReport report = mapper.add(frame);
-    EXPECT_EQ(report.state, FrameState::skipped) << why;
-    EXPECT_NE(report.reason.find(why), std::string::npos) << report.reason;
+    EXPECT_EQ(report.state, FrameState::skipped) << text_of(why);
+    EXPECT_EQ(report.cause, why) << report.reason;
   };
   const auto refuses_all = [&](const Frame& good) {
     for (const float bad : {kNan, -1.0f, kInf, -kInf})
-      refuses(good, "negative or no number", [&](Frame& f) { f.depth[100] = bad; });
-    refuses(good, "negative or no number", [](Frame& f) { std::fill(f.depth.begin(), f.depth.end(), kNan); });
-    refuses(good, "camera's size", [](Frame& f) { f.depth.pop_back(); });
-    refuses(good, "camera's size", [](Frame& f) { f.depth.clear(); });
+      refuses(good, FrameCause::bad_depth, [&](Frame& f) { f.depth[100] = bad; });
+    refuses(good, FrameCause::bad_depth, [](Frame& f) { std::fill(f.depth.begin(), f.depth.end(), kNan); });
+    refuses(good, FrameCause::wrong_size, [](Frame& f) { f.depth.pop_back(); });
+    refuses(good, FrameCause::wrong_size, [](Frame& f) { f.depth.clear(); });
     for (const float bad : {kNan, kInf, -kInf})
-      refuses(good, "timestamp is not a number", [&](Frame& f) { f.timestamp = static_cast<double>(bad); });
+      refuses(good, FrameCause::bad_timestamp, [&](Frame& f) { f.timestamp = static_cast<double>(bad); });
   };
   refuses_all(frames[0]);
-  EXPECT_TRUE(mapper.mesh().triangles.empty());
+  EXPECT_TRUE(mapper.map().mesh().triangles.empty());
   ASSERT_EQ(mapper.add(frames[0]).state, FrameState::fused);
-  const Mesh before = mapper.mesh();
+  const Mesh before = mapper.map().mesh();
   refuses_all(frames[1]);
-  refuses(frames[1], "goes back", [](Frame& f) { f.timestamp = 0; });
-  EXPECT_TRUE(is_same(mapper.mesh(), before));
+  refuses(frames[1], FrameCause::timestamp_goes_back, [](Frame& f) { f.timestamp = 0; });
+  EXPECT_TRUE(is_same(mapper.map().mesh(), before));
   EXPECT_EQ(mapper.trajectory().size(), 1u);
   // What comes beside the depth image is left out alone.
   Frame frame = frames[1];
@@ -112,6 +125,7 @@ TEST(Mapper, RefusesFramesThatMakeNoSenseWithoutHarm) {
   frame.colour_delay = static_cast<double>(kNan);
   const FrameReport report = mapper.add(frame);
   EXPECT_EQ(report.state, FrameState::fused);
+  EXPECT_EQ(report.cause, FrameCause::partly_used);
   EXPECT_NE(report.reason.find("acceleration is not a number"), std::string::npos) << report.reason;
   EXPECT_NE(report.reason.find("depth alone"), std::string::npos) << report.reason;
   EXPECT_FALSE(mapper.statistics().tilt);
@@ -121,21 +135,21 @@ TEST(Mapper, RefusesFramesThatMakeNoSenseWithoutHarm) {
 
 TEST(Mapper, RefusesPosesThatAreNone) {
   Mapper mapper(small_camera(), coarse(), Poses::given);
-  const auto refuses = [&](const char* why, const auto& spoil) {
+  const auto refuses = [&](FrameCause why, const auto& spoil) {
     Frame frame = room_frames()[0];
     spoil(*frame.world_from_camera);
     const FrameReport report = mapper.add(frame);
-    EXPECT_EQ(report.state, FrameState::skipped) << why;
-    EXPECT_NE(report.reason.find(why), std::string::npos) << report.reason;
+    EXPECT_EQ(report.state, FrameState::skipped) << text_of(why);
+    EXPECT_EQ(report.cause, why) << report.reason;
   };
-  const auto no_motion = "no rotation and translation";
+  const auto no_motion = FrameCause::bad_pose;
   refuses(no_motion, [](auto& pose) { pose.translation().x() = static_cast<double>(kNan); });
   refuses(no_motion, [](auto& pose) { pose.matrix()(0, 0) = static_cast<double>(kInf); });
   refuses(no_motion, [](auto& pose) { pose.linear() *= 2; });
   refuses(no_motion, [](auto& pose) { pose.linear().col(0) *= -1; });
   refuses(no_motion, [](auto& pose) { pose.linear().setZero(); });
-  refuses("too far", [](auto& pose) { pose.translation().y() = 1e12; });
-  EXPECT_TRUE(mapper.mesh().triangles.empty());
+  refuses(FrameCause::far_pose, [](auto& pose) { pose.translation().y() = 1e12; });
+  EXPECT_TRUE(mapper.map().mesh().triangles.empty());
   EXPECT_EQ(mapper.add(room_frames()[0]).state, FrameState::fused);
 }
 
@@ -153,10 +167,10 @@ TEST(Mapper, GoesOnWithoutADistanceFieldThatWouldBeTooWide) {
     EXPECT_EQ(mapper.live_distances(), nullptr);
   }
   ASSERT_EQ(mapper.warnings().size(), 1u);
-  EXPECT_NE(mapper.warnings()[0].find("raise --esdf-voxel-size; there is no distance field"), std::string::npos)
+  EXPECT_NE(mapper.warnings()[0].find("raise EsdfOptions::voxel_size; there is no distance field"), std::string::npos)
       << mapper.warnings()[0];
   EXPECT_EQ(mapper.trajectory().size(), 4u);
-  mapper.write_map(folder / "map.vdb");
+  mapper.map().write_grids(folder / "map.vdb");
   EXPECT_TRUE(std::filesystem::exists(folder / "map.vdb"));
 }
 
@@ -171,30 +185,29 @@ TEST(Mapper, KeepsWhatWasFusedWhenAViewDoesNotFitIntoTheDevicesMemory) {
     for (int x = 0; x < 320; ++x)
       if (x < 140 || x > 180) narrow.depth[static_cast<std::size_t>(y * 320 + x)] = 0;
   ASSERT_EQ(mapper.add(narrow).state, FrameState::fused);
-  const Mesh before = mapper.mesh();
+  const Mesh before = mapper.map().mesh();
   ASSERT_FALSE(before.triangles.empty());
   EXPECT_NE(error_of([&] { mapper.add(wide); }).find("does not hold one view"), std::string::npos);
-  EXPECT_TRUE(is_same(mapper.mesh(), before));
+  EXPECT_TRUE(is_same(mapper.map().mesh(), before));
   EXPECT_EQ(mapper.trajectory().size(), 1u);
   // What did not fit then may come later.
   Frame later = narrow;
   later.timestamp = wide.timestamp + 1;
   std::rotate(later.depth.begin(), later.depth.begin() + 60, later.depth.end());
   ASSERT_EQ(mapper.add(later).state, FrameState::fused);
-  EXPECT_GT(mapper.mesh().triangles.size(), before.triangles.size() * 3 / 2);
+  EXPECT_GT(mapper.map().mesh().triangles.size(), before.triangles.size() * 3 / 2);
 }
 
 TEST(Mapper, KeepsItsPosesWhenTheyCannotBeRefined) {
   const TemporaryFolder folder;
-  Options options = coarse();
-  options.session = folder / "session";
-  Mapper mapper(small_camera(), options);
+  Session session = Session::create(folder / "session");
+  Mapper mapper = session.mapper(small_camera(), coarse());
   for (const Frame& frame : room_frames()) ASSERT_EQ(mapper.add(frame).state, FrameState::fused);
   ASSERT_GE(mapper.keyframes().size(), 2u);
-  mapper.checkpoint();
-  ASSERT_EQ(mapper.session_problem(), "");
+  session.checkpoint(mapper);
+  ASSERT_FALSE(session.problem());
   const Trajectory before = mapper.trajectory();
-  for (const auto& entry : std::filesystem::directory_iterator(options.session / "run-0001" / "keyframes"))
+  for (const auto& entry : std::filesystem::directory_iterator(folder / "session" / "run-0001" / "keyframes"))
     std::filesystem::remove(entry);
   EXPECT_EQ(mapper.refine().pairs_aligned, 0);
   ASSERT_EQ(mapper.warnings().size(), 1u);
@@ -224,22 +237,22 @@ class BrokenSource : public Source {
 TEST(Mapper, KeepsTheMapWhenFramesCannotBeFusedAgain) {
   Mapper mapper(small_camera(), coarse());
   for (const Frame& frame : room_frames()) ASSERT_EQ(mapper.add(frame).state, FrameState::fused);
-  const Mesh before = mapper.mesh();
+  const Mesh before = mapper.map().mesh();
   BrokenSource source;
   mapper.reintegrate(source);
   ASSERT_EQ(mapper.warnings().size(), 1u);
   EXPECT_EQ(mapper.warnings()[0], "the disk went away; frames are not fused again");
-  EXPECT_TRUE(is_same(mapper.mesh(), before));
+  EXPECT_TRUE(is_same(mapper.map().mesh(), before));
   EXPECT_EQ(mapper.trajectory().size(), room_frames().size());
 }
 
 TEST(Mapper, LeavesOutASubmapThatIsLost) {
   const TemporaryFolder folder;
   Options options = coarse();
-  options.session = folder / "session";
   options.map.submap_keyframes = 2;
   options.map.host_memory = 1;  // all but the last one wait on the disk
-  Mapper mapper(small_camera(), options);
+  Session session = Session::create(folder / "session");
+  Mapper mapper = session.mapper(small_camera(), options);
   const Scene scene = synthetic_scene("room");
   for (int i = 0; i < 16; ++i) {
     Frame frame = scene_frame(scene, small_camera(), 4 * i, true);
@@ -247,11 +260,11 @@ TEST(Mapper, LeavesOutASubmapThatIsLost) {
     ASSERT_EQ(mapper.add(frame).state, FrameState::fused) << i;
   }
   ASSERT_GE(mapper.statistics().submaps, 2);
-  mapper.checkpoint();
-  ASSERT_EQ(mapper.session_problem(), "");
-  std::filesystem::remove(options.session / "run-0001" / "submap-0000.vdb");
+  session.checkpoint(mapper);
+  ASSERT_FALSE(session.problem());
+  std::filesystem::remove(folder / "session" / "run-0001" / "submap-0000.vdb");
   mapper.begin_recording();  // the world is needed whole
-  EXPECT_FALSE(mapper.mesh().triangles.empty());
+  EXPECT_FALSE(mapper.map().mesh().triangles.empty());
   ASSERT_EQ(mapper.warnings().size(), 1u);
   EXPECT_NE(mapper.warnings()[0].find("submap-0000.vdb"), std::string::npos) << mapper.warnings()[0];
 }
@@ -264,7 +277,7 @@ TEST(Mapper, MapsWithoutColourOnSomeFramesOrOnAll) {
       if (i % step == 0) frame.colour.clear();
       EXPECT_EQ(mapper.add(frame).state, FrameState::fused) << step << " " << i;
     }
-    EXPECT_GT(mapper.mesh().triangles.size(), 1000u);
+    EXPECT_GT(mapper.map().mesh().triangles.size(), 1000u);
   }
 }
 

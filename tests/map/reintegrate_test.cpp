@@ -35,10 +35,10 @@ TEST(Reintegrate, TakesDepthAloneWhereColourHasAnotherSizeAndLeavesOutWhatAddDid
   Mapper mapper(kSmall, {.fuse = {.voxel_size = 0.02f, .truncation = 0.08f}});
   for (const Frame& frame : frames) (void)mapper.add(frame);
   EXPECT_EQ(mapper.trajectory().size(), 3u);
-  const std::size_t before = mapper.mesh().triangles.size();
+  const std::size_t before = mapper.map().mesh().triangles.size();
   Given again(frames);
   mapper.reintegrate(again);
-  EXPECT_NEAR(static_cast<double>(mapper.mesh().triangles.size()), static_cast<double>(before), 0.01 * before);
+  EXPECT_NEAR(static_cast<double>(mapper.map().mesh().triangles.size()), static_cast<double>(before), 0.01 * before);
 }
 
 TEST(KeyframeStore, LeavesOutDepthThatItsFilesDoNotHold) {

@@ -11,20 +11,20 @@
 namespace cairn {
 namespace {
 
-/// A room of which some frames were fused, and somebody who adds places.
+/// A room of which some frames were fused, and somebody who adds keyframes.
 struct Tracking {
   Tracking() {
     for (std::uint32_t i = 0; i < 4; ++i) {
       first = scene_frame(synthetic_scene("room"), camera, static_cast<int>(i));
       const Surface live = preprocessor.preprocess(first);
       integrator.integrate(live, *first.world_from_camera, volume, i + 2);
-      tracker.accept(first, live, *first.world_from_camera, nullptr);
+      tracker.commit(first, live, {.state = Tracked::State::begins, .submap_from_camera = *first.world_from_camera});
     }
   }
-  void add_place(const Frame& seen, const Eigen::Isometry3d& submap_from_camera, bool is_here) {
-    places.add({.submap_from_camera = submap_from_camera,
-                .features = extract_features(seen.colour, seen.depth, camera),
-                .is_here = is_here});
+  void add_keyframe(const Frame& seen, const Eigen::Isometry3d& submap_from_camera, bool is_here) {
+    keyframes.add({.submap_from_camera = submap_from_camera,
+                   .features = extract_features(seen.colour, seen.depth, camera),
+                   .is_here = is_here});
   }
   Camera camera = small_camera();
   Options options;
@@ -32,9 +32,14 @@ struct Tracking {
   Preprocessor preprocessor{test_device(), camera, {}, 3, 1};
   Integrator integrator{test_device(), camera, {}};
   Volume volume{test_device(), options.fuse, 5.0f};
-  KeyframeDatabase places;
-  Tracker tracker{test_device(), camera, camera, options, places};
+  KeyframeDatabase keyframes;
+  Tracker tracker{test_device(), camera, camera, options, keyframes};
   StageTimes times;
+  [[nodiscard]] static int raycasts() {
+    const auto times = test_device().kernel_times();
+    const auto found = times.find("raycast");
+    return found == times.end() ? 0 : found->second.calls;
+  }
 };
 
 Eigen::Isometry3d aside(const Eigen::Isometry3d& pose) {
@@ -46,20 +51,20 @@ Eigen::Isometry3d aside(const Eigen::Isometry3d& pose) {
 
 TEST(Tracker, ComparesALostFrameOnlyWithPlacesOfItsOwnFrame) {
   Tracking t;
-  t.add_place(t.first, *t.first.world_from_camera, true);
-  t.add_place(t.next, aside(*t.next.world_from_camera), false);  // as alike as can be, and in another piece's frame
+  t.add_keyframe(t.first, *t.first.world_from_camera, true);
+  t.add_keyframe(t.next, aside(*t.next.world_from_camera), false);  // as alike as can be, and in another piece's frame
   t.tracker.begin_lost();
-  t.places[0].is_here = true;
-  const Tracked tracked = t.tracker(t.next, t.preprocessor.preprocess(t.next), t.volume, t.times);
-  ASSERT_TRUE(tracked.alignment.converged()) << tracked.alignment.lost;
+  t.keyframes[0].is_here = true;
+  const Tracked tracked = t.tracker.track(t.next, t.preprocessor.preprocess(t.next), t.volume, t.times);
+  ASSERT_TRUE(tracked.alignment.converged()) << tracked.reason;
   EXPECT_LT((tracked.alignment.submap_from_camera.translation() - t.next.world_from_camera->translation()).norm(),
             0.02);
 }
 
 TEST(Tracker, BeginsLostAtTheNewestPlaceOfItsOwnFrame) {
   Tracking t;
-  t.add_place(t.first, *t.first.world_from_camera, true);
-  t.add_place(t.next, aside(*t.next.world_from_camera), false);
+  t.add_keyframe(t.first, *t.first.world_from_camera, true);
+  t.add_keyframe(t.next, aside(*t.next.world_from_camera), false);
   t.tracker.begin_lost();
   ASSERT_EQ(t.tracker.memory().last.size(), 1u);
   EXPECT_EQ(t.tracker.memory().last[0].submap_from_camera.matrix(), t.first.world_from_camera->matrix());
@@ -68,32 +73,133 @@ TEST(Tracker, BeginsLostAtTheNewestPlaceOfItsOwnFrame) {
 TEST(Tracker, TakesNoPlaceForAnotherByDepthAlone) {
   // A recording that begins anywhere: walls fit the walls of the newest place, but no corners do.
   Tracking t;
-  t.add_place(t.first, *t.first.world_from_camera, true);
+  t.add_keyframe(t.first, *t.first.world_from_camera, true);
   for (int i = 100; i <= 620; i += 40) {  // all around the room
     const Frame elsewhere = scene_frame(synthetic_scene("room"), t.camera, i);
     t.tracker.begin_lost();
-    const Tracked tracked = t.tracker(elsewhere, t.preprocessor.preprocess(elsewhere), t.volume, t.times);
+    const Tracked tracked = t.tracker.track(elsewhere, t.preprocessor.preprocess(elsewhere), t.volume, t.times);
     const double error =
         (tracked.alignment.submap_from_camera.translation() - elsewhere.world_from_camera->translation()).norm();
     EXPECT_TRUE(!tracked.alignment.converged() || error < 0.02) << i << ", " << tracked.guess << ": " << error;
   }
 }
 
+/// The frame with something that came before a share of the image, from the left.
+Frame covered(Frame frame, const Camera& camera, double share) {
+  for (int y = 0; y < camera.height; ++y)
+    for (int x = 0; x < static_cast<int>(share * camera.width); ++x)
+      if (float& z = frame.depth[static_cast<std::size_t>(y * camera.width + x)]; z > 0) z = 0.8f;
+  return frame;
+}
+
 TEST(Tracker, LeavesOutWhatMovesAsSeenFromThePoseThatCounts) {
   Tracking t;
-  Frame frame = t.next;
-  for (int y = 100; y < 140; ++y)  // something came before the camera
-    for (int x = 140; x < 190; ++x) frame.depth[static_cast<std::size_t>(y * t.camera.width + x)] = 0.8f;
-  const Surface live = t.preprocessor.preprocess(frame);
-  const Tracked tracked = t.tracker(frame, live, t.volume, t.times);
-  ASSERT_TRUE(tracked.alignment.converged()) << tracked.alignment.lost;
-  const double moving = t.tracker.leave_out_moving(live, tracked, t.volume);
-  EXPECT_GT(moving, 0.01);
+  t.add_keyframe(t.first, *t.first.world_from_camera, true);
+  const Frame frame = covered(t.next, t.camera, 0.1);
+  const auto track = [&] { return t.tracker.track(frame, t.preprocessor.preprocess(frame), t.volume, t.times); };
+  const Tracked usual = track();
+  ASSERT_EQ(usual.state, Tracked::State::aligned) << usual.reason;
+  EXPECT_GT(usual.moving, 0.05);
   // A guess that is tried and rejected afterwards shows the map from elsewhere.
-  Tracked rejected = tracked;
-  rejected.seen_from = aside(tracked.seen_from);
-  EXPECT_NE(t.tracker.leave_out_moving(t.preprocessor.preprocess(frame), rejected, t.volume), moving);
-  EXPECT_EQ(t.tracker.leave_out_moving(t.preprocessor.preprocess(frame), tracked, t.volume), moving);
+  const int before = t.raycasts();
+  Tracker::Memory memory = t.tracker.memory();
+  memory.usual_brightness = 1e-6;  // everything is sudden
+  t.tracker.restore(memory, t.tracker.reference().save());
+  const Tracked doubted = track();
+  EXPECT_EQ(doubted.guess, "motion");
+  EXPECT_EQ(doubted.moving, usual.moving);
+  EXPECT_GT(t.raycasts() - before, 3) << "no other guess was tried";
+}
+
+TEST(Tracker, TakesWhatCoversMuchOfTheImageForNoMovingThing) {
+  Tracking t;
+  for (const double share : {0.25, 0.4}) {  // kMaxMoving: 0.3
+    const Frame frame = covered(t.next, t.camera, share);
+    const Tracked tracked = t.tracker.track(frame, t.preprocessor.preprocess(frame), t.volume, t.times);
+    ASSERT_EQ(tracked.state, Tracked::State::aligned) << tracked.reason;
+    if (share < 0.3)
+      EXPECT_GT(tracked.moving, 0.15);
+    else
+      EXPECT_EQ(tracked.moving, 0);
+  }
+}
+
+/// Depth on a share of the pixels, of nothing that is in the map.
+Frame patchy(const Camera& camera, double share) {
+  Frame frame;
+  const std::size_t pixels = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+  for (std::size_t i = 0; i < pixels; ++i)
+    frame.depth.push_back(static_cast<double>(i) < share * static_cast<double>(pixels) ? 0.5f + 1e-3f * (i % 7) : 0.0f);
+  return frame;
+}
+
+TEST(Tracker, BeginsAComponentAfterEnoughLostFramesThatSeeSomething) {
+  for (const double share : {0.19, 0.21}) {  // kEnoughDepth: 0.2
+    Tracking t;
+    t.options.map.lost_frames = 3;
+    Tracker tracker(test_device(), t.camera, t.camera, t.options, t.keyframes);
+    t.add_keyframe(t.first, *t.first.world_from_camera, true);
+    tracker.begin_lost();
+    const Frame frame = patchy(t.camera, share);
+    const Surface live = t.preprocessor.preprocess(frame);
+    for (int i = 0; i < 2; ++i) EXPECT_EQ(tracker.track(frame, live, t.volume, t.times).state, Tracked::State::lost);
+    const Tracked third = tracker.track(frame, live, t.volume, t.times);
+    EXPECT_EQ(third.state, share > 0.2 ? Tracked::State::begins : Tracked::State::lost) << third.reason;
+    if (share > 0.2) {
+      EXPECT_EQ(third.cause, FrameCause::new_component);
+    }
+  }
+}
+
+TEST(Tracker, BeginsAMapWithEnoughDepthAlone) {
+  for (const double share : {0.019, 0.021}) {  // kLeastDepth: 0.02
+    Tracking t;
+    Tracker tracker(test_device(), t.camera, t.camera, t.options, t.keyframes);
+    const Frame frame = patchy(t.camera, share);
+    const Tracked tracked = tracker.track(frame, t.preprocessor.preprocess(frame), t.volume, t.times);
+    EXPECT_EQ(tracked.state, share > 0.02 ? Tracked::State::begins : Tracked::State::lost);
+    EXPECT_EQ(tracked.cause, share > 0.02 ? FrameCause::none : FrameCause::too_little_depth);
+  }
+}
+
+TEST(Tracker, BelievesAClockOffsetThatEnoughFramesTellClearly) {
+  Tracking t;
+  const auto offset = [&](int frames, double contrast) {
+    Tracker::Memory memory;
+    memory.clock_offset_frames = frames;
+    memory.clock_offset_costs = {1, 1, 1, 1, 1, 1, 1, contrast};
+    t.tracker.restore(memory, {});
+    return t.tracker.clock_offset();
+  };
+  EXPECT_EQ(offset(9, 1.6), 0);
+  EXPECT_NE(offset(10, 1.6), 0);
+  EXPECT_EQ(offset(10, 1.49), 0);
+  EXPECT_NE(offset(10, 1.51), 0);
+}
+
+TEST(Tracker, TellsAFocalLengthFromEnoughPairs) {
+  Tracking t;
+  for (const int pairs : {3, 4}) {
+    Tracker::Memory memory;
+    memory.focal_pairs = pairs;
+    memory.focal_costs.fill(1);
+    memory.focal_costs[6] = 0.5;
+    t.tracker.restore(memory, {});
+    EXPECT_EQ(t.tracker.focal().pairs, pairs < 4 ? 0 : 4);
+  }
+}
+
+TEST(Tracker, LearnsTheFocalLengthFromKeyframesTurnedAgainstEachOther) {
+  for (const double angle : {0.09, 0.11}) {  // kFocalTurn: 0.1 rad
+    Tracking t;
+    Frame turned = t.first;
+    Eigen::Isometry3d pose = *t.first.world_from_camera;
+    pose.rotate(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()));
+    t.add_keyframe(t.first, *t.first.world_from_camera, true);
+    t.add_keyframe(scene_frame_at(synthetic_scene("room"), t.camera, pose), pose, true);
+    t.tracker.learn_focal_length();
+    EXPECT_EQ(t.tracker.memory().focal_pairs, angle > 0.1 ? 1 : 0);
+  }
 }
 
 }  // namespace

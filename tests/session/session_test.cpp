@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "session/session.hpp"
-
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -12,6 +10,7 @@
 #include <set>
 #include <thread>
 
+#include "session/session_files.hpp"
 #include "support/files.hpp"
 
 namespace cairn {
@@ -20,8 +19,8 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Two keyframes with a loop between them.
-Session small_session() {
-  Session s;
+SessionState small_session() {
+  SessionState s;
   s.fuse.voxel_size = 0.01f, s.fuse.truncation = 0.04f;
   s.min_depth = 0.3f, s.max_depth = 5.0f;
   Atlas& atlas = s.back_end.atlas;
@@ -66,13 +65,13 @@ TEST(SessionFiles, ComeBackAsTheyWereWritten) {
 
 TEST(SessionFiles, HaveTheSameBytesWhenTheyAreReadAndWrittenAgain) {
   const TemporaryFolder folder;
-  Session s = small_session();
+  SessionState s = small_session();
   s.camera.distortion = {0.1, 0.2, 0.3, 0.4, 0.5};
   s.back_end.atlas.keyframes[1].acceleration = Eigen::Vector3d(1, 2, 3);
   s.back_end.atlas.recordings = {1};
   s.back_end.submaps = {true, false};
   s.tracker.focal_costs[1] = 0.5;
-  s.keyframe.levels = {{1, 2, 3}, {}};
+  s.reference.levels = {{1, 2, 3}, {}};
   s.residency.on_host = {{4, 5, 6}, {-7, 8, 9}};
   s.residency.host_last_seen = {1, 2};
   s.last_fused = 0.1;
@@ -84,7 +83,7 @@ TEST(SessionFiles, HaveTheSameBytesWhenTheyAreReadAndWrittenAgain) {
   EXPECT_EQ(read.session.back_end.atlas.keyframes[0].acceleration, std::nullopt);
   EXPECT_EQ(read.session.back_end.atlas.keyframes[1].acceleration, Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(read.session.back_end.submaps, s.back_end.submaps);
-  EXPECT_EQ(read.session.keyframe.levels, s.keyframe.levels);
+  EXPECT_EQ(read.session.reference.levels, s.reference.levels);
   EXPECT_EQ(read.session.residency.on_host, s.residency.on_host);
   EXPECT_EQ(read.session.last_fused, 0.1);
 }
@@ -98,55 +97,55 @@ TEST(SessionFiles, WithNumbersOfWhatDoesNotExistAreDamaged) {
   };
   const Eigen::Isometry3d no_pose = pose([&](auto&p) { p.translation().x() = nan; }),
                           bent = pose([](auto&p) { p.linear()(0, 0) = 2; });
-  const std::vector<std::function<void(Session&)>> damages{
-      [](Session& s) { s.back_end.atlas.keyframes[1].submap = 2; },
-      [](Session& s) { s.back_end.atlas.keyframes[1].searched = 2; },
-      [](Session& s) { s.back_end.atlas.keyframes[0].follows = true; },
-      [&](Session& s) { s.back_end.atlas.keyframes[0].timestamp = nan; },
-      [&](Session& s) { s.back_end.atlas.keyframes[0].odometry_from_camera = no_pose; },
-      [&](Session& s) { s.back_end.atlas.keyframes[0].submap_from_camera = bent; },
-      [&](Session& s) { s.back_end.atlas.world_from_camera[1] = no_pose; },
-      [](Session& s) { s.back_end.atlas.loops[0].edge.j = 2; },
-      [](Session& s) { s.back_end.atlas.loops[0].edge.i = 1; },
-      [&](Session& s) { s.back_end.atlas.loops[0].edge.information(2, 2) = nan; },
-      [](Session& s) { s.back_end.atlas.frames.push_back({.timestamp = 0.2, .keyframe = 2}); },
-      [](Session& s) {
+  const std::vector<std::function<void(SessionState&)>> damages{
+      [](SessionState& s) { s.back_end.atlas.keyframes[1].submap = 2; },
+      [](SessionState& s) { s.back_end.atlas.keyframes[1].searched = 2; },
+      [](SessionState& s) { s.back_end.atlas.keyframes[0].follows = true; },
+      [&](SessionState& s) { s.back_end.atlas.keyframes[0].timestamp = nan; },
+      [&](SessionState& s) { s.back_end.atlas.keyframes[0].odometry_from_camera = no_pose; },
+      [&](SessionState& s) { s.back_end.atlas.keyframes[0].submap_from_camera = bent; },
+      [&](SessionState& s) { s.back_end.atlas.world_from_camera[1] = no_pose; },
+      [](SessionState& s) { s.back_end.atlas.loops[0].edge.j = 2; },
+      [](SessionState& s) { s.back_end.atlas.loops[0].edge.i = 1; },
+      [&](SessionState& s) { s.back_end.atlas.loops[0].edge.information(2, 2) = nan; },
+      [](SessionState& s) { s.back_end.atlas.frames.push_back({.timestamp = 0.2, .keyframe = 2}); },
+      [](SessionState& s) {
         FusedFrame frame{.timestamp = 0.2, .keyframe = 1};
         frame.twist[2] = std::numeric_limits<float>::infinity();
         s.back_end.atlas.frames.push_back(frame);
       },
-      [](Session& s) { s.back_end.atlas.frames = {}; },
-      [](Session& s) { s.back_end.atlas.recordings = {3}; },
-      [](Session& s) {
+      [](SessionState& s) { s.back_end.atlas.frames = {}; },
+      [](SessionState& s) { s.back_end.atlas.recordings = {3}; },
+      [](SessionState& s) {
         s.back_end.atlas.recordings = {1, 0};
       },
-      [](Session& s) { s.back_end.searched = 3; },
-      [](Session& s) { s.back_end.submap_begin = 3; },
-      [](Session& s) { s.back_end.places.pop_back(); },
-      [&](Session& s) { s.back_end.places[0].first = no_pose; },
-      [](Session& s) { s.tracker.last.clear(); },
-      [](Session& s) { s.tracker.last.push_back(s.tracker.last[0]); },
-      [](Session& s) { s.tracker.lost = -1; },
-      [&](Session& s) { s.tracker.usual_brightness = nan; },
-      [&](Session& s) { s.tracker.focal_costs[0] = nan; },
-      [&](Session& s) { s.keyframe.submap_from_camera = no_pose; },
-      [](Session& s) { s.residency.device_last_seen.clear(); },
-      [](Session& s) {
+      [](SessionState& s) { s.back_end.searched = 3; },
+      [](SessionState& s) { s.back_end.submap_begin = 3; },
+      [](SessionState& s) { s.back_end.places.pop_back(); },
+      [&](SessionState& s) { s.back_end.places[0].first = no_pose; },
+      [](SessionState& s) { s.tracker.last.clear(); },
+      [](SessionState& s) { s.tracker.last.push_back(s.tracker.last[0]); },
+      [](SessionState& s) { s.tracker.lost_frames = -1; },
+      [&](SessionState& s) { s.tracker.usual_brightness = nan; },
+      [&](SessionState& s) { s.tracker.focal_costs[0] = nan; },
+      [&](SessionState& s) { s.reference.submap_from_camera = no_pose; },
+      [](SessionState& s) { s.residency.device_last_seen.clear(); },
+      [](SessionState& s) {
         s.residency.on_host = {{1 << 30, 0, 0}}, s.residency.host_last_seen = {1};
       },
-      [](Session& s) { s.residency.origin.x() = std::numeric_limits<int>::min(); },
-      [](Session& s) { s.camera.width = 0; },
-      [](Session& s) { s.camera.height = 1 << 30; },
-      [](Session& s) { s.camera.fx = -1; },
-      [&](Session& s) { s.camera.cx = nan; },
-      [](Session& s) { s.fuse.voxel_size = 0; },
-      [](Session& s) { s.fuse.truncation = 0; },
-      [](Session& s) { s.max_depth = 1e9f; },
-      [&](Session& s) { s.last_fused = nan; },
+      [](SessionState& s) { s.residency.origin.x() = std::numeric_limits<int>::min(); },
+      [](SessionState& s) { s.camera.width = 0; },
+      [](SessionState& s) { s.camera.height = 1 << 30; },
+      [](SessionState& s) { s.camera.fx = -1; },
+      [&](SessionState& s) { s.camera.cx = nan; },
+      [](SessionState& s) { s.fuse.voxel_size = 0; },
+      [](SessionState& s) { s.fuse.truncation = 0; },
+      [](SessionState& s) { s.max_depth = 1e9f; },
+      [&](SessionState& s) { s.last_fused = nan; },
   };
   for (std::size_t i = 0; i < damages.size(); ++i) {
     const TemporaryFolder folder;
-    Session s = small_session();
+    SessionState s = small_session();
     damages[i](s);
     SessionWriter(folder / "s").write(s, one_brick());
     const std::string error = error_of([&] { (void)read_session(folder / "s"); });
@@ -213,7 +212,7 @@ TEST(SessionFiles, HaveOneWriterAndTheSecondIsToldWhoItIs) {
 
 TEST(SessionFiles, OfTheRunBeforeStayUntilANewOneIsComplete) {
   const TemporaryFolder folder;
-  Session s = small_session();
+  SessionState s = small_session();
   SessionWriter(folder / "s").write(s, one_brick());
   {
     const SessionWriter second(folder / "s");
@@ -264,7 +263,7 @@ TEST(SessionFiles, OfFramesAreWrittenOnce) {
   const TemporaryFolder folder;
   const fs::path run = folder / "s" / "run-0001";
   constexpr std::size_t kChunk = FusedFrames::kChunk;
-  Session s = small_session();
+  SessionState s = small_session();
   SessionWriter writer(folder / "s");
   fill(s.back_end.atlas, 2 * kChunk + 5);
   writer.write(s, one_brick());
@@ -313,14 +312,14 @@ TEST(SessionFiles, OfFramesAreWrittenOnce) {
 
 TEST(SessionFiles, OfFramesThatAreMissingOrDamagedAreTold) {
   const TemporaryFolder folder;
-  Session s = small_session();
+  SessionState s = small_session();
   fill(s.back_end.atlas, FusedFrames::kChunk + 5);
   SessionWriter(folder / "s").write(s, one_brick());
   const fs::path file = folder / "s" / "run-0001" / "frames-000001-000000.cbor";
   std::string bytes = read_bytes(file);
   const auto told = [&] { return error_of([&] { (void)read_session(folder / "s"); }); };
   const auto expect_told = [&](const std::string& what) {
-    const std::string error = told(), end = "; the session is damaged: reconstruct again without --resume";
+    const std::string error = told(), end = "; the session is damaged: begin a new session";
     EXPECT_EQ(error, file.string() + ": " + what + end);
   };
   ++bytes.back();
@@ -351,7 +350,7 @@ TEST(SessionFiles, AreWholeForWhoeverReadsBesideTheWriter) {
   SessionWriter(folder / "s").write(small_session(), one_brick());
   std::atomic<bool> ended = false;
   std::thread writing([&] {
-    Session s = small_session();
+    SessionState s = small_session();
     for (int run = 0; run < 10; ++run) {
       SessionWriter writer(folder / "s");
       for (int i = 0; i < 5; ++i) {

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <string>
 
-#include "io/tum_writer.hpp"
+#include "cairn/recorder.hpp"
 #include "support/files.hpp"
 #include "support/scenes.hpp"
 
@@ -25,7 +25,7 @@ inline void write_small_recording(const std::filesystem::path& folder, const Sma
   const Camera camera{160, 120, 131.25, 131.25, 79.5, 59.5, {}};
   const Scene scene = synthetic_scene(r.scene);
   SceneRenderer renderer(test_device(), scene, camera);
-  TumWriter writer(folder, camera);
+  Recorder writer(folder, camera);
   for (int i = 0; i < r.frames; ++i) {
     const double time = r.speed * i / 30.0;
     auto images = renderer.render(scene.world_from_camera(time > r.turns_at ? 2 * r.turns_at - time : time));

@@ -14,9 +14,9 @@ namespace cairn {
 inline Camera small_camera() { return {320, 240, 262.5, 262.5, 159.5, 119.5, {}}; }
 
 /// Frame `index` of a scene as seen along its own path, 30 a second.
-inline Frame scene_frame(const Scene& scene, const Camera& camera, int index, bool kinect_noise = false) {
+inline Frame scene_frame_at(const Scene& scene, const Camera& camera, const Eigen::Isometry3d& pose, int index = 0,
+                            bool kinect_noise = false) {
   SceneRenderer renderer(test_device(), scene, camera);
-  const Eigen::Isometry3d pose = scene.world_from_camera(index / 30.0);
   auto images = renderer.render(pose);
   if (kinect_noise) add_kinect_noise(images, camera, 1, index);
   return {.index = index,
@@ -24,6 +24,11 @@ inline Frame scene_frame(const Scene& scene, const Camera& camera, int index, bo
           .depth = std::move(images.depth),
           .colour = std::move(images.colour),
           .world_from_camera = pose};
+}
+
+/// A frame of the scene's own path.
+inline Frame scene_frame(const Scene& scene, const Camera& camera, int index, bool kinect_noise = false) {
+  return scene_frame_at(scene, camera, scene.world_from_camera(index / 30.0), index, kinect_noise);
 }
 
 template <class T>

@@ -73,7 +73,7 @@ TEST(KinectNoise, GrowsWithTheSquareOfTheDistanceAndRepeats) {
   const Camera camera = synthetic_camera();
   std::map<int, double> deviation;
   for (const int z : {1, 2, 4}) {
-    SceneRenderer::Images images;
+    SceneImages images;
     images.depth.assign(static_cast<std::size_t>(camera.width * camera.height), static_cast<float>(z));
     images.cosine.assign(images.depth.size(), 1.0f);
     images.colour.assign(images.depth.size(), 0xff808080u);

@@ -38,7 +38,7 @@ TEST(Align, StaysWhereItIs) {
   const Surface live = s.preprocessor.preprocess(s.frame);
   const Eigen::Isometry3d pose = *s.frame.world_from_camera;
   const Alignment a = s.aligner.align(live, s.raycaster.raycast(s.volume, pose), pose);
-  EXPECT_TRUE(a.converged()) << a.lost;
+  EXPECT_TRUE(a.converged()) << text_of(a.lost);
   const Eigen::Isometry3d error = pose.inverse() * a.submap_from_camera;
   EXPECT_LT(error.translation().norm(), 1e-3);  // a tenth of a voxel: the filter rounds corners, the model does not
   EXPECT_LT(Eigen::AngleAxisd(error.linear()).angle(), 1e-3);
@@ -53,7 +53,7 @@ TEST(Align, FindsAKnownMotion) {
           Eigen::AngleAxisd(0.07, Eigen::Vector3d(1, 2, -1).normalized());
   const Surface live = s.preprocessor.preprocess(s.frame);
   const Alignment a = s.aligner.align(live, s.raycaster.raycast(s.volume, guess), guess);
-  EXPECT_TRUE(a.converged()) << a.lost;
+  EXPECT_TRUE(a.converged()) << text_of(a.lost);
   const Eigen::Isometry3d error = s.frame.world_from_camera->inverse() * a.submap_from_camera;
   EXPECT_LT(error.translation().norm(), 2e-3);
   EXPECT_LT(Eigen::AngleAxisd(error.linear()).angle(), 2e-3);
@@ -68,7 +68,7 @@ TEST(Align, KnowsByBrightnessThatAnotherPlaceIsNotThisOne) {
   PhotometricKeyframe keyframe(test_device(), s.camera, s.options);
   keyframe.set(known, guess, {});
   const Alignment here = s.aligner.align(known, s.raycaster.raycast(s.volume, guess), guess, &keyframe);
-  EXPECT_TRUE(here.converged()) << here.lost;
+  EXPECT_TRUE(here.converged()) << text_of(here.lost);
   EXPECT_LT(here.photometric_rmse, kUsual / 3);
   for (int i = 100; i <= 620; i += 40) {  // all around the room
     const Frame elsewhere = scene_frame(s.scene, s.camera, i);
@@ -84,7 +84,7 @@ TEST(Align, SaysWhenThereIsNoDepth) {
   std::fill(dark.depth.begin(), dark.depth.end(), 0.0f);
   const Surface live = s.preprocessor.preprocess(dark);
   const Eigen::Isometry3d guess = *s.frame.world_from_camera;
-  EXPECT_EQ(s.aligner.align(live, s.raycaster.raycast(s.volume, guess), guess).lost, "too little depth");
+  EXPECT_EQ(s.aligner.align(live, s.raycaster.raycast(s.volume, guess), guess).lost, FrameCause::little_depth);
 }
 
 TEST(IcpReduce, EqualsItsPlainTwin) {

@@ -2,6 +2,8 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "view/report_page.hpp"
 
+#include "cairn/viewer.hpp"
+
 #include <gtest/gtest.h>
 
 #include "support/files.hpp"

@@ -261,7 +261,8 @@ TEST(Esdf, FollowsALoopThatMovesHalfTheMap) {
 TEST(Esdf, EqualsARebuildAllAlongARecording) {
   CAIRN_REQUIRE_DATA("7scenes_redkitchen_600");
   const auto folder = data_folder() / "7scenes_redkitchen_600";
-  const auto source = with_poses(open_recording(folder, {.begin = 0, .end = 180, .step = 6}), recorded_truth(folder));
+  const auto source =
+      with_poses(open_source(folder, {.range = {.begin = 0, .end = 180, .step = 6}}), recorded_truth(folder));
   const FuseOptions fuse;
   Preprocessor preprocessor(test_device(), source->camera(), {}, 3, 1);
   Integrator integrator(test_device(), preprocessor.camera(), {});

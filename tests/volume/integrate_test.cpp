@@ -67,12 +67,12 @@ TEST(FirstFrame, WithoutUsableDepthIsSkippedAndTheNextOneBeginsTheMap) {
       const FrameReport report = mapper.add(frame);
       if (poses == Poses::given) continue;
       EXPECT_EQ(report.state, FrameState::skipped);
-      EXPECT_EQ(report.reason, "too little depth between 0.3 and 5.0 m to begin the map with");
+      EXPECT_EQ(report.cause, FrameCause::too_little_depth);
     }
     Frame frame = scene_frame(synthetic_scene("room"), camera, 0);
     frame.timestamp = 20;
     EXPECT_EQ(mapper.add(frame).state, FrameState::fused);
-    EXPECT_FALSE(mapper.mesh().triangles.empty());
+    EXPECT_FALSE(mapper.map().mesh().triangles.empty());
   }
 }
 

@@ -8,7 +8,7 @@
 #include <optional>
 #include <thread>
 
-#include "io/wrapped_source.hpp"
+#include "cairn/source.hpp"
 
 namespace cairn {
 
@@ -21,10 +21,10 @@ enum class Pace {
 /// behind. dropped() counts those that nobody took. Of a recording, frames that come too late are not even read, where
 /// the source can pass over them, and the next is read just before it will be asked for; what reads more slowly than it
 /// was taken plays more slowly.
-class NewestFrame final : public WrappedSource {
+class LiveSource final : public WrappedSource {
  public:
   using Clock = std::chrono::steady_clock;
-  NewestFrame(std::unique_ptr<Source> source, Pace pace);
+  LiveSource(std::unique_ptr<Source> source, Pace pace);
   std::optional<Frame> next() override;
   /// The same, but at most `patience` late: nothing also when no frame came by then and the stream goes on.
   std::optional<Frame> next_within(std::chrono::milliseconds patience);

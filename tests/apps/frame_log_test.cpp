@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "io/frame_log.hpp"
+#include "apps/frame_log.hpp"
 
 #include <gtest/gtest.h>
 
-namespace cairn {
+namespace cairn::apps {
 namespace {
 
 nlohmann::json report(int index) {
@@ -51,4 +51,4 @@ TEST(FrameLog, RefusesWhatItHasNotSaved) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::apps

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "io/tum_writer.hpp"
+#include "cairn/recorder.hpp"
 
 #include <fmt/format.h>
 
@@ -12,7 +12,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "base/atomic_file.hpp"
+#include "cairn/atomic_file.hpp"
 #include "io/camera_file.hpp"
 
 namespace cairn {
@@ -44,7 +44,7 @@ EncodedFrame encode(const Frame& frame, const Camera& camera, bool colour_as_png
   return encoded;
 }
 
-TumWriter::TumWriter(fs::path folder, const Camera& camera) : folder_(std::move(folder)) {
+Recorder::Recorder(fs::path folder, const Camera& camera) : folder_(std::move(folder)) {
   if (fs::exists(folder_) && !(fs::is_directory(folder_) && fs::is_empty(folder_)))
     throw std::runtime_error(folder_.string() + ": exists and is not empty; choose another folder with -o");
   std::error_code error;
@@ -54,7 +54,7 @@ TumWriter::TumWriter(fs::path folder, const Camera& camera) : folder_(std::move(
   for (const char* list : {"rgb.txt", "depth.txt"}) write_whole(folder_ / list, "# timestamp filename\n");
 }
 
-void TumWriter::add(const EncodedFrame& frame) {
+void Recorder::add(const EncodedFrame& frame) {
   const std::string name = fmt::format("{:.6f}", frame.timestamp);
   const std::string depth = "depth/" + name + ".png",
                     colour_time = fmt::format("{:.6f}", frame.timestamp + frame.colour_delay),
@@ -71,7 +71,7 @@ void TumWriter::add(const EncodedFrame& frame) {
 }
 
 /// A line is written whole or cut off again.
-void TumWriter::append(const char* list, const std::string& line) {
+void Recorder::append(const char* list, const std::string& line) {
   const fs::path file = folder_ / list;
   std::error_code ignored;
   const auto before = fs::exists(file) ? fs::file_size(file) : 0;

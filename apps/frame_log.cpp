@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "io/frame_log.hpp"
+#include "frame_log.hpp"
 
 #include <algorithm>
 #include <string_view>
 #include <utility>
 
-namespace cairn {
+namespace cairn::apps {
 namespace {
 
 void for_each_line(std::string_view lines, const auto& visit) {
@@ -19,7 +19,8 @@ void for_each_line(std::string_view lines, const auto& visit) {
 void FrameLog::add(const nlohmann::json& report) {
   const auto& state = report.at("state").get_ref<const std::string&>();
   ++counts_[state];
-  if (state != "fused" && !first_reason_ && report.contains("reason")) first_reason_ = report["reason"].get<std::string>();
+  if (state != "fused" && !first_reason_ && report.contains("reason"))
+    first_reason_ = report["reason"].get<std::string>();
   if (size_++ % every_ != 0) return;
   lines_ += report.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + '\n';
   if (++line_count_ <= kMost) return;
@@ -63,4 +64,4 @@ FrameLog FrameLog::from(const nlohmann::json& saved) {
   return log;
 }
 
-}  // namespace cairn
+}  // namespace cairn::apps

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "io/newest_frame.hpp"
+#include "cairn/live_source.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -12,7 +12,7 @@ constexpr double kReadEarly = 1.5;  // times as long as reading a frame takes
 
 }  // namespace
 
-NewestFrame::NewestFrame(std::unique_ptr<Source> source, Pace pace)
+LiveSource::LiveSource(std::unique_ptr<Source> source, Pace pace)
     : WrappedSource(std::move(source)), thread_([this, pace](const std::stop_token& stop) {
         try {
           pace == Pace::as_recorded ? play(stop) : run(stop);
@@ -25,7 +25,7 @@ NewestFrame::NewestFrame(std::unique_ptr<Source> source, Pace pace)
         changed_.notify_all();
       }) {}
 
-void NewestFrame::put(Frame frame, Clock::time_point arrived) {
+void LiveSource::put(Frame frame, Clock::time_point arrived) {
   const std::lock_guard lock(mutex_);
   dropped_ += newest_.has_value();
   newest_ = std::move(frame);
@@ -33,7 +33,7 @@ void NewestFrame::put(Frame frame, Clock::time_point arrived) {
   changed_.notify_all();
 }
 
-void NewestFrame::run(const std::stop_token& stop) {
+void LiveSource::run(const std::stop_token& stop) {
   while (!stop.stop_requested()) {
     auto frame = source_->next();
     if (!frame) return;
@@ -41,7 +41,7 @@ void NewestFrame::run(const std::stop_token& stop) {
   }
 }
 
-void NewestFrame::play(const std::stop_token& stop) {
+void LiveSource::play(const std::stop_token& stop) {
   std::optional<std::pair<double, Clock::time_point>> first;  // timestamp, and when it was given
   double before = 0;                                          // timestamp of the frame before
   Seconds reading{0};                                         // a frame takes, smoothed
@@ -95,12 +95,12 @@ void NewestFrame::play(const std::stop_token& stop) {
   }
 }
 
-std::optional<Frame> NewestFrame::next() {
+std::optional<Frame> LiveSource::next() {
   while (true)
     if (auto frame = next_within(std::chrono::hours(1)); frame || ended()) return frame;
 }
 
-std::optional<Frame> NewestFrame::next_within(std::chrono::milliseconds patience) {
+std::optional<Frame> LiveSource::next_within(std::chrono::milliseconds patience) {
   std::unique_lock lock(mutex_);
   if (!std::exchange(is_asked_, true)) busy_ += 0.2 * (Clock::now() - taken_ - busy_);
   changed_.wait_for(lock, patience, [&] { return newest_.has_value() || ended_; });
@@ -115,12 +115,12 @@ std::optional<Frame> NewestFrame::next_within(std::chrono::milliseconds patience
   return std::exchange(newest_, std::nullopt);
 }
 
-bool NewestFrame::ended() const {
+bool LiveSource::ended() const {
   const std::lock_guard lock(mutex_);
   return ended_ && !newest_;
 }
 
-int NewestFrame::dropped() const {
+int LiveSource::dropped() const {
   const std::lock_guard lock(mutex_);
   return dropped_ + source_->dropped();
 }

@@ -16,17 +16,17 @@
 
 namespace cairn {
 
-struct Session {
+struct SessionState {
   Camera camera;
   FuseOptions fuse;
   float min_depth = 0, max_depth = 0;  // metres, see SurfaceOptions
   BackEnd::Memory back_end;
   Tracker::Memory tracker;
-  PhotometricKeyframe::Saved keyframe;
+  PhotometricKeyframe::Saved reference;
   Volume::Residency residency;
   std::uint32_t fused_count = 0;
   std::size_t last_image = 0;
-  int repeats = 0, lost = 0;
+  int repeats = 0;
   std::optional<double> last_fused;
   Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();
   std::uint64_t number = 0;  // of the checkpoint
@@ -35,10 +35,10 @@ struct Session {
 };
 
 /// Those that the session was made with; the others have their defaults.
-[[nodiscard]] Options options_of(const Session& session);
+[[nodiscard]] Options options_of(const SessionState& session);
 
 struct ReadSession {
-  Session session;
+  SessionState session;
   BrickTree active;
   std::filesystem::path files;  // the run's folder
   std::uint32_t checksum = 0;   // of state.cbor
@@ -67,7 +67,7 @@ class SessionWriter {
   void copy_files(const ReadSession& from) const;
   /// Writes the volume's bricks, full chunks of frames that are new, and then the state, each whole or not at all; a
   /// kill at any moment leaves the session before or this one. Files that no longer belong to it are removed then.
-  void write(const Session& state, const BrickTree& active);
+  void write(const SessionState& state, const BrickTree& active);
 
  private:
   /// Full chunks of frames and the names of their files.

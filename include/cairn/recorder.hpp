@@ -25,10 +25,10 @@ struct EncodedFrame {
 
 /// Writes a recording in TUM's layout as it is taken: images, camera.yaml and the lists rgb.txt, depth.txt and
 /// accelerometer.txt. An image is whole before a list names it, so what is there can be read whenever the program ends.
-class TumWriter {
+class Recorder {
  public:
   /// Throws std::runtime_error when the folder cannot be made or holds something.
-  TumWriter(std::filesystem::path folder, const Camera& camera);
+  Recorder(std::filesystem::path folder, const Camera& camera);
   /// Throws std::runtime_error when the disk is full; the recording is as it was before then.
   void add(const EncodedFrame& frame);
   [[nodiscard]] std::uint64_t bytes() const { return bytes_; }  // written

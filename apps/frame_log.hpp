@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-namespace cairn {
+namespace cairn::apps {
 
 /// The reports of a run's frames. All are counted; kept are all of the first some thousand, and of a longer run some
 /// thousand that lie evenly in it, so that a run of days takes no more memory than one of minutes.
@@ -39,4 +39,4 @@ class FrameLog {
   std::optional<std::string> first_reason_;
 };
 
-}  // namespace cairn
+}  // namespace cairn::apps

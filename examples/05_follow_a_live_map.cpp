@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// The newest frame of a stream, always: what a slow computer misses is left out. The surface is told as it changes, as
+// a viewer needs it. Usage: 05_follow_a_live_map [SOURCE]: openni: for a sensor, or a recording, which is played as it
+// was taken
+#include <cairn/live_source.hpp>
+#include <cairn/live_surface.hpp>
+#include <cairn/mapper.hpp>
+#include <cstdio>
+#include <exception>
+#include <memory>
+
+int main(int argc, char** argv) try {
+  const std::string name = argc > 1 ? argv[1] : "synthetic:room";
+  cairn::LiveSource source(cairn::open_source(name, {.range = {.end = 60}}),
+                           cairn::is_sensor(name) ? cairn::Pace::as_it_comes : cairn::Pace::as_recorded);
+  cairn::Mapper mapper(source.camera());
+  cairn::LiveSurface surface(mapper);
+  std::size_t parts = 0, triangles = 0;
+  while (const auto frame = source.next()) {
+    const cairn::FrameReport report = mapper.add(*frame);
+    for (const cairn::SurfacePart& part : surface.changes(200).parts) {
+      ++parts;  // a viewer replaces what it had of part.submap and part.cell
+      triangles += part.mesh.triangles.size();
+    }
+    std::printf("frame %d %s: %zu parts so far, %zu triangles, %d frames left out\n", report.index,
+                report.state == cairn::FrameState::fused ? "fused" : report.reason.c_str(), parts, triangles,
+                source.dropped());
+  }
+  return parts > 0 ? 0 : 1;
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "%s\n", error.what());
+  return 1;
+}

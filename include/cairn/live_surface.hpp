@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <Eigen/Geometry>
+#include <memory>
+#include <vector>
+
+#include "cairn/mesh.hpp"
+
+namespace cairn {
+
+class Mapper;
+struct MapState;
+
+/// A part of the surface: what lies in one cube of the submap's frame. It replaces what was told of this cube before.
+struct SurfacePart {
+  int submap = 0;
+  Eigen::Vector3i cell = Eigen::Vector3i::Zero();  // the cube's number
+  Mesh mesh;                                       // in the submap's frame; may be empty
+};
+
+/// What of the surface changed, and where the submaps lie now.
+struct SurfaceChanges {
+  std::vector<SurfacePart> parts;
+  std::vector<Eigen::Isometry3d> world_from_submap;  // by submap; loops move them
+};
+
+/// The surface as it grows, for a viewer that follows it. One for a mapper, used by the mapper's thread; it ends with
+/// the mapper and tells nothing afterwards.
+class LiveSurface {
+ public:
+  /// Begins to follow the mapper's surface, with all that it has on the device.
+  explicit LiveSurface(Mapper& mapper);
+  ~LiveSurface();
+  LiveSurface(const LiveSurface&) = delete;
+  LiveSurface& operator=(const LiveSurface&) = delete;
+
+  /// Parts that changed since they were asked for, new ones first, as many as `max_bricks` cubes of 8 voxels hold;
+  /// well-known places come rarely. `all`: also those. Submaps lie as rigid bodies; Map::mesh bends them. When the
+  /// surface cannot be made, as without memory, nothing comes any more, and a warning of the mapper tells why.
+  [[nodiscard]] SurfaceChanges changes(int max_bricks = 1000, bool all = false);
+
+ private:
+  std::weak_ptr<MapState> state_;  // gone with the mapper
+  bool is_made_ = true;            // it could be so far
+};
+
+}  // namespace cairn

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <filesystem>
+#include <memory>
+#include <vector>
+
+#include "cairn/esdf.hpp"
+#include "cairn/export.hpp"
+#include "cairn/mesh.hpp"
+#include "cairn/reports.hpp"
+#include "cairn/trajectory.hpp"
+
+namespace cairn {
+
+/// What comes out: the surface, the grids, distances, files.
+///
+///   cairn::Map map = cairn::Map::open("out/desk");
+///   map.export_mesh("desk.glb", {.texture = {.enabled = true}});
+///
+/// A mapper's map (Mapper::map) is always as of its last frame, and is used by the mapper's thread.
+class Map {
+ public:
+  /// The map in a folder that `cairn reconstruct`, `live` or `merge` has made: the one of its session, as that was last
+  /// written; where there is none, and for a .vdb file, the grids alone, which have neither keyframes nor a trajectory.
+  /// Nothing in the folder changes, and a mapper that writes there is not disturbed. `device`: as list_devices numbers
+  /// them; -1 chooses. Throws std::runtime_error with what is missing or damaged and what to do.
+  [[nodiscard]] static Map open(const std::filesystem::path& folder, int device = -1);
+
+  /// The surface as it is in the volume (marching cubes: Lorensen & Cline 1987), world frame, metres, with normals and
+  /// colours.
+  [[nodiscard]] Mesh mesh();
+  /// The distance field of the whole map, made anew from its surface. Throws std::runtime_error when the voxel size is
+  /// not 1, 2, 4 or 8 voxels of the TSDF.
+  [[nodiscard]] std::shared_ptr<const DistanceField> distances(const EsdfOptions& options);
+  [[nodiscard]] std::shared_ptr<const DistanceField> distances();  ///< with the mapper's own options
+  /// Writes the surface: clean, simplified, textured and packed as asked for; by the extension .glb, .gltf, .ply, .obj,
+  /// or a tileset.json (3D Tiles 1.1) with its tiles beside it. It works cell by cell. Each file whole or not at all,
+  /// the one that was asked for last. Throws std::runtime_error with what is wrong and what to do.
+  Exported export_mesh(const std::filesystem::path& file, const ExportOptions& options = {},
+                       const ExportProgress& progress = {});
+  /// Writes the grids `tsdf`, `weight` and `colour`, with EsdfOptions::live also `esdf`, to a .vdb file, whole or not
+  /// at all.
+  void write_grids(const std::filesystem::path& file);
+  /// Writes the keyframes' pose graph by the extension: .g2o, or .svg, a picture of it. Whole or not at all.
+  void write_graph(const std::filesystem::path& file) const;
+
+  /// Recordings that the map is made of, at least one.
+  [[nodiscard]] int recordings() const;
+  /// As Mapper::trajectory.
+  [[nodiscard]] Trajectory trajectory(int recording = -1) const;
+  [[nodiscard]] Statistics statistics() const;
+
+  class Contents;
+  explicit Map(std::shared_ptr<Contents> contents);  // for the library's own use
+
+ private:
+  std::shared_ptr<Contents> contents_;
+};
+
+}  // namespace cairn

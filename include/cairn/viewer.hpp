@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Maps in a browser: while they grow, when they are finished, and as a page of their own.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "cairn/mapper.hpp"
+
+namespace cairn {
+
+inline constexpr int kDefaultViewerPort = 4242;
+
+/// Shows a map that grows to browsers on this machine, as much as the time allows, and hears what they ask for. Without
+/// a browser it makes the surface alone, since one may come late. The mapper's thread.
+class LiveViewer {
+ public:
+  /// Serves http://127.0.0.1:PORT/TOKEN/; port 0: any free one. Throws std::runtime_error when the port is in use.
+  explicit LiveViewer(int port = kDefaultViewerPort);
+  ~LiveViewer();
+  LiveViewer(const LiveViewer&) = delete;
+  LiveViewer& operator=(const LiveViewer&) = delete;
+
+  /// The address to open.
+  [[nodiscard]] std::string url() const;
+  /// A new map, which must live until the next one or the end. `max_depth`: metres; the farthest that is shown.
+  void begin(Mapper& mapper, const Camera& camera, float max_depth);
+
+  /// What viewers asked for since the last call.
+  struct Asked {
+    std::optional<bool> pause;
+    bool reset = false, finish = false;
+  };
+  [[nodiscard]] Asked asked();
+
+  /// After each frame; `latency_ms`: milliseconds from its arrival to its pose.
+  void fused(const Frame& frame, const FrameReport& report, double latency_ms);
+  /// Between frames. `dropped`: frames that were skipped to keep up.
+  void update(bool paused, int dropped);
+  /// The last frame has come.
+  void finishing();
+  /// Tells viewers where the result is and gives them a moment to hear it.
+  void finished(const std::filesystem::path& output);
+
+  /// What it did so far.
+  struct Told {
+    int parts = 0;                             // of the surface, that were sent
+    double updates_per_second = 0;             // of the surface
+    double ms_per_update = 0;                  // milliseconds, on the mean
+    std::optional<double> first_mesh_seconds;  // from the first frame to the first part
+  };
+  [[nodiscard]] Told told() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// Shows a finished map to browsers on this machine, as long as it lives.
+class MapViewer {
+ public:
+  /// `folder`: that `cairn reconstruct`, `live` or `merge` has made. Throws std::runtime_error when it holds no map, or
+  /// the port is in use.
+  explicit MapViewer(const std::filesystem::path& folder, int port = kDefaultViewerPort);
+  ~MapViewer();
+  MapViewer(const MapViewer&) = delete;
+  MapViewer& operator=(const MapViewer&) = delete;
+  /// The address to open.
+  [[nodiscard]] std::string url() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// A mesh.glb of more bytes does not fit into the report's page; preview.glb beside it takes its place there.
+inline constexpr std::uintmax_t kMaxInlineMesh = std::uintmax_t{64} << 20;
+
+/// Writes report.html in a folder with report.json, trajectory.txt and mesh.glb: a page that needs nothing else. For a
+/// mesh that is too large preview.glb is shown, if there is one; else the page tells that it is left out. Whole or not
+/// at all. Throws std::runtime_error when the folder holds no map.
+void write_report_page(const std::filesystem::path& folder);
+
+}  // namespace cairn

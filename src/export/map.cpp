@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/map.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+#include "cairn/mapper.hpp"
+#include "export/export.hpp"
+#include "export/graph_picture.hpp"
+#include "export/map_contents.hpp"
+#include "map/map_state.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A keyframe's velocity from the frames around it, where they are close in time.
+template <class Frames, class Pose>
+Vector6d velocity_at(const Frames& frames, std::size_t i, const Pose& pose) {
+  constexpr double kMaxGap = 0.2;  // seconds between frames that tell the camera's velocity
+  const std::size_t a = i > 0 ? i - 1 : i, b = i + 1 < frames.size() ? i + 1 : i;
+  const double seconds = frames[b].timestamp - frames[a].timestamp;
+  if (!(seconds > 0 && seconds < kMaxGap)) return Vector6d::Zero();
+  return local_coordinates(pose(a).inverse() * pose(b)) / seconds;
+}
+
+std::vector<TextureKeyframe> given_keyframes(const MapState::GivenPoses& given) {
+  std::vector<TextureKeyframe> keyframes;
+  for (std::size_t k = 0; k < given.keyframes.size(); ++k) {
+    const auto [i, delay] = given.keyframes[k];
+    keyframes.push_back(
+        {.image = k,
+         .world_from_camera = given.poses[i].world_from_camera,
+         .velocity = velocity_at(given.poses, i, [&](std::size_t j) { return given.poses[j].world_from_camera; }),
+         .colour_delay = delay});
+  }
+  return keyframes;
+}
+
+/// Keyframes of the main component, as textures need them.
+std::vector<TextureKeyframe> texture_keyframes(const MapState& s) {
+  if (!s.is_tracked()) return given_keyframes(s.given);
+  std::vector<TextureKeyframe> keyframes;
+  const Atlas& atlas = s.back_end.atlas();
+  const auto component_of = atlas.components();
+  const std::size_t main = atlas.keyframes.empty() ? 0 : atlas.main_component();
+  for (std::size_t i = 0; i < atlas.frames.size(); ++i) {
+    const std::size_t k = atlas.frames[i].keyframe;
+    if (component_of[k] != main || (i > 0 && atlas.frames[i - 1].keyframe == k)) continue;
+    keyframes.push_back({.image = k,
+                         .world_from_camera = atlas.world_from_camera[k],
+                         .velocity = velocity_at(
+                             atlas.frames, i, [&](std::size_t j) { return atlas.submap_from_camera(atlas.frames[j]); }),
+                         .colour_delay = atlas.keyframes[k].colour_delay - s.tracker.clock_offset()});
+  }
+  return keyframes;
+}
+
+class MapperContents final : public Map::Contents {
+ public:
+  explicit MapperContents(std::shared_ptr<MapState> state) : state_(std::move(state)) {}
+
+  Mesh mesh() override { return state_->polygonizer.polygonize(state_->world()); }
+
+  std::shared_ptr<const DistanceField> distances(const EsdfOptions* options) override {
+    MapState& s = *state_;
+    return distances_of(s.device, s.world().on_host(), s.options.fuse, options != nullptr ? *options : s.options.esdf);
+  }
+
+  Exported export_mesh(const fs::path& file, const ExportOptions& options, const ExportProgress& progress) override;
+
+  void write_grids(const fs::path& file) override {
+    MapState& s = *state_;
+    std::shared_ptr<const DistanceField> field;
+    if (s.options.esdf.live)
+      s.warnings().attempt(file.string() + " has no grid `esdf`", [&] { field = distances(nullptr); });
+    cairn::write_grids(file, s.world().on_host(),
+                       {.voxel_size = s.options.fuse.voxel_size, .truncation = s.options.fuse.truncation}, field.get());
+  }
+
+  void write_graph(const fs::path& file) const override {
+    if (file.extension() == ".svg")
+      write_graph_picture(file, state_->back_end.atlas());
+    else
+      write_g2o(file, state_->back_end.atlas().graph());
+  }
+
+  int recordings() const override { return state_->recordings(); }
+  Trajectory trajectory(int recording) const override { return state_->trajectory(recording); }
+  Statistics statistics() const override { return state_->statistics(); }
+
+ private:
+  std::shared_ptr<MapState> state_;
+};
+
+Exported MapperContents::export_mesh(const fs::path& file, const ExportOptions& options,
+                                     const ExportProgress& progress) {
+  MapState& s = *state_;
+  check(options, file);
+  const KeyframeStore& images = s.is_tracked() ? s.back_end.images() : s.given.images;
+  images.wait();
+  // A world that lies otherwise than it was fused is made part by part, so that it may be larger than the memory.
+  s.back_end.settle();
+  const bool in_parts = s.is_tracked() && !s.back_end.is_plain();
+  std::optional<WorldParts> parts;
+  std::optional<Volume> part;
+  if (in_parts) {
+    s.whole.reset();
+    s.back_end.end_submap(s.volume, s.fused_count, true);
+    parts.emplace(s.back_end.world_parts(s.device));
+    part.emplace(s.device, s.world_pool(), s.options.surface.max_depth);
+  }
+  ExportInput input{.bricks = in_parts ? parts->bricks() : s.volume.bricks(),
+                    .volume = in_parts ? *part : s.volume,
+                    .load = {},
+                    .polygonizer = s.polygonizer,
+                    .camera = s.camera,
+                    .surface = s.options.surface,
+                    .keyframes = texture_keyframes(s),
+                    .get_image = [&](std::size_t image) { return images.get(image); },
+                    .paths = {}};
+  if (in_parts)
+    input.load = [&](std::span<const Brick> bricks) { part->adopt(parts->make(bricks, s.back_end.load_submap())); };
+  for (int i = 0; i < s.recordings(); ++i) input.paths.push_back(s.trajectory(i));
+  return export_surface(input, file, options, progress);
+}
+
+/// A map.vdb alone: without keyframes, poses or a device in use.
+class GridContents final : public Map::Contents {
+ public:
+  GridContents(fs::path file, int device) : file_(std::move(file)), device_index_(device), grids_(read_grids(file_)) {
+    fuse_.voxel_size = grids_.info.voxel_size;
+    fuse_.truncation = grids_.info.truncation;
+  }
+
+  Mesh mesh() override { return Polygonizer(device()).polygonize(volume()); }
+
+  std::shared_ptr<const DistanceField> distances(const EsdfOptions* options) override {
+    Options checked;
+    checked.fuse = fuse_;
+    if (options != nullptr) checked.esdf = *options;
+    check(checked);
+    auto field = distances_of(device(), tree(), fuse_, checked.esdf);
+    const auto& blocks = field->blocks();
+    const bool has_surface = std::any_of(blocks.begin(), blocks.end(), [&](const auto& block) {
+      return std::any_of(block.second->begin(), block.second->end(),
+                         [&](float d) { return d < field->max_distance(); });
+    });
+    if (!has_surface) throw std::runtime_error(file_.string() + ": holds no surface to be distant from");
+    return field;
+  }
+
+  Exported export_mesh(const fs::path& file, const ExportOptions& options, const ExportProgress& progress) override {
+    check(options, file);
+    Polygonizer polygonizer(device());
+    return export_surface({.bricks = volume().bricks(), .volume = volume(), .polygonizer = polygonizer}, file, options,
+                          progress);
+  }
+
+  void write_grids(const fs::path& file) override { cairn::write_grids(file, tree(), grids_.info, nullptr); }
+
+  void write_graph(const fs::path& file) const override {
+    throw std::runtime_error(file.string() + ": cannot be written: " + file_.string() + " has no pose graph");
+  }
+
+  int recordings() const override { return 1; }
+  Trajectory trajectory(int) const override { return {}; }
+  Statistics statistics() const override { return {}; }
+
+ private:
+  gpu::Device& device() {
+    if (!device_) device_.emplace(device_index_);
+    return *device_;
+  }
+  Volume& volume() {
+    if (!volume_) {
+      volume_.emplace(device(), fuse_, SurfaceOptions{}.max_depth);
+      volume_->adopt(std::move(grids_.tree));
+    }
+    return *volume_;
+  }
+  const BrickTree& tree() { return volume_ ? volume_->on_host() : grids_.tree; }
+
+  fs::path file_;
+  int device_index_;
+  ReadGrids grids_;
+  FuseOptions fuse_;
+  std::optional<gpu::Device> device_;
+  std::optional<Volume> volume_;
+};
+
+}  // namespace
+
+Map map_of(std::shared_ptr<MapState> state) { return Map(std::make_shared<MapperContents>(std::move(state))); }
+
+Map map_of_grids(const fs::path& vdb, int device) { return Map(std::make_shared<GridContents>(vdb, device)); }
+
+Map Mapper::map() { return map_of(state_); }
+
+Map::Map(std::shared_ptr<Contents> contents) : contents_(std::move(contents)) {}
+Mesh Map::mesh() { return contents_->mesh(); }
+std::shared_ptr<const DistanceField> Map::distances(const EsdfOptions& options) {
+  return contents_->distances(&options);
+}
+std::shared_ptr<const DistanceField> Map::distances() { return contents_->distances(nullptr); }
+Exported Map::export_mesh(const fs::path& file, const ExportOptions& options, const ExportProgress& progress) {
+  return contents_->export_mesh(file, options, progress);
+}
+void Map::write_grids(const fs::path& file) { contents_->write_grids(file); }
+void Map::write_graph(const fs::path& file) const { contents_->write_graph(file); }
+int Map::recordings() const { return contents_->recordings(); }
+Trajectory Map::trajectory(int recording) const { return contents_->trajectory(recording); }
+Statistics Map::statistics() const { return contents_->statistics(); }
+
+}  // namespace cairn

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <filesystem>
+#include <memory>
+
+#include "cairn/map.hpp"
+
+namespace cairn {
+
+struct MapState;
+
+/// What a Map shows: a mapper's state, or the grids of a file.
+class Map::Contents {
+ public:
+  virtual ~Contents() = default;
+  [[nodiscard]] virtual Mesh mesh() = 0;
+  /// `options` null: the mapper's own.
+  [[nodiscard]] virtual std::shared_ptr<const DistanceField> distances(const EsdfOptions* options) = 0;
+  virtual Exported export_mesh(const std::filesystem::path& file, const ExportOptions& options,
+                               const ExportProgress& progress) = 0;
+  virtual void write_grids(const std::filesystem::path& file) = 0;
+  virtual void write_graph(const std::filesystem::path& file) const = 0;
+  [[nodiscard]] virtual int recordings() const = 0;
+  [[nodiscard]] virtual Trajectory trajectory(int recording) const = 0;
+  [[nodiscard]] virtual Statistics statistics() const = 0;
+};
+
+[[nodiscard]] Map map_of(std::shared_ptr<MapState> state);
+/// Of a .vdb file that write_grids has written. Throws std::runtime_error when it is none.
+[[nodiscard]] Map map_of_grids(const std::filesystem::path& vdb, int device);
+
+}  // namespace cairn

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <algorithm>
+#include <stdexcept>
+
+#include "cairn/source.hpp"
+#include "io/openni.hpp"
+#include "io/recording.hpp"
+#include "synth/source.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::string_view kSynthetic = "synthetic:", kSensor = "openni:";
+constexpr int kSyntheticFrames = 300;
+
+/// A range of a source that can only be read in order.
+class InRange final : public WrappedSource {
+ public:
+  InRange(std::unique_ptr<Source> source, const FrameRange& range)
+      : WrappedSource(std::move(source)), range_(range), next_(range.begin) {}
+  std::optional<int> size() const override {
+    const auto all = source_->size();
+    if (!all) return all;
+    return std::max(
+        0, (std::min(read_ + *all, range_.end.value_or(read_ + *all)) - next_ + range_.step - 1) / range_.step);
+  }
+  std::optional<Frame> next() override {
+    if (range_.end && next_ >= *range_.end) return std::nullopt;
+    while (auto frame = source_->next())
+      if (read_++ == next_) {
+        next_ += range_.step;
+        return frame;
+      }
+    return std::nullopt;
+  }
+
+ private:
+  FrameRange range_;
+  int read_ = 0, next_;
+};
+
+}  // namespace
+
+bool is_sensor(std::string_view name) { return name.starts_with(kSensor) && !name.ends_with(".oni"); }
+
+bool is_synthetic(std::string_view name) { return name.starts_with(kSynthetic); }
+
+std::unique_ptr<Source> open_source(const std::string& name, const SourceOptions& options) {
+  if (name.starts_with(kSensor) || name.ends_with(".oni")) {
+    const std::string uri = name.starts_with(kSensor) ? name.substr(kSensor.size()) : name;
+    return std::make_unique<InRange>(open_openni(uri, {.camera = options.camera, .copy_to = options.copy_to}),
+                                     options.range);
+  }
+  if (!options.camera.empty())
+    throw std::runtime_error(name +
+                             ": has its own camera: another one (SourceOptions::camera) is for sensors and .oni "
+                             "files");
+  if (is_synthetic(name))
+    return open_synthetic({.scene = name.substr(kSynthetic.size()),
+                           .first = options.range.begin,
+                           .frames = options.range.end.value_or(kSyntheticFrames)});
+  return open_recording(name, options.range);
+}
+
+}  // namespace cairn

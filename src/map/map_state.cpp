@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "map/map_state.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <set>
+#include <string_view>
+
+namespace cairn {
+namespace {
+
+constexpr int kMaxRepeats = 2;
+constexpr std::uint64_t kWorldPool = std::uint64_t{256} << 20;  // bytes on the device while the whole map is meshed
+
+}  // namespace
+
+MapState::MapState(const Camera& c, const Options& o, Poses p, int device_index, MapFiles f)
+    : options(o),
+      poses(p),
+      camera(c),
+      files(std::move(f)),
+      device(device_index),
+      preprocessor(device, c, o.surface, o.track.levels, o.track.finest_level),
+      integrator(device, preprocessor.camera(), o.surface),
+      polygonizer(device),
+      volume(device, o.fuse, o.surface.max_depth),
+      back_end(device, c, o, files.folder, files.access),
+      tracker(device, c, preprocessor.camera(), o, back_end.keyframes()),
+      given{.poses = {}, .images = {c, {}}, .keyframes = {}} {}
+
+CheckedFrame MapState::check(const Frame& frame) {
+  CheckedFrame checked(frame, camera, last_fused);
+  if (!is_tracked())
+    checked.expect_pose(options.fuse.voxel_size);
+  else if (checked.is_usable() && is_stuck(frame))
+    checked.refuse(FrameCause::stuck);
+  return checked;
+}
+
+/// Noise never repeats. A driver may deliver one image twice, but not more often.
+bool MapState::is_stuck(const Frame& frame) {
+  const std::size_t image = std::hash<std::string_view>()(
+      {reinterpret_cast<const char*>(frame.depth.data()), frame.depth.size() * sizeof(float)});
+  repeats = image == last_image ? repeats + 1 : 0;
+  last_image = image;
+  return repeats > kMaxRepeats;
+}
+
+/// What comes next has nothing to do with what is being fused into.
+void MapState::begin_component() {
+  back_end.end_submap(volume, fused_count, false);
+  esdf.reset();
+  if (surface) surface.emplace();
+}
+
+/// The frame was fused: the tracker goes on from it, and it may become a keyframe.
+void MapState::remember(const Frame& frame, const Surface& live, const Tracked& tracked, StageTimes& times) {
+  const Eigen::Isometry3d& pose = tracked.submap_from_camera;
+  if (is_tracked()) {
+    tracker.commit(frame, live, tracked);
+    const bool is_keyframe =
+        timed(times, "keyframe", [&] { return back_end.add(frame, pose, tracked.information(), volume, fused_count); });
+    if (is_keyframe) warnings().attempt("the focal length is not checked", [&] { tracker.learn_focal_length(); });
+  } else {
+    keep_given_keyframe(frame);
+    given.poses.push_back({frame.timestamp, pose});
+  }
+  if (frame.acceleration) acceleration += pose.linear() * *frame.acceleration;
+  last_fused = frame.timestamp;
+  whole.reset();
+}
+
+/// With given poses keyframes are only for textures.
+void MapState::keep_given_keyframe(const Frame& frame) {
+  if (!options.keep_keyframes) return;
+  if (!given.keyframes.empty() &&
+      !is_apart(given.poses[given.keyframes.back().first].world_from_camera, *frame.world_from_camera))
+    return;
+  given.images.put(given.keyframes.size(), frame, {});
+  given.keyframes.emplace_back(given.poses.size(), frame.colour_delay);
+}
+
+/// Distances and a viewer's surface go after what a frame changed.
+void MapState::follow(const Fused& fused, StageTimes& times) {
+  if (options.esdf.live) follow_distances(fused, times);
+  if (surface) surface->change(fused.changed);
+}
+
+/// Without a field it starts with all that the volume holds. Where it cannot follow it ends: an old one would tell of
+/// free space that is none.
+void MapState::follow_distances(const Fused& fused, StageTimes& times) {
+  options.esdf.live = warnings().attempt("there is no distance field from here on", [&] {
+    timed(times, "esdf", [&] {
+      std::vector<Brick> changed = fused.changed;
+      changed.insert(changed.end(), fused.newly_free.begin(), fused.newly_free.end());
+      if (!esdf) {
+        esdf.emplace(device, options.fuse, options.esdf);
+        changed = volume.bricks();
+        const std::vector<Brick> free = volume.host().free_bricks();
+        changed.insert(changed.end(), free.begin(), free.end());
+      }
+      return esdf->update(volume, changed);
+    });
+    live_distances.put(timed(times, "esdf to host", [&] { return esdf->field(); }));
+  });
+  if (options.esdf.live) return;
+  esdf.reset();
+  live_distances.put({});
+}
+
+void MapState::end_everything() {
+  back_end.settle();
+  back_end.end_submap(volume, fused_count, false);
+  whole.reset();
+}
+
+FuseOptions MapState::world_pool() const {
+  FuseOptions pool = options.fuse;
+  pool.device_memory = std::min(pool.device_memory != 0 ? pool.device_memory : kWorldPool, kWorldPool);
+  return pool;
+}
+
+Volume& MapState::world() {
+  if (!is_tracked()) return volume;
+  back_end.settle();
+  if (back_end.is_plain()) return volume;
+  if (!whole) {
+    back_end.end_submap(volume, fused_count, true);
+    whole.emplace(device, world_pool(), options.surface.max_depth);
+    whole->adopt(back_end.world().release());
+  }
+  return *whole;
+}
+
+int MapState::recordings() const { return 1 + static_cast<int>(back_end.atlas().recordings.size()); }
+
+Trajectory MapState::trajectory(int recording) const {
+  if (!is_tracked()) return given.poses;
+  const Atlas& atlas = back_end.atlas();
+  const auto number = static_cast<std::size_t>(recording < 0 ? recordings() - 1 : recording);
+  const std::size_t begin = number == 0 ? 0 : atlas.recordings.at(number - 1);
+  const std::size_t end = number < atlas.recordings.size() ? atlas.recordings[number] : atlas.frames.size();
+  Trajectory trajectory = atlas.trajectory(atlas.main_component(), begin, end);
+  for (StampedPose& pose : trajectory) pose.timestamp += tracker.clock_offset();
+  return trajectory;
+}
+
+Statistics MapState::statistics() const {
+  const auto& counts = volume.counts();
+  const auto component_of = back_end.atlas().components();
+  Statistics statistics{.device = device.info().name,
+                        .device_memory_peak = device.peak_memory(),
+                        .bricks = counts.allocated,
+                        .paged_out = counts.paged_out,
+                        .paged_in = counts.paged_in,
+                        .keyframes = static_cast<int>(back_end.atlas().keyframes.size()),
+                        .submaps = static_cast<int>(back_end.submaps().size()),
+                        .components = static_cast<int>(std::set(component_of.begin(), component_of.end()).size()),
+                        .looked_up = back_end.counts().looked_up,
+                        .loops_tried = back_end.counts().tried,
+                        .graph_ms = back_end.counts().graph_ms,
+                        .world_ms = back_end.counts().world_ms,
+                        .submap_memory_peak = back_end.submaps().counts().peak_bytes,
+                        .submaps_read_back = back_end.submaps().counts().read_back,
+                        .clock_offset = tracker.clock_offset(),
+                        .focal = tracker.focal(),
+                        .tilt = {},
+                        .kernels = {}};
+  if (acceleration.norm() > 0) statistics.tilt = std::acos(std::clamp(-acceleration.normalized().y(), -1.0, 1.0));
+  for (const auto& [name, time] : device.kernel_times()) statistics.kernels[name] = {time.calls, time.total_ms};
+  return statistics;
+}
+
+}  // namespace cairn

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// What a mapper holds: the stages, the volume that is being fused into, and the back end. Mapper, Map, Session and
+// LiveSurface each show another side of it.
+#pragma once
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "base/newest.hpp"
+#include "base/stopwatch.hpp"
+#include "cairn/mapper.hpp"
+#include "map/back_end.hpp"
+#include "map/checked_frame.hpp"
+#include "map/growing_surface.hpp"
+#include "map/tracker.hpp"
+#include "surface/preprocess.hpp"
+#include "texture/views.hpp"
+#include "volume/esdf.hpp"
+#include "volume/integrate.hpp"
+#include "volume/polygonize.hpp"
+
+namespace cairn {
+
+/// Where keyframes and submaps are kept.
+struct MapFiles {
+  std::filesystem::path folder;  // empty: in memory
+  Access access = Access::write;
+  std::shared_ptr<const void> hold;  // sees to it that they stay as long as this lives
+};
+
+struct MapState {
+  MapState(const Camera& camera, const Options& options, Poses poses, int device, MapFiles files = {});
+
+  [[nodiscard]] Warnings& warnings() { return back_end.warnings(); }
+  [[nodiscard]] bool is_tracked() const { return poses == Poses::tracked; }
+
+  // The stages of Mapper::add that are not another room's.
+  [[nodiscard]] CheckedFrame check(const Frame& frame);
+  void begin_component();
+  void remember(const Frame& frame, const Surface& live, const Tracked& tracked, StageTimes& times);
+  void follow(const Fused& fused, StageTimes& times);
+
+  /// All of the map goes to submaps.
+  void end_everything();
+  /// The volume of the whole map.
+  [[nodiscard]] Volume& world();
+  /// How much of the device the whole map may take while it is looked at beside the volume.
+  [[nodiscard]] FuseOptions world_pool() const;
+  [[nodiscard]] int recordings() const;
+  [[nodiscard]] Trajectory trajectory(int recording) const;
+  [[nodiscard]] Statistics statistics() const;
+
+  Options options;
+  Poses poses;
+  Camera camera;
+  MapFiles files;
+  gpu::Device device;
+  Preprocessor preprocessor;
+  Integrator integrator;
+  Polygonizer polygonizer;
+  Volume volume;
+  BackEnd back_end;
+  Tracker tracker;
+  std::optional<GrowingSurface> surface;  // for a LiveSurface
+  std::optional<Esdf> esdf;               // with EsdfOptions::live
+  Newest<DistanceField> live_distances;
+  std::optional<Volume> whole;  // the world, where that is not what `volume` holds
+
+  /// With Poses::given.
+  struct GivenPoses {
+    Trajectory poses;
+    KeyframeStore images;                                   // with Options::keep_keyframes
+    std::vector<std::pair<std::size_t, double>> keyframes;  // of `poses`; the colour images' delays
+  } given;
+
+  std::optional<double> last_fused;                        // timestamp
+  Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();  // sum over fused frames, in the world
+  std::uint32_t fused_count = 0;                           // frames
+  std::size_t last_image = 0;                              // hash of the last frame's depth
+  int repeats = 0;                                         // frames since that image was new
+
+ private:
+  [[nodiscard]] bool is_stuck(const Frame& frame);
+  void keep_given_keyframe(const Frame& frame);
+  void follow_distances(const Fused& fused, StageTimes& times);
+};
+
+}  // namespace cairn

@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+
+#include <chrono>
+#include <deque>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "cairn/live_surface.hpp"
+#include "cairn/viewer.hpp"
+#include "view/messages.hpp"
+#include "view/report_page.hpp"
+#include "view/server.hpp"
+
+namespace cairn {
+namespace {
+
+using namespace std::chrono_literals;
+constexpr auto kSurfaceEvery = 120ms, kImagesEvery = 200ms, kStateEvery = 100ms;
+constexpr auto kRecent = 2s;        // of frames that rates are told of
+constexpr int kBricksAtOnce = 120;  // of the surface: as many as cost less than a frame
+constexpr double kFewInliers = 0.45;
+constexpr auto kGoodbye = 500ms;  // for viewers to hear the last words
+
+double memory_mb() {
+  std::ifstream in("/proc/self/statm");
+  double total = 0, resident = 0;
+  in >> total >> resident;
+  return resident * 4096 / (1 << 20);
+}
+
+nlohmann::json to_json(const Eigen::Isometry3d& pose) {  // column by column, as three.js takes it
+  const Eigen::Matrix4d& m = pose.matrix();
+  return std::vector<double>(m.data(), m.data() + 16);
+}
+
+std::pair<const char*, std::string> words_of(const FrameReport& report, bool any) {
+  if (!any) return {"waiting", "Waiting for the first frame"};
+  if (report.state == FrameState::lost)
+    return {"lost", "Lost: turn back to what was seen before (" + report.reason + ")"};
+  if (report.state == FrameState::skipped) return {"weak", "Frame skipped: " + report.reason};
+  if (report.iterations > 0 && report.inlier_share < kFewInliers)
+    return {"weak",
+            fmt::format("Tracking is weak, move slowly: {:.0f} % of the image fits", 100 * report.inlier_share)};
+  return {"good", report.iterations > 0 ? fmt::format("Tracking: {:.0f} % of the image fits", 100 * report.inlier_share)
+                                        : "Tracking begins"};
+}
+
+Served viewer_file() { return {"text/html; charset=utf-8", std::string(viewer_page())}; }
+
+}  // namespace
+
+struct LiveViewer::State {
+  using Clock = std::chrono::steady_clock;
+  void send_state(const char* status, const std::string& words);
+  void send_surface(bool all);
+
+  Feed feed;
+  Server server;
+  Mapper* mapper = nullptr;
+  std::optional<LiveSurface> surface;
+  Camera camera;
+  float max_depth = 5;
+  int epoch = 0, dropped = 0, sent_parts = 0;
+  std::map<std::string, int> counts;  // frames by state
+  FrameReport last;
+  bool any = false;                                         // frames
+  std::deque<std::pair<Clock::time_point, double>> recent;  // frames of the last seconds, and their latency
+  Clock::time_point surface_sent, images_sent, state_sent;
+  std::optional<Clock::time_point> first_frame;
+  std::optional<double> first_mesh_seconds;
+  int updates = 0;  // of the surface
+  double updates_ms = 0;
+
+  explicit State(int port)
+      : server(port,
+               {{"", viewer_file()}, {"data.json", Served{"application/json", std::string(R"({"mode":"live"})")}}},
+               &feed) {}
+};
+
+LiveViewer::LiveViewer(int port) : state_(std::make_unique<State>(port)) {}
+LiveViewer::~LiveViewer() = default;
+
+std::string LiveViewer::url() const { return state_->server.url(); }
+
+void LiveViewer::begin(Mapper& mapper, const Camera& camera, float max_depth) {
+  State& s = *state_;
+  s.mapper = &mapper;
+  s.surface.emplace(mapper);
+  s.camera = camera;
+  s.max_depth = max_depth;
+  ++s.epoch;
+  s.feed.clear();
+  s.counts.clear();
+  s.recent.clear();
+  s.any = false;
+  s.send_state("waiting", "Waiting for the first frame");
+}
+
+LiveViewer::Asked LiveViewer::asked() {
+  State& s = *state_;
+  Asked asked;
+  for (const std::string& request : s.feed.take_requests()) {
+    const auto j = nlohmann::json::parse(request, nullptr, false);
+    if (!j.is_object() || !j.contains("do")) continue;  // rubbish
+    if (j["do"] == "pause") asked.pause = true;
+    if (j["do"] == "start") asked.pause = false;
+    if (j["do"] == "reset") asked.reset = true;
+    if (j["do"] == "finish") asked.finish = true;
+  }
+  return asked;
+}
+
+void LiveViewer::fused(const Frame& frame, const FrameReport& report, double latency_ms) {
+  State& s = *state_;
+  const auto now = State::Clock::now();
+  s.any = true;
+  if (!s.first_frame) s.first_frame = now;
+  s.last = report;
+  ++s.counts[report.state == FrameState::fused ? "fused" : report.state == FrameState::lost ? "lost" : "skipped"];
+  s.recent.emplace_back(now, latency_ms);
+  if (s.feed.viewers() > 0 && now - s.images_sent > kImagesEvery && !frame.problem) {
+    s.images_sent = now;
+    if (!frame.colour.empty()) s.feed.set("colour", colour_message(frame, s.camera));
+    s.feed.set("depth", depth_message(frame, s.camera, s.max_depth));
+  }
+}
+
+void LiveViewer::update(bool paused, int dropped) {
+  State& s = *state_;
+  const auto now = State::Clock::now();
+  s.dropped = dropped;
+  while (!s.recent.empty() && now - s.recent.front().first > kRecent) s.recent.pop_front();
+  if (now - s.surface_sent > kSurfaceEvery) s.send_surface(paused);  // a viewer may come late and wants all of it
+  if (s.feed.viewers() == 0 || now - s.state_sent < kStateEvery) return;
+  const auto [status, words] = words_of(s.last, s.any);
+  s.send_state(paused ? "paused" : status, paused ? "Paused: nothing is fused" : words);
+}
+
+void LiveViewer::State::send_surface(bool all) {
+  if (!any) return;
+  const auto start = Clock::now();
+  const SurfaceChanges changes = surface->changes(kBricksAtOnce, all);
+  for (const SurfacePart& part : changes.parts)
+    feed.set(fmt::format("part {} {} {} {}", part.submap, part.cell.x(), part.cell.y(), part.cell.z()),
+             part_message(part, epoch));
+  nlohmann::json submaps = nlohmann::json::array();
+  for (const Eigen::Isometry3d& pose : changes.world_from_submap) submaps.push_back(to_json(pose));
+  feed.set("submaps", nlohmann::json{{"epoch", epoch}, {"submaps", submaps}}.dump(), true);
+  feed.set("path", path_message(mapper->path(kMaxPath), epoch));
+  sent_parts += static_cast<int>(changes.parts.size());
+  surface_sent = Clock::now();
+  if (!changes.parts.empty()) {
+    updates_ms += std::chrono::duration<double, std::milli>(surface_sent - start).count();
+    ++updates;
+    if (!first_mesh_seconds) first_mesh_seconds = std::chrono::duration<double>(surface_sent - *first_frame).count();
+  }
+}
+
+void LiveViewer::State::send_state(const char* status, const std::string& words) {
+  state_sent = Clock::now();
+  const Feed::Size held = feed.size();
+  nlohmann::json state{{"epoch", epoch},
+                       {"status", status},
+                       {"words", words},
+                       {"frames", counts},
+                       {"skipped_to_keep_up", dropped},
+                       {"memory_mb", memory_mb()},
+                       {"feed", {{"things", held.things}, {"bytes", held.bytes}, {"requests", held.requests}}},
+                       {"loops", nlohmann::json::array()}};
+  if (recent.size() > 1) {
+    const double seconds = std::chrono::duration<double>(recent.back().first - recent.front().first).count();
+    state["frames_per_second"] = static_cast<double>(recent.size() - 1) / seconds;
+    double worst = 0;
+    for (const auto& [when, latency] : recent) worst = std::max(worst, latency);
+    state["latency_ms"] = worst;
+  }
+  if (any) {
+    const Statistics statistics = mapper->statistics();
+    state["keyframes"] = statistics.keyframes;
+    state["submaps"] = statistics.submaps + 1;
+    state["components"] = statistics.components;
+    const Trajectory trajectory = mapper->path(2);
+    if (!trajectory.empty()) {
+      state["camera"] = to_json(trajectory.back().world_from_camera);
+      for (const FoundLoop& loop : mapper->loops())
+        state["loops"].push_back({loop.from - trajectory[0].timestamp, loop.to - trajectory[0].timestamp, loop.inlier});
+    }
+    state["view"] = {{"fx", camera.fx / camera.width}, {"aspect", static_cast<double>(camera.width) / camera.height}};
+  }
+  feed.set("state", state.dump(), true);
+}
+
+void LiveViewer::finishing() {
+  State& s = *state_;
+  if (s.feed.viewers() > 0 && s.any) s.send_surface(true);
+  s.send_state("finishing", "Finishing: the map is corrected and written");
+}
+
+void LiveViewer::finished(const std::filesystem::path& output) {
+  State& s = *state_;
+  s.send_state("finished", "Finished: open " + std::filesystem::absolute(output / "report.html").string());
+  if (s.feed.viewers() > 0) std::this_thread::sleep_for(kGoodbye);
+}
+
+LiveViewer::Told LiveViewer::told() const {
+  const State& s = *state_;
+  const double seconds =
+      s.first_frame ? std::chrono::duration<double>(State::Clock::now() - *s.first_frame).count() : 0;
+  return {.parts = s.sent_parts,
+          .updates_per_second = seconds > 0 ? s.updates / seconds : 0,
+          .ms_per_update = s.updates > 0 ? s.updates_ms / s.updates : 0,
+          .first_mesh_seconds = s.first_mesh_seconds};
+}
+
+struct MapViewer::State {
+  State(int port, std::map<std::string, Served> files) : server(port, std::move(files), nullptr) {}
+  Server server;
+};
+
+MapViewer::MapViewer(const std::filesystem::path& folder, int port) {
+  std::map<std::string, Served> files{{"", viewer_file()},
+                                      {"data.json", Served{"application/json", finished_data(folder)}}};
+  if (const auto mesh = folder / "mesh.glb"; std::filesystem::exists(mesh))
+    files["mesh.glb"] = Served{"model/gltf-binary", mesh};
+  state_ = std::make_unique<State>(port, std::move(files));
+}
+MapViewer::~MapViewer() = default;
+
+std::string MapViewer::url() const { return state_->server.url(); }
+
+}  // namespace cairn
