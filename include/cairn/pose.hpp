@@ -9,31 +9,12 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;  // (rotation, translation): radians, metres
 
 /// Rotation about the vector's first half by its length, and translation by the second half.
-[[nodiscard]] inline Eigen::Isometry3d retract(const Vector6d& x) {
-  Eigen::Isometry3d t = Eigen::Isometry3d::Identity();
-  const double angle = x.head<3>().norm();
-  if (angle > 0) t.linear() = Eigen::AngleAxisd(angle, x.head<3>() / angle).toRotationMatrix();
-  t.translation() = x.tail<3>();
-  return t;
-}
+[[nodiscard]] Eigen::Isometry3d retract(const Vector6d& x);
 
 /// The other way round, for rotations of less than half a turn.
-[[nodiscard]] inline Vector6d local_coordinates(const Eigen::Isometry3d& t) {
-  const Eigen::AngleAxisd turn(t.linear());
-  return (Vector6d() << turn.axis() * turn.angle(), t.translation()).finished();
-}
+[[nodiscard]] Vector6d local_coordinates(const Eigen::Isometry3d& t);
 
 /// How a small motion given in frame b reads in frame a.
-[[nodiscard]] inline Matrix6d adjoint(const Eigen::Isometry3d& a_from_b) {
-  const Eigen::Matrix3d r = a_from_b.linear();
-  const Eigen::Vector3d t = a_from_b.translation();
-  Eigen::Matrix3d cross;
-  cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
-  Matrix6d m = Matrix6d::Zero();
-  m.topLeftCorner<3, 3>() = r;
-  m.bottomRightCorner<3, 3>() = r;
-  m.bottomLeftCorner<3, 3>() = cross * r;
-  return m;
-}
+[[nodiscard]] Matrix6d adjoint(const Eigen::Isometry3d& a_from_b);
 
 }  // namespace cairn
