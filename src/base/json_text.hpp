@@ -2,26 +2,18 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // JSON as text that people read, and text as a part of JSON.
 #pragma once
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 namespace cairn {
 
 /// JSON as text. What is not UTF-8 in it, such as a file's name, is shown by replacement characters.
-[[nodiscard]] inline std::string text_of(const nlohmann::json& json, int indent = -1) {
-  return json.dump(indent, ' ', false, nlohmann::json::error_handler_t::replace);
-}
+[[nodiscard]] std::string text_of(const nlohmann::json& json, int indent = -1);
 
 /// The same for a text that becomes a part of JSON.
-[[nodiscard]] inline std::string as_utf8(const std::string& text) {
-  return nlohmann::json::parse(text_of(text)).get<std::string>();
-}
+[[nodiscard]] std::string as_utf8(const std::string& text);
 
 /// A message without what the JSON library puts before its own: "[json.exception.type_error.302] ".
-[[nodiscard]] inline std::string plain(std::string message) {
-  const std::size_t begin = message.find("[json.exception."), end = message.find("] ", begin);
-  if (begin != message.npos && end != message.npos) message.erase(begin, end + 2 - begin);
-  return message;
-}
+[[nodiscard]] std::string plain(std::string message);
 
 }  // namespace cairn
