@@ -10,10 +10,10 @@ namespace cairn {
 /// forward; pixel (0, 0) is the centre of the upper left pixel. Depth and colour share it: depth is registered to
 /// colour.
 struct Camera {
-  int width = 640;                                        // pixels
-  int height = 480;                                       // pixels
-  double fx = 525.0, fy = 525.0, cx = 319.5, cy = 239.5;  // pixels; fy > 0, sources turn images that have it negative
-  std::array<double, 5> distortion{};                     // k1 k2 p1 p2 k3; all zero: images are rectified
+  int width = 640;                                        ///< pixels
+  int height = 480;                                       ///< pixels
+  double fx = 525.0, fy = 525.0, cx = 319.5, cy = 239.5;  ///< pixels; fy > 0, sources turn images that have it negative
+  std::array<double, 5> distortion{};                     ///< k1 k2 p1 p2 k3; all zero: images are rectified
 
   friend bool operator==(const Camera&, const Camera&) = default;
   [[nodiscard]] bool distorted() const { return distortion != std::array<double, 5>{}; }
@@ -46,9 +46,9 @@ void check(const Camera& camera);
 /// How well corners in views turned against each other fit other focal lengths: a systematic error tells of wrong
 /// intrinsics.
 struct FocalEvidence {
-  double scale = 1;                        // the length that fits best, in units of the camera's
-  double error_given = 0, error_best = 0;  // pixels, root mean square over the corners
-  int pairs = 0;                           // of views; 0: too few to tell
+  double scale = 1;                        ///< the length that fits best, in units of the camera's
+  double error_given = 0, error_best = 0;  ///< pixels, root mean square over the corners
+  int pairs = 0;                           ///< of views; 0: too few to tell
   /// Whether the camera's intrinsics are in doubt.
   [[nodiscard]] bool contradicts() const {
     return pairs > 0 && (scale < 0.97 || scale > 1.03) && error_given > 1.03 * error_best;

@@ -22,10 +22,10 @@ class DistanceField {
   using Blocks = std::vector<std::pair<Eigen::Vector3i, std::shared_ptr<const Block>>>;
 
   struct Answer {
-    bool known = false;     // false: nobody has seen this place, or it lies outside the map
-    float distance = 0.0f;  // metres; at most max_distance(), which also stands for "farther"
-    Eigen::Vector3f gradient = Eigen::Vector3f::Zero();  // of the distance, unit length: away from the nearest surface
-                                                         // in front of it; zero where everything is far
+    bool known = false;     ///< false: nobody has seen this place, or it lies outside the map
+    float distance = 0.0f;  ///< metres; at most max_distance(), which also stands for "farther"
+    Eigen::Vector3f gradient = Eigen::Vector3f::Zero();  ///< of the distance, unit length: away from the nearest
+                                                         ///< surface in front of it; zero where everything is far
   };
 
   /// Block (i, j, k) starts with voxel 16 (i, j, k); voxel (i, j, k) samples the point origin + voxel_size * (i, j, k).
@@ -50,15 +50,15 @@ class DistanceField {
   [[nodiscard]] Eigen::AlignedBox3f bounds() const;
 
  private:
-  [[nodiscard]] const Block* block_of(const Eigen::Vector3i& voxel) const;  // null: nothing known
-  [[nodiscard]] float at(const Eigen::Vector3i& voxel) const;               // NaN: unknown
+  [[nodiscard]] const Block* block_of(const Eigen::Vector3i& voxel) const;  ///< null: nothing known
+  [[nodiscard]] float at(const Eigen::Vector3i& voxel) const;               ///< NaN: unknown
 
   float voxel_size_;
   Eigen::Vector3f origin_;
   float max_distance_;
   Blocks blocks_;
-  Eigen::Vector3i first_ = Eigen::Vector3i::Zero(), size_ = Eigen::Vector3i::Zero();  // of the table, blocks
-  std::vector<const Block*> table_;                                                   // null: nothing known
+  Eigen::Vector3i first_ = Eigen::Vector3i::Zero(), size_ = Eigen::Vector3i::Zero();  ///< of the table, blocks
+  std::vector<const Block*> table_;                                                   ///< null: nothing known
 };
 
 /// Writes the grid `esdf` to a .vdb file (metres; active where known), whole or not at all.

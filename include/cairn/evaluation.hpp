@@ -20,12 +20,12 @@ struct ErrorStatistics {
 
 /// Sturm et al. 2012, "A benchmark for the evaluation of RGB-D SLAM systems".
 struct TrajectoryError {
-  ErrorStatistics ate;              // metres, after the SE(3) alignment of Horn 1987 / Umeyama 1991
-  ErrorStatistics rpe_translation;  // metres over `rpe_interval`
-  ErrorStatistics rpe_rotation;     // radians over `rpe_interval`
-  double rpe_interval = 1.0;        // seconds
-  int estimated_poses = 0;          // poses in the estimate
-  int matched_poses = 0;            // of them with a true pose within 20 ms, one to one
+  ErrorStatistics ate;              ///< metres, after the SE(3) alignment of Horn 1987 / Umeyama 1991
+  ErrorStatistics rpe_translation;  ///< metres over `rpe_interval`
+  ErrorStatistics rpe_rotation;     ///< radians over `rpe_interval`
+  double rpe_interval = 1.0;        ///< seconds
+  int estimated_poses = 0;          ///< poses in the estimate
+  int matched_poses = 0;            ///< of them with a true pose within 20 ms, one to one
   Eigen::Isometry3d truth_from_estimate = Eigen::Isometry3d::Identity();
 };
 
@@ -39,12 +39,12 @@ struct TrajectoryError {
 
 /// How well places were recognised.
 struct LoopError {
-  int loops = 0, right = 0;     // a loop is right if its measured pose is within 10 cm and 5 degrees of the true one
-  int revisits = 0, found = 0;  // keyframes that look at an earlier place, and those of them with a right loop
+  int loops = 0, right = 0;     ///< a loop is right if its measured pose is within 10 cm and 5 degrees of the true one
+  int revisits = 0, found = 0;  ///< keyframes that look at an earlier place, and those of them with a right loop
 };
 /// `i_from_j` as measured between the views at two times.
 struct LoopMeasured {
-  double from = 0, to = 0;  // seconds
+  double from = 0, to = 0;  ///< seconds
   Eigen::Isometry3d i_from_j = Eigen::Isometry3d::Identity();
 };
 /// `keyframes`: times, and how many of the earlier ones were looked through; a revisit has one of these within 0.5 m
@@ -54,13 +54,13 @@ struct LoopMeasured {
                                        double max_time_difference = 0.1);
 
 struct MeshError {
-  ErrorStatistics accuracy;      // metres, from samples of the estimate to the truth's surface
-  ErrorStatistics completeness;  // metres, from samples of the truth to the estimate's surface
+  ErrorStatistics accuracy;      ///< metres, from samples of the estimate to the truth's surface
+  ErrorStatistics completeness;  ///< metres, from samples of the truth to the estimate's surface
   struct AtThreshold {
-    double threshold;                   // metres
-    double precision, recall, f_score;  // shares in [0, 1]: accuracy and completeness within the threshold
+    double threshold;                   ///< metres
+    double precision, recall, f_score;  ///< shares in [0, 1]: accuracy and completeness within the threshold
   };
-  std::array<AtThreshold, 3> at{};  // 1, 2 and 5 cm (Knapitsch et al. 2017)
+  std::array<AtThreshold, 3> at{};  ///< 1, 2 and 5 cm (Knapitsch et al. 2017)
 };
 
 /// Samples both surfaces evenly by area, `samples` points each, seeded; distances are to triangles, not to vertices.
@@ -71,8 +71,8 @@ struct MeshError {
 
 /// A mesh as a camera sees it.
 struct RenderedView {
-  std::vector<float> depth;           // metres along z; 0: nothing
-  std::vector<std::uint32_t> colour;  // bytes R, G, B, 255; a mesh without colours is shaded by its normals
+  std::vector<float> depth;           ///< metres along z; 0: nothing
+  std::vector<std::uint32_t> colour;  ///< bytes R, G, B, 255; a mesh without colours is shaded by its normals
 };
 /// Draws the parts of a mesh, front sides alone, with their textures or vertex colours. `samples`: along x and y of a
 /// pixel; depth is the first one's.
@@ -81,9 +81,9 @@ struct RenderedView {
 
 /// How well pictures of a mesh agree with a recording's.
 struct ViewError {
-  double psnr = 0;  // dB over all pixels and channels that were compared
+  double psnr = 0;  ///< dB over all pixels and channels that were compared
   double covered =
-      0;  // share of the recording's depth pixels where the mesh lies within 5 cm of it: these are compared
+      0;  ///< share of the recording's depth pixels where the mesh lies within 5 cm of it: these are compared
   int frames = 0;
 };
 /// `world_from_recording` moves the recording's poses, Frame::world_from_camera, to the mesh. Every `step`-th frame is
@@ -93,21 +93,21 @@ struct ViewError {
 
 /// How a mesh's triangles hang together; vertices at the very same place count as one.
 struct MeshTopology {
-  std::size_t non_manifold_edges = 0;  // of more than two triangles
+  std::size_t non_manifold_edges = 0;  ///< of more than two triangles
   std::size_t degenerate_triangles = 0, unreferenced_vertices = 0;
-  std::size_t components = 0;                 // that no vertex joins
-  std::size_t borders = 0, border_edges = 0;  // boundary_edges of holes and outer edges
-  double border_length = 0;                   // metres
+  std::size_t components = 0;                 ///< that no vertex joins
+  std::size_t borders = 0, border_edges = 0;  ///< boundary_edges of holes and outer edges
+  double border_length = 0;                   ///< metres
 };
 [[nodiscard]] MeshTopology examine_topology(const Mesh& mesh);
 
 struct DistanceError {
-  ErrorStatistics distance;        // metres, absolute
-  double within_voxel = 0;         // share of these that are less than a voxel
-  double gradient_mean = 0;        // radians between the field's gradient and the true one
-  int gradients = 0;               // points away from the medial axis
-  int right_signs = 0, signs = 0;  // of points that are farther than a millimetre from the surface
-  int known = 0;                   // points looked at; of them `distance.count` are nearest to a surface that was seen
+  ErrorStatistics distance;        ///< metres, absolute
+  double within_voxel = 0;         ///< share of these that are less than a voxel
+  double gradient_mean = 0;        ///< radians between the field's gradient and the true one
+  int gradients = 0;               ///< points away from the medial axis
+  int right_signs = 0, signs = 0;  ///< of points that are farther than a millimetre from the surface
+  int known = 0;  ///< points looked at; of them `distance.count` are nearest to a surface that was seen
 };
 
 /// Compares a field with a scene's exact distances at a point in every fourth known voxel (seeded), where the nearest

@@ -12,32 +12,32 @@ namespace cairn {
 
 /// What is taken away from the surface or added to it.
 struct CleanOptions {
-  float min_piece = 0.1f;    // metres; floating pieces whose bounding box has a shorter diagonal are removed,
-  float min_support = 2.0f;  // and those of up to three times this size with fewer observations (at 1 m) on the mean
-  float min_weight = 0.0f;   // observations at 1 m; surface that was seen less is removed. FuseOptions::min_mesh_weight
-                             // has done so before
-  float fill_holes = 0.0f;   // metres; holes whose bounding box has a shorter diagonal are closed; 0: none
+  float min_piece = 0.1f;    ///< metres; floating pieces whose bounding box has a shorter diagonal are removed,
+  float min_support = 2.0f;  ///< and those of up to three times this size with fewer observations (at 1 m) on the mean
+  float min_weight = 0.0f;   ///< observations at 1 m; surface that was seen less is removed.
+                            ///< FuseOptions::min_mesh_weight has done so before
+  float fill_holes = 0.0f;  ///< metres; holes whose bounding box has a shorter diagonal are closed; 0: none
 };
 
 struct SimplifyOptions {
-  float ratio = 1.0f;      // of the triangles that is left, more where max_error does not allow it
-  float max_error = 0.0f;  // metres that the surface may move; 0: as far as the ratio needs, two voxels at most
+  float ratio = 1.0f;      ///< of the triangles that is left, more where max_error does not allow it
+  float max_error = 0.0f;  ///< metres that the surface may move; 0: as far as the ratio needs, two voxels at most
 };
 
 struct TextureOptions {
   bool enabled = false;
-  float texel = 0.0f;   // metres; 0: what the keyframes see, coarser where it would not fit
-  int max_size = 4096;  // texels a side of one texture
-  bool png = false;     // instead of JPEG
+  float texel = 0.0f;   ///< metres; 0: what the keyframes see, coarser where it would not fit
+  int max_size = 4096;  ///< texels a side of one texture
+  bool png = false;     ///< instead of JPEG
   int jpeg_quality = 90;
 };
 
 /// How glTF holds triangles.
 enum class Compression {
-  none,       // 32-bit numbers
-  quantised,  // KHR_mesh_quantization: 16-bit positions and texture places, 8-bit normals
-  meshopt,    // the same with EXT_meshopt_compression
-  draco       // KHR_draco_mesh_compression
+  none,       ///< 32-bit numbers
+  quantised,  ///< KHR_mesh_quantization: 16-bit positions and texture places, 8-bit normals
+  meshopt,    ///< the same with EXT_meshopt_compression
+  draco       ///< KHR_draco_mesh_compression
 };
 
 struct ExportOptions {
@@ -45,11 +45,11 @@ struct ExportOptions {
   SimplifyOptions simplify;
   TextureOptions texture;
   Compression compression = Compression::none;
-  float cell_size = 0.0f;      // metres; the map becomes a node or tile a cell; 0: one node as long as it is not large
-  float point_spacing = 0.0f;  // metres; instead of triangles points that far apart (.ply); 0: triangles
-  bool cameras = false;        // glTF: the camera's path as a line, and a camera for each keyframe
-  int levels = 1;              // of detail, each with a quarter of the triangles: X.glb, X.lod1.glb, ...
-  std::string source;          // for `asset.extras`: what the map was made from
+  float cell_size = 0.0f;  ///< metres; the map becomes a node or tile a cell; 0: one node as long as it is not large
+  float point_spacing = 0.0f;  ///< metres; instead of triangles points that far apart (.ply); 0: triangles
+  bool cameras = false;        ///< glTF: the camera's path as a line, and a camera for each keyframe
+  int levels = 1;              ///< of detail, each with a quarter of the triangles: X.glb, X.lod1.glb, ...
+  std::string source;          ///< for `asset.extras`: what the map was made from
 };
 
 /// Throws std::runtime_error naming the option, its value and the allowed range, or what `file`'s kind cannot hold.
@@ -57,19 +57,19 @@ void check(const ExportOptions& options, const std::filesystem::path& file);
 
 /// What was written.
 struct Exported {
-  std::size_t full_triangles = 0;  // of the map before anything was done to it
+  std::size_t full_triangles = 0;  ///< of the map before anything was done to it
   std::size_t triangles = 0, vertices = 0, points = 0;
   std::size_t components_removed = 0, holes_filled = 0;
-  float error = 0;  // metres by which simplification moved the surface at most, by its own account
+  float error = 0;  ///< metres by which simplification moved the surface at most, by its own account
   int parts = 0, textures = 0, charts = 0, tiles = 0;
-  float texel = 0;  // metres; the coarsest
+  float texel = 0;  ///< metres; the coarsest
   std::size_t texels = 0;
-  double textured_share = 0;  // of the texels that a keyframe sees; others have the voxels' colour
+  double textured_share = 0;  ///< of the texels that a keyframe sees; others have the voxels' colour
   int keyframes = 0;
   std::array<float, 7> colour_camera{0, 0, 0, 0,
-                                     0, 0, 1};  // how it was found to differ from the depth camera: rotation
-                                                // (rad), translation (metres), focal scale
-  std::map<std::string, double> stage_ms;       // mesh, clean, simplify, charts, exposure, texture, write
+                                     0, 0, 1};  ///< how it was found to differ from the depth camera: rotation
+                                                ///< (rad), translation (metres), focal scale
+  std::map<std::string, double> stage_ms;       ///< mesh, clean, simplify, charts, exposure, texture, write
 };
 
 /// Called after each step of `count`; `what` is done next.

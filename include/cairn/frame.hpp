@@ -13,16 +13,16 @@ namespace cairn {
 
 /// One moment of the sensor. Images are row-major and of the size that the source's camera tells.
 struct Frame {
-  int index = 0;                      // position in the sequence, counted from 0 over all its depth images
-  double timestamp = 0.0;             // seconds; increases from frame to frame
-  std::vector<float> depth;           // metres along z; 0: no measurement; never NaN or negative
-  double colour_delay = 0.0;          // seconds from the depth image's stamp to the colour image's
-  std::vector<std::uint32_t> colour;  // bytes R, G, B, 255 in memory order (sRGB); empty: no colour for this frame
-  std::optional<Eigen::Isometry3d> world_from_camera;  // pose that came with the frame (--poses, synthetic scenes)
+  int index = 0;                      ///< position in the sequence, counted from 0 over all its depth images
+  double timestamp = 0.0;             ///< seconds; increases from frame to frame
+  std::vector<float> depth;           ///< metres along z; 0: no measurement; never NaN or negative
+  double colour_delay = 0.0;          ///< seconds from the depth image's stamp to the colour image's
+  std::vector<std::uint32_t> colour;  ///< bytes R, G, B, 255 in memory order (sRGB); empty: no colour for this frame
+  std::optional<Eigen::Isometry3d> world_from_camera;  ///< pose that came with the frame (--poses, synthetic scenes)
   /// Mean around this time of what the camera's accelerometer measures, m/s^2, in the camera's frame: at rest 9.81
   /// upwards.
   std::optional<Eigen::Vector3d> acceleration;
-  std::optional<std::string> problem;  // why the frame could not be read, in one line: its images are then empty
+  std::optional<std::string> problem;  ///< why the frame could not be read, in one line: its images are then empty
 };
 
 /// A stream of frames, read in order.

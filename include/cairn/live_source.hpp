@@ -13,8 +13,8 @@
 namespace cairn {
 
 enum class Pace {
-  as_it_comes,  // a sensor's own
-  as_recorded   // each frame has its time since the first, as when it was taken
+  as_it_comes,  ///< a sensor's own
+  as_recorded   ///< each frame has its time since the first, as when it was taken
 };
 
 /// Keeps only the newest frame, from a thread of its own: whoever is slower than the stream skips frames and never lags
@@ -44,12 +44,12 @@ class LiveSource final : public WrappedSource {
   std::condition_variable_any changed_;
   std::optional<Frame> newest_;
   Clock::time_point newest_arrived_, arrived_, taken_;
-  Seconds busy_{0};       // the reader is with a frame, smoothed
-  bool is_asked_ = true;  // since a frame was taken
+  Seconds busy_{0};       ///< the reader is with a frame, smoothed
+  bool is_asked_ = true;  ///< since a frame was taken
   int dropped_ = 0;
   std::exception_ptr error_;
   bool ended_ = false;
-  std::jthread thread_;  // last: it uses the others
+  std::jthread thread_;  ///< last: it uses the others
 };
 
 }  // namespace cairn

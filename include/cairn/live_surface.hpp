@@ -15,14 +15,14 @@ struct MapState;
 /// A part of the surface: what lies in one cube of the submap's frame. It replaces what was told of this cube before.
 struct SurfacePart {
   int submap = 0;
-  Eigen::Vector3i cell = Eigen::Vector3i::Zero();  // the cube's number
-  Mesh mesh;                                       // in the submap's frame; may be empty
+  Eigen::Vector3i cell = Eigen::Vector3i::Zero();  ///< the cube's number
+  Mesh mesh;                                       ///< in the submap's frame; may be empty
 };
 
 /// What of the surface changed, and where the submaps lie now.
 struct SurfaceChanges {
   std::vector<SurfacePart> parts;
-  std::vector<Eigen::Isometry3d> world_from_submap;  // by submap; loops move them
+  std::vector<Eigen::Isometry3d> world_from_submap;  ///< by submap; loops move them
 };
 
 /// The surface as it grows, for a viewer that follows it. One for a mapper, used by the mapper's thread; it ends with
@@ -41,8 +41,8 @@ class LiveSurface {
   [[nodiscard]] SurfaceChanges changes(int max_bricks = 1000, bool all = false);
 
  private:
-  std::weak_ptr<MapState> state_;  // gone with the mapper
-  bool is_made_ = true;            // it could be so far
+  std::weak_ptr<MapState> state_;  ///< gone with the mapper
+  bool is_made_ = true;            ///< it could be so far
 };
 
 }  // namespace cairn

@@ -19,9 +19,9 @@ namespace cairn {
 struct MapState;
 
 enum class Poses {
-  tracked,  // found by aligning each frame with the map; the world is the first camera's frame,
-            // turned so that gravity points along y where Frame::acceleration tells it
-  given     // taken from Frame::world_from_camera
+  tracked,  ///< found by aligning each frame with the map; the world is the first camera's frame,
+            ///< turned so that gravity points along y where Frame::acceleration tells it
+  given     ///< taken from Frame::world_from_camera
 };
 
 /// From a stream of frames to a map: start here.
@@ -86,7 +86,7 @@ class Mapper {
   Mapper(Mapper&&) noexcept = default;
   Mapper& operator=(Mapper&&) noexcept = default;
 
-  explicit Mapper(std::shared_ptr<MapState> state);  // for the library's own use
+  explicit Mapper(std::shared_ptr<MapState> state);  ///< for the library's own use
   [[nodiscard]] const std::shared_ptr<MapState>& state() const { return state_; }
 
  private:

@@ -18,11 +18,11 @@ struct Texture {
 /// Triangles in the map's world frame (z forward of the first camera, y down, or the frame of the given poses).
 /// All that goes by vertex is empty or of the size of `positions`. Triangles are counter-clockwise seen from outside.
 struct Mesh {
-  std::vector<Eigen::Vector3f> positions;            // metres
-  std::vector<Eigen::Vector3f> normals;              // unit length, away from the solid
-  std::vector<std::array<std::uint8_t, 4>> colours;  // R, G, B, 255 (sRGB)
-  std::vector<float> weights;                        // observations at 1 m; only of a map's own mesh, never in a file
-  std::vector<Eigen::Vector2f> texture_coordinates;  // 0, 0 is the texture's upper left corner, 1, 1 its lower right
+  std::vector<Eigen::Vector3f> positions;            ///< metres
+  std::vector<Eigen::Vector3f> normals;              ///< unit length, away from the solid
+  std::vector<std::array<std::uint8_t, 4>> colours;  ///< R, G, B, 255 (sRGB)
+  std::vector<float> weights;                        ///< observations at 1 m; only of a map's own mesh, never in a file
+  std::vector<Eigen::Vector2f> texture_coordinates;  ///< 0, 0 is the texture's upper left corner, 1, 1 its lower right
   std::vector<std::array<std::uint32_t, 3>> triangles;
   Texture texture;
 };

@@ -6,7 +6,7 @@
 namespace cairn {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
-using Vector6d = Eigen::Matrix<double, 6, 1>;  // (rotation, translation): radians, metres
+using Vector6d = Eigen::Matrix<double, 6, 1>;  ///< (rotation, translation): radians, metres
 
 /// Rotation about the vector's first half by its length, and translation by the second half.
 [[nodiscard]] Eigen::Isometry3d retract(const Vector6d& x);

@@ -14,16 +14,16 @@ namespace cairn {
 
 struct PoseGraph {
   struct Edge {
-    std::size_t i = 0, j = 0;                                    // nodes
-    Eigen::Isometry3d i_from_j = Eigen::Isometry3d::Identity();  // measured pose of j in the frame of i
-    Matrix6d information = Matrix6d::Identity();  // of (rotation, translation) in the frame of j; 1/rad^2, 1/m^2
-    bool is_loop_closure = false;  // a loop: the optimiser may find that it is no measurement of this pair
+    std::size_t i = 0, j = 0;                                    ///< nodes
+    Eigen::Isometry3d i_from_j = Eigen::Isometry3d::Identity();  ///< measured pose of j in the frame of i
+    Matrix6d information = Matrix6d::Identity();  ///< of (rotation, translation) in the frame of j; 1/rad^2, 1/m^2
+    bool is_loop_closure = false;  ///< a loop: the optimiser may find that it is no measurement of this pair
   };
   /// An accelerometer's reading at rest.
   struct Gravity {
     std::size_t node = 0;
-    Eigen::Vector3d up = -Eigen::Vector3d::UnitY();  // unit vector in the node's frame; in the world up is -y
-    double sigma = 0.02;                             // radians
+    Eigen::Vector3d up = -Eigen::Vector3d::UnitY();  ///< unit vector in the node's frame; in the world up is -y
+    double sigma = 0.02;                             ///< radians
   };
   std::vector<Eigen::Isometry3d> world_from_node;
   std::vector<Edge> edges;
@@ -31,18 +31,18 @@ struct PoseGraph {
 };
 
 struct OptimiseOptions {
-  bool robust = true;               // weigh edges that may be false
-  double inlier_threshold = 22.46;  // squared error, in units of an edge's own noise, beyond which it is taken for
-                                    // false: 99.9 % of the chi-squared distribution with 6 degrees of freedom
-  int max_iterations = 100;         // of Levenberg-Marquardt, each time that it is called
+  bool robust = true;               ///< weigh edges that may be false
+  double inlier_threshold = 22.46;  ///< squared error, in units of an edge's own noise, beyond which it is taken for
+                                    ///< false: 99.9 % of the chi-squared distribution with 6 degrees of freedom
+  int max_iterations = 100;         ///< of Levenberg-Marquardt, each time that it is called
 };
 
 struct OptimiseReport {
-  double cost_before = 0, cost = 0;  // half the sum of squared errors in units of their noise, with the final weights
+  double cost_before = 0, cost = 0;  ///< half the sum of squared errors in units of their noise, with the final weights
   int iterations = 0;
-  int components = 0;                // parts that no edge joins; the first node of each stays where it is
-  bool from_chordal = false;         // started from the chordal initialisation, not from the given poses
-  std::vector<double> edge_weights;  // 1: believed, 0: false; by edge
+  int components = 0;                ///< parts that no edge joins; the first node of each stays where it is
+  bool from_chordal = false;         ///< started from the chordal initialisation, not from the given poses
+  std::vector<double> edge_weights;  ///< 1: believed, 0: false; by edge
   double seconds = 0;
 };
 

@@ -13,9 +13,9 @@ namespace cairn {
 
 /// The images of a frame as the files that hold them.
 struct EncodedFrame {
-  double timestamp = 0, colour_delay = 0;  // seconds
-  std::vector<std::uint8_t> depth;         // PNG, 16 bit, 5000 a metre
-  std::vector<std::uint8_t> colour;        // JPEG, or PNG; empty: none
+  double timestamp = 0, colour_delay = 0;  ///< seconds
+  std::vector<std::uint8_t> depth;         ///< PNG, 16 bit, 5000 a metre
+  std::vector<std::uint8_t> colour;        ///< JPEG, or PNG; empty: none
   std::string colour_extension;
   std::optional<Eigen::Vector3d> acceleration;
 };
@@ -31,7 +31,7 @@ class Recorder {
   Recorder(std::filesystem::path folder, const Camera& camera);
   /// Throws std::runtime_error when the disk is full; the recording is as it was before then.
   void add(const EncodedFrame& frame);
-  [[nodiscard]] std::uint64_t bytes() const { return bytes_; }  // written
+  [[nodiscard]] std::uint64_t bytes() const { return bytes_; }  ///< written
 
  private:
   void append(const char* list, const std::string& line);

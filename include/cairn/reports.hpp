@@ -16,37 +16,37 @@ namespace cairn {
 
 /// What became of a frame.
 enum class FrameState {
-  fused,   // has a pose and is part of the map
-  lost,    // no trustworthy pose: not fused
-  skipped  // could not be used at all
+  fused,   ///< has a pose and is part of the map
+  lost,    ///< no trustworthy pose: not fused
+  skipped  ///< could not be used at all
 };
 
 /// Why a frame is not part of the map, or is so in another way than usual.
 enum class FrameCause {
   none,
   // skipped
-  unreadable,      // Frame::problem
-  wrong_size,      // the depth image is not of the camera's size
-  bad_depth,       // negative, or no number
-  constant_depth,  // every depth is the same
-  bad_timestamp,   // no number
+  unreadable,      ///< Frame::problem
+  wrong_size,      ///< the depth image is not of the camera's size
+  bad_depth,       ///< negative, or no number
+  constant_depth,  ///< every depth is the same
+  bad_timestamp,   ///< no number
   timestamp_goes_back,
-  stuck,             // the depth image repeats
-  too_little_depth,  // to begin the map with
-  no_pose,           // Poses::given, and none for this time
-  bad_pose,          // Poses::given: no rotation and translation
-  far_pose,          // Poses::given: too far from the origin for single precision
+  stuck,             ///< the depth image repeats
+  too_little_depth,  ///< to begin the map with
+  no_pose,           ///< Poses::given, and none for this time
+  bad_pose,          ///< Poses::given: no rotation and translation
+  far_pose,          ///< Poses::given: too far from the origin for single precision
   // lost
-  little_depth,     // for an alignment
-  out_of_view,      // too little of the frame sees the map
-  too_few_inliers,  // TrackOptions::min_inlier_share
-  large_residuals,  // TrackOptions::max_rmse
-  too_fast,         // no hand moves like that
-  poor_fit,         // the frame fits the map badly from every guess
-  not_relocalised,  // not found again yet
+  little_depth,     ///< for an alignment
+  out_of_view,      ///< too little of the frame sees the map
+  too_few_inliers,  ///< TrackOptions::min_inlier_share
+  large_residuals,  ///< TrackOptions::max_rmse
+  too_fast,         ///< no hand moves like that
+  poor_fit,         ///< the frame fits the map badly from every guess
+  not_relocalised,  ///< not found again yet
   // fused
-  new_component,  // not found again: begins a part of the map of its own
-  partly_used     // without its colour image or acceleration
+  new_component,  ///< not found again: begins a part of the map of its own
+  partly_used     ///< without its colour image or acceleration
 };
 
 /// A cause in words, as FrameReport::reason begins.

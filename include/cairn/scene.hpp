@@ -14,22 +14,22 @@ namespace cairn {
 /// A scene whose surface is known exactly: a union of boxes, spheres, cylinders and the walls of a room. World frame:
 /// metres, y down; the path starts near the origin.
 struct Scene {
-  enum class Shape { box, sphere, cylinder, hollow };  // as kBox... in shaders/scene.h
+  enum class Shape { box, sphere, cylinder, hollow };
   enum class Pattern { plain, checker, wood, tiles, patches };
   struct Solid {
     Shape shape = Shape::box;
     Eigen::Vector3f centre = Eigen::Vector3f::Zero();
     Eigen::Vector3f half_size = Eigen::Vector3f::Ones();
-    float yaw = 0;  // radians about the vertical
+    float yaw = 0;  ///< radians about the vertical
     Pattern pattern = Pattern::plain;
-    float scale = 0.1f;  // metres, of the pattern
+    float scale = 0.1f;  ///< metres, of the pattern
     Eigen::Vector3f colour = Eigen::Vector3f::Constant(0.7f), second = Eigen::Vector3f::Constant(0.4f);
-    Eigen::Vector3f swing = Eigen::Vector3f::Zero();  // it moves to and fro between centre - swing and centre + swing
-    float period = 0;                                 // seconds; 0: it stands still
+    Eigen::Vector3f swing = Eigen::Vector3f::Zero();  ///< it moves to and fro between centre - swing and centre + swing
+    float period = 0;                                 ///< seconds; 0: it stands still
   };
   std::string name;
   std::vector<Solid> solids;
-  std::vector<Eigen::Vector2d> way;  // (x, z) of the path every 5 cm, where it leads through rooms
+  std::vector<Eigen::Vector2d> way;  ///< (x, z) of the path every 5 cm, where it leads through rooms
 
   [[nodiscard]] bool moves() const;
   /// The solids as they are at a time.

@@ -49,16 +49,16 @@ class Session {
   /// What a session was made with.
   struct Info {
     Camera camera;
-    float voxel_size = 0, truncation = 0;  // metres, see FuseOptions
-    float min_depth = 0, max_depth = 0;    // metres, see SurfaceOptions
-    std::string note;                      // what checkpoint was given
+    float voxel_size = 0, truncation = 0;  ///< metres, see FuseOptions
+    float min_depth = 0, max_depth = 0;    ///< metres, see SurfaceOptions
+    std::string note;                      ///< what checkpoint was given
   };
   /// Of the last checkpoint. Throws std::runtime_error if there is no session or it is damaged.
   [[nodiscard]] static Info info(const std::filesystem::path& folder);
 
   struct Merged {
-    int compared = 0, loops = 0;  // keyframes of the other session; loops to this one
-    bool joined = false;          // the loops that agree join the two
+    int compared = 0, loops = 0;  ///< keyframes of the other session; loops to this one
+    bool joined = false;          ///< the loops that agree join the two
   };
   /// Adds the map of the session in `other` to this session's mapper, by what both have seen. Nothing in `other`
   /// changes. Throws std::runtime_error when cameras or voxels differ.

@@ -14,16 +14,16 @@
 namespace cairn {
 
 struct FrameRange {
-  int begin = 0;           // frame, counted from 0
-  std::optional<int> end;  // one past the last
-  int step = 1;            // every step-th
+  int begin = 0;           ///< frame, counted from 0
+  std::optional<int> end;  ///< one past the last
+  int step = 1;            ///< every step-th
 };
 
 struct SourceOptions {
   FrameRange range;
-  std::filesystem::path camera;   // camera.yaml: for a sensor or .oni file its intrinsics, and where the colour camera
-                                  // is when the device cannot register depth to colour; empty: from the field of view
-  std::filesystem::path copy_to;  // .oni file that gets every image of a sensor, depth exactly; empty: none
+  std::filesystem::path camera;  ///< camera.yaml: for a sensor or .oni file its intrinsics, and where the colour camera
+                                 ///< is when the device cannot register depth to colour; empty: from the field of view
+  std::filesystem::path copy_to;  ///< .oni file that gets every image of a sensor, depth exactly; empty: none
 };
 
 /// Opens an input by its name:

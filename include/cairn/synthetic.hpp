@@ -27,14 +27,14 @@ class SyntheticPath {
 
  private:
   Scene scene_;
-  Trajectory recorded_;  // in the scene
+  Trajectory recorded_;  ///< in the scene
 };
 
 /// What a camera sees of a scene. Row-major, of the camera's size.
 struct SceneImages {
-  std::vector<float> depth;           // metres along z; 0: nothing within 100 m
-  std::vector<float> cosine;          // between the ray and the surface's normal
-  std::vector<std::uint32_t> colour;  // bytes R, G, B, 255
+  std::vector<float> depth;           ///< metres along z; 0: nothing within 100 m
+  std::vector<float> cosine;          ///< between the ray and the surface's normal
+  std::vector<std::uint32_t> colour;  ///< bytes R, G, B, 255
 };
 
 /// A camera in a scene, rendered on a device of its own.

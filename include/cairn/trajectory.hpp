@@ -9,7 +9,7 @@
 namespace cairn {
 
 struct StampedPose {
-  double timestamp = 0.0;  // seconds
+  double timestamp = 0.0;  ///< seconds
   Eigen::Isometry3d world_from_camera = Eigen::Isometry3d::Identity();
 };
 

@@ -47,10 +47,10 @@ class LiveViewer {
 
   /// What it did so far.
   struct Told {
-    int parts = 0;                             // of the surface, that were sent
-    double updates_per_second = 0;             // of the surface
-    double ms_per_update = 0;                  // milliseconds, on the mean
-    std::optional<double> first_mesh_seconds;  // from the first frame to the first part
+    int parts = 0;                             ///< of the surface, that were sent
+    double updates_per_second = 0;             ///< of the surface
+    double ms_per_update = 0;                  ///< milliseconds, on the mean
+    std::optional<double> first_mesh_seconds;  ///< from the first frame to the first part
   };
   [[nodiscard]] Told told() const;
 

@@ -17,7 +17,6 @@
 #include "map/growing_surface.hpp"
 #include "map/tracker.hpp"
 #include "surface/preprocess.hpp"
-#include "texture/views.hpp"
 #include "volume/esdf.hpp"
 #include "volume/integrate.hpp"
 #include "volume/polygonize.hpp"

@@ -81,7 +81,7 @@ TEST(FaultyDevice, AnyAllocationMayFailAndWhatWasFusedStays) {
   const Scene scene = synthetic_scene("room");
   std::vector<Frame> frames;
   for (int i = 0; i < 6; ++i) frames.push_back(scene_frame(scene, camera, 3 * i));
-  const int step = number_from("CAIRN_FAULTS_EVERY", 9);  // `scripts/campaign faults` takes every one
+  const int step = number_from("CAIRN_FAULTS_EVERY", 8);  // `scripts/campaign faults` takes every one
   int failed = 0, after_checkpoint = 0;
   bool any = true;
   for (long n = 1; any; n += step) {

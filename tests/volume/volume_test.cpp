@@ -442,7 +442,7 @@ TEST(Volume, GoesOnWithAnotherReachOrLessMemoryAndLosesNothing) {
 TEST(Volume, RefusesTooLittleDeviceMemory) {
   FuseOptions options = fuse_options();
   options.device_memory = 1 << 20;
-  EXPECT_NE(error_of([&] { Volume(test_device(), options, 5.0f); }).find("--device-memory of 1 MiB is too little"),
+  EXPECT_NE(error_of([&] { Volume(test_device(), options, 5.0f); }).find("FuseOptions::device_memory of 1 MiB is too little"),
             std::string::npos);
 }
 
