@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #include <fmt/format.h>
-#include <fmt/ostream.h>
 
 #include <charconv>
 #include <chrono>
@@ -39,15 +38,15 @@ double seconds_since(Clock::time_point start) { return std::chrono::duration<dou
 
 void write_answers(std::ostream& out, const std::vector<Eigen::Vector3f>& points,
                    const std::vector<DistanceField::Answer>& answers) {
-  fmt::print(out, "x,y,z,distance,gx,gy,gz,state\n");
+  out << "x,y,z,distance,gx,gy,gz,state\n";
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Eigen::Vector3f& p = points[i];
     const DistanceField::Answer& a = answers[i];
     if (a.known)
-      fmt::print(out, "{},{},{},{:.6f},{:.5f},{:.5f},{:.5f},known\n", p.x(), p.y(), p.z(), a.distance, a.gradient.x(),
-                 a.gradient.y(), a.gradient.z());
+      out << fmt::format("{},{},{},{:.6f},{:.5f},{:.5f},{:.5f},known\n", p.x(), p.y(), p.z(), a.distance,
+                         a.gradient.x(), a.gradient.y(), a.gradient.z());
     else
-      fmt::print(out, "{},{},{},,,,,unknown\n", p.x(), p.y(), p.z());
+      out << fmt::format("{},{},{},,,,,unknown\n", p.x(), p.y(), p.z());
   }
 }
 

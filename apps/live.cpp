@@ -84,15 +84,28 @@ void keep_memory_together() {
   mallopt(M_TRIM_THRESHOLD, 16 << 20);
 }
 
+/// What report.json tells of the run as a stream.
+nlohmann::json to_json(double seconds, int fused, int dropped, const Durations& latencies, const LiveViewer* view) {
+  nlohmann::json told{
+      {"seconds", seconds},
+      {"frames_per_second", fused / seconds},
+      {"skipped_to_keep_up", dropped},
+      {"latency_ms",
+       {{"median", latencies.percentile(0.5)}, {"p95", latencies.percentile(0.95)}, {"max", latencies.most()}}}};
+  if (view == nullptr) return told;
+  const LiveViewer::Told seen = view->told();
+  told["view"] = {
+      {"parts", seen.parts}, {"updates_per_second", seen.updates_per_second}, {"ms_per_update", seen.ms_per_update}};
+  if (seen.first_mesh_seconds) told["view"]["first_mesh_seconds"] = *seen.first_mesh_seconds;
+  return told;
+}
+
 void live(const Arguments& a) {
   keep_memory_together();
   Options options = options_of(a);  // what is wrong with them is told before a sensor is opened
   const Beginning begin = beginning(a, {});
   std::optional<LiveViewer> view;
-  if (a.view) {
-    view.emplace(a.port);
-    fmt::print(stderr, "view        {}\n", view->url());
-  }
+  if (a.view) fmt::print(stderr, "view        {}\n", view.emplace(a.port).url());
   Stream stream(a, begin.range);
   options = options_of(a, defaults_of(a, stream.source().camera()));
   Run run(a, options, Poses::tracked, stream.source().camera(), begin.progressed, begin.is_next_recording);
@@ -114,7 +127,7 @@ void live(const Arguments& a) {
       if (view) {
         const LiveViewer::Asked asked = view->asked();
         if (asked.finish) break;
-        if (asked.pause) paused = *asked.pause;
+        paused = asked.pause.value_or(paused);
         if (asked.reset) {
           run.reset();
           view->begin(run.mapper(), stream.source().camera(), options.surface.max_depth);
@@ -139,20 +152,8 @@ void live(const Arguments& a) {
   if (const auto why = stream.source().ended_early()) run.warn(*why);
   const double seconds = std::chrono::duration<double>(Clock::now() - first).count();
   const int dropped = stream.source().dropped();  // a sensor goes on while files are written
-  const nlohmann::json told{
-      {"seconds", seconds},
-      {"frames_per_second", fused / seconds},
-      {"skipped_to_keep_up", dropped},
-      {"latency_ms",
-       {{"median", latencies.percentile(0.5)}, {"p95", latencies.percentile(0.95)}, {"max", latencies.most()}}}};
-  nlohmann::json more{{"live", told}};
-  if (view) {
-    const LiveViewer::Told seen = view->told();
-    more["live"]["view"] = {
-        {"parts", seen.parts}, {"updates_per_second", seen.updates_per_second}, {"ms_per_update", seen.ms_per_update}};
-    if (seen.first_mesh_seconds) more["live"]["view"]["first_mesh_seconds"] = *seen.first_mesh_seconds;
-  }
-  run.finish(more);
+  const nlohmann::json told = to_json(seconds, fused, dropped, latencies, view ? &*view : nullptr);
+  run.finish({{"live", told}});
   if (!a.json)
     fmt::print("live        {:.1f} frames/s, {} skipped to keep up, {:.0f} ms from frame to pose (95 %)\n",
                told["frames_per_second"].get<double>(), dropped, latencies.percentile(0.95));

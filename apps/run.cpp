@@ -172,7 +172,8 @@ FrameReport Run::add(const Frame& frame, double waited_ms) {
   tell_warnings();
   report.stage_ms["wait for decoding"] = waited_ms;
   for (const auto& [stage, ms] : report.stage_ms) stages_[stage].add(ms);
-  if (report.state == FrameState::skipped) spdlog::warn("frame {} skipped: {}", report.index, report.reason);
+  if (report.state == FrameState::skipped)
+    spdlog::warn(fmt::format("frame {} skipped: {}", report.index, report.reason));
   progressed_.next = report.index + 1;
   progressed_.frames.add(to_json(report));
   if (std::chrono::duration<double>(Clock::now() - saved_).count() >= arguments_.checkpoint_seconds) {
@@ -190,7 +191,7 @@ void Run::timed(const char* stage, const std::function<void()>& work) {
 
 void Run::warn(const std::string& message) {
   const std::string text = in_flags(message);
-  spdlog::warn("{}", text);
+  spdlog::warn(text);
   warnings_.push_back(text);
 }
 
@@ -255,7 +256,8 @@ void Run::finish(const nlohmann::json& more) {
              report["mesh"]["triangles"].get<std::size_t>());
   fmt::print("map         {}\n", (output / "map.vdb").string());
   fmt::print("trajectory  {}\n", (output / "trajectory.txt").string());
-  fmt::print("report      {}\n", (output / "report.html").string());
+  const std::filesystem::path page = output / "report.html";  // not where the library is built without the viewer
+  fmt::print("report      {}\n", (std::filesystem::exists(page) ? page : output / "report.json").string());
 }
 
 void add_run_options(CLI::App& command, RunArguments& a) {

@@ -124,10 +124,10 @@ PoseGraph read_g2o(const fs::path& file) {
   });
   if (nodes.empty()) throw std::runtime_error(file.string() + ": holds no VERTEX_SE3:QUAT");
   if (indefinite > 0)
-    spdlog::warn(
+    spdlog::warn(fmt::format(
         "{}: {} of {} edges have an information matrix that is not positive definite; what they say in directions of "
         "no or negative information is left out",
-        file.string(), indefinite, edges.size());
+        file.string(), indefinite, edges.size()));
   return numbered(nodes, edges, file);
 }
 

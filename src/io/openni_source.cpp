@@ -93,7 +93,8 @@ Camera camera_of(const openni::VideoStream& depth, const std::string& name) {
   camera.fx = w / 2 / std::tan(depth.getHorizontalFieldOfView() / 2.0);
   camera.fy = h / 2 / std::tan(depth.getVerticalFieldOfView() / 2.0);
   if (!(camera.fx > 0 && std::isfinite(camera.fx) && camera.fy > 0 && std::isfinite(camera.fy)))
-    throw std::runtime_error(name + ": does not tell its field of view; give its intrinsics with a camera.yaml (SourceOptions::camera)");
+    throw std::runtime_error(
+        name + ": does not tell its field of view; give its intrinsics with a camera.yaml (SourceOptions::camera)");
   try {
     check(camera);
   } catch (const std::runtime_error& error) {
@@ -274,7 +275,7 @@ class OpenNiSource final : public Source {
     (void)playback.setRepeatEnabled(false);
     frames_ = playback.getNumberOfFrames(depth_);
     if (frames_ == 0) throw std::runtime_error(name_ + ": holds no depth image");
-    if (frames_ < 0) spdlog::warn("{}: was never finished; its images are read as far as they go", name_);
+    if (frames_ < 0) spdlog::warn(name_ + ": was never finished; its images are read as far as they go");
   }
 
   void read_formats() {
@@ -283,7 +284,7 @@ class OpenNiSource final : public Source {
       throw std::runtime_error(name_ + ": its depth is neither in mm nor in 0.1 mm");
     metres_ = depth == openni::PIXEL_FORMAT_DEPTH_1_MM ? 1e-3f : 1e-4f;
     if (has_colour_ && colour_.getVideoMode().getPixelFormat() != openni::PIXEL_FORMAT_RGB888) {
-      spdlog::warn("{}: its colour images are not RGB, they are left out", name_);
+      spdlog::warn(name_ + ": its colour images are not RGB, they are left out");
       has_colour_ = false;
     }
   }

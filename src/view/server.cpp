@@ -169,8 +169,8 @@ struct Server::State {
     try {
       acceptor = tcp::acceptor(context, {asio::ip::address_v4::loopback(), static_cast<std::uint16_t>(port)});
     } catch (const boost::system::system_error& error) {
-      throw std::runtime_error(
-          fmt::format("port {} cannot be used: {}; choose another one, or 0 for any free one", port, error.code().message()));
+      throw std::runtime_error(fmt::format("port {} cannot be used: {}; choose another one, or 0 for any free one",
+                                           port, error.code().message()));
     }
     const auto real_port = acceptor.local_endpoint().port();
     address = {random_token(), fmt::format("127.0.0.1:{}", real_port), fmt::format("localhost:{}", real_port)};
@@ -183,7 +183,7 @@ struct Server::State {
     while (!context.stopped()) try {
         context.run();
       } catch (const std::exception& error) {
-        spdlog::warn("view: {}; it goes on", error.what());
+        spdlog::warn(fmt::format("view: {}; it goes on", error.what()));
       }
   }
 
@@ -195,7 +195,7 @@ struct Server::State {
       } catch (const boost::system::system_error&) {
         // The client went away, or sent what no browser sends: nobody is left to be told.
       } catch (const std::exception& error) {
-        spdlog::warn("view: {}; one connection is closed", error.what());
+        spdlog::warn(fmt::format("view: {}; one connection is closed", error.what()));
       }
     });
   }
