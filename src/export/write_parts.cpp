@@ -79,6 +79,7 @@ void write_points(ExportRun& run) {
 
 void write_parts(ExportRun& run, Texturer* texturer) {
   std::vector<Level> levels;
+  levels.reserve(static_cast<std::size_t>(run.options.levels));
   for (int i = 0; i < run.options.levels; ++i) levels.push_back({GltfWriter(run.gltf_options()), {}});
   for (const auto& [cell, bricks] : run.cells.all()) add_cell(run, texturer, cell, levels);
   run.refuse_empty(run.exported.triangles);

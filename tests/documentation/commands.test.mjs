@@ -25,6 +25,7 @@ const elsewhere = {
   'scripts/tidy': 'CI runs it by itself',
   'scripts/benchmark': 'minutes',
   'scripts/options-page': 'it writes into the source; Documentation.pages checks it',
+  'scripts/check-layers': 'Architecture.layers runs it',
   'build/release/tests/cairn_bench': 'minutes',
   '$cairn evaluate mesh out/map/mesh.glb out/flat/groundtruth_mesh.ply --trajectory out/map/trajectory.txt --truth-trajectory out/flat --box -1 -1.5 -3.9 1 1.5 0':
     'the box is where 1400 frames come back to: minutes',
