@@ -15,8 +15,8 @@ struct CleanOptions {
   float min_piece = 0.1f;    ///< metres; floating pieces whose bounding box has a shorter diagonal are removed,
   float min_support = 2.0f;  ///< and those of up to three times this size with fewer observations (at 1 m) on the mean
   float min_weight = 0.0f;   ///< observations at 1 m; surface that was seen less is removed.
-                            ///< FuseOptions::min_mesh_weight has done so before
-  float fill_holes = 0.0f;  ///< metres; holes whose bounding box has a shorter diagonal are closed; 0: none
+                             ///< FuseOptions::min_mesh_weight has done so before
+  float fill_holes = 0.0f;   ///< metres; holes whose bounding box has a shorter diagonal are closed; 0: none
 };
 
 struct SimplifyOptions {

@@ -47,8 +47,9 @@ struct ExportRun {
   /// `left`: triangles, points or tiles.
   void refuse_empty(std::size_t left) const {
     if (left == 0)
-      throw not_written(
-          file, "nothing of the surface is left: it is empty, or CleanOptions::min_piece or CleanOptions::min_weight removed all of it");
+      throw not_written(file,
+                        "nothing of the surface is left: it is empty, or CleanOptions::min_piece or "
+                        "CleanOptions::min_weight removed all of it");
   }
   [[nodiscard]] GltfOptions gltf_options() const {
     return {.compression = options.compression,

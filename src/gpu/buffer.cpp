@@ -45,7 +45,8 @@ Allocation::Allocation(Device::State& d, std::uint64_t bytes, vk::BufferUsageFla
     throw std::runtime_error("device " + d.info.name + " is out of memory for " + std::to_string(size >> 20) +
                              " MiB: lower FuseOptions::device_memory");
   } catch (const vk::OutOfHostMemoryError&) {
-    throw std::runtime_error("out of memory for " + std::to_string(size >> 20) + " MiB: lower FuseOptions::device_memory");
+    throw std::runtime_error("out of memory for " + std::to_string(size >> 20) +
+                             " MiB: lower FuseOptions::device_memory");
   }
   buffer.bindMemory(*memory, 0);
   if (properties & vk::MemoryPropertyFlagBits::eHostVisible)

@@ -31,8 +31,9 @@ std::uint32_t capacity_for(const gpu::Device& device, const FuseOptions& options
   const std::uint64_t per_brick = kBrickBytes + sizeof(shader::SlotState);
   const std::uint64_t needed = table_bytes + kMinBricks * per_brick;
   if (budget < needed)
-    throw std::runtime_error("FuseOptions::device_memory of " + std::to_string(budget >> 20) + " MiB is too little: at least " +
-                             std::to_string((needed >> 20) + 1) + " MiB are needed at this voxel size");
+    throw std::runtime_error("FuseOptions::device_memory of " + std::to_string(budget >> 20) +
+                             " MiB is too little: at least " + std::to_string((needed >> 20) + 1) +
+                             " MiB are needed at this voxel size");
   // Voxels are one buffer, and voxel numbers have 32 bits.
   return static_cast<std::uint32_t>(std::min({(budget - table_bytes) / per_brick, device.max_allocation() / kBrickBytes,
                                               device.max_binding() / sizeof(shader::SlotState), kMostBricks}));
@@ -171,8 +172,8 @@ void Volume::make_room(std::size_t needed, std::span<const Brick> keep, std::uin
     if (!kept.contains(brick) && (now == 0 || states[slot].last_seen != now))
       candidates.push_back({states[slot].last_seen, slot, brick});
   if (candidates.size() + available < needed)
-    throw std::runtime_error("the device memory for " + std::to_string(capacity_) +
-                             " bricks does not hold one view: " + "raise FuseOptions::device_memory or FuseOptions::voxel_size");
+    throw std::runtime_error("the device memory for " + std::to_string(capacity_) + " bricks does not hold one view: " +
+                             "raise FuseOptions::device_memory or FuseOptions::voxel_size");
   std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
     return a.last_seen != b.last_seen ? a.last_seen < b.last_seen : before(a.brick, b.brick);
   });

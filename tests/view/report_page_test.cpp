@@ -2,10 +2,9 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "view/report_page.hpp"
 
-#include "cairn/viewer.hpp"
-
 #include <gtest/gtest.h>
 
+#include "cairn/viewer.hpp"
 #include "support/files.hpp"
 
 namespace cairn {

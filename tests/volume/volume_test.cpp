@@ -442,8 +442,9 @@ TEST(Volume, GoesOnWithAnotherReachOrLessMemoryAndLosesNothing) {
 TEST(Volume, RefusesTooLittleDeviceMemory) {
   FuseOptions options = fuse_options();
   options.device_memory = 1 << 20;
-  EXPECT_NE(error_of([&] { Volume(test_device(), options, 5.0f); }).find("FuseOptions::device_memory of 1 MiB is too little"),
-            std::string::npos);
+  EXPECT_NE(
+      error_of([&] { Volume(test_device(), options, 5.0f); }).find("FuseOptions::device_memory of 1 MiB is too little"),
+      std::string::npos);
 }
 
 TEST(Grids, ComeBackFromAFileAsTheyWere) {
