@@ -26,15 +26,15 @@ nlohmann::json to_json(const FrameReport& r) {
   static constexpr const char* kStates[] = {"fused", "lost", "skipped"};
   nlohmann::json j{{"index", r.index}, {"timestamp", r.timestamp}, {"state", kStates[static_cast<int>(r.state)]}};
   if (!r.reason.empty()) j["reason"] = r.reason;
-  if (r.iterations > 0)
-    j.update({{"inlier_share", r.inlier_share},
-              {"overlap", r.overlap},
-              {"rmse", r.rmse},
-              {"iterations", r.iterations},
-              {"photometric_share", r.photometric_share},
-              {"photometric_rmse", r.photometric_rmse},
-              {"degenerate_directions", r.degenerate_directions},
-              {"unobserved", r.unobserved},
+  if (r.fit.iterations > 0)
+    j.update({{"inlier_share", r.fit.inlier_share},
+              {"overlap", r.fit.overlap},
+              {"rmse", r.fit.rmse},
+              {"iterations", r.fit.iterations},
+              {"photometric_share", r.fit.photometric_share},
+              {"photometric_rmse", r.fit.photometric_rmse},
+              {"degenerate_directions", r.fit.degenerate_directions},
+              {"unobserved", r.fit.unobserved},
               {"moving", r.moving},
               {"guess", r.guess}});
   if (r.touched_bricks > 0) j.update({{"touched_bricks", r.touched_bricks}, {"new_bricks", r.new_bricks}});
@@ -47,12 +47,13 @@ nlohmann::json to_json(const FrameReport& r) {
 std::string words(const FrameReport& r) {
   switch (r.state) {
     case FrameState::fused:
-      if (r.iterations == 0) return "fusing";
-      return fmt::format("{:.0f} % inliers within {:.1f} sigma", 100 * r.inlier_share, r.rmse) +
+      if (r.fit.iterations == 0) return "fusing";
+      return fmt::format("{:.0f} % inliers within {:.1f} sigma", 100 * r.fit.inlier_share, r.fit.rmse) +
              (r.guess == "motion" ? "" : ", guess: " + r.guess) +
-             (r.degenerate_directions > 0 ? fmt::format(", colour tells {} of 6 directions", r.degenerate_directions)
-                                          : "") +
-             (r.unobserved > 0 ? fmt::format(", {} follow the motion before", r.unobserved) : "");
+             (r.fit.degenerate_directions > 0
+                  ? fmt::format(", colour tells {} of 6 directions", r.fit.degenerate_directions)
+                  : "") +
+             (r.fit.unobserved > 0 ? fmt::format(", {} follow the motion before", r.fit.unobserved) : "");
     case FrameState::lost:
       return "LOST: " + r.reason;
     case FrameState::skipped:

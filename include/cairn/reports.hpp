@@ -52,6 +52,18 @@ enum class FrameCause {
 /// A cause in words, as FrameReport::reason begins.
 [[nodiscard]] std::string_view text_of(FrameCause cause);
 
+/// How well a frame's surface fits the map where it was aligned.
+struct AlignmentFit {
+  double inlier_share = 0.0;       ///< of the points that see the map, those that fit
+  double overlap = 0.0;            ///< share of the frame's points that see the map
+  double rmse = 0.0;               ///< of the inliers, standard deviations of the depth noise
+  double photometric_share = 0.0;  ///< of the points with brightness in both images; 0: no colour was used
+  double photometric_rmse = 0.0;   ///< brightness in 0..1
+  int degenerate_directions = 0;   ///< of the pose, of 6, that the surface does not determine
+  int unobserved = 0;              ///< directions, of 6, that were left as the motion before says
+  int iterations = 0;              ///< over all levels
+};
+
 /// What became of one frame, and how well it fits the map.
 struct FrameReport {
   int index = 0;                           ///< Frame::index
@@ -59,16 +71,9 @@ struct FrameReport {
   FrameState state = FrameState::skipped;  ///< what became of it
   FrameCause cause = FrameCause::none;     ///< why
   std::string reason;                      ///< the same in words, with what was found
-  double inlier_share = 0.0;               ///< of the points that see the map, those that fit
-  double overlap = 0.0;                    ///< share of the frame's points that see the map
-  double rmse = 0.0;                       ///< of the inliers, standard deviations of the depth noise
-  double photometric_share = 0.0;          ///< of the points with brightness in both images; 0: no colour was used
-  double photometric_rmse = 0.0;           ///< brightness in 0..1
-  int degenerate_directions = 0;           ///< of the pose, of 6, that the surface does not determine
-  int unobserved = 0;                      ///< directions, of 6, that were left as the motion before says
+  AlignmentFit fit;                        ///< all 0 where nothing was aligned
   double moving = 0.0;                     ///< share of the image that was left out since it moves
   std::string guess;                       ///< where the alignment started: motion, still, features, relocalised
-  int iterations = 0;                      ///< of the alignment, over all levels
   int touched_bricks = 0;                  ///< that were fused into
   int new_bricks = 0;                      ///< of these
   std::map<std::string, double> stage_ms;  ///< preprocess, raycast, track, fuse, keyframe, esdf, esdf to host

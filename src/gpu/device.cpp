@@ -2,6 +2,8 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "gpu/device.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstdlib>
 #include <fstream>
@@ -289,7 +291,7 @@ Device::~Device() {
     std::error_code ignored;
     std::filesystem::create_directories(state_->pipelines_file.parent_path(), ignored);
     auto temporary = state_->pipelines_file;
-    temporary += "." + std::to_string(reinterpret_cast<std::uintptr_t>(this));
+    temporary += fmt::format(".{}", reinterpret_cast<std::uintptr_t>(this));
     {
       std::ofstream out(temporary, std::ios::binary);
       out.write(reinterpret_cast<const char*>(data.data()), static_cast<std::streamsize>(data.size()));

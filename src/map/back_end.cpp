@@ -9,8 +9,6 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kCandidates = 3;               // earlier keyframes that a new one is compared with by corners
-constexpr int kLoopCorners = 30;                     // that must agree before a loop is aligned
 constexpr double kTrust = 3;                         // times the tracker's own noise that a loop may move the camera by
 constexpr double kChance = 22.46;                    // 99.9 % of the chi-squared distribution with 6 degrees of freedom
 constexpr double kSlipped = 0.005, kTurned = 0.003;  // metres, radians: less is not worth an optimisation at once
@@ -60,7 +58,7 @@ bool BackEnd::add(const Frame& frame, const Eigen::Isometry3d& submap_from_camer
                 .acceleration = frame.acceleration});
     warnings_.attempt("keyframes without images close no loops",
                       [&] { images_.put(atlas_.keyframes.size() - 1, frame, features); });
-    database_.add({.submap_from_camera = submap_from_camera, .features = std::move(features), .is_here = true});
+    database_.add({.tracked_from_camera = submap_from_camera, .features = std::move(features)});
     if (breaks && in_world_) tie_to_world(information);
     if (options_.map.loops) look_for_loop();
   }
@@ -105,7 +103,7 @@ void BackEnd::end_submap(Volume& volume, std::uint32_t fused_count, bool keep) {
 void BackEnd::leave_frame() {
   searched_ = atlas_.keyframes.size();
   breaks_ = true;
-  for (std::size_t k = 0; k < database_.size(); ++k) database_[k].is_here = false;
+  for (std::size_t k = 0; k < database_.size(); ++k) database_[k].tracked_from_camera.reset();
 }
 
 bool BackEnd::is_possible(std::size_t from, std::size_t to, const Eigen::Isometry3d& i_from_j) const {
@@ -212,17 +210,15 @@ BackEnd::Memory BackEnd::memory() const {
                 .optimising = optimising_.valid()};
   for (std::size_t i = 0; i < submaps_.size(); ++i) memory.submaps.push_back(!submaps_.bricks(i).empty());
   for (std::size_t k = 0; k < database_.size(); ++k)
-    memory.places.emplace_back(database_[k].submap_from_camera, database_[k].is_here);
+    memory.tracked_from_camera.push_back(database_[k].tracked_from_camera);
   return memory;
 }
 
 void BackEnd::restore(const Memory& memory) {
   atlas_ = memory.atlas;
   for (const bool has_file : memory.submaps) submaps_.add_stored(has_file);
-  for (std::size_t k = 0; k < memory.places.size(); ++k) {
-    const auto& [pose, is_here] = memory.places[k];
-    database_.add({.submap_from_camera = pose, .features = images_.features(k), .is_here = is_here});
-  }
+  for (std::size_t k = 0; k < memory.tracked_from_camera.size(); ++k)
+    database_.add({.tracked_from_camera = memory.tracked_from_camera[k], .features = images_.features(k)});
   searched_ = memory.searched;
   submap_begin_ = memory.submap_begin;
   submap_since_ = memory.submap_since;
@@ -289,10 +285,7 @@ void BackEnd::begin_in_world() {
   submap_begin_ = atlas_.keyframes.size();
   leave_frame();
   for (std::size_t k = 0; k < atlas_.keyframes.size(); ++k)
-    if (component_of[k] == main) {
-      database_[k].submap_from_camera = atlas_.world_from_camera[k];
-      database_[k].is_here = true;
-    }
+    if (component_of[k] == main) database_[k].tracked_from_camera = atlas_.world_from_camera[k];
   atlas_.recordings.push_back(atlas_.frames.size());
   in_world_ = true;
 }
@@ -335,7 +328,7 @@ void BackEnd::rebase(std::uint32_t since) {
   std::vector<bool> used(submaps_.size() + 1, false);
   for (std::size_t k = 0; k < atlas_.keyframes.size(); ++k) {
     if (component_of[k] == main) {
-      atlas_.keyframes[k].submap_from_camera = database_[k].submap_from_camera = atlas_.world_from_camera[k];
+      database_[k].tracked_from_camera = atlas_.keyframes[k].submap_from_camera = atlas_.world_from_camera[k];
       atlas_.keyframes[k].submap = submaps_.size();
     }
     used[atlas_.keyframes[k].submap] = true;

@@ -42,8 +42,8 @@ class BackEnd {
   /// What it knows beside the files of keyframes and submaps, to go on with later.
   struct Memory {
     Atlas atlas;
-    std::vector<bool> submaps;                               // by number: whether it has a file
-    std::vector<std::pair<Eigen::Isometry3d, bool>> places;  // see DatabaseEntry
+    std::vector<bool> submaps;                                          // by number: whether it has a file
+    std::vector<std::optional<Eigen::Isometry3d>> tracked_from_camera;  // see DatabaseEntry
     std::size_t searched = 0, submap_begin = 0;
     std::uint32_t submap_since = 1;
     bool in_world = false, breaks = true, unsettled = false, optimising = false;

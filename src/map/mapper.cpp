@@ -24,14 +24,7 @@ void tell(const CheckedFrame& checked, FrameReport& report) {
 void tell(const Tracked& tracked, FrameReport& report) {
   const Alignment& a = tracked.alignment;
   report.guess = tracked.guess;
-  report.inlier_share = a.inlier_share;
-  report.overlap = a.overlap;
-  report.rmse = a.rmse;
-  report.photometric_share = a.photometric_share;
-  report.photometric_rmse = a.photometric_rmse;
-  report.degenerate_directions = a.degenerate_directions;
-  report.unobserved = a.unobserved;
-  report.iterations = a.iterations;
+  report.fit = a.fit;
   report.moving = tracked.moving;
   if (tracked.cause == FrameCause::none) return;
   report.cause = tracked.cause;

@@ -28,15 +28,15 @@ void SurfaceMatcher::set_from(const Frame& from) { view_.levels = first_.preproc
 
 std::optional<Match> SurfaceMatcher::match(const Frame& to, const Eigen::Isometry3d& guess) {
   const Alignment a = aligner_.align(second_.preprocess(to), view_, guess);
-  if (!a.converged() || a.inlier_share < kMinInliers || a.overlap < kMinOverlap || a.rmse > kMaxRmse ||
-      a.unobserved > 0)
+  if (!a.converged() || a.fit.inlier_share < kMinInliers || a.fit.overlap < kMinOverlap || a.fit.rmse > kMaxRmse ||
+      a.fit.unobserved > 0)
     return std::nullopt;
   // The alignment's information is of motions given in the frame of `from`.
   const Matrix6d from_to = adjoint(a.submap_from_camera);
   return Match{.i_from_j = a.submap_from_camera,
                .information = calibrated(from_to.transpose() * a.information * from_to),
-               .inlier_share = a.inlier_share,
-               .rmse = a.rmse};
+               .inlier_share = a.fit.inlier_share,
+               .rmse = a.fit.rmse};
 }
 
 std::optional<Match> SurfaceMatcher::both_ways(const Frame& from, const Frame& to, const Eigen::Isometry3d& guess) {

@@ -11,6 +11,9 @@
 
 namespace cairn {
 
+constexpr std::size_t kCandidates = 3;  // keyframes that one is compared with by corners
+constexpr int kLoopCorners = 30;        // that must agree before two keyframes are aligned
+
 /// The information of an alignment as an edge of the pose graph carries it: neighbouring points go together, and part
 /// of the noise (calibration, shutter, voxels) no number of points averages out.
 [[nodiscard]] Matrix6d calibrated(const Matrix6d& information);

@@ -11,8 +11,6 @@ namespace {
 
 constexpr double kCovisibleTurn = 0.6, kCovisibleDistance = 0.8;  // radians, metres between views of much of the same
 constexpr std::size_t kCovisible = 6;                             // pairs a keyframe, beside the one with the next
-constexpr std::size_t kCandidates = 3;                            // places that a keyframe is compared with by corners
-constexpr int kLoopCorners = 30;                                  // that must agree before a loop is aligned
 
 struct Pair {
   std::size_t from, to;

@@ -98,9 +98,10 @@ FocalEvidence Tracker::focal() const {
 std::vector<std::size_t> Tracker::candidates(const Features& seen) const {
   std::vector<std::size_t> chosen, here;
   for (const auto& candidate : keyframes_.query(seen, keyframes_.size()))
-    if (keyframes_[candidate.entry].is_here && chosen.size() < kMostSimilar) chosen.push_back(candidate.entry);
+    if (keyframes_[candidate.entry].tracked_from_camera && chosen.size() < kMostSimilar)
+      chosen.push_back(candidate.entry);
   for (std::size_t i = 0; i < keyframes_.size(); ++i)
-    if (keyframes_[i].is_here) here.push_back(i);
+    if (keyframes_[i].tracked_from_camera) here.push_back(i);
   for (std::size_t k = 0; k < std::min(kOtherPlaces, here.size()); ++k)
     chosen.push_back(here[(static_cast<std::size_t>(memory_.lost_frames) * kOtherPlaces + k) % here.size()]);
   return chosen;
@@ -109,7 +110,7 @@ std::vector<std::size_t> Tracker::candidates(const Features& seen) const {
 std::vector<std::size_t> Tracker::recent() const {
   std::vector<std::size_t> recent;
   for (std::size_t i = keyframes_.size(); i > 0 && recent.size() < kRecentPlaces; --i)
-    if (keyframes_[i - 1].is_here) recent.push_back(i - 1);
+    if (keyframes_[i - 1].tracked_from_camera) recent.push_back(i - 1);
   return recent;
 }
 
@@ -121,7 +122,7 @@ std::optional<Eigen::Isometry3d> Tracker::recognise(const Features& seen,
     const auto located = solve_pnp(keyframes_[i].features, seen, source_camera_);
     if (!located || located->inliers <= most) continue;
     most = located->inliers;
-    guess = keyframes_[i].submap_from_camera * located->known_from_seen;
+    guess = *keyframes_[i].tracked_from_camera * located->known_from_seen;
   }
   return guess;
 }
@@ -257,7 +258,7 @@ void Tracker::restart() {
 void Tracker::begin_lost() {
   restart();
   const auto newest = recent();
-  memory_.last = {{0, newest.empty() ? Eigen::Isometry3d::Identity() : keyframes_[newest[0]].submap_from_camera}};
+  memory_.last = {{0, newest.empty() ? Eigen::Isometry3d::Identity() : *keyframes_[newest[0]].tracked_from_camera}};
   memory_.lost_frames = kStillThere + 1;
 }
 
@@ -267,9 +268,9 @@ void Tracker::restore(const Memory& memory, const PhotometricKeyframe::Saved& re
 }
 
 void Tracker::learn_focal_length() {
-  if (keyframes_.size() < 2 || !keyframes_[keyframes_.size() - 2].is_here) return;
+  if (keyframes_.size() < 2 || !keyframes_[keyframes_.size() - 2].tracked_from_camera) return;
   const DatabaseEntry &known = keyframes_[keyframes_.size() - 2], &seen = keyframes_[keyframes_.size() - 1];
-  const Eigen::Isometry3d motion = known.submap_from_camera.inverse() * seen.submap_from_camera;
+  const Eigen::Isometry3d motion = known.tracked_from_camera->inverse() * *seen.tracked_from_camera;
   if (Eigen::AngleAxisd(motion.linear()).angle() < kFocalTurn) return;
   const auto costs = focal_costs(known.features, seen.features, source_camera_);
   for (std::size_t i = 0; i < costs.size(); ++i) memory_.focal_costs[i] += costs[i];
@@ -286,8 +287,8 @@ void Tracker::commit(const Frame& frame, const Surface& live, const Tracked& tra
   }
   if (!live.packed.empty() && (!reference_.is_set() || is_new_reference(reference_.submap_from_camera(), pose, a)))
     reference_.set(live, pose, moment);
-  if (a != nullptr && a->photometric_share > 0)
-    memory_.usual_brightness += 0.1 * (a->photometric_rmse - memory_.usual_brightness);
+  if (a != nullptr && a->fit.photometric_share > 0)
+    memory_.usual_brightness += 0.1 * (a->fit.photometric_rmse - memory_.usual_brightness);
   if (memory_.lost_frames > 0) memory_.last.clear();  // no velocity across a gap
   memory_.lost_frames = memory_.lost_views = 0;
   if (memory_.last.size() == 2) memory_.last.erase(memory_.last.begin());

@@ -13,10 +13,11 @@ namespace cairn {
 
 /// A keyframe as it can be recognised.
 struct DatabaseEntry {
-  Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
+  /// In the frame in which the camera is tracked now; none for keyframes of other components, whose place in it nobody
+  /// knows. Not the keyframe's own pose in its submap: a recording that goes on in a map is tracked in the world's
+  /// frame.
+  std::optional<Eigen::Isometry3d> tracked_from_camera;
   Features features;
-  bool is_here =
-      true;  // its pose is in the frame in which the camera is tracked now: not so for those of other components
 };
 
 /// Keyframes, and an index of their corners that finds those alike without comparing with each: tables of keyframes by

@@ -74,7 +74,7 @@ void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& ne
   io("frame_files", frame_files);
   io("recordings", m.atlas.recordings);
   io("submaps", m.submaps);
-  io("places", m.places);
+  io("tracked_from_camera", m.tracked_from_camera);
   io("back_end", m.searched, m.submap_begin, m.submap_since, m.in_world, m.breaks, m.unsettled, m.optimising);
   io("tracker", s.tracker);
   io("photometric_keyframe", s.reference);

@@ -67,8 +67,9 @@ void validate(const BackEnd::Memory& m, std::size_t frames) {
   require(std::is_sorted(atlas.recordings.begin(), atlas.recordings.end()) &&
               (atlas.recordings.empty() || atlas.recordings.back() <= frames),
           "a recording is missing");
-  require(m.places.size() == keyframes, "places and keyframes do not match");
-  for (const auto& [pose, is_here] : m.places) require_rigid(pose);
+  require(m.tracked_from_camera.size() == keyframes, "tracked poses and keyframes do not match");
+  for (const auto& pose : m.tracked_from_camera)
+    if (pose) require_rigid(*pose);
   require(m.searched <= keyframes && m.submap_begin <= keyframes, "a keyframe is missing");
 }
 

@@ -23,7 +23,7 @@ Scene::Solid standing(float x, float z, Vector3f size, float above, Pattern patt
 
 }  // namespace
 
-std::vector<Scene::Solid> furnished_room() {
+std::vector<Scene::Solid> furnished_room() {  // NOLINT(readability-function-size): a list of furniture
   const Vector3f wood(0.62f, 0.42f, 0.24f), dark(0.40f, 0.25f, 0.13f), white(0.85f, 0.84f, 0.80f),
       grey(0.5f, 0.5f, 0.52f);
   std::vector<Scene::Solid> s;

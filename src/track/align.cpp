@@ -163,9 +163,9 @@ void fit_exposure(const Photometry& p, double& gain, double& bias) {
 /// Why an alignment is not to be trusted, if it is not.
 FrameCause distrust(const Alignment& alignment, double live, const Camera& finest, const TrackOptions& options) {
   if (live < 0.02 * finest.width * finest.height) return FrameCause::little_depth;
-  if (alignment.overlap < 0.05) return FrameCause::out_of_view;
-  if (alignment.inlier_share < options.min_inlier_share) return FrameCause::too_few_inliers;
-  if (alignment.rmse > options.max_rmse) return FrameCause::large_residuals;
+  if (alignment.fit.overlap < 0.05) return FrameCause::out_of_view;
+  if (alignment.fit.inlier_share < options.min_inlier_share) return FrameCause::too_few_inliers;
+  if (alignment.fit.rmse > options.max_rmse) return FrameCause::large_residuals;
   return FrameCause::none;
 }
 
@@ -440,21 +440,21 @@ bool Aligner::step(const Views& views, int level, Estimate& e) const {
 
 /// The pose, how well the images fit at it, and whether it is to be trusted.
 Alignment Aligner::judge(const Views& views, const Estimate& e) {
-  Alignment result{.submap_from_camera = views.model.submap_from_camera * e.model_from_live,
-                   .information = e.information,
-                   .degenerate_directions = e.degenerate_directions,
-                   .unobserved = e.unobserved,
-                   .iterations = e.iterations};
+  Alignment result{
+      .submap_from_camera = views.model.submap_from_camera * e.model_from_live,
+      .information = e.information,
+      .fit = {
+          .degenerate_directions = e.degenerate_directions, .unobserved = e.unobserved, .iterations = e.iterations}};
   // Products of rotations drift away from orthonormal ones.
   result.submap_from_camera.linear() =
       Eigen::Quaterniond(result.submap_from_camera.linear()).normalized().toRotationMatrix();
   const Geometry& g = e.geometry;
-  result.inlier_share = g.seen > 0 ? g.inliers / g.seen : 0.0;
-  result.overlap = g.live > 0 ? g.seen / g.live : 0.0;
-  result.rmse = g.inliers > 0 ? std::sqrt(g.squared / g.inliers) : 0.0;
+  result.fit.inlier_share = g.seen > 0 ? g.inliers / g.seen : 0.0;
+  result.fit.overlap = g.live > 0 ? g.seen / g.live : 0.0;
+  result.fit.rmse = g.inliers > 0 ? std::sqrt(g.squared / g.inliers) : 0.0;
   if (e.uses_brightness) {
-    result.photometric_share = e.photometry.fitting / e.photometry.seen;
-    result.photometric_rmse = e.brightness.sigma;
+    result.fit.photometric_share = e.photometry.fitting / e.photometry.seen;
+    result.fit.photometric_rmse = e.brightness.sigma;
     result.gain = e.brightness.gain, result.bias = e.brightness.bias;
     if (views.moment.velocity.head<3>().norm() > kTurning)
       result.clock_offset_costs =

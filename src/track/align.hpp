@@ -18,15 +18,8 @@ namespace cairn {
 struct Alignment {
   Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
   Matrix6d information = Matrix6d::Zero();  // of (rotation, translation) in the model view's frame; 1/rad^2, 1/m^2
-  double inlier_share = 0.0;                // of the live points that see the model
-  double overlap = 0.0;                     // share of the live points that see the model
-  double rmse = 0.0;                        // of the inliers, in standard deviations of the depth noise
-  double photometric_share = 0.0;           // of the points with brightness in both images, those that fit; 0: not used
-  double photometric_rmse = 0.0;            // brightness, 0..1
-  double gain = 1.0, bias = 0.0;            // keyframe brightness = gain * live + bias
-  int degenerate_directions = 0;            // directions of the pose, 0..6
-  int unobserved = 0;                       // directions left at the guess
-  int iterations = 0;                       // over all levels
+  AlignmentFit fit;
+  double gain = 1.0, bias = 0.0;  // keyframe brightness = gain * live + bias
   /// How badly brightness fits if the colour camera's clock were ahead by kClockOffsets; empty when the camera is slow.
   std::vector<double> clock_offset_costs;
   FrameCause lost = FrameCause::none;  // why the pose is not to be trusted

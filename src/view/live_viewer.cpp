@@ -42,11 +42,12 @@ std::pair<const char*, std::string> words_of(const FrameReport& report, bool any
   if (report.state == FrameState::lost)
     return {"lost", "Lost: turn back to what was seen before (" + report.reason + ")"};
   if (report.state == FrameState::skipped) return {"weak", "Frame skipped: " + report.reason};
-  if (report.iterations > 0 && report.inlier_share < kFewInliers)
+  if (report.fit.iterations > 0 && report.fit.inlier_share < kFewInliers)
     return {"weak",
-            fmt::format("Tracking is weak, move slowly: {:.0f} % of the image fits", 100 * report.inlier_share)};
-  return {"good", report.iterations > 0 ? fmt::format("Tracking: {:.0f} % of the image fits", 100 * report.inlier_share)
-                                        : "Tracking begins"};
+            fmt::format("Tracking is weak, move slowly: {:.0f} % of the image fits", 100 * report.fit.inlier_share)};
+  return {"good", report.fit.iterations > 0
+                      ? fmt::format("Tracking: {:.0f} % of the image fits", 100 * report.fit.inlier_share)
+                      : "Tracking begins"};
 }
 
 Served viewer_file() { return {"text/html; charset=utf-8", std::string(viewer_page())}; }

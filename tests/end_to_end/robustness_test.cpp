@@ -171,7 +171,7 @@ TEST(Robustness, ColourThatEndsHalfWayOrHasAnotherSize) {
   EXPECT_EQ(o.wrong, 0);
   EXPECT_LE(o.rmse, 0.01);
   EXPECT_NE(o.reports[13].reason.find("depth alone"), std::string::npos);
-  EXPECT_EQ(o.reports[25].photometric_share, 0);
+  EXPECT_EQ(o.reports[25].fit.photometric_share, 0);
 }
 
 TEST(Robustness, SomebodyWalksThroughTheRoom) {

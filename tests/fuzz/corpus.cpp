@@ -137,7 +137,7 @@ void write_sessions(const fs::path& folder, const fs::path& work) {
     atlas.keyframes.push_back({.timestamp = time, .acceleration = Eigen::Vector3d::UnitY()});
     atlas.world_from_camera.push_back(pose);
     atlas.frames.push_back({.timestamp = time, .keyframe = static_cast<std::uint32_t>(atlas.keyframes.size() - 1)});
-    session.back_end.places.emplace_back(pose, true);
+    session.back_end.tracked_from_camera.emplace_back(pose);
     session.tracker.last.push_back({.timestamp = time, .submap_from_camera = pose});
   }
   session.tracker.last.resize(2);

@@ -186,7 +186,7 @@ TEST(BackEnd, KnowsWhichPlacesLieInTheFrameOfTracking) {
   const auto here = [&] {
     std::string all;
     for (std::size_t k = 0; k < p.back_end->keyframes().size(); ++k)
-      all += p.back_end->keyframes()[k].is_here ? 'x' : '.';
+      all += p.back_end->keyframes()[k].tracked_from_camera ? 'x' : '.';
     return all;
   };
   EXPECT_EQ(here(), "..");
@@ -201,8 +201,8 @@ TEST(BackEnd, KnowsWhichPlacesLieInTheFrameOfTracking) {
   p.back_end->begin_in_world();  // of the larger piece
   EXPECT_EQ(here(), "..xxx");
   const BackEnd::Memory memory = p.back_end->memory();
-  EXPECT_FALSE(memory.places[0].second);
-  EXPECT_TRUE(memory.places[4].second);
+  EXPECT_FALSE(memory.tracked_from_camera[0]);
+  EXPECT_TRUE(memory.tracked_from_camera[4]);
   p.add(0, kElsewhere, &information);
   EXPECT_EQ(here(), "..xxxx");
 }

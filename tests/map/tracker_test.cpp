@@ -21,10 +21,9 @@ struct Tracking {
       tracker.commit(first, live, {.state = Tracked::State::begins, .submap_from_camera = *first.world_from_camera});
     }
   }
-  void add_keyframe(const Frame& seen, const Eigen::Isometry3d& submap_from_camera, bool is_here) {
-    keyframes.add({.submap_from_camera = submap_from_camera,
-                   .features = extract_features(seen.colour, seen.depth, camera),
-                   .is_here = is_here});
+  void add_keyframe(const Frame& seen, const std::optional<Eigen::Isometry3d>& tracked_from_camera) {
+    keyframes.add(
+        {.tracked_from_camera = tracked_from_camera, .features = extract_features(seen.colour, seen.depth, camera)});
   }
   Camera camera = small_camera();
   Options options;
@@ -42,19 +41,11 @@ struct Tracking {
   }
 };
 
-Eigen::Isometry3d aside(const Eigen::Isometry3d& pose) {
-  Eigen::Isometry3d there = pose;
-  there.pretranslate(Eigen::Vector3d(0.6, 0, 0.3));
-  there.rotate(Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitY()));
-  return there;
-}
-
 TEST(Tracker, ComparesALostFrameOnlyWithPlacesOfItsOwnFrame) {
   Tracking t;
-  t.add_keyframe(t.first, *t.first.world_from_camera, true);
-  t.add_keyframe(t.next, aside(*t.next.world_from_camera), false);  // as alike as can be, and in another piece's frame
+  t.add_keyframe(t.first, *t.first.world_from_camera);
+  t.add_keyframe(t.next, std::nullopt);  // as alike as can be, and in another component's frame
   t.tracker.begin_lost();
-  t.keyframes[0].is_here = true;
   const Tracked tracked = t.tracker.track(t.next, t.preprocessor.preprocess(t.next), t.volume, t.times);
   ASSERT_TRUE(tracked.alignment.converged()) << tracked.reason;
   EXPECT_LT((tracked.alignment.submap_from_camera.translation() - t.next.world_from_camera->translation()).norm(),
@@ -63,8 +54,8 @@ TEST(Tracker, ComparesALostFrameOnlyWithPlacesOfItsOwnFrame) {
 
 TEST(Tracker, BeginsLostAtTheNewestPlaceOfItsOwnFrame) {
   Tracking t;
-  t.add_keyframe(t.first, *t.first.world_from_camera, true);
-  t.add_keyframe(t.next, aside(*t.next.world_from_camera), false);
+  t.add_keyframe(t.first, *t.first.world_from_camera);
+  t.add_keyframe(t.next, std::nullopt);
   t.tracker.begin_lost();
   ASSERT_EQ(t.tracker.memory().last.size(), 1u);
   EXPECT_EQ(t.tracker.memory().last[0].submap_from_camera.matrix(), t.first.world_from_camera->matrix());
@@ -73,7 +64,7 @@ TEST(Tracker, BeginsLostAtTheNewestPlaceOfItsOwnFrame) {
 TEST(Tracker, TakesNoPlaceForAnotherByDepthAlone) {
   // A recording that begins anywhere: walls fit the walls of the newest place, but no corners do.
   Tracking t;
-  t.add_keyframe(t.first, *t.first.world_from_camera, true);
+  t.add_keyframe(t.first, *t.first.world_from_camera);
   for (int i = 100; i <= 620; i += 40) {  // all around the room
     const Frame elsewhere = scene_frame(synthetic_scene("room"), t.camera, i);
     t.tracker.begin_lost();
@@ -94,7 +85,7 @@ Frame covered(Frame frame, const Camera& camera, double share) {
 
 TEST(Tracker, LeavesOutWhatMovesAsSeenFromThePoseThatCounts) {
   Tracking t;
-  t.add_keyframe(t.first, *t.first.world_from_camera, true);
+  t.add_keyframe(t.first, *t.first.world_from_camera);
   const Frame frame = covered(t.next, t.camera, 0.1);
   const auto track = [&] { return t.tracker.track(frame, t.preprocessor.preprocess(frame), t.volume, t.times); };
   const Tracked usual = track();
@@ -138,7 +129,7 @@ TEST(Tracker, BeginsAComponentAfterEnoughLostFramesThatSeeSomething) {
     Tracking t;
     t.options.map.lost_frames = 3;
     Tracker tracker(test_device(), t.camera, t.camera, t.options, t.keyframes);
-    t.add_keyframe(t.first, *t.first.world_from_camera, true);
+    t.add_keyframe(t.first, *t.first.world_from_camera);
     tracker.begin_lost();
     const Frame frame = patchy(t.camera, share);
     const Surface live = t.preprocessor.preprocess(frame);
@@ -195,8 +186,8 @@ TEST(Tracker, LearnsTheFocalLengthFromKeyframesTurnedAgainstEachOther) {
     Frame turned = t.first;
     Eigen::Isometry3d pose = *t.first.world_from_camera;
     pose.rotate(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()));
-    t.add_keyframe(t.first, *t.first.world_from_camera, true);
-    t.add_keyframe(scene_frame_at(synthetic_scene("room"), t.camera, pose), pose, true);
+    t.add_keyframe(t.first, *t.first.world_from_camera);
+    t.add_keyframe(scene_frame_at(synthetic_scene("room"), t.camera, pose), pose);
     t.tracker.learn_focal_length();
     EXPECT_EQ(t.tracker.memory().focal_pairs, angle > 0.1 ? 1 : 0);
   }

@@ -13,14 +13,14 @@ constexpr double kBelow = 0.999, kAbove = 1.001;  // times a threshold
 
 /// An alignment that nobody doubts.
 Alignment good() {
-  return {.inlier_share = 0.9, .overlap = 0.9, .rmse = 1, .photometric_share = 0.9, .photometric_rmse = 0.03};
+  return {.fit = {.inlier_share = 0.9, .overlap = 0.9, .rmse = 1, .photometric_share = 0.9, .photometric_rmse = 0.03}};
 }
 
 /// The same with another misfit: all points are inliers.
 Alignment with_misfit(double misfit) {
   Alignment a = good();
-  a.inlier_share = 1;
-  a.rmse = std::sqrt(misfit);
+  a.fit.inlier_share = 1;
+  a.fit.rmse = std::sqrt(misfit);
   return a;
 }
 
@@ -32,15 +32,15 @@ Eigen::Isometry3d moved(double distance, double angle) {
 
 TEST(TrackingCriteria, CountOutliersAsThreeDeviations) {
   Alignment a = good();
-  a.inlier_share = 0.5;
-  a.rmse = 2;
+  a.fit.inlier_share = 0.5;
+  a.fit.rmse = 2;
   EXPECT_DOUBLE_EQ(misfit(a), 0.5 * 4 + 0.5 * 9);
 }
 
 TEST(TrackingCriteria, DoubtWhatFitsBadlyOrWorseThanUsual) {
   const auto with_brightness = [](double rmse) {
     Alignment a = good();
-    a.photometric_rmse = rmse;
+    a.fit.photometric_rmse = rmse;
     return a;
   };
   EXPECT_FALSE(is_doubtful(good(), 0.03));
@@ -62,27 +62,27 @@ TEST(TrackingCriteria, PreferAnotherPoseThatIsClearlyBetter) {
   EXPECT_FALSE(is_better(lost, good()));
   // By depth alone.
   Alignment a = with_misfit(2), b = with_misfit(2);
-  a.photometric_share = b.photometric_share = 0;
-  a.rmse = std::sqrt(kBelow * kClearlyBetter * 2);
+  a.fit.photometric_share = b.fit.photometric_share = 0;
+  a.fit.rmse = std::sqrt(kBelow * kClearlyBetter * 2);
   EXPECT_TRUE(is_better(a, b));
-  a.rmse = std::sqrt(kAbove * kClearlyBetter * 2);
+  a.fit.rmse = std::sqrt(kAbove * kClearlyBetter * 2);
   EXPECT_FALSE(is_better(a, b));
   // Depth as good, brightness not: it counts in units of what is usual.
   a = b = with_misfit(1);
-  a.overlap = b.overlap = 1;
-  a.photometric_rmse = kUsualBrightness;
-  b.photometric_rmse = kUsualBrightness * std::sqrt(2 / (kBelow * kClearlyBetter) - 1);
+  a.fit.overlap = b.fit.overlap = 1;
+  a.fit.photometric_rmse = kUsualBrightness;
+  b.fit.photometric_rmse = kUsualBrightness * std::sqrt(2 / (kBelow * kClearlyBetter) - 1);
   EXPECT_TRUE(is_better(a, b));
-  b.photometric_rmse = kUsualBrightness * std::sqrt(2 / (kAbove * kClearlyBetter) - 1);
+  b.fit.photometric_rmse = kUsualBrightness * std::sqrt(2 / (kAbove * kClearlyBetter) - 1);
   EXPECT_FALSE(is_better(a, b));
 }
 
 TEST(TrackingCriteria, TellWhatStandsStillByBrightness) {
   Alignment still = good(), moving = good();
-  moving.photometric_rmse = 0.09;
-  still.photometric_rmse = kBelow * kTellsApart * 0.09;
+  moving.fit.photometric_rmse = 0.09;
+  still.fit.photometric_rmse = kBelow * kTellsApart * 0.09;
   EXPECT_TRUE(tells_apart(still, moving));
-  still.photometric_rmse = kAbove * kTellsApart * 0.09;
+  still.fit.photometric_rmse = kAbove * kTellsApart * 0.09;
   EXPECT_TRUE(is_better(still, moving));
   EXPECT_FALSE(tells_apart(still, moving));
 }
@@ -97,30 +97,30 @@ TEST(TrackingCriteria, KnowHowFastAHandMoves) {
 
 TEST(TrackingCriteria, AskMoreOfAPoseThatIsFoundAfterALoss) {
   EXPECT_TRUE(is_certain(good()));
-  const auto changed = [](double Alignment::*what, double value) {
+  const auto changed = [](double AlignmentFit::*what, double value) {
     Alignment a = good();
-    a.*what = value;
+    a.fit.*what = value;
     return is_certain(a);
   };
-  EXPECT_TRUE(changed(&Alignment::inlier_share, kAbove * kFoundInliers));
-  EXPECT_FALSE(changed(&Alignment::inlier_share, kBelow * kFoundInliers));
-  EXPECT_TRUE(changed(&Alignment::overlap, kAbove * kFoundOverlap));
-  EXPECT_FALSE(changed(&Alignment::overlap, kBelow * kFoundOverlap));
-  EXPECT_TRUE(changed(&Alignment::photometric_share, kAbove * kFoundBrightness));
-  EXPECT_FALSE(changed(&Alignment::photometric_share, kBelow * kFoundBrightness));
-  EXPECT_TRUE(changed(&Alignment::photometric_share, 0));  // there is no colour
-  EXPECT_TRUE(changed(&Alignment::photometric_rmse, kBelow * kDoubtfulBrightness));
-  EXPECT_FALSE(changed(&Alignment::photometric_rmse, kAbove * kDoubtfulBrightness));
+  EXPECT_TRUE(changed(&AlignmentFit::inlier_share, kAbove * kFoundInliers));
+  EXPECT_FALSE(changed(&AlignmentFit::inlier_share, kBelow * kFoundInliers));
+  EXPECT_TRUE(changed(&AlignmentFit::overlap, kAbove * kFoundOverlap));
+  EXPECT_FALSE(changed(&AlignmentFit::overlap, kBelow * kFoundOverlap));
+  EXPECT_TRUE(changed(&AlignmentFit::photometric_share, kAbove * kFoundBrightness));
+  EXPECT_FALSE(changed(&AlignmentFit::photometric_share, kBelow * kFoundBrightness));
+  EXPECT_TRUE(changed(&AlignmentFit::photometric_share, 0));  // there is no colour
+  EXPECT_TRUE(changed(&AlignmentFit::photometric_rmse, kBelow * kDoubtfulBrightness));
+  EXPECT_FALSE(changed(&AlignmentFit::photometric_rmse, kAbove * kDoubtfulBrightness));
   EXPECT_TRUE(is_certain(with_misfit(kBelow * kFoundMisfit)));
   EXPECT_FALSE(is_certain(with_misfit(kAbove * kFoundMisfit)));
   Alignment a = good();
-  a.unobserved = 1;
+  a.fit.unobserved = 1;
   EXPECT_FALSE(is_certain(a));
 }
 
 TEST(TrackingCriteria, DoNotBelieveWallsAloneAfterALongLoss) {
   Alignment by_depth = good();
-  by_depth.photometric_share = 0;
+  by_depth.fit.photometric_share = 0;
   EXPECT_TRUE(is_certain_in_place(by_depth, kStillThere));
   EXPECT_FALSE(is_certain_in_place(by_depth, kStillThere + 1));
   EXPECT_TRUE(is_certain_in_place(good(), 1000));
@@ -134,9 +134,9 @@ TEST(TrackingCriteria, TakeANewReferenceForBrightnessWhereTheOldOneIsFar) {
   EXPECT_FALSE(is_new_reference(here, moved(0, kBelow * kKeyframeTurn), &a));
   EXPECT_TRUE(is_new_reference(here, moved(0, kAbove * kKeyframeTurn), &a));
   Alignment few = good();
-  few.photometric_share = kAbove * kKeyframeShare;
+  few.fit.photometric_share = kAbove * kKeyframeShare;
   EXPECT_FALSE(is_new_reference(here, here, &few));
-  few.photometric_share = kBelow * kKeyframeShare;
+  few.fit.photometric_share = kBelow * kKeyframeShare;
   EXPECT_TRUE(is_new_reference(here, here, &few));
   EXPECT_FALSE(is_new_reference(here, here, nullptr));
 }

@@ -28,7 +28,7 @@ SessionState small_session() {
     atlas.keyframes.push_back({.frame = i, .timestamp = 0.1 * i, .follows = i > 0});
     atlas.world_from_camera.push_back(Eigen::Isometry3d::Identity());
     atlas.add_frame(0.1 * i, Eigen::Isometry3d::Identity());
-    s.back_end.places.emplace_back(Eigen::Isometry3d::Identity(), true);
+    s.back_end.tracked_from_camera.emplace_back(Eigen::Isometry3d::Identity());
     s.tracker.last.push_back({0.1 * i, Eigen::Isometry3d::Identity()});
   }
   atlas.loops.push_back({.edge = {.i = 0, .j = 1, .is_loop_closure = true}});
@@ -121,8 +121,8 @@ TEST(SessionFiles, WithNumbersOfWhatDoesNotExistAreDamaged) {
       },
       [](SessionState& s) { s.back_end.searched = 3; },
       [](SessionState& s) { s.back_end.submap_begin = 3; },
-      [](SessionState& s) { s.back_end.places.pop_back(); },
-      [&](SessionState& s) { s.back_end.places[0].first = no_pose; },
+      [](SessionState& s) { s.back_end.tracked_from_camera.pop_back(); },
+      [&](SessionState& s) { s.back_end.tracked_from_camera[0] = no_pose; },
       [](SessionState& s) { s.tracker.last.clear(); },
       [](SessionState& s) { s.tracker.last.push_back(s.tracker.last[0]); },
       [](SessionState& s) { s.tracker.lost_frames = -1; },

@@ -42,7 +42,7 @@ TEST(Align, StaysWhereItIs) {
   const Eigen::Isometry3d error = pose.inverse() * a.submap_from_camera;
   EXPECT_LT(error.translation().norm(), 1e-3);  // a tenth of a voxel: the filter rounds corners, the model does not
   EXPECT_LT(Eigen::AngleAxisd(error.linear()).angle(), 1e-3);
-  EXPECT_GT(a.inlier_share, 0.9);
+  EXPECT_GT(a.fit.inlier_share, 0.9);
 }
 
 TEST(Align, FindsAKnownMotion) {
@@ -69,12 +69,12 @@ TEST(Align, KnowsByBrightnessThatAnotherPlaceIsNotThisOne) {
   keyframe.set(known, guess, {});
   const Alignment here = s.aligner.align(known, s.raycaster.raycast(s.volume, guess), guess, &keyframe);
   EXPECT_TRUE(here.converged()) << text_of(here.lost);
-  EXPECT_LT(here.photometric_rmse, kUsual / 3);
+  EXPECT_LT(here.fit.photometric_rmse, kUsual / 3);
   for (int i = 100; i <= 620; i += 40) {  // all around the room
     const Frame elsewhere = scene_frame(s.scene, s.camera, i);
     const Surface live = s.preprocessor.preprocess(elsewhere);
     const Alignment a = s.aligner.align(live, s.raycaster.raycast(s.volume, guess), guess, &keyframe);
-    EXPECT_TRUE(!a.converged() || a.photometric_rmse > 3 * kUsual) << i << ": " << a.photometric_rmse;
+    EXPECT_TRUE(!a.converged() || a.fit.photometric_rmse > 3 * kUsual) << i << ": " << a.fit.photometric_rmse;
   }
 }
 
@@ -124,8 +124,8 @@ TEST(IcpReduce, EqualsItsPlainTwin) {
       j << p.cross(n) / sigma, n / sigma;
       expected += std::min(1.0, one.huber / std::max(std::abs(r), 1e-6)) * j * j.transpose();
     }
-  const Matrix6d information = a.rmse * a.rmse * a.information;        // in units of the depth noise
-  EXPECT_LT((information - expected).norm() / expected.norm(), 1e-3);  // pixels on a border may match a neighbour
+  const Matrix6d information = a.fit.rmse * a.fit.rmse * a.information;  // in units of the depth noise
+  EXPECT_LT((information - expected).norm() / expected.norm(), 1e-3);    // pixels on a border may match a neighbour
   EXPECT_GT(expected.norm(), 1e6);
 }
 
@@ -160,22 +160,22 @@ TEST(Align, SlidesOnAWallByGeometryAloneAndHoldsByItsTexture) {
   const Eigen::Vector3d ahead(0, 0, 2);
   EXPECT_LT((seeing.truth.inverse() * held.submap_from_camera * ahead - ahead).norm(), 0.003);
   EXPECT_LT((seeing.truth.inverse() * held.submap_from_camera).translation().norm(), 0.005);
-  EXPECT_EQ(held.unobserved, 0);
-  EXPECT_GT(held.photometric_share, 0.8);
+  EXPECT_EQ(held.fit.unobserved, 0);
+  EXPECT_GT(held.fit.photometric_share, 0.8);
 }
 
 TEST(Align, KnowsWhatAWallDoesNotTell) {
   Slide s;
   const Alignment a = s.aside("plane", false, false);
-  EXPECT_EQ(a.degenerate_directions, 3);  // two translations and the turn about its normal
-  EXPECT_EQ(a.unobserved, 3);             // left at the guess
+  EXPECT_EQ(a.fit.degenerate_directions, 3);  // two translations and the turn about its normal
+  EXPECT_EQ(a.fit.unobserved, 3);             // left at the guess
   EXPECT_NEAR((s.truth.inverse() * a.submap_from_camera).translation().x(), 0.02, 2e-3);
 }
 
 TEST(Align, KnowsThatARoomIsObserved) {
   Slide s;
   const Alignment a = s.aside("room", true);
-  EXPECT_EQ(a.degenerate_directions, 0);
+  EXPECT_EQ(a.fit.degenerate_directions, 0);
   EXPECT_LT((s.truth.inverse() * a.submap_from_camera).translation().norm(), 0.003);
 }
 
@@ -227,8 +227,8 @@ TEST(PhotometricReduce, PullsTowardsTheTruthAsItsPlainTwinDoes) {
       twin::photometric(twin::brightness(next.colour), live_depth, brightness, key_depth, s.camera,
                         s.frame.world_from_camera->inverse() * *next.world_from_camera, 0.05);
   EXPECT_GT(expected.seen, 10000);
-  EXPECT_NEAR(a.photometric_rmse, expected.rmse, 0.01 * expected.rmse);
-  EXPECT_NEAR(a.photometric_share, expected.share, 0.005);
+  EXPECT_NEAR(a.fit.photometric_rmse, expected.rmse, 0.01 * expected.rmse);
+  EXPECT_NEAR(a.fit.photometric_share, expected.share, 0.005);
 }
 
 }  // namespace
