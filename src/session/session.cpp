@@ -192,6 +192,7 @@ Session::Merged Session::merge(Mapper& mapper, const fs::path& other_session, in
 }
 
 struct ReplacedSession::State {
+  explicit State(const fs::path& f) : folder(f) {}  // Clang before 16 initialises no aggregate for make_unique
   fs::path folder;
   SessionLock lock{folder};
 };
