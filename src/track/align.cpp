@@ -192,12 +192,12 @@ struct Aligner::Estimate {
   // Of the last iteration:
   Geometry geometry, crossed;  // crossed: where it was asked for
   Photometry photometry;
-  bool uses_brightness = false;
   Matrix6d information = Matrix6d::Zero();
   int degenerate_directions = 0, unobserved = 0;
+  bool uses_brightness = false;
   // Directions of the pose that geometry may move:
-  Observed observed;
   enum { undecided, without_weak, with_all } directions = undecided;
+  Observed observed;
   int iterations = 0;
 };
 
