@@ -63,7 +63,7 @@ double milliseconds(Clock::duration d) { return std::chrono::duration<double, st
 
 /// A CPU keeps up with more frames when it aligns few of their pixels, of 640x480 every fourth: that costs less
 /// accuracy than frames that are left out. Small images are aligned as everywhere.
-Options defaults_of(const Arguments& a, const Camera& camera) {
+Options defaults_of(const Arguments& a, const Camera& depth) {
   Options options;
   const auto devices = list_devices();
   const bool is_cpu = std::all_of(devices.begin(), devices.end(), [&](const DeviceInfo& d) {
@@ -71,7 +71,7 @@ Options defaults_of(const Arguments& a, const Camera& camera) {
   });
   if (is_cpu && !a.as_fast_as_possible)
     while (options.track.finest_level + 1 < options.track.levels &&
-           camera.width >> options.track.finest_level > kWidthOnCpu)
+           depth.width >> options.track.finest_level > kWidthOnCpu)
       ++options.track.finest_level;
   return options;
 }
@@ -107,9 +107,9 @@ void live(const Arguments& a) {
   std::optional<LiveViewer> view;
   if (a.view) fmt::print(stderr, "view        {}\n", view.emplace(a.port).url());
   Stream stream(a, begin.range);
-  options = options_of(a, defaults_of(a, stream.source().camera()));
-  Run run(a, options, Poses::tracked, stream.source().camera(), begin.progressed, begin.is_next_recording);
-  if (view) view->begin(run.mapper(), stream.source().camera(), options.surface.max_depth);
+  options = options_of(a, defaults_of(a, stream.source().rig().depth));
+  Run run(a, options, Poses::tracked, stream.source().rig(), begin.progressed, begin.is_next_recording);
+  if (view) view->begin(run.mapper(), stream.source().rig(), options.surface.max_depth);
 
   Durations latencies;
   bool paused = false;
@@ -130,7 +130,7 @@ void live(const Arguments& a) {
         paused = asked.pause.value_or(paused);
         if (asked.reset) {
           run.reset();
-          view->begin(run.mapper(), stream.source().camera(), options.surface.max_depth);
+          view->begin(run.mapper(), stream.source().rig(), options.surface.max_depth);
           latencies = {};
         }
       }

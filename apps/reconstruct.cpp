@@ -58,7 +58,7 @@ void reconstruct(const Arguments& a) {
   const Options options = options_of(a);
   const Beginning begin = beginning(a, parse_frames(a.frames));
   const auto source = open_frames(a, begin.range);
-  Run run(a, options, poses, source->camera(), begin.progressed, begin.is_next_recording);
+  Run run(a, options, poses, source->rig(), begin.progressed, begin.is_next_recording);
   {
     const Interrupt interrupt;
     Progress progress(source->size());

@@ -76,9 +76,9 @@ class Reader {
 };
 
 /// The sensor is read, images are encoded and written at the same time; frames stay in their order.
-void write_images(Reader& read, const Camera& camera, const Arguments& a) {
+void write_images(Reader& read, const Rig& rig, const Arguments& a) {
   namespace tbb = oneapi::tbb;
-  Recorder writer(a.output, camera);
+  Recorder writer(a.output, rig);
   // Kept until all is through: TBB would leak the image that a filter throws at.
   std::exception_ptr failure;
   std::atomic<bool> failed = false;
@@ -90,7 +90,7 @@ void write_images(Reader& read, const Camera& camera, const Arguments& a) {
         if (!frame) flow.stop();
         return std::move(frame).value_or(Frame{});
       }) & tbb::make_filter<Frame, EncodedFrame>(filter_mode::parallel, [&](const Frame& frame) {
-        return encode(frame, camera, a.colour == "png");
+        return encode(frame, rig, a.colour == "png");
       }) & tbb::make_filter<EncodedFrame, void>(filter_mode::serial_in_order, [&](const EncodedFrame& frame) {
         if (failed) return;
         try {
@@ -121,7 +121,7 @@ void record(const Arguments& a) {
       while (read()) {
       }
     else
-      write_images(read, source->camera(), a);
+      write_images(read, source->rig(), a);
   }
   const int dropped = source->dropped();
   source.reset();  // closes the .oni file

@@ -120,19 +120,19 @@ Beginning beginning(const RunArguments& a, FrameRange range) {
   return begin;
 }
 
-Run::Run(RunArguments arguments, const Options& options, Poses poses, const Camera& camera, Progressed progressed,
+Run::Run(RunArguments arguments, const Options& options, Poses poses, const Rig& rig, Progressed progressed,
          bool is_next_recording)
     : arguments_(std::move(arguments)),
       options_(options),
       poses_(poses),
-      camera_(camera),
+      rig_(rig),
       progressed_(std::move(progressed)) {
   prepare_output(arguments_.output);
   if (poses_ == Poses::given && fs::exists(arguments_.output / "session"))
     replaced_.emplace(arguments_.output / "session");
   if (arguments_.resume) {
     session_.emplace(Session::resume(arguments_.output / "session"));
-    mapper_.emplace(session_->mapper(camera_, options_, arguments_.device));
+    mapper_.emplace(session_->mapper(rig_, options_, arguments_.device));
     if (is_next_recording) mapper_->begin_recording();
   } else {
     reset();
@@ -144,9 +144,9 @@ void Run::reset() {
   session_.reset();
   if (poses_ == Poses::tracked) {
     session_.emplace(Session::create(arguments_.output / "session"));
-    mapper_.emplace(session_->mapper(camera_, options_, arguments_.device));
+    mapper_.emplace(session_->mapper(rig_, options_, arguments_.device));
   } else {
-    mapper_.emplace(camera_, options_, poses_, arguments_.device);
+    mapper_.emplace(rig_, options_, poses_, arguments_.device);
   }
   told_ = 0;
   progressed_.frames = {};
@@ -213,7 +213,7 @@ void Run::finish(const nlohmann::json& more) {
     warn(fmt::format(
         "{}: corners fit a focal length of {:.0f} pixels ({:.2f} pixels off) better than the given {:.0f} "
         "({:.2f} pixels off, {} pairs of views): check the camera's intrinsics, and that colour is registered to depth",
-        sequence, f.scale * camera_.fx, f.error_best, camera_.fx, f.error_given, f.pairs));
+        sequence, f.scale * rig_.depth.fx, f.error_best, rig_.depth.fx, f.error_given, f.pairs));
 
   arguments_.mesh.source = (fs::exists(sequence) ? tidy(sequence) : fs::path(sequence)).filename().string();
   Outputs outputs(

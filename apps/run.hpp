@@ -58,7 +58,7 @@ class Run {
   /// `progressed` is what an earlier run of the same sequence did; with RunArguments::resume and another sequence the
   /// map goes on with a new recording. The output folder is made; without resume the session in it stays until the
   /// first checkpoint.
-  Run(RunArguments arguments, const Options& options, Poses poses, const Camera& camera, Progressed progressed,
+  Run(RunArguments arguments, const Options& options, Poses poses, const Rig& rig, Progressed progressed,
       bool is_next_recording);
 
   /// Fuses a frame. One at which the mapper fails, as without memory, stops the run: it is to be finished then. Throws
@@ -84,7 +84,7 @@ class Run {
   RunArguments arguments_;
   Options options_;
   Poses poses_;
-  Camera camera_;
+  Rig rig_;
   Progressed progressed_;
   std::optional<ReplacedSession> replaced_;  // of an earlier run, when this one makes none
   std::optional<Session> session_;           // of tracked poses

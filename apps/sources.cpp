@@ -6,6 +6,7 @@
 
 #include <array>
 #include <boost/crc.hpp>
+#include <span>
 
 namespace cairn::apps {
 std::filesystem::path tidy(const std::filesystem::path& path) {
@@ -21,10 +22,17 @@ std::string identity(const std::string& sequence, const std::filesystem::path& c
   const auto take = [&](const auto& values) {
     sum.process_bytes(std::data(values), std::size(values) * sizeof(*std::data(values)));
   };
-  const Camera& c = source->camera();
-  take(std::array{c.width, c.height});
-  take(std::array{c.fx, c.fy, c.cx, c.cy});
-  take(c.distortion);
+  const auto take_camera = [&](const Camera& c) {
+    take(std::array{c.width, c.height, static_cast<int>(c.lens)});
+    take(std::array{c.fx, c.fy, c.cx, c.cy});
+    take(c.distortion);
+  };
+  take_camera(source->rig().depth);
+  if (const auto& colour = source->rig().colour) {
+    take_camera(colour->camera);
+    const Eigen::Matrix4d pose = colour->colour_from_depth.matrix();
+    take(std::span(pose.data(), 16));
+  }
   for (int tried = 0, taken = 0; tried < kTries && taken < kFrames; ++tried) {
     const auto frame = source->next();
     if (!frame) break;

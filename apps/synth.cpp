@@ -15,15 +15,17 @@ namespace fs = std::filesystem;
 
 struct Arguments {
   std::string scene;
-  fs::path output, trajectory;
+  fs::path output, trajectory, camera;
   int frames = 300, width = 640, device = -1;
   std::string noise = "kinect";
   double colour_delay = 0;
   std::uint64_t seed = 1;
 };
 
-/// The camera of synthetic recordings with images of another size.
-Camera camera_of(int width) {
+/// That of a file, or the camera of synthetic recordings with images of another size.
+Rig rig_of(const Arguments& a) {
+  if (!a.camera.empty()) return read_rig(a.camera);
+  const int width = a.width;
   Camera camera = synthetic_camera();
   const double scale = static_cast<double>(width) / camera.width;
   camera.width = width, camera.height = width * 3 / 4;
@@ -35,10 +37,13 @@ Camera camera_of(int width) {
 /// Renders everything into `folder`.
 void write_sequence(const Arguments& a, const fs::path& folder) {
   const Scene scene = synthetic_scene(a.scene);
-  const Camera camera = camera_of(a.width);
+  const Rig rig = rig_of(a);
   const SyntheticPath path(scene, a.trajectory.empty() ? Trajectory{} : read_trajectory(a.trajectory), a.frames / 30.0);
-  SceneCamera in_scene(scene, camera, a.device);
-  Recorder writer(folder, camera);
+  SceneCamera depth_in_scene(scene, rig.depth, a.device);
+  std::optional<SceneCamera> beside;
+  if (rig.colour) beside.emplace(scene, rig.colour->camera, a.device);
+  SceneCamera& colour_in_scene = beside ? *beside : depth_in_scene;
+  Recorder writer(folder, rig);
   Mesh truth = scene.surface();
   std::vector<bool> seen(truth.triangles.size());
   Trajectory poses;
@@ -47,17 +52,19 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
     const double time = i / 30.0;
     const auto pose = path.pose(time);
     if (!pose) break;
-    auto images = in_scene.look(*pose, time);
+    auto images = depth_in_scene.look(*pose, time);
     const auto later = path.pose(std::max(0.0, time + a.colour_delay));
-    if (a.colour_delay != 0 && later) images.colour = in_scene.look(*later, time + a.colour_delay).colour;
-    if (i % 5 == 0) mark_seen(truth, camera, *pose, images.depth, seen);
-    if (a.noise == "kinect") add_kinect_noise(images, camera, a.seed, i);
+    if (beside || (a.colour_delay != 0 && later))
+      images.colour =
+          colour_in_scene.look(later.value_or(*pose) * rig.depth_from_colour(), time + a.colour_delay).colour;
+    if (i % 5 == 0) mark_seen(truth, rig.depth, *pose, images.depth, seen);
+    if (a.noise == "kinect") add_kinect_noise(images, rig.depth, a.seed, i);
     writer.add(encode({.timestamp = time,
                        .depth = std::move(images.depth),
                        .colour = std::move(images.colour),
                        .world_from_camera = {},
                        .acceleration = path.acceleration(time)},
-                      camera));
+                      rig));
     poses.push_back({time, *pose});
     progress.step("rendering");
   }
@@ -106,6 +113,10 @@ void add_synth(CLI::App& program) {
   command->add_option("--width", a->width, "Of the images in pixels; their height is three quarters of it")
       ->capture_default_str()
       ->check(CLI::Range(64, 4096));
+  command
+      ->add_option("--camera", a->camera,
+                   "camera.yaml of the depth camera and perhaps of a colour camera beside it [one camera for both]")
+      ->check(CLI::ExistingFile);
   command->add_option("--noise", a->noise, "Depth and colour noise")
       ->capture_default_str()
       ->check(CLI::IsMember({"kinect", "none"}));

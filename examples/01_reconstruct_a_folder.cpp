@@ -14,7 +14,7 @@ int main(int argc, char** argv) try {
   std::filesystem::create_directories(out);
 
   const auto source = cairn::open_source(recording, {.range = {.end = 40}});
-  cairn::Mapper mapper(source->camera());
+  cairn::Mapper mapper(source->rig());
   while (const auto frame = source->next()) {
     const cairn::FrameReport report = mapper.add(*frame);
     if (report.state != cairn::FrameState::fused) std::printf("frame %d: %s\n", report.index, report.reason.c_str());

@@ -14,7 +14,7 @@ std::shared_ptr<const cairn::DistanceField> of_a_room() {
   const auto source = cairn::open_source("synthetic:room", {.range = {.end = 10}});
   cairn::Options options;
   options.esdf.live = true;
-  cairn::Mapper mapper(source->camera(), options);
+  cairn::Mapper mapper(source->rig(), options);
   while (const auto frame = source->next()) mapper.add(*frame);
   return mapper.live_distances();  // as of the last frame; any thread may ask
 }

@@ -14,7 +14,7 @@ int main(int argc, char** argv) try {
   const std::string name = argc > 1 ? argv[1] : "synthetic:room";
   cairn::LiveSource source(cairn::open_source(name, {.range = {.end = 60}}),
                            cairn::is_sensor(name) ? cairn::Pace::as_it_comes : cairn::Pace::as_recorded);
-  cairn::Mapper mapper(source.camera());
+  cairn::Mapper mapper(source.rig());
   cairn::LiveSurface surface(mapper);
   std::size_t parts = 0, triangles = 0;
   while (const auto frame = source.next()) {

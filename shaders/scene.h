@@ -35,6 +35,7 @@ struct SceneRenderPush {
   Pinhole camera;
   Rigid world_from_camera;
   uint solids;
+  uint is_bent;  // by the lens: rays are told by pixel
 };
 
 #ifdef __cplusplus

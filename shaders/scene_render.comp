@@ -12,6 +12,7 @@ layout(binding = 0, scalar) readonly buffer Solids { Solid solids[]; };
 layout(binding = 1, scalar) writeonly buffer Depth { float depth[]; };
 layout(binding = 2, scalar) writeonly buffer Cosine { float cosine[]; };  // between the ray and the surface's normal
 layout(binding = 3, scalar) writeonly buffer Colour { uint colour[]; };
+layout(binding = 4, scalar) readonly buffer Rays { vec2 rays[]; };  // at z = 1
 
 const float kFar = 1e9;
 
@@ -102,17 +103,22 @@ bool is_near(uint i, vec3 o, vec3 axis, float cosine, float sine) {
   return in_front ? beside * cosine - along * sine <= reach : dot(m, m) <= reach * reach;
 }
 
+vec3 ray_of(vec2 pixel) {
+  uvec2 at = min(uvec2(pixel), uvec2(push.camera.width, push.camera.height) - 1u);
+  return push.is_bent != 0u ? vec3(rays[at.y * push.camera.width + at.x], 1.0) : ray_through(push.camera, pixel);
+}
+
 void main() {
   uvec2 pixel = gl_GlobalInvocationID.xy;
-  vec3 d = rotate(push.world_from_camera, ray_through(push.camera, vec2(pixel)));
+  vec3 d = rotate(push.world_from_camera, ray_of(vec2(pixel)));
   vec3 o = push.world_from_camera.t;
   vec2 corner = vec2(gl_WorkGroupID.xy * gl_WorkGroupSize.xy), size = vec2(gl_WorkGroupSize.xy) - 1.0;
-  vec3 axis = normalize(ray_through(push.camera, corner + 0.5 * size));
+  vec3 axis = normalize(ray_of(corner + 0.5 * size));
   float cosine_of_cone = 1.0;
   for (uint c = 0u; c < 4u; ++c)
-    cosine_of_cone = min(cosine_of_cone, dot(axis, normalize(ray_through(push.camera, corner + size * vec2(c & 1u, c >> 1u)))));
+    cosine_of_cone = min(cosine_of_cone, dot(axis, normalize(ray_of(corner + size * vec2(c & 1u, c >> 1u)))));
   axis = rotate(push.world_from_camera, axis);
-  float sine_of_cone = sqrt(max(1.0 - cosine_of_cone * cosine_of_cone, 0.0)) + 1e-4;  // with room for rounding
+  float sine_of_cone = sqrt(max(1.0 - cosine_of_cone * cosine_of_cone, 0.0)) + (push.is_bent != 0u ? 1e-2 : 1e-4);  // with room for rounding
   vec4 best = vec4(0.0, 0.0, 0.0, kFar);
   uint which = 0u;
   // Counted, since lavapipe numbers the threads of a subgroup of 16 wrongly (Mesa 22.3).

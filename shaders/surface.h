@@ -4,6 +4,7 @@
 // normal); depth 0: no point; normal 0: a point without a normal.
 #ifndef CAIRN_SURFACE_H
 #define CAIRN_SURFACE_H
+#include "shaders/lens.h"
 #include "shaders/types.h"
 #ifdef __cplusplus
 namespace cairn::shader {
@@ -11,12 +12,22 @@ namespace cairn::shader {
 
 struct SurfaceRectifyPush {
   Pinhole camera;
-  float k1;
-  float k2;
-  float p1;
-  float p2;
-  float k3;
-  uint has_colour;
+  LensBend lens;
+  uint has_colour;  // that lies on depth
+};
+
+// A colour camera beside the depth camera.
+struct ColourView {
+  Pinhole camera;
+  LensBend lens;
+  Rigid colour_from_depth;
+  float widest;  // tangent of the angle to the axis up to which `lens` holds
+  uint cell;     // pixels a side of what keeps the nearest depth
+  uint mean;     // pixels a side of what is averaged for a depth pixel; 1: between four pixels
+};
+
+struct SurfaceColourPush {
+  Pinhole camera;  // of depth, without distortion
 };
 
 struct SurfaceFilterPush {

@@ -15,13 +15,7 @@ void main() {
   uint width = push.camera.width, height = push.camera.height;
   uint i = thread_index();
   if (i >= width * height) return;
-  // Brown 1971, in the form of OpenCV: from the ideal to the measured image
-  vec2 n = ray_through(push.camera, vec2(i % width, i / width)).xy;
-  float r2 = dot(n, n);
-  float radial = 1.0 + r2 * (push.k1 + r2 * (push.k2 + r2 * push.k3));
-  vec2 d = n * radial + vec2(2.0 * push.p1 * n.x * n.y + push.p2 * (r2 + 2.0 * n.x * n.x),
-                             push.p1 * (r2 + 2.0 * n.y * n.y) + 2.0 * push.p2 * n.x * n.y);
-  vec2 pixel = d * vec2(push.camera.fx, push.camera.fy) + vec2(push.camera.cx, push.camera.cy);
+  vec2 pixel = bend(push.lens, ray_through(push.camera, vec2(i % width, i / width)).xy) * vec2(push.camera.fx, push.camera.fy) + vec2(push.camera.cx, push.camera.cy);
 
   ivec2 nearest = ivec2(round(pixel));
   bool inside = all(greaterThanEqual(nearest, ivec2(0))) && all(lessThan(nearest, ivec2(width, height)));

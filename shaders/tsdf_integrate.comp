@@ -60,7 +60,7 @@ void main() {
       differs |= (word ^ old.x) & 0xffffu;
       differs |= old.x < 0x10000u ? 1u : 0u;  // observed for the first time
       uint rgb = old.y;
-      if (push.has_colour != 0u && sdf < 1.0) {
+      if (push.has_colour != 0u && sdf < 1.0 && measured.y >= 0x1000000u) {
         float n = float(int(rgb >> 24));
         vec3 mean = channels(rgb);
         mean += (channels(measured.y) - mean) * (1.0 / (n + 1.0)) + threshold;

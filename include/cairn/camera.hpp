@@ -6,23 +6,35 @@
 
 namespace cairn {
 
-/// Pinhole camera with Brown distortion (Brown 1971; the order of OpenCV). The camera frame is x right, y down, z
-/// forward; pixel (0, 0) is the centre of the upper left pixel. Depth and colour share it: depth is registered to
-/// colour.
+/// How a lens bends rays.
+enum class Lens {
+  brown_conrady,  ///< Brown 1971 with the rational terms of OpenCV: k1 k2 p1 p2 k3 k4 k5 k6
+  fisheye         ///< Kannala & Brandt 2006, as OpenCV's fisheye: k1 k2 k3 k4, then zeros
+};
+
+/// Pinhole camera with a lens. The camera frame is x right, y down, z forward; pixel (0, 0) is the centre of the upper
+/// left pixel.
 struct Camera {
   int width = 640;                                        ///< pixels
   int height = 480;                                       ///< pixels
   double fx = 525.0, fy = 525.0, cx = 319.5, cy = 239.5;  ///< pixels; fy > 0, sources turn images that have it negative
-  std::array<double, 5> distortion{};                     ///< k1 k2 p1 p2 k3; all zero: images are rectified
+  std::array<double, 8> distortion{};                     ///< see Lens; of Brown's all zero: images are rectified
+  Lens lens = Lens::brown_conrady;
 
   friend bool operator==(const Camera&, const Camera&) = default;
-  [[nodiscard]] bool distorted() const { return distortion != std::array<double, 5>{}; }
+  [[nodiscard]] bool distorted() const { return lens == Lens::fisheye || distortion != std::array<double, 8>{}; }
   /// Direction with z = 1 of the ray through an undistorted pixel.
   [[nodiscard]] Eigen::Vector3d ray(double u, double v) const { return {(u - cx) / fx, (v - cy) / fy, 1.0}; }
   /// Undistorted pixel of a point in the camera frame with z > 0.
   [[nodiscard]] Eigen::Vector2d project(const Eigen::Vector3d& p) const {
     return {fx * p.x() / p.z() + cx, fy * p.y() / p.z() + cy};
   }
+  /// Where the lens takes a ray (x, y, 1), at z = 1.
+  [[nodiscard]] Eigen::Vector2d distort(const Eigen::Vector2d& ray) const;
+  /// The ray (x, y, 1) of a measured pixel: distort() turned round, by iteration.
+  [[nodiscard]] Eigen::Vector2d undistorted_ray(double u, double v) const;
+  /// Up to where the lens bends rays apart: the tangent of the angle to the axis, at most a little beyond the image.
+  [[nodiscard]] double widest_ray() const;
   /// The same camera at 1/2^level of the resolution; pixel (i, j) covers the 2^level block that starts at 2^level (i,
   /// j).
   [[nodiscard]] Camera at_level(int level) const {

@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "cairn/camera.hpp"
+#include "cairn/rig.hpp"
 
 namespace cairn {
 
-/// One moment of the sensor. Images are row-major and of the size that the source's camera tells.
+/// One moment of the sensor. Images are row-major and of the sizes that the source's rig tells.
 struct Frame {
   int index = 0;                      ///< position in the sequence, counted from 0 over all its depth images
   double timestamp = 0.0;             ///< seconds; increases from frame to frame
@@ -29,7 +29,7 @@ struct Frame {
 class Source {
  public:
   virtual ~Source() = default;
-  [[nodiscard]] virtual const Camera& camera() const = 0;
+  [[nodiscard]] virtual const Rig& rig() const = 0;
   /// Frames still to come, or nothing when the stream cannot tell.
   [[nodiscard]] virtual std::optional<int> size() const = 0;
   /// The next frame, or nothing at the end of the stream. A frame that cannot be read has its `problem` set.

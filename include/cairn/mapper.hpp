@@ -27,7 +27,7 @@ enum class Poses {
 /// From a stream of frames to a map: start here.
 ///
 ///   auto source = cairn::open_source("rgbd_dataset_freiburg1_desk");
-///   cairn::Mapper mapper(source->camera());
+///   cairn::Mapper mapper(source->rig());
 ///   while (auto frame = source->next()) mapper.add(*frame);
 ///   mapper.map().export_mesh("desk.glb");
 ///
@@ -36,8 +36,8 @@ enum class Poses {
 class Mapper {
  public:
   /// All stays in memory; with a Session it does not. `device`: as list_devices numbers them; -1 chooses. Throws
-  /// std::runtime_error for a camera or options out of range (see check), and for a device that cannot be used.
-  explicit Mapper(const Camera& camera, const Options& options = {}, Poses poses = Poses::tracked, int device = -1);
+  /// std::runtime_error for cameras or options out of range (see check), and for a device that cannot be used.
+  explicit Mapper(const Rig& rig, const Options& options = {}, Poses poses = Poses::tracked, int device = -1);
 
   /// Aligns and fuses the next frame. Bad frames and lost tracking are told in the report. Throws std::runtime_error
   /// only when the device fails or its memory does not hold one view; what was fused before can still be read and

@@ -21,14 +21,14 @@ struct EncodedFrame {
 };
 
 /// Any thread. Depth beyond 13.1 m does not fit and becomes "no measurement".
-[[nodiscard]] EncodedFrame encode(const Frame& frame, const Camera& camera, bool colour_as_png = false);
+[[nodiscard]] EncodedFrame encode(const Frame& frame, const Rig& rig, bool colour_as_png = false);
 
 /// Writes a recording in TUM's layout as it is taken: images, camera.yaml and the lists rgb.txt, depth.txt and
 /// accelerometer.txt. An image is whole before a list names it, so what is there can be read whenever the program ends.
 class Recorder {
  public:
   /// Throws std::runtime_error when the folder cannot be made or holds something.
-  Recorder(std::filesystem::path folder, const Camera& camera);
+  Recorder(std::filesystem::path folder, const Rig& rig);
   /// Throws std::runtime_error when the disk is full; the recording is as it was before then.
   void add(const EncodedFrame& frame);
   [[nodiscard]] std::uint64_t bytes() const { return bytes_; }  ///< written

@@ -13,7 +13,7 @@ namespace cairn {
 /// A folder from which a map can be gone on with after its program has ended or was killed.
 ///
 ///   cairn::Session session = cairn::Session::create("desk/session");
-///   cairn::Mapper mapper = session.mapper(camera, options);
+///   cairn::Mapper mapper = session.mapper(rig, options);
 ///   while (auto frame = source->next()) mapper.add(*frame);
 ///   session.checkpoint(mapper);
 ///
@@ -36,7 +36,7 @@ class Session {
   /// The mapper whose keyframes and submaps lie in this session, once: a new one, or the one of the last checkpoint as
   /// if nothing had happened. Throws std::runtime_error as Mapper's constructor does, and when the session was made
   /// with another camera or voxel size.
-  [[nodiscard]] Mapper mapper(const Camera& camera, const Options& options, int device = -1);
+  [[nodiscard]] Mapper mapper(const Rig& rig, const Options& options, int device = -1);
   /// The same with the camera and the options of the last checkpoint.
   [[nodiscard]] Mapper mapper(int device = -1);
 
@@ -48,7 +48,7 @@ class Session {
 
   /// What a session was made with.
   struct Info {
-    Camera camera;
+    Rig rig;
     float voxel_size = 0, truncation = 0;  ///< metres, see FuseOptions
     float min_depth = 0, max_depth = 0;    ///< metres, see SurfaceOptions
     std::string note;                      ///< what checkpoint was given

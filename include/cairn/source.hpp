@@ -57,7 +57,7 @@ struct SourceOptions {
 class WrappedSource : public Source {
  public:
   explicit WrappedSource(std::unique_ptr<Source> source) : source_(std::move(source)) {}
-  const Camera& camera() const override { return source_->camera(); }
+  const Rig& rig() const override { return source_->rig(); }
   std::optional<int> size() const override { return source_->size(); }
   std::optional<std::string> ended_early() const override { return source_->ended_early(); }
   int dropped() const override { return source_->dropped(); }

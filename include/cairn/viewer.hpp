@@ -27,7 +27,7 @@ class LiveViewer {
   /// The address to open.
   [[nodiscard]] std::string url() const;
   /// A new map, which must live until the next one or the end. `max_depth`: metres; the farthest that is shown.
-  void begin(Mapper& mapper, const Camera& camera, float max_depth);
+  void begin(Mapper& mapper, const Rig& rig, float max_depth);
 
   /// What viewers asked for since the last call.
   struct Asked {

@@ -5,8 +5,8 @@
 #include <functional>
 #include <span>
 
-#include "cairn/camera.hpp"
 #include "cairn/export.hpp"
+#include "cairn/rig.hpp"
 #include "cairn/trajectory.hpp"
 #include "texture/views.hpp"
 #include "volume/polygonize.hpp"
@@ -19,7 +19,7 @@ struct ExportInput {
   Volume& volume;                                    // of the whole map, or of what `load` has brought
   std::function<void(std::span<const Brick>)> load;  // brings bricks in place of those before; none: all are there
   Polygonizer& polygonizer;
-  Camera camera;
+  Rig rig;
   SurfaceOptions surface;
   std::vector<TextureKeyframe> keyframes;
   TextureViews::GetImage get_image;

@@ -117,7 +117,7 @@ Exported MapperContents::export_mesh(const fs::path& file, const ExportOptions& 
                     .volume = in_parts ? *part : s.volume,
                     .load = {},
                     .polygonizer = s.polygonizer,
-                    .camera = s.camera,
+                    .rig = s.rig,
                     .surface = s.options.surface,
                     .keyframes = texture_keyframes(s),
                     .get_image = [&](std::size_t image) { return images.get(image); },

@@ -38,8 +38,7 @@ double area_of(const Mesh& mesh) {
 
 Texturer::Texturer(ExportRun& run)
     : run_(run),
-      views_(run.input.volume, run.input.camera, run.input.surface, keyframes_of(run), run.input.get_image,
-             kViewMemory) {
+      views_(run.input.volume, run.input.rig, run.input.surface, keyframes_of(run), run.input.get_image, kViewMemory) {
   run.exported.keyframes = static_cast<int>(views_.size());
   const bool has_colour =
       run.timed("exposure", [&] { return views_.compensate_exposure([&] { run.step("comparing exposures"); }); });

@@ -48,7 +48,7 @@ void add_cameras(const ExportInput& input, GltfWriter& gltf) {
   std::vector<Eigen::Isometry3d> cameras;
   for (const TextureKeyframe& k : input.keyframes) cameras.push_back(k.world_from_camera);
   for (std::size_t i = 0; i < input.paths.size(); ++i)
-    gltf.add_cameras(input.camera, input.paths[i], i == 0 ? cameras : std::vector<Eigen::Isometry3d>{});
+    gltf.add_cameras(input.rig.depth, input.paths[i], i == 0 ? cameras : std::vector<Eigen::Isometry3d>{});
 }
 
 void write_level(const ExportRun& run, const fs::path& file, Level& level) {

@@ -19,7 +19,8 @@ namespace cairn {
 namespace {
 
 constexpr double kLeastUnits = 1, kMostUnits = 1e6;  // of depth images, per metre
-constexpr double kFarthest = 10;                     // metres between the two cameras
+constexpr const char* kLenses = "brown_conrady or fisheye";
+constexpr double kFarthest = 10;  // metres between the two cameras
 
 /// The node's value, or an error that names the key and the line.
 template <class T>
@@ -46,8 +47,16 @@ Camera read_camera(const YAML::Node& y) {
   }
   for (const auto& [name, field] : {std::pair{"width", &c.width}, {"height", &c.height}})
     if (y[name]) *field = value_of<int>(y[name], name, "a whole number");
+  if (y["lens"]) {
+    const auto lens = value_of<std::string>(y["lens"], "lens", kLenses);
+    if (lens != "brown_conrady" && lens != "fisheye") throw std::runtime_error(fmt::format("`lens` takes {}", kLenses));
+    c.lens = lens == "fisheye" ? Lens::fisheye : Lens::brown_conrady;
+  }
   if (y["distortion"]) {
-    const auto d = numbers(y, "distortion", 5, "k1 k2 p1 p2 k3");
+    const char* expected = c.lens == Lens::fisheye ? "k1 k2 k3 k4" : "k1 k2 p1 p2 k3, and perhaps k4 k5 k6";
+    const auto d = value_of<std::vector<double>>(y["distortion"], "distortion", expected);
+    if (c.lens == Lens::fisheye ? d.size() != 4 : d.size() != 5 && d.size() != 8)
+      throw std::runtime_error(fmt::format("`distortion` takes {}", expected));
     std::copy(d.begin(), d.end(), c.distortion.begin());
   }
   check(c);
@@ -82,10 +91,10 @@ CameraFile read_camera_file(const std::filesystem::path& file) {
   try {
     const auto bytes = read_whole(file);
     const YAML::Node y = YAML::Load(std::string(bytes.begin(), bytes.end()));
-    CameraFile read{.camera = read_camera(y), .colour = {}};
+    CameraFile read{.rig = read_camera(y)};
     if (y["depth_scale"]) read.depth_scale = value_of<double>(y["depth_scale"], "depth_scale", "a number");
     check_depth_scale(read.depth_scale);
-    if (y["colour"]) read.colour = read_colour_camera(y["colour"]);
+    if (y["colour"]) read.rig.colour = read_colour_camera(y["colour"]);
     return read;
   } catch (const YAML::Exception& error) {
     throw std::runtime_error(name + ":" + std::to_string(error.mark.line + 1) + ": " + shown(error.msg));
@@ -94,9 +103,27 @@ CameraFile read_camera_file(const std::filesystem::path& file) {
   }
 }
 
-std::string camera_file_text(const Camera& c, double depth_scale) {
-  return fmt::format("width: {}\nheight: {}\nfx: {}\nfy: {}\ncx: {}\ncy: {}\ndistortion: [{}]\ndepth_scale: {}\n",
-                     c.width, c.height, c.fx, c.fy, c.cx, c.cy, fmt::join(c.distortion, ", "), depth_scale);
+Rig read_rig(const std::filesystem::path& file) { return read_camera_file(file).rig; }
+
+std::string camera_file_text(const CameraFile& file) {
+  const auto lines = [](const Camera& c, const char* indent) {
+    const std::size_t terms = c.lens == Lens::fisheye                                                ? 4
+                              : c.distortion[5] == 0 && c.distortion[6] == 0 && c.distortion[7] == 0 ? 5
+                                                                                                     : 8;
+    return fmt::format(
+        "{0}width: {1}\n{0}height: {2}\n{0}fx: {3}\n{0}fy: {4}\n{0}cx: {5}\n{0}cy: {6}\n{0}{7}distortion: [{8}]\n",
+        indent, c.width, c.height, c.fx, c.fy, c.cx, c.cy,
+        c.lens == Lens::fisheye ? fmt::format("lens: fisheye\n{}", indent) : "",
+        fmt::join(c.distortion.begin(), c.distortion.begin() + static_cast<std::ptrdiff_t>(terms), ", "));
+  };
+  std::string text = lines(file.rig.depth, "") + fmt::format("depth_scale: {}\n", file.depth_scale);
+  if (!file.rig.colour) return text;
+  const Eigen::Isometry3d& pose = file.rig.colour->colour_from_depth;
+  const Eigen::Quaterniond q(pose.linear());
+  return text + "colour:  # translation and rotation [qx, qy, qz, qw]: from the depth camera's frame to its own\n" +
+         lines(file.rig.colour->camera, "  ") +
+         fmt::format("  translation: [{}, {}, {}]\n  rotation: [{}, {}, {}, {}]\n", pose.translation().x(),
+                     pose.translation().y(), pose.translation().z(), q.x(), q.y(), q.z(), q.w());
 }
 
 }  // namespace cairn

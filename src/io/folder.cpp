@@ -44,13 +44,13 @@ void read_intrinsics(const nlohmann::json& j, Recording& recording, double& rate
     return static_cast<int>(value);
   };
   if (!j.is_object()) throw std::runtime_error("is no JSON object");
-  Camera& c = recording.camera;
+  Camera& c = recording.rig.depth;
   c = {pixels("width"), pixels("height"), number("fx"), number("fy"), number("cx"), number("cy"), {}};
   if (const auto it = j.find("distortion"); it != j.end()) {
     const auto is_number = [](const auto& item) { return item.is_number(); };
-    if (!it->is_array() || it->size() != c.distortion.size() || !std::all_of(it->begin(), it->end(), is_number))
-      throw std::runtime_error("`distortion` takes [k1, k2, p1, p2, k3]");
-    it->get_to(c.distortion);
+    if (!it->is_array() || (it->size() != 5 && it->size() != 8) || !std::all_of(it->begin(), it->end(), is_number))
+      throw std::runtime_error("`distortion` takes [k1, k2, p1, p2, k3], or these and [k4, k5, k6]");
+    for (std::size_t i = 0; i < it->size(); ++i) (*it)[i].get_to(c.distortion[i]);
   }
   check(c);
   recording.depth_scale = number("depth_scale", 1000.0);

@@ -36,7 +36,7 @@ class RecordingSource final : public Source {
     next_ = range.begin;
   }
 
-  const Camera& camera() const override { return recording_.camera; }
+  const Rig& rig() const override { return recording_.rig; }
   std::optional<int> size() const override {
     return std::max(0, (end_ - range_.begin + range_.step - 1) / range_.step);
   }
@@ -75,7 +75,7 @@ class RecordingSource final : public Source {
 
  private:
   std::vector<float> read_depth(const fs::path& file) const {
-    const Camera& c = recording_.camera;
+    const Camera& c = recording_.rig.depth;
     const cv::Mat image = decode_image(read_whole(file), cv::IMREAD_UNCHANGED);
     if (image.type() != CV_16UC1) throw std::runtime_error("depth must be a 16-bit image with one channel");
     if (image.cols != c.width || image.rows != c.height)
@@ -97,9 +97,9 @@ class RecordingSource final : public Source {
     return depth;
   }
 
-  /// Colour at the size of depth; empty when its shape is another.
+  /// Empty when its shape is not its camera's.
   std::vector<std::uint32_t> read_colour(const fs::path& file) const {
-    const Camera& c = recording_.camera;
+    const Camera& c = recording_.rig.colour_view();
     cv::Mat image = decode_image(read_whole(file), cv::IMREAD_COLOR), rgba;
     if (std::int64_t{image.cols} * c.height != std::int64_t{image.rows} * c.width) return {};
     if (image.cols != c.width) cv::resize(image, image, {c.width, c.height}, 0, 0, cv::INTER_AREA);

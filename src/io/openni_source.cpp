@@ -13,7 +13,6 @@
 #include <stdexcept>
 
 #include "io/camera_file.hpp"
-#include "io/colour_registration.hpp"
 #include "io/oni_file.hpp"
 #include "io/openni.hpp"
 
@@ -186,7 +185,7 @@ class OpenNiSource final : public Source {
     if (!device_.isFile()) prepare_sensor();
     read_formats();
     if (options.camera.empty())
-      camera_ = camera_of(depth_, name_);
+      rig_ = camera_of(depth_, name_);
     else
       use(read_camera_file(options.camera), options.camera);
     if (auto* playback = device_.getPlaybackControl()) prepare_file(*playback);
@@ -204,7 +203,7 @@ class OpenNiSource final : public Source {
   OpenNiSource(const OpenNiSource&) = delete;
   OpenNiSource& operator=(const OpenNiSource&) = delete;
 
-  const Camera& camera() const override { return camera_; }
+  const Rig& rig() const override { return rig_; }
   std::optional<int> size() const override { return frames_ > 0 ? std::optional(frames_ - delivered_) : std::nullopt; }
   std::optional<std::string> ended_early() const override { return ended_early_; }
   int dropped() const override { return dropped_; }
@@ -290,12 +289,12 @@ class OpenNiSource final : public Source {
   }
 
   void use(const CameraFile& file, const fs::path& path) {
-    camera_ = file.camera;
+    rig_ = file.rig.depth;
     const auto mode = depth_.getVideoMode();
-    if (camera_.width != mode.getResolutionX() || camera_.height != mode.getResolutionY())
-      throw std::runtime_error(fmt::format("{}: is for {}x{} pixels, {} gives {}x{}", path.string(), camera_.width,
-                                           camera_.height, name_, mode.getResolutionX(), mode.getResolutionY()));
-    if (has_colour_ && !registered_ && file.colour) registration_.emplace(camera_, *file.colour);
+    if (rig_.depth.width != mode.getResolutionX() || rig_.depth.height != mode.getResolutionY())
+      throw std::runtime_error(fmt::format("{}: is for {}x{} pixels, {} gives {}x{}", path.string(), rig_.depth.width,
+                                           rig_.depth.height, name_, mode.getResolutionX(), mode.getResolutionY()));
+    if (has_colour_ && !registered_) rig_.colour = file.rig.colour;
   }
 
   void copy_to(const fs::path& file) {
@@ -315,7 +314,7 @@ class OpenNiSource final : public Source {
     if (last_index_ && image.getFrameIndex() > *last_index_ + 1) dropped_ += image.getFrameIndex() - *last_index_ - 1;
     last_index_ = image.getFrameIndex();
     Frame frame{.timestamp = seconds(image), .world_from_camera = {}, .acceleration = {}};
-    if (image.getWidth() != camera_.width || image.getHeight() != camera_.height)
+    if (image.getWidth() != rig_.depth.width || image.getHeight() != rig_.depth.height)
       frame.problem = "the depth image is not of the camera's size";
     else if (!is_whole(image, 2))
       frame.problem = "the depth image is cut off";
@@ -332,7 +331,7 @@ class OpenNiSource final : public Source {
     const ColourImages::Image* image = colour_images_.nearest(frame.timestamp);
     if (image == nullptr || frame.problem) return;
     frame.colour_delay = image->timestamp - frame.timestamp;
-    frame.colour = registration_ ? (*registration_)(frame.depth, image->pixels) : image->pixels;
+    frame.colour = image->pixels;
   }
 
   std::string name_;
@@ -340,8 +339,7 @@ class OpenNiSource final : public Source {
   openni::VideoStream depth_, colour_;
   openni::Recorder recorder_;
   std::optional<Unplugged> unplugged_;
-  Camera camera_;
-  std::optional<ColourRegistration> registration_;  // by this program
+  Rig rig_;
   bool has_colour_ = false, registered_ = false, at_end_ = false;
   float metres_ = 1e-3f;  // of a unit of depth
   int frames_ = 0;        // of a file; -1: it does not tell

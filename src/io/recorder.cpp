@@ -23,34 +23,35 @@ constexpr double kDepthScale = 5000.0;  // units per metre, as in the TUM benchm
 
 }  // namespace
 
-EncodedFrame encode(const Frame& frame, const Camera& camera, bool colour_as_png) {
+EncodedFrame encode(const Frame& frame, const Rig& rig, bool colour_as_png) {
   EncodedFrame encoded{.timestamp = frame.timestamp,
                        .colour_delay = frame.colour_delay,
                        .colour_extension = colour_as_png ? ".png" : ".jpg",
                        .acceleration = frame.acceleration};
-  cv::Mat depth(camera.height, camera.width, CV_16U);
+  cv::Mat depth(rig.depth.height, rig.depth.width, CV_16U);
   std::transform(frame.depth.begin(), frame.depth.end(), depth.ptr<std::uint16_t>(), [](float z) {
     const double units = std::round(static_cast<double>(z) * kDepthScale);
     return static_cast<std::uint16_t>(units > 65535 ? 0 : units);
   });
   const std::vector<int> options{cv::IMWRITE_PNG_COMPRESSION, 1, cv::IMWRITE_JPEG_QUALITY, 95};
   cv::imencode(".png", depth, encoded.depth, options);
-  if (frame.colour.size() == frame.depth.size()) {
+  const Camera& view = rig.colour_view();
+  if (frame.colour.size() == static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height)) {
     cv::Mat bgr;
-    cv::cvtColor(cv::Mat(camera.height, camera.width, CV_8UC4, const_cast<std::uint32_t*>(frame.colour.data())), bgr,
+    cv::cvtColor(cv::Mat(view.height, view.width, CV_8UC4, const_cast<std::uint32_t*>(frame.colour.data())), bgr,
                  cv::COLOR_RGBA2BGR);
     cv::imencode(encoded.colour_extension, bgr, encoded.colour, options);
   }
   return encoded;
 }
 
-Recorder::Recorder(fs::path folder, const Camera& camera) : folder_(std::move(folder)) {
+Recorder::Recorder(fs::path folder, const Rig& rig) : folder_(std::move(folder)) {
   if (fs::exists(folder_) && !(fs::is_directory(folder_) && fs::is_empty(folder_)))
     throw std::runtime_error(folder_.string() + ": exists and is not empty; choose another folder with -o");
   std::error_code error;
   for (const char* images : {"rgb", "depth"}) fs::create_directories(folder_ / images, error);
   if (error) throw std::runtime_error("cannot make the folder " + folder_.string() + ": " + error.message());
-  write_whole(folder_ / "camera.yaml", camera_file_text(camera, kDepthScale));
+  write_whole(folder_ / "camera.yaml", camera_file_text({.rig = rig, .depth_scale = kDepthScale}));
   for (const char* list : {"rgb.txt", "depth.txt"}) write_whole(folder_ / list, "# timestamp filename\n");
 }
 

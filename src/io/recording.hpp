@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "base/lines.hpp"
-#include "cairn/camera.hpp"
+#include "cairn/rig.hpp"
 #include "cairn/source.hpp"
 #include "cairn/trajectory.hpp"
 
@@ -22,7 +22,7 @@ struct Recording {
     double colour_delay = 0;                      // seconds after the depth image
     std::optional<Eigen::Vector3d> acceleration;  // see Frame
   };
-  Camera camera;
+  Rig rig;
   double depth_scale = 5000.0;  // depth image units per metre
   int invalid_depth = 0;        // a second value that means "no measurement", beside 0
   std::vector<Entry> entries;

@@ -36,7 +36,7 @@ std::optional<Recording> read_seven_scenes(const fs::path& folder) {
   };
   if (!fs::exists(name(0, "depth.png"))) return std::nullopt;
   Recording recording;
-  recording.camera = {640, 480, 585.0, 585.0, 320.0, 240.0, {}};
+  recording.rig.depth = {640, 480, 585.0, 585.0, 320.0, 240.0, {}};
   recording.depth_scale = 1000.0;
   recording.invalid_depth = 65535;
   for (int i = 0; fs::exists(name(i, "depth.png")); ++i) {

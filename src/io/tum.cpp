@@ -66,7 +66,7 @@ std::vector<int> associate(const std::vector<Stamped>& depth, const std::vector<
 }
 
 void use(const CameraFile& file, Recording& recording) {
-  recording.camera = file.camera;
+  recording.rig = file.rig;
   recording.depth_scale = file.depth_scale;
 }
 
@@ -125,7 +125,7 @@ std::optional<Recording> read_tum(const fs::path& folder) {
   Recording recording;
   if (fs::exists(folder / "camera.yaml"))
     use(read_camera_file(folder / "camera.yaml"), recording);
-  else if (!known_camera(folder, recording.camera))
+  else if (!known_camera(folder, recording.rig.depth))
     throw std::runtime_error(
         folder.string() +
         ": the camera is not known; add camera.yaml with width, height, fx, fy, cx, cy, distortion "

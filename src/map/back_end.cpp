@@ -6,6 +6,8 @@
 #include <chrono>
 #include <limits>
 
+#include "map/frame_features.hpp"
+
 namespace cairn {
 namespace {
 
@@ -23,19 +25,20 @@ double milliseconds(std::chrono::steady_clock::time_point since) {
 
 }  // namespace
 
-BackEnd::BackEnd(gpu::Device& device, const Camera& camera, const Options& options, const std::filesystem::path& files,
+BackEnd::BackEnd(gpu::Device& device, const Rig& rig, const Options& options, const std::filesystem::path& files,
                  Access access)
-    : camera_(camera),
+    : device_(device),
+      rig_(rig),
       options_(options),
-      matcher_(device, camera, options),
-      images_(camera, files.empty() ? files : files / "keyframes", access),
+      matcher_(device, rig.depth, options),
+      images_(rig, files.empty() ? files : files / "keyframes", access),
       submaps_(files, options.map.host_memory, access),
       world_(device, options.fuse) {
   if (!files.empty() && access == Access::write) std::filesystem::create_directories(files / "keyframes");
 }
 
-bool BackEnd::add(const Frame& frame, const Eigen::Isometry3d& submap_from_camera, const Matrix6d* information,
-                  Volume& volume, std::uint32_t fused_count) {
+bool BackEnd::add(const Frame& frame, const Surface& live, const Eigen::Isometry3d& submap_from_camera,
+                  const Matrix6d* information, Volume& volume, std::uint32_t fused_count) {
   const bool breaks = std::exchange(breaks_, false);
   const bool is_keyframe = breaks || submap_begin_ == atlas_.keyframes.size() || is_new_view(submap_from_camera);
   if (is_keyframe) {
@@ -45,7 +48,7 @@ bool BackEnd::add(const Frame& frame, const Eigen::Isometry3d& submap_from_camer
       end_submap(volume, fused_count, true);
     Features features;
     warnings_.attempt("keyframes without corners are not recognised",
-                      [&] { features = extract_features(frame.colour, frame.depth, camera_); });
+                      [&] { features = features_of(frame, live, rig_, device_); });
     atlas_.add({.frame = frame.index,
                 .timestamp = frame.timestamp,
                 .colour_delay = frame.colour_delay,
@@ -125,7 +128,7 @@ std::optional<Loop> BackEnd::find_loop(std::size_t to, std::size_t before) {
   std::optional<Frame> seen;
   for (const auto& candidate : database_.query(database_[to].features, kCandidates, 0, before)) {
     const std::size_t from = candidate.entry;
-    const auto located = solve_pnp(database_[from].features, database_[to].features, camera_);
+    const auto located = solve_pnp(database_[from].features, database_[to].features, rig_.depth);
     if (!located || located->inliers < kLoopCorners || !is_possible(from, to, located->known_from_seen)) continue;
     ++counts_.tried;
     if (!seen) seen = images_.get(to);

@@ -18,14 +18,14 @@ namespace cairn {
 class BackEnd {
  public:
   /// `files`: the folder where keyframes and submaps are, or are to be written; empty: all stays in memory.
-  BackEnd(gpu::Device& device, const Camera& camera, const Options& options, const std::filesystem::path& files = {},
+  BackEnd(gpu::Device& device, const Rig& rig, const Options& options, const std::filesystem::path& files = {},
           Access access = Access::write);
 
   /// Takes a fused frame: perhaps as a keyframe, which is then looked for among all earlier ones, and perhaps as the
   /// last of its submap. `information` is of its alignment with the map, in its own frame; none for the first of a
   /// piece. `fused_count` counts fused frames. Returns whether it became a keyframe.
-  bool add(const Frame& frame, const Eigen::Isometry3d& submap_from_camera, const Matrix6d* information, Volume& volume,
-           std::uint32_t fused_count);
+  bool add(const Frame& frame, const Surface& live, const Eigen::Isometry3d& submap_from_camera,
+           const Matrix6d* information, Volume& volume, std::uint32_t fused_count);
   /// Ends the submap that is being fused into. `keep`: what lies near the camera stays in the volume for the next one.
   void end_submap(Volume& volume, std::uint32_t fused_count, bool keep);
 
@@ -73,7 +73,7 @@ class BackEnd {
   [[nodiscard]] const Submaps& submaps() const { return submaps_; }
   [[nodiscard]] const KeyframeStore& images() const { return images_; }
   [[nodiscard]] SurfaceMatcher& matcher() { return matcher_; }
-  [[nodiscard]] const Camera& camera() const { return camera_; }
+  [[nodiscard]] const Camera& camera() const { return rig_.depth; }
   /// Stages of the map that failed and are left out.
   [[nodiscard]] Warnings& warnings() { return warnings_; }
   [[nodiscard]] const Warnings& warnings() const { return warnings_; }
@@ -96,7 +96,8 @@ class BackEnd {
   [[nodiscard]] bool is_new_view(const Eigen::Isometry3d& submap_from_camera) const;
   [[nodiscard]] bool is_full(const Eigen::Isometry3d& submap_from_camera, const Volume& volume) const;
 
-  Camera camera_;
+  gpu::Device& device_;
+  Rig rig_;
   Options options_;
   SurfaceMatcher matcher_;
   KeyframeStore images_;

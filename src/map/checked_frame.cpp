@@ -33,8 +33,8 @@ FrameCause unusable(const Frame& frame, const Camera& camera, std::optional<doub
 
 }  // namespace
 
-CheckedFrame::CheckedFrame(const Frame& given, const Camera& camera, std::optional<double> before) : given_(&given) {
-  if (const FrameCause cause = unusable(given, camera, before); cause != FrameCause::none) {
+CheckedFrame::CheckedFrame(const Frame& given, const Rig& rig, std::optional<double> before) : given_(&given) {
+  if (const FrameCause cause = unusable(given, rig.depth, before); cause != FrameCause::none) {
     refuse(cause, given.problem.value_or(""));
     return;
   }
@@ -44,7 +44,8 @@ CheckedFrame::CheckedFrame(const Frame& given, const Camera& camera, std::option
     cause_ = FrameCause::partly_used;
     reason_ += (reason_.empty() ? "" : "; ") + std::string(reason);
   };
-  if (!given.colour.empty() && given.colour.size() != given.depth.size())
+  if (!given.colour.empty() && given.colour.size() != static_cast<std::size_t>(rig.colour_view().width) *
+                                                          static_cast<std::size_t>(rig.colour_view().height))
     leave_out("its colour image is not of the camera's size: depth alone is used", [](Frame& f) { f.colour.clear(); });
   if (!std::isfinite(given.colour_delay))
     leave_out("the colour image's time is not a number: depth alone is used", [](Frame& f) {

@@ -13,7 +13,7 @@ namespace cairn {
 class CheckedFrame {
  public:
   /// `before`: timestamp of the last fused frame. The frame must live as long as this.
-  CheckedFrame(const Frame& given, const Camera& camera, std::optional<double> before);
+  CheckedFrame(const Frame& given, const Rig& rig, std::optional<double> before);
   /// Asks also for a pose at which single precision still tells neighbouring voxels of this size apart.
   void expect_pose(float voxel_size);
   void refuse(FrameCause cause, std::string reason = {});

@@ -54,8 +54,8 @@ bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
   return motion.translation().norm() >= kDistance || Eigen::AngleAxisd(motion.linear()).angle() >= kTurn;
 }
 
-KeyframeStore::KeyframeStore(const Camera& camera, std::filesystem::path folder, Access access)
-    : camera_(camera), folder_(std::move(folder)), writes_(!folder_.empty() && access == Access::write) {}
+KeyframeStore::KeyframeStore(const Rig& rig, std::filesystem::path folder, Access access)
+    : rig_(rig), folder_(std::move(folder)), writes_(!folder_.empty() && access == Access::write) {}
 
 std::filesystem::path KeyframeStore::file(std::size_t keyframe, const char* what) const {
   return folder_ / fmt::format("{:06}.{}", keyframe, what);
@@ -70,12 +70,13 @@ void KeyframeStore::put(std::size_t keyframe, const Frame& frame, const Features
     packed_.erase(keyframe);
     try {
       cv::Mat steps, bgr;
-      const cv::Mat metres(camera_.height, camera_.width, CV_32F, depth.data());
+      const cv::Mat metres(rig_.depth.height, rig_.depth.width, CV_32F, depth.data());
       metres.convertTo(steps, CV_16U, kDepthSteps);
       steps.setTo(0, metres > kMostDepth);
       cv::imencode(".png", steps, packed.depth, {cv::IMWRITE_PNG_COMPRESSION, 1});
       if (!colour.empty()) {
-        cv::cvtColor(cv::Mat(camera_.height, camera_.width, CV_8UC4, colour.data()), bgr, cv::COLOR_RGBA2BGR);
+        const Camera& view = rig_.colour_view();
+        cv::cvtColor(cv::Mat(view.height, view.width, CV_8UC4, colour.data()), bgr, cv::COLOR_RGBA2BGR);
         cv::imencode(".jpg", bgr, packed.colour, {cv::IMWRITE_JPEG_QUALITY, 95});
       }
       if (writes_) return write(keyframe, packed);
@@ -150,17 +151,16 @@ Frame KeyframeStore::get(std::size_t keyframe) const {
     }
   };
   if (!packed.depth.empty()) steps = decoded(packed.depth, cv::IMREAD_UNCHANGED);
-  if (steps.type() != CV_16U || steps.cols != camera_.width || steps.rows != camera_.height)
+  if (steps.type() != CV_16U || steps.cols != rig_.depth.width || steps.rows != rig_.depth.height)
     throw std::runtime_error(file(keyframe, kDepth).string() + ": is missing or broken; " + kRemedy);
   Frame frame;
-  const auto pixels = static_cast<std::size_t>(camera_.width) * static_cast<std::size_t>(camera_.height);
-  frame.depth.resize(pixels);
-  cv::Mat depth(camera_.height, camera_.width, CV_32F, frame.depth.data());
+  frame.depth.resize(steps.total());
+  cv::Mat depth(steps.rows, steps.cols, CV_32F, frame.depth.data());
   steps.convertTo(depth, CV_32F, 1 / kDepthSteps);
   if (!packed.colour.empty()) bgr = decoded(packed.colour, cv::IMREAD_COLOR);
-  if (bgr.cols == camera_.width && bgr.rows == camera_.height) {
-    frame.colour.resize(pixels);
-    cv::Mat rgba(camera_.height, camera_.width, CV_8UC4, frame.colour.data());
+  if (bgr.cols == rig_.colour_view().width && bgr.rows == rig_.colour_view().height) {
+    frame.colour.resize(bgr.total());
+    cv::Mat rgba(bgr.rows, bgr.cols, CV_8UC4, frame.colour.data());
     cv::cvtColor(bgr, rgba, cv::COLOR_BGR2RGBA);
   }
   return frame;

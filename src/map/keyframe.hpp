@@ -41,7 +41,7 @@ enum class Access { write, read };
 class KeyframeStore {
  public:
   /// Without the right to write, what is put stays in memory.
-  KeyframeStore(const Camera& camera, std::filesystem::path folder, Access access = Access::write);
+  KeyframeStore(const Rig& rig, std::filesystem::path folder, Access access = Access::write);
   /// Compresses and writes in a thread of its own. `keyframe` counts up, or goes back to write again. What cannot be
   /// written stays in memory; store() tries again.
   void put(std::size_t keyframe, const Frame& frame, const Features& features);
@@ -63,7 +63,7 @@ class KeyframeStore {
   };
   void write(std::size_t keyframe, const Packed& packed) const;
   [[nodiscard]] std::filesystem::path file(std::size_t keyframe, const char* what) const;
-  Camera camera_;
+  Rig rig_;
   std::filesystem::path folder_;
   bool writes_;
   std::map<std::size_t, Packed> packed_;  // what is not in files

@@ -16,22 +16,22 @@ constexpr std::uint64_t kWorldPool = std::uint64_t{256} << 20;  // bytes on the 
 
 }  // namespace
 
-MapState::MapState(const Camera& c, const Options& o, Poses p, int device_index, MapFiles f)
+MapState::MapState(const Rig& r, const Options& o, Poses p, int device_index, MapFiles f)
     : options(o),
       poses(p),
-      camera(c),
+      rig(r),
       files(std::move(f)),
       device(device_index),
-      preprocessor(device, c, o.surface, o.track.levels, o.track.finest_level),
+      preprocessor(device, r, o.surface, o.track.levels, o.track.finest_level),
       integrator(device, preprocessor.camera(), o.surface),
       polygonizer(device),
       volume(device, o.fuse, o.surface.max_depth),
-      back_end(device, c, o, files.folder, files.access),
-      tracker(device, c, preprocessor.camera(), o, back_end.keyframes()),
-      given{.poses = {}, .images = {c, {}}, .keyframes = {}} {}
+      back_end(device, r, o, files.folder, files.access),
+      tracker(device, r, preprocessor.camera(), o, back_end.keyframes()),
+      given{.poses = {}, .images = {r, {}}, .keyframes = {}} {}
 
 CheckedFrame MapState::check(const Frame& frame) {
-  CheckedFrame checked(frame, camera, last_fused);
+  CheckedFrame checked(frame, rig, last_fused);
   if (!is_tracked())
     checked.expect_pose(options.fuse.voxel_size);
   else if (checked.is_usable() && is_stuck(frame))
@@ -60,8 +60,8 @@ void MapState::remember(const Frame& frame, const Surface& live, const Tracked& 
   const Eigen::Isometry3d& pose = tracked.submap_from_camera;
   if (is_tracked()) {
     tracker.commit(frame, live, tracked);
-    const bool is_keyframe =
-        timed(times, "keyframe", [&] { return back_end.add(frame, pose, tracked.information(), volume, fused_count); });
+    const bool is_keyframe = timed(
+        times, "keyframe", [&] { return back_end.add(frame, live, pose, tracked.information(), volume, fused_count); });
     if (is_keyframe) warnings().attempt("the focal length is not checked", [&] { tracker.learn_focal_length(); });
   } else {
     keep_given_keyframe(frame);

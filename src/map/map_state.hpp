@@ -31,7 +31,7 @@ struct MapFiles {
 };
 
 struct MapState {
-  MapState(const Camera& camera, const Options& options, Poses poses, int device, MapFiles files = {});
+  MapState(const Rig& rig, const Options& options, Poses poses, int device, MapFiles files = {});
 
   [[nodiscard]] Warnings& warnings() { return back_end.warnings(); }
   [[nodiscard]] bool is_tracked() const { return poses == Poses::tracked; }
@@ -54,7 +54,7 @@ struct MapState {
 
   Options options;
   Poses poses;
-  Camera camera;
+  Rig rig;
   MapFiles files;
   gpu::Device device;
   Preprocessor preprocessor;

@@ -39,17 +39,17 @@ void tell(const Fused& fused, FrameReport& report) {
   report.new_bricks = fused.new_bricks;
 }
 
-std::shared_ptr<MapState> make_state(const Camera& camera, const Options& options, Poses poses, int device) {
-  check(camera);
+std::shared_ptr<MapState> make_state(const Rig& rig, const Options& options, Poses poses, int device) {
+  check(rig);
   check(options);
   if (options.esdf.live) (void)esdf_scale(options.fuse, options.esdf);
-  return std::make_shared<MapState>(camera, options, poses, device);
+  return std::make_shared<MapState>(rig, options, poses, device);
 }
 
 }  // namespace
 
-Mapper::Mapper(const Camera& camera, const Options& options, Poses poses, int device)
-    : state_(make_state(camera, options, poses, device)) {}
+Mapper::Mapper(const Rig& rig, const Options& options, Poses poses, int device)
+    : state_(make_state(rig, options, poses, device)) {}
 
 Mapper::Mapper(std::shared_ptr<MapState> state) : state_(std::move(state)) {}
 
@@ -116,7 +116,7 @@ void Mapper::reintegrate(Source& again, const std::function<void()>& step) {
     s.acceleration.setZero();
     const std::uint32_t since = s.fused_count + 1;
     while (const auto next = again.next()) {
-      const CheckedFrame checked(*next, s.camera, std::nullopt);
+      const CheckedFrame checked(*next, s.rig, std::nullopt);
       if (const auto pose = checked.is_usable() ? pose_at(poses, next->timestamp, 0) : std::nullopt) {
         const Frame& frame = checked.frame();
         (void)s.integrator.integrate(s.preprocessor.preprocess(frame), *pose, s.volume, ++s.fused_count);

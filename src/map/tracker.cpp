@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "map/frame_features.hpp"
 #include "map/tracking_criteria.hpp"
 #include "spirv/moving_mask.comp.h"
 
@@ -49,11 +50,11 @@ double lowest(const std::array<double, N>& at, const std::array<double, N>& valu
 
 }  // namespace
 
-Tracker::Tracker(gpu::Device& device, const Camera& camera, const Camera& rectified, const Options& options,
+Tracker::Tracker(gpu::Device& device, const Rig& rig, const Camera& rectified, const Options& options,
                  const KeyframeDatabase& keyframes)
     : device_(device),
       options_(options),
-      source_camera_(camera),
+      rig_(rig),
       keyframes_(keyframes),
       raycaster_(device, rectified, options.surface, options.track.levels, options.track.finest_level),
       aligner_(device, options.track),
@@ -119,7 +120,7 @@ std::optional<Eigen::Isometry3d> Tracker::recognise(const Features& seen,
   std::optional<Eigen::Isometry3d> guess;
   int most = 0;
   for (const std::size_t i : keyframes) {
-    const auto located = solve_pnp(keyframes_[i].features, seen, source_camera_);
+    const auto located = solve_pnp(keyframes_[i].features, seen, rig_.depth);
     if (!located || located->inliers <= most) continue;
     most = located->inliers;
     guess = *keyframes_[i].tracked_from_camera * located->known_from_seen;
@@ -184,9 +185,8 @@ Tracked Tracker::follow(const Frame& frame, const Surface& live, Volume& volume,
   Tracked best = try_from(predict(frame.timestamp), "motion");
   if (!best.alignment.converged()) best = try_from(last.submap_from_camera, "still");  // the hand may have stopped
   if (is_doubtful(best.alignment, memory_.usual_brightness)) {
-    if (const auto guess = timed(times, "recognise", [&] {
-          return recognise(extract_features(frame.colour, frame.depth, source_camera_), recent());
-        })) {
+    if (const auto guess =
+            timed(times, "recognise", [&] { return recognise(features_of(frame, live, rig_, device_), recent()); })) {
       if (Tracked other = try_from(*guess, "features"); is_better(other.alignment, best.alignment))
         best = std::move(other);
       // Something may move through the view: brightness then tells the still part's pose from the moving one's.
@@ -208,7 +208,7 @@ Tracked Tracker::relocalise(const Frame& frame, const Surface& live, Volume& vol
   Tracked tracked = align(frame, live, volume, predict(frame.timestamp), "motion", Reach::wide, times);
   if (is_certain_in_place(tracked.alignment, memory_.lost_frames)) return tracked;
   const auto guess = timed(times, "recognise", [&] {
-    const Features seen = extract_features(frame.colour, frame.depth, source_camera_);
+    const Features seen = features_of(frame, live, rig_, device_);
     return recognise(seen, candidates(seen));
   });
   if (guess)
@@ -272,7 +272,7 @@ void Tracker::learn_focal_length() {
   const DatabaseEntry &known = keyframes_[keyframes_.size() - 2], &seen = keyframes_[keyframes_.size() - 1];
   const Eigen::Isometry3d motion = known.tracked_from_camera->inverse() * *seen.tracked_from_camera;
   if (Eigen::AngleAxisd(motion.linear()).angle() < kFocalTurn) return;
-  const auto costs = focal_costs(known.features, seen.features, source_camera_);
+  const auto costs = focal_costs(known.features, seen.features, rig_.depth);
   for (std::size_t i = 0; i < costs.size(); ++i) memory_.focal_costs[i] += costs[i];
   memory_.focal_pairs += !costs.empty();
 }

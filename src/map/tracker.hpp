@@ -39,9 +39,9 @@ struct Tracked {
 /// `commit` once it is fused.
 class Tracker {
  public:
-  /// `camera` is the frames', `rectified` the surfaces'. The keyframes are those of the map; somebody else adds to
+  /// `rig` is the frames', `rectified` the surfaces'. The keyframes are those of the map; somebody else adds to
   /// them, and tells which lie in the frame that is tracked in.
-  Tracker(gpu::Device& device, const Camera& camera, const Camera& rectified, const Options& options,
+  Tracker(gpu::Device& device, const Rig& rig, const Camera& rectified, const Options& options,
           const KeyframeDatabase& keyframes);
 
   /// The pose of a frame, or why there is none. Takes what moves out of `live`'s fusion image (see
@@ -102,7 +102,7 @@ class Tracker {
 
   gpu::Device& device_;
   Options options_;
-  Camera source_camera_;  // of the frames: with distortion
+  Rig rig_;  // of the frames
   const KeyframeDatabase& keyframes_;
   Raycaster raycaster_;
   Aligner aligner_;

@@ -105,7 +105,13 @@ Features extract_features(const std::vector<std::uint32_t>& colour, const std::v
   std::vector<cv::Point2d> pixels, rays;
   for (const auto& corner : corners) pixels.emplace_back(corner.pt.x, corner.pt.y);
   const cv::Matx33d k(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
-  cv::undistortPoints(pixels, rays, k, cv::Mat(1, 5, CV_64F, const_cast<double*>(camera.distortion.data())));
+  if (camera.lens == Lens::brown_conrady)
+    cv::undistortPoints(pixels, rays, k, cv::Mat(1, 8, CV_64F, const_cast<double*>(camera.distortion.data())));
+  else
+    for (const auto& p : pixels) {
+      const Eigen::Vector2d ray = camera.undistorted_ray(p.x, p.y);
+      rays.emplace_back(ray.x(), ray.y());
+    }
   for (std::size_t i = 0; i < corners.size(); ++i) {
     const int x = std::clamp(static_cast<int>(std::lround(pixels[i].x)), 0, camera.width - 1);
     const int y = std::clamp(static_cast<int>(std::lround(pixels[i].y)), 0, camera.height - 1);

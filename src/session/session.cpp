@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 
 /// All that a mapper knows beside its files, to go on with later. The volume looks at the device for it.
 SessionState snapshot(MapState& s, std::uint64_t number, const std::string& note) {
-  return {.camera = s.camera,
+  return {.rig = s.rig,
           .fuse = s.options.fuse,
           .min_depth = s.options.surface.min_depth,
           .max_depth = s.options.surface.max_depth,
@@ -41,7 +41,7 @@ SessionState snapshot(MapState& s, std::uint64_t number, const std::string& note
 /// A mapper's state as it was read. `read` keeps what is needed to hold its files.
 std::shared_ptr<MapState> restore(ReadSession& read, const Options& options, int device, MapFiles files) {
   const SessionState& session = read.session;
-  auto state = std::make_shared<MapState>(session.camera, options, Poses::tracked, device, std::move(files));
+  auto state = std::make_shared<MapState>(session.rig, options, Poses::tracked, device, std::move(files));
   MapState& s = *state;
   s.back_end.restore(session.back_end);
   s.tracker.restore(session.tracker, session.reference);
@@ -71,14 +71,14 @@ class Session::State {
     if (writing_.valid()) writing_.wait();
   }
 
-  Mapper mapper(const Camera& camera, const Options& options, int device) {
-    check(camera);
+  Mapper mapper(const Rig& rig, const Options& options, int device) {
+    check(rig);
     check(options);
     if (options.esdf.live) (void)esdf_scale(options.fuse, options.esdf);
     MapFiles files{.folder = writer_->files(), .access = Access::write, .hold = writer_};
-    if (!read_) return Mapper(std::make_shared<MapState>(camera, options, Poses::tracked, device, std::move(files)));
+    if (!read_) return Mapper(std::make_shared<MapState>(rig, options, Poses::tracked, device, std::move(files)));
     const SessionState& session = read_->session;
-    if (session.camera != camera)
+    if (session.rig != rig)
       throw std::runtime_error(folder_.string() + ": was made with another camera; choose another folder");
     if (session.fuse.voxel_size != options.fuse.voxel_size || session.fuse.truncation != options.fuse.truncation)
       throw std::runtime_error(fmt::format("{}: has voxels of {} m, not of {} m (FuseOptions::voxel_size)",
@@ -91,7 +91,7 @@ class Session::State {
 
   Mapper mapper(int device) {
     if (!read_) throw std::runtime_error(folder_.string() + ": is new: a mapper for it needs a camera");
-    return mapper(Camera(read_->session.camera), options_of(read_->session), device);
+    return mapper(Rig(read_->session.rig), options_of(read_->session), device);
   }
 
   void checkpoint(MapState& s, const std::string& note) {
@@ -153,8 +153,8 @@ Session Session::copy(const fs::path& from, const fs::path& to) {
   return Session(std::make_unique<State>(to, std::move(writer), std::move(read)));
 }
 
-Mapper Session::mapper(const Camera& camera, const Options& options, int device) {
-  return state_->mapper(camera, options, device);
+Mapper Session::mapper(const Rig& rig, const Options& options, int device) {
+  return state_->mapper(rig, options, device);
 }
 
 Mapper Session::mapper(int device) { return state_->mapper(device); }
@@ -165,7 +165,7 @@ std::optional<std::string> Session::problem() { return state_->problem(); }
 
 Session::Info Session::info(const fs::path& folder) {
   const SessionState session = read_session(folder).session;
-  return {session.camera,    session.fuse.voxel_size, session.fuse.truncation,
+  return {session.rig,       session.fuse.voxel_size, session.fuse.truncation,
           session.min_depth, session.max_depth,       session.note};
 }
 
@@ -177,7 +177,7 @@ Session::Merged Session::merge(Mapper& mapper, const fs::path& other_session, in
     throw std::runtime_error(other_session.string() + ": cannot be merged into a map without a session of its own");
   if (fs::equivalent(s.files.folder, o.files.folder))
     throw std::runtime_error(other_session.string() + ": a map cannot be merged with itself");
-  if (s.camera != o.camera)
+  if (s.rig != o.rig)
     throw std::runtime_error(other_session.string() + ": cannot be merged: it was made with another camera");
   if (s.options.fuse.voxel_size != o.options.fuse.voxel_size || s.options.fuse.truncation != o.options.fuse.truncation)
     throw std::runtime_error(other_session.string() +

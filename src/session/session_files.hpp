@@ -17,7 +17,7 @@
 namespace cairn {
 
 struct SessionState {
-  Camera camera;
+  Rig rig;
   FuseOptions fuse;
   float min_depth = 0, max_depth = 0;  // metres, see SurfaceOptions
   BackEnd::Memory back_end;

@@ -22,16 +22,19 @@ namespace {
 using Json = nlohmann::json;
 
 template <class T>
-concept Number = std::is_arithmetic_v<T>;
+concept Number = std::is_arithmetic_v<T> || std::is_enum_v<T>;
 template <class T, class Struct>
 concept Of = std::same_as<std::remove_const_t<T>, Struct>;
 
 // The fields of each struct, listed once: Out writes and In reads what `io` is called with.
 
 void fields(auto& io, Of<Eigen::Isometry3d> auto& pose) { io(pose.matrix()); }
-void fields(auto& io, Of<std::pair<Eigen::Isometry3d, bool>> auto& place) { io(place.first, place.second); }
 
-void fields(auto& io, Of<Camera> auto& c) { io(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion); }
+void fields(auto& io, Of<Camera> auto& c) { io(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion, c.lens); }
+
+void fields(auto& io, Of<ColourCamera> auto& c) { io(c.camera, c.colour_from_depth); }
+
+void fields(auto& io, Of<Rig> auto& r) { io(r.depth, r.colour); }
 
 void fields(auto& io, Of<Keyframe> auto& k) {
   io(k.frame, k.timestamp, k.colour_delay, k.submap, k.searched, k.follows, k.odometry_from_camera,
@@ -64,7 +67,7 @@ void fields(auto& io, Of<Volume::Residency> auto& r) {
 /// The entries of state.cbor by their names. `newest`: frames that are in no file of their own.
 void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& newest, Of<std::string> auto& run,
              Of<std::vector<std::string>> auto& frame_files) {
-  io("camera", s.camera);
+  io("rig", s.rig);
   io("options", s.fuse.voxel_size, s.fuse.truncation, s.min_depth, s.max_depth);
   auto& m = s.back_end;
   io("keyframes", m.atlas.keyframes);

@@ -103,7 +103,7 @@ void validate(const Volume::Residency& r) {
 }  // namespace
 
 void validate(const SessionState& s, std::size_t frames) {
-  check(s.camera);
+  check(s.rig);
   check(options_of(s));
   require(run_number(s.run).has_value(), "it names no run");
   validate(s.back_end, frames);

@@ -5,7 +5,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
+
+#include "cairn/rig.hpp"
 
 namespace cairn {
 namespace {
@@ -13,6 +16,7 @@ namespace {
 constexpr int kLeastSide = 16, kMostSide = 4096;  // pixels: three levels of the pyramid, 128 MiB of fusion image
 constexpr double kWidest = 1.0 / 20,
                  kNarrowest = 20;         // focal length / larger side: fields of view of 169 and 2.9 degrees
+constexpr double kMostApart = 10;         // metres between the depth and the colour camera
 constexpr double kMostDistortion = 1000;  // of a coefficient: twenty times those of fisheye-like calibrations
 
 void within(const char* name, double value, double least, double most) {
@@ -23,6 +27,51 @@ void within(const char* name, double value, double least, double most) {
 
 }  // namespace
 
+Eigen::Vector2d Camera::distort(const Eigen::Vector2d& n) const {
+  const auto& k = distortion;
+  if (lens == Lens::fisheye) {
+    const double r = n.norm(), angle = std::atan(r), a2 = angle * angle;
+    const double bent = angle * (1 + a2 * (k[0] + a2 * (k[1] + a2 * (k[2] + a2 * k[3]))));
+    return r > 0 ? Eigen::Vector2d(n * (bent / r)) : n;
+  }
+  const double r2 = n.squaredNorm(), xy = n.x() * n.y();
+  const double radial = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])));
+  return n * radial + Eigen::Vector2d(2 * k[2] * xy + k[3] * (r2 + 2 * n.x() * n.x()),
+                                      k[2] * (r2 + 2 * n.y() * n.y()) + 2 * k[3] * xy);
+}
+
+Eigen::Vector2d Camera::undistorted_ray(double u, double v) const {
+  constexpr int kIterations = 20;
+  constexpr double kStep = 1e-6, kDone = 1e-12;
+  const Eigen::Vector2d measured((u - cx) / fx, (v - cy) / fy);
+  if (!distorted()) return measured;
+  Eigen::Vector2d ray = measured;
+  for (int i = 0; i < kIterations; ++i) {  // Newton's method
+    const Eigen::Vector2d off = distort(ray) - measured;
+    Eigen::Matrix2d slope;
+    slope << (distort(ray + Eigen::Vector2d(kStep, 0)) - distort(ray - Eigen::Vector2d(kStep, 0))) / (2 * kStep),
+        (distort(ray + Eigen::Vector2d(0, kStep)) - distort(ray - Eigen::Vector2d(0, kStep))) / (2 * kStep);
+    const Eigen::Vector2d step = slope.inverse() * off;
+    if (!step.allFinite()) break;
+    ray -= step;
+    if (step.norm() < kDone) break;
+  }
+  return ray;
+}
+
+double Camera::widest_ray() const {
+  constexpr double kStep = 0.01, kMost = 20;  // tangent of the angle to the axis
+  const double corner = std::hypot(std::max(cx, width - cx) / fx, std::max(cy, height - cy) / fy);
+  double before = 0;
+  for (double r = kStep; r < kMost; r += kStep) {
+    const double bent = distort({r, 0}).x();
+    if (bent <= before) return r - kStep;  // beyond, the polynomial folds back
+    if (bent > 1.2 * corner) return r;
+    before = bent;
+  }
+  return kMost;
+}
+
 void check(const Camera& c) {
   within("width", c.width, kLeastSide, kMostSide);
   within("height", c.height, kLeastSide, kMostSide);
@@ -31,7 +80,24 @@ void check(const Camera& c) {
   within("fy", c.fy, kWidest * side, kNarrowest * side);
   within("cx", c.cx, -c.width, 2.0 * c.width);
   within("cy", c.cy, -c.height, 2.0 * c.height);
+  if (c.lens != Lens::brown_conrady && c.lens != Lens::fisheye)
+    throw std::runtime_error("the camera's lens is none that is known: brown_conrady or fisheye");
   for (const double d : c.distortion) within("distortion", d, -kMostDistortion, kMostDistortion);
+}
+
+void check(const Rig& rig) {
+  check(rig.depth);
+  if (!rig.colour) return;
+  try {
+    check(rig.colour->camera);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(std::string("colour: ") + error.what());
+  }
+  const Eigen::Isometry3d& pose = rig.colour->colour_from_depth;
+  for (const double metres : pose.translation()) within("colour_from_depth (metres)", metres, -kMostApart, kMostApart);
+  const Eigen::Matrix3d rotation = pose.linear();
+  if (!(rotation * rotation.transpose()).isIdentity(1e-3) || rotation.determinant() < 0)
+    throw std::runtime_error("the rotation of colour_from_depth is none: check the extrinsics");
 }
 
 }  // namespace cairn

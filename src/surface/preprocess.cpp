@@ -2,9 +2,14 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "surface/preprocess.hpp"
 
+#include <algorithm>
+#include <cmath>
+
+#include "spirv/surface_colour.comp.h"
 #include "spirv/surface_filter.comp.h"
 #include "spirv/surface_half.comp.h"
 #include "spirv/surface_intensity.comp.h"
+#include "spirv/surface_nearest.comp.h"
 #include "spirv/surface_normals.comp.h"
 #include "spirv/surface_pack.comp.h"
 #include "spirv/surface_rectify.comp.h"
@@ -14,68 +19,86 @@ namespace {
 
 std::uint32_t pixels(const Camera& camera) { return static_cast<std::uint32_t>(camera.width * camera.height); }
 
+Camera rectified(Camera camera) {
+  camera.distortion = {};
+  camera.lens = Lens::brown_conrady;
+  return camera;
+}
+
+shader::ColourView colour_view(const Camera& depth, const ColourCamera& colour) {
+  const double pixels_each = colour.camera.fx / depth.fx;  // of colour for one of depth, along a side
+  const auto whole = static_cast<std::uint32_t>(std::clamp(std::lround(pixels_each), 1L, 8L));
+  return {.camera = shader::pinhole(colour.camera),
+          .lens = shader::lens_bend(colour.camera),
+          .colour_from_depth = shader::rigid(colour.colour_from_depth),
+          .widest = static_cast<float>(colour.camera.widest_ray()),
+          .cell = std::max(static_cast<std::uint32_t>(std::ceil(pixels_each)), 1u),
+          .mean = whole};
+}
+
+/// Bytes of the depths that are nearest to the colour camera.
+std::uint64_t nearest_bytes(const shader::ColourView& view) {
+  const auto cells = [&](std::uint32_t side) { return std::uint64_t{(side + view.cell - 1) / view.cell}; };
+  return 4 * cells(view.camera.width) * cells(view.camera.height);
+}
+
 }  // namespace
 
-Preprocessor::Preprocessor(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels,
+Preprocessor::Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOptions& options, int levels,
                            int finest_level)
     : device_(device),
-      source_camera_(camera),
+      rig_(rig),
       options_(options),
       finest_level_(finest_level),
-      raw_depth_(device, 4 * std::uint64_t{pixels(camera)}),
-      raw_colour_(device, 4 * std::uint64_t{pixels(camera)}),
-      depth_(device, camera.distorted() ? 4 * std::uint64_t{pixels(camera)} : 4),
-      colour_(device, camera.distorted() ? 4 * std::uint64_t{pixels(camera)} : 4),
-      fusion_(device, 8 * std::uint64_t{pixels(camera)}),
+      raw_depth_(device, 4 * std::uint64_t{pixels(rig.depth)}),
+      raw_colour_(device, 4 * std::uint64_t{pixels(rig.colour_view())}),
+      depth_(device, rig.depth.distorted() ? 4 * std::uint64_t{pixels(rig.depth)} : 4),
+      colour_(device, rig.depth.distorted() || rig.colour ? 4 * std::uint64_t{pixels(rig.depth)} : 4),
+      fusion_(device, 8 * std::uint64_t{pixels(rig.depth)}),
       rectify_(device, "surface_rectify", surface_rectify_comp),
+      find_nearest_(device, "surface_nearest", surface_nearest_comp),
+      bring_colour_(device, "surface_colour", surface_colour_comp),
       filter_(device, "surface_filter", surface_filter_comp),
       half_(device, "surface_half", surface_half_comp),
       normals_(device, "surface_normals", surface_normals_comp),
       make_intensity_(device, "surface_intensity", surface_intensity_comp),
       pack_(device, "surface_pack", surface_pack_comp) {
-  Camera rectified = camera;
-  rectified.distortion = {};
   for (int level = 0; level < levels; ++level) {
-    const Camera c = rectified.at_level(level);
+    const Camera c = rectified(rig.depth).at_level(level);
     levels_.push_back({c, gpu::Buffer(device, 8 * std::uint64_t{pixels(c)})});
     smooth_.emplace_back(device, 4 * std::uint64_t{pixels(c)});
     const bool is_used = level >= finest_level;
     intensity_.emplace_back(device, is_used ? 4 * std::uint64_t{pixels(c)} : 4);
     packed_.emplace_back(device, is_used ? 8 * std::uint64_t{pixels(c)} : 8);
   }
+  if (!rig.colour) return;
+  const shader::ColourView view = colour_view(rig.depth, *rig.colour);
+  colour_view_ = gpu::Buffer(device, sizeof view);
+  nearest_ = gpu::Buffer(device, nearest_bytes(view));
+  gpu::Batch batch(device);
+  batch.upload(colour_view_, std::span(&view, 1));
+  batch.run();
 }
 
 Surface Preprocessor::preprocess(const Frame& frame) {
-  const std::uint32_t n = pixels(source_camera_);
-  const bool has_colour = !frame.colour.empty();
-  const bool distorted = source_camera_.distorted();
+  const Camera& camera = rig_.depth;
+  const auto width = static_cast<std::uint32_t>(camera.width), height = static_cast<std::uint32_t>(camera.height);
+  const bool has_colour = frame.colour.size() == pixels(rig_.colour_view());
   gpu::Batch batch(device_);
   batch.upload(raw_depth_, frame.depth);
   if (has_colour) batch.upload(raw_colour_, frame.colour);
-  if (distorted) {
-    const auto d = [&](std::size_t i) { return static_cast<float>(source_camera_.distortion[i]); };
-    rectify_(batch, {n, 1, 1},
-             {.camera = shader::pinhole(levels_[0].camera),
-              .k1 = d(0),
-              .k2 = d(1),
-              .p1 = d(2),
-              .p2 = d(3),
-              .k3 = d(4),
-              .has_colour = has_colour},
-             {&raw_depth_, &raw_colour_, &depth_, &colour_});
-  }
-  filter_(
-      batch,
-      {(static_cast<std::uint32_t>(source_camera_.width) + 3) / 4 * static_cast<std::uint32_t>(source_camera_.height),
-       1, 1},
-      {.width = static_cast<std::uint32_t>(source_camera_.width),
-       .height = static_cast<std::uint32_t>(source_camera_.height),
-       .min_depth = options_.min_depth,
-       .max_depth = options_.max_depth,
-       .spatial = -0.5f / (options_.filter_sigma_pixels * options_.filter_sigma_pixels),
-       .range = options_.filter_range,
-       .edge_slope = options_.edge_slope},
-      {distorted ? &depth_ : &raw_depth_, distorted ? &colour_ : &raw_colour_, &fusion_, &smooth_[0]});
+  Images images{&raw_depth_, &raw_colour_};
+  if (camera.distorted()) images = rectify(batch, has_colour && !rig_.colour);
+  if (rig_.colour) images.colour = has_colour ? bring_colour_to(*images.depth, batch) : &colour_;
+  filter_(batch, {(width + 3) / 4 * height, 1, 1},
+          {.width = width,
+           .height = height,
+           .min_depth = options_.min_depth,
+           .max_depth = options_.max_depth,
+           .spatial = -0.5f / (options_.filter_sigma_pixels * options_.filter_sigma_pixels),
+           .range = options_.filter_range,
+           .edge_slope = options_.edge_slope},
+          {images.depth, images.colour, &fusion_, &smooth_[0]});
   make_pyramid(batch, has_colour);
   batch.run();
   Surface surface{.levels = {}, .packed = {}, .fusion = &fusion_, .has_colour = has_colour};
@@ -84,6 +107,24 @@ Surface Preprocessor::preprocess(const Frame& frame) {
     if (has_colour) surface.packed.push_back(static_cast<int>(level) >= finest_level_ ? &packed_[level] : nullptr);
   }
   return surface;
+}
+
+Preprocessor::Images Preprocessor::rectify(gpu::Batch& batch, bool has_colour) {
+  rectify_(batch, {pixels(rig_.depth), 1, 1},
+           {.camera = shader::pinhole(camera()), .lens = shader::lens_bend(rig_.depth), .has_colour = has_colour},
+           {&raw_depth_, &raw_colour_, &depth_, &colour_});
+  return {&depth_, &colour_};
+}
+
+/// `depth` without distortion. What is hidden from the colour camera has no colour; cameras in one place see the same.
+const gpu::Buffer* Preprocessor::bring_colour_to(const gpu::Buffer& depth, gpu::Batch& batch) {
+  const shader::SurfaceColourPush push{shader::pinhole(camera())};
+  constexpr std::uint32_t kNothing = 0x7f7fffff;  // bits of the largest float
+  batch.fill(nearest_, kNothing);
+  if (!rig_.colour->colour_from_depth.translation().isZero())
+    find_nearest_(batch, {pixels(rig_.depth), 1, 1}, push, {&colour_view_, &depth, &nearest_});
+  bring_colour_(batch, {pixels(rig_.depth), 1, 1}, push, {&colour_view_, &depth, &nearest_, &raw_colour_, &colour_});
+  return &colour_;
 }
 
 /// From smooth_[0] and fusion_ to all that is asked of the levels.

@@ -11,26 +11,34 @@
 
 namespace cairn {
 
-/// Rectifies, cleans and smooths a frame and makes its pyramid of points and normals.
+/// Rectifies, cleans and smooths a frame, brings its colour to depth and makes its pyramid of points and normals.
 class Preprocessor {
  public:
-  Preprocessor(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels, int finest_level);
+  Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOptions& options, int levels, int finest_level);
   [[nodiscard]] Surface preprocess(const Frame& frame);
-  /// The camera of the finest level: the source's, without distortion.
+  /// The camera of the finest level: the source's depth camera, without distortion.
   [[nodiscard]] const Camera& camera() const { return levels_.front().camera; }
 
  private:
+  /// What a stage leaves: depth and colour by pixel of one camera.
+  struct Images {
+    const gpu::Buffer *depth, *colour;
+  };
+  [[nodiscard]] Images rectify(gpu::Batch& batch, bool has_colour);
+  [[nodiscard]] const gpu::Buffer* bring_colour_to(const gpu::Buffer& depth, gpu::Batch& batch);
   void make_pyramid(gpu::Batch& batch, bool has_colour);
 
   gpu::Device& device_;
-  Camera source_camera_;
+  Rig rig_;
   SurfaceOptions options_;
   int finest_level_;
   std::vector<VertexNormalMap> levels_;
   std::vector<gpu::Buffer> smooth_;  // depth by level
   std::vector<gpu::Buffer> intensity_, packed_;
   gpu::Buffer raw_depth_, raw_colour_, depth_, colour_, fusion_;
+  gpu::Buffer colour_view_, nearest_;  // of a colour camera of its own
   gpu::Kernel<shader::SurfaceRectifyPush> rectify_;
+  gpu::Kernel<shader::SurfaceColourPush> find_nearest_, bring_colour_;
   gpu::Kernel<shader::SurfaceFilterPush> filter_;
   gpu::Kernel<shader::SurfaceHalfPush> half_;
   gpu::Kernel<shader::SurfaceNormalsPush> normals_;

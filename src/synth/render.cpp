@@ -39,8 +39,19 @@ SceneRenderer::SceneRenderer(gpu::Device& device, const Scene& scene, const Came
       depth_(device, std::uint64_t{4} * static_cast<std::uint64_t>(camera.width * camera.height)),
       cosine_(device, depth_.size()),
       colour_(device, depth_.size()),
+      rays_(device, camera.distorted() ? 2 * depth_.size() : 8),
       render_(device, "scene_render", scene_render_comp) {
   upload(0);
+  if (!camera.distorted()) return;
+  std::vector<shader::vec2> rays;
+  for (int y = 0; y < camera.height; ++y)
+    for (int x = 0; x < camera.width; ++x) {
+      const Eigen::Vector2f ray = camera.undistorted_ray(x, y).cast<float>();
+      rays.push_back({ray.x(), ray.y()});
+    }
+  gpu::Batch batch(device_);
+  batch.upload(rays_, rays);
+  batch.run();
 }
 
 void SceneRenderer::upload(double seconds) {
@@ -58,8 +69,11 @@ SceneImages SceneRenderer::render(const Eigen::Isometry3d& world_from_camera, do
   const shader::Pinhole camera = shader::pinhole(camera_);
   gpu::Batch batch(device_);
   render_(batch, {camera.width, camera.height, 1},
-          {.camera = camera, .world_from_camera = shader::rigid(world_from_camera), .solids = solid_count_},
-          {&solids_, &depth_, &cosine_, &colour_});
+          {.camera = camera,
+           .world_from_camera = shader::rigid(world_from_camera),
+           .solids = solid_count_,
+           .is_bent = camera_.distorted()},
+          {&solids_, &depth_, &cosine_, &colour_, &rays_});
   batch.download(depth_, images.depth);
   batch.download(cosine_, images.cosine);
   batch.download(colour_, images.colour);

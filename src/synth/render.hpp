@@ -25,6 +25,7 @@ class SceneRenderer {
   Camera camera_;
   std::uint32_t solid_count_;
   gpu::Buffer solids_, depth_, cosine_, colour_;
+  gpu::Buffer rays_;  // of a camera with distortion
   gpu::Kernel<shader::SceneRenderPush> render_;
 };
 

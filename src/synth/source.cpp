@@ -19,11 +19,11 @@ class SyntheticSource final : public Source {
       : options_(options),
         scene_(synthetic_scene(options.scene)),
         path_(scene_, {}, 0),
-        camera_(synthetic_camera()),
+        rig_(synthetic_camera()),
         device_(options.device),
-        renderer_(device_, scene_, camera_),
+        renderer_(device_, scene_, rig_.depth),
         next_(options.first) {}
-  const Camera& camera() const override { return camera_; }
+  const Rig& rig() const override { return rig_; }
   std::optional<int> size() const override { return options_.frames - options_.first; }
 
   std::optional<Frame> next() override {
@@ -32,7 +32,7 @@ class SyntheticSource final : public Source {
     const auto pose = path_.pose(time);
     if (!pose) return std::nullopt;
     auto images = renderer_.render(*pose, time);
-    if (options_.kinect_noise) add_kinect_noise(images, camera_, options_.seed, next_);
+    if (options_.kinect_noise) add_kinect_noise(images, rig_.depth, options_.seed, next_);
     Frame frame{
         .index = next_++, .timestamp = time, .depth = std::move(images.depth), .colour = std::move(images.colour)};
     frame.acceleration = path_.acceleration(time);
@@ -44,7 +44,7 @@ class SyntheticSource final : public Source {
   SyntheticOptions options_;
   Scene scene_;
   SyntheticPath path_;
-  Camera camera_;
+  Rig rig_;
   gpu::Device device_;
   SceneRenderer renderer_;
   int next_;

@@ -58,12 +58,13 @@ std::optional<ExposurePair> exposure_pair(std::size_t a, std::size_t b,
 
 }  // namespace
 
-TextureViews::TextureViews(Volume& volume, const Camera& camera, const SurfaceOptions& options,
+TextureViews::TextureViews(Volume& volume, const Rig& rig, const SurfaceOptions& options,
                            std::vector<TextureKeyframe> keyframes, GetImage get_image, std::uint64_t memory)
     : volume_(volume),
       device_(volume.device()),
       max_depth_(options.max_depth),
-      preprocessor_(device_, camera, options, 1, 1),
+      preprocessor_(device_, rig.colour_view(), options, 1, 1),
+      in_colour_(rig),
       camera_(preprocessor_.camera()),
       raycaster_(device_, camera_, options, 2, 1),
       keyframes_(std::move(keyframes)),
@@ -77,8 +78,12 @@ TextureViews::TextureViews(Volume& volume, const Camera& camera, const SurfaceOp
       blend_(device_, "texture_blend", texture_blend_comp),
       sample_(device_, "texture_sample", texture_sample_comp),
       sample_view_(device_, sizeof(shader::TextureView)) {
-  for (const TextureKeyframe& k : keyframes_)
+  const Eigen::Isometry3d depth_from_colour = rig.depth_from_colour();
+  for (TextureKeyframe& k : keyframes_) {  // from here on they are the colour camera's
+    k.world_from_camera = k.world_from_camera * depth_from_colour;
+    k.velocity = adjoint(depth_from_colour.inverse()) * k.velocity;
     camera_from_world_.emplace_back(k.world_from_camera.inverse().cast<float>());
+  }
 }
 
 const TextureViews::OnDevice& TextureViews::on_device(std::size_t keyframe) const {
@@ -99,7 +104,7 @@ void TextureViews::bring(std::span<const std::size_t> keyframes) {
     const auto some = std::span(missing).subspan(begin, std::min(kAtOnce, missing.size() - begin));
     std::vector<Frame> frames(some.size());
     tbb::parallel_for(std::size_t{0}, some.size(),
-                      [&](std::size_t i) { frames[i] = get_image_(keyframes_[some[i]].image); });
+                      [&](std::size_t i) { frames[i] = in_colour_(get_image_(keyframes_[some[i]].image)); });
     for (std::size_t i = 0; i < some.size(); ++i) {
       if (images_.size() < capacity_) {
         images_.push_back(std::make_unique<OnDevice>());

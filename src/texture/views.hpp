@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "base/colour_view.hpp"
 #include "cairn/pose.hpp"
 #include "surface/preprocess.hpp"
 #include "texture/charts.hpp"
@@ -37,8 +38,8 @@ class TextureViews {
   using GetImage = std::function<Frame(std::size_t image)>;  // from several threads at once
   /// `volume`: the map, which tells what a keyframe can see where it measured nothing. `memory`: bytes of images on the
   /// device, about.
-  TextureViews(Volume& volume, const Camera& camera, const SurfaceOptions& options,
-               std::vector<TextureKeyframe> keyframes, GetImage get_image, std::uint64_t memory);
+  TextureViews(Volume& volume, const Rig& rig, const SurfaceOptions& options, std::vector<TextureKeyframe> keyframes,
+               GetImage get_image, std::uint64_t memory);
 
   /// Finds by how much the keyframes' exposures differ where they see the same, so that blend() takes them to their
   /// mean. `step` is called after each keyframe. Returns whether any has colour.
@@ -95,7 +96,8 @@ class TextureViews {
   gpu::Device& device_;
   float max_depth_;
   Preprocessor preprocessor_;
-  Camera camera_;  // without distortion
+  ColourView in_colour_;
+  Camera camera_;  // the one that gives colour, without distortion
   Raycaster raycaster_;
   std::vector<TextureKeyframe> keyframes_;
   std::vector<Eigen::Isometry3f> camera_from_world_;

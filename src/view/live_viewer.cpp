@@ -63,7 +63,7 @@ struct LiveViewer::State {
   Server server;
   Mapper* mapper = nullptr;
   std::optional<LiveSurface> surface;
-  Camera camera;
+  Rig rig;
   float max_depth = 5;
   int epoch = 0, dropped = 0, sent_parts = 0;
   std::map<std::string, int> counts;  // frames by state
@@ -87,11 +87,11 @@ LiveViewer::~LiveViewer() = default;
 
 std::string LiveViewer::url() const { return state_->server.url(); }
 
-void LiveViewer::begin(Mapper& mapper, const Camera& camera, float max_depth) {
+void LiveViewer::begin(Mapper& mapper, const Rig& rig, float max_depth) {
   State& s = *state_;
   s.mapper = &mapper;
   s.surface.emplace(mapper);
-  s.camera = camera;
+  s.rig = rig;
   s.max_depth = max_depth;
   ++s.epoch;
   s.feed.clear();
@@ -125,8 +125,8 @@ void LiveViewer::fused(const Frame& frame, const FrameReport& report, double lat
   s.recent.emplace_back(now, latency_ms);
   if (s.feed.viewers() > 0 && now - s.images_sent > kImagesEvery && !frame.problem) {
     s.images_sent = now;
-    if (!frame.colour.empty()) s.feed.set("colour", colour_message(frame, s.camera));
-    s.feed.set("depth", depth_message(frame, s.camera, s.max_depth));
+    if (!frame.colour.empty()) s.feed.set("colour", colour_message(frame, s.rig.colour_view()));
+    s.feed.set("depth", depth_message(frame, s.rig.depth, s.max_depth));
   }
 }
 
@@ -190,6 +190,7 @@ void LiveViewer::State::send_state(const char* status, const std::string& words)
       for (const FoundLoop& loop : mapper->loops())
         state["loops"].push_back({loop.from - trajectory[0].timestamp, loop.to - trajectory[0].timestamp, loop.inlier});
     }
+    const Camera& camera = rig.depth;
     state["view"] = {{"fx", camera.fx / camera.width}, {"aspect", static_cast<double>(camera.width) / camera.height}};
   }
   feed.set("state", state.dump(), true);

@@ -48,7 +48,7 @@ TEST_F(Record, KeepsEveryFrameOfASensor) {
   EXPECT_NEAR(told["frames"].get<int>(), 60, 1);
   EXPECT_EQ(told["dropped"], 0);
   const auto source = open_source(folder / "a");
-  EXPECT_NEAR(source->camera().fx, 525, 0.01);
+  EXPECT_NEAR(source->rig().depth.fx, 525, 0.01);
   EXPECT_EQ(frames_in(*source), told["frames"]);
 }
 

@@ -61,7 +61,8 @@ void write_text_inputs(const fs::path& folder) {
   put(place(folder, "options", "all"),
       "fuse:\n  voxel_size: 0.02\n  truncation: 0.08\ntrack: {levels: 4, photometric: true}\n# more\nmap:\n  loops: "
       "0\n");
-  const std::string camera = camera_file_text({.width = 16, .height = 16, .fx = 16, .fy = 16, .cx = 8, .cy = 8}, 5000);
+  const std::string camera = camera_file_text(
+      {.rig = Camera{.width = 16, .height = 16, .fx = 16, .fy = 16, .cx = 8, .cy = 8}, .depth_scale = 5000});
   put(place(folder, "camera", "plain"), camera);
   put(place(folder, "camera", "colour"),
       camera +
@@ -128,7 +129,7 @@ void write_meshes(const fs::path& folder) {
 
 void write_sessions(const fs::path& folder, const fs::path& work) {
   SessionState session;
-  session.camera = {.width = 16, .height = 16, .fx = 16, .fy = 16, .cx = 8, .cy = 8};
+  session.rig = Camera{.width = 16, .height = 16, .fx = 16, .fy = 16, .cx = 8, .cy = 8};
   session.number = 1;
   session.note = "a note";
   session.last_fused = 0.2;

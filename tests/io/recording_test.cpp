@@ -163,7 +163,7 @@ TEST(SevenScenes, Leaves0And65535OutAndStampsAt30Hz) {
 TEST(IclNuim, TurnsTheMirroredCameraIntoAnOrdinaryOne) {
   CAIRN_REQUIRE_DATA("icl_office_kt0_101");
   const auto folder = data_folder() / "icl_office_kt0_101";
-  EXPECT_GT(open_recording(folder)->camera().fy, 0);
+  EXPECT_GT(open_recording(folder)->rig().depth.fy, 0);
   const auto truth = recorded_truth(folder);
   EXPECT_DOUBLE_EQ(truth[0].timestamp, 2.0);
   EXPECT_NEAR(truth[0].world_from_camera.translation().y(), -0.00897074, 1e-9);
@@ -190,8 +190,8 @@ TEST(ReadAhead, KeepsTheOrderAndPassesErrorsOn) {
   EXPECT_FALSE(ahead->next());
 
   struct Broken final : Source {
-    Camera camera_;
-    const Camera& camera() const override { return camera_; }
+    Rig rig_;
+    const Rig& rig() const override { return rig_; }
     std::optional<int> size() const override { return {}; }
     std::optional<Frame> next() override { throw std::runtime_error("unplugged"); }
   };

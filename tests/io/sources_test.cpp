@@ -11,7 +11,7 @@
 #include "cairn/live_source.hpp"
 #include "cairn/recorder.hpp"
 #include "cairn/source.hpp"
-#include "io/colour_registration.hpp"
+#include "io/camera_file.hpp"
 #include "io/openni.hpp"
 #include "io/recording.hpp"
 #include "support/files.hpp"
@@ -31,7 +31,7 @@ class Ticks final : public Source {
     return can_skip_ && next_ < count_ ? std::optional(0.02 * next_) : std::nullopt;
   }
   void skip() override { ++next_; }
-  const Camera& camera() const override { return camera_; }
+  const Rig& rig() const override { return rig_; }
   std::optional<int> size() const override { return count_ - next_; }
   std::optional<Frame> next() override {
     if (next_ == count_) return std::nullopt;
@@ -41,7 +41,7 @@ class Ticks final : public Source {
   }
 
  private:
-  Camera camera_{.width = 3, .height = 2};
+  Rig rig_ = Camera{.width = 3, .height = 2};
   int count_, next_ = 0, read_ = 0;
   std::chrono::milliseconds period_;
   bool can_skip_;
@@ -56,7 +56,7 @@ double seconds_of(const std::function<void()>& work) {
 TEST(OpenNi, ReadsAnOldKinectRecordingToItsEnd) {
   CAIRN_REQUIRE_DATA("oni/kinect_3DJ_12frames.oni");
   const auto source = open_openni(data_folder() / "oni/kinect_3DJ_12frames.oni");
-  EXPECT_NEAR(source->camera().fx, 320 / std::tan(1.0145 / 2), 0.1);
+  EXPECT_NEAR(source->rig().depth.fx, 320 / std::tan(1.0145 / 2), 0.1);
   EXPECT_EQ(source->size(), 12);
   double last = -1;
   for (int i = 0; i < 12; ++i) {
@@ -118,25 +118,6 @@ TEST(OpenNi, RefusesACameraFileOfAnotherSize) {
     (void)open_openni(data_folder() / "oni/kinect_3DJ_12frames.oni", {.camera = folder / "camera.yaml", .copy_to = {}});
   };
   EXPECT_NE(error_of(open).find("is for 320x240 pixels"), std::string::npos);
-}
-
-TEST(ColourRegistration, FindsTheColourOfAPointThatBothCamerasSee) {
-  const Camera depth{.width = 64, .height = 48, .fx = 60, .fy = 60, .cx = 31.5, .cy = 23.5};
-  ColourCamera colour{.camera = {.width = 80, .height = 60, .fx = 75, .fy = 75, .cx = 39.5, .cy = 29.5}};
-  colour.colour_from_depth.translation().x() = -0.1;  // the colour camera is 10 cm to the right
-  std::vector<std::uint32_t> image(80 * 60);
-  for (std::uint32_t i = 0; i < image.size(); ++i) image[i] = 1 + i;
-  const std::vector<float> near(64 * 48, 1.0f);
-  const auto registered = ColourRegistration(depth, colour)(near, image);
-  for (int y = 0; y < 48; y += 5)
-    for (int x = 0; x < 64; x += 5) {
-      const Eigen::Vector3d point = colour.colour_from_depth * Eigen::Vector3d(depth.ray(x, y));
-      const Eigen::Vector2d pixel = colour.camera.project(point);
-      const auto u = std::lround(pixel.x()), v = std::lround(pixel.y());
-      const bool inside = u >= 0 && u < 80 && v >= 0 && v < 60;
-      EXPECT_EQ(registered[static_cast<std::size_t>(y * 64 + x)],
-                inside ? image[static_cast<std::size_t>(v * 80 + u)] : 0);
-    }
 }
 
 TEST(CameraFile, TellsFileAndLineOfWhatIsWrong) {
@@ -285,7 +266,7 @@ TEST(Recorder, KeepsDepthAndTimesAsTheyWere) {
     writer.add(encode({.timestamp = 1.5, .depth = depth, .colour_delay = 0.004, .colour = colour}, camera, true));
   }
   const auto source = open_recording(folder / "a");
-  EXPECT_EQ(source->camera().fy, 5);
+  EXPECT_EQ(source->rig().depth.fy, 5);
   const auto frame = source->next();
   ASSERT_TRUE(frame);
   EXPECT_EQ(frame->timestamp, 1.5);

@@ -41,7 +41,7 @@ struct Watched {
 
 TEST(GrowingSurface, IsInTheEndTheWholeMeshAndCostsLittleByFrame) {
   const auto source = open_synthetic({.scene = "room", .first = 0, .frames = 40});
-  Mapper mapper(source->camera());
+  Mapper mapper(source->rig());
   LiveSurface surface(mapper);
   Watched watched;
   while (const auto frame = source->next()) {
@@ -64,7 +64,7 @@ TEST(GrowingSurface, IsInTheEndTheWholeMeshAndCostsLittleByFrame) {
 
 TEST(GrowingSurface, LiesWhereTheWholeMeshLies) {
   const auto source = open_synthetic({.scene = "room", .first = 0, .frames = 5});
-  Mapper mapper(source->camera());
+  Mapper mapper(source->rig());
   while (const auto frame = source->next()) (void)mapper.add(*frame);
   const SurfaceChanges changes = LiveSurface(mapper).changes(1 << 20, true);
   ASSERT_EQ(changes.world_from_submap.size(), 1u);

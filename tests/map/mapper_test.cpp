@@ -222,7 +222,7 @@ TEST(Mapper, KeepsItsPosesWhenTheyCannotBeRefined) {
 /// A recording that breaks in the middle.
 class BrokenSource : public Source {
  public:
-  [[nodiscard]] const Camera& camera() const override { return camera_; }
+  [[nodiscard]] const Rig& rig() const override { return rig_; }
   [[nodiscard]] std::optional<int> size() const override { return std::nullopt; }
   [[nodiscard]] std::optional<Frame> next() override {
     if (next_ == 5) throw std::runtime_error("the disk went away");
@@ -230,7 +230,7 @@ class BrokenSource : public Source {
   }
 
  private:
-  Camera camera_ = small_camera();
+  Rig rig_ = small_camera();
   std::size_t next_ = 0;
 };
 

@@ -14,13 +14,14 @@ const Camera kSmall{160, 120, 131.25, 131.25, 79.5, 59.5, {}};
 class Given final : public Source {
  public:
   explicit Given(std::vector<Frame> frames) : frames_(std::move(frames)) {}
-  [[nodiscard]] const Camera& camera() const override { return kSmall; }
+  [[nodiscard]] const Rig& rig() const override { return rig_; }
   [[nodiscard]] std::optional<int> size() const override { return static_cast<int>(frames_.size() - next_); }
   [[nodiscard]] std::optional<Frame> next() override {
     return next_ < frames_.size() ? std::optional(frames_[next_++]) : std::nullopt;
   }
 
  private:
+  Rig rig_ = kSmall;
   std::vector<Frame> frames_;
   std::size_t next_ = 0;
 };

@@ -66,7 +66,9 @@ TEST(SessionFiles, ComeBackAsTheyWereWritten) {
 TEST(SessionFiles, HaveTheSameBytesWhenTheyAreReadAndWrittenAgain) {
   const TemporaryFolder folder;
   SessionState s = small_session();
-  s.camera.distortion = {0.1, 0.2, 0.3, 0.4, 0.5};
+  s.rig.depth.distortion = {0.1, 0.2, 0.3, 0.4, 0.5};
+  s.rig.colour = ColourCamera{.camera = {.width = 1280, .height = 720, .lens = Lens::fisheye}};
+  s.rig.colour->colour_from_depth.translation().x() = 0.05;
   s.back_end.atlas.keyframes[1].acceleration = Eigen::Vector3d(1, 2, 3);
   s.back_end.atlas.recordings = {1};
   s.back_end.submaps = {true, false};
@@ -79,7 +81,7 @@ TEST(SessionFiles, HaveTheSameBytesWhenTheyAreReadAndWrittenAgain) {
   const ReadSession read = read_session(folder / "s");
   SessionWriter(folder / "again").write(read.session, read.active);
   EXPECT_EQ(read_bytes(folder / "again" / "state.cbor"), read_bytes(folder / "s" / "state.cbor"));
-  EXPECT_EQ(read.session.camera, s.camera);
+  EXPECT_EQ(read.session.rig, s.rig);
   EXPECT_EQ(read.session.back_end.atlas.keyframes[0].acceleration, std::nullopt);
   EXPECT_EQ(read.session.back_end.atlas.keyframes[1].acceleration, Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(read.session.back_end.submaps, s.back_end.submaps);
@@ -134,10 +136,10 @@ TEST(SessionFiles, WithNumbersOfWhatDoesNotExistAreDamaged) {
         s.residency.on_host = {{1 << 30, 0, 0}}, s.residency.host_last_seen = {1};
       },
       [](SessionState& s) { s.residency.origin.x() = std::numeric_limits<int>::min(); },
-      [](SessionState& s) { s.camera.width = 0; },
-      [](SessionState& s) { s.camera.height = 1 << 30; },
-      [](SessionState& s) { s.camera.fx = -1; },
-      [&](SessionState& s) { s.camera.cx = nan; },
+      [](SessionState& s) { s.rig.depth.width = 0; },
+      [](SessionState& s) { s.rig.depth.height = 1 << 30; },
+      [](SessionState& s) { s.rig.depth.fx = -1; },
+      [&](SessionState& s) { s.rig.depth.cx = nan; },
       [](SessionState& s) { s.fuse.voxel_size = 0; },
       [](SessionState& s) { s.fuse.truncation = 0; },
       [](SessionState& s) { s.max_depth = 1e9f; },
@@ -180,13 +182,13 @@ TEST(SessionFiles, ThatAreNoStateAreDamagedInPlainWords) {
 TEST(SessionFiles, OfWhichAnEntryHasTheWrongLengthTellWhichOne) {
   const TemporaryFolder folder;
   fs::create_directory(folder / "s");
-  const std::string begin = std::string("\xa1\x66") + "camera";  // of a map with one entry
+  const std::string begin = std::string("\xa1\x63") + "rig";  // of a map with one entry
   const auto told = [&](const std::string& camera) {
     write_text(folder / "s" / "state.cbor", state_of(begin + camera));
     return error_of([&] { (void)read_session(folder / "s"); });
   };
-  EXPECT_NE(told("\x41x").find("is damaged ('camera' ends early)"), std::string::npos);
-  EXPECT_NE(told("\x58\x60" + std::string(0x60, 'x')).find("is damaged ('camera' is too long)"), std::string::npos);
+  EXPECT_NE(told("\x41x").find("is damaged ('rig' ends early)"), std::string::npos);
+  EXPECT_NE(told("\x58\xff" + std::string(0xff, '\0')).find("is damaged ('rig' is too long)"), std::string::npos);
 }
 
 TEST(SessionFiles, HaveOneWriterAndTheSecondIsToldWhoItIs) {

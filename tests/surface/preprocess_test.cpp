@@ -110,7 +110,7 @@ TEST(Preprocess, UndoesDistortion) {
   Preprocessor preprocessor(test_device(), camera, {}, 1, 0);
   const Surface surface = preprocessor.preprocess(frame);
   const auto fusion = download<shader::uvec2>(*surface.fusion, frame.depth.size());
-  const auto& [k1, k2, p1, p2, k3] = camera.distortion;
+  const auto& [k1, k2, p1, p2, k3, k4, k5, k6] = camera.distortion;
   for (const auto& [x, y] : {std::pair{160, 120}, {60, 60}, {250, 180}, {40, 200}}) {
     const double u = (x - camera.cx) / camera.fx, v = (y - camera.cy) / camera.fy, r2 = u * u + v * v;
     const double radial = 1 + k1 * r2 + k2 * r2 * r2 + k3 * r2 * r2 * r2;
@@ -120,6 +120,79 @@ TEST(Preprocess, UndoesDistortion) {
     EXPECT_NEAR(c & 0xff, (camera.fx * du + camera.cx) / 2, 1.0);
     EXPECT_NEAR((c >> 8) & 0xff, camera.fy * dv + camera.cy, 1.0);
   }
+}
+
+/// Of a colour camera's image, so that its colour tells each pixel: eighths of the column and the row.
+std::vector<std::uint32_t> pixel_colours(const Camera& camera) {
+  std::vector<std::uint32_t> colours;
+  for (int y = 0; y < camera.height; ++y)
+    for (int x = 0; x < camera.width; ++x)
+      colours.push_back(0xff000000u | static_cast<std::uint32_t>(x / 8 + 10) |
+                        static_cast<std::uint32_t>(y / 8 + 10) << 8);
+  return colours;
+}
+
+struct BesideColour {
+  explicit BesideColour(const Camera& colour) {
+    rig.colour.emplace().camera = colour;
+    rig.colour->colour_from_depth =
+        Eigen::Translation3d(-0.1, 0.02, 0.01) * Eigen::AngleAxisd(0.05, Eigen::Vector3d::UnitY());
+  }
+  /// What was brought to depth, by pixel.
+  [[nodiscard]] std::vector<shader::uvec2> fusion(const std::vector<float>& depth) {
+    Frame frame{.depth = depth, .colour = pixel_colours(rig.colour->camera)};
+    Preprocessor preprocessor(test_device(), rig, {}, 1, 0);
+    return download<shader::uvec2>(*preprocessor.preprocess(frame).fusion, depth.size());
+  }
+  Rig rig = small_camera();
+};
+
+TEST(Preprocess, BringsTheColourOfACameraBesideToDepth) {
+  Camera brown{.width = 1280, .height = 720, .fx = 900, .fy = 910, .cx = 640, .cy = 350};
+  brown.distortion = {0.08, -0.05, 0.001, -0.002, 0.01, 0.02, -0.01, 0.005};
+  Camera fisheye = brown;
+  fisheye.lens = Lens::fisheye;
+  fisheye.distortion = {0.02, -0.01, 0.003, -0.001};
+  const Camera small{.width = 200, .height = 150, .fx = 150, .fy = 150, .cx = 100, .cy = 75};
+  for (const Camera& colour : {brown, fisheye, small}) {
+    BesideColour beside(colour);
+    const Camera& depth = beside.rig.depth;
+    const auto fusion = beside.fusion(std::vector<float>(static_cast<std::size_t>(depth.width * depth.height), 1.5f));
+    int seen = 0;
+    for (int y = 4; y < depth.height; y += 7)
+      for (int x = 4; x < depth.width; x += 7) {
+        const Eigen::Vector3d p = beside.rig.colour->colour_from_depth * (1.5 * depth.ray(x, y));
+        const Eigen::Vector2d bent = colour.distort(p.head<2>() / p.z());
+        const double u = colour.fx * bent.x() + colour.cx, v = colour.fy * bent.y() + colour.cy;
+        const std::uint32_t c = fusion[static_cast<std::size_t>(y * depth.width + x)].y;
+        if (u < 3 || v < 3 || u > colour.width - 4 || v > colour.height - 4) {
+          const bool is_outside = u < -1 || v < -1 || u > colour.width || v > colour.height;
+          EXPECT_TRUE(c == 0 || !is_outside) << x << " " << y;
+          continue;
+        }
+        ++seen;
+        EXPECT_NEAR(c & 0xff, u / 8 + 9.5, 0.75) << x << " " << y;
+        EXPECT_NEAR((c >> 8) & 0xff, v / 8 + 9.5, 0.75) << x << " " << y;
+      }
+    EXPECT_GT(seen, 500);
+  }
+}
+
+TEST(Preprocess, LeavesWhatIsHiddenFromTheColourCameraWithoutColour) {
+  BesideColour beside({.width = 640, .height = 480, .fx = 500, .fy = 500, .cx = 320, .cy = 240});
+  beside.rig.colour->colour_from_depth = Eigen::Translation3d(-0.1, 0, 0);  // it looks from the right
+  const Camera& depth = beside.rig.depth;
+  constexpr int kLeft = 140, kRight = 180;  // columns that a post takes
+  std::vector<float> z(static_cast<std::size_t>(depth.width * depth.height), 2.0f);
+  for (int y = 0; y < depth.height; ++y)
+    for (int x = kLeft; x < kRight; ++x) z[static_cast<std::size_t>(y * depth.width + x)] = 1.0f;
+  const auto fusion = beside.fusion(z);
+  const auto has_colour = [&](int x) { return fusion[static_cast<std::size_t>(120 * depth.width + x)].y != 0; };
+  // The post hides as much of the wall on its left as it is shifted by more than the wall.
+  const int shadow = static_cast<int>(0.1 * depth.fx * (1 / 1.0 - 1 / 2.0));
+  for (int x = kLeft - shadow + 2; x < kLeft - 2; ++x) EXPECT_FALSE(has_colour(x)) << x;
+  for (const int x : {kLeft - shadow - 5, kLeft + 5, kRight - 5, kRight + 5, kRight + 20})
+    EXPECT_TRUE(has_colour(x)) << x;
 }
 
 }  // namespace

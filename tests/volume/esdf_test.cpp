@@ -264,7 +264,7 @@ TEST(Esdf, EqualsARebuildAllAlongARecording) {
   const auto source =
       with_poses(open_source(folder, {.range = {.begin = 0, .end = 180, .step = 6}}), recorded_truth(folder));
   const FuseOptions fuse;
-  Preprocessor preprocessor(test_device(), source->camera(), {}, 3, 1);
+  Preprocessor preprocessor(test_device(), source->rig(), {}, 3, 1);
   Integrator integrator(test_device(), preprocessor.camera(), {});
   Volume volume(test_device(), fuse, 5.0f);
   Esdf live(test_device(), fuse, {});

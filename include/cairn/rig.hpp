@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <Eigen/Geometry>
+#include <filesystem>
+#include <optional>
+#include <utility>
+
+#include "cairn/camera.hpp"
+
+namespace cairn {
+
+/// A colour camera that looks from beside the depth camera.
+struct ColourCamera {
+  Camera camera;
+  Eigen::Isometry3d colour_from_depth = Eigen::Isometry3d::Identity();  ///< from the depth camera's frame to its own
+
+  friend bool operator==(const ColourCamera& a, const ColourCamera& b) {
+    return a.camera == b.camera && a.colour_from_depth.matrix() == b.colour_from_depth.matrix();
+  }
+};
+
+/// The cameras of a sensor. Poses are the depth camera's everywhere.
+struct Rig {
+  Rig() = default;
+  /// A sensor that gives colour on depth, or none.
+  Rig(const Camera& registered) : depth(registered) {}
+  Rig(const Camera& depth_camera, std::optional<ColourCamera> colour_camera)
+      : depth(depth_camera), colour(std::move(colour_camera)) {}
+
+  Camera depth;
+  std::optional<ColourCamera> colour;  ///< none: colour is registered to depth, it has that camera's size and view
+
+  friend bool operator==(const Rig&, const Rig&) = default;
+  /// The camera whose size and view colour images have.
+  [[nodiscard]] const Camera& colour_view() const { return colour ? colour->camera : depth; }
+  [[nodiscard]] Eigen::Isometry3d depth_from_colour() const {
+    return colour ? colour->colour_from_depth.inverse() : Eigen::Isometry3d::Identity();
+  }
+};
+
+/// Throws std::runtime_error as check(Camera) does, and for cameras more than 10 m apart or what is no rotation.
+void check(const Rig& rig);
+
+/// The cameras of a camera.yaml, see docs/formats.md. Throws std::runtime_error with file and line, or file and key.
+[[nodiscard]] Rig read_rig(const std::filesystem::path& camera_file);
+
+}  // namespace cairn

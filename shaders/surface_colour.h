@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Where a depth pixel's point is seen by the colour camera.
+#ifndef CAIRN_SURFACE_COLOUR_H
+#define CAIRN_SURFACE_COLOUR_H
+#include "shaders/surface.h"
+
+// Its pixel; false where the camera does not see it. `z`: its depth there.
+bool seen_at(ColourView view, vec3 point, out vec2 pixel, out float z) {
+  vec3 p = transform(view.colour_from_depth, point);
+  z = p.z;
+  vec2 n = p.xy / max(p.z, 1e-3);
+  pixel = bend(view.lens, n) * vec2(view.camera.fx, view.camera.fy) + vec2(view.camera.cx, view.camera.cy);
+  return p.z > 1e-3 && dot(n, n) < view.widest * view.widest && min(pixel.x, pixel.y) >= 0.0 &&
+         pixel.x <= float(view.camera.width - 1u) && pixel.y <= float(view.camera.height - 1u);
+}
+
+uvec2 cells_of(ColourView view) { return (uvec2(view.camera.width, view.camera.height) + view.cell - 1u) / view.cell; }
+#endif
