@@ -33,6 +33,8 @@ int run(int argc, char** argv) {
   cairn::apps::add_live(program);
   cairn::apps::add_record(program);
   cairn::apps::add_view(program);
+  cairn::apps::add_info(program);
+  cairn::apps::add_calibrate(program);
   cairn::apps::add_synth(program);
   cairn::apps::add_esdf(program);
   cairn::apps::add_evaluate(program);

@@ -268,7 +268,7 @@ void add_run_options(CLI::App& command, RunArguments& a) {
                   "Folder for mesh.glb, map.vdb, trajectory.txt, graph.svg, report.html and the session")
       ->required();
   command.add_option("--config", a.config, "YAML file that overrides options")->check(CLI::ExistingFile);
-  command.add_option("--camera", a.camera, "camera.yaml instead of a sensor's or .oni file's own intrinsics")
+  command.add_option("--camera", a.camera, "camera.yaml in place of what the recording or sensor tells of its cameras")
       ->check(CLI::ExistingFile);
   command.add_option("--voxel-size", a.voxel_size, "Metres; the truncation is four voxels [0.01]");
   command.add_option("--device", a.device, "Vulkan device as `cairn devices` numbers them; -1 chooses")

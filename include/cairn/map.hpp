@@ -3,12 +3,14 @@
 #pragma once
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "cairn/esdf.hpp"
 #include "cairn/export.hpp"
 #include "cairn/mesh.hpp"
 #include "cairn/reports.hpp"
+#include "cairn/rig.hpp"
 #include "cairn/trajectory.hpp"
 
 namespace cairn {
@@ -44,6 +46,13 @@ class Map {
   void write_grids(const std::filesystem::path& file);
   /// Writes the keyframes' pose graph by the extension: .g2o, or .svg, a picture of it. Whole or not at all.
   void write_graph(const std::filesystem::path& file) const;
+
+  /// The cameras as the keyframes tell them: where colour does not lie on depth as it should, the colour camera with
+  /// which what they see of the same surface agrees best (as Zhou & Koltun 2014 move images). Nothing where the cameras
+  /// that the map was made with are right as far as can be seen. For textures export_mesh does the same by itself; a
+  /// recording that is reconstructed again with the found cameras is also tracked and fused with them. Throws
+  /// std::runtime_error for a map without keyframes or without colour.
+  [[nodiscard]] std::optional<Rig> find_colour_camera();
 
   /// Recordings that the map is made of, at least one.
   [[nodiscard]] int recordings() const;

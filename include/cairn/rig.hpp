@@ -44,5 +44,7 @@ void check(const Rig& rig);
 
 /// The cameras of a camera.yaml, see docs/formats.md. Throws std::runtime_error with file and line, or file and key.
 [[nodiscard]] Rig read_rig(const std::filesystem::path& camera_file);
+/// Writes such a file, whole or not at all, without a unit of depth, which is the recording's.
+void write_rig(const std::filesystem::path& camera_file, const Rig& rig);
 
 }  // namespace cairn

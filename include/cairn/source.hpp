@@ -21,8 +21,9 @@ struct FrameRange {
 
 struct SourceOptions {
   FrameRange range;
-  std::filesystem::path camera;  ///< camera.yaml: for a sensor or .oni file its intrinsics, and where the colour camera
-                                 ///< is when the device cannot register depth to colour; empty: from the field of view
+  std::filesystem::path
+      camera;  ///< camera.yaml in place of the intrinsics that the recording or sensor tells, and where
+               ///< the colour camera is (of a sensor: when it cannot register depth to colour itself)
   std::filesystem::path copy_to;  ///< .oni file that gets every image of a sensor, depth exactly; empty: none
 };
 

@@ -265,7 +265,7 @@ ViewError evaluate_views(const std::vector<Mesh>& parts, Source& recording,
     if (i % step != 0 || !frame->world_from_camera || frame->colour.empty() || frame->problem) continue;
     const RenderedView view =
         render_mesh(parts, camera, world_from_recording * *frame->world_from_camera * depth_from_colour);
-    *frame = in_colour(*std::move(frame));
+    *frame = in_colour(std::move(*frame));
     if (camera.distorted()) *frame = rectified(*frame, camera);
     for (std::size_t p = 0; p < frame->depth.size(); ++p) {
       if (!(frame->depth[p] > 0)) continue;

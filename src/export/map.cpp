@@ -17,6 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::uint64_t kViewMemory = std::uint64_t{512} << 20;  // bytes of keyframes on the device
+
 /// A keyframe's velocity from the frames around it, where they are close in time.
 template <class Frames, class Pose>
 Vector6d velocity_at(const Frames& frames, std::size_t i, const Pose& pose) {
@@ -88,6 +90,7 @@ class MapperContents final : public Map::Contents {
       write_g2o(file, state_->back_end.atlas().graph());
   }
 
+  std::optional<Rig> find_colour_camera() override;
   int recordings() const override { return state_->recordings(); }
   Trajectory trajectory(int recording) const override { return state_->trajectory(recording); }
   Statistics statistics() const override { return state_->statistics(); }
@@ -95,6 +98,32 @@ class MapperContents final : public Map::Contents {
  private:
   std::shared_ptr<MapState> state_;
 };
+
+std::optional<Rig> MapperContents::find_colour_camera() {
+  MapState& s = *state_;
+  Volume& world = s.world();
+  const KeyframeStore& images = s.is_tracked() ? s.back_end.images() : s.given.images;
+  images.wait();
+  TextureViews views(
+      world, s.rig, s.options.surface, texture_keyframes(s), [&](std::size_t image) { return images.get(image); },
+      kViewMemory);
+  if (views.size() == 0) throw std::runtime_error("the map has no keyframes that could tell how colour lies on depth");
+  if (!views.compensate_exposure())
+    throw std::runtime_error("the keyframes have no colour, whose camera could be found");
+  views.register_colour();
+  const shader::ColourCamera& found = views.colour_camera();
+  const Eigen::Vector3d turn = Eigen::Vector3f(found.rotation).cast<double>(),
+                        shift = Eigen::Vector3f(found.translation).cast<double>();
+  if (turn.isZero() && shift.isZero() && found.focal_scale == 1) return std::nullopt;
+  ColourCamera colour{.camera = s.rig.colour_view()};
+  colour.camera.fx *= static_cast<double>(found.focal_scale);
+  colour.camera.fy *= static_cast<double>(found.focal_scale);
+  Eigen::Isometry3d correction = Eigen::Isometry3d::Identity();
+  if (!turn.isZero()) correction.linear() = Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
+  correction.translation() = shift;
+  colour.colour_from_depth = correction * s.rig.depth_from_colour().inverse();
+  return Rig(s.rig.depth, colour);
+}
 
 Exported MapperContents::export_mesh(const fs::path& file, const ExportOptions& options,
                                      const ExportProgress& progress) {
@@ -166,6 +195,9 @@ class GridContents final : public Map::Contents {
     throw std::runtime_error(file.string() + ": cannot be written: " + file_.string() + " has no pose graph");
   }
 
+  std::optional<Rig> find_colour_camera() override {
+    throw std::runtime_error(file_.string() + ": has no keyframes that could tell how colour lies on depth");
+  }
   int recordings() const override { return 1; }
   Trajectory trajectory(int) const override { return {}; }
   Statistics statistics() const override { return {}; }
@@ -209,6 +241,7 @@ std::shared_ptr<const DistanceField> Map::distances() { return contents_->distan
 Exported Map::export_mesh(const fs::path& file, const ExportOptions& options, const ExportProgress& progress) {
   return contents_->export_mesh(file, options, progress);
 }
+std::optional<Rig> Map::find_colour_camera() { return contents_->find_colour_camera(); }
 void Map::write_grids(const fs::path& file) { contents_->write_grids(file); }
 void Map::write_graph(const fs::path& file) const { contents_->write_graph(file); }
 int Map::recordings() const { return contents_->recordings(); }

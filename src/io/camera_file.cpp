@@ -14,6 +14,7 @@
 
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
+#include "cairn/atomic_file.hpp"
 
 namespace cairn {
 namespace {
@@ -93,7 +94,7 @@ CameraFile read_camera_file(const std::filesystem::path& file) {
     const YAML::Node y = YAML::Load(std::string(bytes.begin(), bytes.end()));
     CameraFile read{.rig = read_camera(y)};
     if (y["depth_scale"]) read.depth_scale = value_of<double>(y["depth_scale"], "depth_scale", "a number");
-    check_depth_scale(read.depth_scale);
+    check_depth_scale(*read.depth_scale);
     if (y["colour"]) read.rig.colour = read_colour_camera(y["colour"]);
     return read;
   } catch (const YAML::Exception& error) {
@@ -104,6 +105,11 @@ CameraFile read_camera_file(const std::filesystem::path& file) {
 }
 
 Rig read_rig(const std::filesystem::path& file) { return read_camera_file(file).rig; }
+
+void write_rig(const std::filesystem::path& file, const Rig& rig) {
+  const std::string text = camera_file_text({.rig = rig, .depth_scale = {}});
+  write_whole(file, text);
+}
 
 std::string camera_file_text(const CameraFile& file) {
   const auto lines = [](const Camera& c, const char* indent) {
@@ -116,7 +122,8 @@ std::string camera_file_text(const CameraFile& file) {
         c.lens == Lens::fisheye ? fmt::format("lens: fisheye\n{}", indent) : "",
         fmt::join(c.distortion.begin(), c.distortion.begin() + static_cast<std::ptrdiff_t>(terms), ", "));
   };
-  std::string text = lines(file.rig.depth, "") + fmt::format("depth_scale: {}\n", file.depth_scale);
+  std::string text = lines(file.rig.depth, "");
+  if (file.depth_scale) text += fmt::format("depth_scale: {}\n", *file.depth_scale);
   if (!file.rig.colour) return text;
   const Eigen::Isometry3d& pose = file.rig.colour->colour_from_depth;
   const Eigen::Quaterniond q(pose.linear());

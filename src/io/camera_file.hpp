@@ -3,6 +3,7 @@
 // camera.yaml: what a camera is, beside its images or given by hand.
 #pragma once
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "cairn/rig.hpp"
@@ -11,7 +12,7 @@ namespace cairn {
 
 struct CameraFile {
   Rig rig;
-  double depth_scale = 5000.0;  // depth image units per metre
+  std::optional<double> depth_scale = 5000.0;  // depth image units per metre; none is written of one that is not known
 };
 
 /// Throws std::runtime_error with the value and the range that is allowed.

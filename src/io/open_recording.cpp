@@ -131,8 +131,10 @@ class WithPoses final : public WrappedSource {
 
 }  // namespace
 
-std::unique_ptr<Source> open_recording(const fs::path& folder, const FrameRange& range) {
-  return std::make_unique<RecordingSource>(read_recording(folder), range);
+std::unique_ptr<Source> open_recording(const fs::path& folder, const FrameRange& range, const fs::path& camera) {
+  Recording recording = read_recording(folder);
+  if (!camera.empty()) recording.rig = read_rig(camera);
+  return std::make_unique<RecordingSource>(std::move(recording), range);
 }
 
 std::unique_ptr<Source> with_poses(std::unique_ptr<Source> source, Trajectory world_from_camera, double max_gap) {

@@ -52,15 +52,14 @@ std::unique_ptr<Source> open_source(const std::string& name, const SourceOptions
     return std::make_unique<InRange>(open_openni(uri, {.camera = options.camera, .copy_to = options.copy_to}),
                                      options.range);
   }
-  if (!options.camera.empty())
+  if (is_synthetic(name) && !options.camera.empty())
     throw std::runtime_error(name +
-                             ": has its own camera: another one (SourceOptions::camera) is for sensors and .oni "
-                             "files");
+                             ": has its own camera: another one (SourceOptions::camera) is for recordings and sensors");
   if (is_synthetic(name))
     return open_synthetic({.scene = name.substr(kSynthetic.size()),
                            .first = options.range.begin,
                            .frames = options.range.end.value_or(kSyntheticFrames)});
-  return open_recording(name, options.range);
+  return open_recording(name, options.range, options.camera);
 }
 
 }  // namespace cairn

@@ -35,7 +35,9 @@ struct Recording {
 [[nodiscard]] std::optional<Recording> read_icl_nuim(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_intrinsics_folder(const std::filesystem::path& folder);
 
-/// The frames of a folder, whatever its layout. Throws std::runtime_error with what is missing, where, and what to do.
-[[nodiscard]] std::unique_ptr<Source> open_recording(const std::filesystem::path& folder, const FrameRange& range = {});
+/// The frames of a folder, whatever its layout. `camera`: a camera.yaml in place of what it says of its cameras. Throws
+/// std::runtime_error with what is missing, where, and what to do.
+[[nodiscard]] std::unique_ptr<Source> open_recording(const std::filesystem::path& folder, const FrameRange& range = {},
+                                                     const std::filesystem::path& camera = {});
 
 }  // namespace cairn

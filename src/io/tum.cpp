@@ -67,7 +67,7 @@ std::vector<int> associate(const std::vector<Stamped>& depth, const std::vector<
 
 void use(const CameraFile& file, Recording& recording) {
   recording.rig = file.rig;
-  recording.depth_scale = file.depth_scale;
+  recording.depth_scale = *file.depth_scale;
 }
 
 /// Calibrations published with the benchmark.

@@ -176,7 +176,7 @@ test('every reason stands for a line that is there', () => {
 test('every option that is named is one', () => {
   const help = (...args) => spawnSync(cairn, [...args, '--help'], { encoding: 'utf8' }).stdout;
   const subcommands = ['reconstruct', 'export', 'live', 'record', 'view', 'synth', 'esdf', 'merge', 'devices',
-    'evaluate', 'graph'].map((name) => [name]);
+    'evaluate', 'graph', 'info', 'calibrate'].map((name) => [name]);
   for (const name of ['trajectory', 'mesh', 'views', 'topology', 'distances', 'loops']) subcommands.push(['evaluate', name]);
   subcommands.push(['graph', 'optimise']);
   const known = new Set([...help(), ...subcommands.map((words) => help(...words))].join('').match(/--[a-z][a-z-]*/g));

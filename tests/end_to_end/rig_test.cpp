@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // A sensor whose colour camera looks from beside the depth camera, with images of another size.
+
+#include "cairn/rig.hpp"
+
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
@@ -71,6 +74,47 @@ TEST(Rig, IsTrackedFusedAndTexturedFromBothOfItsCameras) {
   const double without = psnr_of(map, recording);
   RecordProperty("psnr_without_db", std::to_string(without));
   EXPECT_LT(without, psnr - 2);
+}
+
+/// How far apart two colour cameras see the same points of a room: pixels, the mean.
+double apart(const ColourCamera& a, const ColourCamera& b, const Camera& depth) {
+  double sum = 0;
+  int count = 0;
+  for (const double z : {1.0, 2.0, 3.0})
+    for (int y = 20; y < depth.height; y += 40)
+      for (int x = 20; x < depth.width; x += 40, ++count) {
+        const auto seen = [&](const ColourCamera& c) {
+          return c.camera.project(c.colour_from_depth * Eigen::Vector3d(z * depth.ray(x, y)));
+        };
+        sum += (seen(a) - seen(b)).norm();
+      }
+  return sum / count;
+}
+
+TEST(Rig, FindsAColourCameraThatIsNotWhereItIsSaidToBe) {
+  const TemporaryFolder folder;
+  const fs::path recording = folder / "recording", map = folder / "map", found = folder / "found.yaml";
+  Rig truth(Camera{.width = 320, .height = 240, .fx = 262.5, .fy = 262.5, .cx = 159.5, .cy = 119.5});
+  truth.colour.emplace().camera = truth.depth;
+  Rig wrong = truth;
+  truth.colour->camera.fx = truth.colour->camera.fy = 240;  // as a Kinect's two lenses differ
+  truth.colour->colour_from_depth.translation().x() = -0.025;
+  write_rig(folder / "truth.yaml", truth);
+  write_rig(folder / "wrong.yaml", wrong);
+  EXPECT_EQ(read_rig(folder / "truth.yaml"), truth);
+  Ran ran = run_cairn(
+      {"synth", "room", "-o", recording.string(), "--frames", "120", "--camera", (folder / "truth.yaml").string()});
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  ran = run_cairn({"reconstruct", recording.string(), "-o", map.string(), "--voxel-size", "0.02", "--camera",
+                   (folder / "wrong.yaml").string()});
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  ran = run_cairn({"calibrate", map.string(), "-o", found.string()});
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  ASSERT_TRUE(fs::exists(found)) << ran.out;
+  const double before = apart(*wrong.colour, *truth.colour, truth.depth),
+               after = apart(*read_rig(found).colour, *truth.colour, truth.depth);
+  RecordProperty("pixels", std::to_string(before) + " " + std::to_string(after));
+  EXPECT_LT(after, 0.35 * before);
 }
 
 }  // namespace

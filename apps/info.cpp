@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "cairn/inspect.hpp"
+#include "cairn/source.hpp"
+#include "commands.hpp"
+
+namespace cairn::apps {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Arguments {
+  std::string sequence;
+  std::filesystem::path camera, picture;
+  int frames = 100, frame = 0;
+  bool json = false;
+};
+
+std::string lens_of(const Camera& c) {
+  if (!c.distorted()) return "none";
+  const auto last = std::find_if(c.distortion.rbegin(), c.distortion.rend(), [](double k) { return k != 0; }).base();
+  return fmt::format("{} {}", c.lens == Lens::fisheye ? "fisheye" : "Brown-Conrady",
+                     fmt::join(c.distortion.begin(), last, ", "));
+}
+
+Json json_of(const Camera& c) {
+  return {{"width", c.width},
+          {"height", c.height},
+          {"fx", c.fx},
+          {"fy", c.fy},
+          {"cx", c.cx},
+          {"cy", c.cy},
+          {"lens", c.lens == Lens::fisheye ? "fisheye" : "brown_conrady"},
+          {"distortion", c.distortion}};
+}
+
+Json json_of(const SourceSummary& s) {
+  Json j{{"depth_camera", json_of(s.rig.depth)}, {"colour_registered", !s.rig.colour}};
+  if (s.rig.colour) {
+    const Eigen::Isometry3d& pose = s.rig.colour->colour_from_depth;
+    const Eigen::Quaterniond q(pose.linear());
+    j["colour_camera"] = json_of(s.rig.colour->camera);
+    j["colour_from_depth"] = {{"translation", {pose.translation().x(), pose.translation().y(), pose.translation().z()}},
+                              {"rotation", {q.x(), q.y(), q.z(), q.w()}}};
+  }
+  if (s.frames) j["frames"] = *s.frames;
+  j.update(Json{{"looked_at", s.looked_at},
+                {"unreadable", s.unreadable},
+                {"seconds", s.seconds},
+                {"frames_per_second", s.rate},
+                {"depth_m", {{"nearest", s.nearest}, {"median", s.median}, {"farthest", s.farthest}}},
+                {"measured_share", s.measured_share},
+                {"with_colour", s.with_colour},
+                {"colour_delay", s.colour_delay},
+                {"with_pose", s.with_pose},
+                {"with_acceleration", s.with_acceleration},
+                {"doubts", s.doubts}});
+  return j;
+}
+
+void print(const Camera& c, const char* name) {
+  fmt::print("{:<16}{}x{}, fx {:.2f} fy {:.2f} cx {:.2f} cy {:.2f} pixels\n", name, c.width, c.height, c.fx, c.fy, c.cx,
+             c.cy);
+  fmt::print("  {:<14}{}\n", "distortion", lens_of(c));
+}
+
+void print(const SourceSummary& s) {
+  print(s.rig.depth, "depth camera");
+  if (s.rig.colour) {
+    print(s.rig.colour->camera, "colour camera");
+    const Eigen::Isometry3d& pose = s.rig.colour->colour_from_depth;
+    const Eigen::Vector3d t = 100 * pose.translation();
+    fmt::print("  {:<14}{:.2f} {:.2f} {:.2f} cm, turned by {:.2f} degrees (colour_from_depth)\n", "beside depth", t.x(),
+               t.y(), t.z(), Eigen::AngleAxisd(pose.linear()).angle() * 57.29578);
+  } else {
+    fmt::print("{:<16}registered to depth\n", "colour");
+  }
+  fmt::print("{:<16}{}, {:.1f} a second\n", "frames", s.frames ? std::to_string(*s.frames) : "not known", s.rate);
+  fmt::print("{:<16}{} frames, {:.2f} s\n", "looked at", s.looked_at, s.seconds);
+  fmt::print("{:<16}{:.2f} to {:.2f} m, half beyond {:.2f} m; {:.0f} % of the pixels\n", "depth", s.nearest, s.farthest,
+             s.median, 100 * s.measured_share);
+  fmt::print("{:<16}with {} of these, {:+.1f} ms beside depth\n", "colour images", s.with_colour,
+             1000 * s.colour_delay);
+  fmt::print("{:<16}with {} of these\n", "poses", s.with_pose);
+  fmt::print("{:<16}with {} of these\n", "accelerometer", s.with_acceleration);
+  for (const std::string& doubt : s.doubts) fmt::print("{:<16}{}\n", "doubt", doubt);
+  if (s.doubts.empty()) fmt::print("{:<16}none\n", "doubts");
+}
+
+void draw(const Arguments& a) {
+  const auto source =
+      open_source(a.sequence, {.range = {.begin = a.frame, .end = a.frame + 1}, .camera = a.camera, .copy_to = {}});
+  const auto frame = source->next();
+  if (!frame) throw std::runtime_error(fmt::format("{}: has no frame {}", a.sequence, a.frame));
+  if (frame->problem) throw std::runtime_error(*frame->problem);
+  write_edges_picture(a.picture, source->rig(), *frame);
+}
+
+void info(const Arguments& a) {
+  const auto source = open_source(a.sequence, {.range = {}, .camera = a.camera, .copy_to = {}});
+  SourceSummary summary = inspect(*source, a.frames);
+  // Poses that lie in files beside the images are no part of frames until they are asked for.
+  if (!is_sensor(a.sequence) && !is_synthetic(a.sequence) && std::filesystem::is_directory(a.sequence))
+    summary.with_pose =
+        std::max(summary.with_pose, std::min(summary.looked_at, static_cast<int>(recorded_truth(a.sequence).size())));
+  if (a.json)
+    fmt::print("{}\n", json_of(summary).dump(2));
+  else
+    print(summary);
+  if (!a.picture.empty()) draw(a);
+}
+
+}  // namespace
+
+void add_info(CLI::App& program) {
+  auto* command = program.add_subcommand("info", "Tell what a recording or a sensor gives, as Cairn understands it");
+  const auto a = std::make_shared<Arguments>();
+  command->add_option("SEQUENCE", a->sequence, "Folder, file, openni: or synthetic:NAME")->required();
+  command
+      ->add_option("--camera", a->camera, "camera.yaml in place of what the recording or sensor tells of its cameras")
+      ->check(CLI::ExistingFile);
+  command->add_option("--frames", a->frames, "So many are looked at, from the first")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  command->add_option("--picture", a->picture, "PNG of a frame's colour with the edges of depth drawn over it");
+  command->add_option("--frame", a->frame, "That is drawn")->capture_default_str()->check(CLI::NonNegativeNumber);
+  command->add_flag("--json", a->json, "Print JSON");
+  command->callback([a] { info(*a); });
+}
+
+}  // namespace cairn::apps
