@@ -32,6 +32,7 @@ struct SourceOptions {
 /// - a folder, whose layout is recognised by its files: TUM RGB-D (rgb.txt and depth.txt), 7-Scenes
 ///   (frame-000000.depth.png), ICL-NUIM (associations.txt with a negative fy), images with intrinsics.json;
 /// - an .oni file;
+/// - an .mkv file of the Azure Kinect's recorder;
 /// - `openni:` for the first sensor, `openni:URI` for the one that OpenNI2 has under this URI;
 /// - `synthetic:NAME`, a scene (see synthetic_scene) rendered on the fly.
 ///

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <stdexcept>
 
 #include "cairn/source.hpp"
+#include "io/azure_kinect.hpp"
 #include "io/openni.hpp"
 #include "io/recording.hpp"
 #include "synth/source.hpp"
@@ -40,7 +43,34 @@ class InRange final : public WrappedSource {
   int read_ = 0, next_;
 };
 
+/// A source whose cameras somebody knows better.
+class WithCameras final : public WrappedSource {
+ public:
+  WithCameras(std::unique_ptr<Source> source, const Rig& rig) : WrappedSource(std::move(source)), rig_(rig) {}
+  const Rig& rig() const override { return rig_; }
+  std::optional<double> next_timestamp() const override { return source_->next_timestamp(); }
+  void skip() override { source_->skip(); }
+  std::optional<Frame> next() override { return source_->next(); }
+
+ private:
+  Rig rig_;
+};
+
 }  // namespace
+
+std::unique_ptr<Source> with_cameras(std::unique_ptr<Source> source, const std::filesystem::path& camera_file) {
+  if (camera_file.empty()) return source;
+  const Rig rig = read_rig(camera_file);
+  const auto require_same = [&](const Camera& told, const Camera& given, const char* which) {
+    if (told.width != given.width || told.height != given.height)
+      throw std::runtime_error(fmt::format("{}: its {} camera has {}x{} pixels, the images have {}x{}",
+                                           camera_file.string(), which, told.width, told.height, given.width,
+                                           given.height));
+  };
+  require_same(rig.depth, source->rig().depth, "depth");
+  require_same(rig.colour_view(), source->rig().colour_view(), "colour");
+  return std::make_unique<WithCameras>(std::move(source), rig);
+}
 
 bool is_sensor(std::string_view name) { return name.starts_with(kSensor) && !name.ends_with(".oni"); }
 
@@ -59,6 +89,8 @@ std::unique_ptr<Source> open_source(const std::string& name, const SourceOptions
     return open_synthetic({.scene = name.substr(kSynthetic.size()),
                            .first = options.range.begin,
                            .frames = options.range.end.value_or(kSyntheticFrames)});
+  if (name.ends_with(".mkv"))
+    return with_cameras(std::make_unique<InRange>(open_azure_kinect(name), options.range), options.camera);
   return open_recording(name, options.range, options.camera);
 }
 

@@ -35,6 +35,10 @@ struct Recording {
 [[nodiscard]] std::optional<Recording> read_icl_nuim(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_intrinsics_folder(const std::filesystem::path& folder);
 
+/// The source with the cameras of a camera.yaml; as it is without one. Throws std::runtime_error for other sizes.
+[[nodiscard]] std::unique_ptr<Source> with_cameras(std::unique_ptr<Source> source,
+                                                   const std::filesystem::path& camera_file);
+
 /// The frames of a folder, whatever its layout. `camera`: a camera.yaml in place of what it says of its cameras. Throws
 /// std::runtime_error with what is missing, where, and what to do.
 [[nodiscard]] std::unique_ptr<Source> open_recording(const std::filesystem::path& folder, const FrameRange& range = {},

@@ -11,6 +11,9 @@
 #include "mesh/formats.hpp"
 #include "mesh/gltf.hpp"
 #include "session/session_files.hpp"
+#ifdef CAIRN_VIDEO
+#include "support/videos.hpp"
+#endif
 
 using namespace cairn;
 
@@ -182,6 +185,41 @@ void write_oni(const fs::path& folder) {
           record(14, "", std::string(12, '\0') + number(std::uint64_t{24})) + record(11, ""));
 }
 
+#ifdef CAIRN_VIDEO
+std::string jpeg(int width, int height) {
+  std::vector<std::uint8_t> bytes;
+  cv::imencode(".jpg", cv::Mat(height, width, CV_8UC3, cv::Scalar(10, 120, 200)), bytes);
+  return {bytes.begin(), bytes.end()};
+}
+
+/// Two frames whose depth images are cut short, so that the input stays small.
+void write_videos(const fs::path& folder) {
+  const auto camera = [](const std::string& place, const std::string& size) {
+    return R"({"Intrinsics": {"ModelParameters": [0.5, 0.5, 0.5, 0.5, 0.1, 0, 0, 0.1, 0, 0, 0, 0, 0, 0], "ModelType":
+      "CALIBRATION_LensDistortionModelBrownConrady"}, "Location": "CALIBRATION_CameraLocation)" +
+           place + R"(", "Rt": {"Rotation": [1, 0, 0, 0, 1, 0, 0, 0, 1], "Translation": [-0.03, 0, 0]}, )" + size + "}";
+  };
+  MatroskaFile file;
+  file.tracks = {
+      {.tags = {{"title", "COLOR"}}, .codec = MatroskaFile::Codec::mjpeg, .width = 64, .height = 48, .rate = 30},
+      {.tags = {{"title", "DEPTH"}}, .fourcc = "b16g", .width = 320, .height = 288, .rate = 30},
+      {.tags = {{"title", "IMU"}}, .codec = MatroskaFile::Codec::samples}};
+  file.tags = {{"K4A_DEPTH_DELAY_NS", "1000000"}};
+  file.attachment_name = "calibration.json";
+  file.attachment = R"({"CalibrationInformation": {"Cameras": [)" +
+                    camera("D0", R"("SensorWidth": 1024, "SensorHeight": 1024)") + "," +
+                    camera("PV0", R"("SensorWidth": 4096, "SensorHeight": 3072)") +
+                    R"(], "InertialSensors": [{"SensorType": "CALIBRATION_InertialSensorType_Accelerometer",
+          "Rt": {"Rotation": [0, 0, 1, -1, 0, 0, 0, -1, 0], "Translation": [0, 0, 0]}}]}})";
+  for (const double time : {0.0, 0.033}) {
+    file.packets.push_back({0, time, jpeg(64, 48)});
+    file.packets.push_back({1, time, std::string(100, '\4')});
+    file.packets.push_back({2, time, std::string(40, '\1')});
+  }
+  file.write(place(folder, "azure_kinect", "two.mkv"));
+}
+#endif
+
 void write_requests(const fs::path& folder) {
   put(place(folder, "http", "page"), "GET /TOKEN/ HTTP/1.1\r\nHost: HOST\r\n\r\n");
   put(place(folder, "http", "two"),
@@ -210,5 +248,8 @@ int main(int argc, char** argv) {
   write_sessions(folder, work);
   write_oni(folder);
   write_requests(folder);
+#ifdef CAIRN_VIDEO
+  write_videos(folder);
+#endif
   fs::remove_all(work);
 }

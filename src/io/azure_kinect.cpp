@@ -1,0 +1,361 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Recordings of the Azure Kinect: Matroska with tracks of colour, depth and inertial samples, and the factory's
+// calibration as an attachment.
+#include "io/azure_kinect.hpp"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <deque>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "base/json_text.hpp"
+#include "base/words.hpp"
+#include "io/video_file.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+constexpr double kAccelerationWindow = 0.25;  // seconds around a frame, as for TUM recordings
+constexpr double kUsualInterval = 1.0 / 30;   // seconds between depth images, where the file does not tell
+constexpr std::size_t kMostWaiting = 32;      // images: more have the same time, or none
+constexpr float kMetres = 1e-3f;              // of a unit of depth
+
+/// How the depth camera's images are cut from its sensor's, at the calibration's resolution or half of it.
+struct DepthMode {
+  int width, height, sensor, left, top;  // pixels
+};
+constexpr std::array kDepthModes{DepthMode{320, 288, 512, 96, 90}, DepthMode{640, 576, 1024, 192, 180},
+                                 DepthMode{512, 512, 512, 0, 0}, DepthMode{1024, 1024, 1024, 0, 0}};
+
+Eigen::Isometry3d pose_of(const Json& rt) {
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  for (int i = 0; i < 9; ++i)
+    pose.linear()(i / 3, i % 3) = rt.at("Rotation").at(static_cast<std::size_t>(i)).get<double>();
+  for (int i = 0; i < 3; ++i)
+    pose.translation()[i] = rt.at("Translation").at(static_cast<std::size_t>(i)).get<double>();
+  const Eigen::Matrix3d& rotation = pose.linear();
+  if (!(rotation * rotation.transpose()).isIdentity(1e-3) || rotation.determinant() < 0)
+    throw std::runtime_error("a `Rotation` is none");
+  pose.linear() = Eigen::Quaterniond(rotation).normalized().toRotationMatrix();
+  return pose;
+}
+
+/// Intrinsics are fractions of a sensor's image of `sensor` pixels, measured from its corner; of it `left` and `top`
+/// pixels are cut away.
+Camera camera_of(const Json& intrinsics, Eigen::Vector2d sensor, Eigen::Vector2d left_top, int width, int height) {
+  const std::string model = intrinsics.at("ModelType").get<std::string>();
+  if (model != "CALIBRATION_LensDistortionModelBrownConrady")
+    throw std::runtime_error("the lens has the model '" + shown(model) + "', known is Brown and Conrady's only");
+  std::array<double, 14> p{};  // cx cy fx fy, k1 to k6, centre of distortion, p2 p1
+  for (std::size_t i = 0; i < p.size(); ++i) p[i] = intrinsics.at("ModelParameters").at(i).get<double>();
+  if (std::abs(p[10]) > 1e-6 || std::abs(p[11]) > 1e-6)
+    throw std::runtime_error("the lens has a centre of distortion beside its axis, which is not supported");
+  Camera camera{.width = width,
+                .height = height,
+                .fx = p[2] * sensor.x(),
+                .fy = p[3] * sensor.y(),
+                .cx = p[0] * sensor.x() - left_top.x() - 0.5,
+                .cy = p[1] * sensor.y() - left_top.y() - 0.5,
+                .distortion = {p[4], p[5], p[13], p[12], p[6], p[7], p[8], p[9]}};
+  check(camera);
+  return camera;
+}
+
+/// The entry of a list whose `key` is `value`.
+const Json& entry_of(const Json& list, const char* key, const char* value) {
+  for (const Json& entry : list)
+    if (entry.at(key) == value) return entry;
+  throw std::runtime_error(fmt::format("there is no entry with the `{}` {}", key, value));
+}
+
+Camera depth_camera_of(const Json& calibrated, int width, int height) {
+  for (const auto& mode : kDepthModes)
+    if (mode.width == width && mode.height == height)
+      return camera_of(calibrated.at("Intrinsics"), Eigen::Vector2d::Constant(mode.sensor),
+                       Eigen::Vector2d(mode.left, mode.top), width, height);
+  throw std::runtime_error(fmt::format("depth is {}x{}, which no mode of the sensor gives", width, height));
+}
+
+/// Modes of another shape than the calibrated image have its width and the middle of its height.
+Camera colour_camera_of(const Json& calibrated, int width, int height) {
+  const double w = calibrated.at("SensorWidth").get<double>(), h = calibrated.at("SensorHeight").get<double>();
+  const Eigen::Vector2d image(width, width * h / w);
+  return camera_of(calibrated.at("Intrinsics"), image, Eigen::Vector2d(0, (image.y() - height) / 2), width, height);
+}
+
+struct Calibration {
+  Rig rig;
+  std::optional<Eigen::Matrix3d> depth_from_accelerometer;
+};
+
+/// `colour` may be null.
+Calibration calibration_of(const std::string& text, const VideoFile::Track& depth, const VideoFile::Track* colour) {
+  const Json json = Json::parse(text, nullptr, false);
+  if (json.is_discarded()) throw std::runtime_error("is no JSON");
+  Calibration read;
+  try {
+    const Json& all = json.at("CalibrationInformation");
+    const Json& depth_entry = entry_of(all.at("Cameras"), "Location", "CALIBRATION_CameraLocationD0");
+    read.rig = depth_camera_of(depth_entry, depth.width, depth.height);
+    // Each Rt takes a point from the frame of the rig, which is the depth camera's, to the sensor's own.
+    const Eigen::Isometry3d rig_from_depth = pose_of(depth_entry.at("Rt")).inverse();
+    if (colour != nullptr) {
+      const Json& entry = entry_of(all.at("Cameras"), "Location", "CALIBRATION_CameraLocationPV0");
+      read.rig.colour = {colour_camera_of(entry, colour->width, colour->height),
+                         pose_of(entry.at("Rt")) * rig_from_depth};
+    }
+    if (const auto inertial = all.find("InertialSensors"); inertial != all.end() && inertial->is_array())
+      for (const Json& sensor : *inertial)
+        if (sensor.at("SensorType") == "CALIBRATION_InertialSensorType_Accelerometer")
+          read.depth_from_accelerometer = (pose_of(sensor.at("Rt")) * rig_from_depth).linear().transpose();
+  } catch (const Json::exception& error) {
+    throw std::runtime_error("is not as the sensor writes it: " + plain(error.what()));
+  }
+  check(read.rig);
+  return read;
+}
+
+/// Bytes that the file has by its own words; nothing where it was never finished.
+std::optional<std::uint64_t> promised_size(const fs::path& file) {
+  std::array<std::uint8_t, 4096> begin{};
+  std::ifstream(file, std::ios::binary).read(reinterpret_cast<char*>(begin.data()), begin.size());
+  std::size_t at = 0;
+  // Two elements of EBML, a header and the segment that holds all else: a name of four bytes, then a number whose first
+  // byte tells by its leading zeros how many follow.
+  for (const bool segment : {false, true}) {
+    at += 4;
+    if (at + 8 > begin.size() || begin[at] == 0) return std::nullopt;
+    int more = 0;
+    while ((begin[at] & (0x80 >> more)) == 0) ++more;
+    std::uint64_t size = begin[at++] & (0x7f >> more);
+    std::uint64_t unknown = 0x7f >> more;
+    for (int i = 0; i < more; ++i) {
+      size = size << 8 | begin[at++];
+      unknown = unknown << 8 | 0xff;
+    }
+    if (size == unknown) return std::nullopt;
+    if (segment) return at + size;
+    if (size > begin.size()) return std::nullopt;
+    at += static_cast<std::size_t>(size);
+  }
+  return std::nullopt;
+}
+
+/// The track with this title, which older recorders give, or with this tag.
+int track_with(const VideoFile& file, const char* title, const char* tag) {
+  for (std::size_t i = 0; i < file.tracks().size(); ++i) {
+    const VideoTags& tags = file.tracks()[i].tags;
+    const auto it = tags.find("title");
+    if (tags.contains(tag) || (it != tags.end() && it->second == title)) return static_cast<int>(i);
+  }
+  return -1;
+}
+
+class AzureKinectSource final : public Source {
+ public:
+  explicit AzureKinectSource(const fs::path& path)
+      : name_(path.string()), file_(path, VideoFile::Format::matroska), promised_(promised_size(path)) {
+    find_tracks();
+    const auto& depth = file_.tracks()[static_cast<std::size_t>(depth_track_)];
+    const auto* colour = colour_track_ < 0 ? nullptr : &file_.tracks()[static_cast<std::size_t>(colour_track_)];
+    try {
+      const Calibration calibration = calibration_of(calibration_text(), depth, colour);
+      rig_ = calibration.rig;
+      depth_from_accelerometer_ = calibration.depth_from_accelerometer;
+    } catch (const std::runtime_error& error) {
+      throw std::runtime_error(name_ + ": calibration.json: " + error.what());
+    }
+    try {
+      depth_decoder_.emplace(file_, depth_track_);
+      if (colour != nullptr) colour_decoder_.emplace(file_, colour_track_);
+    } catch (const std::runtime_error& error) {
+      throw std::runtime_error(name_ + ": " + error.what());
+    }
+    half_a_frame_ = (depth.interval > 0 ? depth.interval : kUsualInterval) / 2;
+    const auto delay = file_.tags().find("K4A_DEPTH_DELAY_NS");
+    if (delay != file_.tags().end()) depth_delay_ = 1e-9 * number_in(delay->second).value_or(0);
+    if (!(std::abs(depth_delay_) < 1)) depth_delay_ = 0;
+    ahead_ = std::max(half_a_frame_ + std::abs(depth_delay_), inertial_track_ < 0 ? 0 : kAccelerationWindow);
+  }
+
+  const Rig& rig() const override { return rig_; }
+  std::optional<int> size() const override { return std::nullopt; }
+  std::optional<std::string> ended_early() const override { return ended_early_; }
+
+  std::optional<Frame> next() override {
+    while (!at_end_ && !may_deliver()) read_on();
+    if (depth_.empty()) return std::nullopt;
+    const VideoPacket packet = std::move(depth_.front());
+    depth_.pop_front();
+    const double time = packet.time();
+    Frame frame{.index = index_++, .timestamp = time, .world_from_camera = {}, .acceleration = {}};
+    try {
+      if (!(time > last_timestamp_)) throw std::runtime_error("its timestamp does not come after the one before");
+      last_timestamp_ = time;
+      frame.depth = depth_in(packet);
+    } catch (const std::runtime_error& error) {
+      frame.problem = fmt::format("{}: the depth image at byte {}: {}", name_, packet.position(), error.what());
+      return frame;
+    }
+    attach_colour(frame);
+    attach_acceleration(frame);
+    return frame;
+  }
+
+ private:
+  struct Acceleration {
+    double time;            // seconds
+    Eigen::Vector3d value;  // in the depth camera's frame
+  };
+
+  void find_tracks() {
+    depth_track_ = track_with(file_, "DEPTH", "K4A_DEPTH_TRACK");
+    colour_track_ = track_with(file_, "COLOR", "K4A_COLOR_TRACK");
+    inertial_track_ = track_with(file_, "IMU", "K4A_IMU_TRACK");
+    if (depth_track_ < 0)
+      throw std::runtime_error(name_ +
+                               ": has no track of depth; of Matroska files those of the Azure Kinect's recorder are "
+                               "read, recorded with a depth mode other than PASSIVE_IR");
+    const std::string& depth = file_.tracks()[static_cast<std::size_t>(depth_track_)].codec;
+    if (depth != "rawvideo")
+      throw std::runtime_error(name_ + ": its depth is encoded as " + depth +
+                               ", expected are 16-bit grey images (b16g); give the file as the recorder wrote it");
+    if (colour_track_ < 0) return;
+    const std::string& colour = file_.tracks()[static_cast<std::size_t>(colour_track_)].codec;
+    if (colour == "mjpeg" || colour == "rawvideo") return;
+    spdlog::warn("{}: its colour is encoded as {}, expected is MJPG, NV12, YUY2 or BGRA; it is left out", name_,
+                 colour);
+    colour_track_ = -1;
+  }
+
+  const std::string& calibration_text() const {
+    for (const auto& attachment : file_.attachments()) {
+      const auto it = attachment.tags.find("filename");
+      if (attachment.tags.contains("K4A_CALIBRATION_FILE") ||
+          (it != attachment.tags.end() && it->second == "calibration.json"))
+        return attachment.bytes;
+    }
+    throw std::runtime_error("is not among the attachments; give the file as the recorder wrote it");
+  }
+
+  [[nodiscard]] bool may_deliver() const {
+    return depth_.size() > kMostWaiting || (!depth_.empty() && newest_ >= depth_.front().time() + ahead_);
+  }
+
+  void read_on() {
+    std::optional<VideoPacket> packet;
+    try {
+      packet = file_.next();
+    } catch (const std::runtime_error& error) {
+      ended_early_ = error.what();
+    }
+    if (!packet) {
+      at_end_ = true;
+      const auto size = fs::file_size(name_);
+      if (promised_ && *promised_ > size)
+        ended_early_ = fmt::format("{}: is cut off, {} of its {} bytes are there", name_, size, *promised_);
+      return;
+    }
+    newest_ = std::max(newest_, packet->time());
+    if (packet->track() == depth_track_) {
+      depth_.push_back(*std::move(packet));
+    } else if (packet->track() == colour_track_) {
+      colour_.push_back(*std::move(packet));
+      if (colour_.size() > 2 * kMostWaiting) colour_.pop_front();
+    } else if (packet->track() == inertial_track_) {
+      take_acceleration(*packet);
+    }
+  }
+
+  /// A sample is little-endian: time of the accelerometer (64 bits), x, y, z (floats, m/s^2); then the same of the
+  /// gyroscope.
+  void take_acceleration(const VideoPacket& packet) {
+    if (!depth_from_accelerometer_ || packet.bytes().size() != 40) return;
+    std::array<float, 3> v{};
+    std::memcpy(v.data(), packet.bytes().data() + 8, sizeof v);
+    const Eigen::Vector3d value(v[0], v[1], v[2]);
+    if (!value.allFinite()) return;
+    accelerations_.push_back({packet.time(), *depth_from_accelerometer_ * value});
+    if (accelerations_.size() > 100000) accelerations_.pop_front();
+  }
+
+  std::vector<float> depth_in(const VideoPacket& packet) {
+    depth_decoder_->put(packet);
+    const auto image = depth_decoder_->next();
+    if (!image || image->width() != rig_.depth.width || image->height() != rig_.depth.height)
+      throw std::runtime_error(fmt::format("is not of {}x{} pixels", rig_.depth.width, rig_.depth.height));
+    std::vector<float> depth;
+    bool any = false;
+    for (const std::uint16_t z : image->grey()) {
+      depth.push_back(static_cast<float>(z) * kMetres);
+      any |= z > 0;
+    }
+    if (!any) throw std::runtime_error("holds no measurement");
+    return depth;
+  }
+
+  /// The colour image that was taken for this frame, if there is one.
+  void attach_colour(Frame& frame) {
+    const auto off = [&](const VideoPacket& p) { return p.time() + depth_delay_ - frame.timestamp; };
+    while (!colour_.empty() && off(colour_.front()) < -half_a_frame_) colour_.pop_front();
+    const VideoPacket* nearest = nullptr;
+    for (const VideoPacket& packet : colour_)
+      if (nearest == nullptr || std::abs(off(packet)) < std::abs(off(*nearest))) nearest = &packet;
+    if (nearest == nullptr || !(std::abs(off(*nearest)) <= half_a_frame_)) return;
+    try {
+      colour_decoder_->put(*nearest);
+      const auto image = colour_decoder_->next();
+      const Camera& camera = rig_.colour->camera;
+      if (!image || image->width() != camera.width || image->height() != camera.height) return;
+      frame.colour = image->colour();
+      frame.colour_delay = nearest->time() - frame.timestamp;
+    } catch (const std::runtime_error&) {
+      // Depth alone is still a frame.
+    }
+  }
+
+  void attach_acceleration(Frame& frame) {
+    while (!accelerations_.empty() && accelerations_.front().time < frame.timestamp - kAccelerationWindow)
+      accelerations_.pop_front();
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    int count = 0;
+    for (const auto& sample : accelerations_) {
+      if (sample.time > frame.timestamp + kAccelerationWindow) break;
+      sum += sample.value;
+      ++count;
+    }
+    if (count > 0) frame.acceleration = sum / count;
+  }
+
+  std::string name_;
+  VideoFile file_;
+  std::optional<std::uint64_t> promised_;  // bytes
+  Rig rig_;
+  std::optional<Eigen::Matrix3d> depth_from_accelerometer_;
+  int depth_track_ = -1, colour_track_ = -1, inertial_track_ = -1;
+  std::optional<VideoDecoder> depth_decoder_, colour_decoder_;
+  double half_a_frame_ = kUsualInterval / 2;
+  double depth_delay_ = 0;  // seconds from colour to depth that the sensor was told to keep
+  double ahead_ = 0;        // seconds of the file after a depth image that are read before it is delivered
+  double newest_ = -INFINITY, last_timestamp_ = -INFINITY;
+  bool at_end_ = false;
+  int index_ = 0;
+  std::deque<VideoPacket> depth_, colour_;  // encoded
+  std::deque<Acceleration> accelerations_;
+  std::optional<std::string> ended_early_;
+};
+
+}  // namespace
+
+std::unique_ptr<Source> open_azure_kinect(const fs::path& file) { return std::make_unique<AzureKinectSource>(file); }
+
+}  // namespace cairn

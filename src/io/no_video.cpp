@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// In place of azure_kinect.cpp where the library is built without FFmpeg.
+#include <stdexcept>
+
+#include "io/azure_kinect.hpp"
+
+namespace cairn {
+namespace {
+
+std::runtime_error no_video(const std::filesystem::path& path) {
+  return std::runtime_error(path.string() +
+                            ": no video can be read, this build has no FFmpeg: build with CAIRN_VIDEO=ON, which needs "
+                            "libavformat-dev and libswscale-dev");
+}
+
+}  // namespace
+
+std::unique_ptr<Source> open_azure_kinect(const std::filesystem::path& file) { throw no_video(file); }
+
+}  // namespace cairn
