@@ -30,7 +30,8 @@ struct SourceOptions {
 /// Opens an input by its name:
 ///
 /// - a folder, whose layout is recognised by its files: TUM RGB-D (rgb.txt and depth.txt), 7-Scenes
-///   (frame-000000.depth.png), ICL-NUIM (associations.txt with a negative fy), images with intrinsics.json;
+///   (frame-000000.depth.png), ICL-NUIM (associations.txt with a negative fy), Stray Scanner (rgb.mp4), images with
+///   intrinsics.json;
 /// - an .oni file;
 /// - an .mkv file of the Azure Kinect's recorder;
 /// - `openni:` for the first sensor, `openni:URI` for the one that OpenNI2 has under this URI;
@@ -52,7 +53,8 @@ struct SourceOptions {
 [[nodiscard]] std::unique_ptr<Source> with_poses(std::unique_ptr<Source> source, Trajectory world_from_camera,
                                                  double max_gap = 0.1);
 
-/// True poses that a recording carries, by frame timestamp (groundtruth.txt, frame-*.pose.txt); empty when it has none.
+/// Poses that a recording carries for the truth, by frame timestamp (groundtruth.txt, frame-*.pose.txt, odometry.csv);
+/// empty when it has none.
 [[nodiscard]] Trajectory recorded_truth(const std::filesystem::path& folder);
 
 /// A source that changes how or when the frames of another one are given.

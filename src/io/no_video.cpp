@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// In place of azure_kinect.cpp where the library is built without FFmpeg.
+// In place of azure_kinect.cpp and stray_scanner.cpp where the library is built without FFmpeg.
 #include <stdexcept>
 
 #include "io/azure_kinect.hpp"
+#include "io/recording.hpp"
 
 namespace cairn {
 namespace {
@@ -17,5 +18,10 @@ std::runtime_error no_video(const std::filesystem::path& path) {
 }  // namespace
 
 std::unique_ptr<Source> open_azure_kinect(const std::filesystem::path& file) { throw no_video(file); }
+
+std::optional<Recording> read_stray_scanner(const std::filesystem::path& folder) {
+  if (std::filesystem::exists(folder / "rgb.mp4")) throw no_video(folder / "rgb.mp4");
+  return std::nullopt;
+}
 
 }  // namespace cairn

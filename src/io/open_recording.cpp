@@ -20,11 +20,11 @@ Recording read_recording(const fs::path& folder) {
   if (!fs::exists(folder)) throw std::runtime_error(folder.string() + ": there is no such folder");
   if (!fs::is_directory(folder))
     throw std::runtime_error(folder.string() + ": is not a folder; give the folder that holds the recording");
-  for (const auto read : {read_tum, read_icl_nuim, read_seven_scenes, read_intrinsics_folder})
+  for (const auto read : {read_tum, read_icl_nuim, read_seven_scenes, read_stray_scanner, read_intrinsics_folder})
     if (auto recording = read(folder)) return *std::move(recording);
   throw std::runtime_error(folder.string() +
                            ": no known recording; expected rgb.txt and depth.txt (TUM), frame-000000.depth.png "
-                           "(7-Scenes), associations.txt (ICL-NUIM) or intrinsics.json");
+                           "(7-Scenes), associations.txt (ICL-NUIM), rgb.mp4 (Stray Scanner) or intrinsics.json");
 }
 
 class RecordingSource final : public Source {
@@ -47,6 +47,10 @@ class RecordingSource final : public Source {
   }
   void skip() override { next_ += range_.step; }
 
+  std::optional<std::string> ended_early() const override {
+    return next_ < static_cast<int>(recording_.entries.size()) ? std::nullopt : recording_.ended_early;
+  }
+
   std::optional<Frame> next() override {
     if (next_ >= end_) return std::nullopt;
     const auto& entry = recording_.entries[static_cast<std::size_t>(next_)];
@@ -59,13 +63,14 @@ class RecordingSource final : public Source {
     }
     last_timestamp_ = entry.timestamp;
     try {
-      frame.depth = read_depth(entry.depth);
+      frame.depth = read_depth(entry.depth, entry.confidence);
     } catch (const std::exception& error) {
       frame.problem = entry.depth.string() + ": " + error.what();
       return frame;
     }
     try {
       if (!entry.colour.empty()) frame.colour = read_colour(entry.colour);
+      if (recording_.colour_of) frame.colour = recording_.colour_of(frame.index);
       frame.colour_delay = entry.colour_delay;
     } catch (const std::exception&) {
       // Depth alone is still a frame.
@@ -74,13 +79,19 @@ class RecordingSource final : public Source {
   }
 
  private:
-  std::vector<float> read_depth(const fs::path& file) const {
+  std::vector<float> read_depth(const fs::path& file, const fs::path& confidence_file) const {
     const Camera& c = recording_.rig.depth;
     const cv::Mat image = decode_image(read_whole(file), cv::IMREAD_UNCHANGED);
     if (image.type() != CV_16UC1) throw std::runtime_error("depth must be a 16-bit image with one channel");
     if (image.cols != c.width || image.rows != c.height)
       throw std::runtime_error("is " + std::to_string(image.cols) + "x" + std::to_string(image.rows) + ", the camera " +
                                std::to_string(c.width) + "x" + std::to_string(c.height));
+    cv::Mat confidence;
+    if (!confidence_file.empty()) {
+      confidence = decode_image(read_whole(confidence_file), cv::IMREAD_UNCHANGED);
+      if (confidence.type() != CV_8UC1 || confidence.size() != image.size())
+        throw std::runtime_error("its confidence must be an 8-bit image with one channel and of the same size");
+    }
     std::vector<float> depth(static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height));
     const float metres = static_cast<float>(1.0 / recording_.depth_scale);
     const int invalid = recording_.invalid_depth;
@@ -89,7 +100,8 @@ class RecordingSource final : public Source {
       const auto* row = image.ptr<std::uint16_t>(y);
       float* out = &depth[static_cast<std::size_t>(y) * static_cast<std::size_t>(c.width)];
       for (int x = 0; x < c.width; ++x) {
-        out[x] = row[x] == invalid ? 0.0f : static_cast<float>(row[x]) * metres;
+        const bool doubtful = !confidence.empty() && confidence.at<std::uint8_t>(y, x) == 0;
+        out[x] = row[x] == invalid || doubtful ? 0.0f : static_cast<float>(row[x]) * metres;
         any |= out[x] > 0;
       }
     }

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
+#include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "base/lines.hpp"
@@ -21,18 +24,23 @@ struct Recording {
     std::filesystem::path colour;                 // empty: none
     double colour_delay = 0;                      // seconds after the depth image
     std::optional<Eigen::Vector3d> acceleration;  // see Frame
+    std::filesystem::path confidence;             // 8 bits, of depth's size, 0: no measurement; empty: none
   };
   Rig rig;
   double depth_scale = 5000.0;  // depth image units per metre
   int invalid_depth = 0;        // a second value that means "no measurement", beside 0
   std::vector<Entry> entries;
   Trajectory truth;  // world_from_camera; empty when there is none
+  /// Colour of entry i, bytes R, G, B, 255, where it is no file: i must grow from call to call. Empty: none.
+  std::function<std::vector<std::uint32_t>(int)> colour_of;
+  std::optional<std::string> ended_early;  // see Source
 };
 
 // Each reads one layout, or returns nothing when the folder has another. Errors are thrown with file and line.
 [[nodiscard]] std::optional<Recording> read_tum(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_seven_scenes(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_icl_nuim(const std::filesystem::path& folder);
+[[nodiscard]] std::optional<Recording> read_stray_scanner(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_intrinsics_folder(const std::filesystem::path& folder);
 
 /// The source with the cameras of a camera.yaml; as it is without one. Throws std::runtime_error for other sizes.

@@ -9,7 +9,6 @@ extern "C" {
 #include <libswscale/swscale.h>
 }
 
-#include <cmath>
 #include <limits>
 #include <new>
 #include <stdexcept>
@@ -19,6 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr int kMostSide = 4096;  // pixels, as of a Camera
+constexpr double kNoTime = -std::numeric_limits<double>::infinity();
 
 std::string said(int error) {
   char text[AV_ERROR_MAX_STRING_SIZE];
@@ -65,7 +65,7 @@ VideoFile::VideoFile(const fs::path& file, Format format) : name_(file.string())
   av_dict_free(&options);
   if (error < 0)
     throw std::runtime_error(name_ + ": is cut off or no " + (matroska ? "Matroska" : "MP4") + " file (" + said(error) +
-                             ")");
+                             "); copy it again from where it was recorded");
   context_.reset(context);
   tags_ = tags_of(context->metadata);
   for (unsigned i = 0; i < context->nb_streams; ++i) {
@@ -86,7 +86,7 @@ VideoFile::VideoFile(const fs::path& file, Format format) : name_(file.string())
 }
 
 std::optional<VideoPacket> VideoFile::next() {
-  VideoPacket packet(made(av_packet_alloc()), -std::numeric_limits<double>::infinity());
+  VideoPacket packet(made(av_packet_alloc()), kNoTime);
   const int error = av_read_frame(context_.get(), packet.packet_.get());
   if (error == AVERROR_EOF) return std::nullopt;
   if (error < 0) throw std::runtime_error(name_ + ": cannot be read on (" + said(error) + ")");
@@ -139,7 +139,7 @@ std::vector<std::uint16_t> VideoImage::grey() const {
 
 void VideoDecoder::Free::operator()(AVCodecContext* context) const { avcodec_free_context(&context); }
 
-VideoDecoder::VideoDecoder(const VideoFile& file, int track) {
+VideoDecoder::VideoDecoder(const VideoFile& file, int track) : tick_(av_q2d(file.context_->streams[track]->time_base)) {
   const AVCodecParameters* parameters = file.context_->streams[track]->codecpar;
   const AVCodec* codec = avcodec_find_decoder(parameters->codec_id);
   if (codec == nullptr)
@@ -162,10 +162,11 @@ void VideoDecoder::put(const VideoPacket& packet) {
 void VideoDecoder::end() { (void)avcodec_send_packet(context_.get(), nullptr); }
 
 std::optional<VideoImage> VideoDecoder::next() {
-  VideoImage image(made(av_frame_alloc()));
+  VideoImage image(made(av_frame_alloc()), kNoTime);
   const int error = avcodec_receive_frame(context_.get(), image.frame_.get());
   if (error == AVERROR(EAGAIN) || error == AVERROR_EOF) return std::nullopt;
   if (error < 0) throw std::runtime_error("cannot be decoded (" + said(error) + ")");
+  if (image.frame_->pts != AV_NOPTS_VALUE) image.time_ = static_cast<double>(image.frame_->pts) * tick_;
   return image;
 }
 

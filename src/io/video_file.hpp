@@ -81,7 +81,9 @@ class VideoFile {
 /// A decoded image, as the sensor saw it: a rotation that the file asks players for is not applied.
 class VideoImage {
  public:
-  explicit VideoImage(AVFrame* owned) : frame_(owned) {}
+  VideoImage(AVFrame* owned, double time) : frame_(owned), time_(time) {}
+  /// That of its packet.
+  [[nodiscard]] double time() const { return time_; }
   [[nodiscard]] int width() const;
   [[nodiscard]] int height() const;
   /// Bytes R, G, B, 255, row by row. Throws std::runtime_error for pixels that cannot be converted.
@@ -95,6 +97,7 @@ class VideoImage {
     void operator()(AVFrame* frame) const;
   };
   std::unique_ptr<AVFrame, Free> frame_;
+  double time_;
 };
 
 /// The images of a track. Packets go in by their order in the file, images come out by their time.
@@ -115,6 +118,7 @@ class VideoDecoder {
     void operator()(AVCodecContext* context) const;
   };
   std::unique_ptr<AVCodecContext, Free> context_;
+  double tick_;  // seconds
 };
 
 }  // namespace cairn

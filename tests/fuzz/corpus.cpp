@@ -4,6 +4,7 @@
 #include <cstring>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
+#include <sstream>
 
 #include "cairn/esdf.hpp"
 #include "cairn/pose_graph.hpp"
@@ -217,6 +218,15 @@ void write_videos(const fs::path& folder) {
     file.packets.push_back({2, time, std::string(40, '\1')});
   }
   file.write(place(folder, "azure_kinect", "two.mkv"));
+
+  const fs::path mp4 = place(folder, "recording", "stray");
+  write_mp4(mp4, {2, std::vector<std::uint32_t>(64 * 48, 0xff102030u)}, 64, 48, 30, "libx264");
+  std::ostringstream video;
+  video << std::ifstream(mp4, std::ios::binary).rdbuf();
+  put(mp4,
+      "@camera_matrix.csv\n50, 0, 32\n0, 50, 24\n0, 0, 1\n@odometry.csv\ntimestamp, frame, x, y, z, qx, qy, qz, qw\n"
+      "1, 000000, 0, 0, 0, 0, 0, 0, 1\n1.1, 000001, 0, 0.5, 0, 0, 0, 0, 1\n@rgb.mp4\n" +
+          video.str());
 }
 #endif
 

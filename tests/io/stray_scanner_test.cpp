@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <opencv2/imgcodecs.hpp>
+
+#include "cairn/source.hpp"
+#include "support/files.hpp"
+#include "support/scenes.hpp"
+#include "support/videos.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr double kVideoError = 6;  // of 255, mean: what a video with half the resolution of hue loses of the room
+
+const Camera kColour{320, 240, 260, 262, 158, 121, {}};
+
+/// Six images of the synthetic room as the app writes them, ten frames of its path from one to the next.
+struct Scan {
+  static constexpr int kFrames = 6;
+  TemporaryFolder folder;
+  std::vector<Frame> frames;  // the truth: depth in whole mm
+
+  explicit Scan(const char* codec = "libx264") {
+    const Scene scene = synthetic_scene("room");
+    const Camera depth_camera = kColour.at_level(2);
+    std::vector<std::vector<std::uint32_t>> video;
+    std::string odometry = kHeader;
+    for (const char* name : {"depth", "confidence"}) fs::create_directories(folder / name);
+    for (int i = 0; i < kFrames; ++i) {
+      Frame frame = scene_frame(scene, depth_camera, 10 * i);
+      frame.timestamp = 5000 + 0.1 * i;
+      cv::Mat depth(60, 80, CV_16U), confidence(60, 80, CV_8U, cv::Scalar(2));
+      confidence.row(7).setTo(0);
+      confidence.row(8).setTo(1);
+      for (int k = 0; k < 60 * 80; ++k) {
+        float& z = frame.depth[static_cast<std::size_t>(k)];
+        depth.at<std::uint16_t>(k / 80, k % 80) = static_cast<std::uint16_t>(std::lround(1000 * z));
+        z = k / 80 == 7 ? 0 : static_cast<float>(std::lround(1000 * z)) * 1e-3f;
+      }
+      cv::imwrite((folder / fmt::format("depth/{:06}.png", i)).string(), depth);
+      cv::imwrite((folder / fmt::format("confidence/{:06}.png", i)).string(), confidence);
+      frame.colour = scene_frame(scene, kColour, 10 * i).colour;
+      video.push_back(frame.colour);
+      odometry += line(i, frame);
+      frames.push_back(std::move(frame));
+    }
+    write_text(folder / "odometry.csv", odometry);
+    write_text(folder / "camera_matrix.csv", "260.0, 0.0, 158.0\n0.0, 262.0, 121.0\n0.0, 0.0, 1.0");
+    write_mp4(folder / "rgb.mp4", video, 320, 240, 10, codec);
+  }
+  static std::string line(int i, const Frame& frame) {
+    const Eigen::Quaterniond q(frame.world_from_camera->linear());
+    const Eigen::Vector3d t = frame.world_from_camera->translation();
+    return fmt::format("{:.9f}, {:06}, {:.9f}, {:.9f}, {:.9f}, {:.9f}, {:.9f}, {:.9f}, {:.9f}, 260, 262, , \n",
+                       frame.timestamp, i, t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w());
+  }
+  static constexpr const char* kHeader = "timestamp, frame, x, y, z, qx, qy, qz, qw, fx, fy, cx, cy\n";
+  [[nodiscard]] std::unique_ptr<Source> open(const FrameRange& range = {}) const {
+    return open_source(folder.path().string(), {.range = range});
+  }
+};
+
+double mean_difference(const std::vector<std::uint32_t>& a, const std::vector<std::uint32_t>& b) {
+  const auto* p = reinterpret_cast<const std::uint8_t*>(a.data());
+  const auto* q = reinterpret_cast<const std::uint8_t*>(b.data());
+  double sum = 0;
+  for (std::size_t i = 0; i < 4 * a.size(); ++i) sum += std::abs(p[i] - q[i]);
+  return sum / (3.0 * static_cast<double>(a.size()));
+}
+
+void expect_same(const Frame& frame, const Frame& truth) {
+  ASSERT_FALSE(frame.problem) << *frame.problem;
+  EXPECT_NEAR(frame.timestamp, truth.timestamp, 1e-6);
+  EXPECT_EQ(frame.colour_delay, 0);
+  ASSERT_EQ(frame.depth.size(), truth.depth.size());
+  for (std::size_t k = 0; k < truth.depth.size(); ++k) ASSERT_NEAR(frame.depth[k], truth.depth[k], 1e-6) << k;
+  ASSERT_EQ(frame.colour.size(), truth.colour.size());
+  EXPECT_LT(mean_difference(frame.colour, truth.colour), kVideoError);
+}
+
+TEST(StrayScanner, GivesDepthAndTheVideosImagesOfEachEncoding) {
+  for (const char* codec : {"libx264", "libx265"}) {
+    SCOPED_TRACE(codec);
+    const Scan scan(codec);
+    const auto source = scan.open();
+    EXPECT_EQ(source->size(), Scan::kFrames);
+    for (const Frame& truth : scan.frames) {
+      const auto frame = source->next();
+      ASSERT_TRUE(frame);
+      expect_same(*frame, truth);
+      // It is this one's colour, not a neighbour's.
+      for (const Frame& other : scan.frames)
+        EXPECT_LE(mean_difference(frame->colour, truth.colour), mean_difference(frame->colour, other.colour));
+    }
+    EXPECT_FALSE(source->next());
+    EXPECT_FALSE(source->ended_early());
+  }
+}
+
+TEST(StrayScanner, ScalesTheVideosCameraToDepth) {
+  const Rig rig = Scan().open()->rig();
+  ASSERT_TRUE(rig.colour);
+  EXPECT_EQ(rig.colour->camera, kColour);
+  EXPECT_TRUE(rig.colour->colour_from_depth.matrix().isIdentity());
+  EXPECT_EQ(rig.depth, kColour.at_level(2));
+}
+
+TEST(StrayScanner, TakesTheOdometryForTheTruth) {
+  const Scan scan;
+  const Trajectory truth = recorded_truth(scan.folder.path());
+  ASSERT_EQ(truth.size(), scan.frames.size());
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    EXPECT_NEAR(truth[i].timestamp, scan.frames[i].timestamp, 1e-6);
+    EXPECT_TRUE(truth[i].world_from_camera.isApprox(*scan.frames[i].world_from_camera, 1e-6));
+  }
+}
+
+TEST(StrayScanner, ReadsOnlyTheFramesAskedFor) {
+  const Scan scan;
+  const auto source = scan.open({.begin = 1, .end = 5, .step = 3});
+  expect_same(*source->next(), scan.frames[1]);
+  expect_same(*source->next(), scan.frames[4]);
+  EXPECT_FALSE(source->next());
+}
+
+TEST(StrayScanner, KeepsWhatLiesBeforeTheCut) {
+  const Scan scan;
+  const fs::path odometry = scan.folder / "odometry.csv";
+  const std::string text = read_bytes(odometry);
+  write_text(odometry, text.substr(0, text.find(", 000004,") + 20));
+  const auto source = scan.open();
+  for (int i = 0; i < 4; ++i) expect_same(*source->next(), scan.frames[static_cast<std::size_t>(i)]);
+  EXPECT_FALSE(source->next());
+  ASSERT_TRUE(source->ended_early());
+  EXPECT_EQ(*source->ended_early(),
+            odometry.string() + ":6: has fewer columns than the header: the recording is cut off here");
+}
+
+TEST(StrayScanner, UsesDepthAloneWhereTheVideoHasEnded) {
+  const Scan scan;
+  write_mp4(scan.folder / "rgb.mp4", {scan.frames[0].colour, scan.frames[1].colour}, 320, 240, 10, "libx264");
+  const auto source = scan.open();
+  for (int i = 0; i < Scan::kFrames; ++i) {
+    const auto frame = source->next();
+    ASSERT_TRUE(frame);
+    EXPECT_FALSE(frame->problem);
+    EXPECT_EQ(frame->colour.empty(), i >= 2);
+  }
+}
+
+TEST(StrayScanner, ShiftsNoImageOfTheVideoForOneThatIsDamaged) {
+  const Scan scan;
+  std::string bytes = read_bytes(scan.folder / "rgb.mp4");
+  const auto middle = static_cast<std::ptrdiff_t>(bytes.find("mdat") + (bytes.find("moov") - bytes.find("mdat")) / 2);
+  std::fill_n(bytes.begin() + middle, 2000, '\0');
+  write_text(scan.folder / "rgb.mp4", bytes);
+  const auto source = scan.open();
+  int with_colour = 0;
+  for (const Frame& truth : scan.frames) {
+    const auto frame = source->next();
+    ASSERT_TRUE(frame);
+    EXPECT_FALSE(frame->problem);
+    if (frame->colour.empty()) continue;
+    ++with_colour;
+    for (const Frame& other : scan.frames)
+      EXPECT_LE(mean_difference(frame->colour, truth.colour), mean_difference(frame->colour, other.colour));
+  }
+  EXPECT_GE(with_colour, 3);
+}
+
+TEST(StrayScanner, TellsWhatIsWrongWithAFrameAndGoesOn) {
+  const Scan scan;
+  fs::resize_file(scan.folder / "depth/000001.png", 100);
+  fs::remove(scan.folder / "depth/000002.png");
+  cv::imwrite((scan.folder / "confidence/000003.png").string(), cv::Mat(30, 40, CV_8U, cv::Scalar(2)));
+  fs::remove(scan.folder / "confidence/000004.png");
+  const auto source = scan.open();
+  expect_same(*source->next(), scan.frames[0]);
+  for (const char* problem :
+       {"000001.png: the file is cut off", "000002.png: cannot be read", "000003.png: its confidence must"}) {
+    const auto frame = source->next();
+    ASSERT_TRUE(frame && frame->problem);
+    EXPECT_NE(frame->problem->find(problem), std::string::npos) << *frame->problem;
+  }
+  EXPECT_GT(source->next()->depth[7 * 80 + 5], 0);  // nothing says that this is doubtful
+  expect_same(*source->next(), scan.frames[5]);
+}
+
+TEST(StrayScanner, RefusesWhatItCannotReadAndSaysWhy) {
+  const Scan good;
+  const auto expect = [&](const std::string& what, const std::function<void(const fs::path&)>& spoil) {
+    const TemporaryFolder folder;
+    fs::copy(good.folder.path(), folder.path(), fs::copy_options::recursive);
+    spoil(folder.path());
+    const std::string said = error_of([&] { (void)open_source(folder.path().string()); });
+    EXPECT_NE(said.find(what), std::string::npos) << said;
+    EXPECT_EQ(said.find('\n'), std::string::npos) << said;
+  };
+  const auto with = [](const char* name, const std::string& text) {
+    return [=](const fs::path& folder) { write_text(folder / name, text); };
+  };
+  const std::string header = Scan::kHeader;
+  expect("camera_matrix.csv is missing", [](const fs::path& folder) { fs::remove(folder / "camera_matrix.csv"); });
+  expect("odometry.csv is missing", [](const fs::path& folder) { fs::remove(folder / "odometry.csv"); });
+  expect("depth: holds no image NUMBER.png", [](const fs::path& folder) {
+    fs::remove_all(folder / "depth");
+    fs::create_directories(folder / "depth");
+  });
+  expect("camera_matrix.csv: expected the 3x3 matrix", with("camera_matrix.csv", "260, 0, 158\n0, 262, 121\n"));
+  expect("camera_matrix.csv:2: 'x' is not a number", with("camera_matrix.csv", "260, 0, 158\n0, x, 121\n0, 0, 1"));
+  expect("camera_matrix.csv: the camera's fx is", with("camera_matrix.csv", "1, 0, 158\n0, 262, 121\n0, 0, 1"));
+  expect("odometry.csv: holds no pose", with("odometry.csv", ""));
+  expect("odometry.csv: its header has no `timestamp`", with("odometry.csv", "0, 0, 0, 0, 0, 0, 1\n"));
+  expect("odometry.csv:2: 'no' is not a number",
+         with("odometry.csv", header + "no, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1\n"));
+  expect("odometry.csv:2: the frame's number", with("odometry.csv", header + "1, 0.5, 0, 0, 0, 0, 0, 0, 1\n"));
+  expect("odometry.csv:2: the quaternion is zero", with("odometry.csv", header + "1, 0, 0, 0, 0, 0, 0, 0, 0\n"));
+  expect("rgb.mp4: its video is encoded as mpeg4, expected is H.264 or HEVC", [&](const fs::path& folder) {
+    write_mp4(folder / "rgb.mp4", {good.frames[0].colour}, 320, 240, 10, "mpeg4");
+  });
+  expect("rgb.mp4: is empty", with("rgb.mp4", ""));
+  expect("rgb.mp4: is cut off or no MP4 file", with("rgb.mp4", "this is no video"));
+  expect("rgb.mp4: is cut off or no MP4 file",
+         [](const fs::path& folder) { fs::resize_file(folder / "rgb.mp4", fs::file_size(folder / "rgb.mp4") / 2); });
+}
+
+}  // namespace
+}  // namespace cairn
