@@ -18,6 +18,9 @@ class ColourView {
   [[nodiscard]] Frame operator()(Frame frame) const;
 
  private:
+  struct Seen;
+  [[nodiscard]] std::vector<Seen> project(const std::vector<float>& depth) const;
+
   Rig rig_;
   std::vector<Eigen::Vector2f> rays_;  // at z = 1, of the depth pixels
 };

@@ -87,6 +87,8 @@ before(() => {
   }).join('\n') + '\n');
   inputs['groundtruth.txt'] = inputs['rgbd_dataset_freiburg2_desk/groundtruth.txt'] = keep('captured.txt');
 
+  cpSync(keep('recording/camera.yaml'), join(work, 'camera.yaml'));
+
   // cairn, but with few and small frames, large voxels, and on a port that is free.
   writeFileSync(join(work, 'build/release/cairn'), `#!/usr/bin/env bash
 words=("$@") frames=0
