@@ -36,14 +36,9 @@ void print_row(const std::string& name, const ErrorStatistics& s, double scale, 
 }
 void print_head() { fmt::print("{:<22}{:>10}{:>10}{:>10}{:>10}\n", "", "rmse", "mean", "median", "max"); }
 
-/// A recording's folder stands for the true poses in it.
-Trajectory read_truth(const std::string& path) {
-  return std::filesystem::is_directory(path) ? recorded_truth(path) : read_trajectory(path);
-}
-
 void evaluate_trajectory_files(const Arguments& a) {
   const auto e =
-      evaluate_trajectory(read_trajectory(a.estimate), read_truth(a.truth), a.rpe_interval, a.max_time_difference);
+      evaluate_trajectory(read_trajectory(a.estimate), recorded_truth(a.truth), a.rpe_interval, a.max_time_difference);
   if (a.json) {
     nlohmann::json j{{"ate_m", to_json(e.ate)},
                      {"rpe_translation_m", to_json(e.rpe_translation)},
@@ -79,7 +74,7 @@ Mesh cut(Mesh mesh, const std::vector<double>& box) {
 void evaluate_mesh_files(const Arguments& a) {
   Mesh estimate = read_mesh(a.estimate);
   if (!a.trajectory.empty()) {
-    const auto by = evaluate_trajectory(read_trajectory(a.trajectory), read_truth(a.truth_trajectory));
+    const auto by = evaluate_trajectory(read_trajectory(a.trajectory), recorded_truth(a.truth_trajectory));
     const Eigen::Isometry3f move = by.truth_from_estimate.cast<float>();
     for (auto& p : estimate.positions) p = move * p;
     for (auto& n : estimate.normals) n = move.linear() * n;
@@ -126,8 +121,8 @@ void evaluate_views_of(const Arguments& a) {
   const std::vector<Mesh> parts = read_mesh_parts(a.estimate);
   Eigen::Isometry3d world_from_recording = Eigen::Isometry3d::Identity();
   if (!a.trajectory.empty())
-    world_from_recording = estimate_from_truth(read_trajectory(a.trajectory), read_truth(a.truth_trajectory));
-  const auto recording = with_poses(open_source(a.truth), read_truth(a.poses.empty() ? a.truth : a.poses));
+    world_from_recording = estimate_from_truth(read_trajectory(a.trajectory), recorded_truth(a.truth_trajectory));
+  const auto recording = with_poses(open_source(a.truth), recorded_truth(a.poses.empty() ? a.truth : a.poses));
   const ViewError e = evaluate_views(parts, *recording, world_from_recording, a.step);
   if (a.json)
     fmt::print("{}\n", nlohmann::json{{"psnr_db", e.psnr}, {"covered", e.covered}, {"frames", e.frames}}.dump(2));
@@ -154,7 +149,7 @@ void evaluate_loops_file(const Arguments& a) {
   } catch (const nlohmann::json::exception& error) {
     throw std::runtime_error(a.estimate + ": is no report of `cairn reconstruct`: " + error.what());
   }
-  const LoopError e = evaluate_loops(loops, keyframes, read_truth(a.truth));
+  const LoopError e = evaluate_loops(loops, keyframes, recorded_truth(a.truth));
   if (a.json) {
     const nlohmann::json j{{"loops", e.loops}, {"right", e.right}, {"revisits", e.revisits}, {"found", e.found}};
     fmt::print("{}\n", j.dump(2));
@@ -198,7 +193,7 @@ void evaluate_distances_of(const Arguments& a) {
 void add_trajectory(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
   auto* command = evaluate.add_subcommand("trajectory", "ATE and RPE as the TUM benchmark defines them");
   command->add_option("ESTIMATE", a->estimate, "TUM trajectory file")->required()->check(CLI::ExistingFile);
-  command->add_option("TRUTH", a->truth, "TUM trajectory file, or the folder of a recording with true poses")
+  command->add_option("TRUTH", a->truth, "TUM trajectory file, or a recording with true poses")
       ->required()
       ->check(CLI::ExistingPath);
   command->add_option("--rpe-interval", a->rpe_interval, "Seconds")->capture_default_str()->check(CLI::PositiveNumber);
@@ -267,7 +262,7 @@ void add_views(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
 void add_loops(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
   auto* command = evaluate.add_subcommand("loops", "Precision and recall of the places that were recognised");
   command->add_option("REPORT", a->estimate, "report.json of a reconstruction")->required()->check(CLI::ExistingFile);
-  command->add_option("TRUTH", a->truth, "TUM trajectory file, or the folder of a recording with true poses")
+  command->add_option("TRUTH", a->truth, "TUM trajectory file, or a recording with true poses")
       ->required()
       ->check(CLI::ExistingPath);
   command->add_flag("--json", a->json, "Print JSON");

@@ -49,7 +49,7 @@ FrameRange parse_frames(const std::string& text) {
 
 std::unique_ptr<Source> open_frames(const Arguments& a, const FrameRange& range) {
   auto source = open_source(a.sequence, {.range = range, .camera = a.camera, .copy_to = {}});
-  if (!a.poses.empty()) source = with_poses(std::move(source), read_trajectory(a.poses));
+  if (!a.poses.empty()) source = with_poses(std::move(source), recorded_truth(a.poses));
   return a.read_ahead > 0 ? read_ahead(std::move(source), a.read_ahead) : std::move(source);
 }
 
@@ -103,7 +103,10 @@ void add_reconstruct(CLI::App& program) {
       ->capture_default_str();
   command->add_option("--frames", a->frames, "A:B:STEP, frames A to B - 1, every STEP-th [all]");
   auto* poses =
-      command->add_option("--poses", a->poses, "Fuse with these world_from_camera poses (TUM format) and do not track")
+      command
+          ->add_option(
+              "--poses", a->poses,
+              "Fuse with these world_from_camera poses (TUM format, or a recording with true poses) and do not track")
           ->check(CLI::ExistingFile)
           ->excludes("--resume");
   command

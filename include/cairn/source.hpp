@@ -33,7 +33,7 @@ struct SourceOptions {
 ///   (frame-000000.depth.png), ICL-NUIM (associations.txt with a negative fy), Stray Scanner (rgb.mp4), images with
 ///   intrinsics.json;
 /// - an .oni file;
-/// - an .mkv file of the Azure Kinect's recorder;
+/// - an .mkv file of the Azure Kinect's recorder; a .sens file (ScanNet);
 /// - `openni:` for the first sensor, `openni:URI` for the one that OpenNI2 has under this URI;
 /// - `synthetic:NAME`, a scene (see synthetic_scene) rendered on the fly.
 ///
@@ -53,9 +53,9 @@ struct SourceOptions {
 [[nodiscard]] std::unique_ptr<Source> with_poses(std::unique_ptr<Source> source, Trajectory world_from_camera,
                                                  double max_gap = 0.1);
 
-/// Poses that a recording carries for the truth, by frame timestamp (groundtruth.txt, frame-*.pose.txt, odometry.csv);
-/// empty when it has none.
-[[nodiscard]] Trajectory recorded_truth(const std::filesystem::path& folder);
+/// Poses that a recording carries for the truth, by frame timestamp (groundtruth.txt, frame-*.pose.txt, odometry.csv, those
+/// in a .sens file); empty when it has none. Of a file that is no recording: its poses, see read_trajectory.
+[[nodiscard]] Trajectory recorded_truth(const std::filesystem::path& recording);
 
 /// A source that changes how or when the frames of another one are given.
 class WrappedSource : public Source {

@@ -10,6 +10,7 @@
 #include "base/read_whole.hpp"
 #include "cairn/source.hpp"
 #include "io/recording.hpp"
+#include "io/sens.hpp"
 
 namespace cairn {
 namespace {
@@ -153,6 +154,9 @@ std::unique_ptr<Source> with_poses(std::unique_ptr<Source> source, Trajectory wo
   return std::make_unique<WithPoses>(std::move(source), std::move(world_from_camera), max_gap);
 }
 
-Trajectory recorded_truth(const fs::path& folder) { return read_recording(folder).truth; }
+Trajectory recorded_truth(const fs::path& recording) {
+  if (fs::is_directory(recording) || !fs::exists(recording)) return read_recording(recording).truth;
+  return recording.extension() == ".sens" ? sens_truth(recording) : read_trajectory(recording);
+}
 
 }  // namespace cairn

@@ -9,6 +9,7 @@
 #include "io/azure_kinect.hpp"
 #include "io/openni.hpp"
 #include "io/recording.hpp"
+#include "io/sens.hpp"
 #include "synth/source.hpp"
 
 namespace cairn {
@@ -91,6 +92,7 @@ std::unique_ptr<Source> open_source(const std::string& name, const SourceOptions
                            .frames = options.range.end.value_or(kSyntheticFrames)});
   if (name.ends_with(".mkv"))
     return with_cameras(std::make_unique<InRange>(open_azure_kinect(name), options.range), options.camera);
+  if (name.ends_with(".sens")) return with_cameras(open_sens(name, options.range), options.camera);
   return open_recording(name, options.range, options.camera);
 }
 

@@ -229,6 +229,24 @@ void write_videos(const fs::path& folder) {
           video.str());
 }
 #endif
+/// A header of ScanNet, and a frame of 16x16 raw pixels.
+void write_sens(const fs::path& folder) {
+  const auto number = [](auto value) { return std::string(reinterpret_cast<const char*>(&value), sizeof value); };
+  std::string pose, intrinsic;
+  for (int i = 0; i < 16; ++i) {
+    pose += number(i % 5 == 0 ? 1.0f : 0.0f);
+    intrinsic += number(i == 0 || i == 5 ? 16.0f : i == 2 || i == 6 ? 8.0f : i % 5 == 0 ? 1.0f : 0.0f);
+  }
+  const auto file = [&](int depth_kind, const std::string& depth) {
+    return number(4u) + number(std::uint64_t{4}) + "name" + intrinsic + pose + intrinsic + pose + number(0) +
+           number(depth_kind) + number(16u) + number(16u) + number(16u) + number(16u) + number(1000.0f) +
+           number(std::uint64_t{1}) + pose + number(std::uint64_t{33'000}) + number(std::uint64_t{33'000}) +
+           number(std::uint64_t{768}) + number(std::uint64_t{depth.size()}) + std::string(768, 'c') + depth;
+  };
+  put(place(folder, "sens", "raw"), file(0, std::string(512, 'd')));
+  put(place(folder, "sens", "zlib"),
+      file(1, std::string("\x78\x9c\x4b\x49\x19\x05\x23\x19\x00\x00\x71\xb8\xc8\x01", 14)));
+}
 
 void write_requests(const fs::path& folder) {
   put(place(folder, "http", "page"), "GET /TOKEN/ HTTP/1.1\r\nHost: HOST\r\n\r\n");
@@ -257,6 +275,7 @@ int main(int argc, char** argv) {
   write_meshes(folder);
   write_sessions(folder, work);
   write_oni(folder);
+  write_sens(folder);
   write_requests(folder);
 #ifdef CAIRN_VIDEO
   write_videos(folder);

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <Eigen/Geometry>
+#include <optional>
+#include <span>
+
+namespace cairn {
+
+/// The pose that a row-major 4x4 or 3x4 matrix holds, its rotation made exact; nothing for one that is not finite, lies
+/// farther away than 1e6 m, or turns and stretches.
+[[nodiscard]] inline std::optional<Eigen::Isometry3d> pose_of_rows(std::span<const double> numbers) {
+  constexpr double kMostStretch = 0.02, kFarthest = 1e6;
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  for (int r = 0; r < 3; ++r)
+    for (int c = 0; c < 4; ++c) pose.matrix()(r, c) = numbers[static_cast<std::size_t>(4 * r + c)];
+  if (!pose.matrix().allFinite() || pose.translation().cwiseAbs().maxCoeff() > kFarthest) return std::nullopt;
+  const Eigen::Matrix3d turn = pose.linear();
+  const double stretch = (turn.transpose() * turn - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (!(stretch <= kMostStretch) || turn.determinant() < 0) return std::nullopt;
+  if (!turn.isIdentity(0)) pose.linear() = Eigen::Quaterniond(turn).normalized().toRotationMatrix();
+  return pose;
+}
+
+}  // namespace cairn

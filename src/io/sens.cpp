@@ -1,0 +1,319 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// ScanNet's recordings (Dai et al. 2017), version 4: a header with both cameras, then frame after frame, little endian.
+// Frames of the inertial sensor, which may follow, are passed over.
+#include "io/sens.hpp"
+
+#include <fmt/format.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <limits>
+#include <opencv2/core/utils/logger.hpp>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+#include "base/image_file.hpp"
+#include "io/camera_file.hpp"
+#include "io/pose_matrix.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+static_assert(std::endian::native == std::endian::little, "numbers are read as they lie in the file");
+constexpr std::uint32_t kVersion = 4;
+constexpr double kFrameRate = 30.0;       // Hz, where no frame has a time stamp
+constexpr double kMostColourDelay = 1.0;  // seconds; more are two clocks
+constexpr std::uint64_t kLongestName = 4096;
+
+enum class ColourKind { raw, png, jpeg };
+enum class DepthKind { raw, zlib };
+using Matrix = std::array<float, 16>;  // row-major
+
+struct FrameHead {
+  Matrix world_from_camera;
+  std::uint64_t colour_time, depth_time;  // microseconds
+  std::uint64_t colour_size, depth_size;  // bytes
+};
+static_assert(sizeof(FrameHead) == 96);
+
+struct Indexed {
+  std::uint64_t place;  // of the colour bytes, which the depth bytes follow
+  std::uint64_t colour_size, depth_size;
+  double timestamp, colour_delay = 0;
+  std::optional<Eigen::Isometry3d> world_from_camera;
+};
+
+struct SensFile {
+  Rig rig;
+  int colour_width = 0, colour_height = 0;
+  ColourKind colour = ColourKind::jpeg;
+  DepthKind depth = DepthKind::zlib;
+  double depth_scale = 1000;
+  std::vector<Indexed> frames;
+  std::optional<std::string> cut_off;
+};
+
+/// A file read piece by piece, which knows where it is and where its end is.
+class Bytes {
+ public:
+  explicit Bytes(const fs::path& file) : name_(file.string()), in_(file, std::ios::binary) {
+    std::error_code ignored;
+    if (!fs::is_regular_file(file, ignored)) throw std::runtime_error(name_ + ": is no file that can be read");
+    size_ = fs::file_size(file);
+    if (!in_) throw std::runtime_error(name_ + ": cannot be read");
+    if (size_ == 0) throw std::runtime_error(name_ + ": is empty; copy or download it again");
+  }
+  [[nodiscard]] const std::string& name() const { return name_; }
+  [[nodiscard]] std::uint64_t at() const { return at_; }
+  [[nodiscard]] std::uint64_t left() const { return size_ - at_; }
+  void seek(std::uint64_t place) {
+    at_ = place;
+    in_.clear();
+    in_.seekg(static_cast<std::streamoff>(place));
+  }
+  [[nodiscard]] bool read(void* to, std::uint64_t count) {
+    if (count > left() || !in_.read(static_cast<char*>(to), static_cast<std::streamsize>(count))) return false;
+    at_ += count;
+    return true;
+  }
+  /// The next field of the header.
+  template <class T>
+  T field(const char* what) {
+    T value;
+    if (!read(&value, sizeof value))
+      throw std::runtime_error(
+          fmt::format("{}: ends at byte {} within `{}` of its header; copy or download it again", name_, size_, what));
+    return value;
+  }
+
+ private:
+  std::string name_;
+  std::ifstream in_;
+  std::uint64_t size_ = 0, at_ = 0;
+};
+
+Eigen::Isometry3d extrinsic(const Matrix& m, const char* what) {
+  std::array<double, 16> numbers{};
+  std::copy(m.begin(), m.end(), numbers.begin());
+  const auto pose = pose_of_rows(numbers);
+  if (!pose) throw std::runtime_error(fmt::format("its extrinsic matrix of {} is no rotation and translation", what));
+  return *pose;
+}
+
+Camera camera_of(std::uint32_t width, std::uint32_t height, const Matrix& intrinsic) {
+  const auto pixels = [](std::uint32_t count) {
+    return static_cast<int>(std::min<std::uint32_t>(count, std::numeric_limits<int>::max()));
+  };
+  Camera c{pixels(width), pixels(height), intrinsic[0], intrinsic[5], intrinsic[2], intrinsic[6], {}};
+  check(c);
+  return c;
+}
+
+void read_header(Bytes& in, SensFile& file) {
+  if (const auto version = in.field<std::uint32_t>("version"); version != kVersion)
+    throw std::runtime_error(fmt::format("{}: has version {} at byte 0, only {} of ScanNet's .sens files can be read",
+                                         in.name(), version, kVersion));
+  const auto length = in.field<std::uint64_t>("sensor name");
+  if (length > std::min(kLongestName, in.left()))
+    throw std::runtime_error(
+        fmt::format("{}: tells a sensor name of {} bytes at byte 4; it is no .sens file, or is cut "
+                    "off",
+                    in.name(), length));
+  in.seek(in.at() + length);
+  const auto colour_intrinsic = in.field<Matrix>("intrinsic colour");
+  const auto colour_extrinsic = in.field<Matrix>("extrinsic colour");
+  const auto depth_intrinsic = in.field<Matrix>("intrinsic depth");
+  const auto depth_extrinsic = in.field<Matrix>("extrinsic depth");
+  const auto colour = in.field<std::int32_t>("colour compression");
+  const auto depth = in.field<std::int32_t>("depth compression");
+  const auto sizes = in.field<std::array<std::uint32_t, 4>>("image sizes");
+  file.depth_scale = in.field<float>("depth shift");
+  try {
+    if (colour < 0 || colour > 2)
+      throw std::runtime_error(
+          fmt::format("its colour compression is {}, known are 0 (raw), 1 (PNG) and 2 (JPEG)", colour));
+    if (depth != 0 && depth != 1)
+      throw std::runtime_error(fmt::format("its depth compression is {}, known are 0 (raw) and 1 (zlib){}", depth,
+                                           depth == 2 ? "; write it again with zlib, OCCI (2) is not read" : ""));
+    file.colour = static_cast<ColourKind>(colour);
+    file.depth = static_cast<DepthKind>(depth);
+    check_depth_scale(file.depth_scale);
+    file.rig = camera_of(sizes[2], sizes[3], depth_intrinsic);
+    if (sizes[0] == 0 || sizes[1] == 0) return;  // no colour
+    const ColourCamera beside{camera_of(sizes[0], sizes[1], colour_intrinsic),
+                              extrinsic(colour_extrinsic, "colour").inverse() * extrinsic(depth_extrinsic, "depth")};
+    if (beside != ColourCamera{.camera = file.rig.depth}) file.rig.colour = beside;
+    check(file.rig);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(fmt::format("{}: header before byte {}: {}", in.name(), in.at(), error.what()));
+  }
+}
+
+/// Times in seconds, from each frame's own or, where no frame has one, from the rate.
+void set_times(std::vector<Indexed>& frames, const std::vector<std::array<std::uint64_t, 2>>& microseconds) {
+  const bool stamped = std::any_of(microseconds.begin(), microseconds.end(), [](const auto& t) { return t[0] != 0; });
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const auto [depth, colour] = microseconds[i];
+    frames[i].timestamp = stamped ? 1e-6 * static_cast<double>(depth) : static_cast<double>(i) / kFrameRate;
+    if (!stamped || colour == 0) continue;
+    const double delay = 1e-6 * (static_cast<double>(colour) - static_cast<double>(depth));
+    if (std::abs(delay) <= kMostColourDelay) frames[i].colour_delay = delay;
+  }
+}
+
+SensFile index_sens(const fs::path& path) {
+  Bytes in(path);
+  SensFile file;
+  read_header(in, file);
+  const auto count = in.field<std::uint64_t>("number of frames");
+  std::vector<std::array<std::uint64_t, 2>> times;
+  for (std::uint64_t i = 0; i < count; ++i) {
+    const std::uint64_t begin = in.at();
+    FrameHead head;
+    const bool whole =
+        in.read(&head, sizeof head) && head.colour_size <= in.left() && head.depth_size <= in.left() - head.colour_size;
+    if (!whole) {
+      file.cut_off = fmt::format("{}: is cut off in frame {} of {}, which begins at byte {}; copy or download it again",
+                                 in.name(), i, count, begin);
+      break;
+    }
+    std::array<double, 16> pose{};
+    std::copy(head.world_from_camera.begin(), head.world_from_camera.end(), pose.begin());
+    file.frames.push_back({.place = in.at(),
+                           .colour_size = head.colour_size,
+                           .depth_size = head.depth_size,
+                           .timestamp = 0,
+                           .world_from_camera = pose_of_rows(pose)});
+    times.push_back({head.depth_time, head.colour_time});
+    in.seek(in.at() + head.colour_size + head.depth_size);
+  }
+  if (file.frames.empty())
+    throw std::runtime_error(file.cut_off.value_or(in.name() + ": holds no frame; copy or download it again"));
+  set_times(file.frames, times);
+  return file;
+}
+
+class SensSource final : public Source {
+ public:
+  SensSource(const fs::path& path, const FrameRange& range)
+      : file_(index_sens(path)), in_(path), range_(range), next_(range.begin) {
+    cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // what is wrong goes into Frame::problem
+    end_ = static_cast<int>(file_.frames.size());
+    if (range.end) end_ = std::min(end_, *range.end);
+  }
+
+  const Rig& rig() const override { return file_.rig; }
+  std::optional<int> size() const override { return std::max(0, (end_ - next_ + range_.step - 1) / range_.step); }
+  std::optional<double> next_timestamp() const override {
+    if (next_ >= end_) return std::nullopt;
+    return file_.frames[static_cast<std::size_t>(next_)].timestamp;
+  }
+  void skip() override { next_ += range_.step; }
+  std::optional<std::string> ended_early() const override {
+    const bool at_the_cut = next_ >= end_ && end_ == static_cast<int>(file_.frames.size());
+    return at_the_cut ? file_.cut_off : std::nullopt;
+  }
+
+  std::optional<Frame> next() override {
+    if (next_ >= end_) return std::nullopt;
+    const Indexed& entry = file_.frames[static_cast<std::size_t>(next_)];
+    Frame frame{.index = next_, .timestamp = entry.timestamp, .colour_delay = entry.colour_delay};
+    next_ += range_.step;
+    try {
+      if (entry.timestamp <= last_timestamp_)
+        throw std::runtime_error("its time stamp does not come after the one before");
+      last_timestamp_ = entry.timestamp;
+      frame.depth = read_depth(entry);
+    } catch (const std::exception& error) {
+      frame.problem = fmt::format("{}: frame {}, byte {}: {}", in_.name(), frame.index, entry.place, error.what());
+      return frame;
+    }
+    try {
+      frame.colour = read_colour(entry);
+    } catch (const std::exception&) {
+      // Depth alone is still a frame.
+    }
+    return frame;
+  }
+
+ private:
+  std::vector<std::uint8_t> read_bytes(std::uint64_t place, std::uint64_t count) {
+    std::vector<std::uint8_t> bytes(count);
+    in_.seek(place);
+    if (!in_.read(bytes.data(), count)) throw std::runtime_error("cannot be read; has the file changed?");
+    return bytes;
+  }
+
+  std::vector<float> read_depth(const Indexed& entry) {
+    const std::size_t count =
+        static_cast<std::size_t>(file_.rig.depth.width) * static_cast<std::size_t>(file_.rig.depth.height);
+    // Raw, or packed into more than raw with zlib's own words: no image is larger.
+    if (entry.depth_size > 4 * count + 1024)
+      throw std::runtime_error(fmt::format("depth has {} bytes, more than its size allows", entry.depth_size));
+    const auto bytes = read_bytes(entry.place + entry.colour_size, entry.depth_size);
+    std::vector<std::uint16_t> units(count);
+    auto unpacked = static_cast<uLongf>(2 * count);
+    if (file_.depth == DepthKind::raw) {
+      if (bytes.size() != 2 * count)
+        throw std::runtime_error(fmt::format("depth has {} bytes, its size takes {}", bytes.size(), 2 * count));
+      std::memcpy(units.data(), bytes.data(), bytes.size());
+    } else if (uncompress(reinterpret_cast<Bytef*>(units.data()), &unpacked, bytes.data(), bytes.size()) != Z_OK ||
+               unpacked != 2 * count) {
+      throw std::runtime_error("depth is no zlib data of its size");
+    }
+    std::vector<float> depth(count);
+    const float metres = static_cast<float>(1.0 / file_.depth_scale);
+    std::transform(units.begin(), units.end(), depth.begin(),
+                   [&](std::uint16_t value) { return static_cast<float>(value) * metres; });
+    if (std::all_of(units.begin(), units.end(), [](std::uint16_t value) { return value == 0; }))
+      throw std::runtime_error("depth holds no measurement");
+    return depth;
+  }
+
+  std::vector<std::uint32_t> read_colour(const Indexed& entry) {
+    const Camera& c = file_.rig.colour_view();
+    const std::uint64_t raw = 3 * static_cast<std::uint64_t>(c.width) * static_cast<std::uint64_t>(c.height);
+    if (entry.colour_size == 0 || entry.colour_size > 2 * raw + (1 << 20)) return {};
+    auto bytes = read_bytes(entry.place, entry.colour_size);
+    cv::Mat image, rgba;
+    if (file_.colour == ColourKind::raw) {
+      if (bytes.size() != raw) return {};
+      cv::cvtColor(cv::Mat(c.height, c.width, CV_8UC3, bytes.data()), rgba, cv::COLOR_RGB2RGBA);
+    } else {
+      image = decode_image(bytes, cv::IMREAD_COLOR);
+      if (image.cols != c.width || image.rows != c.height) return {};
+      cv::cvtColor(image, rgba, cv::COLOR_BGR2RGBA);
+    }
+    const auto* data = rgba.ptr<std::uint32_t>();
+    return {data, data + rgba.total()};
+  }
+
+  SensFile file_;
+  Bytes in_;
+  FrameRange range_;
+  int next_ = 0, end_ = 0;
+  double last_timestamp_ = -INFINITY;
+};
+
+}  // namespace
+
+std::unique_ptr<Source> open_sens(const fs::path& file, const FrameRange& range) {
+  return std::make_unique<SensSource>(file, range);
+}
+
+Trajectory sens_truth(const fs::path& file) {
+  Trajectory truth;
+  for (const Indexed& frame : index_sens(file).frames)
+    if (frame.world_from_camera && (truth.empty() || frame.timestamp > truth.back().timestamp))
+      truth.push_back({frame.timestamp, *frame.world_from_camera});
+  return truth;
+}
+
+}  // namespace cairn
