@@ -49,7 +49,11 @@ FrameRange parse_frames(const std::string& text) {
 
 std::unique_ptr<Source> open_frames(const Arguments& a, const FrameRange& range) {
   auto source = open_source(a.sequence, {.range = range, .camera = a.camera, .copy_to = {}});
-  if (!a.poses.empty()) source = with_poses(std::move(source), recorded_truth(a.poses));
+  if (!a.poses.empty()) {
+    auto poses = recorded_truth(a.poses);
+    if (poses.empty()) throw std::runtime_error(a.poses.string() + ": is a recording without poses");
+    source = with_poses(std::move(source), std::move(poses));
+  }
   return a.read_ahead > 0 ? read_ahead(std::move(source), a.read_ahead) : std::move(source);
 }
 
@@ -107,7 +111,7 @@ void add_reconstruct(CLI::App& program) {
           ->add_option(
               "--poses", a->poses,
               "Fuse with these world_from_camera poses (TUM format, or a recording with true poses) and do not track")
-          ->check(CLI::ExistingFile)
+          ->check(CLI::ExistingPath)
           ->excludes("--resume");
   command
       ->add_flag("--refine", a->refine,

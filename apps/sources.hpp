@@ -12,9 +12,8 @@ namespace cairn::apps {
 
 /// How SEQUENCE is explained to the user.
 inline constexpr const char* kSequenceHelp =
-    "Folder (TUM RGB-D, 7-Scenes, ICL-NUIM, or with intrinsics.json), .oni file, openni: or openni:URI for a sensor, "
-    "or "
-    "synthetic:NAME";
+    "Folder (TUM RGB-D, 7-Scenes, ICL-NUIM, nerfstudio and others, or with intrinsics.json), .oni or .sens file, "
+    "openni: or openni:URI for a sensor, or synthetic:NAME";
 
 /// A path from the root, without `.`, `..` and a slash at its end; it need not exist.
 [[nodiscard]] std::filesystem::path tidy(const std::filesystem::path& path);

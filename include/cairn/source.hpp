@@ -29,9 +29,11 @@ struct SourceOptions {
 
 /// Opens an input by its name:
 ///
-/// - a folder, whose layout is recognised by its files: TUM RGB-D (rgb.txt and depth.txt), 7-Scenes
-///   (frame-000000.depth.png), ICL-NUIM (associations.txt with a negative fy), Stray Scanner (rgb.mp4), images with
-///   intrinsics.json;
+/// - a folder, whose layout is recognised by its files: TUM RGB-D, ETH3D and Bonn (rgb.txt and depth.txt), 7-Scenes
+///   (frame-000000.depth.png), ICL-NUIM (associations.txt with a negative fy), Stray Scanner
+///   (rgb.mp4), images with intrinsics.json, nerfstudio
+///   (transforms.json), Open3D (intrinsic.json or camera_intrinsic.json), RTAB-Map (rgb, depth and calib or
+///   calibration.yaml), Replica (results with traj.txt or cam_params.json);
 /// - an .oni file;
 /// - an .mkv file of the Azure Kinect's recorder; a .sens file (ScanNet);
 /// - `openni:` for the first sensor, `openni:URI` for the one that OpenNI2 has under this URI;
@@ -53,8 +55,8 @@ struct SourceOptions {
 [[nodiscard]] std::unique_ptr<Source> with_poses(std::unique_ptr<Source> source, Trajectory world_from_camera,
                                                  double max_gap = 0.1);
 
-/// Poses that a recording carries for the truth, by frame timestamp (groundtruth.txt, frame-*.pose.txt, odometry.csv, those
-/// in a .sens file); empty when it has none. Of a file that is no recording: its poses, see read_trajectory.
+/// Poses that a recording carries for the truth, by frame timestamp (groundtruth.txt, frame-*.pose.txt, odometry.csv,
+/// those in a .sens file); empty when it has none. Of a file that is no recording: its poses, see read_trajectory.
 [[nodiscard]] Trajectory recorded_truth(const std::filesystem::path& recording);
 
 /// A source that changes how or when the frames of another one are given.

@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <cmath>
 #include <opencv2/core/utils/logger.hpp>
@@ -16,22 +19,57 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
+constexpr double kMostStretch = 0.02;  // of a depth image against colour: its size is rounded to whole pixels
 
 Recording read_recording(const fs::path& folder) {
   if (!fs::exists(folder)) throw std::runtime_error(folder.string() + ": there is no such folder");
   if (!fs::is_directory(folder))
     throw std::runtime_error(folder.string() + ": is not a folder; give the folder that holds the recording");
-  for (const auto read : {read_tum, read_icl_nuim, read_seven_scenes, read_stray_scanner, read_intrinsics_folder})
+  for (const auto read : {read_tum, read_icl_nuim, read_seven_scenes, read_stray_scanner, read_intrinsics_folder,
+                          read_nerfstudio, read_open3d, read_rtabmap, read_replica})
     if (auto recording = read(folder)) return *std::move(recording);
   throw std::runtime_error(folder.string() +
                            ": no known recording; expected rgb.txt and depth.txt (TUM), frame-000000.depth.png "
-                           "(7-Scenes), associations.txt (ICL-NUIM), rgb.mp4 (Stray Scanner) or intrinsics.json");
+                           "(7-Scenes), associations.txt (ICL-NUIM), rgb.mp4 (Stray Scanner), intrinsics.json, "
+                           "transforms.json (nerfstudio), "
+                           "intrinsic.json or camera_intrinsic.json (Open3D), rgb, depth and calib or calibration.yaml "
+                           "(RTAB-Map), or results and traj.txt (Replica)");
+}
+
+/// A layout that tells of no colour camera has colour on depth: as seen from there, perhaps in another number of
+/// pixels.
+void find_colour_size(Recording& recording) {
+  const Camera& depth = recording.rig.depth;
+  if (recording.rig.colour) return;
+  for (const auto& entry : recording.entries) {
+    const auto size = entry.colour.empty() ? std::nullopt : size_of_image(entry.colour);
+    if (!size) continue;
+    if (*size == Eigen::Vector2i(depth.width, depth.height)) return;
+    const double stretch =
+        static_cast<double>(size->x()) * depth.height / (static_cast<double>(size->y()) * depth.width);
+    if (!(std::abs(stretch - 1) <= kMostStretch)) {
+      spdlog::warn(
+          fmt::format("{}: is {}x{}, of another shape than depth's {}x{}: colour is left out; tell its camera under "
+                      "`colour` of camera.yaml where the layout has one",
+                      entry.colour.string(), size->x(), size->y(), depth.width, depth.height));
+      return;
+    }
+    Rig rig(depth, ColourCamera{.camera = scaled_to(depth, *size)});
+    try {
+      check(rig);
+      recording.rig = rig;
+    } catch (const std::runtime_error& error) {
+      spdlog::warn(fmt::format("{}: {}: colour is left out", entry.colour.string(), error.what()));
+    }
+    return;
+  }
 }
 
 class RecordingSource final : public Source {
  public:
   RecordingSource(Recording recording, const FrameRange& range) : recording_(std::move(recording)), range_(range) {
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // what is wrong goes into Frame::problem
+    find_colour_size(recording_);
     end_ = static_cast<int>(recording_.entries.size());
     if (range.end) end_ = std::min(end_, *range.end);
     next_ = range.begin;
@@ -110,12 +148,11 @@ class RecordingSource final : public Source {
     return depth;
   }
 
-  /// Empty when its shape is not its camera's.
+  /// Empty when its size is not its camera's.
   std::vector<std::uint32_t> read_colour(const fs::path& file) const {
     const Camera& c = recording_.rig.colour_view();
     cv::Mat image = decode_image(read_whole(file), cv::IMREAD_COLOR), rgba;
-    if (std::int64_t{image.cols} * c.height != std::int64_t{image.rows} * c.width) return {};
-    if (image.cols != c.width) cv::resize(image, image, {c.width, c.height}, 0, 0, cv::INTER_AREA);
+    if (image.cols != c.width || image.rows != c.height) return {};
     cv::cvtColor(image, rgba, cv::COLOR_BGR2RGBA);
     const auto* data = rgba.ptr<std::uint32_t>();
     return {data, data + rgba.total()};
@@ -143,6 +180,46 @@ class WithPoses final : public WrappedSource {
 };
 
 }  // namespace
+
+std::optional<Eigen::Vector2i> size_of_image(const fs::path& file) {
+  try {
+    const cv::Mat image = decode_image(read_whole(file), cv::IMREAD_UNCHANGED);
+    return Eigen::Vector2i(image.cols, image.rows);
+  } catch (const std::exception&) {
+    return std::nullopt;
+  }
+}
+
+Camera scaled_to(const Camera& camera, const Eigen::Vector2i& size) {
+  const double sx = static_cast<double>(size.x()) / camera.width, sy = static_cast<double>(size.y()) / camera.height;
+  Camera c = camera;
+  c.width = size.x();
+  c.height = size.y();
+  c.fx *= sx;
+  c.fy *= sy;
+  c.cx = (c.cx + 0.5) * sx - 0.5;
+  c.cy = (c.cy + 0.5) * sy - 0.5;
+  return c;
+}
+
+void set_rig_in_one_place(const Camera& colour, Recording& recording) {
+  recording.rig = colour;
+  for (const auto& entry : recording.entries) {
+    const auto size = size_of_image(entry.depth);
+    if (!size) continue;
+    if (*size == Eigen::Vector2i(colour.width, colour.height)) return;
+    const double stretch =
+        static_cast<double>(size->x()) * colour.height / (static_cast<double>(size->y()) * colour.width);
+    if (!(std::abs(stretch - 1) <= kMostStretch))
+      throw std::runtime_error(
+          fmt::format("{}: is {}x{}, another shape than the camera's {}x{}; depth must be seen from "
+                      "the colour camera's place",
+                      entry.depth.string(), size->x(), size->y(), colour.width, colour.height));
+    recording.rig = Rig(scaled_to(colour, *size), ColourCamera{.camera = colour});
+    check(recording.rig);
+    return;
+  }
+}
 
 std::unique_ptr<Source> open_recording(const fs::path& folder, const FrameRange& range, const fs::path& camera) {
   Recording recording = read_recording(folder);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
+#include <Eigen/Core>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -42,6 +43,20 @@ struct Recording {
 [[nodiscard]] std::optional<Recording> read_icl_nuim(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_stray_scanner(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_intrinsics_folder(const std::filesystem::path& folder);
+[[nodiscard]] std::optional<Recording> read_replica(const std::filesystem::path& folder);
+[[nodiscard]] std::optional<Recording> read_open3d(const std::filesystem::path& folder);
+[[nodiscard]] std::optional<Recording> read_rtabmap(const std::filesystem::path& folder);
+[[nodiscard]] std::optional<Recording> read_nerfstudio(const std::filesystem::path& folder);
+
+/// The PNG and JPEG images that lie in a folder, by name; none where there is no such folder.
+[[nodiscard]] std::vector<std::filesystem::path> images_in(const std::filesystem::path& folder);
+/// The size of an image in pixels; nothing where it cannot be read.
+[[nodiscard]] std::optional<Eigen::Vector2i> size_of_image(const std::filesystem::path& file);
+/// The same view in another number of pixels.
+[[nodiscard]] Camera scaled_to(const Camera& camera, const Eigen::Vector2i& size);
+/// Sets the cameras of a recording whose depth is seen from the colour camera's place, perhaps in another size: that of
+/// the first depth image that can be read. Throws where that has another shape.
+void set_rig_in_one_place(const Camera& colour, Recording& recording);
 
 /// The source with the cameras of a camera.yaml; as it is without one. Throws std::runtime_error for other sizes.
 [[nodiscard]] std::unique_ptr<Source> with_cameras(std::unique_ptr<Source> source,

@@ -80,9 +80,38 @@ bool known_camera(const fs::path& folder, Camera& camera) {
     camera = {640, 480, 520.9, 521.0, 325.1, 249.7, {0.2312, -0.7849, -0.0033, -0.0001, 0.9172}};
   else if (is("freiburg3", "fr3"))
     camera = {640, 480, 535.4, 539.2, 320.1, 247.6, {}};
+  else if (is("rgbd_bonn", "rgbd_bonn"))  // Palazzolo et al. 2019
+    camera = {
+        640, 480, 542.822841, 542.576870, 315.593520, 237.756098, {0.039903, -0.099343, -0.000730, -0.000144, 0.0}};
   else
     return false;
   return true;
+}
+
+/// `fx fy cx cy` of ETH3D's SLAM benchmark (Schöps et al. 2019), whose images have no lens; their size is the first's
+/// that can be read.
+Camera read_calibration(const fs::path& file, const std::vector<Stamped>& depth) {
+  Camera camera;
+  int lines = 0;
+  for_each_line(file, [&](int line, const std::vector<std::string>& words) {
+    if (++lines > 1 || words.size() != 4)
+      throw std::runtime_error(file.string() + ":" + std::to_string(line) + ": expected one line `fx fy cx cy`");
+    const auto number = [&](std::size_t i) { return number_of(words[i], file, line); };
+    camera.fx = number(0), camera.fy = number(1), camera.cx = number(2), camera.cy = number(3);
+  });
+  if (lines == 0) throw std::runtime_error(file.string() + ": is empty; expected one line `fx fy cx cy`");
+  std::optional<Eigen::Vector2i> size;
+  for (std::size_t i = 0; i < depth.size() && !size; ++i) size = size_of_image(depth[i].image);
+  if (!size)
+    throw std::runtime_error(file.string() + ": no image of depth.txt can be read, so the camera's size is not known");
+  camera.width = size->x();
+  camera.height = size->y();
+  try {
+    check(camera);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(file.string() + ": " + error.what());
+  }
+  return camera;
 }
 
 struct Acceleration {
@@ -123,14 +152,16 @@ std::optional<Recording> read_tum(const fs::path& folder) {
     throw std::runtime_error(folder.string() + ": a TUM recording needs both rgb.txt and depth.txt, " +
                              (has_depth ? "rgb.txt" : "depth.txt") + " is missing");
   Recording recording;
+  const auto depth = read_list(folder / "depth.txt");
   if (fs::exists(folder / "camera.yaml"))
     use(read_camera_file(folder / "camera.yaml"), recording);
+  else if (fs::exists(folder / "calibration.txt"))
+    recording.rig = read_calibration(folder / "calibration.txt", depth);
   else if (!known_camera(folder, recording.rig.depth))
     throw std::runtime_error(
         folder.string() +
         ": the camera is not known; add camera.yaml with width, height, fx, fy, cx, cy, distortion "
-        "[k1, k2, p1, p2, k3] and depth_scale (units per metre)");
-  const auto depth = read_list(folder / "depth.txt");
+        "[k1, k2, p1, p2, k3] and depth_scale (units per metre), or calibration.txt with fx fy cx cy");
   const auto colour = read_list(folder / "rgb.txt");
   const auto match = associate(depth, colour);
   std::vector<Acceleration> accelerations;

@@ -87,6 +87,42 @@ void write_text_inputs(const fs::path& folder) {
       "1000, \"frame_rate\": 30, \"distortion\": [0.1, 0, 0, 0, 0]}\n");
 }
 
+void write_layouts(const fs::path& folder) {
+  const std::string row = "1 0 0 0.5 0 1 0 0 0 0 1 0 0 0 0 1\n";
+  put(place(folder, "recording", "eth3d"),
+      "@depth.txt\n0.0 depth/1.png\n0.1 depth/2.png\n@rgb.txt\n0.01 rgb/1.png\n@calibration.txt\n16 16 8 8\n");
+  put(place(folder, "recording", "replica"), "@traj.txt\n" + row + row +
+                                                 R"(@cam_params.json
+{"camera": {"w": 16, "h": 16, "fx": 16, "fy": 16, "cx": 8, "cy": 8, "scale": 6553.5}}
+)");
+  put(place(folder, "recording", "open3d"), R"(@intrinsic.json
+{"width": 16, "height": 16, "intrinsic_matrix": [16, 0, 0, 0, 16, 0, 8, 8, 1], "depth_scale": 1000}
+)");
+  put(place(folder, "recording", "rtabmap"), R"(@calibration.yaml
+%YAML:1.0
+---
+image_width: 16
+image_height: 16
+camera_matrix:
+   rows: 3
+   cols: 3
+   data: [ 16., 0., 8., 0., 16., 8., 0., 0., 1. ]
+distortion_coefficients:
+   data: [ 0.1, 0., 0., 0., 0. ]
+distortion_model: plumb_bob
+local_transform:
+   data: [ 0., 0., 1., 0., -1., 0., 0., 0., 0., -1., 0., 0. ]
+@poses.txt
+1 0 0 0 0 0 0 1 7
+2 1 0 0 0 0 0 1 8
+)");
+  put(place(folder, "recording", "nerfstudio"), R"(@transforms.json
+{"fl_x": 16, "fl_y": 16, "cx": 8, "cy": 8, "w": 16, "h": 16, "k1": 0.1, "camera_model": "OPENCV", "frames": [
+{"file_path": "rgb/1.png", "depth_file_path": "depth/1.png", "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]},
+{"depth_file_path": "depth/2.png", "fl_x": 16, "transform_matrix": [[1,0,0,1],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}]}
+)");
+}
+
 void write_images(const fs::path& folder) {
   cv::Mat depth(16, 16, CV_16U), colour(16, 16, CV_8UC3);
   for (int y = 0; y < 16; ++y)
@@ -271,6 +307,7 @@ int main(int argc, char** argv) {
   const fs::path folder = argv[1], work = folder / ".work";
   fs::create_directories(work);
   write_text_inputs(folder);
+  write_layouts(folder);
   write_images(folder);
   write_meshes(folder);
   write_sessions(folder, work);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Folders of images: TUM, 7-Scenes, ICL-NUIM, Stray Scanner and intrinsics.json. The input holds the files that are no
-// images one after the other, each after a line of `@` and its name.
+// Folders of images, of every layout. The input holds the text files one after the other,
+// each after a line of `@` and its name.
 #include <array>
 #include <opencv2/imgcodecs.hpp>
 
@@ -14,15 +14,19 @@ using namespace cairn;
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::array kFiles{"depth.txt",       "rgb.txt",          "camera.yaml",      "accelerometer.txt",
-                            "groundtruth.txt", "associations.txt", "intrinsics.json",  "frame-000000.pose.txt",
-                            "rgb.mp4",         "odometry.csv",     "camera_matrix.csv"};
+constexpr std::array kFiles{"depth.txt",       "rgb.txt",          "camera.yaml",     "accelerometer.txt",
+                            "groundtruth.txt", "associations.txt", "intrinsics.json", "frame-000000.pose.txt",
+                            "calibration.txt", "transforms.json",  "intrinsic.json",  "calibration.yaml",
+                            "poses.txt",       "traj.txt",         "cam_params.json", "rgb.mp4",
+                            "odometry.csv",    "camera_matrix.csv"};
 
 fs::path recording() {
   static const fs::path made = [] {
     auto folder = fuzz::folder() / "recording";
     fs::create_directories(folder / "depth");
     fs::create_directories(folder / "rgb");
+    fs::create_directories(folder / "results");
+    cv::imwrite(folder / "results/depth000000.png", cv::Mat(16, 16, CV_16U, cv::Scalar(1000)));
     cv::imwrite(folder / "depth/1.png", cv::Mat(16, 16, CV_16U, cv::Scalar(1000)));
     cv::imwrite(folder / "depth/2.png", cv::Mat(16, 16, CV_16U, cv::Scalar(2000)));
     fs::create_directories(folder / "confidence");

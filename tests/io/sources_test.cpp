@@ -190,7 +190,8 @@ TEST(IntrinsicsFolder, TellsTheKeyThatIsWrong) {
   EXPECT_EQ(error("{" + most + "}"), ": `cy` is missing");
   EXPECT_EQ(error("{" + most + R"(, "cy": "24"})"), ": `cy` is not a number");
   EXPECT_EQ(error(R"({"width": 1e300})"), ": `width` is no number of pixels");
-  EXPECT_EQ(error("{" + most + R"(, "cy": 24, "distortion": [1]})"), ": `distortion` takes [k1, k2, p1, p2, k3]");
+  EXPECT_EQ(error("{" + most + R"(, "cy": 24, "distortion": [1]})"),
+            ": `distortion` takes [k1, k2, p1, p2, k3], or these and [k4, k5, k6]");
   EXPECT_EQ(error("{" + most + R"(, "cy": 24, "frame_rate": 0})"), ": `frame_rate` is 0, allowed is 0.001 to 100000");
 }
 

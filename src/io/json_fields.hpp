@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Fields of the JSON files that lie beside images.
+#pragma once
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+#include "base/read_whole.hpp"
+
+namespace cairn {
+
+/// Calls `take` with what a file holds, an object. Errors name the file and end with what it should hold.
+template <class Take>
+void read_json(const std::filesystem::path& file, const std::string& expected, Take&& take) {
+  try {
+    const auto bytes = read_whole(file);
+    const auto json = nlohmann::json::parse(bytes.begin(), bytes.end());
+    if (!json.is_object()) throw std::runtime_error("is no JSON object");
+    take(json);
+  } catch (const nlohmann::json::exception&) {
+    throw std::runtime_error(file.string() + ": is no JSON; expected " + expected);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(file.string() + ": " + error.what() + "; expected " + expected);
+  }
+}
+
+/// A number of an object; without `usual` it must be there.
+inline double number_at(const nlohmann::json& object, const char* key, std::optional<double> usual = {}) {
+  const auto it = object.find(key);
+  if (it == object.end() && usual) return *usual;
+  if (it == object.end()) throw std::runtime_error(std::string("`") + key + "` is missing");
+  if (!it->is_number()) throw std::runtime_error(std::string("`") + key + "` is not a number");
+  return it->get<double>();
+}
+
+inline int pixels_at(const nlohmann::json& object, const char* key) {
+  const double value = number_at(object, key);
+  if (!(value >= 0 && value <= 1e6 && value == std::floor(value)))
+    throw std::runtime_error(std::string("`") + key + "` is no number of pixels");
+  return static_cast<int>(value);
+}
+
+}  // namespace cairn

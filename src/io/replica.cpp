@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Replica as rendered for iMAP and NICE-SLAM (Sucar et al. 2021, Zhu et al. 2022): results/frame000000.jpg and
+// depth000000.png, traj.txt and cam_params.json.
+#include <algorithm>
+#include <array>
+#include <map>
+#include <stdexcept>
+
+#include "base/lines.hpp"
+#include "base/words.hpp"
+#include "io/camera_file.hpp"
+#include "io/json_fields.hpp"
+#include "io/pose_matrix.hpp"
+#include "io/recording.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr double kFrameRate = 30.0;    // Hz; the set has no time stamps
+constexpr int kMostFrames = 10000000;  // what a number in a name may be
+
+/// The number in `PREFIX000012`.
+std::optional<int> number_of_image(const fs::path& image, std::string_view prefix) {
+  const std::string stem = image.stem().string();
+  if (!stem.starts_with(prefix)) return std::nullopt;
+  const auto number = number_in<int>(std::string_view(stem).substr(prefix.size()));
+  return number && *number >= 0 && *number < kMostFrames ? number : std::nullopt;
+}
+
+void read_camera(const nlohmann::json& json, Recording& recording) {
+  const auto camera = json.find("camera");
+  if (camera == json.end() || !camera->is_object()) throw std::runtime_error("`camera` is missing");
+  const auto number = [&](const char* key) { return number_at(*camera, key); };
+  recording.rig = Camera{
+      pixels_at(*camera, "w"), pixels_at(*camera, "h"), number("fx"), number("fy"), number("cx"), number("cy"), {}};
+  check(recording.rig.depth);
+  recording.depth_scale = number("scale");
+  check_depth_scale(recording.depth_scale);
+}
+
+Trajectory read_poses(const fs::path& file) {
+  Trajectory poses;
+  int index = 0;
+  for_each_line(file, [&](int line, const std::vector<std::string>& words) {
+    std::array<double, 16> v{};
+    if (words.size() != v.size())
+      throw std::runtime_error(file.string() + ":" + std::to_string(line) +
+                               ": expected the 16 numbers of a 4x4 matrix, row by row");
+    for (std::size_t i = 0; i < v.size(); ++i) v[i] = number_of(words[i], file, line);
+    const auto pose = pose_of_rows(v);
+    if (!pose) throw std::runtime_error(file.string() + ":" + std::to_string(line) + ": is no pose");
+    poses.push_back({index++ / kFrameRate, *pose});
+  });
+  return poses;
+}
+
+}  // namespace
+
+std::optional<Recording> read_replica(const fs::path& folder) {
+  const fs::path images = folder / "results";
+  if (!fs::is_directory(images)) return std::nullopt;
+  fs::path camera = folder / "cam_params.json";
+  const bool its_own = fs::exists(camera);
+  if (!its_own && !fs::exists(folder / "traj.txt") && !fs::exists(images / "depth000000.png")) return std::nullopt;
+  if (!its_own) camera = fs::absolute(folder).lexically_normal() / "../cam_params.json";
+  if (!fs::exists(camera))
+    throw std::runtime_error(
+        folder.string() +
+        ": cam_params.json is missing, here and in the folder above; expected {\"camera\": {\"w\", "
+        "\"h\", \"fx\", \"fy\", \"cx\", \"cy\", \"scale\"}}");
+  Recording recording;
+  read_json(camera, "`camera` with w, h, fx, fy, cx, cy and scale (depth units per metre)",
+            [&](const nlohmann::json& json) { read_camera(json, recording); });
+  std::map<int, fs::path> depth, colour;
+  for (const auto& image : images_in(images)) {
+    if (const auto number = number_of_image(image, "depth")) depth.emplace(*number, image);
+    if (const auto number = number_of_image(image, "frame")) colour.emplace(*number, image);
+  }
+  if (depth.empty()) throw std::runtime_error(images.string() + ": holds no depth000000.png");
+  for (const auto& [number, image] : depth) {
+    const auto seen = colour.find(number);
+    recording.entries.push_back({number / kFrameRate, image, seen == colour.end() ? fs::path() : seen->second});
+  }
+  if (fs::exists(folder / "traj.txt")) recording.truth = read_poses(folder / "traj.txt");
+  return recording;
+}
+
+}  // namespace cairn

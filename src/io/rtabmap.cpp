@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Images that RTAB-Map (Labbe & Michaud 2019) exports: rgb/ and depth/, named by their time stamps, and the calibration
+// in OpenCV's YAML. With the prefix rtabmap_ all the same.
+#include <fmt/format.h>
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <stdexcept>
+
+#include "base/lines.hpp"
+#include "base/read_whole.hpp"
+#include "base/words.hpp"
+#include "io/camera_file.hpp"
+#include "io/pose_matrix.hpp"
+#include "io/recording.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Calibration {
+  Camera colour;
+  Eigen::Isometry3d base_from_camera = Eigen::Isometry3d::Identity();
+};
+
+std::vector<double> matrix(const YAML::Node& y, const char* name) {
+  const YAML::Node data = y[name].IsMap() ? y[name]["data"] : YAML::Node();
+  if (!data) throw std::runtime_error(fmt::format("`{}` is missing, or has no `data`", name));
+  return data.as<std::vector<double>>();
+}
+
+Calibration calibration_of(const YAML::Node& y) {
+  if (!y.IsMap()) throw std::runtime_error("expected lines such as `image_width: 640`");
+  for (const char* key : {"image_width", "image_height", "camera_matrix"})
+    if (!y[key]) throw std::runtime_error(fmt::format("`{}` is missing", key));
+  const auto k = matrix(y, "camera_matrix");
+  if (k.size() != 9) throw std::runtime_error("`camera_matrix` takes 9 numbers");
+  Calibration read;
+  read.colour = {y["image_width"].as<int>(), y["image_height"].as<int>(), k[0], k[4], k[2], k[5], {}};
+  if (y["distortion_coefficients"]) {
+    auto d = matrix(y, "distortion_coefficients");
+    const auto model = y["distortion_model"] ? y["distortion_model"].as<std::string>() : "";
+    const bool fisheye = model == "fisheye" || model == "equidistant";
+    if (fisheye && d.size() == 6) d = {d[0], d[1], d[4], d[5]};  // k1 k2 p1 p2 k3 k4 with p = 0
+    if (fisheye ? d.size() != 4 : d.size() != 4 && d.size() != 5 && d.size() != 8)
+      throw std::runtime_error(fmt::format("`distortion_coefficients` has {} numbers; known are 4, 5 and 8", d.size()));
+    std::copy(d.begin(), d.end(), read.colour.distortion.begin());
+    if (fisheye) read.colour.lens = Lens::fisheye;
+  }
+  check(read.colour);
+  if (!y["local_transform"]) return read;
+  const auto local = matrix(y, "local_transform");
+  const auto pose = local.size() == 12 ? pose_of_rows(local) : std::nullopt;
+  if (!pose) throw std::runtime_error("`local_transform` is no pose of 3x4 numbers");
+  read.base_from_camera = *pose;
+  return read;
+}
+
+Calibration read_calibration(const fs::path& file) {
+  try {
+    const auto bytes = read_whole(file);
+    std::string text(bytes.begin(), bytes.end());
+    if (text.starts_with("%YAML")) text.erase(0, text.find('\n'));  // OpenCV writes it as `%YAML:1.0`
+    return calibration_of(YAML::Load(text));
+  } catch (const YAML::Exception& error) {
+    throw std::runtime_error(file.string() + ":" + std::to_string(error.mark.line + 1) + ": " + shown(error.msg) +
+                             "; expected RTAB-Map's calibration, with image_width, image_height and camera_matrix");
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(file.string() + ": " + error.what());
+  }
+}
+
+/// calibration.yaml, or the first file of calib/.
+fs::path calibration_in(const fs::path& folder, const std::string& prefix) {
+  for (const char* name : {"calibration.yaml", "calib.yaml"})
+    if (fs::exists(folder / (prefix + name))) return folder / (prefix + name);
+  const fs::path calib = folder / (prefix + "calib");
+  fs::path first;
+  if (fs::is_directory(calib))
+    for (const auto& entry : fs::directory_iterator(calib))
+      if (entry.path().extension() == ".yaml" && (first.empty() || entry.path() < first)) first = entry.path();
+  return first;
+}
+
+/// `timestamp x y z qx qy qz qw`, perhaps with an id after it: poses of the robot's base.
+Trajectory read_poses(const fs::path& file, const Eigen::Isometry3d& base_from_camera) {
+  Trajectory poses;
+  for_each_line(file, [&](int line, const std::vector<std::string>& words) {
+    const auto wrong = [&](const char* why) {
+      return std::runtime_error(file.string() + ":" + std::to_string(line) + ": " + why);
+    };
+    if (words.size() != 8 && words.size() != 9)
+      throw wrong("expected `timestamp x y z qx qy qz qw`, and perhaps an id");
+    const auto number = [&](std::size_t i) { return number_of(words[i], file, line); };
+    const Eigen::Quaterniond q(number(7), number(4), number(5), number(6));
+    if (!is_rotation(q)) throw wrong("the quaternion is zero or too large");
+    Eigen::Isometry3d world_from_base = Eigen::Isometry3d::Identity();
+    world_from_base.linear() = q.normalized().toRotationMatrix();
+    world_from_base.translation() = Eigen::Vector3d(number(1), number(2), number(3));
+    poses.push_back({number(0), world_from_base * base_from_camera});
+    if (!poses.back().world_from_camera.matrix().allFinite()) throw wrong("its numbers are too large for a pose");
+  });
+  std::stable_sort(poses.begin(), poses.end(), [](const auto& a, const auto& b) { return a.timestamp < b.timestamp; });
+  return poses;
+}
+
+}  // namespace
+
+std::optional<Recording> read_rtabmap(const fs::path& folder) {
+  for (const std::string prefix : {"", "rtabmap_"}) {
+    const fs::path images = folder / (prefix + "depth");
+    const fs::path file = calibration_in(folder, prefix);
+    if (file.empty() || !fs::is_directory(images) || !fs::is_directory(folder / (prefix + "rgb"))) continue;
+    const Calibration calibration = read_calibration(file);
+    Recording recording;
+    recording.depth_scale = 1000;
+    std::map<std::string, fs::path> colour;
+    for (const auto& image : images_in(folder / (prefix + "rgb"))) colour.emplace(image.stem().string(), image);
+    for (const auto& depth : images_in(images)) {
+      const std::string stem = depth.stem().string();
+      const auto time = number_in(stem);
+      if (!time || !std::isfinite(*time))
+        throw std::runtime_error(depth.string() +
+                                 ": its name is no time stamp; export images with time stamps as their names");
+      const auto seen = colour.find(stem);
+      recording.entries.push_back({*time, depth, seen == colour.end() ? fs::path() : seen->second});
+    }
+    if (recording.entries.empty()) throw std::runtime_error(images.string() + ": holds no PNG image");
+    std::stable_sort(recording.entries.begin(), recording.entries.end(),
+                     [](const auto& a, const auto& b) { return a.timestamp < b.timestamp; });
+    set_rig_in_one_place(calibration.colour, recording);
+    const fs::path poses = folder / (prefix + "poses.txt");
+    if (fs::exists(poses)) recording.truth = read_poses(poses, calibration.base_from_camera);
+    return recording;
+  }
+  return std::nullopt;
+}
+
+}  // namespace cairn
