@@ -43,7 +43,7 @@ Eigen::Vector2d Camera::distort(const Eigen::Vector2d& n) const {
 Eigen::Vector2d Camera::undistorted_ray(double u, double v) const {
   constexpr int kIterations = 20;
   constexpr double kStep = 1e-6, kDone = 1e-12;
-  const Eigen::Vector2d measured((u - cx) / fx, (v - cy) / fy);
+  Eigen::Vector2d measured((u - cx) / fx, (v - cy) / fy);
   if (!distorted()) return measured;
   Eigen::Vector2d ray = measured;
   for (int i = 0; i < kIterations; ++i) {  // Newton's method
@@ -60,16 +60,18 @@ Eigen::Vector2d Camera::undistorted_ray(double u, double v) const {
 }
 
 double Camera::widest_ray() const {
-  constexpr double kStep = 0.01, kMost = 20;  // tangent of the angle to the axis
+  constexpr double kStep = 0.01;  // tangent of the angle to the axis
+  constexpr int kSteps = 2000;
   const double corner = std::hypot(std::max(cx, width - cx) / fx, std::max(cy, height - cy) / fy);
   double before = 0;
-  for (double r = kStep; r < kMost; r += kStep) {
+  for (int i = 1; i < kSteps; ++i) {
+    const double r = kStep * i;
     const double bent = distort({r, 0}).x();
     if (bent <= before) return r - kStep;  // beyond, the polynomial folds back
     if (bent > 1.2 * corner) return r;
     before = bent;
   }
-  return kMost;
+  return kStep * kSteps;
 }
 
 void check(const Camera& c) {
