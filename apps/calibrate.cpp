@@ -1,23 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/calibrate.hpp"
+
 #include <fmt/format.h>
 
-#include "cairn/map.hpp"
-#include "cairn/rig.hpp"
+#include "cairn/source.hpp"
 #include "commands.hpp"
+#include "sources.hpp"
 
 namespace cairn::apps {
 namespace {
 
 struct Arguments {
-  std::filesystem::path map, output;
-  int device = -1;
+  std::string sequence;
+  std::filesystem::path camera, output;
+  std::vector<std::string> topics;
+  int frames = 40;
 };
 
 void calibrate(const Arguments& a) {
-  const auto rig = Map::open(a.map, a.device).find_colour_camera();
+  if (is_sensor(a.sequence))
+    throw std::runtime_error(a.sequence + ": a sensor has no end; record it first with cairn record");
+  const auto source = open_source(a.sequence, source_options(a.sequence, a.camera, a.topics));
+  const auto rig = find_colour_camera(*source, a.frames);
   if (!rig) {
-    fmt::print("colour lies on depth as well as the keyframes can tell; nothing was written\n");
+    fmt::print("the edges of depth and colour tell of no better colour camera; nothing was written\n");
     return;
   }
   write_rig(a.output, *rig);
@@ -33,11 +40,16 @@ void calibrate(const Arguments& a) {
 }  // namespace
 
 void add_calibrate(CLI::App& program) {
-  auto* command = program.add_subcommand("calibrate", "Find the colour camera from a map's keyframes");
+  auto* command = program.add_subcommand("calibrate", "Find the colour camera from a recording's edges");
   const auto a = std::make_shared<Arguments>();
-  command->add_option("MAP", a->map, "Folder of a map")->required()->check(CLI::ExistingDirectory);
+  command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required();
   command->add_option("-o,--output", a->output, "camera.yaml to write")->required();
-  command->add_option("--device", a->device, "Vulkan device; -1 chooses")->capture_default_str();
+  command->add_option("--camera", a->camera, "camera.yaml to begin with, in place of what the recording tells")
+      ->check(CLI::ExistingFile);
+  command->add_option("--frames", a->frames, "Frames to look at, spread over all")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  add_topics(*command, a->topics);
   command->callback([a] { calibrate(*a); });
 }
 

@@ -22,6 +22,8 @@ namespace fs = std::filesystem;
 struct Arguments {
   fs::path map, output;
   ExportOptions options;
+  std::optional<ViewsFor> program;
+  int images = 0;
   int device = -1;
   bool json = false;
 };
@@ -44,8 +46,21 @@ void export_grids(const Arguments& a) {
   fmt::print("{}\n", a.output.string());
 }
 
+void export_views(const Arguments& a) {
+  ViewsOptions options{.program = *a.program, .images = a.images};
+  if (a.options.point_spacing > 0) options.point_spacing = a.options.point_spacing;
+  Progress progress(std::nullopt, "steps");
+  const ExportedViews e = Map::open(a.map, a.device).export_views(a.output, options, on(progress));
+  progress.clear();
+  if (a.json)
+    fmt::print("{}\n", nlohmann::json{{"images", e.images}, {"keyframes", e.keyframes}, {"points", e.points}}.dump(2));
+  else
+    fmt::print("{}: {} images of {} keyframes, {} points\n", a.output.string(), e.images, e.keyframes, e.points);
+}
+
 void run_export(const Arguments& a) {
   if (const fs::path folder = a.output.parent_path(); !folder.empty()) prepare_output(folder);
+  if (a.program) return export_views(a);
   if (a.output.extension() == ".vdb") return export_grids(a);
   const Exported e = export_it(a);
   if (a.json) {
@@ -109,17 +124,33 @@ void add_export(CLI::App& program) {
       ->required()
       ->check(CLI::ExistingPath);
   command
-      ->add_option("-o,--output", a->output,
-                   "X.glb, X.gltf, X.ply, X.obj, tileset.json: 3D Tiles 1.1 with levels of detail, or X.vdb: the grids")
+      ->add_option(
+          "-o,--output", a->output,
+          "X.glb, X.gltf, X.ply, X.obj, tileset.json: 3D Tiles 1.1 with levels of detail, X.vdb: the grids, or with "
+          "--for a new folder")
       ->required();
   add_export_options(*command, a->options);
-  command->add_option("--points", a->options.point_spacing, "X.ply: points that many metres apart, no triangles")
+  command
+      ->add_option(
+          "--points", a->options.point_spacing,
+          "X.ply: points that many metres apart, no triangles; with --for those that the program begins from [0.02]")
       ->group("Mesh");
   command
       ->add_option("--lods", a->options.levels,
                    "Levels of detail, each with a quarter of the triangles: X.glb, X.lod1.glb, ...")
       ->capture_default_str()
       ->group("Mesh");
+  auto* program_name =
+      command
+          ->add_option("--for", a->program,
+                       "nerfstudio or colmap: keyframes as images with poses and depth, and points of the surface")
+          ->transform(CLI::CheckedTransformer(
+              std::map<std::string, ViewsFor>{{"nerfstudio", ViewsFor::nerfstudio}, {"colmap", ViewsFor::colmap}}))
+          ->group("Images");
+  command->add_option("--images", a->images, "With --for: so many at most, the sharpest of their surroundings; 0: all")
+      ->needs(program_name)
+      ->capture_default_str()
+      ->group("Images");
   command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
       ->capture_default_str();
   command->add_flag("--json", a->json, "Print JSON");

@@ -21,6 +21,8 @@ constexpr std::array kFlags{
     Words{"TextureOptions::jpeg_quality", "--jpeg-quality"},
     Words{"ExportOptions::cell_size", "--cell-size"},
     Words{"ExportOptions::point_spacing", "--points"},
+    Words{"ViewsOptions::images", "--images"},
+    Words{"ViewsOptions::point_spacing", "--points"},
     Words{"ExportOptions::levels", "--lods"},
     Words{"ExportOptions::compression", "--compress"},
     Words{"ExportOptions::cameras", "--cameras"},
@@ -28,6 +30,8 @@ constexpr std::array kFlags{
     Words{"FuseOptions::voxel_size", "--voxel-size"},
     Words{"EsdfOptions::voxel_size", "--esdf-voxel-size"},
     Words{"SourceOptions::camera", "--camera"},
+    Words{"SourceOptions::depth_topic", "--topic"},
+    Words{"SourceOptions::colour_topic", "--topic"},
     Words{"begin a new session", "reconstruct again without --resume"},
 };
 

@@ -9,6 +9,7 @@
 #include "cairn/inspect.hpp"
 #include "cairn/source.hpp"
 #include "commands.hpp"
+#include "sources.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -18,6 +19,7 @@ using Json = nlohmann::ordered_json;
 struct Arguments {
   std::string sequence;
   std::filesystem::path camera, picture;
+  std::vector<std::string> topics;
   int frames = 100, frame = 0;
   bool json = false;
 };
@@ -37,11 +39,15 @@ Json json_of(const Camera& c) {
           {"cx", c.cx},
           {"cy", c.cy},
           {"lens", c.lens == Lens::fisheye ? "fisheye" : "brown_conrady"},
-          {"distortion", c.distortion}};
+          {"distortion", c.distortion},
+          {"readout", c.readout}};
 }
 
 Json json_of(const SourceSummary& s) {
-  Json j{{"depth_camera", json_of(s.rig.depth)}, {"colour_registered", !s.rig.colour}};
+  Json j{{"layout", s.layout},
+         {"depth_camera", json_of(s.rig.depth)},
+         {"sensor", name_of(s.rig.sensor)},
+         {"colour_registered", !s.rig.colour}};
   if (s.rig.colour) {
     const Eigen::Isometry3d& pose = s.rig.colour->colour_from_depth;
     const Eigen::Quaterniond q(pose.linear());
@@ -60,6 +66,8 @@ Json json_of(const SourceSummary& s) {
                 {"colour_delay", s.colour_delay},
                 {"with_pose", s.with_pose},
                 {"with_acceleration", s.with_acceleration},
+                {"with_gyroscope", s.with_gyroscope},
+                {"with_confidence", s.with_confidence},
                 {"doubts", s.doubts}});
   return j;
 }
@@ -68,10 +76,14 @@ void print(const Camera& c, const char* name) {
   fmt::print("{:<16}{}x{}, fx {:.2f} fy {:.2f} cx {:.2f} cy {:.2f} pixels\n", name, c.width, c.height, c.fx, c.fy, c.cx,
              c.cy);
   fmt::print("  {:<14}{}\n", "distortion", lens_of(c));
+  if (c.readout > 0) fmt::print("  {:<14}{:.1f} ms\n", "readout", 1000 * c.readout);
 }
 
 void print(const SourceSummary& s) {
+  fmt::print("{:<16}{}\n", "layout", s.layout);
   print(s.rig.depth, "depth camera");
+  fmt::print("  {:<14}{}, {:.1f} mm at 1 m, {:.1f} mm at 3 m\n", "sensor", name_of(s.rig.sensor),
+             1000 * s.rig.sensor.sigma(1), 1000 * s.rig.sensor.sigma(3));
   if (s.rig.colour) {
     print(s.rig.colour->camera, "colour camera");
     const Eigen::Isometry3d& pose = s.rig.colour->colour_from_depth;
@@ -89,13 +101,16 @@ void print(const SourceSummary& s) {
              1000 * s.colour_delay);
   fmt::print("{:<16}with {} of these\n", "poses", s.with_pose);
   fmt::print("{:<16}with {} of these\n", "accelerometer", s.with_acceleration);
+  fmt::print("{:<16}with {} of these\n", "gyroscope", s.with_gyroscope);
+  fmt::print("{:<16}with {} of these\n", "confidence", s.with_confidence);
   for (const std::string& doubt : s.doubts) fmt::print("{:<16}{}\n", "doubt", doubt);
   if (s.doubts.empty()) fmt::print("{:<16}none\n", "doubts");
 }
 
 void draw(const Arguments& a) {
-  const auto source =
-      open_source(a.sequence, {.range = {.begin = a.frame, .end = a.frame + 1}, .camera = a.camera, .copy_to = {}});
+  SourceOptions options = source_options(a.sequence, a.camera, a.topics);
+  options.range = {.begin = a.frame, .end = a.frame + 1};
+  const auto source = open_source(a.sequence, options);
   const auto frame = source->next();
   if (!frame) throw std::runtime_error(fmt::format("{}: has no frame {}", a.sequence, a.frame));
   if (frame->problem) throw std::runtime_error(*frame->problem);
@@ -103,10 +118,11 @@ void draw(const Arguments& a) {
 }
 
 void info(const Arguments& a) {
-  const auto source = open_source(a.sequence, {.range = {}, .camera = a.camera, .copy_to = {}});
+  const auto source = open_source(a.sequence, source_options(a.sequence, a.camera, a.topics));
   SourceSummary summary = inspect(*source, a.frames);
   // Poses that lie in files beside the images are no part of frames until they are asked for.
-  if (!is_sensor(a.sequence) && !is_synthetic(a.sequence) && std::filesystem::is_directory(a.sequence))
+  if (!is_sensor(a.sequence) && !is_synthetic(a.sequence) &&
+      (std::filesystem::is_directory(a.sequence) || a.sequence.ends_with(".zip")))
     summary.with_pose =
         std::max(summary.with_pose, std::min(summary.looked_at, static_cast<int>(recorded_truth(a.sequence).size())));
   if (a.json)
@@ -121,10 +137,11 @@ void info(const Arguments& a) {
 void add_info(CLI::App& program) {
   auto* command = program.add_subcommand("info", "Tell what a recording or a sensor gives, as Cairn understands it");
   const auto a = std::make_shared<Arguments>();
-  command->add_option("SEQUENCE", a->sequence, "Folder, file, openni: or synthetic:NAME")->required();
+  command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required();
   command
       ->add_option("--camera", a->camera, "camera.yaml in place of what the recording or sensor tells of its cameras")
       ->check(CLI::ExistingFile);
+  add_topics(*command, a->topics);
   command->add_option("--frames", a->frames, "So many are looked at, from the first")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);

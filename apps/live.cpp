@@ -32,7 +32,7 @@ struct Arguments : RunArguments {
 class Stream {
  public:
   Stream(const Arguments& a, const FrameRange& range) {
-    auto source = open_source(a.sequence, {.range = range, .camera = a.camera, .copy_to = {}});
+    auto source = open_source(a.sequence, source_options(a, range));
     if (a.as_fast_as_possible) {
       every_ = read_ahead(std::move(source));
     } else {
@@ -63,17 +63,16 @@ double milliseconds(Clock::duration d) { return std::chrono::duration<double, st
 
 /// A CPU keeps up with more frames when it aligns few of their pixels, of 640x480 every fourth: that costs less
 /// accuracy than frames that are left out. Small images are aligned as everywhere.
-Options defaults_of(const Arguments& a, const Camera& depth) {
-  Options options;
+int finest_level(const Arguments& a, const Camera& depth) {
+  TrackOptions track;
   const auto devices = list_devices();
   const bool is_cpu = std::all_of(devices.begin(), devices.end(), [&](const DeviceInfo& d) {
     return d.type == "cpu" || d.missing || (a.device >= 0 && d.index != a.device);
   });
   if (is_cpu && !a.as_fast_as_possible)
-    while (options.track.finest_level + 1 < options.track.levels &&
-           depth.width >> options.track.finest_level > kWidthOnCpu)
-      ++options.track.finest_level;
-  return options;
+    while (track.finest_level + 1 < track.levels && depth.width >> track.finest_level > kWidthOnCpu)
+      ++track.finest_level;
+  return track.finest_level;
 }
 
 /// Memory that one thread gave back shall serve all others, and large pieces go back to the system: a run of hours
@@ -107,7 +106,8 @@ void live(const Arguments& a) {
   std::optional<LiveViewer> view;
   if (a.view) fmt::print(stderr, "view        {}\n", view.emplace(a.port).url());
   Stream stream(a, begin.range);
-  options = options_of(a, defaults_of(a, stream.source().rig().depth));
+  const Rig& rig = stream.source().rig();
+  options = options_of(a, rig.sensor, finest_level(a, rig.depth));
   Run run(a, options, Poses::tracked, stream.source().rig(), begin.progressed, begin.is_next_recording);
   if (view) view->begin(run.mapper(), stream.source().rig(), options.surface.max_depth);
 

@@ -33,6 +33,7 @@ int run(int argc, char** argv) {
   cairn::apps::add_live(program);
   cairn::apps::add_record(program);
   cairn::apps::add_view(program);
+  cairn::apps::add_convert(program);
   cairn::apps::add_info(program);
   cairn::apps::add_calibrate(program);
   cairn::apps::add_synth(program);

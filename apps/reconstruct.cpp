@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include <charconv>
 #include <chrono>
 
 #include "commands.hpp"
@@ -16,52 +15,30 @@ namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
 struct Arguments : RunArguments {
-  fs::path poses;
+  fs::path poses, guess;
   std::string frames;
   int read_ahead = 4;
   bool refine = false, reintegrate = false;
 };
 
-/// A:B:STEP, each part may be empty.
-FrameRange parse_frames(const std::string& text) {
-  FrameRange range;
-  std::array<std::optional<int>, 3> parts;
-  std::size_t begin = 0, part = 0;
-  const auto wrong = [&] {
-    return CLI::ValidationError("--frames", "'" + text + "' is not A:B:STEP, for example 0:300 or ::3");
-  };
-  while (true) {
-    const std::size_t end = std::min(text.find(':', begin), text.size());
-    if (part == 3) throw wrong();
-    if (end > begin) {
-      int value = 0;
-      const auto [stop, error] = std::from_chars(text.data() + begin, text.data() + end, value);
-      if (error != std::errc() || stop != text.data() + end || value < 0) throw wrong();
-      parts[part] = value;
-    }
-    ++part;
-    if (end == text.size()) break;
-    begin = end + 1;
-  }
-  if (parts[2] == 0 || (parts[1] && *parts[1] <= parts[0].value_or(0))) throw wrong();
-  return {.begin = parts[0].value_or(0), .end = parts[1], .step = parts[2].value_or(1)};
-}
-
 std::unique_ptr<Source> open_frames(const Arguments& a, const FrameRange& range) {
-  auto source = open_source(a.sequence, {.range = range, .camera = a.camera, .copy_to = {}});
-  if (!a.poses.empty()) {
-    auto poses = recorded_truth(a.poses);
-    if (poses.empty()) throw std::runtime_error(a.poses.string() + ": is a recording without poses");
-    source = with_poses(std::move(source), std::move(poses));
-  }
+  auto source = open_source(a.sequence, source_options(a, range));
+  const auto poses_of = [](const std::filesystem::path& file) {
+    auto poses = recorded_truth(file);
+    if (poses.empty()) throw std::runtime_error(file.string() + ": is a recording without poses");
+    return poses;
+  };
+  if (!a.poses.empty()) source = with_poses(std::move(source), poses_of(a.poses));
+  if (!a.guess.empty()) source = with_guesses(std::move(source), poses_of(a.guess));
   return a.read_ahead > 0 ? read_ahead(std::move(source), a.read_ahead) : std::move(source);
 }
 
 void reconstruct(const Arguments& a) {
   const Poses poses = a.poses.empty() ? Poses::tracked : Poses::given;
-  const Options options = options_of(a);
+  (void)options_of(a);  // what is wrong with them is told before anything is read
   const Beginning begin = beginning(a, parse_frames(a.frames));
   const auto source = open_frames(a, begin.range);
+  const Options options = options_of(a, source->rig().sensor);
   Run run(a, options, poses, source->rig(), begin.progressed, begin.is_next_recording);
   {
     const Interrupt interrupt;
@@ -105,7 +82,7 @@ void add_reconstruct(CLI::App& program) {
   command->add_option("--read-ahead", a->read_ahead, "frames decoded ahead in a thread of their own; 0: no thread")
       ->check(CLI::Range(0, 1000))
       ->capture_default_str();
-  command->add_option("--frames", a->frames, "A:B:STEP, frames A to B - 1, every STEP-th [all]");
+  command->add_option("--frames", a->frames, kFramesHelp);
   auto* poses =
       command
           ->add_option(
@@ -113,6 +90,12 @@ void add_reconstruct(CLI::App& program) {
               "Fuse with these world_from_camera poses (TUM format, or a recording with true poses) and do not track")
           ->check(CLI::ExistingPath)
           ->excludes("--resume");
+  command
+      ->add_option("--guess", a->guess,
+                   "Poses of a phone's odometry, of wheels or of another program (as --poses) to begin each alignment "
+                   "with, as long as they are better than the camera's own motion")
+      ->check(CLI::ExistingPath)
+      ->excludes(poses);
   command
       ->add_flag("--refine", a->refine,
                  "Align keyframes with each other after the last frame and bend the map as the pose graph says")

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #include <fmt/format.h>
-#include <oneapi/tbb/parallel_pipeline.h>
 
-#include <atomic>
-#include <exception>
 #include <nlohmann/json.hpp>
 
 #include "cairn/recorder.hpp"
@@ -12,18 +9,19 @@
 #include "interrupt.hpp"
 #include "progress.hpp"
 #include "sources.hpp"
+#include "write_frames.hpp"
 
 namespace cairn::apps {
 namespace {
 
 namespace fs = std::filesystem;
 constexpr std::uint64_t kReserve = std::uint64_t{256} << 20;  // bytes that a recording leaves free on the disk
-constexpr std::size_t kInFlight = 60;  // frames between sensor and disk: two seconds that the disk may stall for
-constexpr int kCheckDisk = 30;         // frames
+constexpr int kCheckDisk = 30;                                // frames
 
 struct Arguments {
   std::string sequence;
   fs::path output, camera;
+  std::vector<std::string> topics;
   std::string colour = "jpg";
   double seconds = 0;
   bool json = false;
@@ -75,34 +73,6 @@ class Reader {
   Progress progress_{std::nullopt};
 };
 
-/// The sensor is read, images are encoded and written at the same time; frames stay in their order.
-void write_images(Reader& read, const Rig& rig, const Arguments& a) {
-  namespace tbb = oneapi::tbb;
-  Recorder writer(a.output, rig);
-  // Kept until all is through: TBB would leak the image that a filter throws at.
-  std::exception_ptr failure;
-  std::atomic<bool> failed = false;
-  using tbb::filter_mode;
-  tbb::parallel_pipeline(
-      kInFlight,
-      tbb::make_filter<void, Frame>(filter_mode::serial_in_order, [&](tbb::flow_control& flow) {
-        auto frame = failed ? std::nullopt : read();
-        if (!frame) flow.stop();
-        return std::move(frame).value_or(Frame{});
-      }) & tbb::make_filter<Frame, EncodedFrame>(filter_mode::parallel, [&](const Frame& frame) {
-        return encode(frame, rig, a.colour == "png");
-      }) & tbb::make_filter<EncodedFrame, void>(filter_mode::serial_in_order, [&](const EncodedFrame& frame) {
-        if (failed) return;
-        try {
-          writer.add(frame);
-        } catch (const std::exception&) {
-          failure = std::current_exception();
-          failed = true;
-        }
-      }));
-  if (failure) std::rethrow_exception(failure);
-}
-
 void record(const Arguments& a) {
   const bool to_oni = a.output.extension() == ".oni";
   if (to_oni && !a.sequence.starts_with("openni:") && !a.sequence.ends_with(".oni"))
@@ -113,15 +83,20 @@ void record(const Arguments& a) {
   if (const auto left = left_on_disk(a.output); left < 2 * kReserve)
     throw std::runtime_error(fmt::format("{}: {} MiB are left on the disk, a recording needs {} at least",
                                          a.output.string(), left >> 20, 2 * kReserve >> 20));
-  auto source = open_source(a.sequence, {.range = {}, .camera = a.camera, .copy_to = to_oni ? a.output : fs::path()});
+  SourceOptions options = source_options(a.sequence, a.camera, a.topics);
+  if (to_oni) options.copy_to = a.output;
+  auto source = open_source(a.sequence, options);
   Recorded recorded;
   {
     Reader read(*source, a, recorded);
     if (to_oni)
       while (read()) {
       }
-    else
-      write_images(read, source->rig(), a);
+    else {
+      Recorder writer(a.output, source->rig());
+      write_frames([&] { return read(); },
+                   [&](const Frame& frame) { return encode(frame, source->rig(), a.colour == "png"); }, writer);
+    }
   }
   const int dropped = source->dropped();
   source.reset();  // closes the .oni file
@@ -150,6 +125,7 @@ void add_record(CLI::App& program) {
       ->required();
   command->add_option("--camera", a->camera, "camera.yaml instead of the sensor's own intrinsics")
       ->check(CLI::ExistingFile);
+  add_topics(*command, a->topics);
   command->add_option("--seconds", a->seconds, "Ends after so long; 0: with Ctrl-C")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();

@@ -77,12 +77,21 @@ Progressed Progressed::from(const std::string& note) {
   return {j.at("recording"), j.at("next"), FrameLog::from(j.at("frames"))};
 }
 
-Options options_of(const RunArguments& a, const Options& defaults) {
-  Options options = defaults;
+SourceOptions source_options(const RunArguments& a, const FrameRange& range) {
+  SourceOptions options = source_options(a.sequence, a.camera, a.topics);
+  options.range = range;
+  if (a.sensor) options.sensor = sensor_model(*a.sensor);
+  return options;
+}
+
+Options options_of(const RunArguments& a, const SensorModel& sensor, int finest_level) {
+  Options options = options_for(sensor);
+  options.track.finest_level = finest_level;
+  options.motion = motion_of(a.motion);
   if (!a.config.empty()) read_options(a.config, options);
   if (a.voxel_size) {
     options.fuse.voxel_size = *a.voxel_size;
-    options.fuse.truncation = 4 * *a.voxel_size;
+    options.fuse.truncation = options_for(sensor, *a.voxel_size).fuse.truncation;
   }
   if (a.device_memory_mib) options.fuse.device_memory = *a.device_memory_mib << 20;
   if (a.host_memory_mib) options.map.host_memory = *a.host_memory_mib << 20;
@@ -102,7 +111,8 @@ Options options_of(const RunArguments& a, const Options& defaults) {
 }
 
 Beginning beginning(const RunArguments& a, FrameRange range) {
-  Beginning begin{.progressed = {.recording = identity(a.sequence, a.camera)}, .range = range};
+  Beginning begin{.progressed = {.recording = identity(a.sequence, source_options(a.sequence, a.camera, a.topics))},
+                  .range = range};
   if (!a.resume) return begin;
   Progressed before;
   const std::string note = Session::info(a.output / "session").note;
@@ -270,7 +280,25 @@ void add_run_options(CLI::App& command, RunArguments& a) {
   command.add_option("--config", a.config, "YAML file that overrides options")->check(CLI::ExistingFile);
   command.add_option("--camera", a.camera, "camera.yaml in place of what the recording or sensor tells of its cameras")
       ->check(CLI::ExistingFile);
-  command.add_option("--voxel-size", a.voxel_size, "Metres; the truncation is four voxels [0.01]");
+  command
+      .add_option(
+          "--sensor", a.sensor,
+          "How its depth errs: structured_light, time_of_flight, stereo, phone_lidar or exact [what the input is "
+          "known for]")
+      ->check([](const std::string& name) -> std::string {
+        try {
+          (void)sensor_model(name);
+          return {};
+        } catch (const std::runtime_error& error) {
+          return error.what();
+        }
+      });
+  command.add_option("--motion", a.motion, "What carries the camera: hand, robot or drone; limits its speed")
+      ->check(CLI::IsMember({"hand", "robot", "drone"}))
+      ->capture_default_str();
+  command.add_option("--voxel-size", a.voxel_size,
+                     "Metres; the truncation is four voxels, or more for noisy sensors [0.01]");
+  add_topics(command, a.topics);
   command.add_option("--device", a.device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
       ->capture_default_str();
   command

@@ -25,6 +25,9 @@ namespace cairn::apps {
 struct RunArguments {
   std::string sequence;
   std::filesystem::path output, config, camera;
+  std::optional<std::string> sensor;
+  std::string motion = "hand";
+  std::vector<std::string> topics;
   std::optional<float> voxel_size;
   std::optional<std::uint64_t> device_memory_mib, host_memory_mib;
   int device = -1;
@@ -35,8 +38,12 @@ struct RunArguments {
 };
 
 void add_run_options(CLI::App& command, RunArguments& a);
-/// Over the program's own defaults, checked. Throws std::runtime_error for what does not fit.
-[[nodiscard]] Options options_of(const RunArguments& a, const Options& defaults = {});
+/// What suits the sensor and the user, checked; `finest_level` is the program's own default of that option. Throws
+/// std::runtime_error for what does not fit.
+[[nodiscard]] Options options_of(const RunArguments& a, const SensorModel& sensor = {},
+                                 int finest_level = TrackOptions{}.finest_level);
+/// What they open their source with.
+[[nodiscard]] SourceOptions source_options(const RunArguments& a, const FrameRange& range);
 
 /// What a session remembers for this program.
 struct Progressed {

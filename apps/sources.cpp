@@ -3,21 +3,68 @@
 #include "sources.hpp"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
+#include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
 #include <boost/crc.hpp>
+#include <charconv>
+#include <optional>
 #include <span>
+#include <stdexcept>
 
 namespace cairn::apps {
+namespace {
+
+/// Keeps warnings back: who reads the recording after this is told of them then.
+class Quiet {
+ public:
+  Quiet() { spdlog::set_level(std::max(level_, spdlog::level::err)); }
+  ~Quiet() { spdlog::set_level(level_); }
+  Quiet(const Quiet&) = delete;
+  Quiet& operator=(const Quiet&) = delete;
+
+ private:
+  spdlog::level::level_enum level_ = spdlog::get_level();
+};
+
+}  // namespace
+
 std::filesystem::path tidy(const std::filesystem::path& path) {
   const auto whole = std::filesystem::weakly_canonical(std::filesystem::absolute(path));
   return whole.has_filename() ? whole : whole.parent_path();
 }
 
-std::string identity(const std::string& sequence, const std::filesystem::path& camera) {
+FrameRange parse_frames(const std::string& text) {
+  FrameRange range;
+  std::array<std::optional<int>, 3> parts;
+  std::size_t begin = 0, part = 0;
+  const auto wrong = [&] {
+    return CLI::ValidationError("--frames", "'" + text + "' is not A:B:STEP, for example 0:300 or ::3");
+  };
+  while (true) {
+    const std::size_t end = std::min(text.find(':', begin), text.size());
+    if (part == 3) throw wrong();
+    if (end > begin) {
+      int value = 0;
+      const auto [stop, error] = std::from_chars(text.data() + begin, text.data() + end, value);
+      if (error != std::errc() || stop != text.data() + end || value < 0) throw wrong();
+      parts[part] = value;
+    }
+    ++part;
+    if (end == text.size()) break;
+    begin = end + 1;
+  }
+  if (parts[2] == 0 || (parts[1] && *parts[1] <= parts[0].value_or(0))) throw wrong();
+  return {.begin = parts[0].value_or(0), .end = parts[1], .step = parts[2].value_or(1)};
+}
+
+std::string identity(const std::string& sequence, const SourceOptions& options) {
   if (is_sensor(sequence) || is_synthetic(sequence)) return sequence;
   constexpr int kFrames = 3, kTries = 30;  // frames; readable ones among the first
-  const auto source = open_source(sequence, {.range = {}, .camera = camera, .copy_to = {}});
+  const Quiet quiet;
+  const auto source = open_source(sequence, options);
   boost::crc_optimal<64, 0x42f0e1eba9ea3693u, ~0ull, ~0ull, true, true> sum;  // ECMA-182
   const auto take = [&](const auto& values) {
     sum.process_bytes(std::data(values), std::size(values) * sizeof(*std::data(values)));
@@ -42,6 +89,34 @@ std::string identity(const std::string& sequence, const std::filesystem::path& c
     ++taken;
   }
   return fmt::format("recording {:016x}", sum.checksum());
+}
+
+void add_topics(CLI::App& command, std::vector<std::string>& topics) {
+  command
+      .add_option("--topic", topics,
+                  "Of a recording of ROS: a topic of depth or of colour images, for each once at most")
+      ->allow_extra_args(false);
+}
+
+SourceOptions source_options(const std::string& sequence, const std::filesystem::path& camera,
+                             const std::vector<std::string>& topics) {
+  SourceOptions options;
+  options.camera = camera;
+  if (topics.empty()) return options;
+  if (!is_ros_recording(sequence))
+    throw std::runtime_error(sequence + ": has no topics: --topic is for recordings of ROS");
+  const auto recorded = recorded_topics(sequence);
+  for (const std::string& topic : topics) {
+    const auto it = std::find_if(recorded.begin(), recorded.end(), [&](const auto& t) { return t.name == topic; });
+    // One that is not there, or holds something else, is refused with all that there are.
+    const bool colour = it != recorded.end() && it->holds == RecordedTopic::Holds::colour;
+    std::string& named = colour ? options.colour_topic : options.depth_topic;
+    if (!named.empty())
+      throw std::runtime_error(fmt::format("{}: --topic {} and --topic {} are both for {}", sequence, named, topic,
+                                           colour ? "colour" : "depth"));
+    named = topic;
+  }
+  return options;
 }
 
 }  // namespace cairn::apps

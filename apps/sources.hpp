@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
+#include <CLI/CLI.hpp>
 #include <filesystem>
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "cairn/source.hpp"
 
@@ -12,13 +14,24 @@ namespace cairn::apps {
 
 /// How SEQUENCE is explained to the user.
 inline constexpr const char* kSequenceHelp =
-    "Folder (TUM RGB-D, 7-Scenes, ICL-NUIM, nerfstudio and others, or with intrinsics.json), .oni or .sens file, "
-    "openni: or openni:URI for a sensor, or synthetic:NAME";
+    "Folder (TUM RGB-D, 7-Scenes, ICL-NUIM, nerfstudio and others, or with intrinsics.json), .oni, .sens or .mkv "
+    "file, .bag, .mcap, .db3 or folder of ROS, .zip of these, openni: or openni:URI for a sensor, or synthetic:NAME";
 
 /// A path from the root, without `.`, `..` and a slash at its end; it need not exist.
 [[nodiscard]] std::filesystem::path tidy(const std::filesystem::path& path);
+/// How --frames is explained to the user.
+inline constexpr const char* kFramesHelp = "A:B:STEP, frames A to B - 1, every STEP-th [all]";
+/// `A:B:STEP`, each part may be empty. Throws CLI::ValidationError.
+[[nodiscard]] FrameRange parse_frames(const std::string& text);
+
 /// What a session remembers of it: what it shows, wherever it lies. A recording is known by its camera and its first
-/// frames. `camera` as in SourceOptions.
-[[nodiscard]] std::string identity(const std::string& sequence, const std::filesystem::path& camera);
+/// frames.
+[[nodiscard]] std::string identity(const std::string& sequence, const SourceOptions& options);
+
+void add_topics(CLI::App& command, std::vector<std::string>& topics);
+/// How the user wants SEQUENCE to be read: each of `topics` is depth's or colour's by what it holds. Throws
+/// std::runtime_error for one that is neither, or two of a kind.
+[[nodiscard]] SourceOptions source_options(const std::string& sequence, const std::filesystem::path& camera,
+                                           const std::vector<std::string>& topics);
 
 }  // namespace cairn::apps

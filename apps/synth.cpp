@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
-#include "cairn/recorder.hpp"
+#include <random>
+
+#include "cairn/atomic_file.hpp"
+#include "cairn/layouts.hpp"
 #include "cairn/synthetic.hpp"
 #include "commands.hpp"
 #include "progress.hpp"
-#include "sources.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -17,14 +20,15 @@ struct Arguments {
   std::string scene;
   fs::path output, trajectory, camera;
   int frames = 300, width = 640, device = -1;
-  std::string noise = "kinect";
-  double colour_delay = 0;
+  std::string noise = "kinect", imu = "none", layout = "tum";
+  double colour_delay = 0, rate = 30;
   std::uint64_t seed = 1;
 };
 
-/// That of a file, or the camera of synthetic recordings with images of another size.
+/// That of a file or of the layout, or the camera of synthetic recordings with images of another size.
 Rig rig_of(const Arguments& a) {
   if (!a.camera.empty()) return read_rig(a.camera);
+  if (const auto known = camera_of_layout(a.layout)) return *known;
   const int width = a.width;
   Camera camera = synthetic_camera();
   const double scale = static_cast<double>(width) / camera.width;
@@ -34,71 +38,102 @@ Rig rig_of(const Arguments& a) {
   return camera;
 }
 
+/// The gyroscope's samples of (since, until], in the axes of the inertial sensor. `mems`: of a phone's grade, Bosch
+/// BMI270: 0.007 degrees/s/sqrt(Hz), a bias of 0.5 degrees/s that walks.
+class Gyroscope {
+ public:
+  Gyroscope(const Arguments& a, const Rig& rig)
+      : camera_from_imu_(rig.camera_from_imu.value_or(Eigen::Quaterniond::Identity())),
+        is_noisy_(a.imu == "mems"),
+        random_(a.seed) {}
+  [[nodiscard]] std::vector<AngularRate> until(double time, const SyntheticPath& path) {
+    std::vector<AngularRate> samples;
+    for (; static_cast<double>(next_) / kRate <= time; ++next_) {
+      const double at = static_cast<double>(next_) / kRate;
+      Eigen::Vector3d rate = camera_from_imu_.conjugate() * path.angular_rate(at);
+      if (is_noisy_) {
+        bias_ += kWalk / std::sqrt(kRate) * noise();
+        rate += bias_ + kDensity * std::sqrt(kRate) * noise();
+      }
+      samples.push_back({at, rate});
+    }
+    return samples;
+  }
+
+ private:
+  static constexpr double kRate = 200;                                // Hz
+  static constexpr double kDensity = 0.007 / 57.29578, kWalk = 2e-4;  // rad/s/sqrt(Hz), rad/s^2/sqrt(Hz)
+  /// Of variance 1 each: sums of uniform numbers, the same with every standard library.
+  Eigen::Vector3d noise() {
+    Eigen::Vector3d n;
+    for (double& v : n) {
+      v = -6;
+      for (int i = 0; i < 12; ++i) v += static_cast<double>(random_() >> 11) / 9007199254740992.0;
+    }
+    return n;
+  }
+  Eigen::Quaterniond camera_from_imu_;
+  bool is_noisy_;
+  std::mt19937_64 random_;
+  Eigen::Vector3d bias_{0.006, -0.005, 0.004};
+  long next_ = 0;
+};
+
 /// Renders everything into `folder`.
 void write_sequence(const Arguments& a, const fs::path& folder) {
   const Scene scene = synthetic_scene(a.scene);
-  const Rig rig = rig_of(a);
-  const SyntheticPath path(scene, a.trajectory.empty() ? Trajectory{} : read_trajectory(a.trajectory), a.frames / 30.0);
+  Rig rig = rig_of(a);
+  if (a.imu != "none" && !rig.camera_from_imu) rig.camera_from_imu = Eigen::Quaterniond::Identity();
+  const SyntheticPath path(scene, a.trajectory.empty() ? Trajectory{} : read_trajectory(a.trajectory),
+                           a.frames / a.rate);
   SceneCamera depth_in_scene(scene, rig.depth, a.device);
   std::optional<SceneCamera> beside;
   if (rig.colour) beside.emplace(scene, rig.colour->camera, a.device);
   SceneCamera& colour_in_scene = beside ? *beside : depth_in_scene;
-  Recorder writer(folder, rig);
+  const auto writer = write_layout(a.layout, folder, rig);
   Mesh truth = scene.surface();
   std::vector<bool> seen(truth.triangles.size());
-  Trajectory poses;
+  Gyroscope gyroscope(a, rig);
   Progress progress(a.frames);
   for (int i = 0; i < a.frames; ++i) {
-    const double time = i / 30.0;
+    const double time = i / a.rate;
     const auto pose = path.pose(time);
     if (!pose) break;
-    auto images = depth_in_scene.look(*pose, time);
-    const auto later = path.pose(std::max(0.0, time + a.colour_delay));
-    if (beside || (a.colour_delay != 0 && later))
-      images.colour =
-          colour_in_scene.look(later.value_or(*pose) * rig.depth_from_colour(), time + a.colour_delay).colour;
-    if (i % 5 == 0) mark_seen(truth, rig.depth, *pose, images.depth, seen);
-    if (a.noise == "kinect") add_kinect_noise(images, rig.depth, a.seed, i);
-    writer.add(encode({.timestamp = time,
-                       .depth = std::move(images.depth),
-                       .colour = std::move(images.colour),
-                       .world_from_camera = {},
-                       .acceleration = path.acceleration(time)},
-                      rig));
-    poses.push_back({time, *pose});
+    const auto depth_pose = [&](double t) { return path.pose(std::max(0.0, t)).value_or(*pose); };
+    const auto colour_pose = [&](double t) -> Eigen::Isometry3d { return depth_pose(t) * rig.depth_from_colour(); };
+    auto images = depth_in_scene.look(depth_pose, time);
+    auto colour =
+        beside || a.colour_delay != 0 ? colour_in_scene.look(colour_pose, time + a.colour_delay).colour : images.colour;
+    if (i % 5 == 0 && rig.depth.readout == 0) mark_seen(truth, rig.depth, *pose, images.depth, seen);
+    add_noise(images, rig.depth, a.noise, a.seed, i, &colour);
+    writer->add({.index = i,
+                 .timestamp = time,
+                 .depth = std::move(images.depth),
+                 .confidence = std::move(images.confidence),
+                 .colour = std::move(colour),
+                 .world_from_camera = *pose,
+                 .acceleration = path.acceleration(time),
+                 .gyro = a.imu == "none" ? std::vector<AngularRate>{} : gyroscope.until(time, path),
+                 .guess = {},
+                 .problem = {}});
     progress.step("rendering");
   }
-  write_trajectory(folder / "groundtruth.txt", poses);
+  writer->finish();
   write_mesh(folder / "groundtruth_mesh.ply", truth);
   std::erase_if(truth.triangles, [&, i = std::size_t{0}](const auto&) mutable { return !seen[i++]; });
   write_mesh(folder / "groundtruth_seen.ply", truth);
 }
 
 void synth(const Arguments& a) {
-  if (fs::exists(a.output) && !(fs::is_directory(a.output) && fs::is_empty(a.output)) &&
-      !fs::exists(a.output / "groundtruth_mesh.ply"))
-    throw std::runtime_error(a.output.string() +
-                             ": exists and is no synthetic sequence; choose another folder with -o");
-  const fs::path output = tidy(a.output);
-  fs::path temporary = output;
-  temporary += ".part";
-  fs::remove_all(temporary);
-  try {
-    write_sequence(a, temporary);
-    fs::remove_all(output);
-    fs::rename(temporary, output);
-  } catch (...) {
-    std::error_code ignored;
-    fs::remove_all(temporary, ignored);
-    throw;
-  }
+  write_folder(
+      a.output, [&](const fs::path& folder) { write_sequence(a, folder); }, "groundtruth_mesh.ply");
   fmt::print("{}: {} frames of '{}' with true poses and surface\n", a.output.string(), a.frames, a.scene);
 }
 
 }  // namespace
 
 void add_synth(CLI::App& program) {
-  auto* command = program.add_subcommand("synth", "Render a synthetic recording with exact truth, in the TUM layout");
+  auto* command = program.add_subcommand("synth", "Render a synthetic recording with exact truth");
   const auto a = std::make_shared<Arguments>();
   command->add_option("SCENE", a->scene, "room, room-with-mover, flat, twin-rooms, sphere, plane, corridor or loop")
       ->required();
@@ -107,9 +142,8 @@ void add_synth(CLI::App& program) {
       ->add_option("--trajectory", a->trajectory,
                    "Move along this TUM trajectory, z up, put into the middle of the scene [the scene's own path]")
       ->check(CLI::ExistingFile);
-  command->add_option("--frames", a->frames, "Number of frames, 30 a second")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+  command->add_option("--frames", a->frames, "Number of frames")->capture_default_str()->check(CLI::PositiveNumber);
+  command->add_option("--rate", a->rate, "Frames a second")->capture_default_str()->check(CLI::Range(1.0, 240.0));
   command->add_option("--width", a->width, "Of the images in pixels; their height is three quarters of it")
       ->capture_default_str()
       ->check(CLI::Range(64, 4096));
@@ -117,9 +151,24 @@ void add_synth(CLI::App& program) {
       ->add_option("--camera", a->camera,
                    "camera.yaml of the depth camera and perhaps of a colour camera beside it [one camera for both]")
       ->check(CLI::ExistingFile);
-  command->add_option("--noise", a->noise, "Depth and colour noise")
+  command
+      ->add_option(
+          "--noise", a->noise,
+          "Depth and colour noise: that of a Kinect, of time of flight (Azure Kinect), of stereo (RealSense), of "
+          "a phone's lidar, or none")
       ->capture_default_str()
-      ->check(CLI::IsMember({"kinect", "none"}));
+      ->check(CLI::IsMember({"kinect", "tof", "stereo", "lidar", "none"}));
+  command
+      ->add_option("--layout", a->layout,
+                   fmt::format("{}; some have a camera of their own, which takes the place of --width",
+                               fmt::join(kLayouts, ", ")))
+      ->capture_default_str()
+      ->check(CLI::IsMember(std::vector<std::string>(std::begin(kLayouts), std::end(kLayouts))));
+  command
+      ->add_option(
+          "--imu", a->imu,
+          "gyroscope.txt (stray-scanner: imu.csv) of an ideal gyroscope or one of a phone's grade, 200 Hz [none]")
+      ->check(CLI::IsMember({"none", "ideal", "mems"}));
   command
       ->add_option("--colour-delay", a->colour_delay,
                    "Seconds that colour images are taken after the depth images with the same stamp")

@@ -36,6 +36,7 @@ struct SceneRenderPush {
   Rigid world_from_camera;
   uint solids;
   uint is_bent;  // by the lens: rays are told by pixel
+  uint is_rolling;  // each row has a pose of its own
 };
 
 #ifdef __cplusplus

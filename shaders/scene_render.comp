@@ -13,6 +13,7 @@ layout(binding = 1, scalar) writeonly buffer Depth { float depth[]; };
 layout(binding = 2, scalar) writeonly buffer Cosine { float cosine[]; };  // between the ray and the surface's normal
 layout(binding = 3, scalar) writeonly buffer Colour { uint colour[]; };
 layout(binding = 4, scalar) readonly buffer Rays { vec2 rays[]; };  // at z = 1
+layout(binding = 5, scalar) readonly buffer Rows { Rigid rows[]; };  // world_from_camera of a rolling shutter
 
 const float kFar = 1e9;
 
@@ -110,8 +111,10 @@ vec3 ray_of(vec2 pixel) {
 
 void main() {
   uvec2 pixel = gl_GlobalInvocationID.xy;
-  vec3 d = rotate(push.world_from_camera, ray_of(vec2(pixel)));
-  vec3 o = push.world_from_camera.t;
+  Rigid world_from_camera = push.world_from_camera;
+  if (push.is_rolling != 0u) world_from_camera = rows[min(pixel.y, push.camera.height - 1u)];
+  vec3 d = rotate(world_from_camera, ray_of(vec2(pixel)));
+  vec3 o = world_from_camera.t;
   vec2 corner = vec2(gl_WorkGroupID.xy * gl_WorkGroupSize.xy), size = vec2(gl_WorkGroupSize.xy) - 1.0;
   vec3 axis = normalize(ray_of(corner + 0.5 * size));
   float cosine_of_cone = 1.0;
@@ -127,7 +130,8 @@ void main() {
     // Most solids lie beside the workgroup's pixels: each thread looks at one, then all meet those that do not.
     uint mine = first + lane;
     bool near = lane < step && mine < push.solids &&
-                is_near(min(mine, push.solids - 1u), o, axis, cosine_of_cone, sine_of_cone);
+                (push.is_rolling != 0u ||  // whose rows look from different places
+                 is_near(min(mine, push.solids - 1u), o, axis, cosine_of_cone, sine_of_cone));
     uint marked = subgroupOr(near ? 1u << lane : 0u);
     while (marked != 0u) {
       uint i = first + findLSB(marked);

@@ -5,6 +5,7 @@
 #ifndef CAIRN_SURFACE_H
 #define CAIRN_SURFACE_H
 #include "shaders/lens.h"
+#include "shaders/noise.h"
 #include "shaders/types.h"
 #ifdef __cplusplus
 namespace cairn::shader {
@@ -16,18 +17,15 @@ struct SurfaceRectifyPush {
   uint has_colour;  // that lies on depth
 };
 
-// A colour camera beside the depth camera.
-struct ColourView {
-  Pinhole camera;
-  LensBend lens;
-  Rigid colour_from_depth;
-  float widest;  // tangent of the angle to the axis up to which `lens` holds
-  uint cell;     // pixels a side of what keeps the nearest depth
-  uint mean;     // pixels a side of what is averaged for a depth pixel; 1: between four pixels
-};
-
-struct SurfaceColourPush {
-  Pinhole camera;  // of depth, without distortion
+struct SurfaceColourPush {  // a colour camera beside the depth camera, in all of the 128 bytes there are
+  uint width;               // of depth
+  uint height;
+  Pinhole camera;           // of colour
+  LensBend lens;            // of colour
+  Rigid colour_from_depth;  // takes (z * column, z * row, z) of an undistorted depth pixel to the colour camera's frame
+  float widest;             // tangent of the angle to the axis up to which `lens` holds
+  uint cell;                // pixels a side of what keeps the nearest depth
+  uint mean;                // pixels a side of what is averaged for a depth pixel; 1: between four pixels
 };
 
 struct SurfaceFilterPush {
@@ -65,14 +63,9 @@ struct SurfaceNormalsPush {
   Pinhole camera;
 };
 
-// Standard deviation, in metres, of a structured-light depth measurement (Nguyen, Izadi & Lovell 2012, axial noise).
-constexpr float depth_noise(float z) { return 0.0012f + 0.0019f * (z - 0.4f) * (z - 0.4f); }
-
 #ifdef __cplusplus
 }  // namespace cairn::shader
 #else
-vec4 depth_noise(vec4 z) { return vec4(depth_noise(z.x), depth_noise(z.y), depth_noise(z.z), depth_noise(z.w)); }
-
 // What compares depths compares their inverses, 1 / m: there the noise is as large for what lies nearer as for what lies
 // farther. Limits in depth would move surfaces, and with them the whole path, by which side they cut more noise from.
 vec4 inverse_depth(vec4 z) { return 1.0 / max(z, vec4(1e-3)); }  // of no measurement: far beside all others

@@ -5,9 +5,9 @@
 #define CAIRN_SURFACE_COLOUR_H
 #include "shaders/surface.h"
 
-// Its pixel; false where the camera does not see it. `z`: its depth there.
-bool seen_at(ColourView view, vec3 point, out vec2 pixel, out float z) {
-  vec3 p = transform(view.colour_from_depth, point);
+// Its pixel; false where the camera does not see it. `z`: its depth, there then.
+bool seen_at(SurfaceColourPush view, uvec2 depth_pixel, inout float z, out vec2 pixel) {
+  vec3 p = transform(view.colour_from_depth, z * vec3(depth_pixel, 1.0));
   z = p.z;
   vec2 n = p.xy / max(p.z, 1e-3);
   pixel = bend(view.lens, n) * vec2(view.camera.fx, view.camera.fy) + vec2(view.camera.cx, view.camera.cy);
@@ -15,5 +15,7 @@ bool seen_at(ColourView view, vec3 point, out vec2 pixel, out float z) {
          pixel.x <= float(view.camera.width - 1u) && pixel.y <= float(view.camera.height - 1u);
 }
 
-uvec2 cells_of(ColourView view) { return (uvec2(view.camera.width, view.camera.height) + view.cell - 1u) / view.cell; }
+uvec2 cells_of(SurfaceColourPush view) {
+  return (uvec2(view.camera.width, view.camera.height) + view.cell - 1u) / view.cell;
+}
 #endif

@@ -6,6 +6,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#include "shaders/noise.h"
 #include "shaders/volume.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { TsdfIntegratePush push; };
@@ -49,8 +50,7 @@ void main() {
     float sdf = (z - p.z) * inverse_truncation;
     if (z > 0.0 && sdf > -1.0) {
       uvec2 old = unpack32(pool.v[at + k]);
-      // A structured-light measurement is worth less with the square of its distance (Khoshelham & Elberink 2012).
-      float weight = 1.0 / max(1.0, z * z);
+      float weight = depth_weight(z);
       float old_weight = voxel_weight(old.x);
       float sum = old_weight + weight;
       float d = voxel_distance(old.x);

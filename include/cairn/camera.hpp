@@ -20,9 +20,20 @@ struct Camera {
   double fx = 525.0, fy = 525.0, cx = 319.5, cy = 239.5;  ///< pixels; fy > 0, sources turn images that have it negative
   std::array<double, 8> distortion{};                     ///< see Lens; of Brown's all zero: images are rectified
   Lens lens = Lens::brown_conrady;
+  double readout = 0;  ///< seconds from the first row to the last, around a frame's time; 0: a global shutter
 
   friend bool operator==(const Camera&, const Camera&) = default;
   [[nodiscard]] bool distorted() const { return lens == Lens::fisheye || distortion != std::array<double, 8>{}; }
+  /// Seconds after a frame's time at which a row is taken.
+  [[nodiscard]] double row_delay(double row) const { return readout * ((row + 0.5) / height - 0.5); }
+  /// The camera of its images once lens and shutter are undone.
+  [[nodiscard]] Camera rectified() const {
+    Camera c = *this;
+    c.distortion = {};
+    c.lens = Lens::brown_conrady;
+    c.readout = 0;
+    return c;
+  }
   /// Direction with z = 1 of the ray through an undistorted pixel.
   [[nodiscard]] Eigen::Vector3d ray(double u, double v) const { return {(u - cx) / fx, (v - cy) / fy, 1.0}; }
   /// Undistorted pixel of a point in the camera frame with z > 0.

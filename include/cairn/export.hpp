@@ -72,6 +72,26 @@ struct Exported {
   std::map<std::string, double> stage_ms;       ///< mesh, clean, simplify, charts, exposure, texture, write
 };
 
+/// Programs that learn a scene from images with poses.
+enum class ViewsFor {
+  nerfstudio,  ///< transforms.json, images/, depths/, points.ply
+  colmap       ///< sparse/0/cameras.txt, images.txt and points3D.txt, images/, depths/
+};
+
+struct ViewsOptions {
+  ViewsFor program = ViewsFor::nerfstudio;
+  int images = 0;               ///< at most, each the sharpest of its stretch of the keyframes; 0: all keyframes
+  float point_spacing = 0.02f;  ///< metres between the points of the surface, from which the program begins
+};
+
+/// Throws std::runtime_error naming the option, its value and the allowed range.
+void check(const ViewsOptions& options);
+
+struct ExportedViews {
+  int images = 0, keyframes = 0;  ///< written, and of the map
+  std::size_t points = 0;
+};
+
 /// Called after each step of `count`; `what` is done next.
 using ExportProgress = std::function<void(int done, int count, const std::string& what)>;
 

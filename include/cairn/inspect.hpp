@@ -12,6 +12,7 @@
 namespace cairn {
 
 struct SourceSummary {
+  std::string layout;  ///< see Source::layout()
   Rig rig;
   std::optional<int> frames;        ///< all of the source; nothing where it cannot tell
   int looked_at = 0;                ///< of these, from the first
@@ -27,6 +28,8 @@ struct SourceSummary {
   double colour_delay = 0;          ///< seconds from a depth image's stamp to its colour image's, the median
   int with_pose = 0;                ///< frames
   int with_acceleration = 0;        ///< frames
+  int with_gyroscope = 0;           ///< frames
+  int with_confidence = 0;          ///< frames
   std::vector<std::string> doubts;  ///< what is missing or cannot be right, a line each, with what to do
 };
 

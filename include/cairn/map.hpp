@@ -10,7 +10,6 @@
 #include "cairn/export.hpp"
 #include "cairn/mesh.hpp"
 #include "cairn/reports.hpp"
-#include "cairn/rig.hpp"
 #include "cairn/trajectory.hpp"
 
 namespace cairn {
@@ -41,18 +40,16 @@ class Map {
   /// the one that was asked for last. Throws std::runtime_error with what is wrong and what to do.
   Exported export_mesh(const std::filesystem::path& file, const ExportOptions& options = {},
                        const ExportProgress& progress = {});
+  /// Writes images with poses and depth, and points of the surface, into a new folder: keyframes as the colour camera
+  /// saw them, in its full size, without its lens. Whole or not at all. Throws std::runtime_error for a map without
+  /// keyframes or colour, and for a folder that holds something.
+  ExportedViews export_views(const std::filesystem::path& folder, const ViewsOptions& options = {},
+                             const ExportProgress& progress = {});
   /// Writes the grids `tsdf`, `weight` and `colour`, with EsdfOptions::live also `esdf`, to a .vdb file, whole or not
   /// at all.
   void write_grids(const std::filesystem::path& file);
   /// Writes the keyframes' pose graph by the extension: .g2o, or .svg, a picture of it. Whole or not at all.
   void write_graph(const std::filesystem::path& file) const;
-
-  /// The cameras as the keyframes tell them: where colour does not lie on depth as it should, the colour camera with
-  /// which what they see of the same surface agrees best (as Zhou & Koltun 2014 move images). Nothing where the cameras
-  /// that the map was made with are right as far as can be seen. For textures export_mesh does the same by itself; a
-  /// recording that is reconstructed again with the found cameras is also tracked and fused with them. Throws
-  /// std::runtime_error for a map without keyframes or without colour.
-  [[nodiscard]] std::optional<Rig> find_colour_camera();
 
   /// Recordings that the map is made of, at least one.
   [[nodiscard]] int recordings() const;

@@ -3,6 +3,9 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <string_view>
+
+#include "cairn/sensor_model.hpp"
 
 namespace cairn {
 
@@ -51,14 +54,28 @@ struct EsdfOptions {
   float max_distance = 2.0f;  ///< metres; of places farther from every surface only that is known
 };
 
+/// How fast the camera may move. A pose farther from the one before is not believed.
+struct MotionOptions {
+  float max_speed = 4.0f;  ///< m/s; a hand is slower
+  float max_turn = 12.0f;  ///< rad/s
+};
+
 struct Options {
   bool keep_keyframes = false;  ///< also with given poses, for textures; with tracked ones they are kept anyway
   SurfaceOptions surface;
   TrackOptions track;
+  MotionOptions motion;
   FuseOptions fuse;
   MapOptions map;
   EsdfOptions esdf;
 };
+
+/// The options that suit a sensor: its range of depth, and a truncation of four voxels or, if that is more, of two and
+/// a half standard deviations of its depth at 2 m.
+[[nodiscard]] Options options_for(const SensorModel& sensor, float voxel_size = FuseOptions{}.voxel_size);
+
+/// `hand`, `robot` or `drone`; throws std::runtime_error for another name.
+[[nodiscard]] MotionOptions motion_of(std::string_view name);
 
 /// Overrides `options` with a YAML file of the shape `surface: {max_depth: 4}`. Throws std::runtime_error with file and
 /// line for an unknown key or a value that does not fit.

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "cairn/camera.hpp"
+#include "cairn/sensor_model.hpp"
 
 namespace cairn {
 
@@ -24,14 +25,22 @@ struct ColourCamera {
 struct Rig {
   Rig() = default;
   /// A sensor that gives colour on depth, or none.
-  Rig(const Camera& registered) : depth(registered) {}
+  Rig(const Camera& registered, const SensorModel& model = {}) : depth(registered), sensor(model) {}
   Rig(const Camera& depth_camera, std::optional<ColourCamera> colour_camera)
       : depth(depth_camera), colour(std::move(colour_camera)) {}
 
   Camera depth;
   std::optional<ColourCamera> colour;  ///< none: colour is registered to depth, it has that camera's size and view
 
-  friend bool operator==(const Rig&, const Rig&) = default;
+  SensorModel sensor;  ///< of the depth camera
+  /// Turns what an inertial sensor measures into the depth camera's frame; none: found from how the camera moves.
+  std::optional<Eigen::Quaterniond> camera_from_imu;
+
+  friend bool operator==(const Rig& a, const Rig& b) {
+    return a.depth == b.depth && a.colour == b.colour && a.sensor == b.sensor &&
+           a.camera_from_imu.has_value() == b.camera_from_imu.has_value() &&
+           (!a.camera_from_imu || a.camera_from_imu->coeffs() == b.camera_from_imu->coeffs());
+  }
   /// The camera whose size and view colour images have.
   [[nodiscard]] const Camera& colour_view() const { return colour ? colour->camera : depth; }
   [[nodiscard]] Eigen::Isometry3d depth_from_colour() const {

@@ -4,14 +4,19 @@
 #pragma once
 #include <Eigen/Geometry>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
+#include <string_view>
 #include <vector>
 
 #include "cairn/scene.hpp"
 #include "cairn/trajectory.hpp"
 
 namespace cairn {
+
+/// world_from_camera at a time, seconds.
+using PoseAt = std::function<Eigen::Isometry3d(double)>;
 
 /// How the camera moves through a scene.
 class SyntheticPath {
@@ -24,6 +29,8 @@ class SyntheticPath {
   [[nodiscard]] std::optional<Eigen::Isometry3d> pose(double seconds) const;
   /// What an accelerometer in the camera measures: see Frame::acceleration.
   [[nodiscard]] Eigen::Vector3d acceleration(double seconds) const;
+  /// What a gyroscope in the camera measures: rad/s, in the camera's frame.
+  [[nodiscard]] Eigen::Vector3d angular_rate(double seconds) const;
 
  private:
   Scene scene_;
@@ -32,9 +39,10 @@ class SyntheticPath {
 
 /// What a camera sees of a scene. Row-major, of the camera's size.
 struct SceneImages {
-  std::vector<float> depth;           ///< metres along z; 0: nothing within 100 m
-  std::vector<float> cosine;          ///< between the ray and the surface's normal
-  std::vector<std::uint32_t> colour;  ///< bytes R, G, B, 255
+  std::vector<float> depth;              ///< metres along z; 0: nothing within 100 m
+  std::vector<float> cosine;             ///< between the ray and the surface's normal
+  std::vector<std::uint32_t> colour;     ///< bytes R, G, B, 255
+  std::vector<std::uint8_t> confidence;  ///< see Frame; of phones
 };
 
 /// A camera in a scene, rendered on a device of its own.
@@ -47,15 +55,20 @@ class SceneCamera {
   SceneCamera& operator=(const SceneCamera&) = delete;
   /// Exact images from a pose at a time (seconds), at which moving solids stand where they are then.
   [[nodiscard]] SceneImages look(const Eigen::Isometry3d& world_from_camera, double seconds = 0);
+  /// Also with a rolling shutter: each row (Camera::row_delay) from where the camera is then.
+  [[nodiscard]] SceneImages look(const PoseAt& world_from_camera, double seconds);
 
  private:
   struct State;
   std::unique_ptr<State> state_;
 };
 
-/// What a Kinect would have measured (Khoshelham & Elberink 2012; Handa et al. 2014, sec. IV): pixels shifted by
-/// lateral noise, disparity with noise and quantised to 1/8 pixel, nothing at grazing angles or out of 0.4 to 5 m.
-/// Repeats for the same seed and frame.
-void add_kinect_noise(SceneImages& images, const Camera& camera, std::uint64_t seed, int frame);
+/// What a depth camera would have measured, and grain in colour: `kinect` (Khoshelham & Elberink 2012; Handa et al.
+/// 2014, sec. IV: pixels shifted by lateral noise, disparity with noise and quantised to 1/8 pixel, nothing at grazing
+/// angles or out of 0.4 to 5 m), `tof` (Azure Kinect), `stereo` (RealSense D4xx), `lidar` (a phone's, with confidence),
+/// `none`. `images` are the depth camera's; `colour`: the image that gets the grain, if that is another camera's.
+/// Repeats for the same seed and frame. Throws std::runtime_error for another kind.
+void add_noise(SceneImages& images, const Camera& camera, std::string_view kind, std::uint64_t seed, int frame,
+               std::vector<std::uint32_t>* colour = nullptr);
 
 }  // namespace cairn

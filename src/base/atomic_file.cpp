@@ -185,6 +185,32 @@ void write_whole(const fs::path& file, std::span<const std::uint8_t> bytes, Dura
   write_whole(file, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()), durable);
 }
 
+void write_folder(const fs::path& folder, const std::function<void(const fs::path&)>& write, const char* mark) {
+  if (fs::exists(folder) && !(fs::is_directory(folder) && fs::is_empty(folder)) &&
+      (mark == nullptr || !fs::exists(folder / mark)))
+    throw std::runtime_error(folder.string() + ": exists and holds something else; choose another folder");
+  fs::path whole = fs::weakly_canonical(fs::absolute(folder));
+  if (!whole.has_filename()) whole = whole.parent_path();
+  fs::path part = whole;
+  part += ".part";
+  const auto must = [&](const std::error_code& error) {
+    if (error) throw std::runtime_error("cannot write " + folder.string() + ": " + reason(error.value()));
+  };
+  std::error_code error, ignored;
+  fs::remove_all(part, error);
+  if (!error) fs::create_directories(part, error);
+  must(error);
+  try {
+    write(part);
+    fs::remove_all(whole, error);
+    if (!error) fs::rename(part, whole, error);
+    must(error);
+  } catch (...) {
+    fs::remove_all(part, ignored);
+    throw;
+  }
+}
+
 void remove_leftovers(const fs::path& folder) {
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(folder, error)) {

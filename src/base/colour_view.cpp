@@ -9,8 +9,39 @@
 namespace cairn {
 namespace {
 
-constexpr float kJump = 0.05f;  // of the depth, between neighbours on two surfaces
-constexpr float kMost = 16;     // colour pixels that a depth pixel may cover to each side
+constexpr float kJump = 0.05f;      // of the depth, between neighbours on two surfaces
+constexpr float kMost = 16;         // colour pixels that a depth pixel may cover to each side
+constexpr float kUnknownDepth = 2;  // metres, where depth is missing and colour is wanted all the same
+constexpr float kHidden = 0.03f;    // metres, beside the noise, that something nearer is nearer by
+
+/// What a depth pixel shows that covers `side` times as many colour pixels to each side: the mean of them, weighted by
+/// how much of each it covers.
+std::uint32_t mean_around(const std::vector<std::uint32_t>& colour, const Camera& c, float u, float v, int side) {
+  const float reach = 0.5f * static_cast<float>(side);
+  Eigen::Array3f sum = Eigen::Array3f::Zero();
+  float all = 0;
+  const auto covered = [&](int at, float middle) {
+    return std::max(0.0f, std::min(static_cast<float>(at) + 0.5f, middle + reach) -
+                              std::max(static_cast<float>(at) - 0.5f, middle - reach));
+  };
+  const auto around = [&](float middle, int count) {  // pixels that may be covered
+    return std::pair{std::max(static_cast<int>(std::floor(middle - reach)), 0),
+                     std::min(static_cast<int>(std::ceil(middle + reach)), count - 1)};
+  };
+  const auto [left, right] = around(u, c.width);
+  const auto [top, bottom] = around(v, c.height);
+  for (int y = top; y <= bottom; ++y)
+    for (int x = left; x <= right; ++x) {
+      const float weight = covered(x, u) * covered(y, v);
+      const std::uint32_t p =
+          colour[static_cast<std::size_t>(y) * static_cast<std::size_t>(c.width) + static_cast<std::size_t>(x)];
+      sum += weight * Eigen::Array3f(static_cast<float>(p & 255u), static_cast<float>(p >> 8 & 255u),
+                                     static_cast<float>(p >> 16 & 255u));
+      all += weight;
+    }
+  const Eigen::Array3<std::uint32_t> bytes = (sum / all + 0.5f).cast<std::uint32_t>();
+  return bytes[0] | bytes[1] << 8 | bytes[2] << 16 | 0xff000000u;
+}
 
 }  // namespace
 
@@ -42,11 +73,9 @@ std::vector<ColourView::Seen> ColourView::project(const std::vector<float>& dept
   return all;
 }
 
-Frame ColourView::operator()(Frame frame) const {
-  if (!rig_.colour || frame.depth.size() != rays_.size()) return frame;
+std::vector<float> ColourView::depth_of(const std::vector<Seen>& all) const {
   const Camera& c = rig_.colour->camera;
   const int width = rig_.depth.width, height = rig_.depth.height;
-  const std::vector<Seen> all = project(frame.depth);
   const auto least =
       static_cast<float>(0.5 * std::max(c.fx / rig_.depth.fx, 1.0));  // pixels, of a surface seen from the front
   std::vector<float> depth(static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height), 0.0f);
@@ -78,7 +107,33 @@ Frame ColourView::operator()(Frame frame) const {
           if (nearest == 0 || s.z < nearest) nearest = s.z;
         }
     }
-  frame.depth = std::move(depth);
+  return depth;
+}
+
+Frame ColourView::operator()(Frame frame) const {
+  if (rig_.colour && frame.depth.size() == rays_.size()) frame.depth = depth_of(project(frame.depth));
+  return frame;
+}
+
+Frame ColourView::on_depth(Frame frame) const {
+  if (!rig_.colour || frame.depth.size() != rays_.size() || frame.colour.empty()) return frame;
+  const Camera& c = rig_.colour->camera;
+  const std::vector<float> nearest = depth_of(project(frame.depth));
+  std::vector<float> asked = frame.depth;
+  std::replace(asked.begin(), asked.end(), 0.0f, kUnknownDepth);
+  const std::vector<Seen> all = project(asked);
+  const auto side = static_cast<int>(std::clamp(std::lround(c.fx / rig_.depth.fx), 1L, 8L));
+  std::vector<std::uint32_t> colour(all.size(), 0xff000000u);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const auto [u, v, z] = all[i];
+    if (z == 0 || !(u >= 0 && v >= 0 && u <= static_cast<float>(c.width - 1) && v <= static_cast<float>(c.height - 1)))
+      continue;
+    const float first = nearest[static_cast<std::size_t>(std::lround(v)) * static_cast<std::size_t>(c.width) +
+                                static_cast<std::size_t>(std::lround(u))];
+    if (frame.depth[i] > 0 && first > 0 && first < z - (kHidden + 4 * rig_.sensor.sigma(z))) continue;
+    colour[i] = mean_around(frame.colour, c, u, v, side);
+  }
+  frame.colour = std::move(colour);
   return frame;
 }
 

@@ -16,9 +16,13 @@ class ColourView {
   /// Depth images lie in the colour camera's pixels; where two surfaces fall on one, the nearer is seen. A frame of a
   /// rig whose colour lies on depth is as it was. Any thread.
   [[nodiscard]] Frame operator()(Frame frame) const;
+  /// The other way round: the depth camera's image, each of whose pixels has asked the colour image for what it shows.
+  /// What something nearer hides from the colour camera is black. Any thread.
+  [[nodiscard]] Frame on_depth(Frame frame) const;
 
  private:
   struct Seen;
+  [[nodiscard]] std::vector<float> depth_of(const std::vector<Seen>& all) const;
   [[nodiscard]] std::vector<Seen> project(const std::vector<float>& depth) const;
 
   Rig rig_;

@@ -2,6 +2,9 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "base/image_file.hpp"
 
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <string_view>
 
@@ -11,6 +14,7 @@ namespace {
 // What a byte can at most become: deflate's longest match, and a progressive JPEG of one bit for each 8x8 block.
 constexpr std::uint64_t kPngBytes = 1040, kJpegPixels = 512;
 constexpr std::uint64_t kRoom = 1 << 16;  // pixels or bytes that any file may have
+constexpr int kPngEffort = 1, kJpegQuality = 95;
 
 std::uint64_t big_endian(std::span<const std::uint8_t> bytes, std::size_t at, std::size_t count) {
   std::uint64_t value = 0;
@@ -60,6 +64,35 @@ cv::Mat decode_image(std::span<const std::uint8_t> bytes, int flags) {
   }
   if (image.empty()) throw std::runtime_error("is no image that can be decoded");
   return image;
+}
+
+std::vector<std::uint16_t> depth_units(std::span<const float> depth, double units_per_metre, std::uint16_t none) {
+  std::vector<std::uint16_t> units(depth.size());
+  std::transform(depth.begin(), depth.end(), units.begin(), [&](float metres) {
+    const double value = std::round(static_cast<double>(metres) * units_per_metre);
+    return value < 1 || value > 65535 ? none : static_cast<std::uint16_t>(value);
+  });
+  return units;
+}
+
+std::vector<std::uint8_t> encode_depth(std::span<const float> depth, const Camera& camera, double units_per_metre,
+                                       std::uint16_t none) {
+  auto units = depth_units(depth, units_per_metre, none);
+  std::vector<std::uint8_t> bytes;
+  cv::imencode(".png", cv::Mat(camera.height, camera.width, CV_16U, units.data()), bytes,
+               {cv::IMWRITE_PNG_COMPRESSION, kPngEffort});
+  return bytes;
+}
+
+std::vector<std::uint8_t> encode_colour(std::span<const std::uint32_t> colour, const Camera& camera,
+                                        const char* extension) {
+  cv::Mat bgr;
+  cv::cvtColor(cv::Mat(camera.height, camera.width, CV_8UC4, const_cast<std::uint32_t*>(colour.data())), bgr,
+               cv::COLOR_RGBA2BGR);
+  std::vector<std::uint8_t> bytes;
+  cv::imencode(extension, bgr, bytes,
+               {cv::IMWRITE_PNG_COMPRESSION, kPngEffort, cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
+  return bytes;
 }
 
 }  // namespace cairn

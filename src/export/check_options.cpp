@@ -8,6 +8,20 @@
 
 namespace cairn {
 
+namespace {
+
+void range(const char* name, double value, double low, double high) {
+  if (!(value >= low && value <= high))
+    throw std::runtime_error(fmt::format("{} is {}: it must be between {} and {}", name, value, low, high));
+}
+
+}  // namespace
+
+void check(const ViewsOptions& o) {
+  range("ViewsOptions::images", o.images, 0, 1e6);
+  range("ViewsOptions::point_spacing", static_cast<double>(o.point_spacing), 0.001, 10);
+}
+
 void check(const ExportOptions& o, const std::filesystem::path& file) {
   const auto extension = file.extension();
   if (extension != ".glb" && extension != ".gltf" && extension != ".ply" && extension != ".obj" && extension != ".json")
@@ -15,10 +29,6 @@ void check(const ExportOptions& o, const std::filesystem::path& file) {
         fmt::format("{}: '{}' is no format that is written; use .glb, .gltf, .ply, .obj, or "
                     "tileset.json for 3D Tiles",
                     file.string(), extension.string()));
-  const auto range = [](const char* name, double value, double low, double high) {
-    if (!(value >= low && value <= high))
-      throw std::runtime_error(fmt::format("{} is {}: it must be between {} and {}", name, value, low, high));
-  };
   range("SimplifyOptions::ratio", static_cast<double>(o.simplify.ratio), 0.0001, 1);
   range("SimplifyOptions::max_error", static_cast<double>(o.simplify.max_error), 0, 1);
   range("CleanOptions::min_piece", static_cast<double>(o.clean.min_piece), 0, 10);

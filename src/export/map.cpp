@@ -6,10 +6,12 @@
 #include <stdexcept>
 #include <utility>
 
+#include "cairn/atomic_file.hpp"
 #include "cairn/mapper.hpp"
 #include "export/export.hpp"
 #include "export/graph_picture.hpp"
 #include "export/map_contents.hpp"
+#include "export/views.hpp"
 #include "map/map_state.hpp"
 
 namespace cairn {
@@ -74,6 +76,9 @@ class MapperContents final : public Map::Contents {
 
   Exported export_mesh(const fs::path& file, const ExportOptions& options, const ExportProgress& progress) override;
 
+  ExportedViews export_views(const fs::path& folder, const ViewsOptions& options,
+                             const ExportProgress& progress) override;
+
   void write_grids(const fs::path& file) override {
     MapState& s = *state_;
     std::shared_ptr<const DistanceField> field;
@@ -90,7 +95,6 @@ class MapperContents final : public Map::Contents {
       write_g2o(file, state_->back_end.atlas().graph());
   }
 
-  std::optional<Rig> find_colour_camera() override;
   int recordings() const override { return state_->recordings(); }
   Trajectory trajectory(int recording) const override { return state_->trajectory(recording); }
   Statistics statistics() const override { return state_->statistics(); }
@@ -98,32 +102,6 @@ class MapperContents final : public Map::Contents {
  private:
   std::shared_ptr<MapState> state_;
 };
-
-std::optional<Rig> MapperContents::find_colour_camera() {
-  MapState& s = *state_;
-  Volume& world = s.world();
-  const KeyframeStore& images = s.is_tracked() ? s.back_end.images() : s.given.images;
-  images.wait();
-  TextureViews views(
-      world, s.rig, s.options.surface, texture_keyframes(s), [&](std::size_t image) { return images.get(image); },
-      kViewMemory);
-  if (views.size() == 0) throw std::runtime_error("the map has no keyframes that could tell how colour lies on depth");
-  if (!views.compensate_exposure())
-    throw std::runtime_error("the keyframes have no colour, whose camera could be found");
-  views.register_colour();
-  const shader::ColourCamera& found = views.colour_camera();
-  const Eigen::Vector3d turn = Eigen::Vector3f(found.rotation).cast<double>(),
-                        shift = Eigen::Vector3f(found.translation).cast<double>();
-  if (turn.isZero() && shift.isZero() && found.focal_scale == 1) return std::nullopt;
-  ColourCamera colour{.camera = s.rig.colour_view()};
-  colour.camera.fx *= static_cast<double>(found.focal_scale);
-  colour.camera.fy *= static_cast<double>(found.focal_scale);
-  Eigen::Isometry3d correction = Eigen::Isometry3d::Identity();
-  if (!turn.isZero()) correction.linear() = Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
-  correction.translation() = shift;
-  colour.colour_from_depth = correction * s.rig.depth_from_colour().inverse();
-  return Rig(s.rig.depth, colour);
-}
 
 Exported MapperContents::export_mesh(const fs::path& file, const ExportOptions& options,
                                      const ExportProgress& progress) {
@@ -155,6 +133,23 @@ Exported MapperContents::export_mesh(const fs::path& file, const ExportOptions& 
     input.load = [&](std::span<const Brick> bricks) { part->adopt(parts->make(bricks, s.back_end.load_submap())); };
   for (int i = 0; i < s.recordings(); ++i) input.paths.push_back(s.trajectory(i));
   return export_surface(input, file, options, progress);
+}
+
+ExportedViews MapperContents::export_views(const fs::path& folder, const ViewsOptions& options,
+                                           const ExportProgress& progress) {
+  ExportedViews exported;
+  check(options);
+  write_folder(folder, [&](const fs::path& part) {
+    exported.points = export_mesh(part / kViewPoints, {.point_spacing = options.point_spacing}, progress).points;
+    const MapState& s = *state_;
+    const KeyframeStore& images = s.is_tracked() ? s.back_end.images() : s.given.images;
+    const auto keyframes = texture_keyframes(s);
+    exported.keyframes = static_cast<int>(keyframes.size());
+    exported.images = write_views(
+        {.rig = s.rig, .keyframes = keyframes, .get_image = [&](std::size_t image) { return images.get(image); }}, part,
+        options, progress);
+  });
+  return exported;
 }
 
 /// A map.vdb alone: without keyframes, poses or a device in use.
@@ -189,15 +184,16 @@ class GridContents final : public Map::Contents {
                           progress);
   }
 
+  ExportedViews export_views(const fs::path&, const ViewsOptions&, const ExportProgress&) override {
+    throw std::runtime_error(file_.string() + ": has no keyframes whose images could be written");
+  }
+
   void write_grids(const fs::path& file) override { cairn::write_grids(file, tree(), grids_.info, nullptr); }
 
   void write_graph(const fs::path& file) const override {
     throw std::runtime_error(file.string() + ": cannot be written: " + file_.string() + " has no pose graph");
   }
 
-  std::optional<Rig> find_colour_camera() override {
-    throw std::runtime_error(file_.string() + ": has no keyframes that could tell how colour lies on depth");
-  }
   int recordings() const override { return 1; }
   Trajectory trajectory(int) const override { return {}; }
   Statistics statistics() const override { return {}; }
@@ -241,7 +237,9 @@ std::shared_ptr<const DistanceField> Map::distances() { return contents_->distan
 Exported Map::export_mesh(const fs::path& file, const ExportOptions& options, const ExportProgress& progress) {
   return contents_->export_mesh(file, options, progress);
 }
-std::optional<Rig> Map::find_colour_camera() { return contents_->find_colour_camera(); }
+ExportedViews Map::export_views(const fs::path& folder, const ViewsOptions& options, const ExportProgress& progress) {
+  return contents_->export_views(folder, options, progress);
+}
 void Map::write_grids(const fs::path& file) { contents_->write_grids(file); }
 void Map::write_graph(const fs::path& file) const { contents_->write_graph(file); }
 int Map::recordings() const { return contents_->recordings(); }

@@ -19,9 +19,10 @@ class Map::Contents {
   [[nodiscard]] virtual std::shared_ptr<const DistanceField> distances(const EsdfOptions* options) = 0;
   virtual Exported export_mesh(const std::filesystem::path& file, const ExportOptions& options,
                                const ExportProgress& progress) = 0;
+  virtual ExportedViews export_views(const std::filesystem::path& folder, const ViewsOptions& options,
+                                     const ExportProgress& progress) = 0;
   virtual void write_grids(const std::filesystem::path& file) = 0;
   virtual void write_graph(const std::filesystem::path& file) const = 0;
-  [[nodiscard]] virtual std::optional<Rig> find_colour_camera() = 0;
   [[nodiscard]] virtual int recordings() const = 0;
   [[nodiscard]] virtual Trajectory trajectory(int recording) const = 0;
   [[nodiscard]] virtual Statistics statistics() const = 0;

@@ -65,7 +65,8 @@ struct KernelBase::State {
   vk::raii::Pipeline pipeline = nullptr;
 };
 
-KernelBase::KernelBase(Device& device, std::string name, std::span<const std::uint32_t> spirv, std::size_t push_bytes)
+KernelBase::KernelBase(Device& device, std::string name, std::span<const std::uint32_t> spirv, std::size_t push_bytes,
+                       std::span<const float> constants)
     : state_(std::make_unique<State>()) {
   State& s = *state_;
   auto& d = device.state();
@@ -92,8 +93,17 @@ KernelBase::KernelBase(Device& device, std::string name, std::span<const std::ui
                                                                                        .pushConstantRangeCount = 1,
                                                                                        .pPushConstantRanges = &push});
   const vk::raii::ShaderModule module(*d.device, {.codeSize = spirv.size_bytes(), .pCode = spirv.data()});
-  vk::PipelineShaderStageCreateInfo stage{
-      .stage = vk::ShaderStageFlagBits::eCompute, .module = *module, .pName = "main"};
+  std::vector<vk::SpecializationMapEntry> entries;
+  for (std::uint32_t id = 0; id < constants.size(); ++id)
+    entries.push_back({.constantID = id, .offset = id * std::uint32_t{sizeof(float)}, .size = sizeof(float)});
+  const vk::SpecializationInfo specialisation{.mapEntryCount = static_cast<std::uint32_t>(entries.size()),
+                                              .pMapEntries = entries.data(),
+                                              .dataSize = constants.size_bytes(),
+                                              .pData = constants.data()};
+  vk::PipelineShaderStageCreateInfo stage{.stage = vk::ShaderStageFlagBits::eCompute,
+                                          .module = *module,
+                                          .pName = "main",
+                                          .pSpecializationInfo = &specialisation};
   // Where a device may choose among subgroup sizes, sums would depend on its choice.
   const vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo size{.requiredSubgroupSize = d.info.subgroup_size};
   if (s.layout.uses_subgroups && d.subgroup_size_control) stage.pNext = &size;

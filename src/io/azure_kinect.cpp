@@ -24,6 +24,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
+constexpr std::size_t kMostSamples = 100000;  // of an inertial sensor that wait for a frame
 constexpr double kAccelerationWindow = 0.25;  // seconds around a frame, as for TUM recordings
 constexpr double kUsualInterval = 1.0 / 30;   // seconds between depth images, where the file does not tell
 constexpr std::size_t kMostWaiting = 32;      // images: more have the same time, or none
@@ -106,6 +107,7 @@ Calibration calibration_of(const std::string& text, const VideoFile::Track& dept
     const Json& all = json.at("CalibrationInformation");
     const Json& depth_entry = entry_of(all.at("Cameras"), "Location", "CALIBRATION_CameraLocationD0");
     read.rig = depth_camera_of(depth_entry, depth.width, depth.height);
+    read.rig.sensor = sensor_model("time_of_flight");
     // Each Rt takes a point from the frame of the rig, which is the depth camera's, to the sensor's own.
     const Eigen::Isometry3d rig_from_depth = pose_of(depth_entry.at("Rt")).inverse();
     if (colour != nullptr) {
@@ -114,9 +116,13 @@ Calibration calibration_of(const std::string& text, const VideoFile::Track& dept
                          pose_of(entry.at("Rt")) * rig_from_depth};
     }
     if (const auto inertial = all.find("InertialSensors"); inertial != all.end() && inertial->is_array())
-      for (const Json& sensor : *inertial)
+      for (const Json& sensor : *inertial) {
+        const Eigen::Matrix3d depth_from_sensor = (pose_of(sensor.at("Rt")) * rig_from_depth).linear().transpose();
         if (sensor.at("SensorType") == "CALIBRATION_InertialSensorType_Accelerometer")
-          read.depth_from_accelerometer = (pose_of(sensor.at("Rt")) * rig_from_depth).linear().transpose();
+          read.depth_from_accelerometer = depth_from_sensor;
+        if (sensor.at("SensorType") == "CALIBRATION_InertialSensorType_Gyro")
+          read.rig.camera_from_imu = Eigen::Quaterniond(depth_from_sensor).normalized();
+      }
   } catch (const Json::exception& error) {
     throw std::runtime_error("is not as the sensor writes it: " + plain(error.what()));
   }
@@ -188,6 +194,7 @@ class AzureKinectSource final : public Source {
   }
 
   const Rig& rig() const override { return rig_; }
+  std::string layout() const override { return "Azure Kinect .mkv file"; }
   std::optional<int> size() const override { return std::nullopt; }
   std::optional<std::string> ended_early() const override { return ended_early_; }
 
@@ -208,6 +215,7 @@ class AzureKinectSource final : public Source {
     }
     attach_colour(frame);
     attach_acceleration(frame);
+    attach_rates(frame);
     return frame;
   }
 
@@ -272,20 +280,25 @@ class AzureKinectSource final : public Source {
       colour_.push_back(*std::move(packet));
       if (colour_.size() > 2 * kMostWaiting) colour_.pop_front();
     } else if (packet->track() == inertial_track_) {
-      take_acceleration(*packet);
+      take_inertial(*packet);
     }
   }
 
   /// A sample is little-endian: time of the accelerometer (64 bits), x, y, z (floats, m/s^2); then the same of the
   /// gyroscope.
-  void take_acceleration(const VideoPacket& packet) {
-    if (!depth_from_accelerometer_ || packet.bytes().size() != 40) return;
-    std::array<float, 3> v{};
-    std::memcpy(v.data(), packet.bytes().data() + 8, sizeof v);
-    const Eigen::Vector3d value(v[0], v[1], v[2]);
-    if (!value.allFinite()) return;
-    accelerations_.push_back({packet.time(), *depth_from_accelerometer_ * value});
-    if (accelerations_.size() > 100000) accelerations_.pop_front();
+  void take_inertial(const VideoPacket& packet) {
+    if (packet.bytes().size() != 40) return;
+    const auto vector_at = [&](std::size_t byte) {
+      std::array<float, 3> v{};
+      std::memcpy(v.data(), packet.bytes().data() + byte, sizeof v);
+      return Eigen::Vector3d(v[0], v[1], v[2]);
+    };
+    const Eigen::Vector3d acceleration = vector_at(8), rate = vector_at(28);
+    if (depth_from_accelerometer_ && acceleration.allFinite())
+      accelerations_.push_back({packet.time(), *depth_from_accelerometer_ * acceleration});
+    if (rig_.camera_from_imu && rate.allFinite()) rates_.push_back({packet.time(), rate});
+    if (accelerations_.size() > kMostSamples) accelerations_.pop_front();
+    if (rates_.size() > kMostSamples) rates_.pop_front();
   }
 
   std::vector<float> depth_in(const VideoPacket& packet) {
@@ -323,6 +336,11 @@ class AzureKinectSource final : public Source {
     }
   }
 
+  void attach_rates(Frame& frame) {
+    for (; !rates_.empty() && rates_.front().timestamp <= frame.timestamp; rates_.pop_front())
+      frame.gyro.push_back(rates_.front());
+  }
+
   void attach_acceleration(Frame& frame) {
     while (!accelerations_.empty() && accelerations_.front().time < frame.timestamp - kAccelerationWindow)
       accelerations_.pop_front();
@@ -351,6 +369,7 @@ class AzureKinectSource final : public Source {
   int index_ = 0;
   std::deque<VideoPacket> depth_, colour_;  // encoded
   std::deque<Acceleration> accelerations_;
+  std::deque<AngularRate> rates_;
   std::optional<std::string> ended_early_;
 };
 

@@ -21,6 +21,7 @@ namespace {
 
 constexpr double kLeastUnits = 1, kMostUnits = 1e6;  // of depth images, per metre
 constexpr const char* kLenses = "brown_conrady or fisheye";
+constexpr const char* kWeights = "by_distance or by_noise";
 constexpr double kFarthest = 10;  // metres between the two cameras
 
 /// The node's value, or an error that names the key and the line.
@@ -60,23 +61,63 @@ Camera read_camera(const YAML::Node& y) {
       throw std::runtime_error(fmt::format("`distortion` takes {}", expected));
     std::copy(d.begin(), d.end(), c.distortion.begin());
   }
+  if (y["readout"]) c.readout = value_of<double>(y["readout"], "readout", "seconds");
   check(c);
   return c;
+}
+
+Eigen::Quaterniond read_rotation(const YAML::Node& y) {
+  const auto q = numbers(y, "rotation", 4, "qx qy qz qw");
+  const Eigen::Quaterniond rotation(q[3], q[0], q[1], q[2]);
+  if (!(std::abs(rotation.norm() - 1) <= 1e-2)) throw std::runtime_error("`rotation` is no unit quaternion");
+  return rotation.normalized();
 }
 
 ColourCamera read_colour_camera(const YAML::Node& y) {
   ColourCamera colour{.camera = read_camera(y)};
   const auto t = numbers(y, "translation", 3, "x y z, metres");
-  const auto q = numbers(y, "rotation", 4, "qx qy qz qw");
   for (const double metres : t)
     if (!(std::abs(metres) <= kFarthest))
       throw std::runtime_error(
           fmt::format("`translation` has {}, allowed is -{} to {} metres", metres, kFarthest, kFarthest));
-  const Eigen::Quaterniond rotation(q[3], q[0], q[1], q[2]);
-  if (!(std::abs(rotation.norm() - 1) <= 1e-2)) throw std::runtime_error("`rotation` is no unit quaternion");
-  colour.colour_from_depth.linear() = rotation.normalized().toRotationMatrix();
+  colour.colour_from_depth.linear() = read_rotation(y).toRotationMatrix();
   colour.colour_from_depth.translation() = Eigen::Vector3d(t[0], t[1], t[2]);
   return colour;
+}
+
+/// `sensor: stereo`, or `sensor: {model: stereo, max_depth: 4}`.
+SensorModel read_sensor(const YAML::Node& y) {
+  if (y.IsScalar()) return sensor_model(y.as<std::string>());
+  if (!y.IsMap()) throw std::runtime_error("`sensor` takes a name or lines such as `max_depth: 4`");
+  SensorModel m;
+  if (y["model"]) m = sensor_model(value_of<std::string>(y["model"], "model", "a sensor's name"));
+  for (const auto& [name, field] : {std::pair{"floor", &m.floor},
+                                    {"growth", &m.growth},
+                                    {"sharpest", &m.sharpest},
+                                    {"min_depth", &m.min_depth},
+                                    {"max_depth", &m.max_depth}})
+    if (y[name]) *field = value_of<float>(y[name], name, "a number");
+  if (y["least_confidence"])
+    m.least_confidence = static_cast<std::uint8_t>(
+        std::clamp(value_of<int>(y["least_confidence"], "least_confidence", "0 to 255"), 0, 255));
+  if (y["weight"]) {
+    const auto weight = value_of<std::string>(y["weight"], "weight", kWeights);
+    if (weight != "by_distance" && weight != "by_noise")
+      throw std::runtime_error(fmt::format("`weight` takes {}", kWeights));
+    m.weight = weight == "by_noise" ? SensorModel::Weight::by_noise : SensorModel::Weight::by_distance;
+  }
+  check(m);
+  return m;
+}
+
+std::string sensor_text(const SensorModel& m) {
+  if (m == SensorModel{}) return "";
+  if (name_of(m) != "custom") return fmt::format("sensor: {}\n", name_of(m));
+  return fmt::format(
+      "sensor:\n  floor: {}\n  growth: {}\n  sharpest: {}\n  min_depth: {}\n  max_depth: {}\n  weight: {}\n"
+      "  least_confidence: {}\n",
+      m.floor, m.growth, m.sharpest, m.min_depth, m.max_depth,
+      m.weight == SensorModel::Weight::by_noise ? "by_noise" : "by_distance", m.least_confidence);
 }
 
 }  // namespace
@@ -96,6 +137,8 @@ CameraFile read_camera_file(const std::filesystem::path& file) {
     if (y["depth_scale"]) read.depth_scale = value_of<double>(y["depth_scale"], "depth_scale", "a number");
     check_depth_scale(*read.depth_scale);
     if (y["colour"]) read.rig.colour = read_colour_camera(y["colour"]);
+    if (y["sensor"]) read.rig.sensor = read_sensor(y["sensor"]);
+    if (y["imu"]) read.rig.camera_from_imu = read_rotation(y["imu"]);
     return read;
   } catch (const YAML::Exception& error) {
     throw std::runtime_error(name + ":" + std::to_string(error.mark.line + 1) + ": " + shown(error.msg));
@@ -117,13 +160,19 @@ std::string camera_file_text(const CameraFile& file) {
                               : c.distortion[5] == 0 && c.distortion[6] == 0 && c.distortion[7] == 0 ? 5
                                                                                                      : 8;
     return fmt::format(
-        "{0}width: {1}\n{0}height: {2}\n{0}fx: {3}\n{0}fy: {4}\n{0}cx: {5}\n{0}cy: {6}\n{0}{7}distortion: [{8}]\n",
-        indent, c.width, c.height, c.fx, c.fy, c.cx, c.cy,
-        c.lens == Lens::fisheye ? fmt::format("lens: fisheye\n{}", indent) : "",
-        fmt::join(c.distortion.begin(), c.distortion.begin() + static_cast<std::ptrdiff_t>(terms), ", "));
+               "{0}width: {1}\n{0}height: {2}\n{0}fx: {3}\n{0}fy: {4}\n{0}cx: {5}\n{0}cy: {6}\n{0}{7}distortion: "
+               "[{8}]\n",
+               indent, c.width, c.height, c.fx, c.fy, c.cx, c.cy,
+               c.lens == Lens::fisheye ? fmt::format("lens: fisheye\n{}", indent) : "",
+               fmt::join(c.distortion.begin(), c.distortion.begin() + static_cast<std::ptrdiff_t>(terms), ", ")) +
+           (c.readout > 0 ? fmt::format("{}readout: {}\n", indent, c.readout) : "");
   };
   std::string text = lines(file.rig.depth, "");
   if (file.depth_scale) text += fmt::format("depth_scale: {}\n", *file.depth_scale);
+  text += sensor_text(file.rig.sensor);
+  if (const auto& q = file.rig.camera_from_imu)
+    text += fmt::format("imu:  # camera_from_imu, [qx, qy, qz, qw]\n  rotation: [{}, {}, {}, {}]\n", q->x(), q->y(),
+                        q->z(), q->w());
   if (!file.rig.colour) return text;
   const Eigen::Isometry3d& pose = file.rig.colour->colour_from_depth;
   const Eigen::Quaterniond q(pose.linear());

@@ -57,6 +57,7 @@ std::optional<Recording> read_intrinsics_folder(const fs::path& folder) {
   const fs::path file = folder / "intrinsics.json";
   if (!fs::exists(file)) return std::nullopt;
   Recording recording;
+  recording.layout = "folder with intrinsics.json";
   double rate = 30.0;  // Hz
   read_json(file, kExpected, [&](const nlohmann::json& j) { read_intrinsics(j, recording, rate); });
   const auto depth = images_in(folder / "depth");

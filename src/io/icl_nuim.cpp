@@ -16,6 +16,7 @@ std::optional<Recording> read_icl_nuim(const std::filesystem::path& folder) {
   const fs::path list = folder / "associations.txt";
   if (!fs::exists(list) || fs::exists(folder / "depth.txt")) return std::nullopt;
   Recording recording;
+  recording.layout = "ICL-NUIM folder";
   recording.rig.depth = {640, 480, 481.2, 480.0, 319.5, 239.5, {}};
   std::set<int> numbers;
   for_each_line(list, [&](int line, const std::vector<std::string>& words) {

@@ -51,6 +51,8 @@ void look_at(const Frame& frame, Seen& seen, SourceSummary& summary) {
   }
   summary.with_pose += frame.world_from_camera.has_value();
   summary.with_acceleration += frame.acceleration.has_value();
+  summary.with_gyroscope += !frame.gyro.empty();
+  summary.with_confidence += !frame.confidence.empty();
 }
 
 std::vector<std::string> doubts_about(const SourceSummary& s) {
@@ -82,6 +84,7 @@ std::vector<std::string> doubts_about(const SourceSummary& s) {
 
 SourceSummary inspect(Source& source, int frames) {
   SourceSummary summary;
+  summary.layout = source.layout();
   summary.rig = source.rig();
   summary.frames = source.size();
   Seen seen;

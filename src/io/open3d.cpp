@@ -37,6 +37,7 @@ std::optional<Recording> read_open3d(const fs::path& folder) {
   if (!fs::exists(file)) file = folder / "camera_intrinsic.json";
   if (!fs::exists(file)) return std::nullopt;
   Recording recording;
+  recording.layout = "Open3D folder";
   read_json(file, kExpected, [&](const nlohmann::json& json) { read_camera(json, recording); });
   const auto depth = images_in(folder / "depth");
   if (depth.empty()) throw std::runtime_error((folder / "depth").string() + ": holds no PNG image");

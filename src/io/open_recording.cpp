@@ -11,9 +11,11 @@
 
 #include "base/image_file.hpp"
 #include "base/read_whole.hpp"
+#include "cairn/calibrate.hpp"
 #include "cairn/source.hpp"
 #include "io/recording.hpp"
 #include "io/sens.hpp"
+#include "io/zip_recording.hpp"
 
 namespace cairn {
 namespace {
@@ -33,7 +35,7 @@ Recording read_recording(const fs::path& folder) {
                            "(7-Scenes), associations.txt (ICL-NUIM), rgb.mp4 (Stray Scanner), intrinsics.json, "
                            "transforms.json (nerfstudio), "
                            "intrinsic.json or camera_intrinsic.json (Open3D), rgb, depth and calib or calibration.yaml "
-                           "(RTAB-Map), or results and traj.txt (Replica)");
+                           "(RTAB-Map), results and traj.txt (Replica), or metadata.yaml (rosbag2)");
 }
 
 /// A layout that tells of no colour camera has colour on depth: as seen from there, perhaps in another number of
@@ -76,6 +78,7 @@ class RecordingSource final : public Source {
   }
 
   const Rig& rig() const override { return recording_.rig; }
+  std::string layout() const override { return recording_.layout; }
   std::optional<int> size() const override {
     return std::max(0, (end_ - range_.begin + range_.step - 1) / range_.step);
   }
@@ -101,8 +104,12 @@ class RecordingSource final : public Source {
       return frame;
     }
     last_timestamp_ = entry.timestamp;
+    const double read_out = entry.timestamp + 0.5 * recording_.rig.depth.readout;
+    for (; gyro_ < recording_.gyro.size() && recording_.gyro[gyro_].timestamp <= read_out; ++gyro_)
+      frame.gyro.push_back(recording_.gyro[gyro_]);
     try {
-      frame.depth = read_depth(entry.depth, entry.confidence);
+      frame.depth = read_depth(entry.depth);
+      if (!entry.confidence.empty()) frame.confidence = read_confidence(entry.confidence);
     } catch (const std::exception& error) {
       frame.problem = entry.depth.string() + ": " + error.what();
       return frame;
@@ -118,19 +125,13 @@ class RecordingSource final : public Source {
   }
 
  private:
-  std::vector<float> read_depth(const fs::path& file, const fs::path& confidence_file) const {
+  std::vector<float> read_depth(const fs::path& file) const {
     const Camera& c = recording_.rig.depth;
     const cv::Mat image = decode_image(read_whole(file), cv::IMREAD_UNCHANGED);
     if (image.type() != CV_16UC1) throw std::runtime_error("depth must be a 16-bit image with one channel");
     if (image.cols != c.width || image.rows != c.height)
       throw std::runtime_error("is " + std::to_string(image.cols) + "x" + std::to_string(image.rows) + ", the camera " +
                                std::to_string(c.width) + "x" + std::to_string(c.height));
-    cv::Mat confidence;
-    if (!confidence_file.empty()) {
-      confidence = decode_image(read_whole(confidence_file), cv::IMREAD_UNCHANGED);
-      if (confidence.type() != CV_8UC1 || confidence.size() != image.size())
-        throw std::runtime_error("its confidence must be an 8-bit image with one channel and of the same size");
-    }
     std::vector<float> depth(static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height));
     const float metres = static_cast<float>(1.0 / recording_.depth_scale);
     const int invalid = recording_.invalid_depth;
@@ -139,13 +140,21 @@ class RecordingSource final : public Source {
       const auto* row = image.ptr<std::uint16_t>(y);
       float* out = &depth[static_cast<std::size_t>(y) * static_cast<std::size_t>(c.width)];
       for (int x = 0; x < c.width; ++x) {
-        const bool doubtful = !confidence.empty() && confidence.at<std::uint8_t>(y, x) == 0;
-        out[x] = row[x] == invalid || doubtful ? 0.0f : static_cast<float>(row[x]) * metres;
+        out[x] = row[x] == invalid ? 0.0f : static_cast<float>(row[x]) * metres;
         any |= out[x] > 0;
       }
     }
     if (!any) throw std::runtime_error("holds no measurement");
     return depth;
+  }
+
+  std::vector<std::uint8_t> read_confidence(const fs::path& file) const {
+    const Camera& c = recording_.rig.depth;
+    cv::Mat image = decode_image(read_whole(file), cv::IMREAD_UNCHANGED);
+    if (image.type() != CV_8UC1 || image.cols != c.width || image.rows != c.height)
+      throw std::runtime_error("its confidence must be an 8-bit image with one channel and of the same size");
+    if (recording_.most_confidence < 255) image.convertTo(image, CV_8U, 255 / recording_.most_confidence);
+    return {image.datastart, image.dataend};
   }
 
   /// Empty when its size is not its camera's.
@@ -161,22 +170,26 @@ class RecordingSource final : public Source {
   Recording recording_;
   FrameRange range_;
   int next_ = 0, end_ = 0;
+  std::size_t gyro_ = 0;  // the first sample that no frame has had
   double last_timestamp_ = -INFINITY;
 };
 
+/// A pose by time for a field of each frame.
 class WithPoses final : public WrappedSource {
  public:
-  WithPoses(std::unique_ptr<Source> source, Trajectory poses, double max_gap)
-      : WrappedSource(std::move(source)), poses_(std::move(poses)), max_gap_(max_gap) {}
+  using Field = std::optional<Eigen::Isometry3d> Frame::*;
+  WithPoses(std::unique_ptr<Source> source, Trajectory poses, double max_gap, Field field)
+      : WrappedSource(std::move(source)), poses_(std::move(poses)), max_gap_(max_gap), field_(field) {}
   std::optional<Frame> next() override {
     auto frame = source_->next();
-    if (frame && !frame->problem) frame->world_from_camera = pose_at(poses_, frame->timestamp, max_gap_);
+    if (frame && !frame->problem) (*frame).*field_ = pose_at(poses_, frame->timestamp, max_gap_);
     return frame;
   }
 
  private:
   Trajectory poses_;
   double max_gap_;
+  Field field_;
 };
 
 }  // namespace
@@ -223,16 +236,30 @@ void set_rig_in_one_place(const Camera& colour, Recording& recording) {
 
 std::unique_ptr<Source> open_recording(const fs::path& folder, const FrameRange& range, const fs::path& camera) {
   Recording recording = read_recording(folder);
-  if (!camera.empty()) recording.rig = read_rig(camera);
+  if (!camera.empty()) {
+    recording.rig = read_rig(camera);
+  } else if (!recording.colour_is_told) {
+    RecordingSource all(recording, {});
+    if (const auto rig = find_colour_camera(all)) recording.rig = *rig;
+  }
   return std::make_unique<RecordingSource>(std::move(recording), range);
 }
 
 std::unique_ptr<Source> with_poses(std::unique_ptr<Source> source, Trajectory world_from_camera, double max_gap) {
-  return std::make_unique<WithPoses>(std::move(source), std::move(world_from_camera), max_gap);
+  return std::make_unique<WithPoses>(std::move(source), std::move(world_from_camera), max_gap,
+                                     &Frame::world_from_camera);
+}
+
+std::unique_ptr<Source> with_guesses(std::unique_ptr<Source> source, Trajectory guesses, double max_gap) {
+  return std::make_unique<WithPoses>(std::move(source), std::move(guesses), max_gap, &Frame::guess);
 }
 
 Trajectory recorded_truth(const fs::path& recording) {
+  if (is_zip(recording))
+    return unpacked(recording)->told_in_its_name([](const std::string& inside) { return recorded_truth(inside); });
+  if (is_ros_recording(recording)) return {};
   if (fs::is_directory(recording) || !fs::exists(recording)) return read_recording(recording).truth;
+  if (recording.extension() == ".mkv" || recording.extension() == ".oni") return {};
   return recording.extension() == ".sens" ? sens_truth(recording) : read_trajectory(recording);
 }
 

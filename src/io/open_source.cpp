@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <stdexcept>
 
+#include "base/colour_view.hpp"
 #include "cairn/source.hpp"
 #include "io/azure_kinect.hpp"
 #include "io/openni.hpp"
 #include "io/recording.hpp"
+#include "io/ros_source.hpp"
 #include "io/sens.hpp"
+#include "io/zip_recording.hpp"
 #include "synth/source.hpp"
 
 namespace cairn {
@@ -31,11 +35,15 @@ class InRange final : public WrappedSource {
   }
   std::optional<Frame> next() override {
     if (range_.end && next_ >= *range_.end) return std::nullopt;
-    while (auto frame = source_->next())
+    std::vector<AngularRate> gyro;  // of the frames that are passed over
+    while (auto frame = source_->next()) {
       if (read_++ == next_) {
         next_ += range_.step;
+        frame->gyro.insert(frame->gyro.begin(), gyro.begin(), gyro.end());
         return frame;
       }
+      if (read_ > range_.begin) gyro.insert(gyro.end(), frame->gyro.begin(), frame->gyro.end());
+    }
     return std::nullopt;
   }
 
@@ -57,11 +65,59 @@ class WithCameras final : public WrappedSource {
   Rig rig_;
 };
 
+/// The frames of what lies in an archive.
+class ZipSource final : public WrappedSource {
+ public:
+  ZipSource(std::shared_ptr<const UnpackedZip> zip, std::unique_ptr<Source> source)
+      : WrappedSource(std::move(source)), zip_(std::move(zip)) {}
+  ~ZipSource() override { source_.reset(); }  // before its files go
+  std::string layout() const override { return source_->layout() + ", packed as .zip"; }
+  std::optional<std::string> ended_early() const override { return named(source_->ended_early()); }
+  std::optional<double> next_timestamp() const override { return source_->next_timestamp(); }
+  void skip() override { source_->skip(); }
+  std::optional<Frame> next() override {
+    auto frame = source_->next();
+    if (frame) frame->problem = named(std::move(frame->problem));
+    return frame;
+  }
+
+ private:
+  [[nodiscard]] std::optional<std::string> named(std::optional<std::string> text) const {
+    if (text) text = zip_->in_its_name(*std::move(text));
+    return text;
+  }
+  std::shared_ptr<const UnpackedZip> zip_;
+};
+
+class WithColourOnDepth final : public WrappedSource {
+ public:
+  explicit WithColourOnDepth(std::unique_ptr<Source> source)
+      : WrappedSource(std::move(source)), view_(source_->rig()), rig_(source_->rig()) {
+    rig_.colour.reset();
+  }
+  const Rig& rig() const override { return rig_; }
+  std::optional<double> next_timestamp() const override { return source_->next_timestamp(); }
+  void skip() override { source_->skip(); }
+  std::optional<Frame> next() override {
+    auto frame = source_->next();
+    if (frame) frame = view_.on_depth(*std::move(frame));
+    return frame;
+  }
+
+ private:
+  ColourView view_;
+  Rig rig_;
+};
+
 }  // namespace
+
+std::unique_ptr<Source> with_colour_on_depth(std::unique_ptr<Source> source) {
+  return source->rig().colour ? std::make_unique<WithColourOnDepth>(std::move(source)) : std::move(source);
+}
 
 std::unique_ptr<Source> with_cameras(std::unique_ptr<Source> source, const std::filesystem::path& camera_file) {
   if (camera_file.empty()) return source;
-  const Rig rig = read_rig(camera_file);
+  Rig rig = read_rig(camera_file);
   const auto require_same = [&](const Camera& told, const Camera& given, const char* which) {
     if (told.width != given.width || told.height != given.height)
       throw std::runtime_error(fmt::format("{}: its {} camera has {}x{} pixels, the images have {}x{}",
@@ -70,6 +126,8 @@ std::unique_ptr<Source> with_cameras(std::unique_ptr<Source> source, const std::
   };
   require_same(rig.depth, source->rig().depth, "depth");
   require_same(rig.colour_view(), source->rig().colour_view(), "colour");
+  if (rig.sensor == SensorModel{}) rig.sensor = source->rig().sensor;
+  if (!rig.camera_from_imu) rig.camera_from_imu = source->rig().camera_from_imu;
   return std::make_unique<WithCameras>(std::move(source), rig);
 }
 
@@ -77,7 +135,9 @@ bool is_sensor(std::string_view name) { return name.starts_with(kSensor) && !nam
 
 bool is_synthetic(std::string_view name) { return name.starts_with(kSynthetic); }
 
-std::unique_ptr<Source> open_source(const std::string& name, const SourceOptions& options) {
+namespace {
+
+std::unique_ptr<Source> open_by_name(const std::string& name, const SourceOptions& options) {
   if (name.starts_with(kSensor) || name.ends_with(".oni")) {
     const std::string uri = name.starts_with(kSensor) ? name.substr(kSensor.size()) : name;
     return std::make_unique<InRange>(open_openni(uri, {.camera = options.camera, .copy_to = options.copy_to}),
@@ -90,10 +150,28 @@ std::unique_ptr<Source> open_source(const std::string& name, const SourceOptions
     return open_synthetic({.scene = name.substr(kSynthetic.size()),
                            .first = options.range.begin,
                            .frames = options.range.end.value_or(kSyntheticFrames)});
+  if (is_zip(name)) {
+    auto zip = unpacked(name);
+    if (zip->damage()) spdlog::warn(*zip->damage());
+    auto source = zip->told_in_its_name([&](const std::string& inside) { return open_source(inside, options); });
+    return std::make_unique<ZipSource>(std::move(zip), std::move(source));
+  }
   if (name.ends_with(".mkv"))
     return with_cameras(std::make_unique<InRange>(open_azure_kinect(name), options.range), options.camera);
+  if (is_ros_recording(name))
+    return with_cameras(std::make_unique<InRange>(open_ros(name, options), options.range), options.camera);
   if (name.ends_with(".sens")) return with_cameras(open_sens(name, options.range), options.camera);
   return open_recording(name, options.range, options.camera);
+}
+
+}  // namespace
+
+std::unique_ptr<Source> open_source(const std::string& name, const SourceOptions& options) {
+  auto source = open_by_name(name, options);
+  if (!options.sensor) return source;
+  Rig rig = source->rig();
+  rig.sensor = *options.sensor;
+  return std::make_unique<WithCameras>(std::move(source), rig);
 }
 
 }  // namespace cairn

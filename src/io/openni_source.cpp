@@ -204,6 +204,7 @@ class OpenNiSource final : public Source {
   OpenNiSource& operator=(const OpenNiSource&) = delete;
 
   const Rig& rig() const override { return rig_; }
+  std::string layout() const override { return device_.isFile() ? "OpenNI .oni file" : "OpenNI2 sensor"; }
   std::optional<int> size() const override { return frames_ > 0 ? std::optional(frames_ - delivered_) : std::nullopt; }
   std::optional<std::string> ended_early() const override { return ended_early_; }
   int dropped() const override { return dropped_; }

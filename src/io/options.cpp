@@ -4,9 +4,11 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <map>
+#include <set>
 #include <stdexcept>
 #include <string>
 
@@ -34,6 +36,8 @@ void for_each_option(Options& o, Visit&& visit) {
   visit("track.huber", o.track.huber, 0.01, 100.0);
   visit("track.min_inlier_share", o.track.min_inlier_share, 0.0, 1.0);
   visit("track.max_rmse", o.track.max_rmse, 0.1, 1000.0);
+  visit("motion.max_speed", o.motion.max_speed, 0.01, 100.0);
+  visit("motion.max_turn", o.motion.max_turn, 0.01, 100.0);
   visit("fuse.voxel_size", o.fuse.voxel_size, 0.002, 0.2);
   visit("fuse.truncation", o.fuse.truncation, 0.004, 1.0);
   visit("fuse.max_weight", o.fuse.max_weight, 1.0, 250.0);
@@ -50,19 +54,39 @@ void for_each_option(Options& o, Visit&& visit) {
   visit("fuse.device_memory", o.fuse.device_memory, 0.0, 1e15);
 }
 
+constexpr float kVoxels = 4, kSigmas = 2.5f, kAtDepth = 2;  // of the truncation; metres
+
 }  // namespace
+
+Options options_for(const SensorModel& sensor, float voxel_size) {
+  Options options;
+  options.surface.min_depth = sensor.min_depth;
+  options.surface.max_depth = sensor.max_depth;
+  options.fuse.voxel_size = voxel_size;
+  options.fuse.truncation = std::max(kVoxels * voxel_size, kSigmas * sensor.sigma(kAtDepth));
+  return options;
+}
+
+MotionOptions motion_of(std::string_view name) {
+  if (name == "hand") return {};
+  if (name == "robot") return {.max_speed = 3, .max_turn = 4};
+  if (name == "drone") return {.max_speed = 15, .max_turn = 12};
+  throw std::runtime_error("there is no motion '" + std::string(name) + "'; there are hand, robot, drone");
+}
 
 void read_options(const std::filesystem::path& file, Options& options) {
   std::map<std::string, std::function<void(const YAML::Node&)>> setters;
   for_each_option(options, [&](const char* name, auto& field, auto, auto) {
     setters[name] = [&field](const YAML::Node& node) { field = node.as<std::remove_reference_t<decltype(field)>>(); };
   });
+  std::set<std::string> given;
   const auto set = [&](const YAML::Node& key, const YAML::Node& value, const std::string& section) {
     const std::string name = section + "." + key.Scalar();
     const auto setter = setters.find(name);
     if (setter == setters.end()) throw YAML::Exception(key.Mark(), "there is no option `" + name + "`");
     try {
       setter->second(value);
+      given.insert(name);
     } catch (const YAML::Exception&) {
       throw YAML::Exception(value.Mark(), "`" + name + "` does not take this value");
     }
@@ -78,6 +102,8 @@ void read_options(const std::filesystem::path& file, Options& options) {
         throw YAML::Exception(section.first.Mark(), "`" + name + "` is no section of options");
       for (const auto& option : section.second) set(option.first, option.second, name);
     }
+    if (given.contains("fuse.voxel_size") && !given.contains("fuse.truncation"))
+      options.fuse.truncation = kVoxels * options.fuse.voxel_size;
   } catch (const YAML::Exception& error) {
     throw std::runtime_error(file.string() + ":" + std::to_string(error.mark.line + 1) + ": " + shown(error.msg));
   } catch (const std::runtime_error& error) {

@@ -6,12 +6,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
-#include <span>
+#include <iterator>
 #include <stdexcept>
 #include <utility>
 
+#include "base/image_file.hpp"
 #include "cairn/atomic_file.hpp"
 #include "io/camera_file.hpp"
 
@@ -19,39 +18,50 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kDepthScale = 5000.0;  // units per metre, as in the TUM benchmark
+constexpr float kFarthest = 65535;                         // units that a depth image holds
+constexpr double kScales[] = {1000, 5000, 6553.5, 10000};  // units per metre that recordings have
+
+/// Whether every depth is what a file with this unit gives back.
+bool holds(const std::vector<float>& depth, double scale) {
+  const auto metres = static_cast<float>(1.0 / scale);
+  return std::all_of(depth.begin(), depth.end(), [&](float z) {
+    const auto units = static_cast<float>(std::round(static_cast<double>(z) * scale));
+    return units <= kFarthest && units * metres == z;
+  });
+}
 
 }  // namespace
 
-EncodedFrame encode(const Frame& frame, const Rig& rig, bool colour_as_png) {
+double exact_depth_scale(const Frame& frame) {
+  const auto* found =
+      std::find_if(std::begin(kScales), std::end(kScales), [&](double scale) { return holds(frame.depth, scale); });
+  return found == std::end(kScales) ? kTumDepthScale : *found;
+}
+
+EncodedFrame encode(const Frame& frame, const Rig& rig, bool colour_as_png, double depth_scale) {
   EncodedFrame encoded{.timestamp = frame.timestamp,
                        .colour_delay = frame.colour_delay,
                        .colour_extension = colour_as_png ? ".png" : ".jpg",
-                       .acceleration = frame.acceleration};
-  cv::Mat depth(rig.depth.height, rig.depth.width, CV_16U);
-  std::transform(frame.depth.begin(), frame.depth.end(), depth.ptr<std::uint16_t>(), [](float z) {
-    const double units = std::round(static_cast<double>(z) * kDepthScale);
-    return static_cast<std::uint16_t>(units > 65535 ? 0 : units);
-  });
-  const std::vector<int> options{cv::IMWRITE_PNG_COMPRESSION, 1, cv::IMWRITE_JPEG_QUALITY, 95};
-  cv::imencode(".png", depth, encoded.depth, options);
+                       .acceleration = frame.acceleration,
+                       .gyro = frame.gyro};
+  encoded.depth = encode_depth(frame.depth, rig.depth, depth_scale);
+  if (frame.confidence.size() == frame.depth.size())
+    cv::imencode(".png",
+                 cv::Mat(rig.depth.height, rig.depth.width, CV_8U, const_cast<std::uint8_t*>(frame.confidence.data())),
+                 encoded.confidence);
   const Camera& view = rig.colour_view();
-  if (frame.colour.size() == static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height)) {
-    cv::Mat bgr;
-    cv::cvtColor(cv::Mat(view.height, view.width, CV_8UC4, const_cast<std::uint32_t*>(frame.colour.data())), bgr,
-                 cv::COLOR_RGBA2BGR);
-    cv::imencode(encoded.colour_extension, bgr, encoded.colour, options);
-  }
+  if (frame.colour.size() == static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height))
+    encoded.colour = encode_colour(frame.colour, view, encoded.colour_extension.c_str());
   return encoded;
 }
 
-Recorder::Recorder(fs::path folder, const Rig& rig) : folder_(std::move(folder)) {
+Recorder::Recorder(fs::path folder, const Rig& rig, double depth_scale) : folder_(std::move(folder)) {
   if (fs::exists(folder_) && !(fs::is_directory(folder_) && fs::is_empty(folder_)))
-    throw std::runtime_error(folder_.string() + ": exists and is not empty; choose another folder with -o");
+    throw std::runtime_error(folder_.string() + ": exists and is not empty; choose another folder");
   std::error_code error;
   for (const char* images : {"rgb", "depth"}) fs::create_directories(folder_ / images, error);
   if (error) throw std::runtime_error("cannot make the folder " + folder_.string() + ": " + error.message());
-  write_whole(folder_ / "camera.yaml", camera_file_text({.rig = rig, .depth_scale = kDepthScale}));
+  write_whole(folder_ / "camera.yaml", camera_file_text({.rig = rig, .depth_scale = depth_scale}));
   for (const char* list : {"rgb.txt", "depth.txt"}) write_whole(folder_ / list, "# timestamp filename\n");
 }
 
@@ -63,11 +73,19 @@ void Recorder::add(const EncodedFrame& frame) {
   // Nothing is waited for: the sensor goes on.
   write_whole(folder_ / depth, frame.depth, Durable::some_time);
   if (!frame.colour.empty()) write_whole(folder_ / colour, frame.colour, Durable::some_time);
+  if (!frame.confidence.empty()) {
+    fs::create_directories(folder_ / "confidence");
+    write_whole(folder_ / "confidence" / (name + ".png"), frame.confidence, Durable::some_time);
+  }
   bytes_ += frame.depth.size() + frame.colour.size();
   if (!frame.colour.empty()) append("rgb.txt", colour_time + " " + colour + "\n");
   if (frame.acceleration)  // in a Kinect's axes: y up, z forward
     append("accelerometer.txt", fmt::format("{} {:.6f} {:.6f} {:.6f}\n", name, -frame.acceleration->x(),
                                             -frame.acceleration->y(), frame.acceleration->z()));
+  std::string rates;
+  for (const AngularRate& s : frame.gyro)
+    rates += fmt::format("{:.6f} {:.8f} {:.8f} {:.8f}\n", s.timestamp, s.rate.x(), s.rate.y(), s.rate.z());
+  if (!rates.empty()) append("gyroscope.txt", rates);
   append("depth.txt", name + " " + depth + "\n");
 }
 
@@ -78,6 +96,7 @@ void Recorder::append(const char* list, const std::string& line) {
   const auto before = fs::exists(file) ? fs::file_size(file) : 0;
   std::ofstream out(file, std::ios::app);
   if (before == 0 && std::string_view(list) == "accelerometer.txt") out << "# timestamp ax ay az\n";
+  if (before == 0 && std::string_view(list) == "gyroscope.txt") out << "# timestamp rx ry rz\n";
   out << line;
   if (out.flush()) return;
   out.close();

@@ -25,11 +25,15 @@ struct Recording {
     std::filesystem::path colour;                 // empty: none
     double colour_delay = 0;                      // seconds after the depth image
     std::optional<Eigen::Vector3d> acceleration;  // see Frame
-    std::filesystem::path confidence;             // 8 bits, of depth's size, 0: no measurement; empty: none
+    std::filesystem::path confidence;             // 8 bits, of depth's size; empty: none
   };
+  std::string layout;  // see Source
   Rig rig;
-  double depth_scale = 5000.0;  // depth image units per metre
-  int invalid_depth = 0;        // a second value that means "no measurement", beside 0
+  bool colour_is_told = true;     // false: the layout tells no colour camera, and colour does not lie on depth
+  double depth_scale = 5000.0;    // depth image units per metre
+  double most_confidence = 255;   // of those images
+  std::vector<AngularRate> gyro;  // in the order of time
+  int invalid_depth = 0;          // a second value that means "no measurement", beside 0
   std::vector<Entry> entries;
   Trajectory truth;  // world_from_camera; empty when there is none
   /// Colour of entry i, bytes R, G, B, 255, where it is no file: i must grow from call to call. Empty: none.

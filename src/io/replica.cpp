@@ -71,6 +71,7 @@ std::optional<Recording> read_replica(const fs::path& folder) {
         ": cam_params.json is missing, here and in the folder above; expected {\"camera\": {\"w\", "
         "\"h\", \"fx\", \"fy\", \"cx\", \"cy\", \"scale\"}}");
   Recording recording;
+  recording.layout = "Replica folder";
   read_json(camera, "`camera` with w, h, fx, fy, cx, cy and scale (depth units per metre)",
             [&](const nlohmann::json& json) { read_camera(json, recording); });
   std::map<int, fs::path> depth, colour;

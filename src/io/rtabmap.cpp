@@ -117,6 +117,7 @@ std::optional<Recording> read_rtabmap(const fs::path& folder) {
     if (file.empty() || !fs::is_directory(images) || !fs::is_directory(folder / (prefix + "rgb"))) continue;
     const Calibration calibration = read_calibration(file);
     Recording recording;
+    recording.layout = "RTAB-Map folder";
     recording.depth_scale = 1000;
     std::map<std::string, fs::path> colour;
     for (const auto& image : images_in(folder / (prefix + "rgb"))) colour.emplace(image.stem().string(), image);

@@ -12,7 +12,6 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
-#include <fstream>
 #include <limits>
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgproc.hpp>
@@ -20,6 +19,7 @@
 
 #include "base/image_file.hpp"
 #include "io/camera_file.hpp"
+#include "io/file_bytes.hpp"
 #include "io/pose_matrix.hpp"
 
 namespace cairn {
@@ -60,44 +60,15 @@ struct SensFile {
   std::optional<std::string> cut_off;
 };
 
-/// A file read piece by piece, which knows where it is and where its end is.
-class Bytes {
- public:
-  explicit Bytes(const fs::path& file) : name_(file.string()), in_(file, std::ios::binary) {
-    std::error_code ignored;
-    if (!fs::is_regular_file(file, ignored)) throw std::runtime_error(name_ + ": is no file that can be read");
-    size_ = fs::file_size(file);
-    if (!in_) throw std::runtime_error(name_ + ": cannot be read");
-    if (size_ == 0) throw std::runtime_error(name_ + ": is empty; copy or download it again");
-  }
-  [[nodiscard]] const std::string& name() const { return name_; }
-  [[nodiscard]] std::uint64_t at() const { return at_; }
-  [[nodiscard]] std::uint64_t left() const { return size_ - at_; }
-  void seek(std::uint64_t place) {
-    at_ = place;
-    in_.clear();
-    in_.seekg(static_cast<std::streamoff>(place));
-  }
-  [[nodiscard]] bool read(void* to, std::uint64_t count) {
-    if (count > left() || !in_.read(static_cast<char*>(to), static_cast<std::streamsize>(count))) return false;
-    at_ += count;
-    return true;
-  }
-  /// The next field of the header.
-  template <class T>
-  T field(const char* what) {
-    T value;
-    if (!read(&value, sizeof value))
-      throw std::runtime_error(
-          fmt::format("{}: ends at byte {} within `{}` of its header; copy or download it again", name_, size_, what));
-    return value;
-  }
-
- private:
-  std::string name_;
-  std::ifstream in_;
-  std::uint64_t size_ = 0, at_ = 0;
-};
+/// The next field of the header.
+template <class T>
+T field(FileBytes& in, const char* what) {
+  T value;
+  if (!in.read(&value, sizeof value))
+    throw std::runtime_error(fmt::format("{}: ends at byte {} within `{}` of its header; copy or download it again",
+                                         in.name(), in.size(), what));
+  return value;
+}
 
 Eigen::Isometry3d extrinsic(const Matrix& m, const char* what) {
   std::array<double, 16> numbers{};
@@ -116,25 +87,25 @@ Camera camera_of(std::uint32_t width, std::uint32_t height, const Matrix& intrin
   return c;
 }
 
-void read_header(Bytes& in, SensFile& file) {
-  if (const auto version = in.field<std::uint32_t>("version"); version != kVersion)
+void read_header(FileBytes& in, SensFile& file) {
+  if (const auto version = field<std::uint32_t>(in, "version"); version != kVersion)
     throw std::runtime_error(fmt::format("{}: has version {} at byte 0, only {} of ScanNet's .sens files can be read",
                                          in.name(), version, kVersion));
-  const auto length = in.field<std::uint64_t>("sensor name");
+  const auto length = field<std::uint64_t>(in, "sensor name");
   if (length > std::min(kLongestName, in.left()))
     throw std::runtime_error(
         fmt::format("{}: tells a sensor name of {} bytes at byte 4; it is no .sens file, or is cut "
                     "off",
                     in.name(), length));
   in.seek(in.at() + length);
-  const auto colour_intrinsic = in.field<Matrix>("intrinsic colour");
-  const auto colour_extrinsic = in.field<Matrix>("extrinsic colour");
-  const auto depth_intrinsic = in.field<Matrix>("intrinsic depth");
-  const auto depth_extrinsic = in.field<Matrix>("extrinsic depth");
-  const auto colour = in.field<std::int32_t>("colour compression");
-  const auto depth = in.field<std::int32_t>("depth compression");
-  const auto sizes = in.field<std::array<std::uint32_t, 4>>("image sizes");
-  file.depth_scale = in.field<float>("depth shift");
+  const auto colour_intrinsic = field<Matrix>(in, "intrinsic colour");
+  const auto colour_extrinsic = field<Matrix>(in, "extrinsic colour");
+  const auto depth_intrinsic = field<Matrix>(in, "intrinsic depth");
+  const auto depth_extrinsic = field<Matrix>(in, "extrinsic depth");
+  const auto colour = field<std::int32_t>(in, "colour compression");
+  const auto depth = field<std::int32_t>(in, "depth compression");
+  const auto sizes = field<std::array<std::uint32_t, 4>>(in, "image sizes");
+  file.depth_scale = field<float>(in, "depth shift");
   try {
     if (colour < 0 || colour > 2)
       throw std::runtime_error(
@@ -169,10 +140,10 @@ void set_times(std::vector<Indexed>& frames, const std::vector<std::array<std::u
 }
 
 SensFile index_sens(const fs::path& path) {
-  Bytes in(path);
+  FileBytes in(path);
   SensFile file;
   read_header(in, file);
-  const auto count = in.field<std::uint64_t>("number of frames");
+  const auto count = field<std::uint64_t>(in, "number of frames");
   std::vector<std::array<std::uint64_t, 2>> times;
   for (std::uint64_t i = 0; i < count; ++i) {
     const std::uint64_t begin = in.at();
@@ -210,6 +181,7 @@ class SensSource final : public Source {
   }
 
   const Rig& rig() const override { return file_.rig; }
+  std::string layout() const override { return "ScanNet .sens file"; }
   std::optional<int> size() const override { return std::max(0, (end_ - next_ + range_.step - 1) / range_.step); }
   std::optional<double> next_timestamp() const override {
     if (next_ >= end_) return std::nullopt;
@@ -296,7 +268,7 @@ class SensSource final : public Source {
   }
 
   SensFile file_;
-  Bytes in_;
+  FileBytes in_;
   FrameRange range_;
   int next_ = 0, end_ = 0;
   double last_timestamp_ = -INFINITY;

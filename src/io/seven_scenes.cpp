@@ -36,7 +36,9 @@ std::optional<Recording> read_seven_scenes(const fs::path& folder) {
   };
   if (!fs::exists(name(0, "depth.png"))) return std::nullopt;
   Recording recording;
+  recording.layout = "7-Scenes folder";
   recording.rig.depth = {640, 480, 585.0, 585.0, 320.0, 240.0, {}};
+  recording.colour_is_told = false;
   recording.depth_scale = 1000.0;
   recording.invalid_depth = 65535;
   for (int i = 0; fs::exists(name(i, "depth.png")); ++i) {

@@ -2,13 +2,16 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // Stray Scanner (iPhones and iPads with LiDAR): rgb.mp4 with an image for each line of odometry.csv, depth in
 // millimetres and its confidence as images, camera_matrix.csv.
+#include "io/stray_scanner.hpp"
+
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <fstream>
+#include <functional>
 #include <memory>
 #include <set>
 #include <stdexcept>
@@ -128,70 +131,39 @@ Camera read_camera(const fs::path& file, int width, int height) {
   return camera;
 }
 
-/// The same view in images of another size.
-Camera scaled(const Camera& camera, int width, int height) {
-  const double x = static_cast<double>(width) / camera.width, y = static_cast<double>(height) / camera.height;
-  return {.width = width,
-          .height = height,
-          .fx = camera.fx * x,
-          .fy = camera.fy * y,
-          .cx = (camera.cx + 0.5) * x - 0.5,
-          .cy = (camera.cy + 0.5) * y - 0.5};
-}
-
-struct OdometryLine {
-  int number;  // of the images in depth/ and confidence/
-  StampedPose pose;
-};
-
-/// The columns of the header that are needed, and what a line has in them. The app turns ARKit's poses so that the
-/// camera looks along +z with y down before it writes them (OdometryEncoder.swift), as ours do.
-class OdometryColumns {
+/// The columns of a header that are needed, and what a line has in them.
+class Columns {
  public:
-  explicit OdometryColumns(const fs::path& file) : file_(file) {}
+  Columns(fs::path file, std::vector<std::string_view> names) : file_(std::move(file)), names_(std::move(names)) {}
   void read_header(const std::vector<std::string>& fields) {
-    for (std::size_t i = 0; i < kNames.size(); ++i) {
-      const auto it = std::find(fields.begin(), fields.end(), kNames[i]);
+    for (const std::string_view name : names_) {
+      const auto it = std::find(fields.begin(), fields.end(), name);
       if (it == fields.end())
-        throw std::runtime_error(file_.string() + ": its header has no `" + std::string(kNames[i]) +
-                                 "`; expected timestamp, frame, x, y, z, qx, qy, qz, qw");
-      columns_[i] = static_cast<std::size_t>(it - fields.begin());
+        throw std::runtime_error(
+            fmt::format("{}: its header has no `{}`; expected {}", file_.string(), name, fmt::join(names_, ", ")));
+      columns_.push_back(static_cast<std::size_t>(it - fields.begin()));
     }
   }
-  [[nodiscard]] OdometryLine read(int line, const std::vector<std::string>& fields) const {
-    std::array<double, kNames.size()> v{};
-    for (std::size_t i = 0; i < v.size(); ++i) {
-      if (columns_[i] >= fields.size())
+  [[nodiscard]] std::vector<double> read(int line, const std::vector<std::string>& fields) const {
+    std::vector<double> values;
+    for (const std::size_t column : columns_) {
+      if (column >= fields.size())
         throw std::runtime_error(fmt::format("{}:{}: has fewer columns than the header", file_.string(), line));
-      v[i] = number_of(fields[columns_[i]], file_, line);
+      values.push_back(number_of(fields[column], file_, line));
     }
-    if (!(v[1] >= 0 && v[1] < 1e6 && v[1] == std::floor(v[1])))
-      throw std::runtime_error(fmt::format("{}:{}: the frame's number is {}", file_.string(), line, v[1]));
-    const Eigen::Quaterniond q(v[8], v[5], v[6], v[7]);
-    if (!is_rotation(q))
-      throw std::runtime_error(fmt::format("{}:{}: the quaternion is zero or too large", file_.string(), line));
-    OdometryLine read{.number = static_cast<int>(v[1]), .pose = {.timestamp = v[0]}};
-    read.pose.world_from_camera.linear() = q.normalized().toRotationMatrix();
-    read.pose.world_from_camera.translation() = Eigen::Vector3d(v[2], v[3], v[4]);
-    return read;
+    return values;
   }
 
  private:
-  static constexpr std::array<std::string_view, 9> kNames{"timestamp", "frame", "x", "y", "z", "qx", "qy", "qz", "qw"};
-  const fs::path& file_;
-  std::array<std::size_t, kNames.size()> columns_{};
+  fs::path file_;
+  std::vector<std::string_view> names_;
+  std::vector<std::size_t> columns_;
 };
 
-bool ends_with_a_line(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  in.seekg(-1, std::ios::end);
-  return in.get() == '\n';
-}
-
-/// `ended_early` is set where the last line was cut off.
-std::vector<OdometryLine> read_odometry(const fs::path& file, std::optional<std::string>& ended_early) {
-  std::vector<OdometryLine> lines;
-  OdometryColumns columns(file);
+/// Calls `take(line number, values)` for each line of a file with a header, until one is wrong: why is returned.
+std::optional<std::string> for_each_line_of(const fs::path& file, const std::vector<std::string_view>& names,
+                                            const std::function<void(int, const std::vector<double>&)>& take) {
+  Columns columns(file, names);
   bool has_header = false;
   std::optional<std::string> wrong;
   for_each_line(file, [&](int line, const std::vector<std::string>& words) {
@@ -202,15 +174,95 @@ std::vector<OdometryLine> read_odometry(const fs::path& file, std::optional<std:
       return;
     }
     try {
-      lines.push_back(columns.read(line, fields_of(words)));
+      take(line, columns.read(line, fields_of(words)));
     } catch (const std::runtime_error& error) {
       wrong = error.what();
     }
   });
+  return wrong;
+}
+
+struct OdometryLine {
+  int number;  // of the images in depth/ and confidence/
+  StampedPose pose;
+};
+
+/// The app turns ARKit's poses so that the camera looks along +z with y down before it writes them
+/// (OdometryEncoder.swift), as ours do.
+OdometryLine odometry_of(const std::vector<double>& v, const fs::path& file, int line) {
+  if (!(v[1] >= 0 && v[1] < 1e6 && v[1] == std::floor(v[1])))
+    throw std::runtime_error(fmt::format("{}:{}: the frame's number is {}", file.string(), line, v[1]));
+  const Eigen::Quaterniond q(v[8], v[5], v[6], v[7]);
+  if (!is_rotation(q))
+    throw std::runtime_error(fmt::format("{}:{}: the quaternion is zero or too large", file.string(), line));
+  OdometryLine read{.number = static_cast<int>(v[1]), .pose = {.timestamp = v[0]}};
+  read.pose.world_from_camera.linear() = q.normalized().toRotationMatrix();
+  read.pose.world_from_camera.translation() = Eigen::Vector3d(v[2], v[3], v[4]);
+  return read;
+}
+
+bool ends_with_a_line(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  in.seekg(-1, std::ios::end);
+  return in.get() == '\n';
+}
+
+/// `ended_early` is set where the last line was cut off.
+std::vector<OdometryLine> read_odometry(const fs::path& file, std::optional<std::string>& ended_early) {
+  std::vector<OdometryLine> lines;
+  const auto wrong = for_each_line_of(
+      file, {"timestamp", "frame", "x", "y", "z", "qx", "qy", "qz", "qw"},
+      [&](int line, const std::vector<double>& values) { lines.push_back(odometry_of(values, file, line)); });
   if (wrong && (lines.empty() || ends_with_a_line(file))) throw std::runtime_error(*wrong);
   if (wrong) ended_early = *wrong + ": the recording is cut off here";
   if (lines.empty()) throw std::runtime_error(file.string() + ": holds no pose");
   return lines;
+}
+
+/// What is wrong with the file costs the gyroscope only.
+std::vector<AngularRate> read_gyroscope(const fs::path& file, double begin, double end) {
+  std::vector<AngularRate> samples;
+  std::optional<std::string> wrong;
+  try {
+    wrong =
+        for_each_line_of(file, {"timestamp", "alpha_x", "alpha_y", "alpha_z"}, [&](int, const std::vector<double>& v) {
+          samples.push_back({v[0], {v[1], v[2], v[3]}});
+        });
+  } catch (const std::runtime_error& error) {
+    wrong = error.what();
+  }
+  if (!wrong && samples.empty()) wrong = file.string() + ": holds no sample";
+  if (wrong) spdlog::warn("{}; the gyroscope is {}", *wrong, samples.empty() ? "not used" : "used up to there");
+  std::stable_sort(samples.begin(), samples.end(),
+                   [](const AngularRate& a, const AngularRate& b) { return a.timestamp < b.timestamp; });
+  const bool beside = !samples.empty() && (samples.back().timestamp < begin || samples.front().timestamp > end);
+  if (!beside) return samples;
+  spdlog::warn("{}: its times are not those of odometry.csv; the gyroscope is not used", file.string());
+  return {};
+}
+
+/// Whether the phone turned as its gyroscope tells in the axes that it should have: so much that one can say, and more
+/// nearly so than in any others.
+bool fits(const std::vector<AngularRate>& gyro, const Trajectory& poses, const Eigen::Quaterniond& camera_from_imu) {
+  constexpr double kTurning = 0.05;  // rad/s, root mean square
+  constexpr double kApart = 0.5;     // of the rate, at most; in other axes it is 1 and more
+  double turned = 0, apart = 0, count = 0;
+  auto sample = gyro.begin();
+  for (std::size_t i = 1; i < poses.size(); ++i) {
+    const double step = poses[i].timestamp - poses[i - 1].timestamp;
+    while (sample != gyro.end() && sample->timestamp <= poses[i - 1].timestamp) ++sample;
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    int samples = 0;
+    for (; sample != gyro.end() && sample->timestamp <= poses[i].timestamp; ++sample, ++samples) sum += sample->rate;
+    if (samples == 0 || !(step > 0)) continue;
+    const Eigen::AngleAxisd turn(poses[i - 1].world_from_camera.linear().transpose() *
+                                 poses[i].world_from_camera.linear());
+    const Eigen::Vector3d rate = turn.angle() / step * turn.axis();
+    turned += rate.squaredNorm();
+    apart += (rate - camera_from_imu * (sum / samples)).squaredNorm();
+    ++count;
+  }
+  return turned > count * kTurning * kTurning && apart < kApart * kApart * turned;
 }
 
 }  // namespace
@@ -224,7 +276,9 @@ std::optional<Recording> read_stray_scanner(const fs::path& folder) {
                                "depth, " +
                                name + " is missing");
   Recording recording;
+  recording.layout = "Stray Scanner folder";
   recording.depth_scale = 1000;
+  recording.most_confidence = 2;
   const auto odometry = read_odometry(folder / "odometry.csv", recording.ended_early);
   std::optional<cv::Size> size;  // of depth
   for (std::size_t i = 0; i < odometry.size(); ++i) {
@@ -246,8 +300,13 @@ std::optional<Recording> read_stray_scanner(const fs::path& folder) {
                              ": holds no image NUMBER.png that can be read, of six digits as in odometry.csv");
   const auto video = std::make_shared<NumberedImages>(folder / "rgb.mp4");
   const Camera colour = read_camera(folder / "camera_matrix.csv", video->width(), video->height());
-  recording.rig = {scaled(colour, size->width, size->height), ColourCamera{.camera = colour}};
+  recording.rig = {scaled_to(colour, {size->width, size->height}), ColourCamera{.camera = colour}};
+  recording.rig.sensor = sensor_model("phone_lidar");
   check(recording.rig);
+  if (const auto imu = folder / "imu.csv"; fs::exists(imu) && !recording.truth.empty()) {
+    recording.gyro = read_gyroscope(imu, recording.truth.front().timestamp, recording.truth.back().timestamp);
+    if (fits(recording.gyro, recording.truth, camera_from_phone())) recording.rig.camera_from_imu = camera_from_phone();
+  }
   recording.colour_of = [video](int i) { return video->colour(i); };
   return recording;
 }

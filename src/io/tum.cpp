@@ -133,6 +133,19 @@ std::vector<Acceleration> read_accelerometer(const fs::path& file) {
   return samples;
 }
 
+std::vector<AngularRate> read_gyroscope(const fs::path& file) {
+  std::vector<AngularRate> samples;
+  for_each_line(file, [&](int line, const std::vector<std::string>& words) {
+    if (words.size() != 4)
+      throw std::runtime_error(file.string() + ":" + std::to_string(line) + ": expected `timestamp rx ry rz`");
+    const auto number = [&](std::size_t i) { return number_of(words[i], file, line); };
+    samples.push_back({number(0), {number(1), number(2), number(3)}});
+  });
+  std::stable_sort(samples.begin(), samples.end(),
+                   [](const auto& a, const auto& b) { return a.timestamp < b.timestamp; });
+  return samples;
+}
+
 std::optional<Eigen::Vector3d> mean_around(const std::vector<Acceleration>& samples, double timestamp) {
   auto it = std::lower_bound(samples.begin(), samples.end(), timestamp - kAccelerationWindow,
                              [](const Acceleration& a, double t) { return a.timestamp < t; });
@@ -152,11 +165,12 @@ std::optional<Recording> read_tum(const fs::path& folder) {
     throw std::runtime_error(folder.string() + ": a TUM recording needs both rgb.txt and depth.txt, " +
                              (has_depth ? "rgb.txt" : "depth.txt") + " is missing");
   Recording recording;
+  recording.layout = "TUM RGB-D folder";
   const auto depth = read_list(folder / "depth.txt");
   if (fs::exists(folder / "camera.yaml"))
     use(read_camera_file(folder / "camera.yaml"), recording);
   else if (fs::exists(folder / "calibration.txt"))
-    recording.rig = read_calibration(folder / "calibration.txt", depth);
+    recording.layout = "ETH3D folder", recording.rig = read_calibration(folder / "calibration.txt", depth);
   else if (!known_camera(folder, recording.rig.depth))
     throw std::runtime_error(
         folder.string() +
@@ -166,8 +180,11 @@ std::optional<Recording> read_tum(const fs::path& folder) {
   const auto match = associate(depth, colour);
   std::vector<Acceleration> accelerations;
   if (fs::exists(folder / "accelerometer.txt")) accelerations = read_accelerometer(folder / "accelerometer.txt");
+  if (fs::exists(folder / "gyroscope.txt")) recording.gyro = read_gyroscope(folder / "gyroscope.txt");
   for (std::size_t i = 0; i < depth.size(); ++i) {
     Recording::Entry entry{.timestamp = depth[i].timestamp, .depth = depth[i].image, .colour = {}, .acceleration = {}};
+    if (const auto confidence = folder / "confidence" / depth[i].image.filename(); fs::exists(confidence))
+      entry.confidence = confidence;
     entry.acceleration = mean_around(accelerations, entry.timestamp);
     if (match[i] >= 0) {
       const Stamped& image = colour[static_cast<std::size_t>(match[i])];

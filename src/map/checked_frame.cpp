@@ -34,6 +34,13 @@ FrameCause unusable(const Frame& frame, const Camera& camera, std::optional<doub
 }  // namespace
 
 CheckedFrame::CheckedFrame(const Frame& given, const Rig& rig, std::optional<double> before) : given_(&given) {
+  if (std::any_of(given.gyro.begin(), given.gyro.end(),
+                  [](const AngularRate& r) { return !std::isfinite(r.timestamp) || !r.rate.allFinite(); })) {
+    mended_ = given;
+    mended_->gyro.clear();
+    cause_ = FrameCause::partly_used;
+    reason_ = "its gyroscope's rates are not numbers: they are left out";
+  }
   if (const FrameCause cause = unusable(given, rig.depth, before); cause != FrameCause::none) {
     refuse(cause, given.problem.value_or(""));
     return;
@@ -47,6 +54,11 @@ CheckedFrame::CheckedFrame(const Frame& given, const Rig& rig, std::optional<dou
   if (!given.colour.empty() && given.colour.size() != static_cast<std::size_t>(rig.colour_view().width) *
                                                           static_cast<std::size_t>(rig.colour_view().height))
     leave_out("its colour image is not of the camera's size: depth alone is used", [](Frame& f) { f.colour.clear(); });
+  if (!given.confidence.empty() && given.confidence.size() != given.depth.size())
+    leave_out("its confidence is not of the depth image's size: it is left out",
+              [](Frame& f) { f.confidence.clear(); });
+  else if (!given.confidence.empty())
+    drop_doubtful(rig.sensor.least_confidence);
   if (!std::isfinite(given.colour_delay))
     leave_out("the colour image's time is not a number: depth alone is used", [](Frame& f) {
       f.colour.clear();
@@ -65,6 +77,13 @@ void CheckedFrame::expect_pose(float voxel_size) {
       rotation.determinant() < 0)
     return refuse(FrameCause::bad_pose);
   if (pose->translation().norm() > kFarthestVoxel * static_cast<double>(voxel_size)) refuse(FrameCause::far_pose);
+}
+
+void CheckedFrame::drop_doubtful(std::uint8_t least) {
+  if (!mended_) mended_ = *given_;
+  for (std::size_t i = 0; i < mended_->depth.size(); ++i)
+    if (mended_->confidence[i] < least) mended_->depth[i] = 0;
+  mended_->confidence.clear();
 }
 
 void CheckedFrame::refuse(FrameCause cause, std::string reason) {

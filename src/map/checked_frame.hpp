@@ -16,6 +16,8 @@ class CheckedFrame {
   CheckedFrame(const Frame& given, const Rig& rig, std::optional<double> before);
   /// Asks also for a pose at which single precision still tells neighbouring voxels of this size apart.
   void expect_pose(float voxel_size);
+  /// Measurements of a smaller confidence are none.
+  void drop_doubtful(std::uint8_t least);
   void refuse(FrameCause cause, std::string reason = {});
 
   [[nodiscard]] bool is_usable() const { return cause_ == FrameCause::none || cause_ == FrameCause::partly_used; }

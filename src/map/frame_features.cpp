@@ -11,9 +11,7 @@ namespace cairn {
 
 Features features_of(const Frame& frame, const Surface& live, const Rig& rig, gpu::Device& device) {
   if (!rig.colour) return extract_features(frame.colour, frame.depth, rig.depth);
-  Camera camera = rig.depth;
-  camera.distortion = {};
-  camera.lens = Lens::brown_conrady;
+  const Camera camera = rig.depth.rectified();
   std::vector<shader::uvec2> pixels(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
   gpu::Batch batch(device);
   batch.download(*live.fusion, pixels);

@@ -18,9 +18,8 @@
 namespace cairn {
 namespace {
 
-constexpr double kTurn = 0.15, kDistance = 0.12;    // radians, metres between keyframes
-constexpr double kDepthSteps = 5000;                // a metre
-constexpr double kMostDepth = 65535 / kDepthSteps;  // metres; what is farther is left out instead of brought nearer
+constexpr double kTurn = 0.15, kDistance = 0.12;  // radians, metres between keyframes
+constexpr double kDepthSteps = 5000;              // a metre
 constexpr const char *kDepth = "depth.png", *kColour = "colour.jpg", *kCorners = "corners";  // files of a keyframe
 constexpr const char* kRemedy = "the session is damaged: begin a new session";
 
@@ -69,16 +68,8 @@ void KeyframeStore::put(std::size_t keyframe, const Frame& frame, const Features
     packed.corners = std::move(corners);
     packed_.erase(keyframe);
     try {
-      cv::Mat steps, bgr;
-      const cv::Mat metres(rig_.depth.height, rig_.depth.width, CV_32F, depth.data());
-      metres.convertTo(steps, CV_16U, kDepthSteps);
-      steps.setTo(0, metres > kMostDepth);
-      cv::imencode(".png", steps, packed.depth, {cv::IMWRITE_PNG_COMPRESSION, 1});
-      if (!colour.empty()) {
-        const Camera& view = rig_.colour_view();
-        cv::cvtColor(cv::Mat(view.height, view.width, CV_8UC4, colour.data()), bgr, cv::COLOR_RGBA2BGR);
-        cv::imencode(".jpg", bgr, packed.colour, {cv::IMWRITE_JPEG_QUALITY, 95});
-      }
+      packed.depth = encode_depth(depth, rig_.depth, kDepthSteps);
+      if (!colour.empty()) packed.colour = encode_colour(colour, rig_.colour_view(), ".jpg");
       if (writes_) return write(keyframe, packed);
     } catch (const std::exception&) {
       // It stays in memory until store().

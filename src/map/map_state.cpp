@@ -12,6 +12,7 @@ namespace cairn {
 namespace {
 
 constexpr int kMaxRepeats = 2;
+constexpr double kShutterPixels = 0.3;                          // that rows are wrong by after the first time
 constexpr std::uint64_t kWorldPool = std::uint64_t{256} << 20;  // bytes on the device while the whole map is meshed
 
 }  // namespace
@@ -22,8 +23,9 @@ MapState::MapState(const Rig& r, const Options& o, Poses p, int device_index, Ma
       rig(r),
       files(std::move(f)),
       device(device_index),
+      shutter(r),
       preprocessor(device, r, o.surface, o.track.levels, o.track.finest_level),
-      integrator(device, preprocessor.camera(), o.surface),
+      integrator(device, preprocessor.camera(), o.surface, r.sensor),
       polygonizer(device),
       volume(device, o.fuse, o.surface.max_depth),
       back_end(device, r, o, files.folder, files.access),
@@ -46,6 +48,35 @@ bool MapState::is_stuck(const Frame& frame) {
   repeats = image == last_image ? repeats + 1 : 0;
   last_image = image;
   return repeats > kMaxRepeats;
+}
+
+MapState::Seen MapState::see(const Frame& frame, const MotionAt& motion, StageTimes& times) {
+  return timed(times, "preprocess", [&] {
+    Seen seen{.given = &frame, .global = {}, .surface = {}};
+    if (shutter.is_needed()) seen.global = shutter(frame, motion);
+    seen.surface = preprocessor.preprocess(seen.frame());
+    return seen;
+  });
+}
+
+/// A rolling shutter is undone by a motion that is guessed, and again by the one that is found where that is another.
+Tracked MapState::locate(const Frame& frame, Seen& seen, StageTimes& times) {
+  if (!is_tracked()) {
+    Vector6d velocity = Vector6d::Zero();
+    if (shutter.is_needed() && !given.poses.empty())
+      velocity = local_coordinates(given.poses.back().world_from_camera.inverse() * *frame.world_from_camera) /
+                 (frame.timestamp - given.poses.back().timestamp);
+    seen = see(frame, at_velocity(velocity), times);
+    return {.state = Tracked::State::begins, .submap_from_camera = *frame.world_from_camera};
+  }
+  const MotionAt guessed = tracker.motion(frame);
+  seen = see(frame, guessed, times);
+  Tracked tracked = tracker.track(seen.frame(), seen.surface, volume, times);
+  if (!shutter.is_needed() || tracked.state != Tracked::State::aligned) return tracked;
+  const MotionAt found = tracker.motion(frame, tracked.submap_from_camera);
+  if (shutter.difference(guessed, found) < kShutterPixels) return tracked;
+  seen = see(frame, found, times);
+  return tracker.track(seen.frame(), seen.surface, volume, times);
 }
 
 /// What comes next has nothing to do with what is being fused into.

@@ -16,6 +16,7 @@
 #include "map/checked_frame.hpp"
 #include "map/growing_surface.hpp"
 #include "map/tracker.hpp"
+#include "surface/global_shutter.hpp"
 #include "surface/preprocess.hpp"
 #include "volume/esdf.hpp"
 #include "volume/integrate.hpp"
@@ -36,8 +37,20 @@ struct MapState {
   [[nodiscard]] Warnings& warnings() { return back_end.warnings(); }
   [[nodiscard]] bool is_tracked() const { return poses == Poses::tracked; }
 
+  /// A frame as one moment, and that on the device.
+  struct Seen {
+    const Frame* given;
+    std::optional<Frame> global;  // of a rolling shutter
+    Surface surface;
+    [[nodiscard]] const Frame& frame() const { return global ? *global : *given; }
+  };
+
   // The stages of Mapper::add that are not another room's.
   [[nodiscard]] CheckedFrame check(const Frame& frame);
+  /// `motion`: of the camera, for a rolling shutter.
+  [[nodiscard]] Seen see(const Frame& frame, const MotionAt& motion, StageTimes& times);
+  /// Sees a frame and finds where it was taken.
+  [[nodiscard]] Tracked locate(const Frame& frame, Seen& seen, StageTimes& times);
   void begin_component();
   void remember(const Frame& frame, const Surface& live, const Tracked& tracked, StageTimes& times);
   void follow(const Fused& fused, StageTimes& times);
@@ -57,6 +70,7 @@ struct MapState {
   Rig rig;
   MapFiles files;
   gpu::Device device;
+  GlobalShutter shutter;
   Preprocessor preprocessor;
   Integrator integrator;
   Polygonizer polygonizer;

@@ -11,11 +11,6 @@
 namespace cairn {
 namespace {
 
-/// With given poses there is nothing to find.
-Tracked at_given_pose(const Frame& frame) {
-  return {.state = Tracked::State::begins, .submap_from_camera = *frame.world_from_camera};
-}
-
 void tell(const CheckedFrame& checked, FrameReport& report) {
   report.cause = checked.cause();
   report.reason = checked.reason();
@@ -39,6 +34,14 @@ void tell(const Fused& fused, FrameReport& report) {
   report.new_bricks = fused.new_bricks;
 }
 
+/// Of the camera in its own frame, rad/s and m/s: the mean over some frames.
+Vector6d velocity_at(const Trajectory& poses, double timestamp) {
+  constexpr double kStep = 0.03, kMaxGap = 0.1;  // seconds
+  const auto before = pose_at(poses, timestamp - kStep, kMaxGap), after = pose_at(poses, timestamp + kStep, kMaxGap);
+  if (!before || !after) return Vector6d::Zero();
+  return local_coordinates(before->inverse() * *after) / (2 * kStep);
+}
+
 std::shared_ptr<MapState> make_state(const Rig& rig, const Options& options, Poses poses, int device) {
   check(rig);
   check(options);
@@ -58,23 +61,21 @@ FrameReport Mapper::add(const Frame& given) {
   FrameReport report{.index = given.index, .timestamp = given.timestamp};
   const CheckedFrame checked = s.check(given);
   tell(checked, report);
+  s.tracker.listen(checked.frame().gyro);
   if (!checked.is_usable()) return report;
-  const Frame& frame = checked.frame();
 
-  const Surface live = timed(report.stage_ms, "preprocess", [&] { return s.preprocessor.preprocess(frame); });
-
-  const Tracked tracked = s.is_tracked() ? s.tracker.track(frame, live, s.volume, report.stage_ms)  //
-                                         : at_given_pose(frame);
+  MapState::Seen seen{};
+  const Tracked tracked = s.locate(checked.frame(), seen, report.stage_ms);
   tell(tracked, report);
   if (tracked.state == Tracked::State::lost) return report;
   if (tracked.cause == FrameCause::new_component) s.begin_component();
 
   const Fused fused = timed(report.stage_ms, "fuse", [&] {
-    return s.integrator.integrate(live, tracked.submap_from_camera, s.volume, ++s.fused_count);
+    return s.integrator.integrate(seen.surface, tracked.submap_from_camera, s.volume, ++s.fused_count);
   });
   tell(fused, report);
 
-  s.remember(frame, live, tracked, report.stage_ms);
+  s.remember(seen.frame(), seen.surface, tracked, report.stage_ms);
   s.follow(fused, report.stage_ms);
   return report;
 }
@@ -119,7 +120,9 @@ void Mapper::reintegrate(Source& again, const std::function<void()>& step) {
       const CheckedFrame checked(*next, s.rig, std::nullopt);
       if (const auto pose = checked.is_usable() ? pose_at(poses, next->timestamp, 0) : std::nullopt) {
         const Frame& frame = checked.frame();
-        (void)s.integrator.integrate(s.preprocessor.preprocess(frame), *pose, s.volume, ++s.fused_count);
+        StageTimes ignored;
+        const MapState::Seen seen = s.see(frame, at_velocity(velocity_at(poses, frame.timestamp)), ignored);
+        (void)s.integrator.integrate(seen.surface, *pose, s.volume, ++s.fused_count);
         if (frame.acceleration) s.acceleration += pose->linear() * *frame.acceleration;
       }
       if (step) step();

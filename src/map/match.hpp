@@ -27,7 +27,7 @@ struct Match {
 /// Dense alignment of two depth images, point to plane, by geometry alone: colour may not be registered to depth.
 class SurfaceMatcher {
  public:
-  SurfaceMatcher(gpu::Device& device, const Camera& camera, const Options& options);
+  SurfaceMatcher(gpu::Device& device, const Rig& rig, const Options& options);
   /// Chooses the frame that others are aligned with.
   void set_from(const Frame& from);
   /// Nothing where too little of both is the same surface.

@@ -9,6 +9,7 @@
 
 #include "map/frame_features.hpp"
 #include "map/tracking_criteria.hpp"
+#include "shaders/noise.h"
 #include "spirv/moving_mask.comp.h"
 
 namespace cairn {
@@ -19,7 +20,17 @@ constexpr int kFocalPairs = 4;                                                //
 constexpr double kFocalTurn = 0.1;                                            // radians between the two views of a pair
 constexpr double kClockOffsetContrast = 1.5;                                  // of the worst fit to the best
 constexpr std::size_t kRecentPlaces = 4, kMostSimilar = 6, kOtherPlaces = 4;  // compared with a frame
-constexpr double kMaxMoving = 0.3;    // of the image; more is no person but a wrong pose or a sensor without use
+constexpr double kMaxMoving = 0.3;   // of the image; more is no person but a wrong pose or a sensor without use
+constexpr int kNothingObserved = 6;  // directions of a pose
+constexpr double kCarried = 0.3;     // seconds that a gyroscope is believed without anything else
+constexpr double kCarriedTurn = 0.005, kCarriedShift = 0.02;  // radians, metres: how sure the pose is then
+constexpr double kSameView = 0.03;    // of the image's width, that a prediction of the surface is good for
+constexpr double kUsualDepth = 1.5;   // metres
+constexpr int kFramesOfView = 5;      // that one prediction is good for at most: the map grows
+constexpr double kBelieved = 0.8;     // of a velocity that was itself only believed: hands go to and fro
+constexpr int kEnoughGuesses = 5;     // before they are believed
+constexpr double kGoodGuess = 0.03;   // radians and metres together, from frame to frame
+constexpr double kCoasting = 0.5;     // seconds that a velocity is believed without being seen
 constexpr double kEnoughDepth = 0.2;  // of the image, to begin a component with
 constexpr double kLeastDepth = 0.02;  // of the image, to begin the map with: as much as alignment asks for
 
@@ -57,14 +68,57 @@ Tracker::Tracker(gpu::Device& device, const Rig& rig, const Camera& rectified, c
       rig_(rig),
       keyframes_(keyframes),
       raycaster_(device, rectified, options.surface, options.track.levels, options.track.finest_level),
-      aligner_(device, options.track),
+      aligner_(device, options.track, rig.sensor),
       reference_(device, rectified, options.track),
+      gyroscope_(rig.camera_from_imu),
       moving_count_(device, 4),
-      mask_(device, "moving_mask", moving_mask_comp) {}
+      mask_(device, "moving_mask", moving_mask_comp, shader::constants_of(rig.sensor)) {}
 
-/// Where the camera would be if it kept its velocity since the last two fused frames.
-Eigen::Isometry3d Tracker::predict(double timestamp) const {
+/// Where somebody else's guess says that the camera went since the last fused frame, if guesses have been good lately
+/// and, while the camera is not lost, better than its motion; and where its motion would take it otherwise.
+Eigen::Isometry3d Tracker::predict(const Frame& frame) const {
+  const auto guessed = predict_by_guess(frame);
+  const bool is_good = memory_.guesses >= kEnoughGuesses && memory_.guess_error < kGoodGuess &&
+                       (memory_.lost_frames > 0 || memory_.guess_error <= memory_.motion_error);
+  return guessed && is_good ? *guessed : predict_by_motion(frame.timestamp);
+}
+
+std::optional<Eigen::Isometry3d> Tracker::predict_by_guess(const Frame& frame) const {
+  if (!frame.guess || !memory_.last_guess) return std::nullopt;
+  return memory_.last.back().submap_from_camera * memory_.last_guess->inverse() * *frame.guess;
+}
+
+/// Compares what was predicted with what was found.
+void Tracker::judge_guess(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) {
+  const auto error = [&](const Eigen::Isometry3d& predicted) {
+    const Vector6d e = local_coordinates(predicted.inverse() * submap_from_camera);
+    return e.head<3>().norm() + e.tail<3>().norm();
+  };
+  const auto guessed = predict_by_guess(frame);
+  if (!guessed) return;
+  const double share = std::max(0.05, 1.0 / (memory_.guesses + 1));
+  memory_.guess_error += share * (error(*guessed) - memory_.guess_error);
+  memory_.motion_error += share * (error(predict_by_motion(frame.timestamp)) - memory_.motion_error);
+  ++memory_.guesses;
+}
+
+/// Where the camera would be if it kept its velocity since the last two fused frames, and turned as its gyroscope says.
+/// Without one nothing is known of a camera that was lost since.
+Eigen::Isometry3d Tracker::predict_by_motion(double timestamp) const {
   const Moment& last = memory_.last.back();
+  if (const auto turn = gyroscope_.turn(last.timestamp, timestamp)) {
+    Eigen::Isometry3d last_from_now(*turn);
+    if (memory_.last.size() == 2) {
+      const Moment& before = memory_.last[0];
+      const Eigen::Vector3d velocity =  // in the last camera's frame
+          (before.submap_from_camera.inverse() * last.submap_from_camera).translation() /
+          (last.timestamp - before.timestamp);
+      const double seconds = std::min(timestamp - last.timestamp, kCoasting);
+      const double believed = memory_.last_is_weak ? kBelieved : 1.0;
+      last_from_now.translation() = believed * (Eigen::Quaterniond::Identity().slerp(0.5, *turn) * velocity * seconds);
+    }
+    return last.submap_from_camera * last_from_now;
+  }
   if (memory_.lost_frames > 0 || memory_.last.size() < 2) return last.submap_from_camera;
   const double ratio = std::min((timestamp - last.timestamp) / (last.timestamp - memory_.last[0].timestamp), 2.0);
   return last.submap_from_camera *
@@ -77,6 +131,28 @@ ColourMoment Tracker::moment_of(const Frame& frame, const Eigen::Isometry3d& sub
   const double interval = frame.timestamp - memory_.last.back().timestamp;
   moment.velocity = local_coordinates(memory_.last.back().submap_from_camera.inverse() * submap_from_camera) / interval;
   return moment;
+}
+
+MotionAt Tracker::motion(const Frame& frame) const {
+  if (memory_.last.empty() || memory_.lost_frames > 0) return at_velocity(Vector6d::Zero());
+  return motion(frame, predict(frame));
+}
+
+/// The velocity is what the poses say, and turns are what the gyroscope says, if there is one.
+MotionAt Tracker::motion(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const {
+  if (memory_.last.empty() || memory_.lost_frames > 0) return at_velocity(Vector6d::Zero());
+  const Moment& last = memory_.last.back();
+  // The mean since the frame before: taken on to this one's time, noise would be taken on as well.
+  const Vector6d velocity =
+      local_coordinates(last.submap_from_camera.inverse() * submap_from_camera) / (frame.timestamp - last.timestamp);
+  const double now = frame.timestamp;
+  return [this, now, velocity](double delay) {
+    const double since = std::min(now, now + delay), until = std::max(now, now + delay);
+    const auto turn = gyroscope_.turn(since, until);
+    Eigen::Isometry3d motion = retract(velocity * delay);
+    if (turn) motion.linear() = (delay > 0 ? *turn : turn->conjugate()).toRotationMatrix();
+    return motion;
+  };
 }
 
 double Tracker::clock_offset() const {
@@ -132,6 +208,10 @@ Tracked Tracker::track(const Frame& frame, const Surface& live, Volume& volume, 
   if (memory_.last.empty()) return begin_map(frame);
   Tracked tracked =
       memory_.lost_frames == 0 ? follow(frame, live, volume, times) : relocalise(frame, live, volume, times);
+  const bool sees_no_map =
+      tracked.alignment.lost == FrameCause::out_of_view ||
+      (tracked.alignment.lost == FrameCause::too_few_inliers && memory_.last_aligned < memory_.last.back().timestamp);
+  if (sees_no_map && sees_enough(frame) && carries(frame)) tracked = carried(frame);
   tracked.cause = tracked.alignment.lost;
   tracked.reason = text_of(tracked.cause);
   if (tracked.alignment.converged()) {
@@ -158,9 +238,13 @@ Tracked Tracker::begin_map(const Frame& frame) const {
   return {.state = Tracked::State::begins, .submap_from_camera = level(frame.acceleration)};
 }
 
-bool Tracker::gives_up(const Frame& frame) {
+bool Tracker::sees_enough(const Frame& frame) {
   const auto seen = std::count_if(frame.depth.begin(), frame.depth.end(), [](float z) { return z > 0; });
-  memory_.lost_views += static_cast<double>(seen) > kEnoughDepth * static_cast<double>(frame.depth.size());
+  return static_cast<double>(seen) > kEnoughDepth * static_cast<double>(frame.depth.size());
+}
+
+bool Tracker::gives_up(const Frame& frame) {
+  memory_.lost_views += sees_enough(frame);
   return memory_.lost_views >= options_.map.lost_frames;
 }
 
@@ -169,11 +253,26 @@ Tracked Tracker::align(const Frame& frame, const Surface& live, Volume& volume, 
                        const char* name, Reach reach, StageTimes& times) {
   if (memory_.lost_frames > 0) volume.bring(guess.translation());
   prediction_ = timed(times, "raycast", [&] { return raycaster_.raycast(volume, guess); });
+  memory_.frames_of_view = 0;
+  return align_with_view(frame, live, guess, name, reach, times);
+}
+
+/// Aligns the frame with the surface as it was predicted last.
+Tracked Tracker::align_with_view(const Frame& frame, const Surface& live, const Eigen::Isometry3d& guess,
+                                 const char* name, Reach reach, StageTimes& times) {
+  ++memory_.frames_of_view;
   return timed(times, "track", [&] {
     return Tracked{.alignment = aligner_.align(live, prediction_, guess, &reference_, moment_of(frame, guess), reach),
                    .guess = name,
-                   .predicted_from = guess};
+                   .predicted_from = prediction_.submap_from_camera};
   });
+}
+
+bool Tracker::still_sees(const Eigen::Isometry3d& guess) const {
+  if (prediction_.levels.empty() || memory_.frames_of_view >= kFramesOfView) return false;
+  const Eigen::Isometry3d moved = prediction_.submap_from_camera.inverse() * guess;
+  const double turn = Eigen::AngleAxisd(moved.linear()).angle(), shift = moved.translation().norm() / kUsualDepth;
+  return rig_.depth.fx * (turn + shift) < kSameView * rig_.depth.width;
 }
 
 /// The frame follows one that was fused: the camera goes on as before, stops, or is where corners say.
@@ -182,7 +281,12 @@ Tracked Tracker::follow(const Frame& frame, const Surface& live, Volume& volume,
   const auto try_from = [&](const Eigen::Isometry3d& guess, const char* name, Reach reach = Reach::wide) {
     return align(frame, live, volume, guess, name, reach, times);
   };
-  Tracked best = try_from(predict(frame.timestamp), "motion");
+  const Eigen::Isometry3d predicted = predict(frame);
+  const bool kept = still_sees(predicted);
+  Tracked best =
+      kept ? align_with_view(frame, live, predicted, "motion", Reach::wide, times) : try_from(predicted, "motion");
+  if (kept && (!best.alignment.converged() || is_doubtful(best.alignment, memory_.usual_brightness)))
+    best = try_from(predicted, "motion");
   if (!best.alignment.converged()) best = try_from(last.submap_from_camera, "still");  // the hand may have stopped
   if (is_doubtful(best.alignment, memory_.usual_brightness)) {
     if (const auto guess =
@@ -196,7 +300,8 @@ Tracked Tracker::follow(const Frame& frame, const Surface& live, Volume& volume,
   }
   Alignment& a = best.alignment;
   if (!a.converged()) return best;
-  if (!is_hand_motion(last.submap_from_camera.inverse() * a.submap_from_camera, frame.timestamp - last.timestamp))
+  if (!is_possible(last.submap_from_camera.inverse() * a.submap_from_camera, frame.timestamp - last.timestamp,
+                   options_.motion))
     a.lost = FrameCause::too_fast;
   else if (misfit(a) > kMisfit)
     a.lost = FrameCause::poor_fit;
@@ -205,8 +310,10 @@ Tracked Tracker::follow(const Frame& frame, const Surface& live, Volume& volume,
 
 /// The camera is lost: it is where it was last, or where corners say, if that is certain.
 Tracked Tracker::relocalise(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times) {
-  Tracked tracked = align(frame, live, volume, predict(frame.timestamp), "motion", Reach::wide, times);
+  Tracked tracked = align(frame, live, volume, predict(frame), "motion", Reach::wide, times);
   if (is_certain_in_place(tracked.alignment, memory_.lost_frames)) return tracked;
+  if (carries(frame) && tracked.alignment.converged() && is_near(tracked.alignment, tracked.predicted_from))
+    return tracked;
   const auto guess = timed(times, "recognise", [&] {
     const Features seen = features_of(frame, live, rig_, device_);
     return recognise(seen, candidates(seen));
@@ -217,6 +324,23 @@ Tracked Tracker::relocalise(const Frame& frame, const Surface& live, Volume& vol
       return other;
   if (tracked.alignment.converged()) tracked.alignment.lost = FrameCause::not_relocalised;
   return tracked;
+}
+
+/// Whether the gyroscope can stand in for an alignment.
+bool Tracker::carries(const Frame& frame) const {
+  return gyroscope_.turn(memory_.last.back().timestamp, frame.timestamp) &&
+         frame.timestamp - memory_.last_aligned <= kCarried;
+}
+
+/// The camera sees nothing of the map, or only what it has just seen for the first time, and the gyroscope tells how it
+/// turned since.
+Tracked Tracker::carried(const Frame& frame) const {
+  Tracked carried{.alignment = {.submap_from_camera = predict(frame)}, .guess = "gyroscope"};
+  carried.predicted_from = carried.alignment.submap_from_camera;
+  carried.alignment.fit.unobserved = kNothingObserved;
+  carried.alignment.information.diagonal() << Eigen::Vector3d::Constant(1 / (kCarriedTurn * kCarriedTurn)),
+      Eigen::Vector3d::Constant(1 / (kCarriedShift * kCarriedShift));
+  return carried;
 }
 
 double Tracker::leave_out_moving(const Surface& live, const Tracked& tracked, const Volume& volume) {
@@ -262,9 +386,18 @@ void Tracker::begin_lost() {
   memory_.lost_frames = kStillThere + 1;
 }
 
-void Tracker::restore(const Memory& memory, const PhotometricKeyframe::Saved& reference) {
-  memory_ = memory;
-  reference_.restore(reference);
+Tracker::Saved Tracker::save() const {
+  return {.memory = memory_,
+          .reference = reference_.save(),
+          .prediction = raycaster_.save(prediction_),
+          .gyroscope = gyroscope_.memory()};
+}
+
+void Tracker::restore(const Saved& saved) {
+  memory_ = saved.memory;
+  reference_.restore(saved.reference);
+  prediction_ = raycaster_.restore(saved.prediction);
+  gyroscope_.restore(saved.gyroscope);
 }
 
 void Tracker::learn_focal_length() {
@@ -289,6 +422,14 @@ void Tracker::commit(const Frame& frame, const Surface& live, const Tracked& tra
     reference_.set(live, pose, moment);
   if (a != nullptr && a->fit.photometric_share > 0)
     memory_.usual_brightness += 0.1 * (a->fit.photometric_rmse - memory_.usual_brightness);
+  if (a != nullptr && a->fit.unobserved == 0 && memory_.lost_frames == 0)
+    gyroscope_.learn(memory_.last.back().timestamp, frame.timestamp,
+                     Eigen::Quaterniond((memory_.last.back().submap_from_camera.inverse() * pose).linear()));
+  gyroscope_.forget_before(frame.timestamp);
+  if (a != nullptr && a->fit.unobserved == 0 && memory_.lost_frames == 0) judge_guess(frame, pose);
+  memory_.last_guess = frame.guess;
+  memory_.last_is_weak = a != nullptr && a->fit.unobserved > 0;
+  if (a == nullptr || a->fit.unobserved < kNothingObserved) memory_.last_aligned = frame.timestamp;
   if (memory_.lost_frames > 0) memory_.last.clear();  // no velocity across a gap
   memory_.lost_frames = memory_.lost_views = 0;
   if (memory_.last.size() == 2) memory_.last.erase(memory_.last.begin());

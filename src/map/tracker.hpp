@@ -8,7 +8,9 @@
 #include "cairn/reports.hpp"
 #include "cairn/trajectory.hpp"
 #include "place/keyframe_database.hpp"
+#include "surface/global_shutter.hpp"
 #include "track/align.hpp"
+#include "track/gyroscope.hpp"
 #include "volume/raycast.hpp"
 
 namespace cairn {
@@ -23,7 +25,7 @@ struct Tracked {
   State state = State::lost;
   Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();  // unless lost
   Alignment alignment;  // the last one that was tried; not for the map's first frame
-  std::string guess;    // where it started: motion, still, features, relocalised
+  std::string guess;    // where it started: motion, still, features, relocalised, gyroscope
   Eigen::Isometry3d predicted_from = Eigen::Isometry3d::Identity();  // submap_from_camera of the surface predicted then
   FrameCause cause = FrameCause::none;
   std::string reason;  // the cause in words
@@ -47,6 +49,11 @@ class Tracker {
   /// The pose of a frame, or why there is none. Takes what moves out of `live`'s fusion image (see
   /// shaders/moving_mask.comp). Of the frame only is kept that it was lost.
   [[nodiscard]] Tracked track(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
+  /// Hears of the gyroscope's rates, also of frames that are not tracked.
+  void listen(const std::vector<AngularRate>& rates) { gyroscope_.add(rates); }
+  /// How the camera moves while a frame is taken: before its pose is known, and after.
+  [[nodiscard]] MotionAt motion(const Frame& frame) const;
+  [[nodiscard]] MotionAt motion(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const;
   /// Tells that the frame was fused at the pose that was found.
   void commit(const Frame& frame, const Surface& live, const Tracked& tracked);
   /// Compares the last two keyframes, if the camera turned between them: see focal().
@@ -63,6 +70,8 @@ class Tracker {
   /// What it knows beside the keyframes, to go on with later.
   struct Memory {
     std::vector<Moment> last;        // at most two fused frames, the newest at the end
+    double last_aligned = 0;         // seconds; before the newest where a gyroscope stood in
+    bool last_is_weak = false;       // a direction of the newest was not observed
     double usual_brightness = 0.03;  // photometric rmse, a running mean over fused frames
     int lost_frames = 0;             // since the last fused one
     int lost_views = 0;              // those of them that saw something
@@ -70,10 +79,21 @@ class Tracker {
     int clock_offset_frames = 0;
     std::array<double, kFocalScales.size()> focal_costs{};  // summed over pairs of keyframes
     int focal_pairs = 0;
+    std::optional<Eigen::Isometry3d> last_guess;  // Frame::guess of the newest
+    double guess_error = 0, motion_error = 0;     // of predictions, running means: radians and metres together
+    int guesses = 0;
+    int frames_of_view = 0;  // that were aligned with the same prediction of the surface
   };
+  /// All that it knows.
+  struct Saved {
+    Memory memory;
+    PhotometricKeyframe::Saved reference;
+    Raycaster::Saved prediction;
+    Gyroscope::Memory gyroscope;
+  };
+  [[nodiscard]] Saved save() const;
+  void restore(const Saved& saved);
   [[nodiscard]] const Memory& memory() const { return memory_; }
-  [[nodiscard]] const PhotometricKeyframe& reference() const { return reference_; }
-  void restore(const Memory& memory, const PhotometricKeyframe::Saved& reference);
   /// Starts lost in a map with keyframes, as if last seen, long ago, at the newest of them.
   void begin_lost();
 
@@ -81,15 +101,25 @@ class Tracker {
   [[nodiscard]] Tracked begin_map(const Frame& frame) const;
   [[nodiscard]] Tracked follow(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
   [[nodiscard]] Tracked relocalise(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
+  [[nodiscard]] bool carries(const Frame& frame) const;
+  [[nodiscard]] Tracked carried(const Frame& frame) const;
+  [[nodiscard]] static bool sees_enough(const Frame& frame);
   [[nodiscard]] Tracked align(const Frame& frame, const Surface& live, Volume& volume, const Eigen::Isometry3d& guess,
                               const char* name, Reach reach, StageTimes& times);
+  [[nodiscard]] Tracked align_with_view(const Frame& frame, const Surface& live, const Eigen::Isometry3d& guess,
+                                        const char* name, Reach reach, StageTimes& times);
+  /// Whether the surface as it was predicted last is nearly what is seen from the guess.
+  [[nodiscard]] bool still_sees(const Eigen::Isometry3d& guess) const;
   /// Whether a component of its own begins: the camera has been lost for long enough and this frame shows something.
   [[nodiscard]] bool gives_up(const Frame& frame);
   /// Forgets the map.
   void restart();
   [[nodiscard]] double leave_out_moving(const Surface& live, const Tracked& tracked, const Volume& volume);
 
-  [[nodiscard]] Eigen::Isometry3d predict(double timestamp) const;
+  [[nodiscard]] Eigen::Isometry3d predict(const Frame& frame) const;
+  [[nodiscard]] Eigen::Isometry3d predict_by_motion(double timestamp) const;
+  [[nodiscard]] std::optional<Eigen::Isometry3d> predict_by_guess(const Frame& frame) const;
+  void judge_guess(const Frame& frame, const Eigen::Isometry3d& submap_from_camera);
   [[nodiscard]] ColourMoment moment_of(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const;
 
   /// A guess from the keyframe that shares most corners with the frame, if any.
@@ -107,6 +137,7 @@ class Tracker {
   Raycaster raycaster_;
   Aligner aligner_;
   PhotometricKeyframe reference_;
+  Gyroscope gyroscope_;
   gpu::Buffer moving_count_;
   gpu::Kernel<shader::MovingMaskPush> mask_;
   SurfacePrediction prediction_;  // of the alignment that track found

@@ -32,8 +32,15 @@ bool tells_apart(const Alignment& a, const Alignment& b) {
   return is_better(a, b) && a.fit.photometric_rmse < kTellsApart * b.fit.photometric_rmse;
 }
 
-bool is_hand_motion(const Eigen::Isometry3d& motion, double seconds) {
-  return motion.translation().norm() <= kMaxSpeed * seconds && angle_of(motion) <= kMaxTurn * seconds;
+bool is_possible(const Eigen::Isometry3d& motion, double seconds, const MotionOptions& options) {
+  return motion.translation().norm() <= static_cast<double>(options.max_speed) * seconds &&
+         angle_of(motion) <= static_cast<double>(options.max_turn) * seconds;
+}
+
+bool is_near(const Alignment& a, const Eigen::Isometry3d& guess) {
+  const Eigen::Isometry3d motion = guess.inverse() * a.submap_from_camera;
+  return a.fit.inlier_share > kFoundInliers && misfit(a) < kFoundMisfit && angle_of(motion) < kNearTurn &&
+         motion.translation().norm() < kNearShift;
 }
 
 bool is_certain(const Alignment& a) {

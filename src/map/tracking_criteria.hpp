@@ -11,15 +11,15 @@ namespace cairn {
 // Of misfit: above the first another guess is tried, above the second the frame is not fused. Frames of hand-held
 // Kinect recordings lie at 1.5 to 5; a pose 15 cm off gave 8.4.
 constexpr double kDoubtful = 4.0, kMisfit = 7.0;
-constexpr double kClearlyBetter = 0.8;              // times the cost of the guess from motion
-constexpr double kDoubtfulBrightness = 0.1;         // photometric rmse, brightness in 0..1
-constexpr double kSuddenly = 2.5;                   // times the usual photometric rmse
-constexpr double kTellsApart = 0.5;                 // times the photometric rmse of another pose
-constexpr double kUsualBrightness = 0.03;           // photometric rmse of hand-held Kinect recordings
-constexpr double kMaxSpeed = 4.0, kMaxTurn = 12.0;  // metres and radians a second: a hand is slower
+constexpr double kClearlyBetter = 0.8;       // times the cost of the guess from motion
+constexpr double kDoubtfulBrightness = 0.1;  // photometric rmse, brightness in 0..1
+constexpr double kSuddenly = 2.5;            // times the usual photometric rmse
+constexpr double kTellsApart = 0.5;          // times the photometric rmse of another pose
+constexpr double kUsualBrightness = 0.03;    // photometric rmse of hand-held Kinect recordings
 // What a pose found after a loss must reach: a wrong one would be fused.
 constexpr double kFoundInliers = 0.5, kFoundOverlap = 0.3, kFoundBrightness = 0.6, kFoundMisfit = 5.0;
 // After so many lost frames, without brightness to tell, the camera may be anywhere: walls fit walls.
+constexpr double kNearTurn = 0.02, kNearShift = 0.03;  // radians, metres
 constexpr int kStillThere = 30;
 constexpr double kKeyframeTurn = 0.2;       // radians
 constexpr double kKeyframeDistance = 0.15;  // metres
@@ -33,8 +33,10 @@ constexpr double kKeyframeShare = 0.5;      // of the points in both images that
 [[nodiscard]] bool is_better(const Alignment& a, const Alignment& b);
 /// Whether brightness tells that `a` is the pose of what stands still and `b` that of something that moves.
 [[nodiscard]] bool tells_apart(const Alignment& a, const Alignment& b);
-/// Whether a camera in a hand can have moved so within `seconds`.
-[[nodiscard]] bool is_hand_motion(const Eigen::Isometry3d& motion, double seconds);
+/// Whether a camera can have moved so within `seconds`.
+[[nodiscard]] bool is_possible(const Eigen::Isometry3d& motion, double seconds, const MotionOptions& options);
+/// Whether an alignment, however small its overlap, found what a gyroscope said.
+[[nodiscard]] bool is_near(const Alignment& a, const Eigen::Isometry3d& guess);
 /// Whether a lost camera is found again.
 [[nodiscard]] bool is_certain(const Alignment& a);
 /// Whether a lost camera is found again where it was last, without having been recognised.

@@ -25,8 +25,7 @@ SessionState snapshot(MapState& s, std::uint64_t number, const std::string& note
           .min_depth = s.options.surface.min_depth,
           .max_depth = s.options.surface.max_depth,
           .back_end = s.back_end.memory(),
-          .tracker = s.tracker.memory(),
-          .reference = s.tracker.reference().save(),
+          .tracker = s.tracker.save(),
           .residency = s.volume.residency(),
           .fused_count = s.fused_count,
           .last_image = s.last_image,
@@ -44,7 +43,7 @@ std::shared_ptr<MapState> restore(ReadSession& read, const Options& options, int
   auto state = std::make_shared<MapState>(session.rig, options, Poses::tracked, device, std::move(files));
   MapState& s = *state;
   s.back_end.restore(session.back_end);
-  s.tracker.restore(session.tracker, session.reference);
+  s.tracker.restore(session.tracker);
   s.volume.restore(std::move(read.active), session.residency);
   s.fused_count = session.fused_count;
   s.last_image = session.last_image;

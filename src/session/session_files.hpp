@@ -21,8 +21,7 @@ struct SessionState {
   FuseOptions fuse;
   float min_depth = 0, max_depth = 0;  // metres, see SurfaceOptions
   BackEnd::Memory back_end;
-  Tracker::Memory tracker;
-  PhotometricKeyframe::Saved reference;
+  Tracker::Saved tracker;
   Volume::Residency residency;
   std::uint32_t fused_count = 0;
   std::size_t last_image = 0;

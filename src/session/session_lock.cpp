@@ -2,16 +2,12 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "session/session_lock.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
-#include <cstring>
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
@@ -50,25 +46,6 @@ bool is_the_file_at(int descriptor, const fs::path& file) {
 }
 
 }  // namespace
-
-std::optional<FileLock> FileLock::take(const fs::path& file, Kind kind, bool patient) {
-  const bool makes = kind == Kind::exclusive && !fs::is_directory(file);
-  const int descriptor = open(file.c_str(), (makes ? O_RDWR | O_CREAT : O_RDONLY) | O_CLOEXEC, 0666);
-  if (descriptor < 0) throw std::runtime_error("cannot lock " + file.string() + ": " + std::strerror(errno));
-  FileLock lock(descriptor);
-  int result = 0;
-  do result = flock(descriptor, (kind == Kind::shared ? LOCK_SH : LOCK_EX) | (patient ? 0 : LOCK_NB));
-  while (result != 0 && errno == EINTR);
-  if (result == 0) return lock;
-  if (errno == EWOULDBLOCK) return std::nullopt;
-  if (kind == Kind::shared) return lock;  // there are no locks here, and reading does no harm
-  throw std::runtime_error("cannot lock " + file.string() + ": " + std::strerror(errno) +
-                           "; choose a folder on another disk");
-}
-
-FileLock::~FileLock() {
-  if (descriptor_ >= 0) close(descriptor_);
-}
 
 SessionLock::SessionLock(fs::path session) : session_(std::move(session)) {
   using Clock = std::chrono::steady_clock;

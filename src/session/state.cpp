@@ -30,11 +30,19 @@ concept Of = std::same_as<std::remove_const_t<T>, Struct>;
 
 void fields(auto& io, Of<Eigen::Isometry3d> auto& pose) { io(pose.matrix()); }
 
-void fields(auto& io, Of<Camera> auto& c) { io(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion, c.lens); }
+void fields(auto& io, Of<Camera> auto& c) {
+  io(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion, c.lens, c.readout);
+}
 
 void fields(auto& io, Of<ColourCamera> auto& c) { io(c.camera, c.colour_from_depth); }
 
-void fields(auto& io, Of<Rig> auto& r) { io(r.depth, r.colour); }
+void fields(auto& io, Of<SensorModel> auto& m) {
+  io(m.floor, m.growth, m.sharpest, m.min_depth, m.max_depth, m.weight, m.least_confidence);
+}
+
+void fields(auto& io, Of<Eigen::Quaterniond> auto& q) { io(q.coeffs()); }
+
+void fields(auto& io, Of<Rig> auto& r) { io(r.depth, r.colour, r.sensor, r.camera_from_imu); }
 
 void fields(auto& io, Of<Keyframe> auto& k) {
   io(k.frame, k.timestamp, k.colour_delay, k.submap, k.searched, k.follows, k.odometry_from_camera,
@@ -51,13 +59,20 @@ void fields(auto& io, Of<FusedFrame> auto& f) { io(f.timestamp, f.keyframe, f.tw
 void fields(auto& io, Of<Tracker::Moment> auto& m) { io(m.timestamp, m.submap_from_camera); }
 
 void fields(auto& io, Of<Tracker::Memory> auto& m) {
-  io(m.last, m.usual_brightness, m.lost_frames, m.lost_views, m.clock_offset_costs, m.clock_offset_frames,
-     m.focal_costs, m.focal_pairs);
+  io(m.last, m.last_aligned, m.last_is_weak, m.usual_brightness, m.lost_frames, m.lost_views, m.clock_offset_costs,
+     m.clock_offset_frames, m.focal_costs, m.focal_pairs, m.last_guess, m.guess_error, m.motion_error, m.guesses,
+     m.frames_of_view);
 }
 
 void fields(auto& io, Of<PhotometricKeyframe::Saved> auto& k) {
   io(k.submap_from_camera, k.moment.velocity, k.moment.stamp_delay, k.moment.clock_offset, k.levels);
 }
+
+void fields(auto& io, Of<AngularRate> auto& r) { io(r.timestamp, r.rate); }
+
+void fields(auto& io, Of<Gyroscope::Memory> auto& m) { io(m.samples, m.count, m.imu, m.camera, m.camera_imu); }
+
+void fields(auto& io, Of<Raycaster::Saved> auto& p) { io(p.submap_from_camera, p.points); }
 
 void fields(auto& io, Of<Volume::Residency> auto& r) {
   io(r.origin, r.on_device, r.on_host, r.device_last_seen, r.host_last_seen, r.counts.allocated, r.counts.paged_out,
@@ -79,8 +94,10 @@ void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& ne
   io("submaps", m.submaps);
   io("tracked_from_camera", m.tracked_from_camera);
   io("back_end", m.searched, m.submap_begin, m.submap_since, m.in_world, m.breaks, m.unsettled, m.optimising);
-  io("tracker", s.tracker);
-  io("photometric_keyframe", s.reference);
+  io("tracker", s.tracker.memory);
+  io("photometric_keyframe", s.tracker.reference);
+  io("prediction", s.tracker.prediction);
+  io("gyroscope", s.tracker.gyroscope);
   io("residency", s.residency);
   io("mapper", s.fused_count, s.last_image, s.repeats, s.last_fused, s.acceleration);
   io("number", s.number);

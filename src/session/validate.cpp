@@ -79,10 +79,12 @@ void validate(const Tracker::Memory& t, std::size_t frames) {
     require_numbers({moment.timestamp});
     require_rigid(moment.submap_from_camera);
   }
-  require_numbers({t.usual_brightness});
+  require_numbers({t.usual_brightness, t.last_aligned, t.guess_error, t.motion_error});
+  if (t.last_guess) require_numbers(t.last_guess->matrix());
   for (const double cost : t.clock_offset_costs) require_numbers({cost});
   for (const double cost : t.focal_costs) require_numbers({cost});
-  require(t.lost_frames >= 0 && t.lost_views >= 0 && t.clock_offset_frames >= 0 && t.focal_pairs >= 0,
+  require(t.lost_frames >= 0 && t.lost_views >= 0 && t.clock_offset_frames >= 0 && t.focal_pairs >= 0 &&
+              t.frames_of_view >= 0,
           "a count is below zero");
 }
 
@@ -107,8 +109,12 @@ void validate(const SessionState& s, std::size_t frames) {
   check(options_of(s));
   require(run_number(s.run).has_value(), "it names no run");
   validate(s.back_end, frames);
-  validate(s.tracker, frames);
-  validate(s.reference);
+  validate(s.tracker.memory, frames);
+  validate(s.tracker.reference);
+  require_rigid(s.tracker.prediction.submap_from_camera);
+  const Gyroscope::Memory& g = s.tracker.gyroscope;
+  require_numbers({g.count, g.imu.sum(), g.camera.sum(), g.camera_imu.sum()});
+  for (const AngularRate& r : g.samples) require_numbers({r.timestamp, r.rate.sum()});
   validate(s.residency);
   require(s.repeats >= 0, "a count is below zero");
   require_numbers({s.last_fused.value_or(0)});

@@ -17,6 +17,7 @@ constexpr int kLeastSide = 16, kMostSide = 4096;  // pixels: three levels of the
 constexpr double kWidest = 1.0 / 20,
                  kNarrowest = 20;         // focal length / larger side: fields of view of 169 and 2.9 degrees
 constexpr double kMostApart = 10;         // metres between the depth and the colour camera
+constexpr double kLongestReadout = 0.2;   // seconds
 constexpr double kMostDistortion = 1000;  // of a coefficient: twenty times those of fisheye-like calibrations
 
 void within(const char* name, double value, double least, double most) {
@@ -84,11 +85,15 @@ void check(const Camera& c) {
   within("cy", c.cy, -c.height, 2.0 * c.height);
   if (c.lens != Lens::brown_conrady && c.lens != Lens::fisheye)
     throw std::runtime_error("the camera's lens is none that is known: brown_conrady or fisheye");
+  within("readout (seconds)", c.readout, 0, kLongestReadout);
   for (const double d : c.distortion) within("distortion", d, -kMostDistortion, kMostDistortion);
 }
 
 void check(const Rig& rig) {
   check(rig.depth);
+  check(rig.sensor);
+  if (rig.camera_from_imu && !(std::abs(rig.camera_from_imu->norm() - 1) <= 1e-3))
+    throw std::runtime_error("camera_from_imu is no rotation: check the extrinsics");
   if (!rig.colour) return;
   try {
     check(rig.colour->camera);

@@ -19,25 +19,24 @@ namespace {
 
 std::uint32_t pixels(const Camera& camera) { return static_cast<std::uint32_t>(camera.width * camera.height); }
 
-Camera rectified(Camera camera) {
-  camera.distortion = {};
-  camera.lens = Lens::brown_conrady;
-  return camera;
-}
-
-shader::ColourView colour_view(const Camera& depth, const ColourCamera& colour) {
+shader::SurfaceColourPush colour_push(const Camera& depth, const ColourCamera& colour) {
   const double pixels_each = colour.camera.fx / depth.fx;  // of colour for one of depth, along a side
-  const auto whole = static_cast<std::uint32_t>(std::clamp(std::lround(pixels_each), 1L, 8L));
-  return {.camera = shader::pinhole(colour.camera),
+  Eigen::Matrix3d ray_of_pixel;
+  ray_of_pixel << 1 / depth.fx, 0, -depth.cx / depth.fx, 0, 1 / depth.fy, -depth.cy / depth.fy, 0, 0, 1;
+  const Eigen::Matrix3f turn = (colour.colour_from_depth.linear() * ray_of_pixel).cast<float>();
+  return {.width = static_cast<std::uint32_t>(depth.width),
+          .height = static_cast<std::uint32_t>(depth.height),
+          .camera = shader::pinhole(colour.camera),
           .lens = shader::lens_bend(colour.camera),
-          .colour_from_depth = shader::rigid(colour.colour_from_depth),
+          .colour_from_depth = {turn.col(0), turn.col(1), turn.col(2),
+                                colour.colour_from_depth.translation().cast<float>()},
           .widest = static_cast<float>(colour.camera.widest_ray()),
-          .cell = std::max(static_cast<std::uint32_t>(std::ceil(pixels_each)), 1u),
-          .mean = whole};
+          .cell = 2 * std::max(static_cast<std::uint32_t>(std::ceil(pixels_each)), 1u),
+          .mean = static_cast<std::uint32_t>(std::clamp(std::lround(pixels_each), 1L, 8L))};
 }
 
 /// Bytes of the depths that are nearest to the colour camera.
-std::uint64_t nearest_bytes(const shader::ColourView& view) {
+std::uint64_t nearest_bytes(const shader::SurfaceColourPush& view) {
   const auto cells = [&](std::uint32_t side) { return std::uint64_t{(side + view.cell - 1) / view.cell}; };
   return 4 * cells(view.camera.width) * cells(view.camera.height);
 }
@@ -57,14 +56,14 @@ Preprocessor::Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOpt
       fusion_(device, 8 * std::uint64_t{pixels(rig.depth)}),
       rectify_(device, "surface_rectify", surface_rectify_comp),
       find_nearest_(device, "surface_nearest", surface_nearest_comp),
-      bring_colour_(device, "surface_colour", surface_colour_comp),
-      filter_(device, "surface_filter", surface_filter_comp),
-      half_(device, "surface_half", surface_half_comp),
-      normals_(device, "surface_normals", surface_normals_comp),
+      bring_colour_(device, "surface_colour", surface_colour_comp, shader::constants_of(rig.sensor)),
+      filter_(device, "surface_filter", surface_filter_comp, shader::constants_of(rig.sensor)),
+      half_(device, "surface_half", surface_half_comp, shader::constants_of(rig.sensor)),
+      normals_(device, "surface_normals", surface_normals_comp, shader::constants_of(rig.sensor)),
       make_intensity_(device, "surface_intensity", surface_intensity_comp),
       pack_(device, "surface_pack", surface_pack_comp) {
   for (int level = 0; level < levels; ++level) {
-    const Camera c = rectified(rig.depth).at_level(level);
+    const Camera c = rig.depth.rectified().at_level(level);
     levels_.push_back({c, gpu::Buffer(device, 8 * std::uint64_t{pixels(c)})});
     smooth_.emplace_back(device, 4 * std::uint64_t{pixels(c)});
     const bool is_used = level >= finest_level;
@@ -72,12 +71,8 @@ Preprocessor::Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOpt
     packed_.emplace_back(device, is_used ? 8 * std::uint64_t{pixels(c)} : 8);
   }
   if (!rig.colour) return;
-  const shader::ColourView view = colour_view(rig.depth, *rig.colour);
-  colour_view_ = gpu::Buffer(device, sizeof view);
-  nearest_ = gpu::Buffer(device, nearest_bytes(view));
-  gpu::Batch batch(device);
-  batch.upload(colour_view_, std::span(&view, 1));
-  batch.run();
+  colour_push_ = colour_push(rig.depth.rectified(), *rig.colour);
+  nearest_ = gpu::Buffer(device, nearest_bytes(colour_push_));
 }
 
 Surface Preprocessor::preprocess(const Frame& frame) {
@@ -118,12 +113,12 @@ Preprocessor::Images Preprocessor::rectify(gpu::Batch& batch, bool has_colour) {
 
 /// `depth` without distortion. What is hidden from the colour camera has no colour; cameras in one place see the same.
 const gpu::Buffer* Preprocessor::bring_colour_to(const gpu::Buffer& depth, gpu::Batch& batch) {
-  const shader::SurfaceColourPush push{shader::pinhole(camera())};
   constexpr std::uint32_t kNothing = 0x7f7fffff;  // bits of the largest float
   batch.fill(nearest_, kNothing);
   if (!rig_.colour->colour_from_depth.translation().isZero())
-    find_nearest_(batch, {pixels(rig_.depth), 1, 1}, push, {&colour_view_, &depth, &nearest_});
-  bring_colour_(batch, {pixels(rig_.depth), 1, 1}, push, {&colour_view_, &depth, &nearest_, &raw_colour_, &colour_});
+    find_nearest_(batch, {colour_push_.width / 2 * ((colour_push_.height + 1) / 2), 1, 1}, colour_push_,
+                  {&depth, &nearest_});
+  bring_colour_(batch, {pixels(rig_.depth), 1, 1}, colour_push_, {&depth, &nearest_, &raw_colour_, &colour_});
   return &colour_;
 }
 

@@ -2,9 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "synth/render.hpp"
 
-#include <algorithm>
 #include <cmath>
-#include <random>
 
 #include "spirv/scene_render.comp.h"
 
@@ -40,6 +38,8 @@ SceneRenderer::SceneRenderer(gpu::Device& device, const Scene& scene, const Came
       cosine_(device, depth_.size()),
       colour_(device, depth_.size()),
       rays_(device, camera.distorted() ? 2 * depth_.size() : 8),
+      rows_(device, camera.readout > 0 ? static_cast<std::uint64_t>(camera.height) * sizeof(shader::Rigid)
+                                       : sizeof(shader::Rigid)),
       render_(device, "scene_render", scene_render_comp) {
   upload(0);
   if (!camera.distorted()) return;
@@ -62,65 +62,34 @@ void SceneRenderer::upload(double seconds) {
   batch.run();
 }
 
-SceneImages SceneRenderer::render(const Eigen::Isometry3d& world_from_camera, double seconds) {
+SceneImages SceneRenderer::render(const PoseAt& world_from_camera, double seconds) {
   if (scene_.moves()) upload(seconds);
   const auto pixels = static_cast<std::size_t>(camera_.width * camera_.height);
-  SceneImages images{std::vector<float>(pixels), std::vector<float>(pixels), std::vector<std::uint32_t>(pixels)};
+  SceneImages images{.depth = std::vector<float>(pixels),
+                     .cosine = std::vector<float>(pixels),
+                     .colour = std::vector<std::uint32_t>(pixels),
+                     .confidence = {}};
   const shader::Pinhole camera = shader::pinhole(camera_);
   gpu::Batch batch(device_);
+  if (camera_.readout > 0) {
+    std::vector<shader::Rigid> rows;
+    rows.reserve(static_cast<std::size_t>(camera_.height));
+    for (int y = 0; y < camera_.height; ++y)
+      rows.push_back(shader::rigid(world_from_camera(seconds + camera_.row_delay(y))));
+    batch.upload(rows_, rows);
+  }
   render_(batch, {camera.width, camera.height, 1},
           {.camera = camera,
-           .world_from_camera = shader::rigid(world_from_camera),
+           .world_from_camera = shader::rigid(world_from_camera(seconds)),
            .solids = solid_count_,
-           .is_bent = camera_.distorted()},
-          {&solids_, &depth_, &cosine_, &colour_, &rays_});
+           .is_bent = camera_.distorted(),
+           .is_rolling = camera_.readout > 0},
+          {&solids_, &depth_, &cosine_, &colour_, &rays_, &rows_});
   batch.download(depth_, images.depth);
   batch.download(cosine_, images.cosine);
   batch.download(colour_, images.colour);
   batch.run();
   return images;
-}
-
-void add_kinect_noise(SceneImages& images, const Camera& camera, std::uint64_t seed, int frame) {
-  constexpr float kBaseline = 0.075f;         // metres
-  constexpr float kLateral = 0.5f;            // pixels, standard deviation
-  constexpr float kDisparityNoise = 0.08f;    // pixels, standard deviation
-  constexpr float kDisparityStep = 0.125f;    // pixels
-  constexpr float kGrazing = 0.15f;           // cosine
-  constexpr float kNear = 0.4f, kFar = 5.0f;  // metres
-  constexpr float kColourNoise = 2.0f;        // grey levels
-  std::mt19937_64 random(seed * 1000003u + static_cast<std::uint64_t>(frame));
-  // Sums of uniform numbers: the same normal-like bits with every standard library, unlike std::normal_distribution.
-  const auto normal = [&] {
-    const std::uint64_t r = random();
-    float sum = 0;
-    for (int i = 0; i < 4; ++i) sum += static_cast<float>((r >> (16 * i)) & 0xffff);
-    return (sum / 65535.0f - 2.0f) * 1.7320508f;
-  };
-  const float bf = kBaseline * static_cast<float>(camera.fx);
-  std::vector<float> noisy(images.depth.size(), 0.0f);
-  for (int y = 0; y < camera.height; ++y) {
-    for (int x = 0; x < camera.width; ++x) {
-      const int sx =
-          std::clamp(static_cast<int>(std::lround(static_cast<float>(x) + kLateral * normal())), 0, camera.width - 1);
-      const int sy =
-          std::clamp(static_cast<int>(std::lround(static_cast<float>(y) + kLateral * normal())), 0, camera.height - 1);
-      const auto at = static_cast<std::size_t>(sy * camera.width + sx);
-      const float z = images.depth[at], noise = kDisparityNoise * normal();
-      if (z < kNear || z > kFar || images.cosine[at] < kGrazing) continue;
-      const float disparity = std::round((bf / z + noise) / kDisparityStep) * kDisparityStep;
-      noisy[static_cast<std::size_t>(y * camera.width + x)] = bf / disparity;
-    }
-  }
-  images.depth = std::move(noisy);
-  for (auto& pixel : images.colour) {
-    const float grain = kColourNoise * normal();
-    std::uint32_t out = 0xff000000u;
-    for (int shift = 0; shift < 24; shift += 8)
-      out |= static_cast<std::uint32_t>(std::clamp(static_cast<float>((pixel >> shift) & 0xff) + grain, 0.0f, 255.0f))
-             << shift;
-    pixel = out;
-  }
 }
 
 struct SceneCamera::State {
@@ -134,6 +103,10 @@ SceneCamera::SceneCamera(const Scene& scene, const Camera& camera, int device)
 SceneCamera::~SceneCamera() = default;
 
 SceneImages SceneCamera::look(const Eigen::Isometry3d& world_from_camera, double seconds) {
+  return state_->renderer.render(world_from_camera, seconds);
+}
+
+SceneImages SceneCamera::look(const PoseAt& world_from_camera, double seconds) {
   return state_->renderer.render(world_from_camera, seconds);
 }
 

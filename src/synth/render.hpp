@@ -15,7 +15,10 @@ namespace cairn {
 class SceneRenderer {
  public:
   SceneRenderer(gpu::Device& device, const Scene& scene, const Camera& camera);
-  [[nodiscard]] SceneImages render(const Eigen::Isometry3d& world_from_camera, double seconds = 0);
+  [[nodiscard]] SceneImages render(const PoseAt& world_from_camera, double seconds);
+  [[nodiscard]] SceneImages render(const Eigen::Isometry3d& world_from_camera, double seconds = 0) {
+    return render([&](double) { return world_from_camera; }, seconds);
+  }
 
  private:
   void upload(double seconds);
@@ -26,6 +29,7 @@ class SceneRenderer {
   std::uint32_t solid_count_;
   gpu::Buffer solids_, depth_, cosine_, colour_;
   gpu::Buffer rays_;  // of a camera with distortion
+  gpu::Buffer rows_;  // world_from_camera by row of a rolling shutter
   gpu::Kernel<shader::SceneRenderPush> render_;
 };
 

@@ -24,6 +24,7 @@ class SyntheticSource final : public Source {
         renderer_(device_, scene_, rig_.depth),
         next_(options.first) {}
   const Rig& rig() const override { return rig_; }
+  std::string layout() const override { return "synthetic scene"; }
   std::optional<int> size() const override { return options_.frames - options_.first; }
 
   std::optional<Frame> next() override {
@@ -32,7 +33,7 @@ class SyntheticSource final : public Source {
     const auto pose = path_.pose(time);
     if (!pose) return std::nullopt;
     auto images = renderer_.render(*pose, time);
-    if (options_.kinect_noise) add_kinect_noise(images, rig_.depth, options_.seed, next_);
+    if (options_.kinect_noise) add_noise(images, rig_.depth, "kinect", options_.seed, next_);
     Frame frame{
         .index = next_++, .timestamp = time, .depth = std::move(images.depth), .colour = std::move(images.colour)};
     frame.acceleration = path_.acceleration(time);
@@ -77,6 +78,14 @@ SyntheticPath::SyntheticPath(Scene scene, Trajectory recorded, double seconds)
 std::optional<Eigen::Isometry3d> SyntheticPath::pose(double seconds) const {
   if (recorded_.empty()) return scene_.world_from_camera(seconds);
   return pose_at(recorded_, recorded_.front().timestamp + seconds, kMaxGap);
+}
+
+Eigen::Vector3d SyntheticPath::angular_rate(double seconds) const {
+  constexpr double kStep = 0.002;  // seconds
+  const auto before = pose(std::max(seconds - kStep, 0.0)), after = pose(seconds + kStep);
+  if (!before || !after) return Eigen::Vector3d::Zero();
+  const Eigen::AngleAxisd turn(before->linear().transpose() * after->linear());
+  return turn.angle() / (seconds + kStep - std::max(seconds - kStep, 0.0)) * turn.axis();
 }
 
 Eigen::Vector3d SyntheticPath::acceleration(double seconds) const {

@@ -63,7 +63,7 @@ TextureViews::TextureViews(Volume& volume, const Rig& rig, const SurfaceOptions&
     : volume_(volume),
       device_(volume.device()),
       max_depth_(options.max_depth),
-      preprocessor_(device_, rig.colour_view(), options, 1, 1),
+      preprocessor_(device_, {rig.colour_view(), rig.sensor}, options, 1, 1),
       in_colour_(rig),
       camera_(preprocessor_.camera()),
       raycaster_(device_, camera_, options, 2, 1),
@@ -72,11 +72,11 @@ TextureViews::TextureViews(Volume& volume, const Rig& rig, const SurfaceOptions&
       get_image_(std::move(get_image)),
       capacity_(std::max<std::size_t>(16, memory / (pixels_of(camera_) * 8 + pixels_of(camera_) / 4))),
       slot_(keyframes_.size(), -1),
-      prepare_(device_, "texture_prepare", texture_prepare_comp),
+      prepare_(device_, "texture_prepare", texture_prepare_comp, shader::constants_of(rig.sensor)),
       blur_(device_, "texture_blur", texture_blur_comp),
-      select_(device_, "texture_select", texture_select_comp),
-      blend_(device_, "texture_blend", texture_blend_comp),
-      sample_(device_, "texture_sample", texture_sample_comp),
+      select_(device_, "texture_select", texture_select_comp, shader::constants_of(rig.sensor)),
+      blend_(device_, "texture_blend", texture_blend_comp, shader::constants_of(rig.sensor)),
+      sample_(device_, "texture_sample", texture_sample_comp, shader::constants_of(rig.sensor)),
       sample_view_(device_, sizeof(shader::TextureView)) {
   const Eigen::Isometry3d depth_from_colour = rig.depth_from_colour();
   for (TextureKeyframe& k : keyframes_) {  // from here on they are the colour camera's

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "shaders/noise.h"
 #include "spirv/icp_reduce.comp.h"
 #include "spirv/photometric_reduce.comp.h"
 
@@ -252,7 +253,7 @@ Eigen::Isometry3d PhotometricKeyframe::submap_from_colour(double clock_offset) c
   return submap_from_camera_ * retract(moment_.velocity * (moment_.stamp_delay - clock_offset));
 }
 
-Aligner::Aligner(gpu::Device& device, const TrackOptions& options)
+Aligner::Aligner(gpu::Device& device, const TrackOptions& options, const SensorModel& sensor)
     : device_(device),
       options_(options),
       geometry_parts_(std::max(1u, kWorkgroup / std::max(1u, device.info().subgroup_size))),
@@ -260,7 +261,7 @@ Aligner::Aligner(gpu::Device& device, const TrackOptions& options)
       geometry_sums_(device, kMaxSums * sizeof(shader::IcpSums)),
       crossed_sums_(device, kMaxSums * sizeof(shader::IcpSums)),
       photometric_sums_(device, kMaxSums * sizeof(shader::PhotometricSums)),
-      icp_(device, "icp_reduce", icp_reduce_comp),
+      icp_(device, "icp_reduce", icp_reduce_comp, shader::constants_of(sensor)),
       photometric_(device, "photometric_reduce", photometric_reduce_comp) {}
 
 shader::PhotometricReducePush Aligner::photometric_push(const Camera& camera, const PhotometricKeyframe& keyframe,

@@ -9,6 +9,7 @@
 #include "cairn/options.hpp"
 #include "cairn/pose.hpp"
 #include "cairn/reports.hpp"
+#include "cairn/sensor_model.hpp"
 #include "gpu/kernel.hpp"
 #include "shaders/track.h"
 #include "surface/prediction.hpp"
@@ -77,7 +78,7 @@ class PhotometricKeyframe {
 /// 2016).
 class Aligner {
  public:
-  Aligner(gpu::Device& device, const TrackOptions& options);
+  Aligner(gpu::Device& device, const TrackOptions& options, const SensorModel& sensor = {});
   /// `keyframe` may be null or not set: geometry alone.
   [[nodiscard]] Alignment align(const Surface& live, const SurfacePrediction& model, const Eigen::Isometry3d& guess,
                                 const PhotometricKeyframe* keyframe = nullptr, const ColourMoment& moment = {},

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "shaders/noise.h"
 #include "spirv/brick_free.comp.h"
 #include "spirv/brick_mark.comp.h"
 #include "spirv/brick_select.comp.h"
@@ -44,7 +45,8 @@ std::vector<Brick> collect(gpu::Batch& batch, const gpu::Buffer& count, const gp
 
 }  // namespace
 
-Integrator::Integrator(gpu::Device& device, const Camera& camera, const SurfaceOptions& options)
+Integrator::Integrator(gpu::Device& device, const Camera& camera, const SurfaceOptions& options,
+                       const SensorModel& sensor)
     : device_(device),
       camera_(camera),
       options_(options),
@@ -58,7 +60,7 @@ Integrator::Integrator(gpu::Device& device, const Camera& camera, const SurfaceO
       mark_(device, "brick_mark", brick_mark_comp),
       free_(device, "brick_free", brick_free_comp),
       select_(device, "brick_select", brick_select_comp),
-      integrate_(device, "tsdf_integrate", tsdf_integrate_comp) {}
+      integrate_(device, "tsdf_integrate", tsdf_integrate_comp, shader::constants_of(sensor)) {}
 
 Fused Integrator::integrate(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, Volume& volume,
                             std::uint32_t fused_count) {

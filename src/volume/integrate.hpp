@@ -3,6 +3,7 @@
 #pragma once
 #include <Eigen/Geometry>
 
+#include "cairn/sensor_model.hpp"
 #include "surface/surface.hpp"
 #include "volume/volume.hpp"
 
@@ -18,7 +19,7 @@ struct Fused {
 /// Allocates the bricks of a frame's truncation band and fuses the frame into all bricks that it sees.
 class Integrator {
  public:
-  Integrator(gpu::Device& device, const Camera& camera, const SurfaceOptions& options);
+  Integrator(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, const SensorModel& sensor = {});
   /// `fused_count` counts fused frames from 1. Moves the volume's window to the camera.
   Fused integrate(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, Volume& volume,
                   std::uint32_t fused_count);

@@ -42,6 +42,12 @@ SurfacePrediction Raycaster::raycast(const Volume& volume, const Eigen::Isometry
   raycast_(batch, {camera.width, camera.height, 1},
            {.volume = volume.view(), .camera = camera, .submap_from_camera = pose},
            {&volume.page_table(), &nearest_, &farthest_, &levels_[0].points});
+  halve(batch);
+  batch.run();
+  return view_from(submap_from_camera);
+}
+
+void Raycaster::halve(gpu::Batch& batch) {
   for (std::size_t i = 1; i < levels_.size(); ++i) {
     const Camera& c = levels_[i].camera;
     half_(batch, {static_cast<std::uint32_t>(c.width * c.height), 1, 1},
@@ -50,11 +56,32 @@ SurfacePrediction Raycaster::raycast(const Volume& volume, const Eigen::Isometry
            .fine_width = static_cast<std::uint32_t>(levels_[i - 1].camera.width)},
           {&levels_[i - 1].points, &levels_[i].points});
   }
-  batch.run();
+}
+
+SurfacePrediction Raycaster::view_from(const Eigen::Isometry3d& submap_from_camera) const {
   SurfacePrediction view{.submap_from_camera = submap_from_camera,
                          .levels = std::vector<const VertexNormalMap*>(static_cast<std::size_t>(finest_), nullptr)};
   for (const auto& level : levels_) view.levels.push_back(&level);
   return view;
+}
+
+Raycaster::Saved Raycaster::save(const SurfacePrediction& view) const {
+  Saved saved{.submap_from_camera = view.submap_from_camera, .points = {}};
+  if (view.levels.empty()) return saved;
+  saved.points.resize(levels_[0].points.size() / 4);
+  gpu::Batch batch(device_);
+  batch.download(levels_[0].points, std::span(saved.points));
+  batch.run();
+  return saved;
+}
+
+SurfacePrediction Raycaster::restore(const Saved& saved) {
+  if (saved.points.size() * 4 != levels_[0].points.size()) return {};
+  gpu::Batch batch(device_);
+  batch.upload(levels_[0].points, saved.points);
+  halve(batch);
+  batch.run();
+  return view_from(saved.submap_from_camera);
 }
 
 }  // namespace cairn

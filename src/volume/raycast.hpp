@@ -16,7 +16,20 @@ class Raycaster {
   Raycaster(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels, int finest_level);
   [[nodiscard]] SurfacePrediction raycast(const Volume& volume, const Eigen::Isometry3d& submap_from_camera);
 
+  /// A prediction, to go on with later; `points` empty: none.
+  struct Saved {
+    Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
+    std::vector<std::uint32_t> points;  // of the finest level
+  };
+  /// The last prediction, if `view` is it.
+  [[nodiscard]] Saved save(const SurfacePrediction& view) const;
+  /// Without levels where none was saved, or of another size.
+  [[nodiscard]] SurfacePrediction restore(const Saved& saved);
+
  private:
+  void halve(gpu::Batch& batch);
+  [[nodiscard]] SurfacePrediction view_from(const Eigen::Isometry3d& submap_from_camera) const;
+
   gpu::Device& device_;
   SurfaceOptions options_;
   int finest_;

@@ -79,5 +79,32 @@ TEST(WriteWhole, NamesTheFolderThatIsMissing) {
   EXPECT_NE(error_of([&] { write_whole(folder / "no" / "a.txt", "text"); }).find("cannot write"), std::string::npos);
 }
 
+TEST(WriteFolder, TakesItsPlaceWhenItIsWhole) {
+  const TemporaryFolder above;
+  const fs::path folder = above / "a";
+  const auto write = [](const char* text) { return [=](const fs::path& part) { write_text(part / "mark", text); }; };
+  write_folder(folder, write("first"));
+  EXPECT_EQ(read_bytes(folder / "mark"), "first");
+  EXPECT_NE(error_of([&] { write_folder(folder, write("second")); }).find("holds something else"), std::string::npos);
+  EXPECT_NE(error_of([&] { write_folder(folder, write("second"), "other"); }).find("choose another"),
+            std::string::npos);
+  EXPECT_EQ(error_of([&] {
+              write_folder(
+                  folder,
+                  [&](const fs::path& part) {
+                    write("second")(part);
+                    throw std::runtime_error("something went wrong");
+                  },
+                  "mark");
+            }),
+            "something went wrong");
+  EXPECT_EQ(read_bytes(folder / "mark"), "first");
+  write_folder(folder, write("second"), "mark");
+  EXPECT_EQ(read_bytes(folder / "mark"), "second");
+  EXPECT_EQ(std::distance(fs::directory_iterator(above.path()), {}), 1);
+  EXPECT_NE(error_of([&] { write_folder("/proc/self/a", write("")); }).find("cannot write /proc/self/a: "),
+            std::string::npos);
+}
+
 }  // namespace
 }  // namespace cairn

@@ -41,7 +41,7 @@ struct Room {
     for (int i = 0; i < kFrames; ++i) {
       const Eigen::Isometry3d pose = scene.world_from_camera(i / 12.0);
       auto images = renderer.render(pose);
-      add_kinect_noise(images, camera, 1, i);
+      add_noise(images, camera, "kinect", 1, i);
       const Frame frame{.depth = std::move(images.depth), .colour = std::move(images.colour)};
       integrator.integrate(preprocessor.preprocess(frame), pose, volume, static_cast<std::uint32_t>(i + 1));
     }

@@ -36,7 +36,7 @@ struct Bench {
     for (int i = 0; i < 30; i += 3) {
       pose = scene.world_from_camera(i / 30.0);
       auto images = renderer.render(pose);
-      add_kinect_noise(images, camera, 1, i);
+      add_noise(images, camera, "kinect", 1, i);
       frame.depth = std::move(images.depth);
       frame.colour = std::move(images.colour);
       integrator.integrate(preprocessor.preprocess(frame), pose, volume, ++fused_count);

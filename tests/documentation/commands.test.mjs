@@ -64,7 +64,7 @@ function run(...args) {
 before(() => {
   mkdirSync(kept);
   mkdirSync(join(work, 'build/release/tests'), { recursive: true });
-  mkdirSync(join(work, 'assets'));
+  cpSync(join(source, 'assets/cameras'), join(work, 'assets/cameras'), { recursive: true });
   const keep = (name) => join(kept, name);
   // Long enough for maps that can be joined; most lines need less.
   run('synth', 'room', '-o', keep('long'), '--frames', '20', '--width', '320');
@@ -88,6 +88,7 @@ before(() => {
   inputs['groundtruth.txt'] = inputs['rgbd_dataset_freiburg2_desk/groundtruth.txt'] = keep('captured.txt');
 
   cpSync(keep('recording/camera.yaml'), join(work, 'camera.yaml'));
+  cpSync(keep('captured.txt'), keep('data/tum_fr1_rpy_400/groundtruth.txt'), { recursive: true });
 
   // cairn, but with few and small frames, large voxels, and on a port that is free.
   writeFileSync(join(work, 'build/release/cairn'), `#!/usr/bin/env bash
@@ -123,7 +124,7 @@ async function execute(line) {
   const process_ = spawn('bash', ['-c', line], {
     cwd: work, detached: true, stdio: ['ignore', 'ignore', 'pipe'],
     env: {
-      ...process.env, cairn: 'build/release/cairn',
+      ...process.env, cairn: 'build/release/cairn', data: join(kept, 'data'), name: 'phone',
       PATH: `${join(work, 'build/release')}:${join(work, 'build/release/tests')}:${process.env.PATH}`,
       ...(line.includes('openni:') && { LD_LIBRARY_PATH: join(build, 'tests/openni'), CAIRN_SENSOR: '' }),
     },
@@ -178,7 +179,7 @@ test('every reason stands for a line that is there', () => {
 test('every option that is named is one', () => {
   const help = (...args) => spawnSync(cairn, [...args, '--help'], { encoding: 'utf8' }).stdout;
   const subcommands = ['reconstruct', 'export', 'live', 'record', 'view', 'synth', 'esdf', 'merge', 'devices',
-    'evaluate', 'graph', 'info', 'calibrate'].map((name) => [name]);
+    'evaluate', 'graph', 'info', 'calibrate', 'convert'].map((name) => [name]);
   for (const name of ['trajectory', 'mesh', 'views', 'topology', 'distances', 'loops']) subcommands.push(['evaluate', name]);
   subcommands.push(['graph', 'optimise']);
   const known = new Set([...help(), ...subcommands.map((words) => help(...words))].join('').match(/--[a-z][a-z-]*/g));

@@ -21,7 +21,8 @@ constexpr double kWrong = 0.05;  // metres; a pose farther than this from the tr
 struct Outcome {
   std::vector<FrameReport> reports;
   int fused = 0, wrong = 0;
-  double rmse = 0;  // metres, of the fused frames, the first one's pose being true
+  double last_error = 0;  // metres
+  double rmse = 0;        // metres, of the fused frames, the first one's pose being true
   std::size_t places = 0;
 };
 
@@ -29,12 +30,28 @@ using Path = std::function<Eigen::Isometry3d(double seconds)>;
 using Spoil = std::function<void(int index, Frame&)>;
 using Sees = std::function<bool(int index)>;
 
+/// What a phone's gyroscope measures along a path between two times, at 200 Hz: noise and a bias of 0.5 degrees/s.
+std::vector<AngularRate> gyroscope(const Path& path, double since, double until) {
+  constexpr double kStep = 0.005, kNoise = 0.0017;  // seconds; rad/s, in turn up and down
+  static const Eigen::Vector3d bias(0.006, -0.005, 0.004);
+  std::vector<AngularRate> samples;
+  for (auto n = static_cast<int>(std::floor(since / kStep)) + 1; n * kStep <= until; ++n) {
+    const double t = n * kStep;
+    const Eigen::AngleAxisd turn((path(t - 0.5 * kStep).inverse() * path(t + 0.5 * kStep)).linear());
+    samples.push_back(
+        {t, turn.angle() / kStep * turn.axis() + bias + Eigen::Vector3d::Constant(n % 2 == 0 ? kNoise : -kNoise)});
+  }
+  return samples;
+}
+
 /// Every `step`th of the frames; where the camera `sees` nothing they are black.
 Outcome run(const Scene& scene, int frames, const Path& path, const Spoil& spoil = {}, const Sees& sees = {},
-            int step = 1) {
+            int step = 1, bool has_gyroscope = false) {
   const Camera camera = synthetic_camera();
   SceneRenderer renderer(test_device(), scene, camera);
-  Mapper mapper(camera);
+  Rig rig = camera;
+  if (has_gyroscope) rig.camera_from_imu = Eigen::Quaterniond::Identity();
+  Mapper mapper(rig);
   Outcome outcome;
   std::optional<Eigen::Isometry3d> start;
   double squared = 0;
@@ -44,26 +61,28 @@ Outcome run(const Scene& scene, int frames, const Path& path, const Spoil& spoil
     Frame frame{.index = i, .timestamp = time};
     if (!sees || sees(i)) {
       auto images = renderer.render(truth, time);
-      add_kinect_noise(images, camera, 1, i);
+      add_noise(images, camera, "kinect", 1, i);
       frame.depth = std::move(images.depth), frame.colour = std::move(images.colour);
     } else {
       const std::size_t pixels = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
       frame.depth.assign(pixels, 0.0f), frame.colour.assign(pixels, 0xff000000u);
     }
+    if (has_gyroscope) frame.gyro = gyroscope(path, (i - step) / 30.0, time);
     if (spoil) spoil(i, frame);
     if (!start) start = truth;
     outcome.reports.push_back(mapper.add(frame));
     if (outcome.reports.back().state != FrameState::fused) continue;
     const Eigen::Isometry3d found = *start * mapper.trajectory().back().world_from_camera;
     const double error = (found.translation() - truth.translation()).norm();
+    outcome.last_error = error;
     ++outcome.fused;
     outcome.wrong += error > kWrong;
     squared += error * error;
   }
   outcome.rmse = std::sqrt(squared / std::max(outcome.fused, 1));
   ::testing::Test::RecordProperty("rmse_mm", std::to_string(1000 * outcome.rmse));
-  std::printf("%d of %zu frames fused, %d wrong, RMSE %.1f mm\n", outcome.fused, outcome.reports.size(), outcome.wrong,
-              1000 * outcome.rmse);
+  std::printf("%d of %zu frames fused, %d wrong, RMSE %.1f mm, %.1f mm at the end\n", outcome.fused,
+              outcome.reports.size(), outcome.wrong, 1000 * outcome.rmse, 1000 * outcome.last_error);
   return outcome;
 }
 
@@ -89,6 +108,79 @@ TEST(Robustness, WhipPan) {
   EXPECT_EQ(o.wrong, 0);
   EXPECT_LE(frames_until_found(o, 31), 10);
   EXPECT_LE(o.rmse, 0.01);
+}
+
+TEST(Robustness, AGyroscopeCarriesThroughAWhipPanInTheDark) {
+  // 150 degrees in half a second; the middle five frames are black.
+  const auto pan = [](double t) {
+    const double turned = std::clamp((t - 0.5) / 0.5, 0.0, 1.0) * 150 * std::numbers::pi / 180;
+    return along(std::min(t, 0.5) + std::max(0.0, t - 1.0)) * Eigen::AngleAxisd(turned, Eigen::Vector3d::UnitY());
+  };
+  const auto o = run(
+      room(), 60, pan, {}, [](int i) { return i < 20 || i >= 25; }, 1, true);
+  EXPECT_EQ(o.wrong, 0);
+  EXPECT_EQ(o.fused, 55);
+  EXPECT_EQ(frames_until_found(o, 25), 0);
+  EXPECT_LE(o.last_error, 0.01);
+}
+
+TEST(Robustness, AGyroscopeCarriesAlongABareWall) {
+  // From furniture the camera turns to a wall without any texture, sways before it for two seconds, and turns back.
+  Scene scene{.name = "bare wall"};
+  scene.solids.push_back(
+      {.shape = Scene::Shape::box, .centre = {0, 0, 2}, .half_size = {6, 4, 0.5f}, .colour = {9, 9, 9}});
+  scene.solids.push_back({.shape = Scene::Shape::box,
+                          .centre = {-2.3f, 0, 0},
+                          .half_size = {0.5f, 4, 6},
+                          .pattern = Scene::Pattern::patches});
+  for (int k = 0; k < 6; ++k)
+    scene.solids.push_back(
+        {.shape = Scene::Shape::box,
+         .centre = {-1.5f, 0.7f - 0.3f * static_cast<float>(k), -0.8f + 0.3f * static_cast<float>(k)},
+         .half_size = {0.2f, 0.12f, 0.15f},
+         .pattern = Scene::Pattern::checker});
+  const auto path = [](double t) {
+    // Wall alone is seen while the camera looks less than 20 degrees beside its normal.
+    const double turned = t < 1 ? 0.0 : t < 2.5 ? (t - 1) / 1.5 : t < 4.5 ? 1.0 : t < 6 ? 1 - (t - 4.5) / 1.5 : 0.0;
+    const double smooth = turned * turned * (3 - 2 * turned);
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.translation() = Eigen::Vector3d(0.02 * std::sin(2.1 * t), 0.015 * std::sin(2.9 * t), 0.01 * std::sin(1.7 * t));
+    pose.rotate(Eigen::AngleAxisd((smooth - 1) * 80 * std::numbers::pi / 180, Eigen::Vector3d::UnitY()));
+    pose.rotate(Eigen::AngleAxisd(0.05 * std::sin(2.3 * t), Eigen::Vector3d::UnitZ()));
+    return pose;
+  };
+  const auto o = run(scene, 200, path, {}, {}, 1, true);
+  EXPECT_EQ(o.wrong, 0);
+  EXPECT_LE(o.last_error, 0.02);
+}
+
+/// The camera's true steps in another world, with an odometry's drift of half a per cent.
+Spoil guessed_along(const Path& path) {
+  return [path](int i, Frame& frame) {
+    const Eigen::Isometry3d elsewhere(Eigen::Translation3d(3, -1, 2) *
+                                      Eigen::AngleAxisd(1.2, Eigen::Vector3d::UnitY()));
+    Eigen::Isometry3d pose = path(i / 30.0);
+    pose.translation() *= 1.005;
+    frame.guess = elsewhere * pose;
+  };
+}
+
+TEST(Robustness, AGuessCarriesThroughTheDark) {
+  // A second of darkness, in which the camera goes on along its way.
+  const auto o = run(room(), 90, along, guessed_along(along), [](int i) { return i < 30 || i >= 60; });
+  EXPECT_EQ(o.wrong, 0);
+  EXPECT_EQ(frames_until_found(o, 60), 0);
+  EXPECT_EQ(o.fused, 60);
+  EXPECT_LE(o.rmse, 0.01);
+}
+
+TEST(Robustness, AWrongGuessIsNotWorseThanNone) {
+  const auto backwards = [](double t) { return along(3 - t).inverse(); };
+  const auto none = run(room(), 60, along);
+  const auto wrong = run(room(), 60, along, guessed_along(backwards));
+  EXPECT_EQ(wrong.wrong, 0);
+  EXPECT_EQ(wrong.fused, 60);
+  EXPECT_LE(wrong.rmse, 1.05 * none.rmse);
 }
 
 TEST(Robustness, Kidnapped) {
@@ -211,7 +303,7 @@ TEST(Robustness, LostForLongItBeginsAnotherPieceAndJoinsItByALoop) {
   for (std::size_t i = 0; i < way.size(); ++i) {
     truth.push_back({static_cast<double>(i) / 10.0, scene.world_from_camera(way[i])});
     auto images = renderer.render(truth.back().world_from_camera);
-    add_kinect_noise(images, camera, 1, static_cast<int>(i));
+    add_noise(images, camera, "kinect", 1, static_cast<int>(i));
     const FrameReport report = mapper.add({.index = static_cast<int>(i),
                                            .timestamp = truth.back().timestamp,
                                            .depth = std::move(images.depth),

@@ -12,6 +12,8 @@
 #include "mesh/formats.hpp"
 #include "mesh/gltf.hpp"
 #include "session/session_files.hpp"
+#include "support/ros_files.hpp"
+#include "support/zips.hpp"
 #ifdef CAIRN_VIDEO
 #include "support/videos.hpp"
 #endif
@@ -179,13 +181,13 @@ void write_sessions(const fs::path& folder, const fs::path& work) {
     atlas.world_from_camera.push_back(pose);
     atlas.frames.push_back({.timestamp = time, .keyframe = static_cast<std::uint32_t>(atlas.keyframes.size() - 1)});
     session.back_end.tracked_from_camera.emplace_back(pose);
-    session.tracker.last.push_back({.timestamp = time, .submap_from_camera = pose});
+    session.tracker.memory.last.push_back({.timestamp = time, .submap_from_camera = pose});
   }
-  session.tracker.last.resize(2);
+  session.tracker.memory.last.resize(2);
   atlas.loops.push_back({.edge = {.i = 0, .j = 2}, .corners = 20});
   atlas.recordings = {2};
   session.back_end.submaps = {true};
-  session.reference.levels = {{1, 2, 3, 4}, {5}};
+  session.tracker.reference.levels = {{1, 2, 3, 4}, {5}};
   session.residency.on_device = {Brick(1, 2, 3)};
   session.residency.device_last_seen = {1};
   BrickTree tree;
@@ -261,7 +263,8 @@ void write_videos(const fs::path& folder) {
   video << std::ifstream(mp4, std::ios::binary).rdbuf();
   put(mp4,
       "@camera_matrix.csv\n50, 0, 32\n0, 50, 24\n0, 0, 1\n@odometry.csv\ntimestamp, frame, x, y, z, qx, qy, qz, qw\n"
-      "1, 000000, 0, 0, 0, 0, 0, 0, 1\n1.1, 000001, 0, 0.5, 0, 0, 0, 0, 1\n@rgb.mp4\n" +
+      "1, 000000, 0, 0, 0, 0, 0, 0, 1\n1.1, 000001, 0, 0.5, 0, 0, 0, 0, 1\n"
+      "@imu.csv\ntimestamp, a_x, a_y, a_z, alpha_x, alpha_y, alpha_z\n1.05, 0, 0, -9.81, 0.1, 0, 0\n@rgb.mp4\n" +
           video.str());
 }
 #endif
@@ -282,6 +285,48 @@ void write_sens(const fs::path& folder) {
   put(place(folder, "sens", "raw"), file(0, std::string(512, 'd')));
   put(place(folder, "sens", "zlib"),
       file(1, std::string("\x78\x9c\x4b\x49\x19\x05\x23\x19\x00\x00\x71\xb8\xc8\x01", 14)));
+}
+
+/// Two frames of 16x16 pixels with all that a recording of ROS can tell, in each container.
+void write_ros(const fs::path& folder) {
+  const Camera camera{.width = 16, .height = 16, .fx = 16, .fy = 16, .cx = 8, .cy = 8};
+  const auto messages = [&](ros::Wire wire) {
+    ros::Messages all{
+        {"/tf_static", "tf2_msgs/TFMessage", 1,
+         ros::tf(wire, {{"d", "c", Eigen::Isometry3d::Identity()}, {"d", "i", Eigen::Isometry3d::Identity()}})},
+        {"/d/camera_info", "sensor_msgs/CameraInfo", 1, ros::camera_info(wire, "d", camera, "plumb_bob", {0.1})},
+        {"/c/camera_info", "sensor_msgs/CameraInfo", 1, ros::camera_info(wire, "c", camera, "equidistant", {})}};
+    for (const std::int64_t time : {1'000'000'000, 1'033'000'000}) {
+      all.push_back({"/i", "sensor_msgs/Imu", time, ros::imu(wire, time, "i", {1, 0, 0}, {0, 0, 9.81})});
+      all.push_back({"/d/image", "sensor_msgs/Image", time,
+                     ros::image(wire, {time, "d", 16, 16, "16UC1", std::string(512, 'd'), 2})});
+      all.push_back({"/c/image", "sensor_msgs/Image", time,
+                     ros::image(wire, {time, "c", 16, 16, "mono8", std::string(256, 'c'), 1})});
+    }
+    return all;
+  };
+  const auto bags = messages(ros::Wire::ros1), others = messages(ros::Wire::little);
+  for (const char* packing : {"", "bz2", "lz4"})
+    put(place(folder, "ros", std::string("bag") + packing), ros::bag(bags, {.compression = packing, .per_chunk = 20}));
+  auto rvl = bags;
+  rvl.push_back({"/r", "sensor_msgs/CompressedImage", 1'000'000'000,
+                 ros::compressed_image(ros::Wire::ros1, 1'000'000'000, "d", "16UC1; compressedDepth rvl",
+                                       ros::rvl(std::vector<std::uint16_t>(256, 1000), 16))});
+  put(place(folder, "ros", "bag_rvl"), ros::bag(rvl, {.compression = "", .per_chunk = 20}));
+  for (const char* packing : {"", "lz4", "zstd"})
+    put(place(folder, "ros", std::string("mcap") + packing), ros::mcap(others, "cdr", {.compression = packing}));
+  put(place(folder, "ros", "mcap_big"), ros::mcap(messages(ros::Wire::big), "cdr"));
+  for (const char* packing : {"", "zstd"}) {
+    fs::remove(folder / "ros" / (std::string("db3") + packing));
+    ros::write_db3(place(folder, "ros", std::string("db3") + packing), others,
+                   {.compression = packing, .page_size = 512});
+  }
+}
+
+void write_zips(const fs::path& folder) {
+  write_zip(place(folder, "zip", "scan"),
+            {{"scan/", ""}, {"scan/rgb.txt", std::string(200, 'x')}, {"scan/depth/1.png", "png", true}});
+  write_zip(place(folder, "zip", "refused"), {{"../a", "b", false, true}});
 }
 
 void write_requests(const fs::path& folder) {
@@ -313,6 +358,8 @@ int main(int argc, char** argv) {
   write_sessions(folder, work);
   write_oni(folder);
   write_sens(folder);
+  write_ros(folder);
+  write_zips(folder);
   write_requests(folder);
 #ifdef CAIRN_VIDEO
   write_videos(folder);

@@ -14,11 +14,11 @@ using namespace cairn;
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::array kFiles{"depth.txt",       "rgb.txt",          "camera.yaml",     "accelerometer.txt",
-                            "groundtruth.txt", "associations.txt", "intrinsics.json", "frame-000000.pose.txt",
-                            "calibration.txt", "transforms.json",  "intrinsic.json",  "calibration.yaml",
-                            "poses.txt",       "traj.txt",         "cam_params.json", "rgb.mp4",
-                            "odometry.csv",    "camera_matrix.csv"};
+constexpr std::array kFiles{"depth.txt",       "rgb.txt",           "camera.yaml",     "accelerometer.txt",
+                            "groundtruth.txt", "associations.txt",  "intrinsics.json", "frame-000000.pose.txt",
+                            "calibration.txt", "transforms.json",   "intrinsic.json",  "calibration.yaml",
+                            "poses.txt",       "traj.txt",          "cam_params.json", "rgb.mp4",
+                            "odometry.csv",    "camera_matrix.csv", "imu.csv"};
 
 fs::path recording() {
   static const fs::path made = [] {

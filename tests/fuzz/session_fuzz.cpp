@@ -31,7 +31,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       if (loop.edge.i >= atlas.keyframes.size() || loop.edge.j >= atlas.keyframes.size()) std::abort();
     for (std::size_t i = 0; i < atlas.frames.size(); ++i)
       if (atlas.frames[i].keyframe >= atlas.keyframes.size()) std::abort();
-    for (const auto& level : session.reference.levels) fuzz::touch(level);
+    for (const auto& level : session.tracker.reference.levels) fuzz::touch(level);
   });
   return 0;
 }

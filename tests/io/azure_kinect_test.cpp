@@ -42,6 +42,8 @@ std::string calibration_text(int colour_sensor_height = 3072) {
          camera("PV0", "0.51, 0.52, 0.48, 0.64, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0, 0, 0.004, 0.003", 4096,
                 colour_sensor_height, "0, -1, 0, 1, 0, 0, 0, 0, 1", "-0.032, -0.002, 0.004") +
          R"(], "InertialSensors": [{"SensorType": "CALIBRATION_InertialSensorType_Accelerometer",
+             "Rt": {"Rotation": [0, 0, 1, -1, 0, 0, 0, -1, 0], "Translation": [-0.05, 0.003, 0.001]}},
+             {"SensorType": "CALIBRATION_InertialSensorType_Gyro",
              "Rt": {"Rotation": [0, 0, 1, -1, 0, 0, 0, -1, 0], "Translation": [-0.05, 0.003, 0.001]}}]}})";
 }
 
@@ -81,6 +83,8 @@ std::vector<std::uint32_t> opencv_decoded(const std::vector<std::uint32_t>& colo
 std::string as_inertial_sample(const Eigen::Vector3f& acceleration) {
   std::string bytes(40, '\0');
   std::memcpy(&bytes[8], acceleration.data(), 12);
+  const Eigen::Vector3f rate = 0.1f * acceleration;
+  std::memcpy(&bytes[28], rate.data(), 12);
   return bytes;
 }
 
@@ -164,6 +168,14 @@ TEST(AzureKinect, GivesDepthColourTimesAndGravityAsTheyWereTaken) {
     EXPECT_NEAR(frame->acceleration->y(), -9.81, 1e-6);
     EXPECT_NEAR(frame->acceleration->z(), 0, 0.1);
     EXPECT_NEAR(frame->acceleration->x(), 0, 1e-6);
+    ASSERT_EQ(frame->gyro.size(), i == 0 ? 0u : 9u);
+    for (const AngularRate& sample : frame->gyro) {
+      EXPECT_GT(sample.timestamp, frame->timestamp - 0.1);
+      EXPECT_LE(sample.timestamp, frame->timestamp);
+      const Eigen::Vector3d rate = *source->rig().camera_from_imu * sample.rate;  // turned as the acceleration is
+      EXPECT_NEAR(rate.y(), -0.981, 1e-6);
+      EXPECT_NEAR(std::abs(rate.z()), 0.05, 1e-6);
+    }
   }
   EXPECT_FALSE(source->next());
   EXPECT_FALSE(source->ended_early()) << *source->ended_early();

@@ -142,6 +142,16 @@ TEST(OpenRecording, RefusesWhatIsNoRecordingAndSaysWhy) {
   }
 }
 
+TEST(SevenScenes, FindsTheKinectsColourCameraByItself) {
+  CAIRN_REQUIRE_DATA("7scenes_redkitchen_600");
+  const Rig rig = open_source((data_folder() / "7scenes_redkitchen_600").string())->rig();
+  ASSERT_TRUE(rig.colour);
+  // A Kinect's lenses stand 2.5 cm apart; the focal length of its colour camera is 525 pixels, of ROS' calibrations.
+  EXPECT_NEAR(rig.colour->camera.fx, 525, 5);
+  EXPECT_NEAR(rig.colour->colour_from_depth.translation().x(), -0.025, 0.003);
+  EXPECT_LT(rig.colour->colour_from_depth.translation().tail<2>().norm(), 0.006);
+}
+
 TEST(SevenScenes, Leaves0And65535OutAndStampsAt30Hz) {
   const TemporaryFolder folder;
   for (int i = 0; i < 2; ++i) {

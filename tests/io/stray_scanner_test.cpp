@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <opencv2/imgcodecs.hpp>
 
+#include "cairn/layouts.hpp"
 #include "cairn/source.hpp"
 #include "support/files.hpp"
 #include "support/scenes.hpp"
@@ -77,7 +79,9 @@ void expect_same(const Frame& frame, const Frame& truth) {
   EXPECT_NEAR(frame.timestamp, truth.timestamp, 1e-6);
   EXPECT_EQ(frame.colour_delay, 0);
   ASSERT_EQ(frame.depth.size(), truth.depth.size());
-  for (std::size_t k = 0; k < truth.depth.size(); ++k) ASSERT_NEAR(frame.depth[k], truth.depth[k], 1e-6) << k;
+  ASSERT_EQ(frame.confidence.size(), truth.depth.size());
+  for (std::size_t k = 0; k < truth.depth.size(); ++k)  // what is doubtful is left to whoever knows the sensor
+    ASSERT_NEAR(frame.confidence[k] == 0 ? 0 : frame.depth[k], truth.depth[k], 1e-6) << k;
   ASSERT_EQ(frame.colour.size(), truth.colour.size());
   EXPECT_LT(mean_difference(frame.colour, truth.colour), kVideoError);
 }
@@ -107,6 +111,109 @@ TEST(StrayScanner, ScalesTheVideosCameraToDepth) {
   EXPECT_EQ(rig.colour->camera, kColour);
   EXPECT_TRUE(rig.colour->colour_from_depth.matrix().isIdentity());
   EXPECT_EQ(rig.depth, kColour.at_level(2));
+}
+
+/// What a phone measures that turns as the scan does, ten times from frame to frame: in its own axes (portrait: x to
+/// the right, y up, z out of the screen), or in the camera's.
+std::string motion_of(const Scan& scan, bool in_phones_axes = true) {
+  std::string text = "timestamp, a_x, a_y, a_z, alpha_x, alpha_y, alpha_z\n";
+  for (std::size_t i = 1; i < scan.frames.size(); ++i) {
+    const Eigen::AngleAxisd turn(
+        (scan.frames[i - 1].world_from_camera->inverse() * *scan.frames[i].world_from_camera).linear());
+    const Eigen::Vector3d w = turn.angle() / 0.1 * turn.axis();
+    // The camera's x goes down the phone and its y to the phone's left.
+    const Eigen::Vector3d rate = in_phones_axes ? Eigen::Vector3d(-w.y(), -w.x(), -w.z()) : w;
+    for (int k = 1; k <= 10; ++k)
+      text += fmt::format("{:.6f}, 0, 0, -9.81, {:.12f}, {:.12f}, {:.12f}\n",
+                          scan.frames[i - 1].timestamp + 0.01 * k - 1e-6, rate.x(), rate.y(), rate.z());
+  }
+  return text;
+}
+
+TEST(StrayScanner, ReadsTheGyroscopeAndKnowsItsPlaceWhereTheOdometryAgrees) {
+  const Scan scan;
+  EXPECT_FALSE(scan.open()->rig().camera_from_imu);
+  write_text(scan.folder / "imu.csv", motion_of(scan));
+  const auto source = scan.open();
+  ASSERT_TRUE(source->rig().camera_from_imu);
+  for (std::size_t i = 0; i < scan.frames.size(); ++i) {
+    const auto frame = source->next();
+    ASSERT_TRUE(frame);
+    ASSERT_EQ(frame->gyro.size(), i == 0 ? 0u : 10u);
+    Eigen::Quaterniond turned = Eigen::Quaterniond::Identity();
+    for (const AngularRate& sample : frame->gyro) {
+      const Eigen::Vector3d by = 0.01 * (*source->rig().camera_from_imu * sample.rate);
+      turned = turned * Eigen::AngleAxisd(by.norm(), by.normalized());
+    }
+    const Frame& before = scan.frames[i == 0 ? 0 : i - 1];
+    const Eigen::Isometry3d turn = before.world_from_camera->inverse() * *scan.frames[i].world_from_camera;
+    EXPECT_LT(turned.angularDistance(Eigen::Quaterniond(turn.linear())), 1e-6);
+  }
+  // In other axes it is still there, and its place is found from how the camera moves.
+  write_text(scan.folder / "imu.csv", motion_of(scan, false));
+  EXPECT_FALSE(scan.open()->rig().camera_from_imu);
+  const auto other = scan.open();
+  (void)other->next();
+  EXPECT_EQ(other->next()->gyro.size(), 10u);
+}
+
+TEST(StrayScanner, KeepsTheFramesWhereTheGyroscopeIsDamaged) {
+  const Scan scan;
+  const std::string good = motion_of(scan), header = good.substr(0, good.find('\n') + 1);
+  const auto middle = good.find('\n', good.size() / 2) + 1;
+  const auto expect = [&](const std::string& text, const std::string& what, bool is_used) {
+    SCOPED_TRACE(what);
+    write_text(scan.folder / "imu.csv", text);
+    testing::internal::CaptureStdout();
+    const auto source = scan.open();
+    const std::string said = testing::internal::GetCapturedStdout();
+    EXPECT_NE(said.find((scan.folder / "imu.csv").string() + what), std::string::npos) << said;
+    EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
+    std::size_t samples = 0;
+    for (const Frame& truth : scan.frames) {
+      const auto frame = source->next();
+      ASSERT_TRUE(frame);
+      expect_same(*frame, truth);
+      samples += frame->gyro.size();
+    }
+    EXPECT_EQ(samples > 0, is_used);
+    EXPECT_LT(samples, 50u);
+  };
+  expect("", ": holds no sample; the gyroscope is not used", false);
+  expect("time, x\n1, 2\n", ": its header has no `timestamp`", false);
+  expect(header + "5000.01, 0, 0\n", ":2: has fewer columns than the header; the gyroscope is not used", false);
+  expect(good.substr(0, middle + 20), ":27: has fewer columns than the header; the gyroscope is used up to there",
+         true);
+  expect(good.substr(0, middle) + "5000.3, 0, 0, 0, nan, 0, 0\n" + good.substr(middle), ":27: 'nan' is not a number",
+         true);
+  expect(good.substr(0, middle) + "5000.3, 0, 0, 0, 1, inf, 0\n", ":27: 'inf' is not a number", true);
+  expect(header + "1, 0, 0, 0, 1, 2, 3\n2, 0, 0, 0, 1, 2, 3\n", ": its times are not those of odometry.csv", false);
+}
+
+TEST(StrayScanner, IsWrittenWithItsGyroscope) {
+  const TemporaryFolder folder;
+  Rig rig(small_camera());
+  rig.camera_from_imu = Eigen::Quaterniond(Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitX()));
+  const auto writer = write_layout("stray-scanner", folder.path(), rig);
+  std::vector<Eigen::Vector3d> rates;  // of the camera
+  Eigen::Isometry3d before = Eigen::Isometry3d::Identity();
+  for (int i = 0; i < 4; ++i) {
+    Frame frame = scene_frame(synthetic_scene("room"), small_camera(), 10 * i);
+    frame.timestamp = 0.1 * (i + 1);
+    const Eigen::AngleAxisd turn((before.inverse() * *frame.world_from_camera).linear());
+    rates.push_back(i == 0 ? Eigen::Vector3d::Zero() : Eigen::Vector3d(turn.angle() / 0.1 * turn.axis()));
+    before = *frame.world_from_camera;
+    frame.gyro = {{frame.timestamp - 0.05, rig.camera_from_imu->conjugate() * rates.back()}};
+    writer->add(frame);
+  }
+  writer->finish();
+  const auto source = open_source(folder.path());
+  ASSERT_TRUE(source->rig().camera_from_imu);
+  for (const Eigen::Vector3d& rate : rates) {
+    const auto frame = source->next();
+    ASSERT_TRUE(frame && frame->gyro.size() == 1);
+    EXPECT_TRUE((*source->rig().camera_from_imu * frame->gyro[0].rate).isApprox(rate, 1e-9));
+  }
 }
 
 TEST(StrayScanner, TakesTheOdometryForTheTruth) {

@@ -24,7 +24,7 @@ struct Walk {
     for (int i = 0; i < frames; ++i) {
       truth.push_back(scene.world_from_camera(0.2 * i));
       auto images = renderer.render(truth.back());
-      add_kinect_noise(images, camera, 1, i);
+      add_noise(images, camera, "kinect", 1, i);
       const Frame frame{
           .index = i, .timestamp = 0.2 * i, .depth = std::move(images.depth), .colour = std::move(images.colour)};
       tracked = i == 0 ? truth[0]

@@ -95,11 +95,39 @@ TEST(Tracker, LeavesOutWhatMovesAsSeenFromThePoseThatCounts) {
   const int before = t.raycasts();
   Tracker::Memory memory = t.tracker.memory();
   memory.usual_brightness = 1e-6;  // everything is sudden
-  t.tracker.restore(memory, t.tracker.reference().save());
+  t.tracker.restore({.memory = memory, .reference = t.tracker.save().reference});
   const Tracked doubted = track();
   EXPECT_EQ(doubted.guess, "motion");
   EXPECT_EQ(doubted.moving, usual.moving);
   EXPECT_GT(t.raycasts() - before, 3) << "no other guess was tried";
+}
+
+TEST(Tracker, PredictsTheSurfaceAgainAfterFiveFramesOrWhereTheViewMoved) {
+  Tracking t;
+  t.add_keyframe(t.first, *t.first.world_from_camera);
+  const auto raycasts_of = [&](const Frame& frame, Tracker& tracker) {
+    const int before = t.raycasts();
+    const Surface live = t.preprocessor.preprocess(frame);
+    const Tracked tracked = tracker.track(frame, live, t.volume, t.times);
+    EXPECT_EQ(tracked.state, Tracked::State::aligned) << tracked.reason;
+    return t.raycasts() - before;
+  };
+  const auto still = [&](Tracker& tracker) {
+    std::vector<int> raycasts;
+    for (int i = 0; i < 7; ++i) raycasts.push_back(raycasts_of(t.next, tracker));
+    return raycasts;
+  };
+  EXPECT_EQ(still(t.tracker), (std::vector{1, 0, 0, 0, 0, 1, 0}));
+  // One that goes on with what was saved does and finds the same.
+  Tracker again{test_device(), t.camera, t.camera, t.options, t.keyframes};
+  again.restore(t.tracker.save());
+  EXPECT_EQ(again.save().prediction.points, t.tracker.save().prediction.points);
+  EXPECT_EQ(still(again), still(t.tracker));
+  // A prediction from another place is none of what is seen.
+  Tracker::Saved moved = t.tracker.save();
+  moved.prediction.submap_from_camera.translate(Eigen::Vector3d(0.3, 0, 0));
+  again.restore(moved);
+  EXPECT_GT(raycasts_of(t.next, again), 0);
 }
 
 TEST(Tracker, TakesWhatCoversMuchOfTheImageForNoMovingThing) {
@@ -159,7 +187,7 @@ TEST(Tracker, BelievesAClockOffsetThatEnoughFramesTellClearly) {
     Tracker::Memory memory;
     memory.clock_offset_frames = frames;
     memory.clock_offset_costs = {1, 1, 1, 1, 1, 1, 1, contrast};
-    t.tracker.restore(memory, {});
+    t.tracker.restore({.memory = memory});
     return t.tracker.clock_offset();
   };
   EXPECT_EQ(offset(9, 1.6), 0);
@@ -175,7 +203,7 @@ TEST(Tracker, TellsAFocalLengthFromEnoughPairs) {
     memory.focal_pairs = pairs;
     memory.focal_costs.fill(1);
     memory.focal_costs[6] = 0.5;
-    t.tracker.restore(memory, {});
+    t.tracker.restore({.memory = memory});
     EXPECT_EQ(t.tracker.focal().pairs, pairs < 4 ? 0 : 4);
   }
 }

@@ -87,12 +87,19 @@ TEST(TrackingCriteria, TellWhatStandsStillByBrightness) {
   EXPECT_FALSE(tells_apart(still, moving));
 }
 
-TEST(TrackingCriteria, KnowHowFastAHandMoves) {
+TEST(TrackingCriteria, KnowHowFastHandsRobotsAndDronesMove) {
   constexpr double kSeconds = 1.0 / 30;
-  EXPECT_TRUE(is_hand_motion(moved(kBelow * kMaxSpeed * kSeconds, 0), kSeconds));
-  EXPECT_FALSE(is_hand_motion(moved(kAbove * kMaxSpeed * kSeconds, 0), kSeconds));
-  EXPECT_TRUE(is_hand_motion(moved(0, kBelow * kMaxTurn * kSeconds), kSeconds));
-  EXPECT_FALSE(is_hand_motion(moved(0, kAbove * kMaxTurn * kSeconds), kSeconds));
+  for (const char* who : {"hand", "robot", "drone"}) {
+    const MotionOptions most = motion_of(who);
+    const double step = static_cast<double>(most.max_speed) * kSeconds,
+                 turn = static_cast<double>(most.max_turn) * kSeconds;
+    EXPECT_TRUE(is_possible(moved(kBelow * step, 0), kSeconds, most)) << who;
+    EXPECT_FALSE(is_possible(moved(kAbove * step, 0), kSeconds, most)) << who;
+    EXPECT_TRUE(is_possible(moved(0, kBelow * turn), kSeconds, most)) << who;
+    EXPECT_FALSE(is_possible(moved(0, kAbove * turn), kSeconds, most)) << who;
+  }
+  EXPECT_GT(motion_of("drone").max_speed, motion_of("hand").max_speed);
+  EXPECT_THROW((void)motion_of("fish"), std::runtime_error);
 }
 
 TEST(TrackingCriteria, AskMoreOfAPoseThatIsFoundAfterALoss) {

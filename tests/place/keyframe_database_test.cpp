@@ -25,7 +25,7 @@ struct Around {
       aside << 0.03, -0.1, 0.05, 0.12, -0.05, 0.08;
       for (const bool second : {false, true}) {
         auto images = renderer.render(second ? pose * retract(aside) : pose);
-        add_kinect_noise(images, camera, second ? 2 : 1, i);
+        add_noise(images, camera, "kinect", second ? 2 : 1, i);
         if (!colour) images.colour.clear();
         Features features = extract_features(images.colour, images.depth, camera);
         if (second)

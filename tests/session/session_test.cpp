@@ -29,7 +29,7 @@ SessionState small_session() {
     atlas.world_from_camera.push_back(Eigen::Isometry3d::Identity());
     atlas.add_frame(0.1 * i, Eigen::Isometry3d::Identity());
     s.back_end.tracked_from_camera.emplace_back(Eigen::Isometry3d::Identity());
-    s.tracker.last.push_back({0.1 * i, Eigen::Isometry3d::Identity()});
+    s.tracker.memory.last.push_back({0.1 * i, Eigen::Isometry3d::Identity()});
   }
   atlas.loops.push_back({.edge = {.i = 0, .j = 1, .is_loop_closure = true}});
   s.back_end.submaps = {false};
@@ -72,8 +72,8 @@ TEST(SessionFiles, HaveTheSameBytesWhenTheyAreReadAndWrittenAgain) {
   s.back_end.atlas.keyframes[1].acceleration = Eigen::Vector3d(1, 2, 3);
   s.back_end.atlas.recordings = {1};
   s.back_end.submaps = {true, false};
-  s.tracker.focal_costs[1] = 0.5;
-  s.reference.levels = {{1, 2, 3}, {}};
+  s.tracker.memory.focal_costs[1] = 0.5;
+  s.tracker.reference.levels = {{1, 2, 3}, {}};
   s.residency.on_host = {{4, 5, 6}, {-7, 8, 9}};
   s.residency.host_last_seen = {1, 2};
   s.last_fused = 0.1;
@@ -85,7 +85,7 @@ TEST(SessionFiles, HaveTheSameBytesWhenTheyAreReadAndWrittenAgain) {
   EXPECT_EQ(read.session.back_end.atlas.keyframes[0].acceleration, std::nullopt);
   EXPECT_EQ(read.session.back_end.atlas.keyframes[1].acceleration, Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(read.session.back_end.submaps, s.back_end.submaps);
-  EXPECT_EQ(read.session.reference.levels, s.reference.levels);
+  EXPECT_EQ(read.session.tracker.reference.levels, s.tracker.reference.levels);
   EXPECT_EQ(read.session.residency.on_host, s.residency.on_host);
   EXPECT_EQ(read.session.last_fused, 0.1);
 }
@@ -125,12 +125,14 @@ TEST(SessionFiles, WithNumbersOfWhatDoesNotExistAreDamaged) {
       [](SessionState& s) { s.back_end.submap_begin = 3; },
       [](SessionState& s) { s.back_end.tracked_from_camera.pop_back(); },
       [&](SessionState& s) { s.back_end.tracked_from_camera[0] = no_pose; },
-      [](SessionState& s) { s.tracker.last.clear(); },
-      [](SessionState& s) { s.tracker.last.push_back(s.tracker.last[0]); },
-      [](SessionState& s) { s.tracker.lost_frames = -1; },
-      [&](SessionState& s) { s.tracker.usual_brightness = nan; },
-      [&](SessionState& s) { s.tracker.focal_costs[0] = nan; },
-      [&](SessionState& s) { s.reference.submap_from_camera = no_pose; },
+      [](SessionState& s) { s.tracker.memory.last.clear(); },
+      [](SessionState& s) { s.tracker.memory.last.push_back(s.tracker.memory.last[0]); },
+      [](SessionState& s) { s.tracker.memory.lost_frames = -1; },
+      [&](SessionState& s) { s.tracker.memory.usual_brightness = nan; },
+      [&](SessionState& s) { s.tracker.memory.focal_costs[0] = nan; },
+      [&](SessionState& s) { s.tracker.reference.submap_from_camera = no_pose; },
+      [&](SessionState& s) { s.tracker.prediction.submap_from_camera = no_pose; },
+      [](SessionState& s) { s.tracker.memory.frames_of_view = -1; },
       [](SessionState& s) { s.residency.device_last_seen.clear(); },
       [](SessionState& s) {
         s.residency.on_host = {{1 << 30, 0, 0}}, s.residency.host_last_seen = {1};
@@ -162,7 +164,7 @@ std::string state_of(const std::string& cbor) {
   crc.process_bytes(cbor.data(), cbor.size());
   std::string line(32, ' ');
   line.resize(
-      static_cast<std::size_t>(std::snprintf(line.data(), line.size(), "cairn session 6 %08x\n", crc.checksum())));
+      static_cast<std::size_t>(std::snprintf(line.data(), line.size(), "cairn session 8 %08x\n", crc.checksum())));
   return line + cbor;
 }
 
@@ -330,7 +332,7 @@ TEST(SessionFiles, OfFramesThatAreMissingOrDamagedAreTold) {
   write_text(file, bytes.substr(0, 5));
   expect_told("does not begin with 'cairn frames'");
   write_text(file, "cairn frames 1 00000000\n");
-  expect_told("was written by another version of cairn (format 1, this one reads 6)");
+  expect_told("was written by another version of cairn (format 1, this one reads 8)");
   fs::remove(file);
   expect_told("cannot be opened");
 }

@@ -18,7 +18,7 @@ inline Frame scene_frame_at(const Scene& scene, const Camera& camera, const Eige
                             bool kinect_noise = false) {
   SceneRenderer renderer(test_device(), scene, camera);
   auto images = renderer.render(pose);
-  if (kinect_noise) add_kinect_noise(images, camera, 1, index);
+  if (kinect_noise) add_noise(images, camera, "kinect", 1, index);
   return {.index = index,
           .timestamp = index / 30.0,
           .depth = std::move(images.depth),

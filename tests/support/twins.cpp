@@ -31,7 +31,7 @@ Filtered filter(const std::vector<float>& depth, const Camera& c, const SurfaceO
       const auto at = [&](int dx, int dy) { return at_clamped(depth, c, x + dx, y + dy); };
       float z = at(0, 0);
       if (z < o.min_depth || z > o.max_depth) z = 0;
-      const float sigma = shader::depth_noise(z), jump = o.edge_slope * sigma;
+      const float sigma = SensorModel{}.sigma(z), jump = o.edge_slope * sigma;
       if (between(at(-1, 0), z, at(1, 0), jump) || between(at(0, -1), z, at(0, 1), jump)) z = 0;
       const double q = inverse_depth(z);
       double sum = 0, weights = 0;
@@ -60,7 +60,7 @@ std::vector<float> half(const std::vector<float>& fine, const Camera& c) {
       for (int k = 0; k < 4; ++k)
         if (const float z = at_clamped(fine, c, 2 * x + k % 2, 2 * y + k / 2); z > 0) q.push_back(1 / z);
       if (q.empty()) continue;
-      const double first = q[0], limit = 12 * shader::depth_noise(static_cast<float>(1 / first)) * first * first;
+      const double first = q[0], limit = 12 * SensorModel{}.sigma(static_cast<float>(1 / first)) * first * first;
       std::erase_if(q, [&](double other) { return std::abs(other - first) > limit; });
       const double sum = std::accumulate(q.begin(), q.end(), 0.0);
       coarse[static_cast<std::size_t>(y * width + x)] = static_cast<float>(static_cast<double>(q.size()) / sum);
@@ -73,7 +73,7 @@ std::vector<Eigen::Vector3f> normals(const std::vector<float>& depth, const Came
   for (int y = 1; y + 1 < c.height; ++y)
     for (int x = 1; x + 1 < c.width; ++x) {
       const float z = at_clamped(depth, c, x, y);
-      const double jump = 12 * z / c.fx + 3 * shader::depth_noise(z);
+      const double jump = 12 * z / c.fx + 3 * SensorModel{}.sigma(z);
       bool connected = z > 0;
       for (const auto& [dx, dy] : {std::pair{-1, 0}, {1, 0}, {0, -1}, {0, 1}}) {
         const float other = at_clamped(depth, c, x + dx, y + dy);

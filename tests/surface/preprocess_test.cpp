@@ -78,7 +78,7 @@ TEST(Preprocess, LeavesANoisyPlaneWhereItIs) {
   // Sensors measure disparity, or are as noisy on both sides; a mean that left out more of one would move the map.
   const Camera camera = small_camera();
   constexpr float kDepth = 3;
-  const float sigma = shader::depth_noise(kDepth) / (kDepth * kDepth);  // 1 / m
+  const float sigma = SensorModel{}.sigma(kDepth) / (kDepth * kDepth);  // 1 / m
   Preprocessor preprocessor(test_device(), camera, {}, 3, 0);
   for (const float times : {1.0f, 2.0f, 3.0f}) {
     std::mt19937 random(1);

@@ -78,8 +78,8 @@ TEST(KinectNoise, GrowsWithTheSquareOfTheDistanceAndRepeats) {
     images.cosine.assign(images.depth.size(), 1.0f);
     images.colour.assign(images.depth.size(), 0xff808080u);
     auto again = images;
-    add_kinect_noise(images, camera, 7, 3);
-    add_kinect_noise(again, camera, 7, 3);
+    add_noise(images, camera, "kinect", 7, 3);
+    add_noise(again, camera, "kinect", 7, 3);
     EXPECT_EQ(images.depth, again.depth);
     EXPECT_EQ(images.colour, again.colour);
     double squares = 0;

@@ -119,7 +119,7 @@ TEST(IcpReduce, EqualsItsPlainTwin) {
       const Eigen::Vector3d n = twin::unpack_normal(mp.y).cast<double>(), gap = s.camera.ray(u, v) * zm - p;
       const Eigen::Vector3d ln = model_from_live.linear() * twin::unpack_normal(lp.y).cast<double>();
       if (gap.norm() >= one.max_distance || ln.dot(n) <= std::cos(one.max_angle)) continue;
-      const double sigma = shader::depth_noise(static_cast<float>(z)), r = n.dot(gap) / sigma;
+      const double sigma = SensorModel{}.sigma(static_cast<float>(z)), r = n.dot(gap) / sigma;
       Eigen::Matrix<double, 6, 1> j;
       j << p.cross(n) / sigma, n / sigma;
       expected += std::min(1.0, one.huber / std::max(std::abs(r), 1e-6)) * j * j.transpose();

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "cairn/atomic_file.hpp"
+#include "commands.hpp"
+#include "interrupt.hpp"
+#include "progress.hpp"
+#include "sources.hpp"
+#include "write_frames.hpp"
+
+namespace cairn::apps {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr int kMostTold = 20;        // frames that cannot be read and are told one by one
+constexpr double kMostDelay = 0.02;  // seconds between depth and colour, as the TUM layout pairs them
+
+struct Arguments {
+  std::string sequence, frames, colour = "png";
+  fs::path output, camera;
+  bool registered = false, json = false;
+};
+
+struct Converted {
+  int frames = 0, unreadable = 0, apart = 0;  // `apart`: with colour taken too long before or after depth
+  double depth_scale = kTumDepthScale;
+  Trajectory poses;                  // that came with the frames
+  std::optional<std::string> ended;  // early: why
+};
+
+/// The frames that can be read, and what is told about the others.
+class Reader {
+ public:
+  Reader(Source& source, Converted& converted)
+      : source_(source), converted_(converted), progress_(source.size()), first_(read()) {
+    if (first_) converted_.depth_scale = exact_depth_scale(*first_);
+  }
+  std::optional<Frame> next() { return first_ ? std::exchange(first_, std::nullopt) : read(); }
+
+ private:
+  std::optional<Frame> read() {
+    while (!interrupt_.requested()) {
+      auto frame = source_.next();
+      if (!frame) {
+        converted_.ended = source_.ended_early();
+        return frame;
+      }
+      progress_.step("converting");
+      if (frame->problem) {
+        if (++converted_.unreadable <= kMostTold) spdlog::warn("{}; the frame is left out", *frame->problem);
+        continue;
+      }
+      ++converted_.frames;
+      converted_.apart += !frame->colour.empty() && std::abs(frame->colour_delay) > kMostDelay;
+      if (frame->world_from_camera) converted_.poses.push_back({frame->timestamp, *frame->world_from_camera});
+      return frame;
+    }
+    return std::nullopt;
+  }
+
+  Source& source_;
+  Converted& converted_;
+  Interrupt interrupt_;
+  Progress progress_;
+  std::optional<Frame> first_;  // tells the unit of depth
+};
+
+Converted convert_to(const Arguments& a, const fs::path& folder) {
+  auto source = open_source(a.sequence, {.range = parse_frames(a.frames), .camera = a.camera, .copy_to = {}});
+  if (a.registered) source = with_colour_on_depth(std::move(source));
+  Converted converted;
+  {
+    Reader reader(*source, converted);
+    Recorder writer(folder, source->rig(), converted.depth_scale);
+    write_frames(
+        [&] { return reader.next(); },
+        [&](const Frame& frame) { return encode(frame, source->rig(), a.colour == "png", converted.depth_scale); },
+        writer);
+  }
+  if (converted.frames == 0)
+    throw std::runtime_error(a.sequence + ": holds no frame that can be read" +
+                             (converted.ended ? "; " + *converted.ended : ""));
+  Trajectory truth = is_synthetic(a.sequence) ? Trajectory{} : recorded_truth(a.sequence);
+  if (truth.empty()) truth = converted.poses;
+  if (!truth.empty()) write_trajectory(folder / "groundtruth.txt", truth);
+  return converted;
+}
+
+void convert(const Arguments& a) {
+  if (is_sensor(a.sequence))
+    throw std::runtime_error(a.sequence + ": is a sensor, which `cairn record` keeps; name a recording");
+  Converted c;
+  write_folder(a.output, [&](const fs::path& folder) { c = convert_to(a, folder); });
+  if (c.apart > 0)
+    spdlog::warn(
+        "of {} frames colour was taken more than {} s before or after depth: the TUM layout does not pair them",
+        c.apart, kMostDelay);
+  if (a.json)
+    fmt::print(
+        "{}\n",
+        nlohmann::json{{"frames", c.frames}, {"unreadable", c.unreadable}, {"depth_scale", c.depth_scale}}.dump(2));
+  else
+    fmt::print("{}: {} frames, depth in {} units a metre{}\n", a.output.string(), c.frames, c.depth_scale,
+               c.unreadable > 0 ? fmt::format(", {} unreadable", c.unreadable) : "");
+  if (c.ended) throw std::runtime_error(*c.ended + "; what came before is in " + a.output.string());
+}
+
+}  // namespace
+
+void add_convert(CLI::App& program) {
+  auto* command = program.add_subcommand("convert", "Write a recording of any kind anew in the TUM layout");
+  const auto a = std::make_shared<Arguments>();
+  command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required();
+  command->add_option("-o,--output", a->output, "New folder for a recording in the TUM layout")->required();
+  command->add_option("--camera", a->camera, "camera.yaml instead of what the recording tells of its cameras")
+      ->check(CLI::ExistingFile);
+  command->add_option("--frames", a->frames, kFramesHelp);
+  command->add_flag("--registered", a->registered,
+                    "Bring colour to depth first, for programs that know one camera [both as they are]");
+  command->add_option("--colour", a->colour, "Format of the colour images")
+      ->check(CLI::IsMember({"jpg", "png"}))
+      ->capture_default_str();
+  command->add_flag("--json", a->json, "Print what was written to stdout as JSON");
+  command->callback([a] { convert(*a); });
+}
+
+}  // namespace cairn::apps

@@ -1,0 +1,299 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <ceres/ceres.h>
+#include <ceres/cubic_interpolation.h>
+#include <ceres/rotation.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+#include <vector>
+
+#include "cairn/calibrate.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr float kJump = 0.04f;         // of the depth, that something behind an edge is farther
+constexpr float kSmooth = 0.02f;       // of the depth, that the surface before an edge may slope over two pixels
+constexpr float kFarthest = 4;         // metres
+constexpr std::size_t kMost = 1500;    // edge points of a frame
+constexpr std::size_t kEnough = 4000;  // of all frames
+constexpr double kWidth = 640;         // pixels that blurs are meant for; wider colour images are halved
+constexpr double kContrast = 6;        // of 255 a pixel: as strong as an edge of colour need be
+constexpr double kBetter = 1.1;        // times the edges that the promised camera meets
+constexpr std::array kBlurs = {6.0, 3.0, 1.5, 0.8};  // pixels, from coarse to fine
+
+using Parameters = std::array<double, 7>;  // rotation vector, translation in metres, focal scale - 1
+// How far from the promised camera the true one may usually be, and what that costs: a share of all points' edges.
+constexpr Parameters kUsual = {0.02, 0.02, 0.02, 0.03, 0.03, 0.03, 0.05};
+constexpr double kPrior = 4e-4;
+constexpr double kReach = 4;  // times the usual; what is found there is no camera but an accident
+
+/// A point before an edge of depth.
+struct EdgePoint {
+  Eigen::Vector3d position;  // in the promised colour camera's frame
+  bool upright;              // the edge: depth jumps along a row
+};
+
+struct View {
+  std::vector<EdgePoint> points;
+  cv::Mat grey;  // undistorted
+};
+
+/// How strong edges are across rows and across columns, 0 to 255.
+struct EdgeImages {
+  using Grid = ceres::Grid2D<std::uint8_t>;
+  using Interpolator = ceres::BiCubicInterpolator<Grid>;
+
+  cv::Mat upright, level;
+  Grid upright_grid, level_grid;
+  Interpolator at_upright, at_level;
+
+  EdgeImages(const cv::Mat& grey, double blur)
+      : upright(strength(grey, 1, 0, blur)),
+        level(strength(grey, 0, 1, blur)),
+        upright_grid(upright.data, 0, grey.rows, 0, grey.cols),
+        level_grid(level.data, 0, grey.rows, 0, grey.cols),
+        at_upright(upright_grid),
+        at_level(level_grid) {}
+  EdgeImages(const EdgeImages&) = delete;
+  EdgeImages& operator=(const EdgeImages&) = delete;
+
+  static cv::Mat strength(const cv::Mat& grey, int dx, int dy, double blur) {
+    cv::Mat smooth, slope, bytes;
+    cv::GaussianBlur(grey, smooth, {}, 1.2);
+    cv::Sobel(smooth, slope, CV_32F, dx, dy);
+    cv::Mat strong = cv::min(cv::abs(slope) * (255 / (8 * kContrast)), 255.0);
+    cv::GaussianBlur(strong, strong, {}, blur);
+    strong.convertTo(bytes, CV_8U);
+    return bytes;
+  }
+};
+
+/// What is missing of an edge of colour where one of depth is seen: 0 to 1.
+struct MissingEdge {
+  const EdgePoint* point;
+  const EdgeImages* images;
+  const Camera* camera;
+
+  template <class T>
+  bool operator()(const T* x, T* missing) const {
+    T row, column, strength;
+    if (!pixel(x, row, column)) return false;
+    (point->upright ? images->at_upright : images->at_level).Evaluate(row, column, &strength);
+    missing[0] = T(1) - strength * T(1.0 / 255);
+    return true;
+  }
+  template <class T>
+  bool pixel(const T* x, T& row, T& column) const {
+    const std::array<T, 3> p = {T(point->position.x()), T(point->position.y()), T(point->position.z())};
+    std::array<T, 3> q;
+    ceres::AngleAxisRotatePoint(x, p.data(), q.data());
+    for (std::size_t i = 0; i < 3; ++i) q[i] += x[3 + i];
+    if (q[2] <= T(0)) return false;
+    const T scale = (T(1) + x[6]) / q[2];
+    column = camera->fx * scale * q[0] + camera->cx;
+    row = camera->fy * scale * q[1] + camera->cy;
+    return true;
+  }
+};
+
+struct Usual {
+  double weight;
+  template <class T>
+  bool operator()(const T* x, T* far) const {
+    for (std::size_t i = 0; i < kUsual.size(); ++i) far[i] = T(weight / kUsual[i]) * x[i];
+    return true;
+  }
+};
+
+/// All views at one blur.
+class Level {
+ public:
+  Level(const std::vector<View>& views, const Camera& camera, double blur) : camera_(camera) {
+    for (const View& view : views) {
+      images_.push_back(std::make_unique<EdgeImages>(view.grey, blur));
+      for (const EdgePoint& point : view.points) terms_.push_back({&point, images_.back().get(), &camera_});
+    }
+  }
+
+  /// Mean strength of the edges of colour that edges of depth meet in the image, 0 to 1.
+  [[nodiscard]] double agreement(const Parameters& x) const {
+    double sum = 0;
+    std::size_t count = 0;
+    for (const MissingEdge& term : terms_) {
+      double row = 0, column = 0, missing = 0;
+      if (!term.pixel(x.data(), row, column) || row < 0 || column < 0 || row > camera_.height - 1 ||
+          column > camera_.width - 1)
+        continue;
+      term(x.data(), &missing);
+      sum += 1 - missing;
+      ++count;
+    }
+    return 2 * count < terms_.size() ? 0 : sum / static_cast<double>(count);
+  }
+
+  [[nodiscard]] Parameters refine(Parameters x) const {
+    ceres::Problem problem;
+    for (const MissingEdge& term : terms_)
+      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<MissingEdge, 1, 7>(new MissingEdge(term)), nullptr,
+                               x.data());
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<Usual, 7, 7>(new Usual{std::sqrt(kPrior * static_cast<double>(terms_.size()))}),
+        nullptr, x.data());
+    for (int i = 0; i < 7; ++i) {
+      const double reach = kReach * kUsual[static_cast<std::size_t>(i)];
+      problem.SetParameterLowerBound(x.data(), i, -reach);
+      problem.SetParameterUpperBound(x.data(), i, reach);
+    }
+    ceres::Solver::Options options;
+    options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+    options.max_num_iterations = 25;
+    options.function_tolerance = 1e-5;
+    options.logging_type = ceres::SILENT;
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, &problem, &summary);
+    return x;
+  }
+
+ private:
+  Camera camera_;
+  std::vector<std::unique_ptr<EdgeImages>> images_;
+  std::vector<MissingEdge> terms_;
+};
+
+class EdgesOfDepth {
+ public:
+  explicit EdgesOfDepth(const Rig& rig) : depth_(rig.depth), colour_from_depth_(rig.depth_from_colour().inverse()) {}
+
+  [[nodiscard]] std::vector<EdgePoint> operator()(const std::vector<float>& depth) const {
+    constexpr std::array<std::array<int, 2>, 4> kAround = {{{1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
+    const cv::Mat z(depth_.height, depth_.width, CV_32F, const_cast<float*>(depth.data()));
+    std::vector<EdgePoint> all;
+    for (int y = 4; y < depth_.height - 4; ++y)
+      for (int x = 4; x < depth_.width - 4; ++x) {
+        const float here = z.at<float>(y, x);
+        if (here <= 0 || here > kFarthest) continue;
+        for (const auto [dx, dy] : kAround) {
+          const float next = z.at<float>(y + dy, x + dx), behind = z.at<float>(y + 2 * dy, x + 2 * dx),
+                      before = z.at<float>(y - 2 * dy, x - 2 * dx);
+          const bool jumps = behind > here * (1 + kJump) && (next <= 0 || next > here * (1 + kJump / 2));
+          if (!jumps || std::abs(before - here) > kSmooth * here) continue;
+          const Eigen::Vector2d ray = depth_.undistorted_ray(x + 0.5 * dx, y + 0.5 * dy);
+          all.push_back({colour_from_depth_ * (static_cast<double>(here) * ray.homogeneous()), dx != 0});
+        }
+      }
+    const std::size_t step = (all.size() + kMost - 1) / kMost;
+    std::vector<EdgePoint> some;
+    for (std::size_t i = 0; i < all.size(); i += step) some.push_back(all[i]);
+    return some;
+  }
+
+ private:
+  Camera depth_;
+  Eigen::Isometry3d colour_from_depth_;
+};
+
+/// Colour images as brightness without their lens, in a size that the blurs are meant for.
+class GreyImages {
+ public:
+  explicit GreyImages(const Camera& camera) : raw_(camera), camera_(camera.rectified()) {
+    for (int side = camera.width; side > kWidth * 1.5; side /= 2) camera_ = camera_.at_level(1);
+    rays_.create(camera_.height, camera_.width, CV_32FC2);
+    for (int y = 0; y < camera_.height; ++y)
+      for (int x = 0; x < camera_.width; ++x) {
+        const Eigen::Vector2d bent = raw_.distort(camera_.ray(x, y).head<2>());
+        rays_.at<cv::Vec2f>(y, x) = {static_cast<float>(raw_.fx * bent.x() + raw_.cx),
+                                     static_cast<float>(raw_.fy * bent.y() + raw_.cy)};
+      }
+  }
+  [[nodiscard]] const Camera& camera() const { return camera_; }
+  [[nodiscard]] cv::Mat operator()(const std::vector<std::uint32_t>& colour) const {
+    const cv::Mat rgba(raw_.height, raw_.width, CV_8UC4, const_cast<std::uint32_t*>(colour.data()));
+    cv::Mat grey, seen;
+    cv::cvtColor(rgba, grey, cv::COLOR_RGBA2GRAY);
+    const double shrunk = static_cast<double>(raw_.width) / camera_.width;
+    if (shrunk > 1) cv::GaussianBlur(grey, grey, {}, 0.5 * shrunk);
+    cv::remap(grey, seen, rays_, {}, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+    return seen;
+  }
+
+ private:
+  Camera raw_, camera_;
+  cv::Mat rays_;
+};
+
+std::vector<View> views_of(Source& source, const GreyImages& grey, int frames) {
+  const EdgesOfDepth edges(source.rig());
+  const auto pixels_of = [](const Camera& c) {
+    return static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height);
+  };
+  const std::size_t depth_pixels = pixels_of(source.rig().depth), colour_pixels = pixels_of(source.rig().colour_view());
+  constexpr int kUsualStep = 15;  // where nobody knows how many frames there are
+  const int step = source.size() ? std::max(1, *source.size() / frames) : kUsualStep;
+  std::vector<View> views;
+  for (int i = 0; static_cast<int>(views.size()) < frames; ++i) {
+    if (i % step != 0 && source.next_timestamp()) {
+      source.skip();
+      continue;
+    }
+    const auto frame = source.next();
+    if (!frame) break;
+    if (i % step == 0 && !frame->problem && frame->depth.size() == depth_pixels &&
+        frame->colour.size() == colour_pixels)
+      views.push_back({edges(frame->depth), grey(frame->colour)});
+  }
+  return views;
+}
+
+}  // namespace
+
+std::optional<Rig> find_colour_camera(Source& source, int frames) {
+  const Rig promised = source.rig();
+  const GreyImages grey(promised.colour_view());
+  const std::vector<View> views = views_of(source, grey, frames);
+  std::size_t points = 0;
+  for (const View& view : views) points += view.points.size();
+  if (points < kEnough) return std::nullopt;
+
+  // What is finer than a pixel of depth tells nothing.
+  const double scale = std::max(grey.camera().width / kWidth, grey.camera().fx / promised.depth.fx);
+  Parameters x{};
+  {
+    const Level coarse(views, grey.camera(), kBlurs[0] * scale);
+    double best = 0;
+    for (const double focal_scale : {0.0, -0.04, 0.04, -0.08, 0.08, -0.12, 0.12}) {
+      const Parameters other = {0, 0, 0, 0, 0, 0, focal_scale};
+      if (const double a = coarse.agreement(other); a > best) best = a, x = other;
+    }
+  }
+  double found = 0, before = 0;
+  for (const double blur : kBlurs) {
+    const Level level(views, grey.camera(), blur * scale);
+    x = level.refine(x);
+    found = level.agreement(x);
+    before = level.agreement({});
+  }
+  bool within_reach = true;
+  for (std::size_t i = 0; i < x.size(); ++i) within_reach &= std::abs(x[i]) < 0.99 * kReach * kUsual[i];
+  if (!within_reach || !(found > kBetter * before)) return std::nullopt;
+  ColourCamera colour{.camera = promised.colour_view(), .colour_from_depth = promised.depth_from_colour().inverse()};
+  colour.camera.fx *= 1 + x[6];
+  colour.camera.fy *= 1 + x[6];
+  const Eigen::Vector3d turn(x[0], x[1], x[2]);
+  Eigen::Isometry3d correction = Eigen::Isometry3d::Identity();
+  if (turn.norm() > 0) correction.linear() = Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
+  correction.translation() << x[3], x[4], x[5];
+  colour.colour_from_depth = correction * colour.colour_from_depth;
+  Rig rig = promised;
+  rig.colour = colour;
+  check(rig);
+  return rig;
+}
+
+}  // namespace cairn

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "export/views.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <utility>
+
+#include "base/colour_view.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr double kStep = 1.01;  // from one focal length to the next that is tried
+constexpr int kTries = 140;     // up to four times the lens' own
+
+/// Whether each pixel of a camera shows what the lens has seen.
+bool is_within(const Camera& camera, const Camera& lens) {
+  const double widest = lens.widest_ray();
+  const auto seen = [&](int x, int y) {
+    const Eigen::Vector2d ray = camera.ray(x, y).head<2>();
+    if (ray.norm() > widest) return false;
+    const Eigen::Vector2d bent = lens.distort(ray);
+    const double u = lens.fx * bent.x() + lens.cx, v = lens.fy * bent.y() + lens.cy;
+    return u >= 0 && v >= 0 && u <= lens.width - 1 && v <= lens.height - 1;
+  };
+  for (int x = 0; x < camera.width; ++x)
+    if (!seen(x, 0) || !seen(x, camera.height - 1)) return false;
+  for (int y = 0; y < camera.height; ++y)
+    if (!seen(0, y) || !seen(camera.width - 1, y)) return false;
+  return true;
+}
+
+/// The camera of the same place and size without a lens, which sees as much of what the lens has seen as leaves no
+/// border black.
+Camera without_lens(const Camera& lens) {
+  Camera camera = lens.rectified();
+  if (!lens.distorted()) return camera;
+  for (int i = 0; i < kTries && !is_within(camera, lens); ++i) camera.fx *= kStep, camera.fy *= kStep;
+  return camera;
+}
+
+/// Frames as the colour camera would have seen them without a lens.
+class Rectified {
+ public:
+  explicit Rectified(const Rig& rig)
+      : lens_(rig.colour_view()), camera_(without_lens(lens_)), depth_from_colour_(rig.depth_from_colour()) {
+    if (rig.colour || lens_.distorted())
+      view_.emplace(Rig(rig.depth, ColourCamera{.camera = camera_, .colour_from_depth = depth_from_colour_.inverse()}));
+    if (!lens_.distorted()) return;
+    map_.create(camera_.height, camera_.width, CV_32FC2);
+    for (int y = 0; y < camera_.height; ++y)
+      for (int x = 0; x < camera_.width; ++x) {
+        const Eigen::Vector2d bent = lens_.distort(camera_.ray(x, y).head<2>());
+        map_.at<cv::Vec2f>(y, x) = {static_cast<float>(lens_.fx * bent.x() + lens_.cx),
+                                    static_cast<float>(lens_.fy * bent.y() + lens_.cy)};
+      }
+  }
+  [[nodiscard]] const Camera& camera() const { return camera_; }
+  [[nodiscard]] Frame operator()(Frame frame, const TextureKeyframe& keyframe) const {
+    if (view_) frame = (*view_)(std::move(frame));
+    if (!map_.empty()) {
+      std::vector<std::uint32_t> seen(frame.colour.size());
+      const auto image = [&](std::vector<std::uint32_t>& pixels) {
+        return cv::Mat(camera_.height, camera_.width, CV_8UC4, pixels.data());
+      };
+      cv::Mat to = image(seen);
+      cv::remap(image(frame.colour), to, map_, cv::noArray(), cv::INTER_LINEAR);
+      frame.colour = std::move(seen);
+    }
+    frame.world_from_camera =
+        keyframe.world_from_camera * retract(keyframe.velocity * keyframe.colour_delay) * depth_from_colour_;
+    return frame;
+  }
+
+ private:
+  Camera lens_, camera_;
+  Eigen::Isometry3d depth_from_colour_;
+  std::optional<ColourView> view_;  // where depth does not lie in these pixels already
+  cv::Mat map_;                     // by pixel, where the lens has it
+};
+
+/// Variance of the Laplacian (Pech-Pacheco et al. 2000); less than 0 without colour.
+double sharpness_of(Frame& frame, const Camera& camera) {
+  if (frame.colour.empty()) return -1;
+  cv::Mat grey, edges;
+  cv::cvtColor(cv::Mat(camera.height, camera.width, CV_8UC4, frame.colour.data()), grey, cv::COLOR_RGBA2GRAY);
+  cv::Laplacian(grey, edges, CV_32F);
+  cv::Scalar mean, deviation;
+  cv::meanStdDev(edges, mean, deviation);
+  return deviation[0] * deviation[0];
+}
+
+}  // namespace
+
+int write_views(const ViewsInput& input, const std::filesystem::path& folder, const ViewsOptions& options,
+                const ExportProgress& progress) {
+  const std::size_t all = input.keyframes.size();
+  const std::size_t wanted = options.images > 0 ? std::min(all, static_cast<std::size_t>(options.images)) : all;
+  const Rectified rectified(input.rig);
+  const auto writer = options.program == ViewsFor::colmap ? write_colmap(folder, rectified.camera())
+                                                          : write_layout("nerfstudio", folder, rectified.camera());
+  int written = 0;
+  for (std::size_t i = 0, k = 0; i < wanted; ++i) {
+    std::pair<double, std::size_t> best{-1, 0};
+    std::optional<Frame> sharpest;
+    for (; k < (i + 1) * all / wanted; ++k) {
+      Frame frame = input.get_image(input.keyframes[k].image);
+      const double sharpness = sharpness_of(frame, input.rig.colour_view());
+      if (progress) progress(static_cast<int>(k), static_cast<int>(all), "writing images");
+      if (sharpness <= best.first) continue;
+      best = {sharpness, k};
+      sharpest = std::move(frame);
+    }
+    if (!sharpest) continue;
+    writer->add(rectified(*std::move(sharpest), input.keyframes[best.second]));
+    ++written;
+  }
+  if (written == 0)
+    throw std::runtime_error(
+        "the map has no keyframes with colour to write as images: keep them (Options::keep_keyframes), or give the run "
+        "a recording with colour");
+  writer->finish();
+  return written;
+}
+
+}  // namespace cairn

@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// MCAP files: records of a kind and a length; messages lie in chunks. The file is read in its order, its summary tells
+// only topics and counts. https://mcap.dev/spec
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstring>
+#include <stdexcept>
+#include <unordered_map>
+
+#include "io/file_bytes.hpp"
+#include "io/ros_compression.hpp"
+#include "io/ros_recording.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+static_assert(std::endian::native == std::endian::little, "numbers are read as they lie in the file");
+using Bytes = std::span<const std::uint8_t>;
+
+constexpr std::string_view kMagic("\x89MCAP0\r\n", 8);
+constexpr std::uint64_t kHeadSize = 9;                 // bytes: kind and length
+constexpr std::uint64_t kFooterSize = 20;              // bytes, without its head
+constexpr std::uint64_t kMostInMemory = 256ull << 20;  // bytes of a record
+enum Kind : std::uint8_t {
+  kFooter = 2,
+  kSchema = 3,
+  kChannel = 4,
+  kMessage = 5,
+  kChunk = 6,
+  kStatistics = 0x0b,
+  kDataEnd = 0x0f
+};
+
+/// The fields of a record, one after another.
+class Fields {
+ public:
+  explicit Fields(Bytes bytes) : left_(bytes) {}
+  template <class T>
+  T number() {
+    T value;
+    std::memcpy(&value, take(sizeof value).data(), sizeof value);
+    return value;
+  }
+  std::string text() {
+    const Bytes bytes = take(number<std::uint32_t>());
+    return {bytes.begin(), bytes.end()};
+  }
+  Bytes take(std::uint64_t size) {
+    if (size > left_.size()) throw std::runtime_error("a field is longer than its record");
+    const Bytes taken = left_.first(size);
+    left_ = left_.subspan(size);
+    return taken;
+  }
+  [[nodiscard]] Bytes left() const { return left_; }
+
+ private:
+  Bytes left_;
+};
+
+class McapFile final : public ChunkedRecording {
+ public:
+  explicit McapFile(const fs::path& file) : ChunkedRecording(file.string(), "MCAP file of ROS"), in_(file) {
+    std::string begin(kMagic.size(), '\0');
+    if (!in_.read(begin.data(), begin.size()) || begin != kMagic)
+      throw std::runtime_error(fmt::format("{}: does not begin as an MCAP file", name()));
+    try {
+      read_summary();
+    } catch (const std::runtime_error&) {
+      counts_.clear();  // the file is read without it
+    }
+    for (const auto& [channel, messages] : counts_)
+      if (const auto it = topic_of_channel_.find(channel); it != topic_of_channel_.end()) count(it->second, messages);
+    rewind();
+  }
+
+  void rewind() override {
+    in_.seek(kMagic.size());
+    chunk_left_ = {};
+    at_end_ = false;
+    ended_early_.reset();
+  }
+
+ private:
+  struct Head {
+    std::uint8_t kind = 0;
+    std::uint64_t size = 0;
+  };
+
+  /// That of the next record of the file; nothing behind the data or where the file is cut off.
+  std::optional<Head> next_head() {
+    record_at_ = in_.at();
+    if (at_end_) return std::nullopt;
+    Head head;
+    if (in_.read(&head.kind, 1) && in_.read(&head.size, 8) && head.size <= whole_size(head)) {
+      at_end_ = head.kind == kDataEnd || head.kind == kFooter;
+      if (!at_end_) return head;
+      return std::nullopt;
+    }
+    at_end_ = true;
+    ended_early_ = fmt::format(
+        "{}: is cut off or was never finished: the record that begins at byte {} of {} is not "
+        "whole; what was recorded before is read; copy it again, or use `mcap recover`",
+        name(), record_at_, in_.size());
+    return std::nullopt;
+  }
+  /// A chunk that is not packed need not be there to its end.
+  [[nodiscard]] std::uint64_t whole_size(Head head) const { return head.kind == kChunk ? ~0ull : in_.left(); }
+
+  Bytes read_data(std::uint64_t size) {
+    if (size > kMostInMemory) throw std::runtime_error(fmt::format("has {} bytes; at most 256 MiB are read", size));
+    data_.resize(size);
+    if (!in_.read(data_.data(), size)) throw std::runtime_error("cannot be read; has the file changed?");
+    return data_;
+  }
+
+  /// Topics and counts from the end of a file that was finished.
+  void read_summary() {
+    if (in_.size() < 2 * kMagic.size() + kHeadSize + kFooterSize) return;
+    in_.seek(in_.size() - kMagic.size() - kFooterSize - kHeadSize);
+    std::uint8_t kind = 0;
+    std::uint64_t size = 0, summary = 0;
+    if (!in_.read(&kind, 1) || !in_.read(&size, 8) || kind != kFooter || size != kFooterSize || !in_.read(&summary, 8))
+      return;
+    if (summary == 0 || summary >= in_.size()) return;
+    in_.seek(summary);
+    while (const auto head = next_head()) {
+      const Bytes data = read_data(head->size);
+      if (head->kind == kStatistics) {
+        Fields fields(data);
+        (void)fields.take(8 + 2 + 4 * 4 + 2 * 8);
+        Fields by_channel(fields.take(fields.number<std::uint32_t>()));
+        for (const auto& [channel, topic] : topic_of_channel_) counts_[channel];
+        while (!by_channel.left().empty()) {
+          const auto channel = by_channel.number<std::uint16_t>();
+          counts_[channel] = by_channel.number<std::uint64_t>();
+        }
+      } else {
+        learn(head->kind, data);
+      }
+    }
+  }
+
+  /// Takes in what a record tells about messages.
+  void learn(std::uint8_t kind, Bytes data) {
+    Fields fields(data);
+    if (kind == kSchema) {
+      const auto number = fields.number<std::uint16_t>();
+      schemas_[number] = fields.text();
+    } else if (kind == kChannel) {
+      const auto number = fields.number<std::uint16_t>(), schema = fields.number<std::uint16_t>();
+      const std::string topic = fields.text(), encoding = fields.text();
+      if (topic_of_channel_.contains(number)) return;
+      topic_of_channel_[number] = topic_of(topic, schemas_[schema],
+                                           encoding == "ros1"  ? RosEncoding::ros1
+                                           : encoding == "cdr" ? RosEncoding::cdr
+                                                               : RosEncoding::unknown);
+    }
+  }
+
+  std::optional<RosMessage> message_of(Bytes data) const {
+    Fields fields(data);
+    const auto topic = topic_of_channel_.find(fields.number<std::uint16_t>());
+    (void)fields.number<std::uint32_t>();  // a count
+    const double seconds = 1e-9 * static_cast<double>(fields.number<std::uint64_t>());
+    (void)fields.number<std::uint64_t>();  // when it was sent
+    if (topic == topic_of_channel_.end()) return std::nullopt;
+    return RosMessage{topic->second, seconds, record_at_, fields.left(), &name(), "byte"};
+  }
+
+  /// What a record of the file gives at once. The records in a chunk that is not packed are the next ones.
+  std::optional<RosMessage> message_in_file(Head head) {
+    if (head.kind == kMessage) return message_of(read_data(head.size));
+    if (head.kind == kSchema || head.kind == kChannel)
+      learn(head.kind, read_data(head.size));
+    else if (head.kind == kChunk)
+      open_chunk(head.size);
+    else
+      in_.seek(in_.at() + head.size);
+    return std::nullopt;
+  }
+
+  void open_chunk(std::uint64_t size) {
+    const std::uint64_t begin = in_.at();
+    std::array<std::uint8_t, 32> front{};  // first and last time, size when unpacked, check sum, length of the kind
+    std::string kind;
+    std::uint64_t records = 0;
+    bool whole = in_.read(front.data(), front.size());
+    Fields fields{Bytes(front)};
+    (void)fields.take(16);
+    const auto unpacked_size = fields.number<std::uint64_t>();
+    (void)fields.take(4);
+    kind.resize(std::min<std::uint32_t>(fields.number<std::uint32_t>(), 64));
+    whole = whole && in_.read(kind.data(), kind.size()) && in_.read(&records, 8);
+    if (whole && kind.empty()) return;
+    if (!whole || size > in_.size() - begin || records > begin + size - in_.at()) {
+      in_.seek(begin - kHeadSize);
+      at_end_ = true;
+      ended_early_ = fmt::format(
+          "{}: is cut off or damaged in the chunk that begins at byte {} of {}; what was "
+          "recorded before is read; copy it again, or use `mcap recover`",
+          name(), record_at_, in_.size());
+      return;
+    }
+    const Bytes packed = read_data(records);
+    in_.seek(begin + size);
+    chunk_ = unpacked(kind, packed, unpacked_size);
+    chunk_left_ = chunk_;
+  }
+
+  bool read_record(std::optional<RosMessage>& message) override {
+    const auto head = next_head();
+    if (head) message = message_in_file(*head);
+    return head.has_value();
+  }
+
+  std::optional<RosMessage> message_in_chunk() override {
+    Fields records(chunk_left_);
+    const auto kind = records.number<std::uint8_t>();
+    const Bytes data = records.take(records.number<std::uint64_t>());
+    chunk_left_ = records.left();
+    if (kind == kMessage) return message_of(data);
+    learn(kind, data);
+    return std::nullopt;
+  }
+
+  FileBytes in_;
+  bool at_end_ = false;
+  std::vector<std::uint8_t> data_, chunk_;
+  std::unordered_map<std::uint16_t, std::string> schemas_;
+  std::unordered_map<std::uint16_t, std::size_t> topic_of_channel_;
+  std::map<std::uint16_t, std::uint64_t> counts_;  // of messages, by channel
+};
+
+}  // namespace
+
+std::unique_ptr<RosRecording> open_mcap(const fs::path& file) { return std::make_unique<McapFile>(file); }
+
+}  // namespace cairn

@@ -1,0 +1,381 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "io/ros_messages.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+#include "base/image_file.hpp"
+#include "base/lines.hpp"
+#include "base/words.hpp"
+#include "io/rvl.hpp"
+
+namespace cairn {
+namespace {
+
+using Bytes = std::span<const std::uint8_t>;
+constexpr std::uint32_t kLargestSide = 1 << 14;  // pixels
+
+/// Reads a message field by field. ROS 1 packs them without gaps, little endian; CDR tells its byte order in the first
+/// four bytes, behind which each number lies at a multiple of its size.
+class Fields {
+ public:
+  Fields(Bytes bytes, RosEncoding encoding) : bytes_(bytes), cdr_(encoding == RosEncoding::cdr) {
+    if (encoding == RosEncoding::unknown) throw std::runtime_error("is encoded neither as in ROS 1 nor as CDR");
+    if (!cdr_) return;
+    const Bytes kind = take(4);
+    if (kind[0] != 0 || kind[1] > 1) throw std::runtime_error("is CDR of a kind that ROS does not write");
+    turned_ = (kind[1] == 1) != (std::endian::native == std::endian::little);
+  }
+  template <class T>
+  T number() {
+    if (cdr_) (void)take((sizeof(T) - (at_ - 4) % sizeof(T)) % sizeof(T));
+    std::array<std::uint8_t, sizeof(T)> raw;
+    std::copy_n(take(sizeof(T)).begin(), sizeof(T), raw.begin());
+    if (turned_) std::reverse(raw.begin(), raw.end());
+    return std::bit_cast<T>(raw);
+  }
+  template <std::size_t N>
+  std::array<double, N> numbers() {
+    std::array<double, N> all;
+    for (double& value : all) value = number<double>();
+    return all;
+  }
+  Bytes bytes() { return take(number<std::uint32_t>()); }
+  std::string text() {
+    Bytes all = bytes();
+    if (cdr_ && !all.empty() && all.back() == 0) all = all.first(all.size() - 1);
+    return {all.begin(), all.end()};
+  }
+  /// The length of a list whose entries have at least so many bytes.
+  std::uint32_t length(std::size_t least) {
+    const auto count = number<std::uint32_t>();
+    if (count > (bytes_.size() - at_) / least) throw std::runtime_error("ends too early");
+    return count;
+  }
+  RosHeader header() {
+    if (!cdr_) (void)number<std::uint32_t>();  // a count
+    const double seconds = cdr_ ? number<std::int32_t>() : number<std::uint32_t>();
+    RosHeader header{.stamp = seconds + 1e-9 * number<std::uint32_t>(), .frame_id = text()};
+    header.frame_id.erase(0, std::min(header.frame_id.find_first_not_of('/'), header.frame_id.size()));
+    return header;
+  }
+  Eigen::Vector3d vector() {
+    const auto v = numbers<3>();
+    return {v[0], v[1], v[2]};
+  }
+  Eigen::Isometry3d transform() {
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.translation() = vector();
+    const auto q = numbers<4>();
+    const Eigen::Quaterniond turn(q[3], q[0], q[1], q[2]);
+    if (!is_rotation(turn) || !pose.translation().allFinite())
+      throw std::runtime_error("is no rotation and translation");
+    pose.linear() = turn.normalized().toRotationMatrix();
+    return pose;
+  }
+
+ private:
+  Bytes take(std::size_t size) {
+    if (size > bytes_.size() - at_) throw std::runtime_error("ends too early");
+    at_ += size;
+    return bytes_.subspan(at_ - size, size);
+  }
+  Bytes bytes_;
+  std::size_t at_ = 0;
+  bool cdr_, turned_ = false;
+};
+
+/// How an encoding of sensor_msgs/Image lies in memory, and what it is.
+struct Layout {
+  std::string_view encoding;
+  RosImage::Kind kind;
+  int type, to_rgba;
+};
+constexpr std::array kLayouts{
+    Layout{"16UC1", RosImage::Kind::depth, CV_16UC1, -1},
+    Layout{"mono16", RosImage::Kind::depth, CV_16UC1, -1},
+    Layout{"32FC1", RosImage::Kind::depth, CV_32FC1, -1},
+    Layout{"rgb8", RosImage::Kind::colour, CV_8UC3, cv::COLOR_RGB2RGBA},
+    Layout{"bgr8", RosImage::Kind::colour, CV_8UC3, cv::COLOR_BGR2RGBA},
+    Layout{"8UC3", RosImage::Kind::colour, CV_8UC3, cv::COLOR_BGR2RGBA},
+    Layout{"rgba8", RosImage::Kind::colour, CV_8UC4, -1},
+    Layout{"bgra8", RosImage::Kind::colour, CV_8UC4, cv::COLOR_BGRA2RGBA},
+    Layout{"8UC4", RosImage::Kind::colour, CV_8UC4, cv::COLOR_BGRA2RGBA},
+    Layout{"mono8", RosImage::Kind::grey, CV_8UC1, cv::COLOR_GRAY2RGBA},
+    Layout{"8UC1", RosImage::Kind::grey, CV_8UC1, cv::COLOR_GRAY2RGBA},
+    Layout{"yuv422", RosImage::Kind::colour, CV_8UC2, cv::COLOR_YUV2RGBA_UYVY},
+    Layout{"uyvy", RosImage::Kind::colour, CV_8UC2, cv::COLOR_YUV2RGBA_UYVY},
+    Layout{"UYVY", RosImage::Kind::colour, CV_8UC2, cv::COLOR_YUV2RGBA_UYVY},
+    Layout{"yuv422_yuy2", RosImage::Kind::colour, CV_8UC2, cv::COLOR_YUV2RGBA_YUY2},
+    Layout{"yuyv", RosImage::Kind::colour, CV_8UC2, cv::COLOR_YUV2RGBA_YUY2},
+    Layout{"YUYV", RosImage::Kind::colour, CV_8UC2, cv::COLOR_YUV2RGBA_YUY2},
+    // OpenCV names a pattern by its second row and column.
+    Layout{"bayer_rggb8", RosImage::Kind::colour, CV_8UC1, cv::COLOR_BayerBG2RGBA},
+    Layout{"bayer_bggr8", RosImage::Kind::colour, CV_8UC1, cv::COLOR_BayerRG2RGBA},
+    Layout{"bayer_gbrg8", RosImage::Kind::colour, CV_8UC1, cv::COLOR_BayerGR2RGBA},
+    Layout{"bayer_grbg8", RosImage::Kind::colour, CV_8UC1, cv::COLOR_BayerGB2RGBA},
+};
+
+RosImage raw_image(Fields& fields) {
+  const auto height = fields.number<std::uint32_t>(), width = fields.number<std::uint32_t>();
+  RosImage image{.encoding = shown(fields.text()), .pixels = {}};
+  const bool big_endian = fields.number<std::uint8_t>() != 0;
+  const auto step = fields.number<std::uint32_t>();
+  const Bytes data = fields.bytes();
+  const auto layout =
+      std::find_if(kLayouts.begin(), kLayouts.end(), [&](const Layout& l) { return l.encoding == image.encoding; });
+  if (layout == kLayouts.end()) return image;
+  if (width == 0 || height == 0 || width > kLargestSide || height > kLargestSide)
+    throw std::runtime_error(fmt::format("is an image of {}x{} pixels", width, height));
+  const std::uint64_t row = width * static_cast<std::uint64_t>(CV_ELEM_SIZE(layout->type));
+  if (step < row || (height - 1) * std::uint64_t{step} + row > data.size())
+    throw std::runtime_error(fmt::format("is an image of {}x{} pixels as {} with {} bytes a row, and has {} bytes",
+                                         width, height, image.encoding, step, data.size()));
+  image.kind = layout->kind;
+  image.to_rgba = layout->to_rgba;
+  image.pixels = cv::Mat(static_cast<int>(height), static_cast<int>(width), layout->type,
+                         const_cast<std::uint8_t*>(data.data()), step);
+  const std::size_t size = CV_ELEM_SIZE1(layout->type);
+  if (size > 1) {  // numbers that may lie anywhere in memory, and in the other order
+    image.pixels = image.pixels.clone();
+    if (big_endian)
+      for (std::uint8_t* p = image.pixels.data; p != image.pixels.data + image.pixels.total() * size; p += size)
+        std::reverse(p, p + size);
+  }
+  return image;
+}
+
+/// What compressed_depth_image_transport packs as RVL: width, height, and the pixels.
+cv::Mat rvl_image(Bytes data) {
+  std::array<std::uint32_t, 2> size{};
+  if (data.size() < sizeof size) throw std::runtime_error("ends too early");
+  std::memcpy(size.data(), data.data(), sizeof size);
+  if (size[0] == 0 || size[1] == 0 || size[0] > kLargestSide || size[1] > kLargestSide)
+    throw std::runtime_error(fmt::format("is an image of {}x{} pixels", size[0], size[1]));
+  auto pixels = unpacked_rvl(data.subspan(sizeof size), std::size_t{size[0]} * size[1]);
+  return cv::Mat(static_cast<int>(size[1]), static_cast<int>(size[0]), CV_16UC1, pixels.data()).clone();
+}
+
+/// What image_transport packs: a PNG, a JPEG or RVL; with `compressedDepth` before it three numbers, which tell how
+/// metres became 16 bits.
+RosImage packed_image(Fields& fields) {
+  const std::string format = fields.text();
+  Bytes data = fields.bytes();
+  RosImage image{.encoding = shown(format), .pixels = {}};
+  if (format.find("compressedDepth") != format.npos) {
+    constexpr std::size_t kFront = 12;
+    if (data.size() < kFront) throw std::runtime_error("ends too early");
+    std::memcpy(&image.quant_a, data.data() + 4, 4);
+    std::memcpy(&image.quant_b, data.data() + 8, 4);
+    image.packed_from_metres = format.starts_with("32FC1");
+    data = data.subspan(kFront);
+  }
+  const bool is_rvl = format.find("compressedDepth rvl") != format.npos;
+  image.pixels = is_rvl ? rvl_image(data) : decode_image(data, cv::IMREAD_UNCHANGED);
+  switch (image.pixels.type()) {
+    case CV_16UC1:
+      image.kind = RosImage::Kind::depth;
+      break;
+    case CV_8UC1:
+      image.kind = RosImage::Kind::grey, image.to_rgba = cv::COLOR_GRAY2RGBA;
+      break;
+    case CV_8UC3:
+      image.kind = RosImage::Kind::colour, image.to_rgba = cv::COLOR_BGR2RGBA;
+      break;
+    case CV_8UC4:
+      image.kind = RosImage::Kind::colour, image.to_rgba = cv::COLOR_BGRA2RGBA;
+      break;
+    default:
+      break;
+  }
+  return image;
+}
+
+/// librealsense's inverse model takes a measured point to the ray by Brown and Conrady's formula; the coefficients that
+/// come nearest to it the other way round, by least squares over the image.
+std::array<double, 8> turned_round(const RosCameraInfo& info) {
+  constexpr int kSteps = 24;
+  const double k1 = info.d[0], k2 = info.d[1], p1 = info.d[2], p2 = info.d[3], k3 = info.d[4];
+  Eigen::MatrixXd a(2 * (kSteps + 1) * (kSteps + 1), 5);
+  Eigen::VectorXd b(a.rows());
+  Eigen::Index row = 0;
+  for (int i = 0; i <= kSteps; ++i)
+    for (int j = 0; j <= kSteps; ++j, row += 2) {
+      const double x = (info.width * i / double{kSteps} - info.k[2]) / info.k[0],
+                   y = (info.height * j / double{kSteps} - info.k[5]) / info.k[4], m2 = x * x + y * y,
+                   f = 1 + m2 * (k1 + m2 * (k2 + m2 * k3));
+      const double u = x * f + 2 * p1 * x * y + p2 * (m2 + 2 * x * x),
+                   v = y * f + 2 * p2 * x * y + p1 * (m2 + 2 * y * y);
+      const double r2 = u * u + v * v;
+      a.row(row) << u * r2, u * r2 * r2, 2 * u * v, r2 + 2 * u * u, u * r2 * r2 * r2;
+      a.row(row + 1) << v * r2, v * r2 * r2, r2 + 2 * v * v, 2 * u * v, v * r2 * r2 * r2;
+      b.segment<2>(row) << x - u, y - v;
+    }
+  const Eigen::VectorXd k = a.colPivHouseholderQr().solve(b);
+  return {k[0], k[1], k[2], k[3], k[4]};
+}
+
+void set_lens(const RosCameraInfo& info, Camera& camera) {
+  const std::vector<double>& d = info.d;
+  if (std::all_of(d.begin(), d.end(), [](double k) { return k == 0; })) {
+    if (info.distortion_model == "equidistant" || info.distortion_model == "fisheye") camera.lens = Lens::fisheye;
+    return;
+  }
+  const std::string model = shown(info.distortion_model);
+  const auto need = [&](std::size_t least, std::size_t most) {
+    if (d.size() < least || d.size() > most)
+      throw std::runtime_error(fmt::format("its distortion has {} coefficients, the model '{}' takes {} to {}",
+                                           d.size(), model, least, most));
+  };
+  if (model == "plumb_bob" || model == "rational_polynomial" || model == "Brown Conrady" ||
+      model == "Modified Brown Conrady") {
+    need(4, 14);
+    // Behind the eighth stand those of a thin prism and of a tilted sensor.
+    if (d.size() > 8 && std::any_of(d.begin() + 8, d.end(), [](double k) { return k != 0; }))
+      throw std::runtime_error("its distortion has terms of a thin prism, which are not supported");
+    std::copy_n(d.begin(), std::min<std::size_t>(d.size(), 8), camera.distortion.begin());
+  } else if (model == "Inverse Brown Conrady") {
+    need(5, 5);
+    camera.distortion = turned_round(info);
+  } else if (model == "equidistant" || model == "fisheye" || model == "Kannala Brandt4") {
+    need(4, 5);
+    camera.lens = Lens::fisheye;
+    std::copy_n(d.begin(), 4, camera.distortion.begin());
+  } else {
+    throw std::runtime_error(
+        fmt::format("its distortion model is '{}', known are plumb_bob, rational_polynomial and equidistant", model));
+  }
+}
+
+}  // namespace
+
+RosHeader read_ros_header(Bytes bytes, RosEncoding encoding) { return Fields(bytes, encoding).header(); }
+
+RosImage read_ros_image(Bytes bytes, RosEncoding encoding, std::string_view type) {
+  Fields fields(bytes, encoding);
+  (void)fields.header();
+  return type == "sensor_msgs/Image" ? raw_image(fields) : packed_image(fields);
+}
+
+std::vector<float> depth_of(const RosImage& image, double unit) {
+  std::vector<float> depth(image.pixels.total());
+  const auto metres = static_cast<float>(unit);
+  bool any = false;
+  for (std::size_t i = 0; i < depth.size(); ++i) {
+    float z = 0;
+    if (image.pixels.type() == CV_32FC1) {
+      z = image.pixels.at<float>(static_cast<int>(i));
+    } else if (const std::uint16_t value = image.pixels.at<std::uint16_t>(static_cast<int>(i)); value != 0) {
+      z = image.packed_from_metres ? image.quant_a / (static_cast<float>(value) - image.quant_b)
+                                   : static_cast<float>(value) * metres;
+    }
+    depth[i] = std::isfinite(z) && z > 0 ? z : 0.0f;
+    any |= depth[i] > 0;
+  }
+  if (!any) throw std::runtime_error("holds no measurement");
+  return depth;
+}
+
+std::vector<std::uint32_t> colour_of(const RosImage& image) {
+  cv::Mat rgba;
+  if (image.to_rgba >= 0)
+    cv::cvtColor(image.pixels, rgba, image.to_rgba);
+  else
+    rgba = image.pixels.clone();
+  const auto* data = rgba.ptr<std::uint32_t>();
+  std::vector<std::uint32_t> colour(data, data + rgba.total());
+  for (std::uint32_t& pixel : colour) pixel |= 0xff000000u;
+  return colour;
+}
+
+RosCameraInfo read_camera_info(Bytes bytes, RosEncoding encoding) {
+  Fields fields(bytes, encoding);
+  RosCameraInfo info{.header = fields.header()};
+  const auto height = fields.number<std::uint32_t>(), width = fields.number<std::uint32_t>();
+  info.width = static_cast<int>(std::min(width, kLargestSide));
+  info.height = static_cast<int>(std::min(height, kLargestSide));
+  info.distortion_model = fields.text();
+  info.d.resize(fields.length(sizeof(double)));
+  for (double& value : info.d) value = fields.number<double>();
+  info.k = fields.numbers<9>();
+  (void)fields.numbers<9>();  // the rotation that rectifies a pair of cameras
+  info.p = fields.numbers<12>();
+  info.binning_x = fields.number<std::uint32_t>();
+  info.binning_y = fields.number<std::uint32_t>();
+  info.left = fields.number<std::uint32_t>();
+  info.top = fields.number<std::uint32_t>();
+  info.roi_height = fields.number<std::uint32_t>();
+  info.roi_width = fields.number<std::uint32_t>();
+  return info;
+}
+
+Camera camera_of(const RosCameraInfo& info, bool rectified) {
+  const bool by_p = rectified && info.p[0] != 0;
+  Camera c{.width = info.width, .height = info.height};
+  c.fx = by_p ? info.p[0] : info.k[0], c.fy = by_p ? info.p[5] : info.k[4];
+  c.cx = by_p ? info.p[2] : info.k[2], c.cy = by_p ? info.p[6] : info.k[5];
+  if (c.fx == 0) throw std::runtime_error("its K is zero: the camera was never calibrated");
+  if (!rectified) set_lens(info, c);
+  // A part of the sensor's image, and several of its pixels as one.
+  if (info.roi_width > 0 && info.roi_height > 0) {
+    c.width = static_cast<int>(std::min(info.roi_width, kLargestSide));
+    c.height = static_cast<int>(std::min(info.roi_height, kLargestSide));
+    c.cx -= info.left, c.cy -= info.top;
+  }
+  const int bx = static_cast<int>(std::clamp(info.binning_x, 1u, 64u)),
+            by = static_cast<int>(std::clamp(info.binning_y, 1u, 64u));
+  c.width /= bx, c.height /= by;
+  c.fx /= bx, c.fy /= by;
+  c.cx = (c.cx + 0.5) / bx - 0.5, c.cy = (c.cy + 0.5) / by - 0.5;
+  check(c);
+  return c;
+}
+
+RosImu read_imu(Bytes bytes, RosEncoding encoding) {
+  Fields fields(bytes, encoding);
+  (void)fields.header();
+  (void)fields.numbers<4 + 9>();  // orientation and its covariance
+  const auto measured = [&]() -> std::optional<Eigen::Vector3d> {
+    const Eigen::Vector3d value = fields.vector();
+    const auto covariance = fields.numbers<9>();
+    // ROS' own mark of what the sensor does not measure; others leave zeros.
+    if (covariance[0] == -1 || value.isZero(0) || !value.allFinite()) return std::nullopt;
+    return value;
+  };
+  RosImu imu;
+  imu.rate = measured();
+  imu.acceleration = measured();
+  return imu;
+}
+
+std::vector<RosTransform> read_tf(Bytes bytes, RosEncoding encoding) {
+  Fields fields(bytes, encoding);
+  std::vector<RosTransform> all(fields.length(64));
+  for (RosTransform& transform : all) {
+    transform.parent = fields.header().frame_id;
+    transform.child = fields.text();
+    transform.child.erase(0, std::min(transform.child.find_first_not_of('/'), transform.child.size()));
+    transform.parent_from_child = fields.transform();
+  }
+  return all;
+}
+
+Eigen::Isometry3d read_transform(Bytes bytes, RosEncoding encoding) { return Fields(bytes, encoding).transform(); }
+
+float read_float(Bytes bytes, RosEncoding encoding) { return Fields(bytes, encoding).number<float>(); }
+
+std::pair<std::string, std::string> read_key_value(Bytes bytes, RosEncoding encoding) {
+  Fields fields(bytes, encoding);
+  std::string key = fields.text();
+  return {std::move(key), fields.text()};
+}
+
+}  // namespace cairn

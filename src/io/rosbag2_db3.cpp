@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Files of rosbag2 in SQLite: the tables `topics` and `messages`; messages may be packed with Zstandard one by one.
+#include <fmt/format.h>
+#include <sqlite3.h>
+
+#include <array>
+#include <stdexcept>
+#include <string_view>
+#include <unordered_map>
+
+#include "base/words.hpp"
+#include "io/file_bytes.hpp"
+#include "io/ros_compression.hpp"
+#include "io/ros_recording.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr int kLargestMessage = 256 << 20;  // bytes
+constexpr std::string_view kZstd("\x28\xb5\x2f\xfd", 4);
+
+struct Close {
+  void operator()(sqlite3* database) const { sqlite3_close(database); }
+  void operator()(sqlite3_stmt* statement) const { sqlite3_finalize(statement); }
+};
+using Statement = std::unique_ptr<sqlite3_stmt, Close>;
+
+/// A file as a URI; `immutable` where no journal lies beside it, since SQLite else wants to write beside it.
+std::string uri_of(const fs::path& file) {
+  std::string uri = "file:";
+  for (const char c : fs::absolute(file).string())
+    uri += c == '%' || c == '?' || c == '#' ? fmt::format("%{:02x}", static_cast<int>(c)) : std::string(1, c);
+  std::error_code ignored;
+  return uri + (fs::exists(file.string() + "-wal", ignored) ? "?mode=ro" : "?mode=ro&immutable=1");
+}
+
+class Rosbag2Db3 final : public RosRecording {
+ public:
+  explicit Rosbag2Db3(const fs::path& file) : RosRecording(file.string(), "rosbag2 .db3 file") {
+    check_size(file);
+    sqlite3* opened = nullptr;
+    const int result = sqlite3_open_v2(uri_of(file).c_str(), &opened,
+                                       SQLITE_OPEN_READONLY | SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX, nullptr);
+    database_.reset(opened);
+    if (result != SQLITE_OK) throw std::runtime_error(name() + ": " + why());
+    sqlite3_limit(opened, SQLITE_LIMIT_LENGTH, kLargestMessage);
+    // SQLite refuses a file that is cut off, but to those who repair it.
+    if (cut_off_) sqlite3_exec(opened, "PRAGMA writable_schema = ON", nullptr, nullptr, nullptr);
+    read_topics();
+    rewind();
+  }
+
+  void rewind() override {
+    ended_early_.reset();
+    // Of a file that is cut off the index of the times may be lost; rows are written in the order of arrival.
+    const bool by_time = !cut_off_ && has_index_of_times();
+    messages_ = prepared(
+        fmt::format("SELECT id, topic_id, timestamp, data FROM messages ORDER BY {}", by_time ? "timestamp" : "id"));
+  }
+
+  std::optional<RosMessage> next() override {
+    while (!ended_early_) {
+      const int result = sqlite3_step(messages_.get());
+      if (result == SQLITE_DONE) {
+        ended_early_ = cut_off_;
+        return std::nullopt;
+      }
+      if (result != SQLITE_ROW) {
+        ended_early_ = cut_off_.value_or(
+            fmt::format("{}: cannot be read behind row {}: {}; what was recorded before is read; copy it again", name(),
+                        row_, why()));
+        return std::nullopt;
+      }
+      row_ = static_cast<std::uint64_t>(sqlite3_column_int64(messages_.get(), 0));
+      const auto topic = topic_of_id_.find(sqlite3_column_int64(messages_.get(), 1));
+      if (topic != topic_of_id_.end()) return message_of(topic->second);
+    }
+    return std::nullopt;
+  }
+
+ private:
+  [[nodiscard]] std::string why() const { return shown(sqlite3_errmsg(database_.get())); }
+
+  [[nodiscard]] Statement prepared(const std::string& query) const {
+    sqlite3_stmt* statement = nullptr;
+    if (sqlite3_prepare_v2(database_.get(), query.c_str(), -1, &statement, nullptr) != SQLITE_OK)
+      throw std::runtime_error(cut_off_.value_or(fmt::format("{}: is no file of rosbag2: {}", name(), why())));
+    return Statement(statement);
+  }
+
+  /// Notes whether the file is shorter than its header tells: pages and their size, big endian.
+  void check_size(const fs::path& file) {
+    FileBytes in(file);
+    std::array<std::uint8_t, 100> head{};
+    if (!in.read(head.data(), head.size()) ||
+        std::string_view(reinterpret_cast<const char*>(head.data()), 15) != "SQLite format 3")
+      throw std::runtime_error(fmt::format("{}: is no SQLite file, so no recording of rosbag2; copy it again", name()));
+    const std::uint64_t page = head[16] << 8 | head[17],
+                        count = static_cast<std::uint64_t>(head[28]) << 24 | head[29] << 16 | head[30] << 8 | head[31];
+    const std::uint64_t promised = (page == 1 ? 65536 : page) * count;
+    if (promised > in.size())
+      cut_off_ = fmt::format("{}: is cut off, {} of its {} bytes are there; what can be read is read; copy it again",
+                             name(), in.size(), promised);
+  }
+
+  static std::string text(const Statement& row, int column) {
+    const auto* begin = reinterpret_cast<const char*>(sqlite3_column_text(row.get(), column));
+    return begin == nullptr ? "" : begin;
+  }
+
+  void read_topics() {
+    const auto topics = prepared("SELECT id, name, type, serialization_format FROM topics ORDER BY id");
+    while (sqlite3_step(topics.get()) == SQLITE_ROW) {
+      const std::string encoding = text(topics, 3);
+      topic_of_id_[sqlite3_column_int64(topics.get(), 0)] = topic_of(text(topics, 1), text(topics, 2),
+                                                                     encoding == "cdr"         ? RosEncoding::cdr
+                                                                     : encoding == "rosmsg_v1" ? RosEncoding::ros1
+                                                                                               : RosEncoding::unknown);
+    }
+    if (cut_off_) return;
+    const auto counts = prepared("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id");
+    for (const auto& [id, topic] : topic_of_id_) count(topic, 0);
+    while (sqlite3_step(counts.get()) == SQLITE_ROW)
+      if (const auto it = topic_of_id_.find(sqlite3_column_int64(counts.get(), 0)); it != topic_of_id_.end())
+        count(it->second, static_cast<std::uint64_t>(sqlite3_column_int64(counts.get(), 1)));
+  }
+
+  /// Without one SQLite would sort all messages before it gives the first.
+  [[nodiscard]] bool has_index_of_times() const {
+    const auto indices = prepared(
+        "SELECT 1 FROM pragma_index_list('messages') AS list, pragma_index_info(list.name) AS info WHERE info.seqno = "
+        "0 "
+        "AND info.name = 'timestamp'");
+    return sqlite3_step(indices.get()) == SQLITE_ROW;
+  }
+
+  RosMessage message_of(std::size_t topic) {
+    const auto* begin = static_cast<const std::uint8_t*>(sqlite3_column_blob(messages_.get(), 3));
+    std::span<const std::uint8_t> bytes(begin, static_cast<std::size_t>(sqlite3_column_bytes(messages_.get(), 3)));
+    if (std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()).starts_with(kZstd)) {
+      try {
+        unpacked_ = unpacked("zstd", bytes, std::nullopt);
+      } catch (const std::runtime_error& error) {
+        throw std::runtime_error(fmt::format("{}: row {}: {}", name(), row_, error.what()));
+      }
+      bytes = unpacked_;
+    }
+    return {topic, 1e-9 * static_cast<double>(sqlite3_column_int64(messages_.get(), 2)), row_, bytes, &name(), "row"};
+  }
+
+  std::unique_ptr<sqlite3, Close> database_;
+  Statement messages_;
+  std::uint64_t row_ = 0;
+  std::optional<std::string> cut_off_;
+  std::vector<std::uint8_t> unpacked_;
+  std::unordered_map<std::int64_t, std::size_t> topic_of_id_;
+};
+
+}  // namespace
+
+std::unique_ptr<RosRecording> open_rosbag2_db3(const fs::path& file) { return std::make_unique<Rosbag2Db3>(file); }
+
+}  // namespace cairn

@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "io/zip_recording.hpp"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <zip.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <fstream>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "base/words.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kPrefix = "cairn-unpacked-";
+constexpr std::uintmax_t kReserve = 64u << 20;    // bytes that stay free on the disk
+constexpr std::uintmax_t kAnySize = 1u << 30;     // bytes that an archive may unpack to, however small it is
+constexpr std::uintmax_t kMostPacked = 200;       // times that a larger one may shrink: depth without noise does by 50
+constexpr std::size_t kPiece = 1u << 20;          // bytes
+constexpr auto kFresh = std::chrono::minutes(1);  // a folder that young may not be locked yet
+
+fs::path place_to_unpack() {
+  const fs::path usual = "/var/tmp";
+  std::error_code ignored;
+  return std::getenv("TMPDIR") == nullptr && fs::is_directory(usual, ignored) ? usual : fs::temp_directory_path();
+}
+
+void remove_leftovers_in(const fs::path& place) {
+  std::error_code error;
+  for (fs::directory_iterator it(place, error), end; !error && it != end; it.increment(error)) {
+    if (!it->path().filename().string().starts_with(kPrefix)) continue;
+    std::error_code ignored;
+    const auto written = fs::last_write_time(it->path(), ignored);
+    if (ignored || fs::file_time_type::clock::now() - written < kFresh) continue;
+    try {
+      if (const auto lock = FileLock::take(it->path(), FileLock::Kind::exclusive)) fs::remove_all(it->path(), ignored);
+    } catch (const std::runtime_error&) {
+      // It is another user's.
+    }
+  }
+}
+
+fs::path make_folder() {
+  const fs::path place = place_to_unpack();
+  remove_leftovers_in(place);
+  std::string name = (place / kPrefix).string() + "XXXXXX";
+  if (mkdtemp(name.data()) == nullptr)
+    throw std::runtime_error(
+        fmt::format("{}: cannot make a folder there to unpack a .zip file; set TMPDIR to another", place.string()));
+  return name;
+}
+
+FileLock lock_of(const fs::path& folder) {
+  if (auto lock = FileLock::take(folder, FileLock::Kind::exclusive)) return *std::move(lock);
+  throw std::runtime_error(folder.string() + ": another program holds it");
+}
+
+/// A file or folder of an archive.
+struct Entry {
+  zip_uint64_t number = 0;
+  fs::path place;  // relative to the top
+  bool is_folder = false;
+  std::uintmax_t size = 0;  // bytes, unpacked
+};
+
+/// An open archive; errors are without its name.
+class Archive {
+ public:
+  explicit Archive(const fs::path& file) {
+    int code = 0;
+    zip_ = zip_open(file.c_str(), ZIP_RDONLY, &code);
+    if (zip_ == nullptr && code == ZIP_ER_OPEN) throw std::runtime_error("cannot be read; check its permissions");
+    if (zip_ == nullptr) throw std::runtime_error("is cut off or no .zip file; copy it again");
+  }
+  ~Archive() { zip_discard(zip_); }
+  Archive(const Archive&) = delete;
+  Archive& operator=(const Archive&) = delete;
+
+  [[nodiscard]] std::vector<Entry> entries() const {
+    std::vector<Entry> all;
+    const zip_int64_t count = zip_get_num_entries(zip_, 0);
+    for (zip_int64_t i = 0; i < count; ++i)
+      if (auto entry = this->entry(static_cast<zip_uint64_t>(i))) all.push_back(*std::move(entry));
+    return all;
+  }
+
+  /// Returns what is wrong with the entry's bytes, if something is. Throws where they cannot be written.
+  [[nodiscard]] std::optional<std::string> unpack(const Entry& entry, const fs::path& file) {
+    std::ofstream out(file, std::ios::binary);
+    zip_file_t* in = zip_fopen_index(zip_, entry.number, 0);
+    if (in == nullptr) return zip_strerror(zip_);
+    const std::unique_ptr<zip_file_t, int (*)(zip_file_t*)> closed(in, zip_fclose);
+    for (std::uintmax_t left = entry.size;;) {
+      const zip_int64_t read = zip_fread(in, piece_.data(), piece_.size());
+      if (read < 0) return zip_file_strerror(in);
+      if (static_cast<std::uintmax_t>(read) > left) return "holds more than the archive tells";
+      left -= static_cast<std::uintmax_t>(read);
+      out.write(piece_.data(), read);
+      if (read > 0) continue;
+      if (!out.flush())
+        throw std::runtime_error(fmt::format("'{}' in it cannot be written to {}; make room there, or set TMPDIR",
+                                             shown(entry.place.string()), file.parent_path().string()));
+      return left > 0 ? std::optional<std::string>("is cut off") : std::nullopt;
+    }
+  }
+
+ private:
+  /// Nothing for what systems add on their own.
+  [[nodiscard]] std::optional<Entry> entry(zip_uint64_t number) const {
+    zip_stat_t about;
+    if (zip_stat_index(zip_, number, 0, &about) != 0 || (about.valid & ZIP_STAT_NAME) == 0)
+      throw std::runtime_error(fmt::format("its entry {} is damaged; copy it again", number));
+    std::string name = about.name;
+    std::replace(name.begin(), name.end(), '\\', '/');  // of Windows' programs
+    const auto refuse = [&](const char* why) {
+      throw std::runtime_error(fmt::format("holds '{}', which {}", shown(name), why));
+    };
+    Entry entry{.number = number, .place = fs::path(name).lexically_normal(), .is_folder = name.ends_with('/')};
+    if (name.empty() || name.starts_with('/')) refuse("is no place in a folder; pack the recording's folder again");
+    for (const fs::path& part : fs::path(name)) {
+      if (part == "..") refuse("leads out of its folder; pack the recording's folder again");
+      if (part == "__MACOSX" || (part != "." && part.string().starts_with('.'))) return std::nullopt;
+    }
+    if ((about.valid & ZIP_STAT_ENCRYPTION_METHOD) != 0 && about.encryption_method != ZIP_EM_NONE)
+      refuse("is encrypted; unpack the archive with its password, and name the folder");
+    zip_uint8_t system = 0;
+    zip_uint32_t attributes = 0;
+    if (zip_file_get_external_attributes(zip_, number, 0, &system, &attributes) == 0 && system == ZIP_OPSYS_UNIX &&
+        S_ISLNK(attributes >> 16))
+      refuse("is a link; pack the folder with the files themselves");
+    if (!entry.is_folder && zip_compression_method_supported(about.comp_method, 0) == 0)
+      refuse("is packed by an unknown method; pack the folder with `zip -r`");
+    entry.size = entry.is_folder ? 0 : about.size;
+    return entry;
+  }
+
+  zip_t* zip_ = nullptr;
+  std::vector<char> piece_ = std::vector<char>(kPiece);
+};
+
+void require_room(const std::vector<Entry>& entries, const fs::path& archive, const fs::path& folder) {
+  std::uintmax_t size = 0;
+  for (const Entry& entry : entries) {
+    if (entry.size > UINTMAX_MAX - size) throw std::runtime_error("tells impossible sizes; copy it again");
+    size += entry.size;
+  }
+  if (size > kAnySize && size / kMostPacked > fs::file_size(archive))
+    throw std::runtime_error(fmt::format(
+        "would unpack to {} MiB, more than {} times its size, as no recording does; unpack it yourself if it is one",
+        size >> 20, kMostPacked));
+  const std::uintmax_t room = fs::space(folder).available;
+  if (room < kReserve || size > room - kReserve)
+    throw std::runtime_error(
+        fmt::format("unpacks to {} MiB, {} has {} MiB left; make room there, or set TMPDIR to a folder on "
+                    "another disk",
+                    size >> 20, folder.parent_path().string(), room >> 20));
+}
+
+}  // namespace
+
+bool is_zip(const std::string& name) {
+  std::error_code ignored;
+  return name.ends_with(".zip") && !fs::is_directory(name, ignored);
+}
+
+UnpackedZip::UnpackedZip(const fs::path& archive)
+    : archive_(archive), folder_(make_folder()), lock_(lock_of(folder_)), content_(folder_ / archive.stem()) {
+  try {
+    unpack();
+  } catch (...) {
+    std::error_code ignored;
+    fs::remove_all(folder_, ignored);
+    throw;
+  }
+}
+
+void UnpackedZip::unpack() {
+  try {
+    if (!fs::exists(archive_)) throw std::runtime_error("there is no such file");
+    if (!fs::is_regular_file(archive_)) throw std::runtime_error("is no file");
+    if (fs::file_size(archive_) == 0) throw std::runtime_error("is empty; copy it again");
+    Archive archive(archive_);
+    const auto entries = archive.entries();
+    require_room(entries, archive_, folder_);
+    std::size_t files = 0, damaged = 0;
+    std::string first;
+    for (const Entry& entry : entries) {
+      const fs::path place = content_ / entry.place;
+      fs::create_directories(entry.is_folder ? place : place.parent_path());
+      if (entry.is_folder) continue;
+      ++files;
+      if (const auto wrong = archive.unpack(entry, place); wrong && damaged++ == 0)
+        first = fmt::format("'{}': {}", shown(entry.place.string()), *wrong);
+    }
+    if (files == 0) throw std::runtime_error("holds no file; pack the recording's folder again");
+    if (damaged > 0)
+      damage_ = fmt::format("{}: {} of {} files in it are damaged, the first is {}; copy it again", archive_.string(),
+                            damaged, files, first);
+  } catch (const fs::filesystem_error& error) {
+    throw std::runtime_error(
+        fmt::format("{}: cannot be unpacked: {}", archive_.string(), shown(error.code().message())));
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(fmt::format("{}: {}", archive_.string(), error.what()));
+  }
+}
+
+UnpackedZip::~UnpackedZip() {
+  std::error_code ignored;
+  fs::remove_all(folder_, ignored);
+}
+
+std::string UnpackedZip::recording() const {
+  fs::path at = content_;
+  for (;;) {
+    std::vector<fs::directory_entry> inside;
+    for (const auto& entry : fs::directory_iterator(at)) {
+      inside.push_back(entry);
+      if (inside.size() > 1) return at;
+    }
+    if (inside.size() != 1 || is_zip(inside[0].path())) return at;
+    at = inside[0].path();
+    if (!inside[0].is_directory()) return at;
+  }
+}
+
+std::string UnpackedZip::in_its_name(std::string text) const {
+  const std::string here = content_.string(), named = archive_.string();
+  for (std::size_t at = 0; (at = text.find(here, at)) != text.npos; at += named.size())
+    text.replace(at, here.size(), named);
+  return text;
+}
+
+std::shared_ptr<const UnpackedZip> unpacked(const fs::path& archive) {
+  using Key = std::tuple<fs::path, std::uintmax_t, fs::file_time_type>;
+  static std::mutex mutex;
+  static std::pair<Key, std::shared_ptr<const UnpackedZip>> last;
+  const std::lock_guard lock(mutex);
+  std::error_code ignored;
+  const Key key{fs::weakly_canonical(archive, ignored), fs::file_size(archive, ignored),
+                fs::last_write_time(archive, ignored)};
+  if (last.second && last.first == key) return last.second;
+  last.second.reset();
+  last = {key, std::make_shared<UnpackedZip>(archive)};
+  return last.second;
+}
+
+}  // namespace cairn

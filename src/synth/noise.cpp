@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// What depth cameras of several kinds would have measured. Figures are those of the sensors' tests, not those of
+// cairn::SensorModel, which shall be judged by them.
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <stdexcept>
+#include <string>
+
+#include "cairn/synthetic.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr float kColourNoise = 2.0f;  // grey levels
+
+/// Sums of uniform numbers: the same normal-like bits with every standard library, unlike std::normal_distribution.
+class Normal {
+ public:
+  Normal(std::uint64_t seed, int frame) : random_(seed * 1000003u + static_cast<std::uint64_t>(frame)) {}
+  float operator()() {
+    const std::uint64_t r = random_();
+    float sum = 0;
+    for (int i = 0; i < 4; ++i) sum += static_cast<float>((r >> (16 * i)) & 0xffff);
+    return (sum / 65535.0f - 2.0f) * 1.7320508f;
+  }
+  float uniform() { return static_cast<float>(random_() >> 40) / 16777216.0f; }
+
+ private:
+  std::mt19937_64 random_;
+};
+
+/// An image of the camera's size, or what a neighbourhood of it holds.
+struct Grid {
+  int width, height;
+  [[nodiscard]] std::size_t at(int x, int y) const {
+    return static_cast<std::size_t>(std::clamp(y, 0, height - 1)) * static_cast<std::size_t>(width) +
+           static_cast<std::size_t>(std::clamp(x, 0, width - 1));
+  }
+  [[nodiscard]] std::size_t size() const { return static_cast<std::size_t>(width) * static_cast<std::size_t>(height); }
+  template <class Visit>
+  void for_each(const Visit& visit) const {
+    for (int y = 0; y < height; ++y)
+      for (int x = 0; x < width; ++x) visit(x, y, at(x, y));
+  }
+};
+
+/// Noise that neighbours share: normal numbers every `cell` pixels, between them on a straight line.
+class Patches {
+ public:
+  Patches(const Grid& grid, int cell, Normal& normal)
+      : cell_(cell), coarse_{grid.width / cell + 2, grid.height / cell + 2}, values_(coarse_.size()) {
+    for (float& v : values_) v = normal();
+  }
+  [[nodiscard]] float operator()(int x, int y) const {
+    const int i = x / cell_, j = y / cell_;
+    const float u = static_cast<float>(x % cell_) / static_cast<float>(cell_);
+    const float v = static_cast<float>(y % cell_) / static_cast<float>(cell_);
+    const auto mix = [](float a, float b, float t) { return a + (b - a) * t; };
+    const auto value = [&](int k, int l) { return values_[coarse_.at(k, l)]; };
+    return mix(mix(value(i, j), value(i + 1, j), u), mix(value(i, j + 1), value(i + 1, j + 1), u), v);
+  }
+
+ private:
+  int cell_;
+  Grid coarse_;
+  std::vector<float> values_;
+};
+
+float brightness(std::uint32_t rgb) {
+  return (static_cast<float>(rgb & 0xff) + static_cast<float>(rgb >> 8 & 0xff) + static_cast<float>(rgb >> 16 & 0xff)) /
+         765.0f;
+}
+
+/// Khoshelham & Elberink 2012; Handa et al. 2014, sec. IV.
+void structured_light(SceneImages& images, const Grid& grid, const Camera& camera, Normal& normal) {
+  constexpr float kBaseline = 0.075f;         // metres
+  constexpr float kLateral = 0.5f;            // pixels, standard deviation
+  constexpr float kDisparityNoise = 0.08f;    // pixels, standard deviation
+  constexpr float kDisparityStep = 0.125f;    // pixels
+  constexpr float kGrazing = 0.15f;           // cosine
+  constexpr float kNear = 0.4f, kFar = 5.0f;  // metres
+  const float bf = kBaseline * static_cast<float>(camera.fx);
+  std::vector<float> noisy(images.depth.size(), 0.0f);
+  grid.for_each([&](int x, int y, std::size_t i) {
+    const int sx = static_cast<int>(std::lround(static_cast<float>(x) + kLateral * normal()));
+    const int sy = static_cast<int>(std::lround(static_cast<float>(y) + kLateral * normal()));
+    const std::size_t at = grid.at(sx, sy);
+    const float z = images.depth[at], noise = kDisparityNoise * normal();
+    if (z < kNear || z > kFar || images.cosine[at] < kGrazing) return;
+    const float disparity = std::round((bf / z + noise) / kDisparityStep) * kDisparityStep;
+    noisy[i] = bf / disparity;
+  });
+  images.depth = std::move(noisy);
+}
+
+/// Azure Kinect, narrow view without binning (Toelgyessy et al. 2021): noise by the light that comes back, an error
+/// that swings with distance, pixels at edges that mix both sides, millimetres.
+void time_of_flight(SceneImages& images, const Grid& grid, Normal& normal) {
+  constexpr float kNear = 0.5f, kFar = 5.4f;             // metres
+  constexpr float kLeast = 0.0008f, kByLight = 0.0007f;  // metres
+  constexpr float kSwing = 0.0015f, kPeriod = 0.75f;     // metres
+  constexpr float kDarkest = 0.012f;                     // light: nothing is measured
+  constexpr float kEdge = 0.08f, kMixed = 0.5f;          // metres; share of the edge's pixels
+  std::vector<float> noisy(images.depth.size(), 0.0f);
+  grid.for_each([&](int x, int y, std::size_t i) {
+    float z = images.depth[i];
+    const float albedo = 0.25f + 0.75f * brightness(images.colour[i]);
+    const float light = albedo * std::max(images.cosine[i], 0.0f) / std::max(z * z, 0.01f);
+    const float noise = normal(), beside = images.depth[grid.at(x + 1, y)], mixing = normal.uniform(),
+                share = normal.uniform();
+    if (z < kNear || z > kFar || light < kDarkest) return;
+    if (std::abs(beside - z) > kEdge && beside > 0 && mixing < kMixed) z += share * (beside - z);
+    z += (kLeast + kByLight / std::sqrt(light) * std::max(z - 0.5f, 0.2f) * 0.5f) * noise +
+         kSwing * std::sin(6.2831853f * z / kPeriod);
+    noisy[i] = std::round(z * 1000) / 1000;
+  });
+  images.depth = std::move(noisy);
+}
+
+/// RealSense D4xx: disparity with noise that neighbours share, edges off by a pixel or two, holes where the wall is
+/// bare, millimetres.
+void stereo(SceneImages& images, const Grid& grid, const Camera& camera, Normal& normal) {
+  constexpr float kBaseline = 0.05f;                   // metres
+  constexpr float kShared = 0.06f, kOwn = 0.03f;       // pixels of disparity, standard deviation
+  constexpr int kPatch = 5, kHole = 24;                // pixels
+  constexpr float kStep = 1.0f / 32, kLateral = 0.7f;  // pixels
+  constexpr float kNear = 0.3f, kFar = 6.0f;           // metres
+  constexpr float kBare = 0.012f, kHoles = 0.8f;       // brightness; standard deviations
+  const float bf = kBaseline * static_cast<float>(camera.fx);
+  const Patches shared(grid, kPatch, normal), holes(grid, kHole, normal), aside(grid, kPatch, normal);
+  std::vector<float> noisy(images.depth.size(), 0.0f);
+  grid.for_each([&](int x, int y, std::size_t i) {
+    const int sx = static_cast<int>(std::lround(static_cast<float>(x) + kLateral * aside(x, y)));
+    const std::size_t at = grid.at(sx, y);
+    const float z = images.depth[at], noise = kShared * 1.5f * shared(x, y) + kOwn * normal();
+    const float texture = std::abs(brightness(images.colour[grid.at(x + 2, y)]) - brightness(images.colour[i])) +
+                          std::abs(brightness(images.colour[grid.at(x - 2, y)]) - brightness(images.colour[i]));
+    if (z < kNear || z > kFar || images.cosine[at] < 0.1f) return;
+    if (texture < kBare && holes(x, y) > kHoles) return;
+    const float measured = bf / (std::round((bf / z + noise) / kStep) * kStep);
+    if (measured > 0 && measured < 20) noisy[i] = std::round(measured * 1000) / 1000;
+  });
+  images.depth = std::move(noisy);
+}
+
+/// iPhone: few points of a laser spread over the image, smooth across edges, flattened beyond 2.5 m; and how sure it
+/// is.
+void phone_lidar(SceneImages& images, const Grid& grid, Normal& normal) {
+  constexpr float kNear = 0.2f, kFar = 5.0f, kFlat = 2.5f;  // metres
+  constexpr int kPatch = 8;                                 // pixels
+  constexpr float kShared = 0.003f, kOwn = 0.001f;          // of the depth
+  constexpr float kEdge = 0.04f, kDoubt = 0.3f;             // of the depth; cosine
+  const Patches shared(grid, kPatch, normal);
+  std::vector<float> noisy(images.depth.size(), 0.0f);
+  images.confidence.assign(images.depth.size(), 0);
+  grid.for_each([&](int x, int y, std::size_t i) {
+    const float z = images.depth[i], own = normal();
+    if (z < kNear || z > kFar) return;
+    const int reach = z > kFlat ? 3 : 1;
+    float sum = 0, least = z, most = z;
+    int count = 0;
+    for (int v = -reach; v <= reach; ++v)
+      for (int u = -reach; u <= reach; ++u) {
+        const float other = images.depth[grid.at(x + u, y + v)];
+        if (other <= 0) continue;
+        sum += 1 / other, ++count;
+        least = std::min(least, other), most = std::max(most, other);
+      }
+    const float smooth = static_cast<float>(count) / sum;
+    noisy[i] = std::round(smooth * (1 + kShared * 1.5f * shared(x, y) + kOwn * own) * 1000) / 1000;
+    const bool edge = most - least > kEdge * z * static_cast<float>(reach) / std::max(images.cosine[i], 0.2f);
+    images.confidence[i] = edge ? 0 : z > kFlat || images.cosine[i] < kDoubt ? 128 : 255;
+  });
+  images.depth = std::move(noisy);
+}
+
+void grain(std::vector<std::uint32_t>& colour, Normal& normal) {
+  for (auto& pixel : colour) {
+    const float grain = kColourNoise * normal();
+    std::uint32_t out = 0xff000000u;
+    for (int shift = 0; shift < 24; shift += 8)
+      out |= static_cast<std::uint32_t>(std::clamp(static_cast<float>((pixel >> shift) & 0xff) + grain, 0.0f, 255.0f))
+             << shift;
+    pixel = out;
+  }
+}
+
+}  // namespace
+
+void add_noise(SceneImages& images, const Camera& camera, std::string_view kind, std::uint64_t seed, int frame,
+               std::vector<std::uint32_t>* colour) {
+  Normal normal(seed, frame);
+  const Grid grid{camera.width, camera.height};
+  if (kind == "none") return;
+  if (kind == "kinect")
+    structured_light(images, grid, camera, normal);
+  else if (kind == "tof")
+    time_of_flight(images, grid, normal);
+  else if (kind == "stereo")
+    stereo(images, grid, camera, normal);
+  else if (kind == "lidar")
+    phone_lidar(images, grid, normal);
+  else
+    throw std::runtime_error("there is no noise '" + std::string(kind) +
+                             "'; there are kinect, tof, stereo, lidar, none");
+  grain(colour != nullptr ? *colour : images.colour, normal);
+}
+
+}  // namespace cairn

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "track/gyroscope.hpp"
+
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+
+namespace cairn {
+namespace {
+
+constexpr double kLargestGap = 0.1;  // seconds between two samples, or beside them: more is missing
+constexpr double kFading = 0.998;    // of what was learned, from one turn to the next
+constexpr double kEnough = 20;       // turns before the bias is believed
+constexpr double kEnoughTurns = 45;  // before the sensor's place is believed
+constexpr double kTurning = 0.05;    // rad/s about two axes, root mean square, to tell the sensor's place by
+
+Eigen::Quaterniond turned_by(const Eigen::Vector3d& angle) {
+  const double a = angle.norm();
+  return a > 0 ? Eigen::Quaterniond(Eigen::AngleAxisd(a, angle / a)) : Eigen::Quaterniond::Identity();
+}
+
+}  // namespace
+
+void Gyroscope::add(const std::vector<AngularRate>& samples) {
+  for (const AngularRate& s : samples)
+    if (memory_.samples.empty() || s.timestamp > memory_.samples.back().timestamp) memory_.samples.push_back(s);
+}
+
+void Gyroscope::forget_before(double time) {
+  auto& samples = memory_.samples;
+  const auto first = std::find_if(samples.begin(), samples.end(), [&](const auto& s) { return s.timestamp >= time; });
+  if (first - samples.begin() > 1) samples.erase(samples.begin(), first - 1);
+}
+
+std::optional<Eigen::Quaterniond> Gyroscope::integrated(double since, double until, const Eigen::Vector3d& bias) const {
+  const auto& samples = memory_.samples;
+  if (samples.empty() || until <= since) return std::nullopt;
+  if (samples.front().timestamp > since + kLargestGap || samples.back().timestamp < until - kLargestGap)
+    return std::nullopt;
+  Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
+  double at = since;
+  // A sample holds from halfway after the one before to halfway to the next one.
+  for (std::size_t i = 0; i < samples.size() && at < until; ++i) {
+    const bool is_last = i + 1 == samples.size();
+    const double gap = is_last ? 0 : samples[i + 1].timestamp - samples[i].timestamp;
+    if (gap > kLargestGap && samples[i].timestamp < until && samples[i + 1].timestamp > since) return std::nullopt;
+    const double end = is_last ? until : std::min(until, samples[i].timestamp + 0.5 * gap);
+    if (end <= at) continue;
+    turn = turn * turned_by((samples[i].rate - bias) * (end - at));
+    at = end;
+  }
+  return turn.normalized();
+}
+
+std::optional<Eigen::Quaterniond> Gyroscope::turn(double since, double until) const {
+  const auto place = camera_from_imu();
+  if (!place) return std::nullopt;
+  const auto turn = integrated(since, until, bias());
+  if (!turn) return std::nullopt;
+  return *place * *turn * place->conjugate();
+}
+
+std::optional<Eigen::Vector3d> Gyroscope::rate(double time) const {
+  constexpr double kWindow = 0.01;  // seconds
+  const auto place = camera_from_imu();
+  const auto& samples = memory_.samples;
+  if (!place || samples.empty() || samples.back().timestamp < time - kLargestGap) return std::nullopt;
+  const double middle = std::min(time, samples.back().timestamp);
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  int count = 0;
+  for (const AngularRate& s : samples)
+    if (std::abs(s.timestamp - middle) <= kWindow) sum += s.rate, ++count;
+  if (count == 0) return std::nullopt;
+  return *place * (sum / count - bias());
+}
+
+void Gyroscope::learn(double since, double until, const Eigen::Quaterniond& turned) {
+  const auto measured = integrated(since, until, Eigen::Vector3d::Zero());
+  if (!measured) return;
+  const auto rate_of = [&](const Eigen::Quaterniond& turn) -> Eigen::Vector3d {
+    const Eigen::AngleAxisd a(turn);
+    return a.angle() / (until - since) * a.axis();
+  };
+  const Eigen::Vector3d imu = rate_of(*measured), camera = rate_of(turned);
+  Memory& m = memory_;
+  m.count = kFading * m.count + 1;
+  m.imu = kFading * m.imu + imu;
+  m.camera = kFading * m.camera + camera;
+  m.camera_imu = kFading * m.camera_imu + camera * imu.transpose();
+}
+
+/// Kabsch 1976, of the rates around their means.
+std::optional<Eigen::Quaterniond> Gyroscope::camera_from_imu() const {
+  if (camera_from_imu_) return camera_from_imu_;
+  const Memory& m = memory_;
+  if (m.count < kEnoughTurns) return std::nullopt;
+  const Eigen::Matrix3d together = (m.camera_imu - m.camera * m.imu.transpose() / m.count) / m.count;
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(together, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  if (svd.singularValues()[1] < kTurning * kTurning) return std::nullopt;
+  Eigen::Vector3d sign(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1);
+  return Eigen::Quaterniond(svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose());
+}
+
+Eigen::Vector3d Gyroscope::bias() const {
+  const auto place = camera_from_imu();
+  if (!place || memory_.count < kEnough) return Eigen::Vector3d::Zero();
+  return (memory_.imu - place->conjugate() * memory_.camera) / memory_.count;
+}
+
+}  // namespace cairn

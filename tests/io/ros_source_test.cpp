@@ -1,0 +1,566 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "io/ros_source.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "cairn/inspect.hpp"
+#include "support/files.hpp"
+#include "support/ros_files.hpp"
+#include "support/scenes.hpp"
+
+namespace cairn {
+namespace {
+
+using ros::Wire;
+constexpr int kFrames = 6;
+constexpr std::int64_t kBegin = 1'700'000'000'000'000'000, kStep = 33'333'333, kDelay = 4'000'000;  // ns
+constexpr std::int64_t kLate = 20'000'000;  // ns that messages take to arrive
+const Camera kDepthCamera{64, 48, 52.5, 52.25, 31.5, 23.75, {}};
+const Camera kColourCamera{96, 80, 90.5, 90.25, 47.5, 40.25, {0.1, -0.05, 0.001, 0.002, 0.01}};
+const Eigen::Vector3d kRate(0.1, -0.2, 0.3), kUp(0, -9.81, 0);  // as the inertial sensor measures them
+
+/// The colour camera stands 2.5 cm to the right of the depth camera and is turned a little.
+Eigen::Isometry3d depth_from_colour() {
+  Eigen::Isometry3d pose(Eigen::AngleAxisd(0.02, Eigen::Vector3d::UnitY()));
+  pose.translation() = Eigen::Vector3d(0.025, 0.001, -0.002);
+  return pose;
+}
+/// The inertial sensor has x forward, y to the left and z up.
+Eigen::Isometry3d depth_from_imu() {
+  Eigen::Matrix3d turn;
+  turn << 0, -1, 0, 0, 0, -1, 1, 0, 0;
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  pose.linear() = turn;
+  return pose;
+}
+
+struct Images {
+  std::vector<Frame> frames;
+  std::vector<std::vector<std::uint32_t>> colour;
+};
+const Images& images() {
+  static const Images made = [] {
+    Images all;
+    const Scene scene = synthetic_scene("room");
+    for (int i = 0; i < kFrames; ++i) {
+      all.frames.push_back(scene_frame(scene, kDepthCamera, i));
+      all.colour.push_back(scene_frame(scene, kColourCamera.rectified(), i).colour);
+    }
+    return all;
+  }();
+  return made;
+}
+
+/// What a recording holds, and how it is spoilt.
+struct Told {
+  Wire wire = Wire::ros1;
+  std::string depth_encoding = "16UC1", colour_encoding = "rgb8";
+  std::string depth_topic = "/camera/depth/image_raw", colour_topic = "/camera/color/image_raw";
+  bool info = true, tf = true, imu = true;
+  int colour_every = 1;
+  std::int64_t colour_clock = 0;  // ns ahead of depth's
+  int bad_depth = -1;
+  double metres_per_metre = 1;
+};
+
+template <class T>
+std::string raw(const std::vector<T>& values) {
+  return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)};
+}
+std::vector<std::uint16_t> millimetres(const Frame& frame, double scale = 1) {
+  std::vector<std::uint16_t> units;
+  for (const float z : frame.depth) units.push_back(static_cast<std::uint16_t>(std::lround(1000 * scale * z)));
+  return units;
+}
+std::string packed(const char* extension, const cv::Mat& image) {
+  std::vector<std::uint8_t> bytes;
+  cv::imencode(extension, image, bytes);
+  return {bytes.begin(), bytes.end()};
+}
+
+std::string depth_message(const Told& t, int i, std::int64_t stamp) {
+  const Frame& frame = images().frames[static_cast<std::size_t>(i)];
+  auto units = millimetres(frame, t.metres_per_metre);
+  ros::ImageMessage m{stamp, "depth_optical", kDepthCamera.width, kDepthCamera.height, t.depth_encoding, raw(units), 2};
+  if (t.depth_encoding == "32FC1") m.data = raw(frame.depth), m.pixel_size = 4;
+  if (t.depth_encoding == "mono16") {  // big endian, with a gap behind each row
+    m.big_endian = true, m.more_per_row = 6, m.data.clear();
+    for (std::size_t p = 0; p < units.size(); ++p) {
+      m.data += static_cast<char>(units[p] >> 8);
+      m.data += static_cast<char>(units[p] & 255);
+      if ((p + 1) % static_cast<std::size_t>(kDepthCamera.width) == 0) m.data += "******";
+    }
+  }
+  if (i == t.bad_depth) m.data.resize(10);
+  if (t.depth_encoding.find("compressed") == std::string::npos && t.depth_encoding.find("png") == std::string::npos)
+    return image(t.wire, m);
+  if (t.depth_encoding.ends_with("rvl"))
+    return compressed_image(t.wire, stamp, m.frame, t.depth_encoding, ros::rvl(units, kDepthCamera.width));
+  const cv::Mat grey(kDepthCamera.height, kDepthCamera.width, CV_16UC1, units.data());
+  const bool front = t.depth_encoding.find("compressedDepth") != std::string::npos;
+  return compressed_image(t.wire, stamp, m.frame, t.depth_encoding,
+                          std::string(front ? 12 : 0, '\1') + packed(".png", grey));
+}
+
+std::string colour_message(const Told& t, int i, std::int64_t stamp) {
+  auto rgba = images().colour[static_cast<std::size_t>(i)];
+  const cv::Mat all(kColourCamera.height, kColourCamera.width, CV_8UC4, rgba.data());
+  cv::Mat out;
+  if (t.colour_encoding == "rgb8")
+    cv::cvtColor(all, out, cv::COLOR_RGBA2RGB);
+  else if (t.colour_encoding == "bgra8")
+    cv::cvtColor(all, out, cv::COLOR_RGBA2BGRA);
+  else if (t.colour_encoding == "mono8")
+    cv::cvtColor(all, out, cv::COLOR_RGBA2GRAY);
+  else if (t.colour_encoding == "rgba8")
+    out = all.clone();
+  else
+    cv::cvtColor(all, out, cv::COLOR_RGBA2BGR);
+  if (t.colour_encoding.find("compressed") != std::string::npos)
+    return compressed_image(t.wire, stamp, "color_optical", t.colour_encoding,
+                            packed(t.colour_encoding.find("png") != std::string::npos ? ".png" : ".jpg", out));
+  const std::string data(reinterpret_cast<const char*>(out.data), out.total() * out.elemSize());
+  return image(t.wire, {stamp, "color_optical", kColourCamera.width, kColourCamera.height, t.colour_encoding, data,
+                        static_cast<int>(out.elemSize())});
+}
+
+std::string type_of(const std::string& encoding) {
+  return encoding.find("compressed") == std::string::npos ? "sensor_msgs/Image" : "sensor_msgs/CompressedImage";
+}
+
+ros::Messages messages(const Told& t = {}) {
+  ros::Messages all;
+  if (t.tf) {
+    // Both hang below a base, as robots have it.
+    Eigen::Isometry3d base_from_depth(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitX()));
+    base_from_depth.translation() = Eigen::Vector3d(0.1, 0.2, 0.3);
+    all.push_back({"/tf_static", "tf2_msgs/TFMessage", kBegin,
+                   tf(t.wire, {{"base", "depth_optical", base_from_depth},
+                               {"base", "color_optical", base_from_depth * depth_from_colour()},
+                               {"/depth_optical", "/imu", depth_from_imu()}})});
+  }
+  const std::vector<double> d(kColourCamera.distortion.begin(), kColourCamera.distortion.begin() + 5);
+  for (int i = 0; i < kFrames; ++i) {
+    const std::int64_t time = kBegin + i * kStep;
+    for (int j = 0; t.imu && j < 4; ++j) {
+      const std::int64_t at = time - kStep + (j + 1) * kStep / 4;
+      all.push_back(
+          {"/imu/data", "sensor_msgs/Imu", at, imu(t.wire, at, "imu", kRate * (4 * i + j + 1), {0, 0, 9.81})});
+    }
+    if (t.info) {
+      all.push_back({"/camera/depth/camera_info", "sensor_msgs/CameraInfo", time,
+                     camera_info(t.wire, "depth_optical", kDepthCamera, "plumb_bob", {0, 0, 0, 0, 0})});
+      all.push_back({"/camera/color/camera_info", "sensor_msgs/CameraInfo", time,
+                     camera_info(t.wire, "color_optical", kColourCamera, "plumb_bob", d)});
+    }
+    all.push_back({t.depth_topic, type_of(t.depth_encoding), time + kLate, depth_message(t, i, time)});
+    if (t.colour_every > 0 && i % t.colour_every == 0)
+      all.push_back({t.colour_topic, type_of(t.colour_encoding), time + kLate + kDelay,
+                     colour_message(t, i, time + kDelay + t.colour_clock)});
+  }
+  return all;
+}
+
+struct InFile {
+  TemporaryFolder folder;
+  std::filesystem::path file;
+  InFile(const std::string& name, const std::string& content) : file(folder / name) { write_text(file, content); }
+  explicit InFile(const Told& told) : InFile("a.bag", bag(messages(told))) {}
+};
+
+std::vector<Frame> read(const std::filesystem::path& file, const SourceOptions& options = {}) {
+  const auto source = open_source(file, options);
+  std::vector<Frame> frames;
+  while (auto frame = source->next()) frames.push_back(std::move(*frame));
+  return frames;
+}
+
+void expect_depth(const Frame& frame, std::size_t i) {
+  ASSERT_FALSE(frame.problem) << *frame.problem;
+  const auto units = millimetres(images().frames[i]);
+  ASSERT_EQ(frame.depth.size(), units.size());
+  for (std::size_t p = 0; p < units.size(); ++p) ASSERT_EQ(frame.depth[p], static_cast<float>(units[p]) * 1e-3f);
+}
+
+void expect_all(const std::filesystem::path& file) {
+  const auto source = open_source(file);
+  EXPECT_EQ(source->rig().depth, kDepthCamera);
+  ASSERT_TRUE(source->rig().colour);
+  EXPECT_EQ(source->rig().colour->camera, kColourCamera);
+  EXPECT_TRUE(source->rig().colour->colour_from_depth.isApprox(depth_from_colour().inverse(), 1e-9));
+  ASSERT_TRUE(source->rig().camera_from_imu);
+  EXPECT_TRUE(source->rig().camera_from_imu->isApprox(Eigen::Quaterniond(depth_from_imu().linear()), 1e-9));
+  EXPECT_EQ(source->rig().sensor, SensorModel{});
+  std::size_t i = 0;
+  for (; const auto frame = source->next(); ++i) {
+    SCOPED_TRACE(i);
+    ASSERT_LT(i, std::size_t{kFrames});
+    expect_depth(*frame, i);
+    EXPECT_EQ(frame->colour, images().colour[i]);
+    EXPECT_EQ(frame->index, static_cast<int>(i));
+    constexpr double kOfDoubles = 1e-6;  // seconds since 1970
+    EXPECT_NEAR(frame->timestamp - 1.7e9, 1e-9 * kStep * static_cast<double>(i), kOfDoubles);
+    EXPECT_NEAR(frame->colour_delay, 1e-9 * kDelay, kOfDoubles);
+    ASSERT_EQ(frame->gyro.size(), 4u);
+    for (std::size_t j = 0; j < 4; ++j)
+      EXPECT_TRUE(frame->gyro[j].rate.isApprox(kRate * static_cast<double>(4 * i + j + 1)));
+    EXPECT_NEAR(frame->gyro[3].timestamp, frame->timestamp, kOfDoubles);
+    ASSERT_TRUE(frame->acceleration);
+    EXPECT_TRUE(frame->acceleration->isApprox(kUp, 1e-9));
+  }
+  EXPECT_EQ(i, std::size_t{kFrames});
+  EXPECT_FALSE(source->ended_early()) << *source->ended_early();
+}
+
+TEST(RosSource, GivesWhatWasWrittenInEveryKindOfBag) {
+  for (const char* compression : {"", "bz2", "lz4"}) {
+    SCOPED_TRACE(compression);
+    const InFile in("a.bag", bag(messages(), {.compression = compression}));
+    expect_all(in.file);
+    EXPECT_EQ(open_source(in.file)->size(), kFrames);
+  }
+}
+
+TEST(RosSource, GivesWhatWasWrittenInEveryKindOfMcap) {
+  for (const char* compression : {"", "lz4", "zstd"})
+    for (const bool indexed : {true, false}) {
+      SCOPED_TRACE(compression);
+      const InFile in("a.mcap",
+                      mcap(messages({.wire = Wire::little}), "cdr", {.compression = compression, .indexed = indexed}));
+      if (indexed) expect_all(in.file);
+      EXPECT_EQ(read(in.file).size(), std::size_t{kFrames});
+    }
+  expect_all(InFile("a.mcap", mcap(messages({.wire = Wire::big}), "cdr", {.compression = "zstd"})).file);
+  expect_all(InFile("a.mcap", mcap(messages(), "ros1")).file);
+  expect_all(InFile("a.mcap", mcap(messages(), "ros1", {.per_chunk = 0})).file);
+}
+
+TEST(RosSource, GivesWhatWasWrittenInEveryKindOfRosbag2) {
+  for (const char* compression : {"", "zstd"}) {
+    SCOPED_TRACE(compression);
+    const TemporaryFolder folder;
+    const auto file = folder / "a_0.db3";
+    write_db3(file, messages({.wire = Wire::little}), {.compression = compression});
+    expect_all(file);
+    write_text(folder / "metadata.yaml",
+               "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: sqlite3\n  relative_file_paths:\n    "
+               "- a_0.db3\n  compression_mode: MESSAGE\n");
+    expect_all(folder.path());
+    EXPECT_TRUE(recorded_truth(folder.path()).empty());
+  }
+}
+
+TEST(RosSource, FollowsARecordingThroughItsFiles) {
+  const auto all = messages({.wire = Wire::little});
+  const auto half = all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2);
+  const TemporaryFolder folder;
+  ros::write_db3(folder / "a_0.db3", {all.begin(), half});
+  write_text(folder / "a_1.mcap", ros::mcap({half, all.end()}, "cdr"));
+  write_text(folder / "metadata.yaml",
+             "rosbag2_bagfile_information:\n  relative_file_paths: [other/a_0.db3, a_1.mcap]\n");
+  expect_all(folder.path());
+}
+
+TEST(RosSource, ReadsEveryEncodingOfDepth) {
+  for (const char* encoding :
+       {"16UC1", "mono16", "16UC1; compressedDepth png", "16UC1; compressedDepth rvl", "16UC1; png compressed "}) {
+    SCOPED_TRACE(encoding);
+    const InFile in(Told{.depth_encoding = encoding});
+    const auto frames = read(in.file);
+    ASSERT_EQ(frames.size(), std::size_t{kFrames});
+    for (std::size_t i = 0; i < kFrames; ++i) expect_depth(frames[i], i);
+  }
+  const InFile in(Told{.depth_encoding = "32FC1"});
+  EXPECT_EQ(read(in.file)[2].depth, images().frames[2].depth);
+}
+
+TEST(RosSource, ReadsEveryEncodingOfColour) {
+  for (const char* encoding : {"rgb8", "bgr8", "rgba8", "bgra8", "rgb8; png compressed bgr8"}) {
+    SCOPED_TRACE(encoding);
+    const InFile in(Told{.colour_encoding = encoding});
+    const auto frames = read(in.file);
+    ASSERT_EQ(frames.size(), std::size_t{kFrames});
+    for (std::size_t i = 0; i < kFrames; ++i) EXPECT_EQ(frames[i].colour, images().colour[i]);
+  }
+  const auto mean_error = [](const Frame& frame, std::size_t i, bool grey) {
+    double sum = 0;
+    for (std::size_t p = 0; p < frame.colour.size(); ++p) {
+      const std::uint32_t is = frame.colour[p], was = images().colour[i][p];
+      const int r = was & 255, g = was >> 8 & 255, b = was >> 16 & 255;
+      const int expected = grey ? static_cast<int>(std::lround(0.299 * r + 0.587 * g + 0.114 * b)) : g;
+      sum += std::abs(static_cast<int>(is >> 8 & 255) - expected);
+    }
+    return sum / static_cast<double>(frame.colour.size());
+  };
+  EXPECT_LT(mean_error(read(InFile(Told{.colour_encoding = "mono8"}).file)[3], 3, true), 1);
+  constexpr double kOfJpeg = 4;  // steps of 255
+  EXPECT_LT(mean_error(read(InFile(Told{.colour_encoding = "rgb8; jpeg compressed bgr8"}).file)[3], 3, false), kOfJpeg);
+}
+
+TEST(RosSource, TakesTheNearestColourWithinHalfAFrame) {
+  const InFile in(Told{.colour_every = 2});
+  const auto frames = read(in.file);
+  for (std::size_t i = 0; i < kFrames; ++i) EXPECT_EQ(frames[i].colour.empty(), i % 2 == 1) << i;
+}
+
+TEST(RosSource, PairsByArrivalWhereClocksAreYearsApart) {
+  const InFile in(Told{.colour_clock = -kBegin + 5'000'000'000});
+  testing::internal::CaptureStdout();
+  const auto frames = read(in.file);
+  const std::string said = testing::internal::GetCapturedStdout();
+  EXPECT_NE(said.find("the clocks of /camera/color/image_raw and /camera/depth/image_raw are 53.9 years apart"),
+            std::string::npos)
+      << said;
+  EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1);
+  for (std::size_t i = 0; i < kFrames; ++i) {
+    EXPECT_EQ(frames[i].colour, images().colour[i]);
+    EXPECT_NEAR(frames[i].colour_delay, 1e-9 * kDelay, 1e-6);
+  }
+}
+
+TEST(RosSource, TakesTheTopicsAskedForAndElseThoseWithTheMostMessages) {
+  auto all = messages();
+  for (const ros::Recorded& m : ros::Messages(all))
+    if (m.topic == "/camera/depth/image_raw" || m.topic == "/camera/depth/camera_info")
+      all.push_back({"/b" + m.topic, m.type, m.time, m.bytes}),
+          all.push_back({"/b" + m.topic, m.type, m.time, m.bytes});
+  const InFile in("a.bag", bag(all));
+  testing::internal::CaptureStdout();
+  EXPECT_EQ(open_source(in.file)->size(), 2 * kFrames);
+  const std::string said = testing::internal::GetCapturedStdout();
+  EXPECT_NE(said.find("depth is taken from the topic /b/camera/depth/image_raw"), std::string::npos) << said;
+  EXPECT_NE(said.find("there are also /camera/depth/image_raw"), std::string::npos) << said;
+  EXPECT_EQ(open_source(in.file, {.depth_topic = "/camera/depth/image_raw"})->size(), kFrames);
+  const auto topics = recorded_topics(in.file);
+  EXPECT_EQ(
+      std::count_if(topics.begin(), topics.end(), [](const auto& t) { return t.holds == RecordedTopic::Holds::depth; }),
+      2);
+}
+
+TEST(RosSource, IsWarnedOfOnceByTheProgram) {
+  auto all = messages();
+  for (const ros::Recorded& m : ros::Messages(all))
+    if (m.topic == "/camera/depth/image_raw") all.push_back({"/b" + m.topic, m.type, m.time, m.bytes});
+  const InFile in("a.bag", bag(all));
+  const Ran ran = run_cairn({"reconstruct", in.file, "-o", in.folder / "map"});
+  const std::string warning = "depth is taken from the topic";
+  const auto at = ran.err.find(warning);
+  EXPECT_NE(at, std::string::npos) << ran.err;
+  EXPECT_EQ(ran.err.find(warning, at + 1), std::string::npos) << ran.err;
+}
+
+TEST(RosSource, TakesTheColourThatStandsBesideDepth) {
+  auto all = messages();
+  for (const ros::Recorded& m : ros::Messages(all))
+    if (m.topic == "/camera/color/image_raw" || m.topic == "/camera/color/camera_info")
+      for (int i = 0; i < 3; ++i) all.push_back({"/camera2/color" + m.topic.substr(13), m.type, m.time, m.bytes});
+  const InFile in("a.bag", bag(all));
+  testing::internal::CaptureStdout();
+  (void)open_source(in.file);
+  const std::string said = testing::internal::GetCapturedStdout();
+  EXPECT_NE(said.find("colour is taken from the topic /camera/color/image_raw with 6 messages; there are also "
+                      "/camera2/color/image_raw"),
+            std::string::npos)
+      << said;
+}
+
+TEST(RosSource, HasOneCameraWhereDepthIsRegisteredToColour) {
+  ros::Messages all;
+  for (const ros::Recorded& m : messages({.tf = false, .colour_every = 0})) all.push_back(m);
+  for (int i = 0; i < kFrames; ++i) {
+    auto rgba = images().frames[static_cast<std::size_t>(i)].colour;
+    all.push_back({"/camera/color/image_raw", "sensor_msgs/Image", kBegin + i * kStep + kLate,
+                   image(Wire::ros1, {kBegin + i * kStep, "depth_optical", 64, 48, "rgba8", raw(rgba), 4})});
+  }
+  std::erase_if(all, [](const ros::Recorded& m) { return m.topic == "/camera/color/camera_info"; });
+  all.push_back({"/camera/color/camera_info", "sensor_msgs/CameraInfo", kBegin,
+                 camera_info(Wire::ros1, "depth_optical", kDepthCamera, "plumb_bob", {})});
+  std::stable_sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.time < b.time; });
+  const InFile in("a.bag", bag(all));
+  EXPECT_FALSE(open_source(in.file)->rig().colour);
+  EXPECT_EQ(read(in.file)[1].colour, images().frames[1].colour);
+}
+
+TEST(RosSource, ReadsWhatLibrealsenseRecords) {
+  ros::Messages all;
+  const Eigen::Isometry3d identity = Eigen::Isometry3d::Identity();
+  const std::string depth = "/device_0/sensor_0/Depth_0", colour = "/device_0/sensor_1/Color_0",
+                    gyro = "/device_0/sensor_2/Gyro_0", accel = "/device_0/sensor_2/Accel_0";
+  const auto pose = [](const Eigen::Isometry3d& p) { return ros::MessageWriter(Wire::ros1).transform(p).bytes(); };
+  const auto put = [&](const std::string& topic, const char* type, std::int64_t time, const std::string& bytes) {
+    all.push_back({topic, type, time, bytes});
+  };
+  put("/device_0/info", "diagnostic_msgs/KeyValue", 1,
+      ros::MessageWriter(Wire::ros1).text("Name").text("Intel RealSense D435I").bytes());
+  put("/device_0/sensor_0/option/Depth_Units/value", "std_msgs/Float32", 1,
+      ros::MessageWriter(Wire::ros1).put(0.0001f).bytes());
+  put(depth + "/info/camera_info", "sensor_msgs/CameraInfo", 1,
+      camera_info(Wire::ros1, "", kDepthCamera, "Brown Conrady", {0, 0, 0, 0, 0}));
+  put(colour + "/info/camera_info", "sensor_msgs/CameraInfo", 1,
+      camera_info(Wire::ros1, "", kColourCamera.rectified(), "Inverse Brown Conrady", {0, 0, 0, 0, 0}));
+  for (int i = 0; i < kFrames; ++i) {
+    const std::int64_t stamp = kBegin + i * kStep, time = 1'000'000 + i * kStep;
+    // Infrared images lie beside depth and have more of them.
+    for (int j = 0; j < 2; ++j)
+      put("/device_0/sensor_0/Infrared_1/image/data", "sensor_msgs/Image", time,
+          image(Wire::ros1, {stamp + j, "0", 64, 48, "8UC1", std::string(64 * 48, 'i'), 1}));
+    auto units = millimetres(images().frames[static_cast<std::size_t>(i)], 10);
+    put(depth + "/image/data", "sensor_msgs/Image", time,
+        image(Wire::ros1, {stamp, "0", 64, 48, "mono16", raw(units), 2}));
+    put(colour + "/image/data", "sensor_msgs/Image", time, colour_message({}, i, stamp));
+    put(gyro + "/imu/data", "sensor_msgs/Imu", time, imu(Wire::ros1, stamp, "0", kRate, {0, 0, 0}));
+    put(accel + "/imu/data", "sensor_msgs/Imu", time, imu(Wire::ros1, stamp, "0", {0, 0, 0}, kUp));
+  }
+  put(depth + "/tf/0", "geometry_msgs/Transform", 1, pose(identity));
+  put(colour + "/tf/0", "geometry_msgs/Transform", 1, pose(depth_from_colour().inverse()));
+  for (const auto& stream : {gyro, accel}) put(stream + "/tf/0", "geometry_msgs/Transform", 1, pose(identity));
+  const InFile in("a.bag", bag(all, {.compression = "lz4"}));
+  const Rig rig = open_source(in.file)->rig();
+  EXPECT_EQ(rig.sensor, sensor_model("stereo"));
+  ASSERT_TRUE(rig.colour);
+  EXPECT_EQ(rig.colour->camera, kColourCamera.rectified());
+  EXPECT_TRUE(rig.colour->colour_from_depth.isApprox(depth_from_colour().inverse(), 1e-9));
+  EXPECT_TRUE(rig.camera_from_imu);
+  const auto frames = read(in.file);
+  ASSERT_EQ(frames.size(), std::size_t{kFrames});
+  for (std::size_t i = 0; i < kFrames; ++i) {
+    ASSERT_FALSE(frames[i].problem) << *frames[i].problem;
+    for (std::size_t p = 0; p < frames[i].depth.size(); ++p)
+      ASSERT_NEAR(frames[i].depth[p], images().frames[i].depth[p], 0.51e-4);
+    EXPECT_EQ(frames[i].colour, images().colour[i]);
+    ASSERT_EQ(frames[i].gyro.size(), 1u);
+    EXPECT_TRUE(frames[i].acceleration->isApprox(kUp));
+  }
+}
+
+TEST(RosSource, KeepsWhatTheGyroscopeMeasuredDuringFramesThatArePassedOver) {
+  const InFile in(Told{});
+  const auto frames = read(in.file, {.range = {.begin = 1, .end = 6, .step = 2}});
+  ASSERT_EQ(frames.size(), 3u);
+  EXPECT_EQ(frames[1].index, 3);
+  EXPECT_EQ(frames[0].gyro.size(), 4u);
+  EXPECT_EQ(frames[1].gyro.size(), 8u);
+}
+
+TEST(RosSource, TellsWhatIsWrongWithAFrameAndGoesOn) {
+  const InFile in(Told{.bad_depth = 2});
+  const auto frames = read(in.file);
+  ASSERT_EQ(frames.size(), std::size_t{kFrames});
+  ASSERT_TRUE(frames[2].problem);
+  EXPECT_NE(frames[2].problem->find("a.bag: /camera/depth/image_raw in byte "), std::string::npos)
+      << *frames[2].problem;
+  EXPECT_NE(frames[2].problem->find("has 10 bytes"), std::string::npos) << *frames[2].problem;
+  EXPECT_FALSE(frames[3].problem);
+  EXPECT_EQ(frames[3].gyro.size(), 8u);  // with those of the frame that could not be read
+}
+
+TEST(RosSource, DoubtsAUnitThatIsWrong) {
+  const InFile in(Told{.depth_encoding = "16UC1", .metres_per_metre = 0.001});
+  const auto source = open_source(in.file);
+  const auto doubts = inspect(*source, kFrames).doubts;
+  ASSERT_FALSE(doubts.empty());
+  EXPECT_NE(doubts[0].find("factor of 1000"), std::string::npos) << doubts[0];
+}
+
+TEST(RosSource, TakesTheCamerasOfAFileWhereTheRecordingTellsNone) {
+  const InFile in(Told{.info = false, .tf = false});
+  const Rig told(kDepthCamera, ColourCamera{kColourCamera, depth_from_colour().inverse()});
+  write_rig(in.folder / "camera.yaml", told);
+  const auto source = open_source(in.file, {.camera = in.folder / "camera.yaml"});
+  ASSERT_TRUE(source->rig().colour);
+  EXPECT_EQ(source->rig().depth, kDepthCamera);
+  EXPECT_EQ(source->next()->colour, images().colour[0]);
+}
+
+TEST(RosSource, RefusesWhatItCannotReadInOneLine) {
+  const auto wrong = [](const InFile& in, const SourceOptions& options, const char* told) {
+    const auto error = error_of([&] { (void)open_source(in.file, options); });
+    EXPECT_NE(error.find(in.file.filename().string()), std::string::npos) << error;
+    EXPECT_NE(error.find(told), std::string::npos) << error;
+    EXPECT_EQ(error.find('\n'), std::string::npos) << error;
+  };
+  wrong(InFile(Told{.info = false}), {}, "no topic of sensor_msgs/CameraInfo belongs to /camera/depth/image_raw");
+  wrong(InFile(Told{}), {.depth_topic = "/camera/color/image_raw"},
+        "the topic /camera/color/image_raw is no depth topic, it holds rgb8; images are in: ");
+  wrong(InFile(Told{}), {.colour_topic = "/camera/depth/image_raw"},
+        "the topic /camera/depth/image_raw is no colour topic, it holds 16UC1");
+  wrong(InFile(Told{}), {.depth_topic = "/nothing"}, "has no topic /nothing (SourceOptions::depth_topic)");
+  wrong(InFile(Told{.depth_encoding = "64FC1"}), {}, "no topic of depth images (16UC1, mono16, 32FC1");
+  wrong(InFile(Told{.depth_encoding = "64FC1"}), {}, "/camera/depth/image_raw (64FC1)");
+  for (const char* name : {"a.bag", "a.mcap", "a.db3"}) wrong(InFile(name, ""), {}, "is empty");
+  wrong(InFile("a.bag", ros::bag({})), {}, "holds no message");
+  wrong(InFile("a.mcap", ros::mcap({}, "cdr")), {}, "holds no message");
+  wrong(InFile("a.bag", "#ROSBAG V1.2\n"), {}, "`rosbag fix`");
+  wrong(InFile("a.mcap", "nonsense"), {}, "does not begin as an MCAP file");
+  wrong(InFile("a.db3", std::string(200, 'x')), {}, "is no SQLite file");
+  const TemporaryFolder folder;
+  write_text(folder / "metadata.yaml", "rosbag2_bagfile_information:\n  relative_file_paths: [a.db3.zstd]\n");
+  EXPECT_NE(error_of([&] { (void)open_source(folder.path()); }).find("unpack it with `zstd -d`"), std::string::npos);
+  write_text(folder / "metadata.yaml", "rosbag2_bagfile_information: [\n");
+  EXPECT_NE(error_of([&] { (void)open_source(folder.path()); }).find("metadata.yaml: line "), std::string::npos);
+  EXPECT_NE(error_of([] { (void)open_source("nowhere.bag"); }).find("nowhere.bag"), std::string::npos);
+}
+
+TEST(RosSource, KeepsWhatWasRecordedBeforeACut) {
+  const auto expect_cut = [](const std::filesystem::path& file, const char* told) {
+    const auto source = open_source(file);
+    EXPECT_FALSE(source->ended_early());
+    std::size_t count = 0;
+    for (; const auto frame = source->next(); ++count) expect_depth(*frame, count);
+    EXPECT_GE(count, 2u);
+    EXPECT_LT(count, std::size_t{kFrames});
+    ASSERT_TRUE(source->ended_early());
+    EXPECT_NE(source->ended_early()->find(told), std::string::npos) << *source->ended_early();
+    EXPECT_EQ(source->ended_early()->find('\n'), std::string::npos);
+  };
+  for (const char* compression : {"", "bz2", "lz4"}) {
+    const std::string whole = bag(messages(), {.compression = compression});
+    expect_cut(InFile("a.bag", whole.substr(0, whole.size() * 3 / 4)).file,
+               "a.bag: is cut off or damaged in the record");
+  }
+  for (const char* compression : {"", "lz4", "zstd"}) {
+    const std::string whole = mcap(messages({.wire = Wire::little}), "cdr", {.compression = compression});
+    expect_cut(InFile("a.mcap", whole.substr(0, whole.size() * 3 / 4)).file, "a.mcap: is cut off or ");
+  }
+  const TemporaryFolder folder;
+  write_db3(folder / "a.db3", messages({.wire = Wire::little}));
+  const std::string whole = read_bytes(folder / "a.db3");
+  write_text(folder / "a.db3", whole.substr(0, whole.size() * 3 / 4));
+  expect_cut(folder / "a.db3", "a.db3: is cut off, ");
+}
+
+TEST(RosSource, ReadsABagThatWasNeverFinished) {
+  const InFile in("a.bag", bag(messages(), {.indexed = false}));
+  const auto source = open_source(in.file);
+  EXPECT_FALSE(source->size());
+  int count = 0;
+  while (source->next()) ++count;
+  EXPECT_EQ(count, kFrames);
+  ASSERT_TRUE(source->ended_early());
+  EXPECT_NE(source->ended_early()->find("has no index"), std::string::npos);
+}
+
+TEST(RosSource, GoesOnBehindADamagedChunk) {
+  std::string file = bag(messages(), {.compression = "lz4"});
+  const std::size_t third = file.find("\x04\x22\x4d\x18", file.find("\x04\x22\x4d\x18", file.size() / 3) + 1);
+  file.replace(third, 4, "****");
+  const InFile in("a.bag", file);
+  const auto frames = read(in.file);
+  int bad = 0, good = 0;
+  for (const Frame& frame : frames) (frame.problem ? bad : good)++;
+  EXPECT_EQ(bad, 1);
+  EXPECT_GE(good, kFrames - 2);
+  for (const Frame& frame : frames) {
+    if (!frame.problem) continue;
+    EXPECT_NE(frame.problem->find("is no LZ4 frame"), std::string::npos) << *frame.problem;
+  }
+}
+
+}  // namespace
+}  // namespace cairn

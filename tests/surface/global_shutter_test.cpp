@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "surface/global_shutter.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "support/scenes.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr double kReadout = 0.028;  // seconds
+
+Eigen::Isometry3d moving(const Eigen::Isometry3d& now, const Vector6d& velocity, double seconds) {
+  return now * retract(velocity * seconds);
+}
+
+Vector6d fast() {
+  Vector6d velocity;
+  velocity << 0.9, -1.4, 1.1, 0.4, -0.3, 0.2;
+  return velocity;
+}
+
+struct Errors {
+  double depth = 0, colour = 0;  // medians: metres, grey levels
+};
+
+Errors between(const Frame& a, const Frame& b) {
+  std::vector<float> depth, colour;
+  for (std::size_t i = 0; i < a.depth.size(); ++i)
+    if (a.depth[i] > 0 && b.depth[i] > 0) depth.push_back(std::abs(a.depth[i] - b.depth[i]));
+  for (std::size_t i = 0; i < a.colour.size(); ++i)
+    if ((a.colour[i] & 0xffffff) != 0 && (b.colour[i] & 0xffffff) != 0)
+      colour.push_back(std::abs(static_cast<float>(a.colour[i] & 0xff) - static_cast<float>(b.colour[i] & 0xff)));
+  const auto median = [](std::vector<float>& v) {
+    std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
+    return static_cast<double>(v[v.size() / 2]);
+  };
+  return {median(depth), median(colour)};
+}
+
+Frame seen(const Rig& rig, const PoseAt& depth_pose, const PoseAt& colour_pose) {
+  const Scene scene = synthetic_scene("room");
+  auto images = SceneRenderer(test_device(), scene, rig.depth).render(depth_pose, 0);
+  Frame frame{.depth = std::move(images.depth), .colour = std::move(images.colour)};
+  if (rig.colour) frame.colour = SceneRenderer(test_device(), scene, rig.colour->camera).render(colour_pose, 0).colour;
+  return frame;
+}
+
+void expect_undone(Rig rig) {
+  const Eigen::Isometry3d now = synthetic_scene("room").world_from_camera(1.0);
+  const Eigen::Isometry3d depth_from_colour = rig.depth_from_colour();
+  const PoseAt still = [&](double) { return now; };
+  const PoseAt still_colour = [&](double) -> Eigen::Isometry3d { return now * depth_from_colour; };
+  const Frame truth = seen(rig, still, still_colour);
+  rig.depth.readout = kReadout;
+  if (rig.colour) rig.colour->camera.readout = kReadout;
+  const PoseAt moved = [&](double t) { return moving(now, fast(), t); };
+  const PoseAt moved_colour = [&](double t) -> Eigen::Isometry3d { return moving(now, fast(), t) * depth_from_colour; };
+  const Frame rolling = seen(rig, moved, moved_colour);
+  const Frame global = GlobalShutter(rig)(rolling, at_velocity(fast()));
+  const Errors before = between(rolling, truth), after = between(global, truth);
+  std::printf("depth %.2f mm off, %.2f after; colour %.1f levels off, %.1f after\n", 1000 * before.depth,
+              1000 * after.depth, before.colour, after.colour);
+  EXPECT_GT(before.depth, 0.005);
+  EXPECT_LT(after.depth, 0.04 * before.depth);
+  EXPECT_LT(after.colour, 0.5 * before.colour);
+}
+
+TEST(GlobalShutter, UndoesAFastTurnOfDepthAndTheColourOnIt) { expect_undone(small_camera()); }
+
+TEST(GlobalShutter, UndoesItWithALensAndAColourCameraBeside) {
+  Camera bent = small_camera(), beside = synthetic_camera();
+  bent.distortion = {0.1, -0.2, 0.001, -0.001, 0.05};
+  Eigen::Isometry3d colour_from_depth = Eigen::Isometry3d::Identity();
+  colour_from_depth.translation() = Eigen::Vector3d(-0.05, 0, 0);
+  expect_undone({bent, ColourCamera{.camera = beside, .colour_from_depth = colour_from_depth}});
+}
+
+TEST(GlobalShutter, IsNotNeededWithoutAReadoutTime) {
+  EXPECT_FALSE(GlobalShutter(small_camera()).is_needed());
+  Camera rolling = small_camera();
+  rolling.readout = kReadout;
+  EXPECT_TRUE(GlobalShutter(rolling).is_needed());
+  EXPECT_NEAR(GlobalShutter(rolling).difference(at_velocity(fast()), at_velocity(fast())), 0, 1e-12);
+}
+
+TEST(GlobalShutter, LeavesAStillCamerasImagesNearlyAsTheyAre) {
+  Camera rolling = small_camera();
+  rolling.readout = kReadout;
+  const Frame frame = scene_frame(synthetic_scene("room"), small_camera(), 0);
+  const Frame global = GlobalShutter(rolling)(frame, at_velocity(Vector6d::Zero()));
+  const Errors errors = between(frame, global);
+  EXPECT_LT(errors.depth, 1e-6);
+  EXPECT_EQ(errors.colour, 0);
+}
+
+}  // namespace
+}  // namespace cairn
