@@ -52,7 +52,8 @@ bool is_plausible_jpeg(std::span<const std::uint8_t> b) {
 cv::Mat decode_image(std::span<const std::uint8_t> bytes, int flags) {
   const std::string_view all(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   const std::string_view end = all.substr(all.size() - std::min<std::size_t>(all.size(), 64));
-  const bool png = all.starts_with("\x89PNG"), jpeg = all.starts_with("\xff\xd8");
+  // The whole signatures: OpenCV hands what only begins like them to other decoders, of which some abort.
+  const bool png = all.starts_with("\x89PNG\r\n\x1a\n"), jpeg = all.starts_with("\xff\xd8\xff");
   if (!png && !jpeg) throw std::runtime_error("is no image: neither PNG nor JPEG");
   if (end.find(png ? "IEND" : "\xff\xd9") == end.npos) throw std::runtime_error("the file is cut off");
   cv::Mat image;

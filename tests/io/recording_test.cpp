@@ -91,6 +91,10 @@ TEST(TumRecording, TellsWhatIsWrongWithAFrameAndGoesOn) {
       {"too large", [](const fs::path& f) { write_text(f, read_bytes(f).replace(16, 8, "\0\1\0\0\0\1\0\0"s)); },
        "no image that can be decoded"},
       {"TIFF", [](const fs::path& f) { write_text(f, "II*\0\0\0\0\0"s); }, "neither PNG nor JPEG"},
+      // OpenCV would hand it to its DICOM decoder, which aborts on much.
+      {"DICOM that begins like a PNG",
+       [](const fs::path& f) { write_text(f, std::string("\x89PNG").append(124, '\0').append("DICM IEND")); },
+       "neither PNG nor JPEG"},
   };
   for (const auto& c : cases) {
     SCOPED_TRACE(c.name);
