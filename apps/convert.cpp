@@ -71,7 +71,7 @@ class Reader {
 };
 
 Converted convert_to(const Arguments& a, const fs::path& folder) {
-  auto source = open_source(a.sequence, {.range = parse_frames(a.frames), .camera = a.camera, .copy_to = {}});
+  auto source = open_source(a.sequence, {.range = parse_frames(a.frames), .camera = a.camera});
   if (a.registered) source = with_colour_on_depth(std::move(source));
   Converted converted;
   {

@@ -21,8 +21,8 @@ struct Arguments : RunArguments {
   bool refine = false, reintegrate = false;
 };
 
-std::unique_ptr<Source> open_frames(const Arguments& a, const FrameRange& range) {
-  auto source = open_source(a.sequence, source_options(a, range));
+std::unique_ptr<Source> open_frames(const Arguments& a, const SourceOptions& options) {
+  auto source = open_source(a.sequence, options);
   const auto poses_of = [](const std::filesystem::path& file) {
     auto poses = recorded_truth(file);
     if (poses.empty()) throw std::runtime_error(file.string() + ": is a recording without poses");
@@ -37,7 +37,7 @@ void reconstruct(const Arguments& a) {
   const Poses poses = a.poses.empty() ? Poses::tracked : Poses::given;
   (void)options_of(a);  // what is wrong with them is told before anything is read
   const Beginning begin = beginning(a, parse_frames(a.frames));
-  const auto source = open_frames(a, begin.range);
+  const auto source = open_frames(a, source_options(a, begin.range));
   const Options options = options_of(a, source->rig().sensor);
   Run run(a, options, poses, source->rig(), begin.progressed, begin.is_next_recording);
   {
@@ -66,7 +66,9 @@ void reconstruct(const Arguments& a) {
     });
   if (a.reintegrate && !run.stopped())
     run.timed("reintegrate", [&] {
-      const auto again = open_frames(a, parse_frames(a.frames));
+      SourceOptions options_again = source_options(a, parse_frames(a.frames));
+      options_again.find_colour_camera = false;  // the mapper knows
+      const auto again = open_frames(a, options_again);
       Progress progress(again->size());
       run.mapper().reintegrate(*again, [&] { progress.step("reintegrating"); });
     });

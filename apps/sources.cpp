@@ -60,7 +60,8 @@ FrameRange parse_frames(const std::string& text) {
   return {.begin = parts[0].value_or(0), .end = parts[1], .step = parts[2].value_or(1)};
 }
 
-std::string identity(const std::string& sequence, const SourceOptions& options) {
+std::string identity(const std::string& sequence, SourceOptions options) {
+  options.find_colour_camera = false;
   if (is_sensor(sequence) || is_synthetic(sequence)) return sequence;
   constexpr int kFrames = 3, kTries = 30;  // frames; readable ones among the first
   const Quiet quiet;

@@ -24,9 +24,9 @@ inline constexpr const char* kFramesHelp = "A:B:STEP, frames A to B - 1, every S
 /// `A:B:STEP`, each part may be empty. Throws CLI::ValidationError.
 [[nodiscard]] FrameRange parse_frames(const std::string& text);
 
-/// What a session remembers of it: what it shows, wherever it lies. A recording is known by its camera and its first
-/// frames.
-[[nodiscard]] std::string identity(const std::string& sequence, const SourceOptions& options);
+/// What a session remembers of it: what it shows, wherever it lies. A recording is known by the camera it tells and its
+/// first frames.
+[[nodiscard]] std::string identity(const std::string& sequence, SourceOptions options);
 
 void add_topics(CLI::App& command, std::vector<std::string>& topics);
 /// How the user wants SEQUENCE to be read: each of `topics` is depth's or colour's by what it holds. Throws

@@ -27,7 +27,9 @@ struct SourceOptions {
       camera;  ///< camera.yaml in place of the intrinsics that the recording or sensor tells, and where
                ///< the colour camera is (of a sensor: when it cannot register depth to colour itself)
   std::optional<SensorModel> sensor;  ///< in place of the model that the recording or sensor is known for
-  std::filesystem::path copy_to;      ///< .oni file that gets every image of a sensor, depth exactly; empty: none
+  /// Whether a colour camera is looked for (seconds) where a recording is known to tell it wrongly or not at all.
+  bool find_colour_camera = true;
+  std::filesystem::path copy_to;  ///< .oni file that gets every image of a sensor, depth exactly; empty: none
   /// Of a ROS recording with several cameras; empty: chosen by type, that with the most messages.
   std::string depth_topic, colour_topic;
 };

@@ -26,7 +26,8 @@ constexpr std::size_t kEnough = 4000;  // of all frames
 constexpr double kWidth = 640;         // pixels that blurs are meant for; wider colour images are halved
 constexpr double kContrast = 6;        // of 255 a pixel: as strong as an edge of colour need be
 constexpr double kBetter = 1.1;        // times the edges that the promised camera meets
-constexpr std::array kBlurs = {6.0, 3.0, 1.5, 0.8};  // pixels, from coarse to fine
+constexpr std::array kBlurs = {6.0, 3.0, 1.5, 0.8};          // pixels, from coarse to fine
+constexpr std::array<std::size_t, 4> kSteps = {6, 4, 2, 1};  // between points: neighbours see the same blurred edge
 
 using Parameters = std::array<double, 7>;  // rotation vector, translation in metres, focal scale - 1
 // How far from the promised camera the true one may usually be, and what that costs: a share of all points' edges.
@@ -42,7 +43,7 @@ struct EdgePoint {
 
 struct View {
   std::vector<EdgePoint> points;
-  cv::Mat grey;  // undistorted
+  cv::Mat smooth;  // brightness, undistorted
 };
 
 /// How strong edges are across rows and across columns, 0 to 255.
@@ -54,24 +55,22 @@ struct EdgeImages {
   Grid upright_grid, level_grid;
   Interpolator at_upright, at_level;
 
-  EdgeImages(const cv::Mat& grey, double blur)
-      : upright(strength(grey, 1, 0, blur)),
-        level(strength(grey, 0, 1, blur)),
-        upright_grid(upright.data, 0, grey.rows, 0, grey.cols),
-        level_grid(level.data, 0, grey.rows, 0, grey.cols),
+  EdgeImages(const cv::Mat& smooth, double blur)
+      : upright(strength(smooth, 1, 0, blur)),
+        level(strength(smooth, 0, 1, blur)),
+        upright_grid(upright.data, 0, smooth.rows, 0, smooth.cols),
+        level_grid(level.data, 0, smooth.rows, 0, smooth.cols),
         at_upright(upright_grid),
         at_level(level_grid) {}
   EdgeImages(const EdgeImages&) = delete;
   EdgeImages& operator=(const EdgeImages&) = delete;
 
-  static cv::Mat strength(const cv::Mat& grey, int dx, int dy, double blur) {
-    cv::Mat smooth, slope, bytes;
-    cv::GaussianBlur(grey, smooth, {}, 1.2);
-    cv::Sobel(smooth, slope, CV_32F, dx, dy);
-    cv::Mat strong = cv::min(cv::abs(slope) * (255 / (8 * kContrast)), 255.0);
+  static cv::Mat strength(const cv::Mat& smooth, int dx, int dy, double blur) {
+    cv::Mat slope, strong;
+    cv::Sobel(smooth, slope, CV_16S, dx, dy);
+    cv::convertScaleAbs(slope, strong, 255 / (8 * kContrast));
     cv::GaussianBlur(strong, strong, {}, blur);
-    strong.convertTo(bytes, CV_8U);
-    return bytes;
+    return strong;
   }
 };
 
@@ -115,10 +114,12 @@ struct Usual {
 /// All views at one blur.
 class Level {
  public:
-  Level(const std::vector<View>& views, const Camera& camera, double blur) : camera_(camera) {
+  /// Every `step`th point is asked.
+  Level(const std::vector<View>& views, const Camera& camera, double blur, std::size_t step) : camera_(camera) {
     for (const View& view : views) {
-      images_.push_back(std::make_unique<EdgeImages>(view.grey, blur));
-      for (const EdgePoint& point : view.points) terms_.push_back({&point, images_.back().get(), &camera_});
+      images_.push_back(std::make_unique<EdgeImages>(view.smooth, blur));
+      for (std::size_t i = 0; i < view.points.size(); i += step)
+        terms_.push_back({&view.points[i], images_.back().get(), &camera_});
     }
   }
 
@@ -199,7 +200,7 @@ class EdgesOfDepth {
   Eigen::Isometry3d colour_from_depth_;
 };
 
-/// Colour images as brightness without their lens, in a size that the blurs are meant for.
+/// Colour images as smooth brightness without their lens, in a size that the blurs are meant for.
 class GreyImages {
  public:
   explicit GreyImages(const Camera& camera) : raw_(camera), camera_(camera.rectified()) {
@@ -220,6 +221,7 @@ class GreyImages {
     const double shrunk = static_cast<double>(raw_.width) / camera_.width;
     if (shrunk > 1) cv::GaussianBlur(grey, grey, {}, 0.5 * shrunk);
     cv::remap(grey, seen, rays_, {}, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+    cv::GaussianBlur(seen, seen, {}, 1.2);
     return seen;
   }
 
@@ -265,7 +267,7 @@ std::optional<Rig> find_colour_camera(Source& source, int frames) {
   const double scale = std::max(grey.camera().width / kWidth, grey.camera().fx / promised.depth.fx);
   Parameters x{};
   {
-    const Level coarse(views, grey.camera(), kBlurs[0] * scale);
+    const Level coarse(views, grey.camera(), kBlurs[0] * scale, kSteps[0]);
     double best = 0;
     for (const double focal_scale : {0.0, -0.04, 0.04, -0.08, 0.08, -0.12, 0.12}) {
       const Parameters other = {0, 0, 0, 0, 0, 0, focal_scale};
@@ -273,8 +275,8 @@ std::optional<Rig> find_colour_camera(Source& source, int frames) {
     }
   }
   double found = 0, before = 0;
-  for (const double blur : kBlurs) {
-    const Level level(views, grey.camera(), blur * scale);
+  for (std::size_t i = 0; i < kBlurs.size(); ++i) {
+    const Level level(views, grey.camera(), kBlurs[i] * scale, kSteps[i]);
     x = level.refine(x);
     found = level.agreement(x);
     before = level.agreement({});

@@ -234,15 +234,15 @@ void set_rig_in_one_place(const Camera& colour, Recording& recording) {
   }
 }
 
-std::unique_ptr<Source> open_recording(const fs::path& folder, const FrameRange& range, const fs::path& camera) {
+std::unique_ptr<Source> open_recording(const fs::path& folder, const SourceOptions& options) {
   Recording recording = read_recording(folder);
-  if (!camera.empty()) {
-    recording.rig = read_rig(camera);
-  } else if (!recording.colour_is_told) {
+  if (!options.camera.empty()) {
+    recording.rig = read_rig(options.camera);
+  } else if (options.find_colour_camera && !recording.colour_is_told) {
     RecordingSource all(recording, {});
     if (const auto rig = find_colour_camera(all)) recording.rig = *rig;
   }
-  return std::make_unique<RecordingSource>(std::move(recording), range);
+  return std::make_unique<RecordingSource>(std::move(recording), options.range);
 }
 
 std::unique_ptr<Source> with_poses(std::unique_ptr<Source> source, Trajectory world_from_camera, double max_gap) {

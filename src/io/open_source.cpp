@@ -161,7 +161,7 @@ std::unique_ptr<Source> open_by_name(const std::string& name, const SourceOption
   if (is_ros_recording(name))
     return with_cameras(std::make_unique<InRange>(open_ros(name, options), options.range), options.camera);
   if (name.ends_with(".sens")) return with_cameras(open_sens(name, options.range), options.camera);
-  return open_recording(name, options.range, options.camera);
+  return open_recording(name, options);
 }
 
 }  // namespace

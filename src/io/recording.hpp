@@ -66,9 +66,9 @@ void set_rig_in_one_place(const Camera& colour, Recording& recording);
 [[nodiscard]] std::unique_ptr<Source> with_cameras(std::unique_ptr<Source> source,
                                                    const std::filesystem::path& camera_file);
 
-/// The frames of a folder, whatever its layout. `camera`: a camera.yaml in place of what it says of its cameras. Throws
+/// The frames of a folder, whatever its layout, as range, camera and find_colour_camera of the options say. Throws
 /// std::runtime_error with what is missing, where, and what to do.
-[[nodiscard]] std::unique_ptr<Source> open_recording(const std::filesystem::path& folder, const FrameRange& range = {},
-                                                     const std::filesystem::path& camera = {});
+[[nodiscard]] std::unique_ptr<Source> open_recording(const std::filesystem::path& folder,
+                                                     const SourceOptions& options = {});
 
 }  // namespace cairn

@@ -42,7 +42,7 @@ struct Tum {
     write_text(folder / "depth.txt", depth);
   }
   [[nodiscard]] std::vector<Frame> read(const FrameRange& range = {}) const {
-    const auto source = open_recording(folder.path(), range);
+    const auto source = open_recording(folder.path(), {.range = range});
     std::vector<Frame> frames;
     while (auto frame = source->next()) frames.push_back(std::move(*frame));
     return frames;
