@@ -4,10 +4,11 @@
 // are nearer than the measurement behind them. A bit for each brick of the window tells which are known already.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#include "shaders/fetch.h"
 #include "shaders/volume.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { BrickFreePush push; };
-layout(binding = 0, scalar) readonly buffer Fusion { uvec2 fusion[]; };  // (depth bits, colour)
+PAIRS(0, fusion);  // (depth bits, colour)
 layout(binding = 1, scalar) readonly buffer PageTable { uint page_table[]; };
 layout(binding = 2, scalar) buffer Marks { uint marks[]; };
 layout(binding = 3, scalar) buffer FreeCount { uint free_count; };
@@ -17,7 +18,7 @@ bool in_front(vec3 p) {
   vec2 pixel = project(push.camera, p) + 0.5;
   int width = int(push.camera.width), height = int(push.camera.height);
   bool inside = p.z > 0.0 && min(pixel.x, pixel.y) >= 0.0 && pixel.x < float(width) && pixel.y < float(height);
-  return inside && p.z < uintBitsToFloat(fusion[inside ? int(pixel.y) * width + int(pixel.x) : 0].x);
+  return inside && p.z < uintBitsToFloat(fetch(fusion, inside ? int(pixel.y) * width + int(pixel.x) : 0).x);
 }
 
 void main() {

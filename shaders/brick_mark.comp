@@ -3,10 +3,11 @@
 // Lists the bricks that the truncation bands of a grid of measurements need and that have no slot yet.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#include "shaders/fetch.h"
 #include "shaders/volume.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { BrickMarkPush push; };
-layout(binding = 0, scalar) readonly buffer Fusion { uvec2 fusion[]; };
+PAIRS(0, fusion);
 layout(binding = 1, scalar) buffer PageTable { uint page_table[]; };
 layout(binding = 2, scalar) buffer NewCount { uint new_count; };
 layout(binding = 3, scalar) writeonly buffer NewBricks { ivec3 new_bricks[]; };
@@ -16,7 +17,7 @@ void main() {
   uint i = thread_index();
   if (i >= columns * rows) return;
   uvec2 pixel = push.stride * uvec2(i % columns, i / columns) + uvec2(push.phase % push.stride, (push.phase / push.stride) % push.stride);
-  float z = uintBitsToFloat(fusion[pixel.y * push.camera.width + pixel.x].x);
+  float z = uintBitsToFloat(fetch(fusion, int(pixel.y * push.camera.width + pixel.x)).x);
   if (z <= 0.0) return;
   vec3 ray = rotate(push.submap_from_camera, ray_through(push.camera, vec2(pixel)));
   float band = push.volume.truncation;

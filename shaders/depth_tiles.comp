@@ -3,10 +3,11 @@
 // The farthest measurement of each tile of a depth image, 0 where it has none.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#include "shaders/fetch.h"
 #include "shaders/volume.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { DepthTilesPush push; };
-layout(binding = 0, scalar) readonly buffer Fusion { uvec2 fusion[]; };
+PAIRS(0, fusion);
 layout(binding = 1, scalar) writeonly buffer Farthest { float farthest[]; };
 
 void main() {
@@ -18,6 +19,6 @@ void main() {
   float most = 0.0;
   for (uint y = y0; y < min(y0 + kTile, push.height); ++y)
     for (int k = 0; k < int(kTile); ++k)  // of fixed length, so that it unrolls; a border's tile sees its last pixel again
-      most = max(most, uintBitsToFloat(fusion[int(y * push.width) + min(x0 + k, last)].x));
+      most = max(most, uintBitsToFloat(fetch(fusion, int(y * push.width) + min(x0 + k, last)).x));
   farthest[i] = most;
 }

@@ -6,12 +6,13 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
+#include "shaders/fetch.h"
 #include "shaders/track.h"
 #include "shaders/surface.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { IcpReducePush push; };
-layout(binding = 0, scalar) readonly buffer Live { uvec2 live[]; };
-layout(binding = 1, scalar) readonly buffer Model { uvec2 model[]; };
+PAIRS(0, live);
+PAIRS(1, model);
 layout(binding = 2, scalar) writeonly buffer Sums { IcpSums sums[]; };
 
 void main() {
@@ -19,40 +20,43 @@ void main() {
   vec3 rr0 = vec3(0), rr1 = vec3(0), rt0 = vec3(0), rt1 = vec3(0), rt2 = vec3(0), tt0 = vec3(0), tt1 = vec3(0);
   vec3 br = vec3(0), bt = vec3(0);
   vec4 counts = vec4(0);
-  int width = int(push.camera.width), height = int(push.camera.height);
-  Tile tile = tile_of(push.camera, push.tile, int(gl_WorkGroupID.x), int(gl_LocalInvocationIndex));
+  Pinhole camera = local(push.camera);
+  Rigid model_from_live = local(push.model_from_live);
+  float max_squared = push.max_distance * push.max_distance, min_cosine = push.min_cosine, huber = push.huber;
+  float inverse_cut = push.cut > 0.0 ? 1.0 / push.cut : 0.0;
+  bool crossed = push.crossed != 0u;
+  int width = int(camera.width), height = int(camera.height);
+  Tile tile = tile_of(camera, push.tile, int(gl_WorkGroupID.x), int(gl_LocalInvocationIndex));
   ivec2 at = tile.begin;
   for (int k = 0; k < tile.steps; ++k) {
     bool exists = at.x < width && at.y < height;
     int i = exists ? at.y * width + at.x : 0;
-    uvec2 l = live[i];
+    uvec2 l = fetch(live, i);
     float z = uintBitsToFloat(l.x);
-    vec3 p = transform(push.model_from_live, ray_through(push.camera, vec2(at)) * z);
-    ivec2 pixel = ivec2(floor(project(push.camera, p) + 0.5));
+    vec3 p = transform(model_from_live, ray_through(camera, vec2(at)) * z);
+    ivec2 pixel = ivec2(floor(project(camera, p) + 0.5));
     bool valid = exists && l.y != 0u && z > 0.0 && p.z > 0.0;
     bool inside = valid && pixel.x >= 0 && pixel.y >= 0 && pixel.x < width && pixel.y < height;
-    uvec2 m = inside ? model[pixel.y * width + pixel.x] : uvec2(0);
+    uvec2 m = inside ? fetch(model, pixel.y * width + pixel.x) : uvec2(0);
     float zm = uintBitsToFloat(m.x);
     bool seen = inside && zm > 0.0 && m.y != 0u;
     vec3 n = unpack_normal(m.y);
-    vec3 gap = ray_through(push.camera, vec2(pixel)) * zm - p;
-    vec3 live_normal = rotate(push.model_from_live, unpack_normal(l.y));
+    vec3 gap = ray_through(camera, vec2(pixel)) * zm - p;
+    vec3 live_normal = rotate(model_from_live, unpack_normal(l.y));
     // Of normals that agree, the noise would agree too.
-    bool inlier = seen && dot(gap, gap) < push.max_distance * push.max_distance &&
-                  (push.crossed != 0u || dot(live_normal, n) > push.min_cosine);
+    bool inlier = seen && dot(gap, gap) < max_squared &&
+                  (crossed || dot(live_normal, n) > min_cosine);
 
     float inverse_sigma = 1.0 / depth_noise(z);
     float r = dot(n, gap) * inverse_sigma;
-    float w = inlier ? min(1.0, push.huber / max(abs(r), 1e-6)) : 0.0;  // Huber 1964
-    if (push.cut > 0.0) {  // Beaton & Tukey 1974
-      float rest = max(0.0, 1.0 - r * r / (push.cut * push.cut));
-      w *= rest * rest;
-    }
+    float w = inlier ? min(1.0, huber / max(abs(r), 1e-6)) : 0.0;  // Huber 1964
+    float cut_off = r * inverse_cut, rest = max(0.0, 1.0 - cut_off * cut_off);  // Beaton & Tukey 1974
+    w *= rest * rest;
     if (!inlier) r = 0.0;
     vec3 jt = inlier ? n * inverse_sigma : vec3(0);
     vec3 jr = inlier ? cross(p, n) * inverse_sigma : vec3(0);
     vec3 wr = jr * w, wt = jt * w;
-    if (push.crossed != 0u && inlier) {
+    if (crossed && inlier) {
       jt = live_normal * inverse_sigma;
       jr = cross(p, live_normal) * inverse_sigma;
     }

@@ -6,13 +6,14 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
+#include "shaders/fetch.h"
 #include "shaders/track.h"
 #include "shaders/surface.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { PhotometricReducePush push; };
-layout(binding = 0, scalar) readonly buffer Points { uvec2 points[]; };
-layout(binding = 1, scalar) readonly buffer Live { uvec2 live[]; };          // packed, see surface.h
-layout(binding = 2, scalar) readonly buffer Keyframe { uvec2 keyframe[]; };  // packed
+PAIRS(0, points);
+PAIRS(1, live);      // packed, see surface.h
+PAIRS(2, keyframe);  // packed
 layout(binding = 3, scalar) writeonly buffer Sums { PhotometricSums sums[]; };
 
 // Brightness (x) and its change along the image (y, z) between four pixels; w = 0 where one has none.
@@ -28,32 +29,36 @@ void main() {
   vec3 rr0 = vec3(0), rr1 = vec3(0), rt0 = vec3(0), rt1 = vec3(0), rt2 = vec3(0), tt0 = vec3(0), tt1 = vec3(0);
   vec3 br = vec3(0), bt = vec3(0);
   vec4 counts = vec4(0), moments = vec4(0);
-  int width = int(push.camera.width), height = int(push.camera.height);
-  Tile tile = tile_of(push.camera, push.tile, int(gl_WorkGroupID.x), int(gl_LocalInvocationIndex));
-  vec2 focal = vec2(push.camera.fx, push.camera.fy);
+  Pinhole camera = local(push.camera);
+  Rigid keyframe_from_live = local(push.keyframe_from_live);
+  vec3 rotation = push.rotation, translation = push.translation;
+  float gain = push.gain, bias = push.bias, inverse_sigma = push.inverse_sigma;
+  int width = int(camera.width), height = int(camera.height);
+  Tile tile = tile_of(camera, push.tile, int(gl_WorkGroupID.x), int(gl_LocalInvocationIndex));
+  vec2 focal = vec2(camera.fx, camera.fy);
   ivec2 at = tile.begin;
   for (int k = 0; k < tile.steps; ++k) {
     bool exists = at.x < width && at.y < height;
     int i = exists ? at.y * width + at.x : 0;
-    float z = uintBitsToFloat(points[i].x);
-    vec3 p = ray_through(push.camera, vec2(at)) * z;
+    float z = uintBitsToFloat(fetch(points, i).x);
+    vec3 p = ray_through(camera, vec2(at)) * z;
     // Where the colour camera saw the point, at its own moment.
-    vec2 u = project(push.camera, p + cross(push.rotation, p) + push.translation);
-    vec3 q = transform(push.keyframe_from_live, p);
-    vec2 v = project(push.camera, q);
+    vec2 u = project(camera, p + cross(rotation, p) + translation);
+    vec3 q = transform(keyframe_from_live, p);
+    vec2 v = project(camera, q);
     bool inside = exists && z > 0.0 && q.z > 0.1 && min(min(u.x, u.y), min(v.x, v.y)) >= 0.0 &&
                   max(u.x, v.x) < float(width - 1) && max(u.y, v.y) < float(height - 1);
     if (!inside) u = v = vec2(0.0);
     ivec2 iu = ivec2(u), iv = ivec2(v);
-    uvec2 pl = inside ? live[iu.y * width + iu.x] : uvec2(0);
-    uvec2 pk = inside ? keyframe[iv.y * width + iv.x] : uvec2(0);
+    uvec2 pl = inside ? fetch(live, iu.y * width + iu.x) : uvec2(0);
+    uvec2 pk = inside ? fetch(keyframe, iv.y * width + iv.x) : uvec2(0);
     vec4 a = bilinear(pl, u - vec2(iu)), key = bilinear(pk, v - vec2(iv));
     float zk = float(int((pk.x >> 24) | ((pk.y >> 24) << 8))) * 0.001;
     // Neither hidden in the keyframe nor behind something that was there.
     bool seen = inside && a.w > 0.0 && key.w > 0.0 && (zk == 0.0 || abs(zk - q.z) < 0.05 + 0.03 * q.z);
 
-    float r = seen ? key.x - (push.gain * a.x + push.bias) : 0.0;
-    float e = r * push.inverse_sigma;
+    float r = seen ? key.x - (gain * a.x + bias) : 0.0;
+    float e = r * inverse_sigma;
     float w = seen ? 6.0 / (5.0 + e * e) : 0.0;  // t-distribution with 5 degrees of freedom
     vec2 g = focal * key.yz * (1.0 / q.z);
     vec3 jt = seen ? vec3(g, -dot(g, q.xy) * (1.0 / q.z)) : vec3(0);

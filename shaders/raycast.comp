@@ -4,17 +4,18 @@
 // march over nearest voxels until the sign changes, then the crossing is found by interpolation.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#include "shaders/fetch.h"
 #include "shaders/volume.h"
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { RaycastPush push; };
-layout(binding = 0, scalar) readonly buffer PageTable { uint page_table[]; };
-layout(binding = 1, scalar) readonly buffer Nearest { uint nearest[]; };
-layout(binding = 2, scalar) readonly buffer Farthest { uint farthest[]; };
+WORDS(0, page_table);
+FLOATS(1, nearest);
+FLOATS(2, farthest);
 layout(binding = 3, scalar) writeonly buffer Points { uvec2 points[]; };
 
 uint find_slot(ivec3 voxel) {
   ivec3 brick = voxel >> 3;
-  return in_window(push.volume, brick) ? slot_of_entry(page_table[table_index(push.volume, brick)]) : kNoSlot;
+  return in_window(push.volume, brick) ? slot_of_entry(fetch(page_table, int(table_index(push.volume, brick)))) : kNoSlot;
 }
 
 // Distance in truncations, and 1 or 0 for seen or not.
@@ -46,8 +47,8 @@ const int kSteps = 64;  // rays that take more graze along the fringe of what wa
 void main() {
   uvec2 pixel = gl_GlobalInvocationID.xy;
   if (pixel.x >= push.camera.width || pixel.y >= push.camera.height) return;
-  uint tile = (pixel.y / kTile) * tiles_along(push.camera.width) + pixel.x / kTile;
-  float t = uintBitsToFloat(nearest[tile]), end = uintBitsToFloat(farthest[tile]);
+  int tile = int((pixel.y / kTile) * tiles_along(push.camera.width) + pixel.x / kTile);
+  float t = fetch(nearest, tile), end = fetch(farthest, tile);
 
   // In voxels; t is the depth, since the ray has z = 1 in the camera's frame.
   float inverse_voxel = 1.0 / push.volume.voxel_size;

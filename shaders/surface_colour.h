@@ -15,7 +15,9 @@ bool seen_at(SurfaceColourPush view, uvec2 depth_pixel, inout float z, out vec2 
          pixel.x <= float(view.camera.width - 1u) && pixel.y <= float(view.camera.height - 1u);
 }
 
-uvec2 cells_of(SurfaceColourPush view) {
-  return (uvec2(view.camera.width, view.camera.height) + view.cell - 1u) / view.cell;
+// Cells along the colour image, as many as nearest_bytes of preprocess.cpp makes; by float, since a CPU device divides no
+// vectors of integers.
+ivec2 cells_of(SurfaceColourPush view) {
+  return ivec2((vec2(view.camera.width, view.camera.height) - 0.5) / float(view.cell)) + 1;
 }
 #endif

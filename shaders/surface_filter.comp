@@ -6,11 +6,12 @@
 // thread does four pixels of a row, which share most of what they read.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#include "shaders/fetch.h"
 #include "shaders/surface.h"
-layout(local_size_x = 64) in;
+layout(local_size_x = 16, local_size_y = 4) in;
 layout(push_constant, scalar) uniform Push { SurfaceFilterPush push; };
-layout(binding = 0, scalar) readonly buffer Depth { float depth[]; };
-layout(binding = 1, scalar) readonly buffer Colour { uint colour[]; };
+FLOATS(0, depth);
+WORDS(1, colour);
 layout(binding = 2, scalar) writeonly buffer Fusion { uvec2 fusion[]; };
 layout(binding = 3, scalar) writeonly buffer Smooth { float smooth_depth[]; };
 
@@ -18,7 +19,7 @@ int width, height;
 
 vec4 depth_clamped(ivec4 x, int row) {
   ivec4 at = row + clamp(x, ivec4(0), ivec4(width - 1));
-  return vec4(depth[at.x], depth[at.y], depth[at.z], depth[at.w]);
+  return vec4(fetch(depth, at.x), fetch(depth, at.y), fetch(depth, at.z), fetch(depth, at.w));
 }
 
 // Weighted differences of inverse depth to the centres, summed over one row of five neighbours; a and b hold eight pixels
@@ -47,12 +48,11 @@ bvec4 between(vec4 a, vec4 z, vec4 b, vec4 jump) {
 void main() {
   width = int(push.width);
   height = int(push.height);
-  int columns = (width + 3) / 4;
-  int i = int(thread_index());
-  if (i >= columns * height) return;
-  int y = i / columns;
+  ivec2 place = thread_place();
+  if (4 * place.x >= width || place.y >= height) return;
+  int y = place.y;
   // The last four of a row lie over those before them where four do not divide it.
-  ivec4 x = min(4 * (i % columns), width - 4) + ivec4(0, 1, 2, 3);
+  ivec4 x = min(4 * place.x, width - 4) + ivec4(0, 1, 2, 3);
   int row = y * width, up = max(y - 1, 0) * width, down = min(y + 1, height - 1) * width;
 
   int far_up = max(y - 2, 0) * width, far_down = min(y + 2, height - 1) * width;
@@ -86,10 +86,10 @@ void main() {
 
   uvec4 bits = floatBitsToUint(z);
   ivec4 at = row + x;
-  fusion[at.x] = uvec2(bits.x, colour[at.x]);
-  fusion[at.y] = uvec2(bits.y, colour[at.y]);
-  fusion[at.z] = uvec2(bits.z, colour[at.z]);
-  fusion[at.w] = uvec2(bits.w, colour[at.w]);
+  fusion[at.x] = uvec2(bits.x, fetch(colour, at.x));
+  fusion[at.y] = uvec2(bits.y, fetch(colour, at.y));
+  fusion[at.z] = uvec2(bits.z, fetch(colour, at.z));
+  fusion[at.w] = uvec2(bits.w, fetch(colour, at.w));
   smooth_depth[at.x] = smoothed.x;
   smooth_depth[at.y] = smoothed.y;
   smooth_depth[at.z] = smoothed.z;

@@ -3,16 +3,18 @@
 // Halves a depth image: the mean of those of four pixels that lie on one surface.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#include "shaders/fetch.h"
 #include "shaders/surface.h"
-layout(local_size_x = 64) in;
+layout(local_size_x = 16, local_size_y = 4) in;
 layout(push_constant, scalar) uniform Push { SurfaceHalfPush push; };
-layout(binding = 0, scalar) readonly buffer Fine { float fine[]; };
+FLOATS(0, fine);
 layout(binding = 1, scalar) writeonly buffer Coarse { float coarse[]; };
 
 void main() {
-  uint i = thread_index();
-  if (i >= push.width * push.height) return;
-  uint at = 2u * (i / push.width) * push.fine_width + 2u * (i % push.width);
-  vec4 z = vec4(fine[at], fine[at + 1u], fine[at + push.fine_width], fine[at + push.fine_width + 1u]);
-  coarse[i] = mean_depth(z, at_one_place(z));
+  ivec2 p = thread_place();
+  int width = int(push.width), fine_width = int(push.fine_width);
+  if (p.x >= width || p.y >= int(push.height)) return;
+  int at = 2 * (p.y * fine_width + p.x);
+  vec4 z = vec4(fetch(fine, at), fetch(fine, at + 1), fetch(fine, at + fine_width), fetch(fine, at + fine_width + 1));
+  coarse[p.y * width + p.x] = mean_depth(z, at_one_place(z));
 }

@@ -3,25 +3,26 @@
 // Luminance in 0..1, the mean of factor x factor pixels; -1 where one of them is over- or underexposed.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#include "shaders/fetch.h"
 #include "shaders/surface.h"
-layout(local_size_x = 64) in;
+layout(local_size_x = 16, local_size_y = 4) in;
 layout(push_constant, scalar) uniform Push { SurfaceIntensityPush push; };
-layout(binding = 0, scalar) readonly buffer Source { uint source[]; };  // fusion image, or intensities of the finer level
+WORDS(0, source);  // fusion image, or intensities of the finer level
 layout(binding = 1, scalar) writeonly buffer Intensity { float intensity[]; };
 
 float read(int i) {
-  if (push.from_colour == 0u) return uintBitsToFloat(source[i]);
-  uint word = source[2 * i + 1];
+  if (push.from_colour == 0u) return uintBitsToFloat(fetch(source, i));
+  uint word = fetch(source, 2 * i + 1);
   vec3 rgb = vec3(ivec3(word & 0xffu, (word >> 8) & 0xffu, (word >> 16) & 0xffu));
   float most = max(max(rgb.r, rgb.g), rgb.b);
   return most < 253.0 && most > 2.0 ? dot(rgb, vec3(0.299, 0.587, 0.114)) * (1.0 / 255.0) : -1.0;
 }
 
 void main() {
-  uint i = thread_index();
-  if (i >= push.width * push.height) return;
-  int f = int(push.factor), fine_width = int(push.fine_width);
-  int at = f * int(i / push.width) * fine_width + f * int(i % push.width);
+  ivec2 p = thread_place();
+  int width = int(push.width), f = int(push.factor), fine_width = int(push.fine_width);
+  if (p.x >= width || p.y >= int(push.height)) return;
+  int at = f * (p.y * fine_width + p.x);
   float a = read(at), b = read(at + f - 1), c = read(at + (f - 1) * fine_width), d = read(at + (f - 1) * (fine_width + 1));
-  intensity[i] = min(min(a, b), min(c, d)) < 0.0 ? -1.0 : 0.25 * (a + b + c + d);
+  intensity[p.y * width + p.x] = min(min(a, b), min(c, d)) < 0.0 ? -1.0 : 0.25 * (a + b + c + d);
 }

@@ -4,19 +4,19 @@
 // row tells it.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#include "shaders/fetch.h"
 #include "shaders/surface_colour.h"
-layout(local_size_x = 64) in;
+layout(local_size_x = 16, local_size_y = 4) in;
 layout(push_constant, scalar) uniform Push { SurfaceColourPush push; };
-layout(binding = 0, scalar) readonly buffer Depth { float depth[]; };
+FLOATS(0, depth);
 layout(binding = 1, scalar) buffer Nearest { uint nearest[]; };  // bits of depths, which are in their order
 
 void main() {
-  uint i = thread_index(), columns = push.width / 2u;
-  uvec2 at = 2u * uvec2(i % columns, i / columns);
-  if (at.y >= push.height) return;
-  float z = depth[at.y * push.width + at.x];
+  ivec2 at = 2 * thread_place(), size = ivec2(push.width, push.height);
+  if (at.x >= size.x || at.y >= size.y) return;
+  float z = fetch(depth, at.y * size.x + at.x);
   vec2 pixel;
-  if (z <= 0.0 || !seen_at(push, at, z, pixel)) return;
-  uvec2 cell = uvec2(pixel + 0.5) / push.cell;
+  if (z <= 0.0 || !seen_at(push, uvec2(at), z, pixel)) return;
+  ivec2 cell = ivec2((pixel + 0.5) / float(push.cell));
   atomicMin(nearest[cell.y * cells_of(push).x + cell.x], floatBitsToUint(z));
 }

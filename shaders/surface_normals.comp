@@ -3,21 +3,22 @@
 // Points and normals from depth. The normal looks at the camera; it needs all four neighbours on the same surface.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#include "shaders/fetch.h"
 #include "shaders/surface.h"
-layout(local_size_x = 64) in;
+layout(local_size_x = 16, local_size_y = 4) in;
 layout(push_constant, scalar) uniform Push { SurfaceNormalsPush push; };
-layout(binding = 0, scalar) readonly buffer Depth { float depth[]; };
+FLOATS(0, depth);
 layout(binding = 1, scalar) writeonly buffer Points { uvec2 points[]; };
 
 void main() {
   int width = int(push.camera.width), height = int(push.camera.height);
-  int i = int(thread_index());
-  if (i >= width * height) return;
-  ivec2 p = ivec2(i % width, i / width);
-  float z = depth[i];
+  ivec2 p = thread_place();
+  if (p.x >= width || p.y >= height) return;
+  int i = p.y * width + p.x;
+  float z = fetch(depth, i);
   bool inner = p.x > 0 && p.y > 0 && p.x < width - 1 && p.y < height - 1;
-  float l = depth[inner ? i - 1 : i], r = depth[inner ? i + 1 : i];
-  float u = depth[inner ? i - width : i], d = depth[inner ? i + width : i];
+  float l = fetch(depth, inner ? i - 1 : i), r = fetch(depth, inner ? i + 1 : i);
+  float u = fetch(depth, inner ? i - width : i), d = fetch(depth, inner ? i + width : i);
 
   // A plane seen at less than about 5 degrees changes depth by 12 pixel widths from pixel to pixel.
   float jump = 12.0 * z / push.camera.fx + 3.0 * depth_noise(z);

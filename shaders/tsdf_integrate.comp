@@ -6,13 +6,14 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#include "shaders/fetch.h"
 #include "shaders/noise.h"
 #include "shaders/volume.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { TsdfIntegratePush push; };
 layout(binding = 0, scalar) readonly buffer Selected { uint selected[]; };
 layout(binding = 1, scalar) readonly buffer Slots { SlotState slots[]; };
-layout(binding = 2, scalar) readonly buffer Fusion { uint64_t fusion[]; };  // (depth bits, colour)
+PAIRS(2, fusion);  // (depth bits, colour)
 layout(binding = 3, scalar) writeonly buffer Changed { uint changed[]; };   // by selected brick: whether a distance is new
 
 // One 64-bit access instead of two 32-bit ones: half the cost of memory on a CPU device.
@@ -35,6 +36,8 @@ void main() {
   float inverse_truncation = 1.0 / push.truncation;
   vec2 focal = vec2(push.camera.fx, push.camera.fy), centre = vec2(push.camera.cx, push.camera.cy) + 0.5;
   int width = int(push.camera.width), height = int(push.camera.height);
+  float max_weight = push.max_weight;
+  bool has_colour = push.has_colour != 0u;
 
   // Means have whole levels: what a measurement adds to one is rounded up as often as its fraction says, by another
   // threshold each frame (Weyl's sequence of the golden ratio; columns begin apart). Rounded to the nearest one, means of
@@ -45,7 +48,7 @@ void main() {
   for (uint k = 0u; k < 8u; ++k, p += step_p) {
     vec2 pixel = focal * p.xy * (1.0 / p.z) + centre;
     bool inside = p.z > 0.0 && min(pixel.x, pixel.y) >= 0.0 && pixel.x < float(width) && pixel.y < float(height);
-    uvec2 measured = unpack32(inside ? fusion[int(pixel.y) * width + int(pixel.x)] : 0ul);
+    uvec2 measured = inside ? fetch(fusion, int(pixel.y) * width + int(pixel.x)) : uvec2(0);
     float z = uintBitsToFloat(measured.x);
     float sdf = (z - p.z) * inverse_truncation;
     if (z > 0.0 && sdf > -1.0) {
@@ -56,11 +59,11 @@ void main() {
       float d = voxel_distance(old.x);
       d += (min(sdf, 1.0) - d) * (weight / sum);
       uint word = distance_and_weight(int(roundEven(d * kDistanceUnits)),
-                                      int(min(sum, push.max_weight) * kWeightUnits + 0.5));
+                                      int(min(sum, max_weight) * kWeightUnits + 0.5));
       differs |= (word ^ old.x) & 0xffffu;
       differs |= old.x < 0x10000u ? 1u : 0u;  // observed for the first time
       uint rgb = old.y;
-      if (push.has_colour != 0u && sdf < 1.0 && measured.y >= 0x1000000u) {
+      if (has_colour && sdf < 1.0 && measured.y >= 0x1000000u) {
         float n = float(int(rgb >> 24));
         vec3 mean = channels(rgb);
         mean += (channels(measured.y) - mean) * (1.0 / (n + 1.0)) + threshold;

@@ -69,6 +69,14 @@ inline Rigid rigid(const Eigen::Isometry3d& t) {
 // end are for the shader to leave out. Of shaders with 64 threads a group:
 uint group_index() { return gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x; }
 uint thread_index() { return group_index() * 64u + gl_LocalInvocationID.x; }
+// Of shaders with a row of threads a row of pixels: a CPU device divides no vectors, and i / width costs it as much as the
+// rest of a small kernel.
+ivec2 thread_place() { return ivec2(gl_GlobalInvocationID.xy); }
+
+// Copies member by member, for what a loop or a branch reads: whole structs of push constants that are copied are read
+// again at each use, and a CPU device reads them slowly.
+Pinhole local(Pinhole c) { return Pinhole(c.width, c.height, c.fx, c.fy, c.cx, c.cy); }
+Rigid local(Rigid m) { return Rigid(m.x, m.y, m.z, m.t); }
 
 vec3 rotate(Rigid m, vec3 v) { return m.x * v.x + m.y * v.y + m.z * v.z; }
 vec3 transform(Rigid m, vec3 p) { return rotate(m, p) + m.t; }

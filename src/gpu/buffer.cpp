@@ -18,7 +18,7 @@ std::uint32_t memory_type(const Device::State& device, std::uint32_t allowed, vk
   throw std::runtime_error("device " + device.info.name + " has no memory of the kind " + vk::to_string(properties));
 }
 
-constexpr auto kStorage = vk::BufferUsageFlagBits::eStorageBuffer | vk::BufferUsageFlagBits::eTransferSrc |
+constexpr auto kStorage = vk::BufferUsageFlagBits::eStorageBuffer | vk::BufferUsageFlagBits::eUniformTexelBuffer | vk::BufferUsageFlagBits::eTransferSrc |
                           vk::BufferUsageFlagBits::eTransferDst | vk::BufferUsageFlagBits::eShaderDeviceAddress |
                           vk::BufferUsageFlagBits::eIndirectBuffer;
 
@@ -58,9 +58,22 @@ Allocation::Allocation(Device::State& d, std::uint64_t bytes, vk::BufferUsageFla
 Allocation::~Allocation() { device.in_use -= size; }
 
 Buffer::Buffer(Device& device, std::uint64_t bytes)
-    : state_(new State{{device.state(), bytes, kStorage, vk::MemoryPropertyFlagBits::eDeviceLocal}}) {
+    : state_(new State{.allocation = {device.state(), bytes, kStorage, vk::MemoryPropertyFlagBits::eDeviceLocal}, .views = {}}) {
   state_->address = device.state().device->getBufferAddress({.buffer = *state_->allocation.buffer});
 }
+
+const vk::raii::BufferView& Buffer::State::texels(vk::Format format) const {
+  if (const auto it = views.find(format); it != views.end()) return it->second;
+  const std::uint64_t texel_bytes = format == vk::Format::eR32G32Uint ? 8 : 4;
+  const std::uint64_t texels = allocation.size / texel_bytes;
+  const auto& d = allocation.device;
+  if (texels > d.max_texels)
+    throw std::runtime_error("device " + d.info.name + " reads " + std::to_string(d.max_texels) +
+                             " texels of a buffer at most, not " + std::to_string(texels));
+  vk::raii::BufferView view(*d.device, {.buffer = *allocation.buffer, .format = format, .range = texels * texel_bytes});
+  return views.emplace(format, std::move(view)).first->second;
+}
+
 Buffer::Buffer() = default;
 Buffer::~Buffer() = default;
 Buffer::Buffer(Buffer&&) noexcept = default;

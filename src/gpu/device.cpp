@@ -223,6 +223,7 @@ void Device::State::open() {
   const auto limits = physical->getProperties().limits;
   timestamp_period_ns = limits.timestampPeriod;
   max_binding = limits.maxStorageBufferRange;
+  max_texels = limits.maxTexelBufferElements;
   std::copy(limits.maxComputeWorkGroupCount.begin(), limits.maxComputeWorkGroupCount.end(), max_groups.begin());
   max_allocation = physical->getProperties2<vk::PhysicalDeviceProperties2, vk::PhysicalDeviceMaintenance3Properties>()
                        .get<vk::PhysicalDeviceMaintenance3Properties>()

@@ -12,12 +12,30 @@
 namespace cairn::gpu {
 namespace {
 
+/// What a shader takes a buffer for: storage, or texels that it only reads (shaders/fetch.h).
+struct Binding {
+  vk::DescriptorType type = vk::DescriptorType::eStorageBuffer;
+  vk::Format texel = vk::Format::eUndefined;
+};
+
 struct Layout {
-  std::uint32_t bindings = 0;
+  std::vector<Binding> bindings;
   std::size_t push_bytes = 0;
   std::array<std::uint32_t, 3> workgroup{};
   bool uses_subgroups = false;
 };
+
+/// See shaders/fetch.h.
+vk::Format texel_of(spvc_basetype sampled) {
+  switch (sampled) {
+    case SPVC_BASETYPE_FP32:
+      return vk::Format::eR32Sfloat;
+    case SPVC_BASETYPE_INT32:
+      return vk::Format::eR32Sint;
+    default:
+      return vk::Format::eR32G32Uint;
+  }
+}
 
 /// What the shader declares, read from its SPIR-V.
 Layout reflect(const std::string& name, std::span<const std::uint32_t> spirv) {
@@ -38,10 +56,22 @@ Layout reflect(const std::string& name, std::span<const std::uint32_t> spirv) {
   Layout layout;
   const spvc_reflected_resource* list = nullptr;
   std::size_t count = 0;
+  const auto place = [&](const spvc_reflected_resource& resource) -> Binding& {
+    const std::uint32_t at = spvc_compiler_get_decoration(compiler, resource.id, SpvDecorationBinding);
+    layout.bindings.resize(std::max<std::size_t>(layout.bindings.size(), at + 1));
+    return layout.bindings[at];
+  };
   check(spvc_resources_get_resource_list_for_type(resources, SPVC_RESOURCE_TYPE_STORAGE_BUFFER, &list, &count));
-  for (std::size_t i = 0; i < count; ++i)
-    layout.bindings =
-        std::max(layout.bindings, 1 + spvc_compiler_get_decoration(compiler, list[i].id, SpvDecorationBinding));
+  for (std::size_t i = 0; i < count; ++i) (void)place(list[i]);
+  check(spvc_resources_get_resource_list_for_type(resources, SPVC_RESOURCE_TYPE_SAMPLED_IMAGE, &list, &count));
+  for (std::size_t i = 0; i < count; ++i) {
+    const spvc_type image = spvc_compiler_get_type_handle(compiler, list[i].type_id);
+    if (spvc_type_get_image_dimension(image) != SpvDimBuffer)
+      throw std::logic_error("shader " + name + " has an image that is no buffer");
+    place(list[i]) = {.type = vk::DescriptorType::eUniformTexelBuffer,
+                      .texel = texel_of(spvc_type_get_basetype(spvc_compiler_get_type_handle(
+                          compiler, spvc_type_get_image_sampled_type(image))))};
+  }
   check(spvc_resources_get_resource_list_for_type(resources, SPVC_RESOURCE_TYPE_PUSH_CONSTANT, &list, &count));
   if (count > 0)
     check(spvc_compiler_get_declared_struct_size(
@@ -77,14 +107,14 @@ KernelBase::KernelBase(Device& device, std::string name, std::span<const std::ui
                            " bytes of push constants, its C++ struct " + std::to_string(push_bytes));
 
   std::vector<vk::DescriptorSetLayoutBinding> bindings;
-  for (std::uint32_t i = 0; i < s.layout.bindings; ++i)
+  for (std::uint32_t i = 0; i < s.layout.bindings.size(); ++i)
     bindings.push_back({.binding = i,
-                        .descriptorType = vk::DescriptorType::eStorageBuffer,
+                        .descriptorType = s.layout.bindings[i].type,
                         .descriptorCount = 1,
                         .stageFlags = vk::ShaderStageFlagBits::eCompute});
   s.set_layout = vk::raii::DescriptorSetLayout(
       *d.device, vk::DescriptorSetLayoutCreateInfo{.flags = vk::DescriptorSetLayoutCreateFlagBits::ePushDescriptorKHR,
-                                                   .bindingCount = s.layout.bindings,
+                                                   .bindingCount = static_cast<std::uint32_t>(bindings.size()),
                                                    .pBindings = bindings.data()});
   const vk::PushConstantRange push{.stageFlags = vk::ShaderStageFlagBits::eCompute,
                                    .size = static_cast<std::uint32_t>(push_bytes)};
@@ -117,8 +147,8 @@ template <class Record>
 void KernelBase::record(Batch& batch, const void* push, std::initializer_list<const Buffer*> buffers,
                         const Record& dispatch_it) const {
   const State& s = *state_;
-  if (buffers.size() != s.layout.bindings)
-    throw std::logic_error("shader " + s.name + " has " + std::to_string(s.layout.bindings) + " bindings, got " +
+  if (buffers.size() != s.layout.bindings.size())
+    throw std::logic_error("shader " + s.name + " has " + std::to_string(s.layout.bindings.size()) + " bindings, got " +
                            std::to_string(buffers.size()) + " buffers");
 
   Batch::State& b = batch.state();
@@ -127,15 +157,20 @@ void KernelBase::record(Batch& batch, const void* push, std::initializer_list<co
   infos.reserve(buffers.size());
   for (const Buffer* buffer : buffers) {
     if (!*buffer) throw std::logic_error("shader " + s.name + ": a buffer has no memory");
+    const Binding& binding = s.layout.bindings[writes.size()];
+    writes.push_back({.dstBinding = static_cast<std::uint32_t>(writes.size()),
+                      .descriptorCount = 1,
+                      .descriptorType = binding.type});
+    if (binding.type == vk::DescriptorType::eUniformTexelBuffer) {
+      writes.back().pTexelBufferView = &*buffer->state().texels(binding.texel);
+      continue;
+    }
     if (buffer->size() > b.device.max_binding)
       throw std::runtime_error("shader " + s.name + ": a buffer of " + std::to_string(buffer->size() >> 20) +
                                " MiB is larger than this device binds (" + std::to_string(b.device.max_binding >> 20) +
                                " MiB): the map has too many bricks, choose a larger FuseOptions::voxel_size");
     infos.push_back({.buffer = *buffer->state().allocation.buffer, .offset = 0, .range = VK_WHOLE_SIZE});
-    writes.push_back({.dstBinding = static_cast<std::uint32_t>(writes.size()),
-                      .descriptorCount = 1,
-                      .descriptorType = vk::DescriptorType::eStorageBuffer,
-                      .pBufferInfo = &infos.back()});
+    writes.back().pBufferInfo = &infos.back();
   }
   auto& commands = b.record();
   const bool timed = b.timed.size() < Batch::State::kMaxTimed;

@@ -6,6 +6,7 @@
 #include <array>
 #include <deque>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <vulkan/vulkan_raii.hpp>
 
@@ -27,6 +28,7 @@ struct Device::State {
   vk::PhysicalDeviceMemoryProperties memory_types;
   float timestamp_period_ns = 1.0f;
   std::uint64_t max_binding = 0;     // bytes
+  std::uint64_t max_texels = 0;      // of a buffer that is read as texels
   std::uint64_t max_allocation = 0;  // bytes of one buffer
   std::array<std::uint32_t, 3> max_groups{};
   bool subgroup_size_control = false;
@@ -60,6 +62,10 @@ struct Allocation {
 struct Buffer::State {
   Allocation allocation;
   std::uint64_t address = 0;
+  mutable std::map<vk::Format, vk::raii::BufferView> views;
+
+  /// The buffer as texels; the view is made when it is first asked for.
+  const vk::raii::BufferView& texels(vk::Format format) const;
 };
 
 struct Batch::State {

@@ -18,6 +18,9 @@ namespace cairn {
 namespace {
 
 std::uint32_t pixels(const Camera& camera) { return static_cast<std::uint32_t>(camera.width * camera.height); }
+std::array<std::uint32_t, 3> threads(const Camera& camera) {  // a pixel each
+  return {static_cast<std::uint32_t>(camera.width), static_cast<std::uint32_t>(camera.height), 1};
+}
 
 shader::SurfaceColourPush colour_push(const Camera& depth, const ColourCamera& colour) {
   const double pixels_each = colour.camera.fx / depth.fx;  // of colour for one of depth, along a side
@@ -85,7 +88,7 @@ Surface Preprocessor::preprocess(const Frame& frame) {
   Images images{&raw_depth_, &raw_colour_};
   if (camera.distorted()) images = rectify(batch, has_colour && !rig_.colour);
   if (rig_.colour) images.colour = has_colour ? bring_colour_to(*images.depth, batch) : &colour_;
-  filter_(batch, {(width + 3) / 4 * height, 1, 1},
+  filter_(batch, {(width + 3) / 4, height, 1},
           {.width = width,
            .height = height,
            .min_depth = options_.min_depth,
@@ -105,7 +108,7 @@ Surface Preprocessor::preprocess(const Frame& frame) {
 }
 
 Preprocessor::Images Preprocessor::rectify(gpu::Batch& batch, bool has_colour) {
-  rectify_(batch, {pixels(rig_.depth), 1, 1},
+  rectify_(batch, threads(rig_.depth),
            {.camera = shader::pinhole(camera()), .lens = shader::lens_bend(rig_.depth), .has_colour = has_colour},
            {&raw_depth_, &raw_colour_, &depth_, &colour_});
   return {&depth_, &colour_};
@@ -116,9 +119,10 @@ const gpu::Buffer* Preprocessor::bring_colour_to(const gpu::Buffer& depth, gpu::
   constexpr std::uint32_t kNothing = 0x7f7fffff;  // bits of the largest float
   batch.fill(nearest_, kNothing);
   if (!rig_.colour->colour_from_depth.translation().isZero())
-    find_nearest_(batch, {colour_push_.width / 2 * ((colour_push_.height + 1) / 2), 1, 1}, colour_push_,
+    find_nearest_(batch, {(colour_push_.width + 1) / 2, (colour_push_.height + 1) / 2, 1}, colour_push_,
                   {&depth, &nearest_});
-  bring_colour_(batch, {pixels(rig_.depth), 1, 1}, colour_push_, {&depth, &nearest_, &raw_colour_, &colour_});
+  bring_colour_(batch, {(colour_push_.width + 3) / 4, colour_push_.height, 1}, colour_push_,
+                {&depth, &nearest_, &raw_colour_, &colour_});
   return &colour_;
 }
 
@@ -127,17 +131,17 @@ void Preprocessor::make_pyramid(gpu::Batch& batch, bool has_colour) {
   for (std::size_t level = 0; level < levels_.size(); ++level) {
     const Camera& c = levels_[level].camera;
     if (level > 0)
-      half_(batch, {pixels(c), 1, 1},
+      half_(batch, threads(c),
             {.width = static_cast<std::uint32_t>(c.width),
              .height = static_cast<std::uint32_t>(c.height),
              .fine_width = static_cast<std::uint32_t>(levels_[level - 1].camera.width)},
             {&smooth_[level - 1], &smooth_[level]});
     if (static_cast<int>(level) < finest_level_) continue;
-    normals_(batch, {pixels(c), 1, 1}, {.camera = shader::pinhole(c)}, {&smooth_[level], &levels_[level].points});
+    normals_(batch, threads(c), {.camera = shader::pinhole(c)}, {&smooth_[level], &levels_[level].points});
     if (!has_colour) continue;
     const bool from_colour = static_cast<int>(level) == finest_level_;  // in one step, two levels are the most
     const auto width = static_cast<std::uint32_t>(c.width), height = static_cast<std::uint32_t>(c.height);
-    make_intensity_(batch, {pixels(c), 1, 1},
+    make_intensity_(batch, threads(c),
                     {.width = width,
                      .height = height,
                      .fine_width = static_cast<std::uint32_t>(levels_[from_colour ? 0 : level - 1].camera.width),
@@ -146,7 +150,7 @@ void Preprocessor::make_pyramid(gpu::Batch& batch, bool has_colour) {
                                              : 2u,
                      .from_colour = from_colour},
                     {from_colour ? &fusion_ : &intensity_[level - 1], &intensity_[level]});
-    pack_(batch, {pixels(c), 1, 1}, {.width = width, .height = height},
+    pack_(batch, threads(c), {.width = width, .height = height},
           {&intensity_[level], &levels_[level].points, &packed_[level]});
   }
 }

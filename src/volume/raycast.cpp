@@ -50,7 +50,7 @@ SurfacePrediction Raycaster::raycast(const Volume& volume, const Eigen::Isometry
 void Raycaster::halve(gpu::Batch& batch) {
   for (std::size_t i = 1; i < levels_.size(); ++i) {
     const Camera& c = levels_[i].camera;
-    half_(batch, {static_cast<std::uint32_t>(c.width * c.height), 1, 1},
+    half_(batch, {static_cast<std::uint32_t>(c.width), static_cast<std::uint32_t>(c.height), 1},
           {.width = static_cast<std::uint32_t>(c.width),
            .height = static_cast<std::uint32_t>(c.height),
            .fine_width = static_cast<std::uint32_t>(levels_[i - 1].camera.width)},
