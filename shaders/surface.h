@@ -17,9 +17,12 @@ struct SurfaceRectifyPush {
   uint has_colour;  // that lies on depth
 };
 
-struct SurfaceColourPush {  // a colour camera beside the depth camera, in all of the 128 bytes there are
-  uint width;               // of depth
+struct SurfaceColourPush {
+  uint width;  // of depth
   uint height;
+};
+
+struct ColourView {  // a colour camera beside the depth camera; a kernel's constants, see surface_colour.h
   Pinhole camera;           // of colour
   LensBend lens;            // of colour
   Rigid colour_from_depth;  // takes (z * column, z * row, z) of an undistorted depth pixel to the colour camera's frame

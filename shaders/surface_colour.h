@@ -1,23 +1,76 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Where a depth pixel's point is seen by the colour camera.
+// Where a depth pixel's point is seen by the colour camera. The camera stays the same as long as a kernel lives, and so the
+// kernels are made with it: a CPU device reads a push constant for each lane by itself.
 #ifndef CAIRN_SURFACE_COLOUR_H
 #define CAIRN_SURFACE_COLOUR_H
 #include "shaders/surface.h"
+#ifdef __cplusplus
+#include <cstring>
+
+namespace cairn::shader {
+
+/// What the kernels are made with: the sensor's numbers, then the words of the view.
+inline std::vector<float> constants_of(const SensorModel& sensor, const ColourView& view) {
+  const auto first = constants_of(sensor);
+  std::vector<float> all(first.size() + sizeof(view) / sizeof(float));
+  std::copy(first.begin(), first.end(), all.begin());
+  std::memcpy(all.data() + first.size(), &view, sizeof(view));
+  return all;
+}
+
+}  // namespace cairn::shader
+#else
+layout(constant_id = 4) const uint kWidth = 640;
+layout(constant_id = 5) const uint kHeight = 480;
+layout(constant_id = 6) const float kFx = 525.0;
+layout(constant_id = 7) const float kFy = 525.0;
+layout(constant_id = 8) const float kCx = 319.5;
+layout(constant_id = 9) const float kCy = 239.5;
+layout(constant_id = 10) const float kK1 = 0.0;
+layout(constant_id = 11) const float kK2 = 0.0;
+layout(constant_id = 12) const float kP1 = 0.0;
+layout(constant_id = 13) const float kP2 = 0.0;
+layout(constant_id = 14) const float kK3 = 0.0;
+layout(constant_id = 15) const float kK4 = 0.0;
+layout(constant_id = 16) const float kK5 = 0.0;
+layout(constant_id = 17) const float kK6 = 0.0;
+layout(constant_id = 18) const uint kIsFisheye = 0;
+layout(constant_id = 19) const float kXx = 1.0;
+layout(constant_id = 20) const float kXy = 0.0;
+layout(constant_id = 21) const float kXz = 0.0;
+layout(constant_id = 22) const float kYx = 0.0;
+layout(constant_id = 23) const float kYy = 1.0;
+layout(constant_id = 24) const float kYz = 0.0;
+layout(constant_id = 25) const float kZx = 0.0;
+layout(constant_id = 26) const float kZy = 0.0;
+layout(constant_id = 27) const float kZz = 1.0;
+layout(constant_id = 28) const float kTx = 0.0;
+layout(constant_id = 29) const float kTy = 0.0;
+layout(constant_id = 30) const float kTz = 0.0;
+layout(constant_id = 31) const float kWidest = 1.0;
+layout(constant_id = 32) const uint kCell = 2;
+layout(constant_id = 33) const uint kMean = 1;
+
+ColourView view() {
+  return ColourView(Pinhole(kWidth, kHeight, kFx, kFy, kCx, kCy),
+                    LensBend(kK1, kK2, kP1, kP2, kK3, kK4, kK5, kK6, kIsFisheye),
+                    Rigid(vec3(kXx, kXy, kXz), vec3(kYx, kYy, kYz), vec3(kZx, kZy, kZz), vec3(kTx, kTy, kTz)), kWidest, kCell,
+                    kMean);
+}
 
 // Its pixel; false where the camera does not see it. `z`: its depth, there then.
-bool seen_at(SurfaceColourPush view, uvec2 depth_pixel, inout float z, out vec2 pixel) {
-  vec3 p = transform(view.colour_from_depth, z * vec3(depth_pixel, 1.0));
+bool seen_at(ivec2 depth_pixel, inout float z, out vec2 pixel) {
+  vec3 p = transform(view().colour_from_depth, z * vec3(depth_pixel, 1.0));
   z = p.z;
   vec2 n = p.xy / max(p.z, 1e-3);
-  pixel = bend(view.lens, n) * vec2(view.camera.fx, view.camera.fy) + vec2(view.camera.cx, view.camera.cy);
-  return p.z > 1e-3 && dot(n, n) < view.widest * view.widest && min(pixel.x, pixel.y) >= 0.0 &&
-         pixel.x <= float(view.camera.width - 1u) && pixel.y <= float(view.camera.height - 1u);
+  pixel = bend(view().lens, n) * vec2(view().camera.fx, view().camera.fy) + vec2(view().camera.cx, view().camera.cy);
+  return p.z > 1e-3 && dot(n, n) < view().widest * view().widest && min(pixel.x, pixel.y) >= 0.0 &&
+         pixel.x <= float(view().camera.width - 1u) && pixel.y <= float(view().camera.height - 1u);
 }
 
 // Cells along the colour image, as many as nearest_bytes of preprocess.cpp makes; by float, since a CPU device divides no
 // vectors of integers.
-ivec2 cells_of(SurfaceColourPush view) {
-  return ivec2((vec2(view.camera.width, view.camera.height) - 0.5) / float(view.cell)) + 1;
-}
+ivec2 cells() { return ivec2((vec2(view().camera.width, view().camera.height) - 0.5) / float(view().cell)) + 1; }
+#endif
 #endif

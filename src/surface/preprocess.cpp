@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "shaders/surface_colour.h"
 #include "spirv/surface_colour.comp.h"
 #include "spirv/surface_filter.comp.h"
 #include "spirv/surface_half.comp.h"
@@ -22,14 +23,12 @@ std::array<std::uint32_t, 3> threads(const Camera& camera) {  // a pixel each
   return {static_cast<std::uint32_t>(camera.width), static_cast<std::uint32_t>(camera.height), 1};
 }
 
-shader::SurfaceColourPush colour_push(const Camera& depth, const ColourCamera& colour) {
+shader::ColourView colour_view(const Camera& depth, const ColourCamera& colour) {
   const double pixels_each = colour.camera.fx / depth.fx;  // of colour for one of depth, along a side
   Eigen::Matrix3d ray_of_pixel;
   ray_of_pixel << 1 / depth.fx, 0, -depth.cx / depth.fx, 0, 1 / depth.fy, -depth.cy / depth.fy, 0, 0, 1;
   const Eigen::Matrix3f turn = (colour.colour_from_depth.linear() * ray_of_pixel).cast<float>();
-  return {.width = static_cast<std::uint32_t>(depth.width),
-          .height = static_cast<std::uint32_t>(depth.height),
-          .camera = shader::pinhole(colour.camera),
+  return {.camera = shader::pinhole(colour.camera),
           .lens = shader::lens_bend(colour.camera),
           .colour_from_depth = {turn.col(0), turn.col(1), turn.col(2),
                                 colour.colour_from_depth.translation().cast<float>()},
@@ -39,9 +38,15 @@ shader::SurfaceColourPush colour_push(const Camera& depth, const ColourCamera& c
 }
 
 /// Bytes of the depths that are nearest to the colour camera.
-std::uint64_t nearest_bytes(const shader::SurfaceColourPush& view) {
+std::uint64_t nearest_bytes(const shader::ColourView& view) {
   const auto cells = [&](std::uint32_t side) { return std::uint64_t{(side + view.cell - 1) / view.cell}; };
   return 4 * cells(view.camera.width) * cells(view.camera.height);
+}
+
+/// What the kernels for a colour camera beside the depth camera are made with; without one they do not run.
+std::vector<float> constants_of(const Rig& rig) {
+  const shader::ColourView view = rig.colour ? colour_view(rig.depth.rectified(), *rig.colour) : shader::ColourView{};
+  return shader::constants_of(rig.sensor, view);
 }
 
 }  // namespace
@@ -58,8 +63,8 @@ Preprocessor::Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOpt
       colour_(device, rig.depth.distorted() || rig.colour ? 4 * std::uint64_t{pixels(rig.depth)} : 4),
       fusion_(device, 8 * std::uint64_t{pixels(rig.depth)}),
       rectify_(device, "surface_rectify", surface_rectify_comp),
-      find_nearest_(device, "surface_nearest", surface_nearest_comp),
-      bring_colour_(device, "surface_colour", surface_colour_comp, shader::constants_of(rig.sensor)),
+      find_nearest_(device, "surface_nearest", surface_nearest_comp, constants_of(rig)),
+      bring_colour_(device, "surface_colour", surface_colour_comp, constants_of(rig)),
       filter_(device, "surface_filter", surface_filter_comp, shader::constants_of(rig.sensor)),
       half_(device, "surface_half", surface_half_comp, shader::constants_of(rig.sensor)),
       normals_(device, "surface_normals", surface_normals_comp, shader::constants_of(rig.sensor)),
@@ -73,9 +78,7 @@ Preprocessor::Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOpt
     intensity_.emplace_back(device, is_used ? 4 * std::uint64_t{pixels(c)} : 4);
     packed_.emplace_back(device, is_used ? 8 * std::uint64_t{pixels(c)} : 8);
   }
-  if (!rig.colour) return;
-  colour_push_ = colour_push(rig.depth.rectified(), *rig.colour);
-  nearest_ = gpu::Buffer(device, nearest_bytes(colour_push_));
+  if (rig.colour) nearest_ = gpu::Buffer(device, nearest_bytes(colour_view(rig.depth.rectified(), *rig.colour)));
 }
 
 Surface Preprocessor::preprocess(const Frame& frame) {
@@ -118,11 +121,12 @@ Preprocessor::Images Preprocessor::rectify(gpu::Batch& batch, bool has_colour) {
 const gpu::Buffer* Preprocessor::bring_colour_to(const gpu::Buffer& depth, gpu::Batch& batch) {
   constexpr std::uint32_t kNothing = 0x7f7fffff;  // bits of the largest float
   batch.fill(nearest_, kNothing);
+  const auto width = static_cast<std::uint32_t>(rig_.depth.width),
+             height = static_cast<std::uint32_t>(rig_.depth.height);
+  const shader::SurfaceColourPush push{.width = width, .height = height};
   if (!rig_.colour->colour_from_depth.translation().isZero())
-    find_nearest_(batch, {(colour_push_.width + 1) / 2, (colour_push_.height + 1) / 2, 1}, colour_push_,
-                  {&depth, &nearest_});
-  bring_colour_(batch, {(colour_push_.width + 3) / 4, colour_push_.height, 1}, colour_push_,
-                {&depth, &nearest_, &raw_colour_, &colour_});
+    find_nearest_(batch, {(width + 1) / 2, (height + 1) / 2, 1}, push, {&depth, &nearest_});
+  bring_colour_(batch, threads(rig_.depth), push, {&depth, &nearest_, &raw_colour_, &colour_});
   return &colour_;
 }
 

@@ -36,8 +36,7 @@ class Preprocessor {
   std::vector<gpu::Buffer> smooth_;  // depth by level
   std::vector<gpu::Buffer> intensity_, packed_;
   gpu::Buffer raw_depth_, raw_colour_, depth_, colour_, fusion_;
-  shader::SurfaceColourPush colour_push_{};  // of a colour camera of its own, as is:
-  gpu::Buffer nearest_;
+  gpu::Buffer nearest_;  // of a colour camera of its own
   gpu::Kernel<shader::SurfaceRectifyPush> rectify_;
   gpu::Kernel<shader::SurfaceColourPush> find_nearest_, bring_colour_;
   gpu::Kernel<shader::SurfaceFilterPush> filter_;
