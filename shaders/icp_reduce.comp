@@ -26,7 +26,7 @@ void main() {
   float inverse_cut = push.cut > 0.0 ? 1.0 / push.cut : 0.0;
   bool crossed = push.crossed != 0u;
   int width = int(camera.width), height = int(camera.height);
-  Tile tile = tile_of(camera, push.tile, int(gl_WorkGroupID.x), int(gl_LocalInvocationIndex));
+  Tile tile = tile_of(camera, push.tile, push.stride, int(gl_WorkGroupID.x), int(gl_LocalInvocationIndex));
   ivec2 at = tile.begin;
   for (int k = 0; k < tile.steps; ++k) {
     bool exists = at.x < width && at.y < height;

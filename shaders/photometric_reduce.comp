@@ -34,7 +34,7 @@ void main() {
   vec3 rotation = push.rotation, translation = push.translation;
   float gain = push.gain, bias = push.bias, inverse_sigma = push.inverse_sigma;
   int width = int(camera.width), height = int(camera.height);
-  Tile tile = tile_of(camera, push.tile, int(gl_WorkGroupID.x), int(gl_LocalInvocationIndex));
+  Tile tile = tile_of(camera, push.tile, push.stride, int(gl_WorkGroupID.x), int(gl_LocalInvocationIndex));
   vec2 focal = vec2(camera.fx, camera.fy);
   ivec2 at = tile.begin;
   for (int k = 0; k < tile.steps; ++k) {

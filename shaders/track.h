@@ -10,7 +10,8 @@ namespace cairn::shader {
 struct IcpReducePush {
   Pinhole camera;
   Rigid model_from_live;
-  uvec2 tile;  // pixels a workgroup, multiples of 8
+  uvec2 tile;   // pixels a workgroup, multiples of 8 strides
+  uint stride;  // pixels; every stride-th of a row and a column is looked at
   float max_distance;  // metres
   float min_cosine;    // of the angle between matched normals
   float huber;         // in standard deviations of the depth noise
@@ -47,6 +48,7 @@ struct PhotometricReducePush {
   vec3 rotation;                 // p + rotation x p + translation: from the depth camera to the colour camera at their moments
   vec3 translation;
   uvec2 tile;
+  uint stride;
   float gain;  // of live brightness, so that it equals the keyframe's
   float bias;
   float inverse_sigma;  // of the residuals, 1 / brightness in 0..1
@@ -78,21 +80,23 @@ struct MovingMaskPush {
 static_assert(sizeof(MovingMaskPush) <= 128 && sizeof(PhotometricReducePush) <= 128);
 }  // namespace cairn::shader
 #else
-// A workgroup of 64 threads walks its tile of the image in steps of 8 x 8 pixels.
+// A workgroup of 64 threads walks its tile of the image in steps of 8 x 8 of the pixels that are looked at.
 struct Tile {
   ivec2 begin;  // this thread's first pixel
   int end_x;
   int width;
+  int step;
   int steps;
 };
-Tile tile_of(Pinhole camera, uvec2 size, int group, int thread) {
-  int across = (int(camera.width) + int(size.x) - 1) / int(size.x);
+Tile tile_of(Pinhole camera, uvec2 size, uint stride, int group, int thread) {
+  int across = (int(camera.width) + int(size.x) - 1) / int(size.x), step = 8 * int(stride);
   ivec2 corner = ivec2((group % across) * int(size.x), (group / across) * int(size.y));
-  return Tile(corner + ivec2(thread & 7, thread >> 3), corner.x + int(size.x), int(size.x), int(size.x * size.y) / 64);
+  return Tile(corner + int(stride) * ivec2(thread & 7, thread >> 3), corner.x + int(size.x), int(size.x), step,
+              int(size.x * size.y) / (step * step));
 }
 ivec2 step_in(Tile tile, ivec2 at) {
-  at.x += 8;
-  return at.x < tile.end_x ? at : ivec2(at.x - tile.width, at.y + 8);
+  at.x += tile.step;
+  return at.x < tile.end_x ? at : ivec2(at.x - tile.width, at.y + tile.step);
 }
 #endif
 #endif

@@ -17,7 +17,8 @@ constexpr std::uint32_t kWorkgroup = 64;
 constexpr std::uint32_t kTilesAcross = 4, kTilesDown = 8;
 constexpr std::uint32_t kMaxGroups = kTilesAcross * kTilesDown;
 constexpr std::uint32_t kMaxSums = kMaxGroups * kWorkgroup;  // a subgroup has at least one thread
-constexpr double kConverged = 1e-4;        // radians and metres: some hundredths of a pixel, a hundredth of a voxel
+constexpr double kConverged = 1e-4;   // radians and metres: some hundredths of a pixel, a hundredth of a voxel
+constexpr std::uint32_t kSparse = 2;  // of the finest level's pixels, in a row and a column, until all are looked at
 constexpr double kConvergedCoarse = 4e-4;  // at level 0; twice that at each coarser one
 constexpr double kMinBrightnessSigma = 1.0 / 255;
 constexpr float kCut = 4.0f;             // standard deviations of the depth noise
@@ -33,23 +34,6 @@ constexpr double kNoiseTogether = 10;       // residuals that count as one
 constexpr double kSystematicTogether = 60;
 constexpr double kTurning = 0.3;  // radians a second: the camera's turning tells when its images were taken
 constexpr double kMinPhotometricShare = 0.05;  // of the pixels must have a brightness in both images
-
-/// How the image is cut: a workgroup a tile.
-struct Tiling {
-  explicit Tiling(const Camera& camera) {
-    const auto in_eights = [](int pixels, std::uint32_t parts) {
-      return 8 * ((static_cast<std::uint32_t>(pixels) + 8 * parts - 1) / (8 * parts));
-    };
-    size = {in_eights(camera.width, kTilesAcross), in_eights(camera.height, kTilesDown)};
-    const auto groups_along = [](int pixels, std::uint32_t tile) {
-      return (static_cast<std::uint32_t>(pixels) + tile - 1) / tile;
-    };
-    groups = groups_along(camera.width, size.x) * groups_along(camera.height, size.y);
-  }
-  [[nodiscard]] std::uint32_t threads() const { return groups * kWorkgroup; }
-  shader::uvec2 size;
-  std::uint32_t groups;
-};
 
 void add(const shader::NormalEquations& p, Matrix6d& a, Vector6d& b) {
   a(0, 0) += p.rr0.x, a(0, 1) += p.rr0.y, a(0, 2) += p.rr0.z;
@@ -172,6 +156,25 @@ FrameCause distrust(const Alignment& alignment, double live, const Camera& fines
 
 }  // namespace
 
+/// How the image is cut: a workgroup a tile.
+struct Aligner::Tiling {
+  explicit Tiling(const Camera& camera, std::uint32_t pixel_stride = 1) : stride(pixel_stride) {
+    const auto in_steps = [&](int pixels, std::uint32_t parts) {
+      const std::uint32_t step = 8 * stride;
+      return step * ((static_cast<std::uint32_t>(pixels) + step * parts - 1) / (step * parts));
+    };
+    size = {in_steps(camera.width, kTilesAcross), in_steps(camera.height, kTilesDown)};
+    const auto groups_along = [](int pixels, std::uint32_t tile) {
+      return (static_cast<std::uint32_t>(pixels) + tile - 1) / tile;
+    };
+    groups = groups_along(camera.width, size.x) * groups_along(camera.height, size.y);
+  }
+  [[nodiscard]] std::uint32_t threads() const { return groups * kWorkgroup; }
+  shader::uvec2 size;
+  std::uint32_t stride;  // pixels between those that are looked at
+  std::uint32_t groups;
+};
+
 /// What is aligned with what.
 struct Aligner::Views {
   const Surface& live;
@@ -200,6 +203,7 @@ struct Aligner::Estimate {
   enum { undecided, without_weak, with_all } directions = undecided;
   Observed observed;
   int iterations = 0;
+  std::uint32_t stride = 1;  // between the pixels that are looked at
 };
 
 PhotometricKeyframe::PhotometricKeyframe(gpu::Device& device, const Camera& camera, const TrackOptions& options)
@@ -266,15 +270,16 @@ Aligner::Aligner(gpu::Device& device, const TrackOptions& options, const SensorM
 
 shader::PhotometricReducePush Aligner::photometric_push(const Camera& camera, const PhotometricKeyframe& keyframe,
                                                         const Eigen::Isometry3d& submap_from_live,
-                                                        const ColourMoment& moment,
-                                                        const Brightness& brightness) const {
+                                                        const ColourMoment& moment, const Brightness& brightness,
+                                                        const Tiling& tiling) const {
   const Vector6d colour_motion = -moment.velocity * moment.delay();
   return {.camera = shader::pinhole(camera),
           .keyframe_from_live =
               shader::rigid(keyframe.submap_from_colour(moment.clock_offset).inverse() * submap_from_live),
           .rotation = Eigen::Vector3f(colour_motion.head<3>().cast<float>()),
           .translation = Eigen::Vector3f(colour_motion.tail<3>().cast<float>()),
-          .tile = Tiling(camera).size,
+          .tile = tiling.size,
+          .stride = tiling.stride,
           .gain = static_cast<float>(brightness.gain),
           .bias = static_cast<float>(brightness.bias),
           .inverse_sigma = static_cast<float>(1 / brightness.sigma)};
@@ -295,7 +300,7 @@ std::vector<double> Aligner::clock_offset_costs(const Surface& live, const Photo
     ColourMoment candidate = moment;
     candidate.clock_offset = kClockOffsets[k];
     photometric_(batch, {tiling.threads(), 1, 1},
-                 photometric_push(camera, keyframe, submap_from_live, candidate, brightness),
+                 photometric_push(camera, keyframe, submap_from_live, candidate, brightness, tiling),
                  {&live.levels[l]->points, live.packed[l], &keyframe.level(level), &photometric_sums_});
     batch.download(photometric_sums_, sums[k]);
   }
@@ -335,13 +340,16 @@ bool Aligner::descend(const Views& views, Estimate& estimate) {
   for (int level = coarsest(views.reach); level >= options_.finest_level; --level) {
     const bool is_finest = level == options_.finest_level;
     const int most = is_finest ? options_.iterations_finest : options_.iterations_coarse;
+    estimate.stride = is_finest && has_coarser ? kSparse : 1;
     for (int i = 0; i < most; ++i) {
       const bool looks_for_weak = estimate.directions != Estimate::with_all && is_finest && i == 0;
       linearise(views, level, looks_for_weak, estimate);
       ++estimate.iterations;
       if (looks_for_weak && !find_degenerate_directions(views.keyframe != nullptr && has_coarser, estimate))
         return false;
-      if (!step(views, level, estimate)) break;
+      const bool goes_on = step(views, level, estimate);
+      if (estimate.stride == 1 && !goes_on) break;
+      if (!goes_on || i + 2 >= most) estimate.stride = 1;
     }
   }
   return true;
@@ -351,10 +359,11 @@ bool Aligner::descend(const Views& views, Estimate& estimate) {
 void Aligner::linearise(const Views& views, int level, bool crossed, Estimate& estimate) {
   const auto l = static_cast<std::size_t>(level);
   const VertexNormalMap& live = *views.live.levels[l];
-  const Tiling tiling(live.camera);
+  const Tiling tiling(live.camera, estimate.stride);
   shader::IcpReducePush push{.camera = shader::pinhole(live.camera),
                              .model_from_live = shader::rigid(estimate.model_from_live),
                              .tile = tiling.size,
+                             .stride = tiling.stride,
                              .max_distance = options_.max_distance * static_cast<float>(1 << level),
                              .min_cosine = std::cos(options_.max_angle),
                              .huber = options_.huber,
@@ -376,7 +385,7 @@ void Aligner::linearise(const Views& views, int level, bool crossed, Estimate& e
       photometric_(
           batch, {tiling.threads(), 1, 1},
           photometric_push(live.camera, *views.keyframe, views.model.submap_from_camera * estimate.model_from_live,
-                           views.moment, estimate.brightness),
+                           views.moment, estimate.brightness, tiling),
           {&live.points, views.live.packed[l], &views.keyframe->level(level), &photometric_sums_});
       batch.download(photometric_sums_, photometric_read_);
     }
@@ -421,7 +430,7 @@ bool Aligner::step(const Views& views, int level, Estimate& e) const {
     a.setZero(), b.setZero();
   }
   const Camera& camera = views.live.levels[static_cast<std::size_t>(level)]->camera;
-  e.uses_brightness = e.photometry.seen > kMinPhotometricShare * camera.width * camera.height;
+  e.uses_brightness = e.photometry.seen * e.stride * e.stride > kMinPhotometricShare * camera.width * camera.height;
   if (e.uses_brightness) {
     // Kerl, Sturm & Cremers 2013, eq. 15: one step of the fixed point an iteration.
     e.brightness.sigma = std::max(std::sqrt(e.photometry.squared / e.photometry.seen), kMinBrightnessSigma);
@@ -436,7 +445,8 @@ bool Aligner::step(const Views& views, int level, Estimate& e) const {
   const std::optional<Vector6d> x = solve(a, b, e.unobserved);
   if (!x) return false;
   e.model_from_live = retract(*x) * e.model_from_live;
-  return x->norm() >= (level == options_.finest_level ? kConverged : kConvergedCoarse * (1 << level));
+  const bool is_last = level == options_.finest_level && e.stride == 1;
+  return x->norm() >= (is_last ? kConverged : kConvergedCoarse * (1 << level));
 }
 
 /// The pose, how well the images fit at it, and whether it is to be trusted.

@@ -85,6 +85,7 @@ class Aligner {
                                 Reach reach = Reach::wide);
 
  private:
+  struct Tiling;
   struct Views;
   struct Brightness;
   struct Estimate;
@@ -98,8 +99,8 @@ class Aligner {
   [[nodiscard]] shader::PhotometricReducePush photometric_push(const Camera& camera,
                                                                const PhotometricKeyframe& keyframe,
                                                                const Eigen::Isometry3d& submap_from_live,
-                                                               const ColourMoment& moment,
-                                                               const Brightness& brightness) const;
+                                                               const ColourMoment& moment, const Brightness& brightness,
+                                                               const Tiling& tiling) const;
   [[nodiscard]] std::vector<double> clock_offset_costs(const Surface& live, const PhotometricKeyframe& keyframe,
                                                        const Eigen::Isometry3d& submap_from_live,
                                                        const ColourMoment& moment, const Brightness& brightness);
