@@ -4,14 +4,14 @@
 // march over nearest voxels until the sign changes, then the crossing is found by interpolation.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "shaders/fetch.h"
-#include "shaders/volume.h"
+#include "shaders/pool.h"
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { RaycastPush push; };
 WORDS(0, page_table);
 FLOATS(1, nearest);
 FLOATS(2, farthest);
 layout(binding = 3, scalar) writeonly buffer Points { uvec2 points[]; };
+POOL(4);
 
 uint find_slot(ivec3 voxel) {
   ivec3 brick = voxel >> 3;
@@ -21,7 +21,7 @@ uint find_slot(ivec3 voxel) {
 // Distance in truncations, and 1 or 0 for seen or not.
 vec2 fetch(ivec3 voxel) {
   uint slot = find_slot(voxel);
-  uint word = slot != kNoSlot ? Voxels(push.volume.voxels).v[voxel_index(slot, voxel)].x : 0u;
+  uint word = slot != kNoSlot ? voxel_in(push.volume.voxels, voxel_index(slot, voxel)).x : 0u;
   return vec2(voxel_distance(word), (word >> 16) != 0u ? 1.0 : 0.0);
 }
 
@@ -70,7 +70,7 @@ void main() {
       before_d = 0.0;
       continue;
     }
-    uint word = Voxels(push.volume.voxels).v[voxel_index(slot, voxel)].x;
+    uint word = voxel_in(push.volume.voxels, voxel_index(slot, voxel)).x;
     // A voxel on the surface counts as in front of it: 0 stands for a voxel that was never seen.
     float distance = voxel_distance(word);
     float d = (word >> 16) != 0u ? (distance == 0.0 ? 1e-4 : distance) * truncation : 0.0;

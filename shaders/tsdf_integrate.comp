@@ -6,17 +6,17 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
-#include "shaders/fetch.h"
 #include "shaders/noise.h"
-#include "shaders/volume.h"
+#include "shaders/pool.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { TsdfIntegratePush push; };
 layout(binding = 0, scalar) readonly buffer Selected { uint selected[]; };
 layout(binding = 1, scalar) readonly buffer Slots { SlotState slots[]; };
 PAIRS(2, fusion);  // (depth bits, colour)
 layout(binding = 3, scalar) writeonly buffer Changed { uint changed[]; };   // by selected brick: whether a distance is new
+POOL(4);
 
-// One 64-bit access instead of two 32-bit ones: half the cost of memory on a CPU device.
+// One 64-bit store instead of two of 32 bits: half the cost of memory on a CPU device.
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer WideVoxels { uint64_t v[]; };
 
 const float kMaxColourWeight = 32.0;
@@ -32,7 +32,7 @@ void main() {
   vec3 p = transform(push.camera_from_submap, vec3(voxel) * push.voxel_size);
   vec3 step_p = push.camera_from_submap.z * push.voxel_size;
   uint at = (slot << 9) | (column << 3);
-  WideVoxels pool = WideVoxels(push.voxels);
+  WideVoxels voxels = WideVoxels(push.voxels);
   float inverse_truncation = 1.0 / push.truncation;
   vec2 focal = vec2(push.camera.fx, push.camera.fy), centre = vec2(push.camera.cx, push.camera.cy) + 0.5;
   int width = int(push.camera.width), height = int(push.camera.height);
@@ -52,7 +52,7 @@ void main() {
     float z = uintBitsToFloat(measured.x);
     float sdf = (z - p.z) * inverse_truncation;
     if (z > 0.0 && sdf > -1.0) {
-      uvec2 old = unpack32(pool.v[at + k]);
+      uvec2 old = voxel_in(push.voxels, at + k);
       float weight = depth_weight(z);
       float old_weight = voxel_weight(old.x);
       float sum = old_weight + weight;
@@ -69,7 +69,7 @@ void main() {
         mean += (channels(measured.y) - mean) * (1.0 / (n + 1.0)) + threshold;
         rgb = uint(int(mean.x) | (int(mean.y) << 8) | (int(mean.z) << 16) | (int(min(n + 1.0, kMaxColourWeight)) << 24));
       }
-      pool.v[at + k] = pack64(uvec2(word, rgb));
+      voxels.v[at + k] = pack64(uvec2(word, rgb));
     }
   }
   if (differs != 0u) changed[group_index()] = 1u;

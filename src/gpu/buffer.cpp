@@ -18,9 +18,9 @@ std::uint32_t memory_type(const Device::State& device, std::uint32_t allowed, vk
   throw std::runtime_error("device " + device.info.name + " has no memory of the kind " + vk::to_string(properties));
 }
 
-constexpr auto kStorage = vk::BufferUsageFlagBits::eStorageBuffer | vk::BufferUsageFlagBits::eUniformTexelBuffer | vk::BufferUsageFlagBits::eTransferSrc |
-                          vk::BufferUsageFlagBits::eTransferDst | vk::BufferUsageFlagBits::eShaderDeviceAddress |
-                          vk::BufferUsageFlagBits::eIndirectBuffer;
+constexpr auto kStorage = vk::BufferUsageFlagBits::eStorageBuffer | vk::BufferUsageFlagBits::eUniformTexelBuffer |
+                          vk::BufferUsageFlagBits::eTransferSrc | vk::BufferUsageFlagBits::eTransferDst |
+                          vk::BufferUsageFlagBits::eShaderDeviceAddress | vk::BufferUsageFlagBits::eIndirectBuffer;
 
 }  // namespace
 
@@ -58,7 +58,8 @@ Allocation::Allocation(Device::State& d, std::uint64_t bytes, vk::BufferUsageFla
 Allocation::~Allocation() { device.in_use -= size; }
 
 Buffer::Buffer(Device& device, std::uint64_t bytes)
-    : state_(new State{.allocation = {device.state(), bytes, kStorage, vk::MemoryPropertyFlagBits::eDeviceLocal}, .views = {}}) {
+    : state_(new State{.allocation = {device.state(), bytes, kStorage, vk::MemoryPropertyFlagBits::eDeviceLocal},
+                       .views = {}}) {
   state_->address = device.state().device->getBufferAddress({.buffer = *state_->allocation.buffer});
 }
 

@@ -306,6 +306,7 @@ const DeviceInfo& Device::info() const { return state_->info; }
 const std::vector<std::string>& Device::validation_messages() const { return state_->messages; }
 const std::map<std::string, KernelTime>& Device::kernel_times() const { return state_->times; }
 std::uint64_t Device::max_allocation() const { return state_->max_allocation; }
+std::uint64_t Device::max_texels() const { return state_->max_texels; }
 std::uint64_t Device::max_binding() const { return state_->max_binding; }
 std::uint32_t Device::max_groups() const { return state_->max_groups[0]; }
 std::uint64_t Device::memory_in_use() const { return state_->in_use; }

@@ -39,6 +39,7 @@ class Device {
   [[nodiscard]] const std::map<std::string, KernelTime>& kernel_times() const;
   /// Bytes that one buffer may have, and one that a kernel binds.
   [[nodiscard]] std::uint64_t max_allocation() const;
+  [[nodiscard]] std::uint64_t max_texels() const;  // of a buffer that is read as texels
   [[nodiscard]] std::uint64_t max_binding() const;
   [[nodiscard]] std::uint32_t max_groups() const;  // workgroups along x
   /// Bytes in buffers now, and at most so far.

@@ -69,8 +69,8 @@ Layout reflect(const std::string& name, std::span<const std::uint32_t> spirv) {
     if (spvc_type_get_image_dimension(image) != SpvDimBuffer)
       throw std::logic_error("shader " + name + " has an image that is no buffer");
     place(list[i]) = {.type = vk::DescriptorType::eUniformTexelBuffer,
-                      .texel = texel_of(spvc_type_get_basetype(spvc_compiler_get_type_handle(
-                          compiler, spvc_type_get_image_sampled_type(image))))};
+                      .texel = texel_of(spvc_type_get_basetype(
+                          spvc_compiler_get_type_handle(compiler, spvc_type_get_image_sampled_type(image))))};
   }
   check(spvc_resources_get_resource_list_for_type(resources, SPVC_RESOURCE_TYPE_PUSH_CONSTANT, &list, &count));
   if (count > 0)
@@ -144,7 +144,7 @@ KernelBase::~KernelBase() = default;
 KernelBase::KernelBase(KernelBase&&) noexcept = default;
 
 template <class Record>
-void KernelBase::record(Batch& batch, const void* push, std::initializer_list<const Buffer*> buffers,
+void KernelBase::record(Batch& batch, const void* push, std::span<const Buffer* const> buffers,
                         const Record& dispatch_it) const {
   const State& s = *state_;
   if (buffers.size() != s.layout.bindings.size())
@@ -190,7 +190,7 @@ void KernelBase::record(Batch& batch, const void* push, std::initializer_list<co
 }
 
 void KernelBase::dispatch(Batch& batch, std::array<std::uint32_t, 3> threads, const void* push,
-                          std::initializer_list<const Buffer*> buffers) const {
+                          std::span<const Buffer* const> buffers) const {
   if (threads[0] == 0 || threads[1] == 0 || threads[2] == 0) return;
   const auto& most = batch.state().device.max_groups;
   std::array<std::uint32_t, 3> groups{};
@@ -209,7 +209,7 @@ void KernelBase::dispatch(Batch& batch, std::array<std::uint32_t, 3> threads, co
 }
 
 void KernelBase::dispatch_indirect(Batch& batch, const Buffer& groups, std::uint64_t offset, const void* push,
-                                   std::initializer_list<const Buffer*> buffers) const {
+                                   std::span<const Buffer* const> buffers) const {
   record(batch, push, buffers, [&](const vk::raii::CommandBuffer& commands) {
     commands.dispatchIndirect(*groups.state().allocation.buffer, offset);
   });

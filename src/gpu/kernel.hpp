@@ -24,14 +24,13 @@ class KernelBase {
 
  protected:
   void dispatch(Batch& batch, std::array<std::uint32_t, 3> threads, const void* push,
-                std::initializer_list<const Buffer*> buffers) const;
+                std::span<const Buffer* const> buffers) const;
   void dispatch_indirect(Batch& batch, const Buffer& groups, std::uint64_t offset, const void* push,
-                         std::initializer_list<const Buffer*> buffers) const;
+                         std::span<const Buffer* const> buffers) const;
 
  private:
   template <class Record>
-  void record(Batch& batch, const void* push, std::initializer_list<const Buffer*> buffers,
-              const Record& dispatch_it) const;
+  void record(Batch& batch, const void* push, std::span<const Buffer* const> buffers, const Record& dispatch_it) const;
   struct State;
   std::unique_ptr<State> state_;
 };
@@ -53,13 +52,17 @@ class Kernel : private KernelBase {
 
   /// `threads` are rounded up to whole workgroups; the shader guards its end. No thread: nothing is recorded.
   void operator()(Batch& batch, std::array<std::uint32_t, 3> threads, const Push& push,
-                  std::initializer_list<const Buffer*> buffers) const {
+                  std::span<const Buffer* const> buffers) const {
     dispatch(batch, threads, &push, buffers);
+  }
+  void operator()(Batch& batch, std::array<std::uint32_t, 3> threads, const Push& push,
+                  std::initializer_list<const Buffer*> buffers) const {
+    dispatch(batch, threads, &push, {buffers.begin(), buffers.size()});
   }
   /// As many workgroups as the three words at `offset` bytes of `groups` say when the device comes to it.
   void indirect(Batch& batch, const Buffer& groups, std::uint64_t offset, const Push& push,
                 std::initializer_list<const Buffer*> buffers) const {
-    dispatch_indirect(batch, groups, offset, &push, buffers);
+    dispatch_indirect(batch, groups, offset, &push, {buffers.begin(), buffers.size()});
   }
 };
 

@@ -140,7 +140,7 @@ Fused Integrator::fuse(const Surface& surface, const Eigen::Isometry3d& submap_f
               .truncation = volume.options().truncation,
               .max_weight = volume.options().max_weight,
               .fused_count = fused_count},
-             {&selected_, &volume.slots(), surface.fusion, &changed_});
+             volume, {&selected_, &volume.slots(), surface.fusion, &changed_});
   std::vector<std::uint32_t> slots(count), changed(count);
   batch.download(selected_, slots);
   batch.download(changed_, changed);

@@ -5,7 +5,7 @@
 
 #include "cairn/sensor_model.hpp"
 #include "surface/surface.hpp"
-#include "volume/volume.hpp"
+#include "volume/voxel_kernel.hpp"
 
 namespace cairn {
 
@@ -42,7 +42,7 @@ class Integrator {
   gpu::Kernel<shader::BrickMarkPush> mark_;
   gpu::Kernel<shader::BrickFreePush> free_;
   gpu::Kernel<shader::BrickSelectPush> select_;
-  gpu::Kernel<shader::TsdfIntegratePush> integrate_;
+  VoxelKernel<shader::TsdfIntegratePush> integrate_;
 };
 
 }  // namespace cairn

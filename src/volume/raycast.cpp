@@ -40,7 +40,7 @@ SurfacePrediction Raycaster::raycast(const Volume& volume, const Eigen::Isometry
           .max_depth = 2 * options_.max_depth},
          {&volume.slots(), &nearest_, &farthest_});
   raycast_(batch, {camera.width, camera.height, 1},
-           {.volume = volume.view(), .camera = camera, .submap_from_camera = pose},
+           {.volume = volume.view(), .camera = camera, .submap_from_camera = pose}, volume,
            {&volume.page_table(), &nearest_, &farthest_, &levels_[0].points});
   halve(batch);
   batch.run();

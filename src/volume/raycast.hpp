@@ -6,7 +6,7 @@
 
 #include "shaders/surface.h"
 #include "surface/prediction.hpp"
-#include "volume/volume.hpp"
+#include "volume/voxel_kernel.hpp"
 
 namespace cairn {
 
@@ -36,7 +36,7 @@ class Raycaster {
   std::vector<VertexNormalMap> levels_;  // from the finest level on
   gpu::Buffer nearest_, farthest_;
   gpu::Kernel<shader::RaycastRangePush> range_;
-  gpu::Kernel<shader::RaycastPush> raycast_;
+  VoxelKernel<shader::RaycastPush> raycast_;
   gpu::Kernel<shader::SurfaceHalfPush> half_;
 };
 

@@ -18,6 +18,7 @@ constexpr std::uint64_t kMostBricks = std::uint64_t{1} << 23;    // 32 GiB
 constexpr std::uint32_t kMaxTableBits = 8;                       // 256 bricks a side: 64 MiB of page table
 constexpr std::size_t kBricksPerCopy = 4096;                     // 16 MiB of staging at a time
 constexpr std::uint64_t kDefaultLimit = std::uint64_t{2} << 30;  // bytes
+constexpr std::uint64_t kCpuLimit = std::uint64_t{1} << 30;      // bytes; as many as it reads as texels
 
 std::uint32_t table_bits_for(float reach, float brick_size) {
   std::uint32_t bits = 5;
@@ -26,8 +27,9 @@ std::uint32_t table_bits_for(float reach, float brick_size) {
 }
 
 std::uint32_t capacity_for(const gpu::Device& device, const FuseOptions& options, std::uint64_t table_bytes) {
+  const std::uint64_t usual = device.info().type == "cpu" ? kCpuLimit : kDefaultLimit;
   const std::uint64_t budget =
-      options.device_memory != 0 ? options.device_memory : std::min(device.info().memory / 2, kDefaultLimit);
+      options.device_memory != 0 ? options.device_memory : std::min(device.info().memory / 2, usual);
   const std::uint64_t per_brick = kBrickBytes + sizeof(shader::SlotState);
   const std::uint64_t needed = table_bytes + kMinBricks * per_brick;
   if (budget < needed)

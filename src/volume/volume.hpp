@@ -51,6 +51,9 @@ class Volume {
   [[nodiscard]] float brick_size() const { return 8 * options_.voxel_size; }  // metres
   /// What a kernel needs to find voxels, with the page table as a binding.
   [[nodiscard]] shader::VolumeView view() const;
+  [[nodiscard]] const gpu::Buffer& voxels() const { return voxels_; }  // kBrickVoxels by slot
+  /// Whether the device can read all voxels as texels; see VoxelKernel.
+  [[nodiscard]] bool is_read_as_texels() const { return voxels_.size() / 8 <= device_.max_texels(); }
   [[nodiscard]] const gpu::Buffer& page_table() const { return page_table_; }
   [[nodiscard]] const gpu::Buffer& free_marks() const { return free_marks_; }  // a bit by entry of the page table
   [[nodiscard]] const gpu::Buffer& slots() const { return slots_; }            // SlotState by slot

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <array>
+#include <functional>
+#include <initializer_list>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "gpu/kernel.hpp"
+#include "volume/volume.hpp"
+
+namespace cairn {
+
+/// A kernel that reads voxels, see shaders/pool.h; its last binding is the pool. Made when the first volume of a kind
+/// comes.
+template <class Push>
+class VoxelKernel {
+ public:
+  /// `sensor_constants`: the first of its specialisation constants, four at most.
+  template <std::size_t N>
+  VoxelKernel(gpu::Device& device, const char* name, const std::uint32_t (&spirv)[N],
+              std::array<float, 4> sensor_constants = {})
+      : make_([=, &device, &spirv](bool in_texels) {
+          const auto& c = sensor_constants;
+          return gpu::Kernel<Push>(device, name, spirv, std::array{c[0], c[1], c[2], c[3], in_texels ? 1.0f : 0.0f});
+        }) {}
+
+  void operator()(gpu::Batch& batch, std::array<std::uint32_t, 3> threads, const Push& push, const Volume& volume,
+                  std::initializer_list<const gpu::Buffer*> buffers) const {
+    auto& kernel = volume.is_read_as_texels() ? as_texels_ : by_address_;
+    if (!kernel) kernel.emplace(make_(volume.is_read_as_texels()));
+    std::vector<const gpu::Buffer*> all(buffers);
+    all.push_back(volume.is_read_as_texels() ? &volume.voxels() : &volume.slots());  // any, where it is not read
+    (*kernel)(batch, threads, push, all);
+  }
+
+ private:
+  std::function<gpu::Kernel<Push>(bool in_texels)> make_;
+  mutable std::optional<gpu::Kernel<Push>> as_texels_, by_address_;
+};
+
+}  // namespace cairn
