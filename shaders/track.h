@@ -68,16 +68,27 @@ struct PhotometricSums {
   uint parts;  // see IcpSums
 };
 
-struct MovingMaskPush {
+struct MovingJudgePush {
   Pinhole camera;  // of the coarsest level
   Rigid model_from_live;
   Rigid keyframe_from_live;
-  uint factor;  // pixels of the fusion image a pixel of this level; 0: only count
+};
+
+// A pixel's verdict: what stands in front of the map by more than noise explains, and what the keyframe saw through.
+const uint kStandsInFront = 1u;
+const uint kSeenThrough = 2u;
+
+struct MovingMaskPush {
+  uint width;  // of the coarsest level
+  uint height;
+  uint factor;  // pixels of the fusion image a pixel of this level
   uint full_width;
+  uint most;  // that may be moving
+  uint only_count;
 };
 
 #ifdef __cplusplus
-static_assert(sizeof(MovingMaskPush) <= 128 && sizeof(PhotometricReducePush) <= 128);
+static_assert(sizeof(MovingJudgePush) <= 128 && sizeof(PhotometricReducePush) <= 128);
 }  // namespace cairn::shader
 #else
 // A workgroup of 64 threads walks its tile of the image in steps of 8 x 8 of the pixels that are looked at.

@@ -10,6 +10,7 @@
 #include "map/frame_features.hpp"
 #include "map/tracking_criteria.hpp"
 #include "shaders/noise.h"
+#include "spirv/moving_judge.comp.h"
 #include "spirv/moving_mask.comp.h"
 
 namespace cairn {
@@ -43,6 +44,8 @@ Eigen::Isometry3d level(const std::optional<Eigen::Vector3d>& acceleration) {
   return world_from_camera;
 }
 
+std::uint64_t pixels_of(const Camera& camera) { return static_cast<std::uint64_t>(camera.width * camera.height); }
+
 /// Share of the depth image that lies between two depths.
 double share_between(const std::vector<float>& depth, float least, float most) {
   const auto seen = std::count_if(depth.begin(), depth.end(), [&](float z) { return z >= least && z <= most; });
@@ -71,8 +74,10 @@ Tracker::Tracker(gpu::Device& device, const Rig& rig, const Camera& rectified, c
       aligner_(device, options.track, rig.sensor),
       reference_(device, rectified, options.track),
       gyroscope_(rig.camera_from_imu),
+      verdicts_(device, 4 * pixels_of(rectified.at_level(options.track.levels - 1))),
       moving_count_(device, 4),
-      mask_(device, "moving_mask", moving_mask_comp, shader::constants_of(rig.sensor)) {}
+      judge_(device, "moving_judge", moving_judge_comp, shader::constants_of(rig.sensor)),
+      mask_(device, "moving_mask", moving_mask_comp) {}
 
 /// Where somebody else's guess says that the camera went since the last fused frame, if guesses have been good lately
 /// and, while the camera is not lost, better than its motion; and where its motion would take it otherwise.
@@ -351,25 +356,29 @@ double Tracker::leave_out_moving(const Surface& live, const Tracked& tracked, co
     prediction_ = raycaster_.raycast(volume, tracked.predicted_from);
   const auto level = static_cast<std::size_t>(options_.track.levels - 1);
   const Camera& camera = live.levels[level]->camera;
-  const auto pixels = static_cast<std::uint32_t>(camera.width * camera.height);
-  const auto mask = [&](std::uint32_t factor) {
-    std::uint32_t count[1] = {0};
-    gpu::Batch batch(device_);
-    batch.fill(moving_count_, 0);
-    mask_(batch, {pixels, 1, 1},
-          {.camera = shader::pinhole(camera),
-           .model_from_live = shader::rigid(prediction_.submap_from_camera.inverse() * submap_from_camera),
-           .keyframe_from_live = shader::rigid(reference_.submap_from_camera().inverse() * submap_from_camera),
-           .factor = factor,
-           .full_width = static_cast<std::uint32_t>(live.levels[0]->camera.width)},
-          {&live.levels[level]->points, &prediction_.levels[level]->points,
-           &reference_.level(options_.track.levels - 1), live.packed[level], live.fusion, &moving_count_});
-    batch.download(moving_count_, std::span<std::uint32_t>(count));
-    batch.run();
-    return static_cast<double>(count[0]) / pixels;
-  };
-  if (mask(0) > kMaxMoving) return 0;
-  return mask(1u << level);
+  const auto width = static_cast<std::uint32_t>(camera.width), height = static_cast<std::uint32_t>(camera.height);
+  std::uint32_t count[1] = {0};
+  gpu::Batch batch(device_);
+  batch.fill(moving_count_, 0);
+  judge_(batch, {width, height, 1},
+         {.camera = shader::pinhole(camera),
+          .model_from_live = shader::rigid(prediction_.submap_from_camera.inverse() * submap_from_camera),
+          .keyframe_from_live = shader::rigid(reference_.submap_from_camera().inverse() * submap_from_camera)},
+         {&live.levels[level]->points, &prediction_.levels[level]->points, &reference_.level(options_.track.levels - 1),
+          &verdicts_});
+  shader::MovingMaskPush push{.width = width,
+                              .height = height,
+                              .factor = 1u << level,
+                              .full_width = static_cast<std::uint32_t>(live.levels[0]->camera.width),
+                              .most = static_cast<std::uint32_t>(kMaxMoving * (width * height)),
+                              .only_count = 0};
+  for (const std::uint32_t only_count : {1u, 0u}) {
+    push.only_count = only_count;
+    mask_(batch, {width, height, 1}, push, {&verdicts_, live.packed[level], live.fusion, &moving_count_});
+  }
+  batch.download(moving_count_, std::span<std::uint32_t>(count));
+  batch.run();
+  return count[0] > push.most ? 0.0 : static_cast<double>(count[0]) / (width * height);
 }
 
 void Tracker::restart() {

@@ -138,7 +138,8 @@ class Tracker {
   Aligner aligner_;
   PhotometricKeyframe reference_;
   Gyroscope gyroscope_;
-  gpu::Buffer moving_count_;
+  gpu::Buffer verdicts_, moving_count_;
+  gpu::Kernel<shader::MovingJudgePush> judge_;
   gpu::Kernel<shader::MovingMaskPush> mask_;
   SurfacePrediction prediction_;  // of the alignment that track found
   Memory memory_;
