@@ -96,6 +96,11 @@ Batch::~Batch() {
 void Batch::upload_bytes(const Buffer& to, std::span<const std::byte> data, std::uint64_t offset) {
   if (data.empty()) return;
   check_range("upload", to, offset, data.size());
+  // Nothing of this batch comes before it, and of other batches nothing is under way: straight to its place.
+  if (std::byte* mapped = to.state().allocation.mapped; mapped != nullptr && !state_->recording) {
+    std::memcpy(mapped + offset, data.data(), data.size());
+    return;
+  }
   const auto place = state_->uploads.take(state_->device, data.size(), vk::BufferUsageFlagBits::eTransferSrc, {});
   std::memcpy(place.chunk->mapped + place.offset, data.data(), data.size());
   state_->record().copyBuffer(*place.chunk->buffer, *to.state().allocation.buffer,

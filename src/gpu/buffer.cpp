@@ -18,6 +18,13 @@ std::uint32_t memory_type(const Device::State& device, std::uint32_t allowed, vk
   throw std::runtime_error("device " + device.info.name + " has no memory of the kind " + vk::to_string(properties));
 }
 
+/// Whether device and host reach the memory alike: no copy is needed to write it.
+bool is_shared_with_host(const Device::State& device, std::uint32_t type) {
+  constexpr auto kShared = vk::MemoryPropertyFlagBits::eHostVisible | vk::MemoryPropertyFlagBits::eHostCoherent;
+  return (device.info.type == "cpu" || device.info.type == "integrated") &&
+         (device.memory_types.memoryTypes[type].propertyFlags & kShared) == kShared;
+}
+
 constexpr auto kStorage = vk::BufferUsageFlagBits::eStorageBuffer | vk::BufferUsageFlagBits::eUniformTexelBuffer |
                           vk::BufferUsageFlagBits::eTransferSrc | vk::BufferUsageFlagBits::eTransferDst |
                           vk::BufferUsageFlagBits::eShaderDeviceAddress | vk::BufferUsageFlagBits::eIndirectBuffer;
@@ -27,6 +34,7 @@ constexpr auto kStorage = vk::BufferUsageFlagBits::eStorageBuffer | vk::BufferUs
 Allocation::Allocation(Device::State& d, std::uint64_t bytes, vk::BufferUsageFlags usage,
                        vk::MemoryPropertyFlags properties, vk::MemoryPropertyFlags preferred)
     : device(d), size(std::max<std::uint64_t>(bytes, 4)) {
+  std::uint32_t type = 0;
   if (size > d.max_allocation)
     throw std::runtime_error("device " + d.info.name + " takes " + std::to_string(d.max_allocation >> 20) +
                              " MiB in one piece at most, not " + std::to_string(size >> 20) +
@@ -36,11 +44,10 @@ Allocation::Allocation(Device::State& d, std::uint64_t bytes, vk::BufferUsageFla
     const auto needs = buffer.getMemoryRequirements();
     const vk::MemoryAllocateFlagsInfo flags{.flags = vk::MemoryAllocateFlagBits::eDeviceAddress};
     const bool addressed = static_cast<bool>(usage & vk::BufferUsageFlagBits::eShaderDeviceAddress);
+    type = memory_type(d, needs.memoryTypeBits, properties, preferred);
     memory = vk::raii::DeviceMemory(
-        *d.device,
-        vk::MemoryAllocateInfo{.pNext = addressed ? &flags : nullptr,
-                               .allocationSize = needs.size,
-                               .memoryTypeIndex = memory_type(d, needs.memoryTypeBits, properties, preferred)});
+        *d.device, vk::MemoryAllocateInfo{
+                       .pNext = addressed ? &flags : nullptr, .allocationSize = needs.size, .memoryTypeIndex = type});
   } catch (const vk::OutOfDeviceMemoryError&) {
     throw std::runtime_error("device " + d.info.name + " is out of memory for " + std::to_string(size >> 20) +
                              " MiB: lower FuseOptions::device_memory");
@@ -49,7 +56,7 @@ Allocation::Allocation(Device::State& d, std::uint64_t bytes, vk::BufferUsageFla
                              " MiB: lower FuseOptions::device_memory");
   }
   buffer.bindMemory(*memory, 0);
-  if (properties & vk::MemoryPropertyFlagBits::eHostVisible)
+  if ((properties & vk::MemoryPropertyFlagBits::eHostVisible) || is_shared_with_host(d, type))
     mapped = static_cast<std::byte*>(memory.mapMemory(0, VK_WHOLE_SIZE));
   d.in_use += size;
   d.peak = std::max(d.peak, d.in_use);

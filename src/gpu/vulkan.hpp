@@ -43,7 +43,7 @@ struct Device::State {
   void open();  // `physical`: its limits, the device, and its queue
 };
 
-/// A buffer with memory of its own. `mapped` is null for device-local memory. Memory with `preferred` properties, too,
+/// A buffer with memory of its own. `mapped` is null for memory that only the device reaches. Memory with `preferred` properties, too,
 /// is taken where the device has it.
 struct Allocation {
   Allocation(Device::State& device, std::uint64_t bytes, vk::BufferUsageFlags usage, vk::MemoryPropertyFlags properties,
