@@ -340,16 +340,17 @@ bool Aligner::descend(const Views& views, Estimate& estimate) {
   for (int level = coarsest(views.reach); level >= options_.finest_level; --level) {
     const bool is_finest = level == options_.finest_level;
     const int most = is_finest ? options_.iterations_finest : options_.iterations_coarse;
-    estimate.stride = is_finest && has_coarser ? kSparse : 1;
+    bool is_near = !is_finest || !has_coarser;  // from there on all pixels are looked at
     for (int i = 0; i < most; ++i) {
       const bool looks_for_weak = estimate.directions != Estimate::with_all && is_finest && i == 0;
+      estimate.stride = is_near || looks_for_weak ? 1 : kSparse;
       linearise(views, level, looks_for_weak, estimate);
       ++estimate.iterations;
       if (looks_for_weak && !find_degenerate_directions(views.keyframe != nullptr && has_coarser, estimate))
         return false;
       const bool goes_on = step(views, level, estimate);
-      if (estimate.stride == 1 && !goes_on) break;
-      if (!goes_on || i + 2 >= most) estimate.stride = 1;
+      if (is_near && !goes_on) break;
+      is_near |= !goes_on || i + 2 >= most;
     }
   }
   return true;
