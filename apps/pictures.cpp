@@ -7,11 +7,11 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 #include "cairn/atomic_file.hpp"
+#include "cairn/picture.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -23,12 +23,6 @@ constexpr std::uint8_t kOccupied = 0, kFree = 254, kUnknown = 205;  // as map_se
 
 const cv::Scalar kInk(40, 40, 40);
 const cv::Vec3b kUnknownColour(225, 225, 225);
-
-void write_image(const std::filesystem::path& file, const char* extension, const cv::Mat& image) {
-  std::vector<std::uint8_t> bytes;
-  if (!cv::imencode(extension, image, bytes)) throw std::runtime_error(file.string() + ": cannot be encoded");
-  write_whole(file, bytes);
-}
 
 /// Inside red, near yellow, far blue; a thin dark line is where the surface passes.
 cv::Vec3b colour_of(float distance, float most, float pixel) {
@@ -182,7 +176,8 @@ void write_slice(const std::filesystem::path& png, const DistanceField& field, i
   text(image, fmt::format("signed distance at {} = {:.2f} m, lines every 0.25 m", "xyz"[axis], at), {kMargin, 40});
   draw_axes(image, view);
   draw_legend(image, 2 * kMargin - 30 + view.columns, most);
-  write_image(png, ".png", image);
+  cv::cvtColor(image, image, cv::COLOR_BGR2RGB);
+  write_png(png, image.cols, image.rows, {image.data, image.total() * 3});
 }
 
 void write_costmap(const std::filesystem::path& yaml, const DistanceField& field, const Band& band) {
@@ -218,7 +213,8 @@ void write_costmap(const std::filesystem::path& yaml, const DistanceField& field
     }
   auto pgm = yaml;
   pgm.replace_extension(".pgm");
-  write_image(pgm, ".pgm", image);
+  write_whole(pgm, fmt::format("P5\n{} {}\n255\n", columns, rows) +
+                       std::string(reinterpret_cast<const char*>(image.data), image.total()));
   write_whole(yaml, fmt::format("image: {}\nresolution: {:g}\norigin: [{:.4f}, {:.4f}, 0.0]\nnegate: 0\n"
                                 "occupied_thresh: 0.65\nfree_thresh: 0.196\n",
                                 pgm.filename().string(), voxel, box.min().z() - voxel / 2, -box.max().x() - voxel / 2));

@@ -2,11 +2,24 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "base/image_file.hpp"
 
+#include <spng.h>
+// libjpeg's header wants these before it.
+#include <cstddef>
+#include <cstdio>
+// clang-format off
+#include <jpeglib.h>
+// clang-format on
+
 #include <algorithm>
 #include <cmath>
+#include <csetjmp>
+#include <memory>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <string_view>
+
+#include "cairn/atomic_file.hpp"
+#include "cairn/picture.hpp"
 
 namespace cairn {
 namespace {
@@ -47,24 +60,151 @@ bool is_plausible_jpeg(std::span<const std::uint8_t> b) {
   return false;
 }
 
+using PngContext = std::unique_ptr<spng_ctx, void (*)(spng_ctx*)>;
+
+/// What a PNG holds, as `Pixels` asks for it; empty where it cannot be decoded.
+cv::Mat decode_png(std::span<const std::uint8_t> bytes, Pixels pixels) {
+  const PngContext png(spng_ctx_new(0), spng_ctx_free);
+  spng_ihdr header{};
+  if (!png || spng_set_png_buffer(png.get(), bytes.data(), bytes.size()) != 0 || spng_get_ihdr(png.get(), &header) != 0)
+    return {};
+  const bool is_grey = header.color_type == SPNG_COLOR_TYPE_GRAYSCALE;
+  int format = SPNG_FMT_RGB8, type = CV_8UC3;
+  if (pixels == Pixels::rgba)
+    format = SPNG_FMT_RGBA8, type = CV_8UC4;
+  else if (pixels == Pixels::as_stored && is_grey && header.bit_depth == 16)
+    format = SPNG_FMT_PNG, type = CV_16UC1;
+  else if (pixels == Pixels::as_stored && is_grey)
+    format = SPNG_FMT_G8, type = CV_8UC1;
+  cv::Mat image(static_cast<int>(header.height), static_cast<int>(header.width), type);
+  const std::size_t size = image.total() * image.elemSize();
+  std::size_t needed = 0;
+  if (spng_decoded_image_size(png.get(), format, &needed) != 0 || needed != size ||
+      spng_decode_image(png.get(), image.data, size, format, 0) != 0)
+    return {};
+  return image;
+}
+
+struct JpegErrors {
+  jpeg_error_mgr manager;
+  std::jmp_buf after;
+};
+
+/// libjpeg tells of errors by calling this; what is between is C alone.
+[[noreturn]] void leave_jpeg(j_common_ptr info) { std::longjmp(reinterpret_cast<JpegErrors*>(info->err)->after, 1); }
+void say_nothing(j_common_ptr, int) {}
+
+void set_errors(JpegErrors& errors) {
+  jpeg_std_error(&errors.manager);
+  errors.manager.error_exit = leave_jpeg;
+  errors.manager.emit_message = say_nothing;
+}
+
+/// Rows of what is decompressed into `image`, whose type says its colours. False: it cannot be decoded.
+bool read_jpeg(jpeg_decompress_struct& jpeg, JpegErrors& errors, std::span<const std::uint8_t> bytes, Pixels pixels,
+               cv::Mat& image) {
+  if (setjmp(errors.after) != 0) return false;
+  jpeg_create_decompress(&jpeg);
+  jpeg_mem_src(&jpeg, bytes.data(), static_cast<unsigned long>(bytes.size()));
+  if (jpeg_read_header(&jpeg, TRUE) != JPEG_HEADER_OK) return false;
+  const bool is_grey = jpeg.num_components == 1 && pixels == Pixels::as_stored;
+  jpeg.out_color_space = is_grey ? JCS_GRAYSCALE : pixels == Pixels::rgba ? JCS_EXT_RGBA : JCS_EXT_RGB;
+  jpeg_start_decompress(&jpeg);
+  image.create(static_cast<int>(jpeg.output_height), static_cast<int>(jpeg.output_width),
+               is_grey                  ? CV_8UC1
+               : pixels == Pixels::rgba ? CV_8UC4
+                                        : CV_8UC3);
+  while (jpeg.output_scanline < jpeg.output_height) {
+    JSAMPROW row = image.ptr(static_cast<int>(jpeg.output_scanline));
+    jpeg_read_scanlines(&jpeg, &row, 1);
+  }
+  return true;
+}
+
+cv::Mat decode_jpeg(std::span<const std::uint8_t> bytes, Pixels pixels) {
+  cv::Mat image;
+  JpegErrors errors{};
+  jpeg_decompress_struct jpeg{};
+  set_errors(errors);
+  jpeg.err = &errors.manager;
+  const bool is_read = read_jpeg(jpeg, errors, bytes, pixels, image);
+  jpeg_destroy_decompress(&jpeg);
+  return is_read ? image : cv::Mat();
+}
+
+struct JpegBytes {
+  unsigned char* data = nullptr;
+  unsigned long size = 0;
+};
+
+bool write_jpeg(jpeg_compress_struct& jpeg, JpegErrors& errors, const cv::Mat& image, JpegEffort effort,
+                JpegBytes& bytes) {
+  if (setjmp(errors.after) != 0) return false;
+  jpeg_create_compress(&jpeg);
+  jpeg_mem_dest(&jpeg, &bytes.data, &bytes.size);
+  jpeg.image_width = static_cast<JDIMENSION>(image.cols);
+  jpeg.image_height = static_cast<JDIMENSION>(image.rows);
+  jpeg.input_components = image.channels();
+  jpeg.in_color_space = image.channels() == 4 ? JCS_EXT_RGBX : image.channels() == 3 ? JCS_RGB : JCS_GRAYSCALE;
+  jpeg_set_defaults(&jpeg);
+  jpeg_set_quality(&jpeg, effort.quality, TRUE);
+  jpeg.optimize_coding = effort.smallest ? TRUE : FALSE;
+  jpeg_start_compress(&jpeg, TRUE);
+  while (jpeg.next_scanline < jpeg.image_height) {
+    JSAMPROW row = const_cast<JSAMPROW>(image.ptr(static_cast<int>(jpeg.next_scanline)));
+    jpeg_write_scanlines(&jpeg, &row, 1);
+  }
+  jpeg_finish_compress(&jpeg);
+  return true;
+}
+
 }  // namespace
 
-cv::Mat decode_image(std::span<const std::uint8_t> bytes, int flags) {
+cv::Mat decode_image(std::span<const std::uint8_t> bytes, Pixels pixels) {
   const std::string_view all(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   const std::string_view end = all.substr(all.size() - std::min<std::size_t>(all.size(), 64));
-  // The whole signatures: OpenCV hands what only begins like them to other decoders, of which some abort.
   const bool png = all.starts_with("\x89PNG\r\n\x1a\n"), jpeg = all.starts_with("\xff\xd8\xff");
   if (!png && !jpeg) throw std::runtime_error("is no image: neither PNG nor JPEG");
   if (end.find(png ? "IEND" : "\xff\xd9") == end.npos) throw std::runtime_error("the file is cut off");
   cv::Mat image;
-  try {
-    if (bytes.size() < 1u << 31 && (png ? is_plausible_png(bytes) : is_plausible_jpeg(bytes)))
-      image = cv::imdecode(cv::Mat(1, static_cast<int>(bytes.size()), CV_8U, const_cast<std::uint8_t*>(bytes.data())),
-                           flags);
-  } catch (const cv::Exception&) {
-  }
+  if (png ? is_plausible_png(bytes) : is_plausible_jpeg(bytes))
+    image = png ? decode_png(bytes, pixels) : decode_jpeg(bytes, pixels);
   if (image.empty()) throw std::runtime_error("is no image that can be decoded");
   return image;
+}
+
+std::vector<std::uint8_t> encode_png(const cv::Mat& image, int effort) {
+  const PngContext png(spng_ctx_new(SPNG_CTX_ENCODER), spng_ctx_free);
+  spng_ihdr header{};
+  header.width = static_cast<std::uint32_t>(image.cols);
+  header.height = static_cast<std::uint32_t>(image.rows);
+  header.bit_depth = image.depth() == CV_16U ? 16 : 8;
+  header.color_type = image.channels() == 1 ? SPNG_COLOR_TYPE_GRAYSCALE : SPNG_COLOR_TYPE_TRUECOLOR;
+  const cv::Mat rows = image.isContinuous() ? image : image.clone();
+  std::size_t size = 0;
+  int error = png ? 0 : 1;
+  const auto done = [&](int result) { error = error != 0 ? error : result; };
+  done(spng_set_option(png.get(), SPNG_ENCODE_TO_BUFFER, 1));
+  done(spng_set_option(png.get(), SPNG_IMG_COMPRESSION_LEVEL, effort));
+  done(spng_set_ihdr(png.get(), &header));
+  done(spng_encode_image(png.get(), rows.data, rows.total() * rows.elemSize(), SPNG_FMT_PNG, SPNG_ENCODE_FINALIZE));
+  const std::unique_ptr<std::uint8_t, void (*)(void*)> bytes(
+      error == 0 ? static_cast<std::uint8_t*>(spng_get_png_buffer(png.get(), &size, &error)) : nullptr, std::free);
+  if (!bytes) throw std::runtime_error(std::string("an image cannot be encoded as PNG: ") + spng_strerror(error));
+  return {bytes.get(), bytes.get() + size};
+}
+
+std::vector<std::uint8_t> encode_jpeg(const cv::Mat& image, JpegEffort effort) {
+  JpegErrors errors{};
+  jpeg_compress_struct jpeg{};
+  JpegBytes bytes;
+  set_errors(errors);
+  jpeg.err = &errors.manager;
+  const bool is_written = write_jpeg(jpeg, errors, image, effort, bytes);
+  jpeg_destroy_compress(&jpeg);
+  const std::unique_ptr<unsigned char, void (*)(void*)> data(bytes.data, std::free);
+  if (!is_written) throw std::runtime_error("an image cannot be encoded as JPEG");
+  return {data.get(), data.get() + bytes.size};
 }
 
 std::vector<std::uint16_t> depth_units(std::span<const float> depth, double units_per_metre, std::uint16_t none) {
@@ -79,21 +219,27 @@ std::vector<std::uint16_t> depth_units(std::span<const float> depth, double unit
 std::vector<std::uint8_t> encode_depth(std::span<const float> depth, const Camera& camera, double units_per_metre,
                                        std::uint16_t none) {
   auto units = depth_units(depth, units_per_metre, none);
-  std::vector<std::uint8_t> bytes;
-  cv::imencode(".png", cv::Mat(camera.height, camera.width, CV_16U, units.data()), bytes,
-               {cv::IMWRITE_PNG_COMPRESSION, kPngEffort});
-  return bytes;
+  return encode_png(cv::Mat(camera.height, camera.width, CV_16U, units.data()), kPngEffort);
 }
 
 std::vector<std::uint8_t> encode_colour(std::span<const std::uint32_t> colour, const Camera& camera,
                                         const char* extension) {
-  cv::Mat bgr;
-  cv::cvtColor(cv::Mat(camera.height, camera.width, CV_8UC4, const_cast<std::uint32_t*>(colour.data())), bgr,
-               cv::COLOR_RGBA2BGR);
-  std::vector<std::uint8_t> bytes;
-  cv::imencode(extension, bgr, bytes,
-               {cv::IMWRITE_PNG_COMPRESSION, kPngEffort, cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
-  return bytes;
+  const cv::Mat rgba(camera.height, camera.width, CV_8UC4, const_cast<std::uint32_t*>(colour.data()));
+  if (extension != std::string_view(".png")) return encode_jpeg(rgba, {.quality = kJpegQuality});
+  cv::Mat rgb;
+  cv::cvtColor(rgba, rgb, cv::COLOR_RGBA2RGB);
+  return encode_png(rgb, kPngEffort);
+}
+
+void write_png(const std::filesystem::path& file, int width, int height, std::span<const std::uint8_t> rgb) {
+  if (rgb.size() != std::size_t{3} * static_cast<std::size_t>(width) * static_cast<std::size_t>(height))
+    throw std::logic_error(file.string() + ": other than three bytes a pixel");
+  write_whole(file, encode_png(cv::Mat(height, width, CV_8UC3, const_cast<std::uint8_t*>(rgb.data())), 6));
+}
+
+std::vector<std::uint32_t> colour_pixels(const cv::Mat& rgba) {
+  const auto* data = rgba.ptr<std::uint32_t>();
+  return {data, data + rgba.total()};
 }
 
 }  // namespace cairn

@@ -3,7 +3,7 @@
 // Whole images from the bytes of PNG and JPEG files, and such bytes.
 #pragma once
 #include <cstdint>
-#include <opencv2/imgcodecs.hpp>
+#include <opencv2/core.hpp>
 #include <span>
 #include <vector>
 
@@ -11,9 +11,23 @@
 
 namespace cairn {
 
-/// A whole PNG or JPEG; `flags` as of cv::imdecode. Throws std::runtime_error that says why not: cut off (the decoders
-/// fill the rest with grey and only print a warning), damaged, or larger than its bytes can be.
-[[nodiscard]] cv::Mat decode_image(std::span<const std::uint8_t> bytes, int flags);
+/// How pixels are wanted: grey of 8 or 16 bits as it is stored and all else as 8-bit R, G, B; 8-bit R, G, B; or with a
+/// fourth byte, 255 where there is no transparency.
+enum class Pixels { as_stored, rgb, rgba };
+
+/// A whole PNG or JPEG, as it lies in the file (EXIF may say that it was turned). Throws std::runtime_error that says
+/// why not: cut off (the decoders fill the rest with grey), damaged, or larger than its bytes can be.
+[[nodiscard]] cv::Mat decode_image(std::span<const std::uint8_t> bytes, Pixels pixels);
+
+/// The bytes of a PNG: of grey with 8 or 16 bits, or R, G, B with 8. `effort`: zlib's, 1 to 9.
+[[nodiscard]] std::vector<std::uint8_t> encode_png(const cv::Mat& image, int effort = 1);
+
+struct JpegEffort {
+  int quality = 95;       // 1 to 100
+  bool smallest = false;  // takes twice as long
+};
+/// The bytes of a JPEG: of 8 bits of grey, R, G, B, or R, G, B and one more that is left out.
+[[nodiscard]] std::vector<std::uint8_t> encode_jpeg(const cv::Mat& image, JpegEffort effort = {});
 
 /// Metres as whole units. `none`: where nothing was measured, and where more units than 16 bits hold would stand.
 [[nodiscard]] std::vector<std::uint16_t> depth_units(std::span<const float> depth, double units_per_metre,
@@ -25,5 +39,7 @@ namespace cairn {
 /// The bytes of a PNG or JPEG, by its extension. `colour`: bytes R, G, B, 255 by pixel of the camera.
 [[nodiscard]] std::vector<std::uint8_t> encode_colour(std::span<const std::uint32_t> colour, const Camera& camera,
                                                       const char* extension);
+/// Of an image of Pixels::rgba, as Frame::colour has them.
+[[nodiscard]] std::vector<std::uint32_t> colour_pixels(const cv::Mat& rgba);
 
 }  // namespace cairn

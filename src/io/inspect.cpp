@@ -6,11 +6,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 #include "base/colour_view.hpp"
+#include "base/image_file.hpp"
 #include "cairn/atomic_file.hpp"
 
 namespace cairn {
@@ -117,9 +117,9 @@ void write_edges_picture(const std::filesystem::path& file, const Rig& rig, cons
   if (frame.colour.size() != pixels)
     throw std::runtime_error("the frame has no colour to draw the edges of depth over");
   const Frame seen = ColourView(rig)(frame);
-  cv::Mat bgr;
-  cv::cvtColor(cv::Mat(camera.height, camera.width, CV_8UC4, const_cast<std::uint32_t*>(frame.colour.data())), bgr,
-               cv::COLOR_RGBA2BGR);
+  cv::Mat rgb;
+  cv::cvtColor(cv::Mat(camera.height, camera.width, CV_8UC4, const_cast<std::uint32_t*>(frame.colour.data())), rgb,
+               cv::COLOR_RGBA2RGB);
   const auto depth_at = [&](int x, int y) {
     return seen
         .depth[static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width) + static_cast<std::size_t>(x)];
@@ -131,10 +131,8 @@ void write_edges_picture(const std::filesystem::path& file, const Rig& rig, cons
   for (int y = 0; y + 1 < camera.height; ++y)
     for (int x = 0; x + 1 < camera.width; ++x)
       if (is_edge(depth_at(x, y), depth_at(x + 1, y)) || is_edge(depth_at(x, y), depth_at(x, y + 1)))
-        cv::circle(bgr, {x, y}, thick, cv::Scalar(0, 0, 255), cv::FILLED);
-  std::vector<std::uint8_t> png;
-  cv::imencode(".png", bgr, png);
-  write_whole(file, png);
+        cv::circle(rgb, {x, y}, thick, cv::Scalar(255, 0, 0), cv::FILLED);
+  write_whole(file, encode_png(rgb));
 }
 
 }  // namespace cairn

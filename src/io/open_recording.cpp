@@ -127,7 +127,7 @@ class RecordingSource final : public Source {
  private:
   std::vector<float> read_depth(const fs::path& file) const {
     const Camera& c = recording_.rig.depth;
-    const cv::Mat image = decode_image(read_whole(file), cv::IMREAD_UNCHANGED);
+    const cv::Mat image = decode_image(read_whole(file), Pixels::as_stored);
     if (image.type() != CV_16UC1) throw std::runtime_error("depth must be a 16-bit image with one channel");
     if (image.cols != c.width || image.rows != c.height)
       throw std::runtime_error("is " + std::to_string(image.cols) + "x" + std::to_string(image.rows) + ", the camera " +
@@ -150,7 +150,7 @@ class RecordingSource final : public Source {
 
   std::vector<std::uint8_t> read_confidence(const fs::path& file) const {
     const Camera& c = recording_.rig.depth;
-    cv::Mat image = decode_image(read_whole(file), cv::IMREAD_UNCHANGED);
+    cv::Mat image = decode_image(read_whole(file), Pixels::as_stored);
     if (image.type() != CV_8UC1 || image.cols != c.width || image.rows != c.height)
       throw std::runtime_error("its confidence must be an 8-bit image with one channel and of the same size");
     if (recording_.most_confidence < 255) image.convertTo(image, CV_8U, 255 / recording_.most_confidence);
@@ -160,11 +160,9 @@ class RecordingSource final : public Source {
   /// Empty when its size is not its camera's.
   std::vector<std::uint32_t> read_colour(const fs::path& file) const {
     const Camera& c = recording_.rig.colour_view();
-    cv::Mat image = decode_image(read_whole(file), cv::IMREAD_COLOR), rgba;
-    if (image.cols != c.width || image.rows != c.height) return {};
-    cv::cvtColor(image, rgba, cv::COLOR_BGR2RGBA);
-    const auto* data = rgba.ptr<std::uint32_t>();
-    return {data, data + rgba.total()};
+    const cv::Mat rgba = decode_image(read_whole(file), Pixels::rgba);
+    if (rgba.cols != c.width || rgba.rows != c.height) return {};
+    return colour_pixels(rgba);
   }
 
   Recording recording_;
@@ -196,7 +194,7 @@ class WithPoses final : public WrappedSource {
 
 std::optional<Eigen::Vector2i> size_of_image(const fs::path& file) {
   try {
-    const cv::Mat image = decode_image(read_whole(file), cv::IMREAD_UNCHANGED);
+    const cv::Mat image = decode_image(read_whole(file), Pixels::as_stored);
     return Eigen::Vector2i(image.cols, image.rows);
   } catch (const std::exception&) {
     return std::nullopt;

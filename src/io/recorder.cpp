@@ -46,9 +46,8 @@ EncodedFrame encode(const Frame& frame, const Rig& rig, bool colour_as_png, doub
                        .gyro = frame.gyro};
   encoded.depth = encode_depth(frame.depth, rig.depth, depth_scale);
   if (frame.confidence.size() == frame.depth.size())
-    cv::imencode(".png",
-                 cv::Mat(rig.depth.height, rig.depth.width, CV_8U, const_cast<std::uint8_t*>(frame.confidence.data())),
-                 encoded.confidence);
+    encoded.confidence = encode_png(
+        cv::Mat(rig.depth.height, rig.depth.width, CV_8U, const_cast<std::uint8_t*>(frame.confidence.data())));
   const Camera& view = rig.colour_view();
   if (frame.colour.size() == static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height))
     encoded.colour = encode_colour(frame.colour, view, encoded.colour_extension.c_str());

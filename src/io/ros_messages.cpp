@@ -179,7 +179,7 @@ RosImage packed_image(Fields& fields) {
     data = data.subspan(kFront);
   }
   const bool is_rvl = format.find("compressedDepth rvl") != format.npos;
-  image.pixels = is_rvl ? rvl_image(data) : decode_image(data, cv::IMREAD_UNCHANGED);
+  image.pixels = is_rvl ? rvl_image(data) : decode_image(data, Pixels::as_stored);
   switch (image.pixels.type()) {
     case CV_16UC1:
       image.kind = RosImage::Kind::depth;
@@ -188,10 +188,7 @@ RosImage packed_image(Fields& fields) {
       image.kind = RosImage::Kind::grey, image.to_rgba = cv::COLOR_GRAY2RGBA;
       break;
     case CV_8UC3:
-      image.kind = RosImage::Kind::colour, image.to_rgba = cv::COLOR_BGR2RGBA;
-      break;
-    case CV_8UC4:
-      image.kind = RosImage::Kind::colour, image.to_rgba = cv::COLOR_BGRA2RGBA;
+      image.kind = RosImage::Kind::colour, image.to_rgba = cv::COLOR_RGB2RGBA;
       break;
     default:
       break;

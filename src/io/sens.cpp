@@ -254,17 +254,15 @@ class SensSource final : public Source {
     const std::uint64_t raw = 3 * static_cast<std::uint64_t>(c.width) * static_cast<std::uint64_t>(c.height);
     if (entry.colour_size == 0 || entry.colour_size > 2 * raw + (1 << 20)) return {};
     auto bytes = read_bytes(entry.place, entry.colour_size);
-    cv::Mat image, rgba;
+    cv::Mat rgba;
     if (file_.colour == ColourKind::raw) {
       if (bytes.size() != raw) return {};
       cv::cvtColor(cv::Mat(c.height, c.width, CV_8UC3, bytes.data()), rgba, cv::COLOR_RGB2RGBA);
     } else {
-      image = decode_image(bytes, cv::IMREAD_COLOR);
-      if (image.cols != c.width || image.rows != c.height) return {};
-      cv::cvtColor(image, rgba, cv::COLOR_BGR2RGBA);
+      rgba = decode_image(bytes, Pixels::rgba);
+      if (rgba.cols != c.width || rgba.rows != c.height) return {};
     }
-    const auto* data = rgba.ptr<std::uint32_t>();
-    return {data, data + rgba.total()};
+    return colour_pixels(rgba);
   }
 
   SensFile file_;

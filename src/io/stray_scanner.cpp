@@ -286,7 +286,7 @@ std::optional<Recording> read_stray_scanner(const fs::path& folder) {
     Recording::Entry entry{.timestamp = odometry[i].pose.timestamp, .depth = folder / "depth" / name};
     if (fs::exists(folder / "confidence" / name)) entry.confidence = folder / "confidence" / name;
     if (!size) try {
-        size = decode_image(read_whole(entry.depth), cv::IMREAD_UNCHANGED).size();
+        size = decode_image(read_whole(entry.depth), Pixels::as_stored).size();
       } catch (const std::runtime_error&) {
         // Told when the frame is read; another one knows the size.
       }

@@ -5,9 +5,10 @@
 
 #include <algorithm>
 #include <iterator>
-#include <opencv2/imgcodecs.hpp>
+#include <opencv2/core.hpp>
 #include <stdexcept>
 
+#include "base/image_file.hpp"
 #include "cairn/atomic_file.hpp"
 #include "io/layouts.hpp"
 #include "io/stray_scanner.hpp"
@@ -33,11 +34,11 @@ class StrayScannerWriter final : public LayoutWriter {
       throw std::runtime_error(
           fmt::format("frame {} has no colour, which a video of the layout stray-scanner needs", frame.index));
     files_.write_depth(fmt::format("depth/{:06}.png", count_), frame, 1000);
-    std::vector<std::uint8_t> sure, bytes;
+    std::vector<std::uint8_t> sure;
     std::transform(frame.depth.begin(), frame.depth.end(), std::back_inserter(sure),
                    [](float z) { return z > 0 ? kSure : std::uint8_t{0}; });
-    cv::imencode(".png", cv::Mat(c.height, c.width, CV_8U, sure.data()), bytes);
-    write_whole(files_.folder() / fmt::format("confidence/{:06}.png", count_), bytes, Durable::some_time);
+    write_whole(files_.folder() / fmt::format("confidence/{:06}.png", count_),
+                encode_png(cv::Mat(c.height, c.width, CV_8U, sure.data())), Durable::some_time);
     video_.add(frame.colour);
     const Eigen::Isometry3d pose = frame.world_from_camera.value();
     const Eigen::Quaterniond q(pose.linear());

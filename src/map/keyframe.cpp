@@ -7,7 +7,6 @@
 #include <cstring>
 #include <fstream>
 #include <iterator>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <utility>
@@ -133,27 +132,24 @@ Frame KeyframeStore::get(std::size_t keyframe) const {
   const Packed packed = kept != packed_.end()
                             ? kept->second
                             : Packed{read_bytes(file(keyframe, kDepth)), read_bytes(file(keyframe, kColour)), {}};
-  cv::Mat steps, bgr;
-  const auto decoded = [](const std::vector<std::uint8_t>& bytes, int flags) {
+  cv::Mat steps, rgba;
+  const auto decoded = [](const std::vector<std::uint8_t>& bytes, Pixels pixels) {
     try {
-      return decode_image(bytes, flags);
+      return decode_image(bytes, pixels);
     } catch (const std::runtime_error&) {
       return cv::Mat();  // told below, or left out
     }
   };
-  if (!packed.depth.empty()) steps = decoded(packed.depth, cv::IMREAD_UNCHANGED);
+  if (!packed.depth.empty()) steps = decoded(packed.depth, Pixels::as_stored);
   if (steps.type() != CV_16U || steps.cols != rig_.depth.width || steps.rows != rig_.depth.height)
     throw std::runtime_error(file(keyframe, kDepth).string() + ": is missing or broken; " + kRemedy);
   Frame frame;
   frame.depth.resize(steps.total());
   cv::Mat depth(steps.rows, steps.cols, CV_32F, frame.depth.data());
   steps.convertTo(depth, CV_32F, 1 / kDepthSteps);
-  if (!packed.colour.empty()) bgr = decoded(packed.colour, cv::IMREAD_COLOR);
-  if (bgr.cols == rig_.colour_view().width && bgr.rows == rig_.colour_view().height) {
-    frame.colour.resize(bgr.total());
-    cv::Mat rgba(bgr.rows, bgr.cols, CV_8UC4, frame.colour.data());
-    cv::cvtColor(bgr, rgba, cv::COLOR_BGR2RGBA);
-  }
+  if (!packed.colour.empty()) rgba = decoded(packed.colour, Pixels::rgba);
+  if (rgba.cols == rig_.colour_view().width && rgba.rows == rig_.colour_view().height)
+    frame.colour = colour_pixels(rgba);
   return frame;
 }
 

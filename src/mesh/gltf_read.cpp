@@ -122,13 +122,13 @@ Texture texture_of(const tinygltf::Model& model, const tinygltf::Primitive& prim
   const cv::Mat pixels =
       decode_image(image.bufferView < 0 ? std::span<const std::uint8_t>(image.image)
                                         : bytes_of(model, item(model.bufferViews, image.bufferView, "view")),
-                   cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+                   Pixels::rgb);
   texture.width = pixels.cols;
   texture.height = pixels.rows;
   for (int y = 0; y < pixels.rows; ++y)
     for (int x = 0; x < pixels.cols; ++x) {
-      const auto& bgr = pixels.at<cv::Vec3b>(y, x);
-      texture.texels.push_back({bgr[2], bgr[1], bgr[0]});
+      const auto& rgb = pixels.at<cv::Vec3b>(y, x);
+      texture.texels.push_back({rgb[0], rgb[1], rgb[2]});
     }
   return texture;
 }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
+#include <opencv2/core.hpp>
 #include <stdexcept>
 
+#include "base/image_file.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/gltf.hpp"
 #include "mesh/topology.hpp"
@@ -19,15 +19,8 @@ namespace {
 }  // namespace
 
 std::vector<std::uint8_t> encode_image(const Texture& texture, bool png, int jpeg_quality) {
-  cv::Mat bgr;
-  cv::cvtColor(cv::Mat(texture.height, texture.width, CV_8UC3, const_cast<std::uint8_t*>(texture.texels[0].data())),
-               bgr, cv::COLOR_RGB2BGR);
-  std::vector<std::uint8_t> bytes;
-  if (png)
-    cv::imencode(".png", bgr, bytes, {cv::IMWRITE_PNG_COMPRESSION, 6});
-  else
-    cv::imencode(".jpg", bgr, bytes, {cv::IMWRITE_JPEG_QUALITY, jpeg_quality, cv::IMWRITE_JPEG_OPTIMIZE, 1});
-  return bytes;
+  const cv::Mat rgb(texture.height, texture.width, CV_8UC3, const_cast<std::uint8_t*>(texture.texels[0].data()));
+  return png ? encode_png(rgb, 6) : encode_jpeg(rgb, {.quality = jpeg_quality, .smallest = true});
 }
 
 void write_mesh(const std::filesystem::path& file, const Mesh& mesh) {

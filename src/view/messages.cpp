@@ -5,9 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <vector>
+
+#include "base/image_file.hpp"
 
 namespace cairn {
 namespace {
@@ -34,8 +35,7 @@ void append(std::string& bytes, const std::vector<T>& values) {
 std::string image_message(std::uint32_t kind, const cv::Mat& image) {
   cv::Mat small;
   cv::resize(image, small, {kThumbnailWidth, image.rows * kThumbnailWidth / image.cols}, 0, 0, cv::INTER_NEAREST);
-  std::vector<std::uint8_t> jpeg;
-  cv::imencode(".jpg", small, jpeg, {cv::IMWRITE_JPEG_QUALITY, 75});
+  const std::vector<std::uint8_t> jpeg = encode_jpeg(small, {.quality = 75});
   std::string bytes = packed(std::uint32_t{2}, kind);
   append(bytes, jpeg);
   return bytes;
@@ -74,20 +74,19 @@ std::string part_message(const SurfacePart& part, int epoch) {
 }
 
 std::string colour_message(const Frame& frame, const Camera& camera) {
-  cv::Mat bgr;
-  cv::cvtColor(cv::Mat(camera.height, camera.width, CV_8UC4, const_cast<std::uint32_t*>(frame.colour.data())), bgr,
-               cv::COLOR_RGBA2BGR);
-  return image_message(0, bgr);
+  return image_message(0,
+                       cv::Mat(camera.height, camera.width, CV_8UC4, const_cast<std::uint32_t*>(frame.colour.data())));
 }
 
 std::string depth_message(const Frame& frame, const Camera& camera, float max_depth) {
   const cv::Mat depth(camera.height, camera.width, CV_32F, const_cast<float*>(frame.depth.data()));
-  cv::Mat small, level, bgr;
+  cv::Mat small, level, picture;
   cv::resize(depth, small, {kThumbnailWidth, depth.rows * kThumbnailWidth / depth.cols}, 0, 0, cv::INTER_NEAREST);
   small.convertTo(level, CV_8U, -255.0 / (max_depth - kNearest), 255.0 * max_depth / (max_depth - kNearest));
-  cv::applyColorMap(level, bgr, cv::COLORMAP_TURBO);
-  bgr.setTo(cv::Scalar(0, 0, 0), small == 0);
-  return image_message(1, bgr);
+  cv::applyColorMap(level, picture, cv::COLORMAP_TURBO);
+  cv::cvtColor(picture, picture, cv::COLOR_BGR2RGB);
+  picture.setTo(cv::Scalar(0, 0, 0), small == 0);
+  return image_message(1, picture);
 }
 
 std::string path_message(const Trajectory& trajectory, int epoch) {
