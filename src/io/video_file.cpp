@@ -2,16 +2,11 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "io/video_file.hpp"
 
-extern "C" {
-#include <libavcodec/avcodec.h>
-#include <libavformat/avformat.h>
-#include <libavutil/pixdesc.h>
-#include <libswscale/swscale.h>
-}
-
 #include <limits>
 #include <new>
 #include <stdexcept>
+
+#include "io/ffmpeg.hpp"
 
 namespace cairn {
 namespace {
@@ -20,15 +15,10 @@ namespace fs = std::filesystem;
 constexpr int kMostSide = 4096;  // pixels, as of a Camera
 constexpr double kNoTime = -std::numeric_limits<double>::infinity();
 
-std::string said(int error) {
-  char text[AV_ERROR_MAX_STRING_SIZE];
-  return av_make_error_string(text, sizeof text, error);
-}
-
 VideoTags tags_of(const AVDictionary* dictionary) {
   VideoTags tags;
   const AVDictionaryEntry* entry = nullptr;
-  while ((entry = av_dict_get(dictionary, "", entry, AV_DICT_IGNORE_SUFFIX)) != nullptr)
+  while ((entry = ffmpeg().av_dict_get(dictionary, "", entry, AV_DICT_IGNORE_SUFFIX)) != nullptr)
     tags[entry->key] = entry->value;
   return tags;
 }
@@ -42,30 +32,29 @@ T* made(T* pointer) {
 }  // namespace
 
 VideoPacket::VideoPacket(AVPacket* owned, double time) : packet_(owned), time_(time) {}
-void VideoPacket::Free::operator()(AVPacket* packet) const { av_packet_free(&packet); }
+void VideoPacket::Free::operator()(AVPacket* packet) const { ffmpeg().av_packet_free(&packet); }
 int VideoPacket::track() const { return packet_->stream_index; }
 std::int64_t VideoPacket::position() const { return packet_->pos; }
 std::span<const std::uint8_t> VideoPacket::bytes() const {
   return {packet_->data, static_cast<std::size_t>(packet_->size)};
 }
 
-void VideoFile::Close::operator()(AVFormatContext* context) const { avformat_close_input(&context); }
+void VideoFile::Close::operator()(AVFormatContext* context) const { ffmpeg().avformat_close_input(&context); }
 
 VideoFile::VideoFile(const fs::path& file, Format format) : name_(file.string()) {
-  av_log_set_level(AV_LOG_QUIET);  // what is wrong is thrown
   if (!fs::exists(file)) throw std::runtime_error(name_ + ": there is no such file");
   if (!fs::is_regular_file(file)) throw std::runtime_error(name_ + ": is no file");
   if (fs::file_size(file) == 0) throw std::runtime_error(name_ + ": is empty");
   const bool matroska = format == Format::matroska;
   AVDictionary* options = nullptr;
-  av_dict_set(&options, "protocol_whitelist", "file", 0);
+  ffmpeg().av_dict_set(&options, "protocol_whitelist", "file", 0);
   AVFormatContext* context = nullptr;
-  const int error = avformat_open_input(&context, ("file:" + name_).c_str(),
-                                        av_find_input_format(matroska ? "matroska" : "mp4"), &options);
-  av_dict_free(&options);
+  const int error = ffmpeg().avformat_open_input(
+      &context, ("file:" + name_).c_str(), ffmpeg().av_find_input_format(matroska ? "matroska" : "mp4"), &options);
+  ffmpeg().av_dict_free(&options);
   if (error < 0)
-    throw std::runtime_error(name_ + ": is cut off or no " + (matroska ? "Matroska" : "MP4") + " file (" + said(error) +
-                             "); copy it again from where it was recorded");
+    throw std::runtime_error(name_ + ": is cut off or no " + (matroska ? "Matroska" : "MP4") + " file (" +
+                             ffmpeg_error(error) + "); copy it again from where it was recorded");
   context_.reset(context);
   tags_ = tags_of(context->metadata);
   for (unsigned i = 0; i < context->nb_streams; ++i) {
@@ -73,7 +62,7 @@ VideoFile::VideoFile(const fs::path& file, Format format) : name_(file.string())
     const AVCodecParameters& codec = *stream.codecpar;
     const AVRational rate = stream.avg_frame_rate;
     tracks_.push_back({.is_video = codec.codec_type == AVMEDIA_TYPE_VIDEO,
-                       .codec = avcodec_get_name(codec.codec_id),
+                       .codec = ffmpeg().avcodec_get_name(codec.codec_id),
                        .width = codec.width,
                        .height = codec.height,
                        .interval = rate.num > 0 && rate.den > 0 ? av_q2d(av_inv_q(rate)) : 0,
@@ -86,38 +75,38 @@ VideoFile::VideoFile(const fs::path& file, Format format) : name_(file.string())
 }
 
 std::optional<VideoPacket> VideoFile::next() {
-  VideoPacket packet(made(av_packet_alloc()), kNoTime);
-  const int error = av_read_frame(context_.get(), packet.packet_.get());
+  VideoPacket packet(made(ffmpeg().av_packet_alloc()), kNoTime);
+  const int error = ffmpeg().av_read_frame(context_.get(), packet.packet_.get());
   if (error == AVERROR_EOF) return std::nullopt;
-  if (error < 0) throw std::runtime_error(name_ + ": cannot be read on (" + said(error) + ")");
+  if (error < 0) throw std::runtime_error(name_ + ": cannot be read on (" + ffmpeg_error(error) + ")");
   const AVPacket& read = *packet.packet_;
   if (read.pts != AV_NOPTS_VALUE)
     packet.time_ = static_cast<double>(read.pts) * av_q2d(context_->streams[read.stream_index]->time_base);
   return packet;
 }
 
-void VideoImage::Free::operator()(AVFrame* frame) const { av_frame_free(&frame); }
+void VideoImage::Free::operator()(AVFrame* frame) const { ffmpeg().av_frame_free(&frame); }
 int VideoImage::width() const { return frame_->width; }
 int VideoImage::height() const { return frame_->height; }
 
 std::vector<std::uint32_t> VideoImage::colour() const {
   struct FreeConverter {
-    void operator()(SwsContext* context) const { sws_freeContext(context); }
+    void operator()(SwsContext* context) const { ffmpeg().sws_freeContext(context); }
   };
   const auto format = static_cast<AVPixelFormat>(frame_->format);
   const std::unique_ptr<SwsContext, FreeConverter> converter(
-      sws_getContext(width(), height(), format, width(), height(), AV_PIX_FMT_RGBA,
-                     SWS_BILINEAR | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT, nullptr, nullptr, nullptr));
+      ffmpeg().sws_getContext(width(), height(), format, width(), height(), AV_PIX_FMT_RGBA,
+                              SWS_BILINEAR | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT, nullptr, nullptr, nullptr));
   if (converter == nullptr) throw std::runtime_error("its pixels are of a kind that is not colour");
   const int full = frame_->color_range == AVCOL_RANGE_JPEG || format == AV_PIX_FMT_YUVJ420P ||
                    format == AV_PIX_FMT_YUVJ422P || format == AV_PIX_FMT_YUVJ444P;
   // Fails for pixels that are RGB already, which need none of it.
-  (void)sws_setColorspaceDetails(converter.get(), sws_getCoefficients(frame_->colorspace), full,
-                                 sws_getCoefficients(SWS_CS_DEFAULT), 1, 0, 1 << 16, 1 << 16);
+  (void)ffmpeg().sws_setColorspaceDetails(converter.get(), ffmpeg().sws_getCoefficients(frame_->colorspace), full,
+                                          ffmpeg().sws_getCoefficients(SWS_CS_DEFAULT), 1, 0, 1 << 16, 1 << 16);
   std::vector<std::uint32_t> pixels(static_cast<std::size_t>(width()) * static_cast<std::size_t>(height()));
   std::uint8_t* const to[4] = {reinterpret_cast<std::uint8_t*>(pixels.data())};
   const int stride[4] = {4 * width()};
-  if (sws_scale(converter.get(), frame_->data, frame_->linesize, 0, height(), to, stride) != height())
+  if (ffmpeg().sws_scale(converter.get(), frame_->data, frame_->linesize, 0, height(), to, stride) != height())
     throw std::runtime_error("its colour cannot be converted");
   for (auto& pixel : pixels) pixel |= 0xff000000u;
   return pixels;
@@ -137,35 +126,35 @@ std::vector<std::uint16_t> VideoImage::grey() const {
   return pixels;
 }
 
-void VideoDecoder::Free::operator()(AVCodecContext* context) const { avcodec_free_context(&context); }
+void VideoDecoder::Free::operator()(AVCodecContext* context) const { ffmpeg().avcodec_free_context(&context); }
 
 VideoDecoder::VideoDecoder(const VideoFile& file, int track) : tick_(av_q2d(file.context_->streams[track]->time_base)) {
   const AVCodecParameters* parameters = file.context_->streams[track]->codecpar;
-  const AVCodec* codec = avcodec_find_decoder(parameters->codec_id);
+  const AVCodec* codec = ffmpeg().avcodec_find_decoder(parameters->codec_id);
   if (codec == nullptr)
-    throw std::runtime_error(std::string("FFmpeg cannot decode ") + avcodec_get_name(parameters->codec_id));
-  context_.reset(made(avcodec_alloc_context3(codec)));
-  int error = avcodec_parameters_to_context(context_.get(), parameters);
+    throw std::runtime_error(std::string("FFmpeg cannot decode ") + ffmpeg().avcodec_get_name(parameters->codec_id));
+  context_.reset(made(ffmpeg().avcodec_alloc_context3(codec)));
+  int error = ffmpeg().avcodec_parameters_to_context(context_.get(), parameters);
   context_->max_pixels = std::int64_t{kMostSide} * kMostSide;
   context_->thread_type = FF_THREAD_SLICE;  // threads for frames would keep images back
   if (codec->id == AV_CODEC_ID_MJPEG) context_->err_recognition = AV_EF_EXPLODE;  // else the rest of an image is grey
-  if (error >= 0) error = avcodec_open2(context_.get(), codec, nullptr);
+  if (error >= 0) error = ffmpeg().avcodec_open2(context_.get(), codec, nullptr);
   if (error < 0)
-    throw std::runtime_error("its " + std::string(codec->name) + " cannot be decoded (" + said(error) + ")");
+    throw std::runtime_error("its " + std::string(codec->name) + " cannot be decoded (" + ffmpeg_error(error) + ")");
 }
 
 void VideoDecoder::put(const VideoPacket& packet) {
-  const int error = avcodec_send_packet(context_.get(), packet.packet_.get());
-  if (error < 0) throw std::runtime_error("cannot be decoded (" + said(error) + ")");
+  const int error = ffmpeg().avcodec_send_packet(context_.get(), packet.packet_.get());
+  if (error < 0) throw std::runtime_error("cannot be decoded (" + ffmpeg_error(error) + ")");
 }
 
-void VideoDecoder::end() { (void)avcodec_send_packet(context_.get(), nullptr); }
+void VideoDecoder::end() { (void)ffmpeg().avcodec_send_packet(context_.get(), nullptr); }
 
 std::optional<VideoImage> VideoDecoder::next() {
-  VideoImage image(made(av_frame_alloc()), kNoTime);
-  const int error = avcodec_receive_frame(context_.get(), image.frame_.get());
+  VideoImage image(made(ffmpeg().av_frame_alloc()), kNoTime);
+  const int error = ffmpeg().avcodec_receive_frame(context_.get(), image.frame_.get());
   if (error == AVERROR(EAGAIN) || error == AVERROR_EOF) return std::nullopt;
-  if (error < 0) throw std::runtime_error("cannot be decoded (" + said(error) + ")");
+  if (error < 0) throw std::runtime_error("cannot be decoded (" + ffmpeg_error(error) + ")");
   if (image.frame_->pts != AV_NOPTS_VALUE) image.time_ = static_cast<double>(image.frame_->pts) * tick_;
   return image;
 }
