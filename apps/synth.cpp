@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <future>
 #include <random>
 
 #include "cairn/atomic_file.hpp"
@@ -95,6 +96,7 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
   std::vector<bool> seen(truth.triangles.size());
   Gyroscope gyroscope(a, rig);
   Progress progress(a.frames);
+  std::future<void> writing;  // the frame before gets its noise and is encoded while the next one is rendered
   for (int i = 0; i < a.frames; ++i) {
     const double time = i / a.rate;
     const auto pose = path.pose(time);
@@ -105,19 +107,23 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
     auto colour =
         beside || a.colour_delay != 0 ? colour_in_scene.look(colour_pose, time + a.colour_delay).colour : images.colour;
     if (i % 5 == 0 && rig.depth.readout == 0) mark_seen(truth, rig.depth, *pose, images.depth, seen);
-    add_noise(images, rig.depth, a.noise, a.seed, i, &colour);
-    writer->add({.index = i,
-                 .timestamp = time,
-                 .depth = std::move(images.depth),
-                 .confidence = std::move(images.confidence),
-                 .colour = std::move(colour),
-                 .world_from_camera = *pose,
-                 .acceleration = path.acceleration(time),
-                 .gyro = a.imu == "none" ? std::vector<AngularRate>{} : gyroscope.until(time, path),
-                 .guess = {},
-                 .problem = {}});
+    Frame frame{.index = i,
+                .timestamp = time,
+                .world_from_camera = *pose,
+                .acceleration = path.acceleration(time),
+                .gyro = a.imu == "none" ? std::vector<AngularRate>{} : gyroscope.until(time, path)};
+    if (writing.valid()) writing.get();
+    writing = std::async(std::launch::async, [&, i, frame = std::move(frame), images = std::move(images),
+                                              colour = std::move(colour)]() mutable {
+      add_noise(images, rig.depth, a.noise, a.seed, i, &colour);
+      frame.depth = std::move(images.depth);
+      frame.confidence = std::move(images.confidence);
+      frame.colour = std::move(colour);
+      writer->add(frame);
+    });
     progress.step("rendering");
   }
+  if (writing.valid()) writing.get();
   writer->finish();
   write_mesh(folder / "groundtruth_mesh.ply", truth);
   std::erase_if(truth.triangles, [&, i = std::size_t{0}](const auto&) mutable { return !seen[i++]; });

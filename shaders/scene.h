@@ -31,6 +31,8 @@ struct Solid {
   vec3 second;   // the pattern's other colour
 };
 
+const int kSolidWords = 18;  // of Solid
+
 struct SceneRenderPush {
   Pinhole camera;
   Rigid world_from_camera;
@@ -40,6 +42,7 @@ struct SceneRenderPush {
 };
 
 #ifdef __cplusplus
+static_assert(sizeof(Solid) == 4 * kSolidWords);
 }  // namespace cairn::shader
 #endif
 #endif

@@ -5,10 +5,11 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
+#include "shaders/fetch.h"
 #include "shaders/scene.h"
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { SceneRenderPush push; };
-layout(binding = 0, scalar) readonly buffer Solids { Solid solids[]; };
+WORDS(0, solids);  // of Solid
 layout(binding = 1, scalar) writeonly buffer Depth { float depth[]; };
 layout(binding = 2, scalar) writeonly buffer Cosine { float cosine[]; };  // between the ray and the surface's normal
 layout(binding = 3, scalar) writeonly buffer Colour { uint colour[]; };
@@ -16,6 +17,14 @@ layout(binding = 4, scalar) readonly buffer Rays { vec2 rays[]; };  // at z = 1
 layout(binding = 5, scalar) readonly buffer Rows { Rigid rows[]; };  // world_from_camera of a rolling shutter
 
 const float kFar = 1e9;
+
+float number_of(uint solid, int k) { return uintBitsToFloat(fetch(solids, int(solid) * kSolidWords + k)); }
+vec3 vector_of(uint solid, int k) { return vec3(number_of(solid, k), number_of(solid, k + 1), number_of(solid, k + 2)); }
+Solid solid_at(uint i) {
+  return Solid(vector_of(i, 0), vector_of(i, 3), vec2(number_of(i, 6), number_of(i, 7)), number_of(i, 8),
+               floatBitsToUint(number_of(i, 9)), floatBitsToUint(number_of(i, 10)), number_of(i, 11), vector_of(i, 12),
+               vector_of(i, 15));
+}
 
 float hash(ivec3 p) {  // Jarzynski & Olano 2020, pcg3d
   uvec3 v = uvec3(p) * 1664525u + 1013904223u;
@@ -98,8 +107,8 @@ vec3 texture_at(Solid solid, vec3 p, vec3 n) {
 
 // Whether the ball around a solid reaches into the cone around the directions of a workgroup's pixels.
 bool is_near(uint i, vec3 o, vec3 axis, float cosine, float sine) {
-  vec3 m = solids[i].centre - o;
-  float reach = solids[i].reach, along = dot(m, axis), beside = sqrt(max(dot(m, m) - along * along, 0.0));
+  vec3 m = vector_of(i, 0) - o;
+  float reach = number_of(i, 8), along = dot(m, axis), beside = sqrt(max(dot(m, m) - along * along, 0.0));
   bool in_front = along * cosine + beside * sine >= 0.0;  // the nearest part of the cone is not its tip
   return in_front ? beside * cosine - along * sine <= reach : dot(m, m) <= reach * reach;
 }
@@ -136,7 +145,7 @@ void main() {
     while (marked != 0u) {
       uint i = first + findLSB(marked);
       marked &= marked - 1u;
-      Solid solid = solids[i];
+      Solid solid = solid_at(i);
       vec4 hit = meet(solid, turn(o - solid.centre, solid.heading), turn(d, solid.heading));
       which = hit.w < best.w ? i : which;
       best = hit.w < best.w ? hit : best;
@@ -145,7 +154,7 @@ void main() {
   if (pixel.x >= push.camera.width || pixel.y >= push.camera.height) return;
   uint at = pixel.y * push.camera.width + pixel.x;
   bool found = best.w < 100.0;
-  Solid solid = solids[which];
+  Solid solid = solid_at(which);
   vec3 n = turn(best.xyz, vec2(solid.heading.x, -solid.heading.y));
   vec3 p = turn(o + d * best.w - solid.centre, solid.heading);
   float light = 0.75 + 0.25 * dot(n, normalize(vec3(0.4, -0.8, -0.45)));
