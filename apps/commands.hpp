@@ -19,6 +19,7 @@ void add_merge(CLI::App& program);
 void add_convert(CLI::App& program);
 void add_info(CLI::App& program);
 void add_calibrate(CLI::App& program);
+void add_bench(CLI::App& program);
 void add_devices(CLI::App& program);
 
 }  // namespace cairn::apps

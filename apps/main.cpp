@@ -41,6 +41,7 @@ int run(int argc, char** argv) {
   cairn::apps::add_evaluate(program);
   cairn::apps::add_merge(program);
   cairn::apps::add_graph(program);
+  cairn::apps::add_bench(program);
   cairn::apps::add_devices(program);
   try {
     program.parse(argc, argv);

@@ -35,6 +35,7 @@ nlohmann::json to_json(const FoundLoop& loop) {
 nlohmann::json to_json(const Statistics& statistics) {
   nlohmann::json report{
       {"device", statistics.device},
+      {"device_waits", statistics.device_waits},
       {"device_memory_peak_mb", static_cast<double>(statistics.device_memory_peak) / (1 << 20)},
       {"clock_offset", statistics.clock_offset},
       {"focal_length",

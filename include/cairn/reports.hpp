@@ -102,10 +102,12 @@ struct FoundLoop {
 
 /// How large a map is, what it cost, and what was learned of the camera.
 struct Statistics {
-  std::string device;                         ///< its name
-  std::uint64_t device_memory_peak = 0;       ///< bytes
-  std::uint64_t bricks = 0;                   ///< of 8x8x8 voxels, that were allocated
-  std::uint64_t paged_out = 0, paged_in = 0;  ///< bricks that went to the host, and back
+  std::string device;                          ///< its name
+  std::uint64_t device_memory_peak = 0;        ///< bytes
+  std::uint64_t device_waits = 0;              ///< of the host for the device
+  std::uint64_t uploaded = 0, downloaded = 0;  ///< bytes to the device, and back
+  std::uint64_t bricks = 0;                    ///< of 8x8x8 voxels, that were allocated
+  std::uint64_t paged_out = 0, paged_in = 0;   ///< bricks that went to the host, and back
   int keyframes = 0;
   int submaps = 0;                                        ///< that ended
   int components = 0;                                     ///< parts of the map that nothing joins

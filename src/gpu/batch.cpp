@@ -96,6 +96,7 @@ Batch::~Batch() {
 void Batch::upload_bytes(const Buffer& to, std::span<const std::byte> data, std::uint64_t offset) {
   if (data.empty()) return;
   check_range("upload", to, offset, data.size());
+  state_->device.traffic.uploaded += data.size();
   // Nothing of this batch comes before it, and of other batches nothing is under way: straight to its place.
   if (std::byte* mapped = to.state().allocation.mapped; mapped != nullptr && !state_->recording) {
     std::memcpy(mapped + offset, data.data(), data.size());
@@ -110,6 +111,7 @@ void Batch::upload_bytes(const Buffer& to, std::span<const std::byte> data, std:
 void Batch::download_bytes(const Buffer& from, std::span<std::byte> data, std::uint64_t offset) {
   if (data.empty()) return;
   check_range("download", from, offset, data.size());
+  state_->device.traffic.downloaded += data.size();
   const auto place = state_->downloads.take(state_->device, data.size(), vk::BufferUsageFlagBits::eTransferDst,
                                             vk::MemoryPropertyFlagBits::eHostCached);
   state_->record().copyBuffer(*from.state().allocation.buffer, *place.chunk->buffer,
@@ -139,6 +141,7 @@ void Batch::run() {
                              {}, {});
   s.commands.end();
   s.recording = false;
+  ++s.device.traffic.waits;
   s.device.queue->submit(vk::SubmitInfo{.commandBufferCount = 1, .pCommandBuffers = &*s.commands}, *s.fence);
   if (s.device.device->waitForFences(*s.fence, true, UINT64_MAX) != vk::Result::eSuccess)
     throw std::runtime_error("device " + s.device.info.name + " did not finish its work");

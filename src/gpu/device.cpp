@@ -207,8 +207,16 @@ std::vector<char> read_file(const std::filesystem::path& file) {
 
 }  // namespace
 
+vk::raii::Context open_loader() {
+  try {
+    return {};
+  } catch (const std::runtime_error&) {
+    no_device();
+  }
+}
+
 std::vector<DeviceInfo> find_devices() {
-  const vk::raii::Context context;
+  const vk::raii::Context context = open_loader();
   const auto instance = make_instance(context, Validation::off);
   std::vector<DeviceInfo> devices;
   if (!instance) return devices;
@@ -305,6 +313,7 @@ Device::~Device() {
 const DeviceInfo& Device::info() const { return state_->info; }
 const std::vector<std::string>& Device::validation_messages() const { return state_->messages; }
 const std::map<std::string, KernelTime>& Device::kernel_times() const { return state_->times; }
+const Traffic& Device::traffic() const { return state_->traffic; }
 std::uint64_t Device::max_allocation() const { return state_->max_allocation; }
 std::uint64_t Device::max_texels() const { return state_->max_texels; }
 std::uint64_t Device::max_binding() const { return state_->max_binding; }

@@ -20,6 +20,12 @@ struct KernelTime {
   double total_ms = 0.0;
 };
 
+/// Between host and device, so far.
+struct Traffic {
+  std::uint64_t waits = 0;                     // of the host for the device
+  std::uint64_t uploaded = 0, downloaded = 0;  // bytes
+};
+
 /// A Vulkan compute device with one queue. Not thread-safe: one thread at a time uses a device and what it made.
 class Device {
  public:
@@ -37,6 +43,7 @@ class Device {
   [[nodiscard]] const std::vector<std::string>& validation_messages() const;
   /// Time on the device by kernel, from timestamps.
   [[nodiscard]] const std::map<std::string, KernelTime>& kernel_times() const;
+  [[nodiscard]] const Traffic& traffic() const;
   /// Bytes that one buffer may have, and one that a kernel binds.
   [[nodiscard]] std::uint64_t max_allocation() const;
   [[nodiscard]] std::uint64_t max_texels() const;  // of a buffer that is read as texels

@@ -16,8 +16,11 @@
 
 namespace cairn::gpu {
 
+/// Vulkan's loader. Throws std::runtime_error that says what to install where there is none.
+[[nodiscard]] vk::raii::Context open_loader();
+
 struct Device::State {
-  vk::raii::Context context;
+  vk::raii::Context context = open_loader();
   std::optional<vk::raii::Instance> instance;
   std::optional<vk::raii::DebugUtilsMessengerEXT> messenger;
   std::optional<vk::raii::PhysicalDevice> physical;
@@ -38,13 +41,14 @@ struct Device::State {
   std::vector<std::string> messages;
   std::map<std::string, KernelTime> times;
   std::uint64_t in_use = 0, peak = 0;
+  Traffic traffic;
   std::vector<std::unique_ptr<Batch::State>> idle_batches;
 
   void open();  // `physical`: its limits, the device, and its queue
 };
 
-/// A buffer with memory of its own. `mapped` is null for memory that only the device reaches. Memory with `preferred` properties, too,
-/// is taken where the device has it.
+/// A buffer with memory of its own. `mapped` is null for memory that only the device reaches. Memory with `preferred`
+/// properties, too, is taken where the device has it.
 struct Allocation {
   Allocation(Device::State& device, std::uint64_t bytes, vk::BufferUsageFlags usage, vk::MemoryPropertyFlags properties,
              vk::MemoryPropertyFlags preferred = {});

@@ -183,6 +183,9 @@ Statistics MapState::statistics() const {
   const auto component_of = back_end.atlas().components();
   Statistics statistics{.device = device.info().name,
                         .device_memory_peak = device.peak_memory(),
+                        .device_waits = device.traffic().waits,
+                        .uploaded = device.traffic().uploaded,
+                        .downloaded = device.traffic().downloaded,
                         .bricks = counts.allocated,
                         .paged_out = counts.paged_out,
                         .paged_in = counts.paged_in,

@@ -62,6 +62,22 @@ TEST_F(Program, FusesTheTrueSurfaceFromTruePoses) {
   EXPECT_GT(error["at"][1]["recall"], 0.95);  // a second sees much of the surface only from afar or at a grazing angle
 }
 
+TEST_F(Program, MeasuresWhatAFrameCosts) {
+  const auto told = json_of(run_cairn({"bench", sequence(), "--json"}));
+  EXPECT_EQ(told["fused"], 40);
+  double stages = 0;
+  for (const char* stage : {"preprocess", "raycast", "track", "fuse"})
+    stages += told["stages"][stage]["per_frame_ms"].get<double>();
+  EXPECT_GT(stages, 0.5 * told["frame"]["mean_ms"].get<double>());
+  EXPECT_LE(stages, 1.01 * told["frame"]["mean_ms"].get<double>());
+  EXPECT_GT(told["waits_per_frame"], 3.0);
+  EXPECT_GE(told["bytes_up_per_frame"], 640 * 480 * 8.0);  // depth and colour
+  EXPECT_GT(told["bytes_down_per_frame"], 0.0);
+  EXPECT_GT(told["reference_ms"], 0.0);
+  EXPECT_NE(run_cairn({"bench", sequence(), "--frames", "0:12"}).out.find("the host waits"), std::string::npos);
+  EXPECT_NE(run_cairn({"bench", sequence(), "--frames", "0:10"}).err.find("too few to measure"), std::string::npos);
+}
+
 TEST_F(Program, WritesTheSameBytesFromTheSameInput) {
   for (const char* name : {"a", "b"})
     ASSERT_EQ(run_cairn({"reconstruct", sequence(), "-o", (out / name).string(), "--frames", "0:20"}).exit_code, 0);

@@ -23,6 +23,21 @@ TEST(Batch, BringsBackWhatWasUploaded) {
   EXPECT_EQ(sent, back);
 }
 
+TEST(Batch, UploadsInOrderWhatDoesNotComeFirst) {
+  gpu::Device& device = test_device();
+  std::vector<std::uint32_t> sent(5 << 20), before(4), back(sent.size());
+  std::iota(sent.begin(), sent.end(), 7u);
+  const gpu::Buffer buffer(device, sent.size() * 4);
+  gpu::Batch batch(device);
+  batch.fill(buffer, 3);
+  batch.download(buffer, before);
+  batch.upload(buffer, sent);
+  batch.download(buffer, back);
+  batch.run();
+  EXPECT_EQ(before, std::vector<std::uint32_t>(4, 3));
+  EXPECT_EQ(sent, back);
+}
+
 TEST(Batch, RunsCommandsInOrder) {
   gpu::Device& device = test_device();
   const gpu::Buffer buffer(device, 16);

@@ -240,6 +240,32 @@ TEST(Raycast, SeesTheSphereWhereItIs) {
   EXPECT_LT(misses, hits / 1000);
 }
 
+TEST(Raycast, ReadsAPoolLargerThanTheDevicesTexelsByAddress) {
+  const Camera camera = small_camera();
+  const Scene scene = synthetic_scene("room");
+  Preprocessor preprocessor(test_device(), camera, {}, 1, 0);
+  Integrator integrator(test_device(), camera, {});
+  Raycaster raycaster(test_device(), camera, {}, 2, 0);
+  FuseOptions large = fuse_options();
+  large.device_memory = 8 * test_device().max_texels() + (std::uint64_t{64} << 20);
+  if (large.device_memory > test_device().max_allocation()) GTEST_SKIP() << "the device has no buffer of that size";
+  const auto seen = [&](const FuseOptions& options, bool as_texels) {
+    Volume volume(test_device(), options, 5.0f);
+    EXPECT_EQ(volume.is_read_as_texels(), as_texels);
+    Eigen::Isometry3d pose;
+    for (int i = 0; i < 3; ++i) {
+      const Frame frame = scene_frame(scene, camera, i);
+      pose = *frame.world_from_camera;
+      (void)integrator.integrate(preprocessor.preprocess(frame), pose, volume, static_cast<std::uint32_t>(i + 1));
+    }
+    const SurfacePrediction view = raycaster.raycast(volume, pose);
+    return download<std::uint64_t>(view.levels[0]->points, static_cast<std::size_t>(camera.width * camera.height));
+  };
+  const auto by_address = seen(large, false);
+  EXPECT_EQ(by_address, seen(fuse_options(), true));
+  EXPECT_GT(std::count_if(by_address.begin(), by_address.end(), [](std::uint64_t p) { return p != 0; }), 1000);
+}
+
 TEST(Raycast, HalvesTheViewLikeItsPlainTwin) {
   const Camera camera = small_camera();
   const Frame frame = scene_frame(synthetic_scene("room"), camera, 0);

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+
+#include <chrono>
+#include <functional>
+#include <map>
+
+#include "cairn/mapper.hpp"
+#include "cairn/scene.hpp"
+#include "cairn/source.hpp"
+#include "cairn/synthetic.hpp"
+#include "commands.hpp"
+#include "durations.hpp"
+#include "json_text.hpp"
+#include "run.hpp"
+#include "sources.hpp"
+
+namespace cairn::apps {
+namespace {
+
+constexpr int kWarm = 10;       // frames that are not counted: buffers and the map's first bricks are made
+constexpr int kReference = 12;  // renderings
+
+struct Arguments {
+  std::string sequence, frames = "0:200";
+  std::filesystem::path camera;
+  std::vector<std::string> topics;
+  std::optional<float> voxel_size;
+  int device = -1;
+  bool json = false;
+};
+
+double milliseconds(const std::function<void()>& work) {
+  const auto begin = std::chrono::steady_clock::now();
+  work();
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+}
+
+/// What the machine takes now for something that never changes.
+double reference_ms(int device) {
+  const Scene scene = synthetic_scene("room");
+  SceneCamera camera(scene, synthetic_camera(), device);
+  Durations times;
+  for (int i = 0; i < kReference; ++i)
+    times.add(milliseconds([&] { (void)camera.look([&](double t) { return scene.world_from_camera(t); }, 0); }));
+  return times.percentile(0.5);
+}
+
+nlohmann::json to_json(const Durations& d) {
+  return {{"mean_ms", d.mean()}, {"median_ms", d.percentile(0.5)}, {"p95_ms", d.percentile(0.95)}};
+}
+
+/// Frames are decoded first, and then mapped from memory, so that neither waits for the other.
+nlohmann::json measure(const Arguments& a) {
+  SourceOptions source_options = apps::source_options(a.sequence, a.camera, a.topics);
+  source_options.range = parse_frames(a.frames);
+  const auto source = open_source(a.sequence, source_options);
+  Durations decode, whole;
+  std::map<std::string, Durations> stages;
+  std::vector<Frame> frames;
+  for (std::optional<Frame> frame;;) {
+    const double ms = milliseconds([&] { frame = source->next(); });
+    if (!frame) break;
+    decode.add(ms);
+    frames.push_back(std::move(*frame));
+  }
+  if (frames.size() <= kWarm)
+    throw std::runtime_error(fmt::format("{}: {} frames are too few to measure, of which the first {} do not count",
+                                         a.sequence, frames.size(), kWarm));
+  const Options options =
+      a.voxel_size ? options_for(source->rig().sensor, *a.voxel_size) : options_for(source->rig().sensor);
+  Mapper mapper(source->rig(), options, Poses::tracked, a.device);
+  Statistics warm;
+  int fused = 0;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    if (i == kWarm) warm = mapper.statistics();
+    FrameReport report;
+    const double ms = milliseconds([&] { report = mapper.add(frames[i]); });
+    fused += report.state == FrameState::fused;
+    if (i < kWarm) continue;
+    whole.add(ms);
+    for (const auto& [name, stage_ms] : report.stage_ms) stages[name].add(stage_ms);
+  }
+  const Statistics end = mapper.statistics();
+  const auto counted = static_cast<double>(whole.count());
+  nlohmann::json j{{"sequence", a.sequence},
+                   {"device", end.device},
+                   {"frames", frames.size()},
+                   {"fused", fused},
+                   {"depth", {source->rig().depth.width, source->rig().depth.height}},
+                   {"voxel_size", options.fuse.voxel_size},
+                   {"decode", to_json(decode)},
+                   {"frame", to_json(whole)},
+                   {"frames_per_second", 1000 / whole.mean()},
+                   {"frames_per_second_decoding_first", 1000 / (whole.mean() + decode.mean())},
+                   {"waits_per_frame", static_cast<double>(end.device_waits - warm.device_waits) / counted},
+                   {"bytes_up_per_frame", static_cast<double>(end.uploaded - warm.uploaded) / counted},
+                   {"bytes_down_per_frame", static_cast<double>(end.downloaded - warm.downloaded) / counted},
+                   {"reference_ms", reference_ms(a.device)}};
+  for (const auto& [name, times] : stages) {
+    j["stages"][name] = to_json(times);
+    j["stages"][name]["per_frame_ms"] = times.total() / counted;
+  }
+  return j;
+}
+
+void show(const nlohmann::json& j) {
+  const auto number = [](const nlohmann::json& n) { return n.get<double>(); };
+  fmt::print("{} of {} frames of {}x{} fused, voxels of {:g} m, {}\n\n", j["fused"].get<int>(), j["frames"].get<int>(),
+             j["depth"][0].get<int>(), j["depth"][1].get<int>(), number(j["voxel_size"]),
+             j["device"].get<std::string>());
+  fmt::print("{:<14}{:>10}{:>10}{:>10}\n", "ms", "a frame", "median", "95 %");
+  const auto line = [&](const std::string& name, double per_frame, const nlohmann::json& d) {
+    fmt::print("{:<14}{:>10.2f}{:>10.2f}{:>10.2f}\n", name, per_frame, number(d["median_ms"]), number(d["p95_ms"]));
+  };
+  line("frame", number(j["frame"]["mean_ms"]), j["frame"]);
+  for (const auto& [name, d] : j["stages"].items()) line("  " + name, number(d["per_frame_ms"]), d);
+  line("decoding", number(j["decode"]["mean_ms"]), j["decode"]);
+  fmt::print("\n{:.1f} frames/s, {:.1f} with each decoded first\n", number(j["frames_per_second"]),
+             number(j["frames_per_second_decoding_first"]));
+  fmt::print("the host waits {:.1f} times a frame for the device, and moves {:.2f} MB there and {:.2f} MB back\n",
+             number(j["waits_per_frame"]), 1e-6 * number(j["bytes_up_per_frame"]),
+             1e-6 * number(j["bytes_down_per_frame"]));
+  fmt::print("{:.1f} ms for what never changes, an image of the synthetic room: compare runs by it\n",
+             number(j["reference_ms"]));
+}
+
+}  // namespace
+
+void add_bench(CLI::App& program) {
+  auto* command = program.add_subcommand("bench", "Measure what a frame costs on this machine, and where");
+  const auto a = std::make_shared<Arguments>();
+  command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required();
+  command->add_option("--frames", a->frames, kFramesHelp)->capture_default_str();
+  command->add_option("--camera", a->camera, "camera.yaml in place of what the recording tells of its cameras")
+      ->check(CLI::ExistingFile);
+  command
+      ->add_option("--voxel-size", a->voxel_size,
+                   "Metres a side; the truncation is four of them, or more where the sensor is noisier")
+      ->check(CLI::Range(0.001f, 1.0f));
+  command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
+      ->capture_default_str();
+  command->add_flag("--json", a->json, "Print JSON");
+  add_topics(*command, a->topics);
+  command->callback([a] {
+    const nlohmann::json measured = measure(*a);
+    if (a->json)
+      fmt::print("{}\n", text_of(measured));
+    else
+      show(measured);
+  });
+}
+
+}  // namespace cairn::apps

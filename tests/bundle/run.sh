@@ -1,0 +1,23 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# SPDX-FileCopyrightText: The Cairn developers
+# Packs the bundle, unpacks it where there is nothing else, and starts it there and here.
+# Usage: tests/bundle/run.sh FOLDER     to work in
+set -euo pipefail
+work=$1
+rm -rf "$work"
+mkdir -p "$work/root"
+"$(dirname "$0")/../../scripts/bundle" "$work/bundle"
+bytes=$(stat -c %s "$work"/bundle.tar.*)
+[[ $bytes -le 40000000 ]] || { echo "the bundle has $bytes bytes, 40,000,000 are allowed"; exit 1; }
+tar -C "$work/root" -xf "$work"/bundle.tar.*
+
+as_root=()
+[[ $EUID -eq 0 ]] || as_root=(unshare -r)
+in_root() { "${as_root[@]}" chroot "$work/root" /bundle/glibc/ld-linux-x86-64.so.2 --library-path /bundle/glibc:/bundle/lib "$@"; }
+[[ $(in_root /bundle/bin/cairn --version) == "$("$work/bundle/cairn" --version)" ]]
+told=$(in_root /bundle/bin/cairn devices 2>&1 || true)
+[[ $told == *"no Vulkan device"* ]] || { echo "without a driver it says: $told"; exit 1; }
+in_root /bundle/bin/cairn_device_tests --gtest_list_tests | grep -q '^Raycast\.'
+"$work/bundle/cairn" devices
+"$work/bundle/cairn_device_tests" --gtest_filter='Batch.*' | tail -n 1
