@@ -19,7 +19,6 @@ constexpr std::uint64_t kWorldPool = std::uint64_t{256} << 20;  // bytes on the 
 
 MapState::MapState(const Rig& r, const Options& o, Poses p, int device_index, MapFiles f)
     : options(o),
-      poses(p),
       rig(r),
       files(std::move(f)),
       device(device_index),
@@ -30,7 +29,8 @@ MapState::MapState(const Rig& r, const Options& o, Poses p, int device_index, Ma
       volume(device, o.fuse, o.surface.max_depth),
       back_end(device, r, o, files.folder, files.access),
       tracker(device, r, preprocessor.camera(), o, back_end.keyframes()),
-      given{.poses = {}, .images = {r, {}}, .keyframes = {}} {}
+      given{.poses = {}, .images = {r, {}}, .keyframes = {}},
+      poses(p) {}
 
 CheckedFrame MapState::check(const Frame& frame) {
   CheckedFrame checked(frame, rig, last_fused);

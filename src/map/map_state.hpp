@@ -66,7 +66,6 @@ struct MapState {
   [[nodiscard]] Statistics statistics() const;
 
   Options options;
-  Poses poses;
   Rig rig;
   MapFiles files;
   gpu::Device device;
@@ -91,9 +90,10 @@ struct MapState {
 
   std::optional<double> last_fused;                        // timestamp
   Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();  // sum over fused frames, in the world
-  std::uint32_t fused_count = 0;                           // frames
   std::size_t last_image = 0;                              // hash of the last frame's depth
   int repeats = 0;                                         // frames since that image was new
+  std::uint32_t fused_count = 0;                           // frames
+  Poses poses;
 
  private:
   [[nodiscard]] bool is_stuck(const Frame& frame);
