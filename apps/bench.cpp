@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <functional>
 #include <map>
@@ -19,8 +20,8 @@
 namespace cairn::apps {
 namespace {
 
-constexpr int kWarm = 10;       // frames that are not counted: buffers and the map's first bricks are made
-constexpr int kReference = 12;  // renderings
+constexpr std::size_t kWarm = 10;  // frames that are not counted: buffers and the map's first bricks are made
+constexpr int kReference = 12;     // renderings
 
 struct Arguments {
   std::string sequence, frames = "0:200";
@@ -65,20 +66,19 @@ nlohmann::json measure(const Arguments& a) {
     decode.add(ms);
     frames.push_back(std::move(*frame));
   }
-  if (frames.size() <= kWarm)
-    throw std::runtime_error(fmt::format("{}: {} frames are too few to measure, of which the first {} do not count",
-                                         a.sequence, frames.size(), kWarm));
+  if (frames.size() < 2) throw std::runtime_error(a.sequence + ": fewer than two frames tell nothing of a run");
+  const std::size_t first = std::min(kWarm, frames.size() / 2);
   const Options options =
       a.voxel_size ? options_for(source->rig().sensor, *a.voxel_size) : options_for(source->rig().sensor);
   Mapper mapper(source->rig(), options, Poses::tracked, a.device);
   Statistics warm;
   int fused = 0;
   for (std::size_t i = 0; i < frames.size(); ++i) {
-    if (i == kWarm) warm = mapper.statistics();
+    if (i == first) warm = mapper.statistics();
     FrameReport report;
     const double ms = milliseconds([&] { report = mapper.add(frames[i]); });
     fused += report.state == FrameState::fused;
-    if (i < kWarm) continue;
+    if (i < first) continue;
     whole.add(ms);
     for (const auto& [name, stage_ms] : report.stage_ms) stages[name].add(stage_ms);
   }

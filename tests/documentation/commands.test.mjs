@@ -30,6 +30,7 @@ const elsewhere = {
   '$cairn evaluate mesh out/map/mesh.glb out/flat/groundtruth_mesh.ply --trajectory out/map/trajectory.txt --truth-trajectory out/flat --box -1 -1.5 -3.9 1 1.5 0':
     'the box is where 1400 frames come back to: minutes',
   'scripts/install-deps --peers && scripts/compare RECORDING 200': 'installs other programs',
+  'scripts/bundle': 'compiles; it has a test of its own',
   'node tests/browser/measure_live.mjs RECORDING OUT reader': 'a whole recording in a browser, with its clock',
   'node tests/browser/measure_export.mjs X.glb': 'measures a browser',
 };
