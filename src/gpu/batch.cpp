@@ -34,7 +34,6 @@ Batch::State::State(Device::State& d) : device(d) {
   pool = vk::raii::CommandPool(
       *d.device, {.flags = vk::CommandPoolCreateFlagBits::eTransient, .queueFamilyIndex = d.queue_family});
   commands = std::move(vk::raii::CommandBuffers(*d.device, {.commandPool = *pool, .commandBufferCount = 1}).front());
-  fence = vk::raii::Fence(*d.device, vk::FenceCreateInfo{});
   queries = vk::raii::QueryPool(*d.device, {.queryType = vk::QueryType::eTimestamp, .queryCount = 2 * kMaxTimed});
 }
 
@@ -65,8 +64,8 @@ vk::raii::CommandBuffer& Batch::State::record() {
     commands.begin({.flags = vk::CommandBufferUsageFlagBits::eOneTimeSubmit});
     commands.resetQueryPool(*queries, 0, 2 * kMaxTimed);
     recording = true;
-    return commands;
   }
+  // Also at its beginning: what was submitted before may still be under way.
   constexpr auto kStages = vk::PipelineStageFlagBits::eComputeShader | vk::PipelineStageFlagBits::eTransfer |
                            vk::PipelineStageFlagBits::eDrawIndirect;
   commands.pipelineBarrier(
@@ -77,20 +76,80 @@ vk::raii::CommandBuffer& Batch::State::record() {
   return commands;
 }
 
-Batch::Batch(Device& device) {
-  auto& idle = device.state().idle_batches;
-  if (idle.empty()) {
-    state_ = std::make_unique<State>(device.state());
-  } else {
-    state_ = std::move(idle.back());
-    idle.pop_back();
+void Batch::State::submit() {
+  commands.pipelineBarrier(vk::PipelineStageFlagBits::eComputeShader | vk::PipelineStageFlagBits::eTransfer,
+                           vk::PipelineStageFlagBits::eHost, {},
+                           vk::MemoryBarrier{.srcAccessMask = vk::AccessFlagBits::eMemoryWrite,
+                                             .dstAccessMask = vk::AccessFlagBits::eHostRead},
+                           {}, {});
+  commands.end();
+  submission = device.submitted + 1;
+  const vk::TimelineSemaphoreSubmitInfo number{.signalSemaphoreValueCount = 1, .pSignalSemaphoreValues = &submission};
+  device.queue->submit(vk::SubmitInfo{.pNext = &number,
+                                      .commandBufferCount = 1,
+                                      .pCommandBuffers = &*commands,
+                                      .signalSemaphoreCount = 1,
+                                      .pSignalSemaphores = &**device.timeline});
+  ++device.submitted;
+  recording = false;
+}
+
+void Batch::State::finish() {
+  for (const auto& d : pending_downloads) std::memcpy(d.to.data(), d.from.chunk->mapped + d.from.offset, d.to.size());
+  if (!timed.empty()) {
+    const auto count = static_cast<std::uint32_t>(2 * timed.size());
+    const auto [result, ticks] = queries.getResults<std::uint64_t>(
+        0, count, count * sizeof(std::uint64_t), sizeof(std::uint64_t), vk::QueryResultFlagBits::e64);
+    for (std::size_t i = 0; result == vk::Result::eSuccess && i < timed.size(); ++i) {
+      auto& time = device.times[*timed[i]];
+      ++time.calls;
+      time.total_ms += 1e-6 * device.timestamp_period_ns * static_cast<double>(ticks[2 * i + 1] - ticks[2 * i]);
+    }
+  }
+  timed.clear();
+  pending_downloads.clear();
+  uploads.reset();
+  downloads.reset();
+}
+
+void Device::State::wait_for(std::uint64_t submission) {
+  if (submission <= ended) return;
+  ++traffic.waits;
+  const vk::SemaphoreWaitInfo wait{.semaphoreCount = 1, .pSemaphores = &**timeline, .pValues = &submission};
+  if (device->waitSemaphores(wait, UINT64_MAX) != vk::Result::eSuccess)
+    throw std::runtime_error("device " + info.name + " did not finish its work");
+  note_ended(submission);
+}
+
+bool Device::State::is_idle() {
+  if (ended < submitted) note_ended(timeline->getCounterValue());
+  return ended == submitted;
+}
+
+void Device::State::note_ended(std::uint64_t submission) {
+  ended = std::max(ended, submission);
+  while (!under_way.empty() && under_way.front()->submission <= ended) {
+    auto batch = std::move(under_way.front());
+    under_way.pop_front();
+    batch->finish();
+    idle_batches.push_back(std::move(batch));
   }
 }
 
+std::unique_ptr<Batch::State> Device::State::empty_batch() {
+  if (idle_batches.empty()) return std::make_unique<Batch::State>(*this);
+  auto batch = std::move(idle_batches.back());
+  idle_batches.pop_back();
+  return batch;
+}
+
+Batch::Batch(Device& device) : state_(device.state().empty_batch()) {}
+
 Batch::~Batch() {
+  if (!state_) return;
   assert((!state_->recording || std::uncaught_exceptions() > 0) && "a batch was recorded and never run");
   // One that was cut off by an exception points at what is no longer there: another takes its place.
-  if (!state_->recording && !state_->failed) state_->device.idle_batches.push_back(std::move(state_));
+  if (!state_->recording) state_->device.idle_batches.push_back(std::move(state_));
 }
 
 void Batch::upload_bytes(const Buffer& to, std::span<const std::byte> data, std::uint64_t offset) {
@@ -98,7 +157,8 @@ void Batch::upload_bytes(const Buffer& to, std::span<const std::byte> data, std:
   check_range("upload", to, offset, data.size());
   state_->device.traffic.uploaded += data.size();
   // Nothing of this batch comes before it, and of other batches nothing is under way: straight to its place.
-  if (std::byte* mapped = to.state().allocation.mapped; mapped != nullptr && !state_->recording) {
+  if (std::byte* mapped = to.state().allocation.mapped;
+      mapped != nullptr && !state_->recording && state_->device.is_idle()) {
     std::memcpy(mapped + offset, data.data(), data.size());
     return;
   }
@@ -131,38 +191,26 @@ void Batch::fill(const Buffer& buffer, std::uint32_t word, std::uint64_t offset,
 }
 
 void Batch::run() {
-  State& s = *state_;
-  if (!s.recording) return;
-  s.failed = true;  // until the end is reached
-  s.commands.pipelineBarrier(vk::PipelineStageFlagBits::eComputeShader | vk::PipelineStageFlagBits::eTransfer,
-                             vk::PipelineStageFlagBits::eHost, {},
-                             vk::MemoryBarrier{.srcAccessMask = vk::AccessFlagBits::eMemoryWrite,
-                                               .dstAccessMask = vk::AccessFlagBits::eHostRead},
-                             {}, {});
-  s.commands.end();
-  s.recording = false;
-  ++s.device.traffic.waits;
-  s.device.queue->submit(vk::SubmitInfo{.commandBufferCount = 1, .pCommandBuffers = &*s.commands}, *s.fence);
-  if (s.device.device->waitForFences(*s.fence, true, UINT64_MAX) != vk::Result::eSuccess)
-    throw std::runtime_error("device " + s.device.info.name + " did not finish its work");
-  s.device.device->resetFences(*s.fence);
-
-  for (const auto& d : s.pending_downloads) std::memcpy(d.to.data(), d.from.chunk->mapped + d.from.offset, d.to.size());
-  if (!s.timed.empty()) {
-    const auto count = static_cast<std::uint32_t>(2 * s.timed.size());
-    const auto [result, ticks] = s.queries.getResults<std::uint64_t>(
-        0, count, count * sizeof(std::uint64_t), sizeof(std::uint64_t), vk::QueryResultFlagBits::e64);
-    for (std::size_t i = 0; result == vk::Result::eSuccess && i < s.timed.size(); ++i) {
-      auto& time = s.device.times[*s.timed[i]];
-      ++time.calls;
-      time.total_ms += 1e-6 * s.device.timestamp_period_ns * static_cast<double>(ticks[2 * i + 1] - ticks[2 * i]);
-    }
+  if (!state_->recording) return;
+  Device::State& device = state_->device;
+  state_->submit();
+  try {
+    device.wait_for(state_->submission);
+  } catch (...) {
+    state_->pending_downloads.clear();  // they go away while it may still be at work
+    device.under_way.push_back(std::move(state_));
+    throw;
   }
-  s.timed.clear();
-  s.pending_downloads.clear();
-  s.uploads.reset();
-  s.downloads.reset();
-  s.failed = false;
+  state_->finish();
+}
+
+void Batch::submit() {
+  if (!state_->recording) return;
+  Device::State& device = state_->device;
+  if (!state_->pending_downloads.empty()) throw std::logic_error("a batch with downloads is submitted without waiting");
+  state_->submit();
+  device.under_way.push_back(std::move(state_));
+  state_ = device.empty_batch();
 }
 
 }  // namespace cairn::gpu

@@ -3,6 +3,7 @@
 #include "gpu/buffer.hpp"
 
 #include <algorithm>
+#include <exception>
 #include <stdexcept>
 
 #include "gpu/vulkan.hpp"
@@ -62,7 +63,13 @@ Allocation::Allocation(Device::State& d, std::uint64_t bytes, vk::BufferUsageFla
   d.peak = std::max(d.peak, d.in_use);
 }
 
-Allocation::~Allocation() { device.in_use -= size; }
+Allocation::~Allocation() {
+  device.in_use -= size;
+  try {
+    if (!device.is_idle()) device.wait_for(device.submitted);
+  } catch (const std::exception&) {  // a lost device uses nothing any more
+  }
+}
 
 Buffer::Buffer(Device& device, std::uint64_t bytes)
     : state_(new State{.allocation = {device.state(), bytes, kStorage, vk::MemoryPropertyFlagBits::eDeviceLocal},

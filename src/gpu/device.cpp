@@ -248,6 +248,7 @@ void Device::State::open() {
   const vk::PhysicalDeviceVulkan12Features v12{.pNext = subgroup_size_control ? &subgroup_size : nullptr,
                                                .shaderBufferInt64Atomics = true,
                                                .scalarBlockLayout = true,
+                                               .timelineSemaphore = true,
                                                .bufferDeviceAddress = true};
   device.emplace(*physical, vk::DeviceCreateInfo{.pNext = &v12,
                                                  .queueCreateInfoCount = 1,
@@ -256,6 +257,8 @@ void Device::State::open() {
                                                  .ppEnabledExtensionNames = extensions.data(),
                                                  .pEnabledFeatures = &features});
   queue.emplace(*device, queue_family, 0);
+  const vk::SemaphoreTypeCreateInfo numbered{.semaphoreType = vk::SemaphoreType::eTimeline};
+  timeline.emplace(*device, vk::SemaphoreCreateInfo{.pNext = &numbered});
 }
 
 Device::Device(int index) : state_(std::make_unique<State>()) {
@@ -292,6 +295,11 @@ Device::Device(int index) : state_(std::make_unique<State>()) {
 }
 
 Device::~Device() {
+  try {
+    state_->wait_for(state_->submitted);
+  } catch (const std::exception&) {  // a lost device does nothing any more
+  }
+  state_->ended = state_->submitted;
   if (!state_->pipelines || state_->pipelines_file.empty()) return;
   // A cache that cannot be kept costs the next start some time and nothing else.
   try {

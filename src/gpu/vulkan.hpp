@@ -42,9 +42,21 @@ struct Device::State {
   std::map<std::string, KernelTime> times;
   std::uint64_t in_use = 0, peak = 0;
   Traffic traffic;
+  // Submissions are numbered from 1; the timeline reaches a submission's number when it and all before it have ended.
+  std::optional<vk::raii::Semaphore> timeline;
+  std::uint64_t submitted = 0, ended = 0;
+  std::deque<std::unique_ptr<Batch::State>> under_way;  // the oldest first
   std::vector<std::unique_ptr<Batch::State>> idle_batches;
 
   void open();  // `physical`: its limits, the device, and its queue
+  /// Waits for a submission and all before it.
+  void wait_for(std::uint64_t submission);
+  /// Whether everything that was submitted has ended. Does not wait.
+  [[nodiscard]] bool is_idle();
+  [[nodiscard]] std::unique_ptr<Batch::State> empty_batch();
+
+ private:
+  void note_ended(std::uint64_t submission);
 };
 
 /// A buffer with memory of its own. `mapped` is null for memory that only the device reaches. Memory with `preferred`
@@ -97,15 +109,16 @@ struct Batch::State {
   Device::State& device;
   vk::raii::CommandPool pool = nullptr;
   vk::raii::CommandBuffer commands = nullptr;
-  vk::raii::Fence fence = nullptr;
   vk::raii::QueryPool queries = nullptr;
   Arena uploads, downloads;
   std::vector<Download> pending_downloads;
   std::vector<const std::string*> timed;
   bool recording = false;
-  bool failed = false;  // what was submitted may still be at work: not to be used again
+  std::uint64_t submission = 0;  // its number, once it has one
 
   vk::raii::CommandBuffer& record();  // begins when needed; orders what follows after what came before
+  void submit();                      // ends recording
+  void finish();                      // after the device has: hands downloads out, adds up times, and is empty again
 };
 
 }  // namespace cairn::gpu
