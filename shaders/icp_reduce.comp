@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // One linearisation of projective point-to-plane ICP (Chen & Medioni 1991; Newcombe et al. 2011, eq. 17-24): live points
-// are matched with the model's point behind the pixel that they fall on. Each subgroup writes its own sums; the caller
-// adds them in a fixed order.
+// are matched with the model's point behind the pixel that they fall on. Each subgroup writes its own sums;
+// pose_step adds them in a fixed order.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #include "shaders/fetch.h"
 #include "shaders/track.h"
 #include "shaders/surface.h"
-layout(local_size_x = 64) in;
+layout(local_size_x = 64, local_size_x_id = 15) in;
 layout(push_constant, scalar) uniform Push { IcpReducePush push; };
 PAIRS(0, live);
 PAIRS(1, model);
-layout(binding = 2, scalar) writeonly buffer Sums { IcpSums sums[]; };
+layout(binding = 2, scalar) uniform State { AlignState state; };
+layout(binding = 3, scalar) writeonly buffer Sums { IcpSums sums[]; };
 
 void main() {
   // Named sums: an array of them costs several times more on a CPU device.
@@ -21,12 +22,13 @@ void main() {
   vec3 br = vec3(0), bt = vec3(0);
   vec4 counts = vec4(0);
   Pinhole camera = local(push.camera);
-  Rigid model_from_live = local(push.model_from_live);
+  Rigid model_from_live = local(state.model_from_live);
   float max_squared = push.max_distance * push.max_distance, min_cosine = push.min_cosine, huber = push.huber;
   float inverse_cut = push.cut > 0.0 ? 1.0 / push.cut : 0.0;
   bool crossed = push.crossed != 0u;
   int width = int(camera.width), height = int(camera.height);
-  Tile tile = tile_of(camera, push.tile, push.stride, int(gl_WorkGroupID.x), int(gl_LocalInvocationIndex));
+  Tile tile = tile_of(camera, push.tile, state.stride, int(gl_WorkGroupID.x), int(gl_LocalInvocationIndex),
+                      int(gl_WorkGroupSize.x));
   ivec2 at = tile.begin;
   for (int k = 0; k < tile.steps; ++k) {
     bool exists = at.x < width && at.y < height;

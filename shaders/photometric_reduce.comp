@@ -2,19 +2,20 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // One linearisation of the photometric term: the brightness of live points against a keyframe's image (Steinbruecker et
 // al. 2011; t-distributed residuals as in Kerl, Sturm & Cremers 2013; affine brightness as in Engel et al. 2015). Each
-// subgroup writes its own sums; the caller adds them in a fixed order.
+// subgroup writes its own sums; pose_step adds them in a fixed order.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #include "shaders/fetch.h"
 #include "shaders/track.h"
 #include "shaders/surface.h"
-layout(local_size_x = 64) in;
+layout(local_size_x = 64, local_size_x_id = 15) in;
 layout(push_constant, scalar) uniform Push { PhotometricReducePush push; };
 PAIRS(0, points);
 PAIRS(1, live);      // packed, see surface.h
 PAIRS(2, keyframe);  // packed
-layout(binding = 3, scalar) writeonly buffer Sums { PhotometricSums sums[]; };
+layout(binding = 3, scalar) uniform State { AlignState state; };
+layout(binding = 4, scalar) writeonly buffer Sums { PhotometricSums sums[]; };
 
 // Brightness (x) and its change along the image (y, z) between four pixels; w = 0 where one has none.
 vec4 bilinear(uvec2 p, vec2 f) {
@@ -30,11 +31,12 @@ void main() {
   vec3 br = vec3(0), bt = vec3(0);
   vec4 counts = vec4(0), moments = vec4(0);
   Pinhole camera = local(push.camera);
-  Rigid keyframe_from_live = local(push.keyframe_from_live);
+  Rigid keyframe_from_live = compose(local(push.keyframe_from_model), local(state.model_from_live));
   vec3 rotation = push.rotation, translation = push.translation;
-  float gain = push.gain, bias = push.bias, inverse_sigma = push.inverse_sigma;
+  float gain = state.gain, bias = state.bias, inverse_sigma = 1.0 / state.sigma;
   int width = int(camera.width), height = int(camera.height);
-  Tile tile = tile_of(camera, push.tile, push.stride, int(gl_WorkGroupID.x), int(gl_LocalInvocationIndex));
+  Tile tile = tile_of(camera, push.tile, state.stride, int(gl_WorkGroupID.x), int(gl_LocalInvocationIndex),
+                      int(gl_WorkGroupSize.x));
   vec2 focal = vec2(camera.fx, camera.fy);
   ivec2 at = tile.begin;
   for (int k = 0; k < tile.steps; ++k) {
@@ -89,7 +91,7 @@ void main() {
   counts = subgroupAdd(counts);
   moments = subgroupAdd(moments);
   if (subgroupElect())
-    sums[gl_WorkGroupID.x * gl_NumSubgroups + gl_SubgroupID] =
+    sums[push.first + gl_WorkGroupID.x * gl_NumSubgroups + gl_SubgroupID] =
         PhotometricSums(NormalEquations(rr0, rr1, rt0, rt1, rt2, tt0, tt1, br, bt), counts.x, counts.y, counts.z, counts.w,
                         moments.x, moments.y, moments.z, moments.w, gl_NumSubgroups);
 }

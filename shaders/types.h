@@ -80,6 +80,7 @@ Rigid local(Rigid m) { return Rigid(m.x, m.y, m.z, m.t); }
 
 vec3 rotate(Rigid m, vec3 v) { return m.x * v.x + m.y * v.y + m.z * v.z; }
 vec3 transform(Rigid m, vec3 p) { return rotate(m, p) + m.t; }
+Rigid compose(Rigid a, Rigid b) { return Rigid(rotate(a, b.x), rotate(a, b.y), rotate(a, b.z), transform(a, b.t)); }
 vec3 inverse_rotate(Rigid m, vec3 v) { return vec3(dot(m.x, v), dot(m.y, v), dot(m.z, v)); }
 vec3 inverse_transform(Rigid m, vec3 p) { return inverse_rotate(m, p - m.t); }
 vec3 ray_through(Pinhole c, vec2 pixel) { return vec3((pixel - vec2(c.cx, c.cy)) / vec2(c.fx, c.fy), 1.0); }

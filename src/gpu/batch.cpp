@@ -98,8 +98,8 @@ void Batch::State::finish() {
   for (const auto& d : pending_downloads) std::memcpy(d.to.data(), d.from.chunk->mapped + d.from.offset, d.to.size());
   if (!timed.empty()) {
     const auto count = static_cast<std::uint32_t>(2 * timed.size());
-    const auto [result, ticks] = queries.getResults<std::uint64_t>(
-        0, count, count * sizeof(std::uint64_t), sizeof(std::uint64_t), vk::QueryResultFlagBits::e64);
+    const auto [result, ticks] = queries.getResults<std::uint64_t>(0, count, count * sizeof(std::uint64_t),
+                                                                   sizeof(std::uint64_t), vk::QueryResultFlagBits::e64);
     for (std::size_t i = 0; result == vk::Result::eSuccess && i < timed.size(); ++i) {
       auto& time = device.times[*timed[i]];
       ++time.calls;

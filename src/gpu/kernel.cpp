@@ -5,6 +5,7 @@
 #include <spirv_cross/spirv_cross_c.h>
 
 #include <algorithm>
+#include <bit>
 #include <stdexcept>
 
 #include "gpu/vulkan.hpp"
@@ -12,7 +13,9 @@
 namespace cairn::gpu {
 namespace {
 
-/// What a shader takes a buffer for: storage, or texels that it only reads (shaders/fetch.h).
+constexpr std::uint32_t kWorkgroupConstant = 15;  // local_size_x_id of shaders whose workgroups have no fixed size
+
+/// What a shader takes a buffer for: storage, texels that it only reads (shaders/fetch.h), or a struct of uniforms.
 struct Binding {
   vk::DescriptorType type = vk::DescriptorType::eStorageBuffer;
   vk::Format texel = vk::Format::eUndefined;
@@ -63,6 +66,8 @@ Layout reflect(const std::string& name, std::span<const std::uint32_t> spirv) {
   };
   check(spvc_resources_get_resource_list_for_type(resources, SPVC_RESOURCE_TYPE_STORAGE_BUFFER, &list, &count));
   for (std::size_t i = 0; i < count; ++i) (void)place(list[i]);
+  check(spvc_resources_get_resource_list_for_type(resources, SPVC_RESOURCE_TYPE_UNIFORM_BUFFER, &list, &count));
+  for (std::size_t i = 0; i < count; ++i) place(list[i]).type = vk::DescriptorType::eUniformBuffer;
   check(spvc_resources_get_resource_list_for_type(resources, SPVC_RESOURCE_TYPE_SAMPLED_IMAGE, &list, &count));
   for (std::size_t i = 0; i < count; ++i) {
     const spvc_type image = spvc_compiler_get_type_handle(compiler, list[i].type_id);
@@ -96,7 +101,7 @@ struct KernelBase::State {
 };
 
 KernelBase::KernelBase(Device& device, std::string name, std::span<const std::uint32_t> spirv, std::size_t push_bytes,
-                       std::span<const float> constants)
+                       std::span<const float> constants, std::uint32_t workgroup)
     : state_(std::make_unique<State>()) {
   State& s = *state_;
   auto& d = device.state();
@@ -124,12 +129,21 @@ KernelBase::KernelBase(Device& device, std::string name, std::span<const std::ui
                                                                                        .pPushConstantRanges = &push});
   const vk::raii::ShaderModule module(*d.device, {.codeSize = spirv.size_bytes(), .pCode = spirv.data()});
   std::vector<vk::SpecializationMapEntry> entries;
-  for (std::uint32_t id = 0; id < constants.size(); ++id)
-    entries.push_back({.constantID = id, .offset = id * std::uint32_t{sizeof(float)}, .size = sizeof(float)});
+  std::vector<std::uint32_t> words;
+  const auto specialise = [&](std::uint32_t id, std::uint32_t word) {
+    entries.push_back(
+        {.constantID = id, .offset = static_cast<std::uint32_t>(words.size() * sizeof(word)), .size = sizeof(word)});
+    words.push_back(word);
+  };
+  for (std::uint32_t id = 0; id < constants.size(); ++id) specialise(id, std::bit_cast<std::uint32_t>(constants[id]));
+  if (workgroup > 0) {
+    specialise(kWorkgroupConstant, workgroup);
+    s.layout.workgroup[0] = workgroup;
+  }
   const vk::SpecializationInfo specialisation{.mapEntryCount = static_cast<std::uint32_t>(entries.size()),
                                               .pMapEntries = entries.data(),
-                                              .dataSize = constants.size_bytes(),
-                                              .pData = constants.data()};
+                                              .dataSize = words.size() * sizeof(words[0]),
+                                              .pData = words.data()};
   vk::PipelineShaderStageCreateInfo stage{.stage = vk::ShaderStageFlagBits::eCompute,
                                           .module = *module,
                                           .pName = "main",

@@ -14,11 +14,11 @@
 
 namespace cairn::gpu {
 
-/// What all kernels share: a compute pipeline whose bindings are storage buffers numbered from 0.
+/// What all kernels share: a compute pipeline whose bindings are buffers numbered from 0.
 class KernelBase {
  public:
   KernelBase(Device& device, std::string name, std::span<const std::uint32_t> spirv, std::size_t push_bytes,
-             std::span<const float> constants);
+             std::span<const float> constants, std::uint32_t workgroup);
   ~KernelBase();
   KernelBase(KernelBase&&) noexcept;
 
@@ -36,7 +36,8 @@ class KernelBase {
 };
 
 /// One .comp file and its push struct. `constants`: specialisation constants by their ids, from 0; the shader's own
-/// values where there are none. Binding count, workgroup size and push size are read from the SPIR-V and
+/// values where there are none. `workgroup`: its threads,
+/// of a shader with a local_size_x_id. Binding count, workgroup size and push size are read from the SPIR-V and
 /// checked.
 ///
 ///   gpu::Kernel<TsdfIntegratePush> integrate_{device, "tsdf_integrate", tsdf_integrate_comp};
@@ -47,8 +48,9 @@ class Kernel : private KernelBase {
 
  public:
   template <std::size_t N>
-  Kernel(Device& device, const char* name, const std::uint32_t (&spirv)[N], std::span<const float> constants = {})
-      : KernelBase(device, name, std::span(spirv, N), sizeof(Push), constants) {}
+  Kernel(Device& device, const char* name, const std::uint32_t (&spirv)[N], std::span<const float> constants = {},
+         std::uint32_t workgroup = 0)
+      : KernelBase(device, name, std::span(spirv, N), sizeof(Push), constants, workgroup) {}
 
   /// `threads` are rounded up to whole workgroups; the shader guards its end. No thread: nothing is recorded.
   void operator()(Batch& batch, std::array<std::uint32_t, 3> threads, const Push& push,

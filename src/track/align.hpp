@@ -87,33 +87,29 @@ class Aligner {
  private:
   struct Tiling;
   struct Views;
-  struct Brightness;
-  struct Estimate;
 
+  [[nodiscard]] Tiling tiling(const Views& views, int level) const;
   [[nodiscard]] int coarsest(Reach reach) const;
-  [[nodiscard]] bool descend(const Views& views, Estimate& estimate);
-  void linearise(const Views& views, int level, bool crossed, Estimate& estimate);
-  [[nodiscard]] static bool find_degenerate_directions(bool can_repeat, Estimate& estimate);
-  [[nodiscard]] bool step(const Views& views, int level, Estimate& estimate) const;
-  [[nodiscard]] Alignment judge(const Views& views, const Estimate& estimate);
-  [[nodiscard]] shader::PhotometricReducePush photometric_push(const Camera& camera,
-                                                               const PhotometricKeyframe& keyframe,
-                                                               const Eigen::Isometry3d& submap_from_live,
-                                                               const ColourMoment& moment, const Brightness& brightness,
-                                                               const Tiling& tiling) const;
-  [[nodiscard]] std::vector<double> clock_offset_costs(const Surface& live, const PhotometricKeyframe& keyframe,
-                                                       const Eigen::Isometry3d& submap_from_live,
-                                                       const ColourMoment& moment, const Brightness& brightness);
+  [[nodiscard]] int most_iterations(int level) const;
+  [[nodiscard]] shader::AlignState begin(const Views& views, const Eigen::Isometry3d& model_from_live) const;
+  void run(const Views& views, shader::AlignState& state, std::vector<double>& clock_offset_costs);
+  void iterate(gpu::Batch& batch, const Views& views, int level, bool may_look_for_weak);
+  [[nodiscard]] shader::PhotometricReducePush photometric_push(const Views& views, int level, const Tiling& tiles,
+                                                               double clock_offset, std::uint32_t first) const;
+  [[nodiscard]] std::vector<std::vector<shader::PhotometricSums>> try_clocks(gpu::Batch& batch, const Views& views);
+  [[nodiscard]] std::vector<double> costs_of(const std::vector<std::vector<shader::PhotometricSums>>& clock_sums,
+                                             double sigma);
+  void judge(const Views& views, const shader::AlignState& state, Alignment& result) const;
 
   gpu::Device& device_;
   TrackOptions options_;
-  // Sums that a workgroup writes, as its device tells; the shader knows better.
-  std::uint32_t geometry_parts_, photometric_parts_;
-  gpu::Buffer geometry_sums_, crossed_sums_, photometric_sums_;
-  std::vector<shader::IcpSums> geometry_read_, crossed_read_;  // from them
-  std::vector<shader::PhotometricSums> photometric_read_;
+  bool is_cpu_;
+  std::uint32_t workgroup_, parts_;  // threads of a workgroup of the sums, and sums that it writes
+  std::array<int, shader::kMaxLevels> usual_iterations_{};  // by level, to record at once
+  gpu::Buffer state_, geometry_sums_, crossed_sums_, photometric_sums_, clock_sums_;
   gpu::Kernel<shader::IcpReducePush> icp_;
   gpu::Kernel<shader::PhotometricReducePush> photometric_;
+  gpu::Kernel<shader::PoseStepPush> step_;
 };
 
 }  // namespace cairn
