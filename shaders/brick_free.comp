@@ -11,7 +11,7 @@ layout(push_constant, scalar) uniform Push { BrickFreePush push; };
 PAIRS(0, fusion);  // (depth bits, colour)
 layout(binding = 1, scalar) readonly buffer PageTable { uint page_table[]; };
 layout(binding = 2, scalar) buffer Marks { uint marks[]; };
-layout(binding = 3, scalar) buffer FreeCount { uint free_count; };
+layout(binding = 3, scalar) buffer Counts { FusionCounts counts; };
 layout(binding = 4, scalar) writeonly buffer FreeBricks { ivec3 free_bricks[]; };
 
 bool in_front(vec3 p) {
@@ -28,7 +28,7 @@ void main() {
   int y = int((float(index) + 0.5) / float(x_size));
   if (y >= y_size) return;
   ivec3 brick = push.first + ivec3(index - y * x_size, y, z);
-  if (!in_window(push.volume, brick)) return;
+  if (!in_window(push.volume, brick) || counts.waiting != 0u) return;
   float size = 8.0 * push.volume.voxel_size;
   vec3 middle = transform(push.camera_from_submap, (vec3(brick) + 0.5) * size);
   uint at = table_index(push.volume, brick), bit = 1u << (at & 31u);
@@ -39,7 +39,7 @@ void main() {
     is_free = in_front(middle + ((corner & 1) != 0 ? half_x : -half_x) + ((corner & 2) != 0 ? half_y : -half_y) +
                        ((corner & 4) != 0 ? half_z : -half_z));
   if (!is_free) return;
-  uint place = atomicAdd(free_count, 1u);
+  uint place = atomicAdd(counts.looked_through, 1u);
   if (place >= push.capacity) return;  // the next pass lists it
   free_bricks[place] = brick;
   atomicOr(marks[at >> 5], bit);

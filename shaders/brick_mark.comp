@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Lists the bricks that the truncation bands of a grid of measurements need and that have no slot yet.
+// Lists the bricks that the truncation bands of a grid of measurements need and that have no slot yet, and gives them
+// slots as long as there are vacant ones. Which brick gets which is up to the order of the threads, and nothing depends
+// on it.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
@@ -9,8 +11,9 @@ layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { BrickMarkPush push; };
 PAIRS(0, fusion);
 layout(binding = 1, scalar) buffer PageTable { uint page_table[]; };
-layout(binding = 2, scalar) buffer NewCount { uint new_count; };
-layout(binding = 3, scalar) writeonly buffer NewBricks { ivec3 new_bricks[]; };
+layout(binding = 2, scalar) buffer Counts { FusionCounts counts; };
+layout(binding = 3, scalar) writeonly buffer Missing { Placement missing[]; };
+layout(binding = 4, scalar) readonly buffer Vacant { uint vacant[]; };
 
 void main() {
   uint columns = push.camera.width / push.stride, rows = push.camera.height / push.stride;
@@ -30,12 +33,18 @@ void main() {
     ivec3 brick = ivec3(floor(p / voxel + 0.5)) >> 3;
     if (!in_window(push.volume, brick)) continue;
     uint at = table_index(push.volume, brick);
-    if (page_table[at] != 0u) continue;
-    if (atomicCompSwap(page_table[at], 0u, kPending) != 0u) continue;
-    uint place = atomicAdd(new_count, 1u);
-    if (place < push.capacity)
-      new_bricks[place] = brick;
-    else
-      page_table[at] = 0u;  // the next pass lists it
+    uint entry = page_table[at];
+    if (entry != 0u && entry != kOnHost) continue;
+    if (atomicCompSwap(page_table[at], entry, kPending) != entry) continue;
+    uint place = atomicAdd(counts.missing, 1u);
+    bool has_slot = entry == 0u && place < push.vacant;
+    if (!has_slot) atomicAdd(counts.waiting, 1u);
+    if (place >= push.capacity) {
+      page_table[at] = entry;  // the next pass lists it
+      continue;
+    }
+    atomicAdd(counts.placed.x, 1u);
+    uint slot = has_slot ? vacant[place] : kNoSlot;
+    missing[place] = Placement(brick, slot, at, has_slot ? slot + 1u : kPending);
   }
 }

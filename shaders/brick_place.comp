@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Gives bricks their slots, with empty voxels, or takes them away. One workgroup a brick.
+// Gives bricks their slots, with empty voxels, or takes them away, and tells of those without one. One workgroup a brick.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/volume.h"
@@ -13,10 +13,10 @@ layout(binding = 2, scalar) writeonly buffer Slots { SlotState slots[]; };
 void main() {
   if (group_index() >= push.count) return;
   Placement p = placements[group_index()];
+  if (gl_LocalInvocationID.x == 0u) page_table[p.table_index] = p.entry;
+  if (p.slot == kNoSlot) return;
   Voxels pool = Voxels(push.voxels);
   for (uint i = gl_LocalInvocationID.x; i < kBrickVoxels; i += 64u) pool.v[(p.slot << 9) | i] = uvec2(0);
-  if (gl_LocalInvocationID.x == 0u) {
-    page_table[p.table_index] = p.entry;
-    slots[p.slot] = SlotState(p.brick, p.entry == 0u ? 0u : 1u, push.fused_count);
-  }
+  if (gl_LocalInvocationID.x == 0u)
+    slots[p.slot] = SlotState(p.brick, slot_of_entry(p.entry) == p.slot ? 1u : 0u, push.fused_count);
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Lists the slots whose bricks are in view and not behind what the depth image sees.
+// Lists the bricks that are in view and not behind what the depth image sees. None while one that the frame needs waits.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/volume.h"
@@ -8,12 +8,12 @@ layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { BrickSelectPush push; };
 layout(binding = 0, scalar) buffer Slots { SlotState slots[]; };
 layout(binding = 1, scalar) readonly buffer Farthest { float farthest[]; };
-layout(binding = 2, scalar) buffer SelectedCount { uint selected_count; };
-layout(binding = 3, scalar) writeonly buffer Selected { uint selected[]; };
+layout(binding = 2, scalar) buffer Counts { FusionCounts counts; };
+layout(binding = 3, scalar) writeonly buffer Selection { Selected selected[]; };
 
 void main() {
   uint slot = thread_index();
-  if (slot >= push.slots) return;
+  if (slot >= push.slots || counts.waiting != 0u) return;
   SlotState state = slots[slot];
   if (state.used == 0u) return;
   vec3 centre = inverse_transform(push.submap_from_camera, (vec3(state.brick) + 0.5) * push.brick_size);
@@ -43,6 +43,9 @@ void main() {
   if (seen == 0.0 || seen + push.truncation < near) return;
 
   slots[slot].last_seen = push.fused_count;
-  uint place = atomicAdd(selected_count, 1u);
-  if (place < push.capacity) selected[place] = slot;
+  uint place = atomicAdd(counts.selected, 1u);
+  if (place >= push.capacity) return;
+  selected[place] = Selected(slot, seen);
+  if (place < kMostGroups) atomicAdd(counts.fused.x, 1u);
+  if (place != 0u && place % kMostGroups == 0u) atomicAdd(counts.fused.y, 1u);
 }

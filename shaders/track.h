@@ -63,12 +63,6 @@ struct PhotometricSums {
   uint parts;  // see IcpSums
 };
 
-struct Groups {  // what dispatchIndirect reads
-  uint x;
-  uint y;
-  uint z;
-};
-
 const uint kMaxLevels = 5;
 const uint kSparse = 2u;  // of the finest level's pixels, in a row and a column, until the pose is close
 const uint kUndecided = 0u, kWithoutWeak = 1u, kWithAll = 2u;  // AlignState::directions

@@ -10,11 +10,12 @@
 #include "shaders/pool.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { TsdfIntegratePush push; };
-layout(binding = 0, scalar) readonly buffer Selected { uint selected[]; };
+layout(binding = 0, scalar) readonly buffer Selection { Selected selected[]; };
 layout(binding = 1, scalar) readonly buffer Slots { SlotState slots[]; };
 PAIRS(2, fusion);  // (depth bits, colour)
 layout(binding = 3, scalar) writeonly buffer Changed { uint changed[]; };   // by selected brick: whether a distance is new
-POOL(4);
+layout(binding = 4, scalar) uniform Counts { FusionCounts counts; };
+POOL(5);
 
 // One 64-bit store instead of two of 32 bits: half the cost of memory on a CPU device.
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer WideVoxels { uint64_t v[]; };
@@ -25,8 +26,8 @@ const float kMaxColourWeight = 32.0;
 vec3 channels(uint rgb) { return vec3(ivec3(rgb & 0xffu, (rgb >> 8) & 0xffu, (rgb >> 16) & 0xffu)); }
 
 void main() {
-  if (group_index() >= push.count) return;
-  uint slot = selected[group_index()];
+  if (group_index() >= counts.selected) return;
+  uint slot = selected[group_index()].slot;
   uint column = gl_LocalInvocationID.x;
   ivec3 voxel = slots[slot].brick * 8 + ivec3(column >> 3, column & 7u, 0);
   vec3 p = transform(push.camera_from_submap, vec3(voxel) * push.voxel_size);
@@ -44,8 +45,14 @@ void main() {
   // many would follow no change of less than 16 levels.
   float threshold = fract(0.618034 * float(int(push.fused_count & 4095u)) + 0.381966 * float(int(column)));
 
+  // Behind the farthest measurement, and the truncation, nothing is fused. A little more: of that, distances decide.
+  float along = (1.001 * (selected[group_index()].farthest + push.truncation) - p.z) / step_p.z;
+  uint begin = step_p.z < 0.0 ? uint(clamp(floor(along), 0.0, 8.0)) : 0u;
+  uint end = step_p.z < 0.0 ? 8u : uint(clamp(ceil(along), 0.0, 8.0));
+  p += float(begin) * step_p;
+
   uint differs = 0u;
-  for (uint k = 0u; k < 8u; ++k, p += step_p) {
+  for (uint k = begin; k < end; ++k, p += step_p) {
     vec2 pixel = focal * p.xy * (1.0 / p.z) + centre;
     bool inside = p.z > 0.0 && min(pixel.x, pixel.y) >= 0.0 && pixel.x < float(width) && pixel.y < float(height);
     uvec2 measured = inside ? fetch(fusion, int(pixel.y) * width + int(pixel.x)) : uvec2(0);

@@ -49,6 +49,12 @@ struct Rigid {  // a rigid transform: columns of the rotation, then the translat
   vec3 t;
 };
 
+struct Groups {  // of workgroups: what dispatchIndirect reads
+  uint x;
+  uint y;
+  uint z;
+};
+
 #ifdef __cplusplus
 inline Pinhole pinhole(const Camera& c) {
   return {static_cast<uint>(c.width), static_cast<uint>(c.height), static_cast<float>(c.fx),

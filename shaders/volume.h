@@ -3,7 +3,7 @@
 // The volume on the device. A brick is 8x8x8 voxels with OpenVDB's leaf order, z fastest: x * 64 + y * 8 + z. Voxel
 // coordinates are integers, voxel (i, j, k) samples the point voxel_size * (i, j, k) of the submap frame; brick (i, j, k)
 // starts at voxel 8 (i, j, k). The page table is a dense window of 2^table_bits bricks a side that wraps around: brick b
-// lies at b mod its side. An entry is slot + 1, 0 for a brick that has none, or kPending.
+// lies at b mod its side. An entry is slot + 1, 0 for a brick that nobody has seen, kPending or kOnHost.
 #ifndef CAIRN_VOLUME_H
 #define CAIRN_VOLUME_H
 #ifdef __cplusplus
@@ -17,6 +17,8 @@ namespace cairn::shader {
 
 const uint kBrickVoxels = 512;
 const uint kPending = 0xffffffffu;  // page-table entry of a brick that waits for a slot
+const uint kOnHost = 0xfffffffeu;   // of one whose voxels are on the host
+const uint kNoSlot = 0xffffffffu;
 
 struct VolumeView {
   uvec2 voxels;       // device address of the pool: brick slots, each kBrickVoxels uvec2
@@ -31,6 +33,7 @@ struct BrickMarkPush {
   Pinhole camera;
   Rigid submap_from_camera;
   uint capacity;  // of the list of new bricks
+  uint vacant;    // slots to give to them
   uint stride;    // pixels; every stride-th of a row and a column is looked at
   uint phase;     // which of them: changes from frame to frame
 };
@@ -48,7 +51,7 @@ struct BrickSelectPush {
   Pinhole camera;
   Rigid submap_from_camera;
   uint slots;         // slots to look at
-  uint capacity;      // of the list of selected slots
+  uint capacity;      // of the list of selected bricks
   uint fused_count;         // the frame, for the slots' last use
   float brick_size;   // metres
   float truncation;   // metres
@@ -59,7 +62,6 @@ struct TsdfIntegratePush {
   uvec2 voxels;
   Pinhole camera;
   Rigid camera_from_submap;
-  uint count;         // bricks
   uint has_colour;
   float voxel_size;
   float truncation;
@@ -87,13 +89,29 @@ struct RaycastPush {
   Rigid submap_from_camera;
 };
 
+// Of one pass over a frame; the host begins it with {0, 1, 1} groups and zeros.
+struct FusionCounts {
+  Groups placed;     // bricks that are listed: a workgroup for each
+  Groups fused;      // bricks that are selected: folded, see group_index
+  uint missing;      // bricks that the frame needs and that were not on the device
+  uint waiting;      // of them those that found no slot, or that the host has: the pass then fuses nothing
+  uint selected;
+  uint looked_through;  // bricks that turned out to be free
+};
+const uint kMostGroups = 65535u;  // along x, that all devices take
+
+struct Selected {
+  uint slot;
+  float farthest;  // metres, of what the depth image sees in front of or in the brick
+};
+
 struct SlotState {
   ivec3 brick;
   uint used;       // 1: holds a brick
   uint last_seen;  // fused_count of the last frame that integrated into it
 };
 
-// One change of residency: the brick gets a slot and empty voxels (entry = slot + 1), or loses its slot (entry = 0).
+// One change of residency: the brick gets a slot and empty voxels (entry = slot + 1), or loses it (0 or kOnHost).
 struct Placement {
   ivec3 brick;
   uint slot;
@@ -161,9 +179,8 @@ uint table_index(VolumeView volume, ivec3 brick) {
   uvec3 b = uvec3(brick) & ((1u << volume.table_bits) - 1u);
   return (((b.z << volume.table_bits) | b.y) << volume.table_bits) | b.x;
 }
-const uint kNoSlot = 0xffffffffu;
-// The slot behind a page-table entry: entries of missing and of waiting bricks have none.
-uint slot_of_entry(uint entry) { return entry == kPending ? kNoSlot : entry - 1u; }
+// The slot behind a page-table entry.
+uint slot_of_entry(uint entry) { return entry >= kOnHost ? kNoSlot : entry - 1u; }
 uint voxel_index(uint slot, ivec3 voxel) {
   uvec3 v = uvec3(voxel) & 7u;
   return (slot << 9) | (v.x << 6) | (v.y << 3) | v.z;

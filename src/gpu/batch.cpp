@@ -126,6 +126,13 @@ bool Device::State::is_idle() {
   return ended == submitted;
 }
 
+void Device::State::let_go() noexcept {
+  try {
+    if (!is_idle()) wait_for(submitted);
+  } catch (const std::exception&) {  // a lost device uses nothing any more
+  }
+}
+
 void Device::State::note_ended(std::uint64_t submission) {
   ended = std::max(ended, submission);
   while (!under_way.empty() && under_way.front()->submission <= ended) {
@@ -207,7 +214,6 @@ void Batch::run() {
 void Batch::submit() {
   if (!state_->recording) return;
   Device::State& device = state_->device;
-  if (!state_->pending_downloads.empty()) throw std::logic_error("a batch with downloads is submitted without waiting");
   state_->submit();
   device.under_way.push_back(std::move(state_));
   state_ = device.empty_batch();

@@ -45,8 +45,8 @@ class Batch {
 
   /// Submits and waits for the end. The batch is empty afterwards and can be used again.
   void run();
-  /// Submits and does not wait: later batches see what this one wrote. For those without downloads. The batch is empty
-  /// afterwards and can be used again.
+  /// Submits and does not wait: later batches see what this one wrote, and downloads are there when one of these has
+  /// run. The batch is empty afterwards and can be used again.
   void submit();
 
   struct State;

@@ -3,7 +3,6 @@
 #include "gpu/buffer.hpp"
 
 #include <algorithm>
-#include <exception>
 #include <stdexcept>
 
 #include "gpu/vulkan.hpp"
@@ -66,10 +65,7 @@ Allocation::Allocation(Device::State& d, std::uint64_t bytes, vk::BufferUsageFla
 
 Allocation::~Allocation() {
   device.in_use -= size;
-  try {
-    if (!device.is_idle()) device.wait_for(device.submitted);
-  } catch (const std::exception&) {  // a lost device uses nothing any more
-  }
+  device.let_go();
 }
 
 Buffer::Buffer(Device& device, std::uint64_t bytes)

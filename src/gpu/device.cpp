@@ -295,10 +295,7 @@ Device::Device(int index) : state_(std::make_unique<State>()) {
 }
 
 Device::~Device() {
-  try {
-    state_->wait_for(state_->submitted);
-  } catch (const std::exception&) {  // a lost device does nothing any more
-  }
+  state_->let_go();
   state_->ended = state_->submitted;
   if (!state_->pipelines || state_->pipelines_file.empty()) return;
   // A cache that cannot be kept costs the next start some time and nothing else.
@@ -317,6 +314,8 @@ Device::~Device() {
   } catch (const std::exception&) {
   }
 }
+
+void Device::wait() { state_->wait_for(state_->submitted); }
 
 const DeviceInfo& Device::info() const { return state_->info; }
 const std::vector<std::string>& Device::validation_messages() const { return state_->messages; }

@@ -39,6 +39,8 @@ class Device {
   Device& operator=(const Device&) = delete;
 
   [[nodiscard]] const DeviceInfo& info() const;
+  /// Waits for everything that was submitted.
+  void wait();
   /// Warnings and errors of the validation layer so far.
   [[nodiscard]] const std::vector<std::string>& validation_messages() const;
   /// Time on the device by kernel, from timestamps.

@@ -93,6 +93,12 @@ Layout reflect(const std::string& name, std::span<const std::uint32_t> spirv) {
 }  // namespace
 
 struct KernelBase::State {
+  explicit State(Device::State& d) : device(d) {}
+  ~State() { device.let_go(); }
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
+
+  Device::State& device;
   std::string name;
   Layout layout;
   vk::raii::DescriptorSetLayout set_layout = nullptr;
@@ -102,7 +108,7 @@ struct KernelBase::State {
 
 KernelBase::KernelBase(Device& device, std::string name, std::span<const std::uint32_t> spirv, std::size_t push_bytes,
                        std::span<const float> constants, std::uint32_t workgroup)
-    : state_(std::make_unique<State>()) {
+    : state_(std::make_unique<State>(device.state())) {
   State& s = *state_;
   auto& d = device.state();
   s.layout = reflect(name, spirv);

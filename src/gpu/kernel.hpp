@@ -63,6 +63,10 @@ class Kernel : private KernelBase {
   }
   /// As many workgroups as the three words at `offset` bytes of `groups` say when the device comes to it.
   void indirect(Batch& batch, const Buffer& groups, std::uint64_t offset, const Push& push,
+                std::span<const Buffer* const> buffers) const {
+    dispatch_indirect(batch, groups, offset, &push, buffers);
+  }
+  void indirect(Batch& batch, const Buffer& groups, std::uint64_t offset, const Push& push,
                 std::initializer_list<const Buffer*> buffers) const {
     dispatch_indirect(batch, groups, offset, &push, {buffers.begin(), buffers.size()});
   }

@@ -53,6 +53,8 @@ struct Device::State {
   void wait_for(std::uint64_t submission);
   /// Whether everything that was submitted has ended. Does not wait.
   [[nodiscard]] bool is_idle();
+  /// Before something goes away that submissions may still use.
+  void let_go() noexcept;
   [[nodiscard]] std::unique_ptr<Batch::State> empty_batch();
 
  private:

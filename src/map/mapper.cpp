@@ -20,7 +20,6 @@ void tell(const Tracked& tracked, FrameReport& report) {
   const Alignment& a = tracked.alignment;
   report.guess = tracked.guess;
   report.fit = a.fit;
-  report.moving = tracked.moving;
   if (tracked.cause == FrameCause::none) return;
   report.cause = tracked.cause;
   report.reason = tracked.reason;
@@ -74,6 +73,7 @@ FrameReport Mapper::add(const Frame& given) {
     return s.integrator.integrate(seen.surface, tracked.submap_from_camera, s.volume, ++s.fused_count);
   });
   tell(fused, report);
+  report.moving = s.tracker.moving();
 
   s.remember(seen.frame(), seen.surface, tracked, report.stage_ms);
   s.follow(fused, report.stage_ms);

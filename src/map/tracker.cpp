@@ -21,9 +21,9 @@ constexpr int kFocalPairs = 4;                                                //
 constexpr double kFocalTurn = 0.1;                                            // radians between the two views of a pair
 constexpr double kClockOffsetContrast = 1.5;                                  // of the worst fit to the best
 constexpr std::size_t kRecentPlaces = 4, kMostSimilar = 6, kOtherPlaces = 4;  // compared with a frame
-constexpr double kMaxMoving = 0.3;   // of the image; more is no person but a wrong pose or a sensor without use
-constexpr int kNothingObserved = 6;  // directions of a pose
-constexpr double kCarried = 0.3;     // seconds that a gyroscope is believed without anything else
+constexpr double kMaxMoving = 0.3;                                            // of the image
+constexpr int kNothingObserved = 6;                                           // directions of a pose
+constexpr double kCarried = 0.3;  // seconds that a gyroscope is believed without anything else
 constexpr double kCarriedTurn = 0.005, kCarriedShift = 0.02;  // radians, metres: how sure the pose is then
 constexpr double kSameView = 0.03;    // of the image's width, that a prediction of the surface is good for
 constexpr double kUsualDepth = 1.5;   // metres
@@ -45,6 +45,11 @@ Eigen::Isometry3d level(const std::optional<Eigen::Vector3d>& acceleration) {
 }
 
 std::uint64_t pixels_of(const Camera& camera) { return static_cast<std::uint64_t>(camera.width * camera.height); }
+
+/// Pixels; more that move are no person but a wrong pose or a sensor without use.
+std::uint32_t most_moving(const Camera& camera) {
+  return static_cast<std::uint32_t>(kMaxMoving * static_cast<double>(pixels_of(camera)));
+}
 
 /// Share of the depth image that lies between two depths.
 double share_between(const std::vector<float>& depth, float least, float most) {
@@ -74,7 +79,8 @@ Tracker::Tracker(gpu::Device& device, const Rig& rig, const Camera& rectified, c
       aligner_(device, options.track, rig.sensor),
       reference_(device, rectified, options.track),
       gyroscope_(rig.camera_from_imu),
-      verdicts_(device, 4 * pixels_of(rectified.at_level(options.track.levels - 1))),
+      judged_(rectified.at_level(options.track.levels - 1)),
+      verdicts_(device, 4 * pixels_of(judged_)),
       moving_count_(device, 4),
       judge_(device, "moving_judge", moving_judge_comp, shader::constants_of(rig.sensor)),
       mask_(device, "moving_mask", moving_mask_comp) {}
@@ -210,6 +216,7 @@ std::optional<Eigen::Isometry3d> Tracker::recognise(const Features& seen,
 }
 
 Tracked Tracker::track(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times) {
+  moving_ = {};
   if (memory_.last.empty()) return begin_map(frame);
   Tracked tracked =
       memory_.lost_frames == 0 ? follow(frame, live, volume, times) : relocalise(frame, live, volume, times);
@@ -222,7 +229,7 @@ Tracked Tracker::track(const Frame& frame, const Surface& live, Volume& volume, 
   if (tracked.alignment.converged()) {
     tracked.state = Tracked::State::aligned;
     tracked.submap_from_camera = tracked.alignment.submap_from_camera;
-    tracked.moving = timed(times, "track", [&] { return leave_out_moving(live, tracked, volume); });
+    timed(times, "track", [&] { leave_out_moving(live, tracked, volume); });
     return tracked;
   }
   ++memory_.lost_frames;
@@ -348,8 +355,8 @@ Tracked Tracker::carried(const Frame& frame) const {
   return carried;
 }
 
-double Tracker::leave_out_moving(const Surface& live, const Tracked& tracked, const Volume& volume) {
-  if (!reference_.is_set() || live.packed.empty()) return 0;
+void Tracker::leave_out_moving(const Surface& live, const Tracked& tracked, const Volume& volume) {
+  if (!reference_.is_set() || live.packed.empty()) return;
   const Eigen::Isometry3d& submap_from_camera = tracked.submap_from_camera;
   // Another guess may have been tried since, and have been worse.
   if (prediction_.submap_from_camera.matrix() != tracked.predicted_from.matrix())
@@ -357,7 +364,6 @@ double Tracker::leave_out_moving(const Surface& live, const Tracked& tracked, co
   const auto level = static_cast<std::size_t>(options_.track.levels - 1);
   const Camera& camera = live.levels[level]->camera;
   const auto width = static_cast<std::uint32_t>(camera.width), height = static_cast<std::uint32_t>(camera.height);
-  std::uint32_t count[1] = {0};
   gpu::Batch batch(device_);
   batch.fill(moving_count_, 0);
   judge_(batch, {width, height, 1},
@@ -370,15 +376,21 @@ double Tracker::leave_out_moving(const Surface& live, const Tracked& tracked, co
                               .height = height,
                               .factor = 1u << level,
                               .full_width = static_cast<std::uint32_t>(live.levels[0]->camera.width),
-                              .most = static_cast<std::uint32_t>(kMaxMoving * (width * height)),
+                              .most = most_moving(camera),
                               .only_count = 0};
   for (const std::uint32_t only_count : {1u, 0u}) {
     push.only_count = only_count;
     mask_(batch, {width, height, 1}, push, {&verdicts_, live.packed[level], live.fusion, &moving_count_});
   }
-  batch.download(moving_count_, std::span<std::uint32_t>(count));
-  batch.run();
-  return count[0] > push.most ? 0.0 : static_cast<double>(count[0]) / (width * height);
+  batch.download(moving_count_, std::span<std::uint32_t>(moving_));
+  batch.submit();
+}
+
+double Tracker::moving() const {
+  device_.wait();
+  const Camera& camera = judged_;
+  return moving_[0] > most_moving(camera) ? 0.0
+                                          : static_cast<double>(moving_[0]) / static_cast<double>(pixels_of(camera));
 }
 
 void Tracker::restart() {

@@ -29,7 +29,6 @@ struct Tracked {
   Eigen::Isometry3d predicted_from = Eigen::Isometry3d::Identity();  // submap_from_camera of the surface predicted then
   FrameCause cause = FrameCause::none;
   std::string reason;  // the cause in words
-  double moving = 0;   // share of the image that moves and was taken out of the surface's fusion image
 
   /// Of the pose, in the camera's frame; null where there was nothing to align with.
   [[nodiscard]] const Matrix6d* information() const {
@@ -49,6 +48,8 @@ class Tracker {
   /// The pose of a frame, or why there is none. Takes what moves out of `live`'s fusion image (see
   /// shaders/moving_mask.comp). Of the frame only is kept that it was lost.
   [[nodiscard]] Tracked track(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
+  /// Share of the image that moves and was taken out of the fusion image, of the last frame. Waits for the device.
+  [[nodiscard]] double moving() const;
   /// Hears of the gyroscope's rates, also of frames that are not tracked.
   void listen(const std::vector<AngularRate>& rates) { gyroscope_.add(rates); }
   /// How the camera moves while a frame is taken: before its pose is known, and after.
@@ -114,7 +115,7 @@ class Tracker {
   [[nodiscard]] bool gives_up(const Frame& frame);
   /// Forgets the map.
   void restart();
-  [[nodiscard]] double leave_out_moving(const Surface& live, const Tracked& tracked, const Volume& volume);
+  void leave_out_moving(const Surface& live, const Tracked& tracked, const Volume& volume);
 
   [[nodiscard]] Eigen::Isometry3d predict(const Frame& frame) const;
   [[nodiscard]] Eigen::Isometry3d predict_by_motion(double timestamp) const;
@@ -138,7 +139,9 @@ class Tracker {
   Aligner aligner_;
   PhotometricKeyframe reference_;
   Gyroscope gyroscope_;
+  Camera judged_;  // of the level at which moving things are told
   gpu::Buffer verdicts_, moving_count_;
+  std::array<std::uint32_t, 1> moving_{};  // pixels of the coarsest level, once the device has counted them
   gpu::Kernel<shader::MovingJudgePush> judge_;
   gpu::Kernel<shader::MovingMaskPush> mask_;
   SurfacePrediction prediction_;  // of the alignment that track found

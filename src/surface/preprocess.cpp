@@ -101,7 +101,7 @@ Surface Preprocessor::preprocess(const Frame& frame) {
            .edge_slope = options_.edge_slope},
           {images.depth, images.colour, &fusion_, &smooth_[0]});
   make_pyramid(batch, has_colour);
-  batch.run();
+  batch.submit();
   Surface surface{.levels = {}, .packed = {}, .fusion = &fusion_, .has_colour = has_colour};
   for (std::size_t level = 0; level < levels_.size(); ++level) {
     surface.levels.push_back(&levels_[level]);

@@ -107,7 +107,7 @@ void PhotometricKeyframe::set(const Surface& surface, const Eigen::Isometry3d& s
   gpu::Batch batch(device_);
   for (std::size_t level = 0; level < std::min(surface.packed.size(), packed_.size()); ++level)
     if (surface.packed[level] != nullptr) batch.copy(*surface.packed[level], packed_[level]);
-  batch.run();
+  batch.submit();
   submap_from_camera_ = submap_from_camera;
   moment_ = moment;
   is_set_ = true;
@@ -137,7 +137,7 @@ void PhotometricKeyframe::restore(const Saved& saved) {
   gpu::Batch batch(device_);
   for (std::size_t i = 0; i < packed_.size(); ++i)
     if (packed_[i]) batch.upload(packed_[i], saved.levels[i]);
-  batch.run();
+  batch.submit();
 }
 
 Eigen::Isometry3d PhotometricKeyframe::submap_from_colour(double clock_offset) const {
@@ -232,7 +232,7 @@ void Aligner::run(const Views& views, shader::AlignState& state, std::vector<dou
     batch.run();
   }
   for (std::size_t level = 0; level < usual_iterations_.size(); ++level)
-    usual_iterations_[level] = static_cast<int>(state.iterations[level]) + 1;
+    usual_iterations_[level] = std::max(static_cast<int>(state.iterations[level]) + 1, usual_iterations_[level] - 1);
   if (state.outcome == shader::kDone && state.uses_brightness != 0)
     clock_offset_costs = costs_of(clock_sums, static_cast<double>(state.sigma));
 }

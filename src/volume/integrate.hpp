@@ -16,7 +16,8 @@ struct Fused {
   std::vector<Brick> newly_free;  // bricks without voxels that the frame looked through, for the first time
 };
 
-/// Allocates the bricks of a frame's truncation band and fuses the frame into all bricks that it sees.
+/// Allocates the bricks of a frame's truncation band and fuses the frame into all bricks that it sees. The device does
+/// it by itself as long as it has vacant slots and the host has none of the bricks.
 class Integrator {
  public:
   Integrator(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, const SensorModel& sensor = {});
@@ -25,21 +26,22 @@ class Integrator {
                   std::uint32_t fused_count);
 
  private:
-  [[nodiscard]] std::vector<Brick> find_missing(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
-                                                const Volume& volume, std::uint32_t fused_count);
-  [[nodiscard]] std::uint32_t select(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
-                                     const Volume& volume, std::uint32_t fused_count);
-  [[nodiscard]] Fused fuse(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, const Volume& volume,
-                           std::uint32_t fused_count, std::uint32_t count);
-  [[nodiscard]] std::vector<Brick> look_through(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
-                                                const Volume& volume);
+  struct Pass;
+  [[nodiscard]] Pass pass_over(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
+                               const Volume& volume, std::uint32_t fused_count);
+  void look_through(gpu::Batch& batch, const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
+                    const Volume& volume);
+  template <class T>
+  void read_rest(std::vector<T>& list, std::uint32_t count, const gpu::Buffer& from);
 
   gpu::Device& device_;
   Camera camera_;
   SurfaceOptions options_;
-  gpu::Buffer depth_tiles_, new_count_, new_bricks_, free_count_, free_bricks_, selected_count_, selected_, changed_;
+  gpu::Buffer counts_, depth_tiles_, vacant_, missing_, selected_, changed_, free_bricks_;
+  std::uint32_t usually_selected_ = 4096;  // bricks, to download at once
   gpu::Kernel<shader::DepthTilesPush> tiles_;
   gpu::Kernel<shader::BrickMarkPush> mark_;
+  gpu::Kernel<shader::BrickPlacePush> place_;
   gpu::Kernel<shader::BrickFreePush> free_;
   gpu::Kernel<shader::BrickSelectPush> select_;
   VoxelKernel<shader::TsdfIntegratePush> integrate_;

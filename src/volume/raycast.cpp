@@ -43,7 +43,7 @@ SurfacePrediction Raycaster::raycast(const Volume& volume, const Eigen::Isometry
            {.volume = volume.view(), .camera = camera, .submap_from_camera = pose}, volume,
            {&volume.page_table(), &nearest_, &farthest_, &levels_[0].points});
   halve(batch);
-  batch.run();
+  batch.submit();
   return view_from(submap_from_camera);
 }
 
@@ -80,7 +80,7 @@ SurfacePrediction Raycaster::restore(const Saved& saved) {
   gpu::Batch batch(device_);
   batch.upload(levels_[0].points, saved.points);
   halve(batch);
-  batch.run();
+  batch.submit();
   return view_from(saved.submap_from_camera);
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <stdexcept>
 #include <unordered_set>
 
@@ -57,7 +58,7 @@ Volume::Volume(gpu::Device& device, const FuseOptions& options, float reach)
   batch.fill(page_table_, 0);
   batch.fill(free_marks_, 0);
   batch.fill(slots_, 0);
-  batch.run();
+  batch.submit();
   origin_ = Brick::Constant(-(1 << (table_bits_ - 1)));
 }
 
@@ -69,8 +70,10 @@ shader::VolumeView Volume::view() const {
           .truncation = options_.truncation};
 }
 
-bool Volume::in_window(const Brick& brick) const {
-  const Brick relative = brick - origin_;
+bool Volume::in_window(const Brick& brick) const { return in_window(brick, origin_); }
+
+bool Volume::in_window(const Brick& brick, const Brick& origin) const {
+  const Brick relative = brick - origin;
   return (relative.array() >= 0).all() && (relative.array() < (1 << table_bits_)).all();
 }
 
@@ -88,24 +91,73 @@ std::uint32_t Volume::slot_of(const Brick& brick) const {
 void Volume::move_window(const Eigen::Vector3d& centre) {
   constexpr int kGrain = 8;  // bricks; small moves change nothing
   const Brick middle = (centre / (8.0 * options_.voxel_size * kGrain)).array().round().cast<int>().matrix() * kGrain;
-  const Brick origin = middle - Brick::Constant(1 << (table_bits_ - 1));
-  if (origin == origin_) return;
+  const Brick origin = middle - Brick::Constant(1 << (table_bits_ - 1)), before = origin_;
+  if (origin == before) return;
   origin_ = origin;
   std::vector<std::uint32_t> leaving;
   for (const auto& [brick, slot] : slot_of_)
     if (!in_window(brick)) leaving.push_back(slot);
   std::sort(leaving.begin(), leaving.end());
   evict(leaving);
-  refresh_free_marks();
+  refresh_window(before);
 }
 
-void Volume::refresh_free_marks() {
+/// Tells the device what it has to know of the bricks that it does not hold: of the window, which was elsewhere before.
+void Volume::refresh_window(const std::optional<Brick>& origin_before) {
   std::vector<std::uint32_t> marks(free_marks_.size() / 4);
   for (const Brick& brick : host_.free_bricks())
     if (in_window(brick)) marks[table_index(brick) / 32] |= 1u << (table_index(brick) % 32);
+  std::vector<shader::Placement> gone, come;
+  for (const Brick& brick : host_.bricks()) {
+    const bool was_in = origin_before && in_window(brick, *origin_before), is_in = in_window(brick);
+    if (was_in == is_in || slot_of_.contains(brick)) continue;
+    (is_in ? come : gone)
+        .push_back({.brick = brick,
+                    .slot = shader::kNoSlot,
+                    .table_index = table_index(brick),
+                    .entry = is_in ? shader::kOnHost : 0});
+  }
   gpu::Batch batch(device_);
   batch.upload(free_marks_, marks);
-  batch.run();
+  for (const auto& placements : {gone, come}) {  // in this order: they share places of the table
+    place(batch, placements, 0);
+    batch.submit();
+  }
+}
+
+std::uint32_t Volume::entry_without_slot(const Brick& brick) const {
+  return in_window(brick) && host_.find(brick) != nullptr ? shader::kOnHost : 0;
+}
+
+std::vector<std::uint32_t> Volume::vacant_slots(std::uint32_t most) const {
+  std::vector<std::uint32_t> slots(
+      vacant_.rbegin(), vacant_.rbegin() + static_cast<std::ptrdiff_t>(std::min<std::size_t>(most, vacant_.size())));
+  for (std::uint32_t slot = high_slot_; slots.size() < most && slot < capacity_; ++slot) slots.push_back(slot);
+  return slots;
+}
+
+std::vector<Brick> Volume::note_placed(std::span<const shader::Placement> placements) {
+  std::vector<Brick> waiting;
+  std::unordered_set<std::uint32_t> taken;
+  const std::uint32_t high_before = high_slot_;
+  for (const auto& p : placements) {
+    const Brick brick(p.brick);
+    if (p.slot == shader::kNoSlot) {
+      waiting.push_back(brick);
+      continue;
+    }
+    slot_of_.emplace(brick, p.slot);
+    taken.insert(p.slot);
+    high_slot_ = std::max(high_slot_, p.slot + 1);
+    brick_in_.resize(std::max<std::size_t>(brick_in_.size(), high_slot_));
+    brick_in_[p.slot] = brick;
+    ++counts_.allocated;
+  }
+  if (taken.empty()) return waiting;
+  for (std::uint32_t slot = high_before; slot < high_slot_; ++slot) vacant_.push_back(slot);
+  std::erase_if(vacant_, [&](std::uint32_t slot) { return taken.contains(slot); });
+  std::sort(vacant_.begin(), vacant_.end(), std::greater<>());
+  return waiting;
 }
 
 void Volume::mark_free(std::span<const Brick> bricks) {
@@ -146,7 +198,10 @@ void Volume::evict(std::span<const std::uint32_t> slots) {
   std::vector<shader::Placement> placements;
   for (auto it = slot_of_.begin(); it != slot_of_.end();) {
     if (gone.contains(it->second)) {
-      placements.push_back({.brick = it->first, .slot = it->second, .table_index = table_index(it->first), .entry = 0});
+      placements.push_back({.brick = it->first,
+                            .slot = it->second,
+                            .table_index = table_index(it->first),
+                            .entry = entry_without_slot(it->first)});
       it = slot_of_.erase(it);
     } else {
       ++it;
@@ -154,7 +209,7 @@ void Volume::evict(std::span<const std::uint32_t> slots) {
   }
   gpu::Batch batch(device_);
   place(batch, placements, 0);
-  batch.run();
+  batch.submit();
   vacant_.insert(vacant_.end(), slots.begin(), slots.end());
   std::sort(vacant_.begin(), vacant_.end(), std::greater<>());
   counts_.paged_out += slots.size();
@@ -198,8 +253,9 @@ void Volume::make_resident(std::span<const Brick> bricks, std::uint32_t now) {
     make_room(missing.size(), bricks, now);
   } catch (const std::runtime_error&) {
     gpu::Batch batch(device_);  // they wait for slots no longer: or no later frame would ask for them
-    for (const Brick& brick : missing) batch.fill(page_table_, 0, 4 * std::uint64_t{table_index(brick)}, 4);
-    batch.run();
+    for (const Brick& brick : missing)
+      batch.fill(page_table_, entry_without_slot(brick), 4 * std::uint64_t{table_index(brick)}, 4);
+    batch.submit();
     throw;
   }
 
@@ -226,13 +282,14 @@ void Volume::make_resident(std::span<const Brick> bricks, std::uint32_t now) {
       voxels != nullptr ? ++counts_.paged_in : ++counts_.allocated;
       if (voxels != nullptr) batch.upload(voxels_, std::span(voxels, 512), placement.slot * kBrickBytes);
     }
-    batch.run();
+    batch.submit();
   }
 }
 
 void Volume::place(gpu::Batch& batch, std::span<const shader::Placement> placements, std::uint32_t fused_count) {
   if (placements_.size() < placements.size_bytes())
     placements_ = gpu::Buffer(device_, std::max(placements.size_bytes(), kBricksPerCopy * sizeof(shader::Placement)));
+  if (placements.empty()) return;
   batch.upload(placements_, placements);
   const auto count = static_cast<std::uint32_t>(placements.size());
   place_(batch, {64 * count, 1, 1}, {.voxels = view().voxels, .count = count, .fused_count = fused_count},
@@ -317,10 +374,10 @@ BrickTree Volume::split(std::uint32_t since, const Eigen::Vector3d& centre, floa
 Volume::Residency Volume::residency() {
   Residency r{.origin = origin_, .counts = counts_};
   const auto states = slot_states();
-  for (const std::uint32_t slot : slots_in_use()) {
-    r.on_device.push_back(brick_in_[slot]);
-    r.device_last_seen.push_back(states[slot].last_seen);
-  }
+  // By brick: which slot one got is nobody's choice.
+  for (const auto& [brick, slot] : slot_of_) r.on_device.push_back(brick);
+  std::sort(r.on_device.begin(), r.on_device.end(), before);
+  for (const Brick& brick : r.on_device) r.device_last_seen.push_back(states[slot_of_.at(brick)].last_seen);
   for (const auto& [brick, seen] : last_seen_) r.on_host.push_back(brick);
   std::sort(r.on_host.begin(), r.on_host.end(), before);
   for (const Brick& brick : r.on_host) r.host_last_seen.push_back(last_seen_.at(brick));
@@ -328,9 +385,8 @@ Volume::Residency Volume::residency() {
 }
 
 void Volume::restore(BrickTree tree, const Residency& r) {
-  adopt(std::move(tree));
   origin_ = r.origin;
-  refresh_free_marks();
+  adopt(std::move(tree));
   // With another window or less memory than before, some stay on the host.
   make_resident(std::span(r.on_device).first(std::min<std::size_t>(r.on_device.size(), capacity_)), 0);
   auto states = slot_states();
@@ -341,7 +397,7 @@ void Volume::restore(BrickTree tree, const Residency& r) {
       last_seen_[r.on_device[i]] = r.device_last_seen[i];
   gpu::Batch batch(device_);
   batch.upload(slots_, states);
-  batch.run();
+  batch.submit();
   for (std::size_t i = 0; i < r.on_host.size(); ++i) last_seen_[r.on_host[i]] = r.host_last_seen[i];
   counts_ = r.counts;
 }
@@ -355,8 +411,8 @@ void Volume::adopt(BrickTree tree) {
   gpu::Batch batch(device_);
   batch.fill(page_table_, 0);
   batch.fill(slots_, 0);
-  batch.run();
-  refresh_free_marks();
+  batch.submit();
+  refresh_window(std::nullopt);
 }
 
 }  // namespace cairn

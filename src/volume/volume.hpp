@@ -3,6 +3,7 @@
 #pragma once
 #include <Eigen/Geometry>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <tuple>
 #include <unordered_map>
@@ -66,6 +67,10 @@ class Volume {
   /// left out. When the pool is full, bricks last seen longest ago make room, but none of `bricks` and none seen at
   /// `now`. Throws std::runtime_error when that is not enough.
   void make_resident(std::span<const Brick> bricks, std::uint32_t now);
+  /// At most so many slots that hold nothing, for a kernel to give to bricks (shaders/brick_mark.comp), and what it
+  /// gave: returns the bricks that it left without one.
+  [[nodiscard]] std::vector<std::uint32_t> vacant_slots(std::uint32_t most) const;
+  [[nodiscard]] std::vector<Brick> note_placed(std::span<const shader::Placement> placements);
   /// Like make_resident, but leaves out bricks that exist nowhere; the others may all make room.
   void page_in(std::span<const Brick> bricks);
   /// Moves the window to a place where the camera may be and brings the bricks around it that the host has.
@@ -105,7 +110,8 @@ class Volume {
   [[nodiscard]] const Counts& counts() const { return counts_; }
 
  private:
-  void refresh_free_marks();
+  void refresh_window(const std::optional<Brick>& origin_before);
+  [[nodiscard]] std::uint32_t entry_without_slot(const Brick& brick) const;
   void evict(std::span<const std::uint32_t> slots);
   void place(gpu::Batch& batch, std::span<const shader::Placement> placements, std::uint32_t fused_count);
   void make_room(std::size_t needed, std::span<const Brick> keep, std::uint32_t now);
@@ -113,6 +119,7 @@ class Volume {
   [[nodiscard]] std::vector<shader::SlotState> slot_states();
   [[nodiscard]] std::vector<std::uint32_t> slots_in_use() const;
   [[nodiscard]] bool in_window(const Brick& brick) const;
+  [[nodiscard]] bool in_window(const Brick& brick, const Brick& origin) const;
   [[nodiscard]] std::uint32_t table_index(const Brick& brick) const;
 
   gpu::Device& device_;

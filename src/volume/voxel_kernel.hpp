@@ -29,14 +29,27 @@ class VoxelKernel {
 
   void operator()(gpu::Batch& batch, std::array<std::uint32_t, 3> threads, const Push& push, const Volume& volume,
                   std::initializer_list<const gpu::Buffer*> buffers) const {
-    auto& kernel = volume.is_read_as_texels() ? as_texels_ : by_address_;
-    if (!kernel) kernel.emplace(make_(volume.is_read_as_texels()));
-    std::vector<const gpu::Buffer*> all(buffers);
-    all.push_back(volume.is_read_as_texels() ? &volume.voxels() : &volume.slots());  // any, where it is not read
-    (*kernel)(batch, threads, push, all);
+    kernel_for(volume)(batch, threads, push, with_pool(volume, buffers));
+  }
+  /// See gpu::Kernel::indirect.
+  void indirect(gpu::Batch& batch, const gpu::Buffer& groups, std::uint64_t offset, const Push& push,
+                const Volume& volume, std::initializer_list<const gpu::Buffer*> buffers) const {
+    kernel_for(volume).indirect(batch, groups, offset, push, with_pool(volume, buffers));
   }
 
  private:
+  [[nodiscard]] const gpu::Kernel<Push>& kernel_for(const Volume& volume) const {
+    auto& kernel = volume.is_read_as_texels() ? as_texels_ : by_address_;
+    if (!kernel) kernel.emplace(make_(volume.is_read_as_texels()));
+    return *kernel;
+  }
+  [[nodiscard]] static std::vector<const gpu::Buffer*> with_pool(const Volume& volume,
+                                                                 std::initializer_list<const gpu::Buffer*> buffers) {
+    std::vector<const gpu::Buffer*> all(buffers);
+    all.push_back(volume.is_read_as_texels() ? &volume.voxels() : &volume.slots());  // any, where it is not read
+    return all;
+  }
+
   std::function<gpu::Kernel<Push>(bool in_texels)> make_;
   mutable std::optional<gpu::Kernel<Push>> as_texels_, by_address_;
 };
