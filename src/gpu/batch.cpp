@@ -15,7 +15,7 @@
 namespace cairn::gpu {
 namespace {
 
-constexpr std::uint64_t kChunk = 4 << 20;       // bytes of a staging chunk
+constexpr std::uint64_t kChunk = 256 << 10;     // bytes of a staging chunk, at least
 constexpr std::uint64_t kKeepAtMost = 8 << 20;  // staging bytes that stay between runs: some frames' images
 // Memory that the host may read and write, and for downloads, where there is such, reads fast.
 constexpr auto kHost = vk::MemoryPropertyFlagBits::eHostVisible | vk::MemoryPropertyFlagBits::eHostCoherent;
