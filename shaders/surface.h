@@ -22,6 +22,11 @@ struct SurfaceColourPush {
   uint height;
 };
 
+struct SurfaceBrightnessPush {
+  uint width;  // of the level
+  uint height;
+};
+
 struct ColourView {  // a colour camera beside the depth camera; a kernel's constants, see surface_colour.h
   Pinhole camera;           // of colour
   LensBend lens;            // of colour
@@ -69,6 +74,13 @@ struct SurfaceNormalsPush {
 #ifdef __cplusplus
 }  // namespace cairn::shader
 #else
+// Of colour in levels of 0..255.
+float luminance(vec3 rgb) { return dot(rgb, vec3(0.299, 0.587, 0.114)) * (1.0 / 255.0); }
+bool is_exposed(vec3 rgb) {
+  float most = max(max(rgb.r, rgb.g), rgb.b);
+  return most < 253.0 && most > 2.0;
+}
+
 // What compares depths compares their inverses, 1 / m: there the noise is as large for what lies nearer as for what lies
 // farther. Limits in depth would move surfaces, and with them the whole path, by which side they cut more noise from.
 vec4 inverse_depth(vec4 z) { return 1.0 / max(z, vec4(1e-3)); }  // of no measurement: far beside all others

@@ -6,16 +6,18 @@
 #define CAIRN_SURFACE_COLOUR_H
 #include "shaders/surface.h"
 #ifdef __cplusplus
+#include <bit>
 #include <cstring>
 
 namespace cairn::shader {
 
-/// What the kernels are made with: the sensor's numbers, then the words of the view.
-inline std::vector<float> constants_of(const SensorModel& sensor, const ColourView& view) {
+/// What the kernels are made with: the sensor's numbers, then the words of the view, and the factor.
+inline std::vector<float> constants_of(const SensorModel& sensor, const ColourView& view, uint factor) {
   const auto first = constants_of(sensor);
   std::vector<float> all(first.size() + sizeof(view) / sizeof(float));
   std::copy(first.begin(), first.end(), all.begin());
   std::memcpy(all.data() + first.size(), &view, sizeof(view));
+  all.push_back(std::bit_cast<float>(factor));
   return all;
 }
 
@@ -51,6 +53,7 @@ layout(constant_id = 30) const float kTz = 0.0;
 layout(constant_id = 31) const float kWidest = 1.0;
 layout(constant_id = 32) const uint kCell = 2;
 layout(constant_id = 33) const uint kMean = 1;
+layout(constant_id = 34) const uint kFactor = 2;  // of surface_brightness: depth pixels a pixel, along a side
 
 ColourView view() {
   return ColourView(Pinhole(kWidth, kHeight, kFx, kFy, kCx, kCy),
@@ -59,12 +62,19 @@ ColourView view() {
                     kMean);
 }
 
+// Most cameras come undistorted; as constants, what bends nothing costs nothing.
+vec2 bend_of_view(vec2 n) {
+  bool is_straight = kIsFisheye == 0u && kK1 == 0.0 && kK2 == 0.0 && kP1 == 0.0 && kP2 == 0.0 && kK3 == 0.0 && kK4 == 0.0 &&
+                     kK5 == 0.0 && kK6 == 0.0;
+  return is_straight ? n : bend(view().lens, n);
+}
+
 // Its pixel; false where the camera does not see it. `z`: its depth, there then.
-bool seen_at(ivec2 depth_pixel, inout float z, out vec2 pixel) {
+bool seen_at(vec2 depth_pixel, inout float z, out vec2 pixel) {
   vec3 p = transform(view().colour_from_depth, z * vec3(depth_pixel, 1.0));
   z = p.z;
   vec2 n = p.xy / max(p.z, 1e-3);
-  pixel = bend(view().lens, n) * vec2(view().camera.fx, view().camera.fy) + vec2(view().camera.cx, view().camera.cy);
+  pixel = bend_of_view(n) * vec2(view().camera.fx, view().camera.fy) + vec2(view().camera.cx, view().camera.cy);
   return p.z > 1e-3 && dot(n, n) < view().widest * view().widest && min(pixel.x, pixel.y) >= 0.0 &&
          pixel.x <= float(view().camera.width - 1u) && pixel.y <= float(view().camera.height - 1u);
 }
@@ -72,5 +82,20 @@ bool seen_at(ivec2 depth_pixel, inout float z, out vec2 pixel) {
 // Cells along the colour image, as many as nearest_bytes of preprocess.cpp makes; by float, since a CPU device divides no
 // vectors of integers.
 ivec2 cells() { return ivec2((vec2(view().camera.width, view().camera.height) - 0.5) / float(view().cell)) + 1; }
+
+const float kUnknownDepth = 2.0;  // metres, where depth is missing: nothing there is fused, but no edge should appear
+const float kHidden = 0.03;       // metres, beside the noise, that something nearer is nearer by
+
+// Whether what the pixel of the colour camera sees is nearer than z. The four cells around it are asked.
+bool is_hidden(samplerBuffer nearest, vec2 pixel, float z) {
+  ivec2 count = cells(), cell = ivec2(floor((pixel + 0.5) / float(view().cell) - 0.5));
+  ivec2 first = clamp(cell, ivec2(0), count - 1), last = clamp(cell + 1, ivec2(0), count - 1);
+  float nearer = min(min(fetch(nearest, first.y * count.x + first.x), fetch(nearest, first.y * count.x + last.x)),
+                     min(fetch(nearest, last.y * count.x + first.x), fetch(nearest, last.y * count.x + last.x)));
+  return nearer < z - (kHidden + 4.0 * depth_noise(z));
+}
+
+// Whole levels: unpackUnorm4x8 would divide each by 255.
+vec3 levels_of(uint rgba) { return vec3(ivec3(rgba & 0xffu, (rgba >> 8) & 0xffu, (rgba >> 16) & 0xffu)); }
 #endif
 #endif

@@ -14,8 +14,7 @@ float read(int i) {
   if (push.from_colour == 0u) return uintBitsToFloat(fetch(source, i));
   uint word = fetch(source, 2 * i + 1);
   vec3 rgb = vec3(ivec3(word & 0xffu, (word >> 8) & 0xffu, (word >> 16) & 0xffu));
-  float most = max(max(rgb.r, rgb.g), rgb.b);
-  return most < 253.0 && most > 2.0 ? dot(rgb, vec3(0.299, 0.587, 0.114)) * (1.0 / 255.0) : -1.0;
+  return is_exposed(rgb) ? luminance(rgb) : -1.0;
 }
 
 void main() {

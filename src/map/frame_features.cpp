@@ -13,6 +13,7 @@ Features features_of(const Frame& frame, const Surface& live, const Rig& rig, gp
   if (!rig.colour) return extract_features(frame.colour, frame.depth, rig.depth);
   const Camera camera = rig.depth.rectified();
   std::vector<shader::uvec2> pixels(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
+  live.bring_colour();
   gpu::Batch batch(device);
   batch.download(*live.fusion, pixels);
   batch.run();

@@ -8,10 +8,14 @@
 #include <set>
 #include <string_view>
 
+#include "map/tracking_criteria.hpp"
+
 namespace cairn {
 namespace {
 
 constexpr int kMaxRepeats = 2;
+constexpr std::uint32_t kColourEvery = 3;                       // fused frames, of a view that moves slowly
+constexpr double kFastView = 0.1;                               // of the image, from frame to frame
 constexpr double kShutterPixels = 0.3;                          // that rows are wrong by after the first time
 constexpr std::uint64_t kWorldPool = std::uint64_t{256} << 20;  // bytes on the device while the whole map is meshed
 
@@ -77,6 +81,16 @@ Tracked MapState::locate(const Frame& frame, Seen& seen, StageTimes& times) {
   if (shutter.difference(guessed, found) < kShutterPixels) return tracked;
   seen = see(frame, found, times);
   return tracker.track(seen.frame(), seen.surface, volume, times);
+}
+
+/// A place is seen in many frames: a third of them tells its colour as well. Not so where it is in view for a few only.
+bool MapState::is_colour_due(const Tracked& tracked) const {
+  if (fused_count % kColourEvery == 0) return true;  // the next one is the first, or the third since
+  const auto& last = tracker.memory().last;
+  if (is_tracked() ? last.empty() : given.poses.empty()) return true;
+  const Eigen::Isometry3d& before =
+      is_tracked() ? last.back().submap_from_camera : given.poses.back().world_from_camera;
+  return view_change(rig.depth, before.inverse() * tracked.submap_from_camera) > kFastView;
 }
 
 /// What comes next has nothing to do with what is being fused into.

@@ -51,6 +51,8 @@ struct MapState {
   [[nodiscard]] Seen see(const Frame& frame, const MotionAt& motion, StageTimes& times);
   /// Sees a frame and finds where it was taken.
   [[nodiscard]] Tracked locate(const Frame& frame, Seen& seen, StageTimes& times);
+  /// Whether the frame is fused with its colour, where that has to be brought to depth.
+  [[nodiscard]] bool is_colour_due(const Tracked& tracked) const;
   void begin_component();
   void remember(const Frame& frame, const Surface& live, const Tracked& tracked, StageTimes& times);
   void follow(const Fused& fused, StageTimes& times);

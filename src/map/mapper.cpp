@@ -69,6 +69,7 @@ FrameReport Mapper::add(const Frame& given) {
   if (tracked.state == Tracked::State::lost) return report;
   if (tracked.cause == FrameCause::new_component) s.begin_component();
 
+  if (s.is_colour_due(tracked)) seen.surface.bring_colour();
   const Fused fused = timed(report.stage_ms, "fuse", [&] {
     return s.integrator.integrate(seen.surface, tracked.submap_from_camera, s.volume, ++s.fused_count);
   });
@@ -122,6 +123,7 @@ void Mapper::reintegrate(Source& again, const std::function<void()>& step) {
         const Frame& frame = checked.frame();
         StageTimes ignored;
         const MapState::Seen seen = s.see(frame, at_velocity(velocity_at(poses, frame.timestamp)), ignored);
+        seen.surface.bring_colour();
         (void)s.integrator.integrate(seen.surface, *pose, s.volume, ++s.fused_count);
         if (frame.acceleration) s.acceleration += pose->linear() * *frame.acceleration;
       }

@@ -26,7 +26,6 @@ constexpr int kNothingObserved = 6;                                           //
 constexpr double kCarried = 0.3;  // seconds that a gyroscope is believed without anything else
 constexpr double kCarriedTurn = 0.005, kCarriedShift = 0.02;  // radians, metres: how sure the pose is then
 constexpr double kSameView = 0.03;    // of the image's width, that a prediction of the surface is good for
-constexpr double kUsualDepth = 1.5;   // metres
 constexpr int kFramesOfView = 5;      // that one prediction is good for at most: the map grows
 constexpr double kBelieved = 0.8;     // of a velocity that was itself only believed: hands go to and fro
 constexpr int kEnoughGuesses = 5;     // before they are believed
@@ -282,9 +281,7 @@ Tracked Tracker::align_with_view(const Frame& frame, const Surface& live, const 
 
 bool Tracker::still_sees(const Eigen::Isometry3d& guess) const {
   if (prediction_.levels.empty() || memory_.frames_of_view >= kFramesOfView) return false;
-  const Eigen::Isometry3d moved = prediction_.submap_from_camera.inverse() * guess;
-  const double turn = Eigen::AngleAxisd(moved.linear()).angle(), shift = moved.translation().norm() / kUsualDepth;
-  return rig_.depth.fx * (turn + shift) < kSameView * rig_.depth.width;
+  return view_change(rig_.depth, prediction_.submap_from_camera.inverse() * guess) < kSameView;
 }
 
 /// The frame follows one that was fused: the camera goes on as before, stops, or is where corners say.

@@ -5,6 +5,8 @@
 namespace cairn {
 namespace {
 
+constexpr double kUsualDepth = 1.5;  // metres
+
 double angle_of(const Eigen::Isometry3d& motion) { return Eigen::AngleAxisd(motion.linear()).angle(); }
 
 }  // namespace
@@ -35,6 +37,10 @@ bool tells_apart(const Alignment& a, const Alignment& b) {
 bool is_possible(const Eigen::Isometry3d& motion, double seconds, const MotionOptions& options) {
   return motion.translation().norm() <= static_cast<double>(options.max_speed) * seconds &&
          angle_of(motion) <= static_cast<double>(options.max_turn) * seconds;
+}
+
+double view_change(const Camera& camera, const Eigen::Isometry3d& motion) {
+  return camera.fx * (angle_of(motion) + motion.translation().norm() / kUsualDepth) / camera.width;
 }
 
 bool is_near(const Alignment& a, const Eigen::Isometry3d& guess) {

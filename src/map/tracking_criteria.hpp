@@ -35,6 +35,8 @@ constexpr double kKeyframeShare = 0.5;      // of the points in both images that
 [[nodiscard]] bool tells_apart(const Alignment& a, const Alignment& b);
 /// Whether a camera can have moved so within `seconds`.
 [[nodiscard]] bool is_possible(const Eigen::Isometry3d& motion, double seconds, const MotionOptions& options);
+/// How far a motion moves the view, about, as a share of the image's width.
+[[nodiscard]] double view_change(const Camera& camera, const Eigen::Isometry3d& motion);
 /// Whether an alignment, however small its overlap, found what a gyroscope said.
 [[nodiscard]] bool is_near(const Alignment& a, const Eigen::Isometry3d& guess);
 /// Whether a lost camera is found again.

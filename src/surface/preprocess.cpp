@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "shaders/surface_colour.h"
+#include "spirv/surface_brightness.comp.h"
 #include "spirv/surface_colour.comp.h"
 #include "spirv/surface_filter.comp.h"
 #include "spirv/surface_half.comp.h"
@@ -44,9 +45,9 @@ std::uint64_t nearest_bytes(const shader::ColourView& view) {
 }
 
 /// What the kernels for a colour camera beside the depth camera are made with; without one they do not run.
-std::vector<float> constants_of(const Rig& rig) {
+std::vector<float> constants_of(const Rig& rig, int finest_level) {
   const shader::ColourView view = rig.colour ? colour_view(rig.depth.rectified(), *rig.colour) : shader::ColourView{};
-  return shader::constants_of(rig.sensor, view);
+  return shader::constants_of(rig.sensor, view, 1u << finest_level);
 }
 
 }  // namespace
@@ -63,8 +64,9 @@ Preprocessor::Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOpt
       colour_(device, rig.depth.distorted() || rig.colour ? 4 * std::uint64_t{pixels(rig.depth)} : 4),
       fusion_(device, 8 * std::uint64_t{pixels(rig.depth)}),
       rectify_(device, "surface_rectify", surface_rectify_comp),
-      find_nearest_(device, "surface_nearest", surface_nearest_comp, constants_of(rig)),
-      bring_colour_(device, "surface_colour", surface_colour_comp, constants_of(rig)),
+      find_nearest_(device, "surface_nearest", surface_nearest_comp, constants_of(rig, finest_level)),
+      bring_colour_(device, "surface_colour", surface_colour_comp, constants_of(rig, finest_level)),
+      make_brightness_(device, "surface_brightness", surface_brightness_comp, constants_of(rig, finest_level)),
       filter_(device, "surface_filter", surface_filter_comp, shader::constants_of(rig.sensor)),
       half_(device, "surface_half", surface_half_comp, shader::constants_of(rig.sensor)),
       normals_(device, "surface_normals", surface_normals_comp, shader::constants_of(rig.sensor)),
@@ -78,7 +80,11 @@ Preprocessor::Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOpt
     intensity_.emplace_back(device, is_used ? 4 * std::uint64_t{pixels(c)} : 4);
     packed_.emplace_back(device, is_used ? 8 * std::uint64_t{pixels(c)} : 8);
   }
-  if (rig.colour) nearest_ = gpu::Buffer(device, nearest_bytes(colour_view(rig.depth.rectified(), *rig.colour)));
+  if (!rig.colour) return;
+  gpu::Batch batch(device_);
+  batch.fill(colour_, 0);
+  batch.submit();
+  nearest_ = gpu::Buffer(device, nearest_bytes(colour_view(rig.depth.rectified(), *rig.colour)));
 }
 
 Surface Preprocessor::preprocess(const Frame& frame) {
@@ -90,7 +96,8 @@ Surface Preprocessor::preprocess(const Frame& frame) {
   if (has_colour) batch.upload(raw_colour_, frame.colour);
   Images images{&raw_depth_, &raw_colour_};
   if (camera.distorted()) images = rectify(batch, has_colour && !rig_.colour);
-  if (rig_.colour) images.colour = has_colour ? bring_colour_to(*images.depth, batch) : &colour_;
+  if (rig_.colour) images.colour = &colour_;  // of black, until it is brought
+  if (rig_.colour && has_colour) find_nearest(*images.depth, batch);
   filter_(batch, {(width + 3) / 4, height, 1},
           {.width = width,
            .height = height,
@@ -100,9 +107,19 @@ Surface Preprocessor::preprocess(const Frame& frame) {
            .range = options_.filter_range,
            .edge_slope = options_.edge_slope},
           {images.depth, images.colour, &fusion_, &smooth_[0]});
+  has_brought_colour_ = !rig_.colour || !has_colour;
+  if (finest_level_ == 0) bring_colour(*images.depth, batch);
   make_pyramid(batch, has_colour);
   batch.submit();
-  Surface surface{.levels = {}, .packed = {}, .fusion = &fusion_, .has_colour = has_colour};
+  Surface surface{.levels = {},
+                  .packed = {},
+                  .fusion = &fusion_,
+                  .has_colour = has_colour,
+                  .bring_colour = [this, depth = images.depth] {
+                    gpu::Batch later(device_);
+                    bring_colour(*depth, later);
+                    later.submit();
+                  }};
   for (std::size_t level = 0; level < levels_.size(); ++level) {
     surface.levels.push_back(&levels_[level]);
     if (has_colour) surface.packed.push_back(static_cast<int>(level) >= finest_level_ ? &packed_[level] : nullptr);
@@ -117,17 +134,25 @@ Preprocessor::Images Preprocessor::rectify(gpu::Batch& batch, bool has_colour) {
   return {&depth_, &colour_};
 }
 
-/// `depth` without distortion. What is hidden from the colour camera has no colour; cameras in one place see the same.
-const gpu::Buffer* Preprocessor::bring_colour_to(const gpu::Buffer& depth, gpu::Batch& batch) {
+/// For the colour camera: what hides something else from it. `depth` without distortion; cameras in one place see the same.
+void Preprocessor::find_nearest(const gpu::Buffer& depth, gpu::Batch& batch) {
   constexpr std::uint32_t kNothing = 0x7f7fffff;  // bits of the largest float
   batch.fill(nearest_, kNothing);
   const auto width = static_cast<std::uint32_t>(rig_.depth.width),
              height = static_cast<std::uint32_t>(rig_.depth.height);
-  const shader::SurfaceColourPush push{.width = width, .height = height};
   if (!rig_.colour->colour_from_depth.translation().isZero())
-    find_nearest_(batch, {(width + 1) / 2, (height + 1) / 2, 1}, push, {&depth, &nearest_});
-  bring_colour_(batch, threads(rig_.depth), push, {&depth, &nearest_, &raw_colour_, &colour_});
-  return &colour_;
+    find_nearest_(batch, {(width + 1) / 2, (height + 1) / 2, 1}, {.width = width, .height = height},
+                  {&depth, &nearest_});
+}
+
+/// To the fusion image, unless it is there already. What is hidden from the colour camera has none.
+void Preprocessor::bring_colour(const gpu::Buffer& depth, gpu::Batch& batch) {
+  if (has_brought_colour_) return;
+  has_brought_colour_ = true;
+  bring_colour_(batch, threads(rig_.depth),
+                {.width = static_cast<std::uint32_t>(rig_.depth.width),
+                 .height = static_cast<std::uint32_t>(rig_.depth.height)},
+                {&depth, &nearest_, &raw_colour_, &fusion_});
 }
 
 /// From smooth_[0] and fusion_ to all that is asked of the levels.
@@ -143,20 +168,33 @@ void Preprocessor::make_pyramid(gpu::Batch& batch, bool has_colour) {
     if (static_cast<int>(level) < finest_level_) continue;
     normals_(batch, threads(c), {.camera = shader::pinhole(c)}, {&smooth_[level], &levels_[level].points});
     if (!has_colour) continue;
-    const bool from_colour = static_cast<int>(level) == finest_level_;  // in one step, two levels are the most
-    const auto width = static_cast<std::uint32_t>(c.width), height = static_cast<std::uint32_t>(c.height);
-    make_intensity_(batch, threads(c),
-                    {.width = width,
-                     .height = height,
-                     .fine_width = static_cast<std::uint32_t>(levels_[from_colour ? 0 : level - 1].camera.width),
-                     .factor = level == 0    ? 1u
-                               : from_colour ? 1u << level
-                                             : 2u,
-                     .from_colour = from_colour},
-                    {from_colour ? &fusion_ : &intensity_[level - 1], &intensity_[level]});
-    pack_(batch, threads(c), {.width = width, .height = height},
+    make_intensity(batch, static_cast<int>(level));
+    pack_(batch, threads(c),
+          {.width = static_cast<std::uint32_t>(c.width), .height = static_cast<std::uint32_t>(c.height)},
           {&intensity_[level], &levels_[level].points, &packed_[level]});
   }
+}
+
+/// From the colour that lies on depth, from the colour camera's image, or from the finer level.
+void Preprocessor::make_intensity(gpu::Batch& batch, int number) {
+  const auto level = static_cast<std::size_t>(number);
+  const Camera& c = levels_[level].camera;
+  const auto width = static_cast<std::uint32_t>(c.width), height = static_cast<std::uint32_t>(c.height);
+  const bool is_finest = number == finest_level_;  // in one step, two levels are the most
+  if (is_finest && !has_brought_colour_) {
+    make_brightness_(batch, threads(c), {.width = width, .height = height},
+                     {&smooth_[level], &nearest_, &raw_colour_, &intensity_[level]});
+    return;
+  }
+  make_intensity_(batch, threads(c),
+                  {.width = width,
+                   .height = height,
+                   .fine_width = static_cast<std::uint32_t>(levels_[is_finest ? 0 : level - 1].camera.width),
+                   .factor = level == 0  ? 1u
+                             : is_finest ? 1u << level
+                                         : 2u,
+                   .from_colour = is_finest},
+                  {is_finest ? &fusion_ : &intensity_[level - 1], &intensity_[level]});
 }
 
 }  // namespace cairn

@@ -25,8 +25,10 @@ class Preprocessor {
     const gpu::Buffer *depth, *colour;
   };
   [[nodiscard]] Images rectify(gpu::Batch& batch, bool has_colour);
-  [[nodiscard]] const gpu::Buffer* bring_colour_to(const gpu::Buffer& depth, gpu::Batch& batch);
+  void find_nearest(const gpu::Buffer& depth, gpu::Batch& batch);
+  void bring_colour(const gpu::Buffer& depth, gpu::Batch& batch);
   void make_pyramid(gpu::Batch& batch, bool has_colour);
+  void make_intensity(gpu::Batch& batch, int level);
 
   gpu::Device& device_;
   Rig rig_;
@@ -37,8 +39,10 @@ class Preprocessor {
   std::vector<gpu::Buffer> intensity_, packed_;
   gpu::Buffer raw_depth_, raw_colour_, depth_, colour_, fusion_;
   gpu::Buffer nearest_;  // of a colour camera of its own
+  bool has_brought_colour_ = false;
   gpu::Kernel<shader::SurfaceRectifyPush> rectify_;
   gpu::Kernel<shader::SurfaceColourPush> find_nearest_, bring_colour_;
+  gpu::Kernel<shader::SurfaceBrightnessPush> make_brightness_;
   gpu::Kernel<shader::SurfaceFilterPush> filter_;
   gpu::Kernel<shader::SurfaceHalfPush> half_;
   gpu::Kernel<shader::SurfaceNormalsPush> normals_;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
+#include <functional>
 #include <vector>
 
 #include "cairn/camera.hpp"
@@ -21,6 +22,8 @@ struct Surface {
   std::vector<const gpu::Buffer*> packed;
   const gpu::Buffer* fusion = nullptr;  // (depth bits, colour) by pixel: rectified, without flying pixels, not smoothed
   bool has_colour = false;
+  /// Of a colour camera beside the depth camera `fusion` has colour once this was called; until then its words are 0.
+  std::function<void()> bring_colour;
 };
 
 }  // namespace cairn

@@ -121,6 +121,7 @@ void TextureViews::bring(std::span<const std::size_t> keyframes) {
       image.keyframe = some[i];
       image.last_use = use_;
       const Surface surface = preprocessor_.preprocess(frames[i]);
+      surface.bring_colour();
       image.has_colour = surface.has_colour;
       const Eigen::Isometry3d& pose = keyframes_[some[i]].world_from_camera;
       volume_.bring(pose.translation());

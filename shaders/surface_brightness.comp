@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Brightness in 0..1 of a coarser level's pixels, straight from a colour camera beside the depth camera: the mean over as
+// many of its pixels as one of the level covers. -1 where one of them is over- or underexposed or hidden.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shaders/fetch.h"
+#include "shaders/surface_colour.h"
+layout(local_size_x = 16, local_size_y = 4) in;
+layout(push_constant, scalar) uniform Push { SurfaceBrightnessPush push; };
+FLOATS(0, depth);  // of the level
+FLOATS(1, nearest);
+WORDS(2, raw_colour);
+layout(binding = 3, scalar) writeonly buffer Intensity { float intensity[]; };
+
+void main() {
+  int width = int(push.width);
+  ivec2 at = thread_place();
+  if (at.x >= width || at.y >= int(push.height)) return;
+  float known = fetch(depth, at.y * width + at.x), z = known > 0.0 ? known : kUnknownDepth;
+  vec2 pixel;
+  bool is_seen = seen_at(vec2(at) * float(kFactor) + 0.5 * float(kFactor - 1u), z, pixel) &&
+                 !(known > 0.0 && is_hidden(nearest, pixel, z));
+  // A square of whole side that begins within a pixel: of the first and the last of a row it covers a part each.
+  int side = int(view().mean * kFactor);
+  vec2 begin = pixel - 0.5 * float(side - 1);
+  ivec2 first = ivec2(floor(begin)), last = ivec2(view().camera.width, view().camera.height) - 1;
+  vec2 part = begin - vec2(first);
+  float sum = 0.0;
+  for (int v = 0; v <= side; ++v)
+    for (int u = 0; u <= side; ++u) {
+      ivec2 p = clamp(first + ivec2(u, v), ivec2(0), last);
+      vec3 rgb = levels_of(fetch(raw_colour, p.y * int(view().camera.width) + p.x));
+      is_seen = is_seen && is_exposed(rgb);
+      sum += luminance(rgb) * (u == 0 ? 1.0 - part.x : u == side ? part.x : 1.0) *
+             (v == 0 ? 1.0 - part.y : v == side ? part.y : 1.0);
+    }
+  intensity[at.y * width + at.x] = is_seen ? sum / float(side * side) : -1.0;
+}
