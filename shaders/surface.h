@@ -62,13 +62,9 @@ struct SurfaceIntensityPush {
 
 // A packed pixel holds what one bilinear sample needs: x = I(x, y) | I(x + 1, y) << 12 | low byte of the depth << 24,
 // y = I(x, y + 1) | I(x + 1, y + 1) << 12 | high byte << 24. Intensities are 1 + 4094 times theirs, 0: none. Depth in mm.
-struct SurfacePackPush {
-  uint width;
-  uint height;
-};
-
-struct SurfaceNormalsPush {
+struct SurfacePointsPush {
   Pinhole camera;
+  uint has_colour;  // and with it packed pixels
 };
 
 #ifdef __cplusplus

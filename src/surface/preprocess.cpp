@@ -12,8 +12,7 @@
 #include "spirv/surface_half.comp.h"
 #include "spirv/surface_intensity.comp.h"
 #include "spirv/surface_nearest.comp.h"
-#include "spirv/surface_normals.comp.h"
-#include "spirv/surface_pack.comp.h"
+#include "spirv/surface_points.comp.h"
 #include "spirv/surface_rectify.comp.h"
 
 namespace cairn {
@@ -69,9 +68,8 @@ Preprocessor::Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOpt
       make_brightness_(device, "surface_brightness", surface_brightness_comp, constants_of(rig, finest_level)),
       filter_(device, "surface_filter", surface_filter_comp, shader::constants_of(rig.sensor)),
       half_(device, "surface_half", surface_half_comp, shader::constants_of(rig.sensor)),
-      normals_(device, "surface_normals", surface_normals_comp, shader::constants_of(rig.sensor)),
       make_intensity_(device, "surface_intensity", surface_intensity_comp),
-      pack_(device, "surface_pack", surface_pack_comp) {
+      make_points_(device, "surface_points", surface_points_comp, shader::constants_of(rig.sensor)) {
   for (int level = 0; level < levels; ++level) {
     const Camera c = rig.depth.rectified().at_level(level);
     levels_.push_back({c, gpu::Buffer(device, 8 * std::uint64_t{pixels(c)})});
@@ -166,12 +164,9 @@ void Preprocessor::make_pyramid(gpu::Batch& batch, bool has_colour) {
              .fine_width = static_cast<std::uint32_t>(levels_[level - 1].camera.width)},
             {&smooth_[level - 1], &smooth_[level]});
     if (static_cast<int>(level) < finest_level_) continue;
-    normals_(batch, threads(c), {.camera = shader::pinhole(c)}, {&smooth_[level], &levels_[level].points});
-    if (!has_colour) continue;
-    make_intensity(batch, static_cast<int>(level));
-    pack_(batch, threads(c),
-          {.width = static_cast<std::uint32_t>(c.width), .height = static_cast<std::uint32_t>(c.height)},
-          {&intensity_[level], &levels_[level].points, &packed_[level]});
+    if (has_colour) make_intensity(batch, static_cast<int>(level));
+    make_points_(batch, threads(c), {.camera = shader::pinhole(c), .has_colour = has_colour},
+                 {&smooth_[level], &intensity_[level], &levels_[level].points, &packed_[level]});
   }
 }
 

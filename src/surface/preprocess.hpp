@@ -45,9 +45,8 @@ class Preprocessor {
   gpu::Kernel<shader::SurfaceBrightnessPush> make_brightness_;
   gpu::Kernel<shader::SurfaceFilterPush> filter_;
   gpu::Kernel<shader::SurfaceHalfPush> half_;
-  gpu::Kernel<shader::SurfaceNormalsPush> normals_;
   gpu::Kernel<shader::SurfaceIntensityPush> make_intensity_;
-  gpu::Kernel<shader::SurfacePackPush> pack_;
+  gpu::Kernel<shader::SurfacePointsPush> make_points_;
 };
 
 }  // namespace cairn

@@ -18,7 +18,7 @@ struct VertexNormalMap {
 /// A frame on the device. The buffers belong to Preprocessor and hold until its next call.
 struct Surface {
   std::vector<const VertexNormalMap*> levels;  // smoothed, the finest first; points from `finest_level` on
-  /// By level what the photometric term reads (SurfacePackPush); empty without colour, null above `finest_level`.
+  /// By level what the photometric term reads (SurfacePointsPush); empty without colour, null above `finest_level`.
   std::vector<const gpu::Buffer*> packed;
   const gpu::Buffer* fusion = nullptr;  // (depth bits, colour) by pixel: rectified, without flying pixels, not smoothed
   bool has_colour = false;

@@ -51,7 +51,7 @@ SceneRenderer::SceneRenderer(gpu::Device& device, const Scene& scene, const Came
     }
   gpu::Batch batch(device_);
   batch.upload(rays_, rays);
-  batch.run();
+  batch.submit();
 }
 
 void SceneRenderer::upload(double seconds) {
@@ -59,7 +59,7 @@ void SceneRenderer::upload(double seconds) {
   for (const auto& s : scene_.solids_at(seconds)) solids.push_back(to_shader(s));
   gpu::Batch batch(device_);
   batch.upload(solids_, solids);
-  batch.run();
+  batch.submit();
 }
 
 SceneImages SceneRenderer::render(const PoseAt& world_from_camera, double seconds) {

@@ -130,7 +130,7 @@ void TextureViews::bring(std::span<const std::size_t> keyframes) {
       const shader::TexturePreparePush push{shader::pinhole(camera_)};
       prepare_(batch, {pixels_of(camera_), 1, 1}, push, {surface.fusion, &model.levels[1]->points, &image.pixels});
       blur_(batch, {pixels_of(camera_) / 16, 1, 1}, push, {&image.pixels, &image.blurred});
-      batch.run();
+      batch.submit();
     }
   }
 }

@@ -104,7 +104,7 @@ Esdf::Updated Esdf::update(std::span<const Brick> changed, const Volume* volume,
   batch.fill(removed_, 0);
   if (!here.empty()) find_sites(batch, here, volume->view().voxels);
   for (std::size_t begin = 0; begin < elsewhere.size(); begin += kJobsAtOnce) {
-    batch.run();  // no buffer grows while it is in use
+    batch.submit();  // no buffer grows while it is in use
     const auto jobs = std::span(elsewhere).subspan(begin, std::min(kJobsAtOnce, elsewhere.size() - begin));
     if (voxels_.size() < jobs.size() * sizeof(BrickVoxels))
       voxels_ = gpu::Buffer(device_, jobs.size() * sizeof(BrickVoxels));
@@ -207,7 +207,7 @@ void Esdf::allocate(const std::vector<Block>& blocks) {
   const std::uint64_t voxels = packed.size() * std::uint64_t{shader::kEsdfVoxels};
   batch.fill(nearest_, 0xffffffffu, first * std::uint64_t{shader::kEsdfVoxels} * 8, voxels * 8);
   batch.fill(surface_, 0, first * std::uint64_t{shader::kEsdfVoxels} * 4, voxels * 4);
-  batch.run();
+  batch.submit();
 }
 
 void Esdf::resize(std::uint32_t capacity) {
@@ -217,7 +217,7 @@ void Esdf::resize(std::uint32_t capacity) {
     gpu::Buffer larger(device_, bytes);
     batch.fill(larger, 0);
     if (buffer) batch.copy(buffer, larger);
-    batch.run();
+    batch.submit();
     buffer = std::move(larger);
   };
   grow(nearest_, 8 * voxels);

@@ -22,7 +22,7 @@ constexpr std::uint32_t kVacantAtOnce =
     2048;  // slots that the device may give to bricks; most frames have fewer new ones
 constexpr std::uint32_t kFreeAtOnce = 1 << 18;  // bricks that a pass finds to be free; later passes find the others
 constexpr std::uint32_t kFirstDownload = 1024;  // entries of a list that few frames fill further
-constexpr std::uint32_t kLookEvery = 4;         // fused frames: neighbouring ones look through nearly the same bricks
+constexpr std::uint32_t kLookEvery = 8;         // fused frames: neighbouring ones look through nearly the same bricks
 
 }  // namespace
 

@@ -94,7 +94,7 @@ struct Polygonizer::Work {
     batch.upload(brick_list, list);
     batch.upload(neighbours, plan.neighbours);
     batch.fill(masks, 0);
-    batch.run();
+    batch.submit();
   }
   /// For the bricks from `begin` to `end`.
   [[nodiscard]] shader::PolygonizePush push(const Volume& volume, std::size_t begin, std::size_t end) const {
@@ -119,7 +119,7 @@ Polygonizer::Polygonizer(gpu::Device& device)
   const auto table = marching_cubes_table();
   gpu::Batch batch(device);
   batch.upload(table_, std::span<const std::uint32_t>(table));
-  batch.run();
+  batch.submit();
 }
 
 Mesh Polygonizer::polygonize(Volume& volume) { return polygonize(volume, volume.bricks()); }
@@ -199,7 +199,7 @@ void Polygonizer::add_triangles(const Volume& volume, Work& work, Mesh& mesh) {
   }
   gpu::Batch batch(device_);
   batch.upload(work.counts, first_of_column);
-  batch.run();
+  batch.submit();
   mesh.triangles.resize(total);
   for (std::size_t begin = 0, end = 0; begin < makers; begin = end) {
     end = std::min(begin + kMaxBricks, makers);

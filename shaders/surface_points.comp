@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Points and normals from depth. The normal looks at the camera; it needs all four neighbours on the same surface.
+// Points and normals from depth, and packed pixels (see surface.h) from intensities. The normal looks at the camera; it
+// needs all four neighbours on the same surface.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
 #include "shaders/surface.h"
 layout(local_size_x = 16, local_size_y = 4) in;
-layout(push_constant, scalar) uniform Push { SurfaceNormalsPush push; };
+layout(push_constant, scalar) uniform Push { SurfacePointsPush push; };
 FLOATS(0, depth);
-layout(binding = 1, scalar) writeonly buffer Points { uvec2 points[]; };
+FLOATS(1, intensity);
+layout(binding = 2, scalar) writeonly buffer Points { uvec2 points[]; };
+layout(binding = 3, scalar) writeonly buffer Packed { uvec2 packed_pixels[]; };
+
+uint code(float v) { return v < 0.0 ? 0u : 1u + uint(int(v * 4094.0 + 0.5)); }
 
 void main() {
   int width = int(push.camera.width), height = int(push.camera.height);
@@ -28,4 +33,14 @@ void main() {
   vec3 dy = ray_through(push.camera, q + vec2(0, 1)) * d - ray_through(push.camera, q - vec2(0, 1)) * u;
   vec3 n = cross(dy, dx);
   points[i] = uvec2(floatBitsToUint(z), connected && z > 0.0 ? pack_normal(n / max(length(n), 1e-12)) : 0u);
+  if (push.has_colour == 0u) return;
+  // What the photometric term reads: four neighbours' intensities and the depth; of the last row and column none.
+  bool has_four = p.x + 1 < width && p.y + 1 < height;
+  int right = has_four ? 1 : 0, below = has_four ? width : 0;
+  uint depth_code = uint(int(min(z * 1000.0 + 0.5, 65535.0)));
+  uvec2 upper = uvec2(code(fetch(intensity, i)), code(fetch(intensity, i + right)));
+  uvec2 lower = uvec2(code(fetch(intensity, i + below)), code(fetch(intensity, i + below + right)));
+  packed_pixels[i] = has_four ? uvec2(upper.x | (upper.y << 12) | ((depth_code & 0xffu) << 24),
+                                      lower.x | (lower.y << 12) | ((depth_code >> 8) << 24))
+                              : uvec2(0);
 }
