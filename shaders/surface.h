@@ -44,6 +44,7 @@ struct SurfaceFilterPush {
   float spatial;     // -1 / (2 sigma^2), sigma in pixels
   float range;       // where the weight ends, in standard deviations of the depth noise
   float edge_slope;  // in standard deviations of the depth noise
+  uint halves;       // 1: and makes the next level
 };
 
 struct SurfaceHalfPush {

@@ -1,31 +1,46 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Drops measurements out of range and flying pixels, and smooths what is left without crossing edges (Tomasi & Manduchi
-// 1998, with Tukey's biweight in place of the Gaussian of depth: it needs no exponential and ends at edges). `fusion`
-// holds (depth bits, colour), not smoothed, since fusion averages by itself; `smooth` is for normals and alignment. One
-// thread does four pixels of a row, which share most of what they read.
+// Drops measurements out of range and flying pixels, smooths what is left without crossing edges (Tomasi & Manduchi 1998,
+// with Tukey's biweight in place of the Gaussian of depth: it needs no exponential and ends at edges), and halves it: the
+// mean of those of four pixels that lie on one surface. `fusion` holds (depth bits, colour), not smoothed, since fusion
+// averages by itself; what is smooth is for normals and alignment. One thread does four pixels of two rows, which share
+// most of what they read.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
 #include "shaders/surface.h"
 layout(local_size_x = 16, local_size_y = 4) in;
 layout(push_constant, scalar) uniform Push { SurfaceFilterPush push; };
+layout(constant_id = 4) const float kFusesColour = 1.0;  // it lies on depth
+layout(constant_id = 5) const float kKeepsFinest = 0.0;  // what is smooth is also asked for before it is halved
 FLOATS(0, depth);
 WORDS(1, colour);
 layout(binding = 2, scalar) writeonly buffer Fusion { uvec2 fusion[]; };
 layout(binding = 3, scalar) writeonly buffer Smooth { float smooth_depth[]; };
+layout(binding = 4, scalar) writeonly buffer Half { float half_depth[]; };
 
 int width, height;
+ivec4 x;  // columns of the four pixels
 
-vec4 depth_clamped(ivec4 x, int row) {
-  ivec4 at = row + clamp(x, ivec4(0), ivec4(width - 1));
+struct Row {  // eight pixels, from the second before the four
+  vec4 a, b;
+};
+
+vec4 depth_clamped(ivec4 columns, int row) {
+  ivec4 at = row + clamp(columns, ivec4(0), ivec4(width - 1));
   return vec4(fetch(depth, at.x), fetch(depth, at.y), fetch(depth, at.z), fetch(depth, at.w));
 }
+Row row_at(int y) {
+  int row = clamp(y, 0, height - 1) * width;
+  return Row(depth_clamped(x - 2, row), depth_clamped(x + 2, row));
+}
+Row inverse_of(Row r) { return Row(inverse_depth(r.a), inverse_depth(r.b)); }
+vec4 middle_of(Row r) { return vec4(r.a.zw, r.b.xy); }
 
-// Weighted differences of inverse depth to the centres, summed over one row of five neighbours; a and b hold eight pixels
-// of the row, and g the spatial weights at distances 0, 1 and 2.
-void add_row(vec4 a, vec4 b, vec4 q, vec4 inverse, vec3 g, inout vec4 sum, inout vec4 weights) {
-  vec4 d0 = a - q, d1 = vec4(a.yzw, b.x) - q, d2 = vec4(a.zw, b.xy) - q, d3 = vec4(a.w, b.xyz) - q, d4 = b - q;
+// Weighted differences of inverse depth to the centres, summed over one row of five neighbours; g holds the spatial weights
+// at distances 0, 1 and 2.
+void add_row(Row r, vec4 q, vec4 inverse, vec3 g, inout vec4 sum, inout vec4 weights) {
+  vec4 d0 = r.a - q, d1 = vec4(r.a.yzw, r.b.x) - q, d2 = middle_of(r) - q, d3 = vec4(r.a.w, r.b.xyz) - q, d4 = r.b - q;
   vec4 e0 = d0 * inverse, e1 = d1 * inverse, e2 = d2 * inverse, e3 = d3 * inverse, e4 = d4 * inverse;
   vec4 w0 = max(1.0 - e0 * e0, vec4(0.0)), w1 = max(1.0 - e1 * e1, vec4(0.0)), w2 = max(1.0 - e2 * e2, vec4(0.0));
   vec4 w3 = max(1.0 - e3 * e3, vec4(0.0)), w4 = max(1.0 - e4 * e4, vec4(0.0));
@@ -45,53 +60,71 @@ bvec4 between(vec4 a, vec4 z, vec4 b, vec4 jump) {
   return greaterThan(crossed, vec4(0.5));
 }
 
+// What is measured there, and how noisy it is.
+vec4 cleaned(Row above, Row here, Row below, out vec4 sigma) {
+  vec4 z = middle_of(here);
+  z = mix(vec4(0.0), z, greaterThanEqual(z, vec4(push.min_depth)));
+  z = mix(vec4(0.0), z, lessThanEqual(z, vec4(push.max_depth)));
+  sigma = depth_noise(z);
+  vec4 jump = push.edge_slope * sigma;
+  bvec4 across = between(vec4(here.a.yzw, here.b.x), z, vec4(here.a.w, here.b.xyz), jump);
+  bvec4 along = between(middle_of(above), z, middle_of(below), jump);
+  return mix(mix(z, vec4(0.0), across), vec4(0.0), along);
+}
+
+// Of five rows of inverse depths.
+vec4 smoothed(Row r0, Row r1, Row r2, Row r3, Row r4, vec4 z, vec4 sigma, vec3 g) {
+  vec4 q = inverse_depth(z), inverse = 1.0 / (push.range * sigma * q * q);
+  vec4 sum = vec4(0.0), weights = vec4(0.0);
+  add_row(r0, q, inverse, g * g.z, sum, weights);
+  add_row(r1, q, inverse, g * g.y, sum, weights);
+  add_row(r2, q, inverse, g, sum, weights);
+  add_row(r3, q, inverse, g * g.y, sum, weights);
+  add_row(r4, q, inverse, g * g.z, sum, weights);
+  return mix(vec4(0.0), 1.0 / (q + sum / max(weights, vec4(1e-6))), greaterThan(z, vec4(0.0)));
+}
+
+void keep(int y, vec4 z, vec4 smooth_z) {
+  uvec4 bits = floatBitsToUint(z), rgb = uvec4(0u);
+  ivec4 at = y * width + x;
+  if (kFusesColour > 0.0) rgb = uvec4(fetch(colour, at.x), fetch(colour, at.y), fetch(colour, at.z), fetch(colour, at.w));
+  fusion[at.x] = uvec2(bits.x, rgb.x);
+  fusion[at.y] = uvec2(bits.y, rgb.y);
+  fusion[at.z] = uvec2(bits.z, rgb.z);
+  fusion[at.w] = uvec2(bits.w, rgb.w);
+  if (kKeepsFinest > 0.0) {
+    smooth_depth[at.x] = smooth_z.x;
+    smooth_depth[at.y] = smooth_z.y;
+    smooth_depth[at.z] = smooth_z.z;
+    smooth_depth[at.w] = smooth_z.w;
+  }
+}
+
 void main() {
   width = int(push.width);
   height = int(push.height);
   ivec2 place = thread_place();
-  if (4 * place.x >= width || place.y >= height) return;
-  int y = place.y;
-  // The last four of a row lie over those before them where four do not divide it.
-  ivec4 x = min(4 * place.x, width - 4) + ivec4(0, 1, 2, 3);
-  int row = y * width, up = max(y - 1, 0) * width, down = min(y + 1, height - 1) * width;
+  int y = 2 * place.y, first = 4 * place.x;
+  // Where four do not divide a row, its last four lie over those before them; of an odd row one more thread does four that
+  // begin at an odd column and are not halved.
+  if (first >= width + 4 * (width & 1) || y >= height) return;
+  if (first + 4 > width) first = first >= width ? width - 4 : (width - 4) & ~1;
+  x = first + ivec4(0, 1, 2, 3);
 
-  int far_up = max(y - 2, 0) * width, far_down = min(y + 2, height - 1) * width;
-  vec4 a0 = depth_clamped(x - 2, far_up), b0 = depth_clamped(x + 2, far_up);
-  vec4 a1 = depth_clamped(x - 2, up), b1 = depth_clamped(x + 2, up);
-  vec4 a2 = depth_clamped(x - 2, row), b2 = depth_clamped(x + 2, row);
-  vec4 a3 = depth_clamped(x - 2, down), b3 = depth_clamped(x + 2, down);
-  vec4 a4 = depth_clamped(x - 2, far_down), b4 = depth_clamped(x + 2, far_down);
-
-  vec4 z = vec4(a2.zw, b2.xy);
-  z = mix(vec4(0.0), z, greaterThanEqual(z, vec4(push.min_depth)));
-  z = mix(vec4(0.0), z, lessThanEqual(z, vec4(push.max_depth)));
-  vec4 sigma = depth_noise(z);
-  vec4 jump = push.edge_slope * sigma;
-  bvec4 across = between(vec4(a2.yzw, b2.x), z, vec4(a2.w, b2.xyz), jump);
-  bvec4 along = between(vec4(a1.zw, b1.xy), z, vec4(a3.zw, b3.xy), jump);
-  z = mix(mix(z, vec4(0.0), across), vec4(0.0), along);
-
-  vec4 q = inverse_depth(z), inverse = 1.0 / (push.range * sigma * q * q);
-  a0 = inverse_depth(a0), b0 = inverse_depth(b0), a1 = inverse_depth(a1), b1 = inverse_depth(b1);
-  a2 = inverse_depth(a2), b2 = inverse_depth(b2), a3 = inverse_depth(a3), b3 = inverse_depth(b3);
-  a4 = inverse_depth(a4), b4 = inverse_depth(b4);
+  Row m0 = row_at(y - 2), m1 = row_at(y - 1), m2 = row_at(y), m3 = row_at(y + 1), m4 = row_at(y + 2), m5 = row_at(y + 3);
+  vec4 sigma_above, sigma_below;
+  vec4 above = cleaned(m1, m2, m3, sigma_above), below = cleaned(m2, m3, m4, sigma_below);
+  m0 = inverse_of(m0), m1 = inverse_of(m1), m2 = inverse_of(m2), m3 = inverse_of(m3), m4 = inverse_of(m4);
+  m5 = inverse_of(m5);
   vec3 g = vec3(1.0, exp(push.spatial), exp(4.0 * push.spatial));
-  vec4 sum = vec4(0.0), weights = vec4(0.0);
-  add_row(a0, b0, q, inverse, g * g.z, sum, weights);
-  add_row(a1, b1, q, inverse, g * g.y, sum, weights);
-  add_row(a2, b2, q, inverse, g, sum, weights);
-  add_row(a3, b3, q, inverse, g * g.y, sum, weights);
-  add_row(a4, b4, q, inverse, g * g.z, sum, weights);
-  vec4 smoothed = mix(vec4(0.0), 1.0 / (q + sum / max(weights, vec4(1e-6))), greaterThan(z, vec4(0.0)));
-
-  uvec4 bits = floatBitsToUint(z);
-  ivec4 at = row + x;
-  fusion[at.x] = uvec2(bits.x, fetch(colour, at.x));
-  fusion[at.y] = uvec2(bits.y, fetch(colour, at.y));
-  fusion[at.z] = uvec2(bits.z, fetch(colour, at.z));
-  fusion[at.w] = uvec2(bits.w, fetch(colour, at.w));
-  smooth_depth[at.x] = smoothed.x;
-  smooth_depth[at.y] = smoothed.y;
-  smooth_depth[at.z] = smoothed.z;
-  smooth_depth[at.w] = smoothed.w;
+  vec4 smooth_above = smoothed(m0, m1, m2, m3, m4, above, sigma_above, g);
+  vec4 smooth_below = smoothed(m1, m2, m3, m4, m5, below, sigma_below, g);
+  keep(y, above, smooth_above);
+  bool is_pair = y + 1 < height;
+  if (is_pair) keep(y + 1, below, smooth_below);
+  if (push.halves == 0u || !is_pair || (first & 1) != 0) return;
+  vec4 left = vec4(smooth_above.xy, smooth_below.xy), right = vec4(smooth_above.zw, smooth_below.zw);
+  int half_at = place.y * (width >> 1) + (first >> 1);
+  half_depth[half_at] = mean_depth(left, at_one_place(left));
+  half_depth[half_at + 1] = mean_depth(right, at_one_place(right));
 }

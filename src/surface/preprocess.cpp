@@ -49,6 +49,13 @@ std::vector<float> constants_of(const Rig& rig, int finest_level) {
   return shader::constants_of(rig.sensor, view, 1u << finest_level);
 }
 
+std::vector<float> filter_constants(const Rig& rig, int finest_level) {
+  const auto sensor = shader::constants_of(rig.sensor);
+  std::vector<float> all(sensor.begin(), sensor.end());
+  all.insert(all.end(), {rig.colour ? 0.0f : 1.0f, finest_level == 0 ? 1.0f : 0.0f});
+  return all;
+}
+
 }  // namespace
 
 Preprocessor::Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOptions& options, int levels,
@@ -60,29 +67,25 @@ Preprocessor::Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOpt
       raw_depth_(device, 4 * std::uint64_t{pixels(rig.depth)}),
       raw_colour_(device, 4 * std::uint64_t{pixels(rig.colour_view())}),
       depth_(device, rig.depth.distorted() ? 4 * std::uint64_t{pixels(rig.depth)} : 4),
-      colour_(device, rig.depth.distorted() || rig.colour ? 4 * std::uint64_t{pixels(rig.depth)} : 4),
+      colour_(device, rig.depth.distorted() ? 4 * std::uint64_t{pixels(rig.depth)} : 4),
       fusion_(device, 8 * std::uint64_t{pixels(rig.depth)}),
       rectify_(device, "surface_rectify", surface_rectify_comp),
       find_nearest_(device, "surface_nearest", surface_nearest_comp, constants_of(rig, finest_level)),
       bring_colour_(device, "surface_colour", surface_colour_comp, constants_of(rig, finest_level)),
       make_brightness_(device, "surface_brightness", surface_brightness_comp, constants_of(rig, finest_level)),
-      filter_(device, "surface_filter", surface_filter_comp, shader::constants_of(rig.sensor)),
+      filter_(device, "surface_filter", surface_filter_comp, filter_constants(rig, finest_level)),
       half_(device, "surface_half", surface_half_comp, shader::constants_of(rig.sensor)),
       make_intensity_(device, "surface_intensity", surface_intensity_comp),
       make_points_(device, "surface_points", surface_points_comp, shader::constants_of(rig.sensor)) {
   for (int level = 0; level < levels; ++level) {
     const Camera c = rig.depth.rectified().at_level(level);
     levels_.push_back({c, gpu::Buffer(device, 8 * std::uint64_t{pixels(c)})});
-    smooth_.emplace_back(device, 4 * std::uint64_t{pixels(c)});
+    smooth_.emplace_back(device, level > 0 || finest_level == 0 ? 4 * std::uint64_t{pixels(c)} : 4);
     const bool is_used = level >= finest_level;
     intensity_.emplace_back(device, is_used ? 4 * std::uint64_t{pixels(c)} : 4);
     packed_.emplace_back(device, is_used ? 8 * std::uint64_t{pixels(c)} : 8);
   }
-  if (!rig.colour) return;
-  gpu::Batch batch(device_);
-  batch.fill(colour_, 0);
-  batch.submit();
-  nearest_ = gpu::Buffer(device, nearest_bytes(colour_view(rig.depth.rectified(), *rig.colour)));
+  if (rig.colour) nearest_ = gpu::Buffer(device, nearest_bytes(colour_view(rig.depth.rectified(), *rig.colour)));
 }
 
 Surface Preprocessor::preprocess(const Frame& frame) {
@@ -94,17 +97,17 @@ Surface Preprocessor::preprocess(const Frame& frame) {
   if (has_colour) batch.upload(raw_colour_, frame.colour);
   Images images{&raw_depth_, &raw_colour_};
   if (camera.distorted()) images = rectify(batch, has_colour && !rig_.colour);
-  if (rig_.colour) images.colour = &colour_;  // of black, until it is brought
   if (rig_.colour && has_colour) find_nearest(*images.depth, batch);
-  filter_(batch, {(width + 3) / 4, height, 1},
+  filter_(batch, {(width + 3) / 4 + width % 2, (height + 1) / 2, 1},
           {.width = width,
            .height = height,
            .min_depth = options_.min_depth,
            .max_depth = options_.max_depth,
            .spatial = -0.5f / (options_.filter_sigma_pixels * options_.filter_sigma_pixels),
            .range = options_.filter_range,
-           .edge_slope = options_.edge_slope},
-          {images.depth, images.colour, &fusion_, &smooth_[0]});
+           .edge_slope = options_.edge_slope,
+           .halves = smooth_.size() > 1},
+          {images.depth, images.colour, &fusion_, &smooth_[0], smooth_.size() > 1 ? &smooth_[1] : &smooth_[0]});
   has_brought_colour_ = !rig_.colour || !has_colour;
   if (finest_level_ == 0) bring_colour(*images.depth, batch);
   make_pyramid(batch, has_colour);
@@ -153,11 +156,11 @@ void Preprocessor::bring_colour(const gpu::Buffer& depth, gpu::Batch& batch) {
                 {&depth, &nearest_, &raw_colour_, &fusion_});
 }
 
-/// From smooth_[0] and fusion_ to all that is asked of the levels.
+/// From what the filter left to all that is asked of the levels.
 void Preprocessor::make_pyramid(gpu::Batch& batch, bool has_colour) {
   for (std::size_t level = 0; level < levels_.size(); ++level) {
     const Camera& c = levels_[level].camera;
-    if (level > 0)
+    if (level > 1)
       half_(batch, threads(c),
             {.width = static_cast<std::uint32_t>(c.width),
              .height = static_cast<std::uint32_t>(c.height),
