@@ -22,17 +22,17 @@ void main() {
   uvec2 pixel = push.stride * uvec2(i % columns, i / columns) + uvec2(push.phase % push.stride, (push.phase / push.stride) % push.stride);
   float z = uintBitsToFloat(fetch(fusion, int(pixel.y * push.camera.width + pixel.x)).x);
   if (z <= 0.0) return;
-  vec3 ray = rotate(push.submap_from_camera, ray_through(push.camera, vec2(pixel)));
-  float band = push.volume.truncation;
-  float voxel = push.volume.voxel_size;
+  VolumeView volume = local(push.volume);
+  vec3 ray = rotate(push.submap_from_camera, ray_through(push.camera, vec2(pixel))), from = push.submap_from_camera.t;
+  float band = volume.truncation, inverse_voxel = 1.0 / volume.voxel_size;
   // Steps of half a brick, one of them on the surface: a ray misses bricks only where it cuts a corner of theirs.
-  int steps = int(ceil(band / (4.0 * voxel) - 0.01));
+  int steps = int(ceil(band * 0.25 * inverse_voxel - 0.01));
   float step_z = band / float(steps);
   for (int k = -steps; k <= steps; ++k) {
-    vec3 p = push.submap_from_camera.t + ray * (z + float(k) * step_z);
-    ivec3 brick = ivec3(floor(p / voxel + 0.5)) >> 3;
-    if (!in_window(push.volume, brick)) continue;
-    uint at = table_index(push.volume, brick);
+    vec3 p = from + ray * (z + float(k) * step_z);
+    ivec3 brick = ivec3(floor(p * inverse_voxel + 0.5)) >> 3;
+    if (!in_window(volume, brick)) continue;
+    uint at = table_index(volume, brick);
     uint entry = page_table[at];
     if (entry != 0u && entry != kOnHost) continue;
     if (atomicCompSwap(page_table[at], entry, kPending) != entry) continue;

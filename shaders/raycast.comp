@@ -13,15 +13,17 @@ FLOATS(2, farthest);
 layout(binding = 3, scalar) writeonly buffer Points { uvec2 points[]; };
 POOL(4);
 
+VolumeView volume;
+
 uint find_slot(ivec3 voxel) {
   ivec3 brick = voxel >> 3;
-  return in_window(push.volume, brick) ? slot_of_entry(fetch(page_table, int(table_index(push.volume, brick)))) : kNoSlot;
+  return in_window(volume, brick) ? slot_of_entry(fetch(page_table, int(table_index(volume, brick)))) : kNoSlot;
 }
 
 // Distance in truncations, and 1 or 0 for seen or not.
 vec2 fetch(ivec3 voxel) {
   uint slot = find_slot(voxel);
-  uint word = slot != kNoSlot ? voxel_in(push.volume.voxels, voxel_index(slot, voxel)).x : 0u;
+  uint word = slot != kNoSlot ? voxel_in(volume.voxels, voxel_index(slot, voxel)).x : 0u;
   return vec2(voxel_distance(word), (word >> 16) != 0u ? 1.0 : 0.0);
 }
 
@@ -46,16 +48,19 @@ const int kSteps = 64;  // rays that take more graze along the fringe of what wa
 
 void main() {
   uvec2 pixel = gl_GlobalInvocationID.xy;
-  if (pixel.x >= push.camera.width || pixel.y >= push.camera.height) return;
-  int tile = int((pixel.y / kTile) * tiles_along(push.camera.width) + pixel.x / kTile);
+  volume = local(push.volume);
+  Pinhole camera = local(push.camera);
+  Rigid submap_from_camera = local(push.submap_from_camera);
+  if (pixel.x >= camera.width || pixel.y >= camera.height) return;
+  int tile = int((pixel.y / kTile) * tiles_along(camera.width) + pixel.x / kTile);
   float t = fetch(nearest, tile), end = fetch(farthest, tile);
 
   // In voxels; t is the depth, since the ray has z = 1 in the camera's frame.
-  float inverse_voxel = 1.0 / push.volume.voxel_size;
-  vec3 ray = rotate(push.submap_from_camera, ray_through(push.camera, vec2(pixel))) * inverse_voxel;
-  vec3 origin = push.submap_from_camera.t * inverse_voxel;
+  float inverse_voxel = 1.0 / volume.voxel_size;
+  vec3 ray = rotate(submap_from_camera, ray_through(camera, vec2(pixel))) * inverse_voxel;
+  vec3 origin = submap_from_camera.t * inverse_voxel;
   float per_voxel = 1.0 / length(ray);
-  float truncation = push.volume.truncation * inverse_voxel;
+  float truncation = volume.truncation * inverse_voxel;
 
   float before = t, before_d = 0.0;  // last sample in front of the surface; 0: none
   float hit = 0.0;
@@ -70,7 +75,7 @@ void main() {
       before_d = 0.0;
       continue;
     }
-    uint word = voxel_in(push.volume.voxels, voxel_index(slot, voxel)).x;
+    uint word = voxel_in(volume.voxels, voxel_index(slot, voxel)).x;
     // A voxel on the surface counts as in front of it: 0 stands for a voxel that was never seen.
     float distance = voxel_distance(word);
     float d = (word >> 16) != 0u ? (distance == 0.0 ? 1e-4 : distance) * truncation : 0.0;
@@ -95,7 +100,7 @@ void main() {
     hit += change;
   }
   bool found = hit > 0.0 && field.w < 0.5 && dot(field.xyz, field.xyz) > 0.0;
-  vec3 n = inverse_rotate(push.submap_from_camera, field.xyz);
-  points[pixel.y * push.camera.width + pixel.x] =
+  vec3 n = inverse_rotate(submap_from_camera, field.xyz);
+  points[pixel.y * camera.width + pixel.x] =
       found ? uvec2(floatBitsToUint(hit), pack_normal(n / max(length(n), 1e-12))) : uvec2(0);
 }

@@ -16,7 +16,8 @@ layout(binding = 3, scalar) writeonly buffer Packed { uvec2 packed_pixels[]; };
 uint code(float v) { return v < 0.0 ? 0u : 1u + uint(int(v * 4094.0 + 0.5)); }
 
 void main() {
-  int width = int(push.camera.width), height = int(push.camera.height);
+  Pinhole camera = local(push.camera);
+  int width = int(camera.width), height = int(camera.height);
   ivec2 p = thread_place();
   if (p.x >= width || p.y >= height) return;
   int i = p.y * width + p.x;
@@ -26,11 +27,11 @@ void main() {
   float u = fetch(depth, inner ? i - width : i), d = fetch(depth, inner ? i + width : i);
 
   // A plane seen at less than about 5 degrees changes depth by 12 pixel widths from pixel to pixel.
-  float jump = 12.0 * z / push.camera.fx + 3.0 * depth_noise(z);
+  float jump = 12.0 * z / camera.fx + 3.0 * depth_noise(z);
   bool connected = inner && min(min(l, r), min(u, d)) > 0.0 && max(max(abs(l - z), abs(r - z)), max(abs(u - z), abs(d - z))) < jump;
   vec2 q = vec2(p);
-  vec3 dx = ray_through(push.camera, q + vec2(1, 0)) * r - ray_through(push.camera, q - vec2(1, 0)) * l;
-  vec3 dy = ray_through(push.camera, q + vec2(0, 1)) * d - ray_through(push.camera, q - vec2(0, 1)) * u;
+  vec3 dx = ray_through(camera, q + vec2(1, 0)) * r - ray_through(camera, q - vec2(1, 0)) * l;
+  vec3 dy = ray_through(camera, q + vec2(0, 1)) * d - ray_through(camera, q - vec2(0, 1)) * u;
   vec3 n = cross(dy, dx);
   points[i] = uvec2(floatBitsToUint(z), connected && z > 0.0 ? pack_normal(n / max(length(n), 1e-12)) : 0u);
   if (push.has_colour == 0u) return;

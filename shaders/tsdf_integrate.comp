@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Fuses a depth image into bricks (Curless & Levoy 1996, eq. 3 and 4). One workgroup a brick, one thread a column of
+// Fuses a depth image into bricks (Curless & Levoy 1996, eq. 3 and 4). One workgroup a brick; a thread does columns of
 // eight voxels along z. What is in front of the measurement by more than the truncation becomes free space: surfaces
 // that have gone are carved away.
 #version 460
@@ -8,7 +8,7 @@
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #include "shaders/noise.h"
 #include "shaders/pool.h"
-layout(local_size_x = 64) in;
+layout(local_size_x = 64, local_size_x_id = 15) in;
 layout(push_constant, scalar) uniform Push { TsdfIntegratePush push; };
 layout(binding = 0, scalar) readonly buffer Selection { Selected selected[]; };
 layout(binding = 1, scalar) readonly buffer Slots { SlotState slots[]; };
@@ -27,56 +27,60 @@ vec3 channels(uint rgb) { return vec3(ivec3(rgb & 0xffu, (rgb >> 8) & 0xffu, (rg
 
 void main() {
   if (group_index() >= counts.selected) return;
-  uint slot = selected[group_index()].slot;
-  uint column = gl_LocalInvocationID.x;
-  ivec3 voxel = slots[slot].brick * 8 + ivec3(column >> 3, column & 7u, 0);
-  vec3 p = transform(push.camera_from_submap, vec3(voxel) * push.voxel_size);
-  vec3 step_p = push.camera_from_submap.z * push.voxel_size;
-  uint at = (slot << 9) | (column << 3);
+  // All that is read once for all columns: on a CPU device that is dear.
+  Selected brick = selected[group_index()];
+  Rigid camera_from_submap = local(push.camera_from_submap);
+  float voxel_size = push.voxel_size, inverse_truncation = 1.0 / push.truncation;
+  vec3 corner = transform(camera_from_submap, vec3(slots[brick.slot].brick * 8) * voxel_size);
+  vec3 step_x = camera_from_submap.x * voxel_size, step_y = camera_from_submap.y * voxel_size,
+       step_z = camera_from_submap.z * voxel_size;
   WideVoxels voxels = WideVoxels(push.voxels);
-  float inverse_truncation = 1.0 / push.truncation;
   vec2 focal = vec2(push.camera.fx, push.camera.fy), centre = vec2(push.camera.cx, push.camera.cy) + 0.5;
   int width = int(push.camera.width), height = int(push.camera.height);
   float max_weight = push.max_weight;
   bool has_colour = push.has_colour != 0u;
-
+  // Behind the farthest measurement, and the truncation, nothing is fused. A little more: of that, distances decide.
+  float farthest = 1.001 * (brick.farthest + push.truncation);
   // Means have whole levels: what a measurement adds to one is rounded up as often as its fraction says, by another
   // threshold each frame (Weyl's sequence of the golden ratio; columns begin apart). Rounded to the nearest one, means of
   // many would follow no change of less than 16 levels.
-  float threshold = fract(0.618034 * float(int(push.fused_count & 4095u)) + 0.381966 * float(int(column)));
-
-  // Behind the farthest measurement, and the truncation, nothing is fused. A little more: of that, distances decide.
-  float along = (1.001 * (selected[group_index()].farthest + push.truncation) - p.z) / step_p.z;
-  uint begin = step_p.z < 0.0 ? uint(clamp(floor(along), 0.0, 8.0)) : 0u;
-  uint end = step_p.z < 0.0 ? 8u : uint(clamp(ceil(along), 0.0, 8.0));
-  p += float(begin) * step_p;
+  float first_threshold = 0.618034 * float(int(push.fused_count & 4095u));
 
   uint differs = 0u;
-  for (uint k = begin; k < end; ++k, p += step_p) {
-    vec2 pixel = focal * p.xy * (1.0 / p.z) + centre;
-    bool inside = p.z > 0.0 && min(pixel.x, pixel.y) >= 0.0 && pixel.x < float(width) && pixel.y < float(height);
-    uvec2 measured = inside ? fetch(fusion, int(pixel.y) * width + int(pixel.x)) : uvec2(0);
-    float z = uintBitsToFloat(measured.x);
-    float sdf = (z - p.z) * inverse_truncation;
-    if (z > 0.0 && sdf > -1.0) {
-      uvec2 old = voxel_in(push.voxels, at + k);
-      float weight = depth_weight(z);
-      float old_weight = voxel_weight(old.x);
-      float sum = old_weight + weight;
-      float d = voxel_distance(old.x);
-      d += (min(sdf, 1.0) - d) * (weight / sum);
-      uint word = distance_and_weight(int(roundEven(d * kDistanceUnits)),
-                                      int(min(sum, max_weight) * kWeightUnits + 0.5));
-      differs |= (word ^ old.x) & 0xffffu;
-      differs |= old.x < 0x10000u ? 1u : 0u;  // observed for the first time
-      uint rgb = old.y;
-      if (has_colour && sdf < 1.0 && measured.y >= 0x1000000u) {
-        float n = float(int(rgb >> 24));
-        vec3 mean = channels(rgb);
-        mean += (channels(measured.y) - mean) * (1.0 / (n + 1.0)) + threshold;
-        rgb = uint(int(mean.x) | (int(mean.y) << 8) | (int(mean.z) << 16) | (int(min(n + 1.0, kMaxColourWeight)) << 24));
+  for (uint column = gl_LocalInvocationID.x; column < 64u; column += gl_WorkGroupSize.x) {
+    vec3 p = corner + float(int(column >> 3)) * step_x + float(int(column & 7u)) * step_y;
+    uint at = (brick.slot << 9) | (column << 3);
+    float threshold = fract(first_threshold + 0.381966 * float(int(column)));
+    float along = (farthest - p.z) / step_z.z;
+    uint begin = step_z.z < 0.0 ? uint(clamp(floor(along), 0.0, 8.0)) : 0u;
+    uint end = step_z.z < 0.0 ? 8u : uint(clamp(ceil(along), 0.0, 8.0));
+    p += float(int(begin)) * step_z;
+    for (uint k = begin; k < end; ++k, p += step_z) {
+      vec2 pixel = focal * p.xy * (1.0 / p.z) + centre;
+      bool inside = p.z > 0.0 && min(pixel.x, pixel.y) >= 0.0 && pixel.x < float(width) && pixel.y < float(height);
+      uvec2 measured = inside ? fetch(fusion, int(pixel.y) * width + int(pixel.x)) : uvec2(0);
+      float z = uintBitsToFloat(measured.x);
+      float sdf = (z - p.z) * inverse_truncation;
+      if (z > 0.0 && sdf > -1.0) {
+        uvec2 old = voxel_in(push.voxels, at + k);
+        float weight = depth_weight(z);
+        float old_weight = voxel_weight(old.x);
+        float sum = old_weight + weight;
+        float d = voxel_distance(old.x);
+        d += (min(sdf, 1.0) - d) * (weight / sum);
+        uint word = distance_and_weight(int(roundEven(d * kDistanceUnits)),
+                                        int(min(sum, max_weight) * kWeightUnits + 0.5));
+        differs |= (word ^ old.x) & 0xffffu;
+        differs |= old.x < 0x10000u ? 1u : 0u;  // observed for the first time
+        uint rgb = old.y;
+        if (has_colour && sdf < 1.0 && measured.y >= 0x1000000u) {
+          float n = float(int(rgb >> 24));
+          vec3 mean = channels(rgb);
+          mean += (channels(measured.y) - mean) * (1.0 / (n + 1.0)) + threshold;
+          rgb = uint(int(mean.x) | (int(mean.y) << 8) | (int(mean.z) << 16) | (int(min(n + 1.0, kMaxColourWeight)) << 24));
+        }
+        voxels.v[at + k] = pack64(uvec2(word, rgb));
       }
-      voxels.v[at + k] = pack64(uvec2(word, rgb));
     }
   }
   if (differs != 0u) changed[group_index()] = 1u;

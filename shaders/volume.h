@@ -172,6 +172,9 @@ TileRange tiles_of_box(Pinhole camera, vec2 low, vec2 high, float near, float fa
   return TileRange(uvec2(max(from, vec2(0.0))) / kTile, uvec2(min(to, size - 1.0)) / kTile, !is_outside);
 }
 
+VolumeView local(VolumeView v) {  // see types.h
+  return VolumeView(v.voxels, v.origin, v.table_bits, v.voxel_size, v.truncation);
+}
 bool in_window(VolumeView volume, ivec3 brick) {
   return all(lessThan(uvec3(brick - volume.origin), uvec3(1u << volume.table_bits)));
 }

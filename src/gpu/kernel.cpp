@@ -235,4 +235,8 @@ void KernelBase::dispatch_indirect(Batch& batch, const Buffer& groups, std::uint
   });
 }
 
+std::uint32_t threads_together(const Device& device, std::uint32_t on_a_gpu) {
+  return device.info().type == "cpu" ? std::clamp(device.info().subgroup_size, 8u, on_a_gpu) : on_a_gpu;
+}
+
 }  // namespace cairn::gpu

@@ -72,4 +72,8 @@ class Kernel : private KernelBase {
   }
 };
 
+/// Threads of a workgroup whose shader leaves that open: on a CPU device as many as it does at once, since each of its
+/// turns reads all parameters again, lane by lane.
+[[nodiscard]] std::uint32_t threads_together(const Device& device, std::uint32_t on_a_gpu);
+
 }  // namespace cairn::gpu

@@ -42,12 +42,6 @@ Eigen::Isometry3d isometry(const shader::Rigid& r) {
 
 shader::Groups groups(std::uint32_t count) { return {count, 1, 1}; }
 
-/// How many threads work together: on a CPU device as many as it does at once, since each workgroup reads its
-/// parameters again and leaves sums to add.
-std::uint32_t threads_together(const DeviceInfo& device, std::uint32_t on_a_gpu) {
-  return device.type == "cpu" ? std::clamp(device.subgroup_size, 8u, on_a_gpu) : on_a_gpu;
-}
-
 /// Why an alignment is not to be trusted, if it is not.
 FrameCause distrust(const Alignment& alignment, double live, const Camera& finest, const TrackOptions& options) {
   if (live < 0.02 * finest.width * finest.height) return FrameCause::little_depth;
@@ -148,7 +142,7 @@ Aligner::Aligner(gpu::Device& device, const TrackOptions& options, const SensorM
     : device_(device),
       options_(options),
       is_cpu_(device.info().type == "cpu"),
-      workgroup_(threads_together(device.info(), 64)),
+      workgroup_(gpu::threads_together(device, 64)),
       parts_(std::max(1u, workgroup_ / std::max(1u, device.info().subgroup_size))),
       state_(device, sizeof(shader::AlignState)),
       geometry_sums_(device, std::uint64_t{Tiling::kMost} * workgroup_ * sizeof(shader::IcpSums)),
@@ -157,7 +151,7 @@ Aligner::Aligner(gpu::Device& device, const TrackOptions& options, const SensorM
       clock_sums_(device, kClockOffsets.size() * photometric_sums_.size()),
       icp_(device, "icp_reduce", icp_reduce_comp, shader::constants_of(sensor), workgroup_),
       photometric_(device, "photometric_reduce", photometric_reduce_comp, {}, workgroup_),
-      step_(device, "pose_step", pose_step_comp, {}, threads_together(device.info(), 128)) {
+      step_(device, "pose_step", pose_step_comp, {}, gpu::threads_together(device, 128)) {
   usual_iterations_.fill(4);
 }
 

@@ -50,7 +50,8 @@ Integrator::Integrator(gpu::Device& device, const Camera& camera, const SurfaceO
       place_(device, "brick_place", brick_place_comp),
       free_(device, "brick_free", brick_free_comp),
       select_(device, "brick_select", brick_select_comp),
-      integrate_(device, "tsdf_integrate", tsdf_integrate_comp, shader::constants_of(sensor)) {}
+      integrate_(device, "tsdf_integrate", tsdf_integrate_comp, shader::constants_of(sensor),
+                 gpu::threads_together(device, 64)) {}
 
 Fused Integrator::integrate(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, Volume& volume,
                             std::uint32_t fused_count) {

@@ -18,13 +18,14 @@ namespace cairn {
 template <class Push>
 class VoxelKernel {
  public:
-  /// `sensor_constants`: the first of its specialisation constants, four at most.
+  /// `sensor_constants`: the first of its specialisation constants, four at most. `workgroup`: see gpu::Kernel.
   template <std::size_t N>
   VoxelKernel(gpu::Device& device, const char* name, const std::uint32_t (&spirv)[N],
-              std::array<float, 4> sensor_constants = {})
+              std::array<float, 4> sensor_constants = {}, std::uint32_t workgroup = 0)
       : make_([=, &device, &spirv](bool in_texels) {
           const auto& c = sensor_constants;
-          return gpu::Kernel<Push>(device, name, spirv, std::array{c[0], c[1], c[2], c[3], in_texels ? 1.0f : 0.0f});
+          return gpu::Kernel<Push>(device, name, spirv, std::array{c[0], c[1], c[2], c[3], in_texels ? 1.0f : 0.0f},
+                                   workgroup);
         }) {}
 
   void operator()(gpu::Batch& batch, std::array<std::uint32_t, 3> threads, const Push& push, const Volume& volume,
