@@ -12,8 +12,6 @@ namespace cairn::shader {
 #endif
 
 struct SurfaceRectifyPush {
-  Pinhole camera;
-  LensBend lens;
   uint has_colour;  // that lies on depth
 };
 

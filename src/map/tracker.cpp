@@ -3,6 +3,7 @@
 #include "map/tracker.hpp"
 
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
@@ -203,13 +204,16 @@ std::vector<std::size_t> Tracker::recent() const {
 
 std::optional<Eigen::Isometry3d> Tracker::recognise(const Features& seen,
                                                     const std::vector<std::size_t>& keyframes) const {
+  std::vector<std::optional<PnpPose>> located(keyframes.size());
+  tbb::parallel_for(std::size_t{0}, keyframes.size(), [&](std::size_t k) {
+    located[k] = solve_pnp(keyframes_[keyframes[k]].features, seen, rig_.depth);
+  });
   std::optional<Eigen::Isometry3d> guess;
   int most = 0;
-  for (const std::size_t i : keyframes) {
-    const auto located = solve_pnp(keyframes_[i].features, seen, rig_.depth);
-    if (!located || located->inliers <= most) continue;
-    most = located->inliers;
-    guess = *keyframes_[i].tracked_from_camera * located->known_from_seen;
+  for (std::size_t k = 0; k < keyframes.size(); ++k) {
+    if (!located[k] || located[k]->inliers <= most) continue;
+    most = located[k]->inliers;
+    guess = *keyframes_[keyframes[k]].tracked_from_camera * located[k]->known_from_seen;
   }
   return guess;
 }

@@ -49,6 +49,12 @@ std::vector<float> constants_of(const Rig& rig, int finest_level) {
   return shader::constants_of(rig.sensor, view, 1u << finest_level);
 }
 
+/// The depth camera takes the colour camera's place there.
+std::vector<float> rectify_constants(const Rig& rig) {
+  return shader::constants_of(
+      rig.sensor, {.camera = shader::pinhole(rig.depth.rectified()), .lens = shader::lens_bend(rig.depth)}, 1);
+}
+
 std::vector<float> filter_constants(const Rig& rig, int finest_level) {
   const auto sensor = shader::constants_of(rig.sensor);
   std::vector<float> all(sensor.begin(), sensor.end());
@@ -69,7 +75,7 @@ Preprocessor::Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOpt
       depth_(device, rig.depth.distorted() ? 4 * std::uint64_t{pixels(rig.depth)} : 4),
       colour_(device, rig.depth.distorted() ? 4 * std::uint64_t{pixels(rig.depth)} : 4),
       fusion_(device, 8 * std::uint64_t{pixels(rig.depth)}),
-      rectify_(device, "surface_rectify", surface_rectify_comp),
+      rectify_(device, "surface_rectify", surface_rectify_comp, rectify_constants(rig)),
       find_nearest_(device, "surface_nearest", surface_nearest_comp, constants_of(rig, finest_level)),
       bring_colour_(device, "surface_colour", surface_colour_comp, constants_of(rig, finest_level)),
       make_brightness_(device, "surface_brightness", surface_brightness_comp, constants_of(rig, finest_level)),
@@ -130,7 +136,7 @@ Surface Preprocessor::preprocess(const Frame& frame) {
 
 Preprocessor::Images Preprocessor::rectify(gpu::Batch& batch, bool has_colour) {
   rectify_(batch, threads(rig_.depth),
-           {.camera = shader::pinhole(camera()), .lens = shader::lens_bend(rig_.depth), .has_colour = has_colour},
+           {.has_colour = has_colour},
            {&raw_depth_, &raw_colour_, &depth_, &colour_});
   return {&depth_, &colour_};
 }
