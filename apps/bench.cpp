@@ -102,6 +102,13 @@ nlohmann::json measure(const Arguments& a) {
     j["stages"][name] = to_json(times);
     j["stages"][name]["per_frame_ms"] = times.total() / counted;
   }
+  for (const auto& [name, time] : end.kernels) {
+    const auto before = warm.kernels.find(name);
+    const auto [calls, ms] = before == warm.kernels.end() ? std::pair{0, 0.0} : before->second;
+    if (time.first == calls) continue;
+    j["kernels"][name] = {{"calls_per_frame", (time.first - calls) / counted},
+                          {"per_frame_ms", (time.second - ms) / counted}};
+  }
   return j;
 }
 
@@ -117,6 +124,12 @@ void show(const nlohmann::json& j) {
   line("frame", number(j["frame"]["mean_ms"]), j["frame"]);
   for (const auto& [name, d] : j["stages"].items()) line("  " + name, number(d["per_frame_ms"]), d);
   line("decoding", number(j["decode"]["mean_ms"]), j["decode"]);
+  fmt::print("\n{:<24}{:>10}{:>10}\n", "on the device, ms", "a frame", "calls");
+  std::vector<std::pair<double, std::string>> kernels;
+  for (const auto& [name, k] : j["kernels"].items()) kernels.emplace_back(-number(k["per_frame_ms"]), name);
+  std::ranges::sort(kernels);
+  for (const auto& [ms, name] : kernels)
+    fmt::print("  {:<22}{:>10.2f}{:>10.1f}\n", name, -ms, number(j["kernels"][name]["calls_per_frame"]));
   fmt::print("\n{:.1f} frames/s, {:.1f} with each decoded first\n", number(j["frames_per_second"]),
              number(j["frames_per_second_decoding_first"]));
   fmt::print("the host waits {:.1f} times a frame for the device, and moves {:.2f} MB there and {:.2f} MB back\n",

@@ -135,13 +135,12 @@ Surface Preprocessor::preprocess(const Frame& frame) {
 }
 
 Preprocessor::Images Preprocessor::rectify(gpu::Batch& batch, bool has_colour) {
-  rectify_(batch, threads(rig_.depth),
-           {.has_colour = has_colour},
-           {&raw_depth_, &raw_colour_, &depth_, &colour_});
+  rectify_(batch, threads(rig_.depth), {.has_colour = has_colour}, {&raw_depth_, &raw_colour_, &depth_, &colour_});
   return {&depth_, &colour_};
 }
 
-/// For the colour camera: what hides something else from it. `depth` without distortion; cameras in one place see the same.
+/// For the colour camera: what hides something else from it. `depth` without distortion; cameras in one place see the
+/// same.
 void Preprocessor::find_nearest(const gpu::Buffer& depth, gpu::Batch& batch) {
   constexpr std::uint32_t kNothing = 0x7f7fffff;  // bits of the largest float
   batch.fill(nearest_, kNothing);
@@ -156,10 +155,10 @@ void Preprocessor::find_nearest(const gpu::Buffer& depth, gpu::Batch& batch) {
 void Preprocessor::bring_colour(const gpu::Buffer& depth, gpu::Batch& batch) {
   if (has_brought_colour_) return;
   has_brought_colour_ = true;
-  bring_colour_(batch, threads(rig_.depth),
-                {.width = static_cast<std::uint32_t>(rig_.depth.width),
-                 .height = static_cast<std::uint32_t>(rig_.depth.height)},
-                {&depth, &nearest_, &raw_colour_, &fusion_});
+  bring_colour_(
+      batch, threads(rig_.depth),
+      {.width = static_cast<std::uint32_t>(rig_.depth.width), .height = static_cast<std::uint32_t>(rig_.depth.height)},
+      {&depth, &nearest_, &raw_colour_, &fusion_});
 }
 
 /// From what the filter left to all that is asked of the levels.

@@ -52,6 +52,32 @@ TEST(Batch, RunsCommandsInOrder) {
   EXPECT_EQ(after, (std::vector<std::uint32_t>{1, 2, 2, 1}));
 }
 
+TEST(Batch, GoesOnWhileTheHostDoesAndLaterOnesSeeItsWork) {
+  gpu::Device& device = test_device();
+  device.wait();
+  const std::uint64_t waits = device.traffic().waits;
+  std::vector<std::uint32_t> first(4), second(4), sent{5, 6, 7, 8};
+  {
+    const gpu::Buffer buffer(device, 16);
+    gpu::Batch batch(device);
+    batch.fill(buffer, 1);
+    batch.download(buffer, first);
+    batch.submit();
+    batch.upload(buffer, sent);  // not before the download
+    batch.submit();
+    EXPECT_EQ(device.traffic().waits, waits);
+    batch.download(buffer, second);
+    batch.run();
+    EXPECT_EQ(device.traffic().waits, waits + 1);
+    EXPECT_EQ(first, std::vector<std::uint32_t>(4, 1));
+    EXPECT_EQ(second, sent);
+    batch.fill(buffer, 2);
+    batch.submit();
+  }  // a buffer stays as long as something works on it
+  device.wait();
+  EXPECT_TRUE(device.validation_messages().empty());
+}
+
 TEST(Device, CountsItsMemory) {
   gpu::Device& device = test_device();
   const auto before = device.memory_in_use();
