@@ -87,63 +87,26 @@ Integrator::Pass Integrator::pass_over(const Surface& surface, const Eigen::Isom
     selected_ = gpu::Buffer(device_, room * sizeof(shader::Selected));
     changed_ = gpu::Buffer(device_, room * 4);
   }
-  // Neighbouring samples lie at most half a brick apart.
-  const auto stride =
-      static_cast<std::uint32_t>(std::clamp(0.5 * volume.brick_size() * camera_.fx / options_.max_depth, 1.0, 4.0));
-  const auto width = static_cast<std::uint32_t>(camera_.width), height = static_cast<std::uint32_t>(camera_.height);
-  const shader::Pinhole camera = shader::pinhole(camera_);
-  const shader::Rigid pose = shader::rigid(submap_from_camera);
   Pass pass;
   pass.counts.placed = pass.counts.fused = {0, 1, 1};
+  const bool looks_through = fused_count % kLookEvery == 1;
 
   gpu::Batch batch(device_);
   batch.upload(counts_, std::span<const shader::FusionCounts>(&pass.counts, 1));
   batch.upload(vacant_, vacant);
-  batch.fill(changed_, 0);
-  mark_(batch, {width * height / (stride * stride), 1, 1},
-        {.volume = volume.view(),
-         .camera = camera,
-         .submap_from_camera = pose,
-         .capacity = kMissingAtOnce,
-         .vacant = static_cast<std::uint32_t>(vacant.size()),
-         .stride = stride,
-         .phase = fused_count},
-        {surface.fusion, &volume.page_table(), &counts_, &missing_, &vacant_});
-  place_.indirect(batch, counts_, offsetof(shader::FusionCounts, placed),
-                  {.voxels = volume.view().voxels, .count = kMissingAtOnce, .fused_count = fused_count},
-                  {&missing_, &volume.page_table(), &volume.slots()});
-  tiles_(batch, {shader::tiles(camera_), 1, 1}, {.width = width, .height = height}, {surface.fusion, &depth_tiles_});
-  select_(batch, {slots, 1, 1},
-          {.camera = camera,
-           .submap_from_camera = pose,
-           .slots = slots,
-           .capacity = static_cast<std::uint32_t>(selected_.size() / sizeof(shader::Selected)),
-           .fused_count = fused_count,
-           .brick_size = volume.brick_size(),
-           .truncation = volume.options().truncation,
-           .min_depth = options_.min_depth},
-          {&volume.slots(), &depth_tiles_, &counts_, &selected_});
-  integrate_.indirect(batch, counts_, offsetof(shader::FusionCounts, fused),
-                      {.voxels = volume.view().voxels,
-                       .camera = camera,
-                       .camera_from_submap = shader::rigid(submap_from_camera.inverse()),
-                       .has_colour = surface.has_colour,
-                       .voxel_size = volume.options().voxel_size,
-                       .truncation = volume.options().truncation,
-                       .max_weight = volume.options().max_weight,
-                       .fused_count = fused_count},
-                      volume, {&selected_, &volume.slots(), surface.fusion, &changed_, &counts_});
-  if (fused_count % kLookEvery == 1) look_through(batch, surface, submap_from_camera, volume);
+  place_missing(batch, surface, submap_from_camera, volume, fused_count, static_cast<std::uint32_t>(vacant.size()));
+  fuse(batch, surface, submap_from_camera, volume, fused_count, slots);
+  if (looks_through) look_through(batch, surface, submap_from_camera, volume);
 
   pass.missing.resize(kFirstDownload);
-  pass.free_bricks.resize(kFirstDownload);
+  pass.free_bricks.resize(looks_through ? kFirstDownload : 0);
   pass.selected.resize(std::min<std::size_t>(usually_selected_, changed_.size() / 4));
   pass.changed.resize(pass.selected.size());
   batch.download(counts_, std::span<shader::FusionCounts>(&pass.counts, 1));
   batch.download(missing_, pass.missing);
   batch.download(selected_, pass.selected);
   batch.download(changed_, pass.changed);
-  if (fused_count % kLookEvery == 1) batch.download(free_bricks_, pass.free_bricks);
+  batch.download(free_bricks_, pass.free_bricks);
   batch.run();
   read_rest(pass.missing, pass.counts.missing, missing_);
   read_rest(pass.free_bricks, pass.counts.looked_through, free_bricks_);
@@ -151,6 +114,56 @@ Integrator::Pass Integrator::pass_over(const Surface& surface, const Eigen::Isom
   read_rest(pass.changed, pass.counts.selected, changed_);
   usually_selected_ = pass.counts.selected + pass.counts.selected / 4 + kFirstDownload;
   return pass;
+}
+
+/// Lists the bricks that the frame needs and that have no slot, and gives them the vacant ones.
+void Integrator::place_missing(gpu::Batch& batch, const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
+                               const Volume& volume, std::uint32_t fused_count, std::uint32_t vacant) {
+  // Neighbouring samples lie at most half a brick apart.
+  const auto stride =
+      static_cast<std::uint32_t>(std::clamp(0.5 * volume.brick_size() * camera_.fx / options_.max_depth, 1.0, 4.0));
+  const auto pixels = static_cast<std::uint32_t>(camera_.width * camera_.height);
+  mark_(batch, {pixels / (stride * stride), 1, 1},
+        {.volume = volume.view(),
+         .camera = shader::pinhole(camera_),
+         .submap_from_camera = shader::rigid(submap_from_camera),
+         .capacity = kMissingAtOnce,
+         .vacant = vacant,
+         .stride = stride,
+         .phase = fused_count},
+        {surface.fusion, &volume.page_table(), &counts_, &missing_, &vacant_});
+  place_.indirect(batch, counts_, offsetof(shader::FusionCounts, placed),
+                  {.voxels = volume.view().voxels, .count = kMissingAtOnce, .fused_count = fused_count},
+                  {&missing_, &volume.page_table(), &volume.slots()});
+}
+
+/// Fuses the frame into those bricks of the first `slots` slots that are in view.
+void Integrator::fuse(gpu::Batch& batch, const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
+                      const Volume& volume, std::uint32_t fused_count, std::uint32_t slots) {
+  tiles_(batch, {shader::tiles(camera_), 1, 1},
+         {.width = static_cast<std::uint32_t>(camera_.width), .height = static_cast<std::uint32_t>(camera_.height)},
+         {surface.fusion, &depth_tiles_});
+  select_(batch, {slots, 1, 1},
+          {.camera = shader::pinhole(camera_),
+           .submap_from_camera = shader::rigid(submap_from_camera),
+           .slots = slots,
+           .capacity = static_cast<std::uint32_t>(selected_.size() / sizeof(shader::Selected)),
+           .fused_count = fused_count,
+           .brick_size = volume.brick_size(),
+           .truncation = volume.options().truncation,
+           .min_depth = options_.min_depth},
+          {&volume.slots(), &depth_tiles_, &counts_, &selected_});
+  batch.fill(changed_, 0);
+  integrate_.indirect(batch, counts_, offsetof(shader::FusionCounts, fused),
+                      {.voxels = volume.view().voxels,
+                       .camera = shader::pinhole(camera_),
+                       .camera_from_submap = shader::rigid(submap_from_camera.inverse()),
+                       .has_colour = surface.has_colour,
+                       .voxel_size = volume.options().voxel_size,
+                       .truncation = volume.options().truncation,
+                       .max_weight = volume.options().max_weight,
+                       .fused_count = fused_count},
+                      volume, {&selected_, &volume.slots(), surface.fusion, &changed_, &counts_});
 }
 
 /// Cuts a list to its length, or downloads what is longer than expected.

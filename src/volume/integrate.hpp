@@ -29,6 +29,10 @@ class Integrator {
   struct Pass;
   [[nodiscard]] Pass pass_over(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
                                const Volume& volume, std::uint32_t fused_count);
+  void place_missing(gpu::Batch& batch, const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
+                     const Volume& volume, std::uint32_t fused_count, std::uint32_t vacant);
+  void fuse(gpu::Batch& batch, const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
+            const Volume& volume, std::uint32_t fused_count, std::uint32_t slots);
   void look_through(gpu::Batch& batch, const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
                     const Volume& volume);
   template <class T>
