@@ -13,7 +13,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kConverged = 2e-4;        // radians and metres: some hundredths of a pixel, a hundredth of a voxel
+constexpr double kConverged = 1e-4;        // radians and metres: some hundredths of a pixel, a hundredth of a voxel
 constexpr double kConvergedCoarse = 4e-4;  // at level 0; twice that at each coarser one
 constexpr float kCut = 4.0f;               // standard deviations of the depth noise
 constexpr float kFirstSigma = 0.05f;       // of brightness, before anything is known of it
