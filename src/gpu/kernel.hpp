@@ -36,9 +36,8 @@ class KernelBase {
 };
 
 /// One .comp file and its push struct. `constants`: specialisation constants by their ids, from 0; the shader's own
-/// values where there are none. `workgroup`: its threads,
-/// of a shader with a local_size_x_id. Binding count, workgroup size and push size are read from the SPIR-V and
-/// checked.
+/// values where there are none. `workgroup`: its threads, of a shader with a local_size_x_id. Binding count, workgroup
+/// size and push size are read from the SPIR-V and checked.
 ///
 ///   gpu::Kernel<TsdfIntegratePush> integrate_{device, "tsdf_integrate", tsdf_integrate_comp};
 ///   integrate_(batch, {512 * count, 1, 1}, push, {&depth, &voxels});

@@ -195,5 +195,32 @@ TEST(Preprocess, LeavesWhatIsHiddenFromTheColourCameraWithoutColour) {
     EXPECT_TRUE(has_colour(x)) << x;
 }
 
+TEST(Preprocess, TakesImagesOfAnySize) {
+  for (const auto& [width, height] : {std::pair(37, 23), {38, 24}, {39, 23}, {41, 22}}) {
+    const Camera camera{.width = width, .height = height, .fx = 30, .fy = 30, .cx = 0.5 * width, .cy = 0.5 * height};
+    Frame frame;
+    for (int i = 0; i < width * height; ++i) {
+      frame.depth.push_back(1.5f);
+      frame.colour.push_back(0xff000000u | static_cast<std::uint32_t>(i));
+    }
+    for (const int finest : {0, 1}) {
+      Preprocessor preprocessor(test_device(), camera, {}, 3, finest);
+      const Surface surface = preprocessor.preprocess(frame);
+      const auto fusion = download<shader::uvec2>(*surface.fusion, frame.depth.size());
+      for (std::size_t i = 0; i < fusion.size(); ++i) {
+        ASSERT_EQ(std::bit_cast<float>(fusion[i].x), 1.5f) << width << " x " << height << ", " << i;
+        ASSERT_EQ(fusion[i].y, frame.colour[i]) << width << " x " << height << ", " << i;
+      }
+      for (std::size_t level = static_cast<std::size_t>(finest); level < 3; ++level) {
+        const Camera& c = surface.levels[level]->camera;
+        const auto points =
+            download<shader::uvec2>(surface.levels[level]->points, static_cast<std::size_t>(c.width * c.height));
+        for (std::size_t i = 0; i < points.size(); ++i)
+          ASSERT_NEAR(std::bit_cast<float>(points[i].x), 1.5f, 1e-5f) << width << " x " << height << ", " << i;
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace cairn
