@@ -84,6 +84,7 @@ struct EsdfCheckPush {
 
 struct EsdfWavePush {
   EsdfView field;
+  uvec2 list;         // device address of the list it works on
   uint step;        // of the counts: works on list `step`, appends to list `step + 1`
   uint capacity;    // of a list
   uint is_settled;  // esdf_settle came before
@@ -101,17 +102,38 @@ struct EsdfDistancePush {
 #else
 // A CPU device computes both sides of every `if` for all lanes. What few voxels need is therefore done in two loops: the
 // first one marks in bits what is to be done, the second one runs over these bits.
+// What is read at places that each thread computes comes as texels (shaders/fetch.h), or by address where the field has
+// more voxels than the device has texels. Of what a kernel also writes a texel may be as it was when the kernel began.
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #extension GL_EXT_shader_atomic_int64 : require
+#include "shaders/pool.h"
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Nearest { uint64_t v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Pairs { uvec2 v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Words { uint v[]; };
+layout(constant_id = 0) const float kFieldInTexels = 1.0;
 
-const uint64_t kFar = ~0ul;
+EsdfView field;  // main() fills it with local(push.field)
+EsdfView local(EsdfView f) {  // see types.h
+  return EsdfView(f.nearest, f.surface, f.blocks, f.table, f.counts, f.table_bits, f.max_squared, f.max_groups);
+}
+uvec2 nearest_at(usamplerBuffer nearest, uint address) {  // (site, squared distance)
+  return kFieldInTexels > 0.0 ? fetch(nearest, int(address)) : Pairs(field.nearest).v[address];
+}
+uvec2 entry_at(usamplerBuffer list, uvec2 address, uint i) {  // as EsdfEntry
+  return kFieldInTexels > 0.0 ? fetch(list, int(i)) : Pairs(address).v[i];
+}
+uint surface_at(isamplerBuffer surface, uint address) {
+  return kFieldInTexels > 0.0 ? fetch(surface, int(address)) : Words(field.surface).v[address];
+}
+
+const uint kNoVoxel = 0xffffffffu;
+// Of a voxel that knows no site: both words. Lists and addresses say kNoVoxel.
+bool is_far(uvec2 nearest) { return nearest.x == kNoVoxel; }
 
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Counts { EsdfCount v[]; };
 
 // Places in the list of a step; returns the first.
-uint append(EsdfView field, uint step, uint places) {
+uint append(uint step, uint places) {
   Counts counts = Counts(field.counts);
   uint first = atomicAdd(counts.v[step].count, places);
   uint groups = min((first + places + 63u) >> 6, field.max_groups) - min((first + 63u) >> 6, field.max_groups);
@@ -119,15 +141,15 @@ uint append(EsdfView field, uint step, uint places) {
   return first;
 }
 
-ivec3 voxel_of(EsdfView field, uint address) {
-  uint b = Words(field.blocks).v[address >> 12];
+ivec3 voxel_of(isamplerBuffer blocks, uint address) {
+  uint b = kFieldInTexels > 0.0 ? fetch(blocks, int(address >> 12)) : Words(field.blocks).v[address >> 12];
   ivec3 block = ivec3(b & 1023u, (b >> 10) & 1023u, b >> 20) - int(kEsdfReach);
   return block * 16 + ivec3((address >> 8) & 15u, (address >> 4) & 15u, address & 15u);
 }
-const uint kNoVoxel = 0xffffffffu;
-uint address_of(EsdfView field, ivec3 voxel) {
+uint address_of(isamplerBuffer table, ivec3 voxel) {
   uvec3 b = uvec3(voxel >> 4) & ((1u << field.table_bits) - 1u), v = uvec3(voxel) & 15u;
-  uint entry = Words(field.table).v[(((b.z << field.table_bits) | b.y) << field.table_bits) | b.x];
+  uint at = (((b.z << field.table_bits) | b.y) << field.table_bits) | b.x;
+  uint entry = kFieldInTexels > 0.0 ? fetch(table, int(at)) : Words(field.table).v[at];
   return entry == 0u ? kNoVoxel : ((entry - 1u) << 12) | (v.x << 8) | (v.y << 4) | v.z;
 }
 
@@ -163,8 +185,8 @@ uint squared_bits(ivec3 away, vec3 point) {
   precise float squared = q.x * q.x + q.y * q.y + q.z * q.z;
   return floatBitsToUint(squared);
 }
-uint64_t candidate(ivec3 away, vec3 point, uint site) { return pack64(uvec2(site, squared_bits(away, point))); }
-float squared_of(uint64_t nearest) { return uintBitsToFloat(unpack32(nearest).y); }
-uint site_of(uint64_t nearest) { return unpack32(nearest).x; }
+uvec2 candidate(ivec3 away, vec3 point, uint site) { return uvec2(site, squared_bits(away, point)); }
+// Of two that a voxel may know: 64 bits with the distance above, as atomicMin compares them.
+bool is_nearer(uvec2 a, uvec2 b) { return a.y < b.y || (a.y == b.y && a.x < b.x); }
 #endif
 #endif

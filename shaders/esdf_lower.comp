@@ -7,22 +7,24 @@
 #include "shaders/esdf.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { EsdfWavePush push; };
-layout(binding = 0, scalar) readonly buffer List { EsdfEntry list[]; };
+PAIRS(0, list);
 layout(binding = 1, scalar) writeonly buffer Next { EsdfEntry next[]; };
-layout(binding = 2, scalar) buffer Dirty { uint dirty[]; };
+layout(binding = 2, scalar) writeonly buffer Dirty { uint dirty[]; };
+PAIRS(3, nearest);
+WORDS(4, surface);
+WORDS(5, places);
+WORDS(6, table);
+WORDS(7, dirty_blocks);
 
-const float kNear = 1.5;     // voxels: closer to the site than this it is offered to all neighbours
+const float kNear = 1.5;    // voxels: closer to the site than this it is offered to all neighbours
 const float kAside = 0.1;   // an axis along which it lies less far than this share is looked at on both sides
 
-void offer(EsdfEntry entry) {
-  if (entry.site == kNoSite) return;
-  if (push.is_settled == 0u && entry.site != site_of(Nearest(push.field.nearest).v[entry.voxel])) return;
-  Nearest nearest = Nearest(push.field.nearest);
-  Words words = Words(push.field.nearest);  // low: site; high: squared distance
-  uint most_squared = floatBitsToUint(push.field.max_squared);
-  Words surface = Words(push.field.surface);
-  ivec3 voxel = voxel_of(push.field, entry.voxel), away = voxel - voxel_of(push.field, entry.site);
-  vec3 point = site_point(surface.v[entry.site]);
+void offer(uint from, uint site, bool is_settled, uint step, uint capacity) {
+  if (site == kNoSite) return;
+  if (!is_settled && site != nearest_at(nearest, from).x) return;
+  uint most_squared = floatBitsToUint(field.max_squared);
+  ivec3 voxel = voxel_of(places, from), away = voxel - voxel_of(places, site);
+  vec3 point = site_point(surface_at(surface, site));
   vec3 q = vec3(away) - point;
   float most = max(abs(q.x), max(abs(q.y), abs(q.z)));
   bool near = most < kNear;
@@ -40,33 +42,38 @@ void offer(EsdfEntry entry) {
     at.z = at.z + 1 == size.z ? 0 : at.z + 1;  // counts through the box: CPU devices divide lane by lane
     at.y = at.z != 0 ? at.y : at.y + 1 == size.y ? 0 : at.y + 1;
     at.x += (at.y | at.z) == 0 ? 1 : 0;
-    uint squared = squared_bits(away + e, point), neighbour = address_of(push.field, voxel + e);
-    uint theirs = words.v[2u * (neighbour != kNoVoxel ? neighbour : entry.voxel) + 1u];
+    uint squared = squared_bits(away + e, point), neighbour = address_of(table, voxel + e);
+    uvec2 theirs = nearest_at(nearest, neighbour != kNoVoxel ? neighbour : from);
     // What lies as far as theirs is offered, too: theirs may have come in this very step, and then the order of the
     // threads must not decide between the two.
-    bool may_be_nearer = neighbour != kNoVoxel && squared <= theirs && squared < most_squared;
+    bool may_be_nearer = neighbour != kNoVoxel && theirs.x != site && squared <= theirs.y && squared < most_squared;
     bits |= may_be_nearer ? 1u << (9 * e.x + 3 * e.y + e.z + 13) : 0u;
   }
-  bits &= ~(1u << 13);  // itself
   uint taken = 0u;
   for (; bits != 0u; bits &= bits - 1u) {
     int number = findLSB(bits);
     ivec3 e = step_of(number);
-    uint neighbour = address_of(push.field, voxel + e);
-    if (words.v[2u * neighbour] == entry.site) continue;  // it came another way
-    uint64_t offered = candidate(away + e, point, entry.site);
-    taken |= atomicMin(nearest.v[neighbour], offered) > offered ? 1u << number : 0u;
+    uint neighbour = address_of(table, voxel + e);
+    uint64_t offered = pack64(candidate(away + e, point, site));
+    taken |= atomicMin(Nearest(field.nearest).v[neighbour], offered) > offered ? 1u << number : 0u;
   }
   if (taken == 0u) return;
-  uint index = append(push.field, push.step + 1u, uint(bitCount(taken)));
+  uint index = append(step + 1u, uint(bitCount(taken)));
   for (; taken != 0u; taken &= taken - 1u, ++index) {
-    uint neighbour = address_of(push.field, voxel + step_of(findLSB(taken)));
-    if (index < push.capacity) next[index] = EsdfEntry(neighbour, entry.site);
-    if (dirty[neighbour >> 12] == 0u) dirty[neighbour >> 12] = 1u;
+    uint neighbour = address_of(table, voxel + step_of(findLSB(taken)));
+    if (index < capacity) next[index] = EsdfEntry(neighbour, site);
+    if (fetch(dirty_blocks, int(neighbour >> 12)) == 0u) dirty[neighbour >> 12] = 1u;
   }
 }
 
 void main() {
-  uint count = min(push.capacity, Counts(push.field.counts).v[push.step].count);
-  for (uint i = gl_GlobalInvocationID.x; i < count; i += 64u * gl_NumWorkGroups.x) offer(list[i]);
+  field = local(push.field);
+  uvec2 list_address = push.list;
+  uint step = push.step, capacity = push.capacity;
+  bool is_settled = push.is_settled != 0u;
+  uint count = min(capacity, Counts(field.counts).v[step].count);
+  for (uint i = gl_GlobalInvocationID.x; i < count; i += 64u * gl_NumWorkGroups.x) {
+    uvec2 entry = entry_at(list, list_address, i);
+    offer(entry.x, entry.y, is_settled, step, capacity);
+  }
 }

@@ -9,21 +9,22 @@ layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { EsdfWavePush push; };
 layout(binding = 0, scalar) buffer List { EsdfEntry list[]; };
 layout(binding = 1, scalar) buffer Dirty { uint dirty[]; };
+PAIRS(2, nearest);
 
-void settle(uint i) {
+void settle(uint i, uint step) {
   EsdfEntry entry = list[i];
-  uint site = site_of(Nearest(push.field.nearest).v[entry.voxel]);
-  if (push.step == 0u) {
-    Words surface = Words(push.field.surface);
-    surface.v[entry.voxel] &= ~(kQueued | kChanged);
+  uint site = nearest_at(nearest, entry.voxel).x;
+  if (step == 0u) {
+    Words(field.surface).v[entry.voxel] &= ~(kQueued | kChanged);
     list[i].site = site;
   }
   // Of several sites that were offered to a voxel in one step the nearest one goes on.
-  if (push.step != 0u && site != entry.site) list[i].site = kNoSite;
+  if (step != 0u && site != entry.site) list[i].site = kNoSite;
   if (dirty[entry.voxel >> 12] == 0u) dirty[entry.voxel >> 12] = 1u;  // two cores that write to one word wait
 }
 
 void main() {
-  uint count = min(push.capacity, Counts(push.field.counts).v[push.step].count);
-  for (uint i = gl_GlobalInvocationID.x; i < count; i += 64u * gl_NumWorkGroups.x) settle(i);
+  field = local(push.field);
+  uint step = push.step, count = min(push.capacity, Counts(field.counts).v[step].count);
+  for (uint i = gl_GlobalInvocationID.x; i < count; i += 64u * gl_NumWorkGroups.x) settle(i, step);
 }

@@ -12,16 +12,23 @@ layout(binding = 0, scalar) readonly buffer Jobs { EsdfJob jobs[]; };
 layout(binding = 1, scalar) writeonly buffer List { EsdfEntry list[]; };
 layout(binding = 2, scalar) writeonly buffer Dirty { uint dirty[]; };
 layout(binding = 3, scalar) buffer Removed { uint removed; };  // sites that went or moved
+WORDS(4, surface);
+WORDS(5, table);
+POOL(6);
+
+EsdfSitesPush parameters;  // but for `field`
 
 const float kSlack = 1.25;  // a site stays until the surface is so much farther than where one would come
 const float kMargin = 0.02;  // voxels
 const float kSteep = 1.5;    // times the slope of a surface seen straight on
 const float kNearSurface = 0.7;  // truncations: a cell that the surface passes has a corner that is as near
 
+uint tsdf_word(uint i) { return voxel_in(parameters.voxels, i).x; }
+
 // What a voxel of the field is made of: the new word of `surface`. `shifts` 2: cells that begin one TSDF voxel earlier are
 // looked at, too.
 uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
-  int scale_voxels = 1 << push.scale_bits, cell_bits = max(0, int(push.scale_bits) - 1), cells = 1 << (3 * cell_bits);
+  int scale_voxels = 1 << parameters.scale_bits, cell_bits = max(0, int(parameters.scale_bits) - 1), cells = 1 << (3 * cell_bits);
   bool is_finest = scale_voxels == 1;
   float scale = float(scale_voxels);
   // In TSDF voxels: the centre of the voxel of the field, and how far from a cell's own centre its part of it reaches.
@@ -30,16 +37,15 @@ uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
   float best = 1e9, height = 0.0, sum = 0.0;
   vec3 normal = vec3(0.0, 0.0, 1.0);
   int observed = 0, mask = (1 << cell_bits) - 1;
-  uint least = least_weight(push.min_weight);
-  Voxels pool = Voxels(push.voxels);
+  uint least = least_weight(parameters.min_weight);
   for (int i = 0; i < cells * shifts; ++i) {
     bool is_shifted = i >= cells;
     ivec3 cell = ivec3(i >> (2 * cell_bits), (i >> cell_bits) & mask, i & mask);
     ivec3 own = at * scale_voxels + 2 * cell, low = clamp(own - (is_shifted ? 1 : 0), 0, 6);
     uint from = ((job.slot == kNoSlot ? 0u : job.slot) << 9) | uint((low.x << 6) | (low.y << 3) | low.z);
-    uint w000 = pool.v[from].x, w001 = pool.v[from + 1u].x, w010 = pool.v[from + 8u].x, w011 = pool.v[from + 9u].x;
-    uint w100 = pool.v[from + 64u].x, w101 = pool.v[from + 65u].x, w110 = pool.v[from + 72u].x,
-         w111 = pool.v[from + 73u].x;
+    uint w000 = tsdf_word(from), w001 = tsdf_word(from + 1u), w010 = tsdf_word(from + 8u), w011 = tsdf_word(from + 9u);
+    uint w100 = tsdf_word(from + 64u), w101 = tsdf_word(from + 65u), w110 = tsdf_word(from + 72u),
+         w111 = tsdf_word(from + 73u);
     uint weight = min(min(min(w000, w001), min(w010, w011)), min(min(w100, w101), min(w110, w111))) >> 16;
     vec4 a = vec4(voxel_distance(w000), voxel_distance(w001), voxel_distance(w010), voxel_distance(w011));
     vec4 b = vec4(voxel_distance(w100), voxel_distance(w101), voxel_distance(w110), voxel_distance(w111));
@@ -56,7 +62,7 @@ uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
     vec4 smallest = min(a, b), largest = max(a, b);
     bool is_crossed = min(min(smallest.x, smallest.y), min(smallest.z, smallest.w)) < 0.0 &&
                       max(max(largest.x, largest.y), max(largest.z, largest.w)) >= 0.0;
-    bool passes = weight >= least && slope > 1e-3 && (is_crossed || !is_finest || slope <= kSteep * push.slope) &&
+    bool passes = weight >= least && slope > 1e-3 && (is_crossed || !is_finest || slope <= kSteep * parameters.slope) &&
                   abs(at_part) * inverse <= reach * (abs(gradient.x) + abs(gradient.y) + abs(gradient.z)) * inverse + kMargin;
     bool is_better = passes && away < best;
     best = is_better ? away : best;
@@ -69,7 +75,7 @@ uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
   bool has = best < 1e8 && abs(height) <= 1.0, had = (old & kHasSurface) != 0u;
   uint word = has ? pack_site(height, normal) : 0u;
   vec3 moved = site_point(word) - site_point(old);
-  bool stays = had && has && dot(moved, moved) <= push.tolerance * push.tolerance;
+  bool stays = had && has && dot(moved, moved) <= parameters.tolerance * parameters.tolerance;
   word = stays ? old & kSiteBits : word;
   bool is_changed = had != has || (had && has && !stays);
   word |= (state << kStateShift) | (is_changed ? kChanged | kQueued : 0u);
@@ -79,15 +85,14 @@ uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
 // Whether the surface may pass a voxel: some corner of its cells is near to it, or was not observed beside others that
 // were. `is_cut`: it may pass between its cells and the ones before them. `state` as surface_of finds it.
 bool may_have_surface(EsdfJob job, ivec3 at, out bool is_cut, out uint state) {
-  int scale_voxels = 1 << push.scale_bits, cell_bits = max(0, int(push.scale_bits) - 1), cells = 1 << (3 * cell_bits);
+  int scale_voxels = 1 << parameters.scale_bits, cell_bits = max(0, int(parameters.scale_bits) - 1), cells = 1 << (3 * cell_bits);
   int mask = (1 << cell_bits) - 1, sum = 0, observed = 0, least = int(kDistanceUnits);
-  Voxels pool = Voxels(push.voxels);
   is_cut = false;
   for (int i = 0; i < cells; ++i) {
     ivec3 low = min(at * scale_voxels + 2 * ivec3(i >> (2 * cell_bits), (i >> cell_bits) & mask, i & mask), 6);
     uint from = ((job.slot == kNoSlot ? 0u : job.slot) << 9) | uint((low.x << 6) | (low.y << 3) | low.z);
-    ivec4 a = ivec4(pool.v[from].x, pool.v[from + 1u].x, pool.v[from + 8u].x, pool.v[from + 9u].x);
-    ivec4 b = ivec4(pool.v[from + 64u].x, pool.v[from + 65u].x, pool.v[from + 72u].x, pool.v[from + 73u].x);
+    ivec4 a = ivec4(tsdf_word(from), tsdf_word(from + 1u), tsdf_word(from + 8u), tsdf_word(from + 9u));
+    ivec4 b = ivec4(tsdf_word(from + 64u), tsdf_word(from + 65u), tsdf_word(from + 72u), tsdf_word(from + 73u));
     ivec4 da = (a << 16) >> 16, db = (b << 16) >> 16, wa = (a >> 16) & 0xffff, wb = (b >> 16) & 0xffff;
     ivec4 both = min(abs(da), abs(db)), total = da + db, lowest = min(wa, wb), highest = max(wa, wb);
     least = min(least, min(min(both.x, both.y), min(both.z, both.w)));
@@ -109,27 +114,35 @@ struct Column {
   uint address;  // of that; kNoVoxel: nothing to do
 };
 Column column_of(int column) {
-  int bits = 3 - int(push.scale_bits), side = 1 << bits;
-  int index = (int(group_index()) << (6 + int(push.scale_bits))) + (column << 6) + int(gl_LocalInvocationID.x);
+  int bits = 3 - int(parameters.scale_bits), side = 1 << bits;
+  int index = (int(group_index()) << (6 + int(parameters.scale_bits))) + (column << 6) + int(gl_LocalInvocationID.x);
   int brick = index >> (2 * bits);
   Column c;
-  c.job = jobs[min(brick, int(push.jobs) - 1)];
+  c.job = jobs[min(brick, int(parameters.jobs) - 1)];
   c.at = ivec3((index >> bits) & (side - 1), index & (side - 1), 0);
-  c.address = brick < int(push.jobs) ? address_of(push.field, c.job.brick * side + c.at) : kNoVoxel;
+  c.address = brick < int(parameters.jobs) ? address_of(table, c.job.brick * side + c.at) : kNoVoxel;
   return c;
 }
 
 void main() {
-  int bits = 3 - int(push.scale_bits), side = 1 << bits;
+  field = local(push.field);
+  parameters.voxels = push.voxels;
+  parameters.jobs = push.jobs;
+  parameters.scale_bits = push.scale_bits;
+  parameters.min_weight = push.min_weight;
+  parameters.slope = push.slope;
+  parameters.tolerance = push.tolerance;
+  parameters.capacity = push.capacity;
+  int bits = 3 - int(parameters.scale_bits), side = 1 << bits;
   uint changed = 0u, gone = 0u, closer = 0u, cut = 0u;  // by voxel of this thread
-  Words surface = Words(push.field.surface);
-  for (int column = 0; column < 1 << push.scale_bits; ++column) {
+  Words surface_words = Words(field.surface);
+  for (int column = 0; column < 1 << parameters.scale_bits; ++column) {
     Column c = column_of(column);
     bool is_there = c.address != kNoVoxel, has_voxels = is_there && c.job.slot != kNoSlot;
     for (int z = 0; z < side; ++z) {
       uint bit = 1u << ((column << bits) + z);
       bool is_cut;
-      uint old = surface.v[is_there ? c.address + uint(z) : 0u], state;
+      uint old = surface_at(surface, is_there ? c.address + uint(z) : 0u), state;
       bool is_close = may_have_surface(c.job, c.at + ivec3(0, 0, z), is_cut, state) && has_voxels;
       closer |= is_close ? bit : 0u;
       cut |= is_close && is_cut ? bit : 0u;
@@ -137,7 +150,7 @@ void main() {
       uint word = ((has_voxels ? state : c.job.state) << kStateShift) | (is_gone ? kChanged | kQueued : 0u);
       bool is_new = is_there && !is_close && word != old;
       if (is_new) {
-        surface.v[c.address + uint(z)] = word;
+        surface_words.v[c.address + uint(z)] = word;
         dirty[c.address >> 12] = 1u;
       }
       changed |= is_new && is_gone ? bit : 0u;
@@ -147,11 +160,11 @@ void main() {
   for (; closer != 0u; closer &= closer - 1u) {
     int i = findLSB(closer);
     Column c = column_of(i >> bits);
-    uint z = uint(i & (side - 1)), address = c.address + z, old = surface.v[address];
+    uint z = uint(i & (side - 1)), address = c.address + z, old = surface_at(surface, address);
     // A surface that is seen at a grazing angle may lie between what is in front of all and one voxel behind it.
     uint word = surface_of(c.job, c.at + ivec3(0, 0, z), old, (cut >> i & 1u) != 0u ? 2 : 1);
     if (word != old) {
-      surface.v[address] = word;
+      surface_words.v[address] = word;
       dirty[address >> 12] = 1u;
     }
     changed |= (word & kChanged) != 0u ? 1u << i : 0u;
@@ -160,11 +173,11 @@ void main() {
   if (gone != 0u) removed = 1u;
   for (; changed != 0u; changed &= changed - 1u) {
     int i = findLSB(changed);
-    uint address = column_of(i >> bits).address + uint(i & (side - 1)), word = surface.v[address];
-    uint64_t own = candidate(ivec3(0), site_point(word), address);
-    Nearest nearest = Nearest(push.field.nearest);
-    if ((word & kHasSurface) != 0u && own < nearest.v[address]) nearest.v[address] = own;
-    uint index = append(push.field, 0u, 1u);
-    if (index < push.capacity) list[index] = EsdfEntry(address, kNoSite);
+    uint address = column_of(i >> bits).address + uint(i & (side - 1)), word = surface_words.v[address];
+    uvec2 own = candidate(ivec3(0), site_point(word), address);
+    Pairs nearest = Pairs(field.nearest);
+    if ((word & kHasSurface) != 0u && is_nearer(own, nearest.v[address])) nearest.v[address] = own;
+    uint index = append(0u, 1u);
+    if (index < parameters.capacity) list[index] = EsdfEntry(address, kNoSite);
   }
 }

@@ -29,6 +29,12 @@ constexpr std::size_t kBlocksAtOnce = 1024;    // distances that go to the host:
 
 constexpr shader::EsdfCount kNothing{.groups = 0, .one_y = 1, .one_z = 1, .count = 0};
 
+/// Specialisation constants: kFieldInTexels of shaders/esdf.h and kPoolInTexels of shaders/pool.h.
+std::array<float, 5> constants(bool in_texels) {
+  const float value = in_texels ? 1.0f : 0.0f;
+  return {value, 0, 0, 0, value};
+}
+
 float voxel_size_for(const FuseOptions& fuse, const EsdfOptions& options) {
   return options.voxel_size > 0 ? options.voxel_size : 2 * fuse.voxel_size;
 }
@@ -43,20 +49,34 @@ int esdf_scale(const FuseOptions& fuse, const EsdfOptions& options) {
                            " m: take 1, 2, 4 or 8 times the map's " + std::to_string(fuse.voxel_size) + " m");
 }
 
-Esdf::Esdf(gpu::Device& device, const FuseOptions& fuse, const EsdfOptions& options)
+Esdf::Kernels::Kernels(gpu::Device& device, bool texels)
+    : in_texels(texels),
+      sites(device, "esdf_sites", esdf_sites_comp, constants(texels)),
+      check(device, "esdf_check", esdf_check_comp, constants(texels)),
+      raise(device, "esdf_raise", esdf_raise_comp, constants(texels)),
+      settle(device, "esdf_settle", esdf_settle_comp, constants(texels)),
+      lower(device, "esdf_lower", esdf_lower_comp, constants(texels)),
+      distance(device, "esdf_distance", esdf_distance_comp, constants(texels)) {}
+
+Esdf::Esdf(gpu::Device& device, const FuseOptions& fuse, const EsdfOptions& options, std::uint64_t most_texels)
     : device_(device),
       fuse_(fuse),
       options_(options),
       scale_(esdf_scale(fuse, options)),
       voxel_size_(static_cast<float>(scale_) * fuse.voxel_size),
-      sites_(device, "esdf_sites", esdf_sites_comp),
-      check_(device, "esdf_check", esdf_check_comp),
-      raise_(device, "esdf_raise", esdf_raise_comp),
-      settle_(device, "esdf_settle", esdf_settle_comp),
-      lower_(device, "esdf_lower", esdf_lower_comp),
-      distance_(device, "esdf_distance", esdf_distance_comp),
+      most_texels_(most_texels != 0 ? std::min(most_texels, device.max_texels()) : device.max_texels()),
       counts_(device, (kSteps + 1) * sizeof(shader::EsdfCount)),
       removed_(device, 4) {}
+
+/// Others when the field has outgrown the texels of the device.
+void Esdf::choose_kernels(bool is_volume_in_texels) {
+  const std::uint64_t most = std::max(capacity_ * std::uint64_t{shader::kEsdfVoxels}, std::uint64_t{list_capacity_});
+  const bool in_texels = most <= most_texels_ && is_volume_in_texels;
+  if (!kernels_ || kernels_->in_texels != in_texels) kernels_.emplace(device_, in_texels);
+}
+
+/// What to bind where a kernel has texels: any buffer where it does not read them.
+const gpu::Buffer* Esdf::texels(const gpu::Buffer& buffer) const { return kernels_->in_texels ? &buffer : &counts_; }
 
 shader::EsdfView Esdf::view() const {
   const float reach = options_.max_distance / voxel_size_;
@@ -98,11 +118,12 @@ Esdf::Updated Esdf::update(std::span<const Brick> changed, const Volume* volume,
   reserve(here);
   reserve(elsewhere);
   if (slot_of_.empty()) return {};
+  choose_kernels(volume == nullptr || volume->is_read_as_texels());
 
   gpu::Batch batch(device_);
   batch.upload(counts_, std::vector<shader::EsdfCount>(kSteps + 1, kNothing));
   batch.fill(removed_, 0);
-  if (!here.empty()) find_sites(batch, here, volume->view().voxels);
+  if (!here.empty()) find_sites(batch, here, volume->voxels());
   for (std::size_t begin = 0; begin < elsewhere.size(); begin += kJobsAtOnce) {
     batch.submit();  // no buffer grows while it is in use
     const auto jobs = std::span(elsewhere).subspan(begin, std::min(kJobsAtOnce, elsewhere.size() - begin));
@@ -114,26 +135,26 @@ Esdf::Updated Esdf::update(std::span<const Brick> changed, const Volume* volume,
       batch.upload(voxels_, std::span(voxels[begin + i], 512), slot * sizeof(BrickVoxels));
       jobs[i].slot = slot++;
     }
-    find_sites(batch, jobs, shader::address(voxels_));
+    find_sites(batch, jobs, voxels_);
   }
   return spread(batch, false);
 }
 
-void Esdf::find_sites(gpu::Batch& batch, std::span<const shader::EsdfJob> jobs, shader::uvec2 voxels) {
+void Esdf::find_sites(gpu::Batch& batch, std::span<const shader::EsdfJob> jobs, const gpu::Buffer& voxels) {
   if (jobs_.size() < jobs.size_bytes()) jobs_ = gpu::Buffer(device_, 2 * jobs.size_bytes());
   const auto side = static_cast<std::uint32_t>(8 / scale_);
   const auto count = static_cast<std::uint32_t>(jobs.size());
   batch.upload(jobs_, jobs);
-  sites_(batch, {(count * side * side * side + 7) / 8, 1, 1},
+  kernels_->sites(batch, {(count * side * side * side + 7) / 8, 1, 1},
          {.field = view(),
-          .voxels = voxels,
+          .voxels = shader::address(voxels),
           .jobs = count,
           .scale_bits = static_cast<std::uint32_t>(std::countr_zero(static_cast<unsigned>(scale_))),
           .min_weight = fuse_.min_mesh_weight,
           .slope = fuse_.voxel_size / fuse_.truncation,
           .tolerance = kTolerance,
           .capacity = list_capacity_},
-         {&jobs_, &list_[0], &dirty_, &removed_});
+         {&jobs_, &list_[0], &dirty_, &removed_, texels(surface_), texels(table_), texels(voxels)});
 }
 
 /// Makes blocks for what was observed and what lies between it, since a wave may have to cross what nobody saw: a block
@@ -268,13 +289,20 @@ Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
   if (blocks.empty() && updated.sites == 0) return updated;
   batch.upload(check_list_, blocks);
   const auto count = static_cast<std::uint32_t>(blocks.size());
-  check_(batch, {64 * count, 1, 1}, {.field = view(), .capacity = list_capacity_, .blocks = count},
-         {&check_list_, &list_[0]});
+  kernels_->check(batch, {64 * count, 1, 1}, {.field = view(), .capacity = list_capacity_, .blocks = count},
+                  {&check_list_, &list_[0], texels(nearest_), texels(surface_), texels(blocks_)});
+  const shader::EsdfWavePush first{
+      .field = view(), .list = shader::address(list_[0]), .step = 0, .capacity = list_capacity_};
   if (!restart)
-    raise_.indirect(batch, counts_, 0, {.field = view(), .step = 0, .capacity = list_capacity_}, {&list_[0]});
-  settle_.indirect(batch, counts_, 0, {.field = view(), .step = 0, .capacity = list_capacity_}, {&list_[0], &dirty_});
+    kernels_->raise.indirect(
+        batch, counts_, 0, first,
+        {texels(list_[0]), texels(nearest_), texels(surface_), texels(blocks_), texels(table_)});
+  kernels_->settle.indirect(batch, counts_, 0, first, {&list_[0], &dirty_, texels(nearest_)});
   if (run_waves(batch, updated)) return updated;
-  if (restart) resize_lists(2 * list_capacity_);  // a surface of many crumbs: its waves are broad
+  if (restart) {  // a surface of many crumbs: its waves are broad
+    resize_lists(2 * list_capacity_);
+    choose_kernels(kernels_->in_texels);
+  }
   Updated again = rebuild();
   again.sites = updated.sites;
   return again;
@@ -288,12 +316,19 @@ bool Esdf::run_waves(gpu::Batch& batch, Updated& updated) {
       // Settling each step makes the result independent of the threads' order. Between frames that would cost a tenth,
       // and nobody writes that field to a file.
       const gpu::Buffer &now = list_[step & 1], &next = list_[(step + 1) & 1];
-      lower_.indirect(batch, counts_, step * sizeof(shader::EsdfCount),
-                      {.field = view(), .step = step, .capacity = list_capacity_, .is_settled = updated.rebuilt},
-                      {&now, &next, &dirty_});
+      kernels_->lower.indirect(batch, counts_, step * sizeof(shader::EsdfCount),
+                               {.field = view(),
+                                .list = shader::address(now),
+                                .step = step,
+                                .capacity = list_capacity_,
+                                .is_settled = updated.rebuilt},
+                               {texels(now), &next, &dirty_, texels(nearest_), texels(surface_), texels(blocks_),
+                                texels(table_), &dirty_});
       if (updated.rebuilt)
-        settle_.indirect(batch, counts_, (step + 1) * sizeof(shader::EsdfCount),
-                         {.field = view(), .step = step + 1, .capacity = list_capacity_}, {&next, &dirty_});
+        kernels_->settle.indirect(
+            batch, counts_, (step + 1) * sizeof(shader::EsdfCount),
+            {.field = view(), .list = shader::address(next), .step = step + 1, .capacity = list_capacity_},
+            {&next, &dirty_, texels(nearest_)});
     }
     batch.download(counts_, counts);
     batch.run();
@@ -340,9 +375,9 @@ std::shared_ptr<const DistanceField> Esdf::field() {
     std::vector<DistanceField::Block> distances(some.size());
     gpu::Batch batch(device_);
     batch.upload(check_list_, std::span<const std::uint32_t>(some));
-    distance_(batch, {64 * count, 1, 1},
+    kernels_->distance(batch, {64 * count, 1, 1},
               {.field = view(), .voxel_size = voxel_size_, .max_distance = options_.max_distance, .blocks = count},
-              {&check_list_, &distances_});
+              {&check_list_, &distances_, texels(nearest_), texels(surface_), texels(blocks_)});
     batch.download(distances_, distances);
     batch.run();
     for (std::size_t i = 0; i < some.size(); ++i) {

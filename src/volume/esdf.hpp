@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
 #include <memory>
+#include <optional>
 #include <span>
 #include <unordered_map>
 #include <unordered_set>
@@ -24,7 +25,8 @@ namespace cairn {
 class Esdf {
  public:
   /// Throws std::runtime_error when the voxel size is not 1, 2, 4 or 8 voxels of the TSDF.
-  Esdf(gpu::Device& device, const FuseOptions& fuse, const EsdfOptions& options);
+  /// A field of more voxels than `most_texels` is read by address; 0: as the device says.
+  Esdf(gpu::Device& device, const FuseOptions& fuse, const EsdfOptions& options, std::uint64_t most_texels = 0);
 
   struct Updated {
     int sites = 0;   // voxels in which a site came, went or moved
@@ -47,12 +49,22 @@ class Esdf {
 
  private:
   using Block = Eigen::Vector3i;  // voxel / 16
+  struct Kernels {
+    Kernels(gpu::Device& device, bool in_texels);
+    bool in_texels;  // or the field and the volume are read by address
+    gpu::Kernel<shader::EsdfSitesPush> sites;
+    gpu::Kernel<shader::EsdfCheckPush> check;
+    gpu::Kernel<shader::EsdfWavePush> raise, settle, lower;
+    gpu::Kernel<shader::EsdfDistancePush> distance;
+  };
   Updated update(std::span<const Brick> changed, const Volume* volume, const BrickTree& map);
   void reserve(std::span<const shader::EsdfJob> jobs);
   void allocate(const std::vector<Block>& blocks);
   void resize(std::uint32_t capacity);
   void resize_lists(std::uint32_t capacity);
-  void find_sites(gpu::Batch& batch, std::span<const shader::EsdfJob> jobs, shader::uvec2 voxels);
+  void choose_kernels(bool is_volume_in_texels);
+  void find_sites(gpu::Batch& batch, std::span<const shader::EsdfJob> jobs, const gpu::Buffer& voxels);
+  [[nodiscard]] const gpu::Buffer* texels(const gpu::Buffer& buffer) const;
   Updated spread(gpu::Batch& batch, bool restart);
   [[nodiscard]] bool run_waves(gpu::Batch& batch, Updated& updated);
   [[nodiscard]] shader::EsdfView view() const;
@@ -62,10 +74,8 @@ class Esdf {
   EsdfOptions options_;
   int scale_;         // TSDF voxels a voxel
   float voxel_size_;  // metres
-  gpu::Kernel<shader::EsdfSitesPush> sites_;
-  gpu::Kernel<shader::EsdfCheckPush> check_;
-  gpu::Kernel<shader::EsdfWavePush> raise_, settle_, lower_;
-  gpu::Kernel<shader::EsdfDistancePush> distance_;
+  std::uint64_t most_texels_;
+  std::optional<Kernels> kernels_;
 
   std::uint32_t capacity_ = 0, table_bits_ = 0, list_capacity_ = 0;  // blocks; voxels
   gpu::Buffer nearest_, surface_, blocks_, table_, dirty_, list_[2], counts_, removed_, jobs_, voxels_, check_list_,
