@@ -90,6 +90,34 @@ struct EsdfWavePush {
   uint is_settled;  // esdf_settle came before
 };
 
+// A box of cells, one a voxel, with z fastest.
+struct EsdfBoxPush {
+  EsdfView field;
+  ivec3 first;  // voxel
+  ivec3 size;
+  ivec3 low;    // voxels from here on, up to `high`, take what was found
+  ivec3 high;
+  uint blocks;
+  uint capacity;  // of the list
+};
+
+struct EsdfLinesPush {
+  EsdfView field;
+  ivec3 first;  // of the box
+  ivec3 size;
+  uint axis;    // of the lines
+  uint row;     // the lines of `rows` layers across x; across y for those along x
+  uint rows;
+};
+
+// A site as its line sees it.
+struct Parabola {
+  uint site;    // address
+  float start;  // of the part of the line to which it is the nearest; -1 of the first
+  float at;     // on the line, voxels
+  float over;   // squared distance from the line
+};
+
 struct EsdfDistancePush {
   EsdfView field;
   float voxel_size;    // metres
@@ -131,6 +159,10 @@ const uint kNoVoxel = 0xffffffffu;
 bool is_far(uvec2 nearest) { return nearest.x == kNoVoxel; }
 
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Counts { EsdfCount v[]; };
+
+bool is_in_box(ivec3 cell, ivec3 size) { return all(greaterThanEqual(cell, ivec3(0))) && all(lessThan(cell, size)); }
+uint cell_index(ivec3 cell, ivec3 size) { return uint((cell.x * size.y + cell.y) * size.z + cell.z); }
+ivec3 face_of(int i) { int s = 1 - 2 * (i & 1), a = i >> 1; return ivec3(a == 0 ? s : 0, a == 1 ? s : 0, a == 2 ? s : 0); }
 
 // Places in the list of a step; returns the first.
 uint append(uint step, uint places) {

@@ -13,8 +13,6 @@ WORDS(2, surface);
 WORDS(3, places);
 WORDS(4, table);
 
-ivec3 face_of(int i) { int s = 1 - 2 * (i & 1), a = i >> 1; return ivec3(a == 0 ? s : 0, a == 1 ? s : 0, a == 2 ? s : 0); }
-
 void take_over(uint address) {
   ivec3 voxel = voxel_of(places, address);
   uvec2 best = nearest_at(nearest, address);

@@ -11,8 +11,11 @@
 
 #include "spirv/esdf_check.comp.h"
 #include "spirv/esdf_distance.comp.h"
+#include "spirv/esdf_lines.comp.h"
 #include "spirv/esdf_lower.comp.h"
+#include "spirv/esdf_nearest.comp.h"
 #include "spirv/esdf_raise.comp.h"
+#include "spirv/esdf_seed.comp.h"
 #include "spirv/esdf_settle.comp.h"
 #include "spirv/esdf_sites.comp.h"
 
@@ -24,6 +27,8 @@ constexpr float kGap = 0.8f;                   // metres
 constexpr std::uint32_t kFirstCapacity = 256;  // blocks: 12 MiB
 constexpr std::uint32_t kSteps = 24;           // of the wave before the host looks whether it has ended; even
 constexpr std::uint32_t kMaxTableBits = 8;     // 256 blocks a side
+constexpr std::uint64_t kMostCells = 1 << 25;  // of the boxes that a field is made anew in: 256 MiB
+constexpr std::uint64_t kStackCells = 1 << 20;  // 16 MiB
 constexpr std::size_t kJobsAtOnce = 4096;      // bricks from the host: 16 MiB
 constexpr std::size_t kBlocksAtOnce = 1024;    // distances that go to the host: 16 MiB
 
@@ -56,7 +61,10 @@ Esdf::Kernels::Kernels(gpu::Device& device, bool texels)
       raise(device, "esdf_raise", esdf_raise_comp, constants(texels)),
       settle(device, "esdf_settle", esdf_settle_comp, constants(texels)),
       lower(device, "esdf_lower", esdf_lower_comp, constants(texels)),
-      distance(device, "esdf_distance", esdf_distance_comp, constants(texels)) {}
+      distance(device, "esdf_distance", esdf_distance_comp, constants(texels)),
+      seed(device, "esdf_seed", esdf_seed_comp, constants(texels)),
+      nearest(device, "esdf_nearest", esdf_nearest_comp, constants(texels)),
+      lines(device, "esdf_lines", esdf_lines_comp, constants(texels)) {}
 
 Esdf::Esdf(gpu::Device& device, const FuseOptions& fuse, const EsdfOptions& options, std::uint64_t most_texels)
     : device_(device),
@@ -263,6 +271,81 @@ Esdf::Updated Esdf::rebuild() {
   return spread(batch, true);
 }
 
+/// All distances anew, by the separable transform (Felzenszwalb & Huttenlocher 2012), an order of magnitude faster than
+/// waves, in boxes along the longest axis. False where a box would be too large.
+bool Esdf::transform(Updated& updated) {
+  if (!kernels_->in_texels) return false;
+  const Eigen::Vector3i low = static_cast<int>(shader::kEsdfSide) * box_.min(),
+                        high = static_cast<int>(shader::kEsdfSide) * (box_.max() + Block::Ones());
+  const Eigen::Vector3i size = high - low;
+  const std::uint64_t most = std::min(kMostCells, most_texels_);
+  int axis = 0;
+  size.maxCoeff(&axis);
+  const int reach = static_cast<int>(std::ceil(options_.max_distance / voxel_size_)) + 2;
+  const auto layer = size.cast<std::uint64_t>().prod() / static_cast<std::uint64_t>(size[axis]);
+  const auto layers = static_cast<int>(std::min(most / layer, static_cast<std::uint64_t>(size[axis])));
+  const int step = layers == size[axis] ? layers : layers - 2 * reach;
+  if (step < std::min(reach, size[axis])) return false;
+
+  const gpu::Buffer cells[2] = {{device_, 4 * layer * static_cast<std::uint64_t>(layers)},
+                                {device_, 4 * layer * static_cast<std::uint64_t>(layers)}};
+  const auto largest_layer = size.cast<std::uint64_t>().prod() / static_cast<std::uint64_t>(size.minCoeff());
+  const gpu::Buffer stack(device_, sizeof(shader::Parabola) * std::max(kStackCells, largest_layer));
+  for (int at = low[axis]; at < high[axis]; at += step) {
+    Eigen::AlignedBox3i asked(low, high), box(low, high);
+    asked.min()[axis] = at, asked.max()[axis] = std::min(at + step, high[axis]);
+    box.min()[axis] = std::max(at - reach, low[axis]), box.max()[axis] = std::min(at + step + reach, high[axis]);
+    transform(box, asked, cells, stack);
+  }
+  gpu::Batch batch(device_);
+  batch.fill(dirty_, 1, 0, 4 * block_of_.size());
+  return run_waves(batch, updated);
+}
+
+/// Of the voxels of `asked`; sites outside of `box` are too far from them. Both without their upper corners.
+void Esdf::transform(const Eigen::AlignedBox3i& box, const Eigen::AlignedBox3i& asked, const gpu::Buffer (&cells)[2],
+                     const gpu::Buffer& stack) {
+  std::vector<std::uint32_t> blocks;
+  for (std::size_t slot = 0; slot < block_of_.size(); ++slot) {
+    const Eigen::Vector3i corner = static_cast<int>(shader::kEsdfSide) * block_of_[slot];
+    const Eigen::Vector3i end = corner.array() + static_cast<int>(shader::kEsdfSide);
+    if ((corner.array() < box.max().array()).all() && (end.array() > box.min().array()).all())
+      blocks.push_back(static_cast<std::uint32_t>(slot));
+  }
+  const Eigen::Vector3i size = box.sizes();
+  const auto count = static_cast<std::uint32_t>(blocks.size());
+  const shader::EsdfBoxPush push{.field = view(),
+                                 .first = box.min(),
+                                 .size = size,
+                                 .low = asked.min(),
+                                 .high = asked.max(),
+                                 .blocks = count,
+                                 .capacity = list_capacity_};
+  gpu::Batch batch(device_);
+  batch.upload(check_list_, blocks);
+  batch.fill(cells[0], shader::kNoSite);
+  kernels_->seed(batch, {64 * count, 1, 1}, push, {&check_list_, &cells[0], &surface_, &blocks_});
+  for (const int axis : {2, 1, 0}) {
+    const gpu::Buffer &from = cells[axis & 1], &to = cells[1 - (axis & 1)];
+    const int across = axis == 2 ? size.y() : size.z(), rows = axis == 0 ? size.y() : size.x();
+    const auto row_cells = static_cast<std::uint64_t>(across) * static_cast<std::uint64_t>(size[axis]);
+    const int together = static_cast<int>(std::clamp<std::uint64_t>(kStackCells / row_cells, 1, 65535));
+    for (int row = 0; row < rows; row += together) {
+      const auto some = static_cast<std::uint32_t>(std::min(together, rows - row));
+      kernels_->lines(batch, {static_cast<std::uint32_t>(across), some, 1},
+                      {.field = view(),
+                       .first = box.min(),
+                       .size = size,
+                       .axis = static_cast<std::uint32_t>(axis),
+                       .row = static_cast<std::uint32_t>(row),
+                       .rows = some},
+                      {&from, &to, &stack, &surface_, &blocks_});
+    }
+  }
+  kernels_->nearest(batch, {64 * count, 1, 1}, push, {&check_list_, &list_[0], &cells[1], &surface_, &blocks_});
+  batch.run();
+}
+
 /// From the changed sites in the list to distances.
 Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
   Updated updated;
@@ -276,8 +359,14 @@ Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
     restart = counts[0].count > list_capacity_ || 2 * (block_of_.size() - settled_) > block_of_.size();
   }
   updated.rebuilt = restart;
-  if (restart) {  // the list begins anew with all sites
+  if (restart) {  // the list begins anew
     counts[0] = kNothing;
+    batch.upload(counts_, counts);
+    batch.run();
+    if (transform(updated)) {
+      settled_ = block_of_.size();
+      return updated;
+    }
     batch.upload(counts_, counts);
   }
   std::vector<std::uint32_t> blocks;

@@ -56,6 +56,8 @@ class Esdf {
     gpu::Kernel<shader::EsdfCheckPush> check;
     gpu::Kernel<shader::EsdfWavePush> raise, settle, lower;
     gpu::Kernel<shader::EsdfDistancePush> distance;
+    gpu::Kernel<shader::EsdfBoxPush> seed, nearest;
+    gpu::Kernel<shader::EsdfLinesPush> lines;
   };
   Updated update(std::span<const Brick> changed, const Volume* volume, const BrickTree& map);
   void reserve(std::span<const shader::EsdfJob> jobs);
@@ -66,6 +68,9 @@ class Esdf {
   void find_sites(gpu::Batch& batch, std::span<const shader::EsdfJob> jobs, const gpu::Buffer& voxels);
   [[nodiscard]] const gpu::Buffer* texels(const gpu::Buffer& buffer) const;
   Updated spread(gpu::Batch& batch, bool restart);
+  [[nodiscard]] bool transform(Updated& updated);
+  void transform(const Eigen::AlignedBox3i& box, const Eigen::AlignedBox3i& asked, const gpu::Buffer (&cells)[2],
+                 const gpu::Buffer& stack);
   [[nodiscard]] bool run_waves(gpu::Batch& batch, Updated& updated);
   [[nodiscard]] shader::EsdfView view() const;
 

@@ -156,10 +156,28 @@ TEST(Esdf, IsTheSameWhereItIsReadByAddress) {
     EXPECT_EQ(texels.update(*map, with.bricks()).sites, addresses.update(*map, with.bricks()).sites);
     const Difference d = difference(*texels.field(), *addresses.field());
     EXPECT_EQ(d.states, 0);
-    EXPECT_LT(d.max, 0.3);  // between rebuilds the order of the threads may decide
+    EXPECT_LT(d.mean, 0.002);  // one of them is made anew by waves alone
+    EXPECT_LT(d.max, 0.3);
   }
-  texels.rebuild(), addresses.rebuild();
-  EXPECT_EQ(blocks_that_differ(*texels.field(), *addresses.field()), 0u);
+}
+
+TEST(Esdf, IsMadeAnewInPartsWhereItsBoxIsLarge) {
+  BrickTree map;
+  for (const float at : {0.0f, 6.0f, -9.0f}) {
+    const Eigen::Vector3f centre(at, -at / 2, at / 3);
+    const BrickTree part = distance_bricks(kFuse, centre + kLow, centre + kHigh,
+                                           [&](const Eigen::Vector3f& p) { return (p - centre).norm() - 0.3f; });
+    for (const Brick& brick : part.bricks()) map.put(brick, std::span<const std::uint64_t, 512>(part.find(brick), 512));
+  }
+  // Nine million cells in parts of four million, which begin and end in the midst of the balls.
+  const EsdfOptions options{.max_distance = 0.4f};
+  Esdf whole(test_device(), kFuse, options), parts(test_device(), kFuse, options, 1 << 22);
+  whole.update(map, map.bricks()), parts.update(map, map.bricks());
+  EXPECT_EQ(whole.rebuild().steps, parts.rebuild().steps);
+  const Difference d = difference(*whole.field(), *parts.field());
+  EXPECT_GT(d.voxels, 200000);
+  EXPECT_EQ(d.states, 0);
+  EXPECT_LT(d.max, 0.02);  // lengths are rounded from another corner: of two sites as near the other one may be found
 }
 
 /// Crumbs of one voxel, strewn about: few kinds of patches, and so many voxels that are equally far from two of them.
