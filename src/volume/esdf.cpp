@@ -27,6 +27,7 @@ constexpr float kGap = 0.8f;                   // metres
 constexpr std::uint32_t kFirstCapacity = 256;  // blocks: 12 MiB
 constexpr std::uint32_t kSteps = 24;           // of the wave before the host looks whether it has ended; even
 constexpr std::uint32_t kMaxTableBits = 8;     // 256 blocks a side
+constexpr std::uint64_t kVoxelsOfASite = 100;   // that wait for it in a wave; where that makes all, the field is made anew
 constexpr std::uint64_t kMostCells = 1 << 25;  // of the boxes that a field is made anew in: 256 MiB
 constexpr std::uint64_t kStackCells = 1 << 20;  // 16 MiB
 constexpr std::size_t kJobsAtOnce = 4096;      // bricks from the host: 16 MiB
@@ -356,7 +357,9 @@ Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
     batch.download(removed_, std::span<std::uint32_t>(removed));
     batch.run();
     updated.sites = static_cast<int>(counts[0].count);
-    restart = counts[0].count > list_capacity_ || 2 * (block_of_.size() - settled_) > block_of_.size();
+    const std::uint64_t voxels = block_of_.size() * std::uint64_t{shader::kEsdfVoxels};
+    restart = counts[0].count > list_capacity_ || 2 * (block_of_.size() - settled_) > block_of_.size() ||
+              kVoxelsOfASite * std::uint64_t{counts[0].count} > voxels;
   }
   updated.rebuilt = restart;
   if (restart) {  // the list begins anew
