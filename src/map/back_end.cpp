@@ -43,6 +43,7 @@ bool BackEnd::add(const Frame& frame, const Surface& live, const Eigen::Isometry
   const bool is_keyframe = breaks || submap_begin_ == atlas_.keyframes.size() || is_new_view(submap_from_camera);
   if (is_keyframe) {
     take_optimised();
+    const bool has_slipped = take_found();
     // After the whole map was looked at nothing is in the submap yet.
     if (!breaks && submap_begin_ < atlas_.keyframes.size() && is_full(submap_from_camera, volume))
       end_submap(volume, fused_count, true);
@@ -63,7 +64,8 @@ bool BackEnd::add(const Frame& frame, const Surface& live, const Eigen::Isometry
                       [&] { images_.put(atlas_.keyframes.size() - 1, frame, features); });
     database_.add({.tracked_from_camera = submap_from_camera, .features = std::move(features)});
     if (breaks && in_world_) tie_to_world(information);
-    if (options_.map.loops) look_for_loop();
+    if (has_slipped) start_optimising();
+    start_searching();
   }
   atlas_.add_frame(frame.timestamp, submap_from_camera);
   return is_keyframe;
@@ -87,6 +89,7 @@ bool BackEnd::is_full(const Eigen::Isometry3d& submap_from_camera, const Volume&
 }
 
 void BackEnd::end_submap(Volume& volume, std::uint32_t fused_count, bool keep) {
+  (void)take_found();                              // it was looked for among the submaps before this one
   if (submap_begin_ == atlas_.keyframes.size()) {  // nothing was fused since the last one
     if (keep) return;
     volume.adopt({});
@@ -123,41 +126,58 @@ bool BackEnd::is_possible(std::size_t from, std::size_t to, const Eigen::Isometr
   return error.dot(covariance.ldlt().solve(error)) < kTrust * kTrust * kChance;
 }
 
-std::optional<Loop> BackEnd::find_loop(std::size_t to, std::size_t before) {
-  ++counts_.looked_up;
-  std::optional<Frame> seen;
+BackEnd::Seen BackEnd::look_up(std::size_t to, std::size_t before) const {
+  Seen seen;
   for (const auto& candidate : database_.query(database_[to].features, kCandidates, 0, before)) {
-    const std::size_t from = candidate.entry;
-    const auto located = solve_pnp(database_[from].features, database_[to].features, rig_.depth);
-    if (!located || located->inliers < kLoopCorners || !is_possible(from, to, located->known_from_seen)) continue;
+    const auto located = solve_pnp(database_[candidate.entry].features, database_[to].features, rig_.depth);
+    if (located && located->inliers >= kLoopCorners) seen.emplace_back(candidate.entry, *located);
+  }
+  return seen;
+}
+
+std::optional<Loop> BackEnd::verify(std::size_t to, const Seen& seen) {
+  ++counts_.looked_up;
+  std::optional<Frame> frame;
+  for (const auto& [from, located] : seen) {
+    if (!is_possible(from, to, located.known_from_seen)) continue;
     ++counts_.tried;
-    if (!seen) seen = images_.get(to);
-    const auto match = matcher_.both_ways(images_.get(from), *seen, located->known_from_seen);
+    if (!frame) frame = images_.get(to);
+    const auto match = matcher_.both_ways(images_.get(from), *frame, located.known_from_seen);
     if (!match || !is_possible(from, to, match->i_from_j)) continue;
     return Loop{.edge = {.i = from,
                          .j = to,
                          .i_from_j = match->i_from_j,
                          .information = match->information,
                          .is_loop_closure = true},
-                .corners = located->inliers,
+                .corners = located.inliers,
                 .inlier_share = match->inlier_share,
                 .rmse = match->rmse};
   }
   return std::nullopt;
 }
 
-void BackEnd::look_for_loop() {
+/// Corners are compared beside tracking; what they tell is taken at the next keyframe, always, so that offline runs
+/// repeat.
+void BackEnd::start_searching() {
+  if (!options_.map.loops || searched_ == 0) return;
+  searching_ = std::async(std::launch::async,
+                          [this, to = atlas_.keyframes.size() - 1, before = searched_] { return look_up(to, before); });
+}
+
+/// Whether the camera had slipped, so that poses are to be optimised.
+bool BackEnd::take_found() {
+  if (!searching_.valid()) return false;
   const std::size_t to = atlas_.keyframes.size() - 1;
-  if (searched_ == 0) return;
   std::optional<Loop> loop;
-  options_.map.loops = warnings_.attempt("loops are no longer looked for", [&] { loop = find_loop(to, searched_); });
-  if (!loop) return;
+  options_.map.loops =
+      warnings_.attempt("loops are no longer looked for", [&] { loop = verify(to, searching_.get()); });
+  if (!loop) return false;
   atlas_.join(loop->edge);
   atlas_.loops.push_back(*loop);
   unsettled_ = true;
   const Eigen::Isometry3d expected = atlas_.world_from_camera[loop->edge.i].inverse() * atlas_.world_from_camera[to];
   const Vector6d slip = local_coordinates(expected.inverse() * loop->edge.i_from_j);
-  if (slip.head<3>().norm() > kTurned || slip.tail<3>().norm() > kSlipped) start_optimising();
+  return slip.head<3>().norm() > kTurned || slip.tail<3>().norm() > kSlipped;
 }
 
 /// Beside tracking; the poses are taken over at the next keyframe, always, so that offline runs repeat.
@@ -182,6 +202,7 @@ void BackEnd::take_optimised() {
 
 void BackEnd::settle() {
   take_optimised();
+  (void)take_found();
   if (!std::exchange(unsettled_, false)) return;
   start_optimising();
   take_optimised();
@@ -210,6 +231,7 @@ BackEnd::Memory BackEnd::memory() const {
                 .in_world = in_world_,
                 .breaks = breaks_,
                 .unsettled = unsettled_,
+                .searching = searching_.valid(),
                 .optimising = optimising_.valid()};
   for (std::size_t i = 0; i < submaps_.size(); ++i) memory.submaps.push_back(!submaps_.bricks(i).empty());
   for (std::size_t k = 0; k < database_.size(); ++k)
@@ -228,10 +250,12 @@ void BackEnd::restore(const Memory& memory) {
   in_world_ = memory.in_world;
   breaks_ = memory.breaks;
   unsettled_ = memory.unsettled;
+  if (memory.searching) start_searching();
   if (memory.optimising) start_optimising();  // the same graph: keyframes and loops come after its result
 }
 
 std::pair<int, bool> BackEnd::append(const BackEnd& other) {
+  (void)take_found();
   const std::size_t keyframes = atlas_.keyframes.size(), frames = atlas_.frames.size(), submaps = submaps_.size();
   for (std::size_t i = 0; i < other.submaps_.size(); ++i) submaps_.add(other.submaps_.copy(i));
   for (std::size_t k = 0; k < other.atlas_.keyframes.size(); ++k) {
@@ -258,7 +282,7 @@ std::pair<int, bool> BackEnd::append(const BackEnd& other) {
 
   std::vector<Loop> loops;
   for (std::size_t to = keyframes; to < atlas_.keyframes.size(); ++to)
-    if (auto loop = find_loop(to, keyframes)) loops.push_back(*loop);
+    if (auto loop = verify(to, look_up(to, keyframes))) loops.push_back(*loop);
   // Loops that tell the same about how the two maps lie to each other; which is told best by the one that most agree
   // with.
   const auto lies = [&](const Loop& l) {

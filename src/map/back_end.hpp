@@ -21,9 +21,9 @@ class BackEnd {
   BackEnd(gpu::Device& device, const Rig& rig, const Options& options, const std::filesystem::path& files = {},
           Access access = Access::write);
 
-  /// Takes a fused frame: perhaps as a keyframe, which is then looked for among all earlier ones, and perhaps as the
-  /// last of its submap. `information` is of its alignment with the map, in its own frame; none for the first of a
-  /// piece. `fused_count` counts fused frames. Returns whether it became a keyframe.
+  /// Takes a fused frame: perhaps as a keyframe, which is then looked for among all earlier ones beside tracking, and
+  /// perhaps as the last of its submap. `information` is of its alignment with the map, in its own frame; none for the
+  /// first of a piece. `fused_count` counts fused frames. Returns whether it became a keyframe.
   bool add(const Frame& frame, const Surface& live, const Eigen::Isometry3d& submap_from_camera,
            const Matrix6d* information, Volume& volume, std::uint32_t fused_count);
   /// Ends the submap that is being fused into. `keep`: what lies near the camera stays in the volume for the next one.
@@ -46,7 +46,7 @@ class BackEnd {
     std::vector<std::optional<Eigen::Isometry3d>> tracked_from_camera;  // see DatabaseEntry
     std::size_t searched = 0, submap_begin = 0;
     std::uint32_t submap_since = 1;
-    bool in_world = false, breaks = true, unsettled = false, optimising = false;
+    bool in_world = false, breaks = true, unsettled = false, searching = false, optimising = false;
   };
   [[nodiscard]] Memory memory() const;
   /// Reads the files. Throws std::runtime_error if one is missing or broken.
@@ -85,9 +85,14 @@ class BackEnd {
   [[nodiscard]] const Counts& counts() const { return counts_; }
 
  private:
-  /// An earlier place that a keyframe sees, among those before `before`.
-  [[nodiscard]] std::optional<Loop> find_loop(std::size_t to, std::size_t before);
-  void look_for_loop();
+  /// Earlier keyframes whose corners a keyframe sees, the most similar first.
+  using Seen = std::vector<std::pair<std::size_t, PnpPose>>;
+  /// Among those before `before`.
+  [[nodiscard]] Seen look_up(std::size_t to, std::size_t before) const;
+  /// The first of them that the surfaces agree with.
+  [[nodiscard]] std::optional<Loop> verify(std::size_t to, const Seen& seen);
+  void start_searching();
+  [[nodiscard]] bool take_found();
   void leave_frame();
   [[nodiscard]] std::vector<PlacedSubmap> placed_submaps() const;
   void tie_to_world(const Matrix6d* information);
@@ -112,6 +117,7 @@ class BackEnd {
   bool breaks_ = true;              // the next frame begins a piece
   bool unsettled_ = false;          // loops came that no optimisation has seen
   bool optimises_ = true;           // no optimisation has failed
+  std::future<Seen> searching_;     // for the last keyframe
   std::future<std::pair<PoseGraph, OptimiseReport>> optimising_;
   Counts counts_;
   Warnings warnings_;

@@ -93,7 +93,8 @@ void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& ne
   io("recordings", m.atlas.recordings);
   io("submaps", m.submaps);
   io("tracked_from_camera", m.tracked_from_camera);
-  io("back_end", m.searched, m.submap_begin, m.submap_since, m.in_world, m.breaks, m.unsettled, m.optimising);
+  io("back_end", m.searched, m.submap_begin, m.submap_since, m.in_world, m.breaks, m.unsettled, m.searching,
+     m.optimising);
   io("tracker", s.tracker.memory);
   io("photometric_keyframe", s.tracker.reference);
   io("prediction", s.tracker.prediction);

@@ -27,11 +27,12 @@ constexpr float kGap = 0.8f;                   // metres
 constexpr std::uint32_t kFirstCapacity = 256;  // blocks: 12 MiB
 constexpr std::uint32_t kSteps = 24;           // of the wave before the host looks whether it has ended; even
 constexpr std::uint32_t kMaxTableBits = 8;     // 256 blocks a side
-constexpr std::uint64_t kVoxelsOfASite = 100;   // that wait for it in a wave; where that makes all, the field is made anew
-constexpr std::uint64_t kMostCells = 1 << 25;  // of the boxes that a field is made anew in: 256 MiB
+constexpr std::uint64_t kVoxelsOfASite =
+    100;  // that wait for it in a wave; where that makes all, the field is made anew
+constexpr std::uint64_t kMostCells = 1 << 25;   // of the boxes that a field is made anew in: 256 MiB
 constexpr std::uint64_t kStackCells = 1 << 20;  // 16 MiB
-constexpr std::size_t kJobsAtOnce = 4096;      // bricks from the host: 16 MiB
-constexpr std::size_t kBlocksAtOnce = 1024;    // distances that go to the host: 16 MiB
+constexpr std::size_t kJobsAtOnce = 4096;       // bricks from the host: 16 MiB
+constexpr std::size_t kBlocksAtOnce = 1024;     // distances that go to the host: 16 MiB
 
 constexpr shader::EsdfCount kNothing{.groups = 0, .one_y = 1, .one_z = 1, .count = 0};
 
@@ -155,15 +156,15 @@ void Esdf::find_sites(gpu::Batch& batch, std::span<const shader::EsdfJob> jobs, 
   const auto count = static_cast<std::uint32_t>(jobs.size());
   batch.upload(jobs_, jobs);
   kernels_->sites(batch, {(count * side * side * side + 7) / 8, 1, 1},
-         {.field = view(),
-          .voxels = shader::address(voxels),
-          .jobs = count,
-          .scale_bits = static_cast<std::uint32_t>(std::countr_zero(static_cast<unsigned>(scale_))),
-          .min_weight = fuse_.min_mesh_weight,
-          .slope = fuse_.voxel_size / fuse_.truncation,
-          .tolerance = kTolerance,
-          .capacity = list_capacity_},
-         {&jobs_, &list_[0], &dirty_, &removed_, texels(surface_), texels(table_), texels(voxels)});
+                  {.field = view(),
+                   .voxels = shader::address(voxels),
+                   .jobs = count,
+                   .scale_bits = static_cast<std::uint32_t>(std::countr_zero(static_cast<unsigned>(scale_))),
+                   .min_weight = fuse_.min_mesh_weight,
+                   .slope = fuse_.voxel_size / fuse_.truncation,
+                   .tolerance = kTolerance,
+                   .capacity = list_capacity_},
+                  {&jobs_, &list_[0], &dirty_, &removed_, texels(surface_), texels(table_), texels(voxels)});
 }
 
 /// Makes blocks for what was observed and what lies between it, since a wave may have to cross what nobody saw: a block
@@ -386,9 +387,8 @@ Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
   const shader::EsdfWavePush first{
       .field = view(), .list = shader::address(list_[0]), .step = 0, .capacity = list_capacity_};
   if (!restart)
-    kernels_->raise.indirect(
-        batch, counts_, 0, first,
-        {texels(list_[0]), texels(nearest_), texels(surface_), texels(blocks_), texels(table_)});
+    kernels_->raise.indirect(batch, counts_, 0, first,
+                             {texels(list_[0]), texels(nearest_), texels(surface_), texels(blocks_), texels(table_)});
   kernels_->settle.indirect(batch, counts_, 0, first, {&list_[0], &dirty_, texels(nearest_)});
   if (run_waves(batch, updated)) return updated;
   if (restart) {  // a surface of many crumbs: its waves are broad
@@ -408,14 +408,14 @@ bool Esdf::run_waves(gpu::Batch& batch, Updated& updated) {
       // Settling each step makes the result independent of the threads' order. Between frames that would cost a tenth,
       // and nobody writes that field to a file.
       const gpu::Buffer &now = list_[step & 1], &next = list_[(step + 1) & 1];
-      kernels_->lower.indirect(batch, counts_, step * sizeof(shader::EsdfCount),
-                               {.field = view(),
-                                .list = shader::address(now),
-                                .step = step,
-                                .capacity = list_capacity_,
-                                .is_settled = updated.rebuilt},
-                               {texels(now), &next, &dirty_, texels(nearest_), texels(surface_), texels(blocks_),
-                                texels(table_), &dirty_});
+      kernels_->lower.indirect(
+          batch, counts_, step * sizeof(shader::EsdfCount),
+          {.field = view(),
+           .list = shader::address(now),
+           .step = step,
+           .capacity = list_capacity_,
+           .is_settled = updated.rebuilt},
+          {texels(now), &next, &dirty_, texels(nearest_), texels(surface_), texels(blocks_), texels(table_), &dirty_});
       if (updated.rebuilt)
         kernels_->settle.indirect(
             batch, counts_, (step + 1) * sizeof(shader::EsdfCount),
@@ -467,9 +467,10 @@ std::shared_ptr<const DistanceField> Esdf::field() {
     std::vector<DistanceField::Block> distances(some.size());
     gpu::Batch batch(device_);
     batch.upload(check_list_, std::span<const std::uint32_t>(some));
-    kernels_->distance(batch, {64 * count, 1, 1},
-              {.field = view(), .voxel_size = voxel_size_, .max_distance = options_.max_distance, .blocks = count},
-              {&check_list_, &distances_, texels(nearest_), texels(surface_), texels(blocks_)});
+    kernels_->distance(
+        batch, {64 * count, 1, 1},
+        {.field = view(), .voxel_size = voxel_size_, .max_distance = options_.max_distance, .blocks = count},
+        {&check_list_, &distances_, texels(nearest_), texels(surface_), texels(blocks_)});
     batch.download(distances_, distances);
     batch.run();
     for (std::size_t i = 0; i < some.size(); ++i) {
