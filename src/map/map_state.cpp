@@ -146,7 +146,7 @@ void MapState::follow_distances(const Fused& fused, StageTimes& times) {
         const std::vector<Brick> free = volume.host().free_bricks();
         changed.insert(changed.end(), free.begin(), free.end());
       }
-      const auto u = esdf->update(volume, changed); std::fprintf(stderr, "ESDF %zu bricks %zu blocks %d sites %d voxels %d steps %d\n", changed.size(), esdf->blocks(), u.sites, u.voxels, u.steps, (int)u.rebuilt); return u;
+      return esdf->update(volume, changed);
     });
     live_distances.put(timed(times, "esdf to host", [&] { return esdf->field(); }));
   });
