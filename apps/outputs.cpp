@@ -17,8 +17,6 @@
 namespace cairn::apps {
 namespace {
 
-constexpr float kPreviewTriangles = 1e6f;
-
 nlohmann::json to_json(const FoundLoop& loop) {
   const Eigen::Quaterniond q(loop.i_from_j.linear());
   const Eigen::Vector3d& t = loop.i_from_j.translation();
@@ -127,13 +125,18 @@ std::optional<Exported> Outputs::write_mesh(Mapper& mapper, const ExportOptions&
   std::optional<Exported> mesh;
   timed_("mesh", [&] {
     Progress progress(std::nullopt, "steps");
-    mesh = mapper.map().export_mesh(output_ / "mesh.glb", options, on(progress));
-    std::filesystem::remove(output_ / "preview.glb");
-    if (std::filesystem::file_size(output_ / "mesh.glb") > kMaxInlineMesh) {
-      ExportOptions preview = options;
-      preview.simplify = {.ratio = std::min(1.0f, kPreviewTriangles / static_cast<float>(mesh->triangles))};
-      preview.compression = Compression::meshopt;
-      mapper.map().export_mesh(output_ / "preview.glb", preview, on(progress));
+    ExportOptions both = options;
+    both.preview.file = output_ / "preview.glb";
+    std::filesystem::remove(both.preview.file);
+    mesh = mapper.map().export_mesh(output_ / "mesh.glb", both, on(progress));
+    if (std::filesystem::file_size(output_ / "mesh.glb") <= kMaxInlineMesh)
+      std::filesystem::remove(both.preview.file);
+    else if (!std::filesystem::exists(both.preview.file)) {  // fewer triangles than it takes, or a large texture
+      ExportOptions smaller = options;
+      smaller.simplify.ratio =
+          std::min(1.0f, static_cast<float>(both.preview.triangles) / static_cast<float>(mesh->triangles));
+      smaller.compression = Compression::meshopt;
+      mapper.map().export_mesh(both.preview.file, smaller, on(progress));
     }
   });
   return mesh;

@@ -40,6 +40,12 @@ enum class Compression {
   draco       ///< KHR_draco_mesh_compression
 };
 
+/// A second file of a mesh, for pages, made of the same parts: .glb, compressed with meshopt.
+struct PreviewOptions {
+  std::filesystem::path file;       ///< empty: none
+  std::size_t triangles = 1 << 20;  ///< about; a map of less than about twice as many has no preview
+};
+
 struct ExportOptions {
   CleanOptions clean;
   SimplifyOptions simplify;
@@ -50,6 +56,7 @@ struct ExportOptions {
   bool cameras = false;        ///< glTF: the camera's path as a line, and a camera for each keyframe
   int levels = 1;              ///< of detail, each with a quarter of the triangles: X.glb, X.lod1.glb, ...
   std::string source;          ///< for `asset.extras`: what the map was made from
+  PreviewOptions preview;      ///< of glTF in one file
 };
 
 /// Throws std::runtime_error naming the option, its value and the allowed range, or what `file`'s kind cannot hold.

@@ -39,6 +39,7 @@ struct ExportRun {
   decltype(auto) timed(const char* stage, const Work& work) {
     return cairn::timed(exported.stage_ms, stage, work);
   }
+  void moved_by(float error) { exported.error = std::max(exported.error, error); }
   void add(const GltfWriter::Added& added) {
     exported.parts += added.triangles > 0;
     exported.triangles += added.triangles;

@@ -92,7 +92,6 @@ void simplify_part(ExportRun& run, Part& part, SimplifyOptions options, int free
     take(part.free_from, simplified.kept);
     part.error += simplified.error;
   });
-  run.exported.error = std::max(run.exported.error, part.error);
 }
 
 Part join_parts(std::vector<Part> parts) {

@@ -21,17 +21,45 @@ struct Level {
   std::vector<Mesh> parts;  // of other formats
 };
 
+constexpr float kWorthwhile = 0.5f;  // of the triangles: a larger preview is none
+
+struct Preview {
+  GltfWriter gltf;
+  float ratio;  // of the triangles
+};
+
+constexpr float kTrianglesOfABrick = 40;  // about: 30 where little was seen often, 60 of a desk
+
+std::optional<Preview> preview_of(const ExportRun& run) {
+  const PreviewOptions& options = run.options.preview;
+  const float ratio =
+      static_cast<float>(options.triangles) / (kTrianglesOfABrick * static_cast<float>(run.input.bricks.size()));
+  if (options.file.empty() || !is_gltf(run.file) || ratio > kWorthwhile) return std::nullopt;
+  GltfOptions gltf = run.gltf_options();
+  gltf.compression = Compression::meshopt;
+  return Preview{GltfWriter(gltf), ratio};
+}
+
 std::string name_of(const Cells& cells, const Cells::Key& cell) {
   return cells.all().size() == 1 ? "map" : fmt::format("cell {} {} {}", cell[0], cell[1], cell[2]);
 }
 
-void add_cell(ExportRun& run, Texturer* texturer, const Cells::Key& cell, std::vector<Level>& levels) {
+void add_to(Preview& preview, ExportRun& run, Texturer* texturer, const Cells::Key& cell, Part part) {
+  simplify_part(run, part, {.ratio = preview.ratio}, 0, 0);
+  const Mesh mesh = texturer != nullptr ? texturer->texture(part, 1) : std::move(part.mesh);
+  run.timed("write", [&] { (void)preview.gltf.add(name_of(run.cells, cell), mesh); });
+}
+
+void add_cell(ExportRun& run, Texturer* texturer, const Cells::Key& cell, std::vector<Level>& levels,
+              std::optional<Preview>& preview) {
   Part part = make_part(run, texturer, cell);
   run.step("simplifying");
+  if (preview) add_to(*preview, run, texturer, cell, part);
   for (std::size_t i = 0; i < levels.size(); ++i) {
     const int level = static_cast<int>(i);
     // Cells of one file stay cells at every level.
     simplify_part(run, part, level == 0 ? run.options.simplify : SimplifyOptions{.ratio = kLevelRatio}, 0, level);
+    run.moved_by(part.error);
     Mesh mesh = texturer != nullptr ? texturer->texture(part, level) : part.mesh;
     GltfWriter::Added added{mesh.triangles.size(), mesh.positions.size()};
     if (is_gltf(run.file))
@@ -81,7 +109,8 @@ void write_parts(ExportRun& run, Texturer* texturer) {
   std::vector<Level> levels;
   levels.reserve(static_cast<std::size_t>(run.options.levels));
   for (int i = 0; i < run.options.levels; ++i) levels.push_back({GltfWriter(run.gltf_options()), {}});
-  for (const auto& [cell, bricks] : run.cells.all()) add_cell(run, texturer, cell, levels);
+  std::optional<Preview> preview = preview_of(run);
+  for (const auto& [cell, bricks] : run.cells.all()) add_cell(run, texturer, cell, levels, preview);
   run.refuse_empty(run.exported.triangles);
   run.timed("write", [&] {
     for (std::size_t i = levels.size(); i-- > 0;) {
@@ -89,6 +118,7 @@ void write_parts(ExportRun& run, Texturer* texturer) {
       if (i > 0) file.replace_extension(fmt::format("lod{}{}", i, run.file.extension().string()));
       write_level(run, file, levels[i]);
     }
+    if (preview) preview->gltf.write(run.options.preview.file);
   });
 }
 

@@ -21,6 +21,7 @@ Part make_leaf(ExportRun& run, Texturer* texturer, const Cells::Key& cell) {
   Part part = make_part(run, texturer, cell);
   run.step("simplifying");
   simplify_part(run, part, run.options.simplify, 0, 0);
+  run.moved_by(part.error);
   run.step("meshing");
   return part;
 }
@@ -53,6 +54,7 @@ std::optional<TilePart> make_tile(ExportRun& run, Texturer* texturer, const Cell
     if (children.empty()) return std::nullopt;
     part = join_parts(std::move(children));
     simplify_part(run, part, {.ratio = kLevelRatio}, level, level);
+    run.moved_by(part.error);
     for (const Tile& child : tile.children) tile.box.extend(child.box);
   }
   if (part.mesh.triangles.empty()) return std::nullopt;

@@ -281,6 +281,25 @@ TEST(Mapper, MapsWithoutColourOnSomeFramesOrOnAll) {
   }
 }
 
+TEST(Mapper, WritesASmallerMeshOfTheSamePartsBesideALargeOne) {
+  const TemporaryFolder folder;
+  Mapper mapper(small_camera(), coarse());
+  for (const Frame& frame : room_frames()) mapper.add(frame);
+  ExportOptions options{.cell_size = 1.0f};
+  const Exported alone = mapper.map().export_mesh(folder / "alone.glb", options);
+  options.preview = {.file = folder / "preview.glb", .triangles = alone.triangles};
+  mapper.map().export_mesh(folder / "mesh.glb", options);
+  EXPECT_FALSE(std::filesystem::exists(options.preview.file));  // it would be as large as the mesh
+  options.preview.triangles = alone.triangles / 8;
+  const Exported both = mapper.map().export_mesh(folder / "mesh.glb", options);
+  EXPECT_GT(both.parts, 3);
+  EXPECT_EQ(both.error, 0.0f);  // of the mesh, not of the preview
+  EXPECT_EQ(read_bytes(folder / "mesh.glb"), read_bytes(folder / "alone.glb"));
+  const std::size_t left = read_mesh(options.preview.file).triangles.size();
+  EXPECT_GT(left, 100u);
+  EXPECT_LT(left, alone.triangles / 2);
+}
+
 TEST(Mapper, BeginsNoPieceWithNothingToSee) {
   Options options = coarse();
   options.map.lost_frames = 3;
