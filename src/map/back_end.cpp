@@ -89,7 +89,8 @@ bool BackEnd::is_full(const Eigen::Isometry3d& submap_from_camera, const Volume&
 }
 
 void BackEnd::end_submap(Volume& volume, std::uint32_t fused_count, bool keep) {
-  (void)take_found();                              // it was looked for among the submaps before this one
+  // Its last keyframe was looked for among the submaps before this one.
+  (void)take_found();
   if (submap_begin_ == atlas_.keyframes.size()) {  // nothing was fused since the last one
     if (keep) return;
     volume.adopt({});
@@ -169,8 +170,9 @@ bool BackEnd::take_found() {
   if (!searching_.valid()) return false;
   const std::size_t to = atlas_.keyframes.size() - 1;
   std::optional<Loop> loop;
-  options_.map.loops =
+  const bool is_searched =
       warnings_.attempt("loops are no longer looked for", [&] { loop = verify(to, searching_.get()); });
+  options_.map.loops = options_.map.loops && is_searched;
   if (!loop) return false;
   atlas_.join(loop->edge);
   atlas_.loops.push_back(*loop);

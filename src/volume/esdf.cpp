@@ -22,13 +22,12 @@
 namespace cairn {
 namespace {
 
-constexpr float kTolerance = 0.25f;            // voxels; see EsdfSitesPush
-constexpr float kGap = 0.8f;                   // metres
-constexpr std::uint32_t kFirstCapacity = 256;  // blocks: 12 MiB
-constexpr std::uint32_t kSteps = 24;           // of the wave before the host looks whether it has ended; even
-constexpr std::uint32_t kMaxTableBits = 8;     // 256 blocks a side
-constexpr std::uint64_t kVoxelsOfASite =
-    100;  // that wait for it in a wave; where that makes all, the field is made anew
+constexpr float kTolerance = 0.25f;             // voxels; see EsdfSitesPush
+constexpr float kGap = 0.8f;                    // metres
+constexpr std::uint32_t kFirstCapacity = 256;   // blocks: 12 MiB
+constexpr std::uint32_t kSteps = 24;            // of the wave before the host looks whether it has ended; even
+constexpr std::uint32_t kMaxTableBits = 8;      // 256 blocks a side
+constexpr std::uint64_t kVoxelsOfASite = 100;   // that a wave reaches; where that makes all, it is made anew
 constexpr std::uint64_t kMostCells = 1 << 25;   // of the boxes that a field is made anew in: 256 MiB
 constexpr std::uint64_t kStackCells = 1 << 20;  // 16 MiB
 constexpr std::size_t kJobsAtOnce = 4096;       // bricks from the host: 16 MiB
@@ -269,12 +268,11 @@ void Esdf::resize_lists(std::uint32_t capacity) {
 Esdf::Updated Esdf::rebuild() {
   if (slot_of_.empty()) return {};
   gpu::Batch batch(device_);
-  batch.upload(counts_, std::vector<shader::EsdfCount>(kSteps + 1, kNothing));
   return spread(batch, true);
 }
 
-/// All distances anew, by the separable transform (Felzenszwalb & Huttenlocher 2012), an order of magnitude faster than
-/// waves, in boxes along the longest axis. False where a box would be too large.
+/// All distances anew, by the separable transform (Felzenszwalb & Huttenlocher 2012), twice as fast as waves, in boxes
+/// along the longest axis. False where a box would be too large.
 bool Esdf::transform(Updated& updated) {
   if (!kernels_->in_texels) return false;
   const Eigen::Vector3i low = static_cast<int>(shader::kEsdfSide) * box_.min(),
