@@ -2,19 +2,16 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "cairn/atomic_file.hpp"
 
-#include <fcntl.h>
 #include <sys/file.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
-#include <cerrno>
-#include <cstring>
 #include <memory>
 #include <stdexcept>
 #include <streambuf>
 #include <string>
-#include <utility>
 #include <vector>
+
+#include "base/system_file.hpp"
 
 namespace cairn {
 namespace {
@@ -24,67 +21,9 @@ namespace fs = std::filesystem;
 constexpr std::string_view kTemporary = ".cairn-";     // how the names of temporary files begin
 constexpr std::size_t kBuffer = std::size_t{1} << 20;  // bytes between two writes of a stream
 
-/// What went wrong, and what can be done about it.
-std::string reason(int error) {
-  std::string text = std::strerror(error);
-  switch (error) {
-    case ENOSPC:
-    case EDQUOT:
-      return "the disk is full (" + text + "): make room there, or choose another";
-    case ENOENT:
-    case ENOTDIR:
-      return text + ": make the folder first, or choose another";
-    case EACCES:
-    case EPERM:
-    case EROFS:
-      return text + ": choose a folder that you may write to";
-    case EFBIG:
-      return text + ": raise the limit on files, or choose another disk";
-    case EIO:
-      return text + ": the disk may be failing, choose another";
-    default:
-      return text;
-  }
-}
-
-struct SystemError {
-  int number;
-};
-
-class File {
- public:
-  File(const fs::path& file, int flags) : descriptor_(open(file.c_str(), flags | O_CLOEXEC, 0666)) {
-    if (descriptor_ < 0) throw SystemError{errno};
-  }
-  ~File() {
-    if (descriptor_ >= 0) ::close(descriptor_);
-  }
-  File(const File&) = delete;
-  File& operator=(const File&) = delete;
-  [[nodiscard]] int descriptor() const { return descriptor_; }
-  void write(const char* bytes, std::size_t count) const {
-    while (count > 0) {
-      const ssize_t written = ::write(descriptor_, bytes, count);
-      if (written < 0 && errno == EINTR) continue;
-      if (written <= 0) throw SystemError{written == 0 ? ENOSPC : errno};
-      bytes += written;
-      count -= static_cast<std::size_t>(written);
-    }
-  }
-  void sync() const {
-    if (fsync(descriptor_) != 0) throw SystemError{errno};
-  }
-  void close() {
-    if (::close(std::exchange(descriptor_, -1)) != 0) throw SystemError{errno};
-  }
-
- private:
-  int descriptor_;
-};
-
 void sync(const fs::path& folder) {
   try {
-    File(folder.empty() ? fs::path(".") : folder, O_RDONLY | O_DIRECTORY).sync();
+    SystemFile(folder.empty() ? fs::path(".") : folder, O_RDONLY | O_DIRECTORY).sync();
   } catch (const SystemError& error) {
     if (error.number != EINVAL && error.number != ENOTSUP) throw;  // of a file system whose folders need none
   }
@@ -93,7 +32,7 @@ void sync(const fs::path& folder) {
 /// A stream's way into a file: few large writes, and the first error is kept, since streams do not tell it.
 class FileBuffer final : public std::streambuf {
  public:
-  explicit FileBuffer(const File& file) : file_(file), bytes_(kBuffer) { start(); }
+  explicit FileBuffer(const SystemFile& file) : file_(file), bytes_(kBuffer) { start(); }
   [[nodiscard]] int error() const { return error_; }
 
  protected:
@@ -122,22 +61,22 @@ class FileBuffer final : public std::streambuf {
 
  private:
   void start() { setp(bytes_.data(), bytes_.data() + bytes_.size()); }
-  const File& file_;
+  const SystemFile& file_;
   std::vector<char> bytes_;
   int error_ = 0;
 };
 
 /// A new temporary file. The lock on it tells that its writer lives, see remove_leftovers.
-std::unique_ptr<File> begin(const fs::path& temporary) {
+std::unique_ptr<SystemFile> begin(const fs::path& temporary) {
   while (true) {
-    auto file = std::make_unique<File>(temporary, O_RDWR | O_CREAT | O_TRUNC);
+    auto file = std::make_unique<SystemFile>(temporary, O_RDWR | O_CREAT | O_TRUNC);
     (void)flock(file->descriptor(), LOCK_EX | LOCK_NB);  // where there are no locks, nothing is taken for left over
     struct stat now {};
     if (fstat(file->descriptor(), &now) != 0 || now.st_nlink > 0) return file;
   }
 }
 
-void write_temporary(const fs::path& file, Durable durable, const std::function<void(const File&)>& write) {
+void write_temporary(const fs::path& file, Durable durable, const std::function<void(const SystemFile&)>& write) {
   // The extension stays last, so that nobody takes it for another kind of file.
   fs::path name = std::string(kTemporary) + std::to_string(getpid()) + ".";
   name += file.filename();
@@ -164,7 +103,7 @@ void write_temporary(const fs::path& file, Durable durable, const std::function<
 }  // namespace
 
 void write_whole(const fs::path& file, const std::function<void(std::ostream&)>& write) {
-  write_temporary(file, Durable::now, [&](const File& to) {
+  write_temporary(file, Durable::now, [&](const SystemFile& to) {
     FileBuffer buffer(to);
     std::ostream out(&buffer);
     try {
@@ -178,7 +117,7 @@ void write_whole(const fs::path& file, const std::function<void(std::ostream&)>&
 }
 
 void write_whole(const fs::path& file, std::string_view text, Durable durable) {
-  write_temporary(file, durable, [&](const File& to) { to.write(text.data(), text.size()); });
+  write_temporary(file, durable, [&](const SystemFile& to) { to.write(text.data(), text.size()); });
 }
 
 void write_whole(const fs::path& file, std::span<const std::uint8_t> bytes, Durable durable) {
@@ -219,7 +158,7 @@ void remove_leftovers(const fs::path& folder) {
     const std::size_t end = name.find_first_not_of("0123456789", kTemporary.size());
     if (end == kTemporary.size() || end == name.npos || name[end] != '.') continue;
     try {
-      const File left(entry.path(), O_RDWR);
+      const SystemFile left(entry.path(), O_RDWR);
       if (flock(left.descriptor(), LOCK_EX | LOCK_NB) == 0) unlink(entry.path().c_str());
     } catch (const SystemError&) {
       // Somebody else's: it stays.

@@ -108,7 +108,9 @@ void write_points(ExportRun& run) {
 void write_parts(ExportRun& run, Texturer* texturer) {
   std::vector<Level> levels;
   levels.reserve(static_cast<std::size_t>(run.options.levels));
-  for (int i = 0; i < run.options.levels; ++i) levels.push_back({GltfWriter(run.gltf_options()), {}});
+  GltfOptions gltf = run.gltf_options();
+  if (is_gltf(run.file)) gltf.file = run.file;
+  for (int i = 0; i < run.options.levels; ++i) levels.push_back({GltfWriter(gltf), {}});
   std::optional<Preview> preview = preview_of(run);
   for (const auto& [cell, bricks] : run.cells.all()) add_cell(run, texturer, cell, levels, preview);
   run.refuse_empty(run.exported.triangles);

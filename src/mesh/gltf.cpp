@@ -15,11 +15,15 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <stdexcept>
+#include <string_view>
+#include <utility>
 
 #include "base/json_text.hpp"
+#include "base/spool.hpp"
 #include "cairn/atomic_file.hpp"
 #include "mesh/clean.hpp"
 #include "mesh/formats.hpp"
@@ -189,17 +193,65 @@ Snapped snap(const Mesh& mesh) {
   return snapped;
 }
 
+/// A buffer as it came: a large one is not moved while it grows, and may wait on the disk.
+struct Pieces {
+  std::size_t size = 0;  // bytes, those before it included
+  std::shared_ptr<Spool> spool;
+  std::vector<std::shared_ptr<const Bytes>> all;  // without a spool
+  void add(std::shared_ptr<const Bytes> bytes) {
+    size += bytes->size();
+    if (spool)
+      spool->append({reinterpret_cast<const char*>(bytes->data()), bytes->size()});
+    else
+      all.push_back(std::move(bytes));
+  }
+  void align() {
+    if (size % 4 != 0) add(std::make_shared<const Bytes>(4 - size % 4, 0));
+  }
+  void put(std::ostream& out) const {
+    if (spool) spool->copy_to(out);
+    for (const auto& piece : all)
+      out.write(reinterpret_cast<const char*>(piece->data()), static_cast<std::streamsize>(piece->size()));
+  }
+};
+
+/// A .glb of its JSON and its buffer, which is in two parts.
+void put_glb(std::ostream& out, std::string json, const Pieces& first, Pieces last) {
+  while (json.size() % 4 != 0) json += ' ';
+  const bool is_empty = last.size == 0;
+  last.align();
+  const std::size_t total = 12 + 8 + json.size() + (is_empty ? 0 : 8 + last.size);
+  if (total > std::numeric_limits<std::uint32_t>::max())
+    throw std::runtime_error(
+        "more than 4 GiB do not fit into a .glb: simplify or compress it, or write a tileset.json");
+  const auto put = [&](std::size_t word) {
+    for (int i = 0; i < 4; ++i) out.put(static_cast<char>(word >> (8 * i)));
+  };
+  put(0x46546c67), put(2), put(total);
+  put(json.size()), put(0x4e4f534a);
+  out << json;
+  if (is_empty) return;
+  put(last.size), put(0x004e4942);
+  first.put(out);
+  last.put(out);
+}
+
+Bytes bytes_of(const std::ostringstream& out) {
+  const std::string_view text = out.view();
+  return {text.begin(), text.end()};
+}
+
 struct GltfWriter::State {
   GltfOptions options;
   tinygltf::Model model;
-  Bytes buffer;
+  Pieces buffer;
   std::size_t fallback = 0;  // bytes of the buffer that nobody needs to have
   struct Compressed {        // what a view of the fallback buffer is made from
     std::size_t view, offset, size, count, stride;
     const char* mode;
   };
   std::vector<Compressed> compressed;
-  std::vector<Bytes> images;
+  std::vector<std::shared_ptr<const Bytes>> images;
 
   void use(const char* extension, bool required = false) {
     const auto note = [&](std::vector<std::string>& list) {
@@ -210,15 +262,19 @@ struct GltfWriter::State {
   }
 
   /// Appends to the buffer; the view of it.
-  int add_view(const Bytes& bytes) {
-    buffer.resize((buffer.size() + 3) & ~std::size_t{3});
+  int add_view(std::shared_ptr<const Bytes> bytes) {
+    buffer.align();
     tinygltf::BufferView view;
     view.buffer = 0;
-    view.byteOffset = buffer.size();
-    view.byteLength = bytes.size();
-    buffer.insert(buffer.end(), bytes.begin(), bytes.end());
+    view.byteOffset = buffer.size;
+    view.byteLength = bytes->size();
+    buffer.add(std::move(bytes));
     model.bufferViews.push_back(view);
     return static_cast<int>(model.bufferViews.size()) - 1;
+  }
+  int add_view(Bytes bytes) {
+    bytes.shrink_to_fit();
+    return add_view(std::make_shared<const Bytes>(std::move(bytes)));
   }
 
   int add_accessor(const Stream& stream, int view) {
@@ -232,7 +288,8 @@ struct GltfWriter::State {
     return static_cast<int>(model.accessors.size()) - 1;
   }
 
-  int add_stream(const Stream& stream, bool is_index, bool compress) {
+  int add_stream(Stream stream, bool is_index, bool compress) {
+    const std::size_t bytes = stream.bytes.size();
     int number = 0;
     if (compress) {
       Bytes packed;
@@ -249,20 +306,20 @@ struct GltfWriter::State {
         packed.resize(
             meshopt_encodeVertexBuffer(packed.data(), packed.size(), stream.bytes.data(), stream.count, stream.stride));
       }
-      number = add_view(packed);
+      number = add_view(std::move(packed));
       tinygltf::BufferView& view = model.bufferViews.back();
       compressed.push_back({.view = static_cast<std::size_t>(number),
                             .offset = view.byteOffset,
-                            .size = packed.size(),
+                            .size = view.byteLength,
                             .count = stream.count,
                             .stride = stream.stride,
                             .mode = is_index ? "TRIANGLES" : "ATTRIBUTES"});
       view.buffer = 1;
       view.byteOffset = fallback;
-      view.byteLength = stream.bytes.size();
-      fallback = (fallback + stream.bytes.size() + 3) & ~std::size_t{3};
+      view.byteLength = bytes;
+      fallback = (fallback + bytes + 3) & ~std::size_t{3};
     } else {
-      number = add_view(stream.bytes);
+      number = add_view(std::move(stream.bytes));
     }
     tinygltf::BufferView& view = model.bufferViews.back();
     view.target = is_index ? TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER : TINYGLTF_TARGET_ARRAY_BUFFER;
@@ -282,7 +339,7 @@ struct GltfWriter::State {
       material.extensions[kUnlit[0]] = tinygltf::Value(tinygltf::Value::Object{});
     }
     if (is_textured) {
-      images.push_back(encode_image(mesh.texture, options.png, options.jpeg_quality));
+      images.push_back(std::make_shared<const Bytes>(encode_image(mesh.texture, options.png, options.jpeg_quality)));
       tinygltf::Image image;
       image.mimeType = options.png ? "image/png" : "image/jpeg";
       image.name = "texture-" + std::to_string(model.images.size());
@@ -368,8 +425,8 @@ struct GltfWriter::State {
     told.images.clear();  // tinygltf would write files
     if (!writer.WriteGltfSceneToStream(&told, text, false, false)) throw std::runtime_error("tinygltf failed");
     nlohmann::json j = nlohmann::json::parse(text.str());
-    if (!buffer.empty()) {
-      j["buffers"] = {{{"byteLength", buffer.size()}}};
+    if (buffer.size > 0) {
+      j["buffers"] = {{{"byteLength", buffer.size}}};
       if (!bin.empty()) j["buffers"][0]["uri"] = bin;
     }
     for (std::size_t i = 0; i < model.images.size(); ++i) {
@@ -396,6 +453,7 @@ struct GltfWriter::State {
 GltfWriter::GltfWriter(GltfOptions options) : state_(std::make_unique<State>()) {
   State& s = *state_;
   s.options = std::move(options);
+  if (!s.options.file.empty()) s.buffer.spool = std::make_shared<Spool>(s.options.file);
   s.model.asset.version = "2.0";
   s.model.asset.generator = "cairn";
   tinygltf::Value::Object extras;
@@ -433,8 +491,8 @@ GltfWriter::Added GltfWriter::add(const std::string& name, const Mesh& given) {
     s.encode_draco(mesh, primitive);
   } else {
     const bool compress = compression == Compression::meshopt;
-    for (const auto& [attribute, stream] : snapped ? quantised_attributes(*snapped) : plain_attributes(mesh)) {
-      primitive.attributes[attribute] = s.add_stream(stream, false, compress);
+    for (auto& [attribute, stream] : snapped ? quantised_attributes(*snapped) : plain_attributes(mesh)) {
+      primitive.attributes[attribute] = s.add_stream(std::move(stream), false, compress);
       if (attribute == "POSITION") set_box(mesh, snapped ? &*snapped : nullptr, s.model.accessors.back());
     }
     primitive.indices = s.add_stream(indices_of(mesh), true, compress);
@@ -508,46 +566,33 @@ void GltfWriter::add_cameras(const Camera& camera, const Trajectory& path,
 }
 
 Bytes join_glb(std::string json, const Bytes& buffer) {
-  while (json.size() % 4 != 0) json += ' ';
-  const std::size_t padded = (buffer.size() + 3) & ~std::size_t{3};
-  const std::size_t total = 12 + 8 + json.size() + (buffer.empty() ? 0 : 8 + padded);
-  if (total > std::numeric_limits<std::uint32_t>::max())
-    throw std::runtime_error(
-        "more than 4 GiB do not fit into a .glb: simplify or compress it, or write a tileset.json");
-  Bytes bytes;
-  bytes.reserve(total);
-  const auto put = [&](std::size_t word) {
-    for (int i = 0; i < 4; ++i) bytes.push_back(static_cast<std::uint8_t>(word >> (8 * i)));
-  };
-  put(0x46546c67), put(2), put(total);
-  put(json.size()), put(0x4e4f534a);
-  bytes.insert(bytes.end(), json.begin(), json.end());
-  if (!buffer.empty()) {
-    put(padded), put(0x004e4942);
-    bytes.insert(bytes.end(), buffer.begin(), buffer.end());
-    bytes.resize(total, 0);
-  }
-  return bytes;
+  Pieces pieces;
+  pieces.add(std::make_shared<const Bytes>(buffer));
+  std::ostringstream out;
+  put_glb(out, std::move(json), {}, std::move(pieces));
+  return bytes_of(out);
 }
 
-Bytes GltfWriter::glb() const {
+void GltfWriter::put(std::ostream& out) const {
   // Images go to the end of the buffer.
   State whole = *state_;
-  for (const Bytes& image : whole.images) (void)whole.add_view(image);
-  return join_glb(whole.json({}, {}), whole.buffer);
+  whole.buffer = {.size = state_->buffer.size, .spool = {}, .all = {}};
+  for (const auto& image : whole.images) (void)whole.add_view(image);
+  put_glb(out, whole.json({}, {}), state_->buffer, std::move(whole.buffer));
 }
 
 void GltfWriter::write(const std::filesystem::path& file) const {
-  if (file.extension() == ".glb") return write_whole(file, glb());
+  if (file.extension() == ".glb") return write_whole(file, [&](std::ostream& out) { put(out); });
   // What lies beside it first: a .gltf that can be seen is complete.
   const std::string stem = as_utf8(file.stem().string());  // they are named in it
   std::vector<std::string> names;
   for (std::size_t i = 0; i < state_->images.size(); ++i) {
     names.push_back(stem + "-" + std::to_string(i) + (state_->options.png ? ".png" : ".jpg"));
-    write_whole(file.parent_path() / names.back(), state_->images[i]);
+    write_whole(file.parent_path() / names.back(), *state_->images[i]);
   }
   const std::string bin = stem + ".bin";
-  if (!state_->buffer.empty()) write_whole(file.parent_path() / bin, state_->buffer);
+  if (state_->buffer.size > 0)
+    write_whole(file.parent_path() / bin, [&](std::ostream& out) { state_->buffer.put(out); });
   write_whole(file, state_->json(bin, names));
 }
 

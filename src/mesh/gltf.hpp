@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <ostream>
 #include <string>
 #include <vector>
 
@@ -19,7 +20,8 @@ struct GltfOptions {
   Compression compression = Compression::none;
   bool png = false;  // textures as PNG instead of JPEG
   int jpeg_quality = 90;
-  std::string source;  // told in asset.extras
+  std::string source;          // told in asset.extras
+  std::filesystem::path file;  // where it will be: what was added waits on that disk; empty: in memory
 };
 
 /// One glTF file, part by part. What was added is kept as it will be written, compressed.
@@ -37,7 +39,8 @@ class GltfWriter {
   void add_cameras(const Camera& camera, const Trajectory& path, const std::vector<Eigen::Isometry3d>& cameras);
   /// .glb, or .gltf with a .bin and the textures beside it. Whole or not at all; what lies beside it comes first.
   void write(const std::filesystem::path& file) const;
-  [[nodiscard]] std::vector<std::uint8_t> glb() const;
+  /// Puts a .glb into a stream.
+  void put(std::ostream& out) const;
 
  private:
   struct State;

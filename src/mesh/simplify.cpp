@@ -3,6 +3,7 @@
 #include "mesh/simplify.hpp"
 
 #include <meshoptimizer.h>
+#include <tbb/parallel_sort.h>
 
 #include <algorithm>
 #include <cmath>
@@ -52,7 +53,7 @@ Split split_by_region(const Mesh& mesh, const std::vector<std::uint32_t>& region
 }
 
 /// meshoptimizer leaves a point alone where three or more vertices meet: unused ones lock it.
-void lock(Split& split, const Mesh& mesh, const std::vector<bool>& locked) {
+void lock_vertices(Split& split, const Mesh& mesh, const std::vector<bool>& locked) {
   for (std::uint32_t v = 0; v < locked.size(); ++v)
     if (locked[v])
       for (int i = 0; i < 2; ++i) {
@@ -96,7 +97,7 @@ std::vector<Link> links_between(const Mesh& mesh) {
       links.push_back({(colour[a] - colour[b]).norm(), a, b});
     }
   });
-  std::sort(links.begin(), links.end(), [](const Link& x, const Link& y) {
+  tbb::parallel_sort(links, [](const Link& x, const Link& y) {
     return std::tie(x.difference, x.a, x.b) < std::tie(y.difference, y.a, y.b);
   });
   return links;
@@ -170,7 +171,7 @@ Simplified simplify(Mesh& mesh, const SimplifyOptions& options, const std::vecto
   float error = 0;
   for (int round = 0;; ++round) {
     Split split = split_by_region(mesh, region);
-    lock(split, mesh, fixed);
+    lock_vertices(split, mesh, fixed);
     std::vector<std::uint32_t> left(split.indices.size());
     left.resize(meshopt_simplify(left.data(), split.indices.data(), split.indices.size(), split.positions[0].data(),
                                  split.positions.size(), sizeof(Eigen::Vector3f), 3 * target, allowed, 0, &error));

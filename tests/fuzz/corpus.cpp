@@ -155,8 +155,9 @@ void write_meshes(const fs::path& folder) {
     writer.add("a", mesh(true));
     writer.add("b", mesh(false));
     writer.add_cameras({}, path(), {Eigen::Isometry3d::Identity()});
-    const auto bytes = writer.glb();
-    put(place(folder, "glb", std::to_string(number++)), {bytes.begin(), bytes.end()});
+    std::ostringstream glb;
+    writer.put(glb);
+    put(place(folder, "glb", std::to_string(number++)), glb.str());
   }
   put(place(folder, "gltf", "embedded"), R"({"asset": {"version": "2.0"}, "buffers": [{"byteLength": 36,
  "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}],
