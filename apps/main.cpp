@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+#include <malloc.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
@@ -57,6 +58,8 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  constexpr int kLarge = 4 << 20;  // bytes: more than an image; from here on what is freed goes back to the system
+  mallopt(M_MMAP_THRESHOLD, kLarge);
   try {
     return run(argc, argv);
   } catch (const std::exception& error) {  // while it began, or told of another

@@ -2,6 +2,8 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "cairn/map.hpp"
 
+#include <malloc.h>
+
 #include <algorithm>
 #include <stdexcept>
 #include <utility>
@@ -19,6 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::size_t kGridPart = 8192;                          // bricks: 32 MiB
 constexpr std::uint64_t kViewMemory = std::uint64_t{512} << 20;  // bytes of keyframes on the device
 
 /// A keyframe's velocity from the frames around it, where they are close in time.
@@ -79,14 +82,7 @@ class MapperContents final : public Map::Contents {
   ExportedViews export_views(const fs::path& folder, const ViewsOptions& options,
                              const ExportProgress& progress) override;
 
-  void write_grids(const fs::path& file) override {
-    MapState& s = *state_;
-    std::shared_ptr<const DistanceField> field;
-    if (s.options.esdf.live)
-      s.warnings().attempt(file.string() + " has no grid `esdf`", [&] { field = distances(nullptr); });
-    cairn::write_grids(file, s.world().on_host(),
-                       {.voxel_size = s.options.fuse.voxel_size, .truncation = s.options.fuse.truncation}, field.get());
-  }
+  void write_grids(const fs::path& file) override;
 
   void write_graph(const fs::path& file) const override {
     if (file.extension() == ".svg")
@@ -100,8 +96,44 @@ class MapperContents final : public Map::Contents {
   Statistics statistics() const override { return state_->statistics(); }
 
  private:
+  [[nodiscard]] bool is_in_parts();
+  [[nodiscard]] WorldParts parts();
   std::shared_ptr<MapState> state_;
 };
+
+/// A world that lies otherwise than it was fused is made part by part, so that it may be larger than the memory.
+bool MapperContents::is_in_parts() {
+  state_->back_end.settle();
+  return state_->is_tracked() && !state_->back_end.is_plain();
+}
+
+WorldParts MapperContents::parts() {
+  MapState& s = *state_;
+  s.whole.reset();
+  s.back_end.end_submap(s.volume, s.fused_count, true);
+  malloc_trim(0);  // both were thousands of small pieces
+  return s.back_end.world_parts(s.device);
+}
+
+void MapperContents::write_grids(const fs::path& file) {
+  MapState& s = *state_;
+  std::shared_ptr<const DistanceField> field;
+  if (s.options.esdf.live)
+    s.warnings().attempt(file.string() + " has no grid `esdf`", [&] { field = distances(nullptr); });
+  GridsWriter writer(file, {.voxel_size = s.options.fuse.voxel_size, .truncation = s.options.fuse.truncation});
+  if (!is_in_parts() || s.whole) {
+    const BrickTree& tree = s.world().on_host();
+    writer.add(tree);
+    return writer.write(tree.free_bricks(), field.get());
+  }
+  WorldParts parts = this->parts();
+  std::vector<Brick> bricks = parts.bricks();
+  std::sort(bricks.begin(), bricks.end(), before_in_grid);
+  for (std::size_t i = 0; i < bricks.size(); i += kGridPart)
+    writer.add(
+        parts.make(std::span(bricks).subspan(i, std::min(kGridPart, bricks.size() - i)), s.back_end.load_submap()));
+  writer.write(s.back_end.world_free(), nullptr);
+}
 
 Exported MapperContents::export_mesh(const fs::path& file, const ExportOptions& options,
                                      const ExportProgress& progress) {
@@ -109,15 +141,11 @@ Exported MapperContents::export_mesh(const fs::path& file, const ExportOptions& 
   check(options, file);
   const KeyframeStore& images = s.is_tracked() ? s.back_end.images() : s.given.images;
   images.wait();
-  // A world that lies otherwise than it was fused is made part by part, so that it may be larger than the memory.
-  s.back_end.settle();
-  const bool in_parts = s.is_tracked() && !s.back_end.is_plain();
+  const bool in_parts = is_in_parts();
   std::optional<WorldParts> parts;
   std::optional<Volume> part;
   if (in_parts) {
-    s.whole.reset();
-    s.back_end.end_submap(s.volume, s.fused_count, true);
-    parts.emplace(s.back_end.world_parts(s.device));
+    parts.emplace(this->parts());
     part.emplace(s.device, s.world_pool(), s.options.surface.max_depth);
   }
   ExportInput input{.bricks = in_parts ? parts->bricks() : s.volume.bricks(),

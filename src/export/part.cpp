@@ -2,6 +2,8 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "export/part.hpp"
 
+#include <malloc.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -76,6 +78,7 @@ Part make_part(ExportRun& run, Texturer* texturer, const Cells::Key& cell) {
     return cut_out(std::move(mesh), run.cells, cell);
   });
   part.mesh.weights.clear();
+  if (input.load) malloc_trim(0);  // a map made part by part shall not need more and more memory
   if (!has_colours(part.mesh)) part.mesh.colours.clear();
   if (texturer != nullptr) part.colours = std::make_shared<VoxelColours>(part.mesh, input.volume.options().voxel_size);
   return part;

@@ -388,13 +388,18 @@ World& BackEnd::world() {
 }
 
 LoadSubmap BackEnd::load_submap() {
-  return [this](std::size_t i) {
+  return [this](std::size_t i, const BrickBox& box) {
     auto voxels = std::make_shared<const BrickTree>();
-    warnings_.attempt("what it holds is missing in the map", [&] { voxels = submaps_.voxels(i); });
+    warnings_.attempt("what it holds is missing in the map", [&] { voxels = submaps_.voxels(i, box); });
     return voxels;
   };
 }
 
-WorldParts BackEnd::world_parts(gpu::Device& device) const { return {device, options_.fuse, placed_submaps()}; }
+WorldParts BackEnd::world_parts(gpu::Device& device) {
+  submaps_.leave_memory();
+  return {device, options_.fuse, placed_submaps()};
+}
+
+std::vector<Brick> BackEnd::world_free() const { return free_bricks(options_.fuse, placed_submaps()); }
 
 }  // namespace cairn

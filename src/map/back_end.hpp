@@ -58,8 +58,9 @@ class BackEnd {
   void begin_in_world();
   /// Brings the world up to date with the ended submaps of the main piece.
   World& world();
-  /// The same world, to be made part by part.
-  [[nodiscard]] WorldParts world_parts(gpu::Device& device) const;
+  /// The same world, to be made part by part. Submaps leave the memory.
+  [[nodiscard]] WorldParts world_parts(gpu::Device& device);
+  [[nodiscard]] std::vector<Brick> world_free() const;
   /// Gives submaps' voxels. One whose file is lost is told of and has none.
   [[nodiscard]] LoadSubmap load_submap();
 

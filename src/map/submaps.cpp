@@ -3,18 +3,22 @@
 #include "map/submaps.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
+#include <malloc.h>
 
 #include <algorithm>
 #include <utility>
 
 namespace cairn {
+namespace {
+
+// Bytes: reading the bricks that are needed takes no longer than their work.
+constexpr std::uint64_t kUsualBudget = std::uint64_t{64} << 20;
+
+}  // namespace
 
 Submaps::Submaps(std::filesystem::path folder, std::uint64_t budget, Access access)
     : folder_(std::move(folder)),
-      budget_(budget != 0 ? budget
-                          : static_cast<std::uint64_t>(sysconf(_SC_PHYS_PAGES)) *
-                                static_cast<std::uint64_t>(sysconf(_SC_PAGE_SIZE)) / 4),
+      budget_(budget != 0 ? budget : kUsualBudget),
       writes_(!folder_.empty() && access == Access::write) {}
 
 std::filesystem::path Submaps::file(std::size_t i) const { return folder_ / fmt::format("submap-{:04}.vdb", i); }
@@ -25,31 +29,46 @@ void Submaps::add(BrickTree voxels) {
   bricks_.push_back(voxels.bricks());
   free_.push_back(voxels.free_bricks());
   voxels_.push_back(std::make_shared<const BrickTree>(std::move(voxels)));
+  files_.emplace_back();
   last_use_.push_back(++use_);
   stored_.push_back(false);
+  auto left = keep_within_budget();
   if (writes_)
-    writing_ = std::async(std::launch::async, [tree = voxels_[id], to = file(id)] {
+    writing_ = std::async(std::launch::async, [tree = voxels_[id], to = file(id), left = std::move(left)]() mutable {
+      if (!left.empty()) {
+        left.clear();
+        malloc_trim(0);  // a submap is thousands of small pieces between others
+      }
       try {
         write_bricks(to, *tree);
+        tree.reset();
         return true;
       } catch (const std::runtime_error&) {
         return false;  // it stays in memory until store()
       }
     });
-  keep_within_budget();
 }
 
 BrickTree Submaps::copy(std::size_t i) const {
-  return bricks_[i].empty() ? BrickTree() : voxels_[i] ? voxels_[i]->copy() : read_bricks(file(i));
+  return bricks_[i].empty() ? BrickTree() : voxels_[i] ? voxels_[i]->copy() : BrickFile(file(i)).read();
 }
 
 void Submaps::add_stored(bool has_file) {
-  voxels_.push_back(std::make_shared<const BrickTree>(has_file ? read_bricks(file(bricks_.size())) : BrickTree()));
-  bricks_.push_back(voxels_.back()->bricks());
-  free_.push_back(voxels_.back()->free_bricks());
+  std::optional<BrickFile> from;
+  if (has_file) from.emplace(file(bricks_.size()));
+  bricks_.push_back(from ? from->bricks() : std::vector<Brick>());
+  free_.push_back(from ? from->free_bricks() : std::vector<Brick>());
+  voxels_.push_back(from ? nullptr : std::make_shared<const BrickTree>());
+  files_.push_back(std::move(from));
   last_use_.push_back(++use_);
   stored_.push_back(true);
-  keep_within_budget();
+}
+
+void Submaps::leave_memory() {
+  wait();
+  if (folder_.empty()) return;
+  for (std::size_t i = 0; i < bricks_.size(); ++i)
+    if (stored_[i] && !bricks_[i].empty()) voxels_[i] = nullptr;
 }
 
 void Submaps::drop(std::size_t i) {
@@ -77,7 +96,8 @@ std::optional<std::string> Submaps::store() {
   }
 }
 
-void Submaps::keep_within_budget() {
+std::vector<std::shared_ptr<const BrickTree>> Submaps::keep_within_budget() {
+  std::vector<std::shared_ptr<const BrickTree>> left;
   const auto bytes = [&] {
     std::uint64_t sum = 0;
     for (std::size_t i = 0; i < bricks_.size(); ++i)
@@ -85,26 +105,22 @@ void Submaps::keep_within_budget() {
     return sum;
   };
   while (!folder_.empty() && bytes() > budget_) {
-    wait();
     std::size_t oldest = bricks_.size();
     for (std::size_t i = 0; i < bricks_.size(); ++i)
       if (voxels_[i] && stored_[i] && (oldest == bricks_.size() || last_use_[i] < last_use_[oldest])) oldest = i;
     if (oldest == bricks_.size() || last_use_[oldest] == use_) break;  // one at least stays
-    voxels_[oldest] = nullptr;
+    left.push_back(std::exchange(voxels_[oldest], nullptr));
   }
   counts_.peak_bytes = std::max(counts_.peak_bytes, bytes());
+  return left;
 }
 
-std::shared_ptr<const BrickTree> Submaps::voxels(std::size_t i) {
+std::shared_ptr<const BrickTree> Submaps::voxels(std::size_t i, const BrickBox& box) {
   last_use_[i] = ++use_;
-  if (!voxels_[i]) {
-    voxels_[i] = std::make_shared<const BrickTree>(read_bricks(file(i)));
-    ++counts_.read_back;
-    auto held = voxels_[i];
-    keep_within_budget();
-    return held;
-  }
-  return voxels_[i];
+  if (voxels_[i]) return voxels_[i];
+  if (!files_[i]) files_[i].emplace(file(i));
+  ++counts_.read_back;
+  return std::make_shared<const BrickTree>(files_[i]->read(box));
 }
 
 }  // namespace cairn

@@ -13,10 +13,11 @@
 namespace cairn {
 
 /// Ended submaps: parts of the map that no longer change, each what was fused while its keyframes were taken. With a
-/// folder each is a file there, and those used longest ago leave the memory when they need more than the budget.
+/// folder each is a file there, and those used longest ago leave the memory when they need more than the budget, to be
+/// read by parts from then on.
 class Submaps {
  public:
-  /// `budget`: bytes; 0: a quarter of the host's memory. Without the right to write, what is added stays in memory.
+  /// `budget`: bytes; 0: 64 MiB. Without the right to write, what is added stays in memory.
   Submaps(std::filesystem::path folder, std::uint64_t budget, Access access);
   void add(BrickTree voxels);
   /// Adds one whose file is there already, or, if it has none, a dropped one.
@@ -25,13 +26,15 @@ class Submaps {
   [[nodiscard]] BrickTree copy(std::size_t i) const;
   /// Forgets a submap's voxels; the others keep their numbers, and its file stays: a checkpoint may name it.
   void drop(std::size_t i);
+  /// All that are in files leave the memory.
+  void leave_memory();
   [[nodiscard]] std::size_t size() const { return bricks_.size(); }
   /// Sorted by x, then y, then z; none for a dropped submap.
   [[nodiscard]] const std::vector<Brick>& bricks(std::size_t i) const { return bricks_[i]; }
   /// Bricks that it knows to be free.
   [[nodiscard]] const std::vector<Brick>& free(std::size_t i) const { return free_[i]; }
-  /// A submap's voxels, from its file if they have left the memory.
-  [[nodiscard]] std::shared_ptr<const BrickTree> voxels(std::size_t i);
+  /// A submap's voxels; of those that have left the memory the ones in a box, from its file.
+  [[nodiscard]] std::shared_ptr<const BrickTree> voxels(std::size_t i, const BrickBox& box);
   /// Brings all that was added into files. Returns why some could not be written, which stay in memory, or nothing.
   [[nodiscard]] std::optional<std::string> store();
   [[nodiscard]] std::filesystem::path file(std::size_t i) const;
@@ -43,12 +46,14 @@ class Submaps {
 
  private:
   void wait();
-  void keep_within_budget();
+  /// Returns what has left the memory.
+  std::vector<std::shared_ptr<const BrickTree>> keep_within_budget();
   std::filesystem::path folder_;
   std::uint64_t budget_;
   bool writes_;
   std::vector<std::vector<Brick>> bricks_, free_;
   std::vector<std::shared_ptr<const BrickTree>> voxels_;  // null: in its file alone
+  std::vector<std::optional<BrickFile>> files_;           // of those that were read from
   std::vector<std::uint64_t> last_use_;
   std::uint64_t use_ = 0;
   std::vector<bool> stored_;   // in their files

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <tuple>
 #include <unordered_map>
 #include <unordered_set>
@@ -81,6 +82,25 @@ std::vector<Eigen::Isometry3d> places_of(const PlacedSubmap& submap, double size
 
 }  // namespace
 
+std::vector<Brick> free_bricks(const FuseOptions& options, const std::vector<PlacedSubmap>& submaps) {
+  const double size = 8.0 * static_cast<double>(options.voxel_size);
+  std::vector<Brick> free;
+  for (const PlacedSubmap& submap : submaps) {
+    const BrickSet of_submap(submap.free.begin(), submap.free.end());
+    std::vector<Eigen::Isometry3d> moved(submap.free.size());
+    tbb::parallel_for(std::size_t{0}, moved.size(),
+                      [&](std::size_t i) { moved[i] = submap.deformation(centre_of(submap.free[i], size)); });
+    for (std::size_t i = 0; i < moved.size(); ++i)
+      cover(submap.free[i], moved[i], size, [&](const Brick& target) {
+        const Eigen::Vector3d there = moved[i].inverse() * centre_of(target, size);
+        if (of_submap.contains((there / size).array().floor().cast<int>().matrix())) free.push_back(target);
+      });
+    std::sort(free.begin(), free.end(), before);
+    free.erase(std::unique(free.begin(), free.end()), free.end());
+  }
+  return free;
+}
+
 WorldParts::WorldParts(gpu::Device& device, const FuseOptions& options, const std::vector<PlacedSubmap>& submaps)
     : brick_size_(8.0 * static_cast<double>(options.voxel_size)), merger_(device, options) {
   BrickSet reached;
@@ -138,7 +158,7 @@ std::vector<Brick> World::update(const std::vector<PlacedSubmap>& submaps, const
   std::vector<Brick> bricks(changed.begin(), changed.end());
   merger_.merge(jobs_of(changed, placements_, size), load, bricks_);
   if (!bricks.empty()) {
-    const std::vector<Brick> moved = move_free(submaps);
+    const std::vector<Brick> moved = move_free(free_bricks(options_, submaps));
     bricks.insert(bricks.end(), moved.begin(), moved.end());
   }
   std::sort(bricks.begin(), bricks.end(), before);
@@ -146,31 +166,15 @@ std::vector<Brick> World::update(const std::vector<PlacedSubmap>& submaps, const
   return bricks;
 }
 
-/// Finds the free bricks of the world again: those whose middle lies in a free brick of a submap. Returns what changed.
-std::vector<Brick> World::move_free(const std::vector<PlacedSubmap>& submaps) {
-  const double size = 8.0 * static_cast<double>(options_.voxel_size);
-  BrickSet now;
-  for (const PlacedSubmap& submap : submaps) {
-    const BrickSet of_submap(submap.free.begin(), submap.free.end());
-    std::vector<Eigen::Isometry3d> moved(submap.free.size());
-    tbb::parallel_for(std::size_t{0}, moved.size(),
-                      [&](std::size_t i) { moved[i] = submap.deformation(centre_of(submap.free[i], size)); });
-    for (std::size_t i = 0; i < moved.size(); ++i)
-      cover(submap.free[i], moved[i], size, [&](const Brick& target) {
-        const Eigen::Vector3d there = moved[i].inverse() * centre_of(target, size);
-        if (of_submap.contains((there / size).array().floor().cast<int>().matrix())) now.insert(target);
-      });
-  }
-  const std::vector<Brick> before_list = bricks_.free_bricks();
-  const BrickSet was(before_list.begin(), before_list.end());
-  bricks_.forget_free();
+/// Notes which bricks are free now. Returns what changed.
+std::vector<Brick> World::move_free(std::vector<Brick> free) {
+  std::erase_if(free, [&](const Brick& brick) { return bricks_.find(brick) != nullptr; });
+  const std::vector<Brick> were = bricks_.free_bricks();
   std::vector<Brick> changed;
-  for (const Brick& brick : now) {
-    bricks_.mark_free(brick);
-    if (!was.contains(brick)) changed.push_back(brick);
-  }
-  for (const Brick& brick : was)
-    if (!now.contains(brick)) changed.push_back(brick);
+  std::set_symmetric_difference(were.begin(), were.end(), free.begin(), free.end(), std::back_inserter(changed),
+                                before);
+  bricks_.forget_free();
+  for (const Brick& brick : free) bricks_.mark_free(brick);
   return changed;
 }
 

@@ -21,6 +21,10 @@ struct PlacedBrick {
   Eigen::Isometry3d world_from_submap;
 };
 
+/// The free bricks of the world, sorted: those whose middle lies in a free brick of a submap. They may have voxels of
+/// another submap.
+[[nodiscard]] std::vector<Brick> free_bricks(const FuseOptions& options, const std::vector<PlacedSubmap>& submaps);
+
 /// The world part by part, for what needs all of it and never at once: its bricks are known, their voxels are made when
 /// they are asked for.
 class WorldParts {
@@ -51,7 +55,7 @@ class World {
   [[nodiscard]] BrickTree release();
 
  private:
-  [[nodiscard]] std::vector<Brick> move_free(const std::vector<PlacedSubmap>& submaps);
+  [[nodiscard]] std::vector<Brick> move_free(std::vector<Brick> free);
   FuseOptions options_;
   Merger merger_;
   BrickTree bricks_;

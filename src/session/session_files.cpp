@@ -112,7 +112,7 @@ ReadSession read_files(const fs::path& session, const CheckedBytes& bytes) {
     throw std::runtime_error(files.string() + ": is missing; the session is damaged: " + kAgain);
   auto hold = FileLock::take(files, FileLock::Kind::shared, true);
   try {
-    BrickTree active = read_bricks(active_file(files, s.number));
+    BrickTree active = BrickFile(active_file(files, s.number)).read();
     s.back_end.atlas.frames = read_frames(files, state.frame_files, s.back_end.atlas);
     return {std::move(s), std::move(active), files, bytes.checksum, std::move(*hold), std::move(state.frame_files)};
   } catch (const std::exception& error) {

@@ -2,9 +2,10 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "volume/grids.hpp"
 
-#include <openvdb/io/Stream.h>
+#include <openvdb/io/GridDescriptor.h>
 #include <openvdb/openvdb.h>
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_pipeline.h>
 
 #include <algorithm>
 #include <cmath>
@@ -14,8 +15,14 @@
 #include <map>
 #include <mutex>
 #include <optional>
+#include <sstream>
 #include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
 
+#include "base/spool.hpp"
 #include "base/words.hpp"
 #include "cairn/atomic_file.hpp"
 #include "shaders/voxel.h"
@@ -42,31 +49,156 @@ void for_each_tile(const Tree& tree, const Visit& visit) {
   for (; tile; ++tile) visit(tile.getCoord());
 }
 
-/// A grid with the tree's topology, its leaves filled by `value(voxel)`, active where the weight is not 0. Bricks that
-/// are free become active tiles of value `free`.
-template <class Grid, class Value>
-typename Grid::Ptr make_grid(const VoxelTree& tree, const char* name, const GridInfo& info,
-                             const typename Grid::ValueType& background, const Value& value,
-                             const std::optional<typename Grid::ValueType>& free = {}) {
-  auto grid = Grid::create(background);
-  grid->setName(name);
-  grid->setTransform(openvdb::math::Transform::createLinearTransform(info.voxel_size));
-  std::vector<const VoxelTree::LeafNodeType*> from;
-  tree.getNodes(from);
-  std::vector<typename Grid::TreeType::LeafNodeType*> to;
-  to.reserve(from.size());
-  for (const auto* leaf : from) to.push_back(grid->tree().touchLeaf(leaf->origin()));
-  tbb::parallel_for(std::size_t{0}, from.size(), [&](std::size_t i) {
-    for (openvdb::Index n = 0; n < 512; ++n) {
-      const auto voxel = static_cast<std::uint64_t>(from[i]->getValue(n));
-      if (((voxel >> 16) & 0xffff) == 0)
-        to[i]->setValueOff(n, background);
-      else
-        to[i]->setValueOn(n, value(voxel));
+constexpr std::uint32_t kCompression = openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK;
+constexpr std::size_t kLeavesAtOnce = 256;  // that one thread packs
+constexpr std::size_t kPacksAtOnce = 8;     // that wait for their turn
+
+/// Packs leaves as files have them, on all cores: `pack(begin, end)` those of one thread, `take(packed)` in their
+/// order.
+template <class Pack, class Take>
+void pack_leaves(std::size_t count, const Pack& pack, const Take& take) {
+  using Packed = std::invoke_result_t<Pack, std::size_t, std::size_t>;
+  std::size_t next = 0;
+  const auto begin = [&](tbb::flow_control& control) {
+    if (next >= count) control.stop();
+    return std::exchange(next, next + kLeavesAtOnce);
+  };
+  const auto pack_from = [&](std::size_t i) { return pack(i, std::min(i + kLeavesAtOnce, count)); };
+  using tbb::filter_mode;
+  tbb::parallel_pipeline(kPacksAtOnce, tbb::make_filter<void, std::size_t>(filter_mode::serial_in_order, begin) &
+                                           tbb::make_filter<std::size_t, Packed>(filter_mode::parallel, pack_from) &
+                                           tbb::make_filter<Packed, void>(filter_mode::serial_in_order, take));
+}
+
+/// A stream in memory that leaves are written into as into a file.
+template <class Value>
+std::ostringstream leaf_stream(const Value& background) {
+  std::ostringstream out;
+  openvdb::io::setDataCompression(out, kCompression);
+  openvdb::io::setGridBackgroundValuePtr(out, &background);
+  return out;
+}
+
+/// Writes grids one after the other, so that no two need to be in memory, and notes where each begins, so that a reader
+/// finds one without the others. OpenVDB's writers want all of them at once, and pack leaves on one core.
+class FileWriter : private openvdb::io::Archive {
+ public:
+  FileWriter(std::ostream& out, std::int32_t grids) : out_(out) {
+    setCompression(kCompression);
+    writeHeader(out_, true);
+    openvdb::MetaMap().writeMeta(out_);
+    out_.write(reinterpret_cast<const char*>(&grids), sizeof(grids));
+  }
+
+  /// Of `grid` everything but its leaves' voxels, which `write_leaves(stream)` writes.
+  template <class Grid, class WriteLeaves>
+  void write(Grid& grid, const WriteLeaves& write_leaves) {
+    grid.setCreator("cairn");
+    grid.addStatsMetadata();
+    openvdb::io::GridDescriptor descriptor(grid.getName(), grid.type());
+    descriptor.writeHeader(out_);
+    const auto places = out_.tellp();
+    descriptor.writeStreamPos(out_);
+    descriptor.setGridPos(out_.tellp());
+    setGridCompression(out_, grid);
+    grid.writeMeta(out_);
+    grid.writeTransform(out_);
+    grid.writeTopology(out_);
+    descriptor.setBlockPos(out_.tellp());
+    write_leaves(out_);
+    descriptor.setEndPos(out_.tellp());
+    out_.seekp(places);
+    descriptor.writeStreamPos(out_);
+    descriptor.seekToEnd(out_);
+  }
+
+  /// As it is.
+  template <class Grid>
+  void write(Grid& grid) {
+    std::vector<const typename Grid::TreeType::LeafNodeType*> leaves;
+    grid.constTree().getNodes(leaves);
+    write(grid, [&](std::ostream& to) {
+      const auto pack = [&, background = grid.background()](std::size_t begin, std::size_t end) {
+        auto out = leaf_stream(background);
+        for (std::size_t i = begin; i < end; ++i) leaves[i]->writeBuffers(out, false);
+        return std::move(out).str();
+      };
+      pack_leaves(leaves.size(), pack, [&](const std::string& packed) { to << packed; });
+    });
+  }
+
+ private:
+  std::ostream& out_;
+};
+
+using Mask = VoxelTree::LeafNodeType::NodeMaskType;
+
+/// A brick of a map's grids: where it is, and which voxels are active.
+struct Place {
+  openvdb::Coord origin;
+  Mask active;
+};
+
+/// One of a map's grids: how its values come out of voxels, and its packed leaves.
+template <class GridType, class Value>
+class MapGrid {
+ public:
+  using Grid = GridType;
+  using Leaf = typename Grid::TreeType::LeafNodeType;
+  MapGrid(const std::filesystem::path& file, typename Grid::ValueType background, Value value)
+      : spool(file), background_(background), value_(std::move(value)) {}
+
+  [[nodiscard]] std::string pack(std::span<const VoxelTree::LeafNodeType* const> from,
+                                 std::span<const Place> places) const {
+    auto out = leaf_stream(background_);
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      Leaf leaf(places[i].origin, background_);
+      for (auto n = places[i].active.beginOn(); n; ++n)
+        leaf.setValueOn(n.pos(), value_(static_cast<std::uint64_t>(from[i]->getValue(n.pos()))));
+      leaf.writeBuffers(out, false);
     }
+    return std::move(out).str();
+  }
+
+  /// The grid with leaves that know which voxels are active, and not their values.
+  [[nodiscard]] typename Grid::Ptr grid(const char* name, const GridInfo& info, std::span<const Place> places) const {
+    auto made = Grid::create(background_);
+    made->setName(name);
+    made->setTransform(openvdb::math::Transform::createLinearTransform(info.voxel_size));
+    for (const Place& place : places) {
+      auto leaf = std::make_unique<Leaf>(openvdb::PartialCreate(), place.origin, background_);
+      leaf->setValueMask(place.active);
+      made->tree().addLeaf(leaf.release());
+    }
+    return made;
+  }
+
+  Spool spool;
+
+ private:
+  typename Grid::ValueType background_;
+  Value value_;
+};
+template <class Grid, class Value>
+MapGrid<Grid, Value> map_grid(const std::filesystem::path& file, typename Grid::ValueType background, Value value) {
+  return {file, background, std::move(value)};
+}
+
+auto distance_values(const std::filesystem::path& file, float truncation) {
+  return map_grid<openvdb::FloatGrid>(file, truncation,
+                                      [truncation](std::uint64_t v) { return shader::voxel_distance(v) * truncation; });
+}
+auto weight_values(const std::filesystem::path& file) {
+  return map_grid<openvdb::FloatGrid>(file, 0.0f, [](std::uint64_t v) { return shader::voxel_weight(v); });
+}
+auto colour_values(const std::filesystem::path& file) {
+  return map_grid<openvdb::Vec3SGrid>(file, openvdb::Vec3s(0.0f), [](std::uint64_t v) {
+    const auto channel = [&](int shift) { return static_cast<float>((v >> shift) & 0xff) / 255.0f; };
+    return openvdb::Vec3s(channel(32), channel(40), channel(48));
   });
-  if (free) for_each_tile(tree, [&](const openvdb::Coord& origin) { grid->tree().addTile(1, origin, *free, true); });
-  return grid;
+}
+auto colour_weights(const std::filesystem::path& file) {
+  return map_grid<openvdb::Int32Grid>(file, 0, [](std::uint64_t v) { return static_cast<std::int32_t>(v >> 56); });
 }
 
 /// The background is the largest distance: what is farther or unknown is not stored.
@@ -93,11 +225,44 @@ openvdb::FloatGrid::Ptr distance_grid(const DistanceField& field) {
   return grid;
 }
 
-void write_stream(const std::filesystem::path& file, const openvdb::GridPtrVec& grids) {
+constexpr const char *kNoBricks = "holds no bricks", *kEndsEarly = "ends early";
+
+std::ifstream open_binary(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in) throw std::runtime_error("cannot be opened");
+  return in;
+}
+
+/// All of a file of bricks but their voxels; the stream is where those begin afterwards.
+class BrickHeader : private openvdb::io::Archive {
+ public:
+  explicit BrickHeader(std::istream& in) {
+    readHeader(in);
+    setFormatVersion(in);
+    setLibraryVersion(in);
+    setDataCompression(in);
+    openvdb::MetaMap().readMeta(in);
+    openvdb::io::GridDescriptor descriptor;
+    if (readGridCount(in) != 1) throw std::runtime_error(kNoBricks);
+    grid_ = openvdb::gridPtrCast<openvdb::Int64Grid>(descriptor.read(in));
+    if (!grid_) throw std::runtime_error(kNoBricks);
+    readGridCompression(in);
+    grid_->readMeta(in);
+    grid_->readTransform(in);
+    grid_->readTopology(in);
+  }
+  [[nodiscard]] const VoxelTree& tree() const { return grid_->constTree(); }
+
+ private:
+  openvdb::Int64Grid::Ptr grid_;
+};
+
+/// `write(writer)` writes the grids.
+template <class Write>
+void write_file(const std::filesystem::path& file, std::int32_t grids, const Write& write) {
   write_whole(file, [&](std::ostream& out) {  // openvdb::io::File does not notice a full disk
-    openvdb::io::Stream stream(out);
-    stream.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
-    stream.write(grids);
+    FileWriter writer(out, grids);
+    write(writer);
     // OpenVDB gives each file a random name of its own; the same map shall be the same bytes.
     constexpr std::streamoff kUuidOffset = 21;  // magic number, three versions, one flag
     out.seekp(kUuidOffset) << "00000000-0000-4000-8000-000000000000";
@@ -164,34 +329,108 @@ std::vector<Eigen::Vector3i> BrickTree::bricks() const {
   return all;
 }
 
-void write_grids(const std::filesystem::path& file, const BrickTree& bricks, const GridInfo& info,
+bool before_in_grid(const Eigen::Vector3i& a, const Eigen::Vector3i& b) {
+  const auto key = [](const Eigen::Vector3i& brick) {
+    std::array<int, 9> k{};
+    for (int i = 0; i < 3; ++i) k[i] = brick[i] >> 9, k[i + 3] = brick[i] >> 4, k[i + 6] = brick[i];
+    return k;
+  };
+  return key(a) < key(b);
+}
+
+// OpenVDB's headers stay in this file, so that what a map's grids are made of is here.
+struct GridsWriter::State {
+  State(std::filesystem::path f, const GridInfo& i)
+      : file(std::move(f)),
+        info(i),
+        tsdf(distance_values(file, i.truncation)),
+        weight(weight_values(file)),
+        colour(colour_values(file)),
+        colour_weight(colour_weights(file)) {}
+  std::filesystem::path file;
+  GridInfo info;
+  std::vector<Place> places;  // in the order of the grids
+  decltype(distance_values({}, 0)) tsdf;
+  decltype(weight_values({})) weight;
+  decltype(colour_values({})) colour;
+  decltype(colour_weights({})) colour_weight;
+};
+
+GridsWriter::GridsWriter(std::filesystem::path file, const GridInfo& info)
+    : state_(std::make_unique<State>(std::move(file), info)) {
+  initialize_once();
+}
+GridsWriter::~GridsWriter() = default;
+
+void GridsWriter::add(const BrickTree& bricks) {
+  State& s = *state_;
+  std::vector<const VoxelTree::LeafNodeType*> leaves;
+  std::as_const(*bricks.state_->tree).getNodes(leaves);
+  struct Packed {
+    std::vector<Place> places;
+    std::string tsdf, weight, colour, colour_weight;
+  };
+  const auto pack = [&](std::size_t begin, std::size_t end) {
+    const auto from = std::span(leaves).subspan(begin, end - begin);
+    Packed packed;
+    for (const auto* leaf : from) {
+      Place& place = packed.places.emplace_back(Place{leaf->origin(), {}});
+      for (openvdb::Index n = 0; n < 512; ++n)
+        place.active.set(n, ((static_cast<std::uint64_t>(leaf->getValue(n)) >> 16) & 0xffff) != 0);
+    }
+    packed.tsdf = s.tsdf.pack(from, packed.places);
+    packed.weight = s.weight.pack(from, packed.places);
+    packed.colour = s.colour.pack(from, packed.places);
+    packed.colour_weight = s.colour_weight.pack(from, packed.places);
+    return packed;
+  };
+  pack_leaves(leaves.size(), pack, [&](const Packed& packed) {
+    s.places.insert(s.places.end(), packed.places.begin(), packed.places.end());
+    s.tsdf.spool.append(packed.tsdf);
+    s.weight.spool.append(packed.weight);
+    s.colour.spool.append(packed.colour);
+    s.colour_weight.spool.append(packed.colour_weight);
+  });
+}
+
+void GridsWriter::write(std::span<const Eigen::Vector3i> free, const DistanceField* distances) {
+  const State& s = *state_;
+  const auto mark_free = [&](auto& tree, float value) {
+    for (const Eigen::Vector3i& brick : free)
+      if (tree.probeConstLeaf(origin_of(brick)) == nullptr) tree.addTile(1, origin_of(brick), value, true);
+  };
+  write_file(s.file, distances != nullptr ? 5 : 4, [&](FileWriter& writer) {
+    const auto append = [&](auto& grid, const Spool& spool) {
+      writer.write(grid, [&](std::ostream& out) { spool.copy_to(out); });
+    };
+    {
+      const auto tsdf = s.tsdf.grid("tsdf", s.info, s.places);
+      tsdf->setGridClass(openvdb::GRID_LEVEL_SET);
+      tsdf->insertMeta("truncation", openvdb::FloatMetadata(s.info.truncation));
+      mark_free(tsdf->tree(), s.info.truncation);
+      append(*tsdf, s.tsdf.spool);
+    }
+    {
+      const auto weight = s.weight.grid("weight", s.info, s.places);
+      mark_free(weight->tree(), kFreeWeight);
+      append(*weight, s.weight.spool);
+    }
+    append(*s.colour.grid("colour", s.info, s.places), s.colour.spool);
+    append(*s.colour_weight.grid("colour_weight", s.info, s.places), s.colour_weight.spool);
+    if (distances != nullptr) writer.write(*distance_grid(*distances));
+  });
+}
+
+void write_grids(const std::filesystem::path& file, const BrickTree& tree, const GridInfo& info,
                  const DistanceField* distances) {
-  // The trees are private to this file, so that OpenVDB's headers stay here.
-  const VoxelTree& tree = *bricks.state_->tree;
-  openvdb::GridPtrVec grids;
-  auto tsdf = make_grid<openvdb::FloatGrid>(
-      tree, "tsdf", info, info.truncation, [&](std::uint64_t v) { return shader::voxel_distance(v) * info.truncation; },
-      info.truncation);
-  tsdf->setGridClass(openvdb::GRID_LEVEL_SET);
-  tsdf->insertMeta("truncation", openvdb::FloatMetadata(info.truncation));
-  grids.push_back(tsdf);
-  grids.push_back(make_grid<openvdb::FloatGrid>(tree, "weight", info, 0.0f, shader::voxel_weight, kFreeWeight));
-  grids.push_back(make_grid<openvdb::Vec3SGrid>(tree, "colour", info, openvdb::Vec3s(0.0f), [](std::uint64_t v) {
-    const auto channel = [&](int shift) { return static_cast<float>((v >> shift) & 0xff) / 255.0f; };
-    return openvdb::Vec3s(channel(32), channel(40), channel(48));
-  }));
-  grids.push_back(make_grid<openvdb::Int32Grid>(tree, "colour_weight", info, 0,
-                                                [](std::uint64_t v) { return static_cast<std::int32_t>(v >> 56); }));
-  if (distances != nullptr) grids.push_back(distance_grid(*distances));
-  for (const auto& grid : grids) grid->setCreator("cairn");
-  write_stream(file, grids);
+  GridsWriter writer(file, info);
+  writer.add(tree);
+  writer.write(tree.free_bricks(), distances);
 }
 
 void write_distances(const std::filesystem::path& file, const DistanceField& distances) {
   initialize_once();
-  const auto grid = distance_grid(distances);
-  grid->setCreator("cairn");
-  write_stream(file, {grid});
+  write_file(file, 1, [&](FileWriter& writer) { writer.write(*distance_grid(distances)); });
 }
 
 DistanceField DistanceField::read(const std::filesystem::path& vdb) {
@@ -231,21 +470,62 @@ DistanceField DistanceField::read(const std::filesystem::path& vdb) {
 void write_bricks(const std::filesystem::path& file, const BrickTree& bricks) {
   auto grid = openvdb::Int64Grid::create(bricks.state_->tree);
   grid->setName("bricks");
-  write_stream(file, {grid});
+  write_file(file, 1, [&](FileWriter& writer) { writer.write(*grid); });
 }
 
-BrickTree read_bricks(const std::filesystem::path& file) {
+BrickFile::BrickFile(std::filesystem::path file) : file_(std::move(file)) {
   initialize_once();
-  BrickTree bricks;
   try {
-    openvdb::io::File in(file.string());
-    in.open(false);
-    const auto grid = openvdb::gridPtrCast<openvdb::Int64Grid>(in.readGrid("bricks"));
-    if (!grid) throw std::runtime_error("holds no bricks");
-    bricks.state_->tree = grid->treePtr();
+    std::ifstream in = open_binary(file_);
+    const BrickHeader header(in);
+    version_ = openvdb::io::getFormatVersion(in);
+    compression_ = openvdb::io::getDataCompression(in);
+    std::vector<const VoxelTree::LeafNodeType*> leaves;
+    header.tree().getNodes(leaves);
+    for (const auto* leaf : leaves) {
+      places_.push_back({brick_at(leaf->origin()), in.tellg()});
+      VoxelTree::LeafNodeType::NodeMaskType mask;
+      mask.load(in);
+      openvdb::io::readCompressedValues<std::int64_t>(in, nullptr, 512, mask, false);
+    }
+    if (!in) throw std::runtime_error(kEndsEarly);
+    for_each_tile(header.tree(), [&](const openvdb::Coord& origin) { free_.push_back(brick_at(origin)); });
+    std::sort(free_.begin(), free_.end(), before);
   } catch (const std::exception& error) {
-    throw std::runtime_error(file.string() + ": " + shown(error.what()));
+    throw std::runtime_error(file_.string() + ": " + shown(error.what()));
   }
+}
+
+std::vector<Eigen::Vector3i> BrickFile::bricks() const {
+  std::vector<Eigen::Vector3i> all;
+  for (const Place& place : places_) all.push_back(place.brick);
+  std::sort(all.begin(), all.end(), before);
+  return all;
+}
+
+BrickTree BrickFile::read(const std::optional<BrickBox>& box) const {
+  const auto wanted = [&](const Eigen::Vector3i& brick) { return !box || box->contains(brick); };
+  BrickTree bricks;
+  const VoxelTree::ValueType background = 0;
+  try {
+    std::ifstream in = open_binary(file_);
+    openvdb::io::setVersion(in, {openvdb::OPENVDB_LIBRARY_MAJOR_VERSION, openvdb::OPENVDB_LIBRARY_MINOR_VERSION},
+                            version_);
+    openvdb::io::setDataCompression(in, compression_);
+    openvdb::io::setGridBackgroundValuePtr(in, &background);
+    for (const Place& place : places_) {
+      if (!wanted(place.brick)) continue;
+      if (in.tellg() != place.offset) in.seekg(place.offset);  // which forgets what was read ahead
+      auto leaf = std::make_unique<VoxelTree::LeafNodeType>(origin_of(place.brick), background);
+      leaf->readBuffers(in);
+      bricks.state_->tree->addLeaf(leaf.release());
+    }
+    if (!in) throw std::runtime_error(kEndsEarly);
+  } catch (const std::exception& error) {
+    throw std::runtime_error(file_.string() + ": " + shown(error.what()));
+  }
+  for (const Eigen::Vector3i& brick : free_)
+    if (wanted(brick)) bricks.mark_free(brick);
   return bricks;
 }
 

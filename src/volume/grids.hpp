@@ -2,12 +2,13 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // The only door to OpenVDB.
 #pragma once
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -22,6 +23,9 @@ namespace cairn {
 
 /// Voxels of one brick in OpenVDB's leaf order, see shaders/voxel.h.
 using BrickVoxels = std::array<std::uint64_t, 512>;
+
+/// Bricks from one corner to the other, both of them within.
+using BrickBox = Eigen::AlignedBox3i;
 
 struct GridInfo;
 
@@ -51,17 +55,35 @@ class BrickTree {
 
  private:
   friend void write_bricks(const std::filesystem::path& file, const BrickTree& tree);
-  friend BrickTree read_bricks(const std::filesystem::path& file);
-  friend void write_grids(const std::filesystem::path& file, const BrickTree& tree, const GridInfo& info,
-                          const DistanceField* distances);
+  friend class BrickFile;
+  friend class GridsWriter;
   struct State;
   std::unique_ptr<State> state_;
 };
 
-/// Writes bricks as they are (one grid of 64-bit voxels) and reads them back: quick, for sessions. Whole or not at all;
-/// reading throws std::runtime_error for a file that is missing or broken.
+/// Writes bricks as they are (one grid of 64-bit voxels): quick, for sessions. Whole or not at all.
 void write_bricks(const std::filesystem::path& file, const BrickTree& tree);
-[[nodiscard]] BrickTree read_bricks(const std::filesystem::path& file);
+
+/// A file of write_bricks, out of which some bricks are read at a time.
+class BrickFile {
+ public:
+  /// Finds where the bricks are. Throws std::runtime_error for a file that is missing or broken.
+  explicit BrickFile(std::filesystem::path file);
+  [[nodiscard]] std::vector<Eigen::Vector3i> bricks() const;  // sorted by x, then y, then z
+  [[nodiscard]] const std::vector<Eigen::Vector3i>& free_bricks() const { return free_; }  // sorted likewise
+  /// The bricks and free bricks in a box, or all of them. Throws std::runtime_error as above.
+  [[nodiscard]] BrickTree read(const std::optional<BrickBox>& box = {}) const;
+
+ private:
+  struct Place {
+    Eigen::Vector3i brick;
+    std::int64_t offset;  // bytes from the file's beginning
+  };
+  std::filesystem::path file_;
+  std::uint32_t version_ = 0, compression_ = 0;  // of OpenVDB's format
+  std::vector<Place> places_;                    // in the file's order
+  std::vector<Eigen::Vector3i> free_;
+};
 
 /// What a map.vdb needs beside its voxels.
 struct GridInfo {
@@ -69,9 +91,29 @@ struct GridInfo {
   float truncation = 0.0f;  // metres
 };
 
+/// The order in which a grid keeps its bricks: by cubes of 512 bricks a side, then by cubes of 16, then by brick, each
+/// by x, then y, then z.
+[[nodiscard]] bool before_in_grid(const Eigen::Vector3i& a, const Eigen::Vector3i& b);
+
 /// Writes the grids `tsdf` (float, metres, level set), `weight` (float), `colour` (vec3f, 0..1, sRGB) and
 /// `colour_weight` (int32: frames), active where the weight is not 0. Free bricks are active tiles of the first two.
-/// Whole or not at all. With `distances` also `esdf`, see write_distances in cairn/esdf.hpp.
+/// Whole or not at all. The map comes part by part: what was added waits on the disk, packed. Throws
+/// std::runtime_error.
+class GridsWriter {
+ public:
+  GridsWriter(std::filesystem::path file, const GridInfo& info);
+  ~GridsWriter();
+  /// Adds bricks that come after those of earlier calls, see before_in_grid.
+  void add(const BrickTree& bricks);
+  /// Writes the file. Of `free` those that were not added as bricks are free. With `distances` also the grid `esdf`,
+  /// see write_distances in cairn/esdf.hpp.
+  void write(std::span<const Eigen::Vector3i> free, const DistanceField* distances);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+/// All of a map at once.
 void write_grids(const std::filesystem::path& file, const BrickTree& tree, const GridInfo& info,
                  const DistanceField* distances = nullptr);
 
@@ -79,7 +121,7 @@ struct ReadGrids {
   BrickTree tree;
   GridInfo info;
 };
-/// Reads what write_grids wrote; distances and colours come back as they were. Throws std::runtime_error when the file
+/// Reads what GridsWriter wrote; distances and colours come back as they were. Throws std::runtime_error when the file
 /// is not a Cairn map.
 [[nodiscard]] ReadGrids read_grids(const std::filesystem::path& file);
 

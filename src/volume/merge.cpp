@@ -18,6 +18,7 @@ namespace {
 constexpr std::size_t kSlots = 8192;    // source bricks on the device at a time: 32 MiB
 constexpr std::size_t kTargets = 4096;  // bricks of the world made at a time
 constexpr std::size_t kAround = 27;     // bricks that a turned brick may touch
+constexpr std::size_t kLoaded = 1024;   // bricks of the world whose sources are loaded together
 constexpr std::size_t kShares = 64;     // submaps that a brick is made of, at most: their weights have long saturated
 
 /// Far from any surface; of too little weight to bound a mesh.
@@ -50,6 +51,21 @@ Brick around(const Brick& base, std::size_t i) {
   return base + Brick(k % 3, k / 3 % 3, k / 9);
 }
 
+std::span<const MergeShare> shares_of(const MergeJob& job) {
+  return std::span(job.shares).first(std::min(kShares, job.shares.size()));
+}
+
+/// The bricks of each submap that some jobs touch.
+std::map<std::size_t, BrickBox> boxes_of(std::span<const MergeJob> jobs, float voxel_size) {
+  std::map<std::size_t, BrickBox> boxes;
+  for (const MergeJob& job : jobs)
+    for (const MergeShare& share : shares_of(job)) {
+      const Brick base = place(job.target, share, voxel_size).base;
+      boxes[share.submap].extend(base).extend(around(base, kAround - 1));
+    }
+  return boxes;
+}
+
 }  // namespace
 
 Merger::Merger(gpu::Device& device, const FuseOptions& options)
@@ -63,18 +79,23 @@ void Merger::gather(std::span<const MergeJob> jobs, std::size_t begin, const Loa
   to.voxels[shader::kEmptySlot].fill(0);
   to.voxels[shader::kFreeSlot].fill(kFreeVoxel);
   to.begin = to.end = begin;
+  std::map<std::size_t, BrickBox> boxes;
   std::map<std::size_t, std::shared_ptr<const BrickTree>> parts;
   std::map<std::size_t, std::unordered_map<Brick, std::uint32_t, BrickHash>> slots;
   to.used = shader::kFreeSlot + 1;
   for (; to.end < jobs.size() && to.targets.size() < kTargets; ++to.end) {
+    if ((to.end - begin) % kLoaded == 0) {
+      boxes = boxes_of(jobs.subspan(to.end, std::min(kLoaded, jobs.size() - to.end)), options_.voxel_size);
+      parts.clear();
+    }
     const MergeJob& job = jobs[to.end];
-    const auto shares = std::span(job.shares).first(std::min(kShares, job.shares.size()));
+    const auto shares = shares_of(job);
     if (to.used + kAround * shares.size() > kSlots) break;
     to.targets.push_back(
         {.first = static_cast<std::uint32_t>(to.sources.size()), .count = static_cast<std::uint32_t>(shares.size())});
     for (const MergeShare& share : shares) {
       auto& part = parts[share.submap];
-      if (!part) part = submap(share.submap);
+      if (!part) part = submap(share.submap, boxes.at(share.submap));
       auto& slot_of = slots[share.submap];
       Placed placed = place(job.target, share, options_.voxel_size);
       for (std::size_t i = 0; i < (placed.is_plain ? 1 : kAround); ++i) {

@@ -20,8 +20,8 @@ struct MergeJob {
   std::vector<MergeShare> shares;
 };
 
-/// Gives a submap's voxels.
-using LoadSubmap = std::function<std::shared_ptr<const BrickTree>(std::size_t submap)>;
+/// Gives a submap's voxels: those of a box at least.
+using LoadSubmap = std::function<std::shared_ptr<const BrickTree>(std::size_t submap, const BrickBox& box)>;
 
 /// Fuses submaps into bricks of the world on the device: weighted means of resampled voxels.
 class Merger {

@@ -164,7 +164,7 @@ void Volume::mark_free(std::span<const Brick> bricks) {
   for (const Brick& brick : bricks) host_.mark_free(brick);
 }
 
-void Volume::copy_to_host(std::span<const std::uint32_t> slots) {
+void Volume::download(std::span<const std::uint32_t> slots, const TakeBrick& take) {
   std::vector<BrickVoxels> voxels;
   for (std::size_t begin = 0; begin < slots.size(); begin += kBricksPerCopy) {
     const auto some = slots.subspan(begin, std::min(kBricksPerCopy, slots.size() - begin));
@@ -177,8 +177,12 @@ void Volume::copy_to_host(std::span<const std::uint32_t> slots) {
       i = end;
     }
     batch.run();
-    for (std::size_t i = 0; i < some.size(); ++i) host_.put(brick_in_[some[i]], voxels[i]);
+    for (std::size_t i = 0; i < some.size(); ++i) take(some[i], voxels[i]);
   }
+}
+
+void Volume::copy_to(BrickTree& tree, std::span<const std::uint32_t> slots) {
+  download(slots, [&](std::uint32_t slot, const BrickVoxels& voxels) { tree.put(brick_in_[slot], voxels); });
 }
 
 std::vector<shader::SlotState> Volume::slot_states() {
@@ -191,9 +195,15 @@ std::vector<shader::SlotState> Volume::slot_states() {
 
 void Volume::evict(std::span<const std::uint32_t> slots) {
   if (slots.empty()) return;
-  copy_to_host(slots);
+  copy_to(host_, slots);
   const auto states = slot_states();
   for (const std::uint32_t slot : slots) last_seen_[Brick(states[slot].brick)] = states[slot].last_seen;
+  vacate(slots);
+  counts_.paged_out += slots.size();
+}
+
+/// What these slots held is no longer on the device.
+void Volume::vacate(std::span<const std::uint32_t> slots) {
   const std::unordered_set<std::uint32_t> gone(slots.begin(), slots.end());
   std::vector<shader::Placement> placements;
   for (auto it = slot_of_.begin(); it != slot_of_.end();) {
@@ -212,7 +222,6 @@ void Volume::evict(std::span<const std::uint32_t> slots) {
   batch.submit();
   vacant_.insert(vacant_.end(), slots.begin(), slots.end());
   std::sort(vacant_.begin(), vacant_.end(), std::greater<>());
-  counts_.paged_out += slots.size();
 }
 
 void Volume::make_room(std::size_t needed, std::span<const Brick> keep, std::uint32_t now) {
@@ -283,6 +292,7 @@ void Volume::make_resident(std::span<const Brick> bricks, std::uint32_t now) {
       if (voxels != nullptr) batch.upload(voxels_, std::span(voxels, 512), placement.slot * kBrickBytes);
     }
     batch.submit();
+    for (const auto& placement : placements) host_.erase(placement.brick);
   }
 }
 
@@ -340,34 +350,53 @@ std::vector<std::uint32_t> Volume::slots_in_use() const {
 }
 
 const BrickTree& Volume::on_host() {
-  copy_to_host(slots_in_use());
+  copy_to(host_, slots_in_use());
   return host_;
 }
 
+BrickTree Volume::copy() {
+  BrickTree all = host_.copy();
+  copy_to(all, slots_in_use());
+  return all;
+}
+
 BrickTree Volume::split(std::uint32_t since, const Eigen::Vector3d& centre, float radius) {
-  const auto states = slot_states();
-  (void)on_host();
-  BrickTree submap, next;
   const auto stays = [&](const Brick& brick) {
     const Eigen::Vector3d at = (brick.cast<double>().array() + 0.5) * static_cast<double>(brick_size());
     return (at - centre).norm() < static_cast<double>(radius);
   };
-  std::vector<Brick> back;
+  const auto states = slot_states();
+  std::vector<std::uint32_t> seen, leaving;
+  for (const std::uint32_t slot : slots_in_use()) {
+    const bool is_seen = states[slot].last_seen >= since;
+    if (is_seen) seen.push_back(slot);
+    if (!is_seen || !stays(brick_in_[slot])) leaving.push_back(slot);
+  }
+  BrickTree submap, next;
+  copy_to(submap, seen);
+  std::vector<shader::Placement> gone;
   for (const Brick& brick : host_.bricks()) {
-    const std::uint32_t slot = slot_of(brick);
-    if ((slot == kNoSlot ? last_seen_[brick] : states[slot].last_seen) < since) continue;
+    if (slot_of_.contains(brick)) continue;
     const std::span<const std::uint64_t, 512> voxels(host_.find(brick), 512);
-    submap.put(brick, voxels);
-    if (!stays(brick)) continue;
-    next.put(brick, voxels);
-    if (slot != kNoSlot) back.push_back(brick);
+    const bool is_seen = last_seen_[brick] >= since;
+    if (is_seen) submap.put(brick, voxels);
+    if (is_seen && stays(brick))
+      next.put(brick, voxels);
+    else if (in_window(brick))
+      gone.push_back({.brick = brick, .slot = shader::kNoSlot, .table_index = table_index(brick), .entry = 0});
   }
   for (const Brick& brick : host_.free_bricks()) {
+    if (slot_of_.contains(brick)) continue;  // it was free before it got voxels
     submap.mark_free(brick);
     if (stays(brick)) next.mark_free(brick);
   }
-  adopt(std::move(next));
-  make_resident(back, since);
+  host_ = std::move(next);
+  last_seen_.clear();
+  gpu::Batch batch(device_);
+  place(batch, gone, 0);
+  batch.submit();
+  vacate(leaving);
+  refresh_window(origin_);
   return submap;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 #include <Eigen/Geometry>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <tuple>
@@ -89,6 +90,8 @@ class Volume {
   [[nodiscard]] const BrickTree& on_host();
   /// The host's tree as it is: of bricks on the device it holds no or old voxels.
   [[nodiscard]] const BrickTree& host() const { return host_; }
+  /// A tree with every brick in it, of its own.
+  [[nodiscard]] BrickTree copy();
 
   /// Ends a submap: returns copies of the bricks that were seen at `since` or later. Of these the ones within `radius`
   /// (metres) of `centre` stay for the next submap; all others are dropped.
@@ -113,9 +116,12 @@ class Volume {
   void refresh_window(const std::optional<Brick>& origin_before);
   [[nodiscard]] std::uint32_t entry_without_slot(const Brick& brick) const;
   void evict(std::span<const std::uint32_t> slots);
+  void vacate(std::span<const std::uint32_t> slots);
   void place(gpu::Batch& batch, std::span<const shader::Placement> placements, std::uint32_t fused_count);
   void make_room(std::size_t needed, std::span<const Brick> keep, std::uint32_t now);
-  void copy_to_host(std::span<const std::uint32_t> slots);
+  using TakeBrick = std::function<void(std::uint32_t slot, const BrickVoxels& voxels)>;
+  void download(std::span<const std::uint32_t> slots, const TakeBrick& take);
+  void copy_to(BrickTree& tree, std::span<const std::uint32_t> slots);
   [[nodiscard]] std::vector<shader::SlotState> slot_states();
   [[nodiscard]] std::vector<std::uint32_t> slots_in_use() const;
   [[nodiscard]] bool in_window(const Brick& brick) const;

@@ -210,7 +210,7 @@ void follow_a_loop(benchmark::State& state) {
     std::vector<PlacedSubmap> placed;
     for (std::size_t s = 0; s < 2; ++s)
       placed.push_back({s, trees[s]->bricks(), trees[s]->free_bricks(), Deformation(atlas, s)});
-    return world.update(placed, [&](std::size_t s) { return trees[s]; });
+    return world.update(placed, [&](std::size_t s, const BrickBox&) { return trees[s]; });
   };
   Esdf esdf(r.device, r.fuse, options_of(state));
   esdf.update(world.bricks(), update());

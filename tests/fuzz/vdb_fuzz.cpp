@@ -13,7 +13,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (const auto& brick : tree.bricks()) fuzz::touch(std::span(tree.find(brick), 512));
     (void)tree.free_bricks();
   };
-  fuzz::expect_value_or_plain_error([&] { touch(read_bricks(file)); });
+  fuzz::expect_value_or_plain_error([&] { touch(BrickFile(file).read()); });
   fuzz::expect_value_or_plain_error([&] { touch(read_grids(file).tree); });
   fuzz::expect_value_or_plain_error([&] {
     const DistanceField field = DistanceField::read(file);

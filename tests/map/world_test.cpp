@@ -37,7 +37,7 @@ std::vector<Brick> update(World& world, const Atlas& atlas,
   std::vector<PlacedSubmap> placed;
   for (std::size_t s = 0; s < trees.size(); ++s)
     placed.push_back({s, trees[s]->bricks(), trees[s]->free_bricks(), Deformation(atlas, s)});
-  return world.update(placed, [&](std::size_t s) { return trees[s]; });
+  return world.update(placed, [&](std::size_t s, const BrickBox&) { return trees[s]; });
 }
 
 Mesh mesh_of(World& world) {
@@ -59,7 +59,7 @@ TEST(WorldParts, AreWhatTheWholeIs) {
   const std::vector<Brick>& all = parts.bricks();
   std::size_t compared = 0;
   for (const auto& some : {std::span(all).first(all.size() / 3), std::span(all).subspan(all.size() / 3)}) {
-    const BrickTree made = parts.make(some, [&](std::size_t) { return tree; });
+    const BrickTree made = parts.make(some, [&](std::size_t, const BrickBox&) { return tree; });
     EXPECT_LE(made.size(), some.size());
     for (const Brick& brick : some) {
       const std::uint64_t *a = world.bricks().find(brick), *b = made.find(brick);
@@ -175,7 +175,7 @@ TEST(World, LeavesNoGapBetweenVoxelsAndFreeSpaceWhereSubmapsTurn) {
   atlas.world_from_camera[0] = turn * atlas.world_from_camera[0];
   World world(test_device(), fuse);
   const std::vector<PlacedSubmap> placed{{0, submap->bricks(), submap->free_bricks(), Deformation(atlas, 0)}};
-  const auto made = world.update(placed, [&](std::size_t) { return submap; });
+  const auto made = world.update(placed, [&](std::size_t, const BrickBox&) { return submap; });
   EXPECT_TRUE(std::is_sorted(made.begin(), made.end(), before));
   int known = 0, samples = 0;
   for (float x = -0.4f; x < 0.4f; x += 0.05f)

@@ -273,7 +273,7 @@ TEST(Esdf, FollowsALoopThatMovesHalfTheMap) {
     std::vector<PlacedSubmap> placed;
     for (std::size_t s = 0; s < 2; ++s)
       placed.push_back({s, trees[s]->bricks(), trees[s]->free_bricks(), Deformation(atlas, s)});
-    return world.update(placed, [&](std::size_t s) { return trees[s]; });
+    return world.update(placed, [&](std::size_t s, const BrickBox&) { return trees[s]; });
   };
   Esdf esdf(test_device(), kFuse, {.voxel_size = 0.02f});
   esdf.update(world.bricks(), update());
@@ -458,7 +458,7 @@ TEST(FreeBricks, ComeBackFromFiles) {
   write_grids(folder / "map.vdb", tree, {.voxel_size = 0.02f, .truncation = 0.08f});
   EXPECT_EQ(read_grids(folder / "map.vdb").tree.free_bricks(), free);
   write_bricks(folder / "bricks.vdb", tree);
-  EXPECT_EQ(read_bricks(folder / "bricks.vdb").free_bricks(), free);
+  EXPECT_EQ(BrickFile(folder / "bricks.vdb").read().free_bricks(), free);
   BrickTree copy = tree.copy();
   const BrickVoxels voxels{1};
   copy.put(free[0], voxels);

@@ -43,7 +43,7 @@ TEST(Merge, EqualsItsPlainTwin) {
   BrickTree world;
   Merger(test_device(), options)
       .merge(
-          std::span(&job, 1), [&](std::size_t i) { return trees[i]; }, world);
+          std::span(&job, 1), [&](std::size_t i, const BrickBox&) { return trees[i]; }, world);
   ASSERT_EQ(world.size(), 1u);
   const std::uint64_t* merged = world.find(job.target);
   int observed = 0, colours = 0;
@@ -74,7 +74,7 @@ TEST(Merge, ErasesWhatNobodyObserved) {
   world.put(job.target, old);
   Merger(test_device(), {})
       .merge(
-          std::span(&job, 1), [&](std::size_t) { return tree; }, world);
+          std::span(&job, 1), [&](std::size_t, const BrickBox&) { return tree; }, world);
   EXPECT_EQ(world.size(), 0u);
 }
 

@@ -447,6 +447,33 @@ TEST(Volume, SplitsIntoWhatWasSeenAndKeepsWhatIsNear) {
   EXPECT_EQ(volume.split(6, Eigen::Vector3d::Zero(), 1.0f).size(), 0u);
 }
 
+TEST(Volume, SplitsBricksOnTheHostAsThoseOnTheDevice) {
+  Volume volume(test_device(), fuse_options(), 2.0f);
+  const std::vector<Brick> near = {{0, 0, 0}, {1, 0, 0}, {9, 0, 0}};
+  volume.make_resident(near, 5);
+  volume.move_window({30, 0, 0});  // they go to the host
+  ASSERT_EQ(volume.slot_of(near[0]), Volume::kNoSlot);
+  volume.move_window(Eigen::Vector3d::Zero());
+  const std::vector<Brick> here = {{2, 0, 0}};
+  volume.make_resident(here, 5);
+  const BrickTree submap = volume.split(2, Eigen::Vector3d::Zero(), 1.0f);
+  EXPECT_EQ(submap.bricks(), (std::vector<Brick>{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {9, 0, 0}}));
+  EXPECT_EQ(volume.bricks(), (std::vector<Brick>{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}));
+  // Nothing waits for a brick that is gone.
+  const std::vector<Brick> again = {{9, 0, 0}};
+  volume.make_resident(again, 6);
+  EXPECT_EQ(volume.split(6, Eigen::Vector3d::Zero(), 1.0f).bricks(), again);
+}
+
+TEST(Volume, SplitsNoBrickAsFreeThatHasGotVoxels) {
+  Volume volume(test_device(), fuse_options(), 2.0f);
+  const std::vector<Brick> free = {{0, 0, 0}, {1, 0, 0}}, filled = {{1, 0, 0}};
+  volume.mark_free(free);
+  volume.make_resident(filled, 1);
+  EXPECT_EQ(volume.split(2, Eigen::Vector3d::Zero(), 1.0f).free_bricks(), (std::vector<Brick>{{0, 0, 0}}));
+  EXPECT_EQ(volume.host().free_bricks(), (std::vector<Brick>{{0, 0, 0}}));
+}
+
 TEST(Volume, GoesOnWithAnotherReachOrLessMemoryAndLosesNothing) {
   Volume volume(test_device(), fuse_options(), 5.0f);
   std::vector<Brick> all;  // the last ones lie 4.8 m away
@@ -496,6 +523,37 @@ TEST(Grids, ComeBackFromAFileAsTheyWere) {
     for (std::size_t k = 0; k < 512; ++k) ASSERT_EQ(read.tree.find(b)[k], tree.find(b)[k]) << k;
 }
 
+TEST(Grids, AreTheSameFileWhereTheyComePartByPart) {
+  const TemporaryFolder folder;
+  const GridInfo info{.voxel_size = 0.01f, .truncation = 0.04f};
+  std::vector<Brick> bricks;  // of several nodes of every level
+  for (int i = -700; i < 700; i += 7) bricks.emplace_back(i, (37 * i) % 50, -(i % 600));
+  std::sort(bricks.begin(), bricks.end(), before_in_grid);
+  BrickTree whole;
+  GridsWriter writer(folder / "parts.vdb", info);
+  for (std::size_t begin = 0; begin < bricks.size(); begin += 30) {
+    BrickTree part;
+    for (const Brick& brick : std::span(bricks).subspan(begin, std::min<std::size_t>(30, bricks.size() - begin))) {
+      BrickVoxels voxels{};
+      for (std::uint64_t k = 0; k < 512; k += 2) voxels[k] = k | (k + 1) << 16 | (k * 12345) << 32;
+      part.put(brick, voxels);
+      whole.put(brick, voxels);
+    }
+    writer.add(part);
+  }
+  std::vector<Brick> free = {{0, 0, 1}, {4, 4, 4}, {-800, 0, 0}};
+  for (const Brick& brick : free) whole.mark_free(brick);
+  free.push_back(bricks[3]);  // it has voxels
+  writer.write(free, nullptr);
+  write_grids(folder / "whole.vdb", whole, info);
+  EXPECT_TRUE(read_bytes(folder / "parts.vdb") == read_bytes(folder / "whole.vdb"));
+  const ReadGrids read = read_grids(folder / "parts.vdb");
+  EXPECT_EQ(read.tree.bricks(), whole.bricks());
+  EXPECT_EQ(read.tree.free_bricks(), whole.free_bricks());
+  // Nothing else is left in the folder.
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 2);
+}
+
 TEST(Grids, AreNotReplacedByAHalfWrittenFile) {
   const TemporaryFolder folder;
   write_text(folder / "map.vdb", "the old map");
@@ -517,6 +575,7 @@ TEST(Grids, AreNotReplacedByAHalfWrittenFile) {
   std::signal(SIGXFSZ, old_handler);
   EXPECT_NE(error.find("cannot write"), std::string::npos) << error;
   EXPECT_TRUE(read_bytes(folder / "map.vdb") == "the old map");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
 }
 
 TEST(Grids, RefuseAFileThatIsNoMap) {
