@@ -55,7 +55,7 @@ BrickTree Submaps::copy(std::size_t i) const {
 
 void Submaps::add_stored(bool has_file) {
   std::optional<BrickFile> from;
-  if (has_file) from.emplace(file(bricks_.size()));
+  if (has_file) from.emplace(file(bricks_.size())).check();
   bricks_.push_back(from ? from->bricks() : std::vector<Brick>());
   free_.push_back(from ? from->free_bricks() : std::vector<Brick>());
   voxels_.push_back(from ? nullptr : std::make_shared<const BrickTree>());

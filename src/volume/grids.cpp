@@ -503,9 +503,8 @@ std::vector<Eigen::Vector3i> BrickFile::bricks() const {
   return all;
 }
 
-BrickTree BrickFile::read(const std::optional<BrickBox>& box) const {
-  const auto wanted = [&](const Eigen::Vector3i& brick) { return !box || box->contains(brick); };
-  BrickTree bricks;
+template <class Visit>
+void BrickFile::visit(const std::optional<BrickBox>& box, const Visit& visit) const {
   const VoxelTree::ValueType background = 0;
   try {
     std::ifstream in = open_binary(file_);
@@ -514,18 +513,27 @@ BrickTree BrickFile::read(const std::optional<BrickBox>& box) const {
     openvdb::io::setDataCompression(in, compression_);
     openvdb::io::setGridBackgroundValuePtr(in, &background);
     for (const Place& place : places_) {
-      if (!wanted(place.brick)) continue;
+      if (box && !box->contains(place.brick)) continue;
       if (in.tellg() != place.offset) in.seekg(place.offset);  // which forgets what was read ahead
       auto leaf = std::make_unique<VoxelTree::LeafNodeType>(origin_of(place.brick), background);
       leaf->readBuffers(in);
-      bricks.state_->tree->addLeaf(leaf.release());
+      visit(std::move(leaf));
     }
     if (!in) throw std::runtime_error(kEndsEarly);
   } catch (const std::exception& error) {
     throw std::runtime_error(file_.string() + ": " + shown(error.what()));
   }
+}
+
+void BrickFile::check() const {
+  visit({}, [](const auto&) {});
+}
+
+BrickTree BrickFile::read(const std::optional<BrickBox>& box) const {
+  BrickTree bricks;
+  visit(box, [&](auto leaf) { bricks.state_->tree->addLeaf(leaf.release()); });
   for (const Eigen::Vector3i& brick : free_)
-    if (wanted(brick)) bricks.mark_free(brick);
+    if (!box || box->contains(brick)) bricks.mark_free(brick);
   return bricks;
 }
 

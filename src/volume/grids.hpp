@@ -71,6 +71,8 @@ class BrickFile {
   explicit BrickFile(std::filesystem::path file);
   [[nodiscard]] std::vector<Eigen::Vector3i> bricks() const;  // sorted by x, then y, then z
   [[nodiscard]] const std::vector<Eigen::Vector3i>& free_bricks() const { return free_; }  // sorted likewise
+  /// Throws std::runtime_error where voxels cannot be read.
+  void check() const;
   /// The bricks and free bricks in a box, or all of them. Throws std::runtime_error as above.
   [[nodiscard]] BrickTree read(const std::optional<BrickBox>& box = {}) const;
 
@@ -79,6 +81,8 @@ class BrickFile {
     Eigen::Vector3i brick;
     std::int64_t offset;  // bytes from the file's beginning
   };
+  template <class Visit>
+  void visit(const std::optional<BrickBox>& box, const Visit& visit) const;
   std::filesystem::path file_;
   std::uint32_t version_ = 0, compression_ = 0;  // of OpenVDB's format
   std::vector<Place> places_;                    // in the file's order

@@ -233,6 +233,23 @@ TEST(BackEnd, KeepsInMemoryWhatCannotBeWrittenAndTriesAgain) {
   EXPECT_EQ(KeyframeStore(small_camera(), folder / "session").get(0).depth, frame.depth);
 }
 
+TEST(BackEnd, RefusesASubmapWithBrokenVoxels) {
+  const TemporaryFolder folder;
+  BrickTree tree;
+  BrickVoxels voxels;
+  for (std::uint64_t k = 0; k < voxels.size(); ++k) voxels[k] = k * 0x9e3779b97f4a7c15u;  // does not pack
+  for (int i = 0; i < 20; ++i) tree.put({i, 0, 0}, voxels);
+  const Submaps submaps(folder.path(), 0, Access::read);
+  write_bricks(submaps.file(0), tree);
+  Submaps(folder.path(), 0, Access::read).add_stored(true);
+  // The bytes that tell how long a brick's packed voxels are.
+  auto bytes = read_bytes(submaps.file(0));
+  std::fill(bytes.end() - 4096 - 40, bytes.end() - 4096, static_cast<decltype(bytes)::value_type>(0x7f));
+  std::ofstream(submaps.file(0), std::ios::binary)
+      .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  EXPECT_THROW(Submaps(folder.path(), 0, Access::read).add_stored(true), std::runtime_error);
+}
+
 TEST(BackEnd, WritesNothingIntoASessionThatIsLookedAt) {
   const TemporaryFolder folder;
   Submaps submaps(folder.path(), 1 << 20, Access::read);
