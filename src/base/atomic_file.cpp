@@ -3,7 +3,6 @@
 #include "cairn/atomic_file.hpp"
 
 #include <sys/file.h>
-#include <sys/stat.h>
 
 #include <memory>
 #include <stdexcept>
@@ -18,7 +17,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kTemporary = ".cairn-";     // how the names of temporary files begin
 constexpr std::size_t kBuffer = std::size_t{1} << 20;  // bytes between two writes of a stream
 
 void sync(const fs::path& folder) {
@@ -66,24 +64,11 @@ class FileBuffer final : public std::streambuf {
   int error_ = 0;
 };
 
-/// A new temporary file. The lock on it tells that its writer lives, see remove_leftovers.
-std::unique_ptr<SystemFile> begin(const fs::path& temporary) {
-  while (true) {
-    auto file = std::make_unique<SystemFile>(temporary, O_RDWR | O_CREAT | O_TRUNC);
-    (void)flock(file->descriptor(), LOCK_EX | LOCK_NB);  // where there are no locks, nothing is taken for left over
-    struct stat now {};
-    if (fstat(file->descriptor(), &now) != 0 || now.st_nlink > 0) return file;
-  }
-}
-
 void write_temporary(const fs::path& file, Durable durable, const std::function<void(const SystemFile&)>& write) {
-  // The extension stays last, so that nobody takes it for another kind of file.
-  fs::path name = std::string(kTemporary) + std::to_string(getpid()) + ".";
-  name += file.filename();
-  const fs::path temporary = file.parent_path() / name;
+  const fs::path temporary = temporary_beside(file);
   bool exists = false;
   try {
-    const auto out = begin(temporary);
+    const auto out = begin_temporary(temporary);
     exists = true;
     write(*out);
     if (durable == Durable::now) out->sync();

@@ -16,10 +16,10 @@ std::runtime_error not_written(const std::filesystem::path& file, const SystemEr
   return std::runtime_error("cannot write " + file.string() + ": " + reason(error.number));
 }
 
-SystemFile nameless(const std::filesystem::path& file) {
-  std::string name = file.string() + ".XXXXXX";
-  SystemFile made(mkostemp(name.data(), O_CLOEXEC));
-  unlink(name.c_str());
+std::unique_ptr<SystemFile> nameless(const std::filesystem::path& file) {
+  const std::filesystem::path temporary = temporary_beside(file);
+  auto made = begin_temporary(temporary);
+  unlink(temporary.c_str());
   return made;
 }
 
@@ -27,7 +27,7 @@ SystemFile nameless(const std::filesystem::path& file) {
 
 struct Spool::State {
   std::filesystem::path beside;
-  SystemFile file;
+  std::unique_ptr<SystemFile> file;
 };
 
 Spool::Spool(const std::filesystem::path& file) {
@@ -42,7 +42,7 @@ Spool::Spool(Spool&&) noexcept = default;
 
 void Spool::append(std::string_view bytes) {
   try {
-    state_->file.write(bytes.data(), bytes.size());
+    state_->file->write(bytes.data(), bytes.size());
   } catch (const SystemError& error) {
     throw not_written(state_->beside, error);
   }
@@ -52,9 +52,9 @@ void Spool::copy_to(std::ostream& out) const {
   std::vector<char> bytes(kAtOnce);
   off_t at = 0;
   while (true) {
-    const ssize_t count = pread(state_->file.descriptor(), bytes.data(), bytes.size(), at);
+    const ssize_t count = pread(state_->file->descriptor(), bytes.data(), bytes.size(), at);
     if (count < 0 && errno == EINTR) continue;
-    if (count < 0) throw not_written(state_->beside, {errno});
+    if (count < 0) throw std::runtime_error(reason(errno));
     if (count == 0) return;
     out.write(bytes.data(), count);
     at += count;

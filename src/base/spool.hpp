@@ -19,7 +19,7 @@ class Spool {
   Spool(Spool&&) noexcept;
   /// Throws std::runtime_error like write_whole.
   void append(std::string_view bytes);
-  /// All of it. Throws std::runtime_error.
+  /// All of it. Throws std::runtime_error with the system's reason, to which write_whole adds the path.
   void copy_to(std::ostream& out) const;
 
  private:

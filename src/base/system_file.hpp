@@ -6,35 +6,16 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstring>
 #include <filesystem>
+#include <memory>
 #include <string>
+#include <string_view>
 #include <utility>
 
 namespace cairn {
 
 /// What went wrong, and what can be done about it.
-[[nodiscard]] inline std::string reason(int error) {
-  std::string text = std::strerror(error);
-  switch (error) {
-    case ENOSPC:
-    case EDQUOT:
-      return "the disk is full (" + text + "): make room there, or choose another";
-    case ENOENT:
-    case ENOTDIR:
-      return text + ": make the folder first, or choose another";
-    case EACCES:
-    case EPERM:
-    case EROFS:
-      return text + ": choose a folder that you may write to";
-    case EFBIG:
-      return text + ": raise the limit on files, or choose another disk";
-    case EIO:
-      return text + ": the disk may be failing, choose another";
-    default:
-      return text;
-  }
-}
+[[nodiscard]] std::string reason(int error);
 
 struct SystemError {
   int number;
@@ -45,14 +26,11 @@ class SystemFile {
   SystemFile(const std::filesystem::path& file, int flags) : descriptor_(open(file.c_str(), flags | O_CLOEXEC, 0666)) {
     if (descriptor_ < 0) throw SystemError{errno};
   }
-  explicit SystemFile(int descriptor) : descriptor_(descriptor) {
-    if (descriptor_ < 0) throw SystemError{errno};
-  }
   ~SystemFile() {
     if (descriptor_ >= 0) ::close(descriptor_);
   }
-  SystemFile(SystemFile&& other) noexcept : descriptor_(std::exchange(other.descriptor_, -1)) {}
-  SystemFile& operator=(SystemFile&&) = delete;
+  SystemFile(const SystemFile&) = delete;
+  SystemFile& operator=(const SystemFile&) = delete;
   [[nodiscard]] int descriptor() const { return descriptor_; }
   void write(const char* bytes, std::size_t count) const {
     while (count > 0) {
@@ -73,5 +51,13 @@ class SystemFile {
  private:
   int descriptor_;
 };
+
+constexpr std::string_view kTemporary = ".cairn-";  // how the names of temporary files begin
+
+/// Where a file is while it is written. The extension stays last, so that nobody takes it for another kind of file.
+[[nodiscard]] std::filesystem::path temporary_beside(const std::filesystem::path& file);
+
+/// A new temporary file. The lock on it tells that its writer lives, see remove_leftovers. Throws SystemError.
+[[nodiscard]] std::unique_ptr<SystemFile> begin_temporary(const std::filesystem::path& temporary);
 
 }  // namespace cairn

@@ -565,9 +565,9 @@ void GltfWriter::add_cameras(const Camera& camera, const Trajectory& path,
   }
 }
 
-Bytes join_glb(std::string json, const Bytes& buffer) {
+Bytes join_glb(std::string json, Bytes buffer) {
   Pieces pieces;
-  pieces.add(std::make_shared<const Bytes>(buffer));
+  pieces.add(std::make_shared<const Bytes>(std::move(buffer)));
   std::ostringstream out;
   put_glb(out, std::move(json), {}, std::move(pieces));
   return bytes_of(out);

@@ -48,7 +48,7 @@ class GltfWriter {
 };
 
 /// The bytes of a .glb with JSON and one buffer.
-[[nodiscard]] std::vector<std::uint8_t> join_glb(std::string json, const std::vector<std::uint8_t>& buffer);
+[[nodiscard]] std::vector<std::uint8_t> join_glb(std::string json, std::vector<std::uint8_t> buffer);
 
 /// A mesh with its positions on the grid on which glTF's quantised ones lie, and without triangles that have no area
 /// there.

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
+#include <utility>
 
 #include "base/read_whole.hpp"
 #include "mesh/gltf.hpp"
@@ -161,7 +162,7 @@ std::vector<std::uint8_t> decompressed_gltf(const std::filesystem::path& file) {
     }
     j["buffers"] = {{{"byteLength", buffer.size()}}};
     j.erase("extensionsRequired");
-    return join_glb(j.dump(), buffer);
+    return join_glb(j.dump(), std::move(buffer));
   } catch (const Json::parse_error& error) {
     throw std::runtime_error(file.string() + ": cannot be read as glTF: its JSON is malformed at byte " +
                              std::to_string(error.byte));

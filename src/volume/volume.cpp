@@ -164,7 +164,7 @@ void Volume::mark_free(std::span<const Brick> bricks) {
   for (const Brick& brick : bricks) host_.mark_free(brick);
 }
 
-void Volume::download(std::span<const std::uint32_t> slots, const TakeBrick& take) {
+void Volume::copy_to(BrickTree& tree, std::span<const std::uint32_t> slots) {
   std::vector<BrickVoxels> voxels;
   for (std::size_t begin = 0; begin < slots.size(); begin += kBricksPerCopy) {
     const auto some = slots.subspan(begin, std::min(kBricksPerCopy, slots.size() - begin));
@@ -177,12 +177,8 @@ void Volume::download(std::span<const std::uint32_t> slots, const TakeBrick& tak
       i = end;
     }
     batch.run();
-    for (std::size_t i = 0; i < some.size(); ++i) take(some[i], voxels[i]);
+    for (std::size_t i = 0; i < some.size(); ++i) tree.put(brick_in_[some[i]], voxels[i]);
   }
-}
-
-void Volume::copy_to(BrickTree& tree, std::span<const std::uint32_t> slots) {
-  download(slots, [&](std::uint32_t slot, const BrickVoxels& voxels) { tree.put(brick_in_[slot], voxels); });
 }
 
 std::vector<shader::SlotState> Volume::slot_states() {

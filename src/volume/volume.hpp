@@ -3,7 +3,6 @@
 #pragma once
 #include <Eigen/Geometry>
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <span>
 #include <tuple>
@@ -119,8 +118,6 @@ class Volume {
   void vacate(std::span<const std::uint32_t> slots);
   void place(gpu::Batch& batch, std::span<const shader::Placement> placements, std::uint32_t fused_count);
   void make_room(std::size_t needed, std::span<const Brick> keep, std::uint32_t now);
-  using TakeBrick = std::function<void(std::uint32_t slot, const BrickVoxels& voxels)>;
-  void download(std::span<const std::uint32_t> slots, const TakeBrick& take);
   void copy_to(BrickTree& tree, std::span<const std::uint32_t> slots);
   [[nodiscard]] std::vector<shader::SlotState> slot_states();
   [[nodiscard]] std::vector<std::uint32_t> slots_in_use() const;
