@@ -10,6 +10,7 @@
 #include "cairn/map.hpp"
 #include "commands.hpp"
 #include "export_options.hpp"
+#include "output_folder.hpp"
 #include "outputs.hpp"
 #include "progress.hpp"
 #include "sources.hpp"

@@ -99,7 +99,8 @@ nlohmann::json to_json(double seconds, int fused, int dropped, const Durations& 
   return told;
 }
 
-void live(const Arguments& a) {
+void live(const Arguments& given) {
+  const Arguments a = with_output(given);
   keep_memory_together();
   Options options = options_of(a);  // what is wrong with them is told before a sensor is opened
   const Beginning begin = beginning(a, {});

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "output_folder.hpp"
 #include "outputs.hpp"
 #include "run.hpp"
 
@@ -15,14 +16,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Arguments {
+struct Arguments : OutputArguments {
   std::vector<fs::path> maps;
-  fs::path output;
   int device = -1;
   bool allow_disconnected = false;
 };
 
-void merge(const Arguments& a) {
+void merge(Arguments a) {
   const Session::Info first = Session::info(a.maps[0] / "session");
   for (const fs::path& map : a.maps) {
     const Session::Info info = Session::info(map / "session");
@@ -35,6 +35,7 @@ void merge(const Arguments& a) {
     if (fs::exists(a.output) && fs::equivalent(map, a.output))
       throw std::runtime_error(a.output.string() + ": is one of the maps to merge; choose another folder with -o");
   }
+  a.output = choose_output(a, false);
   prepare_output(a.output);
   // The joined session counts from its checkpoint; those that were given stay as they are.
   Session session = Session::copy(a.maps[0] / "session", a.output / "session");
@@ -61,6 +62,7 @@ void merge(const Arguments& a) {
                  {"peak_memory_mb", peak_memory_mb()},
                  {"warnings", nlohmann::json::array()}});
   outputs.write_report(report);
+  if (a.overwrite) outputs.remove_old(mapper, true);
   outputs.expect_all();
   fmt::print("mesh        {} ({} triangles)\n", (a.output / "mesh.glb").string(),
              report["mesh"]["triangles"].get<std::size_t>());
@@ -75,7 +77,7 @@ void add_merge(CLI::App& program) {
       ->required()
       ->expected(2, 1000)
       ->check(CLI::ExistingDirectory);
-  command->add_option("-o,--output", a->output, "Folder for the joined map and its session")->required();
+  add_output_options(*command, *a, "-o,--output", "Folder for the joined map and its session");
   command->add_flag("--allow-disconnected", a->allow_disconnected, "Keep maps that nothing joins as separate pieces");
   command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
       ->capture_default_str();

@@ -30,6 +30,9 @@ nlohmann::json to_json(const FoundLoop& loop) {
           {"inlier", loop.inlier}};
 }
 
+/// Of a recording that was not the last.
+std::string name_of_trajectory(int recording) { return fmt::format("trajectory-{:03}.txt", recording); }
+
 nlohmann::json to_json(const Statistics& statistics) {
   nlohmann::json report{
       {"device", statistics.device},
@@ -62,17 +65,6 @@ nlohmann::json to_json(const Statistics& statistics) {
 }
 
 }  // namespace
-
-void prepare_output(const std::filesystem::path& output) {
-  std::error_code error;
-  std::filesystem::create_directories(output, error);
-  if (error || !std::filesystem::is_directory(output))
-    throw std::runtime_error("cannot make the folder " + output.string() + ": " + error.message() +
-                             "; choose another with -o");
-  write_whole(output / ".cairn", "", Durable::some_time);
-  std::filesystem::remove(output / ".cairn");
-  remove_leftovers(output);
-}
 
 nlohmann::json to_json(const Exported& e) {
   nlohmann::json j{{"full_triangles", e.full_triangles},
@@ -116,8 +108,7 @@ void Outputs::write_session(Mapper& mapper, Session& session, const std::string&
 void Outputs::write_trajectories(const Mapper& mapper) {
   for (int i = 0; i < mapper.recordings(); ++i)
     if (const Trajectory t = mapper.trajectory(i); !t.empty())
-      write_trajectory(
-          output_ / (i + 1 == mapper.recordings() ? "trajectory.txt" : fmt::format("trajectory-{:03}.txt", i)), t);
+      write_trajectory(output_ / (i + 1 == mapper.recordings() ? "trajectory.txt" : name_of_trajectory(i)), t);
 }
 
 /// And what report.html shows in its place when it is too large, with fewer triangles.
@@ -169,6 +160,12 @@ void Outputs::write_report(const nlohmann::json& report) {
     write_whole(output_ / "report.json", text_of(report, 1) + '\n');
     write_report_page(output_);
   });
+}
+
+void Outputs::remove_old(const Mapper& mapper, bool has_graph) const {
+  if (!has_graph)
+    for (const char* name : {"graph.g2o", "graph.svg"}) std::filesystem::remove(output_ / name);
+  for (int i = mapper.recordings() - 1; std::filesystem::remove(output_ / name_of_trajectory(i)); ++i) continue;
 }
 
 void Outputs::expect_all() const {

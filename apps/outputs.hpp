@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
+#include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -11,9 +12,6 @@
 #include "cairn/session.hpp"
 
 namespace cairn::apps {
-
-/// Makes the folder, and removes what killed runs have left half written. Fails before the work, not after it.
-void prepare_output(const std::filesystem::path& output);
 
 /// Calls `work`, and keeps its time under a stage's name.
 using Timed = std::function<void(const char* stage, const std::function<void()>& work)>;
@@ -30,6 +28,8 @@ class Outputs {
                                      const std::string& note);
   /// Writes report.json and report.html, which needs the other outputs.
   void write_report(const nlohmann::json& report);
+  /// Removes what the map that was in the folder had and this one has not.
+  void remove_old(const Mapper& mapper, bool has_graph) const;
   /// Throws std::runtime_error if the run stopped or anything could not be written: why, and how to make it.
   void expect_all() const;
 

@@ -33,7 +33,8 @@ std::unique_ptr<Source> open_frames(const Arguments& a, const SourceOptions& opt
   return a.read_ahead > 0 ? read_ahead(std::move(source), a.read_ahead) : std::move(source);
 }
 
-void reconstruct(const Arguments& a) {
+void reconstruct(const Arguments& given) {
+  const Arguments a = with_output(given, given.poses.empty());
   const Poses poses = a.poses.empty() ? Poses::tracked : Poses::given;
   (void)options_of(a);  // what is wrong with them is told before anything is read
   const Beginning begin = beginning(a, parse_frames(a.frames));

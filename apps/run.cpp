@@ -234,6 +234,7 @@ void Run::finish(const nlohmann::json& more) {
                      pieces));
   // With given poses there is no session; the one of an earlier run is not this map's.
   if (replaced_) replaced_->remove();
+  if (arguments_.overwrite) outputs.remove_old(*mapper_, session_.has_value());
 
   tell_warnings();
   const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
@@ -273,10 +274,8 @@ void Run::finish(const nlohmann::json& more) {
 
 void add_run_options(CLI::App& command, RunArguments& a) {
   command.add_option("SEQUENCE", a.sequence, kSequenceHelp)->required();
-  command
-      .add_option("-o,--output", a.output,
-                  "Folder for mesh.glb, map.vdb, trajectory.txt, graph.svg, report.html and the session")
-      ->required();
+  add_output_options(command, a, "-o,--output,OUT",
+                     "Folder for mesh.glb, map.vdb, trajectory.txt, graph.svg, report.html and the session");
   command.add_option("--config", a.config, "YAML file that overrides options")->check(CLI::ExistingFile);
   command.add_option("--camera", a.camera, "camera.yaml in place of what the recording or sensor tells of its cameras")
       ->check(CLI::ExistingFile);
@@ -312,9 +311,11 @@ void add_run_options(CLI::App& command, RunArguments& a) {
       ->needs(live);
   command.add_option("--max-distance", a.max_distance, "Metres that the distance field looks [2]")->needs(live);
   command.add_flag("--no-loops", a.no_loops, "Do not recognise places");
-  command.add_flag(
-      "--resume", a.resume,
-      "Go on from the session in OUT: where a run was cut off, or with another recording of the same place");
+  command
+      .add_flag("--resume", a.resume,
+                "Go on from the session in OUT: where a run was cut off, or with another recording of the same place")
+      ->excludes("--overwrite")
+      ->excludes("--auto-name");
   command
       .add_option("--checkpoint", a.checkpoint_seconds,
                   "Seconds between two checkpoints of the session: so much work a kill costs at most")

@@ -18,13 +18,14 @@
 #include "cairn/source.hpp"
 #include "durations.hpp"
 #include "frame_log.hpp"
+#include "output_folder.hpp"
 
 namespace cairn::apps {
 
 /// What the user says about a map and where it goes.
-struct RunArguments {
+struct RunArguments : OutputArguments {
   std::string sequence;
-  std::filesystem::path output, config, camera;
+  std::filesystem::path config, camera;
   std::optional<std::string> sensor;
   std::string motion = "hand";
   std::vector<std::string> topics;
@@ -38,6 +39,12 @@ struct RunArguments {
 };
 
 void add_run_options(CLI::App& command, RunArguments& a);
+/// The arguments with the folder that the map goes to: see choose_output.
+template <class Arguments>
+[[nodiscard]] Arguments with_output(Arguments a, bool can_resume = true) {
+  if (!a.resume) a.output = choose_output(a, can_resume);
+  return a;
+}
 /// What suits the sensor and the user, checked; `finest_level` is the program's own default of that option. Throws
 /// std::runtime_error for what does not fit.
 [[nodiscard]] Options options_of(const RunArguments& a, const SensorModel& sensor = {},

@@ -24,7 +24,10 @@ struct Arguments {
   std::string noise = "kinect", imu = "none", layout = "tum";
   double colour_delay = 0, rate = 30;
   std::uint64_t seed = 1;
+  bool overwrite = false;
 };
+
+constexpr const char* kTruth = "groundtruth_mesh.ply";  // by which a folder is known for one of ours
 
 /// That of a file or of the layout, or the camera of synthetic recordings with images of another size.
 Rig rig_of(const Arguments& a) {
@@ -125,14 +128,17 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
   }
   if (writing.valid()) writing.get();
   writer->finish();
-  write_mesh(folder / "groundtruth_mesh.ply", truth);
+  write_mesh(folder / kTruth, truth);
   std::erase_if(truth.triangles, [&, i = std::size_t{0}](const auto&) mutable { return !seen[i++]; });
   write_mesh(folder / "groundtruth_seen.ply", truth);
 }
 
 void synth(const Arguments& a) {
+  if (!a.overwrite && fs::exists(a.output / kTruth))
+    throw std::runtime_error(
+        a.output.string() + ": holds a synthetic recording already: give --overwrite to replace it, or another folder");
   write_folder(
-      a.output, [&](const fs::path& folder) { write_sequence(a, folder); }, "groundtruth_mesh.ply");
+      a.output, [&](const fs::path& folder) { write_sequence(a, folder); }, kTruth);
   fmt::print("{}: {} frames of '{}' with true poses and surface\n", a.output.string(), a.frames, a.scene);
 }
 
@@ -144,6 +150,7 @@ void add_synth(CLI::App& program) {
   command->add_option("SCENE", a->scene, "room, room-with-mover, flat, twin-rooms, sphere, plane, corridor or loop")
       ->required();
   command->add_option("-o,--output", a->output, "Folder for the recording")->required();
+  command->add_flag("--overwrite", a->overwrite, "Replace a synthetic recording that is there");
   command
       ->add_option("--trajectory", a->trajectory,
                    "Move along this TUM trajectory, z up, put into the middle of the scene [the scene's own path]")

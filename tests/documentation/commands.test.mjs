@@ -55,6 +55,7 @@ const pages = [join(source, 'README.md'), join(source, 'CONTRIBUTING.md'),
 const folder = mkdtempSync(join(tmpdir(), 'cairn-commands-'));
 const kept = join(folder, 'kept'), work = join(folder, 'work');
 const voxel = '0.02';  // metres
+const shell = { name: 'phone' };  // variables of its lines
 const inputs = {};  // a word of the documentation → the file or folder that stands for it
 
 function run(...args) {
@@ -108,11 +109,14 @@ exec '${cairn}' "\${words[@]}"
 });
 after(() => rmSync(folder, { recursive: true }));
 
-/** Puts small inputs where a line reads, and takes away what it is to write. */
+/** Puts small inputs where a line reads, and takes away what it is to write: another line may have written it. */
 function prepare(line) {
-  const words = line.split(/\s+/);
+  const words = line.replaceAll('$name', shell.name).split(/\s+/);
   words.forEach((word, i) => {
-    if (!inputs[word]) return;
+    if (!inputs[word]) {
+      if (words[i - 1] === '-o') rmSync(join(work, word), { recursive: true, force: true });
+      return;
+    }
     rmSync(join(work, word), { recursive: true, force: true });
     if (words[i - 1] === '-o') return;
     mkdirSync(dirname(join(work, word)), { recursive: true });
@@ -125,7 +129,7 @@ async function execute(line) {
   const process_ = spawn('bash', ['-c', line], {
     cwd: work, detached: true, stdio: ['ignore', 'ignore', 'pipe'],
     env: {
-      ...process.env, cairn: 'build/release/cairn', data: join(kept, 'data'), name: 'phone',
+      ...process.env, cairn: 'build/release/cairn', data: join(kept, 'data'), ...shell,
       PATH: `${join(work, 'build/release')}:${join(work, 'build/release/tests')}:${process.env.PATH}`,
       ...(line.includes('openni:') && { LD_LIBRARY_PATH: join(build, 'tests/openni'), CAIRN_SENSOR: '' }),
     },

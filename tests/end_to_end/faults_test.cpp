@@ -138,8 +138,9 @@ class FaultsOfARun : public Faults, public testing::WithParamInterface<std::stri
 
 TEST_P(FaultsOfARun, LoseNothingWhateverFails) {
   const std::string kind(GetParam());
-  const std::vector<std::string> often{"--checkpoint", "0"};  // after every frame: each run does the same
-  static int operations = 0;                                  // of such a run, whatever will fail in it
+  // After every frame: each run does the same.
+  const std::vector<std::string> often{"--checkpoint", "0", "--overwrite"};
+  static int operations = 0;  // of such a run, whatever will fail in it
   if (operations == 0) {
     fs::copy(*folder / "before", out / "map", fs::copy_options::recursive);
     ASSERT_EQ(run_cairn(reconstruct("rec", out / "map", often), disk(out / "map", 0, "eio")).exit_code, 0);

@@ -97,18 +97,22 @@ TEST_F(Outputs, OfAnEarlierRunStayWhenACommandFails) {
   fs::copy(*folder / "map", *folder / "safe", fs::copy_options::recursive);
   const auto before = bytes_below(*folder / "safe");
   write_text(*folder / "wrong.yaml", "fuse: {voxel_size: 7}\n");
+  const auto over = [](std::vector<std::string> more, const char* recording = "rec") {
+    more.emplace_back("--overwrite");
+    return reconstruct(recording, "safe", more);
+  };
   const std::vector<std::pair<std::vector<std::string>, std::string>> failing{
-      {reconstruct("rec", "safe", {"--device", "9"}), "device"},
-      {reconstruct("rec", "safe", {"--esdf", "--esdf-voxel-size", "0.05"}), "--esdf-voxel-size"},
-      {reconstruct("rec", "safe", {"--min-weight", "250"}), "--min-weight"},
-      {reconstruct("rec", "safe", {"--simplify", "7"}), "--simplify"},
-      {reconstruct("rec", "safe", {"--device-memory", "1"}), "--device-memory"},
-      {reconstruct("long-grey", "safe", {"--texture"}), "--texture"},
-      {reconstruct("nowhere", "safe"), "nowhere"},
+      {over({"--device", "9"}), "device"},
+      {over({"--esdf", "--esdf-voxel-size", "0.05"}), "--esdf-voxel-size"},
+      {over({"--min-weight", "250"}), "--min-weight"},
+      {over({"--simplify", "7"}), "--simplify"},
+      {over({"--device-memory", "1"}), "--device-memory"},
+      {over({"--texture"}, "long-grey"), "--texture"},
+      {over({}, "nowhere"), "nowhere"},
       {reconstruct("rec", "safe", {"--resume", "--voxel-size", "0.02"}), "--voxel-size"},
-      {{"reconstruct", "rec", "-o", "safe", "--config", "wrong.yaml"}, "fuse.voxel_size"},
-      {{"live", "rec", "-o", "safe", "--device", "9"}, "device"},
-      {{"live", "openni:nowhere", "-o", "safe"}, "no depth sensor"},
+      {{"reconstruct", "rec", "-o", "safe", "--config", "wrong.yaml", "--overwrite"}, "fuse.voxel_size"},
+      {{"live", "rec", "-o", "safe", "--device", "9", "--overwrite"}, "device"},
+      {{"live", "openni:nowhere", "-o", "safe", "--overwrite"}, "no depth sensor"},
       {{"merge", "map", "other", "-o", "safe"}, "no session"},
       {{"export", "safe", "-o", "safe/mesh.glb", "--device", "9"}, "device"},
       {{"export", "safe", "-o", "safe/mesh.glb", "--min-weight", "250"}, "nothing of the surface is left"},
@@ -125,6 +129,84 @@ TEST_F(Outputs, OfAnEarlierRunStayWhenACommandFails) {
     if (elsewhere[0] != "export") (void)run(elsewhere);
     EXPECT_FALSE(fs::exists(*folder / "empty" / "session")) << told;
   }
+}
+
+TEST_F(Outputs, OfAFinishedMapAreNotOverwrittenUnasked) {
+  fs::copy(*folder / "map", *folder / "kept", fs::copy_options::recursive);
+  const auto before = bytes_below(*folder / "kept");
+  for (const auto& arguments : std::vector<std::vector<std::string>>{
+           reconstruct("rec", "kept"), {"reconstruct", "rec", "kept/"}, {"live", "rec", "kept"}}) {
+    const Ran ran = run(arguments);
+    expect_one_line(ran, 1, "holds a map already (mesh.glb)");
+    for (const char* answer : {"--overwrite", "--resume", "--auto-name"})
+      EXPECT_NE(ran.err.find(answer), std::string::npos) << ran.err;
+  }
+  // Where --resume is no answer it is not named.
+  for (const auto& arguments : std::vector<std::vector<std::string>>{
+           reconstruct("rec", "kept", {"--poses", "map/trajectory.txt"}), {"merge", "map", "map", "-o", "kept"}}) {
+    const Ran ran = run(arguments);
+    expect_one_line(ran, 1, "--overwrite to replace it, or --auto-name");
+    EXPECT_EQ(ran.err.find("--resume"), std::string::npos) << ran.err;
+  }
+  EXPECT_TRUE(bytes_below(*folder / "kept") == before);
+  // One of its files alone is enough.
+  for (const char* name : {"map.vdb", "report.json", "trajectory.txt", "mesh.glb"}) {
+    fs::remove_all(*folder / "one");
+    fs::create_directory(*folder / "one");
+    write_text(*folder / "one" / name, "finished");
+    expect_one_line(run(reconstruct("rec", "one")), 1, "(" + std::string(name) + ")");
+    EXPECT_EQ(read_bytes(*folder / "one" / name), "finished");
+  }
+  for (const char* other : {"--resume", "--auto-name"})
+    EXPECT_EQ(run(reconstruct("rec", "kept", {"--overwrite", other})).exit_code, 2) << other;
+  EXPECT_EQ(run(reconstruct("rec", "kept", {"--resume", "--auto-name"})).exit_code, 2);
+}
+
+TEST_F(Outputs, GoToAnotherNameWhereTheFirstIsTaken) {
+  fs::copy(*folder / "map", *folder / "named", fs::copy_options::recursive);
+  fs::create_directory(*folder / "named-2");
+  write_text(*folder / "named-2" / "notes.txt", "mine");
+  const auto before = bytes_below(*folder / "named");
+  const Ran ran = run({"reconstruct", "rec", "named/", "--auto-name", "--config", "rec.yaml", "--frames", "0:8"});
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_NE(ran.err.find("named-3 (named/ holds a map)"), std::string::npos) << ran.err;
+  EXPECT_NE(ran.out.find("named-3/mesh.glb"), std::string::npos) << ran.out;
+  EXPECT_EQ(read_trajectory(*folder / "named-3" / "trajectory.txt").size(), 8u);
+  EXPECT_TRUE(bytes_below(*folder / "named") == before);
+  EXPECT_EQ(fs::file_size(*folder / "named-2" / "notes.txt"), 4u);
+  // A name that nobody has is taken as it is, and so is a folder with other people's files, which stay.
+  ASSERT_EQ(run(reconstruct("rec", "named-2", {"--auto-name", "--frames", "0:8"})).exit_code, 0);
+  EXPECT_TRUE(fs::exists(*folder / "named-2" / "mesh.glb"));
+  EXPECT_EQ(read_bytes(*folder / "named-2" / "notes.txt"), "mine");
+}
+
+TEST_F(Outputs, OfARunThatWasCutOffAreGoneOnWith) {
+  fs::create_directory(*folder / "cut");
+  fs::copy(*folder / "map" / "session", *folder / "cut" / "session", fs::copy_options::recursive);
+  const auto before = bytes_below(*folder / "cut");
+  const Ran ran = run(reconstruct("rec", "cut"));
+  expect_one_line(ran, 1, "was cut off: go on with --resume");
+  for (const char* answer : {"--overwrite", "--auto-name"})
+    EXPECT_NE(ran.err.find(answer), std::string::npos) << ran.err;
+  EXPECT_TRUE(bytes_below(*folder / "cut") == before);
+  const Ran resumed = run(reconstruct("rec", "cut", {"--resume", "--json"}));
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
+  EXPECT_EQ(nlohmann::json::parse(resumed.out)["frames"]["total"], 20);
+  // Killed before its first checkpoint a run has left nothing to go on with, and nothing to lose.
+  fs::create_directories(*folder / "early" / "session" / "run-0001" / "keyframes");
+  EXPECT_EQ(run(reconstruct("rec", "early", {"--frames", "0:8"})).exit_code, 0);
+}
+
+TEST_F(Outputs, OfSynthAreReplacedOnlyWhenAsked) {
+  ASSERT_EQ(run({"synth", "sphere", "-o", "ball", "--frames", "1"}).exit_code, 0);
+  write_text(*folder / "ball" / "notes.txt", "mine");
+  const auto before = bytes_below(*folder / "ball");
+  expect_one_line(run({"synth", "sphere", "-o", "ball", "--frames", "2"}), 1, "--overwrite");
+  for (const char* recorder : {"record", "convert"})
+    expect_one_line(run({recorder, "rec", "-o", "ball"}), 1, "choose another folder");
+  EXPECT_TRUE(bytes_below(*folder / "ball") == before);
+  EXPECT_EQ(run({"synth", "sphere", "-o", "ball", "--frames", "2", "--overwrite"}).exit_code, 0);
+  EXPECT_TRUE(fs::exists(*folder / "ball" / "depth" / "0.033333.png"));
 }
 
 TEST_F(Outputs, AreWrittenAlsoWhenTheMeshCannotBe) {
@@ -178,11 +260,11 @@ TEST_F(Outputs, HaveOneWriter) {
     const SessionLock lock(*folder / "taken" / "session");
     const std::string who = "another run writes into it (process " + std::to_string(getpid());
     std::vector<std::future<Ran>> waiting;  // each waits some seconds whether the other ends
-    for (const auto& writing :
-         std::vector<std::vector<std::string>>{reconstruct("rec", "taken"),
-                                               reconstruct("rec", "taken", {"--resume"}),
-                                               reconstruct("rec", "taken", {"--poses", "map/trajectory.txt"}),
-                                               {"merge", "map", "map", "-o", "taken"}})
+    for (const auto& writing : std::vector<std::vector<std::string>>{
+             reconstruct("rec", "taken", {"--overwrite"}),
+             reconstruct("rec", "taken", {"--resume"}),
+             reconstruct("rec", "taken", {"--overwrite", "--poses", "map/trajectory.txt"}),
+             {"merge", "map", "map", "-o", "taken", "--overwrite"}})
       waiting.push_back(std::async(std::launch::async, [writing] { return run(writing); }));
     for (auto& ran : waiting) expect_last_line(ran.get(), 1, who);
     EXPECT_EQ(run({"export", "taken", "-o", "beside.glb"}).exit_code, 0);
@@ -192,9 +274,13 @@ TEST_F(Outputs, HaveOneWriter) {
 
 TEST_F(Outputs, OfGivenPosesReplaceASession) {
   fs::copy(*folder / "map", *folder / "posed", fs::copy_options::recursive);
-  const Ran ran = run(reconstruct("rec", "posed", {"--poses", "map/trajectory.txt"}));
+  write_text(*folder / "posed" / "notes.txt", "mine");
+  write_text(*folder / "posed" / "trajectory-000.txt", "of a recording before");
+  const Ran ran = run(reconstruct("rec", "posed", {"--overwrite", "--poses", "map/trajectory.txt"}));
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
-  EXPECT_FALSE(fs::exists(*folder / "posed" / "session"));
+  for (const char* name : {"session", "graph.g2o", "graph.svg", "trajectory-000.txt"})
+    EXPECT_FALSE(fs::exists(*folder / "posed" / name)) << name;
+  EXPECT_EQ(read_bytes(*folder / "posed" / "notes.txt"), "mine");
 }
 
 TEST_F(Outputs, GoOnWithARecordingThatWasMovedAndNotWithAnotherInItsPlace) {

@@ -118,7 +118,8 @@ TEST_F(Program, CompletesWithLittleDeviceMemory) {
 
 TEST_F(Program, KeepsTheOldFilesWhenTheDiskIsFull) {
   const auto map = out / "map";
-  const std::vector<std::string> arguments{"reconstruct", sequence(), "-o", map.string(), "--frames", "0:5"};
+  const std::vector<std::string> arguments{"reconstruct", sequence(), "-o",         map.string(),
+                                           "--frames",    "0:5",      "--overwrite"};
   ASSERT_EQ(run_cairn(arguments).exit_code, 0);
   const std::string mesh = read_bytes(map / "mesh.glb"), grids = read_bytes(map / "map.vdb");
   // A limit on the size of files behaves like a full disk: first too small for the mesh, then for the map alone.
@@ -174,6 +175,7 @@ TEST_F(Program, AnswersWrongUsageWithExitCode2) {
                                                     {"reconstruct"},
                                                     {"reconstruct", sequence(), "-o", "x", "--frames", "5:2"},
                                                     {"reconstruct", sequence(), "-o", "x", "--voxel-size", "big"},
+                                                    {"reconstruct", sequence(), "x", "-o", "y"},
                                                     {"synth", "room", "-o", "x", "--noise", "loud"}}) {
     const Ran ran = run_cairn(arguments);
     EXPECT_EQ(ran.exit_code, 2) << ran.err;
@@ -236,8 +238,8 @@ TEST_F(Program, EstimatesHowMuchLaterTheColourCameraIs) {
 TEST_F(Program, WarnsOfAWrongFocalLengthWithTheEvidence) {
   const fs::path turning = out / "turning";
   ASSERT_EQ(run_cairn({"synth", "room", "-o", turning.string(), "--frames", "110"}).exit_code, 0);
-  const std::vector<std::string> arguments{"reconstruct", turning.string(), "-o",           (out / "map").string(),
-                                           "--frames",    "0:110:2",        "--voxel-size", "0.02"};
+  const std::vector<std::string> arguments{"reconstruct", turning.string(), "-o",   (out / "map").string(), "--frames",
+                                           "0:110:2",     "--voxel-size",   "0.02", "--overwrite"};
   const Ran silent = run_cairn(arguments);
   EXPECT_EQ(silent.err.find("intrinsics"), std::string::npos) << silent.err;
   std::ofstream(turning / "camera.yaml") << "{width: 640, height: 480, fx: 578, fy: 578, cx: 319.5, cy: 239.5}";
