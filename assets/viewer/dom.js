@@ -3,7 +3,9 @@
 
 /** An element: its properties, then its children; text is never read as HTML. */
 export function element(tag, properties = {}, ...children) {
-  const made = Object.assign(document.createElement(tag), properties);
+  const { aria = {}, ...others } = properties;
+  const made = Object.assign(document.createElement(tag), others);
+  for (const [name, value] of Object.entries(aria)) made.setAttribute(name === 'role' ? name : `aria-${name}`, value);
   made.append(...children);
   return made;
 }
@@ -16,6 +18,7 @@ export function setStatus(status, words) {
   const shown = document.getElementById('status');
   shown.dataset.status = status;
   shown.textContent = words;
+  shown.title = words;  // where it is too long for its place
 }
 
 /** Buttons that every view of a map has. */
@@ -27,4 +30,40 @@ export function viewButtons(scene) {
   };
   show('colour');
   return [look, element('button', { onclick: () => { scene.setFollow(false); scene.lookAtAll(); } }, 'Show all')];
+}
+
+/** A named slider; `show(value)` says its value in words. `set(value)` moves it without telling. */
+export function slider({ label, min = 0, max = 1, step = 0.01, value = min, show = String, input }) {
+  const range = element('input', { type: 'range', min, max, step, value });
+  const told = element('output');
+  const tell = () => {
+    told.textContent = show(Number(range.value));
+    range.setAttribute('aria-valuetext', told.textContent);
+  };
+  range.addEventListener('input', () => { tell(); input(Number(range.value)); });
+  tell();
+  const whole = element('label', { className: 'slider' }, element('span', {}, label), range, told);
+  return Object.assign(whole, { range, set: (to) => { range.value = to; tell(); } });
+}
+
+/** One of several, as radio buttons: `options` are [value, words]. */
+export function choice(label, options, value, change) {
+  const name = `choice-${label.replaceAll(' ', '-').toLowerCase()}`;
+  const made = options.map(([of, words]) => {
+    const radio = element('input', { type: 'radio', name, value: of, checked: of === value, onchange: () => change(of) });
+    return element('label', {}, radio, element('span', {}, words));
+  });
+  const group = element('fieldset', { className: 'choice' }, element('legend', {}, label), ...made);
+  return Object.assign(group, {
+    set: (to) => { for (const radio of group.querySelectorAll('input')) radio.checked = radio.value === to; },
+  });
+}
+
+export function checkbox(words, checked, change) {
+  const box = element('input', { type: 'checkbox', checked, onchange: () => change(box.checked) });
+  return element('label', { className: 'check' }, box, element('span', {}, words));
+}
+
+export function save(url, name) {
+  element('a', { href: url, download: name }).click();
 }

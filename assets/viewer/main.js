@@ -3,16 +3,19 @@
 // One page for a map that grows and one that is finished. What to show is in the page itself (report.html) or beside it.
 import { setStatus } from './dom.js';
 import { showFinished } from './finished.js';
+import { foldingPanel, tooltips } from './layout.js';
 import { showLive } from './live.js';
 import { Scene } from './scene.js';
 
 async function main() {
   const inline = document.getElementById('data');
   const data = inline ? JSON.parse(inline.textContent) : await (await fetch('data.json')).json();
+  const fold = foldingPanel();
+  tooltips();
   const scene = new Scene(document.getElementById('scene'));
   window.cairn = scene;  // for whoever looks from the console, and for tests
   if (data.mode === 'live') showLive(scene);
-  else await showFinished(scene, data);
+  else await showFinished(scene, data, fold);
 }
 
 main().catch((error) => {

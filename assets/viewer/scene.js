@@ -3,8 +3,7 @@
 // The 3D picture: surface, camera and its path, loops.
 import * as THREE from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
-import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js';
-import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
+import { placeAt } from './path.js';
 
 const kPathColour = 0x4c8dff, kLoopColour = 0x37b26c, kCameraColour = 0xffc531;
 
@@ -12,36 +11,40 @@ const kPathColour = 0x4c8dff, kLoopColour = 0x37b26c, kCameraColour = 0xffc531;
 const kLinear = Uint16Array.from({ length: 256 }, (_, c) => 65535 * new THREE.Color().setRGB(c / 255, 0, 0, THREE.SRGBColorSpace).r);
 
 const kShare = 0.3;  // of the time that drawing may take while nobody turns the picture
+const kSight = 62, kNarrowest = 54;  // degrees: from top to bottom, and at least from left to right
+const kUp = new THREE.Vector3(0, 1, 0);
 
-/** The place on a polyline of [t, x, y, z] at a time. */
-function placeAt(points, time) {
-  let low = 0, high = points.length / 4 - 1;
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (points[4 * middle] < time) low = middle + 1;
-    else high = middle;
-  }
-  return [points[4 * low + 1], points[4 * low + 2], points[4 * low + 3]];
-}
+/** The map's world has y down and z forward; three.js has y up. */
+export const upright = ([x, y, z]) => new THREE.Vector3(x, -y, -z);
+
+const radians = THREE.MathUtils.degToRad, degrees = THREE.MathUtils.radToDeg;
 
 export class Scene {
   constructor(element) {
     this.element = element;
-    this.renderer = new THREE.WebGLRenderer({ antialias: true });
+    this.renderer = new THREE.WebGLRenderer({ antialias: true, powerPreference: 'high-performance' });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
-    element.append(this.renderer.domElement);
+    this.renderer.localClippingEnabled = true;
+    const canvas = this.renderer.domElement;
+    canvas.tabIndex = 0;
+    canvas.setAttribute('role', 'img');
+    canvas.setAttribute('aria-label', 'The map; arrow keys turn it');
+    element.append(canvas);
     this.scene = new THREE.Scene();
     this.scene.background = new THREE.Color(0x14171b);
-    this.camera = new THREE.PerspectiveCamera(60, 1, 0.02, 500);
+    this.perspective = new THREE.PerspectiveCamera(kSight, 1, 0.02, 500);
+    this.orthographic = new THREE.OrthographicCamera(-1, 1, 1, -1, 0.01, 500);
+    this.camera = this.perspective;
     this.camera.position.set(0, 1.5, 3);
-    this.controls = new OrbitControls(this.camera, this.renderer.domElement);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.zoomToCursor = true;
     this.isTurning = false;
     this.restUntil = 0;
     this.controls.addEventListener('start', () => { this.isTurning = true; this.setFollow(false); });
     this.controls.addEventListener('end', () => { this.isTurning = false; });
+    canvas.addEventListener('keydown', (event) => this.turnByKey(event));
     this.scene.add(new THREE.HemisphereLight(0xffffff, 0x777777, 2.4), new THREE.DirectionalLight(0xffffff, 0.8));
 
-    // The map's world has y down and z forward; three.js has y up.
     this.world = new THREE.Group();
     this.world.rotation.x = Math.PI;
     this.scene.add(this.world);
@@ -54,12 +57,19 @@ export class Scene {
     this.parts = new Map();
     this.pathPoints = new Float32Array();
     this.loopTimes = [];
+    this.clipping = [];  // planes; what is behind one of them is not drawn
+    this.cuts = new Map();
+    // Walls are seen from the inside only: what looks at a room from without looks into it.
     this.materials = {
-      colour: new THREE.MeshBasicMaterial({ vertexColors: true, side: THREE.DoubleSide }),
-      shape: new THREE.MeshLambertMaterial({ color: 0xc9ced6, side: THREE.DoubleSide }),
+      colour: new THREE.MeshBasicMaterial({ vertexColors: true, clippingPlanes: this.clipping }),
+      shape: new THREE.MeshLambertMaterial({ color: 0xc9ced6, clippingPlanes: this.clipping }),
+      normal: new THREE.MeshBasicMaterial({ vertexColors: true, clippingPlanes: this.clipping }),
+      tinted: new THREE.MeshLambertMaterial({ vertexColors: true, clippingPlanes: this.clipping }),
     };
     this.look = 'colour';
     this.follow = false;
+    this.movers = new Set();   // called with the seconds since the last picture, before each one
+    this.watchers = new Set();  // called after each picture
     new ResizeObserver(() => this.resize()).observe(element);
     this.resize();
     this.renderer.setAnimationLoop(() => this.draw());
@@ -77,18 +87,20 @@ export class Scene {
     line.geometry.dispose();
     line.geometry = new THREE.BufferGeometry();
     line.geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array(places), 3));
+    this.isStale = true;
   }
 
   resize() {
     const width = Math.max(this.element.clientWidth, 1), height = Math.max(this.element.clientHeight, 1);
     this.renderer.setSize(width, height);
-    this.camera.aspect = width / height;
-    // The panel covers a part of the canvas: the middle of what can be seen is the middle of the picture.
-    const panel = document.getElementById('panel').getBoundingClientRect();
-    const covered = panel.height >= innerHeight - 1 ? Math.min(panel.width, width - 1) : 0;
-    if (covered > 0) this.camera.setViewOffset(width, height, covered / 2, 0, width, height);
-    else this.camera.clearViewOffset();
-    this.camera.updateProjectionMatrix();
+    const aspect = width / height;
+    // A portrait screen sees more from top to bottom, not less from left to right.
+    this.perspective.aspect = aspect;
+    this.perspective.fov = Math.min(100, Math.max(kSight, 2 * degrees(Math.atan(Math.tan(radians(kNarrowest / 2)) / aspect))));
+    this.perspective.updateProjectionMatrix();
+    const half = this.orthographic.top;
+    Object.assign(this.orthographic, { left: -half * aspect, right: half * aspect });
+    this.orthographic.updateProjectionMatrix();
     this.isStale = true;
   }
 
@@ -101,21 +113,41 @@ export class Scene {
       this.fence = null;
       this.restUntil = now + (now - this.drawnAt) * (1 / kShare - 1);
     }
-    if (now < this.restUntil && !this.isTurning) return;
+    if (now < this.restUntil && !this.isTurning && this.movers.size === 0) return;
+    const seconds = Math.min(0.25, (now - (this.movedAt ?? now)) / 1000);
+    this.movedAt = now;
+    for (const move of this.movers) move(seconds);
     if (this.follow && this.eye) {
       this.camera.position.lerp(this.eye, 0.1);
       this.controls.target.lerp(this.target, 0.1);
       this.isStale = true;
     }
-    const moved = this.controls.update();
+    const moved = this.controls.enabled && this.controls.update();
     const pose = this.camera.matrixWorld.elements.join();
     if (!moved && !this.isStale && pose === this.drawnFrom) return;
-    this.isStale = false;
-    this.drawnFrom = pose;
+    this.render();
     this.drawnAt = now;
-    this.renderer.render(this.scene, this.camera);
     this.fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
+  }
+
+  render() {
+    this.isStale = false;
+    this.renderer.render(this.scene, this.camera);
+    this.drawnFrom = this.camera.matrixWorld.elements.join();
+    for (const watch of this.watchers) watch();
+  }
+
+  /** Promises the next picture. */
+  drawn() {
+    this.isStale = true;
+    return new Promise((resolve) => {
+      const watch = () => {
+        this.watchers.delete(watch);
+        resolve();
+      };
+      this.watchers.add(watch);
+    });
   }
 
   setFollow(follow) {
@@ -130,8 +162,9 @@ export class Scene {
   }
 
   materialOf(mesh) {
-    if (mesh.userData.textured) return this.look === 'colour' ? mesh.userData.textured : this.materials.shape;
-    return mesh.geometry.hasAttribute('color') ? this.materials[this.look] : this.materials.shape;
+    if (mesh.userData.textured && this.look === 'colour') return mesh.userData.textured;
+    if (!mesh.geometry.hasAttribute('normal')) mesh.geometry.computeVertexNormals();
+    return mesh.geometry.hasAttribute('color') ? this.materials[this.look] ?? this.materials.tinted : this.materials.shape;
   }
 
   *meshes() {
@@ -220,7 +253,6 @@ export class Scene {
     const places = this.pathPoints.length > 0
         ? times.flatMap(([from, to]) => [...placeAt(this.pathPoints, from), ...placeAt(this.pathPoints, to)]) : [];
     this.setLine(this.loops, places);
-    this.isStale = true;
   }
 
   /** A camera where the sensor is: `pose` column by column, `fx` in image widths. */
@@ -239,26 +271,91 @@ export class Scene {
     this.isStale = true;
   }
 
-  /** A finished mesh, glTF: y is up in it. */
-  async setModel(bytes) {
-    const gltf = await new GLTFLoader().setMeshoptDecoder(MeshoptDecoder).parseAsync(bytes, '');
-    this.model = gltf.scene;
-    this.scene.add(this.model);
+  /** What a glTF file holds, in its material as it is to be seen: unlit, crisp, from the inside. */
+  setModel(model) {
+    this.model = model;
+    this.scene.add(model);
+    model.updateMatrixWorld(true);
+    const anisotropy = this.isSoftware ? 1 : Math.min(8, this.renderer.capabilities.getMaxAnisotropy());
     for (const mesh of this.meshes()) {
-      if (mesh.material.map) mesh.userData.textured = mesh.material;
+      const { map } = mesh.material;
+      if (map) {
+        map.anisotropy = anisotropy;
+        mesh.userData.textured = new THREE.MeshBasicMaterial({ map, clippingPlanes: this.clipping });
+      }
       mesh.material = this.materialOf(mesh);
     }
-    this.lookAtAll();
+    this.isStale = true;
+  }
+
+  /** Drawn by the CPU: what costs nothing on a GPU takes seconds here. */
+  get isSoftware() {
+    const gl = this.renderer.getContext(), names = gl.getExtension('WEBGL_debug_renderer_info');
+    return /swiftshader|llvmpipe|software/i.test(names ? gl.getParameter(names.UNMASKED_RENDERER_WEBGL) : '');
+  }
+
+  /** Of the model; empty where there is none. */
+  get box() {
+    return this.model ? new THREE.Box3().setFromObject(this.model) : new THREE.Box3();
+  }
+
+  /** `planes` in three.js' world cut the surface, together with what others ask for. */
+  setClipping(who, planes) {
+    this.cuts.set(who, planes);
+    this.clipping.splice(0, this.clipping.length, ...[...this.cuts.values()].flat());
+    this.isStale = true;
+  }
+
+  setProjection(camera) {
+    this.camera = camera;
+    this.controls.object = camera;
+    this.resize();
+  }
+
+  place(eye, target) {
+    this.controls.target.copy(target);
+    this.camera.position.copy(eye);
+    this.camera.up.copy(kUp);
+    this.camera.lookAt(target);
+    this.isStale = true;
+  }
+
+  /** From a pose of the camera, t x y z qx qy qz qw, level with gravity. */
+  lookFrom([, x, y, z, ...q]) {
+    const eye = upright([x, y, z]), forward = upright(new THREE.Vector3(0, 0, 1).applyQuaternion(new THREE.Quaternion(...q)).toArray());
+    const middle = this.box.isEmpty() ? eye : this.box.getCenter(new THREE.Vector3());
+    const reach = THREE.MathUtils.clamp(middle.sub(eye).dot(forward), 1, 3);
+    this.place(eye, eye.clone().addScaledVector(forward, reach));
   }
 
   lookAtAll() {
-    const box = new THREE.Box3();
-    if (this.model) box.setFromObject(this.model);
-    else box.setFromObject(this.world);
+    const box = this.model ? this.box : new THREE.Box3().setFromObject(this.world);
     if (box.isEmpty()) return;
-    const middle = box.getCenter(new THREE.Vector3()), radius = box.getSize(new THREE.Vector3()).length() / 2;
-    this.controls.target.copy(middle);
-    this.camera.position.copy(middle).add(new THREE.Vector3(0.25, 0.65, 1).normalize().multiplyScalar(1.5 * radius));
+    const middle = box.getCenter(new THREE.Vector3()), away = new THREE.Vector3(0.35, 0.8, 1).normalize();
+    this.place(middle.clone().add(away), middle);
+    this.camera.updateMatrixWorld();
+    // As near as all corners of the box are in the picture.
+    const half = Math.tan(radians(this.perspective.fov / 2)), inverse = this.camera.matrixWorldInverse.copy(this.camera.matrixWorld).invert();
+    let distance = 0;
+    for (let i = 0; i < 8; ++i) {
+      const corner = new THREE.Vector3(i & 1 ? box.max.x : box.min.x, i & 2 ? box.max.y : box.min.y, i & 4 ? box.max.z : box.min.z)
+                         .applyMatrix4(inverse);
+      distance = Math.max(distance, corner.z + 1 + Math.max(Math.abs(corner.y) / half, Math.abs(corner.x) / (half * this.perspective.aspect)));
+    }
+    this.place(middle.clone().addScaledVector(away, 1.04 * distance), middle);
+  }
+
+  turnByKey(event) {
+    const turns = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+    const turn = turns[event.key];
+    if (!turn || !this.controls.enabled || event.defaultPrevented) return;
+    event.preventDefault();
+    this.setFollow(false);
+    const kStep = 0.08;
+    const offset = this.camera.position.clone().sub(this.controls.target), about = new THREE.Spherical().setFromVector3(offset);
+    about.theta += kStep * turn[0];
+    about.phi -= kStep * turn[1];
+    this.camera.position.copy(this.controls.target).add(offset.setFromSpherical(about.makeSafe()));
     this.isStale = true;
   }
 }

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Edges and corners of things. Voxels round them off by about their size, so that no vertex of the mesh lies on them:
+// they are where the planes beside them meet.
+import * as THREE from 'three';
+
+const kSame = Math.cos(THREE.MathUtils.degToRad(14));    // between a triangle and its plane
+const kNear = Math.cos(THREE.MathUtils.degToRad(28));    // the same, for triangles that no other plane may have
+const kAngle = Math.sin(THREE.MathUtils.degToRad(25));   // at least between two planes that make an edge
+const kVolume = 0.3;                                     // of three unit normals that make a corner
+const kSeeds = 48, kRounds = 6;
+
+function trianglesNear(surface, point, radius) {
+  const found = [], u = new THREE.Vector3(), v = new THREE.Vector3();
+  surface.near(point, radius, (a, b, c) => {
+    const normal = new THREE.Vector3().crossVectors(u.subVectors(b, a), v.subVectors(c, a)), area = normal.length() / 2;
+    if (area < 1e-12) return;
+    // Of a large triangle only what lies near counts.
+    found.push({ normal: normal.divideScalar(2 * area), area: Math.min(area, radius * radius / 2), a, b, c,
+                 middle: new THREE.Vector3().add(a).add(b).add(c).divideScalar(3) });
+  });
+  return found;
+}
+
+/** The plane of the triangles that agree with `plane`, by their areas. */
+function refined(triangles, plane, tolerance) {
+  const normal = new THREE.Vector3();
+  let offset = 0, area = 0;
+  const members = triangles.filter((t) => t.normal.dot(plane.normal) > kSame && Math.abs(plane.distanceToPoint(t.middle)) < tolerance);
+  for (const t of members) {
+    normal.addScaledVector(t.normal, t.area);
+    area += t.area;
+  }
+  if (area === 0) return { plane, area };
+  normal.normalize();
+  for (const t of members) offset += t.area * normal.dot(t.middle);
+  return { plane: new THREE.Plane(normal, -offset / area), area };
+}
+
+/** Up to four planes that the surface near a point is made of, the largest first. */
+function planesNear(surface, point, radius, voxel) {
+  let triangles = trianglesNear(surface, point, radius);
+  const least = Math.max(0.06 * triangles.reduce((sum, { area }) => sum + area, 0), 4 * voxel * voxel), planes = [];
+  while (planes.length < 4 && triangles.length > 0) {
+    let best = { area: 0 };
+    const step = Math.max(1, Math.floor(triangles.length / kSeeds));
+    for (let i = 0; i < triangles.length; i += step) {
+      const { normal, middle } = triangles[i];
+      const found = refined(triangles, new THREE.Plane().setFromNormalAndCoplanarPoint(normal, middle), 0.7 * voxel);
+      if (found.area > best.area) best = found;
+    }
+    for (let i = 0; i < kRounds && best.area > 0; ++i) best = refined(triangles, best.plane, 0.7 * voxel);
+    if (best.area < least) break;
+    planes.push(best.plane);
+    triangles = triangles.filter((t) => t.normal.dot(best.plane.normal) < kNear || Math.abs(best.plane.distanceToPoint(t.middle)) > 1.5 * voxel);
+  }
+  return planes;
+}
+
+function cornerOf(a, b, c) {
+  const volume = a.normal.dot(new THREE.Vector3().crossVectors(b.normal, c.normal));
+  if (Math.abs(volume) < kVolume) return null;
+  const sum = new THREE.Vector3();
+  for (const [p, q, r] of [[a, b, c], [b, c, a], [c, a, b]])
+    sum.addScaledVector(new THREE.Vector3().crossVectors(q.normal, r.normal), -p.constant);
+  return sum.divideScalar(volume);
+}
+
+/** The place on the line where two planes meet that is nearest to a point. */
+function edgeOf(a, b, point) {
+  const along = new THREE.Vector3().crossVectors(a.normal, b.normal);
+  if (along.length() < kAngle) return null;
+  const place = cornerOf(a, b, new THREE.Plane().setFromNormalAndCoplanarPoint(along.normalize(), point));
+  return place;
+}
+
+/**
+ * The corner or edge that is meant by a point on the surface: { point, kind }, or null. `isMeant(place, kind)` says
+ * whether one is near enough to what was pointed at; `voxel` in metres.
+ */
+export function featureNear(surface, point, radius, voxel, isMeant) {
+  const planes = planesNear(surface, point, radius, voxel);
+  const best = (kind, places) => {
+    const meant = places.filter((place) => place && place.distanceTo(point) < radius && isMeant(place, kind) &&
+                                            surface.distance(place, 3 * voxel) < (kind === 'corner' ? 2.5 : 1.6) * voxel);
+    meant.sort((a, b) => a.distanceToSquared(point) - b.distanceToSquared(point));
+    return meant.length > 0 ? { point: meant[0], kind } : null;
+  };
+  const corners = [], edges = [];
+  planes.forEach((a, i) => planes.slice(i + 1).forEach((b, k) => {
+    edges.push(edgeOf(a, b, point));
+    for (const c of planes.slice(i + k + 2)) corners.push(cornerOf(a, b, c));
+  }));
+  return best('corner', corners) ?? best('edge', edges);
+}

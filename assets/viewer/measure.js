@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Points, distances, heights and areas on the surface; a place snaps to a corner or an edge nearby.
+import * as THREE from 'three';
+import { choice, element } from './dom.js';
+import { featureNear } from './features.js';
+import { icon } from './icons.js';
+import { metres, squareMetres } from './words.js';
+
+const kClick = 6;                              // pixels that a click may move
+const kSnap = { corner: 16, edge: 11 };        // pixels
+const kAround = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => [9 * Math.cos(i * Math.PI / 4), 9 * Math.sin(i * Math.PI / 4)]);
+const kKinds = [['distance', 'Distance'], ['height', 'Height'], ['area', 'Area'], ['point', 'Point']];
+const kNeeded = { distance: 2, height: 2, point: 1, area: Infinity };
+const kColour = 0xffc531;
+const kHints = {
+  distance: 'Click two places. Near an edge or a corner the place snaps to it.',
+  height: 'Click two places: how much higher is one than the other?',
+  area: 'Click the corners of the area, then the first one again or “Close the area”.',
+  point: 'Click a place to read where it is.',
+};
+const kFound = { corner: 'a corner', edge: 'an edge', surface: 'the surface' };
+
+const areaOf = (points) => {
+  const sum = new THREE.Vector3(), product = new THREE.Vector3();
+  points.forEach((p, i) => sum.add(product.crossVectors(p, points[(i + 1) % points.length])));
+  return sum.length() / 2;
+};
+
+/** A place in the map's own axes: x right, y down, z forward. */
+const coordinates = ({ x, y, z }) => [x, -y, -z].map((v) => v.toFixed(3)).join(', ');
+
+export function valueOf({ kind, points }) {
+  switch (kind) {
+    case 'distance': return metres(points[0].distanceTo(points[1]));
+    case 'height': return metres(Math.abs(points[0].y - points[1].y));
+    case 'area': return squareMetres(areaOf(points));
+    default: return coordinates(points[0]);
+  }
+}
+
+export class Measure {
+  constructor(scene, surface, voxel) {
+    Object.assign(this, { scene, surface, voxel, kind: 'distance', done: [], points: [], isOn: false });
+    this.group = new THREE.Group();
+    scene.scene.add(this.group);
+    this.labels = element('div', { id: 'labels', aria: { hidden: 'true' } });
+    this.cross = element('div', { className: 'cross', hidden: true });
+    this.cursor = element('div', { className: 'cursor', hidden: true });
+    scene.element.append(this.labels, this.cross, this.cursor);
+    this.kinds = choice('What to measure', kKinds, this.kind, (kind) => this.setKind(kind));
+    this.hint = element('p', { className: 'hint' });
+    this.told = element('p', { className: 'told', aria: { live: 'polite' } });
+    this.list = element('ul', { className: 'measured' });
+    this.close = element('button', { onclick: () => this.closeArea(), hidden: true }, 'Close the area');
+    this.clear = element('button', { onclick: () => this.removeAll(), hidden: true }, 'Remove all');
+    this.body = element('div', {}, this.kinds, this.hint, this.close, this.told, this.list, this.clear);
+    const canvas = scene.renderer.domElement;
+    canvas.addEventListener('pointerdown', (event) => { this.pressed = [event.clientX, event.clientY]; });
+    canvas.addEventListener('pointerup', (event) => this.onClick(event));
+    canvas.addEventListener('pointermove', (event) => this.onMove(event));
+    canvas.addEventListener('pointerleave', () => { this.cursor.hidden = true; });
+    scene.watchers.add(() => this.placeLabels());
+    this.setKind('distance');
+  }
+
+  async start() {
+    this.isOn = true;
+    this.told.textContent = 'Looking at the surface …';
+    await this.surface.prepare();
+    this.told.textContent = '';
+  }
+
+  /** What was measured stays in the picture until it is removed. */
+  end() {
+    this.isOn = false;
+    this.points = [];
+    this.cursor.hidden = this.cross.hidden = true;
+    this.show();
+  }
+
+  setKind(kind) {
+    this.kind = kind;
+    this.points = [];
+    this.hint.textContent = kHints[kind];
+    this.kinds.set(kind);
+    this.show();
+  }
+
+  /** Pixels in the picture. */
+  onScreen(point) {
+    const { clientWidth: width, clientHeight: height } = this.scene.element;
+    const at = point.clone().project(this.scene.camera);
+    return at.z > 1 ? null : [(at.x + 1) * width / 2, (1 - at.y) * height / 2];
+  }
+
+  /** Metres that a pixel shows at a point. */
+  pixelAt(point) {
+    const { camera } = this.scene, height = this.scene.element.clientHeight;
+    if (camera.isOrthographicCamera) return (camera.top - camera.bottom) / camera.zoom / height;
+    return 2 * Math.tan(THREE.MathUtils.degToRad(camera.fov / 2)) * camera.position.distanceTo(point) / height;
+  }
+
+  /** What a pixel means: { point, kind: corner, edge or surface }, or null. */
+  find(x, y) {
+    const hit = this.surface.pick(x, y);
+    const isMeant = (place, kind) => {
+      const at = this.onScreen(place);
+      return at && Math.hypot(at[0] - x, at[1] - y) < kSnap[kind];
+    };
+    const featureAt = (found) => {
+      const radius = THREE.MathUtils.clamp(2 * kSnap.corner * this.pixelAt(found.point), 5 * this.voxel, 10 * this.voxel);
+      return featureNear(this.surface, found.point, radius, this.voxel, isMeant);
+    };
+    const found = hit && featureAt(hit);
+    if (found) return found;
+    // Beside the edge of what stands in front one hits what is behind it.
+    const beside = kAround.map(([dx, dy]) => this.surface.pick(x + dx, y + dy))
+                       .filter((other) => other && (!hit || other.distance < hit.distance - 5 * this.voxel))
+                       .sort((a, b) => a.distance - b.distance)[0];
+    return (beside && featureAt(beside)) ?? (hit && { point: hit.point, kind: 'surface' });
+  }
+
+  at(event) {
+    const box = this.scene.element.getBoundingClientRect();
+    return [event.clientX - box.left, event.clientY - box.top];
+  }
+
+  onMove(event) {
+    if (!this.isOn || event.buttons || event.pointerType !== 'mouse' || this.isLooking) return;
+    this.cross.hidden = true;
+    this.isLooking = true;
+    requestAnimationFrame(() => {
+      this.isLooking = false;
+      const found = this.isOn && this.surface.parts.length > 0 ? this.find(...this.at(event)) : null, at = found && this.onScreen(found.point);
+      this.cursor.hidden = !at;
+      if (!at) return;
+      this.cursor.dataset.kind = found.kind;
+      this.cursor.style.translate = `${at[0]}px ${at[1]}px`;
+    });
+  }
+
+  async onClick(event) {
+    if (!this.isOn || !this.pressed || event.button !== 0) return;
+    const moved = Math.hypot(event.clientX - this.pressed[0], event.clientY - this.pressed[1]);
+    this.pressed = null;
+    if (moved > kClick) return;
+    const at = this.at(event);
+    await this.surface.prepare();
+    this.take(...at);
+  }
+
+  take(x, y) {
+    if (this.kind === 'area' && this.points.length > 2) {
+      const first = this.onScreen(this.points[0]);
+      if (first && Math.hypot(first[0] - x, first[1] - y) < kSnap.corner) return this.closeArea();
+    }
+    const found = this.find(x, y);
+    if (!found) {
+      this.told.textContent = 'There is no surface.';
+      return;
+    }
+    this.told.textContent = `Place ${this.points.length + 1}: on ${kFound[found.kind]}`;
+    this.points.push(found.point);
+    if (this.points.length >= kNeeded[this.kind]) this.finish();
+    else this.show();
+  }
+
+  closeArea() {
+    if (this.points.length > 2) this.finish();
+  }
+
+  finish() {
+    const measured = { kind: this.kind, points: this.points };
+    this.points = [];
+    this.done.push(measured);
+    const name = kKinds.find(([kind]) => kind === measured.kind)[1], value = valueOf(measured);
+    const remove = element('button', { className: 'plain', aria: { label: `Remove ${name} ${value}` }, onclick: () => {
+      this.done = this.done.filter((other) => other !== measured);
+      measured.row.remove();
+      this.show();
+    } }, icon('close'));
+    measured.row = element('li', {}, element('span', {}, name), element('b', {}, value), remove);
+    this.list.append(measured.row);
+    this.told.textContent = `${name}: ${value}`;
+    this.show();
+  }
+
+  removeAll() {
+    this.done = [];
+    this.points = [];
+    this.list.replaceChildren();
+    this.told.textContent = '';
+    this.show();
+  }
+
+  /** By keyboard a place is taken in the middle of the picture. */
+  onKey(event) {
+    if (event.key === 'Escape' && this.points.length > 0) {
+      this.points = [];
+      this.show();
+      return true;
+    }
+    if (event.target !== this.scene.renderer.domElement) return false;
+    if (event.key.startsWith('Arrow')) this.cross.hidden = false;
+    if (event.key !== 'Enter') return false;
+    this.cross.hidden = false;
+    const { clientWidth: width, clientHeight: height } = this.scene.element;
+    this.surface.prepare().then(() => this.take(width / 2, height / 2));
+    return true;
+  }
+
+  show() {
+    for (const old of this.group.children) {
+      old.geometry.dispose();
+      old.material.dispose();
+    }
+    this.group.clear();
+    this.labels.replaceChildren();
+    this.shown = [];
+    const open = this.points.length > 0 ? [{ kind: this.kind, points: this.points, isOpen: true }] : [];
+    for (const measured of [...this.done, ...open]) this.showOne(measured);
+    this.close.hidden = this.kind !== 'area' || this.points.length < 3;
+    this.clear.hidden = this.done.length === 0;
+    this.scene.isStale = true;
+  }
+
+  showOne({ kind, points, isOpen }) {
+    const whole = kind === 'area' && !isOpen ? [...points, points[0]] : [...points];
+    // A height stands upright, and a level line leads to the lower place.
+    if (kind === 'height' && points.length === 2) {
+      const [high, low] = points[0].y > points[1].y ? points : [points[1], points[0]];
+      whole.splice(0, 2, high, new THREE.Vector3(high.x, low.y, high.z), low);
+    }
+    const dots = new THREE.Points(new THREE.BufferGeometry().setFromPoints(points),
+                                  new THREE.PointsMaterial({ color: kColour, size: 9 * this.scene.renderer.getPixelRatio(), sizeAttenuation: false, depthTest: false }));
+    const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(whole), new THREE.LineBasicMaterial({ color: kColour, depthTest: false }));
+    for (const object of [line, dots]) {
+      object.renderOrder = 10;
+      object.frustumCulled = false;
+    }
+    this.group.add(line, dots);
+    if (isOpen) return;
+    const middle = kind === 'height' ? whole[0].clone().lerp(whole[1], 0.5)
+                                     : points.reduce((sum, p) => sum.add(p), new THREE.Vector3()).divideScalar(points.length);
+    const label = element('span', { className: 'label' }, valueOf({ kind, points }));
+    this.labels.append(label);
+    this.shown.push({ label, middle });
+  }
+
+  placeLabels() {
+    for (const { label, middle } of this.shown ?? []) {
+      const at = this.onScreen(middle);
+      label.hidden = !at;
+      if (at) label.style.translate = `calc(${at[0]}px - 50%) calc(${at[1]}px - 120%)`;
+    }
+  }
+}

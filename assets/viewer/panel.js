@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// What stands beside a finished map: how good it is, its files, facts, charts and parameters.
+import { charts } from './charts.js';
+import { element, facts } from './dom.js';
+import { bytes, count, option, seconds as said } from './words.js';
+
+const kLevels = { good: 'good', weak: 'weak', bad: 'lost' };
+
+/** The frames as the console tells them. */
+export function framesInWords({ frames, seconds }) {
+  return `${frames.fused} of ${frames.total} frames fused (${frames.lost} lost, ${frames.skipped} skipped)` +
+         (seconds == null ? '' : ` in ${seconds.toFixed(1)} s`);
+}
+
+/** Good only when all is well. */
+export function levelOf({ frames, verdict, warnings = [] }) {
+  const share = frames.fused / Math.max(1, frames.total);
+  const told = verdict ? kLevels[verdict.level] ?? 'weak' : share < 0.8 ? 'lost' : 'good';
+  return told === 'good' && (frames.lost > 0 || warnings.length > 0) ? 'weak' : told;
+}
+
+/** The verdict's reasons say what its warnings say, with remedies; what they leave out follows. */
+function judgement({ verdict, warnings = [] }) {
+  const reasons = verdict?.reasons ?? [], told = [...reasons, ...warnings.filter((warning) => !reasons.some((reason) => reason.includes(warning)))];
+  const words = verdict?.words ? [element('p', { className: `verdict ${kLevels[verdict.level] ?? 'weak'}` }, verdict.words)] : [];
+  return [...words, ...told.map((line) => element('div', { className: 'warning' }, line))];
+}
+
+function downloads(files) {
+  if (!files?.length) return [];
+  return [element('h2', {}, 'Files'), element('ul', { className: 'files' }, ...files.map(({ name, url, bytes: size, what }) => element('li', {},
+      element('a', { href: url, download: name.split('/').at(-1) }, element('b', {}, name), ...(size == null ? [] : [element('span', {}, bytes(size))]),
+              ...(what ? [element('small', {}, what)] : [])))))];
+}
+
+const kSources = { accelerometer: 'by the accelerometer', structure: 'by floor and walls', option: 'as asked', poses: 'as the poses say', unknown: 'not known' };
+
+function factsOf(report) {
+  const { frames, mesh, options } = report, megabytes = (mb) => `${count(Math.round(mb))} MB`;
+  const list = [['Recording', report.sequence], ['Frames', `${frames.fused} of ${frames.total} fused, ${frames.lost} lost, ${frames.skipped} skipped`]];
+  if (report.seconds != null) list.push(['Time', `${report.seconds.toFixed(1)} s, ${report.frames_per_second.toFixed(1)} frames/s`]);
+  if (options?.voxel_size) list.push(option(['voxel_size', options.voxel_size]));
+  list.push(['Triangles', mesh ? count(mesh.triangles) : 'not written'], ['Keyframes', report.keyframes], ['Loops', report.loops.filter((loop) => loop.inlier).length]);
+  if (mesh?.textures) list.push(['Texture', `${mesh.textures === 1 ? '1 image' : `${mesh.textures} images`}, ${Math.round(100 * mesh.textured_share)} % from keyframes`]);
+  if (report.upright) list.push(['Upright', report.upright.words ?? kSources[report.upright.source] ?? report.upright.source]);
+  else if (report.tilt_degrees != null) list.push(['Tilt against gravity', `${report.tilt_degrees.toFixed(2)}°`]);
+  if (report.live)
+    list.push(['Skipped to keep up', report.live.skipped_to_keep_up], ['Frame to pose, 95 %', `${report.live.latency_ms.p95.toFixed(0)} ms`]);
+  list.push(['Peak memory', megabytes(report.peak_memory_mb)], ['Device', report.device]);
+  if (report.device_memory_peak_mb != null) list.push(['Its memory', megabytes(report.device_memory_peak_mb)]);
+  return facts(list.filter(([, value]) => value != null));
+}
+
+function loopsOf({ loops }, begin) {
+  if (loops.length === 0) return [];
+  return [element('h2', {}, 'Loops'), element('ul', { className: 'loops' }, ...loops.map((loop) => element(
+      'li', { className: loop.inlier ? '' : 'refused', title: loop.inlier ? '' : 'Found, and refused' },
+      `${said(loop.from - begin)} ↔ ${said(loop.to - begin)}, ${loop.corners} corners`)))];
+}
+
+export function fillPanel(panel, { name, report, files, mesh_left_out: leftOut, trajectory }) {
+  panel.append(element('h1', {}, name), ...judgement(report));
+  if (leftOut) panel.append(element('div', { className: 'warning' }, `The mesh is too large for this page: cairn view shows ${leftOut}`));
+  panel.append(...downloads(files), element('h2', {}, 'Facts'), factsOf(report), ...charts(report.per_frame ?? []),
+               ...loopsOf(report, trajectory[0]?.[0] ?? 0), element('h2', {}, 'Parameters'), facts(Object.entries(report.options ?? {}).map(option)));
+}

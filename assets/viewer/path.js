@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// The way of the camera: where it was at a time, and where it was lost.
+import * as THREE from 'three';
+
+const kGap = 8;  // times the usual time between two poses; longer without one is a stretch without poses
+
+const kSlack = 0.4;  // of the usual time
+
+/** The last of `count` sorted times that is not after `time`, or the first. */
+function last(count, timeOf, time) {
+  let low = 0, high = count - 1;
+  while (low < high) {
+    const middle = (low + high + 1) >> 1;
+    if (timeOf(middle) > time) high = middle - 1;
+    else low = middle;
+  }
+  return low;
+}
+
+/** The place on a polyline of [t, x, y, z] at a time. */
+export function placeAt(points, time) {
+  let low = 0, high = points.length / 4 - 1;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (points[4 * middle] < time) low = middle + 1;
+    else high = middle;
+  }
+  return [points[4 * low + 1], points[4 * low + 2], points[4 * low + 3]];
+}
+
+/** Between the poses around a time: `trajectory` has t, x, y, z, qx, qy, qz, qw. */
+export function poseAt(trajectory, time) {
+  const i = last(trajectory.length, (n) => trajectory[n][0], time);
+  const a = trajectory[i], b = trajectory[Math.min(i + 1, trajectory.length - 1)];
+  const share = b[0] > a[0] ? THREE.MathUtils.clamp((time - a[0]) / (b[0] - a[0]), 0, 1) : 0;
+  const place = new THREE.Vector3(...a.slice(1, 4)).lerp(new THREE.Vector3(...b.slice(1, 4)), share);
+  const turn = new THREE.Quaternion(...a.slice(4)).slerp(new THREE.Quaternion(...b.slice(4)), share);
+  return { place, turn, matrix: new THREE.Matrix4().compose(place, turn, new THREE.Vector3(1, 1, 1)) };
+}
+
+/** The index of the nearest of sorted times. */
+export function nearest(times, time) {
+  const i = last(times.length, (n) => times[n], time);
+  return i + 1 < times.length && times[i + 1] - time < time - times[i] ? i + 1 : i;
+}
+
+/** Where poses are missing: [time before, time after], by lost frames and by gaps between poses. */
+export function lostStretches(trajectory, frames) {
+  const times = trajectory.map(([t]) => t), found = [];
+  if (times.length < 2) return found;
+  const steps = times.slice(1).map((t, i) => t - times[i]).sort((a, b) => a - b), usual = steps[steps.length >> 1];
+  const lost = frames.filter(({ state }) => state === 'lost').map(({ timestamp }) => timestamp);
+  const slack = kSlack * usual;  // the clocks of colour and depth differ a little
+  for (let i = 0, k = 0; i + 1 < times.length; ++i) {
+    while (k < lost.length && lost[k] <= times[i] + slack) ++k;
+    const isLost = k < lost.length && lost[k] < times[i + 1] - slack;
+    if (isLost || times[i + 1] - times[i] > Math.max(0.5, kGap * usual)) found.push([times[i], times[i + 1]]);
+  }
+  return found;
+}

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// A floor plan: from straight above, without perspective, cut at a height, with the walls' outlines where it cuts.
+import * as THREE from 'three';
+import { element, slider } from './dom.js';
+import { height } from './words.js';
+
+const kHeight = 1.4;  // metres above the floor at which plans are cut
+const kMargin = 1.08;
+
+export class Plan {
+  constructor(scene, surface, level, turn) {
+    Object.assign(this, { scene, surface, level, turn, isOn: false });
+    this.outline = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: 0xffffff, depthTest: false }));
+    this.outline.frustumCulled = false;
+    this.outline.visible = false;
+    scene.scene.add(this.outline);
+    this.slider = slider({ label: 'Cut above the floor', min: 0.05, max: 3, value: kHeight, show: height, input: (value) => this.cut(value) });
+    this.body = element('div', {}, element('p', { className: 'hint' }, 'Drag moves the plan, the wheel brings it nearer. Measure works here, too.'), this.slider);
+  }
+
+  async start() {
+    const { scene } = this, { box } = scene;
+    if (box.isEmpty()) return;
+    this.isOn = true;
+    this.before = { eye: scene.perspective.position.clone(), target: scene.controls.target.clone() };
+    const middle = box.getCenter(new THREE.Vector3());
+    this.slider.range.max = Math.max(0.1, box.max.y - this.level + 0.05);
+    this.slider.set(Math.min(kHeight, this.slider.range.max));
+    // Walls along the edges of the picture, its longer side along the screen's.
+    let { turn } = this;
+    const size = this.sizeTurned(turn), { clientWidth: width, clientHeight: height } = scene.element;
+    if ((size.x > size.z) !== (width > height)) turn += Math.PI / 2;
+    const seen = this.sizeTurned(turn), half = kMargin / 2 * Math.max(seen.z, seen.x * height / width);
+    Object.assign(scene.orthographic, { top: half, bottom: -half, zoom: 1 });
+    scene.orthographic.position.set(middle.x, box.max.y + 10, middle.z);
+    scene.orthographic.up.set(-Math.sin(turn), 0, -Math.cos(turn));
+    scene.setProjection(scene.orthographic);
+    scene.controls.enableRotate = false;
+    scene.controls.mouseButtons.LEFT = THREE.MOUSE.PAN;
+    scene.controls.touches.ONE = THREE.TOUCH.PAN;
+    scene.controls.target.set(middle.x, this.level, middle.z);
+    scene.orthographic.lookAt(scene.controls.target);
+    this.cut(Number(this.slider.range.value));
+    await this.surface.prepare();
+    if (this.isOn) this.cut(Number(this.slider.range.value));
+  }
+
+  /** Of the map, in axes that are turned. */
+  sizeTurned(turn) {
+    const turned = new THREE.Matrix4().makeRotationY(-turn), box = new THREE.Box3(), corner = new THREE.Vector3();
+    for (const mesh of this.scene.meshes()) {
+      const { position } = mesh.geometry.attributes, all = turned.clone().multiply(mesh.matrixWorld);
+      for (let i = 0; i < position.count; i += 7) box.expandByPoint(corner.fromBufferAttribute(position, i).applyMatrix4(all));
+    }
+    return box.getSize(new THREE.Vector3());
+  }
+
+  cut(above) {
+    const height = this.level + above;
+    this.scene.setClipping('plan', [new THREE.Plane(new THREE.Vector3(0, -1, 0), height)]);
+    this.scene.setLine(this.outline, this.surface.cut(height));
+    this.outline.visible = true;
+  }
+
+  end() {
+    if (!this.isOn) return;
+    this.isOn = false;
+    const { scene } = this;
+    this.outline.visible = false;
+    scene.setClipping('plan', []);
+    scene.controls.enableRotate = true;
+    scene.controls.mouseButtons.LEFT = THREE.MOUSE.ROTATE;
+    scene.controls.touches.ONE = THREE.TOUCH.ROTATE;
+    scene.setProjection(scene.perspective);
+    scene.place(this.before.eye, this.before.target);
+  }
+}

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// A bar that tells how long things are in the picture, and a grid on the floor.
+import * as THREE from 'three';
+import { element } from './dom.js';
+import { length } from './words.js';
+
+const kLongest = 140;  // pixels of the bar
+
+/** 1, 2 or 5 times a power of ten, at most `value`. */
+function round(value) {
+  const power = 10 ** Math.floor(Math.log10(value));
+  return (value >= 5 * power ? 5 : value >= 2 * power ? 2 : 1) * power;
+}
+
+export class Ruler {
+  constructor(scene, level, turn) {
+    Object.assign(this, { scene, level, turn });
+    this.words = element('span', {});
+    this.bar = element('div', { id: 'scale', title: 'At the middle of the picture' }, this.words);
+    scene.element.append(this.bar);
+    scene.watchers.add(() => this.update());
+    this.update();
+  }
+
+  get metresAPixel() {
+    const { camera, controls, element: { clientHeight } } = this.scene;
+    if (camera.isOrthographicCamera) return (camera.top - camera.bottom) / camera.zoom / clientHeight;
+    return 2 * Math.tan(THREE.MathUtils.degToRad(camera.fov / 2)) * camera.position.distanceTo(controls.target) / clientHeight;
+  }
+
+  update() {
+    const pixel = this.metresAPixel, metres = round(kLongest * pixel);
+    const words = length(metres);
+    if (words !== this.words.textContent) this.words.textContent = words;
+    this.bar.style.width = `${(metres / pixel).toFixed(1)}px`;
+  }
+
+  get hasGrid() { return Boolean(this.grid); }
+
+  /** Of one metre. */
+  toggleGrid() {
+    if (this.grid) {
+      this.grid.removeFromParent();
+      this.grid.geometry.dispose();
+      this.grid = null;
+    } else {
+      const { box } = this.scene, size = box.getSize(new THREE.Vector3()), middle = box.getCenter(new THREE.Vector3());
+      const cells = Math.max(2, 2 * Math.ceil(Math.hypot(size.x, size.z) / 2));
+      this.grid = new THREE.GridHelper(cells, cells, 0x8fa3bd, 0x55606e);
+      this.grid.position.set(middle.x, this.level + 0.005, middle.z);
+      this.grid.rotation.y = this.turn;
+      this.scene.scene.add(this.grid);
+    }
+    this.scene.isStale = true;
+  }
+}

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Asks the surface: what lies below a pixel, what lies near a point. Trees over its triangles answer; they are made
+// when the first tool asks.
+import * as THREE from 'three';
+import { CENTER, MeshBVH } from 'three-mesh-bvh';
+
+const kPause = 30;  // milliseconds of work between two looks at what else there is to do
+
+const breathe = () => new Promise((resolve) => setTimeout(resolve));
+
+export class Surface {
+  constructor(scene) {
+    this.scene = scene;
+    this.parts = [];  // a tree each, the mesh it is of, and both ways between their worlds
+    this.raycaster = new THREE.Raycaster();
+  }
+
+  /** Once; all of it stands when this ends. */
+  prepare() {
+    this.prepared ??= this.build();
+    return this.prepared;
+  }
+
+  async build() {
+    let since = performance.now();
+    for (const mesh of this.scene.meshes()) {
+      if (performance.now() - since > kPause) {
+        await breathe();
+        since = performance.now();
+      }
+      mesh.updateWorldMatrix(true, false);
+      const world = mesh.matrixWorld.clone();
+      this.parts.push({ tree: new MeshBVH(mesh.geometry, { strategy: CENTER, indirect: true, maxLeafSize: 12 }), mesh, world,
+                        local: world.clone().invert(), scale: world.getMaxScaleOnAxis() });
+    }
+  }
+
+  /** The nearest place on a ray that is seen: { point, normal, distance }, or null. */
+  cast(ray) {
+    const planes = this.scene.clipping;
+    let best = null;
+    for (const { tree, world, local } of this.parts) {
+      const inside = ray.clone().applyMatrix4(local);
+      const hits = planes.length === 0 ? [tree.raycastFirst(inside, THREE.FrontSide)] : tree.raycast(inside, THREE.FrontSide);
+      for (const hit of hits) {
+        if (!hit) continue;
+        const point = hit.point.clone().applyMatrix4(world), distance = point.distanceTo(ray.origin);
+        if (best && best.distance <= distance) continue;
+        if (planes.some((plane) => plane.distanceToPoint(point) < 0)) continue;
+        best = { point, distance, normal: hit.face.normal.clone().transformDirection(world) };
+      }
+    }
+    return best;
+  }
+
+  /** `x`, `y`: pixels in the picture. */
+  ray(x, y) {
+    const { clientWidth: width, clientHeight: height } = this.scene.element;
+    this.scene.camera.updateMatrixWorld();
+    this.raycaster.setFromCamera(new THREE.Vector2(2 * x / width - 1, 1 - 2 * y / height), this.scene.camera);
+    return this.raycaster.ray;
+  }
+
+  pick(x, y) { return this.cast(this.ray(x, y)); }
+
+  /** The floor below a point, or null. */
+  below(point) { return this.cast(new THREE.Ray(point, new THREE.Vector3(0, -1, 0))); }
+
+  /** `visit(a, b, c)` for each triangle that reaches into a ball; the three are used again. */
+  near(point, radius, visit) {
+    for (const { tree, world, local, scale } of this.parts) {
+      const sphere = new THREE.Sphere(point.clone().applyMatrix4(local), radius / scale);
+      tree.shapecast({
+        intersectsBounds: (box) => sphere.intersectsBox(box),
+        intersectsTriangle: (triangle) => {
+          if (!triangle.intersectsSphere(sphere)) return false;
+          visit(triangle.a.clone().applyMatrix4(world), triangle.b.clone().applyMatrix4(world), triangle.c.clone().applyMatrix4(world));
+          return false;
+        },
+      });
+    }
+  }
+
+  /** Metres from a point to the surface, or `most`. */
+  distance(point, most) {
+    let best = most;
+    for (const { tree, local, scale } of this.parts) {
+      const hit = tree.closestPointToPoint(point.clone().applyMatrix4(local), {}, 0, best / scale);
+      if (hit) best = Math.min(best, hit.distance * scale);
+    }
+    return best;
+  }
+
+  /** Lines along which a level plane cuts the surface: x, y, z of both ends, one after the other. */
+  cut(height) {
+    const plane = new THREE.Plane(new THREE.Vector3(0, 1, 0), -height), ends = [];
+    const line = new THREE.Line3(), hit = new THREE.Vector3();
+    for (const { tree, world, local } of this.parts) {
+      const inside = plane.clone().applyMatrix4(local);
+      tree.shapecast({
+        intersectsBounds: (box) => inside.intersectsBox(box),
+        intersectsTriangle: ({ a, b, c }) => {
+          const found = [];
+          for (const [from, to] of [[a, b], [b, c], [c, a]]) {
+            if ((inside.distanceToPoint(from) < 0) === (inside.distanceToPoint(to) < 0)) continue;
+            if (inside.intersectLine(line.set(from, to), hit)) found.push(hit.clone().applyMatrix4(world));
+          }
+          if (found.length === 2) for (const end of found) ends.push(end.x, end.y, end.z);
+          return false;
+        },
+      });
+    }
+    return ends;
+  }
+}

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Every tool of a finished map, with its button and its key.
+import * as THREE from 'three';
+import { Colours } from './colours.js';
+import { save } from './dom.js';
+import { Measure } from './measure.js';
+import { Plan } from './plan.js';
+import { Playback } from './playback.js';
+import { Ruler } from './ruler.js';
+import { upright } from './scene.js';
+import { Section, wallsTurn } from './section.js';
+import { Slice } from './slice.js';
+import { Surface } from './surface.js';
+import { Toolbar } from './toolbar.js';
+import { Walk } from './walk.js';
+
+/** Where the floor is: below most of the surface that faces up. */
+function floorLevel(scene) {
+  const heights = [], place = new THREE.Vector3();
+  for (const mesh of scene.meshes()) {
+    const { position } = mesh.geometry.attributes, step = Math.max(1, Math.floor(position.count / 20000));
+    for (let i = 0; i < position.count; i += step) heights.push(place.fromBufferAttribute(position, i).applyMatrix4(mesh.matrixWorld).y);
+  }
+  heights.sort((a, b) => a - b);
+  return heights[Math.floor(0.02 * heights.length)] ?? 0;
+}
+
+function savePicture(scene, name) {
+  scene.render();
+  scene.renderer.domElement.toBlob((blob) => {
+    const url = URL.createObjectURL(blob);
+    save(url, `${name}.png`);
+    setTimeout(() => URL.revokeObjectURL(url), 10000);
+  });
+}
+
+function toggleFullScreen() {
+  if (document.fullscreenElement) document.exitFullscreen();
+  else document.documentElement.requestFullscreen?.();
+}
+
+function doubleClicks(scene, surface) {
+  scene.renderer.domElement.addEventListener('dblclick', async (event) => {
+    if (!scene.controls.enabled || !scene.controls.enableRotate) return;
+    await surface.prepare();
+    const box = scene.element.getBoundingClientRect(), hit = surface.pick(event.clientX - box.left, event.clientY - box.top);
+    if (hit) scene.place(scene.camera.position.clone(), hit.point);
+  });
+}
+
+export function addTools(scene, data, fields, fold) {
+  const { report, trajectory } = data, bar = new Toolbar();
+  const hasMesh = Boolean(scene.model), hasPath = trajectory.length > 1, hasFields = Boolean(data.fields || data.fields_base64);
+  const level = floorLevel(scene), turn = wallsTurn(scene.meshes()), surface = new Surface(scene);
+  const ruler = new Ruler(scene, level, turn);
+  const begin = () => (trajectory.length > 0 ? scene.lookFrom(trajectory[0]) : scene.lookAtAll());
+  let plan, walk, playback;
+  /** In perspective and with free hands. */
+  const free = () => {
+    for (const tool of [plan, walk].filter(Boolean)) bar.switchOff(tool);
+    playback?.of.ride(false);
+  };
+
+  bar.add({ name: 'Start, where the camera began', label: 'Start', key: 'h', symbol: 'start', press: () => { free(); begin(); } });
+  bar.add({ name: 'Show all', label: 'All', key: 'a', symbol: 'all', press: () => { free(); scene.lookAtAll(); } });
+  if (hasMesh) {
+    const tool = (of, rest) => bar.addTool({ ...rest, of, body: of.body, start: () => of.start(), end: () => of.end(), onKey: of.onKey && ((event) => of.onKey(event)) });
+    plan = tool(new Plan(scene, surface, level, turn), { name: 'Floor plan', title: 'Floor plan', label: 'Plan', key: 'p', symbol: 'plan', lasting: true, off: 'Back to the room' });
+    const measure = new Measure(scene, surface, report.options?.voxel_size ?? 0.01);
+    tool(measure, { name: 'Measure', title: 'Measure', label: 'Measure', key: 'm', symbol: 'measure' });
+    tool(new Section(scene, turn), { name: 'Section box', title: 'Section box', label: 'Section', key: 'b', symbol: 'section', lasting: true, off: 'Show all of it' });
+    if (hasFields) tool(new Slice(scene, fields, level), { name: 'Distances, a slice', title: 'Distances', label: 'Distances', key: 'd', symbol: 'distance', lasting: true });
+    walk = tool(new Walk(scene, surface, level, begin), { name: 'Walk', title: 'Walk', label: 'Walk', key: 'w', symbol: 'walk' });
+    const startWalk = walk.start;
+    walk.start = () => { bar.switchOff(plan); startWalk(); };
+    const startPlan = plan.start;
+    plan.start = () => { bar.switchOff(walk); playback?.of.ride(false); startPlan(); };
+    if (hasPath) {
+      playback = tool(new Playback(scene, data), { name: 'Play the path', title: 'Path of the camera', label: 'Path', key: 't', symbol: 'path' });
+      Object.assign(playback.of, { isBlocked: () => measure.isOn || walk.isOn, onOpen: () => { if (bar.shown !== playback) bar.show(playback); } });
+    }
+    const colours = new Colours(scene, { fields, hasFields, level, path: trajectory.map(([, ...place]) => upright(place)) });
+    tool(colours, { name: 'Colours', title: 'Colours', label: 'Colours', key: 'c', symbol: 'colours', lasting: true, off: 'As it looks' });
+    const shape = bar.add({ name: 'Show shape', label: 'Shape', key: 's', symbol: 'shape', press: () => colours.set(colours.shown === 'shape' ? 'colour' : 'shape') });
+    colours.onSet = (kind) => shape.setAttribute('aria-pressed', kind === 'shape');
+    shape.setAttribute('aria-pressed', 'false');
+    const grid = bar.add({ name: 'Grid of 1 m on the floor', label: 'Grid', key: 'g', symbol: 'grid', press: () => { ruler.toggleGrid(); grid.setAttribute('aria-pressed', ruler.hasGrid); } });
+    grid.setAttribute('aria-pressed', 'false');
+    doubleClicks(scene, surface);
+  }
+  bar.add({ name: 'Save a picture', label: 'Picture', key: 'x', symbol: 'picture', press: () => savePicture(scene, data.name) });
+  const full = bar.add({ name: 'Full screen', label: 'Full', key: 'f', symbol: 'full', press: toggleFullScreen });
+  document.addEventListener('fullscreenchange', () => full.setAttribute('aria-pressed', Boolean(document.fullscreenElement)));
+  bar.addKey({ name: 'Fold or open the panel', key: 'i', press: () => fold() });
+  bar.addHelp();
+  scene.isStale = true;
+}

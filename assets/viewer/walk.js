@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Walks through the map: W A S D or the arrow keys, drag to look around; on a phone a stick.
+import * as THREE from 'three';
+import { element, slider } from './dom.js';
+import { height } from './words.js';
+
+const kSpeed = 1.3, kRun = 2.5;        // metres a second; times, with the shift key
+const kLook = 0.004;                   // radians a pixel
+const kStep = 0.5;                     // metres that a step may be high
+const kSettle = 6;                     // a second: how fast the eyes follow the floor
+const kStick = 44;                     // pixels
+const kKeys = { KeyW: [0, 1], ArrowUp: [0, 1], KeyS: [0, -1], ArrowDown: [0, -1], KeyA: [-1, 0], ArrowLeft: [-1, 0], KeyD: [1, 0], ArrowRight: [1, 0] };
+
+export class Walk {
+  /** `level`: of the floor where nothing is below; `begin()` leads to where the camera began. */
+  constructor(scene, surface, level, begin) {
+    Object.assign(this, { scene, surface, level, begin, height: 1.6, pressed: new Set(), stick: [0, 0] });
+    this.body = element('div', {}, element('p', { className: 'hint' }, 'W A S D or the arrow keys walk, dragging looks around, Shift is faster. On a phone use the round stick.'),
+                        slider({ label: 'Eyes above the floor', min: 0.3, max: 2.2, step: 0.05, value: this.height, show: height,
+                                 input: (value) => { this.height = value; } }));
+    this.knob = element('div', { className: 'knob' });
+    this.pad = element('div', { className: 'stick', hidden: true, aria: { hidden: 'true' } }, this.knob);
+    scene.element.append(this.pad);
+    this.pad.addEventListener('pointerdown', (event) => { this.pad.setPointerCapture(event.pointerId); this.push(event); });
+    this.pad.addEventListener('pointermove', (event) => { if (this.pad.hasPointerCapture(event.pointerId)) this.push(event); });
+    for (const end of ['pointerup', 'pointercancel']) this.pad.addEventListener(end, () => this.push(null));
+    const canvas = scene.renderer.domElement;
+    canvas.addEventListener('pointerdown', (event) => { if (this.isOn) this.dragged = [event.clientX, event.clientY]; });
+    canvas.addEventListener('pointermove', (event) => this.onDrag(event));
+    for (const end of ['pointerup', 'pointercancel', 'pointerleave']) canvas.addEventListener(end, () => { this.dragged = null; });
+    addEventListener('keyup', (event) => {
+      this.pressed.delete(event.code);
+      this.isRunning = event.shiftKey;
+    });
+    addEventListener('blur', () => this.pressed.clear());
+    this.move = (seconds) => this.step(seconds);
+  }
+
+  async start() {
+    const { scene } = this, { camera } = scene;
+    this.isOn = true;
+    if (!scene.box.containsPoint(camera.position)) this.begin();
+    const ahead = camera.getWorldDirection(new THREE.Vector3());
+    this.turn = Math.atan2(-ahead.x, -ahead.z);
+    this.tilt = Math.asin(THREE.MathUtils.clamp(ahead.y, -1, 1));
+    scene.controls.enabled = false;
+    scene.movers.add(this.move);
+    this.pad.hidden = false;
+    await this.surface.prepare();
+  }
+
+  end() {
+    const { scene } = this;
+    this.isOn = false;
+    this.pressed.clear();
+    this.push(null);
+    this.pad.hidden = true;
+    scene.movers.delete(this.move);
+    scene.controls.enabled = true;
+    scene.controls.target.copy(scene.camera.position).add(scene.camera.getWorldDirection(new THREE.Vector3()).multiplyScalar(1.5));
+  }
+
+  onKey(event) {
+    if (!kKeys[event.code]) return false;
+    this.pressed.add(event.code);
+    this.isRunning = event.shiftKey;
+    return true;
+  }
+
+  push(event) {
+    let x = 0, y = 0;
+    if (event) {
+      const box = this.pad.getBoundingClientRect();
+      x = (event.clientX - box.left - box.width / 2) / kStick;
+      y = (event.clientY - box.top - box.height / 2) / kStick;
+      const size = Math.max(1, Math.hypot(x, y));
+      x /= size;
+      y /= size;
+    }
+    this.stick = [x, -y];
+    this.knob.style.translate = `${x * kStick}px ${y * kStick}px`;
+  }
+
+  onDrag(event) {
+    if (!this.isOn || !this.dragged) return;
+    this.turn += kLook * (event.clientX - this.dragged[0]);
+    this.tilt = THREE.MathUtils.clamp(this.tilt + kLook * (event.clientY - this.dragged[1]), -1.5, 1.5);
+    this.dragged = [event.clientX, event.clientY];
+  }
+
+  step(seconds) {
+    const { camera } = this.scene;
+    let [side, ahead] = this.stick;
+    for (const code of this.pressed) {
+      side += kKeys[code][0];
+      ahead += kKeys[code][1];
+    }
+    const size = Math.max(1, Math.hypot(side, ahead)), way = kSpeed * (this.isRunning ? kRun : 1) * seconds / size;
+    const before = camera.position.clone();
+    camera.position.x += way * (side * Math.cos(this.turn) - ahead * Math.sin(this.turn));
+    camera.position.z += way * (-side * Math.sin(this.turn) - ahead * Math.cos(this.turn));
+    const eyes = this.floor(camera.position) + this.height;
+    camera.position.y += (eyes - camera.position.y) * Math.min(1, kSettle * seconds);
+    const turned = new THREE.Quaternion().setFromEuler(new THREE.Euler(this.tilt, this.turn, 0, 'YXZ'));
+    if (before.distanceTo(camera.position) < 1e-4 && camera.quaternion.angleTo(turned) < 1e-4) return;
+    camera.quaternion.copy(turned);
+    this.scene.isStale = true;
+  }
+
+  /** What one would step on; a table is not. */
+  floor(place) {
+    const hit = this.surface.below(place);
+    return hit && hit.normal.y > 0.7 && hit.point.y < this.level + kStep ? hit.point.y : this.level;
+  }
+}
