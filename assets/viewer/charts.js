@@ -24,7 +24,7 @@ function chart(title, words, frames, series, unit, lost = []) {
   const plot = new uPlot({
     width: 320, height: 160, padding: [6, 6, 0, 0],
     scales: { x: { time: false }, y: { range: (_, low, high) => [0, Math.max(high, 1) * 1.05] } },
-    axes: [axis, { ...axis, size: 58, values: (_, values) => values.map((v) => `${v} ${unit}`) }],
+    axes: [axis, { ...axis, size: 68, values: (_, values) => values.map((v) => `${v} ${unit}`) }],
     series: [{ label: 'frame', value: (_, v) => (v == null ? '' : String(v)) }, ...series.map(({ label }, i) => (
       { label, stroke: kColours[i % kColours.length], width: 1, points: { show: false }, value: (_, v) => number(v) }))],
     hooks: { draw: [(made) => drawMarks(made, lost)] },

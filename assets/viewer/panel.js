@@ -38,7 +38,7 @@ const kSources = { accelerometer: 'by the accelerometer', structure: 'by floor a
 
 function factsOf(report) {
   const { frames, mesh, options } = report, megabytes = (mb) => `${count(Math.round(mb))} MB`;
-  const list = [['Recording', report.sequence], ['Frames', `${frames.fused} of ${frames.total} fused, ${frames.lost} lost, ${frames.skipped} skipped`]];
+  const list = [['Recording', report.sequence?.split('/').filter(Boolean).at(-1)], ['Frames', `${frames.fused} of ${frames.total} fused, ${frames.lost} lost, ${frames.skipped} skipped`]];
   if (report.seconds != null) list.push(['Time', `${report.seconds.toFixed(1)} s, ${report.frames_per_second.toFixed(1)} frames/s`]);
   if (options?.voxel_size) list.push(option(['voxel_size', options.voxel_size]));
   list.push(['Triangles', mesh ? count(mesh.triangles) : 'not written'], ['Keyframes', report.keyframes], ['Loops', report.loops.filter((loop) => loop.inlier).length]);

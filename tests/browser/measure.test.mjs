@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// The page's own tool measures edges of the synthetic room, by clicks beside their ends.
+import assert from 'node:assert/strict';
+import { readFileSync } from 'node:fs';
+import { join } from 'node:path';
+import test from 'node:test';
+import { Program, inFolder, run, triangles, until, withBrowser } from './browser.mjs';
+
+const kError = 0.005;  // metres, as promised
+
+/** A box of furnished_room() in src/synth/rooms.cpp: its corners, bit by bit of x, y, z. */
+function corners([x, y, z], size, yaw) {
+  return Array.from({ length: 8 }, (_, i) => {
+    const [a, b, c] = size.map((length, k) => (i & (4 >> k) ? 0.5 : -0.5) * length);
+    return [x + Math.cos(yaw) * a + Math.sin(yaw) * c, y + b, z - Math.sin(yaw) * a + Math.cos(yaw) * c];
+  });
+}
+const kScreen = corners([0.15, 0.24, 2.05], [0.62, 0.38, 0.05], 0);
+const kBooks = corners([0.75, 0.47, 1.85], [0.24, 0.16, 0.30], -0.4);
+/** Edges that the camera has seen with all that is beside them. */
+const kEdges = { 'top of the screen': [kScreen[0], kScreen[4], 0.62], 'bottom of the screen': [kScreen[2], kScreen[6], 0.62],
+                 'side of the screen': [kScreen[0], kScreen[2], 0.38], 'height of the books': [kBooks[0], kBooks[2], 0.16],
+                 'width of the books': [kBooks[0], kBooks[4], 0.24] };
+
+const turned = ([x, y, z, w], [a, b, c]) => {
+  const t = [2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)];
+  return [a + w * t[0] + y * t[2] - z * t[1], b + w * t[1] + z * t[0] - x * t[2], c + w * t[2] + x * t[1] - y * t[0]];
+};
+
+/** From the scene to the map, which agree in the first camera; poses are t x y z qx qy qz qw. */
+function mapFromScene(map, scene, point) {
+  const [x, y, z, w] = scene.slice(4), inCamera = turned([-x, -y, -z, w], point.map((v, i) => v - scene[1 + i]));
+  return turned(map.slice(4), inCamera).map((v, i) => v + map[1 + i]);
+}
+
+const inMetres = (words) => Number(words.split(' ')[0]) * { m: 1, cm: 0.01, mm: 0.001 }[words.split(' ')[1]];
+
+test('known edges are measured within 5 mm', { timeout: 280000 }, () => inFolder(async (folder) => {
+  const out = join(folder, 'map'), recording = join(folder, 'recording');
+  run('synth', 'room', '-o', recording, '--frames', '1');
+  run('reconstruct', 'synthetic:room', '-o', out, '--frames', '0:60');
+  const scene = readFileSync(join(recording, 'groundtruth.txt'), 'utf8').trim().split('\n').at(-1).split(' ').map(Number);
+  const program = new Program('view', out, '--port', '0'), url = await program.url();
+  await withBrowser(async (open) => {
+    const page = await open(url, { width: 900, height: 700 });
+    await until(async () => (await triangles(page)) > 0 && (await page.locator('#tools button').count()) > 5);
+    const [map] = await page.evaluate(async () => (await (await fetch('data.json')).json()).trajectory);
+    await page.getByRole('button', { name: 'Measure', exact: true }).click();
+    const rows = page.locator('.measured li b');
+    for (const [name, [a, b, length]] of Object.entries(kEdges)) {
+      const before = await rows.count();
+      const ends = await page.evaluate((places) => {
+        const { cairn } = window, [from, to] = places.map(([x, y, z]) => cairn.controls.target.clone().set(x, -y, -z));
+        const middle = from.clone().lerp(to, 0.5), [, x, y, z] = cairn.pathPoints, eye = middle.clone().set(x, -y, -z);
+        cairn.place(middle.clone().addScaledVector(eye.sub(middle).normalize(), 0.7), middle);
+        cairn.camera.updateMatrixWorld();
+        const box = cairn.element.getBoundingClientRect();
+        return [from, to].map((point) => {
+          const at = point.project(cairn.camera);
+          return [box.x + (at.x + 1) * box.width / 2, box.y + (1 - at.y) * box.height / 2];
+        });
+      }, [a, b].map((point) => mapFromScene(map, scene, point)));
+      // A hand does not hit the end itself.
+      for (const [x, y] of ends) {
+        await page.mouse.click(x + 2, y - 2);
+        await until(async () => /a corner|Distance/.test(await page.locator('#card .told').innerText()), () => `${name}: no corner is found`);
+        await page.waitForTimeout(150);
+      }
+      await until(async () => (await rows.count()) === before + 1, () => `${name}: nothing was measured`);
+      const measured = inMetres(await rows.last().innerText());
+      assert.ok(Math.abs(measured - length) < kError, `${name}: ${measured} m, not ${length} m`);
+    }
+  });
+  program.kill('SIGINT');
+  await program.ended;
+}));
