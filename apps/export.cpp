@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "cairn/map.hpp"
+#include "cairn/no_texture.hpp"
 #include "commands.hpp"
 #include "export_options.hpp"
 #include "output_folder.hpp"
@@ -22,7 +23,7 @@ namespace fs = std::filesystem;
 
 struct Arguments {
   fs::path map, output;
-  ExportOptions options;
+  MeshArguments options;
   std::optional<ViewsFor> program;
   int images = 0;
   int device = -1;
@@ -32,11 +33,11 @@ struct Arguments {
 bool has_session(const fs::path& map) { return fs::exists(map / "session" / "state.cbor"); }
 
 Exported export_it(const Arguments& a) {
-  ExportOptions options = a.options;
+  MeshArguments options = a.options;
   options.source = tidy(a.map).filename().string();
-  check(options, a.output);
+  check(options.for_file(a.output), a.output);
   Progress progress(std::nullopt, "steps");
-  return Map::open(a.map, a.device).export_mesh(a.output, options, on(progress));
+  return export_mesh(Map::open(a.map, a.device), a.output, options, on(progress));
 }
 
 /// The grids of a session: of a run that was cut off there is no map.vdb yet.
@@ -85,7 +86,25 @@ void run_export(const Arguments& a) {
 
 }  // namespace
 
-void add_export_options(CLI::App& command, ExportOptions& o) {
+ExportOptions MeshArguments::for_file(const fs::path& file) const {
+  ExportOptions options = *this;
+  const bool may_have_texture = file.extension() != ".ply" && point_spacing <= 0;
+  options.texture.enabled = asks_for_texture || (may_have_texture && !no_texture);
+  return options;
+}
+
+Exported export_mesh(Map map, const fs::path& file, const MeshArguments& arguments, const ExportProgress& progress) {
+  ExportOptions options = arguments.for_file(file);
+  try {
+    return map.export_mesh(file, options, progress);
+  } catch (const NoTexture&) {
+    if (arguments.asks_for_texture) throw;
+    options.texture.enabled = false;
+    return map.export_mesh(file, options, progress);
+  }
+}
+
+void add_export_options(CLI::App& command, MeshArguments& o) {
   constexpr const char* kGroup = "Mesh";
   const auto option = [&](const char* name, auto& value, const char* help) {
     return command.add_option(name, value, help)->capture_default_str()->group(kGroup);
@@ -96,14 +115,21 @@ void add_export_options(CLI::App& command, ExportOptions& o) {
   option("--min-piece", o.clean.min_piece, "Metres; smaller floating pieces are removed");
   option("--min-weight", o.clean.min_weight, "Observations at 1 m; surface that was seen less is removed");
   option("--fill-holes", o.clean.fill_holes, "Metres; smaller holes are closed");
-  command.add_flag("--texture", o.texture.enabled, "A texture from the keyframes instead of the voxels' colours")
-      ->group(kGroup);
-  option("--texel", o.texture.texel, "Metres; 0: what the keyframes see, as far as it fits");
-  option("--texture-size", o.texture.max_size, "Texels a side of one texture, at most");
-  command.add_option("--texture-format", o.texture.png, "jpeg or png [jpeg]")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, bool>{{"jpeg", false}, {"png", true}}))
-      ->group(kGroup);
-  option("--jpeg-quality", o.texture.jpeg_quality, "1 to 100");
+  auto* none = command.add_flag("--no-texture", o.no_texture,
+                                "The voxels' colours instead of a texture from the keyframes [texture where there is "
+                                "colour]");
+  none->group(kGroup);
+  const auto of_texture = [&](CLI::Option* one) {
+    one->excludes(none)->each([&o](const std::string&) { o.asks_for_texture = true; });
+  };
+  auto* texture = command.add_flag("--texture", o.asks_for_texture, "A texture, or an error where there can be none");
+  texture->excludes(none)->group(kGroup);
+  of_texture(option("--texel", o.texture.texel, "Metres; 0: what the keyframes see, as far as it fits"));
+  of_texture(option("--texture-size", o.texture.max_size, "Texels a side of one texture, at most"));
+  of_texture(command.add_option("--texture-format", o.texture.png, "jpeg or png [jpeg]")
+                 ->transform(CLI::CheckedTransformer(std::map<std::string, bool>{{"jpeg", false}, {"png", true}}))
+                 ->group(kGroup));
+  of_texture(option("--jpeg-quality", o.texture.jpeg_quality, "1 to 100"));
   command
       .add_option("--compress", o.compression,
                   "glTF: none, quantised (KHR_mesh_quantization), meshopt (EXT_meshopt_compression) or draco "

@@ -4,10 +4,24 @@
 #include <CLI/CLI.hpp>
 
 #include "cairn/export.hpp"
+#include "cairn/map.hpp"
 
 namespace cairn::apps {
 
-/// How a mesh is written: what `export` and `reconstruct` share. The options hold once the command line is read.
-void add_export_options(CLI::App& command, ExportOptions& options);
+/// How a mesh is written, as the command line says. A texture is made wherever there is colour, unless --no-texture.
+struct MeshArguments : ExportOptions {
+  bool asks_for_texture = false;  // by --texture, or by an option that only a texture has
+  bool no_texture = false;
+  /// With a texture where such a file can have one, or where it was asked for.
+  [[nodiscard]] ExportOptions for_file(const std::filesystem::path& file) const;
+};
+
+/// What `export`, `reconstruct`, `live` and `merge` share. The arguments hold once the command line is read.
+void add_export_options(CLI::App& command, MeshArguments& arguments);
+
+/// Writes a map's mesh. Where the map has no colour and no texture was asked for, it has none. Throws as
+/// Map::export_mesh does.
+Exported export_mesh(Map map, const std::filesystem::path& file, const MeshArguments& arguments,
+                     const ExportProgress& progress);
 
 }  // namespace cairn::apps

@@ -9,6 +9,7 @@
 #include "cairn/inspect.hpp"
 #include "cairn/source.hpp"
 #include "commands.hpp"
+#include "map_info.hpp"
 #include "sources.hpp"
 
 namespace cairn::apps {
@@ -118,6 +119,7 @@ void draw(const Arguments& a) {
 }
 
 void info(const Arguments& a) {
+  if (holds_map(a.sequence)) return print_map_info(a.sequence, a.json);
   const auto source = open_source(a.sequence, source_options(a.sequence, a.camera, a.topics));
   SourceSummary summary = inspect(*source, a.frames);
   // Poses that lie in files beside the images are no part of frames until they are asked for.
@@ -135,7 +137,8 @@ void info(const Arguments& a) {
 }  // namespace
 
 void add_info(CLI::App& program) {
-  auto* command = program.add_subcommand("info", "Tell what a recording or a sensor gives, as Cairn understands it");
+  auto* command = program.add_subcommand(
+      "info", "Tell what a recording or a sensor gives, as Cairn understands it, or how good a map is");
   const auto a = std::make_shared<Arguments>();
   command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required();
   command

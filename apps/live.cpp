@@ -119,7 +119,9 @@ void live(const Arguments& given) {
   const auto first = Clock::now();
   {
     const Interrupt interrupt;
-    Progress progress(a.as_fast_as_possible ? stream.source().size() : std::nullopt);
+    const std::optional<int> count = is_sensor(a.sequence) ? std::nullopt : stream.source().size();
+    int read = 0;
+    Progress progress(a.as_fast_as_possible ? count : std::nullopt);
     while (!interrupt.requested()) {
       const auto asked_at = Clock::now();
       auto frame = stream.next();
@@ -135,30 +137,34 @@ void live(const Arguments& given) {
           latencies = {};
         }
       }
+      read += frame.has_value();
       if (frame && !paused) {
         const FrameReport report = run.add(*frame, milliseconds(std::exchange(waited, {})));
         if (run.stopped()) break;
         fused += report.state == FrameState::fused;
         const double latency = milliseconds(Clock::now() - stream.arrived());
         latencies.add(latency);
-        progress.step(words(report) + (stream.source().dropped() > 0
-                                           ? fmt::format(", {} skipped to keep up", stream.source().dropped())
-                                           : ""));
+        progress.step(
+            words(report, a.verbose) +
+            (stream.source().dropped() > 0 ? fmt::format(", {} skipped to keep up", stream.source().dropped()) : ""));
         if (view) view->fused(*frame, report, latency);
       }
       if (view) view->update(paused, stream.source().dropped());
     }
+    if (const int gone = read + stream.source().dropped(); interrupt.requested() && count && gone < *count)
+      run.interrupted(*count - gone);
   }
   if (view) view->finishing();
   if (const auto why = stream.source().ended_early()) run.warn(*why);
   const double seconds = std::chrono::duration<double>(Clock::now() - first).count();
   const int dropped = stream.source().dropped();  // a sensor goes on while files are written
   const nlohmann::json told = to_json(seconds, fused, dropped, latencies, view ? &*view : nullptr);
-  run.finish({{"live", told}});
+  const Verdict verdict = run.finish({{"live", told}});
   if (!a.json)
     fmt::print("live        {:.1f} frames/s, {} skipped to keep up, {:.0f} ms from frame to pose (95 %)\n",
                told["frames_per_second"].get<double>(), dropped, latencies.percentile(0.95));
   if (view) view->finished(a.output);
+  end_with(verdict);
 }
 
 }  // namespace

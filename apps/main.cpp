@@ -46,6 +46,8 @@ int run(int argc, char** argv) {
   cairn::apps::add_devices(program);
   try {
     program.parse(argc, argv);
+  } catch (const CLI::RuntimeError& error) {  // the work ended with an exit code of its own
+    return ended(error.get_exit_code());
   } catch (const CLI::ParseError& error) {
     return ended(program.exit(error) == 0 ? 0 : 2);
   } catch (const std::exception& error) {

@@ -20,9 +20,11 @@ struct Arguments : OutputArguments {
   std::vector<fs::path> maps;
   int device = -1;
   bool allow_disconnected = false;
+  MeshArguments mesh;
 };
 
 void merge(Arguments a) {
+  check(a.mesh.for_file("mesh.glb"), "mesh.glb");
   const Session::Info first = Session::info(a.maps[0] / "session");
   for (const fs::path& map : a.maps) {
     const Session::Info info = Session::info(map / "session");
@@ -51,21 +53,29 @@ void merge(Arguments a) {
     fmt::print("{}: {}{}\n", a.maps[i].string(), found, merged.joined ? "" : "; kept as a separate piece");
   }
   Outputs outputs(a.output, [](const char*, const auto& work) { work(); });
-  nlohmann::json report = outputs.write(mapper, &session, {}, Progressed{}.note());
+  nlohmann::json report = outputs.write(mapper, &session, a.mesh, Progressed{}.note());
   std::size_t poses = 0;
   for (int i = 0; i < mapper.recordings(); ++i) poses += mapper.trajectory(i).size();
   std::vector<std::string> maps;
   for (const fs::path& map : a.maps) maps.push_back(map.string());
+  std::vector<std::string> warnings = outputs.warnings();
+  if (const int pieces = report["submaps"]["components"]; pieces > 1)  // which is what was asked for
+    warnings.push_back(fmt::format("{} pieces of the map are not joined; the largest is written", pieces));
+  const int frames = static_cast<int>(poses);
+  const Verdict verdict =
+      Evidence(Rig{}, Options{}).verdict({.total = frames, .fused = frames, .components = 1, .warnings = warnings});
   report.update({{"sequence", fmt::format("{}", fmt::join(maps, " + "))},
                  {"options", {{"voxel_size", first.voxel_size}, {"truncation", first.truncation}}},
                  {"frames", {{"total", poses}, {"fused", poses}, {"lost", 0}, {"skipped", 0}}},
                  {"peak_memory_mb", peak_memory_mb()},
-                 {"warnings", nlohmann::json::array()}});
+                 {"verdict", to_json(verdict)},
+                 {"warnings", warnings}});
   outputs.write_report(report);
   if (a.overwrite) outputs.remove_old(mapper, true);
   outputs.expect_all();
   fmt::print("mesh        {} ({} triangles)\n", (a.output / "mesh.glb").string(),
              report["mesh"]["triangles"].get<std::size_t>());
+  for (const std::string& warning : warnings) fmt::print("warning     {}\n", warning);
 }
 
 }  // namespace
@@ -79,6 +89,7 @@ void add_merge(CLI::App& program) {
       ->check(CLI::ExistingDirectory);
   add_output_options(*command, *a, "-o,--output", "Folder for the joined map and its session");
   command->add_flag("--allow-disconnected", a->allow_disconnected, "Keep maps that nothing joins as separate pieces");
+  add_export_options(*command, a->mesh);
   command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
       ->capture_default_str();
   command->callback([a] { merge(*a); });

@@ -66,6 +66,10 @@ nlohmann::json to_json(const Statistics& statistics) {
 
 }  // namespace
 
+nlohmann::json to_json(const Verdict& verdict) {
+  return {{"level", name_of(verdict.level)}, {"words", verdict.words}, {"reasons", verdict.reasons}};
+}
+
 nlohmann::json to_json(const Exported& e) {
   nlohmann::json j{{"full_triangles", e.full_triangles},
                    {"triangles", e.triangles},
@@ -111,29 +115,44 @@ void Outputs::write_trajectories(const Mapper& mapper) {
       write_trajectory(output_ / (i + 1 == mapper.recordings() ? "trajectory.txt" : name_of_trajectory(i)), t);
 }
 
+/// A texture that nobody asked for and that cannot be made is no reason to have no mesh.
+Exported Outputs::write_model(Mapper& mapper, MeshArguments& options, const ExportProgress& progress) {
+  const std::filesystem::path file = output_ / "mesh.glb";
+  if (options.asks_for_texture || options.no_texture) return export_mesh(mapper.map(), file, options, progress);
+  try {
+    return export_mesh(mapper.map(), file, options, progress);
+  } catch (const std::exception& error) {
+    options.no_texture = true;
+    const Exported plain = export_mesh(mapper.map(), file, options, progress);
+    warnings_.push_back(fmt::format("{}; it has the voxels' colours in place of a texture", error.what()));
+    return plain;
+  }
+}
+
 /// And what report.html shows in its place when it is too large, with fewer triangles.
-std::optional<Exported> Outputs::write_mesh(Mapper& mapper, const ExportOptions& options) {
+std::optional<Exported> Outputs::write_mesh(Mapper& mapper, const MeshArguments& options) {
   std::optional<Exported> mesh;
   timed_("mesh", [&] {
     Progress progress(std::nullopt, "steps");
-    ExportOptions both = options;
+    MeshArguments both = options;
     both.preview.file = output_ / "preview.glb";
     std::filesystem::remove(both.preview.file);
-    mesh = mapper.map().export_mesh(output_ / "mesh.glb", both, on(progress));
+    mesh = write_model(mapper, both, on(progress));
     if (std::filesystem::file_size(output_ / "mesh.glb") <= kMaxInlineMesh)
       std::filesystem::remove(both.preview.file);
     else if (!std::filesystem::exists(both.preview.file)) {  // fewer triangles than it takes, or a large texture
-      ExportOptions smaller = options;
+      MeshArguments smaller = both;
+      smaller.preview.file.clear();
       smaller.simplify.ratio =
           std::min(1.0f, static_cast<float>(both.preview.triangles) / static_cast<float>(mesh->triangles));
       smaller.compression = Compression::meshopt;
-      mapper.map().export_mesh(both.preview.file, smaller, on(progress));
+      export_mesh(mapper.map(), both.preview.file, smaller, on(progress));
     }
   });
   return mesh;
 }
 
-nlohmann::json Outputs::write(Mapper& mapper, Session* session, const ExportOptions& options, const std::string& note) {
+nlohmann::json Outputs::write(Mapper& mapper, Session* session, const MeshArguments& options, const std::string& note) {
   // What cost most to make comes first.
   if (session != nullptr) attempt("session", [&] { write_session(mapper, *session, note); });
   mapper.settle();

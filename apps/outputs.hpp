@@ -10,6 +10,8 @@
 
 #include "cairn/mapper.hpp"
 #include "cairn/session.hpp"
+#include "cairn/verdict.hpp"
+#include "export_options.hpp"
 
 namespace cairn::apps {
 
@@ -24,8 +26,10 @@ class Outputs {
       : output_(std::move(output)), timed_(std::move(timed)), why_(std::move(stopped)) {}
   /// Writes the session with `note` and the pose graph as graph.g2o and graph.svg, unless `session` is null, the
   /// trajectories, map.vdb, and mesh.glb last. Returns what report.json tells about them and the map.
-  [[nodiscard]] nlohmann::json write(Mapper& mapper, Session* session, const ExportOptions& options,
+  [[nodiscard]] nlohmann::json write(Mapper& mapper, Session* session, const MeshArguments& options,
                                      const std::string& note);
+  /// What was written otherwise than it was meant to be, a line each.
+  [[nodiscard]] const std::vector<std::string>& warnings() const { return warnings_; }
   /// Writes report.json and report.html, which needs the other outputs.
   void write_report(const nlohmann::json& report);
   /// Removes what the map that was in the folder had and this one has not.
@@ -36,14 +40,18 @@ class Outputs {
  private:
   void write_session(Mapper& mapper, Session& session, const std::string& note);
   void write_trajectories(const Mapper& mapper);
-  [[nodiscard]] std::optional<Exported> write_mesh(Mapper& mapper, const ExportOptions& options);
+  [[nodiscard]] std::optional<Exported> write_mesh(Mapper& mapper, const MeshArguments& options);
+  [[nodiscard]] Exported write_model(Mapper& mapper, MeshArguments& options, const ExportProgress& progress);
   void attempt(const char* what, const std::function<void()>& work);
   std::filesystem::path output_;
   Timed timed_;
   std::vector<std::string> failed_;  // names of outputs
-  std::optional<std::string> why_;   // it stopped, or the first of them could not be written
+  std::vector<std::string> warnings_;
+  std::optional<std::string> why_;  // it stopped, or the first of them could not be written
 };
 
+/// What report.json tells of how well it went.
+[[nodiscard]] nlohmann::json to_json(const Verdict& verdict);
 /// What report.json and --json tell of an exported mesh.
 [[nodiscard]] nlohmann::json to_json(const Exported& exported);
 

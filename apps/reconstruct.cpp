@@ -43,17 +43,21 @@ void reconstruct(const Arguments& given) {
   Run run(a, options, poses, source->rig(), begin.progressed, begin.is_next_recording);
   {
     const Interrupt interrupt;
-    Progress progress(source->size());
+    const std::optional<int> count = source->size();
+    int read = 0;
+    Progress progress(count);
     auto waited = Clock::now();
     while (!interrupt.requested()) {
       const auto frame = source->next();
       if (!frame) break;
+      ++read;
       const FrameReport report =
           run.add(*frame, std::chrono::duration<double, std::milli>(Clock::now() - waited).count());
       if (run.stopped()) break;
-      progress.step(words(report));
+      progress.step(words(report, a.verbose));
       waited = Clock::now();
     }
+    if (interrupt.requested() && count && read < *count) run.interrupted(*count - read);
   }
   if (const auto why = source->ended_early()) run.warn(*why);
 
@@ -73,7 +77,7 @@ void reconstruct(const Arguments& given) {
       Progress progress(again->size());
       run.mapper().reintegrate(*again, [&] { progress.step("reintegrating"); });
     });
-  run.finish(more);
+  end_with(run.finish(more));
 }
 
 }  // namespace

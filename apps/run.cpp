@@ -6,9 +6,11 @@
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
 
+#include <algorithm>
+#include <cstdio>
 #include <utility>
 
-#include "export_options.hpp"
+#include "command_line.hpp"
 #include "flags.hpp"
 #include "json_text.hpp"
 #include "outputs.hpp"
@@ -18,7 +20,9 @@ namespace cairn::apps {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr int kColourless = 30;  // frames after which a recording has no colour
+constexpr int kColourless = 30;       // frames after which a recording has no colour
+constexpr double kFewInliers = 0.45;  // as the live page says it
+constexpr int kMostlyLost = 3;        // exit code
 
 constexpr std::uint64_t kMostMib = std::uint64_t{1} << 24;  // 16 TiB
 
@@ -44,16 +48,23 @@ nlohmann::json to_json(const FrameReport& r) {
 
 }  // namespace
 
-std::string words(const FrameReport& r) {
+std::string words(const FrameReport& r, bool verbose) {
   switch (r.state) {
-    case FrameState::fused:
-      if (r.fit.iterations == 0) return "fusing";
-      return fmt::format("{:.0f} % inliers within {:.1f} sigma", 100 * r.fit.inlier_share, r.fit.rmse) +
+    case FrameState::fused: {
+      if (r.fit.iterations == 0) return "tracking begins";
+      std::string said = "tracking well";
+      if (r.fit.inlier_share < kFewInliers)
+        said = fmt::format("tracking is weak: only {:.0f} % of the view fits the map", 100 * r.fit.inlier_share);
+      else if (r.fit.unobserved > 0)
+        said = "tracking is weak: what is in view does not tell all of the way";
+      if (!verbose) return said;
+      return said + fmt::format(", {:.0f} % inliers within {:.1f} sigma", 100 * r.fit.inlier_share, r.fit.rmse) +
              (r.guess == "motion" ? "" : ", guess: " + r.guess) +
              (r.fit.degenerate_directions > 0
                   ? fmt::format(", colour tells {} of 6 directions", r.fit.degenerate_directions)
                   : "") +
              (r.fit.unobserved > 0 ? fmt::format(", {} follow the motion before", r.fit.unobserved) : "");
+    }
     case FrameState::lost:
       return "LOST: " + r.reason;
     case FrameState::skipped:
@@ -69,12 +80,12 @@ double peak_memory_mb() {
 }
 
 std::string Progressed::note() const {
-  return text_of({{"recording", recording}, {"next", next}, {"frames", frames.save()}});
+  return text_of({{"recording", recording}, {"next", next}, {"frames", frames.save()}, {"evidence", evidence}});
 }
 
 Progressed Progressed::from(const std::string& note) {
   const auto j = nlohmann::json::parse(note);
-  return {j.at("recording"), j.at("next"), FrameLog::from(j.at("frames"))};
+  return {j.at("recording"), j.at("next"), FrameLog::from(j.at("frames")), j.value("evidence", "")};
 }
 
 SourceOptions source_options(const RunArguments& a, const FrameRange& range) {
@@ -99,8 +110,8 @@ Options options_of(const RunArguments& a, const SensorModel& sensor, int finest_
   options.esdf.live = options.esdf.live || a.esdf;
   if (a.esdf_voxel_size) options.esdf.voxel_size = *a.esdf_voxel_size;
   if (a.max_distance) options.esdf.max_distance = *a.max_distance;
-  options.keep_keyframes = a.mesh.texture.enabled;
-  check(a.mesh, a.output / "mesh.glb");
+  options.keep_keyframes = a.mesh.asks_for_texture;
+  check(a.mesh.for_file("mesh.glb"), a.output / "mesh.glb");
   check(options);
   if (a.mesh.clean.min_weight > options.fuse.max_weight)
     throw std::runtime_error(
@@ -136,7 +147,10 @@ Run::Run(RunArguments arguments, const Options& options, Poses poses, const Rig&
       options_(options),
       poses_(poses),
       rig_(rig),
-      progressed_(std::move(progressed)) {
+      progressed_(std::move(progressed)),
+      frames_before_(progressed_.frames.size()),
+      evidence_(rig_, options_) {
+  evidence_.restore(progressed_.evidence);
   prepare_output(arguments_.output);
   if (poses_ == Poses::given && fs::exists(arguments_.output / "session"))
     replaced_.emplace(arguments_.output / "session");
@@ -160,11 +174,13 @@ void Run::reset() {
   }
   told_ = 0;
   progressed_.frames = {};
+  frames_before_ = 0;
+  evidence_ = Evidence(rig_, options_);
   stages_.clear();
 }
 
 FrameReport Run::add(const Frame& frame, double waited_ms) {
-  if (arguments_.mesh.texture.enabled && !arguments_.resume && !frame.problem && !has_colour_) {
+  if (arguments_.mesh.asks_for_texture && !arguments_.resume && !frame.problem && !has_colour_) {
     has_colour_ = !frame.colour.empty();
     if (!has_colour_ && ++colourless_ == kColourless)
       throw std::runtime_error(
@@ -181,6 +197,7 @@ FrameReport Run::add(const Frame& frame, double waited_ms) {
     return report;
   }
   tell_warnings();
+  timed("evidence", [&] { evidence_.add(frame, report); });
   report.stage_ms["wait for decoding"] = waited_ms;
   for (const auto& [stage, ms] : report.stage_ms) stages_[stage].add(ms);
   if (report.state == FrameState::skipped)
@@ -188,6 +205,7 @@ FrameReport Run::add(const Frame& frame, double waited_ms) {
   progressed_.next = report.index + 1;
   progressed_.frames.add(to_json(report));
   if (std::chrono::duration<double>(Clock::now() - saved_).count() >= arguments_.checkpoint_seconds) {
+    progressed_.evidence = evidence_.save();
     if (session_) session_->checkpoint(*mapper_, progressed_.note());
     saved_ = Clock::now();
   }
@@ -210,15 +228,31 @@ void Run::tell_warnings() {
   while (told_ < mapper_->warnings().size()) warn(mapper_->warnings()[told_++]);
 }
 
-void Run::finish(const nlohmann::json& more) {
+void Run::interrupted(int left) { left_ = left; }
+
+Verdict Run::judge(int components) const {
+  const FrameLog& frames = progressed_.frames;
+  return evidence_.verdict(
+      {.total = frames.size(), .fused = frames.count("fused"), .components = components, .warnings = warnings_});
+}
+
+std::string Run::how_to_go_on() const {
+  if (!session_) return "with --poses a run cannot be gone on with; begin again with --overwrite";
+  return "go on with: " + resuming(own_words(), arguments_.asked_output, arguments_.output);
+}
+
+Verdict Run::finish(const nlohmann::json& more) {
   const FrameLog& frames = progressed_.frames;
   const int total = frames.size(), fused = frames.count("fused"), lost = frames.count("lost"),
             skipped = frames.count("skipped");
   const std::string& sequence = arguments_.sequence;
   const fs::path& output = arguments_.output;
-  if (fused == 0)
+  if (fused == 0) {
+    const Verdict verdict = judge(1);
     throw std::runtime_error(sequence + ": none of " + std::to_string(total) + " frames could be used" +
-                             (total == 0 ? "" : "; the first: " + frames.first_reason().value_or("")));
+                             (total == 0 ? "" : "; the first: " + frames.first_reason().value_or("")) +
+                             (total == 0 || verdict.reasons.empty() ? "" : "; " + verdict.reasons.front()));
+  }
   if (const FocalEvidence f = mapper_->statistics().focal; f.contradicts())
     warn(fmt::format(
         "{}: corners fit a focal length of {:.0f} pixels ({:.2f} pixels off) better than the given {:.0f} "
@@ -228,16 +262,19 @@ void Run::finish(const nlohmann::json& more) {
   arguments_.mesh.source = (fs::exists(sequence) ? tidy(sequence) : fs::path(sequence)).filename().string();
   Outputs outputs(
       output, [this](const char* stage, const auto& work) { timed(stage, work); }, stopped_);
+  progressed_.evidence = evidence_.save();
   nlohmann::json report = outputs.write(*mapper_, session_ ? &*session_ : nullptr, arguments_.mesh, progressed_.note());
-  if (const int pieces = report["submaps"]["components"]; pieces > 1)
-    warn(fmt::format("{} pieces of the map are not joined by any loop; the largest is written, the session keeps all",
-                     pieces));
   // With given poses there is no session; the one of an earlier run is not this map's.
   if (replaced_) replaced_->remove();
   if (arguments_.overwrite) outputs.remove_old(*mapper_, session_.has_value());
 
   tell_warnings();
+  for (const std::string& warning : outputs.warnings()) warn(warning);
+  const Verdict verdict = judge(report["submaps"]["components"]);
+  for (const std::string& reason : verdict.reasons)
+    if (std::find(warnings_.begin(), warnings_.end(), reason) == warnings_.end()) warnings_.push_back(reason);
   const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
+  const int in_this_run = total - frames_before_;
   report.update({{"sequence", sequence},
                  {"options",
                   {{"voxel_size", options_.fuse.voxel_size},
@@ -245,10 +282,13 @@ void Run::finish(const nlohmann::json& more) {
                    {"max_depth", options_.surface.max_depth},
                    {"track_finest_level", options_.track.finest_level}}},
                  {"frames", {{"total", total}, {"fused", fused}, {"lost", lost}, {"skipped", skipped}}},
+                 {"frames_of_this_run", in_this_run},
                  {"seconds", seconds},
-                 {"frames_per_second", static_cast<double>(total) / seconds},
+                 {"frames_per_second", in_this_run / seconds},
                  {"peak_memory_mb", peak_memory_mb()},
+                 {"verdict", to_json(verdict)},
                  {"warnings", warnings_}});
+  if (left_) report["interrupted"] = {{"frames_left", *left_}, {"remedy", how_to_go_on()}};
   if (!more.is_null()) report.update(more);
   for (const auto& [stage, ms] : stages_)
     report["stages"][stage] = {
@@ -257,19 +297,44 @@ void Run::finish(const nlohmann::json& more) {
   whole["per_frame"] = frames.kept();
   outputs.write_report(whole);
   outputs.expect_all();
+  if (arguments_.json) fmt::print("{}\n", text_of(report, 2));
+  tell(report, verdict);
+  return verdict;
+}
 
-  if (arguments_.json) {
-    fmt::print("{}\n", text_of(report, 2));
-    return;
+/// How it went comes last: whoever reads only the end reads that.
+void Run::tell(const nlohmann::json& report, const Verdict& verdict) const {
+  std::FILE* const out = arguments_.json ? stderr : stdout;
+  const fs::path& output = arguments_.output;
+  const int total = progressed_.frames.size(), in_this_run = report["frames_of_this_run"];
+  const fs::path page = output / "report.html";  // not where the library is built without the viewer
+  if (!arguments_.json) {
+    fmt::print(
+        out, "{} of {} frames fused ({} lost, {} skipped){} in {:.1f} s, {:.1f} frames/s, {:.0f} MB peak\n",
+        progressed_.frames.count("fused"), total, progressed_.frames.count("lost"), progressed_.frames.count("skipped"),
+        frames_before_ > 0 ? fmt::format(", {} of them in this run", in_this_run) : "", report["seconds"].get<double>(),
+        report["frames_per_second"].get<double>(), report["peak_memory_mb"].get<double>());
+    fmt::print(out, "mesh        {} ({} triangles, {})\n", (output / "mesh.glb").string(),
+               report["mesh"]["triangles"].get<std::size_t>(),
+               report["mesh"].contains("textures") ? "textured" : "the voxels' colours");
+    fmt::print(out, "map         {}\n", (output / "map.vdb").string());
+    fmt::print(out, "trajectory  {}\n", (output / "trajectory.txt").string());
+    fmt::print(out, "report      {}\n", (fs::exists(page) ? page : output / "report.json").string());
+    if (fs::exists(page)) fmt::print(out, "next: cairn view {}\n", quoted(output.string()));
   }
-  fmt::print("{} of {} frames fused ({} lost, {} skipped) in {:.1f} s, {:.1f} frames/s, {:.0f} MB peak\n", fused, total,
-             lost, skipped, seconds, static_cast<double>(total) / seconds, peak_memory_mb());
-  fmt::print("mesh        {} ({} triangles)\n", (output / "mesh.glb").string(),
-             report["mesh"]["triangles"].get<std::size_t>());
-  fmt::print("map         {}\n", (output / "map.vdb").string());
-  fmt::print("trajectory  {}\n", (output / "trajectory.txt").string());
-  const std::filesystem::path page = output / "report.html";  // not where the library is built without the viewer
-  fmt::print("report      {}\n", (std::filesystem::exists(page) ? page : output / "report.json").string());
+  if (!arguments_.json || verdict.level != Verdict::Level::good) print(verdict, out);
+  if (left_) fmt::print(out, "{} of {} frames; {}\n", total, total + *left_, how_to_go_on());
+}
+
+void print(const Verdict& verdict, std::FILE* out) {
+  std::string level = name_of(verdict.level);
+  if (verdict.level == Verdict::Level::bad) level = "BAD";
+  fmt::print(out, "{}: {}\n", level, verdict.words);
+  for (const std::string& reason : verdict.reasons) fmt::print(out, "  - {}\n", reason);
+}
+
+void end_with(const Verdict& verdict) {
+  if (verdict.level == Verdict::Level::bad) throw CLI::RuntimeError(kMostlyLost);
 }
 
 void add_run_options(CLI::App& command, RunArguments& a) {
@@ -322,6 +387,7 @@ void add_run_options(CLI::App& command, RunArguments& a) {
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command.add_flag("--json", a.json, "Print the report to stdout as JSON");
+  command.add_flag("--verbose", a.verbose, "Tell of each frame how well it fits, in numbers");
   add_export_options(command, a.mesh);
 }
 

@@ -4,6 +4,7 @@
 #pragma once
 #include <CLI/CLI.hpp>
 #include <chrono>
+#include <cstdio>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -16,7 +17,9 @@
 #include "cairn/mapper.hpp"
 #include "cairn/session.hpp"
 #include "cairn/source.hpp"
+#include "cairn/verdict.hpp"
 #include "durations.hpp"
+#include "export_options.hpp"
 #include "frame_log.hpp"
 #include "output_folder.hpp"
 
@@ -35,13 +38,16 @@ struct RunArguments : OutputArguments {
   double checkpoint_seconds = 20;
   std::optional<float> esdf_voxel_size, max_distance;
   bool esdf = false, resume = false, no_loops = false, json = false;
-  ExportOptions mesh;
+  bool verbose = false;
+  std::filesystem::path asked_output;  // OUT as it was given, before choose_output
+  MeshArguments mesh;
 };
 
 void add_run_options(CLI::App& command, RunArguments& a);
 /// The arguments with the folder that the map goes to: see choose_output.
 template <class Arguments>
 [[nodiscard]] Arguments with_output(Arguments a, bool can_resume = true) {
+  a.asked_output = a.output;
   if (!a.resume) a.output = choose_output(a, can_resume);
   return a;
 }
@@ -57,13 +63,14 @@ struct Progressed {
   std::string recording;  // see identity()
   int next = 0;           // frame
   FrameLog frames;
+  std::string evidence;  // Evidence::save
 
   [[nodiscard]] std::string note() const;
   static Progressed from(const std::string& note);
 };
 
-/// A frame's report in a few words.
-[[nodiscard]] std::string words(const FrameReport& report);
+/// A frame's report in a few words; `verbose`: with numbers.
+[[nodiscard]] std::string words(const FrameReport& report, bool verbose);
 [[nodiscard]] double peak_memory_mb();
 
 /// From the first frame to the written files.
@@ -89,17 +96,25 @@ class Run {
   /// Warns of what the map has switched off since it was last asked.
   void tell_warnings();
 
-  /// Writes everything, with report.json and report.html, of which `more` is a part, and tells the user. Throws
-  /// std::runtime_error if no frame could be used, or with what could not be written.
-  void finish(const nlohmann::json& more = {});
+  /// Tells that the user ended the run `left` frames before its recording ends.
+  void interrupted(int left);
+  /// Writes everything, with report.json and report.html, of which `more` is a part, and tells the user how it went.
+  /// Throws std::runtime_error if no frame could be used, or with what could not be written.
+  [[nodiscard]] Verdict finish(const nlohmann::json& more = {});
 
  private:
   using Clock = std::chrono::steady_clock;
+  [[nodiscard]] Verdict judge(int components) const;
+  [[nodiscard]] std::string how_to_go_on() const;
+  void tell(const nlohmann::json& report, const Verdict& verdict) const;
   RunArguments arguments_;
   Options options_;
   Poses poses_;
   Rig rig_;
   Progressed progressed_;
+  int frames_before_ = 0;    // of the runs that this one goes on from
+  std::optional<int> left_;  // frames, of a run that was interrupted
+  Evidence evidence_;
   std::optional<ReplacedSession> replaced_;  // of an earlier run, when this one makes none
   std::optional<Session> session_;           // of tracked poses
   std::optional<Mapper> mapper_;
@@ -119,5 +134,10 @@ struct Beginning {
   bool is_next_recording = false;
 };
 [[nodiscard]] Beginning beginning(const RunArguments& a, FrameRange range);
+
+/// Its level and words, and a line for each reason.
+void print(const Verdict& verdict, std::FILE* out);
+/// Ends the program with exit code 3 where most of a run is not in the map.
+void end_with(const Verdict& verdict);
 
 }  // namespace cairn::apps

@@ -8,19 +8,20 @@
 #include <stdexcept>
 #include <utility>
 
+#include "cairn/no_texture.hpp"
+
 namespace cairn {
 namespace {
 
-constexpr std::uint64_t kViewMemory = std::uint64_t{512} << 20;  // bytes of keyframes on the device
+constexpr std::uint64_t kViewMemory = std::uint64_t{160} << 20;  // bytes of keyframes on the device, 64 of 640x480
 constexpr float kFull = 0.75f;                                   // of a texture that charts cover, about
 constexpr int kTries = 40;                                       // of charts that are coarser each time
 
 std::vector<TextureKeyframe> keyframes_of(const ExportRun& run) {
   if (run.input.keyframes.empty())
-    throw not_written(
-        run.file,
-        "the map has no keyframes, from which a texture is made: keep them (Options::keep_keyframes), or export "
-        "without it");
+    throw NoTexture(run.file.string() +
+                    ": is not written, the map has no keyframes, from which a texture is made: keep them "
+                    "(Options::keep_keyframes), or export without it");
   return run.input.keyframes;
 }
 
@@ -43,8 +44,9 @@ Texturer::Texturer(ExportRun& run)
   const bool has_colour =
       run.timed("exposure", [&] { return views_.compensate_exposure([&] { run.step("comparing exposures"); }); });
   if (!has_colour)
-    throw not_written(
-        run.file, "the keyframes have no colour, from which a texture is made: export without TextureOptions::enabled");
+    throw NoTexture(run.file.string() +
+                    ": is not written, the keyframes have no colour, from which a texture is made: export without "
+                    "TextureOptions::enabled");
   run.timed("registration", [&] { views_.register_colour(); });
   const shader::ColourCamera& c = views_.colour_camera();
   run.exported.colour_camera = {c.rotation.x,    c.rotation.y,    c.rotation.z, c.translation.x,

@@ -9,6 +9,8 @@
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "place/matches.hpp"
+
 namespace cairn {
 namespace {
 
@@ -52,12 +54,23 @@ cv::Mat shaded(const std::vector<float>& depth, const Camera& camera) {
   return out;
 }
 
-struct Matches {
-  std::vector<cv::Point3d> points;  // of the known view, metres
-  std::vector<cv::Point2d> rays;    // of the seen one, at z = 1
+struct Pnp {
+  cv::Vec3d rotation, translation;  // seen_from_known
+  std::vector<int> inliers;
 };
+std::optional<Pnp> solve(const Matches& matches, const Camera& camera) {
+  if (matches.points.size() < kMinAgreeing) return std::nullopt;
+  Pnp pnp;
+  if (!cv::solvePnPRansac(matches.points, matches.rays, cv::Matx33d::eye(), cv::noArray(), pnp.rotation,
+                          pnp.translation, false, kRansacIterations, static_cast<float>(kReprojection / camera.fx),
+                          0.995, pnp.inliers, cv::SOLVEPNP_EPNP) ||
+      pnp.inliers.size() < kMinAgreeing)
+    return std::nullopt;
+  return pnp;
+}
 
-/// Mutual nearest descriptors, where the known corner has depth.
+}  // namespace
+
 Matches match(const Features& known, const Features& seen) {
   Matches matches;
   if (known.descriptors.empty() || seen.descriptors.empty()) return matches;
@@ -76,23 +89,6 @@ Matches match(const Features& known, const Features& seen) {
   }
   return matches;
 }
-
-struct Pnp {
-  cv::Vec3d rotation, translation;  // seen_from_known
-  std::vector<int> inliers;
-};
-std::optional<Pnp> solve(const Matches& matches, const Camera& camera) {
-  if (matches.points.size() < kMinAgreeing) return std::nullopt;
-  Pnp pnp;
-  if (!cv::solvePnPRansac(matches.points, matches.rays, cv::Matx33d::eye(), cv::noArray(), pnp.rotation,
-                          pnp.translation, false, kRansacIterations, static_cast<float>(kReprojection / camera.fx),
-                          0.995, pnp.inliers, cv::SOLVEPNP_EPNP) ||
-      pnp.inliers.size() < kMinAgreeing)
-    return std::nullopt;
-  return pnp;
-}
-
-}  // namespace
 
 Features extract_features(const std::vector<std::uint32_t>& colour, const std::vector<float>& depth,
                           const Camera& camera) {

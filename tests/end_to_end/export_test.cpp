@@ -68,10 +68,10 @@ void expect_sound(const std::vector<Mesh>& parts) {
 
 TEST_F(Export, WritesEveryFormatSoundAndValid) {
   const std::vector<std::pair<std::string, std::vector<std::string>>> kinds{
-      {"plain.glb", {}},
-      {"simple.glb", {"--simplify", "0.1", "--cameras"}},
-      {"bounded.gltf", {"--max-error", "0.004", "--fill-holes", "0.2"}},
-      {"quantised.glb", {"--simplify", "0.1", "--compress", "quantised"}},
+      {"plain.glb", {"--no-texture"}},
+      {"simple.glb", {"--simplify", "0.1", "--cameras", "--no-texture"}},
+      {"bounded.gltf", {"--max-error", "0.004", "--fill-holes", "0.2", "--no-texture"}},
+      {"quantised.glb", {"--simplify", "0.1", "--compress", "quantised", "--no-texture"}},
       {"meshopt.glb", {"--simplify", "0.1", "--compress", "meshopt", "--texture"}},
       {"meshopt.gltf", {"--simplify", "0.1", "--compress", "meshopt", "--texture", "--texture-format", "png"}},
       {"draco.glb", {"--simplify", "0.1", "--compress", "draco", "--texture", "--texture-size", "512"}},
@@ -102,7 +102,7 @@ TEST_F(Export, WritesEveryFormatSoundAndValid) {
 TEST_F(Export, TexturesShowTheSceneFromPosesThatWereNoKeyframes) {
   // Frames that lie between keyframes, against pictures without noise.
   exported("textured.glb", {"--simplify", "0.1", "--texture"});
-  exported("coloured.glb", {"--simplify", "0.1"});
+  exported("coloured.glb", {"--simplify", "0.1", "--no-texture"});
   const Trajectory truth = read_trajectory(path("room/groundtruth.txt"));
   const Eigen::Isometry3d move = estimate_from_truth(read_trajectory(path("map/trajectory.txt")), truth);
   const auto psnr = [&](const char* name) {
@@ -325,8 +325,8 @@ TEST_F(Export, LeavesNothingHalfWrittenOnAFullDisk) {
   // A limit on the size of files behaves like one.
   for (const auto& [file, kilobytes] :
        {std::pair("x.glb", 100), {"x.gltf", 100}, {"x.ply", 100}, {"x.obj", 100}, {"tileset.json", 20}}) {
-    const Ran ran = run_cairn({"export", path("map"), "-o", to(file)},
-                              "trap '' XFSZ; ulimit -f " + std::to_string(2 * kilobytes) + ";");
+    std::vector<std::string> arguments{"export", path("map"), "-o", to(file), "--no-texture"};
+    const Ran ran = run_cairn(arguments, "trap '' XFSZ; ulimit -f " + std::to_string(2 * kilobytes) + ";");
     expect_last_line(ran, 1, "File too large");
     EXPECT_FALSE(fs::exists(out / file));
     for (const auto& entry : fs::directory_iterator(out.path()))

@@ -54,8 +54,8 @@ class HardTimes : public testing::Test {
   }
   static std::vector<std::string> reconstruct(const std::string& recording, const fs::path& output,
                                               const std::vector<std::string>& more = {}) {
-    std::vector<std::string> arguments{"reconstruct", (*folder / recording).string(), "-o", output.string(),
-                                       "--config",    (*folder / "rec.yaml").string()};
+    std::vector<std::string> arguments{"reconstruct",   "--no-texture", (*folder / recording).string(), "-o",
+                                       output.string(), "--config",     (*folder / "rec.yaml").string()};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return arguments;
   }
@@ -199,7 +199,8 @@ TEST_F(Faults, AnyOperationOfAnExportMayFail) {
   const int every = number_from("CAIRN_FAULTS_EVERY", 8);
   int operations = 0, runs = 0;
   for (const char* file : {"x.glb", "x.obj", "tileset.json", "x.vdb"}) {
-    const std::vector<std::string> arguments{"export", (*folder / "good").string(), "-o", (out / "to" / file).string()};
+    const std::vector<std::string> arguments{"export", (*folder / "good").string(), "-o", (out / "to" / file).string(),
+                                             "--no-texture"};
     fs::remove(out / "log");
     ASSERT_EQ(run_cairn(arguments, disk(out / "to", 0, "eio")).exit_code, 0);
     const int last = count();

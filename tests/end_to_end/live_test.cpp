@@ -41,7 +41,7 @@ TEST_F(Live, FollowsASensorUntilItIsUnplugged) {
       colour.write(reinterpret_cast<const char*>(&frame->colour[p]), 3);
     }
   }
-  const Ran ran = run_cairn({"live", "openni:", "-o", out("map")},
+  const Ran ran = run_cairn({"live", "--no-texture", "openni:", "-o", out("map")},
                             "LD_LIBRARY_PATH='" + openni_folder() +
                                 "' CAIRN_SENSOR='unplug=80 frames=" + folder.path().string() + "' CAIRN_VALIDATION=1");
   EXPECT_EQ(ran.exit_code, 0) << ran.err;
@@ -55,22 +55,23 @@ TEST_F(Live, FollowsASensorUntilItIsUnplugged) {
 }
 
 TEST_F(Live, MakesWhatReconstructMakesWhenItTakesEveryFrame) {
-  ASSERT_EQ(run_cairn({"live", "synthetic:room", "-o", out("a"), "--as-fast-as-possible"},
+  ASSERT_EQ(run_cairn({"live", "--no-texture", "synthetic:room", "-o", out("a"), "--as-fast-as-possible"},
                       "timeout --foreground --preserve-status -s INT 6")
                 .exit_code,
             0);
   const int frames = report("a")["frames"]["total"];
   ASSERT_GT(frames, 3);
-  ASSERT_EQ(
-      run_cairn({"reconstruct", "synthetic:room", "-o", out("b"), "--frames", "0:" + std::to_string(frames)}).exit_code,
-      0);
+  ASSERT_EQ(run_cairn({"reconstruct", "--no-texture", "synthetic:room", "-o", out("b"), "--frames",
+                       "0:" + std::to_string(frames)})
+                .exit_code,
+            0);
   for (const char* file : {"mesh.glb", "map.vdb", "trajectory.txt"})
     EXPECT_EQ(read_bytes(folder / "a" / file) == read_bytes(folder / "b" / file), true) << file;
 }
 
 TEST_F(Live, FinishesAtTheFirstCtrlC) {
-  const Ran ran =
-      run_cairn({"live", "synthetic:room", "-o", out("map")}, "timeout --foreground --preserve-status -s INT 6");
+  const Ran ran = run_cairn({"live", "--no-texture", "synthetic:room", "-o", out("map")},
+                            "timeout --foreground --preserve-status -s INT 6");
   EXPECT_EQ(ran.exit_code, 0) << ran.err;
   EXPECT_NE(ran.err.find("once more ends at once"), std::string::npos);
   expect_map("map");
@@ -78,10 +79,11 @@ TEST_F(Live, FinishesAtTheFirstCtrlC) {
 
 TEST_F(Live, LeavesASessionToResumeAtTheSecondCtrlC) {
   const std::string twice = "f() { \"$@\" & p=$!; sleep 6; kill -INT $p; sleep 0.2; kill -INT $p; wait $p; }; f";
-  const Ran ran = run_cairn({"live", "synthetic:room", "-o", out("map"), "--checkpoint", "0.5"}, twice);
+  const Ran ran = run_cairn({"live", "--no-texture", "synthetic:room", "-o", out("map"), "--checkpoint", "0.5"}, twice);
   EXPECT_EQ(ran.exit_code, 130) << ran.err;
   EXPECT_FALSE(fs::exists(folder / "map" / "mesh.glb"));
-  const Ran resumed = run_cairn({"reconstruct", "synthetic:room", "-o", out("map"), "--resume", "--frames", "0:60"});
+  const Ran resumed =
+      run_cairn({"reconstruct", "--no-texture", "synthetic:room", "-o", out("map"), "--resume", "--frames", "0:60"});
   EXPECT_EQ(resumed.exit_code, 0) << resumed.err;
   expect_map("map");
 }
@@ -89,11 +91,11 @@ TEST_F(Live, LeavesASessionToResumeAtTheSecondCtrlC) {
 TEST_F(Live, AnswersWhatCannotBeShownWithOneLine) {
   const Server server(0, {}, nullptr);
   const std::string port = server.url().substr(17, server.url().find('/', 17) - 17);
-  expect_one_line(run_cairn({"live", "synthetic:room", "-o", out("a"), "--view", "--port", port}), 1,
+  expect_one_line(run_cairn({"live", "--no-texture", "synthetic:room", "-o", out("a"), "--view", "--port", port}), 1,
                   "port " + port + " cannot be used");
-  expect_one_line(run_cairn({"live", out("none.oni"), "-o", out("a")}), 1, "there is no such file");
+  expect_one_line(run_cairn({"live", "--no-texture", out("none.oni"), "-o", out("a")}), 1, "there is no such file");
   expect_one_line(run_cairn({"view", folder.path().string()}), 1, "cannot be read; give a folder that cairn has made");
-  EXPECT_EQ(run_cairn({"live", "synthetic:room", "-o", out("a"), "--port", "1"}).exit_code, 2);
+  EXPECT_EQ(run_cairn({"live", "--no-texture", "synthetic:room", "-o", out("a"), "--port", "1"}).exit_code, 2);
   write_text(folder / "report.json", "{\"fra");
   expect_one_line(run_cairn({"view", folder.path().string()}), 1, "is damaged");
 }

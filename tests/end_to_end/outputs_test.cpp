@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <future>
 #include <map>
@@ -44,6 +45,7 @@ class Outputs : public testing::Test {
                                               const std::vector<std::string>& more = {}) {
     std::vector<std::string> arguments{"reconstruct", recording, "-o", output, "--config", "rec.yaml"};
     arguments.insert(arguments.end(), more.begin(), more.end());
+    if (std::find(more.begin(), more.end(), "--texture") == more.end()) arguments.emplace_back("--no-texture");
     return arguments;
   }
   static TemporaryFolder* folder;
@@ -77,8 +79,9 @@ TEST_F(Outputs, GoByAnyNameInEveryCommand) {
       succeeds({"export", output, "-o", (out / file).string()});
     succeeds({"export", output, "-o", (out / "caf\xe9.gltf").string()});
     EXPECT_FALSE(read_mesh(*folder / out / "caf\xe9.gltf").triangles.empty());
-    succeeds({"live", recording, "-o", (out / "live").string(), "--as-fast-as-possible", "--config", "rec.yaml"});
-    succeeds({"merge", output, (out / "live").string(), "-o", (out / "both/").string()});
+    succeeds({"live", recording, "-o", (out / "live").string(), "--as-fast-as-possible", "--config", "rec.yaml",
+              "--no-texture"});
+    succeeds({"merge", output, (out / "live").string(), "-o", (out / "both/").string(), "--no-texture"});
     succeeds({"esdf", output, "-o", (out / "d.vdb").string(), "--slice", "y=0", (out / "s.png").string(), "--costmap",
               (out / "c.yaml").string(), "--height", "-1:0.3"});
     write_text(*folder / out / "points.csv", "x,y,z\n0,0,1\n");
@@ -225,6 +228,36 @@ TEST_F(Outputs, AreWrittenAlsoWhenTheMeshCannotBe) {
   EXPECT_EQ(nlohmann::json::parse(more.out)["frames"]["total"], 12);
 }
 
+TEST_F(Outputs, AreTexturedWhereverThereIsColour) {
+  const auto mesh_of = [&](const std::string& recording, const char* output, std::vector<std::string> more) {
+    std::vector<std::string> arguments{"reconstruct", recording, output, "--config", "rec.yaml", "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const Ran ran = run(arguments);
+    EXPECT_EQ(ran.exit_code, 0) << ran.err;
+    return ran.exit_code == 0 ? nlohmann::json::parse(ran.out)["mesh"] : nlohmann::json{};
+  };
+  EXPECT_EQ(mesh_of("rec", "t1", {})["textures"], 1);
+  EXPECT_EQ(mesh_of("rec", "t2", {"--texture-size", "256"})["textures"], 1);
+  EXPECT_FALSE(mesh_of("rec", "t3", {"--no-texture"}).contains("textures"));
+  // Without colour, and with given poses, no texture is no failure; no frame is waited for to find that out.
+  EXPECT_FALSE(mesh_of("long-grey", "t4", {}).contains("textures"));
+  EXPECT_FALSE(mesh_of("rec", "t5", {"--poses", "map/trajectory.txt"}).contains("textures"));
+  EXPECT_EQ(mesh_of("rec", "t6", {"--poses", "map/trajectory.txt", "--texel", "0.01"})["textures"], 1);
+  EXPECT_EQ(run({"reconstruct", "rec", "t7", "--no-texture", "--texture-size", "256"}).exit_code, 2);
+  // Of a finished map as well, where a file of that kind can have one.
+  const auto textures_of = [&](const std::string& map, const char* file) {
+    const Ran ran = run({"export", map, "-o", file, "--json"});
+    EXPECT_EQ(ran.exit_code, 0) << ran.err;
+    return ran.exit_code == 0 ? nlohmann::json::parse(ran.out).value("textures", 0) : -1;
+  };
+  EXPECT_EQ(textures_of("map", "e.glb"), 1);
+  EXPECT_EQ(textures_of("map", "e.obj"), 1);
+  EXPECT_EQ(textures_of("map", "e.ply"), 0);
+  EXPECT_EQ(textures_of("t4", "e.gltf"), 0);
+  EXPECT_EQ(textures_of("map/map.vdb", "f.glb"), 0);
+  EXPECT_EQ(run({"export", "t4", "-o", "g.glb", "--texture"}).exit_code, 1);
+}
+
 TEST_F(Outputs, HoldWhatWasFusedBeforeTheDeviceFailed) {
   expect_last_line(run(reconstruct("rec", "stopped"), faulty_device("submit=60")), 1, "--resume goes on from there");
   const std::size_t before = read_trajectory(*folder / "stopped/trajectory.txt").size();
@@ -242,7 +275,7 @@ TEST_F(Outputs, AreNotChangedByReading) {
       {"export", "map", "-o", "read/x.glb", "--texture"},
       {"export", "map", "-o", "read/x.vdb"},
       {"esdf", "map", "-o", "read/d.vdb"},
-      {"merge", "map", "map", "-o", "read/both"},
+      {"merge", "map", "map", "-o", "read/both", "--no-texture"},
       {"evaluate", "trajectory", "map/trajectory.txt", "rec/../map/trajectory.txt"},
   };
   fs::create_directory(*folder / "read");

@@ -40,7 +40,8 @@ class Program : public testing::Test {
 
 TEST_F(Program, ReconstructsARoomWithinACentimetre) {
   const auto map = (out / "map").string();
-  const auto report = json_of(run_cairn({"reconstruct", sequence(), "-o", map, "--json"}, "CAIRN_VALIDATION=1"));
+  const auto report =
+      json_of(run_cairn({"reconstruct", "--no-texture", sequence(), "-o", map, "--json"}, "CAIRN_VALIDATION=1"));
   EXPECT_EQ(report["frames"]["fused"], 40);
   EXPECT_EQ(report["frames"]["lost"], 0);
   EXPECT_GT(report["kernels"]["tsdf_integrate"]["total_ms"], 0.0);
@@ -55,7 +56,8 @@ TEST_F(Program, ReconstructsARoomWithinACentimetre) {
 
 TEST_F(Program, FusesTheTrueSurfaceFromTruePoses) {
   const std::string exact = Program::exact(), map = (out / "map").string();
-  ASSERT_EQ(run_cairn({"reconstruct", exact, "-o", map, "--poses", exact + "/groundtruth.txt"}).exit_code, 0);
+  ASSERT_EQ(
+      run_cairn({"reconstruct", "--no-texture", exact, "-o", map, "--poses", exact + "/groundtruth.txt"}).exit_code, 0);
   const auto error = json_of(run_cairn({"evaluate", "mesh", map + "/mesh.glb", exact + "/groundtruth_mesh.ply",
                                         "--seen", exact + "/groundtruth_seen.ply", "--json"}));
   EXPECT_LT(error["accuracy_m"]["mean"], 0.002);
@@ -82,7 +84,9 @@ TEST_F(Program, MeasuresWhatAFrameCosts) {
 
 TEST_F(Program, WritesTheSameBytesFromTheSameInput) {
   for (const char* name : {"a", "b"})
-    ASSERT_EQ(run_cairn({"reconstruct", sequence(), "-o", (out / name).string(), "--frames", "0:20"}).exit_code, 0);
+    ASSERT_EQ(run_cairn({"reconstruct", "--no-texture", sequence(), "-o", (out / name).string(), "--frames", "0:20"})
+                  .exit_code,
+              0);
   for (const char* file : {"mesh.glb", "map.vdb", "trajectory.txt"})
     EXPECT_EQ(read_bytes(out / "a" / file), read_bytes(out / "b" / file)) << file;
 }
@@ -90,8 +94,8 @@ TEST_F(Program, WritesTheSameBytesFromTheSameInput) {
 TEST_F(Program, WritesTheSameBytesAfterALoopWithOneThreadAndOneCore) {
   write_small_recording(out / "loop", {.frames = 40, .speed = 4, .turns_at = 2.6});
   const auto run = [&](const char* name, const std::string& environment) {
-    return json_of(run_cairn({"reconstruct", (out / "loop").string(), "-o", (out / name).string(), "--config",
-                              (out / "loop.yaml").string(), "--refine", "--json"},
+    return json_of(run_cairn({"reconstruct", "--no-texture", (out / "loop").string(), "-o", (out / name).string(),
+                              "--config", (out / "loop.yaml").string(), "--refine", "--json"},
                              environment));
   };
   EXPECT_GT(run("a", "")["loops"].size(), 0u);
@@ -103,9 +107,18 @@ TEST_F(Program, WritesTheSameBytesAfterALoopWithOneThreadAndOneCore) {
 TEST_F(Program, CompletesWithLittleDeviceMemory) {
   // A smaller voxel, so that the map outgrows the budget.
   const auto run = [&](const char* name, std::vector<std::string> more) {
-    std::vector<std::string> arguments{"reconstruct",  sequence(), "-o",      (out / name).string(),
-                                       "--voxel-size", "0.006",    "--poses", sequence() + "/groundtruth.txt",
-                                       "--frames",     "0:40:2",   "--json"};
+    std::vector<std::string> arguments{"reconstruct",
+                                       "--no-texture",
+                                       sequence(),
+                                       "-o",
+                                       (out / name).string(),
+                                       "--voxel-size",
+                                       "0.006",
+                                       "--poses",
+                                       sequence() + "/groundtruth.txt",
+                                       "--frames",
+                                       "0:40:2",
+                                       "--json"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return json_of(run_cairn(arguments));
   };
@@ -118,8 +131,8 @@ TEST_F(Program, CompletesWithLittleDeviceMemory) {
 
 TEST_F(Program, KeepsTheOldFilesWhenTheDiskIsFull) {
   const auto map = out / "map";
-  const std::vector<std::string> arguments{"reconstruct", sequence(), "-o",         map.string(),
-                                           "--frames",    "0:5",      "--overwrite"};
+  const std::vector<std::string> arguments{"reconstruct", "--no-texture", sequence(), "-o",
+                                           map.string(),  "--frames",     "0:5",      "--overwrite"};
   ASSERT_EQ(run_cairn(arguments).exit_code, 0);
   const std::string mesh = read_bytes(map / "mesh.glb"), grids = read_bytes(map / "map.vdb");
   // A limit on the size of files behaves like a full disk: first too small for the mesh, then for the map alone.
@@ -140,7 +153,8 @@ TEST_F(Program, CountsABadFrameAndGoesOn) {
   std::vector<fs::path> depth(fs::directory_iterator(copy / "depth"), {});
   std::sort(depth.begin(), depth.end());
   fs::resize_file(depth[5], fs::file_size(depth[5]) / 2);
-  const Ran ran = run_cairn({"reconstruct", copy.string(), "-o", (out / "map").string(), "--frames", "0:10", "--json"});
+  const Ran ran = run_cairn(
+      {"reconstruct", "--no-texture", copy.string(), "-o", (out / "map").string(), "--frames", "0:10", "--json"});
   const auto report = json_of(ran);
   EXPECT_EQ(report["frames"]["skipped"], 1);
   EXPECT_EQ(report["frames"]["fused"], 9);
@@ -149,45 +163,54 @@ TEST_F(Program, CountsABadFrameAndGoesOn) {
 
 TEST_F(Program, AnswersBadInputWithOneLine) {
   const auto map = (out / "map").string();
-  expect_one_line(run_cairn({"reconstruct", (out / "nowhere").string(), "-o", map}), 1, "no such folder");
-  expect_one_line(run_cairn({"reconstruct", out.path().string(), "-o", map}), 1, "no known recording");
-  expect_one_line(run_cairn({"reconstruct", "synthetic:castle", "-o", map}), 1, "choose room");
-  expect_one_line(run_cairn({"reconstruct", sequence(), "-o", "/proc/nowhere/map"}), 1, "/proc/nowhere/map");
-  expect_one_line(run_cairn({"reconstruct", sequence(), "-o", map, "--voxel-size", "-1"}), 1, "voxel_size");
-  expect_one_line(run_cairn({"reconstruct", sequence(), "-o", map, "--device", "77"}), 1, "cairn devices");
-  expect_one_line(run_cairn({"reconstruct", sequence(), "-o", map, "--device-memory", "1"}), 1, "too little");
-  expect_one_line(
-      run_cairn({"reconstruct", sequence(), "-o", map}, "VK_ICD_FILENAMES=/nowhere VK_DRIVER_FILES=/nowhere"), 1,
-      "no Vulkan device");
+  expect_one_line(run_cairn({"reconstruct", "--no-texture", (out / "nowhere").string(), "-o", map}), 1,
+                  "no such folder");
+  expect_one_line(run_cairn({"reconstruct", "--no-texture", out.path().string(), "-o", map}), 1, "no known recording");
+  expect_one_line(run_cairn({"reconstruct", "--no-texture", "synthetic:castle", "-o", map}), 1, "choose room");
+  expect_one_line(run_cairn({"reconstruct", "--no-texture", sequence(), "-o", "/proc/nowhere/map"}), 1,
+                  "/proc/nowhere/map");
+  expect_one_line(run_cairn({"reconstruct", "--no-texture", sequence(), "-o", map, "--voxel-size", "-1"}), 1,
+                  "voxel_size");
+  expect_one_line(run_cairn({"reconstruct", "--no-texture", sequence(), "-o", map, "--device", "77"}), 1,
+                  "cairn devices");
+  expect_one_line(run_cairn({"reconstruct", "--no-texture", sequence(), "-o", map, "--device-memory", "1"}), 1,
+                  "too little");
+  expect_one_line(run_cairn({"reconstruct", "--no-texture", sequence(), "-o", map},
+                            "VK_ICD_FILENAMES=/nowhere VK_DRIVER_FILES=/nowhere"),
+                  1, "no Vulkan device");
   write_text(out / "o.yaml", "fuse:\n  voxel_sise: 1\n");
-  expect_one_line(run_cairn({"reconstruct", sequence(), "-o", map, "--config", (out / "o.yaml").string()}), 1,
-                  "o.yaml:2");
+  expect_one_line(
+      run_cairn({"reconstruct", "--no-texture", sequence(), "-o", map, "--config", (out / "o.yaml").string()}), 1,
+      "o.yaml:2");
   write_text(out / "nan.txt", "0 0 0 nan 0 0 0 1\n");
-  expect_one_line(run_cairn({"reconstruct", sequence(), "-o", map, "--poses", (out / "nan.txt").string()}), 1,
-                  "nan.txt:1");
+  expect_one_line(
+      run_cairn({"reconstruct", "--no-texture", sequence(), "-o", map, "--poses", (out / "nan.txt").string()}), 1,
+      "nan.txt:1");
   expect_one_line(run_cairn({"synth", "room", "-o", sequence() + "/depth"}), 1, "choose another folder");
   EXPECT_FALSE(fs::exists(map + "/mesh.glb"));
 }
 
 TEST_F(Program, AnswersWrongUsageWithExitCode2) {
-  for (const std::vector<std::string>& arguments : {std::vector<std::string>{},
-                                                    {"dance"},
-                                                    {"reconstruct"},
-                                                    {"reconstruct", sequence(), "-o", "x", "--frames", "5:2"},
-                                                    {"reconstruct", sequence(), "-o", "x", "--voxel-size", "big"},
-                                                    {"reconstruct", sequence(), "x", "-o", "y"},
-                                                    {"synth", "room", "-o", "x", "--noise", "loud"}}) {
+  for (const std::vector<std::string>& arguments :
+       {std::vector<std::string>{},
+        {"dance"},
+        {"reconstruct"},
+        {"reconstruct", "--no-texture", sequence(), "-o", "x", "--frames", "5:2"},
+        {"reconstruct", "--no-texture", sequence(), "-o", "x", "--voxel-size", "big"},
+        {"reconstruct", "--no-texture", sequence(), "x", "-o", "y"},
+        {"synth", "room", "-o", "x", "--noise", "loud"}}) {
     const Ran ran = run_cairn(arguments);
     EXPECT_EQ(ran.exit_code, 2) << ran.err;
     EXPECT_FALSE(ran.err.empty());
   }
   EXPECT_EQ(run_cairn({"--help"}).exit_code, 0);
-  EXPECT_EQ(run_cairn({"reconstruct", "--help"}).exit_code, 0);
+  EXPECT_EQ(run_cairn({"reconstruct", "--no-texture", "--help"}).exit_code, 0);
 }
 
 TEST_F(Program, FusesAgainWithRefinedPoses) {
   const auto map = (out / "map").string();
-  const auto report = json_of(run_cairn({"reconstruct", sequence(), "-o", map, "--reintegrate", "--json"}));
+  const auto report =
+      json_of(run_cairn({"reconstruct", "--no-texture", sequence(), "-o", map, "--reintegrate", "--json"}));
   EXPECT_EQ(report["frames"]["fused"], 40);
   EXPECT_GT(report["refined"]["keyframes"], 1);
   EXPECT_EQ(validate_gltf(map + "/mesh.glb"), "");
@@ -228,7 +251,7 @@ TEST_F(Program, StandsTheMapUprightByTheAccelerometer) {
 TEST_F(Program, EstimatesHowMuchLaterTheColourCameraIs) {
   const auto late = (out / "late").string(), map = (out / "map").string();
   ASSERT_EQ(run_cairn({"synth", "room", "-o", late, "--frames", "40", "--colour-delay", "0.02"}).exit_code, 0);
-  const auto report = json_of(run_cairn({"reconstruct", late, "-o", map, "--json"}));
+  const auto report = json_of(run_cairn({"reconstruct", "--no-texture", late, "-o", map, "--json"}));
   // Its images are taken later than their stamps tell: its clock is behind.
   EXPECT_NEAR(report["clock_offset"].get<double>(), -0.02, 0.008);
   const auto without = nlohmann::json::parse(read_bytes(map_of_sequence() / "report.json"));
@@ -238,8 +261,9 @@ TEST_F(Program, EstimatesHowMuchLaterTheColourCameraIs) {
 TEST_F(Program, WarnsOfAWrongFocalLengthWithTheEvidence) {
   const fs::path turning = out / "turning";
   ASSERT_EQ(run_cairn({"synth", "room", "-o", turning.string(), "--frames", "110"}).exit_code, 0);
-  const std::vector<std::string> arguments{"reconstruct", turning.string(), "-o",   (out / "map").string(), "--frames",
-                                           "0:110:2",     "--voxel-size",   "0.02", "--overwrite"};
+  const std::vector<std::string> arguments{
+      "reconstruct", "--no-texture", turning.string(), "-o",   (out / "map").string(),
+      "--frames",    "0:110:2",      "--voxel-size",   "0.02", "--overwrite"};
   const Ran silent = run_cairn(arguments);
   EXPECT_EQ(silent.err.find("intrinsics"), std::string::npos) << silent.err;
   std::ofstream(turning / "camera.yaml") << "{width: 640, height: 480, fx: 578, fy: 578, cx: 319.5, cy: 239.5}";
@@ -260,8 +284,8 @@ TEST_P(Recording, IsTrackedThroughout) {
   CAIRN_REQUIRE_DATA(GetParam().name);
   const TemporaryFolder out;
   const auto folder = (data_folder() / GetParam().name).string();
-  const auto report = json_of(
-      run_cairn({"reconstruct", folder, "-o", (out / "map").string(), "--frames", GetParam().frames, "--json"}));
+  const auto report = json_of(run_cairn(
+      {"reconstruct", "--no-texture", folder, "-o", (out / "map").string(), "--frames", GetParam().frames, "--json"}));
   EXPECT_EQ(report["frames"]["fused"], report["frames"]["total"]);
   const auto error =
       json_of(run_cairn({"evaluate", "trajectory", (out / "map" / "trajectory.txt").string(), folder, "--json"}));
@@ -277,8 +301,8 @@ INSTANTIATE_TEST_SUITE_P(Real, Recording,
 
 TEST_F(Program, AnswersHowFarTheNextSurfaceIs) {
   const std::string exact = Program::exact(), map = (out / "map").string();
-  const auto report =
-      json_of(run_cairn({"reconstruct", exact, "-o", map, "--poses", exact + "/groundtruth.txt", "--esdf", "--json"}));
+  const auto report = json_of(run_cairn(
+      {"reconstruct", "--no-texture", exact, "-o", map, "--poses", exact + "/groundtruth.txt", "--esdf", "--json"}));
   EXPECT_EQ(report["stages"]["esdf"]["count"], 30);
   const auto error = json_of(run_cairn(
       {"evaluate", "distances", map + "/map.vdb", "room", "--seen", exact + "/groundtruth_seen.ply", "--json"}));
@@ -324,7 +348,10 @@ TEST_F(Program, AnswersHowFarTheNextSurfaceIs) {
 
 TEST_F(Program, DrawsSlicesAndCostmaps) {
   const auto map = (out / "map").string();
-  ASSERT_EQ(run_cairn({"reconstruct", sequence(), "-o", map, "--poses", sequence() + "/groundtruth.txt"}).exit_code, 0);
+  ASSERT_EQ(
+      run_cairn({"reconstruct", "--no-texture", sequence(), "-o", map, "--poses", sequence() + "/groundtruth.txt"})
+          .exit_code,
+      0);
   const Ran ran = run_cairn({"esdf", map, "--slice", "y=0.2", (out / "slice.png").string(), "--costmap",
                              (out / "floor.yaml").string(), "--height", "-1.0:0.4", "--json"});
   const auto told = json_of(ran);
@@ -346,8 +373,8 @@ TEST_F(Program, DrawsSlicesAndCostmaps) {
 
 TEST_F(Program, TellsWhatIsWrongWithQuestionsAboutDistances) {
   const auto map = (out / "map").string(), csv = (out / "points.csv").string();
-  ASSERT_EQ(run_cairn({"reconstruct", sequence(), "-o", map, "--frames", "0:3", "--voxel-size", "0.02", "--poses",
-                       sequence() + "/groundtruth.txt"})
+  ASSERT_EQ(run_cairn({"reconstruct", "--no-texture", sequence(), "-o", map, "--frames", "0:3", "--voxel-size", "0.02",
+                       "--poses", sequence() + "/groundtruth.txt"})
                 .exit_code,
             0);
   const auto refused = [&](std::vector<std::string> arguments, const std::string& expected, int exit_code = 1) {

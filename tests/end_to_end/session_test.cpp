@@ -61,8 +61,8 @@ TEST_F(Session, GoesOnWithAnotherRecordingOfTheSamePlace) {
   for (std::string line; std::getline(list, line);)
     if (line.starts_with('#') || ++frames > 5) later += line + '\n';
   write_text(out / "again" / "depth.txt", later);
-  const Ran ran = run_cairn(
-      {"reconstruct", (out / "again").string(), "-o", map.string(), "--frames", "25:65", "--resume", "--json"});
+  const Ran ran = run_cairn({"reconstruct", "--no-texture", (out / "again").string(), "-o", map.string(), "--frames",
+                             "25:65", "--resume", "--json"});
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
   const auto report = nlohmann::json::parse(ran.out);
   EXPECT_EQ(report["submaps"]["components"], 1);
@@ -75,10 +75,11 @@ TEST_F(Session, GoesOnWithAnotherRecordingOfTheSamePlace) {
 TEST_F(Session, BeginsAPieceOfItsOwnWhereNothingIsRecognised) {
   const fs::path map = copy_of_map();
   write_text(out / "soon.yaml", "map: {lost_frames: 15}\n");
-  const Ran ran = run_cairn({"reconstruct", path("corridor"), "-o", map.string(), "--frames", "0:45", "--resume",
-                             "--config", (out / "soon.yaml").string(), "--json"});
-  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  const Ran ran = run_cairn({"reconstruct", "--no-texture", path("corridor"), "-o", map.string(), "--frames", "0:45",
+                             "--resume", "--config", (out / "soon.yaml").string(), "--json"});
+  ASSERT_EQ(ran.exit_code, 3) << ran.err;
   const auto report = nlohmann::json::parse(ran.out);
+  EXPECT_EQ(report["verdict"]["level"], "bad");
   EXPECT_EQ(report["submaps"]["components"], 2);
   EXPECT_GT(report["frames"]["fused"], 20);
   EXPECT_NE(ran.err.find("not joined"), std::string::npos) << ran.err;
@@ -89,9 +90,11 @@ TEST_F(Session, BeginsAPieceOfItsOwnWhereNothingIsRecognised) {
 }
 
 TEST_F(Session, JoinsMapsOfTheSamePlace) {
-  ASSERT_EQ(run_cairn({"reconstruct", path("room"), "-o", (out / "b").string(), "--frames", "30:90"}).exit_code, 0);
-  const Ran ran =
-      run_cairn({"merge", path("map"), (out / "b").string(), "-o", (out / "c").string()}, "CAIRN_VALIDATION=1");
+  ASSERT_EQ(run_cairn({"reconstruct", "--no-texture", path("room"), "-o", (out / "b").string(), "--frames", "30:90"})
+                .exit_code,
+            0);
+  const Ran ran = run_cairn({"merge", "--no-texture", path("map"), (out / "b").string(), "-o", (out / "c").string()},
+                            "CAIRN_VALIDATION=1");
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
   EXPECT_TRUE(fs::exists(out / "c" / "report.html"));
   fs::copy(out / "c" / "trajectory-000.txt", out / "c" / "first.txt");
@@ -99,28 +102,33 @@ TEST_F(Session, JoinsMapsOfTheSamePlace) {
     EXPECT_LT(error_in_place(out / "c" / trajectory, fs::path(path("room")) / "groundtruth.txt"), 0.01) << trajectory;
   EXPECT_EQ(validate_gltf(out / "c" / "mesh.glb"), "");
   // And the joined map is a session, too.
-  const Ran more =
-      run_cairn({"reconstruct", path("room"), "-o", (out / "c").string(), "--frames", "60:75", "--resume"});
+  const Ran more = run_cairn(
+      {"reconstruct", "--no-texture", path("room"), "-o", (out / "c").string(), "--frames", "60:75", "--resume"});
   EXPECT_EQ(more.exit_code, 0) << more.err;
 }
 
 TEST_F(Session, RefusesToJoinMapsOfDifferentPlaces) {
-  ASSERT_EQ(run_cairn({"reconstruct", path("corridor"), "-o", (out / "b").string(), "--frames", "0:30"}).exit_code, 0);
+  ASSERT_EQ(run_cairn({"reconstruct", "--no-texture", path("corridor"), "-o", (out / "b").string(), "--frames", "0:30"})
+                .exit_code,
+            0);
   const std::string c = (out / "c").string();
   const std::string before = read_bytes(fs::path(path("map")) / "session" / "state.cbor");
-  expect_one_line(run_cairn({"merge", path("map"), (out / "b").string(), "-o", c}), 1, "--allow-disconnected");
+  expect_one_line(run_cairn({"merge", "--no-texture", path("map"), (out / "b").string(), "-o", c}), 1,
+                  "--allow-disconnected");
   EXPECT_FALSE(fs::exists(out / "c" / "session"));
-  const Ran ran = run_cairn({"merge", path("map"), (out / "b").string(), "-o", c, "--allow-disconnected"});
+  const Ran ran =
+      run_cairn({"merge", "--no-texture", path("map"), (out / "b").string(), "-o", c, "--allow-disconnected"});
   EXPECT_EQ(ran.exit_code, 0) << ran.err;
   EXPECT_NE(ran.out.find("separate piece"), std::string::npos) << ran.out;
   EXPECT_EQ(read_bytes(fs::path(path("map")) / "session" / "state.cbor"), before);
-  expect_one_line(run_cairn({"merge", path("map"), path("map"), "-o", path("map")}), 1, "is one of the maps");
-  expect_one_line(run_cairn({"merge", path("map"), path("room"), "-o", c}), 1, "no session");
+  expect_one_line(run_cairn({"merge", "--no-texture", path("map"), path("map"), "-o", path("map")}), 1,
+                  "is one of the maps");
+  expect_one_line(run_cairn({"merge", "--no-texture", path("map"), path("room"), "-o", c}), 1, "no session");
 }
 
 TEST_F(Session, AnswersADamagedOneWithOneLine) {
   const fs::path map = copy_of_map(), state = map / "session" / "state.cbor";
-  const std::vector<std::string> resume{"reconstruct", path("room"), "-o", map.string(), "--resume"};
+  const std::vector<std::string> resume{"reconstruct", "--no-texture", path("room"), "-o", map.string(), "--resume"};
   const std::string good = read_bytes(state), mesh = read_bytes(map / "mesh.glb");
 
   std::string bad = good;
@@ -158,13 +166,14 @@ TEST_F(Session, IsNoReasonToLoseTheMapWhenItCannotBeWritten) {
   // but what was there stays.
   const fs::path map = copy_of_map();
   const std::string mesh = read_bytes(map / "mesh.glb");
-  const Ran full =
-      run_cairn({"reconstruct", path("room"), "-o", map.string(), "--frames", "60:70", "--resume", "--checkpoint", "0"},
-                "trap '' XFSZ; ulimit -f 128;");
+  const Ran full = run_cairn({"reconstruct", "--no-texture", path("room"), "-o", map.string(), "--frames", "60:70",
+                              "--resume", "--checkpoint", "0"},
+                             "trap '' XFSZ; ulimit -f 128;");
   EXPECT_EQ(full.exit_code, 1);
   EXPECT_NE(full.err.find("cannot write"), std::string::npos) << full.err;
   EXPECT_TRUE(read_bytes(map / "mesh.glb") == mesh);
-  const Ran again = run_cairn({"reconstruct", path("room"), "-o", map.string(), "--frames", "60:70", "--resume"});
+  const Ran again =
+      run_cairn({"reconstruct", "--no-texture", path("room"), "-o", map.string(), "--frames", "60:70", "--resume"});
   EXPECT_EQ(again.exit_code, 0) << again.err;
 }
 

@@ -348,7 +348,7 @@ TEST(RosSource, IsWarnedOfOnceByTheProgram) {
   for (const ros::Recorded& m : ros::Messages(all))
     if (m.topic == "/camera/depth/image_raw") all.push_back({"/b" + m.topic, m.type, m.time, m.bytes});
   const InFile in("a.bag", bag(all));
-  const Ran ran = run_cairn({"reconstruct", in.file, "-o", in.folder / "map"});
+  const Ran ran = run_cairn({"reconstruct", "--no-texture", in.file, "-o", in.folder / "map"});
   const std::string warning = "depth is taken from the topic";
   const auto at = ran.err.find(warning);
   EXPECT_NE(at, std::string::npos) << ran.err;

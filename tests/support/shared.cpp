@@ -78,7 +78,7 @@ fs::path shared_recording(const std::vector<std::string>& arguments) {
 
 fs::path shared_map(const fs::path& recording, const std::vector<std::string>& arguments) {
   return made_once(joined("map_of_" + recording.filename().string(), arguments), [&](const std::string& output) {
-    std::vector<std::string> all{"reconstruct", recording.string(), "-o", output};
+    std::vector<std::string> all{"reconstruct", recording.string(), "-o", output, "--no-texture"};
     all.insert(all.end(), arguments.begin(), arguments.end());
     return run_cairn(all);
   });

@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "map_info.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <array>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "cairn/mesh.hpp"
+#include "cairn/session.hpp"
+#include "cairn/trajectory.hpp"
+#include "cairn/verdict.hpp"
+#include "json_text.hpp"
+#include "outputs.hpp"
+#include "run.hpp"
+
+namespace cairn::apps {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr std::uintmax_t kMostRead = std::uintmax_t{256} << 20;  // bytes of a mesh that is read to tell its size
+
+constexpr std::array kFiles{
+    std::pair{"mesh.glb", "the surface, for Blender and viewers"},
+    std::pair{"preview.glb", "the same with fewer triangles, for pages"},
+    std::pair{"map.vdb", "the voxels, as OpenVDB grids"},
+    std::pair{"trajectory.txt", "the camera's poses"},
+    std::pair{"graph.g2o", "keyframes and loops"},
+    std::pair{"graph.svg", "the same as a picture"},
+    std::pair{"report.html", "a page with all of it, for a browser"},
+    std::pair{"report.json", "the same for programs"},
+    std::pair{"session", "what is needed to go on (--resume)"},
+};
+
+std::uintmax_t size_of(const fs::path& path) {
+  if (!fs::is_directory(path)) return fs::file_size(path);
+  std::uintmax_t size = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(path))
+    if (entry.is_regular_file()) size += entry.file_size();
+  return size;
+}
+
+std::string in_words(std::uintmax_t bytes) {
+  if (bytes < 1'000'000) return fmt::format("{:.1f} kB", static_cast<double>(bytes) / 1e3);
+  return fmt::format("{:.1f} MB", static_cast<double>(bytes) / 1e6);
+}
+
+nlohmann::json report_of(const fs::path& folder) {
+  std::ifstream in(folder / "report.json", std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(in), {}};
+  const auto report = nlohmann::json::parse(text, nullptr, false);
+  if (!report.is_object() || !report.contains("frames"))
+    throw std::runtime_error((folder / "report.json").string() + ": is damaged; make the map again");
+  return report;
+}
+
+/// As the run told it; of a report from before there were verdicts by its counts alone.
+Verdict verdict_of(const nlohmann::json& report) {
+  if (report.contains("verdict")) {
+    const auto& told = report["verdict"];
+    Verdict v{.words = told.at("words"), .reasons = told.at("reasons")};
+    for (const auto level : {Verdict::Level::weak, Verdict::Level::bad})
+      if (told.at("level") == name_of(level)) v.level = level;
+    return v;
+  }
+  const auto& frames = report.at("frames");
+  return Evidence(Rig{}, Options{})
+      .verdict({.total = frames.at("total"),
+                .fused = frames.at("fused"),
+                .components = report.value(nlohmann::json::json_pointer("/submaps/components"), 1),
+                .warnings = report.value("warnings", std::vector<std::string>{})});
+}
+
+double length_of(const Trajectory& path) {
+  double length = 0;
+  for (std::size_t i = 1; i < path.size(); ++i)
+    length += (path[i].world_from_camera.translation() - path[i - 1].world_from_camera.translation()).norm();
+  return length;
+}
+
+/// Width, height and depth of the surface in the world's axes, metres.
+std::optional<Eigen::Vector3f> extent_of(const fs::path& mesh) {
+  if (!fs::exists(mesh) || fs::file_size(mesh) > kMostRead) return std::nullopt;
+  Eigen::AlignedBox3f box;
+  for (const Mesh& part : read_mesh_parts(mesh))
+    for (const auto& p : part.positions) box.extend(p);
+  return box.isEmpty() ? std::nullopt : std::optional<Eigen::Vector3f>(box.sizes());
+}
+
+Json files_in(const fs::path& folder) {
+  Json files = Json::array();
+  for (const auto& [name, what] : kFiles)
+    if (fs::exists(folder / name)) files.push_back({{"name", name}, {"bytes", size_of(folder / name)}, {"what", what}});
+  return files;
+}
+
+Json told_of(const fs::path& folder) {
+  if (!fs::exists(folder / "report.json")) {
+    const auto progressed = Progressed::from(Session::info(folder / "session").note);
+    return {{"cut_off", true},
+            {"frames", {{"total", progressed.frames.size()}, {"fused", progressed.frames.count("fused")}}},
+            {"files", files_in(folder)}};
+  }
+  const nlohmann::json report = report_of(folder);
+  Json told{{"verdict", to_json(verdict_of(report))},
+            {"sequence", report.value("sequence", "")},
+            {"frames", report.at("frames")},
+            {"keyframes", report.value("keyframes", 0)},
+            {"loops", report.contains("loops") ? report["loops"].size() : 0},
+            {"voxel_size", report.value(nlohmann::json::json_pointer("/options/voxel_size"), 0.0)}};
+  if (report.contains("interrupted")) told["interrupted"] = report["interrupted"];
+  if (report.contains("mesh")) {
+    const auto& mesh = report["mesh"];
+    told["triangles"] = mesh.value("triangles", 0);
+    if (mesh.contains("textures")) told["texel_m"] = mesh.value("texel_m", 0.0);
+  }
+  if (const auto extent = extent_of(folder / "mesh.glb")) told["extent_m"] = {extent->x(), extent->y(), extent->z()};
+  if (fs::exists(folder / "trajectory.txt")) {
+    const Trajectory path = read_trajectory(folder / "trajectory.txt");
+    told["path"] = {{"metres", length_of(path)},
+                    {"seconds", path.empty() ? 0.0 : path.back().timestamp - path.front().timestamp}};
+  }
+  told["files"] = files_in(folder);
+  return told;
+}
+
+void print(const Json& told) {
+  const auto line = [](const char* name, const std::string& text) { fmt::print("{:<16}{}\n", name, text); };
+  if (told.contains("cut_off"))
+    line("cut off", fmt::format("after {} of its frames: the command that made it goes on with --resume",
+                                told["frames"]["total"].get<int>()));
+  if (told.contains("sequence")) line("made from", told["sequence"]);
+  if (told.contains("path"))
+    line("path", fmt::format("{:.1f} m in {:.1f} s", told["path"]["metres"].get<double>(),
+                             told["path"]["seconds"].get<double>()));
+  if (told.contains("extent_m"))
+    line("extent", fmt::format("{:.1f} x {:.1f} x {:.1f} m", told["extent_m"][0].get<double>(),
+                               told["extent_m"][1].get<double>(), told["extent_m"][2].get<double>()));
+  if (told.contains("voxel_size") && told["voxel_size"] > 0)
+    line("voxels", fmt::format("{:.1f} cm", 100 * told["voxel_size"].get<double>()));
+  if (told.contains("triangles"))
+    line("surface", fmt::format("{} triangles, {}", told["triangles"].get<std::size_t>(),
+                                told.contains("texel_m")
+                                    ? fmt::format("textured, {:.1f} mm a texel", 1000 * told["texel_m"].get<double>())
+                                    : "with the voxels' colours"));
+  if (told.contains("keyframes"))
+    line("keyframes", fmt::format("{}, {} loops", told["keyframes"].get<int>(), told["loops"].get<int>()));
+  for (const Json& file : told["files"])
+    line(file["name"].get<std::string>().c_str(),
+         fmt::format("{:>10}  {}", in_words(file["bytes"]), file["what"].get<std::string>()));
+  if (told.contains("verdict")) {
+    const nlohmann::json plain_told = nlohmann::json::parse(told.dump());
+    apps::print(verdict_of(plain_told), stdout);
+  }
+  if (told.contains("interrupted"))
+    fmt::print("{} frames were left: {}\n", told["interrupted"]["frames_left"].get<int>(),
+               told["interrupted"]["remedy"].get<std::string>());
+}
+
+}  // namespace
+
+bool holds_map(const fs::path& folder) {
+  return fs::exists(folder / "session" / "state.cbor") ||
+         (fs::exists(folder / "report.json") && fs::exists(folder / "trajectory.txt"));
+}
+
+void print_map_info(const fs::path& folder, bool as_json) {
+  try {
+    const Json told = told_of(folder);
+    if (as_json)
+      fmt::print("{}\n", told.dump(2, ' ', false, Json::error_handler_t::replace));
+    else
+      print(told);
+  } catch (const nlohmann::json::exception& error) {
+    throw std::runtime_error(fmt::format("{}: is damaged: {}", (folder / "report.json").string(), plain(error.what())));
+  }
+}
+
+}  // namespace cairn::apps

@@ -1,0 +1,371 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/verdict.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iterator>
+#include <sstream>
+
+#include "eval/view_step.hpp"
+#include "place/focal.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr double kGood = 0.95, kBad = 0.8;  // of the frames
+constexpr std::size_t kEvery = 37;          // depth pixel that is looked at; shares no factor with usual widths
+constexpr int kFewFrames = 10;
+constexpr double kNearestMedian = 0.1, kFarthestMedian = 20;  // metres, of a room
+constexpr double kMostlyOut = 0.5;                            // of the measurements, nearer or farther than is used
+constexpr double kHoles = 0.2;                                // of the pixels, that must hold depth
+constexpr double kDark = 25;                                  // of 255
+constexpr double kMostly = 0.5;                               // of the frames that something is said of
+constexpr double kFast = 0.15;                                // of the image, from one frame to the next
+constexpr double kSlowRate = 6;                               // Hz
+constexpr double kGap = 3;                                    // times the usual time between frames
+constexpr double kBlurred = 0.33, kMoreBlurred = 0.85;        // sharpness; times that of the frames that were fused
+constexpr double kSomeSkipped = 0.05;                         // of the frames
+// Of views that are compared for the focal length.
+constexpr double kTurned = 0.15;             // of the image, that lie between two
+constexpr int kPairs = 8, kMostLooked = 16;  // at most; frames in which corners are looked for
+constexpr int kEnoughPairs = 3;              // to believe
+constexpr double kAgrees = 0.85;             // of the most corners fit the given length: it is right
+constexpr double kContradicts = 1.3;         // times the corners that fit the given length
+constexpr auto kCauses = static_cast<std::size_t>(FrameCause::partly_used) + 1;
+
+/// Numbers over decades, by their logarithm.
+struct LogHistogram {
+  static constexpr double kLowest = 1e-6;
+  static constexpr int kInDecade = 20, kDecades = 13;
+  std::array<double, kInDecade * kDecades> counts{};
+  void add(double value) {
+    if (!(value > 0)) return;
+    const auto bin = static_cast<long>(kInDecade * std::log10(value / kLowest));
+    ++counts[static_cast<std::size_t>(std::clamp<long>(bin, 0, static_cast<long>(counts.size()) - 1))];
+  }
+  [[nodiscard]] double total() const {
+    double sum = 0;
+    for (const double c : counts) sum += c;
+    return sum;
+  }
+  /// 0 without any.
+  [[nodiscard]] double median() const {
+    const double half = total() / 2;
+    double sum = 0;
+    for (std::size_t i = 0; i < counts.size() && half > 0; ++i)
+      if ((sum += counts[i]) >= half) return kLowest * std::pow(10, (static_cast<double>(i) + 0.5) / kInDecade);
+    return 0;
+  }
+};
+
+struct Mean {
+  double sum = 0, count = 0;
+  void add(double value) { sum += value, ++count; }
+  [[nodiscard]] double value() const { return count > 0 ? sum / count : 0; }
+};
+
+/// What is kept of all frames. Only numbers, so that they are saved in one loop.
+struct Sums {
+  double frames = 0, with_colour = 0, dark = 0;
+  double pixels = 0, measured = 0, nearer = 0, farther = 0;  // of the depth pixels that were looked at
+  LogHistogram depth, interval;                              // metres; seconds from frame to frame
+  Mean sharp_fused, sharp_lost;                              // of the image
+  Mean lost_step, fast_step;  // shares of the image, of the frames that were lost; of the fast ones among these
+  double losses = 0, fast_losses = 0, losses_after_gap = 0;  // frames that were lost after one that was fused
+  double longest_gap = 0;                                    // seconds
+  std::array<double, kCauses> causes{};                      // frames
+  std::array<double, kFarFocalScales.size()> focal{};        // corners that fit
+  double focal_pairs = 0, focal_looked = 0, focal_settled = 0;
+
+  template <class Visit>
+  void each(const Visit& visit) {
+    for (double* v : {&frames,          &with_colour,      &dark,
+                      &pixels,          &measured,         &nearer,
+                      &farther,         &sharp_fused.sum,  &sharp_fused.count,
+                      &sharp_lost.sum,  &sharp_lost.count, &lost_step.sum,
+                      &lost_step.count, &fast_step.sum,    &fast_step.count,
+                      &losses,          &fast_losses,      &losses_after_gap,
+                      &longest_gap,     &focal_pairs,      &focal_looked,
+                      &focal_settled})
+      visit(*v);
+    for (auto* list : {&depth.counts, &interval.counts})
+      for (double& v : *list) visit(v);
+    for (double& v : causes) visit(v);
+    for (double& v : focal) visit(v);
+  }
+};
+
+double share(double of, double all) { return all > 0 ? of / all : 0; }
+
+/// What makes a median that no room has one that rooms have.
+double likely_factor(double median) {
+  double best = 1, error = 1e9;
+  for (const double factor : {1e-4, 2e-4, 1e-3, 5e-3, 0.01, 0.1, 0.2, 5.0, 10.0, 100.0, 200.0, 1e3, 5e3, 1e4})
+    if (const double e = std::abs(std::log(median / factor / 1.5)); e < error) error = e, best = factor;
+  return best;
+}
+
+}  // namespace
+
+std::string name_of(Verdict::Level level) {
+  return level == Verdict::Level::good ? "good" : level == Verdict::Level::weak ? "weak" : "bad";
+}
+
+struct Evidence::State {
+  Rig rig;
+  float min_depth, max_depth;
+  Sums sums;
+  // Of the frames before.
+  ViewProfile before;
+  std::optional<double> last_timestamp;
+  FrameState last_state = FrameState::skipped;
+  Features known;  // that views are compared with for the focal length
+  ViewStep since_known;
+
+  void look_at_depth(const Frame& frame);
+  void compare_views(const Frame& frame, const ViewStep& step);
+  [[nodiscard]] bool compares_views(const Frame& frame) const;
+
+  // Reasons, in the order in which they are given.
+  void add_impossible(std::vector<std::string>& reasons, const Outcome& o) const;
+  void add_unseen(std::vector<std::string>& reasons) const;
+  void add_motion(std::vector<std::string>& reasons) const;
+  void add_causes(std::vector<std::string>& reasons, const Outcome& o) const;
+  [[nodiscard]] std::optional<std::string> wrong_focal() const;
+};
+
+void Evidence::State::look_at_depth(const Frame& frame) {
+  for (std::size_t i = 0; i < frame.depth.size(); i += kEvery) {
+    const float z = frame.depth[i];
+    ++sums.pixels;
+    if (!(z > 0)) continue;
+    ++sums.measured;
+    sums.nearer += z < min_depth;
+    sums.farther += z > max_depth;
+    sums.depth.add(static_cast<double>(z));
+  }
+}
+
+bool Evidence::State::compares_views(const Frame& frame) const {
+  return sums.focal_settled == 0 && sums.focal_looked < kMostLooked && !rig.colour && !frame.colour.empty() &&
+         frame.colour.size() == frame.depth.size();
+}
+
+/// The views must have turned; by how much need not be known.
+void Evidence::State::compare_views(const Frame& frame, const ViewStep& step) {
+  since_known.right += step.right, since_known.down += step.down;
+  if (!compares_views(frame)) return;
+  if (!known.rays.empty() && since_known.length() < kTurned) return;
+  Features seen = extract_features(frame.colour, frame.depth, rig.depth);
+  ++sums.focal_looked;
+  if (!known.rays.empty())
+    if (const auto inliers = focal_inliers(known, seen, rig.depth)) {
+      for (std::size_t i = 0; i < inliers->size(); ++i) sums.focal[i] += (*inliers)[i];
+      ++sums.focal_pairs;
+    }
+  known = std::move(seen);
+  since_known = {};
+  const double most = *std::max_element(sums.focal.begin(), sums.focal.end());
+  sums.focal_settled =
+      sums.focal_pairs >= kPairs || (sums.focal_pairs >= kEnoughPairs && sums.focal[kGivenFocal] >= kAgrees * most);
+}
+
+std::optional<std::string> Evidence::State::wrong_focal() const {
+  const auto* const best = std::max_element(sums.focal.begin(), sums.focal.end());
+  const double given = sums.focal[kGivenFocal];
+  if (sums.focal_pairs < kEnoughPairs || *best < kContradicts * given) return std::nullopt;
+  // Between two candidates, by how many corners fit their neighbours.
+  const auto i = static_cast<std::size_t>(std::distance(sums.focal.begin(), best));
+  double weight = 0, logarithm = 0;
+  for (std::size_t k = i > 0 ? i - 1 : i; k <= std::min(i + 1, sums.focal.size() - 1); ++k) {
+    const double w = sums.focal[k] * sums.focal[k];
+    weight += w, logarithm += w * std::log(kFarFocalScales[k]);
+  }
+  const double found = 10 * std::round(rig.depth.fx * std::exp(logarithm / weight) / 10);
+  return fmt::format(
+      "{:.0f} % more corners fit a focal length of about {:.0f} pixels than the given {:.0f} ({:.0f} pairs of views): "
+      "check the camera's intrinsics (fx, fy)",
+      std::min(100 * (*best / std::max(given, 1.0) - 1), 999.0), found, rig.depth.fx, sums.focal_pairs);
+}
+
+void Evidence::State::add_impossible(std::vector<std::string>& reasons, const Outcome& o) const {
+  if (const double median = sums.depth.median(); median > kFarthestMedian || (median > 0 && median < kNearestMedian)) {
+    const double factor = likely_factor(median);
+    reasons.push_back(
+        fmt::format("median depth is {:.2g} m: is depth_scale right? One {:g} times as {} would make that {:.1f} m",
+                    median, factor > 1 ? factor : 1 / factor, factor > 1 ? "large" : "small", median / factor));
+  }
+  if (const auto focal = wrong_focal()) reasons.push_back(*focal);
+  if (o.total < kFewFrames)
+    reasons.push_back(fmt::format("only {} frame{}: a surface needs to be seen often and from several sides", o.total,
+                                  o.total == 1 ? "" : "s"));
+}
+
+/// Of what a camera cannot see.
+void Evidence::State::add_unseen(std::vector<std::string>& reasons) const {
+  const auto give = [&](std::string text) { reasons.push_back(std::move(text)); };
+  if (const double seen = share(sums.measured, sums.pixels); sums.pixels > 0 && seen < kHoles)
+    give(
+        fmt::format("depth has holes: only {:.0f} % of its pixels are measured; glass, mirrors, sunlight and black or "
+                    "shiny things give none, nor does what is too near",
+                    100 * seen));
+  if (const double out = share(sums.farther, sums.measured); out > kMostlyOut)
+    give(
+        fmt::format("too far: {:.0f} % of the depth is farther than {:g} m and not used: go nearer, or raise "
+                    "surface.max_depth (--config)",
+                    100 * out, max_depth));
+  if (const double out = share(sums.nearer, sums.measured); out > kMostlyOut)
+    give(fmt::format("too near: {:.0f} % of the depth is nearer than {:g} m and not used: keep a little away",
+                     100 * out, min_depth));
+  if (share(sums.dark, sums.with_colour) > kMostly)
+    give("too dark: most colour images are nearly black: switch on the light, or lengthen the exposure");
+  if (sums.frames > 0 && sums.with_colour == 0)
+    give("there is no colour: by depth alone plain walls cannot be followed");
+}
+
+void Evidence::State::add_motion(std::vector<std::string>& reasons) const {
+  const auto give = [&](std::string text) { reasons.push_back(std::move(text)); };
+  const double interval = sums.interval.median(), rate = interval > 0 ? 1 / interval : 0;
+  const double turned_back = sums.causes[static_cast<std::size_t>(FrameCause::timestamp_goes_back)];
+  if (turned_back > kSomeSkipped * sums.frames)
+    give(fmt::format("the time stamps of {:.0f} frames go back, and these are skipped: are the images in order?",
+                     turned_back));
+  const bool is_fast = sums.losses > 0 && (sums.fast_losses >= kMostly * sums.losses ||
+                                           sums.fast_step.count >= kMostly * sums.lost_step.count);
+  if (is_fast && rate > 0 && rate < kSlowRate)
+    give(fmt::format(
+        "too few frames: about {:.1f} a second, and the view moves by {:.0f} % of the image from one to the "
+        "next: take more of them (--frames without a step), or move more slowly",
+        rate, 100 * sums.fast_step.value()));
+  else if (is_fast)
+    give(
+        fmt::format("too fast: where the camera was lost the view moves by {:.0f} % of the image from frame to frame: "
+                    "move and turn more slowly",
+                    100 * sums.fast_step.value()));
+  else if (sums.losses > 0 && sums.losses_after_gap >= kMostly * sums.losses)
+    give(
+        fmt::format("gaps: the camera was lost where frames are missing, for {:.1f} s at most: record to a faster "
+                    "disk, or with smaller images",
+                    sums.longest_gap));
+  const double lost = sums.sharp_lost.value(), fused = sums.sharp_fused.value();
+  if (lost > 0 && (lost < kBlurred || (fused > 0 && lost < kMoreBlurred * fused)))
+    give("blurred: the frames that were lost are less sharp than usual: move more slowly, or give more light");
+}
+
+/// What most frames that are not in the map have in common.
+void Evidence::State::add_causes(std::vector<std::string>& reasons, const Outcome& o) const {
+  const auto* const most = std::max_element(sums.causes.begin(), sums.causes.end());
+  const auto cause = static_cast<FrameCause>(std::distance(sums.causes.begin(), most));
+  if (*most == 0 || *most <= kSomeSkipped * o.total) return;
+  if (cause < FrameCause::little_depth)
+    reasons.push_back(fmt::format("{:.0f} frames could not be used: {}", *most, text_of(cause)));
+  else if (reasons.empty())
+    reasons.push_back(
+        fmt::format("{:.0f} frames were lost: {}; turn back to what was seen before when that happens, slowly", *most,
+                    text_of(cause)));
+}
+
+Evidence::Evidence(const Rig& rig, const Options& options)
+    : state_(new State{.rig = rig,
+                       .min_depth = options.surface.min_depth,
+                       .max_depth = options.surface.max_depth,
+                       .sums = {},
+                       .before = {},
+                       .last_timestamp = {},
+                       .known = {},
+                       .since_known = {}}) {}
+Evidence::~Evidence() = default;
+Evidence::Evidence(Evidence&&) noexcept = default;
+Evidence& Evidence::operator=(Evidence&&) noexcept = default;
+
+void Evidence::add(const Frame& frame, const FrameReport& report) {
+  State& s = *state_;
+  Sums& sums = s.sums;
+  const bool is_lost = report.state == FrameState::lost;
+  ++sums.frames;
+  if (report.state != FrameState::fused) ++sums.causes[static_cast<std::size_t>(report.cause)];
+  if (frame.problem) return;
+  s.look_at_depth(frame);
+  ViewProfile now = profile_of(frame, s.rig);
+  if (!frame.colour.empty()) {
+    ++sums.with_colour;
+    sums.dark += now.brightness < kDark;
+    if (now.sharpness > 0) (is_lost ? sums.sharp_lost : sums.sharp_fused).add(now.sharpness);
+  }
+  double interval = 0;
+  if (s.last_timestamp && frame.timestamp > *s.last_timestamp) interval = frame.timestamp - *s.last_timestamp;
+  const double usual = sums.interval.median();
+  sums.interval.add(interval);
+  if (const auto step = s.before.columns.empty() ? std::nullopt : step_between(s.before, now)) {
+    const bool is_fast = step->length() >= kFast;
+    if (is_lost) sums.lost_step.add(step->length());
+    if (is_lost && is_fast) sums.fast_step.add(std::min(1.0, step->length()));
+    sums.fast_losses += is_lost && is_fast && s.last_state == FrameState::fused;
+    s.compare_views(frame, *step);
+  } else {
+    s.compare_views(frame, {});
+  }
+  if (is_lost && s.last_state == FrameState::fused) {
+    ++sums.losses;
+    if (usual > 0 && interval > kGap * usual) {
+      ++sums.losses_after_gap;
+      sums.longest_gap = std::max(sums.longest_gap, interval);
+    }
+  }
+  if (frame.depth.empty()) return;
+  s.before = std::move(now);
+  s.last_timestamp = frame.timestamp;
+  s.last_state = report.state;
+}
+
+Verdict Evidence::verdict(const Outcome& o) const {
+  const double in_map = share(o.fused, o.total);
+  Verdict v;
+  std::vector<std::string>& reasons = v.reasons;
+  if (o.components > 1)
+    reasons.push_back(
+        fmt::format("{} pieces of the map are not joined by any loop; the largest is written, the session keeps all: "
+                    "record the way from one to the other, slowly (--resume)",
+                    o.components));
+  state_->add_impossible(reasons, o);
+  if (in_map < kGood) {
+    state_->add_unseen(reasons);
+    state_->add_motion(reasons);
+    state_->add_causes(reasons, o);
+  }
+  reasons.insert(reasons.end(), o.warnings.begin(), o.warnings.end());
+  v.level = in_map < kBad || o.components > 1      ? Verdict::Level::bad
+            : in_map < kGood || !v.reasons.empty() ? Verdict::Level::weak
+                                                   : Verdict::Level::good;
+  const std::string counted = fmt::format("{} of {} frames are in the map", o.fused, o.total);
+  if (in_map < kBad)
+    v.words = "mostly lost: only " + counted;
+  else if (o.components > 1)
+    v.words = fmt::format("in {} pieces that nothing joins: {}", o.components, counted);
+  else if (in_map < kGood)
+    v.words = counted + ": look for what is missing";
+  else
+    v.words = counted + (v.level == Verdict::Level::weak ? ", but read this" : "");
+  return v;
+}
+
+std::string Evidence::save() const {
+  std::ostringstream out;
+  out.precision(17);
+  Sums sums = state_->sums;
+  sums.each([&](double& v) { out << v << ' '; });
+  return std::move(out).str();
+}
+
+void Evidence::restore(const std::string& saved) {
+  std::istringstream in(saved);
+  Sums sums;
+  sums.each([&](double& v) { in >> v; });
+  if (in) state_->sums = sums;
+}
+
+}  // namespace cairn

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "eval/view_step.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace cairn {
+namespace {
+
+constexpr int kAcross = 160;             // samples of a row
+constexpr double kMostShift = 0.6;       // of the image
+constexpr double kCommon = 0.6;          // of a profile's own variation, that two views of one place differ by
+constexpr double kFlat = 0.04;           // of a profile's mean: what varies less tells nothing
+constexpr double kClearlyBetter = 0.75;  // times the cost of not having moved
+constexpr int kFine = 1, kCoarse = 4;    // pixels between which brightness steps
+
+std::size_t pixels_of(const Camera& c) {
+  return static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height);
+}
+
+float brightness_of(std::uint32_t rgba) {
+  return static_cast<float>((rgba & 255) + 2 * (rgba >> 8 & 255) + (rgba >> 16 & 255)) / 4;
+}
+
+/// Adds up columns and rows of what `at(x, y)` gives.
+template <class At>
+void add_up(const Camera& camera, const At& at, ViewProfile& profile) {
+  const int step = std::max(1, camera.width / kAcross), columns = camera.width / step, rows = camera.height / step;
+  profile.columns.assign(static_cast<std::size_t>(columns), 0.0f);
+  profile.rows.assign(static_cast<std::size_t>(rows), 0.0f);
+  for (int y = 0; y < rows; ++y)
+    for (int x = 0; x < columns; ++x) {
+      const float value = at(x * step, y * step);
+      profile.columns[static_cast<std::size_t>(x)] += value / static_cast<float>(rows);
+      profile.rows[static_cast<std::size_t>(y)] += value / static_cast<float>(columns);
+    }
+}
+
+double sharpness_of(const std::vector<std::uint32_t>& colour, const Camera& camera) {
+  constexpr int kEveryRow = 8;
+  double fine = 0, coarse = 0;
+  for (int y = 0; y < camera.height; y += kEveryRow) {
+    const std::uint32_t* row = &colour[static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width)];
+    for (int x = 0; x + kCoarse < camera.width; ++x) {
+      const float here = brightness_of(row[x]);
+      fine += static_cast<double>(std::abs(brightness_of(row[x + kFine]) - here));
+      coarse += static_cast<double>(std::abs(brightness_of(row[x + kCoarse]) - here));
+    }
+  }
+  return coarse > 0 ? fine / coarse : 0;
+}
+
+double mean_of(const std::vector<float>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+/// Samples by which `now` has moved against `before`, all of them where no shift fits; nothing of a flat image.
+std::optional<int> shift_between(const std::vector<float>& before, const std::vector<float>& now) {
+  if (before.size() != now.size() || now.empty()) return std::nullopt;
+  const int n = static_cast<int>(now.size()), most = static_cast<int>(kMostShift * n);
+  const double mean_before = mean_of(before), mean_now = mean_of(now);
+  double variation = 0;
+  for (const float v : now) variation += std::abs(static_cast<double>(v) - mean_now) / n;
+  const auto cost = [&](int shift) {
+    double sum = 0;
+    const int begin = std::max(0, -shift), end = std::min(n, n - shift);
+    for (int i = begin; i < end; ++i)
+      sum += std::abs((static_cast<double>(before[static_cast<std::size_t>(i + shift)]) - mean_before) -
+                      (static_cast<double>(now[static_cast<std::size_t>(i)]) - mean_now));
+    return sum / (end - begin);
+  };
+  int best = 0;
+  double least = cost(0);
+  const double still = least;
+  for (int shift = -most; shift <= most; ++shift)
+    if (const double c = cost(shift); c < least) least = c, best = shift;
+  if (variation < kFlat * mean_now) return std::nullopt;
+  if (least > kCommon * variation) return n;
+  return least < kClearlyBetter * still ? best : 0;
+}
+
+}  // namespace
+
+double ViewStep::length() const { return std::hypot(right, down); }
+
+ViewProfile profile_of(const Frame& frame, const Rig& rig) {
+  ViewProfile profile;
+  if (const Camera& camera = rig.colour_view(); frame.colour.size() == pixels_of(camera)) {
+    add_up(
+        camera,
+        [&](int x, int y) {
+          return brightness_of(frame.colour[static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width) +
+                                            static_cast<std::size_t>(x)]);
+        },
+        profile);
+    profile.brightness = mean_of(profile.columns);
+    profile.sharpness = sharpness_of(frame.colour, camera);
+  } else if (frame.depth.size() == pixels_of(rig.depth)) {
+    add_up(
+        rig.depth,
+        [&](int x, int y) {
+          return frame.depth[static_cast<std::size_t>(y) * static_cast<std::size_t>(rig.depth.width) +
+                             static_cast<std::size_t>(x)];
+        },
+        profile);
+  }
+  return profile;
+}
+
+std::optional<ViewStep> step_between(const ViewProfile& before, const ViewProfile& now) {
+  const auto right = shift_between(before.columns, now.columns), down = shift_between(before.rows, now.rows);
+  if (!right && !down) return std::nullopt;
+  ViewStep step{.right = right.value_or(0) / static_cast<double>(now.columns.size()),
+                .down = down.value_or(0) / static_cast<double>(now.rows.size())};
+  // A view that turns to one side has other rows, too: that says nothing as long as its columns are found again.
+  if (right && step.right < 1 && step.down == 1) step.down = 0;
+  if (down && step.down < 1 && step.right == 1) step.right = 0;
+  return step;
+}
+
+}  // namespace cairn

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "place/focal.hpp"
+
+#include <opencv2/calib3d.hpp>
+
+#include "place/matches.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kLeastMatches = 40, kLeastInliers = 8;
+constexpr double kReprojection = 2.0;  // pixels
+constexpr int kRansacIterations = 100;
+
+/// Corners that lie within so many pixels of where a pose projects them.
+Matches near(const Matches& matches, const cv::Vec3d& rotation, const cv::Vec3d& translation, double error) {
+  std::vector<cv::Point2d> projected;
+  cv::projectPoints(matches.points, rotation, translation, cv::Matx33d::eye(), cv::noArray(), projected);
+  Matches close;
+  for (std::size_t i = 0; i < projected.size(); ++i) {
+    if (!(cv::norm(projected[i] - matches.rays[i]) < error)) continue;
+    close.points.push_back(matches.points[i]);
+    close.rays.push_back(matches.rays[i]);
+  }
+  return close;
+}
+
+/// A pose by a few corners, then by all that it brings near (as Chum, Matas & Kittler 2003 do in a RANSAC loop): depth
+/// is noisy, and the first pose alone would hide what another length is better for.
+int inliers_of(Matches matches, double focal, double scale) {
+  for (auto& p : matches.points) p.x /= scale, p.y /= scale;
+  for (auto& r : matches.rays) r *= 1 / scale;
+  cv::Vec3d rotation, translation;
+  std::vector<int> inliers;
+  const double error = kReprojection / (focal * scale);
+  if (!cv::solvePnPRansac(matches.points, matches.rays, cv::Matx33d::eye(), cv::noArray(), rotation, translation, false,
+                          kRansacIterations, static_cast<float>(2 * error), 0.99, inliers, cv::SOLVEPNP_EPNP))
+    return 0;
+  for (const double reach : {3.0, 1.5}) {
+    const Matches close = near(matches, rotation, translation, reach * error);
+    if (close.points.size() < kLeastInliers ||
+        !cv::solvePnP(close.points, close.rays, cv::Matx33d::eye(), cv::noArray(), rotation, translation, true))
+      return 0;
+  }
+  return static_cast<int>(near(matches, rotation, translation, error).points.size());
+}
+
+}  // namespace
+
+std::optional<std::array<int, kFarFocalScales.size()>> focal_inliers(const Features& known, const Features& seen,
+                                                                     const Camera& camera) {
+  const Matches matches = match(known, seen);
+  if (matches.points.size() < kLeastMatches) return std::nullopt;
+  std::array<int, kFarFocalScales.size()> inliers{};
+  for (std::size_t i = 0; i < inliers.size(); ++i) inliers[i] = inliers_of(matches, camera.fx, kFarFocalScales[i]);
+  return inliers;
+}
+
+}  // namespace cairn

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "apps/command_line.hpp"
+
+#include <gtest/gtest.h>
+
+namespace cairn::apps {
+namespace {
+
+TEST(CommandLine, GoesOnWithWhatWasBegun) {
+  EXPECT_EQ(resuming({"cairn", "reconstruct", "rec", "-o", "out"}, "out", "out"),
+            "cairn reconstruct rec -o out --resume");
+  // What says what becomes of an earlier map does not say so again.
+  EXPECT_EQ(resuming({"cairn", "live", "rec", "out", "--overwrite"}, "out", "out"), "cairn live rec out --resume");
+  EXPECT_EQ(resuming({"cairn", "live", "rec", "out", "--resume", "--json"}, "out", "out"),
+            "cairn live rec out --resume --json");
+}
+
+TEST(CommandLine, NamesTheFolderThatWasWrittenTo) {
+  const auto line = [](std::vector<std::string> words) { return resuming(std::move(words), "out/", "out-2"); };
+  EXPECT_EQ(line({"cairn", "reconstruct", "rec", "out/", "--auto-name"}), "cairn reconstruct rec out-2 --resume");
+  EXPECT_EQ(line({"cairn", "reconstruct", "-o", "out/", "rec", "--auto-name"}),
+            "cairn reconstruct -o out-2 rec --resume");
+  EXPECT_EQ(line({"cairn", "reconstruct", "-oout/", "rec", "--auto-name"}), "cairn reconstruct -oout-2 rec --resume");
+  EXPECT_EQ(line({"cairn", "reconstruct", "--auto-name", "--output=out/", "rec"}),
+            "cairn reconstruct --output=out-2 rec --resume");
+}
+
+TEST(CommandLine, IsReadByAShellAsItWasMeant) {
+  EXPECT_EQ(quoted("rec/a_1.bag"), "rec/a_1.bag");
+  EXPECT_EQ(quoted(""), "''");
+  EXPECT_EQ(quoted("my scan"), "'my scan'");
+  EXPECT_EQ(quoted("it's $HOME"), "'it'\\''s $HOME'");
+  EXPECT_EQ(resuming({"cairn", "reconstruct", "my scan", "out"}, "out", "out"),
+            "cairn reconstruct 'my scan' out --resume");
+}
+
+}  // namespace
+}  // namespace cairn::apps

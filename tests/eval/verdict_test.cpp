@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/verdict.hpp"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+
+#include "cairn/source.hpp"
+#include "eval/view_step.hpp"
+#include "support/files.hpp"
+#include "support/scenes.hpp"
+
+namespace cairn {
+namespace {
+
+/// Frames of the room as the camera goes its way, `speed` times as fast.
+class VerdictOfARoom : public testing::Test {
+ protected:
+  static constexpr int kFrames = 40, kKept = 12;  // of which so many are fused, the others are lost
+  [[nodiscard]] static std::vector<Frame> frames(double speed = 1) {
+    static const Scene scene = synthetic_scene("room");
+    SceneRenderer renderer(test_device(), scene, small_camera());
+    std::vector<Frame> all;
+    for (int i = 0; i < kFrames; ++i) {
+      auto images = renderer.render(scene.world_from_camera(speed * i / 30.0));
+      all.push_back(
+          {.index = i, .timestamp = i / 30.0, .depth = std::move(images.depth), .colour = std::move(images.colour)});
+    }
+    return all;
+  }
+  /// What is said of the frames once each is changed.
+  [[nodiscard]] static Verdict verdict_of(std::vector<Frame> all, const std::function<void(Frame&)>& change,
+                                          int fused = kKept, const Rig& rig = small_camera()) {
+    Evidence evidence(rig, Options{});
+    for (Frame& frame : all) {
+      change(frame);
+      FrameReport report{.index = frame.index, .timestamp = frame.timestamp, .state = FrameState::fused};
+      if (frame.index >= fused) report.state = FrameState::lost, report.cause = FrameCause::out_of_view;
+      evidence.add(frame, report);
+    }
+    return evidence.verdict({.total = kFrames, .fused = fused});
+  }
+  static void expect_reason(const Verdict& verdict, const std::string& what) {
+    ASSERT_FALSE(verdict.reasons.empty()) << what;
+    EXPECT_NE(verdict.reasons.front().find(what), std::string::npos) << verdict.reasons.front();
+  }
+};
+
+TEST_F(VerdictOfARoom, IsGoodWhenAllIsFused) {
+  const Verdict verdict = verdict_of(
+      frames(), [](Frame&) {}, kFrames);
+  EXPECT_EQ(verdict.level, Verdict::Level::good);
+  EXPECT_EQ(verdict.words, "40 of 40 frames are in the map");
+  EXPECT_TRUE(verdict.reasons.empty()) << verdict.reasons.front();
+}
+
+TEST_F(VerdictOfARoom, GivesTheReasonByWhatWasSeen) {
+  const std::vector<Frame> usual = frames();
+  const auto scaled = [](float scale) {
+    return [scale](Frame& frame) {
+      for (float& z : frame.depth) z *= scale;
+    };
+  };
+  const auto bad = [&](const std::function<void(Frame&)>& change) {
+    const Verdict verdict = verdict_of(usual, change);
+    EXPECT_EQ(verdict.level, Verdict::Level::bad);
+    EXPECT_EQ(verdict.words, "mostly lost: only 12 of 40 frames are in the map");
+    return verdict;
+  };
+  expect_reason(bad(scaled(1000)), "is depth_scale right? One 1000 times as large would make that");
+  expect_reason(bad(scaled(0.001f)), "is depth_scale right? One 1000 times as small would make that");
+  expect_reason(bad(scaled(4)), "too far: ");
+  expect_reason(bad(scaled(0.1f)), "too near: ");
+  expect_reason(bad([](Frame& frame) {
+                  for (std::size_t i = 0; i < frame.depth.size(); ++i)
+                    if (i % 10 != 0) frame.depth[i] = 0;
+                }),
+                "depth has holes: only 1");
+  expect_reason(bad([](Frame& frame) {
+                  for (std::uint32_t& c : frame.colour) c = 0xff000000 | (c >> 4 & 0x0f0f0f);
+                }),
+                "too dark: ");
+  expect_reason(bad([](Frame& frame) { frame.colour.clear(); }), "there is no colour");
+  expect_reason(bad([](Frame& frame) {
+                  if (frame.index >= kKept) frame.timestamp += 2;
+                }),
+                "gaps: the camera was lost where frames are missing, for 2.0 s at most");
+  // With nothing that stands out, what most lost frames have in common.
+  expect_reason(bad([](Frame&) {}), "28 frames were lost: the map is out of view");
+}
+
+TEST_F(VerdictOfARoom, TellsAFastCameraFromFewFrames) {
+  const std::vector<Frame> fast = frames(30);
+  const Verdict verdict = verdict_of(fast, [](Frame&) {});
+  expect_reason(verdict, "too fast: where the camera was lost the view moves by");
+  expect_reason(verdict_of(fast, [](Frame& frame) { frame.timestamp *= 12; }), "too few frames: about 2.");
+}
+
+TEST_F(VerdictOfARoom, TellsAWrongFocalLengthWithoutAPose) {
+  const std::vector<Frame> turning = frames(3);
+  Camera wrong = small_camera();
+  wrong.fx *= 300.0 / 585, wrong.fy *= 300.0 / 585;
+  for (const int fused : {kFrames, 0}) {  // also where all seems well, and where nothing is tracked
+    const Verdict verdict = verdict_of(
+        turning, [](Frame&) {}, fused, wrong);
+    expect_reason(verdict, "check the camera's intrinsics (fx, fy)");
+    const auto at = verdict.reasons.front().find("about ") + 6;
+    EXPECT_NEAR(std::stod(verdict.reasons.front().substr(at)), 262.5, 45) << verdict.reasons.front();
+    EXPECT_NE(verdict.level, Verdict::Level::good);
+  }
+  for (const std::string& reason : verdict_of(turning, [](Frame&) {}).reasons)
+    EXPECT_EQ(reason.find("intrinsics"), std::string::npos) << reason;
+}
+
+TEST_F(VerdictOfARoom, GoesOnWithWhatWasSaved) {
+  const std::vector<Frame> all = frames(12);
+  Evidence whole(small_camera(), {}), first(small_camera(), {}), second(small_camera(), {});
+  for (const Frame& frame : all) {
+    FrameReport report{.index = frame.index,
+                       .timestamp = frame.timestamp,
+                       .state = FrameState::lost,
+                       .cause = FrameCause::out_of_view};
+    if (frame.index % 2 == 0) report = {.index = frame.index, .timestamp = frame.timestamp, .state = FrameState::fused};
+    whole.add(frame, report);
+    if (frame.index == 20) second.restore(first.save());
+    (frame.index < 20 ? first : second).add(frame, report);
+  }
+  const Outcome outcome{.total = kFrames, .fused = kFrames / 2};
+  EXPECT_EQ(second.verdict(outcome).reasons, whole.verdict(outcome).reasons);
+  const std::string before = second.save();
+  second.restore("what nobody saved");
+  EXPECT_EQ(second.save(), before);
+}
+
+TEST(VerdictOfARecording, TellsAWrongFocalLengthFromTheRightOne) {
+  CAIRN_REQUIRE_DATA("7scenes_redkitchen_600");
+  const auto reasons_with = [](double focal) {
+    const auto source = open_source((data_folder() / "7scenes_redkitchen_600").string(),
+                                    {.range = {.end = 150}, .find_colour_camera = false});
+    Rig rig = source->rig();
+    rig.depth.fx = rig.depth.fy = focal;
+    Evidence evidence(rig, {});
+    int frames = 0;
+    while (const auto frame = source->next()) {
+      ++frames;
+      evidence.add(*frame, {.index = frame->index, .timestamp = frame->timestamp, .state = FrameState::fused});
+    }
+    std::string all;
+    for (const std::string& reason : evidence.verdict({.total = frames, .fused = frames}).reasons) all += reason + '\n';
+    return all;
+  };
+  EXPECT_EQ(reasons_with(585), "");
+  EXPECT_NE(reasons_with(300).find("check the camera's intrinsics"), std::string::npos);
+}
+
+TEST(Verdict, ComesFromCountsPiecesAndWarnings) {
+  const Evidence evidence(small_camera(), {});
+  using Level = Verdict::Level;
+  EXPECT_EQ(evidence.verdict({.total = 100, .fused = 95}).level, Level::good);
+  EXPECT_EQ(evidence.verdict({.total = 100, .fused = 94}).level, Level::weak);
+  EXPECT_EQ(evidence.verdict({.total = 100, .fused = 80}).level, Level::weak);
+  EXPECT_EQ(evidence.verdict({.total = 100, .fused = 79}).level, Level::bad);
+  const Verdict pieces = evidence.verdict({.total = 100, .fused = 100, .components = 3});
+  EXPECT_EQ(pieces.level, Level::bad);
+  EXPECT_NE(pieces.reasons.at(0).find("3 pieces of the map are not joined"), std::string::npos);
+  const Verdict warned = evidence.verdict({.total = 100, .fused = 100, .warnings = {"it was unplugged"}});
+  EXPECT_EQ(warned.level, Level::weak);
+  EXPECT_EQ(warned.reasons, std::vector<std::string>{"it was unplugged"});
+  EXPECT_EQ(evidence.verdict({.total = 3, .fused = 3}).reasons.at(0).find("only 3 frames"), 0u);
+}
+
+TEST(ViewStep, IsHowFarAnImageMoved) {
+  const Scene scene = synthetic_scene("room");
+  const Camera camera = small_camera();
+  const Eigen::Isometry3d pose = scene.world_from_camera(1);
+  const auto turned = [&](double angle) {
+    Eigen::Isometry3d turn = Eigen::Isometry3d::Identity();
+    turn.linear() = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()).toRotationMatrix();
+    return profile_of(scene_frame_at(scene, camera, pose * turn), camera);
+  };
+  const ViewProfile before = turned(0);
+  for (const double angle : {0.0, 0.03, -0.05, 0.2, -0.3}) {
+    const auto step = step_between(before, turned(angle));
+    ASSERT_TRUE(step) << angle;
+    EXPECT_NEAR(step->right, camera.fx * std::tan(angle) / camera.width, 0.03) << angle;
+    EXPECT_NEAR(step->down, 0, 0.03) << angle;
+  }
+  // A plain image tells nothing.
+  Frame plain = scene_frame_at(scene, camera, pose);
+  for (std::uint32_t& c : plain.colour) c = 0xff808080;
+  EXPECT_FALSE(step_between(profile_of(plain, camera), profile_of(plain, camera)));
+}
+
+TEST(ViewProfile, TellsABlurredImageFromASharpOne) {
+  const Camera camera = small_camera();
+  Frame frame = scene_frame(synthetic_scene("room"), camera, 30, true);
+  const double sharp = profile_of(frame, camera).sharpness;
+  // Each row is drawn out over 12 pixels, as by a turn within the exposure.
+  const std::vector<std::uint32_t> image = frame.colour;
+  for (int y = 0; y < camera.height; ++y)
+    for (int x = 0; x + 12 < camera.width; ++x) {
+      std::array<std::uint32_t, 3> sum{};
+      for (int k = 0; k < 12; ++k)
+        for (std::uint32_t c = 0; c < 3; ++c)
+          sum[c] += image[static_cast<std::size_t>(y * camera.width + x + k)] >> (8 * c) & 255;
+      frame.colour[static_cast<std::size_t>(y * camera.width + x)] =
+          0xff000000 | sum[0] / 12 | (sum[1] / 12) << 8 | (sum[2] / 12) << 16;
+    }
+  const double blurred = profile_of(frame, camera).sharpness;
+  EXPECT_LT(blurred, 0.33) << sharp;
+  EXPECT_LT(blurred, 0.85 * sharp);
+  EXPECT_GT(sharp, 0.33);
+}
+
+}  // namespace
+}  // namespace cairn
