@@ -20,7 +20,7 @@ enum class Pace {
 /// Keeps only the newest frame, from a thread of its own: whoever is slower than the stream skips frames and never lags
 /// behind. dropped() counts those that nobody took. Of a recording, frames that come too late are not even read, where
 /// the source can pass over them, and the next is read just before it will be asked for; what reads more slowly than it
-/// was taken plays more slowly.
+/// was taken plays more slowly, and a pause stops its time.
 class LiveSource final : public WrappedSource {
  public:
   using Clock = std::chrono::steady_clock;
@@ -29,6 +29,9 @@ class LiveSource final : public WrappedSource {
   /// The same, but at most `patience` late: nothing also when no frame came by then and the stream goes on.
   std::optional<Frame> next_within(std::chrono::milliseconds patience);
   [[nodiscard]] bool ended() const;
+  /// Stops playing a recording, and goes on where it was; a sensor goes on. Nothing that comes because of it is
+  /// dropped.
+  void pause(bool paused);
   [[nodiscard]] std::optional<int> size() const override { return std::nullopt; }
   [[nodiscard]] int dropped() const override;
   /// When the frame came that next() gave last; of a recording, when it was due.
@@ -39,11 +42,18 @@ class LiveSource final : public WrappedSource {
   void run(const std::stop_token& stop);
   void play(const std::stop_token& stop);
   void put(Frame frame, Clock::time_point arrived);
+  // The time that recordings play in; it stands while they are paused. Of whoever holds the mutex.
+  [[nodiscard]] Clock::time_point played() const { return paused_at_.value_or(Clock::now()) - paused_for_; }
+  void wait_until(std::unique_lock<std::mutex>& lock, const std::stop_token& stop, Clock::time_point played_time);
 
+  const Pace pace_;
   mutable std::mutex mutex_;
   std::condition_variable_any changed_;
+  std::optional<Clock::time_point> paused_at_;
+  Clock::duration paused_for_{0};  ///< before
   std::optional<Frame> newest_;
-  Clock::time_point newest_arrived_, arrived_, taken_;
+  Clock::time_point newest_arrived_, taken_;  ///< in played time
+  Clock::time_point arrived_;
   Seconds busy_{0};       ///< the reader is with a frame, smoothed
   bool is_asked_ = true;  ///< since a frame was taken
   int dropped_ = 0;

@@ -13,9 +13,9 @@ constexpr double kReadEarly = 1.5;  // times as long as reading a frame takes
 }  // namespace
 
 LiveSource::LiveSource(std::unique_ptr<Source> source, Pace pace)
-    : WrappedSource(std::move(source)), thread_([this, pace](const std::stop_token& stop) {
+    : WrappedSource(std::move(source)), pace_(pace), thread_([this](const std::stop_token& stop) {
         try {
-          pace == Pace::as_recorded ? play(stop) : run(stop);
+          pace_ == Pace::as_recorded ? play(stop) : run(stop);
         } catch (...) {
           const std::lock_guard lock(mutex_);
           error_ = std::current_exception();
@@ -31,6 +31,28 @@ void LiveSource::put(Frame frame, Clock::time_point arrived) {
   newest_ = std::move(frame);
   newest_arrived_ = arrived;
   changed_.notify_all();
+}
+
+void LiveSource::pause(bool paused) {
+  const std::lock_guard lock(mutex_);
+  if (pace_ != Pace::as_recorded || paused == paused_at_.has_value()) return;
+  if (paused)
+    paused_at_ = Clock::now();
+  else
+    paused_for_ += Clock::now() - *std::exchange(paused_at_, std::nullopt);
+  changed_.notify_all();
+}
+
+void LiveSource::wait_until(std::unique_lock<std::mutex>& lock, const std::stop_token& stop,
+                            Clock::time_point played_time) {
+  while (!stop.stop_requested() && played() < played_time) {
+    const bool was_paused = paused_at_.has_value();
+    const auto is_other = [&] { return paused_at_.has_value() != was_paused; };
+    if (was_paused)
+      changed_.wait(lock, stop, is_other);
+    else
+      changed_.wait_until(lock, stop, played_time + paused_for_, is_other);
+  }
 }
 
 void LiveSource::run(const std::stop_token& stop) {
@@ -59,9 +81,9 @@ void LiveSource::play(const std::stop_token& stop) {
       if (!changed_.wait(lock, stop, [&] { return !newest_; })) return;
       wanted = taken_ + std::chrono::duration_cast<Clock::duration>(busy_);
       const auto begin = wanted - std::chrono::duration_cast<Clock::duration>(kReadEarly * reading);
-      if (first) changed_.wait_until(lock, stop, begin, [] { return false; });
+      if (first) wait_until(lock, stop, begin);
+      wanted = std::max(wanted, played());
     }
-    wanted = std::max(wanted, Clock::now());
     const auto drop = [&](double timestamp) {
       before = timestamp;
       const std::lock_guard lock(mutex_);
@@ -75,21 +97,25 @@ void LiveSource::play(const std::stop_token& stop) {
     auto frame = source_->next();
     if (!frame) return;
     reading += 0.2 * (Clock::now() - begin - reading);
-    if (!first) first = {frame->timestamp, Clock::now()};
+    const auto read_at = [&] {
+      const std::lock_guard lock(mutex_);
+      return played();
+    }();
+    if (!first) first = {frame->timestamp, read_at};
     const double timestamp = frame->timestamp;
-    if (is_late(timestamp, Clock::now())) {
+    if (is_late(timestamp, read_at)) {
       const Seconds interval(timestamp - before);
       if (!source_->next_timestamp() && reading < interval && source_->size().value_or(1) > 0) {
         drop(timestamp);
         continue;
       }
       // It cannot be read as fast as it was taken: it plays as fast as it can.
-      if (reading >= interval) first->second += Clock::now() - due(timestamp);
+      if (reading >= interval) first->second += read_at - due(timestamp);
     }
     before = timestamp;
     {
       std::unique_lock lock(mutex_);
-      changed_.wait_until(lock, stop, due(timestamp), [] { return false; });
+      wait_until(lock, stop, due(timestamp));
     }
     put(std::move(*frame), due(timestamp));
   }
@@ -102,14 +128,14 @@ std::optional<Frame> LiveSource::next() {
 
 std::optional<Frame> LiveSource::next_within(std::chrono::milliseconds patience) {
   std::unique_lock lock(mutex_);
-  if (!std::exchange(is_asked_, true)) busy_ += 0.2 * (Clock::now() - taken_ - busy_);
+  if (!std::exchange(is_asked_, true)) busy_ += 0.2 * (played() - taken_ - busy_);
   changed_.wait_for(lock, patience, [&] { return newest_.has_value() || ended_; });
   if (!newest_) {
     if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
     return std::nullopt;
   }
-  arrived_ = newest_arrived_;
-  taken_ = Clock::now();
+  arrived_ = newest_arrived_ + paused_for_;
+  taken_ = played();
   is_asked_ = false;
   changed_.notify_all();
   return std::exchange(newest_, std::nullopt);

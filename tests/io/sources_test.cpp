@@ -256,6 +256,51 @@ TEST(LiveSource, PlaysMoreSlowlyWhatCannotBeReadInTime) {
   EXPECT_GE(frames, 9);
 }
 
+TEST(LiveSource, StopsTheTimeOfARecordingWhileItIsPaused) {
+  for (const bool can_skip : {true, false}) {
+    LiveSource source(std::make_unique<Ticks>(40, 1ms, can_skip), Pace::as_recorded);  // 20 ms apart
+    std::vector<int> taken;
+    const auto take = [&](std::size_t count) {
+      while (taken.size() < count)
+        if (const auto frame = source.next()) taken.push_back(frame->index);
+    };
+    take(10);
+    source.pause(true);
+    const int dropped = source.dropped();
+    std::this_thread::sleep_for(300ms);  // fifteen frames
+    EXPECT_EQ(source.dropped(), dropped);
+    EXPECT_FALSE(source.ended());
+    const double left = seconds_of([&] {
+      source.pause(false);
+      take(11);
+      EXPECT_LE(taken[10], taken[9] + 2) << "it went on elsewhere";
+      EXPECT_LT(LiveSource::Clock::now() - source.arrived(), 60ms) << "a pause is no delay";
+      while (const auto frame = source.next()) taken.push_back(frame->index);
+    });
+    EXPECT_NEAR(left, 0.02 * (39 - taken[9]), 0.1) << "the rest plays as fast as it was taken";
+    EXPECT_EQ(static_cast<int>(taken.size()) + source.dropped(), 40);
+    EXPECT_LE(source.dropped(), 4) << "the pause counts for nothing";
+  }
+}
+
+TEST(LiveSource, CanBePausedBeforeItsFirstFrameAndEndedWhileItIsPaused) {
+  LiveSource source(std::make_unique<Ticks>(5, 0ms), Pace::as_recorded);
+  source.pause(true);
+  source.pause(true);
+  (void)source.next_within(50ms);  // one may have come before
+  std::this_thread::sleep_for(200ms);
+  EXPECT_LE(source.dropped(), 0);
+  EXPECT_FALSE(source.ended());
+}
+
+TEST(LiveSource, LetsASensorGoOn) {
+  LiveSource source(std::make_unique<Ticks>(20, 10ms), Pace::as_it_comes);
+  source.pause(true);
+  int last = -1;
+  while (const auto frame = source.next()) last = frame->index;
+  EXPECT_EQ(last, 19);
+}
+
 TEST(Recorder, KeepsDepthAndTimesAsTheyWere) {
   const TemporaryFolder folder;
   const Camera camera{.width = 16, .height = 16, .fx = 4, .fy = 5, .cx = 8, .cy = 8};
