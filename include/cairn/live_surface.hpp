@@ -3,6 +3,7 @@
 #pragma once
 #include <Eigen/Geometry>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "cairn/mesh.hpp"
@@ -16,13 +17,16 @@ struct MapState;
 struct SurfacePart {
   int submap = 0;
   Eigen::Vector3i cell = Eigen::Vector3i::Zero();  ///< the cube's number
-  Mesh mesh;                                       ///< in the submap's frame; may be empty
+  /// In the submap's frame; may be empty. The fourth byte of its colours tells how well a vertex has been seen: 255
+  /// after some eight observations at 1 m (32 at 2 m), less in proportion to the certainty of its place.
+  Mesh mesh;
 };
 
 /// What of the surface changed, and where the submaps lie now.
 struct SurfaceChanges {
   std::vector<SurfacePart> parts;
   std::vector<Eigen::Isometry3d> world_from_submap;  ///< by submap; loops move them
+  std::optional<double> coverage;  ///< mean of the same, 0..1, over the cubes that the last frame changed
 };
 
 /// The surface as it grows, for a viewer that follows it. One for a mapper, used by the mapper's thread; it ends with

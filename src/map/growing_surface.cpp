@@ -3,6 +3,7 @@
 #include "map/growing_surface.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <tuple>
 #include <unordered_set>
 #include <utility>
@@ -10,7 +11,8 @@
 namespace cairn {
 namespace {
 
-constexpr double kDue = 0.5;  // of the frames that had seen the cell when it was last shown
+constexpr double kDue = 0.5;    // of the frames that had seen the cell when it was last shown
+constexpr float kWellSeen = 8;  // observations at 1 m: 32 at 2 m, a second of a scan
 
 std::vector<Brick> bricks_on_device(const Volume& volume, const Brick& cell) {
   std::vector<Brick> bricks;
@@ -39,6 +41,7 @@ std::unordered_map<Brick, Mesh, BrickHash> by_cell(const Mesh& mesh, float cell_
         part.mesh.positions.push_back(mesh.positions[t[k]]);
         part.mesh.normals.push_back(mesh.normals[t[k]]);
         part.mesh.colours.push_back(mesh.colours[t[k]]);
+        part.mesh.colours.back()[3] = coverage_of(mesh.weights[t[k]]);
       }
       triangle[k] = it->second;
     }
@@ -49,12 +52,32 @@ std::unordered_map<Brick, Mesh, BrickHash> by_cell(const Mesh& mesh, float cell_
   return meshes;
 }
 
+/// The mean over the vertices, 0..1; there are some.
+float mean_coverage(const Mesh& part) {
+  int sum = 0;
+  for (const auto& colour : part.colours) sum += colour[3];
+  return static_cast<float>(sum) / (255 * static_cast<float>(part.colours.size()));
+}
+
 }  // namespace
+
+std::uint8_t coverage_of(float weight) {
+  return static_cast<std::uint8_t>(std::lround(255 * std::sqrt(std::clamp(weight / kWellSeen, 0.0f, 1.0f))));
+}
 
 void GrowingSurface::change(std::span<const Brick> bricks) {
   std::unordered_set<Brick, BrickHash> cells;
   for (const Brick& brick : bricks) cells.insert(cell_of(brick, kCell));
-  for (const Brick& cell : cells) ++cells_[cell].since;
+  double covered = 0;
+  int count = 0;
+  for (const Brick& cell : cells) {
+    Seen& seen = cells_[cell];
+    ++seen.since;
+    if (seen.coverage == kNoSurface) continue;
+    covered += seen.coverage;
+    ++count;
+  }
+  if (count > 0) coverage_ = covered / count;
 }
 
 std::vector<SurfacePart> GrowingSurface::take(Volume& volume, Polygonizer& polygonizer, int submap, int max_bricks,
@@ -78,7 +101,10 @@ std::vector<SurfacePart> GrowingSurface::take(Volume& volume, Polygonizer& polyg
   std::vector<SurfacePart> parts;
   for (const Brick& cell : cells) {
     Seen& seen = cells_[cell];
-    seen = {.frames = seen.frames + seen.since};
+    const Mesh& mesh = meshes[cell];
+    seen = {.frames = seen.frames + seen.since,
+            .since = 0,
+            .coverage = mesh.colours.empty() ? kNoSurface : mean_coverage(mesh)};
     parts.push_back({.submap = submap, .cell = cell, .mesh = std::move(meshes[cell])});
   }
   return parts;

@@ -26,6 +26,7 @@ SurfaceChanges LiveSurface::changes(int max_bricks, bool all) {
     is_made_ = s.warnings().attempt("the surface is no longer shown", [&] {
       changes.parts = s.surface->take(s.volume, s.polygonizer, submap, max_bricks, all);
     });
+  changes.coverage = s.surface->coverage();
   changes.world_from_submap.assign(static_cast<std::size_t>(submap) + 1, Eigen::Isometry3d::Identity());
   for (std::size_t k = atlas.keyframes.size(); k-- > 0;)  // a submap lies as its first keyframe
     changes.world_from_submap[atlas.keyframes[k].submap] = atlas.correction(k);

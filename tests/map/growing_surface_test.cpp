@@ -81,5 +81,43 @@ TEST(GrowingSurface, LiesWhereTheWholeMeshLies) {
   EXPECT_TRUE(box.isApprox(whole, 1e-5f));
 }
 
+TEST(GrowingSurface, TellsHowOftenAPlaneWasSeen) {
+  const Camera camera{.width = 160, .height = 120, .fx = 130, .fy = 130, .cx = 79.5, .cy = 59.5};
+  Mapper mapper(camera, {}, Poses::given);
+  Frame frame{.depth = std::vector<float>(160 * 120, 1.0f), .colour = {}};
+  frame.world_from_camera = Eigen::Isometry3d::Identity();
+  for (const auto& [seen, byte] : {std::pair(1, 90), {2, 128}, {4, 180}, {8, 255}, {12, 255}}) {  // 255 sqrt(n / 8)
+    while (frame.index < seen) {
+      frame.timestamp = 0.1 * ++frame.index;
+      frame.depth[0] = 1 + 0.001f * static_cast<float>(frame.index);  // the same image again would be a stuck sensor
+      ASSERT_EQ(mapper.add(frame).state, FrameState::fused);
+    }
+    int vertices = 0;
+    for (const SurfacePart& part : LiveSurface(mapper).changes(1 << 20, true).parts)
+      for (std::size_t v = 0; v < part.mesh.positions.size(); ++v) {
+        if (part.mesh.positions[v].head<2>().cwiseAbs().maxCoeff() > 0.3f) continue;  // the image's edge
+        EXPECT_EQ(int{part.mesh.colours[v][3]}, byte) << seen << " times";
+        ++vertices;
+      }
+    EXPECT_GT(vertices, 3000) << seen;
+  }
+}
+
+TEST(GrowingSurface, TellsHowWellWhatIsInViewWasSeen) {
+  const auto source = open_synthetic({.scene = "room", .first = 0, .frames = 25});
+  Mapper mapper(source->rig());
+  LiveSurface surface(mapper);
+  EXPECT_FALSE(surface.changes(1000).coverage);
+  std::vector<double> coverage;
+  while (const auto frame = source->next()) {
+    (void)mapper.add(*frame);
+    coverage.push_back(surface.changes(1000).coverage.value());
+  }
+  EXPECT_EQ(coverage.front(), 0);  // none of it was seen before
+  EXPECT_GT(coverage[5], 0.1);
+  EXPECT_GT(coverage.back(), coverage[5] + 0.1);
+  EXPECT_LE(coverage.back(), 1);
+}
+
 }  // namespace
 }  // namespace cairn
