@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
+#include <thread>
 
 #include "cairn/device.hpp"
 #include "cairn/live_source.hpp"
@@ -22,6 +24,8 @@ using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 constexpr int kWidthOnCpu = 256;  // pixels across that are aligned: the most
 constexpr auto kPatience = 50ms;  // for a frame, before the viewers are looked after
+constexpr auto kGone = 5s;        // after which a viewer that left does not come back: it was no reload
+constexpr auto kShown = 10s;      // for viewers to fetch the result when somebody wants to end
 
 struct Arguments : RunArguments {
   bool view = false, as_fast_as_possible = false;
@@ -31,19 +35,22 @@ struct Arguments : RunArguments {
 /// Frames as they come: the newest of a sensor or of a recording that plays; with --as-fast-as-possible every one.
 class Stream {
  public:
-  Stream(const Arguments& a, const FrameRange& range) {
+  Stream(const Arguments& a, const FrameRange& range) : is_sensor_(is_sensor(a.sequence)) {
     auto source = open_source(a.sequence, source_options(a, range));
     if (a.as_fast_as_possible) {
       every_ = read_ahead(std::move(source));
     } else {
-      newest_ = std::make_unique<LiveSource>(std::move(source),
-                                             is_sensor(a.sequence) ? Pace::as_it_comes : Pace::as_recorded);
+      newest_ = std::make_unique<LiveSource>(std::move(source), is_sensor_ ? Pace::as_it_comes : Pace::as_recorded);
     }
   }
   [[nodiscard]] const Source& source() const { return newest_ ? *newest_ : *every_; }
-  [[nodiscard]] bool ended() const { return newest_ ? newest_->ended() : ended_; }
-  /// Nothing when none came in time, or at the end.
+  [[nodiscard]] bool ended() const { return !is_held_ && (newest_ ? newest_->ended() : ended_); }
+  /// Nothing when none came in time, at the end, or of a recording that is paused.
   std::optional<Frame> next() {
+    if (is_held_) {
+      std::this_thread::sleep_for(kPatience);
+      return std::nullopt;
+    }
     if (newest_) return newest_->next_within(kPatience);
     arrived_ = Clock::now();
     auto frame = every_->next();
@@ -51,8 +58,14 @@ class Stream {
     return frame;
   }
   [[nodiscard]] Clock::time_point arrived() const { return newest_ ? newest_->arrived() : arrived_; }
+  /// A recording goes on where it was; a sensor's frames come all the same.
+  void pause(bool paused) {
+    is_held_ = paused && !is_sensor_;
+    if (newest_) newest_->pause(paused);
+  }
 
  private:
+  bool is_sensor_, is_held_ = false;
   std::unique_ptr<LiveSource> newest_;
   std::unique_ptr<Source> every_;
   Clock::time_point arrived_;
@@ -99,6 +112,21 @@ nlohmann::json to_json(double seconds, int fused, int dropped, const Durations& 
   return told;
 }
 
+/// The page shows the result as long as somebody looks at it; to who pressed Ctrl-C only until it is there.
+void show_result(LiveViewer& view, const std::filesystem::path& output, bool is_interrupted) {
+  view.finished(output);
+  if (view.viewers() == 0) return;
+  std::fflush(stdout);
+  const Interrupt interrupt("");
+  if (!is_interrupted) fmt::print(stderr, "the page shows the result; Ctrl-C or closing it ends\n");
+  const auto begin = Clock::now();
+  for (auto seen = begin; !interrupt.requested() && Clock::now() - seen < kGone;) {
+    std::this_thread::sleep_for(kPatience);
+    if (view.viewers() > 0) seen = Clock::now();
+    if (is_interrupted && (view.is_shown() || Clock::now() - begin > kShown)) break;
+  }
+}
+
 void live(const Arguments& given) {
   const Arguments a = with_output(given);
   keep_memory_together();
@@ -110,33 +138,36 @@ void live(const Arguments& given) {
   const Rig& rig = stream.source().rig();
   options = options_of(a, rig.sensor, finest_level(a, rig.depth));
   Run run(a, options, Poses::tracked, stream.source().rig(), begin.progressed, begin.is_next_recording);
-  if (view) view->begin(run.mapper(), stream.source().rig(), options.surface.max_depth);
+  if (view) view->begin(run.mapper(), stream.source().rig(), options);
 
   Durations latencies;
   bool paused = false;
   int fused = 0;
   Clock::duration waited{};
-  const auto first = Clock::now();
+  auto first = Clock::now();
+  bool is_interrupted = false;
   {
     const Interrupt interrupt;
     const std::optional<int> count = is_sensor(a.sequence) ? std::nullopt : stream.source().size();
     int read = 0;
     Progress progress(a.as_fast_as_possible ? count : std::nullopt);
     while (!interrupt.requested()) {
+      if (view) {
+        const LiveViewer::Asked asked = view->asked();
+        if (asked.finish) break;
+        if (asked.pause) stream.pause(paused = *asked.pause);
+        if (asked.reset) {
+          run.reset();
+          view->begin(run.mapper(), stream.source().rig(), options);
+          latencies = {};
+          fused = 0;
+          first = Clock::now();
+        }
+      }
       const auto asked_at = Clock::now();
       auto frame = stream.next();
       waited += Clock::now() - asked_at;
       if (!frame && stream.ended()) break;
-      if (view) {
-        const LiveViewer::Asked asked = view->asked();
-        if (asked.finish) break;
-        paused = asked.pause.value_or(paused);
-        if (asked.reset) {
-          run.reset();
-          view->begin(run.mapper(), stream.source().rig(), options.surface.max_depth);
-          latencies = {};
-        }
-      }
       read += frame.has_value();
       if (frame && !paused) {
         const FrameReport report = run.add(*frame, milliseconds(std::exchange(waited, {})));
@@ -153,6 +184,7 @@ void live(const Arguments& given) {
     }
     if (const int gone = read + stream.source().dropped(); interrupt.requested() && count && gone < *count)
       run.interrupted(*count - gone);
+    is_interrupted = interrupt.requested();
   }
   if (view) view->finishing();
   if (const auto why = stream.source().ended_early()) run.warn(*why);
@@ -163,7 +195,7 @@ void live(const Arguments& given) {
   if (!a.json)
     fmt::print("live        {:.1f} frames/s, {} skipped to keep up, {:.0f} ms from frame to pose (95 %)\n",
                told["frames_per_second"].get<double>(), dropped, latencies.percentile(0.95));
-  if (view) view->finished(a.output);
+  if (view) show_result(*view, a.output, is_interrupted);
   end_with(verdict);
 }
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A map that grows: follows the program over a WebSocket, and comes back when the connection breaks.
+// A map that grows: follows the program over a WebSocket, comes back when the connection breaks, and shows what was
+// written at the end.
 import { element, facts, setStatus, viewButtons } from './dom.js';
+import { showFinished } from './finished.js';
 import { readMessage } from './messages.js';
 
 const kAgainAfter = 1000;  // milliseconds
@@ -35,7 +37,7 @@ function showNumbers(numbers, state, triangles) {
   numbers.replaceChildren(facts([
     ['Frames a second', state.frames_per_second?.toFixed(1) ?? '–'],
     ['Frame to pose', state.latency_ms ? `${state.latency_ms.toFixed(0)} ms` : '–'],
-    ['Fused', frames.fused], ['Lost', frames.lost], ['Unusable', frames.skipped],
+    ['Frames in the map', frames.fused], ['Frames lost', frames.lost], ['Frames unusable', frames.skipped],
     ['Skipped to keep up', state.skipped_to_keep_up],
     ['Triangles', triangles.toLocaleString('en')],
     ['Keyframes', state.keyframes ?? 0], ['Submaps', state.submaps ?? 1],
@@ -45,7 +47,7 @@ function showNumbers(numbers, state, triangles) {
 
 function showState(state, scene, panel, { pause, reset, finish }) {
   setStatus(state.status, state.words);
-  pause.textContent = state.status === 'paused' ? 'Start' : 'Pause';
+  pause.textContent = state.status === 'paused' ? 'Resume' : 'Pause';
   pause.dataset.paused = state.status === 'paused' ? 'yes' : '';
   for (const button of [pause, reset, finish]) button.disabled = ['finishing', 'finished'].includes(state.status);
   if (state.camera) scene.setCamera(state.camera, state.view);
@@ -62,7 +64,7 @@ function showImage(image, blob) {
 }
 
 export function showLive(scene) {
-  let socket, finished = false, epoch = 0;
+  let socket, isOver = false, epoch = 0;
   const ask = (what) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify({ do: what }));
   const panel = makePanel(), buttons = makeButtons(scene, ask);
 
@@ -74,14 +76,24 @@ export function showLive(scene) {
     return message.epoch === epoch;
   };
 
+  const finish = async (url) => {
+    isOver = true;
+    const data = await (await fetch(url)).json();
+    for (const id of ['buttons', 'panel']) document.getElementById(id).replaceChildren();
+    scene.endFollowing();
+    await showFinished(scene, data);
+    ask('shown');
+  };
+
   const onText = (message) => {
-    if (!isNew(message)) return;
+    if (isOver || !isNew(message)) return;
     if (!('status' in message)) return scene.setSubmaps(message.submaps);
-    finished = message.status === 'finished';
     showState(message, scene, panel, buttons);
+    if (message.data) finish(message.data).catch((error) => setStatus('gone', `The finished map cannot be shown: ${error.message}`));
   };
 
   const onBytes = (message) => {
+    if (isOver) return;
     if (message.kind === 'image') showImage(panel[message.of], message.jpeg);
     else if (!isNew(message)) return;
     else if (message.kind === 'part') scene.setPart(message);
@@ -94,7 +106,7 @@ export function showLive(scene) {
     socket.onopen = () => { epoch = 0; };  // all of it comes again
     socket.onmessage = ({ data }) => typeof data === 'string' ? onText(JSON.parse(data)) : onBytes(readMessage(data));
     socket.onclose = () => {
-      if (finished) return;
+      if (isOver) return;
       setStatus('gone', 'The program has ended or cannot be reached; trying again');
       setTimeout(connect, kAgainAfter);
     };

@@ -155,6 +155,15 @@ export class Scene {
     this.onFollow?.(follow);
   }
 
+  /** The map no longer grows. */
+  endFollowing() {
+    this.setFollow(false);
+    this.onFollow = null;
+    this.eye = null;
+    this.clear();
+    this.setLine(this.frustum, []);
+  }
+
   setLook(look) {
     this.look = look;
     for (const mesh of this.meshes()) mesh.material = this.materialOf(mesh);

@@ -26,8 +26,8 @@ class LiveViewer {
 
   /// The address to open.
   [[nodiscard]] std::string url() const;
-  /// A new map, which must live until the next one or the end. `max_depth`: metres; the farthest that is shown.
-  void begin(Mapper& mapper, const Rig& rig, float max_depth);
+  /// A new map, which must live until the next one or the end, with its options.
+  void begin(Mapper& mapper, const Rig& rig, const Options& options);
 
   /// What viewers asked for since the last call.
   struct Asked {
@@ -42,8 +42,12 @@ class LiveViewer {
   void update(bool paused, int dropped);
   /// The last frame has come.
   void finishing();
-  /// Tells viewers where the result is and gives them a moment to hear it.
+  /// Shows viewers the map that was written instead, as long as this lives.
   void finished(const std::filesystem::path& output);
+  /// Browsers that look at it now.
+  [[nodiscard]] int viewers() const;
+  /// Whether all of them have the finished map in front of them.
+  [[nodiscard]] bool is_shown();
 
   /// What it did so far.
   struct Told {

@@ -9,8 +9,10 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "base/json_text.hpp"
 #include "cairn/live_surface.hpp"
 #include "cairn/viewer.hpp"
+#include "view/guidance.hpp"
 #include "view/messages.hpp"
 #include "view/report_page.hpp"
 #include "view/server.hpp"
@@ -22,8 +24,8 @@ using namespace std::chrono_literals;
 constexpr auto kSurfaceEvery = 120ms, kImagesEvery = 200ms, kStateEvery = 100ms;
 constexpr auto kRecent = 2s;        // of frames that rates are told of
 constexpr int kBricksAtOnce = 120;  // of the surface: as many as cost less than a frame
-constexpr double kFewInliers = 0.45;
-constexpr auto kGoodbye = 500ms;  // for viewers to hear the last words
+constexpr int kManySkipped = 5;     // frames in a row, that a person is told of
+constexpr const char* kFinishedData = "finished.json";
 
 double memory_mb() {
   std::ifstream in("/proc/self/statm");
@@ -37,17 +39,22 @@ nlohmann::json to_json(const Eigen::Isometry3d& pose) {  // column by column, as
   return std::vector<double>(m.data(), m.data() + 16);
 }
 
-std::pair<const char*, std::string> words_of(const FrameReport& report, bool any) {
-  if (!any) return {"waiting", "Waiting for the first frame"};
-  if (report.state == FrameState::lost)
-    return {"lost", "Lost: turn back to what was seen before (" + report.reason + ")"};
-  if (report.state == FrameState::skipped) return {"weak", "Frame skipped: " + report.reason};
-  if (report.fit.iterations > 0 && report.fit.inlier_share < kFewInliers)
-    return {"weak",
-            fmt::format("Tracking is weak, move slowly: {:.0f} % of the image fits", 100 * report.fit.inlier_share)};
-  return {"good", report.fit.iterations > 0
-                      ? fmt::format("Tracking: {:.0f} % of the image fits", 100 * report.fit.inlier_share)
-                      : "Tracking begins"};
+/// What colour a hint is shown in: as good, weak or lost.
+const char* status_of(Hint hint) {
+  if (hint == Hint::back) return "lost";
+  return hint == Hint::good || hint == Hint::covered ? "good" : "weak";
+}
+
+double seconds_of(std::chrono::steady_clock::time_point time) {
+  return std::chrono::duration<double>(time.time_since_epoch()).count();
+}
+
+/// data.json and what it names.
+std::map<std::string, Served> finished_files(const std::filesystem::path& folder) {
+  std::map<std::string, Served> files{{"data.json", Served{"application/json", finished_data(folder)}}};
+  if (const auto mesh = folder / "mesh.glb"; std::filesystem::exists(mesh))
+    files["mesh.glb"] = Served{"model/gltf-binary", mesh};
+  return files;
 }
 
 Served viewer_file() { return {"text/html; charset=utf-8", std::string(viewer_page())}; }
@@ -56,23 +63,28 @@ Served viewer_file() { return {"text/html; charset=utf-8", std::string(viewer_pa
 
 struct LiveViewer::State {
   using Clock = std::chrono::steady_clock;
-  void send_state(const char* status, const std::string& words);
+  void send_state(const char* status, const std::string& words, nlohmann::json more = nlohmann::json::object());
   void send_surface(bool all);
+  [[nodiscard]] nlohmann::json last_frame() const;
 
   Feed feed;
   Server server;
   Mapper* mapper = nullptr;
   std::optional<LiveSurface> surface;
   Rig rig;
-  float max_depth = 5;
+  Options options;
+  std::optional<Guidance> guidance;
+  ImageContent content;  // of the last frame
   int epoch = 0, dropped = 0, sent_parts = 0;
   std::map<std::string, int> counts;  // frames by state
   FrameReport last;
+  int skipped = 0;                                          // frames in a row
   bool any = false;                                         // frames
   std::deque<std::pair<Clock::time_point, double>> recent;  // frames of the last seconds, and their latency
   Clock::time_point surface_sent, images_sent, state_sent;
   std::optional<Clock::time_point> first_frame;
   std::optional<double> first_mesh_seconds;
+  int shown = 0;    // viewers that show the finished map
   int updates = 0;  // of the surface
   double updates_ms = 0;
 
@@ -87,12 +99,13 @@ LiveViewer::~LiveViewer() = default;
 
 std::string LiveViewer::url() const { return state_->server.url(); }
 
-void LiveViewer::begin(Mapper& mapper, const Rig& rig, float max_depth) {
+void LiveViewer::begin(Mapper& mapper, const Rig& rig, const Options& options) {
   State& s = *state_;
   s.mapper = &mapper;
   s.surface.emplace(mapper);
   s.rig = rig;
-  s.max_depth = max_depth;
+  s.options = options;
+  s.guidance.emplace(rig.depth, options.surface);
   ++s.epoch;
   s.feed.clear();
   s.counts.clear();
@@ -111,6 +124,7 @@ LiveViewer::Asked LiveViewer::asked() {
     if (j["do"] == "start") asked.pause = false;
     if (j["do"] == "reset") asked.reset = true;
     if (j["do"] == "finish") asked.finish = true;
+    if (j["do"] == "shown") ++s.shown;
   }
   return asked;
 }
@@ -121,12 +135,18 @@ void LiveViewer::fused(const Frame& frame, const FrameReport& report, double lat
   s.any = true;
   if (!s.first_frame) s.first_frame = now;
   s.last = report;
+  s.skipped = report.state == FrameState::skipped ? s.skipped + 1 : 0;
+  if (!frame.problem) s.content = content_of(frame, s.rig, s.options.surface);
+  std::optional<Eigen::Isometry3d> pose;
+  if (report.state == FrameState::fused)
+    if (const Trajectory path = s.mapper->path(2); !path.empty()) pose = path.back().world_from_camera;
+  s.guidance->see(report, s.content, pose, seconds_of(now));
   ++s.counts[report.state == FrameState::fused ? "fused" : report.state == FrameState::lost ? "lost" : "skipped"];
   s.recent.emplace_back(now, latency_ms);
   if (s.feed.viewers() > 0 && now - s.images_sent > kImagesEvery && !frame.problem) {
     s.images_sent = now;
     if (!frame.colour.empty()) s.feed.set("colour", colour_message(frame, s.rig.colour_view()));
-    s.feed.set("depth", depth_message(frame, s.rig.depth, s.max_depth));
+    s.feed.set("depth", depth_message(frame, s.rig.depth, s.options.surface.max_depth));
   }
 }
 
@@ -137,14 +157,19 @@ void LiveViewer::update(bool paused, int dropped) {
   while (!s.recent.empty() && now - s.recent.front().first > kRecent) s.recent.pop_front();
   if (now - s.surface_sent > kSurfaceEvery) s.send_surface(paused);  // a viewer may come late and wants all of it
   if (s.feed.viewers() == 0 || now - s.state_sent < kStateEvery) return;
-  const auto [status, words] = words_of(s.last, s.any);
-  s.send_state(paused ? "paused" : status, paused ? "Paused: nothing is fused" : words);
+  if (!s.any) return s.send_state("waiting", "Waiting for the first frame");
+  if (s.skipped > kManySkipped && !paused) return s.send_state("weak", "No usable frames: " + s.last.reason);
+  const Advice advice = s.guidance->advice();
+  nlohmann::json guidance{{"level", name_of(advice.hint)}, {"words", advice.words}};
+  if (advice.turn) guidance["turn"] = {advice.turn->x(), advice.turn->y()};
+  s.send_state(paused ? "paused" : status_of(advice.hint), paused ? "Paused" : advice.words, {{"guidance", guidance}});
 }
 
 void LiveViewer::State::send_surface(bool all) {
   if (!any) return;
   const auto start = Clock::now();
   const SurfaceChanges changes = surface->changes(kBricksAtOnce, all);
+  if (changes.coverage) guidance->cover(*changes.coverage);
   for (const SurfacePart& part : changes.parts)
     feed.set(fmt::format("part {} {} {} {}", part.submap, part.cell.x(), part.cell.y(), part.cell.z()),
              part_message(part, epoch));
@@ -161,17 +186,18 @@ void LiveViewer::State::send_surface(bool all) {
   }
 }
 
-void LiveViewer::State::send_state(const char* status, const std::string& words) {
+void LiveViewer::State::send_state(const char* status, const std::string& words, nlohmann::json more) {
   state_sent = Clock::now();
   const Feed::Size held = feed.size();
-  nlohmann::json state{{"epoch", epoch},
-                       {"status", status},
-                       {"words", words},
-                       {"frames", counts},
-                       {"skipped_to_keep_up", dropped},
-                       {"memory_mb", memory_mb()},
-                       {"feed", {{"things", held.things}, {"bytes", held.bytes}, {"requests", held.requests}}},
-                       {"loops", nlohmann::json::array()}};
+  nlohmann::json state = std::move(more);
+  state.update({{"epoch", epoch},
+                {"status", status},
+                {"words", words},
+                {"frames", counts},
+                {"skipped_to_keep_up", dropped},
+                {"memory_mb", memory_mb()},
+                {"feed", {{"things", held.things}, {"bytes", held.bytes}, {"requests", held.requests}}},
+                {"loops", nlohmann::json::array()}});
   if (recent.size() > 1) {
     const double seconds = std::chrono::duration<double>(recent.back().first - recent.front().first).count();
     state["frames_per_second"] = static_cast<double>(recent.size() - 1) / seconds;
@@ -190,10 +216,21 @@ void LiveViewer::State::send_state(const char* status, const std::string& words)
       for (const FoundLoop& loop : mapper->loops())
         state["loops"].push_back({loop.from - trajectory[0].timestamp, loop.to - trajectory[0].timestamp, loop.inlier});
     }
+    state["last_frame"] = last_frame();
     const Camera& camera = rig.depth;
     state["view"] = {{"fx", camera.fx / camera.width}, {"aspect", static_cast<double>(camera.width) / camera.height}};
+    if (content.median > 0) state["view"]["depth"] = content.median;
   }
-  feed.set("state", state.dump(), true);
+  feed.set("state", text_of(state), true);
+}
+
+/// In numbers, for who wants to know.
+nlohmann::json LiveViewer::State::last_frame() const {
+  nlohmann::json told{{"near", content.near}, {"far", content.far}, {"empty", content.empty}};
+  if (content.brightness) told["brightness"] = *content.brightness;
+  if (!last.reason.empty()) told["reason"] = last.reason;
+  if (last.fit.iterations > 0) told.update({{"inlier_share", last.fit.inlier_share}, {"rmse", last.fit.rmse}});
+  return told;
 }
 
 void LiveViewer::finishing() {
@@ -204,8 +241,19 @@ void LiveViewer::finishing() {
 
 void LiveViewer::finished(const std::filesystem::path& output) {
   State& s = *state_;
-  s.send_state("finished", "Finished: open " + std::filesystem::absolute(output / "report.html").string());
-  if (s.feed.viewers() > 0) std::this_thread::sleep_for(kGoodbye);
+  auto files = finished_files(output);
+  files[kFinishedData] = std::move(files["data.json"]);
+  files.erase("data.json");  // who comes late is told by the state, too
+  s.server.add(std::move(files));
+  s.send_state("finished", "Finished: " + std::filesystem::absolute(output).lexically_normal().string(),
+               {{"data", kFinishedData}});
+}
+
+int LiveViewer::viewers() const { return state_->feed.viewers(); }
+
+bool LiveViewer::is_shown() {
+  (void)asked();
+  return state_->shown >= viewers();
 }
 
 LiveViewer::Told LiveViewer::told() const {
@@ -224,10 +272,8 @@ struct MapViewer::State {
 };
 
 MapViewer::MapViewer(const std::filesystem::path& folder, int port) {
-  std::map<std::string, Served> files{{"", viewer_file()},
-                                      {"data.json", Served{"application/json", finished_data(folder)}}};
-  if (const auto mesh = folder / "mesh.glb"; std::filesystem::exists(mesh))
-    files["mesh.glb"] = Served{"model/gltf-binary", mesh};
+  auto files = finished_files(folder);
+  files[""] = viewer_file();
   state_ = std::make_unique<State>(port, std::move(files));
 }
 MapViewer::~MapViewer() = default;

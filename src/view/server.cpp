@@ -12,6 +12,7 @@
 #include <boost/asio/co_spawn.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/post.hpp>
 #include <boost/asio/redirect_error.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/asio/use_awaitable.hpp>
@@ -309,5 +310,10 @@ Server::Server(int port, std::map<std::string, Served> files, Feed* feed, const 
 Server::~Server() = default;
 
 std::string Server::url() const { return "http://" + state_->address.host + "/" + state_->address.token + "/"; }
+
+void Server::add(std::map<std::string, Served> files) {
+  // In the thread that reads them, before what it sends later.
+  asio::post(state_->context, [this, added = std::move(files)]() mutable { state_->files.merge(added); });
+}
 
 }  // namespace cairn

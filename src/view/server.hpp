@@ -38,6 +38,8 @@ class Server {
   Server& operator=(const Server&) = delete;
 
   [[nodiscard]] std::string url() const;
+  /// Serves these, too; names that are served already stay as they are.
+  void add(std::map<std::string, Served> files);
 
  private:
   struct State;

@@ -2,13 +2,14 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // The live view as a person meets it: in Chromium, from a stream that goes on while it is looked at.
 import assert from 'node:assert/strict';
-import { existsSync } from 'node:fs';
+import { existsSync, readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import test from 'node:test';
 import { Program, inFolder, pictures, triangles, until, withBrowser } from './browser.mjs';
 
 const statusOf = (page) => page.locator('#status').getAttribute('data-status');
-const fusedIn = async (page) => Number(await page.locator('dt:text-is("Fused") + dd').textContent());
+const fusedIn = async (page) => Number(await page.locator('dt:text-is("Frames in the map") + dd').textContent().then((text) => text.replaceAll(',', '')));
+const skippedIn = async (page) => Number(await page.locator('dt:text-is("Skipped to keep up") + dd').textContent().then((text) => text.replaceAll(',', '')));
 
 test('the mesh grows, the buttons work, and the result is written', () => inFolder(async (folder) => {
   const out = join(folder, 'map');
@@ -21,13 +22,14 @@ test('the mesh grows, the buttons work, and the result is written', () => inFold
     await until(async () => (await triangles(page)) > 1.2 * first, () => `it stayed at ${first} triangles`);
     for (const name of ['What the colour camera sees', 'What the depth camera sees'])
       await until(() => page.getByAltText(name).evaluate((image) => image.naturalWidth === 320));
-    assert.match(await page.locator('#status').textContent(), /Tracking/);
+    await until(async () => /Tracking well|Too fast|Seen well/.test(await page.locator('#status').textContent()));
 
     await page.getByRole('button', { name: 'Pause' }).click();
     await until(async () => (await statusOf(page)) === 'paused');
-    const fused = await fusedIn(page);
-    await page.waitForTimeout(700);
+    const fused = await fusedIn(page), skipped = await skippedIn(page);
+    await page.waitForTimeout(1500);
     assert.equal(await fusedIn(page), fused);
+    assert.equal(await skippedIn(page), skipped, 'the recording went on');
 
     // A second viewer, on a phone, comes late and sees all of it.
     const phone = await open(url, { width: 390, height: 780 });
@@ -37,7 +39,7 @@ test('the mesh grows, the buttons work, and the result is written', () => inFold
     for (const button of await phone.getByRole('button').all()) assert.ok((await button.boundingBox()).height >= 36);
     await phone.close();
 
-    await page.getByRole('button', { name: 'Start' }).click();
+    await page.getByRole('button', { name: 'Resume' }).click();
     await until(async () => (await fusedIn(page)) > fused);
     await page.screenshot({ path: join(pictures, 'live.png') });
 
@@ -46,9 +48,19 @@ test('the mesh grows, the buttons work, and the result is written', () => inFold
     await until(async () => (await fusedIn(page)) < fused, () => 'the map was not thrown away');
     await until(async () => (await triangles(page)) > 1000);
     await page.getByRole('button', { name: 'Finish' }).click();
+    // The page turns into that of the finished map, with the mesh that was written, and the program waits for it.
+    await until(() => /the page shows the result/.test(program.output), () => program.output);
+    const report = JSON.parse(readFileSync(join(out, 'report.json'), 'utf8'));
+    await until(async () => (await triangles(page)) === report.mesh.triangles, async () => `${await triangles(page)} of ${report.mesh.triangles} triangles`);
+    const { fused: written, total } = report.frames;
+    await until(async () => (await page.locator('#status').textContent()).includes(`${written} of ${total}`));
+    assert.match(program.output, new RegExp(`${written} of ${total} frames`));
+    assert.equal(await page.getByRole('button', { name: 'Finish' }).count(), 0);
+    await page.screenshot({ path: join(pictures, 'live-finished.png') });
+    await page.reload();  // who looks again sees it, too
+    await until(async () => (await triangles(page)) === report.mesh.triangles);
+    await page.close();
     assert.equal(await program.ended, 0, program.output);
-    await until(async () => (await statusOf(page)) === 'finished');
-    assert.match(await page.locator('#status').textContent(), /report\.html/);
     assert.deepEqual(errors, []);
   });
   for (const file of ['mesh.glb', 'map.vdb', 'trajectory.txt', 'report.json', 'report.html'])
@@ -68,7 +80,7 @@ test('the page comes back when the connection breaks, and tells when the program
     await until(async () => (await triangles(page)) > 1000);
     await page.evaluate(() => window.sockets.at(-1).close());
     await until(async () => (await statusOf(page)) === 'gone');
-    await until(async () => (await statusOf(page)) === 'good');
+    await until(async () => (await statusOf(page)) !== 'gone');
     assert.equal(await page.evaluate(() => window.sockets.length), 2);
     const before = await fusedIn(page);
     await until(async () => (await fusedIn(page)) > before);

@@ -69,10 +69,11 @@ TEST_F(Live, MakesWhatReconstructMakesWhenItTakesEveryFrame) {
     EXPECT_EQ(read_bytes(folder / "a" / file) == read_bytes(folder / "b" / file), true) << file;
 }
 
-TEST_F(Live, FinishesAtTheFirstCtrlC) {
-  const Ran ran = run_cairn({"live", "--no-texture", "synthetic:room", "-o", out("map")},
+TEST_F(Live, FinishesAtTheFirstCtrlCAndWaitsForNobodyWhoDoesNotLook) {
+  const Ran ran = run_cairn({"live", "--no-texture", "synthetic:room", "-o", out("map"), "--view", "--port", "0"},
                             "timeout --foreground --preserve-status -s INT 6");
   EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_EQ(ran.err.find("the page shows"), std::string::npos) << ran.err;
   EXPECT_NE(ran.err.find("once more ends at once"), std::string::npos);
   expect_map("map");
 }
