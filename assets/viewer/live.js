@@ -2,9 +2,14 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // A map that grows: follows the program over a WebSocket, comes back when the connection breaks, and shows what was
 // written at the end.
-import { element, facts, setStatus, viewButtons } from './dom.js';
+import { Alerts } from './alerts.js';
+import { coverageMaterial, kCoverageCss } from './coverage.js';
+import { element, facts, setStatus } from './dom.js';
 import { showFinished } from './finished.js';
+import { icon } from './icons.js';
 import { readMessage } from './messages.js';
+import { Toolbar } from './toolbar.js';
+import { count } from './words.js';
 
 const kAgainAfter = 1000;  // milliseconds
 
@@ -12,47 +17,105 @@ const kAgainAfter = 1000;  // milliseconds
 function makePanel() {
   const colour = element('img', { alt: 'What the colour camera sees' }),
         depth = element('img', { alt: 'What the depth camera sees, near red, far blue' });
-  const numbers = element('div'), loops = element('ul', { className: 'loops' });
-  document.getElementById('panel').append(
+  const numbers = element('div'), details = element('div'), loops = element('ul', { className: 'loops' });
+  document.getElementById('panel').replaceChildren(
       element('div', { className: 'images' }, element('figure', {}, colour, element('figcaption', {}, 'Colour')),
               element('figure', {}, depth, element('figcaption', {}, 'Depth, near red'))),
-      element('h2', {}, 'Now'), numbers, element('h2', {}, 'Loops'), loops);
-  return { colour, depth, numbers, loops };
+      element('h2', {}, 'Now'), numbers,
+      element('details', {}, element('summary', {}, 'Tracking in numbers'), details), element('h2', {}, 'Loops'), loops);
+  return { colour, depth, numbers, details, loops };
+}
+
+/** What lies over the picture: a flash, where to turn back to, and what the coverage's colours mean. */
+function makeOverlay() {
+  const flash = element('div', { id: 'flash' }), picture = element('img', { alt: 'What the camera saw last' });
+  const arrow = icon('arrow'), words = element('strong');
+  const back = element('div', { id: 'back', hidden: true }, arrow, element('div', {}, words), picture);
+  const bar = element('div');
+  bar.style.background = kCoverageCss;
+  const legend = element('div', { id: 'legend', hidden: true }, bar, element('span', {}, element('span', {}, 'seen once'), element('span', {}, 'seen well')));
+  document.getElementById('scene').append(legend, back);
+  document.body.append(flash);
+  return { back, arrow, words, picture, legend, remove: () => { for (const one of [flash, back, legend]) one.remove(); } };
 }
 
 /** `ask` sends the program what to do. */
-function makeButtons(scene, ask) {
+function makeButtons(scene, toolbar, overlay, alerts, ask) {
   const pause = element('button', { onclick: () => ask(pause.dataset.paused ? 'start' : 'pause') }, 'Pause');
   const reset = element('button', { onclick: () => confirm('Throw this map away and begin again?') && ask('reset') }, 'Reset');
   const finish = element('button', { onclick: () => ask('finish') }, 'Finish');
-  const follow = element('button', { onclick: () => scene.setFollow(!scene.follow) }, 'Follow');
-  scene.onFollow = (on) => follow.setAttribute('aria-pressed', on);
-  document.getElementById('buttons').append(pause, reset, finish, follow, ...viewButtons(scene));
+  document.getElementById('buttons').replaceChildren(pause, reset, finish);
+  const pressed = (button, on) => button.setAttribute('aria-pressed', on);
+  const follow = toolbar.add({ name: 'Follow the sensor', label: 'Follow', key: 'f', symbol: 'follow', press: () => scene.setFollow(!scene.follow) });
+  scene.onFollow = (on) => pressed(follow, on);
+  toolbar.add({ name: 'Show all of the map', label: 'All', key: '0', symbol: 'all', press: () => { scene.setFollow(false); scene.lookAtAll(); } });
+  const looks = { coverage: null, shape: null };
+  const look = (name) => {
+    scene.setLook(scene.look === name ? 'colour' : name);
+    for (const [of, button] of Object.entries(looks)) pressed(button, scene.look === of);
+    overlay.legend.hidden = scene.look !== 'coverage';
+  };
+  looks.coverage = toolbar.add({ name: 'Colour by how well it was seen', label: 'Coverage', key: 'c', symbol: 'coverage', press: () => look('coverage') });
+  looks.shape = toolbar.add({ name: 'Shape without colours', label: 'Shape', key: 's', symbol: 'shape', press: () => look('shape') });
+  for (const button of Object.values(looks)) pressed(button, false);
+  const sound = toolbar.add({ name: 'Sound and vibration when the camera is lost', label: 'Sound', key: 'a', symbol: 'sound', press: () => { alerts.set(!alerts.isOn); pressed(sound, alerts.isOn); } });
+  pressed(sound, alerts.isOn);
+  // On a button the space bar presses it.
+  const press = () => pause.disabled || pause.click();
+  toolbar.buttons.push({ key: 'Space', name: 'Pause and resume', press });
+  document.addEventListener('keydown', (event) => {
+    if (event.key !== ' ' || event.repeat || event.target.closest('button, input, select, summary, a, dialog')) return;
+    event.preventDefault();
+    press();
+  }, { signal: toolbar.life.signal });
+  toolbar.addHelp();
   scene.setFollow(true);
   return { pause, reset, finish };
 }
 
-function showNumbers(numbers, state, triangles) {
-  const frames = { fused: 0, lost: 0, skipped: 0, ...state.frames };
-  numbers.replaceChildren(facts([
-    ['Frames a second', state.frames_per_second?.toFixed(1) ?? '–'],
-    ['Frame to pose', state.latency_ms ? `${state.latency_ms.toFixed(0)} ms` : '–'],
-    ['Frames in the map', frames.fused], ['Frames lost', frames.lost], ['Frames unusable', frames.skipped],
-    ['Skipped to keep up', state.skipped_to_keep_up],
-    ['Triangles', triangles.toLocaleString('en')],
-    ['Keyframes', state.keyframes ?? 0], ['Submaps', state.submaps ?? 1],
-    ['Memory', `${state.memory_mb.toFixed(0)} MB`],
+const percent = (share) => `${(100 * share).toFixed(0)} %`;
+
+function showNumbers(panel, state, triangles) {
+  const frames = { fused: 0, lost: 0, skipped: 0, ...state.frames }, last = state.last_frame ?? {};
+  panel.numbers.replaceChildren(
+      facts([
+        ['Frames in the map', count(frames.fused)], ['Frames lost', count(frames.lost)], ['Frames unusable', count(frames.skipped)],
+        ['Skipped to keep up', count(state.skipped_to_keep_up)],
+        ['Speed', state.frames_per_second ? `${state.frames_per_second.toFixed(1)} frames/s` : '–'],
+        ['Frame to pose', state.latency_ms ? `${state.latency_ms.toFixed(0)} ms` : '–'],
+        ['Surface', `${count(triangles)} triangles`], ['Keyframes', count(state.keyframes ?? 0)], ['Submaps', count(state.submaps ?? 1)],
+        ['Memory', `${state.memory_mb.toFixed(0)} MB`],
+      ]),
+      ...(state.skipped_to_keep_up > 0 ? [element('p', { className: 'hint' }, 'Skipped to keep up: frames that came while the computer was busy with one before. The map does not lag behind.')] : []));
+  panel.details.replaceChildren(facts([
+    ...(last.inlier_share == null ? [] : [['Inliers', percent(last.inlier_share)], ['Error of inliers', `${last.rmse.toFixed(1)} sigma`]]),
+    ...(last.near == null ? [] : [['Too near', percent(last.near)], ['Too far', percent(last.far)], ['Without depth', percent(last.empty)]]),
+    ...(last.brightness == null ? [] : [['Brightness', percent(last.brightness)]]),
+    ...(last.reason ? [['Last frame', last.reason]] : []),
   ]));
 }
 
-function showState(state, scene, panel, { pause, reset, finish }) {
+/** Where to turn while the camera is lost. */
+function showBack(overlay, { status, words, guidance }) {
+  const isLost = status === 'lost';
+  overlay.back.hidden = !isLost;
+  if (!isLost) return;
+  overlay.picture.hidden = !overlay.picture.src;
+  overlay.words.textContent = overlay.picture.src ? 'Come back to this view' : words;
+  overlay.arrow.toggleAttribute('hidden', !guidance?.turn);
+  if (guidance?.turn) overlay.arrow.style.transform = `rotate(${Math.atan2(guidance.turn[1], guidance.turn[0])}rad)`;
+}
+
+function showState(state, scene, panel, overlay, { pause, reset, finish }) {
   setStatus(state.status, state.words);
-  pause.textContent = state.status === 'paused' ? 'Resume' : 'Pause';
-  pause.dataset.paused = state.status === 'paused' ? 'yes' : '';
-  for (const button of [pause, reset, finish]) button.disabled = ['finishing', 'finished'].includes(state.status);
+  const isPaused = state.status === 'paused', isOver = ['finishing', 'finished'].includes(state.status);
+  pause.textContent = isPaused ? 'Resume' : 'Pause';
+  pause.dataset.paused = isPaused ? 'yes' : '';
+  for (const button of [pause, reset, finish]) button.disabled = isOver;
   if (state.camera) scene.setCamera(state.camera, state.view);
   scene.setLoops(state.loops.filter(([, , inlier]) => inlier));
-  showNumbers(panel.numbers, state, scene.triangles);
+  showBack(overlay, state);
+  showNumbers(panel, state, scene.triangles);
   if (panel.loops.childElementCount !== state.loops.length)
     panel.loops.replaceChildren(...state.loops.map(([from, to, inlier]) => element(
         'li', { className: inlier ? '' : 'refused' }, `${from.toFixed(1)} s ↔ ${to.toFixed(1)} s`)));
@@ -63,10 +126,13 @@ function showImage(image, blob) {
   image.src = URL.createObjectURL(blob);
 }
 
-export function showLive(scene) {
-  let socket, isOver = false, epoch = 0;
+/** A map that grows, until it is finished: then what was written of it takes its place. `fold` opens the panel. */
+export function showLive(scene, fold) {
+  let socket, isOver = false, epoch = 0, wasLost = false;
   const ask = (what) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify({ do: what }));
-  const panel = makePanel(), buttons = makeButtons(scene, ask);
+  scene.materials.coverage = coverageMaterial({ clippingPlanes: scene.clipping });
+  const alerts = new Alerts(), toolbar = new Toolbar(), panel = makePanel(), overlay = makeOverlay();
+  const buttons = makeButtons(scene, toolbar, overlay, alerts, ask);
 
   const isNew = (message) => {
     if (message.epoch > epoch) {
@@ -79,23 +145,31 @@ export function showLive(scene) {
   const finish = async (url) => {
     isOver = true;
     const data = await (await fetch(url)).json();
-    for (const id of ['buttons', 'panel']) document.getElementById(id).replaceChildren();
+    toolbar.end();
+    overlay.remove();
+    document.getElementById('buttons').replaceChildren();
+    document.getElementById('panel').replaceChildren();
     scene.endFollowing();
-    await showFinished(scene, data);
+    await showFinished(scene, data, fold);
     ask('shown');
   };
 
   const onText = (message) => {
     if (isOver || !isNew(message)) return;
     if (!('status' in message)) return scene.setSubmaps(message.submaps);
-    showState(message, scene, panel, buttons);
+    showState(message, scene, panel, overlay, buttons);
+    const isLost = message.status === 'lost';
+    if (isLost !== wasLost && (isLost || message.status !== 'paused')) alerts.tell(isLost ? 'lost' : 'found');
+    wasLost = isLost;
     if (message.data) finish(message.data).catch((error) => setStatus('gone', `The finished map cannot be shown: ${error.message}`));
   };
 
   const onBytes = (message) => {
     if (isOver) return;
-    if (message.kind === 'image') showImage(panel[message.of], message.jpeg);
-    else if (!isNew(message)) return;
+    if (message.kind === 'image') {
+      showImage(panel[message.of], message.jpeg);
+      if (message.of === 'colour' && !wasLost) showImage(overlay.picture, message.jpeg);  // to come back to
+    } else if (!isNew(message)) return;
     else if (message.kind === 'part') scene.setPart(message);
     else scene.setPath(message.points);
   };

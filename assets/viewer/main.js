@@ -14,7 +14,7 @@ async function main() {
   tooltips();
   const scene = new Scene(document.getElementById('scene'));
   window.cairn = scene;  // for whoever looks from the console, and for tests
-  if (data.mode === 'live') showLive(scene);
+  if (data.mode === 'live') showLive(scene, fold);
   else await showFinished(scene, data, fold);
 }
 

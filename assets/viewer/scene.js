@@ -3,6 +3,7 @@
 // The 3D picture: surface, camera and its path, loops.
 import * as THREE from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
+import { behind } from './follow.js';
 import { placeAt } from './path.js';
 
 const kPathColour = 0x4c8dff, kLoopColour = 0x37b26c, kCameraColour = 0xffc531;
@@ -12,6 +13,7 @@ const kLinear = Uint16Array.from({ length: 256 }, (_, c) => 65535 * new THREE.Co
 
 const kShare = 0.3;  // of the time that drawing may take while nobody turns the picture
 const kSight = 62, kNarrowest = 54;  // degrees: from top to bottom, and at least from left to right
+const kCalm = 0.5;  // seconds in which the picture goes 63 % of the way to where the sensor is
 const kUp = new THREE.Vector3(0, 1, 0);
 
 /** The map's world has y down and z forward; three.js has y up. */
@@ -118,8 +120,9 @@ export class Scene {
     this.movedAt = now;
     for (const move of this.movers) move(seconds);
     if (this.follow && this.eye) {
-      this.camera.position.lerp(this.eye, 0.1);
-      this.controls.target.lerp(this.target, 0.1);
+      const share = 1 - Math.exp(-seconds / kCalm);
+      this.camera.position.lerp(this.eye, share);
+      this.controls.target.lerp(this.target, share);
       this.isStale = true;
     }
     const moved = this.controls.enabled && this.controls.update();
@@ -155,13 +158,12 @@ export class Scene {
     this.onFollow?.(follow);
   }
 
-  /** The map no longer grows. */
   endFollowing() {
     this.setFollow(false);
     this.onFollow = null;
     this.eye = null;
-    this.clear();
     this.setLine(this.frustum, []);
+    this.setLook('colour');
   }
 
   setLook(look) {
@@ -191,11 +193,16 @@ export class Scene {
     return triangles;
   }
 
-  clear() {
+  /** The surface of a growing map. */
+  dropParts() {
     for (const mesh of this.parts.values()) mesh.geometry.dispose();
     this.parts.clear();
     this.surface.clear();
     this.submaps.clear();
+  }
+
+  clear() {
+    this.dropParts();
     this.setPath(new Float32Array());
     this.setLoops([]);
     this.isStale = true;
@@ -233,7 +240,7 @@ export class Scene {
     const geometry = new THREE.BufferGeometry();
     const positions = new THREE.InterleavedBuffer(part.positions, 4);
     geometry.setAttribute('position', new THREE.InterleavedBufferAttribute(positions, 3, 0, true));
-    geometry.setAttribute('color', new THREE.BufferAttribute(Uint16Array.from(part.colours, (c) => kLinear[c]), 4, true));
+    geometry.setAttribute('color', new THREE.BufferAttribute(Uint16Array.from(part.colours, (c, i) => i % 4 === 3 ? 257 * c : kLinear[c]), 4, true));
     const normals = new THREE.InterleavedBuffer(part.normals, 4);
     geometry.setAttribute('normal', new THREE.InterleavedBufferAttribute(normals, 3, 0, true));
     geometry.setIndex(new THREE.BufferAttribute(part.indices, 1));
@@ -266,7 +273,7 @@ export class Scene {
 
   /** A camera where the sensor is: `pose` column by column, `fx` in image widths. */
   setCamera(pose, view) {
-    const depth = 0.25, x = depth * 0.5 / view.fx, y = x / view.aspect;
+    const depth = 0.12, x = depth * 0.5 / view.fx, y = x / view.aspect;
     const corners = [[-x, -y], [x, -y], [x, y], [-x, y]].map(([a, b]) => [a, b, depth]);
     const places = corners.flatMap((corner, i) => [0, 0, 0, ...corner, ...corner, ...corners[(i + 1) % 4]]);
     this.setLine(this.frustum, places);
@@ -275,13 +282,15 @@ export class Scene {
     this.frustum.matrixWorldNeedsUpdate = true;
     this.world.updateMatrixWorld(true);
     const inWorld = (a) => new THREE.Vector3(...a).applyMatrix4(this.frustum.matrix).applyMatrix4(this.world.matrixWorld);
-    this.eye = inWorld([0, -0.6, -1.4]);
-    this.target = inWorld([0, 0, 1.5]);
+    const { eye, target } = behind(view, radians(this.perspective.fov), this.perspective.aspect);
+    this.eye = inWorld(eye);
+    this.target = inWorld(target);
     this.isStale = true;
   }
 
   /** What a glTF file holds, in its material as it is to be seen: unlit, crisp, from the inside. */
   setModel(model) {
+    this.dropParts();
     this.model = model;
     this.scene.add(model);
     model.updateMatrixWorld(true);

@@ -18,7 +18,16 @@ export class Toolbar {
     this.card = document.getElementById('card');
     this.buttons = [];
     this.shown = null;  // the tool whose card is open
-    document.addEventListener('keydown', (event) => this.onKey(event));
+    this.life = new AbortController();
+    document.addEventListener('keydown', (event) => this.onKey(event), { signal: this.life.signal });
+  }
+
+  /** Another one takes its place. */
+  end() {
+    this.life.abort();
+    this.closeCard();
+    this.bar.replaceChildren();
+    document.getElementById('help')?.remove();
   }
 
   /** `name`: what it does, in words; `label`: the word below the icon; `press()` does it. */
