@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "map/structure.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+namespace cairn {
+namespace {
+
+constexpr int kPatches = 40, kLeastSide = 4;  // in a row of the image; pixels
+constexpr int kEnough = 8;                    // pixels a side: what lies between them goes together with them
+constexpr double kFull = 0.7;                 // of a patch's pixels that are measured
+constexpr double kFlat = 3;                   // standard deviations of the depth noise that a flat patch is off
+constexpr double kSlanted = 0.25;             // cosine of the steepest angle to a ray that is believed
+constexpr double kTogether = 2;               // that noise of neighbouring pixels goes together: factor of a slope's
+constexpr double kSureTurn = 0.05;            // radians of a patch's own noise at which it counts half
+constexpr float kAlike = 0.9903f, kMean = 0.9945f;  // cosines of 8 and 6 degrees: patches that face alike
+constexpr float kSmall = 0.01f;                     // of the area: facings of less are left out
+constexpr int kShifts = 3;                          // of the mean
+
+struct Patch {
+  Eigen::Vector3f normal;
+  float area;
+};
+
+/// A plane through a patch: inverse depth is linear in the ray (x, y), 1/z = a x + b y + c, and its noise is nearly the
+/// same everywhere. The plane is a X + b Y + c Z = 1.
+class PlaneFit {
+ public:
+  PlaneFit(double x, double y) : x_(x), y_(y) {}
+  void add(double x, double y, double z) {
+    const Eigen::Vector3d v(x - x_, y - y_, 1);
+    const double q = 1 / z;
+    squares_.noalias() += v * v.transpose();
+    products_ += q * v;
+    square_ += q * q;
+    ++count_;
+  }
+  [[nodiscard]] int count() const { return count_; }
+  /// The plane's (a, b, c), and how far inverse depths are off it, root mean square.
+  [[nodiscard]] std::pair<Eigen::Vector3d, double> solve() const {
+    const Eigen::Vector3d local = squares_.ldlt().solve(products_);
+    const double off = std::sqrt(std::max(0.0, (square_ - local.dot(products_)) / count_));
+    return {{local.x(), local.y(), local.z() - local.x() * x_ - local.y() * y_}, off};
+  }
+
+ private:
+  double x_, y_;  // near the patch's middle: numbers stay small
+  Eigen::Matrix3d squares_ = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d products_ = Eigen::Vector3d::Zero();
+  double square_ = 0;
+  int count_ = 0;
+};
+
+/// The patches that face nearly as one of them does leave the list; nothing where none is left.
+std::optional<Structure::Facing> take_facing(std::vector<Patch>& patches, const std::vector<float>& around,
+                                             std::vector<std::size_t>& left) {
+  if (left.empty()) return std::nullopt;
+  const std::size_t seed =
+      *std::max_element(left.begin(), left.end(), [&](std::size_t a, std::size_t b) { return around[a] < around[b]; });
+  Eigen::Vector3f mean = patches[seed].normal;
+  for (int i = 0; i < kShifts; ++i) {
+    Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+    for (const std::size_t k : left)
+      if (patches[k].normal.dot(mean) > kMean) sum += patches[k].area * patches[k].normal;
+    if (sum.norm() > 0) mean = sum.normalized();
+  }
+  Structure::Facing facing{.normal = mean, .area = 0};
+  std::erase_if(left, [&](std::size_t k) {
+    const bool is_alike = k == seed || patches[k].normal.dot(mean) > kAlike;
+    if (is_alike) facing.area += patches[k].area;
+    return is_alike;
+  });
+  return facing;
+}
+
+}  // namespace
+
+StructureFinder::StructureFinder(const Rig& rig)
+    : camera_(rig.depth),
+      sensor_(rig.sensor),
+      side_(std::max(kLeastSide, rig.depth.width / kPatches)),
+      step_(std::max(1, side_ / kEnough)) {
+  rays_.reserve(static_cast<std::size_t>(camera_.width) * static_cast<std::size_t>(camera_.height));
+  for (int v = 0; v < camera_.height; ++v)
+    for (int u = 0; u < camera_.width; ++u) rays_.emplace_back(camera_.undistorted_ray(u, v).cast<float>());
+}
+
+Structure StructureFinder::find(const std::vector<float>& depth) const {
+  Structure structure;
+  std::vector<Patch> patches;
+  const int in_row = (side_ + step_ - 1) / step_, least = static_cast<int>(kFull * in_row * in_row);
+  for (int top = 0; top + side_ <= camera_.height; top += side_)
+    for (int left = 0; left + side_ <= camera_.width; left += side_) {
+      const auto pixel = [&](int u, int v) {
+        return static_cast<std::size_t>(top + v) * static_cast<std::size_t>(camera_.width) +
+               static_cast<std::size_t>(left + u);
+      };
+      const Eigen::Vector2d middle = rays_[pixel(side_ / 2, side_ / 2)].cast<double>();
+      PlaneFit fit(middle.x(), middle.y());
+      for (int v = 0; v < side_; v += step_)
+        for (int u = 0; u < side_; u += step_) {
+          const std::size_t i = pixel(u, v);
+          if (const float z = depth[i]; z >= sensor_.min_depth && z <= sensor_.max_depth)
+            fit.add(static_cast<double>(rays_[i].x()), static_cast<double>(rays_[i].y()), static_cast<double>(z));
+        }
+      if (fit.count() < least) continue;
+      const auto [plane, off] = fit.solve();
+      const Eigen::Vector3d ray(middle.x(), middle.y(), 1);
+      const double z = 1 / plane.dot(ray), width = side_ * z / camera_.fx, height = side_ * z / camera_.fy;
+      const double along = plane.dot(ray) / plane.norm(), cosine = along / ray.norm();
+      if (!(z > 0 && std::isfinite(z) && cosine > 0)) continue;
+      const double noise = static_cast<double>(sensor_.sigma(static_cast<float>(z)));
+      const double turn = kTogether * noise * std::sqrt(12.0 / fit.count()) / width;
+      const double area = width * height / std::max(along, kSlanted) / (1 + turn * turn / (kSureTurn * kSureTurn));
+      if (cosine < kSlanted || off * z * z > kFlat * noise) continue;
+      structure.area += static_cast<float>(area);
+      patches.push_back({(-plane / plane.norm()).cast<float>(), static_cast<float>(area)});
+    }
+
+  std::vector<float> around(patches.size(), 0);
+  for (std::size_t i = 0; i < patches.size(); ++i)
+    for (std::size_t k = 0; k < patches.size(); ++k)
+      if (patches[i].normal.dot(patches[k].normal) > kMean) around[i] += patches[k].area;
+  std::vector<std::size_t> rest(patches.size());
+  for (std::size_t i = 0; i < rest.size(); ++i) rest[i] = i;
+  while (structure.facings.size() < Structure::kFacings) {
+    const auto facing = take_facing(patches, around, rest);
+    if (!facing) break;
+    if (facing->area > kSmall * structure.area) structure.facings.push_back(*facing);
+  }
+  return structure;
+}
+
+}  // namespace cairn
