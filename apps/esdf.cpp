@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <charconv>
 #include <chrono>
@@ -15,6 +16,7 @@
 #include "cairn/atomic_file.hpp"
 #include "cairn/map.hpp"
 #include "commands.hpp"
+#include "flags.hpp"
 #include "pictures.hpp"
 
 namespace cairn::apps {
@@ -153,7 +155,13 @@ void esdf(const Arguments& a) {
       a.query.empty() ? std::vector<Eigen::Vector3f>{} : read_query_points(a.query);
 
   const auto start = Clock::now();
-  const auto field = Map::open(fs::is_directory(a.map) ? a.map / "map.vdb" : a.map, a.device).distances(a.esdf);
+  Map map = Map::open(fs::is_directory(a.map) ? a.map / "map.vdb" : a.map, a.device);
+  const auto field = map.distances(a.esdf);
+  if (const Upright upright = map.upright(); !a.costmaps.empty() && !upright.known)
+    spdlog::warn(
+        "{}: may be cut askew, for which way is up is {} of cairn reconstruct, which with --resume writes the "
+        "files again",
+        a.costmaps[0].string(), in_flags(upright.words));
   const double seconds = seconds_since(start);
   if (outputs.grid) write_distances(*outputs.grid, *field);
   const Asked asked = a.query.empty() ? Asked{} : answer(*field, points, outputs.table);
@@ -185,7 +193,8 @@ void add_esdf(CLI::App& program) {
                       "X.yaml: occupancy for ROS map_server, with X.pgm beside it. ROS axes: x is the map's z, y its "
                       "-x, up its -y");
   command->add_option("--height", a->height,
-                      "LOW:HIGH, the band of the costmap in metres above the map's origin, the first camera");
+                      "LOW:HIGH, the band of the costmap in metres above the first camera, along gravity where the map "
+                      "stands upright (see report.json)");
   command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
       ->capture_default_str();
   command->add_flag("--json", a->json, "Print JSON");

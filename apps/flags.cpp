@@ -26,6 +26,7 @@ constexpr std::array kFlags{
     Words{"ExportOptions::levels", "--lods"},
     Words{"ExportOptions::compression", "--compress"},
     Words{"ExportOptions::cameras", "--cameras"},
+    Words{"Options::up", "--up"},
     Words{"FuseOptions::device_memory", "--device-memory"},
     Words{"FuseOptions::voxel_size", "--voxel-size"},
     Words{"EsdfOptions::voxel_size", "--esdf-voxel-size"},

@@ -75,6 +75,7 @@ void merge(Arguments a) {
   outputs.expect_all();
   fmt::print("mesh        {} ({} triangles)\n", (a.output / "mesh.glb").string(),
              report["mesh"]["triangles"].get<std::size_t>());
+  print_upright(report["upright"]);
   for (const std::string& warning : warnings) fmt::print("warning     {}\n", warning);
 }
 

@@ -11,6 +11,7 @@
 
 #include "cairn/atomic_file.hpp"
 #include "cairn/viewer.hpp"
+#include "flags.hpp"
 #include "json_text.hpp"
 #include "progress.hpp"
 
@@ -32,6 +33,13 @@ nlohmann::json to_json(const FoundLoop& loop) {
 
 /// Of a recording that was not the last.
 std::string name_of_trajectory(int recording) { return fmt::format("trajectory-{:03}.txt", recording); }
+
+nlohmann::json to_json(const Upright& upright) {
+  return {{"source", std::string(name_of(upright.source))},
+          {"known", upright.known},
+          {"turned_degrees", upright.turned() * 180 / std::numbers::pi},
+          {"words", in_flags(upright.words)}};
+}
 
 nlohmann::json to_json(const Statistics& statistics) {
   nlohmann::json report{
@@ -57,7 +65,6 @@ nlohmann::json to_json(const Statistics& statistics) {
         {"tried", statistics.loops_tried},
         {"graph_ms", statistics.graph_ms},
         {"world_ms", statistics.world_ms}}}};
-  if (statistics.tilt) report["tilt_degrees"] = *statistics.tilt * 180 / std::numbers::pi;
   for (const auto& [kernel, time] : statistics.kernels)
     report["kernels"][kernel] = {
         {"calls", time.first}, {"total_ms", time.second}, {"mean_ms", time.second / std::max(1, time.first)}};
@@ -68,6 +75,12 @@ nlohmann::json to_json(const Statistics& statistics) {
 
 nlohmann::json to_json(const Verdict& verdict) {
   return {{"level", name_of(verdict.level)}, {"words", verdict.words}, {"reasons", verdict.reasons}};
+}
+
+void print_upright(const nlohmann::json& upright) {
+  const double turned = upright["turned_degrees"];
+  const auto words = upright["words"].get<std::string>();
+  fmt::print("upright     {}{}\n", words, turned > 0.05 ? fmt::format("; turned by {:.1f} degrees", turned) : "");
 }
 
 nlohmann::json to_json(const Exported& e) {
@@ -153,9 +166,9 @@ std::optional<Exported> Outputs::write_mesh(Mapper& mapper, const MeshArguments&
 }
 
 nlohmann::json Outputs::write(Mapper& mapper, Session* session, const MeshArguments& options, const std::string& note) {
+  mapper.settle_upright();  // all files tell of the same world, and the session remembers it
   // What cost most to make comes first.
   if (session != nullptr) attempt("session", [&] { write_session(mapper, *session, note); });
-  mapper.settle();
   attempt("trajectory.txt", [&] { write_trajectories(mapper); });
   if (session != nullptr)
     attempt("graph.g2o", [&] {
@@ -167,6 +180,9 @@ nlohmann::json Outputs::write(Mapper& mapper, Session* session, const MeshArgume
   attempt("mesh.glb", [&] { mesh = write_mesh(mapper, options); });
 
   nlohmann::json report = to_json(mapper.statistics());
+  const Upright upright = mapper.upright();
+  report["upright"] = to_json(upright);
+  if (upright.off) report["tilt_degrees"] = *upright.off * 180 / std::numbers::pi;
   report["searched"] = mapper.keyframes();
   report["loops"] = nlohmann::json::array();
   if (mesh) report["mesh"] = to_json(*mesh);

@@ -52,6 +52,9 @@ class Outputs {
 
 /// What report.json tells of how well it went.
 [[nodiscard]] nlohmann::json to_json(const Verdict& verdict);
+/// A line for the user about which way up the map stands, as report.json tells it.
+void print_upright(const nlohmann::json& upright);
+
 /// What report.json and --json tell of an exported mesh.
 [[nodiscard]] nlohmann::json to_json(const Exported& exported);
 

@@ -111,6 +111,7 @@ Options options_of(const RunArguments& a, const SensorModel& sensor, int finest_
   if (a.esdf_voxel_size) options.esdf.voxel_size = *a.esdf_voxel_size;
   if (a.max_distance) options.esdf.max_distance = *a.max_distance;
   options.keep_keyframes = a.mesh.asks_for_texture;
+  if (a.up) options.up = up_of(*a.up);
   check(a.mesh.for_file("mesh.glb"), a.output / "mesh.glb");
   check(options);
   if (a.mesh.clean.min_weight > options.fuse.max_weight)
@@ -319,6 +320,7 @@ void Run::tell(const nlohmann::json& report, const Verdict& verdict) const {
                report["mesh"].contains("textures") ? "textured" : "the voxels' colours");
     fmt::print(out, "map         {}\n", (output / "map.vdb").string());
     fmt::print(out, "trajectory  {}\n", (output / "trajectory.txt").string());
+    print_upright(report["upright"]);
     fmt::print(out, "report      {}\n", (fs::exists(page) ? page : output / "report.json").string());
     if (fs::exists(page)) fmt::print(out, "next: cairn view {}\n", quoted(output.string()));
   }
@@ -360,6 +362,13 @@ void add_run_options(CLI::App& command, RunArguments& a) {
   command.add_option("--motion", a.motion, "What carries the camera: hand, robot or drone; limits its speed")
       ->check(CLI::IsMember({"hand", "robot", "drone"}))
       ->capture_default_str();
+  command
+      .add_option(
+          "--up", a.up,
+          "What points up in the map: auto (an accelerometer, or floors and walls, tell), camera (as the first "
+          "one was held), or an axis of the first camera's frame or the given poses: x, y, z, -x, -y, -z [auto; "
+          "with --poses: their world stays]")
+      ->check(CLI::IsMember({"auto", "camera", "x", "y", "z", "-x", "-y", "-z"}));
   command.add_option("--voxel-size", a.voxel_size,
                      "Metres; the truncation is four voxels, or more for noisy sensors [0.01]");
   add_topics(command, a.topics);

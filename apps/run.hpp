@@ -31,6 +31,7 @@ struct RunArguments : OutputArguments {
   std::filesystem::path config, camera;
   std::optional<std::string> sensor;
   std::string motion = "hand";
+  std::optional<std::string> up;
   std::vector<std::string> topics;
   std::optional<float> voxel_size;
   std::optional<std::uint64_t> device_memory_mib, host_memory_mib;

@@ -28,8 +28,10 @@ class DistanceField {
                                                          ///< surface in front of it; zero where everything is far
   };
 
-  /// Block (i, j, k) starts with voxel 16 (i, j, k); voxel (i, j, k) samples the point origin + voxel_size * (i, j, k).
-  DistanceField(float voxel_size, const Eigen::Vector3f& origin, float max_distance, Blocks blocks);
+  /// Block (i, j, k) starts with voxel 16 (i, j, k); voxel (i, j, k) samples the point world_from_field
+  /// * (origin + voxel_size * (i, j, k)).
+  DistanceField(float voxel_size, const Eigen::Vector3f& origin, float max_distance, Blocks blocks,
+                const Eigen::Quaternionf& world_from_field = Eigen::Quaternionf::Identity());
   /// Reads the grid `esdf` that write_grids or `cairn esdf` wrote. Throws std::runtime_error if there is none.
   [[nodiscard]] static DistanceField read(const std::filesystem::path& vdb);
 
@@ -40,7 +42,12 @@ class DistanceField {
 
   [[nodiscard]] float voxel_size() const { return voxel_size_; }
   [[nodiscard]] float max_distance() const { return max_distance_; }
-  [[nodiscard]] const Eigen::Vector3f& origin() const { return origin_; }
+  [[nodiscard]] const Eigen::Vector3f& origin() const { return origin_; }  ///< in the field's own frame
+  [[nodiscard]] const Eigen::Quaternionf& world_from_field() const { return world_from_field_; }
+  /// The point in the world that lies at a place among the voxels.
+  [[nodiscard]] Eigen::Vector3f point(const Eigen::Vector3f& voxel) const {
+    return world_from_field_ * (origin_ + voxel_size_ * voxel);
+  }
   [[nodiscard]] const Blocks& blocks() const { return blocks_; }
   /// The voxel that is number `sample` of a block: z runs fastest.
   [[nodiscard]] static Eigen::Vector3i voxel(const Eigen::Vector3i& block, int sample) {
@@ -57,6 +64,7 @@ class DistanceField {
   Eigen::Vector3f origin_;
   float max_distance_;
   Blocks blocks_;
+  Eigen::Quaternionf world_from_field_;
   Eigen::Vector3i first_ = Eigen::Vector3i::Zero(), size_ = Eigen::Vector3i::Zero();  ///< of the table, blocks
   std::vector<const Block*> table_;                                                   ///< null: nothing known
 };

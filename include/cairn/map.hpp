@@ -11,6 +11,7 @@
 #include "cairn/mesh.hpp"
 #include "cairn/reports.hpp"
 #include "cairn/trajectory.hpp"
+#include "cairn/upright.hpp"
 
 namespace cairn {
 
@@ -51,6 +52,8 @@ class Map {
   /// Writes the keyframes' pose graph by the extension: .g2o, or .svg, a picture of it. Whole or not at all.
   void write_graph(const std::filesystem::path& file) const;
 
+  /// Which way up it stands, see Mapper::upright; of a .vdb file as that says.
+  [[nodiscard]] Upright upright() const;
   /// Recordings that the map is made of, at least one.
   [[nodiscard]] int recordings() const;
   /// As Mapper::trajectory.

@@ -19,8 +19,8 @@ namespace cairn {
 struct MapState;
 
 enum class Poses {
-  tracked,  ///< found by aligning each frame with the map; the world is the first camera's frame,
-            ///< turned so that gravity points along y where Frame::acceleration tells it
+  tracked,  ///< found by aligning each frame with the map, in the first camera's frame; what is written of it stands
+            ///< upright, see Mapper::upright
   given     ///< taken from Frame::world_from_camera
 };
 
@@ -58,6 +58,12 @@ class Mapper {
   /// the map stays as it is, and a warning tells why.
   void reintegrate(Source& again, const std::function<void()>& step = {});
 
+  /// Which way up the map stands: how all that map() and trajectory() give is turned, of which gravity is +y where it
+  /// is known. Cheap enough to be asked every second.
+  [[nodiscard]] Upright upright() const;
+  /// From now on it stays as it is known now, in this program and in the session, whatever comes later: call it when
+  /// the map's files are written. Settles the keyframes, too.
+  void settle_upright();
   /// The map as it is now, and always as it is when it is asked.
   [[nodiscard]] Map map();
   /// With EsdfOptions::live the field as of the last frame, in the frame in which the camera is tracked: that of the
@@ -65,14 +71,14 @@ class Mapper {
   /// another one adds frames.
   [[nodiscard]] std::shared_ptr<const DistanceField> live_distances() const;
 
-  /// Of all fused frames, in the colour camera's clock: with Poses::tracked the depth images' stamps are moved by what
-  /// the images tell of the two clocks' difference (Statistics::clock_offset). Frames of components that nothing joins
-  /// with the largest one are left out.
-  /// `recording`: counted from 0 where a session goes on with another one; -1: the last.
+  /// Of all fused frames, in the upright world and the colour camera's clock: with Poses::tracked the depth images'
+  /// stamps are moved by what the images tell of the two clocks' difference (Statistics::clock_offset). Frames of
+  /// components that nothing joins with the largest one are left out. `recording`: counted from 0 where a session goes
+  /// on with another one; -1: the last.
   [[nodiscard]] Trajectory trajectory(int recording = -1) const;
   [[nodiscard]] int recordings() const;
-  /// The last recording's trajectory for showing it: at most `points` of its poses, two at least, the first and the
-  /// newest among them.
+  /// The last recording's trajectory for showing it, in the frame in which the camera is tracked: at most `points` of
+  /// its poses, two at least, the first and the newest among them.
   [[nodiscard]] Trajectory path(std::size_t points) const;
   /// When the keyframes were taken and how many earlier ones were looked through for their places.
   [[nodiscard]] std::vector<std::pair<double, int>> keyframes() const;

@@ -3,9 +3,11 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string_view>
 
 #include "cairn/sensor_model.hpp"
+#include "cairn/upright.hpp"
 
 namespace cairn {
 
@@ -62,6 +64,9 @@ struct MotionOptions {
 
 struct Options {
   bool keep_keyframes = false;  ///< also with given poses, for textures; with tracked ones they are kept anyway
+  /// What points up where the map is written; none: Up::automatic, or the world of given poses as it is. A session
+  /// remembers it.
+  std::optional<Up> up;
   SurfaceOptions surface;
   TrackOptions track;
   MotionOptions motion;

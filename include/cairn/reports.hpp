@@ -119,7 +119,6 @@ struct Statistics {
   std::uint64_t submaps_read_back = 0;                    ///< from the disk
   double clock_offset = 0;                                ///< seconds that the colour camera's clock is ahead
   FocalEvidence focal;                                    ///< whether the images fit another focal length better
-  std::optional<double> tilt;                             ///< radians between the world's y axis and measured gravity
   std::map<std::string, std::pair<int, double>> kernels;  ///< calls and total milliseconds on the device, by kernel
 };
 

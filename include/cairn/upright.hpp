@@ -23,6 +23,7 @@ enum class Up : std::uint8_t {
 };
 /// `auto`, `camera`, `x`, `y`, `z`, `-x`, `-y` or `-z`; throws std::runtime_error for another name.
 [[nodiscard]] Up up_of(std::string_view name);
+[[nodiscard]] std::string_view name_of(Up up);
 
 /// How a map is turned where it is written: rigidly, and nothing else of it changes. Tracking has a frame of its own,
 /// that of the first camera (levelled, where its frame tells gravity).

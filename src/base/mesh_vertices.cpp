@@ -39,4 +39,16 @@ std::vector<std::uint32_t> drop_unused_vertices(Mesh& mesh) {
   return used;
 }
 
+void turn(Mesh& mesh, const Eigen::Quaterniond& by) {
+  const Eigen::Matrix3d m = by.toRotationMatrix();
+  if (m.isIdentity(0)) return;
+  for (auto* vectors : {&mesh.positions, &mesh.normals})
+    for (Eigen::Vector3f& v : *vectors) v = (m * v.cast<double>()).cast<float>();
+}
+
+Mesh turned(Mesh mesh, const Eigen::Quaterniond& by) {
+  turn(mesh, by);
+  return mesh;
+}
+
 }  // namespace cairn

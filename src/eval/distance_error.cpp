@@ -36,7 +36,7 @@ DistanceError evaluate_distances(const DistanceField& field, const Scene& scene,
       const Eigen::Vector3f inside(part(random), part(random), part(random));
       if ((i + (i >> 4)) % kEvery != 0 || std::isnan((*samples)[static_cast<std::size_t>(i)])) continue;
       const Eigen::Vector3i v = DistanceField::voxel(block, i);
-      points.emplace_back(field.origin() + field.voxel_size() * (v.cast<float>() + inside));
+      points.emplace_back(field.point(v.cast<float>() + inside));
     }
   std::vector<DistanceField::Answer> answers(points.size());
   field.query(points, answers);

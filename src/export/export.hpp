@@ -8,6 +8,7 @@
 #include "cairn/export.hpp"
 #include "cairn/rig.hpp"
 #include "cairn/trajectory.hpp"
+#include "cairn/upright.hpp"
 #include "texture/views.hpp"
 #include "volume/polygonize.hpp"
 
@@ -23,7 +24,8 @@ struct ExportInput {
   SurfaceOptions surface;
   std::vector<TextureKeyframe> keyframes;
   TextureViews::GetImage get_image;
-  std::vector<Trajectory> paths;
+  std::vector<Trajectory> paths;  // in the world that is written
+  Upright upright;                // how all else is turned to be there
 };
 
 /// By the extension of `file`, see write_mesh; also tileset.json, 3D Tiles 1.1 with levels of detail. Throws

@@ -6,7 +6,9 @@
 #include <filesystem>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
+#include "base/mesh_vertices.hpp"
 #include "base/stopwatch.hpp"
 #include "export/cells.hpp"
 #include "export/export.hpp"
@@ -56,8 +58,11 @@ struct ExportRun {
     return {.compression = options.compression,
             .png = options.texture.png,
             .jpeg_quality = options.texture.jpeg_quality,
-            .source = options.source};
+            .source = options.source,
+            .upright = input.upright};
   }
+  /// A mesh of the map as it is written.
+  [[nodiscard]] Mesh upright(Mesh mesh) const { return turned(std::move(mesh), input.upright.world_from_tracked); }
 };
 
 }  // namespace cairn

@@ -74,12 +74,13 @@ class Svg {
 };
 
 /// The poses of a component's keyframes, as tracked and as corrected, with a margin.
-Eigen::AlignedBox2d box_of(const Atlas& atlas, const std::vector<std::size_t>& component_of, std::size_t main) {
+Eigen::AlignedBox2d box_of(const Atlas& atlas, const Eigen::Isometry3d& turn,
+                           const std::vector<std::size_t>& component_of, std::size_t main) {
   Eigen::AlignedBox2d box;
   for (std::size_t k = 0; k < atlas.keyframes.size(); ++k) {
     if (component_of[k] != main) continue;
-    box.extend(from_above(atlas.world_from_camera[k]));
-    box.extend(from_above(atlas.keyframes[k].odometry_from_camera));
+    box.extend(from_above(turn * atlas.world_from_camera[k]));
+    box.extend(from_above(turn * atlas.keyframes[k].odometry_from_camera));
   }
   if (box.isEmpty()) box.extend(Eigen::Vector2d::Zero());
   box.extend(box.min() - Eigen::Vector2d::Constant(0.1));
@@ -92,14 +93,15 @@ Eigen::AlignedBox2d box_of(const Atlas& atlas, const std::vector<std::size_t>& c
 void write_graph_picture(const std::filesystem::path& file, const Atlas& atlas) {
   const auto component_of = atlas.components();
   const std::size_t main = atlas.keyframes.empty() ? 0 : atlas.main_component();
-  Svg svg(box_of(atlas, component_of, main));
+  const Eigen::Isometry3d turn(atlas.upright().world_from_tracked);
+  Svg svg(box_of(atlas, turn, component_of, main));
   const auto path = [&](const char* colour, const auto& pose_of) {
     for (std::size_t k = 1; k < atlas.keyframes.size(); ++k)
       if (component_of[k] == main && atlas.keyframes[k].follows)
         svg.line(from_above(pose_of(k - 1)), from_above(pose_of(k)), colour, 2);
   };
-  const auto corrected = [&](std::size_t k) { return atlas.world_from_camera[k]; };
-  path(kTracked, [&](std::size_t k) { return atlas.keyframes[k].odometry_from_camera; });
+  const auto corrected = [&](std::size_t k) { return turn * atlas.world_from_camera[k]; };
+  path(kTracked, [&](std::size_t k) { return turn * atlas.keyframes[k].odometry_from_camera; });
   int loops = 0, refused = 0;
   for (const Loop& loop : atlas.loops) {
     if (loop.corners == 0 || component_of[loop.edge.j] != main) continue;

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "base/mesh_vertices.hpp"
 #include "cairn/atomic_file.hpp"
 #include "cairn/mapper.hpp"
 #include "export/export.hpp"
@@ -66,15 +67,27 @@ std::vector<TextureKeyframe> texture_keyframes(const MapState& s) {
   return keyframes;
 }
 
+/// The same field where it lies in the world that is written.
+std::shared_ptr<const DistanceField> turned(const std::shared_ptr<const DistanceField>& field, const Upright& upright) {
+  if (upright.world_from_tracked.matrix().isIdentity(0)) return field;
+  return std::make_shared<const DistanceField>(field->voxel_size(), field->origin(), field->max_distance(),
+                                               field->blocks(), upright.world_from_tracked.cast<float>());
+}
+
 class MapperContents final : public Map::Contents {
  public:
   explicit MapperContents(std::shared_ptr<MapState> state) : state_(std::move(state)) {}
 
-  Mesh mesh() override { return state_->polygonizer.polygonize(state_->world()); }
+  Mesh mesh() override {
+    Mesh mesh = state_->polygonizer.polygonize(state_->world());
+    return turned(std::move(mesh), state_->upright().world_from_tracked);
+  }
 
   std::shared_ptr<const DistanceField> distances(const EsdfOptions* options) override {
     MapState& s = *state_;
-    return distances_of(s.device, s.world().on_host(), s.options.fuse, options != nullptr ? *options : s.options.esdf);
+    return turned(
+        distances_of(s.device, s.world().on_host(), s.options.fuse, options != nullptr ? *options : s.options.esdf),
+        s.upright());
   }
 
   Exported export_mesh(const fs::path& file, const ExportOptions& options, const ExportProgress& progress) override;
@@ -88,20 +101,29 @@ class MapperContents final : public Map::Contents {
     if (file.extension() == ".svg")
       write_graph_picture(file, state_->back_end.atlas());
     else
-      write_g2o(file, state_->back_end.atlas().graph());
+      write_g2o(file, upright_graph());
   }
 
+  Upright upright() const override { return state_->upright(); }
   int recordings() const override { return state_->recordings(); }
   Trajectory trajectory(int recording) const override { return state_->trajectory(recording); }
   Statistics statistics() const override { return state_->statistics(); }
 
  private:
+  [[nodiscard]] PoseGraph upright_graph() const;
   [[nodiscard]] bool is_in_parts();
   [[nodiscard]] WorldParts parts();
   std::shared_ptr<MapState> state_;
 };
 
 /// A world that lies otherwise than it was fused is made part by part, so that it may be larger than the memory.
+PoseGraph MapperContents::upright_graph() const {
+  PoseGraph graph = state_->back_end.atlas().graph();
+  const Eigen::Isometry3d turn(state_->upright().world_from_tracked);
+  for (Eigen::Isometry3d& pose : graph.world_from_node) pose = turn * pose;
+  return graph;
+}
+
 bool MapperContents::is_in_parts() {
   state_->back_end.settle();
   return state_->is_tracked() && !state_->back_end.is_plain();
@@ -120,7 +142,9 @@ void MapperContents::write_grids(const fs::path& file) {
   std::shared_ptr<const DistanceField> field;
   if (s.options.esdf.live)
     s.warnings().attempt(file.string() + " has no grid `esdf`", [&] { field = distances(nullptr); });
-  GridsWriter writer(file, {.voxel_size = s.options.fuse.voxel_size, .truncation = s.options.fuse.truncation});
+  s.back_end.settle();
+  GridsWriter writer(
+      file, {.voxel_size = s.options.fuse.voxel_size, .truncation = s.options.fuse.truncation, .upright = s.upright()});
   if (!is_in_parts() || s.whole) {
     const BrickTree& tree = s.world().on_host();
     writer.add(tree);
@@ -156,7 +180,8 @@ Exported MapperContents::export_mesh(const fs::path& file, const ExportOptions& 
                     .surface = s.options.surface,
                     .keyframes = texture_keyframes(s),
                     .get_image = [&](std::size_t image) { return images.get(image); },
-                    .paths = {}};
+                    .paths = {},
+                    .upright = s.upright()};
   if (in_parts)
     input.load = [&](std::span<const Brick> bricks) { part->adopt(parts->make(bricks, s.back_end.load_submap())); };
   for (int i = 0; i < s.recordings(); ++i) input.paths.push_back(s.trajectory(i));
@@ -173,9 +198,11 @@ ExportedViews MapperContents::export_views(const fs::path& folder, const ViewsOp
     const KeyframeStore& images = s.is_tracked() ? s.back_end.images() : s.given.images;
     const auto keyframes = texture_keyframes(s);
     exported.keyframes = static_cast<int>(keyframes.size());
-    exported.images = write_views(
-        {.rig = s.rig, .keyframes = keyframes, .get_image = [&](std::size_t image) { return images.get(image); }}, part,
-        options, progress);
+    exported.images = write_views({.rig = s.rig,
+                                   .keyframes = keyframes,
+                                   .get_image = [&](std::size_t image) { return images.get(image); },
+                                   .world_from_map = Eigen::Isometry3d(s.upright().world_from_tracked)},
+                                  part, options, progress);
   });
   return exported;
 }
@@ -188,14 +215,16 @@ class GridContents final : public Map::Contents {
     fuse_.truncation = grids_.info.truncation;
   }
 
-  Mesh mesh() override { return Polygonizer(device()).polygonize(volume()); }
+  Mesh mesh() override {
+    return turned(Polygonizer(device()).polygonize(volume()), grids_.info.upright.world_from_tracked);
+  }
 
   std::shared_ptr<const DistanceField> distances(const EsdfOptions* options) override {
     Options checked;
     checked.fuse = fuse_;
     if (options != nullptr) checked.esdf = *options;
     check(checked);
-    auto field = distances_of(device(), tree(), fuse_, checked.esdf);
+    auto field = turned(distances_of(device(), tree(), fuse_, checked.esdf), grids_.info.upright);
     const auto& blocks = field->blocks();
     const bool has_surface = std::any_of(blocks.begin(), blocks.end(), [&](const auto& block) {
       return std::any_of(block.second->begin(), block.second->end(),
@@ -208,8 +237,9 @@ class GridContents final : public Map::Contents {
   Exported export_mesh(const fs::path& file, const ExportOptions& options, const ExportProgress& progress) override {
     check(options, file);
     Polygonizer polygonizer(device());
-    return export_surface({.bricks = volume().bricks(), .volume = volume(), .polygonizer = polygonizer}, file, options,
-                          progress);
+    return export_surface(
+        {.bricks = volume().bricks(), .volume = volume(), .polygonizer = polygonizer, .upright = grids_.info.upright},
+        file, options, progress);
   }
 
   ExportedViews export_views(const fs::path&, const ViewsOptions&, const ExportProgress&) override {
@@ -222,6 +252,7 @@ class GridContents final : public Map::Contents {
     throw std::runtime_error(file.string() + ": cannot be written: " + file_.string() + " has no pose graph");
   }
 
+  Upright upright() const override { return grids_.info.upright; }
   int recordings() const override { return 1; }
   Trajectory trajectory(int) const override { return {}; }
   Statistics statistics() const override { return {}; }
@@ -270,6 +301,7 @@ ExportedViews Map::export_views(const fs::path& folder, const ViewsOptions& opti
 }
 void Map::write_grids(const fs::path& file) { contents_->write_grids(file); }
 void Map::write_graph(const fs::path& file) const { contents_->write_graph(file); }
+Upright Map::upright() const { return contents_->upright(); }
 int Map::recordings() const { return contents_->recordings(); }
 Trajectory Map::trajectory(int recording) const { return contents_->trajectory(recording); }
 Statistics Map::statistics() const { return contents_->statistics(); }

@@ -59,7 +59,8 @@ class Rectified {
       }
   }
   [[nodiscard]] const Camera& camera() const { return camera_; }
-  [[nodiscard]] Frame operator()(Frame frame, const TextureKeyframe& keyframe) const {
+  [[nodiscard]] Frame operator()(Frame frame, const Eigen::Isometry3d& world_from_map,
+                                 const TextureKeyframe& keyframe) const {
     if (view_) frame = (*view_)(std::move(frame));
     if (!map_.empty()) {
       std::vector<std::uint32_t> seen(frame.colour.size());
@@ -70,8 +71,8 @@ class Rectified {
       cv::remap(image(frame.colour), to, map_, cv::noArray(), cv::INTER_LINEAR);
       frame.colour = std::move(seen);
     }
-    frame.world_from_camera =
-        keyframe.world_from_camera * retract(keyframe.velocity * keyframe.colour_delay) * depth_from_colour_;
+    frame.world_from_camera = world_from_map * keyframe.world_from_camera *
+                              retract(keyframe.velocity * keyframe.colour_delay) * depth_from_colour_;
     return frame;
   }
 
@@ -115,7 +116,7 @@ int write_views(const ViewsInput& input, const std::filesystem::path& folder, co
       sharpest = std::move(frame);
     }
     if (!sharpest) continue;
-    writer->add(rectified(*std::move(sharpest), input.keyframes[best.second]));
+    writer->add(rectified(*std::move(sharpest), input.world_from_map, input.keyframes[best.second]));
     ++written;
   }
   if (written == 0)

@@ -17,6 +17,7 @@ struct ViewsInput {
   Rig rig;
   std::vector<TextureKeyframe> keyframes;
   TextureViews::GetImage get_image;
+  Eigen::Isometry3d world_from_map = Eigen::Isometry3d::Identity();  // to the world in which poses are written
 };
 
 /// Returns how many images were written into `folder`, which holds the points. Throws std::runtime_error if there are

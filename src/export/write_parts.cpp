@@ -46,7 +46,7 @@ std::string name_of(const Cells& cells, const Cells::Key& cell) {
 
 void add_to(Preview& preview, ExportRun& run, Texturer* texturer, const Cells::Key& cell, Part part) {
   simplify_part(run, part, {.ratio = preview.ratio}, 0, 0);
-  const Mesh mesh = texturer != nullptr ? texturer->texture(part, 1) : std::move(part.mesh);
+  const Mesh mesh = run.upright(texturer != nullptr ? texturer->texture(part, 1) : std::move(part.mesh));
   run.timed("write", [&] { (void)preview.gltf.add(name_of(run.cells, cell), mesh); });
 }
 
@@ -60,7 +60,7 @@ void add_cell(ExportRun& run, Texturer* texturer, const Cells::Key& cell, std::v
     // Cells of one file stay cells at every level.
     simplify_part(run, part, level == 0 ? run.options.simplify : SimplifyOptions{.ratio = kLevelRatio}, 0, level);
     run.moved_by(part.error);
-    Mesh mesh = texturer != nullptr ? texturer->texture(part, level) : part.mesh;
+    Mesh mesh = run.upright(texturer != nullptr ? texturer->texture(part, level) : part.mesh);
     GltfWriter::Added added{mesh.triangles.size(), mesh.positions.size()};
     if (is_gltf(run.file))
       run.timed("write", [&] { added = levels[i].gltf.add(name_of(run.cells, cell), mesh); });
@@ -74,7 +74,8 @@ void add_cell(ExportRun& run, Texturer* texturer, const Cells::Key& cell, std::v
 /// The paths, and a camera for each keyframe.
 void add_cameras(const ExportInput& input, GltfWriter& gltf) {
   std::vector<Eigen::Isometry3d> cameras;
-  for (const TextureKeyframe& k : input.keyframes) cameras.push_back(k.world_from_camera);
+  const Eigen::Isometry3d turn(input.upright.world_from_tracked);
+  for (const TextureKeyframe& k : input.keyframes) cameras.push_back(turn * k.world_from_camera);
   for (std::size_t i = 0; i < input.paths.size(); ++i)
     gltf.add_cameras(input.rig.depth, input.paths[i], i == 0 ? cameras : std::vector<Eigen::Isometry3d>{});
 }
@@ -97,7 +98,7 @@ void write_points(ExportRun& run) {
   for (const auto& [cell, bricks] : run.cells.all()) {
     const Part part = make_part(run, nullptr, cell);
     run.step("spreading points");
-    run.timed("points", [&] { points.add(part.mesh); });
+    run.timed("points", [&] { points.add(run.upright(part.mesh)); });
     run.step("meshing");
   }
   run.exported.points = points.points().positions.size();

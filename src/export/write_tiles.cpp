@@ -58,11 +58,13 @@ std::optional<TilePart> make_tile(ExportRun& run, Texturer* texturer, const Cell
     for (const Tile& child : tile.children) tile.box.extend(child.box);
   }
   if (part.mesh.triangles.empty()) return std::nullopt;
-  for (const auto& p : part.mesh.positions) tile.box.extend(p);
+  const Eigen::Isometry3d turn(run.input.upright.world_from_tracked);
+  for (const auto& p : part.mesh.positions) tile.box.extend((turn * p.cast<double>()).cast<float>().eval());
   tile.error = part.error;
   tile.content = fmt::format("{}_{}_{}_{}.glb", level, cell[0], cell[1], cell[2]);
   ++run.exported.tiles;
-  write_content(run, tile.content, texturer != nullptr ? texturer->texture(part, level) : part.mesh, level);
+  write_content(run, tile.content, run.upright(texturer != nullptr ? texturer->texture(part, level) : part.mesh),
+                level);
   return TilePart{std::move(tile), std::move(part)};
 }
 

@@ -21,8 +21,12 @@ void Atlas::add(const Keyframe& keyframe) {
   keyframes.push_back(keyframe);
 }
 
-void Atlas::add_frame(double timestamp, const Eigen::Isometry3d& submap_from_camera) {
+void Atlas::add_frame(double timestamp, const Eigen::Isometry3d& submap_from_camera,
+                      const std::optional<Eigen::Vector3d>& acceleration) {
   const Eigen::Isometry3d keyframe_from_camera = keyframes.back().submap_from_camera.inverse() * submap_from_camera;
+  if (acceleration)
+    keyframes.back().accelerations +=
+        (Eigen::Vector4d() << keyframe_from_camera.linear() * *acceleration, acceleration->norm()).finished();
   frames.push_back({timestamp, static_cast<std::uint32_t>(keyframes.size() - 1),
                     local_coordinates(keyframe_from_camera).cast<float>()});
 }
@@ -58,8 +62,8 @@ PoseGraph Atlas::graph() const {
   graph.world_from_node = world_from_camera;
   for (std::size_t k = 0; k < keyframes.size(); ++k) {
     const Keyframe& keyframe = keyframes[k];
-    if (const auto& up = keyframe.acceleration; up && up->norm() > 0)
-      graph.gravity.push_back({.node = k, .up = up->normalized(), .sigma = kAccelerometerSigma});
+    if (const auto& at_rest = keyframe.acceleration; at_rest && at_rest->norm() > 0)
+      graph.gravity.push_back({.node = k, .up = at_rest->normalized(), .sigma = kAccelerometerSigma});
     if (keyframe.follows)
       graph.edges.push_back(
           {.i = k - 1,
@@ -114,6 +118,44 @@ Trajectory Atlas::trajectory(std::size_t piece, std::size_t begin, std::size_t e
     trajectory.push_back({frame.timestamp, pose});
   }
   return trajectory;
+}
+
+/// Of the main piece.
+DownEvidence Atlas::down_evidence() const {
+  const auto component_of = components();
+  const std::size_t main = main_component();
+  DownEvidence evidence{.world_from_first_camera = world_from_camera[main].linear()};
+  for (std::size_t k = 0; k < keyframes.size(); ++k) {
+    if (component_of[k] != main) continue;
+    const Eigen::Matrix3d turn = world_from_camera[k].linear();
+    evidence.views.push_back({turn, &keyframes[k].structure});
+    evidence.accelerations.head<3>() += turn * keyframes[k].accelerations.head<3>();
+    evidence.accelerations[3] += keyframes[k].accelerations[3];
+  }
+  return evidence;
+}
+
+/// As it was settled, or as the evidence says.
+std::optional<SettledDown> Atlas::settled_or_found(const DownEvidence& evidence) const {
+  const std::size_t main = main_component();
+  if (settled && components()[settled->keyframe] == main) return settled;
+  auto found = find_down(evidence, up.value_or(Up::automatic));
+  if (!found) return std::nullopt;
+  found->down = world_from_camera[main].linear().transpose() * found->down;
+  return SettledDown{.keyframe = main, .found = *std::move(found)};
+}
+
+Upright Atlas::upright() const {
+  if (keyframes.empty()) return upright_unknown();
+  const DownEvidence evidence = down_evidence();
+  auto down = settled_or_found(evidence);
+  if (!down) return upright_unknown();
+  down->found.down = world_from_camera[down->keyframe].linear() * down->found.down;
+  return upright_by(down->found, evidence);
+}
+
+void Atlas::settle_upright() {
+  if (!keyframes.empty()) settled = settled_or_found(down_evidence());
 }
 
 }  // namespace cairn

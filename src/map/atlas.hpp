@@ -8,6 +8,7 @@
 #include "cairn/trajectory.hpp"
 #include "map/fused_frames.hpp"
 #include "map/keyframe.hpp"
+#include "map/upright.hpp"
 
 namespace cairn {
 
@@ -19,6 +20,12 @@ struct Loop {
   bool inlier = true;                 // by the pose graph
 };
 
+/// Down, in the camera's frame of a keyframe: it goes with the keyframe where the pose graph moves that.
+struct SettledDown {
+  std::size_t keyframe = 0;
+  FoundDown found;
+};
+
 /// Tracking and fusion live in the submaps' frame; where that lies in the world is told by the keyframes, which the
 /// pose graph moves. All submaps of a piece share one frame, that of tracking without a break; what moves one against
 /// the other is their keyframes' poses in the world.
@@ -28,11 +35,14 @@ struct Atlas {
   std::vector<Loop> loops;
   FusedFrames frames;
   std::vector<std::size_t> recordings;  // the first frame of each recording after the first
+  std::optional<Up> up;                 // as it was asked for
+  std::optional<SettledDown> settled;   // as the map was written the first time
 
   /// Adds a keyframe where its tracked pose puts it.
   void add(const Keyframe& keyframe);
   /// Adds a frame, the newest keyframe or one after it.
-  void add_frame(double timestamp, const Eigen::Isometry3d& submap_from_camera);
+  void add_frame(double timestamp, const Eigen::Isometry3d& submap_from_camera,
+                 const std::optional<Eigen::Vector3d>& acceleration = {});
   [[nodiscard]] Eigen::Isometry3d submap_from_camera(const FusedFrame& frame) const;
   /// What a keyframe was moved by: world_from_submap at its place.
   [[nodiscard]] Eigen::Isometry3d correction(std::size_t keyframe) const;
@@ -49,6 +59,14 @@ struct Atlas {
   /// keyframes.
   [[nodiscard]] Trajectory trajectory(std::size_t piece, std::size_t begin, std::size_t end,
                                       std::size_t step = 1) const;
+  /// How the main piece is turned where it is written: as it was settled, or as all that is known says.
+  [[nodiscard]] Upright upright() const;
+  /// From now on the map stands as upright() says, whatever comes later; where nothing tells that is still open.
+  void settle_upright();
+
+ private:
+  [[nodiscard]] DownEvidence down_evidence() const;
+  [[nodiscard]] std::optional<SettledDown> settled_or_found(const DownEvidence& evidence) const;
 };
 
 }  // namespace cairn

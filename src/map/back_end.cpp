@@ -31,9 +31,11 @@ BackEnd::BackEnd(gpu::Device& device, const Rig& rig, const Options& options, co
       rig_(rig),
       options_(options),
       matcher_(device, rig.depth, options),
+      structure_(rig),
       images_(rig, files.empty() ? files : files / "keyframes", access),
       submaps_(files, options.map.host_memory, access),
       world_(device, options.fuse) {
+  atlas_.up = options.up;
   if (!files.empty() && access == Access::write) std::filesystem::create_directories(files / "keyframes");
 }
 
@@ -59,7 +61,8 @@ bool BackEnd::add(const Frame& frame, const Surface& live, const Eigen::Isometry
                 .odometry_from_camera = submap_from_camera,
                 .submap_from_camera = submap_from_camera,
                 .information = information != nullptr ? *information : Matrix6d::Zero(),
-                .acceleration = frame.acceleration});
+                .acceleration = frame.acceleration,
+                .structure = structure_.find(frame.depth)});
     warnings_.attempt("keyframes without images close no loops",
                       [&] { images_.put(atlas_.keyframes.size() - 1, frame, features); });
     database_.add({.tracked_from_camera = submap_from_camera, .features = std::move(features)});
@@ -67,7 +70,7 @@ bool BackEnd::add(const Frame& frame, const Surface& live, const Eigen::Isometry
     if (has_slipped) start_optimising();
     start_searching();
   }
-  atlas_.add_frame(frame.timestamp, submap_from_camera);
+  atlas_.add_frame(frame.timestamp, submap_from_camera, frame.acceleration);
   return is_keyframe;
 }
 
@@ -208,6 +211,11 @@ void BackEnd::settle() {
   if (!std::exchange(unsettled_, false)) return;
   start_optimising();
   take_optimised();
+}
+
+void BackEnd::ask_up(Up up) {
+  atlas_.up = up;
+  atlas_.settled.reset();
 }
 
 bool BackEnd::is_plain() const {

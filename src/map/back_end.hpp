@@ -9,6 +9,7 @@
 #include "base/warnings.hpp"
 #include "map/atlas.hpp"
 #include "map/match.hpp"
+#include "map/structure.hpp"
 #include "map/submaps.hpp"
 #include "map/world.hpp"
 #include "place/keyframe_database.hpp"
@@ -68,6 +69,8 @@ class BackEnd {
   /// the other, against rooms that look alike.
   [[nodiscard]] bool is_possible(std::size_t from, std::size_t to, const Eigen::Isometry3d& i_from_j) const;
 
+  /// What points up, as somebody asks for it now: what was settled before no longer counts.
+  void ask_up(Up up);
   [[nodiscard]] const KeyframeDatabase& keyframes() const { return database_; }
   [[nodiscard]] const Atlas& atlas() const { return atlas_; }
   [[nodiscard]] Atlas& atlas() { return atlas_; }
@@ -75,6 +78,7 @@ class BackEnd {
   [[nodiscard]] const KeyframeStore& images() const { return images_; }
   [[nodiscard]] SurfaceMatcher& matcher() { return matcher_; }
   [[nodiscard]] const Camera& camera() const { return rig_.depth; }
+  [[nodiscard]] Structure structure(const Frame& frame) const { return structure_.find(frame.depth); }
   /// Stages of the map that failed and are left out.
   [[nodiscard]] Warnings& warnings() { return warnings_; }
   [[nodiscard]] const Warnings& warnings() const { return warnings_; }
@@ -106,6 +110,7 @@ class BackEnd {
   Rig rig_;
   Options options_;
   SurfaceMatcher matcher_;
+  StructureFinder structure_;
   KeyframeStore images_;
   Submaps submaps_;
   KeyframeDatabase database_;

@@ -12,6 +12,7 @@
 
 #include "cairn/frame.hpp"
 #include "cairn/pose.hpp"
+#include "map/structure.hpp"
 #include "place/features.hpp"
 
 namespace cairn {
@@ -28,6 +29,9 @@ struct Keyframe {
   Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();    // as fused: the same, until fused again
   Matrix6d information = Matrix6d::Zero();      // of that, in the camera's frame; 1/rad^2, 1/m^2
   std::optional<Eigen::Vector3d> acceleration;  // see Frame
+  /// Of the frames since, in this one's camera frame, m/s^2: the sum as a vector, and of the lengths.
+  Eigen::Vector4d accelerations = Eigen::Vector4d::Zero();
+  Structure structure;  // where what it shows faces
 };
 
 /// Whether a camera has moved far enough for another keyframe.

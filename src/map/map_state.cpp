@@ -7,6 +7,7 @@
 #include <functional>
 #include <set>
 #include <string_view>
+#include <utility>
 
 #include "map/tracking_criteria.hpp"
 
@@ -18,6 +19,16 @@ constexpr std::uint32_t kColourEvery = 3;                       // fused frames,
 constexpr double kFastView = 0.1;                               // of the image, from frame to frame
 constexpr double kShutterPixels = 0.3;                          // that rows are wrong by after the first time
 constexpr std::uint64_t kWorldPool = std::uint64_t{256} << 20;  // bytes on the device while the whole map is meshed
+
+Trajectory turned(Trajectory trajectory, const Eigen::Isometry3d& turn) {
+  if (turn.matrix().isIdentity(0)) return trajectory;
+  for (StampedPose& pose : trajectory) {
+    pose.world_from_camera = turn * pose.world_from_camera;
+    pose.world_from_camera.linear() =
+        Eigen::Quaterniond(pose.world_from_camera.linear()).normalized().toRotationMatrix();
+  }
+  return trajectory;
+}
 
 }  // namespace
 
@@ -33,7 +44,7 @@ MapState::MapState(const Rig& r, const Options& o, Poses p, int device_index, Ma
       volume(device, o.fuse, o.surface.max_depth),
       back_end(device, r, o, files.folder, files.access),
       tracker(device, r, preprocessor.camera(), o, back_end.keyframes()),
-      given{.poses = {}, .images = {r, {}}, .keyframes = {}},
+      given{.poses = {}, .images = {r, {}}, .keyframes = {}, .views = {}},
       poses(p) {}
 
 CheckedFrame MapState::check(const Frame& frame) {
@@ -110,9 +121,9 @@ void MapState::remember(const Frame& frame, const Surface& live, const Tracked& 
     if (is_keyframe) warnings().attempt("the focal length is not checked", [&] { tracker.learn_focal_length(); });
   } else {
     keep_given_keyframe(frame);
+    note_given_view(frame);
     given.poses.push_back({frame.timestamp, pose});
   }
-  if (frame.acceleration) acceleration += pose.linear() * *frame.acceleration;
   last_fused = frame.timestamp;
   whole.reset();
 }
@@ -125,6 +136,16 @@ void MapState::keep_given_keyframe(const Frame& frame) {
     return;
   given.images.put(given.keyframes.size(), frame, {});
   given.keyframes.emplace_back(given.poses.size(), frame.colour_delay);
+}
+
+/// What tells whether the given poses' world stands upright.
+void MapState::note_given_view(const Frame& frame) {
+  const Eigen::Isometry3d& pose = *frame.world_from_camera;
+  if (frame.acceleration)
+    given.accelerations +=
+        (Eigen::Vector4d() << pose.linear() * *frame.acceleration, frame.acceleration->norm()).finished();
+  if (given.views.empty() || is_apart(given.poses[given.views.back().first].world_from_camera, pose))
+    given.views.emplace_back(given.poses.size(), back_end.structure(frame));
 }
 
 /// Distances and a viewer's surface go after what a frame changed.
@@ -181,15 +202,27 @@ Volume& MapState::world() {
 
 int MapState::recordings() const { return 1 + static_cast<int>(back_end.atlas().recordings.size()); }
 
+Upright MapState::upright() const {
+  if (is_tracked()) return back_end.atlas().upright();
+  DownEvidence evidence{.accelerations = given.accelerations};
+  if (!given.poses.empty()) evidence.world_from_first_camera = given.poses.front().world_from_camera.linear();
+  for (const auto& [pose, structure] : given.views)
+    evidence.views.push_back({given.poses[pose].world_from_camera.linear(), &structure});
+  if (!options.up) return upright_as_given(evidence);
+  const auto down = find_down(evidence, *options.up);
+  return down ? upright_by(*down, evidence) : upright_unknown();
+}
+
 Trajectory MapState::trajectory(int recording) const {
-  if (!is_tracked()) return given.poses;
+  const Eigen::Isometry3d turn(upright().world_from_tracked);
+  if (!is_tracked()) return turned(given.poses, turn);
   const Atlas& atlas = back_end.atlas();
   const auto number = static_cast<std::size_t>(recording < 0 ? recordings() - 1 : recording);
   const std::size_t begin = number == 0 ? 0 : atlas.recordings.at(number - 1);
   const std::size_t end = number < atlas.recordings.size() ? atlas.recordings[number] : atlas.frames.size();
   Trajectory trajectory = atlas.trajectory(atlas.main_component(), begin, end);
   for (StampedPose& pose : trajectory) pose.timestamp += tracker.clock_offset();
-  return trajectory;
+  return turned(std::move(trajectory), turn);
 }
 
 Statistics MapState::statistics() const {
@@ -214,9 +247,7 @@ Statistics MapState::statistics() const {
                         .submaps_read_back = back_end.submaps().counts().read_back,
                         .clock_offset = tracker.clock_offset(),
                         .focal = tracker.focal(),
-                        .tilt = {},
                         .kernels = {}};
-  if (acceleration.norm() > 0) statistics.tilt = std::acos(std::clamp(-acceleration.normalized().y(), -1.0, 1.0));
   for (const auto& [name, time] : device.kernel_times()) statistics.kernels[name] = {time.calls, time.total_ms};
   return statistics;
 }

@@ -64,6 +64,9 @@ struct MapState {
   /// How much of the device the whole map may take while it is looked at beside the volume.
   [[nodiscard]] FuseOptions world_pool() const;
   [[nodiscard]] int recordings() const;
+  /// How the map is turned where it is written.
+  [[nodiscard]] Upright upright() const;
+  /// In the world that is written.
   [[nodiscard]] Trajectory trajectory(int recording) const;
   [[nodiscard]] Statistics statistics() const;
 
@@ -86,20 +89,22 @@ struct MapState {
   /// With Poses::given.
   struct GivenPoses {
     Trajectory poses;
-    KeyframeStore images;                                   // with Options::keep_keyframes
-    std::vector<std::pair<std::size_t, double>> keyframes;  // of `poses`; the colour images' delays
+    KeyframeStore images;                                     // with Options::keep_keyframes
+    std::vector<std::pair<std::size_t, double>> keyframes;    // of `poses`; the colour images' delays
+    std::vector<std::pair<std::size_t, Structure>> views;     // of `poses`; where what they show faces
+    Eigen::Vector4d accelerations = Eigen::Vector4d::Zero();  // see DownEvidence
   } given;
 
-  std::optional<double> last_fused;                        // timestamp
-  Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();  // sum over fused frames, in the world
-  std::size_t last_image = 0;                              // hash of the last frame's depth
-  int repeats = 0;                                         // frames since that image was new
-  std::uint32_t fused_count = 0;                           // frames
+  std::optional<double> last_fused;  // timestamp
+  std::size_t last_image = 0;        // hash of the last frame's depth
+  int repeats = 0;                   // frames since that image was new
+  std::uint32_t fused_count = 0;     // frames
   Poses poses;
 
  private:
   [[nodiscard]] bool is_stuck(const Frame& frame);
   void keep_given_keyframe(const Frame& frame);
+  void note_given_view(const Frame& frame);
   void follow_distances(const Fused& fused, StageTimes& times);
 };
 

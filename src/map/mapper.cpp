@@ -95,6 +95,13 @@ void Mapper::begin_recording() {
 
 void Mapper::settle() { state_->back_end.settle(); }
 
+Upright Mapper::upright() const { return state_->upright(); }
+
+void Mapper::settle_upright() {
+  settle();
+  state_->back_end.atlas().settle_upright();
+}
+
 Refined Mapper::refine() {
   state_->whole.reset();
   Refined refined;
@@ -111,11 +118,9 @@ void Mapper::reintegrate(Source& again, const std::function<void()>& step) {
   s.whole.reset();
   const Volume::Residency residency = s.volume.residency();
   BrickTree before = s.volume.on_host().copy();
-  const Eigen::Vector3d acceleration = s.acceleration;
   const bool is_done = s.warnings().attempt("frames are not fused again", [&] {
     if (recordings() > 1) throw std::runtime_error("the map is made of several recordings");
     s.volume.adopt({});
-    s.acceleration.setZero();
     const std::uint32_t since = s.fused_count + 1;
     while (const auto next = again.next()) {
       const CheckedFrame checked(*next, s.rig, std::nullopt);
@@ -125,7 +130,6 @@ void Mapper::reintegrate(Source& again, const std::function<void()>& step) {
         const MapState::Seen seen = s.see(frame, at_velocity(velocity_at(poses, frame.timestamp)), ignored);
         seen.surface.bring_colour();
         (void)s.integrator.integrate(seen.surface, *pose, s.volume, ++s.fused_count);
-        if (frame.acceleration) s.acceleration += pose->linear() * *frame.acceleration;
       }
       if (step) step();
     }
@@ -133,7 +137,6 @@ void Mapper::reintegrate(Source& again, const std::function<void()>& step) {
   });
   if (is_done) return;
   s.volume.restore(std::move(before), residency);
-  s.acceleration = acceleration;
 }
 
 std::shared_ptr<const DistanceField> Mapper::live_distances() const { return state_->live_distances.get(); }

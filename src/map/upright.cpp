@@ -5,10 +5,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
-#include <stdexcept>
 #include <utility>
 
 namespace cairn {
@@ -18,21 +16,6 @@ using Eigen::Vector3d;
 
 constexpr double kSteady = 0.9;  // of the readings' lengths that their sum is long: others are no gravity in this frame
 constexpr double kStands = 5 * std::numbers::pi / 180;  // that given poses may be tilted and still be called upright
-
-constexpr std::array kNames{std::pair{"auto", Up::automatic},
-                            std::pair{"camera", Up::camera},
-                            std::pair{"x", Up::x},
-                            std::pair{"y", Up::y},
-                            std::pair{"z", Up::z},
-                            std::pair{"-x", Up::minus_x},
-                            std::pair{"-y", Up::minus_y},
-                            std::pair{"-z", Up::minus_z}};
-
-std::string name_of(Up up) {
-  for (const auto& [name, value] : kNames)
-    if (value == up) return name;
-  return {};
-}
 
 /// The axis that points down when `up` points up.
 Vector3d down_of(Up up, const Eigen::Matrix3d& world_from_camera) {
@@ -65,25 +48,12 @@ std::optional<double> off(const Eigen::Quaterniond& turn, const DownEvidence& ev
 
 /// The axis of the frame that points up, if one nearly does.
 std::optional<Up> axis_up(const Vector3d& down) {
-  for (const auto& [name, up] : kNames)
-    if (up != Up::automatic && up != Up::camera &&
-        down_of(up, Eigen::Matrix3d::Identity()).dot(down) > std::cos(kStands))
-      return up;
+  for (const Up up : {Up::x, Up::y, Up::z, Up::minus_x, Up::minus_y, Up::minus_z})
+    if (down_of(up, Eigen::Matrix3d::Identity()).dot(down) > std::cos(kStands)) return up;
   return std::nullopt;
 }
 
 }  // namespace
-
-Up up_of(std::string_view name) {
-  for (const auto& [known, up] : kNames)
-    if (name == known) return up;
-  throw std::runtime_error("'" + std::string(name) + "' is no way up: there are auto, camera, x, y, z, -x, -y and -z");
-}
-
-std::string_view name_of(Upright::Source source) {
-  constexpr std::array kSources{"accelerometer", "structure", "option", "poses", "unknown"};
-  return kSources[static_cast<std::size_t>(source)];
-}
 
 std::optional<Vector3d> measured_down(const Eigen::Vector4d& accelerations) {
   const Vector3d sum = accelerations.head<3>();

@@ -457,7 +457,9 @@ GltfWriter::GltfWriter(GltfOptions options) : state_(std::make_unique<State>()) 
   s.model.asset.version = "2.0";
   s.model.asset.generator = "cairn";
   tinygltf::Value::Object extras;
-  extras["up_axis"] = tinygltf::Value(std::string("y"));
+  const auto& upright = s.options.upright;
+  extras["up_axis"] = tinygltf::Value(std::string(!upright || upright->known ? "y" : "unknown"));
+  if (upright) extras["up_source"] = tinygltf::Value(std::string(name_of(upright->source)));
   extras["unit"] = tinygltf::Value(std::string("metre"));
   extras["scale"] = tinygltf::Value(1.0);
   extras["gltf_from_world"] = tinygltf::Value(std::string("half turn about x: (x, -y, -z)"));

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <ostream>
 #include <string>
 #include <vector>
@@ -12,6 +13,7 @@
 #include "cairn/export.hpp"
 #include "cairn/mesh.hpp"
 #include "cairn/trajectory.hpp"
+#include "cairn/upright.hpp"
 
 namespace cairn {
 
@@ -20,8 +22,9 @@ struct GltfOptions {
   Compression compression = Compression::none;
   bool png = false;  // textures as PNG instead of JPEG
   int jpeg_quality = 90;
-  std::string source;          // told in asset.extras
-  std::filesystem::path file;  // where it will be: what was added waits on that disk; empty: in memory
+  std::string source;              // told in asset.extras
+  std::optional<Upright> upright;  // told there, too; none: +y is up
+  std::filesystem::path file;      // where it will be: what was added waits on that disk; empty: in memory
 };
 
 /// One glTF file, part by part. What was added is kept as it will be written, compressed.

@@ -15,7 +15,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr int kFormat = 9;
+constexpr int kFormat = 10;
 
 std::uint32_t checksum(std::string_view bytes) {
   boost::crc_32_type crc;

@@ -31,7 +31,6 @@ SessionState snapshot(MapState& s, std::uint64_t number, const std::string& note
           .last_image = s.last_image,
           .repeats = s.repeats,
           .last_fused = s.last_fused,
-          .acceleration = s.acceleration,
           .number = number,
           .run = {},
           .note = note};
@@ -49,7 +48,7 @@ std::shared_ptr<MapState> restore(ReadSession& read, const Options& options, int
   s.last_image = session.last_image;
   s.repeats = session.repeats;
   s.last_fused = session.last_fused;
-  s.acceleration = session.acceleration;
+  if (options.up) s.back_end.ask_up(*options.up);
   return state;
 }
 
@@ -184,7 +183,6 @@ Session::Merged Session::merge(Mapper& mapper, const fs::path& other_session, in
   o.end_everything();
   Merged merged{.compared = static_cast<int>(o.back_end.atlas().keyframes.size())};
   std::tie(merged.loops, merged.joined) = s.back_end.append(o.back_end);
-  s.acceleration += o.acceleration;
   s.fused_count += o.fused_count;
   return merged;
 }

@@ -27,7 +27,6 @@ struct SessionState {
   std::size_t last_image = 0;
   int repeats = 0;
   std::optional<double> last_fused;
-  Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();
   std::uint64_t number = 0;  // of the checkpoint
   std::string run;           // the name of its folder; SessionWriter sees to it
   std::string note;          // of whoever drives the mapper

@@ -44,10 +44,16 @@ void fields(auto& io, Of<Eigen::Quaterniond> auto& q) { io(q.coeffs()); }
 
 void fields(auto& io, Of<Rig> auto& r) { io(r.depth, r.colour, r.sensor, r.camera_from_imu); }
 
+void fields(auto& io, Of<Structure::Facing> auto& f) { io(f.normal, f.area); }
+
+void fields(auto& io, Of<Structure> auto& s) { io(s.facings, s.area); }
+
 void fields(auto& io, Of<Keyframe> auto& k) {
   io(k.frame, k.timestamp, k.colour_delay, k.submap, k.searched, k.follows, k.odometry_from_camera,
-     k.submap_from_camera, k.information, k.acceleration);
+     k.submap_from_camera, k.information, k.acceleration, k.accelerations, k.structure);
 }
+
+void fields(auto& io, Of<SettledDown> auto& s) { io(s.keyframe, s.found.down, s.found.source, s.found.words); }
 
 void fields(auto& io, Of<Loop> auto& l) {
   io(l.edge.i, l.edge.j, l.edge.i_from_j, l.edge.information, l.edge.is_loop_closure, l.corners, l.inlier_share, l.rmse,
@@ -91,6 +97,7 @@ void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& ne
   io("frames", newest);
   io("frame_files", frame_files);
   io("recordings", m.atlas.recordings);
+  io("upright", m.atlas.up, m.atlas.settled);
   io("submaps", m.submaps);
   io("tracked_from_camera", m.tracked_from_camera);
   io("back_end", m.searched, m.submap_begin, m.submap_since, m.in_world, m.breaks, m.unsettled, m.searching,
@@ -100,7 +107,7 @@ void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& ne
   io("prediction", s.tracker.prediction);
   io("gyroscope", s.tracker.gyroscope);
   io("residency", s.residency);
-  io("mapper", s.fused_count, s.last_image, s.repeats, s.last_fused, s.acceleration);
+  io("mapper", s.fused_count, s.last_image, s.repeats, s.last_fused);
   io("number", s.number);
   io("run", run);
   io("note", s.note);

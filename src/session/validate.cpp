@@ -32,6 +32,12 @@ void require_rigid(const Eigen::Isometry3d& pose) {
           "a pose is none");
 }
 
+/// A direction, and how much of it there is.
+void require_unit(const Eigen::Vector3d& direction, float area = 1) {
+  constexpr double kBent = 0.01;
+  require(std::abs(direction.norm() - 1) < kBent && area >= 0 && std::isfinite(area), "a direction is none");
+}
+
 void require_near(const Brick& brick) {
   constexpr int kFar = 1 << 24;  // bricks; nothing overflows
   require((brick.array() > -kFar).all() && (brick.array() < kFar).all(), "a brick lies nowhere");
@@ -43,6 +49,9 @@ void validate(const Keyframe& keyframe, std::size_t number, std::size_t submaps)
   require_numbers({keyframe.timestamp, keyframe.colour_delay});
   require_numbers(keyframe.information);
   if (keyframe.acceleration) require_numbers(*keyframe.acceleration);
+  require_numbers(keyframe.accelerations);
+  require_numbers({static_cast<double>(keyframe.structure.area)});
+  for (const Structure::Facing& f : keyframe.structure.facings) require_unit(f.normal.cast<double>(), f.area);
   require_rigid(keyframe.odometry_from_camera);
   require_rigid(keyframe.submap_from_camera);
 }
@@ -61,6 +70,14 @@ void validate(const BackEnd::Memory& m, std::size_t frames) {
   require(atlas.world_from_camera.size() == keyframes, "poses and keyframes do not match");
   for (const Eigen::Isometry3d& pose : atlas.world_from_camera) require_rigid(pose);
   for (const Loop& loop : atlas.loops) validate(loop, keyframes);
+  require(!atlas.up || (*atlas.up >= Up::automatic && *atlas.up <= Up::minus_z), "nothing of that name points up");
+  if (atlas.settled) {
+    require(atlas.settled->keyframe < keyframes, "a keyframe is missing");
+    require(atlas.settled->found.source >= Upright::Source::accelerometer &&
+                atlas.settled->found.source <= Upright::Source::unknown,
+            "what tells the way up is unknown");
+    require_unit(atlas.settled->found.down);
+  }
   require(atlas.frames.full().empty(), "frames stand where only the newest do");
   validate(atlas.frames.rest(), keyframes);
   require((frames == 0) == (keyframes == 0), "keyframes and frames do not match");
@@ -118,7 +135,6 @@ void validate(const SessionState& s, std::size_t frames) {
   validate(s.residency);
   require(s.repeats >= 0, "a count is below zero");
   require_numbers({s.last_fused.value_or(0)});
-  require_numbers(s.acceleration);
 }
 
 void validate(const FusedFrames::Chunk& frames, std::size_t keyframes) {

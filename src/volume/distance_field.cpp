@@ -21,8 +21,13 @@ int index_in(const Eigen::Vector3i& v) { return (v.x() & 15) << 8 | (v.y() & 15)
 
 }  // namespace
 
-DistanceField::DistanceField(float voxel_size, const Eigen::Vector3f& origin, float max_distance, Blocks blocks)
-    : voxel_size_(voxel_size), origin_(origin), max_distance_(max_distance), blocks_(std::move(blocks)) {
+DistanceField::DistanceField(float voxel_size, const Eigen::Vector3f& origin, float max_distance, Blocks blocks,
+                             const Eigen::Quaternionf& world_from_field)
+    : voxel_size_(voxel_size),
+      origin_(origin),
+      max_distance_(max_distance),
+      blocks_(std::move(blocks)),
+      world_from_field_(world_from_field) {
   if (blocks_.empty()) return;
   Eigen::AlignedBox3i box;
   for (const auto& [block, samples] : blocks_) box.extend(block);
@@ -48,7 +53,7 @@ float DistanceField::at(const Eigen::Vector3i& voxel) const {
 }
 
 DistanceField::Answer DistanceField::query(const Eigen::Vector3f& point) const {
-  const Eigen::Vector3f p = (point - origin_) / voxel_size_;
+  const Eigen::Vector3f p = (world_from_field_.conjugate() * point - origin_) / voxel_size_;
   constexpr float kTooFar = 1e8f;                       // of what an int holds
   if (!(p.cwiseAbs().maxCoeff() < kTooFar)) return {};  // NaN, too
   const Eigen::Vector3i low = p.array().floor().cast<int>();
@@ -86,7 +91,8 @@ DistanceField::Answer DistanceField::query(const Eigen::Vector3f& point) const {
     answer.distance = here + answer.gradient.dot(p - nearest.cast<float>());
   }
   const float length = answer.gradient.norm();
-  answer.gradient = length < kFlat * voxel_size_ ? Eigen::Vector3f::Zero() : Eigen::Vector3f(answer.gradient / length);
+  answer.gradient = length < kFlat * voxel_size_ ? Eigen::Vector3f::Zero()
+                                                 : Eigen::Vector3f(world_from_field_ * (answer.gradient / length));
   return answer;
 }
 
@@ -103,8 +109,7 @@ Eigen::AlignedBox3f DistanceField::bounds() const {
   Eigen::AlignedBox3f box;
   for (const auto& [block, samples] : blocks_)
     for (int i = 0; i < 4096; ++i)
-      if (!std::isnan((*samples)[static_cast<std::size_t>(i)]))
-        box.extend(origin_ + voxel_size_ * voxel(block, i).cast<float>());
+      if (!std::isnan((*samples)[static_cast<std::size_t>(i)])) box.extend(point(voxel(block, i).cast<float>()));
   return box;
 }
 

@@ -32,10 +32,43 @@ namespace {
 
 using VoxelTree = openvdb::Int64Tree;
 constexpr float kFreeWeight = 1.0f;  // of bricks without voxels that were seen to be empty
+constexpr const char *kUpSource = "up_source", *kUpKnown = "up_known", *kUpWords = "up";  // metadata of a map's grids
 
 void initialize_once() {
   static std::once_flag once;
   std::call_once(once, [] { openvdb::initialize(); });
+}
+
+/// Index (i, j, k) is the point turn * (origin + voxel_size * (i, j, k)).
+openvdb::math::Transform::Ptr transform_of(float voxel_size, const Eigen::Vector3d& origin,
+                                           const Eigen::Quaterniond& turn) {
+  const openvdb::Vec3d at(origin.x(), origin.y(), origin.z());
+  if (turn.matrix().isIdentity(0)) {
+    auto plain = openvdb::math::Transform::createLinearTransform(voxel_size);
+    plain->postTranslate(at);
+    return plain;
+  }
+  const Eigen::Matrix3d m = static_cast<double>(voxel_size) * turn.matrix();
+  const Eigen::Vector3d t = turn * origin;
+  return openvdb::math::Transform::createLinearTransform(  // OpenVDB's vectors are rows
+      openvdb::Mat4d(m(0, 0), m(1, 0), m(2, 0), 0.0, m(0, 1), m(1, 1), m(2, 1), 0.0, m(0, 2), m(1, 2), m(2, 2), 0.0,
+                     t.x(), t.y(), t.z(), 1.0));
+}
+
+/// How a grid is turned. Throws std::runtime_error for one that is not only turned, scaled alike and moved.
+Eigen::Quaterniond turn_of(const openvdb::GridBase& grid) {
+  constexpr double kBent = 1e-5, kNothing = 1e-6;
+  const openvdb::Vec3d zero = grid.indexToWorld(openvdb::Vec3d(0.0));
+  Eigen::Matrix3d turn;
+  for (int axis = 0; axis < 3; ++axis) {
+    openvdb::Vec3d unit(0.0);
+    unit[axis] = 1;
+    const openvdb::Vec3d side = grid.indexToWorld(unit) - zero;
+    turn.col(axis) = Eigen::Vector3d(side.x(), side.y(), side.z()) / grid.voxelSize().x();
+  }
+  if (!turn.allFinite() || !(turn.transpose() * turn).isIdentity(kBent) || turn.determinant() < 0)
+    throw std::runtime_error("its grids are stretched or mirrored");
+  return turn.isIdentity(kNothing) ? Eigen::Quaterniond::Identity() : Eigen::Quaterniond(turn).normalized();
 }
 
 openvdb::Coord origin_of(const Eigen::Vector3i& brick) { return {8 * brick.x(), 8 * brick.y(), 8 * brick.z()}; }
@@ -164,7 +197,7 @@ class MapGrid {
   [[nodiscard]] typename Grid::Ptr grid(const char* name, const GridInfo& info, std::span<const Place> places) const {
     auto made = Grid::create(background_);
     made->setName(name);
-    made->setTransform(openvdb::math::Transform::createLinearTransform(info.voxel_size));
+    made->setTransform(transform_of(info.voxel_size, Eigen::Vector3d::Zero(), info.upright.world_from_tracked));
     for (const Place& place : places) {
       auto leaf = std::make_unique<Leaf>(openvdb::PartialCreate(), place.origin, background_);
       leaf->setValueMask(place.active);
@@ -206,9 +239,8 @@ openvdb::FloatGrid::Ptr distance_grid(const DistanceField& field) {
   auto grid = openvdb::FloatGrid::create(field.max_distance());
   grid->setName("esdf");
   grid->setGridClass(openvdb::GRID_LEVEL_SET);
-  auto transform = openvdb::math::Transform::createLinearTransform(field.voxel_size());
-  transform->postTranslate(openvdb::Vec3d(field.origin().x(), field.origin().y(), field.origin().z()));
-  grid->setTransform(transform);
+  grid->setTransform(
+      transform_of(field.voxel_size(), field.origin().cast<double>(), field.world_from_field().cast<double>()));
   for (const auto& [block, samples] : field.blocks())
     for (int part = 0; part < 8; ++part) {
       const openvdb::Coord corner(8 * (part >> 2), 8 * (part >> 1 & 1), 8 * (part & 1));
@@ -223,6 +255,25 @@ openvdb::FloatGrid::Ptr distance_grid(const DistanceField& field) {
       }
     }
   return grid;
+}
+
+/// As a map's grid tells it; one of another program, or of before it was told, does not.
+Upright upright_of(const openvdb::FloatGrid& tsdf) {
+  Upright upright{.world_from_tracked = turn_of(tsdf), .words = "not known: the file does not tell it", .off = {}};
+  const auto source = tsdf.getMetadata<openvdb::StringMetadata>(kUpSource);
+  const auto known = tsdf.getMetadata<openvdb::BoolMetadata>(kUpKnown);
+  const auto words = tsdf.getMetadata<openvdb::StringMetadata>(kUpWords);
+  if (!source || !known || !words) return upright;
+  using Source = Upright::Source;
+  for (const auto s : {Source::accelerometer, Source::structure, Source::option, Source::poses})
+    if (source->value() == name_of(s)) upright.source = s;
+  upright.known = known->value() && upright.source != Source::unknown;
+  const std::string& told = words->value();  // ours are plain
+  constexpr std::size_t kLongest = 300;
+  const bool is_plain = told.size() < kLongest &&
+                        std::all_of(told.begin(), told.end(), [](unsigned char c) { return c >= ' ' && c < 127; });
+  upright.words = is_plain ? told : shown(told);
+  return upright;
 }
 
 constexpr const char *kNoBricks = "holds no bricks", *kEndsEarly = "ends early";
@@ -407,6 +458,9 @@ void GridsWriter::write(std::span<const Eigen::Vector3i> free, const DistanceFie
       const auto tsdf = s.tsdf.grid("tsdf", s.info, s.places);
       tsdf->setGridClass(openvdb::GRID_LEVEL_SET);
       tsdf->insertMeta("truncation", openvdb::FloatMetadata(s.info.truncation));
+      tsdf->insertMeta(kUpSource, openvdb::StringMetadata(std::string(name_of(s.info.upright.source))));
+      tsdf->insertMeta(kUpKnown, openvdb::BoolMetadata(s.info.upright.known));
+      tsdf->insertMeta(kUpWords, openvdb::StringMetadata(s.info.upright.words));
       mark_free(tsdf->tree(), s.info.truncation);
       append(*tsdf, s.tsdf.spool);
     }
@@ -462,9 +516,16 @@ DistanceField DistanceField::read(const std::filesystem::path& vdb) {
   }
   Blocks list;
   for (const auto& [at, block] : blocks) list.emplace_back(Eigen::Vector3i(at[0], at[1], at[2]), block);
-  const openvdb::Vec3d origin = grid->transform().indexToWorld(openvdb::Vec3d(0.0));
-  return {static_cast<float>(grid->voxelSize().x()), Eigen::Vector3d(origin.x(), origin.y(), origin.z()).cast<float>(),
-          grid->background(), std::move(list)};
+  const openvdb::Vec3d zero = grid->transform().indexToWorld(openvdb::Vec3d(0.0));
+  Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
+  try {
+    turn = turn_of(*grid);
+  } catch (const std::runtime_error& error) {
+    throw wrong(error.what());
+  }
+  const Eigen::Vector3d origin = turn.conjugate() * Eigen::Vector3d(zero.x(), zero.y(), zero.z());
+  return {static_cast<float>(grid->voxelSize().x()), origin.cast<float>(), grid->background(), std::move(list),
+          turn.cast<float>()};
 }
 
 void write_bricks(const std::filesystem::path& file, const BrickTree& bricks) {
@@ -558,6 +619,11 @@ ReadGrids read_grids(const std::filesystem::path& file) {
   if (!tsdf || !weight || !colour || !colour_weight) throw wrong("a grid has another type");
   ReadGrids result;
   result.info = {.voxel_size = static_cast<float>(tsdf->voxelSize().x()), .truncation = tsdf->background()};
+  try {
+    result.info.upright = upright_of(*tsdf);
+  } catch (const std::runtime_error& error) {
+    throw wrong(error.what());
+  }
   for (auto leaf = tsdf->tree().cbeginLeaf(); leaf; ++leaf) {
     const auto at = leaf->origin();
     const auto* w = weight->tree().probeConstLeaf(at);

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "cairn/esdf.hpp"
+#include "cairn/upright.hpp"
 
 namespace cairn {
 
@@ -93,6 +94,7 @@ class BrickFile {
 struct GridInfo {
   float voxel_size = 0.0f;  // metres
   float truncation = 0.0f;  // metres
+  Upright upright;          // how the voxels' own frame lies in the world
 };
 
 /// The order in which a grid keeps its bricks: by cubes of 512 bricks a side, then by cubes of 16, then by brick, each

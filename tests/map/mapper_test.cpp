@@ -128,7 +128,7 @@ TEST(Mapper, RefusesFramesThatMakeNoSenseWithoutHarm) {
   EXPECT_EQ(report.cause, FrameCause::partly_used);
   EXPECT_NE(report.reason.find("acceleration is not a number"), std::string::npos) << report.reason;
   EXPECT_NE(report.reason.find("depth alone"), std::string::npos) << report.reason;
-  EXPECT_FALSE(mapper.statistics().tilt);
+  EXPECT_FALSE(mapper.upright().off);
   for (std::size_t i = 2; i < 6; ++i) EXPECT_EQ(mapper.add(frames[i]).state, FrameState::fused);
   EXPECT_TRUE(mapper.warnings().empty());
 }

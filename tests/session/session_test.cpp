@@ -164,7 +164,7 @@ std::string state_of(const std::string& cbor) {
   crc.process_bytes(cbor.data(), cbor.size());
   std::string line(32, ' ');
   line.resize(
-      static_cast<std::size_t>(std::snprintf(line.data(), line.size(), "cairn session 9 %08x\n", crc.checksum())));
+      static_cast<std::size_t>(std::snprintf(line.data(), line.size(), "cairn session 10 %08x\n", crc.checksum())));
   return line + cbor;
 }
 
@@ -332,7 +332,7 @@ TEST(SessionFiles, OfFramesThatAreMissingOrDamagedAreTold) {
   write_text(file, bytes.substr(0, 5));
   expect_told("does not begin with 'cairn frames'");
   write_text(file, "cairn frames 1 00000000\n");
-  expect_told("was written by another version of cairn (format 1, this one reads 9)");
+  expect_told("was written by another version of cairn (format 1, this one reads 10)");
   fs::remove(file);
   expect_told("cannot be opened");
 }

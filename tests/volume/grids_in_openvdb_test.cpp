@@ -4,6 +4,10 @@
 #include <gtest/gtest.h>
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/Interpolation.h>
+#include <openvdb/tools/LevelSetUtil.h>
+#include <openvdb/tools/VolumeToMesh.h>
+
+#include <optional>
 
 #include "shaders/voxel.h"
 #include "support/files.hpp"
@@ -12,9 +16,8 @@
 namespace cairn {
 namespace {
 
-TEST(Grids, OpenAsMetricLevelSetsInOpenVdb) {
-  // A plane at x = 0.043 m, seen with weight 2, coloured.
-  const TemporaryFolder folder;
+/// A plane at x = 4.3 voxels, seen with weight 2, coloured.
+BrickTree plane_tree() {
   BrickTree tree;
   for (int brick = -1; brick <= 1; ++brick) {
     BrickVoxels voxels;
@@ -26,6 +29,12 @@ TEST(Grids, OpenAsMetricLevelSetsInOpenVdb) {
     }
     tree.put({brick, 0, 0}, voxels);
   }
+  return tree;
+}
+
+TEST(Grids, OpenAsMetricLevelSetsInOpenVdb) {
+  const TemporaryFolder folder;
+  const BrickTree tree = plane_tree();
   write_grids(folder / "map.vdb", tree, {.voxel_size = 0.01f, .truncation = 0.04f});
 
   openvdb::initialize();
@@ -47,6 +56,64 @@ TEST(Grids, OpenAsMetricLevelSetsInOpenVdb) {
     EXPECT_NEAR(Sampler(*tsdf).wsSample({x, 0.035, 0.02}), 0.043 - x, 2e-6) << x;
   EXPECT_EQ(weight->tree().getValue({3, 3, 3}), 2.0f);
   EXPECT_TRUE(colour->tree().getValue({3, 3, 3}).eq(openvdb::Vec3s(1.0f, 128 / 255.0f, 0.0f), 1e-6f));
+}
+
+TEST(Grids, LieInTheUprightWorldByTheirTransform) {
+  const TemporaryFolder folder;
+  const Eigen::Quaterniond turn(Eigen::AngleAxisd(0.5, Eigen::Vector3d(1, 0.2, -0.4).normalized()));
+  Upright upright{
+      .source = Upright::Source::structure, .known = true, .world_from_tracked = turn, .words = "found", .off = {}};
+  for (const float voxel : {0.002f, 0.01f, 0.2f}) {  // the options' range
+    write_grids(folder / "map.vdb", plane_tree(), {.voxel_size = voxel, .truncation = 4 * voxel, .upright = upright});
+    openvdb::initialize();
+    openvdb::io::File file((folder / "map.vdb").string());
+    file.open();
+    const auto tsdf = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("tsdf"));
+    EXPECT_TRUE(tsdf->hasUniformVoxels());
+    EXPECT_NEAR(tsdf->voxelSize().x(), static_cast<double>(voxel), 1e-8);
+    EXPECT_EQ(tsdf->getMetadata<openvdb::StringMetadata>("up_source")->value(), "structure");
+    EXPECT_TRUE(tsdf->getMetadata<openvdb::BoolMetadata>("up_known")->value());
+    using Sampler = openvdb::tools::GridSampler<openvdb::FloatGrid, openvdb::tools::BoxSampler>;
+    for (const double x : {1.0, 3.3, 5.5, 7.0}) {
+      const Eigen::Vector3d p = turn * Eigen::Vector3d(x, 3.5, 2) * static_cast<double>(voxel);
+      EXPECT_NEAR(Sampler(*tsdf).wsSample({p.x(), p.y(), p.z()}), (4.3 - x) * static_cast<double>(voxel),
+                  2e-4 * static_cast<double>(voxel));
+    }
+    std::vector<openvdb::Vec3s> points;
+    std::vector<openvdb::Vec4I> quads;
+    openvdb::tools::volumeToMesh(*tsdf, points, quads);
+    int inside = 0;
+    for (const auto& p : points) {
+      const Eigen::Vector3d in_grid =
+          turn.conjugate() * Eigen::Vector3d(p.x(), p.y(), p.z()) / static_cast<double>(voxel);
+      const Eigen::Vector2d aside = in_grid.tail<2>();  // where the bricks end there is a surface, too
+      if (std::abs(in_grid.x() - 4.3) > 1 || aside.minCoeff() < 1.5 || aside.maxCoeff() > 5.5) continue;
+      EXPECT_NEAR(in_grid.x(), 4.3, 1e-3);
+      ++inside;
+    }
+    EXPECT_GE(inside, 9);
+    const ReadGrids read = read_grids(folder / "map.vdb");
+    EXPECT_LT(read.info.upright.world_from_tracked.angularDistance(turn), 1e-6);
+    EXPECT_EQ(read.info.upright.words, "found");
+  }
+  upright = {};
+  write_grids(folder / "map.vdb", plane_tree(), {.voxel_size = 0.01f, .truncation = 0.04f, .upright = upright});
+  EXPECT_FALSE(read_grids(folder / "map.vdb").info.upright.known);
+}
+
+TEST(Grids, AreRefusedWhereTheyAreStretchedOrMirrored) {
+  const TemporaryFolder folder;
+  openvdb::initialize();
+  for (const openvdb::Vec3d& scale : {openvdb::Vec3d(0.01, 0.01, 0.02), openvdb::Vec3d(0.01, -0.01, 0.01)}) {
+    auto grid = openvdb::FloatGrid::create(1);
+    grid->setName("esdf");
+    openvdb::Mat4d m = openvdb::Mat4d::identity();
+    m.preScale(scale);
+    grid->setTransform(openvdb::math::Transform::createLinearTransform(m));
+    openvdb::io::File((folder / "field.vdb").string()).write({grid});
+    EXPECT_NE(error_of([&] { (void)DistanceField::read(folder / "field.vdb"); }).find("stretched or mirrored"),
+              std::string::npos);
+  }
 }
 
 }  // namespace

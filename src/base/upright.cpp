@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/upright.hpp"
+
+#include <array>
+#include <stdexcept>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+constexpr std::array<std::string_view, 8> kUps{"auto", "camera", "x", "y", "z", "-x", "-y", "-z"};  // by their numbers
+constexpr std::array<std::string_view, 5> kSources{"accelerometer", "structure", "option", "poses", "unknown"};
+
+}  // namespace
+
+Up up_of(std::string_view name) {
+  for (std::size_t i = 0; i < kUps.size(); ++i)
+    if (name == kUps[i]) return static_cast<Up>(i);
+  throw std::runtime_error("'" + std::string(name) + "' is no way up: there are auto, camera, x, y, z, -x, -y and -z");
+}
+
+std::string_view name_of(Up up) { return kUps[static_cast<std::size_t>(up)]; }
+
+std::string_view name_of(Upright::Source source) { return kSources[static_cast<std::size_t>(source)]; }
+
+}  // namespace cairn
