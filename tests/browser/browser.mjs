@@ -69,6 +69,7 @@ export async function withBrowser(test) {
   try {
     await test(async (url, viewport = { width: 1280, height: 800 }, beforehand = () => {}) => {
       const page = await browser.newPage({ viewport });
+      page.setDefaultNavigationTimeout(120000);  // a page with its mesh inside, on cores that others use, too
       await page.addInitScript(beforehand);
       page.on('console', (message) => { if (message.type() === 'error') errors.push(message.text()); });
       page.on('pageerror', (error) => errors.push(String(error)));
