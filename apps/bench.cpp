@@ -11,6 +11,7 @@
 #include "cairn/scene.hpp"
 #include "cairn/source.hpp"
 #include "cairn/synthetic.hpp"
+#include "command_tree.hpp"
 #include "commands.hpp"
 #include "durations.hpp"
 #include "json_text.hpp"
@@ -144,8 +145,8 @@ void show(const nlohmann::json& j) {
 void add_bench(CLI::App& program) {
   auto* command = program.add_subcommand("bench", "Measure what a frame costs on this machine, and where");
   const auto a = std::make_shared<Arguments>();
-  command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required();
-  command->add_option("--frames", a->frames, kFramesHelp)->capture_default_str();
+  command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required()->type_name(kPath);
+  command->add_option("--frames", a->frames, kFramesHelp)->type_name("RANGE")->capture_default_str();
   command->add_option("--camera", a->camera, "camera.yaml in place of what the recording tells of its cameras")
       ->check(CLI::ExistingFile);
   command

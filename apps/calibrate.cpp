@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "cairn/source.hpp"
+#include "command_tree.hpp"
 #include "commands.hpp"
 #include "sources.hpp"
 
@@ -42,8 +43,8 @@ void calibrate(const Arguments& a) {
 void add_calibrate(CLI::App& program) {
   auto* command = program.add_subcommand("calibrate", "Find the colour camera from a recording's edges");
   const auto a = std::make_shared<Arguments>();
-  command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required();
-  command->add_option("-o,--output", a->output, "camera.yaml to write")->required();
+  command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required()->type_name(kPath);
+  command->add_option("-o,--output", a->output, "camera.yaml to write")->required()->type_name(kFile);
   command->add_option("--camera", a->camera, "camera.yaml to begin with, in place of what the recording tells")
       ->check(CLI::ExistingFile);
   command->add_option("--frames", a->frames, "Frames to look at, spread over all")

@@ -21,5 +21,9 @@ void add_info(CLI::App& program);
 void add_calibrate(CLI::App& program);
 void add_bench(CLI::App& program);
 void add_devices(CLI::App& program);
+void add_demo(CLI::App& program);
+void add_doctor(CLI::App& program);
+void add_help(CLI::App& program);
+void add_completion(CLI::App& program);
 
 }  // namespace cairn::apps

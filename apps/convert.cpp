@@ -7,8 +7,11 @@
 #include <nlohmann/json.hpp>
 
 #include "cairn/atomic_file.hpp"
+#include "command_tree.hpp"
 #include "commands.hpp"
+#include "console.hpp"
 #include "interrupt.hpp"
+#include "json_text.hpp"
 #include "progress.hpp"
 #include "sources.hpp"
 #include "write_frames.hpp"
@@ -101,12 +104,11 @@ void convert(const Arguments& a) {
         "of {} frames colour was taken more than {} s before or after depth: the TUM layout does not pair them",
         c.apart, kMostDelay);
   if (a.json)
-    fmt::print(
-        "{}\n",
-        nlohmann::json{{"frames", c.frames}, {"unreadable", c.unreadable}, {"depth_scale", c.depth_scale}}.dump(2));
+    fmt::print("{}\n",
+               text_of({{"frames", c.frames}, {"unreadable", c.unreadable}, {"depth_scale", c.depth_scale}}, 2));
   else
-    fmt::print("{}: {} frames, depth in {} units a metre{}\n", a.output.string(), c.frames, c.depth_scale,
-               c.unreadable > 0 ? fmt::format(", {} unreadable", c.unreadable) : "");
+    say("{}: {} frames, depth in {} units a metre{}\n", a.output.string(), c.frames, c.depth_scale,
+        c.unreadable > 0 ? fmt::format(", {} unreadable", c.unreadable) : "");
   if (c.ended) throw std::runtime_error(*c.ended + "; what came before is in " + a.output.string());
 }
 
@@ -115,15 +117,17 @@ void convert(const Arguments& a) {
 void add_convert(CLI::App& program) {
   auto* command = program.add_subcommand("convert", "Write a recording of any kind anew in the TUM layout");
   const auto a = std::make_shared<Arguments>();
-  command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required();
-  command->add_option("-o,--output", a->output, "New folder for a recording in the TUM layout")->required();
+  command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required()->type_name(kPath);
+  command->add_option("-o,--output", a->output, "New folder for a recording in the TUM layout")
+      ->required()
+      ->type_name(kFolder);
   command->add_option("--camera", a->camera, "camera.yaml instead of what the recording tells of its cameras")
       ->check(CLI::ExistingFile);
-  command->add_option("--frames", a->frames, kFramesHelp);
+  command->add_option("--frames", a->frames, kFramesHelp)->type_name("RANGE");
   command->add_flag("--registered", a->registered,
                     "Bring colour to depth first, for programs that know one camera [both as they are]");
   command->add_option("--colour", a->colour, "Format of the colour images")
-      ->check(CLI::IsMember({"jpg", "png"}))
+      ->check(one_of({"jpg", "png"}))
       ->capture_default_str();
   command->add_flag("--json", a->json, "Print what was written to stdout as JSON");
   command->callback([a] { convert(*a); });

@@ -14,9 +14,13 @@
 #include <string_view>
 
 #include "cairn/atomic_file.hpp"
+#include "cairn/file_name.hpp"
 #include "cairn/map.hpp"
+#include "command_tree.hpp"
 #include "commands.hpp"
+#include "console.hpp"
 #include "flags.hpp"
+#include "json_text.hpp"
 #include "pictures.hpp"
 
 namespace cairn::apps {
@@ -80,18 +84,40 @@ Band parse_band(const std::string& text) {
   return {*low, *high};
 }
 
+/// A costmap is its .yaml, and a picture beside it, which may be named as well.
+fs::path costmap_file(const fs::path& named) {
+  const std::string extension = extension_of(named);
+  if (extension == ".yaml" || extension == ".yml") return named;
+  if (extension == ".pgm") return fs::path(named).replace_extension(".yaml");
+  throw CLI::ValidationError("--costmap", named.string() + ": name X.yaml, which gets X.pgm beside it");
+}
+
+/// The grids of a map, or why there are none.
+fs::path grids_of(const fs::path& map) {
+  if (!fs::is_directory(map)) return map;
+  if (fs::exists(map / "map.vdb")) return map / "map.vdb";
+  const std::string folder = map.string();
+  if (fs::exists(map / "session" / "state.cbor"))
+    throw std::runtime_error(
+        fmt::format("{0}: has no map.vdb, since its run was cut off: go on with cairn reconstruct RECORDING -o {0} "
+                    "--resume, or make it from what came so far with cairn export {0} -o {1}",
+                    folder, (map / "map.vdb").string()));
+  throw std::runtime_error(folder + ": has no map.vdb; name the folder that reconstruct, live or merge has made");
+}
+
 struct Outputs {
   std::optional<fs::path> grid, table;
 };
 Outputs sort_outputs(const Arguments& a) {
   Outputs outputs;
   for (const fs::path& output : a.outputs) {
-    if (output.extension() == ".vdb")
+    const std::string extension = extension_of(output);
+    if (extension == ".vdb")
       outputs.grid = output;
-    else if (output.extension() == ".csv" && !a.query.empty())
+    else if (extension == ".csv" && !a.query.empty())
       outputs.table = output;
     else
-      throw std::runtime_error(output.string() + (output.extension() == ".csv"
+      throw std::runtime_error(output.string() + (extension == ".csv"
                                                       ? ": answers need questions, give --query POINTS.csv"
                                                       : ": unknown kind of file; take .vdb, or .csv with --query"));
   }
@@ -133,15 +159,15 @@ void print_summary(const DistanceField& field, double seconds, const Asked& aske
                            {"points", asked.points},
                            {"known_points", asked.known},
                            {"query_seconds", asked.seconds}};
-    fmt::print("{}\n", j.dump(2));
+    fmt::print("{}\n", text_of(j, 2));
     return;
   }
   const auto corner = [](const Eigen::Vector3f& p) { return fmt::format("{:.2f} {:.2f} {:.2f}", p.x(), p.y(), p.z()); };
-  fmt::print("{} voxels of {} m known, from {} to {}, in {:.2f} s\n", voxels, field.voxel_size(), corner(box.min()),
-             corner(box.max()), seconds);
+  say("{} voxels of {} m known, from {} to {}, in {:.2f} s\n", voxels, field.voxel_size(), corner(box.min()),
+      corner(box.max()), seconds);
   if (asked.points > 0)
-    fmt::print("{} of {} points known, {:.1f} million points/s\n", asked.known, asked.points,
-               1e-6 * static_cast<double>(asked.points) / asked.seconds);
+    say("{} of {} points known, {:.1f} million points/s\n", asked.known, asked.points,
+        1e-6 * static_cast<double>(asked.points) / asked.seconds);
 }
 
 void esdf(const Arguments& a) {
@@ -150,12 +176,17 @@ void esdf(const Arguments& a) {
   const Plane plane = a.slice.empty() ? Plane{} : parse_plane(a.slice[0]);
   if (!a.costmaps.empty() && a.height.empty())
     throw CLI::ValidationError("--costmap", "needs --height LOW:HIGH, the robot's lowest and highest point");
+  std::vector<fs::path> costmaps;
+  for (const fs::path& named : a.costmaps) costmaps.push_back(costmap_file(named));
+  if (!a.slice.empty() && extension_of(a.slice[1]) != ".png")
+    throw CLI::ValidationError("--slice", a.slice[1] + ": is written as PNG, name X.png");
+  const fs::path grids = grids_of(a.map);
   const Band band = a.costmaps.empty() ? Band{} : parse_band(a.height);
   const std::vector<Eigen::Vector3f> points =
       a.query.empty() ? std::vector<Eigen::Vector3f>{} : read_query_points(a.query);
 
   const auto start = Clock::now();
-  Map map = Map::open(fs::is_directory(a.map) ? a.map / "map.vdb" : a.map, a.device);
+  Map map = Map::open(grids, a.device);
   const auto field = map.distances(a.esdf);
   if (const Upright upright = map.upright(); !a.costmaps.empty() && !upright.known)
     spdlog::warn(
@@ -166,7 +197,7 @@ void esdf(const Arguments& a) {
   if (outputs.grid) write_distances(*outputs.grid, *field);
   const Asked asked = a.query.empty() ? Asked{} : answer(*field, points, outputs.table);
   if (!a.slice.empty()) write_slice(a.slice[1], *field, plane.axis, plane.at);
-  for (const fs::path& costmap : a.costmaps) write_costmap(costmap, *field, band);
+  for (const fs::path& costmap : costmaps) write_costmap(costmap, *field, band);
   if (a.json || a.query.empty() || outputs.table) print_summary(*field, seconds, asked, a.json);
 }
 
@@ -180,7 +211,8 @@ void add_esdf(CLI::App& program) {
   command
       ->add_option("-o,--output", a->outputs,
                    "X.vdb: the grid `esdf`. X.csv with --query: x,y,z,distance,gx,gy,gz,state")
-      ->expected(1, 2);
+      ->expected(1, 2)
+      ->type_name(kFile);
   command->add_option("--max-distance", a->esdf.max_distance, "Metres; what is farther only knows that it is")
       ->capture_default_str();
   command->add_option("--esdf-voxel-size", a->esdf.voxel_size, "Metres: 1, 2, 4 or 8 voxels of the map [two]");

@@ -13,6 +13,7 @@
 #include "cairn/scene.hpp"
 #include "cairn/source.hpp"
 #include "commands.hpp"
+#include "json_text.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -47,7 +48,7 @@ void evaluate_trajectory_files(const Arguments& a) {
                      {"estimated_poses", e.estimated_poses},
                      {"matched_poses", e.matched_poses}};
     if (a.frames > 0) j["frames"] = a.frames;
-    fmt::print("{}\n", j.dump(2));
+    fmt::print("{}\n", text_of(j, 2));
     return;
   }
   print_head();
@@ -87,7 +88,7 @@ void evaluate_mesh_files(const Arguments& a) {
     for (const auto& at : e.at)
       j["at"].push_back(
           {{"threshold_m", at.threshold}, {"precision", at.precision}, {"recall", at.recall}, {"f_score", at.f_score}});
-    fmt::print("{}\n", j.dump(2));
+    fmt::print("{}\n", text_of(j, 2));
     return;
   }
   print_head();
@@ -108,7 +109,7 @@ void evaluate_topology_of(const Arguments& a) {
                            {"borders", t.borders},
                            {"border_edges", t.border_edges},
                            {"border_length_m", t.border_length}};
-    fmt::print("{}\n", j.dump(2));
+    fmt::print("{}\n", text_of(j, 2));
     return;
   }
   fmt::print("non-manifold edges     {}\ndegenerate triangles   {}\nunreferenced vertices  {}\n", t.non_manifold_edges,
@@ -125,7 +126,7 @@ void evaluate_views_of(const Arguments& a) {
   const auto recording = with_poses(open_source(a.truth), recorded_truth(a.poses.empty() ? a.truth : a.poses));
   const ViewError e = evaluate_views(parts, *recording, world_from_recording, a.step);
   if (a.json)
-    fmt::print("{}\n", nlohmann::json{{"psnr_db", e.psnr}, {"covered", e.covered}, {"frames", e.frames}}.dump(2));
+    fmt::print("{}\n", text_of({{"psnr_db", e.psnr}, {"covered", e.covered}, {"frames", e.frames}}, 2));
   else
     fmt::print("PSNR     {:.2f} dB over {} frames\ncovered  {:.1f} % of what they see\n", e.psnr, e.frames,
                100 * e.covered);
@@ -147,12 +148,12 @@ void evaluate_loops_file(const Arguments& a) {
     }
     keyframes = report.at("searched").get<std::vector<std::pair<double, int>>>();
   } catch (const nlohmann::json::exception& error) {
-    throw std::runtime_error(a.estimate + ": is no report of `cairn reconstruct`: " + error.what());
+    throw std::runtime_error(a.estimate + ": is no report.json of `cairn reconstruct`: " + plain(error.what()));
   }
   const LoopError e = evaluate_loops(loops, keyframes, recorded_truth(a.truth));
   if (a.json) {
     const nlohmann::json j{{"loops", e.loops}, {"right", e.right}, {"revisits", e.revisits}, {"found", e.found}};
-    fmt::print("{}\n", j.dump(2));
+    fmt::print("{}\n", text_of(j, 2));
     return;
   }
   const auto percent = [](int part, int all) { return all == 0 ? 0.0 : 100.0 * part / all; };
@@ -176,7 +177,7 @@ void evaluate_distances_of(const Arguments& a) {
                            {"gradients", e.gradients},
                            {"right_signs", signs},
                            {"known", e.known}};
-    fmt::print("{}\n", j.dump(2));
+    fmt::print("{}\n", text_of(j, 2));
     return;
   }
   print_head();

@@ -7,10 +7,14 @@
 #include <filesystem>
 #include <memory>
 
+#include "cairn/file_name.hpp"
 #include "cairn/map.hpp"
 #include "cairn/no_texture.hpp"
+#include "command_tree.hpp"
 #include "commands.hpp"
+#include "console.hpp"
 #include "export_options.hpp"
+#include "json_text.hpp"
 #include "output_folder.hpp"
 #include "outputs.hpp"
 #include "progress.hpp"
@@ -32,11 +36,23 @@ struct Arguments {
 
 bool has_session(const fs::path& map) { return fs::exists(map / "session" / "state.cbor"); }
 
+/// What a map.vdb alone has not, but the folder that it lies in.
+void want_folder(const Arguments& a) {
+  const bool wants_more = a.options.asks_for_texture || a.options.cameras || a.program;
+  if (!wants_more || fs::is_directory(a.map)) return;
+  const fs::path folder = a.map.parent_path().empty() ? fs::path(".") : a.map.parent_path();
+  const std::string wish = a.program ? "--for" : a.options.cameras ? "--cameras" : "--texture";
+  if (has_session(folder))
+    throw std::runtime_error(fmt::format(
+        "{}: has no keyframes, which {} needs: give the folder {}, cairn export {} -o {} {}", a.map.string(), wish,
+        folder.string(), folder.string(), a.output.string(), wish == "--for" ? "--for ..." : wish));
+}
+
 Exported export_it(const Arguments& a) {
   MeshArguments options = a.options;
   options.source = tidy(a.map).filename().string();
   check(options.for_file(a.output), a.output);
-  Progress progress(std::nullopt, "steps");
+  Progress progress(std::nullopt, "");
   return export_mesh(Map::open(a.map, a.device), a.output, options, on(progress));
 }
 
@@ -45,50 +61,62 @@ void export_grids(const Arguments& a) {
   if (!has_session(a.map))
     throw std::runtime_error(a.map.string() + ": has no session to make grids from; a map.vdb is what it would be");
   Map::open(a.map, a.device).write_grids(a.output);
-  fmt::print("{}\n", a.output.string());
+  say("{}  {}\n", a.output.string(), size_in_words(fs::file_size(a.output)));
 }
 
 void export_views(const Arguments& a) {
   ViewsOptions options{.program = *a.program, .images = a.images};
   if (a.options.point_spacing > 0) options.point_spacing = a.options.point_spacing;
-  Progress progress(std::nullopt, "steps");
+  Progress progress(std::nullopt, "");
   const ExportedViews e = Map::open(a.map, a.device).export_views(a.output, options, on(progress));
   progress.clear();
   if (a.json)
-    fmt::print("{}\n", nlohmann::json{{"images", e.images}, {"keyframes", e.keyframes}, {"points", e.points}}.dump(2));
+    fmt::print("{}\n", text_of({{"images", e.images}, {"keyframes", e.keyframes}, {"points", e.points}}, 2));
   else
-    fmt::print("{}: {} images of {} keyframes, {} points\n", a.output.string(), e.images, e.keyframes, e.points);
+    say("{}: {} images of {} keyframes, {} points\n", a.output.string(), e.images, e.keyframes,
+        count_in_words(e.points));
+}
+
+void print(const Arguments& a, const Exported& e) {
+  double seconds = 0;
+  for (const auto& [stage, ms] : e.stage_ms) seconds += 1e-3 * ms;
+  const std::string head = fmt::format("{}  {}", a.output.string(), size_in_words(fs::file_size(a.output)));
+  if (e.points > 0)
+    say("{}, {} points in {:.1f} s\n", head, count_in_words(e.points), seconds);
+  else
+    say("{}, {} triangles{}{} in {:.1f} s\n", head, count_in_words(e.triangles),
+        e.triangles < e.full_triangles ? " of " + count_in_words(e.full_triangles) : "",
+        e.tiles > 0            ? fmt::format(" in {} tiles", e.tiles)
+        : a.options.levels > 1 ? ", levels of detail"
+                               : "",
+        seconds);
+  if (e.components_removed + e.holes_filled > 0)
+    say("clean     {} floating pieces removed, {} holes filled\n", e.components_removed, e.holes_filled);
+  if (e.error > 0) say("simplify  {:.1f} mm at most\n", 1e3 * static_cast<double>(e.error));
+  if (e.textures > 0)
+    say("texture   {} texels of {:.1f} mm in {} charts, {:.1f} % of them seen by {} keyframes\n",
+        count_in_words(e.texels), 1e3 * static_cast<double>(e.texel),
+        count_in_words(static_cast<std::uint64_t>(e.charts)), 100 * e.textured_share, e.keyframes);
 }
 
 void run_export(const Arguments& a) {
   if (const fs::path folder = a.output.parent_path(); !folder.empty()) prepare_output(folder);
+  want_folder(a);
   if (a.program) return export_views(a);
-  if (a.output.extension() == ".vdb") return export_grids(a);
+  if (extension_of(a.output) == ".vdb") return export_grids(a);
   const Exported e = export_it(a);
   if (a.json) {
-    fmt::print("{}\n", to_json(e).dump(2));
+    fmt::print("{}\n", text_of(to_json(e), 2));
     return;
   }
-  double seconds = 0;
-  for (const auto& [stage, ms] : e.stage_ms) seconds += 1e-3 * ms;
-  if (e.points > 0)
-    fmt::print("{}: {} points in {:.1f} s\n", a.output.string(), e.points, seconds);
-  else
-    fmt::print("{}: {} of {} triangles{} in {:.1f} s\n", a.output.string(), e.triangles, e.full_triangles,
-               e.tiles > 0 ? fmt::format(" in {} tiles", e.tiles) : "", seconds);
-  if (e.components_removed + e.holes_filled > 0)
-    fmt::print("clean     {} floating pieces removed, {} holes filled\n", e.components_removed, e.holes_filled);
-  if (e.error > 0) fmt::print("simplify  {:.1f} mm at most\n", 1e3 * static_cast<double>(e.error));
-  if (e.textures > 0)
-    fmt::print("texture   {} texels of {:.1f} mm in {} charts, {:.1f} % of them seen by {} keyframes\n", e.texels,
-               1e3 * static_cast<double>(e.texel), e.charts, 100 * e.textured_share, e.keyframes);
+  print(a, e);
 }
 
 }  // namespace
 
 ExportOptions MeshArguments::for_file(const fs::path& file) const {
   ExportOptions options = *this;
-  const bool may_have_texture = file.extension() != ".ply" && point_spacing <= 0;
+  const bool may_have_texture = extension_of(file) != ".ply" && point_spacing <= 0;
   options.texture.enabled = asks_for_texture || (may_have_texture && !no_texture);
   return options;
 }
@@ -127,17 +155,17 @@ void add_export_options(CLI::App& command, MeshArguments& o) {
   of_texture(option("--texel", o.texture.texel, "Metres; 0: what the keyframes see, as far as it fits"));
   of_texture(option("--texture-size", o.texture.max_size, "Texels a side of one texture, at most"));
   of_texture(command.add_option("--texture-format", o.texture.png, "jpeg or png [jpeg]")
-                 ->transform(CLI::CheckedTransformer(std::map<std::string, bool>{{"jpeg", false}, {"png", true}}))
+                 ->transform(one_of<bool>({{"jpeg", false}, {"png", true}}))
                  ->group(kGroup));
   of_texture(option("--jpeg-quality", o.texture.jpeg_quality, "1 to 100"));
   command
       .add_option("--compress", o.compression,
                   "glTF: none, quantised (KHR_mesh_quantization), meshopt (EXT_meshopt_compression) or draco "
                   "(KHR_draco_mesh_compression) [none]")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, Compression>{{"none", Compression::none},
-                                                                             {"quantised", Compression::quantised},
-                                                                             {"meshopt", Compression::meshopt},
-                                                                             {"draco", Compression::draco}}))
+      ->transform(one_of<Compression>({{"none", Compression::none},
+                                       {"quantised", Compression::quantised},
+                                       {"meshopt", Compression::meshopt},
+                                       {"draco", Compression::draco}}))
       ->group(kGroup);
   option("--cell-size", o.cell_size, "Metres; glTF gets a node, 3D Tiles a tile for each cell; 0: by the map's size");
   command.add_flag("--cameras", o.cameras, "glTF: the camera's path as a line, and a camera for each keyframe")
@@ -151,16 +179,17 @@ void add_export(CLI::App& program) {
       ->required()
       ->check(CLI::ExistingPath);
   command
-      ->add_option(
-          "-o,--output", a->output,
-          "X.glb, X.gltf, X.ply, X.obj, tileset.json: 3D Tiles 1.1 with levels of detail, X.vdb: the grids, or with "
-          "--for a new folder")
-      ->required();
+      ->add_option("-o,--output", a->output,
+                   "X.glb, X.gltf, X.ply, X.obj, tileset.json: 3D Tiles 1.1 with levels of "
+                   "detail, X.vdb: the grids, or with --for a new folder")
+      ->required()
+      ->type_name(kPath);
   add_export_options(*command, a->options);
   command
-      ->add_option(
-          "--points", a->options.point_spacing,
-          "X.ply: points that many metres apart, no triangles; with --for those that the program begins from [0.02]")
+      ->add_option("--points", a->options.point_spacing,
+                   "X.ply: points that many metres apart, no triangles; with --for those that the "
+                   "program begins from [0.02]")
+      ->check(CLI::PositiveNumber)
       ->group("Mesh");
   command
       ->add_option("--lods", a->options.levels,
@@ -171,8 +200,7 @@ void add_export(CLI::App& program) {
       command
           ->add_option("--for", a->program,
                        "nerfstudio or colmap: keyframes as images with poses and depth, and points of the surface")
-          ->transform(CLI::CheckedTransformer(
-              std::map<std::string, ViewsFor>{{"nerfstudio", ViewsFor::nerfstudio}, {"colmap", ViewsFor::colmap}}))
+          ->transform(one_of<ViewsFor>({{"nerfstudio", ViewsFor::nerfstudio}, {"colmap", ViewsFor::colmap}}))
           ->group("Images");
   command->add_option("--images", a->images, "With --for: so many at most, the sharpest of their surroundings; 0: all")
       ->needs(program_name)

@@ -8,7 +8,9 @@
 #include <nlohmann/json.hpp>
 
 #include "cairn/pose_graph.hpp"
+#include "command_tree.hpp"
 #include "commands.hpp"
+#include "json_text.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -26,18 +28,18 @@ void optimise_file(const Arguments& a) {
   if (!a.output.empty()) write_g2o(a.output, graph);
   const auto rejected = std::count_if(r.edge_weights.begin(), r.edge_weights.end(), [](double w) { return w < 0.5; });
   if (a.json) {
-    fmt::print("{}\n", nlohmann::json{{"nodes", graph.world_from_node.size()},
-                                      {"edges", graph.edges.size()},
-                                      {"components", r.components},
-                                      {"cost_before", r.cost_before},
-                                      {"cost", r.cost},
-                                      {"chordal_cost_before", chordal_before},
-                                      {"chordal_cost", chordal_cost(graph)},
-                                      {"started_from_chordal", r.from_chordal},
-                                      {"iterations", r.iterations},
-                                      {"rejected_edges", rejected},
-                                      {"seconds", r.seconds}}
-                           .dump(2));
+    fmt::print("{}\n", text_of({{"nodes", graph.world_from_node.size()},
+                                {"edges", graph.edges.size()},
+                                {"components", r.components},
+                                {"cost_before", r.cost_before},
+                                {"cost", r.cost},
+                                {"chordal_cost_before", chordal_before},
+                                {"chordal_cost", chordal_cost(graph)},
+                                {"started_from_chordal", r.from_chordal},
+                                {"iterations", r.iterations},
+                                {"rejected_edges", rejected},
+                                {"seconds", r.seconds}},
+                               2));
     return;
   }
   fmt::print("{} nodes, {} edges, {} {}\n", graph.world_from_node.size(), graph.edges.size(), r.components,
@@ -58,7 +60,7 @@ void add_graph(CLI::App& program) {
   command->add_option("GRAPH", a->input, "A .g2o file of VERTEX_SE3:QUAT and EDGE_SE3:QUAT")
       ->required()
       ->check(CLI::ExistingFile);
-  command->add_option("-o,--output", a->output, "Where to write the moved graph [nowhere]");
+  command->add_option("-o,--output", a->output, "Where to write the moved graph [nowhere]")->type_name(kFile);
   command->add_flag("--robust", a->options.robust,
                     "Edges between nodes that do not follow each other may be false: find out which");
   command->add_flag("--json", a->json, "Print the result to stdout as JSON");

@@ -6,9 +6,12 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "cairn/file_name.hpp"
 #include "cairn/inspect.hpp"
 #include "cairn/source.hpp"
+#include "command_tree.hpp"
 #include "commands.hpp"
+#include "json_text.hpp"
 #include "map_info.hpp"
 #include "sources.hpp"
 
@@ -124,11 +127,11 @@ void info(const Arguments& a) {
   SourceSummary summary = inspect(*source, a.frames);
   // Poses that lie in files beside the images are no part of frames until they are asked for.
   if (!is_sensor(a.sequence) && !is_synthetic(a.sequence) &&
-      (std::filesystem::is_directory(a.sequence) || a.sequence.ends_with(".zip")))
+      (std::filesystem::is_directory(a.sequence) || extension_of(a.sequence) == ".zip"))
     summary.with_pose =
         std::max(summary.with_pose, std::min(summary.looked_at, static_cast<int>(recorded_truth(a.sequence).size())));
   if (a.json)
-    fmt::print("{}\n", json_of(summary).dump(2));
+    fmt::print("{}\n", text_of(json_of(summary), 2));
   else
     print(summary);
   if (!a.picture.empty()) draw(a);
@@ -140,7 +143,7 @@ void add_info(CLI::App& program) {
   auto* command = program.add_subcommand(
       "info", "Tell what a recording or a sensor gives, as Cairn understands it, or how good a map is");
   const auto a = std::make_shared<Arguments>();
-  command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required();
+  command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required()->type_name(kPath);
   command
       ->add_option("--camera", a->camera, "camera.yaml in place of what the recording or sensor tells of its cameras")
       ->check(CLI::ExistingFile);
@@ -148,7 +151,8 @@ void add_info(CLI::App& program) {
   command->add_option("--frames", a->frames, "So many are looked at, from the first")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
-  command->add_option("--picture", a->picture, "PNG of a frame's colour with the edges of depth drawn over it");
+  command->add_option("--picture", a->picture, "PNG of a frame's colour with the edges of depth drawn over it")
+      ->type_name(kFile);
   command->add_option("--frame", a->frame, "That is drawn")->capture_default_str()->check(CLI::NonNegativeNumber);
   command->add_flag("--json", a->json, "Print JSON");
   command->callback([a] { info(*a); });

@@ -1,19 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #include <malloc.h>
-#include <spdlog/sinks/stdout_color_sinks.h>
-#include <spdlog/spdlog.h>
 
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <iostream>
 
+#include "command_tree.hpp"
 #include "commands.hpp"
+#include "console.hpp"
 #include "flags.hpp"
+#include "help.hpp"
 #include "json_text.hpp"
 
 namespace {
+
+using cairn::apps::in_flags;
+using cairn::apps::plain;
 
 /// What is buffered goes out; a full disk behind stdout is an error like others.
 int ended(int exit_code) {
@@ -23,36 +27,61 @@ int ended(int exit_code) {
   return 1;
 }
 
-int run(int argc, char** argv) {
-  spdlog::set_default_logger(spdlog::stderr_color_mt("cairn"));
-  spdlog::set_pattern("%^%l%$ %v");
+int failed(const std::string& why, int exit_code) {
+  cairn::apps::clear_line();
+  std::fprintf(stderr, "%s\n", why.c_str());
+  return exit_code;
+}
+
+template <class Visit>
+void for_all_commands(CLI::App& command, const Visit& visit) {
+  visit(command);
+  for (CLI::App* below : command.get_subcommands({})) for_all_commands(*below, visit);
+}
+
+void add_commands(CLI::App& program) {
+  using namespace cairn::apps;
+  const auto group = [&](const char* title, std::initializer_list<void (*)(CLI::App&)> commands) {
+    const std::size_t before = program.get_subcommands({}).size();
+    for (const auto add : commands) add(program);
+    const auto all = program.get_subcommands({});
+    for (std::size_t i = before; i < all.size(); ++i) all[i]->group(title);
+  };
+  group("To begin", {add_demo, add_doctor});
+  group("Make a map", {add_reconstruct, add_live, add_record});
+  group("Use a map", {add_view, add_export, add_esdf, add_merge});
+  group("Recordings", {add_info, add_convert, add_calibrate, add_synth});
+  group("Measure", {add_evaluate, add_bench, add_graph, add_devices});
+  group("The program", {add_help, add_completion});
+  for_all_commands(program, [](CLI::App& command) {
+    command.formatter(help_format());
+    command.get_help_ptr()->description("Print this help");
+    command.add_flag_callback("-q,--quiet", be_quiet, "No progress: warnings, errors and what was asked for alone");
+  });
+}
+
+int run(const std::vector<std::string>& words) {
+  cairn::apps::set_up_warnings();
   CLI::App program("Dense RGB-D mapping: a depth-camera stream becomes a mesh, a TSDF and a trajectory.", "cairn");
-  program.set_version_flag("--version", CAIRN_VERSION);
+  program.set_version_flag("-V,--version", CAIRN_VERSION, "Print the version");
   program.require_subcommand(1);
-  cairn::apps::add_reconstruct(program);
-  cairn::apps::add_export(program);
-  cairn::apps::add_live(program);
-  cairn::apps::add_record(program);
-  cairn::apps::add_view(program);
-  cairn::apps::add_convert(program);
-  cairn::apps::add_info(program);
-  cairn::apps::add_calibrate(program);
-  cairn::apps::add_synth(program);
-  cairn::apps::add_esdf(program);
-  cairn::apps::add_evaluate(program);
-  cairn::apps::add_merge(program);
-  cairn::apps::add_graph(program);
-  cairn::apps::add_bench(program);
-  cairn::apps::add_devices(program);
+  add_commands(program);
+  if (words.empty()) {
+    std::cout << cairn::apps::first_words();
+    return ended(0);
+  }
   try {
-    program.parse(argc, argv);
+    if (const auto unknown = cairn::apps::unknown_word(program, words)) return failed(*unknown, 2);
+    program.parse(std::vector<std::string>(words.rbegin(), words.rend()));  // as CLI11 takes them
   } catch (const CLI::RuntimeError& error) {  // the work ended with an exit code of its own
     return ended(error.get_exit_code());
+  } catch (const CLI::Success& asked) {
+    program.exit(asked);
+    return ended(0);
   } catch (const CLI::ParseError& error) {
-    return ended(program.exit(error) == 0 ? 0 : 2);
+    return failed(in_flags(cairn::apps::usage_error(program, words, error)), 2);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "cairn: %s\n", cairn::apps::in_flags(cairn::apps::plain(error.what())).c_str());
-    return 1;
+    return failed("cairn: " + in_flags(plain(error.what())), 1);
   }
   return ended(0);
 }
@@ -63,7 +92,7 @@ int main(int argc, char** argv) {
   constexpr int kLarge = 4 << 20;  // bytes: more than an image; from here on what is freed goes back to the system
   mallopt(M_MMAP_THRESHOLD, kLarge);
   try {
-    return run(argc, argv);
+    return run(std::vector<std::string>(argv + 1, argv + argc));
   } catch (const std::exception& error) {  // while it began, or told of another
     std::fprintf(stderr, "cairn: %s\n", error.what());
     return 1;

@@ -6,7 +6,9 @@
 #include <filesystem>
 #include <memory>
 
+#include "command_tree.hpp"
 #include "commands.hpp"
+#include "console.hpp"
 #include "output_folder.hpp"
 #include "outputs.hpp"
 #include "run.hpp"
@@ -50,7 +52,7 @@ void merge(Arguments a) {
       throw std::runtime_error(a.maps[i].string() + ": " + found +
                                ", too few that agree to join it; record a way from one to the other, or keep "
                                "separate pieces with --allow-disconnected");
-    fmt::print("{}: {}{}\n", a.maps[i].string(), found, merged.joined ? "" : "; kept as a separate piece");
+    say("{}: {}{}\n", a.maps[i].string(), found, merged.joined ? "" : "; kept as a separate piece");
   }
   Outputs outputs(a.output, [](const char*, const auto& work) { work(); });
   nlohmann::json report = outputs.write(mapper, &session, a.mesh, Progressed{}.note());
@@ -73,23 +75,27 @@ void merge(Arguments a) {
   outputs.write_report(report);
   if (a.overwrite) outputs.remove_old(mapper, true);
   outputs.expect_all();
-  fmt::print("mesh        {} ({} triangles)\n", (a.output / "mesh.glb").string(),
-             report["mesh"]["triangles"].get<std::size_t>());
-  print_upright(report["upright"]);
-  for (const std::string& warning : warnings) fmt::print("warning     {}\n", warning);
+  say("mesh        {} ({} triangles)\n", (a.output / "mesh.glb").string(),
+      count_in_words(report["mesh"]["triangles"].get<std::size_t>()));
+  if (!is_quiet()) print_upright(report["upright"]);
+  for (const std::string& warning : warnings) say("warning     {}\n", warning);
 }
 
 }  // namespace
 
 void add_merge(CLI::App& program) {
-  auto* command = program.add_subcommand("merge", "Join the maps of several sessions of the same place");
+  auto* command = program.add_subcommand("merge", "Join maps of the same place, made by the same camera, into one");
   const auto a = std::make_shared<Arguments>();
-  command->add_option("MAPS", a->maps, "Folders that reconstruct has made")
+  command
+      ->add_option(
+          "MAPS", a->maps,
+          "Two or more folders that reconstruct, live or merge have made, with their sessions; they stay as they are")
       ->required()
       ->expected(2, 1000)
       ->check(CLI::ExistingDirectory);
   add_output_options(*command, *a, "-o,--output", "Folder for the joined map and its session");
-  command->add_flag("--allow-disconnected", a->allow_disconnected, "Keep maps that nothing joins as separate pieces");
+  command->add_flag("--allow-disconnected", a->allow_disconnected,
+                    "Keep a map that sees no place of the others as a separate piece, instead of refusing it");
   add_export_options(*command, a->mesh);
   command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
       ->capture_default_str();

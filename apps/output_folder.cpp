@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "cairn/atomic_file.hpp"
+#include "command_tree.hpp"
 #include "sources.hpp"
 
 namespace cairn::apps {
@@ -39,7 +40,7 @@ fs::path free_name(const fs::path& output) {
 }  // namespace
 
 void add_output_options(CLI::App& command, OutputArguments& a, const std::string& names, const std::string& help) {
-  command.add_option(names, a.output, help)->required();
+  command.add_option(names, a.output, help)->required()->type_name(kFolder);
   auto* overwrite =
       command.add_flag("--overwrite", a.overwrite, "Replace the map in OUT; it stays until the new one is written");
   command.add_flag("--auto-name", a.auto_name, "Where OUT holds a map, take OUT-2, OUT-3, ... and tell which")

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <utility>
@@ -12,51 +13,74 @@
 namespace cairn::apps {
 namespace {
 
-constexpr double kTerminalInterval = 0.1, kPlainInterval = 5.0;  // seconds
-constexpr int kBarWidth = 24;
+constexpr double kLiveInterval = 0.1, kPlainInterval = 5.0;                   // seconds
+constexpr int kBarWidth = 24, kLeastBar = 8, kBrackets = 3, kLeastState = 8;  // columns
+
+std::string bar(double share, int columns, bool has_blocks) {
+  const int filled = std::clamp(static_cast<int>(share * columns), 0, columns);
+  std::string bar = "[";
+  for (int i = 0; i < columns; ++i) bar += has_blocks ? (i < filled ? "█" : "░") : (i < filled ? "#" : ".");
+  return bar + "] ";
+}
 
 }  // namespace
 
-Progress::Progress(std::optional<int> total, std::string what)
-    : total_(total), what_(std::move(what)), terminal_(isatty(STDERR_FILENO) != 0) {}
-Progress::~Progress() { clear(); }
-
-void Progress::clear() {
-  if (shown_) fmt::print(stderr, "\r\x1b[K");
-  shown_ = false;
+std::string progress_line(const Done& done, const std::string& state, const Terminal& terminal) {
+  const int room =
+      terminal.is_live ? terminal.columns - 1 : 1 << 20;  // in the last column a terminal begins a new line
+  const double share = done.total ? std::min(1.0, done.done / std::max(1.0, static_cast<double>(*done.total))) : 0;
+  const double rate = done.done / std::max(done.seconds, 1e-9);
+  std::string line = done.what.empty() && done.total ? fmt::format("{:.0f} %", 100 * share)
+                     : done.total                    ? fmt::format("{}/{} {}", done.done, *done.total, done.what)
+                                                     : fmt::format("{} {}", done.done, done.what);
+  const auto add = [&](const std::string& more) {
+    if (width_of(line) + 2 + width_of(more) <= room) line += "  " + more;
+  };
+  if (!done.what.empty()) add(fmt::format("{:.1f}/s", rate));
+  if (done.total && done.done > 0) {
+    const int left = static_cast<int>(std::lround((*done.total - done.done) / rate));
+    add(fmt::format("{}:{:02} left", left / 60, left % 60));
+  }
+  // The bar does not change its size with the words beside it.
+  const int left = room - width_of(line), columns = std::min(kBarWidth, left / 3);
+  const bool has_bar = terminal.is_live && done.total && columns >= kLeastBar;
+  const int for_state = left - 2 - (has_bar ? columns + kBrackets : 0);
+  if (!state.empty() && for_state >= kLeastState) line += "  " + cut_to(state, for_state, terminal.has_blocks);
+  if (has_bar) line = bar(share, columns, terminal.has_blocks) + line;
+  return terminal.is_live ? cut_to(line, room, terminal.has_blocks) : line;
 }
 
+Progress::Progress(std::optional<int> total, std::string what) : done_{.total = total, .what = std::move(what)} {}
+Progress::~Progress() { clear(); }
+
+void Progress::clear() { clear_line(); }
+
 void Progress::step(const std::string& state) {
-  ++done_;
+  ++done_.done;
   show(state);
 }
 
 void Progress::step(int done, int total, const std::string& state) {
-  done_ = done;
-  total_ = total;
+  done_.done = done;
+  done_.total = total;
   show(state);
 }
 
 void Progress::show(const std::string& state) {
+  if (is_quiet()) return;
   const auto now = Clock::now();
-  const bool last = total_ && done_ == *total_;
-  if (!last && std::chrono::duration<double>(now - last_).count() < (terminal_ ? kTerminalInterval : kPlainInterval))
+  const Terminal terminal = terminal_of(STDERR_FILENO);
+  const bool is_last = done_.total && done_.done == *done_.total;
+  if (!is_last &&
+      std::chrono::duration<double>(now - last_).count() < (terminal.is_live ? kLiveInterval : kPlainInterval))
     return;
   last_ = now;
-  const double rate = done_ / std::max(std::chrono::duration<double>(now - start_).count(), 1e-9);
-  std::string line = fmt::format("{}{} {}  {:.1f}/s", done_, total_ ? fmt::format("/{}", *total_) : "", what_, rate);
-  if (total_) {
-    const int left = static_cast<int>(std::lround((*total_ - done_) / rate));
-    line += fmt::format("  {}:{:02} left", left / 60, left % 60);
-    if (terminal_) {
-      const int filled = kBarWidth * done_ / std::max(*total_, 1);
-      line = fmt::format("[{:█<{}}{:░<{}}] ", "", filled, "", kBarWidth - filled) + line;
-    }
-  }
-  line += "  " + state;
-  fmt::print(stderr, fmt::runtime(terminal_ ? "\r{}\x1b[K" : "{}\n"), line);
-  std::fflush(stderr);
-  shown_ = terminal_;
+  done_.seconds = std::chrono::duration<double>(now - start_).count();
+  const std::string line = progress_line(done_, state, terminal);
+  if (terminal.is_live)
+    show_line(line);
+  else
+    fmt::print(stderr, "{}\n", line);
 }
 
 }  // namespace cairn::apps

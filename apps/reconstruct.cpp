@@ -89,7 +89,7 @@ void add_reconstruct(CLI::App& program) {
   command->add_option("--read-ahead", a->read_ahead, "frames decoded ahead in a thread of their own; 0: no thread")
       ->check(CLI::Range(0, 1000))
       ->capture_default_str();
-  command->add_option("--frames", a->frames, kFramesHelp);
+  command->add_option("--frames", a->frames, kFramesHelp)->type_name("RANGE");
   auto* poses =
       command
           ->add_option(

@@ -4,9 +4,13 @@
 
 #include <nlohmann/json.hpp>
 
+#include "cairn/file_name.hpp"
 #include "cairn/recorder.hpp"
+#include "command_tree.hpp"
 #include "commands.hpp"
+#include "console.hpp"
 #include "interrupt.hpp"
+#include "json_text.hpp"
 #include "progress.hpp"
 #include "sources.hpp"
 #include "write_frames.hpp"
@@ -74,8 +78,8 @@ class Reader {
 };
 
 void record(const Arguments& a) {
-  const bool to_oni = a.output.extension() == ".oni";
-  if (to_oni && !a.sequence.starts_with("openni:") && !a.sequence.ends_with(".oni"))
+  const bool to_oni = extension_of(a.output) == ".oni";
+  if (to_oni && !a.sequence.starts_with("openni:") && extension_of(a.sequence) != ".oni")
     throw std::runtime_error(a.output.string() + ": only what OpenNI2 gives can be recorded as .oni; name a folder");
   if (to_oni && fs::exists(a.output)) throw std::runtime_error(a.output.string() + ": exists; choose another name");
   if (fs::path folder = tidy(a.output).parent_path(); !fs::is_directory(folder))
@@ -104,14 +108,14 @@ void record(const Arguments& a) {
   if (recorded.frames == 0)
     throw std::runtime_error(a.sequence + ": no frame came" + (recorded.ended ? "; " + *recorded.ended : ""));
   if (a.json)
-    fmt::print("{}\n", nlohmann::json{{"frames", recorded.frames},
-                                      {"dropped", dropped},
-                                      {"unreadable", recorded.unreadable},
-                                      {"seconds", seconds}}
-                           .dump(2));
+    fmt::print("{}\n", text_of({{"frames", recorded.frames},
+                                {"dropped", dropped},
+                                {"unreadable", recorded.unreadable},
+                                {"seconds", seconds}},
+                               2));
   else
-    fmt::print("{}: {} frames in {:.1f} s, {} dropped{}\n", a.output.string(), recorded.frames, seconds, dropped,
-               recorded.unreadable > 0 ? fmt::format(", {} unreadable", recorded.unreadable) : "");
+    say("{}: {} frames in {:.1f} s, {} dropped{}\n", a.output.string(), recorded.frames, seconds, dropped,
+        recorded.unreadable > 0 ? fmt::format(", {} unreadable", recorded.unreadable) : "");
   if (recorded.ended) throw std::runtime_error(*recorded.ended + "; what came before is in " + a.output.string());
 }
 
@@ -120,9 +124,10 @@ void record(const Arguments& a) {
 void add_record(CLI::App& program) {
   auto* command = program.add_subcommand("record", "Keep what a depth camera sees, to reconstruct it later");
   const auto a = std::make_shared<Arguments>();
-  command->add_option("URI", a->sequence, kSequenceHelp)->required();
+  command->add_option("URI", a->sequence, kSequenceHelp)->required()->type_name(kPath);
   command->add_option("-o,--output", a->output, "New folder for a recording in the TUM layout, or .oni file")
-      ->required();
+      ->required()
+      ->type_name(kPath);
   command->add_option("--camera", a->camera, "camera.yaml instead of the sensor's own intrinsics")
       ->check(CLI::ExistingFile);
   add_topics(*command, a->topics);
@@ -130,7 +135,7 @@ void add_record(CLI::App& program) {
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command->add_option("--colour", a->colour, "Format of the colour images")
-      ->check(CLI::IsMember({"jpg", "png"}))
+      ->check(one_of({"jpg", "png"}))
       ->capture_default_str();
   command->add_flag("--json", a->json, "Print what was recorded to stdout as JSON");
   command->callback([a] { record(*a); });

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "command_line.hpp"
+#include "console.hpp"
 #include "flags.hpp"
 #include "json_text.hpp"
 #include "outputs.hpp"
@@ -305,11 +306,12 @@ Verdict Run::finish(const nlohmann::json& more) {
 
 /// How it went comes last: whoever reads only the end reads that.
 void Run::tell(const nlohmann::json& report, const Verdict& verdict) const {
-  std::FILE* const out = arguments_.json ? stderr : stdout;
+  if (is_quiet() && verdict.level == Verdict::Level::good) return;
+  std::FILE* const out = arguments_.json || is_quiet() ? stderr : stdout;
   const fs::path& output = arguments_.output;
   const int total = progressed_.frames.size(), in_this_run = report["frames_of_this_run"];
   const fs::path page = output / "report.html";  // not where the library is built without the viewer
-  if (!arguments_.json) {
+  if (out == stdout) {
     fmt::print(
         out, "{} of {} frames fused ({} lost, {} skipped){} in {:.1f} s, {:.1f} frames/s, {:.0f} MB peak\n",
         progressed_.frames.count("fused"), total, progressed_.frames.count("lost"), progressed_.frames.count("skipped"),

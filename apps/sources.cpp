@@ -37,26 +37,28 @@ std::filesystem::path tidy(const std::filesystem::path& path) {
 }
 
 FrameRange parse_frames(const std::string& text) {
-  FrameRange range;
+  const auto wrong = [&](const char* why) {
+    return CLI::ValidationError(
+        "--frames", fmt::format("'{}' {}: take N (the first N), A:B (A to B - 1, counted from 0), A: (from A), :B, or "
+                                "A:B:STEP (every STEP-th), for example 100, 0:300, 300:, ::3",
+                                text, why));
+  };
   std::array<std::optional<int>, 3> parts;
   std::size_t begin = 0, part = 0;
-  const auto wrong = [&] {
-    return CLI::ValidationError("--frames", "'" + text + "' is not A:B:STEP, for example 0:300 or ::3");
-  };
-  while (true) {
+  for (; begin <= text.size(); ++part) {
+    if (part == parts.size()) throw wrong("has too many parts");
     const std::size_t end = std::min(text.find(':', begin), text.size());
-    if (part == 3) throw wrong();
     if (end > begin) {
       int value = 0;
       const auto [stop, error] = std::from_chars(text.data() + begin, text.data() + end, value);
-      if (error != std::errc() || stop != text.data() + end || value < 0) throw wrong();
+      if (error != std::errc() || stop != text.data() + end || value < 0) throw wrong("is no range of frames");
       parts[part] = value;
     }
-    ++part;
-    if (end == text.size()) break;
     begin = end + 1;
   }
-  if (parts[2] == 0 || (parts[1] && *parts[1] <= parts[0].value_or(0))) throw wrong();
+  if (part == 1) std::swap(parts[0], parts[1]);  // N
+  if (parts[2] == 0) throw wrong("has a step of 0");
+  if (parts[1] && *parts[1] <= parts[0].value_or(0)) throw wrong("holds no frame");
   return {.begin = parts[0].value_or(0), .end = parts[1], .step = parts[2].value_or(1)};
 }
 

@@ -20,8 +20,10 @@ inline constexpr const char* kSequenceHelp =
 /// A path from the root, without `.`, `..` and a slash at its end; it need not exist.
 [[nodiscard]] std::filesystem::path tidy(const std::filesystem::path& path);
 /// How --frames is explained to the user.
-inline constexpr const char* kFramesHelp = "A:B:STEP, frames A to B - 1, every STEP-th [all]";
-/// `A:B:STEP`, each part may be empty. Throws CLI::ValidationError.
+inline constexpr const char* kFramesHelp =
+    "N: the first N; A:B: frames A to B - 1, counted from 0; A: and :B; A:B:STEP: every STEP-th; for example 100, "
+    "0:300, 300:, ::3 [all]";
+/// `N`, or `A:B:STEP`, of which each part may be empty. Throws CLI::ValidationError.
 [[nodiscard]] FrameRange parse_frames(const std::string& text);
 
 /// What a session remembers of it: what it shows, wherever it lies. A recording is known by the camera it tells and its

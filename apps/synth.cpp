@@ -9,7 +9,9 @@
 #include "cairn/atomic_file.hpp"
 #include "cairn/layouts.hpp"
 #include "cairn/synthetic.hpp"
+#include "command_tree.hpp"
 #include "commands.hpp"
+#include "console.hpp"
 #include "progress.hpp"
 
 namespace cairn::apps {
@@ -139,7 +141,7 @@ void synth(const Arguments& a) {
         a.output.string() + ": holds a synthetic recording already: give --overwrite to replace it, or another folder");
   write_folder(
       a.output, [&](const fs::path& folder) { write_sequence(a, folder); }, kTruth);
-  fmt::print("{}: {} frames of '{}' with true poses and surface\n", a.output.string(), a.frames, a.scene);
+  say("{}: {} frames of '{}' with true poses and surface\n", a.output.string(), a.frames, a.scene);
 }
 
 }  // namespace
@@ -147,9 +149,10 @@ void synth(const Arguments& a) {
 void add_synth(CLI::App& program) {
   auto* command = program.add_subcommand("synth", "Render a synthetic recording with exact truth");
   const auto a = std::make_shared<Arguments>();
-  command->add_option("SCENE", a->scene, "room, room-with-mover, flat, twin-rooms, sphere, plane, corridor or loop")
-      ->required();
-  command->add_option("-o,--output", a->output, "Folder for the recording")->required();
+  command->add_option("SCENE", a->scene, "What is rendered")
+      ->required()
+      ->check(one_of({"room", "room-with-mover", "flat", "twin-rooms", "sphere", "plane", "corridor", "loop"}));
+  command->add_option("-o,--output", a->output, "Folder for the recording")->required()->type_name(kFolder);
   command->add_flag("--overwrite", a->overwrite, "Replace a synthetic recording that is there");
   command
       ->add_option("--trajectory", a->trajectory,
@@ -170,18 +173,18 @@ void add_synth(CLI::App& program) {
           "Depth and colour noise: that of a Kinect, of time of flight (Azure Kinect), of stereo (RealSense), of "
           "a phone's lidar, or none")
       ->capture_default_str()
-      ->check(CLI::IsMember({"kinect", "tof", "stereo", "lidar", "none"}));
+      ->check(one_of({"kinect", "tof", "stereo", "lidar", "none"}));
   command
       ->add_option("--layout", a->layout,
                    fmt::format("{}; some have a camera of their own, which takes the place of --width",
                                fmt::join(kLayouts, ", ")))
       ->capture_default_str()
-      ->check(CLI::IsMember(std::vector<std::string>(std::begin(kLayouts), std::end(kLayouts))));
+      ->check(one_of(std::vector<std::string>(std::begin(kLayouts), std::end(kLayouts))));
   command
       ->add_option(
           "--imu", a->imu,
           "gyroscope.txt (stray-scanner: imu.csv) of an ideal gyroscope or one of a phone's grade, 200 Hz [none]")
-      ->check(CLI::IsMember({"none", "ideal", "mems"}));
+      ->check(one_of({"none", "ideal", "mems"}));
   command
       ->add_option("--colour-delay", a->colour_delay,
                    "Seconds that colour images are taken after the depth images with the same stamp")

@@ -149,7 +149,8 @@ std::unique_ptr<Source> open_by_name(const std::string& name, const SourceOption
   if (is_synthetic(name))
     return open_synthetic({.scene = name.substr(kSynthetic.size()),
                            .first = options.range.begin,
-                           .frames = options.range.end.value_or(kSyntheticFrames)});
+                           .frames = options.range.end.value_or(kSyntheticFrames),
+                           .step = options.range.step});
   if (is_zip(name)) {
     auto zip = unpacked(name);
     if (zip->damage()) spdlog::warn(*zip->damage());

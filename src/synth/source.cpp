@@ -25,7 +25,9 @@ class SyntheticSource final : public Source {
         next_(options.first) {}
   const Rig& rig() const override { return rig_; }
   std::string layout() const override { return "synthetic scene"; }
-  std::optional<int> size() const override { return options_.frames - options_.first; }
+  std::optional<int> size() const override {
+    return (options_.frames - options_.first + options_.step - 1) / options_.step;
+  }
 
   std::optional<Frame> next() override {
     if (next_ >= options_.frames) return std::nullopt;
@@ -35,8 +37,9 @@ class SyntheticSource final : public Source {
     auto images = renderer_.render(*pose, time);
     if (options_.kinect_noise) add_noise(images, rig_.depth, "kinect", options_.seed, next_);
     Frame frame{
-        .index = next_++, .timestamp = time, .depth = std::move(images.depth), .colour = std::move(images.colour)};
+        .index = next_, .timestamp = time, .depth = std::move(images.depth), .colour = std::move(images.colour)};
     frame.acceleration = path_.acceleration(time);
+    next_ += options_.step;
     if (options_.with_poses) frame.world_from_camera = *pose;
     return frame;
   }

@@ -13,7 +13,8 @@ namespace cairn {
 
 struct SyntheticOptions {
   std::string scene = "room";
-  int first = 0, frames = 300;  // from the first to the one before frame number `frames`
+  int first = 0, frames = 300;  // from the first to the one before frame number `frames`,
+  int step = 1;                 // every step-th
   bool kinect_noise = false;
   std::uint64_t seed = 1;
   bool with_poses = false;  // frames carry their true pose

@@ -20,6 +20,7 @@ const build = dirname(cairn);
 // Not run here, and why.
 const elsewhere = {
   './scripts/demo': 'CI runs it by itself',
+  './scripts/build': 'scripts/demo runs it',
   './scripts/test': 'it runs this test',
   'scripts/test -L quick': 'the tests run by themselves',
   'scripts/tidy': 'CI runs it by itself',
@@ -184,7 +185,7 @@ test('every reason stands for a line that is there', () => {
 test('every option that is named is one', () => {
   const help = (...args) => spawnSync(cairn, [...args, '--help'], { encoding: 'utf8' }).stdout;
   const subcommands = ['reconstruct', 'export', 'live', 'record', 'view', 'synth', 'esdf', 'merge', 'devices',
-    'evaluate', 'graph', 'info', 'calibrate', 'convert'].map((name) => [name]);
+    'evaluate', 'graph', 'info', 'calibrate', 'convert', 'demo', 'doctor', 'help', 'completion'].map((name) => [name]);
   for (const name of ['trajectory', 'mesh', 'views', 'topology', 'distances', 'loops']) subcommands.push(['evaluate', name]);
   subcommands.push(['graph', 'optimise']);
   const known = new Set([...help(), ...subcommands.map((words) => help(...words))].join('').match(/--[a-z][a-z-]*/g));

@@ -192,8 +192,7 @@ TEST_F(Program, AnswersBadInputWithOneLine) {
 
 TEST_F(Program, AnswersWrongUsageWithExitCode2) {
   for (const std::vector<std::string>& arguments :
-       {std::vector<std::string>{},
-        {"dance"},
+       {std::vector<std::string>{"dance"},
         {"reconstruct"},
         {"reconstruct", "--no-texture", sequence(), "-o", "x", "--frames", "5:2"},
         {"reconstruct", "--no-texture", sequence(), "-o", "x", "--voxel-size", "big"},

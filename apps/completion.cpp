@@ -1,0 +1,270 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Completion of the command line in bash, zsh and fish, made of the commands and options as they are.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <memory>
+
+#include "command_tree.hpp"
+#include "commands.hpp"
+
+namespace cairn::apps {
+namespace {
+
+using Kind = Value::Kind;
+
+std::string replaced(std::string text, const std::string& what, const std::string& by) {
+  for (std::size_t at = text.find(what); at != text.npos; at = text.find(what, at + by.size()))
+    text.replace(at, what.size(), by);
+  return text;
+}
+
+std::string in_quotes(const std::string& text) { return "'" + replaced(text, "'", "'\\''") + "'"; }
+
+std::string words(const std::vector<std::string>& list) { return fmt::format("{}", fmt::join(list, " ")); }
+
+/// Where a command stands: "", "/evaluate", "/evaluate/mesh".
+std::string path_of(const CLI::App& command) {
+  return command.get_parent() == nullptr ? "" : path_of(*command.get_parent()) + "/" + command.get_name();
+}
+
+bool is_leaf(const CLI::App& command) { return commands_of(command).empty(); }
+
+// bash
+
+std::string bash_value(const Value& value) {
+  switch (value.kind) {
+    case Kind::choice:
+      return fmt::format("COMPREPLY=($(compgen -W {} -- \"$cur\"))", in_quotes(words(value.choices)));
+    case Kind::folder:
+      return "_cairn_files -d";
+    case Kind::file:
+    case Kind::path:
+      return "_cairn_files -f";
+    default:
+      return "return";
+  }
+}
+
+std::string bash(const CLI::App& program) {
+  std::string edges, takes, values, lists;
+  for_each_command(program, [&](const CLI::App& command) {
+    const std::string path = path_of(command);
+    for (const CLI::App* below : commands_of(command))
+      edges += fmt::format("      {0}:{1}) path={0}/{1} at=0 ;;\n", path, below->get_name());
+    for (const CLI::Option* option : options_of(command)) {
+      const Value value = value_of(*option);
+      if (value.kind == Kind::none) continue;
+      std::string pattern;
+      for (const std::string& name : names_of(*option)) pattern += (pattern.empty() ? "" : "|") + path + ":" + name;
+      takes += fmt::format("    {}) return 0 ;;\n", pattern);
+      values += fmt::format("    {}) {}; return ;;\n", pattern, bash_value(value));
+    }
+    const auto positionals = positionals_of(command);
+    for (std::size_t i = 0; i < positionals.size(); ++i) {
+      const bool goes_on = positionals[i]->get_expected_max() > 1;
+      values += fmt::format("    {}:{}) {}; return ;;\n", path, goes_on ? "[0-9]*" : std::to_string(i),
+                            bash_value(value_of(*positionals[i])));
+    }
+    lists +=
+        fmt::format("    {}) options={} commands={} ;;\n", path.empty() ? "''" : path,
+                    in_quotes(words(names_of(options_of(command)))), in_quotes(words(names_of(commands_of(command)))));
+  });
+  return fmt::format(R"~(# Completion of cairn in bash, made by `cairn completion bash`.
+_cairn_takes_value() {{
+  case $1 in
+{}  esac
+  return 1
+}}
+_cairn_files() {{
+  compopt -o filenames 2>/dev/null
+  mapfile -t COMPREPLY < <(compgen "$1" -- "$cur")
+}}
+_cairn_value() {{
+  case $1 in
+{}  esac
+}}
+_cairn() {{
+  local cur=${{COMP_WORDS[COMP_CWORD]}} before=${{COMP_WORDS[COMP_CWORD-1]}} path= at=0 i word options= commands=
+  COMPREPLY=()
+  for ((i = 1; i < COMP_CWORD; ++i)); do
+    word=${{COMP_WORDS[i]}}
+    [[ $path$word != help ]] || continue
+    case $path:$word in
+{}      *:-*) ! _cairn_takes_value "$path:$word" || [[ ${{COMP_WORDS[i+1]}} == '=' ]] || ((++i)) ;;
+      *) ((++at)) ;;
+    esac
+  done
+  if [[ $cur == '=' ]]; then
+    cur=
+  elif [[ $before == '=' ]]; then
+    before=${{COMP_WORDS[COMP_CWORD-2]}}
+  fi
+  if _cairn_takes_value "$path:$before"; then
+    _cairn_value "$path:$before"
+    return
+  fi
+  case $path in
+{}  esac
+  if [[ $cur == -* ]]; then
+    mapfile -t COMPREPLY < <(compgen -W "$options" -- "$cur")
+    return
+  fi
+  if [[ -n $commands ]]; then
+    mapfile -t COMPREPLY < <(compgen -W "$commands" -- "$cur")
+  else
+    _cairn_value "$path:$at"
+  fi
+}}
+complete -F _cairn cairn
+)~",
+                     takes, values, edges, lists);
+}
+
+// zsh
+
+std::string zsh_value(const Value& value) {
+  switch (value.kind) {
+    case Kind::choice:
+      return "(" + words(value.choices) + ")";
+    case Kind::folder:
+      return "_files -/";
+    case Kind::file:
+    case Kind::path:
+      return "_files";
+    default:
+      return " ";
+  }
+}
+
+/// A text within a specification of _arguments.
+std::string zsh_text(std::string text) {
+  for (const char* special : {"\\", "[", "]", ":", "`", "$"})
+    text = replaced(text, special, "\\" + std::string(special));
+  return text;
+}
+
+std::string zsh_arguments(const CLI::App& command) {
+  std::string lines;
+  for (const CLI::Option* option : options_of(command)) {
+    const Value value = value_of(*option);
+    for (const std::string& name : names_of(*option)) {
+      std::string spec = (name.starts_with("--") && value.kind != Kind::none ? name + "=" : name) + "[" +
+                         zsh_text(meaning_of(*option)) + "]";
+      if (value.kind != Kind::none) spec += ":" + value.placeholder + ":" + zsh_value(value);
+      lines += " \\\n      " + in_quotes(spec);
+    }
+  }
+  int at = 0;
+  for (const CLI::Option* option : positionals_of(command)) {
+    const std::string where = option->get_expected_max() > 1 ? "*" : std::to_string(++at);
+    lines += " \\\n      " + in_quotes(where + ":" + option->get_name(true) + ":" + zsh_value(value_of(*option)));
+  }
+  return lines;
+}
+
+std::string zsh(const CLI::App& program) {
+  std::string functions;
+  for_each_command(program, [&](const CLI::App& command) {
+    const std::string name = "_cairn" + replaced(path_of(command), "/", "_");
+    std::string body;
+    if (is_leaf(command)) {
+      body = "  _arguments -S" + zsh_arguments(command) + "\n";
+    } else {
+      std::string described, cases;
+      for (const CLI::App* below : commands_of(command)) {
+        described += "\n    " + in_quotes(below->get_name() + ":" + zsh_text(below->get_description()));
+        cases += fmt::format("    {0}) {1}_{0} ;;\n", below->get_name(), name);
+      }
+      body = fmt::format(
+          "  local context state line\n  local -a commands\n  commands=({}\n  )\n"
+          "  _arguments -C{} \\\n      '1:command:->command' '*::argument:->argument'\n"
+          "  case $state in\n  command) _describe -t commands command commands ;;\n"
+          "  argument) case $words[1] in\n{}    esac ;;\n  esac\n",
+          described, zsh_arguments(command), cases);
+    }
+    functions += name + "() {\n" + body + "}\n";
+  });
+  // `cairn help` takes what `cairn` does.
+  functions = replaced(functions, "    help) _cairn_help ;;\n", "    help) _cairn ;;\n");
+  return "#compdef cairn\n# Completion of cairn in zsh, made by `cairn completion zsh`.\n" + functions +
+         "if [[ $funcstack[1] == _cairn ]]; then _cairn \"$@\"; else compdef _cairn cairn; fi\n";
+}
+
+// fish
+
+std::string fish_quotes(const std::string& text) {
+  return "'" + replaced(replaced(text, "\\", "\\\\"), "'", "\\'") + "'";
+}
+
+std::string fish_value(const Value& value) {
+  switch (value.kind) {
+    case Kind::none:
+      return "";
+    case Kind::choice:
+      return " -x -a " + fish_quotes(words(value.choices));
+    case Kind::folder:
+      return " -x -a '(__fish_complete_directories)'";
+    case Kind::file:
+    case Kind::path:
+      return " -r -F";
+    default:
+      return " -x";
+  }
+}
+
+std::string fish(const CLI::App& program) {
+  std::string lines = "complete -c cairn -f\n";
+  for_each_command(program, [&](const CLI::App& command) {
+    const std::string here = "complete -c cairn -n '__cairn_at " + whole_name(command).substr(5) + "'";
+    for (const CLI::App* below : commands_of(command))
+      lines += here + " -a " + below->get_name() + " -d " + fish_quotes(below->get_description()) + "\n";
+    for (const CLI::Option* option : options_of(command)) {
+      lines += here;
+      for (const std::string& name : names_of(*option))
+        lines += (name.starts_with("--") ? " -l " + name.substr(2) : " -s " + name.substr(1));
+      lines += fish_value(value_of(*option)) + " -d " + fish_quotes(meaning_of(*option)) + "\n";
+    }
+    for (const CLI::Option* option : positionals_of(command))
+      if (const std::string value = fish_value(value_of(*option)); value != " -x")
+        lines += here + (value == " -r -F" ? " -F" : value.substr(3)) + "\n";
+  });
+  std::string names;
+  for_each_command(program, [&](const CLI::App& command) {
+    if (!is_leaf(command))
+      names += fmt::format("    case {}\n      set known {}\n", in_quotes(path_of(command)),
+                           words(names_of(commands_of(command))));
+  });
+  return fmt::format(R"~(# Completion of cairn in fish, made by `cairn completion fish`.
+function __cairn_at
+  set -l path ''
+  for word in (commandline -opc)[2..]
+    set -l known
+    test "$path$word" = help; and continue
+    switch $path
+{}    end
+    contains -- $word $known; and set path $path/$word
+  end
+  test "$path" = "$(string join '' /$argv)"
+end
+{})~",
+                     names, lines);
+}
+
+}  // namespace
+
+void add_completion(CLI::App& program) {
+  auto* command = program.add_subcommand("completion", "Print what completes cairn's words in a shell");
+  const auto shell = std::make_shared<std::string>();
+  command->add_option("SHELL", *shell, "bash, zsh or fish")->required()->check(one_of({"bash", "zsh", "fish"}));
+  command->footer(
+      "bash:  cairn completion bash > ~/.local/share/bash-completion/completions/cairn\n"
+      "zsh:   cairn completion zsh > FOLDER/_cairn    with FOLDER in $fpath\n"
+      "fish:  cairn completion fish > ~/.config/fish/completions/cairn.fish");
+  command->callback([&program, shell] {
+    fmt::print("{}", *shell == "bash" ? bash(program) : *shell == "zsh" ? zsh(program) : fish(program));
+  });
+}
+
+}  // namespace cairn::apps

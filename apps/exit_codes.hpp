@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <array>
+#include <utility>
+
+namespace cairn::apps {
+
+/// How the program ends, as the manual tells it.
+inline constexpr std::array<std::pair<const char*, const char*>, 5> kExitCodes{{
+    {"0", "It ended as asked; also when frames were lost, and after one Ctrl-C."},
+    {"1", "The input or the run was at fault; one line says what, where and what to do."},
+    {"2", "Wrong usage: an unknown option, options that exclude each other, or a file that does not exist."},
+    {"3", "The run ended, but most of the recording is not in the map."},
+    {"130", "Ended at once by a second Ctrl-C."},
+}};
+
+}  // namespace cairn::apps

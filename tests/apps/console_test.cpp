@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "apps/console.hpp"
+
+#include <gtest/gtest.h>
+
+#include "apps/progress.hpp"
+
+namespace cairn::apps {
+namespace {
+
+TEST(Console, TellsSizesAndCountsAsPeopleReadThem) {
+  EXPECT_EQ(size_in_words(0), "0 bytes");
+  EXPECT_EQ(size_in_words(999), "999 bytes");
+  EXPECT_EQ(size_in_words(1000), "1.0 kB");
+  EXPECT_EQ(size_in_words(12'345'678), "12.3 MB");
+  EXPECT_EQ(size_in_words(99'960'000), "100 MB");
+  EXPECT_EQ(size_in_words(999'600'000), "1.0 GB");
+  EXPECT_EQ(size_in_words(11'000'000'000'000), "11.0 TB");
+  EXPECT_EQ(count_in_words(0), "0");
+  EXPECT_EQ(count_in_words(999), "999");
+  EXPECT_EQ(count_in_words(84210), "84,210");
+  EXPECT_EQ(count_in_words(1234567), "1,234,567");
+}
+
+TEST(Console, CutsLinesByCharactersNotBytes) {
+  EXPECT_EQ(cut_to("für", 3, true), "für");
+  EXPECT_EQ(cut_to("überall", 4, true), "übe…");
+  EXPECT_EQ(cut_to("everywhere", 6, false), "eve...");
+}
+
+TEST(ProgressLine, FitsEveryTerminal) {
+  const Done done{.done = 812, .total = 1000, .what = "frames", .seconds = 60};
+  const std::string state = "LOST: the view is too far from what was seen before, turn back";
+  for (const bool has_blocks : {false, true})
+    for (int columns = 20; columns <= 200; ++columns) {
+      const std::string line =
+          progress_line(done, state, {.is_live = true, .has_blocks = has_blocks, .columns = columns});
+      EXPECT_LT(width_of(line), columns) << line;
+      EXPECT_NE(line.find("812/1000"), std::string::npos) << line;
+      EXPECT_EQ(line.find('\n'), std::string::npos);
+    }
+}
+
+TEST(ProgressLine, KeepsItsBarWhateverTheWordsAre) {
+  const Done done{.done = 30, .total = 60, .what = "frames", .seconds = 2};
+  const Terminal terminal{.is_live = true, .columns = 80};
+  const auto bar = [&](const char* state) {
+    const std::string line = progress_line(done, state, terminal);
+    return line.substr(0, line.find(']'));
+  };
+  EXPECT_EQ(bar(""), bar("91 % inliers within 1.3 sigma, guess: keyframe, colour tells 2 of 6 directions"));
+  EXPECT_EQ(std::count(bar("").begin(), bar("").end(), '#'), std::count(bar("").begin(), bar("").end(), '.'));
+}
+
+TEST(ProgressLine, IsWholeWhereNobodyHasATerminal) {
+  const std::string line =
+      progress_line({.done = 3, .total = 4, .what = "", .seconds = 3}, std::string(300, 'x'), Terminal{});
+  EXPECT_EQ(line, "75 %  0:01 left  " + std::string(300, 'x'));
+}
+
+}  // namespace
+}  // namespace cairn::apps

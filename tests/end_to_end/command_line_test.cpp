@@ -1,0 +1,332 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// What a new user types, right or wrong: the message names the remedy.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+
+#include "support/files.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// The commands that do something, as the program lists them.
+const std::vector<std::vector<std::string>> kCommands{{"demo"},
+                                                      {"doctor"},
+                                                      {"reconstruct"},
+                                                      {"live"},
+                                                      {"record"},
+                                                      {"view"},
+                                                      {"export"},
+                                                      {"esdf"},
+                                                      {"merge"},
+                                                      {"info"},
+                                                      {"convert"},
+                                                      {"calibrate"},
+                                                      {"synth"},
+                                                      {"bench"},
+                                                      {"evaluate", "trajectory"},
+                                                      {"evaluate", "mesh"},
+                                                      {"graph", "optimise"},
+                                                      {"devices"},
+                                                      {"help"},
+                                                      {"completion"}};
+
+/// The output of a shell's command; fails the test when it does not end well.
+std::string shell(const std::string& command) {
+  const TemporaryFolder folder;
+  const int status = std::system((command + " >'" + (folder / "out").string() + "' 2>&1").c_str());
+  EXPECT_EQ(status, 0) << command << "\n" << read_bytes(folder / "out");
+  return read_bytes(folder / "out");
+}
+
+bool is_installed(const std::string& program) {
+  return std::system(("command -v " + program + " >/dev/null").c_str()) == 0;
+}
+
+std::string completion_of(const std::string& sh) {
+  const Ran ran = run_cairn({"completion", sh});
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  return ran.out;
+}
+
+class CommandLine : public testing::Test {
+ protected:
+  void expect_refused(const std::vector<std::string>& words, const std::string& remedy, int exit_code = 2) const {
+    const Ran ran = run_cairn(words, "cd '" + out.path().string() + "';");
+    expect_one_line(ran, exit_code, remedy);
+    EXPECT_EQ(ran.out, "");
+  }
+  TemporaryFolder out;
+};
+
+TEST_F(CommandLine, AloneTellsFiveLinesToBeginWith) {
+  const Ran ran = run_cairn({});
+  EXPECT_EQ(ran.exit_code, 0);
+  EXPECT_EQ(std::count(ran.out.begin(), ran.out.end(), '\n'), 5);
+  for (const char* words : {"cairn demo", "cairn reconstruct", "cairn live openni:", "cairn doctor", "cairn help"})
+    EXPECT_NE(ran.out.find(words), std::string::npos) << words;
+}
+
+TEST_F(CommandLine, NamesTheCommandThatWasMeant) {
+  expect_refused({"reconstrct", "x", "-o", "y"}, "there is no command reconstrct; did you mean reconstruct?");
+  expect_refused({"exprot"}, "did you mean export?");
+  expect_refused({"rec"}, "did you mean reconstruct or record?");
+  expect_refused({"dance"}, "cairn: there is no command dance; see `cairn --help`");
+  expect_refused({"evaluate", "mehs"}, "cairn evaluate: there is no command mehs; did you mean mesh?");
+  expect_refused({"evaluate"}, "choose a command: trajectory, mesh");
+  expect_refused({"help", "reconstrct"}, "did you mean reconstruct?");
+}
+
+TEST_F(CommandLine, NamesTheOptionThatWasMeant) {
+  expect_refused({"reconstruct", "x", "-o", "y", "--voxelsize", "0.02"}, "--voxelsize; did you mean --voxel-size?");
+  expect_refused({"reconstruct", "x", "-o", "y", "--voxelsize=0.02"}, "did you mean --voxel-size?");
+  expect_refused({"export", "x", "-o", "y", "--Texture-Siz", "512"}, "did you mean --texture-size?");
+  expect_refused({"--verson"}, "did you mean --version?");
+  expect_refused({"info", "x", "-z"}, "there is no option -z; see `cairn info --help`");
+}
+
+TEST_F(CommandLine, NamesTheWordAndTheFileThatWereMeant) {
+  expect_refused({"synth", "rooom", "-o", "x"}, "SCENE rooom: choose room, room-with-mover");
+  expect_refused({"synth", "rooom", "-o", "x"}, "did you mean room?");
+  expect_refused({"synth", "room", "-o", "x", "--noise", "kinekt"},
+                 "--noise kinekt: choose kinect, tof, stereo, lidar or none; did you mean kinect?");
+  expect_refused({"completion", "csh"}, "SHELL csh: choose bash, zsh or fish; did you mean zsh?");
+  write_text(out / "camera.yaml", "");
+  expect_refused({"info", "x", "--camera", "camera.yml"},
+                 "--camera camera.yml: there is no such file; did you mean camera.yaml?");
+  expect_refused({"info", "x", "--camera", "nowhere/camera.yaml"}, "there is no folder nowhere");
+  expect_refused({"info", "x", "--camera", "."}, "--camera .: is a folder, name a file");
+}
+
+TEST_F(CommandLine, SaysWhatANumberMayBe) {
+  expect_refused({"synth", "room", "-o", "x", "--width", "7"}, "--width 7: a whole number is wanted, 64 to 4096");
+  expect_refused({"synth", "room", "-o", "x", "--width", "wide"}, "--width wide: a whole number is wanted");
+  expect_refused({"bench", "x", "--voxel-size", "big"}, "--voxel-size big: a number is wanted, 0.001 to 1");
+  expect_refused({"export", out.path().string(), "-o", "x.ply", "--points", "0"},
+                 "--points 0: a number is wanted, more than 0");
+  expect_refused({"synth", "room"}, "--output FOLDER is missing: cairn synth [options] SCENE -o FOLDER");
+  expect_refused({"synth", "-o", "x"}, "SCENE is missing");
+  expect_refused({"info", "x", "y"}, "y is one too many: cairn info [options] SEQUENCE");
+  expect_refused({"info", "x", "--camera"}, "--camera takes FILE");
+}
+
+TEST_F(CommandLine, ExplainsFramesByExamples) {
+  for (const char* frames : {"5:2", "a", "1:2:0", "1:2:3:4", "-3", "0", "5:5", "1.5"}) {
+    const std::string words = std::string("'") + frames + "' ";
+    expect_refused({"convert", "synthetic:room", "-o", "x", "--frames", frames}, words);
+    expect_refused({"convert", "synthetic:room", "-o", "x", "--frames", frames}, "for example 100, 0:300, 300:, ::3");
+  }
+}
+
+TEST_F(CommandLine, TakesTheFirstFramesByTheirNumber) {
+  const auto frames = [&](const std::string& range) {
+    const Ran ran =
+        run_cairn({"convert", "synthetic:plane", "-o", (out / range).string(), "--frames", range, "--json"});
+    EXPECT_EQ(ran.exit_code, 0) << ran.err;
+    return ran.exit_code == 0 ? nlohmann::json::parse(ran.out).at("frames").get<int>() : -1;
+  };
+  EXPECT_EQ(frames("3"), 3);
+  EXPECT_EQ(frames("1:3"), 2);
+  EXPECT_EQ(frames(":2"), 2);
+  EXPECT_EQ(frames("0:9:4"), 3);
+}
+
+TEST_F(CommandLine, HelpIsTheSameByBothNames) {
+  for (const auto& command : kCommands) {
+    std::vector<std::string> by_option = command, by_command{"help"};
+    by_option.emplace_back("--help");
+    by_command.insert(by_command.end(), command.begin(), command.end());
+    const Ran a = run_cairn(by_option), b = run_cairn(by_command);
+    EXPECT_EQ(a.exit_code, 0);
+    EXPECT_EQ(b.exit_code, 0);
+    EXPECT_EQ(a.out, b.out);
+    EXPECT_NE(a.out.find("usage: cairn " + command[0]), std::string::npos) << a.out;
+    EXPECT_NE(a.out.find("--quiet"), std::string::npos) << a.out;
+  }
+  EXPECT_EQ(run_cairn({"--help"}).out, run_cairn({"help"}).out);
+  EXPECT_EQ(run_cairn({"-V"}).out, run_cairn({"--version"}).out);
+}
+
+TEST_F(CommandLine, HelpHasNoInternalsAndFitsTheTerminal) {
+  for (const int columns : {40, 80, 120})
+    for (auto command : kCommands) {
+      command.emplace_back("--help");
+      const Ran ran = run_cairn(command, "COLUMNS=" + std::to_string(columns));
+      for (const char* internal :
+           {"{", "}", "->", " in [", "FLOAT", "UINT", "INT:", "ENUM", "REQUIRED", "OPTIONS", "00000001", "99999"})
+        EXPECT_EQ(ran.out.find(internal), std::string::npos) << internal << "\n" << ran.out;
+      std::istringstream lines(ran.out);
+      for (std::string line; std::getline(lines, line);)
+        if (line.find("  cairn completion") == line.npos) {  // a command is not broken
+          EXPECT_LE(line.size(), static_cast<std::size_t>(columns)) << line;
+        }
+    }
+}
+
+TEST_F(CommandLine, QuietTellsErrorsAlone) {
+  const std::string room = (out / "room").string(), map = (out / "map").string();
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"synth", "room", "-o", room, "--frames", "6", "--width", "160", "--quiet"},
+        {"--quiet", "convert", room, "-o", (out / "again").string()},
+        {"reconstruct", room, "-o", map, "--voxel-size", "0.04", "-q"},
+        {"export", map, "-o", (out / "x.glb").string(), "--quiet"}}) {
+    const Ran ran = run_cairn(words);
+    EXPECT_EQ(ran.exit_code, 0) << ran.err;
+    EXPECT_EQ(ran.err, "");
+    EXPECT_EQ(ran.out, "");
+  }
+  EXPECT_NE(run_cairn({"info", "-q", room}).out, "");  // what was asked for is no progress
+  expect_one_line(run_cairn({"-q", "info", (out / "nowhere").string()}), 1, "no such folder");
+}
+
+TEST_F(CommandLine, NumbersHaveTheDigitsThatPeopleWrote) {
+  const std::string room = (out / "room").string(), map = (out / "map").string();
+  ASSERT_EQ(run_cairn({"synth", "room", "-o", room, "--frames", "6", "--width", "160"}).exit_code, 0);
+  const Ran ran = run_cairn({"reconstruct", room, "-o", map, "--voxel-size", "0.03", "--json"});
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  for (const std::string& text : {ran.out, read_bytes(out / "map" / "report.json")}) {
+    EXPECT_NE(text.find("\"voxel_size\": 0.03,"), std::string::npos) << text;
+    EXPECT_NE(text.find("\"truncation\": 0.12,"), std::string::npos) << text;
+  }
+}
+
+TEST_F(CommandLine, AFullDiskBehindStdoutIsTold) {
+  const auto to_full = [&](const std::string& words) {
+    const std::string errors = (out / "err").string();
+    const int status =
+        std::system(("'" + program_file().string() + "' " + words + " >/dev/full 2>'" + errors + "'").c_str());
+    EXPECT_EQ(WEXITSTATUS(status), 1) << words;
+    const std::string err = read_bytes(errors);
+    EXPECT_NE(err.find("cannot write to stdout: No space left on device; make room where it goes"), std::string::npos)
+        << words << ": " << err;
+  };
+  const std::string room = (out / "room").string();
+  ASSERT_EQ(run_cairn({"synth", "room", "-o", room, "--frames", "6", "--width", "160"}).exit_code, 0);
+  for (const auto& command : kCommands) to_full(command[0] + (command.size() > 1 ? " " + command[1] : "") + " --help");
+  for (const char* words : {"", "help", "help --man", "--version", "devices", "doctor", "completion bash"})
+    to_full(words);
+  to_full("info '" + room + "'");
+  to_full("info --json '" + room + "'");
+  to_full("reconstruct '" + room + "' -o '" + (out / "map").string() + "' --voxel-size 0.04");
+  EXPECT_TRUE(fs::exists(out / "map" / "mesh.glb"));  // only the words are lost
+  to_full("export '" + (out / "map").string() + "' -o '" + (out / "x.ply").string() + "'");
+  to_full("esdf '" + (out / "map").string() + "'");
+  to_full("convert '" + room + "' -o '" + (out / "again").string() + "'");
+  to_full("synth plane -o '" + (out / "other").string() + "' --frames 2 --width 160");
+  to_full("evaluate trajectory '" + (out / "map/trajectory.txt").string() + "' '" + room + "'");
+  to_full("evaluate topology '" + (out / "map/mesh.glb").string() + "'");
+}
+
+TEST_F(CommandLine, ADoctorLooksAtTheMachine) {
+  const Ran ran = run_cairn({"doctor", "--json"});
+  ASSERT_EQ(ran.exit_code, 0) << ran.out << ran.err;
+  const auto told = nlohmann::json::parse(ran.out);
+  EXPECT_TRUE(told.at("usable"));
+  std::set<std::string> seen;
+  bool works = false;
+  for (const auto& check : told.at("checks")) {
+    seen.insert(check.at("what").get<std::string>());
+    works = works || check.at("words").get<std::string>().find("works: a frame in") != std::string::npos;
+    EXPECT_TRUE(check.at("level") == "good" || check.contains("remedy")) << check;
+  }
+  EXPECT_TRUE(works);
+  for (const char* what : {"device", "memory", "disk", "cores", "sensors", "pages", "build"})
+    EXPECT_TRUE(seen.contains(what)) << what;
+  const Ran none = run_cairn({"doctor"}, "VK_ICD_FILENAMES=/nowhere VK_DRIVER_FILES=/nowhere");
+  EXPECT_EQ(none.exit_code, 1);
+  EXPECT_NE(none.out.find("unset it"), std::string::npos) << none.out;
+}
+
+TEST_F(CommandLine, ADemoNeedsNothing) {
+  const Ran ran = run_cairn({"demo", "-o", (out / "demo").string()});
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_TRUE(fs::exists(out / "demo" / "mesh.glb"));
+  const auto report = nlohmann::json::parse(read_bytes(out / "demo" / "report.json"));
+  EXPECT_EQ(report.at("frames").at("fused"), 60);
+  EXPECT_NE(ran.out.find("cairn view"), std::string::npos) << ran.out;
+  EXPECT_EQ(run_cairn({"demo", "-q", "-o", (out / "demo").string()}).exit_code, 0);  // it is its own to replace
+}
+
+TEST_F(CommandLine, BashCompletesCommandsOptionsWordsAndFiles) {
+  write_text(out / "complete.bash", completion_of("bash"));
+  fs::create_directories(out / "folder");
+  write_text(out / "file.yaml", "");
+  const auto complete = [&](const std::string& words) {
+    return shell("cd '" + out.path().string() + "' && bash -c 'source ./complete.bash; COMP_WORDS=(" + words +
+                 "); COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); _cairn; echo \"${COMPREPLY[@]}\"'");
+  };
+  EXPECT_EQ(complete("cairn recon"), "reconstruct\n");
+  EXPECT_EQ(complete("cairn evaluate tra"), "trajectory\n");
+  EXPECT_EQ(complete("cairn help evaluate tra"), "trajectory\n");
+  EXPECT_EQ(complete("cairn reconstruct --voxel"), "--voxel-size\n");
+  EXPECT_EQ(complete("cairn reconstruct x --motion ro"), "robot\n");
+  EXPECT_EQ(complete("cairn reconstruct x --motion = ro"), "robot\n");  // bash takes words apart at =
+  EXPECT_EQ(complete("cairn export x -o y --compress me"), "meshopt\n");
+  EXPECT_EQ(complete("cairn synth co"), "corridor\n");
+  EXPECT_EQ(complete("cairn completion z"), "zsh\n");
+  EXPECT_EQ(complete("cairn info --camera fi"), "file.yaml\n");
+  EXPECT_EQ(complete("cairn info fo"), "folder\n");
+  EXPECT_EQ(complete("cairn info --frames 3 fi"), "file.yaml\n");
+  EXPECT_EQ(complete("cairn info --frames \"\""), "\n");  // a number
+}
+
+TEST_F(CommandLine, FishCompletesTheSame) {
+  if (!is_installed("fish")) GTEST_SKIP() << "fish is not installed: scripts/install-deps --tests";
+  write_text(out / "cairn.fish", completion_of("fish"));
+  const auto complete = [&](const std::string& words) {
+    return shell("cd '" + out.path().string() + "' && HOME='" + out.path().string() +
+                 "' fish -c 'source ./cairn.fish; complete -C \"" + words + "\"' | cut -f1");
+  };
+  EXPECT_EQ(complete("cairn recon"), "reconstruct\n");
+  EXPECT_EQ(complete("cairn evaluate tra"), "trajectory\n");
+  EXPECT_EQ(complete("cairn help evaluate tra"), "trajectory\n");
+  EXPECT_EQ(complete("cairn reconstruct --voxel-s"), "--voxel-size\n");
+  EXPECT_EQ(complete("cairn reconstruct x --motion ro"), "robot\n");
+  EXPECT_EQ(complete("cairn synth co"), "corridor\n");
+  EXPECT_EQ(complete("cairn info --camera cairn.f"), "cairn.fish\n");
+}
+
+TEST_F(CommandLine, ZshCompletesTheSame) {
+  if (!is_installed("zsh")) GTEST_SKIP() << "zsh is not installed: scripts/install-deps --tests";
+  fs::create_directories(out / "functions");
+  write_text(out / "functions" / "_cairn", completion_of("zsh"));
+  write_text(out / "complete.zsh", R"(zmodload zsh/zpty
+zpty shell zsh -f -i
+zpty -w shell "PS1= ; fpath=($PWD/functions \$fpath); autoload -Uz compinit; compinit -u -D; cd $PWD; bindkey '^I' complete-word; unsetopt list_beep"
+sleep 1
+zpty -w -n shell "$1"$'\t'
+sleep 1
+zpty -r -t shell text; while zpty -r -t shell more; do text+=$more; done
+print -r -- ${text##*$'\n'}
+zpty -d shell
+)");
+  const auto complete = [&](const std::string& words) {
+    const std::string seen = shell("cd '" + out.path().string() + "' && zsh -f complete.zsh '" + words + "'");
+    return seen;
+  };
+  EXPECT_NE(complete("cairn recon").find("cairn reconstruct"), std::string::npos);
+  EXPECT_NE(complete("cairn evaluate tra").find("trajectory"), std::string::npos);
+  EXPECT_NE(complete("cairn reconstruct x --motion rob").find("robot"), std::string::npos);
+  EXPECT_NE(complete("cairn synth corr").find("corridor"), std::string::npos);
+  EXPECT_NE(complete("cairn info --camera complete.z").find("complete.zsh"), std::string::npos);
+}
+
+TEST_F(CommandLine, TheManualHasNoFaults) {
+  if (!is_installed("mandoc")) GTEST_SKIP() << "mandoc is not installed: scripts/install-deps --tests";
+  const Ran ran = run_cairn({"help", "--man"});
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  write_text(out / "cairn.1", ran.out);
+  const std::string file = "'" + (out / "cairn.1").string() + "'";
+  EXPECT_EQ(shell("mandoc -T lint -W warning " + file), "");
+  const std::string page = shell("mandoc -T utf8 " + file + " | col -b");
+  for (const auto& command : kCommands) EXPECT_NE(page.find("cairn " + command[0]), std::string::npos) << command[0];
+  EXPECT_NE(page.find("--voxel-size NUMBER"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace cairn
