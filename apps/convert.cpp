@@ -13,6 +13,7 @@
 #include "interrupt.hpp"
 #include "json_text.hpp"
 #include "progress.hpp"
+#include "reasons.hpp"
 #include "sources.hpp"
 #include "write_frames.hpp"
 
@@ -20,7 +21,6 @@ namespace cairn::apps {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr int kMostTold = 20;        // frames that cannot be read and are told one by one
 constexpr double kMostDelay = 0.02;  // seconds between depth and colour, as the TUM layout pairs them
 
 struct Arguments {
@@ -32,6 +32,7 @@ struct Arguments {
 struct Converted {
   int frames = 0, unreadable = 0, apart = 0;  // `apart`: with colour taken too long before or after depth
   double depth_scale = kTumDepthScale;
+  Reasons left_out;
   Trajectory poses;                  // that came with the frames
   std::optional<std::string> ended;  // early: why
 };
@@ -55,7 +56,8 @@ class Reader {
       }
       progress_.step("converting");
       if (frame->problem) {
-        if (++converted_.unreadable <= kMostTold) spdlog::warn("{}; the frame is left out", *frame->problem);
+        ++converted_.unreadable;
+        converted_.left_out.add(frame->index, *frame->problem);
         continue;
       }
       ++converted_.frames;
@@ -99,6 +101,7 @@ void convert(const Arguments& a) {
     throw std::runtime_error(a.sequence + ": is a sensor, which `cairn record` keeps; name a recording");
   Converted c;
   write_folder(a.output, [&](const fs::path& folder) { c = convert_to(a, folder); });
+  for (const std::string& line : c.left_out.lines(c.frames + c.unreadable, "left out")) spdlog::warn(line);
   if (c.apart > 0)
     spdlog::warn(
         "of {} frames colour was taken more than {} s before or after depth: the TUM layout does not pair them",

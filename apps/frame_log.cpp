@@ -21,6 +21,8 @@ void FrameLog::add(const nlohmann::json& report) {
   ++counts_[state];
   if (state != "fused" && !first_reason_ && report.contains("reason"))
     first_reason_ = report["reason"].get<std::string>();
+  if (state == "skipped" && report.contains("reason"))
+    skipped_.add(report.value("index", size_), report["reason"].get<std::string>());
   if (size_++ % every_ != 0) return;
   lines_ += report.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + '\n';
   if (++line_count_ <= kMost) return;
@@ -49,6 +51,7 @@ nlohmann::json FrameLog::kept() const {
 
 nlohmann::json FrameLog::save() const {
   nlohmann::json saved{{"lines", lines_}, {"every", every_}, {"size", size_}, {"counts", counts_}};
+  if (!skipped_.empty()) saved["skipped"] = skipped_.save();
   if (first_reason_) saved["first_reason"] = *first_reason_;
   return saved;
 }
@@ -60,6 +63,7 @@ FrameLog FrameLog::from(const nlohmann::json& saved) {
   log.size_ = saved.at("size");
   log.counts_ = saved.at("counts").get<std::map<std::string, int>>();
   if (saved.contains("first_reason")) log.first_reason_ = saved["first_reason"].get<std::string>();
+  if (saved.contains("skipped")) log.skipped_ = Reasons::from(saved["skipped"]);
   log.line_count_ = log.kept().size();  // throws: nothing else is a report
   return log;
 }

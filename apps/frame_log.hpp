@@ -7,6 +7,8 @@
 #include <optional>
 #include <string>
 
+#include "reasons.hpp"
+
 namespace cairn::apps {
 
 /// The reports of a run's frames. All are counted; kept are all of the first some thousand, and of a longer run some
@@ -17,6 +19,8 @@ class FrameLog {
   void add(const nlohmann::json& report);
   [[nodiscard]] int count(const std::string& state) const;
   [[nodiscard]] int size() const { return size_; }
+  /// Why frames were skipped.
+  [[nodiscard]] const Reasons& skipped() const { return skipped_; }
   /// Why the first frame that was not fused was not; nothing as long as all were.
   [[nodiscard]] const std::optional<std::string>& first_reason() const { return first_reason_; }
   /// The reports that are kept, in their order.
@@ -37,6 +41,7 @@ class FrameLog {
   int every_ = 1, size_ = 0;
   std::map<std::string, int> counts_;  // by state
   std::optional<std::string> first_reason_;
+  Reasons skipped_;
 };
 
 }  // namespace cairn::apps

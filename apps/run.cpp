@@ -202,8 +202,6 @@ FrameReport Run::add(const Frame& frame, double waited_ms) {
   timed("evidence", [&] { evidence_.add(frame, report); });
   report.stage_ms["wait for decoding"] = waited_ms;
   for (const auto& [stage, ms] : report.stage_ms) stages_[stage].add(ms);
-  if (report.state == FrameState::skipped)
-    spdlog::warn(fmt::format("frame {} skipped: {}", report.index, report.reason));
   progressed_.next = report.index + 1;
   progressed_.frames.add(to_json(report));
   if (std::chrono::duration<double>(Clock::now() - saved_).count() >= arguments_.checkpoint_seconds) {
@@ -260,6 +258,8 @@ Verdict Run::finish(const nlohmann::json& more) {
         "{}: corners fit a focal length of {:.0f} pixels ({:.2f} pixels off) better than the given {:.0f} "
         "({:.2f} pixels off, {} pairs of views): check the camera's intrinsics, and that colour is registered to depth",
         sequence, f.scale * rig_.depth.fx, f.error_best, rig_.depth.fx, f.error_given, f.pairs));
+
+  for (const std::string& line : frames.skipped().lines(total, "skipped")) warn(line);
 
   arguments_.mesh.source = (fs::exists(sequence) ? tidy(sequence) : fs::path(sequence)).filename().string();
   Outputs outputs(

@@ -42,6 +42,15 @@ TEST(FrameLog, KeepsSomeOfEachPartOfARunOfDaysAndCountsAll) {
   for (std::size_t i = 0; i < kept.size(); ++i) ASSERT_EQ(kept[i], report(static_cast<int>(i) * step));
 }
 
+TEST(FrameLog, KnowsWhyFramesWereSkippedAlsoAfterAKill) {
+  FrameLog log;
+  log.add({{"index", 7}, {"state", "skipped"}, {"reason", "depth/7.png: holds no measurement"}});
+  log = FrameLog::from(nlohmann::json::parse(log.save().dump()));
+  log.add({{"index", 9}, {"state", "skipped"}, {"reason", "depth/9.png: holds no measurement"}});
+  EXPECT_EQ(log.skipped().lines(log.size(), "skipped"),
+            std::vector<std::string>{"2 of 2 frames skipped: holds no measurement (first: frame 7, depth/7.png)"});
+}
+
 TEST(FrameLog, RefusesWhatItHasNotSaved) {
   EXPECT_THROW((void)FrameLog::from(nullptr), nlohmann::json::exception);
   EXPECT_THROW((void)FrameLog::from(nlohmann::json::object()), nlohmann::json::exception);

@@ -147,18 +147,22 @@ TEST_F(Program, KeepsTheOldFilesWhenTheDiskIsFull) {
   }
 }
 
-TEST_F(Program, CountsABadFrameAndGoesOn) {
+TEST_F(Program, CountsBadFramesTellsThemInOneLineAndGoesOn) {
   const auto copy = out / "copy";
   fs::copy(sequence(), copy, fs::copy_options::recursive);
   std::vector<fs::path> depth(fs::directory_iterator(copy / "depth"), {});
   std::sort(depth.begin(), depth.end());
-  fs::resize_file(depth[5], fs::file_size(depth[5]) / 2);
+  for (const int bad : {5, 7})
+    fs::resize_file(depth[static_cast<std::size_t>(bad)], fs::file_size(depth[static_cast<std::size_t>(bad)]) / 2);
   const Ran ran = run_cairn(
       {"reconstruct", "--no-texture", copy.string(), "-o", (out / "map").string(), "--frames", "0:10", "--json"});
   const auto report = json_of(ran);
-  EXPECT_EQ(report["frames"]["skipped"], 1);
-  EXPECT_EQ(report["frames"]["fused"], 9);
-  EXPECT_NE(ran.err.find("cut off"), std::string::npos);
+  EXPECT_EQ(report["frames"]["skipped"], 2);
+  EXPECT_EQ(report["frames"]["fused"], 8);
+  const std::string line = "2 of 10 frames skipped: the file is cut off (first: frame 5, " + depth[5].string() + ")";
+  EXPECT_NE(ran.err.find(line), std::string::npos) << ran.err;
+  EXPECT_EQ(ran.err.find("cut off"), ran.err.rfind("cut off")) << ran.err;
+  EXPECT_NE(std::find(report["warnings"].begin(), report["warnings"].end(), line), report["warnings"].end());
 }
 
 TEST_F(Program, AnswersBadInputWithOneLine) {
