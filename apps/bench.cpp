@@ -147,8 +147,7 @@ void add_bench(CLI::App& program) {
   const auto a = std::make_shared<Arguments>();
   command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required()->type_name(kPath);
   command->add_option("--frames", a->frames, kFramesHelp)->type_name("RANGE")->capture_default_str();
-  command->add_option("--camera", a->camera, "camera.yaml in place of what the recording tells of its cameras")
-      ->check(CLI::ExistingFile);
+  add_camera(*command, a->camera, "in place of what the recording tells of its cameras");
   command
       ->add_option("--voxel-size", a->voxel_size,
                    "Metres a side; the truncation is four of them, or more where the sensor is noisier")

@@ -45,8 +45,7 @@ void add_calibrate(CLI::App& program) {
   const auto a = std::make_shared<Arguments>();
   command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required()->type_name(kPath);
   command->add_option("-o,--output", a->output, "camera.yaml to write")->required()->type_name(kFile);
-  command->add_option("--camera", a->camera, "camera.yaml to begin with, in place of what the recording tells")
-      ->check(CLI::ExistingFile);
+  add_camera(*command, a->camera, "to begin with, in place of what the recording tells");
   command->add_option("--frames", a->frames, "Frames to look at, spread over all")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();

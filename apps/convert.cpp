@@ -124,8 +124,7 @@ void add_convert(CLI::App& program) {
   command->add_option("-o,--output", a->output, "New folder for a recording in the TUM layout")
       ->required()
       ->type_name(kFolder);
-  command->add_option("--camera", a->camera, "camera.yaml instead of what the recording tells of its cameras")
-      ->check(CLI::ExistingFile);
+  add_camera(*command, a->camera, "in place of what the recording tells of its cameras");
   command->add_option("--frames", a->frames, kFramesHelp)->type_name("RANGE");
   command->add_flag("--registered", a->registered,
                     "Bring colour to depth first, for programs that know one camera [both as they are]");

@@ -83,8 +83,9 @@ void print(const Camera& c, const char* name) {
   if (c.readout > 0) fmt::print("  {:<14}{:.1f} ms\n", "readout", 1000 * c.readout);
 }
 
-void print(const SourceSummary& s) {
+void print(const SourceSummary& s, const std::vector<Understood>& understood) {
   fmt::print("{:<16}{}\n", "layout", s.layout);
+  for (const auto& [what, words] : understood) fmt::print("{:<16}{}\n", what, words);
   print(s.rig.depth, "depth camera");
   fmt::print("  {:<14}{}, {:.1f} mm at 1 m, {:.1f} mm at 3 m\n", "sensor", name_of(s.rig.sensor),
              1000 * s.rig.sensor.sigma(1), 1000 * s.rig.sensor.sigma(3));
@@ -130,10 +131,14 @@ void info(const Arguments& a) {
       (std::filesystem::is_directory(a.sequence) || extension_of(a.sequence) == ".zip"))
     summary.with_pose =
         std::max(summary.with_pose, std::min(summary.looked_at, static_cast<int>(recorded_truth(a.sequence).size())));
-  if (a.json)
-    fmt::print("{}\n", text_of(json_of(summary), 2));
-  else
-    print(summary);
+  const auto understood = understanding_of(a.sequence, source_options(a.sequence, a.camera, a.topics));
+  if (a.json) {
+    Json json = json_of(summary);
+    for (const auto& [what, words] : understood) json["understood"][what] = words;
+    fmt::print("{}\n", text_of(json, 2));
+  } else {
+    print(summary, understood);
+  }
   if (!a.picture.empty()) draw(a);
 }
 
@@ -144,9 +149,7 @@ void add_info(CLI::App& program) {
       "info", "Tell what a recording or a sensor gives, as Cairn understands it, or how good a map is");
   const auto a = std::make_shared<Arguments>();
   command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required()->type_name(kPath);
-  command
-      ->add_option("--camera", a->camera, "camera.yaml in place of what the recording or sensor tells of its cameras")
-      ->check(CLI::ExistingFile);
+  add_camera(*command, a->camera, "in place of what the recording or sensor tells of its cameras");
   add_topics(*command, a->topics);
   command->add_option("--frames", a->frames, "So many are looked at, from the first")
       ->capture_default_str()

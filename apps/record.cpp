@@ -128,8 +128,7 @@ void add_record(CLI::App& program) {
   command->add_option("-o,--output", a->output, "New folder for a recording in the TUM layout, or .oni file")
       ->required()
       ->type_name(kPath);
-  command->add_option("--camera", a->camera, "camera.yaml instead of the sensor's own intrinsics")
-      ->check(CLI::ExistingFile);
+  add_camera(*command, a->camera, "in place of the sensor's own intrinsics");
   add_topics(*command, a->topics);
   command->add_option("--seconds", a->seconds, "Ends after so long; 0: with Ctrl-C")
       ->check(CLI::NonNegativeNumber)

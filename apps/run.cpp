@@ -346,8 +346,7 @@ void add_run_options(CLI::App& command, RunArguments& a) {
   add_output_options(command, a, "-o,--output,OUT",
                      "Folder for mesh.glb, map.vdb, trajectory.txt, graph.svg, report.html and the session");
   command.add_option("--config", a.config, "YAML file that overrides options")->check(CLI::ExistingFile);
-  command.add_option("--camera", a.camera, "camera.yaml in place of what the recording or sensor tells of its cameras")
-      ->check(CLI::ExistingFile);
+  add_camera(command, a.camera, "in place of what the recording or sensor tells of its cameras");
   command
       .add_option(
           "--sensor", a.sensor,

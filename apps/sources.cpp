@@ -3,6 +3,7 @@
 #include "sources.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
@@ -13,6 +14,9 @@
 #include <optional>
 #include <span>
 #include <stdexcept>
+#include <string_view>
+
+#include "cairn/known_cameras.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -92,6 +96,18 @@ std::string identity(const std::string& sequence, SourceOptions options) {
     ++taken;
   }
   return fmt::format("recording {:016x}", sum.checksum());
+}
+
+void add_camera(CLI::App& command, std::filesystem::path& camera, const std::string& in_place) {
+  std::vector<std::string_view> names;
+  for (const KnownCamera& known : known_cameras()) names.push_back(known.name);
+  const std::string all = fmt::format("{}", fmt::join(names, ", "));
+  command.add_option("--camera", camera, fmt::format("camera.yaml, or a name ({}), {}", all, in_place))
+      ->check([all](const std::string& given) {
+        std::error_code ignored;
+        if (std::filesystem::is_regular_file(given, ignored) || known_camera(given) != nullptr) return std::string();
+        return fmt::format("'{}' is no file and no name of a camera; names are {}", given, all);
+      });
 }
 
 void add_topics(CLI::App& command, std::vector<std::string>& topics) {

@@ -14,7 +14,7 @@ namespace cairn::apps {
 
 /// How SEQUENCE is explained to the user.
 inline constexpr const char* kSequenceHelp =
-    "Folder (TUM RGB-D, 7-Scenes, ICL-NUIM, nerfstudio and others, or with intrinsics.json), .oni, .sens or .mkv "
+    "Folder (TUM RGB-D, 7-Scenes, ICL-NUIM, nerfstudio and others, or your own images), .oni, .sens or .mkv "
     "file, .bag, .mcap, .db3 or folder of ROS, .zip of these, openni: or openni:URI for a sensor, or synthetic:NAME";
 
 /// A path from the root, without `.`, `..` and a slash at its end; it need not exist.
@@ -30,6 +30,8 @@ inline constexpr const char* kFramesHelp =
 /// first frames.
 [[nodiscard]] std::string identity(const std::string& sequence, SourceOptions options);
 
+/// --camera: a file, or the name of a known camera. `in_place` says of what, after "camera.yaml or a name (...) ".
+void add_camera(CLI::App& command, std::filesystem::path& camera, const std::string& in_place);
 void add_topics(CLI::App& command, std::vector<std::string>& topics);
 /// How the user wants SEQUENCE to be read: each of `topics` is depth's or colour's by what it holds. Throws
 /// std::runtime_error for one that is neither, or two of a kind.

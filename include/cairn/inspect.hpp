@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cairn/frame.hpp"
+#include "cairn/source.hpp"
 
 namespace cairn {
 
@@ -32,6 +33,14 @@ struct SourceSummary {
   int with_confidence = 0;          ///< frames
   std::vector<std::string> doubts;  ///< what is missing or cannot be right, a line each, with what to do
 };
+
+/// How something of a recording was understood: {"pairing", "by equal numbers; ..."}.
+struct Understood {
+  std::string what, words;
+};
+/// How the files of a folder of images were understood, a line each; nothing for other recordings. Throws
+/// std::runtime_error as open_source() does.
+[[nodiscard]] std::vector<Understood> understanding_of(const std::string& recording, const SourceOptions& options = {});
 
 /// Reads the first `frames` of a source, all where it has fewer.
 [[nodiscard]] SourceSummary inspect(Source& source, int frames = 100);

@@ -15,11 +15,14 @@
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
 #include "cairn/atomic_file.hpp"
+#include "cairn/known_cameras.hpp"
+#include "io/recording.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr double kLeastUnits = 1, kMostUnits = 1e6;  // of depth images, per metre
+constexpr double kLeastUnits = 1, kMostUnits = 1e6;   // of depth images, per metre
+constexpr double kLeastRate = 1e-3, kMostRate = 1e5;  // Hz
 constexpr const char* kLenses = "brown_conrady or fisheye";
 constexpr const char* kWeights = "by_distance or by_noise";
 constexpr double kFarthest = 10;  // metres between the two cameras
@@ -128,14 +131,26 @@ void check_depth_scale(double units) {
         fmt::format("depth_scale is {}, allowed is {} to {} units per metre", units, kLeastUnits, kMostUnits));
 }
 
+void check_frame_rate(double hertz) {
+  if (!(hertz >= kLeastRate && hertz <= kMostRate))
+    throw std::runtime_error(fmt::format("`frame_rate` is {}, allowed is {} to {:.0f}", hertz, kLeastRate, kMostRate));
+}
+
 CameraFile read_camera_file(const std::filesystem::path& file) {
   const std::string name = file.string();
   try {
     const auto bytes = read_whole(file);
     const YAML::Node y = YAML::Load(std::string(bytes.begin(), bytes.end()));
     CameraFile read{.rig = read_camera(y)};
-    if (y["depth_scale"]) read.depth_scale = value_of<double>(y["depth_scale"], "depth_scale", "a number");
-    check_depth_scale(*read.depth_scale);
+    read.has_size = y["width"] || y["height"];
+    if (y["depth_scale"]) {
+      read.depth_scale = value_of<double>(y["depth_scale"], "depth_scale", "a number");
+      check_depth_scale(*read.depth_scale);
+    }
+    if (y["frame_rate"]) {
+      read.frame_rate = value_of<double>(y["frame_rate"], "frame_rate", "a number");
+      check_frame_rate(*read.frame_rate);
+    }
     if (y["colour"]) read.rig.colour = read_colour_camera(y["colour"]);
     if (y["sensor"]) read.rig.sensor = read_sensor(y["sensor"]);
     if (y["imu"]) read.rig.camera_from_imu = read_rotation(y["imu"]);
@@ -147,7 +162,43 @@ CameraFile read_camera_file(const std::filesystem::path& file) {
   }
 }
 
-Rig read_rig(const std::filesystem::path& file) { return read_camera_file(file).rig; }
+CameraFile camera_named(const std::filesystem::path& file_or_name) {
+  std::error_code ignored;
+  if (std::filesystem::exists(file_or_name, ignored)) return read_camera_file(file_or_name);
+  const KnownCamera* known = known_camera(file_or_name.string());
+  if (known == nullptr) {
+    std::vector<std::string_view> names;
+    for (const KnownCamera& camera : known_cameras()) names.push_back(camera.name);
+    throw std::runtime_error(fmt::format("{}: there is no such file, and no camera of this name; known are {}",
+                                         file_or_name.string(), fmt::join(names, ", ")));
+  }
+  CameraFile file{.rig = known->camera, .has_size = false};
+  if (known->depth_scale > 0) file.depth_scale = known->depth_scale;
+  return file;
+}
+
+Rig rig_named(const std::filesystem::path& file_or_name, const Rig& images) {
+  const CameraFile file = camera_named(file_or_name);
+  Rig rig = file.rig;
+  const auto told = [&](const Camera& camera, const Camera& given, const char* which) {
+    if (camera.width == given.width && camera.height == given.height) return camera;
+    const double stretch =
+        static_cast<double>(given.width) * camera.height / (static_cast<double>(given.height) * camera.width);
+    if (known_camera(file_or_name.string()) != nullptr && std::abs(stretch - 1) <= kMostStretch)
+      return scaled_to(camera, {given.width, given.height});
+    throw std::runtime_error(fmt::format("{}: its {} camera has {}x{} pixels, the images have {}x{}",
+                                         file_or_name.string(), which, camera.width, camera.height, given.width,
+                                         given.height));
+  };
+  rig.depth = told(rig.depth, images.depth, "depth");
+  if (rig.colour)
+    rig.colour->camera = told(rig.colour->camera, images.colour_view(), "colour");
+  else
+    (void)told(rig.depth, images.colour_view(), "colour");
+  return rig;
+}
+
+Rig read_rig(const std::filesystem::path& file) { return camera_named(file).rig; }
 
 void write_rig(const std::filesystem::path& file, const Rig& rig) {
   const std::string text = camera_file_text({.rig = rig, .depth_scale = {}});

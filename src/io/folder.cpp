@@ -1,76 +1,393 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A plain folder: intrinsics.json beside sorted images in depth/ and, perhaps, color/, colour/ or rgb/.
+// Folders of images as people have them: depth and colour in folders of their own or beside each other, paired by what
+// their names tell, and the camera in a file that lies there. Open3D's recorders (Zhou et al. 2018) leave such, too.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
+#include <set>
 #include <stdexcept>
 
-#include "io/camera_file.hpp"
-#include "io/json_fields.hpp"
+#include "base/depth_image.hpp"
+#include "base/lines.hpp"
+#include "base/read_whole.hpp"
+#include "base/words.hpp"
+#include "io/image_names.hpp"
+#include "io/intrinsics.hpp"
+#include "io/pose_matrix.hpp"
 #include "io/recording.hpp"
 
 namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr const char* kExpected = "width, height, fx, fy, cx, cy and depth_scale (units per metre)";
+using namespace std::string_view_literals;
+constexpr double kFrameRate = 30;    // Hz, where neither names nor files tell
+constexpr std::size_t kSamples = 9;  // depth images that tell size and unit of all
+constexpr int kEvery = 7;            // pixel of these
 
-void read_intrinsics(const nlohmann::json& j, Recording& recording, double& rate) {
-  Camera& c = recording.rig.depth;
-  c = {pixels_at(j, "width"),
-       pixels_at(j, "height"),
-       number_at(j, "fx"),
-       number_at(j, "fy"),
-       number_at(j, "cx"),
-       number_at(j, "cy"),
-       {}};
-  if (const auto it = j.find("distortion"); it != j.end()) {
-    const auto is_number = [](const auto& item) { return item.is_number(); };
-    if (!it->is_array() || (it->size() != 5 && it->size() != 8) || !std::all_of(it->begin(), it->end(), is_number))
-      throw std::runtime_error("`distortion` takes [k1, k2, p1, p2, k3], or these and [k4, k5, k6]");
-    for (std::size_t i = 0; i < it->size(); ++i) (*it)[i].get_to(c.distortion[i]);
+// In lower case, the likeliest first.
+constexpr std::array kDepthFolders{"depth"sv,        "depths"sv,      "depth_raw"sv,  "raw_depth"sv,
+                                   "depth_images"sv, "depth_image"sv, "depth_maps"sv, "depthmaps"sv};
+constexpr std::array kColourFolders{"color"sv,   "colour"sv,     "rgb"sv,          "images"sv, "image"sv, "colors"sv,
+                                    "colours"sv, "rgb_images"sv, "color_images"sv, "img"sv,    "imgs"sv};
+// What stands in names of pictures that are neither.
+constexpr std::array kOthers{"mask"sv, "label"sv, "normal"sv, "vis"sv, "seg"sv, "infra"sv, "conf"sv, "preview"sv};
+constexpr std::array kColourWords{"rgb"sv, "color"sv, "colour"sv, "image"sv, "img"sv};
+
+template <class Words>
+bool has_one(const std::string& name, const Words& words) {
+  return std::any_of(words.begin(), words.end(), [&](std::string_view word) { return name.find(word) != name.npos; });
+}
+
+struct Images {
+  fs::path depth_folder, colour_folder;
+  std::vector<fs::path> depth, colour;
+};
+
+/// The first folder of some names that holds images, else the first with one of some words in its name.
+template <class Names, class Words, class List>
+std::pair<fs::path, std::vector<fs::path>> find_folder(const std::map<std::string, fs::path>& folders,
+                                                       const Names& names, const Words& words, bool is_depth,
+                                                       List&& list) {
+  for (const std::string_view name : names)
+    if (const auto it = folders.find(std::string(name)); it != folders.end())
+      if (auto images = list(it->second); !images.empty()) return {it->second, std::move(images)};
+  for (const auto& [name, folder] : folders)
+    if (has_one(name, words) && !has_one(name, kOthers) && is_depth == (name.find("depth") != name.npos))
+      if (auto images = list(folder); !images.empty()) return {folder, std::move(images)};
+  return {};
+}
+
+/// By their names, where some have `depth` in them, else by their kind of number.
+void sort_out(const fs::path& folder, Images& images) {
+  const auto is_depth = [](const fs::path& file) {
+    const std::string stem = lower(file.stem().string());
+    return stem.find("depth") != stem.npos && !has_one(stem, kOthers);
+  };
+  images.depth = depth_images_in(folder);
+  if (std::any_of(images.depth.begin(), images.depth.end(), is_depth)) {
+    std::erase_if(images.depth, [&](const fs::path& file) { return !is_depth(file); });
+  } else {
+    // One file of each pattern is looked into.
+    std::map<std::string, bool> patterns;
+    std::erase_if(images.depth, [&](const fs::path& file) {
+      std::string pattern = file.filename().string();
+      std::erase_if(pattern, [](char c) { return c >= '0' && c <= '9'; });
+      auto [it, is_new] = patterns.emplace(pattern, false);
+      if (is_new) {
+        try {
+          const cv::Mat image = decode_depth(read_whole(file));
+          it->second = image.type() == CV_16UC1 || image.type() == CV_32FC1;
+        } catch (const std::exception&) {
+          patterns.erase(it);  // the next one tells
+          return true;
+        }
+      }
+      return !it->second;
+    });
   }
-  check(c);
-  recording.depth_scale = number_at(j, "depth_scale", 1000.0);
-  check_depth_scale(recording.depth_scale);
-  rate = number_at(j, "frame_rate", rate);
-  if (!(rate >= 0.001 && rate <= 1e5))
-    throw std::runtime_error(fmt::format("`frame_rate` is {}, allowed is 0.001 to 100000", rate));
+  if (images.depth.empty()) return;
+  images.colour = images_in(folder);
+  const std::set<fs::path> taken(images.depth.begin(), images.depth.end());
+  std::erase_if(images.colour, [&](const fs::path& file) {
+    return taken.contains(file) || has_one(lower(file.stem().string()), kOthers) ||
+           lower(file.stem().string()).find("depth") != std::string::npos;
+  });
+  const auto is_named = [](const fs::path& file) { return has_one(lower(file.stem().string()), kColourWords); };
+  if (std::any_of(images.colour.begin(), images.colour.end(), is_named))
+    std::erase_if(images.colour, [&](const fs::path& file) { return !is_named(file); });
+  images.depth_folder = images.colour_folder = folder;
+}
+
+Images find_images(const fs::path& folder) {
+  std::map<std::string, fs::path> folders;
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(folder))
+    if (const auto name = entry.path().filename().string(); entry.is_directory(ignored) && !name.starts_with('.'))
+      folders.emplace(lower(name), entry.path());
+  Images images;
+  std::tie(images.depth_folder, images.depth) =
+      find_folder(folders, kDepthFolders, std::array{"depth"sv}, true, depth_images_in);
+  if (images.depth.empty())
+    sort_out(folder, images);
+  else
+    std::tie(images.colour_folder, images.colour) =
+        find_folder(folders, kColourFolders, kColourWords, false, images_in);
+  return images;
+}
+
+/// What else lies in a folder, by extensions: "20 files .exr".
+std::string others_in(const fs::path& folder) {
+  std::map<std::string, int> extensions;
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(folder, ignored))
+    if (!entry.is_directory(ignored)) ++extensions[lower(entry.path().extension().string())];
+  const auto most = std::max_element(extensions.begin(), extensions.end(),
+                                     [](const auto& a, const auto& b) { return a.second < b.second; });
+  if (most == extensions.end()) return "it is empty";
+  return fmt::format("it has {} files {}", most->second,
+                     most->first.empty() ? "without an extension" : shown(most->first));
+}
+
+/// A folder for depth without an image that can be read is no reason to look further.
+void refuse_empty_depth(const fs::path& folder) {
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(folder))
+    if (lower(entry.path().filename().string()) == "depth" && entry.is_directory(ignored))
+      throw std::runtime_error(
+          fmt::format("{}: holds no PNG, TIFF, NPY or PGM image; {}", entry.path().string(), others_in(entry.path())));
+}
+
+std::string extension_of(const std::vector<fs::path>& images) {
+  std::string extension = images.empty() ? "" : lower(images[0].extension().string());
+  if (!extension.empty()) extension.erase(0, 1);
+  for (char& c : extension) c = static_cast<char>(std::toupper(c));
+  return extension;
+}
+
+/// Poses beside the images: frame-000012.pose.txt of frame-000012.depth.png, or pose/12.txt of depth/12.png, row by
+/// row.
+void add_truth(const fs::path& folder, Recording& recording) {
+  std::error_code ignored;
+  const fs::path poses = fs::is_directory(folder / "poses", ignored) ? folder / "poses" : folder / "pose";
+  const bool has_folder = fs::is_directory(poses, ignored);
+  for (const auto& entry : recording.entries) {
+    std::string stem = entry.depth.stem().string();
+    if (stem.ends_with(".depth")) stem.resize(stem.size() - 6);
+    const fs::path file = has_folder ? poses / (stem + ".txt") : entry.depth.parent_path() / (stem + ".pose.txt");
+    if (!fs::exists(file, ignored)) continue;
+    std::vector<double> numbers;
+    for_each_line(file, [&](int, const std::vector<std::string>& words) {
+      for (const auto& word : words) numbers.push_back(number_in(word).value_or(NAN));
+    });
+    const auto pose = numbers.size() == 16 ? pose_of_rows(numbers) : std::nullopt;  // ScanNet has -inf for none
+    if (pose) recording.truth.push_back({entry.timestamp, *pose});
+  }
+}
+
+void pair_up(const Images& images, double rate, Recording& recording) {
+  const auto names = numbering_of(images.depth), colours = numbering_of(images.colour);
+  const auto pairs = pair_images(images.depth, names, images.colour, colours);
+  const auto relative = [&](const fs::path& file) { return file.parent_path().filename() / file.filename(); };
+  if (!pairs)
+    throw std::runtime_error(fmt::format(
+        "{}: no colour image belongs to a depth image by its name ({} and {}): give both the same name or number, or "
+        "times in one clock",
+        images.colour_folder.string(), relative(images.depth[0]).string(), relative(images.colour[0]).string()));
+  const bool numbered = names.unit != Numbering::Unit::none;
+  const double first = !numbered || names.is_time() ? 0 : *std::min_element(names.values.begin(), names.values.end());
+  for (std::size_t i = 0; i < images.depth.size(); ++i) {
+    const double time =
+        names.is_time() ? names.values[i] : (numbered ? names.values[i] - first : static_cast<double>(i)) / rate;
+    Recording::Entry entry{.timestamp = time, .depth = images.depth[i]};
+    if (const int c = pairs->colour[i]; c >= 0) {
+      entry.colour = images.colour[static_cast<std::size_t>(c)];
+      if (pairs->by == Pairs::By::time) entry.colour_delay = colours.values[static_cast<std::size_t>(c)] - time;
+    }
+    recording.entries.push_back(std::move(entry));
+  }
+  std::stable_sort(recording.entries.begin(), recording.entries.end(),
+                   [](const auto& a, const auto& b) { return a.timestamp < b.timestamp; });
+  const auto tell = [&](const char* what, std::string words) {
+    recording.understood.push_back({what, std::move(words)});
+  };
+  tell("images",
+       fmt::format("{} depth images ({}) in {}, {}", images.depth.size(), extension_of(images.depth),
+                   images.depth_folder.string(),
+                   images.colour.empty() ? "no colour"
+                                         : fmt::format("{} colour images ({}) in {}", images.colour.size(),
+                                                       extension_of(images.colour), images.colour_folder.string())));
+  if (!images.colour.empty())
+    tell("pairing", fmt::format("by {}; {} depth and {} colour images have no partner", name_of(pairs->by),
+                                pairs->alone, pairs->colour_alone));
+  tell("times", names.is_time()
+                    ? fmt::format("{} in the names", name_of(names.unit))
+                    : fmt::format("{}, {:g} a second{}",
+                                  numbered ? "numbers in the names count frames" : "in the order of the names", rate,
+                                  rate == kFrameRate ? " assumed (frame_rate in camera.yaml tells another)" : ""));
+  if (pairs->by == Pairs::By::order && images.depth.size() > 1)
+    recording.warnings.push_back(
+        "the names do not tell which colour image belongs to which depth image: they are paired in their order");
+  if (images.colour.empty() || pairs->by == Pairs::By::order) return;
+  if (pairs->alone > 0) {
+    const auto it = std::find_if(recording.entries.begin(), recording.entries.end(),
+                                 [](const auto& e) { return e.colour.empty(); });
+    recording.warnings.push_back(
+        fmt::format("{} of {} frames have depth alone: the colour image is missing (first: frame {}, {})", pairs->alone,
+                    recording.entries.size(), it - recording.entries.begin(), relative(it->depth).string()));
+  }
+  if (pairs->colour_alone > 0 && pairs->by != Pairs::By::time) {
+    std::vector<bool> taken(images.colour.size());
+    for (const int c : pairs->colour)
+      if (c >= 0) taken[static_cast<std::size_t>(c)] = true;
+    const auto at = static_cast<std::size_t>(std::find(taken.begin(), taken.end(), false) - taken.begin());
+    recording.warnings.push_back(
+        fmt::format("{} of {} colour images make no frame: the depth image is missing (first: {})", pairs->colour_alone,
+                    images.colour.size(), relative(images.colour[at]).string()));
+  }
+}
+
+/// Values of some depth images of a recording.
+struct Sample {
+  std::size_t tried = 0;
+  std::map<std::pair<int, int>, int> sizes;  // and how many have each
+  bool is_float = false;
+  std::vector<double> values;  // that are measurements, in the images' unit, sorted
+  std::string first_problem;
+  [[nodiscard]] Eigen::Vector2i usual_size() const {
+    const auto most =
+        std::max_element(sizes.begin(), sizes.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+    return {most->first.first, most->first.second};
+  }
+};
+
+Sample sample(const std::vector<Recording::Entry>& entries) {
+  Sample seen;
+  seen.tried = std::min(entries.size(), kSamples);
+  for (std::size_t k = 0; k < seen.tried; ++k) {
+    const fs::path& file = entries[seen.tried < 2 ? 0 : (entries.size() - 1) * k / (seen.tried - 1)].depth;
+    try {
+      cv::Mat image = decode_depth(read_whole(file));
+      if (image.type() != CV_16UC1 && image.type() != CV_32FC1)
+        throw std::runtime_error("is a picture of 8 bits; depth must be a 16-bit image with one channel");
+      ++seen.sizes[{image.cols, image.rows}];
+      seen.is_float = image.type() == CV_32FC1;
+      image.convertTo(image, CV_32F);
+      for (int i = 0; i < static_cast<int>(image.total()); i += kEvery)
+        if (const float v = image.ptr<float>()[i]; std::isfinite(v) && v > 0 && v != 65535)
+          seen.values.push_back(static_cast<double>(v));
+    } catch (const std::exception& error) {
+      if (seen.first_problem.empty()) seen.first_problem = file.string() + ": " + error.what();
+    }
+  }
+  std::sort(seen.values.begin(), seen.values.end());
+  return seen;
+}
+
+struct Unit {
+  double per_metre;
+  const char* words;
+};
+constexpr Unit kMetres{1, "metres"}, kMillimetres{1000, "millimetres"}, kTum{5000, "units of 1/5000 m"},
+    kTenth{10000, "units of 0.1 mm"};
+
+/// The unit in which the median is what a depth camera sees indoors.
+Unit guess_unit(const Sample& seen) {
+  constexpr double kNearest = 0.15, kFarthest = 6.5;    // metres, of a median
+  constexpr double kRoom = 4000, kMostInRoom = 10'000;  // millimetres: median, and what few see, of a depth camera
+  constexpr std::size_t kFewValues = 20;
+  if (seen.values.empty()) return seen.is_float ? kMetres : kMillimetres;
+  const double median = seen.values[seen.values.size() / 2];
+  const auto fits = [&](const Unit& unit) {
+    return median >= kNearest * unit.per_metre && median <= kFarthest * unit.per_metre;
+  };
+  if (seen.is_float) return fits(kMillimetres) ? kMillimetres : kMetres;
+  // TUM's tools multiply millimetres by five. Where there are few values, or all are multiples of ten, that says
+  // nothing.
+  const auto all_are_multiples = [&](double of) {
+    return std::all_of(seen.values.begin(), seen.values.end(), [&](double v) { return std::fmod(v, of) == 0; });
+  };
+  const std::set<double> different(seen.values.begin(), seen.values.end());
+  if (fits(kTum) && different.size() >= kFewValues && all_are_multiples(5) && !all_are_multiples(10)) return kTum;
+  // As millimetres, TUM's desks at 1.1 m would be halls.
+  if (fits(kTum) && median > kRoom && seen.values[seen.values.size() * 99 / 100] > kMostInRoom) return kTum;
+  for (const Unit& unit : {kMillimetres, kTum, kTenth})
+    if (fits(unit)) return unit;
+  return kMillimetres;
+}
+
+/// The cameras now that their sizes are known.
+void check_in(const Recording& recording) {
+  try {
+    check(recording.rig);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(fmt::format("{}: {}", recording.entries[0].depth.parent_path().string(), error.what()));
+  }
 }
 
 }  // namespace
 
-std::vector<fs::path> images_in(const fs::path& folder) {
-  std::vector<fs::path> images;
-  if (!fs::is_directory(folder)) return images;
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    const auto extension = entry.path().extension();
-    if (extension == ".png" || extension == ".jpg" || extension == ".jpeg") images.push_back(entry.path());
+std::optional<Recording> read_image_folder(const fs::path& folder) {
+  const auto file = intrinsics_file(folder);
+  const Images images = find_images(folder);
+  if (images.depth.empty()) refuse_empty_depth(folder);
+  if (images.depth.empty() && !file) return std::nullopt;
+  Recording recording;
+  recording.layout = "folder of images";
+  recording.is_plain = true;
+  recording.unit_is_told = false;
+  recording.invalid_depth = 65535;
+  double rate = kFrameRate;
+  if (file) {
+    const Intrinsics intrinsics = read_intrinsics(*file);
+    recording.rig = intrinsics.camera.rig;
+    recording.size_is_told = intrinsics.camera.has_size;
+    recording.unit_is_told = intrinsics.camera.depth_scale.has_value() || intrinsics.is_open3d;
+    recording.depth_scale = intrinsics.camera.depth_scale.value_or(kMillimetres.per_metre);
+    rate = intrinsics.camera.frame_rate.value_or(rate);
+    recording.understood.push_back({"camera of", file->string()});
+    if (file->filename() == "intrinsics.json") recording.layout = "folder with intrinsics.json";
+    if (intrinsics.is_open3d) recording.layout = "Open3D folder";
   }
-  std::sort(images.begin(), images.end());
-  return images;
+  if (images.depth.empty())
+    throw std::runtime_error(
+        fmt::format("{}: has {}, but no depth images: they are looked for in depth, depths or depth_raw, "
+                    "or beside the others by `depth` in their names",
+                    folder.string(), file->filename().string()));
+  pair_up(images, rate, recording);
+  if (!file) recording.camera_missing = folder;
+  add_truth(folder, recording);
+  return recording;
 }
 
 std::optional<Recording> read_intrinsics_folder(const fs::path& folder) {
-  const fs::path file = folder / "intrinsics.json";
-  if (!fs::exists(file)) return std::nullopt;
-  Recording recording;
-  recording.layout = "folder with intrinsics.json";
-  double rate = 30.0;  // Hz
-  read_json(file, kExpected, [&](const nlohmann::json& j) { read_intrinsics(j, recording, rate); });
-  const auto depth = images_in(folder / "depth");
-  if (depth.empty()) throw std::runtime_error((folder / "depth").string() + ": holds no PNG image");
-  std::vector<fs::path> colour;
-  for (const char* name : {"color", "colour", "rgb"})
-    if (colour.empty()) colour = images_in(folder / name);
-  if (!colour.empty() && colour.size() != depth.size())
-    throw std::runtime_error(folder.string() + ": " + std::to_string(depth.size()) + " depth but " +
-                             std::to_string(colour.size()) + " colour images; each depth image needs its own");
-  for (std::size_t i = 0; i < depth.size(); ++i)
-    recording.entries.push_back({static_cast<double>(i) / rate, depth[i], colour.empty() ? fs::path() : colour[i]});
-  return recording;
+  return fs::exists(folder / "intrinsics.json") ? read_image_folder(folder) : std::nullopt;
+}
+
+void see_images(Recording& recording) {
+  const Sample seen = sample(recording.entries);
+  if (seen.sizes.empty()) {
+    if (recording.size_is_told && recording.unit_is_told) return;  // each frame tells its problem
+    throw std::runtime_error(
+        fmt::format("{}; {} of {} depth images were tried", seen.first_problem, seen.tried, recording.entries.size()));
+  }
+  const Eigen::Vector2i size = seen.usual_size();
+  Camera& camera = recording.rig.depth;
+  if (!recording.camera_missing.empty()) {
+    camera = scaled_to(Camera{}, size);  // for the message
+    return;
+  }
+  if (!recording.size_is_told) {
+    camera.width = size.x(), camera.height = size.y();
+    check_in(recording);
+  } else if (seen.sizes.count({camera.width, camera.height}) == 0) {
+    const double stretch =
+        static_cast<double>(size.x()) * camera.height / (static_cast<double>(size.y()) * camera.width);
+    if (!(std::abs(stretch - 1) <= kMostStretch))
+      throw std::runtime_error(fmt::format("{}: is {}x{}, the camera {}x{}: tell the camera of the depth images",
+                                           recording.entries[0].depth.string(), size.x(), size.y(), camera.width,
+                                           camera.height));
+    recording.understood.push_back({"scaled", fmt::format("the camera of {}x{} pixels to the depth images' {}x{}",
+                                                          camera.width, camera.height, size.x(), size.y())});
+    camera = scaled_to(camera, size);
+    check_in(recording);
+  }
+  if (recording.unit_is_told) {
+    recording.understood.push_back({"unit of depth", fmt::format("{:g} a metre", recording.depth_scale)});
+    return;
+  }
+  const Unit unit = guess_unit(seen);
+  recording.depth_scale = unit.per_metre;
+  const double median = seen.values.empty() ? 0 : seen.values[seen.values.size() / 2] / unit.per_metre;
+  recording.understood.push_back({"unit of depth", fmt::format("{} assumed: median {:.1f} m", unit.words, median)});
+  recording.notes.push_back(
+      fmt::format("depth in {} assumed: median {:.1f} m; say depth_scale (units per metre) in camera.yaml if not",
+                  unit.words, median));
 }
 
 }  // namespace cairn

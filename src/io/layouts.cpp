@@ -12,6 +12,7 @@
 #include "base/image_file.hpp"
 #include "base/words.hpp"
 #include "cairn/atomic_file.hpp"
+#include "cairn/known_cameras.hpp"
 
 namespace cairn {
 namespace {
@@ -54,12 +55,8 @@ const Layout& layout_of(std::string_view name) {
 }  // namespace
 
 std::optional<Camera> camera_of_layout(std::string_view layout) {
-  if (layout == "seven-scenes") return Camera{640, 480, 585, 585, 320, 240, {}};
-  if (layout == "icl-nuim") return Camera{640, 480, 481.2, 480, 319.5, 239.5, {}};
-  if (layout == "bonn")
-    return Camera{
-        640, 480, 542.822841, 542.576870, 315.593520, 237.756098, {0.039903, -0.099343, -0.000730, -0.000144, 0}};
-  return std::nullopt;
+  const KnownCamera* known = known_camera(layout);
+  return known == nullptr ? std::nullopt : std::optional(known->camera);
 }
 
 std::unique_ptr<LayoutWriter> write_layout(std::string_view name, const fs::path& folder, const Rig& rig) {

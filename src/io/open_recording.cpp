@@ -9,10 +9,14 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
+#include "base/depth_image.hpp"
 #include "base/image_file.hpp"
 #include "base/read_whole.hpp"
 #include "cairn/calibrate.hpp"
+#include "cairn/known_cameras.hpp"
 #include "cairn/source.hpp"
+#include "io/image_names.hpp"
+#include "io/intrinsics.hpp"
 #include "io/recording.hpp"
 #include "io/sens.hpp"
 #include "io/zip_recording.hpp"
@@ -21,21 +25,95 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kMostStretch = 0.02;  // of a depth image against colour: its size is rounded to whole pixels
+constexpr float kFarthest = 1000;  // metres; what stands beyond is "nothing measured" in images of floats
+
+/// A folder in this one that holds depth images or a list of them.
+std::optional<fs::path> recording_below(const fs::path& folder) {
+  std::error_code ignored;
+  std::vector<fs::path> found;
+  for (const auto& entry : fs::directory_iterator(folder, ignored))
+    if (entry.is_directory(ignored) &&
+        (fs::exists(entry.path() / "depth.txt", ignored) || fs::is_directory(entry.path() / "depth", ignored)))
+      found.push_back(entry.path());
+  const auto first = std::min_element(found.begin(), found.end());
+  return first == found.end() ? std::nullopt : std::optional(*first);
+}
 
 Recording read_recording(const fs::path& folder) {
   if (!fs::exists(folder)) throw std::runtime_error(folder.string() + ": there is no such folder");
   if (!fs::is_directory(folder))
     throw std::runtime_error(folder.string() + ": is not a folder; give the folder that holds the recording");
   for (const auto read : {read_tum, read_icl_nuim, read_seven_scenes, read_stray_scanner, read_intrinsics_folder,
-                          read_nerfstudio, read_open3d, read_rtabmap, read_replica})
+                          read_nerfstudio, read_rtabmap, read_replica, read_image_folder})
     if (auto recording = read(folder)) return *std::move(recording);
+  if (const auto inside = recording_below(folder))
+    throw std::runtime_error(fmt::format("{}: no known recording, but {} in it looks like one: give that folder",
+                                         folder.string(), inside->filename().string()));
+  if (const std::size_t images = images_in(folder).size(); images > 0)
+    throw std::runtime_error(
+        fmt::format("{}: no known recording: it holds {} images, none of them depth; depth images are looked for in "
+                    "depth, depths or depth_raw, or beside the others by `depth` in their names",
+                    folder.string(), images));
   throw std::runtime_error(folder.string() +
-                           ": no known recording; expected rgb.txt and depth.txt (TUM), frame-000000.depth.png "
-                           "(7-Scenes), associations.txt (ICL-NUIM), rgb.mp4 (Stray Scanner), intrinsics.json, "
-                           "transforms.json (nerfstudio), "
-                           "intrinsic.json or camera_intrinsic.json (Open3D), rgb, depth and calib or calibration.yaml "
-                           "(RTAB-Map), results and traj.txt (Replica), or metadata.yaml (rosbag2)");
+                           ": no known recording; expected depth images in depth and colour images in rgb, color or "
+                           "images, with camera.yaml or intrinsics.json beside (your own), rgb.txt and depth.txt "
+                           "(TUM), frame-000000.depth.png (7-Scenes), associations.txt (ICL-NUIM), rgb.mp4 (Stray "
+                           "Scanner), transforms.json (nerfstudio), intrinsic.json or camera_intrinsic.json (Open3D), "
+                           "calib or calibration.yaml (RTAB-Map), results and traj.txt (Replica), or metadata.yaml "
+                           "(rosbag2)");
+}
+
+/// What the files tell, and what some images tell where these do not.
+Recording understand(const fs::path& folder, const fs::path& camera) {
+  Recording recording = read_recording(folder);
+  std::error_code ignored;
+  const bool is_named = known_camera(camera.string()) != nullptr && !fs::exists(camera, ignored);
+  if (!camera.empty()) {
+    const CameraFile file = camera_named(camera);
+    recording.rig = file.rig;
+    recording.size_is_told = file.has_size || is_named;
+    recording.camera_missing.clear();
+    std::erase_if(recording.understood, [](const Understood& u) { return u.what == "camera of"; });
+    recording.understood.push_back({"camera of", camera.string()});
+    if (!recording.unit_is_told && file.depth_scale) {
+      recording.depth_scale = *file.depth_scale;
+      recording.unit_is_told = true;
+    }
+  }
+  if (is_named && !recording.is_plain) recording.unit_is_told = true;  // the layout's
+  if (is_named || recording.is_plain) see_images(recording);
+  if (!recording.camera_missing.empty())
+    throw std::runtime_error(fmt::format("{}: the camera is not known: {}", recording.camera_missing.string(),
+                                         how_to_tell_the_camera(recording.camera_missing, recording.rig.depth)));
+  return recording;
+}
+
+struct SizedImage {
+  fs::path file;
+  Eigen::Vector2i size;
+};
+/// The first of the size that most of some colour images have; nothing where none can be read.
+std::optional<SizedImage> usual_colour(const std::vector<Recording::Entry>& entries) {
+  constexpr std::size_t kLookedAt = 5;
+  std::vector<const fs::path*> files;
+  for (const auto& entry : entries)
+    if (!entry.colour.empty()) files.push_back(&entry.colour);
+  std::vector<std::pair<SizedImage, int>> sizes;
+  for (std::size_t k = 0, read = 0; k < files.size() && read < kLookedAt; ++k) {
+    // Spread over all where they can be read, one after another where they cannot.
+    const std::size_t at = files.size() > kLookedAt && k < kLookedAt ? (files.size() - 1) * k / (kLookedAt - 1) : k;
+    const auto size = size_of_image(*files[at]);
+    if (!size) continue;
+    ++read;
+    const auto it = std::find_if(sizes.begin(), sizes.end(), [&](const auto& s) { return s.first.size == *size; });
+    if (it == sizes.end())
+      sizes.push_back({{*files[at], *size}, 1});
+    else
+      ++it->second;
+  }
+  const auto most =
+      std::max_element(sizes.begin(), sizes.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  return most == sizes.end() ? std::nullopt : std::optional(most->first);
 }
 
 /// A layout that tells of no colour camera has colour on depth: as seen from there, perhaps in another number of
@@ -43,27 +121,23 @@ Recording read_recording(const fs::path& folder) {
 void find_colour_size(Recording& recording) {
   const Camera& depth = recording.rig.depth;
   if (recording.rig.colour) return;
-  for (const auto& entry : recording.entries) {
-    const auto size = entry.colour.empty() ? std::nullopt : size_of_image(entry.colour);
-    if (!size) continue;
-    if (*size == Eigen::Vector2i(depth.width, depth.height)) return;
-    const double stretch =
-        static_cast<double>(size->x()) * depth.height / (static_cast<double>(size->y()) * depth.width);
-    if (!(std::abs(stretch - 1) <= kMostStretch)) {
-      spdlog::warn(
-          fmt::format("{}: is {}x{}, of another shape than depth's {}x{}: colour is left out; tell its camera under "
-                      "`colour` of camera.yaml where the layout has one",
-                      entry.colour.string(), size->x(), size->y(), depth.width, depth.height));
-      return;
-    }
-    Rig rig(depth, ColourCamera{.camera = scaled_to(depth, *size)});
-    try {
-      check(rig);
-      recording.rig = rig;
-    } catch (const std::runtime_error& error) {
-      spdlog::warn(fmt::format("{}: {}: colour is left out", entry.colour.string(), error.what()));
-    }
+  const auto usual = usual_colour(recording.entries);
+  if (!usual || usual->size == Eigen::Vector2i(depth.width, depth.height)) return;
+  const auto& [file, size] = *usual;
+  const double stretch = static_cast<double>(size.x()) * depth.height / (static_cast<double>(size.y()) * depth.width);
+  if (!(std::abs(stretch - 1) <= kMostStretch)) {
+    spdlog::warn(
+        fmt::format("{}: is {}x{}, of another shape than depth's {}x{}: colour is left out; tell its camera "
+                    "under `colour` of camera.yaml where the layout has one",
+                    file.string(), size.x(), size.y(), depth.width, depth.height));
     return;
+  }
+  Rig rig(depth, ColourCamera{.camera = scaled_to(depth, size)});
+  try {
+    check(rig);
+    recording.rig = rig;
+  } catch (const std::runtime_error& error) {
+    spdlog::warn(fmt::format("{}: {}: colour is left out", file.string(), error.what()));
   }
 }
 
@@ -94,7 +168,10 @@ class RecordingSource final : public Source {
   }
 
   std::optional<Frame> next() override {
-    if (next_ >= end_) return std::nullopt;
+    if (next_ >= end_) {
+      tell_colourless();
+      return std::nullopt;
+    }
     const auto& entry = recording_.entries[static_cast<std::size_t>(next_)];
     Frame frame{
         .index = next_, .timestamp = entry.timestamp, .world_from_camera = {}, .acceleration = entry.acceleration};
@@ -118,17 +195,28 @@ class RecordingSource final : public Source {
       if (!entry.colour.empty()) frame.colour = read_colour(entry.colour);
       if (recording_.colour_of) frame.colour = recording_.colour_of(frame.index);
       frame.colour_delay = entry.colour_delay;
-    } catch (const std::exception&) {
-      // Depth alone is still a frame.
+    } catch (const std::exception& error) {  // depth alone is still a frame
+      if (++colourless_ == 1) first_colourless_ = fmt::format("{}: {}", entry.colour.string(), error.what());
     }
     return frame;
   }
 
  private:
+  /// At the end, once.
+  void tell_colourless() {
+    if (colourless_ > 0)
+      spdlog::warn("{} of {} colour images are left out, their frames have depth alone; the first: {}", colourless_,
+                   (end_ - range_.begin + range_.step - 1) / range_.step, first_colourless_);
+    colourless_ = 0;
+  }
+
   std::vector<float> read_depth(const fs::path& file) const {
     const Camera& c = recording_.rig.depth;
-    const cv::Mat image = decode_image(read_whole(file), Pixels::as_stored);
-    if (image.type() != CV_16UC1) throw std::runtime_error("depth must be a 16-bit image with one channel");
+    const cv::Mat image = decode_depth(read_whole(file));
+    if (image.type() != CV_16UC1 && image.type() != CV_32FC1)
+      throw std::runtime_error(
+          fmt::format("has {} of 8 bits; depth must be a 16-bit image with one channel",
+                      image.channels() == 1 ? "one channel" : fmt::format("{} channels", image.channels())));
     if (image.cols != c.width || image.rows != c.height)
       throw std::runtime_error("is " + std::to_string(image.cols) + "x" + std::to_string(image.rows) + ", the camera " +
                                std::to_string(c.width) + "x" + std::to_string(c.height));
@@ -137,12 +225,18 @@ class RecordingSource final : public Source {
     const int invalid = recording_.invalid_depth;
     bool any = false;
     for (int y = 0; y < c.height; ++y) {
-      const auto* row = image.ptr<std::uint16_t>(y);
       float* out = &depth[static_cast<std::size_t>(y) * static_cast<std::size_t>(c.width)];
-      for (int x = 0; x < c.width; ++x) {
-        out[x] = row[x] == invalid ? 0.0f : static_cast<float>(row[x]) * metres;
-        any |= out[x] > 0;
+      if (image.type() == CV_16UC1) {
+        const auto* row = image.ptr<std::uint16_t>(y);
+        for (int x = 0; x < c.width; ++x) out[x] = row[x] == invalid ? 0.0f : static_cast<float>(row[x]) * metres;
+      } else {
+        const auto* row = image.ptr<float>(y);
+        for (int x = 0; x < c.width; ++x) {
+          const float z = row[x] * metres;
+          out[x] = z > 0 && z < kFarthest ? z : 0.0f;  // not of NaN
+        }
       }
+      any = any || std::any_of(out, out + c.width, [](float z) { return z > 0; });
     }
     if (!any) throw std::runtime_error("holds no measurement");
     return depth;
@@ -157,11 +251,12 @@ class RecordingSource final : public Source {
     return {image.datastart, image.dataend};
   }
 
-  /// Empty when its size is not its camera's.
   std::vector<std::uint32_t> read_colour(const fs::path& file) const {
     const Camera& c = recording_.rig.colour_view();
     const cv::Mat rgba = decode_image(read_whole(file), Pixels::rgba);
-    if (rgba.cols != c.width || rgba.rows != c.height) return {};
+    if (rgba.cols != c.width || rgba.rows != c.height)
+      throw std::runtime_error(
+          fmt::format("is {}x{}, the colour camera {}x{}", rgba.cols, rgba.rows, c.width, c.height));
     return colour_pixels(rgba);
   }
 
@@ -170,6 +265,8 @@ class RecordingSource final : public Source {
   int next_ = 0, end_ = 0;
   std::size_t gyro_ = 0;  // the first sample that no frame has had
   double last_timestamp_ = -INFINITY;
+  int colourless_ = 0;  // frames whose colour image could not be used
+  std::string first_colourless_;
 };
 
 /// A pose by time for a field of each frame.
@@ -194,7 +291,7 @@ class WithPoses final : public WrappedSource {
 
 std::optional<Eigen::Vector2i> size_of_image(const fs::path& file) {
   try {
-    const cv::Mat image = decode_image(read_whole(file), Pixels::as_stored);
+    const cv::Mat image = decode_depth(read_whole(file));
     return Eigen::Vector2i(image.cols, image.rows);
   } catch (const std::exception&) {
     return std::nullopt;
@@ -233,14 +330,22 @@ void set_rig_in_one_place(const Camera& colour, Recording& recording) {
 }
 
 std::unique_ptr<Source> open_recording(const fs::path& folder, const SourceOptions& options) {
-  Recording recording = read_recording(folder);
-  if (!options.camera.empty()) {
-    recording.rig = read_rig(options.camera);
-  } else if (options.find_colour_camera && !recording.colour_is_told) {
+  Recording recording = understand(folder, options.camera);
+  for (const std::string& warning : recording.warnings) spdlog::warn("{}: {}", folder.string(), warning);
+  for (const std::string& note : recording.notes) spdlog::info("{}: {}", folder.string(), note);
+  if (options.camera.empty() && options.find_colour_camera && !recording.colour_is_told) {
     RecordingSource all(recording, {});
     if (const auto rig = find_colour_camera(all)) recording.rig = *rig;
   }
   return std::make_unique<RecordingSource>(std::move(recording), options.range);
+}
+
+std::vector<Understood> understanding_of(const std::string& recording, const SourceOptions& options) {
+  if (is_zip(recording))
+    return unpacked(recording)->told_in_its_name(
+        [&](const std::string& inside) { return understanding_of(inside, options); });
+  if (!fs::is_directory(recording) || is_ros_recording(recording)) return {};
+  return understand(recording, options.camera).understood;
 }
 
 std::unique_ptr<Source> with_poses(std::unique_ptr<Source> source, Trajectory world_from_camera, double max_gap) {

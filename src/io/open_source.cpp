@@ -9,6 +9,7 @@
 #include "base/colour_view.hpp"
 #include "cairn/source.hpp"
 #include "io/azure_kinect.hpp"
+#include "io/camera_file.hpp"
 #include "io/openni.hpp"
 #include "io/recording.hpp"
 #include "io/ros_source.hpp"
@@ -117,15 +118,7 @@ std::unique_ptr<Source> with_colour_on_depth(std::unique_ptr<Source> source) {
 
 std::unique_ptr<Source> with_cameras(std::unique_ptr<Source> source, const std::filesystem::path& camera_file) {
   if (camera_file.empty()) return source;
-  Rig rig = read_rig(camera_file);
-  const auto require_same = [&](const Camera& told, const Camera& given, const char* which) {
-    if (told.width != given.width || told.height != given.height)
-      throw std::runtime_error(fmt::format("{}: its {} camera has {}x{} pixels, the images have {}x{}",
-                                           camera_file.string(), which, told.width, told.height, given.width,
-                                           given.height));
-  };
-  require_same(rig.depth, source->rig().depth, "depth");
-  require_same(rig.colour_view(), source->rig().colour_view(), "colour");
+  Rig rig = rig_named(camera_file, source->rig());
   if (rig.sensor == SensorModel{}) rig.sensor = source->rig().sensor;
   if (!rig.camera_from_imu) rig.camera_from_imu = source->rig().camera_from_imu;
   return std::make_unique<WithCameras>(std::move(source), rig);

@@ -187,7 +187,7 @@ class OpenNiSource final : public Source {
     if (options.camera.empty())
       rig_ = camera_of(depth_, name_);
     else
-      use(read_camera_file(options.camera), options.camera);
+      use(camera_named(options.camera), options.camera);
     if (auto* playback = device_.getPlaybackControl()) prepare_file(*playback);
     unplugged_.emplace(device_.getDeviceInfo().getUri());
     if (!options.copy_to.empty()) copy_to(options.copy_to);

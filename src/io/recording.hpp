@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/lines.hpp"
+#include "cairn/inspect.hpp"
 #include "cairn/rig.hpp"
 #include "cairn/source.hpp"
 #include "cairn/trajectory.hpp"
@@ -29,6 +30,13 @@ struct Recording {
   };
   std::string layout;  // see Source
   Rig rig;
+  /// Of the intrinsics nothing is known: what to do is told for this folder. Empty: they are.
+  std::filesystem::path camera_missing;
+  bool is_plain = false;     // a folder as people have them: see_images() is for it
+  bool size_is_told = true;  // false: the rig's size is not that of the images
+  bool unit_is_told = true;  // false: depth_scale is what the layout has where nothing else is told
+  std::vector<Understood> understood;
+  std::vector<std::string> warnings, notes;  // of what was found in the folder, a line each
   bool colour_is_told = true;     // false: the layout tells no colour camera, and colour does not lie on depth
   double depth_scale = 5000.0;    // depth image units per metre
   double most_confidence = 255;   // of those images
@@ -47,13 +55,16 @@ struct Recording {
 [[nodiscard]] std::optional<Recording> read_icl_nuim(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_stray_scanner(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_intrinsics_folder(const std::filesystem::path& folder);
+[[nodiscard]] std::optional<Recording> read_image_folder(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_replica(const std::filesystem::path& folder);
-[[nodiscard]] std::optional<Recording> read_open3d(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_rtabmap(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_nerfstudio(const std::filesystem::path& folder);
 
-/// The PNG and JPEG images that lie in a folder, by name; none where there is no such folder.
-[[nodiscard]] std::vector<std::filesystem::path> images_in(const std::filesystem::path& folder);
+/// Looks into some images of a plain folder for what nobody tells: the size, and the unit of depth. Scales a camera of
+/// another size. Throws where that has another shape, or where none can be read.
+void see_images(Recording& recording);
+/// How far the ratio of width and height may be beside another's of the same shape: sizes are rounded to whole pixels.
+inline constexpr double kMostStretch = 0.02;
 /// The size of an image in pixels; nothing where it cannot be read.
 [[nodiscard]] std::optional<Eigen::Vector2i> size_of_image(const std::filesystem::path& file);
 /// The same view in another number of pixels.
@@ -62,7 +73,8 @@ struct Recording {
 /// the first depth image that can be read. Throws where that has another shape.
 void set_rig_in_one_place(const Camera& colour, Recording& recording);
 
-/// The source with the cameras of a camera.yaml; as it is without one. Throws std::runtime_error for other sizes.
+/// The source with the cameras of a camera.yaml or of this name; as it is without one. Throws std::runtime_error for
+/// other sizes.
 [[nodiscard]] std::unique_ptr<Source> with_cameras(std::unique_ptr<Source> source,
                                                    const std::filesystem::path& camera_file);
 

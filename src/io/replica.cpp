@@ -10,6 +10,7 @@
 #include "base/lines.hpp"
 #include "base/words.hpp"
 #include "io/camera_file.hpp"
+#include "io/image_names.hpp"
 #include "io/json_fields.hpp"
 #include "io/pose_matrix.hpp"
 #include "io/recording.hpp"
@@ -75,8 +76,9 @@ std::optional<Recording> read_replica(const fs::path& folder) {
   read_json(camera, "`camera` with w, h, fx, fy, cx, cy and scale (depth units per metre)",
             [&](const nlohmann::json& json) { read_camera(json, recording); });
   std::map<int, fs::path> depth, colour;
-  for (const auto& image : images_in(images)) {
+  for (const auto& image : depth_images_in(images))
     if (const auto number = number_of_image(image, "depth")) depth.emplace(*number, image);
+  for (const auto& image : images_in(images)) {
     if (const auto number = number_of_image(image, "frame")) colour.emplace(*number, image);
   }
   if (depth.empty()) throw std::runtime_error(images.string() + ": holds no depth000000.png");

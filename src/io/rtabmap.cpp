@@ -13,7 +13,8 @@
 #include "base/lines.hpp"
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
-#include "io/camera_file.hpp"
+#include "io/image_names.hpp"
+#include "io/intrinsics.hpp"
 #include "io/pose_matrix.hpp"
 #include "io/recording.hpp"
 
@@ -34,24 +35,8 @@ std::vector<double> matrix(const YAML::Node& y, const char* name) {
 }
 
 Calibration calibration_of(const YAML::Node& y) {
-  if (!y.IsMap()) throw std::runtime_error("expected lines such as `image_width: 640`");
-  for (const char* key : {"image_width", "image_height", "camera_matrix"})
-    if (!y[key]) throw std::runtime_error(fmt::format("`{}` is missing", key));
-  const auto k = matrix(y, "camera_matrix");
-  if (k.size() != 9) throw std::runtime_error("`camera_matrix` takes 9 numbers");
   Calibration read;
-  read.colour = {y["image_width"].as<int>(), y["image_height"].as<int>(), k[0], k[4], k[2], k[5], {}};
-  if (y["distortion_coefficients"]) {
-    auto d = matrix(y, "distortion_coefficients");
-    const auto model = y["distortion_model"] ? y["distortion_model"].as<std::string>() : "";
-    const bool fisheye = model == "fisheye" || model == "equidistant";
-    if (fisheye && d.size() == 6) d = {d[0], d[1], d[4], d[5]};  // k1 k2 p1 p2 k3 k4 with p = 0
-    if (fisheye ? d.size() != 4 : d.size() != 4 && d.size() != 5 && d.size() != 8)
-      throw std::runtime_error(fmt::format("`distortion_coefficients` has {} numbers; known are 4, 5 and 8", d.size()));
-    std::copy(d.begin(), d.end(), read.colour.distortion.begin());
-    if (fisheye) read.colour.lens = Lens::fisheye;
-  }
-  check(read.colour);
+  read.colour = camera_of_ros(y);
   if (!y["local_transform"]) return read;
   const auto local = matrix(y, "local_transform");
   const auto pose = local.size() == 12 ? pose_of_rows(local) : std::nullopt;
@@ -114,14 +99,18 @@ std::optional<Recording> read_rtabmap(const fs::path& folder) {
   for (const std::string prefix : {"", "rtabmap_"}) {
     const fs::path images = folder / (prefix + "depth");
     const fs::path file = calibration_in(folder, prefix);
-    if (file.empty() || !fs::is_directory(images) || !fs::is_directory(folder / (prefix + "rgb"))) continue;
+    const auto all = depth_images_in(images);
+    const auto is_time = [](const fs::path& image) { return number_in(image.stem().string()).has_value(); };
+    if (file.empty() || (!all.empty() && std::none_of(all.begin(), all.end(), is_time)) || !fs::is_directory(images) ||
+        !fs::is_directory(folder / (prefix + "rgb")))
+      continue;
     const Calibration calibration = read_calibration(file);
     Recording recording;
     recording.layout = "RTAB-Map folder";
     recording.depth_scale = 1000;
     std::map<std::string, fs::path> colour;
     for (const auto& image : images_in(folder / (prefix + "rgb"))) colour.emplace(image.stem().string(), image);
-    for (const auto& depth : images_in(images)) {
+    for (const auto& depth : all) {
       const std::string stem = depth.stem().string();
       const auto time = number_in(stem);
       if (!time || !std::isfinite(*time))

@@ -1,16 +1,32 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // 7-Scenes (Shotton et al. 2013): frame-000000.{depth.png,color.png or jpg,pose.txt}, depth in millimetres.
+#include <fmt/format.h>
+
 #include <stdexcept>
 
 #include "base/lines.hpp"
+#include "base/words.hpp"
+#include "io/image_names.hpp"
+#include "io/intrinsics.hpp"
 #include "io/recording.hpp"
 
 namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
+const Camera kCamera{640, 480, 585.0, 585.0, 320.0, 240.0, {}};
 constexpr double kFrameRate = 30.0;  // Hz; the set has no timestamps
+
+/// Of frame-000012.depth.png.
+std::optional<int> number_of_image(const fs::path& image) {
+  const std::string stem = image.filename().string();
+  constexpr std::string_view kBefore = "frame-", kAfter = ".depth.png";
+  if (stem.size() != kBefore.size() + 6 + kAfter.size() || !stem.starts_with(kBefore) || !stem.ends_with(kAfter))
+    return std::nullopt;
+  const auto number = number_in<int>(std::string_view(stem).substr(kBefore.size(), 6));
+  return number && *number >= 0 ? number : std::nullopt;
+}
 
 Eigen::Isometry3d read_pose(const fs::path& file) {
   std::vector<double> v;
@@ -29,19 +45,24 @@ Eigen::Isometry3d read_pose(const fs::path& file) {
 }  // namespace
 
 std::optional<Recording> read_seven_scenes(const fs::path& folder) {
-  const auto name = [&](int i, const char* suffix) {
-    char text[64];
-    std::snprintf(text, sizeof(text), "frame-%06d.%s", i, suffix);
-    return folder / text;
-  };
-  if (!fs::exists(name(0, "depth.png"))) return std::nullopt;
+  const auto name = [&](int i, const char* suffix) { return folder / fmt::format("frame-{:06}.{}", i, suffix); };
+  std::vector<int> numbers;
+  for (const fs::path& image : depth_images_in(folder))
+    if (const auto number = number_of_image(image)) numbers.push_back(*number);
+  if (numbers.empty()) return std::nullopt;
+  if (const auto file = intrinsics_file(folder)) {
+    // With another camera beside them the images are somebody else's.
+    Camera told = read_intrinsics(*file).camera.rig.depth;
+    told.width = kCamera.width, told.height = kCamera.height;
+    if (told != kCamera) return std::nullopt;
+  }
   Recording recording;
   recording.layout = "7-Scenes folder";
-  recording.rig.depth = {640, 480, 585.0, 585.0, 320.0, 240.0, {}};
+  recording.rig.depth = kCamera;
   recording.colour_is_told = false;
   recording.depth_scale = 1000.0;
   recording.invalid_depth = 65535;
-  for (int i = 0; fs::exists(name(i, "depth.png")); ++i) {
+  for (const int i : numbers) {
     const double time = i / kFrameRate;
     fs::path colour = name(i, "color.png");
     if (!fs::exists(colour)) colour = name(i, "color.jpg");

@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
-#include <tuple>
+#include <utility>
 
 #include "base/lines.hpp"
-#include "io/camera_file.hpp"
+#include "cairn/known_cameras.hpp"
+#include "io/image_names.hpp"
+#include "io/intrinsics.hpp"
 #include "io/recording.hpp"
 
 namespace cairn {
@@ -18,7 +20,6 @@ namespace {
 namespace fs = std::filesystem;
 constexpr double kAccelerationWindow = 0.25;  // seconds around a frame, so that the hand's shaking averages out
 constexpr double kMaxTimeDifference = 0.02;   // seconds between a depth image and its colour image
-constexpr std::size_t kMostNear = 1000;       // colour images at a depth image's time, more than any camera takes
 
 struct Stamped {
   double timestamp;
@@ -36,56 +37,48 @@ std::vector<Stamped> read_list(const fs::path& file) {
   return list;
 }
 
-/// For each depth image its colour image, or -1: the closest pairs first, one to one.
-std::vector<int> associate(const std::vector<Stamped>& depth, const std::vector<Stamped>& colour) {
-  std::vector<int> order(colour.size());
-  for (std::size_t i = 0; i < order.size(); ++i) order[i] = static_cast<int>(i);
-  const auto time = [&](int i) { return colour[static_cast<std::size_t>(i)].timestamp; };
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return time(a) < time(b); });
-  std::vector<std::tuple<double, int, int>> pairs;  // difference, depth, colour
-  for (std::size_t d = 0; d < depth.size(); ++d) {
-    auto it = std::lower_bound(order.begin(), order.end(), depth[d].timestamp - kMaxTimeDifference,
-                               [&](int i, double t) { return time(i) < t; });
-    const std::size_t known = pairs.size();
-    for (; it != order.end() && time(*it) <= depth[d].timestamp + kMaxTimeDifference; ++it) {
-      if (pairs.size() - known == kMostNear)
-        throw std::runtime_error(fmt::format("rgb.txt: lists more than {} images within {} s of each other", kMostNear,
-                                             2 * kMaxTimeDifference));
-      pairs.emplace_back(std::abs(time(*it) - depth[d].timestamp), static_cast<int>(d), *it);
-    }
-  }
-  std::sort(pairs.begin(), pairs.end());
-  std::vector<int> match(depth.size(), -1);
-  std::vector<bool> taken(colour.size(), false);
-  for (const auto& [difference, d, c] : pairs) {
-    if (match[static_cast<std::size_t>(d)] >= 0 || taken[static_cast<std::size_t>(c)]) continue;
-    match[static_cast<std::size_t>(d)] = c;
-    taken[static_cast<std::size_t>(c)] = true;
-  }
-  return match;
-}
-
-void use(const CameraFile& file, Recording& recording) {
-  recording.rig = file.rig;
-  recording.depth_scale = *file.depth_scale;
-}
-
-/// Calibrations published with the benchmark.
-bool known_camera(const fs::path& folder, Camera& camera) {
+/// Calibrations published with the benchmark, by what the folder's name holds.
+const KnownCamera* known_by_name(const fs::path& folder) {
   const std::string name = fs::weakly_canonical(folder).filename().string();
-  const auto is = [&](const char* a, const char* b) { return name.find(a) != name.npos || name.find(b) != name.npos; };
-  if (is("freiburg1", "fr1"))
-    camera = {640, 480, 517.3, 516.5, 318.6, 255.3, {0.2624, -0.9531, -0.0054, 0.0026, 1.1633}};
-  else if (is("freiburg2", "fr2"))
-    camera = {640, 480, 520.9, 521.0, 325.1, 249.7, {0.2312, -0.7849, -0.0033, -0.0001, 0.9172}};
-  else if (is("freiburg3", "fr3"))
-    camera = {640, 480, 535.4, 539.2, 320.1, 247.6, {}};
-  else if (is("rgbd_bonn", "rgbd_bonn"))  // Palazzolo et al. 2019
-    camera = {
-        640, 480, 542.822841, 542.576870, 315.593520, 237.756098, {0.039903, -0.099343, -0.000730, -0.000144, 0.0}};
-  else
-    return false;
-  return true;
+  for (const auto& [part, camera] : {std::pair{"freiburg1", "freiburg1"},
+                                     {"fr1", "freiburg1"},
+                                     {"freiburg2", "freiburg2"},
+                                     {"fr2", "freiburg2"},
+                                     {"freiburg3", "freiburg3"},
+                                     {"fr3", "freiburg3"},
+                                     {"rgbd_bonn", "bonn"}})
+    if (name.find(part) != name.npos) return known_camera(camera);
+  return nullptr;
+}
+
+/// That of the first image that can be read.
+void take_size(const fs::path& file, const std::vector<Stamped>& depth, Camera& camera) {
+  std::optional<Eigen::Vector2i> size;
+  for (std::size_t i = 0; i < depth.size() && !size; ++i) size = size_of_image(depth[i].image);
+  if (!size)
+    throw std::runtime_error(file.string() + ": no image of depth.txt can be read, so the camera's size is not known");
+  camera.width = size->x();
+  camera.height = size->y();
+  try {
+    check(camera);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(file.string() + ": " + error.what());
+  }
+}
+
+/// For each depth image its colour image, or -1.
+std::vector<int> pair_by_time(const std::vector<Stamped>& depth, const std::vector<Stamped>& colour,
+                              const fs::path& file) {
+  const auto times_of = [](const std::vector<Stamped>& list) {
+    std::vector<double> times;
+    for (const Stamped& stamped : list) times.push_back(stamped.timestamp);
+    return times;
+  };
+  try {
+    return associate(times_of(depth), times_of(colour), kMaxTimeDifference);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(file.string() + ": " + error.what());
+  }
 }
 
 /// `fx fy cx cy` of ETH3D's SLAM benchmark (Schöps et al. 2019), whose images have no lens; their size is the first's
@@ -100,17 +93,7 @@ Camera read_calibration(const fs::path& file, const std::vector<Stamped>& depth)
     camera.fx = number(0), camera.fy = number(1), camera.cx = number(2), camera.cy = number(3);
   });
   if (lines == 0) throw std::runtime_error(file.string() + ": is empty; expected one line `fx fy cx cy`");
-  std::optional<Eigen::Vector2i> size;
-  for (std::size_t i = 0; i < depth.size() && !size; ++i) size = size_of_image(depth[i].image);
-  if (!size)
-    throw std::runtime_error(file.string() + ": no image of depth.txt can be read, so the camera's size is not known");
-  camera.width = size->x();
-  camera.height = size->y();
-  try {
-    check(camera);
-  } catch (const std::runtime_error& error) {
-    throw std::runtime_error(file.string() + ": " + error.what());
-  }
+  take_size(file, depth, camera);
   return camera;
 }
 
@@ -167,17 +150,31 @@ std::optional<Recording> read_tum(const fs::path& folder) {
   Recording recording;
   recording.layout = "TUM RGB-D folder";
   const auto depth = read_list(folder / "depth.txt");
-  if (fs::exists(folder / "camera.yaml"))
-    use(read_camera_file(folder / "camera.yaml"), recording);
-  else if (fs::exists(folder / "calibration.txt"))
+  recording.unit_is_told = false;  // unless camera.yaml does
+  if (fs::exists(folder / "calibration.txt") && !fs::exists(folder / "camera.yaml")) {
     recording.layout = "ETH3D folder", recording.rig = read_calibration(folder / "calibration.txt", depth);
-  else if (!known_camera(folder, recording.rig.depth))
-    throw std::runtime_error(
-        folder.string() +
-        ": the camera is not known; add camera.yaml with width, height, fx, fy, cx, cy, distortion "
-        "[k1, k2, p1, p2, k3] and depth_scale (units per metre), or calibration.txt with fx fy cx cy");
+  } else if (const auto file = intrinsics_file(folder)) {
+    const CameraFile camera = read_intrinsics(*file).camera;
+    recording.rig = camera.rig;
+    recording.unit_is_told = camera.depth_scale.has_value();
+    recording.depth_scale = camera.depth_scale.value_or(recording.depth_scale);
+    if (!camera.has_size && file->extension() != ".yaml") take_size(*file, depth, recording.rig.depth);
+    recording.understood.push_back({"camera of", file->string()});
+  } else if (const KnownCamera* known = known_by_name(folder)) {
+    recording.rig = known->camera;
+    recording.understood.push_back({"camera of", fmt::format("{}, by the folder's name", known->of)});
+  } else {
+    recording.camera_missing = folder;
+  }
   const auto colour = read_list(folder / "rgb.txt");
-  const auto match = associate(depth, colour);
+  const auto match = pair_by_time(depth, colour, folder / "rgb.txt");
+  const auto paired = std::count_if(match.begin(), match.end(), [](int c) { return c >= 0; });
+  recording.understood.push_back(
+      {"pairing",
+       fmt::format(
+           "by the times in rgb.txt and depth.txt, within {:.0f} ms; {} depth and {} colour images have no partner",
+           1000 * kMaxTimeDifference, static_cast<std::ptrdiff_t>(depth.size()) - paired,
+           static_cast<std::ptrdiff_t>(colour.size()) - paired)});
   std::vector<Acceleration> accelerations;
   if (fs::exists(folder / "accelerometer.txt")) accelerations = read_accelerometer(folder / "accelerometer.txt");
   if (fs::exists(folder / "gyroscope.txt")) recording.gyro = read_gyroscope(folder / "gyroscope.txt");

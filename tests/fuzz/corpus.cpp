@@ -100,6 +100,12 @@ void write_layouts(const fs::path& folder) {
   put(place(folder, "recording", "open3d"), R"(@intrinsic.json
 {"width": 16, "height": 16, "intrinsic_matrix": [16, 0, 0, 0, 16, 0, 8, 8, 1], "depth_scale": 1000}
 )");
+  for (const auto& [name, text] : {std::pair{"matrix", "@intrinsics.txt\n[[16 0 8]\n [0 16 8]\n [0 0 1]]\n"},
+                                   {"named", "@intrinsics.txt\nfx: 16\nfy = 16\ncx 8, cy 8\n"},
+                                   {"camera_info",
+                                    "@calib.yaml\n{width: 16, height: 16, K: [16, 0, 8, 0, 16, 8, 0, 0, 1], "
+                                    "D: [0.1, 0, 0, 0, 0], distortion_model: plumb_bob}\n"}})
+    put(place(folder, "recording", name), text);
   put(place(folder, "recording", "rtabmap"), R"(@calibration.yaml
 %YAML:1.0
 ---
@@ -137,6 +143,20 @@ void write_images(const fs::path& folder) {
     cv::imwrite(place(folder, target, "colour.png"), colour);
     cv::imwrite(place(folder, target, "colour.jpg"), colour);
     cv::imwrite(place(folder, target, "progressive.jpg"), colour, {cv::IMWRITE_JPEG_PROGRESSIVE, 1});
+  }
+  cv::imwrite(place(folder, "depth_image", "depth.png"), depth);
+  cv::imwrite(place(folder, "depth_image", "depth.tiff"), depth);
+  cv::imwrite(place(folder, "depth_image", "deflated.tiff"), depth, {cv::IMWRITE_TIFF_COMPRESSION, 8});
+  cv::imwrite(place(folder, "depth_image", "depth.pgm"), depth);
+  cv::Mat metres;
+  depth.convertTo(metres, CV_32F, 1e-3);
+  cv::imwrite(place(folder, "depth_image", "metres.tiff"), metres, {cv::IMWRITE_TIFF_COMPRESSION, 1});
+  for (const auto& [kind, image] : {std::pair{"u2", depth}, {"f4", metres}}) {
+    std::string header = std::string("{'descr': '<") + kind + "', 'fortran_order': False, 'shape': (16, 16), }";
+    header.resize(117, ' ');
+    put(place(folder, "depth_image", std::string(kind) + ".npy"),
+        std::string("\x93NUMPY\1\0\x76\0", 10) + header + '\n' +
+            std::string(reinterpret_cast<const char*>(image.data), image.total() * image.elemSize()));
   }
   put(place(folder, "keyframe", "corners"), '\1' + std::string(2 * 72, '\0'));
 }

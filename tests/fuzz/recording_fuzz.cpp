@@ -18,7 +18,8 @@ constexpr std::array kFiles{"depth.txt",       "rgb.txt",           "camera.yaml
                             "groundtruth.txt", "associations.txt",  "intrinsics.json", "frame-000000.pose.txt",
                             "calibration.txt", "transforms.json",   "intrinsic.json",  "calibration.yaml",
                             "poses.txt",       "traj.txt",          "cam_params.json", "rgb.mp4",
-                            "odometry.csv",    "camera_matrix.csv", "imu.csv"};
+                            "odometry.csv",    "camera_matrix.csv", "imu.csv",         "intrinsics.txt",
+                            "calib.yaml"};
 
 fs::path recording() {
   static const fs::path made = [] {

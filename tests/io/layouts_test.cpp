@@ -312,7 +312,7 @@ TEST(ColourOfAnotherSize, IsLeftOutWithAWarningWhereItsShapeIsAnother) {
   write_images(0, folder / "depth/0.png", folder / "rgb/0.png", 1000);
   cv::imwrite((folder / "rgb/0.png").string(), cv::Mat(64, 64, CV_8UC3, cv::Scalar(1, 2, 3)));
   write_text(folder / "intrinsics.json",
-             R"({"width": 64, "height": 48, "fx": 52.5, "fy": 52.25, "cx": 31.5, "cy": 23.75})");
+             R"({"width": 64, "height": 48, "fx": 52.5, "fy": 52.25, "cx": 31.5, "cy": 23.75, "depth_scale": 1000})");
   testing::internal::CaptureStdout();
   const auto source = open_source(folder.path().string());
   const auto frame = source->next();

@@ -84,13 +84,14 @@ TEST(TumRecording, TellsWhatIsWrongWithAFrameAndGoesOn) {
       {"truncated", [](const fs::path& f) { fs::resize_file(f, fs::file_size(f) - 20); }, "cut off"},
       {"empty file", [](const fs::path& f) { fs::resize_file(f, 0); }, "no image"},
       {"missing", [](const fs::path& f) { fs::remove(f); }, "cannot be read"},
-      {"8 bit", [](const fs::path& f) { write_depth(f, 50, CV_8U); }, "16-bit"},
+      {"8 bit", [](const fs::path& f) { write_depth(f, 50, CV_8U); }, "one channel of 8 bits; depth must be a 16-bit"},
+      {"colours", [](const fs::path& f) { write_colour(f); }, "3 channels of 8 bits; depth must be a 16-bit"},
       {"other size", [](const fs::path& f) { write_depth(f, 5000, CV_16U, 32, 24); }, "32x24"},
       {"all zero", [](const fs::path& f) { write_depth(f, 0); }, "no measurement"},
       // 65536 x 65536 pixels of 16 bits, told by a file of some hundred bytes.
       {"too large", [](const fs::path& f) { write_text(f, read_bytes(f).replace(16, 8, "\0\1\0\0\0\1\0\0"s)); },
        "no image that can be decoded"},
-      {"TIFF", [](const fs::path& f) { write_text(f, "II*\0\0\0\0\0"s); }, "neither PNG nor JPEG"},
+      {"TIFF", [](const fs::path& f) { write_text(f, "II*\0\0\0\0\0"s); }, "no TIFF that can be read"},
       // OpenCV would hand it to its DICOM decoder, which aborts on much.
       {"DICOM that begins like a PNG",
        [](const fs::path& f) { write_text(f, std::string("\x89PNG").append(124, '\0').append("DICM IEND")); },

@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "base/depth_image.hpp"
+
+#include <fmt/format.h>
+#include <tiffio.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cctype>
+#include <cstring>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/image_file.hpp"
+#include "base/words.hpp"
+
+namespace cairn {
+namespace {
+
+static_assert(std::endian::native == std::endian::little);  // NPY is read as it lies in the file
+
+constexpr std::uint32_t kMostPixels = 4096;          // a side, of a camera
+constexpr std::uint64_t kTiffBytes = 1500;           // what a byte can at most become: LZW's longest string
+constexpr std::uint64_t kRoom = 1 << 16;             // bytes that any file may have
+constexpr tmsize_t kMostAtOnce = tmsize_t{1} << 28;  // bytes that libtiff may allocate in one piece
+constexpr const char* kKnown = "known are 16 bits, and floats of 32 or 64";
+
+void check_size(std::uint64_t width, std::uint64_t height) {
+  if (width == 0 || height == 0 || width > kMostPixels || height > kMostPixels)
+    throw std::runtime_error(
+        fmt::format("tells {} x {} pixels, allowed are 1 to {} a side", width, height, kMostPixels));
+}
+
+/// Floats of 64 bits as such of 32.
+cv::Mat narrowed(cv::Mat image) {
+  if (image.depth() == CV_64F) image.convertTo(image, CV_32F);
+  return image;
+}
+
+// TIFF
+
+struct TiffBytes {
+  std::span<const std::uint8_t> all;
+  std::uint64_t at = 0;
+};
+TiffBytes& bytes_of(thandle_t handle) { return *static_cast<TiffBytes*>(handle); }
+tmsize_t read_tiff(thandle_t handle, void* to, tmsize_t count) {
+  TiffBytes& bytes = bytes_of(handle);
+  const std::uint64_t left = bytes.all.size() - std::min<std::uint64_t>(bytes.at, bytes.all.size());
+  const auto taken =
+      static_cast<std::size_t>(std::min<std::uint64_t>(left, count > 0 ? static_cast<std::uint64_t>(count) : 0));
+  if (taken > 0) std::memcpy(to, bytes.all.data() + bytes.at, taken);
+  bytes.at += taken;
+  return static_cast<tmsize_t>(taken);
+}
+tmsize_t write_tiff(thandle_t, void*, tmsize_t) { return 0; }
+toff_t seek_tiff(thandle_t handle, toff_t offset, int whence) {
+  TiffBytes& bytes = bytes_of(handle);
+  const std::uint64_t from = whence == SEEK_CUR ? bytes.at : whence == SEEK_END ? bytes.all.size() : 0;
+  return bytes.at = from + offset;
+}
+int close_tiff(thandle_t) { return 0; }
+toff_t size_of_tiff(thandle_t handle) { return bytes_of(handle).all.size(); }
+int say_nothing(TIFF*, void*, const char*, const char*, va_list) { return 1; }
+
+using Tiff = std::unique_ptr<TIFF, void (*)(TIFF*)>;
+
+Tiff open_tiff(TiffBytes& bytes) {
+  const std::unique_ptr<TIFFOpenOptions, void (*)(TIFFOpenOptions*)> options(TIFFOpenOptionsAlloc(),
+                                                                             TIFFOpenOptionsFree);
+  TIFFOpenOptionsSetMaxSingleMemAlloc(options.get(), kMostAtOnce);
+  TIFFOpenOptionsSetErrorHandlerExtR(options.get(), say_nothing, nullptr);
+  TIFFOpenOptionsSetWarningHandlerExtR(options.get(), say_nothing, nullptr);
+  return {TIFFClientOpenExt("depth", "rm", &bytes, read_tiff, write_tiff, seek_tiff, close_tiff, size_of_tiff, nullptr,
+                            nullptr, options.get()),
+          TIFFClose};
+}
+
+template <class T>
+T tag(TIFF* tiff, std::uint32_t name) {
+  T value{};
+  TIFFGetFieldDefaulted(tiff, name, &value);
+  return value;
+}
+
+/// The type of cv::Mat that a TIFF's numbers need.
+int type_of(TIFF* tiff) {
+  const auto bits = tag<std::uint16_t>(tiff, TIFFTAG_BITSPERSAMPLE),
+             samples = tag<std::uint16_t>(tiff, TIFFTAG_SAMPLESPERPIXEL),
+             format = tag<std::uint16_t>(tiff, TIFFTAG_SAMPLEFORMAT),
+             packed = tag<std::uint16_t>(tiff, TIFFTAG_COMPRESSION);
+  const bool is_float = format == SAMPLEFORMAT_IEEEFP;
+  const auto refused = [&](const std::string& why) { return std::runtime_error("is a TIFF " + why); };
+  if (samples != 1) throw refused(fmt::format("of {} channels; depth has one", samples));
+  if (!(is_float ? bits == 32 || bits == 64 : bits == 16))
+    throw refused(fmt::format("of {} with {} bits; {}", is_float ? "floats" : "whole numbers", bits, kKnown));
+  constexpr std::array kPackings{COMPRESSION_NONE, COMPRESSION_LZW, COMPRESSION_ADOBE_DEFLATE, COMPRESSION_DEFLATE,
+                                 COMPRESSION_PACKBITS};
+  if (std::find(kPackings.begin(), kPackings.end(), packed) == kPackings.end())
+    throw refused(fmt::format("packed by method {}; known are none, LZW, Deflate and PackBits", packed));
+  return is_float ? (bits == 32 ? CV_32FC1 : CV_64FC1) : CV_16UC1;
+}
+
+/// Whether all rows were there. Strips hold whole rows.
+bool read_strips(TIFF* tiff, cv::Mat& image) {
+  const auto height = static_cast<std::uint32_t>(image.rows);
+  const std::uint32_t rows = std::min(tag<std::uint32_t>(tiff, TIFFTAG_ROWSPERSTRIP), height);
+  if (rows == 0) return false;
+  for (std::uint32_t row = 0, strip = 0; row < height; row += rows, ++strip) {
+    const auto bytes = static_cast<tmsize_t>(std::min(rows, height - row) * image.step[0]);
+    if (TIFFReadEncodedStrip(tiff, strip, image.ptr(static_cast<int>(row)), bytes) != bytes) return false;
+  }
+  return true;
+}
+
+bool read_tiles(TIFF* tiff, cv::Mat& image) {
+  const auto width = tag<std::uint32_t>(tiff, TIFFTAG_TILEWIDTH), height = tag<std::uint32_t>(tiff, TIFFTAG_TILELENGTH);
+  if (width == 0 || height == 0 || width > kMostPixels || height > kMostPixels) return false;
+  cv::Mat tile(static_cast<int>(height), static_cast<int>(width), image.type());
+  const auto bytes = static_cast<tmsize_t>(tile.total() * tile.elemSize());
+  if (TIFFTileSize(tiff) != bytes) return false;
+  for (int y = 0; y < image.rows; y += tile.rows)
+    for (int x = 0; x < image.cols; x += tile.cols) {
+      if (TIFFReadTile(tiff, tile.data, static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), 0, 0) != bytes)
+        return false;
+      const cv::Rect inside(0, 0, std::min(tile.cols, image.cols - x), std::min(tile.rows, image.rows - y));
+      tile(inside).copyTo(image(inside + cv::Point(x, y)));
+    }
+  return true;
+}
+
+cv::Mat decode_tiff(std::span<const std::uint8_t> all) {
+  TiffBytes bytes{all};
+  const Tiff tiff = open_tiff(bytes);
+  if (!tiff) throw std::runtime_error("is no TIFF that can be read: damaged or cut off");
+  const auto width = tag<std::uint32_t>(tiff.get(), TIFFTAG_IMAGEWIDTH),
+             height = tag<std::uint32_t>(tiff.get(), TIFFTAG_IMAGELENGTH);
+  check_size(width, height);
+  const int type = type_of(tiff.get());
+  if (std::uint64_t{width} * height * static_cast<std::uint64_t>(CV_ELEM_SIZE(type)) > all.size() * kTiffBytes + kRoom)
+    throw std::runtime_error("the file is cut off");
+  cv::Mat image(static_cast<int>(height), static_cast<int>(width), type);
+  if (!(TIFFIsTiled(tiff.get()) != 0 ? read_tiles(tiff.get(), image) : read_strips(tiff.get(), image)))
+    throw std::runtime_error("the file is cut off or damaged");
+  return narrowed(image);
+}
+
+// NPY: numpy.lib.format
+
+/// What stands behind a key of the header's dictionary.
+std::string_view value_of(std::string_view header, std::string_view key) {
+  const std::size_t at = header.find(fmt::format("'{}'", key));
+  if (at == header.npos) return {};
+  header.remove_prefix(at + key.size() + 2);
+  header.remove_prefix(std::min(header.size(), header.find_first_not_of(": ")));
+  return header;
+}
+
+/// (480, 640), or with a 1 more.
+std::array<std::uint32_t, 2> shape_of(std::string_view header) {
+  std::string_view text = value_of(header, "shape");
+  text = text.substr(0, text.find(')'));
+  std::vector<std::uint32_t> shape;
+  for (std::size_t at = 0; (at = text.find_first_of("0123456789")) != text.npos;) {
+    text.remove_prefix(at);
+    const std::size_t end = std::min(text.size(), text.find_first_not_of("0123456789"));
+    const auto number = number_in<std::uint32_t>(text.substr(0, end));
+    if (!number || shape.size() > 3) throw std::runtime_error("is no NPY file that can be read: its shape is damaged");
+    if (*number != 1) shape.push_back(*number);
+    text.remove_prefix(end);
+  }
+  if (shape.size() != 2)
+    throw std::runtime_error(
+        fmt::format("is an NPY array of {} dimensions; depth has two: (height, width)", shape.size()));
+  return {shape[0], shape[1]};
+}
+
+cv::Mat decode_npy(std::span<const std::uint8_t> bytes) {
+  const auto damaged = [] { return std::runtime_error("is no NPY file that can be read: damaged or cut off"); };
+  if (bytes.size() < 12) throw damaged();
+  const bool is_old = bytes[6] == 1;  // a header of 64 KiB at most
+  std::size_t begin = is_old ? 10 : 12, length = bytes[8] | std::size_t{bytes[9]} << 8;
+  if (!is_old) length |= std::size_t{bytes[10]} << 16 | std::size_t{bytes[11]} << 24;
+  if (length > bytes.size() - begin) throw damaged();
+  const std::string_view header(reinterpret_cast<const char*>(bytes.data()) + begin, length);
+  std::string_view kind = value_of(header, "descr");
+  kind = kind.starts_with('\'') ? kind.substr(1, kind.substr(1).find('\'')) : "a structure";
+  constexpr std::pair<std::string_view, int> kTypes[] = {{"<u2", CV_16UC1}, {"<f4", CV_32FC1}, {"<f8", CV_64FC1}};
+  const auto* const type =
+      std::find_if(std::begin(kTypes), std::end(kTypes), [&](const auto& t) { return t.first == kind; });
+  if (type == std::end(kTypes))
+    throw std::runtime_error(
+        fmt::format("is an NPY array of '{}'; known are uint16, float32 and float64, little endian: "
+                    "save depth.astype('<u2') or '<f4'",
+                    shown(kind)));
+  if (!value_of(header, "fortran_order").starts_with("False"))
+    throw std::runtime_error("is an NPY array column by column; save np.ascontiguousarray(depth)");
+  const auto [height, width] = shape_of(header);
+  check_size(width, height);
+  const std::uint64_t size = std::uint64_t{width} * height * static_cast<std::uint64_t>(CV_ELEM_SIZE(type->second));
+  if (size > bytes.size() - begin - length) throw std::runtime_error("the file is cut off");
+  cv::Mat image(static_cast<int>(height), static_cast<int>(width), type->second);
+  std::memcpy(image.data, bytes.data() + begin + length, size);
+  return narrowed(image);
+}
+
+// PGM, binary: https://netpbm.sourceforge.net/doc/pgm.html
+
+cv::Mat decode_pgm(std::span<const std::uint8_t> bytes) {
+  std::size_t at = 2;
+  const auto number = [&]() -> std::uint32_t {
+    while (at < bytes.size() && (std::isspace(bytes[at]) != 0 || bytes[at] == '#'))
+      if (bytes[at++] == '#')
+        while (at < bytes.size() && bytes[at] != '\n') ++at;
+    const auto* text = reinterpret_cast<const char*>(bytes.data());
+    const std::size_t begin = at;
+    while (at < bytes.size() && std::isdigit(bytes[at]) != 0) ++at;
+    return number_in<std::uint32_t>({text + begin, at - begin}).value_or(0);
+  };
+  const std::uint32_t width = number(), height = number(), most = number();
+  check_size(width, height);
+  if (most < 256 || most > 65535)
+    throw std::runtime_error(fmt::format("is a PGM of values up to {}; depth needs 16 bits", most));
+  if (++at > bytes.size() || std::uint64_t{2} * width * height > bytes.size() - at)
+    throw std::runtime_error("the file is cut off");
+  cv::Mat image(static_cast<int>(height), static_cast<int>(width), CV_16UC1);
+  for (std::size_t i = 0; i < image.total(); ++i, at += 2)
+    image.ptr<std::uint16_t>()[i] = static_cast<std::uint16_t>(bytes[at] << 8 | bytes[at + 1]);
+  return image;
+}
+
+}  // namespace
+
+cv::Mat decode_depth(std::span<const std::uint8_t> bytes) {
+  using namespace std::string_view_literals;
+  const std::string_view all(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  if (all.empty()) throw std::runtime_error("is empty, no image; copy it again");
+  if (all.starts_with("II*\0"sv) || all.starts_with("MM\0*"sv) || all.starts_with("II+\0"sv) ||
+      all.starts_with("MM\0+"sv))
+    return decode_tiff(bytes);
+  if (all.starts_with("\x93NUMPY")) return decode_npy(bytes);
+  if (all.starts_with("P5")) return decode_pgm(bytes);
+  return decode_image(bytes, Pixels::as_stored);
+}
+
+}  // namespace cairn

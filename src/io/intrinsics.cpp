@@ -1,0 +1,326 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "io/intrinsics.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <stdexcept>
+#include <vector>
+
+#include "base/read_whole.hpp"
+#include "base/words.hpp"
+#include "cairn/known_cameras.hpp"
+#include "io/image_names.hpp"
+#include "io/json_fields.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+constexpr double kMostSkew = 1e-3;          // of fx
+constexpr std::size_t kMostText = 1 << 16;  // bytes of a file of a few numbers
+constexpr const char* kJson = "width, height, fx, fy, cx, cy and depth_scale (units per metre)";
+constexpr const char* kText = "a 3x3 or 4x4 matrix, `fx fy cx cy`, or lines such as `fx: 525`";
+
+/// In lower case; the first that is there is taken.
+constexpr std::array kFiles{"camera.yaml",
+                            "camera.yml",
+                            "intrinsics.json",
+                            "intrinsic.json",
+                            "camera_intrinsic.json",
+                            "camera_intrinsics.json",
+                            "camera-intrinsics.json",
+                            "camera_primesense.json",
+                            "camera.json",
+                            "camera_info.yaml",
+                            "camera_info.yml",
+                            "intrinsics.yaml",
+                            "intrinsics.yml",
+                            "calibration.yaml",
+                            "calib.yaml",
+                            "ost.yaml",
+                            "intrinsics.txt",
+                            "intrinsic.txt",
+                            "camera-intrinsics.txt",
+                            "camera_intrinsics.txt",
+                            "camera_intrinsic.txt",
+                            "camera.txt",
+                            "k.txt",
+                            "cam_k.txt",
+                            "calibration.txt",
+                            "calib.txt",
+                            "depth_intrinsics.txt",
+                            "intrinsics_depth.txt",
+                            "intrinsic_depth.txt"};
+
+/// Names of one thing in the files of others.
+constexpr std::array<std::pair<std::string_view, std::string_view>, 14> kNames{{{"w", "width"},
+                                                                                {"image_width", "width"},
+                                                                                {"h", "height"},
+                                                                                {"image_height", "height"},
+                                                                                {"fl_x", "fx"},
+                                                                                {"f_x", "fx"},
+                                                                                {"focal_x", "fx"},
+                                                                                {"fl_y", "fy"},
+                                                                                {"f_y", "fy"},
+                                                                                {"focal_y", "fy"},
+                                                                                {"c_x", "cx"},
+                                                                                {"ppx", "cx"},
+                                                                                {"c_y", "cy"},
+                                                                                {"ppy", "cy"}}};
+std::string_view usual_name(std::string_view name) {
+  const auto* const it = std::find_if(kNames.begin(), kNames.end(), [&](const auto& n) { return n.first == name; });
+  return it == kNames.end() ? name : it->second;
+}
+
+/// fx, fy, cx and cy of 3x3 or 4x4 numbers, row by row or, as Open3D writes them, column by column.
+void take_matrix(const std::vector<double>& m, const char* name, Camera& camera) {
+  if (m.size() != 9 && m.size() != 16) throw std::runtime_error(fmt::format("`{}` takes 9 numbers", name));
+  const std::size_t n = m.size() == 9 ? 3 : 4;
+  const auto at = [&](std::size_t r, std::size_t c) { return m[n * r + c]; };
+  const bool by_column = at(0, 2) == 0 && at(1, 2) == 0 && (at(2, 0) != 0 || at(2, 1) != 0);
+  const auto k = [&](std::size_t r, std::size_t c) { return by_column ? at(c, r) : at(r, c); };
+  if (!(k(2, 2) == 1 && k(2, 0) == 0 && k(2, 1) == 0 && k(1, 0) == 0 &&
+        std::abs(k(0, 1)) <= kMostSkew * std::abs(k(0, 0))))
+    throw std::runtime_error(fmt::format("`{}` is not [fx, 0, cx, 0, fy, cy, 0, 0, 1]", name));
+  camera.fx = k(0, 0), camera.fy = k(1, 1), camera.cx = k(0, 2), camera.cy = k(1, 2);
+}
+
+void take_distortion(const std::vector<double>& terms, const char* name, Camera& camera) {
+  if (terms.size() != 5 && terms.size() != 8)
+    throw std::runtime_error(fmt::format("`{}` takes [k1, k2, p1, p2, k3], or these and [k4, k5, k6]", name));
+  std::copy(terms.begin(), terms.end(), camera.distortion.begin());
+}
+
+/// Numbers of a list, or of a list of lists; nothing where others stand in it.
+std::optional<std::vector<double>> numbers_of(const Json& list) {
+  std::vector<double> numbers;
+  if (!list.is_array()) return std::nullopt;
+  for (const Json& item : list) {
+    if (item.is_number()) {
+      numbers.push_back(item.get<double>());
+    } else if (const auto inner = item.is_array() ? numbers_of(item) : std::nullopt) {
+      numbers.insert(numbers.end(), inner->begin(), inner->end());
+    } else {
+      return std::nullopt;
+    }
+  }
+  return numbers;
+}
+
+const char* matrix_in(const Json& json) {
+  for (const char* name : {"intrinsic_matrix", "camera_matrix", "K", "k", "intrinsic", "intrinsics", "matrix"})
+    if (const auto it = json.find(name); it != json.end() && it->is_array()) return name;
+  return nullptr;
+}
+
+Json with_usual_names(const Json& json) {
+  Json usual = Json::object();
+  for (const auto& [name, value] : json.items()) usual[std::string(usual_name(name))] = value;
+  return usual;
+}
+
+void take_lens(const Json& json, Camera& camera) {
+  for (const char* name : {"distortion", "coeffs"}) {
+    const auto it = json.find(name);
+    if (it == json.end()) continue;
+    take_distortion(numbers_of(*it).value_or(std::vector<double>{}), name, camera);
+    const std::string model =
+        json.contains("model") && json["model"].is_string() ? lower(json["model"].get<std::string>()) : "";
+    if (camera.distorted() && name != std::string_view("distortion") &&
+        (model.find("brown") == model.npos || model.find("inverse") != model.npos))
+      throw std::runtime_error(fmt::format("`model` '{}' of the lens is not known; write camera.yaml", shown(model)));
+  }
+}
+
+void take(const Json& given, Intrinsics& found) {
+  const Json* from = &given;
+  for (const char* name : {"intrinsic", "intrinsics", "camera", "depth"})  // what holds them in the files of others
+    if (const auto it = given.find(name);
+        from == &given && !given.contains("fx") && it != given.end() && it->is_object())
+      from = &*it;
+  const Json json = with_usual_names(*from);
+  CameraFile& file = found.camera;
+  Camera& c = file.rig.depth;
+  file.has_size = json.contains("width") || json.contains("height");
+  if (file.has_size) c.width = pixels_at(json, "width"), c.height = pixels_at(json, "height");
+  if (const char* matrix = matrix_in(json)) {
+    const auto numbers = numbers_of(json[matrix]);
+    take_matrix(numbers.value_or(std::vector<double>{}), matrix, c);
+    found.is_open3d = matrix == std::string_view("intrinsic_matrix");
+  } else {
+    c.fx = number_at(json, "fx"), c.fy = number_at(json, "fy"), c.cx = number_at(json, "cx"),
+    c.cy = number_at(json, "cy");
+  }
+  take_lens(json, c);
+  if (file.has_size) check(c);
+  if (json.contains("depth_scale")) {
+    file.depth_scale = number_at(json, "depth_scale");
+    check_depth_scale(*file.depth_scale);
+  }
+  if (json.contains("frame_rate")) file.frame_rate = number_at(json, "frame_rate");
+  if (file.frame_rate) check_frame_rate(*file.frame_rate);
+}
+
+/// Words and numbers of a text, whatever brackets and commas stand between them.
+std::vector<std::string> words_of(const fs::path& file) {
+  const auto bytes = read_whole(file);
+  if (bytes.size() > kMostText) throw std::runtime_error(fmt::format("is too long; expected {}", kText));
+  std::vector<std::string> words;
+  std::string word;
+  bool comment = false;
+  const auto end_word = [&] {
+    if (!word.empty()) words.push_back(std::move(word));
+    word.clear();
+  };
+  for (const std::uint8_t byte : bytes) {
+    const char c = static_cast<char>(byte);
+    comment = c != '\n' && (comment || c == '#');
+    if (comment || c <= ' ' || std::string_view("[](){},;:=\"'").find(c) != std::string_view::npos)
+      end_word();
+    else
+      word += c;
+  }
+  end_word();
+  return words;
+}
+
+void take_words(const std::vector<std::string>& words, Intrinsics& found) {
+  CameraFile& file = found.camera;
+  Camera& c = file.rig.depth;
+  file.has_size = false;
+  std::vector<double> numbers;
+  std::map<std::string, double, std::less<>> named;
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    if (const auto number = number_in(words[i])) {
+      numbers.push_back(*number);
+    } else if (i + 1 < words.size() && (i == 0 || usual_name(lower(words[i - 1])) != "cx")) {  // no headline of names
+      if (const auto value = number_in(words[i + 1])) named[std::string(usual_name(lower(words[i])))] = *value, ++i;
+    }
+  }
+  const auto is_named = [&](const char* name) { return named.find(name) != named.end(); };
+  const auto size = [](double pixels) { return pixels >= 0 && pixels <= 1e6 ? static_cast<int>(pixels) : -1; };
+  if (is_named("fx") && is_named("fy") && is_named("cx") && is_named("cy")) {
+    c.fx = named["fx"], c.fy = named["fy"], c.cx = named["cx"], c.cy = named["cy"];
+    file.has_size = is_named("width") && is_named("height");
+    if (file.has_size) c.width = size(named["width"]), c.height = size(named["height"]);
+    if (is_named("depth_scale")) file.depth_scale = named["depth_scale"];
+    std::vector<double> terms;
+    for (const char* name : {"k1", "k2", "p1", "p2", "k3"}) terms.push_back(is_named(name) ? named[name] : 0);
+    take_distortion(terms, "distortion", c);
+  } else if (numbers.size() == 9 || numbers.size() == 16) {
+    take_matrix(numbers, "the matrix", c);
+  } else if (numbers.size() == 4) {
+    c.fx = numbers[0], c.fy = numbers[1], c.cx = numbers[2], c.cy = numbers[3];
+  } else {
+    throw std::runtime_error(fmt::format("has {} numbers; expected {}", numbers.size(), kText));
+  }
+  if (file.depth_scale) check_depth_scale(*file.depth_scale);
+  if (file.has_size) check(c);
+}
+
+CameraFile read_yaml(const fs::path& path) {
+  try {
+    const auto bytes = read_whole(path);
+    std::string text(bytes.begin(), bytes.end());
+    if (text.starts_with("%YAML")) text.erase(0, text.find('\n'));  // OpenCV writes it as `%YAML:1.0`
+    const YAML::Node y = YAML::Load(text);
+    if (y.IsMap() && (y["camera_matrix"] || y["K"] || y["k"])) return {.rig = camera_of_ros(y)};
+  } catch (const YAML::Exception& error) {
+    throw std::runtime_error(path.string() + ":" + std::to_string(error.mark.line + 1) + ": " + shown(error.msg));
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(path.string() + ": " + error.what());
+  }
+  return read_camera_file(path);
+}
+
+std::vector<double> list_of(const YAML::Node& y, const char* name) {
+  const YAML::Node data = y[name].IsMap() ? y[name]["data"] : y[name].IsSequence() ? y[name] : YAML::Node();
+  if (!data) throw std::runtime_error(fmt::format("`{}` is missing, or has no `data`", name));
+  return data.as<std::vector<double>>();
+}
+
+/// The first of some names that is there.
+const char* one_of(const YAML::Node& y, std::initializer_list<const char*> names) {
+  for (const char* name : names)
+    if (y[name]) return name;
+  return nullptr;
+}
+
+}  // namespace
+
+Camera camera_of_ros(const YAML::Node& y) {
+  if (!y.IsMap()) throw std::runtime_error("expected lines such as `image_width: 640`");
+  const char *width = one_of(y, {"image_width", "width"}), *height = one_of(y, {"image_height", "height"}),
+             *matrix = one_of(y, {"camera_matrix", "K", "k"}),
+             *terms = one_of(y, {"distortion_coefficients", "D", "d"});
+  for (const auto& [name, usual] :
+       {std::pair{width, "image_width"}, {height, "image_height"}, {matrix, "camera_matrix"}})
+    if (name == nullptr) throw std::runtime_error(fmt::format("`{}` is missing", usual));
+  const auto k = list_of(y, matrix);
+  if (k.size() != 9) throw std::runtime_error(fmt::format("`{}` takes 9 numbers", matrix));
+  Camera camera{y[width].as<int>(), y[height].as<int>(), k[0], k[4], k[2], k[5], {}};
+  if (terms != nullptr) {
+    auto d = list_of(y, terms);
+    const auto model = y["distortion_model"] ? y["distortion_model"].as<std::string>() : "";
+    const bool fisheye = model == "fisheye" || model == "equidistant";
+    if (fisheye && d.size() == 6) d = {d[0], d[1], d[4], d[5]};  // k1 k2 p1 p2 k3 k4 with p = 0
+    if (fisheye ? d.size() != 4 : !d.empty() && d.size() != 4 && d.size() != 5 && d.size() != 8)
+      throw std::runtime_error(fmt::format("`{}` has {} numbers; known are 4, 5 and 8", terms, d.size()));
+    std::copy(d.begin(), d.end(), camera.distortion.begin());
+    if (fisheye) camera.lens = Lens::fisheye;
+  }
+  check(camera);
+  return camera;
+}
+
+std::optional<fs::path> intrinsics_file(const fs::path& folder) {
+  std::map<std::string, fs::path> present;
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(folder, ignored))
+    if (!entry.is_directory(ignored)) present.emplace(lower(entry.path().filename().string()), entry.path());
+  for (const char* name : kFiles)
+    if (const auto it = present.find(name); it != present.end()) return it->second;
+  // As ScanNet's images are unpacked, and 3DMatch's, where sequences share a camera.
+  for (const auto& file : {folder / "intrinsic" / "intrinsic_depth.txt",
+                           fs::absolute(folder).lexically_normal() / "../camera-intrinsics.txt"})
+    if (fs::exists(file, ignored)) return file;
+  return std::nullopt;
+}
+
+Intrinsics read_intrinsics(const fs::path& file) {
+  const std::string extension = lower(file.extension().string());
+  Intrinsics found;
+  if (extension == ".json") {
+    read_json(file, kJson, [&](const Json& json) { take(json, found); });
+  } else if (extension == ".txt") {
+    try {
+      take_words(words_of(file), found);
+    } catch (const std::runtime_error& error) {
+      throw std::runtime_error(file.string() + ": " + error.what());
+    }
+  } else {
+    found.camera = read_yaml(file);
+  }
+  return found;
+}
+
+std::string how_to_tell_the_camera(const fs::path& folder, const Camera& like) {
+  std::vector<std::string_view> names;
+  for (const KnownCamera& camera : known_cameras()) names.push_back(camera.name);
+  return fmt::format(
+      "write its intrinsics into {}, such as {{width: {}, height: {}, fx: {}, fy: {}, cx: {}, cy: {}, depth_scale: "
+      "1000}}, "
+      "or give --camera FILE or NAME ({})",
+      (folder / "camera.yaml").string(), like.width, like.height, like.fx, like.fy, like.cx, like.cy,
+      fmt::join(names, ", "));
+}
+
+}  // namespace cairn

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Bytes of depth images as NumPy and other programs write them.
+#pragma once
+#include <fmt/format.h>
+
+#include <cstdint>
+#include <cstring>
+#include <opencv2/core.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace cairn {
+
+/// An .npy file, of the pixels' own shape where none is told.
+inline std::string npy(const std::string& kind, const cv::Mat& pixels, std::string shape = "", int version = 1,
+                       bool fortran = false) {
+  if (shape.empty()) shape = fmt::format("({}, {})", pixels.rows, pixels.cols);
+  std::string header =
+      fmt::format("{{'descr': '{}', 'fortran_order': {}, 'shape': {}, }}", kind, fortran ? "True" : "False", shape);
+  const std::size_t before = version == 1 ? 10 : 12;
+  header.resize((before + header.size() + 64) / 64 * 64 - before - 1, ' ');
+  header += '\n';
+  std::string bytes = "\x93NUMPY";
+  bytes += static_cast<char>(version);
+  bytes += '\0';
+  for (std::size_t i = 0; i < before - 8; ++i) bytes += static_cast<char>(header.size() >> 8 * i);
+  return bytes + header + std::string(reinterpret_cast<const char*>(pixels.data), pixels.total() * pixels.elemSize());
+}
+
+struct TiffKind {
+  bool big_endian = false;
+  int tile = 0;                                // pixels a side; 0: one strip
+  int width = 0, height = 0, compression = 1;  // told instead of what is true
+};
+/// A TIFF without packing of 16-bit numbers or floats.
+inline std::string tiff(const cv::Mat& pixels, const TiffKind& kind = {}) {
+  const auto number = [&](std::uint32_t value, int size) {
+    std::string text;
+    for (int i = 0; i < size; ++i) text += static_cast<char>(value >> 8 * (kind.big_endian ? size - 1 - i : i));
+    return text;
+  };
+  std::string bytes = kind.big_endian ? "MM" : "II";
+  bytes += number(42, 2) + number(8, 4);
+  const int side = kind.tile, real_side = std::min(side, 64);
+  const int across = side > 0 ? (pixels.cols + real_side - 1) / real_side : 1,
+            down = side > 0 ? (pixels.rows + real_side - 1) / real_side : 1;
+  const int w = side > 0 ? real_side : pixels.cols, h = side > 0 ? real_side : pixels.rows;
+  const auto size = static_cast<int>(pixels.elemSize());
+  const std::uint32_t bytes_each = static_cast<std::uint32_t>(w * h * size);
+  std::vector<std::pair<std::uint32_t, std::vector<std::uint32_t>>> tags{
+      {256, {static_cast<std::uint32_t>(kind.width > 0 ? kind.width : pixels.cols)}},
+      {257, {static_cast<std::uint32_t>(kind.height > 0 ? kind.height : pixels.rows)}},
+      {258, {static_cast<std::uint32_t>(8 * size)}},
+      {259, {static_cast<std::uint32_t>(kind.compression)}},
+      {262, {1}}};
+  const std::uint32_t count = static_cast<std::uint32_t>(across * down);
+  const std::uint32_t lists = 8 + 2 + 12 * (side > 0 ? 11 : 10) + 4, data = lists + 8 * count;
+  std::vector<std::uint32_t> offsets, sizes(count, bytes_each);
+  for (std::uint32_t i = 0; i < count; ++i) offsets.push_back(data + i * bytes_each);
+  if (side == 0) tags.push_back({273, offsets});
+  tags.push_back({277, {1}});
+  if (side == 0) tags.push_back({278, {static_cast<std::uint32_t>(h)}});
+  if (side == 0) tags.push_back({279, sizes});
+  if (side > 0) {
+    tags.push_back({322, {static_cast<std::uint32_t>(side)}});
+    tags.push_back({323, {static_cast<std::uint32_t>(side)}});
+    tags.push_back({324, offsets});
+    tags.push_back({325, sizes});
+  }
+  tags.push_back({339, {pixels.depth() == CV_32F ? 3u : 1u}});
+  bytes += number(static_cast<std::uint32_t>(tags.size()), 2);
+  std::string after;
+  for (const auto& [tag, values] : tags) {
+    bytes += number(tag, 2) + number(4, 2) + number(static_cast<std::uint32_t>(values.size()), 4);
+    if (values.size() == 1) {
+      bytes += number(values[0], 4);
+    } else {
+      bytes += number(lists + static_cast<std::uint32_t>(after.size()), 4);
+      for (const std::uint32_t value : values) after += number(value, 4);
+    }
+  }
+  bytes += number(0, 4);
+  bytes.resize(lists, '\0');
+  bytes += after;
+  bytes.resize(data, '\0');
+  for (int ty = 0; ty < down; ++ty)
+    for (int tx = 0; tx < across; ++tx)
+      for (int y = 0; y < h; ++y)
+        for (int x = 0; x < w; ++x) {
+          const int column = tx * w + x, row = ty * h + y;
+          std::uint32_t value = 0;
+          if (column < pixels.cols && row < pixels.rows)
+            std::memcpy(&value, pixels.ptr(row) + column * size, static_cast<std::size_t>(size));
+          bytes += number(value, size);
+        }
+  return bytes;
+}
+
+}  // namespace cairn
