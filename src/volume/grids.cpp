@@ -83,8 +83,9 @@ void for_each_tile(const Tree& tree, const Visit& visit) {
 }
 
 constexpr std::uint32_t kCompression = openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK;
-constexpr std::size_t kLeavesAtOnce = 256;  // that one thread packs
-constexpr std::size_t kPacksAtOnce = 8;     // that wait for their turn
+constexpr std::size_t kLeavesAtOnce = 256;      // that one thread packs
+constexpr std::size_t kLeavesInMemory = 16384;  // of a file that is read part by part: 64 MiB of two grids
+constexpr std::size_t kPacksAtOnce = 8;         // that wait for their turn
 
 /// Packs leaves as files have them, on all cores: `pack(begin, end)` those of one thread, `take(packed)` in their
 /// order.
@@ -274,6 +275,10 @@ Upright upright_of(const openvdb::FloatGrid& tsdf) {
                         std::all_of(told.begin(), told.end(), [](unsigned char c) { return c >= ' ' && c < 127; });
   upright.words = is_plain ? told : shown(told);
   return upright;
+}
+
+std::runtime_error no_map(const std::filesystem::path& file, const std::string& why) {
+  return std::runtime_error(file.string() + ": " + why + "; expected a map.vdb written by cairn");
 }
 
 constexpr const char *kNoBricks = "holds no bricks", *kEndsEarly = "ends early";
@@ -598,11 +603,92 @@ BrickTree BrickFile::read(const std::optional<BrickBox>& box) const {
   return bricks;
 }
 
+struct MapFile::State {
+  std::filesystem::path file;
+  GridInfo info;
+  openvdb::FloatGrid::Ptr tsdf, weight;
+};
+
+MapFile::MapFile(const std::filesystem::path& file) : state_(std::make_unique<State>()) {
+  initialize_once();
+  State& s = *state_;
+  s.file = file;
+  try {
+    openvdb::io::File in(file.string());
+    in.setCopyMaxBytes(0);  // files are replaced whole, never changed
+    in.open();              // voxels are read when they are asked for
+    s.tsdf = openvdb::gridPtrCast<openvdb::FloatGrid>(in.readGrid("tsdf"));
+    s.weight = openvdb::gridPtrCast<openvdb::FloatGrid>(in.readGrid("weight"));
+  } catch (const std::exception& error) {  // OpenVDB's, or no memory for a size that a broken file tells
+    throw no_map(file, shown(error.what()));
+  }
+  if (!s.tsdf || !s.weight) throw no_map(file, "a grid has another type");
+  s.info = {.voxel_size = static_cast<float>(s.tsdf->voxelSize().x()), .truncation = s.tsdf->background()};
+  try {
+    s.info.upright = upright_of(*s.tsdf);
+  } catch (const std::runtime_error& error) {
+    throw no_map(file, error.what());
+  }
+  constexpr int kFar = 1 << 24;  // bricks; nothing overflows
+  if (const BrickBox box = bounds(); !box.isEmpty() && (box.min().minCoeff() < -kFar || box.max().maxCoeff() > kFar))
+    throw no_map(file, "a brick lies nowhere");
+}
+MapFile::~MapFile() = default;
+
+const GridInfo& MapFile::info() const { return state_->info; }
+
+BrickBox MapFile::bounds() const {
+  BrickBox box;
+  for (auto leaf = state_->tsdf->tree().cbeginLeaf(); leaf; ++leaf) box.extend(brick_at(leaf->origin()));
+  for_each_tile(state_->tsdf->tree(), [&](const openvdb::Coord& origin) { box.extend(brick_at(origin)); });
+  return box;
+}
+
+std::vector<Eigen::Vector3i> MapFile::free_bricks() const {
+  std::vector<Eigen::Vector3i> all;
+  for_each_tile(state_->tsdf->tree(), [&](const openvdb::Coord& origin) { all.push_back(brick_at(origin)); });
+  return all;
+}
+
+void MapFile::visit(const Visit& visit) const {
+  using Leaf = openvdb::FloatTree::LeafNodeType;
+  std::vector<Leaf*> leaves;
+  state_->tsdf->tree().getNodes(leaves);
+  std::vector<Leaf*> weights;
+  for (const Leaf* leaf : leaves) weights.push_back(state_->weight->tree().probeLeaf(leaf->origin()));
+  if (std::find(weights.begin(), weights.end(), nullptr) != weights.end())
+    throw no_map(state_->file, "its grids do not cover the same bricks");
+  for (std::size_t begin = 0; begin < leaves.size(); begin += kLeavesInMemory) {
+    const std::size_t end = std::min(begin + kLeavesInMemory, leaves.size());
+    try {
+      tbb::parallel_for(begin, end, [&](std::size_t i) {  // unpacks them
+        (void)std::as_const(*leaves[i]).buffer().data();
+        (void)std::as_const(*weights[i]).buffer().data();
+      });
+    } catch (const std::exception& error) {
+      throw no_map(state_->file, shown(error.what()));
+    }
+    for (std::size_t i = begin; i < end; ++i) {
+      const float *distance = std::as_const(*leaves[i]).buffer().data(),
+                  *weight = std::as_const(*weights[i]).buffer().data();
+      Voxels voxels;
+      for (openvdb::Index n = 0; n < 512; ++n) {
+        const bool is_seen = leaves[i]->isValueOn(n) && std::isfinite(distance[n]) && weight[n] > 0;
+        voxels.distances[n] = is_seen ? distance[n] : 0;
+        voxels.weights[n] = is_seen ? weight[n] : 0;
+      }
+      visit(brick_at(leaves[i]->origin()), voxels);
+      for (Leaf* leaf : {leaves[i], weights[i]}) {  // its memory goes
+        Leaf::Buffer none(openvdb::PartialCreate(), 0.0f);
+        leaf->swap(none);
+      }
+    }
+  }
+}
+
 ReadGrids read_grids(const std::filesystem::path& file) {
   initialize_once();
-  const auto wrong = [&](const std::string& why) {
-    return std::runtime_error(file.string() + ": " + why + "; expected a map.vdb written by cairn");
-  };
+  const auto wrong = [&](const std::string& why) { return no_map(file, why); };
   openvdb::GridBase::Ptr base[4];
   try {
     openvdb::io::File in(file.string());
