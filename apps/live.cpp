@@ -16,6 +16,7 @@
 #include "progress.hpp"
 #include "run.hpp"
 #include "sources.hpp"
+#include "view_options.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -29,7 +30,7 @@ constexpr auto kShown = 10s;      // for viewers to fetch the result when somebo
 
 struct Arguments : RunArguments {
   bool view = false, as_fast_as_possible = false;
-  int port = kDefaultViewerPort;
+  ViewArguments page;
 };
 
 /// Frames as they come: the newest of a sensor or of a recording that plays; with --as-fast-as-possible every one.
@@ -133,7 +134,11 @@ void live(const Arguments& given) {
   Options options = options_of(a);  // what is wrong with them is told before a sensor is opened
   const Beginning begin = beginning(a, {});
   std::optional<LiveViewer> view;
-  if (a.view) fmt::print(stderr, "view        {}\n", view.emplace(a.port).url());
+  if (a.view) {
+    const ViewerSite& site = view.emplace(a.page.at).site();
+    fmt::print(stderr, "view        {}\n", site.urls.front().url);
+    tell_how_to_open(a.page, site, "see the map, and pause, reset and finish the run");
+  }
   Stream stream(a, begin.range);
   const Rig& rig = stream.source().rig();
   options = options_of(a, rig.sensor, finest_level(a, rig.depth));
@@ -206,10 +211,7 @@ void add_live(CLI::App& program) {
   const auto a = std::make_shared<Arguments>();
   add_run_options(*command, *a);
   auto* view = command->add_flag("--view", a->view, "Show the map in a browser while it grows; prints the address");
-  command->add_option("--port", a->port, "Of the view, on this machine; 0: any free one")
-      ->check(CLI::Range(0, 65535))
-      ->capture_default_str()
-      ->needs(view);
+  add_view_options(*command, a->page, view);
   command->add_flag("--as-fast-as-possible", a->as_fast_as_possible,
                     "Fuse every frame of a recording instead of playing it at the speed it was taken at");
   command->callback([a] { live(*a); });

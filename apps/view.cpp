@@ -10,37 +10,39 @@
 #include "cairn/viewer.hpp"
 #include "commands.hpp"
 #include "interrupt.hpp"
+#include "view_options.hpp"
 
 namespace cairn::apps {
 namespace {
 
 using namespace std::chrono_literals;
 
-struct Arguments {
+struct Arguments : ViewArguments {
   std::filesystem::path map;
-  int port = kDefaultViewerPort;
 };
 
 void view(const Arguments& a) {
   const Interrupt interrupt("");
-  const MapViewer viewer(a.map, a.port);
-  fmt::print("{}\n", viewer.url());
+  const MapViewer viewer(a.map, a.at);
+  fmt::print("{}\n", viewer.site().urls.front().url);
   std::fflush(stdout);
-  fmt::print(stderr, "open this address in a browser on this machine; Ctrl-C ends\n");
+  fmt::print(stderr, "open this address in a browser{}; Ctrl-C ends\n",
+             viewer.site().fingerprint.empty() ? " on this machine" : "");
+  tell_how_to_open(a, viewer.site(), "see the map and take its files");
   while (!interrupt.requested()) std::this_thread::sleep_for(100ms);
 }
 
 }  // namespace
 
 void add_view(CLI::App& program) {
-  auto* command = program.add_subcommand("view", "Show a finished map in a browser");
+  auto* command = program.add_subcommand("view", "Show a finished map, or a mesh, in a browser");
   const auto a = std::make_shared<Arguments>();
-  command->add_option("MAP", a->map, "Folder that reconstruct, live or merge has made")
+  command
+      ->add_option("MAP", a->map,
+                   "Folder that reconstruct, live or merge has made, or a .glb, .gltf, .ply or .vdb file")
       ->required()
-      ->check(CLI::ExistingDirectory);
-  command->add_option("--port", a->port, "On this machine; 0: any free one")
-      ->check(CLI::Range(0, 65535))
-      ->capture_default_str();
+      ->check(CLI::ExistingPath);
+  add_view_options(*command, *a);
   command->callback([a] { view(*a); });
 }
 

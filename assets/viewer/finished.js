@@ -40,9 +40,10 @@ async function showMesh(scene, data, panel) {
 export async function showFinished(scene, data, fold) {
   const { report, trajectory } = data, panel = document.getElementById('panel'), begin = trajectory[0]?.[0] ?? 0;
   document.title = `${data.name} – Cairn`;
-  setStatus(levelOf(report), framesInWords(report));
+  if (report) setStatus(levelOf(report), framesInWords(report));
+  else setStatus('good', 'A mesh without a report');
   scene.setPath(new Float32Array(trajectory.flatMap(([t, x, y, z]) => [t - begin, x, y, z])));
-  scene.setLoops((report.loops ?? []).filter((loop) => loop.inlier).map((loop) => [loop.from - begin, loop.to - begin]));
+  scene.setLoops((report?.loops ?? []).filter((loop) => loop.inlier).map((loop) => [loop.from - begin, loop.to - begin]));
   await showMesh(scene, data, panel);
   if (trajectory.length > 0 && scene.model) scene.lookFrom(trajectory[0]);
   else scene.lookAtAll();

@@ -60,6 +60,7 @@ function loopsOf({ loops }, begin) {
 }
 
 export function fillPanel(panel, { name, report, files, mesh_left_out: leftOut, trajectory }) {
+  if (!report) return panel.append(element('h1', {}, name), ...downloads(files));  // a single file
   panel.append(element('h1', {}, name), ...judgement(report));
   if (leftOut) panel.append(element('div', { className: 'warning' }, `The mesh is too large for this page: cairn view shows ${leftOut}`));
   panel.append(...downloads(files), element('h2', {}, 'Facts'), factsOf(report), ...charts(report.per_frame ?? []),

@@ -67,7 +67,7 @@ export function addTools(scene, data, fields, fold) {
   if (hasMesh) {
     const tool = (of, rest) => bar.addTool({ ...rest, of, body: of.body, start: () => of.start(), end: () => of.end(), onKey: of.onKey && ((event) => of.onKey(event)) });
     plan = tool(new Plan(scene, surface, level, turn), { name: 'Floor plan', title: 'Floor plan', label: 'Plan', key: 'p', symbol: 'plan', lasting: true, off: 'Back to the room' });
-    const measure = new Measure(scene, surface, report.options?.voxel_size ?? 0.01);
+    const measure = new Measure(scene, surface, report?.options?.voxel_size ?? 0.01);
     tool(measure, { name: 'Measure', title: 'Measure', label: 'Measure', key: 'm', symbol: 'measure' });
     tool(new Section(scene, turn), { name: 'Section box', title: 'Section box', label: 'Section', key: 'b', symbol: 'section', lasting: true, off: 'Show all of it' });
     if (hasFields) tool(new Slice(scene, fields, level), { name: 'Distances, a slice', title: 'Distances', label: 'Distances', key: 'd', symbol: 'distance', lasting: true });

@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "cairn/mapper.hpp"
 
@@ -14,18 +15,36 @@ namespace cairn {
 
 inline constexpr int kDefaultViewerPort = 4242;
 
-/// Shows a map that grows to browsers on this machine, as much as the time allows, and hears what they ask for. Without
+/// Where a viewer listens.
+struct ViewerAddress {
+  int port = kDefaultViewerPort;  ///< 0: any free one
+  /// Empty: this machine alone sees the page, at http://127.0.0.1:PORT/TOKEN/. An IP address of this machine: other
+  /// devices of that network see it, too, those that know the token, at https://HOST:PORT/TOKEN/; 0.0.0.0: of all its
+  /// networks. The certificate is made by the viewer itself, so that a browser asks once whether it is trusted.
+  std::string host;
+  std::filesystem::path certificates;  ///< folder in which that one is kept; empty: the user's state folder
+};
+
+/// Where a viewer is found.
+struct ViewerSite {
+  struct Url {
+    std::string url, interface;  ///< interface: of the network, by its name
+  };
+  std::vector<Url> urls;    ///< at least one, the likeliest first
+  std::string fingerprint;  ///< SHA-256 of the certificate, as browsers show it; empty: HTTP
+};
+
+/// Shows a map that grows to browsers, as much as the time allows, and hears what they ask for. Without
 /// a browser it makes the surface alone, since one may come late. The mapper's thread.
 class LiveViewer {
  public:
-  /// Serves http://127.0.0.1:PORT/TOKEN/; port 0: any free one. Throws std::runtime_error when the port is in use.
-  explicit LiveViewer(int port = kDefaultViewerPort);
+  /// Throws std::runtime_error when the port is in use or the address is not this machine's.
+  explicit LiveViewer(const ViewerAddress& at = {});
   ~LiveViewer();
   LiveViewer(const LiveViewer&) = delete;
   LiveViewer& operator=(const LiveViewer&) = delete;
 
-  /// The address to open.
-  [[nodiscard]] std::string url() const;
+  [[nodiscard]] const ViewerSite& site() const;
   /// A new map, which must live until the next one or the end, with its options.
   void begin(Mapper& mapper, const Rig& rig, const Options& options);
 
@@ -63,17 +82,17 @@ class LiveViewer {
   std::unique_ptr<State> state_;
 };
 
-/// Shows a finished map to browsers on this machine, as long as it lives.
+/// Shows a finished map to browsers, as long as it lives.
 class MapViewer {
  public:
-  /// `folder`: that `cairn reconstruct`, `live` or `merge` has made. Throws std::runtime_error when it holds no map, or
-  /// the port is in use.
-  explicit MapViewer(const std::filesystem::path& folder, int port = kDefaultViewerPort);
+  /// `map`: a folder that `cairn reconstruct`, `live` or `merge` has made, or a single file: .glb, .gltf, .ply, .obj,
+  /// .vdb or a tileset.json. Throws std::runtime_error with what is wrong with it and what to do, when the port is in
+  /// use, or the address is not this machine's.
+  explicit MapViewer(const std::filesystem::path& map, const ViewerAddress& at = {});
   ~MapViewer();
   MapViewer(const MapViewer&) = delete;
   MapViewer& operator=(const MapViewer&) = delete;
-  /// The address to open.
-  [[nodiscard]] std::string url() const;
+  [[nodiscard]] const ViewerSite& site() const;
 
  private:
   struct State;

@@ -45,7 +45,15 @@ std::vector<std::uint8_t> read_bytes(const std::filesystem::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
+std::filesystem::path file_of(const std::filesystem::path& folder, std::size_t keyframe, const char* what) {
+  return folder / fmt::format("{:06}.{}", keyframe, what);
+}
+
 }  // namespace
+
+std::filesystem::path colour_file(const std::filesystem::path& folder, std::size_t keyframe) {
+  return file_of(folder, keyframe, kColour);
+}
 
 bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
   const Eigen::Isometry3d motion = a.inverse() * b;
@@ -56,7 +64,7 @@ KeyframeStore::KeyframeStore(const Rig& rig, std::filesystem::path folder, Acces
     : rig_(rig), folder_(std::move(folder)), writes_(!folder_.empty() && access == Access::write) {}
 
 std::filesystem::path KeyframeStore::file(std::size_t keyframe, const char* what) const {
-  return folder_ / fmt::format("{:06}.{}", keyframe, what);
+  return file_of(folder_, keyframe, what);
 }
 
 void KeyframeStore::put(std::size_t keyframe, const Frame& frame, const Features& features) {

@@ -40,6 +40,9 @@ struct Keyframe {
 /// What a session's folder is open for.
 enum class Access { write, read };
 
+/// Its colour image in a store's folder; there is none of a frame without colour.
+[[nodiscard]] std::filesystem::path colour_file(const std::filesystem::path& folder, std::size_t keyframe);
+
 /// The keyframes' images, compressed (depth: PNG of 0.2 mm steps; colour: JPEG), and corners, in files of a folder or,
 /// without one, in memory.
 class KeyframeStore {

@@ -147,6 +147,19 @@ ReadSession read_session(const fs::path& session) {
   }
 }
 
+SessionPictures read_pictures(const fs::path& session) {
+  const StateFile state = parse_state(read_state(session).bytes);
+  const fs::path files = session / state.session.run;
+  if (!fs::is_directory(files))
+    throw std::runtime_error(files.string() + ": is missing; the session is damaged: " + kAgain);
+  SessionPictures pictures{.sensor = state.session.rig.sensor,
+                           .keyframes = files / kKeyframes,
+                           .hold = *FileLock::take(files, FileLock::Kind::shared, true)};
+  for (const Keyframe& keyframe : state.session.back_end.atlas.keyframes)
+    pictures.timestamps.push_back(keyframe.timestamp);
+  return pictures;
+}
+
 SessionWriter::SessionWriter(fs::path session) : session_(std::move(session)), lock_(session_) {
   unsigned long last = 0;
   for (const auto& entry : fs::directory_iterator(session_))

@@ -47,6 +47,16 @@ struct ReadSession {
 /// what is wrong and what to do: nothing there, damaged, written by another version.
 [[nodiscard]] ReadSession read_session(const std::filesystem::path& session);
 
+/// What a page shows of a session beside its finished map.
+struct SessionPictures {
+  std::vector<double> timestamps;  // seconds, by keyframe
+  SensorModel sensor;
+  std::filesystem::path keyframes;  // the folder that colour_file names files in
+  FileLock hold;                    // whoever writes leaves them as long as this lives
+};
+/// Reads no voxels and no frames. Throws like read_session.
+[[nodiscard]] SessionPictures read_pictures(const std::filesystem::path& session);
+
 /// Writes a session: of one process at a time, see SessionLock.
 class SessionWriter {
  public:

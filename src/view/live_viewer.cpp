@@ -12,6 +12,7 @@
 #include "base/json_text.hpp"
 #include "cairn/live_surface.hpp"
 #include "cairn/viewer.hpp"
+#include "view/finished_map.hpp"
 #include "view/guidance.hpp"
 #include "view/messages.hpp"
 #include "view/report_page.hpp"
@@ -49,16 +50,6 @@ double seconds_of(std::chrono::steady_clock::time_point time) {
   return std::chrono::duration<double>(time.time_since_epoch()).count();
 }
 
-/// data.json and what it names.
-std::map<std::string, Served> finished_files(const std::filesystem::path& folder) {
-  std::map<std::string, Served> files{{"data.json", Served{"application/json", finished_data(folder)}}};
-  if (const auto mesh = folder / "mesh.glb"; std::filesystem::exists(mesh))
-    files["mesh.glb"] = Served{"model/gltf-binary", mesh};
-  return files;
-}
-
-Served viewer_file() { return {"text/html; charset=utf-8", std::string(viewer_page())}; }
-
 }  // namespace
 
 struct LiveViewer::State {
@@ -88,16 +79,15 @@ struct LiveViewer::State {
   int updates = 0;  // of the surface
   double updates_ms = 0;
 
-  explicit State(int port)
-      : server(port,
-               {{"", viewer_file()}, {"data.json", Served{"application/json", std::string(R"({"mode":"live"})")}}},
+  explicit State(const ViewerAddress& at)
+      : server(at, {{"", viewer_file()}, {"data.json", {"application/json", std::string(R"({"mode":"live"})")}}},
                &feed) {}
 };
 
-LiveViewer::LiveViewer(int port) : state_(std::make_unique<State>(port)) {}
+LiveViewer::LiveViewer(const ViewerAddress& at) : state_(std::make_unique<State>(at)) {}
 LiveViewer::~LiveViewer() = default;
 
-std::string LiveViewer::url() const { return state_->server.url(); }
+const ViewerSite& LiveViewer::site() const { return state_->server.site(); }
 
 void LiveViewer::begin(Mapper& mapper, const Rig& rig, const Options& options) {
   State& s = *state_;
@@ -241,7 +231,7 @@ void LiveViewer::finishing() {
 
 void LiveViewer::finished(const std::filesystem::path& output) {
   State& s = *state_;
-  auto files = finished_files(output);
+  auto files = FinishedMap(output).served();
   files[kFinishedData] = std::move(files["data.json"]);
   files.erase("data.json");  // who comes late is told by the state, too
   s.server.add(std::move(files));
@@ -265,19 +255,5 @@ LiveViewer::Told LiveViewer::told() const {
           .ms_per_update = s.updates > 0 ? s.updates_ms / s.updates : 0,
           .first_mesh_seconds = s.first_mesh_seconds};
 }
-
-struct MapViewer::State {
-  State(int port, std::map<std::string, Served> files) : server(port, std::move(files), nullptr) {}
-  Server server;
-};
-
-MapViewer::MapViewer(const std::filesystem::path& folder, int port) {
-  auto files = finished_files(folder);
-  files[""] = viewer_file();
-  state_ = std::make_unique<State>(port, std::move(files));
-}
-MapViewer::~MapViewer() = default;
-
-std::string MapViewer::url() const { return state_->server.url(); }
 
 }  // namespace cairn

@@ -16,7 +16,6 @@ namespace {
 }  // namespace
 
 std::string_view viewer_page() { no_viewer(); }
-std::string finished_data(const std::filesystem::path&) { no_viewer(); }
 void write_report_page(const std::filesystem::path&) {}
 
 }  // namespace cairn

@@ -3,6 +3,7 @@
 #include "view/server.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
 
 // clang-format off: Boost 1.74's awaitable.hpp needs this and forgets it
@@ -15,15 +16,24 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/redirect_error.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <boost/asio/thread_pool.hpp>
 #include <boost/asio/use_awaitable.hpp>
 #include <boost/beast/core.hpp>
+#include <boost/beast/core/detect_ssl.hpp>
 #include <boost/beast/http.hpp>
+#include <boost/beast/ssl.hpp>
 #include <boost/beast/websocket.hpp>
+#include <boost/beast/websocket/ssl.hpp>
+#include <charconv>
 #include <chrono>
 #include <optional>
 #include <random>
+#include <set>
 #include <stdexcept>
 #include <thread>
+
+#include "view/addresses.hpp"
+#include "view/certificate.hpp"
 
 namespace cairn {
 namespace {
@@ -33,11 +43,14 @@ namespace beast = boost::beast;
 namespace http = beast::http;
 using namespace std::chrono_literals;
 using asio::ip::tcp;
-using WebSocket = beast::websocket::stream<beast::tcp_stream>;
+using Plain = beast::tcp_stream;
+using Secure = beast::ssl_stream<beast::tcp_stream>;
 
-constexpr auto kLook = 15ms;               // between looks for something new
-constexpr std::size_t kMaxMessage = 4096;  // bytes that a viewer may send at once
-constexpr std::size_t kMaxHeader = 16384;  // bytes
+constexpr auto kLook = 15ms;                            // between looks for something new
+constexpr std::size_t kMaxMessage = 4096;               // bytes that a viewer may send at once
+constexpr std::size_t kMaxHeader = 16384;               // bytes
+constexpr std::size_t kPiece = std::size_t{256} << 10;  // bytes of a file at a time
+constexpr std::size_t kWorthPacking = 1024;             // bytes
 
 std::string random_token() {
   std::random_device random;
@@ -78,19 +91,21 @@ class Viewing {
 };
 
 using Request = http::request<http::empty_body>;
+using Header = http::response<http::empty_body>;
 
 /// Where the server is found, and whether a request is for it.
-struct Address {
-  std::string token, host, other_host;
+struct Gate {
+  std::string token, scheme;
+  std::set<std::string> hosts;  // with their ports
 
   [[nodiscard]] bool is_ours(const Request& request) const {
-    const auto is = [&](beast::string_view address) { return address == host || address == other_host; };
+    const auto is = [&](beast::string_view host) { return hosts.count(std::string(host)) > 0; };
     if (!is(request[http::field::host])) return false;
     if (request.count(http::field::origin) == 0) return true;
     beast::string_view origin = request[http::field::origin];
-    constexpr beast::string_view kScheme = "http://";
-    if (!origin.starts_with(kScheme)) return false;
-    origin.remove_prefix(kScheme.size());
+    const std::string begin = scheme + "://";
+    if (!origin.starts_with(begin)) return false;
+    origin.remove_prefix(begin.size());
     return is(origin);
   }
 
@@ -103,82 +118,239 @@ struct Address {
   }
 };
 
+/// What a file's entry has become for the server: text is shared with whoever is just reading it.
+struct Entry {
+  std::string content_type, download;
+  std::variant<Content, Make> body;
+  bool is_packable = false;
+};
+Entry entry_of(Served served) {
+  Entry entry{std::move(served.content_type), std::move(served.download), Content(), served.is_packable};
+  if (auto* text = std::get_if<std::string>(&served.body))
+    entry.body = Content(std::make_shared<const Text>(std::move(*text)));
+  else if (auto* file = std::get_if<std::filesystem::path>(&served.body))
+    entry.body = Content(std::move(*file));
+  else
+    entry.body = std::get<Make>(std::move(served.body));
+  return entry;
+}
+
+/// The bytes of a body from `first` to `last`.
+struct Range {
+  std::uint64_t first = 0, last = 0;
+};
+/// What `bytes=…` of a Range asks for of so many bytes (RFC 9110, 14.1.2): nothing for what this server does not
+/// understand, which then gives all; an empty range for one that lies behind the end.
+std::optional<Range> range_of(beast::string_view text, std::uint64_t size) {
+  std::string_view range(text.data(), text.size());
+  constexpr std::string_view kBytes = "bytes=";
+  if (!range.starts_with(kBytes)) return std::nullopt;
+  range.remove_prefix(kBytes.size());
+  const auto dash = range.find('-');
+  if (dash == range.npos || range.find(',') != range.npos) return std::nullopt;
+  const auto number = [](std::string_view digits) -> std::optional<std::uint64_t> {
+    std::uint64_t value = 0;
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+    if (digits.empty() || error != std::errc() || end != digits.data() + digits.size()) return std::nullopt;
+    return value;
+  };
+  const auto first = number(range.substr(0, dash)), last = number(range.substr(dash + 1));
+  const bool is_tail = dash == 0;
+  if ((!first && !is_tail) || (!last && (is_tail || dash + 1 < range.size())) || (first && last && *last < *first))
+    return std::nullopt;
+  constexpr Range kNone{1, 0};
+  if (is_tail) return *last == 0 || size == 0 ? kNone : Range{size - std::min(*last, size), size - 1};
+  return *first >= size ? kNone : Range{*first, last ? std::min(*last, size - 1) : size - 1};
+}
+
 // Answers over HTTP. `patience`: with a client that does not read.
 
-template <class Response>
-void prepare(Response& response, const Request& request, beast::string_view content_type) {
-  response.set(http::field::content_type, content_type);
-  response.set(http::field::cache_control, "no-store");
-  response.set("X-Content-Type-Options", "nosniff");
-  response.set("Referrer-Policy", "no-referrer");
-  response.set(
+Header header_of(const Request& request, http::status status, const std::string& content_type) {
+  Header header(status, request.version());
+  header.set(http::field::content_type, content_type);
+  header.set(http::field::cache_control, "no-store");
+  header.set("X-Content-Type-Options", "nosniff");
+  header.set("Referrer-Policy", "no-referrer");
+  header.set(
       "Content-Security-Policy",
       "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; frame-ancestors 'none'; base-uri 'none'");
-  response.keep_alive(request.keep_alive());
-  response.prepare_payload();
+  header.keep_alive(request.keep_alive());
+  return header;
 }
 
-/// HEAD gets the same answer as GET without its body.
-template <class Response>
-asio::awaitable<void> send(beast::tcp_stream& stream, const Request& request, Response& response,
-                           std::chrono::milliseconds patience) {
-  http::serializer<false, typename Response::body_type> serializer(response);
-  if (request.method() == http::verb::head) {
-    stream.expires_after(patience);
-    co_await http::async_write_header(stream, serializer, asio::use_awaitable);
-    co_return;
-  }
-  // A large file may take long, but some of it must go through all the time.
-  while (!serializer.is_done()) {
-    stream.expires_after(patience);
-    co_await http::async_write_some(stream, serializer, asio::use_awaitable);
+/// A large file may take long, but some of it must go through all the time.
+template <class Stream>
+asio::awaitable<void> write_all(Stream& stream, asio::const_buffer rest, std::chrono::milliseconds patience) {
+  while (rest.size() > 0) {
+    beast::get_lowest_layer(stream).expires_after(patience);
+    rest += co_await stream.async_write_some(rest, asio::use_awaitable);
   }
 }
 
-asio::awaitable<void> refuse(beast::tcp_stream& stream, const Request& request, http::status status, const char* why,
-                             std::chrono::milliseconds patience) {
-  http::response<http::string_body> response(status, request.version(), std::string(why) + "\n");
-  prepare(response, request, "text/plain");
-  co_await send(stream, request, response, patience);
+template <class Stream>
+asio::awaitable<void> write_header(Stream& stream, Header& header, std::chrono::milliseconds patience) {
+  http::serializer<false, http::empty_body> serializer(header);
+  beast::get_lowest_layer(stream).expires_after(patience);
+  co_await http::async_write_header(stream, serializer, asio::use_awaitable);
 }
 
-asio::awaitable<void> serve(beast::tcp_stream& stream, const Request& request, const Served& file,
-                            std::chrono::milliseconds patience) {
-  if (const auto* text = std::get_if<std::string>(&file.body)) {
-    http::response<http::string_body> response(http::status::ok, request.version(), *text);
-    prepare(response, request, file.content_type);
-    co_await send(stream, request, response, patience);
-    co_return;
-  }
-  http::response<http::file_body> response(http::status::ok, request.version());
+/// Text of a server's own, or of an error. HEAD gets the same answer as GET without its body.
+template <class Stream>
+asio::awaitable<void> say(Stream& stream, const Request& request, http::status status, std::string words,
+                          std::chrono::milliseconds patience) {
+  words += '\n';
+  Header header = header_of(request, status, "text/plain; charset=utf-8");
+  header.content_length(words.size());
+  co_await write_header(stream, header, patience);
+  if (request.method() != http::verb::head) co_await write_all(stream, asio::buffer(words), patience);
+}
+
+template <class Stream>
+asio::awaitable<void> write_file(Stream& stream, beast::file& file, Range range, std::chrono::milliseconds patience) {
+  std::vector<char> piece(kPiece);
   boost::system::error_code error;
-  const auto& path = std::get<std::filesystem::path>(file.body);
-  response.body().open(path.c_str(), beast::file_mode::scan, error);
-  if (error) {
-    co_await refuse(stream, request, http::status::not_found, "the file is gone", patience);
-    co_return;
+  file.seek(range.first, error);
+  for (std::uint64_t left = range.last - range.first + 1; left > 0 && !error;) {
+    const std::size_t size =
+        file.read(piece.data(), static_cast<std::size_t>(std::min<std::uint64_t>(piece.size(), left)), error);
+    if (size == 0) break;
+    co_await write_all(stream, asio::buffer(piece.data(), size), patience);
+    left -= size;
+    if (left == 0) co_return;
   }
-  prepare(response, request, file.content_type);
-  co_await send(stream, request, response, patience);
+  throw boost::system::system_error(http::error::partial_message);  // it was cut off meanwhile
+}
+
+bool accepts_gzip(const Request& request) {
+  return request[http::field::accept_encoding].find("gzip") != beast::string_view::npos;
+}
+
+/// `is_far`: the way to the client is worth packing for.
+template <class Stream>
+asio::awaitable<void> serve(Stream& stream, const Request& request, const Entry& entry, Content content, bool is_far,
+                            std::chrono::milliseconds patience) {
+  Header header = header_of(request, http::status::ok, entry.content_type);
+  if (!entry.download.empty())
+    header.set(http::field::content_disposition, "attachment; filename=\"" + entry.download + "\"");
+  const std::string* bytes = nullptr;
+  beast::file file;
+  std::uint64_t size = 0;
+  bool is_packed = false;
+  boost::system::error_code error;
+  if (const auto* text = std::get_if<std::shared_ptr<const Text>>(&content)) {
+    is_packed = entry.is_packable && is_far && (*text)->bytes().size() > kWorthPacking && accepts_gzip(request);
+    bytes = is_packed ? &(*text)->packed() : &(*text)->bytes();
+    size = bytes->size();
+  } else {
+    file.open(std::get<std::filesystem::path>(content).c_str(), beast::file_mode::scan, error);
+    if (!error) size = file.size(error);
+    if (error) co_return co_await say(stream, request, http::status::not_found, "the file is gone", patience);
+  }
+  if (is_packed) header.set(http::field::content_encoding, "gzip");
+  if (entry.is_packable) header.set(http::field::vary, "Accept-Encoding");
+  header.set(http::field::accept_ranges, is_packed ? "none" : "bytes");
+  Range range{0, size - 1};
+  const bool is_part = request.count(http::field::range) > 0 && request.count(http::field::if_range) == 0 && !is_packed;
+  if (const auto asked = is_part ? range_of(request[http::field::range], size) : std::nullopt) {
+    const bool is_there = asked->first <= asked->last;
+    header.result(is_there ? http::status::partial_content : http::status::range_not_satisfiable);
+    header.set(http::field::content_range, is_there ? fmt::format("bytes {}-{}/{}", asked->first, asked->last, size)
+                                                    : fmt::format("bytes */{}", size));
+    if (is_there) range = *asked;
+    size = is_there ? range.last - range.first + 1 : 0;
+  }
+  header.content_length(size);
+  co_await write_header(stream, header, patience);
+  if (request.method() == http::verb::head || size == 0) co_return;
+  if (bytes != nullptr)
+    co_await write_all(stream, asio::buffer(bytes->data() + range.first, static_cast<std::size_t>(size)), patience);
+  else
+    co_await write_file(stream, file, range, patience);
+}
+
+std::string in_url(const std::string& address) {
+  return address.find(':') == std::string::npos ? address : "[" + address + "]";
+}
+
+/// What the address was meant for, and what there is.
+std::runtime_error not_ours(const std::string& host, const std::string& why) {
+  std::vector<std::string> ours;
+  for (const NetworkAddress& a : network_addresses()) ours.push_back(fmt::format("{} ({})", a.address, a.interface));
+  return std::runtime_error(
+      fmt::format("address {} cannot be used: {}; this machine has {}, and 0.0.0.0 stands for all", host, why,
+                  ours.empty() ? "no address in a network" : fmt::format("{}", fmt::join(ours, ", "))));
+}
+
+asio::ip::address address_of(const std::string& host) {
+  if (host.empty() || host == "localhost") return asio::ip::address_v4::loopback();
+  boost::system::error_code error;
+  const auto address = asio::ip::make_address(host, error);
+  if (error) throw not_ours(host, "it is no IP address");
+  return address;
+}
+
+/// Addresses under which a server that listens there is found, the likeliest first.
+std::vector<NetworkAddress> reached_at(const asio::ip::address& listened) {
+  if (!listened.is_unspecified()) return {{listened.to_string(), ""}};
+  std::vector<NetworkAddress> all = network_addresses();
+  if (listened.is_v4())
+    all.erase(std::remove_if(all.begin(), all.end(),
+                             [](const NetworkAddress& a) { return a.address.find(':') != std::string::npos; }),
+              all.end());
+  all.push_back({"127.0.0.1", "this machine"});
+  return all;
 }
 
 }  // namespace
 
 struct Server::State {
-  State(int port, std::map<std::string, Served> f, Feed* feed_, const ServerLimits& l)
-      : files(std::move(f)), feed(feed_), limits(l) {
-    try {
-      acceptor = tcp::acceptor(context, {asio::ip::address_v4::loopback(), static_cast<std::uint16_t>(port)});
-    } catch (const boost::system::system_error& error) {
-      throw std::runtime_error(fmt::format("port {} cannot be used: {}; choose another one, or 0 for any free one",
-                                           port, error.code().message()));
+  State(const ViewerAddress& at, Files given, Feed* feed_, const ServerLimits& l) : feed(feed_), limits(l) {
+    for (auto& [name, file] : given) files[name] = std::make_shared<const Entry>(entry_of(std::move(file)));
+    const asio::ip::address host = address_of(at.host);
+    listen(host, at.port);
+    const auto reached = reached_at(host);
+    gate.scheme = host.is_loopback() ? "http" : "https";
+    gate.token = random_token();
+    const auto port = acceptor.local_endpoint().port();
+    for (const NetworkAddress& a : reached) {
+      const std::string found = fmt::format("{}:{}", in_url(a.address), port);
+      gate.hosts.insert(found);
+      site.urls.push_back(
+          {.url = fmt::format("{}://{}/{}/", gate.scheme, found, gate.token), .interface = a.interface});
     }
-    const auto real_port = acceptor.local_endpoint().port();
-    address = {random_token(), fmt::format("127.0.0.1:{}", real_port), fmt::format("localhost:{}", real_port)};
+    if (host.is_loopback() || host.is_unspecified()) gate.hosts.insert(fmt::format("localhost:{}", port));
+    if (!host.is_loopback()) secure(at, reached);
     spawn(accept());
     thread = std::jthread([this] { run(); });
   }
-  ~State() { context.stop(); }
+  ~State() {
+    context.stop();
+    for (asio::thread_pool* pool : {&quick, &slow}) pool->stop();
+  }
+
+  void listen(const asio::ip::address& host, int port) try {
+    acceptor = tcp::acceptor(context, {host, static_cast<std::uint16_t>(port)});
+  } catch (const boost::system::system_error& error) {
+    if (error.code() == boost::system::errc::address_not_available)
+      throw not_ours(host.to_string(), error.code().message());
+    throw std::runtime_error(fmt::format("port {} cannot be used: {}; choose another one, or 0 for any free one", port,
+                                         error.code().message()));
+  }
+
+  /// From here on TLS is spoken.
+  void secure(const ViewerAddress& at, const std::vector<NetworkAddress>& reached) {
+    std::vector<std::string> addresses;
+    for (const NetworkAddress& a : reached) addresses.push_back(a.address);
+    std::filesystem::path folder = at.certificates.empty() ? state_folder() : at.certificates;
+    const Certificate certificate =
+        certificate_for(addresses, folder.empty() ? folder : folder / ("view-" + at.host + ".pem"));
+    site.fingerprint = certificate.fingerprint;
+    tls.emplace(asio::ssl::context::tls_server);
+    tls->set_options(asio::ssl::context::default_workarounds | asio::ssl::context::no_tlsv1 |
+                     asio::ssl::context::no_tlsv1_1);
+    tls->use_certificate(asio::buffer(certificate.pem), asio::ssl::context::pem);
+    tls->use_private_key(asio::buffer(certificate.pem), asio::ssl::context::pem);
+  }
 
   void run() {
     while (!context.stopped()) try {
@@ -208,7 +380,7 @@ struct Server::State {
       if (error)
         co_await pause(100ms);  // no file descriptor is left, perhaps
       else if (connections < limits.connections)
-        spawn(talk(beast::tcp_stream(std::move(socket))));
+        spawn(greet(std::move(socket)));
     }
   }
 
@@ -217,40 +389,75 @@ struct Server::State {
     co_await timer.async_wait(asio::use_awaitable);
   }
 
+  asio::awaitable<void> greet(tcp::socket socket) {
+    const Counted counted(connections);
+    boost::system::error_code ignored;
+    socket.set_option(tcp::no_delay(true), ignored);
+    const bool is_far = !socket.remote_endpoint(ignored).address().is_loopback();
+    Plain plain(std::move(socket));
+    beast::flat_buffer buffer;
+    if (!tls) {
+      if (co_await talk(plain, buffer, is_far)) plain.socket().shutdown(tcp::socket::shutdown_send, ignored);
+      co_return;
+    }
+    plain.expires_after(limits.patience);
+    if (!co_await beast::async_detect_ssl(plain, buffer, asio::use_awaitable)) {
+      co_await refuse_plain(plain, buffer);
+      plain.socket().shutdown(tcp::socket::shutdown_send, ignored);
+      co_return;
+    }
+    Secure secure(std::move(plain), *tls);
+    buffer.consume(co_await secure.async_handshake(asio::ssl::stream_base::server, buffer.data(), asio::use_awaitable));
+    if (!co_await talk(secure, buffer, is_far)) co_return;
+    secure.next_layer().expires_after(limits.patience);
+    co_await secure.async_shutdown(asio::redirect_error(asio::use_awaitable, ignored));
+  }
+
+  /// Somebody typed the address without its beginning.
+  asio::awaitable<void> refuse_plain(Plain& stream, beast::flat_buffer& buffer) const {
+    const auto request = co_await read(stream, buffer);
+    co_await say(stream, request, http::status::bad_request,
+                 "the address begins with https://: open it as cairn printed it", limits.patience);
+  }
+
+  template <class Stream>
+  asio::awaitable<Request> read(Stream& stream, beast::flat_buffer& buffer) const {
+    beast::get_lowest_layer(stream).expires_after(limits.patience);  // for all of it, however slowly it drips
+    http::request_parser<http::empty_body> parser;
+    parser.header_limit(kMaxHeader);
+    parser.body_limit(std::uint64_t{0});
+    co_await http::async_read(stream, buffer, parser, asio::use_awaitable);
+    co_return parser.release();
+  }
+
   /// Whether a request that is for this server follows the feed.
   [[nodiscard]] bool asks_for_feed(const Request& request) const {
-    return feed != nullptr && address.name_of(request) == "live" && beast::websocket::is_upgrade(request);
+    return feed != nullptr && gate.name_of(request) == "live" && beast::websocket::is_upgrade(request);
   }
 
-  asio::awaitable<void> talk(beast::tcp_stream stream) {
-    const Counted counted(connections);
-    beast::flat_buffer buffer;
+  /// Returns whether the stream is to be closed: a WebSocket has taken it otherwise.
+  template <class Stream>
+  asio::awaitable<bool> talk(Stream& stream, beast::flat_buffer& buffer, bool is_far) {
     while (true) {
-      stream.expires_after(limits.patience);  // for all of the request, however slowly it drips
-      http::request_parser<http::empty_body> parser;
-      parser.header_limit(kMaxHeader);
-      parser.body_limit(std::uint64_t{0});
-      co_await http::async_read(stream, buffer, parser, asio::use_awaitable);
-      const Request request = parser.release();
-      if (address.is_ours(request) && asks_for_feed(request) && feed->viewers() < limits.viewers) {
-        stream.expires_never();  // the WebSocket has its own
-        co_await follow(WebSocket(std::move(stream)), request);
-        co_return;
+      const Request request = co_await read(stream, buffer);
+      if (gate.is_ours(request) && asks_for_feed(request) && feed->viewers() < limits.viewers) {
+        beast::get_lowest_layer(stream).expires_never();  // the WebSocket has its own
+        co_await follow(std::move(stream), request);
+        co_return false;
       }
-      co_await answer(stream, request);
-      if (!request.keep_alive()) break;
+      co_await answer(stream, request, is_far);
+      if (!request.keep_alive()) co_return true;
     }
-    boost::system::error_code ignored;
-    stream.socket().shutdown(tcp::socket::shutdown_send, ignored);
   }
 
-  asio::awaitable<void> answer(beast::tcp_stream& stream, const Request& request) const {
+  template <class Stream>
+  asio::awaitable<void> answer(Stream& stream, const Request& request, bool is_far) {
     const auto refused = [&](http::status status, const char* why) {
-      return refuse(stream, request, status, why, limits.patience);
+      return say(stream, request, status, why, limits.patience);
     };
-    const auto name = address.name_of(request);
-    if (!address.is_ours(request))
-      co_await refused(http::status::forbidden, "this page is served to this machine only");
+    const auto name = gate.name_of(request);
+    if (!gate.is_ours(request))
+      co_await refused(http::status::forbidden, "this page is served at the address that cairn printed only");
     else if (!name)
       co_await refused(http::status::not_found, "open the address that cairn printed");
     else if (asks_for_feed(request))
@@ -260,34 +467,65 @@ struct Server::State {
     else if (const auto file = files.find(*name); file == files.end())
       co_await refused(http::status::not_found, "there is no such file");
     else
-      co_await serve(stream, request, file->second, limits.patience);
+      co_await give(stream, request, file->second, is_far);
+  }
+
+  template <class Stream>
+  asio::awaitable<void> give(Stream& stream, const Request& request, std::shared_ptr<const Entry> entry, bool is_far) {
+    std::string problem;
+    Content content;
+    try {
+      content = co_await content_of(*entry, is_far);
+    } catch (const std::exception& error) {
+      problem = error.what();
+    }
+    if (problem.empty()) co_return co_await serve(stream, request, *entry, std::move(content), is_far, limits.patience);
+    spdlog::warn(fmt::format("view: {}", problem));
+    co_await say(stream, request, http::status::internal_server_error, problem, limits.patience);
+  }
+
+  /// What takes time is done in a thread of its own, and the others are served meanwhile.
+  asio::awaitable<Content> content_of(const Entry& entry, bool is_far) {
+    const Make* make = std::get_if<Make>(&entry.body);
+    if (make == nullptr && !(entry.is_packable && is_far)) co_return std::get<Content>(entry.body);
+    asio::thread_pool& pool = make != nullptr && make->takes_long ? slow : quick;
+    const auto work = [&]() -> asio::awaitable<Content> {
+      Content content = make != nullptr ? make->make() : std::get<Content>(entry.body);
+      if (const auto* text = std::get_if<std::shared_ptr<const Text>>(&content); text != nullptr && is_far)
+        if (entry.is_packable) (void)(*text)->packed();
+      co_return content;
+    };
+    co_return co_await asio::co_spawn(pool, work, asio::use_awaitable);
   }
 
   /// Sends what is new until the viewer goes; listens at the same time.
-  asio::awaitable<void> follow(WebSocket socket, const Request& request) {
-    socket.set_option(beast::websocket::stream_base::timeout{limits.patience, limits.patience, true});
-    socket.read_message_max(kMaxMessage);
-    socket.auto_fragment(false);
-    co_await socket.async_accept(request, asio::use_awaitable);
-    const auto shared = std::make_shared<WebSocket>(std::move(socket));
+  template <class Stream>
+  asio::awaitable<void> follow(Stream&& stream, const Request& request) {
+    using WebSocket = beast::websocket::stream<std::remove_reference_t<Stream>>;
+    const auto socket = std::make_shared<WebSocket>(std::forward<Stream>(stream));
+    socket->set_option(beast::websocket::stream_base::timeout{limits.patience, limits.patience, true});
+    socket->read_message_max(kMaxMessage);
+    socket->auto_fragment(false);
+    co_await socket->async_accept(request, asio::use_awaitable);
     const Viewing viewing(*feed);
-    spawn(listen(shared));
+    spawn(listen_to(socket));
     std::uint64_t version = 0;
-    while (shared->is_open()) {
+    while (socket->is_open()) {
       const auto items = feed->since(version);
       if (items.empty()) co_await pause(kLook);
       // One at a time: after each, newer versions of the others are what should be sent.
       if (!items.empty()) {
         const Feed::Item& item = items.front();
         version = item.version;
-        shared->text(item.is_text);
-        co_await shared->async_write(asio::buffer(*item.bytes), asio::use_awaitable);
+        socket->text(item.is_text);
+        co_await socket->async_write(asio::buffer(*item.bytes), asio::use_awaitable);
       }
     }
   }
 
   /// Until the viewer says goodbye, or too much: Beast closes the connection then.
-  asio::awaitable<void> listen(std::shared_ptr<WebSocket> socket) {
+  template <class WebSocket>
+  asio::awaitable<void> listen_to(std::shared_ptr<WebSocket> socket) {
     while (true) {
       beast::flat_buffer buffer;
       co_await socket->async_read(buffer, asio::use_awaitable);
@@ -295,25 +533,32 @@ struct Server::State {
     }
   }
 
-  std::map<std::string, Served> files;
+  std::map<std::string, std::shared_ptr<const Entry>> files;  // of the thread alone
   Feed* feed;
   ServerLimits limits;
   int connections = 0;  // at the moment; of the thread alone
-  Address address;
+  Gate gate;
+  ViewerSite site;
+  std::optional<asio::ssl::context> tls;
   asio::io_context context{1};
   tcp::acceptor acceptor{context};
+  asio::thread_pool quick{1}, slow{1};
   std::jthread thread;  // last: it uses the others
 };
 
-Server::Server(int port, std::map<std::string, Served> files, Feed* feed, const ServerLimits& limits)
-    : state_(std::make_unique<State>(port, std::move(files), feed, limits)) {}
+Server::Server(const ViewerAddress& at, Files files, Feed* feed, const ServerLimits& limits)
+    : state_(std::make_unique<State>(at, std::move(files), feed, limits)) {}
 Server::~Server() = default;
 
-std::string Server::url() const { return "http://" + state_->address.host + "/" + state_->address.token + "/"; }
-
-void Server::add(std::map<std::string, Served> files) {
-  // In the thread that reads them, before what it sends later.
-  asio::post(state_->context, [this, added = std::move(files)]() mutable { state_->files.merge(added); });
+void Server::add(Files files) {
+  auto entries = std::make_shared<std::map<std::string, std::shared_ptr<const Entry>>>();
+  for (auto& [name, file] : files) (*entries)[name] = std::make_shared<const Entry>(entry_of(std::move(file)));
+  asio::post(state_->context, [state = state_.get(), entries] {
+    for (auto& [name, entry] : *entries) state->files[name] = entry;
+  });
 }
+
+const ViewerSite& Server::site() const { return state_->site; }
+std::string Server::url() const { return site().urls.front().url; }
 
 }  // namespace cairn

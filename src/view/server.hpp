@@ -3,21 +3,15 @@
 // The web server of the viewer; the only door to Boost.Beast.
 #pragma once
 #include <chrono>
-#include <filesystem>
 #include <map>
 #include <memory>
 #include <string>
-#include <variant>
 
+#include "cairn/viewer.hpp"
 #include "view/feed.hpp"
+#include "view/served.hpp"
 
 namespace cairn {
-
-/// What a path gives: text in memory, or a file that is read when it is asked for.
-struct Served {
-  std::string content_type;
-  std::variant<std::string, std::filesystem::path> body;
-};
 
 /// What one client, or all of them, may take of a server.
 struct ServerLimits {
@@ -27,19 +21,24 @@ struct ServerLimits {
 };
 
 /// Serves http://127.0.0.1:PORT/TOKEN/ in a thread of its own: to this machine alone, to who knows the token, and to
-/// pages that it served itself: other Hosts and Origins are refused. A WebSocket at `live` follows the feed.
+/// pages that it served itself: other Hosts and Origins are refused. With ViewerAddress::host the same over TLS, with a
+/// certificate of its own, to whoever reaches that address. A WebSocket at `live` follows the feed.
 class Server {
  public:
-  /// `files` by their name below the token; "" is the page. `feed` may be null: no WebSocket then. Port 0: any free
-  /// one. Throws std::runtime_error when the port is in use.
-  Server(int port, std::map<std::string, Served> files, Feed* feed, const ServerLimits& limits = {});
+  using Files = std::map<std::string, Served>;
+  /// `files` by their name below the token; "" is the page. `feed` may be null: no WebSocket then. Throws
+  /// std::runtime_error when the port is in use or the address is not this machine's.
+  Server(const ViewerAddress& at, Files files, Feed* feed, const ServerLimits& limits = {});
   ~Server();
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
 
+  /// Gives these, too, from now on; those of the same name are replaced. Any thread.
+  void add(Files files);
+
+  [[nodiscard]] const ViewerSite& site() const;
+  /// The first of its addresses.
   [[nodiscard]] std::string url() const;
-  /// Serves these, too; names that are served already stay as they are.
-  void add(std::map<std::string, Served> files);
 
  private:
   struct State;

@@ -131,6 +131,7 @@ async function execute(line) {
     cwd: work, detached: true, stdio: ['ignore', 'ignore', 'pipe'],
     env: {
       ...process.env, cairn: 'build/release/cairn', data: join(kept, 'data'), ...shell,
+      BROWSER: 'true', XDG_STATE_HOME: join(folder, 'state'),
       PATH: `${join(work, 'build/release')}:${join(work, 'build/release/tests')}:${process.env.PATH}`,
       ...(line.includes('openni:') && { LD_LIBRARY_PATH: join(build, 'tests/openni'), CAIRN_SENSOR: '' }),
     },

@@ -90,7 +90,7 @@ TEST_F(Live, LeavesASessionToResumeAtTheSecondCtrlC) {
 }
 
 TEST_F(Live, AnswersWhatCannotBeShownWithOneLine) {
-  const Server server(0, {}, nullptr);
+  const Server server({.port = 0}, {}, nullptr);
   const std::string port = server.url().substr(17, server.url().find('/', 17) - 17);
   expect_one_line(run_cairn({"live", "--no-texture", "synthetic:room", "-o", out("a"), "--view", "--port", port}), 1,
                   "port " + port + " cannot be used");

@@ -17,7 +17,7 @@ namespace {
 
 struct Site {
   Feed feed;
-  Server server{0,
+  Server server{{.port = 0},
                 {{"", {"text/html", std::string("<p>page</p>")}},
                  {"file", {"text/plain", fuzz::file_of("served.txt", "served")}},
                  {"gone", {"text/plain", fuzz::folder() / "gone.txt"}}},

@@ -6,14 +6,17 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <boost/asio/connect.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/read.hpp>
+#include <boost/asio/ssl.hpp>
 #include <boost/asio/write.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <chrono>
+#include <stdexcept>
 #include <thread>
 #include <vector>
 
@@ -36,7 +39,8 @@ bool becomes(const std::function<bool()>& condition) {
 class Web : public testing::Test {
  protected:
   explicit Web(const ServerLimits& limits = {})
-      : server(0, {{"", {"text/html", std::string("the page")}}, {"a.glb", {"model/gltf-binary", folder / "a.glb"}}},
+      : server({.port = 0},
+               {{"", {"text/html", std::string("the page")}}, {"a.glb", {"model/gltf-binary", folder / "a.glb"}}},
                &feed, limits) {}
   /// Below http://HOST/TOKEN/.
   [[nodiscard]] std::string path(const std::string& name) const { return url().substr(url().find('/', 7)) + name; }
@@ -328,11 +332,231 @@ TEST_F(Web, GoesOnWhenNoFileDescriptorIsLeft) {
   EXPECT_EQ(get(path(""), host()).result(), http::status::ok);
 }
 
+TEST_F(Web, GivesTheRangesThatAreAskedFor) {
+  std::string bytes;
+  for (int i = 0; i < 300'000; ++i) bytes += static_cast<char>(i * 7 % 251);
+  write_text(folder / "a.glb", bytes);
+  const auto ranged = [&](const std::string& range, http::verb verb = http::verb::get) {
+    http::request<http::empty_body> request(verb, path("a.glb"), 11);
+    request.set(http::field::host, host());
+    request.set(http::field::range, range);
+    auto socket = connect();
+    http::write(socket, request);
+    beast::flat_buffer buffer;
+    http::response_parser<http::string_body> parser;
+    parser.skip(verb == http::verb::head);
+    http::read(socket, buffer, parser);
+    return parser.release();
+  };
+  const auto middle = ranged("bytes=1000-280000");
+  EXPECT_EQ(middle.result(), http::status::partial_content);
+  EXPECT_EQ(middle[http::field::content_range], "bytes 1000-280000/300000");
+  EXPECT_EQ(middle.body() == bytes.substr(1000, 279'001), true);
+  EXPECT_EQ(ranged("bytes=299990-").body(), bytes.substr(299'990));
+  EXPECT_EQ(ranged("bytes=-7").body(), bytes.substr(299'993));
+  EXPECT_EQ(ranged("bytes=299999-400000").body(), bytes.substr(299'999));
+  EXPECT_EQ(ranged("bytes=5-5", http::verb::head)[http::field::content_length], "1");
+  for (const char* behind : {"bytes=300000-", "bytes=300000-300001", "bytes=-0"}) {
+    EXPECT_EQ(ranged(behind).result(), http::status::range_not_satisfiable) << behind;
+    EXPECT_EQ(ranged(behind)[http::field::content_range], "bytes */300000");
+  }
+  for (const char* other : {"bytes=5-2", "bytes=a-b", "bytes=1-2,4-5", "lines=1-2", "bytes=", "bytes=-",
+                            "bytes=99999999999999999999-", "bytes=1x-2"})
+    EXPECT_EQ(ranged(other).body() == bytes, true) << other;  // all of it, as if nothing had been asked
+}
+
+TEST_F(Web, MakesWhatIsAskedForOnceAndServesOthersMeanwhile) {
+  std::atomic<int> made = 0;
+  std::atomic<bool> may_go_on = false;
+  server.add({{"slow.ply",
+               {.content_type = "application/octet-stream",
+                .body = once(
+                    [&]() -> Content {
+                      ++made;
+                      while (!may_go_on) std::this_thread::sleep_for(5ms);
+                      return std::make_shared<const Text>("made");
+                    },
+                    true),
+                .download = "slow.ply"}},
+              {"broken", {"text/plain", Make{[]() -> Content { throw std::runtime_error("the disk is full"); }}}}});
+  std::vector<std::jthread> clients;
+  std::vector<http::response<http::string_body>> answers(3);
+  for (auto& answer : answers) clients.emplace_back([&] { answer = get(path("slow.ply"), host()); });
+  EXPECT_TRUE(becomes([&] { return made == 1; }));
+  EXPECT_EQ(get(path(""), host()).body(), "the page");
+  const auto broken = get(path("broken"), host());
+  EXPECT_EQ(broken.result(), http::status::internal_server_error);
+  EXPECT_EQ(broken.body(), "the disk is full\n");
+  may_go_on = true;
+  clients.clear();
+  EXPECT_EQ(made, 1);
+  for (const auto& answer : answers) {
+    EXPECT_EQ(answer.body(), "made");
+    EXPECT_EQ(answer[http::field::content_disposition], "attachment; filename=\"slow.ply\"");
+  }
+}
+
+/// Over TLS, as other devices see it.
+class SecureWeb : public Web {
+ protected:
+  explicit SecureWeb(const ServerLimits& limits = {})
+      : secure({.port = 0, .host = "0.0.0.0", .certificates = folder / "state"},
+               {{"", {"text/html", std::string("the page"), "", true}},
+                {"a.glb", {"model/gltf-binary", folder / "a.glb"}}},
+               &feed, limits) {
+    const std::string last = secure.url();  // https://HOST:PORT/TOKEN/
+    const auto colon = last.rfind(':'), slash = last.find('/', colon);
+    port_ = last.substr(colon + 1, slash - colon - 1), token_ = last.substr(slash);
+    trust.load_verify_file(folder / "state" / "view-0.0.0.0.pem");
+    trust.set_verify_mode(asio::ssl::verify_peer);
+    trust.set_verify_callback(asio::ssl::host_name_verification("127.0.0.1"));
+  }
+  using Stream = asio::ssl::stream<tcp::socket>;
+  [[nodiscard]] tcp::socket connect_plain() {
+    tcp::socket socket(context);
+    socket.connect({asio::ip::address_v4::loopback(), static_cast<std::uint16_t>(std::stoi(port_))});
+    return socket;
+  }
+  Stream connect_secure() {
+    Stream stream(connect_plain(), trust);
+    stream.handshake(asio::ssl::stream_base::client);
+    return stream;
+  }
+  http::response<http::string_body> get_secure(const std::string& target, const std::string& of,
+                                               const std::string& origin = "") {
+    http::request<http::empty_body> request(http::verb::get, target, 11);
+    request.set(http::field::host, of);
+    if (!origin.empty()) request.set(http::field::origin, origin);
+    Stream stream = connect_secure();
+    http::write(stream, request);
+    beast::flat_buffer buffer;
+    http::response<http::string_body> response;
+    http::read(stream, buffer, response);
+    return response;
+  }
+  [[nodiscard]] std::string here() const { return "127.0.0.1:" + port_; }
+
+  Server secure;
+  std::string port_, token_;
+  asio::ssl::context trust{asio::ssl::context::tls_client};
+};
+
+class ImpatientSecureWeb : public SecureWeb {
+ protected:
+  ImpatientSecureWeb() : SecureWeb({.patience = 400ms, .connections = 8}) {}
+};
+
+TEST_F(SecureWeb, ProvesItsAddressAndServesWhoKnowsTheToken) {
+  EXPECT_EQ(secure.url().substr(0, 8), "https://");
+  EXPECT_EQ(get_secure(token_, here()).body(), "the page");
+  const std::string bytes(3'000'000, 'x');
+  write_text(folder / "a.glb", bytes);
+  EXPECT_EQ(get_secure(token_ + "a.glb", "localhost:" + port_, "https://localhost:" + port_).body() == bytes, true);
+  trust.set_verify_callback(asio::ssl::host_name_verification("192.0.2.7"));
+  EXPECT_THROW(connect_secure(), boost::system::system_error);  // no address of this machine
+}
+
+TEST_F(SecureWeb, RefusesOthers) {
+  std::string wrong = token_;
+  wrong[5] = wrong[5] == '0' ? '1' : '0';
+  EXPECT_EQ(get_secure(wrong, here()).result(), http::status::not_found);
+  EXPECT_EQ(get_secure("/", here()).result(), http::status::not_found);
+  EXPECT_EQ(get_secure(token_, "evil.example").result(), http::status::forbidden);
+  EXPECT_EQ(get_secure(token_, "192.0.2.7:" + port_).result(), http::status::forbidden);
+  EXPECT_EQ(get_secure(token_, here(), "http://" + here()).result(), http::status::forbidden);
+  EXPECT_EQ(get_secure(token_, here(), "https://evil.example").result(), http::status::forbidden);
+  asio::ssl::context old(asio::ssl::context::tls_client);
+  old.set_options(asio::ssl::context::no_tlsv1_2 | asio::ssl::context::no_tlsv1_3);
+  Stream stream(connect_plain(), old);
+  EXPECT_THROW(stream.handshake(asio::ssl::stream_base::client), boost::system::system_error);
+  EXPECT_EQ(get_secure(token_, here()).result(), http::status::ok);
+}
+
+TEST_F(SecureWeb, TellsWhoComesWithoutTlsHowTheAddressBegins) {
+  auto socket = connect_plain();
+  asio::write(socket, asio::buffer("GET / HTTP/1.1\r\nHost: " + here() + "\r\nConnection: close\r\n\r\n"));
+  const std::string answer = heard_from(socket);
+  EXPECT_NE(answer.find("400 Bad Request"), std::string::npos) << answer;
+  EXPECT_NE(answer.find("begins with https://"), std::string::npos) << answer;
+  EXPECT_EQ(answer.find(token_), std::string::npos);
+}
+
+TEST_F(SecureWeb, FollowsTheFeed) {
+  beast::websocket::stream<Stream> socket(connect_secure());
+  socket.handshake(here(), token_ + "live");
+  feed.set("a", "new", true);
+  beast::flat_buffer buffer;
+  socket.read(buffer);
+  EXPECT_EQ(beast::buffers_to_string(buffer.data()), "new");
+  socket.write(asio::buffer(std::string("{}")));
+  EXPECT_TRUE(becomes([&] { return !feed.take_requests().empty(); }));
+}
+
+TEST_F(SecureWeb, ServesManyAtOnce) {
+  const std::string bytes(1'000'000, 'y');
+  write_text(folder / "a.glb", bytes);
+  std::atomic<int> right = 0;
+  {
+    std::vector<std::jthread> clients;
+    for (int i = 0; i < 20; ++i)
+      clients.emplace_back([&] { right += get_secure(token_ + "a.glb", here()).body() == bytes; });
+  }
+  EXPECT_EQ(right, 20);
+}
+
+TEST_F(SecureWeb, KeepsItsCertificateWhereNobodyElseReadsIt) {
+  namespace fs = std::filesystem;
+  const fs::path file = folder / "state" / "view-0.0.0.0.pem";
+  EXPECT_EQ(fs::status(file).permissions(), fs::perms::owner_read | fs::perms::owner_write);
+  const ViewerAddress at{.port = 0, .host = "0.0.0.0", .certificates = folder / "state"};
+  const std::string first = secure.site().fingerprint;
+  EXPECT_EQ(first.size(), 32u * 3 - 1);
+  EXPECT_EQ(Server(at, {}, nullptr).site().fingerprint, first);
+  fs::permissions(file, fs::perms::others_read, fs::perm_options::add);
+  const std::string second = Server(at, {}, nullptr).site().fingerprint;
+  EXPECT_NE(second, first);  // somebody else may have the key
+  write_text(file, "broken");
+  fs::permissions(file, fs::perms::owner_read | fs::perms::owner_write);
+  EXPECT_NE(Server(at, {}, nullptr).site().fingerprint, second);
+  write_text(folder / "file", "");
+  const ViewerAddress nowhere{.port = 0, .host = "0.0.0.0", .certificates = folder / "file" / "x"};
+  EXPECT_FALSE(Server(nowhere, {}, nullptr).site().fingerprint.empty());  // for this time
+}
+
+TEST_F(ImpatientSecureWeb, ClosesWhoDoesNotGoOn) {
+  auto silent = connect_plain(), half = connect_plain();
+  asio::write(half, asio::buffer("\x16\x03\x01\x02"));  // a handshake begins so
+  Stream idle = connect_secure();
+  EXPECT_EQ(heard_from(silent), "");
+  EXPECT_EQ(heard_from(half), "");
+  char byte = 0;
+  boost::system::error_code end;
+  asio::read(idle, asio::buffer(&byte, 1), end);
+  EXPECT_TRUE(end);
+  EXPECT_EQ(get_secure(token_, here()).result(), http::status::ok);
+}
+
+TEST(Server, TellsWhichAddressesThisMachineHas) {
+  for (const char* host : {"192.0.2.7", "phone", "300.1.1.1"}) {
+    const std::string told = error_of([&] { const Server server({.port = 0, .host = host}, {}, nullptr); });
+    EXPECT_NE(told.find("address " + std::string(host) + " cannot be used"), std::string::npos) << told;
+    EXPECT_NE(told.find("0.0.0.0 stands for all"), std::string::npos) << told;
+  }
+}
+
+TEST(Server, SpeaksHttpOnThisMachineAlone) {
+  for (const char* host : {"", "localhost", "127.0.0.1"}) {
+    const Server server({.port = 0, .host = host}, {}, nullptr);
+    EXPECT_EQ(server.url().substr(0, 17), "http://127.0.0.1:");
+    EXPECT_TRUE(server.site().fingerprint.empty());
+  }
+}
+
 TEST(Server, TellsThatAPortIsInUse) {
-  const Server first(0, {}, nullptr);
+  const Server first({.port = 0}, {}, nullptr);
   const int port = std::stoi(first.url().substr(first.url().find(':', 7) + 1));
   EXPECT_NE(error_of([&] {
-              const Server second(port, {}, nullptr);
+              const Server second({.port = port}, {}, nullptr);
             }).find("port " + std::to_string(port) + " cannot be used"),
             std::string::npos);
 }

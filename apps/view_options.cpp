@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "view_options.hpp"
+
+#include <fmt/format.h>
+
+#include "browser.hpp"
+#include "qr_code.hpp"
+
+namespace cairn::apps {
+
+void add_view_options(CLI::App& command, ViewArguments& a, CLI::Option* needs) {
+  auto* port = command.add_option("--port", a.at.port, "Of the page; 0: any free one")
+                   ->check(CLI::Range(0, 65535))
+                   ->capture_default_str();
+  auto* host =
+      command.add_option("--host", a.at.host,
+                         "Serve other devices, too, such as a phone: an IP address of this machine, or 0.0.0.0 "
+                         "for all of them; encrypted [this machine alone]");
+  auto* open = command.add_flag("--open", a.open, "Open the page in a browser");
+  if (needs != nullptr)
+    for (CLI::Option* option : {port, host, open}) option->needs(needs);
+}
+
+void tell_how_to_open(const ViewArguments& a, const ViewerSite& site, const char* they_can) {
+  const bool is_shared = !site.fingerprint.empty();
+  for (std::size_t i = 1; i < site.urls.size(); ++i)
+    fmt::print(stderr, "also        {} ({})\n", site.urls[i].url, site.urls[i].interface);
+  if (is_shared) {
+    fmt::print(stderr,
+               "anyone in this network who has this address can {}\n"
+               "browsers warn once, since the certificate is Cairn's own: go on if its SHA-256 fingerprint is\n  {}\n",
+               they_can, site.fingerprint);
+    if (const auto code = qr_code_for_terminal(site.urls.front().url)) fmt::print(stderr, "{}", *code);
+  }
+  std::fflush(stderr);
+  // On this machine every one of its addresses opens; the last one does not change with the network.
+  if (a.open) open_browser(site.urls.back().url);
+}
+
+}  // namespace cairn::apps

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "view/downloads.hpp"
+
+#include <algorithm>
+#include <iterator>
+#include <stdexcept>
+#include <utility>
+
+#include "cairn/mesh.hpp"
+#include "mesh/formats.hpp"
+#include "mesh/points.hpp"
+#include "mesh/topology.hpp"
+#include "view/temporary_place.hpp"
+#include "view/zip_folder.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr float kPointSpacing = 0.01f;  // metres
+constexpr const char *kPly = "mesh.ply", *kObj = "mesh-obj.zip", *kPoints = "points.ply";
+
+/// Vertices get the colour that the texture has there: PLY knows no other.
+Mesh coloured(Mesh mesh) {
+  const Texture& texture = mesh.texture;
+  if (mesh.texture_coordinates.empty() || texture.texels.empty()) return mesh;
+  const auto texel = [](float share, int size) {
+    return static_cast<std::size_t>(std::clamp(static_cast<int>(share * static_cast<float>(size)), 0, size - 1));
+  };
+  mesh.colours.clear();
+  for (const Eigen::Vector2f& at : mesh.texture_coordinates) {
+    const auto& rgb = texture.texels[texel(at.y(), texture.height) * static_cast<std::size_t>(texture.width) +
+                                     texel(at.x(), texture.width)];
+    mesh.colours.push_back({rgb[0], rgb[1], rgb[2], 255});
+  }
+  mesh.texture_coordinates.clear();
+  mesh.texture = {};
+  return mesh;
+}
+
+std::vector<Mesh> coloured_parts(const fs::path& file) {
+  std::vector<Mesh> parts = read_mesh_parts(file);
+  for (Mesh& part : parts) part = coloured(std::move(part));
+  return parts;
+}
+
+void write_points(const fs::path& mesh, const fs::path& file) {
+  SurfacePoints points(kPointSpacing);
+  for (const Mesh& part : coloured_parts(mesh)) points.add(part);
+  write_ply(file, points.points());
+}
+
+/// With its material and textures.
+void write_obj_zip(const fs::path& mesh, const fs::path& file) {
+  const TemporaryPlace place;
+  write_obj(place.path() / "mesh.obj", read_mesh_parts(mesh));
+  zip_folder(place.path(), file);
+}
+
+}  // namespace
+
+std::string content_type_of(const fs::path& name) {
+  const std::string extension = name.extension().string();
+  for (const auto& [end, type] :
+       std::initializer_list<std::pair<const char*, const char*>>{{".glb", "model/gltf-binary"},
+                                                                  {".gltf", "model/gltf+json"},
+                                                                  {".json", "application/json"},
+                                                                  {".html", "text/html; charset=utf-8"},
+                                                                  {".txt", "text/plain; charset=utf-8"},
+                                                                  {".g2o", "text/plain; charset=utf-8"},
+                                                                  {".svg", "image/svg+xml"},
+                                                                  {".jpg", "image/jpeg"},
+                                                                  {".png", "image/png"},
+                                                                  {".zip", "application/zip"}})
+    if (extension == end) return type;
+  return "application/octet-stream";
+}
+
+std::vector<Download> finished_files(const fs::path& folder, bool is_textured) {
+  const std::pair<const char*, const char*> kFiles[] = {
+      {"mesh.glb", is_textured ? "textured mesh, for Blender and viewers" : "mesh, for Blender and viewers"},
+      {"preview.glb", "smaller mesh, for web pages"},
+      {"map.vdb", "distances, observations and colours, for OpenVDB and cairn"},
+      {"trajectory.txt", "the camera's path, in the TUM format"},
+      {"graph.g2o", "keyframes and loops, for pose graph programs"},
+      {"graph.svg", "a drawing of the path from above"},
+      {"report.json", "all numbers of the run"},
+      {"report.html", "this page in one file"}};
+  std::vector<Download> files;
+  for (const auto& [name, what] : kFiles) {
+    std::error_code error;
+    if (const std::uintmax_t bytes = fs::file_size(folder / name, error); !error) files.push_back({name, what, bytes});
+  }
+  return files;
+}
+
+struct MadeDownloads::State {
+  fs::path mesh;
+  std::optional<TemporaryPlace> place;  // of the thread that makes
+};
+
+MadeDownloads::MadeDownloads(fs::path mesh) : state_(std::make_shared<State>()) { state_->mesh = std::move(mesh); }
+
+std::vector<Download> MadeDownloads::list() const {
+  return {{kPly, "mesh with colours, for MeshLab and CloudCompare", {}},
+          {kObj, "mesh as Wavefront OBJ with its texture", {}},
+          {kPoints, "points 1 cm apart", {}}};
+}
+
+Served MadeDownloads::served(const std::string& name) const {
+  const auto write = [state = state_, name](const fs::path& file) {
+    if (name == kPly) return write_ply(file, joined(coloured_parts(state->mesh)));
+    if (name == kObj) return write_obj_zip(state->mesh, file);
+    if (name == kPoints) return write_points(state->mesh, file);
+    throw std::logic_error(name + ": is not offered");
+  };
+  const auto make = [state = state_, name, write]() -> Content {
+    if (!state->place) state->place.emplace();
+    const fs::path file = state->place->path() / name;
+    write(file);
+    return file;
+  };
+  return {.content_type = content_type_of(name), .body = once(make, true), .download = name};
+}
+
+}  // namespace cairn

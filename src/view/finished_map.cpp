@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "view/finished_map.hpp"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <tbb/parallel_for.h>
+
+#include <boost/archive/iterators/base64_from_binary.hpp>
+#include <boost/archive/iterators/transform_width.hpp>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <stdexcept>
+#include <vector>
+
+#include "base/json_text.hpp"
+#include "cairn/trajectory.hpp"
+#include "cairn/viewer.hpp"
+#include "view/downloads.hpp"
+#include "view/fields.hpp"
+#include "view/keyframe_pictures.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+constexpr int kPictureWidth = 640, kPictureQuality = 85;
+constexpr int kInlinePictureWidth = 320, kInlinePictureQuality = 65;
+constexpr std::size_t kInlinePictures = 40;
+constexpr std::size_t kInlineCells = 300'000;         // of fields: 1.2 MB as text
+constexpr std::size_t kInlinePictureBytes = 600'000;  // of all of them as text
+
+std::string read_bytes(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in) throw std::runtime_error(file.string() + ": cannot be read; give a folder that cairn has made");
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+std::string base64(const std::string& bytes) {
+  using namespace boost::archive::iterators;
+  using Letters = base64_from_binary<transform_width<std::string::const_iterator, 6, 8>>;
+  std::string text(Letters(bytes.begin()), Letters(bytes.end()));
+  text.append((3 - bytes.size() % 3) % 3, '=');
+  return text;
+}
+
+Json read_report(const fs::path& folder) {
+  const fs::path file = folder / "report.json";
+  if (!fs::exists(file) && fs::exists(folder / "session" / "state.cbor"))
+    throw std::runtime_error(
+        fmt::format("{0}: its run has not ended, or it was killed: go on with cairn reconstruct RECORDING -o {0} "
+                    "--resume, or write "
+                    "what it has with cairn export {0} -o map.glb, and view that",
+                    folder.string()));
+  Json report;
+  try {
+    report = Json::parse(read_bytes(file));
+  } catch (const Json::exception& error) {
+    throw std::runtime_error(file.string() + ": is damaged: " + plain(error.what()));
+  }
+  if (!report.is_object()) throw std::runtime_error(file.string() + ": is damaged: it is no report");
+  return report;
+}
+
+Json json_of(const Trajectory& path) {
+  Json json = Json::array();
+  for (const auto& [time, pose] : path) {
+    const Eigen::Quaterniond q(pose.linear());
+    const Eigen::Vector3d& t = pose.translation();
+    json.push_back({time, t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()});
+  }
+  return json;
+}
+
+Json json_of(const Download& download, const std::string& url) {
+  Json json{{"name", download.name}, {"url", url}, {"what", download.what}};
+  if (download.bytes) json["bytes"] = *download.bytes;
+  return json;
+}
+
+/// Time stamps of the keyframes that a report lists.
+std::vector<double> searched(const Json& report) {
+  std::vector<double> times;
+  try {
+    for (const Json& keyframe : report.value("searched", Json::array())) times.push_back(keyframe.at(0));
+  } catch (const Json::exception&) {
+    times.clear();  // another version's report
+  }
+  return times;
+}
+
+}  // namespace
+
+struct FinishedMap::State {
+  explicit State(const fs::path& f) : folder(f), report(read_report(f)) {
+    if (fs::exists(folder / "trajectory.txt")) path = read_trajectory(folder / "trajectory.txt");
+    if (auto found = pictures_of(folder, searched(report))) pictures.emplace(*std::move(found));
+    const auto offset = report.find("clock_offset");
+    if (pictures)
+      keyframes =
+          pictures_along(path, *pictures, offset != report.end() && offset->is_number() ? offset->get<double>() : 0.0);
+  }
+
+  /// A run whose mesh could not be written does not show an earlier one's.
+  [[nodiscard]] bool has_mesh() const { return report.contains("mesh") && fs::exists(folder / "mesh.glb"); }
+  [[nodiscard]] bool is_textured() const { return has_mesh() && report["mesh"].contains("textures"); }
+  [[nodiscard]] bool has_fields() const { return fs::exists(folder / "map.vdb"); }
+  [[nodiscard]] SensorModel sensor() const { return pictures ? pictures->sensor : SensorModel{}; }
+  [[nodiscard]] Json json() const {
+    return {{"mode", "finished"},
+            {"name", fs::canonical(folder).filename().string()},
+            {"report", report},
+            {"trajectory", json_of(path)}};
+  }
+  [[nodiscard]] Json inlined_keyframes() const;
+
+  fs::path folder;
+  Json report;
+  Trajectory path;
+  std::optional<SessionPictures> pictures;  // holds the files
+  std::vector<KeyframePicture> keyframes;
+};
+
+FinishedMap::FinishedMap(const fs::path& folder) : state_(std::make_shared<const State>(folder)) {}
+
+std::map<std::string, Served> FinishedMap::served() const {
+  const auto s = state_;
+  Json data = s->json();
+  std::map<std::string, Served> files;
+  if (s->has_mesh()) {
+    data["mesh"] = "mesh.glb";
+    files["mesh.glb"] = {.content_type = content_type_of("mesh.glb"), .body = s->folder / "mesh.glb"};
+  }
+  if (s->has_fields()) {
+    data["fields"] = "fields.bin";
+    files["fields.bin"] = {
+        .content_type = content_type_of("fields.bin"),
+        .body = once([s]() -> Content {
+          return std::make_shared<const Text>(bytes_of(make_fields(s->folder / "map.vdb", s->sensor(), s->path)));
+        }),
+        .is_packable = true};
+  }
+  data["keyframes"] = Json::array();
+  for (std::size_t k = 0; k < s->keyframes.size(); ++k) {
+    const std::string name = fmt::format("keyframes/{}.jpg", k);
+    data["keyframes"].push_back({{"time", s->keyframes[k].time}, {"picture", name}});
+    files[name] = {.content_type = content_type_of(name), .body = Make{.make = [s, k]() -> Content {
+                                                            return std::make_shared<const Text>(small_picture(
+                                                                s->keyframes[k].file, kPictureWidth, kPictureQuality));
+                                                          }}};
+  }
+  data["files"] = Json::array();
+  const auto offer = [&](const Download& download, Served file) {
+    const std::string url = "files/" + download.name;
+    data["files"].push_back(json_of(download, url));
+    files[url] = std::move(file);
+  };
+  for (const Download& file : finished_files(s->folder, s->is_textured()))
+    if (file.name != "mesh.glb" || s->has_mesh())
+      offer(file, {.content_type = content_type_of(file.name), .body = s->folder / file.name, .download = file.name});
+  if (s->has_mesh()) {
+    const MadeDownloads made(s->folder / "mesh.glb");
+    for (const Download& file : made.list()) offer(file, made.served(file.name));
+  }
+  files["data.json"] = {.content_type = content_type_of("data.json"), .body = text_of(data), .is_packable = true};
+  return files;
+}
+
+/// Spread over all of them, as many as fit.
+Json FinishedMap::State::inlined_keyframes() const {
+  const std::size_t count = std::min(kInlinePictures, keyframes.size());
+  std::vector<std::string> small(count);
+  const auto chosen = [&](std::size_t i) { return i * keyframes.size() / count; };
+  tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+    try {
+      small[i] = base64(small_picture(keyframes[chosen(i)].file, kInlinePictureWidth, kInlinePictureQuality));
+    } catch (const std::exception&) {
+      // One that is lost.
+    }
+  });
+  std::size_t bytes = 0;
+  for (const std::string& picture : small) bytes += picture.size();
+  const std::size_t step = bytes / kInlinePictureBytes + 1;
+  Json json = Json::array();
+  for (std::size_t i = 0; i < count; i += step)
+    if (!small[i].empty())
+      json.push_back({{"time", keyframes[chosen(i)].time}, {"picture", "data:image/jpeg;base64," + small[i]}});
+  return json;
+}
+
+std::string FinishedMap::inlined() const {
+  const State& s = *state_;
+  Json data = s.json();
+  if (const fs::path mesh = s.folder / "mesh.glb"; s.has_mesh()) {
+    const fs::path preview = s.folder / "preview.glb";
+    const bool fits = fs::file_size(mesh) <= kMaxInlineMesh;
+    if (fits || fs::exists(preview))
+      data["mesh_base64"] = base64(read_bytes(fits ? mesh : preview));
+    else
+      data["mesh_left_out"] = mesh.string();
+  }
+  if (s.has_fields()) try {
+      data["fields_base64"] = base64(bytes_of(make_fields(s.folder / "map.vdb", s.sensor(), s.path, kInlineCells)));
+    } catch (const std::exception& error) {
+      spdlog::warn(fmt::format("report.html shows no distances: {}", error.what()));
+    }
+  if (!s.keyframes.empty()) data["keyframes"] = s.inlined_keyframes();
+  data["files"] = Json::array();
+  for (const Download& file : finished_files(s.folder, s.is_textured()))
+    if (file.name != "report.html" && (file.name != "mesh.glb" || s.has_mesh()))
+      data["files"].push_back(json_of(file, file.name));
+  return text_of(data);
+}
+
+}  // namespace cairn

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "view/keyframe_pictures.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+#include "base/image_file.hpp"
+#include "base/read_whole.hpp"
+#include "map/keyframe.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr double kSame = 1e-4;  // seconds: as files round them
+
+}  // namespace
+
+std::optional<SessionPictures> pictures_of(const std::filesystem::path& folder, const std::vector<double>& timestamps) {
+  const std::filesystem::path session = folder / "session";
+  if (timestamps.empty() || !std::filesystem::exists(session / "state.cbor")) return std::nullopt;
+  try {
+    SessionPictures pictures = read_pictures(session);
+    const auto is_same = [](double a, double b) { return std::abs(a - b) < kSame; };
+    if (std::equal(timestamps.begin(), timestamps.end(), pictures.timestamps.begin(), pictures.timestamps.end(),
+                   is_same))
+      return pictures;
+  } catch (const std::exception&) {
+    // Without it a page shows all else.
+  }
+  return std::nullopt;
+}
+
+std::vector<KeyframePicture> pictures_along(const Trajectory& path, const SessionPictures& pictures,
+                                            double clock_offset) {
+  std::vector<KeyframePicture> along;
+  double next = std::numeric_limits<double>::infinity();
+  for (std::size_t k = pictures.timestamps.size(); k-- > 0;) {  // the last recording's are the last ones
+    const double time = pictures.timestamps[k] + clock_offset;
+    if (time >= next || path.empty() || time < path.front().timestamp - kSame) break;
+    next = time;
+    const auto pose = std::lower_bound(path.begin(), path.end(), time - kSame,
+                                       [](const StampedPose& p, double t) { return p.timestamp < t; });
+    if (pose == path.end() || pose->timestamp > time + kSame) continue;
+    if (const auto file = colour_file(pictures.keyframes, k); std::filesystem::exists(file))
+      along.push_back({.time = pose->timestamp, .file = file});
+  }
+  std::reverse(along.begin(), along.end());
+  return along;
+}
+
+std::string small_picture(const std::filesystem::path& file, int width, int quality) {
+  std::vector<std::uint8_t> bytes;
+  try {
+    bytes = read_whole(file);
+    cv::Mat image = decode_image(bytes, Pixels::rgb);
+    if (image.cols > width) {
+      cv::resize(image, image, {width, std::max(1, image.rows * width / image.cols)}, 0, 0, cv::INTER_AREA);
+      bytes = encode_jpeg(image, {.quality = quality});
+    }
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(file.string() + ": " + error.what());
+  }
+  return {bytes.begin(), bytes.end()};
+}
+
+}  // namespace cairn

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+
+namespace cairn {
+
+/// A folder among the system's temporary ones, which is gone with this.
+class TemporaryPlace {
+ public:
+  /// Throws std::runtime_error where none can be made.
+  TemporaryPlace() {
+    std::string name = (std::filesystem::temp_directory_path() / "cairn-view-XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr)
+      throw std::runtime_error("cannot make the folder " + name + ": " + std::strerror(errno) +
+                               "; TMPDIR may name another place");
+    path_ = name;
+  }
+  ~TemporaryPlace() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  TemporaryPlace(const TemporaryPlace&) = delete;
+  TemporaryPlace& operator=(const TemporaryPlace&) = delete;
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+}  // namespace cairn
