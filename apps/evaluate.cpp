@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -19,7 +20,7 @@ namespace cairn::apps {
 namespace {
 
 struct Arguments {
-  std::string estimate, truth, seen, trajectory, truth_trajectory, poses;
+  std::string estimate, truth, seen, trajectory, truth_trajectory, poses, height;
   std::vector<double> box;
   double rpe_interval = 1.0, max_time_difference = 0.02;
   float esdf_voxel_size = 0;
@@ -169,6 +170,7 @@ void evaluate_distances_of(const Arguments& a) {
   const double voxel = field->voxel_size();
   const DistanceError e = evaluate_distances(*field, synthetic_scene(a.truth), read_mesh(a.seen));
   const double signs = e.signs == 0 ? 0.0 : static_cast<double>(e.right_signs) / e.signs;
+  const double all_signs = e.all_signs == 0 ? 0.0 : static_cast<double>(e.all_right_signs) / e.all_signs;
   if (a.json) {
     const nlohmann::json j{{"distance_m", to_json(e.distance)},
                            {"within_voxel", e.within_voxel},
@@ -176,6 +178,7 @@ void evaluate_distances_of(const Arguments& a) {
                            {"gradient_mean_rad", e.gradient_mean},
                            {"gradients", e.gradients},
                            {"right_signs", signs},
+                           {"right_signs_of_all", all_signs},
                            {"known", e.known}};
     fmt::print("{}\n", text_of(j, 2));
     return;
@@ -186,9 +189,61 @@ void evaluate_distances_of(const Arguments& a) {
   fmt::print("within a voxel        {:.2f} %\n", 100 * e.within_voxel);
   fmt::print("gradient              {:.2f} degrees mean at {} points away from the medial axis\n",
              e.gradient_mean * 180 / std::numbers::pi, e.gradients);
-  fmt::print("sign                  {:.3f} % right\n", 100 * signs);
+  fmt::print("sign                  {:.3f} % right, {:.3f} % where surfaces count that nobody saw\n", 100 * signs,
+             100 * all_signs);
   fmt::print("points                {} of {} known ones are nearest to a surface that was seen\n", e.distance.count,
              e.known);
+}
+
+/// As write_costmap of pictures.hpp writes it.
+Costmap read_costmap(const std::filesystem::path& yaml) {
+  Costmap map;
+  std::ifstream in(yaml);
+  std::string image, line;
+  double x = 0, y = 0;
+  while (std::getline(in, line)) {
+    if (line.starts_with("image: ")) image = line.substr(7);
+    (void)std::sscanf(line.c_str(), "resolution: %lf", &map.resolution);
+    (void)std::sscanf(line.c_str(), "origin: [%lf, %lf", &x, &y);
+  }
+  map.origin = {x, y};
+  std::ifstream picture(yaml.parent_path() / image, std::ios::binary);
+  std::string kind;
+  int most = 0;
+  picture >> kind >> map.columns >> map.rows >> most;
+  picture.get();
+  const std::string cells{std::istreambuf_iterator<char>(picture), {}};
+  if (image.empty() || !(map.resolution > 0) || kind != "P5" || map.columns < 1 || map.rows < 1 ||
+      cells.size() != static_cast<std::size_t>(map.columns) * static_cast<std::size_t>(map.rows))
+    throw std::runtime_error(yaml.string() + ": is no costmap of `cairn esdf --costmap`");
+  for (const char cell : cells)
+    map.cells.push_back(cell == 0                                ? Costmap::Cell::occupied
+                        : static_cast<std::uint8_t>(cell) == 254 ? Costmap::Cell::free
+                                                                 : Costmap::Cell::unknown);
+  return map;
+}
+
+void evaluate_costmap_file(const Arguments& a) {
+  Costmap map = read_costmap(a.estimate);
+  if (std::sscanf(a.height.c_str(), "%lf:%lf", &map.low, &map.high) != 2 || !(map.low < map.high))
+    throw CLI::ValidationError("--height", "'" + a.height + "' is not LOW:HIGH, for example -1.2:0.3");
+  const CostmapError e =
+      evaluate_costmap(map, synthetic_scene(a.truth), synthetic_camera(), read_trajectory(a.trajectory));
+  const double right = e.judged == 0 ? 0.0 : static_cast<double>(e.right) / e.judged;
+  if (a.json) {
+    const nlohmann::json j{{"judged", e.judged},
+                           {"right", right},
+                           {"wrongly_free", e.wrongly_free},
+                           {"wrongly_occupied", e.wrongly_occupied},
+                           {"wrongly_unknown", e.wrongly_unknown},
+                           {"unseen", e.unseen}};
+    fmt::print("{}\n", j.dump(2));
+    return;
+  }
+  fmt::print("cells                 {}, {:.2f} % right\n", e.judged, 100 * right);
+  fmt::print("wrongly               {} free, {} occupied, {} unknown\n", e.wrongly_free, e.wrongly_occupied,
+             e.wrongly_unknown);
+  fmt::print("rightly free          {} that no camera saw\n", e.unseen);
 }
 
 void add_trajectory(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
@@ -282,6 +337,20 @@ void add_distances(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
   command->callback([a] { evaluate_distances_of(*a); });
 }
 
+void add_costmap(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
+  auto* command = evaluate.add_subcommand("costmap", "A costmap against a synthetic scene cut at the same heights");
+  command->add_option("COSTMAP", a->estimate, "X.yaml of `cairn esdf --costmap`, in the scene's frame")
+      ->required()
+      ->check(CLI::ExistingFile);
+  command->add_option("SCENE", a->truth, "As in `cairn synth`")->required();
+  command->add_option("--height", a->height, "LOW:HIGH, as the costmap was made")->required();
+  command->add_option("--trajectory", a->trajectory, "Where the camera was: what it saw must not be unknown")
+      ->required()
+      ->check(CLI::ExistingFile);
+  command->add_flag("--json", a->json, "Print JSON");
+  command->callback([a] { evaluate_costmap_file(*a); });
+}
+
 }  // namespace
 
 void add_evaluate(CLI::App& program) {
@@ -294,6 +363,7 @@ void add_evaluate(CLI::App& program) {
   add_views(*command, a);
   add_loops(*command, a);
   add_distances(*command, a);
+  add_costmap(*command, a);
 }
 
 }  // namespace cairn::apps

@@ -102,11 +102,12 @@ struct MeshTopology {
 [[nodiscard]] MeshTopology examine_topology(const Mesh& mesh);
 
 struct DistanceError {
-  ErrorStatistics distance;        ///< metres, absolute
-  double within_voxel = 0;         ///< share of these that are less than a voxel
-  double gradient_mean = 0;        ///< radians between the field's gradient and the true one
-  int gradients = 0;               ///< points away from the medial axis
-  int right_signs = 0, signs = 0;  ///< of points that are farther than a millimetre from the surface
+  ErrorStatistics distance;                ///< metres, absolute
+  double within_voxel = 0;                 ///< share of these that are less than a voxel
+  double gradient_mean = 0;                ///< radians between the field's gradient and the true one
+  int gradients = 0;                       ///< points away from the medial axis
+  int right_signs = 0, signs = 0;          ///< of points that are farther than a millimetre from the surface
+  int all_right_signs = 0, all_signs = 0;  ///< likewise, near surfaces that nobody saw as well
   int known = 0;  ///< points looked at; of them `distance.count` are nearest to a surface that was seen
 };
 
@@ -114,5 +115,29 @@ struct DistanceError {
 /// surface belongs to `seen` and is within reach. The medial axis is where the true gradient over a voxel is shorter
 /// than 0.98.
 [[nodiscard]] DistanceError evaluate_distances(const DistanceField& field, const Scene& scene, const Mesh& seen);
+
+/// Occupancy of a band of heights, as `cairn esdf --costmap` writes it.
+struct Costmap {
+  enum class Cell : std::uint8_t { free, occupied, unknown };
+  int columns = 0, rows = 0;
+  double resolution = 0;                             ///< metres
+  Eigen::Vector2d origin = Eigen::Vector2d::Zero();  ///< metres, of the lower left corner; x is the world's z, y its -x
+  double low = 0, high = 0;                          ///< metres above the world's origin
+  std::vector<Cell> cells;                           ///< row by row, the first one at the largest y
+};
+
+/// Cells that a costmap calls free or occupied, and those that are free and that cameras saw.
+struct CostmapError {
+  int judged = 0, right = 0;
+  int wrongly_free = 0;      ///< in some height of the band a solid is there
+  int wrongly_occupied = 0;  ///< no surface is nearer than one and a half cells
+  int wrongly_unknown = 0;   ///< free, farther than half a cell from all surfaces, and half of the band was seen
+  int unseen = 0;            ///< rightly free, and yet no camera saw any of it
+};
+
+/// Compares a costmap with a scene cut at the same heights. A point was seen when from one of the poses a ray goes
+/// through it to a surface within the range of depth.
+[[nodiscard]] CostmapError evaluate_costmap(const Costmap& costmap, const Scene& scene, const Camera& camera,
+                                            const Trajectory& poses, const SurfaceOptions& range = {});
 
 }  // namespace cairn

@@ -64,6 +64,10 @@ DistanceError evaluate_distances(const DistanceField& field, const Scene& scene,
   std::vector<double> errors;
   int within = 0;
   for (const AtPoint& a : at) {
+    if (std::abs(a.truth) > kOnSurface) {
+      ++result.all_signs;
+      result.all_right_signs += (a.truth < 0) == (a.distance < 0);
+    }
     if (!a.counts) continue;
     errors.push_back(a.error);
     within += a.error < voxel;

@@ -125,5 +125,36 @@ TEST(LoopError, CountsRightLoopsAndTheRevisitsThatHaveOne) {
   EXPECT_EQ(e.found, 2);
 }
 
+TEST(EvaluateCostmap, CountsWhatIsWrongByKind) {
+  // A wall across z = 2 m, seen from the origin; cells of 10 cm around it, at the camera's height.
+  Scene scene;
+  scene.solids.push_back({.centre = {0, 0, 2.5f}, .half_size = {4, 4, 0.5f}});
+  Costmap map{
+      .columns = 24, .rows = 1, .resolution = 0.1, .origin = {0, -0.05}, .low = -0.05, .high = 0.05, .cells = {}};
+  using Cell = Costmap::Cell;
+  for (int i = 0; i < 24; ++i) map.cells.push_back(i < 20 ? Cell::free : i == 20 ? Cell::occupied : Cell::unknown);
+  const Trajectory poses(1);
+  const CostmapError right = evaluate_costmap(map, scene, synthetic_camera(), poses);
+  EXPECT_EQ(right.judged, 21);
+  EXPECT_EQ(right.right, 21);
+  EXPECT_EQ(right.unseen, 0);
+  map.cells[3] = Cell::occupied;
+  map.cells[5] = map.cells[6] = Cell::unknown;
+  map.cells[21] = Cell::free;  // in the wall
+  const CostmapError wrong = evaluate_costmap(map, scene, synthetic_camera(), poses);
+  EXPECT_EQ(wrong.judged, 22);
+  EXPECT_EQ(wrong.right, 18);
+  EXPECT_EQ(wrong.wrongly_occupied, 1);
+  EXPECT_EQ(wrong.wrongly_unknown, 2);
+  EXPECT_EQ(wrong.wrongly_free, 1);
+  // From behind its back nobody saw any of it: what is unknown is so rightly, and what is called free is told.
+  Trajectory turned(1);
+  turned[0].world_from_camera.linear() = Eigen::AngleAxisd(3.1416, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  const CostmapError unseen = evaluate_costmap(map, scene, synthetic_camera(), turned);
+  EXPECT_EQ(unseen.wrongly_unknown, 0);
+  EXPECT_EQ(unseen.unseen, 17);
+  EXPECT_THROW((void)evaluate_costmap(map, scene, synthetic_camera(), {}), std::runtime_error);
+}
+
 }  // namespace
 }  // namespace cairn
