@@ -36,6 +36,7 @@ struct Arguments {
   std::vector<std::string> slice;  // plane and file
   std::string height;
   EsdfOptions esdf;
+  std::optional<float> robot_radius;
   int device = -1;
   bool json = false;
 };
@@ -170,6 +171,22 @@ void print_summary(const DistanceField& field, double seconds, const Asked& aske
         1e-6 * static_cast<double>(asked.points) / asked.seconds);
 }
 
+/// Where the camera was, as the run that made the map has written it beside map.vdb.
+Trajectory visited_of(const fs::path& vdb, bool is_needed) {
+  Trajectory visited;
+  const fs::path folder = vdb.parent_path().empty() ? fs::path(".") : vdb.parent_path();
+  for (int recording = -1;; ++recording) {  // trajectory.txt is the last one's
+    const fs::path file = folder / (recording < 0 ? "trajectory.txt" : fmt::format("trajectory-{:03}.txt", recording));
+    if (!fs::exists(file)) break;
+    const Trajectory poses = read_trajectory(file);
+    visited.insert(visited.end(), poses.begin(), poses.end());
+  }
+  if (visited.empty() && is_needed)
+    throw std::runtime_error((folder / "trajectory.txt").string() +
+                             ": is missing: --robot-radius needs to know where the camera was");
+  return visited;
+}
+
 void esdf(const Arguments& a) {
   // All that may be wrong in the command is told before the work begins.
   const Outputs outputs = sort_outputs(a);
@@ -180,14 +197,18 @@ void esdf(const Arguments& a) {
   for (const fs::path& named : a.costmaps) costmaps.push_back(costmap_file(named));
   if (!a.slice.empty() && extension_of(a.slice[1]) != ".png")
     throw CLI::ValidationError("--slice", a.slice[1] + ": is written as PNG, name X.png");
-  const fs::path grids = grids_of(a.map);
+  const fs::path vdb = grids_of(a.map);
   const Band band = a.costmaps.empty() ? Band{} : parse_band(a.height);
   const std::vector<Eigen::Vector3f> points =
       a.query.empty() ? std::vector<Eigen::Vector3f>{} : read_query_points(a.query);
 
+  EsdfOptions options = a.esdf;
+  options.robot_radius = a.robot_radius.value_or(options.robot_radius);
+  const Trajectory visited = visited_of(vdb, a.robot_radius.value_or(0.0f) > 0);
+
   const auto start = Clock::now();
-  Map map = Map::open(grids, a.device);
-  const auto field = map.distances(a.esdf);
+  Map map = Map::open(vdb, a.device);
+  const auto field = map.distances(options, visited);
   if (const Upright upright = map.upright(); !a.costmaps.empty() && !upright.known)
     spdlog::warn(
         "{}: may be cut askew, for which way is up is {} of cairn reconstruct, which with --resume writes the "
@@ -216,6 +237,8 @@ void add_esdf(CLI::App& program) {
   command->add_option("--max-distance", a->esdf.max_distance, "Metres; what is farther only knows that it is")
       ->capture_default_str();
   command->add_option("--esdf-voxel-size", a->esdf.voxel_size, "Metres: 1, 2, 4 or 8 voxels of the map [two]");
+  command->add_option("--robot-radius", a->robot_radius,
+                      "Metres around the camera that are free wherever it was, where the map does not know more [0.1]");
   command->add_option("--query", a->query, "CSV file of points, header x,y,z, metres in the map's frame")
       ->check(CLI::ExistingFile);
   command->add_option("--slice", a->slice, "Plane and picture, for example: y=0.5 slice.png")

@@ -111,6 +111,7 @@ Options options_of(const RunArguments& a, const SensorModel& sensor, int finest_
   options.esdf.live = options.esdf.live || a.esdf;
   if (a.esdf_voxel_size) options.esdf.voxel_size = *a.esdf_voxel_size;
   if (a.max_distance) options.esdf.max_distance = *a.max_distance;
+  if (a.robot_radius) options.esdf.robot_radius = *a.robot_radius;
   options.keep_keyframes = a.mesh.asks_for_texture;
   if (a.up) options.up = up_of(*a.up);
   check(a.mesh.for_file("mesh.glb"), a.output / "mesh.glb");
@@ -385,6 +386,8 @@ void add_run_options(CLI::App& command, RunArguments& a) {
   command.add_option("--esdf-voxel-size", a.esdf_voxel_size, "Metres: 1, 2, 4 or 8 voxels of the map [two]")
       ->needs(live);
   command.add_option("--max-distance", a.max_distance, "Metres that the distance field looks [2]")->needs(live);
+  command.add_option("--robot-radius", a.robot_radius,
+                     "Metres around the camera that are free wherever it was, in map.vdb and distance fields [0.1]");
   command.add_flag("--no-loops", a.no_loops, "Do not recognise places");
   command
       .add_flag("--resume", a.resume,

@@ -37,7 +37,7 @@ struct RunArguments : OutputArguments {
   std::optional<std::uint64_t> device_memory_mib, host_memory_mib;
   int device = -1;
   double checkpoint_seconds = 20;
-  std::optional<float> esdf_voxel_size, max_distance;
+  std::optional<float> esdf_voxel_size, max_distance, robot_radius;
   bool esdf = false, resume = false, no_loops = false, json = false;
   bool verbose = false;
   std::filesystem::path asked_output;  // OUT as it was given, before choose_output

@@ -1,30 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Lists bricks without voxels that lie wholly in front of what the depth image sees: all eight corners and the middle
-// are nearer than the measurement behind them. A bit for each brick of the window tells which are known already.
+// Lists the bricks that lie in front of what the depth image sees, as a whole or in part: in each tile of the image that
+// a brick may cover, the farthest and the nearest measurement tell. Left out are those that are known to be free as a
+// whole, and those whose voxels were fused with this frame.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "shaders/fetch.h"
 #include "shaders/volume.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { BrickFreePush push; };
-PAIRS(0, fusion);  // (depth bits, colour)
-layout(binding = 1, scalar) readonly buffer PageTable { uint page_table[]; };
-layout(binding = 2, scalar) buffer Marks { uint marks[]; };
-layout(binding = 3, scalar) buffer Counts { FusionCounts counts; };
-layout(binding = 4, scalar) writeonly buffer FreeBricks { ivec3 free_bricks[]; };
+layout(binding = 0, scalar) readonly buffer Farthest { float farthest[]; };
+layout(binding = 1, scalar) readonly buffer Nearest { float nearest[]; };
+layout(binding = 2, scalar) readonly buffer PageTable { uint page_table[]; };
+layout(binding = 3, scalar) readonly buffer Marks { uint marks[]; };
+layout(binding = 4, scalar) buffer Counts { FusionCounts counts; };
+layout(binding = 5, scalar) writeonly buffer FreeBricks { ivec3 free_bricks[]; };
+layout(binding = 6, scalar) writeonly buffer PartBricks { ivec3 part_bricks[]; };
 
-Pinhole camera;
-
-bool in_front(vec3 p) {
-  vec2 pixel = project(camera, p) + 0.5;
-  int width = int(camera.width), height = int(camera.height);
-  bool inside = p.z > 0.0 && min(pixel.x, pixel.y) >= 0.0 && pixel.x < float(width) && pixel.y < float(height);
-  return inside && p.z < uintBitsToFloat(fetch(fusion, inside ? int(pixel.y) * width + int(pixel.x) : 0).x);
-}
+const float kNearest = 0.02;  // metres: what is nearer to the camera is looked at voxel by voxel
+const uint kMostTiles = 64u;  // what covers more is, too
 
 void main() {
-  camera = local(push.camera);
+  Pinhole camera = local(push.camera);
+  camera.cx += 0.5;  // a pixel begins half of one before its centre
+  camera.cy += 0.5;
   Rigid camera_from_submap = local(push.camera_from_submap);
   VolumeView volume = local(push.volume);
   // A layer has at most 2^20 bricks: a float holds their numbers.
@@ -34,18 +32,39 @@ void main() {
   if (y >= y_size) return;
   ivec3 brick = push.first + ivec3(index - y * x_size, y, z);
   if (!in_window(volume, brick) || counts.waiting != 0u) return;
-  float size = 8.0 * volume.voxel_size;
-  vec3 middle = transform(camera_from_submap, (vec3(brick) + 0.5) * size);
-  uint at = table_index(volume, brick), bit = 1u << (at & 31u);
-  bool is_free = in_front(middle) && page_table[at] == 0u && (marks[at >> 5] & bit) == 0u;
-  vec3 half_x = 0.5 * size * camera_from_submap.x, half_y = 0.5 * size * camera_from_submap.y,
-       half_z = 0.5 * size * camera_from_submap.z;
-  for (int corner = 0; corner < (is_free ? 8 : 0); ++corner)
-    is_free = in_front(middle + ((corner & 1) != 0 ? half_x : -half_x) + ((corner & 2) != 0 ? half_y : -half_y) +
-                       ((corner & 4) != 0 ? half_z : -half_z));
-  if (!is_free) return;
-  uint place = atomicAdd(counts.looked_through, 1u);
-  if (place >= push.capacity) return;  // the next pass lists it
-  free_bricks[place] = brick;
-  atomicOr(marks[at >> 5], bit);
+
+  // Up to the outermost voxels.
+  float voxel = volume.voxel_size, margin = volume.truncation;
+  vec3 centre = transform(camera_from_submap, (vec3(brick * 8) + 3.5) * voxel);
+  vec3 extent = 3.5 * voxel * (abs(camera_from_submap.x) + abs(camera_from_submap.y) + abs(camera_from_submap.z));
+  float far = centre.z + extent.z, near = max(centre.z - extent.z, kNearest);
+  uint at = table_index(volume, brick), entry = page_table[at];
+  bool is_fused = entry != 0u && entry != kOnHost && far >= push.min_depth;
+  bool is_known = is_fused || (marks[at >> 5] & (1u << (at & 31u))) != 0u;
+  TileRange tiles = tiles_of_box(camera, centre.xy - extent.xy, centre.xy + extent.xy, near, max(far, near));
+  bool may_be_free = !is_known && tiles.is_in_view && far > 0.0;
+
+  uvec2 across = tiles.last - tiles.first + 1u;
+  uint columns = tiles_along(push.camera.width), tile = tiles.first.y * columns + tiles.first.x, x = 0u;
+  uint count = across.x * across.y;
+  bool is_wide = count > kMostTiles;
+  float most = is_wide ? 1e9 : 0.0, least = is_wide ? 0.0 : 1e9;
+  for (uint n = may_be_free && !is_wide ? count : 0u; n > 0u; --n) {
+    most = max(most, farthest[tile]);
+    least = min(least, nearest[tile]);
+    bool turn = ++x == across.x;
+    tile += turn ? columns + 1u - across.x : 1u;
+    if (turn) x = 0u;
+    if (most > near + margin && least <= far + margin) n = 1u;  // in part
+  }
+  if (!may_be_free || most <= near + margin) return;
+  if (least > far + margin && near > kNearest && tiles.is_whole) {
+    uint place = atomicAdd(counts.free, 1u);
+    if (place < free_bricks.length()) free_bricks[place] = brick;  // or another time
+    return;
+  }
+  uint place = atomicAdd(counts.free_in_part, 1u);
+  if (place >= part_bricks.length()) return;
+  part_bricks[place] = brick;
+  if (place % kPartsAGroup == 0u) atomicAdd(counts.looked_at.x, 1u);
 }

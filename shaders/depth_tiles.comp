@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The farthest measurement of each tile of a depth image, 0 where it has none.
+// The farthest measurement of each tile of a depth image, 0 where it has none, and the nearest, 0 where one is missing.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
@@ -9,6 +9,7 @@ layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { DepthTilesPush push; };
 PAIRS(0, fusion);
 layout(binding = 1, scalar) writeonly buffer Farthest { float farthest[]; };
+layout(binding = 2, scalar) writeonly buffer Nearest { float nearest[]; };
 
 void main() {
   uint columns = tiles_along(push.width), rows = tiles_along(push.height);
@@ -16,9 +17,13 @@ void main() {
   if (i >= columns * rows) return;
   int x0 = int((i % columns) * kTile), last = int(push.width) - 1;
   uint y0 = (i / columns) * kTile;
-  float most = 0.0;
+  float most = 0.0, least = 1e9;
   for (uint y = y0; y < min(y0 + kTile, push.height); ++y)
-    for (int k = 0; k < int(kTile); ++k)  // of fixed length, so that it unrolls; a border's tile sees its last pixel again
-      most = max(most, uintBitsToFloat(fetch(fusion, int(y * push.width) + min(x0 + k, last)).x));
+    for (int k = 0; k < int(kTile); ++k) {  // of fixed length, so that it unrolls; a border's tile sees its last pixel again
+      float z = uintBitsToFloat(fetch(fusion, int(y * push.width) + min(x0 + k, last)).x);
+      most = max(most, z);
+      least = min(least, z);
+    }
   farthest[i] = most;
+  nearest[i] = least;
 }

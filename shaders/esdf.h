@@ -62,8 +62,11 @@ const uint kNoSite = 0xffffffffu;
 struct EsdfJob {
   ivec3 brick;
   uint slot;   // of its voxels; kNoSlot: it has none
-  uint state;  // of all of it when it has none
+  uint free;   // which of the lists of bits tells what was seen to be free; a list is kFreeWords words
 };
+const uint kNoneFree = 0;
+const uint kAllFree = 1;
+const uint kFreeWords = 16;
 
 struct EsdfSitesPush {
   EsdfView field;

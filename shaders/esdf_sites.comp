@@ -15,15 +15,38 @@ layout(binding = 3, scalar) buffer Removed { uint removed; };  // sites that wen
 WORDS(4, surface);
 WORDS(5, table);
 POOL(6);
+WORDS(7, free_bits);
 
 EsdfSitesPush parameters;  // but for `field`
+
+uint tsdf_word(uint i) { return voxel_in(parameters.voxels, i).x; }
 
 const float kSlack = 1.25;  // a site stays until the surface is so much farther than where one would come
 const float kMargin = 0.02;  // voxels
 const float kSteep = 1.5;    // times the slope of a surface seen straight on
 const float kNearSurface = 0.7;  // truncations: a cell that the surface passes has a corner that is as near
 
-uint tsdf_word(uint i) { return voxel_in(parameters.voxels, i).x; }
+// The words of a cell's corners, 000, 001, 010, 011, and 100 to 111. What was seen to be free and never observed is
+// kFreeWord: it has no weight, and makes no surface. 0: nothing is known.
+const uint kFreeWord = 0x7fffu;
+struct Corners {
+  uvec4 a, b;
+};
+Corners corners_of(EsdfJob job, ivec3 low) {
+  // A column of two corners along z after the other, of those that have free voxels.
+  uint bits = 0u, first = job.free * kFreeWords;
+  for (int k = 0; k < (job.free != kNoneFree ? 4 : 0); ++k) {
+    int x = low.x + (k >> 1), y = low.y + (k & 1);
+    bits |= ((fetch(free_bits, int(first) + 2 * x + (y >> 2)) >> (8 * (y & 3) + low.z)) & 3u) << (2 * k);
+  }
+  uint mask = job.slot != kNoSlot ? 0xffffffffu : 0u, from = ((job.slot & mask) << 9) | uint((low.x << 6) | (low.y << 3) | low.z);
+  uvec4 a = uvec4(tsdf_word(from), tsdf_word(from + 1u), tsdf_word(from + 8u), tsdf_word(from + 9u)) & mask;
+  uvec4 b = uvec4(tsdf_word(from + 64u), tsdf_word(from + 65u), tsdf_word(from + 72u), tsdf_word(from + 73u)) & mask;
+  uvec4 place = uvec4(0u, 1u, 2u, 3u), free_a = ((uvec4(bits) >> place) & 1u) * kFreeWord,
+        free_b = ((uvec4(bits) >> (place + 4u)) & 1u) * kFreeWord;
+  return Corners(mix(a, free_a, equal(a >> 16, uvec4(0u))), mix(b, free_b, equal(b >> 16, uvec4(0u))));
+}
+bool is_known(Corners c) { return all(notEqual(c.a, uvec4(0u))) && all(notEqual(c.b, uvec4(0u))); }
 
 // What a voxel of the field is made of: the new word of `surface`. `shifts` 2: cells that begin one TSDF voxel earlier are
 // looked at, too.
@@ -42,13 +65,11 @@ uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
     bool is_shifted = i >= cells;
     ivec3 cell = ivec3(i >> (2 * cell_bits), (i >> cell_bits) & mask, i & mask);
     ivec3 own = at * scale_voxels + 2 * cell, low = clamp(own - (is_shifted ? 1 : 0), 0, 6);
-    uint from = ((job.slot == kNoSlot ? 0u : job.slot) << 9) | uint((low.x << 6) | (low.y << 3) | low.z);
-    uint w000 = tsdf_word(from), w001 = tsdf_word(from + 1u), w010 = tsdf_word(from + 8u), w011 = tsdf_word(from + 9u);
-    uint w100 = tsdf_word(from + 64u), w101 = tsdf_word(from + 65u), w110 = tsdf_word(from + 72u),
-         w111 = tsdf_word(from + 73u);
-    uint weight = min(min(min(w000, w001), min(w010, w011)), min(min(w100, w101), min(w110, w111))) >> 16;
-    vec4 a = vec4(voxel_distance(w000), voxel_distance(w001), voxel_distance(w010), voxel_distance(w011));
-    vec4 b = vec4(voxel_distance(w100), voxel_distance(w101), voxel_distance(w110), voxel_distance(w111));
+    Corners c = corners_of(job, low);
+    uvec4 lower = min(c.a, c.b);
+    uint weight = min(min(lower.x, lower.y), min(lower.z, lower.w)) >> 16;
+    vec4 a = vec4(voxel_distance(c.a.x), voxel_distance(c.a.y), voxel_distance(c.a.z), voxel_distance(c.a.w));
+    vec4 b = vec4(voxel_distance(c.b.x), voxel_distance(c.b.y), voxel_distance(c.b.z), voxel_distance(c.b.w));
     vec4 s = a + b;
     vec3 gradient = 0.25 * vec3(dot(b - a, vec4(1.0)), s.z + s.w - s.x - s.y, s.y + s.w - s.x - s.z);
     float slope = length(gradient), inverse = 1.0 / max(slope, 1e-6);
@@ -68,8 +89,9 @@ uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
     best = is_better ? away : best;
     height = is_better ? -at_centre * inverse / scale : height;
     normal = is_better ? gradient * inverse : normal;
-    sum += weight >= 1u && !is_shifted ? at_part : 0.0;
-    observed += weight >= 1u && !is_shifted ? 1 : 0;
+    bool counts = !is_shifted && is_known(c);
+    sum += counts ? at_part : 0.0;
+    observed += counts ? 1 : 0;
   }
   uint state = 2 * observed >= cells ? (sum >= 0.0 ? kOutside : kInside) : kUnknown;
   bool has = best < 1e8 && abs(height) <= 1.0, had = (old & kHasSurface) != 0u;
@@ -90,16 +112,16 @@ bool may_have_surface(EsdfJob job, ivec3 at, out bool is_cut, out uint state) {
   is_cut = false;
   for (int i = 0; i < cells; ++i) {
     ivec3 low = min(at * scale_voxels + 2 * ivec3(i >> (2 * cell_bits), (i >> cell_bits) & mask, i & mask), 6);
-    uint from = ((job.slot == kNoSlot ? 0u : job.slot) << 9) | uint((low.x << 6) | (low.y << 3) | low.z);
-    ivec4 a = ivec4(tsdf_word(from), tsdf_word(from + 1u), tsdf_word(from + 8u), tsdf_word(from + 9u));
-    ivec4 b = ivec4(tsdf_word(from + 64u), tsdf_word(from + 65u), tsdf_word(from + 72u), tsdf_word(from + 73u));
+    Corners c = corners_of(job, low);
+    ivec4 a = ivec4(c.a), b = ivec4(c.b);
     ivec4 da = (a << 16) >> 16, db = (b << 16) >> 16, wa = (a >> 16) & 0xffff, wb = (b >> 16) & 0xffff;
     ivec4 both = min(abs(da), abs(db)), total = da + db, lowest = min(wa, wb), highest = max(wa, wb);
     least = min(least, min(min(both.x, both.y), min(both.z, both.w)));
     bool is_observed = min(min(lowest.x, lowest.y), min(lowest.z, lowest.w)) > 0;
     is_cut = is_cut || (!is_observed && max(max(highest.x, highest.y), max(highest.z, highest.w)) > 0);
-    sum += is_observed ? total.x + total.y + total.z + total.w : 0;
-    observed += is_observed ? 1 : 0;
+    bool counts = is_known(c);
+    sum += counts ? total.x + total.y + total.z + total.w : 0;
+    observed += counts ? 1 : 0;
   }
   state = 2 * observed >= cells ? (sum >= 0 ? kOutside : kInside) : kUnknown;
   bool is_near = observed > 0 && least < int(kNearSurface * kDistanceUnits);
@@ -147,7 +169,7 @@ void main() {
       closer |= is_close ? bit : 0u;
       cut |= is_close && is_cut ? bit : 0u;
       bool is_gone = (old & kHasSurface) != 0u;
-      uint word = ((has_voxels ? state : c.job.state) << kStateShift) | (is_gone ? kChanged | kQueued : 0u);
+      uint word = (state << kStateShift) | (is_gone ? kChanged | kQueued : 0u);
       bool is_new = is_there && !is_close && word != old;
       if (is_new) {
         surface_words.v[c.address + uint(z)] = word;

@@ -44,8 +44,17 @@ struct BrickFreePush {
   Rigid camera_from_submap;
   ivec3 first;    // of the bricks to look at
   uint size;      // of their box: x | y << 10 | z << 20; a row of threads is one layer along z
-  uint capacity;  // of the list
+  float min_depth;  // metres
 };
+
+struct VoxelFreePush {
+  Pinhole camera;
+  Rigid camera_from_submap;
+  uint bricks;       // that the list holds at most
+  float voxel_size;  // metres
+  float truncation;  // metres
+};
+const uint kPartsAGroup = 4u;  // bricks a workgroup
 
 struct BrickSelectPush {
   Pinhole camera;
@@ -93,10 +102,12 @@ struct RaycastPush {
 struct FusionCounts {
   Groups placed;     // bricks that are listed: a workgroup for each
   Groups fused;      // bricks that are selected: folded, see group_index
+  Groups looked_at;  // bricks that are free in part: a workgroup for kPartsAGroup
   uint missing;      // bricks that the frame needs and that were not on the device
   uint waiting;      // of them those that found no slot, or that the host has: the pass then fuses nothing
   uint selected;
-  uint looked_through;  // bricks that turned out to be free
+  uint free;          // bricks that turned out to be free as a whole
+  uint free_in_part;  // bricks that may be so in part
 };
 const uint kMostGroups = 65535u;  // along x, that all devices take
 
@@ -162,6 +173,7 @@ struct TileRange {
   uvec2 first;
   uvec2 last;
   bool is_in_view;
+  bool is_whole;  // all of it is in view
 };
 TileRange tiles_of_box(Pinhole camera, vec2 low, vec2 high, float near, float far) {
   vec2 f = vec2(camera.fx, camera.fy), c = vec2(camera.cx, camera.cy);
@@ -169,7 +181,8 @@ TileRange tiles_of_box(Pinhole camera, vec2 low, vec2 high, float near, float fa
   vec2 to = f * high / mix(vec2(near), vec2(far), lessThan(high, vec2(0.0))) + c;
   vec2 size = vec2(camera.width, camera.height);
   bool is_outside = any(lessThan(to, vec2(0.0))) || any(greaterThanEqual(from, size));
-  return TileRange(uvec2(max(from, vec2(0.0))) / kTile, uvec2(min(to, size - 1.0)) / kTile, !is_outside);
+  bool is_whole = all(greaterThanEqual(from, vec2(0.0))) && all(lessThan(to, size));
+  return TileRange(uvec2(max(from, vec2(0.0))) / kTile, uvec2(min(to, size - 1.0)) / kTile, !is_outside, is_whole);
 }
 
 VolumeView local(VolumeView v) {  // see types.h

@@ -32,9 +32,11 @@ class Map {
   /// The surface as it is in the volume (marching cubes: Lorensen & Cline 1987), world frame, metres, with normals and
   /// colours.
   [[nodiscard]] Mesh mesh();
-  /// The distance field of the whole map, made anew from its surface. Throws std::runtime_error when the voxel size is
-  /// not 1, 2, 4 or 8 voxels of the TSDF.
-  [[nodiscard]] std::shared_ptr<const DistanceField> distances(const EsdfOptions& options);
+  /// The distance field of the whole map, made anew from its surface. Around each pose of `visited` what is nearer than
+  /// EsdfOptions::robot_radius is free, beside what the map knows to be. Throws std::runtime_error when the voxel size
+  /// is not 1, 2, 4 or 8 voxels of the TSDF.
+  [[nodiscard]] std::shared_ptr<const DistanceField> distances(const EsdfOptions& options,
+                                                               const Trajectory& visited = {});
   [[nodiscard]] std::shared_ptr<const DistanceField> distances();  ///< with the mapper's own options
   /// Writes the surface: clean, simplified, textured and packed as asked for; by the extension .glb, .gltf, .ply, .obj,
   /// or a tileset.json (3D Tiles 1.1) with its tiles beside it. It works cell by cell. Each file whole or not at all,
@@ -46,8 +48,8 @@ class Map {
   /// keyframes or colour, and for a folder that holds something.
   ExportedViews export_views(const std::filesystem::path& folder, const ViewsOptions& options = {},
                              const ExportProgress& progress = {});
-  /// Writes the grids `tsdf`, `weight` and `colour`, with EsdfOptions::live also `esdf`, to a .vdb file, whole or not
-  /// at all.
+  /// Writes the grids `tsdf`, `weight`, `colour` and `free`, with EsdfOptions::live also `esdf`, to a .vdb file, whole
+  /// or not at all.
   void write_grids(const std::filesystem::path& file);
   /// Writes the keyframes' pose graph by the extension: .g2o, or .svg, a picture of it. Whole or not at all.
   void write_graph(const std::filesystem::path& file) const;

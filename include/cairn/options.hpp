@@ -54,6 +54,8 @@ struct EsdfOptions {
   bool live = false;          ///< true keeps the distance field up to date while frames are fused
   float voxel_size = 0.0f;    ///< metres: 1, 2, 4 or 8 voxels of the TSDF; 0: two
   float max_distance = 2.0f;  ///< metres; of places farther from every surface only that is known
+  float robot_radius = 0.1f;  ///< metres around the camera that are free wherever it was: who carried it was there; of
+                              ///< the distance field at least 1.75 voxels; 0: not even these
 };
 
 /// How fast the camera may move. A pose farther from the one before is not believed.

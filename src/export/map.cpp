@@ -74,6 +74,13 @@ std::shared_ptr<const DistanceField> turned(const std::shared_ptr<const Distance
                                                field->blocks(), upright.world_from_tracked.cast<float>());
 }
 
+/// Poses in the world as they are in the frame in which the map was fused.
+Trajectory tracked(Trajectory poses, const Upright& upright) {
+  for (StampedPose& pose : poses)
+    pose.world_from_camera = upright.world_from_tracked.conjugate() * pose.world_from_camera;
+  return poses;
+}
+
 class MapperContents final : public Map::Contents {
  public:
   explicit MapperContents(std::shared_ptr<MapState> state) : state_(std::move(state)) {}
@@ -83,11 +90,12 @@ class MapperContents final : public Map::Contents {
     return turned(std::move(mesh), state_->upright().world_from_tracked);
   }
 
-  std::shared_ptr<const DistanceField> distances(const EsdfOptions* options) override {
+  std::shared_ptr<const DistanceField> distances(const EsdfOptions* options, const Trajectory& visited) override {
     MapState& s = *state_;
-    return turned(
-        distances_of(s.device, s.world().on_host(), s.options.fuse, options != nullptr ? *options : s.options.esdf),
-        s.upright());
+    const Upright upright = s.upright();
+    return turned(distances_of(s.device, s.world().on_host(), s.options.fuse,
+                               options != nullptr ? *options : s.options.esdf, tracked(visited, upright)),
+                  upright);
   }
 
   Exported export_mesh(const fs::path& file, const ExportOptions& options, const ExportProgress& progress) override;
@@ -141,14 +149,14 @@ void MapperContents::write_grids(const fs::path& file) {
   MapState& s = *state_;
   std::shared_ptr<const DistanceField> field;
   if (s.options.esdf.live)
-    s.warnings().attempt(file.string() + " has no grid `esdf`", [&] { field = distances(nullptr); });
+    s.warnings().attempt(file.string() + " has no grid `esdf`", [&] { field = distances(nullptr, {}); });
   s.back_end.settle();
   GridsWriter writer(
       file, {.voxel_size = s.options.fuse.voxel_size, .truncation = s.options.fuse.truncation, .upright = s.upright()});
   if (!is_in_parts() || s.whole) {
     const BrickTree& tree = s.world().on_host();
     writer.add(tree);
-    return writer.write(tree.free_bricks(), field.get());
+    return writer.write(tree, field.get());
   }
   WorldParts parts = this->parts();
   std::vector<Brick> bricks = parts.bricks();
@@ -219,12 +227,13 @@ class GridContents final : public Map::Contents {
     return turned(Polygonizer(device()).polygonize(volume()), grids_.info.upright.world_from_tracked);
   }
 
-  std::shared_ptr<const DistanceField> distances(const EsdfOptions* options) override {
+  std::shared_ptr<const DistanceField> distances(const EsdfOptions* options, const Trajectory& visited) override {
     Options checked;
     checked.fuse = fuse_;
     if (options != nullptr) checked.esdf = *options;
     check(checked);
-    auto field = turned(distances_of(device(), tree(), fuse_, checked.esdf), grids_.info.upright);
+    const Upright& upright = grids_.info.upright;
+    auto field = turned(distances_of(device(), tree(), fuse_, checked.esdf, tracked(visited, upright)), upright);
     const auto& blocks = field->blocks();
     const bool has_surface = std::any_of(blocks.begin(), blocks.end(), [&](const auto& block) {
       return std::any_of(block.second->begin(), block.second->end(),
@@ -289,10 +298,10 @@ Map Mapper::map() { return map_of(state_); }
 
 Map::Map(std::shared_ptr<Contents> contents) : contents_(std::move(contents)) {}
 Mesh Map::mesh() { return contents_->mesh(); }
-std::shared_ptr<const DistanceField> Map::distances(const EsdfOptions& options) {
-  return contents_->distances(&options);
+std::shared_ptr<const DistanceField> Map::distances(const EsdfOptions& options, const Trajectory& visited) {
+  return contents_->distances(&options, visited);
 }
-std::shared_ptr<const DistanceField> Map::distances() { return contents_->distances(nullptr); }
+std::shared_ptr<const DistanceField> Map::distances() { return contents_->distances(nullptr, {}); }
 Exported Map::export_mesh(const fs::path& file, const ExportOptions& options, const ExportProgress& progress) {
   return contents_->export_mesh(file, options, progress);
 }

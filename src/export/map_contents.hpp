@@ -16,7 +16,8 @@ class Map::Contents {
   virtual ~Contents() = default;
   [[nodiscard]] virtual Mesh mesh() = 0;
   /// `options` null: the mapper's own.
-  [[nodiscard]] virtual std::shared_ptr<const DistanceField> distances(const EsdfOptions* options) = 0;
+  [[nodiscard]] virtual std::shared_ptr<const DistanceField> distances(const EsdfOptions* options,
+                                                                       const Trajectory& visited) = 0;
   virtual Exported export_mesh(const std::filesystem::path& file, const ExportOptions& options,
                                const ExportProgress& progress) = 0;
   virtual ExportedViews export_views(const std::filesystem::path& folder, const ViewsOptions& options,

@@ -51,6 +51,7 @@ void for_each_option(Options& o, Visit&& visit) {
   visit("esdf.live", o.esdf.live, 0, 1);
   visit("esdf.voxel_size", o.esdf.voxel_size, 0.0, 1.6);
   visit("esdf.max_distance", o.esdf.max_distance, 0.01, 20.0);
+  visit("esdf.robot_radius", o.esdf.robot_radius, 0.0, 5.0);
   visit("fuse.device_memory", o.fuse.device_memory, 0.0, 1e15);
 }
 

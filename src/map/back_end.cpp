@@ -384,13 +384,13 @@ std::vector<PlacedSubmap> BackEnd::placed_submaps() const {
     if (component_of[k] == main) is_main[atlas_.keyframes[k].submap] = true;
   std::vector<PlacedSubmap> placed;
   for (std::size_t i = 0; i < submaps_.size(); ++i)
-    if (is_main[i]) placed.push_back({i, submaps_.bricks(i), submaps_.free(i), Deformation(atlas_, i)});
+    if (is_main[i]) placed.push_back({i, submaps_.bricks(i), Deformation(atlas_, i)});
   return placed;
 }
 
 World& BackEnd::world() {
   const auto start = std::chrono::steady_clock::now();
-  (void)world_.update(placed_submaps(), load_submap());
+  (void)world_.update(placed_submaps(), load_submap(), load_free());
   counts_.world_ms = std::max(counts_.world_ms, milliseconds(start));
   return world_;
 }
@@ -408,6 +408,14 @@ WorldParts BackEnd::world_parts(gpu::Device& device) {
   return {device, options_.fuse, placed_submaps()};
 }
 
-std::vector<Brick> BackEnd::world_free() const { return free_bricks(options_.fuse, placed_submaps()); }
+LoadFree BackEnd::load_free() {
+  return [this](std::size_t i) {
+    auto free = std::make_shared<const BrickTree>();
+    warnings_.attempt("what it holds is missing in the map", [&] { free = submaps_.free(i); });
+    return free;
+  };
+}
+
+BrickTree BackEnd::world_free() { return free_space(options_.fuse, placed_submaps(), load_free()); }
 
 }  // namespace cairn

@@ -61,9 +61,11 @@ class BackEnd {
   World& world();
   /// The same world, to be made part by part. Submaps leave the memory.
   [[nodiscard]] WorldParts world_parts(gpu::Device& device);
-  [[nodiscard]] std::vector<Brick> world_free() const;
+  /// What is free in it, without voxels.
+  [[nodiscard]] BrickTree world_free();
   /// Gives submaps' voxels. One whose file is lost is told of and has none.
   [[nodiscard]] LoadSubmap load_submap();
+  [[nodiscard]] LoadFree load_free();
 
   /// Whether tracking may have slipped so far that this is how two keyframes lie: its noise, added up from the one to
   /// the other, against rooms that look alike.

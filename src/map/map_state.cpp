@@ -15,9 +15,10 @@ namespace cairn {
 namespace {
 
 constexpr int kMaxRepeats = 2;
-constexpr std::uint32_t kColourEvery = 3;                       // fused frames, of a view that moves slowly
-constexpr double kFastView = 0.1;                               // of the image, from frame to frame
-constexpr double kShutterPixels = 0.3;                          // that rows are wrong by after the first time
+constexpr std::uint32_t kColourEvery = 3;  // fused frames, of a view that moves slowly
+constexpr double kFastView = 0.1;          // of the image, from frame to frame
+constexpr double kUnseen = 0.1;            // of the image, that the view moves on between two looks through free space
+constexpr double kShutterPixels = 0.3;     // that rows are wrong by after the first time
 constexpr std::uint64_t kWorldPool = std::uint64_t{256} << 20;  // bytes on the device while the whole map is meshed
 
 Trajectory turned(Trajectory trajectory, const Eigen::Isometry3d& turn) {
@@ -39,7 +40,7 @@ MapState::MapState(const Rig& r, const Options& o, Poses p, int device_index, Ma
       device(device_index),
       shutter(r),
       preprocessor(device, r, o.surface, o.track.levels, o.track.finest_level),
-      integrator(device, preprocessor.camera(), o.surface, r.sensor),
+      integrator(device, preprocessor.camera(), o.surface, r.sensor, free_radius(o.fuse, o.esdf)),
       polygonizer(device),
       volume(device, o.fuse, o.surface.max_depth),
       back_end(device, r, o, files.folder, files.access),
@@ -97,11 +98,22 @@ Tracked MapState::locate(const Frame& frame, Seen& seen, StageTimes& times) {
 /// A place is seen in many frames: a third of them tells its colour as well. Not so where it is in view for a few only.
 bool MapState::is_colour_due(const Tracked& tracked) const {
   if (fused_count % kColourEvery == 0) return true;  // the next one is the first, or the third since
+  const auto moved = motion(tracked);
+  return !moved || view_change(rig.depth, *moved) > kFastView;
+}
+
+std::uint32_t MapState::look_every(const std::optional<Eigen::Isometry3d>& motion) const {
+  if (!motion) return 1;
+  const double frames = kUnseen / std::max(view_change(rig.depth, *motion), 1e-9);
+  return static_cast<std::uint32_t>(std::clamp(frames, 1.0, static_cast<double>(Integrator::kLookEvery)));
+}
+
+std::optional<Eigen::Isometry3d> MapState::motion(const Tracked& tracked) const {
   const auto& last = tracker.memory().last;
-  if (is_tracked() ? last.empty() : given.poses.empty()) return true;
+  if (is_tracked() ? last.empty() : given.poses.empty()) return std::nullopt;
   const Eigen::Isometry3d& before =
       is_tracked() ? last.back().submap_from_camera : given.poses.back().world_from_camera;
-  return view_change(rig.depth, before.inverse() * tracked.submap_from_camera) > kFastView;
+  return before.inverse() * tracked.submap_from_camera;
 }
 
 /// What comes next has nothing to do with what is being fused into.

@@ -53,6 +53,11 @@ struct MapState {
   [[nodiscard]] Tracked locate(const Frame& frame, Seen& seen, StageTimes& times);
   /// Whether the frame is fused with its colour, where that has to be brought to depth.
   [[nodiscard]] bool is_colour_due(const Tracked& tracked) const;
+  /// Of so many frames one's rays are followed through free space, where the camera moves on like this from frame to
+  /// frame.
+  [[nodiscard]] std::uint32_t look_every(const std::optional<Eigen::Isometry3d>& motion) const;
+  /// From the last fused frame's camera to this one's.
+  [[nodiscard]] std::optional<Eigen::Isometry3d> motion(const Tracked& tracked) const;
   void begin_component();
   void remember(const Frame& frame, const Surface& live, const Tracked& tracked, StageTimes& times);
   void follow(const Fused& fused, StageTimes& times);

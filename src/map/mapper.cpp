@@ -3,6 +3,7 @@
 #include "cairn/mapper.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <stdexcept>
 
 #include "map/map_state.hpp"
@@ -71,7 +72,8 @@ FrameReport Mapper::add(const Frame& given) {
 
   if (s.is_colour_due(tracked)) seen.surface.bring_colour();
   const Fused fused = timed(report.stage_ms, "fuse", [&] {
-    return s.integrator.integrate(seen.surface, tracked.submap_from_camera, s.volume, ++s.fused_count);
+    return s.integrator.integrate(seen.surface, tracked.submap_from_camera, s.volume, ++s.fused_count,
+                                  s.look_every(s.motion(tracked)));
   });
   tell(fused, report);
   report.moving = s.tracker.moving();
@@ -122,6 +124,7 @@ void Mapper::reintegrate(Source& again, const std::function<void()>& step) {
     if (recordings() > 1) throw std::runtime_error("the map is made of several recordings");
     s.volume.adopt({});
     const std::uint32_t since = s.fused_count + 1;
+    std::optional<Eigen::Isometry3d> last;
     while (const auto next = again.next()) {
       const CheckedFrame checked(*next, s.rig, std::nullopt);
       if (const auto pose = checked.is_usable() ? pose_at(poses, next->timestamp, 0) : std::nullopt) {
@@ -129,7 +132,9 @@ void Mapper::reintegrate(Source& again, const std::function<void()>& step) {
         StageTimes ignored;
         const MapState::Seen seen = s.see(frame, at_velocity(velocity_at(poses, frame.timestamp)), ignored);
         seen.surface.bring_colour();
-        (void)s.integrator.integrate(seen.surface, *pose, s.volume, ++s.fused_count);
+        const auto motion = last ? std::optional<Eigen::Isometry3d>(last->inverse() * *pose) : std::nullopt;
+        (void)s.integrator.integrate(seen.surface, *pose, s.volume, ++s.fused_count, s.look_every(motion));
+        last = *pose;
       }
       if (step) step();
     }

@@ -27,7 +27,6 @@ void Submaps::add(BrickTree voxels) {
   wait();
   const std::size_t id = bricks_.size();
   bricks_.push_back(voxels.bricks());
-  free_.push_back(voxels.free_bricks());
   voxels_.push_back(std::make_shared<const BrickTree>(std::move(voxels)));
   files_.emplace_back();
   last_use_.push_back(++use_);
@@ -57,7 +56,6 @@ void Submaps::add_stored(bool has_file) {
   std::optional<BrickFile> from;
   if (has_file) from.emplace(file(bricks_.size())).check();
   bricks_.push_back(from ? from->bricks() : std::vector<Brick>());
-  free_.push_back(from ? from->free_bricks() : std::vector<Brick>());
   voxels_.push_back(from ? nullptr : std::make_shared<const BrickTree>());
   files_.push_back(std::move(from));
   last_use_.push_back(++use_);
@@ -74,7 +72,6 @@ void Submaps::leave_memory() {
 void Submaps::drop(std::size_t i) {
   wait();
   bricks_[i].clear();
-  free_[i].clear();
   voxels_[i] = std::make_shared<const BrickTree>();
 }
 
@@ -118,9 +115,17 @@ std::vector<std::shared_ptr<const BrickTree>> Submaps::keep_within_budget() {
 std::shared_ptr<const BrickTree> Submaps::voxels(std::size_t i, const BrickBox& box) {
   last_use_[i] = ++use_;
   if (voxels_[i]) return voxels_[i];
-  if (!files_[i]) files_[i].emplace(file(i));
   ++counts_.read_back;
-  return std::make_shared<const BrickTree>(files_[i]->read(box));
+  return std::make_shared<const BrickTree>(opened(i).read(box));
+}
+
+std::shared_ptr<const BrickTree> Submaps::free(std::size_t i) {
+  return voxels_[i] ? voxels_[i] : std::make_shared<const BrickTree>(opened(i).read_free());
+}
+
+const BrickFile& Submaps::opened(std::size_t i) {
+  if (!files_[i]) files_[i].emplace(file(i));
+  return *files_[i];
 }
 
 }  // namespace cairn

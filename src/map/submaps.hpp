@@ -31,10 +31,10 @@ class Submaps {
   [[nodiscard]] std::size_t size() const { return bricks_.size(); }
   /// Sorted by x, then y, then z; none for a dropped submap.
   [[nodiscard]] const std::vector<Brick>& bricks(std::size_t i) const { return bricks_[i]; }
-  /// Bricks that it knows to be free.
-  [[nodiscard]] const std::vector<Brick>& free(std::size_t i) const { return free_[i]; }
   /// A submap's voxels; of those that have left the memory the ones in a box, from its file.
   [[nodiscard]] std::shared_ptr<const BrickTree> voxels(std::size_t i, const BrickBox& box);
+  /// A submap with all that it knows to be free, and perhaps its voxels.
+  [[nodiscard]] std::shared_ptr<const BrickTree> free(std::size_t i);
   /// Brings all that was added into files. Returns why some could not be written, which stay in memory, or nothing.
   [[nodiscard]] std::optional<std::string> store();
   [[nodiscard]] std::filesystem::path file(std::size_t i) const;
@@ -51,7 +51,8 @@ class Submaps {
   std::filesystem::path folder_;
   std::uint64_t budget_;
   bool writes_;
-  std::vector<std::vector<Brick>> bricks_, free_;
+  [[nodiscard]] const BrickFile& opened(std::size_t i);
+  std::vector<std::vector<Brick>> bricks_;
   std::vector<std::shared_ptr<const BrickTree>> voxels_;  // null: in its file alone
   std::vector<std::optional<BrickFile>> files_;           // of those that were read from
   std::vector<std::uint64_t> last_use_;

@@ -5,6 +5,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 #include <tuple>
@@ -72,31 +73,71 @@ std::vector<MergeJob> jobs_of(const BrickSet& wanted, const std::vector<std::vec
   return jobs;
 }
 
-/// Where the bricks of a submap lie now.
-std::vector<Eigen::Isometry3d> places_of(const PlacedSubmap& submap, double size) {
-  std::vector<Eigen::Isometry3d> places(submap.bricks.size());
+/// Of a brick of the world, the voxels that lie in free ones of a submap. `submap_from_world`: voxels.
+BrickBits free_voxels(const Brick& target, const BrickTree& submap, const Eigen::Isometry3d& submap_from_world) {
+  const Eigen::Vector3d first = (8 * target).cast<double>();
+  Eigen::AlignedBox3d box;
+  for (int corner = 0; corner < 8; ++corner)
+    box.extend(submap_from_world * (first + 7 * Eigen::Vector3d(corner & 1, corner >> 1 & 1, corner >> 2)));
+  const auto brick_of = [](const Eigen::Vector3d& voxel) {
+    return Brick(voxel.array().round().cast<int>().unaryExpr([](int i) { return i >> 3; }));
+  };
+  const Brick low = brick_of(box.min()), extent = brick_of(box.max()) - low + Brick::Ones();  // three bricks at most
+  std::array<BrickBits, 27> around{};
+  bool are_all = true, is_any = false;
+  for (int i = 0; i < extent.prod(); ++i) {
+    const Brick at(i / (extent.y() * extent.z()), i / extent.z() % extent.y(), i % extent.z());
+    BrickBits& bits = around[static_cast<std::size_t>((at.x() * 3 + at.y()) * 3 + at.z())];
+    bits = submap.free_voxels(low + at);
+    are_all = are_all && bits == kAllBits;
+    is_any = is_any || bits != kNoBits;
+  }
+  if (are_all) return kAllBits;
+  BrickBits found{};
+  for (int i = 0; is_any && i < 512; ++i) {
+    const Eigen::Vector3d voxel = submap_from_world * (first + Eigen::Vector3d(i >> 6, i >> 3 & 7, i & 7));
+    const Eigen::Vector3i v = voxel.array().round().cast<int>().matrix() - 8 * low;
+    const BrickBits& bits = around[static_cast<std::size_t>(((v.x() >> 3) * 3 + (v.y() >> 3)) * 3 + (v.z() >> 3))];
+    const std::uint64_t bit = bits[static_cast<std::size_t>(v.x() & 7)] >> (8 * (v.y() & 7) + (v.z() & 7)) & 1;
+    found[static_cast<std::size_t>(i >> 6)] |= bit << (i & 63);
+  }
+  return found;
+}
+
+/// Where bricks of a submap lie now.
+std::vector<Eigen::Isometry3d> places_of(const std::vector<Brick>& bricks, const Deformation& deformation,
+                                         double size) {
+  std::vector<Eigen::Isometry3d> places(bricks.size());
   tbb::parallel_for(std::size_t{0}, places.size(),
-                    [&](std::size_t i) { places[i] = submap.deformation(centre_of(submap.bricks[i], size)); });
+                    [&](std::size_t i) { places[i] = deformation(centre_of(bricks[i], size)); });
   return places;
 }
 
 }  // namespace
 
-std::vector<Brick> free_bricks(const FuseOptions& options, const std::vector<PlacedSubmap>& submaps) {
-  const double size = 8.0 * static_cast<double>(options.voxel_size);
-  std::vector<Brick> free;
+BrickTree free_space(const FuseOptions& options, const std::vector<PlacedSubmap>& submaps, const LoadFree& load) {
+  const auto voxel = static_cast<double>(options.voxel_size), size = 8 * voxel;
+  BrickTree free;
   for (const PlacedSubmap& submap : submaps) {
-    const BrickSet of_submap(submap.free.begin(), submap.free.end());
-    std::vector<Eigen::Isometry3d> moved(submap.free.size());
-    tbb::parallel_for(std::size_t{0}, moved.size(),
-                      [&](std::size_t i) { moved[i] = submap.deformation(centre_of(submap.free[i], size)); });
-    for (std::size_t i = 0; i < moved.size(); ++i)
-      cover(submap.free[i], moved[i], size, [&](const Brick& target) {
-        const Eigen::Vector3d there = moved[i].inverse() * centre_of(target, size);
-        if (of_submap.contains((there / size).array().floor().cast<int>().matrix())) free.push_back(target);
+    const std::shared_ptr<const BrickTree> known = load(submap.id);
+    const std::vector<Brick> bricks = known->free_bricks();
+    const std::vector<Eigen::Isometry3d> places = places_of(bricks, submap.deformation, size);
+    // A brick of the world looks where the nearest one that reaches it lies.
+    std::unordered_map<Brick, std::pair<std::size_t, double>, BrickHash> nearest;
+    for (std::size_t i = 0; i < bricks.size(); ++i)
+      cover(bricks[i], places[i], size, [&](const Brick& target) {
+        const double distance = (places[i] * centre_of(bricks[i], size) - centre_of(target, size)).squaredNorm();
+        const auto [of_target, is_new] = nearest.try_emplace(target, i, distance);
+        if (!is_new && distance < of_target->second.second) of_target->second = {i, distance};
       });
-    std::sort(free.begin(), free.end(), before);
-    free.erase(std::unique(free.begin(), free.end()), free.end());
+    const std::vector<std::pair<Brick, std::pair<std::size_t, double>>> targets(nearest.begin(), nearest.end());
+    std::vector<BrickBits> found(targets.size());
+    tbb::parallel_for(std::size_t{0}, targets.size(), [&](std::size_t t) {
+      Eigen::Isometry3d submap_from_world = places[targets[t].second.first].inverse();
+      submap_from_world.translation() /= voxel;
+      found[t] = free_voxels(targets[t].first, *known, submap_from_world);
+    });
+    for (std::size_t t = 0; t < targets.size(); ++t) free.mark_free(targets[t].first, found[t]);
   }
   return free;
 }
@@ -106,7 +147,7 @@ WorldParts::WorldParts(gpu::Device& device, const FuseOptions& options, const st
   BrickSet reached;
   for (const PlacedSubmap& submap : submaps) {
     if (placed_.size() <= submap.id) placed_.resize(submap.id + 1);
-    const std::vector<Eigen::Isometry3d> places = places_of(submap, brick_size_);
+    const std::vector<Eigen::Isometry3d> places = places_of(submap.bricks, submap.deformation, brick_size_);
     for (std::size_t i = 0; i < places.size(); ++i) {
       placed_[submap.id].push_back({submap.bricks[i], places[i]});
       cover(submap.bricks[i], places[i], brick_size_, [&](const Brick& target) { reached.insert(target); });
@@ -129,7 +170,8 @@ BrickTree World::release() {
   return std::exchange(bricks_, BrickTree());
 }
 
-std::vector<Brick> World::update(const std::vector<PlacedSubmap>& submaps, const LoadSubmap& load) {
+std::vector<Brick> World::update(const std::vector<PlacedSubmap>& submaps, const LoadSubmap& load,
+                                 const LoadFree& load_free) {
   const double size = 8.0 * static_cast<double>(options_.voxel_size),
                tolerance = kMoved * static_cast<double>(options_.voxel_size);
   BrickSet changed;
@@ -141,7 +183,7 @@ std::vector<Brick> World::update(const std::vector<PlacedSubmap>& submaps, const
     std::vector<PlacedBrick>& placed = placements_[submap.id];
     const bool is_new = placed.empty();
     placed.resize(submap.bricks.size());
-    const std::vector<Eigen::Isometry3d> now = places_of(submap, size);
+    const std::vector<Eigen::Isometry3d> now = places_of(submap.bricks, submap.deformation, size);
     for (std::size_t i = 0; i < now.size(); ++i) {
       if (!is_new && travel(submap.bricks[i], placed[i].world_from_submap, now[i], size) < tolerance) continue;
       if (!is_new) cover(placed[i].brick, placed[i].world_from_submap, size, touch);
@@ -158,7 +200,7 @@ std::vector<Brick> World::update(const std::vector<PlacedSubmap>& submaps, const
   std::vector<Brick> bricks(changed.begin(), changed.end());
   merger_.merge(jobs_of(changed, placements_, size), load, bricks_);
   if (!bricks.empty()) {
-    const std::vector<Brick> moved = move_free(free_bricks(options_, submaps));
+    const std::vector<Brick> moved = take_free(free_space(options_, submaps, load_free));
     bricks.insert(bricks.end(), moved.begin(), moved.end());
   }
   std::sort(bricks.begin(), bricks.end(), before);
@@ -166,15 +208,13 @@ std::vector<Brick> World::update(const std::vector<PlacedSubmap>& submaps, const
   return bricks;
 }
 
-/// Notes which bricks are free now. Returns what changed.
-std::vector<Brick> World::move_free(std::vector<Brick> free) {
-  std::erase_if(free, [&](const Brick& brick) { return bricks_.find(brick) != nullptr; });
-  const std::vector<Brick> were = bricks_.free_bricks();
+/// Returns the bricks in which something changed.
+std::vector<Brick> World::take_free(BrickTree free) {
+  const std::vector<Brick> were = bricks_.free_bricks(), are = free.free_bricks();
   std::vector<Brick> changed;
-  std::set_symmetric_difference(were.begin(), were.end(), free.begin(), free.end(), std::back_inserter(changed),
-                                before);
-  bricks_.forget_free();
-  for (const Brick& brick : free) bricks_.mark_free(brick);
+  std::set_union(were.begin(), were.end(), are.begin(), are.end(), std::back_inserter(changed), before);
+  std::erase_if(changed, [&](const Brick& brick) { return bricks_.free_voxels(brick) == free.free_voxels(brick); });
+  bricks_.take_free(std::move(free));
   return changed;
 }
 

@@ -10,8 +10,8 @@ namespace cairn {
 
 /// A submap and where it lies.
 struct PlacedSubmap {
-  std::size_t id = 0;               // the same from update to update; its voxels never change
-  std::vector<Brick> bricks, free;  // with voxels; without, but seen to be empty
+  std::size_t id = 0;         // the same from update to update; its voxels never change
+  std::vector<Brick> bricks;  // with voxels
   Deformation deformation;
 };
 
@@ -21,9 +21,12 @@ struct PlacedBrick {
   Eigen::Isometry3d world_from_submap;
 };
 
-/// The free bricks of the world, sorted: those whose middle lies in a free brick of a submap. They may have voxels of
-/// another submap.
-[[nodiscard]] std::vector<Brick> free_bricks(const FuseOptions& options, const std::vector<PlacedSubmap>& submaps);
+/// Gives what a submap knows to be free, with or without its voxels.
+using LoadFree = std::function<std::shared_ptr<const BrickTree>(std::size_t submap)>;
+
+/// What is free in the world, without voxels: of each voxel, whether the nearest one of a submap is.
+[[nodiscard]] BrickTree free_space(const FuseOptions& options, const std::vector<PlacedSubmap>& submaps,
+                                   const LoadFree& load);
 
 /// The world part by part, for what needs all of it and never at once: its bricks are known, their voxels are made when
 /// they are asked for.
@@ -47,15 +50,16 @@ class World {
  public:
   World(gpu::Device& device, const FuseOptions& options);
   /// Fuses again what changed: bricks of submaps that are new or gone, or moved by more than a fraction of a voxel.
-  /// `load(id)` gives a submap's voxels. Returns the bricks that were made, came to be
-  /// free, or no longer are, sorted.
-  std::vector<Brick> update(const std::vector<PlacedSubmap>& submaps, const LoadSubmap& load);
+  /// `load(id)` gives a submap's voxels, `load_free(id)` what is free in it. Returns the bricks that were made, and
+  /// those in which voxels came to be free, or no longer are, sorted.
+  std::vector<Brick> update(const std::vector<PlacedSubmap>& submaps, const LoadSubmap& load,
+                            const LoadFree& load_free);
   [[nodiscard]] const BrickTree& bricks() const { return bricks_; }
   /// Gives the bricks away; the world is empty afterwards.
   [[nodiscard]] BrickTree release();
 
  private:
-  [[nodiscard]] std::vector<Brick> move_free(std::vector<Brick> free);
+  [[nodiscard]] std::vector<Brick> take_free(BrickTree free);
   FuseOptions options_;
   Merger merger_;
   BrickTree bricks_;

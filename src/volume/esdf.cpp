@@ -6,6 +6,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -24,6 +25,8 @@ namespace {
 
 constexpr float kTolerance = 0.25f;             // voxels; see EsdfSitesPush
 constexpr float kGap = 0.8f;                    // metres
+constexpr float kHeld = 1.75f;                  // voxels: a ball of it holds the voxel in which its centre lies
+constexpr double kSameBall = 0.25;              // voxels of the TSDF
 constexpr std::uint32_t kFirstCapacity = 256;   // blocks: 12 MiB
 constexpr std::uint32_t kSteps = 24;            // of the wave before the host looks whether it has ended; even
 constexpr std::uint32_t kMaxTableBits = 8;      // 256 blocks a side
@@ -53,6 +56,10 @@ int esdf_scale(const FuseOptions& fuse, const EsdfOptions& options) {
     if (std::abs(wanted - static_cast<float>(scale)) < 1e-3f * static_cast<float>(scale)) return scale;
   throw std::runtime_error("EsdfOptions::voxel_size is " + std::to_string(voxel_size_for(fuse, options)) +
                            " m: take 1, 2, 4 or 8 times the map's " + std::to_string(fuse.voxel_size) + " m");
+}
+
+float free_radius(const FuseOptions& fuse, const EsdfOptions& options) {
+  return options.robot_radius > 0 ? std::max(options.robot_radius, kHeld * voxel_size_for(fuse, options)) : 0.0f;
 }
 
 Esdf::Kernels::Kernels(gpu::Device& device, bool texels)
@@ -100,27 +107,36 @@ shader::EsdfView Esdf::view() const {
 }
 
 Esdf::Updated Esdf::update(const Volume& volume, std::span<const Brick> changed) {
-  return update(changed, &volume, volume.host());
+  return update(changed, &volume, volume.host(), nullptr);
 }
 
-Esdf::Updated Esdf::update(const BrickTree& map, std::span<const Brick> changed) {
-  return update(changed, nullptr, map);
+Esdf::Updated Esdf::update(const BrickTree& map, std::span<const Brick> changed, const BrickTree* also_free) {
+  return update(changed, nullptr, map, also_free);
 }
 
-Esdf::Updated Esdf::update(std::span<const Brick> changed, const Volume* volume, const BrickTree& map) {
+Esdf::Updated Esdf::update(std::span<const Brick> changed, const Volume* volume, const BrickTree& map,
+                           const BrickTree* also_free) {
   std::vector<shader::EsdfJob> here, elsewhere;               // voxels on the device; on the host or nowhere
   std::vector<const std::uint64_t*> voxels;                   // of those elsewhere
   std::vector<Brick> bricks(changed.begin(), changed.end());  // each once: two threads would see each other's sites
   std::sort(bricks.begin(), bricks.end(), before);
   bricks.erase(std::unique(bricks.begin(), bricks.end()), bricks.end());
+  std::vector<BrickBits> free{kNoBits, kAllBits};  // shader::kNoneFree, kAllFree; then those of bricks
   for (const Brick& brick : bricks) {
+    BrickBits bits = map.free_voxels(brick);
+    const BrickBits more = also_free != nullptr ? also_free->free_voxels(brick) : kNoBits;
+    for (std::size_t w = 0; w < bits.size(); ++w) bits[w] |= more[w];
+    std::uint32_t bits_at = bits == kNoBits ? shader::kNoneFree : shader::kAllFree;
+    if (bits != kNoBits && bits != kAllBits) {
+      bits_at = static_cast<std::uint32_t>(free.size());
+      free.push_back(bits);
+    }
     const std::uint32_t slot = volume != nullptr ? volume->slot_of(brick) : Volume::kNoSlot;
     if (slot != Volume::kNoSlot) {
-      here.push_back({.brick = brick, .slot = slot, .state = shader::kUnknown});
+      here.push_back({.brick = brick, .slot = slot, .free = bits_at});
       continue;
     }
-    elsewhere.push_back(
-        {.brick = brick, .slot = Volume::kNoSlot, .state = map.is_free(brick) ? shader::kOutside : shader::kUnknown});
+    elsewhere.push_back({.brick = brick, .slot = Volume::kNoSlot, .free = bits_at});
     voxels.push_back(map.find(brick));
     if (voxels.back() != nullptr) elsewhere.back().slot = 0;
   }
@@ -129,7 +145,9 @@ Esdf::Updated Esdf::update(std::span<const Brick> changed, const Volume* volume,
   if (slot_of_.empty()) return {};
   choose_kernels(volume == nullptr || volume->is_read_as_texels());
 
+  if (free_.size() < free.size() * sizeof(BrickBits)) free_ = gpu::Buffer(device_, 2 * free.size() * sizeof(BrickBits));
   gpu::Batch batch(device_);
+  batch.upload(free_, free);
   batch.upload(counts_, std::vector<shader::EsdfCount>(kSteps + 1, kNothing));
   batch.fill(removed_, 0);
   if (!here.empty()) find_sites(batch, here, volume->voxels());
@@ -163,7 +181,7 @@ void Esdf::find_sites(gpu::Batch& batch, std::span<const shader::EsdfJob> jobs, 
                    .slope = fuse_.voxel_size / fuse_.truncation,
                    .tolerance = kTolerance,
                    .capacity = list_capacity_},
-                  {&jobs_, &list_[0], &dirty_, &removed_, texels(surface_), texels(table_), texels(voxels)});
+                  {&jobs_, &list_[0], &dirty_, &removed_, texels(surface_), texels(table_), texels(voxels), &free_});
 }
 
 /// Makes blocks for what was observed and what lies between it, since a wave may have to cross what nobody saw: a block
@@ -177,7 +195,7 @@ void Esdf::reserve(std::span<const shader::EsdfJob> jobs) {
       for (int z = -reach; z <= reach; ++z) around.emplace_back(x, y, z);
   std::vector<Block> wanted;
   for (const shader::EsdfJob& job : jobs) {
-    if (job.slot == Volume::kNoSlot && job.state == shader::kUnknown) continue;
+    if (job.slot == Volume::kNoSlot && job.free == shader::kNoneFree) continue;
     const Block block = cell_of(job.brick, bricks);
     if (!known_.insert(block).second) continue;
     for (const Brick& offset : around) {
@@ -436,12 +454,23 @@ bool Esdf::run_waves(gpu::Batch& batch, Updated& updated) {
 }
 
 std::shared_ptr<const DistanceField> distances_of(gpu::Device& device, const BrickTree& map, const FuseOptions& fuse,
-                                                  const EsdfOptions& options) {
-  Esdf esdf(device, fuse, options);
+                                                  const EsdfOptions& options, const Trajectory& visited) {
+  const auto voxel = static_cast<double>(fuse.voxel_size), radius = static_cast<double>(free_radius(fuse, options));
+  BrickTree around;
+  std::optional<Eigen::Vector3d> last;
+  for (const StampedPose& pose : visited) {
+    if (radius == 0) break;
+    const Eigen::Vector3d centre = pose.world_from_camera.translation() / voxel;
+    if (last && (centre - *last).norm() < kSameBall) continue;
+    last = centre;
+    const BrickMarks marks = ball(centre, radius / voxel);
+    for (std::size_t i = 0; i < marks.bricks.size(); ++i) around.mark_free(marks.bricks[i], marks.voxels[i]);
+  }
   std::vector<Brick> all = map.bricks();
-  const std::vector<Brick> free = map.free_bricks();
-  all.insert(all.end(), free.begin(), free.end());
-  esdf.update(map, all);
+  for (const std::vector<Brick>& free : {map.free_bricks(), around.free_bricks()})
+    all.insert(all.end(), free.begin(), free.end());
+  Esdf esdf(device, fuse, options);
+  esdf.update(map, all, &around);
   return esdf.field();
 }
 

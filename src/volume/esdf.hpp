@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "cairn/esdf.hpp"
+#include "cairn/trajectory.hpp"
 #include "shaders/esdf.h"
 #include "volume/volume.hpp"
 
@@ -17,6 +18,9 @@ namespace cairn {
 /// How many voxels of the TSDF a voxel of the distance field is wide. Throws std::runtime_error when that is not 1, 2,
 /// 4 or 8.
 [[nodiscard]] int esdf_scale(const FuseOptions& fuse, const EsdfOptions& options);
+
+/// EsdfOptions::robot_radius, or a little more, so that a voxel of the field lies within it.
+[[nodiscard]] float free_radius(const FuseOptions& fuse, const EsdfOptions& options);
 
 /// The Euclidean signed distance field of a map, on the device. Each voxel knows the nearest site: a voxel that the
 /// surface passes, and where it lies there. An update finds the sites in the bricks that changed; where one came, a
@@ -38,7 +42,8 @@ class Esdf {
   /// a quarter of a voxel stay where they are: by so much the result may differ from a field made anew, and by more
   /// only where a site nearly as near was found. It is made anew, with the same bits each time, when most of it is new.
   Updated update(const Volume& volume, std::span<const Brick> changed);
-  Updated update(const BrickTree& map, std::span<const Brick> changed);
+  /// `also_free`: knows more to be free than the map does.
+  Updated update(const BrickTree& map, std::span<const Brick> changed, const BrickTree* also_free = nullptr);
   /// Forgets all distances and finds them again from the sites.
   Updated rebuild();
 
@@ -59,7 +64,8 @@ class Esdf {
     gpu::Kernel<shader::EsdfBoxPush> seed, nearest;
     gpu::Kernel<shader::EsdfLinesPush> lines;
   };
-  Updated update(std::span<const Brick> changed, const Volume* volume, const BrickTree& map);
+  Updated update(std::span<const Brick> changed, const Volume* volume, const BrickTree& map,
+                 const BrickTree* also_free);
   void reserve(std::span<const shader::EsdfJob> jobs);
   void allocate(const std::vector<Block>& blocks);
   void resize(std::uint32_t capacity);
@@ -83,8 +89,8 @@ class Esdf {
   std::optional<Kernels> kernels_;
 
   std::uint32_t capacity_ = 0, table_bits_ = 0, list_capacity_ = 0;  // blocks; voxels
-  gpu::Buffer nearest_, surface_, blocks_, table_, dirty_, list_[2], counts_, removed_, jobs_, voxels_, check_list_,
-      distances_;
+  gpu::Buffer nearest_, surface_, blocks_, table_, dirty_, list_[2], counts_, removed_, jobs_, voxels_, free_,
+      check_list_, distances_;
   std::vector<Block> block_of_;  // by slot
   std::unordered_map<Block, std::uint32_t, BrickHash> slot_of_;
   std::unordered_set<Block, BrickHash> known_, near_;         // with observed voxels; these and what lies around them
@@ -94,8 +100,9 @@ class Esdf {
   std::vector<std::shared_ptr<const DistanceField::Block>> samples_;  // by slot
 };
 
-/// The field of a whole map on the host.
+/// The field of a whole map on the host, with free_radius() around each pose of `visited` free.
 [[nodiscard]] std::shared_ptr<const DistanceField> distances_of(gpu::Device& device, const BrickTree& map,
-                                                                const FuseOptions& fuse, const EsdfOptions& options);
+                                                                const FuseOptions& fuse, const EsdfOptions& options,
+                                                                const Trajectory& visited = {});
 
 }  // namespace cairn

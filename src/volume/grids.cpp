@@ -31,6 +31,7 @@ namespace cairn {
 namespace {
 
 using VoxelTree = openvdb::Int64Tree;
+using FreeTree = openvdb::MaskTree;
 constexpr float kFreeWeight = 1.0f;  // of bricks without voxels that were seen to be empty
 constexpr const char *kUpSource = "up_source", *kUpKnown = "up_known", *kUpWords = "up";  // metadata of a map's grids
 
@@ -80,6 +81,27 @@ void for_each_tile(const Tree& tree, const Visit& visit) {
   auto tile = tree.cbeginValueOn();
   tile.setMaxDepth(decltype(tile)::LEAF_DEPTH - 1);
   for (; tile; ++tile) visit(tile.getCoord());
+}
+
+using Mask = VoxelTree::LeafNodeType::NodeMaskType;
+static_assert(Mask::WORD_COUNT == std::tuple_size_v<BrickBits>);
+
+BrickBits bits_of(const Mask& mask) {
+  BrickBits bits;
+  for (openvdb::Index w = 0; w < Mask::WORD_COUNT; ++w) bits[w] = mask.getWord<openvdb::Index64>(w);
+  return bits;
+}
+Mask mask_of(const BrickBits& bits) {
+  Mask mask;
+  for (openvdb::Index w = 0; w < Mask::WORD_COUNT; ++w) mask.getWord<openvdb::Index64>(w) = bits[w];
+  return mask;
+}
+
+/// Calls `visit(brick, bits)` with what a tree of masks holds.
+template <class Tree, class Visit>
+void for_each_mask(const Tree& tree, const Visit& visit) {
+  for_each_tile(tree, [&](const openvdb::Coord& origin) { visit(brick_at(origin), kAllBits); });
+  for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf) visit(brick_at(leaf->origin()), bits_of(leaf->getValueMask()));
 }
 
 constexpr std::uint32_t kCompression = openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK;
@@ -164,8 +186,6 @@ class FileWriter : private openvdb::io::Archive {
  private:
   std::ostream& out_;
 };
-
-using Mask = VoxelTree::LeafNodeType::NodeMaskType;
 
 /// A brick of a map's grids: where it is, and which voxels are active.
 struct Place {
@@ -298,18 +318,33 @@ class BrickHeader : private openvdb::io::Archive {
     setLibraryVersion(in);
     setDataCompression(in);
     openvdb::MetaMap().readMeta(in);
-    openvdb::io::GridDescriptor descriptor;
-    if (readGridCount(in) != 1) throw std::runtime_error(kNoBricks);
-    grid_ = openvdb::gridPtrCast<openvdb::Int64Grid>(descriptor.read(in));
-    if (!grid_) throw std::runtime_error(kNoBricks);
-    readGridCompression(in);
-    grid_->readMeta(in);
-    grid_->readTransform(in);
-    grid_->readTopology(in);
+    grids_ = readGridCount(in);
+    if (grids_ != 1 && grids_ != 2) throw std::runtime_error(kNoBricks);
+    grid_ = next<openvdb::Int64Grid>(in);
   }
   [[nodiscard]] const VoxelTree& tree() const { return grid_->constTree(); }
+  [[nodiscard]] bool has_free() const { return grids_ == 2; }
+  /// What is free, where the stream is at its grid.
+  [[nodiscard]] openvdb::MaskGrid::Ptr read_free(std::istream& in) const {
+    auto grid = next<openvdb::MaskGrid>(in);
+    grid->readBuffers(in);
+    return grid;
+  }
 
  private:
+  template <class Grid>
+  static typename Grid::Ptr next(std::istream& in) {
+    openvdb::io::GridDescriptor descriptor;
+    const auto grid = openvdb::gridPtrCast<Grid>(descriptor.read(in));
+    if (!grid) throw std::runtime_error(kNoBricks);
+    readGridCompression(in);
+    grid->readMeta(in);
+    grid->readTransform(in);
+    grid->readTopology(in);
+    return grid;
+  }
+
+  std::int32_t grids_ = 0;
   openvdb::Int64Grid::Ptr grid_;
 };
 
@@ -327,8 +362,33 @@ void write_file(const std::filesystem::path& file, std::int32_t grids, const Wri
 
 }  // namespace
 
+BrickMarks ball(const Eigen::Vector3d& centre, double radius) {
+  BrickMarks marks;
+  const auto brick_of = [](double voxel) { return static_cast<int>(std::floor(voxel)) >> 3; };
+  const auto first = [&](int axis) { return brick_of(std::ceil(centre[axis] - radius)); };
+  const auto last = [&](int axis) { return brick_of(centre[axis] + radius); };
+  for (int x = first(0); x <= last(0); ++x)
+    for (int y = first(1); y <= last(1); ++y)
+      for (int z = first(2); z <= last(2); ++z) {
+        BrickBits bits{};
+        for (int i = 0; i < 64; ++i) {  // columns along z
+          const double dx = 8 * x + (i >> 3) - centre.x(), dy = 8 * y + (i & 7) - centre.y();
+          const double half = std::sqrt(std::max(0.0, radius * radius - dx * dx - dy * dy));
+          if (dx * dx + dy * dy > radius * radius) continue;
+          const auto low = std::max(0, static_cast<int>(std::ceil(centre.z() - half)) - 8 * z);
+          const auto high = std::min(7, static_cast<int>(std::floor(centre.z() + half)) - 8 * z);
+          for (int k = low; k <= high; ++k) bits[static_cast<std::size_t>(i >> 3)] |= 1ull << (8 * (i & 7) + k);
+        }
+        if (bits == kNoBits) continue;
+        marks.bricks.emplace_back(x, y, z);
+        marks.voxels.push_back(bits);
+      }
+  return marks;
+}
+
 struct BrickTree::State {
   VoxelTree::Ptr tree = std::make_shared<VoxelTree>(0);
+  FreeTree::Ptr free = std::make_shared<FreeTree>(false);
 };
 
 BrickTree::BrickTree() : state_(std::make_unique<State>()) { initialize_once(); }
@@ -339,6 +399,7 @@ BrickTree& BrickTree::operator=(BrickTree&&) noexcept = default;
 BrickTree BrickTree::copy() const {
   BrickTree other;
   other.state_->tree = std::make_shared<VoxelTree>(*state_->tree);
+  other.state_->free = std::make_shared<FreeTree>(*state_->free);
   return other;
 }
 
@@ -352,21 +413,49 @@ void BrickTree::erase(const Eigen::Vector3i& brick) {
   delete state_->tree->stealNode<VoxelTree::LeafNodeType>(origin_of(brick), 0, false);
 }
 
-void BrickTree::mark_free(const Eigen::Vector3i& brick) {
-  if (find(brick) == nullptr) state_->tree->addTile(1, origin_of(brick), 0, true);
+bool BrickTree::mark_free(const Eigen::Vector3i& brick, const BrickBits& voxels) {
+  FreeTree& free = *state_->free;
+  const openvdb::Coord origin = origin_of(brick);
+  BrickBits bits = voxels;
+  if (auto* leaf = free.probeLeaf(origin)) {
+    const Mask before = leaf->getValueMask();
+    const BrickBits known = bits_of(before);
+    for (std::size_t w = 0; w < bits.size(); ++w) bits[w] |= known[w];
+    if (bits == known) return false;
+    if (bits != kAllBits) {
+      leaf->setValueMask(mask_of(bits));
+      return true;
+    }
+  } else if (bits == kNoBits || free.isValueOn(origin)) {
+    return false;
+  }
+  if (bits == kAllBits)
+    free.addTile(1, origin, true, true);
+  else
+    free.touchLeaf(origin)->setValueMask(mask_of(bits));
+  return true;
 }
 
-void BrickTree::forget_free() {
-  for (const Eigen::Vector3i& brick : free_bricks()) state_->tree->addTile(1, origin_of(brick), 0, false);
+void BrickTree::forget_free() { state_->free = std::make_shared<FreeTree>(false); }
+
+void BrickTree::take_free(BrickTree&& other) {
+  state_->free = std::exchange(other.state_->free, std::make_shared<FreeTree>(false));
 }
 
 bool BrickTree::is_free(const Eigen::Vector3i& brick) const {
-  return find(brick) == nullptr && state_->tree->isValueOn(origin_of(brick));
+  const FreeTree& free = *state_->free;
+  return free.probeConstLeaf(origin_of(brick)) == nullptr && free.isValueOn(origin_of(brick)) && find(brick) == nullptr;
+}
+
+BrickBits BrickTree::free_voxels(const Eigen::Vector3i& brick) const {
+  const FreeTree& free = *state_->free;
+  if (const auto* leaf = free.probeConstLeaf(origin_of(brick))) return bits_of(leaf->getValueMask());
+  return free.isValueOn(origin_of(brick)) ? kAllBits : kNoBits;
 }
 
 std::vector<Eigen::Vector3i> BrickTree::free_bricks() const {
   std::vector<Eigen::Vector3i> all;
-  for_each_tile(*state_->tree, [&](const openvdb::Coord& origin) { all.push_back(brick_at(origin)); });
+  for_each_mask(*state_->free, [&](const Eigen::Vector3i& brick, const BrickBits&) { all.push_back(brick); });
   std::sort(all.begin(), all.end(), before);
   return all;
 }
@@ -449,13 +538,15 @@ void GridsWriter::add(const BrickTree& bricks) {
   });
 }
 
-void GridsWriter::write(std::span<const Eigen::Vector3i> free, const DistanceField* distances) {
+void GridsWriter::write(const BrickTree& free, const DistanceField* distances) {
   const State& s = *state_;
+  const FreeTree& mask = *free.state_->free;
   const auto mark_free = [&](auto& tree, float value) {
-    for (const Eigen::Vector3i& brick : free)
-      if (tree.probeConstLeaf(origin_of(brick)) == nullptr) tree.addTile(1, origin_of(brick), value, true);
+    for_each_tile(mask, [&](const openvdb::Coord& origin) {
+      if (tree.probeConstLeaf(origin) == nullptr) tree.addTile(1, origin, value, true);
+    });
   };
-  write_file(s.file, distances != nullptr ? 5 : 4, [&](FileWriter& writer) {
+  write_file(s.file, distances != nullptr ? 6 : 5, [&](FileWriter& writer) {
     const auto append = [&](auto& grid, const Spool& spool) {
       writer.write(grid, [&](std::ostream& out) { spool.copy_to(out); });
     };
@@ -476,6 +567,13 @@ void GridsWriter::write(std::span<const Eigen::Vector3i> free, const DistanceFie
     }
     append(*s.colour.grid("colour", s.info, s.places), s.colour.spool);
     append(*s.colour_weight.grid("colour_weight", s.info, s.places), s.colour_weight.spool);
+    {
+      const auto grid =
+          openvdb::BoolGrid::create(std::make_shared<openvdb::BoolTree>(mask, false, true, openvdb::TopologyCopy()));
+      grid->setName("free");
+      grid->setTransform(transform_of(s.info.voxel_size, Eigen::Vector3d::Zero(), s.info.upright.world_from_tracked));
+      writer.write(*grid);
+    }
     if (distances != nullptr) writer.write(*distance_grid(*distances));
   });
 }
@@ -484,7 +582,7 @@ void write_grids(const std::filesystem::path& file, const BrickTree& tree, const
                  const DistanceField* distances) {
   GridsWriter writer(file, info);
   writer.add(tree);
-  writer.write(tree.free_bricks(), distances);
+  writer.write(tree, distances);
 }
 
 void write_distances(const std::filesystem::path& file, const DistanceField& distances) {
@@ -534,9 +632,14 @@ DistanceField DistanceField::read(const std::filesystem::path& vdb) {
 }
 
 void write_bricks(const std::filesystem::path& file, const BrickTree& bricks) {
-  auto grid = openvdb::Int64Grid::create(bricks.state_->tree);
+  const auto grid = openvdb::Int64Grid::create(bricks.state_->tree);
   grid->setName("bricks");
-  write_file(file, 1, [&](FileWriter& writer) { writer.write(*grid); });
+  const auto free = openvdb::MaskGrid::create(bricks.state_->free);
+  free->setName("free");
+  write_file(file, 2, [&](FileWriter& writer) {
+    writer.write(*grid);
+    writer.write(*free);
+  });
 }
 
 BrickFile::BrickFile(std::filesystem::path file) : file_(std::move(file)) {
@@ -555,7 +658,14 @@ BrickFile::BrickFile(std::filesystem::path file) : file_(std::move(file)) {
       openvdb::io::readCompressedValues<std::int64_t>(in, nullptr, 512, mask, false);
     }
     if (!in) throw std::runtime_error(kEndsEarly);
-    for_each_tile(header.tree(), [&](const openvdb::Coord& origin) { free_.push_back(brick_at(origin)); });
+    const auto note = [&](const openvdb::Coord& origin) { free_.push_back(brick_at(origin)); };
+    if (header.has_free()) {
+      free_grid_ = in.tellg();
+      for_each_tile(header.read_free(in)->tree(), note);
+      if (!in) throw std::runtime_error(kEndsEarly);
+    } else {
+      for_each_tile(header.tree(), note);
+    }
     std::sort(free_.begin(), free_.end(), before);
   } catch (const std::exception& error) {
     throw std::runtime_error(file_.string() + ": " + shown(error.what()));
@@ -595,11 +705,11 @@ void BrickFile::check() const {
   visit({}, [](const auto&) {});
 }
 
-BrickTree BrickFile::read(const std::optional<BrickBox>& box) const {
+BrickTree BrickFile::read(const BrickBox& box) const {
   BrickTree bricks;
   visit(box, [&](auto leaf) { bricks.state_->tree->addLeaf(leaf.release()); });
   for (const Eigen::Vector3i& brick : free_)
-    if (!box || box->contains(brick)) bricks.mark_free(brick);
+    if (box.contains(brick)) bricks.mark_free(brick);
   return bricks;
 }
 
@@ -686,15 +796,41 @@ void MapFile::visit(const Visit& visit) const {
   }
 }
 
+BrickTree BrickFile::read() const {
+  BrickTree bricks = read_free();
+  visit({}, [&](auto leaf) { bricks.state_->tree->addLeaf(leaf.release()); });
+  return bricks;
+}
+
+BrickTree BrickFile::read_free() const {
+  BrickTree free;
+  if (free_grid_ == 0) {
+    for (const Eigen::Vector3i& brick : free_) free.mark_free(brick);
+    return free;
+  }
+  try {
+    std::ifstream in = open_binary(file_);
+    const BrickHeader header(in);
+    in.seekg(free_grid_);
+    for_each_mask(header.read_free(in)->tree(),
+                  [&](const Eigen::Vector3i& brick, const BrickBits& bits) { free.mark_free(brick, bits); });
+    if (!in) throw std::runtime_error(kEndsEarly);
+  } catch (const std::exception& error) {
+    throw std::runtime_error(file_.string() + ": " + shown(error.what()));
+  }
+  return free;
+}
+
 ReadGrids read_grids(const std::filesystem::path& file) {
   initialize_once();
   const auto wrong = [&](const std::string& why) { return no_map(file, why); };
-  openvdb::GridBase::Ptr base[4];
+  openvdb::GridBase::Ptr base[4], free;
   try {
     openvdb::io::File in(file.string());
     in.open(false);
     constexpr const char* kNames[4] = {"tsdf", "weight", "colour", "colour_weight"};
     for (int i = 0; i < 4; ++i) base[i] = in.readGrid(kNames[i]);
+    if (in.hasGrid("free")) free = in.readGrid("free");
   } catch (const std::exception& error) {  // OpenVDB's, or no memory for a size that a broken file tells
     throw wrong(shown(error.what()));
   }
@@ -734,7 +870,14 @@ ReadGrids read_grids(const std::filesystem::path& file) {
     }
     result.tree.put(brick_at(at), voxels);
   }
-  for_each_tile(tsdf->tree(), [&](const openvdb::Coord& origin) { result.tree.mark_free(brick_at(origin)); });
+  if (!free) {  // written before 2026-11-24
+    for_each_tile(tsdf->tree(), [&](const openvdb::Coord& origin) { result.tree.mark_free(brick_at(origin)); });
+    return result;
+  }
+  const auto mask = openvdb::gridPtrCast<openvdb::BoolGrid>(free);
+  if (!mask) throw wrong("its grid `free` has another type");
+  for_each_mask(mask->tree(),
+                [&](const Eigen::Vector3i& brick, const BrickBits& bits) { result.tree.mark_free(brick, bits); });
   return result;
 }
 

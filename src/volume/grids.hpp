@@ -26,12 +26,24 @@ namespace cairn {
 /// Voxels of one brick in OpenVDB's leaf order, see shaders/voxel.h.
 using BrickVoxels = std::array<std::uint64_t, 512>;
 
+/// A bit for each voxel of a brick, in the same order: bit i % 64 of word i / 64.
+using BrickBits = std::array<std::uint64_t, 8>;
+inline constexpr BrickBits kNoBits{}, kAllBits{~0ull, ~0ull, ~0ull, ~0ull, ~0ull, ~0ull, ~0ull, ~0ull};
+
+struct BrickMarks {
+  std::vector<Eigen::Vector3i> bricks;
+  std::vector<BrickBits> voxels;  // of each
+};
+/// The voxels of a ball, and their bricks. `centre` and `radius` in voxels.
+[[nodiscard]] BrickMarks ball(const Eigen::Vector3d& centre, double radius);
+
 /// Bricks from one corner to the other, both of them within.
 using BrickBox = Eigen::AlignedBox3i;
 
 struct GridInfo;
 
-/// Bricks on the host: an OpenVDB tree with one leaf a brick.
+/// Bricks on the host: an OpenVDB tree with one leaf a brick. Beside it, a bit a voxel, what was seen to be free, in
+/// bricks with voxels as well: of a voxel that was observed, its distance tells, else its bit.
 class BrickTree {
  public:
   BrickTree();
@@ -42,12 +54,16 @@ class BrickTree {
 
   /// Adds the brick or replaces it. `brick` counts bricks: voxel / 8.
   void put(const Eigen::Vector3i& brick, std::span<const std::uint64_t, 512> voxels);
-  void erase(const Eigen::Vector3i& brick);
-  /// Notes that a brick without voxels was seen to be empty; an active tile in the tree. put takes its place.
-  void mark_free(const Eigen::Vector3i& brick);
+  void erase(const Eigen::Vector3i& brick);  // what is free stays
+  /// Notes that voxels were seen to be free. Returns whether that is new of some.
+  bool mark_free(const Eigen::Vector3i& brick, const BrickBits& voxels = kAllBits);
   void forget_free();
+  /// Takes over what another tree knows to be free, and forgets what it knew itself.
+  void take_free(BrickTree&& other);
+  /// Whether all of a brick is free, and has no voxels.
   [[nodiscard]] bool is_free(const Eigen::Vector3i& brick) const;
-  /// Sorted like bricks().
+  [[nodiscard]] BrickBits free_voxels(const Eigen::Vector3i& brick) const;
+  /// Those with a free voxel, sorted like bricks().
   [[nodiscard]] std::vector<Eigen::Vector3i> free_bricks() const;
   /// The brick's voxels, or null. Valid until the brick is put again.
   [[nodiscard]] const std::uint64_t* find(const Eigen::Vector3i& brick) const;
@@ -63,20 +79,25 @@ class BrickTree {
   std::unique_ptr<State> state_;
 };
 
-/// Writes bricks as they are (one grid of 64-bit voxels): quick, for sessions. Whole or not at all.
+/// Writes bricks as they are (a grid of 64-bit voxels, and one of what is free): quick, for sessions. Whole or not at
+/// all.
 void write_bricks(const std::filesystem::path& file, const BrickTree& tree);
 
-/// A file of write_bricks, out of which some bricks are read at a time.
+/// A file of write_bricks, out of which some bricks are read at a time. Files of versions before 2026-11-24 hold one
+/// grid, with tiles for bricks that are free as a whole.
 class BrickFile {
  public:
   /// Finds where the bricks are. Throws std::runtime_error for a file that is missing or broken.
   explicit BrickFile(std::filesystem::path file);
   [[nodiscard]] std::vector<Eigen::Vector3i> bricks() const;  // sorted by x, then y, then z
-  [[nodiscard]] const std::vector<Eigen::Vector3i>& free_bricks() const { return free_; }  // sorted likewise
   /// Throws std::runtime_error where voxels cannot be read.
   void check() const;
-  /// The bricks and free bricks in a box, or all of them. Throws std::runtime_error as above.
-  [[nodiscard]] BrickTree read(const std::optional<BrickBox>& box = {}) const;
+  /// All of it. Throws std::runtime_error as above, as those below do.
+  [[nodiscard]] BrickTree read() const;
+  /// The bricks in a box; of what is free, bricks that are so as a whole.
+  [[nodiscard]] BrickTree read(const BrickBox& box) const;
+  /// What is free, without voxels.
+  [[nodiscard]] BrickTree read_free() const;
 
  private:
   struct Place {
@@ -88,7 +109,8 @@ class BrickFile {
   std::filesystem::path file_;
   std::uint32_t version_ = 0, compression_ = 0;  // of OpenVDB's format
   std::vector<Place> places_;                    // in the file's order
-  std::vector<Eigen::Vector3i> free_;
+  std::vector<Eigen::Vector3i> free_;            // as a whole, sorted
+  std::int64_t free_grid_ = 0;                   // bytes from the file's beginning; 0: it has none
 };
 
 /// What a map.vdb needs beside its voxels.
@@ -103,18 +125,18 @@ struct GridInfo {
 [[nodiscard]] bool before_in_grid(const Eigen::Vector3i& a, const Eigen::Vector3i& b);
 
 /// Writes the grids `tsdf` (float, metres, level set), `weight` (float), `colour` (vec3f, 0..1, sRGB) and
-/// `colour_weight` (int32: frames), active where the weight is not 0. Free bricks are active tiles of the first two.
-/// Whole or not at all. The map comes part by part: what was added waits on the disk, packed. Throws
-/// std::runtime_error.
+/// `colour_weight` (int32: frames), active where the weight is not 0, and `free` (bool), active where a voxel was seen
+/// to be free. Bricks that are so as a whole are active tiles of the first two as well. Whole or not at all. The map
+/// comes part by part: what was added waits on the disk, packed. Throws std::runtime_error.
 class GridsWriter {
  public:
   GridsWriter(std::filesystem::path file, const GridInfo& info);
   ~GridsWriter();
   /// Adds bricks that come after those of earlier calls, see before_in_grid.
   void add(const BrickTree& bricks);
-  /// Writes the file. Of `free` those that were not added as bricks are free. With `distances` also the grid `esdf`,
-  /// see write_distances in cairn/esdf.hpp.
-  void write(std::span<const Eigen::Vector3i> free, const DistanceField* distances);
+  /// Writes the file, with what `free` knows to be free. With `distances` also the grid `esdf`, see write_distances in
+  /// cairn/esdf.hpp.
+  void write(const BrickTree& free, const DistanceField* distances);
 
  private:
   struct State;

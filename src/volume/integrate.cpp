@@ -10,8 +10,10 @@
 #include "spirv/brick_mark.comp.h"
 #include "spirv/brick_place.comp.h"
 #include "spirv/brick_select.comp.h"
+#include "spirv/depth_least.comp.h"
 #include "spirv/depth_tiles.comp.h"
 #include "spirv/tsdf_integrate.comp.h"
+#include "spirv/voxel_free.comp.h"
 
 namespace cairn {
 namespace {
@@ -20,9 +22,14 @@ constexpr std::uint32_t kMissingAtOnce =
     16384;  // bricks that a pass over a frame lists; further passes list the others
 constexpr std::uint32_t kVacantAtOnce =
     2048;  // slots that the device may give to bricks; most frames have fewer new ones
-constexpr std::uint32_t kFreeAtOnce = 1 << 18;  // bricks that a pass finds to be free; later passes find the others
-constexpr std::uint32_t kFirstDownload = 1024;  // entries of a list that few frames fill further
-constexpr std::uint32_t kLookEvery = 8;         // fused frames: neighbouring ones look through nearly the same bricks
+constexpr std::uint32_t kFreeAtOnce = 1 << 18;   // bricks that a pass finds to be free; later passes find the others
+constexpr std::uint32_t kPartsAtOnce = 1 << 15;  // bricks that are free in part, at first
+constexpr std::uint32_t kFirstDownload = 1024;   // entries of a list that few frames fill further
+
+/// Of 2x2 pixels each.
+std::uint64_t pixel_quads(const Camera& camera) {
+  return (static_cast<std::uint64_t>(camera.width) + 1) / 2 * ((static_cast<std::uint64_t>(camera.height) + 1) / 2);
+}
 
 }  // namespace
 
@@ -32,33 +39,42 @@ struct Integrator::Pass {
   std::vector<shader::Placement> missing;  // bricks that were not on the device; those with a slot now are
   std::vector<shader::Selected> selected;
   std::vector<std::uint32_t> changed;  // by selected brick
-  std::vector<shader::ivec3> free_bricks;
+  std::vector<shader::ivec3> free_bricks, part_bricks;
+  std::vector<BrickBits> free_voxels;  // by brick of part_bricks
 };
 
 Integrator::Integrator(gpu::Device& device, const Camera& camera, const SurfaceOptions& options,
-                       const SensorModel& sensor)
+                       const SensorModel& sensor, float camera_radius)
     : device_(device),
       camera_(camera),
       options_(options),
+      camera_radius_(camera_radius),
       counts_(device, sizeof(shader::FusionCounts)),
-      depth_tiles_(device, 4 * std::uint64_t{shader::tiles(camera)}),
+      farthest_(device, 4 * std::uint64_t{shader::tiles(camera)}),
+      nearest_(device, 4 * std::uint64_t{shader::tiles(camera)}),
+      least_(device, 4 * pixel_quads(camera)),
       vacant_(device, 4 * kVacantAtOnce),
       missing_(device, kMissingAtOnce * sizeof(shader::Placement)),
       free_bricks_(device, kFreeAtOnce * sizeof(shader::ivec3)),
+      part_bricks_(device, kPartsAtOnce * sizeof(shader::ivec3)),
+      free_voxels_(device, kPartsAtOnce * sizeof(BrickBits)),
       tiles_(device, "depth_tiles", depth_tiles_comp),
       mark_(device, "brick_mark", brick_mark_comp),
       place_(device, "brick_place", brick_place_comp),
+      least_of_(device, "depth_least", depth_least_comp),
       free_(device, "brick_free", brick_free_comp),
+      voxels_free_(device, "voxel_free", voxel_free_comp),
       select_(device, "brick_select", brick_select_comp),
       integrate_(device, "tsdf_integrate", tsdf_integrate_comp, shader::constants_of(sensor),
                  gpu::threads_together(device, 64)) {}
 
 Fused Integrator::integrate(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, Volume& volume,
-                            std::uint32_t fused_count) {
+                            std::uint32_t fused_count, std::uint32_t look_every) {
   volume.move_window(submap_from_camera.translation());
+  const bool looks_through = fused_count % look_every == 1 % look_every;
   Fused fused;
   for (;;) {
-    const Pass pass = pass_over(surface, submap_from_camera, volume, fused_count);
+    const Pass pass = pass_over(surface, submap_from_camera, volume, fused_count, looks_through);
     fused.new_bricks += static_cast<int>(pass.missing.size());
     const std::vector<Brick> waiting = volume.note_placed(pass.missing);
     if (pass.counts.waiting > 0) {  // nothing was fused
@@ -68,17 +84,29 @@ Fused Integrator::integrate(const Surface& surface, const Eigen::Isometry3d& sub
     fused.touched = static_cast<int>(pass.selected.size());
     for (std::size_t i = 0; i < pass.selected.size(); ++i)
       if (pass.changed[i] != 0) fused.changed.push_back(volume.brick_in(pass.selected[i].slot));
-    fused.newly_free.assign(pass.free_bricks.begin(), pass.free_bricks.end());
-    std::sort(fused.newly_free.begin(), fused.newly_free.end(), before);
-    volume.mark_free(fused.newly_free);
+    fused.newly_free = mark_free(pass, submap_from_camera.translation(), volume);
     return fused;
   }
+}
+
+std::vector<Brick> Integrator::mark_free(const Pass& pass, const Eigen::Vector3d& camera, Volume& volume) const {
+  BrickMarks marks = camera_radius_ > 0 ? ball(camera / static_cast<double>(volume.options().voxel_size),
+                                               camera_radius_ / static_cast<double>(volume.options().voxel_size))
+                                        : BrickMarks{};
+  marks.bricks.insert(marks.bricks.end(), pass.free_bricks.begin(), pass.free_bricks.end());
+  marks.voxels.resize(marks.bricks.size(), kAllBits);
+  marks.bricks.insert(marks.bricks.end(), pass.part_bricks.begin(), pass.part_bricks.end());
+  marks.voxels.insert(marks.voxels.end(), pass.free_voxels.begin(), pass.free_voxels.end());
+  std::vector<Brick> news = volume.mark_free(marks);
+  std::sort(news.begin(), news.end(), before);
+  news.erase(std::unique(news.begin(), news.end()), news.end());
+  return news;
 }
 
 /// Gives slots to the bricks of the frame's truncation band and fuses the frame into all bricks in view; the latter
 /// only if none of them waits for the host.
 Integrator::Pass Integrator::pass_over(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
-                                       const Volume& volume, std::uint32_t fused_count) {
+                                       const Volume& volume, std::uint32_t fused_count, bool looks_through) {
   const std::vector<std::uint32_t> vacant = volume.vacant_slots(kVacantAtOnce);
   const std::uint32_t slots =
       vacant.empty() ? volume.slot_count() : std::max(volume.slot_count(), *std::ranges::max_element(vacant) + 1);
@@ -88,8 +116,7 @@ Integrator::Pass Integrator::pass_over(const Surface& surface, const Eigen::Isom
     changed_ = gpu::Buffer(device_, room * 4);
   }
   Pass pass;
-  pass.counts.placed = pass.counts.fused = {0, 1, 1};
-  const bool looks_through = fused_count % kLookEvery == 1;
+  pass.counts.placed = pass.counts.fused = pass.counts.looked_at = {0, 1, 1};
 
   gpu::Batch batch(device_);
   batch.upload(counts_, std::span<const shader::FusionCounts>(&pass.counts, 1));
@@ -100,6 +127,9 @@ Integrator::Pass Integrator::pass_over(const Surface& surface, const Eigen::Isom
 
   pass.missing.resize(kFirstDownload);
   pass.free_bricks.resize(looks_through ? kFirstDownload : 0);
+  const auto parts = static_cast<std::uint32_t>(free_voxels_.size() / sizeof(BrickBits));
+  pass.part_bricks.resize(looks_through ? std::min(usually_in_part_, parts) : 0);
+  pass.free_voxels.resize(pass.part_bricks.size());
   pass.selected.resize(std::min<std::size_t>(usually_selected_, changed_.size() / 4));
   pass.changed.resize(pass.selected.size());
   batch.download(counts_, std::span<shader::FusionCounts>(&pass.counts, 1));
@@ -107,12 +137,21 @@ Integrator::Pass Integrator::pass_over(const Surface& surface, const Eigen::Isom
   batch.download(selected_, pass.selected);
   batch.download(changed_, pass.changed);
   batch.download(free_bricks_, pass.free_bricks);
+  batch.download(part_bricks_, pass.part_bricks);
+  batch.download(free_voxels_, pass.free_voxels);
   batch.run();
   read_rest(pass.missing, pass.counts.missing, missing_);
-  read_rest(pass.free_bricks, pass.counts.looked_through, free_bricks_);
+  read_rest(pass.free_bricks, pass.counts.free, free_bricks_);
+  read_rest(pass.part_bricks, pass.counts.free_in_part, part_bricks_);
+  read_rest(pass.free_voxels, pass.counts.free_in_part, free_voxels_);
   read_rest(pass.selected, pass.counts.selected, selected_);
   read_rest(pass.changed, pass.counts.selected, changed_);
   usually_selected_ = pass.counts.selected + pass.counts.selected / 4 + kFirstDownload;
+  if (looks_through) usually_in_part_ = pass.counts.free_in_part + pass.counts.free_in_part / 4 + kFirstDownload;
+  if (pass.counts.free_in_part > parts) {  // the others are found by the next look
+    part_bricks_ = gpu::Buffer(device_, 2 * std::uint64_t{pass.counts.free_in_part} * sizeof(shader::ivec3));
+    free_voxels_ = gpu::Buffer(device_, 2 * std::uint64_t{pass.counts.free_in_part} * sizeof(BrickBits));
+  }
   return pass;
 }
 
@@ -142,7 +181,7 @@ void Integrator::fuse(gpu::Batch& batch, const Surface& surface, const Eigen::Is
                       const Volume& volume, std::uint32_t fused_count, std::uint32_t slots) {
   tiles_(batch, {shader::tiles(camera_), 1, 1},
          {.width = static_cast<std::uint32_t>(camera_.width), .height = static_cast<std::uint32_t>(camera_.height)},
-         {surface.fusion, &depth_tiles_});
+         {surface.fusion, &farthest_, &nearest_});
   select_(batch, {slots, 1, 1},
           {.camera = shader::pinhole(camera_),
            .submap_from_camera = shader::rigid(submap_from_camera),
@@ -152,7 +191,7 @@ void Integrator::fuse(gpu::Batch& batch, const Surface& surface, const Eigen::Is
            .brick_size = volume.brick_size(),
            .truncation = volume.options().truncation,
            .min_depth = options_.min_depth},
-          {&volume.slots(), &depth_tiles_, &counts_, &selected_});
+          {&volume.slots(), &farthest_, &counts_, &selected_});
   batch.fill(changed_, 0);
   integrate_.indirect(batch, counts_, offsetof(shader::FusionCounts, fused),
                       {.voxels = volume.view().voxels,
@@ -177,7 +216,7 @@ void Integrator::read_rest(std::vector<T>& list, std::uint32_t count, const gpu:
   batch.run();
 }
 
-/// Lists the bricks in front of what the frame sees that have no voxels and were not known to be free.
+/// Lists the bricks in front of what the frame sees that were not known to be free, and their voxels.
 void Integrator::look_through(gpu::Batch& batch, const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
                               const Volume& volume) {
   Eigen::AlignedBox3d view(submap_from_camera.translation());
@@ -196,8 +235,18 @@ void Integrator::look_through(gpu::Batch& batch, const Surface& surface, const E
          .camera_from_submap = shader::rigid(submap_from_camera.inverse()),
          .first = first,
          .size = static_cast<std::uint32_t>(clipped.x() | clipped.y() << 10 | clipped.z() << 20),
-         .capacity = kFreeAtOnce},
-        {surface.fusion, &volume.page_table(), &volume.free_marks(), &counts_, &free_bricks_});
+         .min_depth = options_.min_depth},
+        {&farthest_, &nearest_, &volume.page_table(), &volume.free_marks(), &counts_, &free_bricks_, &part_bricks_});
+  least_of_(batch, {static_cast<std::uint32_t>(pixel_quads(camera_)), 1, 1},
+            {.width = static_cast<std::uint32_t>(camera_.width), .height = static_cast<std::uint32_t>(camera_.height)},
+            {surface.fusion, &least_});
+  voxels_free_.indirect(batch, counts_, offsetof(shader::FusionCounts, looked_at),
+                        {.camera = shader::pinhole(camera_),
+                         .camera_from_submap = shader::rigid(submap_from_camera.inverse()),
+                         .bricks = static_cast<std::uint32_t>(part_bricks_.size() / sizeof(shader::ivec3)),
+                         .voxel_size = volume.options().voxel_size,
+                         .truncation = volume.options().truncation},
+                        {&least_, &part_bricks_, &free_voxels_});
 }
 
 }  // namespace cairn

@@ -53,7 +53,8 @@ Volume::Volume(gpu::Device& device, const FuseOptions& options, float reach)
       page_table_(device, std::uint64_t{4} << (3 * table_bits_)),
       free_marks_(device, (std::uint64_t{1} << (3 * table_bits_)) / 8),
       slots_(device, capacity_ * sizeof(shader::SlotState)),
-      place_(device, "brick_place", brick_place_comp) {
+      place_(device, "brick_place", brick_place_comp),
+      marks_(free_marks_.size() / 4, 0) {
   gpu::Batch batch(device_);
   batch.fill(page_table_, 0);
   batch.fill(free_marks_, 0);
@@ -104,9 +105,10 @@ void Volume::move_window(const Eigen::Vector3d& centre) {
 
 /// Tells the device what it has to know of the bricks that it does not hold: of the window, which was elsewhere before.
 void Volume::refresh_window(const std::optional<Brick>& origin_before) {
-  std::vector<std::uint32_t> marks(free_marks_.size() / 4);
+  marks_.assign(free_marks_.size() / 4, 0);
   for (const Brick& brick : host_.free_bricks())
-    if (in_window(brick)) marks[table_index(brick) / 32] |= 1u << (table_index(brick) % 32);
+    if (in_window(brick) && host_.free_voxels(brick) == kAllBits)
+      marks_[table_index(brick) / 32] |= 1u << (table_index(brick) % 32);
   std::vector<shader::Placement> gone, come;
   for (const Brick& brick : host_.bricks()) {
     const bool was_in = origin_before && in_window(brick, *origin_before), is_in = in_window(brick);
@@ -118,7 +120,7 @@ void Volume::refresh_window(const std::optional<Brick>& origin_before) {
                     .entry = is_in ? shader::kOnHost : 0});
   }
   gpu::Batch batch(device_);
-  batch.upload(free_marks_, marks);
+  batch.upload(free_marks_, marks_);
   for (const auto& placements : {gone, come}) {  // in this order: they share places of the table
     place(batch, placements, 0);
     batch.submit();
@@ -160,8 +162,23 @@ std::vector<Brick> Volume::note_placed(std::span<const shader::Placement> placem
   return waiting;
 }
 
-void Volume::mark_free(std::span<const Brick> bricks) {
-  for (const Brick& brick : bricks) host_.mark_free(brick);
+std::vector<Brick> Volume::mark_free(const BrickMarks& marks) {
+  std::vector<Brick> news;
+  bool is_marked = false;
+  for (std::size_t i = 0; i < marks.bricks.size(); ++i) {
+    const Brick& brick = marks.bricks[i];
+    if (!host_.mark_free(brick, marks.voxels[i])) continue;
+    news.push_back(brick);
+    if (!in_window(brick) || host_.free_voxels(brick) != kAllBits) continue;
+    marks_[table_index(brick) / 32] |= 1u << (table_index(brick) % 32);
+    is_marked = true;
+  }
+  if (is_marked) {
+    gpu::Batch batch(device_);
+    batch.upload(free_marks_, marks_);
+    batch.submit();
+  }
+  return news;
 }
 
 void Volume::copy_to(BrickTree& tree, std::span<const std::uint32_t> slots) {
@@ -382,9 +399,9 @@ BrickTree Volume::split(std::uint32_t since, const Eigen::Vector3d& centre, floa
       gone.push_back({.brick = brick, .slot = shader::kNoSlot, .table_index = table_index(brick), .entry = 0});
   }
   for (const Brick& brick : host_.free_bricks()) {
-    if (slot_of_.contains(brick)) continue;  // it was free before it got voxels
-    submap.mark_free(brick);
-    if (stays(brick)) next.mark_free(brick);
+    const BrickBits voxels = host_.free_voxels(brick);
+    submap.mark_free(brick, voxels);
+    if (stays(brick)) next.mark_free(brick, voxels);
   }
   host_ = std::move(next);
   last_seen_.clear();

@@ -56,7 +56,7 @@ class Volume {
   /// Whether the device can read all voxels as texels; see VoxelKernel.
   [[nodiscard]] bool is_read_as_texels() const { return voxels_.size() / 8 <= device_.max_texels(); }
   [[nodiscard]] const gpu::Buffer& page_table() const { return page_table_; }
-  [[nodiscard]] const gpu::Buffer& free_marks() const { return free_marks_; }  // a bit by entry of the page table
+  [[nodiscard]] const gpu::Buffer& free_marks() const { return free_marks_; }  // by entry a bit: all of it is free
   [[nodiscard]] const gpu::Buffer& slots() const { return slots_; }            // SlotState by slot
   [[nodiscard]] std::uint32_t slot_count() const { return high_slot_; }        // slots in use lie below it
   [[nodiscard]] std::uint32_t capacity() const { return capacity_; }           // bricks the device holds at most
@@ -79,8 +79,9 @@ class Volume {
   static constexpr std::uint32_t kNoSlot = 0xffffffffu;
   [[nodiscard]] const Brick& brick_in(std::uint32_t slot) const { return brick_in_[slot]; }  // of a slot in use
 
-  /// Notes bricks without voxels that a camera has looked through; their bits are set already. They go to the host.
-  void mark_free(std::span<const Brick> bricks);
+  /// Notes on the host what a camera has looked through, and on the device which bricks are free as a whole. Returns
+  /// the bricks of which something is new.
+  std::vector<Brick> mark_free(const BrickMarks& marks);
 
   /// All bricks, on the device or the host, sorted by x, then y, then z.
   [[nodiscard]] std::vector<Brick> bricks() const;
@@ -138,6 +139,7 @@ class Volume {
   BrickTree host_;
   std::unordered_map<Brick, std::uint32_t, BrickHash> last_seen_;  // of bricks that went to the host
   Counts counts_;
+  std::vector<std::uint32_t> marks_;  // what free_marks_ holds
 };
 
 }  // namespace cairn

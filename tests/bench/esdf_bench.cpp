@@ -198,7 +198,8 @@ void follow_a_loop(benchmark::State& state) {
     BrickTree tree;
     for (const Brick& brick : r.volume.on_host().bricks())
       tree.put(brick + shift, std::span<const std::uint64_t, 512>(r.volume.host().find(brick), 512));
-    for (const Brick& brick : r.volume.host().free_bricks()) tree.mark_free(brick + shift);
+    for (const Brick& brick : r.volume.host().free_bricks())
+      tree.mark_free(brick + shift, r.volume.host().free_voxels(brick));
     trees.push_back(std::make_shared<const BrickTree>(std::move(tree)));
     Keyframe keyframe{.timestamp = static_cast<double>(s), .submap = static_cast<std::size_t>(s), .follows = s > 0};
     keyframe.submap_from_camera.translation() = Eigen::Vector3d(3.2 * s, 0, 0);
@@ -208,9 +209,9 @@ void follow_a_loop(benchmark::State& state) {
   World world(r.device, r.fuse);
   const auto update = [&] {
     std::vector<PlacedSubmap> placed;
-    for (std::size_t s = 0; s < 2; ++s)
-      placed.push_back({s, trees[s]->bricks(), trees[s]->free_bricks(), Deformation(atlas, s)});
-    return world.update(placed, [&](std::size_t s, const BrickBox&) { return trees[s]; });
+    for (std::size_t s = 0; s < 2; ++s) placed.push_back({s, trees[s]->bricks(), Deformation(atlas, s)});
+    return world.update(
+        placed, [&](std::size_t s, const BrickBox&) { return trees[s]; }, [&](std::size_t s) { return trees[s]; });
   };
   Esdf esdf(r.device, r.fuse, options_of(state));
   esdf.update(world.bricks(), update());

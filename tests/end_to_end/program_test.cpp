@@ -349,6 +349,41 @@ TEST_F(Program, AnswersHowFarTheNextSurfaceIs) {
   EXPECT_EQ(said, known);
 }
 
+TEST_F(Program, KnowsThatTheWayOfTheCameraIsFree) {
+  const std::string map = (out / "map").string();
+  ASSERT_EQ(run_cairn({"reconstruct", sequence(), "-o", map, "--voxel-size", "0.02"}).exit_code, 0);
+  std::string csv = "x,y,z\n", aside = csv;
+  const Trajectory way = read_trajectory(map + "/trajectory.txt");
+  for (const StampedPose& pose : way) {
+    const auto line = [](const Eigen::Vector3d& p) {
+      return std::to_string(p.x()) + "," + std::to_string(p.y()) + "," + std::to_string(p.z()) + "\n";
+    };
+    csv += line(pose.world_from_camera.translation());
+    aside += line(pose.world_from_camera * Eigen::Vector3d(0, 0, -0.3));  // behind the camera
+  }
+  write_text(out / "way.csv", csv);
+  write_text(out / "aside.csv", aside);
+  const auto known = [&](const std::string& vdb, const char* points, std::vector<std::string> more = {}) {
+    std::vector<std::string> arguments = {
+        "esdf", vdb, "--query", (out / points).string(), "--json", "-o", (out / "answers.csv").string()};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return json_of(run_cairn(arguments))["known_points"].get<std::size_t>();
+  };
+  ASSERT_GT(way.size(), 10u);
+  EXPECT_EQ(known(map, "way.csv"), way.size());
+  EXPECT_LT(known(map, "aside.csv"), way.size());
+  EXPECT_EQ(known(map, "aside.csv", {"--robot-radius", "0.4"}), way.size());
+  // The map alone knows it as well, and the one that its session makes.
+  fs::create_directories(out / "alone");
+  fs::copy(map + "/map.vdb", out / "alone" / "map.vdb");
+  EXPECT_EQ(known((out / "alone").string(), "way.csv"), way.size());
+  ASSERT_EQ(run_cairn({"export", map, "-o", (out / "alone" / "again.vdb").string()}).exit_code, 0);
+  EXPECT_EQ(known((out / "alone" / "again.vdb").string(), "way.csv"), way.size());
+  const Ran ran = run_cairn({"esdf", (out / "alone").string(), "--robot-radius", "0.4"});
+  EXPECT_EQ(ran.exit_code, 1);
+  EXPECT_NE(ran.err.find("trajectory.txt: is missing"), std::string::npos) << ran.err;
+}
+
 TEST_F(Program, DrawsSlicesAndCostmaps) {
   const auto map = (out / "map").string();
   ASSERT_EQ(

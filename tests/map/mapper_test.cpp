@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstring>
 #include <limits>
 
@@ -244,6 +245,54 @@ TEST(Mapper, KeepsTheMapWhenFramesCannotBeFusedAgain) {
   EXPECT_EQ(mapper.warnings()[0], "the disk went away; frames are not fused again");
   EXPECT_TRUE(is_same(mapper.map().mesh(), before));
   EXPECT_EQ(mapper.trajectory().size(), room_frames().size());
+}
+
+/// The voxels that two fields of the same size know, and those that one of them knows alone.
+std::pair<int, int> known_to(const DistanceField& a, const DistanceField& b) {
+  int both = 0, one = 0;
+  for (const auto& [from, to] : {std::pair{&a, &b}, {&b, &a}})
+    for (const auto& [block, samples] : from->blocks())
+      for (int i = 0; i < 4096; ++i) {
+        if (std::isnan((*samples)[static_cast<std::size_t>(i)])) continue;
+        const Eigen::Vector3f p = from->origin() + from->voxel_size() * DistanceField::voxel(block, i).cast<float>();
+        ++(to->query(p).known ? both : one);
+      }
+  return {both / 2, one};
+}
+
+TEST(Mapper, KnowsTheSameFreeSpaceLiveInFilesAndAfterItGoesOn) {
+  const TemporaryFolder folder;
+  Options options = coarse();
+  options.esdf.live = true;
+  Mapper whole(small_camera(), options);
+  for (const Frame& frame : room_frames()) ASSERT_EQ(whole.add(frame).state, FrameState::fused);
+  const auto written = whole.map().distances();
+  const auto [same, different] = known_to(*written, *whole.live_distances());
+  EXPECT_GT(same, 50000);
+  EXPECT_EQ(different, 0);
+  for (const StampedPose& pose : whole.trajectory()) {
+    const auto answer = whole.live_distances()->query(pose.world_from_camera.translation().cast<float>());
+    EXPECT_TRUE(answer.known);
+    EXPECT_GT(answer.distance, 0.0f);
+  }
+  whole.map().write_grids(folder / "map.vdb");
+  EXPECT_EQ(known_to(*written, *Map::open(folder / "map.vdb").distances(options.esdf)).second, 0);
+
+  // A run that was cut off after half of the frames and goes on.
+  {
+    Session session = Session::create(folder / "session");
+    Mapper half = session.mapper(small_camera(), options);
+    for (std::size_t i = 0; i < 6; ++i) ASSERT_EQ(half.add(room_frames()[i]).state, FrameState::fused);
+    session.checkpoint(half);
+    ASSERT_FALSE(session.problem());
+  }
+  Session session = Session::resume(folder / "session");
+  Mapper rest = session.mapper(small_camera(), options);
+  for (std::size_t i = 6; i < 12; ++i) ASSERT_EQ(rest.add(room_frames()[i]).state, FrameState::fused);
+  EXPECT_EQ(known_to(*written, *rest.live_distances()).second, 0);
+  session.checkpoint(rest);
+  ASSERT_FALSE(session.problem());
+  EXPECT_EQ(known_to(*written, *Map::open(folder / "session").distances(options.esdf)).second, 0);
 }
 
 TEST(Mapper, LeavesOutASubmapThatIsLost) {

@@ -35,9 +35,9 @@ Atlas atlas_of(std::size_t submaps) {
 std::vector<Brick> update(World& world, const Atlas& atlas,
                           const std::vector<std::shared_ptr<const BrickTree>>& trees) {
   std::vector<PlacedSubmap> placed;
-  for (std::size_t s = 0; s < trees.size(); ++s)
-    placed.push_back({s, trees[s]->bricks(), trees[s]->free_bricks(), Deformation(atlas, s)});
-  return world.update(placed, [&](std::size_t s, const BrickBox&) { return trees[s]; });
+  for (std::size_t s = 0; s < trees.size(); ++s) placed.push_back({s, trees[s]->bricks(), Deformation(atlas, s)});
+  return world.update(
+      placed, [&](std::size_t s, const BrickBox&) { return trees[s]; }, [&](std::size_t s) { return trees[s]; });
 }
 
 Mesh mesh_of(World& world) {
@@ -54,7 +54,7 @@ TEST(WorldParts, AreWhatTheWholeIs) {
   World world(test_device(), kOptions);
   (void)update(world, atlas, {tree, tree});
   std::vector<PlacedSubmap> placed;
-  for (const std::size_t s : {0u, 1u}) placed.push_back({s, tree->bricks(), {}, Deformation(atlas, s)});
+  for (const std::size_t s : {0u, 1u}) placed.push_back({s, tree->bricks(), Deformation(atlas, s)});
   WorldParts parts(test_device(), kOptions, placed);
   const std::vector<Brick>& all = parts.bricks();
   std::size_t compared = 0;
@@ -174,8 +174,9 @@ TEST(World, LeavesNoGapBetweenVoxelsAndFreeSpaceWhereSubmapsTurn) {
   const Eigen::Isometry3d turn(Eigen::AngleAxisd(0.3, Eigen::Vector3d(0.3, 1, 0.5).normalized()));
   atlas.world_from_camera[0] = turn * atlas.world_from_camera[0];
   World world(test_device(), fuse);
-  const std::vector<PlacedSubmap> placed{{0, submap->bricks(), submap->free_bricks(), Deformation(atlas, 0)}};
-  const auto made = world.update(placed, [&](std::size_t, const BrickBox&) { return submap; });
+  const std::vector<PlacedSubmap> placed{{0, submap->bricks(), Deformation(atlas, 0)}};
+  const auto made = world.update(
+      placed, [&](std::size_t, const BrickBox&) { return submap; }, [&](std::size_t) { return submap; });
   EXPECT_TRUE(std::is_sorted(made.begin(), made.end(), before));
   int known = 0, samples = 0;
   for (float x = -0.4f; x < 0.4f; x += 0.05f)
@@ -186,7 +187,8 @@ TEST(World, LeavesNoGapBetweenVoxelsAndFreeSpaceWhereSubmapsTurn) {
         const Brick brick = voxel.unaryExpr([](int i) { return i >> 3; });
         const std::uint64_t* voxels = world.bricks().find(brick);
         const auto at = static_cast<std::size_t>((voxel.x() & 7) << 6 | (voxel.y() & 7) << 3 | (voxel.z() & 7));
-        known += voxels != nullptr ? ((voxels[at] >> 16) & 0xffff) != 0 : world.bricks().is_free(brick);
+        known += (voxels != nullptr && ((voxels[at] >> 16) & 0xffff) != 0) ||
+                 (world.bricks().free_voxels(brick)[at >> 6] >> (at & 63) & 1) != 0;
         ++samples;
       }
   EXPECT_GT(known, 0.995 * samples);

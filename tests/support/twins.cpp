@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "shaders/surface.h"
@@ -103,6 +104,26 @@ void integrate(Voxel& v, const Eigen::Vector3d& p, const std::vector<float>& dep
     v.colour[k] =
         (v.colour[k] * v.colour_weight + static_cast<float>((colour[i] >> (8 * k)) & 0xff)) / (v.colour_weight + 1);
   v.colour_weight += 1;
+}
+
+BrickBits free_voxels(const Brick& brick, const std::vector<float>& depth, const Camera& c,
+                      const Eigen::Isometry3d& submap_from_camera, const FuseOptions& o) {
+  BrickBits bits{};
+  for (int i = 0; i < 512; ++i) {
+    const Eigen::Vector3d voxel = (8 * brick + Brick(i >> 6, i >> 3 & 7, i & 7)).cast<double>();
+    const Eigen::Vector3d p = submap_from_camera.inverse() * (static_cast<double>(o.voxel_size) * voxel);
+    if (p.z() <= 0) continue;
+    const Eigen::Vector2d pixel = c.project(p).array() + 0.5;
+    if (pixel.minCoeff() < 0 || pixel.x() >= c.width || pixel.y() >= c.height) continue;
+    float least = std::numeric_limits<float>::infinity();
+    for (int k = 0; k < 4; ++k) {
+      const int u = std::min(static_cast<int>(pixel.x()) / 2 * 2 + (k & 1), c.width - 1),
+                v = std::min(static_cast<int>(pixel.y()) / 2 * 2 + (k >> 1), c.height - 1);
+      least = std::min(least, depth[static_cast<std::size_t>(v * c.width + u)]);
+    }
+    if (p.z() < static_cast<double>(least - o.truncation)) bits[static_cast<std::size_t>(i >> 6)] |= 1ull << (i & 63);
+  }
+  return bits;
 }
 
 std::vector<Eigen::Vector3f> polygonize(const BrickTree& tree, const FuseOptions& o) {

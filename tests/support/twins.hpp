@@ -32,6 +32,11 @@ struct Voxel {
 void integrate(Voxel& voxel, const Eigen::Vector3d& point_in_camera, const std::vector<float>& depth,
                const std::vector<std::uint32_t>& colour, const Camera& camera, const FuseOptions& options);
 
+/// Which voxels of a brick one frame's rays have passed: all four pixels of the quad that a voxel falls on see
+/// something that is farther than the voxel by more than the truncation.
+[[nodiscard]] BrickBits free_voxels(const Brick& brick, const std::vector<float>& depth, const Camera& camera,
+                                    const Eigen::Isometry3d& submap_from_camera, const FuseOptions& options);
+
 /// The mean of submaps at one voxel of the world; each a map and submap_from_world in metres.
 [[nodiscard]] Voxel merge(const Eigen::Vector3i& voxel,
                           const std::vector<std::pair<const BrickTree*, Eigen::Isometry3d>>& submaps,

@@ -271,9 +271,9 @@ TEST(Esdf, FollowsALoopThatMovesHalfTheMap) {
   World world(test_device(), kFuse);
   const auto update = [&] {
     std::vector<PlacedSubmap> placed;
-    for (std::size_t s = 0; s < 2; ++s)
-      placed.push_back({s, trees[s]->bricks(), trees[s]->free_bricks(), Deformation(atlas, s)});
-    return world.update(placed, [&](std::size_t s, const BrickBox&) { return trees[s]; });
+    for (std::size_t s = 0; s < 2; ++s) placed.push_back({s, trees[s]->bricks(), Deformation(atlas, s)});
+    return world.update(
+        placed, [&](std::size_t s, const BrickBox&) { return trees[s]; }, [&](std::size_t s) { return trees[s]; });
   };
   Esdf esdf(test_device(), kFuse, {.voxel_size = 0.02f});
   esdf.update(world.bricks(), update());
@@ -406,67 +406,6 @@ TEST(DistanceField, ComesBackFromItsFile) {
               {.voxel_size = 0.02f, .truncation = 0.08f});
   EXPECT_THROW((void)DistanceField::read(folder / "map.vdb"), std::runtime_error);
   EXPECT_THROW((void)DistanceField::read(folder / "none.vdb"), std::runtime_error);
-}
-
-TEST(FreeBricks, AreThoseThatACameraLooksThrough) {
-  const Scene scene = synthetic_scene("room");
-  const Camera camera = small_camera();
-  Preprocessor preprocessor(test_device(), camera, {}, 3, 1);
-  Integrator integrator(test_device(), camera, {});
-  const FuseOptions fuse;
-  Volume volume(test_device(), fuse, 5.0f);
-  const Frame frame = scene_frame(scene, camera, 0);
-  const Eigen::Isometry3d& pose = *frame.world_from_camera;
-  const Fused fused = integrator.integrate(preprocessor.preprocess(frame), pose, volume, 1);
-  ASSERT_GT(fused.newly_free.size(), 1000u);
-  const double size = volume.brick_size();
-  for (const Brick& brick : fused.newly_free) {
-    EXPECT_EQ(volume.slot_of(brick), Volume::kNoSlot);
-    EXPECT_TRUE(volume.host().is_free(brick));
-    const Eigen::Vector3d middle = (brick.cast<double>().array() + 0.5) * size;
-    EXPECT_GT(scene.distance(middle), 0.0) << brick.transpose();
-  }
-  // Nearly all of the way from the camera to what it sees is free or holds voxels; the image's border is seen in part.
-  int there = 0, samples = 0;
-  for (int v = 40; v < 200; v += 8)
-    for (int u = 40; u < 280; u += 8) {
-      const float z = frame.depth[static_cast<std::size_t>(v * camera.width + u)];
-      if (!(z > 0.6f) || z > 5.0f) continue;
-      const Eigen::Vector3d ray((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0);
-      for (double share = 0.3; share < 1.0; share += 0.1) {
-        const Eigen::Vector3d p = pose * (share * static_cast<double>(z) * ray);
-        const Brick brick = (p / size).array().floor().cast<int>();
-        there += volume.slot_of(brick) != Volume::kNoSlot || volume.host().is_free(brick);
-        ++samples;
-      }
-    }
-  ASSERT_GT(samples, 1000);
-  EXPECT_GT(there, 0.9 * samples);
-  // A second look finds nothing new.
-  EXPECT_LT(integrator.integrate(preprocessor.preprocess(frame), pose, volume, 5).newly_free.size(),
-            fused.newly_free.size() / 50);
-}
-
-TEST(FreeBricks, ComeBackFromFiles) {
-  BrickTree tree = distance_bricks(kFuse, {0, 0, 0}, {0.2f, 0.2f, 0.2f}, sphere);
-  const std::vector<Brick> free{{-7, 3, 2}, {-7, 3, 3}, {40, -100, 7}};
-  for (const Brick& brick : free) tree.mark_free(brick);
-  tree.mark_free({0, 0, 0});  // has voxels and stays as it is
-  EXPECT_EQ(tree.free_bricks(), free);
-  EXPECT_FALSE(tree.is_free({0, 0, 0}));
-  const TemporaryFolder folder;
-  write_grids(folder / "map.vdb", tree, {.voxel_size = 0.02f, .truncation = 0.08f});
-  EXPECT_EQ(read_grids(folder / "map.vdb").tree.free_bricks(), free);
-  write_bricks(folder / "bricks.vdb", tree);
-  EXPECT_EQ(BrickFile(folder / "bricks.vdb").read().free_bricks(), free);
-  BrickTree copy = tree.copy();
-  const BrickVoxels voxels{1};
-  copy.put(free[0], voxels);
-  EXPECT_FALSE(copy.is_free(free[0]));
-  copy.forget_free();
-  EXPECT_TRUE(copy.free_bricks().empty());
-  EXPECT_EQ(copy.size(), tree.size() + 1);
-  EXPECT_EQ(tree.free_bricks(), free);
 }
 
 }  // namespace

@@ -34,23 +34,28 @@ BrickTree plane_tree() {
 
 TEST(Grids, OpenAsMetricLevelSetsInOpenVdb) {
   const TemporaryFolder folder;
-  const BrickTree tree = plane_tree();
+  BrickTree tree = plane_tree();
+  tree.mark_free({1, 0, 0});
+  tree.mark_free({-5, 0, 2}, {0, 0, 0b1011});
   write_grids(folder / "map.vdb", tree, {.voxel_size = 0.01f, .truncation = 0.04f});
 
   openvdb::initialize();
   openvdb::io::File file((folder / "map.vdb").string());
   file.open();
   const auto grids = file.getGrids();
-  ASSERT_EQ(grids->size(), 4u);  // and colour_weight, so that a map can go on
+  ASSERT_EQ(grids->size(), 5u);  // and colour_weight, so that a map can go on, and free
   const auto tsdf = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("tsdf"));
   const auto weight = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("weight"));
   const auto colour = openvdb::gridPtrCast<openvdb::Vec3SGrid>(file.readGrid("colour"));
   EXPECT_EQ(tsdf->getGridClass(), openvdb::GRID_LEVEL_SET);
   for (const auto& grid : *grids) {
     EXPECT_TRUE(grid->transform().voxelSize().eq(openvdb::Vec3d(0.01), 1e-7));
-    EXPECT_EQ(grid->activeVoxelCount(), 3u * 512u);
+    EXPECT_EQ(grid->activeVoxelCount(), grid->getName() == "free" ? 512u + 3u : 3u * 512u);
   }
   EXPECT_NEAR(tsdf->background(), 0.04, 1e-6);
+  const auto free = openvdb::gridPtrCast<openvdb::BoolGrid>(file.readGrid("free"));
+  for (int z = 0; z < 5; ++z) EXPECT_EQ(free->tree().isValueOn({-38, 0, 16 + z}), z < 2 || z == 3) << z;
+  EXPECT_TRUE(free->tree().getValue({15, 7, 7}));
   using Sampler = openvdb::tools::GridSampler<openvdb::FloatGrid, openvdb::tools::BoxSampler>;
   for (const double x : {0.01, 0.033, 0.055, 0.07})
     EXPECT_NEAR(Sampler(*tsdf).wsSample({x, 0.035, 0.02}), 0.043 - x, 2e-6) << x;
@@ -114,6 +119,41 @@ TEST(Grids, AreRefusedWhereTheyAreStretchedOrMirrored) {
     EXPECT_NE(error_of([&] { (void)DistanceField::read(folder / "field.vdb"); }).find("stretched or mirrored"),
               std::string::npos);
   }
+}
+
+TEST(FreeSpace, IsReadFromFilesThatKnowWholeBricksAlone) {
+  // As versions before 2026-11-24 wrote them: free bricks are tiles of the voxels' own grids.
+  const TemporaryFolder folder;
+  BrickTree tree;
+  BrickVoxels voxels;
+  voxels.fill(shader::pack_voxel(0.5f, 2));
+  tree.put({0, 0, 0}, voxels);
+  tree.mark_free({3, -1, 0});
+  write_grids(folder / "map.vdb", tree, {.voxel_size = 0.01f, .truncation = 0.04f});
+  openvdb::initialize();
+  openvdb::io::File file((folder / "map.vdb").string());
+  file.open();
+  openvdb::GridPtrVec old;
+  const auto grids = file.getGrids();
+  for (const auto& grid : *grids)
+    if (grid->getName() != "free") old.push_back(grid);
+  ASSERT_EQ(old.size(), 4u);
+  openvdb::io::File((folder / "old.vdb").string()).write(old);
+  const BrickTree read = read_grids(folder / "old.vdb").tree;
+  EXPECT_EQ(read.free_bricks(), tree.free_bricks());
+  EXPECT_TRUE(read.is_free({3, -1, 0}));
+
+  const auto bricks = openvdb::Int64Grid::create();
+  bricks->tree().touchLeaf({0, 0, 0})->setValueOn(5, 0x10000);
+  bricks->tree().addTile(1, {24, -8, 0}, 0, true);
+  openvdb::io::File session((folder / "submap.vdb").string());
+  session.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
+  session.write(openvdb::GridPtrVec{bricks});
+  session.close();
+  const BrickFile submap(folder / "submap.vdb");
+  EXPECT_EQ(submap.bricks(), (std::vector<Eigen::Vector3i>{{0, 0, 0}}));
+  EXPECT_TRUE(submap.read().is_free({3, -1, 0}));
+  EXPECT_TRUE(submap.read_free().is_free({3, -1, 0}));
 }
 
 }  // namespace

@@ -465,13 +465,20 @@ TEST(Volume, SplitsBricksOnTheHostAsThoseOnTheDevice) {
   EXPECT_EQ(volume.split(6, Eigen::Vector3d::Zero(), 1.0f).bricks(), again);
 }
 
-TEST(Volume, SplitsNoBrickAsFreeThatHasGotVoxels) {
+TEST(Volume, SplitsWhatIsFreeWithItsVoxelsAndBesideThem) {
   Volume volume(test_device(), fuse_options(), 2.0f);
-  const std::vector<Brick> free = {{0, 0, 0}, {1, 0, 0}}, filled = {{1, 0, 0}};
-  volume.mark_free(free);
+  const BrickBits some{1, 0, 0xff00};
+  const std::vector<Brick> free = {{-2, 0, 0}, {0, 0, 0}, {1, 0, 0}, {9, 0, 0}}, filled = {{1, 0, 0}};
+  EXPECT_EQ(volume.mark_free({free, {some, kAllBits, kAllBits, some}}), free);
+  EXPECT_TRUE(volume.mark_free({{free[0], free[1]}, {some, some}}).empty());  // known
   volume.make_resident(filled, 1);
-  EXPECT_EQ(volume.split(2, Eigen::Vector3d::Zero(), 1.0f).free_bricks(), (std::vector<Brick>{{0, 0, 0}}));
-  EXPECT_EQ(volume.host().free_bricks(), (std::vector<Brick>{{0, 0, 0}}));
+  const BrickTree submap = volume.split(2, Eigen::Vector3d::Zero(), 1.0f);
+  EXPECT_EQ(submap.free_bricks(), free);
+  EXPECT_EQ(submap.free_voxels(free[0]), some);
+  // Bricks are 16 cm wide: the last one lies 1.5 m away.
+  EXPECT_EQ(volume.host().free_bricks(), (std::vector<Brick>{free[0], free[1], free[2]}));
+  EXPECT_TRUE(volume.host().is_free(free[1]));
+  EXPECT_FALSE(volume.host().is_free(free[0]));  // in part
 }
 
 TEST(Volume, GoesOnWithAnotherReachOrLessMemoryAndLosesNothing) {
@@ -541,9 +548,10 @@ TEST(Grids, AreTheSameFileWhereTheyComePartByPart) {
     }
     writer.add(part);
   }
-  std::vector<Brick> free = {{0, 0, 1}, {4, 4, 4}, {-800, 0, 0}};
-  for (const Brick& brick : free) whole.mark_free(brick);
-  free.push_back(bricks[3]);  // it has voxels
+  BrickTree free;
+  for (const Brick& brick : {Brick(0, 0, 1), Brick(4, 4, 4), Brick(-800, 0, 0), bricks[3]}) free.mark_free(brick);
+  free.mark_free({4, 4, 5}, {7, 0, 1});
+  for (const Brick& brick : free.free_bricks()) whole.mark_free(brick, free.free_voxels(brick));
   writer.write(free, nullptr);
   write_grids(folder / "whole.vdb", whole, info);
   EXPECT_TRUE(read_bytes(folder / "parts.vdb") == read_bytes(folder / "whole.vdb"));
