@@ -89,7 +89,9 @@ TEST(Fields, AreAsCoarseAsTheyMustBe) {
   EXPECT_LE(fields.size.prod(), 5000);
   EXPECT_GT(fields.size.prod(), 1000);
   for (const Sampled& s : samples(fields))
-    if (s.place.z() < 0.5f) EXPECT_NEAR(s.metres(), plane(s.place), kByte + kSpreadError) << s.place.transpose();
+    if (s.place.z() < 0.5f) {
+      EXPECT_NEAR(s.metres(), plane(s.place), kByte + kSpreadError) << s.place.transpose();
+    }
 }
 
 TEST(Fields, TellHowOftenAndHowWellTheSurfaceWasSeen) {
