@@ -112,6 +112,7 @@ function showState(state, scene, panel, overlay, { pause, reset, finish }) {
   pause.textContent = isPaused ? 'Resume' : 'Pause';
   pause.dataset.paused = isPaused ? 'yes' : '';
   for (const button of [pause, reset, finish]) button.disabled = isOver;
+  if (state.upright) scene.setUpright(state.upright);
   if (state.camera) scene.setCamera(state.camera, state.view);
   scene.setLoops(state.loops.filter(([, , inlier]) => inlier));
   showBack(overlay, state);
@@ -150,6 +151,7 @@ export function showLive(scene, fold) {
     document.getElementById('buttons').replaceChildren();
     document.getElementById('panel').replaceChildren();
     scene.endFollowing();
+    scene.setUpright([0, 0, 0, 1], 1);  // its files stand upright themselves
     await showFinished(scene, data, fold);
     ask('shown');
   };

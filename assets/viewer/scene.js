@@ -17,6 +17,8 @@ const kCalm = 0.5;  // seconds in which the picture goes 63 % of the way to wher
 const kUp = new THREE.Vector3(0, 1, 0);
 
 /** The map's world has y down and z forward; three.js has y up. */
+const kHalfTurn = new THREE.Quaternion(1, 0, 0, 0);
+const kTurnAtOnce = 0.2;  // of the way
 export const upright = ([x, y, z]) => new THREE.Vector3(x, -y, -z);
 
 const radians = THREE.MathUtils.degToRad, degrees = THREE.MathUtils.radToDeg;
@@ -48,7 +50,7 @@ export class Scene {
     this.scene.add(new THREE.HemisphereLight(0xffffff, 0x777777, 2.4), new THREE.DirectionalLight(0xffffff, 0.8));
 
     this.world = new THREE.Group();
-    this.world.rotation.x = Math.PI;
+    this.world.quaternion.copy(kHalfTurn);
     this.scene.add(this.world);
     this.surface = new THREE.Group();
     this.path = this.line(kPathColour);
@@ -269,6 +271,12 @@ export class Scene {
     const places = this.pathPoints.length > 0
         ? times.flatMap(([from, to]) => [...placeAt(this.pathPoints, from), ...placeAt(this.pathPoints, to)]) : [];
     this.setLine(this.loops, places);
+  }
+
+  /** How a map that grows stands: [x, y, z, w] turns it upright, by a share of the way, so that nobody stumbles. */
+  setUpright(turn, share = kTurnAtOnce) {
+    this.world.quaternion.slerp(kHalfTurn.clone().multiply(new THREE.Quaternion(...turn)), share);
+    this.isStale = true;
   }
 
   /** A camera where the sensor is: `pose` column by column, `fx` in image widths. */

@@ -27,6 +27,7 @@ void Atlas::add_frame(double timestamp, const Eigen::Isometry3d& submap_from_cam
   if (acceleration)
     keyframes.back().accelerations +=
         (Eigen::Vector4d() << keyframe_from_camera.linear() * *acceleration, acceleration->norm()).finished();
+  if (recordings.empty()) settled.reset();
   frames.push_back({timestamp, static_cast<std::uint32_t>(keyframes.size() - 1),
                     local_coordinates(keyframe_from_camera).cast<float>()});
 }

@@ -36,7 +36,7 @@ struct Atlas {
   FusedFrames frames;
   std::vector<std::size_t> recordings;  // the first frame of each recording after the first
   std::optional<Up> up;                 // as it was asked for
-  std::optional<SettledDown> settled;   // as the map was written the first time
+  std::optional<SettledDown> settled;   // as the map was written before another recording went on with it
 
   /// Adds a keyframe where its tracked pose puts it.
   void add(const Keyframe& keyframe);
@@ -61,7 +61,8 @@ struct Atlas {
                                       std::size_t step = 1) const;
   /// How the main piece is turned where it is written: as it was settled, or as all that is known says.
   [[nodiscard]] Upright upright() const;
-  /// From now on the map stands as upright() says, whatever comes later; where nothing tells that is still open.
+  /// From now on the map stands as upright() says, whatever other recordings tell; more of the first one, which may
+  /// only have been cut off, is heard. Where nothing tells it is still open.
   void settle_upright();
 
  private:

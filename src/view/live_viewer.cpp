@@ -23,6 +23,7 @@ namespace {
 
 using namespace std::chrono_literals;
 constexpr auto kSurfaceEvery = 120ms, kImagesEvery = 200ms, kStateEvery = 100ms;
+constexpr auto kUprightEvery = 1s;  // that is voted on anew
 constexpr auto kRecent = 2s;        // of frames that rates are told of
 constexpr int kBricksAtOnce = 120;  // of the surface: as many as cost less than a frame
 constexpr int kManySkipped = 5;     // frames in a row, that a person is told of
@@ -66,13 +67,14 @@ struct LiveViewer::State {
   Options options;
   std::optional<Guidance> guidance;
   ImageContent content;  // of the last frame
+  std::optional<Upright> upright;
   int epoch = 0, dropped = 0, sent_parts = 0;
   std::map<std::string, int> counts;  // frames by state
   FrameReport last;
   int skipped = 0;                                          // frames in a row
   bool any = false;                                         // frames
   std::deque<std::pair<Clock::time_point, double>> recent;  // frames of the last seconds, and their latency
-  Clock::time_point surface_sent, images_sent, state_sent;
+  Clock::time_point surface_sent, images_sent, state_sent, upright_asked;
   std::optional<Clock::time_point> first_frame;
   std::optional<double> first_mesh_seconds;
   int shown = 0;    // viewers that show the finished map
@@ -96,6 +98,7 @@ void LiveViewer::begin(Mapper& mapper, const Rig& rig, const Options& options) {
   s.rig = rig;
   s.options = options;
   s.guidance.emplace(rig.depth, options.surface);
+  s.upright.reset();
   ++s.epoch;
   s.feed.clear();
   s.counts.clear();
@@ -205,6 +208,14 @@ void LiveViewer::State::send_state(const char* status, const std::string& words,
       state["camera"] = to_json(trajectory.back().world_from_camera);
       for (const FoundLoop& loop : mapper->loops())
         state["loops"].push_back({loop.from - trajectory[0].timestamp, loop.to - trajectory[0].timestamp, loop.inlier});
+    }
+    if (!upright || state_sent - upright_asked > kUprightEvery) {
+      upright_asked = state_sent;
+      upright = mapper->upright();
+    }
+    if (upright->known) {
+      const Eigen::Quaterniond& q = upright->world_from_tracked;
+      state["upright"] = {q.x(), q.y(), q.z(), q.w()};
     }
     state["last_frame"] = last_frame();
     const Camera& camera = rig.depth;

@@ -83,6 +83,14 @@ test('the map fills the picture while the sensor is followed', () => onEachScree
   assert.equal(await page.evaluate(() => window.cairn.follow), false);
 }));
 
+test('the map stands upright once that is known', () => onEachScreen(async ({ page, tell }) => {
+  const down = () => page.evaluate(() => window.cairn.world.localToWorld(window.cairn.camera.position.clone().set(0, 1, 0)).toArray());
+  assert.ok((await down())[1] < -0.999);
+  const half = Math.PI / 12;  // 30 degrees about the sensor's x axis
+  for (let i = 0; i < 40; ++i) await tell({ upright: [Math.sin(half), 0, 0, Math.cos(half)] });
+  await until(async () => Math.abs((await down())[1] + Math.cos(2 * half)) < 0.01, async () => `down is ${await down()}`, 20);
+}));
+
 test('the surface is coloured by how well it was seen', () => onEachScreen(async ({ page, tellPlane }) => {
   await tellPlane(3);
   await page.evaluate((pose) => window.live.tell({ epoch: 1, submaps: [pose] }), kIdentity);

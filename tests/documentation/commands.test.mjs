@@ -88,9 +88,8 @@ before(() => {
     const [i, j, k, r] = [h * a - h * w, h * b + h * c, h * c - h * b, h * w + h * a];
     return [t, x, z, -y, i, j, k, r].join(' ');
   }).join('\n') + '\n');
-  inputs['groundtruth.txt'] = inputs['rgbd_dataset_freiburg2_desk/groundtruth.txt'] = keep('captured.txt');
-
-  cpSync(keep('recording/camera.yaml'), join(work, 'camera.yaml'));
+  for (const word of ['groundtruth.txt', 'rgbd_dataset_freiburg2_desk/groundtruth.txt', 'poses.txt']) inputs[word] = keep('captured.txt');
+  inputs['camera.yaml'] = keep('recording/camera.yaml');
   cpSync(keep('captured.txt'), keep('data/tum_fr1_rpy_400/groundtruth.txt'), { recursive: true });
 
   // cairn, but with few and small frames, large voxels, and on a port that is free.

@@ -353,6 +353,7 @@ TEST_F(Outputs, ToAFullStdoutAreAnError) {
 
 TEST_F(Outputs, SayNothingOfTheJsonLibrary) {
   fs::create_directories(*folder / "bad" / "depth");
+  fs::copy_file(fs::directory_iterator(*folder / "rec" / "depth")->path(), *folder / "bad" / "depth" / "0.png");
   for (const char* text : {"{", "[]", "{\"width\": \"wide\"}"}) {
     write_text(*folder / "bad" / "intrinsics.json", text);
     for (const auto& arguments : {reconstruct("bad", "x"), {"evaluate", "loops", "bad/intrinsics.json", "rec"}}) {

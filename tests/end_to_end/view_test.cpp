@@ -102,7 +102,8 @@ TEST_F(ViewedMap, ComesWithFieldsOfItsSpace) {
 TEST_F(ViewedMap, OffersItsFilesAndOthersThatAreMadeOfThem) {
   const Files files = FinishedMap(map()).served();
   std::map<std::string, Json> offered;
-  for (const Json& file : data_of(files)["files"]) offered[file["name"]] = file;
+  const Json data = data_of(files);
+  for (const Json& file : data["files"]) offered[file["name"]] = file;
   for (const char* name : {"mesh.glb", "map.vdb", "trajectory.txt", "graph.g2o", "report.json", "report.html"}) {
     ASSERT_TRUE(offered.count(name)) << name;
     EXPECT_EQ(offered[name]["bytes"], fs::file_size(map() / name));

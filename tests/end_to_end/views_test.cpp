@@ -219,7 +219,7 @@ TEST(Views, AreRefusedInOneLineAndLeaveNothing) {
     options.insert(options.begin(), {"export", map.string(), "-o", out.string()});
     expect_last_line(run_cairn(options), 1, told);
   };
-  refused(map_of_room() / "map.vdb", folder / "a", {"--for", "colmap"}, "has no keyframes whose images");
+  refused(map_of_room() / "map.vdb", folder / "a", {"--for", "colmap"}, "has no keyframes, which --for needs");
   refused(map_of_room(), folder / "a", {"--for", "colmap", "--points", "20"}, "--points is 20");
   refused(map_of_room(), folder / "a", {"--for", "colmap", "--images", "-3"}, "--images is -3");
   EXPECT_TRUE(fs::is_empty(folder.path()));
