@@ -260,7 +260,8 @@ Verdict Run::finish(const nlohmann::json& more) {
         "({:.2f} pixels off, {} pairs of views): check the camera's intrinsics, and that colour is registered to depth",
         sequence, f.scale * rig_.depth.fx, f.error_best, rig_.depth.fx, f.error_given, f.pairs));
 
-  for (const std::string& line : frames.skipped().lines(total, "skipped")) warn(line);
+  // Told with the verdict.
+  for (const std::string& line : frames.skipped().lines(total, "skipped")) warnings_.push_back(in_flags(line));
 
   arguments_.mesh.source = (fs::exists(sequence) ? tidy(sequence) : fs::path(sequence)).filename().string();
   Outputs outputs(

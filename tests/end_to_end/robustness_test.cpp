@@ -51,7 +51,7 @@ Outcome run(const Scene& scene, int frames, const Path& path, const Spoil& spoil
   SceneRenderer renderer(test_device(), scene, camera);
   Rig rig = camera;
   if (has_gyroscope) rig.camera_from_imu = Eigen::Quaterniond::Identity();
-  Mapper mapper(rig);
+  Mapper mapper(rig, {.up = Up::camera});  // errors are reckoned in the first camera's frame
   Outcome outcome;
   std::optional<Eigen::Isometry3d> start;
   double squared = 0;

@@ -138,7 +138,7 @@ TEST_F(Session, AnswersADamagedOneWithOneLine) {
   write_text(state, good.substr(0, good.size() / 3));
   expect_one_line(run_cairn(resume), 1, "is damaged");
   bad = good;
-  bad[std::string("cairn session ").size()] = '1';  // the version of the format
+  bad[std::string("cairn session ").size()] = '7';  // the version of the format
   write_text(state, bad);
   expect_one_line(run_cairn(resume), 1, "another version");
   write_text(state, "something else");

@@ -37,7 +37,7 @@ TEST_P(ImageSizes, AreTrackedAndFusedToTheLastPixel) {
   const auto [width, height] = GetParam();
   const Camera camera = camera_of(width, height);
   const Scene scene = synthetic_scene("room");
-  Mapper mapper(camera);
+  Mapper mapper(camera, {.up = Up::camera});  // whose frame the truth is in
   Frame first;
   for (int i = 0; i < kFrames; ++i) {
     Frame frame = scene_frame(scene, camera, 2 * i);

@@ -254,8 +254,7 @@ std::pair<int, int> known_to(const DistanceField& a, const DistanceField& b) {
     for (const auto& [block, samples] : from->blocks())
       for (int i = 0; i < 4096; ++i) {
         if (std::isnan((*samples)[static_cast<std::size_t>(i)])) continue;
-        const Eigen::Vector3f p = from->origin() + from->voxel_size() * DistanceField::voxel(block, i).cast<float>();
-        ++(to->query(p).known ? both : one);
+        ++(to->query(from->point(DistanceField::voxel(block, i).cast<float>())).known ? both : one);
       }
   return {both / 2, one};
 }
@@ -264,6 +263,7 @@ TEST(Mapper, KnowsTheSameFreeSpaceLiveInFilesAndAfterItGoesOn) {
   const TemporaryFolder folder;
   Options options = coarse();
   options.esdf.live = true;
+  options.up = Up::camera;  // so that voxels of the live field lie where those of the written one do
   Mapper whole(small_camera(), options);
   for (const Frame& frame : room_frames()) ASSERT_EQ(whole.add(frame).state, FrameState::fused);
   const auto written = whole.map().distances();
