@@ -61,9 +61,9 @@ class Mapper {
   /// Which way up the map stands: how all that map() and trajectory() give is turned, of which gravity is +y where it
   /// is known. Cheap enough to be asked every second.
   [[nodiscard]] Upright upright() const;
-  /// From now on it stays as it is known now, in this program and in the session, whatever other recordings tell: call it
-  /// when the map's files are written. More frames of the first recording are heard, so that a run which goes on ends as
-  /// one that was never cut off. Settles the keyframes, too.
+  /// From now on it stays as it is known now, in this program and in the session, whatever other recordings tell: call
+  /// it when the map's files are written. More frames of the first recording are heard, so that a run which goes on
+  /// ends as one that was never cut off. Settles the keyframes, too.
   void settle_upright();
   /// The map as it is now, and always as it is when it is asked.
   [[nodiscard]] Map map();

@@ -7,7 +7,7 @@
 namespace cairn::apps {
 namespace {
 
-TEST(CommandLine, GoesOnWithWhatWasBegun) {
+TEST(WordsToGoOn, GoesOnWithWhatWasBegun) {
   EXPECT_EQ(resuming({"cairn", "reconstruct", "rec", "-o", "out"}, "out", "out"),
             "cairn reconstruct rec -o out --resume");
   // What says what becomes of an earlier map does not say so again.
@@ -16,7 +16,7 @@ TEST(CommandLine, GoesOnWithWhatWasBegun) {
             "cairn live rec out --resume --json");
 }
 
-TEST(CommandLine, NamesTheFolderThatWasWrittenTo) {
+TEST(WordsToGoOn, NamesTheFolderThatWasWrittenTo) {
   const auto line = [](std::vector<std::string> words) { return resuming(std::move(words), "out/", "out-2"); };
   EXPECT_EQ(line({"cairn", "reconstruct", "rec", "out/", "--auto-name"}), "cairn reconstruct rec out-2 --resume");
   EXPECT_EQ(line({"cairn", "reconstruct", "-o", "out/", "rec", "--auto-name"}),
@@ -26,7 +26,7 @@ TEST(CommandLine, NamesTheFolderThatWasWrittenTo) {
             "cairn reconstruct --output=out-2 rec --resume");
 }
 
-TEST(CommandLine, IsReadByAShellAsItWasMeant) {
+TEST(WordsToGoOn, IsReadByAShellAsItWasMeant) {
   EXPECT_EQ(quoted("rec/a_1.bag"), "rec/a_1.bag");
   EXPECT_EQ(quoted(""), "''");
   EXPECT_EQ(quoted("my scan"), "'my scan'");

@@ -85,7 +85,7 @@ TEST_F(Stands, ARoomWithoutAnAccelerometerByItsFloorAndWalls) {
   EXPECT_EQ(report_of(out / "map")["upright"]["source"], "option");
   const Eigen::Isometry3d first = read_trajectory(out / "map" / "trajectory.txt").front().world_from_camera;
   EXPECT_TRUE(first.isApprox(Eigen::Isometry3d::Identity(), 1e-6));
-  ASSERT_EQ(run_cairn(reconstruct("room", "map", {"--resume", "--up", "-z"})).exit_code, 0);
+  ASSERT_EQ(run_cairn(reconstruct("room", "map", {"--resume", "--up=-z"})).exit_code, 0);
   const Eigen::Isometry3d lies = read_trajectory(out / "map" / "trajectory.txt").front().world_from_camera;
   EXPECT_LT((lies.linear() * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitY()).norm(), 1e-6);
 }
