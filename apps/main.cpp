@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstring>
 #include <iostream>
+#include <system_error>
 
 #include "command_tree.hpp"
 #include "commands.hpp"
@@ -81,7 +82,9 @@ int run(const std::vector<std::string>& words) {
   } catch (const CLI::ParseError& error) {
     return failed(in_flags(cairn::apps::usage_error(program, words, error)), 2);
   } catch (const std::exception& error) {
-    return failed("cairn: " + in_flags(plain(error.what())), 1);
+    const auto* told = dynamic_cast<const std::system_error*>(&error);
+    if (told != nullptr && std::ferror(stdout) != 0) errno = told->code().value();
+    return std::ferror(stdout) != 0 ? ended(1) : failed("cairn: " + in_flags(plain(error.what())), 1);
   }
   return ended(0);
 }

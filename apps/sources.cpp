@@ -17,6 +17,7 @@
 #include <string_view>
 
 #include "cairn/known_cameras.hpp"
+#include "command_tree.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -103,6 +104,7 @@ void add_camera(CLI::App& command, std::filesystem::path& camera, const std::str
   for (const KnownCamera& known : known_cameras()) names.push_back(known.name);
   const std::string all = fmt::format("{}", fmt::join(names, ", "));
   command.add_option("--camera", camera, fmt::format("camera.yaml, or a name ({}), {}", all, in_place))
+      ->type_name(kFile)
       ->check([all](const std::string& given) {
         std::error_code ignored;
         if (std::filesystem::is_regular_file(given, ignored) || known_camera(given) != nullptr) return std::string();

@@ -171,7 +171,7 @@ TEST_F(CommandLine, HelpHasNoInternalsAndFitsTheTerminal) {
 TEST_F(CommandLine, QuietTellsErrorsAlone) {
   const std::string room = (out / "room").string(), map = (out / "map").string();
   for (const std::vector<std::string>& words :
-       {std::vector<std::string>{"synth", "room", "-o", room, "--frames", "6", "--width", "160", "--quiet"},
+       {std::vector<std::string>{"synth", "room", "-o", room, "--frames", "20", "--width", "320", "--quiet"},
         {"--quiet", "convert", room, "-o", (out / "again").string()},
         {"reconstruct", room, "-o", map, "--voxel-size", "0.04", "-q"},
         {"export", map, "-o", (out / "x.glb").string(), "--quiet"}}) {
@@ -186,7 +186,7 @@ TEST_F(CommandLine, QuietTellsErrorsAlone) {
 
 TEST_F(CommandLine, NumbersHaveTheDigitsThatPeopleWrote) {
   const std::string room = (out / "room").string(), map = (out / "map").string();
-  ASSERT_EQ(run_cairn({"synth", "room", "-o", room, "--frames", "6", "--width", "160"}).exit_code, 0);
+  ASSERT_EQ(run_cairn({"synth", "room", "-o", room, "--frames", "20", "--width", "320"}).exit_code, 0);
   const Ran ran = run_cairn({"reconstruct", room, "-o", map, "--voxel-size", "0.03", "--json"});
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
   for (const std::string& text : {ran.out, read_bytes(out / "map" / "report.json")}) {
@@ -206,7 +206,7 @@ TEST_F(CommandLine, AFullDiskBehindStdoutIsTold) {
         << words << ": " << err;
   };
   const std::string room = (out / "room").string();
-  ASSERT_EQ(run_cairn({"synth", "room", "-o", room, "--frames", "6", "--width", "160"}).exit_code, 0);
+  ASSERT_EQ(run_cairn({"synth", "room", "-o", room, "--frames", "20", "--width", "320"}).exit_code, 0);
   for (const auto& command : kCommands) to_full(command[0] + (command.size() > 1 ? " " + command[1] : "") + " --help");
   for (const char* words : {"", "help", "help --man", "--version", "devices", "doctor", "completion bash"})
     to_full(words);
