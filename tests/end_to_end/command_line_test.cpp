@@ -190,7 +190,7 @@ TEST_F(CommandLine, NumbersHaveTheDigitsThatPeopleWrote) {
   const Ran ran = run_cairn({"reconstruct", room, "-o", map, "--voxel-size", "0.03", "--json"});
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
   for (const std::string& text : {ran.out, read_bytes(out / "map" / "report.json")}) {
-    EXPECT_NE(text.find("\"voxel_size\": 0.03,"), std::string::npos) << text;
+    EXPECT_NE(text.find("\"voxel_size\": 0.03\n"), std::string::npos) << text;
     EXPECT_NE(text.find("\"truncation\": 0.12,"), std::string::npos) << text;
   }
 }
