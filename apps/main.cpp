@@ -20,12 +20,17 @@ namespace {
 using cairn::apps::in_flags;
 using cairn::apps::plain;
 
-/// What is buffered goes out; a full disk behind stdout is an error like others.
+/// A full disk behind stdout is an error like others.
+int not_written(int error) {
+  std::fprintf(stderr, "cairn: cannot write to stdout: %s; make room where it goes\n", std::strerror(error));
+  return 1;
+}
+
+/// What is buffered goes out.
 int ended(int exit_code) {
   std::cout.flush();
-  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good()) return exit_code;
-  std::fprintf(stderr, "cairn: cannot write to stdout: %s; make room where it goes\n", std::strerror(errno));
-  return 1;
+  const bool is_written = std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good();
+  return is_written ? exit_code : not_written(errno);
 }
 
 int failed(const std::string& why, int exit_code) {
@@ -82,9 +87,9 @@ int run(const std::vector<std::string>& words) {
   } catch (const CLI::ParseError& error) {
     return failed(in_flags(cairn::apps::usage_error(program, words, error)), 2);
   } catch (const std::exception& error) {
-    const auto* told = dynamic_cast<const std::system_error*>(&error);
-    if (told != nullptr && std::ferror(stdout) != 0) errno = told->code().value();
-    return std::ferror(stdout) != 0 ? ended(1) : failed("cairn: " + in_flags(plain(error.what())), 1);
+    const auto* told = dynamic_cast<const std::system_error*>(&error);  // fmt's
+    if (told != nullptr && std::ferror(stdout) != 0) return not_written(told->code().value());
+    return failed("cairn: " + in_flags(plain(error.what())), 1);
   }
   return ended(0);
 }
