@@ -21,6 +21,7 @@
 #include "console.hpp"
 #include "flags.hpp"
 #include "json_text.hpp"
+#include "output_folder.hpp"
 #include "pictures.hpp"
 
 namespace cairn::apps {
@@ -176,7 +177,7 @@ Trajectory visited_of(const fs::path& vdb, bool is_needed) {
   Trajectory visited;
   const fs::path folder = vdb.parent_path().empty() ? fs::path(".") : vdb.parent_path();
   for (int recording = -1;; ++recording) {  // trajectory.txt is the last one's
-    const fs::path file = folder / (recording < 0 ? "trajectory.txt" : fmt::format("trajectory-{:03}.txt", recording));
+    const fs::path file = folder / (recording < 0 ? "trajectory.txt" : name_of_trajectory(recording));
     if (!fs::exists(file)) break;
     const Trajectory poses = read_trajectory(file);
     visited.insert(visited.end(), poses.begin(), poses.end());

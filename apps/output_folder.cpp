@@ -68,6 +68,8 @@ fs::path choose_output(const OutputArguments& a, bool can_resume) {
                   a.output.string(), *found, can_resume ? " --resume to go on with it," : ""));
 }
 
+std::string name_of_trajectory(int recording) { return fmt::format("trajectory-{:03}.txt", recording); }
+
 void prepare_output(const fs::path& output) {
   std::error_code error;
   fs::create_directories(output, error);

@@ -23,6 +23,9 @@ void add_output_options(CLI::App& command, OutputArguments& a, const std::string
 /// folder are no map: they stay.
 [[nodiscard]] std::filesystem::path choose_output(const OutputArguments& a, bool can_resume);
 
+/// The file with the trajectory of a recording that was not the last; the last one's is trajectory.txt.
+[[nodiscard]] std::string name_of_trajectory(int recording);
+
 /// Makes the folder, and removes what killed runs have left half written. Fails before the work, not after it.
 void prepare_output(const std::filesystem::path& output);
 

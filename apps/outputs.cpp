@@ -13,6 +13,7 @@
 #include "cairn/viewer.hpp"
 #include "flags.hpp"
 #include "json_text.hpp"
+#include "output_folder.hpp"
 #include "progress.hpp"
 
 namespace cairn::apps {
@@ -30,9 +31,6 @@ nlohmann::json to_json(const FoundLoop& loop) {
           {"rmse", loop.rmse},
           {"inlier", loop.inlier}};
 }
-
-/// Of a recording that was not the last.
-std::string name_of_trajectory(int recording) { return fmt::format("trajectory-{:03}.txt", recording); }
 
 nlohmann::json to_json(const Upright& upright) {
   return {{"source", std::string(name_of(upright.source))},
