@@ -42,6 +42,7 @@ std::vector<std::vector<std::string>> commands(const std::string& url) {
 /// The process, without the terminal, or 0 where there is no such program.
 pid_t start(const std::vector<std::string>& words) {
   std::vector<char*> arguments;
+  arguments.reserve(words.size() + 1);
   for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
   arguments.push_back(nullptr);
   posix_spawn_file_actions_t actions;

@@ -95,6 +95,7 @@ bool mentions(const std::string& text, const std::vector<std::string>& words) {
 
 std::string names_text(const std::set<CLI::Option*>& options) {
   std::vector<std::string> names;
+  names.reserve(options.size());
   for (const CLI::Option* option : options) names.push_back(option->get_name());
   std::sort(names.begin(), names.end());  // the set is in the order of addresses
   return one_of_words(names);
@@ -102,7 +103,7 @@ std::string names_text(const std::set<CLI::Option*>& options) {
 
 }  // namespace
 
-CLI::Validator detail::chosen(std::vector<std::string> words, std::vector<std::string> values) {
+CLI::Validator detail::chosen(const std::vector<std::string>& words, const std::vector<std::string>& values) {
   const std::string description = fmt::format("{{{}}}", fmt::join(words, ","));
   return CLI::Validator(
       [words, values](std::string& word) -> std::string {
@@ -113,7 +114,7 @@ CLI::Validator detail::chosen(std::vector<std::string> words, std::vector<std::s
       description);
 }
 
-CLI::Validator one_of(std::vector<std::string> words) { return detail::chosen(words, words); }
+CLI::Validator one_of(const std::vector<std::string>& words) { return detail::chosen(words, words); }
 
 Value value_of(const CLI::Option& option) {
   Value value;
@@ -159,6 +160,7 @@ std::vector<std::string> names_of(const CLI::Option& option) {
 
 std::vector<std::string> names_of(const std::vector<const CLI::App*>& commands) {
   std::vector<std::string> names;
+  names.reserve(commands.size());
   for (const CLI::App* command : commands) names.push_back(command->get_name());
   return names;
 }

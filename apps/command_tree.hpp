@@ -24,7 +24,7 @@ struct Value {
 inline constexpr const char *kFile = "FILE", *kFolder = "FOLDER", *kPath = "PATH";
 
 /// One of the words, checked; a message names what was meant.
-[[nodiscard]] CLI::Validator one_of(std::vector<std::string> words);
+[[nodiscard]] CLI::Validator one_of(const std::vector<std::string>& words);
 /// The same for words that stand for values.
 template <class T>
 [[nodiscard]] CLI::Validator one_of(std::vector<std::pair<std::string, T>> words);
@@ -55,7 +55,7 @@ void for_each_command(const CLI::App& command, const Visit& visit) {
 // Implementation.
 
 namespace detail {
-[[nodiscard]] CLI::Validator chosen(std::vector<std::string> words, std::vector<std::string> values);
+[[nodiscard]] CLI::Validator chosen(const std::vector<std::string>& words, const std::vector<std::string>& values);
 }
 
 template <class T>
@@ -65,7 +65,7 @@ CLI::Validator one_of(std::vector<std::pair<std::string, T>> words) {
     names.push_back(name);
     values.push_back(std::to_string(static_cast<int>(value)));  // what CLI11 makes an enum, or a bool, of
   }
-  return detail::chosen(std::move(names), std::move(values));
+  return detail::chosen(names, values);
 }
 
 }  // namespace cairn::apps

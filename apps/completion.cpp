@@ -47,31 +47,8 @@ std::string bash_value(const Value& value) {
   }
 }
 
-std::string bash(const CLI::App& program) {
-  std::string edges, takes, values, lists;
-  for_each_command(program, [&](const CLI::App& command) {
-    const std::string path = path_of(command);
-    for (const CLI::App* below : commands_of(command))
-      edges += fmt::format("      {0}:{1}) path={0}/{1} at=0 ;;\n", path, below->get_name());
-    for (const CLI::Option* option : options_of(command)) {
-      const Value value = value_of(*option);
-      if (value.kind == Kind::none) continue;
-      std::string pattern;
-      for (const std::string& name : names_of(*option)) pattern += (pattern.empty() ? "" : "|") + path + ":" + name;
-      takes += fmt::format("    {}) return 0 ;;\n", pattern);
-      values += fmt::format("    {}) {}; return ;;\n", pattern, bash_value(value));
-    }
-    const auto positionals = positionals_of(command);
-    for (std::size_t i = 0; i < positionals.size(); ++i) {
-      const bool goes_on = positionals[i]->get_expected_max() > 1;
-      values += fmt::format("    {}:{}) {}; return ;;\n", path, goes_on ? "[0-9]*" : std::to_string(i),
-                            bash_value(value_of(*positionals[i])));
-    }
-    lists +=
-        fmt::format("    {}) options={} commands={} ;;\n", path.empty() ? "''" : path,
-                    in_quotes(words(names_of(options_of(command)))), in_quotes(words(names_of(commands_of(command)))));
-  });
-  return fmt::format(R"~(# Completion of cairn in bash, made by `cairn completion bash`.
+/// Which words take a value, what values there are, which words lead to which command, and what each command has.
+constexpr char kBash[] = R"~(# Completion of cairn in bash, made by `cairn completion bash`.
 _cairn_takes_value() {{
   case $1 in
 {}  esac
@@ -118,8 +95,34 @@ _cairn() {{
   fi
 }}
 complete -F _cairn cairn
-)~",
-                     takes, values, edges, lists);
+)~";
+
+std::string bash(const CLI::App& program) {
+  std::string edges, takes, values, lists;
+  for_each_command(program, [&](const CLI::App& command) {
+    const std::string path = path_of(command);
+    for (const CLI::App* below : commands_of(command))
+      edges += fmt::format("      {0}:{1}) path={0}/{1} at=0 ;;\n", path, below->get_name());
+    for (const CLI::Option* option : options_of(command)) {
+      const Value value = value_of(*option);
+      if (value.kind == Kind::none) continue;
+      std::string pattern;
+      for (const std::string& name : names_of(*option))
+        pattern += fmt::format("{}{}:{}", pattern.empty() ? "" : "|", path, name);
+      takes += fmt::format("    {}) return 0 ;;\n", pattern);
+      values += fmt::format("    {}) {}; return ;;\n", pattern, bash_value(value));
+    }
+    const auto positionals = positionals_of(command);
+    for (std::size_t i = 0; i < positionals.size(); ++i) {
+      const bool goes_on = positionals[i]->get_expected_max() > 1;
+      values += fmt::format("    {}:{}) {}; return ;;\n", path, goes_on ? "[0-9]*" : std::to_string(i),
+                            bash_value(value_of(*positionals[i])));
+    }
+    lists +=
+        fmt::format("    {}) options={} commands={} ;;\n", path.empty() ? "''" : path,
+                    in_quotes(words(names_of(options_of(command)))), in_quotes(words(names_of(commands_of(command)))));
+  });
+  return fmt::format(kBash, takes, values, edges, lists);
 }
 
 // zsh

@@ -84,7 +84,7 @@ std::string help_text(const CLI::App& command, int columns) {
     for (const CLI::Option* option : options_of(command))
       if (option->get_group() == title && !option->get_positional())
         entries += entry(name_of(*option), meaning_of(*option), columns);
-    if (!entries.empty()) text += "\n" + title + ":\n" + entries;
+    if (!entries.empty()) text.append("\n").append(title).append(":\n").append(entries);
   }
   if (!command.get_footer().empty()) text += '\n' + command.get_footer() + '\n';
   return text;

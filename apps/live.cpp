@@ -128,6 +128,54 @@ void show_result(LiveViewer& view, const std::filesystem::path& output, bool is_
   }
 }
 
+/// What came of the frames so far, since the last reset.
+struct Course {
+  Durations latencies;
+  int fused = 0;
+  Clock::time_point first = Clock::now();
+};
+
+/// Frames until the recording ends, or a person ends it; what is asked on the page is done between them.
+void follow(const Arguments& a, const Interrupt& interrupt, Stream& stream, Run& run, const Options& options,
+            LiveViewer* view, Course& course) {
+  const std::optional<int> count = is_sensor(a.sequence) ? std::nullopt : stream.source().size();
+  Progress progress(a.as_fast_as_possible ? count : std::nullopt);
+  bool paused = false;
+  int read = 0;
+  Clock::duration waited{};
+  while (!interrupt.requested()) {
+    if (view) {
+      const LiveViewer::Asked asked = view->asked();
+      if (asked.finish) break;
+      if (asked.pause) stream.pause(paused = *asked.pause);
+      if (asked.reset) {
+        run.reset();
+        view->begin(run.mapper(), stream.source().rig(), options);
+        course = {};
+      }
+    }
+    const auto asked_at = Clock::now();
+    const auto frame = stream.next();
+    waited += Clock::now() - asked_at;
+    if (!frame && stream.ended()) break;
+    read += frame.has_value();
+    if (frame && !paused) {
+      const FrameReport report = run.add(*frame, milliseconds(std::exchange(waited, {})));
+      if (run.stopped()) break;
+      course.fused += report.state == FrameState::fused;
+      const double latency = milliseconds(Clock::now() - stream.arrived());
+      course.latencies.add(latency);
+      progress.step(words(report, a.verbose) + (stream.source().dropped() > 0
+                                                    ? fmt::format(", {} skipped to keep up", stream.source().dropped())
+                                                    : ""));
+      if (view) view->fused(*frame, report, latency);
+    }
+    if (view) view->update(paused, stream.source().dropped());
+  }
+  if (const int gone = read + stream.source().dropped(); interrupt.requested() && count && gone < *count)
+    run.interrupted(*count - gone);
+}
+
 void live(const Arguments& given) {
   const Arguments a = with_output(given);
   keep_memory_together();
@@ -145,61 +193,22 @@ void live(const Arguments& given) {
   Run run(a, options, Poses::tracked, stream.source().rig(), begin.progressed, begin.is_next_recording);
   if (view) view->begin(run.mapper(), stream.source().rig(), options);
 
-  Durations latencies;
-  bool paused = false;
-  int fused = 0;
-  Clock::duration waited{};
-  auto first = Clock::now();
+  Course course;
   bool is_interrupted = false;
   {
     const Interrupt interrupt;
-    const std::optional<int> count = is_sensor(a.sequence) ? std::nullopt : stream.source().size();
-    int read = 0;
-    Progress progress(a.as_fast_as_possible ? count : std::nullopt);
-    while (!interrupt.requested()) {
-      if (view) {
-        const LiveViewer::Asked asked = view->asked();
-        if (asked.finish) break;
-        if (asked.pause) stream.pause(paused = *asked.pause);
-        if (asked.reset) {
-          run.reset();
-          view->begin(run.mapper(), stream.source().rig(), options);
-          latencies = {};
-          fused = 0;
-          first = Clock::now();
-        }
-      }
-      const auto asked_at = Clock::now();
-      auto frame = stream.next();
-      waited += Clock::now() - asked_at;
-      if (!frame && stream.ended()) break;
-      read += frame.has_value();
-      if (frame && !paused) {
-        const FrameReport report = run.add(*frame, milliseconds(std::exchange(waited, {})));
-        if (run.stopped()) break;
-        fused += report.state == FrameState::fused;
-        const double latency = milliseconds(Clock::now() - stream.arrived());
-        latencies.add(latency);
-        progress.step(
-            words(report, a.verbose) +
-            (stream.source().dropped() > 0 ? fmt::format(", {} skipped to keep up", stream.source().dropped()) : ""));
-        if (view) view->fused(*frame, report, latency);
-      }
-      if (view) view->update(paused, stream.source().dropped());
-    }
-    if (const int gone = read + stream.source().dropped(); interrupt.requested() && count && gone < *count)
-      run.interrupted(*count - gone);
+    follow(a, interrupt, stream, run, options, view ? &*view : nullptr, course);
     is_interrupted = interrupt.requested();
   }
   if (view) view->finishing();
   if (const auto why = stream.source().ended_early()) run.warn(*why);
-  const double seconds = std::chrono::duration<double>(Clock::now() - first).count();
+  const double seconds = std::chrono::duration<double>(Clock::now() - course.first).count();
   const int dropped = stream.source().dropped();  // a sensor goes on while files are written
-  const nlohmann::json told = to_json(seconds, fused, dropped, latencies, view ? &*view : nullptr);
+  const nlohmann::json told = to_json(seconds, course.fused, dropped, course.latencies, view ? &*view : nullptr);
   const Verdict verdict = run.finish({{"live", told}});
   if (!a.json)
     fmt::print("live        {:.1f} frames/s, {} skipped to keep up, {:.0f} ms from frame to pose (95 %)\n",
-               told["frames_per_second"].get<double>(), dropped, latencies.percentile(0.95));
+               told["frames_per_second"].get<double>(), dropped, course.latencies.percentile(0.95));
   if (view) show_result(*view, a.output, is_interrupted);
   end_with(verdict);
 }

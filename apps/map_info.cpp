@@ -59,7 +59,7 @@ std::string in_words(std::uintmax_t bytes) {
 nlohmann::json report_of(const fs::path& folder) {
   std::ifstream in(folder / "report.json", std::ios::binary);
   const std::string text{std::istreambuf_iterator<char>(in), {}};
-  const auto report = nlohmann::json::parse(text, nullptr, false);
+  auto report = nlohmann::json::parse(text, nullptr, false);
   if (!report.is_object() || !report.contains("frames"))
     throw std::runtime_error((folder / "report.json").string() + ": is damaged; make the map again");
   return report;

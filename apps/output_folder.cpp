@@ -32,8 +32,7 @@ fs::path free_name(const fs::path& output) {
   fs::path plain = output.has_filename() ? output : output.parent_path();
   if (plain.filename() == "." || plain.filename() == "..") plain = tidy(plain);
   for (int number = 2;; ++number)
-    if (const fs::path next = plain.parent_path() / fmt::format("{}-{}", plain.filename().string(), number);
-        is_free(next))
+    if (fs::path next = plain.parent_path() / fmt::format("{}-{}", plain.filename().string(), number); is_free(next))
       return next;
 }
 

@@ -134,7 +134,7 @@ Exported Outputs::write_model(Mapper& mapper, MeshArguments& options, const Expo
     return export_mesh(mapper.map(), file, options, progress);
   } catch (const std::exception& error) {
     options.no_texture = true;
-    const Exported plain = export_mesh(mapper.map(), file, options, progress);
+    Exported plain = export_mesh(mapper.map(), file, options, progress);
     warnings_.push_back(fmt::format("{}; it has the voxels' colours in place of a texture", error.what()));
     return plain;
   }

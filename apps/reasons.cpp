@@ -43,6 +43,7 @@ std::vector<std::string> Reasons::lines(int frames, const char* what) const {
   std::vector<Reason> sorted = all_;
   std::stable_sort(sorted.begin(), sorted.end(), [](const Reason& a, const Reason& b) { return a.count > b.count; });
   std::vector<std::string> lines;
+  lines.reserve(sorted.size());
   for (const Reason& r : sorted)
     lines.push_back(fmt::format("{} of {} frames {}: {} ({}frame {}{})", r.count, frames, what, r.why,
                                 r.count > 1 ? "first: " : "", r.frame, r.place.empty() ? "" : ", " + r.place));

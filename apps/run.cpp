@@ -233,8 +233,11 @@ void Run::interrupted(int left) { left_ = left; }
 
 Verdict Run::judge(int components) const {
   const FrameLog& frames = progressed_.frames;
-  return evidence_.verdict(
-      {.total = frames.size(), .fused = frames.count("fused"), .components = components, .warnings = warnings_});
+  return evidence_.verdict({.total = frames.size(),
+                            .fused = frames.count("fused"),
+                            .components = components,
+                            .focal = mapper_->statistics().focal,
+                            .warnings = warnings_});
 }
 
 std::string Run::how_to_go_on() const {
@@ -254,12 +257,6 @@ Verdict Run::finish(const nlohmann::json& more) {
                              (total == 0 ? "" : "; the first: " + frames.first_reason().value_or("")) +
                              (total == 0 || verdict.reasons.empty() ? "" : "; " + verdict.reasons.front()));
   }
-  if (const FocalEvidence f = mapper_->statistics().focal; f.contradicts())
-    warn(fmt::format(
-        "{}: corners fit a focal length of {:.0f} pixels ({:.2f} pixels off) better than the given {:.0f} "
-        "({:.2f} pixels off, {} pairs of views): check the camera's intrinsics, and that colour is registered to depth",
-        sequence, f.scale * rig_.depth.fx, f.error_best, rig_.depth.fx, f.error_given, f.pairs));
-
   // Told with the verdict.
   for (const std::string& line : frames.skipped().lines(total, "skipped")) warnings_.push_back(in_flags(line));
 
@@ -274,7 +271,7 @@ Verdict Run::finish(const nlohmann::json& more) {
 
   tell_warnings();
   for (const std::string& warning : outputs.warnings()) warn(warning);
-  const Verdict verdict = judge(report["submaps"]["components"]);
+  Verdict verdict = judge(report["submaps"]["components"]);
   for (const std::string& reason : verdict.reasons)
     if (std::find(warnings_.begin(), warnings_.end(), reason) == warnings_.end()) warnings_.push_back(reason);
   const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();

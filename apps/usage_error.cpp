@@ -50,7 +50,7 @@ std::string like_file(const fs::path& missing, bool folders) {
 /// What CLI11 says of the value of an option, in words.
 std::string wrong_value(const CLI::Option& option, std::string why) {
   const Value value = value_of(option);
-  const Words given = option.results();
+  const Words& given = option.results();
   const std::string word = given.empty() ? "" : given.back();
   const std::string named = option.get_name() + (word.empty() ? "" : " " + word);
   if (const std::size_t name = why.find(": "); name != why.npos && why.starts_with(option.get_name()))

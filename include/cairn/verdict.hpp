@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "cairn/camera.hpp"
 #include "cairn/frame.hpp"
 #include "cairn/options.hpp"
 #include "cairn/reports.hpp"
@@ -17,6 +18,7 @@ struct Outcome {
   int total = 0;                      ///< frames, of which
   int fused = 0, lost = 0;            ///< the others were skipped
   int components = 1;                 ///< parts of the map that nothing joins
+  FocalEvidence focal;                ///< of the views that were tracked
   std::vector<std::string> warnings;  ///< of other things, a line each
 };
 
@@ -36,8 +38,8 @@ struct Verdict {
 [[nodiscard]] std::string name_of(Verdict::Level level);
 
 /// What frames tell, added up as they come: how far and how dense depth is, how bright and how sharp colour, how fast
-/// the view moves, whether the focal length can be right. It needs no pose. Some hundred microseconds a frame; some
-/// tens of milliseconds in up to a dozen frames of a run, in which corners are looked for.
+/// the view moves, whether the focal length can be far from right. It needs no pose. Some hundred microseconds a frame;
+/// some tens of milliseconds in up to a dozen frames of a run, in which corners are looked for.
 class Evidence {
  public:
   Evidence(const Rig& rig, const Options& options);

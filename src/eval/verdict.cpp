@@ -135,6 +135,7 @@ struct Evidence::State {
   void add_unseen(std::vector<std::string>& reasons) const;
   void add_motion(std::vector<std::string>& reasons) const;
   void add_causes(std::vector<std::string>& reasons, const Outcome& o) const;
+  /// A focal length far from right, where corners tell of one.
   [[nodiscard]] std::optional<std::string> wrong_focal() const;
 };
 
@@ -199,7 +200,14 @@ void Evidence::State::add_impossible(std::vector<std::string>& reasons, const Ou
         fmt::format("median depth is {:.2g} m: is depth_scale right? One {:g} times as {} would make that {:.1f} m",
                     median, factor > 1 ? factor : 1 / factor, factor > 1 ? "large" : "small", median / factor));
   }
-  if (const auto focal = wrong_focal()) reasons.push_back(*focal);
+  // Where views can be tracked they tell more finely; with a length far from right they cannot.
+  if (const FocalEvidence& f = o.focal; f.contradicts())
+    reasons.push_back(fmt::format(
+        "corners fit a focal length of {:.0f} pixels ({:.2f} pixels off) better than the given {:.0f} ({:.2f} pixels "
+        "off, {} pairs of views): check the camera's intrinsics, and that colour is registered to depth",
+        f.scale * rig.depth.fx, f.error_best, rig.depth.fx, f.error_given, f.pairs));
+  else if (const auto far = wrong_focal())
+    reasons.push_back(*far);
   if (o.total < kFewFrames)
     reasons.push_back(fmt::format("only {} frame{}: a surface needs to be seen often and from several sides", o.total,
                                   o.total == 1 ? "" : "s"));

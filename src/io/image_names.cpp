@@ -148,9 +148,12 @@ void take_numbers(const std::vector<std::vector<Run>>& runs, std::size_t at, Num
   const bool is_time = found.is_time();
   // Nanoseconds since 1970 do not fit into a double: what is since the first second does.
   const auto per_second = is_time ? static_cast<std::uint64_t>(std::llround(1 / seconds_in(found.unit))) : 1;
-  for (const std::uint64_t number : numbers)
-    found.values.push_back(static_cast<double>(number / per_second) +
-                           static_cast<double>(number % per_second) / static_cast<double>(per_second));
+  found.values.reserve(found.values.size() + numbers.size());
+  for (const std::uint64_t number : numbers) {
+    const std::uint64_t whole = number / per_second;
+    found.values.push_back(static_cast<double>(whole) +
+                           static_cast<double>(number - whole * per_second) / static_cast<double>(per_second));
+  }
 }
 
 /// By key the image that has it; two with one key have none.
@@ -249,6 +252,7 @@ Numbering numbering_of(std::span<const fs::path> images) {
   Numbering found;
   const auto stems = stems_of(images);
   std::vector<std::vector<Run>> runs;
+  runs.reserve(stems.size());
   for (const auto& stem : stems) runs.push_back(runs_of(stem));
   if (runs.empty() || runs[0].empty()) return found;
   for (const auto& of_image : runs)
@@ -267,12 +271,11 @@ Numbering numbering_of(std::span<const fs::path> images) {
   if (differing.empty()) return found;
   const std::size_t last = differing.back();
   const bool may_be_seconds = differing.size() == 1 || (differing.size() == 2 && differing[0] + 1 == last);
-  if (may_be_seconds && last > 0 && take_seconds(runs, stems, last - 1, found)) {
-  } else if (may_be_seconds && differing.size() == 1 && last + 1 < runs[0].size() &&
-             take_seconds(runs, stems, last, found)) {
-  } else if (differing.size() == 1) {
-    take_numbers(runs, last, found);
-  }
+  const bool are_seconds =
+      may_be_seconds &&
+      ((last > 0 && take_seconds(runs, stems, last - 1, found)) ||
+       (differing.size() == 1 && last + 1 < runs[0].size() && take_seconds(runs, stems, last, found)));
+  if (!are_seconds && differing.size() == 1) take_numbers(runs, last, found);
   found.step = median_step(found.values);
   return found;
 }

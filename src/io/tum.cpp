@@ -71,6 +71,7 @@ std::vector<int> pair_by_time(const std::vector<Stamped>& depth, const std::vect
                               const fs::path& file) {
   const auto times_of = [](const std::vector<Stamped>& list) {
     std::vector<double> times;
+    times.reserve(list.size());
     for (const Stamped& stamped : list) times.push_back(stamped.timestamp);
     return times;
   };

@@ -284,7 +284,7 @@ std::runtime_error not_ours(const std::string& host, const std::string& why) {
 asio::ip::address address_of(const std::string& host) {
   if (host.empty() || host == "localhost") return asio::ip::address_v4::loopback();
   boost::system::error_code error;
-  const auto address = asio::ip::make_address(host, error);
+  auto address = asio::ip::make_address(host, error);
   if (error) throw not_ours(host, "it is no IP address");
   return address;
 }
@@ -304,7 +304,7 @@ std::vector<NetworkAddress> reached_at(const asio::ip::address& listened) {
 }  // namespace
 
 struct Server::State {
-  State(const ViewerAddress& at, Files given, Feed* feed_, const ServerLimits& l) : feed(feed_), limits(l) {
+  State(const ViewerAddress& at, Files&& given, Feed* feed_, const ServerLimits& l) : feed(feed_), limits(l) {
     for (auto& [name, file] : given) files[name] = std::make_shared<const Entry>(entry_of(std::move(file)));
     const asio::ip::address host = address_of(at.host);
     listen(host, at.port);
@@ -340,6 +340,7 @@ struct Server::State {
   /// From here on TLS is spoken.
   void secure(const ViewerAddress& at, const std::vector<NetworkAddress>& reached) {
     std::vector<std::string> addresses;
+    addresses.reserve(reached.size());
     for (const NetworkAddress& a : reached) addresses.push_back(a.address);
     std::filesystem::path folder = at.certificates.empty() ? state_folder() : at.certificates;
     const Certificate certificate =
@@ -550,7 +551,7 @@ Server::Server(const ViewerAddress& at, Files files, Feed* feed, const ServerLim
     : state_(std::make_unique<State>(at, std::move(files), feed, limits)) {}
 Server::~Server() = default;
 
-void Server::add(Files files) {
+void Server::add(Files&& files) {
   auto entries = std::make_shared<std::map<std::string, std::shared_ptr<const Entry>>>();
   for (auto& [name, file] : files) (*entries)[name] = std::make_shared<const Entry>(entry_of(std::move(file)));
   asio::post(state_->context, [state = state_.get(), entries] {

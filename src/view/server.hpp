@@ -34,7 +34,7 @@ class Server {
   Server& operator=(const Server&) = delete;
 
   /// Gives these, too, from now on; those of the same name are replaced. Any thread.
-  void add(Files files);
+  void add(Files&& files);
 
   [[nodiscard]] const ViewerSite& site() const;
   /// The first of its addresses.

@@ -335,7 +335,7 @@ class BrickHeader : private openvdb::io::Archive {
   template <class Grid>
   static typename Grid::Ptr next(std::istream& in) {
     openvdb::io::GridDescriptor descriptor;
-    const auto grid = openvdb::gridPtrCast<Grid>(descriptor.read(in));
+    auto grid = openvdb::gridPtrCast<Grid>(descriptor.read(in));
     if (!grid) throw std::runtime_error(kNoBricks);
     readGridCompression(in);
     grid->readMeta(in);
@@ -765,6 +765,7 @@ void MapFile::visit(const Visit& visit) const {
   std::vector<Leaf*> leaves;
   state_->tsdf->tree().getNodes(leaves);
   std::vector<Leaf*> weights;
+  weights.reserve(leaves.size());
   for (const Leaf* leaf : leaves) weights.push_back(state_->weight->tree().probeLeaf(leaf->origin()));
   if (std::find(weights.begin(), weights.end(), nullptr) != weights.end())
     throw no_map(state_->file, "its grids do not cover the same bricks");

@@ -113,6 +113,16 @@ TEST_F(VerdictOfARoom, TellsAWrongFocalLengthWithoutAPose) {
     EXPECT_EQ(reason.find("intrinsics"), std::string::npos) << reason;
 }
 
+TEST(Verdict, TellsOfTheFocalLengthOnce) {
+  Outcome outcome{.total = 100, .fused = 100};
+  const Evidence evidence(small_camera(), {});
+  outcome.focal = {.scale = 1.1, .error_given = 2.0, .error_best = 1.0, .pairs = 12};
+  ASSERT_EQ(evidence.verdict(outcome).reasons.size(), 1u);
+  EXPECT_NE(evidence.verdict(outcome).reasons[0].find("check the camera's intrinsics"), std::string::npos);
+  outcome.focal.scale = 1;
+  EXPECT_TRUE(evidence.verdict(outcome).reasons.empty());
+}
+
 TEST_F(VerdictOfARoom, GoesOnWithWhatWasSaved) {
   const std::vector<Frame> all = frames(12);
   Evidence whole(small_camera(), {}), first(small_camera(), {}), second(small_camera(), {});
