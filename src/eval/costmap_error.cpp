@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <tbb/parallel_for.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -17,6 +18,7 @@ namespace {
 
 constexpr double kOnSurface = 1e-3;  // metres
 constexpr int kMostLooks = 8;        // points of a cell's column that are asked whether a camera saw them
+constexpr int kStride = 4;           // pixels from ray to ray
 constexpr double kAway = 1.5;        // cells: farther from every surface a cell is not occupied
 
 /// How far a ray goes, along z of the camera, until it meets a surface; nothing beyond `most` metres.
@@ -31,30 +33,66 @@ std::optional<double> depth_along(const Scene& scene, const Eigen::Isometry3d& w
   return std::nullopt;
 }
 
-/// Whether a camera at one of the poses looks through a point. `hint`: the pose that saw the last one, and is asked
-/// first.
-bool is_seen(const Scene& scene, const Eigen::Vector3d& point, const Camera& camera, const Trajectory& poses,
-             const SurfaceOptions& range, std::size_t& hint) {
-  for (std::size_t i = 0; i < poses.size(); ++i) {
-    const std::size_t k = (hint + i) % poses.size();
-    const Eigen::Isometry3d& pose = poses[k].world_from_camera;
-    const Eigen::Vector3d p = pose.inverse() * point;
-    if (p.z() <= 0 || p.z() > static_cast<double>(range.max_depth)) continue;
-    const Eigen::Vector2d pixel = camera.project(p);
-    if (pixel.minCoeff() < 0 || pixel.x() > camera.width - 1 || pixel.y() > camera.height - 1) continue;
-    const auto depth = depth_along(scene, pose, p / p.z(), static_cast<double>(range.max_depth));
-    if (!depth || *depth < static_cast<double>(range.min_depth) || *depth <= p.z()) continue;
-    hint = k;
-    return true;
+/// What the cameras at the poses see, in images of every kStride-th pixel.
+class Views {
+ public:
+  Views(const Scene& scene, const Camera& camera, const Trajectory& poses, const SurfaceOptions& range)
+      : camera_(camera),
+        range_(range),
+        columns_((camera.width - 1) / kStride + 1),
+        rows_((camera.height - 1) / kStride + 1),
+        views_(poses.size()) {
+    tbb::parallel_for(std::size_t{0}, poses.size(), [&](std::size_t i) {
+      View& view = views_[i];
+      view.camera_from_world = poses[i].world_from_camera.inverse();
+      view.depth.reserve(static_cast<std::size_t>(columns_ * rows_));
+      for (int row = 0; row < rows_; ++row)
+        for (int column = 0; column < columns_; ++column) {
+          const Eigen::Vector3d ray((column * kStride - camera.cx) / camera.fx, (row * kStride - camera.cy) / camera.fy,
+                                    1);
+          const auto depth = depth_along(scene, poses[i].world_from_camera, ray, static_cast<double>(range.max_depth));
+          view.depth.push_back(depth && *depth >= static_cast<double>(range.min_depth) ? static_cast<float>(*depth)
+                                                                                       : 0);
+        }
+    });
   }
-  return false;
-}
+
+  /// Whether a camera looks through a point: all rays around it go farther. `hint`: the view that saw the last one, and
+  /// is asked first.
+  [[nodiscard]] bool see(const Eigen::Vector3d& point, std::size_t& hint) const {
+    for (std::size_t i = 0; i < views_.size(); ++i) {
+      const std::size_t k = (hint + i) % views_.size();
+      const Eigen::Vector3d p = views_[k].camera_from_world * point;
+      if (p.z() <= 0 || p.z() > static_cast<double>(range_.max_depth)) continue;
+      const Eigen::Vector2d pixel = camera_.project(p) / kStride;
+      if (pixel.minCoeff() < 0 || pixel.x() >= columns_ - 1 || pixel.y() >= rows_ - 1) continue;
+      const float* depth =
+          &views_[k]
+               .depth[static_cast<std::size_t>(static_cast<int>(pixel.y()) * columns_ + static_cast<int>(pixel.x()))];
+      if (std::min({depth[0], depth[1], depth[columns_], depth[columns_ + 1]}) <= static_cast<float>(p.z())) continue;
+      hint = k;
+      return true;
+    }
+    return false;
+  }
+
+ private:
+  struct View {
+    Eigen::Isometry3d camera_from_world;
+    std::vector<float> depth;  // metres; 0: nothing that the camera measures
+  };
+  Camera camera_;
+  SurfaceOptions range_;
+  int columns_, rows_;
+  std::vector<View> views_;
+};
 
 }  // namespace
 
 CostmapError evaluate_costmap(const Costmap& costmap, const Scene& scene, const Camera& camera, const Trajectory& poses,
                               const SurfaceOptions& range) {
   if (poses.empty()) throw std::runtime_error("a costmap is judged by where the camera was: no pose is given");
+  const Views views(scene, camera, poses, range);
   const double size = costmap.resolution;
   const int levels = std::max(1, static_cast<int>(std::lround((costmap.high - costmap.low) / size)));
   std::vector<CostmapError> by_row(static_cast<std::size_t>(costmap.rows));
@@ -83,7 +121,7 @@ CostmapError evaluate_costmap(const Costmap& costmap, const Scene& scene, const 
       if (cell == Costmap::Cell::unknown && nearest <= 0.5 * size) continue;  // may be occupied: nobody is misled
       const int looks = std::min(levels, kMostLooks);
       int seen = 0;
-      for (int i = 0; i < looks; ++i) seen += is_seen(scene, at((i + 0.5) / looks), camera, poses, range, hint);
+      for (int i = 0; i < looks; ++i) seen += views.see(at((i + 0.5) / looks), hint);
       const bool is_half_seen = 2 * seen >= looks;
       if (cell == Costmap::Cell::free) {
         ++e.judged, ++e.right;

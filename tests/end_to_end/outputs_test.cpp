@@ -347,7 +347,8 @@ TEST_F(Outputs, ToAFullStdoutAreAnError) {
     EXPECT_EQ(WEXITSTATUS(status), 1) << command;
     const std::string told = read_bytes(*folder / "full.txt");
     EXPECT_NE(told.find("stdout: No space left on device"), std::string::npos) << command << told;
-    EXPECT_EQ(std::count(told.begin(), told.end(), '\n'), 1) << told;
+    const std::size_t error = told.find("cairn: ");  // what takes long tells its progress before
+    EXPECT_EQ(told.find('\n', error), told.size() - 1) << told;
   }
 }
 
