@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <mutex>
+#include <sstream>
 
 namespace cairn::apps {
 namespace {
@@ -73,6 +74,23 @@ std::string cut_to(std::string text, int columns, bool has_blocks) {
   std::size_t end = 0;
   while (end < text.size() && (left > 0 || (text[end] & 0xc0) == 0x80)) left -= (text[end++] & 0xc0) != 0x80;
   return text.substr(0, end) + ellipsis;
+}
+
+std::string wrapped(const std::string& text, int at, int indent, int columns) {
+  std::istringstream words(text);
+  std::string lines, word;
+  bool is_first = true;
+  while (words >> word) {
+    if (!is_first && at + 1 + width_of(word) > columns) {
+      lines += '\n' + std::string(static_cast<std::size_t>(indent), ' ');
+      at = indent;
+      is_first = true;
+    }
+    lines += (is_first ? "" : " ") + word;
+    at += width_of(word) + !is_first;
+    is_first = false;
+  }
+  return lines;
 }
 
 void be_quiet() { quiet = true; }

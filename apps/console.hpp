@@ -26,6 +26,10 @@ struct Terminal {
 /// The text in so many columns, with an ellipsis where it was longer.
 [[nodiscard]] std::string cut_to(std::string text, int columns, bool has_blocks);
 
+constexpr int kNarrow = 60;  ///< columns: below, texts stand under their names
+/// The words in lines of so many columns that begin at `indent`; the first of them at `at`.
+[[nodiscard]] std::string wrapped(const std::string& text, int at, int indent, int columns);
+
 /// With --quiet: no progress and no words about what was made. Warnings, errors and what was asked for with --json
 /// stay.
 void be_quiet();

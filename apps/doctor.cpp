@@ -167,9 +167,11 @@ void check_pages(Checks& checks) {
 }
 
 void print(const Checks& checks) {
+  const int columns = terminal_of(STDOUT_FILENO).columns, indent = columns < kNarrow ? 6 : 16;
   for (const Check& check : checks) {
-    fmt::print("{:<5} {:<9} {}\n", kLevels[static_cast<int>(check.level)], check.what, check.words);
-    if (!check.remedy.empty()) fmt::print("{:16}{}\n", "", check.remedy);
+    fmt::print("{:<5} {:<9} {}\n", kLevels[static_cast<int>(check.level)], check.what,
+               wrapped(check.words, 16, indent, columns));
+    if (!check.remedy.empty()) fmt::print("{:{}}{}\n", "", indent, wrapped(check.remedy, indent, indent, columns));
   }
 }
 

@@ -7,7 +7,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <sstream>
 
 #include "command_tree.hpp"
 #include "console.hpp"
@@ -16,25 +15,6 @@ namespace cairn::apps {
 namespace {
 
 constexpr int kMostColumns = 100, kNames = 26;  // columns: of a line, and of the names in it
-constexpr int kNarrow = 60;                     // below this texts stand under the names
-
-/// The words in lines that begin at `indent`; the first of them at `at`.
-std::string wrapped(const std::string& text, int at, int indent, int columns) {
-  std::istringstream words(text);
-  std::string lines, word;
-  bool is_first = true;
-  while (words >> word) {
-    if (!is_first && at + 1 + width_of(word) > columns) {
-      lines += '\n' + std::string(static_cast<std::size_t>(indent), ' ');
-      at = indent;
-      is_first = true;
-    }
-    lines += (is_first ? "" : " ") + word;
-    at += width_of(word) + !is_first;
-    is_first = false;
-  }
-  return lines;
-}
 
 /// A name and what it is, in two columns as far as there is room.
 std::string entry(const std::string& name, const std::string& text, int columns) {

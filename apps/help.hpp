@@ -14,8 +14,8 @@ namespace cairn::apps {
 /// The same in so many columns.
 [[nodiscard]] std::string help_text(const CLI::App& command, int columns);
 
-/// What `cairn` alone prints: how to begin.
-[[nodiscard]] std::string first_words();
+/// What `cairn` alone prints, in lines of at most so many columns: how to begin.
+[[nodiscard]] std::string first_words(int columns);
 
 /// The manual in roff's man macros: all commands and options.
 [[nodiscard]] std::string man_page(const CLI::App& program);

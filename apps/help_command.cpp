@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <fmt/format.h>
 
+#include <array>
 #include <memory>
 
 #include "command_tree.hpp"
@@ -10,12 +11,20 @@
 
 namespace cairn::apps {
 
-std::string first_words() {
-  return "try this        cairn demo                         a synthetic room becomes a map and a page, in a minute\n"
-         "your recording  cairn reconstruct FOLDER -o OUT    then cairn view OUT shows the map\n"
-         "your sensor     cairn live openni: -o OUT --view   the map grows in a browser while you move\n"
-         "this machine    cairn doctor                       what is missing, and what to install\n"
-         "help            cairn help                         all commands; cairn help COMMAND: all its options\n";
+std::string first_words(int columns) {
+  constexpr std::array<std::array<const char*, 3>, 5> kFirst{
+      {{"try this", "cairn demo", "to a page in under a minute"},
+       {"your recording", "cairn reconstruct FOLDER -o OUT", "cairn view OUT shows it"},
+       {"your sensor", "cairn live openni: -o OUT --view", "watch the map grow"},
+       {"this machine", "cairn doctor", "what it lacks"},
+       {"help", "cairn help", "commands and their options"}}};
+  constexpr int kAll = 78, kTwo = 48;  // columns
+  std::string text;
+  for (const auto& [what, command, words] : kFirst)
+    text += columns >= kAll   ? fmt::format("{:<15} {:<34} {}\n", what, command, words)
+            : columns >= kTwo ? fmt::format("{:<15} {}\n", what, command)
+                              : fmt::format("{}\n", command);
+  return text;
 }
 
 void add_help(CLI::App& program) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #include <malloc.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstdio>
@@ -73,7 +74,7 @@ int run(const std::vector<std::string>& words) {
   program.require_subcommand(1);
   add_commands(program);
   if (words.empty()) {
-    std::cout << cairn::apps::first_words();
+    std::cout << cairn::apps::first_words(cairn::apps::terminal_of(STDOUT_FILENO).columns);
     return ended(0);
   }
   try {

@@ -23,6 +23,12 @@ TEST(Console, TellsSizesAndCountsAsPeopleReadThem) {
   EXPECT_EQ(count_in_words(1234567), "1,234,567");
 }
 
+TEST(Console, WrapsBetweenWords) {
+  EXPECT_EQ(wrapped("one two three", 0, 2, 8), "one two\n  three");
+  EXPECT_EQ(wrapped("one two", 6, 2, 8), "one\n  two");
+  EXPECT_EQ(wrapped("unbreakable it", 0, 0, 5), "unbreakable\nit");
+}
+
 TEST(Console, CutsLinesByCharactersNotBytes) {
   EXPECT_EQ(cut_to("für", 3, true), "für");
   EXPECT_EQ(cut_to("überall", 4, true), "übe…");

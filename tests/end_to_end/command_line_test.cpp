@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // What a new user types, right or wrong: the message names the remedy.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "support/files.hpp"
 
@@ -64,12 +66,17 @@ class CommandLine : public testing::Test {
   TemporaryFolder out;
 };
 
-TEST_F(CommandLine, AloneTellsFiveLinesToBeginWith) {
-  const Ran ran = run_cairn({});
-  EXPECT_EQ(ran.exit_code, 0);
-  EXPECT_EQ(std::count(ran.out.begin(), ran.out.end(), '\n'), 5);
-  for (const char* words : {"cairn demo", "cairn reconstruct", "cairn live openni:", "cairn doctor", "cairn help"})
-    EXPECT_NE(ran.out.find(words), std::string::npos) << words;
+TEST_F(CommandLine, AloneTellsFiveLinesToBeginWithInATerminalOfAnyWidth) {
+  for (const int columns : {120, 80, 60, 40}) {
+    const Ran ran = run_cairn({}, fmt::format("COLUMNS={}", columns));
+    EXPECT_EQ(ran.exit_code, 0);
+    EXPECT_EQ(std::count(ran.out.begin(), ran.out.end(), '\n'), 5);
+    for (const char* words : {"cairn demo", "cairn reconstruct", "cairn live openni:", "cairn doctor", "cairn help"})
+      EXPECT_NE(ran.out.find(words), std::string::npos) << words;
+    std::istringstream lines(ran.out);
+    for (std::string line; std::getline(lines, line);)
+      EXPECT_LE(line.size(), static_cast<std::size_t>(columns)) << line;
+  }
 }
 
 TEST_F(CommandLine, NamesTheCommandThatWasMeant) {
