@@ -17,8 +17,9 @@ namespace cairn {
 namespace {
 
 constexpr double kOnSurface = 1e-3;  // metres
+constexpr double kLeastStep = 5e-3;  // metres: rays along a wall end some time
 constexpr int kMostLooks = 8;        // points of a cell's column that are asked whether a camera saw them
-constexpr int kStride = 4;           // pixels from ray to ray
+constexpr int kStride = 8;           // pixels from ray to ray
 constexpr double kAway = 1.5;        // cells: farther from every surface a cell is not occupied
 
 /// How far a ray goes, along z of the camera, until it meets a surface; nothing beyond `most` metres.
@@ -28,7 +29,7 @@ std::optional<double> depth_along(const Scene& scene, const Eigen::Isometry3d& w
   for (double z = 0; z < most;) {
     const double distance = scene.distance(world_from_camera * (z * ray));
     if (distance < kOnSurface) return z;
-    z += distance / length;
+    z += std::max(distance, kLeastStep) / length;
   }
   return std::nullopt;
 }
