@@ -16,11 +16,12 @@
 namespace cairn {
 namespace {
 
-constexpr double kOnSurface = 1e-3;  // metres
-constexpr double kLeastStep = 5e-3;  // metres: rays along a wall end some time
-constexpr int kMostLooks = 8;        // points of a cell's column that are asked whether a camera saw them
-constexpr int kStride = 8;           // pixels from ray to ray
-constexpr double kAway = 1.5;        // cells: farther from every surface a cell is not occupied
+constexpr double kOnSurface = 1e-3;            // metres
+constexpr double kLeastStep = 5e-3;            // metres: rays along a wall end some time
+constexpr int kMostLooks = 8;                  // points of a cell's column that are asked whether a camera saw them
+constexpr int kStride = 8;                     // pixels from ray to ray
+constexpr double kApart = 0.1, kTurned = 0.1;  // metres, radians, from view to view
+constexpr double kAway = 1.5;                  // cells: farther from every surface a cell is not occupied
 
 /// How far a ray goes, along z of the camera, until it meets a surface; nothing beyond `most` metres.
 std::optional<double> depth_along(const Scene& scene, const Eigen::Isometry3d& world_from_camera,
@@ -34,24 +35,30 @@ std::optional<double> depth_along(const Scene& scene, const Eigen::Isometry3d& w
   return std::nullopt;
 }
 
-/// What the cameras at the poses see, in images of every kStride-th pixel.
+/// Whether a view so far from another shows more.
+bool is_apart(const Eigen::Isometry3d& motion) {
+  return motion.translation().norm() > kApart || Eigen::AngleAxisd(motion.linear()).angle() > kTurned;
+}
+
+/// What the cameras at poses that are apart see, in images of every kStride-th pixel.
 class Views {
  public:
   Views(const Scene& scene, const Camera& camera, const Trajectory& poses, const SurfaceOptions& range)
       : camera_(camera),
         range_(range),
         columns_((camera.width - 1) / kStride + 1),
-        rows_((camera.height - 1) / kStride + 1),
-        views_(poses.size()) {
-    tbb::parallel_for(std::size_t{0}, poses.size(), [&](std::size_t i) {
+        rows_((camera.height - 1) / kStride + 1) {
+    for (const auto& [time, pose] : poses)
+      if (views_.empty() || is_apart(views_.back().camera_from_world * pose)) views_.push_back({pose.inverse(), {}});
+    tbb::parallel_for(std::size_t{0}, views_.size(), [&](std::size_t i) {
       View& view = views_[i];
-      view.camera_from_world = poses[i].world_from_camera.inverse();
+      const Eigen::Isometry3d pose = view.camera_from_world.inverse();
       view.depth.reserve(static_cast<std::size_t>(columns_ * rows_));
       for (int row = 0; row < rows_; ++row)
         for (int column = 0; column < columns_; ++column) {
           const Eigen::Vector3d ray((column * kStride - camera.cx) / camera.fx, (row * kStride - camera.cy) / camera.fy,
                                     1);
-          const auto depth = depth_along(scene, poses[i].world_from_camera, ray, static_cast<double>(range.max_depth));
+          const auto depth = depth_along(scene, pose, ray, static_cast<double>(range.max_depth));
           view.depth.push_back(depth && *depth >= static_cast<double>(range.min_depth) ? static_cast<float>(*depth)
                                                                                        : 0);
         }
