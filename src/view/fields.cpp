@@ -30,20 +30,26 @@ struct Cell {
   int surfaces = 0;                                // cubes that the surface passes
 };
 
-/// The eight voxels of a cube in a brick, and the plane that fits them.
+/// The eight voxels of a cube in a brick, and the plane that fits them. One that was only looked through lies in front
+/// of a surface, farther than it was fused.
 struct Cube {
+  int seen = 0, free = 0;                                  // voxels with observations, and those without that are free
   float least_weight = kNever, mean_weight = 0, mean = 0;  // mean: metres
   Eigen::Vector3f gradient = Eigen::Vector3f::Zero();      // metres a voxel
 };
-Cube cube_at(const MapFile::Voxels& voxels, int x, int y, int z) {
+Cube cube_at(const MapFile::Voxels& voxels, float truncation, int x, int y, int z) {
   Cube cube;
   for (int corner = 0; corner < 8; ++corner) {
     const Eigen::Vector3i at(corner >> 2, corner >> 1 & 1, corner & 1);
     const auto n = static_cast<std::size_t>((x + at.x()) << 6 | (y + at.y()) << 3 | (z + at.z()));
-    cube.least_weight = std::min(cube.least_weight, voxels.weights[n]);
-    cube.mean_weight += voxels.weights[n] / 8;
-    cube.mean += voxels.distances[n] / 8;
-    cube.gradient += (2 * at.array() - 1).matrix().cast<float>() * voxels.distances[n] / 4;
+    const bool is_free = (voxels.free[n >> 6] >> (n & 63) & 1) != 0;
+    const float distance = is_free ? truncation : voxels.distances[n], weight = is_free ? 1 : voxels.weights[n];
+    cube.free += is_free;
+    cube.seen += voxels.weights[n] > 0;
+    cube.least_weight = std::min(cube.least_weight, weight);
+    cube.mean_weight += weight / 8;
+    cube.mean += distance / 8;
+    cube.gradient += (2 * at.array() - 1).matrix().cast<float>() * distance / 4;
   }
   return cube;
 }
@@ -72,21 +78,16 @@ class Grid {
     for (int x = 0; x < 8; x += 2)
       for (int y = 0; y < 8; y += 2)
         for (int z = 0; z < 8; z += 2) {
-          const Cube cube = cube_at(voxels, x, y, z);
-          if (cube.least_weight > 0) add(8 * brick + Eigen::Vector3i(x, y, z), cube);
+          const Cube cube = cube_at(voxels, truncation_, x, y, z);
+          if (cube.seen + cube.free == 8) add(8 * brick + Eigen::Vector3i(x, y, z), cube);
         }
   }
 
-  /// A brick that was looked through.
-  void add_free(const Eigen::Vector3i& brick) {
-    const Cube cube{.least_weight = 1, .mean_weight = 1, .mean = truncation_};
-    for (int i = 0; i < 64; ++i) add(8 * brick + 2 * Eigen::Vector3i(i >> 4, i >> 2 & 3, i & 3), cube);
-  }
-
-  /// Tells each cell of the surface nearest to it: forwards and backwards, each time from the 13 neighbours before.
+  /// Tells each cell of the surface nearest to it: forwards and backwards, each time from the 13 neighbours before, and
+  /// once more, for what came round a corner.
   void spread() {
     const Eigen::Vector3i last = size_.array() - 1;
-    for (const int sign : {1, -1}) {
+    for (const int sign : {1, -1, 1, -1}) {
       for (int k = 0; k < size_.z(); ++k)
         for (int j = 0; j < size_.y(); ++j) {
           const auto at = [&](int i) -> Eigen::Vector3i {
@@ -131,7 +132,7 @@ class Grid {
     cell.sum += cube.mean;
     cell.weight += cube.mean_weight;
     const float slope = cube.gradient.norm();
-    const bool passes = cube.least_weight >= kLeastWeight && slope > 1e-3f * voxel_size_ &&
+    const bool passes = cube.free == 0 && cube.least_weight >= kLeastWeight && slope > 1e-3f * voxel_size_ &&
                         std::abs(cube.mean) <= cube.gradient.lpNorm<1>() + kMargin * slope;
     if (!passes) return;
     ++cell.surfaces;
@@ -253,7 +254,6 @@ Fields make_fields(const std::filesystem::path& vdb, const SensorModel& sensor, 
   if (bounds.isEmpty()) return {};
   Grid grid(bounds, map.info(), most);
   map.visit([&](const Eigen::Vector3i& brick, const MapFile::Voxels& voxels) { grid.add(brick, voxels); });
-  for (const Eigen::Vector3i& brick : map.free_bricks()) grid.add_free(brick);
   grid.spread();
   return grid.fields(sensor, path);
 }

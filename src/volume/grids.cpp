@@ -301,6 +301,20 @@ std::runtime_error no_map(const std::filesystem::path& file, const std::string& 
   return std::runtime_error(file.string() + ": " + why + "; expected a map.vdb written by cairn");
 }
 
+/// Marks in `tree` what the grid `free` of a map.vdb tells, or the tiles of `tsdf` in files of before 2026-11-24, which
+/// have no such grid.
+void read_free(const std::filesystem::path& file, const openvdb::GridBase::Ptr& free, const openvdb::FloatGrid& tsdf,
+               BrickTree& tree) {
+  if (!free) {
+    for_each_tile(tsdf.tree(), [&](const openvdb::Coord& origin) { tree.mark_free(brick_at(origin)); });
+    return;
+  }
+  const auto mask = openvdb::gridPtrCast<openvdb::BoolGrid>(free);
+  if (!mask) throw no_map(file, "its grid `free` has another type");
+  for_each_mask(mask->tree(),
+                [&](const Eigen::Vector3i& brick, const BrickBits& bits) { tree.mark_free(brick, bits); });
+}
+
 constexpr const char *kNoBricks = "holds no bricks", *kEndsEarly = "ends early";
 
 std::ifstream open_binary(const std::filesystem::path& file) {
@@ -717,22 +731,26 @@ struct MapFile::State {
   std::filesystem::path file;
   GridInfo info;
   openvdb::FloatGrid::Ptr tsdf, weight;
+  BrickTree free;  // marks alone
 };
 
 MapFile::MapFile(const std::filesystem::path& file) : state_(std::make_unique<State>()) {
   initialize_once();
   State& s = *state_;
   s.file = file;
+  openvdb::GridBase::Ptr free;
   try {
     openvdb::io::File in(file.string());
     in.setCopyMaxBytes(0);  // files are replaced whole, never changed
     in.open();              // voxels are read when they are asked for
     s.tsdf = openvdb::gridPtrCast<openvdb::FloatGrid>(in.readGrid("tsdf"));
     s.weight = openvdb::gridPtrCast<openvdb::FloatGrid>(in.readGrid("weight"));
+    if (in.hasGrid("free")) free = in.readGrid("free");
   } catch (const std::exception& error) {  // OpenVDB's, or no memory for a size that a broken file tells
     throw no_map(file, shown(error.what()));
   }
   if (!s.tsdf || !s.weight) throw no_map(file, "a grid has another type");
+  read_free(file, free, *s.tsdf, s.free);
   s.info = {.voxel_size = static_cast<float>(s.tsdf->voxelSize().x()), .truncation = s.tsdf->background()};
   try {
     s.info.upright = upright_of(*s.tsdf);
@@ -750,14 +768,8 @@ const GridInfo& MapFile::info() const { return state_->info; }
 BrickBox MapFile::bounds() const {
   BrickBox box;
   for (auto leaf = state_->tsdf->tree().cbeginLeaf(); leaf; ++leaf) box.extend(brick_at(leaf->origin()));
-  for_each_tile(state_->tsdf->tree(), [&](const openvdb::Coord& origin) { box.extend(brick_at(origin)); });
+  for (const Eigen::Vector3i& brick : state_->free.free_bricks()) box.extend(brick);
   return box;
-}
-
-std::vector<Eigen::Vector3i> MapFile::free_bricks() const {
-  std::vector<Eigen::Vector3i> all;
-  for_each_tile(state_->tsdf->tree(), [&](const openvdb::Coord& origin) { all.push_back(brick_at(origin)); });
-  return all;
 }
 
 void MapFile::visit(const Visit& visit) const {
@@ -782,19 +794,24 @@ void MapFile::visit(const Visit& visit) const {
     for (std::size_t i = begin; i < end; ++i) {
       const float *distance = std::as_const(*leaves[i]).buffer().data(),
                   *weight = std::as_const(*weights[i]).buffer().data();
-      Voxels voxels;
+      const Eigen::Vector3i brick = brick_at(leaves[i]->origin());
+      Voxels voxels{.free = state_->free.free_voxels(brick)};
       for (openvdb::Index n = 0; n < 512; ++n) {
-        const bool is_seen = leaves[i]->isValueOn(n) && std::isfinite(distance[n]) && weight[n] > 0;
-        voxels.distances[n] = is_seen ? distance[n] : 0;
-        voxels.weights[n] = is_seen ? weight[n] : 0;
+        if (!leaves[i]->isValueOn(n) || !std::isfinite(distance[n]) || !(weight[n] > 0)) continue;
+        voxels.distances[n] = distance[n];
+        voxels.weights[n] = weight[n];
+        voxels.free[n >> 6] &= ~(1ull << (n & 63));  // its distance is the newer word
       }
-      visit(brick_at(leaves[i]->origin()), voxels);
+      visit(brick, voxels);
       for (Leaf* leaf : {leaves[i], weights[i]}) {  // its memory goes
         Leaf::Buffer none(openvdb::PartialCreate(), 0.0f);
         leaf->swap(none);
       }
     }
   }
+  for (const Eigen::Vector3i& brick : state_->free.free_bricks())
+    if (state_->tsdf->tree().probeConstLeaf(origin_of(brick)) == nullptr)
+      visit(brick, {.free = state_->free.free_voxels(brick)});
 }
 
 BrickTree BrickFile::read() const {
@@ -871,14 +888,7 @@ ReadGrids read_grids(const std::filesystem::path& file) {
     }
     result.tree.put(brick_at(at), voxels);
   }
-  if (!free) {  // written before 2026-11-24
-    for_each_tile(tsdf->tree(), [&](const openvdb::Coord& origin) { result.tree.mark_free(brick_at(origin)); });
-    return result;
-  }
-  const auto mask = openvdb::gridPtrCast<openvdb::BoolGrid>(free);
-  if (!mask) throw wrong("its grid `free` has another type");
-  for_each_mask(mask->tree(),
-                [&](const Eigen::Vector3i& brick, const BrickBits& bits) { result.tree.mark_free(brick, bits); });
+  read_free(file, free, *tsdf, result.tree);
   return result;
 }
 

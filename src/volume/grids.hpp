@@ -146,23 +146,23 @@ class GridsWriter {
 void write_grids(const std::filesystem::path& file, const BrickTree& tree, const GridInfo& info,
                  const DistanceField* distances = nullptr);
 
-/// A map.vdb without its colours, brick by brick: the whole need not be in memory.
+/// A map.vdb without its colours, brick by brick: its voxels need not all be in memory.
 class MapFile {
  public:
   /// Finds its bricks. Throws std::runtime_error when the file is not a Cairn map.
   explicit MapFile(const std::filesystem::path& file);
   ~MapFile();
   [[nodiscard]] const GridInfo& info() const;
-  /// Around all bricks, the free ones too; empty where there are none.
+  /// Around all that visit() tells of; empty where that is nothing.
   [[nodiscard]] BrickBox bounds() const;
-  [[nodiscard]] std::vector<Eigen::Vector3i> free_bricks() const;
 
   /// A brick's voxels in OpenVDB's leaf order.
   struct Voxels {
-    std::array<float, 512> distances, weights;  // metres, and observations; both 0 where there are none
+    std::array<float, 512> distances{}, weights{};  // metres, and observations; both 0 where there are none
+    BrickBits free{};                               // of the voxels without observations, those seen to be free
   };
   using Visit = std::function<void(const Eigen::Vector3i& brick, const Voxels& voxels)>;
-  /// All bricks, once. Throws std::runtime_error where voxels cannot be read.
+  /// All bricks that hold observations or free voxels, once. Throws std::runtime_error where voxels cannot be read.
   void visit(const Visit& visit) const;
 
  private:

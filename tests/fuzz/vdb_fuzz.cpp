@@ -15,6 +15,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   };
   fuzz::expect_value_or_plain_error([&] { touch(BrickFile(file).read()); });
   fuzz::expect_value_or_plain_error([&] { touch(read_grids(file).tree); });
+  fuzz::expect_value_or_plain_error(
+      [&] { MapFile(file).visit([](const auto&, const MapFile::Voxels& voxels) { fuzz::touch(voxels.distances); }); });
   fuzz::expect_value_or_plain_error([&] {
     const DistanceField field = DistanceField::read(file);
     for (const auto& [at, samples] : field.blocks()) fuzz::touch(*samples);

@@ -71,7 +71,7 @@ TEST(Fields, TellHowFarTheSurfaceIs) {
   int known = 0, behind = 0;
   for (const Sampled& s : samples(fields)) {
     const float truth = sphere(s.place);
-    if (std::abs(truth + kTruncation) < 2 * fields.spacing) continue;  // the end of what was observed
+    if (std::abs(truth + kTruncation) < fields.spacing) continue;  // the end of what was observed
     EXPECT_EQ(s.distance != 0, truth > -kTruncation) << s.place.transpose();
     if (s.distance == 0) continue;
     ++known, behind += truth < 0;
@@ -88,8 +88,9 @@ TEST(Fields, AreAsCoarseAsTheyMustBe) {
   const Fields fields = make_fields(folder / "map.vdb", {}, {}, 5000);
   EXPECT_LE(fields.size.prod(), 5000);
   EXPECT_GT(fields.size.prod(), 1000);
+  const float inside = 0.64f - fields.spacing / 2;  // where cells do not reach beyond the map
   for (const Sampled& s : samples(fields))
-    if (s.place.z() < 0.5f) {
+    if (s.place.z() < 0.5f && s.place.head<2>().cwiseAbs().maxCoeff() < inside) {
       EXPECT_NEAR(s.metres(), plane(s.place), kByte + kSpreadError) << s.place.transpose();
     }
 }
@@ -119,6 +120,55 @@ TEST(Fields, TellHowOftenAndHowWellTheSurfaceWasSeen) {
       }
     EXPECT_GT(on_surface, 500);
   }
+}
+
+TEST(Fields, KnowFreeSpaceVoxelByVoxel) {
+  // A wall that is fused within the truncation alone; a slanted half of what lies before it was looked through.
+  const TemporaryFolder folder;
+  const auto wall = [](const Eigen::Vector3f& p) { return 0.503f - p.z(); };
+  const auto looked = [](const Eigen::Vector3f& p) { return 0.6f * p.x() - 0.8f * p.y(); };
+  BrickTree tree;
+  for (int x = -4; x < 4; ++x)
+    for (int y = -4; y < 4; ++y)
+      for (int z = 0; z < 8; ++z) {
+        BrickVoxels voxels{};
+        BrickBits free{};
+        bool has_voxels = false;
+        for (int n = 0; n < 512; ++n) {
+          const Eigen::Vector3i voxel = 8 * Eigen::Vector3i(x, y, z) + Eigen::Vector3i(n >> 6, n >> 3 & 7, n & 7);
+          const Eigen::Vector3f p = kVoxel * voxel.cast<float>();
+          const float d = wall(p);
+          if (std::abs(d) < kTruncation) {
+            voxels[static_cast<std::size_t>(n)] = shader::pack_voxel(d / kTruncation, kWeight, 0x01000000u);
+            has_voxels = true;
+          }
+          // Once it was looked through where the wall is now: what was fused is the newer word.
+          if (looked(p) > 0) free[static_cast<std::size_t>(n >> 6)] |= 1ull << (n & 63);
+        }
+        if (has_voxels) tree.put({x, y, z}, voxels);
+        tree.mark_free({x, y, z}, free);
+      }
+  write_grids(folder / "map.vdb", tree, {.voxel_size = kVoxel, .truncation = kTruncation});
+  const Fields fields = make_fields(folder / "map.vdb", {}, {});
+  ASSERT_FLOAT_EQ(fields.spacing, 2 * kVoxel);
+  int free = 0, unknown = 0;
+  for (const Sampled& s : samples(fields)) {
+    const float d = wall(s.place), side = looked(s.place);
+    if (std::abs(d) < kTruncation - 2 * kVoxel) {
+      EXPECT_NEAR(s.metres(), d, kByte + kSpreadError) << s.place.transpose();
+    } else if (d > kTruncation + kVoxel) {
+      if (std::abs(side) < 1.5f * kVoxel) continue;  // a cell that is free in part
+      EXPECT_EQ(s.distance != 0, side > 0) << s.place.transpose();
+      if (s.distance == 0) {
+        ++unknown;
+        continue;
+      }
+      ++free;
+      EXPECT_NEAR(s.metres(), d, kByte + kSpreadError) << s.place.transpose();
+    }
+  }
+  EXPECT_GT(free, 10'000);
+  EXPECT_GT(unknown, 10'000);
 }
 
 TEST(Fields, AreWrittenAsPagesReadThem) {
