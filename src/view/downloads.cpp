@@ -11,6 +11,7 @@
 #include "mesh/formats.hpp"
 #include "mesh/points.hpp"
 #include "mesh/topology.hpp"
+#include "view/coloured_parts.hpp"
 #include "view/temporary_place.hpp"
 #include "view/zip_folder.hpp"
 
@@ -21,30 +22,6 @@ namespace fs = std::filesystem;
 
 constexpr float kPointSpacing = 0.01f;  // metres
 constexpr const char *kPly = "mesh.ply", *kObj = "mesh-obj.zip", *kPoints = "points.ply";
-
-/// Vertices get the colour that the texture has there: PLY knows no other.
-Mesh coloured(Mesh mesh) {
-  const Texture& texture = mesh.texture;
-  if (mesh.texture_coordinates.empty() || texture.texels.empty()) return mesh;
-  const auto texel = [](float share, int size) {
-    return static_cast<std::size_t>(std::clamp(static_cast<int>(share * static_cast<float>(size)), 0, size - 1));
-  };
-  mesh.colours.clear();
-  for (const Eigen::Vector2f& at : mesh.texture_coordinates) {
-    const auto& rgb = texture.texels[texel(at.y(), texture.height) * static_cast<std::size_t>(texture.width) +
-                                     texel(at.x(), texture.width)];
-    mesh.colours.push_back({rgb[0], rgb[1], rgb[2], 255});
-  }
-  mesh.texture_coordinates.clear();
-  mesh.texture = {};
-  return mesh;
-}
-
-std::vector<Mesh> coloured_parts(const fs::path& file) {
-  std::vector<Mesh> parts = read_mesh_parts(file);
-  for (Mesh& part : parts) part = coloured(std::move(part));
-  return parts;
-}
 
 void write_points(const fs::path& mesh, const fs::path& file) {
   SurfacePoints points(kPointSpacing);

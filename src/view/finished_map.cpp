@@ -20,6 +20,7 @@
 #include "cairn/viewer.hpp"
 #include "view/downloads.hpp"
 #include "view/fields.hpp"
+#include "view/first_mesh.hpp"
 #include "view/keyframe_pictures.hpp"
 
 namespace cairn {
@@ -108,6 +109,13 @@ struct FinishedMap::State {
   /// A run whose mesh could not be written does not show an earlier one's.
   [[nodiscard]] bool has_mesh() const { return report.contains("mesh") && fs::exists(folder / "mesh.glb"); }
   [[nodiscard]] bool is_textured() const { return has_mesh() && report["mesh"].contains("textures"); }
+  /// Whether the mesh is so large that a page shows a coarser one first.
+  [[nodiscard]] bool is_large() const {
+    if (!has_mesh()) return false;
+    const Json& mesh = report["mesh"];
+    const auto found = mesh.find("triangles");
+    return found != mesh.end() && found->is_number() && found->get<double>() > 2.0 * kFirstTriangles;
+  }
   [[nodiscard]] bool has_fields() const { return fs::exists(folder / "map.vdb"); }
   [[nodiscard]] SensorModel sensor() const { return pictures ? pictures->sensor : SensorModel{}; }
   [[nodiscard]] Json json() const {
@@ -134,6 +142,14 @@ std::map<std::string, Served> FinishedMap::served() const {
   if (s->has_mesh()) {
     data["mesh"] = "mesh.glb";
     files["mesh.glb"] = {.content_type = content_type_of("mesh.glb"), .body = s->folder / "mesh.glb"};
+  }
+  if (s->is_large()) {
+    data["first"] = kFirstMesh;
+    files[kFirstMesh] = {.content_type = content_type_of(kFirstMesh),
+                         .body = beforehand([s]() -> Content {
+                           return std::make_shared<const Text>(first_mesh(s->folder / "mesh.glb"));
+                         }),
+                         .is_packable = true};
   }
   if (s->has_fields()) {
     data["fields"] = "fields.bin";

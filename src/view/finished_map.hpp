@@ -11,6 +11,9 @@
 
 namespace cairn {
 
+/// The name of the coarser mesh that is shown first, where one is served.
+inline constexpr const char* kFirstMesh = "first.glb";
+
 /// The map in a folder that `cairn reconstruct`, `live` or `merge` has made.
 class FinishedMap {
  public:

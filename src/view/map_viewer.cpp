@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "cairn/viewer.hpp"
 #include "view/finished_map.hpp"
@@ -14,7 +15,9 @@ namespace {
 
 Server::Files files_of(const std::filesystem::path& map) {
   Server::Files files = std::filesystem::is_directory(map) ? FinishedMap(map).served() : served_file(map);
-  files[""] = viewer_file();
+  std::vector<std::string> soon{"data.json"};
+  if (files.count(kFirstMesh) > 0) soon.emplace_back(kFirstMesh);
+  files[""] = viewer_file(soon);
   return files;
 }
 

@@ -16,12 +16,6 @@ __asm__(
 extern "C" const char cairn_viewer_page[], cairn_viewer_page_end[];
 
 namespace cairn {
-namespace {
-
-constexpr std::string_view kPlace = "<!-- data -->";  // in the page
-
-}  // namespace
-
 std::string_view viewer_page() {
   return {cairn_viewer_page, static_cast<std::size_t>(cairn_viewer_page_end - cairn_viewer_page)};
 }
@@ -30,7 +24,8 @@ void write_report_page(const std::filesystem::path& folder) {
   std::string text = FinishedMap(folder).inlined();
   for (std::size_t at = 0; (at = text.find('<', at)) != text.npos;) text.replace(at, 1, "\\u003c");  // ends no script
   std::string page(viewer_page());
-  page.replace(page.find(kPlace), kPlace.size(), "<script type=\"application/json\" id=\"data\">" + text + "</script>");
+  page.replace(page.find(kDataPlace), kDataPlace.size(),
+               "<script type=\"application/json\" id=\"data\">" + text + "</script>");
   write_whole(folder / "report.html", page);
 }
 

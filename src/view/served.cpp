@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "view/served.hpp"
 
+#include <future>
 #include <optional>
 
 #include "view/gzip.hpp"
@@ -25,6 +26,10 @@ Make once(std::function<Content()> make, bool takes_long) {
                 return *kept->content;
               },
           .takes_long = takes_long};
+}
+
+Make beforehand(std::function<Content()> make) {
+  return {.make = [made = std::async(std::launch::async, std::move(make)).share()] { return made.get(); }};
 }
 
 }  // namespace cairn

@@ -46,4 +46,7 @@ struct Served {
 /// What is made at most once: calls after the first give the same.
 [[nodiscard]] Make once(std::function<Content()> make, bool takes_long = false);
 
+/// What is made from now on, in a thread of its own: who asks waits for what is left of it.
+[[nodiscard]] Make beforehand(std::function<Content()> make);
+
 }  // namespace cairn
