@@ -9,6 +9,12 @@ const kNear = Math.cos(THREE.MathUtils.degToRad(28));    // the same, for triang
 const kAngle = Math.sin(THREE.MathUtils.degToRad(25));   // at least between two planes that make an edge
 const kVolume = 0.3;                                     // of three unit normals that make a corner
 const kSeeds = 48, kRounds = 6;
+// Of a corner that was found, looked at again from its own place, in voxels.
+const kAround = 7;          // as far as its planes reach
+const kRounded = 1.3;       // from another of its planes: what is nearer is rounded off
+const kSupport = 5;         // square voxels that each plane must have
+const kMoves = 3;           // at most, that it moves then
+const kSettled = 0.02, kLooks = 4;
 
 function trianglesNear(surface, point, radius) {
   const found = [], u = new THREE.Vector3(), v = new THREE.Vector3();
@@ -70,7 +76,29 @@ function cornerOf(a, b, c) {
 function edgeOf(a, b, point) {
   const along = new THREE.Vector3().crossVectors(a.normal, b.normal);
   if (along.length() < kAngle) return null;
-  const place = cornerOf(a, b, new THREE.Plane().setFromNormalAndCoplanarPoint(along.normalize(), point));
+  return cornerOf(a, b, new THREE.Plane().setFromNormalAndCoplanarPoint(along.normalize(), point));
+}
+
+/**
+ * A corner of three planes by what lies around it, and not around where somebody pointed; null where one of the planes
+ * is not seen beside what the voxels round off. That of an end that nobody looked at is where the surface stops.
+ */
+function settled(surface, planes, begin, voxel) {
+  let place = begin;
+  for (let look = 0; look < kLooks; ++look) {
+    const triangles = trianglesNear(surface, place, kAround * voxel);
+    const fits = planes.map((plane, i) => {
+      const flat = triangles.filter(({ middle }) => planes.every((other, k) => k === i || Math.abs(other.distanceToPoint(middle)) > kRounded * voxel));
+      return refined(flat, plane, 0.7 * voxel);
+    });
+    if (fits.some(({ area }) => area < kSupport * voxel * voxel)) return null;
+    planes = fits.map(({ plane }) => plane);
+    const next = cornerOf(...planes);
+    if (!next || next.distanceTo(begin) > kMoves * voxel) return null;
+    const moved = next.distanceTo(place);
+    place = next;
+    if (moved < kSettled * voxel) break;
+  }
   return place;
 }
 
@@ -89,7 +117,10 @@ export function featureNear(surface, point, radius, voxel, isMeant) {
   const corners = [], edges = [];
   planes.forEach((a, i) => planes.slice(i + 1).forEach((b, k) => {
     edges.push(edgeOf(a, b, point));
-    for (const c of planes.slice(i + k + 2)) corners.push(cornerOf(a, b, c));
+    for (const c of planes.slice(i + k + 2)) {
+      const corner = cornerOf(a, b, c);
+      if (corner && corner.distanceTo(point) < radius) corners.push(settled(surface, [a, b, c], corner, voxel));
+    }
   }));
   return best('corner', corners) ?? best('edge', edges);
 }

@@ -3,13 +3,11 @@
 // Points, distances, heights and areas on the surface; a place snaps to a corner or an edge nearby.
 import * as THREE from 'three';
 import { choice, element } from './dom.js';
-import { featureNear } from './features.js';
 import { icon } from './icons.js';
+import { Snap } from './snap.js';
 import { metres, squareMetres } from './words.js';
 
-const kClick = 6;                              // pixels that a click may move
-const kSnap = { corner: 16, edge: 11 };        // pixels
-const kAround = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => [9 * Math.cos(i * Math.PI / 4), 9 * Math.sin(i * Math.PI / 4)]);
+const kClick = 6;  // pixels that a click may move
 const kKinds = [['distance', 'Distance'], ['height', 'Height'], ['area', 'Area'], ['point', 'Point']];
 const kNeeded = { distance: 2, height: 2, point: 1, area: Infinity };
 const kColour = 0xffc531;
@@ -41,7 +39,7 @@ export function valueOf({ kind, points }) {
 
 export class Measure {
   constructor(scene, surface, voxel) {
-    Object.assign(this, { scene, surface, voxel, kind: 'distance', done: [], points: [], isOn: false });
+    Object.assign(this, { scene, surface, snap: new Snap(scene, surface, voxel), kind: 'distance', done: [], points: [], isOn: false });
     this.group = new THREE.Group();
     scene.scene.add(this.group);
     this.labels = element('div', { id: 'labels', aria: { hidden: 'true' } });
@@ -87,40 +85,6 @@ export class Measure {
     this.show();
   }
 
-  /** Pixels in the picture. */
-  onScreen(point) {
-    const { clientWidth: width, clientHeight: height } = this.scene.element;
-    const at = point.clone().project(this.scene.camera);
-    return at.z > 1 ? null : [(at.x + 1) * width / 2, (1 - at.y) * height / 2];
-  }
-
-  /** Metres that a pixel shows at a point. */
-  pixelAt(point) {
-    const { camera } = this.scene, height = this.scene.element.clientHeight;
-    if (camera.isOrthographicCamera) return (camera.top - camera.bottom) / camera.zoom / height;
-    return 2 * Math.tan(THREE.MathUtils.degToRad(camera.fov / 2)) * camera.position.distanceTo(point) / height;
-  }
-
-  /** What a pixel means: { point, kind: corner, edge or surface }, or null. */
-  find(x, y) {
-    const hit = this.surface.pick(x, y);
-    const isMeant = (place, kind) => {
-      const at = this.onScreen(place);
-      return at && Math.hypot(at[0] - x, at[1] - y) < kSnap[kind];
-    };
-    const featureAt = (found) => {
-      const radius = THREE.MathUtils.clamp(2 * kSnap.corner * this.pixelAt(found.point), 5 * this.voxel, 10 * this.voxel);
-      return featureNear(this.surface, found.point, radius, this.voxel, isMeant);
-    };
-    const found = hit && featureAt(hit);
-    if (found) return found;
-    // Beside the edge of what stands in front one hits what is behind it.
-    const beside = kAround.map(([dx, dy]) => this.surface.pick(x + dx, y + dy))
-                       .filter((other) => other && (!hit || other.distance < hit.distance - 5 * this.voxel))
-                       .sort((a, b) => a.distance - b.distance)[0];
-    return (beside && featureAt(beside)) ?? (hit && { point: hit.point, kind: 'surface' });
-  }
-
   at(event) {
     const box = this.scene.element.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
@@ -132,7 +96,7 @@ export class Measure {
     this.isLooking = true;
     requestAnimationFrame(() => {
       this.isLooking = false;
-      const found = this.isOn && this.surface.parts.length > 0 ? this.find(...this.at(event)) : null, at = found && this.onScreen(found.point);
+      const found = this.isOn && this.surface.parts.length > 0 ? this.snap.find(...this.at(event)) : null, at = found && this.snap.onScreen(found.point);
       this.cursor.hidden = !at;
       if (!at) return;
       this.cursor.dataset.kind = found.kind;
@@ -152,10 +116,9 @@ export class Measure {
 
   take(x, y) {
     if (this.kind === 'area' && this.points.length > 2) {
-      const first = this.onScreen(this.points[0]);
-      if (first && Math.hypot(first[0] - x, first[1] - y) < kSnap.corner) return this.closeArea();
+      if (this.snap.isMeant(this.points[0], 'corner', x, y)) return this.closeArea();
     }
-    const found = this.find(x, y);
+    const found = this.snap.find(x, y);
     if (!found) {
       this.told.textContent = 'There is no surface.';
       return;
@@ -250,7 +213,7 @@ export class Measure {
 
   placeLabels() {
     for (const { label, middle } of this.shown ?? []) {
-      const at = this.onScreen(middle);
+      const at = this.snap.onScreen(middle);
       label.hidden = !at;
       if (at) label.style.translate = `calc(${at[0]}px - 50%) calc(${at[1]}px - 120%)`;
     }

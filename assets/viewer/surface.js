@@ -31,7 +31,7 @@ export class Surface {
       }
       mesh.updateWorldMatrix(true, false);
       const world = mesh.matrixWorld.clone();
-      this.parts.push({ tree: new MeshBVH(mesh.geometry, { strategy: CENTER, indirect: true, maxLeafSize: 12 }), mesh, world,
+      this.parts.push({ tree: new MeshBVH(mesh.geometry, { strategy: CENTER, indirect: true, targetLeafSize: 12 }), mesh, world,
                         local: world.clone().invert(), scale: world.getMaxScaleOnAxis() });
     }
   }
