@@ -4,7 +4,7 @@
 import * as THREE from 'three';
 import { choice, element } from './dom.js';
 import { legend, viridis } from './ramp.js';
-import { metres } from './words.js';
+import { height, metres } from './words.js';
 
 const kPoses = 150;  // of the path, that distances are measured to
 const kLinear = Float32Array.from({ length: 256 }, (_, c) => new THREE.Color().setRGB(c / 255, 0, 0, THREE.SRGBColorSpace).r);
@@ -58,6 +58,7 @@ export class Colours {
     const place = new THREE.Vector3(), normal = new THREE.Vector3(), turn = new THREE.Matrix3();
     for (const mesh of this.scene.meshes()) {
       const { geometry, userData, matrixWorld } = mesh, { position } = geometry.attributes, colours = new Float32Array(3 * position.count);
+      if (needsNormals && !geometry.hasAttribute('normal')) geometry.computeVertexNormals();
       if (needsNormals) turn.getNormalMatrix(matrixWorld);
       for (let i = 0; i < position.count; ++i) {
         place.fromBufferAttribute(position, i).applyMatrix4(matrixWorld);
@@ -93,7 +94,7 @@ export class Colours {
     return [legend(viridis, show(low), show(high))];
   }
 
-  height() { return [...this.byValue(({ y }) => y - this.level, metres), element('p', { className: 'hint' }, 'Above the floor.')]; }
+  height() { return [...this.byValue(({ y }) => y - this.level, height), element('p', { className: 'hint' }, 'Above the floor.')]; }
 
   normal() {
     this.tint((_, n) => [n.x, n.y, n.z].map((c) => 127.5 + 127.5 * c), true);

@@ -28,13 +28,20 @@ function fieldsOf({ fields, fields_base64: inline }) {
   };
 }
 
-async function showMesh(scene, data, panel) {
-  try {
-    const bytes = data.mesh_base64 ? decoded(data.mesh_base64) : data.mesh ? await fetched(data.mesh) : null;
-    if (bytes) scene.setModel(await loadModel(bytes));
-  } catch (error) {  // Draco's decoder is not in this page
-    panel.prepend(element('div', { className: 'warning' }, `The mesh is not shown here: ${error.message}`));
-  }
+/**
+ * The mesh: first a coarser one or its shape, whatever is there sooner, then all of it with its texture. `seen(model)`
+ * promises that one is on the screen.
+ */
+async function showMesh(scene, data, seen) {
+  const isEmpty = scene.triangles === 0;  // a map that has grown here is a picture already
+  const coarse = data.first && isEmpty ? await fetched(data.first).catch(() => null) : null;
+  if (coarse) await seen((await loadModel(coarse)).model);
+  const { model, textured } = await loadModel(data.mesh_base64 ? decoded(data.mesh_base64) : await fetched(data.mesh));
+  if (isEmpty && !coarse) await seen(model);
+  await textured;
+  if (scene.model === model) scene.setLook(scene.look);
+  else if (coarse) scene.setModel(model);
+  else await seen(model);
 }
 
 export async function showFinished(scene, data, fold) {
@@ -44,11 +51,26 @@ export async function showFinished(scene, data, fold) {
   else setStatus('good', 'A mesh without a report');
   scene.setPath(new Float32Array(trajectory.flatMap(([t, x, y, z]) => [t - begin, x, y, z])));
   scene.setLoops((report?.loops ?? []).filter((loop) => loop.inlier).map((loop) => [loop.from - begin, loop.to - begin]));
-  await showMesh(scene, data, panel);
-  if (trajectory.length > 0 && scene.model) scene.lookFrom(trajectory[0]);
-  else scene.lookAtAll();
-  // The map first; what stands around it comes when it has been drawn.
-  await scene.drawn();
-  fillPanel(panel, data);
+  let isSeen = false;
+  const seen = async (model) => {
+    if (model) scene.setModel(model);
+    if (model && trajectory.length > 0) scene.lookFrom(trajectory[0]);
+    else scene.lookAtAll();
+    scene.begin();
+    await scene.shown();
+    performance.mark('picture');
+    isSeen = true;
+    fillPanel(panel, data);  // the map first, and then what stands around it
+  };
+  if (data.mesh || data.mesh_base64) {
+    try {
+      await showMesh(scene, data, seen);
+    } catch (error) {  // Draco's decoder is not in this page
+      panel.prepend(element('div', { className: 'warning' }, `The mesh is not shown here: ${error.message}`));
+    }
+  }
+  if (!isSeen) await seen();
   addTools(scene, data, fieldsOf(data), fold);
+  await scene.shown();
+  performance.mark('whole');
 }

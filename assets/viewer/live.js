@@ -55,7 +55,7 @@ function makeButtons(scene, toolbar, overlay, alerts, ask) {
     for (const [of, button] of Object.entries(looks)) pressed(button, scene.look === of);
     overlay.legend.hidden = scene.look !== 'coverage';
   };
-  looks.coverage = toolbar.add({ name: 'Colour by how well it was seen', label: 'Coverage', key: 'c', symbol: 'coverage', press: () => look('coverage') });
+  looks.coverage = toolbar.add({ name: 'Coverage: how well it was seen', label: 'Coverage', key: 'c', symbol: 'coverage', press: () => look('coverage') });
   looks.shape = toolbar.add({ name: 'Shape without colours', label: 'Shape', key: 's', symbol: 'shape', press: () => look('shape') });
   for (const button of Object.values(looks)) pressed(button, false);
   const sound = toolbar.add({ name: 'Sound and vibration when the camera is lost', label: 'Sound', key: 'a', symbol: 'sound', press: () => { alerts.set(!alerts.isOn); pressed(sound, alerts.isOn); } });
@@ -131,6 +131,7 @@ function showImage(image, blob) {
 export function showLive(scene, fold) {
   let socket, isOver = false, epoch = 0, wasLost = false;
   const ask = (what) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify({ do: what }));
+  scene.begin();
   scene.materials.coverage = coverageMaterial({ clippingPlanes: scene.clipping });
   const alerts = new Alerts(), toolbar = new Toolbar(), panel = makePanel(), overlay = makeOverlay();
   const buttons = makeButtons(scene, toolbar, overlay, alerts, ask);

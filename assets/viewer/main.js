@@ -9,11 +9,12 @@ import { Scene } from './scene.js';
 
 async function main() {
   const inline = document.getElementById('data');
-  const data = inline ? JSON.parse(inline.textContent) : await (await fetch('data.json')).json();
+  const asked = inline ? null : fetch('data.json');
   const fold = foldingPanel();
   tooltips();
-  const scene = new Scene(document.getElementById('scene'));
+  const scene = new Scene(document.getElementById('scene'));  // takes its time, in which the answer comes
   window.cairn = scene;  // for whoever looks from the console, and for tests
+  const data = inline ? JSON.parse(inline.textContent) : await (await asked).json();
   if (data.mode === 'live') showLive(scene, fold);
   else await showFinished(scene, data, fold);
 }

@@ -6,6 +6,7 @@ import { element } from './dom.js';
 import { length } from './words.js';
 
 const kLongest = 140;  // pixels of the bar
+const kLift = 0.025;   // metres of the grid above the floor, which is not as level as that
 
 /** 1, 2 or 5 times a power of ten, at most `value`. */
 function round(value) {
@@ -47,8 +48,8 @@ export class Ruler {
     } else {
       const { box } = this.scene, size = box.getSize(new THREE.Vector3()), middle = box.getCenter(new THREE.Vector3());
       const cells = Math.max(2, 2 * Math.ceil(Math.hypot(size.x, size.z) / 2));
-      this.grid = new THREE.GridHelper(cells, cells, 0x8fa3bd, 0x55606e);
-      this.grid.position.set(middle.x, this.level + 0.005, middle.z);
+      this.grid = new THREE.GridHelper(cells, cells, 0xffffff, 0xaeb9c6);
+      this.grid.position.set(middle.x, this.level + kLift, middle.z);
       this.grid.rotation.y = this.turn;
       this.scene.scene.add(this.grid);
     }

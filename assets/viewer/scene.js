@@ -14,6 +14,7 @@ const kLinear = Uint16Array.from({ length: 256 }, (_, c) => 65535 * new THREE.Co
 const kShare = 0.3;  // of the time that drawing may take while nobody turns the picture
 const kSight = 62, kNarrowest = 54;  // degrees: from top to bottom, and at least from left to right
 const kCalm = 0.5;  // seconds in which the picture goes 63 % of the way to where the sensor is
+const kSamples = 20000;  // vertices of a mesh, that stand for all
 const kUp = new THREE.Vector3(0, 1, 0);
 
 /** The map's world has y down and z forward; three.js has y up. */
@@ -29,6 +30,7 @@ export class Scene {
     this.renderer = new THREE.WebGLRenderer({ antialias: true, powerPreference: 'high-performance' });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.renderer.localClippingEnabled = true;
+    this.renderer.debug.checkShaderErrors = false;  // which waits for each of them
     const canvas = this.renderer.domElement;
     canvas.tabIndex = 0;
     canvas.setAttribute('role', 'img');
@@ -47,7 +49,9 @@ export class Scene {
     this.controls.addEventListener('start', () => { this.isTurning = true; this.setFollow(false); });
     this.controls.addEventListener('end', () => { this.isTurning = false; });
     canvas.addEventListener('keydown', (event) => this.turnByKey(event));
-    this.scene.add(new THREE.HemisphereLight(0xffffff, 0x777777, 2.4), new THREE.DirectionalLight(0xffffff, 0.8));
+    const lamp = new THREE.DirectionalLight(0xffffff, 1.1);
+    lamp.position.set(0.6, 0.5, 1);  // aside, so that what is level, what stands and what lies aside differ
+    this.scene.add(new THREE.HemisphereLight(0xffffff, 0x555a62, 1.7), lamp);
 
     this.world = new THREE.Group();
     this.world.quaternion.copy(kHalfTurn);
@@ -76,6 +80,10 @@ export class Scene {
     this.watchers = new Set();  // called after each picture
     new ResizeObserver(() => this.resize()).observe(element);
     this.resize();
+  }
+
+  /** Draws from now on. Where something is to come first, an empty picture before it only costs time. */
+  begin() {
     this.renderer.setAnimationLoop(() => this.draw());
   }
 
@@ -106,6 +114,7 @@ export class Scene {
     Object.assign(this.orthographic, { left: -half * aspect, right: half * aspect });
     this.orthographic.updateProjectionMatrix();
     this.isStale = true;
+    this.restUntil = 0;  // the canvas is empty
   }
 
   /** Draws only when something moved, and without a fast GPU not as often as it could: others need the time, too. */
@@ -118,11 +127,11 @@ export class Scene {
       this.restUntil = now + (now - this.drawnAt) * (1 / kShare - 1);
     }
     if (now < this.restUntil && !this.isTurning && this.movers.size === 0) return;
-    const seconds = Math.min(0.25, (now - (this.movedAt ?? now)) / 1000);
+    const elapsed = (now - (this.movedAt ?? now)) / 1000, seconds = Math.min(0.25, elapsed);
     this.movedAt = now;
     for (const move of this.movers) move(seconds);
     if (this.follow && this.eye) {
-      const share = 1 - Math.exp(-seconds / kCalm);
+      const share = 1 - Math.exp(-elapsed / kCalm);
       this.camera.position.lerp(this.eye, share);
       this.controls.target.lerp(this.target, share);
       this.isStale = true;
@@ -155,6 +164,12 @@ export class Scene {
     });
   }
 
+  /** Promises that the next picture is on the screen, however long that takes the GPU. */
+  async shown() {
+    await this.drawn();
+    while (this.fence) await new Promise(requestAnimationFrame);
+  }
+
   setFollow(follow) {
     this.follow = follow;
     this.onFollow?.(follow);
@@ -175,9 +190,14 @@ export class Scene {
   }
 
   materialOf(mesh) {
-    if (mesh.userData.textured && this.look === 'colour') return mesh.userData.textured;
-    if (!mesh.geometry.hasAttribute('normal')) mesh.geometry.computeVertexNormals();
-    return mesh.geometry.hasAttribute('color') ? this.materials[this.look] ?? this.materials.tinted : this.materials.shape;
+    if (mesh.userData.textured?.map.image && this.look === 'colour') {
+      const { map } = mesh.userData.textured;
+      map.needsUpdate = map.version === 0;  // it has just come
+      return mesh.userData.textured;
+    }
+    const material = mesh.geometry.hasAttribute('color') ? this.materials[this.look] ?? this.materials.tinted : this.materials.shape;
+    if (material !== this.materials.colour && !mesh.geometry.hasAttribute('normal')) mesh.geometry.computeVertexNormals();
+    return material;
   }
 
   *meshes() {
@@ -291,22 +311,26 @@ export class Scene {
     this.world.updateMatrixWorld(true);
     const inWorld = (a) => new THREE.Vector3(...a).applyMatrix4(this.frustum.matrix).applyMatrix4(this.world.matrixWorld);
     const { eye, target } = behind(view, radians(this.perspective.fov), this.perspective.aspect);
+    const isFirst = !this.eye;
     this.eye = inWorld(eye);
     this.target = inWorld(target);
+    if (isFirst && this.follow) this.place(this.eye, this.target);
     this.isStale = true;
   }
 
   /** What a glTF file holds, in its material as it is to be seen: unlit, crisp, from the inside. */
   setModel(model) {
     this.dropParts();
+    for (const { geometry } of this.meshes()) geometry.dispose();
+    this.model?.removeFromParent();
     this.model = model;
+    this.restUntil = 0;  // at once
     this.scene.add(model);
     model.updateMatrixWorld(true);
-    const anisotropy = this.isSoftware ? 1 : Math.min(8, this.renderer.capabilities.getMaxAnisotropy());
     for (const mesh of this.meshes()) {
       const { map } = mesh.material;
       if (map) {
-        map.anisotropy = anisotropy;
+        map.anisotropy = this.isSoftware ? 1 : Math.min(8, this.renderer.capabilities.getMaxAnisotropy());
         mesh.userData.textured = new THREE.MeshBasicMaterial({ map, clippingPlanes: this.clipping });
       }
       mesh.material = this.materialOf(mesh);
@@ -360,15 +384,27 @@ export class Scene {
     const middle = box.getCenter(new THREE.Vector3()), away = new THREE.Vector3(0.35, 0.8, 1).normalize();
     this.place(middle.clone().add(away), middle);
     this.camera.updateMatrixWorld();
-    // As near as all corners of the box are in the picture.
-    const half = Math.tan(radians(this.perspective.fov / 2)), inverse = this.camera.matrixWorldInverse.copy(this.camera.matrixWorld).invert();
-    let distance = 0;
-    for (let i = 0; i < 8; ++i) {
-      const corner = new THREE.Vector3(i & 1 ? box.max.x : box.min.x, i & 2 ? box.max.y : box.min.y, i & 4 ? box.max.z : box.min.z)
-                         .applyMatrix4(inverse);
-      distance = Math.max(distance, corner.z + 1 + Math.max(Math.abs(corner.y) / half, Math.abs(corner.x) / (half * this.perspective.aspect)));
+    // In the middle, and as near as all of it is in the picture: the planes of the view's four sides touch it.
+    const t = Math.tan(radians(this.perspective.fov / 2)), slopes = [t * this.perspective.aspect, t];
+    const most = [[-Infinity, -Infinity], [-Infinity, -Infinity]], inverse = this.camera.matrixWorld.clone().invert();
+    for (const place of this.placesOf(box)) {
+      const { x, y, z } = place.applyMatrix4(inverse);
+      [x, y].forEach((v, i) => [v, -v].forEach((side, k) => { most[i][k] = Math.max(most[i][k], side + slopes[i] * z); }));
     }
-    this.place(middle.clone().addScaledVector(away, 1.04 * distance), middle);
+    const [right, up] = most.map(([a, b]) => (a - b) / 2), back = Math.max(...most.map(([a, b], i) => (a + b) / (2 * slopes[i])));
+    const eye = new THREE.Vector3(right, up, back).applyMatrix4(this.camera.matrixWorld), reach = away.dot(eye.clone().sub(middle));
+    this.place(eye.clone().addScaledVector(away, 0.04 * reach), eye.clone().addScaledVector(away, -reach));
+  }
+
+  /** Places all over the model, or the corners of a box where there is none; the same vector each time. */
+  *placesOf(box) {
+    const place = new THREE.Vector3();
+    if (!this.model)
+      for (let i = 0; i < 8; ++i) yield place.set(i & 1 ? box.max.x : box.min.x, i & 2 ? box.max.y : box.min.y, i & 4 ? box.max.z : box.min.z);
+    else for (const mesh of this.meshes()) {
+      const { position } = mesh.geometry.attributes, step = Math.max(1, Math.floor(position.count / kSamples));
+      for (let i = 0; i < position.count; i += step) yield place.fromBufferAttribute(position, i).applyMatrix4(mesh.matrixWorld);
+    }
   }
 
   turnByKey(event) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // Every tool of a finished map, with its button and its key.
-import * as THREE from 'three';
 import { Colours } from './colours.js';
 import { save } from './dom.js';
 import { Measure } from './measure.js';
@@ -15,15 +14,20 @@ import { Surface } from './surface.js';
 import { Toolbar } from './toolbar.js';
 import { Walk } from './walk.js';
 
-/** Where the floor is: below most of the surface that faces up. */
+const kFloor = { lowest: 0.01, reach: 0.25, thick: 0.03 };  // share of the surface that may lie below it; metres
+
+/** Where the floor is: the level of most of the surface near its lower end. */
 function floorLevel(scene) {
-  const heights = [], place = new THREE.Vector3();
-  for (const mesh of scene.meshes()) {
-    const { position } = mesh.geometry.attributes, step = Math.max(1, Math.floor(position.count / 20000));
-    for (let i = 0; i < position.count; i += step) heights.push(place.fromBufferAttribute(position, i).applyMatrix4(mesh.matrixWorld).y);
-  }
+  const heights = [];
+  if (scene.model) for (const { y } of scene.placesOf(scene.box)) heights.push(y);
   heights.sort((a, b) => a - b);
-  return heights[Math.floor(0.02 * heights.length)] ?? 0;
+  const begin = Math.floor(kFloor.lowest * heights.length);
+  let best = { count: 0, level: heights[begin] ?? 0 };
+  for (let i = begin, k = begin; i < heights.length && heights[i] < heights[begin] + kFloor.reach; ++i) {
+    while (k < heights.length && heights[k] < heights[i] + kFloor.thick) ++k;
+    if (k - i > best.count) best = { count: k - i, level: heights[(i + k) >> 1] };
+  }
+  return best.level;
 }
 
 function savePicture(scene, name) {

@@ -12,8 +12,8 @@ export function metres(value) {
   return `${(1000 * value).toFixed(1)} mm`;
 }
 
-/** Of a slider. */
-export const height = (value) => `${value.toFixed(2)} m`;
+/** Of a slider, or a legend. */
+export const height = (value) => `${value.toFixed(2).replace(/^-(?=[0.]*$)/, '')} m`;
 
 export const squareMetres = (value) => (value >= 0.1 ? `${value.toFixed(3)} m²` : `${(1e4 * value).toFixed(1)} cm²`);
 

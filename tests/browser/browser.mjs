@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // What the browser tests share: the program, Debian's Chromium, and pages that must not complain.
+import assert from 'node:assert/strict';
 import { spawn, spawnSync } from 'node:child_process';
 import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { createServer } from 'node:http';
@@ -53,7 +54,7 @@ export class Program {
 export async function until(condition, what = () => 'it did not happen', seconds = 60) {
   const end = Date.now() + 1000 * seconds;
   while (!(await condition())) {
-    if (Date.now() > end) throw new Error(what());
+    if (Date.now() > end) throw new Error(await what());
     await new Promise((resolve) => setTimeout(resolve, 50));
   }
 }
@@ -83,6 +84,20 @@ export async function withBrowser(test) {
 }
 
 export const triangles = (page) => page.evaluate(() => window.cairn?.triangles ?? 0);
+
+/** What a page has marked so far, in seconds from its navigation: its first picture, its texture, the whole. */
+export const timeline = (page) => page.evaluate(() => Object.fromEntries(performance.getEntriesByType('mark').map(({ name, startTime }) => [name, startTime / 1000])));
+
+const axe = () => readFileSync(fileURLToPath(new URL('../support/node_modules/axe-core/axe.min.js', import.meta.url)), 'utf8');
+
+/** Fails where axe-core finds serious faults of accessibility: contrast, names, what a keyboard reaches. */
+export async function isAccessible(page, what) {
+  if (!(await page.evaluate(() => 'axe' in window))) await page.evaluate(axe());
+  const found = await page.evaluate(async () => (await window.axe.run()).violations
+      .filter(({ impact }) => impact === 'serious' || impact === 'critical')
+      .map(({ id, nodes }) => `${id}: ${nodes.map(({ html, failureSummary }) => `${html} ${failureSummary}`).join('; ')}`));
+  assert.deepEqual(found, [], what);
+}
 
 /** A page that opens exported files of `folder`; see export_page.js. `close()` ends its server. */
 export async function exportPage(open, folder) {

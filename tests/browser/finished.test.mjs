@@ -6,7 +6,8 @@ import { readFileSync, statSync } from 'node:fs';
 import { join } from 'node:path';
 import test from 'node:test';
 import { pathToFileURL } from 'node:url';
-import { Program, inFolder, pictures, run, triangles, until, withBrowser } from './browser.mjs';
+import { Program, inFolder, pictures, run, timeline, triangles, until, withBrowser } from './browser.mjs';
+import { pixels } from './live_page.mjs';
 
 test('report.html and cairn view show the mesh, the charts and the facts', () => inFolder(async (folder) => {
   const out = join(folder, 'map');
@@ -89,6 +90,39 @@ test('lost frames, warnings and verdicts are told, and never green', () => inFol
     await changed(page, file, (data) => { delete data.mesh_base64; data.mesh_left_out = 'map/mesh.glb'; return data; });
     assert.match(await page.locator('#panel').innerText(), /too large for this page: cairn view shows map\/mesh\.glb/);
   });
+}));
+
+test('a coarser mesh is in the picture before the whole is fetched and its texture decoded', () => inFolder(async (folder) => {
+  const out = join(folder, 'map');
+  const { mesh } = JSON.parse(run('reconstruct', 'synthetic:room', '-o', out, '--frames', '0:60', '--json'));
+  assert.ok(mesh.triangles > 160_000 && mesh.textures > 0, 'a map that is large enough');
+  const program = new Program('view', out, '--port', '0'), url = await program.url();
+  await withBrowser(async (open) => {
+    const page = await open('about:blank');
+    let give;
+    const asked = new Promise((resolve) => page.route('**/mesh.glb', (route) => { give = () => route.continue(); resolve(); }));
+    await page.goto(url);
+    await asked;  // and nothing comes of it yet
+    await until(async () => 'picture' in (await timeline(page)));
+    const coarse = await triangles(page);
+    assert.ok(coarse > 20_000 && coarse < 0.7 * mesh.triangles, `${coarse} of ${mesh.triangles} triangles`);
+    const { covered, row } = await pixels(page);
+    assert.ok(row.some(([r, g, b]) => Math.max(r, g, b) - Math.min(r, g, b) > 40), 'it has no colours');
+    assert.equal(await page.locator('#tools button').count(), 0);
+    await page.screenshot({ path: join(pictures, 'finished-coarse.png') });
+    const scene = await page.locator('#scene').boundingBox();
+    give();
+    await until(async () => 'whole' in (await timeline(page)));
+    assert.equal(await triangles(page), mesh.triangles);
+    assert.ok(await page.evaluate(() => [...window.cairn.meshes()].every(({ material }) => material.map?.image)), 'it has no texture');
+    assert.deepEqual(await page.locator('#scene').boundingBox(), scene, 'the picture moved when the tools came');
+    const all = (await pixels(page)).covered;
+    assert.ok(all > 0.6 && Math.abs(covered - all) < 0.05, `${covered} of the picture, and then ${all}`);
+    await page.screenshot({ path: join(pictures, 'finished-whole.png') });
+    const { picture, texture, whole } = await timeline(page);
+    assert.ok(picture < texture && texture < whole, `picture ${picture}, texture ${texture}, whole ${whole} s`);
+    await page.close();
+  }).finally(async () => { program.kill('SIGINT'); await program.ended; });
 }));
 
 test('the page is small', () => inFolder(async (folder) => {

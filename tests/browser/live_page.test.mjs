@@ -4,8 +4,8 @@
 import assert from 'node:assert/strict';
 import { join } from 'node:path';
 import test from 'node:test';
-import { Program, inFolder, pictures, triangles, until, withBrowser } from './browser.mjs';
-import { livePage, pixels } from './live_page.mjs';
+import { Program, inFolder, isAccessible, pictures, triangles, until, withBrowser } from './browser.mjs';
+import { going, livePage, pixels } from './live_page.mjs';
 
 const kSizes = [{ width: 1400, height: 900 }, { width: 768, height: 1024 }, { width: 390, height: 844 }];
 const kIdentity = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
@@ -140,6 +140,23 @@ test('who is lost sees where to turn, and hears it once sound is on', () => onEa
   await until(() => page.evaluate(() => Boolean(window.live?.onmessage)));
   assert.equal(await page.getByRole('button', { name: /Sound and vibration/ }).getAttribute('aria-pressed'), 'true', 'it is remembered');
   await page.getByRole('button', { name: /Sound and vibration/ }).click();
+}));
+
+test('the page has no serious faults of accessibility, whatever it says', () => onEachScreen(async ({ page, tell, tellPlane }, { width }) => {
+  await tellPlane(3);
+  if (!(await page.locator('#panel').isVisible())) await page.locator('#fold').click();
+  await page.getByRole('button', { name: /how well it was seen/ }).click();  // with its legend
+  const states = { good: {}, weak: { status: 'weak', words: 'Too fast: move slower' }, lost, paused: { status: 'paused', words: 'Paused' }, over: { status: 'finishing', words: 'Writing the map' } };
+  for (const [name, state] of Object.entries(states)) {
+    await tell({ ...state, loops: [[1.2, 9.4, true], [2.2, 8.1, false]] });
+    await until(async () => (await page.locator('#status').textContent()) === { ...going, ...state }.words);
+    await page.waitForTimeout(1300);  // a flash has ended
+    await isAccessible(page, `${name} at ${width}`);
+  }
+  await tell();
+  await page.keyboard.press('?');
+  await isAccessible(page, `keys at ${width}`);
+  await shown(page, 'live-keys');
 }));
 
 test('Pause becomes Resume, the space bar does the same, and numbers have units', () => onEachScreen(async ({ page, tell }) => {
