@@ -16,6 +16,7 @@
 #include "base/lines.hpp"
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
+#include "cairn/file_name.hpp"
 #include "io/image_names.hpp"
 #include "io/intrinsics.hpp"
 #include "io/pose_matrix.hpp"
@@ -126,7 +127,7 @@ std::string others_in(const fs::path& folder) {
   std::map<std::string, int> extensions;
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder, ignored))
-    if (!entry.is_directory(ignored)) ++extensions[lower(entry.path().extension().string())];
+    if (!entry.is_directory(ignored)) ++extensions[extension_of(entry.path())];
   const auto most = std::max_element(extensions.begin(), extensions.end(),
                                      [](const auto& a, const auto& b) { return a.second < b.second; });
   if (most == extensions.end()) return "it is empty";
@@ -143,8 +144,9 @@ void refuse_empty_depth(const fs::path& folder) {
           fmt::format("{}: holds no PNG, TIFF, NPY or PGM image; {}", entry.path().string(), others_in(entry.path())));
 }
 
-std::string extension_of(const std::vector<fs::path>& images) {
-  std::string extension = images.empty() ? "" : lower(images[0].extension().string());
+/// "PNG", of which images are.
+std::string kind_of(const std::vector<fs::path>& images) {
+  std::string extension = images.empty() ? "" : extension_of(images[0]);
   if (!extension.empty()) extension.erase(0, 1);
   for (char& c : extension) c = static_cast<char>(std::toupper(c));
   return extension;
@@ -197,11 +199,11 @@ void pair_up(const Images& images, double rate, Recording& recording) {
     recording.understood.push_back({what, std::move(words)});
   };
   tell("images",
-       fmt::format("{} depth images ({}) in {}, {}", images.depth.size(), extension_of(images.depth),
+       fmt::format("{} depth images ({}) in {}, {}", images.depth.size(), kind_of(images.depth),
                    images.depth_folder.string(),
                    images.colour.empty() ? "no colour"
                                          : fmt::format("{} colour images ({}) in {}", images.colour.size(),
-                                                       extension_of(images.colour), images.colour_folder.string())));
+                                                       kind_of(images.colour), images.colour_folder.string())));
   if (!images.colour.empty())
     tell("pairing", fmt::format("by {}; {} depth and {} colour images have no partner", name_of(pairs->by),
                                 pairs->alone, pairs->colour_alone));

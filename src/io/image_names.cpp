@@ -13,6 +13,7 @@
 #include <tuple>
 
 #include "base/words.hpp"
+#include "cairn/file_name.hpp"
 
 namespace cairn {
 namespace {
@@ -223,7 +224,7 @@ std::vector<fs::path> files_in(const fs::path& folder, std::span<const std::stri
   std::error_code ignored;
   if (!fs::is_directory(folder, ignored)) return files;
   for (const auto& entry : fs::directory_iterator(folder)) {
-    const std::string extension = lower(entry.path().extension().string());
+    const std::string extension = extension_of(entry.path());
     if (entry.path().filename().string().starts_with('.') || entry.is_directory(ignored)) continue;
     if (std::find(extensions.begin(), extensions.end(), extension) != extensions.end()) files.push_back(entry.path());
   }
@@ -238,7 +239,7 @@ std::vector<fs::path> images_in(const fs::path& folder) { return files_in(folder
 std::vector<fs::path> depth_images_in(const fs::path& folder) {
   auto files = files_in(folder, kDepth);
   const auto rank = [](const fs::path& file) {
-    return std::find(kDepth.begin(), kDepth.end(), lower(file.extension().string())) - kDepth.begin();
+    return std::find(kDepth.begin(), kDepth.end(), extension_of(file)) - kDepth.begin();
   };
   std::map<std::string, fs::path> best;
   for (const auto& file : files)

@@ -15,6 +15,7 @@
 
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
+#include "cairn/file_name.hpp"
 #include "cairn/known_cameras.hpp"
 #include "io/image_names.hpp"
 #include "io/json_fields.hpp"
@@ -296,7 +297,7 @@ std::optional<fs::path> intrinsics_file(const fs::path& folder) {
 }
 
 Intrinsics read_intrinsics(const fs::path& file) {
-  const std::string extension = lower(file.extension().string());
+  const std::string extension = extension_of(file);
   Intrinsics found;
   if (extension == ".json") {
     read_json(file, kJson, [&](const Json& json) { take(json, found); });

@@ -13,6 +13,7 @@
 #include "base/image_file.hpp"
 #include "base/read_whole.hpp"
 #include "cairn/calibrate.hpp"
+#include "cairn/file_name.hpp"
 #include "cairn/known_cameras.hpp"
 #include "cairn/source.hpp"
 #include "io/image_names.hpp"
@@ -362,8 +363,9 @@ Trajectory recorded_truth(const fs::path& recording) {
     return unpacked(recording)->told_in_its_name([](const std::string& inside) { return recorded_truth(inside); });
   if (is_ros_recording(recording)) return {};
   if (fs::is_directory(recording) || !fs::exists(recording)) return read_recording(recording).truth;
-  if (recording.extension() == ".mkv" || recording.extension() == ".oni") return {};
-  return recording.extension() == ".sens" ? sens_truth(recording) : read_trajectory(recording);
+  const std::string extension = extension_of(recording);
+  if (extension == ".mkv" || extension == ".oni") return {};
+  return extension == ".sens" ? sens_truth(recording) : read_trajectory(recording);
 }
 
 }  // namespace cairn

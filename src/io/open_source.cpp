@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "base/colour_view.hpp"
+#include "cairn/file_name.hpp"
 #include "cairn/source.hpp"
 #include "io/azure_kinect.hpp"
 #include "io/camera_file.hpp"
@@ -124,14 +125,15 @@ std::unique_ptr<Source> with_cameras(std::unique_ptr<Source> source, const std::
   return std::make_unique<WithCameras>(std::move(source), rig);
 }
 
-bool is_sensor(std::string_view name) { return name.starts_with(kSensor) && !name.ends_with(".oni"); }
+bool is_sensor(std::string_view name) { return name.starts_with(kSensor) && extension_of(name) != ".oni"; }
 
 bool is_synthetic(std::string_view name) { return name.starts_with(kSynthetic); }
 
 namespace {
 
 std::unique_ptr<Source> open_by_name(const std::string& name, const SourceOptions& options) {
-  if (name.starts_with(kSensor) || name.ends_with(".oni")) {
+  const std::string extension = extension_of(name);
+  if (name.starts_with(kSensor) || extension == ".oni") {
     const std::string uri = name.starts_with(kSensor) ? name.substr(kSensor.size()) : name;
     return std::make_unique<InRange>(open_openni(uri, {.camera = options.camera, .copy_to = options.copy_to}),
                                      options.range);
@@ -150,11 +152,11 @@ std::unique_ptr<Source> open_by_name(const std::string& name, const SourceOption
     auto source = zip->told_in_its_name([&](const std::string& inside) { return open_source(inside, options); });
     return std::make_unique<ZipSource>(std::move(zip), std::move(source));
   }
-  if (name.ends_with(".mkv"))
+  if (extension == ".mkv")
     return with_cameras(std::make_unique<InRange>(open_azure_kinect(name), options.range), options.camera);
   if (is_ros_recording(name))
     return with_cameras(std::make_unique<InRange>(open_ros(name, options), options.range), options.camera);
-  if (name.ends_with(".sens")) return with_cameras(open_sens(name, options.range), options.camera);
+  if (extension == ".sens") return with_cameras(open_sens(name, options.range), options.camera);
   return open_recording(name, options);
 }
 

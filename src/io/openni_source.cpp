@@ -12,6 +12,7 @@
 #include <fstream>
 #include <stdexcept>
 
+#include "cairn/file_name.hpp"
 #include "io/camera_file.hpp"
 #include "io/oni_file.hpp"
 #include "io/openni.hpp"
@@ -173,7 +174,7 @@ class OpenNiSource final : public Source {
  public:
   OpenNiSource(const std::string& uri, const OpenNiOptions& options) : name_(uri.empty() ? "openni:" : uri) {
     start_openni();
-    if (std::error_code ignored; name_.ends_with(".oni") && fs::is_regular_file(name_, ignored)) check_oni(name_);
+    if (std::error_code ignored; extension_of(name_) == ".oni" && fs::is_regular_file(name_, ignored)) check_oni(name_);
     const auto opened = device_.open(uri.empty() ? openni::ANY_DEVICE : uri.c_str());
     if (opened != openni::STATUS_OK) fail(opened);
     if (device_.isFile() && device_.getPlaybackControl() == nullptr)
@@ -242,7 +243,7 @@ class OpenNiSource final : public Source {
 
   [[noreturn]] void fail(openni::Status status) const {
     const std::string said = openni::OpenNI::getExtendedError();
-    const bool is_file = name_.ends_with(".oni");
+    const bool is_file = extension_of(name_) == ".oni";
     if (is_file && !fs::exists(name_)) throw std::runtime_error(name_ + ": there is no such file");
     if (is_file) throw std::runtime_error(name_ + ": is cut off or no OpenNI recording");
     if (name_ == "openni:" || status == openni::STATUS_NO_DEVICE)

@@ -10,6 +10,7 @@
 
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
+#include "cairn/file_name.hpp"
 #include "cairn/source.hpp"
 #include "io/zip_recording.hpp"
 
@@ -116,7 +117,8 @@ std::unique_ptr<RosRecording> open_rosbag2_folder(const fs::path& folder) {
     // Older versions wrote them with the folder's name.
     fs::path file = folder / name;
     if (!fs::exists(file)) file = folder / fs::path(name).filename();
-    if (packing == "FILE" || file.extension() == ".zstd" || file.extension() == ".zst")
+    if (const std::string extension = extension_of(file);
+        packing == "FILE" || extension == ".zstd" || extension == ".zst")
       throw std::runtime_error(
           fmt::format("{}: is packed as a whole file; unpack it with `zstd -d`, take .zstd from "
                       "its name and `compression_mode: FILE` from {}",
@@ -129,16 +131,19 @@ std::unique_ptr<RosRecording> open_rosbag2_folder(const fs::path& folder) {
 std::unique_ptr<RosRecording> open_ros_recording(const fs::path& name) {
   std::error_code ignored;
   if (fs::is_directory(name, ignored)) return open_rosbag2_folder(name);
-  if (name.extension() == ".mcap") return open_mcap(name);
-  if (name.extension() == ".db3") return open_rosbag2_db3(name);
+  const std::string extension = extension_of(name);
+  if (extension == ".mcap") return open_mcap(name);
+  if (extension == ".db3") return open_rosbag2_db3(name);
   return open_ros1_bag(name);
 }
 
 bool is_ros_recording(const std::string& name) {
   if (is_zip(name)) return is_ros_recording(unpacked(name)->recording());
   std::error_code ignored;
-  if (!fs::is_directory(name, ignored))
-    return name.ends_with(".bag") || name.ends_with(".mcap") || name.ends_with(".db3");
+  if (!fs::is_directory(name, ignored)) {
+    const std::string extension = extension_of(name);
+    return extension == ".bag" || extension == ".mcap" || extension == ".db3";
+  }
   // Others have files of this name, too.
   const fs::path about = fs::path(name) / "metadata.yaml";
   if (!fs::is_regular_file(about, ignored)) return false;

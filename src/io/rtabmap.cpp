@@ -13,6 +13,7 @@
 #include "base/lines.hpp"
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
+#include "cairn/file_name.hpp"
 #include "io/image_names.hpp"
 #include "io/intrinsics.hpp"
 #include "io/pose_matrix.hpp"
@@ -67,7 +68,7 @@ fs::path calibration_in(const fs::path& folder, const std::string& prefix) {
   fs::path first;
   if (fs::is_directory(calib))
     for (const auto& entry : fs::directory_iterator(calib))
-      if (entry.path().extension() == ".yaml" && (first.empty() || entry.path() < first)) first = entry.path();
+      if (extension_of(entry.path()) == ".yaml" && (first.empty() || entry.path() < first)) first = entry.path();
   return first;
 }
 

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/lines.hpp"
+#include "cairn/file_name.hpp"
 #include "cairn/known_cameras.hpp"
 #include "io/image_names.hpp"
 #include "io/intrinsics.hpp"
@@ -159,7 +160,7 @@ std::optional<Recording> read_tum(const fs::path& folder) {
     recording.rig = camera.rig;
     recording.unit_is_told = camera.depth_scale.has_value();
     recording.depth_scale = camera.depth_scale.value_or(recording.depth_scale);
-    if (!camera.has_size && file->extension() != ".yaml") take_size(*file, depth, recording.rig.depth);
+    if (!camera.has_size && extension_of(*file) != ".yaml") take_size(*file, depth, recording.rig.depth);
     recording.understood.push_back({"camera of", file->string()});
   } else if (const KnownCamera* known = known_by_name(folder)) {
     recording.rig = known->camera;

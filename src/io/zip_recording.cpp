@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "base/words.hpp"
+#include "cairn/file_name.hpp"
 
 namespace cairn {
 namespace {
@@ -169,7 +170,7 @@ void require_room(const std::vector<Entry>& entries, const fs::path& archive, co
 
 bool is_zip(const std::string& name) {
   std::error_code ignored;
-  return name.ends_with(".zip") && !fs::is_directory(name, ignored);
+  return extension_of(name) == ".zip" && !fs::is_directory(name, ignored);
 }
 
 UnpackedZip::UnpackedZip(const fs::path& archive)

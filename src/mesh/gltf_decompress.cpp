@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "base/read_whole.hpp"
+#include "cairn/file_name.hpp"
 #include "mesh/gltf.hpp"
 
 namespace cairn {
@@ -125,7 +126,7 @@ std::vector<std::uint8_t> decompressed_gltf(const std::filesystem::path& file) {
     const Bytes bytes = read_whole(file);
     Json j;
     Bytes bin;
-    if (file.extension() == ".glb") {
+    if (extension_of(file) == ".glb") {
       const std::size_t size = word_at(bytes, 12);
       j = parsed(part(bytes, 20, size));
       if (20 + size + 8 <= bytes.size()) bin = part(bytes, 28 + size, word_at(bytes, 20 + size));

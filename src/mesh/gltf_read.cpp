@@ -14,6 +14,7 @@
 #include "base/image_file.hpp"
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
+#include "cairn/file_name.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/gltf.hpp"
 
@@ -222,10 +223,10 @@ std::vector<Mesh> read_gltf_parts(const std::filesystem::path& file) {
   std::string error, warning;
   const std::vector<std::uint8_t> plain = decompressed_gltf(file);
   const bool loaded =
-      !plain.empty()               ? loader.LoadBinaryFromMemory(&model, &error, &warning, plain.data(),
-                                                                 static_cast<unsigned>(plain.size()), file.parent_path().string())
-      : file.extension() == ".glb" ? loader.LoadBinaryFromFile(&model, &error, &warning, file.string())
-                                   : loader.LoadASCIIFromFile(&model, &error, &warning, file.string());
+      !plain.empty()                 ? loader.LoadBinaryFromMemory(&model, &error, &warning, plain.data(),
+                                                                   static_cast<unsigned>(plain.size()), file.parent_path().string())
+      : extension_of(file) == ".glb" ? loader.LoadBinaryFromFile(&model, &error, &warning, file.string())
+                                     : loader.LoadASCIIFromFile(&model, &error, &warning, file.string());
   if (!loaded)
     throw std::runtime_error(file.string() + ": cannot be read as glTF: " + shown(error.substr(0, error.find('\n'))));
   std::vector<Mesh> parts;

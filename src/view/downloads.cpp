@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "cairn/file_name.hpp"
 #include "cairn/mesh.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/points.hpp"
@@ -39,7 +40,7 @@ void write_obj_zip(const fs::path& mesh, const fs::path& file) {
 }  // namespace
 
 std::string content_type_of(const fs::path& name) {
-  const std::string extension = name.extension().string();
+  const std::string extension = extension_of(name);
   for (const auto& [end, type] :
        std::initializer_list<std::pair<const char*, const char*>>{{".glb", "model/gltf-binary"},
                                                                   {".gltf", "model/gltf+json"},

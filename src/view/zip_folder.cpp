@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "cairn/file_name.hpp"
+
 namespace cairn {
 
 void zip_folder(const std::filesystem::path& folder, const std::filesystem::path& file) {
@@ -34,7 +36,7 @@ void zip_folder(const std::filesystem::path& folder, const std::filesystem::path
       zip_source_free(source);
       throw give_up();
     }
-    if (const auto extension = from.extension(); extension == ".jpg" || extension == ".png")
+    if (const std::string extension = extension_of(from); extension == ".jpg" || extension == ".png")
       zip_set_file_compression(zip, static_cast<zip_uint64_t>(number), ZIP_CM_STORE, 0);
   }
   if (zip_close(zip) != 0) throw give_up();

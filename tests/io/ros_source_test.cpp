@@ -256,6 +256,14 @@ TEST(RosSource, GivesWhatWasWrittenInEveryKindOfRosbag2) {
   }
 }
 
+TEST(RosSource, IsKnownByItsExtensionInAnyCase) {
+  expect_all(InFile("A.BAG", bag(messages())).file);
+  expect_all(InFile("a.Mcap", mcap(messages(), "ros1")).file);
+  const TemporaryFolder folder;
+  write_db3(folder / "A.DB3", messages({.wire = Wire::little}), {});
+  expect_all(folder / "A.DB3");
+}
+
 TEST(RosSource, FollowsARecordingThroughItsFiles) {
   const auto all = messages({.wire = Wire::little});
   const auto half = all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2);

@@ -80,9 +80,11 @@ TEST(OpenNi, TellsWhatIsWrongWithAFile) {
   const TemporaryFolder folder;
   EXPECT_NE(error_of([&] { (void)open_openni((folder / "none.oni").string()); }).find("there is no such file"),
             std::string::npos);
-  write_text(folder / "text.oni", "this is not a recording");
-  EXPECT_NE(error_of([&] { (void)open_openni((folder / "text.oni").string()); }).find("cut off or no OpenNI recording"),
-            std::string::npos);
+  for (const char* name : {"text.oni", "TEXT.ONI"}) {
+    write_text(folder / name, "this is not a recording");
+    EXPECT_NE(error_of([&] { (void)open_source((folder / name).string()); }).find("cut off or no OpenNI recording"),
+              std::string::npos);
+  }
   CAIRN_REQUIRE_DATA("oni/kinect_3DJ_12frames.oni");
   write_text(folder / "cut.oni", read_bytes(data_folder() / "oni/kinect_3DJ_12frames.oni").substr(0, 700000));
   EXPECT_NE(error_of([&] { (void)open_openni((folder / "cut.oni").string()); }).find("cut off"), std::string::npos);

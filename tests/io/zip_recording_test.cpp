@@ -100,6 +100,15 @@ TEST(ZipRecording, GivesWhatTheFolderGives) {
   for (const char* layout : {"tum", "open3d", "replica", "nerfstudio"}) expect_same_packed(layout);
 }
 
+TEST(ZipRecording, IsKnownByItsExtensionInAnyCase) {
+  const Unpacking unpacking;
+  const TemporaryFolder folder;
+  write("scannet", folder / "scan");
+  fs::rename(folder / "scan/recording.sens", folder / "scan/RECORDING.SENS");
+  write_zip(folder / "SCAN.ZIP", entries_of(folder / "scan"));
+  expect_same(folder / "SCAN.ZIP", folder / "scan/RECORDING.SENS");
+}
+
 TEST(ZipRecording, GivesWhatAFileInItGives) { expect_same_packed("scannet", "recording.sens"); }
 
 TEST(ZipRecordingOfAPhone, GivesWhatTheFolderGives) { expect_same_packed("stray-scanner"); }
