@@ -27,8 +27,9 @@ struct Mesh {
   Texture texture;
 };
 
-/// Writes by extension: .glb, .gltf (with .bin and texture beside it), .ply (binary) or .obj (with .mtl and texture).
-/// glTF is turned to y-up, and says so in `asset.extras`; PLY and OBJ stay in the world frame; PLY has no texture.
+/// Writes by extension: .glb, .gltf (with .bin and texture beside it), .ply (binary), .obj (with .mtl and texture) or
+/// .stl (binary, neither colours nor texture). glTF is turned to y-up, and says so in `asset.extras`, STL to z-up; PLY
+/// and OBJ stay in the world frame; PLY has no texture.
 /// Whole or not at all. Throws std::runtime_error for an unknown extension or an unwritable place.
 void write_mesh(const std::filesystem::path& file, const Mesh& mesh);
 

@@ -19,7 +19,12 @@ struct ObjOptions {
   bool png = false;
   int jpeg_quality = 90;
 };
-void write_obj(const std::filesystem::path& file, const std::vector<Mesh>& parts, const ObjOptions& options = {});
+/// Returns what was written, the file itself first.
+std::vector<std::filesystem::path> write_obj(const std::filesystem::path& file, const std::vector<Mesh>& parts,
+                                             const ObjOptions& options = {});
+
+/// Metres, turned so that z is up, without colours.
+void write_stl(const std::filesystem::path& file, const std::vector<Mesh>& parts);
 
 /// Encoded as JPEG or PNG.
 [[nodiscard]] std::vector<std::uint8_t> encode_image(const Texture& texture, bool png, int jpeg_quality);

@@ -25,6 +25,7 @@
 #include "base/json_text.hpp"
 #include "base/spool.hpp"
 #include "cairn/atomic_file.hpp"
+#include "cairn/file_name.hpp"
 #include "mesh/clean.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/topology.hpp"
@@ -583,19 +584,27 @@ void GltfWriter::put(std::ostream& out) const {
   put_glb(out, whole.json({}, {}), state_->buffer, std::move(whole.buffer));
 }
 
-void GltfWriter::write(const std::filesystem::path& file) const {
-  if (file.extension() == ".glb") return write_whole(file, [&](std::ostream& out) { put(out); });
+std::vector<std::filesystem::path> GltfWriter::write(const std::filesystem::path& file) const {
+  std::vector<std::filesystem::path> written{file};
+  if (extension_of(file) == ".glb") {
+    write_whole(file, [&](std::ostream& out) { put(out); });
+    return written;
+  }
   // What lies beside it first: a .gltf that can be seen is complete.
   const std::string stem = as_utf8(file.stem().string());  // they are named in it
   std::vector<std::string> names;
   for (std::size_t i = 0; i < state_->images.size(); ++i) {
     names.push_back(stem + "-" + std::to_string(i) + (state_->options.png ? ".png" : ".jpg"));
-    write_whole(file.parent_path() / names.back(), *state_->images[i]);
+    written.push_back(file.parent_path() / names.back());
+    write_whole(written.back(), *state_->images[i]);
   }
   const std::string bin = stem + ".bin";
-  if (state_->buffer.size > 0)
-    write_whole(file.parent_path() / bin, [&](std::ostream& out) { state_->buffer.put(out); });
+  if (state_->buffer.size > 0) {
+    written.push_back(file.parent_path() / bin);
+    write_whole(written.back(), [&](std::ostream& out) { state_->buffer.put(out); });
+  }
   write_whole(file, state_->json(bin, names));
+  return written;
 }
 
 void write_gltf(const std::filesystem::path& file, const Mesh& mesh) {

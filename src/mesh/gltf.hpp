@@ -41,7 +41,8 @@ class GltfWriter {
   /// Adds the camera's path as a line, and a camera for each pose.
   void add_cameras(const Camera& camera, const Trajectory& path, const std::vector<Eigen::Isometry3d>& cameras);
   /// .glb, or .gltf with a .bin and the textures beside it. Whole or not at all; what lies beside it comes first.
-  void write(const std::filesystem::path& file) const;
+  /// Returns what was written, the file itself first.
+  std::vector<std::filesystem::path> write(const std::filesystem::path& file) const;
   /// Puts a .glb into a stream.
   void put(std::ostream& out) const;
 

@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "base/image_file.hpp"
+#include "cairn/file_name.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/gltf.hpp"
 #include "mesh/topology.hpp"
@@ -13,7 +14,7 @@ namespace {
 
 [[noreturn]] void unknown(const std::filesystem::path& file) {
   throw std::runtime_error(file.string() + ": '" + file.extension().string() +
-                           "' is no mesh format that is known; use .glb, .gltf or .ply");
+                           "' is no mesh format that is read; use .glb, .gltf or .ply");
 }
 
 }  // namespace
@@ -24,15 +25,16 @@ std::vector<std::uint8_t> encode_image(const Texture& texture, bool png, int jpe
 }
 
 void write_mesh(const std::filesystem::path& file, const Mesh& mesh) {
-  const auto extension = file.extension();
+  const std::string extension = extension_of(file);
   if (extension == ".glb" || extension == ".gltf") return write_gltf(file, mesh);
   if (extension == ".ply") return write_ply(file, mesh);
-  if (extension == ".obj") return write_obj(file, {mesh});
+  if (extension == ".obj") return static_cast<void>(write_obj(file, {mesh}));
+  if (extension == ".stl") return write_stl(file, {mesh});
   unknown(file);
 }
 
 std::vector<Mesh> read_mesh_parts(const std::filesystem::path& file) {
-  const auto extension = file.extension();
+  const std::string extension = extension_of(file);
   std::vector<Mesh> parts;
   if (extension == ".glb" || extension == ".gltf")
     parts = read_gltf_parts(file);

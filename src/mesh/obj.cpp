@@ -10,7 +10,9 @@
 
 namespace cairn {
 
-void write_obj(const std::filesystem::path& file, const std::vector<Mesh>& parts, const ObjOptions& options) {
+std::vector<std::filesystem::path> write_obj(const std::filesystem::path& file, const std::vector<Mesh>& parts,
+                                             const ObjOptions& options) {
+  std::vector<std::filesystem::path> written{file};
   const std::string stem = file.stem().string();
   std::string materials, text = "# cairn, metres\n";
   auto out = std::back_inserter(text);
@@ -34,7 +36,8 @@ void write_obj(const std::filesystem::path& file, const std::vector<Mesh>& parts
     for (const auto& n : mesh.normals) fmt::format_to(out, "vn {:.4f} {:.4f} {:.4f}\n", n.x(), n.y(), n.z());
     if (is_textured) {
       const std::string image = fmt::format("{}-{}.{}", stem, i, options.png ? "png" : "jpg");
-      write_whole(file.parent_path() / image, encode_image(mesh.texture, options.png, options.jpeg_quality));
+      written.push_back(file.parent_path() / image);
+      write_whole(written.back(), encode_image(mesh.texture, options.png, options.jpeg_quality));
       materials += fmt::format("newmtl surface-{}\nKd 1 1 1\nKs 0 0 0\nillum 0\nmap_Kd {}\n", i, image);
       fmt::format_to(out, "usemtl surface-{}\n", i);
     }
@@ -51,8 +54,12 @@ void write_obj(const std::filesystem::path& file, const std::vector<Mesh>& parts
     first_texture_coordinate += mesh.texture_coordinates.size();
     first_normal += mesh.normals.size();
   }
-  if (has_textures) write_whole(file.parent_path() / (stem + ".mtl"), materials);
+  if (has_textures) {
+    written.push_back(file.parent_path() / (stem + ".mtl"));
+    write_whole(written.back(), materials);
+  }
   write_whole(file, text);
+  return written;
 }
 
 }  // namespace cairn

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cairn/evaluation.hpp"
+#include "cairn/file_name.hpp"
 #include "cairn/mesh.hpp"
 #include "mesh/gltf.hpp"
 #include "support/files.hpp"
@@ -41,7 +42,7 @@ TEST_P(MeshFile, ComesBackAsItWasWritten) {
 }
 
 TEST_P(MeshFile, SatisfiesTheGltfValidator) {
-  if (std::string(GetParam()) == ".ply") return;
+  if (extension_of(std::string("a") + GetParam()) == ".ply") return;
   const TemporaryFolder folder;
   for (const Mesh& mesh : {tetrahedron(), Mesh{}}) {
     const auto file = folder / (std::string("a") + GetParam());
@@ -66,7 +67,7 @@ TEST_P(MeshFile, IsNotLeftBehindInAFolderThatIsMissing) {
             std::string::npos);
 }
 
-INSTANTIATE_TEST_SUITE_P(Formats, MeshFile, testing::Values(".glb", ".gltf", ".ply"),
+INSTANTIATE_TEST_SUITE_P(Formats, MeshFile, testing::Values(".glb", ".gltf", ".ply", ".GLB", ".Gltf", ".PLY"),
                          [](const auto& parameter) { return parameter.param + 1; });
 
 /// A textured sheet, bent.
@@ -311,8 +312,49 @@ TEST(WriteObj, TellsPlacesMaterialAndTexture) {
   EXPECT_NE(obj.find("\nf 1/1/1 2/2/2 23/23/23\n"), std::string::npos);
 }
 
+/// Six times the volume, more than 0 where triangles are counter-clockwise seen from outside.
+float volume_of(const std::vector<std::array<Eigen::Vector3f, 3>>& triangles) {
+  float volume = 0;
+  for (const auto& [a, b, c] : triangles) volume += a.dot(b.cross(c));
+  return volume;
+}
+
+TEST(WriteStl, HoldsTheTrianglesWithZUp) {
+  const TemporaryFolder folder;
+  const Mesh mesh = tetrahedron();
+  write_mesh(folder / "a.STL", mesh);
+  const std::string bytes = read_bytes(folder / "a.STL");
+  ASSERT_EQ(bytes.size(), 84 + 50 * mesh.triangles.size());
+  EXPECT_FALSE(bytes.starts_with("solid"));  // as text does
+  const auto number = [&](std::size_t at) {
+    float value = 0;
+    std::memcpy(&value, bytes.data() + at, 4);
+    return value;
+  };
+  std::uint32_t count = 0;
+  std::memcpy(&count, bytes.data() + 80, 4);
+  EXPECT_EQ(count, mesh.triangles.size());
+  std::vector<std::array<Eigen::Vector3f, 3>> plain, written;
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    const auto vector = [&](std::size_t i) {
+      const std::size_t at = 84 + 50 * t + 12 * i;
+      return Eigen::Vector3f(number(at), number(at + 4), number(at + 8));
+    };
+    written.push_back({vector(1), vector(2), vector(3)});
+    const auto& [a, b, c] = written.back();
+    EXPECT_TRUE(vector(0).isApprox((b - a).cross(c - a).normalized(), 1e-6f));
+    auto& corners = plain.emplace_back();
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Eigen::Vector3f& p = corners[i] = mesh.positions[mesh.triangles[t][i]];
+      EXPECT_EQ(written.back()[i], Eigen::Vector3f(p.x(), p.z(), -p.y()));  // y is down in the world
+    }
+  }
+  EXPECT_FLOAT_EQ(volume_of(written), volume_of(plain));  // turned, not mirrored
+}
+
 TEST(WriteMesh, RefusesAnUnknownExtension) {
-  EXPECT_NE(error_of([] { write_mesh("a.stl", tetrahedron()); }).find("'.stl'"), std::string::npos);
+  EXPECT_NE(error_of([] { write_mesh("a.fbx", tetrahedron()); }).find("'.fbx'"), std::string::npos);
+  EXPECT_NE(error_of([] { (void)read_mesh("a.stl"); }).find("no mesh format that is read"), std::string::npos);
 }
 
 TEST(WriteMesh, TurnsGltfToYUp) {
