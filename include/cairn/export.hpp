@@ -7,6 +7,7 @@
 #include <functional>
 #include <map>
 #include <string>
+#include <vector>
 
 namespace cairn {
 
@@ -20,8 +21,9 @@ struct CleanOptions {
 };
 
 struct SimplifyOptions {
-  float ratio = 1.0f;      ///< of the triangles that is left, more where max_error does not allow it
-  float max_error = 0.0f;  ///< metres that the surface may move; 0: as far as the ratio needs, two voxels at most
+  float ratio = 1.0f;         ///< of the triangles that is left, more where max_error does not allow it
+  float max_error = 0.0f;     ///< metres that the surface may move; 0: as far as the ratio needs, two voxels at most
+  std::size_t triangles = 0;  ///< in place of both: no more are left, however far the surface moves; 0: no such limit
 };
 
 struct TextureOptions {
@@ -52,7 +54,8 @@ struct ExportOptions {
   TextureOptions texture;
   Compression compression = Compression::none;
   float cell_size = 0.0f;  ///< metres; the map becomes a node or tile a cell; 0: one node as long as it is not large
-  float point_spacing = 0.0f;  ///< metres; instead of triangles points that far apart (.ply); 0: triangles
+  float point_spacing = 0.0f;  ///< metres; instead of triangles points that far apart (.ply); 0: triangles. What would
+                               ///< not fit into the memory is refused before the work begins
   bool cameras = false;        ///< glTF: the camera's path as a line, and a camera for each keyframe
   int levels = 1;              ///< of detail, each with a quarter of the triangles: X.glb, X.lod1.glb, ...
   std::string source;          ///< for `asset.extras`: what the map was made from
@@ -68,6 +71,7 @@ struct Exported {
   std::size_t triangles = 0, vertices = 0, points = 0;
   std::size_t components_removed = 0, holes_filled = 0;
   float error = 0;  ///< metres by which simplification moved the surface at most, by its own account
+  std::vector<std::filesystem::path> files;  ///< that were written, the one that was asked for first
   int parts = 0, textures = 0, charts = 0, tiles = 0;
   float texel = 0;  ///< metres; the coarsest
   std::size_t texels = 0;
@@ -99,7 +103,8 @@ struct ExportedViews {
   std::size_t points = 0;
 };
 
-/// Called after each step of `count`; `what` is done next.
+/// Called after each step: about `done` of `count` equal parts of the time are over; `what` is done next. `done` never
+/// falls, and is `count` in the end.
 using ExportProgress = std::function<void(int done, int count, const std::string& what)>;
 
 }  // namespace cairn

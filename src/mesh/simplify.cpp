@@ -20,6 +20,7 @@ constexpr int kRounds = 4;          // of making again what came out with sides 
 constexpr float kFarthest = 2.5f;   // of a surface beside another, in units of what quadrics tell: on spheres 2.4
 constexpr float kRegionScale = 24;  // Felzenszwalb & Huttenlocher's k, in steps of colour
 constexpr std::uint32_t kSmallRegion = 64;  // triangles; smaller regions are noise
+constexpr float kAnyError = 1;              // of the mesh's size
 constexpr int kVotes = 2;                   // of neighbours, to straighten the edges of regions
 
 /// What meshoptimizer works on: a vertex for each region that meets in it, which makes the edges between regions seams.
@@ -155,16 +156,13 @@ void straighten(std::vector<std::uint32_t>& region, const std::vector<Link>& lin
   }
 }
 
-}  // namespace
+float scale_of(const Mesh& mesh) {
+  return meshopt_simplifyScale(mesh.positions[0].data(), mesh.positions.size(), sizeof(Eigen::Vector3f));
+}
 
-Simplified simplify(Mesh& mesh, const SimplifyOptions& options, const std::vector<bool>& locked, bool keep_colours) {
-  if (mesh.triangles.empty() || (options.ratio >= 1 && options.max_error <= 0)) return {0, drop_unused_vertices(mesh)};
-  const float scale = meshopt_simplifyScale(mesh.positions[0].data(), mesh.positions.size(), sizeof(Eigen::Vector3f));
-  const auto target =
-      options.max_error > 0 && options.ratio >= 1
-          ? std::size_t{0}
-          : static_cast<std::size_t>(static_cast<double>(options.ratio) * static_cast<double>(mesh.triangles.size()));
-  const float allowed = options.max_error > 0 ? options.max_error / (kFarthest * scale) : 1.0f;
+/// Down to `target` triangles as far as the surface moves no more than `allowed` of its size.
+Simplified collapse(Mesh& mesh, std::size_t target, float allowed, const std::vector<bool>& locked, bool keep_colours) {
+  const float scale = scale_of(mesh);
   const std::vector<std::uint32_t> region =
       keep_colours && !mesh.colours.empty() ? colour_regions(mesh) : std::vector<std::uint32_t>{};
   std::vector<bool> fixed = locked;
@@ -200,6 +198,53 @@ Simplified simplify(Mesh& mesh, const SimplifyOptions& options, const std::vecto
       if (near[v]) fixed[v] = true;
   }
   return {kFarthest * error * scale, drop_unused_vertices(mesh)};
+}
+
+/// Down to `target` triangles whatever becomes of the shape: vertices of a coarse grid's cells become one.
+Simplified cluster(Mesh& mesh, std::size_t target) {
+  std::vector<std::uint32_t> all;
+  for (const auto& t : mesh.triangles) all.insert(all.end(), t.begin(), t.end());
+  std::vector<std::uint32_t> left(all.size());
+  float error = 0;
+  left.resize(meshopt_simplifySloppy(left.data(), all.data(), all.size(), mesh.positions[0].data(),
+                                     mesh.positions.size(), sizeof(Eigen::Vector3f), 3 * target, kAnyError, &error));
+  const float scale = scale_of(mesh);
+  mesh.triangles.clear();
+  for (std::size_t i = 0; i + 2 < left.size(); i += 3) mesh.triangles.push_back({left[i], left[i + 1], left[i + 2]});
+  (void)make_manifold(mesh);
+  return {error * scale, drop_unused_vertices(mesh)};
+}
+
+/// No more than `most` triangles. What stands in the way goes in turn: edges of colours, locked vertices, and in the
+/// end the shape itself.
+Simplified collapse_to(Mesh& mesh, std::size_t most, const std::vector<bool>& locked, bool keep_colours) {
+  const bool has_colours = keep_colours && !mesh.colours.empty(),
+             has_locked = std::find(locked.begin(), locked.end(), true) != locked.end();
+  for (const auto& [keeps_colours, keeps_locked] : {std::pair(true, true), {false, true}, {false, false}}) {
+    if ((!keeps_colours && keeps_locked && !has_colours) || (!keeps_locked && !has_locked)) continue;
+    Mesh fewer = mesh;
+    Simplified simplified =
+        collapse(fewer, most, kAnyError, keeps_locked ? locked : std::vector<bool>{}, keeps_colours && has_colours);
+    if (fewer.triangles.size() > most) continue;
+    mesh = std::move(fewer);
+    return simplified;
+  }
+  return cluster(mesh, most);
+}
+
+}  // namespace
+
+Simplified simplify(Mesh& mesh, const SimplifyOptions& options, const std::vector<bool>& locked, bool keep_colours) {
+  if (options.triangles > 0 && mesh.triangles.size() > options.triangles)
+    return collapse_to(mesh, options.triangles, locked, keep_colours);
+  if (mesh.triangles.empty() || options.triangles > 0 || (options.ratio >= 1 && options.max_error <= 0))
+    return {0, drop_unused_vertices(mesh)};
+  const auto target =
+      options.max_error > 0 && options.ratio >= 1
+          ? std::size_t{0}
+          : static_cast<std::size_t>(static_cast<double>(options.ratio) * static_cast<double>(mesh.triangles.size()));
+  const float allowed = options.max_error > 0 ? options.max_error / (kFarthest * scale_of(mesh)) : kAnyError;
+  return collapse(mesh, target, allowed, locked, keep_colours);
 }
 
 std::vector<std::uint32_t> colour_regions(const Mesh& mesh) {

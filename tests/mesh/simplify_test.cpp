@@ -57,6 +57,41 @@ TEST(Simplify, LeavesTheShareThatWasAskedForAndNoHoles) {
   EXPECT_EQ(topology.unreferenced_vertices, 0u);
 }
 
+TEST(Simplify, LeavesNoMoreTrianglesThanWereAskedFor) {
+  for (const std::size_t most : {std::size_t{4}, std::size_t{100}, std::size_t{1000}}) {
+    SCOPED_TRACE(most);
+    Mesh sphere = sphere_mesh(5);  // 8192 triangles
+    simplify(sphere, {.triangles = most}, {}, true);
+    EXPECT_LE(sphere.triangles.size(), most);
+    EXPECT_GE(sphere.triangles.size(), most - most / 10);
+    EXPECT_EQ(examine_topology(sphere).non_manifold_edges, 0u);
+  }
+  Mesh few = sphere_mesh(1);
+  const auto before = few.triangles;
+  simplify(few, {.triangles = before.size()}, {}, true);
+  EXPECT_EQ(few.triangles, before);
+}
+
+TEST(Simplify, GivesUpWhatStandsInTheWayOfSoFew) {
+  // Every vertex locked, and each of 50 pieces with two colours: neither may be kept.
+  Mesh pieces;
+  for (int i = 0; i < 50; ++i) {
+    Mesh piece = sphere_mesh(2);
+    for (auto& p : piece.positions) p += Eigen::Vector3f(3 * static_cast<float>(i), 0, 0);
+    append(pieces, piece);
+  }
+  for (const auto& p : pieces.positions)
+    pieces.colours.push_back(p.y() > 0 ? std::array<std::uint8_t, 4>{250, 0, 0, 255}
+                                       : std::array<std::uint8_t, 4>{0, 0, 250, 255});
+  for (const std::size_t most : {std::size_t{3000}, std::size_t{600}, std::size_t{60}}) {
+    Mesh fewer = pieces;
+    simplify(fewer, {.triangles = most}, std::vector<bool>(pieces.positions.size(), true), true);
+    EXPECT_LE(fewer.triangles.size(), most);
+    EXPECT_GT(fewer.triangles.size(), most / 4);
+    EXPECT_EQ(fewer.colours.size(), fewer.positions.size());
+  }
+}
+
 TEST(Simplify, KeepsLockedVertices) {
   Mesh mesh = flat_grid(30, 30, 0.01f);
   std::vector<bool> locked;
