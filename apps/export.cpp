@@ -64,6 +64,13 @@ void export_grids(const Arguments& a) {
   say("{}  {}\n", a.output.string(), size_in_words(fs::file_size(a.output)));
 }
 
+std::uintmax_t size_below(const fs::path& folder) {
+  std::uintmax_t bytes = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(folder))
+    if (entry.is_regular_file()) bytes += entry.file_size();
+  return bytes;
+}
+
 void export_views(const Arguments& a) {
   ViewsOptions options{.program = *a.program, .images = a.images};
   if (a.options.point_spacing > 0) options.point_spacing = a.options.point_spacing;
@@ -73,8 +80,27 @@ void export_views(const Arguments& a) {
   if (a.json)
     fmt::print("{}\n", text_of({{"images", e.images}, {"keyframes", e.keyframes}, {"points", e.points}}, 2));
   else
-    say("{}: {} images of {} keyframes, {} points\n", a.output.string(), e.images, e.keyframes,
-        count_in_words(e.points));
+    say("{}  {}, {} images of {} keyframes, {} points\n", a.output.string(), size_in_words(size_below(a.output)),
+        e.images, e.keyframes, count_in_words(e.points));
+}
+
+/// The sizes of the files that lie beside the one that was asked for.
+void print_others(const std::vector<fs::path>& files) {
+  constexpr std::size_t kMostLines = 8;
+  if (files.size() > kMostLines + 1) {
+    std::uintmax_t bytes = 0;
+    for (std::size_t i = 1; i < files.size(); ++i) bytes += fs::file_size(files[i]);
+    say("{}  {} in {} files\n", (files.back().parent_path() / "").string(), size_in_words(bytes), files.size() - 1);
+    return;
+  }
+  for (std::size_t i = 1; i < files.size(); ++i)
+    say("{}  {}\n", files[i].string(), size_in_words(fs::file_size(files[i])));
+}
+
+nlohmann::json sizes_of(const std::vector<fs::path>& files) {
+  auto sizes = nlohmann::json::array();
+  for (const fs::path& file : files) sizes.push_back({{"file", file.string()}, {"bytes", fs::file_size(file)}});
+  return sizes;
 }
 
 void print(const Arguments& a, const Exported& e) {
@@ -90,6 +116,7 @@ void print(const Arguments& a, const Exported& e) {
         : a.options.levels > 1 ? ", levels of detail"
                                : "",
         seconds);
+  print_others(e.files);
   if (e.components_removed + e.holes_filled > 0)
     say("clean     {} floating pieces removed, {} holes filled\n", e.components_removed, e.holes_filled);
   if (e.error > 0) say("simplify  {:.1f} mm at most\n", 1e3 * static_cast<double>(e.error));
@@ -106,7 +133,9 @@ void run_export(const Arguments& a) {
   if (extension_of(a.output) == ".vdb") return export_grids(a);
   const Exported e = export_it(a);
   if (a.json) {
-    fmt::print("{}\n", text_of(to_json(e), 2));
+    nlohmann::json told = to_json(e);
+    told["files"] = sizes_of(e.files);
+    fmt::print("{}\n", text_of(told, 2));
     return;
   }
   print(a, e);
@@ -116,7 +145,8 @@ void run_export(const Arguments& a) {
 
 ExportOptions MeshArguments::for_file(const fs::path& file) const {
   ExportOptions options = *this;
-  const bool may_have_texture = extension_of(file) != ".ply" && point_spacing <= 0;
+  const std::string extension = extension_of(file);
+  const bool may_have_texture = extension != ".ply" && extension != ".stl" && point_spacing <= 0;
   options.texture.enabled = asks_for_texture || (may_have_texture && !no_texture);
   return options;
 }
@@ -137,9 +167,17 @@ void add_export_options(CLI::App& command, MeshArguments& o) {
   const auto option = [&](const char* name, auto& value, const char* help) {
     return command.add_option(name, value, help)->capture_default_str()->group(kGroup);
   };
-  option("--simplify", o.simplify.ratio, "Share of the triangles that is left");
-  option("--max-error", o.simplify.max_error,
-         "Metres that simplification may move the surface; 0: what --simplify needs, two voxels at most");
+  auto* ratio = option("--simplify", o.simplify.ratio, "Share of the triangles that is left");
+  auto* max_error =
+      option("--max-error", o.simplify.max_error,
+             "Metres that simplification may move the surface; 0: what --simplify needs, two voxels at most");
+  command
+      .add_option("--triangles", o.simplify.triangles,
+                  "No more triangles than that are left, however far the surface moves for it [all]")
+      ->check(CLI::PositiveNumber)
+      ->excludes(ratio)
+      ->excludes(max_error)
+      ->group(kGroup);
   option("--min-piece", o.clean.min_piece, "Metres; smaller floating pieces are removed");
   option("--min-weight", o.clean.min_weight, "Observations at 1 m; surface that was seen less is removed");
   option("--fill-holes", o.clean.fill_holes, "Metres; smaller holes are closed");
@@ -180,8 +218,8 @@ void add_export(CLI::App& program) {
       ->check(CLI::ExistingPath);
   command
       ->add_option("-o,--output", a->output,
-                   "X.glb, X.gltf, X.ply, X.obj, tileset.json: 3D Tiles 1.1 with levels of "
-                   "detail, X.vdb: the grids, or with --for a new folder")
+                   "X.glb, X.gltf, X.ply, X.obj, X.stl: for printing, metres, z up, tileset.json: 3D Tiles 1.1 with "
+                   "levels of detail, X.vdb: the grids, or with --for a new folder")
       ->required()
       ->type_name(kPath);
   add_export_options(*command, a->options);

@@ -11,6 +11,7 @@ namespace {
 using Words = std::pair<const char*, const char*>;
 constexpr std::array kFlags{
     Words{"SimplifyOptions::ratio", "--simplify"},
+    Words{"SimplifyOptions::triangles", "--triangles"},
     Words{"SimplifyOptions::max_error", "--max-error"},
     Words{"CleanOptions::min_piece", "--min-piece"},
     Words{"CleanOptions::min_weight", "--min-weight"},

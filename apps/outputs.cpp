@@ -144,7 +144,7 @@ Exported Outputs::write_model(Mapper& mapper, MeshArguments& options, const Expo
 std::optional<Exported> Outputs::write_mesh(Mapper& mapper, const MeshArguments& options) {
   std::optional<Exported> mesh;
   timed_("mesh", [&] {
-    Progress progress(std::nullopt, "steps");
+    Progress progress(std::nullopt, "");
     MeshArguments both = options;
     both.preview.file = output_ / "preview.glb";
     std::filesystem::remove(both.preview.file);
@@ -154,10 +154,10 @@ std::optional<Exported> Outputs::write_mesh(Mapper& mapper, const MeshArguments&
     else if (!std::filesystem::exists(both.preview.file)) {  // fewer triangles than it takes, or a large texture
       MeshArguments smaller = both;
       smaller.preview.file.clear();
-      smaller.simplify.ratio =
-          std::min(1.0f, static_cast<float>(both.preview.triangles) / static_cast<float>(mesh->triangles));
+      smaller.simplify = {.triangles = std::min(both.preview.triangles, mesh->triangles)};
       smaller.compression = Compression::meshopt;
-      export_mesh(mapper.map(), both.preview.file, smaller, on(progress));
+      Progress of_preview(std::nullopt, "");
+      export_mesh(mapper.map(), both.preview.file, smaller, on(of_preview));
     }
   });
   return mesh;

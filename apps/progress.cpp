@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <utility>
 
@@ -61,8 +62,11 @@ void Progress::step(const std::string& state) {
 }
 
 void Progress::step(int done, int total, const std::string& state) {
-  done_.done = done;
-  done_.total = total;
+  // What begins again in another way, as a mesh without the texture that it cannot have, does not take it back.
+  if (!done_.total || done * std::int64_t{*done_.total} > done_.done * std::int64_t{total}) {
+    done_.done = done;
+    done_.total = total;
+  }
   show(state);
 }
 

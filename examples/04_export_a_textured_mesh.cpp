@@ -18,7 +18,7 @@ int main(int argc, char** argv) try {
   options.compression = cairn::Compression::meshopt;
   const char* file = argc > 2 ? argv[2] : "textured.glb";
   const cairn::Exported done = map.export_mesh(file, options, [](int step, int steps, const std::string& what) {
-    std::printf("%d of %d: %s\n", step, steps, what.c_str());
+    std::printf("%d %%: %s\n", 100 * step / steps, what.c_str());
   });
   std::printf("%s: %zu of %zu triangles, texels of %.1f mm\n", file, done.triangles, done.full_triangles,
               1e3 * static_cast<double>(done.texel));

@@ -39,8 +39,8 @@ class Map {
                                                                const Trajectory& visited = {});
   [[nodiscard]] std::shared_ptr<const DistanceField> distances();  ///< with the mapper's own options
   /// Writes the surface: clean, simplified, textured and packed as asked for; by the extension .glb, .gltf, .ply, .obj,
-  /// or a tileset.json (3D Tiles 1.1) with its tiles beside it. It works cell by cell. Each file whole or not at all,
-  /// the one that was asked for last. Throws std::runtime_error with what is wrong and what to do.
+  /// .stl, or a tileset.json (3D Tiles 1.1) with its tiles in a folder beside it. It works cell by cell. Each file
+  /// whole or not at all, the one that was asked for last. Throws std::runtime_error with what is wrong and what to do.
   Exported export_mesh(const std::filesystem::path& file, const ExportOptions& options = {},
                        const ExportProgress& progress = {});
   /// Writes images with poses and depth, and points of the surface, into a new folder: keyframes as the colour camera

@@ -4,11 +4,15 @@
 
 #include <stdexcept>
 
+#include "cairn/file_name.hpp"
 #include "export/export_run.hpp"
 
 namespace cairn {
 
 namespace {
+
+constexpr double kLeastTriangles = 100;  // of a room: fewer are no shape of it
+constexpr double kMostTriangles = 4e9;   // as an index of 32 bits counts them
 
 void range(const char* name, double value, double low, double high) {
   if (!(value >= low && value <= high))
@@ -23,13 +27,22 @@ void check(const ViewsOptions& o) {
 }
 
 void check(const ExportOptions& o, const std::filesystem::path& file) {
-  const auto extension = file.extension();
-  if (extension != ".glb" && extension != ".gltf" && extension != ".ply" && extension != ".obj" && extension != ".json")
+  const std::string extension = extension_of(file);
+  if (extension != ".glb" && extension != ".gltf" && extension != ".ply" && extension != ".obj" &&
+      extension != ".stl" && extension != ".json")
     throw std::runtime_error(
-        fmt::format("{}: '{}' is no format that is written; use .glb, .gltf, .ply, .obj, or "
+        fmt::format("{}: '{}' is no format that is written; use .glb, .gltf, .ply, .obj, .stl, or "
                     "tileset.json for 3D Tiles",
-                    file.string(), extension.string()));
+                    file.string(), file.extension().string()));
   range("SimplifyOptions::ratio", static_cast<double>(o.simplify.ratio), 0.0001, 1);
+  if (o.simplify.triangles > 0) {
+    range("SimplifyOptions::triangles", static_cast<double>(o.simplify.triangles), kLeastTriangles, kMostTriangles);
+    if (o.simplify.ratio != 1)
+      throw std::runtime_error("SimplifyOptions::triangles and SimplifyOptions::ratio exclude each other: give one");
+    if (o.simplify.max_error != 0)
+      throw std::runtime_error(
+          "SimplifyOptions::triangles and SimplifyOptions::max_error exclude each other: give one");
+  }
   range("SimplifyOptions::max_error", static_cast<double>(o.simplify.max_error), 0, 1);
   range("CleanOptions::min_piece", static_cast<double>(o.clean.min_piece), 0, 10);
   range("CleanOptions::min_weight", static_cast<double>(o.clean.min_weight), 0, 255);
@@ -43,8 +56,8 @@ void check(const ExportOptions& o, const std::filesystem::path& file) {
   const auto refuse = [&](const char* what, const char* why) {
     throw std::runtime_error(fmt::format("{}: {} {}", file.string(), what, why));
   };
-  if (o.texture.enabled && extension == ".ply")
-    refuse("TextureOptions::enabled", "needs .glb, .gltf, .obj or tileset.json: PLY has none");
+  if (o.texture.enabled && (extension == ".ply" || extension == ".stl"))
+    refuse("TextureOptions::enabled", "needs .glb, .gltf, .obj or tileset.json: PLY and STL have none");
   if (o.point_spacing > 0 && extension != ".ply") refuse("ExportOptions::point_spacing", "needs .ply");
   if (o.compression != Compression::none && extension != ".glb" && extension != ".gltf" && extension != ".json")
     refuse("ExportOptions::compression", "needs .glb, .gltf or tileset.json");

@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "export/export.hpp"
 
+#include <algorithm>
 #include <optional>
 #include <utility>
 
@@ -13,6 +14,38 @@ namespace cairn {
 
 namespace fs = std::filesystem;
 
+namespace {
+
+constexpr double kTrianglesOfABrick = 40, kLeftWithinAnError = 0.15;  // about
+
+/// The share of the triangles that simplification leaves, about.
+double left_of(const ExportRun& run) {
+  const SimplifyOptions& o = run.options.simplify;
+  if (o.triangles > 0)
+    return std::min(
+        1.0, static_cast<double>(o.triangles) / (kTrianglesOfABrick * static_cast<double>(run.input.bricks.size())));
+  return o.max_error > 0 && o.ratio >= 1 ? kLeftWithinAnError : static_cast<double>(o.ratio);
+}
+
+/// What all of the run's steps take.
+double effort_of(const ExportRun& run) {
+  const ExportOptions& options = run.options;
+  const bool has_points = options.point_spacing > 0;
+  double each = Effort::kMesh + Effort::kClean + Effort::kWrite;
+  if (run.simplifies() && !has_points) each += Effort::kSimplify;
+  double keyframes = 0;
+  if (options.texture.enabled) {
+    // Levels of detail have a texture each, of about a quarter of the work.
+    const double levels = is_tileset(run.file) || options.levels > 1 ? 1 / (1 - static_cast<double>(kLevelRatio)) : 1;
+    each += levels * (run.effort.charts + Effort::kTexture);
+    keyframes = (Effort::kExposure + Effort::kRegistration) * static_cast<double>(run.input.keyframes.size());
+  }
+  return each * static_cast<double>(run.input.bricks.size()) + keyframes +
+         (has_points ? Effort::kPoint * run.expected_points() : 0);
+}
+
+}  // namespace
+
 Exported export_surface(const ExportInput& input, const fs::path& file, const ExportOptions& options,
                         const ExportProgress& progress) {
   check(options, file);
@@ -23,8 +56,11 @@ Exported export_surface(const ExportInput& input, const fs::path& file, const Ex
                 .options = options,
                 .progress = progress,
                 .cells = Cells(input.bricks, input.volume.brick_size(), is_tileset(file), options)};
-  run.count = static_cast<int>(run.cells.all().size()) * (3 + has_texture) + 1 +
-              (has_texture ? static_cast<int>(input.keyframes.size()) : 0);
+  run.effort.charts = Effort::kChartsOfNone + Effort::kChartsOfAll * left_of(run);
+  run.effort.whole = effort_of(run);
+  run.triangles_left = options.simplify.triangles;
+  run.bricks_left = static_cast<double>(input.bricks.size());
+  run.step(0, has_texture ? "comparing exposures" : "meshing");
   std::optional<Texturer> made;
   Texturer* const texturer = has_texture ? &made.emplace(run) : nullptr;
   if (is_tileset(file))
@@ -33,6 +69,7 @@ Exported export_surface(const ExportInput& input, const fs::path& file, const Ex
     write_points(run);
   else
     write_parts(run, texturer);
+  run.end();
   return std::move(run.exported);
 }
 

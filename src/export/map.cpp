@@ -10,6 +10,7 @@
 
 #include "base/mesh_vertices.hpp"
 #include "cairn/atomic_file.hpp"
+#include "cairn/file_name.hpp"
 #include "cairn/mapper.hpp"
 #include "export/export.hpp"
 #include "export/graph_picture.hpp"
@@ -23,6 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kGridPart = 8192;                          // bricks: 32 MiB
+constexpr int kPointsShare = 30;                                 // of 100: what points take of an export of views
 constexpr std::uint64_t kViewMemory = std::uint64_t{512} << 20;  // bytes of keyframes on the device
 
 /// A keyframe's velocity from the frames around it, where they are close in time.
@@ -81,6 +83,14 @@ Trajectory tracked(Trajectory poses, const Upright& upright) {
   return poses;
 }
 
+/// The progress of a stage that begins and ends at these parts in a hundred of the whole.
+ExportProgress part_of(const ExportProgress& whole, int begin, int end) {
+  if (!whole) return {};
+  return [&whole, begin, end](int done, int count, const std::string& next) {
+    whole(begin * count + (end - begin) * done, 100 * count, next);
+  };
+}
+
 class MapperContents final : public Map::Contents {
  public:
   explicit MapperContents(std::shared_ptr<MapState> state) : state_(std::move(state)) {}
@@ -106,7 +116,7 @@ class MapperContents final : public Map::Contents {
   void write_grids(const fs::path& file) override;
 
   void write_graph(const fs::path& file) const override {
-    if (file.extension() == ".svg")
+    if (extension_of(file) == ".svg")
       write_graph_picture(file, state_->back_end.atlas());
     else
       write_g2o(file, upright_graph());
@@ -201,7 +211,9 @@ ExportedViews MapperContents::export_views(const fs::path& folder, const ViewsOp
   ExportedViews exported;
   check(options);
   write_folder(folder, [&](const fs::path& part) {
-    exported.points = export_mesh(part / kViewPoints, {.point_spacing = options.point_spacing}, progress).points;
+    exported.points =
+        export_mesh(part / kViewPoints, {.point_spacing = options.point_spacing}, part_of(progress, 0, kPointsShare))
+            .points;
     const MapState& s = *state_;
     const KeyframeStore& images = s.is_tracked() ? s.back_end.images() : s.given.images;
     const auto keyframes = texture_keyframes(s);
@@ -210,7 +222,7 @@ ExportedViews MapperContents::export_views(const fs::path& folder, const ViewsOp
                                    .keyframes = keyframes,
                                    .get_image = [&](std::size_t image) { return images.get(image); },
                                    .world_from_map = Eigen::Isometry3d(s.upright().world_from_tracked)},
-                                  part, options, progress);
+                                  part, options, part_of(progress, kPointsShare, 100));
   });
   return exported;
 }

@@ -68,7 +68,8 @@ Part make_part(ExportRun& run, Texturer* texturer, const Cells::Key& cell) {
     }
     return input.polygonizer.polygonize(input.volume, bricks);
   });
-  run.step("cleaning");
+  const auto bricks = static_cast<double>(run.cells.all().at(cell).size());
+  run.step(Effort::kMesh * bricks, "cleaning");
   Part part = run.timed("clean", [&] {
     run.exported.full_triangles += static_cast<std::size_t>(std::count_if(
         mesh.triangles.begin(), mesh.triangles.end(), [&](const auto& t) { return run.cells.is_own(mesh, t, cell); }));
@@ -77,10 +78,12 @@ Part make_part(ExportRun& run, Texturer* texturer, const Cells::Key& cell) {
     run.exported.holes_filled += cleaned.holes_filled;
     return cut_out(std::move(mesh), run.cells, cell);
   });
+  part.bricks = bricks;
   part.mesh.weights.clear();
   if (input.load) malloc_trim(0);  // a map made part by part shall not need more and more memory
   if (!has_colours(part.mesh)) part.mesh.colours.clear();
   if (texturer != nullptr) part.colours = std::make_shared<VoxelColours>(part.mesh, input.volume.options().voxel_size);
+  run.step(Effort::kClean * bricks, "simplifying");
   return part;
 }
 
@@ -97,6 +100,25 @@ void simplify_part(ExportRun& run, Part& part, SimplifyOptions options, int free
   });
 }
 
+void simplify_finest(ExportRun& run, Part& part) {
+  SimplifyOptions options = run.options.simplify;
+  if (options.triangles > 0) {
+    // What one cell does not need is there for those after it.
+    const double share = std::min(1.0, part.bricks / run.bricks_left);
+    options.triangles = static_cast<std::size_t>(share * static_cast<double>(run.triangles_left));
+    run.bricks_left -= part.bricks;
+    if (options.triangles == 0) {
+      part.mesh = {};
+      part.free_from.clear();
+      return;
+    }
+  }
+  simplify_part(run, part, options, 0, 0);
+  if (options.triangles > 0) run.triangles_left -= part.mesh.triangles.size();
+  run.moved_by(part.error);
+  if (run.simplifies()) run.step(Effort::kSimplify * part.bricks, run.options.texture.enabled ? "charting" : "writing");
+}
+
 Part join_parts(std::vector<Part> parts) {
   std::vector<Mesh> meshes;
   Part all;
@@ -104,6 +126,7 @@ Part join_parts(std::vector<Part> parts) {
     meshes.push_back(std::move(part.mesh));
     all.free_from.insert(all.free_from.end(), part.free_from.begin(), part.free_from.end());
     all.error = std::max(all.error, part.error);
+    all.bricks += static_cast<double>(kLevelRatio) * part.bricks;
   }
   all.mesh = joined(meshes);
   const std::vector<std::uint32_t> name = weld(all.mesh);

@@ -41,13 +41,15 @@ Texturer::Texturer(ExportRun& run)
     : run_(run),
       views_(run.input.volume, run.input.rig, run.input.surface, keyframes_of(run), run.input.get_image, kViewMemory) {
   run.exported.keyframes = static_cast<int>(views_.size());
-  const bool has_colour =
-      run.timed("exposure", [&] { return views_.compensate_exposure([&] { run.step("comparing exposures"); }); });
+  const bool has_colour = run.timed("exposure", [&] {
+    return views_.compensate_exposure([&] { run_.step(Effort::kExposure, "comparing exposures"); });
+  });
   if (!has_colour)
     throw NoTexture(run.file.string() +
                     ": is not written, the keyframes have no colour, from which a texture is made: export without "
                     "TextureOptions::enabled");
   run.timed("registration", [&] { views_.register_colour(); });
+  run.step(Effort::kRegistration * static_cast<double>(views_.size()), "meshing");
   const shader::ColourCamera& c = views_.colour_camera();
   run.exported.colour_camera = {c.rotation.x,    c.rotation.y,    c.rotation.z, c.translation.x,
                                 c.translation.y, c.translation.z, c.focal_scale};
@@ -75,10 +77,13 @@ Mesh Texturer::texture(const Part& part, int level) {
     }
     texel /= 1.15f;
   });
-  run_.step("colouring");
+  run_.step(run_.effort.charts * part.bricks, "colouring");
   std::size_t points = 0;
   for (const shader::Texel& t : atlas->points) points += t.normal != 0;
-  seen_ += run_.timed("texture", [&] { return views_.blend(*atlas, part.colours.get()); });
+  seen_ += run_.timed("texture", [&] {
+    return views_.blend(*atlas, part.colours.get(),
+                        [&](double share) { run_.step(Effort::kTexture * part.bricks * share, "colouring"); });
+  });
   Exported& exported = run_.exported;
   exported.texels += points;
   exported.textured_share =

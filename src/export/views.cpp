@@ -124,6 +124,7 @@ int write_views(const ViewsInput& input, const std::filesystem::path& folder, co
         "the map has no keyframes with colour to write as images: keep them (Options::keep_keyframes), or give the run "
         "a recording with colour");
   writer->finish();
+  if (progress) progress(static_cast<int>(all), static_cast<int>(all), "done");
   return written;
 }
 

@@ -6,8 +6,6 @@
 
 namespace cairn {
 
-constexpr float kLevelRatio = 0.25f;  // of the triangles, from one level of detail to the next
-
 /// Points of the surface instead of triangles.
 void write_points(ExportRun& run);
 // `texturer`: null without a texture.

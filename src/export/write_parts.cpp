@@ -2,8 +2,12 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <utility>
 
+#include "base/memory.hpp"
+#include "cairn/file_name.hpp"
 #include "export/texturer.hpp"
 #include "export/write.hpp"
 #include "mesh/formats.hpp"
@@ -28,6 +32,10 @@ struct Preview {
   float ratio;  // of the triangles
 };
 
+constexpr double kBytesOfAPoint = 180;  // in memory: the point, the file's bytes, and the cubes that are taken
+constexpr double kMostMemory = 0.5;     // of what is available
+constexpr double kSensible = 0.1;       // voxels: points closer together tell nothing new
+
 constexpr float kTrianglesOfABrick = 40;  // about: 30 where little was seen often, 60 of a desk
 
 std::optional<Preview> preview_of(const ExportRun& run) {
@@ -46,6 +54,7 @@ std::string name_of(const Cells& cells, const Cells::Key& cell) {
 
 void add_to(Preview& preview, ExportRun& run, Texturer* texturer, const Cells::Key& cell, Part part) {
   simplify_part(run, part, {.ratio = preview.ratio}, 0, 0);
+  run.step(Effort::kSimplify * part.bricks, "simplifying");
   const Mesh mesh = run.upright(texturer != nullptr ? texturer->texture(part, 1) : std::move(part.mesh));
   run.timed("write", [&] { (void)preview.gltf.add(name_of(run.cells, cell), mesh); });
 }
@@ -53,13 +62,16 @@ void add_to(Preview& preview, ExportRun& run, Texturer* texturer, const Cells::K
 void add_cell(ExportRun& run, Texturer* texturer, const Cells::Key& cell, std::vector<Level>& levels,
               std::optional<Preview>& preview) {
   Part part = make_part(run, texturer, cell);
-  run.step("simplifying");
   if (preview) add_to(*preview, run, texturer, cell, part);
   for (std::size_t i = 0; i < levels.size(); ++i) {
     const int level = static_cast<int>(i);
     // Cells of one file stay cells at every level.
-    simplify_part(run, part, level == 0 ? run.options.simplify : SimplifyOptions{.ratio = kLevelRatio}, 0, level);
-    run.moved_by(part.error);
+    if (level == 0) {
+      simplify_finest(run, part);
+    } else {
+      simplify_part(run, part, {.ratio = kLevelRatio}, 0, level);
+      run.moved_by(part.error);
+    }
     Mesh mesh = run.upright(texturer != nullptr ? texturer->texture(part, level) : part.mesh);
     GltfWriter::Added added{mesh.triangles.size(), mesh.positions.size()};
     if (is_gltf(run.file))
@@ -67,8 +79,9 @@ void add_cell(ExportRun& run, Texturer* texturer, const Cells::Key& cell, std::v
     else
       levels[i].parts.push_back(std::move(mesh));
     if (level == 0) run.add(added);
+    part.bricks *= static_cast<double>(kLevelRatio);  // of what is left to do
   }
-  run.step("meshing");
+  run.step(Effort::kWrite * static_cast<double>(run.cells.all().at(cell).size()), "meshing");
 }
 
 /// The paths, and a camera for each keyframe.
@@ -80,30 +93,56 @@ void add_cameras(const ExportInput& input, GltfWriter& gltf) {
     gltf.add_cameras(input.rig.depth, input.paths[i], i == 0 ? cameras : std::vector<Eigen::Isometry3d>{});
 }
 
-void write_level(const ExportRun& run, const fs::path& file, Level& level) {
+/// Returns the files.
+std::vector<fs::path> write_level(const ExportRun& run, const fs::path& file, Level& level) {
   if (is_gltf(file)) {
     if (run.options.cameras) add_cameras(run.input, level.gltf);
-    level.gltf.write(file);
-  } else if (file.extension() == ".obj") {
-    write_obj(file, level.parts, {.png = run.options.texture.png, .jpeg_quality = run.options.texture.jpeg_quality});
-  } else {
-    write_ply(file, joined(level.parts));
+    return level.gltf.write(file);
   }
+  const std::string extension = extension_of(file);
+  if (extension == ".obj")
+    return write_obj(file, level.parts,
+                     {.png = run.options.texture.png, .jpeg_quality = run.options.texture.jpeg_quality});
+  if (extension == ".stl")
+    write_stl(file, level.parts);
+  else
+    write_ply(file, joined(level.parts));
+  return {file};
+}
+
+/// Points that would not fit into the memory are refused before they are made.
+void refuse_too_many_points(const ExportRun& run) {
+  const auto available = static_cast<double>(available_memory());
+  const double count = run.expected_points(), bytes = kBytesOfAPoint * count;
+  if (available <= 0 || bytes < kMostMemory * available) return;
+  const double voxel = static_cast<double>(run.input.volume.options().voxel_size),
+               fits = static_cast<double>(run.options.point_spacing) * std::sqrt(bytes / (kMostMemory * available));
+  const double least = std::max(kSensible * voxel, fits);
+  const double step = std::pow(10, std::floor(std::log10(least)));  // one digit, upwards
+  throw not_written(
+      run.file,
+      fmt::format("ExportOptions::point_spacing is {}: points so close together would be about {:.0f} million "
+                  "and need about {:.0f} GB of memory, of which {:.1f} GB are free; take {:.1g} or more",
+                  run.options.point_spacing, 1e-6 * count, 1e-9 * bytes, 1e-9 * available,
+                  step * std::ceil(least / step - 1e-6)));
 }
 
 }  // namespace
 
 void write_points(ExportRun& run) {
+  refuse_too_many_points(run);
   SurfacePoints points(run.options.point_spacing);
   for (const auto& [cell, bricks] : run.cells.all()) {
     const Part part = make_part(run, nullptr, cell);
-    run.step("spreading points");
     run.timed("points", [&] { points.add(run.upright(part.mesh)); });
-    run.step("meshing");
+    run.step(Effort::kWrite * part.bricks +
+                 Effort::kPoint * run.expected_points() * part.bricks / static_cast<double>(run.input.bricks.size()),
+             "meshing");
   }
   run.exported.points = points.points().positions.size();
   run.refuse_empty(run.exported.points);
   run.timed("write", [&] { write_ply(run.file, points.points()); });
+  run.exported.files = {run.file};
 }
 
 void write_parts(ExportRun& run, Texturer* texturer) {
@@ -113,15 +152,22 @@ void write_parts(ExportRun& run, Texturer* texturer) {
   if (is_gltf(run.file)) gltf.file = run.file;
   for (int i = 0; i < run.options.levels; ++i) levels.push_back({GltfWriter(gltf), {}});
   std::optional<Preview> preview = preview_of(run);
+  if (preview)
+    run.effort.whole += (Effort::kSimplify + (texturer != nullptr ? run.effort.charts + Effort::kTexture : 0)) *
+                        static_cast<double>(run.input.bricks.size());
   for (const auto& [cell, bricks] : run.cells.all()) add_cell(run, texturer, cell, levels, preview);
   run.refuse_empty(run.exported.triangles);
   run.timed("write", [&] {
     for (std::size_t i = levels.size(); i-- > 0;) {
       fs::path file = run.file;
       if (i > 0) file.replace_extension(fmt::format("lod{}{}", i, run.file.extension().string()));
-      write_level(run, file, levels[i]);
+      const std::vector<fs::path> files = write_level(run, file, levels[i]);
+      run.exported.files.insert(run.exported.files.begin(), files.begin(), files.end());
     }
-    if (preview) preview->gltf.write(run.options.preview.file);
+    if (preview) {
+      preview->gltf.write(run.options.preview.file);
+      run.exported.files.push_back(run.options.preview.file);
+    }
   });
 }
 

@@ -6,11 +6,14 @@
 #include <utility>
 
 #include "export/texturer.hpp"
+#include "export/tiles_folder.hpp"
 #include "export/write.hpp"
 #include "mesh/tiles.hpp"
 
 namespace cairn {
 namespace {
+
+namespace fs = std::filesystem;
 
 struct TilePart {
   Tile tile;
@@ -19,24 +22,27 @@ struct TilePart {
 
 Part make_leaf(ExportRun& run, Texturer* texturer, const Cells::Key& cell) {
   Part part = make_part(run, texturer, cell);
-  run.step("simplifying");
-  simplify_part(run, part, run.options.simplify, 0, 0);
-  run.moved_by(part.error);
-  run.step("meshing");
+  simplify_finest(run, part);
   return part;
 }
 
-void write_content(ExportRun& run, const std::string& name, const Mesh& mesh, int level) {
+void write_content(ExportRun& run, const fs::path& folder, const std::string& name, const Mesh& mesh, int level) {
   run.timed("write", [&] {
     GltfWriter writer(run.gltf_options());
     const auto added = writer.add(name.substr(0, name.find('.')), mesh);
     if (level == 0) run.add(added);
-    writer.write(run.file.parent_path() / name);
+    writer.write(folder / name);
   });
 }
 
+void put_into(Tile& tile, const std::string& folder) {
+  if (!tile.content.empty()) tile.content = folder + "/" + tile.content;
+  for (Tile& child : tile.children) put_into(child, folder);
+}
+
 /// Tiles from the leaves up; each is in memory until its parent is made. Nothing where there is no surface.
-std::optional<TilePart> make_tile(ExportRun& run, Texturer* texturer, const Cells::Key& cell, int level) {
+std::optional<TilePart> make_tile(ExportRun& run, Texturer* texturer, const fs::path& folder, const Cells::Key& cell,
+                                  int level) {
   Tile tile;
   Part part;
   if (level == 0) {
@@ -46,7 +52,7 @@ std::optional<TilePart> make_tile(ExportRun& run, Texturer* texturer, const Cell
     std::vector<Part> children;
     for (int c = 0; c < 8; ++c) {
       const Brick child_cell = 2 * Cells::brick(cell) + Brick(c & 1, c >> 1 & 1, c >> 2);
-      if (auto child = make_tile(run, texturer, Cells::key(child_cell), level - 1)) {
+      if (auto child = make_tile(run, texturer, folder, Cells::key(child_cell), level - 1)) {
         tile.children.push_back(std::move(child->tile));
         children.push_back(std::move(child->part));
       }
@@ -63,8 +69,9 @@ std::optional<TilePart> make_tile(ExportRun& run, Texturer* texturer, const Cell
   tile.error = part.error;
   tile.content = fmt::format("{}_{}_{}_{}.glb", level, cell[0], cell[1], cell[2]);
   ++run.exported.tiles;
-  write_content(run, tile.content, run.upright(texturer != nullptr ? texturer->texture(part, level) : part.mesh),
-                level);
+  write_content(run, folder, tile.content,
+                run.upright(texturer != nullptr ? texturer->texture(part, level) : part.mesh), level);
+  if (level == 0) run.step(Effort::kWrite * part.bricks, "meshing");
   return TilePart{std::move(tile), std::move(part)};
 }
 
@@ -74,9 +81,16 @@ void write_tiles(ExportRun& run, Texturer* texturer) {
   int top = 0;
   for (const auto& [cell, bricks] : run.cells.all())
     while (Cells::at_level(Cells::brick(cell), top) != Brick::Zero()) ++top;
-  const auto root = make_tile(run, texturer, {0, 0, 0}, top);
+  TilesFolder tiles(run.file);
+  auto root = make_tile(run, texturer, tiles.part(), {0, 0, 0}, top);
   run.refuse_empty(root.has_value());
-  run.timed("write", [&] { write_tileset(run.file, root->tile); });
+  run.timed("write", [&] {
+    put_into(root->tile, tiles.finish());
+    write_tileset(run.file, root->tile);
+    tiles.keep();
+  });
+  run.exported.files = tiles.files();
+  run.exported.files.insert(run.exported.files.begin(), run.file);
 }
 
 }  // namespace cairn

@@ -10,7 +10,7 @@ namespace cairn {
 
 /// A tile of 3D Tiles 1.1 (OGC 22-025r4): a .glb that its children, with more detail, replace.
 struct Tile {
-  std::string content;      // file beside tileset.json; empty: none
+  std::string content;      // its address as seen from tileset.json; empty: none
   Eigen::AlignedBox3f box;  // of what is in it and below, world frame
   double error = 0;         // metres by which its content is beside the surface
   std::vector<Tile> children;

@@ -416,7 +416,8 @@ void TextureViews::blend_tiles(const TextureAtlas& atlas, std::span<const Tile> 
   batch.run();
 }
 
-std::size_t TextureViews::blend(TextureAtlas& atlas, const VoxelColours* unseen) {
+std::size_t TextureViews::blend(TextureAtlas& atlas, const VoxelColours* unseen,
+                                const std::function<void(double share)>& step) {
   Texture& texture = atlas.mesh.texture;
   const auto size = static_cast<std::size_t>(texture.width) * static_cast<std::size_t>(texture.height);
   texture.texels.assign(size, {0, 0, 0});
@@ -448,6 +449,7 @@ std::size_t TextureViews::blend(TextureAtlas& atlas, const VoxelColours* unseen)
       seen += word >> 24 != 0;
       for (std::uint32_t c = 0; c < 3; ++c) texture.texels[texel][c] = static_cast<std::uint8_t>(word >> (8 * c));
     }
+    if (step) step(static_cast<double>(tiles.size()) / static_cast<double>(order.size()));
   }
   fill_between(texture, std::move(known));
   return seen;

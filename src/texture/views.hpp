@@ -52,8 +52,9 @@ class TextureViews {
   [[nodiscard]] const std::vector<Eigen::Vector3f>& gains() const { return gains_; }
 
   /// Colours the atlas' texture. Returns how many of its points a keyframe sees; others get the colour of `unseen`, if
-  /// there is one, else of the mesh's own vertices.
-  std::size_t blend(TextureAtlas& atlas, const VoxelColours* unseen = nullptr);
+  /// there is one, else of the mesh's own vertices. `step` is called after each share of the work.
+  std::size_t blend(TextureAtlas& atlas, const VoxelColours* unseen = nullptr,
+                    const std::function<void(double share)>& step = {});
 
   /// The map is another part of itself from now on: images that were compared with it are brought anew.
   void forget();

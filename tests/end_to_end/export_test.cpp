@@ -5,9 +5,12 @@
 #include <openvdb/openvdb.h>
 
 #include <cmath>
+#include <cstring>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "cairn/evaluation.hpp"
+#include "cairn/map.hpp"
 #include "cairn/source.hpp"
 #include "shaders/voxel.h"
 #include "support/files.hpp"
@@ -196,6 +199,163 @@ TEST_F(Export, WritesTilesWithLevelsOfDetail) {
   EXPECT_GT(tiles, leaves);
 }
 
+TEST_F(Export, TilesetsOfOneFolderKeepTheirTiles) {
+  const auto tiles_of = [&](const std::string& name) {
+    std::vector<std::string> tiles;
+    const std::function<void(const Json&)> visit = [&](const Json& tile) {
+      if (tile.contains("content")) tiles.push_back(tile.at("content").at("uri"));
+      if (tile.contains("children"))
+        for (const Json& child : tile.at("children")) visit(child);
+    };
+    visit(Json::parse(read_bytes(out / name)).at("root"));
+    return tiles;
+  };
+  const std::vector<std::string> options{"--simplify", "0.3", "--cell-size", "1.3", "--no-texture"},
+      others{"--triangles", "2000", "--no-texture"};
+  exported("a.json", options);
+  const auto before = bytes_below(out.path());
+  exported("b.JSON", others);
+  const auto after = bytes_below(out.path());
+  for (const auto& [file, bytes] : before) EXPECT_TRUE(after.contains(file) && after.at(file) == bytes) << file;
+  for (const auto& [name, folder] : {std::pair("a.json", "a.tiles/"), {"b.JSON", "b.tiles/"}})
+    for (const std::string& tile : tiles_of(name)) {
+      EXPECT_TRUE(tile.starts_with(folder)) << tile;
+      EXPECT_FALSE(read_mesh(out / tile).triangles.empty()) << tile;
+    }
+
+  // Written again, an export that fails leaves the one before whole; one that succeeds leaves nothing of it.
+  const auto both = bytes_below(out.path());
+  std::vector<std::string> again{"export", path("map"), "-o", to("a.json")};
+  again.insert(again.end(), others.begin(), others.end());
+  const Ran failed = run_cairn(again, "trap '' XFSZ; ulimit -f 20;");
+  expect_last_line(failed, 1, "File too large");
+  EXPECT_TRUE(bytes_below(out.path()) == both);
+  ASSERT_EQ(run_cairn(again).exit_code, 0);
+  EXPECT_EQ(std::distance(fs::directory_iterator(out / "a.tiles"), fs::directory_iterator()), 1);
+  exported("a.json", options);
+  EXPECT_TRUE(bytes_below(out.path()) == both);
+
+  exported("a \xc3\xa9.json", others);
+  for (const std::string& tile : tiles_of("a \xc3\xa9.json"))
+    EXPECT_TRUE(tile.starts_with("a%20%C3%A9.tiles/")) << tile;
+}
+
+TEST_F(Export, LeavesNoMoreTrianglesThanWereAskedFor) {
+  using Options = std::vector<std::string>;
+  for (const auto& [name, count, options] : {std::tuple("x.glb", 50000, Options{"--texture"}),
+                                             {"x.glb", 50000, Options{"--no-texture"}},
+                                             {"x.ply", 3000, Options{}},
+                                             {"x.glb", 3000, Options{"--texture", "--compress", "meshopt"}},
+                                             {"x.glb", 20000, Options{"--no-texture", "--cell-size", "1.5"}},
+                                             {"x.glb", 400, Options{"--no-texture", "--cell-size", "1.5"}},
+                                             {"x.stl", 100, Options{}}}) {
+    SCOPED_TRACE(std::string(name) + " " + std::to_string(count));
+    Options all{"--triangles", std::to_string(count)};
+    all.insert(all.end(), options.begin(), options.end());
+    const Json told = exported(name, all);
+    EXPECT_LE(told.at("triangles").get<int>(), count);
+    EXPECT_GE(told.at("triangles").get<int>(), count >= 3000 ? count * 9 / 10 : count / 4);
+    if (std::string(name) == "x.stl") continue;
+    std::size_t triangles = 0;
+    const std::vector<Mesh> parts = read_mesh_parts(to(name));
+    for (const Mesh& part : parts) triangles += part.triangles.size();
+    EXPECT_LE(triangles, static_cast<std::size_t>(count));
+    expect_sound(parts);
+  }
+  exported("x.ply");
+  exported("y.ply", {"--triangles", "100000000"});  // it has fewer
+  EXPECT_EQ(read_bytes(to("x.ply")) == read_bytes(to("y.ply")), true);
+  for (const char* name : {"x.ply", "y.ply", "x.glb", "x.stl"}) fs::remove(to(name));
+  expect_refused({"--triangles", "7"}, "--triangles is 7: it must be between 100 and");
+}
+
+TEST_F(Export, WritesStlWithZUp) {
+  exported("x.ply");
+  const Json told = exported("X.STL");
+  const std::string bytes = read_bytes(to("X.STL"));
+  ASSERT_EQ(bytes.size(), 84 + 50 * told.at("triangles").get<std::size_t>());
+  Eigen::AlignedBox3f stl, ply;
+  for (std::size_t at = 84; at < bytes.size(); at += 50)
+    for (std::size_t corner = 1; corner < 4; ++corner) {
+      Eigen::Vector3f p;
+      std::memcpy(p.data(), bytes.data() + at + 12 * corner, 12);
+      stl.extend(p);
+    }
+  for (const auto& p : read_mesh(to("x.ply")).positions) ply.extend(Eigen::Vector3f(p.x(), p.z(), -p.y()));
+  EXPECT_EQ(stl.min(), ply.min());
+  EXPECT_EQ(stl.max(), ply.max());
+}
+
+TEST_F(Export, KnowsFilesByTheirExtensionsInAnyCase) {
+  exported("X.GLB", {"--simplify", "0.2", "--compress", "meshopt"});
+  EXPECT_EQ(validate_gltf(to("X.GLB")), "");
+  EXPECT_GT(read_mesh_parts(to("X.GLB")).at(0).texture.width, 0);
+  exported("x.Ply", {"--points", "0.1"});
+  EXPECT_GT(read_mesh(to("x.Ply")).positions.size(), 100u);
+  exported("X.OBJ", {"--simplify", "0.2"});
+  EXPECT_TRUE(fs::exists(to("X.mtl")));
+  ASSERT_EQ(run_cairn({"export", path("map"), "-o", to("X.VDB")}).exit_code, 0);
+  EXPECT_EQ(read_bytes(to("X.VDB")) == read_bytes(path("map/map.vdb")), true);
+}
+
+TEST_F(Export, TellsTheSizeOfEachFile) {
+  const Ran ran = run_cairn({"export", path("map"), "-o", to("x.obj"), "--simplify", "0.2", "--texture"});
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  int files = 0;
+  for (const auto& entry : fs::directory_iterator(out.path())) {
+    ++files;
+    std::istringstream lines(ran.out);
+    bool told = false;
+    for (std::string line; std::getline(lines, line);) {
+      if (!line.starts_with(entry.path().string() + "  ")) continue;
+      told = true;
+      std::istringstream words(line.substr(entry.path().string().size()));
+      double size = 0;
+      std::string unit;
+      words >> size >> unit;
+      size *= unit.starts_with("MB") ? 1e6 : unit.starts_with("kB") ? 1e3 : 1;
+      EXPECT_NEAR(size, static_cast<double>(entry.file_size()), 0.05 * static_cast<double>(entry.file_size())) << line;
+    }
+    EXPECT_TRUE(told) << entry.path() << ran.out;
+  }
+  EXPECT_EQ(files, 3);
+  const Json told = exported("tileset.json", {"--triangles", "5000", "--no-texture"});
+  const fs::path folder = fs::path(told.at("files").back().at("file")).parent_path();
+  EXPECT_EQ(told.at("files").size(), 1 + told.at("tiles").get<std::size_t>());
+  for (const Json& file : told.at("files"))
+    EXPECT_EQ(file.at("bytes"), fs::file_size(file.at("file").get<std::string>()));
+}
+
+TEST_F(Export, TellsHowMuchOfItIsDone) {
+  // Of a map in one cell, of which each stage is a step: without a texture three, with one also the keyframes.
+  constexpr double kPlain = 0.7, kTextured = 0.5;
+  Map map = Map::open(path("map"));
+  ExportOptions textured{.texture = {.enabled = true}}, levels = textured, cells = textured;
+  levels.levels = 3;
+  cells.cell_size = 1.5f;
+  for (const auto& [name, options, most] : {std::tuple("plain.glb", ExportOptions{}, kPlain),
+                                            {"points.ply", {.point_spacing = 0.05f}, kPlain},
+                                            {"textured.glb", textured, kTextured},
+                                            {"levels.glb", levels, kTextured},
+                                            {"cells.glb", cells, 0.25},
+                                            {"tileset.json", textured, kTextured}}) {
+    SCOPED_TRACE(name);
+    std::vector<double> shares;
+    map.export_mesh(out / name, options, [&](int done, int count, const std::string& next) {
+      EXPECT_FALSE(next.empty());
+      shares.push_back(static_cast<double>(done) / count);
+    });
+    ASSERT_GE(shares.size(), 4u);
+    EXPECT_EQ(shares.front(), 0);
+    EXPECT_EQ(shares.back(), 1);
+    for (std::size_t i = 1; i < shares.size(); ++i) {
+      EXPECT_GE(shares[i], shares[i - 1]) << i;
+      EXPECT_LE(shares[i] - shares[i - 1], most) << i << " of " << shares.size();
+    }
+    EXPECT_GT(shares[shares.size() - 2], 0.9);  // the last step is not the whole way
+  }
+}
+
 TEST_F(Export, WritesPointsAndLevels) {
   const Json told = exported("points.ply", {"--points", "0.05"});
   const Mesh points = read_mesh(to("points.ply"));
@@ -264,19 +424,23 @@ TEST_F(Export, TexturesAlsoWithGivenPoses) {
 }
 
 TEST_F(Export, RefusesWhatCannotBe) {
-  expect_refused({}, "'.stl' is no format that is written; use .glb", "x.stl");
+  expect_refused({}, "'.fbx' is no format that is written; use .glb", "x.fbx");
   expect_refused({}, "'' is no format", "x");
   expect_refused({"--simplify", "0"}, "--simplify is 0: it must be between");
   expect_refused({"--simplify", "1.5"}, "--simplify is 1.5: it must be between");
   expect_refused({"--simplify", "nan"}, "--simplify is nan");
   expect_refused({"--max-error", "-1"}, "--max-error is -1");
   expect_refused({"--texture-size", "7"}, "--texture-size is 7");
-  expect_refused({"--texture"}, "PLY has none", "x.ply");
+  expect_refused({"--texture"}, "PLY and STL have none", "x.ply");
+  expect_refused({"--texture"}, "PLY and STL have none", "x.stl");
+  // 10 million million points.
+  expect_refused({"--points", "0.00001"}, "--points is 1e-05: points so close together would be about", "x.ply");
+  expect_refused({"--points", "0.00001"}, " GB of memory", "x.ply");
+  expect_refused({"--points", "0.00001"}, " are free; take 0.0", "x.ply");
   expect_refused({"--points", "0.1"}, "--points needs .ply");
   expect_refused({"--compress", "draco"}, "--compress needs .glb", "x.obj");
   expect_refused({"--cameras"}, "--cameras needs .glb", "x.ply");
   expect_refused({"--min-piece", "10"}, "nothing of the surface is left");
-  expect_refused({"--texture", "--texture-size", "64", "--texel", "0.0001"}, "", "x.stl");
   EXPECT_EQ(run_cairn({"export", to("nowhere"), "-o", to("x.glb")}).exit_code, 2);
   expect_one_line(run_cairn({"reconstruct", path("room"), "-o", to("m"), "--simplify", "2"}), 1, "--simplify is 2");
 }
@@ -323,12 +487,17 @@ TEST_F(Export, RefusesMapsThatAreEmptyOrBroken) {
 
 TEST_F(Export, LeavesNothingHalfWrittenOnAFullDisk) {
   // A limit on the size of files behaves like one.
-  for (const auto& [file, kilobytes] :
-       {std::pair("x.glb", 100), {"x.gltf", 100}, {"x.ply", 100}, {"x.obj", 100}, {"tileset.json", 20}}) {
+  for (const auto& [file, kilobytes] : {std::pair("x.glb", 100),
+                                        {"x.gltf", 100},
+                                        {"x.ply", 100},
+                                        {"x.obj", 100},
+                                        {"x.stl", 100},
+                                        {"tileset.json", 20}}) {
     std::vector<std::string> arguments{"export", path("map"), "-o", to(file), "--no-texture"};
     const Ran ran = run_cairn(arguments, "trap '' XFSZ; ulimit -f " + std::to_string(2 * kilobytes) + ";");
     expect_last_line(ran, 1, "File too large");
     EXPECT_FALSE(fs::exists(out / file));
+    EXPECT_FALSE(fs::exists(out / "tileset.tiles"));
     for (const auto& entry : fs::directory_iterator(out.path()))
       EXPECT_NE(entry.path().filename().string()[0], '.') << entry.path();
   }

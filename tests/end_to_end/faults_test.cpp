@@ -96,6 +96,7 @@ class Faults : public HardTimes {
     for (const auto& entry : fs::recursive_directory_iterator(output)) {
       const fs::path& file = entry.path();
       EXPECT_FALSE(file.filename().string().starts_with(".cairn")) << when << file;
+      EXPECT_FALSE(file.filename().string().starts_with(".part")) << when << file;
       const std::string extension = file.extension().string();
       EXPECT_NO_THROW({
         if (extension == ".glb") {
