@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "base/json_text.hpp"
+#include "cairn/file_name.hpp"
 #include "cairn/map.hpp"
 #include "cairn/mesh.hpp"
 #include "mesh/gltf.hpp"
@@ -23,13 +24,6 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 using Files = std::map<std::string, Served>;
-
-std::string extension_of(const fs::path& file) {
-  std::string extension = file.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension;
-}
 
 std::string glb_of(const std::vector<Mesh>& parts) {
   GltfWriter writer;
@@ -65,6 +59,16 @@ void add_gltf(const fs::path& file, Files& files) {
   }
 }
 
+[[noreturn]] void refuse(const fs::path& file) {
+  const std::string extension = extension_of(file);
+  const bool is_written = extension == ".obj" || extension == ".stl" || extension == ".json";  // by cairn export
+  throw std::runtime_error(file.string() + ": '" + file.extension().string() + "' cannot be shown; " +
+                           (is_written
+                                ? "write the same map as .glb and view that: cairn export MAP -o " +
+                                      fs::path(file).replace_extension(".glb").string()
+                                : std::string("give a folder that cairn has made, a .glb, .gltf, .ply or .vdb")));
+}
+
 }  // namespace
 
 Files served_file(const fs::path& file) {
@@ -90,8 +94,7 @@ Files served_file(const fs::path& file) {
   } else if (extension == ".ply") {
     files["mesh.glb"] = glb(read_mesh_parts(file));
   } else {
-    throw std::runtime_error(file.string() + ": '" + file.extension().string() +
-                             "' cannot be shown; give a folder that cairn has made, a .glb, .gltf, .ply or .vdb");
+    refuse(file);
   }
   std::error_code error;
   const Download own{file.filename().string(), "the file itself", fs::file_size(file, error)};

@@ -151,9 +151,9 @@ TEST_F(ViewedMap, DoesNotShowThePicturesOfAnotherRun) {
 
 TEST_F(ViewedMap, MayBeASingleFile) {
   const Mesh mesh = read_mesh(map() / "mesh.glb");
-  write_mesh(*folder / "x.PLY.ply", mesh);
+  write_mesh(*folder / "x.PLY", mesh);
   write_mesh(*folder / "x.gltf", mesh);
-  for (const fs::path& file : {map() / "mesh.glb", *folder / "x.PLY.ply", *folder / "x.gltf", map() / "map.vdb"}) {
+  for (const fs::path& file : {map() / "mesh.glb", *folder / "x.PLY", *folder / "x.gltf", map() / "map.vdb"}) {
     const Files files = served_file(file);
     const Json data = data_of(files);
     EXPECT_EQ(data["mode"], "finished");
@@ -177,10 +177,16 @@ TEST_F(ViewedMap, MayBeASingleFile) {
 
 TEST_F(ViewedMap, IsToldFromWhatIsNone) {
   write_text(*folder / "broken.ply", "ply\nformat ascii 1.0\nelement vertex 3\n");
-  write_text(*folder / "x.stl", "solid");
   const auto told = [](const fs::path& file) { return error_of([&] { (void)served_file(file); }); };
   EXPECT_NE(told(*folder / "broken.ply").find("broken.ply"), std::string::npos);
-  EXPECT_NE(told(*folder / "x.stl").find("'.stl' cannot be shown"), std::string::npos);
+  for (const char* name : {"x.stl", "X.OBJ", "tileset.json"}) {
+    write_text(*folder / name, "solid");
+    const fs::path glb = (*folder / name).replace_extension(".glb");
+    EXPECT_NE(told(*folder / name).find("cannot be shown; write the same map as .glb"), std::string::npos) << name;
+    EXPECT_NE(told(*folder / name).find("cairn export MAP -o " + glb.string()), std::string::npos) << name;
+  }
+  write_text(*folder / "x.fbx", "solid");
+  EXPECT_NE(told(*folder / "x.fbx").find("give a folder that cairn has made, a .glb"), std::string::npos);
   const fs::path killed = *folder / "killed";
   fs::create_directories(killed / "session");
   write_text(killed / "session" / "state.cbor", "");
