@@ -23,7 +23,10 @@ const CLI::App* below(const CLI::App& command, const std::string& name) {
   return nullptr;
 }
 
-std::string see(const CLI::App& command) { return fmt::format("; see `{} --help`", whole_name(command)); }
+/// A message that ends with where to read more: behind a question as a sentence of its own.
+std::string see(const CLI::App& command, const std::string& message) {
+  return fmt::format("{}{} `{} --help`", message, message.ends_with('?') ? " See" : "; see", whole_name(command));
+}
 
 /// As in "--port=80", and "-o".
 std::string option_in(const std::string& word) { return word.substr(0, word.find('=')); }
@@ -112,13 +115,13 @@ std::optional<std::string> unknown_word(const CLI::App& program, const Words& wo
       const bool is_short = name[1] != '-';
       if (command->get_option_no_throw(is_short ? name.substr(0, 2) : name) != nullptr) continue;
       const std::string meant = did_you_mean(name, names_of(options_of(*command)));
-      return fmt::format("{}: there is no option {}{}{}", whole_name(*command), name, meant, see(*command));
+      return see(*command, fmt::format("{}: there is no option {}{}", whole_name(*command), name, meant));
     }
     if (commands.empty()) continue;
     const CLI::App* next = below(*command, word);
     if (next == nullptr)
-      return fmt::format("{}: there is no command {}{}{}", whole_name(*command), word, did_you_mean(word, commands),
-                         see(*command));
+      return see(*command,
+                 fmt::format("{}: there is no command {}{}", whole_name(*command), word, did_you_mean(word, commands)));
     command = next;
   }
   return std::nullopt;
@@ -128,21 +131,21 @@ std::string usage_error(const CLI::App& program, const Words& words, const CLI::
   const CLI::App& command = command_in(program, words);
   const std::string what = error.what(), kind = error.get_name(), name = whole_name(command);
   if (const auto below = commands_of(command); !below.empty())
-    return fmt::format("{}: choose a command: {}{}", name, one_of_words(names_of(below)), see(command));
+    return see(command, fmt::format("{}: choose a command: {}", name, one_of_words(names_of(below))));
   const CLI::Option* option = option_named(command, what);
   if (kind == "RequiredError" && option != nullptr)
-    return fmt::format(
-        "{}: {} is missing: {}{}", name,
-        option->get_positional() ? option->get_name(true) : option->get_name() + " " + value_of(*option).placeholder,
-        usage_of(command), see(command));
+    return see(command, fmt::format("{}: {} is missing: {}", name,
+                                    option->get_positional() ? option->get_name(true)
+                                                             : option->get_name() + " " + value_of(*option).placeholder,
+                                    usage_of(command)));
   if (kind == "ArgumentMismatch" && option != nullptr) {
     const std::string placeholder = value_of(*option).placeholder;
-    return fmt::format("{}: {} takes {}{}", name, option->get_name(), placeholder.empty() ? "no value" : placeholder,
-                       see(command));
+    return see(command, fmt::format("{}: {} takes {}", name, option->get_name(),
+                                    placeholder.empty() ? "no value" : placeholder));
   }
   if (kind == "RequiresError") {
     const std::size_t middle = what.find(" requires ");
-    return fmt::format("{}: {} needs {}{}", name, what.substr(0, middle), what.substr(middle + 10), see(command));
+    return see(command, fmt::format("{}: {} needs {}", name, what.substr(0, middle), what.substr(middle + 10)));
   }
   if (kind == "ExcludesError") {
     const std::size_t middle = what.find(" excludes ");
@@ -151,11 +154,11 @@ std::string usage_error(const CLI::App& program, const Words& words, const CLI::
   }
   if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr) {  // its name is the command's
     const Words extra = command.remaining();
-    return fmt::format("{}: {} is one too many: {}{}", name, joined(extra), usage_of(command), see(command));
+    return see(command, fmt::format("{}: {} is one too many: {}", name, joined(extra), usage_of(command)));
   }
   if ((kind == "ValidationError" || kind == "ConversionError") && option != nullptr)
     return fmt::format("{}: {}", name, wrong_value(*option, what));
-  return name + ": " + what + see(command);
+  return see(command, name + ": " + what);
 }
 
 }  // namespace cairn::apps

@@ -114,7 +114,8 @@ class McapFile final : public ChunkedRecording {
   Bytes read_data(std::uint64_t size) {
     if (size > kMostInMemory) throw std::runtime_error(fmt::format("has {} bytes; at most 256 MiB are read", size));
     data_.resize(size);
-    if (!in_.read(data_.data(), size)) throw std::runtime_error("cannot be read; has the file changed?");
+    if (!in_.read(data_.data(), size))
+      throw std::runtime_error("cannot be read: the file has changed since, or the disk fails");
     return data_;
   }
 

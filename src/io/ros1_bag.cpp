@@ -118,7 +118,8 @@ class Ros1Bag final : public ChunkedRecording {
   }
   std::vector<std::uint8_t>& read_data(std::uint32_t size) {
     data_.resize(size);
-    if (!in_.read(data_.data(), size)) throw std::runtime_error("cannot be read; has the file changed?");
+    if (!in_.read(data_.data(), size))
+      throw std::runtime_error("cannot be read: the file has changed since, or the disk fails");
     return data_;
   }
   /// A chunk that is not packed need not be there to its end.

@@ -219,7 +219,8 @@ class SensSource final : public Source {
   std::vector<std::uint8_t> read_bytes(std::uint64_t place, std::uint64_t count) {
     std::vector<std::uint8_t> bytes(count);
     in_.seek(place);
-    if (!in_.read(bytes.data(), count)) throw std::runtime_error("cannot be read; has the file changed?");
+    if (!in_.read(bytes.data(), count))
+      throw std::runtime_error("cannot be read: the file has changed since, or the disk fails");
     return bytes;
   }
 

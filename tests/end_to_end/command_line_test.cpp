@@ -80,8 +80,9 @@ TEST_F(CommandLine, AloneTellsFiveLinesToBeginWithInATerminalOfAnyWidth) {
 }
 
 TEST_F(CommandLine, NamesTheCommandThatWasMeant) {
-  expect_refused({"reconstrct", "x", "-o", "y"}, "there is no command reconstrct; did you mean reconstruct?");
-  expect_refused({"exprot"}, "did you mean export?");
+  expect_refused({"reconstrct", "x", "-o", "y"},
+                 "there is no command reconstrct; did you mean reconstruct? See `cairn --help`");
+  expect_refused({"exprot"}, "did you mean export? See");
   expect_refused({"rec"}, "did you mean reconstruct or record?");
   expect_refused({"dance"}, "cairn: there is no command dance; see `cairn --help`");
   expect_refused({"evaluate", "mehs"}, "cairn evaluate: there is no command mehs; did you mean mesh?");
@@ -93,7 +94,7 @@ TEST_F(CommandLine, NamesTheOptionThatWasMeant) {
   expect_refused({"reconstruct", "x", "-o", "y", "--voxelsize", "0.02"}, "--voxelsize; did you mean --voxel-size?");
   expect_refused({"reconstruct", "x", "-o", "y", "--voxelsize=0.02"}, "did you mean --voxel-size?");
   expect_refused({"export", "x", "-o", "y", "--Texture-Siz", "512"}, "did you mean --texture-size?");
-  expect_refused({"--verson"}, "did you mean --version?");
+  expect_refused({"--verson"}, "did you mean --version? See `cairn --help`");
   expect_refused({"info", "x", "-z"}, "there is no option -z; see `cairn info --help`");
 }
 
@@ -116,6 +117,13 @@ TEST_F(CommandLine, SaysWhatANumberMayBe) {
   expect_refused({"bench", "x", "--voxel-size", "big"}, "--voxel-size big: a number is wanted, 0.001 to 1");
   expect_refused({"export", out.path().string(), "-o", "x.ply", "--points", "0"},
                  "--points 0: a number is wanted, more than 0");
+  expect_refused({"export", out.path().string(), "-o", "x.ply", "--points", "-0.01"},
+                 "--points -0.01: a number is wanted, more than 0");
+  for (const char* count : {"0", "-5", "many"})
+    expect_refused({"export", out.path().string(), "-o", "x.glb", "--triangles", count},
+                   std::string("--triangles ") + count + ": a whole number is wanted, more than 0");
+  expect_refused({"export", out.path().string(), "-o", "x.glb", "--triangles", "500", "--simplify", "0.5"},
+                 "exclude each other: leave one out");
   expect_refused({"synth", "room"}, "--output FOLDER is missing: cairn synth [options] SCENE -o FOLDER");
   expect_refused({"synth", "-o", "x"}, "SCENE is missing");
   expect_refused({"info", "x", "y"}, "y is one too many: cairn info [options] SEQUENCE");
@@ -259,43 +267,42 @@ TEST_F(CommandLine, ADemoNeedsNothing) {
   EXPECT_EQ(run_cairn({"demo", "-q", "-o", (out / "demo").string()}).exit_code, 0);  // it is its own to replace
 }
 
+/// What every shell makes of a line, in a folder that holds file.yaml.
+const std::vector<std::pair<std::string, std::string>> kCompletions{{"cairn recon", "reconstruct"},
+                                                                    {"cairn evaluate tra", "trajectory"},
+                                                                    {"cairn help evaluate tra", "trajectory"},
+                                                                    {"cairn reconstruct --voxel-s", "--voxel-size"},
+                                                                    {"cairn reconstruct x --motion ro", "robot"},
+                                                                    {"cairn export x -o y --compress me", "meshopt"},
+                                                                    {"cairn export x -o y --triang", "--triangles"},
+                                                                    {"cairn synth co", "corridor"},
+                                                                    {"cairn completion z", "zsh"},
+                                                                    {"cairn info --camera fi", "file.yaml"},
+                                                                    {"cairn info --frames 3 fi", "file.yaml"}};
+
 TEST_F(CommandLine, BashCompletesCommandsOptionsWordsAndFiles) {
   write_text(out / "complete.bash", completion_of("bash"));
-  fs::create_directories(out / "folder");
   write_text(out / "file.yaml", "");
+  fs::create_directories(out / "folder");
   const auto complete = [&](const std::string& words) {
     return shell("cd '" + out.path().string() + "' && bash -c 'source ./complete.bash; COMP_WORDS=(" + words +
                  "); COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); _cairn; echo \"${COMPREPLY[@]}\"'");
   };
-  EXPECT_EQ(complete("cairn recon"), "reconstruct\n");
-  EXPECT_EQ(complete("cairn evaluate tra"), "trajectory\n");
-  EXPECT_EQ(complete("cairn help evaluate tra"), "trajectory\n");
-  EXPECT_EQ(complete("cairn reconstruct --voxel"), "--voxel-size\n");
-  EXPECT_EQ(complete("cairn reconstruct x --motion ro"), "robot\n");
+  for (const auto& [words, completed] : kCompletions) EXPECT_EQ(complete(words), completed + "\n") << words;
   EXPECT_EQ(complete("cairn reconstruct x --motion = ro"), "robot\n");  // bash takes words apart at =
-  EXPECT_EQ(complete("cairn export x -o y --compress me"), "meshopt\n");
-  EXPECT_EQ(complete("cairn synth co"), "corridor\n");
-  EXPECT_EQ(complete("cairn completion z"), "zsh\n");
-  EXPECT_EQ(complete("cairn info --camera fi"), "file.yaml\n");
   EXPECT_EQ(complete("cairn info fo"), "folder\n");
-  EXPECT_EQ(complete("cairn info --frames 3 fi"), "file.yaml\n");
   EXPECT_EQ(complete("cairn info --frames \"\""), "\n");  // a number
 }
 
 TEST_F(CommandLine, FishCompletesTheSame) {
   if (!is_installed("fish")) GTEST_SKIP() << "fish is not installed: scripts/install-deps --tests";
   write_text(out / "cairn.fish", completion_of("fish"));
+  write_text(out / "file.yaml", "");
   const auto complete = [&](const std::string& words) {
     return shell("cd '" + out.path().string() + "' && HOME='" + out.path().string() +
                  "' fish -c 'source ./cairn.fish; complete -C \"" + words + "\"' | cut -f1");
   };
-  EXPECT_EQ(complete("cairn recon"), "reconstruct\n");
-  EXPECT_EQ(complete("cairn evaluate tra"), "trajectory\n");
-  EXPECT_EQ(complete("cairn help evaluate tra"), "trajectory\n");
-  EXPECT_EQ(complete("cairn reconstruct --voxel-s"), "--voxel-size\n");
-  EXPECT_EQ(complete("cairn reconstruct x --motion ro"), "robot\n");
-  EXPECT_EQ(complete("cairn synth co"), "corridor\n");
-  EXPECT_EQ(complete("cairn info --camera cairn.f"), "cairn.fish\n");
+  for (const auto& [words, completed] : kCompletions) EXPECT_EQ(complete(words), completed + "\n") << words;
 }
 
 TEST_F(CommandLine, ZshCompletesTheSame) {
