@@ -134,7 +134,8 @@ Value value_of(const CLI::Option& option) {
   value.placeholder = is_named ? types[0] : placeholder_of(value.kind);
   if (option.get_expected_min() > 1 && !is_named) {
     const std::string one = value.placeholder;
-    for (int i = 1; i < option.get_expected_min(); ++i) value.placeholder += ' ' + one;
+    for (int i = 1; i < std::min(option.get_expected_min(), 3); ++i) value.placeholder += ' ' + one;
+    if (option.get_expected_min() > 3) value.placeholder = one + " ...";  // its text says how many
   }
   return value;
 }

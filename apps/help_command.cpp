@@ -42,7 +42,8 @@ void add_help(CLI::App& program) {
       fmt::print(stderr, "{}\n", *unknown);
       throw CLI::RuntimeError(2);
     }
-    fmt::print("{}", command_in(program, *words).help());
+    // App::help() is that of the command that runs: this one.
+    fmt::print("{}", help_format()->make_help(&command_in(program, *words), "", CLI::AppFormatMode::Normal));
   });
 }
 

@@ -108,6 +108,8 @@ void add_camera(CLI::App& command, std::filesystem::path& camera, const std::str
       ->check([all](const std::string& given) {
         std::error_code ignored;
         if (std::filesystem::is_regular_file(given, ignored) || known_camera(given) != nullptr) return std::string();
+        // A file by its look is missed as any other; the error names one like it.
+        if (std::string file = given; given.find_first_of("./") != given.npos) return CLI::ExistingFile(file);
         return fmt::format("'{}' is no file and no name of a camera; names are {}", given, all);
       });
 }

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "apps/progress.hpp"
 
 namespace cairn::apps {
@@ -56,7 +58,8 @@ TEST(ProgressLine, KeepsItsBarWhateverTheWordsAre) {
     return line.substr(0, line.find(']'));
   };
   EXPECT_EQ(bar(""), bar("91 % inliers within 1.3 sigma, guess: keyframe, colour tells 2 of 6 directions"));
-  EXPECT_EQ(std::count(bar("").begin(), bar("").end(), '#'), std::count(bar("").begin(), bar("").end(), '.'));
+  const std::string half = bar("");
+  EXPECT_EQ(std::count(half.begin(), half.end(), '#'), std::count(half.begin(), half.end(), '.'));
 }
 
 TEST(ProgressLine, IsWholeWhereNobodyHasATerminal) {

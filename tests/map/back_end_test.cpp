@@ -244,7 +244,11 @@ TEST(BackEnd, RefusesASubmapWithBrokenVoxels) {
   Submaps(folder.path(), 0, Access::read).add_stored(true);
   // The bytes that tell how long a brick's packed voxels are.
   auto bytes = read_bytes(submaps.file(0));
-  std::fill(bytes.end() - 4096 - 40, bytes.end() - 4096, static_cast<decltype(bytes)::value_type>(0x7f));
+  using Byte = decltype(bytes)::value_type;
+  const Byte* const packed = reinterpret_cast<const Byte*>(voxels.data());
+  const auto last = std::find_end(bytes.begin(), bytes.end(), packed, packed + 4096);
+  ASSERT_NE(last, bytes.end());
+  std::fill(last - 40, last, static_cast<Byte>(0x7f));
   std::ofstream(submaps.file(0), std::ios::binary)
       .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   EXPECT_THROW(Submaps(folder.path(), 0, Access::read).add_stored(true), std::runtime_error);

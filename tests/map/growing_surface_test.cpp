@@ -64,7 +64,7 @@ TEST(GrowingSurface, IsInTheEndTheWholeMeshAndCostsLittleByFrame) {
 
 TEST(GrowingSurface, LiesWhereTheWholeMeshLies) {
   const auto source = open_synthetic({.scene = "room", .first = 0, .frames = 5});
-  Mapper mapper(source->rig());
+  Mapper mapper(source->rig(), {.up = Up::camera});  // what a viewer follows is turned upright by its page
   while (const auto frame = source->next()) (void)mapper.add(*frame);
   const SurfaceChanges changes = LiveSurface(mapper).changes(1 << 20, true);
   ASSERT_EQ(changes.world_from_submap.size(), 1u);

@@ -33,8 +33,11 @@ using asio::ip::tcp;
 using namespace std::chrono_literals;
 
 bool becomes(const std::function<bool()>& condition) {
-  for (int i = 0; i < 500 && !condition(); ++i) std::this_thread::sleep_for(10ms);
-  return condition();
+  for (int i = 0; i < 500; ++i) {
+    if (condition()) return true;  // it may be true once only
+    std::this_thread::sleep_for(10ms);
+  }
+  return false;
 }
 
 class Web : public testing::Test {
