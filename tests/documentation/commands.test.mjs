@@ -34,6 +34,7 @@ const elsewhere = {
   'scripts/bundle': 'compiles; it has a test of its own',
   'node tests/browser/measure_live.mjs RECORDING OUT reader': 'a whole recording in a browser, with its clock',
   'node tests/browser/measure_export.mjs X.glb': 'measures a browser',
+  'node tests/browser/measure_page.mjs OUT': 'measures a browser',
 };
 
 /** The command lines of a page: of its code blocks, and what in its text begins like one. */
@@ -74,6 +75,7 @@ before(() => {
   run('reconstruct', keep('long'), '-o', keep('map'), '--voxel-size', voxel);
   run('reconstruct', keep('long'), '-o', keep('other'), '--frames', '3:20', '--voxel-size', voxel);
   run('synth', 'room', '-o', keep('recording'), '--frames', '10', '--width', '320');
+  run('reconstruct', keep('recording'), '-o', keep('done'), '--voxel-size', voxel);
   run('export', keep('map'), '-o', keep('x.glb'), '--simplify', '0.1');
   for (const word of ['RECORDING', 'FOLDER']) inputs[word] = keep('recording');
   for (const word of ['MAP', 'OUT', 'A']) inputs[word] = keep('map');
@@ -118,9 +120,9 @@ function prepare(line) {
       return;
     }
     rmSync(join(work, word), { recursive: true, force: true });
-    if (words[i - 1] === '-o') return;
+    if (words[i - 1] === '-o' && !words.includes('--resume')) return;
     mkdirSync(dirname(join(work, word)), { recursive: true });
-    cpSync(inputs[word], join(work, word), { recursive: true });
+    cpSync(words[i - 1] === '-o' ? join(kept, 'done') : inputs[word], join(work, word), { recursive: true });
   });
 }
 
