@@ -268,11 +268,11 @@ TEST_F(Program, WarnsOfAWrongFocalLengthWithTheEvidence) {
       "reconstruct", "--no-texture", turning.string(), "-o",   (out / "map").string(),
       "--frames",    "0:110:2",      "--voxel-size",   "0.02", "--overwrite"};
   const Ran silent = run_cairn(arguments);
-  EXPECT_EQ(silent.err.find("intrinsics"), std::string::npos) << silent.err;
+  EXPECT_EQ(silent.out.find("intrinsics"), std::string::npos) << silent.out;
   std::ofstream(turning / "camera.yaml") << "{width: 640, height: 480, fx: 578, fy: 578, cx: 319.5, cy: 239.5}";
   const Ran warned = run_cairn(arguments);
   EXPECT_EQ(warned.exit_code, 0) << warned.err;
-  EXPECT_NE(warned.err.find("check the camera's intrinsics"), std::string::npos) << warned.err;
+  EXPECT_NE(warned.out.find("check the camera's intrinsics"), std::string::npos) << warned.out;
 }
 
 struct Recorded {
