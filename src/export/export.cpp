@@ -16,14 +16,12 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr double kTrianglesOfABrick = 40, kLeftWithinAnError = 0.15;  // about
+constexpr double kLeftWithinAnError = 0.15;  // about
 
 /// The share of the triangles that simplification leaves, about.
 double left_of(const ExportRun& run) {
   const SimplifyOptions& o = run.options.simplify;
-  if (o.triangles > 0)
-    return std::min(
-        1.0, static_cast<double>(o.triangles) / (kTrianglesOfABrick * static_cast<double>(run.input.bricks.size())));
+  if (o.triangles > 0) return std::min(1.0, static_cast<double>(run.share_of(o.triangles)));
   return o.max_error > 0 && o.ratio >= 1 ? kLeftWithinAnError : static_cast<double>(o.ratio);
 }
 

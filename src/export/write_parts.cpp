@@ -36,12 +36,9 @@ constexpr double kBytesOfAPoint = 180;  // in memory: the point, the file's byte
 constexpr double kMostMemory = 0.5;     // of what is available
 constexpr double kSensible = 0.1;       // voxels: points closer together tell nothing new
 
-constexpr float kTrianglesOfABrick = 40;  // about: 30 where little was seen often, 60 of a desk
-
 std::optional<Preview> preview_of(const ExportRun& run) {
   const PreviewOptions& options = run.options.preview;
-  const float ratio =
-      static_cast<float>(options.triangles) / (kTrianglesOfABrick * static_cast<float>(run.input.bricks.size()));
+  const float ratio = run.share_of(options.triangles);
   if (options.file.empty() || !is_gltf(run.file) || ratio > kWorthwhile) return std::nullopt;
   GltfOptions gltf = run.gltf_options();
   gltf.compression = Compression::meshopt;
