@@ -236,7 +236,8 @@ void evaluate_costmap_file(const Arguments& a) {
                            {"wrongly_free", e.wrongly_free},
                            {"wrongly_occupied", e.wrongly_occupied},
                            {"wrongly_unknown", e.wrongly_unknown},
-                           {"unseen", e.unseen}};
+                           {"unseen", e.unseen},
+                           {"hidden", e.hidden}};
     fmt::print("{}\n", j.dump(2));
     return;
   }
@@ -244,6 +245,7 @@ void evaluate_costmap_file(const Arguments& a) {
   fmt::print("wrongly               {} free, {} occupied, {} unknown\n", e.wrongly_free, e.wrongly_occupied,
              e.wrongly_unknown);
   fmt::print("rightly free          {} that no camera saw\n", e.unseen);
+  fmt::print("not judged            {} free with something in them that no camera saw\n", e.hidden);
 }
 
 void add_trajectory(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {

@@ -129,14 +129,16 @@ struct Costmap {
 /// Cells that a costmap calls free or occupied, and those that are free and that cameras saw.
 struct CostmapError {
   int judged = 0, right = 0;
-  int wrongly_free = 0;      ///< in some height of the band a solid is there
+  int wrongly_free = 0;      ///< in some height of the band a solid is there, and a camera saw its surface there
   int wrongly_occupied = 0;  ///< no surface is nearer than one and a half cells
   int wrongly_unknown = 0;   ///< free, farther than half a cell from all surfaces, and half of the band was seen
   int unseen = 0;            ///< rightly free, and yet no camera saw any of it
+  int hidden = 0;            ///< called free, though a solid is there that no camera saw: not judged
 };
 
 /// Compares a costmap with a scene cut at the same heights. A point was seen when from one of the poses a ray goes
-/// through it to a surface within the range of depth.
+/// through it to a surface within the range of depth. What no camera saw, a map cannot know: a cell is held against the
+/// surfaces that were seen, and those of `hidden` are counted beside.
 [[nodiscard]] CostmapError evaluate_costmap(const Costmap& costmap, const Scene& scene, const Camera& camera,
                                             const Trajectory& poses, const SurfaceOptions& range = {});
 

@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -22,6 +23,7 @@ constexpr int kMostLooks = 8;                  // points of a cell's column that
 constexpr int kStride = 8;                     // pixels from ray to ray
 constexpr double kApart = 0.1, kTurned = 0.1;  // metres, radians, from view to view
 constexpr double kAway = 1.5;                  // cells: farther from every surface a cell is not occupied
+constexpr double kBehind = 2;                  // cells: a solid that far behind its seen surface counts as seen
 
 /// How far a ray goes, along z of the camera, until it meets a surface; nothing beyond `most` metres.
 std::optional<double> depth_along(const Scene& scene, const Eigen::Isometry3d& world_from_camera,
@@ -67,7 +69,21 @@ class Views {
 
   /// Whether a camera looks through a point: all rays around it go farther. `hint`: the view that saw the last one, and
   /// is asked first.
-  [[nodiscard]] bool see(const Eigen::Vector3d& point, std::size_t& hint) const {
+  [[nodiscard]] bool see_through(const Eigen::Vector3d& point, std::size_t& hint) const {
+    return any(point, hint, [](float z, auto depths) { return std::ranges::min(depths) > z; });
+  }
+
+  /// Whether a camera sees a point of a surface: a ray around it ends no nearer, or nearer by less than `tolerance`.
+  [[nodiscard]] bool see(const Eigen::Vector3d& point, double tolerance, std::size_t& hint) const {
+    return any(point, hint, [tolerance](float z, auto depths) {
+      return std::ranges::max(depths) > z - static_cast<float>(tolerance);
+    });
+  }
+
+ private:
+  /// Whether a view has a point in its image, with depths of the four rays around it for which `holds`.
+  template <class Holds>
+  [[nodiscard]] bool any(const Eigen::Vector3d& point, std::size_t& hint, const Holds& holds) const {
     for (std::size_t i = 0; i < views_.size(); ++i) {
       const std::size_t k = (hint + i) % views_.size();
       const Eigen::Vector3d p = views_[k].camera_from_world * point;
@@ -77,14 +93,14 @@ class Views {
       const float* depth =
           &views_[k]
                .depth[static_cast<std::size_t>(static_cast<int>(pixel.y()) * columns_ + static_cast<int>(pixel.x()))];
-      if (std::min({depth[0], depth[1], depth[columns_], depth[columns_ + 1]}) <= static_cast<float>(p.z())) continue;
+      if (!holds(static_cast<float>(p.z()), std::array{depth[0], depth[1], depth[columns_], depth[columns_ + 1]}))
+        continue;
       hint = k;
       return true;
     }
     return false;
   }
 
- private:
   struct View {
     Eigen::Isometry3d camera_from_world;
     std::vector<float> depth;  // metres; 0: nothing that the camera measures
@@ -123,13 +139,17 @@ CostmapError evaluate_costmap(const Costmap& costmap, const Scene& scene, const 
         continue;
       }
       if (cell == Costmap::Cell::free && nearest < 0) {
-        ++e.judged, ++e.wrongly_free;
+        bool is_seen = false;
+        for (int i = 0; i < levels && !is_seen; ++i)
+          if (const Eigen::Vector3d point = at((i + 0.5) / levels); scene.distance(point) < 0)
+            is_seen = views.see(point, kBehind * size, hint);
+        is_seen ? ++e.judged, ++e.wrongly_free : ++e.hidden;
         continue;
       }
       if (cell == Costmap::Cell::unknown && nearest <= 0.5 * size) continue;  // may be occupied: nobody is misled
       const int looks = std::min(levels, kMostLooks);
       int seen = 0;
-      for (int i = 0; i < looks; ++i) seen += views.see(at((i + 0.5) / looks), hint);
+      for (int i = 0; i < looks; ++i) seen += views.see_through(at((i + 0.5) / looks), hint);
       const bool is_half_seen = 2 * seen >= looks;
       if (cell == Costmap::Cell::free) {
         ++e.judged, ++e.right;
@@ -141,7 +161,7 @@ CostmapError evaluate_costmap(const Costmap& costmap, const Scene& scene, const 
   });
   CostmapError all;
   for (const CostmapError& e : by_row) {
-    all.judged += e.judged, all.right += e.right, all.unseen += e.unseen;
+    all.judged += e.judged, all.right += e.right, all.unseen += e.unseen, all.hidden += e.hidden;
     all.wrongly_free += e.wrongly_free, all.wrongly_occupied += e.wrongly_occupied;
     all.wrongly_unknown += e.wrongly_unknown;
   }

@@ -153,6 +153,8 @@ TEST(EvaluateCostmap, CountsWhatIsWrongByKind) {
   const CostmapError unseen = evaluate_costmap(map, scene, synthetic_camera(), turned);
   EXPECT_EQ(unseen.wrongly_unknown, 0);
   EXPECT_EQ(unseen.unseen, 17);
+  EXPECT_EQ(unseen.wrongly_free, 0);
+  EXPECT_EQ(unseen.hidden, 1);
   EXPECT_THROW((void)evaluate_costmap(map, scene, synthetic_camera(), {}), std::runtime_error);
 }
 
