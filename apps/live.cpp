@@ -200,6 +200,7 @@ void live(const Arguments& given) {
     follow(a, interrupt, stream, run, options, view ? &*view : nullptr, course);
     is_interrupted = interrupt.requested();
   }
+  std::optional<EndAtOnce> ending(run.said_when_ended());
   if (view) view->finishing();
   if (const auto why = stream.source().ended_early()) run.warn(*why);
   const double seconds = std::chrono::duration<double>(Clock::now() - course.first).count();
@@ -209,6 +210,7 @@ void live(const Arguments& given) {
   if (!a.json)
     fmt::print("live        {:.1f} frames/s, {} skipped to keep up, {:.0f} ms from frame to pose (95 %)\n",
                told["frames_per_second"].get<double>(), dropped, course.latencies.percentile(0.95));
+  ending.reset();
   if (view) show_result(*view, a.output, is_interrupted);
   end_with(verdict);
 }

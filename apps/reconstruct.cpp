@@ -59,6 +59,7 @@ void reconstruct(const Arguments& given) {
     }
     if (interrupt.requested() && count && read < *count) run.interrupted(*count - read);
   }
+  const EndAtOnce ending(run.said_when_ended());
   if (const auto why = source->ended_early()) run.warn(*why);
 
   nlohmann::json more;

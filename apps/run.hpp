@@ -99,6 +99,8 @@ class Run {
 
   /// Tells that the user ended the run `left` frames before its recording ends.
   void interrupted(int left);
+  /// What to say when the user ends the program while its files are written.
+  [[nodiscard]] std::string said_when_ended() const;
   /// Writes everything, with report.json and report.html, of which `more` is a part, and tells the user how it went.
   /// Throws std::runtime_error if no frame could be used, or with what could not be written.
   [[nodiscard]] Verdict finish(const nlohmann::json& more = {});

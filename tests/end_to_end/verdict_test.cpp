@@ -151,6 +151,22 @@ TEST_F(Ending, OfAnInterruptedRunIsTheCommandThatGoesOn) {
   EXPECT_FALSE(report.contains("interrupted"));
 }
 
+TEST_F(Ending, WhileFilesAreWrittenIsToldAndCanBeGoneOnFrom) {
+  // As Ctrl-C does, once the map is written and its mesh is not.
+  const std::string interrupted =
+      "f() { \"$@\" & p=$!; while [ ! -e written/map.vdb ] && kill -0 $p 2>/dev/null; do sleep 0.005; done; kill -INT "
+      "$p; wait $p; }; f";
+  const Ran ran = run({"reconstruct", "rec", "written"}, interrupted);
+  EXPECT_EQ(ran.exit_code, 130) << ran.err;
+  EXPECT_NE(ran.err.find("ended before every file was written; go on with: "), std::string::npos) << ran.err;
+  EXPECT_FALSE(fs::exists(*folder / "written" / "report.json"));
+  const Ran more = run({"reconstruct", "rec", "written", "--resume"});
+  EXPECT_EQ(more.exit_code, 0) << more.err;
+  EXPECT_NE(more.out.find("40 of 40 frames fused (0 lost, 0 skipped), 0 of them in this run"), std::string::npos)
+      << more.out;
+  EXPECT_TRUE(fs::exists(*folder / "written" / "report.json"));
+}
+
 TEST_F(Ending, OfARunThatWasKilledIsToldByInfo) {
   ASSERT_EQ(run({"reconstruct", "rec", "killed", "--frames", "0:12"}).exit_code, 0);
   for (const auto& entry : fs::directory_iterator(*folder / "killed"))
