@@ -104,6 +104,8 @@ void evaluate_topology_of(const Arguments& a) {
   const MeshTopology t = examine_topology(read_mesh(a.estimate));
   if (a.json) {
     const nlohmann::json j{{"non_manifold_edges", t.non_manifold_edges},
+                           {"non_manifold_vertices", t.non_manifold_vertices},
+                           {"coincident_triangles", t.coincident_triangles},
                            {"degenerate_triangles", t.degenerate_triangles},
                            {"unreferenced_vertices", t.unreferenced_vertices},
                            {"components", t.components},
@@ -113,8 +115,9 @@ void evaluate_topology_of(const Arguments& a) {
     fmt::print("{}\n", text_of(j, 2));
     return;
   }
-  fmt::print("non-manifold edges     {}\ndegenerate triangles   {}\nunreferenced vertices  {}\n", t.non_manifold_edges,
-             t.degenerate_triangles, t.unreferenced_vertices);
+  fmt::print("non-manifold edges     {}\nnon-manifold vertices  {}\ncoincident triangles   {}\n", t.non_manifold_edges,
+             t.non_manifold_vertices, t.coincident_triangles);
+  fmt::print("degenerate triangles   {}\nunreferenced vertices  {}\n", t.degenerate_triangles, t.unreferenced_vertices);
   fmt::print("pieces                 {}\nborders                {}, {:.1f} m long\n", t.components, t.borders,
              t.border_length);
 }

@@ -93,7 +93,9 @@ struct ViewError {
 
 /// How a mesh's triangles hang together; vertices at the very same place count as one.
 struct MeshTopology {
-  std::size_t non_manifold_edges = 0;  ///< of more than two triangles
+  std::size_t non_manifold_edges = 0;     ///< of more than two triangles
+  std::size_t non_manifold_vertices = 0;  ///< whose triangles do not all hang together by sides that end there
+  std::size_t coincident_triangles = 0;   ///< with the three vertices of another one
   std::size_t degenerate_triangles = 0, unreferenced_vertices = 0;
   std::size_t components = 0;                 ///< that no vertex joins
   std::size_t borders = 0, border_edges = 0;  ///< boundary_edges of holes and outer edges

@@ -73,8 +73,10 @@ Part make_part(ExportRun& run, Texturer* texturer, const Cells::Key& cell) {
   Part part = run.timed("clean", [&] {
     run.exported.full_triangles += static_cast<std::size_t>(std::count_if(
         mesh.triangles.begin(), mesh.triangles.end(), [&](const auto& t) { return run.cells.is_own(mesh, t, cell); }));
-    const Cleaned cleaned = clean(mesh, run.options.clean);
-    run.exported.components_removed += cleaned.components_removed;  // at borders of cells counted in both
+    // What reaches over a border of cells is seen in both, and counted once.
+    const Cleaned cleaned =
+        clean(mesh, run.options.clean, [&](const auto& t) { return run.cells.is_own(mesh, t, cell); });
+    run.exported.components_removed += cleaned.components_removed;
     run.exported.holes_filled += cleaned.holes_filled;
     return cut_out(std::move(mesh), run.cells, cell);
   });

@@ -2,9 +2,12 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "mesh/clean.hpp"
 
+#include <tbb/parallel_sort.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <limits>
+#include <tuple>
 #include <unordered_map>
 
 #include "mesh/topology.hpp"
@@ -31,15 +34,32 @@ void remove_unseen(Mesh& mesh, float min_weight) {
   });
 }
 
-std::size_t remove_small_components(Mesh& mesh, const CleanOptions& options) {
+bool is_lower(const Eigen::Vector3f& p, const Eigen::Vector3f& q) {
+  return std::lexicographical_compare(p.data(), p.data() + 3, q.data(), q.data() + 3);
+}
+
+/// The positions of a triangle from its lowest on: the same however vertices are numbered.
+std::array<Eigen::Vector3f, 3> from_lowest(const Mesh& mesh, const std::array<std::uint32_t, 3>& t) {
+  std::array<Eigen::Vector3f, 3> p{mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]};
+  std::rotate(p.begin(), std::min_element(p.begin(), p.end(), is_lower), p.end());
+  return p;
+}
+
+std::size_t remove_small_components(Mesh& mesh, const CleanOptions& options, const CountsTriangle& counts) {
   const Components parts = connected_components(mesh, weld(mesh));
   struct Component {
     Eigen::AlignedBox3f box;
     double weight = 0, corners = 0;
+    std::uint32_t lowest = kNone;  // triangle
   };
   std::vector<Component> all(parts.count);
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
     Component& component = all[parts.of_triangle[i]];
+    if (const auto here = from_lowest(mesh, mesh.triangles[i]); component.lowest == kNone || [&] {
+          const auto lowest = from_lowest(mesh, mesh.triangles[component.lowest]);
+          return std::lexicographical_compare(here.begin(), here.end(), lowest.begin(), lowest.end(), is_lower);
+        }())
+      component.lowest = static_cast<std::uint32_t>(i);
     for (const std::uint32_t v : mesh.triangles[i]) {
       component.box.extend(mesh.positions[v]);
       component.weight += mesh.weights.empty() ? std::numeric_limits<float>::max() : mesh.weights[v];
@@ -47,14 +67,16 @@ std::size_t remove_small_components(Mesh& mesh, const CleanOptions& options) {
     }
   }
   std::vector<bool> is_small(all.size());
+  std::size_t removed = 0;
   for (std::size_t i = 0; i < all.size(); ++i) {
     const float size = all[i].box.diagonal().norm();
     const bool is_weak = all[i].weight < static_cast<double>(options.min_support) * all[i].corners;
     is_small[i] = size < options.min_piece || (size < 3 * options.min_piece && is_weak);
+    removed += is_small[i] && (!counts || counts(mesh.triangles[all[i].lowest]));
   }
   std::erase_if(mesh.triangles,
                 [&, i = std::size_t{0}](const auto&) mutable { return is_small[parts.of_triangle[i++]]; });
-  return static_cast<std::size_t>(std::count(is_small.begin(), is_small.end(), true));
+  return removed;
 }
 
 /// The border goes from `from` to `to` with the surface on its left.
@@ -141,7 +163,7 @@ void fill(Mesh& mesh, const std::vector<std::uint32_t>& rim) {
   }
 }
 
-std::size_t fill_holes(Mesh& mesh, float max_size) {
+std::size_t fill_holes(Mesh& mesh, float max_size, const CountsTriangle& counts) {
   if (max_size <= 0) return 0;
   const std::vector<Side> sides = sides_by_edge(mesh, own_ids(mesh));
   std::unordered_map<std::uint32_t, std::uint32_t> next;
@@ -152,10 +174,8 @@ std::size_t fill_holes(Mesh& mesh, float max_size) {
     begins.push_back(from);
   }
   // From the lowest position on, so that it does not matter how vertices are numbered.
-  std::sort(begins.begin(), begins.end(), [&](std::uint32_t a, std::uint32_t b) {
-    const Eigen::Vector3f &p = mesh.positions[a], &q = mesh.positions[b];
-    return std::lexicographical_compare(p.data(), p.data() + 3, q.data(), q.data() + 3);
-  });
+  std::sort(begins.begin(), begins.end(),
+            [&](std::uint32_t a, std::uint32_t b) { return is_lower(mesh.positions[a], mesh.positions[b]); });
   std::vector<std::uint64_t> edges;  // there is no second triangle at a chord that is there already
   for_each_edge(sides, [&](std::size_t begin, std::size_t) { edges.push_back(sides[begin].edge); });
   std::vector<bool> done(mesh.positions.size(), false);
@@ -196,52 +216,120 @@ std::size_t fill_holes(Mesh& mesh, float max_size) {
     if (!fits)
       mesh.triangles.resize(before);
     else
-      ++filled;
+      filled += !counts || counts(mesh.triangles[before]);
   }
   return filled;
 }
 
+/// Triangles with the same three vertices: two that look apart are a sheet without a thickness, and both go; of those
+/// that look the same way one stays.
+void remove_coincident(Mesh& mesh, const std::vector<std::uint32_t>& vertex_id, bool keep_sheets) {
+  struct Corners {
+    std::array<std::uint32_t, 3> sorted;
+    bool is_even;  // sorted by turning alone
+    std::uint32_t triangle;
+  };
+  std::vector<Corners> all(mesh.triangles.size());
+  for (std::uint32_t i = 0; i < all.size(); ++i) {
+    const auto& t = mesh.triangles[i];
+    std::array<std::uint32_t, 3> c{vertex_id[t[0]], vertex_id[t[1]], vertex_id[t[2]]};
+    std::rotate(c.begin(), std::min_element(c.begin(), c.end()), c.end());
+    const bool is_even = c[1] < c[2];
+    if (!is_even) std::swap(c[1], c[2]);
+    all[i] = {c, is_even, i};
+  }
+  tbb::parallel_sort(all, [](const Corners& a, const Corners& b) {
+    return std::tie(a.sorted, a.is_even, a.triangle) < std::tie(b.sorted, b.is_even, b.triangle);
+  });
+  std::vector<bool> remove(all.size(), false);
+  bool any = false;
+  for (std::size_t begin = 0, end = 0; begin < all.size(); begin = end) {
+    while (end < all.size() && all[end].sorted == all[begin].sorted) ++end;
+    if (end - begin < 2) continue;
+    const bool look_apart = all[begin].is_even != all[end - 1].is_even;
+    for (std::size_t i = begin; i < end; ++i)
+      if (look_apart ? !keep_sheets || (i > begin && all[i].is_even == all[i - 1].is_even) : i > begin)
+        remove[all[i].triangle] = true;
+    any = true;
+  }
+  if (any) remove_triangles(mesh, remove);
+}
+
+/// Of the triangles at a side that more than two share the smallest go. Returns whether there were any.
+bool remove_beyond_two(Mesh& mesh, const std::vector<Side>& sides) {
+  std::vector<bool> remove(mesh.triangles.size(), false);
+  bool any = false;
+  for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
+    std::size_t left = 0;
+    for (std::size_t i = begin; i < end; ++i) left += !remove[sides[i].triangle];
+    for (; left > 2; --left, any = true) {
+      std::size_t least = end;
+      for (std::size_t i = begin; i < end; ++i) {
+        const std::uint32_t t = sides[i].triangle;
+        if (remove[t]) continue;
+        if (least == end || area_vector(mesh, mesh.triangles[t]).norm() <
+                                area_vector(mesh, mesh.triangles[sides[least].triangle]).norm())
+          least = i;
+      }
+      remove[sides[least].triangle] = true;
+    }
+  });
+  if (any) remove_triangles(mesh, remove);
+  return any;
+}
+
+/// Triangles at a vertex hang together where they share a side that ends there: a fan. All fans but the largest go.
+/// `sides`: of one or two triangles each. `fixed`: as make_manifold has it. Returns whether there were any.
+bool remove_smaller_fans(Mesh& mesh, const std::vector<Side>& sides, const std::vector<std::uint32_t>& vertex_id,
+                         const std::function<bool(std::uint32_t)>& fixed) {
+  Fans fans = fans_of(mesh, sides, vertex_id);
+  if (fixed) std::erase_if(fans.several, fixed);
+  if (fans.several.empty()) return false;
+  std::unordered_map<std::uint32_t, double> area;  // by fan
+  for (std::uint32_t corner = 0; corner < fans.of_corner.size(); ++corner)
+    if (fans.several.contains(vertex_id[mesh.triangles[corner / 3][corner % 3]]))
+      area[fans.of_corner[corner]] += area_vector(mesh, mesh.triangles[corner / 3]).norm();
+  // Of fans that are as large the first stays.
+  std::unordered_map<std::uint32_t, std::uint32_t> largest;  // by vertex
+  for (std::uint32_t corner = 0; corner < fans.of_corner.size(); ++corner) {
+    const std::uint32_t v = vertex_id[mesh.triangles[corner / 3][corner % 3]], fan = fans.of_corner[corner];
+    if (!fans.several.contains(v)) continue;
+    const auto [it, is_new] = largest.try_emplace(v, fan);
+    if (!is_new && area.at(fan) > area.at(it->second)) it->second = fan;
+  }
+  std::vector<bool> remove(mesh.triangles.size(), false);
+  for (std::uint32_t corner = 0; corner < fans.of_corner.size(); ++corner) {
+    const auto it = largest.find(vertex_id[mesh.triangles[corner / 3][corner % 3]]);
+    if (it != largest.end() && it->second != fans.of_corner[corner]) remove[corner / 3] = true;
+  }
+  remove_triangles(mesh, remove);
+  return true;
+}
+
 }  // namespace
 
-std::size_t make_manifold(Mesh& mesh) {
+std::size_t make_manifold(Mesh& mesh, const ManifoldOptions& options) {
   const std::size_t before = mesh.triangles.size();
   const std::vector<std::uint32_t> vertex_id = weld(mesh);
   std::erase_if(mesh.triangles, [&](const auto& t) {
     return vertex_id[t[0]] == vertex_id[t[1]] || vertex_id[t[1]] == vertex_id[t[2]] ||
            vertex_id[t[2]] == vertex_id[t[0]] || !(area_vector(mesh, t).norm() > 0);
   });
+  remove_coincident(mesh, vertex_id, options.keep_sheets);
   while (true) {
     const std::vector<Side> sides = sides_by_edge(mesh, vertex_id);
-    std::vector<bool> remove(mesh.triangles.size(), false);
-    bool any = false;
-    for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
-      std::size_t left = 0;
-      for (std::size_t i = begin; i < end; ++i) left += !remove[sides[i].triangle];
-      for (; left > 2; --left, any = true) {
-        std::size_t least = end;
-        for (std::size_t i = begin; i < end; ++i) {
-          const std::uint32_t t = sides[i].triangle;
-          if (remove[t]) continue;
-          if (least == end || area_vector(mesh, mesh.triangles[t]).norm() <
-                                  area_vector(mesh, mesh.triangles[sides[least].triangle]).norm())
-            least = i;
-        }
-        remove[sides[least].triangle] = true;
-      }
-    });
-    if (!any) break;
-    remove_triangles(mesh, remove);
+    if (!remove_beyond_two(mesh, sides) && !remove_smaller_fans(mesh, sides, vertex_id, options.fixed)) break;
   }
   return before - mesh.triangles.size();
 }
 
-Cleaned clean(Mesh& mesh, const CleanOptions& options) {
+Cleaned clean(Mesh& mesh, const CleanOptions& options, const CountsTriangle& counts) {
   Cleaned cleaned;
   remove_unseen(mesh, options.min_weight);
   (void)make_manifold(mesh);
-  cleaned.components_removed = remove_small_components(mesh, options);
+  cleaned.components_removed = remove_small_components(mesh, options, counts);
   remove_spikes(mesh);
-  cleaned.holes_filled = fill_holes(mesh, options.fill_holes);
+  cleaned.holes_filled = fill_holes(mesh, options.fill_holes, counts);
   smooth_borders(mesh);
   (void)make_manifold(mesh);
   (void)drop_unused_vertices(mesh);

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <map>
 #include <numeric>
+#include <set>
 
 #include "mesh/clean.hpp"
 #include "mesh/topology.hpp"
@@ -63,10 +64,35 @@ void lock_vertices(Split& split, const Mesh& mesh, const std::vector<bool>& lock
       }
 }
 
-/// Vertices of edges with more than two triangles.
-std::vector<std::uint32_t> at_non_manifold_edges(const Mesh& mesh) {
-  const std::vector<Side> sides = sides_by_edge(mesh, weld(mesh));
+/// Of make_manifold: vertices that other meshes have, too.
+auto is_in(const std::vector<bool>& locked) {
+  return [&locked](std::uint32_t v) { return v < locked.size() && locked[v]; };
+}
+
+using Corners = std::array<std::uint32_t, 3>;
+
+/// The triangles between locked vertices alone, each from its lowest vertex on.
+std::set<Corners> between_locked(const std::vector<Corners>& triangles, const std::vector<bool>& locked) {
+  std::set<Corners> all;
+  for (Corners t : triangles)
+    if (std::all_of(t.begin(), t.end(), is_in(locked))) {
+      std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
+      all.insert(t);
+    }
+  return all;
+}
+
+/// Vertices of edges with more than two triangles, those between several fans of triangles, and those of triangles
+/// between locked vertices that were not there `before`: another mesh may get the same triangle.
+std::vector<std::uint32_t> where_not_manifold(const Mesh& mesh, const std::vector<bool>& locked,
+                                              const std::set<Corners>& before) {
+  const std::vector<std::uint32_t> vertex_id = weld(mesh);
+  const std::vector<Side> sides = sides_by_edge(mesh, vertex_id);
   std::vector<std::uint32_t> bad;
+  for (const std::uint32_t v : fans_of(mesh, sides, vertex_id).several)
+    if (!is_in(locked)(v)) bad.push_back(v);
+  for (const Corners& t : between_locked(mesh.triangles, locked))
+    if (!before.contains(t)) bad.insert(bad.end(), t.begin(), t.end());
   for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
     if (end - begin <= 2) return;
     bad.push_back(static_cast<std::uint32_t>(sides[begin].edge >> 32));
@@ -161,10 +187,13 @@ float scale_of(const Mesh& mesh) {
 }
 
 /// Down to `target` triangles as far as the surface moves no more than `allowed` of its size.
-Simplified collapse(Mesh& mesh, std::size_t target, float allowed, const std::vector<bool>& locked, bool keep_colours) {
+/// `leave`: of what is left at the end, see make_manifold.
+Simplified collapse(Mesh& mesh, std::size_t target, float allowed, const std::vector<bool>& locked, bool keep_colours,
+                    const ManifoldOptions& leave) {
   const float scale = scale_of(mesh);
   const std::vector<std::uint32_t> region =
       keep_colours && !mesh.colours.empty() ? colour_regions(mesh) : std::vector<std::uint32_t>{};
+  const std::set<Corners> before = between_locked(mesh.triangles, locked);
   std::vector<bool> fixed = locked;
   float error = 0;
   for (int round = 0;; ++round) {
@@ -177,10 +206,10 @@ Simplified collapse(Mesh& mesh, std::size_t target, float allowed, const std::ve
     simple.positions = mesh.positions;
     for (std::size_t i = 0; i < left.size(); i += 3)
       simple.triangles.push_back({split.original[left[i]], split.original[left[i + 1]], split.original[left[i + 2]]});
-    const std::vector<std::uint32_t> bad = at_non_manifold_edges(simple);
+    const std::vector<std::uint32_t> bad = where_not_manifold(simple, locked, before);
     if (bad.empty() || round == kRounds) {
       mesh.triangles = std::move(simple.triangles);
-      (void)make_manifold(mesh);
+      (void)make_manifold(mesh, leave);
       break;
     }
     // What collapsed there stays as it was: the surroundings of these vertices are locked.
@@ -216,16 +245,24 @@ Simplified cluster(Mesh& mesh, std::size_t target) {
 }
 
 /// No more than `most` triangles. What stands in the way goes in turn: edges of colours, locked vertices, and in the
-/// end the shape itself.
+/// end the shape itself. Pieces that become two triangles on each other are kept where without them next to nothing
+/// would be left.
 Simplified collapse_to(Mesh& mesh, std::size_t most, const std::vector<bool>& locked, bool keep_colours) {
   const bool has_colours = keep_colours && !mesh.colours.empty(),
              has_locked = std::find(locked.begin(), locked.end(), true) != locked.end();
-  for (const auto& [keeps_colours, keeps_locked] : {std::pair(true, true), {false, true}, {false, false}}) {
-    if ((!keeps_colours && keeps_locked && !has_colours) || (!keeps_locked && !has_locked)) continue;
+  const std::vector<bool> none;
+  struct Try {
+    bool keeps_colours, keeps_locked, keeps_sheets;
+  };
+  for (const Try& t : {Try{true, true, false}, {false, true, false}, {false, false, false}, {false, false, true}}) {
+    if ((!t.keeps_colours && t.keeps_locked && !has_colours) || (!t.keeps_locked && !t.keeps_sheets && !has_locked))
+      continue;
+    const std::vector<bool>& kept = t.keeps_locked ? locked : none;
+    ManifoldOptions leave{.fixed = is_in(kept), .keep_sheets = t.keeps_sheets};
+    if (t.keeps_sheets) leave.fixed = [](std::uint32_t) { return true; };
     Mesh fewer = mesh;
-    Simplified simplified =
-        collapse(fewer, most, kAnyError, keeps_locked ? locked : std::vector<bool>{}, keeps_colours && has_colours);
-    if (fewer.triangles.size() > most) continue;
+    Simplified simplified = collapse(fewer, most, kAnyError, kept, t.keeps_colours && has_colours, leave);
+    if (fewer.triangles.size() > most || 2 * fewer.triangles.size() < most) continue;
     mesh = std::move(fewer);
     return simplified;
   }
@@ -244,7 +281,7 @@ Simplified simplify(Mesh& mesh, const SimplifyOptions& options, const std::vecto
           ? std::size_t{0}
           : static_cast<std::size_t>(static_cast<double>(options.ratio) * static_cast<double>(mesh.triangles.size()));
   const float allowed = options.max_error > 0 ? options.max_error / (kFarthest * scale_of(mesh)) : kAnyError;
-  return collapse(mesh, target, allowed, locked, keep_colours);
+  return collapse(mesh, target, allowed, locked, keep_colours, {.fixed = is_in(locked)});
 }
 
 std::vector<std::uint32_t> colour_regions(const Mesh& mesh) {

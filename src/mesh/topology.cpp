@@ -9,6 +9,7 @@
 #include <bit>
 #include <boost/pending/disjoint_sets.hpp>
 #include <numeric>
+#include <set>
 #include <tuple>
 #include <unordered_map>
 #include <unordered_set>
@@ -68,6 +69,35 @@ std::vector<Side> sides_by_edge(const Mesh& mesh, const std::vector<std::uint32_
   return sides;
 }
 
+Fans fans_of(const Mesh& mesh, const std::vector<Side>& sides, const std::vector<std::uint32_t>& vertex_id) {
+  boost::disjoint_sets_with_storage<> sets(3 * mesh.triangles.size());
+  const auto vertex = [&](std::size_t corner) { return vertex_id[mesh.triangles[corner / 3][corner % 3]]; };
+  for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
+    const auto ends = [&](const Side& s) {
+      std::array<std::size_t, 2> corners{3 * std::size_t{s.triangle} + s.corner,
+                                         3 * std::size_t{s.triangle} + (s.corner + 1) % 3};
+      if (vertex(corners[0]) > vertex(corners[1])) std::swap(corners[0], corners[1]);
+      return corners;
+    };
+    const auto first = ends(sides[begin]);
+    for (std::size_t i = begin + 1; i < end; ++i) {
+      const auto more = ends(sides[i]);
+      sets.union_set(first[0], more[0]);
+      sets.union_set(first[1], more[1]);
+    }
+  });
+  Fans fans;
+  fans.of_corner.resize(3 * mesh.triangles.size());
+  std::vector<std::uint32_t> fan_at(mesh.positions.size(), kNone);
+  for (std::size_t corner = 0; corner < fans.of_corner.size(); ++corner) {
+    fans.of_corner[corner] = static_cast<std::uint32_t>(sets.find_set(corner));
+    std::uint32_t& fan = fan_at[vertex(corner)];
+    if (fan == kNone) fan = fans.of_corner[corner];
+    if (fan != fans.of_corner[corner]) fans.several.insert(vertex(corner));
+  }
+  return fans;
+}
+
 Components connected_components(const Mesh& mesh, const std::vector<std::uint32_t>& vertex_id) {
   boost::disjoint_sets_with_storage<> sets(mesh.positions.size());
   for (const auto& t : mesh.triangles)
@@ -107,6 +137,13 @@ MeshTopology examine_topology(const Mesh& mesh) {
   }
   topology.unreferenced_vertices = static_cast<std::size_t>(std::count(used.begin(), used.end(), false));
   const std::vector<Side> sides = sides_by_edge(mesh, vertex_id);
+  topology.non_manifold_vertices = fans_of(mesh, sides, vertex_id).several.size();
+  std::set<std::array<std::uint32_t, 3>> corners;
+  for (const auto& t : mesh.triangles) {
+    std::array<std::uint32_t, 3> c{vertex_id[t[0]], vertex_id[t[1]], vertex_id[t[2]]};
+    std::sort(c.begin(), c.end());
+    topology.coincident_triangles += !corners.insert(c).second;
+  }
   // Borders hang together where they share a vertex.
   std::vector<std::array<std::uint32_t, 2>> border;
   for_each_edge(sides, [&](std::size_t begin, std::size_t end) {

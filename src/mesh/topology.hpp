@@ -3,6 +3,7 @@
 // How triangles hang together.
 #pragma once
 #include <cstdint>
+#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -35,6 +36,15 @@ void for_each_edge(const std::vector<Side>& sides, const Visit& visit) {
     visit(begin, end);
   }
 }
+
+/// Fans: the triangles at a vertex that hang together by sides which end there. A manifold has one at each vertex.
+struct Fans {
+  std::vector<std::uint32_t> of_corner;       // by 3 * triangle + corner, the fan's own number
+  std::unordered_set<std::uint32_t> several;  // vertices with more than one
+};
+/// `sides` that more than two triangles share join all of these.
+[[nodiscard]] Fans fans_of(const Mesh& mesh, const std::vector<Side>& sides,
+                           const std::vector<std::uint32_t>& vertex_id);
 
 /// Parts that no shared vertex joins, by triangle; counted from 0 in the order of their first triangles.
 struct Components {

@@ -118,6 +118,53 @@ TEST(MakeManifold, LeavesTwoTrianglesAtEachSideAndNoneWithoutArea) {
   EXPECT_EQ(examine_topology(mesh).degenerate_triangles, 0u);
 }
 
+TEST(MakeManifold, RemovesTrianglesThatLieOnEachOther) {
+  Mesh mesh = flat_grid(4, 4, 0.1f);
+  const std::size_t surface = mesh.triangles.size();
+  // A sheet of two triangles that look apart, with vertices of its own at the same places, and one twice.
+  const auto first = static_cast<std::uint32_t>(mesh.positions.size());
+  for (const int copy : {0, 1})
+    for (const Eigen::Vector3f& p : {Eigen::Vector3f(0, 0, 1), Eigen::Vector3f(1, 0, 1), Eigen::Vector3f(0, 1, 1)}) {
+      mesh.positions.push_back(p);
+      mesh.normals.emplace_back(0, 0, copy == 0 ? 1 : -1);
+    }
+  mesh.triangles.push_back({first, first + 1, first + 2});
+  mesh.triangles.push_back({first + 5, first + 4, first + 3});
+  mesh.triangles.push_back(mesh.triangles[0]);
+  EXPECT_EQ(examine_topology(mesh).coincident_triangles, 2u);
+  make_manifold(mesh);
+  EXPECT_EQ(mesh.triangles.size(), surface);
+  EXPECT_EQ(examine_topology(mesh).coincident_triangles, 0u);
+}
+
+TEST(MakeManifold, LeavesTheLargestFanAtAVertex) {
+  // Two pyramids without a floor, one of them smaller, that touch with their tips.
+  Mesh mesh;
+  mesh.positions = {{0, 0, 0}, {1, 1, 1}, {-1, 1, 1}, {-1, -1, 1}, {1, -1, 1}};
+  for (std::size_t k = 1; k < 5; ++k) mesh.positions.emplace_back(-0.5f * mesh.positions[k]);
+  for (const std::uint32_t base : {5u, 1u})
+    for (std::uint32_t k = 0; k < 4; ++k) mesh.triangles.push_back({0, base + k, base + (k + 1) % 4});
+  EXPECT_EQ(examine_topology(mesh).non_manifold_vertices, 1u);
+  Mesh fixed = mesh;
+  EXPECT_EQ(make_manifold(fixed, {.fixed = [](std::uint32_t v) { return v == 0; }}), 0u);
+  EXPECT_EQ(make_manifold(mesh), 4u);
+  EXPECT_EQ(examine_topology(mesh).non_manifold_vertices, 0u);
+  for (const auto& t : mesh.triangles) EXPECT_LE(t[1], 4u);
+}
+
+TEST(Clean, CountsAPieceWhereItsFirstTriangleIs) {
+  Mesh mesh = flat_grid(50, 50, 0.01f);
+  append(mesh, moved(flat_grid(3, 3, 0.01f), {0.1f, 0, 1}));
+  const auto count = [&](bool left) {
+    Mesh copy = mesh;
+    return clean(copy, {.min_piece = 0.1f, .min_support = 0},
+                 [&, left](const auto& t) { return (copy.positions[t[0]].x() < 0.112f) == left; })
+        .components_removed;
+  };
+  EXPECT_EQ(count(true), 1u);
+  EXPECT_EQ(count(false), 0u);
+}
+
 TEST(Topology, TellsSplitVerticesAtOnePlaceAsOne) {
   Mesh mesh = flat_grid(2, 1, 1.0f);
   mesh.positions.push_back(mesh.positions[1]);
