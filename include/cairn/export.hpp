@@ -6,8 +6,11 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "cairn/mesh.hpp"
 
 namespace cairn {
 
@@ -48,18 +51,27 @@ struct PreviewOptions {
   std::size_t triangles = 1 << 20;  ///< about; a map of less than about twice as many has no preview
 };
 
+/// A place on the Earth (WGS 84), for 3D Tiles.
+struct GeoPlace {
+  double latitude = 0, longitude = 0;  ///< degrees north and east, of the map's origin
+  double height = 0;                   ///< metres above the ellipsoid
+  double heading = 0;                  ///< degrees clockwise from north, where the map's z points
+};
+
 struct ExportOptions {
   CleanOptions clean;
   SimplifyOptions simplify;
   TextureOptions texture;
   Compression compression = Compression::none;
   float cell_size = 0.0f;  ///< metres; the map becomes a node or tile a cell; 0: one node as long as it is not large
-  float point_spacing = 0.0f;  ///< metres; instead of triangles points that far apart (.ply); 0: triangles. What would
-                               ///< not fit into the memory is refused before the work begins
-  bool cameras = false;        ///< glTF: the camera's path as a line, and a camera for each keyframe
-  int levels = 1;              ///< of detail, each with a quarter of the triangles: X.glb, X.lod1.glb, ...
-  std::string source;          ///< for `asset.extras`: what the map was made from
-  PreviewOptions preview;      ///< of glTF in one file
+  float point_spacing = 0.0f;   ///< metres; instead of triangles points that far apart (.ply); 0: triangles. What would
+                                ///< not fit into the memory is refused before the work begins
+  bool cameras = false;         ///< glTF: the camera's path as a line, and a camera for each keyframe
+  Axes axes = Axes::automatic;  ///< of the file
+  std::optional<GeoPlace> geo;  ///< tileset.json: where globes show it
+  int levels = 1;               ///< of detail, each with a quarter of the triangles: X.glb, X.lod1.glb, ...
+  std::string source;           ///< for `asset.extras`: what the map was made from
+  PreviewOptions preview;       ///< of glTF in one file
 };
 
 /// Throws std::runtime_error naming the option, its value and the allowed range, or what `file`'s kind cannot hold.

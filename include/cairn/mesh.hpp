@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <string_view>
 #include <vector>
 
 namespace cairn {
@@ -27,10 +28,20 @@ struct Mesh {
   Texture texture;
 };
 
+/// The axes of what is written. The world has x to the right, y down and z forward.
+enum class Axes : std::uint8_t {
+  automatic,  ///< as programs expect them of a format: y_up for glTF and OBJ, z_up for STL and 3D Tiles, else the world
+  world,
+  y_up,  ///< (x, -y, -z): forward is -z
+  z_up   ///< (x, z, -y): forward is y
+};
+/// `world`, `yup` or `zup`: as files tell their axes.
+[[nodiscard]] std::string_view name_of(Axes axes);
+
 /// Writes by extension: .glb, .gltf (with .bin and texture beside it), .ply (binary), .obj (with .mtl and texture) or
-/// .stl (binary, neither colours nor texture). glTF is turned to y-up, and says so in `asset.extras`, STL to z-up; PLY
-/// and OBJ stay in the world frame; PLY has no texture.
-/// Whole or not at all. Throws std::runtime_error for an unknown extension or an unwritable place.
+/// .stl (binary, neither colours nor texture). The axes are Axes::automatic, and glTF (in `asset.extras`), PLY and OBJ
+/// (in a comment) tell them; PLY has no texture. Whole or not at all. Throws std::runtime_error for an unknown
+/// extension or an unwritable place.
 void write_mesh(const std::filesystem::path& file, const Mesh& mesh);
 
 /// Reads .glb, .gltf (also with KHR_mesh_quantization, EXT_meshopt_compression and KHR_draco_mesh_compression) and .ply

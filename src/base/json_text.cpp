@@ -2,7 +2,9 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "base/json_text.hpp"
 
+#include <cctype>
 #include <nlohmann/json.hpp>
+#include <string_view>
 
 namespace cairn {
 
@@ -11,6 +13,19 @@ std::string text_of(const nlohmann::json& json, int indent) {
 }
 
 std::string as_utf8(const std::string& text) { return nlohmann::json::parse(text_of(text)).get<std::string>(); }
+
+std::string as_uri(const std::string& path) {
+  constexpr std::string_view kDigits = "0123456789ABCDEF", kPlain = "-._~/";
+  std::string uri;
+  for (const char c : path) {
+    const auto byte = static_cast<unsigned char>(c);
+    if ((byte < 128 && std::isalnum(byte) != 0) || kPlain.find(c) != std::string_view::npos)
+      uri += c;
+    else
+      uri += {'%', kDigits[byte >> 4], kDigits[byte & 15]};
+  }
+  return uri;
+}
 
 std::string plain(std::string message) {
   const std::size_t begin = message.find("[json.exception."), end = message.find("] ", begin);

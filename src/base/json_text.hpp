@@ -13,6 +13,9 @@ namespace cairn {
 /// The same for a text that becomes a part of JSON.
 [[nodiscard]] std::string as_utf8(const std::string& text);
 
+/// A path as a relative URI (RFC 3986): what has a meaning there, or is not ASCII, by its bytes' numbers, "%20".
+[[nodiscard]] std::string as_uri(const std::string& path);
+
 /// A message without what the JSON library puts before its own: "[json.exception.type_error.302] ".
 [[nodiscard]] std::string plain(std::string message);
 

@@ -62,6 +62,16 @@ void check(const ExportOptions& o, const std::filesystem::path& file) {
   if (o.compression != Compression::none && extension != ".glb" && extension != ".gltf" && extension != ".json")
     refuse("ExportOptions::compression", "needs .glb, .gltf or tileset.json");
   if (o.cameras && !is_gltf(file)) refuse("ExportOptions::cameras", "needs .glb or .gltf");
+  if (o.geo) {
+    if (!is_tileset(file)) refuse("ExportOptions::geo", "needs tileset.json");
+    constexpr double kDeepest = -12000, kHighest = 1e6;  // metres
+    range("ExportOptions::geo: the latitude", o.geo->latitude, -90, 90);
+    range("ExportOptions::geo: the longitude", o.geo->longitude, -180, 180);
+    range("ExportOptions::geo: the height", o.geo->height, kDeepest, kHighest);
+    range("ExportOptions::geo: the heading", o.geo->heading, -360, 360);
+  }
+  if (is_tileset(file) && o.axes != Axes::automatic && o.axes != Axes::z_up)
+    refuse("ExportOptions::axes", "is zup for 3D Tiles, which have no other");
   if (o.levels > 1 && (is_tileset(file) || o.point_spacing > 0))
     refuse("ExportOptions::levels", "needs a single mesh file: tiles have levels anyway");
 }

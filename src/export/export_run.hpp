@@ -99,7 +99,9 @@ struct ExportRun {
             .png = options.texture.png,
             .jpeg_quality = options.texture.jpeg_quality,
             .source = options.source,
-            .upright = input.upright};
+            .upright = input.upright,
+            .axes = is_tileset(file) ? Axes::automatic : options.axes,
+            .is_whole = cells.is_whole()};
   }
   /// A mesh of the map as it is written.
   [[nodiscard]] Mesh upright(Mesh mesh) const { return turned(std::move(mesh), input.upright.world_from_tracked); }

@@ -7,11 +7,10 @@
 
 #include <algorithm>
 #include <boost/crc.hpp>
-#include <cctype>
 #include <stdexcept>
-#include <string_view>
 #include <utility>
 
+#include "base/json_text.hpp"
 #include "base/read_whole.hpp"
 #include "cairn/atomic_file.hpp"
 
@@ -43,16 +42,6 @@ std::string checksum_of(const fs::path& folder) {
 
 bool is_checksum(const std::string& name) {
   return name.size() == kDigits && name.find_first_not_of("0123456789abcdef") == std::string::npos;
-}
-
-/// As it stands in an address (RFC 3986).
-std::string in_address(std::string_view name) {
-  std::string address;
-  for (const char c : name)
-    address += std::isalnum(static_cast<unsigned char>(c)) != 0 || std::string_view("-._~").find(c) != name.npos
-                   ? std::string(1, c)
-                   : fmt::format("%{:02X}", static_cast<unsigned char>(c));
-  return address;
 }
 
 void must(const std::error_code& error, const fs::path& folder) {
@@ -88,7 +77,7 @@ std::string TilesFolder::finish() {
   part_ = named;
   is_mine_ = !is_there;
   sync_folder(home_);
-  return in_address(home_.filename().string()) + "/" + named.filename().string();
+  return as_uri(home_.filename().string()) + "/" + named.filename().string();
 }
 
 void TilesFolder::keep() {

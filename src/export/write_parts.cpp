@@ -98,12 +98,13 @@ std::vector<fs::path> write_level(const ExportRun& run, const fs::path& file, Le
   }
   const std::string extension = extension_of(file);
   if (extension == ".obj")
-    return write_obj(file, level.parts,
-                     {.png = run.options.texture.png, .jpeg_quality = run.options.texture.jpeg_quality});
+    return write_obj(
+        file, level.parts,
+        {.png = run.options.texture.png, .jpeg_quality = run.options.texture.jpeg_quality, .axes = run.options.axes});
   if (extension == ".stl")
-    write_stl(file, level.parts);
+    write_stl(file, level.parts, run.options.axes);
   else
-    write_ply(file, joined(level.parts));
+    write_ply(file, joined(level.parts), run.options.axes);
   return {file};
 }
 
@@ -138,7 +139,7 @@ void write_points(ExportRun& run) {
   }
   run.exported.points = points.points().positions.size();
   run.refuse_empty(run.exported.points);
-  run.timed("write", [&] { write_ply(run.file, points.points()); });
+  run.timed("write", [&] { write_ply(run.file, points.points(), run.options.axes); });
   run.exported.files = {run.file};
 }
 

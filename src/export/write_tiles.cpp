@@ -86,7 +86,7 @@ void write_tiles(ExportRun& run, Texturer* texturer) {
   run.refuse_empty(root.has_value());
   run.timed("write", [&] {
     put_into(root->tile, tiles.finish());
-    write_tileset(run.file, root->tile);
+    write_tileset(run.file, root->tile, run.options.geo);
     tiles.keep();
   });
   run.exported.files = tiles.files();

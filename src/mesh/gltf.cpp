@@ -22,6 +22,7 @@
 #include <string_view>
 #include <utility>
 
+#include "base/axes.hpp"
 #include "base/json_text.hpp"
 #include "base/spool.hpp"
 #include "cairn/atomic_file.hpp"
@@ -38,7 +39,14 @@ constexpr int kGrid = 65535;  // steps of a quantised position along the longest
 constexpr int kDracoPositionBits = 16, kDracoNormalBits = 10, kDracoTexCoordBits = 14, kDracoColourBits = 12;
 constexpr std::array kUnlit{"KHR_materials_unlit"};
 
-Eigen::Vector3f turned(const Eigen::Vector3f& v) { return {v.x(), -v.y(), -v.z()}; }
+Eigen::Vector3f turned(const Eigen::Vector3f& v) { return from_world(v, Axes::y_up); }
+
+/// A mesh for a writer that turns it to y up, so that it comes out with other axes.
+Mesh before_y_up(Mesh mesh, Axes axes) {
+  turn_from_world(mesh, axes);
+  turn_to_world(mesh, Axes::y_up);
+  return mesh;
+}
 
 /// glTF's vertex colours are linear, ours sRGB (IEC 61966-2-1).
 std::uint16_t linear(std::uint8_t srgb) {
@@ -177,7 +185,7 @@ std::vector<double> numbers(const Eigen::Vector3f& v) { return {v.x(), v.y(), v.
 
 }  // namespace
 
-Snapped snap(const Mesh& mesh) {
+Snapped snap(const Mesh& mesh, bool is_whole) {
   Snapped snapped{.mesh = mesh};
   if (mesh.positions.empty()) return snapped;
   Eigen::AlignedBox3f box;
@@ -189,7 +197,9 @@ Snapped snap(const Mesh& mesh) {
   snapped.low = ((snapped.low / snapped.step).array().floor() * snapped.step).matrix();
   for (auto& p : snapped.mesh.positions)
     p = turned((((turned(p) - snapped.low) / snapped.step).array().round() * snapped.step).matrix() + snapped.low);
-  (void)make_manifold(snapped.mesh);
+  ManifoldOptions options;
+  if (!is_whole) options.fixed = [](std::uint32_t) { return true; };  // any of them may be in other parts, too
+  (void)make_manifold(snapped.mesh, options);
   (void)drop_unused_vertices(snapped.mesh);
   return snapped;
 }
@@ -428,7 +438,7 @@ struct GltfWriter::State {
     nlohmann::json j = nlohmann::json::parse(text.str());
     if (buffer.size > 0) {
       j["buffers"] = {{{"byteLength", buffer.size}}};
-      if (!bin.empty()) j["buffers"][0]["uri"] = bin;
+      if (!bin.empty()) j["buffers"][0]["uri"] = as_uri(bin);
     }
     for (std::size_t i = 0; i < model.images.size(); ++i) {
       nlohmann::json& image = j["images"][i];
@@ -436,7 +446,7 @@ struct GltfWriter::State {
       if (image_files.empty())
         image["bufferView"] = model.bufferViews.size() - images.size() + i;
       else
-        image["uri"] = image_files[i];
+        image["uri"] = as_uri(image_files[i]);
     }
     if (!model.cameras.empty()) j["cameras"][0]["perspective"].erase("zfar");  // tinygltf writes 0 for no end
     if (!compressed.empty()) {
@@ -459,11 +469,17 @@ GltfWriter::GltfWriter(GltfOptions options) : state_(std::make_unique<State>()) 
   s.model.asset.generator = "cairn";
   tinygltf::Value::Object extras;
   const auto& upright = s.options.upright;
-  extras["up_axis"] = tinygltf::Value(std::string(!upright || upright->known ? "y" : "unknown"));
+  s.options.axes = resolved(s.options.axes, Axes::y_up);
+  const char* up = s.options.axes == Axes::y_up ? "y" : s.options.axes == Axes::z_up ? "z" : "-y";
+  extras["up_axis"] = tinygltf::Value(std::string(!upright || upright->known ? up : "unknown"));
+  extras["axes"] = tinygltf::Value(std::string(name_of(s.options.axes)));
   if (upright) extras["up_source"] = tinygltf::Value(std::string(name_of(upright->source)));
   extras["unit"] = tinygltf::Value(std::string("metre"));
   extras["scale"] = tinygltf::Value(1.0);
-  extras["gltf_from_world"] = tinygltf::Value(std::string("half turn about x: (x, -y, -z)"));
+  extras["gltf_from_world"] =
+      tinygltf::Value(std::string(s.options.axes == Axes::y_up   ? "half turn about x: (x, -y, -z)"
+                                  : s.options.axes == Axes::z_up ? "quarter turn about x: (x, z, -y)"
+                                                                 : "none: (x, y, z)"));
   if (!s.options.source.empty()) extras["source"] = tinygltf::Value(as_utf8(s.options.source));
   s.model.asset.extras = tinygltf::Value(extras);
   tinygltf::Scene scene;
@@ -474,13 +490,16 @@ GltfWriter::GltfWriter(GltfOptions options) : state_(std::make_unique<State>()) 
 GltfWriter::~GltfWriter() = default;
 GltfWriter::GltfWriter(GltfWriter&&) noexcept = default;
 
-GltfWriter::Added GltfWriter::add(const std::string& name, const Mesh& given) {
-  if (given.triangles.empty()) return {};  // glTF has no empty meshes
+GltfWriter::Added GltfWriter::add(const std::string& name, const Mesh& in_world) {
+  if (in_world.triangles.empty()) return {};  // glTF has no empty meshes
   State& s = *state_;
+  const bool is_usual = s.options.axes == Axes::y_up;
+  const Mesh turned_mesh = is_usual ? Mesh() : before_y_up(in_world, s.options.axes);
+  const Mesh& given = is_usual ? in_world : turned_mesh;
   const Compression compression = s.options.compression;
   std::optional<Snapped> snapped;
   if (compression != Compression::none) {
-    snapped = snap(given);
+    snapped = snap(given, s.options.is_whole);
     if (compression == Compression::meshopt) reorder(snapped->mesh);
     if (snapped->mesh.triangles.empty()) return {};
   }
@@ -527,6 +546,7 @@ void GltfWriter::add_cameras(const Camera& camera, const Trajectory& path,
     Mesh line;
     for (const StampedPose& pose : path)
       line.positions.emplace_back(pose.world_from_camera.translation().cast<float>());
+    line = before_y_up(std::move(line), s.options.axes);
     tinygltf::Primitive primitive;
     primitive.mode = TINYGLTF_MODE_LINE_STRIP;
     primitive.attributes["POSITION"] = s.add_stream(floats(flat(line.positions), TINYGLTF_TYPE_VEC3), false, false);
@@ -555,12 +575,12 @@ void GltfWriter::add_cameras(const Camera& camera, const Trajectory& path,
   lens.perspective.aspectRatio = camera.width * camera.fy / (camera.height * camera.fx);
   lens.perspective.znear = 0.05;
   s.model.cameras.push_back(lens);
-  const Eigen::Matrix3d turn = Eigen::Vector3d(1, -1, -1).asDiagonal();
+  const Eigen::Matrix3d turn = matrix_from_world(s.options.axes), lens_turn = matrix_from_world(Axes::y_up);
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     tinygltf::Node node;
     node.name = "camera-" + std::to_string(i);
     node.camera = 0;
-    const Eigen::Quaterniond q(turn * cameras[i].linear() * turn);
+    const Eigen::Quaterniond q(turn * cameras[i].linear() * lens_turn);
     const Eigen::Vector3d t = turn * cameras[i].translation();
     node.rotation = {q.x(), q.y(), q.z(), q.w()};
     node.translation = {t.x(), t.y(), t.z()};

@@ -24,6 +24,8 @@ struct GltfOptions {
   int jpeg_quality = 90;
   std::string source;              // told in asset.extras
   std::optional<Upright> upright;  // told there, too; none: +y is up
+  Axes axes = Axes::automatic;     // told there as well; glTF itself asks for y_up
+  bool is_whole = false;           // it gets one mesh, which no other part goes on from
   std::filesystem::path file;      // where it will be: what was added waits on that disk; empty: in memory
 };
 
@@ -55,13 +57,13 @@ class GltfWriter {
 [[nodiscard]] std::vector<std::uint8_t> join_glb(std::string json, std::vector<std::uint8_t> buffer);
 
 /// A mesh with its positions on the grid on which glTF's quantised ones lie, and without triangles that have no area
-/// there.
+/// there. `is_whole`: no other part goes on from it, see make_manifold.
 struct Snapped {
   Mesh mesh;
   Eigen::Vector3f low = Eigen::Vector3f::Zero();  // in glTF's frame
   float step = 1;
 };
-[[nodiscard]] Snapped snap(const Mesh& mesh);
+[[nodiscard]] Snapped snap(const Mesh& mesh, bool is_whole = false);
 
 /// Undoes EXT_meshopt_compression and KHR_draco_mesh_compression, which tinygltf does not know. `file` is what the
 /// bytes are of; those without come back as they are.

@@ -11,6 +11,7 @@
 #include <span>
 #include <stdexcept>
 
+#include "base/axes.hpp"
 #include "base/image_file.hpp"
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
@@ -21,7 +22,7 @@
 namespace cairn {
 namespace {
 
-Eigen::Vector3f turned(const Eigen::Vector3f& v) { return {v.x(), -v.y(), -v.z()}; }
+Eigen::Vector3f turned(const Eigen::Vector3f& v) { return to_world(v, Axes::y_up); }
 
 std::uint8_t srgb(double value) {  // IEC 61966-2-1
   const double c = std::clamp(value, 0.0, 1.0);
@@ -238,6 +239,15 @@ std::vector<Mesh> read_gltf_parts(const std::filesystem::path& file) {
   } catch (const std::exception& problem) {
     throw std::runtime_error(file.string() + ": " + problem.what());
   }
+  // With other axes than glTF asks for, as its own extras tell.
+  const tinygltf::Value& told = model.asset.extras;
+  if (told.IsObject() && told.Has("axes") && told.Get("axes").IsString())
+    for (const Axes axes : {Axes::world, Axes::z_up})
+      if (told.Get("axes").Get<std::string>() == name_of(axes))
+        for (Mesh& part : parts) {
+          turn_from_world(part, Axes::y_up);
+          turn_to_world(part, axes);
+        }
   return parts;
 }
 

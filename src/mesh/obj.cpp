@@ -5,6 +5,7 @@
 
 #include <iterator>
 
+#include "base/axes.hpp"
 #include "cairn/atomic_file.hpp"
 #include "mesh/formats.hpp"
 
@@ -14,8 +15,10 @@ std::vector<std::filesystem::path> write_obj(const std::filesystem::path& file, 
                                              const ObjOptions& options) {
   std::vector<std::filesystem::path> written{file};
   const std::string stem = file.stem().string();
-  std::string materials, text = "# cairn, metres\n";
+  std::string materials, text;
   auto out = std::back_inserter(text);
+  const Axes axes = resolved(options.axes, Axes::y_up);
+  fmt::format_to(out, "# cairn, metres, {}\n", described(axes));
   bool has_textures = false;
   for (const Mesh& part : parts) has_textures = has_textures || !part.texture_coordinates.empty();
   if (has_textures) fmt::format_to(out, "mtllib {}.mtl\n", stem);
@@ -25,7 +28,7 @@ std::vector<std::filesystem::path> write_obj(const std::filesystem::path& file, 
     const bool is_textured = !mesh.texture_coordinates.empty(), has_normals = !mesh.normals.empty();
     fmt::format_to(out, "o part-{}\n", i);
     for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
-      const Eigen::Vector3f& p = mesh.positions[v];
+      const Eigen::Vector3f p = from_world(mesh.positions[v], axes);
       fmt::format_to(out, "v {} {} {}", p.x(), p.y(), p.z());
       if (!mesh.colours.empty() && !is_textured)
         fmt::format_to(out, " {:.4f} {:.4f} {:.4f}", mesh.colours[v][0] / 255.0, mesh.colours[v][1] / 255.0,
@@ -33,7 +36,10 @@ std::vector<std::filesystem::path> write_obj(const std::filesystem::path& file, 
       text += '\n';
     }
     for (const auto& p : mesh.texture_coordinates) fmt::format_to(out, "vt {:.6f} {:.6f}\n", p.x(), 1 - p.y());
-    for (const auto& n : mesh.normals) fmt::format_to(out, "vn {:.4f} {:.4f} {:.4f}\n", n.x(), n.y(), n.z());
+    for (const auto& normal : mesh.normals) {
+      const Eigen::Vector3f n = from_world(normal, axes);
+      fmt::format_to(out, "vn {:.4f} {:.4f} {:.4f}\n", n.x(), n.y(), n.z());
+    }
     if (is_textured) {
       const std::string image = fmt::format("{}-{}.{}", stem, i, options.png ? "png" : "jpg");
       written.push_back(file.parent_path() / image);

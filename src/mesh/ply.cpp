@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "base/axes.hpp"
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
 #include "cairn/atomic_file.hpp"
@@ -77,6 +78,7 @@ class Rest {
 
 struct Header {
   bool ascii = false;
+  Axes axes = Axes::world;
   std::vector<Element> elements;
 };
 
@@ -93,6 +95,8 @@ Header read_header(Rest& rest) {
     if (word == "end_header") break;
     if (word == "format") {
       words >> format;
+    } else if (word == "comment") {
+      header.axes = axes_in(line).value_or(header.axes);
     } else if (word == "element") {
       Element& element = header.elements.emplace_back();
       std::string text;
@@ -137,7 +141,7 @@ std::uint32_t whole(double value) {
 std::uint8_t channel(double value) { return static_cast<std::uint8_t>(value > 0 ? std::min(value, 255.0) : 0.0); }
 
 Mesh read(Rest rest) {
-  const auto [ascii, elements] = read_header(rest);
+  const auto [ascii, axes, elements] = read_header(rest);
   Mesh mesh;
   for (const auto& element : elements) {
     std::map<std::string, double> v;
@@ -167,6 +171,7 @@ Mesh read(Rest rest) {
   for (const auto& t : mesh.triangles)
     for (const auto index : t)
       if (index >= mesh.positions.size()) throw std::runtime_error("an index reaches beyond the vertices");
+  turn_to_world(mesh, axes);
   return mesh;
 }
 
@@ -181,10 +186,12 @@ Mesh read_ply(const std::filesystem::path& file) {
   }
 }
 
-void write_ply(const std::filesystem::path& file, const Mesh& mesh) {
+void write_ply(const std::filesystem::path& file, Mesh mesh, Axes axes) {
+  axes = resolved(axes, Axes::world);
+  turn_from_world(mesh, axes);
   std::ostringstream header;
-  header << "ply\nformat binary_little_endian 1.0\ncomment cairn, metres\nelement vertex " << mesh.positions.size()
-         << "\nproperty float x\nproperty float y\nproperty float z\n";
+  header << "ply\nformat binary_little_endian 1.0\ncomment cairn, metres, " << described(axes) << "\nelement vertex "
+         << mesh.positions.size() << "\nproperty float x\nproperty float y\nproperty float z\n";
   if (!mesh.normals.empty()) header << "property float nx\nproperty float ny\nproperty float nz\n";
   if (!mesh.colours.empty()) header << "property uchar red\nproperty uchar green\nproperty uchar blue\n";
   header << "element face " << mesh.triangles.size() << "\nproperty list uchar uint vertex_indices\nend_header\n";

@@ -3,7 +3,10 @@
 #include "mesh/tiles.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
+#include <numbers>
+#include <vector>
 
 #include "cairn/atomic_file.hpp"
 
@@ -22,11 +25,31 @@ nlohmann::json to_json(const Tile& tile) {
 
 }  // namespace
 
-void write_tileset(const std::filesystem::path& file, const Tile& root) {
+Eigen::Isometry3d earth_from_tileset(const GeoPlace& place) {
+  constexpr double kRadius = 6378137, kFlattening = 1 / 298.257223563;  // WGS 84
+  constexpr double kEccentricity = kFlattening * (2 - kFlattening);     // squared
+  const auto radians = [](double degrees) { return degrees * std::numbers::pi / 180; };
+  const double lat = radians(place.latitude), lon = radians(place.longitude), turn = radians(place.heading);
+  const Eigen::Vector3d east(-std::sin(lon), std::cos(lon), 0),
+      north(-std::sin(lat) * std::cos(lon), -std::sin(lat) * std::sin(lon), std::cos(lat)),
+      up(std::cos(lat) * std::cos(lon), std::cos(lat) * std::sin(lon), std::sin(lat));
+  const double normal = kRadius / std::sqrt(1 - kEccentricity * std::sin(lat) * std::sin(lat));
+  Eigen::Isometry3d earth = Eigen::Isometry3d::Identity();
+  earth.linear() << std::cos(turn) * east - std::sin(turn) * north, std::sin(turn) * east + std::cos(turn) * north, up;
+  earth.translation() =
+      (normal + place.height) * up - Eigen::Vector3d::UnitZ() * kEccentricity * normal * std::sin(lat);
+  return earth;
+}
+
+void write_tileset(const std::filesystem::path& file, const Tile& root, const std::optional<GeoPlace>& place) {
   nlohmann::json j{{"asset", {{"version", "1.1"}, {"tilesetVersion", "1"}}},
                    {"geometricError", std::max<double>(root.error, root.box.diagonal().norm() / 8)},
                    {"root", to_json(root)}};
   j["root"]["refine"] = "REPLACE";
+  if (place) {
+    const Eigen::Matrix4d earth = earth_from_tileset(*place).matrix();
+    j["root"]["transform"] = std::vector<double>(earth.data(), earth.data() + earth.size());  // column by column
+  }
   write_whole(file, j.dump(1) + '\n');
 }
 

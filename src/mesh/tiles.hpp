@@ -3,8 +3,11 @@
 #pragma once
 #include <Eigen/Geometry>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "cairn/export.hpp"
 
 namespace cairn {
 
@@ -16,7 +19,11 @@ struct Tile {
   std::vector<Tile> children;
 };
 
-/// Writes tileset.json, whole or not at all. Tilesets are z-up: what glTF calls -z is their y.
-void write_tileset(const std::filesystem::path& file, const Tile& root);
+/// From a tileset's axes (z up, y forward) to the Earth's (WGS 84; x at latitude and longitude 0, z north; metres).
+[[nodiscard]] Eigen::Isometry3d earth_from_tileset(const GeoPlace& place);
+
+/// Writes tileset.json, whole or not at all. Tilesets are z-up: what glTF calls -z is their y. `place`: where globes
+/// show it, by the root's transform; none: around their own origin.
+void write_tileset(const std::filesystem::path& file, const Tile& root, const std::optional<GeoPlace>& place = {});
 
 }  // namespace cairn

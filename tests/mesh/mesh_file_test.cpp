@@ -2,13 +2,18 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
+#include "base/axes.hpp"
 #include "cairn/evaluation.hpp"
 #include "cairn/file_name.hpp"
 #include "cairn/mesh.hpp"
+#include "mesh/formats.hpp"
 #include "mesh/gltf.hpp"
+#include "mesh/tiles.hpp"
 #include "support/files.hpp"
 #include "support/meshes.hpp"
 
@@ -350,6 +355,83 @@ TEST(WriteStl, HoldsTheTrianglesWithZUp) {
     }
   }
   EXPECT_FLOAT_EQ(volume_of(written), volume_of(plain));  // turned, not mirrored
+}
+
+TEST(WriteObj, StandsUprightAndSaysSo) {
+  const TemporaryFolder folder;
+  const Mesh mesh = tetrahedron();
+  write_mesh(folder / "a.obj", mesh);
+  const std::string obj = read_bytes(folder / "a.obj");
+  EXPECT_TRUE(obj.starts_with("# cairn, metres, axes yup: x right, y up, z back\n")) << obj.substr(0, 80);
+  EXPECT_NE(obj.find("\nv 0 -2 0 "), std::string::npos) << obj;  // y down was 2
+  EXPECT_NE(obj.find("\nv 0 0 -3 "), std::string::npos) << obj;
+}
+
+TEST(Axes, ComeBackWhateverTheyAreInTheFile) {
+  const TemporaryFolder folder;
+  const Mesh mesh = tetrahedron();
+  for (const Axes axes : {Axes::automatic, Axes::world, Axes::y_up, Axes::z_up}) {
+    write_ply(folder / "a.ply", mesh, axes);
+    GltfWriter writer({.axes = axes, .file = {}});
+    writer.add("map", mesh);
+    writer.add_cameras({}, Trajectory(2), {Eigen::Isometry3d::Identity()});
+    writer.write(folder / "a.glb");
+    EXPECT_EQ(validate_gltf(folder / "a.glb"), "");
+    for (const char* name : {"a.ply", "a.glb"}) {
+      const Mesh read = read_mesh(folder / name);
+      EXPECT_EQ(read.positions, mesh.positions) << name << " " << name_of(axes);
+      for (std::size_t i = 0; i < mesh.normals.size(); ++i)
+        EXPECT_TRUE(read.normals[i].isApprox(mesh.normals[i], 1e-6f)) << name << " " << name_of(axes);
+    }
+    EXPECT_NE(read_bytes(folder / "a.glb")
+                  .find(axes == Axes::world  ? "\"up_axis\":\"-y\""
+                        : axes == Axes::z_up ? "\"up_axis\":\"z\""
+                                             : "\"up_axis\":\"y\""),
+              std::string::npos);
+    EXPECT_NE(read_bytes(folder / "a.ply")
+                  .find("comment cairn, metres, axes " +
+                        std::string(axes == Axes::automatic ? "world" : name_of(axes)) + ": x"),
+              std::string::npos);
+    // To the right, up and ahead of the camera, in the file's own numbers.
+    const Eigen::Matrix3d turn = matrix_from_world(axes);
+    EXPECT_DOUBLE_EQ(turn.determinant(), 1);
+    EXPECT_EQ(turn * Eigen::Vector3d(1, -2, 3), axes == Axes::y_up   ? Eigen::Vector3d(1, 2, -3)
+                                                : axes == Axes::z_up ? Eigen::Vector3d(1, 3, 2)
+                                                                     : Eigen::Vector3d(1, -2, 3));
+  }
+}
+
+TEST(WriteMesh, NamesFilesBesideAGltfAsUris) {
+  const TemporaryFolder folder;
+  for (const char* name : {"room #2.gltf", "100%.gltf", "r\xc3\xa4ume & co.gltf"}) {
+    write_mesh(folder / name, sheet());
+    EXPECT_EQ(validate_gltf(folder / name), "") << name;
+    EXPECT_EQ(read_mesh(folder / name).triangles, sheet().triangles) << name;
+  }
+  const std::string json = read_bytes(folder / "room #2.gltf");
+  EXPECT_NE(json.find("\"room%20%232.bin\""), std::string::npos);
+  EXPECT_NE(json.find("\"room%20%232-0.jpg\""), std::string::npos);
+}
+
+TEST(Tileset, StandsWhereOnTheEarthItIsToldTo) {
+  const Eigen::Isometry3d at = earth_from_tileset({.latitude = 47.4211, .longitude = 10.9863, .height = 2962});
+  const Eigen::Vector3d up = at.linear().col(2);
+  EXPECT_NEAR(std::asin(up.z()) * 180 / std::numbers::pi, 47.4211, 1e-9);
+  EXPECT_NEAR(std::atan2(at.translation().y(), at.translation().x()) * 180 / std::numbers::pi, 10.9863, 1e-9);
+  EXPECT_DOUBLE_EQ(at.linear().determinant(), 1);
+  EXPECT_NEAR(at.linear().col(1).dot(Eigen::Vector3d::UnitZ()), std::cos(47.4211 * std::numbers::pi / 180), 1e-12);
+  // East is where a heading of 90 degrees leads; on the equator at longitude 0 that is +y.
+  const Eigen::Isometry3d equator = earth_from_tileset({.heading = 90});
+  EXPECT_TRUE(equator.translation().isApprox(Eigen::Vector3d(6378137, 0, 0), 1e-12));
+  EXPECT_TRUE(equator.linear().col(1).isApprox(Eigen::Vector3d::UnitY(), 1e-12));
+  EXPECT_TRUE(equator.linear().col(2).isApprox(Eigen::Vector3d::UnitX(), 1e-12));
+  const Eigen::Isometry3d pole = earth_from_tileset({.latitude = 90, .height = 10});
+  EXPECT_NEAR(pole.translation().z(), 6356752.314245 + 10, 1e-6);  // WGS 84's smaller radius
+  const TemporaryFolder folder;
+  write_tileset(folder / "tileset.json", {}, GeoPlace{.heading = 90});
+  const auto json = nlohmann::json::parse(read_bytes(folder / "tileset.json"));
+  EXPECT_EQ(json["root"]["transform"].size(), 16u);
+  EXPECT_EQ(json["root"]["transform"][12], 6378137.0);
 }
 
 TEST(WriteMesh, RefusesAnUnknownExtension) {

@@ -9,6 +9,6 @@ const file = process.argv[2];
 const report = await validator.validateBytes(new Uint8Array(await readFile(file)), {
   uri: file,
   maxIssues: 20,
-  externalResourceFunction: (uri) => readFile(join(dirname(file), uri)).then((data) => new Uint8Array(data)),
+  externalResourceFunction: (uri) => readFile(join(dirname(file), decodeURIComponent(uri))).then((data) => new Uint8Array(data)),
 });
 for (const message of report.issues.messages.filter((m) => m.severity < 2)) console.log(`${message.code}: ${message.message}`);
