@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <cstdio>
 #include <filesystem>
 #include <memory>
 
@@ -34,6 +35,17 @@ struct Arguments {
   bool json = false;
 };
 
+GeoPlace parse_geo(const std::string& text) {
+  GeoPlace place;
+  int end = 0;
+  if (std::sscanf(text.c_str(), "%lf,%lf,%lf,%lf%n", &place.latitude, &place.longitude, &place.height, &place.heading,
+                  &end) != 4 ||
+      static_cast<std::size_t>(end) != text.size())
+    throw CLI::ValidationError("--geo",
+                               "'" + text + "' is not LAT,LON,HEIGHT,HEADING, for example 48.137,11.575,519,90");
+  return place;
+}
+
 bool has_session(const fs::path& map) { return fs::exists(map / "session" / "state.cbor"); }
 
 /// What a map.vdb alone has not, but the folder that it lies in.
@@ -60,7 +72,7 @@ Exported export_it(const Arguments& a) {
 void export_grids(const Arguments& a) {
   if (!has_session(a.map))
     throw std::runtime_error(a.map.string() + ": has no session to make grids from; a map.vdb is what it would be");
-  Map::open(a.map, a.device).write_grids(a.output);
+  Map::open(a.map, a.device).write_grids(a.output, a.options.axes);
   say("{}  {}\n", a.output.string(), size_in_words(fs::file_size(a.output)));
 }
 
@@ -233,6 +245,21 @@ void add_export(CLI::App& program) {
       ->add_option("--lods", a->options.levels,
                    "Levels of detail, each with a quarter of the triangles: X.glb, X.lod1.glb, ...")
       ->capture_default_str()
+      ->group("Mesh");
+  command
+      ->add_option(
+          "--frame", a->options.axes,
+          "world (x right, y down, z forward), yup or zup, whatever the format is [glTF and OBJ yup, STL and 3D "
+          "Tiles zup, PLY and VDB world]")
+      ->transform(one_of<Axes>({{"world", Axes::world}, {"yup", Axes::y_up}, {"zup", Axes::z_up}}))
+      ->group("Mesh");
+  command
+      ->add_option_function<std::string>(
+          "--geo", [a](const std::string& text) { a->options.geo = parse_geo(text); },
+          "LAT,LON,HEIGHT,HEADING: where on the Earth a tileset's origin is (WGS 84, degrees, metres), and where the "
+          "map's "
+          "z points, in degrees clockwise from north")
+      ->type_name("PLACE")
       ->group("Mesh");
   auto* program_name =
       command

@@ -27,6 +27,8 @@ constexpr std::array kFlags{
     Words{"ExportOptions::levels", "--lods"},
     Words{"ExportOptions::compression", "--compress"},
     Words{"ExportOptions::cameras", "--cameras"},
+    Words{"ExportOptions::axes", "--frame"},
+    Words{"ExportOptions::geo", "--geo"},
     Words{"Options::up", "--up"},
     Words{"FuseOptions::device_memory", "--device-memory"},
     Words{"FuseOptions::voxel_size", "--voxel-size"},

@@ -48,9 +48,9 @@ class Map {
   /// keyframes or colour, and for a folder that holds something.
   ExportedViews export_views(const std::filesystem::path& folder, const ViewsOptions& options = {},
                              const ExportProgress& progress = {});
-  /// Writes the grids `tsdf`, `weight`, `colour` and `free`, with EsdfOptions::live also `esdf`, to a .vdb file, whole
-  /// or not at all.
-  void write_grids(const std::filesystem::path& file);
+  /// Writes the grids `tsdf`, `weight`, `colour`, `colour_weight`, `observed` and `free`, with EsdfOptions::live also
+  /// `esdf`, to a .vdb file, whole or not at all. `axes`: of their transforms; automatic: the world's.
+  void write_grids(const std::filesystem::path& file, Axes axes = Axes::automatic);
   /// Writes the keyframes' pose graph by the extension: .g2o, or .svg, a picture of it. Whole or not at all.
   void write_graph(const std::filesystem::path& file) const;
 

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "base/axes.hpp"
 #include "base/mesh_vertices.hpp"
 #include "cairn/atomic_file.hpp"
 #include "cairn/file_name.hpp"
@@ -113,7 +114,7 @@ class MapperContents final : public Map::Contents {
   ExportedViews export_views(const fs::path& folder, const ViewsOptions& options,
                              const ExportProgress& progress) override;
 
-  void write_grids(const fs::path& file) override;
+  void write_grids(const fs::path& file, Axes axes) override;
 
   void write_graph(const fs::path& file) const override {
     if (extension_of(file) == ".svg")
@@ -155,14 +156,16 @@ WorldParts MapperContents::parts() {
   return s.back_end.world_parts(s.device);
 }
 
-void MapperContents::write_grids(const fs::path& file) {
+void MapperContents::write_grids(const fs::path& file, Axes axes) {
   MapState& s = *state_;
   std::shared_ptr<const DistanceField> field;
   if (s.options.esdf.live)
     s.warnings().attempt(file.string() + " has no grid `esdf`", [&] { field = distances(nullptr, {}); });
   s.back_end.settle();
-  GridsWriter writer(
-      file, {.voxel_size = s.options.fuse.voxel_size, .truncation = s.options.fuse.truncation, .upright = s.upright()});
+  GridsWriter writer(file, {.voxel_size = s.options.fuse.voxel_size,
+                            .truncation = s.options.fuse.truncation,
+                            .upright = s.upright(),
+                            .axes = resolved(axes, Axes::world)});
   if (!is_in_parts() || s.whole) {
     const BrickTree& tree = s.world().on_host();
     writer.add(tree);
@@ -267,7 +270,11 @@ class GridContents final : public Map::Contents {
     throw std::runtime_error(file_.string() + ": has no keyframes whose images could be written");
   }
 
-  void write_grids(const fs::path& file) override { cairn::write_grids(file, tree(), grids_.info, nullptr); }
+  void write_grids(const fs::path& file, Axes axes) override {
+    GridInfo info = grids_.info;
+    info.axes = resolved(axes, Axes::world);
+    cairn::write_grids(file, tree(), info, nullptr);
+  }
 
   void write_graph(const fs::path& file) const override {
     throw std::runtime_error(file.string() + ": cannot be written: " + file_.string() + " has no pose graph");
@@ -320,7 +327,7 @@ Exported Map::export_mesh(const fs::path& file, const ExportOptions& options, co
 ExportedViews Map::export_views(const fs::path& folder, const ViewsOptions& options, const ExportProgress& progress) {
   return contents_->export_views(folder, options, progress);
 }
-void Map::write_grids(const fs::path& file) { contents_->write_grids(file); }
+void Map::write_grids(const fs::path& file, Axes axes) { contents_->write_grids(file, axes); }
 void Map::write_graph(const fs::path& file) const { contents_->write_graph(file); }
 Upright Map::upright() const { return contents_->upright(); }
 int Map::recordings() const { return contents_->recordings(); }

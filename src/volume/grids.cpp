@@ -22,17 +22,19 @@
 #include <utility>
 #include <vector>
 
+#include "base/axes.hpp"
 #include "base/spool.hpp"
 #include "base/words.hpp"
 #include "cairn/atomic_file.hpp"
 #include "shaders/voxel.h"
+#include "volume/known_cells.hpp"
 
 namespace cairn {
 namespace {
 
 using VoxelTree = openvdb::Int64Tree;
 using FreeTree = openvdb::MaskTree;
-constexpr float kFreeWeight = 1.0f;  // of bricks without voxels that were seen to be empty
+constexpr const char* kAxes = "axes";
 constexpr const char *kUpSource = "up_source", *kUpKnown = "up_known", *kUpWords = "up";  // metadata of a map's grids
 
 void initialize_once() {
@@ -54,6 +56,11 @@ openvdb::math::Transform::Ptr transform_of(float voxel_size, const Eigen::Vector
   return openvdb::math::Transform::createLinearTransform(  // OpenVDB's vectors are rows
       openvdb::Mat4d(m(0, 0), m(1, 0), m(2, 0), 0.0, m(0, 1), m(1, 1), m(2, 1), 0.0, m(0, 2), m(1, 2), m(2, 2), 0.0,
                      t.x(), t.y(), t.z(), 1.0));
+}
+
+/// How the voxels' own frame lies in a file.
+Eigen::Quaterniond file_from_voxels(const GridInfo& info) {
+  return Eigen::Quaterniond(matrix_from_world(info.axes)) * info.upright.world_from_tracked;
 }
 
 /// How a grid is turned. Throws std::runtime_error for one that is not only turned, scaled alike and moved.
@@ -187,14 +194,15 @@ class FileWriter : private openvdb::io::Archive {
   std::ostream& out_;
 };
 
-/// A brick of a map's grids: where it is, and which voxels are active.
+/// A brick of a map's grids: where it is, which voxels are active, and which lie behind the surface, see with_unknown.
 struct Place {
   openvdb::Coord origin;
-  Mask active;
+  Mask active, behind;
 };
 
 /// One of a map's grids: how its values come out of voxels, and its packed leaves.
-template <class GridType, class Value>
+/// `is_signed`: inactive voxels tell by their sign on which side of the surface they count, as level sets have it.
+template <class GridType, class Value, bool is_signed>
 class MapGrid {
  public:
   using Grid = GridType;
@@ -209,6 +217,9 @@ class MapGrid {
       Leaf leaf(places[i].origin, background_);
       for (auto n = places[i].active.beginOn(); n; ++n)
         leaf.setValueOn(n.pos(), value_(static_cast<std::uint64_t>(from[i]->getValue(n.pos()))));
+      if constexpr (is_signed)
+        for (auto n = places[i].behind.beginOn(); n; ++n)
+          if (!places[i].active.isOn(n.pos())) leaf.setValueOnly(n.pos(), -background_);
       leaf.writeBuffers(out, false);
     }
     return std::move(out).str();
@@ -218,7 +229,7 @@ class MapGrid {
   [[nodiscard]] typename Grid::Ptr grid(const char* name, const GridInfo& info, std::span<const Place> places) const {
     auto made = Grid::create(background_);
     made->setName(name);
-    made->setTransform(transform_of(info.voxel_size, Eigen::Vector3d::Zero(), info.upright.world_from_tracked));
+    made->setTransform(transform_of(info.voxel_size, Eigen::Vector3d::Zero(), file_from_voxels(info)));
     for (const Place& place : places) {
       auto leaf = std::make_unique<Leaf>(openvdb::PartialCreate(), place.origin, background_);
       leaf->setValueMask(place.active);
@@ -233,14 +244,15 @@ class MapGrid {
   typename Grid::ValueType background_;
   Value value_;
 };
-template <class Grid, class Value>
-MapGrid<Grid, Value> map_grid(const std::filesystem::path& file, typename Grid::ValueType background, Value value) {
+template <class Grid, bool is_signed = false, class Value>
+MapGrid<Grid, Value, is_signed> map_grid(const std::filesystem::path& file, typename Grid::ValueType background,
+                                         Value value) {
   return {file, background, std::move(value)};
 }
 
 auto distance_values(const std::filesystem::path& file, float truncation) {
-  return map_grid<openvdb::FloatGrid>(file, truncation,
-                                      [truncation](std::uint64_t v) { return shader::voxel_distance(v) * truncation; });
+  return map_grid<openvdb::FloatGrid, true>(
+      file, truncation, [truncation](std::uint64_t v) { return shader::voxel_distance(v) * truncation; });
 }
 auto weight_values(const std::filesystem::path& file) {
   return map_grid<openvdb::FloatGrid>(file, 0.0f, [](std::uint64_t v) { return shader::voxel_weight(v); });
@@ -252,16 +264,18 @@ auto colour_values(const std::filesystem::path& file) {
   });
 }
 auto colour_weights(const std::filesystem::path& file) {
-  return map_grid<openvdb::Int32Grid>(file, 0, [](std::uint64_t v) { return static_cast<std::int32_t>(v >> 56); });
+  return map_grid<openvdb::FloatGrid>(file, 0.0f, [](std::uint64_t v) { return static_cast<float>(v >> 56); });
 }
 
 /// The background is the largest distance: what is farther or unknown is not stored.
-openvdb::FloatGrid::Ptr distance_grid(const DistanceField& field) {
+openvdb::FloatGrid::Ptr distance_grid(const DistanceField& field, Axes axes = Axes::world) {
   auto grid = openvdb::FloatGrid::create(field.max_distance());
   grid->setName("esdf");
   grid->setGridClass(openvdb::GRID_LEVEL_SET);
+  grid->insertMeta(kAxes, openvdb::StringMetadata(described(axes)));
   grid->setTransform(
-      transform_of(field.voxel_size(), field.origin().cast<double>(), field.world_from_field().cast<double>()));
+      transform_of(field.voxel_size(), field.origin().cast<double>(),
+                   Eigen::Quaterniond(matrix_from_world(axes)) * field.world_from_field().cast<double>()));
   for (const auto& [block, samples] : field.blocks())
     for (int part = 0; part < 8; ++part) {
       const openvdb::Coord corner(8 * (part >> 2), 8 * (part >> 1 & 1), 8 * (part & 1));
@@ -278,9 +292,18 @@ openvdb::FloatGrid::Ptr distance_grid(const DistanceField& field) {
   return grid;
 }
 
+/// How a grid is turned, back in the world whatever its file's axes are.
+Eigen::Quaterniond world_from_grid(const openvdb::FloatGrid& grid) {
+  const Eigen::Quaterniond turn = turn_of(grid);
+  const auto told = grid.getMetadata<openvdb::StringMetadata>(kAxes);
+  const Axes axes = told ? axes_in(told->value()).value_or(Axes::world) : Axes::world;
+  return axes == Axes::world ? turn : Eigen::Quaterniond(matrix_from_world(axes)).conjugate() * turn;
+}
+
 /// As a map's grid tells it; one of another program, or of before it was told, does not.
 Upright upright_of(const openvdb::FloatGrid& tsdf) {
-  Upright upright{.world_from_tracked = turn_of(tsdf), .words = "not known: the file does not tell it", .off = {}};
+  Upright upright{
+      .world_from_tracked = world_from_grid(tsdf), .words = "not known: the file does not tell it", .off = {}};
   const auto source = tsdf.getMetadata<openvdb::StringMetadata>(kUpSource);
   const auto known = tsdf.getMetadata<openvdb::BoolMetadata>(kUpKnown);
   const auto words = tsdf.getMetadata<openvdb::StringMetadata>(kUpWords);
@@ -497,6 +520,14 @@ bool before_in_grid(const Eigen::Vector3i& a, const Eigen::Vector3i& b) {
   return key(a) < key(b);
 }
 
+/// Where bricks of a map's grids are, with one of their masks.
+std::vector<std::pair<Eigen::Vector3i, BrickBits>> bricks_of(std::span<const Place> places, Mask Place::*mask) {
+  std::vector<std::pair<Eigen::Vector3i, BrickBits>> bricks;
+  bricks.reserve(places.size());
+  for (const Place& place : places) bricks.emplace_back(brick_at(place.origin), bits_of(place.*mask));
+  return bricks;
+}
+
 // OpenVDB's headers stay in this file, so that what a map's grids are made of is here.
 struct GridsWriter::State {
   State(std::filesystem::path f, const GridInfo& i)
@@ -533,9 +564,14 @@ void GridsWriter::add(const BrickTree& bricks) {
     const auto from = std::span(leaves).subspan(begin, end - begin);
     Packed packed;
     for (const auto* leaf : from) {
-      Place& place = packed.places.emplace_back(Place{leaf->origin(), {}});
-      for (openvdb::Index n = 0; n < 512; ++n)
-        place.active.set(n, ((static_cast<std::uint64_t>(leaf->getValue(n)) >> 16) & 0xffff) != 0);
+      Place& place = packed.places.emplace_back(Place{leaf->origin(), {}, {}});
+      Mask behind;  // of the active ones
+      for (openvdb::Index n = 0; n < 512; ++n) {
+        const auto voxel = static_cast<std::uint64_t>(leaf->getValue(n));
+        place.active.set(n, ((voxel >> 16) & 0xffff) != 0);
+        behind.set(n, place.active.isOn(n) && shader::voxel_distance(voxel) < 0);
+      }
+      place.behind = mask_of(with_unknown(bits_of(place.active), bits_of(behind)));
     }
     packed.tsdf = s.tsdf.pack(from, packed.places);
     packed.weight = s.weight.pack(from, packed.places);
@@ -554,13 +590,10 @@ void GridsWriter::add(const BrickTree& bricks) {
 
 void GridsWriter::write(const BrickTree& free, const DistanceField* distances) {
   const State& s = *state_;
-  const FreeTree& mask = *free.state_->free;
-  const auto mark_free = [&](auto& tree, float value) {
-    for_each_tile(mask, [&](const openvdb::Coord& origin) {
-      if (tree.probeConstLeaf(origin) == nullptr) tree.addTile(1, origin, value, true);
-    });
+  const auto transform = [&] {
+    return transform_of(s.info.voxel_size, Eigen::Vector3d::Zero(), file_from_voxels(s.info));
   };
-  write_file(s.file, distances != nullptr ? 6 : 5, [&](FileWriter& writer) {
+  write_file(s.file, distances != nullptr ? 7 : 6, [&](FileWriter& writer) {
     const auto append = [&](auto& grid, const Spool& spool) {
       writer.write(grid, [&](std::ostream& out) { spool.copy_to(out); });
     };
@@ -568,27 +601,40 @@ void GridsWriter::write(const BrickTree& free, const DistanceField* distances) {
       const auto tsdf = s.tsdf.grid("tsdf", s.info, s.places);
       tsdf->setGridClass(openvdb::GRID_LEVEL_SET);
       tsdf->insertMeta("truncation", openvdb::FloatMetadata(s.info.truncation));
+      tsdf->insertMeta(kAxes, openvdb::StringMetadata(described(s.info.axes)));
       tsdf->insertMeta(kUpSource, openvdb::StringMetadata(std::string(name_of(s.info.upright.source))));
       tsdf->insertMeta(kUpKnown, openvdb::BoolMetadata(s.info.upright.known));
       tsdf->insertMeta(kUpWords, openvdb::StringMetadata(s.info.upright.words));
-      mark_free(tsdf->tree(), s.info.truncation);
+      for (const Eigen::Vector3i& brick : behind_beside(bricks_of(s.places, &Place::behind)))
+        tsdf->tree().addTile(1, origin_of(brick), -s.info.truncation, false);
       append(*tsdf, s.tsdf.spool);
     }
-    {
-      const auto weight = s.weight.grid("weight", s.info, s.places);
-      mark_free(weight->tree(), kFreeWeight);
-      append(*weight, s.weight.spool);
-    }
+    append(*s.weight.grid("weight", s.info, s.places), s.weight.spool);
     append(*s.colour.grid("colour", s.info, s.places), s.colour.spool);
     append(*s.colour_weight.grid("colour_weight", s.info, s.places), s.colour_weight.spool);
     {
-      const auto grid =
-          openvdb::BoolGrid::create(std::make_shared<openvdb::BoolTree>(mask, false, true, openvdb::TopologyCopy()));
-      grid->setName("free");
-      grid->setTransform(transform_of(s.info.voxel_size, Eigen::Vector3d::Zero(), s.info.upright.world_from_tracked));
+      const auto known = bricks_of(s.places, &Place::active);
+      const std::vector<BrickBits> cells = whole_cells(known);
+      const auto grid = openvdb::BoolGrid::create(false);
+      for (std::size_t i = 0; i < cells.size(); ++i) {
+        if (cells[i] == BrickBits{}) continue;
+        auto leaf = std::make_unique<openvdb::BoolTree::LeafNodeType>(s.places[i].origin, false);
+        leaf->setValueMask(mask_of(cells[i]));
+        leaf->buffer() = openvdb::BoolTree::LeafNodeType::Buffer(mask_of(cells[i]));
+        grid->tree().addLeaf(leaf.release());
+      }
+      grid->setName("observed");
+      grid->setTransform(transform());
       writer.write(*grid);
     }
-    if (distances != nullptr) writer.write(*distance_grid(*distances));
+    {
+      const auto grid = openvdb::BoolGrid::create(
+          std::make_shared<openvdb::BoolTree>(*free.state_->free, false, true, openvdb::TopologyCopy()));
+      grid->setName("free");
+      grid->setTransform(transform());
+      writer.write(*grid);
+    }
+    if (distances != nullptr) writer.write(*distance_grid(*distances, s.info.axes));
   });
 }
 
@@ -634,13 +680,14 @@ DistanceField DistanceField::read(const std::filesystem::path& vdb) {
   Blocks list;
   for (const auto& [at, block] : blocks) list.emplace_back(Eigen::Vector3i(at[0], at[1], at[2]), block);
   const openvdb::Vec3d zero = grid->transform().indexToWorld(openvdb::Vec3d(0.0));
-  Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
+  Eigen::Quaterniond file_turn = Eigen::Quaterniond::Identity(), turn = file_turn;
   try {
-    turn = turn_of(*grid);
+    file_turn = turn_of(*grid);
+    turn = world_from_grid(*grid);
   } catch (const std::runtime_error& error) {
     throw wrong(error.what());
   }
-  const Eigen::Vector3d origin = turn.conjugate() * Eigen::Vector3d(zero.x(), zero.y(), zero.z());
+  const Eigen::Vector3d origin = file_turn.conjugate() * Eigen::Vector3d(zero.x(), zero.y(), zero.z());
   return {static_cast<float>(grid->voxelSize().x()), origin.cast<float>(), grid->background(), std::move(list),
           turn.cast<float>()};
 }
@@ -855,7 +902,9 @@ ReadGrids read_grids(const std::filesystem::path& file) {
   const auto tsdf = openvdb::gridPtrCast<openvdb::FloatGrid>(base[0]);
   const auto weight = openvdb::gridPtrCast<openvdb::FloatGrid>(base[1]);
   const auto colour = openvdb::gridPtrCast<openvdb::Vec3SGrid>(base[2]);
-  const auto colour_weight = openvdb::gridPtrCast<openvdb::Int32Grid>(base[3]);
+  auto colour_weight = openvdb::gridPtrCast<openvdb::FloatGrid>(base[3]);
+  if (const auto whole = openvdb::gridPtrCast<openvdb::Int32Grid>(base[3]))  // as version 0.2 wrote it
+    colour_weight = std::make_shared<openvdb::FloatGrid>(*whole);
   if (!tsdf || !weight || !colour || !colour_weight) throw wrong("a grid has another type");
   ReadGrids result;
   result.info = {.voxel_size = static_cast<float>(tsdf->voxelSize().x()), .truncation = tsdf->background()};
@@ -877,12 +926,12 @@ ReadGrids read_grids(const std::filesystem::path& file) {
       const auto is_in = [](float value, float low, float high) { return value >= low && value <= high; };  // no NaN
       if (!is_in(leaf->getValue(i) / result.info.truncation, -1.001f, 1.001f) ||
           !is_in(w->getValue(i) * shader::kWeightUnits, 0, 65535) || !is_in(rgb.x(), 0, 1) || !is_in(rgb.y(), 0, 1) ||
-          !is_in(rgb.z(), 0, 1) || n->getValue(i) < 0 || n->getValue(i) > 255) {
+          !is_in(rgb.z(), 0, 1) || !is_in(n->getValue(i), 0, 255)) {
         const auto where = leaf->offsetToGlobalCoord(i);
         throw wrong("voxel " + std::to_string(where.x()) + " " + std::to_string(where.y()) + " " +
                     std::to_string(where.z()) + " holds a value that is out of range or not a number");
       }
-      auto colour_word = static_cast<std::uint32_t>(n->getValue(i)) << 24;
+      auto colour_word = static_cast<std::uint32_t>(std::lround(n->getValue(i))) << 24;
       for (int k = 0; k < 3; ++k) colour_word |= static_cast<std::uint32_t>(std::lround(rgb[k] * 255.0f)) << (8 * k);
       voxels[i] = shader::pack_voxel(leaf->getValue(i) / result.info.truncation, w->getValue(i), colour_word);
     }

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "cairn/esdf.hpp"
+#include "cairn/mesh.hpp"
 #include "cairn/upright.hpp"
 
 namespace cairn {
@@ -118,6 +119,7 @@ struct GridInfo {
   float voxel_size = 0.0f;  // metres
   float truncation = 0.0f;  // metres
   Upright upright;          // how the voxels' own frame lies in the world
+  Axes axes = Axes::world;  // of the file, which its grids' transforms turn to
 };
 
 /// The order in which a grid keeps its bricks: by cubes of 512 bricks a side, then by cubes of 16, then by brick, each
@@ -125,9 +127,10 @@ struct GridInfo {
 [[nodiscard]] bool before_in_grid(const Eigen::Vector3i& a, const Eigen::Vector3i& b);
 
 /// Writes the grids `tsdf` (float, metres, level set), `weight` (float), `colour` (vec3f, 0..1, sRGB) and
-/// `colour_weight` (int32: frames), active where the weight is not 0, and `free` (bool), active where a voxel was seen
-/// to be free. Bricks that are so as a whole are active tiles of the first two as well. Whole or not at all. The map
-/// comes part by part: what was added waits on the disk, packed. Throws std::runtime_error.
+/// `colour_weight` (float: frames), active where the weight is not 0, and `observed` and `free` (bool), active at the
+/// lowest corner of whole_cells and where a voxel was seen to be free. Inactive voxels of `tsdf` are with_unknown, and
+/// tiles behind_beside. Whole or not at all. The map comes part by part: what was added waits on the disk, packed.
+/// Throws std::runtime_error.
 class GridsWriter {
  public:
   GridsWriter(std::filesystem::path file, const GridInfo& info);

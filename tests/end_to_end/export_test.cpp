@@ -12,6 +12,7 @@
 #include "cairn/evaluation.hpp"
 #include "cairn/map.hpp"
 #include "cairn/source.hpp"
+#include "mesh/topology.hpp"
 #include "shaders/voxel.h"
 #include "support/files.hpp"
 #include "support/shared.hpp"
@@ -60,13 +61,21 @@ class Export : public testing::Test {
   TemporaryFolder out;
 };
 
-void expect_sound(const std::vector<Mesh>& parts) {
+/// `is_whole`: they are all of a map, with cells that fit together. What two fans of one part touch with may hang
+/// together by another part.
+void expect_sound(const std::vector<Mesh>& parts, bool is_whole = false) {
   for (const Mesh& part : parts) {
     const MeshTopology topology = examine_topology(part);
     EXPECT_EQ(topology.non_manifold_edges, 0u);
+    EXPECT_EQ(topology.coincident_triangles, 0u);
     EXPECT_EQ(topology.degenerate_triangles, 0u);
     EXPECT_EQ(topology.unreferenced_vertices, 0u);
   }
+  if (!is_whole) return;
+  const MeshTopology whole = examine_topology(joined(parts));
+  EXPECT_EQ(whole.non_manifold_edges, 0u);
+  EXPECT_EQ(whole.non_manifold_vertices, 0u);
+  EXPECT_EQ(whole.coincident_triangles, 0u);
 }
 
 TEST_F(Export, WritesEveryFormatSoundAndValid) {
@@ -87,7 +96,7 @@ TEST_F(Export, WritesEveryFormatSoundAndValid) {
       EXPECT_EQ(validate_gltf(to(name)), "");
     }
     const std::vector<Mesh> parts = read_mesh_parts(to(name));
-    expect_sound(parts);
+    expect_sound(parts, true);
     std::size_t triangles = 0;
     for (const Mesh& part : parts) triangles += part.triangles.size();
     EXPECT_NEAR(static_cast<double>(triangles), told.at("triangles").get<double>(),
@@ -439,6 +448,10 @@ TEST_F(Export, RefusesWhatCannotBe) {
   expect_refused({"--points", "0.00001"}, " are free; take 0.0", "x.ply");
   expect_refused({"--points", "0.1"}, "--points needs .ply");
   expect_refused({"--compress", "draco"}, "--compress needs .glb", "x.obj");
+  expect_refused({"--geo", "48.1,11.5,500,0"}, "--geo needs tileset.json", "x.glb");
+  expect_refused({"--geo", "148.1,11.5,500,0"}, "--geo: the latitude is 148.1: it must be between -90 and 90",
+                 "x.json");
+  expect_refused({"--frame", "yup"}, "--frame is zup for 3D Tiles", "x.json");
   expect_refused({"--cameras"}, "--cameras needs .glb", "x.ply");
   expect_refused({"--min-piece", "10"}, "nothing of the surface is left");
   EXPECT_EQ(run_cairn({"export", to("nowhere"), "-o", to("x.glb")}).exit_code, 2);

@@ -3,10 +3,12 @@
 // map.vdb as any other OpenVDB program sees it.
 #include <gtest/gtest.h>
 #include <openvdb/openvdb.h>
+#include <openvdb/tools/Diagnostics.h>
 #include <openvdb/tools/Interpolation.h>
 #include <openvdb/tools/LevelSetUtil.h>
 #include <openvdb/tools/VolumeToMesh.h>
 
+#include <algorithm>
 #include <optional>
 
 #include "shaders/voxel.h"
@@ -43,15 +45,23 @@ TEST(Grids, OpenAsMetricLevelSetsInOpenVdb) {
   openvdb::io::File file((folder / "map.vdb").string());
   file.open();
   const auto grids = file.getGrids();
-  ASSERT_EQ(grids->size(), 5u);  // and colour_weight, so that a map can go on, and free
+  ASSERT_EQ(grids->size(), 6u);  // and colour_weight, so that a map can go on, observed and free
   const auto tsdf = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("tsdf"));
   const auto weight = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("weight"));
   const auto colour = openvdb::gridPtrCast<openvdb::Vec3SGrid>(file.readGrid("colour"));
   EXPECT_EQ(tsdf->getGridClass(), openvdb::GRID_LEVEL_SET);
   for (const auto& grid : *grids) {
     EXPECT_TRUE(grid->transform().voxelSize().eq(openvdb::Vec3d(0.01), 1e-7));
-    EXPECT_EQ(grid->activeVoxelCount(), grid->getName() == "free" ? 512u + 3u : 3u * 512u);
+    // Cubes of eight voxels are 23 by 7 by 7.
+    EXPECT_EQ(grid->activeVoxelCount(), grid->getName() == "free"       ? 512u + 3u
+                                        : grid->getName() == "observed" ? 23u * 7u * 7u
+                                                                        : 3u * 512u)
+        << grid->getName();
+    EXPECT_TRUE(grid->isType<openvdb::FloatGrid>() || grid->isType<openvdb::BoolGrid>() ||
+                grid->isType<openvdb::Vec3SGrid>())
+        << grid->getName() << ": other programs do not know " << grid->type();
   }
+  EXPECT_EQ(tsdf->getMetadata<openvdb::StringMetadata>("axes")->value(), "axes world: x right, y down, z forward");
   EXPECT_NEAR(tsdf->background(), 0.04, 1e-6);
   const auto free = openvdb::gridPtrCast<openvdb::BoolGrid>(file.readGrid("free"));
   for (int z = 0; z < 5; ++z) EXPECT_EQ(free->tree().isValueOn({-38, 0, 16 + z}), z < 2 || z == 3) << z;
@@ -61,6 +71,104 @@ TEST(Grids, OpenAsMetricLevelSetsInOpenVdb) {
     EXPECT_NEAR(Sampler(*tsdf).wsSample({x, 0.035, 0.02}), 0.043 - x, 2e-6) << x;
   EXPECT_EQ(weight->tree().getValue({3, 3, 3}), 2.0f);
   EXPECT_TRUE(colour->tree().getValue({3, 3, 3}).eq(openvdb::Vec3s(1.0f, 128 / 255.0f, 0.0f), 1e-6f));
+}
+
+/// Half a ball of voxels, of which one side was seen: what lies more than the truncation behind it is not known.
+BrickTree seen_ball() {
+  BrickTree tree;
+  for (int bx = -5; bx < 5; ++bx)
+    for (int by = -5; by < 5; ++by)
+      for (int bz = -5; bz < 0; ++bz) {
+        BrickVoxels voxels{};
+        bool any = false;
+        for (int i = 0; i < 512; ++i) {
+          const Eigen::Vector3i v(8 * bx + (i >> 6), 8 * by + (i >> 3 & 7), 8 * bz + (i & 7));
+          const double d = v.cast<double>().norm() - 30.3;  // voxels
+          if (v.z() > -6 || d < -4 || d > 8) continue;
+          voxels[static_cast<std::size_t>(i)] = shader::pack_voxel(static_cast<float>(std::min(d / 4, 1.0)), 2);
+          any = true;
+        }
+        if (any) tree.put({bx, by, bz}, voxels);
+      }
+  return tree;
+}
+
+TEST(Grids, HaveNoSecondSurfaceWhereOpenVdbLooksForOne) {
+  const TemporaryFolder folder;
+  write_grids(folder / "map.vdb", seen_ball(), {.voxel_size = 0.01f, .truncation = 0.04f});
+  openvdb::initialize();
+  openvdb::io::File file((folder / "map.vdb").string());
+  file.open();
+  const auto tsdf = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("tsdf"));
+  const auto observed = openvdb::gridPtrCast<openvdb::BoolGrid>(file.readGrid("observed"));
+  const auto share = [&](const openvdb::BoolGrid::ConstPtr& mask) {
+    openvdb::tools::VolumeToMesh mesher(0.0);
+    mesher.setSurfaceMask(mask);
+    mesher(*tsdf);
+    std::size_t right = 0;
+    for (std::size_t i = 0; i < mesher.pointListSize(); ++i)
+      right += std::abs(mesher.pointList()[i].length() - 0.303f) < 0.01f && mesher.pointList()[i].z() < -0.045f;
+    EXPECT_GT(mesher.pointListSize(), 1000u);
+    return static_cast<double>(right) / static_cast<double>(mesher.pointListSize());
+  };
+  EXPECT_GT(share(nullptr), 0.9);  // a rim where the seen part ends
+  EXPECT_EQ(share(observed), 1.0);
+  // As before: what is unknown counted as in front of the surface, and there was one behind it, as large.
+  const auto plain = tsdf->deepCopy();
+  for (auto leaf = plain->tree().beginLeaf(); leaf; ++leaf)
+    for (auto value = leaf->beginValueOff(); value; ++value) value.setValue(plain->background());
+  std::vector<openvdb::Vec3s> points;
+  std::vector<openvdb::Vec4I> quads;
+  openvdb::tools::volumeToMesh(*plain, points, quads);
+  const auto right =
+      std::count_if(points.begin(), points.end(), [](const auto& p) { return std::abs(p.length() - 0.303f) < 0.01f; });
+  EXPECT_LT(static_cast<double>(right), 0.7 * static_cast<double>(points.size()));
+  // What OpenVDB says of it: distances along the viewing rays are no Euclidean ones, and that is all.
+  EXPECT_EQ(openvdb::tools::checkLevelSet(*tsdf, 8), "");  // all but the last check, of the gradient
+}
+
+TEST(Grids, HaveTheAxesThatAreAskedFor) {
+  const TemporaryFolder folder;
+  const Eigen::Quaterniond turn(Eigen::AngleAxisd(0.5, Eigen::Vector3d(1, 0.2, -0.4).normalized()));
+  for (const Axes axes : {Axes::world, Axes::y_up, Axes::z_up}) {
+    GridInfo info{.voxel_size = 0.01f, .truncation = 0.04f, .axes = axes};
+    info.upright.world_from_tracked = turn;
+    write_grids(folder / "map.vdb", plane_tree(), info);
+    openvdb::initialize();
+    openvdb::io::File file((folder / "map.vdb").string());
+    file.open();
+    const auto tsdf = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("tsdf"));
+    const Eigen::Vector3f world = (turn * Eigen::Vector3d(0.033, 0.035, 0.02)).cast<float>();
+    const Eigen::Vector3f p = axes == Axes::y_up   ? Eigen::Vector3f(world.x(), -world.y(), -world.z())
+                              : axes == Axes::z_up ? Eigen::Vector3f(world.x(), world.z(), -world.y())
+                                                   : world;
+    using Sampler = openvdb::tools::GridSampler<openvdb::FloatGrid, openvdb::tools::BoxSampler>;
+    EXPECT_NEAR(Sampler(*tsdf).wsSample({p.x(), p.y(), p.z()}), 0.01, 5e-6);
+    EXPECT_LT(read_grids(folder / "map.vdb").info.upright.world_from_tracked.angularDistance(turn), 1e-6);
+  }
+}
+
+TEST(Grids, AreReadAsVersion02WroteThem) {
+  const TemporaryFolder folder;
+  const BrickTree tree = plane_tree();
+  write_grids(folder / "map.vdb", tree, {.voxel_size = 0.01f, .truncation = 0.04f});
+  openvdb::initialize();
+  openvdb::io::File file((folder / "map.vdb").string());
+  file.open();
+  openvdb::GridPtrVec old;
+  const auto grids = file.getGrids();
+  for (const auto& grid : *grids)
+    if (grid->getName() == "colour_weight") {  // whole numbers
+      old.push_back(std::make_shared<openvdb::Int32Grid>(*openvdb::gridPtrCast<openvdb::FloatGrid>(grid)));
+      old.back()->setName("colour_weight");
+    } else if (grid->getName() != "observed") {
+      old.push_back(grid);
+    }
+  openvdb::io::File((folder / "old.vdb").string()).write(old);
+  const ReadGrids read = read_grids(folder / "old.vdb");
+  ASSERT_EQ(read.tree.bricks(), tree.bricks());
+  for (const Eigen::Vector3i& b : tree.bricks())
+    for (std::size_t k = 0; k < 512; ++k) ASSERT_EQ(read.tree.find(b)[k], tree.find(b)[k]) << k;
 }
 
 TEST(Grids, LieInTheUprightWorldByTheirTransform) {
@@ -136,8 +244,11 @@ TEST(FreeSpace, IsReadFromFilesThatKnowWholeBricksAlone) {
   openvdb::GridPtrVec old;
   const auto grids = file.getGrids();
   for (const auto& grid : *grids)
-    if (grid->getName() != "free") old.push_back(grid);
+    if (grid->getName() != "free" && grid->getName() != "observed") old.push_back(grid);
   ASSERT_EQ(old.size(), 4u);
+  for (const auto& grid : old)
+    if (grid->getName() == "tsdf")
+      openvdb::gridPtrCast<openvdb::FloatGrid>(grid)->tree().addTile(1, {24, -8, 0}, 0.04f, true);
   openvdb::io::File((folder / "old.vdb").string()).write(old);
   const BrickTree read = read_grids(folder / "old.vdb").tree;
   EXPECT_EQ(read.free_bricks(), tree.free_bricks());
