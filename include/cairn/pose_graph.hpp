@@ -25,9 +25,15 @@ struct PoseGraph {
     Eigen::Vector3d up = -Eigen::Vector3d::UnitY();  ///< unit vector in the node's frame; in the world up is -y
     double sigma = 0.02;                             ///< radians
   };
+  /// Of what a .g2o file has the information of rotations; Edge::information is always of radians.
+  enum class FileRotation : std::uint8_t {
+    angle,      ///< as GTSAM and SE-Sync read it, and as published graphs are compared
+    half_angle  ///< of the quaternion's vector part, as g2o's own edges measure it
+  };
   std::vector<Eigen::Isometry3d> world_from_node;
   std::vector<Edge> edges;
   std::vector<Gravity> gravity;
+  FileRotation file_rotation = FileRotation::angle;  ///< of the file it was read from, or is written to
 };
 
 struct OptimiseOptions {
@@ -65,11 +71,11 @@ OptimiseReport optimise(PoseGraph& graph, const OptimiseOptions& options = {});
 [[nodiscard]] double chordal_cost(const PoseGraph& graph);
 
 /// A .g2o file (VERTEX_SE3:QUAT, EDGE_SE3:QUAT; ids are mapped to indices in the order of the ids). Information is read
-/// as of radians, as GTSAM and SE-Sync do; what is not positive definite is made so, with one warning that counts such
-/// edges. Edges between nodes that do not follow each other may be false. Throws std::runtime_error with file and
-/// line.
+/// as of radians, as GTSAM and SE-Sync do, unless the first line says that it is of half the angle; what is not
+/// positive definite is made so, with one warning that counts such edges. Edges between nodes that do not follow each
+/// other may be false. Throws std::runtime_error with file and line.
 [[nodiscard]] PoseGraph read_g2o(const std::filesystem::path& file);
-/// Writes it, whole or not at all.
+/// Writes it, with PoseGraph::file_rotation in the first line where that is half_angle; whole or not at all.
 void write_g2o(const std::filesystem::path& file, const PoseGraph& graph);
 
 }  // namespace cairn

@@ -140,6 +140,7 @@ PoseGraph MapperContents::upright_graph() const {
   PoseGraph graph = state_->back_end.atlas().graph();
   const Eigen::Isometry3d turn(state_->upright().world_from_tracked);
   for (Eigen::Isometry3d& pose : graph.world_from_node) pose = turn * pose;
+  graph.file_rotation = PoseGraph::FileRotation::half_angle;
   return graph;
 }
 

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <map>
 #include <stdexcept>
+#include <string_view>
 
 #include "base/lines.hpp"
 #include "base/words.hpp"
@@ -22,6 +23,23 @@ namespace fs = std::filesystem;
 
 /// g2o's order is (translation, rotation).
 int g2o_index(int i) { return (i + 3) % 6; }
+
+/// The first line of files with information of half the angle, which g2o passes over.
+constexpr std::string_view kHalfAngle =
+    "# cairn: information of rotations is of the quaternion's vector part, half the angle";
+
+/// From information of radians to that of half the angle, `of_half` 2, or back, `of_half` 0.5.
+Matrix6d rescaled(const Matrix6d& information, double of_half) {
+  Vector6d scale = Vector6d::Ones();
+  scale.head<3>().setConstant(of_half);
+  return scale.asDiagonal() * information * scale.asDiagonal();
+}
+
+bool is_of_half_angle(const fs::path& file) {
+  std::ifstream in(file);
+  std::string line;
+  return std::getline(in, line) && line.starts_with(kHalfAngle);
+}
 
 /// The least information in any direction: of the most in one, and where there is none (1/rad^2, 1/m^2).
 constexpr double kLeastShare = 1e-9, kLeast = 1e-12;
@@ -128,7 +146,12 @@ PoseGraph read_g2o(const fs::path& file) {
         "{}: {} of {} edges have an information matrix that is not positive definite; what they say in directions of "
         "no or negative information is left out",
         file.string(), indefinite, edges.size()));
-  return numbered(nodes, edges, file);
+  PoseGraph graph = numbered(nodes, edges, file);
+  if (is_of_half_angle(file)) {
+    graph.file_rotation = PoseGraph::FileRotation::half_angle;
+    for (PoseGraph::Edge& edge : graph.edges) edge.information = rescaled(edge.information, 0.5);
+  }
+  return graph;
 }
 
 void write_g2o(const fs::path& file, const PoseGraph& graph) {
@@ -138,12 +161,15 @@ void write_g2o(const fs::path& file, const PoseGraph& graph) {
       return fmt::format("{:.9g} {:.9g} {:.9g} {:.12g} {:.12g} {:.12g} {:.12g}", t.translation().x(),
                          t.translation().y(), t.translation().z(), q.x(), q.y(), q.z(), q.w());
     };
+    const bool is_of_half = graph.file_rotation == PoseGraph::FileRotation::half_angle;
+    if (is_of_half) out << kHalfAngle << '\n';
     for (std::size_t i = 0; i < graph.world_from_node.size(); ++i)
       out << fmt::format("VERTEX_SE3:QUAT {} {}\n", i, pose(graph.world_from_node[i]));
     for (const auto& edge : graph.edges) {
       out << fmt::format("EDGE_SE3:QUAT {} {} {}", edge.i, edge.j, pose(edge.i_from_j));
+      const Matrix6d information = is_of_half ? rescaled(edge.information, 2) : edge.information;
       for (int r = 0; r < 6; ++r)
-        for (int c = r; c < 6; ++c) out << fmt::format(" {:.9g}", edge.information(g2o_index(r), g2o_index(c)));
+        for (int c = r; c < 6; ++c) out << fmt::format(" {:.9g}", information(g2o_index(r), g2o_index(c)));
       out << '\n';
     }
   });

@@ -12,6 +12,8 @@
 #include <numbers>
 #include <optional>
 #include <random>
+#include <sstream>
+#include <string>
 
 #include "support/files.hpp"
 
@@ -188,6 +190,40 @@ TEST(G2o, ReadsWhatItWrites) {
     EXPECT_TRUE(read.edges[k].information.isApprox(ring.graph.edges[k].information, 1e-6));
     EXPECT_EQ(read.edges[k].is_loop_closure, ring.graph.edges[k].is_loop_closure);
   }
+}
+
+TEST(G2o, HasInformationThatG2oWeighsAsWeDo) {
+  const TemporaryFolder folder;
+  Ring ring;
+  ring.graph.edges[0].information(0, 4) = ring.graph.edges[0].information(4, 0) = 3;
+  ring.graph.file_rotation = PoseGraph::FileRotation::half_angle;
+  write_g2o(folder / "ring.g2o", ring.graph);
+  const PoseGraph read = read_g2o(folder / "ring.g2o");
+  EXPECT_EQ(read.file_rotation, PoseGraph::FileRotation::half_angle);
+  for (std::size_t k = 0; k < read.edges.size(); ++k)
+    EXPECT_TRUE(read.edges[k].information.isApprox(ring.graph.edges[k].information, 1e-6));
+  // A small turn about x and a step along y, as g2o measures it: the step, then the quaternion's vector part.
+  Vector6d ours = Vector6d::Zero();
+  ours << 1e-3, 0, 0, 0, 2e-3, 0;
+  const Eigen::Quaterniond q(Eigen::AngleAxisd(ours[0], Eigen::Vector3d::UnitX()));
+  Vector6d theirs;
+  theirs << 0, ours[4], 0, q.x(), q.y(), q.z();
+  std::ifstream in(folder / "ring.g2o");
+  Matrix6d written;
+  for (std::string line; std::getline(in, line);) {
+    if (!line.starts_with("EDGE_SE3:QUAT 0 1 ")) continue;
+    std::istringstream words(line);
+    std::string skipped;
+    for (int i = 0; i < 10; ++i) words >> skipped;
+    for (int r = 0; r < 6; ++r)
+      for (int c = r; c < 6; ++c) {
+        words >> written(r, c);
+        written(c, r) = written(r, c);
+      }
+    break;
+  }
+  const double cost = ours.dot(ring.graph.edges[0].information * ours);
+  EXPECT_NEAR(theirs.dot(written * theirs), cost, 1e-5 * cost);
 }
 
 TEST(G2o, TellsTheLineThatIsWrong) {
