@@ -219,7 +219,10 @@ void esdf(const Arguments& a) {
   if (outputs.grid) write_distances(*outputs.grid, *field);
   const Asked asked = a.query.empty() ? Asked{} : answer(*field, points, outputs.table);
   if (!a.slice.empty()) write_slice(a.slice[1], *field, plane.axis, plane.at);
-  for (const fs::path& costmap : costmaps) write_costmap(costmap, *field, band);
+  if (!costmaps.empty()) {
+    const Mesh surface = map.mesh();
+    for (const fs::path& costmap : costmaps) write_costmap(costmap, *field, surface, band);
+  }
   if (a.json || a.query.empty() || outputs.table) print_summary(*field, seconds, asked, a.json);
 }
 

@@ -152,6 +152,19 @@ void draw_legend(cv::Mat& image, int left, float most) {
   }
 }
 
+/// Points of a surface no farther apart than `spacing`.
+template <class Visit>
+void for_each_point(const Mesh& surface, float spacing, const Visit& visit) {
+  for (const auto& t : surface.triangles) {
+    const Eigen::Vector3f &a = surface.positions[t[0]], b = surface.positions[t[1]] - a,
+                          c = surface.positions[t[2]] - a;
+    const int steps = 1 + static_cast<int>(std::max({b.norm(), c.norm(), (b - c).norm()}) / spacing);
+    for (int i = 0; i <= steps; ++i)
+      for (int k = 0; k + i <= steps; ++k)
+        visit(Eigen::Vector3f(a + (static_cast<float>(i) * b + static_cast<float>(k) * c) / static_cast<float>(steps)));
+  }
+}
+
 }  // namespace
 
 void write_slice(const std::filesystem::path& png, const DistanceField& field, int axis, float at) {
@@ -180,21 +193,23 @@ void write_slice(const std::filesystem::path& png, const DistanceField& field, i
   write_png(png, image.cols, image.rows, {image.data, image.total() * 3});
 }
 
-void write_costmap(const std::filesystem::path& yaml, const DistanceField& field, const Band& band) {
+void write_costmap(const std::filesystem::path& yaml, const DistanceField& field, const Mesh& surface,
+                   const Band& band) {
   const Eigen::AlignedBox3f box = field.bounds();
   const float voxel = field.voxel_size();
   // ROS looks from above with x to the right and y upwards in the picture: x is the map's z, y its -x, z its -y.
   const auto cells = [&](int axis) { return static_cast<int>(std::lround(box.sizes()[axis] / voxel)) + 1; };
   const int columns = cells(2), rows = cells(0);
-  const auto first = static_cast<int>(std::ceil((-band.high - box.min().y()) / voxel)),
-             last = static_cast<int>(std::floor((-band.low - box.min().y()) / voxel));
+  // Voxels that reach into the band.
+  const auto first = static_cast<int>(std::ceil((-band.high - box.min().y()) / voxel - 0.5f)),
+             last = static_cast<int>(std::floor((-band.low - box.min().y()) / voxel + 0.5f));
   if (last < 0 || first >= cells(1) || last < first)
     throw std::runtime_error(
         fmt::format("{}: the map has nothing between {} and {} m; it reaches from {:.2f} to {:.2f}", yaml.string(),
                     band.low, band.high, -box.max().y(), -box.min().y()));
   cv::Mat image(rows, columns, CV_8U, cv::Scalar(kUnknown));
+  const float half_diagonal = std::sqrt(3.0f) / 2 * voxel;  // no surface in a voxel is farther from its centre
   std::vector<Eigen::Vector3f> points;
-  std::vector<DistanceField::Answer> answers;
   for (int row = 0; row < rows; ++row)
     for (int column = 0; column < columns; ++column) {
       points.clear();
@@ -205,12 +220,19 @@ void write_costmap(const std::filesystem::path& yaml, const DistanceField& field
       for (const Eigen::Vector3f& p : points) {
         const auto answer = field.query(p);
         known += answer.known;
-        is_occupied = is_occupied || (answer.known && answer.distance < 0.5f * voxel);
+        is_occupied = is_occupied || (answer.known && answer.distance < half_diagonal);
       }
       image.at<std::uint8_t>(row, column) = is_occupied                                    ? kOccupied
                                             : 2 * known >= static_cast<int>(points.size()) ? kFree
                                                                                            : kUnknown;
     }
+  // At the rims of what was seen the surface goes a little farther than the voxels around it are known.
+  for_each_point(surface, voxel / 2, [&](const Eigen::Vector3f& p) {
+    const auto row = static_cast<int>(std::lround((p.x() - box.min().x()) / voxel)),
+               column = static_cast<int>(std::lround((p.z() - box.min().z()) / voxel));
+    if (-p.y() >= band.low && -p.y() <= band.high && row >= 0 && row < rows && column >= 0 && column < columns)
+      image.at<std::uint8_t>(row, column) = kOccupied;
+  });
   auto pgm = yaml;
   pgm.replace_extension(".pgm");
   write_whole(pgm, fmt::format("P5\n{} {}\n255\n", columns, rows) +

@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "cairn/esdf.hpp"
+#include "cairn/mesh.hpp"
 
 namespace cairn::apps {
 
@@ -16,7 +17,9 @@ struct Band {
   float low = 0, high = 0;
 };
 /// Occupancy as ROS map_server reads it: the .yaml and a .pgm beside it. A cell is occupied when a surface passes it in
-/// the band, free when at least half of the band is known and nothing is in the way, else unknown.
-void write_costmap(const std::filesystem::path& yaml, const DistanceField& field, const Band& band);
+/// the band, free when at least half of the band is known and nothing is in the way, else unknown. `field` and
+/// `surface` are of the same map.
+void write_costmap(const std::filesystem::path& yaml, const DistanceField& field, const Mesh& surface,
+                   const Band& band);
 
 }  // namespace cairn::apps

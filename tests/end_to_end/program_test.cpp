@@ -407,6 +407,20 @@ TEST_F(Program, DrawsSlicesAndCostmaps) {
   for (const int value : {0, 254, 205}) EXPECT_GT(cv::countNonZero(costmap == value), 500) << value;
   EXPECT_EQ(cv::countNonZero(costmap == 0) + cv::countNonZero(costmap == 254) + cv::countNonZero(costmap == 205),
             costmap.rows * costmap.cols);
+  // No cell is free that the surface passes, but for borders that the mesh has smoothed.
+  const auto at = text.find("origin: [");
+  const double x = std::stod(text.substr(at + 9)), y = std::stod(text.substr(text.find(',', at) + 1));
+  int passed = 0, wrong = 0;
+  for (const Eigen::Vector3f& p : read_mesh(out / "map" / "mesh.glb").positions) {
+    if (-p.y() < -1.0f || -p.y() > 0.4f) continue;
+    const auto column = static_cast<int>(std::floor((static_cast<double>(p.z()) - x) / 0.02)),
+               row = costmap.rows - 1 - static_cast<int>(std::floor((static_cast<double>(-p.x()) - y) / 0.02));
+    ++passed;
+    wrong += row >= 0 && row < costmap.rows && column >= 0 && column < costmap.cols &&
+             costmap.at<std::uint8_t>(row, column) == 254;
+  }
+  EXPECT_GT(passed, 10000);
+  EXPECT_LT(wrong, passed / 500);
 }
 
 TEST_F(Program, TellsWhatIsWrongWithQuestionsAboutDistances) {
