@@ -34,6 +34,10 @@ VKAPI_ATTR VkBool32 VKAPI_CALL keep_message(VkDebugUtilsMessageSeverityFlagBitsE
   return VK_FALSE;
 }
 
+/// By the name that this version of Vulkan-Hpp has for its type: one of Vulkan's C header, or since 1.4 one of its own.
+const auto kKeepMessage =
+    reinterpret_cast<decltype(vk::DebugUtilsMessengerCreateInfoEXT::pfnUserCallback)>(keep_message);
+
 std::optional<vk::raii::Instance> make_instance(const vk::raii::Context& context, Validation validation) {
   const vk::ApplicationInfo application{.pApplicationName = "cairn", .apiVersion = VK_API_VERSION_1_2};
   std::vector<const char*> layers, extensions;
@@ -273,7 +277,7 @@ Device::Device(int index) : state_(std::make_unique<State>()) {
                                          .messageType = vk::DebugUtilsMessageTypeFlagBitsEXT::eGeneral |
                                                         vk::DebugUtilsMessageTypeFlagBitsEXT::eValidation |
                                                         vk::DebugUtilsMessageTypeFlagBitsEXT::ePerformance,
-                                         .pfnUserCallback = keep_message,
+                                         .pfnUserCallback = kKeepMessage,
                                          .pUserData = &s.messages});
 
   vk::raii::PhysicalDevices physicals(*s.instance);
