@@ -36,6 +36,26 @@ def test_the_first_lines_run(here: Path, capfd: pytest.CaptureFixture[str]) -> N
     assert "5/5 frames" in told.err and told.out == ""  # progress goes to stderr
 
 
+def test_the_documentation_runs(here: Path) -> None:
+    """Every snippet of docs/python.md, in its order."""
+    blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "python.md").read_text(), re.MULTILINE | re.DOTALL)
+    assert blocks[0] == LINES and len(blocks) == 5
+    cairn.Rig.kinect_v1().write("kinect.yaml")
+    cairn.synth("room", "recording", frames=5, camera="kinect.yaml")
+    names = {"cairn": cairn}
+    for block in blocks[1:]:
+        exec(compile(block, "docs/python.md", "exec"), names)
+    assert Path("run/mesh.glb").exists() and Path("small.glb").exists() and Path("session").is_dir()
+
+
+def test_the_readme_runs(here: Path) -> None:
+    (block,) = re.findall(r"^```python\n(.*?)^```", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL)
+    cairn.Rig.kinect_v1().write("kinect.yaml")
+    cairn.synth("room", "recording", frames=3, camera="kinect.yaml")
+    exec(compile(block, "README.md", "exec"), {"points": np.zeros((5, 3), np.float32)})
+    assert Path("room.glb").exists()
+
+
 def test_is_imported_at_once() -> None:
     def seconds(code: str) -> float:
         begin = time.perf_counter()
