@@ -2,6 +2,7 @@
 # SPDX-FileCopyrightText: The Cairn developers
 # What the module holds, for type checkers and editors; what it does stands in its docstrings (help(cairn)).
 import os
+from pathlib import Path
 from typing import Any, Callable, Iterable, Iterator, Literal, Sequence, Union, overload
 
 import numpy as np
@@ -535,7 +536,7 @@ class Exported:
     @property
     def error(self) -> float: ...
     @property
-    def files(self) -> list[os.PathLike[str]]: ...
+    def files(self) -> list[Path]: ...
     @property
     def textures(self) -> int: ...
     @property

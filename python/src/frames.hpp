@@ -44,6 +44,8 @@ class BorrowedSource {
   BorrowedSource(const BorrowedSource&) = delete;
   BorrowedSource& operator=(const BorrowedSource&) = delete;
   [[nodiscard]] Source& get() { return *source_; }
+  /// Raises what was raised while Python was asked for the next frame.
+  void rethrow() const;
   /// Runs `work` while nobody else reads the source.
   template <class Work>
   auto run(Work&& work) {

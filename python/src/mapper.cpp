@@ -143,6 +143,7 @@ Aligns keyframes that see the same with each other and corrects the poses; tells
               const py::gil_scoped_acquire acquire;  // the guard below gives it back
               s.guard->change([&] { s.mapper.reintegrate(source.get()); });
             });
+            source.rethrow();
             check_signals();
           },
           py::arg("frames"), R"(reintegrate(self, frames)

@@ -4,6 +4,7 @@
 #include <pybind11/stl/filesystem.h>
 
 #include <chrono>
+#include <exception>
 #include <utility>
 
 #include "cairn/calibrate.hpp"
@@ -40,6 +41,18 @@ class IteratedSource final : public Source {
   std::optional<int> size() const override { return std::nullopt; }
   std::optional<Frame> next() override {
     const py::gil_scoped_acquire acquire;
+    try {
+      return taken();
+    } catch (const std::exception&) {
+      error = std::current_exception();  // whoever asks may take it for one of its own
+      throw;
+    }
+  }
+
+  std::exception_ptr error;
+
+ private:
+  std::optional<Frame> taken() {
     check_signals();
     if (frames_ == py::iterator::sentinel()) return std::nullopt;
     const py::object item = py::reinterpret_borrow<py::object>(*frames_);
@@ -49,7 +62,6 @@ class IteratedSource final : public Source {
     return frame;
   }
 
- private:
   py::iterator frames_;
   Rig rig_;
 };
@@ -319,6 +331,11 @@ BorrowedSource::BorrowedSource(py::object frames, const Rig& rig) {
 }
 
 BorrowedSource::~BorrowedSource() = default;
+
+void BorrowedSource::rethrow() const {
+  const auto* const iterated = dynamic_cast<const IteratedSource*>(own_.get());
+  if (iterated != nullptr && iterated->error) std::rethrow_exception(iterated->error);
+}
 
 void add_sources(py::module_& m) {
   add_source(m);

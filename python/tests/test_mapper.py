@@ -6,7 +6,7 @@ from __future__ import annotations
 import gc
 import threading
 from pathlib import Path
-from typing import Any, List
+from typing import Any, Iterator, List
 
 import cairn
 import numpy as np
@@ -200,6 +200,21 @@ def test_refines_and_fuses_again(rig: cairn.Rig, images: List[Images]) -> None:
     before = len(mapper.mesh().triangles)
     mapper.reintegrate(cairn.Frame(d, c, time=i / 30) for i, (d, c) in enumerate(images))
     assert not mapper.warnings() and abs(len(mapper.mesh().triangles) / before - 1) < 0.25
+
+
+def test_what_frames_raise_is_raised(rig: cairn.Rig, images: List[Images]) -> None:
+    mapper = mapped(rig, images[:3])
+    before = mapper.mesh().vertices
+
+    def unplugged() -> Iterator[cairn.Frame]:
+        yield cairn.Frame(*images[0], time=0)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        mapper.reintegrate(unplugged())
+    with pytest.raises(TypeError, match="a Frame is expected; a int came"):
+        mapper.reintegrate([1, 2])  # type: ignore[list-item]
+    assert np.array_equal(mapper.mesh().vertices, before)  # the map stays as it is
 
 
 def test_distances_follow_live(rig: cairn.Rig, images: List[Images]) -> None:
