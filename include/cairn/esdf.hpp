@@ -38,6 +38,9 @@ class DistanceField {
   /// Distances and directions at points (metres), interpolated between the voxels around them (trilinear). NaN and
   /// points outside the map are unknown. `answers` is of the size of `points`. Uses all cores.
   void query(std::span<const Eigen::Vector3f> points, std::span<Answer> answers) const;
+  /// The same, each part of the answers by itself; the distance of what is unknown is NaN.
+  void query(std::span<const Eigen::Vector3f> points, std::span<float> distances, std::span<Eigen::Vector3f> gradients,
+             std::span<bool> known) const;
   [[nodiscard]] Answer query(const Eigen::Vector3f& point) const;
 
   [[nodiscard]] float voxel_size() const { return voxel_size_; }

@@ -12,6 +12,7 @@
 #include "cairn/reports.hpp"
 #include "cairn/trajectory.hpp"
 #include "cairn/upright.hpp"
+#include "cairn/voxels.hpp"
 
 namespace cairn {
 
@@ -32,6 +33,8 @@ class Map {
   /// The surface as it is in the volume (marching cubes: Lorensen & Cline 1987), world frame, metres, with normals and
   /// colours.
   [[nodiscard]] Mesh mesh();
+  /// All voxels that were observed, as numbers.
+  [[nodiscard]] Voxels voxels();
   /// The distance field of the whole map, made anew from its surface. Around each pose of `visited` what is nearer than
   /// EsdfOptions::robot_radius is free, beside what the map knows to be. Throws std::runtime_error when the voxel size
   /// is not 1, 2, 4 or 8 voxels of the TSDF.

@@ -58,6 +58,7 @@ class Mapper {
   /// the map stays as it is, and a warning tells why.
   void reintegrate(Source& again, const std::function<void()>& step = {});
 
+  [[nodiscard]] const Rig& rig() const;  ///< as it was given
   /// Which way up the map stands: how all that map() and trajectory() give is turned, of which gravity is +y where it
   /// is known. Cheap enough to be asked every second.
   [[nodiscard]] Upright upright() const;

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "cairn/camera.hpp"
+#include "cairn/pose.hpp"
 
 namespace cairn {
 
@@ -72,6 +73,16 @@ struct FrameReport {
   FrameCause cause = FrameCause::none;     ///< why
   std::string reason;                      ///< the same in words, with what was found
   AlignmentFit fit;                        ///< all 0 where nothing was aligned
+  /// Where the depth camera was, of a fused frame: in the frame in which the camera is tracked, which is the world's
+  /// before loops correct the map and before it is turned upright; with Poses::given the pose that was given.
+  std::optional<Eigen::Isometry3d> tracked_from_camera;
+  /// How sure that pose is beside the map: of (rotation, translation) in the camera's frame, rad^2 and m^2, by the last
+  /// iteration's normal equations, scaled by its residuals, as the pose graph believes it. It says nothing of how far
+  /// the map itself has drifted. What neither surface nor brightness determines has a deviation of about 1 rad or 1 m;
+  /// but without colour the noise of normals passes for structure as long as the map is young (a bare wall is then
+  /// sure to some millimetres along itself, and should not be). None where nothing was aligned: the first frame of a
+  /// map or of a component, and given poses.
+  std::optional<Matrix6d> covariance;
   double moving = 0.0;                     ///< share of the image that was left out since it moves
   std::string guess;                       ///< where the alignment started: motion, still, features, relocalised
   int touched_bricks = 0;                  ///< that were fused into

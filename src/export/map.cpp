@@ -18,6 +18,7 @@
 #include "export/map_contents.hpp"
 #include "export/views.hpp"
 #include "map/map_state.hpp"
+#include "volume/voxels.hpp"
 
 namespace cairn {
 namespace {
@@ -99,6 +100,14 @@ class MapperContents final : public Map::Contents {
   Mesh mesh() override {
     Mesh mesh = state_->polygonizer.polygonize(state_->world());
     return turned(std::move(mesh), state_->upright().world_from_tracked);
+  }
+
+  Voxels voxels() override {
+    MapState& s = *state_;
+    const BrickTree& tree = s.world().on_host();
+    return voxels_of(
+        tree,
+        {.voxel_size = s.options.fuse.voxel_size, .truncation = s.options.fuse.truncation, .upright = s.upright()});
   }
 
   std::shared_ptr<const DistanceField> distances(const EsdfOptions* options, const Trajectory& visited) override {
@@ -243,6 +252,8 @@ class GridContents final : public Map::Contents {
     return turned(Polygonizer(device()).polygonize(volume()), grids_.info.upright.world_from_tracked);
   }
 
+  Voxels voxels() override { return voxels_of(tree(), grids_.info); }
+
   std::shared_ptr<const DistanceField> distances(const EsdfOptions* options, const Trajectory& visited) override {
     Options checked;
     checked.fuse = fuse_;
@@ -318,6 +329,7 @@ Map Mapper::map() { return map_of(state_); }
 
 Map::Map(std::shared_ptr<Contents> contents) : contents_(std::move(contents)) {}
 Mesh Map::mesh() { return contents_->mesh(); }
+Voxels Map::voxels() { return contents_->voxels(); }
 std::shared_ptr<const DistanceField> Map::distances(const EsdfOptions& options, const Trajectory& visited) {
   return contents_->distances(&options, visited);
 }

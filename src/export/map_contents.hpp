@@ -15,6 +15,7 @@ class Map::Contents {
  public:
   virtual ~Contents() = default;
   [[nodiscard]] virtual Mesh mesh() = 0;
+  [[nodiscard]] virtual Voxels voxels() = 0;
   /// `options` null: the mapper's own.
   [[nodiscard]] virtual std::shared_ptr<const DistanceField> distances(const EsdfOptions* options,
                                                                        const Trajectory& visited) = 0;

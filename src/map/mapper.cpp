@@ -2,11 +2,13 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "cairn/mapper.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <optional>
 #include <stdexcept>
 
 #include "map/map_state.hpp"
+#include "map/match.hpp"
 #include "map/refine.hpp"
 
 namespace cairn {
@@ -17,10 +19,23 @@ void tell(const CheckedFrame& checked, FrameReport& report) {
   report.reason = checked.reason();
 }
 
+/// Of the pose in the camera's frame; the alignment tells it in that of the view that it aligned with.
+Matrix6d covariance_of(const Tracked& tracked) {
+  // Sums in single precision: what nothing determines may come out a little less than nothing.
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(tracked.alignment.information);
+  const Matrix6d information =
+      solver.eigenvectors() * solver.eigenvalues().cwiseMax(0.0).asDiagonal() * solver.eigenvectors().transpose();
+  const Matrix6d in_view = (calibrated(information) + Matrix6d::Identity()).inverse();
+  const Matrix6d camera_from_view = adjoint(tracked.submap_from_camera.inverse() * tracked.predicted_from);
+  return camera_from_view * in_view * camera_from_view.transpose();
+}
+
 void tell(const Tracked& tracked, FrameReport& report) {
   const Alignment& a = tracked.alignment;
   report.guess = tracked.guess;
   report.fit = a.fit;
+  if (tracked.state != Tracked::State::lost) report.tracked_from_camera = tracked.submap_from_camera;
+  if (tracked.information() != nullptr) report.covariance = covariance_of(tracked);
   if (tracked.cause == FrameCause::none) return;
   report.cause = tracked.cause;
   report.reason = tracked.reason;
@@ -96,6 +111,8 @@ void Mapper::begin_recording() {
 }
 
 void Mapper::settle() { state_->back_end.settle(); }
+
+const Rig& Mapper::rig() const { return state_->rig; }
 
 Upright Mapper::upright() const { return state_->upright(); }
 

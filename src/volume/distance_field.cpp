@@ -15,9 +15,16 @@ namespace {
 
 constexpr int kSide = 16;
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
-constexpr float kFlat = 1e-3f;  // a gradient that is shorter shows nowhere
+constexpr float kFlat = 1e-3f;           // a gradient that is shorter shows nowhere
+constexpr std::size_t kTogether = 4096;  // points that a thread takes at once
 
 int index_in(const Eigen::Vector3i& v) { return (v.x() & 15) << 8 | (v.y() & 15) << 4 | (v.z() & 15); }
+
+void expect_as_many(std::size_t points, std::size_t answers) {
+  if (points != answers)
+    throw std::invalid_argument("as many answers as points are needed: " + std::to_string(points) + " and " +
+                                std::to_string(answers));
+}
 
 }  // namespace
 
@@ -97,11 +104,23 @@ DistanceField::Answer DistanceField::query(const Eigen::Vector3f& point) const {
 }
 
 void DistanceField::query(std::span<const Eigen::Vector3f> points, std::span<Answer> answers) const {
-  if (points.size() != answers.size())
-    throw std::invalid_argument("as many answers as points are needed: " + std::to_string(points.size()) + " and " +
-                                std::to_string(answers.size()));
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 4096), [&](const auto& range) {
+  expect_as_many(points.size(), answers.size());
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), kTogether), [&](const auto& range) {
     for (std::size_t i = range.begin(); i < range.end(); ++i) answers[i] = query(points[i]);
+  });
+}
+
+void DistanceField::query(std::span<const Eigen::Vector3f> points, std::span<float> distances,
+                          std::span<Eigen::Vector3f> gradients, std::span<bool> known) const {
+  for (const std::size_t answers : {distances.size(), gradients.size(), known.size()})
+    expect_as_many(points.size(), answers);
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), kTogether), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i < range.end(); ++i) {
+      const Answer answer = query(points[i]);
+      distances[i] = answer.known ? answer.distance : kUnknown;
+      gradients[i] = answer.gradient;
+      known[i] = answer.known;
+    }
   });
 }
 

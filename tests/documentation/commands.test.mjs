@@ -21,6 +21,8 @@ const build = dirname(cairn);
 const elsewhere = {
   './scripts/demo': 'CI runs it by itself',
   './scripts/build': 'scripts/demo runs it',
+  'scripts/build': 'scripts/demo runs it',
+  'scripts/install-deps': 'scripts/build runs it',
   './scripts/test': 'it runs this test',
   'scripts/test -L quick': 'the tests run by themselves',
   'scripts/tidy': 'CI runs it by itself',

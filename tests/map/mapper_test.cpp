@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -362,6 +363,68 @@ TEST(Mapper, BeginsNoPieceWithNothingToSee) {
     EXPECT_EQ(mapper.add(dark).state, FrameState::lost);
   }
   EXPECT_EQ(mapper.statistics().components, 1);
+}
+
+TEST(Mapper, TellsHowSureAPoseIs) {
+  constexpr double kChance = 22.46;  // 99.9 % of the chi-squared distribution with 6 degrees of freedom
+  Mapper mapper(small_camera(), coarse());
+  const Eigen::Isometry3d first = *room_frames()[0].world_from_camera;
+  const FrameReport begin = mapper.add(room_frames()[0]);
+  ASSERT_TRUE(begin.tracked_from_camera);
+  EXPECT_TRUE(begin.tracked_from_camera->matrix().isIdentity());
+  EXPECT_FALSE(begin.covariance);  // there was nothing to align with
+  int within = 0;
+  for (std::size_t i = 1; i < room_frames().size(); ++i) {
+    const FrameReport report = mapper.add(room_frames()[i]);
+    ASSERT_TRUE(report.tracked_from_camera && report.covariance) << i;
+    const Eigen::Isometry3d truth = first.inverse() * *room_frames()[i].world_from_camera;
+    const Vector6d error = local_coordinates(truth.inverse() * *report.tracked_from_camera);
+    within += error.dot(report.covariance->ldlt().solve(error)) < kChance;
+    EXPECT_LT(std::sqrt(report.covariance->diagonal().maxCoeff()), 0.02) << i;  // a furnished room holds a camera
+  }
+  EXPECT_GE(within, static_cast<int>(room_frames().size()) - 2);
+}
+
+TEST(Mapper, IsUnsureOfWhatAWallDoesNotHold) {
+  Options options = coarse();
+  options.track.photometric = false;
+  Mapper mapper(small_camera(), options);
+  const Scene scene = synthetic_scene("plane");
+  const Eigen::Isometry3d facing = scene.world_from_camera(0);
+  FrameReport report;
+  for (int i = 0; i < 3; ++i) {
+    const Eigen::Isometry3d pose = facing * Eigen::Translation3d(0, 0, 0.01 * i);
+    report = mapper.add(scene_frame_at(scene, small_camera(), pose, i));
+  }
+  ASSERT_TRUE(report.covariance);
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(*report.covariance);
+  const Vector6d deviations = solver.eigenvalues().cwiseSqrt();  // ascending
+  EXPECT_LT(deviations[2], 0.02);                                // the distance, and two tilts
+  EXPECT_GT(deviations[3], 0.5);                                 // two ways along the wall, and the turn in it
+  EXPECT_LT(deviations[5], 1.5);
+}
+
+TEST(Map, GivesItsVoxelsAsNumbers) {
+  Options options = coarse();
+  Mapper mapper(small_camera(), options, Poses::given);
+  const Scene scene = synthetic_scene("room");
+  for (int i = 0; i < 3; ++i) mapper.add(scene_frame(scene, small_camera(), i));
+  const Voxels voxels = mapper.map().voxels();
+  EXPECT_FLOAT_EQ(voxels.voxel_size, options.fuse.voxel_size);
+  ASSERT_GT(voxels.blocks.size(), 100u);
+  ASSERT_EQ(voxels.distances.size(), 512 * voxels.blocks.size());
+  std::size_t near = 0, right = 0;
+  for (std::size_t i = 0; i < voxels.distances.size(); ++i) {
+    if (!(voxels.weights[i] > 0) || std::abs(voxels.distances[i]) > 0.5f * voxels.truncation) continue;
+    const int in_block = static_cast<int>(i % 512);
+    const Eigen::Vector3i voxel =
+        8 * voxels.blocks[i / 512] + Eigen::Vector3i(in_block / 64, in_block / 8 % 8, in_block % 8);
+    const Eigen::Vector3f point = voxels.world_from_voxels * (voxels.voxel_size * voxel.cast<float>());
+    ++near;
+    right += std::abs(scene.distance(point.cast<double>()) - static_cast<double>(voxels.distances[i])) < 0.02;
+  }
+  EXPECT_GT(near, 1000u);
+  EXPECT_GT(static_cast<double>(right), 0.8 * static_cast<double>(near));  // distances along rays are longer at a slant
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <limits>
 #include <map>
+#include <memory>
 #include <thread>
 
 #include "base/newest.hpp"
@@ -361,6 +362,27 @@ TEST(DistanceField, AnswersBetweenVoxelsAndNothingBeyondThem) {
     EXPECT_FALSE(field->query(p).known) << p.transpose();
   std::vector<DistanceField::Answer> too_few(2);
   EXPECT_THROW(field->query(points, too_few), std::invalid_argument);
+}
+
+TEST(DistanceField, AnswersInPartsAsInWhole) {
+  const auto field =
+      distances_of(test_device(), distance_bricks(kFuse, kLow, kHigh, sphere), kFuse, {.voxel_size = 0.02f});
+  std::vector<Eigen::Vector3f> points{{50, 0, 0}};
+  for (int i = 0; i < 9999; ++i) points.emplace_back(0.5f * Eigen::Vector3f::Random());
+  std::vector<DistanceField::Answer> answers(points.size());
+  field->query(points, answers);
+  std::vector<float> distances(points.size());
+  std::vector<Eigen::Vector3f> gradients(points.size());
+  const auto known = std::make_unique<bool[]>(points.size());
+  field->query(points, distances, gradients, std::span(known.get(), points.size()));
+  EXPECT_TRUE(std::isnan(distances[0]));
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    ASSERT_EQ(known[i], answers[i].known);
+    ASSERT_TRUE(!known[i] || distances[i] == answers[i].distance);
+    ASSERT_EQ(gradients[i], answers[i].gradient);
+  }
+  EXPECT_THROW(field->query(points, distances, std::span(gradients).first(2), std::span(known.get(), points.size())),
+               std::invalid_argument);
 }
 
 TEST(DistanceField, AnswersWhileTheMapIsUpdated) {

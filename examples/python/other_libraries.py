@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+# SPDX-FileCopyrightText: The Cairn developers
+"""Maps in other libraries: Open3D, trimesh and pyopenvdb, whichever are installed. Arrays go across without files.
+
+Usage: other_libraries.py [MAP]; without MAP a synthetic room is mapped
+"""
+from __future__ import annotations
+
+import importlib
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import cairn
+import numpy as np
+
+
+def map_a_room() -> cairn.Map:
+    source = cairn.open("synthetic:room", frames=20)
+    mapper = cairn.Mapper(source.rig, voxel_size=0.03)
+    for frame in source:
+        mapper.add(frame)
+    return mapper.map()
+
+
+def to_open3d(o3d: Any, mesh: cairn.Mesh) -> Any:
+    """Legacy arrays, which copy: open3d.geometry.TriangleMesh."""
+    made = o3d.geometry.TriangleMesh(
+        o3d.utility.Vector3dVector(mesh.vertices.astype(np.float64)),
+        o3d.utility.Vector3iVector(mesh.triangles.astype(np.int32)),
+    )
+    if mesh.normals is not None:
+        made.vertex_normals = o3d.utility.Vector3dVector(mesh.normals.astype(np.float64))
+    if mesh.colors is not None:
+        made.vertex_colors = o3d.utility.Vector3dVector(mesh.colors[:, :3] / 255)
+    return made
+
+
+def from_open3d(made: Any) -> cairn.Mesh:
+    return cairn.Mesh(
+        np.asarray(made.vertices),
+        np.asarray(made.triangles),
+        colors=np.round(255 * np.asarray(made.vertex_colors)).astype(np.uint8) if made.has_vertex_colors() else None,
+    )
+
+
+def with_open3d(o3d: Any, mesh: cairn.Mesh) -> None:
+    made = to_open3d(o3d, mesh)
+    again = from_open3d(made.filter_smooth_taubin(5))
+    print(f"Open3D: {made}; smoothed there: {again}")
+
+
+def with_trimesh(trimesh: Any, mesh: cairn.Mesh) -> None:
+    made = trimesh.Trimesh(mesh.vertices, mesh.triangles, vertex_colors=mesh.colors, process=False)
+    print(f"trimesh: {made}, an area of {made.area:.2f} m^2")
+
+
+def with_openvdb(vdb: Any, map: cairn.Map) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "map.vdb"
+        map.export(file)
+        grids = [
+            vdb.read(str(file), name) for name in ("tsdf", "weight")
+        ]  # it knows no whole numbers, as of colour_weight
+    print("OpenVDB:", ", ".join(f"{grid.name} ({grid.activeVoxelCount()} voxels)" for grid in grids))
+    # Or without a file: a dense box goes into a grid of one's own.
+    dense = map.distances().dense()
+    grid = vdb.FloatGrid(background=float("inf"))
+    grid.copyFromArray(np.nan_to_num(dense.values, nan=float("inf")))
+    print(f"OpenVDB: a grid of {grid.activeVoxelCount()} distances")
+
+
+def main() -> None:
+    map = cairn.Map.open(sys.argv[1]) if len(sys.argv) > 1 else map_a_room()
+    mesh = map.mesh()
+    print(f"Cairn: {mesh}")
+    for name, use, what in (
+        ("open3d", with_open3d, mesh),
+        ("trimesh", with_trimesh, mesh),
+        ("pyopenvdb", with_openvdb, map),
+    ):
+        try:
+            library = importlib.import_module(name)
+        except ImportError:
+            print(f"{name} is not installed")
+            continue
+        use(library, what)  # type: ignore[operator]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+# SPDX-FileCopyrightText: The Cairn developers
+"""Dense volumetric RGB-D mapping: from a stream of depth and color images to one map.
+
+    import cairn
+    mapper = cairn.Mapper(cairn.Rig.kinect_v1(), voxel_size=0.01)
+    for frame in cairn.open("recording"):            # or own arrays: mapper.add(depth, color, time=t, guess=T)
+        r = mapper.add(frame)                        # r.pose: 4x4 or None, r.state, r.covariance
+    m = mapper.mesh()                                # m.vertices (N, 3) float32, m.triangles, m.colors, m.normals
+    d, g, known = mapper.distances(points)           # a million points: one call
+    mapper.map().export("room.glb", texture=True)
+    cairn.reconstruct("recording", "out", texture=True, progress=True)
+
+Where to begin
+    Mapper                     frames in, a map out; Session lets it go on after its program has ended
+    open, Frame, Source        recordings, sensors, scenes; own arrays
+    Map, Mesh, DistanceField   what comes out: surface, voxels, distances, files
+    reconstruct, merge, synth  whole runs, by the program `cairn`, in a process of their own
+    evaluate                   trajectories, meshes and maps against the truth
+    Scene, SceneCamera         scenes whose surface is known exactly
+    PoseGraph                  poses bound to each other by measurements
+
+Conventions
+    Lengths are metres, times seconds, angles radians. The camera's frame is x right, y down, z forward, as in OpenCV;
+    the world is y down, too. Poses are (4, 4) float64 and named as they read: world_from_camera @ point_in_camera.
+    Depth is metres along z, 0 where nothing was measured; color is uint8 R, G, B (sRGB). Arrays that a Frame, Mesh,
+    Trajectory or Voxels gives show its own memory and keep it alive.
+
+    Long calls leave the interpreter to other threads; those that use the same mapper wait for each other. What goes
+    wrong outside of the program raises Error with one line: what, where, and what to do. Arrays that do not fit raise
+    ValueError or TypeError.
+"""
+from . import evaluate
+from ._cairn import (
+    AlignmentFit,
+    AtThreshold,
+    Camera,
+    ColorCamera,
+    DenseGrid,
+    Device,
+    DistanceError,
+    DistanceField,
+    DistanceOptions,
+    Edge,
+    Error,
+    ErrorStatistics,
+    Exported,
+    ExportedViews,
+    Frame,
+    FrameReport,
+    FuseOptions,
+    LayoutWriter,
+    Loop,
+    LoopError,
+    Map,
+    MapOptions,
+    Mapper,
+    Merged,
+    Mesh,
+    MeshError,
+    MeshTopology,
+    MotionOptions,
+    OptimizeReport,
+    Options,
+    PoseGraph,
+    Recorder,
+    Refined,
+    Rig,
+    Scene,
+    SceneCamera,
+    SceneImages,
+    SensorModel,
+    Session,
+    SessionInfo,
+    Source,
+    SourceSummary,
+    Statistics,
+    SurfaceOptions,
+    TrackOptions,
+    Trajectory,
+    TrajectoryError,
+    Upright,
+    ViewError,
+    Voxels,
+    __version__,
+    devices,
+    find_color_camera,
+    inspect,
+    known_cameras,
+    layouts,
+    open,
+    recorded_truth,
+)
+from .evaluate import MapError
+from .program import Frames, Report, merge, program, reconstruct, run, synth
+
+__all__ = [
+    "AlignmentFit",
+    "AtThreshold",
+    "Camera",
+    "ColorCamera",
+    "DenseGrid",
+    "Device",
+    "DistanceError",
+    "DistanceField",
+    "DistanceOptions",
+    "Edge",
+    "Error",
+    "ErrorStatistics",
+    "Exported",
+    "ExportedViews",
+    "Frame",
+    "FrameReport",
+    "Frames",
+    "FuseOptions",
+    "LayoutWriter",
+    "Loop",
+    "LoopError",
+    "Map",
+    "MapError",
+    "MapOptions",
+    "Mapper",
+    "Merged",
+    "Mesh",
+    "MeshError",
+    "MeshTopology",
+    "MotionOptions",
+    "OptimizeReport",
+    "Options",
+    "PoseGraph",
+    "Recorder",
+    "Refined",
+    "Report",
+    "Rig",
+    "Scene",
+    "SceneCamera",
+    "SceneImages",
+    "SensorModel",
+    "Session",
+    "SessionInfo",
+    "Source",
+    "SourceSummary",
+    "Statistics",
+    "SurfaceOptions",
+    "TrackOptions",
+    "Trajectory",
+    "TrajectoryError",
+    "Upright",
+    "ViewError",
+    "Voxels",
+    "__version__",
+    "devices",
+    "evaluate",
+    "find_color_camera",
+    "inspect",
+    "known_cameras",
+    "layouts",
+    "merge",
+    "open",
+    "program",
+    "reconstruct",
+    "recorded_truth",
+    "run",
+    "synth",
+]
+
+for _name in __all__:  # they are found, and shown, as cairn.Mapper
+    if getattr(globals()[_name], "__module__", "").startswith("cairn."):
+        globals()[_name].__module__ = "cairn"
+del _name

@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: Apache-2.0
+# SPDX-FileCopyrightText: The Cairn developers
+"""Whole runs by the program `cairn`, in a process of its own: Ctrl-C ends it, and what it takes it gives back."""
+from __future__ import annotations
+
+import collections.abc
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Union
+
+from ._cairn import Error
+
+__all__ = ["Frames", "Report", "merge", "program", "reconstruct", "run", "synth"]
+
+_Path = Union[str, "os.PathLike[str]"]
+_BAD = 3  # exit code: the run ended, but most of it is not in the map
+
+
+@dataclass(frozen=True)
+class Frames:
+    """How many frames a run had, and what became of them."""
+
+    total: int
+    fused: int
+    lost: int
+    skipped: int
+
+
+@dataclass(frozen=True)
+class Report:
+    """What became of a run, as report.json tells it."""
+
+    output: Path  #: the folder that was written
+    level: str  #: 'good', 'weak' or 'bad'
+    words: str  #: how it went, in one sentence
+    reasons: list[str]  #: what was seen, and what to do, one line each
+    frames: Frames
+    triangles: int  #: of mesh.glb
+    seconds: float
+    frames_per_second: float
+    warnings: list[str]
+    json: dict[str, Any]  #: all of it
+
+    @property
+    def mesh(self) -> Path:
+        """The surface, as glTF."""
+        return self.output / "mesh.glb"
+
+    @property
+    def trajectory(self) -> Path:
+        """The poses, in the TUM format (Trajectory.read)."""
+        return self.output / "trajectory.txt"
+
+
+def program() -> Path:
+    """Where the program `cairn` is: beside the package, in its build folder, or in PATH. CAIRN_PROGRAM overrules it."""
+    if chosen := os.environ.get("CAIRN_PROGRAM"):
+        return Path(chosen)
+    here = Path(__file__).parent  # in a build folder the files are links: the folder is build/release/python/cairn
+    for place in (here / "bin" / "cairn", here.parent.parent / "cairn"):
+        if place.is_file() and os.access(place, os.X_OK):
+            return place
+    if found := shutil.which("cairn"):
+        return Path(found)
+    raise Error("the program cairn was not found: install the package again, or put cairn into PATH")
+
+
+_ON = {"loops"}  # what is done unless --no-... says otherwise
+_AUTOMATIC = {"texture"}  # what is done where it can be
+
+
+def _flags(options: dict[str, Any]) -> list[str]:
+    """voxel_size=0.02 → --voxel-size 0.02, texture=False → --no-texture, frames=slice(0, 9) → --frames 0:9."""
+    flags = []
+    for name, value in options.items():
+        flag = "--" + name.rstrip("_").replace("_", "-").replace("color", "colour")
+        if value is None:
+            continue
+        if value is True:
+            flags += [flag] if name not in _ON else []
+        elif value is False:  # most are off unless they are asked for
+            flags += ["--no-" + flag[2:]] if name in _ON | _AUTOMATIC else []
+        elif isinstance(value, slice):
+            parts = ["" if part is None else str(part) for part in (value.start, value.stop, value.step)]
+            flags.append(f"{flag}={':'.join(parts if parts[2] else parts[:2])}")
+        elif isinstance(value, (list, tuple)):
+            flags += [flag, *(os.fspath(v) if isinstance(v, os.PathLike) else str(v) for v in value)]
+        else:
+            flags.append(f"{flag}={os.fspath(value) if isinstance(value, os.PathLike) else value}")
+    return flags
+
+
+def _reason(lines: list[str]) -> str:
+    """The program's own line of what went wrong."""
+    told = [line for line in lines if line.strip()]
+    for line in reversed(told):
+        if line.startswith("error: "):
+            return line[len("error: ") :]
+    return told[-1] if told else "it told nothing"
+
+
+def main() -> None:
+    """Is `cairn` in a shell, where the package is installed by pip."""
+    os.execv(program(), [str(program()), *sys.argv[1:]])
+
+
+def run(*arguments: _Path | float, progress: bool = False, expect: collections.abc.Iterable[int] = (0,)) -> str:
+    """Runs `cairn` with arguments as in a shell, and returns what it writes to its standard output.
+
+    progress: what it tells meanwhile goes to stderr. expect: exit codes that are no error. Raises Error with the
+    program's one line. Ctrl-C ends the run as in a shell, where the map is written; a second one ends it at once.
+    """
+    # A group of its own: the terminal's Ctrl-C comes once, from here.
+    child = subprocess.Popen(
+        [str(program()), *(os.fspath(a) if isinstance(a, os.PathLike) else str(a) for a in arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        stdin=subprocess.DEVNULL,
+        text=True,
+        errors="replace",
+        process_group=0,
+    )
+    lines: list[str] = []
+    written: list[str] = []
+
+    def listen() -> None:
+        assert child.stderr is not None
+        for line in child.stderr:
+            lines.append(line.rstrip("\n"))
+            if progress:
+                sys.stderr.write(line)
+                sys.stderr.flush()
+
+    def collect() -> None:
+        assert child.stdout is not None
+        written.append(child.stdout.read())
+
+    threads = [threading.Thread(target=work, daemon=True) for work in (listen, collect)]
+    for thread in threads:
+        thread.start()
+    interrupted = False
+    while True:
+        try:
+            code = child.wait()
+            for thread in threads:
+                thread.join()
+            break
+        except KeyboardInterrupt:
+            interrupted = True
+            child.send_signal(signal.SIGINT)
+        except BaseException:
+            child.kill()
+            raise
+    if interrupted:
+        raise KeyboardInterrupt
+    if code not in tuple(expect):
+        ended = f"cairn was ended by {signal.Signals(-code).name}: " if code < 0 else ""
+        raise Error(ended + _reason(lines))
+    return "".join(written)
+
+
+def reconstruct(recording: _Path, output: _Path, *, progress: bool = False, **options: Any) -> Report:
+    """Makes a map of a recording, by the program, into a folder: mesh.glb, map.vdb, trajectory.txt, report.html, ...
+
+    options: those of `cairn reconstruct --help`, with underscores: voxel_size=0.02, texture=True, texture=False,
+    overwrite=True, frames=100, loops=False, poses="groundtruth.txt". progress: what it tells meanwhile goes to stderr.
+
+    Returns its Report, whose level is 'bad' where most of the recording is not in the map. Raises Error with the
+    program's one line, as when the folder holds a map already.
+    """
+    text = run("reconstruct", recording, "-o", output, "--json", *_flags(options), progress=progress, expect=(0, _BAD))
+    told = json.loads(text)
+    verdict = told["verdict"]
+    return Report(
+        output=Path(told.get("output", output)),
+        level=verdict["level"],
+        words=verdict["words"],
+        reasons=list(verdict["reasons"]),
+        frames=Frames(**{name: told["frames"][name] for name in ("total", "fused", "lost", "skipped")}),
+        triangles=told["mesh"]["triangles"],
+        seconds=told["seconds"],
+        frames_per_second=told["frames_per_second"],
+        warnings=list(told["warnings"]),
+        json=told,
+    )
+
+
+def merge(maps: collections.abc.Iterable[_Path], output: _Path, *, progress: bool = False, **options: Any) -> Path:
+    """Joins maps of the same place, made by the same camera, into one, by the program. Returns the folder.
+
+    maps: folders that reconstruct, live or merge have made; they stay as they are. options: of `cairn merge --help`.
+    """
+    run("merge", *maps, "-o", output, *_flags(options), progress=progress)
+    return Path(output)
+
+
+def synth(scene: str, output: _Path, *, progress: bool = False, **options: Any) -> Path:
+    """Renders a synthetic recording with exact poses and an exact surface, by the program. Returns the folder.
+
+    scene: as Scene. options: of `cairn synth --help`: frames=60, width=320, noise="kinect", camera="camera.yaml".
+    """
+    run("synth", scene, "-o", output, *_flags(options), progress=progress)
+    return Path(output)

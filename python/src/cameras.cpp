@@ -1,0 +1,251 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <pybind11/operators.h>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <algorithm>
+
+#include "cairn/known_cameras.hpp"
+#include "cairn/rig.hpp"
+#include "module.hpp"
+#include "numpy.hpp"
+#include "text.hpp"
+
+namespace cairn::python {
+namespace {
+
+Lens lens_of(const std::string& name) {
+  if (name == "brown_conrady") return Lens::brown_conrady;
+  if (name == "fisheye") return Lens::fisheye;
+  throw py::value_error("lens is '" + name + "'; brown_conrady or fisheye is expected");
+}
+
+std::string name_of(Lens lens) { return lens == Lens::fisheye ? "fisheye" : "brown_conrady"; }
+
+Camera resized(const Camera& camera, int width, int height) {
+  if (static_cast<std::int64_t>(width) * camera.height != static_cast<std::int64_t>(height) * camera.width)
+    throw py::value_error("images of " + std::to_string(width) + "x" + std::to_string(height) +
+                          " have another shape than the camera's of " + std::to_string(camera.width) + "x" +
+                          std::to_string(camera.height));
+  const double scale = static_cast<double>(width) / camera.width;
+  Camera c = camera;
+  c.width = width, c.height = height;
+  c.fx *= scale, c.fy *= scale;
+  c.cx = (camera.cx + 0.5) * scale - 0.5, c.cy = (camera.cy + 0.5) * scale - 0.5;
+  return c;
+}
+
+Camera make_camera(int width, int height, double fx, double fy, std::optional<double> cx, std::optional<double> cy,
+                   const std::vector<double>& distortion, const std::string& lens, double readout) {
+  Camera camera{.width = width,
+                .height = height,
+                .fx = fx,
+                .fy = fy,
+                .cx = cx.value_or(0.5 * (width - 1)),
+                .cy = cy.value_or(0.5 * (height - 1)),
+                .distortion = {},
+                .lens = lens_of(lens),
+                .readout = readout};
+  if (distortion.size() > camera.distortion.size())
+    throw py::value_error("distortion has " + std::to_string(distortion.size()) + " numbers; 8 at most are expected");
+  std::copy(distortion.begin(), distortion.end(), camera.distortion.begin());
+  check(camera);
+  return camera;
+}
+
+Camera known(const std::string& name) {
+  if (const KnownCamera* camera = known_camera(name)) return camera->camera;
+  std::string names;
+  for (const KnownCamera& camera : known_cameras()) names += (names.empty() ? "" : ", ") + std::string(camera.name);
+  throw py::value_error("no camera is known as '" + name + "'; known are " + names);
+}
+
+Rig kinect_v1(int width, int height) { return resized(known("kinect-v1"), width, height); }
+
+void add_camera(py::module_& m) {
+  py::class_<Camera>(
+      m, "Camera",
+      R"(Camera(width, height, fx, fy, cx=None, cy=None, *, distortion=(), lens='brown_conrady', readout=0.0)
+--
+
+A pinhole camera with a lens. Its frame is x right, y down, z forward, as in OpenCV.
+
+width, height: pixels. fx, fy, cx, cy: pixels; (0, 0) is the centre of the upper left pixel, and without cx, cy the
+image's middle is taken. distortion: up to 8 numbers, of the lens 'brown_conrady' OpenCV's k1 k2 p1 p2 k3 k4 k5 k6, of
+'fisheye' k1 k2 k3 k4. readout: seconds from the first row to the last; 0 is a global shutter. Raises Error for what no
+camera can be.)")
+      .def(
+          py::init(&make_camera), py::arg("width"), py::arg("height"), py::arg("fx"), py::arg("fy"),
+          py::arg("cx") = std::nullopt, py::arg("cy") = std::nullopt, py::kw_only(),
+          py::arg("distortion") = std::vector<double>{}, py::arg("lens") = "brown_conrady", py::arg("readout") = 0.0,
+          R"(__init__(self, width, height, fx, fy, cx=None, cy=None, *, distortion=(), lens='brown_conrady', readout=0.0)
+--
+
+)")
+      .def_readonly("width", &Camera::width, "Pixels.")
+      .def_readonly("height", &Camera::height, "Pixels.")
+      .def_readonly("fx", &Camera::fx, "Pixels.")
+      .def_readonly("fy", &Camera::fy, "Pixels.")
+      .def_readonly("cx", &Camera::cx, "Pixels.")
+      .def_readonly("cy", &Camera::cy, "Pixels.")
+      .def_readonly("readout", &Camera::readout, "Seconds from the first row to the last.")
+      .def_property_readonly(
+          "lens", [](const Camera& c) { return name_of(c.lens); }, "'brown_conrady' or 'fisheye'.")
+      .def_property_readonly(
+          "distortion", [](const Camera& c) { return py::tuple(py::cast(c.distortion)); }, "8 numbers.")
+      .def_property_readonly(
+          "matrix",
+          [](const Camera& c) {
+            Eigen::Matrix<double, 3, 3, Eigen::RowMajor> k;
+            k << c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1;
+            return Doubles({3, 3}, k.data());
+          },
+          "(3, 3) float64, pixels: what takes a point in the camera frame to its pixel.")
+      .def("resized", &resized, py::arg("width"), py::arg("height"), R"(resized(self, width, height)
+--
+
+The same camera with images of another size and the same shape.)")
+      .def_static("known", &known, py::arg("name"), R"(known(name)
+--
+
+A camera whose numbers are published, by its name (known_cameras).)")
+      .def(py::self == py::self)
+      .def("__repr__", [](const Camera& c) {
+        return repr("Camera",
+                    {{"width", c.width}, {"height", c.height}, {"fx", c.fx}, {"fy", c.fy}, {"cx", c.cx}, {"cy", c.cy}});
+      });
+  m.def(
+      "known_cameras",
+      [] {
+        std::map<std::string, std::string> names;
+        for (const KnownCamera& camera : known_cameras()) names.emplace(camera.name, camera.of);
+        return names;
+      },
+      R"(known_cameras()
+--
+
+Cameras whose numbers are published: a dict from the name that Camera.known takes to whose it is.)");
+}
+
+void add_sensor(py::module_& m) {
+  py::class_<SensorModel>(m, "SensorModel", R"(SensorModel(name='structured_light')
+--
+
+How far a depth camera errs: a standard deviation of floor + growth (z - sharpest)^2 metres at a depth of z metres.
+
+name: 'structured_light' (Kinect v1, Xtion), 'time_of_flight' (Azure Kinect), 'stereo' (RealSense D4xx),
+'phone_lidar', 'exact' (rendered without noise). Fields can be set to others.)")
+      .def(py::init([](const std::string& name) { return sensor_model(name); }), py::arg("name") = "structured_light",
+           R"(__init__(self, name='structured_light')
+--
+
+)")
+      .def_property_readonly(
+          "name", [](const SensorModel& s) { return std::string(name_of(s)); }, "Or 'custom'.")
+      .def_readwrite("floor", &SensorModel::floor, "Metres.")
+      .def_readwrite("growth", &SensorModel::growth, "1/m.")
+      .def_readwrite("sharpest", &SensorModel::sharpest, "Metres.")
+      .def_readwrite("min_depth", &SensorModel::min_depth, "Metres; what is nearer is dropped.")
+      .def_readwrite("max_depth", &SensorModel::max_depth, "Metres; what is farther is dropped.")
+      .def_readwrite("least_confidence", &SensorModel::least_confidence, "0 to 255; what is surer is kept.")
+      .def("sigma", &SensorModel::sigma, py::arg("depth"), R"(sigma(self, depth)
+--
+
+Standard deviation at a depth, metres.)")
+      .def("__repr__", [](const SensorModel& s) {
+        return repr("SensorModel",
+                    {{"name", std::string(name_of(s))}, {"min_depth", s.min_depth}, {"max_depth", s.max_depth}});
+      });
+}
+
+void add_rig(py::module_& m) {
+  py::class_<ColourCamera>(m, "ColorCamera", R"(ColorCamera(camera, color_from_depth)
+--
+
+A color camera that looks from beside the depth camera.
+
+color_from_depth: (4, 4), from the depth camera's frame to its own, metres.)")
+      .def(py::init([](const Camera& camera, const py::object& pose) {
+             return ColourCamera{camera, pose_of(pose, "color_from_depth")};
+           }),
+           py::arg("camera"), py::arg("color_from_depth"), R"(__init__(self, camera, color_from_depth)
+--
+
+)")
+      .def_readonly("camera", &ColourCamera::camera)
+      .def_property_readonly(
+          "color_from_depth", [](const ColourCamera& c) { return to_numpy(c.colour_from_depth); },
+          "(4, 4) float64, metres.");
+
+  py::class_<Rig>(m, "Rig", R"(Rig(depth, color=None, *, sensor=None, camera_from_imu=None)
+--
+
+The cameras of a sensor. Poses are the depth camera's everywhere.
+
+depth: its Camera. color: a ColorCamera beside it; None where color images are registered to depth, and have its size
+and view. sensor: a SensorModel or its name. camera_from_imu: (4, 4), turns what an inertial sensor measures
+into the depth camera's frame; None finds it from how the camera moves.)")
+      .def(py::init([](const Camera& depth, std::optional<ColourCamera> colour, const py::object& sensor,
+                       const py::object& camera_from_imu) {
+             Rig rig(depth, std::move(colour));
+             if (py::isinstance<py::str>(sensor))
+               rig.sensor = sensor_model(sensor.cast<std::string>());
+             else if (!sensor.is_none())
+               rig.sensor = sensor.cast<SensorModel>();
+             if (!camera_from_imu.is_none())
+               rig.camera_from_imu = Eigen::Quaterniond(pose_of(camera_from_imu, "camera_from_imu").linear());
+             check(rig);
+             return rig;
+           }),
+           py::arg("depth"), py::arg("color") = std::nullopt, py::kw_only(), py::arg("sensor") = py::none(),
+           py::arg("camera_from_imu") = py::none(),
+           R"(__init__(self, depth, color=None, *, sensor=None, camera_from_imu=None)
+--
+
+)")
+      .def_readonly("depth", &Rig::depth, "The depth camera.")
+      .def_readonly("color", &Rig::colour, "The color camera beside it, or None: color lies on depth.")
+      .def_readonly("sensor", &Rig::sensor, "How the depth camera errs.")
+      .def_property_readonly(
+          "camera_from_imu",
+          [](const Rig& rig) {
+            return to_numpy(rig.camera_from_imu ? std::optional(Eigen::Isometry3d(*rig.camera_from_imu))
+                                                : std::nullopt);
+          },
+          "(4, 4) float64, or None.")
+      .def_static("kinect_v1", &kinect_v1, py::arg("width") = 640, py::arg("height") = 480,
+                  R"(kinect_v1(width=640, height=480)
+--
+
+Kinect for Xbox 360, Xtion or PrimeSense, depth registered to color: what these are without a calibration.)")
+      .def_static(
+          "known", [](const std::string& name) { return Rig(known(name)); }, py::arg("name"), R"(known(name)
+--
+
+A camera whose numbers are published (known_cameras), color registered to depth.)")
+      .def_static("read", &read_rig, py::arg("file"), R"(read(file)
+--
+
+The cameras of a camera.yaml. Raises Error with file and line.)")
+      .def(
+          "write", [](const Rig& rig, const std::filesystem::path& file) { write_rig(file, rig); }, py::arg("file"),
+          R"(write(self, file)
+--
+
+Writes a camera.yaml, whole or not at all, without a unit of depth, which is the recording's.)")
+      .def(py::self == py::self)
+      .def("__repr__", [](const Rig& r) {
+        return repr("Rig", {{"depth", r.depth}, {"color", r.colour}, {"sensor", r.sensor}});
+      });
+}
+
+}  // namespace
+
+void add_cameras(py::module_& m) {
+  add_camera(m);
+  add_sensor(m);
+  add_rig(m);
+}
+
+}  // namespace cairn::python

@@ -1,0 +1,266 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "frames.hpp"
+
+#include <pybind11/stl.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+
+#include "module.hpp"
+#include "text.hpp"
+
+namespace cairn::python {
+namespace {
+
+using Bytes = py::array_t<std::uint8_t, py::array::c_style>;
+
+std::string in_words(const std::array<py::ssize_t, 2>& size) {
+  return "(" + std::to_string(size[0]) + ", " + std::to_string(size[1]) + ")";
+}
+
+void expect_size(const char* name, const std::array<py::ssize_t, 2>& size, const Camera& camera) {
+  if (const std::array<py::ssize_t, 2> expected{camera.height, camera.width}; size != expected)
+    throw py::value_error(std::string(name) + " has the shape " + in_words(size) + "; the rig's camera has " +
+                          in_words(expected) + " (rows, columns)");
+}
+
+py::array image_of(const py::object& value, const char* name, const char* expected) {
+  if (!py::isinstance<py::array>(value))
+    throw py::type_error(std::string(name) + " is " + told(value) + "; " + expected + " is expected");
+  return py::reinterpret_borrow<py::array>(value);
+}
+
+void expect_measurements(const std::vector<float>& depth) {
+  // Bits of what is at least 0 and finite lie from 0 to kLargest: the sign of neither difference is set. Without a
+  // branch, this is done for many at once.
+  constexpr std::int32_t kLargest = 0x7f7fffff;
+  std::int32_t signs = 0;
+  for (const float z : depth) {
+    const auto bits = std::bit_cast<std::int32_t>(z);
+    signs |= bits | (kLargest - (bits & 0x7fffffff));
+  }
+  if (signs >= 0) return;
+  const auto wrong = std::count_if(depth.begin(), depth.end(), [](float z) { return !(z >= 0 && std::isfinite(z)); });
+  if (wrong == 0) return;  // zeros with a sign
+  throw py::value_error("depth holds " + std::to_string(wrong) +
+                        " values that are negative or no number; give 0 where nothing was measured (numpy.nan_to_num)");
+}
+
+void fill_depth(SizedFrame& to, const py::object& value, const py::object& depth_scale) {
+  constexpr const char* kExpected = "an array of shape (rows, columns), float32 in metres or uint16 with depth_scale,";
+  const py::array array = image_of(value, "depth", kExpected);
+  if (array.ndim() != 2) throw py::value_error("depth is " + told(array) + "; " + kExpected + " is expected");
+  const char kind = array.dtype().kind();
+  if (kind != 'f' && kind != 'u' && kind != 'i')
+    throw py::type_error("depth is " + told(array) + "; " + kExpected + " is expected");
+  if (kind != 'f' && depth_scale.is_none())
+    throw py::value_error("depth is " + told(array) + ": give depth_scale, its units per metre (1000 for millimetres)");
+  const double scale = depth_scale.is_none() ? 1.0 : depth_scale.cast<double>();
+  if (!(scale > 0 && std::isfinite(scale)))
+    throw py::value_error("depth_scale is " + std::string(py::str(depth_scale)) + "; units per metre are expected");
+  to.depth_size = {array.shape(0), array.shape(1)};
+  to.frame.depth.resize(static_cast<std::size_t>(array.size()));
+  if (array.dtype().is(py::dtype::of<std::uint16_t>())) {
+    const auto units = py::array_t<std::uint16_t, py::array::c_style>::ensure(array);
+    const py::gil_scoped_release release;
+    std::transform(units.data(), units.data() + units.size(), to.frame.depth.begin(),
+                   [scale](std::uint16_t d) { return static_cast<float>(d / scale); });
+  } else {
+    const auto metres = py::array_t<float, py::array::c_style | py::array::forcecast>::ensure(array);
+    const py::gil_scoped_release release;
+    std::memcpy(to.frame.depth.data(), metres.data(), sizeof(float) * static_cast<std::size_t>(metres.size()));
+    if (scale != 1)
+      for (float& z : to.frame.depth) z = static_cast<float>(z / scale);
+  }
+  expect_measurements(to.frame.depth);
+}
+
+/// Pixels of so many bytes as R, G, B, 255; but for the last one they are read four bytes at once.
+template <int kChannels>
+void copy_colour(const std::uint8_t* from, std::vector<std::uint32_t>& to) {
+  if (to.empty()) return;
+  for (std::size_t i = 0; i + 1 < to.size(); ++i) {
+    std::uint32_t word = 0;
+    std::memcpy(&word, from + i * kChannels, sizeof word);
+    to[i] = 0xff000000u | (word & 0xffffffu);
+  }
+  std::uint32_t last = 0;
+  std::memcpy(&last, from + (to.size() - 1) * kChannels, 3);
+  to.back() = 0xff000000u | last;
+}
+
+void fill_colour(SizedFrame& to, const py::object& value) {
+  to.frame.colour.clear();
+  to.colour_size = {};
+  if (value.is_none()) return;
+  constexpr const char* kExpected = "uint8 of shape (rows, columns, 3), R, G, B, or 4 with what is not looked at,";
+  const py::array array = image_of(value, "color", kExpected);
+  if (!array.dtype().is(py::dtype::of<std::uint8_t>()))
+    throw py::type_error("color is " + told(array) + "; " + kExpected + " is expected");
+  if (array.ndim() != 3 || (array.shape(2) != 3 && array.shape(2) != 4))
+    throw py::value_error("color is " + told(array) + "; " + kExpected + " is expected");
+  const auto bytes = Bytes::ensure(array);
+  to.colour_size = {array.shape(0), array.shape(1)};
+  to.frame.colour.resize(static_cast<std::size_t>(array.shape(0) * array.shape(1)));
+  const std::uint8_t* from = bytes.data();
+  const py::gil_scoped_release release;
+  if (array.shape(2) == 4)
+    copy_colour<4>(from, to.frame.colour);
+  else
+    copy_colour<3>(from, to.frame.colour);
+}
+
+void fill_confidence(SizedFrame& to, const py::object& value) {
+  to.frame.confidence.clear();
+  if (value.is_none()) return;
+  const py::array array = image_of(value, "confidence", "uint8 of depth's shape");
+  if (!array.dtype().is(py::dtype::of<std::uint8_t>()) || array.ndim() != 2 || array.shape(0) != to.depth_size[0] ||
+      array.shape(1) != to.depth_size[1])
+    throw py::value_error("confidence is " + told(array) + "; uint8 of depth's shape " + in_words(to.depth_size) +
+                          " is expected, 0 to 255 (sure)");
+  const auto bytes = Bytes::ensure(array);
+  to.frame.confidence.assign(bytes.data(), bytes.data() + bytes.size());
+}
+
+std::vector<AngularRate> rates_of(const py::object& value) {
+  if (value.is_none()) return {};
+  const auto numbers = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(value);
+  if (!numbers || numbers.ndim() != 2 || numbers.shape(1) != 4) {
+    PyErr_Clear();
+    throw py::value_error("gyro is " + told(value) + "; (N, 4) is expected: seconds, and rad/s about x, y, z");
+  }
+  std::vector<AngularRate> rates;
+  for (py::ssize_t i = 0; i < numbers.shape(0); ++i)
+    rates.push_back({numbers.at(i, 0), {numbers.at(i, 1), numbers.at(i, 2), numbers.at(i, 3)}});
+  return rates;
+}
+
+double time_of(const py::object& value) {
+  if (value.is_none()) throw py::type_error("time is missing: seconds, which increase from frame to frame");
+  const double time = value.cast<double>();
+  if (!std::isfinite(time)) throw py::value_error("time is " + std::string(py::str(value)) + "; seconds are expected");
+  return time;
+}
+
+py::object depth_of(const py::object& self) {
+  const auto& f = self.cast<const SizedFrame&>();
+  if (f.frame.depth.empty()) return py::none();
+  return view(f.frame.depth.data(), {f.depth_size[0], f.depth_size[1]}, self);
+}
+
+py::object colour_of(const py::object& self) {
+  const auto& f = self.cast<const SizedFrame&>();
+  if (f.frame.colour.empty()) return py::none();
+  return py::array_t<std::uint8_t>({f.colour_size[0], f.colour_size[1], py::ssize_t{3}},
+                                   {4 * f.colour_size[1], py::ssize_t{4}, py::ssize_t{1}},
+                                   reinterpret_cast<const std::uint8_t*>(f.frame.colour.data()), self);
+}
+
+py::object confidence_of(const py::object& self) {
+  const auto& f = self.cast<const SizedFrame&>();
+  if (f.frame.confidence.empty()) return py::none();
+  return view(f.frame.confidence.data(), {f.depth_size[0], f.depth_size[1]}, self);
+}
+
+Doubles gyro_of(const SizedFrame& f) {
+  Doubles rates({static_cast<py::ssize_t>(f.frame.gyro.size()), py::ssize_t{4}});
+  double* to = rates.mutable_data();
+  for (const AngularRate& r : f.frame.gyro)
+    for (const double number : {r.timestamp, r.rate.x(), r.rate.y(), r.rate.z()}) *to++ = number;
+  return rates;
+}
+
+}  // namespace
+
+void fill(SizedFrame& to, const FrameParts& parts, int index, const Rig* rig) {
+  to.frame.problem.reset();
+  to.frame.index = index;
+  to.frame.timestamp = time_of(parts.time);
+  fill_depth(to, parts.depth, parts.depth_scale);
+  if (rig != nullptr) expect_size("depth", to.depth_size, rig->depth);
+  fill_colour(to, parts.colour);
+  if (rig != nullptr && !to.frame.colour.empty()) expect_size("color", to.colour_size, rig->colour_view());
+  fill_confidence(to, parts.confidence);
+  to.frame.colour_delay = parts.colour_delay;
+  to.frame.world_from_camera = optional_pose_of(parts.pose, "pose");
+  to.frame.guess = optional_pose_of(parts.guess, "guess");
+  to.frame.acceleration.reset();
+  if (!parts.acceleration.is_none()) to.frame.acceleration = vector_of(parts.acceleration, "acceleration");
+  to.frame.gyro = rates_of(parts.gyro);
+}
+
+void add_frames(py::module_& m) {
+  py::class_<SizedFrame, std::shared_ptr<SizedFrame>>(
+      m, "Frame",
+      R"(Frame(depth, color=None, *, time, index=0, depth_scale=None, confidence=None, color_delay=0.0, pose=None, guess=None, acceleration=None, gyro=None)
+--
+
+One moment of a sensor.
+
+depth: (rows, columns), float32 metres along z, or uint16 with depth_scale, its units per metre; 0 where nothing was
+measured. color: (rows, columns, 3 or 4) uint8, R, G, B (sRGB). time: seconds, which increase from frame to frame.
+confidence: uint8 of depth's shape, 0 to 255 (sure). color_delay: seconds from the depth image's time to the color
+image's. pose: (4, 4), world_from_camera, where it is known. guess: (4, 4), where somebody else takes the camera to be,
+in a world of its own. acceleration: (3,), what an accelerometer measures, m/s^2 in the camera's frame, at rest 9.81
+upwards. gyro: (N, 4), seconds and rad/s about x, y, z, since the frame before.)")
+      .def(
+          py::init([](py::object depth, py::object colour, py::object time, int index, py::object depth_scale,
+                      py::object confidence, double colour_delay, py::object pose, py::object guess,
+                      py::object acceleration, py::object gyro) {
+            auto frame = std::make_shared<SizedFrame>();
+            fill(*frame,
+                 {std::move(depth), std::move(colour), std::move(time), std::move(depth_scale), std::move(confidence),
+                  std::move(pose), std::move(guess), std::move(acceleration), std::move(gyro), colour_delay},
+                 index, nullptr);
+            return frame;
+          }),
+          py::arg("depth"), py::arg("color") = py::none(), py::kw_only(), py::arg("time") = py::none(),
+          py::arg("index") = 0, py::arg("depth_scale") = py::none(), py::arg("confidence") = py::none(),
+          py::arg("color_delay") = 0.0, py::arg("pose") = py::none(), py::arg("guess") = py::none(),
+          py::arg("acceleration") = py::none(), py::arg("gyro") = py::none(),
+          R"(__init__(self, depth, color=None, *, time, index=0, depth_scale=None, confidence=None, color_delay=0.0, pose=None, guess=None, acceleration=None, gyro=None)
+--
+
+)")
+      .def_property_readonly(
+          "index", [](const SizedFrame& f) { return f.frame.index; }, "Counted from 0 over all of its source.")
+      .def_property_readonly(
+          "time", [](const SizedFrame& f) { return f.frame.timestamp; }, "Seconds.")
+      .def_property_readonly("depth", &depth_of,
+                             "(rows, columns) float32, metres; 0: no measurement. None where the frame could not be "
+                             "read. Shows the frame's own memory.")
+      .def_property_readonly("color", &colour_of,
+                             "(rows, columns, 3) uint8, R, G, B, or None. Shows the frame's own memory.")
+      .def_property_readonly("confidence", &confidence_of, "(rows, columns) uint8, 0 to 255 (sure), or None.")
+      .def_property_readonly(
+          "color_delay", [](const SizedFrame& f) { return f.frame.colour_delay; },
+          "Seconds from the depth image's time to the color image's.")
+      .def_property(
+          "pose", [](const SizedFrame& f) { return to_numpy(f.frame.world_from_camera); },
+          [](SizedFrame& f, const py::object& pose) { f.frame.world_from_camera = optional_pose_of(pose, "pose"); },
+          "(4, 4) float64, world_from_camera, that came with the frame, or None. Can be set.")
+      .def_property(
+          "guess", [](const SizedFrame& f) { return to_numpy(f.frame.guess); },
+          [](SizedFrame& f, const py::object& pose) { f.frame.guess = optional_pose_of(pose, "guess"); },
+          "(4, 4) float64, where somebody else takes the camera to be, or None. Can be set.")
+      .def_property_readonly(
+          "acceleration",
+          [](const SizedFrame& f) -> py::object {
+            return f.frame.acceleration ? py::object(to_numpy(*f.frame.acceleration)) : py::none();
+          },
+          "(3,) float64, m/s^2 in the camera's frame, or None.")
+      .def_property_readonly("gyro", &gyro_of, "(N, 4) float64, seconds and rad/s about x, y, z.")
+      .def_property_readonly(
+          "problem", [](const SizedFrame& f) { return f.frame.problem; }, "Why the frame could not be read, or None.")
+      .def("__repr__", [](const SizedFrame& f) {
+        return repr(
+            "Frame",
+            {{"index", f.frame.index}, {"time", f.frame.timestamp}, {"depth", f.depth_size}, {"color", f.colour_size}});
+      });
+}
+
+}  // namespace cairn::python

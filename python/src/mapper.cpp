@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "mapper.hpp"
+
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <utility>
+
+#include "distances.hpp"
+#include "map.hpp"
+#include "module.hpp"
+#include "text.hpp"
+#include "trajectory.hpp"
+
+namespace cairn::python {
+namespace {
+
+Poses poses_of(const std::string& name) {
+  if (name == "tracked") return Poses::tracked;
+  if (name == "given") return Poses::given;
+  throw py::value_error("poses is '" + name + "'; tracked or given is expected");
+}
+
+std::shared_ptr<GuardedMapper> make_mapper(const Rig& rig, const std::optional<Options>& given,
+                                           std::optional<float> voxel_size, const std::string& poses, int device) {
+  const Options options = options_of(rig, given, voxel_size);
+  const Poses kind = poses_of(poses);
+  const py::gil_scoped_release release;
+  return std::make_shared<GuardedMapper>(
+      GuardedMapper{nullptr, Mapper(rig, options, kind, device), std::make_shared<Guard>()});
+}
+
+FrameReport add_frame(GuardedMapper& m, const Frame& frame) {
+  FrameReport report = m.guard->change([&] { return m.mapper.add(frame); });
+  check_signals();
+  return report;
+}
+
+/// Own images go through memory of the mapper's own, unless another thread is in there.
+FrameReport add(GuardedMapper& m, const py::object& depth, const py::object& colour, const py::object& time,
+                const py::object& depth_scale, const py::object& confidence, double colour_delay,
+                const py::object& pose, const py::object& guess, const py::object& acceleration,
+                const py::object& gyro) {
+  if (py::isinstance<SizedFrame>(depth)) {
+    const auto frame = depth.cast<std::shared_ptr<SizedFrame>>();
+    m.next = frame->frame.index + 1;
+    return add_frame(m, frame->frame);
+  }
+  SizedFrame frame = std::exchange(m.scratch, {});
+  fill(frame, {depth, colour, time, depth_scale, confidence, pose, guess, acceleration, gyro, colour_delay}, m.next,
+       &m.mapper.rig());
+  ++m.next;
+  FrameReport report = add_frame(m, frame.frame);
+  m.scratch = std::move(frame);
+  return report;
+}
+
+py::object map_distances(GuardedMapper& m, const py::object& points, std::optional<float> voxel_size,
+                         std::optional<float> max_distance, std::optional<float> robot_radius) {
+  return distances(*m.guard, points, distance_options(voxel_size, max_distance, robot_radius, {}), py::none(),
+                   [&](const std::optional<EsdfOptions>& options, const Trajectory&) {
+                     Map map = m.mapper.map();
+                     return options ? map.distances(*options) : map.distances();
+                   });
+}
+
+py::object live_distances(const GuardedMapper& m) {
+  auto field = m.mapper.live_distances();  // any thread may ask
+  return field ? py::cast(Field{std::move(field)}) : py::none();
+}
+
+}  // namespace
+
+Options options_of(const Rig& rig, const std::optional<Options>& given, std::optional<float> voxel_size) {
+  Options options = given.value_or(options_for(rig.sensor, voxel_size.value_or(FuseOptions{}.voxel_size)));
+  if (voxel_size)
+    options.fuse.voxel_size = *voxel_size,
+    options.fuse.truncation = options_for(rig.sensor, *voxel_size).fuse.truncation;
+  return options;
+}
+
+void add_mapper(py::module_& m) {
+  py::class_<GuardedMapper, std::shared_ptr<GuardedMapper>>(
+      m, "Mapper", R"(Mapper(rig, options=None, *, voxel_size=None, poses='tracked', device=-1)
+--
+
+From a stream of frames to a map: start here.
+
+    mapper = cairn.Mapper(cairn.Rig.kinect_v1(), voxel_size=0.01)
+    for frame in cairn.open("recording"):
+        report = mapper.add(frame)
+    mapper.map().export("room.glb")
+
+rig: the cameras, of a Source its rig. options: Options; without them what suits the rig's sensor. voxel_size: metres, in
+place of the options'. poses: 'tracked' finds them by aligning each frame with the map, 'given' takes Frame.pose. device:
+as cairn.devices numbers them; -1 chooses. All stays in memory; with a Session it does not. Calls of several threads wait
+for each other. Raises Error for cameras or options out of range, and for a device that cannot be used.)")
+      .def(py::init(&make_mapper), py::arg("rig"), py::arg("options") = std::nullopt, py::kw_only(),
+           py::arg("voxel_size") = std::nullopt, py::arg("poses") = "tracked", py::arg("device") = -1,
+           R"(__init__(self, rig, options=None, *, voxel_size=None, poses='tracked', device=-1)
+--
+
+)")
+      .def(
+          "add", &add, py::arg("depth"), py::arg("color") = py::none(), py::kw_only(), py::arg("time") = py::none(),
+          py::arg("depth_scale") = py::none(), py::arg("confidence") = py::none(), py::arg("color_delay") = 0.0,
+          py::arg("pose") = py::none(), py::arg("guess") = py::none(), py::arg("acceleration") = py::none(),
+          py::arg("gyro") = py::none(),
+          R"(add(self, depth, color=None, *, time=None, depth_scale=None, confidence=None, color_delay=0.0, pose=None, guess=None, acceleration=None, gyro=None)
+--
+
+Aligns and fuses the next frame, a Frame or own images with their time (see Frame for shapes and units); tells in a
+FrameReport what became of it. Lost tracking is told there, too. Raises ValueError and TypeError for images that are not
+the rig's, and Error only when the device fails; what was fused before stays.)")
+      .def(
+          "begin_recording", [](GuardedMapper& s) { s.guard->change([&] { s.mapper.begin_recording(); }); },
+          R"(begin_recording(self)
+--
+
+Another recording follows, which begins somewhere in the map or outside of it.)")
+      .def(
+          "settle", [](GuardedMapper& s) { s.guard->change([&] { s.mapper.settle(); }); }, R"(settle(self)
+--
+
+Moves the keyframes as all loops so far say: before trajectory() when no frame follows.)")
+      .def(
+          "settle_upright", [](GuardedMapper& s) { s.guard->change([&] { s.mapper.settle_upright(); }); },
+          R"(settle_upright(self)
+--
+
+From now on the map stands as it is known now.)")
+      .def(
+          "refine", [](GuardedMapper& s) { return s.guard->change([&] { return s.mapper.refine(); }); }, R"(refine(self)
+--
+
+Aligns keyframes that see the same with each other and corrects the poses; tells in Refined what it did.)")
+      .def(
+          "reintegrate",
+          [](GuardedMapper& s, const py::object& again) {
+            BorrowedSource source(again, s.mapper.rig());
+            source.run([&] {
+              const py::gil_scoped_acquire acquire;  // the guard below gives it back
+              s.guard->change([&] { s.mapper.reintegrate(source.get()); });
+            });
+            source.rethrow();
+            check_signals();
+          },
+          py::arg("frames"), R"(reintegrate(self, frames)
+--
+
+Fuses all frames again with the poses as they are now, instead of bending submaps. frames: the same recording from its
+begin, a Source or anything that gives Frames.)")
+      .def(
+          "map",
+          [](GuardedMapper& s) {
+            return GuardedMap{s.guard->run([&] { return s.mapper.map(); }), s.guard};
+          },
+          R"(map(self)
+--
+
+The map as it is now, and always as it is when it is asked.)")
+      .def(
+          "mesh", [](GuardedMapper& s) { return s.guard->run([&] { return s.mapper.map().mesh(); }); }, R"(mesh(self)
+--
+
+The surface as it is in the voxels (marching cubes), with normals and colors, as a Mesh.)")
+      .def("distances", &map_distances, py::arg("points") = py::none(), py::kw_only(),
+           py::arg("voxel_size") = std::nullopt, py::arg("max_distance") = std::nullopt,
+           py::arg("robot_radius") = std::nullopt,
+           R"(distances(self, points=None, *, voxel_size=None, max_distance=None, robot_radius=None)
+--
+
+The distance field of the whole map, a DistanceField in the world of mesh(); with points (..., 3) its answers there:
+(distances, gradients, known), as DistanceField.query. It is made at the first call after a frame was added; while
+frames come quickly, live_distances is there at once.)")
+      .def("live_distances", &live_distances, R"(live_distances(self)
+--
+
+With Options.distances.live the field as of the last frame, a DistanceField in the frame in which the camera is tracked,
+that of FrameReport.pose. None before the first frame, and where it cannot be made. Waits for nobody.)")
+      .def(
+          "trajectory",
+          [](GuardedMapper& s, int recording) {
+            return StampedPoses{s.guard->run([&] { return s.mapper.trajectory(recording); })};
+          },
+          py::arg("recording") = -1, R"(trajectory(self, recording=-1)
+--
+
+Of all fused frames as a Trajectory, in the upright world and the color camera's clock; recording counts from 0, -1 is
+the last.)")
+      .def_property_readonly("recordings",
+                             [](GuardedMapper& s) { return s.guard->run([&] { return s.mapper.recordings(); }); })
+      .def(
+          "keyframes", [](GuardedMapper& s) { return s.guard->run([&] { return s.mapper.keyframes(); }); },
+          R"(keyframes(self)
+--
+
+A list of (time, count): when the keyframes were taken and how many earlier ones were looked through for their places.)")
+      .def(
+          "loops", [](GuardedMapper& s) { return s.guard->run([&] { return s.mapper.loops(); }); }, R"(loops(self)
+--
+
+Loops that were found, a list of Loop.)")
+      .def(
+          "upright", [](GuardedMapper& s) { return s.guard->run([&] { return s.mapper.upright(); }); }, R"(upright(self)
+--
+
+Which way up the map stands, as Upright.)")
+      .def(
+          "statistics", [](GuardedMapper& s) { return s.guard->run([&] { return s.mapper.statistics(); }); },
+          R"(statistics(self)
+--
+
+How large the map is, what it cost, and what was learned of the camera, as Statistics.)")
+      .def(
+          "warnings", [](GuardedMapper& s) { return s.guard->run([&] { return s.mapper.warnings(); }); },
+          R"(warnings(self)
+--
+
+Stages that failed and were switched off, a line each.)")
+      .def_property_readonly(
+          "rig", [](const GuardedMapper& s) { return s.mapper.rig(); }, "The cameras.")
+      .def("__repr__", [](const GuardedMapper& s) {
+        return repr("Mapper", {{"rig", s.mapper.rig()}});
+      });
+}
+
+}  // namespace cairn::python

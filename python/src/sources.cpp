@@ -1,0 +1,346 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <chrono>
+#include <exception>
+#include <utility>
+
+#include "cairn/calibrate.hpp"
+#include "cairn/inspect.hpp"
+#include "cairn/layouts.hpp"
+#include "cairn/live_source.hpp"
+#include "cairn/recorder.hpp"
+#include "frames.hpp"
+#include "module.hpp"
+#include "text.hpp"
+#include "trajectory.hpp"
+
+namespace cairn::python {
+namespace {
+
+constexpr std::chrono::milliseconds kPatience{100};  // between two looks whether somebody pressed Ctrl-C
+
+SizedFrame sized(Frame&& frame, const Rig& rig) {
+  const auto size_of = [](const Camera& c, std::size_t pixels) -> std::array<py::ssize_t, 2> {
+    if (pixels != static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height)) return {0, 0};
+    return {c.height, c.width};
+  };
+  SizedFrame made{std::move(frame), {}, {}};
+  made.depth_size = size_of(rig.depth, made.frame.depth.size());
+  made.colour_size = size_of(rig.colour_view(), made.frame.colour.size());
+  return made;
+}
+
+/// Frames of whatever Python iterates over.
+class IteratedSource final : public Source {
+ public:
+  IteratedSource(const py::object& frames, const Rig& rig) : frames_(py::iter(frames)), rig_(rig) {}
+  const Rig& rig() const override { return rig_; }
+  std::optional<int> size() const override { return std::nullopt; }
+  std::optional<Frame> next() override {
+    const py::gil_scoped_acquire acquire;
+    try {
+      return taken();
+    } catch (const std::exception&) {
+      error = std::current_exception();  // whoever asks may take it for one of its own
+      throw;
+    }
+  }
+
+  std::exception_ptr error;
+
+ private:
+  std::optional<Frame> taken() {
+    check_signals();
+    if (frames_ == py::iterator::sentinel()) return std::nullopt;
+    const py::object item = py::reinterpret_borrow<py::object>(*frames_);
+    if (!py::isinstance<SizedFrame>(item)) throw py::type_error("a Frame is expected; " + told(item) + " came");
+    Frame frame = item.cast<const SizedFrame&>().frame;
+    ++frames_;
+    return frame;
+  }
+
+  py::iterator frames_;
+  Rig rig_;
+};
+
+FrameRange range_of(const py::object& frames) {
+  if (frames.is_none()) return {};
+  if (py::isinstance<py::int_>(frames)) return {.begin = 0, .end = frames.cast<int>()};
+  if (py::isinstance<py::slice>(frames)) {
+    const auto part = [&](const char* name) { return frames.attr(name).cast<std::optional<int>>(); };
+    const FrameRange range{part("start").value_or(0), part("stop"), part("step").value_or(1)};
+    if (range.begin >= 0 && range.end.value_or(0) >= 0 && range.step > 0) return range;
+    throw py::value_error("frames is " + std::string(py::str(frames)) + "; frames count from 0, and go forwards");
+  }
+  throw py::type_error("frames is " + told(frames) + "; a number of frames or slice(begin, end, step) is expected");
+}
+
+std::optional<Trajectory> poses_of(const py::object& poses) {
+  if (poses.is_none()) return std::nullopt;
+  if (py::isinstance<StampedPoses>(poses)) return poses.cast<const StampedPoses&>().poses;
+  return read_trajectory(poses.cast<std::filesystem::path>());
+}
+
+GuardedSource open_named(const std::filesystem::path& name, const py::object& frames,
+                         const std::optional<std::filesystem::path>& camera, const std::optional<std::string>& sensor,
+                         const std::string& depth_topic, const std::string& colour_topic, const py::object& poses,
+                         const py::object& guesses, bool colour_on_depth, int ahead, bool live) {
+  SourceOptions options{.range = range_of(frames),
+                        .camera = camera.value_or(std::filesystem::path{}),
+                        .sensor = {},
+                        .copy_to = {},
+                        .depth_topic = depth_topic,
+                        .colour_topic = colour_topic};
+  if (sensor) options.sensor = sensor_model(*sensor);
+  auto given = poses_of(poses), guessed = poses_of(guesses);
+  const bool waits = !live && !is_sensor(name.string());
+  const py::gil_scoped_release release;
+  auto source = open_source(name.string(), options);
+  if (given) source = with_poses(std::move(source), std::move(*given));
+  if (guessed) source = with_guesses(std::move(source), std::move(*guessed));
+  if (colour_on_depth) source = with_colour_on_depth(std::move(source));
+  if (waits && ahead > 0) source = read_ahead(std::move(source), ahead);
+  if (live)
+    source = std::make_unique<LiveSource>(std::move(source),
+                                          is_sensor(name.string()) ? Pace::as_it_comes : Pace::as_recorded);
+  const std::optional<int> size = source->size();
+  return {std::move(source), std::make_unique<Guard>(), live, size};
+}
+
+void add_source(py::module_& m) {
+  py::class_<GuardedSource>(m, "Source", R"(A stream of frames, read in order: for frame in cairn.open("recording").)")
+      .def_property_readonly(
+          "rig", [](const GuardedSource& s) { return s.source->rig(); }, "The cameras.")
+      .def_property_readonly(
+          "layout", [](const GuardedSource& s) { return s.source->layout(); }, "What gives the frames, in a few words.")
+      .def_readonly("size", &GuardedSource::size, "Frames of the stream, or None where it cannot tell.")
+      .def_property_readonly(
+          "ended_early", [](GuardedSource& s) { return s.guard->run([&] { return s.source->ended_early(); }); },
+          "Why the stream ended before its time, or None.")
+      .def_property_readonly(
+          "dropped", [](GuardedSource& s) { return s.guard->run([&] { return s.source->dropped(); }); },
+          "Frames that were left out since the reader was slower than the stream.")
+      .def("read", &GuardedSource::next, R"(read(self)
+--
+
+The next frame, or None at the end of the stream. A frame that cannot be read tells its problem.)")
+      .def("__iter__", [](const py::object& self) { return self; })
+      .def("__next__",
+           [](GuardedSource& s) {
+             auto frame = s.next();
+             if (!frame) throw py::stop_iteration();
+             return std::move(*frame);
+           })
+      .def("__repr__", [](const GuardedSource& s) { return "Source of a " + s.source->layout(); });
+
+  m.def(
+      "open", &open_named, py::arg("name"), py::kw_only(), py::arg("frames") = py::none(),
+      py::arg("camera") = std::nullopt, py::arg("sensor") = std::nullopt, py::arg("depth_topic") = "",
+      py::arg("color_topic") = "", py::arg("poses") = py::none(), py::arg("guesses") = py::none(),
+      py::arg("color_on_depth") = false, py::arg("read_ahead") = 4, py::arg("live") = false,
+      R"(open(name, *, frames=None, camera=None, sensor=None, depth_topic='', color_topic='', poses=None, guesses=None, color_on_depth=False, read_ahead=4, live=False)
+--
+
+Opens a recording, a sensor or a scene as a Source.
+
+name: a folder or file whose layout is recognised (docs/formats.md), 'openni:' for the first sensor, 'synthetic:room'
+for a scene that is rendered while it is read. frames: a number of frames, or slice(begin, end, step). camera: a
+camera.yaml or the name of a known camera, in place of what the recording tells. sensor: the name of a SensorModel.
+depth_topic, color_topic: of ROS recordings. poses, guesses: a Trajectory or its file, for Frame.pose and Frame.guess.
+color_on_depth: color as the depth camera sees it. read_ahead: frames that are decoded in a thread of their own. live:
+only the newest frame, a recording as fast as it was taken. Raises Error with what is missing, where, and what to do.)");
+
+  m.def(
+      "recorded_truth",
+      [](const std::filesystem::path& recording) {
+        const py::gil_scoped_release release;
+        return StampedPoses{recorded_truth(recording)};
+      },
+      py::arg("recording"), R"(recorded_truth(recording)
+--
+
+Poses that a recording carries for the truth (groundtruth.txt and the like) as a Trajectory; empty where it has none.)");
+
+  m.def(
+      "find_color_camera",
+      [](GuardedSource& source, int frames) {
+        return source.guard->run([&] { return find_colour_camera(*source.source, frames); });
+      },
+      py::arg("source"), py::arg("frames") = 40, R"(find_color_camera(source, frames=40)
+--
+
+Calibrates: finds the color camera from the edges of depth and of color, in frames spread over all of a Source, which is
+read to its end. Returns the Rig, or None where no camera does better than what was told or too few edges are seen.)");
+}
+
+void add_inspection(py::module_& m) {
+  py::class_<SourceSummary>(m, "SourceSummary", "What a recording holds, as it was understood.")
+      .def_readonly("layout", &SourceSummary::layout)
+      .def_readonly("rig", &SourceSummary::rig)
+      .def_readonly("frames", &SourceSummary::frames, "All of the source, or None where it cannot tell.")
+      .def_readonly("looked_at", &SourceSummary::looked_at, "Frames.")
+      .def_readonly("unreadable", &SourceSummary::unreadable, "Frames of those.")
+      .def_readonly("first_problem", &SourceSummary::first_problem)
+      .def_readonly("seconds", &SourceSummary::seconds, "From the first to the last frame that was looked at.")
+      .def_readonly("rate", &SourceSummary::rate, "Hz.")
+      .def_readonly("nearest", &SourceSummary::nearest, "Metres; one measurement in a hundred is nearer.")
+      .def_readonly("median", &SourceSummary::median, "Metres.")
+      .def_readonly("farthest", &SourceSummary::farthest, "Metres; one measurement in a hundred is farther.")
+      .def_readonly("measured_share", &SourceSummary::measured_share, "Of the depth pixels.")
+      .def_readonly("with_color", &SourceSummary::with_colour, "Frames.")
+      .def_readonly("with_pose", &SourceSummary::with_pose, "Frames.")
+      .def_readonly("doubts", &SourceSummary::doubts, "What is missing or cannot be right, a line each.")
+      .def("__repr__", [](const SourceSummary& s) {
+        return repr("SourceSummary",
+                    {{"layout", s.layout}, {"frames", s.frames}, {"rate", s.rate}, {"doubts", s.doubts}});
+      });
+  m.def(
+      "inspect",
+      [](GuardedSource& source, int frames) {
+        return source.guard->run([&] { return inspect(*source.source, frames); });
+      },
+      py::arg("source"), py::arg("frames") = 100, R"(inspect(source, frames=100)
+--
+
+Reads the first frames of a Source, and tells what it holds and what is doubtful, as a SourceSummary.)");
+}
+
+/// Writes TUM's layout as frames come.
+struct GuardedRecorder {
+  GuardedRecorder(const std::filesystem::path& folder, const Rig& r, double scale, bool png)
+      : rig(r), depth_scale(scale), colour_as_png(png), recorder(folder, r, scale) {}
+  void add(const SizedFrame& frame) {
+    guard.run([&] { recorder.add(encode(frame.frame, rig, colour_as_png, depth_scale)); });
+  }
+  Rig rig;
+  double depth_scale;
+  bool colour_as_png;
+  Recorder recorder;
+  Guard guard;
+  SizedFrame scratch;
+  int next = 0;
+};
+
+void add_recorder(py::module_& m) {
+  py::class_<GuardedRecorder>(m, "Recorder", R"(Recorder(folder, rig, *, depth_scale=5000.0, color_png=False)
+--
+
+Writes a recording in TUM's layout as it is taken. What is there can be read whenever the program ends.
+
+folder: new or empty. depth_scale: units per metre of the depth images; with 5000 they reach 13.1 m. color_png: PNG
+instead of JPEG. Raises Error where the folder holds something.)")
+      .def(py::init<const std::filesystem::path&, const Rig&, double, bool>(), py::arg("folder"), py::arg("rig"),
+           py::kw_only(), py::arg("depth_scale") = kTumDepthScale, py::arg("color_png") = false,
+           R"(__init__(self, folder, rig, *, depth_scale=5000.0, color_png=False)
+--
+
+)")
+      .def(
+          "add",
+          [](GuardedRecorder& r, const py::object& depth, const py::object& colour, const py::object& time,
+             const py::object& depth_scale) {
+            if (py::isinstance<SizedFrame>(depth)) return r.add(depth.cast<const SizedFrame&>());
+            fill(r.scratch,
+                 {depth, colour, time, depth_scale, py::none(), py::none(), py::none(), py::none(), py::none()},
+                 r.next++, &r.rig);
+            r.add(r.scratch);
+          },
+          py::arg("depth"), py::arg("color") = py::none(), py::kw_only(), py::arg("time") = py::none(),
+          py::arg("depth_scale") = py::none(), R"(add(self, depth, color=None, *, time=None, depth_scale=None)
+--
+
+Writes a Frame, or own images as Frame takes them. Raises Error when the disk is full; the recording is then as it was.)")
+      .def_property_readonly(
+          "bytes", [](const GuardedRecorder& r) { return r.recorder.bytes(); }, "Written so far.");
+
+  py::class_<LayoutWriter>(m, "LayoutWriter", R"(LayoutWriter(layout, folder, rig)
+--
+
+Writes a recording in the layout of another program or data set (layouts), frame by frame, with their poses.
+
+folder: empty. Raises Error for cameras that the layout cannot tell, with what to do.)")
+      .def(py::init([](const std::string& layout, const std::filesystem::path& folder, const Rig& rig) {
+             return write_layout(layout, folder, rig);
+           }),
+           py::arg("layout"), py::arg("folder"), py::arg("rig"), R"(__init__(self, layout, folder, rig)
+--
+
+)")
+      .def(
+          "add",
+          [](LayoutWriter& w, const SizedFrame& frame) {
+            const py::gil_scoped_release release;
+            w.add(frame.frame);
+          },
+          py::arg("frame"), R"(add(self, frame)
+--
+
+Writes a Frame that has a pose.)")
+      .def(
+          "finish",
+          [](LayoutWriter& w) {
+            const py::gil_scoped_release release;
+            w.finish();
+          },
+          R"(finish(self)
+--
+
+Writes what lists the frames: nothing can be read before.)");
+  m.def(
+      "layouts", [] { return std::vector<std::string>(std::begin(kLayouts), std::end(kLayouts)); }, R"(layouts()
+--
+
+Names of the layouts that LayoutWriter writes.)");
+}
+
+}  // namespace
+
+std::optional<SizedFrame> GuardedSource::next() {
+  if (!is_live) {
+    auto frame = guard->run([&] { return source->next(); });
+    check_signals();
+    if (!frame) return std::nullopt;
+    return sized(std::move(*frame), source->rig());
+  }
+  auto& live = dynamic_cast<LiveSource&>(*source);
+  for (;;) {
+    auto [frame, ended] = guard->run([&] {
+      auto newest = live.next_within(kPatience);
+      return std::pair(std::move(newest), live.ended());
+    });
+    check_signals();
+    if (frame) return sized(std::move(*frame), source->rig());
+    if (ended) return std::nullopt;
+  }
+}
+
+BorrowedSource::BorrowedSource(py::object frames, const Rig& rig) {
+  if (py::isinstance<GuardedSource>(frames)) {
+    auto& source = frames.cast<GuardedSource&>();
+    source_ = source.source.get();
+    guard_ = source.guard.get();
+    return;
+  }
+  own_ = std::make_unique<IteratedSource>(frames, rig);
+  own_guard_ = std::make_unique<Guard>();
+  source_ = own_.get();
+  guard_ = own_guard_.get();
+}
+
+BorrowedSource::~BorrowedSource() = default;
+
+void BorrowedSource::rethrow() const {
+  const auto* const iterated = dynamic_cast<const IteratedSource*>(own_.get());
+  if (iterated != nullptr && iterated->error) std::rethrow_exception(iterated->error);
+}
+
+void add_sources(py::module_& m) {
+  add_source(m);
+  add_inspection(m);
+  add_recorder(m);
+}
+
+}  // namespace cairn::python

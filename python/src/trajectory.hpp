@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <pybind11/pybind11.h>
+
+#include "cairn/trajectory.hpp"
+
+namespace cairn::python {
+
+/// A Trajectory as one Python object.
+struct StampedPoses {
+  Trajectory poses;
+};
+
+}  // namespace cairn::python

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+# SPDX-FileCopyrightText: The Cairn developers
+"""What tests share: a small camera in the synthetic room, what it sees, and maps of that."""
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Iterator, List, Tuple
+
+import cairn
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+Images = Tuple[NDArray[np.float32], NDArray[np.uint8]]
+
+VOXEL = 0.02  # metres
+FRAMES = 20
+
+
+@pytest.fixture(scope="session")
+def rig() -> cairn.Rig:
+    return cairn.Rig.kinect_v1(320, 240)
+
+
+@pytest.fixture(scope="session")
+def scene() -> cairn.Scene:
+    return cairn.Scene("room")
+
+
+@pytest.fixture(scope="session")
+def images(rig: cairn.Rig, scene: cairn.Scene) -> List[Images]:
+    """What a Kinect sees along the scene's path, 30 images a second."""
+    camera = cairn.SceneCamera(scene, rig.depth)
+    seen = [camera.look(scene.pose(i / 30), i / 30).add_noise(frame=i) for i in range(FRAMES)]
+    return [(s.depth.copy(), np.ascontiguousarray(s.color)) for s in seen]
+
+
+def mapped(rig: cairn.Rig, images: List[Images]) -> cairn.Mapper:
+    mapper = cairn.Mapper(rig, voxel_size=VOXEL)
+    for i, (depth, color) in enumerate(images):
+        assert mapper.add(depth, color, time=i / 30).state == "fused"
+    return mapper
+
+
+@pytest.fixture(scope="session")
+def mapper(rig: cairn.Rig, images: List[Images]) -> cairn.Mapper:
+    """A map that nobody changes."""
+    return mapped(rig, images)
+
+
+@pytest.fixture(scope="session")
+def recording(tmp_path_factory: pytest.TempPathFactory, rig: cairn.Rig) -> Path:
+    """A recording on the disk with exact truth."""
+    folder = tmp_path_factory.mktemp("synth")
+    rig.write(folder / "camera.yaml")
+    return cairn.synth("room", folder / "recording", frames=FRAMES, camera=folder / "camera.yaml")
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """An empty folder to work in."""
+    monkeypatch.chdir(tmp_path)
+    yield tmp_path

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+# SPDX-FileCopyrightText: The Cairn developers
+"""The lines with which help(cairn) begins, as they stand there."""
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cairn
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+assert cairn.__doc__ is not None
+LINES = re.sub(r"^    ", "", re.findall(r"(?:^    .*\n)+", cairn.__doc__, re.MULTILINE)[0], flags=re.MULTILINE)
+
+
+def test_the_first_lines_run(here: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    cairn.Rig.kinect_v1().write("kinect.yaml")
+    cairn.synth("room", "recording", frames=5, camera="kinect.yaml")
+    names = {"points": np.random.default_rng(1).uniform(-1, 1, (1_000_000, 3)).astype(np.float32)}
+    exec(compile(LINES, "help(cairn)", "exec"), names)
+    r, m, d, g, known = (names[name] for name in ("r", "m", "d", "g", "known"))
+    assert isinstance(r, cairn.FrameReport) and isinstance(m, cairn.Mesh)
+    assert r.state == "fused" and r.pose is not None and r.pose.shape == (4, 4)
+    assert r.covariance is not None and r.covariance.shape == (6, 6)
+    assert m.vertices.dtype == np.float32 and m.vertices.shape[1] == 3 and len(m.triangles) > 10000
+    assert m.colors is not None and m.normals is not None
+    assert len(m.colors) == len(m.normals) == len(m.vertices)
+    assert d.shape == known.shape == (1_000_000,) and g.shape == (1_000_000, 3) and known.any()
+    assert Path("room.glb").stat().st_size > 100_000 and Path("out/report.json").exists()
+    told = capfd.readouterr()
+    assert "5/5 frames" in told.err and told.out == ""  # progress goes to stderr
+
+
+def test_the_documentation_runs(here: Path) -> None:
+    """Every snippet of docs/python.md, in its order."""
+    blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "python.md").read_text(), re.MULTILINE | re.DOTALL)
+    assert blocks[0] == LINES and len(blocks) == 5
+    cairn.Rig.kinect_v1().write("kinect.yaml")
+    cairn.synth("room", "recording", frames=5, camera="kinect.yaml")
+    names = {"cairn": cairn}
+    for block in blocks[1:]:
+        exec(compile(block, "docs/python.md", "exec"), names)
+    assert Path("run/mesh.glb").exists() and Path("small.glb").exists() and Path("session").is_dir()
+
+
+def test_the_readme_runs(here: Path) -> None:
+    (block,) = re.findall(r"^```python\n(.*?)^```", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL)
+    cairn.Rig.kinect_v1().write("kinect.yaml")
+    cairn.synth("room", "recording", frames=3, camera="kinect.yaml")
+    exec(compile(block, "README.md", "exec"), {"points": np.zeros((5, 3), np.float32)})
+    assert Path("room.glb").exists()
+
+
+def test_is_imported_at_once() -> None:
+    def seconds(code: str) -> float:
+        begin = time.perf_counter()
+        subprocess.run([sys.executable, "-c", code], check=True)
+        return time.perf_counter() - begin
+
+    alone = min(seconds("pass") for _ in range(3))
+    assert min(seconds("import cairn") for _ in range(5)) - alone < 0.2
+    subprocess.run([sys.executable, "-c", "import cairn, sys; assert 'numpy' not in sys.modules"], check=True)

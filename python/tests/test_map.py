@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: Apache-2.0
+# SPDX-FileCopyrightText: The Cairn developers
+"""What comes out: meshes, voxels, distances, files; sessions and graphs."""
+from __future__ import annotations
+
+import gc
+import threading
+from pathlib import Path
+from typing import List
+
+import cairn
+import numpy as np
+import pytest
+from conftest import VOXEL, Images, mapped
+
+
+def test_meshes_are_arrays(mapper: cairn.Mapper, here: Path) -> None:
+    mesh = mapper.mesh()
+    assert mesh.vertices.dtype == np.float32 and mesh.triangles.dtype == np.uint32
+    assert mesh.normals is not None and mesh.colors is not None and mesh.weights is not None
+    assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-3) and mesh.colors[:, 3].min() == 255
+    assert mesh.triangles.max() == len(mesh.vertices) - 1 and mesh.texture is None
+    vertices = mesh.vertices
+    vertices += 1  # it is the mesh's own memory
+    assert mesh.vertices.base is not None and np.array_equal(mesh.vertices, vertices)
+    del mesh
+    gc.collect()
+    assert np.isfinite(vertices).all()
+
+
+def test_meshes_are_made_written_and_read(here: Path) -> None:
+    corners = np.array([[0, 0, 1], [1, 0, 1], [0, 1, 1]])
+    colors = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]], np.uint8)
+    mesh = cairn.Mesh(corners, [[0, 1, 2]], colors=colors)
+    mesh.write("triangle.ply")
+    again = cairn.Mesh.read("triangle.ply")
+    assert (
+        np.array_equal(again.vertices, corners)
+        and again.colors is not None
+        and np.array_equal(again.colors[:, :3], colors)
+    )
+    up = np.eye(4)
+    up[1, 3] = -1
+    assert np.array_equal(mesh.transformed(up).vertices[0], [0, -1, 1])
+    assert cairn.evaluate.topology("triangle.ply").border_edges == 3
+    with pytest.raises(ValueError, match="triangles name vertex 3 of 3"):
+        cairn.Mesh(corners, [[0, 1, 3]])
+    with pytest.raises(TypeError, match="triangles is float64"):
+        cairn.Mesh(corners, [[0.0, 1.0, 2.0]])
+    with pytest.raises(ValueError, match="as many as vertices, 3, are expected"):
+        cairn.Mesh(corners, [[0, 1, 2]], normals=[[0, 0, 1]])
+    with pytest.raises(cairn.Error, match="triangle.xyz"):
+        mesh.write("triangle.xyz")
+
+
+def test_distances_have_the_points_shape(mapper: cairn.Mapper) -> None:
+    points = np.random.default_rng(1).uniform(-1, 1, (4, 5, 3))
+    d, g, known = mapper.distances(points)
+    assert d.shape == known.shape == (4, 5) and g.shape == (4, 5, 3)
+    assert d.dtype == g.dtype == np.float32 and known.dtype == np.bool_
+    assert np.array_equal(np.isnan(d), ~known) and not g[~known].any()
+    alone = mapper.distances().query(points[1, 2].astype(np.float32))
+    assert alone[0].shape == () and np.array_equal(alone[0], d[1, 2], equal_nan=True)
+    assert mapper.distances(np.empty((0, 3)))[0].shape == (0,)
+    for wrong, kind in ((np.zeros((3, 2)), ValueError), (np.array(["north"] * 3), TypeError), (None, TypeError)):
+        with pytest.raises(kind, match="points is "):
+            mapper.distances().query(wrong)  # type: ignore[arg-type]
+
+
+def test_distances_are_right(scene: cairn.Scene, rig: cairn.Rig, images: List[Images]) -> None:
+    mapper = cairn.Mapper(rig, voxel_size=VOXEL, poses="given")
+    for i, (depth, color) in enumerate(images):
+        mapper.add(depth, color, time=i / 30, pose=scene.pose(i / 30))
+    mesh = mapper.mesh()
+    assert mesh.normals is not None
+    points = mesh.vertices + 0.2 * mesh.normals
+    d, g, known = mapper.distances(points)
+    truth = scene.distance(points)
+    assert known.mean() > 0.7 and np.median(np.abs(d - truth)[known]) < 0.02
+
+
+def test_fields_are_made_once(rig: cairn.Rig, images: List[Images]) -> None:
+    mapper = mapped(rig, images[:2])
+    before = mapper.distances()
+    assert np.shares_memory(before.query([0, 0, 1])[0], before.query([0, 0, 1])[0]) is False
+    mapper.add(*images[2], time=2 / 30)
+    after = mapper.distances(max_distance=0.5)
+    assert before.max_distance == 2 and after.max_distance == 0.5
+
+
+def test_grids_are_arrays(mapper: cairn.Mapper, here: Path) -> None:
+    field = mapper.distances()
+    places, samples = field.blocks()
+    assert places.shape == (len(samples), 3) and samples.shape[1:] == (16, 16, 16)
+    dense = field.dense()
+    corner = dense.world_from_voxel[:3, 3]
+    assert dense.voxel_size == pytest.approx(2 * VOXEL)
+    known = np.argwhere(np.isfinite(dense.values))
+    assert len(known) == np.isfinite(samples).sum()
+    middle = known[len(known) // 2]
+    point = dense.world_from_voxel @ [*middle, 1]
+    assert field.query(point[:3])[0] == pytest.approx(dense.values[tuple(middle)], abs=1e-4)
+    bounds = field.bounds
+    assert bounds is not None and np.isfinite(corner).all()
+    low, high = bounds.mean(axis=0) - 0.2, bounds.mean(axis=0) + 0.2
+    box = field.dense(low, high)
+    assert box.values.shape < dense.values.shape and box.values.size < 30**3
+    with pytest.raises(ValueError, match="low must be less than high"):
+        field.dense(high, low)
+    with pytest.raises(ValueError, match="both corners"):
+        field.dense(low)
+    field.write("field.vdb")
+    assert np.array_equal(cairn.DistanceField.read("field.vdb").dense().values, dense.values, equal_nan=True)
+
+
+def test_voxels_are_arrays(mapper: cairn.Mapper) -> None:
+    voxels = mapper.map().voxels()
+    n = len(voxels.places)
+    assert voxels.distances.shape == voxels.weights.shape == (n, 8, 8, 8) and voxels.colors.shape == (n, 8, 8, 8, 4)
+    seen = voxels.weights > 0
+    assert np.abs(voxels.distances[seen]).max() <= voxels.truncation * 1.001
+    dense = voxels.dense()
+    assert np.isfinite(dense.values).sum() == seen.sum()
+    block, x, y, z = np.argwhere(seen)[7]
+    point = voxels.world_from_voxel @ [*(8 * voxels.places[block] + [x, y, z]), 1]
+    index = np.rint(np.linalg.inv(dense.world_from_voxel) @ point)[:3].astype(int)
+    assert dense.values[tuple(index)] == voxels.distances[block, x, y, z]
+
+
+def test_fields_may_be_asked_by_many_threads(mapper: cairn.Mapper) -> None:
+    field = mapper.distances()
+    points = np.random.default_rng(1).uniform(-1, 1, (50_000, 3)).astype(np.float32)
+    right, got = field.query(points)[0], []
+
+    def ask() -> None:
+        got.append(field.query(points)[0])
+
+    threads = [threading.Thread(target=ask) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(np.array_equal(d, right, equal_nan=True) for d in got)
+
+
+def test_exports(mapper: cairn.Mapper, here: Path) -> None:
+    told: List[str] = []
+    map = mapper.map()
+    textured = map.export("room.glb", texture=True, simplify=0.2, progress=lambda done, count, what: told.append(what))
+    assert textured is not None and textured.textures == 1 and told
+    assert [Path(f).name for f in textured.files] == ["room.glb"] and textured.triangles < textured.full_triangles
+    plain = map.export("room.ply")
+    assert plain is not None and plain.textures == 0 and cairn.Mesh.read("room.ply").colors is not None
+    assert map.export("map.vdb") is None and map.export("graph.g2o") is None
+    assert len(cairn.PoseGraph.read("graph.g2o").poses) == mapper.statistics().keyframes
+    again = cairn.Map.open("map.vdb")
+    assert len(again.mesh().triangles) == len(map.mesh().triangles)
+    assert np.array_equal(again.voxels().distances, map.voxels().distances)
+    views = map.export_views("nerf", images=2)
+    assert views.images == min(2, views.keyframes) and Path("nerf/transforms.json").exists()
+    with pytest.raises(cairn.Error, match="room.xyz"):
+        map.export("room.xyz")
+    with pytest.raises(cairn.Error, match="ratio|simplify"):
+        map.export("x.glb", simplify=-1)
+    with pytest.raises(TypeError, match="export has no option 'colour'"):
+        map.export("x.glb", colour=True)  # type: ignore[call-arg]
+    with pytest.raises(ValueError, match="compress is 'zip'"):
+        map.export("x.glb", compress="zip")  # type: ignore[arg-type]
+
+
+def test_a_map_without_color_has_no_texture(rig: cairn.Rig, images: List[Images], here: Path) -> None:
+    mapper = cairn.Mapper(rig, voxel_size=VOXEL)
+    mapper.add(images[0][0], time=0)
+    done = mapper.map().export("gray.glb")
+    assert done is not None and done.textures == 0
+    with pytest.raises(cairn.Error, match="texture"):
+        mapper.map().export("gray.glb", texture=True)
+
+
+def test_sessions_go_on(rig: cairn.Rig, images: List[Images], here: Path) -> None:
+    session = cairn.Session.create("session")
+    mapper = session.mapper(rig, voxel_size=VOXEL)
+    for i in range(4):
+        mapper.add(*images[i], time=i / 30)
+    session.checkpoint(mapper, "halfway")
+    assert session.problem() is None
+    with pytest.raises(cairn.Error):
+        cairn.Session.resume("session")  # somebody writes there
+    del session, mapper
+    gc.collect()
+    info = cairn.Session.info("session")
+    assert info.note == "halfway" and info.rig == rig and info.voxel_size == pytest.approx(VOXEL)
+    mapper = cairn.Session.resume("session").mapper()  # which keeps its session alive
+    gc.collect()
+    for i in range(4, 8):
+        assert mapper.add(*images[i], time=i / 30).state == "fused"
+    whole = mapped(rig, images[:8])
+    assert np.array_equal(mapper.mesh().vertices, whole.mesh().vertices)
+
+
+def test_sessions_are_joined(rig: cairn.Rig, images: List[Images], here: Path) -> None:
+    for name, part in (("a", images), ("b", images[3:])):
+        session = cairn.Session.create(name)
+        mapper = session.mapper(rig, voxel_size=VOXEL)
+        for i, (depth, color) in enumerate(part):
+            mapper.add(depth, color, time=i / 30)
+        session.checkpoint(mapper)
+        assert session.problem() is None
+        del session, mapper
+    gc.collect()
+    joined = cairn.Session.copy("a", "both")
+    mapper = joined.mapper()
+    merged = cairn.Session.merge(mapper, "b")
+    assert merged.joined and merged.loops > 0 and mapper.recordings == 2
+    joined.checkpoint(mapper)
+    other = cairn.Mapper(rig, voxel_size=VOXEL)
+    with pytest.raises(ValueError, match="not this session's"):
+        joined.checkpoint(other)
+
+
+def test_graphs_are_built_and_optimized(here: Path) -> None:
+    graph = cairn.PoseGraph()
+    step = np.eye(4)
+    step[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+    step[0, 3] = 1
+    pose = np.eye(4)
+    for i in range(4):
+        noisy = pose.copy()
+        noisy[:3, 3] += 0.1 * i
+        assert graph.add_node(noisy) == i
+        pose = pose @ step
+    for i in range(4):
+        graph.add_edge(i, (i + 1) % 4, step, 100 * np.eye(6), is_loop=i == 3)
+    report = graph.optimize(robust=False)
+    assert report.cost < 1e-9 < report.cost_before and report.components == 1 and (report.edge_weights == 1).all()
+    assert np.allclose(graph.poses[1], step, atol=1e-6) and graph.chordal_cost() < 1e-9
+    graph.write("square.g2o")
+    again = cairn.PoseGraph.read("square.g2o")
+    assert np.allclose(again.poses, graph.poses) and [e.j for e in again.edges] == [1, 2, 3, 0]
+    assert again.edges[3].is_loop and np.allclose(again.edges[0].information, 100 * np.eye(6))
+    with pytest.raises(IndexError, match="there is no node 9 of 4"):
+        graph.add_edge(0, 9, step)
+    graph.add_edge(0, 2, np.eye(4), -np.eye(6))
+    with pytest.raises(cairn.Error, match="positive definite"):
+        graph.optimize()
+
+
+def test_trajectories(here: Path) -> None:
+    poses = np.stack([np.eye(4)] * 3)
+    poses[:, 0, 3] = [0, 1, 2]
+    path = cairn.Trajectory([0.0, 0.1, 0.2], poses)
+    assert np.array_equal(path.times, [0, 0.1, 0.2]) and np.array_equal(path.poses, poses) and len(path) == 3
+    between = path.at(0.05)
+    assert between is not None and between[0, 3] == pytest.approx(0.5) and path.at(5) is None
+    path.write("path.txt")
+    assert np.allclose(cairn.Trajectory.read("path.txt").poses, poses)
+    with pytest.raises(ValueError, match="times do not increase"):
+        cairn.Trajectory([0.0, 0.0, 0.2], poses)
+    with pytest.raises(ValueError, match=r"\(3, 4, 4\) is expected"):
+        cairn.Trajectory([0.0, 0.1, 0.2], poses[:2])

@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: Apache-2.0
+# SPDX-FileCopyrightText: The Cairn developers
+"""Frames in, a map out; what does not fit is told; threads do no harm."""
+from __future__ import annotations
+
+import gc
+import threading
+from pathlib import Path
+from typing import Any, Iterator, List
+
+import cairn
+import numpy as np
+import pytest
+from conftest import VOXEL, Images, mapped
+
+
+def test_tracks_its_own_arrays(mapper: cairn.Mapper, scene: cairn.Scene, images: List[Images]) -> None:
+    path = mapper.trajectory()
+    assert len(path) == len(images)
+    truth = cairn.Trajectory(np.arange(len(images)) / 30, np.stack([scene.pose(i / 30) for i in range(len(images))]))
+    assert cairn.evaluate.trajectory(path, truth).ate.rmse < 0.02
+
+
+def test_a_report_tells_the_pose_and_how_sure_it_is(rig: cairn.Rig, images: List[Images]) -> None:
+    mapper = cairn.Mapper(rig, voxel_size=VOXEL)
+    first, second = (mapper.add(*images[i], time=i / 30) for i in range(2))
+    assert first.pose is not None and second.pose is not None and second.covariance is not None
+    assert np.allclose(first.pose, np.eye(4)) and first.covariance is None  # there was nothing to align with
+    assert np.allclose(second.covariance, second.covariance.T) and np.linalg.eigvalsh(second.covariance).min() > 0
+    assert second.reason == "" and second.fit.inlier_share > 0.3 and "track" in second.stage_ms
+    moved = np.linalg.inv(mapper.upright().world_from_tracked) @ mapper.trajectory().poses[1]
+    assert np.allclose(moved, second.pose, atol=1e-6)
+
+
+def test_a_lost_frame_has_no_pose(rig: cairn.Rig, images: List[Images]) -> None:
+    mapper = cairn.Mapper(rig, voxel_size=VOXEL)
+    mapper.add(*images[0], time=0)
+    report = mapper.add(np.zeros((240, 320), np.float32), time=1)
+    assert report.state in ("lost", "skipped") and report.pose is None and report.covariance is None and report.reason
+
+
+def test_takes_frames_and_arrays_alike(rig: cairn.Rig, images: List[Images]) -> None:
+    one, other = cairn.Mapper(rig, voxel_size=VOXEL), cairn.Mapper(rig, voxel_size=VOXEL)
+    for i, (depth, color) in enumerate(images[:3]):
+        one.add(depth, color, time=i / 30)
+        rgba = np.dstack([color, np.full((240, 320), 255, np.uint8)])
+        frame = cairn.Frame(depth.astype(np.float64), rgba, time=i / 30, index=i)
+        assert frame.depth is not None and frame.color is not None
+        assert np.array_equal(frame.depth, depth) and np.array_equal(frame.color, color)
+        other.add(frame)
+    assert np.array_equal(one.mesh().vertices, other.mesh().vertices)
+
+
+def test_takes_depth_in_units(rig: cairn.Rig, images: List[Images]) -> None:
+    depth, color = images[0]
+    units = np.round(depth * 1000).astype(np.uint16)
+    frame = cairn.Frame(units, time=0, depth_scale=1000)
+    assert frame.depth is not None and np.allclose(frame.depth, units / 1000)
+    assert frame.color is None
+    assert cairn.Mapper(rig).add(units, color, time=0, depth_scale=1000).state == "fused"
+
+
+def test_takes_arrays_that_are_not_contiguous(images: List[Images]) -> None:
+    depth, color = images[0]
+    frame = cairn.Frame(np.asfortranarray(depth), color[:, ::-1, ::-1], time=0)
+    assert frame.depth is not None and frame.color is not None
+    assert np.array_equal(frame.depth, depth) and np.array_equal(frame.color, color[:, ::-1, ::-1])
+
+
+DEPTH = np.ones((240, 320), np.float32)
+WRONG: List[Any] = [
+    ({"depth": [[1.0]]}, TypeError, "depth is a list; an array of shape"),
+    ({"depth": DEPTH[None]}, ValueError, r"depth is float32 of shape \(1, 240, 320\); an array of shape"),
+    ({"depth": DEPTH.astype(complex)}, TypeError, "depth is complex128"),
+    ({"depth": DEPTH[:, :100]}, ValueError, r"depth has the shape \(240, 100\); the rig's camera has \(240, 320\)"),
+    ({"depth": DEPTH.astype(np.uint16)}, ValueError, "give depth_scale, its units per metre"),
+    ({"depth": DEPTH * np.nan}, ValueError, "76800 values that are negative or no number"),
+    ({"depth": -DEPTH}, ValueError, "76800 values that are negative"),
+    ({"depth": DEPTH * np.inf}, ValueError, "76800 values that are negative or no number"),
+    ({"depth": DEPTH, "depth_scale": 0}, ValueError, "depth_scale is 0; units per metre are expected"),
+    ({"depth": DEPTH, "color": DEPTH}, TypeError, "color is float32"),
+    ({"depth": DEPTH, "color": np.zeros((240, 320), np.uint8)}, ValueError, r"color is uint8 of shape \(240, 320\)"),
+    ({"depth": DEPTH, "color": np.zeros((24, 32, 3), np.uint8)}, ValueError, r"color has the shape \(24, 32\)"),
+    ({"depth": DEPTH, "confidence": DEPTH}, ValueError, "confidence is float32"),
+    ({"depth": DEPTH, "time": None}, TypeError, "time is missing: seconds"),
+    ({"depth": DEPTH, "time": float("nan")}, ValueError, "time is nan"),
+    ({"depth": DEPTH, "guess": np.eye(3)}, ValueError, r"guess is float64 of shape \(3, 3\); a pose of shape \(4, 4\)"),
+    ({"depth": DEPTH, "pose": 2 * np.eye(4)}, ValueError, "pose is no pose: a rotation, a translation"),
+    ({"depth": DEPTH, "pose": "north"}, TypeError, "pose is "),
+    ({"depth": DEPTH, "gyro": np.zeros(4)}, ValueError, r"gyro is float64 of shape \(4,\); \(N, 4\) is expected"),
+    ({"depth": DEPTH, "acceleration": [1, 2]}, ValueError, "a vector of three numbers is expected"),
+]
+
+
+@pytest.mark.parametrize("given, kind, text", WRONG)
+def test_says_what_came_and_what_is_expected(rig: cairn.Rig, given: Any, kind: Any, text: str) -> None:
+    with pytest.raises(kind, match=text):
+        add: Any = cairn.Mapper(rig).add
+        add(**{"time": 0, **given})
+
+
+def test_errors_have_the_librarys_texts(rig: cairn.Rig, tmp_path: Path) -> None:
+    with pytest.raises(cairn.Error, match="there is no such folder"):
+        cairn.open(tmp_path / "nowhere")
+    with pytest.raises(cairn.Error, match="voxel_size"):
+        cairn.Mapper(rig, voxel_size=-1)
+    with pytest.raises(cairn.Error, match="width"):
+        cairn.Camera(1, 1, 1, 1)
+    with pytest.raises(ValueError, match="poses is 'wrong'"):
+        cairn.Mapper(rig, poses="wrong")  # type: ignore[arg-type]
+    assert issubclass(cairn.Error, RuntimeError)
+
+
+def test_given_poses_are_taken(rig: cairn.Rig, scene: cairn.Scene, images: List[Images]) -> None:
+    mapper = cairn.Mapper(rig, voxel_size=VOXEL, poses="given")
+    for i, (depth, color) in enumerate(images[:3]):
+        report = mapper.add(depth, color, time=i / 30, pose=scene.pose(i / 30))
+        assert report.pose is not None and np.allclose(report.pose, scene.pose(i / 30)) and report.covariance is None
+    assert mapper.add(images[3][0], time=1).state == "skipped"
+    error = np.abs(scene.distance(mapper.mesh().vertices))
+    assert np.median(error) < 0.01
+
+
+def test_what_it_gave_outlives_it(rig: cairn.Rig, images: List[Images]) -> None:
+    mapper = mapped(rig, images[:3])
+    map, vertices, field = mapper.map(), mapper.mesh().vertices, mapper.distances()
+    times, depth = mapper.trajectory().times, cairn.Frame(images[0][0], time=0).depth
+    before = vertices.copy()
+    del mapper
+    gc.collect()
+    assert np.array_equal(map.mesh().vertices, before) and np.array_equal(vertices, before)
+    assert field.query([0, 0, 1])[0].shape == () and len(times) == 3
+    assert depth is not None and np.array_equal(depth, images[0][0])
+
+
+def test_threads_may_share_it(rig: cairn.Rig, images: List[Images]) -> None:
+    mapper = cairn.Mapper(rig, voxel_size=VOXEL)
+    errors: List[BaseException] = []
+
+    def add(number: int) -> None:
+        try:
+            for i, (depth, color) in enumerate(images):
+                mapper.add(depth, color, time=i / 30 + number * 1e-3)
+        except BaseException as error:
+            errors.append(error)
+
+    def ask() -> None:
+        try:
+            for _ in range(10):
+                mapper.mesh(), mapper.trajectory(), mapper.distances(np.zeros((100, 3)))
+        except BaseException as error:
+            errors.append(error)
+
+    threads = [threading.Thread(target=work) for work in (lambda: add(0), lambda: add(1), ask)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not errors and len(mapper.trajectory()) >= len(images) // 2
+
+
+def test_other_threads_run_meanwhile(rig: cairn.Rig, images: List[Images]) -> None:
+    mapper = cairn.Mapper(rig, voxel_size=VOXEL)
+    counted, done = [0], threading.Event()
+
+    def count() -> None:
+        while not done.is_set():
+            counted[0] += 1
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    mapper.add(*images[0], time=0)
+    mapper.map().mesh()
+    done.set()
+    thread.join()
+    assert counted[0] > 1000
+
+
+def test_a_callback_cannot_use_what_calls_it(mapper: cairn.Mapper, here: Path) -> None:
+    def ask(done: int, count: int, what: str) -> None:
+        mapper.mesh()
+
+    with pytest.raises(cairn.Error, match="a callback cannot use what is calling it"):
+        mapper.map().export("x.glb", progress=ask)
+    assert not Path("x.glb").exists()
+
+
+def test_an_exception_in_a_callback_ends_the_call(mapper: cairn.Mapper, here: Path) -> None:
+    def stop(done: int, count: int, what: str) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        mapper.map().export("x.glb", progress=stop)
+    assert not Path("x.glb").exists() and len(mapper.mesh().triangles) > 0
+
+
+def test_refines_and_fuses_again(rig: cairn.Rig, images: List[Images]) -> None:
+    mapper = mapped(rig, images)
+    assert mapper.refine().keyframes == mapper.statistics().keyframes
+    before = len(mapper.mesh().triangles)
+    mapper.reintegrate(cairn.Frame(d, c, time=i / 30) for i, (d, c) in enumerate(images))
+    assert not mapper.warnings() and abs(len(mapper.mesh().triangles) / before - 1) < 0.25
+
+
+def test_what_frames_raise_is_raised(rig: cairn.Rig, images: List[Images]) -> None:
+    mapper = mapped(rig, images[:3])
+    before = mapper.mesh().vertices
+
+    def unplugged() -> Iterator[cairn.Frame]:
+        yield cairn.Frame(*images[0], time=0)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        mapper.reintegrate(unplugged())
+    with pytest.raises(TypeError, match="a Frame is expected; a int came"):
+        mapper.reintegrate([1, 2])  # type: ignore[list-item]
+    assert np.array_equal(mapper.mesh().vertices, before)  # the map stays as it is
+
+
+def test_distances_follow_live(rig: cairn.Rig, images: List[Images]) -> None:
+    options = cairn.Options(rig.sensor, voxel_size=VOXEL)
+    options.distances.live = True
+    mapper = cairn.Mapper(rig, options)
+    assert mapper.live_distances() is None
+    for i, (depth, color) in enumerate(images[:3]):
+        report = mapper.add(depth, color, time=i / 30)
+    field = mapper.live_distances()
+    assert field is not None and report.pose is not None
+    assert field.query(report.pose[:3, 3])[2]

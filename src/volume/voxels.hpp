@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include "cairn/voxels.hpp"
+#include "volume/grids.hpp"
+
+namespace cairn {
+
+/// The voxels of a tree as numbers.
+[[nodiscard]] Voxels voxels_of(const BrickTree& tree, const GridInfo& info);
+
+}  // namespace cairn
