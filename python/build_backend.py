@@ -104,17 +104,30 @@ class _Wheel:
         self.record += f"{name},sha256={digest},{len(data)}\n"
 
     def finish(self) -> None:
-        scripts = "".join(f"{name} = {target}\n" for name, target in _project()["scripts"].items())
-        self.add(f"{self.info}/entry_points.txt", f"[console_scripts]\n{scripts}".encode())
-        self.add(f"{self.info}/METADATA", _metadata().encode())
+        for name, text in _info().items():
+            self.add(f"{self.info}/{name}", text.encode())
         self.add(f"{self.info}/LICENSE", (ROOT / "LICENSE").read_bytes())
-        self.add(
-            f"{self.info}/WHEEL",
-            f"Wheel-Version: 1.0\nGenerator: cairn\nRoot-Is-Purelib: false\nTag: {_tag()}\n".encode(),
-        )
         self.record += f"{self.info}/RECORD,,\n"
         self.zip.writestr(f"{self.info}/RECORD", self.record)
         self.zip.close()
+
+
+def _info() -> dict[str, str]:
+    """What tells about the wheel."""
+    scripts = "".join(f"{name} = {target}\n" for name, target in _project()["scripts"].items())
+    return {
+        "METADATA": _metadata(),
+        "WHEEL": f"Wheel-Version: 1.0\nGenerator: cairn\nRoot-Is-Purelib: false\nTag: {_tag()}\n",
+        "entry_points.txt": f"[console_scripts]\n{scripts}",
+    }
+
+
+def prepare_metadata_for_build_wheel(metadata_directory: str, config_settings: Settings = None) -> str:
+    folder = Path(metadata_directory) / f"{_project()['name']}-{_project()['version']}.dist-info"
+    folder.mkdir()
+    for name, text in _info().items():
+        (folder / name).write_text(text)
+    return folder.name
 
 
 def build_wheel(wheel_directory: str, config_settings: Settings = None, metadata_directory: str | None = None) -> str:

@@ -7,7 +7,7 @@
 # LEFT_OUT, in gtest's words, are those of what this build does not have (CAIRN_OPENNI, CAIRN_VIEWER).
 #
 # Labels: quick or slow; data (needs recordings beside the project's folder), program (runs cairn as a user does),
-# subgroups (sums with subgroups of 4 and 16), and browser in CMakeLists.txt.
+# subgroups (sums with subgroups of 4 and 16), browser in CMakeLists.txt, and python in python/CMakeLists.txt.
 cmake_minimum_required(VERSION 3.25)
 if(NOT EXISTS "${PROGRAM}")
   add_test(cairn_tests_is_not_built "${PROGRAM}")

@@ -92,7 +92,7 @@ from ._cairn import (
     recorded_truth,
 )
 from .evaluate import MapError
-from .program import Frames, Report, merge, program, reconstruct, run, synth
+from .runs import Frames, Report, merge, program, reconstruct, run, synth
 
 __all__ = [
     "AlignmentFit",

@@ -175,7 +175,10 @@ bool.)")
       .def_property_readonly(
           "bounds",
           [](const Field& f) -> py::object {
-            const auto box = f.field->bounds();
+            const auto box = [&] {
+              const py::gil_scoped_release release;
+              return f.field->bounds();
+            }();
             if (box.isEmpty()) return py::none();
             Floats corners({2, 3});
             std::copy_n(box.min().data(), 3, corners.mutable_data());

@@ -176,14 +176,19 @@ Doubles gyro_of(const SizedFrame& f) {
 
 }  // namespace
 
+void expect_images_of(const Rig& rig, const SizedFrame& frame) {
+  if (frame.frame.problem) throw py::value_error("the frame has no images: " + *frame.frame.problem);
+  expect_size("depth", frame.depth_size, rig.depth);
+  if (!frame.frame.colour.empty()) expect_size("color", frame.colour_size, rig.colour_view());
+}
+
 void fill(SizedFrame& to, const FrameParts& parts, int index, const Rig* rig) {
   to.frame.problem.reset();
   to.frame.index = index;
   to.frame.timestamp = time_of(parts.time);
   fill_depth(to, parts.depth, parts.depth_scale);
-  if (rig != nullptr) expect_size("depth", to.depth_size, rig->depth);
   fill_colour(to, parts.colour);
-  if (rig != nullptr && !to.frame.colour.empty()) expect_size("color", to.colour_size, rig->colour_view());
+  if (rig != nullptr) expect_images_of(*rig, to);
   fill_confidence(to, parts.confidence);
   to.frame.colour_delay = parts.colour_delay;
   to.frame.world_from_camera = optional_pose_of(parts.pose, "pose");

@@ -27,6 +27,9 @@ struct FrameParts {
 /// images that are not `rig`'s, too, unless that is null.
 void fill(SizedFrame& frame, const FrameParts& parts, int index, const Rig* rig);
 
+/// Throws ValueError for images that are not the rig's.
+void expect_images_of(const Rig& rig, const SizedFrame& frame);
+
 /// A source that Python reads.
 struct GuardedSource {
   std::unique_ptr<Source> source;

@@ -130,9 +130,15 @@ Moves a node.)")
       .def(
           "optimize",
           [](PoseGraph& g, bool robust, double inlier_threshold, int max_iterations) {
-            const py::gil_scoped_release release;
-            return optimise(g,
-                            {.robust = robust, .inlier_threshold = inlier_threshold, .max_iterations = max_iterations});
+            PoseGraph moved = g;  // others may add to it meanwhile
+            OptimiseReport report;
+            {
+              const py::gil_scoped_release release;
+              report = optimise(
+                  moved, {.robust = robust, .inlier_threshold = inlier_threshold, .max_iterations = max_iterations});
+            }
+            std::copy(moved.world_from_node.begin(), moved.world_from_node.end(), g.world_from_node.begin());
+            return report;
           },
           py::kw_only(), py::arg("robust") = OptimiseOptions{}.robust,
           py::arg("inlier_threshold") = OptimiseOptions{}.inlier_threshold,

@@ -95,9 +95,11 @@ vertices: (N, 3). triangles: (M, 3), whole numbers. colors: (N, 3 or 4) uint8, s
       .def_property_readonly(
           "triangles",
           [](const py::object& self) {
-            return column<std::uint32_t>(self, self.cast<const Mesh&>().triangles, 3, false);
+            const auto triangles = column<std::uint32_t>(self, self.cast<const Mesh&>().triangles, 3, false);
+            make_read_only(triangles);  // they name vertices that are there
+            return triangles;
           },
-          "(M, 3) uint32.")
+          "(M, 3) uint32; read-only.")
       .def_property_readonly(
           "weights",
           [](const py::object& self) -> py::object {

@@ -213,6 +213,7 @@ struct GuardedRecorder {
   GuardedRecorder(const std::filesystem::path& folder, const Rig& r, double scale, bool png)
       : rig(r), depth_scale(scale), colour_as_png(png), recorder(folder, r, scale) {}
   void add(const SizedFrame& frame) {
+    expect_images_of(rig, frame);
     guard.run([&] { recorder.add(encode(frame.frame, rig, colour_as_png, depth_scale)); });
   }
   Rig rig;
@@ -222,6 +223,12 @@ struct GuardedRecorder {
   Guard guard;
   SizedFrame scratch;
   int next = 0;
+};
+
+struct GuardedWriter {
+  Rig rig;
+  std::unique_ptr<LayoutWriter> writer;
+  std::unique_ptr<Guard> guard = std::make_unique<Guard>();
 };
 
 void add_recorder(py::module_& m) {
@@ -243,10 +250,11 @@ instead of JPEG. Raises Error where the folder holds something.)")
           [](GuardedRecorder& r, const py::object& depth, const py::object& colour, const py::object& time,
              const py::object& depth_scale) {
             if (py::isinstance<SizedFrame>(depth)) return r.add(depth.cast<const SizedFrame&>());
-            fill(r.scratch,
-                 {depth, colour, time, depth_scale, py::none(), py::none(), py::none(), py::none(), py::none()},
+            SizedFrame frame = std::exchange(r.scratch, {});
+            fill(frame, {depth, colour, time, depth_scale, py::none(), py::none(), py::none(), py::none(), py::none()},
                  r.next++, &r.rig);
-            r.add(r.scratch);
+            r.add(frame);
+            r.scratch = std::move(frame);
           },
           py::arg("depth"), py::arg("color") = py::none(), py::kw_only(), py::arg("time") = py::none(),
           py::arg("depth_scale") = py::none(), R"(add(self, depth, color=None, *, time=None, depth_scale=None)
@@ -256,14 +264,14 @@ Writes a Frame, or own images as Frame takes them. Raises Error when the disk is
       .def_property_readonly(
           "bytes", [](const GuardedRecorder& r) { return r.recorder.bytes(); }, "Written so far.");
 
-  py::class_<LayoutWriter>(m, "LayoutWriter", R"(LayoutWriter(layout, folder, rig)
+  py::class_<GuardedWriter>(m, "LayoutWriter", R"(LayoutWriter(layout, folder, rig)
 --
 
 Writes a recording in the layout of another program or data set (layouts), frame by frame, with their poses.
 
 folder: empty. Raises Error for cameras that the layout cannot tell, with what to do.)")
       .def(py::init([](const std::string& layout, const std::filesystem::path& folder, const Rig& rig) {
-             return write_layout(layout, folder, rig);
+             return GuardedWriter{rig, write_layout(layout, folder, rig)};
            }),
            py::arg("layout"), py::arg("folder"), py::arg("rig"), R"(__init__(self, layout, folder, rig)
 --
@@ -271,20 +279,17 @@ folder: empty. Raises Error for cameras that the layout cannot tell, with what t
 )")
       .def(
           "add",
-          [](LayoutWriter& w, const SizedFrame& frame) {
-            const py::gil_scoped_release release;
-            w.add(frame.frame);
+          [](GuardedWriter& w, const SizedFrame& frame) {
+            expect_images_of(w.rig, frame);
+            if (!frame.frame.world_from_camera) throw py::value_error("the frame has no pose, which layouts keep");
+            w.guard->run([&] { w.writer->add(frame.frame); });
           },
           py::arg("frame"), R"(add(self, frame)
 --
 
 Writes a Frame that has a pose.)")
       .def(
-          "finish",
-          [](LayoutWriter& w) {
-            const py::gil_scoped_release release;
-            w.finish();
-          },
+          "finish", [](GuardedWriter& w) { w.guard->run([&] { w.writer->finish(); }); },
           R"(finish(self)
 --
 

@@ -22,6 +22,7 @@ def test_meshes_are_arrays(mapper: cairn.Mapper, here: Path) -> None:
     assert mesh.triangles.max() == len(mesh.vertices) - 1 and mesh.texture is None
     vertices = mesh.vertices
     vertices += 1  # it is the mesh's own memory
+    assert not mesh.triangles.flags.writeable
     assert mesh.vertices.base is not None and np.array_equal(mesh.vertices, vertices)
     del mesh
     gc.collect()

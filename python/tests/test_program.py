@@ -14,7 +14,7 @@ from typing import Any
 import cairn
 import numpy as np
 import pytest
-from cairn.program import _flags
+from cairn.runs import _flags
 from conftest import FRAMES, VOXEL
 
 

@@ -61,6 +61,8 @@ def test_records_what_can_be_read_again(here: Path, rig: cairn.Rig, images: List
     assert np.abs(frames[2].depth - images[2][0]).max() < 1e-4 and np.array_equal(frames[2].color, images[2][1])
     with pytest.raises(cairn.Error):
         cairn.Recorder("taken", rig)
+    with pytest.raises(ValueError, match=r"depth has the shape \(24, 32\)"):
+        recorder.add(cairn.Frame(np.ones((24, 32), np.float32), time=1))
 
 
 def test_writes_other_layouts(here: Path, rig: cairn.Rig, scene: cairn.Scene, images: List[Images]) -> None:
@@ -68,6 +70,10 @@ def test_writes_other_layouts(here: Path, rig: cairn.Rig, scene: cairn.Scene, im
     writer = cairn.LayoutWriter("open3d", "open3d", rig)
     for i, (depth, color) in enumerate(images[:3]):
         writer.add(cairn.Frame(depth, color, time=i / 30, index=i, pose=scene.pose(i / 30)))
+    with pytest.raises(ValueError, match=r"color has the shape \(24, 32\)"):
+        writer.add(cairn.Frame(images[0][0], np.ones((24, 32, 3), np.uint8), time=1, pose=np.eye(4)))
+    with pytest.raises(ValueError, match="the frame has no pose"):
+        writer.add(cairn.Frame(*images[0], time=1))
     writer.finish()
     assert "open3d" in cairn.layouts()
     assert len(list(cairn.open("open3d"))) == 3
