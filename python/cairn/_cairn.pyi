@@ -601,6 +601,8 @@ class Map:
         min_piece: float | None = None,
         min_weight: float | None = None,
         fill_holes: float | None = None,
+        axes: Literal["world", "yup", "zup"] | None = None,
+        geo: tuple[float, float, float, float] | None = None,
         progress: _Progress | None = None,
     ) -> Exported | None: ...
     def export_views(
@@ -815,6 +817,10 @@ class MeshError:
 class MeshTopology:
     @property
     def non_manifold_edges(self) -> int: ...
+    @property
+    def non_manifold_vertices(self) -> int: ...
+    @property
+    def coincident_triangles(self) -> int: ...
     @property
     def degenerate_triangles(self) -> int: ...
     @property

@@ -62,6 +62,10 @@ void add_results(py::module_& m) {
       });
   py::class_<MeshTopology>(m, "MeshTopology", "How a mesh's triangles hang together.")
       .def_readonly("non_manifold_edges", &MeshTopology::non_manifold_edges, "Of more than two triangles.")
+      .def_readonly("non_manifold_vertices", &MeshTopology::non_manifold_vertices,
+                    "Whose triangles do not all hang together by sides that end there.")
+      .def_readonly("coincident_triangles", &MeshTopology::coincident_triangles,
+                    "With the three vertices of another one.")
       .def_readonly("degenerate_triangles", &MeshTopology::degenerate_triangles)
       .def_readonly("unreferenced_vertices", &MeshTopology::unreferenced_vertices)
       .def_readonly("components", &MeshTopology::components, "That no vertex joins.")

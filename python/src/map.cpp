@@ -5,6 +5,9 @@
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
+#include <string>
+#include <tuple>
+
 #include "cairn/file_name.hpp"
 #include "cairn/no_texture.hpp"
 #include "distances.hpp"
@@ -24,6 +27,17 @@ Compression compression_of(const std::optional<std::string>& name) {
   if (*name == "meshopt") return Compression::meshopt;
   if (*name == "draco") return Compression::draco;
   throw py::value_error("compress is '" + *name + "'; quantised, meshopt or draco is expected");
+}
+
+Axes axes_of(const std::string& name) {
+  for (const Axes axes : {Axes::world, Axes::y_up, Axes::z_up})
+    if (name == name_of(axes)) return axes;
+  throw py::value_error("axes is '" + name + "'; world, yup or zup is expected");
+}
+
+GeoPlace place_of(const py::handle& value) {
+  const auto [latitude, longitude, height, heading] = value.cast<std::tuple<double, double, double, double>>();
+  return {.latitude = latitude, .longitude = longitude, .height = height, .heading = heading};
 }
 
 /// With no word about texture: one wherever there is colour.
@@ -83,13 +97,17 @@ std::optional<Exported> export_file(GuardedMap& map, const fs::path& file, const
       o.clean.min_weight = value.cast<float>();
     else if (name == "fill_holes")
       o.clean.fill_holes = value.cast<float>();
+    else if (name == "axes")
+      o.axes = axes_of(value.cast<std::string>());
+    else if (name == "geo")
+      o.geo = place_of(value);
     else if (name == "progress")
       progress = py::reinterpret_borrow<py::object>(value);
     else
       throw py::type_error("export has no option '" + name + "'");
   }
   if (const std::string kind = extension_of(file); kind == ".vdb")
-    map.guard->run([&] { map.map.write_grids(file); });
+    map.guard->run([&] { map.map.write_grids(file, o.axes); });
   else if (kind == ".g2o" || kind == ".svg")
     map.guard->run([&] { map.map.write_graph(file); });
   else
@@ -199,7 +217,7 @@ voxel_size: metres, 1, 2, 4 or 8 voxels of the map. max_distance: metres. robot_
 free wherever it was. visited: a Trajectory, where it was, of a map that does not know.)")
       .def(
           "export", &export_file, py::arg("file"),
-          R"(export(self, file, *, texture=None, simplify=None, max_error=None, triangles=None, compress=None, texel=None, texture_size=None, texture_png=None, jpeg_quality=None, points=None, cell_size=None, lods=None, cameras=None, min_piece=None, min_weight=None, fill_holes=None, progress=None)
+          R"(export(self, file, *, texture=None, simplify=None, max_error=None, triangles=None, compress=None, texel=None, texture_size=None, texture_png=None, jpeg_quality=None, points=None, cell_size=None, lods=None, cameras=None, min_piece=None, min_weight=None, fill_holes=None, axes=None, geo=None, progress=None)
 --
 
 Writes the surface, by the extension: .glb, .gltf, .ply, .obj, .stl or a tileset.json; .vdb writes the voxels, .g2o and
@@ -209,7 +227,9 @@ texture: True asks for one, False leaves it out; by default there is one whereve
 triangles that is left. max_error: metres. triangles: no more than so many. compress: 'quantised', 'meshopt', 'draco'.
 texel: metres. texture_size: texels a side. texture_png: instead of JPEG. jpeg_quality: 1 to 100. points: metres between
 points, instead of triangles (.ply). cell_size: metres. lods: levels of detail. cameras: the path and keyframes, in glTF.
-min_piece, min_weight, fill_holes: what cleaning removes and closes. progress: called with done, count and what is next.)")
+min_piece, min_weight, fill_holes: what cleaning removes and closes. axes: 'world' (x right, y down, z forward), 'yup' or
+'zup'; by default as programs expect them of the format. geo: latitude, longitude, height and heading of a tileset's
+origin (degrees; metres above WGS 84's ellipsoid; clockwise from north, where the map's z points). progress: called with done, count and what is next.)")
       .def("export_views", &export_views, py::arg("folder"), py::kw_only(), py::arg("program") = "nerfstudio",
            py::arg("images") = 0, py::arg("point_spacing") = ViewsOptions{}.point_spacing,
            py::arg("progress") = py::none(),

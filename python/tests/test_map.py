@@ -152,7 +152,15 @@ def test_exports(mapper: cairn.Mapper, here: Path) -> None:
     assert [Path(f).name for f in textured.files] == ["room.glb"] and textured.triangles < textured.full_triangles
     plain = map.export("room.ply")
     assert plain is not None and plain.textures == 0 and cairn.Mesh.read("room.ply").colors is not None
-    assert map.export("map.vdb") is None and map.export("graph.g2o") is None
+    map.export("zup.ply", axes="zup")
+    turned, flat = cairn.Mesh.read("zup.ply"), cairn.Mesh.read("room.ply")
+    assert np.array_equal(turned.vertices, flat.vertices)  # read back into the world
+    assert b"axes zup: x right, y forward, z up" in Path("zup.ply").read_bytes()[:200]
+    map.export("tileset.json", geo=(48.137, 11.575, 519, 90), texture=False)
+    assert b'"transform"' in Path("tileset.json").read_bytes()
+    with pytest.raises(ValueError, match="axes is 'up'; world, yup or zup is expected"):
+        map.export("x.glb", axes="up")  # type: ignore[arg-type]
+    assert map.export("map.vdb", axes="zup") is None and map.export("graph.g2o") is None
     assert len(cairn.PoseGraph.read("graph.g2o").poses) == mapper.statistics().keyframes
     again = cairn.Map.open("map.vdb")
     assert len(again.mesh().triangles) == len(map.mesh().triangles)
