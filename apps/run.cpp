@@ -245,9 +245,7 @@ std::string Run::how_to_go_on() const {
   return "go on with: " + resuming(own_words(), arguments_.asked_output, arguments_.output);
 }
 
-std::string Run::said_when_ended() const {
-  return "\nended before every file was written; " + how_to_go_on() + "\n";
-}
+std::string Run::said_when_ended() const { return "\nended before every file was written; " + how_to_go_on() + "\n"; }
 
 Verdict Run::finish(const nlohmann::json& more) {
   const FrameLog& frames = progressed_.frames;
