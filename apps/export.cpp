@@ -257,8 +257,7 @@ void add_export(CLI::App& program) {
       ->add_option_function<std::string>(
           "--geo", [a](const std::string& text) { a->options.geo = parse_geo(text); },
           "LAT,LON,HEIGHT,HEADING: where on the Earth a tileset's origin is (WGS 84, degrees, metres), and where the "
-          "map's "
-          "z points, in degrees clockwise from north")
+          "map's z points, in degrees clockwise from north")
       ->type_name("PLACE")
       ->group("Mesh");
   auto* program_name =

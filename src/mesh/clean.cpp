@@ -34,15 +34,19 @@ void remove_unseen(Mesh& mesh, float min_weight) {
   });
 }
 
-bool is_lower(const Eigen::Vector3f& p, const Eigen::Vector3f& q) {
+bool lower_point(const Eigen::Vector3f& p, const Eigen::Vector3f& q) {
   return std::lexicographical_compare(p.data(), p.data() + 3, q.data(), q.data() + 3);
 }
 
-/// The positions of a triangle from its lowest on: the same however vertices are numbered.
-std::array<Eigen::Vector3f, 3> from_lowest(const Mesh& mesh, const std::array<std::uint32_t, 3>& t) {
-  std::array<Eigen::Vector3f, 3> p{mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]};
-  std::rotate(p.begin(), std::min_element(p.begin(), p.end(), is_lower), p.end());
-  return p;
+/// Whether a triangle's vertices, from its lowest on, are the lower ones: the same however vertices are numbered.
+bool lower_triangle(const Mesh& mesh, const std::array<std::uint32_t, 3>& a, const std::array<std::uint32_t, 3>& b) {
+  const auto from_lowest = [&](const std::array<std::uint32_t, 3>& t) {
+    std::array<Eigen::Vector3f, 3> p{mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]};
+    std::rotate(p.begin(), std::min_element(p.begin(), p.end(), lower_point), p.end());
+    return p;
+  };
+  const auto p = from_lowest(a), q = from_lowest(b);
+  return std::lexicographical_compare(p.begin(), p.end(), q.begin(), q.end(), lower_point);
 }
 
 std::size_t remove_small_components(Mesh& mesh, const CleanOptions& options, const CountsTriangle& counts) {
@@ -50,33 +54,35 @@ std::size_t remove_small_components(Mesh& mesh, const CleanOptions& options, con
   struct Component {
     Eigen::AlignedBox3f box;
     double weight = 0, corners = 0;
-    std::uint32_t lowest = kNone;  // triangle
+    bool is_small = false;
+    std::uint32_t lowest = kNone;  // triangle, of a small one
   };
   std::vector<Component> all(parts.count);
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
     Component& component = all[parts.of_triangle[i]];
-    if (const auto here = from_lowest(mesh, mesh.triangles[i]); component.lowest == kNone || [&] {
-          const auto lowest = from_lowest(mesh, mesh.triangles[component.lowest]);
-          return std::lexicographical_compare(here.begin(), here.end(), lowest.begin(), lowest.end(), is_lower);
-        }())
-      component.lowest = static_cast<std::uint32_t>(i);
     for (const std::uint32_t v : mesh.triangles[i]) {
       component.box.extend(mesh.positions[v]);
       component.weight += mesh.weights.empty() ? std::numeric_limits<float>::max() : mesh.weights[v];
       ++component.corners;
     }
   }
-  std::vector<bool> is_small(all.size());
-  std::size_t removed = 0;
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    const float size = all[i].box.diagonal().norm();
-    const bool is_weak = all[i].weight < static_cast<double>(options.min_support) * all[i].corners;
-    is_small[i] = size < options.min_piece || (size < 3 * options.min_piece && is_weak);
-    removed += is_small[i] && (!counts || counts(mesh.triangles[all[i].lowest]));
+  for (Component& component : all) {
+    const float size = component.box.diagonal().norm();
+    const bool is_weak = component.weight < static_cast<double>(options.min_support) * component.corners;
+    component.is_small = size < options.min_piece || (size < 3 * options.min_piece && is_weak);
   }
+  for (std::uint32_t i = 0; i < mesh.triangles.size(); ++i) {
+    Component& component = all[parts.of_triangle[i]];
+    if (!component.is_small) continue;
+    if (component.lowest == kNone || lower_triangle(mesh, mesh.triangles[i], mesh.triangles[component.lowest]))
+      component.lowest = i;
+  }
+  const auto removed = std::count_if(all.begin(), all.end(), [&](const Component& component) {
+    return component.is_small && (!counts || counts(mesh.triangles[component.lowest]));
+  });
   std::erase_if(mesh.triangles,
-                [&, i = std::size_t{0}](const auto&) mutable { return is_small[parts.of_triangle[i++]]; });
-  return removed;
+                [&, i = std::size_t{0}](const auto&) mutable { return all[parts.of_triangle[i++]].is_small; });
+  return static_cast<std::size_t>(removed);
 }
 
 /// The border goes from `from` to `to` with the surface on its left.
@@ -175,7 +181,7 @@ std::size_t fill_holes(Mesh& mesh, float max_size, const CountsTriangle& counts)
   }
   // From the lowest position on, so that it does not matter how vertices are numbered.
   std::sort(begins.begin(), begins.end(),
-            [&](std::uint32_t a, std::uint32_t b) { return is_lower(mesh.positions[a], mesh.positions[b]); });
+            [&](std::uint32_t a, std::uint32_t b) { return lower_point(mesh.positions[a], mesh.positions[b]); });
   std::vector<std::uint64_t> edges;  // there is no second triangle at a chord that is there already
   for_each_edge(sides, [&](std::size_t begin, std::size_t) { edges.push_back(sides[begin].edge); });
   std::vector<bool> done(mesh.positions.size(), false);

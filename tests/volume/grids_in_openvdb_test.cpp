@@ -18,6 +18,15 @@
 namespace cairn {
 namespace {
 
+/// A grid of a file, as any program reads it.
+template <class Grid>
+typename Grid::Ptr grid_of(const std::filesystem::path& vdb, const char* name) {
+  openvdb::initialize();
+  openvdb::io::File file(vdb.string());
+  file.open();
+  return openvdb::gridPtrCast<Grid>(file.readGrid(name));
+}
+
 /// A plane at x = 4.3 voxels, seen with weight 2, coloured.
 BrickTree plane_tree() {
   BrickTree tree;
@@ -96,11 +105,8 @@ BrickTree seen_ball() {
 TEST(Grids, HaveNoSecondSurfaceWhereOpenVdbLooksForOne) {
   const TemporaryFolder folder;
   write_grids(folder / "map.vdb", seen_ball(), {.voxel_size = 0.01f, .truncation = 0.04f});
-  openvdb::initialize();
-  openvdb::io::File file((folder / "map.vdb").string());
-  file.open();
-  const auto tsdf = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("tsdf"));
-  const auto observed = openvdb::gridPtrCast<openvdb::BoolGrid>(file.readGrid("observed"));
+  const auto tsdf = grid_of<openvdb::FloatGrid>(folder / "map.vdb", "tsdf");
+  const auto observed = grid_of<openvdb::BoolGrid>(folder / "map.vdb", "observed");
   const auto share = [&](const openvdb::BoolGrid::ConstPtr& mask) {
     openvdb::tools::VolumeToMesh mesher(0.0);
     mesher.setSurfaceMask(mask);
@@ -134,10 +140,7 @@ TEST(Grids, HaveTheAxesThatAreAskedFor) {
     GridInfo info{.voxel_size = 0.01f, .truncation = 0.04f, .axes = axes};
     info.upright.world_from_tracked = turn;
     write_grids(folder / "map.vdb", plane_tree(), info);
-    openvdb::initialize();
-    openvdb::io::File file((folder / "map.vdb").string());
-    file.open();
-    const auto tsdf = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("tsdf"));
+    const auto tsdf = grid_of<openvdb::FloatGrid>(folder / "map.vdb", "tsdf");
     const Eigen::Vector3f world = (turn * Eigen::Vector3d(0.033, 0.035, 0.02)).cast<float>();
     const Eigen::Vector3f p = axes == Axes::y_up   ? Eigen::Vector3f(world.x(), -world.y(), -world.z())
                               : axes == Axes::z_up ? Eigen::Vector3f(world.x(), world.z(), -world.y())
@@ -178,10 +181,7 @@ TEST(Grids, LieInTheUprightWorldByTheirTransform) {
       .source = Upright::Source::structure, .known = true, .world_from_tracked = turn, .words = "found", .off = {}};
   for (const float voxel : {0.002f, 0.01f, 0.2f}) {  // the options' range
     write_grids(folder / "map.vdb", plane_tree(), {.voxel_size = voxel, .truncation = 4 * voxel, .upright = upright});
-    openvdb::initialize();
-    openvdb::io::File file((folder / "map.vdb").string());
-    file.open();
-    const auto tsdf = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("tsdf"));
+    const auto tsdf = grid_of<openvdb::FloatGrid>(folder / "map.vdb", "tsdf");
     EXPECT_TRUE(tsdf->hasUniformVoxels());
     EXPECT_NEAR(tsdf->voxelSize().x(), static_cast<double>(voxel), 1e-8);
     EXPECT_EQ(tsdf->getMetadata<openvdb::StringMetadata>("up_source")->value(), "structure");
