@@ -2,12 +2,9 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "mesh/clean.hpp"
 
-#include <tbb/parallel_sort.h>
-
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <limits>
-#include <tuple>
 #include <unordered_map>
 
 #include "mesh/topology.hpp"
@@ -228,37 +225,27 @@ std::size_t fill_holes(Mesh& mesh, float max_size, const CountsTriangle& counts)
 }
 
 /// Triangles with the same three vertices: two that look apart are a sheet without a thickness, and both go; of those
-/// that look the same way one stays.
-void remove_coincident(Mesh& mesh, const std::vector<std::uint32_t>& vertex_id, bool keep_sheets) {
-  struct Corners {
-    std::array<std::uint32_t, 3> sorted;
-    bool is_even;  // sorted by turning alone
-    std::uint32_t triangle;
-  };
-  std::vector<Corners> all(mesh.triangles.size());
-  for (std::uint32_t i = 0; i < all.size(); ++i) {
-    const auto& t = mesh.triangles[i];
-    std::array<std::uint32_t, 3> c{vertex_id[t[0]], vertex_id[t[1]], vertex_id[t[2]]};
-    std::rotate(c.begin(), std::min_element(c.begin(), c.end()), c.end());
-    const bool is_even = c[1] < c[2];
-    if (!is_even) std::swap(c[1], c[2]);
-    all[i] = {c, is_even, i};
-  }
-  tbb::parallel_sort(all, [](const Corners& a, const Corners& b) {
-    return std::tie(a.sorted, a.is_even, a.triangle) < std::tie(b.sorted, b.is_even, b.triangle);
-  });
-  std::vector<bool> remove(all.size(), false);
+/// that look the same way one stays. Returns whether there were any.
+bool remove_coincident(Mesh& mesh, const std::vector<Side>& sides, const std::vector<std::uint32_t>& vertex_id,
+                       bool keep_sheets) {
+  std::vector<bool> remove(mesh.triangles.size(), false);
   bool any = false;
-  for (std::size_t begin = 0, end = 0; begin < all.size(); begin = end) {
-    while (end < all.size() && all[end].sorted == all[begin].sorted) ++end;
-    if (end - begin < 2) continue;
-    const bool look_apart = all[begin].is_even != all[end - 1].is_even;
+  const auto vertex = [&](const Side& s, std::uint32_t next) {
+    return vertex_id[mesh.triangles[s.triangle][(s.corner + next) % 3]];
+  };
+  // They share all of their sides: at one side they are those with the same third vertex.
+  for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
-      if (look_apart ? !keep_sheets || (i > begin && all[i].is_even == all[i - 1].is_even) : i > begin)
-        remove[all[i].triangle] = true;
-    any = true;
-  }
+      for (std::size_t k = begin; k < i; ++k) {
+        if (vertex(sides[i], 2) != vertex(sides[k], 2)) continue;
+        const bool look_apart = vertex(sides[i], 0) != vertex(sides[k], 0);
+        if (look_apart && keep_sheets) continue;
+        remove[sides[i].triangle] = any = true;
+        if (look_apart) remove[sides[k].triangle] = true;
+      }
+  });
   if (any) remove_triangles(mesh, remove);
+  return any;
 }
 
 /// Of the triangles at a side that more than two share the smallest go. Returns whether there were any.
@@ -321,10 +308,11 @@ std::size_t make_manifold(Mesh& mesh, const ManifoldOptions& options) {
     return vertex_id[t[0]] == vertex_id[t[1]] || vertex_id[t[1]] == vertex_id[t[2]] ||
            vertex_id[t[2]] == vertex_id[t[0]] || !(area_vector(mesh, t).norm() > 0);
   });
-  remove_coincident(mesh, vertex_id, options.keep_sheets);
   while (true) {
     const std::vector<Side> sides = sides_by_edge(mesh, vertex_id);
-    if (!remove_beyond_two(mesh, sides) && !remove_smaller_fans(mesh, sides, vertex_id, options.fixed)) break;
+    if (!remove_coincident(mesh, sides, vertex_id, options.keep_sheets) && !remove_beyond_two(mesh, sides) &&
+        !remove_smaller_fans(mesh, sides, vertex_id, options.fixed))
+      break;
   }
   return before - mesh.triangles.size();
 }

@@ -7,13 +7,13 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <boost/pending/disjoint_sets.hpp>
 #include <numeric>
 #include <set>
 #include <tuple>
 #include <unordered_map>
 #include <unordered_set>
 
+#include "base/union_find.hpp"
 #include "cairn/evaluation.hpp"
 
 namespace cairn {
@@ -70,27 +70,24 @@ std::vector<Side> sides_by_edge(const Mesh& mesh, const std::vector<std::uint32_
 }
 
 Fans fans_of(const Mesh& mesh, const std::vector<Side>& sides, const std::vector<std::uint32_t>& vertex_id) {
-  boost::disjoint_sets_with_storage<> sets(3 * mesh.triangles.size());
+  UnionFind<std::uint32_t> sets(3 * mesh.triangles.size());
   const auto vertex = [&](std::size_t corner) { return vertex_id[mesh.triangles[corner / 3][corner % 3]]; };
   for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
     const auto ends = [&](const Side& s) {
-      std::array<std::size_t, 2> corners{3 * std::size_t{s.triangle} + s.corner,
-                                         3 * std::size_t{s.triangle} + (s.corner + 1) % 3};
+      std::array<std::uint32_t, 2> corners{3 * s.triangle + s.corner, 3 * s.triangle + (s.corner + 1) % 3};
       if (vertex(corners[0]) > vertex(corners[1])) std::swap(corners[0], corners[1]);
       return corners;
     };
     const auto first = ends(sides[begin]);
     for (std::size_t i = begin + 1; i < end; ++i) {
       const auto more = ends(sides[i]);
-      sets.union_set(first[0], more[0]);
-      sets.union_set(first[1], more[1]);
+      sets.join(first[0], more[0]);
+      sets.join(first[1], more[1]);
     }
   });
-  Fans fans;
-  fans.of_corner.resize(3 * mesh.triangles.size());
+  Fans fans{.of_corner = sets.all(), .several = {}};
   std::vector<std::uint32_t> fan_at(mesh.positions.size(), kNone);
   for (std::size_t corner = 0; corner < fans.of_corner.size(); ++corner) {
-    fans.of_corner[corner] = static_cast<std::uint32_t>(sets.find_set(corner));
     std::uint32_t& fan = fan_at[vertex(corner)];
     if (fan == kNone) fan = fans.of_corner[corner];
     if (fan != fans.of_corner[corner]) fans.several.insert(vertex(corner));
@@ -99,13 +96,13 @@ Fans fans_of(const Mesh& mesh, const std::vector<Side>& sides, const std::vector
 }
 
 Components connected_components(const Mesh& mesh, const std::vector<std::uint32_t>& vertex_id) {
-  boost::disjoint_sets_with_storage<> sets(mesh.positions.size());
+  UnionFind<std::uint32_t> sets(mesh.positions.size());
   for (const auto& t : mesh.triangles)
-    for (const std::size_t k : {1u, 2u}) sets.union_set(vertex_id[t[0]], vertex_id[t[k]]);
+    for (const std::size_t k : {1u, 2u}) sets.join(vertex_id[t[0]], vertex_id[t[k]]);
   Components components;
   std::vector<std::uint32_t> number(mesh.positions.size(), kNone);
   for (const auto& t : mesh.triangles) {
-    std::uint32_t& n = number[sets.find_set(vertex_id[t[0]])];
+    std::uint32_t& n = number[sets.find(vertex_id[t[0]])];
     if (n == kNone) n = components.count++;
     components.of_triangle.push_back(n);
   }
@@ -155,10 +152,10 @@ MeshTopology examine_topology(const Mesh& mesh) {
     topology.border_length += static_cast<double>((mesh.positions[a] - mesh.positions[b]).norm());
     border.push_back({a, b});
   });
-  boost::disjoint_sets_with_storage<> sets(mesh.positions.size());
-  for (const auto& [from, to] : border) sets.union_set(from, to);
+  UnionFind<std::uint32_t> sets(mesh.positions.size());
+  for (const auto& [from, to] : border) sets.join(from, to);
   std::unordered_set<std::size_t> borders;
-  for (const auto& [from, to] : border) borders.insert(sets.find_set(from));
+  for (const auto& [from, to] : border) borders.insert(sets.find(from));
   topology.borders = borders.size();
   topology.components = connected_components(mesh, vertex_id).count;
   return topology;
