@@ -19,6 +19,7 @@
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
+#include "export_options.hpp"
 #include "flags.hpp"
 #include "json_text.hpp"
 #include "output_folder.hpp"
@@ -33,6 +34,7 @@ using Clock = std::chrono::steady_clock;
 struct Arguments {
   fs::path map;
   std::vector<fs::path> outputs, costmaps;
+  std::optional<Up> up;
   fs::path query;
   std::vector<std::string> slice;  // plane and file
   std::string height;
@@ -205,16 +207,19 @@ void esdf(const Arguments& a) {
 
   EsdfOptions options = a.esdf;
   options.robot_radius = a.robot_radius.value_or(options.robot_radius);
-  const Trajectory visited = visited_of(vdb, a.robot_radius.value_or(0.0f) > 0);
+  Trajectory visited = visited_of(vdb, a.robot_radius.value_or(0.0f) > 0);
 
   const auto start = Clock::now();
   Map map = Map::open(vdb, a.device);
+  if (a.up) {
+    const Eigen::Quaterniond before = map.upright().world_from_tracked;
+    map.stand_up(*a.up);
+    const Eigen::Isometry3d turn(map.upright().world_from_tracked * before.conjugate());
+    for (StampedPose& pose : visited) pose.world_from_camera = turn * pose.world_from_camera;
+  }
   const auto field = map.distances(options, visited);
   if (const Upright upright = map.upright(); !a.costmaps.empty() && !upright.known)
-    spdlog::warn(
-        "{}: may be cut askew, for which way is up is {} of cairn reconstruct, which with --resume writes the "
-        "files again",
-        a.costmaps[0].string(), in_flags(upright.words));
+    spdlog::warn("{}: may be cut askew, for which way is up is {}", a.costmaps[0].string(), in_flags(upright.words));
   const double seconds = seconds_since(start);
   if (outputs.grid) write_distances(*outputs.grid, *field);
   const Asked asked = a.query.empty() ? Asked{} : answer(*field, points, outputs.table);
@@ -254,6 +259,7 @@ void add_esdf(CLI::App& program) {
   command->add_option("--height", a->height,
                       "LOW:HIGH, the band of the costmap in metres above the first camera, along gravity where the map "
                       "stands upright (see report.json)");
+  add_up(*command, a->up);
   command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
       ->capture_default_str();
   command->add_flag("--json", a->json, "Print JSON");

@@ -30,6 +30,7 @@ struct Arguments {
   fs::path map, output;
   MeshArguments options;
   std::optional<ViewsFor> program;
+  std::optional<Up> up;
   int images = 0;
   int device = -1;
   bool json = false;
@@ -44,6 +45,12 @@ GeoPlace parse_geo(const std::string& text) {
     throw CLI::ValidationError("--geo",
                                "'" + text + "' is not LAT,LON,HEIGHT,HEADING, for example 48.137,11.575,519,90");
   return place;
+}
+
+Map open_map(const Arguments& a) {
+  Map map = Map::open(a.map, a.device);
+  if (a.up) map.stand_up(*a.up);
+  return map;
 }
 
 bool has_session(const fs::path& map) { return fs::exists(map / "session" / "state.cbor"); }
@@ -65,14 +72,14 @@ Exported export_it(const Arguments& a) {
   options.source = tidy(a.map).filename().string();
   check(options.for_file(a.output), a.output);
   Progress progress(std::nullopt, "");
-  return export_mesh(Map::open(a.map, a.device), a.output, options, on(progress));
+  return export_mesh(open_map(a), a.output, options, on(progress));
 }
 
 /// The grids of a session: of a run that was cut off there is no map.vdb yet.
 void export_grids(const Arguments& a) {
   if (!has_session(a.map))
     throw std::runtime_error(a.map.string() + ": has no session to make grids from; a map.vdb is what it would be");
-  Map::open(a.map, a.device).write_grids(a.output, a.options.axes);
+  open_map(a).write_grids(a.output, a.options.axes);
   say("{}  {}\n", a.output.string(), size_in_words(fs::file_size(a.output)));
 }
 
@@ -87,7 +94,7 @@ void export_views(const Arguments& a) {
   ViewsOptions options{.program = *a.program, .images = a.images};
   if (a.options.point_spacing > 0) options.point_spacing = a.options.point_spacing;
   Progress progress(std::nullopt, "");
-  const ExportedViews e = Map::open(a.map, a.device).export_views(a.output, options, on(progress));
+  const ExportedViews e = open_map(a).export_views(a.output, options, on(progress));
   progress.clear();
   if (a.json)
     fmt::print("{}\n", text_of({{"images", e.images}, {"keyframes", e.keyframes}, {"points", e.points}}, 2));
@@ -174,6 +181,15 @@ Exported export_mesh(Map map, const fs::path& file, const MeshArguments& argumen
   }
 }
 
+void add_up(CLI::App& command, std::optional<Up>& up) {
+  command
+      .add_option_function<std::string>(
+          "--up", [&up](const std::string& name) { up = up_of(name); },
+          "What points up, where the map does not stand upright: auto, camera, or an axis of the given poses or of the "
+          "first camera: x, y, z, -x, -y, -z; all is turned so, as by reconstruct --up")
+      ->check(CLI::IsMember({"auto", "camera", "x", "y", "z", "-x", "-y", "-z"}));
+}
+
 void add_export_options(CLI::App& command, MeshArguments& o) {
   constexpr const char* kGroup = "Mesh";
   const auto option = [&](const char* name, auto& value, const char* help) {
@@ -218,6 +234,11 @@ void add_export_options(CLI::App& command, MeshArguments& o) {
                                        {"draco", Compression::draco}}))
       ->group(kGroup);
   option("--cell-size", o.cell_size, "Metres; glTF gets a node, 3D Tiles a tile for each cell; 0: by the map's size");
+  command
+      .add_flag(
+          "--lit", o.lit,
+          "glTF: shaded by the viewer's lamps, for programs that show KHR_materials_unlit white (VTK 9.1, f3d 1.3)")
+      ->group(kGroup);
   command.add_flag("--cameras", o.cameras, "glTF: the camera's path as a line, and a camera for each keyframe")
       ->group(kGroup);
 }
@@ -253,6 +274,7 @@ void add_export(CLI::App& program) {
           "Tiles zup, PLY and VDB world]")
       ->transform(one_of<Axes>({{"world", Axes::world}, {"yup", Axes::y_up}, {"zup", Axes::z_up}}))
       ->group("Mesh");
+  add_up(*command, a->up);
   command
       ->add_option_function<std::string>(
           "--geo", [a](const std::string& text) { a->options.geo = parse_geo(text); },

@@ -19,6 +19,9 @@ struct MeshArguments : ExportOptions {
 /// What `export`, `reconstruct`, `live` and `merge` share. The arguments hold once the command line is read.
 void add_export_options(CLI::App& command, MeshArguments& arguments);
 
+/// --up for what is made from a map that is there.
+void add_up(CLI::App& command, std::optional<Up>& up);
+
 /// Writes a map's mesh. Where the map has no colour and no texture was asked for, it has none. Throws as
 /// Map::export_mesh does.
 Exported export_mesh(Map map, const std::filesystem::path& file, const MeshArguments& arguments,

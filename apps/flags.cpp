@@ -30,6 +30,7 @@ constexpr std::array kFlags{
     Words{"ExportOptions::axes", "--frame"},
     Words{"ExportOptions::geo", "--geo"},
     Words{"Options::up", "--up"},
+    Words{"ExportOptions::lit", "--lit"},
     Words{"FuseOptions::device_memory", "--device-memory"},
     Words{"FuseOptions::voxel_size", "--voxel-size"},
     Words{"EsdfOptions::voxel_size", "--esdf-voxel-size"},

@@ -15,6 +15,7 @@
 #include "flags.hpp"
 #include "help.hpp"
 #include "json_text.hpp"
+#include "version.hpp"
 
 namespace {
 
@@ -70,7 +71,16 @@ void add_commands(CLI::App& program) {
 int run(const std::vector<std::string>& words) {
   cairn::apps::set_up_warnings();
   CLI::App program("Dense RGB-D mapping: a depth-camera stream becomes a mesh, a TSDF and a trajectory.", "cairn");
-  program.set_version_flag("-V,--version", CAIRN_VERSION, "Print the version");
+  bool verbose = false;
+  auto* more = program.add_flag("--verbose", verbose, "With --version: devices, drivers and libraries as well");
+  auto* version = program.set_version_flag(
+      "-V,--version",
+      [&verbose] {
+        return verbose ? cairn::apps::version_in_full(cairn::apps::terminal_of(STDOUT_FILENO).columns)
+                       : cairn::apps::version_line();
+      },
+      "Print the version");
+  more->needs(version);
   program.require_subcommand(1);
   add_commands(program);
   if (words.empty()) {

@@ -136,7 +136,8 @@ def build_wheel(wheel_directory: str, config_settings: Settings = None, metadata
     name = f"{p['name']}-{p['version']}-{_tag()}.whl"
     wheel = _Wheel(Path(wheel_directory) / name)
     with tempfile.TemporaryDirectory() as folder:
-        _run("cmake", "--install", build, "--component", "python", "--prefix", folder, "--strip")
+        for component in ("python", "wheel"):
+            _run("cmake", "--install", build, "--component", component, "--prefix", folder, "--strip")
         (package,) = (init.parent for init in Path(folder).rglob("cairn/__init__.py"))
         for file in sorted(path for path in package.rglob("*") if path.is_file()):
             mode = 0o755 if os.access(file, os.X_OK) else 0o644

@@ -64,9 +64,10 @@ struct ExportOptions {
   TextureOptions texture;
   Compression compression = Compression::none;
   float cell_size = 0.0f;  ///< metres; the map becomes a node or tile a cell; 0: one node as long as it is not large
-  float point_spacing = 0.0f;   ///< metres; instead of triangles points that far apart (.ply); 0: triangles. What would
-                                ///< not fit into the memory is refused before the work begins
-  bool cameras = false;         ///< glTF: the camera's path as a line, and a camera for each keyframe
+  float point_spacing = 0.0f;  ///< metres; instead of triangles points that far apart (.ply); 0: triangles. What would
+                               ///< not fit into the memory is refused before the work begins
+  bool lit = false;      ///< glTF: colours are shaded by the viewer's lamps, for programs that do not know unlit ones
+  bool cameras = false;  ///< glTF: the camera's path as a line, and a camera for each keyframe
   Axes axes = Axes::automatic;  ///< of the file
   std::optional<GeoPlace> geo;  ///< tileset.json: where globes show it
   int levels = 1;               ///< of detail, each with a quarter of the triangles: X.glb, X.lod1.glb, ...

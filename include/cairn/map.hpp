@@ -59,6 +59,9 @@ class Map {
 
   /// Which way up it stands, see Mapper::upright; of a .vdb file as that says.
   [[nodiscard]] Upright upright() const;
+  /// Turns all that is asked of the map or written from here on, as Options::up does. Throws std::runtime_error where
+  /// a .vdb file alone does not tell what `up` asks for.
+  void stand_up(Up up);
   /// Recordings that the map is made of, at least one.
   [[nodiscard]] int recordings() const;
   /// As Mapper::trajectory.

@@ -20,6 +20,9 @@ namespace cairn {
 /// One process at a time writes into a session. One thread at a time.
 class Session {
  public:
+  /// The format that is written, and the oldest that is read: that of the version before.
+  static constexpr int kFormat = 10, kOldestFormat = 9;
+
   /// Begins a session. One that is there stays until this one's first checkpoint. Throws std::runtime_error while
   /// somebody else writes there.
   [[nodiscard]] static Session create(const std::filesystem::path& folder);

@@ -89,6 +89,8 @@ std::optional<Exported> export_file(GuardedMap& map, const fs::path& file, const
       o.cell_size = value.cast<float>();
     else if (name == "lods")
       o.levels = value.cast<int>();
+    else if (name == "lit")
+      o.lit = value.cast<bool>();
     else if (name == "cameras")
       o.cameras = value.cast<bool>();
     else if (name == "min_piece")
@@ -217,7 +219,7 @@ voxel_size: metres, 1, 2, 4 or 8 voxels of the map. max_distance: metres. robot_
 free wherever it was. visited: a Trajectory, where it was, of a map that does not know.)")
       .def(
           "export", &export_file, py::arg("file"),
-          R"(export(self, file, *, texture=None, simplify=None, max_error=None, triangles=None, compress=None, texel=None, texture_size=None, texture_png=None, jpeg_quality=None, points=None, cell_size=None, lods=None, cameras=None, min_piece=None, min_weight=None, fill_holes=None, axes=None, geo=None, progress=None)
+          R"(export(self, file, *, texture=None, simplify=None, max_error=None, triangles=None, compress=None, texel=None, texture_size=None, texture_png=None, jpeg_quality=None, points=None, cell_size=None, lods=None, lit=None, cameras=None, min_piece=None, min_weight=None, fill_holes=None, axes=None, geo=None, progress=None)
 --
 
 Writes the surface, by the extension: .glb, .gltf, .ply, .obj, .stl or a tileset.json; .vdb writes the voxels, .g2o and
@@ -226,7 +228,8 @@ Writes the surface, by the extension: .glb, .gltf, .ply, .obj, .stl or a tileset
 texture: True asks for one, False leaves it out; by default there is one wherever there is color. simplify: share of the
 triangles that is left. max_error: metres. triangles: no more than so many. compress: 'quantised', 'meshopt', 'draco'.
 texel: metres. texture_size: texels a side. texture_png: instead of JPEG. jpeg_quality: 1 to 100. points: metres between
-points, instead of triangles (.ply). cell_size: metres. lods: levels of detail. cameras: the path and keyframes, in glTF.
+points, instead of triangles (.ply). cell_size: metres. lods: levels of detail. lit: glTF shaded by the viewer's
+lamps. cameras: the path and keyframes, in glTF.
 min_piece, min_weight, fill_holes: what cleaning removes and closes. axes: 'world' (x right, y down, z forward), 'yup' or
 'zup'; by default as programs expect them of the format. geo: latitude, longitude, height and heading of a tileset's
 origin (degrees; metres above WGS 84's ellipsoid; clockwise from north, where the map's z points). progress: called with done, count and what is next.)")
@@ -239,6 +242,13 @@ origin (degrees; metres above WGS 84's ellipsoid; clockwise from north, where th
 Writes keyframes as images with poses and depth, and points of the surface, into a new folder, for programs that learn a
 scene ('nerfstudio', 'colmap'). images: at most, each the sharpest of its surroundings; 0: all. point_spacing: metres.
 Returns ExportedViews.)")
+      .def(
+          "stand_up", [](GuardedMap& s, const std::string& up) { s.guard->change([&] { s.map.stand_up(up_of(up)); }); },
+          py::arg("up"), R"(stand_up(self, up)
+--
+
+Turns all that is asked of the map or written from here on: 'auto', 'camera', or the axis that points up, 'x', 'y', 'z',
+'-x', '-y' or '-z', of the given poses' world or of the first camera.)")
       .def(
           "upright", [](GuardedMap& s) { return s.guard->run([&] { return s.map.upright(); }); }, R"(upright(self)
 --

@@ -62,6 +62,8 @@ void check(const ExportOptions& o, const std::filesystem::path& file) {
   if (o.compression != Compression::none && extension != ".glb" && extension != ".gltf" && extension != ".json")
     refuse("ExportOptions::compression", "needs .glb, .gltf or tileset.json");
   if (o.cameras && !is_gltf(file)) refuse("ExportOptions::cameras", "needs .glb or .gltf");
+  if (o.lit && extension != ".glb" && extension != ".gltf" && extension != ".json")
+    refuse("ExportOptions::lit", "needs .glb, .gltf or tileset.json");
   if (o.geo) {
     if (!is_tileset(file)) refuse("ExportOptions::geo", "needs tileset.json");
     constexpr double kDeepest = -12000, kHighest = 1e6;  // metres

@@ -98,6 +98,7 @@ struct ExportRun {
     return {.compression = options.compression,
             .png = options.texture.png,
             .jpeg_quality = options.texture.jpeg_quality,
+            .lit = options.lit,
             .source = options.source,
             .upright = input.upright,
             .axes = is_tileset(file) ? Axes::automatic : options.axes,

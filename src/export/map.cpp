@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "cairn/map.hpp"
 
+#include <fmt/format.h>
 #include <malloc.h>
 
 #include <algorithm>
@@ -18,6 +19,7 @@
 #include "export/map_contents.hpp"
 #include "export/views.hpp"
 #include "map/map_state.hpp"
+#include "map/upright.hpp"
 #include "volume/voxels.hpp"
 
 namespace cairn {
@@ -133,6 +135,10 @@ class MapperContents final : public Map::Contents {
   }
 
   Upright upright() const override { return state_->upright(); }
+  void stand_up(Up up) override {
+    state_->options.up = up;
+    state_->back_end.ask_up(up);
+  }
   int recordings() const override { return state_->recordings(); }
   Trajectory trajectory(int recording) const override { return state_->trajectory(recording); }
   Statistics statistics() const override { return state_->statistics(); }
@@ -293,6 +299,13 @@ class GridContents final : public Map::Contents {
   }
 
   Upright upright() const override { return grids_.info.upright; }
+  void stand_up(Up up) override {
+    if (up == Up::automatic || up == Up::camera)
+      throw std::runtime_error(fmt::format(
+          "{}: alone does not tell what Options::up {} is: name the axis that points up, x, y, z, -x, -y or -z",
+          file_.string(), name_of(up)));
+    grids_.info.upright = upright_by(*find_down({}, up), {});
+  }
   int recordings() const override { return 1; }
   Trajectory trajectory(int) const override { return {}; }
   Statistics statistics() const override { return {}; }
@@ -343,6 +356,7 @@ ExportedViews Map::export_views(const fs::path& folder, const ViewsOptions& opti
 void Map::write_grids(const fs::path& file, Axes axes) { contents_->write_grids(file, axes); }
 void Map::write_graph(const fs::path& file) const { contents_->write_graph(file); }
 Upright Map::upright() const { return contents_->upright(); }
+void Map::stand_up(Up up) { contents_->stand_up(up); }
 int Map::recordings() const { return contents_->recordings(); }
 Trajectory Map::trajectory(int recording) const { return contents_->trajectory(recording); }
 Statistics Map::statistics() const { return contents_->statistics(); }

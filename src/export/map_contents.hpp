@@ -26,6 +26,7 @@ class Map::Contents {
   virtual void write_grids(const std::filesystem::path& file, Axes axes) = 0;
   virtual void write_graph(const std::filesystem::path& file) const = 0;
   [[nodiscard]] virtual Upright upright() const = 0;
+  virtual void stand_up(Up up) = 0;
   [[nodiscard]] virtual int recordings() const = 0;
   [[nodiscard]] virtual Trajectory trajectory(int recording) const = 0;
   [[nodiscard]] virtual Statistics statistics() const = 0;

@@ -345,7 +345,7 @@ struct GltfWriter::State {
     material.pbrMetallicRoughness.roughnessFactor = 1.0;
     material.doubleSided = true;
     const bool is_textured = !mesh.texture_coordinates.empty();
-    if (is_textured || !mesh.colours.empty()) {  // the light is in the colours already
+    if (!options.lit && (is_textured || !mesh.colours.empty())) {  // the light is in the colours already
       use(kUnlit[0]);
       material.extensions[kUnlit[0]] = tinygltf::Value(tinygltf::Value::Object{});
     }

@@ -22,6 +22,7 @@ struct GltfOptions {
   Compression compression = Compression::none;
   bool png = false;  // textures as PNG instead of JPEG
   int jpeg_quality = 90;
+  bool lit = false;                // instead of KHR_materials_unlit
   std::string source;              // told in asset.extras
   std::optional<Upright> upright;  // told there, too; none: +y is up
   Axes axes = Axes::automatic;     // told there as well; glTF itself asks for y_up

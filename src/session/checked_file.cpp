@@ -15,8 +15,6 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr int kFormat = 10;
-
 std::uint32_t checksum(std::string_view bytes) {
   boost::crc_32_type crc;
   crc.process_bytes(bytes.data(), bytes.size());
@@ -45,22 +43,22 @@ CheckedBytes read_checked(const std::filesystem::path& file, const std::string& 
   std::ifstream in(file, std::ios::binary);
   if (!in) throw std::runtime_error(file.string() + ": cannot be opened");
   std::string begin(kind.size(), ' ');
-  int format = 0;
   CheckedBytes read;
   in.read(begin.data(), static_cast<std::streamsize>(begin.size()));
-  in >> format >> std::hex >> read.checksum;
+  in >> read.format >> std::hex >> read.checksum;
   in.get();
   if (!in || begin != kind) throw std::runtime_error(fmt::format("{}: does not begin with '{}'", file.string(), kind));
-  if (format != kFormat)
-    throw std::runtime_error(fmt::format("{}: was written by another version of cairn (format {}, this one reads {})",
-                                         file.string(), format, kFormat));
+  if (read.format < Session::kOldestFormat || read.format > Session::kFormat)
+    throw std::runtime_error(
+        fmt::format("{}: was written by another version of cairn (format {}, this one reads {} to {})", file.string(),
+                    read.format, Session::kOldestFormat, Session::kFormat));
   read.bytes.assign(std::istreambuf_iterator<char>(in), {});
   if (checksum(read.bytes) != read.checksum) throw std::runtime_error(file.string() + ": is damaged");
   return read;
 }
 
 CheckedBytes checked_file(const Json& json, const char* kind) {
-  const auto first_line = [&](std::uint32_t sum) { return fmt::format("{} {} {:08x}\n", kind, kFormat, sum); };
+  const auto first_line = [&](std::uint32_t sum) { return fmt::format("{} {} {:08x}\n", kind, Session::kFormat, sum); };
   CheckedBytes file{.bytes = first_line(0)};
   const std::size_t begin = file.bytes.size();
   Json::to_cbor(json, file.bytes);

@@ -7,16 +7,19 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "cairn/session.hpp"
+
 namespace cairn {
 
 /// What was behind a first line, or is to come there.
 struct CheckedBytes {
   std::string bytes;
   std::uint32_t checksum = 0;
+  int format = Session::kFormat;
 };
 
-/// The CBOR of a file of this kind. Throws std::runtime_error, with the file's name, for another kind, another format,
-/// or a checksum that is not the bytes'.
+/// The CBOR of a file of this kind. Throws std::runtime_error, with the file's name, for another kind, a format that is
+/// not read, or a checksum that is not the bytes'.
 [[nodiscard]] CheckedBytes read_checked(const std::filesystem::path& file, const std::string& kind);
 /// A whole file for read_checked(), and the checksum of its CBOR.
 [[nodiscard]] CheckedBytes checked_file(const nlohmann::json& json, const char* kind);

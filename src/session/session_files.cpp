@@ -71,8 +71,8 @@ bool names(const fs::path& session, std::uint32_t checksum) {
 }
 
 /// With its newest frames; those of files are still to be read.
-StateFile parse_state(const std::string& cbor) {
-  StateFile state = state_of(parse_cbor(cbor));
+StateFile parse_state(const CheckedBytes& read) {
+  StateFile state = state_of(parse_cbor(read.bytes), read.format);
   for (const std::string& name : state.frame_files)
     if (!is_frames(name)) throw std::runtime_error("frames are missing");
   validate(state.session, FusedFrames::kChunk * state.frame_files.size() + state.session.back_end.atlas.frames.size());
@@ -85,7 +85,7 @@ FusedFrames read_frames(const fs::path& files, const std::vector<std::string>& n
     const fs::path file = files / name;
     const CheckedBytes read = read_checked(file, kFramesKind);
     try {
-      auto chunk = frames_of(parse_cbor(read.bytes));
+      auto chunk = frames_of(parse_cbor(read.bytes), read.format);
       validate(chunk, atlas.keyframes.size());
       if (chunk.size() != FusedFrames::kChunk) throw std::runtime_error("frames are missing");
       frames.push_back(std::make_shared<const FusedFrames::Chunk>(std::move(chunk)));
@@ -101,7 +101,7 @@ FusedFrames read_frames(const fs::path& files, const std::vector<std::string>& n
 ReadSession read_files(const fs::path& session, const CheckedBytes& bytes) {
   StateFile state;
   try {
-    state = parse_state(bytes.bytes);
+    state = parse_state(bytes);
   } catch (const std::exception& error) {
     throw std::runtime_error(
         fmt::format("{}: is damaged ({}); {}", (session / kState).string(), plain(error.what()), kAgain));
@@ -148,7 +148,7 @@ ReadSession read_session(const fs::path& session) {
 }
 
 SessionPictures read_pictures(const fs::path& session) {
-  const StateFile state = parse_state(read_state(session).bytes);
+  const StateFile state = parse_state(read_state(session));
   const fs::path files = session / state.session.run;
   if (!fs::is_directory(files))
     throw std::runtime_error(files.string() + ": is missing; the session is damaged: " + kAgain);

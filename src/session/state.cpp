@@ -26,7 +26,12 @@ concept Number = std::is_arithmetic_v<T> || std::is_enum_v<T>;
 template <class T, class Struct>
 concept Of = std::same_as<std::remove_const_t<T>, Struct>;
 
-// The fields of each struct, listed once: Out writes and In reads what `io` is called with.
+/// A value that the formats up to `last` had.
+template <int last, class T>
+struct Until {};
+
+// The fields of each struct, listed once: Out writes and In reads what `io` is called with. What came to them after the
+// oldest format that is read stands in io.since(FORMAT, ...), what went is Until<FORMAT, TYPE>.
 
 void fields(auto& io, Of<Eigen::Isometry3d> auto& pose) { io(pose.matrix()); }
 
@@ -50,7 +55,8 @@ void fields(auto& io, Of<Structure> auto& s) { io(s.facings, s.area); }
 
 void fields(auto& io, Of<Keyframe> auto& k) {
   io(k.frame, k.timestamp, k.colour_delay, k.submap, k.searched, k.follows, k.odometry_from_camera,
-     k.submap_from_camera, k.information, k.acceleration, k.accelerations, k.structure);
+     k.submap_from_camera, k.information, k.acceleration);
+  io.since(10, k.accelerations, k.structure);
 }
 
 void fields(auto& io, Of<SettledDown> auto& s) { io(s.keyframe, s.found.down, s.found.source, s.found.words); }
@@ -97,7 +103,7 @@ void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& ne
   io("frames", newest);
   io("frame_files", frame_files);
   io("recordings", m.atlas.recordings);
-  io("upright", m.atlas.up, m.atlas.settled);
+  io.since(10, "upright", m.atlas.up, m.atlas.settled);
   io("submaps", m.submaps);
   io("tracked_from_camera", m.tracked_from_camera);
   io("back_end", m.searched, m.submap_begin, m.submap_since, m.in_world, m.breaks, m.unsettled, m.searching,
@@ -107,7 +113,7 @@ void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& ne
   io("prediction", s.tracker.prediction);
   io("gyroscope", s.tracker.gyroscope);
   io("residency", s.residency);
-  io("mapper", s.fused_count, s.last_image, s.repeats, s.last_fused);
+  io("mapper", s.fused_count, s.last_image, s.repeats, s.last_fused, Until<9, Eigen::Vector3d>{});
   io("number", s.number);
   io("run", run);
   io("note", s.note);
@@ -117,6 +123,7 @@ void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& ne
 class Out {
  public:
   void operator()(const auto&... values) { (put(values), ...); }
+  void since(int, const auto&... values) { (*this)(values...); }
   [[nodiscard]] std::vector<std::uint8_t> take() { return std::move(bytes_); }
 
  private:
@@ -129,6 +136,8 @@ class Out {
   void put(const T& value) {
     fields(*this, value);
   }
+  template <int last, class T>
+  void put(const Until<last, T>&) {}
   template <Number T>
   void put(const T& value) {
     append(&value, 1);
@@ -165,8 +174,11 @@ class Out {
 /// Reads what Out has written. It asks for memory as far as there are bytes, whatever a count says.
 class In {
  public:
-  explicit In(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
-  void operator()(auto&... values) { (get(values), ...); }
+  In(std::span<const std::uint8_t> bytes, int format) : bytes_(bytes), format_(format) {}
+  void operator()(auto&&... values) { (get(values), ...); }
+  void since(int format, auto&... values) {
+    if (format_ >= format) (*this)(values...);
+  }
   [[nodiscard]] bool at_end() const { return bytes_.empty(); }
 
  private:
@@ -185,6 +197,11 @@ class In {
   template <class T>
   void get(T& value) {
     fields(*this, value);
+  }
+  template <int last, class T>
+  void get(Until<last, T>&) {
+    T gone;
+    if (format_ <= last) get(gone);
   }
   template <Number T>
   void get(T& value) {
@@ -223,6 +240,7 @@ class In {
   }
 
   std::span<const std::uint8_t> bytes_;
+  int format_;
 };
 
 class WriteEntries {
@@ -233,6 +251,7 @@ class WriteEntries {
     out(values...);
     json_[name] = Json::binary(out.take());
   }
+  void since(int, const char* name, const auto&... values) { (*this)(name, values...); }
 
  private:
   Json& json_;
@@ -240,20 +259,24 @@ class WriteEntries {
 
 class ReadEntries {
  public:
-  explicit ReadEntries(const Json& json) : json_(json) {}
-  void operator()(const char* name, auto&... values) {
+  ReadEntries(const Json& json, int format) : json_(json), format_(format) {}
+  void operator()(const char* name, auto&&... values) {
     const Json& entry = json_.at(name);
     try {
-      In in(entry.get_binary());
+      In in(entry.get_binary(), format_);
       in(values...);
       if (!in.at_end()) throw std::runtime_error("is too long");
     } catch (const std::exception& error) {
       throw std::runtime_error(fmt::format("'{}' {}", name, plain(error.what())));
     }
   }
+  void since(int format, const char* name, auto&... values) {
+    if (format_ >= format) (*this)(name, values...);
+  }
 
  private:
   const Json& json_;
+  int format_;
 };
 
 }  // namespace
@@ -265,11 +288,14 @@ Json json_of(const SessionState& session, const std::string& run, const std::vec
   return json;
 }
 
-StateFile state_of(const Json& json) {
+StateFile state_of(const Json& json, int format) {
   StateFile state;
   FusedFrames::Chunk newest;
-  ReadEntries io(json);
+  ReadEntries io(json, format);
   entries(io, state.session, newest, state.session.run, state.frame_files);
+  if (format < 10)  // what the frames around a keyframe measured is its own part alone
+    for (Keyframe& k : state.session.back_end.atlas.keyframes)
+      if (k.acceleration) k.accelerations << *k.acceleration, k.acceleration->norm();
   for (const FusedFrame& frame : newest) state.session.back_end.atlas.frames.push_back(frame);
   return state;
 }
@@ -281,9 +307,9 @@ Json json_of(const FusedFrames::Chunk& frames) {
   return json;
 }
 
-FusedFrames::Chunk frames_of(const Json& json) {
+FusedFrames::Chunk frames_of(const Json& json, int format) {
   FusedFrames::Chunk frames;
-  ReadEntries io(json);
+  ReadEntries io(json, format);
   io("frames", frames);
   return frames;
 }

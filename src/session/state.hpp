@@ -19,11 +19,12 @@ struct StateFile {
 /// `run`: the name of the folder in which the frames' files are.
 [[nodiscard]] nlohmann::json json_of(const SessionState& session, const std::string& run,
                                      const std::vector<std::string>& frame_files);
-/// Throws for what json_of() has not made. What it says is not validated.
-[[nodiscard]] StateFile state_of(const nlohmann::json& json);
+/// Throws for what json_of() has not made, of this version or, in an older format, of the one before. What it says is
+/// not validated.
+[[nodiscard]] StateFile state_of(const nlohmann::json& json, int format);
 
 [[nodiscard]] nlohmann::json json_of(const FusedFrames::Chunk& frames);
 /// As state_of().
-[[nodiscard]] FusedFrames::Chunk frames_of(const nlohmann::json& json);
+[[nodiscard]] FusedFrames::Chunk frames_of(const nlohmann::json& json, int format);
 
 }  // namespace cairn

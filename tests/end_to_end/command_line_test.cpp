@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
+#include <regex>
 #include <sstream>
 
 #include "support/files.hpp"
@@ -164,7 +165,19 @@ TEST_F(CommandLine, HelpIsTheSameByBothNames) {
     EXPECT_NE(a.out.find("--quiet"), std::string::npos) << a.out;
   }
   EXPECT_EQ(run_cairn({"--help"}).out, run_cairn({"help"}).out);
-  EXPECT_EQ(run_cairn({"-V"}).out, run_cairn({"--version"}).out);
+}
+
+TEST_F(CommandLine, TheVersionSaysOfWhatAndWithMoreWithWhat) {
+  const std::string line = run_cairn({"--version"}).out, more = run_cairn({"--version", "--verbose"}).out;
+  EXPECT_TRUE(std::regex_match(line, std::regex("cairn [0-9]+\\.[0-9]+\\.[0-9]+ \\([^ ()]+\\)\n"))) << line;
+  EXPECT_EQ(run_cairn({"-V"}).out, line);
+  EXPECT_EQ(run_cairn({"--verbose", "-V"}).out, more);  // in any order
+  EXPECT_EQ(more.substr(0, line.size()), line);
+  for (const char* told : {"built ", "Ceres 2.", "meshoptimizer", "sessions ", "Mesa 2"})
+    EXPECT_NE(more.find(told), std::string::npos) << told << more;
+  const Ran alone = run_cairn({"--verbose", "devices"});
+  EXPECT_EQ(alone.exit_code, 2);
+  EXPECT_NE(alone.err.find("--version"), std::string::npos) << alone.err;
 }
 
 TEST_F(CommandLine, HelpHasNoInternalsAndFitsTheTerminal) {
@@ -223,7 +236,8 @@ TEST_F(CommandLine, AFullDiskBehindStdoutIsTold) {
   const std::string room = (out / "room").string();
   ASSERT_EQ(run_cairn({"synth", "room", "-o", room, "--frames", "20", "--width", "320"}).exit_code, 0);
   for (const auto& command : kCommands) to_full(command[0] + (command.size() > 1 ? " " + command[1] : "") + " --help");
-  for (const char* words : {"", "help", "help --man", "--version", "devices", "doctor", "completion bash"})
+  for (const char* words :
+       {"", "help", "help --man", "--version", "--version --verbose", "devices", "doctor", "completion bash"})
     to_full(words);
   to_full("info '" + room + "'");
   to_full("info --json '" + room + "'");

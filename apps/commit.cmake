@@ -1,0 +1,20 @@
+# Writes HEADER with the commit of SOURCE, when it changed: git's, of an archive that git made (.commit), or COMMIT's.
+file(READ ${SOURCE}/.commit archived)
+string(STRIP "${archived}" archived)
+set(commit unknown)
+if(COMMIT)
+  set(commit ${COMMIT})
+elseif(NOT archived MATCHES Format)
+  set(commit ${archived})
+else()
+  execute_process(COMMAND git -C ${SOURCE} rev-parse --show-prefix RESULT_VARIABLE failed OUTPUT_VARIABLE prefix
+                  ERROR_QUIET OUTPUT_STRIP_TRAILING_WHITESPACE)
+  if(NOT failed AND prefix STREQUAL "")  # and it is no folder of somebody else's repository
+    execute_process(COMMAND git -C ${SOURCE} describe --always --dirty --abbrev=12 --exclude=*
+                    OUTPUT_VARIABLE described ERROR_QUIET OUTPUT_STRIP_TRAILING_WHITESPACE)
+    if(described)
+      set(commit ${described})
+    endif()
+  endif()
+endif()
+file(CONFIGURE OUTPUT ${HEADER} CONTENT "#define CAIRN_COMMIT \"${commit}\"\n")
