@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "command_line.hpp"
+#include "command_tree.hpp"
 #include "console.hpp"
 #include "flags.hpp"
 #include "json_text.hpp"
@@ -45,6 +46,16 @@ nlohmann::json to_json(const FrameReport& r) {
   if (r.touched_bricks > 0) j.update({{"touched_bricks", r.touched_bricks}, {"new_bricks", r.new_bricks}});
   j["ms"] = r.stage_ms;
   return j;
+}
+
+/// A run that goes on leaves what the one before has logged: it takes X-2.mcap, X-3.mcap, ...
+fs::path log_file(const RunArguments& a) {
+  fs::path file = a.log;
+  if (a.resume)
+    for (int number = 2; fs::exists(file); ++number)
+      file.replace_filename(fmt::format("{}-{}{}", a.log.stem().string(), number, a.log.extension().string()));
+  if (file != a.log) fmt::print(stderr, "log         {} ({} exists)\n", file.string(), a.log.string());
+  return file;
 }
 
 }  // namespace
@@ -157,10 +168,12 @@ Run::Run(RunArguments arguments, const Options& options, Poses poses, const Rig&
   prepare_output(arguments_.output);
   if (poses_ == Poses::given && fs::exists(arguments_.output / "session"))
     replaced_.emplace(arguments_.output / "session");
+  if (!arguments_.log.empty()) log_.emplace(log_file(arguments_), arguments_.overwrite);
   if (arguments_.resume) {
     session_.emplace(Session::resume(arguments_.output / "session"));
     mapper_.emplace(session_->mapper(rig_, options_, arguments_.device));
     if (is_next_recording) mapper_->begin_recording();
+    log([&](RunLog& log) { log.begin(*mapper_, rig_); });
   } else {
     reset();
   }
@@ -175,6 +188,7 @@ void Run::reset() {
   } else {
     mapper_.emplace(rig_, options_, poses_, arguments_.device);
   }
+  log([&](RunLog& log) { log.begin(*mapper_, rig_); });
   told_ = 0;
   progressed_.frames = {};
   frames_before_ = 0;
@@ -201,6 +215,7 @@ FrameReport Run::add(const Frame& frame, double waited_ms) {
   }
   tell_warnings();
   timed("evidence", [&] { evidence_.add(frame, report); });
+  log([&](RunLog& log) { timed("log", [&] { log.add(frame, report); }); });
   report.stage_ms["wait for decoding"] = waited_ms;
   for (const auto& [stage, ms] : report.stage_ms) stages_[stage].add(ms);
   progressed_.next = report.index + 1;
@@ -223,6 +238,16 @@ void Run::warn(const std::string& message) {
   const std::string text = in_flags(message);
   spdlog::warn(text);
   warnings_.push_back(text);
+  log([&](RunLog& log) { log.warn(text); });
+}
+
+void Run::log(const std::function<void(RunLog&)>& work) {
+  if (!log_) return;
+  work(*log_);
+  if (const auto problem = log_->problem()) {
+    log_.reset();
+    warn(*problem);
+  }
 }
 
 void Run::tell_warnings() {
@@ -266,6 +291,7 @@ Verdict Run::finish(const nlohmann::json& more) {
   Outputs outputs(
       output, [this](const char* stage, const auto& work) { timed(stage, work); }, stopped_);
   progressed_.evidence = evidence_.save();
+  log([](RunLog& log) { log.finishing(); });
   nlohmann::json report = outputs.write(*mapper_, session_ ? &*session_ : nullptr, arguments_.mesh, progressed_.note());
   // With given poses there is no session; the one of an earlier run is not this map's.
   if (replaced_) replaced_->remove();
@@ -274,6 +300,7 @@ Verdict Run::finish(const nlohmann::json& more) {
   tell_warnings();
   for (const std::string& warning : outputs.warnings()) warn(warning);
   Verdict verdict = judge(report["submaps"]["components"]);
+  log([&](RunLog& log) { log.finish(verdict); });
   for (const std::string& reason : verdict.reasons)
     if (std::find(warnings_.begin(), warnings_.end(), reason) == warnings_.end()) warnings_.push_back(reason);
   const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
@@ -342,6 +369,21 @@ void end_with(const Verdict& verdict) {
   if (verdict.level == Verdict::Level::bad) throw CLI::RuntimeError(kMostlyLost);
 }
 
+namespace {
+
+/// What is told of a run beside its map.
+void add_telling_options(CLI::App& command, RunArguments& a) {
+  command
+      .add_option("--log", a.log,
+                  "New file X.mcap for poses, images, the growing surface and what happens, which Foxglove and Rerun "
+                  "replay")
+      ->type_name(kFile);
+  command.add_flag("--json", a.json, "Print the report to stdout as JSON");
+  command.add_flag("--verbose", a.verbose, "Tell of each frame how well it fits, in numbers");
+}
+
+}  // namespace
+
 void add_run_options(CLI::App& command, RunArguments& a) {
   command.add_option("SEQUENCE", a.sequence, kSequenceHelp)->required();
   add_output_options(command, a, "-o,--output,OUT",
@@ -399,8 +441,7 @@ void add_run_options(CLI::App& command, RunArguments& a) {
                   "Seconds between two checkpoints of the session: so much work a kill costs at most")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  command.add_flag("--json", a.json, "Print the report to stdout as JSON");
-  command.add_flag("--verbose", a.verbose, "Tell of each frame how well it fits, in numbers");
+  add_telling_options(command, a);
   add_export_options(command, a.mesh);
 }
 

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "cairn/mapper.hpp"
+#include "cairn/run_log.hpp"
 #include "cairn/session.hpp"
 #include "cairn/source.hpp"
 #include "cairn/verdict.hpp"
@@ -28,7 +29,7 @@ namespace cairn::apps {
 /// What the user says about a map and where it goes.
 struct RunArguments : OutputArguments {
   std::string sequence;
-  std::filesystem::path config, camera;
+  std::filesystem::path config, camera, log;
   std::optional<std::string> sensor;
   std::string motion = "hand";
   std::optional<std::string> up;
@@ -108,6 +109,8 @@ class Run {
  private:
   using Clock = std::chrono::steady_clock;
   [[nodiscard]] Verdict judge(int components) const;
+  /// With --log, as long as the log can be written.
+  void log(const std::function<void(RunLog&)>& work);
   [[nodiscard]] std::string how_to_go_on() const;
   void tell(const nlohmann::json& report, const Verdict& verdict) const;
   RunArguments arguments_;
@@ -121,6 +124,7 @@ class Run {
   std::optional<ReplacedSession> replaced_;  // of an earlier run, when this one makes none
   std::optional<Session> session_;           // of tracked poses
   std::optional<Mapper> mapper_;
+  std::optional<RunLog> log_;
   std::map<std::string, Durations> stages_;
   std::vector<std::string> warnings_;
   std::optional<std::string> stopped_;  // why

@@ -10,6 +10,7 @@
 
 namespace cairn {
 
+class GrowingSurface;
 class Mapper;
 struct MapState;
 
@@ -29,7 +30,7 @@ struct SurfaceChanges {
   std::optional<double> coverage;  ///< mean of the same, 0..1, over the cubes that the last frame changed
 };
 
-/// The surface as it grows, for a viewer that follows it. One for a mapper, used by the mapper's thread; it ends with
+/// The surface as it grows, for a viewer that follows it, as any number may. Used by the mapper's thread; it ends with
 /// the mapper and tells nothing afterwards.
 class LiveSurface {
  public:
@@ -45,8 +46,9 @@ class LiveSurface {
   [[nodiscard]] SurfaceChanges changes(int max_bricks = 1000, bool all = false);
 
  private:
-  std::weak_ptr<MapState> state_;  ///< gone with the mapper
-  bool is_made_ = true;            ///< it could be so far
+  std::weak_ptr<MapState> state_;      ///< gone with the mapper
+  GrowingSurface* surface_ = nullptr;  ///< of `state_`
+  bool is_made_ = true;                ///< it could be so far
 };
 
 }  // namespace cairn

@@ -12,6 +12,7 @@
 #include <unordered_map>
 
 #include "io/file_bytes.hpp"
+#include "io/mcap_records.hpp"
 #include "io/ros_compression.hpp"
 #include "io/ros_recording.hpp"
 
@@ -22,19 +23,9 @@ namespace fs = std::filesystem;
 static_assert(std::endian::native == std::endian::little, "numbers are read as they lie in the file");
 using Bytes = std::span<const std::uint8_t>;
 
-constexpr std::string_view kMagic("\x89MCAP0\r\n", 8);
-constexpr std::uint64_t kHeadSize = 9;                 // bytes: kind and length
-constexpr std::uint64_t kFooterSize = 20;              // bytes, without its head
+using namespace mcap;
+
 constexpr std::uint64_t kMostInMemory = 256ull << 20;  // bytes of a record
-enum Kind : std::uint8_t {
-  kFooter = 2,
-  kSchema = 3,
-  kChannel = 4,
-  kMessage = 5,
-  kChunk = 6,
-  kStatistics = 0x0b,
-  kDataEnd = 0x0f
-};
 
 /// The fields of a record, one after another.
 class Fields {

@@ -106,4 +106,12 @@ std::vector<std::uint8_t> unpacked(std::string_view kind, std::span<const std::u
   return all;
 }
 
+std::vector<std::uint8_t> packed_by_zstd(std::span<const std::uint8_t> bytes) {
+  std::vector<std::uint8_t> packed(ZSTD_compressBound(bytes.size()));
+  const std::size_t size = ZSTD_compress(packed.data(), packed.size(), bytes.data(), bytes.size(), 1);
+  if (ZSTD_isError(size)) throw std::runtime_error(fmt::format("cannot be packed: {}", ZSTD_getErrorName(size)));
+  packed.resize(size);
+  return packed;
+}
+
 }  // namespace cairn

@@ -16,4 +16,7 @@ namespace cairn {
 [[nodiscard]] std::vector<std::uint8_t> unpacked(std::string_view kind, std::span<const std::uint8_t> packed,
                                                  std::optional<std::uint64_t> promised);
 
+/// A frame of Zstandard that holds these bytes; quick rather than small.
+[[nodiscard]] std::vector<std::uint8_t> packed_by_zstd(std::span<const std::uint8_t> bytes);
+
 }  // namespace cairn

@@ -415,6 +415,12 @@ void set_interval(const Survey& survey, RosPlan& plan) {
   if (const double step = steps[steps.size() / 2]; step > 1e-3 && step < 1) plan.interval = step;
 }
 
+/// Whether it is what RunLog writes.
+bool holds_a_log(const Survey& survey) {
+  const auto& topics = survey.topics();
+  return std::any_of(topics.begin(), topics.end(), [](const RosTopic& t) { return t.type == "cairn.Frame"; });
+}
+
 }  // namespace
 
 RosPlan plan_of(RosRecording& recording, const SourceOptions& options) {
@@ -424,6 +430,9 @@ RosPlan plan_of(RosRecording& recording, const SourceOptions& options) {
   if (messages == 0)
     throw std::runtime_error(fmt::format("{}: holds no message; record it again, or copy it again", survey.name()));
   const auto depth = choose(survey, Holds::depth, options.depth_topic);
+  if (!depth && holds_a_log(survey))
+    throw std::runtime_error(
+        fmt::format("{}: is a log of a run (--log), not a recording; Foxglove and Rerun play it", survey.name()));
   if (!depth)
     throw std::runtime_error(
         fmt::format("{}: has no topic of depth images (16UC1, mono16, 32FC1 or compressedDepth); "

@@ -7,12 +7,13 @@
 namespace cairn {
 
 LiveSurface::LiveSurface(Mapper& mapper) : state_(mapper.state()) {
-  mapper.state()->surface.emplace();
-  mapper.state()->surface->change(mapper.state()->volume.bricks());
+  MapState& s = *mapper.state();
+  surface_ = &s.surfaces.emplace_back();
+  surface_->change(s.volume.bricks());
 }
 
 LiveSurface::~LiveSurface() {
-  if (const auto state = state_.lock()) state->surface.reset();
+  if (const auto state = state_.lock()) state->surfaces.remove_if([&](const auto& s) { return &s == surface_; });
 }
 
 SurfaceChanges LiveSurface::changes(int max_bricks, bool all) {
@@ -24,9 +25,9 @@ SurfaceChanges LiveSurface::changes(int max_bricks, bool all) {
   SurfaceChanges changes;
   if (is_made_)
     is_made_ = s.warnings().attempt("the surface is no longer shown", [&] {
-      changes.parts = s.surface->take(s.volume, s.polygonizer, submap, max_bricks, all);
+      changes.parts = surface_->take(s.volume, s.polygonizer, submap, max_bricks, all);
     });
-  changes.coverage = s.surface->coverage();
+  changes.coverage = surface_->coverage();
   changes.world_from_submap.assign(static_cast<std::size_t>(submap) + 1, Eigen::Isometry3d::Identity());
   for (std::size_t k = atlas.keyframes.size(); k-- > 0;)  // a submap lies as its first keyframe
     changes.world_from_submap[atlas.keyframes[k].submap] = atlas.correction(k);

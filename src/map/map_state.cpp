@@ -120,7 +120,7 @@ std::optional<Eigen::Isometry3d> MapState::motion(const Tracked& tracked) const 
 void MapState::begin_component() {
   back_end.end_submap(volume, fused_count, false);
   esdf.reset();
-  if (surface) surface.emplace();
+  for (GrowingSurface& surface : surfaces) surface = {};
 }
 
 /// The frame was fused: the tracker goes on from it, and it may become a keyframe.
@@ -160,10 +160,10 @@ void MapState::note_given_view(const Frame& frame) {
     given.views.emplace_back(given.poses.size(), back_end.structure(frame));
 }
 
-/// Distances and a viewer's surface go after what a frame changed.
+/// Distances and the surfaces that are followed go after what a frame changed.
 void MapState::follow(const Fused& fused, StageTimes& times) {
   if (options.esdf.live) follow_distances(fused, times);
-  if (surface) surface->change(fused.changed);
+  for (GrowingSurface& surface : surfaces) surface.change(fused.changed);
 }
 
 /// Without a field it starts with all that the volume holds. Where it cannot follow it ends: an old one would tell of

@@ -4,6 +4,7 @@
 // LiveSurface each show another side of it.
 #pragma once
 #include <filesystem>
+#include <list>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -86,8 +87,8 @@ struct MapState {
   Volume volume;
   BackEnd back_end;
   Tracker tracker;
-  std::optional<GrowingSurface> surface;  // for a LiveSurface
-  std::optional<Esdf> esdf;               // with EsdfOptions::live
+  std::list<GrowingSurface> surfaces;  // one for each LiveSurface
+  std::optional<Esdf> esdf;            // with EsdfOptions::live
   Newest<DistanceField> live_distances;
   std::optional<Volume> whole;  // the world, where that is not what `volume` holds
 

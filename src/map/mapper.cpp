@@ -107,7 +107,7 @@ void Mapper::begin_recording() {
   s.back_end.begin_in_world();
   s.tracker.begin_lost();
   s.esdf.reset();
-  if (s.surface) s.surface.emplace();
+  for (GrowingSurface& surface : s.surfaces) surface = {};
 }
 
 void Mapper::settle() { state_->back_end.settle(); }

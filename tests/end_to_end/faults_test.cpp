@@ -22,6 +22,7 @@
 #include "cairn/mapper.hpp"
 #include "cairn/mesh.hpp"
 #include "cairn/pose_graph.hpp"
+#include "io/ros_recording.hpp"
 #include "session/session_files.hpp"
 #include "support/files.hpp"
 #include "support/recordings.hpp"
@@ -220,6 +221,47 @@ TEST_F(Faults, AnyOperationOfAnExportMayFail) {
   }
   EXPECT_TRUE(bytes_below(*folder / "good") == session);
   std::printf("%d operations of four exports, %d runs with one that failed\n", operations, runs);
+}
+
+TEST_F(Faults, ALogThatCannotBeWrittenEndsAndTheMapGoesOn) {
+  const fs::path logs = out / "logs", log = logs / "x.mcap";
+  fs::create_directories(logs);
+  const auto logged = [&](const std::string& name) { return reconstruct("rec", out / name, {"--log", log.string()}); };
+  ASSERT_EQ(run_cairn(logged("map"), disk(logs, 0, "eio")).exit_code, 0);
+  EXPECT_EQ(differences(out / "map"), "");
+  const int last = count();
+  ASSERT_GT(last, 3);
+  for (int n = 1; n <= last; ++n) {
+    const std::string when = "at " + std::to_string(n) + ": ";
+    fs::remove(log);
+    fs::remove_all(out / "map");
+    const Ran ran = run_cairn(logged("map"), disk(logs, n, n % 2 == 0 ? "full" : "eio"));
+    EXPECT_NE(ran.err.find("cannot write " + log.string() + ": "), std::string::npos) << when << ran.err;
+    EXPECT_EQ(ran.exit_code, n <= 2 ? 1 : 0) << when << ran.err;  // its first bytes are written before any work
+    if (n <= 2) continue;
+    EXPECT_NE(ran.err.find("nothing is logged from here on, the map goes on"), std::string::npos) << when << ran.err;
+    EXPECT_EQ(differences(out / "map"), "") << when;
+    if (n == last) continue;  // the summary: all before is there, with the end of the data
+    const auto rest = open_mcap(log);
+    while (rest->next()) continue;
+    const std::string size = std::to_string(fs::file_size(log));  // it ends with a whole record
+    EXPECT_NE(rest->ended_early().value_or("").find("at byte " + size + " of " + size), std::string::npos) << when;
+  }
+}
+
+TEST_F(HardTimes, ARunThatGoesOnLeavesTheLogOfTheOneBefore) {
+  const fs::path log = out / "x.mcap";
+  ASSERT_EQ(run_cairn(reconstruct("rec", out / "map", {"--log", log.string()})).exit_code, 0);
+  const std::string before = read_bytes(log);
+  const Ran ran = run_cairn(reconstruct("rec", out / "map", {"--log", log.string(), "--resume"}));
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_NE(ran.err.find((out / "x-2.mcap").string()), std::string::npos) << ran.err;
+  EXPECT_TRUE(fs::exists(out / "x-2.mcap"));
+  EXPECT_TRUE(read_bytes(log) == before);
+  expect_one_line(run_cairn(reconstruct("rec", out / "new", {"--log", log.string()})), 1,
+                  "exists; choose another name");
+  expect_one_line(run_cairn(reconstruct("rec", out / "new", {"--log", "x.bag"})), 1, "a name that ends in .mcap");
+  EXPECT_FALSE(fs::exists(out / "new" / "map.vdb"));
 }
 
 TEST_F(Faults, AFileIsOnTheDiskBeforeItHasItsName) {

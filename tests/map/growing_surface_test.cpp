@@ -62,6 +62,25 @@ TEST(GrowingSurface, IsInTheEndTheWholeMeshAndCostsLittleByFrame) {
   EXPECT_TRUE(surface.changes(300, true).parts.empty());
 }
 
+TEST(GrowingSurface, IsToldToEachThatFollowsIt) {
+  const auto source = open_synthetic({.scene = "room", .first = 0, .frames = 4});
+  Mapper mapper(source->rig());
+  LiveSurface first(mapper);
+  std::optional<LiveSurface> second;
+  Watched a, b;
+  for (int i = 0; const auto frame = source->next(); ++i) {
+    (void)mapper.add(*frame);
+    a.take(first.changes());
+    if (i == 1) second.emplace(mapper);
+  }
+  a.take(first.changes(1 << 20, true));
+  b.take(second->changes(1 << 20, true));
+  EXPECT_EQ(a.parts.size(), b.parts.size());
+  EXPECT_NEAR(static_cast<double>(a.triangles()), static_cast<double>(b.triangles()), 0.002 * b.triangles());
+  second.reset();
+  EXPECT_TRUE(first.changes(1 << 20, true).parts.empty());
+}
+
 TEST(GrowingSurface, LiesWhereTheWholeMeshLies) {
   const auto source = open_synthetic({.scene = "room", .first = 0, .frames = 5});
   Mapper mapper(source->rig(), {.up = Up::minus_y});  // no turn: what a viewer follows is turned by its page

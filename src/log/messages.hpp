@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// What a run has, as messages by Foxglove's schemas and Cairn's own. Times are nanoseconds, frames the names of
+// coordinate frames (docs/formats.md).
+#pragma once
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "cairn/frame.hpp"
+#include "cairn/live_surface.hpp"
+#include "cairn/reports.hpp"
+#include "cairn/trajectory.hpp"
+#include "log/protobuf.hpp"
+
+namespace cairn {
+
+using LogTime = std::uint64_t;
+
+struct NamedTransform {
+  std::string parent, child;
+  Eigen::Isometry3d parent_from_child;
+};
+[[nodiscard]] ProtoMessage transforms_message(LogTime time, std::span<const NamedTransform> transforms);
+[[nodiscard]] ProtoMessage poses_message(LogTime time, std::string_view frame, const Trajectory& poses);
+
+[[nodiscard]] ProtoMessage calibration_message(LogTime time, std::string_view frame, const Camera& camera);
+/// JPEG.
+[[nodiscard]] ProtoMessage colour_image_message(LogTime time, std::string_view frame, const Frame& of,
+                                                const Camera& camera);
+/// Millimetres in 16 bits; 0: no measurement, or more than 65 m.
+[[nodiscard]] ProtoMessage depth_image_message(LogTime time, std::string_view frame, const Frame& of,
+                                               const Camera& camera);
+/// What every fourth pixel of every fourth row measures, in the depth camera's frame, coloured where there is colour.
+[[nodiscard]] ProtoMessage points_message(LogTime time, std::string_view frame, const Frame& of, const Rig& rig);
+
+/// One entity a part, which replaces the one before; empty parts are deleted. Each moves with its submap's frame.
+[[nodiscard]] ProtoMessage surface_message(LogTime time, std::span<const SurfacePart> parts);
+/// Takes away all that surface_message() has shown.
+[[nodiscard]] ProtoMessage no_surface_message(LogTime time);
+[[nodiscard]] std::string submap_frame(int submap);
+
+/// With the values of foxglove.Log.
+enum class LogLevel : std::uint8_t { info = 2, warning = 3, error = 4 };
+[[nodiscard]] ProtoMessage text_message(LogTime time, LogLevel level, std::string_view text);
+[[nodiscard]] ProtoMessage report_message(LogTime time, const FrameReport& report);
+
+}  // namespace cairn

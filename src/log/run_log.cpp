@@ -1,0 +1,315 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/run_log.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <condition_variable>
+#include <deque>
+#include <functional>
+#include <limits>
+#include <map>
+#include <mutex>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+
+#include "base/axes.hpp"
+#include "cairn/file_name.hpp"
+#include "cairn/live_surface.hpp"
+#include "io/mcap_writer.hpp"
+#include "log/messages.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Nanoseconds of the recording, a little less than what they stand for, since stamps are not exact.
+constexpr LogTime kImagesEvery = 195'000'000, kSurfaceEvery = 1'995'000'000, kPathEvery = 4'995'000'000;
+constexpr int kBricksAtOnce = 2000;                             // of the surface
+constexpr std::size_t kPath = 1000;                             // poses that are shown while the map grows
+constexpr std::size_t kMostWaiting = 64;                        // messages: then the run waits for the disk
+constexpr std::uintmax_t kReserve = std::uintmax_t{256} << 20;  // bytes that the log leaves to the map on its disk
+
+// Coordinate frames, from the outermost to the innermost.
+constexpr const char *kMap = "map", *kWorld = "world", *kTracked = "tracked", *kCamera = "camera",
+                     *kColourCamera = "camera_color";
+
+/// Encodes messages and writes them, in their order, in a thread of its own.
+class Writing {
+ public:
+  explicit Writing(const fs::path& file)
+      : file_(file), writer_(file), thread_([this](const std::stop_token& stop) { run(stop); }) {}
+  /// Waits where too many do already. Nothing happens once there is a problem.
+  void add(LogTime time, const char* topic, std::function<ProtoMessage()> encode) {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return waiting_.size() < kMostWaiting || problem_; });
+    if (problem_ || ended_) return;
+    waiting_.push_back({time, topic, std::move(encode)});
+    changed_.notify_all();
+  }
+  /// Writes what waits, and the file's end.
+  void end() {
+    {
+      const std::lock_guard lock(mutex_);
+      if (std::exchange(ended_, true)) return;
+      changed_.notify_all();
+    }
+    thread_.join();
+  }
+  [[nodiscard]] std::optional<std::string> problem() const {
+    const std::lock_guard lock(mutex_);
+    return problem_;
+  }
+
+ private:
+  struct Message {
+    LogTime time;
+    const char* topic;
+    std::function<ProtoMessage()> encode;
+  };
+
+  void run(const std::stop_token& stop) {
+    try {
+      while (const auto message = next(stop)) write(*message);
+      writer_.finish();
+    } catch (const std::exception& error) {
+      const std::lock_guard lock(mutex_);
+      problem_ = fmt::format("{}; nothing is logged from here on, the map goes on", error.what());
+      waiting_.clear();
+      changed_.notify_all();
+    }
+  }
+  /// Nothing once all is written.
+  std::optional<Message> next(const std::stop_token& stop) {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, stop, [&] { return !waiting_.empty() || ended_; });
+    if (waiting_.empty()) return std::nullopt;
+    Message message = std::move(waiting_.front());
+    waiting_.pop_front();
+    changed_.notify_all();
+    return message;
+  }
+  void write(const Message& message) {
+    const ProtoMessage encoded = message.encode();
+    if (!topics_.contains(message.topic)) {
+      const ProtoSchema& schema = encoded.schema();
+      topics_[message.topic] = writer_.add({.name = message.topic,
+                                            .message_encoding = "protobuf",
+                                            .schema = std::string(schema.name),
+                                            .schema_encoding = "protobuf",
+                                            .schema_data = descriptors_of(schema)});
+    }
+    if (encoded.bytes().size() > kLarge) leave_room();
+    writer_.write(topics_[message.topic], message.time, encoded.bytes());
+  }
+  /// The map is written to the same disk, perhaps.
+  void leave_room() const {
+    std::error_code unknown;
+    const fs::space_info space = fs::space(file_, unknown);
+    if (!unknown && space.available < kReserve)
+      throw std::runtime_error(
+          fmt::format("{}: less than {} MiB are left on the disk", file_.string(), kReserve >> 20));
+  }
+
+  static constexpr std::size_t kLarge = 10'000;  // bytes of a message, before which room is looked for
+  fs::path file_;
+  McapWriter writer_;
+  std::map<std::string_view, std::uint16_t> topics_;
+  mutable std::mutex mutex_;
+  std::condition_variable_any changed_;
+  std::deque<Message> waiting_;
+  std::optional<std::string> problem_;
+  bool ended_ = false;
+  std::jthread thread_;  // last: it uses the others
+};
+
+/// Whether it is time again; a clock that was set back does not keep it waiting.
+class Due {
+ public:
+  explicit Due(LogTime every) : every_(every) {}
+  bool operator()(LogTime now) {
+    if (last_ && now - *last_ < every_) return false;
+    last_ = now;
+    return true;
+  }
+
+ private:
+  LogTime every_;
+  std::optional<LogTime> last_;
+};
+
+Eigen::Isometry3d turn(const Eigen::Matrix3d& rotation) {
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  pose.linear() = rotation;
+  return pose;
+}
+
+fs::path checked(const fs::path& file, bool replace) {
+  if (extension_of(file) != ".mcap")
+    throw std::runtime_error(file.string() + ": a log is an MCAP file; give it a name that ends in .mcap");
+  if (!replace && fs::exists(file)) throw std::runtime_error(file.string() + ": exists; choose another name");
+  return file;
+}
+
+}  // namespace
+
+struct RunLog::State {
+  explicit State(const fs::path& file) : writing(file) {}
+  /// Nothing before the first frame, whose time nobody knows.
+  template <class Encode>
+  void log(const char* topic, const Encode& encode) {
+    if (time) writing.add(*time, topic, [at = *time, encode] { return encode(at); });
+  }
+  void say(LogLevel level, std::string text);
+  void follow_time(const FrameReport& report);
+  void notice(const FrameReport& report);
+  void add_images(const Frame& frame);
+  void add_transforms();
+  void add_surface(int max_bricks, bool all);
+  void add_path();
+
+  Mapper* mapper = nullptr;
+  std::optional<LiveSurface> surface;
+  Rig rig;
+  std::optional<LogTime> time;                          // of the last frame, once there is one
+  std::vector<std::pair<LogLevel, std::string>> early;  // said before
+  Due images{kImagesEvery}, surfaces{kSurfaceEvery}, paths{kPathEvery};
+  Upright upright;
+  std::vector<Eigen::Isometry3d> tracked_from_submap{Eigen::Isometry3d::Identity()};  // as it was logged
+  std::optional<Eigen::Isometry3d> submap_from_camera;                                // of the last fused frame
+  FrameState state = FrameState::fused;
+  std::size_t loops = 0;  // that were told of
+  Writing writing;
+};
+
+void RunLog::State::say(LogLevel level, std::string text) {
+  if (!time) return early.emplace_back(level, std::move(text)), void();
+  log("/diagnostics", [=](LogTime at) { return text_message(at, level, text); });
+}
+
+/// A frame that was skipped may have any time: that of the one before stands for it.
+void RunLog::State::follow_time(const FrameReport& report) {
+  constexpr double kLatest = 9e9;  // seconds: the year 2255
+  if (!(report.timestamp >= 0 && report.timestamp < kLatest)) return;
+  if (time && report.state == FrameState::skipped) return;
+  time = std::max(time.value_or(0), static_cast<LogTime>(std::llround(1e9 * report.timestamp)));
+  for (auto& [level, text] : std::exchange(early, {})) say(level, std::move(text));
+}
+
+/// Tells when something begins or ends, not frame by frame.
+void RunLog::State::notice(const FrameReport& report) {
+  const FrameState before = std::exchange(state, report.state);
+  if (report.state == FrameState::fused && report.cause == FrameCause::new_component)
+    say(LogLevel::warning,
+        fmt::format("frame {} begins a part of the map of its own: {}", report.index, report.reason));
+  else if (report.state == FrameState::fused && before == FrameState::lost)
+    say(LogLevel::info, fmt::format("tracked again since frame {}", report.index));
+  if (report.state == before || report.state == FrameState::fused) return;
+  say(LogLevel::warning, fmt::format("frame {} is {}: {}", report.index,
+                                     report.state == FrameState::lost ? "lost" : "skipped", report.reason));
+}
+
+void RunLog::State::add_transforms() {
+  std::vector<NamedTransform> all{{kMap, kWorld, turn(matrix_from_world(Axes::z_up))},
+                                  {kWorld, kTracked, turn(upright.world_from_tracked.toRotationMatrix())},
+                                  {kCamera, kColourCamera, rig.depth_from_colour()}};
+  if (submap_from_camera) all.push_back({kTracked, kCamera, tracked_from_submap.back() * *submap_from_camera});
+  log("/tf", [=](LogTime at) { return transforms_message(at, all); });
+}
+
+void RunLog::State::add_images(const Frame& frame) {
+  const auto f = std::make_shared<const Frame>(frame);
+  const auto r = std::make_shared<const Rig>(rig);
+  log("/camera/depth/calibration", [=](LogTime at) { return calibration_message(at, kCamera, r->depth); });
+  log("/camera/depth/image", [=](LogTime at) { return depth_image_message(at, kCamera, *f, r->depth); });
+  log("/points", [=](LogTime at) { return points_message(at, kCamera, *f, *r); });
+  if (frame.colour.empty()) return;
+  const Camera& view = r->colour_view();
+  log("/camera/color/calibration", [=](LogTime at) { return calibration_message(at, kColourCamera, view); });
+  log("/camera/color/image", [=](LogTime at) { return colour_image_message(at, kColourCamera, *f, view); });
+}
+
+void RunLog::State::add_surface(int max_bricks, bool all) {
+  SurfaceChanges changes = surface->changes(max_bricks, all);
+  upright = mapper->upright();
+  if (!changes.world_from_submap.empty()) tracked_from_submap = std::move(changes.world_from_submap);
+  std::vector<NamedTransform> submaps;
+  for (std::size_t i = 0; i < tracked_from_submap.size(); ++i)
+    submaps.push_back({kTracked, submap_frame(static_cast<int>(i)), tracked_from_submap[i]});
+  log("/tf/submaps", [=](LogTime at) { return transforms_message(at, submaps); });
+  const auto parts = std::make_shared<const std::vector<SurfacePart>>(std::move(changes.parts));
+  if (!parts->empty()) log("/mesh", [=](LogTime at) { return surface_message(at, *parts); });
+  const std::vector<FoundLoop> found = mapper->loops();
+  if (loops < found.size()) add_path();
+  for (; loops < found.size(); ++loops)
+    say(LogLevel::info, fmt::format("the place at {:.3f} s is that at {:.3f} s{}", found[loops].to, found[loops].from,
+                                    found[loops].inlier ? "" : ", which the pose graph does not believe"));
+}
+
+void RunLog::State::add_path() {
+  const Trajectory path = mapper->path(kPath);
+  if (!path.empty()) log("/trajectory", [=](LogTime at) { return poses_message(at, kTracked, path); });
+}
+
+RunLog::RunLog(const fs::path& file, bool replace) : state_(std::make_unique<State>(checked(file, replace))) {}
+
+RunLog::~RunLog() { state_->writing.end(); }
+
+void RunLog::begin(Mapper& mapper, const Rig& rig) {
+  State& s = *state_;
+  if (s.mapper != nullptr) s.log("/mesh", no_surface_message);
+  s.mapper = &mapper;
+  s.surface.emplace(mapper);
+  s.rig = rig;
+  s.upright = {};
+  s.tracked_from_submap = {Eigen::Isometry3d::Identity()};
+  s.submap_from_camera.reset();
+  s.loops = mapper.loops().size();
+}
+
+void RunLog::add(const Frame& frame, const FrameReport& report) {
+  State& s = *state_;
+  s.follow_time(report);
+  if (!s.time) return;
+  s.log("/cairn/frame", [=](LogTime at) { return report_message(at, report); });
+  s.notice(report);
+  if (report.state == FrameState::fused) {
+    s.submap_from_camera = report.tracked_from_camera;
+    if (s.surfaces(*s.time)) s.add_surface(kBricksAtOnce, false);
+    s.add_transforms();
+    if (s.paths(*s.time)) s.add_path();
+  }
+  if (!frame.problem && s.images(*s.time)) s.add_images(frame);
+}
+
+void RunLog::warn(std::string_view text) { state_->say(LogLevel::warning, std::string(text)); }
+
+void RunLog::finishing() {
+  State& s = *state_;
+  if (!s.submap_from_camera) return;
+  s.mapper->settle();
+  s.add_surface(std::numeric_limits<int>::max(), true);
+}
+
+void RunLog::finish(const Verdict& verdict) {
+  State& s = *state_;
+  s.upright = s.mapper->upright();
+  s.add_transforms();
+  if (const Trajectory all = s.mapper->trajectory(); !all.empty())
+    s.log("/trajectory", [=](LogTime at) { return poses_message(at, kWorld, all); });
+  using Level = Verdict::Level;
+  const LogLevel level = verdict.level == Level::good   ? LogLevel::info
+                         : verdict.level == Level::weak ? LogLevel::warning
+                                                        : LogLevel::error;
+  s.say(level, fmt::format("{}: {}", name_of(verdict.level), verdict.words));
+  for (const std::string& reason : verdict.reasons) s.say(level, reason);
+  s.writing.end();
+}
+
+std::optional<std::string> RunLog::problem() const { return state_->writing.problem(); }
+
+}  // namespace cairn
