@@ -142,6 +142,46 @@ struct Costmap {
   std::string cells;
 };
 
+TEST_F(Stands, AMapOfGivenPosesWhenItIsExportedIfNotBefore) {
+  constexpr int kFrames = 30;
+  const Scene scene = synthetic_scene("room");
+  write_small_recording(out / "room", {.frames = kFrames, .speed = 3});
+  Eigen::Isometry3d z_up = Eigen::Isometry3d::Identity();
+  z_up.linear() << 1, 0, 0, 0, 0, 1, 0, -1, 0;
+  Trajectory poses;
+  for (int i = 0; i < kFrames; ++i) poses.push_back({i / 30.0, z_up * scene.world_from_camera(3 * i / 30.0)});
+  write_trajectory(out / "poses.txt", poses);
+  const Ran lies = run_cairn(reconstruct("room", "lies", {"--poses", to("poses.txt")}));
+  ASSERT_EQ(lies.exit_code, 0) << lies.err;
+  EXPECT_NE(lies.out.find("--up z"), std::string::npos) << lies.out;
+  EXPECT_NE(read_bytes(out / "lies" / "mesh.glb").find("\"up_axis\":\"unknown\""), std::string::npos);
+  ASSERT_EQ(run_cairn(reconstruct("room", "stands", {"--poses", to("poses.txt"), "--up", "z"})).exit_code, 0);
+
+  const auto made_of = [&](const std::string& map, const std::vector<std::string>& more) {
+    const auto run = [&](std::vector<std::string> arguments) {
+      arguments.insert(arguments.end(), more.begin(), more.end());
+      const Ran ran = run_cairn(arguments);
+      EXPECT_EQ(ran.exit_code, 0) << ran.err;
+      EXPECT_EQ(ran.err.find("askew"), std::string::npos) << ran.err;
+    };
+    run({"export", to(map + "/map.vdb"), "-o", to(map + ".glb"), "--no-texture"});
+    run({"esdf", to(map), "--costmap", to(map + ".yaml"), "--height", "-0.8:0.4"});
+    return std::pair(read_mesh(out / (map + ".glb")), read_bytes(out / (map + ".pgm")));
+  };
+  const auto [turned, turned_costmap] = made_of("lies", {"--up", "z"});
+  const auto [stood, stood_costmap] = made_of("stands", {});
+  ASSERT_EQ(turned.positions.size(), stood.positions.size());
+  float apart = 0;
+  for (std::size_t i = 0; i < stood.positions.size(); ++i)
+    apart = std::max(apart, (turned.positions[i] - stood.positions[i]).norm());
+  EXPECT_LT(apart, 1e-4f);  // metres
+  EXPECT_TRUE(turned_costmap == stood_costmap);
+
+  const Ran asked = run_cairn({"export", to("lies/map.vdb"), "-o", to("x.glb"), "--up", "auto"});
+  EXPECT_EQ(asked.exit_code, 1);
+  EXPECT_NE(asked.err.find("name the axis that points up"), std::string::npos) << asked.err;
+}
+
 TEST_F(Stands, ATiltedFlatWhoseCostmapIsThatOfTheUprightOne) {
   constexpr int kFrames = 60;
   const Scene scene = synthetic_scene("flat");
