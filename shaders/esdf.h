@@ -147,13 +147,13 @@ EsdfView field;  // main() fills it with local(push.field)
 EsdfView local(EsdfView f) {  // see types.h
   return EsdfView(f.nearest, f.surface, f.blocks, f.table, f.counts, f.table_bits, f.max_squared, f.max_groups);
 }
-uvec2 nearest_at(usamplerBuffer nearest, uint address) {  // (site, squared distance)
+uvec2 nearest_at(utextureBuffer nearest, uint address) {  // (site, squared distance)
   return kFieldInTexels > 0.0 ? fetch(nearest, int(address)) : Pairs(field.nearest).v[address];
 }
-uvec2 entry_at(usamplerBuffer list, uvec2 address, uint i) {  // as EsdfEntry
+uvec2 entry_at(utextureBuffer list, uvec2 address, uint i) {  // as EsdfEntry
   return kFieldInTexels > 0.0 ? fetch(list, int(i)) : Pairs(address).v[i];
 }
-uint surface_at(isamplerBuffer surface, uint address) {
+uint surface_at(itextureBuffer surface, uint address) {
   return kFieldInTexels > 0.0 ? fetch(surface, int(address)) : Words(field.surface).v[address];
 }
 
@@ -176,12 +176,12 @@ uint append(uint step, uint places) {
   return first;
 }
 
-ivec3 voxel_of(isamplerBuffer blocks, uint address) {
+ivec3 voxel_of(itextureBuffer blocks, uint address) {
   uint b = kFieldInTexels > 0.0 ? fetch(blocks, int(address >> 12)) : Words(field.blocks).v[address >> 12];
   ivec3 block = ivec3(b & 1023u, (b >> 10) & 1023u, b >> 20) - int(kEsdfReach);
   return block * 16 + ivec3((address >> 8) & 15u, (address >> 4) & 15u, address & 15u);
 }
-uint address_of(isamplerBuffer table, ivec3 voxel) {
+uint address_of(itextureBuffer table, ivec3 voxel) {
   uvec3 b = uvec3(voxel >> 4) & ((1u << field.table_bits) - 1u), v = uvec3(voxel) & 15u;
   uint at = (((b.z << field.table_bits) | b.y) << field.table_bits) | b.x;
   uint entry = kFieldInTexels > 0.0 ? fetch(table, int(at)) : Words(field.table).v[at];

@@ -200,7 +200,7 @@ vec3 turned(vec3 turn, vec3 v) {
 
 Groups groups(uint count) { return Groups(count, 1u, 1u); }
 
-float word_of(isamplerBuffer sums, int i) { return uintBitsToFloat(fetch(sums, i)); }
+float word_of(itextureBuffer sums, int i) { return uintBitsToFloat(fetch(sums, i)); }
 
 void main() {
   int thread = int(gl_LocalInvocationIndex), threads = int(gl_WorkGroupSize.x);

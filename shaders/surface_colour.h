@@ -87,7 +87,7 @@ const float kUnknownDepth = 2.0;  // metres, where depth is missing: nothing the
 const float kHidden = 0.03;       // metres, beside the noise, that something nearer is nearer by
 
 // Whether what the pixel of the colour camera sees is nearer than z. The four cells around it are asked.
-bool is_hidden(samplerBuffer nearest, vec2 pixel, float z) {
+bool is_hidden(textureBuffer nearest, vec2 pixel, float z) {
   ivec2 count = cells(), cell = ivec2(floor((pixel + 0.5) / float(view().cell) - 0.5));
   ivec2 first = clamp(cell, ivec2(0), count - 1), last = clamp(cell + 1, ivec2(0), count - 1);
   float nearer = min(min(fetch(nearest, first.y * count.x + first.x), fetch(nearest, first.y * count.x + last.x)),

@@ -68,7 +68,7 @@ Layout reflect(const std::string& name, std::span<const std::uint32_t> spirv) {
   for (std::size_t i = 0; i < count; ++i) (void)place(list[i]);
   check(spvc_resources_get_resource_list_for_type(resources, SPVC_RESOURCE_TYPE_UNIFORM_BUFFER, &list, &count));
   for (std::size_t i = 0; i < count; ++i) place(list[i]).type = vk::DescriptorType::eUniformBuffer;
-  check(spvc_resources_get_resource_list_for_type(resources, SPVC_RESOURCE_TYPE_SAMPLED_IMAGE, &list, &count));
+  check(spvc_resources_get_resource_list_for_type(resources, SPVC_RESOURCE_TYPE_SEPARATE_IMAGE, &list, &count));
   for (std::size_t i = 0; i < count; ++i) {
     const spvc_type image = spvc_compiler_get_type_handle(compiler, list[i].type_id);
     if (spvc_type_get_image_dimension(image) != SpvDimBuffer)
