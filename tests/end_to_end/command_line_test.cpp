@@ -314,7 +314,8 @@ TEST_F(CommandLine, FishCompletesTheSame) {
   write_text(out / "file.yaml", "");
   const auto complete = [&](const std::string& words) {
     return shell("cd '" + out.path().string() + "' && HOME='" + out.path().string() +
-                 "' fish -c 'source ./cairn.fish; complete -C \"" + words + "\"' | cut -f1");
+                 "' fish -c 'source ./cairn.fish; complete -C \"" + words +
+                 "\"' | cut -f1 | head -n 1");  // from fish 4 on those come behind that have it in their middle
   };
   for (const auto& [words, completed] : kCompletions) EXPECT_EQ(complete(words), completed + "\n") << words;
 }

@@ -236,7 +236,7 @@ TEST_F(Export, TilesetsOfOneFolderKeepTheirTiles) {
   const auto both = bytes_below(out.path());
   std::vector<std::string> again{"export", path("map"), "-o", to("a.json")};
   again.insert(again.end(), others.begin(), others.end());
-  const Ran failed = run_cairn(again, "trap '' XFSZ; ulimit -f 20;");
+  const Ran failed = run_cairn(again, with_files_of(10 << 10));
   expect_last_line(failed, 1, "File too large");
   EXPECT_TRUE(bytes_below(out.path()) == both);
   ASSERT_EQ(run_cairn(again).exit_code, 0);
@@ -507,7 +507,7 @@ TEST_F(Export, LeavesNothingHalfWrittenOnAFullDisk) {
                                         {"x.stl", 100},
                                         {"tileset.json", 20}}) {
     std::vector<std::string> arguments{"export", path("map"), "-o", to(file), "--no-texture"};
-    const Ran ran = run_cairn(arguments, "trap '' XFSZ; ulimit -f " + std::to_string(2 * kilobytes) + ";");
+    const Ran ran = run_cairn(arguments, with_files_of(static_cast<std::size_t>(kilobytes) << 10));
     expect_last_line(ran, 1, "File too large");
     EXPECT_FALSE(fs::exists(out / file));
     EXPECT_FALSE(fs::exists(out / "tileset.tiles"));

@@ -137,7 +137,7 @@ TEST_F(Program, KeepsTheOldFilesWhenTheDiskIsFull) {
   const std::string mesh = read_bytes(map / "mesh.glb"), grids = read_bytes(map / "map.vdb");
   // A limit on the size of files behaves like a full disk: first too small for the mesh, then for the map alone.
   for (const std::size_t limit : {mesh.size() / 2, grids.size() / 2}) {
-    const Ran ran = run_cairn(arguments, "trap '' XFSZ; ulimit -f " + std::to_string(limit / 512) + ";");
+    const Ran ran = run_cairn(arguments, with_files_of(limit));
     EXPECT_EQ(ran.exit_code, 1);
     EXPECT_NE(ran.err.find("cannot write"), std::string::npos) << ran.err;
     EXPECT_EQ(read_bytes(map / "mesh.glb") == mesh, true);

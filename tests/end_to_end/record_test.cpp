@@ -110,7 +110,7 @@ TEST_F(Record, TellsThatTheDiskIsFullAndKeepsTheRest) {
   for (std::size_t i = 0; i < depth.size(); ++i) depth[i] = static_cast<std::uint16_t>(i * i % 9973);
   show(10, depth);
   const Ran ran = run_cairn({"record", "openni:", "-o", out("a")},
-                            "trap '' XFSZ; ulimit -f 100; " + sensor("frames=" + folder.path().string()));
+                            with_files_of(50 << 10) + " " + sensor("frames=" + folder.path().string()));
   expect_last_line(ran, 1, "File too large");
   EXPECT_EQ(frames_in(*open_source(folder / "a")), 10);
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder / "a"))

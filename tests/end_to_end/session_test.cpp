@@ -168,7 +168,7 @@ TEST_F(Session, IsNoReasonToLoseTheMapWhenItCannotBeWritten) {
   const std::string mesh = read_bytes(map / "mesh.glb");
   const Ran full = run_cairn({"reconstruct", "--no-texture", path("room"), "-o", map.string(), "--frames", "60:70",
                               "--resume", "--checkpoint", "0"},
-                             "trap '' XFSZ; ulimit -f 128;");
+                             with_files_of(64 << 10));
   EXPECT_EQ(full.exit_code, 1);
   EXPECT_NE(full.err.find("cannot write"), std::string::npos) << full.err;
   EXPECT_TRUE(read_bytes(map / "mesh.glb") == mesh);

@@ -6,6 +6,9 @@
 //   CAIRN_FAULTS_AT      the operation that fails, counted from 1; 0: none
 //   CAIRN_FAULTS_KIND    full: from that one on nothing can be written (of a write, half still fits); eio: it alone
 //                        fails; short: it alone, if it is a write, writes half
+//   CAIRN_FAULTS_LIMIT   bytes that a file may have: as RLIMIT_FSIZE, but for the device's memory, which Mesa 25 keeps
+//   in
+//                        anonymous files
 //   CAIRN_FAULTS_LOG     file that gets a line for each operation
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -13,6 +16,7 @@
 #include <sys/uio.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cerrno>
@@ -83,6 +87,16 @@ Fault fault_of(const char* what, int descriptor, bool writes) {
   return fault(what, path, writes);
 }
 
+/// How many of `count` bytes still fit into a file.
+std::size_t room_for(int descriptor, std::size_t count) {
+  static const long limit = std::atol(std::string(environment("CAIRN_FAULTS_LIMIT")).c_str());
+  if (limit == 0 || descriptor < 0 || descriptor >= static_cast<int>(watched.size()) ||
+      !watched[static_cast<std::size_t>(descriptor)])
+    return count;
+  const long at = lseek(descriptor, 0, SEEK_CUR);
+  return at < 0 ? count : std::min(count, static_cast<std::size_t>(std::max(0L, limit - at)));
+}
+
 void watch(int descriptor, bool is_watched) {
   if (descriptor >= 0 && descriptor < static_cast<int>(watched.size()))
     watched[static_cast<std::size_t>(descriptor)] = is_watched;
@@ -129,13 +143,22 @@ std::FILE* fopen64(const char* path, const char* mode) { return fopen(path, mode
 ssize_t write(int descriptor, const void* bytes, std::size_t count) {
   const Fault f = fault_of("write", descriptor, true);
   if (f == Fault::fails) return -1;
-  return next<ssize_t(int, const void*, std::size_t)>("write")(descriptor, bytes,
-                                                               f == Fault::half ? (count + 1) / 2 : count);
+  const std::size_t room = room_for(descriptor, f == Fault::half ? (count + 1) / 2 : count);
+  if (room == 0 && count > 0) return errno = EFBIG, -1;
+  return next<ssize_t(int, const void*, std::size_t)>("write")(descriptor, bytes, room);
 }
 
 ssize_t writev(int descriptor, const struct iovec* parts, int count) {
   const Fault f = fault_of("write", descriptor, true);
   if (f == Fault::fails) return -1;
+  std::size_t bytes = 0;
+  for (int i = 0; i < count; ++i) bytes += parts[i].iov_len;
+  if (const std::size_t room = room_for(descriptor, bytes); room < bytes) {  // the first part that has any
+    while (parts->iov_len == 0) ++parts;
+    if (room == 0) return errno = EFBIG, -1;
+    using Write = ssize_t(int, const void*, std::size_t);
+    return next<Write>("write")(descriptor, parts->iov_base, std::min(room, parts->iov_len));
+  }
   return next<ssize_t(int, const struct iovec*, int)>("writev")(descriptor, parts,
                                                                 f == Fault::half ? (count + 1) / 2 : count);
 }

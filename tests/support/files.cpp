@@ -23,6 +23,10 @@ std::string faulty_device(const std::string& faults) {
 fs::path program_file() { return CAIRN_PROGRAM; }
 fs::path shared_folder() { return CAIRN_SHARED; }
 std::string faults_library() { return CAIRN_FAULTS; }
+std::string with_files_of(std::size_t bytes) {
+  return "CAIRN_FAULTS_FOLDER=/ CAIRN_FAULTS_LIMIT=" + std::to_string(bytes) + " LD_PRELOAD=\"$LD_PRELOAD:\"'" +
+         faults_library() + "'";
+}
 fs::path source_folder() { return CAIRN_SOURCE_DIR; }
 
 TemporaryFolder::TemporaryFolder() {

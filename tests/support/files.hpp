@@ -26,6 +26,8 @@ inline constexpr const char* kFaultyDevice = "VK_LAYER_CAIRN_faulty_device";
 [[nodiscard]] std::filesystem::path shared_folder();
 /// A library that makes the disk fail, see tests/faults.
 [[nodiscard]] std::string faults_library();
+/// The environment of a program whose files may have no more bytes, as on a full disk: "File too large".
+std::string with_files_of(std::size_t bytes);
 /// The project's own folder.
 [[nodiscard]] std::filesystem::path source_folder();
 
