@@ -3,29 +3,33 @@
 # SPDX-FileCopyrightText: The Cairn developers
 # Makes Debian's packages of a build, lets lintian read them, installs them into a root in which there is nothing else,
 # of the distribution that runs here, and uses them there as a user would.
-# Usage: tests/package/debian.sh BUILD WORK       exit code 77: such a root cannot be made here
+# Usage: tests/package/debian.sh BUILD WORK [SUITE PACKAGES]     exit code 77: such a root cannot be made here
+# SUITE: another release, for which PACKAGES holds those that were made there (scripts/try-on SUITE ./scripts/package).
 set -euo pipefail
-build=$1 work=$2 source=$(cd "$(dirname "$0")" && pwd)
+build=$1 work=$2 packages=${4:-$1/packages} source=$(cd "$(dirname "$0")" && pwd)
 . /etc/os-release
+suite=${3:-$VERSION_CODENAME}
 mirror=${DEBIAN_MIRROR:-http://deb.debian.org/debian}
 
 for tool in mmdebstrap lintian; do
   command -v $tool >/dev/null || { echo "$tool is not here: scripts/install-deps --tests"; exit 77; }
 done
 mkdir -p "$work"
-cmake --build "$build" --target package >/dev/null
-lintian --no-cfg --allow-root --fail-on error "$build"/packages/*.deb
+if [[ $# -lt 4 ]]; then
+  cmake --build "$build" --target package >/dev/null
+  lintian --no-cfg --allow-root --fail-on error "$packages"/*.deb
+fi
 
 root=$work/root
 inside() { unshare --mount --pid --fork sh -c 'root=$1; shift; mount -t proc proc "$root/proc" && exec chroot "$root" "$@"' - "$root" "$@"; }
 as_user() { inside su -l user -c "$*"; }
 rm -rf "$root"
-if ! { mmdebstrap --quiet --variant=apt "$VERSION_CODENAME" "$root" "$mirror" && inside true; } 2>"$work/why"; then
+if ! { mmdebstrap --quiet --variant=apt --include=passwd "$suite" "$root" "$mirror" && inside true; } 2>"$work/why"; then
   cat "$work/why"
   exit 77
 fi
 trap 'rm -rf "$root"' EXIT
-for name in cairn libcairn-dev python3-cairn; do cp "$build/packages/${name}"_*.deb "$root/$name.deb"; done
+for name in cairn libcairn-dev python3-cairn; do cp "$packages/${name}"_*.deb "$root/$name.deb"; done
 add() { inside env DEBIAN_FRONTEND=noninteractive apt-get install -qq --no-install-recommends "$@" >"$work/apt.log" 2>&1 || { tail -n 20 "$work/apt.log"; exit 1; }; }
 
 inside apt-get update -qq

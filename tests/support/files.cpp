@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "support/files.hpp"
 
+#include <fmt/format.h>
 #include <sys/wait.h>
 
 #include <algorithm>
@@ -17,8 +18,8 @@ fs::path data_folder() { return CAIRN_DATA; }
 std::string openni_folder() { return CAIRN_OPENNI; }
 std::string faulty_device_folder() { return CAIRN_FAULTY_DEVICE; }
 std::string faulty_device(const std::string& faults) {
-  return "VK_LAYER_PATH='" + faulty_device_folder() + "' VK_INSTANCE_LAYERS=" + kFaultyDevice +
-         " CAIRN_VALIDATION=0 CAIRN_FAULTS='" + faults + "'";
+  return fmt::format("VK_LAYER_PATH='{}' VK_INSTANCE_LAYERS={} CAIRN_VALIDATION=0 CAIRN_FAULTS='{}'",
+                     faulty_device_folder(), kFaultyDevice, faults);
 }
 fs::path program_file() { return CAIRN_PROGRAM; }
 fs::path shared_folder() { return CAIRN_SHARED; }
