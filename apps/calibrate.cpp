@@ -7,6 +7,7 @@
 #include "cairn/source.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
+#include "progress.hpp"
 #include "sources.hpp"
 
 namespace cairn::apps {
@@ -17,11 +18,33 @@ struct Arguments {
   std::filesystem::path camera, output;
   std::vector<std::string> topics;
   int frames = 40;
+  bool shutter = false;
 };
+
+void calibrate_shutter(const Arguments& a) {
+  SourceOptions options = source_options(a.sequence, a.camera, a.topics);
+  Progress progress(std::nullopt);
+  const FoundShutter found = find_shutter(
+      [&] {
+        auto source = open_source(a.sequence, options);
+        options.find_colour_camera = false;  // the first time told
+        return source;
+      },
+      [&] { progress.step("tracking"); });
+  if (!found.why_not.empty()) {
+    fmt::print("{}; nothing was written\n", found.why_not);
+    return;
+  }
+  write_rig(a.output, found.rig);
+  fmt::print("readout        {:.1f} ms, +- {:.1f}, from {} keyframes; predicts what was held out {:.1f} % better\n",
+             1000 * found.readout, 1000 * found.sigma, found.keyframes, 100 * found.predicts_better);
+  fmt::print("{}: give it to reconstruct with --camera\n", a.output.string());
+}
 
 void calibrate(const Arguments& a) {
   if (is_sensor(a.sequence))
     throw std::runtime_error(a.sequence + ": a sensor has no end; record it first with cairn record");
+  if (a.shutter) return calibrate_shutter(a);
   const auto source = open_source(a.sequence, source_options(a.sequence, a.camera, a.topics));
   const auto rig = find_colour_camera(*source, a.frames);
   if (!rig) {
@@ -41,7 +64,8 @@ void calibrate(const Arguments& a) {
 }  // namespace
 
 void add_calibrate(CLI::App& program) {
-  auto* command = program.add_subcommand("calibrate", "Find the colour camera from a recording's edges");
+  auto* command =
+      program.add_subcommand("calibrate", "Find the colour camera, or how the shutter rolls, from a recording");
   const auto a = std::make_shared<Arguments>();
   command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required()->type_name(kPath);
   command->add_option("-o,--output", a->output, "camera.yaml to write")->required()->type_name(kFile);
@@ -49,6 +73,8 @@ void add_calibrate(CLI::App& program) {
   command->add_option("--frames", a->frames, "Frames to look at, spread over all")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
+  command->add_flag("--shutter", a->shutter,
+                    "Find how long the cameras take to read their rows instead, by tracking the whole recording");
   add_topics(*command, a->topics);
   command->callback([a] { calibrate(*a); });
 }

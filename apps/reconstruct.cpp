@@ -18,7 +18,7 @@ struct Arguments : RunArguments {
   fs::path poses, guess;
   std::string frames;
   int read_ahead = 4;
-  bool refine = false, reintegrate = false;
+  bool refine = false, adjust = false, reintegrate = false;
 };
 
 std::unique_ptr<Source> open_frames(const Arguments& a, const SourceOptions& options) {
@@ -31,6 +31,24 @@ std::unique_ptr<Source> open_frames(const Arguments& a, const SourceOptions& opt
   if (!a.poses.empty()) source = with_poses(std::move(source), poses_of(a.poses));
   if (!a.guess.empty()) source = with_guesses(std::move(source), poses_of(a.guess));
   return a.read_ahead > 0 ? read_ahead(std::move(source), a.read_ahead) : std::move(source);
+}
+
+nlohmann::json adjust(Run& run) {
+  const Adjusted adjusted = run.mapper().adjust();
+  nlohmann::json told = {{"keyframes", adjusted.keyframes},
+                         {"surfels", adjusted.surfels},
+                         {"observations", adjusted.observations},
+                         {"clock_offset", adjusted.clock_offset},
+                         {"readout", adjusted.readout},
+                         {"readout_sigma", adjusted.readout_sigma},
+                         {"predicts_better", adjusted.predicts_better},
+                         {"has_readout", adjusted.has_readout}};
+  if (adjusted.has_readout)
+    run.warn(
+        fmt::format("the camera reads its rows within about {:.0f} ms: `cairn calibrate --shutter` finds it, "
+                    "and tracking with it is more accurate",
+                    1000 * adjusted.readout));
+  return told;
 }
 
 void reconstruct(const Arguments& given) {
@@ -70,6 +88,7 @@ void reconstruct(const Arguments& given) {
                          {"pairs_aligned", refined.pairs_aligned}, {"pairs_inlier", refined.pairs_inlier},
                          {"cost_before", refined.cost_before},     {"cost", refined.cost}};
     });
+  if (a.adjust && !run.stopped()) run.timed("adjust", [&] { more["adjusted"] = adjust(run); });
   if (a.reintegrate && !run.stopped())
     run.timed("reintegrate", [&] {
       SourceOptions options_again = source_options(a, parse_frames(a.frames));
@@ -107,6 +126,12 @@ void add_reconstruct(CLI::App& program) {
   command
       ->add_flag("--refine", a->refine,
                  "Align keyframes with each other after the last frame and bend the map as the pose graph says")
+      ->excludes(poses);
+  command
+      ->add_flag(
+          "--adjust", a->adjust,
+          "Adjust keyframes, the surface they see and the moments of their rows together after the last frame, by "
+          "depth and brightness, and bend the map as they move")
       ->excludes(poses);
   command
       ->add_flag("--reintegrate", a->reintegrate,

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
+#include <functional>
+#include <memory>
 #include <optional>
+#include <string>
 
 #include "cairn/frame.hpp"
 
@@ -15,5 +18,21 @@ namespace cairn {
 /// `frames` of the source, spread over all of it, are read; those before them are passed over. Nothing where the rig
 /// promised is about as good, or where too few edges are seen. The same frames give the same rig.
 [[nodiscard]] std::optional<Rig> find_colour_camera(Source& source, int frames = 40);
+
+/// How long a camera takes to read the rows of an image.
+struct FoundShutter {
+  Rig rig;                     ///< the source's, with the readout that was found for both of its cameras
+  double readout = 0;          ///< seconds from the first row to the last; 0: none was found
+  double sigma = 0;            ///< seconds, its standard deviation
+  double predicts_better = 0;  ///< share by which surfaces that were held out are predicted better with it than without
+  int keyframes = 0;           ///< that it was found with
+  std::string why_not;         ///< in one line; empty: found
+};
+/// Finds it by tracking the recording and adjusting keyframes, surface and readout together (Mapper::adjust), again
+/// with what was found, until that settles; one readout for both cameras. `open` gives the recording from its begin
+/// each time, at most four; `step` is called after each tracked frame. A readout is only believed where it predicts
+/// measurements that it was not found with. The same frames give the same readout.
+[[nodiscard]] FoundShutter find_shutter(const std::function<std::unique_ptr<Source>()>& open,
+                                        const std::function<void()>& step = {});
 
 }  // namespace cairn

@@ -53,6 +53,11 @@ class Mapper {
   /// Aligns keyframes that see the same with each other and corrects the poses; the map follows by moving the submaps.
   /// When it fails the poses stay as they are, and a warning tells why.
   Refined refine();
+  /// Moves the keyframes to where depth and brightness of all that they see agree best, all together, with the colour
+  /// camera's clock and how long shutters take to read an image's rows (bundle adjustment after Schöps, Sattler &
+  /// Pollefeys 2019); the map follows by moving the submaps. Loops must be closed before. When it fails the poses stay
+  /// as they are, and a warning tells why.
+  Adjusted adjust();
   /// Fuses all frames again with the poses as they are now, instead of bending submaps (as BundleFusion does: Dai et
   /// al. 2017). `again` is the same recording from its begin; `step` is called after each of its frames. When it fails
   /// the map stays as it is, and a warning tells why.

@@ -100,6 +100,18 @@ struct Refined {
   double cost = 0;         ///< the same afterwards
 };
 
+/// What Mapper::adjust did.
+struct Adjusted {
+  int keyframes = 0;           ///< that were moved
+  int surfels = 0;             ///< the surface that they see
+  int observations = 0;        ///< of it
+  double clock_offset = 0;     ///< seconds that the colour camera's clock is ahead of the depth camera's
+  double readout = 0;          ///< seconds from the first row to the last, beside what the rig says of its shutters
+  double readout_sigma = 0;    ///< standard deviation of that
+  double predicts_better = 0;  ///< share of what surfels that were held out are off, that the readout takes away
+  bool has_readout = false;    ///< that confirms it
+};
+
 /// Two keyframes that were recognised as views of the same place.
 struct FoundLoop {
   double from = 0;                                             ///< timestamp of keyframe i, seconds

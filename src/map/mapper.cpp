@@ -7,9 +7,11 @@
 #include <optional>
 #include <stdexcept>
 
+#include "map/adjust.hpp"
 #include "map/map_state.hpp"
 #include "map/match.hpp"
 #include "map/refine.hpp"
+#include "map/velocity.hpp"
 
 namespace cairn {
 namespace {
@@ -47,14 +49,6 @@ void tell(const Fused& fused, FrameReport& report) {
   report.state = FrameState::fused;
   report.touched_bricks = fused.touched;
   report.new_bricks = fused.new_bricks;
-}
-
-/// Of the camera in its own frame, rad/s and m/s: the mean over some frames.
-Vector6d velocity_at(const Trajectory& poses, double timestamp) {
-  constexpr double kStep = 0.03, kMaxGap = 0.1;  // seconds
-  const auto before = pose_at(poses, timestamp - kStep, kMaxGap), after = pose_at(poses, timestamp + kStep, kMaxGap);
-  if (!before || !after) return Vector6d::Zero();
-  return local_coordinates(before->inverse() * *after) / (2 * kStep);
 }
 
 std::shared_ptr<MapState> make_state(const Rig& rig, const Options& options, Poses poses, int device) {
@@ -126,6 +120,15 @@ Refined Mapper::refine() {
   Refined refined;
   state_->warnings().attempt("poses stay as they are", [&] { refined = cairn::refine(state_->back_end); });
   return refined;
+}
+
+Adjusted Mapper::adjust() {
+  MapState& s = *state_;
+  s.whole.reset();
+  Adjusted adjusted;
+  s.warnings().attempt("poses stay as they are",
+                       [&] { adjusted = cairn::adjust(s.back_end, s.rig, s.tracker.clock_offset()); });
+  return adjusted;
 }
 
 void Mapper::reintegrate(Source& again, const std::function<void()>& step) {

@@ -1,0 +1,365 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "adjust/bundle.hpp"
+
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+namespace cairn {
+namespace {
+
+constexpr int kCell = 4;                                // pixels of a view, of which one becomes a surfel
+constexpr std::size_t kMostViews = 24;                  // of a surfel
+constexpr double kSteepest = 0.3, kAlike = 0.8;         // cosines of a normal to its ray, and to what a view measures
+constexpr double kBeside = 2.5;                         // pixels
+constexpr double kNearest = 0.1;                        // metres
+constexpr double kFirstTolerance = 0.08, kLast = 0.02;  // metres that a surfel may be off, from round to round
+constexpr double kNarrower = 0.7;
+constexpr int kLeastRounds = 6;           // of which each is narrower
+constexpr double kStill = 2e-4;           // radians, metres: what no view moved by in a round that is the last
+constexpr double kSigmas = 3;             // that it may be off beside these
+constexpr double kCut = 4;                // sigmas, of gaps (Beaton & Tukey 1974)
+constexpr double kFreedom = 5;            // of the t-distribution of brightness (Kerl, Sturm & Cremers 2013)
+constexpr double kTieFreedom = 5;         // of that of ties
+constexpr double kMedian = 5.35;          // of the chi-squared distribution with 6 degrees of freedom
+constexpr double kMostWorth = 1000;       // times what a tie's information says
+constexpr double kSurest = 0.1;           // of the depth noise of the sensor's model
+constexpr double kGrain = 1;              // grey levels: no image has less
+constexpr std::size_t kJudged = 20000;    // surfels that scales are measured with
+constexpr std::size_t kHeldOutEvery = 5;  // surfel, where prediction is judged
+
+std::size_t at(const Camera& c, int x, int y) {
+  return static_cast<std::size_t>(y) * static_cast<std::size_t>(c.width) + static_cast<std::size_t>(x);
+}
+bool holds(const Camera& c, int x, int y) { return x >= 0 && y >= 0 && x < c.width && y < c.height; }
+
+/// Of the image's height, from its middle, at most a little beyond it.
+double row_share(const Camera& c, const Eigen::Vector3d& point) {
+  return std::clamp((c.project(point).y() + 0.5) / c.height - 0.5, -0.6, 0.6);
+}
+
+double cost_of_gap(double e) {
+  const double rest = std::max(0.0, 1 - e * e / (kCut * kCut));
+  return kCut * kCut / 3 * (1 - rest * rest * rest);
+}
+double cost_of_brightness(double e) { return (kFreedom + 1) * std::log(1 + e * e / kFreedom); }
+
+/// Standard deviation by the median of magnitudes.
+double scale_of(std::vector<double>& magnitudes, double least) {
+  if (magnitudes.empty()) return least;
+  const auto middle = magnitudes.begin() + static_cast<std::ptrdiff_t>(magnitudes.size() / 2);
+  std::nth_element(magnitudes.begin(), middle, magnitudes.end());
+  return std::max(least, 1.4826 * *middle);
+}
+
+}  // namespace
+
+Bundle::Bundle(const Rig& rig, const BundleOptions& options)
+    : cameras_(rig), options_(options), colour_from_depth_(rig.depth_from_colour().inverse()) {}
+
+void Bundle::add(const Frame& keyframe, const Vector6d& velocity, const Eigen::Isometry3d& world_from_camera) {
+  views_.push_back(bundle_view(cameras_, keyframe, velocity));
+  poses_.push_back(world_from_camera);
+}
+
+/// The brightness of a point in a view, and what changes it.
+struct Bundle::Look {
+  double value = 0;
+  Vector6d by_pose;
+  Eigen::Vector3d by_point;  // in the depth camera's frame
+  Shutter by_shutter;
+
+  [[nodiscard]] bool at_point(const Bundle& bundle, const BundleView& view, const Eigen::Vector3d& in_camera) {
+    const Camera& camera = bundle.cameras_.colour;
+    const Eigen::Vector3d motion = view.velocity.head<3>().cross(in_camera) + view.velocity.tail<3>();
+    const Eigen::Vector3d still = bundle.colour_from_depth_ * in_camera;
+    if (still.z() < kNearest) return false;
+    const double share = row_share(camera, still);
+    const double delay = view.colour_delay - bundle.shutter_.clock + bundle.shutter_.readout * share;
+    const Eigen::Vector3d y = in_camera - delay * motion, c = bundle.colour_from_depth_ * y;
+    if (c.z() < kNearest) return false;
+    const Eigen::Vector2d pixel = camera.project(c);
+    const int i = static_cast<int>(std::floor(pixel.x())), j = static_cast<int>(std::floor(pixel.y()));
+    if (!holds(camera, i, j) || !holds(camera, i + 1, j + 1)) return false;
+    const double u = pixel.x() - i, v = pixel.y() - j;
+    const auto brightness = [&](int x, int z) { return static_cast<double>(view.brightness[at(camera, x, z)]); };
+    const double b00 = brightness(i, j), b10 = brightness(i + 1, j), b01 = brightness(i, j + 1),
+                 b11 = brightness(i + 1, j + 1);
+    const double top = b00 + (b10 - b00) * u, bottom = b01 + (b11 - b01) * u;
+    value = top + (bottom - top) * v;
+    const double gx = ((b10 - b00) * (1 - v) + (b11 - b01) * v) * camera.fx, gy = (bottom - top) * camera.fy;
+    const Eigen::Vector3d g = Eigen::Vector3d(gx, gy, -(gx * c.x() + gy * c.y()) / c.z()) / c.z();
+    by_point = bundle.colour_from_depth_.linear().transpose() * g;
+    by_pose << -y.cross(by_point), -by_point;
+    const double by_clock = by_point.dot(motion);
+    by_shutter << by_clock, -share * by_clock;
+    return true;
+  }
+};
+
+/// False where the view does not see the surfel.
+bool Bundle::look(const Surfel& s, std::size_t k, bool brightness, Seen& seen) const {
+  seen.count = 0;
+  const BundleView& view = views_[k];
+  const Camera& camera = cameras_.depth;
+  const Eigen::Matrix3d camera_from_world = poses_[k].linear().transpose();
+  const Eigen::Vector3d middle = camera_from_world * (s.position - poses_[k].translation());
+  if (middle.z() < kNearest) return false;
+  const Eigen::Vector3d spin = view.velocity.head<3>(), motion = spin.cross(middle) + view.velocity.tail<3>();
+  const double share = row_share(camera, middle), delay = shutter_.readout * share;
+  const Eigen::Vector3d x = middle - delay * motion;
+  Eigen::Vector3d n = camera_from_world * s.normal;
+  n -= delay * spin.cross(n);
+  if (x.z() < kNearest || -n.dot(x.normalized()) < kSteepest) return false;
+  const Eigen::Vector2d pixel = camera.project(x);
+  const int u = static_cast<int>(std::lround(pixel.x())), v = static_cast<int>(std::lround(pixel.y()));
+  if (!holds(camera, u, v)) return false;
+  const auto z = static_cast<double>(view.depth[at(camera, u, v)]);
+  if (!(z > 0) || view.normals[at(camera, u, v)].cast<double>().dot(n) < kAlike) return false;
+  const Eigen::Vector3d q = z * camera.ray(u, v);
+  const double sigma = static_cast<double>(cameras_.rig.sensor.sigma(static_cast<float>(z))), gap = n.dot(x - q);
+  if (std::abs(gap) > tolerance_ + kSigmas * sigma) return false;
+
+  Residual& r = seen.residual[0];
+  r.value = r.measured = gap / sigma;
+  const double e = r.value / gap_sigma_, rest = std::max(0.0, 1 - e * e / (kCut * kCut));
+  r.weight = rest * rest / (gap_sigma_ * gap_sigma_);
+  r.by_pose << -q.cross(n) / sigma, -n / sigma;
+  r.by_surfel = Eigen::Vector3d(1 / sigma, 0, 0);
+  r.by_shutter = Shutter(0, -share * n.dot(motion) / sigma);
+  seen.count = 1;
+  if (!brightness || view.brightness.empty()) return true;
+
+  Look here, beside;
+  if (!here.at_point(*this, view, middle)) return true;
+  for (int i = 0; i < 2; ++i) {
+    const Eigen::Vector3d point = middle + camera_from_world * s.beside[static_cast<std::size_t>(i)];
+    if (!beside.at_point(*this, view, point)) {
+      seen.count = 1;
+      return true;
+    }
+    Residual& b = seen.residual[static_cast<std::size_t>(seen.count++)];
+    b.measured = beside.value - here.value;
+    b.value = b.measured - s.brightness_beside[i];
+    const double off = b.value / brightness_sigma_;
+    b.weight = (kFreedom + 1) / (kFreedom + off * off) / (brightness_sigma_ * brightness_sigma_);
+    b.by_pose = beside.by_pose - here.by_pose;
+    b.by_surfel.setZero();
+    b.by_surfel[0] = n.dot(beside.by_point - here.by_point);
+    b.by_surfel[1 + i] = -1;
+    b.by_shutter = beside.by_shutter - here.by_shutter;
+  }
+  return true;
+}
+
+Bundle::Surfel Bundle::surfel_at(std::size_t k, int x, int y) const {
+  const BundleView& view = views_[k];
+  const std::size_t pixel = at(cameras_.depth, x, y);
+  const auto z = static_cast<double>(view.depth[pixel]);
+  const Eigen::Vector3d q = z * cameras_.depth.ray(x, y), n = view.normals[pixel].cast<double>(),
+                        spin = view.velocity.head<3>();
+  const double delay = shutter_.readout * ((y + 0.5) / cameras_.depth.height - 0.5);
+  Surfel s;
+  s.position = poses_[k] * Eigen::Vector3d(q + delay * (spin.cross(q) + view.velocity.tail<3>()));
+  s.normal = (poses_[k].linear() * (n + delay * spin.cross(n))).normalized();
+  const double radius = kBeside * z / cameras_.depth.fx;
+  s.beside[0] = radius * s.normal.cross(poses_[k].linear().col(1)).normalized();
+  s.beside[1] = radius * s.normal.cross(s.beside[0]).normalized();
+  return s;
+}
+
+/// A surfel in each cell of each view in which no view before has one. `held_out_of`: 0: those that are adjusted; else
+/// every so many cell, the others.
+void Bundle::sample(std::size_t held_out_of) {
+  const Camera& camera = cameras_.depth;
+  const int columns = camera.width / kCell, rows = camera.height / kCell;
+  const auto cell_of = [&](int i, int j) {
+    return static_cast<std::size_t>(j) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(i);
+  };
+  std::vector<std::vector<bool>> taken(views_.size(), std::vector<bool>(cell_of(0, rows), false));
+  surfels_.clear();
+  for (std::size_t k = 0; k < views_.size(); ++k) {
+    const std::size_t begin = surfels_.size();
+    for (int j = 0; j < rows; ++j)
+      for (int i = 0; i < columns; ++i) {
+        const std::size_t cell = cell_of(i, j);
+        // Scattered, and the same in every adjustment of these views.
+        const bool is_held_out = (cell * 7 + k * 3) % kHeldOutEvery == 0;
+        if (taken[k][cell] || is_held_out != (held_out_of != 0)) continue;
+        const int x = i * kCell + static_cast<int>((k * 5 + static_cast<std::size_t>(i) * 3) % kCell),
+                  y = j * kCell + static_cast<int>((k * 3 + static_cast<std::size_t>(j) * 5) % kCell);
+        if (!views_[k].normals[at(camera, x, y)].isZero()) surfels_.push_back(surfel_at(k, x, y));
+      }
+    tbb::parallel_for(k + 1, views_.size(), [&](std::size_t other) {
+      Seen seen;
+      for (std::size_t s = begin; s < surfels_.size(); ++s) {
+        if (!is_seen(surfels_[s], other, seen)) continue;
+        const Eigen::Vector2d pixel = camera.project(poses_[other].inverse() * surfels_[s].position);
+        const int i = static_cast<int>(pixel.x()) / kCell, j = static_cast<int>(pixel.y()) / kCell;
+        if (i >= 0 && j >= 0 && i < columns && j < rows) taken[other][cell_of(i, j)] = true;
+      }
+    });
+  }
+}
+
+/// Which views see which surfel; those that fewer than two see are dropped.
+void Bundle::associate() {
+  std::vector<std::vector<std::uint32_t>> all(surfels_.size());
+  tbb::parallel_for(std::size_t{0}, surfels_.size(), [&](std::size_t s) {
+    Seen seen;
+    std::vector<std::uint32_t> views;
+    for (std::size_t k = 0; k < views_.size(); ++k)
+      if (is_seen(surfels_[s], k, seen)) views.push_back(static_cast<std::uint32_t>(k));
+    const std::size_t count = std::min(views.size(), kMostViews);
+    for (std::size_t i = 0; i < count; ++i) all[s].push_back(views[i * views.size() / count]);
+  });
+  std::vector<Surfel> kept;
+  first_.assign(1, 0);
+  seen_by_.clear();
+  for (std::size_t s = 0; s < surfels_.size(); ++s) {
+    if (all[s].size() < 2) continue;
+    kept.push_back(surfels_[s]);
+    seen_by_.insert(seen_by_.end(), all[s].begin(), all[s].end());
+    first_.push_back(static_cast<std::uint32_t>(seen_by_.size()));
+  }
+  surfels_ = std::move(kept);
+}
+
+/// Puts each surfel where those that see it say on average.
+void Bundle::settle_surfels() {
+  const Camera& camera = cameras_.depth;
+  tbb::parallel_for(std::size_t{0}, surfels_.size(), [&](std::size_t i) {
+    Surfel& s = surfels_[i];
+    Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+    Eigen::Vector2d beside = Eigen::Vector2d::Zero();
+    double gap = 0, information = 0, count = 0;
+    Seen seen;
+    for (std::uint32_t o = first_[i]; o < first_[i + 1]; ++o) {
+      const std::size_t k = seen_by_[o];
+      if (!look(s, k, true, seen)) continue;
+      const Residual& r = seen.residual[0];
+      gap += r.weight * r.value * r.by_surfel[0], information += r.weight * r.by_surfel[0] * r.by_surfel[0];
+      if (seen.count == 3) beside += Eigen::Vector2d(seen.residual[1].measured, seen.residual[2].measured), ++count;
+      const Eigen::Vector2d pixel = camera.project(poses_[k].inverse() * s.position);
+      const int u = static_cast<int>(std::lround(pixel.x())), v = static_cast<int>(std::lround(pixel.y()));
+      if (holds(camera, u, v))
+        normal +=
+            r.by_surfel[0] * r.by_surfel[0] * (poses_[k].linear() * views_[k].normals[at(camera, u, v)].cast<double>());
+    }
+    if (information > 0) s.position -= gap / information * s.normal;
+    if (normal.norm() > 0) {
+      s.normal = normal.normalized();
+      const double radius = s.beside[0].norm();
+      s.beside[0] = radius * (s.beside[0] - s.normal.dot(s.beside[0]) * s.normal).normalized();
+      s.beside[1] = radius * s.normal.cross(s.beside[0]).normalized();
+    }
+    if (count > 0 && !s.is_seen) s.brightness_beside = beside / count, s.is_seen = true;
+  });
+}
+
+void Bundle::measure_scales() {
+  std::vector<double> gaps, differences;
+  Seen seen;
+  for (std::size_t s = 0; s < surfels_.size(); s += 1 + surfels_.size() / kJudged)
+    for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o) {
+      if (!look(surfels_[s], seen_by_[o], true, seen)) continue;
+      gaps.push_back(std::abs(seen.residual[0].value));
+      for (int i = 1; i < seen.count; ++i)
+        differences.push_back(std::abs(seen.residual[static_cast<std::size_t>(i)].value));
+    }
+  gap_sigma_ = scale_of(gaps, kSurest);
+  brightness_sigma_ = scale_of(differences, kGrain);
+}
+
+/// Ties are worth what they prove to be, once, and no less than they say.
+void Bundle::weigh_ties() {
+  std::vector<double> squared;
+  for (const auto& tie : ties_) {
+    const Vector6d e = local_coordinates(tie.i_from_j.inverse() * poses_[tie.i].inverse() * poses_[tie.j]);
+    squared.push_back(e.dot(tie.information * e));
+  }
+  if (squared.empty()) return;
+  const auto middle = squared.begin() + static_cast<std::ptrdiff_t>(squared.size() / 2);
+  std::nth_element(squared.begin(), middle, squared.end());
+  const double worth = std::clamp(kMedian / std::max(1e-9, *middle), 1.0, kMostWorth);
+  for (auto& tie : ties_) tie.information *= worth;
+}
+
+double Bundle::weight_of_tie(double squared_error) { return (kTieFreedom + 6) / (kTieFreedom + squared_error); }
+
+/// The mean of all observations; those that meet a hole after a step count as the others do.
+double Bundle::cost_of_surfels() const {
+  struct Sum {
+    double gaps = 0, gap_count = 0, differences = 0, difference_count = 0;
+  };
+  std::vector<Sum> sums(surfels_.size());
+  tbb::parallel_for(std::size_t{0}, surfels_.size(), [&](std::size_t s) {
+    Seen seen;
+    Sum& sum = sums[s];
+    for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o) {
+      if (!look(surfels_[s], seen_by_[o], true, seen)) continue;
+      sum.gaps += cost_of_gap(seen.residual[0].value / gap_sigma_), ++sum.gap_count;
+      for (int i = 1; i < seen.count; ++i)
+        sum.differences += cost_of_brightness(seen.residual[static_cast<std::size_t>(i)].value / brightness_sigma_),
+            ++sum.difference_count;
+    }
+  });
+  Sum all;
+  for (const Sum& s : sums) {
+    all.gaps += s.gaps, all.gap_count += s.gap_count;
+    all.differences += s.differences, all.difference_count += s.difference_count;
+  }
+  return (all.gap_count > 0 ? all.gaps / all.gap_count : 0) +
+         (all.difference_count > 0 ? 2 * all.differences / all.difference_count : 0);
+}
+
+double Bundle::cost() const {
+  double sum = static_cast<double>(seen_by_.size()) / kTogether * cost_of_surfels();
+  for (const auto& tie : ties_) {
+    const Vector6d e = local_coordinates(tie.i_from_j.inverse() * poses_[tie.i].inverse() * poses_[tie.j]);
+    sum += (kTieFreedom + 6) * std::log(1 + e.dot(tie.information * e) / kTieFreedom);
+  }
+  return sum;
+}
+
+void Bundle::adjust() {
+  if (views_.size() < 2) return;
+  tolerance_ = kFirstTolerance;
+  for (int round = 0; round < options_.rounds; ++round) {
+    if (round % 2 == 0) sample(0);
+    associate();
+    if (surfels_.empty()) return;
+    measure_scales();
+    settle_surfels();
+    measure_scales();
+    const auto before = poses_;
+    double last = cost(), damping = 1e-6;
+    for (int i = 0; i < options_.steps; ++i) step(damping, last);
+    if (round == 1) weigh_ties();
+    double most = 0;
+    for (std::size_t k = 0; k < poses_.size(); ++k)
+      most = std::max(most, local_coordinates(before[k].inverse() * poses_[k]).cwiseAbs().maxCoeff());
+    if (round + 1 >= kLeastRounds && most < kStill) break;
+    tolerance_ = std::max(kLast, kNarrower * tolerance_);
+  }
+}
+
+double Bundle::held_out_error() {
+  const std::vector<Surfel> used = surfels_;
+  const std::vector<std::uint32_t> first = first_, seen_by = seen_by_;
+  const double gap_sigma = gap_sigma_, brightness_sigma = brightness_sigma_;
+  sample(1);
+  associate();
+  gap_sigma_ = 1, brightness_sigma_ = 2;  // the same for all
+  settle_surfels();
+  settle_surfels();
+  const double error = surfels_.empty() ? 0 : cost_of_surfels();
+  surfels_ = used, first_ = first, seen_by_ = seen_by;
+  gap_sigma_ = gap_sigma, brightness_sigma_ = brightness_sigma;
+  return error;
+}
+
+}  // namespace cairn

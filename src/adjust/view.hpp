@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "cairn/frame.hpp"
+#include "cairn/pose.hpp"
+
+namespace cairn {
+
+/// The cameras of a rig without their lenses and at a resolution that adjustment works at: images average out noise.
+struct BundleCameras {
+  explicit BundleCameras(const Rig& rig);
+  Rig rig;
+  Camera depth, colour;
+  int colour_level = 0;
+};
+
+/// A keyframe as the adjustment sees it.
+struct BundleView {
+  std::vector<float> depth;              // metres, by pixel of the depth camera; 0: none, or an edge
+  std::vector<Eigen::Vector3f> normals;  // towards the camera; zero: none
+  std::vector<std::uint8_t> brightness;  // by pixel of the colour camera; empty: the frame has no colour
+  Vector6d velocity = Vector6d::Zero();  // of the camera in its own frame, rad/s and m/s
+  double colour_delay = 0;               // seconds from the depth image's moment to the colour image's
+};
+
+/// `frame` is of one moment: a shutter that is known to roll is undone.
+[[nodiscard]] BundleView bundle_view(const BundleCameras& cameras, const Frame& frame, const Vector6d& velocity);
+
+}  // namespace cairn

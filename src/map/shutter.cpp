@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "cairn/calibrate.hpp"
+#include "cairn/mapper.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr int kMostPasses = 3;
+constexpr double kSettled = 0.001;    // seconds that another pass would change no longer
+constexpr double kLongest = 0.1;      // seconds; no camera is slower
+constexpr double kSharpest = 0.0015;  // seconds; a larger standard deviation tells nothing
+constexpr int kFewKeyframes = 8;
+constexpr float kVoxel = 0.02f;  // metres: nobody sees this map
+
+void set_readout(Rig& rig, double readout) {
+  rig.depth.readout = readout;
+  if (rig.colour) rig.colour->camera.readout = readout;
+}
+
+Adjusted track_and_adjust(Source& source, const Rig& rig, const std::function<void()>& step) {
+  Options options = options_for(rig.sensor, kVoxel);
+  Mapper mapper(rig, options);
+  while (const auto frame = source.next()) {
+    mapper.add(*frame);
+    if (step) step();
+  }
+  mapper.settle();
+  return mapper.adjust();
+}
+
+}  // namespace
+
+FoundShutter find_shutter(const std::function<std::unique_ptr<Source>()>& open, const std::function<void()>& step) {
+  FoundShutter found{.rig = open()->rig()};
+  if (found.rig.depth.readout > 0 || found.rig.colour_view().readout > 0) {
+    found.why_not = "the camera's readout is told already";
+    return found;
+  }
+  double readout = 0;
+  for (int pass = 0; pass < kMostPasses; ++pass) {
+    Rig rig = found.rig;
+    set_readout(rig, readout);
+    const auto source = open();
+    const Adjusted adjusted = track_and_adjust(*source, rig, step);
+    found.keyframes = adjusted.keyframes;
+    found.sigma = adjusted.readout_sigma;
+    if (pass == 0) {
+      found.predicts_better = adjusted.predicts_better;
+      if (adjusted.keyframes < kFewKeyframes)
+        found.why_not =
+            fmt::format("the camera moved too little: {} keyframes, {} are needed", adjusted.keyframes, kFewKeyframes);
+      else if (!(adjusted.readout_sigma > 0 && adjusted.readout_sigma < kSharpest))
+        found.why_not = "the camera turned too slowly to tell when its rows were taken";
+      else if (!adjusted.has_readout || adjusted.readout < 0)
+        found.why_not = "all rows were taken at once, as far as held-out measurements tell";
+      if (!found.why_not.empty()) return found;
+    }
+    readout = std::clamp(readout + adjusted.readout, 0.0, kLongest);
+    if (std::abs(adjusted.readout) < kSettled) break;
+  }
+  found.readout = readout;
+  set_readout(found.rig, readout);
+  return found;
+}
+
+}  // namespace cairn
