@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -75,17 +76,18 @@ def main() -> None:
     map = cairn.Map.open(sys.argv[1]) if len(sys.argv) > 1 else map_a_room()
     mesh = map.mesh()
     print(f"Cairn: {mesh}")
-    for name, use, what in (
-        ("open3d", with_open3d, mesh),
-        ("trimesh", with_trimesh, mesh),
-        ("pyopenvdb", with_openvdb, map),
-    ):
+    uses: dict[str, Callable[[Any], None]] = {
+        "open3d": lambda library: with_open3d(library, mesh),
+        "trimesh": lambda library: with_trimesh(library, mesh),
+        "pyopenvdb": lambda library: with_openvdb(library, map),
+    }
+    for name, use in uses.items():
         try:
             library = importlib.import_module(name)
         except ImportError:
             print(f"{name} is not installed")
             continue
-        use(library, what)  # type: ignore[operator]
+        use(library)
 
 
 if __name__ == "__main__":
