@@ -70,11 +70,13 @@ void add_calibrate(CLI::App& program) {
   command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required()->type_name(kPath);
   command->add_option("-o,--output", a->output, "camera.yaml to write")->required()->type_name(kFile);
   add_camera(*command, a->camera, "to begin with, in place of what the recording tells");
-  command->add_option("--frames", a->frames, "Frames to look at, spread over all")
-      ->check(CLI::Range(1, 1000))
-      ->capture_default_str();
-  command->add_flag("--shutter", a->shutter,
-                    "Find how long the cameras take to read their rows instead, by tracking the whole recording");
+  auto* frames = command->add_option("--frames", a->frames, "Frames to look at, spread over all")
+                     ->check(CLI::Range(1, 1000))
+                     ->capture_default_str();
+  command
+      ->add_flag("--shutter", a->shutter,
+                 "Find how long the cameras take to read their rows instead, by tracking the whole recording")
+      ->excludes(frames);
   add_topics(*command, a->topics);
   command->callback([a] { calibrate(*a); });
 }

@@ -30,7 +30,7 @@ struct FoundShutter {
 };
 /// Finds it by tracking the recording and adjusting keyframes, surface and readout together (Mapper::adjust), again
 /// with what was found, until that settles; one readout for both cameras. `open` gives the recording from its begin
-/// each time, at most four; `step` is called after each tracked frame. A readout is only believed where it predicts
+/// each time, at most three; `step` is called after each tracked frame. A readout is only believed where it predicts
 /// measurements that it was not found with. The same frames give the same readout.
 [[nodiscard]] FoundShutter find_shutter(const std::function<std::unique_ptr<Source>()>& open,
                                         const std::function<void()>& step = {});

@@ -18,6 +18,8 @@ constexpr double kBeside = 2.5;                         // pixels
 constexpr double kNearest = 0.1;                        // metres
 constexpr double kFirstTolerance = 0.08, kLast = 0.02;  // metres that a surfel may be off, from round to round
 constexpr double kNarrower = 0.7;
+constexpr int kMostRounds = 20;           // surfels are looked for anew in every second one
+constexpr int kSteps = 3;                 // of Gauss-Newton in a round
 constexpr int kLeastRounds = 6;           // of which each is narrower
 constexpr double kStill = 2e-4;           // radians, metres: what no view moved by in a round that is the last
 constexpr double kSigmas = 3;             // that it may be off beside these
@@ -29,11 +31,8 @@ constexpr double kMostWorth = 1000;       // times what a tie's information says
 constexpr double kSurest = 0.1;           // of the depth noise of the sensor's model
 constexpr double kGrain = 1;              // grey levels: no image has less
 constexpr std::size_t kJudged = 20000;    // surfels that scales are measured with
-constexpr std::size_t kHeldOutEvery = 5;  // surfel, where prediction is judged
+constexpr std::size_t kHeldOutEvery = 5;  // cell, where prediction is judged
 
-std::size_t at(const Camera& c, int x, int y) {
-  return static_cast<std::size_t>(y) * static_cast<std::size_t>(c.width) + static_cast<std::size_t>(x);
-}
 bool holds(const Camera& c, int x, int y) { return x >= 0 && y >= 0 && x < c.width && y < c.height; }
 
 /// Of the image's height, from its middle, at most a little beyond it.
@@ -47,21 +46,23 @@ double cost_of_gap(double e) {
 }
 double cost_of_brightness(double e) { return (kFreedom + 1) * std::log(1 + e * e / kFreedom); }
 
+double median_of(std::vector<double>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 /// Standard deviation by the median of magnitudes.
 double scale_of(std::vector<double>& magnitudes, double least) {
-  if (magnitudes.empty()) return least;
-  const auto middle = magnitudes.begin() + static_cast<std::ptrdiff_t>(magnitudes.size() / 2);
-  std::nth_element(magnitudes.begin(), middle, magnitudes.end());
-  return std::max(least, 1.4826 * *middle);
+  return magnitudes.empty() ? least : std::max(least, 1.4826 * median_of(magnitudes));
 }
 
 }  // namespace
 
-Bundle::Bundle(const Rig& rig, const BundleOptions& options)
-    : cameras_(rig), options_(options), colour_from_depth_(rig.depth_from_colour().inverse()) {}
+Bundle::Bundle(const Rig& rig) : cameras_(rig), colour_from_depth_(rig.depth_from_colour().inverse()) {}
 
 void Bundle::add(const Frame& keyframe, const Vector6d& velocity, const Eigen::Isometry3d& world_from_camera) {
-  views_.push_back(bundle_view(cameras_, keyframe, velocity));
+  views_.push_back(std::make_shared<const BundleView>(bundle_view(cameras_, keyframe, velocity)));
   poses_.push_back(world_from_camera);
 }
 
@@ -103,7 +104,7 @@ struct Bundle::Look {
 /// False where the view does not see the surfel.
 bool Bundle::look(const Surfel& s, std::size_t k, bool brightness, Seen& seen) const {
   seen.count = 0;
-  const BundleView& view = views_[k];
+  const BundleView& view = *views_[k];
   const Camera& camera = cameras_.depth;
   const Eigen::Matrix3d camera_from_world = poses_[k].linear().transpose();
   const Eigen::Vector3d middle = camera_from_world * (s.position - poses_[k].translation());
@@ -156,7 +157,7 @@ bool Bundle::look(const Surfel& s, std::size_t k, bool brightness, Seen& seen) c
 }
 
 Bundle::Surfel Bundle::surfel_at(std::size_t k, int x, int y) const {
-  const BundleView& view = views_[k];
+  const BundleView& view = *views_[k];
   const std::size_t pixel = at(cameras_.depth, x, y);
   const auto z = static_cast<double>(view.depth[pixel]);
   const Eigen::Vector3d q = z * cameras_.depth.ray(x, y), n = view.normals[pixel].cast<double>(),
@@ -171,9 +172,9 @@ Bundle::Surfel Bundle::surfel_at(std::size_t k, int x, int y) const {
   return s;
 }
 
-/// A surfel in each cell of each view in which no view before has one. `held_out_of`: 0: those that are adjusted; else
-/// every so many cell, the others.
-void Bundle::sample(std::size_t held_out_of) {
+/// A surfel in each cell of each view in which no view before has one: in the cells that are adjusted, or in those that
+/// are held out.
+void Bundle::sample(Cells cells) {
   const Camera& camera = cameras_.depth;
   const int columns = camera.width / kCell, rows = camera.height / kCell;
   const auto cell_of = [&](int i, int j) {
@@ -188,10 +189,10 @@ void Bundle::sample(std::size_t held_out_of) {
         const std::size_t cell = cell_of(i, j);
         // Scattered, and the same in every adjustment of these views.
         const bool is_held_out = (cell * 7 + k * 3) % kHeldOutEvery == 0;
-        if (taken[k][cell] || is_held_out != (held_out_of != 0)) continue;
+        if (taken[k][cell] || is_held_out != (cells == Cells::held_out)) continue;
         const int x = i * kCell + static_cast<int>((k * 5 + static_cast<std::size_t>(i) * 3) % kCell),
                   y = j * kCell + static_cast<int>((k * 3 + static_cast<std::size_t>(j) * 5) % kCell);
-        if (!views_[k].normals[at(camera, x, y)].isZero()) surfels_.push_back(surfel_at(k, x, y));
+        if (!views_[k]->normals[at(camera, x, y)].isZero()) surfels_.push_back(surfel_at(k, x, y));
       }
     tbb::parallel_for(k + 1, views_.size(), [&](std::size_t other) {
       Seen seen;
@@ -246,8 +247,8 @@ void Bundle::settle_surfels() {
       const Eigen::Vector2d pixel = camera.project(poses_[k].inverse() * s.position);
       const int u = static_cast<int>(std::lround(pixel.x())), v = static_cast<int>(std::lround(pixel.y()));
       if (holds(camera, u, v))
-        normal +=
-            r.by_surfel[0] * r.by_surfel[0] * (poses_[k].linear() * views_[k].normals[at(camera, u, v)].cast<double>());
+        normal += r.by_surfel[0] * r.by_surfel[0] *
+                  (poses_[k].linear() * views_[k]->normals[at(camera, u, v)].cast<double>());
     }
     if (information > 0) s.position -= gap / information * s.normal;
     if (normal.norm() > 0) {
@@ -276,16 +277,18 @@ void Bundle::measure_scales() {
 
 /// Ties are worth what they prove to be, once, and no less than they say.
 void Bundle::weigh_ties() {
+  if (ties_.empty()) return;
   std::vector<double> squared;
   for (const auto& tie : ties_) {
-    const Vector6d e = local_coordinates(tie.i_from_j.inverse() * poses_[tie.i].inverse() * poses_[tie.j]);
+    const Vector6d e = error_of(tie);
     squared.push_back(e.dot(tie.information * e));
   }
-  if (squared.empty()) return;
-  const auto middle = squared.begin() + static_cast<std::ptrdiff_t>(squared.size() / 2);
-  std::nth_element(squared.begin(), middle, squared.end());
-  const double worth = std::clamp(kMedian / std::max(1e-9, *middle), 1.0, kMostWorth);
+  const double worth = std::clamp(kMedian / std::max(1e-9, median_of(squared)), 1.0, kMostWorth);
   for (auto& tie : ties_) tie.information *= worth;
+}
+
+Vector6d Bundle::error_of(const PoseGraph::Edge& tie) const {
+  return local_coordinates(tie.i_from_j.inverse() * poses_[tie.i].inverse() * poses_[tie.j]);
 }
 
 double Bundle::weight_of_tie(double squared_error) { return (kTieFreedom + 6) / (kTieFreedom + squared_error); }
@@ -319,17 +322,18 @@ double Bundle::cost_of_surfels() const {
 double Bundle::cost() const {
   double sum = static_cast<double>(seen_by_.size()) / kTogether * cost_of_surfels();
   for (const auto& tie : ties_) {
-    const Vector6d e = local_coordinates(tie.i_from_j.inverse() * poses_[tie.i].inverse() * poses_[tie.j]);
+    const Vector6d e = error_of(tie);
     sum += (kTieFreedom + 6) * std::log(1 + e.dot(tie.information * e) / kTieFreedom);
   }
   return sum;
 }
 
-void Bundle::adjust() {
+void Bundle::adjust(bool finds_readout) {
+  finds_readout_ = finds_readout;
   if (views_.size() < 2) return;
   tolerance_ = kFirstTolerance;
-  for (int round = 0; round < options_.rounds; ++round) {
-    if (round % 2 == 0) sample(0);
+  for (int round = 0; round < kMostRounds; ++round) {
+    if (round % 2 == 0) sample(Cells::adjusted);
     associate();
     if (surfels_.empty()) return;
     measure_scales();
@@ -337,7 +341,7 @@ void Bundle::adjust() {
     measure_scales();
     const auto before = poses_;
     double last = cost(), damping = 1e-6;
-    for (int i = 0; i < options_.steps; ++i) step(damping, last);
+    for (int i = 0; i < kSteps; ++i) step(damping, last);
     if (round == 1) weigh_ties();
     double most = 0;
     for (std::size_t k = 0; k < poses_.size(); ++k)
@@ -351,7 +355,7 @@ double Bundle::held_out_error() {
   const std::vector<Surfel> used = surfels_;
   const std::vector<std::uint32_t> first = first_, seen_by = seen_by_;
   const double gap_sigma = gap_sigma_, brightness_sigma = brightness_sigma_;
-  sample(1);
+  sample(Cells::held_out);
   associate();
   gap_sigma_ = 1, brightness_sigma_ = 2;  // the same for all
   settle_surfels();

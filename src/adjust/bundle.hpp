@@ -9,6 +9,7 @@
 // so that one step moves all. Both kinds of residuals are weighted by the scale of their own.
 #pragma once
 #include <array>
+#include <memory>
 #include <vector>
 
 #include "adjust/view.hpp"
@@ -22,12 +23,6 @@ struct BundleShutter {
   double readout = 0;  // seconds from an image's first row to its last, of both cameras
 };
 
-struct BundleOptions {
-  bool finds_readout = false;  // otherwise it stays 0
-  int rounds = 20;             // at most; surfels are looked for anew in every second one
-  int steps = 3;               // of Gauss-Newton in a round
-};
-
 class Bundle {
  public:
   static constexpr double kTogether = 30;  // observations that count as one: neighbours err alike
@@ -35,12 +30,12 @@ class Bundle {
   /// Of a tie, by its squared error in units of its noise and a t-distribution: tracking may have slipped.
   [[nodiscard]] static double weight_of_tie(double squared_error);
 
-  Bundle(const Rig& rig, const BundleOptions& options);
+  explicit Bundle(const Rig& rig);
   void add(const Frame& keyframe, const Vector6d& velocity, const Eigen::Isometry3d& world_from_camera);
   /// Binds two views by how they were tracked against each other.
   void tie(const PoseGraph::Edge& edge) { ties_.push_back(edge); }
-  /// The first view stays where it is.
-  void adjust();
+  /// The first view stays where it is. A readout that is not asked for stays 0.
+  void adjust(bool finds_readout);
 
   [[nodiscard]] const std::vector<Eigen::Isometry3d>& world_from_view() const { return poses_; }
   [[nodiscard]] const BundleShutter& shutter() const { return shutter_; }
@@ -78,11 +73,13 @@ class Bundle {
     return look(surfel, view, false, seen);
   }
   [[nodiscard]] Surfel surfel_at(std::size_t view, int x, int y) const;
-  void sample(std::size_t held_out_of);
+  enum class Cells { adjusted, held_out };
+  void sample(Cells cells);
   void associate();
   void settle_surfels();
   void measure_scales();
   void weigh_ties();
+  [[nodiscard]] Vector6d error_of(const PoseGraph::Edge& tie) const;
   [[nodiscard]] double cost_of_surfels() const;
   [[nodiscard]] double cost() const;
   void linearise_surfels(Equations& equations) const;
@@ -91,11 +88,11 @@ class Bundle {
   void step(double& damping, double& last);
 
   BundleCameras cameras_;
-  BundleOptions options_;
   Eigen::Isometry3d colour_from_depth_;
-  std::vector<BundleView> views_;
+  std::vector<std::shared_ptr<const BundleView>> views_;  // copies share them
   std::vector<Eigen::Isometry3d> poses_;
   std::vector<PoseGraph::Edge> ties_;
+  bool finds_readout_ = false;
   BundleShutter shutter_;
   std::vector<Surfel> surfels_;
   std::vector<std::uint32_t> first_, seen_by_;  // by surfel: where its views begin; the views

@@ -178,8 +178,7 @@ void Bundle::step(double& damping, double& last) {
     }
   add_ties(ties_, poses_, blocks, e.right);
   const Shutter now(shutter_.clock, shutter_.readout);
-  const Shutter prior(1 / (kClockPrior * kClockPrior),
-                      options_.finds_readout ? 1 / (kReadoutPrior * kReadoutPrior) : kHeld);
+  const Shutter prior(1 / (kClockPrior * kClockPrior), finds_readout_ ? 1 / (kReadoutPrior * kReadoutPrior) : kHeld);
   e.corner.diagonal() += prior;
   e.corner_right -= prior.cwiseProduct(now);
 

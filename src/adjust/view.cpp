@@ -17,9 +17,6 @@ constexpr double kSteepest = 0.3;  // cosine of a normal to its ray
 constexpr int kBlock = 4, kMeasured = 3;  // depth pixels in one; at least so many of them
 
 std::size_t pixels(const Camera& c) { return static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height); }
-std::size_t at(const Camera& c, int x, int y) {
-  return static_cast<std::size_t>(y) * static_cast<std::size_t>(c.width) + static_cast<std::size_t>(x);
-}
 
 /// The pixel of a camera's own image that one of its rectified image shows.
 struct Pixel {

@@ -18,6 +18,11 @@ struct BundleCameras {
   int colour_level = 0;
 };
 
+/// A pixel's place in an image.
+[[nodiscard]] inline std::size_t at(const Camera& c, int x, int y) {
+  return static_cast<std::size_t>(y) * static_cast<std::size_t>(c.width) + static_cast<std::size_t>(x);
+}
+
 /// A keyframe as the adjustment sees it.
 struct BundleView {
   std::vector<float> depth;              // metres, by pixel of the depth camera; 0: none, or an edge

@@ -3,6 +3,7 @@
 #include "map/adjust.hpp"
 
 #include <cmath>
+#include <optional>
 
 #include "adjust/bundle.hpp"
 #include "map/velocity.hpp"
@@ -13,43 +14,34 @@ namespace {
 constexpr double kSign = 0.001, kSigmas = 4;  // seconds; standard deviations: a readout that is worth a second look
 constexpr double kBetter = 0.003;             // of what held-out surfels are off, that a readout must take away
 
-/// The keyframes of the main piece as a bundle.
-struct Main {
-  std::vector<std::size_t> members;
-  std::vector<std::size_t> place;  // in the bundle, by keyframe
-};
-
-Main main_of(const Atlas& atlas) {
+/// The main piece's keyframes.
+std::vector<std::size_t> main_keyframes(const Atlas& atlas) {
   const auto component = atlas.components();
-  const std::size_t main = atlas.main_component();
-  Main m;
-  m.place.resize(atlas.keyframes.size());
-  for (std::size_t k = 0; k < atlas.keyframes.size(); ++k) {
-    if (component[k] != main) continue;
-    m.place[k] = m.members.size();
-    m.members.push_back(k);
-  }
-  return m;
+  std::vector<std::size_t> keyframes;
+  for (std::size_t k = 0; k < atlas.keyframes.size(); ++k)
+    if (component[k] == component[atlas.main_component()]) keyframes.push_back(k);
+  return keyframes;
 }
 
-Bundle solve(const BackEnd& back_end, const Rig& rig, double clock_offset, const Main& main, bool finds_readout) {
+Bundle bundle_of(const BackEnd& back_end, const Rig& rig, double clock_offset,
+                 const std::vector<std::size_t>& keyframes) {
   const Atlas& atlas = back_end.atlas();
   const Trajectory path = atlas.trajectory(atlas.main_component(), 0, atlas.frames.size());
-  Bundle bundle(rig, {.finds_readout = finds_readout});
-  for (const std::size_t k : main.members) {
-    const Keyframe& keyframe = atlas.keyframes[k];
+  Bundle bundle(rig);
+  std::vector<std::optional<std::size_t>> view_of(atlas.keyframes.size());
+  for (std::size_t view = 0; view < keyframes.size(); ++view) {
+    const std::size_t k = keyframes[view];
     Frame frame = back_end.images().get(k);
-    frame.colour_delay = keyframe.colour_delay - clock_offset;
-    bundle.add(frame, velocity_at(path, keyframe.timestamp), atlas.world_from_camera[k]);
+    frame.colour_delay = atlas.keyframes[k].colour_delay - clock_offset;
+    bundle.add(frame, velocity_at(path, atlas.keyframes[k].timestamp), atlas.world_from_camera[k]);
+    view_of[k] = view;
   }
   for (PoseGraph::Edge edge : atlas.graph().edges) {
-    if (edge.is_loop_closure || edge.j >= main.place.size()) continue;
-    const std::size_t i = main.place[edge.i], j = main.place[edge.j];
-    if (i >= main.members.size() || main.members[i] != edge.i || main.members[j] != edge.j) continue;
-    edge.i = i, edge.j = j;
+    const auto i = view_of[edge.i], j = view_of[edge.j];
+    if (edge.is_loop_closure || !i || !j) continue;
+    edge.i = *i, edge.j = *j;
     bundle.tie(edge);
   }
-  bundle.adjust();
   return bundle;
 }
 
@@ -57,14 +49,17 @@ Bundle solve(const BackEnd& back_end, const Rig& rig, double clock_offset, const
 
 Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset) {
   back_end.settle();
-  const Main main = main_of(back_end.atlas());
-  Adjusted adjusted{.keyframes = static_cast<int>(main.members.size())};
-  if (main.members.size() < 2) return adjusted;
-  Bundle bundle = solve(back_end, rig, clock_offset, main, true);
+  Atlas& atlas = back_end.atlas();
+  if (atlas.keyframes.size() < 2) return {.keyframes = static_cast<int>(atlas.keyframes.size())};
+  const std::vector<std::size_t> keyframes = main_keyframes(atlas);
+  Adjusted adjusted{.keyframes = static_cast<int>(keyframes.size())};
+  if (keyframes.size() < 2) return adjusted;
+  Bundle bundle = bundle_of(back_end, rig, clock_offset, keyframes), global = bundle;
+  bundle.adjust(true);
   adjusted.readout = bundle.shutter().readout;
   adjusted.readout_sigma = bundle.readout_sigma();
   if (std::abs(adjusted.readout) > std::max(kSign, kSigmas * adjusted.readout_sigma)) {
-    Bundle global = solve(back_end, rig, clock_offset, main, false);
+    global.adjust(false);
     const double with = bundle.held_out_error(), without = global.held_out_error();
     if (without > 0) adjusted.predicts_better = 1 - with / without;
     if (adjusted.predicts_better < kBetter) bundle = std::move(global);
@@ -73,9 +68,8 @@ Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset) {
   adjusted.surfels = static_cast<int>(bundle.surfels());
   adjusted.observations = static_cast<int>(bundle.observations());
   adjusted.clock_offset = clock_offset + bundle.shutter().clock;
-  Atlas& atlas = back_end.atlas();
-  for (std::size_t m = 0; m < main.members.size(); ++m)
-    atlas.world_from_camera[main.members[m]] = bundle.world_from_view()[m];
+  for (std::size_t view = 0; view < keyframes.size(); ++view)
+    atlas.world_from_camera[keyframes[view]] = bundle.world_from_view()[view];
   return adjusted;
 }
 

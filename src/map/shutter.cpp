@@ -24,20 +24,19 @@ void set_readout(Rig& rig, double readout) {
 }
 
 Adjusted track_and_adjust(Source& source, const Rig& rig, const std::function<void()>& step) {
-  Options options = options_for(rig.sensor, kVoxel);
-  Mapper mapper(rig, options);
+  Mapper mapper(rig, options_for(rig.sensor, kVoxel));
   while (const auto frame = source.next()) {
     mapper.add(*frame);
     if (step) step();
   }
-  mapper.settle();
   return mapper.adjust();
 }
 
 }  // namespace
 
 FoundShutter find_shutter(const std::function<std::unique_ptr<Source>()>& open, const std::function<void()>& step) {
-  FoundShutter found{.rig = open()->rig()};
+  auto source = open();
+  FoundShutter found{.rig = source->rig()};
   if (found.rig.depth.readout > 0 || found.rig.colour_view().readout > 0) {
     found.why_not = "the camera's readout is told already";
     return found;
@@ -46,7 +45,7 @@ FoundShutter find_shutter(const std::function<std::unique_ptr<Source>()>& open, 
   for (int pass = 0; pass < kMostPasses; ++pass) {
     Rig rig = found.rig;
     set_readout(rig, readout);
-    const auto source = open();
+    if (pass > 0) source = open();
     const Adjusted adjusted = track_and_adjust(*source, rig, step);
     found.keyframes = adjusted.keyframes;
     found.sigma = adjusted.readout_sigma;

@@ -73,8 +73,8 @@ std::pair<double, double> errors(const std::vector<Eigen::Isometry3d>& found,
   return {std::sqrt(metres / count), std::sqrt(radians / count)};
 }
 
-Bundle bundle_of(const Views& views, const std::vector<Eigen::Isometry3d>& poses, bool finds_readout) {
-  Bundle bundle(synthetic_camera(), {.finds_readout = finds_readout});
+Bundle bundle_of(const Views& views, const std::vector<Eigen::Isometry3d>& poses) {
+  Bundle bundle(synthetic_camera());
   for (std::size_t i = 0; i < views.frames.size(); ++i) bundle.add(views.frames[i], views.velocities[i], poses[i]);
   return bundle;
 }
@@ -83,8 +83,8 @@ TEST(Bundle, MovesViewsToWhereAllTheySeeAgrees) {
   const Views views = swinging_views(14, 0);
   std::vector<Eigen::Isometry3d> poses;
   for (std::size_t i = 0; i < views.poses.size(); ++i) poses.push_back(views.poses[i] * misplaced(i));
-  Bundle bundle = bundle_of(views, poses, true);
-  bundle.adjust();
+  Bundle bundle = bundle_of(views, poses);
+  bundle.adjust(true);
   const auto before = errors(poses, views.poses), after = errors(bundle.world_from_view(), views.poses);
   std::printf("%.2f -> %.2f mm, %.2f -> %.2f mrad, readout %.2f +- %.2f ms, clock %.2f ms\n", 1000 * before.first,
               1000 * after.first, 1000 * before.second, 1000 * after.second, 1000 * bundle.shutter().readout,
@@ -97,8 +97,8 @@ TEST(Bundle, MovesViewsToWhereAllTheySeeAgrees) {
 
 TEST(Bundle, FindsHowLongTheShutterTakesAndPredictsBetterWithIt) {
   const Views views = swinging_views(14, kReadout);
-  Bundle bundle = bundle_of(views, views.poses, true), global = bundle_of(views, views.poses, false);
-  bundle.adjust(), global.adjust();
+  Bundle bundle = bundle_of(views, views.poses), global = bundle;
+  bundle.adjust(true), global.adjust(false);
   const double with = bundle.held_out_error(), without = global.held_out_error();
   std::printf("readout %.2f +- %.2f ms, held out %.4f against %.4f\n", 1000 * bundle.shutter().readout,
               1000 * bundle.readout_sigma(), with, without);
@@ -112,8 +112,8 @@ TEST(Bundle, FindsHowLongTheShutterTakesAndPredictsBetterWithIt) {
 
 TEST(Bundle, GivesTheSameBitsAgain) {
   const Views views = swinging_views(6, 0);
-  Bundle a = bundle_of(views, views.poses, true), b = bundle_of(views, views.poses, true);
-  a.adjust(), b.adjust();
+  Bundle a = bundle_of(views, views.poses), b = bundle_of(views, views.poses);
+  a.adjust(true), b.adjust(true);
   for (std::size_t i = 0; i < views.poses.size(); ++i)
     EXPECT_EQ(a.world_from_view()[i].matrix(), b.world_from_view()[i].matrix());
   EXPECT_EQ(a.shutter().readout, b.shutter().readout);
@@ -122,8 +122,8 @@ TEST(Bundle, GivesTheSameBitsAgain) {
 TEST(Bundle, LeavesViewsThatShareNothingWhereTheyAre) {
   Views views = swinging_views(2, 0);
   views.frames[1].depth.assign(views.frames[1].depth.size(), 0.0f);
-  Bundle bundle = bundle_of(views, views.poses, true);
-  bundle.adjust();
+  Bundle bundle = bundle_of(views, views.poses);
+  bundle.adjust(true);
   EXPECT_EQ(bundle.surfels(), 0u);
   EXPECT_EQ(bundle.world_from_view()[1].matrix(), views.poses[1].matrix());
   EXPECT_EQ(bundle.shutter().readout, 0);

@@ -6,9 +6,8 @@
 //   CAIRN_FAULTS_AT      the operation that fails, counted from 1; 0: none
 //   CAIRN_FAULTS_KIND    full: from that one on nothing can be written (of a write, half still fits); eio: it alone
 //                        fails; short: it alone, if it is a write, writes half
-//   CAIRN_FAULTS_LIMIT   bytes that a file may have: as RLIMIT_FSIZE, but for the device's memory, which Mesa 25 keeps
-//   in
-//                        anonymous files
+//   CAIRN_FAULTS_LIMIT   bytes that a file may have: as RLIMIT_FSIZE, but for the device's memory, which
+//                        Mesa 25 keeps in anonymous files
 //   CAIRN_FAULTS_LOG     file that gets a line for each operation
 #include <dlfcn.h>
 #include <fcntl.h>

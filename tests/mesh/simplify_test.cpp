@@ -3,6 +3,7 @@
 #include "mesh/simplify.hpp"
 
 #include <gtest/gtest.h>
+#include <meshoptimizer.h>
 
 #include <functional>
 #include <set>
@@ -28,7 +29,8 @@ double farthest(const Mesh& from, const Mesh& to) {
 TEST(Simplify, LeavesAFewTrianglesOfARectangle) {
   Mesh mesh = flat_grid(30, 20, 0.01f);
   const Simplified simplified = simplify(mesh, {.max_error = 1e-4f}, {}, false);
-  EXPECT_LE(mesh.triangles.size(), 8u);  // of 1200; meshoptimizer 0.18 leaves 4 at most, 0.22 8
+  // Of 1200; newer versions of meshoptimizer leave some more.
+  EXPECT_LE(mesh.triangles.size(), MESHOPTIMIZER_VERSION < 200 ? 4u : 8u);
   EXPECT_LT(simplified.error, 1e-4f);
   EXPECT_NEAR(examine_topology(mesh).border_length, 1.0, 1e-4);
   EXPECT_EQ(mesh.positions.size(), mesh.normals.size());
