@@ -9,6 +9,7 @@
 #include "shaders/fetch.h"
 #include "shaders/track.h"
 #include "shaders/surface.h"
+layout(constant_id = 4) const uint kIsRolling = 0;
 layout(local_size_x = 64, local_size_x_id = 15) in;
 layout(push_constant, scalar) uniform Push { IcpReducePush push; };
 PAIRS(0, live);
@@ -23,6 +24,8 @@ void main() {
   vec4 counts = vec4(0);
   Pinhole camera = local(push.camera);
   Rigid model_from_live = local(state.model_from_live);
+  Rigid model_from_undone = local(state.model_from_undone);
+  float readout = state.readout;
   float max_squared = push.max_distance * push.max_distance, min_cosine = push.min_cosine, huber = push.huber;
   float inverse_cut = push.cut > 0.0 ? 1.0 / push.cut : 0.0;
   bool crossed = push.crossed != 0u;
@@ -35,7 +38,12 @@ void main() {
     int i = exists ? at.y * width + at.x : 0;
     uvec2 l = fetch(live, i);
     float z = uintBitsToFloat(l.x);
-    vec3 p = transform(model_from_live, ray_through(camera, vec2(at)) * z);
+    vec3 seen_at = ray_through(camera, vec2(at)) * z, p = transform(model_from_live, seen_at);
+    float share = 0.0;
+    if (kIsRolling != 0u) {
+      share = readout * row_share(float(at.y), camera);
+      p += share * (p - transform(model_from_undone, seen_at));
+    }
     ivec2 pixel = ivec2(floor(project(camera, p) + 0.5));
     bool valid = exists && l.y != 0u && z > 0.0 && p.z > 0.0;
     bool inside = valid && pixel.x >= 0 && pixel.y >= 0 && pixel.x < width && pixel.y < height;
@@ -55,12 +63,13 @@ void main() {
     float cut_off = r * inverse_cut, rest = max(0.0, 1.0 - cut_off * cut_off);  // Beaton & Tukey 1974
     w *= rest * rest;
     if (!inlier) r = 0.0;
-    vec3 jt = inlier ? n * inverse_sigma : vec3(0);
-    vec3 jr = inlier ? cross(p, n) * inverse_sigma : vec3(0);
+    float scale = inverse_sigma * (1.0 + share);
+    vec3 jt = inlier ? n * scale : vec3(0);
+    vec3 jr = inlier ? cross(p, n) * scale : vec3(0);
     vec3 wr = jr * w, wt = jt * w;
     if (crossed && inlier) {
-      jt = live_normal * inverse_sigma;
-      jr = cross(p, live_normal) * inverse_sigma;
+      jt = live_normal * scale;
+      jr = cross(p, live_normal) * scale;
     }
     rr0 += wr.x * jr;
     rr1 += vec3(wr.y * jr.y, wr.y * jr.z, wr.z * jr.z);

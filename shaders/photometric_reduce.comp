@@ -9,6 +9,7 @@
 #include "shaders/fetch.h"
 #include "shaders/track.h"
 #include "shaders/surface.h"
+layout(constant_id = 4) const uint kIsRolling = 0;
 layout(local_size_x = 64, local_size_x_id = 15) in;
 layout(push_constant, scalar) uniform Push { PhotometricReducePush push; };
 PAIRS(0, points);
@@ -32,6 +33,8 @@ void main() {
   vec4 counts = vec4(0), moments = vec4(0);
   Pinhole camera = local(push.camera);
   Rigid keyframe_from_live = compose(local(push.keyframe_from_model), local(state.model_from_live));
+  Rigid keyframe_from_undone = compose(local(push.keyframe_from_model), local(state.model_from_undone));
+  float readout = state.readout;
   vec3 rotation = push.rotation, translation = push.translation;
   float gain = state.gain, bias = state.bias, inverse_sigma = 1.0 / state.sigma;
   int width = int(camera.width), height = int(camera.height);
@@ -47,6 +50,11 @@ void main() {
     // Where the colour camera saw the point, at its own moment.
     vec2 u = project(camera, p + cross(rotation, p) + translation);
     vec3 q = transform(keyframe_from_live, p);
+    float share = 0.0;
+    if (kIsRolling != 0u) {
+      share = readout * row_share(float(at.y), camera);
+      q += share * (q - transform(keyframe_from_undone, p));
+    }
     vec2 v = project(camera, q);
     bool inside = exists && z > 0.0 && q.z > 0.1 && min(min(u.x, u.y), min(v.x, v.y)) >= 0.0 &&
                   max(u.x, v.x) < float(width - 1) && max(u.y, v.y) < float(height - 1);
@@ -62,7 +70,7 @@ void main() {
     float r = seen ? key.x - (gain * a.x + bias) : 0.0;
     float e = r * inverse_sigma;
     float w = seen ? 6.0 / (5.0 + e * e) : 0.0;  // t-distribution with 5 degrees of freedom
-    vec2 g = focal * key.yz * (1.0 / q.z);
+    vec2 g = focal * key.yz * ((1.0 + share) / q.z);
     vec3 jt = seen ? vec3(g, -dot(g, q.xy) * (1.0 / q.z)) : vec3(0);
     vec3 jr = seen ? cross(q, jt) : vec3(0);
     vec3 wr = jr * w, wt = jt * w;

@@ -6,22 +6,26 @@
 #define CAIRN_SURFACE_H
 #include "shaders/lens.h"
 #include "shaders/noise.h"
+#include "shaders/shutter.h"
 #include "shaders/types.h"
 #ifdef __cplusplus
 namespace cairn::shader {
 #endif
 
 struct SurfaceRectifyPush {
-  uint has_colour;  // that lies on depth
+  ShutterMotion motion;
+  float distance;  // metres, of what has no depth
 };
 
 struct SurfaceColourPush {
-  uint width;  // of depth
+  ShutterMotion motion;  // of the colour camera
+  uint width;            // of depth
   uint height;
 };
 
 struct SurfaceBrightnessPush {
-  uint width;  // of the level
+  ShutterMotion motion;  // of the colour camera
+  uint width;            // of the level
   uint height;
 };
 
@@ -32,6 +36,7 @@ struct ColourView {  // a colour camera beside the depth camera; a kernel's cons
   float widest;             // tangent of the angle to the axis up to which `lens` holds
   uint cell;                // pixels a side of what keeps the nearest depth
   uint mean;                // pixels a side of what is averaged for a depth pixel; 1: between four pixels
+  uint is_rolling;          // its shutter
 };
 
 struct SurfaceFilterPush {

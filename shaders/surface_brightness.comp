@@ -19,7 +19,7 @@ void main() {
   if (at.x >= width || at.y >= int(push.height)) return;
   float known = fetch(depth, at.y * width + at.x), z = known > 0.0 ? known : kUnknownDepth;
   vec2 pixel;
-  bool is_seen = seen_at(vec2(at) * float(kFactor) + 0.5 * float(kFactor - 1u), z, pixel) &&
+  bool is_seen = seen_at(local(push.motion), vec2(at) * float(kFactor) + 0.5 * float(kFactor - 1u), z, pixel) &&
                  !(known > 0.0 && is_hidden(nearest, pixel, z));
   // A square of whole side that begins within a pixel: of the first and the last of a row it covers a part each.
   int side = int(view().mean * kFactor);

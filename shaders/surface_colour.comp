@@ -37,7 +37,7 @@ void main() {
   if (at.x >= width || at.y >= int(push.height)) return;
   float known = fetch(depth, at.y * width + at.x), z = known > 0.0 ? known : kUnknownDepth;
   vec2 pixel;
-  bool is_seen = seen_at(vec2(at), z, pixel) && !(known > 0.0 && is_hidden(nearest, pixel, z));
+  bool is_seen = seen_at(local(push.motion), vec2(at), z, pixel) && !(known > 0.0 && is_hidden(nearest, pixel, z));
   ivec3 rgb = ivec3((view().mean <= 1u ? colour_between(pixel) : mean_colour(pixel)) + 0.5);
   fusion[at.y * width + at.x].y = is_seen ? uint(rgb.r | (rgb.g << 8) | (rgb.b << 16)) | 0xff000000u : 0u;
 }

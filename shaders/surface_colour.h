@@ -53,13 +53,14 @@ layout(constant_id = 30) const float kTz = 0.0;
 layout(constant_id = 31) const float kWidest = 1.0;
 layout(constant_id = 32) const uint kCell = 2;
 layout(constant_id = 33) const uint kMean = 1;
-layout(constant_id = 34) const uint kFactor = 2;  // of surface_brightness: depth pixels a pixel, along a side
+layout(constant_id = 34) const uint kIsRolling = 0;
+layout(constant_id = 35) const uint kFactor = 2;  // of surface_brightness: depth pixels a pixel, along a side
 
 ColourView view() {
   return ColourView(Pinhole(kWidth, kHeight, kFx, kFy, kCx, kCy),
                     LensBend(kK1, kK2, kP1, kP2, kK3, kK4, kK5, kK6, kIsFisheye),
                     Rigid(vec3(kXx, kXy, kXz), vec3(kYx, kYy, kYz), vec3(kZx, kZy, kZz), vec3(kTx, kTy, kTz)), kWidest, kCell,
-                    kMean);
+                    kMean, kIsRolling);
 }
 
 // Most cameras come undistorted; as constants, what bends nothing costs nothing.
@@ -69,12 +70,21 @@ vec2 bend_of_view(vec2 n) {
   return is_straight ? n : bend(view().lens, n);
 }
 
+vec2 pixel_of_view(vec2 n) {
+  return bend_of_view(n) * vec2(view().camera.fx, view().camera.fy) + vec2(view().camera.cx, view().camera.cy);
+}
+
 // Its pixel; false where the camera does not see it. `z`: its depth, there then.
-bool seen_at(vec2 depth_pixel, inout float z, out vec2 pixel) {
+bool seen_at(ShutterMotion motion, vec2 depth_pixel, inout float z, out vec2 pixel) {
   vec3 p = transform(view().colour_from_depth, z * vec3(depth_pixel, 1.0));
   z = p.z;
   vec2 n = p.xy / max(p.z, 1e-3);
-  pixel = bend_of_view(n) * vec2(view().camera.fx, view().camera.fy) + vec2(view().camera.cx, view().camera.cy);
+  pixel = pixel_of_view(n);
+  if (view().is_rolling != 0u) {  // the row tells when; when moves the row by some pixels, and them by some hundredths
+    vec3 then = at_row(motion, p, (pixel.y + 0.5) / float(view().camera.height));
+    n = then.xy / max(then.z, 1e-3);
+    pixel = pixel_of_view(n);
+  }
   return p.z > 1e-3 && dot(n, n) < view().widest * view().widest && min(pixel.x, pixel.y) >= 0.0 &&
          pixel.x <= float(view().camera.width - 1u) && pixel.y <= float(view().camera.height - 1u);
 }

@@ -16,7 +16,7 @@ void main() {
   if (at.x >= size.x || at.y >= size.y) return;
   float z = fetch(depth, at.y * size.x + at.x);
   vec2 pixel;
-  if (z <= 0.0 || !seen_at(vec2(at), z, pixel)) return;
+  if (z <= 0.0 || !seen_at(local(push.motion), vec2(at), z, pixel)) return;
   ivec2 cell = ivec2((pixel + 0.5) / float(view().cell));
   atomicMin(nearest[cell.y * cells().x + cell.x], floatBitsToUint(z));
 }

@@ -1,38 +1,80 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Removes lens distortion: nearest measurement for depth (an average across an edge is no surface), bilinear for colour.
+// Removes lens distortion and, by how the camera moves, a rolling shutter: each pixel looks for the one whose point falls on
+// it at the frame's time. Colour is bilinear; depth is the nearest measurement (an average across an edge is no surface),
+// of a rolling shutter between four pixels of one surface.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
 #include "shaders/surface_colour.h"
 layout(local_size_x = 16, local_size_y = 4) in;
 layout(push_constant, scalar) uniform Push { SurfaceRectifyPush push; };
+layout(constant_id = 36) const uint kKeepsLens = 0;  // only the shutter is undone; the lens' rays are told by pixel
+layout(constant_id = 37) const uint kHasDepth = 1;
+layout(constant_id = 38) const uint kHasColour = 1;  // that lies on depth, or an image without depth
 FLOATS(0, raw_depth);
 WORDS(1, raw_colour);
-layout(binding = 2, scalar) writeonly buffer Depth { float depth[]; };
-layout(binding = 3, scalar) writeonly buffer Colour { uint colour[]; };
+PAIRS(2, rays);
+layout(binding = 3, scalar) writeonly buffer Depth { float depth[]; };
+layout(binding = 4, scalar) writeonly buffer Colour { uint colour[]; };
+
+const int kIterations = 2;       // each leaves a hundredth of the error of the one before
+const float kOneSurface = 0.03;  // of the depth, between four pixels that are averaged
+
+int width, height;
+
+float measured(vec2 pixel) {
+  ivec2 nearest = ivec2(clamp(round(pixel), vec2(0.0), vec2(width - 1, height - 1)));
+  return fetch(raw_depth, nearest.y * width + nearest.x);
+}
+
+// Between pixels of one surface the inverse depth is linear; else it is the nearest pixel's.
+float measured_between(int at, vec2 f) {
+  vec4 z = vec4(fetch(raw_depth, at), fetch(raw_depth, at + 1), fetch(raw_depth, at + width),
+                fetch(raw_depth, at + width + 1));
+  float least = min(min(z.x, z.y), min(z.z, z.w)), most = max(max(z.x, z.y), max(z.z, z.w));
+  vec4 q = 1.0 / max(z, vec4(1e-3));
+  vec2 column = f.x < 0.5 ? z.xz : z.yw;
+  float nearest = f.y < 0.5 ? column.x : column.y;
+  return least > 0.0 && most - least < kOneSurface * least ? 1.0 / mix(mix(q.x, q.y, f.x), mix(q.z, q.w, f.x), f.y)
+                                                           : nearest;
+}
 
 void main() {
-  Pinhole camera = view().camera;  // its constants are the depth camera's
-  int width = int(camera.width), height = int(camera.height);
+  Pinhole camera = view().camera;  // its constants are those of the camera whose images these are
+  width = int(camera.width), height = int(camera.height);
   ivec2 place = thread_place();
   if (place.x >= width || place.y >= height) return;
   int i = place.y * width + place.x;
-  vec2 pixel = bend_of_view(ray_through(camera, vec2(place)).xy) * vec2(camera.fx, camera.fy) + vec2(camera.cx, camera.cy);
+  bool has_depth = kHasDepth != 0u, is_rolling = view().is_rolling != 0u;
+  vec2 wanted = kKeepsLens != 0u ? uintBitsToFloat(fetch(rays, i)) : ray_through(camera, vec2(place)).xy;
+  vec2 n = wanted, pixel = pixel_of_view(n);
+  ShutterMotion motion = local(push.motion);
+  float distance = push.distance, rows = 1.0 / float(height);
+  if (is_rolling)
+    for (int k = 0; k < kIterations; ++k) {
+      float z = has_depth ? measured(pixel) : 0.0;
+      vec3 p = at_once(motion, (z > 0.0 ? z : distance) * vec3(n, 1.0), (pixel.y + 0.5) * rows);
+      n += clamp(wanted - p.xy / max(p.z, 1e-3), -1.0, 1.0);
+      pixel = pixel_of_view(n);
+    }
 
-  ivec2 nearest = ivec2(round(pixel));
-  bool inside = all(greaterThanEqual(nearest, ivec2(0))) && all(lessThan(nearest, ivec2(width, height)));
-  depth[i] = inside ? fetch(raw_depth, nearest.y * width + nearest.x) : 0.0;
-
-  if (push.has_colour != 0u) {
-    vec2 p = clamp(pixel, vec2(0.0), vec2(width, height) - 1.001);
-    ivec2 q = ivec2(p);
-    vec2 f = fract(p);
-    int at = q.y * width + q.x;
+  vec2 p = clamp(pixel, vec2(0.0), vec2(width, height) - 1.001);
+  ivec2 q = ivec2(p);
+  vec2 f = fract(p);
+  int at = q.y * width + q.x;
+  bool inside = all(greaterThanEqual(pixel, vec2(-0.5))) && all(lessThan(pixel, vec2(width, height) - 0.5));
+  if (has_depth) {
+    float z = is_rolling ? measured_between(at, f) : measured(pixel);
+    if (is_rolling && z > 0.0) z = max(at_once(motion, z * vec3(n, 1.0), (pixel.y + 0.5) * rows).z, 0.0);
+    depth[i] = inside ? z : 0.0;
+  }
+  if (kHasColour != 0u) {
     uint a = fetch(raw_colour, at), b = fetch(raw_colour, at + 1), c = fetch(raw_colour, at + width),
          d = fetch(raw_colour, at + width + 1);
     ivec3 rgb = ivec3(mix(mix(levels_of(a), levels_of(b), f.x), mix(levels_of(c), levels_of(d), f.x), f.y) + 0.5);
     // Beside pixels without colour there is none.
-    colour[i] = uint(rgb.r | (rgb.g << 8) | (rgb.b << 16)) | (a & b & c & d & 0xff000000u);
+    uint word = uint(rgb.r | (rgb.g << 8) | (rgb.b << 16)) | (a & b & c & d & 0xff000000u);
+    colour[i] = inside || !is_rolling ? word : 0xff000000u;
   }
 }

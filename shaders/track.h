@@ -72,6 +72,8 @@ const uint kAtWork = 0u, kDone = 1u, kAgain = 2u;                    // AlignSta
 // is. Kernels of an iteration are dispatched by what it says: of a level that is over nothing runs any more.
 struct AlignState {
   Rigid model_from_live;
+  Rigid model_from_undone;  // that a rolling shutter was undone for
+  float readout;            // of its rows, as a share of the time since the frame before
   float gain, bias, sigma;  // keyframe brightness = gain * live + bias; of the residuals, brightness in 0..1
   uint stride;              // pixels; every stride-th of a row and a column is looked at
   uint level;
@@ -152,6 +154,9 @@ Tile tile_of(Pinhole camera, uvec2 size, uint stride, int group, int thread, int
   return Tile(corner + int(stride) * ivec2(thread & 7, thread >> 3), step, corner.x + int(size.x), int(size.x),
               int(size.x * size.y) / (step.x * step.y));
 }
+// A rolling shutter was undone by a pose that was guessed. With another the camera has moved otherwise since the frame
+// before, and each row by as much of that as its time is a share of that time: how much farther its points go.
+float row_share(float row, Pinhole camera) { return (row + 0.5) / float(camera.height) - 0.5; }
 ivec2 step_in(Tile tile, ivec2 at) {
   at.x += tile.step.x;
   return at.x < tile.end_x ? at : ivec2(at.x - tile.width, at.y + tile.step.y);

@@ -336,7 +336,10 @@ std::unique_ptr<Source> open_recording(const fs::path& folder, const SourceOptio
   for (const std::string& note : recording.notes) spdlog::info("{}: {}", folder.string(), note);
   if (options.camera.empty() && options.find_colour_camera && !recording.colour_is_told) {
     RecordingSource all(recording, {});
-    if (const auto rig = find_colour_camera(all)) recording.rig = *rig;
+    if (const auto rig = find_colour_camera(all)) {
+      recording.rig = *rig;
+      if (recording.rig.colour) recording.rig.colour->camera.readout = recording.colour_readout;
+    }
   }
   return std::make_unique<RecordingSource>(std::move(recording), options.range);
 }

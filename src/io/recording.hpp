@@ -38,6 +38,7 @@ struct Recording {
   std::vector<Understood> understood;
   std::vector<std::string> warnings, notes;  // of what was found in the folder, a line each
   bool colour_is_told = true;     // false: the layout tells no colour camera, and colour does not lie on depth
+  double colour_readout = 0;      // seconds, of a colour camera that is not told
   double depth_scale = 5000.0;    // depth image units per metre
   double most_confidence = 255;   // of those images
   std::vector<AngularRate> gyro;  // in the order of time

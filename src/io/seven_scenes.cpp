@@ -16,7 +16,9 @@ namespace {
 
 namespace fs = std::filesystem;
 const Camera kCamera{640, 480, 585.0, 585.0, 320.0, 240.0, {}};
-constexpr double kFrameRate = 30.0;  // Hz; the set has no timestamps
+constexpr double kDepthReadout = 0.03055,
+                 kColourReadout = 0.02611;  // seconds, of the first Kinect: Ringaby & Forssen 2011
+constexpr double kFrameRate = 30.0;         // Hz; the set has no timestamps
 
 /// Of frame-000012.depth.png.
 std::optional<int> number_of_image(const fs::path& image) {
@@ -59,7 +61,9 @@ std::optional<Recording> read_seven_scenes(const fs::path& folder) {
   Recording recording;
   recording.layout = "7-Scenes folder";
   recording.rig.depth = kCamera;
+  recording.rig.depth.readout = kDepthReadout;
   recording.colour_is_told = false;
+  recording.colour_readout = kColourReadout;
   recording.depth_scale = 1000.0;
   recording.invalid_depth = 65535;
   for (const int i : numbers) {

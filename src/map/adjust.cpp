@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "adjust/bundle.hpp"
-#include "map/velocity.hpp"
+#include "base/velocity.hpp"
 
 namespace cairn {
 namespace {

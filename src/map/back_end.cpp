@@ -51,7 +51,7 @@ bool BackEnd::add(const Frame& frame, const Surface& live, const Eigen::Isometry
       end_submap(volume, fused_count, true);
     Features features;
     warnings_.attempt("keyframes without corners are not recognised",
-                      [&] { features = features_of(frame, live, rig_, device_); });
+                      [&] { features = features_of(live, rig_, device_); });
     atlas_.add({.frame = frame.index,
                 .timestamp = frame.timestamp,
                 .colour_delay = frame.colour_delay,
@@ -62,9 +62,9 @@ bool BackEnd::add(const Frame& frame, const Surface& live, const Eigen::Isometry
                 .submap_from_camera = submap_from_camera,
                 .information = information != nullptr ? *information : Matrix6d::Zero(),
                 .acceleration = frame.acceleration,
-                .structure = structure_.find(frame.depth)});
+                .structure = structure_.find(live.images().depth)});
     warnings_.attempt("keyframes without images close no loops",
-                      [&] { images_.put(atlas_.keyframes.size() - 1, frame, features); });
+                      [&] { images_.put(atlas_.keyframes.size() - 1, live.images(), features); });
     database_.add({.tracked_from_camera = submap_from_camera, .features = std::move(features)});
     if (breaks && in_world_) tie_to_world(information);
     if (has_slipped) start_optimising();

@@ -9,8 +9,11 @@
 
 namespace cairn {
 
-Features features_of(const Frame& frame, const Surface& live, const Rig& rig, gpu::Device& device) {
-  if (!rig.colour) return extract_features(frame.colour, frame.depth, rig.depth);
+Features features_of(const Surface& live, const Rig& rig, gpu::Device& device) {
+  if (!rig.colour) {
+    const Frame& frame = live.images();
+    return extract_features(frame.colour, frame.depth, rig.depth);
+  }
   const Camera camera = rig.depth.rectified();
   std::vector<shader::uvec2> pixels(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
   live.bring_colour();

@@ -7,8 +7,8 @@
 
 namespace cairn {
 
-/// Corners of a frame, in the depth camera's view. `live` is its surface: where the colour camera looks from beside,
-/// its image is taken as the device has brought it to depth.
-[[nodiscard]] Features features_of(const Frame& frame, const Surface& live, const Rig& rig, gpu::Device& device);
+/// Corners of a frame, in the depth camera's view: where the colour camera looks from beside, its image is taken as the
+/// device has brought it to depth.
+[[nodiscard]] Features features_of(const Surface& live, const Rig& rig, gpu::Device& device);
 
 }  // namespace cairn

@@ -18,7 +18,7 @@ constexpr int kMaxRepeats = 2;
 constexpr std::uint32_t kColourEvery = 3;  // fused frames, of a view that moves slowly
 constexpr double kFastView = 0.1;          // of the image, from frame to frame
 constexpr double kUnseen = 0.1;            // of the image, that the view moves on between two looks through free space
-constexpr double kShutterPixels = 0.3;     // that rows are wrong by after the first time
+constexpr double kShutterPixels = 4.0;     // that rows are wrong by
 constexpr std::uint64_t kWorldPool = std::uint64_t{256} << 20;  // bytes on the device while the whole map is meshed
 
 Trajectory turned(Trajectory trajectory, const Eigen::Isometry3d& turn) {
@@ -38,7 +38,6 @@ MapState::MapState(const Rig& r, const Options& o, Poses p, int device_index, Ma
       rig(r),
       files(std::move(f)),
       device(device_index),
-      shutter(r),
       preprocessor(device, r, o.surface, o.track.levels, o.track.finest_level),
       integrator(device, preprocessor.camera(), o.surface, r.sensor, free_radius(o.fuse, o.esdf)),
       polygonizer(device),
@@ -66,20 +65,16 @@ bool MapState::is_stuck(const Frame& frame) {
   return repeats > kMaxRepeats;
 }
 
-MapState::Seen MapState::see(const Frame& frame, const MotionAt& motion, StageTimes& times) {
-  return timed(times, "preprocess", [&] {
-    Seen seen{.given = &frame, .global = {}, .surface = {}};
-    if (shutter.is_needed()) seen.global = shutter(frame, motion);
-    seen.surface = preprocessor.preprocess(seen.frame());
-    return seen;
-  });
+Surface MapState::see(const Frame& frame, const MotionAt& motion, StageTimes& times) {
+  return timed(times, "preprocess", [&] { return preprocessor.preprocess(frame, motion); });
 }
 
-/// A rolling shutter is undone by a motion that is guessed, and again by the one that is found where that is another.
-Tracked MapState::locate(const Frame& frame, Seen& seen, StageTimes& times) {
+/// A rolling shutter is undone by a motion that is guessed. Alignment takes into account that another is found, and
+/// what is fused is made again where that makes a difference.
+Tracked MapState::locate(const Frame& frame, Surface& seen, StageTimes& times) {
   if (!is_tracked()) {
     Vector6d velocity = Vector6d::Zero();
-    if (shutter.is_needed() && !given.poses.empty())
+    if (is_rolling(rig) && !given.poses.empty())
       velocity = local_coordinates(given.poses.back().world_from_camera.inverse() * *frame.world_from_camera) /
                  (frame.timestamp - given.poses.back().timestamp);
     seen = see(frame, at_velocity(velocity), times);
@@ -87,12 +82,13 @@ Tracked MapState::locate(const Frame& frame, Seen& seen, StageTimes& times) {
   }
   const MotionAt guessed = tracker.motion(frame);
   seen = see(frame, guessed, times);
-  Tracked tracked = tracker.track(seen.frame(), seen.surface, volume, times);
-  if (!shutter.is_needed() || tracked.state != Tracked::State::aligned) return tracked;
+  Tracked tracked = tracker.track(frame, seen, volume, times);
+  if (!is_rolling(rig) || tracked.state != Tracked::State::aligned) return tracked;
   const MotionAt found = tracker.motion(frame, tracked.submap_from_camera);
-  if (shutter.difference(guessed, found) < kShutterPixels) return tracked;
+  if (shutter_difference(rig, guessed, found) < kShutterPixels) return tracked;
   seen = see(frame, found, times);
-  return tracker.track(seen.frame(), seen.surface, volume, times);
+  tracker.leave_out_moving(seen, tracked, volume);
+  return tracked;
 }
 
 /// A place is seen in many frames: a third of them tells its colour as well. Not so where it is in view for a few only.
@@ -132,8 +128,8 @@ void MapState::remember(const Frame& frame, const Surface& live, const Tracked& 
         times, "keyframe", [&] { return back_end.add(frame, live, pose, tracked.information(), volume, fused_count); });
     if (is_keyframe) warnings().attempt("the focal length is not checked", [&] { tracker.learn_focal_length(); });
   } else {
-    keep_given_keyframe(frame);
-    note_given_view(frame);
+    keep_given_keyframe(frame, live);
+    note_given_view(frame, live);
     given.poses.push_back({frame.timestamp, pose});
   }
   last_fused = frame.timestamp;
@@ -141,23 +137,23 @@ void MapState::remember(const Frame& frame, const Surface& live, const Tracked& 
 }
 
 /// With given poses keyframes are only for textures.
-void MapState::keep_given_keyframe(const Frame& frame) {
+void MapState::keep_given_keyframe(const Frame& frame, const Surface& live) {
   if (!options.keep_keyframes) return;
   if (!given.keyframes.empty() &&
       !is_apart(given.poses[given.keyframes.back().first].world_from_camera, *frame.world_from_camera))
     return;
-  given.images.put(given.keyframes.size(), frame, {});
+  given.images.put(given.keyframes.size(), live.images(), {});
   given.keyframes.emplace_back(given.poses.size(), frame.colour_delay);
 }
 
 /// What tells whether the given poses' world stands upright.
-void MapState::note_given_view(const Frame& frame) {
+void MapState::note_given_view(const Frame& frame, const Surface& live) {
   const Eigen::Isometry3d& pose = *frame.world_from_camera;
   if (frame.acceleration)
     given.accelerations +=
         (Eigen::Vector4d() << pose.linear() * *frame.acceleration, frame.acceleration->norm()).finished();
   if (given.views.empty() || is_apart(given.poses[given.views.back().first].world_from_camera, pose))
-    given.views.emplace_back(given.poses.size(), back_end.structure(frame));
+    given.views.emplace_back(given.poses.size(), back_end.structure(live.images()));
 }
 
 /// Distances and the surfaces that are followed go after what a frame changed.

@@ -17,8 +17,8 @@
 #include "map/checked_frame.hpp"
 #include "map/growing_surface.hpp"
 #include "map/tracker.hpp"
-#include "surface/global_shutter.hpp"
 #include "surface/preprocess.hpp"
+#include "surface/rectify.hpp"
 #include "volume/esdf.hpp"
 #include "volume/integrate.hpp"
 #include "volume/polygonize.hpp"
@@ -38,20 +38,12 @@ struct MapState {
   [[nodiscard]] Warnings& warnings() { return back_end.warnings(); }
   [[nodiscard]] bool is_tracked() const { return poses == Poses::tracked; }
 
-  /// A frame as one moment, and that on the device.
-  struct Seen {
-    const Frame* given;
-    std::optional<Frame> global;  // of a rolling shutter
-    Surface surface;
-    [[nodiscard]] const Frame& frame() const { return global ? *global : *given; }
-  };
-
   // The stages of Mapper::add that are not another room's.
   [[nodiscard]] CheckedFrame check(const Frame& frame);
   /// `motion`: of the camera, for a rolling shutter.
-  [[nodiscard]] Seen see(const Frame& frame, const MotionAt& motion, StageTimes& times);
+  [[nodiscard]] Surface see(const Frame& frame, const MotionAt& motion, StageTimes& times);
   /// Sees a frame and finds where it was taken.
-  [[nodiscard]] Tracked locate(const Frame& frame, Seen& seen, StageTimes& times);
+  [[nodiscard]] Tracked locate(const Frame& frame, Surface& seen, StageTimes& times);
   /// Whether the frame is fused with its colour, where that has to be brought to depth.
   [[nodiscard]] bool is_colour_due(const Tracked& tracked) const;
   /// Of so many frames one's rays are followed through free space, where the camera moves on like this from frame to
@@ -80,7 +72,6 @@ struct MapState {
   Rig rig;
   MapFiles files;
   gpu::Device device;
-  GlobalShutter shutter;
   Preprocessor preprocessor;
   Integrator integrator;
   Polygonizer polygonizer;
@@ -109,8 +100,8 @@ struct MapState {
 
  private:
   [[nodiscard]] bool is_stuck(const Frame& frame);
-  void keep_given_keyframe(const Frame& frame);
-  void note_given_view(const Frame& frame);
+  void keep_given_keyframe(const Frame& frame, const Surface& live);
+  void note_given_view(const Frame& frame, const Surface& live);
   void follow_distances(const Fused& fused, StageTimes& times);
 };
 

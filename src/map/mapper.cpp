@@ -7,11 +7,11 @@
 #include <optional>
 #include <stdexcept>
 
+#include "base/velocity.hpp"
 #include "map/adjust.hpp"
 #include "map/map_state.hpp"
 #include "map/match.hpp"
 #include "map/refine.hpp"
-#include "map/velocity.hpp"
 
 namespace cairn {
 namespace {
@@ -73,21 +73,21 @@ FrameReport Mapper::add(const Frame& given) {
   s.tracker.listen(checked.frame().gyro);
   if (!checked.is_usable()) return report;
 
-  MapState::Seen seen{};
+  Surface seen;
   const Tracked tracked = s.locate(checked.frame(), seen, report.stage_ms);
   tell(tracked, report);
   if (tracked.state == Tracked::State::lost) return report;
   if (tracked.cause == FrameCause::new_component) s.begin_component();
 
-  if (s.is_colour_due(tracked)) seen.surface.bring_colour();
+  if (s.is_colour_due(tracked)) seen.bring_colour();
   const Fused fused = timed(report.stage_ms, "fuse", [&] {
-    return s.integrator.integrate(seen.surface, tracked.submap_from_camera, s.volume, ++s.fused_count,
+    return s.integrator.integrate(seen, tracked.submap_from_camera, s.volume, ++s.fused_count,
                                   s.look_every(s.motion(tracked)));
   });
   tell(fused, report);
   report.moving = s.tracker.moving();
 
-  s.remember(seen.frame(), seen.surface, tracked, report.stage_ms);
+  s.remember(checked.frame(), seen, tracked, report.stage_ms);
   s.follow(fused, report.stage_ms);
   return report;
 }
@@ -150,10 +150,10 @@ void Mapper::reintegrate(Source& again, const std::function<void()>& step) {
       if (const auto pose = checked.is_usable() ? pose_at(poses, next->timestamp, 0) : std::nullopt) {
         const Frame& frame = checked.frame();
         StageTimes ignored;
-        const MapState::Seen seen = s.see(frame, at_velocity(velocity_at(poses, frame.timestamp)), ignored);
-        seen.surface.bring_colour();
+        const Surface seen = s.see(frame, at_velocity(velocity_at(poses, frame.timestamp)), ignored);
+        seen.bring_colour();
         const auto motion = last ? std::optional<Eigen::Isometry3d>(last->inverse() * *pose) : std::nullopt;
-        (void)s.integrator.integrate(seen.surface, *pose, s.volume, ++s.fused_count, s.look_every(motion));
+        (void)s.integrator.integrate(seen, *pose, s.volume, ++s.fused_count, s.look_every(motion));
         last = *pose;
       }
       if (step) step();

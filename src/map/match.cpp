@@ -20,8 +20,10 @@ Matrix6d calibrated(const Matrix6d& information) {
 }
 
 SurfaceMatcher::SurfaceMatcher(gpu::Device& device, const Rig& rig, const Options& options)
-    : first_(device, {rig.depth, rig.sensor}, options.surface, options.track.levels, options.track.finest_level),
-      second_(device, {rig.depth, rig.sensor}, options.surface, options.track.levels, options.track.finest_level),
+    : first_(device, at_one_moment({rig.depth, rig.sensor}), options.surface, options.track.levels,
+             options.track.finest_level),
+      second_(device, at_one_moment({rig.depth, rig.sensor}), options.surface, options.track.levels,
+              options.track.finest_level),
       aligner_(device, options.track, rig.sensor) {}
 
 void SurfaceMatcher::set_from(const Frame& from) { view_.levels = first_.preprocess(from).levels; }

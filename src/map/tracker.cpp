@@ -76,7 +76,7 @@ Tracker::Tracker(gpu::Device& device, const Rig& rig, const Camera& rectified, c
       rig_(rig),
       keyframes_(keyframes),
       raycaster_(device, rectified, options.surface, options.track.levels, options.track.finest_level),
-      aligner_(device, options.track, rig.sensor),
+      aligner_(device, options.track, rig.sensor, is_rolling(rig)),
       reference_(device, rectified, options.track),
       gyroscope_(rig.camera_from_imu),
       judged_(rectified.at_level(options.track.levels - 1)),
@@ -147,6 +147,15 @@ ColourMoment Tracker::moment_of(const Frame& frame, const Eigen::Isometry3d& sub
 MotionAt Tracker::motion(const Frame& frame) const {
   if (memory_.last.empty() || memory_.lost_frames > 0) return at_velocity(Vector6d::Zero());
   return motion(frame, predict(frame));
+}
+
+/// Turns that a gyroscope told do not depend on poses.
+UndoneShutter Tracker::undone(const Frame& frame) const {
+  if (!is_rolling(rig_) || memory_.last.empty() || memory_.lost_frames > 0) return {};
+  const double since = memory_.last.back().timestamp;
+  if (gyroscope_.turn(since, frame.timestamp)) return {};
+  return {.submap_from_camera = predict(frame),
+          .readout = std::min(rig_.depth.readout / (frame.timestamp - since), 1.0)};
 }
 
 /// The velocity is what the poses say, and turns are what the gyroscope says, if there is one.
@@ -277,7 +286,8 @@ Tracked Tracker::align_with_view(const Frame& frame, const Surface& live, const 
                                  const char* name, Reach reach, StageTimes& times) {
   ++memory_.frames_of_view;
   return timed(times, "track", [&] {
-    return Tracked{.alignment = aligner_.align(live, prediction_, guess, &reference_, moment_of(frame, guess), reach),
+    return Tracked{.alignment = aligner_.align(live, prediction_, guess, &reference_, moment_of(frame, guess), reach,
+                                               undone(frame)),
                    .guess = name,
                    .predicted_from = prediction_.submap_from_camera};
   });
@@ -303,7 +313,7 @@ Tracked Tracker::follow(const Frame& frame, const Surface& live, Volume& volume,
   if (!best.alignment.converged()) best = try_from(last.submap_from_camera, "still");  // the hand may have stopped
   if (is_doubtful(best.alignment, memory_.usual_brightness)) {
     if (const auto guess =
-            timed(times, "recognise", [&] { return recognise(features_of(frame, live, rig_, device_), recent()); })) {
+            timed(times, "recognise", [&] { return recognise(features_of(live, rig_, device_), recent()); })) {
       if (Tracked other = try_from(*guess, "features"); is_better(other.alignment, best.alignment))
         best = std::move(other);
       // Something may move through the view: brightness then tells the still part's pose from the moving one's.
@@ -328,7 +338,7 @@ Tracked Tracker::relocalise(const Frame& frame, const Surface& live, Volume& vol
   if (carries(frame) && tracked.alignment.converged() && is_near(tracked.alignment, tracked.predicted_from))
     return tracked;
   const auto guess = timed(times, "recognise", [&] {
-    const Features seen = features_of(frame, live, rig_, device_);
+    const Features seen = features_of(live, rig_, device_);
     return recognise(seen, candidates(seen));
   });
   if (guess)

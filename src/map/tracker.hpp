@@ -8,7 +8,7 @@
 #include "cairn/reports.hpp"
 #include "cairn/trajectory.hpp"
 #include "place/keyframe_database.hpp"
-#include "surface/global_shutter.hpp"
+#include "surface/rectify.hpp"
 #include "track/align.hpp"
 #include "track/gyroscope.hpp"
 #include "volume/raycast.hpp"
@@ -55,6 +55,8 @@ class Tracker {
   /// How the camera moves while a frame is taken: before its pose is known, and after.
   [[nodiscard]] MotionAt motion(const Frame& frame) const;
   [[nodiscard]] MotionAt motion(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const;
+  /// As `track` does it, of a surface that was made again since.
+  void leave_out_moving(const Surface& live, const Tracked& tracked, const Volume& volume);
   /// Tells that the frame was fused at the pose that was found.
   void commit(const Frame& frame, const Surface& live, const Tracked& tracked);
   /// Compares the last two keyframes, if the camera turned between them: see focal().
@@ -115,12 +117,12 @@ class Tracker {
   [[nodiscard]] bool gives_up(const Frame& frame);
   /// Forgets the map.
   void restart();
-  void leave_out_moving(const Surface& live, const Tracked& tracked, const Volume& volume);
 
   [[nodiscard]] Eigen::Isometry3d predict(const Frame& frame) const;
   [[nodiscard]] Eigen::Isometry3d predict_by_motion(double timestamp) const;
   [[nodiscard]] std::optional<Eigen::Isometry3d> predict_by_guess(const Frame& frame) const;
   void judge_guess(const Frame& frame, const Eigen::Isometry3d& submap_from_camera);
+  [[nodiscard]] UndoneShutter undone(const Frame& frame) const;
   [[nodiscard]] ColourMoment moment_of(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const;
 
   /// A guess from the keyframe that shares most corners with the frame, if any.

@@ -13,7 +13,6 @@
 #include "spirv/surface_intensity.comp.h"
 #include "spirv/surface_nearest.comp.h"
 #include "spirv/surface_points.comp.h"
-#include "spirv/surface_rectify.comp.h"
 
 namespace cairn {
 namespace {
@@ -34,7 +33,8 @@ shader::ColourView colour_view(const Camera& depth, const ColourCamera& colour) 
                                 colour.colour_from_depth.translation().cast<float>()},
           .widest = static_cast<float>(colour.camera.widest_ray()),
           .cell = 2 * std::max(static_cast<std::uint32_t>(std::ceil(pixels_each)), 1u),
-          .mean = static_cast<std::uint32_t>(std::clamp(std::lround(pixels_each), 1L, 8L))};
+          .mean = static_cast<std::uint32_t>(std::clamp(std::lround(pixels_each), 1L, 8L)),
+          .is_rolling = colour.camera.readout > 0 ? 1u : 0u};
 }
 
 /// Bytes of the depths that are nearest to the colour camera.
@@ -47,12 +47,6 @@ std::uint64_t nearest_bytes(const shader::ColourView& view) {
 std::vector<float> constants_of(const Rig& rig, int finest_level) {
   const shader::ColourView view = rig.colour ? colour_view(rig.depth.rectified(), *rig.colour) : shader::ColourView{};
   return shader::constants_of(rig.sensor, view, 1u << finest_level);
-}
-
-/// The depth camera takes the colour camera's place there.
-std::vector<float> rectify_constants(const Rig& rig) {
-  return shader::constants_of(
-      rig.sensor, {.camera = shader::pinhole(rig.depth.rectified()), .lens = shader::lens_bend(rig.depth)}, 1);
 }
 
 std::vector<float> filter_constants(const Rig& rig, int finest_level) {
@@ -72,10 +66,7 @@ Preprocessor::Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOpt
       finest_level_(finest_level),
       raw_depth_(device, 4 * std::uint64_t{pixels(rig.depth)}),
       raw_colour_(device, 4 * std::uint64_t{pixels(rig.colour_view())}),
-      depth_(device, rig.depth.distorted() ? 4 * std::uint64_t{pixels(rig.depth)} : 4),
-      colour_(device, rig.depth.distorted() ? 4 * std::uint64_t{pixels(rig.depth)} : 4),
       fusion_(device, 8 * std::uint64_t{pixels(rig.depth)}),
-      rectify_(device, "surface_rectify", surface_rectify_comp, rectify_constants(rig)),
       find_nearest_(device, "surface_nearest", surface_nearest_comp, constants_of(rig, finest_level)),
       bring_colour_(device, "surface_colour", surface_colour_comp, constants_of(rig, finest_level)),
       make_brightness_(device, "surface_brightness", surface_brightness_comp, constants_of(rig, finest_level)),
@@ -91,10 +82,12 @@ Preprocessor::Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOpt
     intensity_.emplace_back(device, is_used ? 4 * std::uint64_t{pixels(c)} : 4);
     packed_.emplace_back(device, is_used ? 8 * std::uint64_t{pixels(c)} : 8);
   }
+  if (rig.depth.distorted() || rig.depth.readout > 0) rectifier_.emplace(device, rig.depth, !rig.colour);
+  if (is_rolling(rig)) global_shutter_.emplace(device, rig);
   if (rig.colour) nearest_ = gpu::Buffer(device, nearest_bytes(colour_view(rig.depth.rectified(), *rig.colour)));
 }
 
-Surface Preprocessor::preprocess(const Frame& frame) {
+Surface Preprocessor::preprocess(const Frame& frame, const MotionAt& motion) {
   const Camera& camera = rig_.depth;
   const auto width = static_cast<std::uint32_t>(camera.width), height = static_cast<std::uint32_t>(camera.height);
   const bool has_colour = frame.colour.size() == pixels(rig_.colour_view());
@@ -102,7 +95,11 @@ Surface Preprocessor::preprocess(const Frame& frame) {
   batch.upload(raw_depth_, frame.depth);
   if (has_colour) batch.upload(raw_colour_, frame.colour);
   Images images{&raw_depth_, &raw_colour_};
-  if (camera.distorted()) images = rectify(batch, has_colour && !rig_.colour);
+  if (rectifier_) {
+    (*rectifier_)(batch, motion, median_depth(frame.depth), raw_depth_, raw_colour_);
+    images = {&rectifier_->depth(), &rectifier_->colour()};
+  }
+  if (rig_.colour) colour_motion_ = shutter_motion(colour_motion(rig_, motion), rig_.colour->camera.readout);
   if (rig_.colour && has_colour) find_nearest(*images.depth, batch);
   filter_(batch, {(width + 3) / 4 + width % 2, (height + 1) / 2, 1},
           {.width = width,
@@ -118,25 +115,27 @@ Surface Preprocessor::preprocess(const Frame& frame) {
   if (finest_level_ == 0) bring_colour(*images.depth, batch);
   make_pyramid(batch, has_colour);
   batch.submit();
-  Surface surface{.levels = {},
-                  .packed = {},
-                  .fusion = &fusion_,
-                  .has_colour = has_colour,
-                  .bring_colour = [this, depth = images.depth] {
-                    gpu::Batch later(device_);
-                    bring_colour(*depth, later);
-                    later.submit();
-                  }};
+  Surface surface{
+      .levels = {},
+      .packed = {},
+      .fusion = &fusion_,
+      .has_colour = has_colour,
+      .bring_colour =
+          [this, depth = images.depth] {
+            gpu::Batch later(device_);
+            bring_colour(*depth, later);
+            later.submit();
+          },
+      .images = [this, &frame, motion, global = std::make_shared<std::optional<Frame>>()]() -> const Frame& {
+        if (!global_shutter_) return frame;
+        if (!*global) *global = (*global_shutter_)(frame, motion);
+        return **global;
+      }};
   for (std::size_t level = 0; level < levels_.size(); ++level) {
     surface.levels.push_back(&levels_[level]);
     if (has_colour) surface.packed.push_back(static_cast<int>(level) >= finest_level_ ? &packed_[level] : nullptr);
   }
   return surface;
-}
-
-Preprocessor::Images Preprocessor::rectify(gpu::Batch& batch, bool has_colour) {
-  rectify_(batch, threads(rig_.depth), {.has_colour = has_colour}, {&raw_depth_, &raw_colour_, &depth_, &colour_});
-  return {&depth_, &colour_};
 }
 
 /// For the colour camera: what hides something else from it. `depth` without distortion; cameras in one place see the
@@ -147,18 +146,19 @@ void Preprocessor::find_nearest(const gpu::Buffer& depth, gpu::Batch& batch) {
   const auto width = static_cast<std::uint32_t>(rig_.depth.width),
              height = static_cast<std::uint32_t>(rig_.depth.height);
   if (!rig_.colour->colour_from_depth.translation().isZero())
-    find_nearest_(batch, {(width + 1) / 2, (height + 1) / 2, 1}, {.width = width, .height = height},
-                  {&depth, &nearest_});
+    find_nearest_(batch, {(width + 1) / 2, (height + 1) / 2, 1},
+                  {.motion = colour_motion_, .width = width, .height = height}, {&depth, &nearest_});
 }
 
 /// To the fusion image, unless it is there already. What is hidden from the colour camera has none.
 void Preprocessor::bring_colour(const gpu::Buffer& depth, gpu::Batch& batch) {
   if (has_brought_colour_) return;
   has_brought_colour_ = true;
-  bring_colour_(
-      batch, threads(rig_.depth),
-      {.width = static_cast<std::uint32_t>(rig_.depth.width), .height = static_cast<std::uint32_t>(rig_.depth.height)},
-      {&depth, &nearest_, &raw_colour_, &fusion_});
+  bring_colour_(batch, threads(rig_.depth),
+                {.motion = colour_motion_,
+                 .width = static_cast<std::uint32_t>(rig_.depth.width),
+                 .height = static_cast<std::uint32_t>(rig_.depth.height)},
+                {&depth, &nearest_, &raw_colour_, &fusion_});
 }
 
 /// From what the filter left to all that is asked of the levels.
@@ -185,7 +185,7 @@ void Preprocessor::make_intensity(gpu::Batch& batch, int number) {
   const auto width = static_cast<std::uint32_t>(c.width), height = static_cast<std::uint32_t>(c.height);
   const bool is_finest = number == finest_level_;  // in one step, two levels are the most
   if (is_finest && !has_brought_colour_) {
-    make_brightness_(batch, threads(c), {.width = width, .height = height},
+    make_brightness_(batch, threads(c), {.motion = colour_motion_, .width = width, .height = height},
                      {&smooth_[level], &nearest_, &raw_colour_, &intensity_[level]});
     return;
   }

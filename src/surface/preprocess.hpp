@@ -7,6 +7,7 @@
 #include "cairn/options.hpp"
 #include "gpu/kernel.hpp"
 #include "shaders/surface.h"
+#include "surface/rectify.hpp"
 #include "surface/surface.hpp"
 
 namespace cairn {
@@ -15,7 +16,8 @@ namespace cairn {
 class Preprocessor {
  public:
   Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOptions& options, int levels, int finest_level);
-  [[nodiscard]] Surface preprocess(const Frame& frame);
+  /// `motion`: the camera's while the frame is taken, for rolling shutters.
+  [[nodiscard]] Surface preprocess(const Frame& frame, const MotionAt& motion = at_velocity(Vector6d::Zero()));
   /// The camera of the finest level: the source's depth camera, without distortion.
   [[nodiscard]] const Camera& camera() const { return levels_.front().camera; }
 
@@ -24,7 +26,6 @@ class Preprocessor {
   struct Images {
     const gpu::Buffer *depth, *colour;
   };
-  [[nodiscard]] Images rectify(gpu::Batch& batch, bool has_colour);
   void find_nearest(const gpu::Buffer& depth, gpu::Batch& batch);
   void bring_colour(const gpu::Buffer& depth, gpu::Batch& batch);
   void make_pyramid(gpu::Batch& batch, bool has_colour);
@@ -37,10 +38,12 @@ class Preprocessor {
   std::vector<VertexNormalMap> levels_;
   std::vector<gpu::Buffer> smooth_;  // depth by level
   std::vector<gpu::Buffer> intensity_, packed_;
-  gpu::Buffer raw_depth_, raw_colour_, depth_, colour_, fusion_;
+  gpu::Buffer raw_depth_, raw_colour_, fusion_;
   gpu::Buffer nearest_;  // of a colour camera of its own
   bool has_brought_colour_ = false;
-  gpu::Kernel<shader::SurfaceRectifyPush> rectify_;
+  std::optional<Rectifier> rectifier_;  // of a depth camera with a lens or a rolling shutter
+  std::optional<GlobalShutter> global_shutter_;
+  shader::ShutterMotion colour_motion_{};  // of the last frame
   gpu::Kernel<shader::SurfaceColourPush> find_nearest_, bring_colour_;
   gpu::Kernel<shader::SurfaceBrightnessPush> make_brightness_;
   gpu::Kernel<shader::SurfaceFilterPush> filter_;

@@ -4,7 +4,7 @@
 #include <functional>
 #include <vector>
 
-#include "cairn/camera.hpp"
+#include "cairn/frame.hpp"
 #include "gpu/buffer.hpp"
 
 namespace cairn {
@@ -24,6 +24,9 @@ struct Surface {
   bool has_colour = false;
   /// Of a colour camera beside the depth camera `fusion` has colour once this was called; until then its words are 0.
   std::function<void()> bring_colour;
+  /// The frame's images as of its time: where the shutter rolls they are made when they are asked for. The frame itself
+  /// must still be there then.
+  std::function<const Frame&()> images;
 };
 
 }  // namespace cairn

@@ -63,7 +63,7 @@ TextureViews::TextureViews(Volume& volume, const Rig& rig, const SurfaceOptions&
     : volume_(volume),
       device_(volume.device()),
       max_depth_(options.max_depth),
-      preprocessor_(device_, {rig.colour_view(), rig.sensor}, options, 1, 1),
+      preprocessor_(device_, at_one_moment({rig.colour_view(), rig.sensor}), options, 1, 1),
       in_colour_(rig),
       camera_(preprocessor_.camera()),
       raycaster_(device_, camera_, options, 2, 1),

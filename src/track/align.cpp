@@ -3,6 +3,7 @@
 #include "track/align.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "shaders/noise.h"
@@ -12,6 +13,14 @@
 
 namespace cairn {
 namespace {
+
+/// What the sums' kernels are made with.
+std::vector<float> constants_of(const SensorModel& sensor, bool is_rolling) {
+  const auto numbers = shader::constants_of(sensor);
+  std::vector<float> all(numbers.begin(), numbers.end());
+  all.push_back(std::bit_cast<float>(is_rolling ? 1u : 0u));
+  return all;
+}
 
 constexpr double kConverged = 1e-4;        // radians and metres: some hundredths of a pixel, a hundredth of a voxel
 constexpr double kConvergedCoarse = 4e-4;  // at level 0; twice that at each coarser one
@@ -78,6 +87,7 @@ struct Aligner::Views {
   const PhotometricKeyframe* keyframe;  // null: geometry alone
   const ColourMoment& moment;
   Reach reach;
+  const UndoneShutter& undone;
 
   [[nodiscard]] const Camera& camera(int level) const { return live.levels[static_cast<std::size_t>(level)]->camera; }
   /// As if the colour camera's clock were ahead by so much.
@@ -138,7 +148,7 @@ Eigen::Isometry3d PhotometricKeyframe::submap_from_colour(double clock_offset) c
   return submap_from_camera_ * retract(moment_.velocity * (moment_.stamp_delay - clock_offset));
 }
 
-Aligner::Aligner(gpu::Device& device, const TrackOptions& options, const SensorModel& sensor)
+Aligner::Aligner(gpu::Device& device, const TrackOptions& options, const SensorModel& sensor, bool is_rolling)
     : device_(device),
       options_(options),
       is_cpu_(device.info().type == "cpu"),
@@ -149,8 +159,8 @@ Aligner::Aligner(gpu::Device& device, const TrackOptions& options, const SensorM
       crossed_sums_(device, geometry_sums_.size()),
       photometric_sums_(device, std::uint64_t{Tiling::kMost} * workgroup_ * sizeof(shader::PhotometricSums)),
       clock_sums_(device, kClockOffsets.size() * photometric_sums_.size()),
-      icp_(device, "icp_reduce", icp_reduce_comp, shader::constants_of(sensor), workgroup_),
-      photometric_(device, "photometric_reduce", photometric_reduce_comp, {}, workgroup_),
+      icp_(device, "icp_reduce", icp_reduce_comp, constants_of(sensor, is_rolling), workgroup_),
+      photometric_(device, "photometric_reduce", photometric_reduce_comp, constants_of(sensor, is_rolling), workgroup_),
       step_(device, "pose_step", pose_step_comp, {}, gpu::threads_together(device, 128)) {
   usual_iterations_.fill(4);
 }
@@ -166,9 +176,10 @@ int Aligner::most_iterations(int level) const {
 }
 
 Alignment Aligner::align(const Surface& live, const SurfacePrediction& model, const Eigen::Isometry3d& guess,
-                         const PhotometricKeyframe* keyframe, const ColourMoment& moment, Reach reach) {
+                         const PhotometricKeyframe* keyframe, const ColourMoment& moment, Reach reach,
+                         const UndoneShutter& undone) {
   const bool has_brightness = options_.photometric && keyframe != nullptr && keyframe->is_set() && !live.packed.empty();
-  const Views views{live, model, has_brightness ? keyframe : nullptr, moment, reach};
+  const Views views{live, model, has_brightness ? keyframe : nullptr, moment, reach, undone};
   const Eigen::Isometry3d start = model.submap_from_camera.inverse() * guess;
   Alignment result;
   shader::AlignState state = begin(views, start);
@@ -198,6 +209,8 @@ shader::AlignState Aligner::begin(const Views& views, const Eigen::Isometry3d& m
   const auto l = static_cast<std::uint32_t>(level);
   shader::AlignState state{};
   state.model_from_live = shader::rigid(model_from_live);
+  state.model_from_undone = shader::rigid(views.model.submap_from_camera.inverse() * views.undone.submap_from_camera);
+  state.readout = static_cast<float>(views.undone.readout);
   state.gain = 1, state.sigma = kFirstSigma;
   state.stride = 1;
   state.level = l;

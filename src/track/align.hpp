@@ -39,6 +39,12 @@ struct ColourMoment {
   [[nodiscard]] double delay() const { return stamp_delay - clock_offset; }
 };
 
+/// What a rolling shutter was undone for: the motion from the frame before to a pose that was guessed.
+struct UndoneShutter {
+  Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
+  double readout = 0;  // as a share of the time since the frame before; 0: of another pose it would be the same
+};
+
 /// Candidates, in seconds. None is 0: there pixels would fall on pixels, and interpolation, which smooths noise away,
 /// would make every other candidate fit better.
 constexpr std::array<double, 8> kClockOffsets{-0.035, -0.025, -0.015, -0.005, 0.005, 0.015, 0.025, 0.035};
@@ -78,11 +84,12 @@ class PhotometricKeyframe {
 /// 2016).
 class Aligner {
  public:
-  Aligner(gpu::Device& device, const TrackOptions& options, const SensorModel& sensor = {});
+  /// `is_rolling`: there are surfaces with an UndoneShutter.
+  Aligner(gpu::Device& device, const TrackOptions& options, const SensorModel& sensor = {}, bool is_rolling = false);
   /// `keyframe` may be null or not set: geometry alone.
   [[nodiscard]] Alignment align(const Surface& live, const SurfacePrediction& model, const Eigen::Isometry3d& guess,
                                 const PhotometricKeyframe* keyframe = nullptr, const ColourMoment& moment = {},
-                                Reach reach = Reach::wide);
+                                Reach reach = Reach::wide, const UndoneShutter& undone = {});
 
  private:
   struct Tiling;

@@ -156,6 +156,8 @@ TEST(SevenScenes, FindsTheKinectsColourCameraByItself) {
   EXPECT_NEAR(rig.colour->camera.fx, 525, 5);
   EXPECT_NEAR(rig.colour->colour_from_depth.translation().x(), -0.025, 0.003);
   EXPECT_LT(rig.colour->colour_from_depth.translation().tail<2>().norm(), 0.006);
+  EXPECT_EQ(rig.depth.readout, 0.03055);  // a Kinect's
+  EXPECT_EQ(rig.colour->camera.readout, 0.02611);
 }
 
 TEST(SevenScenes, Leaves0And65535OutAndStampsAt30Hz) {

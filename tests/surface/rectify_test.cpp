@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "surface/global_shutter.hpp"
+#include "surface/rectify.hpp"
 
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cmath>
 
 #include "support/scenes.hpp"
+#include "surface/preprocess.hpp"
 
 namespace cairn {
 namespace {
@@ -49,6 +51,19 @@ Frame seen(const Rig& rig, const PoseAt& depth_pose, const PoseAt& colour_pose) 
   return frame;
 }
 
+/// The fusion image's depth and colour.
+Frame fused(const Rig& rig, const Frame& frame, const Vector6d& velocity) {
+  Preprocessor preprocessor(test_device(), rig, {}, 1, 0);
+  const Surface surface = preprocessor.preprocess(frame, at_velocity(velocity));
+  surface.bring_colour();
+  Frame fused;
+  for (const auto& [depth, colour] : download<shader::uvec2>(*surface.fusion, frame.depth.size())) {
+    fused.depth.push_back(std::bit_cast<float>(depth));
+    fused.colour.push_back(colour);
+  }
+  return fused;
+}
+
 void expect_undone(Rig rig) {
   const Eigen::Isometry3d now = synthetic_scene("room").world_from_camera(1.0);
   const Eigen::Isometry3d depth_from_colour = rig.depth_from_colour();
@@ -60,13 +75,21 @@ void expect_undone(Rig rig) {
   const PoseAt moved = [&](double t) { return moving(now, fast(), t); };
   const PoseAt moved_colour = [&](double t) -> Eigen::Isometry3d { return moving(now, fast(), t) * depth_from_colour; };
   const Frame rolling = seen(rig, moved, moved_colour);
-  const Frame global = GlobalShutter(rig)(rolling, at_velocity(fast()));
+  const Frame global = GlobalShutter(test_device(), rig)(rolling, at_velocity(fast()));
   const Errors before = between(rolling, truth), after = between(global, truth);
   std::printf("depth %.2f mm off, %.2f after; colour %.1f levels off, %.1f after\n", 1000 * before.depth,
               1000 * after.depth, before.colour, after.colour);
   EXPECT_GT(before.depth, 0.005);
   EXPECT_LT(after.depth, 0.04 * before.depth);
   EXPECT_LT(after.colour, 0.5 * before.colour);
+  // What is fused, without the lens, is that of a camera that stands still.
+  const Frame expected = fused(rig, truth, Vector6d::Zero());
+  const Errors without = between(fused(rig, rolling, Vector6d::Zero()), expected),
+               with = between(fused(rig, rolling, fast()), expected);
+  std::printf("fused: depth %.2f mm off, %.2f after; colour %.1f levels off, %.1f after\n", 1000 * without.depth,
+              1000 * with.depth, without.colour, with.colour);
+  EXPECT_LT(with.depth, 0.1 * without.depth);
+  EXPECT_LT(with.colour, 0.5 * without.colour);
 }
 
 TEST(GlobalShutter, UndoesAFastTurnOfDepthAndTheColourOnIt) { expect_undone(small_camera()); }
@@ -80,18 +103,31 @@ TEST(GlobalShutter, UndoesItWithALensAndAColourCameraBeside) {
 }
 
 TEST(GlobalShutter, IsNotNeededWithoutAReadoutTime) {
-  EXPECT_FALSE(GlobalShutter(small_camera()).is_needed());
+  EXPECT_FALSE(is_rolling(small_camera()));
   Camera rolling = small_camera();
   rolling.readout = kReadout;
-  EXPECT_TRUE(GlobalShutter(rolling).is_needed());
-  EXPECT_NEAR(GlobalShutter(rolling).difference(at_velocity(fast()), at_velocity(fast())), 0, 1e-12);
+  EXPECT_TRUE(is_rolling(rolling));
+  EXPECT_FALSE(is_rolling(at_one_moment(rolling)));
+  EXPECT_NEAR(shutter_difference(rolling, at_velocity(fast()), at_velocity(fast())), 0, 1e-12);
+  EXPECT_GT(shutter_difference(rolling, at_velocity(fast()), at_velocity(-fast())), 5);
+}
+
+TEST(ShutterMotion, FollowsAMotionThatChanges) {
+  Vector6d change;
+  change << 8, -6, 9, 3, 2, -4;  // rad/s^2, m/s^2
+  const MotionAt motion = [&](double delay) { return retract(fast() * delay + 0.5 * change * delay * delay); };
+  const shader::ShutterMotion told = shutter_motion(motion, kReadout);
+  for (const double delay : {-0.5 * kReadout, -0.004, 0.0, 0.01}) {
+    const Eigen::Vector3f turn = delay * (Eigen::Vector3f(told.turn) + delay * Eigen::Vector3f(told.turn_change));
+    EXPECT_LT((turn.cast<double>() - local_coordinates(motion(delay)).head<3>()).norm(), 1e-6);
+  }
 }
 
 TEST(GlobalShutter, LeavesAStillCamerasImagesNearlyAsTheyAre) {
   Camera rolling = small_camera();
   rolling.readout = kReadout;
   const Frame frame = scene_frame(synthetic_scene("room"), small_camera(), 0);
-  const Frame global = GlobalShutter(rolling)(frame, at_velocity(Vector6d::Zero()));
+  const Frame global = GlobalShutter(test_device(), rolling)(frame, at_velocity(Vector6d::Zero()));
   const Errors errors = between(frame, global);
   EXPECT_LT(errors.depth, 1e-6);
   EXPECT_EQ(errors.colour, 0);
