@@ -136,24 +136,36 @@ void evaluate_views_of(const Arguments& a) {
                100 * e.covered);
 }
 
-void evaluate_loops_file(const Arguments& a) {
+/// What a report tells of its keyframes and of the loops that hold.
+struct Reported {
   std::vector<LoopMeasured> loops;
   std::vector<std::pair<double, int>> keyframes;
+  double clock_offset = 0;  // seconds that trajectory.txt is ahead of the frames' times
+};
+
+Reported read_report(const std::filesystem::path& file) {
+  Reported reported;
   try {
-    std::ifstream in(a.estimate);
+    std::ifstream in(file);
     const auto report = nlohmann::json::parse(in);
     for (const auto& l : report.at("loops")) {
       if (!l.at("inlier").get<bool>()) continue;
       const auto t = l.at("translation").get<std::array<double, 3>>();
       const auto q = l.at("quaternion").get<std::array<double, 4>>();
-      LoopMeasured& loop = loops.emplace_back(LoopMeasured{.from = l.at("from"), .to = l.at("to")});
+      LoopMeasured& loop = reported.loops.emplace_back(LoopMeasured{.from = l.at("from"), .to = l.at("to")});
       loop.i_from_j.linear() = Eigen::Quaterniond(q[3], q[0], q[1], q[2]).toRotationMatrix();
       loop.i_from_j.translation() = Eigen::Vector3d(t[0], t[1], t[2]);
     }
-    keyframes = report.at("searched").get<std::vector<std::pair<double, int>>>();
+    reported.keyframes = report.at("searched").get<std::vector<std::pair<double, int>>>();
+    reported.clock_offset = report.value("clock_offset", 0.0);
   } catch (const nlohmann::json::exception& error) {
-    throw std::runtime_error(a.estimate + ": is no report.json of `cairn reconstruct`: " + plain(error.what()));
+    throw std::runtime_error(file.string() + ": is no report.json of `cairn reconstruct`: " + plain(error.what()));
   }
+  return reported;
+}
+
+void evaluate_loops_file(const Arguments& a) {
+  const auto& [loops, keyframes, ignored] = read_report(a.estimate);
   const LoopError e = evaluate_loops(loops, keyframes, recorded_truth(a.truth));
   if (a.json) {
     const nlohmann::json j{{"loops", e.loops}, {"right", e.right}, {"revisits", e.revisits}, {"found", e.found}};
@@ -164,6 +176,49 @@ void evaluate_loops_file(const Arguments& a) {
   fmt::print("precision  {} of {} loops are right ({:.0f} %)\n", e.right, e.loops, percent(e.right, e.loops));
   fmt::print("recall     {} of {} keyframes that see an earlier place have one ({:.0f} %)\n", e.found, e.revisits,
              percent(e.found, e.revisits));
+}
+
+nlohmann::json to_json(const MapError& e, const LoopDrift& drift) {
+  nlohmann::json j{{"frames", e.frames}, {"doubled", e.doubled}};
+  if (e.psnr > 0) j["psnr_db"] = e.psnr;
+  for (const auto& r : e.ranges)
+    j["depth"].push_back({{"from_m", r.from},
+                          {"to_m", r.to},
+                          {"error_m", to_json(r.depth)},
+                          {"elsewhere", r.elsewhere},
+                          {"covered", r.covered}});
+  if (drift.shift.count > 0) j["loops"] = {{"shift_m", to_json(drift.shift)}, {"turn_rad", to_json(drift.turn)}};
+  return j;
+}
+
+void evaluate_map_of(const Arguments& a) {
+  const std::filesystem::path folder(a.estimate);
+  for (const char* name : {"mesh.glb", "trajectory.txt", "report.json"})
+    if (!std::filesystem::exists(folder / name))
+      throw std::runtime_error(a.estimate + ": has no " + name + "; give the folder that `cairn reconstruct` wrote");
+  const auto [loops, keyframes, clock_offset] = read_report(folder / "report.json");
+  Trajectory poses = read_trajectory(folder / "trajectory.txt");
+  for (StampedPose& pose : poses) pose.timestamp -= clock_offset;
+  std::vector<double> times;
+  for (const auto& [time, searched] : keyframes) times.push_back(time);
+  const auto recording = open_source(a.truth);
+  const MapError e = evaluate_map(read_mesh_parts(folder / "mesh.glb"), *recording, poses, times, a.step);
+  const LoopDrift drift = evaluate_loop_drift(loops, poses);
+  if (a.json) {
+    fmt::print("{}\n", text_of(to_json(e, drift), 2));
+    return;
+  }
+  print_head();
+  for (const auto& r : e.ranges) print_row(fmt::format("depth {:.1f} to {:.1f} m", r.from, r.to), r.depth, 1000, "mm");
+  for (const auto& r : e.ranges)
+    fmt::print("{:.1f} to {:.1f} m          {:.1f} % of what was measured is there, {:.1f} % elsewhere\n", r.from, r.to,
+               100 * r.covered, 100 * r.elsewhere);
+  if (e.psnr > 0) fmt::print("PSNR                  {:.2f} dB\n", e.psnr);
+  fmt::print("seen twice            {:.2f} % of the surface has a second sheet within 5 cm\n", 100 * e.doubled);
+  if (drift.shift.count > 0)
+    fmt::print("loops                 {} are open by {:.1f} mm and {:.2f} degrees in the median\n", drift.shift.count,
+               1000 * drift.shift.median, drift.turn.median * 180 / std::numbers::pi);
+  fmt::print("frames                {}, none of them a keyframe\n", e.frames);
 }
 
 void evaluate_distances_of(const Arguments& a) {
@@ -320,6 +375,18 @@ void add_views(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
   command->callback([a] { evaluate_views_of(*a); });
 }
 
+void add_map(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
+  auto* command =
+      evaluate.add_subcommand("map", "A map against the recording that it was made from, without a true path");
+  command->add_option("MAP", a->estimate, "Folder of `cairn reconstruct`")->required()->check(CLI::ExistingDirectory);
+  command->add_option("RECORDING", a->truth, "What it was made from")->required()->check(CLI::ExistingPath);
+  command->add_option("--step", a->step, "Every STEP-th frame is compared")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  command->add_flag("--json", a->json, "Print JSON, in metres and radians");
+  command->callback([a] { evaluate_map_of(*a); });
+}
+
 void add_loops(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
   auto* command = evaluate.add_subcommand("loops", "Precision and recall of the places that were recognised");
   command->add_option("REPORT", a->estimate, "report.json of a reconstruction")->required()->check(CLI::ExistingFile);
@@ -366,6 +433,7 @@ void add_evaluate(CLI::App& program) {
   add_mesh(*command, a);
   add_topology(*command, a);
   add_views(*command, a);
+  add_map(*command, a);
   add_loops(*command, a);
   add_distances(*command, a);
   add_costmap(*command, a);

@@ -91,6 +91,26 @@ struct ViewError {
 [[nodiscard]] ViewError evaluate_views(const std::vector<Mesh>& parts, Source& recording,
                                        const Eigen::Isometry3d& world_from_recording, int step = 10);
 
+/// How well a map agrees with the recording that it was made from: what can be known without a true path.
+struct MapError {
+  struct Range {
+    double from, to;        ///< metres that the camera measured
+    ErrorStatistics depth;  ///< metres from what was measured to the mesh along z, where it lies within 10 cm
+    double elsewhere;       ///< share of what was measured where the mesh is more than 10 cm off
+    double covered;         ///< share where it is there
+  };
+  std::vector<Range> ranges;  ///< those in which something was measured, up to 5 m
+  double psnr = 0;            ///< dB, as of ViewError; 0: without colour
+  double doubled = 0;  ///< share of the surface that has another sheet before or behind it, 5 mm to 5 cm away, that
+                       ///< faces the same way: what was seen twice and came to lie in two places
+  int frames = 0;      ///< that were compared
+};
+/// Every `step`-th frame is looked at that has a pose and is no keyframe: textures are made from keyframes.
+/// `keyframes`: their times, seconds. Colour is taken to be of the depth image's time. Throws std::runtime_error where
+/// no frame has a pose.
+[[nodiscard]] MapError evaluate_map(const std::vector<Mesh>& parts, Source& recording,
+                                    const Trajectory& world_from_camera, std::vector<double> keyframes, int step = 10);
+
 /// How a mesh's triangles hang together; vertices at the very same place count as one.
 struct MeshTopology {
   std::size_t non_manifold_edges = 0;     ///< of more than two triangles
@@ -143,5 +163,13 @@ struct CostmapError {
 /// surfaces that were seen, and those of `hidden` are counted beside.
 [[nodiscard]] CostmapError evaluate_costmap(const Costmap& costmap, const Scene& scene, const Camera& camera,
                                             const Trajectory& poses, const SurfaceOptions& range = {});
+
+/// How far a trajectory leaves the loops open that were found on it.
+struct LoopDrift {
+  ErrorStatistics shift;  ///< metres
+  ErrorStatistics turn;   ///< radians
+};
+[[nodiscard]] LoopDrift evaluate_loop_drift(const std::vector<LoopMeasured>& loops,
+                                            const Trajectory& world_from_camera);
 
 }  // namespace cairn

@@ -6,17 +6,14 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <stdexcept>
 
-#include "base/colour_view.hpp"
 #include "cairn/evaluation.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr float kNear = 0.05f;    // metres
-constexpr float kAgrees = 0.05f;  // metres between a surface and what was measured
-constexpr int kBand = 32;         // rows that one thread draws at a time
+constexpr float kNear = 0.05f;  // metres
+constexpr int kBand = 32;       // rows that one thread draws at a time
 
 /// A corner as it is drawn: 1/z, and what is interpolated over z.
 struct Corner {
@@ -206,34 +203,6 @@ RenderedView resolve(const Samples& samples, const Camera& camera, int per_side)
   return view;
 }
 
-/// A frame without its lens' distortion: nearest depth, colour between four pixels.
-Frame rectified(const Frame& frame, const Camera& camera) {
-  Frame straight{.depth = std::vector<float>(frame.depth.size()),
-                 .colour = std::vector<std::uint32_t>(frame.depth.size())};
-  const auto at = [&](int x, int y) {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width) + static_cast<std::size_t>(x);
-  };
-  for (int y = 0; y < camera.height; ++y)
-    for (int x = 0; x < camera.width; ++x) {
-      const Eigen::Vector2d bent = camera.distort(camera.ray(x, y).head<2>());
-      const double u = camera.fx * bent.x() + camera.cx, v = camera.fy * bent.y() + camera.cy;
-      if (!(u >= 0 && v >= 0 && u < camera.width - 1 && v < camera.height - 1)) continue;
-      straight.depth[at(x, y)] = frame.depth[at(static_cast<int>(std::lround(u)), static_cast<int>(std::lround(v)))];
-      const int left = static_cast<int>(u), top = static_cast<int>(v);
-      const double a = u - left, b = v - top;
-      std::uint32_t& word = straight.colour[at(x, y)] = 0xff000000u;
-      for (int c = 0; c < 24; c += 8) {
-        const auto level = [&](int i, int j) {
-          return static_cast<double>(frame.colour[at(left + i, top + j)] >> c & 255);
-        };
-        const double mean =
-            (1 - b) * ((1 - a) * level(0, 0) + a * level(1, 0)) + b * ((1 - a) * level(0, 1) + a * level(1, 1));
-        word |= static_cast<std::uint32_t>(std::lround(mean)) << c;
-      }
-    }
-  return straight;
-}
-
 }  // namespace
 
 RenderedView render_mesh(const std::vector<Mesh>& parts, const Camera& camera,
@@ -251,41 +220,6 @@ RenderedView render_mesh(const std::vector<Mesh>& parts, const Camera& camera,
     for (const std::uint32_t i : bands[b]) draw(triangles[i], first, first + kBand - 1, drawn);
   });
   return resolve(drawn, camera, samples);
-}
-
-ViewError evaluate_views(const std::vector<Mesh>& parts, Source& recording,
-                         const Eigen::Isometry3d& world_from_recording, int step) {
-  ViewError error;
-  double squared = 0;
-  std::size_t compared = 0, measured = 0;
-  const ColourView in_colour(recording.rig());
-  const Camera& camera = recording.rig().colour_view();
-  const Eigen::Isometry3d depth_from_colour = recording.rig().depth_from_colour();
-  for (int i = 0; auto frame = recording.next(); ++i) {
-    if (i % step != 0 || !frame->world_from_camera || frame->colour.empty() || frame->problem) continue;
-    const RenderedView view =
-        render_mesh(parts, camera, world_from_recording * *frame->world_from_camera * depth_from_colour);
-    *frame = in_colour(std::move(*frame));
-    if (camera.distorted()) *frame = rectified(*frame, camera);
-    for (std::size_t p = 0; p < frame->depth.size(); ++p) {
-      if (!(frame->depth[p] > 0)) continue;
-      ++measured;
-      if (view.depth[p] == 0 || std::abs(view.depth[p] - frame->depth[p]) > kAgrees) continue;
-      ++compared;
-      for (int c = 0; c < 24; c += 8) {
-        const auto a = static_cast<int>(view.colour[p] >> c & 255), b = static_cast<int>(frame->colour[p] >> c & 255);
-        squared += (a - b) * (a - b);
-      }
-    }
-    ++error.frames;
-  }
-  if (compared == 0)
-    throw std::runtime_error(
-        "no picture of the recording shows the mesh: it needs colour images and their poses in the "
-        "mesh's frame");
-  error.psnr = 10 * std::log10(255.0 * 255.0 * 3 * static_cast<double>(compared) / std::max(squared, 1e-9));
-  error.covered = static_cast<double>(compared) / static_cast<double>(measured);
-  return error;
 }
 
 }  // namespace cairn

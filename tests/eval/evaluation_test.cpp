@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "support/files.hpp"
 
 namespace cairn {
@@ -98,6 +100,82 @@ TEST(EvaluateMesh, CountsWhatIsMissing) {
 
 TEST(EvaluateMesh, RefusesAMeshWithoutSurface) {
   EXPECT_NE(error_of([] { (void)evaluate_mesh(Mesh{}, Mesh{}); }).find("no surface"), std::string::npos);
+}
+
+/// Of a wall across the way, `z` metres before the first camera; `side` metres wide and high.
+Mesh wall(float z, float side, bool faces_camera = true) {
+  Mesh mesh;
+  const float h = side / 2;
+  mesh.positions = {{-h, -h, z}, {h, -h, z}, {h, h, z}, {-h, h, z}};
+  mesh.colours.assign(4, {100, 100, 100});
+  mesh.triangles = {{0, 2, 1}, {0, 3, 2}};
+  if (!faces_camera) mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
+  return mesh;
+}
+
+/// Frames that show a wall at 2 m, of which the second stands at 4.2 m.
+class Wall final : public Source {
+ public:
+  [[nodiscard]] const Rig& rig() const override { return rig_; }
+  [[nodiscard]] std::optional<int> size() const override { return 4 - count_; }
+  [[nodiscard]] std::optional<Frame> next() override {
+    if (count_ == 4) return std::nullopt;
+    Frame frame{.index = count_, .timestamp = 0.1 * count_};
+    frame.depth.assign(320 * 240, count_ == 1 ? 4.2f : 2.0f);
+    frame.colour.assign(320 * 240, 0xff696969);  // 105, 105, 105
+    ++count_;
+    return frame;
+  }
+
+ private:
+  Rig rig_ = Camera{320, 240, 262.5, 262.5, 159.5, 119.5, {}};
+  int count_ = 0;
+};
+
+TEST(EvaluateMap, TellsHowFarTheSurfaceLiesFromWhatWasSeen) {
+  Trajectory still;
+  for (const double time : {0.0, 0.1, 0.2}) still.push_back({.timestamp = time});  // the last frame has no pose
+  Wall recording;
+  const MapError e = evaluate_map({wall(2.01f, 10)}, recording, still, {0.0004}, 1);
+  EXPECT_EQ(e.frames, 2);  // the first is a keyframe
+  ASSERT_EQ(e.ranges.size(), 2u);
+  EXPECT_EQ(e.ranges[0].from, 1.5);
+  EXPECT_NEAR(e.ranges[0].depth.rmse, 0.01, 1e-5);
+  EXPECT_EQ(e.ranges[0].covered, 1);
+  EXPECT_EQ(e.ranges[1].from, 3.5);
+  EXPECT_EQ(e.ranges[1].elsewhere, 1);
+  EXPECT_EQ(e.ranges[1].depth.count, 0);
+  EXPECT_NEAR(e.psnr, 20 * std::log10(255.0 / 5), 0.01);
+  EXPECT_EQ(e.doubled, 0);
+}
+
+TEST(EvaluateMap, FindsWhatLiesInTwoPlaces) {
+  const auto doubled = [](std::vector<Mesh> parts) {
+    Wall recording;
+    return evaluate_map(parts, recording, {{.timestamp = 0}}, {}, 1).doubled;
+  };
+  // A square of 1 m before one of 2 m: all of it, and a quarter of what is behind.
+  EXPECT_NEAR(doubled({wall(2, 2), wall(1.98f, 1)}), 0.4, 0.01);
+  EXPECT_EQ(doubled({wall(2, 2), wall(1.9f, 1)}), 0);          // another thing
+  EXPECT_EQ(doubled({wall(2, 2), wall(2.01f, 2, false)}), 0);  // a board from both sides
+  EXPECT_EQ(doubled({wall(2, 2), wall(2.002f, 1)}), 0);        // a sheet lies in one place
+}
+
+TEST(EvaluateMap, RefusesAnotherRecordingsTrajectory) {
+  Wall recording;
+  EXPECT_NE(error_of([&] {
+              (void)evaluate_map({wall(2, 2)}, recording, {{.timestamp = 1e9}}, {}, 1);
+            }).find("was it made from another"),
+            std::string::npos);
+}
+
+TEST(LoopDrift, IsWhatAPathLeavesOpen) {
+  Trajectory path{{.timestamp = 0}, {.timestamp = 1}};
+  path[1].world_from_camera.translation().x() = 0.03;
+  const LoopDrift drift = evaluate_loop_drift({{.from = 0, .to = 1}, {.from = 0, .to = 7}}, path);
+  EXPECT_EQ(drift.shift.count, 1);
+  EXPECT_NEAR(drift.shift.median, 0.03, 1e-9);
+  EXPECT_NEAR(drift.turn.median, 0, 1e-9);
 }
 
 TEST(LoopError, CountsRightLoopsAndTheRevisitsThatHaveOne) {

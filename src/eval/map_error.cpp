@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <random>
+#include <stdexcept>
+#include <unsupported/Eigen/BVH>
+
+#include "base/velocity.hpp"
+#include "cairn/evaluation.hpp"
+#include "eval/statistics.hpp"
+#include "eval/view_comparison.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::array kRanges{0.0, 1.5, 2.5, 3.5, 5.0};  // metres, where one band of depths ends and the next begins
+constexpr float kElsewhere = 0.1f;                      // metres: not the same surface
+constexpr double kSameFrame = 0.001;                    // seconds
+constexpr float kOneSheet = 0.005f, kTwoSheets = 0.05f, kSameSide = 0.7f;  // metres; cosine between normals
+constexpr int kSheetSamples = 100000;
+
+/// Triangles that a line through one of them meets.
+class Sheets {
+ public:
+  explicit Sheets(const std::vector<Mesh>& parts) {
+    for (const Mesh& part : parts)
+      for (const auto& t : part.triangles)
+        if (const Triangle triangle{{part.positions[t[0]], part.positions[t[1]], part.positions[t[2]]}};
+            triangle.normal().squaredNorm() > 0)
+          triangles_.push_back(triangle);
+    std::vector<int> objects(triangles_.size());
+    std::iota(objects.begin(), objects.end(), 0);
+    std::vector<Eigen::AlignedBox3f> boxes(objects.size());
+    for (std::size_t i = 0; i < boxes.size(); ++i)
+      for (const auto& corner : triangles_[i].corners) boxes[i].extend(corner);
+    tree_.init(objects.begin(), objects.end(), boxes.begin(), boxes.end());
+  }
+
+  /// Share of the surface that has another sheet that faces the same way, before or behind it.
+  [[nodiscard]] double doubled() const {
+    if (triangles_.empty()) return 0;
+    std::vector<double> areas;
+    areas.reserve(triangles_.size());
+    double total = 0;
+    for (const Triangle& t : triangles_) areas.push_back(total += static_cast<double>(t.normal().norm()));
+    std::vector<char> has_another(kSheetSamples);
+    tbb::parallel_for(0, kSheetSamples, [&](int i) {
+      std::minstd_rand random(static_cast<unsigned>(i) + 1);
+      random.discard(2);
+      std::uniform_real_distribution<float> share;
+      const auto at = std::upper_bound(areas.begin(), areas.end(), total * (i + 0.5) / kSheetSamples);
+      const Triangle& t = triangles_[std::min(static_cast<std::size_t>(at - areas.begin()), areas.size() - 1)];
+      float u = share(random), v = share(random);
+      if (u + v > 1) u = 1 - u, v = 1 - v;
+      const Eigen::Vector3f p = t.corners[0] + u * (t.corners[1] - t.corners[0]) + v * (t.corners[2] - t.corners[0]);
+      has_another[static_cast<std::size_t>(i)] = meets(p, t.normal().normalized());
+    });
+    return static_cast<double>(std::count(has_another.begin(), has_another.end(), 1)) / kSheetSamples;
+  }
+
+ private:
+  struct Triangle {
+    std::array<Eigen::Vector3f, 3> corners;
+    [[nodiscard]] Eigen::Vector3f normal() const {
+      return (corners[1] - corners[0]).cross(corners[2] - corners[0]);  // twice its area long
+    }
+  };
+  /// Whether the line along a normal meets a triangle with nearly the same normal, near by and not at once.
+  [[nodiscard]] bool meets(const Eigen::Vector3f& p, const Eigen::Vector3f& n) const {
+    struct Line {
+      const std::vector<Triangle>& triangles;
+      const Eigen::Vector3f &p, &n;
+      Eigen::AlignedBox3f reach;
+      bool found = false;
+      bool intersectVolume(const Eigen::AlignedBox3f& box) const { return box.intersects(reach); }
+      bool intersectObject(int i) {
+        const Triangle& t = triangles[static_cast<std::size_t>(i)];
+        const Eigen::Vector3f other = t.normal();
+        const float along = other.dot(n);
+        if (along < kSameSide * other.norm()) return false;
+        const float gap = other.dot(t.corners[0] - p) / along;
+        if (std::abs(gap) < kOneSheet || std::abs(gap) > kTwoSheets) return false;
+        const Eigen::Vector3f hit = p + gap * n;
+        for (std::size_t k = 0; k < 3; ++k)
+          if ((t.corners[(k + 1) % 3] - t.corners[k]).cross(hit - t.corners[k]).dot(other) < 0) return false;
+        return found = true;
+      }
+    } line{triangles_, p, n, {}};
+    line.reach.extend(p - kTwoSheets * n);
+    line.reach.extend(p + kTwoSheets * n);
+    Eigen::BVIntersect(tree_, line);
+    return line.found;
+  }
+  std::vector<Triangle> triangles_;
+  Eigen::KdBVH<float, 3, int> tree_;
+};
+
+/// Depth by bands of range.
+class DepthErrors {
+ public:
+  void add(const std::vector<ViewComparison::Pixel>& pixels) {
+    for (const auto& [seen, drawn] : pixels) {
+      const auto z = static_cast<double>(seen);
+      const auto band = std::upper_bound(kRanges.begin(), kRanges.end(), z) - kRanges.begin() - 1;
+      if (band + 1 >= static_cast<std::ptrdiff_t>(kRanges.size())) continue;
+      Band& b = bands_[static_cast<std::size_t>(band)];
+      ++b.seen;
+      if (drawn == 0) continue;
+      const float error = drawn - seen;
+      if (std::abs(error) > kElsewhere)
+        ++b.elsewhere;
+      else
+        b.errors.push_back(static_cast<double>(std::abs(error)));
+    }
+  }
+  [[nodiscard]] std::vector<MapError::Range> ranges() const {
+    std::vector<MapError::Range> ranges;
+    for (std::size_t i = 0; i < bands_.size(); ++i)
+      if (const Band& b = bands_[i]; b.seen > 0)
+        ranges.push_back({.from = kRanges[i],
+                          .to = kRanges[i + 1],
+                          .depth = statistics(b.errors),
+                          .elsewhere = static_cast<double>(b.elsewhere) / static_cast<double>(b.seen),
+                          .covered = static_cast<double>(b.errors.size()) / static_cast<double>(b.seen)});
+    return ranges;
+  }
+
+ private:
+  struct Band {
+    std::vector<double> errors;
+    std::size_t seen = 0, elsewhere = 0;
+  };
+  std::array<Band, kRanges.size() - 1> bands_;
+};
+
+/// Its own, not one between those of others: a frame that was lost has none.
+std::optional<Eigen::Isometry3d> pose_of(const Trajectory& poses, double time) {
+  const auto next = std::lower_bound(poses.begin(), poses.end(), time - kSameFrame,
+                                     [](const StampedPose& pose, double t) { return pose.timestamp < t; });
+  if (next == poses.end() || next->timestamp > time + kSameFrame) return std::nullopt;
+  return next->world_from_camera;
+}
+
+bool is_one_of(const std::vector<double>& times, double time) {
+  const auto next = std::lower_bound(times.begin(), times.end(), time - kSameFrame);
+  return next != times.end() && *next <= time + kSameFrame;
+}
+
+}  // namespace
+
+MapError evaluate_map(const std::vector<Mesh>& parts, Source& recording, const Trajectory& world_from_camera,
+                      std::vector<double> keyframes, int step) {
+  std::sort(keyframes.begin(), keyframes.end());
+  MapError error;
+  DepthErrors depth;
+  ViewComparison views(parts, recording.rig());
+  for (int i = 0; auto frame = recording.next();) {
+    const auto pose = pose_of(world_from_camera, frame->timestamp);
+    if (frame->problem || !pose || is_one_of(keyframes, frame->timestamp) || i++ % step != 0) continue;
+    const Vector6d velocity = velocity_at(world_from_camera, frame->timestamp);
+    depth.add(views.compare_depth(*frame, *pose, velocity));
+    if (!frame->colour.empty()) views.compare_colour(std::move(*frame), *pose, velocity);
+    ++error.frames;
+  }
+  if (error.frames == 0)
+    throw std::runtime_error("no frame of the recording has a pose in the map's trajectory: was it made from another?");
+  error.ranges = depth.ranges();
+  error.psnr = views.psnr();
+  error.doubled = Sheets(parts).doubled();
+  return error;
+}
+
+LoopDrift evaluate_loop_drift(const std::vector<LoopMeasured>& loops, const Trajectory& world_from_camera) {
+  std::vector<double> shifts, turns;
+  for (const LoopMeasured& loop : loops) {
+    const auto from = pose_of(world_from_camera, loop.from), to = pose_of(world_from_camera, loop.to);
+    if (!from || !to) continue;
+    const Eigen::Isometry3d off = (from->inverse() * *to).inverse() * loop.i_from_j;
+    shifts.push_back(off.translation().norm());
+    turns.push_back(Eigen::AngleAxisd(off.linear()).angle());
+  }
+  return {statistics(std::move(shifts)), statistics(std::move(turns))};
+}
+
+}  // namespace cairn

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "eval/view_comparison.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+constexpr float kAgrees = 0.05f;  // metres between a surface and what was measured
+
+/// A frame without its lens' distortion: nearest depth, colour between four pixels.
+Frame rectified(const Frame& frame, const Camera& camera) {
+  Frame straight{.depth = std::vector<float>(frame.depth.size()),
+                 .colour = std::vector<std::uint32_t>(frame.colour.size())};
+  const auto at = [&](int x, int y) {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width) + static_cast<std::size_t>(x);
+  };
+  for (int y = 0; y < camera.height; ++y)
+    for (int x = 0; x < camera.width; ++x) {
+      const Eigen::Vector2d bent = camera.distort(camera.ray(x, y).head<2>());
+      const double u = camera.fx * bent.x() + camera.cx, v = camera.fy * bent.y() + camera.cy;
+      if (!(u >= 0 && v >= 0 && u < camera.width - 1 && v < camera.height - 1)) continue;
+      straight.depth[at(x, y)] = frame.depth[at(static_cast<int>(std::lround(u)), static_cast<int>(std::lround(v)))];
+      if (frame.colour.empty()) continue;
+      const int left = static_cast<int>(u), top = static_cast<int>(v);
+      const double a = u - left, b = v - top;
+      std::uint32_t& word = straight.colour[at(x, y)] = 0xff000000u;
+      for (int c = 0; c < 24; c += 8) {
+        const auto level = [&](int i, int j) {
+          return static_cast<double>(frame.colour[at(left + i, top + j)] >> c & 255);
+        };
+        const double mean =
+            (1 - b) * ((1 - a) * level(0, 0) + a * level(1, 0)) + b * ((1 - a) * level(0, 1) + a * level(1, 1));
+        word |= static_cast<std::uint32_t>(std::lround(mean)) << c;
+      }
+    }
+  return straight;
+}
+
+Frame without_lens(Frame frame, const Camera& camera) {
+  return camera.distorted() ? rectified(frame, camera) : std::move(frame);
+}
+
+/// By pixel, where there is a measurement.
+std::vector<std::pair<std::size_t, float>> measured_in(const Frame& frame) {
+  std::vector<std::pair<std::size_t, float>> measured;
+  for (std::size_t p = 0; p < frame.depth.size(); ++p)
+    if (frame.depth[p] > 0) measured.emplace_back(p, frame.depth[p]);
+  return measured;
+}
+
+/// Where the rows of an image were taken, as seen from where the camera was at the image's time.
+class Rows {
+ public:
+  Rows(const Camera& camera, const Vector6d& velocity) : camera_(camera) {
+    for (int y = 0; y < camera.height; ++y) now_from_row_.push_back(retract(velocity * camera.row_delay(y)));
+  }
+  /// Pixel (x, y) and depth z at that time of what a pixel of the image measured; none beside the image.
+  [[nodiscard]] std::optional<Eigen::Vector3d> at_once(std::size_t pixel, float z) const {
+    const auto x = static_cast<int>(pixel % static_cast<std::size_t>(camera_.width)),
+               y = static_cast<int>(pixel / static_cast<std::size_t>(camera_.width));
+    if (camera_.readout == 0) return Eigen::Vector3d(x, y, static_cast<double>(z));
+    const Eigen::Vector3d point =
+        now_from_row_[static_cast<std::size_t>(y)] * (static_cast<double>(z) * camera_.ray(x, y));
+    if (!(point.z() > 0)) return std::nullopt;
+    const Eigen::Vector2d at = camera_.project(point);
+    if (!(at.x() >= 0 && at.y() >= 0 && at.x() <= camera_.width - 1 && at.y() <= camera_.height - 1))
+      return std::nullopt;
+    return Eigen::Vector3d(at.x(), at.y(), point.z());
+  }
+
+ private:
+  const Camera& camera_;
+  std::vector<Eigen::Isometry3d> now_from_row_;
+};
+
+std::size_t nearest(const Camera& camera, const Eigen::Vector2d& pixel) {
+  return static_cast<std::size_t>(std::lround(pixel.y())) * static_cast<std::size_t>(camera.width) +
+         static_cast<std::size_t>(std::lround(pixel.x()));
+}
+
+/// R, G and B between four pixels.
+Eigen::Vector3d colour_at(const std::vector<std::uint32_t>& image, const Camera& camera, const Eigen::Vector2d& pixel) {
+  const int x = std::min(static_cast<int>(pixel.x()), camera.width - 2),
+            y = std::min(static_cast<int>(pixel.y()), camera.height - 2);
+  const double u = pixel.x() - x, v = pixel.y() - y;
+  const std::size_t at = nearest(camera, {x, y}), below = at + static_cast<std::size_t>(camera.width);
+  const auto of = [&](std::size_t i) -> Eigen::Vector3d {
+    return {static_cast<double>(image[i] & 255), static_cast<double>(image[i] >> 8 & 255),
+            static_cast<double>(image[i] >> 16 & 255)};
+  };
+  if (u == 0 && v == 0) return of(at);
+  return (1 - v) * ((1 - u) * of(at) + u * of(at + 1)) + v * ((1 - u) * of(below) + u * of(below + 1));
+}
+
+}  // namespace
+
+ViewComparison::ViewComparison(const std::vector<Mesh>& parts, const Rig& rig)
+    : parts_(parts), rig_(rig), in_colour_(rig) {}
+
+std::vector<ViewComparison::Pixel> ViewComparison::compare_depth(const Frame& frame,
+                                                                 const Eigen::Isometry3d& world_from_camera,
+                                                                 const Vector6d& velocity) const {
+  const Camera& camera = rig_.depth;
+  const std::vector<float> drawn = render_mesh(parts_, camera, world_from_camera, 1).depth;
+  const Rows rows(camera, velocity);
+  std::vector<Pixel> pixels;
+  for (const Frame straight = without_lens({.depth = frame.depth, .colour = {}}, camera);
+       const auto& [p, z] : measured_in(straight))
+    if (const auto at = rows.at_once(p, z))
+      pixels.push_back({static_cast<float>(at->z()), drawn[nearest(camera, at->head<2>())]});
+  return pixels;
+}
+
+void ViewComparison::compare_colour(Frame frame, const Eigen::Isometry3d& world_from_camera, const Vector6d& velocity) {
+  const Camera& camera = rig_.colour_view();
+  const Eigen::Isometry3d depth_from_colour = rig_.depth_from_colour();
+  const RenderedView view = render_mesh(parts_, camera, world_from_camera * depth_from_colour);
+  const Vector6d of_colour = adjoint(depth_from_colour.inverse()) * velocity;
+  const Rows rows(camera, of_colour);
+  frame = without_lens(in_colour_(std::move(frame)), camera);
+  for (const auto& [p, z] : measured_in(frame)) {
+    ++measured_;
+    const auto at = rows.at_once(p, z);
+    if (!at) continue;
+    const float drawn = view.depth[nearest(camera, at->head<2>())];
+    if (drawn == 0 || std::abs(drawn - static_cast<float>(at->z())) > kAgrees) continue;
+    ++compared_;
+    const Eigen::Vector3d colour = colour_at(view.colour, camera, at->head<2>());
+    for (int c = 0; c < 3; ++c) {
+      const double off = colour[c] - static_cast<double>(frame.colour[p] >> (8 * c) & 255);
+      squared_ += off * off;
+    }
+  }
+}
+
+double ViewComparison::psnr() const {
+  if (compared_ == 0) return 0;
+  return 10 * std::log10(255.0 * 255.0 * 3 * static_cast<double>(compared_) / std::max(squared_, 1e-9));
+}
+
+double ViewComparison::covered() const {
+  return measured_ == 0 ? 0 : static_cast<double>(compared_) / static_cast<double>(measured_);
+}
+
+ViewError evaluate_views(const std::vector<Mesh>& parts, Source& recording,
+                         const Eigen::Isometry3d& world_from_recording, int step) {
+  ViewError error;
+  ViewComparison views(parts, recording.rig());
+  for (int i = 0; auto frame = recording.next(); ++i) {
+    if (i % step != 0 || !frame->world_from_camera || frame->colour.empty() || frame->problem) continue;
+    const Eigen::Isometry3d pose = world_from_recording * *frame->world_from_camera;
+    views.compare_colour(std::move(*frame), pose, Vector6d::Zero());
+    ++error.frames;
+  }
+  if (!views.has_compared())
+    throw std::runtime_error(
+        "no picture of the recording shows the mesh: it needs colour images and their poses in the "
+        "mesh's frame");
+  error.psnr = views.psnr();
+  error.covered = views.covered();
+  return error;
+}
+
+}  // namespace cairn
