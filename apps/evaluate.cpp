@@ -200,6 +200,7 @@ void evaluate_map_of(const Arguments& a) {
   Trajectory poses = read_trajectory(folder / "trajectory.txt");
   for (StampedPose& pose : poses) pose.timestamp -= clock_offset;
   std::vector<double> times;
+  times.reserve(keyframes.size());
   for (const auto& [time, searched] : keyframes) times.push_back(time);
   const auto recording = open_source(a.truth);
   const MapError e = evaluate_map(read_mesh_parts(folder / "mesh.glb"), *recording, poses, times, a.step);
