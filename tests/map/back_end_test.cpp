@@ -31,7 +31,8 @@ struct Walk {
           .index = i, .timestamp = 0.2 * i, .depth = std::move(images.depth), .colour = std::move(images.colour)};
       tracked = i == 0 ? truth[0]
                        : tracked * truth[static_cast<std::size_t>(i) - 1].inverse() * truth.back() * retract(drift);
-      back_end->add(frame, {}, tracked, i > 0 ? &information : nullptr, volume, static_cast<std::uint32_t>(i + 1));
+      back_end->add(frame, surface_of(frame), tracked, i > 0 ? &information : nullptr, volume,
+                    static_cast<std::uint32_t>(i + 1));
     }
     back_end->settle();
   }
@@ -91,7 +92,8 @@ TEST(BackEnd, RemembersNoMoreOfARoomThatItSeesAgainAndAgain) {
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
     pose.translation() = Eigen::Vector3d(0.04 * along, 0.003 * (i % 7), 0);
     const Frame frame{.index = i, .timestamp = 0.1 * i, .depth = std::vector<float>(pixels, 2.0f), .colour = {}};
-    back_end.add(frame, {}, pose, i > 0 ? &information : nullptr, volume, static_cast<std::uint32_t>(i + 1));
+    back_end.add(frame, surface_of(frame), pose, i > 0 ? &information : nullptr, volume,
+                 static_cast<std::uint32_t>(i + 1));
     if (i == 100) once = back_end.atlas().keyframes.size();
   }
   EXPECT_GE(once, 15u);
@@ -145,7 +147,8 @@ struct TwoPieces {
     Frame frame = scene_frame(synthetic_scene("room"), small_camera(), 12 * i, true);
     frame.index = static_cast<int>(fused_count);
     frame.timestamp = static_cast<double>(fused_count);
-    back_end->add(frame, {}, piece_from_scene * *frame.world_from_camera, information, volume, ++fused_count);
+    back_end->add(frame, surface_of(frame), piece_from_scene * *frame.world_from_camera, information, volume,
+                  ++fused_count);
   }
   Options options;
   Volume volume{test_device(), options.fuse, 5.0f};

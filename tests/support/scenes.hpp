@@ -6,6 +6,7 @@
 #include "cairn/frame.hpp"
 #include "cairn/scene.hpp"
 #include "support/device.hpp"
+#include "surface/surface.hpp"
 #include "synth/render.hpp"
 
 namespace cairn {
@@ -29,6 +30,13 @@ inline Frame scene_frame_at(const Scene& scene, const Camera& camera, const Eige
 /// A frame of the scene's own path.
 inline Frame scene_frame(const Scene& scene, const Camera& camera, int index, bool kinect_noise = false) {
   return scene_frame_at(scene, camera, scene.world_from_camera(index / 30.0), index, kinect_noise);
+}
+
+/// Of a frame, which must outlive it, for what asks for nothing on the device.
+inline Surface surface_of(const Frame& frame) {
+  Surface surface;
+  surface.images = [&frame]() -> const Frame& { return frame; };
+  return surface;
 }
 
 template <class T>
