@@ -63,5 +63,6 @@ def test_is_imported_at_once() -> None:
         return time.perf_counter() - begin
 
     alone = min(seconds("pass") for _ in range(3))
-    assert min(seconds("import cairn") for _ in range(5)) - alone < 0.2
+    # A machine that is busy starts Python itself slowly.
+    assert min(seconds("import cairn") for _ in range(5)) - alone < max(0.2, 5 * alone)
     subprocess.run([sys.executable, "-c", "import cairn, sys; assert 'numpy' not in sys.modules"], check=True)
