@@ -5,29 +5,43 @@
 #include <algorithm>
 #include <array>
 
+#include "io/kinect.hpp"
+
 namespace cairn {
 namespace {
 
 constexpr double kTum = 5000, kMillimetres = 1000;
 constexpr Lens kBrown = Lens::brown_conrady;
-// The first Kinect's, seconds: Ringaby & Forssen 2011. With colour that depth is registered to, colour's: what
-// `cairn calibrate --shutter` finds as well.
-constexpr double kKinectDepth = 0.03055, kKinectColour = 0.02611;
 
 // The Freiburg cameras: Sturm et al. 2012. Bonn: Palazzolo et al. 2019. 7-Scenes: Shotton et al. 2013. ICL-NUIM: Handa
-// et al. 2014, its fy made positive. Kinects: what OpenNI and Open3D take where nothing is calibrated. The Azure
-// Kinect: one device's, of its factory.
+// et al. 2014, its fy made positive. Of a Kinect whose depth is registered to colour, the readout is colour's: what
+// `cairn calibrate --shutter` finds as well. Kinects: what OpenNI and Open3D take where nothing is calibrated. The
+// Azure Kinect: one device's, of its factory.
 constexpr std::array kCameras{
-    KnownCamera{
-        "freiburg1",
-        "TUM RGB-D's freiburg1",
-        kTum,
-        {640, 480, 517.3, 516.5, 318.6, 255.3, {0.2624, -0.9531, -0.0054, 0.0026, 1.1633}, kBrown, kKinectColour}},
-    KnownCamera{
-        "freiburg2",
-        "TUM RGB-D's freiburg2",
-        kTum,
-        {640, 480, 520.9, 521.0, 325.1, 249.7, {0.2312, -0.7849, -0.0033, -0.0001, 0.9172}, kBrown, kKinectColour}},
+    KnownCamera{"freiburg1",
+                "TUM RGB-D's freiburg1",
+                kTum,
+                {640,
+                 480,
+                 517.3,
+                 516.5,
+                 318.6,
+                 255.3,
+                 {0.2624, -0.9531, -0.0054, 0.0026, 1.1633},
+                 kBrown,
+                 kKinectColourReadout}},
+    KnownCamera{"freiburg2",
+                "TUM RGB-D's freiburg2",
+                kTum,
+                {640,
+                 480,
+                 520.9,
+                 521.0,
+                 325.1,
+                 249.7,
+                 {0.2312, -0.7849, -0.0033, -0.0001, 0.9172},
+                 kBrown,
+                 kKinectColourReadout}},
     KnownCamera{"freiburg3", "TUM RGB-D's freiburg3", kTum, {640, 480, 535.4, 539.2, 320.1, 247.6, {}}},
     KnownCamera{
         "bonn",
@@ -38,7 +52,7 @@ constexpr std::array kCameras{
     KnownCamera{"seven-scenes",
                 "7-Scenes' depth camera",
                 kMillimetres,
-                {640, 480, 585, 585, 320, 240, {}, kBrown, kKinectDepth}},
+                {640, 480, 585, 585, 320, 240, {}, kBrown, kKinectDepthReadout}},
     KnownCamera{"kinect-v1",
                 "Kinect for Xbox 360, Xtion or PrimeSense, depth registered to colour",
                 0,

@@ -7,18 +7,17 @@
 
 #include "base/lines.hpp"
 #include "base/words.hpp"
+#include "cairn/known_cameras.hpp"
 #include "io/image_names.hpp"
 #include "io/intrinsics.hpp"
+#include "io/kinect.hpp"
 #include "io/recording.hpp"
 
 namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-const Camera kCamera{640, 480, 585.0, 585.0, 320.0, 240.0, {}};
-constexpr double kDepthReadout = 0.03055,
-                 kColourReadout = 0.02611;  // seconds, of the first Kinect: Ringaby & Forssen 2011
-constexpr double kFrameRate = 30.0;         // Hz; the set has no timestamps
+constexpr double kFrameRate = 30.0;  // Hz; the set has no timestamps
 
 /// Of frame-000012.depth.png.
 std::optional<int> number_of_image(const fs::path& image) {
@@ -52,18 +51,18 @@ std::optional<Recording> read_seven_scenes(const fs::path& folder) {
   for (const fs::path& image : depth_images_in(folder))
     if (const auto number = number_of_image(image)) numbers.push_back(*number);
   if (numbers.empty()) return std::nullopt;
+  const Camera& camera = known_camera("seven-scenes")->camera;
   if (const auto file = intrinsics_file(folder)) {
     // With another camera beside them the images are somebody else's.
     Camera told = read_intrinsics(*file).camera.rig.depth;
-    told.width = kCamera.width, told.height = kCamera.height;
-    if (told != kCamera) return std::nullopt;
+    told.width = camera.width, told.height = camera.height, told.readout = camera.readout;
+    if (told != camera) return std::nullopt;
   }
   Recording recording;
   recording.layout = "7-Scenes folder";
-  recording.rig.depth = kCamera;
-  recording.rig.depth.readout = kDepthReadout;
+  recording.rig.depth = camera;
   recording.colour_is_told = false;
-  recording.colour_readout = kColourReadout;
+  recording.colour_readout = kKinectColourReadout;
   recording.depth_scale = 1000.0;
   recording.invalid_depth = 65535;
   for (const int i : numbers) {

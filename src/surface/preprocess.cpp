@@ -96,7 +96,8 @@ Surface Preprocessor::preprocess(const Frame& frame, const MotionAt& motion) {
   if (has_colour) batch.upload(raw_colour_, frame.colour);
   Images images{&raw_depth_, &raw_colour_};
   if (rectifier_) {
-    (*rectifier_)(batch, motion, median_depth(frame.depth), raw_depth_, raw_colour_);
+    const float distance = camera.readout > 0 ? median_depth(frame.depth) : 0.0f;
+    (*rectifier_)(batch, motion, distance, raw_depth_, raw_colour_);
     images = {&rectifier_->depth(), &rectifier_->colour()};
   }
   if (rig_.colour) colour_motion_ = shutter_motion(colour_motion(rig_, motion), rig_.colour->camera.readout);

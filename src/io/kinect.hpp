@@ -1,0 +1,10 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+
+namespace cairn {
+
+/// How long the first Kinect takes to read an image, seconds: Ringaby & Forssen 2011.
+constexpr double kKinectDepthReadout = 0.03055, kKinectColourReadout = 0.02611;
+
+}  // namespace cairn
