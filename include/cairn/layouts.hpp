@@ -26,7 +26,7 @@ inline constexpr std::string_view kLayouts[] = {"tum",        "bonn",    "eth3d"
                                                 "icl-nuim",   "replica", "open3d",       "rtabmap",
                                                 "nerfstudio", "scannet", "stray-scanner"};
 
-/// The only camera that a layout's readers know; nothing where files tell it.
+/// The only camera that a layout's readers know, with a global shutter; nothing where files tell it.
 [[nodiscard]] std::optional<Camera> camera_of_layout(std::string_view layout);
 
 /// Begins a recording in an empty folder. `scannet` writes recording.sens there. Throws std::runtime_error for an

@@ -20,7 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// What files of a layout can tell of the cameras.
-enum Tells : unsigned { kLens = 1, kColourCamera = 2 };
+enum Tells : unsigned { kLens = 1, kColourCamera = 2, kShutter = 4 };
 
 struct Layout {
   std::string_view name;
@@ -37,7 +37,7 @@ const Layout& layout_of(std::string_view name) {
   static const Layout kAll[] = {{"tum", kLens | kColourCamera, tum_of<TumKind::cairn>},
                                 {"bonn", kLens, tum_of<TumKind::bonn>},
                                 {"eth3d", 0, tum_of<TumKind::eth3d>},
-                                {"seven-scenes", 0, write_seven_scenes},
+                                {"seven-scenes", kShutter, write_seven_scenes},
                                 {"icl-nuim", 0, write_icl_nuim},
                                 {"replica", 0, write_replica},
                                 {"open3d", 0, write_open3d},
@@ -56,7 +56,10 @@ const Layout& layout_of(std::string_view name) {
 
 std::optional<Camera> camera_of_layout(std::string_view layout) {
   const KnownCamera* known = known_camera(layout);
-  return known == nullptr ? std::nullopt : std::optional(known->camera);
+  if (known == nullptr) return std::nullopt;
+  Camera camera = known->camera;
+  camera.readout = 0;
+  return camera;
 }
 
 std::unique_ptr<LayoutWriter> write_layout(std::string_view name, const fs::path& folder, const Rig& rig) {
@@ -64,8 +67,9 @@ std::unique_ptr<LayoutWriter> write_layout(std::string_view name, const fs::path
   const auto cannot = [&](const char* what, const char* remedy) {
     return std::runtime_error(fmt::format("the layout {} cannot tell {}: {}", name, what, remedy));
   };
-  if (const auto its = camera_of_layout(name); its && *its != rig.depth)
-    throw cannot("cameras", "its programs know one alone, see camera_of_layout");
+  auto its = camera_of_layout(name);
+  if (its && (layout.tells & kShutter) != 0) its->readout = rig.depth.readout;
+  if (its && *its != rig.depth) throw cannot("cameras", "its programs know one alone, see camera_of_layout");
   if (rig.depth.distorted() && (layout.tells & kLens) == 0) throw cannot("a lens", "rectify the images, or take tum");
   if (!rig.colour) return layout.write(folder, rig);
   if ((layout.tells & kColourCamera) == 0)

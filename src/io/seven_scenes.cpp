@@ -51,11 +51,13 @@ std::optional<Recording> read_seven_scenes(const fs::path& folder) {
   for (const fs::path& image : depth_images_in(folder))
     if (const auto number = number_of_image(image)) numbers.push_back(*number);
   if (numbers.empty()) return std::nullopt;
-  const Camera& camera = known_camera("seven-scenes")->camera;
+  Camera camera = known_camera("seven-scenes")->camera;
   if (const auto file = intrinsics_file(folder)) {
-    // With another camera beside them the images are somebody else's.
+    // With another camera beside them the images are somebody else's. Of these files one tells a shutter.
     Camera told = read_intrinsics(*file).camera.rig.depth;
-    told.width = camera.width, told.height = camera.height, told.readout = camera.readout;
+    told.width = camera.width, told.height = camera.height;
+    if (file->stem() == "camera") camera.readout = told.readout;
+    told.readout = camera.readout;
     if (told != camera) return std::nullopt;
   }
   Recording recording;

@@ -3,6 +3,8 @@
 // 7-Scenes (Shotton et al. 2013): one sequence.
 #include <fmt/format.h>
 
+#include "cairn/known_cameras.hpp"
+#include "io/camera_file.hpp"
 #include "io/layouts.hpp"
 
 namespace cairn {
@@ -20,7 +22,11 @@ class SevenScenesWriter final : public LayoutWriter {
     files_.write_text(name("pose.txt"), rows + "\n");
     ++count_;
   }
-  void finish() override {}
+  /// Its Kinect's shutter is known; another one is told.
+  void finish() override {
+    if (files_.camera() != known_camera("seven-scenes")->camera)
+      files_.write_text("camera.yaml", camera_file_text({.rig = files_.rig()}));
+  }
 
  private:
   ImageFolder files_;

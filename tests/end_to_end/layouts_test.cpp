@@ -164,6 +164,7 @@ void expect_camera(const Camera& read, const Camera& written) {
   EXPECT_NEAR(read.cx, written.cx, kSingle);
   EXPECT_NEAR(read.cy, written.cy, kSingle);
   EXPECT_EQ(read.distortion, written.distortion);
+  EXPECT_EQ(read.readout, written.readout);
 }
 
 /// Apart from what a video loses.
