@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "cairn/source.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
@@ -18,26 +20,46 @@ struct Arguments {
   std::filesystem::path camera, output;
   std::vector<std::string> topics;
   int frames = 40;
-  bool shutter = false;
+  bool shutter = false, depth = false;
 };
 
+/// Opens the recording again and again, and looks for a colour camera only the first time.
+std::function<std::unique_ptr<Source>()> opener(const Arguments& a) {
+  return [name = a.sequence, options = source_options(a.sequence, a.camera, a.topics)]() mutable {
+    auto source = open_source(name, options);
+    options.find_colour_camera = false;
+    return source;
+  };
+}
+
+bool is_refused(const std::string& why_not) {
+  if (!why_not.empty()) fmt::print("{}; nothing was written\n", why_not);
+  return !why_not.empty();
+}
+
 void calibrate_shutter(const Arguments& a) {
-  SourceOptions options = source_options(a.sequence, a.camera, a.topics);
   Progress progress(std::nullopt);
-  const FoundShutter found = find_shutter(
-      [&] {
-        auto source = open_source(a.sequence, options);
-        options.find_colour_camera = false;  // the first time told
-        return source;
-      },
-      [&] { progress.step("tracking"); });
-  if (!found.why_not.empty()) {
-    fmt::print("{}; nothing was written\n", found.why_not);
-    return;
-  }
+  const FoundShutter found = find_shutter(opener(a), [&] { progress.step("tracking"); });
+  if (is_refused(found.why_not)) return;
   write_rig(a.output, found.rig);
   fmt::print("readout        {:.1f} ms, +- {:.1f}, from {} keyframes; predicts what was held out {:.1f} % better\n",
              1000 * found.readout, 1000 * found.sigma, found.keyframes, 100 * found.predicts_better);
+  fmt::print("{}: give it to reconstruct with --camera\n", a.output.string());
+}
+
+void calibrate_depth(const Arguments& a) {
+  Progress progress(std::nullopt);
+  const FoundDepthCorrection found = find_depth_correction(opener(a), [&] { progress.step("tracking"); });
+  if (is_refused(found.why_not)) return;
+  write_rig(a.output, found.rig);
+  double squared = 0;
+  for (const float offset : found.rig.depth_correction.offsets)
+    squared += static_cast<double>(offset) * static_cast<double>(offset);
+  const double offset = std::sqrt(squared / static_cast<double>(found.rig.depth_correction.offsets.size()));
+  fmt::print(
+      "depth          off by {:.1f} mm at 1 m and {:.0f} mm at 3 m (RMS over the image), from {} keyframes; "
+      "corrected it predicts what was held out {:.1f} % better\n",
+      1000 * offset, 9000 * offset, found.keyframes, 100 * found.predicts_better);
   fmt::print("{}: give it to reconstruct with --camera\n", a.output.string());
 }
 
@@ -45,6 +67,7 @@ void calibrate(const Arguments& a) {
   if (is_sensor(a.sequence))
     throw std::runtime_error(a.sequence + ": a sensor has no end; record it first with cairn record");
   if (a.shutter) return calibrate_shutter(a);
+  if (a.depth) return calibrate_depth(a);
   const auto source = open_source(a.sequence, source_options(a.sequence, a.camera, a.topics));
   const auto rig = find_colour_camera(*source, a.frames);
   if (!rig) {
@@ -65,7 +88,7 @@ void calibrate(const Arguments& a) {
 
 void add_calibrate(CLI::App& program) {
   auto* command =
-      program.add_subcommand("calibrate", "Find the colour camera, or how the shutter rolls, from a recording");
+      program.add_subcommand("calibrate", "Find a sensor's colour camera, shutter or errors of depth in a recording");
   const auto a = std::make_shared<Arguments>();
   command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required()->type_name(kPath);
   command->add_option("-o,--output", a->output, "camera.yaml to write")->required()->type_name(kFile);
@@ -73,10 +96,16 @@ void add_calibrate(CLI::App& program) {
   auto* frames = command->add_option("--frames", a->frames, "Frames to look at, spread over all")
                      ->check(CLI::Range(1, 1000))
                      ->capture_default_str();
+  auto* shutter =
+      command
+          ->add_flag("--shutter", a->shutter,
+                     "Find how long the cameras take to read their rows instead, by tracking the whole recording")
+          ->excludes(frames);
   command
-      ->add_flag("--shutter", a->shutter,
-                 "Find how long the cameras take to read their rows instead, by tracking the whole recording")
-      ->excludes(frames);
+      ->add_flag("--depth", a->depth,
+                 "Find what the depth camera errs by instead, by place in its image, by tracking the whole recording")
+      ->excludes(frames)
+      ->excludes(shutter);
   add_topics(*command, a->topics);
   command->callback([a] { calibrate(*a); });
 }

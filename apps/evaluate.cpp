@@ -202,7 +202,9 @@ void evaluate_map_of(const Arguments& a) {
   std::vector<double> times;
   times.reserve(keyframes.size());
   for (const auto& [time, searched] : keyframes) times.push_back(time);
-  const auto recording = open_source(a.truth);
+  SourceOptions options;
+  if (const auto calibrated = folder / "camera.yaml"; std::filesystem::exists(calibrated)) options.camera = calibrated;
+  const auto recording = open_source(a.truth, options);
   const MapError e = evaluate_map(read_mesh_parts(folder / "mesh.glb"), *recording, poses, times, a.step);
   const LoopDrift drift = evaluate_loop_drift(loops, poses);
   if (a.json) {

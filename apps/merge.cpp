@@ -30,7 +30,7 @@ void merge(Arguments a) {
   const Session::Info first = Session::info(a.maps[0] / "session");
   for (const fs::path& map : a.maps) {
     const Session::Info info = Session::info(map / "session");
-    if (info.rig != first.rig)
+    if (!info.rig.has_same_cameras(first.rig))
       throw std::runtime_error(map.string() + ": was made with another camera than " + a.maps[0].string() +
                                "; such maps cannot be merged");
     if (info.voxel_size != first.voxel_size || info.truncation != first.truncation)

@@ -173,6 +173,8 @@ nlohmann::json Outputs::write(Mapper& mapper, Session* session, const MeshArgume
       mapper.map().write_graph(output_ / "graph.g2o");
       mapper.map().write_graph(output_ / "graph.svg");
     });
+  if (!mapper.rig().depth_correction.empty())
+    attempt("camera.yaml", [&] { write_rig(output_ / "camera.yaml", mapper.rig()); });
   attempt("map.vdb", [&] { timed_("write map", [&] { mapper.map().write_grids(output_ / "map.vdb"); }); });
   std::optional<Exported> mesh;
   attempt("mesh.glb", [&] { mesh = write_mesh(mapper, options); });
@@ -196,6 +198,7 @@ void Outputs::write_report(const nlohmann::json& report) {
 }
 
 void Outputs::remove_old(const Mapper& mapper, bool has_graph) const {
+  if (mapper.rig().depth_correction.empty()) std::filesystem::remove(output_ / "camera.yaml");
   if (!has_graph)
     for (const char* name : {"graph.g2o", "graph.svg"}) std::filesystem::remove(output_ / name);
   for (int i = mapper.recordings() - 1; std::filesystem::remove(output_ / name_of_trajectory(i)); ++i) continue;

@@ -33,22 +33,39 @@ std::unique_ptr<Source> open_frames(const Arguments& a, const SourceOptions& opt
   return a.read_ahead > 0 ? read_ahead(std::move(source), a.read_ahead) : std::move(source);
 }
 
-nlohmann::json adjust(Run& run) {
-  const Adjusted adjusted = run.mapper().adjust();
-  nlohmann::json told = {{"keyframes", adjusted.keyframes},
-                         {"surfels", adjusted.surfels},
-                         {"observations", adjusted.observations},
-                         {"clock_offset", adjusted.clock_offset},
-                         {"readout", adjusted.readout},
-                         {"readout_sigma", adjusted.readout_sigma},
-                         {"predicts_better", adjusted.predicts_better},
-                         {"has_readout", adjusted.has_readout}};
+nlohmann::json to_json(const Adjusted& a) {
+  return {{"keyframes", a.keyframes},
+          {"surfels", a.surfels},
+          {"observations", a.observations},
+          {"clock_offset", a.clock_offset},
+          {"readout", a.readout},
+          {"readout_sigma", a.readout_sigma},
+          {"predicts_better", a.predicts_better},
+          {"has_readout", a.has_readout},
+          {"corrected_predicts_better", a.corrected_predicts_better},
+          {"has_correction", !a.correction.empty()}};
+}
+
+/// A first Ctrl-C keeps what is adjusted so far.
+Adjusted adjust(Run& run) {
+  const Interrupt interrupt("\nkeeping what is adjusted so far; once more ends at once\n");
+  Progress progress(std::nullopt, "");
+  return run.mapper().adjust([&](double share) {
+    progress.step(static_cast<int>(100 * share), 100, "adjusting");
+    return !interrupt.requested();
+  });
+}
+
+void tell(const Adjusted& adjusted, bool is_used, Run& run) {
   if (adjusted.has_readout)
     run.warn(
         fmt::format("the camera reads its rows within about {:.0f} ms: `cairn calibrate --shutter` finds it, "
                     "and tracking with it is more accurate",
                     1000 * adjusted.readout));
-  return told;
+  if (!adjusted.correction.empty() && !is_used)
+    run.warn(
+        "the depth camera errs by more than its noise: `--reintegrate` corrects it, and `cairn calibrate --depth` "
+        "finds it for later recordings");
 }
 
 void reconstruct(const Arguments& given) {
@@ -77,25 +94,32 @@ void reconstruct(const Arguments& given) {
     }
     if (interrupt.requested() && count && read < *count) run.interrupted(*count - read);
   }
-  const EndAtOnce ending(run.said_when_ended());
+  auto ending = std::make_unique<EndAtOnce>(run.said_when_ended());
   if (const auto why = source->ended_early()) run.warn(*why);
 
   nlohmann::json more;
-  if ((a.refine || a.reintegrate) && !run.stopped())
+  Adjusted adjusted;
+  if (a.refine && !run.stopped())
     run.timed("refine", [&] {
       const Refined refined = run.mapper().refine();
       more["refined"] = {{"keyframes", refined.keyframes},         {"pairs_tried", refined.pairs_tried},
                          {"pairs_aligned", refined.pairs_aligned}, {"pairs_inlier", refined.pairs_inlier},
                          {"cost_before", refined.cost_before},     {"cost", refined.cost}};
     });
-  if (a.adjust && !run.stopped()) run.timed("adjust", [&] { more["adjusted"] = adjust(run); });
+  if ((a.adjust || a.reintegrate) && !run.stopped()) {
+    ending.reset();
+    run.timed("adjust", [&] { adjusted = adjust(run); });
+    ending = std::make_unique<EndAtOnce>(run.said_when_ended());
+    more["adjusted"] = to_json(adjusted);
+    tell(adjusted, a.reintegrate, run);
+  }
   if (a.reintegrate && !run.stopped())
     run.timed("reintegrate", [&] {
       SourceOptions options_again = source_options(a, parse_frames(a.frames));
       options_again.find_colour_camera = false;  // the mapper knows
       const auto again = open_frames(a, options_again);
       Progress progress(again->size());
-      run.mapper().reintegrate(*again, [&] { progress.step("reintegrating"); });
+      run.mapper().reintegrate(*again, adjusted.correction, [&] { progress.step("reintegrating"); });
     });
   end_with(run.finish(more));
 }
@@ -128,14 +152,14 @@ void add_reconstruct(CLI::App& program) {
                  "Align keyframes with each other after the last frame and bend the map as the pose graph says")
       ->excludes(poses);
   command
-      ->add_flag(
-          "--adjust", a->adjust,
-          "Adjust keyframes, the surface they see and the moments of their rows together after the last frame, by "
-          "depth and brightness, and bend the map as they move")
+      ->add_flag("--adjust", a->adjust,
+                 "Adjust keyframes, the surface they see, the moments of their rows and what the depth camera errs by "
+                 "together after the last frame, by depth and brightness, and bend the map as keyframes move")
       ->excludes(poses);
   command
       ->add_flag("--reintegrate", a->reintegrate,
-                 "Like --refine, but fuse all frames again with the corrected poses instead of bending the map")
+                 "Like --adjust, but then track the frames between keyframes again and fuse all of them with depth "
+                 "corrected instead of bending the map")
       ->excludes(poses);
   command->callback([a] { reconstruct(*a); });
 }

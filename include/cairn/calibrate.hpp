@@ -35,4 +35,18 @@ struct FoundShutter {
 [[nodiscard]] FoundShutter find_shutter(const std::function<std::unique_ptr<Source>()>& open,
                                         const std::function<void()>& step = {});
 
+/// What a depth camera errs by.
+struct FoundDepthCorrection {
+  Rig rig;                     ///< the source's, with the correction that was found
+  double predicts_better = 0;  ///< share by which surfaces that were held out are predicted better with it than without
+  int keyframes = 0;           ///< that it was found with
+  std::string why_not;         ///< in one line; empty: found
+};
+/// Finds it by tracking the recording and adjusting keyframes, surface and correction together (Mapper::adjust), and
+/// once more with what was found. `open` gives the recording from its begin each time, twice; `step` is called after
+/// each tracked frame. A correction is only believed where it predicts measurements that it was not found with; where
+/// nothing was seen it is 0. The same frames give the same correction.
+[[nodiscard]] FoundDepthCorrection find_depth_correction(const std::function<std::unique_ptr<Source>()>& open,
+                                                         const std::function<void()>& step = {});
+
 }  // namespace cairn

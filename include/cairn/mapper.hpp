@@ -54,16 +54,19 @@ class Mapper {
   /// When it fails the poses stay as they are, and a warning tells why.
   Refined refine();
   /// Moves the keyframes to where depth and brightness of all that they see agree best, all together, with the colour
-  /// camera's clock and how long shutters take to read an image's rows (bundle adjustment after Schöps, Sattler &
-  /// Pollefeys 2019); the map follows by moving the submaps. Loops must be closed before. When it fails the poses stay
-  /// as they are, and a warning tells why.
-  Adjusted adjust();
-  /// Fuses all frames again with the poses as they are now, instead of bending submaps (as BundleFusion does: Dai et
-  /// al. 2017). `again` is the same recording from its begin; `step` is called after each of its frames. When it fails
-  /// the map stays as it is, and a warning tells why.
-  void reintegrate(Source& again, const std::function<void()>& step = {});
+  /// camera's clock, how long shutters take to read an image's rows, and what the depth camera errs by (bundle
+  /// adjustment after Schöps, Sattler & Pollefeys 2019); the map follows by moving the submaps. Loops must be closed
+  /// before. `goes_on` is told the share that is done and says whether to go on; where it says no, what is adjusted so
+  /// far is kept. When it fails the poses stay as they are, and a warning tells why.
+  Adjusted adjust(const std::function<bool(double)>& goes_on = {});
+  /// Fuses all frames again instead of bending submaps (as BundleFusion does: Dai et al. 2017): the keyframes where
+  /// they are now, then those between them, each tracked anew against what is fused so far. From here on depth is
+  /// corrected by `correction` beside what the rig says, see Adjusted. `again` is the same recording from its begin;
+  /// `step` is called after each of its frames. When it fails the map stays as it is, and a warning tells why.
+  void reintegrate(Source& again, const DepthCorrection& correction = {}, const std::function<void()>& step = {});
 
-  [[nodiscard]] const Rig& rig() const;  ///< as it was given
+  /// As it was given, and with the correction of depth since then.
+  [[nodiscard]] const Rig& rig() const;
   /// Which way up the map stands: how all that map() and trajectory() give is turned, of which gravity is +y where it
   /// is known. Cheap enough to be asked every second.
   [[nodiscard]] Upright upright() const;

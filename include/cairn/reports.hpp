@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "cairn/camera.hpp"
+#include "cairn/depth_correction.hpp"
 #include "cairn/pose.hpp"
 
 namespace cairn {
@@ -110,6 +111,9 @@ struct Adjusted {
   double readout_sigma = 0;    ///< standard deviation of that
   double predicts_better = 0;  ///< share of what surfels that were held out are off, that the readout takes away
   bool has_readout = false;    ///< that confirms it
+  /// What the depth camera errs by, beside what the rig says of it; empty where held-out surfels do not confirm it.
+  DepthCorrection correction;
+  double corrected_predicts_better = 0;  ///< the same share, that the correction takes away
 };
 
 /// Two keyframes that were recognised as views of the same place.

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "cairn/camera.hpp"
+#include "cairn/depth_correction.hpp"
 #include "cairn/sensor_model.hpp"
 
 namespace cairn {
@@ -32,14 +33,20 @@ struct Rig {
   Camera depth;
   std::optional<ColourCamera> colour;  ///< none: colour is registered to depth, it has that camera's size and view
 
-  SensorModel sensor;  ///< of the depth camera
+  SensorModel sensor;                ///< of the depth camera
+  DepthCorrection depth_correction;  ///< of its depth images; empty: none
   /// Turns what an inertial sensor measures into the depth camera's frame; none: found from how the camera moves.
   std::optional<Eigen::Quaterniond> camera_from_imu;
 
   friend bool operator==(const Rig& a, const Rig& b) {
     return a.depth == b.depth && a.colour == b.colour && a.sensor == b.sensor &&
-           a.camera_from_imu.has_value() == b.camera_from_imu.has_value() &&
+           a.depth_correction == b.depth_correction && a.camera_from_imu.has_value() == b.camera_from_imu.has_value() &&
            (!a.camera_from_imu || a.camera_from_imu->coeffs() == b.camera_from_imu->coeffs());
+  }
+  /// Whether it is the same but for what its depth is corrected by: a calibration may come later.
+  [[nodiscard]] bool has_same_cameras(Rig other) const {
+    other.depth_correction = depth_correction;
+    return *this == other;
   }
   /// The camera whose size and view colour images have.
   [[nodiscard]] const Camera& colour_view() const { return colour ? colour->camera : depth; }

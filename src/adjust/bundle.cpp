@@ -11,7 +11,7 @@
 namespace cairn {
 namespace {
 
-constexpr int kCell = 4;                                // pixels of a view, of which one becomes a surfel
+constexpr int kCoarseCell = 8, kFineCell = 4;           // pixels of a view, of which one becomes a surfel
 constexpr std::size_t kMostViews = 24;                  // of a surfel
 constexpr double kSteepest = 0.3, kAlike = 0.8;         // cosines of a normal to its ray, and to what a view measures
 constexpr double kBeside = 2.5;                         // pixels
@@ -19,18 +19,15 @@ constexpr double kNearest = 0.1;                        // metres
 constexpr double kFirstTolerance = 0.08, kLast = 0.02;  // metres that a surfel may be off, from round to round
 constexpr double kNarrower = 0.7;
 constexpr int kMostRounds = 20;           // surfels are looked for anew in every second one
-constexpr int kSteps = 3;                 // of Gauss-Newton in a round
 constexpr int kLeastRounds = 6;           // of which each is narrower
 constexpr double kStill = 2e-4;           // radians, metres: what no view moved by in a round that is the last
 constexpr double kSigmas = 3;             // that it may be off beside these
 constexpr double kCut = 4;                // sigmas, of gaps (Beaton & Tukey 1974)
 constexpr double kFreedom = 5;            // of the t-distribution of brightness (Kerl, Sturm & Cremers 2013)
 constexpr double kTieFreedom = 5;         // of that of ties
-constexpr double kMedian = 5.35;          // of the chi-squared distribution with 6 degrees of freedom
-constexpr double kMostWorth = 1000;       // times what a tie's information says
 constexpr double kSurest = 0.1;           // of the depth noise of the sensor's model
 constexpr double kGrain = 1;              // grey levels: no image has less
-constexpr std::size_t kJudged = 20000;    // surfels that scales are measured with
+constexpr std::size_t kJudged = 5000;     // surfels that scales are measured with
 constexpr std::size_t kHeldOutEvery = 5;  // cell, where prediction is judged
 
 bool holds(const Camera& c, int x, int y) { return x >= 0 && y >= 0 && x < c.width && y < c.height; }
@@ -118,9 +115,10 @@ bool Bundle::look(const Surfel& s, std::size_t k, bool brightness, Seen& seen) c
   const Eigen::Vector2d pixel = camera.project(x);
   const int u = static_cast<int>(std::lround(pixel.x())), v = static_cast<int>(std::lround(pixel.y()));
   if (!holds(camera, u, v)) return false;
-  const auto z = static_cast<double>(view.depth[at(camera, u, v)]);
+  seen.pixel = at(camera, u, v);
+  const double z = corrected_depth(view, seen.pixel);
   if (!(z > 0) || view.normals[at(camera, u, v)].cast<double>().dot(n) < kAlike) return false;
-  const Eigen::Vector3d q = z * camera.ray(u, v);
+  const Eigen::Vector3d ray = camera.ray(u, v), q = z * ray;
   const double sigma = static_cast<double>(cameras_.rig.sensor.sigma(static_cast<float>(z))), gap = n.dot(x - q);
   if (std::abs(gap) > tolerance_ + kSigmas * sigma) return false;
 
@@ -131,6 +129,7 @@ bool Bundle::look(const Surfel& s, std::size_t k, bool brightness, Seen& seen) c
   r.by_pose << -q.cross(n) / sigma, -n / sigma;
   r.by_surfel = Eigen::Vector3d(1 / sigma, 0, 0);
   r.by_shutter = Shutter(0, -share * n.dot(motion) / sigma);
+  seen.by_offset = z * z * n.dot(ray) / sigma;
   seen.count = 1;
   if (!brightness || view.brightness.empty()) return true;
 
@@ -159,7 +158,7 @@ bool Bundle::look(const Surfel& s, std::size_t k, bool brightness, Seen& seen) c
 Bundle::Surfel Bundle::surfel_at(std::size_t k, int x, int y) const {
   const BundleView& view = *views_[k];
   const std::size_t pixel = at(cameras_.depth, x, y);
-  const auto z = static_cast<double>(view.depth[pixel]);
+  const double z = corrected_depth(view, pixel);
   const Eigen::Vector3d q = z * cameras_.depth.ray(x, y), n = view.normals[pixel].cast<double>(),
                         spin = view.velocity.head<3>();
   const double delay = shutter_.readout * ((y + 0.5) / cameras_.depth.height - 0.5);
@@ -176,7 +175,7 @@ Bundle::Surfel Bundle::surfel_at(std::size_t k, int x, int y) const {
 /// are held out.
 void Bundle::sample(Cells cells) {
   const Camera& camera = cameras_.depth;
-  const int columns = camera.width / kCell, rows = camera.height / kCell;
+  const int columns = camera.width / cell_, rows = camera.height / cell_;
   const auto cell_of = [&](int i, int j) {
     return static_cast<std::size_t>(j) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(i);
   };
@@ -190,8 +189,8 @@ void Bundle::sample(Cells cells) {
         // Scattered, and the same in every adjustment of these views.
         const bool is_held_out = (cell * 7 + k * 3) % kHeldOutEvery == 0;
         if (taken[k][cell] || is_held_out != (cells == Cells::held_out)) continue;
-        const int x = i * kCell + static_cast<int>((k * 5 + static_cast<std::size_t>(i) * 3) % kCell),
-                  y = j * kCell + static_cast<int>((k * 3 + static_cast<std::size_t>(j) * 5) % kCell);
+        const auto first = static_cast<int>(k % 60);
+        const int x = i * cell_ + (first * 5 + i * 3) % cell_, y = j * cell_ + (first * 3 + j * 5) % cell_;
         if (!views_[k]->normals[at(camera, x, y)].isZero()) surfels_.push_back(surfel_at(k, x, y));
       }
     tbb::parallel_for(k + 1, views_.size(), [&](std::size_t other) {
@@ -199,7 +198,7 @@ void Bundle::sample(Cells cells) {
       for (std::size_t s = begin; s < surfels_.size(); ++s) {
         if (!is_seen(surfels_[s], other, seen)) continue;
         const Eigen::Vector2d pixel = camera.project(poses_[other].inverse() * surfels_[s].position);
-        const int i = static_cast<int>(pixel.x()) / kCell, j = static_cast<int>(pixel.y()) / kCell;
+        const int i = static_cast<int>(pixel.x()) / cell_, j = static_cast<int>(pixel.y()) / cell_;
         if (i >= 0 && j >= 0 && i < columns && j < rows) taken[other][cell_of(i, j)] = true;
       }
     });
@@ -275,52 +274,31 @@ void Bundle::measure_scales() {
   brightness_sigma_ = scale_of(differences, kGrain);
 }
 
-/// Ties are worth what they prove to be, once, and no less than they say.
-void Bundle::weigh_ties() {
-  if (ties_.empty()) return;
-  std::vector<double> squared;
-  for (const auto& tie : ties_) {
-    const Vector6d e = error_of(tie);
-    squared.push_back(e.dot(tie.information * e));
-  }
-  const double worth = std::clamp(kMedian / std::max(1e-9, median_of(squared)), 1.0, kMostWorth);
-  for (auto& tie : ties_) tie.information *= worth;
-}
-
 Vector6d Bundle::error_of(const PoseGraph::Edge& tie) const {
   return local_coordinates(tie.i_from_j.inverse() * poses_[tie.i].inverse() * poses_[tie.j]);
 }
 
 double Bundle::weight_of_tie(double squared_error) { return (kTieFreedom + 6) / (kTieFreedom + squared_error); }
 
-/// The mean of all observations; those that meet a hole after a step count as the others do.
-double Bundle::cost_of_surfels() const {
-  struct Sum {
-    double gaps = 0, gap_count = 0, differences = 0, difference_count = 0;
-  };
-  std::vector<Sum> sums(surfels_.size());
-  tbb::parallel_for(std::size_t{0}, surfels_.size(), [&](std::size_t s) {
-    Seen seen;
-    Sum& sum = sums[s];
-    for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o) {
-      if (!look(surfels_[s], seen_by_[o], true, seen)) continue;
-      sum.gaps += cost_of_gap(seen.residual[0].value / gap_sigma_), ++sum.gap_count;
-      for (int i = 1; i < seen.count; ++i)
-        sum.differences += cost_of_brightness(seen.residual[static_cast<std::size_t>(i)].value / brightness_sigma_),
-            ++sum.difference_count;
-    }
-  });
-  Sum all;
-  for (const Sum& s : sums) {
-    all.gaps += s.gaps, all.gap_count += s.gap_count;
-    all.differences += s.differences, all.difference_count += s.difference_count;
-  }
-  return (all.gap_count > 0 ? all.gaps / all.gap_count : 0) +
-         (all.difference_count > 0 ? 2 * all.differences / all.difference_count : 0);
+void Bundle::Cost::add(const Bundle& bundle, const Seen& seen) {
+  gaps += cost_of_gap(seen.residual[0].value / bundle.gap_sigma_), ++gap_count;
+  for (int i = 1; i < seen.count; ++i)
+    differences += cost_of_brightness(seen.residual[static_cast<std::size_t>(i)].value / bundle.brightness_sigma_),
+        ++difference_count;
 }
 
-double Bundle::cost() const {
-  double sum = static_cast<double>(seen_by_.size()) / kTogether * cost_of_surfels();
+void Bundle::Cost::add(const Cost& other) {
+  gaps += other.gaps, gap_count += other.gap_count;
+  differences += other.differences, difference_count += other.difference_count;
+}
+
+/// Observations that meet a hole after a step count as the others do.
+double Bundle::Cost::mean() const {
+  return (gap_count > 0 ? gaps / gap_count : 0) + (difference_count > 0 ? 2 * differences / difference_count : 0);
+}
+
+double Bundle::cost_of_ties() const {
+  double sum = 0;
   for (const auto& tie : ties_) {
     const Vector6d e = error_of(tie);
     sum += (kTieFreedom + 6) * std::log(1 + e.dot(tie.information * e) / kTieFreedom);
@@ -328,25 +306,32 @@ double Bundle::cost() const {
   return sum;
 }
 
-void Bundle::adjust(bool finds_readout) {
+void Bundle::adjust(bool finds_readout, Detail detail, const std::function<bool()>& goes_on) {
   finds_readout_ = finds_readout;
+  if (!finds_readout) shutter_.readout = 0;
   if (views_.size() < 2) return;
-  tolerance_ = kFirstTolerance;
-  for (int round = 0; round < kMostRounds; ++round) {
+  const bool is_fine = detail == Detail::fine;
+  cell_ = is_fine ? kFineCell : kCoarseCell;
+  tolerance_ = is_fine ? kLast : kFirstTolerance;
+  // A readout is found slowly; poses go on with more surfels.
+  const int most = is_fine || finds_readout ? kMostRounds : kLeastRounds;
+  for (int round = 0; round < most; ++round) {
     if (round % 2 == 0) sample(Cells::adjusted);
     associate();
     if (surfels_.empty()) return;
+    find_pairs();
     measure_scales();
     settle_surfels();
     measure_scales();
     const auto before = poses_;
-    double last = cost(), damping = 1e-6;
-    for (int i = 0; i < kSteps; ++i) step(damping, last);
-    if (round == 1) weigh_ties();
-    double most = 0;
+    descend();
+    if (!correction_.empty()) settle_correction();
+    double moved = 0;
     for (std::size_t k = 0; k < poses_.size(); ++k)
-      most = std::max(most, local_coordinates(before[k].inverse() * poses_[k]).cwiseAbs().maxCoeff());
-    if (round + 1 >= kLeastRounds && most < kStill) break;
+      moved = std::max(moved, local_coordinates(before[k].inverse() * poses_[k]).cwiseAbs().maxCoeff());
+
+    if (goes_on && !goes_on()) return;
+    if ((is_fine || round + 1 >= kLeastRounds) && moved < kStill) return;
     tolerance_ = std::max(kLast, kNarrower * tolerance_);
   }
 }
@@ -360,7 +345,12 @@ double Bundle::held_out_error() {
   gap_sigma_ = 1, brightness_sigma_ = 2;  // the same for all
   settle_surfels();
   settle_surfels();
-  const double error = surfels_.empty() ? 0 : cost_of_surfels();
+  Cost cost;
+  Seen seen;
+  for (std::size_t s = 0; s < surfels_.size(); ++s)
+    for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o)
+      if (look(surfels_[s], seen_by_[o], true, seen)) cost.add(*this, seen);
+  const double error = cost.mean();
   surfels_ = used, first_ = first, seen_by_ = seen_by;
   gap_sigma_ = gap_sigma, brightness_sigma_ = brightness_sigma;
   return error;

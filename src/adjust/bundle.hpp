@@ -9,10 +9,13 @@
 // so that one step moves all. Both kinds of residuals are weighted by the scale of their own.
 #pragma once
 #include <array>
+#include <functional>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "adjust/view.hpp"
+#include "cairn/depth_correction.hpp"
 #include "cairn/pose_graph.hpp"
 
 namespace cairn {
@@ -34,11 +37,18 @@ class Bundle {
   void add(const Frame& keyframe, const Vector6d& velocity, const Eigen::Isometry3d& world_from_camera);
   /// Binds two views by how they were tracked against each other.
   void tie(const PoseGraph::Edge& edge) { ties_.push_back(edge); }
-  /// The first view stays where it is. A readout that is not asked for stays 0.
-  void adjust(bool finds_readout);
+  /// How close the surfels lie: few of them find the way, all of them the place.
+  enum class Detail { coarse, fine };
+  /// The first view stays where it is. A readout that is not asked for is 0. After each round `goes_on` is asked; where
+  /// it says no, all stays as it is then.
+  void adjust(bool finds_readout, Detail detail, const std::function<bool()>& goes_on = {});
 
   [[nodiscard]] const std::vector<Eigen::Isometry3d>& world_from_view() const { return poses_; }
   [[nodiscard]] const BundleShutter& shutter() const { return shutter_; }
+  /// From here on, what the depth camera errs by is found as well.
+  void find_correction();
+  /// Of the depth camera's own image; empty where it was not asked for.
+  [[nodiscard]] const DepthCorrection& correction() const { return correction_; }
   [[nodiscard]] double readout_sigma() const { return readout_sigma_; }  // seconds, of the last step
   [[nodiscard]] std::size_t surfels() const { return surfels_.size(); }
   [[nodiscard]] std::size_t observations() const { return seen_by_.size(); }
@@ -63,14 +73,27 @@ class Bundle {
   };
   struct Seen {
     std::array<Residual, 3> residual;
-    int count = 0;  // 1: the gap alone
+    int count = 0;          // 1: the gap alone
+    std::size_t pixel = 0;  // of the depth camera
+    double by_offset = 0;   // the gap, by 1/m of the depth correction there
   };
   struct Look;
   struct Equations;
+  struct Part;
+  struct Cost {
+    double gaps = 0, gap_count = 0, differences = 0, difference_count = 0;
+    void add(const Bundle& bundle, const Seen& seen);
+    void add(const Cost& other);
+    [[nodiscard]] double mean() const;
+  };
 
   [[nodiscard]] bool look(const Surfel& surfel, std::size_t view, bool brightness, Seen& seen) const;
   [[nodiscard]] bool is_seen(const Surfel& surfel, std::size_t view, Seen& seen) const {
     return look(surfel, view, false, seen);
+  }
+  [[nodiscard]] double corrected_depth(const BundleView& view, std::size_t pixel) const {
+    const auto z = static_cast<double>(view.depth[pixel]);
+    return offsets_.empty() ? z : z / (1 + z * static_cast<double>(offsets_[pixel]));
   }
   [[nodiscard]] Surfel surfel_at(std::size_t view, int x, int y) const;
   enum class Cells { adjusted, held_out };
@@ -78,25 +101,33 @@ class Bundle {
   void associate();
   void settle_surfels();
   void measure_scales();
-  void weigh_ties();
   [[nodiscard]] Vector6d error_of(const PoseGraph::Edge& tie) const;
-  [[nodiscard]] double cost_of_surfels() const;
-  [[nodiscard]] double cost() const;
-  void linearise_surfels(Equations& equations) const;
-  [[nodiscard]] Equations eliminate_surfels() const;
+  [[nodiscard]] double cost_of_ties() const;
+  void find_pairs();
+  void linearise(std::size_t surfel, Equations& equations, Part& part) const;
+  [[nodiscard]] Equations linearise() const;
   void move_surfels(const Equations& equations, const Eigen::VectorXd& pose_steps, const Shutter& shutter_step);
-  void step(double& damping, double& last);
+  [[nodiscard]] bool move(const Equations& equations, double damping);
+  void descend();
+  struct CorrectionSums;
+  void add_to(CorrectionSums& sums, std::size_t surfel) const;
+  void settle_correction();
 
   BundleCameras cameras_;
   Eigen::Isometry3d colour_from_depth_;
   std::vector<std::shared_ptr<const BundleView>> views_;  // copies share them
   std::vector<Eigen::Isometry3d> poses_;
   std::vector<PoseGraph::Edge> ties_;
+  DepthCorrection correction_;
+  std::vector<float> offsets_;  // of it, by pixel of the depth camera without its lens; empty: none
   bool finds_readout_ = false;
   BundleShutter shutter_;
   std::vector<Surfel> surfels_;
-  std::vector<std::uint32_t> first_, seen_by_;  // by surfel: where its views begin; the views
-  double tolerance_ = 0;                        // metres that a surfel may lie off what a view measures
+  std::vector<std::uint32_t> first_, seen_by_;                  // by surfel: where its views begin; the views
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;  // of views that share surfels: the later, the earlier
+  std::vector<std::uint32_t> pair_of_;                          // by pair of views: their number in pairs_
+  int cell_ = 4;                                                // pixels of a view, of which one becomes a surfel
+  double tolerance_ = 0;                                        // metres that a surfel may lie off what a view measures
   double gap_sigma_ = 1, brightness_sigma_ = 1, readout_sigma_ = 0;
 };
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// One step of Gauss-Newton: surfels are eliminated, what is left is solved by sparse Cholesky.
+// Steps of Gauss-Newton: surfels are eliminated, what is left is solved by sparse Cholesky.
 #include <tbb/parallel_for.h>
 
 #include <Eigen/SparseCholesky>
@@ -12,7 +12,10 @@
 namespace cairn {
 namespace {
 
-constexpr double kShare = 1 / Bundle::kTogether;            // of an observation
+constexpr double kShare = 1 / Bundle::kTogether;  // of an observation
+constexpr int kSteps = 3;                         // in a round
+constexpr std::size_t kParts = 16;                // sums of surfels, added up in this order on every machine
+constexpr std::uint32_t kNoPair = ~0u;
 constexpr double kHeld = 1e12;                              // information that keeps what must not move
 constexpr double kMostMove = 0.05;                          // metres of a surfel
 constexpr double kClockPrior = 0.02, kReadoutPrior = 0.02;  // seconds
@@ -63,92 +66,112 @@ void add_ties(const std::vector<PoseGraph::Edge>& ties, const std::vector<Eigen:
 
 }  // namespace
 
+/// What surfels add to the reduced system.
+struct Bundle::Part {
+  std::vector<Matrix6d> blocks;  // by pair of views
+  std::vector<Vector6d> right;   // by view
+  std::vector<Eigen::Matrix<double, 6, 2>> border;
+  Eigen::Matrix2d corner = Eigen::Matrix2d::Zero();
+  Shutter corner_right = Shutter::Zero();
+  Cost cost;
+
+  Part(std::size_t pairs, std::size_t views)
+      : blocks(pairs, Matrix6d::Zero()),
+        right(views, Vector6d::Zero()),
+        border(views, Eigen::Matrix<double, 6, 2>::Zero()) {}
+  void add(const Part& other) {
+    for (std::size_t i = 0; i < blocks.size(); ++i) blocks[i] += other.blocks[i];
+    for (std::size_t i = 0; i < right.size(); ++i) right[i] += other.right[i], border[i] += other.border[i];
+    corner += other.corner, corner_right += other.corner_right;
+    cost.add(other.cost);
+  }
+};
+
 struct Bundle::Equations {
   // By surfel: its own block, inverted, and what it shares with the shutter; by observation: with the view.
   std::vector<Eigen::Matrix3d> inverse;
   std::vector<Eigen::Vector3d> gradient;
   std::vector<WithShutter> with_shutter;
   std::vector<WithView> with_view;
-  // By view: blocks with those before it (where there are some), the right side, and what it shares with the shutter.
-  std::vector<std::vector<std::pair<std::size_t, Matrix6d>>> blocks;
-  std::vector<Vector6d> right;
-  std::vector<Eigen::Matrix<double, 6, 2>> border;
-  Eigen::Matrix2d corner = Eigen::Matrix2d::Zero();
-  Shutter corner_right = Shutter::Zero();
+  Part reduced;
+  double cost = 0;
 };
 
-void Bundle::linearise_surfels(Equations& e) const {
-  const std::size_t surfels = surfels_.size();
-  e.inverse.resize(surfels), e.gradient.resize(surfels), e.with_shutter.resize(surfels);
-  e.with_view.resize(seen_by_.size());
-  tbb::parallel_for(std::size_t{0}, surfels, [&](std::size_t s) {
-    Eigen::Matrix3d own = kFloor.asDiagonal();
-    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-    WithShutter shutter = WithShutter::Zero();
-    Seen seen;
-    for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o) {
-      e.with_view[o].setZero();
-      if (!look(surfels_[s], seen_by_[o], true, seen)) continue;
-      for (int i = 0; i < seen.count; ++i) {
-        const Residual& r = seen.residual[static_cast<std::size_t>(i)];
-        const Eigen::Vector3d w = kShare * r.weight * r.by_surfel;
-        own += w * r.by_surfel.transpose();
-        gradient += w * r.value;
-        e.with_view[o] += w * r.by_pose.transpose();
-        shutter += w * r.by_shutter.transpose();
-      }
+void Bundle::find_pairs() {
+  const std::size_t views = views_.size();
+  const auto number = [](std::size_t k, std::size_t j) { return k * (k + 1) / 2 + j; };
+  pair_of_.assign(number(views, 0), kNoPair);
+  for (std::size_t k = 0; k < views; ++k) pair_of_[number(k, k)] = 0;
+  for (std::size_t s = 0; s < surfels_.size(); ++s)
+    for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o)
+      for (std::uint32_t other = first_[s]; other < o; ++other) pair_of_[number(seen_by_[o], seen_by_[other])] = 0;
+  pairs_.clear();
+  for (std::size_t k = 0; k < views; ++k)
+    for (std::size_t j = 0; j <= k; ++j) {
+      if (pair_of_[number(k, j)] == kNoPair) continue;
+      pair_of_[number(k, j)] = static_cast<std::uint32_t>(pairs_.size());
+      pairs_.emplace_back(static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(j));
     }
-    e.inverse[s] = own.inverse(), e.gradient[s] = gradient, e.with_shutter[s] = shutter;
-  });
 }
 
-Bundle::Equations Bundle::eliminate_surfels() const {
-  const std::size_t views = views_.size(), surfels = surfels_.size();
-  Equations e;
-  linearise_surfels(e);
-  std::vector<std::vector<std::pair<std::uint32_t, std::uint32_t>>> by_view(views);  // surfel, observation
-  for (std::size_t s = 0; s < surfels; ++s)
-    for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o)
-      by_view[seen_by_[o]].emplace_back(static_cast<std::uint32_t>(s), o);
-
-  e.blocks.resize(views);
-  e.right.assign(views, Vector6d::Zero());
-  e.border.assign(views, Eigen::Matrix<double, 6, 2>::Zero());
-  std::vector<Eigen::Matrix2d> corners(views, Eigen::Matrix2d::Zero());
-  std::vector<Shutter> corner_rights(views, Shutter::Zero());
-  tbb::parallel_for(std::size_t{0}, views, [&](std::size_t k) {
-    std::vector<Matrix6d> row(k + 1, Matrix6d::Zero());
-    std::vector<bool> is_used(k + 1, false);
-    is_used[k] = true;
-    Seen seen;
-    for (const auto& [s, o] : by_view[k]) {
-      if (look(surfels_[s], k, true, seen))
-        for (int i = 0; i < seen.count; ++i) {
-          const Residual& r = seen.residual[static_cast<std::size_t>(i)];
-          const double weight = kShare * r.weight;
-          row[k] += weight * r.by_pose * r.by_pose.transpose();
-          e.right[k] -= weight * r.value * r.by_pose;
-          e.border[k] += weight * r.by_pose * r.by_shutter.transpose();
-          corners[k] += weight * r.by_shutter * r.by_shutter.transpose();
-          corner_rights[k] -= weight * r.value * r.by_shutter;
-        }
-      const Eigen::Matrix<double, 6, 3> eliminated = e.with_view[o].transpose() * e.inverse[s];
-      e.right[k] += eliminated * e.gradient[s];
-      e.border[k] -= eliminated * e.with_shutter[s];
-      for (std::uint32_t other = first_[s]; other <= o; ++other) {
-        row[seen_by_[other]].noalias() -= eliminated * e.with_view[other];
-        is_used[seen_by_[other]] = true;
+void Bundle::linearise(std::size_t s, Equations& e, Part& part) const {
+  const auto number = [](std::size_t k, std::size_t j) { return k * (k + 1) / 2 + j; };
+  Eigen::Matrix3d own = kFloor.asDiagonal();
+  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+  WithShutter with_shutter = WithShutter::Zero();
+  Seen seen;
+  for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o) {
+    const std::size_t k = seen_by_[o];
+    WithView with_view = WithView::Zero();
+    if (look(surfels_[s], k, true, seen)) {
+      part.cost.add(*this, seen);
+      Matrix6d& block = part.blocks[pair_of_[number(k, k)]];
+      for (int i = 0; i < seen.count; ++i) {
+        const Residual& r = seen.residual[static_cast<std::size_t>(i)];
+        const double weight = kShare * r.weight;
+        const Vector6d by_pose = weight * r.by_pose;
+        const Eigen::Vector3d by_surfel = weight * r.by_surfel;
+        block.noalias() += by_pose * r.by_pose.transpose();
+        part.right[k] -= r.value * by_pose;
+        part.border[k].noalias() += by_pose * r.by_shutter.transpose();
+        part.corner.noalias() += weight * r.by_shutter * r.by_shutter.transpose();
+        part.corner_right -= weight * r.value * r.by_shutter;
+        own.noalias() += by_surfel * r.by_surfel.transpose();
+        gradient += r.value * by_surfel;
+        with_view.noalias() += by_surfel * r.by_pose.transpose();
+        with_shutter.noalias() += by_surfel * r.by_shutter.transpose();
       }
     }
-    for (std::size_t j = 0; j <= k; ++j)
-      if (is_used[j]) e.blocks[k].emplace_back(j, row[j]);
-  });
-  for (std::size_t k = 0; k < views; ++k) e.corner += corners[k], e.corner_right += corner_rights[k];
-  for (std::size_t s = 0; s < surfels; ++s) {
-    const Eigen::Matrix<double, 2, 3> eliminated = e.with_shutter[s].transpose() * e.inverse[s];
-    e.corner -= eliminated * e.with_shutter[s];
-    e.corner_right += eliminated * e.gradient[s];
+    e.with_view[o] = with_view;
   }
+  const Eigen::Matrix3d inverse = own.inverse();
+  e.inverse[s] = inverse, e.gradient[s] = gradient, e.with_shutter[s] = with_shutter;
+  for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o) {
+    const std::size_t k = seen_by_[o];
+    const Eigen::Matrix<double, 6, 3> eliminated = e.with_view[o].transpose() * inverse;
+    part.right[k].noalias() += eliminated * gradient;
+    part.border[k].noalias() -= eliminated * with_shutter;
+    for (std::uint32_t other = first_[s]; other <= o; ++other)
+      part.blocks[pair_of_[number(k, seen_by_[other])]].noalias() -= eliminated * e.with_view[other];
+  }
+  const Eigen::Matrix<double, 2, 3> eliminated = with_shutter.transpose() * inverse;
+  part.corner.noalias() -= eliminated * with_shutter;
+  part.corner_right.noalias() += eliminated * gradient;
+}
+
+Bundle::Equations Bundle::linearise() const {
+  const std::size_t surfels = surfels_.size();
+  Equations e{.inverse = std::vector<Eigen::Matrix3d>(surfels),
+              .gradient = std::vector<Eigen::Vector3d>(surfels),
+              .with_shutter = std::vector<WithShutter>(surfels),
+              .with_view = std::vector<WithView>(seen_by_.size()),
+              .reduced = {pairs_.size(), views_.size()}};
+  std::vector<Part> parts(kParts, e.reduced);
+  tbb::parallel_for(std::size_t{0}, kParts, [&](std::size_t p) {
+    for (std::size_t s = p * surfels / kParts; s < (p + 1) * surfels / kParts; ++s) linearise(s, e, parts[p]);
+  });
+  for (const Part& part : parts) e.reduced.add(part);
+  e.cost = static_cast<double>(seen_by_.size()) / kTogether * e.reduced.cost.mean() + cost_of_ties();
   return e;
 }
 
@@ -163,56 +186,68 @@ void Bundle::move_surfels(const Equations& e, const Eigen::VectorXd& pose_steps,
   });
 }
 
-/// Levenberg-Marquardt: a step that does not help is taken back, and the next one is shorter.
-void Bundle::step(double& damping, double& last) {
+/// False where there is no solution; all stays then.
+bool Bundle::move(const Equations& e, double damping) {
   const std::size_t views = views_.size();
-  Equations e = eliminate_surfels();
+  const Part& reduced = e.reduced;
   Blocks blocks;
-  for (std::size_t k = 0; k < views; ++k)
-    for (const auto& [j, block] : e.blocks[k]) {
-      blocks.add(k, j, block);
-      if (j != k) continue;
-      Matrix6d damp = Matrix6d::Zero();
-      damp.diagonal() = damping * block.diagonal().cwiseAbs() + Vector6d::Constant(k == 0 ? kHeld : 1e-3);
-      blocks.add(k, k, damp);
-    }
-  add_ties(ties_, poses_, blocks, e.right);
+  for (std::size_t p = 0; p < pairs_.size(); ++p) {
+    const auto [k, j] = pairs_[p];
+    blocks.add(k, j, reduced.blocks[p]);
+    if (j != k) continue;
+    Matrix6d damp = Matrix6d::Zero();
+    damp.diagonal() = damping * reduced.blocks[p].diagonal().cwiseAbs() + Vector6d::Constant(k == 0 ? kHeld : 1e-3);
+    blocks.add(k, k, damp);
+  }
+  std::vector<Vector6d> right_side = reduced.right;
+  add_ties(ties_, poses_, blocks, right_side);
   const Shutter now(shutter_.clock, shutter_.readout);
   const Shutter prior(1 / (kClockPrior * kClockPrior), finds_readout_ ? 1 / (kReadoutPrior * kReadoutPrior) : kHeld);
-  e.corner.diagonal() += prior;
-  e.corner_right -= prior.cwiseProduct(now);
+  Eigen::Matrix2d corner = reduced.corner;
+  corner.diagonal() += prior;
+  const Shutter corner_right = reduced.corner_right - prior.cwiseProduct(now);
 
   const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> solver(blocks.matrix(views));
-  if (solver.info() != Eigen::Success) {
-    damping = std::max(1e-4, 10 * damping);
-    return;
-  }
+  if (solver.info() != Eigen::Success) return false;
   Eigen::MatrixXd right(static_cast<int>(6 * views), 3);
   for (std::size_t k = 0; k < views; ++k) {
-    right.block<6, 1>(static_cast<int>(6 * k), 0) = e.right[k];
-    right.block<6, 2>(static_cast<int>(6 * k), 1) = e.border[k];
+    right.block<6, 1>(static_cast<int>(6 * k), 0) = right_side[k];
+    right.block<6, 2>(static_cast<int>(6 * k), 1) = reduced.border[k];
   }
   const Eigen::MatrixXd solved = solver.solve(right);
-  const Eigen::Matrix2d shutter_information = e.corner - right.rightCols(2).transpose() * solved.rightCols(2);
+  const Eigen::Matrix2d shutter_information = corner - right.rightCols(2).transpose() * solved.rightCols(2);
   const Shutter shutter_step =
-      shutter_information.ldlt().solve(Shutter(e.corner_right - right.rightCols(2).transpose() * solved.col(0)));
+      shutter_information.ldlt().solve(Shutter(corner_right - right.rightCols(2).transpose() * solved.col(0)));
   const Eigen::VectorXd pose_steps = solved.col(0) - solved.rightCols(2) * shutter_step;
-
-  const auto poses = poses_;
-  const auto surfels = surfels_;
-  const BundleShutter shutter = shutter_;
   for (std::size_t k = 0; k < views; ++k)
     poses_[k] = poses_[k] * retract(pose_steps.segment<6>(static_cast<int>(6 * k)));
   shutter_.clock += shutter_step[0], shutter_.readout += shutter_step[1];
   move_surfels(e, pose_steps, shutter_step);
-  if (const double after = cost(); after < last) {
-    last = after;
-    damping = std::max(1e-7, 0.2 * damping);
-    readout_sigma_ = std::sqrt(shutter_information.inverse()(1, 1));
-    return;
+  readout_sigma_ = std::sqrt(shutter_information.inverse()(1, 1));
+  return true;
+}
+
+/// Levenberg-Marquardt: a step that does not help is taken back, and the next one is shorter.
+void Bundle::descend() {
+  double damping = 1e-6;
+  Equations now = linearise();
+  for (int i = 0; i < kSteps; ++i) {
+    const auto poses = poses_;
+    const auto surfels = surfels_;
+    const BundleShutter shutter = shutter_;
+    const double readout_sigma = readout_sigma_;
+    if (!move(now, damping)) {
+      damping = std::max(1e-4, 10 * damping);
+      continue;
+    }
+    if (Equations next = linearise(); next.cost < now.cost) {
+      now = std::move(next);
+      damping = std::max(1e-7, 0.2 * damping);
+      continue;
+    }
+    poses_ = poses, surfels_ = surfels, shutter_ = shutter, readout_sigma_ = readout_sigma;
+    damping = std::max(1e-5, 10 * damping);
   }
-  poses_ = poses, surfels_ = surfels, shutter_ = shutter;
-  damping = std::max(1e-5, 10 * damping);
 }
 
 }  // namespace cairn

@@ -86,6 +86,16 @@ BundleCameras::BundleCameras(const Rig& r) : rig(r), depth(r.depth.rectified().a
   colour = whole.at_level(colour_level);
 }
 
+Eigen::Vector2f BundleCameras::measured_at(int x, int y) const {
+  const Camera& own = rig.depth;
+  Eigen::Vector2d pixel(2 * x + 0.5, 2 * y + 0.5);  // the middle of the block
+  if (own.distorted()) {
+    const Eigen::Vector2d bent = own.distort(depth.ray(x, y).head<2>());
+    pixel = {own.fx * bent.x() + own.cx, own.fy * bent.y() + own.cy};
+  }
+  return ((pixel.array() + 0.5) / Eigen::Array2d(own.width, own.height)).cast<float>();
+}
+
 BundleView bundle_view(const BundleCameras& cameras, const Frame& frame, const Vector6d& velocity) {
   BundleView view;
   view.velocity = velocity;

@@ -16,6 +16,8 @@ struct BundleCameras {
   Rig rig;
   Camera depth, colour;
   int colour_level = 0;
+  /// Where in the camera's own image, in shares of its width and height, a pixel of `depth` was measured.
+  [[nodiscard]] Eigen::Vector2f measured_at(int x, int y) const;
 };
 
 /// A pixel's place in an image.

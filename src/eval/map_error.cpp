@@ -162,6 +162,8 @@ MapError evaluate_map(const std::vector<Mesh>& parts, Source& recording, const T
   for (int i = 0; auto frame = recording.next();) {
     const auto pose = pose_of(world_from_camera, frame->timestamp);
     if (frame->problem || !pose || is_one_of(keyframes, frame->timestamp) || i++ % step != 0) continue;
+    const Rig& rig = recording.rig();
+    rig.depth_correction.apply(rig.depth.width, rig.depth.height, frame->depth);
     const Vector6d velocity = velocity_at(world_from_camera, frame->timestamp);
     depth.add(views.compare_depth(*frame, *pose, velocity));
     if (!frame->colour.empty()) views.compare_colour(std::move(*frame), *pose, velocity);

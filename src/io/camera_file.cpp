@@ -113,6 +113,29 @@ SensorModel read_sensor(const YAML::Node& y) {
   return m;
 }
 
+DepthCorrection read_depth_correction(const YAML::Node& y) {
+  if (!y.IsMap()) throw std::runtime_error("`depth_correction` takes lines such as `columns: 40`");
+  DepthCorrection c;
+  for (const auto& [name, field] : {std::pair{"columns", &c.columns}, {"rows", &c.rows}})
+    if (y[name]) *field = value_of<int>(y[name], name, "a whole number");
+  c.offsets = value_of<std::vector<float>>(y["offsets"], "offsets", "numbers, 1/m");
+  check(c);
+  return c;
+}
+
+std::string text_of(const DepthCorrection& c) {
+  if (c.empty()) return "";
+  std::string text = fmt::format(
+      "depth_correction:  # 1 / depth = 1 / measured depth + offset, 1/m, row by row\n  columns: {}\n  rows: {}\n"
+      "  offsets: [",
+      c.columns, c.rows);
+  for (std::size_t i = 0; i < c.offsets.size(); i += static_cast<std::size_t>(c.columns)) {
+    const auto row = c.offsets.begin() + static_cast<std::ptrdiff_t>(i);
+    text += fmt::format("{}{}", i > 0 ? ",\n    " : "", fmt::join(row, row + c.columns, ", "));
+  }
+  return text + "]\n";
+}
+
 std::string sensor_text(const SensorModel& m) {
   if (m == SensorModel{}) return "";
   if (name_of(m) != "custom") return fmt::format("sensor: {}\n", name_of(m));
@@ -153,6 +176,7 @@ CameraFile read_camera_file(const std::filesystem::path& file) {
     }
     if (y["colour"]) read.rig.colour = read_colour_camera(y["colour"]);
     if (y["sensor"]) read.rig.sensor = read_sensor(y["sensor"]);
+    if (y["depth_correction"]) read.rig.depth_correction = read_depth_correction(y["depth_correction"]);
     if (y["imu"]) read.rig.camera_from_imu = read_rotation(y["imu"]);
     return read;
   } catch (const YAML::Exception& error) {
@@ -220,7 +244,7 @@ std::string camera_file_text(const CameraFile& file) {
   };
   std::string text = lines(file.rig.depth, "");
   if (file.depth_scale) text += fmt::format("depth_scale: {}\n", *file.depth_scale);
-  text += sensor_text(file.rig.sensor);
+  text += sensor_text(file.rig.sensor) + text_of(file.rig.depth_correction);
   if (const auto& q = file.rig.camera_from_imu)
     text += fmt::format("imu:  # camera_from_imu, [qx, qy, qz, qw]\n  rotation: [{}, {}, {}, {}]\n", q->x(), q->y(),
                         q->z(), q->w());

@@ -133,7 +133,8 @@ void find_colour_size(Recording& recording) {
                     file.string(), size.x(), size.y(), depth.width, depth.height));
     return;
   }
-  Rig rig(depth, ColourCamera{.camera = scaled_to(depth, size)});
+  Rig rig = recording.rig;
+  rig.colour = ColourCamera{.camera = scaled_to(depth, size)};
   try {
     check(rig);
     recording.rig = rig;

@@ -121,6 +121,7 @@ std::unique_ptr<Source> with_cameras(std::unique_ptr<Source> source, const std::
   if (camera_file.empty()) return source;
   Rig rig = rig_named(camera_file, source->rig());
   if (rig.sensor == SensorModel{}) rig.sensor = source->rig().sensor;
+  if (rig.depth_correction.empty()) rig.depth_correction = source->rig().depth_correction;
   if (!rig.camera_from_imu) rig.camera_from_imu = source->rig().camera_from_imu;
   return std::make_unique<WithCameras>(std::move(source), rig);
 }

@@ -2,17 +2,35 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "map/adjust.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <optional>
 
 #include "adjust/bundle.hpp"
 #include "base/velocity.hpp"
+#include "surface/rectify.hpp"
 
 namespace cairn {
 namespace {
 
 constexpr double kSign = 0.001, kSigmas = 4;  // seconds; standard deviations: a readout that is worth a second look
 constexpr double kBetter = 0.003;             // of what held-out surfels are off, that a readout must take away
+constexpr int kFewKeyframes = 8;              // tell nothing of what depth errs by
+constexpr int kUsualRounds = 45;              // of all bundles together
+constexpr double kBetterCorrected = 0.01;     // the same, of a depth correction
+
+/// Rounds of bundles that follow on each other, as one work.
+struct Rounds {
+  const GoesOn& goes_on;
+  int done = 0;
+  bool is_stopped = false;
+  bool operator()() {
+    ++done;
+    if (goes_on && !is_stopped) is_stopped = !goes_on(std::min(1.0, static_cast<double>(done) / kUsualRounds));
+    return !is_stopped;
+  }
+};
 
 /// The main piece's keyframes.
 std::vector<std::size_t> main_keyframes(const Atlas& atlas) {
@@ -45,26 +63,54 @@ Bundle bundle_of(const BackEnd& back_end, const Rig& rig, double clock_offset,
   return bundle;
 }
 
+/// How much less of what held-out surfels are off is left with `with`.
+double predicts_better(Bundle& with, Bundle& without) {
+  const double before = without.held_out_error();
+  return before > 0 ? 1 - with.held_out_error() / before : 0;
+}
+
+/// Of cameras that are not known to roll.
+void find_shutter(Bundle& bundle, const Rig& rig, Adjusted& adjusted, Rounds& rounds) {
+  const bool is_told = is_rolling(rig);
+  bundle.adjust(!is_told, Bundle::Detail::coarse, std::ref(rounds));
+  if (is_told) return;
+  adjusted.readout = bundle.shutter().readout;
+  adjusted.readout_sigma = bundle.readout_sigma();
+  if (rounds.is_stopped || std::abs(adjusted.readout) <= std::max(kSign, kSigmas * adjusted.readout_sigma)) return;
+  Bundle global = bundle;
+  global.adjust(false, Bundle::Detail::coarse, std::ref(rounds));
+  adjusted.predicts_better = predicts_better(bundle, global);
+  adjusted.has_readout = adjusted.predicts_better >= kBetter;
+  if (!adjusted.has_readout) bundle = std::move(global);
+}
+
+void find_correction(Bundle& bundle, Adjusted& adjusted, Rounds& rounds) {
+  if (rounds.is_stopped || adjusted.keyframes < kFewKeyframes) return;
+  Bundle corrected = bundle;
+  corrected.find_correction();
+  corrected.adjust(adjusted.has_readout, Bundle::Detail::coarse, std::ref(rounds));
+  bundle.adjust(adjusted.has_readout, Bundle::Detail::coarse, std::ref(rounds));
+  if (rounds.is_stopped) return;
+  adjusted.corrected_predicts_better = predicts_better(corrected, bundle);
+  if (adjusted.corrected_predicts_better >= kBetterCorrected) bundle = std::move(corrected);
+}
+
 }  // namespace
 
-Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset) {
+Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset, const GoesOn& goes_on) {
   back_end.settle();
   Atlas& atlas = back_end.atlas();
   if (atlas.keyframes.size() < 2) return {.keyframes = static_cast<int>(atlas.keyframes.size())};
   const std::vector<std::size_t> keyframes = main_keyframes(atlas);
   Adjusted adjusted{.keyframes = static_cast<int>(keyframes.size())};
   if (keyframes.size() < 2) return adjusted;
-  Bundle bundle = bundle_of(back_end, rig, clock_offset, keyframes), global = bundle;
-  bundle.adjust(true);
-  adjusted.readout = bundle.shutter().readout;
-  adjusted.readout_sigma = bundle.readout_sigma();
-  if (std::abs(adjusted.readout) > std::max(kSign, kSigmas * adjusted.readout_sigma)) {
-    global.adjust(false);
-    const double with = bundle.held_out_error(), without = global.held_out_error();
-    if (without > 0) adjusted.predicts_better = 1 - with / without;
-    if (adjusted.predicts_better < kBetter) bundle = std::move(global);
-  }
-  adjusted.has_readout = adjusted.predicts_better >= kBetter;
+  Bundle bundle = bundle_of(back_end, rig, clock_offset, keyframes);
+  Rounds rounds{.goes_on = goes_on};
+  find_shutter(bundle, rig, adjusted, rounds);
+  find_correction(bundle, adjusted, rounds);
+  if (!rounds.is_stopped) bundle.adjust(adjusted.has_readout, Bundle::Detail::fine, std::ref(rounds));
+  adjusted.correction = bundle.correction();
+  if (adjusted.has_readout) adjusted.readout = bundle.shutter().readout;
   adjusted.surfels = static_cast<int>(bundle.surfels());
   adjusted.observations = static_cast<int>(bundle.observations());
   adjusted.clock_offset = clock_offset + bundle.shutter().clock;

@@ -347,10 +347,9 @@ void BackEnd::tie_to_world(const Matrix6d* information) {
                                    .is_loop_closure = true}});
 }
 
-void BackEnd::rebase(std::uint32_t since) {
+void BackEnd::rebase(std::uint32_t since, const Trajectory& poses, const DepthCorrection& correction) {
   const auto component_of = atlas_.components();
   const std::size_t main = atlas_.main_component();
-  const Trajectory poses = atlas_.trajectory(main, 0, atlas_.frames.size());
   std::size_t next = 0;
   FusedFrames frames;
   for (std::size_t i = 0; i < atlas_.frames.size(); ++i) {
@@ -362,6 +361,8 @@ void BackEnd::rebase(std::uint32_t since) {
     frames.push_back(frame);
   }
   atlas_.frames = std::move(frames);
+  if (!correction.empty())
+    for (std::size_t k = 0; k < atlas_.keyframes.size(); ++k) images_.correct(k, correction);
   std::vector<bool> used(submaps_.size() + 1, false);
   for (std::size_t k = 0; k < atlas_.keyframes.size(); ++k) {
     if (component_of[k] == main) {

@@ -34,9 +34,10 @@ class BackEnd {
   void settle();
   /// Whether the world is what the volume holds: one submap, nothing moved.
   [[nodiscard]] bool is_plain() const;
-  /// Tells that all frames of the main piece were fused again with their poses in the world, from fused_count `since`
-  /// on: they are one submap now, the one being fused into.
-  void rebase(std::uint32_t since);
+  /// Tells that all frames of the main piece were fused again with these poses in the world, keyframes with theirs,
+  /// from fused_count `since` on: they are one submap now, the one being fused into. The depth that keyframes keep is
+  /// corrected.
+  void rebase(std::uint32_t since, const Trajectory& poses, const DepthCorrection& correction);
   /// Waits until keyframes and ended submaps are in their files. Returns why they could not be written, if so.
   [[nodiscard]] std::optional<std::string> store();
 

@@ -66,6 +66,9 @@ CheckedFrame::CheckedFrame(const Frame& given, const Rig& rig, std::optional<dou
     });
   if (given.acceleration && !given.acceleration->allFinite())
     leave_out("its acceleration is not a number: it is left out", [](Frame& f) { f.acceleration.reset(); });
+  if (rig.depth_correction.empty()) return;
+  if (!mended_) mended_ = given;
+  rig.depth_correction.apply(rig.depth.width, rig.depth.height, mended_->depth);
 }
 
 void CheckedFrame::expect_pose(float voxel_size) {

@@ -9,7 +9,8 @@
 
 namespace cairn {
 
-/// A frame without what of it cannot be used beside the depth image, or why none of it can be used.
+/// A frame without what of it cannot be used beside the depth image, its depth corrected as the rig says; or why none
+/// of it can be used.
 class CheckedFrame {
  public:
   /// `before`: timestamp of the last fused frame. The frame must live as long as this.

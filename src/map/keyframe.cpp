@@ -85,6 +85,16 @@ void KeyframeStore::put(std::size_t keyframe, const Frame& frame, const Features
   });
 }
 
+void KeyframeStore::correct(std::size_t keyframe, const DepthCorrection& correction) {
+  std::vector<float> depth = get(keyframe).depth;
+  correction.apply(rig_.depth.width, rig_.depth.height, depth);
+  auto packed = encode_depth(depth, rig_.depth, kDepthSteps);
+  if (const auto kept = packed_.find(keyframe); kept != packed_.end())
+    kept->second.depth = std::move(packed);
+  else
+    write_whole(file(keyframe, kDepth), packed, Durable::some_time);
+}
+
 void KeyframeStore::write(std::size_t keyframe, const Packed& packed) const {
   // A checkpoint brings them to the disk all at once, see SessionWriter.
   write_whole(file(keyframe, kDepth), packed.depth, Durable::some_time);

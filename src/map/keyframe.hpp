@@ -52,6 +52,8 @@ class KeyframeStore {
   /// Compresses and writes in a thread of its own. `keyframe` counts up, or goes back to write again. What cannot be
   /// written stays in memory; store() tries again.
   void put(std::size_t keyframe, const Frame& frame, const Features& features);
+  /// Corrects the depth that is kept.
+  void correct(std::size_t keyframe, const DepthCorrection& correction);
   [[nodiscard]] bool in_files() const { return !folder_.empty(); }
   /// Copies another store's keyframe. Both must have folders.
   void copy(std::size_t keyframe, const KeyframeStore& from, std::size_t its) const;

@@ -12,6 +12,7 @@
 #include "map/map_state.hpp"
 #include "map/match.hpp"
 #include "map/refine.hpp"
+#include "map/second_pass.hpp"
 
 namespace cairn {
 namespace {
@@ -122,45 +123,57 @@ Refined Mapper::refine() {
   return refined;
 }
 
-Adjusted Mapper::adjust() {
+Adjusted Mapper::adjust(const std::function<bool(double)>& goes_on) {
   MapState& s = *state_;
   s.whole.reset();
   Adjusted adjusted;
   s.warnings().attempt("poses stay as they are",
-                       [&] { adjusted = cairn::adjust(s.back_end, s.rig, s.tracker.clock_offset()); });
+                       [&] { adjusted = cairn::adjust(s.back_end, s.rig, s.tracker.clock_offset(), goes_on); });
   return adjusted;
 }
 
-void Mapper::reintegrate(Source& again, const std::function<void()>& step) {
+void Mapper::reintegrate(Source& again, const DepthCorrection& correction, const std::function<void()>& step) {
   MapState& s = *state_;
   s.back_end.settle();
-  const Atlas& atlas = s.back_end.atlas();
-  const Trajectory poses =
-      s.is_tracked() ? atlas.trajectory(atlas.main_component(), 0, atlas.frames.size()) : s.given.poses;
   s.whole.reset();
   const Volume::Residency residency = s.volume.residency();
   BrickTree before = s.volume.on_host().copy();
+  const DepthCorrection known = s.rig.depth_correction;
   const bool is_done = s.warnings().attempt("frames are not fused again", [&] {
     if (recordings() > 1) throw std::runtime_error("the map is made of several recordings");
+    check(correction);
     s.volume.adopt({});
+    s.rig.depth_correction = s.rig.depth_correction.then(correction);
     const std::uint32_t since = s.fused_count + 1;
+    std::optional<SecondPass> pass;
+    if (s.is_tracked()) {
+      pass.emplace(s.device, s.rig, s.preprocessor.camera(), s.options, s.back_end, correction,
+                   s.tracker.clock_offset());
+      pass->fuse_keyframes(s.integrator, s.volume, s.fused_count);
+    }
     std::optional<Eigen::Isometry3d> last;
     while (const auto next = again.next()) {
-      const CheckedFrame checked(*next, s.rig, std::nullopt);
-      if (const auto pose = checked.is_usable() ? pose_at(poses, next->timestamp, 0) : std::nullopt) {
-        const Frame& frame = checked.frame();
-        StageTimes ignored;
-        const Surface seen = s.see(frame, at_velocity(velocity_at(poses, frame.timestamp)), ignored);
-        seen.bring_colour();
-        const auto motion = last ? std::optional<Eigen::Isometry3d>(last->inverse() * *pose) : std::nullopt;
-        (void)s.integrator.integrate(seen, *pose, s.volume, ++s.fused_count, s.look_every(motion));
-        last = *pose;
-      }
       if (step) step();
+      const CheckedFrame checked(*next, s.rig, std::nullopt);
+      if (!checked.is_usable()) continue;
+      const Frame& frame = checked.frame();
+      const auto given = pass ? std::nullopt : pose_at(s.given.poses, frame.timestamp, 0);
+      if (!given && !(pass && pass->has(frame.timestamp))) continue;
+      StageTimes ignored;
+      const Surface seen =
+          s.see(frame, pass ? pass->motion(frame.timestamp) : at_velocity(velocity_at(s.given.poses, frame.timestamp)),
+                ignored);
+      const Eigen::Isometry3d pose = pass ? pass->track(frame, seen, s.volume) : *given;
+      if (pass && pass->is_keyframe(frame.timestamp)) continue;  // it is in the map
+      seen.bring_colour();
+      const auto motion = last ? std::optional<Eigen::Isometry3d>(last->inverse() * pose) : std::nullopt;
+      (void)s.integrator.integrate(seen, pose, s.volume, ++s.fused_count, s.look_every(motion));
+      last = pose;
     }
-    if (s.is_tracked()) s.back_end.rebase(since);
+    if (s.is_tracked()) s.back_end.rebase(since, pass->poses(), correction);
   });
   if (is_done) return;
+  s.rig.depth_correction = known;
   s.volume.restore(std::move(before), residency);
 }
 

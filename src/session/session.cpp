@@ -76,8 +76,8 @@ class Session::State {
     MapFiles files{.folder = writer_->files(), .access = Access::write, .hold = writer_};
     if (!read_) return Mapper(std::make_shared<MapState>(rig, options, Poses::tracked, device, std::move(files)));
     const SessionState& session = read_->session;
-    if (session.rig != rig)
-      throw std::runtime_error(folder_.string() + ": was made with another camera; choose another folder");
+    const bool is_same = rig.depth_correction.empty() ? session.rig.has_same_cameras(rig) : session.rig == rig;
+    if (!is_same) throw std::runtime_error(folder_.string() + ": was made with another camera; choose another folder");
     if (session.fuse.voxel_size != options.fuse.voxel_size || session.fuse.truncation != options.fuse.truncation)
       throw std::runtime_error(fmt::format("{}: has voxels of {} m, not of {} m (FuseOptions::voxel_size)",
                                            folder_.string(), session.fuse.voxel_size, options.fuse.voxel_size));
@@ -174,7 +174,7 @@ Session::Merged Session::merge(Mapper& mapper, const fs::path& other_session, in
     throw std::runtime_error(other_session.string() + ": cannot be merged into a map without a session of its own");
   if (fs::equivalent(s.files.folder, o.files.folder))
     throw std::runtime_error(other_session.string() + ": a map cannot be merged with itself");
-  if (s.rig != o.rig)
+  if (!s.rig.has_same_cameras(o.rig))
     throw std::runtime_error(other_session.string() + ": cannot be merged: it was made with another camera");
   if (s.options.fuse.voxel_size != o.options.fuse.voxel_size || s.options.fuse.truncation != o.options.fuse.truncation)
     throw std::runtime_error(other_session.string() +

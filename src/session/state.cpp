@@ -47,7 +47,12 @@ void fields(auto& io, Of<SensorModel> auto& m) {
 
 void fields(auto& io, Of<Eigen::Quaterniond> auto& q) { io(q.coeffs()); }
 
-void fields(auto& io, Of<Rig> auto& r) { io(r.depth, r.colour, r.sensor, r.camera_from_imu); }
+void fields(auto& io, Of<DepthCorrection> auto& c) { io(c.columns, c.rows, c.offsets); }
+
+void fields(auto& io, Of<Rig> auto& r) {
+  io(r.depth, r.colour, r.sensor, r.camera_from_imu);
+  io.since(11, r.depth_correction);
+}
 
 void fields(auto& io, Of<Structure::Facing> auto& f) { io(f.normal, f.area); }
 

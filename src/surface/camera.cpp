@@ -92,6 +92,7 @@ void check(const Camera& c) {
 void check(const Rig& rig) {
   check(rig.depth);
   check(rig.sensor);
+  check(rig.depth_correction);
   if (rig.camera_from_imu && !(std::abs(rig.camera_from_imu->norm() - 1) <= 1e-3))
     throw std::runtime_error("camera_from_imu is no rotation: check the extrinsics");
   if (!rig.colour) return;

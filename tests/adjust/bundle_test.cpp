@@ -79,12 +79,16 @@ Bundle bundle_of(const Views& views, const std::vector<Eigen::Isometry3d>& poses
   return bundle;
 }
 
+void adjust(Bundle& bundle, bool finds_readout) {
+  for (const auto detail : {Bundle::Detail::coarse, Bundle::Detail::fine}) bundle.adjust(finds_readout, detail);
+}
+
 TEST(Bundle, MovesViewsToWhereAllTheySeeAgrees) {
   const Views views = swinging_views(14, 0);
   std::vector<Eigen::Isometry3d> poses;
   for (std::size_t i = 0; i < views.poses.size(); ++i) poses.push_back(views.poses[i] * misplaced(i));
   Bundle bundle = bundle_of(views, poses);
-  bundle.adjust(true);
+  adjust(bundle, true);
   const auto before = errors(poses, views.poses), after = errors(bundle.world_from_view(), views.poses);
   std::printf("%.2f -> %.2f mm, %.2f -> %.2f mrad, readout %.2f +- %.2f ms, clock %.2f ms\n", 1000 * before.first,
               1000 * after.first, 1000 * before.second, 1000 * after.second, 1000 * bundle.shutter().readout,
@@ -98,7 +102,7 @@ TEST(Bundle, MovesViewsToWhereAllTheySeeAgrees) {
 TEST(Bundle, FindsHowLongTheShutterTakesAndPredictsBetterWithIt) {
   const Views views = swinging_views(14, kReadout);
   Bundle bundle = bundle_of(views, views.poses), global = bundle;
-  bundle.adjust(true), global.adjust(false);
+  adjust(bundle, true), adjust(global, false);
   const double with = bundle.held_out_error(), without = global.held_out_error();
   std::printf("readout %.2f +- %.2f ms, held out %.4f against %.4f\n", 1000 * bundle.shutter().readout,
               1000 * bundle.readout_sigma(), with, without);
@@ -110,10 +114,41 @@ TEST(Bundle, FindsHowLongTheShutterTakesAndPredictsBetterWithIt) {
             0.5 * errors(global.world_from_view(), views.poses).second);
 }
 
+/// As a Kinect's depth is wrong: stripes, by the square of depth.
+float true_offset(const Camera& camera, int x) {
+  return 0.004f * std::sin(12.0f * static_cast<float>(x) / static_cast<float>(camera.width));
+}
+
+TEST(Bundle, FindsWhatTheDepthCameraErrsByAndPredictsBetterWithIt) {
+  const Camera camera = synthetic_camera();
+  Views views = swinging_views(14, 0);
+  for (Frame& frame : views.frames)
+    for (std::size_t i = 0; i < frame.depth.size(); ++i)
+      frame.depth[i] /= 1 - frame.depth[i] * true_offset(camera, static_cast<int>(i) % camera.width);
+  Bundle bundle = bundle_of(views, views.poses), corrected = bundle;
+  corrected.find_correction();
+  adjust(bundle, false), adjust(corrected, false);
+  EXPECT_LT(corrected.held_out_error(), 0.95 * bundle.held_out_error());
+  const DepthCorrection& found = corrected.correction();
+  double squared = 0, error = 0, mean = 0;
+  int count = 0;
+  for (int j = found.rows / 4; j < 3 * found.rows / 4; ++j)
+    for (int i = 2; i < found.columns - 2; ++i, ++count) {
+      const double truth = true_offset(camera, (2 * i + 1) * camera.width / (2 * found.columns));
+      const double off = found.offsets[static_cast<std::size_t>(j * found.columns + i)] - truth;
+      squared += truth * truth, error += off * off, mean += off;
+    }
+  std::printf("correction: RMS %.5f, error %.5f (mean %.5f) 1/m\n", std::sqrt(squared / count),
+              std::sqrt(error / count), mean / count);
+  EXPECT_LT(std::sqrt(error / count), 0.2 * std::sqrt(squared / count));
+  EXPECT_LT(errors(corrected.world_from_view(), views.poses).first,
+            0.5 * errors(bundle.world_from_view(), views.poses).first);
+}
+
 TEST(Bundle, GivesTheSameBitsAgain) {
   const Views views = swinging_views(6, 0);
   Bundle a = bundle_of(views, views.poses), b = bundle_of(views, views.poses);
-  a.adjust(true), b.adjust(true);
+  adjust(a, true), adjust(b, true);
   for (std::size_t i = 0; i < views.poses.size(); ++i)
     EXPECT_EQ(a.world_from_view()[i].matrix(), b.world_from_view()[i].matrix());
   EXPECT_EQ(a.shutter().readout, b.shutter().readout);
@@ -123,7 +158,7 @@ TEST(Bundle, LeavesViewsThatShareNothingWhereTheyAre) {
   Views views = swinging_views(2, 0);
   views.frames[1].depth.assign(views.frames[1].depth.size(), 0.0f);
   Bundle bundle = bundle_of(views, views.poses);
-  bundle.adjust(true);
+  adjust(bundle, true);
   EXPECT_EQ(bundle.surfels(), 0u);
   EXPECT_EQ(bundle.world_from_view()[1].matrix(), views.poses[1].matrix());
   EXPECT_EQ(bundle.shutter().readout, 0);

@@ -210,12 +210,12 @@ TEST_F(Program, AnswersWrongUsageWithExitCode2) {
   EXPECT_EQ(run_cairn({"reconstruct", "--no-texture", "--help"}).exit_code, 0);
 }
 
-TEST_F(Program, FusesAgainWithRefinedPoses) {
+TEST_F(Program, TracksAndFusesAgainWithAdjustedKeyframes) {
   const auto map = (out / "map").string();
   const auto report =
       json_of(run_cairn({"reconstruct", "--no-texture", sequence(), "-o", map, "--reintegrate", "--json"}));
   EXPECT_EQ(report["frames"]["fused"], 40);
-  EXPECT_GT(report["refined"]["keyframes"], 1);
+  EXPECT_GT(report["adjusted"]["keyframes"], 1);
   EXPECT_EQ(validate_gltf(map + "/mesh.glb"), "");
   EXPECT_TRUE(fs::exists(map + "/graph.g2o"));
   const auto error = json_of(

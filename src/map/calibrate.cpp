@@ -1,17 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/calibrate.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "cairn/calibrate.hpp"
 #include "cairn/mapper.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr int kMostPasses = 3;
+constexpr int kMostPasses = 3;  // for a readout
+constexpr int kDepthPasses = 2;
 constexpr double kSettled = 0.001;    // seconds that another pass would change no longer
 constexpr double kLongest = 0.1;      // seconds; no camera is slower
 constexpr double kSharpest = 0.0015;  // seconds; a larger standard deviation tells nothing
@@ -65,6 +67,30 @@ FoundShutter find_shutter(const std::function<std::unique_ptr<Source>()>& open, 
   }
   found.readout = readout;
   set_readout(found.rig, readout);
+  return found;
+}
+
+FoundDepthCorrection find_depth_correction(const std::function<std::unique_ptr<Source>()>& open,
+                                           const std::function<void()>& step) {
+  auto source = open();
+  FoundDepthCorrection found{.rig = source->rig()};
+  for (int pass = 0; pass < kDepthPasses; ++pass) {
+    Rig rig = found.rig;
+    if (pass > 0) source = open();
+    const Adjusted adjusted = track_and_adjust(*source, rig, step);
+    if (pass == 0) {
+      found.keyframes = adjusted.keyframes;
+      found.predicts_better = adjusted.corrected_predicts_better;
+      if (adjusted.keyframes < kFewKeyframes)
+        found.why_not =
+            fmt::format("the camera moved too little: {} keyframes, {} are needed", adjusted.keyframes, kFewKeyframes);
+      else if (adjusted.correction.empty())
+        found.why_not = "depth errs by no more than its noise, as far as held-out measurements tell";
+      if (!found.why_not.empty()) return found;
+    }
+    // The first one was found along a path that was tracked without it.
+    found.rig.depth_correction = found.rig.depth_correction.then(adjusted.correction);
+  }
   return found;
 }
 

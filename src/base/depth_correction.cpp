@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/depth_correction.hpp"
+
+#include <fmt/format.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <stdexcept>
+
+namespace cairn {
+namespace {
+
+/// Between two of so many nodes: the first, and how far on to the next.
+struct Between {
+  int first;
+  float share;
+  Between(float along, int nodes) {
+    const float node = std::clamp(along * static_cast<float>(nodes) - 0.5f, 0.0f, static_cast<float>(nodes - 1));
+    first = std::min(static_cast<int>(node), std::max(0, nodes - 2));
+    share = node - static_cast<float>(first);
+  }
+  [[nodiscard]] int second(int nodes) const { return std::min(first + 1, nodes - 1); }
+};
+
+constexpr int kMostNodes = 512;      // along the image
+constexpr float kMostOffset = 1.0f;  // 1/m
+
+}  // namespace
+
+void check(const DepthCorrection& c) {
+  if (c.empty() && c.columns == 0 && c.rows == 0) return;
+  if (c.columns < 2 || c.rows < 2 || c.columns > kMostNodes || c.rows > kMostNodes)
+    throw std::runtime_error(
+        fmt::format("depth_correction has {} x {} nodes, allowed is 2 to {} each way", c.columns, c.rows, kMostNodes));
+  if (c.offsets.size() != static_cast<std::size_t>(c.columns) * static_cast<std::size_t>(c.rows))
+    throw std::runtime_error(fmt::format("depth_correction has {} offsets, {} columns and {} rows need {}",
+                                         c.offsets.size(), c.columns, c.rows, c.columns * c.rows));
+  for (const float offset : c.offsets)
+    if (!(std::abs(offset) <= kMostOffset))  // NaN, too
+      throw std::runtime_error(fmt::format("depth_correction has an offset of {}, allowed is -{} to {} 1/m", offset,
+                                           kMostOffset, kMostOffset));
+}
+
+float DepthCorrection::at(float x, float y) const {
+  if (empty()) return 0;
+  const Between across(x, columns), down(y, rows);
+  const auto node = [&](int i, int j) { return offsets[static_cast<std::size_t>(j * columns + i)]; };
+  const auto row = [&](int j) {
+    return node(across.first, j) + across.share * (node(across.second(columns), j) - node(across.first, j));
+  };
+  const float above = row(down.first);
+  return above + down.share * (row(down.second(rows)) - above);
+}
+
+DepthCorrection DepthCorrection::then(const DepthCorrection& next) const {
+  if (next.empty()) return *this;
+  DepthCorrection both =
+      empty() ? DepthCorrection{next.columns, next.rows, std::vector<float>(next.offsets.size(), 0)} : *this;
+  for (int j = 0; j < both.rows; ++j)
+    for (int i = 0; i < both.columns; ++i)
+      both.offsets[static_cast<std::size_t>(j * both.columns + i)] +=
+          next.at((static_cast<float>(i) + 0.5f) / static_cast<float>(both.columns),
+                  (static_cast<float>(j) + 0.5f) / static_cast<float>(both.rows));
+  return both;
+}
+
+void DepthCorrection::apply(int width, int height, std::vector<float>& depth) const {
+  if (empty()) return;
+  const auto w = static_cast<std::size_t>(width);
+  tbb::parallel_for(tbb::blocked_range<int>(0, height, 32), [&](const tbb::blocked_range<int>& some) {
+    std::vector<float> line(static_cast<std::size_t>(columns));
+    for (int v = some.begin(); v < some.end(); ++v) {
+      const Between down((static_cast<float>(v) + 0.5f) / static_cast<float>(height), rows);
+      for (int i = 0; i < columns; ++i) {
+        const float above = offsets[static_cast<std::size_t>(down.first * columns + i)],
+                    below = offsets[static_cast<std::size_t>(down.second(rows) * columns + i)];
+        line[static_cast<std::size_t>(i)] = above + down.share * (below - above);
+      }
+      float* row = depth.data() + static_cast<std::size_t>(v) * w;
+      for (int u = 0; u < width; ++u) {
+        const Between across((static_cast<float>(u) + 0.5f) / static_cast<float>(width), columns);
+        const float left = line[static_cast<std::size_t>(across.first)],
+                    right = line[static_cast<std::size_t>(across.second(columns))];
+        row[u] /= 1 + row[u] * (left + across.share * (right - left));
+      }
+    }
+  });
+}
+
+}  // namespace cairn

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/depth_correction.hpp"
+
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "cairn/rig.hpp"
+#include "support/files.hpp"
+
+namespace cairn {
+namespace {
+
+const DepthCorrection kTilted{2, 2, {-0.01f, 0.01f, -0.01f, 0.01f}};
+
+TEST(DepthCorrection, AddsItsOffsetToWhatDepthIsTheInverseOf) {
+  std::vector<float> depth(8 * 4, 2.0f);
+  depth[3] = 0;
+  kTilted.apply(8, 4, depth);
+  EXPECT_FLOAT_EQ(depth[0], 1 / (0.5f - 0.01f));
+  EXPECT_FLOAT_EQ(depth[7], 1 / (0.5f + 0.01f));
+  EXPECT_EQ(depth[3], 0.0f);
+  for (int x = 0; x < 8; ++x)
+    if (x != 3)
+      EXPECT_FLOAT_EQ(depth[static_cast<std::size_t>(x)],
+                      1 / (0.5f + kTilted.at((static_cast<float>(x) + 0.5f) / 8, 0.5f)));
+}
+
+TEST(DepthCorrection, IsLinearBetweenNodesAndConstantBeyondThem) {
+  EXPECT_FLOAT_EQ(kTilted.at(0, 0), -0.01f);
+  EXPECT_FLOAT_EQ(kTilted.at(0.25f, 1), -0.01f);
+  EXPECT_NEAR(kTilted.at(0.5f, 0.5f), 0, 1e-8);
+  EXPECT_NEAR(kTilted.at(0.625f, 0.5f), 0.005f, 1e-8);
+  EXPECT_FLOAT_EQ(kTilted.at(1, 0), 0.01f);
+}
+
+TEST(DepthCorrection, OneAfterAnotherIsBothTogether) {
+  std::vector<float> twice(8 * 4, 3.0f), once = twice;
+  kTilted.apply(8, 4, twice), kTilted.apply(8, 4, twice);
+  kTilted.then(kTilted).apply(8, 4, once);
+  for (std::size_t i = 0; i < once.size(); ++i) EXPECT_NEAR(once[i], twice[i], 1e-5);
+  EXPECT_EQ(DepthCorrection{}.then(kTilted), kTilted);
+  EXPECT_EQ(kTilted.then({}), kTilted);
+}
+
+TEST(DepthCorrection, IsRefusedWhereItsGridIsNoGrid) {
+  EXPECT_NO_THROW(check(DepthCorrection{}));
+  EXPECT_NO_THROW(check(kTilted));
+  EXPECT_THROW(check(DepthCorrection{2, 2, {0, 0, 0}}), std::runtime_error);
+  EXPECT_THROW(check(DepthCorrection{1, 4, {0, 0, 0, 0}}), std::runtime_error);
+  EXPECT_THROW(check(DepthCorrection{2, 2, {0, 0, 0, 2}}), std::runtime_error);
+  EXPECT_THROW(check(DepthCorrection{2, 2, {0, 0, 0, std::numeric_limits<float>::quiet_NaN()}}), std::runtime_error);
+}
+
+TEST(DepthCorrection, StandsInCameraYaml) {
+  const TemporaryFolder folder;
+  Rig rig = Camera{640, 480, 525, 525, 319.5, 239.5, {}};
+  rig.depth_correction = {3, 2, {0.001f, -0.0025f, 0, 1e-7f, 0.125f, -0.5f}};
+  write_rig(folder / "camera.yaml", rig);
+  EXPECT_EQ(read_rig(folder / "camera.yaml"), rig);
+  write_text(folder / "bad.yaml",
+             "fx: 525\nfy: 525\ncx: 320\ncy: 240\ndepth_correction:\n  columns: 3\n  rows: 2\n  offsets: [0, 1]\n");
+  try {
+    (void)read_rig(folder / "bad.yaml");
+    FAIL();
+  } catch (const std::runtime_error& error) {
+    EXPECT_EQ(std::string(error.what()),
+              (folder / "bad.yaml").string() + ": depth_correction has 2 offsets, 3 columns and 2 rows need 6");
+  }
+}
+
+}  // namespace
+}  // namespace cairn
