@@ -99,7 +99,7 @@ void reconstruct(const Arguments& given) {
 
   nlohmann::json more;
   Adjusted adjusted;
-  if (a.refine && !run.stopped())
+  if ((a.refine || a.reintegrate) && !run.stopped())
     run.timed("refine", [&] {
       const Refined refined = run.mapper().refine();
       more["refined"] = {{"keyframes", refined.keyframes},         {"pairs_tried", refined.pairs_tried},
@@ -158,8 +158,8 @@ void add_reconstruct(CLI::App& program) {
       ->excludes(poses);
   command
       ->add_flag("--reintegrate", a->reintegrate,
-                 "Like --adjust, but then track the frames between keyframes again and fuse all of them with depth "
-                 "corrected instead of bending the map")
+                 "Like --refine and --adjust, but then track the frames between keyframes again and fuse all of them "
+                 "with depth corrected instead of bending the map")
       ->excludes(poses);
   command->callback([a] { reconstruct(*a); });
 }

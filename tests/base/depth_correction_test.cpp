@@ -4,7 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <stdexcept>
+#include <string>
 
 #include "cairn/rig.hpp"
 #include "support/files.hpp"
@@ -21,10 +23,10 @@ TEST(DepthCorrection, AddsItsOffsetToWhatDepthIsTheInverseOf) {
   EXPECT_FLOAT_EQ(depth[0], 1 / (0.5f - 0.01f));
   EXPECT_FLOAT_EQ(depth[7], 1 / (0.5f + 0.01f));
   EXPECT_EQ(depth[3], 0.0f);
-  for (int x = 0; x < 8; ++x)
-    if (x != 3)
-      EXPECT_FLOAT_EQ(depth[static_cast<std::size_t>(x)],
-                      1 / (0.5f + kTilted.at((static_cast<float>(x) + 0.5f) / 8, 0.5f)));
+  for (const int x : {0, 1, 2, 4, 5, 6, 7}) {
+    const float offset = kTilted.at((static_cast<float>(x) + 0.5f) / 8, 0.5f);
+    EXPECT_FLOAT_EQ(depth[static_cast<std::size_t>(x)], 1 / (0.5f + offset));
+  }
 }
 
 TEST(DepthCorrection, IsLinearBetweenNodesAndConstantBeyondThem) {
