@@ -119,7 +119,8 @@ class Bundle {
   std::vector<Eigen::Isometry3d> poses_;
   std::vector<PoseGraph::Edge> ties_;
   DepthCorrection correction_;
-  std::vector<float> offsets_;  // of it, by pixel of the depth camera without its lens; empty: none
+  std::vector<Eigen::Vector2f> places_;  // in the camera's own image, by pixel of the depth camera without its lens
+  std::vector<float> offsets_;           // of it, by pixel of the depth camera without its lens; empty: none
   bool finds_readout_ = false;
   BundleShutter shutter_;
   std::vector<Surfel> surfels_;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "adjust/bundle.hpp"
+#include "base/between_nodes.hpp"
 
 namespace cairn {
 namespace {
@@ -26,15 +27,9 @@ struct Nodes {
   std::array<int, 4> node;
   std::array<double, 4> share;
   Nodes(const DepthCorrection& grid, const Eigen::Vector2f& place) {
-    const auto between = [](float along, int nodes, int& begin, double& on) {
-      const double at = std::clamp(static_cast<double>(along) * nodes - 0.5, 0.0, nodes - 1.0);
-      begin = std::min(static_cast<int>(at), nodes - 2);
-      on = at - begin;
-    };
-    int i = 0, j = 0;
-    double u = 0, v = 0;
-    between(place.x(), grid.columns, i, u), between(place.y(), grid.rows, j, v);
-    const int first = j * grid.columns + i;
+    const BetweenNodes across(place.x(), grid.columns), down(place.y(), grid.rows);
+    const int first = down.first * grid.columns + across.first;
+    const double u = static_cast<double>(across.share), v = static_cast<double>(down.share);
     node = {first, first + 1, first + grid.columns, first + grid.columns + 1};
     share = {(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v};
   }
@@ -53,7 +48,10 @@ void Bundle::find_correction() {
   if (own.width < 2 * kNodePixels || own.height < 2 * kNodePixels) return;
   correction_.columns = own.width / kNodePixels, correction_.rows = own.height / kNodePixels;
   correction_.offsets.assign(static_cast<std::size_t>(correction_.columns * correction_.rows), 0.0f);
-  offsets_.assign(static_cast<std::size_t>(cameras_.depth.width) * static_cast<std::size_t>(cameras_.depth.height), 0);
+  places_.clear();
+  for (int y = 0; y < cameras_.depth.height; ++y)
+    for (int x = 0; x < cameras_.depth.width; ++x) places_.push_back(cameras_.measured_at(x, y));
+  offsets_.assign(places_.size(), 0);
 }
 
 void Bundle::add_to(CorrectionSums& sums, std::size_t s) const {
@@ -67,8 +65,7 @@ void Bundle::add_to(CorrectionSums& sums, std::size_t s) const {
   for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o) {
     if (!look(surfels_[s], seen_by_[o], false, seen)) continue;
     const Residual& r = seen.residual[0];
-    const int width = cameras_.depth.width, pixel = static_cast<int>(seen.pixel);
-    const Nodes nodes(correction_, cameras_.measured_at(pixel % width, pixel / width));
+    const Nodes nodes(correction_, places_[seen.pixel]);
     const double weight = r.weight / kTogether, by_surfel = r.by_surfel[0];
     information += weight * by_surfel * by_surfel;
     gap += weight * by_surfel * r.value;
@@ -121,11 +118,7 @@ void Bundle::settle_correction() {
   const Eigen::VectorXd step = sum.information.selfadjointView<Eigen::Lower>().ldlt().solve(sum.right);
   for (Eigen::Index i = 0; i < nodes; ++i)
     correction_.offsets[static_cast<std::size_t>(i)] += static_cast<float>(step[i]);
-  for (int y = 0; y < cameras_.depth.height; ++y)
-    for (int x = 0; x < cameras_.depth.width; ++x) {
-      const Eigen::Vector2f place = cameras_.measured_at(x, y);
-      offsets_[at(cameras_.depth, x, y)] = correction_.at(place.x(), place.y());
-    }
+  for (std::size_t i = 0; i < places_.size(); ++i) offsets_[i] = correction_.at(places_[i].x(), places_[i].y());
 }
 
 }  // namespace cairn

@@ -11,20 +11,10 @@
 #include <cstddef>
 #include <stdexcept>
 
+#include "base/between_nodes.hpp"
+
 namespace cairn {
 namespace {
-
-/// Between two of so many nodes: the first, and how far on to the next.
-struct Between {
-  int first;
-  float share;
-  Between(float along, int nodes) {
-    const float node = std::clamp(along * static_cast<float>(nodes) - 0.5f, 0.0f, static_cast<float>(nodes - 1));
-    first = std::min(static_cast<int>(node), std::max(0, nodes - 2));
-    share = node - static_cast<float>(first);
-  }
-  [[nodiscard]] int second(int nodes) const { return std::min(first + 1, nodes - 1); }
-};
 
 constexpr int kMostNodes = 512;      // along the image
 constexpr float kMostOffset = 1.0f;  // 1/m
@@ -47,13 +37,13 @@ void check(const DepthCorrection& c) {
 
 float DepthCorrection::at(float x, float y) const {
   if (empty()) return 0;
-  const Between across(x, columns), down(y, rows);
+  const BetweenNodes across(x, columns), down(y, rows);
   const auto node = [&](int i, int j) { return offsets[static_cast<std::size_t>(j * columns + i)]; };
   const auto row = [&](int j) {
-    return node(across.first, j) + across.share * (node(across.second(columns), j) - node(across.first, j));
+    return node(across.first, j) + across.share * (node(across.first + 1, j) - node(across.first, j));
   };
   const float above = row(down.first);
-  return above + down.share * (row(down.second(rows)) - above);
+  return above + down.share * (row(down.first + 1) - above);
 }
 
 DepthCorrection DepthCorrection::then(const DepthCorrection& next) const {
@@ -74,17 +64,17 @@ void DepthCorrection::apply(int width, int height, std::vector<float>& depth) co
   tbb::parallel_for(tbb::blocked_range<int>(0, height, 32), [&](const tbb::blocked_range<int>& some) {
     std::vector<float> line(static_cast<std::size_t>(columns));
     for (int v = some.begin(); v < some.end(); ++v) {
-      const Between down((static_cast<float>(v) + 0.5f) / static_cast<float>(height), rows);
+      const BetweenNodes down((static_cast<float>(v) + 0.5f) / static_cast<float>(height), rows);
       for (int i = 0; i < columns; ++i) {
         const float above = offsets[static_cast<std::size_t>(down.first * columns + i)],
-                    below = offsets[static_cast<std::size_t>(down.second(rows) * columns + i)];
+                    below = offsets[static_cast<std::size_t>(down.first + 1 * columns + i)];
         line[static_cast<std::size_t>(i)] = above + down.share * (below - above);
       }
       float* row = depth.data() + static_cast<std::size_t>(v) * w;
       for (int u = 0; u < width; ++u) {
-        const Between across((static_cast<float>(u) + 0.5f) / static_cast<float>(width), columns);
+        const BetweenNodes across((static_cast<float>(u) + 0.5f) / static_cast<float>(width), columns);
         const float left = line[static_cast<std::size_t>(across.first)],
-                    right = line[static_cast<std::size_t>(across.second(columns))];
+                    right = line[static_cast<std::size_t>(across.first + 1)];
         row[u] /= 1 + row[u] * (left + across.share * (right - left));
       }
     }

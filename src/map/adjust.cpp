@@ -16,9 +16,9 @@ namespace {
 
 constexpr double kSign = 0.001, kSigmas = 4;  // seconds; standard deviations: a readout that is worth a second look
 constexpr double kBetter = 0.003;             // of what held-out surfels are off, that a readout must take away
+constexpr double kBetterCorrected = 0.01;     // the same, of a depth correction
 constexpr int kFewKeyframes = 8;              // tell nothing of what depth errs by
 constexpr int kUsualRounds = 45;              // of all bundles together
-constexpr double kBetterCorrected = 0.01;     // the same, of a depth correction
 
 /// Rounds of bundles that follow on each other, as one work.
 struct Rounds {
@@ -31,15 +31,6 @@ struct Rounds {
     return !is_stopped;
   }
 };
-
-/// The main piece's keyframes.
-std::vector<std::size_t> main_keyframes(const Atlas& atlas) {
-  const auto component = atlas.components();
-  std::vector<std::size_t> keyframes;
-  for (std::size_t k = 0; k < atlas.keyframes.size(); ++k)
-    if (component[k] == component[atlas.main_component()]) keyframes.push_back(k);
-  return keyframes;
-}
 
 Bundle bundle_of(const BackEnd& back_end, const Rig& rig, double clock_offset,
                  const std::vector<std::size_t>& keyframes) {
@@ -101,7 +92,7 @@ Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset, const Go
   back_end.settle();
   Atlas& atlas = back_end.atlas();
   if (atlas.keyframes.size() < 2) return {.keyframes = static_cast<int>(atlas.keyframes.size())};
-  const std::vector<std::size_t> keyframes = main_keyframes(atlas);
+  const std::vector<std::size_t> keyframes = atlas.main_keyframes();
   Adjusted adjusted{.keyframes = static_cast<int>(keyframes.size())};
   if (keyframes.size() < 2) return adjusted;
   Bundle bundle = bundle_of(back_end, rig, clock_offset, keyframes);

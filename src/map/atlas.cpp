@@ -58,6 +58,15 @@ std::size_t Atlas::main_component() const {
   return main;
 }
 
+std::vector<std::size_t> Atlas::main_keyframes() const {
+  const auto component_of = components();
+  const std::size_t main = main_component();
+  std::vector<std::size_t> keyframes_of_main;
+  for (std::size_t k = 0; k < keyframes.size(); ++k)
+    if (component_of[k] == main) keyframes_of_main.push_back(k);
+  return keyframes_of_main;
+}
+
 PoseGraph Atlas::graph() const {
   PoseGraph graph;
   graph.world_from_node = world_from_camera;

@@ -50,6 +50,8 @@ struct Atlas {
   [[nodiscard]] std::vector<std::size_t> components() const;
   /// The first keyframe of the piece that has most keyframes.
   [[nodiscard]] std::size_t main_component() const;
+  /// The keyframes of that component, in their order.
+  [[nodiscard]] std::vector<std::size_t> main_keyframes() const;
   [[nodiscard]] PoseGraph graph() const;
   /// Takes over what optimise() made of a graph of this atlas; keyframes and loops that came later are kept.
   void take(const PoseGraph& graph, const OptimiseReport& report);

@@ -12,26 +12,16 @@ namespace {
 
 constexpr double kFarthest = 0.15;  // radians, metres that a frame may lie off what the keyframes beside it say
 
-std::vector<std::size_t> keyframes_of(const Atlas& atlas, std::size_t piece) {
-  const auto component_of = atlas.components();
-  std::vector<std::size_t> keyframes;
-  for (std::size_t k = 0; k < atlas.keyframes.size(); ++k)
-    if (component_of[k] == piece) keyframes.push_back(k);
-  return keyframes;
-}
-
 bool is_before(const StampedPose& pose, double timestamp) { return pose.timestamp < timestamp; }
 
 }  // namespace
 
 SecondPass::SecondPass(gpu::Device& device, const Rig& rig, const Camera& rectified, const Options& options,
                        const BackEnd& back_end, const DepthCorrection& correction, double clock_offset)
-    : device_(device),
-      options_(options),
-      back_end_(back_end),
+    : back_end_(back_end),
       correction_(correction),
       clock_offset_(clock_offset),
-      keyframes_(keyframes_of(back_end.atlas(), back_end.atlas().main_component())),
+      keyframes_(back_end.atlas().main_keyframes()),
       adjusted_(back_end.atlas().trajectory(back_end.atlas().main_component(), 0, back_end.atlas().frames.size())),
       poses_(adjusted_),
       preprocessor_(device, at_one_moment(rig), options.surface, options.track.levels, options.track.finest_level),
@@ -81,10 +71,7 @@ Eigen::Isometry3d SecondPass::track(const Frame& frame, const Surface& live, Vol
   const Vector6d moved = local_coordinates(pose.inverse() * a.submap_from_camera);
   const bool is_trusted =
       a.converged() && misfit(a) <= kMisfit && moved.head<3>().norm() < kFarthest && moved.tail<3>().norm() < kFarthest;
-  if (is_trusted) {
-    pose = a.submap_from_camera;
-    ++tracked_;
-  }
+  if (is_trusted) pose = a.submap_from_camera;
   if (!live.packed.empty() && (!reference_.is_set() || is_new_reference(reference_.submap_from_camera(), pose, &a)))
     reference_.set(live, pose, moment);
   return pose;

@@ -30,13 +30,10 @@ class SecondPass {
   [[nodiscard]] Eigen::Isometry3d track(const Frame& frame, const Surface& live, Volume& volume);
   /// Of all frames of the main piece, as they were found.
   [[nodiscard]] const Trajectory& poses() const { return poses_; }
-  [[nodiscard]] int tracked() const { return tracked_; }
 
  private:
   [[nodiscard]] std::optional<std::size_t> index_of(double timestamp) const;
 
-  gpu::Device& device_;
-  Options options_;
   const BackEnd& back_end_;
   DepthCorrection correction_;
   double clock_offset_;
@@ -46,7 +43,6 @@ class SecondPass {
   Raycaster raycaster_;
   Aligner aligner_;
   PhotometricKeyframe reference_;
-  int tracked_ = 0;  // frames that were found anew
 };
 
 }  // namespace cairn
