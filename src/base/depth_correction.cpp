@@ -67,7 +67,7 @@ void DepthCorrection::apply(int width, int height, std::vector<float>& depth) co
       const BetweenNodes down((static_cast<float>(v) + 0.5f) / static_cast<float>(height), rows);
       for (int i = 0; i < columns; ++i) {
         const float above = offsets[static_cast<std::size_t>(down.first * columns + i)],
-                    below = offsets[static_cast<std::size_t>(down.first + 1 * columns + i)];
+                    below = offsets[static_cast<std::size_t>((down.first + 1) * columns + i)];
         line[static_cast<std::size_t>(i)] = above + down.share * (below - above);
       }
       float* row = depth.data() + static_cast<std::size_t>(v) * w;

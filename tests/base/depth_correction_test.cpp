@@ -37,6 +37,19 @@ TEST(DepthCorrection, IsLinearBetweenNodesAndConstantBeyondThem) {
   EXPECT_FLOAT_EQ(kTilted.at(1, 0), 0.01f);
 }
 
+TEST(DepthCorrection, CorrectsEachPixelByWhatItsPlaceSays) {
+  DepthCorrection uneven{4, 5, {}};
+  for (int i = 0; i < 20; ++i) uneven.offsets.push_back(0.001f * static_cast<float>(i * i % 17));
+  constexpr int kWidth = 23, kHeight = 70;
+  std::vector<float> depth(kWidth * kHeight, 2.0f);
+  uneven.apply(kWidth, kHeight, depth);
+  for (int y = 0; y < kHeight; ++y)
+    for (int x = 0; x < kWidth; ++x) {
+      const float offset = uneven.at((static_cast<float>(x) + 0.5f) / kWidth, (static_cast<float>(y) + 0.5f) / kHeight);
+      EXPECT_NEAR(depth[static_cast<std::size_t>(y * kWidth + x)], 1 / (0.5f + offset), 1e-6) << x << ' ' << y;
+    }
+}
+
 TEST(DepthCorrection, OneAfterAnotherIsBothTogether) {
   std::vector<float> twice(8 * 4, 3.0f), once = twice;
   kTilted.apply(8, 4, twice), kTilted.apply(8, 4, twice);
