@@ -29,14 +29,14 @@ struct Arguments {
 };
 
 nlohmann::json to_json(const ErrorStatistics& s) {
-  return {{"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median}, {"max", s.max}, {"count", s.count}};
+  return {{"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median}, {"p95", s.p95}, {"max", s.max}, {"count", s.count}};
 }
 
 void print_row(const std::string& name, const ErrorStatistics& s, double scale, const char* unit) {
-  fmt::print("{:<22}{:>10.3f}{:>10.3f}{:>10.3f}{:>10.3f}  {}\n", name, scale * s.rmse, scale * s.mean, scale * s.median,
-             scale * s.max, unit);
+  fmt::print("{:<22}{:>10.3f}{:>10.3f}{:>10.3f}{:>10.3f}{:>10.3f}  {}\n", name, scale * s.rmse, scale * s.mean,
+             scale * s.median, scale * s.p95, scale * s.max, unit);
 }
-void print_head() { fmt::print("{:<22}{:>10}{:>10}{:>10}{:>10}\n", "", "rmse", "mean", "median", "max"); }
+void print_head() { fmt::print("{:<22}{:>10}{:>10}{:>10}{:>10}{:>10}\n", "", "rmse", "mean", "median", "95 %", "max"); }
 
 void evaluate_trajectory_files(const Arguments& a) {
   const auto e =

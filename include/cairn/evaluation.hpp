@@ -15,6 +15,7 @@ namespace cairn {
 
 struct ErrorStatistics {
   double rmse = 0, mean = 0, median = 0, max = 0;
+  double p95 = 0;  ///< that 95 % do not exceed
   int count = 0;
 };
 

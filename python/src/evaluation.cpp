@@ -20,11 +20,16 @@ void add_results(py::module_& m) {
       .def_readonly("rmse", &ErrorStatistics::rmse)
       .def_readonly("mean", &ErrorStatistics::mean)
       .def_readonly("median", &ErrorStatistics::median)
+      .def_readonly("p95", &ErrorStatistics::p95, "That 95 % do not exceed.")
       .def_readonly("max", &ErrorStatistics::max)
       .def_readonly("count", &ErrorStatistics::count)
       .def("__repr__", [](const ErrorStatistics& e) {
-        return repr("ErrorStatistics",
-                    {{"rmse", e.rmse}, {"mean", e.mean}, {"median", e.median}, {"max", e.max}, {"count", e.count}});
+        return repr("ErrorStatistics", {{"rmse", e.rmse},
+                                        {"mean", e.mean},
+                                        {"median", e.median},
+                                        {"p95", e.p95},
+                                        {"max", e.max},
+                                        {"count", e.count}});
       });
   py::class_<TrajectoryError>(m, "TrajectoryError",
                               "ATE and RPE as the TUM benchmark defines them (Sturm et al. 2012).")

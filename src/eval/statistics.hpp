@@ -22,6 +22,9 @@ inline ErrorStatistics statistics(std::vector<double> errors) {
   const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
   std::nth_element(errors.begin(), middle, errors.end());
   s.median = *middle;
+  const auto high = errors.begin() + (s.count * std::ptrdiff_t{95} + 99) / 100 - 1;  // nearest rank
+  std::nth_element(errors.begin(), high, errors.end());
+  s.p95 = *high;
   return s;
 }
 

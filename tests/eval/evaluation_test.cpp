@@ -88,6 +88,23 @@ TEST(EvaluateMesh, MeasuresTheGapBetweenSpheres) {
   EXPECT_EQ(e.at[1].f_score, 1.0);    // all within 2 cm
 }
 
+/// A square of a metre that faces z; what lies beyond `step_at` along x is 2 cm higher.
+Mesh stepped_square(float step_at) {
+  Mesh mesh;
+  mesh.positions = {{0, 0, 0},           {step_at, 0, 0}, {step_at, 1, 0}, {0, 1, 0},
+                    {step_at, 0, 0.02f}, {1, 0, 0.02f},   {1, 1, 0.02f},   {step_at, 1, 0.02f}};
+  mesh.triangles = {{0, 1, 2}, {0, 2, 3}, {4, 5, 6}, {4, 6, 7}};
+  return mesh;
+}
+
+TEST(EvaluateMesh, TellsTheErrorThatNinetyFiveInAHundredDoNotExceed) {
+  Mesh flat = stepped_square(1);
+  flat.triangles.resize(2);                                                                      // without a step
+  constexpr double kRounding = 1e-6;                                                             // metres
+  EXPECT_NEAR(evaluate_mesh(stepped_square(0.94f), flat, 20000).accuracy.p95, 0.02, kRounding);  // 6 % are off
+  EXPECT_NEAR(evaluate_mesh(stepped_square(0.96f), flat, 20000).accuracy.p95, 0, kRounding);     // 4 % are off
+}
+
 TEST(EvaluateMesh, CountsWhatIsMissing) {
   const Mesh whole = sphere(1.0f, {0, 0, 0});
   Mesh half = whole;
