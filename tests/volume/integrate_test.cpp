@@ -4,12 +4,18 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <numbers>
+
 #include "cairn/mapper.hpp"
 #include "support/scenes.hpp"
 #include "surface/preprocess.hpp"
+#include "volume/polygonize.hpp"
 
 namespace cairn {
 namespace {
+
+constexpr float kVoxel = 0.01f, kTruncation = 0.04f;  // metres
 
 /// A wall at 1 m of one colour.
 Frame wall(const Camera& camera, std::uint32_t grey) {
@@ -54,6 +60,58 @@ TEST(Integrate, AFrameWithoutUsableDepthChangesNothing) {
   const Fused fused = integrator.integrate(preprocessor.preprocess(far), Eigen::Isometry3d::Identity(), volume, 1);
   EXPECT_EQ(fused.touched, 0);
   EXPECT_TRUE(volume.bricks().empty());
+}
+
+/// Where the two sides of a sheet across z = 0 lie along its axis, metres: the one that faces -z and the one that
+/// faces z.
+struct Sides {
+  std::vector<float> near, far;
+};
+
+/// Of a sheet that cameras 1 m away see, from its two sides in turn.
+Sides sides_of_sheet(float thickness, int frames_a_side) {
+  const Camera camera = small_camera();
+  const Scene scene{.name = "sheet", .solids = {{.half_size = {0.3f, 0.3f, thickness / 2}}}};
+  Preprocessor preprocessor(test_device(), camera, {}, 1, 0);
+  Integrator integrator(test_device(), camera, {});
+  Volume volume(test_device(), {.voxel_size = kVoxel, .truncation = kTruncation, .device_memory = 64 << 20}, 5.0f);
+  std::uint32_t fused_count = 0;
+  for (const double turn : {0.0, std::numbers::pi}) {
+    Eigen::Isometry3d pose(Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitY()));
+    pose.translation() = pose.linear() * Eigen::Vector3d(0.003, 0.004, -1);  // voxels lie beside the rays
+    const Frame frame = scene_frame_at(scene, camera, pose);
+    for (int i = 0; i < frames_a_side; ++i)
+      (void)integrator.integrate(preprocessor.preprocess(frame), pose, volume, ++fused_count);
+  }
+  const Mesh mesh = Polygonizer(test_device()).polygonize(volume);
+  Sides sides;
+  for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
+    if (mesh.positions[v].head<2>().cwiseAbs().maxCoeff() > 0.15f) continue;  // the rims are seen by one camera
+    (mesh.normals[v].z() < 0 ? sides.near : sides.far).push_back(mesh.positions[v].z());
+  }
+  return sides;
+}
+
+TEST(Integrate, ASheetThickerThanTheTruncationKeepsBothItsSides) {
+  constexpr float kThickness = kTruncation + kVoxel;
+  const Sides sides = sides_of_sheet(kThickness, 5);
+  ASSERT_GT(sides.near.size(), 500u);
+  ASSERT_GT(sides.far.size(), 500u);
+  constexpr float kRounding = 1e-3f;  // metres: depth at the nearest pixel, distances of 16 bits
+  for (const float z : sides.near) EXPECT_NEAR(z, -kThickness / 2, kRounding);
+  for (const float z : sides.far) EXPECT_NEAR(z, kThickness / 2, kRounding);
+}
+
+// What is in front of one side is behind the other one, up to the truncation, and the mean of both is behind.
+TEST(Integrate, AThinSheetKeepsBothItsSidesTooFarApart) {
+  constexpr float kThickness = 0.01f;
+  const Sides sides = sides_of_sheet(kThickness, 5);
+  ASSERT_GT(sides.near.size(), 500u);
+  ASSERT_GT(sides.far.size(), 500u);
+  for (const float z : sides.near) EXPECT_GE(z, kThickness / 2 - kTruncation - kVoxel);
+  for (const float z : sides.far) EXPECT_LE(z, kTruncation - kThickness / 2 + kVoxel);
+  EXPECT_LT(*std::ranges::max_element(sides.near), 0);
+  EXPECT_GT(*std::ranges::min_element(sides.far), 0);
 }
 
 TEST(FirstFrame, WithoutUsableDepthIsSkippedAndTheNextOneBeginsTheMap) {
