@@ -37,6 +37,16 @@ double row_share(const Camera& c, const Eigen::Vector3d& point) {
   return std::clamp((c.project(point).y() + 0.5) / c.height - 0.5, -0.6, 0.6);
 }
 
+/// Of the four pixels around a place, the second of which is `t` of a pixel before it (Catmull & Rom 1974). Between
+/// bilinear weights slopes jump at pixels' middles, where surfels of a view lie: that would pull views apart.
+struct CubicWeights {
+  std::array<double, 4> value, slope;
+  explicit CubicWeights(double t)
+      : value{0.5 * t * (-1 + t * (2 - t)), 1 + 0.5 * t * t * (3 * t - 5), 0.5 * t * (1 + t * (4 - 3 * t)),
+              0.5 * t * t * (t - 1)},
+        slope{-0.5 + t * (2 - 1.5 * t), t * (4.5 * t - 5), 0.5 + t * (4 - 4.5 * t), t * (1.5 * t - 1)} {}
+};
+
 double cost_of_gap(double e) {
   const double rest = std::max(0.0, 1 - e * e / (kCut * kCut));
   return kCut * kCut / 3 * (1 - rest * rest * rest);
@@ -80,15 +90,21 @@ struct Bundle::Look {
     const Eigen::Vector3d y = in_camera - delay * motion, c = bundle.colour_from_depth_ * y;
     if (c.z() < kNearest) return false;
     const Eigen::Vector2d pixel = camera.project(c);
-    const int i = static_cast<int>(std::floor(pixel.x())), j = static_cast<int>(std::floor(pixel.y()));
-    if (!holds(camera, i, j) || !holds(camera, i + 1, j + 1)) return false;
-    const double u = pixel.x() - i, v = pixel.y() - j;
-    const auto brightness = [&](int x, int z) { return static_cast<double>(view.brightness[at(camera, x, z)]); };
-    const double b00 = brightness(i, j), b10 = brightness(i + 1, j), b01 = brightness(i, j + 1),
-                 b11 = brightness(i + 1, j + 1);
-    const double top = b00 + (b10 - b00) * u, bottom = b01 + (b11 - b01) * u;
-    value = top + (bottom - top) * v;
-    const double gx = ((b10 - b00) * (1 - v) + (b11 - b01) * v) * camera.fx, gy = (bottom - top) * camera.fy;
+    const int i = static_cast<int>(std::floor(pixel.x())) - 1, j = static_cast<int>(std::floor(pixel.y())) - 1;
+    if (!holds(camera, i, j) || !holds(camera, i + 3, j + 3)) return false;
+    const CubicWeights across(pixel.x() - i - 1), down(pixel.y() - j - 1);
+    value = 0;
+    double gx = 0, gy = 0;
+    for (std::size_t r = 0; r < 4; ++r) {
+      const std::uint8_t* row = &view.brightness[at(camera, i, j + static_cast<int>(r))];
+      double along = 0, slope = 0;
+      for (std::size_t k = 0; k < 4; ++k) {
+        const auto b = static_cast<double>(row[k]);
+        along += across.value[k] * b, slope += across.slope[k] * b;
+      }
+      value += down.value[r] * along, gx += down.value[r] * slope, gy += down.slope[r] * along;
+    }
+    gx *= camera.fx, gy *= camera.fy;
     const Eigen::Vector3d g = Eigen::Vector3d(gx, gy, -(gx * c.x() + gy * c.y()) / c.z()) / c.z();
     by_point = bundle.colour_from_depth_.linear().transpose() * g;
     by_pose << -y.cross(by_point), -by_point;

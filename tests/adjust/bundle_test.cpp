@@ -99,6 +99,27 @@ TEST(Bundle, MovesViewsToWhereAllTheySeeAgrees) {
   EXPECT_NEAR(bundle.shutter().clock, 0, 0.001);
 }
 
+// Brightness is looked up between pixels: what that errs by must not depend on which view a surfel comes from.
+TEST(Bundle, LeavesExactViewsWhereTheyAre) {
+  const Scene scene = synthetic_scene("room");
+  const Camera camera = synthetic_camera();
+  SceneRenderer renderer(test_device(), scene, camera);
+  Bundle bundle(camera);
+  std::vector<Eigen::Isometry3d> poses;
+  for (int i = 0; i < 14; ++i) {
+    const double time = 4.4 + i / kFrameRate;
+    poses.push_back(scene.world_from_camera(time));
+    const auto images = renderer.render(poses.back(), time);
+    bundle.add({.index = i, .timestamp = time, .depth = images.depth, .colour = images.colour}, Vector6d::Zero(),
+               poses.back());
+  }
+  adjust(bundle, false);
+  const auto after = errors(bundle.world_from_view(), poses);
+  std::printf("%.3f mm, %.3f mrad\n", 1000 * after.first, 1000 * after.second);
+  EXPECT_LT(after.first, 0.0004);
+  EXPECT_LT(after.second, 0.0002);
+}
+
 TEST(Bundle, FindsHowLongTheShutterTakesAndPredictsBetterWithIt) {
   const Views views = swinging_views(14, kReadout);
   Bundle bundle = bundle_of(views, views.poses), global = bundle;
