@@ -8,6 +8,9 @@
 #include <cmath>
 
 #include "cairn/mapper.hpp"
+#include "map/adjust.hpp"
+#include "map/map_state.hpp"
+#include "surface/rectify.hpp"
 
 namespace cairn {
 namespace {
@@ -25,13 +28,19 @@ void set_readout(Rig& rig, double readout) {
   if (rig.colour) rig.colour->camera.readout = readout;
 }
 
-Adjusted track_and_adjust(Source& source, const Rig& rig, const std::function<void()>& step) {
+Mapper track(Source& source, const Rig& rig, const std::function<void()>& step) {
   Mapper mapper(rig, options_for(rig.sensor, kVoxel));
   while (const auto frame = source.next()) {
     mapper.add(*frame);
     if (step) step();
   }
-  return mapper.adjust();
+  return mapper;
+}
+
+/// The readout that is found is what is left of it: keyframes' images are those of one moment already.
+Adjusted adjust_as_if_not_told(Mapper& mapper) {
+  MapState& s = *mapper.state();
+  return adjust(s.back_end, at_one_moment(s.rig), s.tracker.clock_offset());
 }
 
 }  // namespace
@@ -48,7 +57,8 @@ FoundShutter find_shutter(const std::function<std::unique_ptr<Source>()>& open, 
     Rig rig = found.rig;
     set_readout(rig, readout);
     if (pass > 0) source = open();
-    const Adjusted adjusted = track_and_adjust(*source, rig, step);
+    Mapper mapper = track(*source, rig, step);
+    const Adjusted adjusted = adjust_as_if_not_told(mapper);
     found.keyframes = adjusted.keyframes;
     found.sigma = adjusted.readout_sigma;
     if (pass == 0) {
@@ -77,7 +87,7 @@ FoundDepthCorrection find_depth_correction(const std::function<std::unique_ptr<S
   for (int pass = 0; pass < kDepthPasses; ++pass) {
     Rig rig = found.rig;
     if (pass > 0) source = open();
-    const Adjusted adjusted = track_and_adjust(*source, rig, step);
+    const Adjusted adjusted = track(*source, rig, step).adjust();
     if (pass == 0) {
       found.keyframes = adjusted.keyframes;
       found.predicts_better = adjusted.corrected_predicts_better;
