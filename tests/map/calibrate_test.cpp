@@ -17,23 +17,31 @@ namespace {
 
 using Change = std::function<void(Frame&)>;
 
+Camera focused(Camera camera, double times) {
+  camera.fx *= times, camera.fy *= times;
+  return camera;
+}
+
 /// A scene with a Kinect's noise, seen from a camera that moves as `pose` says, each image changed as `change` says.
 class Recording final : public Source {
  public:
   Recording(const char* scene, Camera camera, int frames, PoseAt pose, Change change)
       : rig_(camera),
         frames_(frames),
+        refocuses_at_(frames),
         pose_(std::move(pose)),
         change_(std::move(change)),
-        renderer_(test_device(), synthetic_scene(scene), camera) {
+        renderer_(test_device(), synthetic_scene(scene), camera),
+        refocused_(test_device(), synthetic_scene(scene), focused(camera, 1.03)) {
     rig_.depth.readout = 0;  // nobody tells it
   }
+  void refocus_at(int frame) { refocuses_at_ = frame; }
   [[nodiscard]] const Rig& rig() const override { return rig_; }
   [[nodiscard]] std::optional<int> size() const override { return frames_ - next_; }
   [[nodiscard]] std::optional<Frame> next() override {
     if (next_ == frames_) return std::nullopt;
     const double time = next_ / 30.0;
-    auto images = renderer_.render(pose_, time);
+    auto images = (next_ < refocuses_at_ ? renderer_ : refocused_).render(pose_, time);
     add_noise(images, rig_.depth, "kinect", 1, next_);
     Frame frame{.index = next_++, .timestamp = time, .depth = images.depth, .colour = images.colour};
     if (change_) change_(frame);
@@ -42,10 +50,10 @@ class Recording final : public Source {
 
  private:
   Rig rig_;
-  int frames_, next_ = 0;
+  int frames_, next_ = 0, refocuses_at_;
   PoseAt pose_;
   Change change_;
-  SceneRenderer renderer_;
+  SceneRenderer renderer_, refocused_;
 };
 
 PoseAt path_of(const char* name) {
@@ -105,6 +113,15 @@ TEST(Calibrate, FindsNothingFromViewsThatDoNotOverlap) {
     return pose;
   };
   expect_nothing_found(opener("room", 30, turn));
+}
+
+TEST(Calibrate, FindsNothingFromACameraThatIsRefocused) {
+  static constexpr int kFrames = 90;
+  expect_nothing_found([] {
+    auto recording = std::make_unique<Recording>("room", synthetic_camera(), kFrames, swing("room"), Change{});
+    recording->refocus_at(kFrames / 2);
+    return recording;
+  });
 }
 
 TEST(Calibrate, FindsNothingWhereExposureJumps) {
