@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "adjust/bundle.hpp"
 
+#include <ceres/cubic_interpolation.h>
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Geometry>
@@ -37,15 +38,20 @@ double row_share(const Camera& c, const Eigen::Vector3d& point) {
   return std::clamp((c.project(point).y() + 0.5) / c.height - 0.5, -0.6, 0.6);
 }
 
-/// Of the four pixels around a place, the second of which is `t` of a pixel before it (Catmull & Rom 1974). Between
-/// bilinear weights slopes jump at pixels' middles, where surfels of a view lie: that would pull views apart.
-struct CubicWeights {
-  std::array<double, 4> value, slope;
-  explicit CubicWeights(double t)
-      : value{0.5 * t * (-1 + t * (2 - t)), 1 + 0.5 * t * t * (3 * t - 5), 0.5 * t * (1 + t * (4 - 3 * t)),
-              0.5 * t * t * (t - 1)},
-        slope{-0.5 + t * (2 - 1.5 * t), t * (4.5 * t - 5), 0.5 + t * (4 - 4.5 * t), t * (1.5 * t - 1)} {}
-};
+/// retract(twist) to the second order: of a point, and of a direction.
+Eigen::Vector3d moved(const Vector6d& twist, const Eigen::Vector3d& point) {
+  const Eigen::Vector3d turn = twist.head<3>(), by = turn.cross(point) + twist.tail<3>();
+  return point + by + 0.5 * turn.cross(by);
+}
+Eigen::Vector3d turned(const Vector6d& twist, const Eigen::Vector3d& direction) {
+  const Eigen::Vector3d turn = twist.head<3>(), by = turn.cross(direction);
+  return direction + by + 0.5 * turn.cross(by);
+}
+/// What a second more moves a point by, against the camera's motion.
+Eigen::Vector3d rate_of(const CameraMotion& motion, double delay, const Eigen::Vector3d& point) {
+  const Vector6d velocity = motion.velocity + delay * motion.acceleration;
+  return velocity.head<3>().cross(point) + velocity.tail<3>();
+}
 
 double cost_of_gap(double e) {
   const double rest = std::max(0.0, 1 - e * e / (kCut * kCut));
@@ -68,8 +74,8 @@ double scale_of(std::vector<double>& magnitudes, double least) {
 
 Bundle::Bundle(const Rig& rig) : cameras_(rig), colour_from_depth_(rig.depth_from_colour().inverse()) {}
 
-void Bundle::add(const Frame& keyframe, const Vector6d& velocity, const Eigen::Isometry3d& world_from_camera) {
-  views_.push_back(std::make_shared<const BundleView>(bundle_view(cameras_, keyframe, velocity)));
+void Bundle::add(const Frame& keyframe, const CameraMotion& motion, const Eigen::Isometry3d& world_from_camera) {
+  views_.push_back(std::make_shared<const BundleView>(bundle_view(cameras_, keyframe, motion)));
   poses_.push_back(world_from_camera);
 }
 
@@ -82,33 +88,25 @@ struct Bundle::Look {
 
   [[nodiscard]] bool at_point(const Bundle& bundle, const BundleView& view, const Eigen::Vector3d& in_camera) {
     const Camera& camera = bundle.cameras_.colour;
-    const Eigen::Vector3d motion = view.velocity.head<3>().cross(in_camera) + view.velocity.tail<3>();
     const Eigen::Vector3d still = bundle.colour_from_depth_ * in_camera;
     if (still.z() < kNearest) return false;
     const double share = row_share(camera, still);
     const double delay = view.colour_delay - bundle.shutter_.clock + bundle.shutter_.readout * share;
-    const Eigen::Vector3d y = in_camera - delay * motion, c = bundle.colour_from_depth_ * y;
+    const Eigen::Vector3d y = moved(-view.motion.after(delay), in_camera), c = bundle.colour_from_depth_ * y;
     if (c.z() < kNearest) return false;
     const Eigen::Vector2d pixel = camera.project(c);
     const int i = static_cast<int>(std::floor(pixel.x())) - 1, j = static_cast<int>(std::floor(pixel.y())) - 1;
     if (!holds(camera, i, j) || !holds(camera, i + 3, j + 3)) return false;
-    const CubicWeights across(pixel.x() - i - 1), down(pixel.y() - j - 1);
-    value = 0;
+    // Between bilinear weights slopes jump at pixels' middles, where surfels of a view lie: that would pull views
+    // apart.
+    const ceres::Grid2D<std::uint8_t> grid(view.brightness.data(), 0, camera.height, 0, camera.width);
     double gx = 0, gy = 0;
-    for (std::size_t r = 0; r < 4; ++r) {
-      const std::uint8_t* row = &view.brightness[at(camera, i, j + static_cast<int>(r))];
-      double along = 0, slope = 0;
-      for (std::size_t k = 0; k < 4; ++k) {
-        const auto b = static_cast<double>(row[k]);
-        along += across.value[k] * b, slope += across.slope[k] * b;
-      }
-      value += down.value[r] * along, gx += down.value[r] * slope, gy += down.slope[r] * along;
-    }
+    ceres::BiCubicInterpolator(grid).Evaluate(pixel.y(), pixel.x(), &value, &gy, &gx);
     gx *= camera.fx, gy *= camera.fy;
     const Eigen::Vector3d g = Eigen::Vector3d(gx, gy, -(gx * c.x() + gy * c.y()) / c.z()) / c.z();
     by_point = bundle.colour_from_depth_.linear().transpose() * g;
     by_pose << -y.cross(by_point), -by_point;
-    const double by_clock = by_point.dot(motion);
+    const double by_clock = by_point.dot(rate_of(view.motion, delay, y));
     by_shutter << by_clock, -share * by_clock;
     return true;
   }
@@ -122,11 +120,9 @@ bool Bundle::look(const Surfel& s, std::size_t k, bool brightness, Seen& seen) c
   const Eigen::Matrix3d camera_from_world = poses_[k].linear().transpose();
   const Eigen::Vector3d middle = camera_from_world * (s.position - poses_[k].translation());
   if (middle.z() < kNearest) return false;
-  const Eigen::Vector3d spin = view.velocity.head<3>(), motion = spin.cross(middle) + view.velocity.tail<3>();
   const double share = row_share(camera, middle), delay = shutter_.readout * share;
-  const Eigen::Vector3d x = middle - delay * motion;
-  Eigen::Vector3d n = camera_from_world * s.normal;
-  n -= delay * spin.cross(n);
+  const Vector6d back = -view.motion.after(delay);
+  const Eigen::Vector3d x = moved(back, middle), n = turned(back, camera_from_world * s.normal);
   if (x.z() < kNearest || -n.dot(x.normalized()) < kSteepest) return false;
   const Eigen::Vector2d pixel = camera.project(x);
   const int u = static_cast<int>(std::lround(pixel.x())), v = static_cast<int>(std::lround(pixel.y()));
@@ -144,7 +140,7 @@ bool Bundle::look(const Surfel& s, std::size_t k, bool brightness, Seen& seen) c
   r.weight = rest * rest / (gap_sigma_ * gap_sigma_);
   r.by_pose << -q.cross(n) / sigma, -n / sigma;
   r.by_surfel = Eigen::Vector3d(1 / sigma, 0, 0);
-  r.by_shutter = Shutter(0, -share * n.dot(motion) / sigma);
+  r.by_shutter = Shutter(0, -share * n.dot(rate_of(view.motion, delay, x)) / sigma);
   seen.by_offset = z * z * n.dot(ray) / sigma;
   seen.count = 1;
   if (!brightness || view.brightness.empty()) return true;
@@ -175,12 +171,12 @@ Bundle::Surfel Bundle::surfel_at(std::size_t k, int x, int y) const {
   const BundleView& view = *views_[k];
   const std::size_t pixel = at(cameras_.depth, x, y);
   const double z = corrected_depth(view, pixel);
-  const Eigen::Vector3d q = z * cameras_.depth.ray(x, y), n = view.normals[pixel].cast<double>(),
-                        spin = view.velocity.head<3>();
+  const Eigen::Vector3d q = z * cameras_.depth.ray(x, y), n = view.normals[pixel].cast<double>();
   const double delay = shutter_.readout * ((y + 0.5) / cameras_.depth.height - 0.5);
   Surfel s;
-  s.position = poses_[k] * Eigen::Vector3d(q + delay * (spin.cross(q) + view.velocity.tail<3>()));
-  s.normal = (poses_[k].linear() * (n + delay * spin.cross(n))).normalized();
+  const Vector6d motion = view.motion.after(delay);
+  s.position = poses_[k] * moved(motion, q);
+  s.normal = (poses_[k].linear() * turned(motion, n)).normalized();
   const double radius = kBeside * z / cameras_.depth.fx;
   s.beside[0] = radius * s.normal.cross(poses_[k].linear().col(1)).normalized();
   s.beside[1] = radius * s.normal.cross(s.beside[0]).normalized();

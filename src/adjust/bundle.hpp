@@ -34,7 +34,7 @@ class Bundle {
   [[nodiscard]] static double weight_of_tie(double squared_error);
 
   explicit Bundle(const Rig& rig);
-  void add(const Frame& keyframe, const Vector6d& velocity, const Eigen::Isometry3d& world_from_camera);
+  void add(const Frame& keyframe, const CameraMotion& motion, const Eigen::Isometry3d& world_from_camera);
   /// Binds two views by how they were tracked against each other.
   void tie(const PoseGraph::Edge& edge) { ties_.push_back(edge); }
   /// How close the surfels lie: few of them find the way, all of them the place.

@@ -11,7 +11,8 @@ namespace cairn {
 namespace {
 
 constexpr double kShortest = 200;  // pixels; the focal length that colour images are reduced to, or a little more
-constexpr int kReach = 3;          // pixels to each side that a normal is made of
+constexpr int kReach = 4;          // pixels to each side that a normal is made of
+constexpr double kFlat = 2;        // standard deviations of depth (RMS) that they may lie off their plane
 constexpr double kOneSurface = 6;  // standard deviations of depth that neighbours may differ by
 constexpr double kSteepest = 0.3;  // cosine of a normal to its ray
 constexpr int kBlock = 4, kMeasured = 3;  // depth pixels in one; at least so many of them
@@ -48,19 +49,36 @@ float mean_depth(const BundleCameras& cameras, const std::vector<float>& depth, 
   return static_cast<double>(most - least) > kOneSurface * static_cast<double>(sensor.sigma(z)) ? 0 : z;
 }
 
+/// Of the plane through the pixels around one: inverse depth is linear over its image, and noise is alike in it.
 std::optional<Eigen::Vector3d> normal_at(const BundleCameras& cameras, const std::vector<float>& depth, int x, int y) {
   const Camera& c = cameras.depth;
-  const auto point = [&](int u, int v) -> Eigen::Vector3d {
-    return static_cast<double>(depth[at(c, u, v)]) * c.ray(u, v);
-  };
-  const Eigen::Vector3d here = point(x, y), left = point(x - kReach, y), right = point(x + kReach, y),
-                        above = point(x, y - kReach), below = point(x, y + kReach);
-  if (!(here.z() > 0 && left.z() > 0 && right.z() > 0 && above.z() > 0 && below.z() > 0)) return std::nullopt;
-  const double bend = kOneSurface * static_cast<double>(cameras.rig.sensor.sigma(static_cast<float>(here.z())));
-  if (std::abs(left.z() + right.z() - 2 * here.z()) > bend || std::abs(above.z() + below.z() - 2 * here.z()) > bend)
-    return std::nullopt;
-  const Eigen::Vector3d n = (right - left).cross(above - below).normalized();
-  if (-n.dot(here.normalized()) < kSteepest) return std::nullopt;
+  const auto here = static_cast<double>(depth[at(c, x, y)]);
+  if (!(here > 0)) return std::nullopt;
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  double squared = 0;
+  int count = 0;
+  for (int j = -kReach; j <= kReach; ++j)
+    for (int i = -kReach; i <= kReach; ++i) {
+      const auto z = static_cast<double>(depth[at(c, x + i, y + j)]);
+      if (!(z > 0)) continue;
+      const Eigen::Vector3d place(i, j, 1);
+      const double off = 1 / z - 1 / here;
+      information.noalias() += place * place.transpose();
+      sum += off * place, squared += off * off;
+      ++count;
+    }
+  constexpr int kAll = (2 * kReach + 1) * (2 * kReach + 1);
+  if (3 * count < 2 * kAll) return std::nullopt;
+  const Eigen::Vector3d slope = information.inverse() * sum;
+  const double sigma = static_cast<double>(cameras.rig.sensor.sigma(static_cast<float>(here))) / (here * here);
+  if (squared - slope.dot(sum) > count * kFlat * kFlat * sigma * sigma) return std::nullopt;
+  // The plane's points have 1/z = m . ray.
+  const Eigen::Vector3d ray = c.ray(x, y);
+  Eigen::Vector3d m(slope.x() * c.fx, slope.y() * c.fy, 0);
+  m.z() = 1 / here + slope.z() - m.dot(ray);
+  const Eigen::Vector3d n = -m.normalized();
+  if (-n.dot(ray.normalized()) < kSteepest) return std::nullopt;
   return n;
 }
 
@@ -96,9 +114,9 @@ Eigen::Vector2f BundleCameras::measured_at(int x, int y) const {
   return ((pixel.array() + 0.5) / Eigen::Array2d(own.width, own.height)).cast<float>();
 }
 
-BundleView bundle_view(const BundleCameras& cameras, const Frame& frame, const Vector6d& velocity) {
+BundleView bundle_view(const BundleCameras& cameras, const Frame& frame, const CameraMotion& motion) {
   BundleView view;
-  view.velocity = velocity;
+  view.motion = motion;
   view.colour_delay = frame.colour_delay;
   const Camera &depth = cameras.depth, &colour = cameras.colour;
   view.depth.resize(pixels(depth));

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/velocity.hpp"
 #include "cairn/frame.hpp"
 #include "cairn/pose.hpp"
 
@@ -30,11 +31,11 @@ struct BundleView {
   std::vector<float> depth;              // metres, by pixel of the depth camera; 0: none, or an edge
   std::vector<Eigen::Vector3f> normals;  // towards the camera; zero: none
   std::vector<std::uint8_t> brightness;  // by pixel of the colour camera; empty: the frame has no colour
-  Vector6d velocity = Vector6d::Zero();  // of the camera in its own frame, rad/s and m/s
-  double colour_delay = 0;               // seconds from the depth image's moment to the colour image's
+  CameraMotion motion;
+  double colour_delay = 0;  // seconds from the depth image's moment to the colour image's
 };
 
 /// `frame` is of one moment: a shutter that is known to roll is undone.
-[[nodiscard]] BundleView bundle_view(const BundleCameras& cameras, const Frame& frame, const Vector6d& velocity);
+[[nodiscard]] BundleView bundle_view(const BundleCameras& cameras, const Frame& frame, const CameraMotion& motion);
 
 }  // namespace cairn

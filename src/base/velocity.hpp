@@ -14,4 +14,26 @@ namespace cairn {
   return local_coordinates(before->inverse() * *after) / (2 * kStep);
 }
 
+/// Of a camera in its own frame around a moment: its motion s seconds later is the twist velocity s + acceleration
+/// s^2/2, up to the third power of s.
+struct CameraMotion {
+  Vector6d velocity = Vector6d::Zero(), acceleration = Vector6d::Zero();  // rad/s and m/s; rad/s^2 and m/s^2
+  [[nodiscard]] Vector6d after(double seconds) const {
+    return seconds * velocity + 0.5 * seconds * seconds * acceleration;
+  }
+};
+
+/// Accelerations are told from more frames than velocities, since noise counts for more in them. Zero where there is a
+/// gap.
+[[nodiscard]] inline CameraMotion motion_at(const Trajectory& poses, double timestamp) {
+  constexpr double kStep = 0.06, kMaxGap = 0.1;  // seconds
+  CameraMotion motion{.velocity = velocity_at(poses, timestamp)};
+  const auto before = pose_at(poses, timestamp - kStep, kMaxGap), now = pose_at(poses, timestamp, kMaxGap),
+             after = pose_at(poses, timestamp + kStep, kMaxGap);
+  if (before && now && after)
+    motion.acceleration =
+        (local_coordinates(now->inverse() * *after) - local_coordinates(before->inverse() * *now)) / (kStep * kStep);
+  return motion;
+}
+
 }  // namespace cairn

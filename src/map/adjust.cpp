@@ -42,7 +42,7 @@ Bundle bundle_of(const BackEnd& back_end, const Rig& rig, double clock_offset,
     const std::size_t k = keyframes[view];
     Frame frame = back_end.images().get(k);
     frame.colour_delay = atlas.keyframes[k].colour_delay - clock_offset;
-    bundle.add(frame, velocity_at(path, atlas.keyframes[k].timestamp), atlas.world_from_camera[k]);
+    bundle.add(frame, motion_at(path, atlas.keyframes[k].timestamp), atlas.world_from_camera[k]);
     view_of[k] = view;
   }
   for (PoseGraph::Edge edge : atlas.graph().edges) {
@@ -88,7 +88,7 @@ void find_correction(Bundle& bundle, Adjusted& adjusted, Rounds& rounds) {
 
 }  // namespace
 
-Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset, const GoesOn& goes_on) {
+Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset, Sought sought, const GoesOn& goes_on) {
   back_end.settle();
   Atlas& atlas = back_end.atlas();
   if (atlas.keyframes.size() < 2) return {.keyframes = static_cast<int>(atlas.keyframes.size())};
@@ -98,7 +98,7 @@ Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset, const Go
   Bundle bundle = bundle_of(back_end, rig, clock_offset, keyframes);
   Rounds rounds{.goes_on = goes_on};
   find_shutter(bundle, rig, adjusted, rounds);
-  find_correction(bundle, adjusted, rounds);
+  if (sought == Sought::readout_and_depth) find_correction(bundle, adjusted, rounds);
   if (!rounds.is_stopped) bundle.adjust(adjusted.has_readout, Bundle::Detail::fine, std::ref(rounds));
   adjusted.correction = bundle.correction();
   if (adjusted.has_readout) adjusted.readout = bundle.shutter().readout;

@@ -40,7 +40,7 @@ Mapper track(Source& source, const Rig& rig, const std::function<void()>& step) 
 /// The readout that is found is what is left of it: keyframes' images are those of one moment already.
 Adjusted adjust_as_if_not_told(Mapper& mapper) {
   MapState& s = *mapper.state();
-  return adjust(s.back_end, at_one_moment(s.rig), s.tracker.clock_offset());
+  return adjust(s.back_end, at_one_moment(s.rig), s.tracker.clock_offset(), Sought::readout);
 }
 
 }  // namespace

@@ -127,8 +127,9 @@ Adjusted Mapper::adjust(const std::function<bool(double)>& goes_on) {
   MapState& s = *state_;
   s.whole.reset();
   Adjusted adjusted;
-  s.warnings().attempt("poses stay as they are",
-                       [&] { adjusted = cairn::adjust(s.back_end, s.rig, s.tracker.clock_offset(), goes_on); });
+  s.warnings().attempt("poses stay as they are", [&] {
+    adjusted = cairn::adjust(s.back_end, s.rig, s.tracker.clock_offset(), Sought::readout_and_depth, goes_on);
+  });
   return adjusted;
 }
 

@@ -13,40 +13,34 @@ namespace {
 
 constexpr double kReadout = 0.028, kFrameRate = 5;  // seconds; Hz
 
-/// The room's own place, and a camera that swings in it as a hand does: up to a radian a second.
-struct Swing {
-  Scene scene = synthetic_scene("room");
-  [[nodiscard]] Eigen::Isometry3d operator()(double t) const {
-    Eigen::Isometry3d pose = scene.world_from_camera(0.3 * t);
-    pose.rotate(Eigen::AngleAxisd(0.25 * std::sin(4.0 * t), Eigen::Vector3d::UnitX()));
-    pose.rotate(Eigen::AngleAxisd(0.25 * std::sin(2.9 * t), Eigen::Vector3d::UnitY()));
-    return pose;
-  }
-  [[nodiscard]] Vector6d velocity(double t) const {
-    constexpr double kStep = 0.005;
-    return local_coordinates((*this)(t - kStep).inverse() * (*this)(t + kStep)) / (2 * kStep);
-  }
-};
+/// Of a camera, in its own frame.
+CameraMotion motion_at(const PoseAt& pose, double t) {
+  constexpr double kStep = 0.005;
+  const Vector6d after = local_coordinates(pose(t).inverse() * pose(t + kStep)),
+                 before = local_coordinates(pose(t).inverse() * pose(t - kStep));
+  return {.velocity = (after - before) / (2 * kStep), .acceleration = (after + before) / (kStep * kStep)};
+}
 
 struct Views {
   std::vector<Frame> frames;
   std::vector<Eigen::Isometry3d> poses;  // true
-  std::vector<Vector6d> velocities;
+  std::vector<CameraMotion> motions;
 };
 
 Views swinging_views(int count, double readout) {
-  const Swing swing;
+  const Scene scene = synthetic_scene("room");
+  const PoseAt pose = swung_in(scene);
   Camera camera = synthetic_camera();
   camera.readout = readout;
-  SceneRenderer renderer(test_device(), swing.scene, camera);
+  SceneRenderer renderer(test_device(), scene, camera);
   Views views;
   for (int i = 0; i < count; ++i) {
     const double time = 1 + i / kFrameRate;
-    auto images = renderer.render([&](double t) { return swing(t); }, time);
+    auto images = renderer.render(pose, time);
     add_noise(images, camera, "kinect", 1, i);
     views.frames.push_back({.index = i, .timestamp = time, .depth = images.depth, .colour = images.colour});
-    views.poses.push_back(swing(time));
-    views.velocities.push_back(swing.velocity(time));
+    views.poses.push_back(pose(time));
+    views.motions.push_back(motion_at(pose, time));
   }
   return views;
 }
@@ -75,7 +69,7 @@ std::pair<double, double> errors(const std::vector<Eigen::Isometry3d>& found,
 
 Bundle bundle_of(const Views& views, const std::vector<Eigen::Isometry3d>& poses) {
   Bundle bundle(synthetic_camera());
-  for (std::size_t i = 0; i < views.frames.size(); ++i) bundle.add(views.frames[i], views.velocities[i], poses[i]);
+  for (std::size_t i = 0; i < views.frames.size(); ++i) bundle.add(views.frames[i], views.motions[i], poses[i]);
   return bundle;
 }
 
@@ -110,8 +104,7 @@ TEST(Bundle, LeavesExactViewsWhereTheyAre) {
     const double time = 4.4 + i / kFrameRate;
     poses.push_back(scene.world_from_camera(time));
     const auto images = renderer.render(poses.back(), time);
-    bundle.add({.index = i, .timestamp = time, .depth = images.depth, .colour = images.colour}, Vector6d::Zero(),
-               poses.back());
+    bundle.add({.index = i, .timestamp = time, .depth = images.depth, .colour = images.colour}, {}, poses.back());
   }
   adjust(bundle, false);
   const auto after = errors(bundle.world_from_view(), poses);

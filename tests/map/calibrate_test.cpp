@@ -8,6 +8,8 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <memory>
+#include <optional>
 #include <utility>
 
 #include "support/scenes.hpp"
@@ -22,26 +24,27 @@ Camera focused(Camera camera, double times) {
   return camera;
 }
 
-/// A scene with a Kinect's noise, seen from a camera that moves as `pose` says, each image changed as `change` says.
+/// A scene with a Kinect's noise, seen from a camera that moves as `pose` says, each image changed as `change` says. A
+/// readout that the camera has is not told.
 class Recording final : public Source {
  public:
   Recording(const char* scene, Camera camera, int frames, PoseAt pose, Change change)
       : rig_(camera),
+        scene_(synthetic_scene(scene)),
         frames_(frames),
-        refocuses_at_(frames),
         pose_(std::move(pose)),
-        change_(std::move(change)),
-        renderer_(test_device(), synthetic_scene(scene), camera),
-        refocused_(test_device(), synthetic_scene(scene), focused(camera, 1.03)) {
-    rig_.depth.readout = 0;  // nobody tells it
+        change_(std::move(change)) {
+    renderer_.emplace(test_device(), scene_, camera);
+    rig_.depth.readout = 0;
   }
   void refocus_at(int frame) { refocuses_at_ = frame; }
   [[nodiscard]] const Rig& rig() const override { return rig_; }
   [[nodiscard]] std::optional<int> size() const override { return frames_ - next_; }
   [[nodiscard]] std::optional<Frame> next() override {
     if (next_ == frames_) return std::nullopt;
+    if (next_ == refocuses_at_) renderer_.emplace(test_device(), scene_, focused(rig_.depth, 1.03));
     const double time = next_ / 30.0;
-    auto images = (next_ < refocuses_at_ ? renderer_ : refocused_).render(pose_, time);
+    auto images = renderer_->render(pose_, time);
     add_noise(images, rig_.depth, "kinect", 1, next_);
     Frame frame{.index = next_++, .timestamp = time, .depth = images.depth, .colour = images.colour};
     if (change_) change_(frame);
@@ -50,24 +53,15 @@ class Recording final : public Source {
 
  private:
   Rig rig_;
-  int frames_, next_ = 0, refocuses_at_;
+  Scene scene_;
+  int frames_, next_ = 0, refocuses_at_ = -1;
   PoseAt pose_;
   Change change_;
-  SceneRenderer renderer_, refocused_;
+  std::optional<SceneRenderer> renderer_;
 };
 
 PoseAt path_of(const char* name) {
   return [scene = synthetic_scene(name)](double t) { return scene.world_from_camera(t); };
-}
-
-/// As a hand swings a camera.
-PoseAt swing(const char* name) {
-  return [scene = synthetic_scene(name)](double t) {
-    Eigen::Isometry3d pose = scene.world_from_camera(0.3 * t);
-    pose.rotate(Eigen::AngleAxisd(0.25 * std::sin(4.0 * t), Eigen::Vector3d::UnitX()));
-    pose.rotate(Eigen::AngleAxisd(0.25 * std::sin(2.9 * t), Eigen::Vector3d::UnitY()));
-    return pose;
-  };
 }
 
 std::function<std::unique_ptr<Source>()> opener(const char* scene, int frames, const PoseAt& pose,
@@ -92,7 +86,7 @@ void expect_nothing_found(const std::function<std::unique_ptr<Source>()>& open) 
 
 TEST(Calibrate, FindsTheShutterOfACameraThatSwings) {
   constexpr double kReadout = 0.028;
-  const FoundShutter found = find_shutter(opener("room", 90, swing("room"), {}, kReadout));
+  const FoundShutter found = find_shutter(opener("room", 90, swung_in(synthetic_scene("room")), {}, kReadout));
   std::printf("%.2f +- %.2f ms, %s\n", 1000 * found.readout, 1000 * found.sigma, found.why_not.c_str());
   EXPECT_EQ(found.why_not, "");
   EXPECT_NEAR(found.readout, kReadout, 0.002);
@@ -102,7 +96,9 @@ TEST(Calibrate, FindsNothingFromAStaticCamera) {
   expect_nothing_found(opener("room", 15, [](double) { return synthetic_scene("room").world_from_camera(0); }));
 }
 
-TEST(Calibrate, FindsNothingFromAWall) { expect_nothing_found(opener("plane", 90, swing("plane"))); }
+TEST(Calibrate, FindsNothingFromAWall) {
+  expect_nothing_found(opener("plane", 90, swung_in(synthetic_scene("plane"))));
+}
 
 TEST(Calibrate, FindsNothingFromTwentyFrames) { expect_nothing_found(opener("room", 20, path_of("room"))); }
 
@@ -118,7 +114,8 @@ TEST(Calibrate, FindsNothingFromViewsThatDoNotOverlap) {
 TEST(Calibrate, FindsNothingFromACameraThatIsRefocused) {
   static constexpr int kFrames = 90;
   expect_nothing_found([] {
-    auto recording = std::make_unique<Recording>("room", synthetic_camera(), kFrames, swing("room"), Change{});
+    auto recording =
+        std::make_unique<Recording>("room", synthetic_camera(), kFrames, swung_in(synthetic_scene("room")), Change{});
     recording->refocus_at(kFrames / 2);
     return recording;
   });
@@ -131,7 +128,7 @@ TEST(Calibrate, FindsNothingWhereExposureJumps) {
       rgba =
           0xff000000u | (rgba & 0xff) * 5 / 8 | ((rgba >> 8 & 0xff) * 5 / 8) << 8 | ((rgba >> 16 & 0xff) * 5 / 8) << 16;
   };
-  expect_nothing_found(opener("room", 90, swing("room"), darker));
+  expect_nothing_found(opener("room", 90, swung_in(synthetic_scene("room")), darker));
 }
 
 }  // namespace

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
+#include <Eigen/Geometry>
+#include <cmath>
+#include <utility>
 #include <vector>
 
 #include "cairn/frame.hpp"
@@ -30,6 +33,16 @@ inline Frame scene_frame_at(const Scene& scene, const Camera& camera, const Eige
 /// A frame of the scene's own path.
 inline Frame scene_frame(const Scene& scene, const Camera& camera, int index, bool kinect_noise = false) {
   return scene_frame_at(scene, camera, scene.world_from_camera(index / 30.0), index, kinect_noise);
+}
+
+/// Along the scene's own path at a third of its speed, and swung as a hand does: up to a radian a second.
+inline PoseAt swung_in(const Scene& scene) {
+  return [scene](double t) {
+    Eigen::Isometry3d pose = scene.world_from_camera(0.3 * t);
+    pose.rotate(Eigen::AngleAxisd(0.25 * std::sin(4.0 * t), Eigen::Vector3d::UnitX()));
+    pose.rotate(Eigen::AngleAxisd(0.25 * std::sin(2.9 * t), Eigen::Vector3d::UnitY()));
+    return pose;
+  };
 }
 
 /// Of a frame, which must outlive it, for what asks for nothing on the device.
