@@ -38,15 +38,6 @@ double row_share(const Camera& c, const Eigen::Vector3d& point) {
   return std::clamp((c.project(point).y() + 0.5) / c.height - 0.5, -0.6, 0.6);
 }
 
-/// retract(twist) to the second order: of a point, and of a direction.
-Eigen::Vector3d moved(const Vector6d& twist, const Eigen::Vector3d& point) {
-  const Eigen::Vector3d turn = twist.head<3>(), by = turn.cross(point) + twist.tail<3>();
-  return point + by + 0.5 * turn.cross(by);
-}
-Eigen::Vector3d turned(const Vector6d& twist, const Eigen::Vector3d& direction) {
-  const Eigen::Vector3d turn = twist.head<3>(), by = turn.cross(direction);
-  return direction + by + 0.5 * turn.cross(by);
-}
 /// What a second more moves a point by, against the camera's motion.
 Eigen::Vector3d rate_of(const CameraMotion& motion, double delay, const Eigen::Vector3d& point) {
   const Vector6d velocity = motion.velocity + delay * motion.acceleration;
@@ -92,7 +83,8 @@ struct Bundle::Look {
     if (still.z() < kNearest) return false;
     const double share = row_share(camera, still);
     const double delay = view.colour_delay - bundle.shutter_.clock + bundle.shutter_.readout * share;
-    const Eigen::Vector3d y = moved(-view.motion.after(delay), in_camera), c = bundle.colour_from_depth_ * y;
+    const Eigen::Vector3d y = retract(view.motion.after(delay)).inverse() * in_camera,
+                          c = bundle.colour_from_depth_ * y;
     if (c.z() < kNearest) return false;
     const Eigen::Vector2d pixel = camera.project(c);
     const int i = static_cast<int>(std::floor(pixel.x())) - 1, j = static_cast<int>(std::floor(pixel.y())) - 1;
@@ -121,8 +113,8 @@ bool Bundle::look(const Surfel& s, std::size_t k, bool brightness, Seen& seen) c
   const Eigen::Vector3d middle = camera_from_world * (s.position - poses_[k].translation());
   if (middle.z() < kNearest) return false;
   const double share = row_share(camera, middle), delay = shutter_.readout * share;
-  const Vector6d back = -view.motion.after(delay);
-  const Eigen::Vector3d x = moved(back, middle), n = turned(back, camera_from_world * s.normal);
+  const Eigen::Isometry3d then_from_camera = retract(view.motion.after(delay)).inverse();
+  const Eigen::Vector3d x = then_from_camera * middle, n = then_from_camera.linear() * (camera_from_world * s.normal);
   if (x.z() < kNearest || -n.dot(x.normalized()) < kSteepest) return false;
   const Eigen::Vector2d pixel = camera.project(x);
   const int u = static_cast<int>(std::lround(pixel.x())), v = static_cast<int>(std::lround(pixel.y()));
@@ -174,9 +166,9 @@ Bundle::Surfel Bundle::surfel_at(std::size_t k, int x, int y) const {
   const Eigen::Vector3d q = z * cameras_.depth.ray(x, y), n = view.normals[pixel].cast<double>();
   const double delay = shutter_.readout * ((y + 0.5) / cameras_.depth.height - 0.5);
   Surfel s;
-  const Vector6d motion = view.motion.after(delay);
-  s.position = poses_[k] * moved(motion, q);
-  s.normal = (poses_[k].linear() * turned(motion, n)).normalized();
+  const Eigen::Isometry3d world_from_then = poses_[k] * retract(view.motion.after(delay));
+  s.position = world_from_then * q;
+  s.normal = (world_from_then.linear() * n).normalized();
   const double radius = kBeside * z / cameras_.depth.fx;
   s.beside[0] = radius * s.normal.cross(poses_[k].linear().col(1)).normalized();
   s.beside[1] = radius * s.normal.cross(s.beside[0]).normalized();

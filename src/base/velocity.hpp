@@ -14,8 +14,8 @@ namespace cairn {
   return local_coordinates(before->inverse() * *after) / (2 * kStep);
 }
 
-/// Of a camera in its own frame around a moment: its motion s seconds later is the twist velocity s + acceleration
-/// s^2/2, up to the third power of s.
+/// Of a camera in its own frame around a moment: retract(after(s)) is its motion s seconds later, up to the third power
+/// of s.
 struct CameraMotion {
   Vector6d velocity = Vector6d::Zero(), acceleration = Vector6d::Zero();  // rad/s and m/s; rad/s^2 and m/s^2
   [[nodiscard]] Vector6d after(double seconds) const {

@@ -33,8 +33,8 @@ class Recording final : public Source {
         scene_(synthetic_scene(scene)),
         frames_(frames),
         pose_(std::move(pose)),
-        change_(std::move(change)) {
-    renderer_.emplace(test_device(), scene_, camera);
+        change_(std::move(change)),
+        renderer_(std::in_place, test_device(), scene_, camera) {
     rig_.depth.readout = 0;
   }
   void refocus_at(int frame) { refocuses_at_ = frame; }
