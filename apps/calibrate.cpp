@@ -20,7 +20,7 @@ struct Arguments {
   std::filesystem::path camera, output;
   std::vector<std::string> topics;
   int frames = 40;
-  bool shutter = false, depth = false;
+  bool shutter = false, depth = false, all = false;
 };
 
 /// Opens the recording again and again, and looks for a colour camera only the first time.
@@ -63,11 +63,31 @@ void calibrate_depth(const Arguments& a) {
   fmt::print("{}: give it to reconstruct with --camera\n", a.output.string());
 }
 
+std::string words(const Camera& c) {
+  return fmt::format("fx {:.1f} fy {:.1f} cx {:.1f} cy {:.1f} pixels, k1 {:.4f}", c.fx, c.fy, c.cx, c.cy,
+                     c.distortion[0]);
+}
+
+void calibrate_all(const Arguments& a) {
+  Progress progress(std::nullopt);
+  const FoundCalibration found = find_calibration(opener(a), [&] { progress.step("tracking"); });
+  if (is_refused(found.why_not)) return;
+  write_rig(a.output, found.rig);
+  fmt::print("depth camera   {}\n", words(found.rig.depth));
+  if (found.rig.colour) fmt::print("colour camera  {}\n", words(found.rig.colour->camera));
+  fmt::print("readout        {:.1f} ms, +- {:.1f}\n", 1000 * found.rig.depth.readout, 1000 * found.readout_sigma);
+  fmt::print("clock          colour is {:.1f} ms ahead; each run finds this itself\n", 1000 * found.clock_offset);
+  fmt::print("{} keyframes; predicts what was held out {:.1f} % better\n", found.keyframes,
+             100 * found.predicts_better);
+  fmt::print("{}: give it to reconstruct with --camera\n", a.output.string());
+}
+
 void calibrate(const Arguments& a) {
   if (is_sensor(a.sequence))
     throw std::runtime_error(a.sequence + ": a sensor has no end; record it first with cairn record");
   if (a.shutter) return calibrate_shutter(a);
   if (a.depth) return calibrate_depth(a);
+  if (a.all) return calibrate_all(a);
   const auto source = open_source(a.sequence, source_options(a.sequence, a.camera, a.topics));
   const auto rig = find_colour_camera(*source, a.frames);
   if (!rig) {
@@ -101,11 +121,20 @@ void add_calibrate(CLI::App& program) {
           ->add_flag("--shutter", a->shutter,
                      "Find how long the cameras take to read their rows instead, by tracking the whole recording")
           ->excludes(frames);
+  auto* depth =
+      command
+          ->add_flag("--depth", a->depth,
+                     "Find what the depth camera errs by instead, by place in its image, by tracking the whole "
+                     "recording")
+          ->excludes(frames)
+          ->excludes(shutter);
   command
-      ->add_flag("--depth", a->depth,
-                 "Find what the depth camera errs by instead, by place in its image, by tracking the whole recording")
+      ->add_flag("--all", a->all,
+                 "Find focal lengths, principal points, the lens, both of these and where the colour camera is "
+                 "together instead, by tracking the whole recording")
       ->excludes(frames)
-      ->excludes(shutter);
+      ->excludes(shutter)
+      ->excludes(depth);
   add_topics(*command, a->topics);
   command->callback([a] { calibrate(*a); });
 }

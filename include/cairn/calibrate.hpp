@@ -35,6 +35,22 @@ struct FoundShutter {
 [[nodiscard]] FoundShutter find_shutter(const std::function<std::unique_ptr<Source>()>& open,
                                         const std::function<void()>& step = {});
 
+/// What the cameras of a sensor are.
+struct FoundCalibration {
+  Rig rig;                     ///< the source's, or as it was found: cameras, lenses, readout, what depth errs by
+  double clock_offset = 0;     ///< seconds that the colour camera's clock is ahead; tracking finds it in each run
+  double readout_sigma = 0;    ///< seconds, the standard deviation of the readout
+  double predicts_better = 0;  ///< share by which surfaces that were held out are predicted better with it than without
+  int keyframes = 0;           ///< that it was found with
+  std::string why_not;         ///< in one line; empty: found
+};
+/// Finds focal lengths, principal points, the first radial term of lenses, where the colour camera is, the readout of
+/// rows and what depth errs by, all together, by tracking the recording and adjusting keyframes and surface with them.
+/// `open` gives the recording from its begin, once; `step` is called after each tracked frame. Only believed where it
+/// predicts measurements that it was not found with. The same frames give the same cameras.
+[[nodiscard]] FoundCalibration find_calibration(const std::function<std::unique_ptr<Source>()>& open,
+                                                const std::function<void()>& step = {});
+
 /// What a depth camera errs by.
 struct FoundDepthCorrection {
   Rig rig;                     ///< the source's, with the correction that was found

@@ -19,7 +19,8 @@ constexpr double kBeside = 2.5;                         // pixels
 constexpr double kNearest = 0.1;                        // metres
 constexpr double kFirstTolerance = 0.08, kLast = 0.02;  // metres that a surfel may be off, from round to round
 constexpr double kNarrower = 0.7;
-constexpr int kMostRounds = 20;           // surfels are looked for anew in every second one
+constexpr int kMostRounds = 20;  // surfels are looked for anew in every second one
+constexpr int kFineRounds = 8;
 constexpr int kLeastRounds = 6;           // of which each is narrower
 constexpr double kStill = 2e-4;           // radians, metres: what no view moved by in a round that is the last
 constexpr double kSigmas = 3;             // that it may be off beside these
@@ -34,8 +35,12 @@ constexpr std::size_t kHeldOutEvery = 5;  // cell, where prediction is judged
 bool holds(const Camera& c, int x, int y) { return x >= 0 && y >= 0 && x < c.width && y < c.height; }
 
 /// Of the image's height, from its middle, at most a little beyond it.
-double row_share(const Camera& c, const Eigen::Vector3d& point) {
-  return std::clamp((c.project(point).y() + 0.5) / c.height - 0.5, -0.6, 0.6);
+double row_share(const Camera& c, const Eigen::Vector2d& pixel) {
+  return std::clamp((pixel.y() + 0.5) / c.height - 0.5, -0.6, 0.6);
+}
+
+Eigen::Vector2d pixel_of(const Camera& c, const CameraChange& change, const Eigen::Vector3d& point) {
+  return c.project(change.shown(point.hnormalized()).homogeneous());
 }
 
 /// What a second more moves a point by, against the camera's motion.
@@ -63,7 +68,14 @@ double scale_of(std::vector<double>& magnitudes, double least) {
 
 }  // namespace
 
-Bundle::Bundle(const Rig& rig) : cameras_(rig), colour_from_depth_(rig.depth_from_colour().inverse()) {}
+Bundle::Bundle(const Rig& rig) : cameras_(rig) {
+  shared_.colour_from_depth = rig.depth_from_colour().inverse();
+  refresh();
+}
+
+Eigen::Vector2d Bundle::depth_pixel(const Eigen::Vector3d& point) const {
+  return pixel_of(cameras_.depth, shared_.depth, point);
+}
 
 void Bundle::add(const Frame& keyframe, const CameraMotion& motion, const Eigen::Isometry3d& world_from_camera) {
   views_.push_back(std::make_shared<const BundleView>(bundle_view(cameras_, keyframe, motion)));
@@ -75,31 +87,52 @@ struct Bundle::Look {
   double value = 0;
   Vector6d by_pose;
   Eigen::Vector3d by_point;  // in the depth camera's frame
-  Shutter by_shutter;
+  ByShared by_shared;
 
-  [[nodiscard]] bool at_point(const Bundle& bundle, const BundleView& view, const Eigen::Vector3d& in_camera) {
+  /// Along a surface with this normal brightness changes by `slope`, in the depth camera's frame; none: as the image
+  /// says.
+  [[nodiscard]] bool at_point(const Bundle& bundle, const BundleView& view, const Eigen::Vector3d& in_camera,
+                              const Eigen::Vector3d& normal, const Eigen::Vector3d* slope) {
     const Camera& camera = bundle.cameras_.colour;
-    const Eigen::Vector3d still = bundle.colour_from_depth_ * in_camera;
+    const Shared& shared = bundle.shared_;
+    const Eigen::Vector3d still = shared.colour_from_depth * in_camera;
     if (still.z() < kNearest) return false;
-    const double share = row_share(camera, still);
-    const double delay = view.colour_delay - bundle.shutter_.clock + bundle.shutter_.readout * share;
-    const Eigen::Vector3d y = retract(view.motion.after(delay)).inverse() * in_camera,
-                          c = bundle.colour_from_depth_ * y;
+    const CameraChange& change = bundle.cameras_.rig.colour ? shared.colour : shared.depth;
+    const double share = row_share(camera, pixel_of(camera, change, still));
+    const double delay = view.colour_delay - shared.shutter.clock + shared.shutter.readout * share;
+    const Eigen::Isometry3d then_from_camera = retract(view.motion.after(delay)).inverse();
+    const Eigen::Vector3d y = then_from_camera * in_camera, c = shared.colour_from_depth * y;
     if (c.z() < kNearest) return false;
-    const Eigen::Vector2d pixel = camera.project(c);
+    const Eigen::Vector2d m = c.hnormalized();
+    const Eigen::Vector2d pixel = pixel_of(camera, change, c);
     const int i = static_cast<int>(std::floor(pixel.x())) - 1, j = static_cast<int>(std::floor(pixel.y())) - 1;
     if (!holds(camera, i, j) || !holds(camera, i + 3, j + 3)) return false;
     // Between bilinear weights slopes jump at pixels' middles, where surfels of a view lie: that would pull views
     // apart.
     const ceres::Grid2D<std::uint8_t> grid(view.brightness.data(), 0, camera.height, 0, camera.width);
-    double gx = 0, gy = 0;
-    ceres::BiCubicInterpolator(grid).Evaluate(pixel.y(), pixel.x(), &value, &gy, &gx);
-    gx *= camera.fx, gy *= camera.fy;
-    const Eigen::Vector3d g = Eigen::Vector3d(gx, gy, -(gx * c.x() + gy * c.y()) / c.z()) / c.z();
-    by_point = bundle.colour_from_depth_.linear().transpose() * g;
+    const ceres::BiCubicInterpolator image(grid);
+    Eigen::Vector3d g;
+    if (slope == nullptr) {
+      Eigen::Vector2d by_pixel;
+      image.Evaluate(pixel.y(), pixel.x(), &value, &by_pixel.y(), &by_pixel.x());
+      const Eigen::Vector2d by_ray =
+          change.shown_by_ray(m).transpose() * by_pixel.cwiseProduct(Eigen::Vector2d(camera.fx, camera.fy));
+      g << by_ray / c.z(), -by_ray.dot(m) / c.z();
+    } else {
+      image.Evaluate(pixel.y(), pixel.x(), &value);
+      const Eigen::Matrix3d turn = shared.colour_from_depth.linear() * then_from_camera.linear();
+      const Eigen::Vector3d along = turn * *slope, n = turn * normal;
+      g = along - along.dot(c) / n.dot(c) * n;  // what moves along its ray looks the same
+    }
+    by_point = shared.colour_from_depth.linear().transpose() * g;
     by_pose << -y.cross(by_point), -by_point;
     const double by_clock = by_point.dot(rate_of(view.motion, delay, y));
-    by_shutter << by_clock, -share * by_clock;
+    by_shared.head<2>() << by_clock, -share * by_clock;
+    if (!bundle.finds_cameras_) return true;
+    by_shared.tail<kUnknowns - kDepthCamera>().setZero();
+    by_shared.segment<CameraChange::kUnknowns>(bundle.cameras_.rig.colour ? kColourCamera : kDepthCamera) =
+        change.shown_by_unknowns(m).transpose() * change.shown_by_ray(m).inverse().transpose() * (c.z() * g.head<2>());
+    if (bundle.cameras_.rig.colour) by_shared.segment<6>(kColourPose) << c.cross(g), g;
     return true;
   }
 };
@@ -112,59 +145,77 @@ bool Bundle::look(const Surfel& s, std::size_t k, bool brightness, Seen& seen) c
   const Eigen::Matrix3d camera_from_world = poses_[k].linear().transpose();
   const Eigen::Vector3d middle = camera_from_world * (s.position - poses_[k].translation());
   if (middle.z() < kNearest) return false;
-  const double share = row_share(camera, middle), delay = shutter_.readout * share;
+  const double share = row_share(camera, depth_pixel(middle)), delay = shared_.shutter.readout * share;
   const Eigen::Isometry3d then_from_camera = retract(view.motion.after(delay)).inverse();
   const Eigen::Vector3d x = then_from_camera * middle, n = then_from_camera.linear() * (camera_from_world * s.normal);
   if (x.z() < kNearest || -n.dot(x.normalized()) < kSteepest) return false;
-  const Eigen::Vector2d pixel = camera.project(x);
+  const Eigen::Vector2d pixel = depth_pixel(x);
   const int u = static_cast<int>(std::lround(pixel.x())), v = static_cast<int>(std::lround(pixel.y()));
   if (!holds(camera, u, v)) return false;
   seen.pixel = at(camera, u, v);
   const double z = corrected_depth(view, seen.pixel);
   if (!(z > 0) || view.normals[at(camera, u, v)].cast<double>().dot(n) < kAlike) return false;
-  const Eigen::Vector3d ray = camera.ray(u, v), q = z * ray;
-  const double sigma = static_cast<double>(cameras_.rig.sensor.sigma(static_cast<float>(z))), gap = n.dot(x - q);
+  const Eigen::Vector3d &ray = rays_[seen.pixel], q = z * ray;
+  const double sigma = static_cast<double>(cameras_.rig.sensor.sigma(static_cast<float>(x.z()))), gap = n.dot(x - q);
   if (std::abs(gap) > tolerance_ + kSigmas * sigma) return false;
 
   Residual& r = seen.residual[0];
+  // Where noise of a measurement scaled its own residual or derivative, shorter depth would seem better.
   r.value = r.measured = gap / sigma;
   const double e = r.value / gap_sigma_, rest = std::max(0.0, 1 - e * e / (kCut * kCut));
   r.weight = rest * rest / (gap_sigma_ * gap_sigma_);
   r.by_pose << -q.cross(n) / sigma, -n / sigma;
   r.by_surfel = Eigen::Vector3d(1 / sigma, 0, 0);
-  r.by_shutter = Shutter(0, -share * n.dot(rate_of(view.motion, delay, x)) / sigma);
-  seen.by_offset = z * z * n.dot(ray) / sigma;
+  r.by_shared.head<2>() << 0, -share * n.dot(rate_of(view.motion, delay, x)) / sigma;
+  if (finds_cameras_) {
+    r.by_shared.tail<kUnknowns - kDepthCamera>().setZero();
+    r.by_shared.segment<CameraChange::kUnknowns>(kDepthCamera) =
+        -z / sigma * shared_.depth.seen_by_unknowns(ray.head<2>()).transpose() * n.head<2>();
+  }
+  seen.by_offset = x.z() * x.z() * n.dot(ray) / sigma;
   seen.count = 1;
-  if (!brightness || view.brightness.empty()) return true;
+  if (brightness && !view.brightness.empty()) look_at_brightness(s, k, seen);
+  return true;
+}
 
+void Bundle::look_at_brightness(const Surfel& s, std::size_t k, Seen& seen) const {
+  const BundleView& view = *views_[k];
+  const Eigen::Matrix3d camera_from_world = poses_[k].linear().transpose();
+  const Eigen::Vector3d middle = camera_from_world * (s.position - poses_[k].translation());
+  const Eigen::Vector3d n = camera_from_world * s.normal;
   Look here, beside;
-  if (!here.at_point(*this, view, middle)) return true;
-  for (int i = 0; i < 2; ++i) {
-    const Eigen::Vector3d point = middle + camera_from_world * s.beside[static_cast<std::size_t>(i)];
-    if (!beside.at_point(*this, view, point)) {
+  const auto look_at = [&](Look& look, const Eigen::Vector3d& point, std::size_t i) {
+    const Eigen::Vector3d slope = camera_from_world * s.slope[i];
+    if (!look.at_point(*this, view, point, n, s.has_slope ? &slope : nullptr)) return false;
+    seen.slope[i] = poses_[k].linear() * (look.by_point - n.dot(look.by_point) * n);
+    return true;
+  };
+  if (!look_at(here, middle, 0)) return;
+  for (std::size_t i = 0; i < 2; ++i) {
+    if (!look_at(beside, middle + camera_from_world * s.beside[i], i + 1)) {
       seen.count = 1;
-      return true;
+      return;
     }
     Residual& b = seen.residual[static_cast<std::size_t>(seen.count++)];
     b.measured = beside.value - here.value;
-    b.value = b.measured - s.brightness_beside[i];
+    b.value = b.measured - s.brightness_beside[static_cast<Eigen::Index>(i)];
     const double off = b.value / brightness_sigma_;
     b.weight = (kFreedom + 1) / (kFreedom + off * off) / (brightness_sigma_ * brightness_sigma_);
     b.by_pose = beside.by_pose - here.by_pose;
     b.by_surfel.setZero();
     b.by_surfel[0] = n.dot(beside.by_point - here.by_point);
-    b.by_surfel[1 + i] = -1;
-    b.by_shutter = beside.by_shutter - here.by_shutter;
+    b.by_surfel[static_cast<Eigen::Index>(1 + i)] = -1;
+    b.by_shared.head(shared_unknowns()) =
+        beside.by_shared.head(shared_unknowns()) - here.by_shared.head(shared_unknowns());
   }
-  return true;
 }
 
 Bundle::Surfel Bundle::surfel_at(std::size_t k, int x, int y) const {
   const BundleView& view = *views_[k];
   const std::size_t pixel = at(cameras_.depth, x, y);
   const double z = corrected_depth(view, pixel);
-  const Eigen::Vector3d q = z * cameras_.depth.ray(x, y), n = view.normals[pixel].cast<double>();
-  const double delay = shutter_.readout * ((y + 0.5) / cameras_.depth.height - 0.5);
+  const Eigen::Vector3d q = z * rays_[pixel], n = view.normals[pixel].cast<double>();
+  const double delay = shared_.shutter.readout * ((y + 0.5) / cameras_.depth.height - 0.5);
   Surfel s;
   const Eigen::Isometry3d world_from_then = poses_[k] * retract(view.motion.after(delay));
   s.position = world_from_then * q;
@@ -201,7 +252,7 @@ void Bundle::sample(Cells cells) {
       Seen seen;
       for (std::size_t s = begin; s < surfels_.size(); ++s) {
         if (!is_seen(surfels_[s], other, seen)) continue;
-        const Eigen::Vector2d pixel = camera.project(poses_[other].inverse() * surfels_[s].position);
+        const Eigen::Vector2d pixel = depth_pixel(poses_[other].inverse() * surfels_[s].position);
         const int i = static_cast<int>(pixel.x()) / cell_, j = static_cast<int>(pixel.y()) / cell_;
         if (i >= 0 && j >= 0 && i < columns && j < rows) taken[other][cell_of(i, j)] = true;
       }
@@ -237,8 +288,11 @@ void Bundle::settle_surfels() {
   const Camera& camera = cameras_.depth;
   tbb::parallel_for(std::size_t{0}, surfels_.size(), [&](std::size_t i) {
     Surfel& s = surfels_[i];
+    s.has_slope = false;
     Eigen::Vector3d normal = Eigen::Vector3d::Zero();
     Eigen::Vector2d beside = Eigen::Vector2d::Zero();
+    std::array<Eigen::Vector3d, 3> slope;
+    slope.fill(Eigen::Vector3d::Zero());
     double gap = 0, information = 0, count = 0;
     Seen seen;
     for (std::uint32_t o = first_[i]; o < first_[i + 1]; ++o) {
@@ -246,8 +300,11 @@ void Bundle::settle_surfels() {
       if (!look(s, k, true, seen)) continue;
       const Residual& r = seen.residual[0];
       gap += r.weight * r.value * r.by_surfel[0], information += r.weight * r.by_surfel[0] * r.by_surfel[0];
-      if (seen.count == 3) beside += Eigen::Vector2d(seen.residual[1].measured, seen.residual[2].measured), ++count;
-      const Eigen::Vector2d pixel = camera.project(poses_[k].inverse() * s.position);
+      if (seen.count == 3) {
+        beside += Eigen::Vector2d(seen.residual[1].measured, seen.residual[2].measured), ++count;
+        for (std::size_t p = 0; p < slope.size(); ++p) slope[p] += seen.slope[p];
+      }
+      const Eigen::Vector2d pixel = depth_pixel(poses_[k].inverse() * s.position);
       const int u = static_cast<int>(std::lround(pixel.x())), v = static_cast<int>(std::lround(pixel.y()));
       if (holds(camera, u, v))
         normal += r.by_surfel[0] * r.by_surfel[0] *
@@ -261,6 +318,10 @@ void Bundle::settle_surfels() {
       s.beside[1] = radius * s.normal.cross(s.beside[0]).normalized();
     }
     if (count > 0 && !s.is_seen) s.brightness_beside = beside / count, s.is_seen = true;
+    if (count > 0) {
+      s.has_slope = true;
+      for (std::size_t p = 0; p < slope.size(); ++p) s.slope[p] = slope[p] / count;
+    }
   });
 }
 
@@ -312,13 +373,13 @@ double Bundle::cost_of_ties() const {
 
 void Bundle::adjust(bool finds_readout, Detail detail, const std::function<bool()>& goes_on) {
   finds_readout_ = finds_readout;
-  if (!finds_readout) shutter_.readout = 0;
+  if (!finds_readout) shared_.shutter.readout = 0;
   if (views_.size() < 2) return;
   const bool is_fine = detail == Detail::fine;
   cell_ = is_fine ? kFineCell : kCoarseCell;
   tolerance_ = is_fine ? kLast : kFirstTolerance;
   // A readout is found slowly; poses go on with more surfels.
-  const int most = is_fine || finds_readout ? kMostRounds : kLeastRounds;
+  const int most = is_fine ? kFineRounds : finds_readout || finds_cameras_ ? kMostRounds : kLeastRounds;
   for (int round = 0; round < most; ++round) {
     if (round % 2 == 0) sample(Cells::adjusted);
     associate();
@@ -329,7 +390,6 @@ void Bundle::adjust(bool finds_readout, Detail detail, const std::function<bool(
     measure_scales();
     const auto before = poses_;
     descend();
-    if (!correction_.empty()) settle_correction();
     double moved = 0;
     for (std::size_t k = 0; k < poses_.size(); ++k)
       moved = std::max(moved, local_coordinates(before[k].inverse() * poses_[k]).cwiseAbs().maxCoeff());

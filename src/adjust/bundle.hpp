@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Bundle adjustment over depth and brightness: poses of keyframes, the surface that they see, and the moments at which
-// their rows were taken, all together.
+// Bundle adjustment over depth and brightness: poses of keyframes, the surface that they see, and what all views share:
+// the moments at which their rows were taken, the cameras, and what depth errs by, all together.
 //
 // The surface is a set of surfels. Each may move along its normal; what brightness differs by from its middle to two
 // places beside it is its own, too, so that exposure does not matter (both as in Schöps, Sattler & Pollefeys 2019, "BAD
@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "adjust/camera_change.hpp"
 #include "adjust/view.hpp"
 #include "cairn/depth_correction.hpp"
 #include "cairn/pose_graph.hpp"
@@ -37,6 +38,7 @@ class Bundle {
   void add(const Frame& keyframe, const CameraMotion& motion, const Eigen::Isometry3d& world_from_camera);
   /// Binds two views by how they were tracked against each other.
   void tie(const PoseGraph::Edge& edge) { ties_.push_back(edge); }
+  void forget_ties() { ties_.clear(); }
   /// How close the surfels lie: few of them find the way, all of them the place.
   enum class Detail { coarse, fine };
   /// The first view stays where it is. A readout that is not asked for is 0. After each round `goes_on` is asked; where
@@ -44,11 +46,16 @@ class Bundle {
   void adjust(bool finds_readout, Detail detail, const std::function<bool()>& goes_on = {});
 
   [[nodiscard]] const std::vector<Eigen::Isometry3d>& world_from_view() const { return poses_; }
-  [[nodiscard]] const BundleShutter& shutter() const { return shutter_; }
+  [[nodiscard]] const BundleShutter& shutter() const { return shared_.shutter; }
   /// From here on, what the depth camera errs by is found as well.
   void find_correction();
   /// Of the depth camera's own image; empty where it was not asked for.
-  [[nodiscard]] const DepthCorrection& correction() const { return correction_; }
+  [[nodiscard]] const DepthCorrection& correction() const { return shared_.correction; }
+  /// From here on, focal lengths, principal points, a radial term of lenses, and where the colour camera is are found
+  /// as well.
+  void find_cameras() { finds_cameras_ = true; }
+  /// That of the constructor, with the cameras as they were found.
+  [[nodiscard]] Rig rig() const;
   [[nodiscard]] double readout_sigma() const { return readout_sigma_; }  // seconds, of the last step
   [[nodiscard]] std::size_t surfels() const { return surfels_.size(); }
   [[nodiscard]] std::size_t observations() const { return seen_by_.size(); }
@@ -61,21 +68,45 @@ class Bundle {
     Eigen::Vector3d position, normal;
     std::array<Eigen::Vector3d, 2> beside;                        // from its middle
     Eigen::Vector2d brightness_beside = Eigen::Vector2d::Zero();  // less that of its middle
-    bool is_seen = false;                                         // in brightness, so that that is known
+    /// What brightness changes by along the surface, 1/m: in the middle and beside it. The mean of all views: what one
+    /// image says is noise, that would hold surfels where they lie in it.
+    std::array<Eigen::Vector3d, 3> slope;
+    bool is_seen = false, has_slope = false;  // whether brightness_beside and slope are known
   };
-  using Shutter = Eigen::Vector2d;  // clock, readout
+  /// Unknowns that all views share; nodes of the correction follow on those that are looked for.
+  enum Unknown {
+    kClock,
+    kReadout,
+    kDepthCamera,
+    kColourCamera = kDepthCamera + CameraChange::kUnknowns,
+    kColourPose = kColourCamera + CameraChange::kUnknowns,
+    kUnknowns = kColourPose + 6
+  };
+  using ByShared = Eigen::Matrix<double, kUnknowns, 1>;  // of those that are not looked for, anything
+  struct Shared {
+    BundleShutter shutter;
+    CameraChange depth, colour;  // where colour is registered, it is the depth camera's
+    Eigen::Isometry3d colour_from_depth;
+    DepthCorrection correction;
+  };
   /// What one view tells of one surfel: a gap along the normal, and two differences of brightness.
   struct Residual {
     double value = 0, weight = 0, measured = 0;
     Vector6d by_pose;
     Eigen::Vector3d by_surfel;  // along its normal, and its brightness_beside
-    Shutter by_shutter;
+    ByShared by_shared;
   };
   struct Seen {
     std::array<Residual, 3> residual;
     int count = 0;          // 1: the gap alone
     std::size_t pixel = 0;  // of the depth camera
     double by_offset = 0;   // the gap, by 1/m of the depth correction there
+    std::array<Eigen::Vector3d, 3> slope;
+  };
+  /// What an observation shares with its surfel's place and a node of the correction, by the node's share of the pixel.
+  struct WithNodes {
+    std::size_t pixel = 0;
+    double value = 0;
   };
   struct Look;
   struct Equations;
@@ -88,6 +119,7 @@ class Bundle {
   };
 
   [[nodiscard]] bool look(const Surfel& surfel, std::size_t view, bool brightness, Seen& seen) const;
+  void look_at_brightness(const Surfel& surfel, std::size_t view, Seen& seen) const;
   [[nodiscard]] bool is_seen(const Surfel& surfel, std::size_t view, Seen& seen) const {
     return look(surfel, view, false, seen);
   }
@@ -95,6 +127,15 @@ class Bundle {
     const auto z = static_cast<double>(view.depth[pixel]);
     return offsets_.empty() ? z : z / (1 + z * static_cast<double>(offsets_[pixel]));
   }
+  [[nodiscard]] Eigen::Vector2d depth_pixel(const Eigen::Vector3d& point) const;
+  void refresh();
+  [[nodiscard]] int shared_unknowns() const { return finds_cameras_ ? kUnknowns : kDepthCamera; }
+  [[nodiscard]] int all_unknowns() const {
+    return shared_unknowns() + static_cast<int>(shared_.correction.offsets.size());
+  }
+  void move_shared(const Eigen::VectorXd& step);
+  void add_priors(Equations& equations) const;
+  void add_priors_of_nodes(Equations& equations) const;
   [[nodiscard]] Surfel surfel_at(std::size_t view, int x, int y) const;
   enum class Cells { adjusted, held_out };
   void sample(Cells cells);
@@ -105,24 +146,23 @@ class Bundle {
   [[nodiscard]] double cost_of_ties() const;
   void find_pairs();
   void linearise(std::size_t surfel, Equations& equations, Part& part) const;
+  [[nodiscard]] WithNodes add_nodes(const Seen& seen, std::size_t view, Part& part) const;
+  void eliminate(std::size_t surfel, const Equations& equations, Part& part) const;
+  void eliminate_with_nodes(std::size_t surfel, const Equations& equations, Part& part) const;
   [[nodiscard]] Equations linearise() const;
-  void move_surfels(const Equations& equations, const Eigen::VectorXd& pose_steps, const Shutter& shutter_step);
+  void move_surfels(const Equations& equations, const Eigen::VectorXd& pose_steps, const Eigen::VectorXd& shared_step);
   [[nodiscard]] bool move(const Equations& equations, double damping);
   void descend();
-  struct CorrectionSums;
-  void add_to(CorrectionSums& sums, std::size_t surfel) const;
-  void settle_correction();
 
   BundleCameras cameras_;
-  Eigen::Isometry3d colour_from_depth_;
   std::vector<std::shared_ptr<const BundleView>> views_;  // copies share them
   std::vector<Eigen::Isometry3d> poses_;
   std::vector<PoseGraph::Edge> ties_;
-  DepthCorrection correction_;
+  std::vector<Eigen::Vector3d> rays_;    // by pixel of the depth camera without its lens
   std::vector<Eigen::Vector2f> places_;  // in the camera's own image, by pixel of the depth camera without its lens
   std::vector<float> offsets_;           // of it, by pixel of the depth camera without its lens; empty: none
-  bool finds_readout_ = false;
-  BundleShutter shutter_;
+  bool finds_readout_ = false, finds_cameras_ = false;
+  Shared shared_;
   std::vector<Surfel> surfels_;
   std::vector<std::uint32_t> first_, seen_by_;                  // by surfel: where its views begin; the views
   std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;  // of views that share surfels: the later, the earlier

@@ -3,27 +3,43 @@
 // Steps of Gauss-Newton: surfels are eliminated, what is left is solved by sparse Cholesky.
 #include <tbb/parallel_for.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
 
-#include "adjust/bundle.hpp"
+#include "adjust/bundle_equations.hpp"
+#include "base/between_nodes.hpp"
 
 namespace cairn {
 namespace {
 
 constexpr double kShare = 1 / Bundle::kTogether;  // of an observation
-constexpr int kSteps = 3;                         // in a round
+constexpr int kSteps = 3, kMostTried = 6;         // in a round
+constexpr double kGrowth = 20;                    // of the damping, when a step did not help
 constexpr std::size_t kParts = 16;                // sums of surfels, added up in this order on every machine
+constexpr std::size_t kLargeParts = 4;            // the same, with what depth errs by: they take much memory
 constexpr std::uint32_t kNoPair = ~0u;
-constexpr double kHeld = 1e12;                              // information that keeps what must not move
-constexpr double kMostMove = 0.05;                          // metres of a surfel
-constexpr double kClockPrior = 0.02, kReadoutPrior = 0.02;  // seconds
+constexpr double kHeld = 1e12;      // information that keeps what must not move
+constexpr double kMostMove = 0.05;  // metres of a surfel
 // A surfel that nothing holds stays.
 const Eigen::Vector3d kFloor = Eigen::Vector3d(1e-2, 1e-6, 1e-6) / Bundle::kTogether;
 
-using WithView = Eigen::Matrix<double, 3, 6>;
-using WithShutter = Eigen::Matrix<double, 3, 2>;
+/// Of a pair of views, the earlier one as `j`.
+std::size_t number_of(std::size_t k, std::size_t j) { return k * (k + 1) / 2 + j; }
+
+/// Nodes of the correction that a pixel's offset is made of, and their shares.
+struct Nodes {
+  std::array<int, 4> node;
+  std::array<double, 4> share;
+  Nodes(const DepthCorrection& grid, const Eigen::Vector2f& place) {
+    const BetweenNodes across(place.x(), grid.columns), down(place.y(), grid.rows);
+    const int first = down.first * grid.columns + across.first;
+    const double u = static_cast<double>(across.share), v = static_cast<double>(down.share);
+    node = {first, first + 1, first + grid.columns, first + grid.columns + 1};
+    share = {(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v};
+  }
+};
 
 /// Lower triangle of a symmetric matrix made of 6x6 blocks.
 class Blocks {
@@ -66,120 +82,153 @@ void add_ties(const std::vector<PoseGraph::Edge>& ties, const std::vector<Eigen:
 
 }  // namespace
 
-/// What surfels add to the reduced system.
-struct Bundle::Part {
-  std::vector<Matrix6d> blocks;  // by pair of views
-  std::vector<Vector6d> right;   // by view
-  std::vector<Eigen::Matrix<double, 6, 2>> border;
-  Eigen::Matrix2d corner = Eigen::Matrix2d::Zero();
-  Shutter corner_right = Shutter::Zero();
-  Cost cost;
-
-  Part(std::size_t pairs, std::size_t views)
-      : blocks(pairs, Matrix6d::Zero()),
-        right(views, Vector6d::Zero()),
-        border(views, Eigen::Matrix<double, 6, 2>::Zero()) {}
-  void add(const Part& other) {
-    for (std::size_t i = 0; i < blocks.size(); ++i) blocks[i] += other.blocks[i];
-    for (std::size_t i = 0; i < right.size(); ++i) right[i] += other.right[i], border[i] += other.border[i];
-    corner += other.corner, corner_right += other.corner_right;
-    cost.add(other.cost);
-  }
-};
-
-struct Bundle::Equations {
-  // By surfel: its own block, inverted, and what it shares with the shutter; by observation: with the view.
-  std::vector<Eigen::Matrix3d> inverse;
-  std::vector<Eigen::Vector3d> gradient;
-  std::vector<WithShutter> with_shutter;
-  std::vector<WithView> with_view;
-  Part reduced;
-  double cost = 0;
-};
-
 void Bundle::find_pairs() {
   const std::size_t views = views_.size();
-  const auto number = [](std::size_t k, std::size_t j) { return k * (k + 1) / 2 + j; };
-  pair_of_.assign(number(views, 0), kNoPair);
-  for (std::size_t k = 0; k < views; ++k) pair_of_[number(k, k)] = 0;
+  pair_of_.assign(number_of(views, 0), kNoPair);
+  for (std::size_t k = 0; k < views; ++k) pair_of_[number_of(k, k)] = 0;
   for (std::size_t s = 0; s < surfels_.size(); ++s)
     for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o)
-      for (std::uint32_t other = first_[s]; other < o; ++other) pair_of_[number(seen_by_[o], seen_by_[other])] = 0;
+      for (std::uint32_t other = first_[s]; other < o; ++other) pair_of_[number_of(seen_by_[o], seen_by_[other])] = 0;
   pairs_.clear();
   for (std::size_t k = 0; k < views; ++k)
     for (std::size_t j = 0; j <= k; ++j) {
-      if (pair_of_[number(k, j)] == kNoPair) continue;
-      pair_of_[number(k, j)] = static_cast<std::uint32_t>(pairs_.size());
+      if (pair_of_[number_of(k, j)] == kNoPair) continue;
+      pair_of_[number_of(k, j)] = static_cast<std::uint32_t>(pairs_.size());
       pairs_.emplace_back(static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(j));
     }
 }
 
 void Bundle::linearise(std::size_t s, Equations& e, Part& part) const {
-  const auto number = [](std::size_t k, std::size_t j) { return k * (k + 1) / 2 + j; };
+  const int shared = shared_unknowns();
   Eigen::Matrix3d own = kFloor.asDiagonal();
   Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-  WithShutter with_shutter = WithShutter::Zero();
+  Equations::WithShared with_shared = Equations::WithShared::Zero(3, shared);
   Seen seen;
   for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o) {
     const std::size_t k = seen_by_[o];
-    WithView with_view = WithView::Zero();
+    Equations::WithView with_view = Equations::WithView::Zero();
     if (look(surfels_[s], k, true, seen)) {
       part.cost.add(*this, seen);
-      Matrix6d& block = part.blocks[pair_of_[number(k, k)]];
+      Matrix6d& block = part.blocks[pair_of_[number_of(k, k)]];
       for (int i = 0; i < seen.count; ++i) {
         const Residual& r = seen.residual[static_cast<std::size_t>(i)];
+        const auto by_shared = r.by_shared.head(shared);
         const double weight = kShare * r.weight;
         const Vector6d by_pose = weight * r.by_pose;
         const Eigen::Vector3d by_surfel = weight * r.by_surfel;
         block.noalias() += by_pose * r.by_pose.transpose();
         part.right[k] -= r.value * by_pose;
-        part.border[k].noalias() += by_pose * r.by_shutter.transpose();
-        part.corner.noalias() += weight * r.by_shutter * r.by_shutter.transpose();
-        part.corner_right -= weight * r.value * r.by_shutter;
+        part.border[k].leftCols(shared).noalias() += by_pose * by_shared.transpose();
+        part.corner.topLeftCorner(shared, shared).noalias() += weight * by_shared * by_shared.transpose();
+        part.corner_right.head(shared) -= weight * r.value * by_shared;
         own.noalias() += by_surfel * r.by_surfel.transpose();
         gradient += r.value * by_surfel;
         with_view.noalias() += by_surfel * r.by_pose.transpose();
-        with_shutter.noalias() += by_surfel * r.by_shutter.transpose();
+        with_shared.noalias() += by_surfel * by_shared.transpose();
       }
+      if (!e.with_nodes.empty()) e.with_nodes[o] = add_nodes(seen, k, part);
     }
     e.with_view[o] = with_view;
   }
-  const Eigen::Matrix3d inverse = own.inverse();
-  e.inverse[s] = inverse, e.gradient[s] = gradient, e.with_shutter[s] = with_shutter;
+  e.inverse[s] = own.inverse(), e.gradient[s] = gradient, e.with_shared[s] = with_shared;
+  eliminate(s, e, part);
+  if (!e.with_nodes.empty()) eliminate_with_nodes(s, e, part);
+}
+
+/// The gap that a view tells, of the nodes of the correction.
+Bundle::WithNodes Bundle::add_nodes(const Seen& seen, std::size_t k, Part& part) const {
+  const int shared = shared_unknowns();
+  const Residual& gap = seen.residual[0];
+  const auto by_shared = gap.by_shared.head(shared);
+  const Nodes nodes(shared_.correction, places_[seen.pixel]);
+  const double weight = kShare * gap.weight;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const int row = shared + nodes.node[i];
+    const double by_node = seen.by_offset * nodes.share[i], weighted = weight * by_node;
+    part.border[k].col(row) += weighted * gap.by_pose;
+    part.corner.row(row).head(shared) += weighted * by_shared.transpose();
+    for (std::size_t j = 0; j <= i; ++j)
+      part.corner(row, shared + nodes.node[j]) += weighted * seen.by_offset * nodes.share[j];
+    part.corner_right[row] -= weighted * gap.value;
+    part.node_information[static_cast<std::size_t>(nodes.node[i])] += weighted * by_node;
+  }
+  return {.pixel = seen.pixel, .value = weight * gap.by_surfel[0] * seen.by_offset};
+}
+
+void Bundle::eliminate(std::size_t s, const Equations& e, Part& part) const {
+  const int shared = shared_unknowns();
+  const Equations::WithShared& with_shared = e.with_shared[s];
   for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o) {
     const std::size_t k = seen_by_[o];
-    const Eigen::Matrix<double, 6, 3> eliminated = e.with_view[o].transpose() * inverse;
-    part.right[k].noalias() += eliminated * gradient;
-    part.border[k].noalias() -= eliminated * with_shutter;
+    const Eigen::Matrix<double, 6, 3> eliminated = e.with_view[o].transpose() * e.inverse[s];
+    part.right[k].noalias() += eliminated * e.gradient[s];
+    part.border[k].leftCols(shared).noalias() -= eliminated * with_shared;
     for (std::uint32_t other = first_[s]; other <= o; ++other)
-      part.blocks[pair_of_[number(k, seen_by_[other])]].noalias() -= eliminated * e.with_view[other];
+      part.blocks[pair_of_[number_of(k, seen_by_[other])]].noalias() -= eliminated * e.with_view[other];
   }
-  const Eigen::Matrix<double, 2, 3> eliminated = with_shutter.transpose() * inverse;
-  part.corner.noalias() -= eliminated * with_shutter;
-  part.corner_right.noalias() += eliminated * gradient;
+  const Equations::WithShared eliminated = e.inverse[s] * with_shared;
+  part.corner.topLeftCorner(shared, shared).noalias() -= eliminated.transpose() * with_shared;
+  part.corner_right.head(shared).noalias() += eliminated.transpose() * e.gradient[s];
+}
+
+void Bundle::eliminate_with_nodes(std::size_t s, const Equations& e, Part& part) const {
+  struct Entry {
+    int row;
+    double with_surfel;
+  };
+  std::vector<Entry> entries;
+  const int shared = shared_unknowns();
+  for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o) {
+    const Nodes nodes(shared_.correction, places_[e.with_nodes[o].pixel]);
+    for (std::size_t i = 0; i < 4; ++i)
+      entries.push_back({shared + nodes.node[i], e.with_nodes[o].value * nodes.share[i]});
+  }
+  const Eigen::Vector3d place = e.inverse[s].col(0);
+  const Eigen::RowVectorXd with_shared = place.transpose() * e.with_shared[s];
+  const double gradient = place.dot(e.gradient[s]);
+  for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o) {
+    const Vector6d eliminated = e.with_view[o].transpose() * place;
+    auto& border = part.border[seen_by_[o]];
+    for (const Entry& i : entries) border.col(i.row) -= i.with_surfel * eliminated;
+  }
+  for (const Entry& i : entries) {
+    part.corner.row(i.row).head(shared) -= i.with_surfel * with_shared;
+    part.corner_right[i.row] += i.with_surfel * gradient;
+    for (const Entry& j : entries)
+      if (j.row <= i.row) part.corner(i.row, j.row) -= i.with_surfel * j.with_surfel * place[0];
+  }
 }
 
 Bundle::Equations Bundle::linearise() const {
-  const std::size_t surfels = surfels_.size();
+  const std::size_t surfels = surfels_.size(), nodes = shared_.correction.offsets.size();
   Equations e{.inverse = std::vector<Eigen::Matrix3d>(surfels),
               .gradient = std::vector<Eigen::Vector3d>(surfels),
-              .with_shutter = std::vector<WithShutter>(surfels),
-              .with_view = std::vector<WithView>(seen_by_.size()),
-              .reduced = {pairs_.size(), views_.size()}};
-  std::vector<Part> parts(kParts, e.reduced);
-  tbb::parallel_for(std::size_t{0}, kParts, [&](std::size_t p) {
-    for (std::size_t s = p * surfels / kParts; s < (p + 1) * surfels / kParts; ++s) linearise(s, e, parts[p]);
+              .with_shared = std::vector<Equations::WithShared>(surfels),
+              .with_view = std::vector<Equations::WithView>(seen_by_.size()),
+              .with_nodes = std::vector<WithNodes>(nodes > 0 ? seen_by_.size() : 0),
+              .reduced = {pairs_.size(), views_.size(), shared_unknowns() + static_cast<int>(nodes), nodes}};
+  std::vector<Part> parts(nodes > 0 ? kLargeParts : kParts, e.reduced);
+  tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t p) {
+    for (std::size_t s = p * surfels / parts.size(); s < (p + 1) * surfels / parts.size(); ++s)
+      linearise(s, e, parts[p]);
   });
   for (const Part& part : parts) e.reduced.add(part);
   e.cost = static_cast<double>(seen_by_.size()) / kTogether * e.reduced.cost.mean() + cost_of_ties();
+  add_priors(e);
   return e;
 }
 
-void Bundle::move_surfels(const Equations& e, const Eigen::VectorXd& pose_steps, const Shutter& shutter_step) {
+void Bundle::move_surfels(const Equations& e, const Eigen::VectorXd& pose_steps, const Eigen::VectorXd& shared_step) {
+  const int shared = shared_unknowns();
   tbb::parallel_for(std::size_t{0}, surfels_.size(), [&](std::size_t s) {
-    Eigen::Vector3d g = e.gradient[s] + e.with_shutter[s] * shutter_step;
-    for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o)
+    Eigen::Vector3d g = e.gradient[s] + e.with_shared[s] * shared_step.head(shared);
+    for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o) {
       g += e.with_view[o] * pose_steps.segment<6>(static_cast<int>(6 * seen_by_[o]));
+      if (e.with_nodes.empty()) continue;
+      const Nodes nodes(shared_.correction, places_[e.with_nodes[o].pixel]);
+      for (std::size_t i = 0; i < 4; ++i)
+        g[0] += e.with_nodes[o].value * nodes.share[i] * shared_step[shared + nodes.node[i]];
+    }
     const Eigen::Vector3d move = -e.inverse[s] * g;
     surfels_[s].position += std::clamp(move[0], -kMostMove, kMostMove) * surfels_[s].normal;
     surfels_[s].brightness_beside += move.tail<2>();
@@ -201,29 +250,29 @@ bool Bundle::move(const Equations& e, double damping) {
   }
   std::vector<Vector6d> right_side = reduced.right;
   add_ties(ties_, poses_, blocks, right_side);
-  const Shutter now(shutter_.clock, shutter_.readout);
-  const Shutter prior(1 / (kClockPrior * kClockPrior), finds_readout_ ? 1 / (kReadoutPrior * kReadoutPrior) : kHeld);
-  Eigen::Matrix2d corner = reduced.corner;
-  corner.diagonal() += prior;
-  const Shutter corner_right = reduced.corner_right - prior.cwiseProduct(now);
-
   const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> solver(blocks.matrix(views));
   if (solver.info() != Eigen::Success) return false;
-  Eigen::MatrixXd right(static_cast<int>(6 * views), 3);
+  const Eigen::Index shared = reduced.corner.cols();
+  Eigen::MatrixXd border(static_cast<int>(6 * views), shared);
+  Eigen::VectorXd right(border.rows());
   for (std::size_t k = 0; k < views; ++k) {
-    right.block<6, 1>(static_cast<int>(6 * k), 0) = right_side[k];
-    right.block<6, 2>(static_cast<int>(6 * k), 1) = reduced.border[k];
+    right.segment<6>(static_cast<int>(6 * k)) = right_side[k];
+    border.middleRows<6>(static_cast<int>(6 * k)) = reduced.border[k];
   }
-  const Eigen::MatrixXd solved = solver.solve(right);
-  const Eigen::Matrix2d shutter_information = corner - right.rightCols(2).transpose() * solved.rightCols(2);
-  const Shutter shutter_step =
-      shutter_information.ldlt().solve(Shutter(corner_right - right.rightCols(2).transpose() * solved.col(0)));
-  const Eigen::VectorXd pose_steps = solved.col(0) - solved.rightCols(2) * shutter_step;
+  const Eigen::MatrixXd solved = solver.solve(border);
+  const Eigen::VectorXd without = solver.solve(right);
+  Eigen::MatrixXd information = reduced.corner.selfadjointView<Eigen::Lower>();
+  information.diagonal() *= 1 + damping;
+  information.noalias() -= border.transpose() * solved;
+  const Eigen::LLT<Eigen::MatrixXd> shared_solver(information);
+  if (shared_solver.info() != Eigen::Success) return false;
+  const Eigen::VectorXd shared_step = shared_solver.solve(reduced.corner_right - border.transpose() * without);
+  const Eigen::VectorXd pose_steps = without - solved * shared_step;
   for (std::size_t k = 0; k < views; ++k)
     poses_[k] = poses_[k] * retract(pose_steps.segment<6>(static_cast<int>(6 * k)));
-  shutter_.clock += shutter_step[0], shutter_.readout += shutter_step[1];
-  move_surfels(e, pose_steps, shutter_step);
-  readout_sigma_ = std::sqrt(shutter_information.inverse()(1, 1));
+  move_surfels(e, pose_steps, shared_step);
+  move_shared(shared_step);
+  readout_sigma_ = std::sqrt(shared_solver.solve(Eigen::VectorXd::Unit(shared, kReadout))[kReadout]);
   return true;
 }
 
@@ -231,22 +280,24 @@ bool Bundle::move(const Equations& e, double damping) {
 void Bundle::descend() {
   double damping = 1e-6;
   Equations now = linearise();
-  for (int i = 0; i < kSteps; ++i) {
+  for (int i = 0, tried = 0; i < kSteps && tried < kMostTried; ++tried) {
     const auto poses = poses_;
     const auto surfels = surfels_;
-    const BundleShutter shutter = shutter_;
+    const Shared shared = shared_;
     const double readout_sigma = readout_sigma_;
     if (!move(now, damping)) {
-      damping = std::max(1e-4, 10 * damping);
+      damping = std::max(1e-4, kGrowth * damping);
       continue;
     }
     if (Equations next = linearise(); next.cost < now.cost) {
       now = std::move(next);
       damping = std::max(1e-7, 0.2 * damping);
+      ++i;
       continue;
     }
-    poses_ = poses, surfels_ = surfels, shutter_ = shutter, readout_sigma_ = readout_sigma;
-    damping = std::max(1e-5, 10 * damping);
+    poses_ = poses, surfels_ = surfels, shared_ = shared, readout_sigma_ = readout_sigma;
+    refresh();
+    damping = std::max(1e-5, kGrowth * damping);
   }
 }
 

@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 
 namespace cairn {
@@ -14,6 +15,7 @@ constexpr double kShortest = 200;  // pixels; the focal length that colour image
 constexpr int kReach = 4;          // pixels to each side that a normal is made of
 constexpr double kFlat = 2;        // standard deviations of depth (RMS) that they may lie off their plane
 constexpr double kOneSurface = 6;  // standard deviations of depth that neighbours may differ by
+constexpr double kSmoothing = 1;   // pixels, standard deviation, of brightness
 constexpr double kSteepest = 0.3;  // cosine of a normal to its ray
 constexpr int kBlock = 4, kMeasured = 3;  // depth pixels in one; at least so many of them
 
@@ -131,6 +133,9 @@ BundleView bundle_view(const BundleCameras& cameras, const Frame& frame, const C
   for (int y = 0; y < colour.height; ++y)
     for (int x = 0; x < colour.width; ++x)
       view.brightness[at(colour, x, y)] = mean_brightness(cameras, frame.colour, x, y);
+  // Detail that cannot be interpolated would hold views where they are.
+  cv::Mat image(colour.height, colour.width, CV_8U, view.brightness.data());
+  cv::GaussianBlur(image, image, cv::Size(0, 0), kSmoothing);
   return view;
 }
 

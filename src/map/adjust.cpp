@@ -110,4 +110,24 @@ Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset, Sought s
   return adjusted;
 }
 
+AdjustedCameras adjust_cameras(BackEnd& back_end, const Rig& rig, double clock_offset) {
+  back_end.settle();
+  const Atlas& atlas = back_end.atlas();
+  const std::vector<std::size_t> keyframes =
+      atlas.keyframes.empty() ? std::vector<std::size_t>{} : atlas.main_keyframes();
+  AdjustedCameras found{.rig = rig, .clock_offset = clock_offset, .keyframes = static_cast<int>(keyframes.size())};
+  if (keyframes.size() < kFewKeyframes) return found;
+  Bundle told = bundle_of(back_end, rig, clock_offset, keyframes);
+  told.forget_ties();  // they were measured by cameras that may be wrong
+  Bundle bundle = told;
+  bundle.find_cameras(), bundle.find_correction();
+  bundle.adjust(true, Bundle::Detail::coarse), told.adjust(false, Bundle::Detail::coarse);
+  found.predicts_better = predicts_better(bundle, told);
+  found.rig = bundle.rig();
+  found.rig.depth_correction = rig.depth_correction.then(bundle.correction());
+  found.readout = bundle.shutter().readout, found.readout_sigma = bundle.readout_sigma();
+  found.clock_offset = clock_offset + bundle.shutter().clock;
+  return found;
+}
+
 }  // namespace cairn

@@ -21,7 +21,8 @@ constexpr double kSettled = 0.001;    // seconds that another pass would change 
 constexpr double kLongest = 0.1;      // seconds; no camera is slower
 constexpr double kSharpest = 0.0015;  // seconds; a larger standard deviation tells nothing
 constexpr int kFewKeyframes = 8;
-constexpr float kVoxel = 0.02f;  // metres: nobody sees this map
+constexpr double kBetter = 0.01;  // of what held-out surfels are off, that other cameras must take away
+constexpr float kVoxel = 0.02f;   // metres: nobody sees this map
 
 void set_readout(Rig& rig, double readout) {
   rig.depth.readout = readout;
@@ -77,6 +78,29 @@ FoundShutter find_shutter(const std::function<std::unique_ptr<Source>()>& open, 
   }
   found.readout = readout;
   set_readout(found.rig, readout);
+  return found;
+}
+
+FoundCalibration find_calibration(const std::function<std::unique_ptr<Source>()>& open,
+                                  const std::function<void()>& step) {
+  const auto source = open();
+  FoundCalibration found{.rig = source->rig()};
+  Mapper mapper = track(*source, found.rig, step);
+  MapState& s = *mapper.state();
+  const AdjustedCameras adjusted = adjust_cameras(s.back_end, at_one_moment(found.rig), s.tracker.clock_offset());
+  found.keyframes = adjusted.keyframes;
+  found.predicts_better = adjusted.predicts_better;
+  if (adjusted.keyframes < kFewKeyframes)
+    found.why_not =
+        fmt::format("the camera moved too little: {} keyframes, {} are needed", adjusted.keyframes, kFewKeyframes);
+  else if (adjusted.predicts_better < kBetter)
+    found.why_not = "the cameras are what they are said to be, as far as held-out measurements tell";
+  if (!found.why_not.empty()) return found;
+  const double readout = std::clamp(found.rig.depth.readout + adjusted.readout, 0.0, kLongest);
+  found.rig = adjusted.rig;
+  set_readout(found.rig, readout < kSettled ? 0 : readout);
+  found.clock_offset = adjusted.clock_offset;
+  found.readout_sigma = adjusted.readout_sigma;
   return found;
 }
 

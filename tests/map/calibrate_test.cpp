@@ -38,6 +38,8 @@ class Recording final : public Source {
     rig_.depth.readout = 0;
   }
   void refocus_at(int frame) { refocuses_at_ = frame; }
+  /// Another camera than it is.
+  void tell(const Camera& camera) { rig_.depth = camera; }
   [[nodiscard]] const Rig& rig() const override { return rig_; }
   [[nodiscard]] std::optional<int> size() const override { return frames_ - next_; }
   [[nodiscard]] std::optional<Frame> next() override {
@@ -82,6 +84,10 @@ void expect_nothing_found(const std::function<std::unique_ptr<Source>()>& open) 
   std::printf("depth: %d keyframes, %.4f better, %s\n", depth.keyframes, depth.predicts_better, depth.why_not.c_str());
   EXPECT_NE(depth.why_not, "");
   EXPECT_TRUE(depth.rig.depth_correction.empty());
+  const FoundCalibration all = find_calibration(open);
+  std::printf("all: %d keyframes, %.4f better, %s\n", all.keyframes, all.predicts_better, all.why_not.c_str());
+  EXPECT_NE(all.why_not, "");
+  EXPECT_EQ(all.rig, open()->rig());
 }
 
 TEST(Calibrate, FindsTheShutterOfACameraThatSwings) {
@@ -90,6 +96,25 @@ TEST(Calibrate, FindsTheShutterOfACameraThatSwings) {
   std::printf("%.2f +- %.2f ms, %s\n", 1000 * found.readout, 1000 * found.sigma, found.why_not.c_str());
   EXPECT_EQ(found.why_not, "");
   EXPECT_NEAR(found.readout, kReadout, 0.002);
+}
+
+TEST(Calibrate, FindsCamerasThatNobodyTold) {
+  Camera camera = focused(synthetic_camera(), 1.01);
+  camera.cx += 3, camera.cy -= 2, camera.distortion[0] = 0.05, camera.readout = 0.028;
+  const FoundCalibration found = find_calibration([=] {
+    auto recording = std::make_unique<Recording>("room", camera, 120, swung_in(synthetic_scene("room")), Change{});
+    recording->tell(synthetic_camera());
+    return recording;
+  });
+  const Camera& c = found.rig.depth;
+  std::printf("f %.2f %.2f c %.2f %.2f k1 %.4f readout %.2f ms, clock %.2f ms, %.3f better, %d keyframes %s\n", c.fx,
+              c.fy, c.cx, c.cy, c.distortion[0], 1000 * c.readout, 1000 * found.clock_offset, found.predicts_better,
+              found.keyframes, found.why_not.c_str());
+  ASSERT_EQ(found.why_not, "");
+  EXPECT_NEAR(c.fx, camera.fx, 0.001 * camera.fx);
+  EXPECT_NEAR(c.fy, camera.fy, 0.001 * camera.fy);
+  EXPECT_NEAR(c.distortion[0], camera.distortion[0], 0.005);
+  EXPECT_NEAR(c.readout, camera.readout, 0.002);
 }
 
 TEST(Calibrate, FindsNothingFromAStaticCamera) {

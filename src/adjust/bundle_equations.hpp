@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// The normal equations of a bundle, for the files that make and solve them.
+#pragma once
+#include <array>
+#include <vector>
+
+#include "adjust/bundle.hpp"
+
+namespace cairn {
+
+/// What surfels add to the reduced system. Of symmetric matrices the lower triangle is used.
+struct Bundle::Part {
+  std::vector<Matrix6d> blocks;                                  // by pair of views
+  std::vector<Vector6d> right;                                   // by view
+  std::vector<Eigen::Matrix<double, 6, Eigen::Dynamic>> border;  // by view: with what all share
+  Eigen::MatrixXd corner;                                        // of what all share
+  Eigen::VectorXd corner_right;
+  std::vector<double> node_information;  // of each node of the correction, as if all else was known
+  Cost cost;
+
+  Part(std::size_t pairs, std::size_t views, int unknowns, std::size_t nodes)
+      : blocks(pairs, Matrix6d::Zero()),
+        right(views, Vector6d::Zero()),
+        border(views, Eigen::Matrix<double, 6, Eigen::Dynamic>::Zero(6, unknowns)),
+        corner(Eigen::MatrixXd::Zero(unknowns, unknowns)),
+        corner_right(Eigen::VectorXd::Zero(unknowns)),
+        node_information(nodes, 0.0) {}
+  void add(const Part& other) {
+    for (std::size_t i = 0; i < blocks.size(); ++i) blocks[i] += other.blocks[i];
+    for (std::size_t i = 0; i < right.size(); ++i) right[i] += other.right[i], border[i] += other.border[i];
+    corner += other.corner, corner_right += other.corner_right;
+    for (std::size_t i = 0; i < node_information.size(); ++i) node_information[i] += other.node_information[i];
+    cost.add(other.cost);
+  }
+};
+
+struct Bundle::Equations {
+  using WithView = Eigen::Matrix<double, 3, 6>;
+  using WithShared = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::ColMajor, 3, kUnknowns>;
+  // By surfel: its own block, inverted, and what it shares with the unknowns of all; by observation: with its view.
+  std::vector<Eigen::Matrix3d> inverse;
+  std::vector<Eigen::Vector3d> gradient;
+  std::vector<WithShared> with_shared;
+  std::vector<WithView> with_view;
+  std::vector<WithNodes> with_nodes;  // empty: there are none
+  Part reduced;
+  double cost = 0;
+};
+
+}  // namespace cairn

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <Eigen/Core>
+#include <Eigen/LU>
+
+#include "cairn/camera.hpp"
+
+namespace cairn {
+
+/// What a camera is that is not as it was said to be, the same at every resolution: a ray (m, 1) is where the camera
+/// that was said shows the ray ((1 + stretch) m (1 + bend |m|^2) + shift, 1).
+struct CameraChange {
+  static constexpr int kUnknowns = 5;  // stretch, shift, bend
+  using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
+  Unknowns value = Unknowns::Zero();
+
+  [[nodiscard]] Eigen::Array2d stretch() const { return 1 + value.head<2>().array(); }
+  [[nodiscard]] Eigen::Vector2d shift() const { return value.segment<2>(2); }
+  [[nodiscard]] double bend() const { return value[4]; }
+
+  [[nodiscard]] Eigen::Vector2d shown(const Eigen::Vector2d& m) const {
+    return (stretch() * m.array() * (1 + bend() * m.squaredNorm())).matrix() + shift();
+  }
+  /// The other way, by iteration.
+  [[nodiscard]] Eigen::Vector2d seen(const Eigen::Vector2d& place) const {
+    const Eigen::Vector2d bent = ((place - shift()).array() / stretch()).matrix();
+    Eigen::Vector2d m = bent;
+    constexpr int kIterations = 20;
+    for (int i = 0; i < kIterations; ++i) m = bent / (1 + bend() * m.squaredNorm());
+    return m;
+  }
+  [[nodiscard]] Eigen::Matrix2d shown_by_ray(const Eigen::Vector2d& m) const {
+    const Eigen::Matrix2d bent =
+        (1 + bend() * m.squaredNorm()) * Eigen::Matrix2d::Identity() + 2 * bend() * m * m.transpose();
+    return stretch().matrix().asDiagonal() * bent;
+  }
+  [[nodiscard]] Eigen::Matrix<double, 2, kUnknowns> shown_by_unknowns(const Eigen::Vector2d& m) const {
+    const Eigen::Vector2d bent = (1 + bend() * m.squaredNorm()) * m;
+    Eigen::Matrix<double, 2, kUnknowns> by;
+    by.leftCols<2>() = bent.asDiagonal();
+    by.middleCols<2>(2).setIdentity();
+    by.col(4) = stretch() * m.array() * m.squaredNorm();
+    return by;
+  }
+  /// What `seen` of a place changes by.
+  [[nodiscard]] Eigen::Matrix<double, 2, kUnknowns> seen_by_unknowns(const Eigen::Vector2d& m) const {
+    return -shown_by_ray(m).inverse() * shown_by_unknowns(m);
+  }
+  /// The camera that was said, with it: its lens's first radial term takes the bend, to the first order where the lens
+  /// had one.
+  [[nodiscard]] Camera applied_to(Camera camera) const {
+    camera.cx += camera.fx * shift().x(), camera.cy += camera.fy * shift().y();
+    camera.fx *= stretch().x(), camera.fy *= stretch().y();
+    camera.distortion[0] += bend();
+    return camera;
+  }
+};
+
+}  // namespace cairn
