@@ -266,13 +266,17 @@ bool Bundle::move(const Equations& e, double damping) {
   information.noalias() -= border.transpose() * solved;
   const Eigen::LLT<Eigen::MatrixXd> shared_solver(information);
   if (shared_solver.info() != Eigen::Success) return false;
-  const Eigen::VectorXd shared_step = shared_solver.solve(reduced.corner_right - border.transpose() * without);
+  Eigen::MatrixXd sought(shared, 2);  // the step, and a column of the covariance
+  sought.col(0) = reduced.corner_right - border.transpose() * without;
+  sought.col(1) = Eigen::VectorXd::Unit(shared, kReadout);
+  shared_solver.solveInPlace(sought);
+  const Eigen::VectorXd shared_step = sought.col(0);
   const Eigen::VectorXd pose_steps = without - solved * shared_step;
   for (std::size_t k = 0; k < views; ++k)
     poses_[k] = poses_[k] * retract(pose_steps.segment<6>(static_cast<int>(6 * k)));
   move_surfels(e, pose_steps, shared_step);
   move_shared(shared_step);
-  readout_sigma_ = std::sqrt(shared_solver.solve(Eigen::VectorXd::Unit(shared, kReadout))[kReadout]);
+  readout_sigma_ = std::sqrt(sought(kReadout, 1));
   return true;
 }
 
