@@ -46,7 +46,8 @@ struct FoundCalibration {
 };
 /// Finds focal lengths, principal points, the first radial term of lenses, where the colour camera is, the readout of
 /// rows and what depth errs by, all together, by tracking the recording and adjusting keyframes and surface with them.
-/// `open` gives the recording from its begin, once; `step` is called after each tracked frame. Only believed where it
+/// `open` gives the recording from its begin, once; `step` is called after each tracked frame. Refused where the first
+/// half of the recording tells another focal length than the second by more than 1 %. Only believed where it
 /// predicts measurements that it was not found with. The same frames give the same cameras.
 [[nodiscard]] FoundCalibration find_calibration(const std::function<std::unique_ptr<Source>()>& open,
                                                 const std::function<void()>& step = {});

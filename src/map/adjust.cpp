@@ -110,6 +110,28 @@ Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset, Sought s
   return adjusted;
 }
 
+namespace {
+
+Bundle with_cameras(Bundle bundle) {
+  bundle.forget_ties();  // they were measured by cameras that may be wrong
+  bundle.find_cameras(), bundle.find_correction();
+  bundle.adjust(true, Bundle::Detail::coarse);
+  return bundle;
+}
+
+/// Share by which focal lengths are longer that the first half of keyframes tells than those that the second tells.
+double refocused_by(const BackEnd& back_end, const Rig& rig, double clock_offset,
+                    const std::vector<std::size_t>& keyframes) {
+  const auto middle = keyframes.begin() + static_cast<std::ptrdiff_t>(keyframes.size() / 2);
+  const auto camera_of = [&](auto from, auto to) {
+    return with_cameras(bundle_of(back_end, rig, clock_offset, {from, to})).rig().depth;
+  };
+  const Camera first = camera_of(keyframes.begin(), middle), second = camera_of(middle, keyframes.end());
+  return (first.fx + first.fy) / (second.fx + second.fy) - 1;
+}
+
+}  // namespace
+
 AdjustedCameras adjust_cameras(BackEnd& back_end, const Rig& rig, double clock_offset) {
   back_end.settle();
   const Atlas& atlas = back_end.atlas();
@@ -118,11 +140,10 @@ AdjustedCameras adjust_cameras(BackEnd& back_end, const Rig& rig, double clock_o
   AdjustedCameras found{.rig = rig, .clock_offset = clock_offset, .keyframes = static_cast<int>(keyframes.size())};
   if (keyframes.size() < kFewKeyframes) return found;
   Bundle told = bundle_of(back_end, rig, clock_offset, keyframes);
-  told.forget_ties();  // they were measured by cameras that may be wrong
-  Bundle bundle = told;
-  bundle.find_cameras(), bundle.find_correction();
-  bundle.adjust(true, Bundle::Detail::coarse), told.adjust(false, Bundle::Detail::coarse);
+  Bundle bundle = with_cameras(told);
+  told.forget_ties(), told.adjust(false, Bundle::Detail::coarse);
   found.predicts_better = predicts_better(bundle, told);
+  found.refocused_by = refocused_by(back_end, rig, clock_offset, keyframes);
   found.rig = bundle.rig();
   found.rig.depth_correction = rig.depth_correction.then(bundle.correction());
   found.readout = bundle.shutter().readout, found.readout_sigma = bundle.readout_sigma();

@@ -26,6 +26,7 @@ struct AdjustedCameras {
   double readout_sigma = 0;
   double clock_offset = 0;     // seconds that the colour camera's clock is ahead
   double predicts_better = 0;  // share by which held-out surfels are predicted better than with the cameras as given
+  double refocused_by = 0;  // share by which focal lengths are longer in the first half of keyframes than in the second
   int keyframes = 0;
 };
 /// Moves nothing: keyframes that were placed by wrong cameras are to be tracked again. `rig`: of images of one moment.

@@ -21,8 +21,9 @@ constexpr double kSettled = 0.001;    // seconds that another pass would change 
 constexpr double kLongest = 0.1;      // seconds; no camera is slower
 constexpr double kSharpest = 0.0015;  // seconds; a larger standard deviation tells nothing
 constexpr int kFewKeyframes = 8;
-constexpr double kBetter = 0.01;  // of what held-out surfels are off, that other cameras must take away
-constexpr float kVoxel = 0.02f;   // metres: nobody sees this map
+constexpr double kBetter = 0.01;     // of what held-out surfels are off, that other cameras must take away
+constexpr double kRefocused = 0.01;  // of the focal length, from half to half
+constexpr float kVoxel = 0.02f;      // metres: nobody sees this map
 
 void set_readout(Rig& rig, double readout) {
   rig.depth.readout = readout;
@@ -95,6 +96,10 @@ FoundCalibration find_calibration(const std::function<std::unique_ptr<Source>()>
         fmt::format("the camera moved too little: {} keyframes, {} are needed", adjusted.keyframes, kFewKeyframes);
   else if (adjusted.predicts_better < kBetter)
     found.why_not = "the cameras are what they are said to be, as far as held-out measurements tell";
+  else if (std::abs(adjusted.refocused_by) > kRefocused)
+    found.why_not = fmt::format(
+        "the focal length of the recording's first half is {:+.1f} % off that of its second: no camera fits both",
+        100 * adjusted.refocused_by);
   if (!found.why_not.empty()) return found;
   const double readout = std::clamp(found.rig.depth.readout + adjusted.readout, 0.0, kLongest);
   found.rig = adjusted.rig;
