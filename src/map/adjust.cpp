@@ -143,7 +143,8 @@ AdjustedCameras adjust_cameras(BackEnd& back_end, const Rig& rig, double clock_o
   Bundle bundle = with_cameras(told);
   told.forget_ties(), told.adjust(false, Bundle::Detail::coarse);
   found.predicts_better = predicts_better(bundle, told);
-  found.refocused_by = refocused_by(back_end, rig, clock_offset, keyframes);
+  if (found.predicts_better >= AdjustedCameras::kBetter)
+    found.refocused_by = refocused_by(back_end, rig, clock_offset, keyframes);
   found.rig = bundle.rig();
   found.rig.depth_correction = rig.depth_correction.then(bundle.correction());
   found.readout = bundle.shutter().readout, found.readout_sigma = bundle.readout_sigma();

@@ -21,12 +21,15 @@ enum class Sought { readout_and_depth, readout };
 
 /// What keyframes tell of the cameras that took them.
 struct AdjustedCameras {
+  static constexpr double kBetter = 0.01;  // what predicts_better must be for them to be believed
   Rig rig;             // what was given, with what was found: cameras, what depth errs by; the readout is not in it
   double readout = 0;  // seconds, what is left of it; and its standard deviation
   double readout_sigma = 0;
   double clock_offset = 0;     // seconds that the colour camera's clock is ahead
   double predicts_better = 0;  // share by which held-out surfels are predicted better than with the cameras as given
-  double refocused_by = 0;  // share by which focal lengths are longer in the first half of keyframes than in the second
+  // Of those that may be believed, share by which focal lengths are longer in the first half of keyframes than in the
+  // second.
+  double refocused_by = 0;
   int keyframes = 0;
 };
 /// Moves nothing: keyframes that were placed by wrong cameras are to be tracked again. `rig`: of images of one moment.

@@ -21,9 +21,12 @@ constexpr double kSettled = 0.001;    // seconds that another pass would change 
 constexpr double kLongest = 0.1;      // seconds; no camera is slower
 constexpr double kSharpest = 0.0015;  // seconds; a larger standard deviation tells nothing
 constexpr int kFewKeyframes = 8;
-constexpr double kBetter = 0.01;     // of what held-out surfels are off, that other cameras must take away
 constexpr double kRefocused = 0.01;  // of the focal length, from half to half
 constexpr float kVoxel = 0.02f;      // metres: nobody sees this map
+
+std::string moved_too_little(int keyframes) {
+  return fmt::format("the camera moved too little: {} keyframes, {} are needed", keyframes, kFewKeyframes);
+}
 
 void set_readout(Rig& rig, double readout) {
   rig.depth.readout = readout;
@@ -66,8 +69,7 @@ FoundShutter find_shutter(const std::function<std::unique_ptr<Source>()>& open, 
     if (pass == 0) {
       found.predicts_better = adjusted.predicts_better;
       if (adjusted.keyframes < kFewKeyframes)
-        found.why_not =
-            fmt::format("the camera moved too little: {} keyframes, {} are needed", adjusted.keyframes, kFewKeyframes);
+        found.why_not = moved_too_little(adjusted.keyframes);
       else if (!(adjusted.readout_sigma > 0 && adjusted.readout_sigma < kSharpest))
         found.why_not = "the camera turned too slowly to tell when its rows were taken";
       else if (!adjusted.has_readout || adjusted.readout < 0)
@@ -92,9 +94,8 @@ FoundCalibration find_calibration(const std::function<std::unique_ptr<Source>()>
   found.keyframes = adjusted.keyframes;
   found.predicts_better = adjusted.predicts_better;
   if (adjusted.keyframes < kFewKeyframes)
-    found.why_not =
-        fmt::format("the camera moved too little: {} keyframes, {} are needed", adjusted.keyframes, kFewKeyframes);
-  else if (adjusted.predicts_better < kBetter)
+    found.why_not = moved_too_little(adjusted.keyframes);
+  else if (adjusted.predicts_better < AdjustedCameras::kBetter)
     found.why_not = "the cameras are what they are said to be, as far as held-out measurements tell";
   else if (std::abs(adjusted.refocused_by) > kRefocused)
     found.why_not = fmt::format(
@@ -121,8 +122,7 @@ FoundDepthCorrection find_depth_correction(const std::function<std::unique_ptr<S
       found.keyframes = adjusted.keyframes;
       found.predicts_better = adjusted.corrected_predicts_better;
       if (adjusted.keyframes < kFewKeyframes)
-        found.why_not =
-            fmt::format("the camera moved too little: {} keyframes, {} are needed", adjusted.keyframes, kFewKeyframes);
+        found.why_not = moved_too_little(adjusted.keyframes);
       else if (adjusted.correction.empty())
         found.why_not = "depth errs by no more than its noise, as far as held-out measurements tell";
       if (!found.why_not.empty()) return found;
