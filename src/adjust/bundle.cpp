@@ -8,21 +8,23 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace cairn {
 namespace {
 
-constexpr int kCoarseCell = 8, kFineCell = 4;           // pixels of a view, of which one becomes a surfel
-constexpr std::size_t kMostViews = 24;                  // of a surfel
-constexpr double kSteepest = 0.3, kAlike = 0.8;         // cosines of a normal to its ray, and to what a view measures
-constexpr double kBeside = 2.5;                         // pixels
-constexpr double kNearest = 0.1;                        // metres
-constexpr double kFirstTolerance = 0.08, kLast = 0.02;  // metres that a surfel may be off, from round to round
+constexpr int kCoarseCell = 8, kFineCell = 4;    // pixels of a view, of which one becomes a surfel
+constexpr std::size_t kMostViews = 24;           // of a surfel
+constexpr double kSteepest = 0.3, kAlike = 0.8;  // cosines of a normal to its ray, and to what a view measures
+constexpr double kBeside = 2.5;                  // pixels
+constexpr double kNearest = 0.1;                 // metres
+constexpr double kLast = 0.02;                   // metres that a surfel may be off in the end
 constexpr double kNarrower = 0.7;
-constexpr int kMostRounds = 20;  // surfels are looked for anew in every second one
-constexpr int kFineRounds = 8;
-constexpr int kLeastRounds = 6;           // of which each is narrower
+constexpr int kMostRounds = 20, kFineRounds = 8;
+constexpr int kSameSurfels = 2;           // rounds
 constexpr double kStill = 2e-4;           // radians, metres: what no view moved by in a round that is the last
+constexpr double kImproves = 0.005;       // of what held-out surfels are off, that a round must take away to go on
+constexpr double kReadoutStill = 1e-4;    // seconds that it moved by in these rounds
 constexpr double kSigmas = 3;             // that it may be off beside these
 constexpr double kCut = 4;                // sigmas, of gaps (Beaton & Tukey 1974)
 constexpr double kFreedom = 5;            // of the t-distribution of brightness (Kerl, Sturm & Cremers 2013)
@@ -31,6 +33,8 @@ constexpr double kSurest = 0.1;           // of the depth noise of the sensor's 
 constexpr double kGrain = 1;              // grey levels: no image has less
 constexpr std::size_t kJudged = 5000;     // surfels that scales are measured with
 constexpr std::size_t kHeldOutEvery = 5;  // cell, where prediction is judged
+
+constexpr double kMargin = 0.1;  // of an image, that a camera's motion within it may move a point by
 
 bool holds(const Camera& c, int x, int y) { return x >= 0 && y >= 0 && x < c.width && y < c.height; }
 
@@ -47,6 +51,10 @@ Eigen::Vector2d pixel_of(const Camera& c, const CameraChange& change, const Eige
 Eigen::Vector3d rate_of(const CameraMotion& motion, double delay, const Eigen::Vector3d& point) {
   const Vector6d velocity = motion.velocity + delay * motion.acceleration;
   return velocity.head<3>().cross(point) + velocity.tail<3>();
+}
+
+Eigen::Isometry3d then_from_camera(const CameraMotion& motion, double delay) {
+  return delay == 0 ? Eigen::Isometry3d::Identity() : retract(motion.after(delay)).inverse();
 }
 
 double cost_of_gap(double e) {
@@ -82,6 +90,24 @@ void Bundle::add(const Frame& keyframe, const CameraMotion& motion, const Eigen:
   poses_.push_back(world_from_camera);
 }
 
+/// When a view's colour camera took a place, and where it was then.
+struct Bundle::Moment {
+  double share = 0, delay = 0;  // of the readout; seconds after the depth image's moment
+  Eigen::Isometry3d then_from_camera;
+  Eigen::Matrix3d colour_turn;  // from the depth camera's frame at the view's moment
+};
+
+std::optional<Bundle::Moment> Bundle::colour_moment(const BundleView& view, const Eigen::Vector3d& in_camera) const {
+  const Eigen::Vector3d still = shared_.colour_from_depth * in_camera;
+  if (still.z() < kNearest) return std::nullopt;
+  Moment m;
+  m.share = row_share(cameras_.colour, pixel_of(cameras_.colour, colour_change(), still));
+  m.delay = view.colour_delay - shared_.shutter.clock + shared_.shutter.readout * m.share;
+  m.then_from_camera = then_from_camera(view.motion, m.delay);
+  m.colour_turn = shared_.colour_from_depth.linear() * m.then_from_camera.linear();
+  return m;
+}
+
 /// The brightness of a point in a view, and what changes it.
 struct Bundle::Look {
   double value = 0;
@@ -91,17 +117,13 @@ struct Bundle::Look {
 
   /// Along a surface with this normal brightness changes by `slope`, in the depth camera's frame; none: as the image
   /// says.
-  [[nodiscard]] bool at_point(const Bundle& bundle, const BundleView& view, const Eigen::Vector3d& in_camera,
-                              const Eigen::Vector3d& normal, const Eigen::Vector3d* slope) {
+  [[nodiscard]] bool at_point(const Bundle& bundle, const BundleView& view, const Moment& moment,
+                              const Eigen::Vector3d& in_camera, const Eigen::Vector3d& normal,
+                              const Eigen::Vector3d* slope) {
     const Camera& camera = bundle.cameras_.colour;
     const Shared& shared = bundle.shared_;
-    const Eigen::Vector3d still = shared.colour_from_depth * in_camera;
-    if (still.z() < kNearest) return false;
-    const CameraChange& change = bundle.cameras_.rig.colour ? shared.colour : shared.depth;
-    const double share = row_share(camera, pixel_of(camera, change, still));
-    const double delay = view.colour_delay - shared.shutter.clock + shared.shutter.readout * share;
-    const Eigen::Isometry3d then_from_camera = retract(view.motion.after(delay)).inverse();
-    const Eigen::Vector3d y = then_from_camera * in_camera, c = shared.colour_from_depth * y;
+    const CameraChange& change = bundle.colour_change();
+    const Eigen::Vector3d y = moment.then_from_camera * in_camera, c = shared.colour_from_depth * y;
     if (c.z() < kNearest) return false;
     const Eigen::Vector2d m = c.hnormalized();
     const Eigen::Vector2d pixel = pixel_of(camera, change, c);
@@ -120,14 +142,13 @@ struct Bundle::Look {
       g << by_ray / c.z(), -by_ray.dot(m) / c.z();
     } else {
       image.Evaluate(pixel.y(), pixel.x(), &value);
-      const Eigen::Matrix3d turn = shared.colour_from_depth.linear() * then_from_camera.linear();
-      const Eigen::Vector3d along = turn * *slope, n = turn * normal;
+      const Eigen::Vector3d along = moment.colour_turn * *slope, n = moment.colour_turn * normal;
       g = along - along.dot(c) / n.dot(c) * n;  // what moves along its ray looks the same
     }
     by_point = shared.colour_from_depth.linear().transpose() * g;
     by_pose << -y.cross(by_point), -by_point;
-    const double by_clock = by_point.dot(rate_of(view.motion, delay, y));
-    by_shared.head<2>() << by_clock, -share * by_clock;
+    const double by_clock = by_point.dot(rate_of(view.motion, moment.delay, y));
+    by_shared.head<2>() << by_clock, -moment.share * by_clock;
     if (!bundle.finds_cameras_) return true;
     by_shared.tail<kUnknowns - kDepthCamera>().setZero();
     by_shared.segment<CameraChange::kUnknowns>(bundle.cameras_.rig.colour ? kColourCamera : kDepthCamera) =
@@ -145,9 +166,11 @@ bool Bundle::look(const Surfel& s, std::size_t k, bool brightness, Seen& seen) c
   const Eigen::Matrix3d camera_from_world = poses_[k].linear().transpose();
   const Eigen::Vector3d middle = camera_from_world * (s.position - poses_[k].translation());
   if (middle.z() < kNearest) return false;
-  const double share = row_share(camera, depth_pixel(middle)), delay = shared_.shutter.readout * share;
-  const Eigen::Isometry3d then_from_camera = retract(view.motion.after(delay)).inverse();
-  const Eigen::Vector3d x = then_from_camera * middle, n = then_from_camera.linear() * (camera_from_world * s.normal);
+  const Eigen::Vector2d still = depth_pixel(middle);
+  if (std::abs(still.x() / camera.width - 0.5) > 0.5 + kMargin) return false;
+  const double share = row_share(camera, still), delay = shared_.shutter.readout * share;
+  const Eigen::Isometry3d then = then_from_camera(view.motion, delay);
+  const Eigen::Vector3d x = then * middle, n = then.linear() * (camera_from_world * s.normal);
   if (x.z() < kNearest || -n.dot(x.normalized()) < kSteepest) return false;
   const Eigen::Vector2d pixel = depth_pixel(x);
   const int u = static_cast<int>(std::lround(pixel.x())), v = static_cast<int>(std::lround(pixel.y()));
@@ -183,10 +206,13 @@ void Bundle::look_at_brightness(const Surfel& s, std::size_t k, Seen& seen) cons
   const Eigen::Matrix3d camera_from_world = poses_[k].linear().transpose();
   const Eigen::Vector3d middle = camera_from_world * (s.position - poses_[k].translation());
   const Eigen::Vector3d n = camera_from_world * s.normal;
+  // The places beside are taken at the middle's moment: a row is read in a tenth of a millisecond.
+  const std::optional<Moment> moment = colour_moment(view, middle);
+  if (!moment) return;
   Look here, beside;
   const auto look_at = [&](Look& look, const Eigen::Vector3d& point, std::size_t i) {
     const Eigen::Vector3d slope = camera_from_world * s.slope[i];
-    if (!look.at_point(*this, view, point, n, s.has_slope ? &slope : nullptr)) return false;
+    if (!look.at_point(*this, view, *moment, point, n, s.has_slope ? &slope : nullptr)) return false;
     seen.slope[i] = poses_[k].linear() * (look.by_point - n.dot(look.by_point) * n);
     return true;
   };
@@ -377,11 +403,12 @@ void Bundle::adjust(bool finds_readout, Detail detail, const std::function<bool(
   if (views_.size() < 2) return;
   const bool is_fine = detail == Detail::fine;
   cell_ = is_fine ? kFineCell : kCoarseCell;
-  tolerance_ = is_fine ? kLast : kFirstTolerance;
-  // A readout is found slowly; poses go on with more surfels.
-  const int most = is_fine ? kFineRounds : finds_readout || finds_cameras_ ? kMostRounds : kLeastRounds;
-  for (int round = 0; round < most; ++round) {
-    if (round % 2 == 0) sample(Cells::adjusted);
+  if (is_fine) tolerance_ = kLast;
+  std::optional<double> error;
+  if (tolerance_ <= kLast && !finds_cameras_) error = held_out_error();
+  double readout = shared_.shutter.readout;
+  for (int round = 0; round < (is_fine ? kFineRounds : kMostRounds); ++round) {
+    if (round % kSameSurfels == 0) sample(Cells::adjusted);
     associate();
     if (surfels_.empty()) return;
     find_pairs();
@@ -395,8 +422,16 @@ void Bundle::adjust(bool finds_readout, Detail detail, const std::function<bool(
       moved = std::max(moved, local_coordinates(before[k].inverse() * poses_[k]).cwiseAbs().maxCoeff());
 
     if (goes_on && !goes_on()) return;
-    if ((is_fine || round + 1 >= kLeastRounds) && moved < kStill) return;
+    const bool is_narrow = tolerance_ <= kLast;
     tolerance_ = std::max(kLast, kNarrower * tolerance_);
+    if (!is_narrow) continue;
+    if (moved < kStill) return;
+    if (finds_cameras_) continue;  // they go on moving when prediction is as good as it gets
+    if (!is_fine && (round + 1) % kSameSurfels != 0) continue;
+    const double now = held_out_error();
+    const bool is_settled = std::abs(shared_.shutter.readout - readout) < kReadoutStill;
+    if (error && is_settled && now > (1 - kImproves) * *error) return;
+    error = now, readout = shared_.shutter.readout;
   }
 }
 

@@ -11,6 +11,7 @@
 #include <array>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -29,7 +30,8 @@ struct BundleShutter {
 
 class Bundle {
  public:
-  static constexpr double kTogether = 30;  // observations that count as one: neighbours err alike
+  static constexpr double kTogether = 30;          // observations that count as one: neighbours err alike
+  static constexpr double kFirstTolerance = 0.08;  // metres
 
   /// Of a tie, by its squared error in units of its noise and a t-distribution: tracking may have slipped.
   [[nodiscard]] static double weight_of_tie(double squared_error);
@@ -109,6 +111,7 @@ class Bundle {
     double value = 0;
   };
   struct Look;
+  struct Moment;
   struct Equations;
   struct Part;
   struct Cost {
@@ -119,6 +122,10 @@ class Bundle {
   };
 
   [[nodiscard]] bool look(const Surfel& surfel, std::size_t view, bool brightness, Seen& seen) const;
+  [[nodiscard]] const CameraChange& colour_change() const {
+    return cameras_.rig.colour ? shared_.colour : shared_.depth;
+  }
+  [[nodiscard]] std::optional<Moment> colour_moment(const BundleView& view, const Eigen::Vector3d& in_camera) const;
   void look_at_brightness(const Surfel& surfel, std::size_t view, Seen& seen) const;
   [[nodiscard]] bool is_seen(const Surfel& surfel, std::size_t view, Seen& seen) const {
     return look(surfel, view, false, seen);
@@ -130,9 +137,6 @@ class Bundle {
   [[nodiscard]] Eigen::Vector2d depth_pixel(const Eigen::Vector3d& point) const;
   void refresh();
   [[nodiscard]] int shared_unknowns() const { return finds_cameras_ ? kUnknowns : kDepthCamera; }
-  [[nodiscard]] int all_unknowns() const {
-    return shared_unknowns() + static_cast<int>(shared_.correction.offsets.size());
-  }
   void move_shared(const Eigen::VectorXd& step);
   void add_priors(Equations& equations) const;
   void add_priors_of_nodes(Equations& equations) const;
@@ -168,7 +172,7 @@ class Bundle {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;  // of views that share surfels: the later, the earlier
   std::vector<std::uint32_t> pair_of_;                          // by pair of views: their number in pairs_
   int cell_ = 4;                                                // pixels of a view, of which one becomes a surfel
-  double tolerance_ = 0;                                        // metres that a surfel may lie off what a view measures
+  double tolerance_ = kFirstTolerance;                          // metres that a surfel may lie off what a view measures
   double gap_sigma_ = 1, brightness_sigma_ = 1, readout_sigma_ = 0;
 };
 

@@ -41,6 +41,7 @@ void Bundle::find_correction() {
   for (int y = 0; y < cameras_.depth.height; ++y)
     for (int x = 0; x < cameras_.depth.width; ++x) places_.push_back(cameras_.measured_at(x, y));
   offsets_.assign(places_.size(), 0);
+  tolerance_ = kFirstTolerance;
 }
 
 /// What is looked up by pixel.

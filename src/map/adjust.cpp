@@ -18,7 +18,7 @@ constexpr double kSign = 0.001, kSigmas = 4;  // seconds; standard deviations: a
 constexpr double kBetter = 0.003;             // of what held-out surfels are off, that a readout must take away
 constexpr double kBetterCorrected = 0.01;     // the same, of a depth correction
 constexpr int kFewKeyframes = 8;              // tell nothing of what depth errs by
-constexpr int kUsualRounds = 45;              // of all bundles together
+constexpr int kUsualRounds = 30;              // of all bundles together
 
 /// Rounds of bundles that follow on each other, as one work.
 struct Rounds {
