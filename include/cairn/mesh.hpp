@@ -23,6 +23,7 @@ struct Mesh {
   std::vector<Eigen::Vector3f> normals;              ///< unit length, away from the solid
   std::vector<std::array<std::uint8_t, 4>> colours;  ///< R, G, B, 255 (sRGB)
   std::vector<float> weights;                        ///< observations at 1 m; only of a map's own mesh, never in a file
+  std::vector<float> sigmas;                         ///< metres; see SurfaceSigma::at_each; of adjusted maps alone
   std::vector<Eigen::Vector2f> texture_coordinates;  ///< 0, 0 is the texture's upper left corner, 1, 1 its lower right
   std::vector<std::array<std::uint32_t, 3>> triangles;
   Texture texture;
@@ -40,8 +41,8 @@ enum class Axes : std::uint8_t {
 
 /// Writes by extension: .glb, .gltf (with .bin and texture beside it), .ply (binary), .obj (with .mtl and texture) or
 /// .stl (binary, neither colours nor texture). The axes are Axes::automatic, and glTF (in `asset.extras`), PLY and OBJ
-/// (in a comment) tell them; PLY has no texture. Whole or not at all. Throws std::runtime_error for an unknown
-/// extension or an unwritable place.
+/// (in a comment) tell them; PLY has no texture. Sigmas go into glTF and PLY. Whole or not at all. Throws
+/// std::runtime_error for an unknown extension or an unwritable place.
 void write_mesh(const std::filesystem::path& file, const Mesh& mesh);
 
 /// Reads .glb, .gltf (also with KHR_mesh_quantization, EXT_meshopt_compression and KHR_draco_mesh_compression) and .ply

@@ -19,6 +19,7 @@ void take_vertices(Mesh& mesh, const std::vector<std::uint32_t>& vertices) {
   take(mesh.normals);
   take(mesh.colours);
   take(mesh.weights);
+  take(mesh.sigmas);
   take(mesh.texture_coordinates);
 }
 

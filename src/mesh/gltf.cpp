@@ -78,7 +78,7 @@ Stream stream_of(const std::vector<T>& values, std::size_t per_element, std::siz
 }
 
 Stream floats(const std::vector<float>& values, int type) {
-  const std::size_t n = type == TINYGLTF_TYPE_VEC2 ? 2 : 3;
+  const auto n = static_cast<std::size_t>(tinygltf::GetNumComponentsInType(static_cast<std::uint32_t>(type)));
   return stream_of(values, n, n, TINYGLTF_COMPONENT_TYPE_FLOAT, type, false);
 }
 
@@ -112,6 +112,7 @@ Attributes plain_attributes(const Mesh& mesh) {
     attributes.emplace_back("TEXCOORD_0", floats(texture_coordinates, TINYGLTF_TYPE_VEC2));
   }
   if (!mesh.colours.empty() && mesh.texture_coordinates.empty()) attributes.emplace_back("COLOR_0", colours_of(mesh));
+  if (!mesh.sigmas.empty()) attributes.emplace_back(kSigma, floats(mesh.sigmas, TINYGLTF_TYPE_SCALAR));
   return attributes;
 }
 
@@ -138,6 +139,7 @@ Attributes quantised_attributes(const Snapped& snapped) {
     attributes.emplace_back("TEXCOORD_0", stream_of(texture_coordinates, 2, 2, TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT,
                                                     TINYGLTF_TYPE_VEC2, true));
   if (!mesh.colours.empty() && texture_coordinates.empty()) attributes.emplace_back("COLOR_0", colours_of(mesh));
+  if (!mesh.sigmas.empty()) attributes.emplace_back(kSigma, floats(mesh.sigmas, TINYGLTF_TYPE_SCALAR));
   return attributes;
 }
 
@@ -181,6 +183,11 @@ void set_box(const Mesh& mesh, const Snapped* snapped, tinygltf::Accessor& acces
   accessor.maxValues = {high.x(), high.y(), high.z()};
 }
 
+/// To 8 bits, half a percent: what is left of a float packs well.
+float coarse(float value) {
+  return std::bit_cast<float>((std::bit_cast<std::uint32_t>(value) + 0x8000u) & 0xffff0000u);
+}
+
 std::vector<double> numbers(const Eigen::Vector3f& v) { return {v.x(), v.y(), v.z()}; }
 
 }  // namespace
@@ -201,6 +208,7 @@ Snapped snap(const Mesh& mesh, bool is_whole) {
   if (!is_whole) options.fixed = [](std::uint32_t) { return true; };  // any of them may be in other parts, too
   (void)make_manifold(snapped.mesh, options);
   (void)drop_unused_vertices(snapped.mesh);
+  for (float& sigma : snapped.mesh.sigmas) sigma = coarse(sigma);
   return snapped;
 }
 
@@ -386,6 +394,7 @@ struct GltfWriter::State {
       const auto kind = name == "POSITION"     ? draco::GeometryAttribute::POSITION
                         : name == "NORMAL"     ? draco::GeometryAttribute::NORMAL
                         : name == "TEXCOORD_0" ? draco::GeometryAttribute::TEX_COORD
+                        : name == kSigma       ? draco::GeometryAttribute::GENERIC
                                                : draco::GeometryAttribute::COLOR;
       attribute.Init(
           kind, nullptr,

@@ -17,6 +17,9 @@
 
 namespace cairn {
 
+/// The attribute of Mesh::sigmas.
+inline constexpr const char* kSigma = "_SIGMA";
+
 /// How a GltfWriter writes.
 struct GltfOptions {
   Compression compression = Compression::none;
@@ -57,8 +60,8 @@ class GltfWriter {
 /// The bytes of a .glb with JSON and one buffer.
 [[nodiscard]] std::vector<std::uint8_t> join_glb(std::string json, std::vector<std::uint8_t> buffer);
 
-/// A mesh with its positions on the grid on which glTF's quantised ones lie, and without triangles that have no area
-/// there. `is_whole`: no other part goes on from it, see make_manifold.
+/// A mesh with its positions on the grid on which glTF's quantised ones lie, with coarser sigmas, and without triangles
+/// that have no area there. `is_whole`: no other part goes on from it, see make_manifold.
 struct Snapped {
   Mesh mesh;
   Eigen::Vector3f low = Eigen::Vector3f::Zero();  // in glTF's frame

@@ -180,10 +180,12 @@ Mesh part_of(const tinygltf::Model& model, const tinygltf::Primitive& primitive,
   each("TEXCOORD_0", [&](const auto& v) {
     mesh.texture_coordinates.emplace_back(static_cast<float>(v[0]), static_cast<float>(v[1]));
   });
+  each(kSigma, [&](const auto& v) { mesh.sigmas.push_back(static_cast<float>(v[0])); });
   const std::size_t count = mesh.positions.size();
   if ((!mesh.normals.empty() && mesh.normals.size() != count) ||
       (!mesh.colours.empty() && mesh.colours.size() != count) ||
-      (!mesh.texture_coordinates.empty() && mesh.texture_coordinates.size() != count))
+      (!mesh.texture_coordinates.empty() && mesh.texture_coordinates.size() != count) ||
+      (!mesh.sigmas.empty() && mesh.sigmas.size() != count))
     throw std::runtime_error("the attributes of a mesh are not of one size");
   if (!mesh.texture_coordinates.empty()) mesh.texture = texture_of(model, primitive);
   std::vector<std::uint32_t> indices;

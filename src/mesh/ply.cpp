@@ -165,6 +165,7 @@ Mesh read(Rest rest) {
       const auto f = [&](const char* name) { return static_cast<float>(v[name]); };
       mesh.positions.emplace_back(f("x"), f("y"), f("z"));
       if (v.contains("nx")) mesh.normals.emplace_back(f("nx"), f("ny"), f("nz"));
+      if (v.contains("sigma")) mesh.sigmas.push_back(f("sigma"));
       if (v.contains("red")) mesh.colours.push_back({channel(v["red"]), channel(v["green"]), channel(v["blue"]), 255});
     }
   }
@@ -194,6 +195,7 @@ void write_ply(const std::filesystem::path& file, Mesh mesh, Axes axes) {
          << mesh.positions.size() << "\nproperty float x\nproperty float y\nproperty float z\n";
   if (!mesh.normals.empty()) header << "property float nx\nproperty float ny\nproperty float nz\n";
   if (!mesh.colours.empty()) header << "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+  if (!mesh.sigmas.empty()) header << "property float sigma\n";
   header << "element face " << mesh.triangles.size() << "\nproperty list uchar uint vertex_indices\nend_header\n";
   std::string bytes = header.str();
   const auto put = [&](const void* data, std::size_t size) { bytes.append(static_cast<const char*>(data), size); };
@@ -201,6 +203,7 @@ void write_ply(const std::filesystem::path& file, Mesh mesh, Axes axes) {
     put(mesh.positions[i].data(), 12);
     if (!mesh.normals.empty()) put(mesh.normals[i].data(), 12);
     if (!mesh.colours.empty()) put(mesh.colours[i].data(), 3);
+    if (!mesh.sigmas.empty()) put(&mesh.sigmas[i], 4);
   }
   for (const auto& t : mesh.triangles) {
     bytes += '\3';

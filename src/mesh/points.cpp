@@ -40,6 +40,8 @@ void SurfacePoints::add(const Mesh& mesh) {
     if (!mesh.normals.empty())
       points_.normals.push_back(
           (a * mesh.normals[t[0]] + s.b * mesh.normals[t[1]] + s.c * mesh.normals[t[2]]).normalized());
+    if (!mesh.sigmas.empty())
+      points_.sigmas.push_back(a * mesh.sigmas[t[0]] + s.b * mesh.sigmas[t[1]] + s.c * mesh.sigmas[t[2]]);
     if (mesh.colours.empty()) continue;
     auto& colour = points_.colours.emplace_back();
     for (std::size_t channel = 0; channel < 3; ++channel)

@@ -117,10 +117,12 @@ Mesh joined(const std::vector<Mesh>& parts) {
     append(all.positions, part.positions);
     append(all.normals, part.normals);
     append(all.colours, part.colours);
+    append(all.sigmas, part.sigmas);
     for (const auto& t : part.triangles) all.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
   }
   if (all.normals.size() != all.positions.size()) all.normals.clear();
   if (all.colours.size() != all.positions.size()) all.colours.clear();
+  if (all.sigmas.size() != all.positions.size()) all.sigmas.clear();
   return all;
 }
 

@@ -19,6 +19,7 @@ inline void read_parts(const char* name, const std::uint8_t* data, std::size_t s
           if (index >= count) std::abort();
       if (!part.normals.empty() && part.normals.size() != count) std::abort();
       if (!part.colours.empty() && part.colours.size() != count) std::abort();
+      if (!part.sigmas.empty() && part.sigmas.size() != count) std::abort();
       if (!part.texture_coordinates.empty() && part.texture_coordinates.size() != count) std::abort();
     }
   });

@@ -29,16 +29,24 @@ Mesh tetrahedron() {
   return mesh;
 }
 
+/// As that of a map that was adjusted.
+Mesh adjusted_tetrahedron() {
+  Mesh mesh = tetrahedron();
+  mesh.sigmas = {0.001f, 0.0021f, 0.0302f, 0.4f};
+  return mesh;
+}
+
 class MeshFile : public testing::TestWithParam<const char*> {};
 
 TEST_P(MeshFile, ComesBackAsItWasWritten) {
   const TemporaryFolder folder;
   const auto file = folder / (std::string("a") + GetParam());
-  const Mesh mesh = tetrahedron();
+  const Mesh mesh = adjusted_tetrahedron();
   write_mesh(file, mesh);
   const Mesh read = read_mesh(file);
   EXPECT_EQ(read.triangles, mesh.triangles);
   EXPECT_EQ(read.colours, mesh.colours);
+  EXPECT_EQ(read.sigmas, mesh.sigmas);
   ASSERT_EQ(read.positions.size(), mesh.positions.size());
   for (std::size_t i = 0; i < mesh.positions.size(); ++i) {
     EXPECT_EQ(read.positions[i], mesh.positions[i]);
@@ -46,10 +54,18 @@ TEST_P(MeshFile, ComesBackAsItWasWritten) {
   }
 }
 
+TEST_P(MeshFile, TellsNoSigmasThatAreNotKnown) {
+  const TemporaryFolder folder;
+  const auto file = folder / (std::string("a") + GetParam());
+  write_mesh(file, tetrahedron());
+  EXPECT_TRUE(read_mesh(file).sigmas.empty());
+  for (const char* name : {"_SIGMA", "sigma"}) EXPECT_EQ(read_bytes(file).find(name), std::string::npos) << name;
+}
+
 TEST_P(MeshFile, SatisfiesTheGltfValidator) {
   if (extension_of(std::string("a") + GetParam()) == ".ply") return;
   const TemporaryFolder folder;
-  for (const Mesh& mesh : {tetrahedron(), Mesh{}}) {
+  for (const Mesh& mesh : {tetrahedron(), adjusted_tetrahedron(), Mesh{}}) {
     const auto file = folder / (std::string("a") + GetParam());
     write_mesh(file, mesh);
     EXPECT_EQ(validate_gltf(file), "");
@@ -97,6 +113,7 @@ TEST_P(Compressed, ComesBackAndSatisfiesTheGltfValidator) {
   for (const auto& p : coloured.positions) {
     const auto c = static_cast<std::uint8_t>(128 + 100 * p.x());
     coloured.colours.push_back({c, 200, c, 255});
+    coloured.sigmas.push_back(0.002f + 0.001f * p.x());
   }
   writer.add("sheet", sheet());
   writer.add("sphere", coloured);
@@ -124,7 +141,11 @@ TEST_P(Compressed, ComesBackAndSatisfiesTheGltfValidator) {
   for (std::size_t v = 0; v < parts[1].positions.size(); ++v) {
     EXPECT_LT((parts[1].normals[v] - parts[1].positions[v].normalized()).norm(), 0.02f);
     EXPECT_NEAR(parts[1].colours[v][0], 128 + 100 * static_cast<double>(parts[1].positions[v].x()), 2);
+    const float sigma = 0.002f + 0.001f * parts[1].positions[v].x();
+    EXPECT_NEAR(parts[1].sigmas[v], sigma,
+                compression == Compression::none ? 1e-9 : 0.005 * static_cast<double>(sigma));
   }
+  EXPECT_TRUE(parts[0].sigmas.empty());
   for (const Mesh& part : parts) {
     const MeshTopology topology = examine_topology(part);
     EXPECT_EQ(topology.non_manifold_edges + topology.degenerate_triangles + topology.unreferenced_vertices, 0u);
