@@ -292,6 +292,34 @@ openvdb::FloatGrid::Ptr distance_grid(const DistanceField& field, Axes axes = Ax
   return grid;
 }
 
+openvdb::FloatGrid::Ptr sigma_grid(const GridInfo& info) {
+  auto grid = openvdb::FloatGrid::create();
+  grid->setName("sigma");
+  grid->setTransform(
+      transform_of(static_cast<float>(SurfaceSigma::kCell), Eigen::Vector3d::Zero(), file_from_voxels(info)));
+  auto accessor = grid->getAccessor();
+  for (const SurfaceSigma::Cell& cell : info.sigma.cells())
+    accessor.setValueOn({cell.at.x(), cell.at.y(), cell.at.z()}, cell.sigma());
+  return grid;
+}
+
+/// Throws std::runtime_error with what is wrong.
+SurfaceSigma sigma_of(const openvdb::GridBase& base) {
+  const auto* grid = dynamic_cast<const openvdb::FloatGrid*>(&base);
+  if (grid == nullptr || std::abs(grid->voxelSize().x() - SurfaceSigma::kCell) > 1e-6)
+    throw std::runtime_error("its grid `sigma` has another type or other voxels");
+  std::vector<SurfaceSigma::Cell> cells;
+  for (auto leaf = grid->tree().cbeginLeaf(); leaf; ++leaf)
+    for (auto value = leaf->cbeginValueOn(); value; ++value) {
+      const openvdb::Coord at = value.getCoord();
+      const auto sigma = static_cast<double>(*value);
+      if (!(sigma > 0 && std::isfinite(sigma)))
+        throw std::runtime_error("its grid `sigma` holds no standard deviation");
+      cells.push_back({.at = {at.x(), at.y(), at.z()}, .variance = sigma * sigma, .weight = 1});
+    }
+  return SurfaceSigma(cells);
+}
+
 /// How a grid is turned, back in the world whatever its file's axes are.
 Eigen::Quaterniond world_from_grid(const openvdb::FloatGrid& grid) {
   const Eigen::Quaterniond turn = turn_of(grid);
@@ -593,7 +621,8 @@ void GridsWriter::write(const BrickTree& free, const DistanceField* distances) {
   const auto transform = [&] {
     return transform_of(s.info.voxel_size, Eigen::Vector3d::Zero(), file_from_voxels(s.info));
   };
-  write_file(s.file, distances != nullptr ? 7 : 6, [&](FileWriter& writer) {
+  const bool has_sigma = !s.info.sigma.empty();
+  write_file(s.file, 6 + int{has_sigma} + int{distances != nullptr}, [&](FileWriter& writer) {
     const auto append = [&](auto& grid, const Spool& spool) {
       writer.write(grid, [&](std::ostream& out) { spool.copy_to(out); });
     };
@@ -634,6 +663,7 @@ void GridsWriter::write(const BrickTree& free, const DistanceField* distances) {
       grid->setTransform(transform());
       writer.write(*grid);
     }
+    if (has_sigma) writer.write(*sigma_grid(s.info));
     if (distances != nullptr) writer.write(*distance_grid(*distances, s.info.axes));
   });
 }
@@ -889,13 +919,14 @@ BrickTree BrickFile::read_free() const {
 ReadGrids read_grids(const std::filesystem::path& file) {
   initialize_once();
   const auto wrong = [&](const std::string& why) { return no_map(file, why); };
-  openvdb::GridBase::Ptr base[4], free;
+  openvdb::GridBase::Ptr base[4], free, sigma;
   try {
     openvdb::io::File in(file.string());
     in.open(false);
     constexpr const char* kNames[4] = {"tsdf", "weight", "colour", "colour_weight"};
     for (int i = 0; i < 4; ++i) base[i] = in.readGrid(kNames[i]);
     if (in.hasGrid("free")) free = in.readGrid("free");
+    if (in.hasGrid("sigma")) sigma = in.readGrid("sigma");
   } catch (const std::exception& error) {  // OpenVDB's, or no memory for a size that a broken file tells
     throw wrong(shown(error.what()));
   }
@@ -910,6 +941,7 @@ ReadGrids read_grids(const std::filesystem::path& file) {
   result.info = {.voxel_size = static_cast<float>(tsdf->voxelSize().x()), .truncation = tsdf->background()};
   try {
     result.info.upright = upright_of(*tsdf);
+    if (sigma) result.info.sigma = sigma_of(*sigma);
   } catch (const std::runtime_error& error) {
     throw wrong(error.what());
   }

@@ -15,6 +15,7 @@
 
 #include "cairn/esdf.hpp"
 #include "cairn/mesh.hpp"
+#include "cairn/surface_sigma.hpp"
 #include "cairn/upright.hpp"
 
 namespace cairn {
@@ -120,6 +121,7 @@ struct GridInfo {
   float truncation = 0.0f;  // metres
   Upright upright;          // how the voxels' own frame lies in the world
   Axes axes = Axes::world;  // of the file, which its grids' transforms turn to
+  SurfaceSigma sigma;       // in the voxels' own frame; empty: not known
 };
 
 /// The order in which a grid keeps its bricks: by cubes of 512 bricks a side, then by cubes of 16, then by brick, each
@@ -129,7 +131,8 @@ struct GridInfo {
 /// Writes the grids `tsdf` (float, metres, level set), `weight` (float), `colour` (vec3f, 0..1, sRGB) and
 /// `colour_weight` (float: frames), active where the weight is not 0, and `observed` and `free` (bool), active at the
 /// lowest corner of whole_cells and where a voxel was seen to be free. Inactive voxels of `tsdf` are with_unknown, and
-/// tiles behind_beside. Whole or not at all. The map comes part by part: what was added waits on the disk, packed.
+/// tiles behind_beside. Where it is known also `sigma` (float, metres), a voxel for each cell of SurfaceSigma. Whole or
+/// not at all. The map comes part by part: what was added waits on the disk, packed.
 /// Throws std::runtime_error.
 class GridsWriter {
  public:

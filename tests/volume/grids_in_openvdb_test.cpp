@@ -133,6 +133,56 @@ TEST(Grids, HaveNoSecondSurfaceWhereOpenVdbLooksForOne) {
   EXPECT_EQ(openvdb::tools::checkLevelSet(*tsdf, 8), "");  // all but the last check, of the gradient
 }
 
+TEST(Grids, TellHowSurelyTheSurfaceIsKnownWhereItLies) {
+  const TemporaryFolder folder;
+  const Eigen::Vector3d place(0.04, 0.06, 0.11);
+  const Eigen::Quaterniond turn(Eigen::AngleAxisd(0.5, Eigen::Vector3d(1, 0.2, -0.4).normalized()));
+  GridInfo info{.voxel_size = 0.01f, .truncation = 0.04f};
+  info.upright.world_from_tracked = turn;
+  info.sigma.add(place, 0.003);
+  info.sigma.add({5, 0, -1}, 0.001);
+  write_grids(folder / "map.vdb", plane_tree(), info);
+  const auto sigma = grid_of<openvdb::FloatGrid>(folder / "map.vdb", "sigma");
+  EXPECT_NEAR(sigma->voxelSize().x(), 0.05, 1e-8);
+  EXPECT_EQ(sigma->activeVoxelCount(), 2u);
+  EXPECT_EQ(sigma->background(), 0.0f);
+  const Eigen::Vector3d p = turn * place;
+  EXPECT_EQ(openvdb::tools::PointSampler::sample(sigma->tree(), sigma->worldToIndex({p.x(), p.y(), p.z()})), 0.003f);
+  const SurfaceSigma read = read_grids(folder / "map.vdb").info.sigma;
+  EXPECT_EQ(read.cells().size(), 2u);
+  for (const Eigen::Vector3d& at : {place, Eigen::Vector3d(5, 0, -1)}) EXPECT_EQ(read.at(at), info.sigma.at(at));
+}
+
+TEST(Grids, AreRefusedWithStandardDeviationsThatAreNone) {
+  const TemporaryFolder folder;
+  GridInfo info{.voxel_size = 0.01f, .truncation = 0.04f};
+  info.sigma.add({0, 0, 0}, 0.003);
+  write_grids(folder / "map.vdb", plane_tree(), info);
+  const auto with = [&](auto change) {
+    openvdb::io::File file((folder / "map.vdb").string());
+    file.open();
+    const auto grids = file.getGrids();
+    for (auto& grid : *grids)
+      if (grid->getName() == "sigma") change(grid);
+    openvdb::io::File((folder / "bad.vdb").string()).write(*grids);
+    return error_of([&] { (void)read_grids(folder / "bad.vdb"); });
+  };
+  using Base = openvdb::GridBase::Ptr;
+  EXPECT_NE(with([](Base& grid) {
+              openvdb::gridPtrCast<openvdb::FloatGrid>(grid)->tree().setValueOn({1, 2, 3}, -1);
+            }).find("`sigma` holds no standard deviation"),
+            std::string::npos);
+  EXPECT_NE(with([](Base& grid) {
+              grid->setTransform(openvdb::math::Transform::createLinearTransform(0.1));
+            }).find("`sigma` has another type or other voxels"),
+            std::string::npos);
+  EXPECT_NE(with([](Base& grid) {
+              grid = openvdb::Int32Grid::create();
+              grid->setName("sigma");
+            }).find("`sigma` has another type or other voxels"),
+            std::string::npos);
+}
+
 TEST(Grids, HaveTheAxesThatAreAskedFor) {
   const TemporaryFolder folder;
   const Eigen::Quaterniond turn(Eigen::AngleAxisd(0.5, Eigen::Vector3d(1, 0.2, -0.4).normalized()));
