@@ -31,7 +31,7 @@ class Map {
   [[nodiscard]] static Map open(const std::filesystem::path& folder, int device = -1);
 
   /// The surface as it is in the volume (marching cubes: Lorensen & Cline 1987), world frame, metres, with normals and
-  /// colours.
+  /// colours; of an adjusted map also with how surely it is known.
   [[nodiscard]] Mesh mesh();
   /// All voxels that were observed, as numbers.
   [[nodiscard]] Voxels voxels();
@@ -52,7 +52,8 @@ class Map {
   ExportedViews export_views(const std::filesystem::path& folder, const ViewsOptions& options = {},
                              const ExportProgress& progress = {});
   /// Writes the grids `tsdf`, `weight`, `colour`, `colour_weight`, `observed` and `free`, with EsdfOptions::live also
-  /// `esdf`, to a .vdb file, whole or not at all. `axes`: of their transforms; automatic: the world's.
+  /// `esdf`, and of an adjusted map `sigma`, to a .vdb file, whole or not at all. `axes`: of their transforms;
+  /// automatic: the world's.
   void write_grids(const std::filesystem::path& file, Axes axes = Axes::automatic);
   /// Writes the keyframes' pose graph by the extension: .g2o, or .svg, a picture of it. Whole or not at all.
   void write_graph(const std::filesystem::path& file) const;

@@ -147,6 +147,8 @@ struct Statistics {
   double clock_offset = 0;                                ///< seconds that the colour camera's clock is ahead
   FocalEvidence focal;                                    ///< whether the images fit another focal length better
   std::map<std::string, std::pair<int, double>> kernels;  ///< calls and total milliseconds on the device, by kernel
+  /// Of an adjusted map's surface, metres: the median, and what 95 % lie below, see SurfaceSigma. 0: not known.
+  float sigma_median = 0, sigma_95 = 0;
 };
 
 }  // namespace cairn

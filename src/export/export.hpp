@@ -7,6 +7,7 @@
 
 #include "cairn/export.hpp"
 #include "cairn/rig.hpp"
+#include "cairn/surface_sigma.hpp"
 #include "cairn/trajectory.hpp"
 #include "cairn/upright.hpp"
 #include "texture/views.hpp"
@@ -26,6 +27,7 @@ struct ExportInput {
   TextureViews::GetImage get_image;
   std::vector<Trajectory> paths;  // in the world that is written
   Upright upright;                // how all else is turned to be there
+  const SurfaceSigma& sigma;      // empty: not known
 };
 
 /// By the extension of `file`, see write_mesh; also tileset.json, 3D Tiles 1.1 with levels of detail. Throws

@@ -105,7 +105,10 @@ struct ExportRun {
             .is_whole = cells.is_whole()};
   }
   /// A mesh of the map as it is written.
-  [[nodiscard]] Mesh upright(Mesh mesh) const { return turned(std::move(mesh), input.upright.world_from_tracked); }
+  [[nodiscard]] Mesh as_written(Mesh mesh) const {
+    mesh.sigmas = input.sigma.at_each(mesh.positions);
+    return turned(std::move(mesh), input.upright.world_from_tracked);
+  }
 };
 
 }  // namespace cairn

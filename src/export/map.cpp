@@ -101,6 +101,7 @@ class MapperContents final : public Map::Contents {
 
   Mesh mesh() override {
     Mesh mesh = state_->polygonizer.polygonize(state_->world());
+    mesh.sigmas = sigma().at_each(mesh.positions);
     return turned(std::move(mesh), state_->upright().world_from_tracked);
   }
 
@@ -144,6 +145,7 @@ class MapperContents final : public Map::Contents {
   Statistics statistics() const override { return state_->statistics(); }
 
  private:
+  [[nodiscard]] const SurfaceSigma& sigma() const { return state_->back_end.atlas().surface_sigma; }
   [[nodiscard]] PoseGraph upright_graph() const;
   [[nodiscard]] bool is_in_parts();
   [[nodiscard]] WorldParts parts();
@@ -181,7 +183,8 @@ void MapperContents::write_grids(const fs::path& file, Axes axes) {
   GridsWriter writer(file, {.voxel_size = s.options.fuse.voxel_size,
                             .truncation = s.options.fuse.truncation,
                             .upright = s.upright(),
-                            .axes = resolved(axes, Axes::world)});
+                            .axes = resolved(axes, Axes::world),
+                            .sigma = sigma()});
   if (!is_in_parts() || s.whole) {
     const BrickTree& tree = s.world().on_host();
     writer.add(tree);
@@ -218,7 +221,8 @@ Exported MapperContents::export_mesh(const fs::path& file, const ExportOptions& 
                     .keyframes = texture_keyframes(s),
                     .get_image = [&](std::size_t image) { return images.get(image); },
                     .paths = {},
-                    .upright = s.upright()};
+                    .upright = s.upright(),
+                    .sigma = sigma()};
   if (in_parts)
     input.load = [&](std::span<const Brick> bricks) { part->adopt(parts->make(bricks, s.back_end.load_submap())); };
   for (int i = 0; i < s.recordings(); ++i) input.paths.push_back(s.trajectory(i));
@@ -255,7 +259,9 @@ class GridContents final : public Map::Contents {
   }
 
   Mesh mesh() override {
-    return turned(Polygonizer(device()).polygonize(volume()), grids_.info.upright.world_from_tracked);
+    Mesh mesh = Polygonizer(device()).polygonize(volume());
+    mesh.sigmas = grids_.info.sigma.at_each(mesh.positions);
+    return turned(std::move(mesh), grids_.info.upright.world_from_tracked);
   }
 
   Voxels voxels() override { return voxels_of(tree(), grids_.info); }
@@ -279,9 +285,12 @@ class GridContents final : public Map::Contents {
   Exported export_mesh(const fs::path& file, const ExportOptions& options, const ExportProgress& progress) override {
     check(options, file);
     Polygonizer polygonizer(device());
-    return export_surface(
-        {.bricks = volume().bricks(), .volume = volume(), .polygonizer = polygonizer, .upright = grids_.info.upright},
-        file, options, progress);
+    return export_surface({.bricks = volume().bricks(),
+                           .volume = volume(),
+                           .polygonizer = polygonizer,
+                           .upright = grids_.info.upright,
+                           .sigma = grids_.info.sigma},
+                          file, options, progress);
   }
 
   ExportedViews export_views(const fs::path&, const ViewsOptions&, const ExportProgress&) override {

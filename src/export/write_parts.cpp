@@ -52,7 +52,7 @@ std::string name_of(const Cells& cells, const Cells::Key& cell) {
 void add_to(Preview& preview, ExportRun& run, Texturer* texturer, const Cells::Key& cell, Part part) {
   simplify_part(run, part, {.ratio = preview.ratio}, 0, 0);
   run.step(Effort::kSimplify * part.bricks, "simplifying");
-  const Mesh mesh = run.upright(texturer != nullptr ? texturer->texture(part, 1) : std::move(part.mesh));
+  const Mesh mesh = run.as_written(texturer != nullptr ? texturer->texture(part, 1) : std::move(part.mesh));
   run.timed("write", [&] { (void)preview.gltf.add(name_of(run.cells, cell), mesh); });
 }
 
@@ -69,7 +69,7 @@ void add_cell(ExportRun& run, Texturer* texturer, const Cells::Key& cell, std::v
       simplify_part(run, part, {.ratio = kLevelRatio}, 0, level);
       run.moved_by(part.error);
     }
-    Mesh mesh = run.upright(texturer != nullptr ? texturer->texture(part, level) : part.mesh);
+    Mesh mesh = run.as_written(texturer != nullptr ? texturer->texture(part, level) : part.mesh);
     GltfWriter::Added added{mesh.triangles.size(), mesh.positions.size()};
     if (is_gltf(run.file))
       run.timed("write", [&] { added = levels[i].gltf.add(name_of(run.cells, cell), mesh); });
@@ -132,7 +132,7 @@ void write_points(ExportRun& run) {
   SurfacePoints points(run.options.point_spacing);
   for (const auto& [cell, bricks] : run.cells.all()) {
     const Part part = make_part(run, nullptr, cell);
-    run.timed("points", [&] { points.add(run.upright(part.mesh)); });
+    run.timed("points", [&] { points.add(run.as_written(part.mesh)); });
     run.step(Effort::kWrite * part.bricks +
                  Effort::kPoint * run.expected_points() * part.bricks / static_cast<double>(run.input.bricks.size()),
              "meshing");

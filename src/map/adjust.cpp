@@ -107,6 +107,7 @@ Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset, Sought s
   adjusted.clock_offset = clock_offset + bundle.shutter().clock;
   for (std::size_t view = 0; view < keyframes.size(); ++view)
     atlas.world_from_camera[keyframes[view]] = bundle.world_from_view()[view];
+  atlas.surface_sigma = {};  // of the surface before it moved
   return adjusted;
 }
 

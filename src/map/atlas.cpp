@@ -87,6 +87,9 @@ PoseGraph Atlas::graph() const {
 
 void Atlas::take(const PoseGraph& graph, const OptimiseReport& report) {
   const std::size_t known = graph.world_from_node.size();
+  const auto is_same = [](const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) { return a.matrix() == b.matrix(); };
+  if (!std::equal(graph.world_from_node.begin(), graph.world_from_node.end(), world_from_camera.begin(), is_same))
+    surface_sigma = {};
   std::copy(graph.world_from_node.begin(), graph.world_from_node.end(), world_from_camera.begin());
   for (std::size_t k = known; k < keyframes.size(); ++k)
     if (keyframes[k].follows) world_from_camera[k] = correction(k - 1) * keyframes[k].submap_from_camera;
@@ -98,6 +101,7 @@ void Atlas::take(const PoseGraph& graph, const OptimiseReport& report) {
 void Atlas::join(const PoseGraph::Edge& edge) {
   const auto first = components();
   if (first[edge.i] == first[edge.j]) return;
+  surface_sigma = {};
   const bool from_stays = first[edge.i] < first[edge.j];
   const std::size_t moving = from_stays ? edge.j : edge.i;
   const Eigen::Isometry3d target =

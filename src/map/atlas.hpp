@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "cairn/pose_graph.hpp"
+#include "cairn/surface_sigma.hpp"
 #include "cairn/trajectory.hpp"
 #include "map/fused_frames.hpp"
 #include "map/keyframe.hpp"
@@ -37,6 +38,7 @@ struct Atlas {
   std::vector<std::size_t> recordings;  // the first frame of each recording after the first
   std::optional<Up> up;                 // as it was asked for
   std::optional<SettledDown> settled;   // as the map was written before another recording went on with it
+  SurfaceSigma surface_sigma;           // by the last adjustment, until keyframes move otherwise; empty: not known
 
   /// Adds a keyframe where its tracked pose puts it.
   void add(const Keyframe& keyframe);

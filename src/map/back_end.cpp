@@ -266,6 +266,7 @@ void BackEnd::restore(const Memory& memory) {
 
 std::pair<int, bool> BackEnd::append(const BackEnd& other) {
   (void)take_found();
+  atlas_.surface_sigma = {};  // of two maps together nobody knows
   const std::size_t keyframes = atlas_.keyframes.size(), frames = atlas_.frames.size(), submaps = submaps_.size();
   for (std::size_t i = 0; i < other.submaps_.size(); ++i) submaps_.add(other.submaps_.copy(i));
   for (std::size_t k = 0; k < other.atlas_.keyframes.size(); ++k) {

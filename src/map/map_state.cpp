@@ -255,7 +255,9 @@ Statistics MapState::statistics() const {
                         .submaps_read_back = back_end.submaps().counts().read_back,
                         .clock_offset = tracker.clock_offset(),
                         .focal = tracker.focal(),
-                        .kernels = {}};
+                        .kernels = {},
+                        .sigma_median = back_end.atlas().surface_sigma.quantile(0.5),
+                        .sigma_95 = back_end.atlas().surface_sigma.quantile(0.95)};
   for (const auto& [name, time] : device.kernel_times()) statistics.kernels[name] = {time.calls, time.total_ms};
   return statistics;
 }

@@ -96,6 +96,16 @@ void fields(auto& io, Of<Volume::Residency> auto& r) {
      r.counts.paged_in);
 }
 
+void fields(auto& io, Of<SurfaceSigma::Cell> auto& c) { io(c.at, c.variance, c.weight); }
+
+void fields(auto& io, const SurfaceSigma& sigma) { io(sigma.cells()); }
+
+void fields(auto& io, SurfaceSigma& sigma) {
+  std::vector<SurfaceSigma::Cell> cells;
+  io(cells);
+  sigma = SurfaceSigma(cells);
+}
+
 /// The entries of state.cbor by their names. `newest`: frames that are in no file of their own.
 void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& newest, Of<std::string> auto& run,
              Of<std::vector<std::string>> auto& frame_files) {
@@ -109,6 +119,7 @@ void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& ne
   io("frame_files", frame_files);
   io("recordings", m.atlas.recordings);
   io.since(10, "upright", m.atlas.up, m.atlas.settled);
+  io.since(12, "surface_sigma", m.atlas.surface_sigma);
   io("submaps", m.submaps);
   io("tracked_from_camera", m.tracked_from_camera);
   io("back_end", m.searched, m.submap_begin, m.submap_since, m.in_world, m.breaks, m.unsettled, m.searching,

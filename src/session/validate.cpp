@@ -56,6 +56,15 @@ void validate(const Keyframe& keyframe, std::size_t number, std::size_t submaps)
   require_rigid(keyframe.submap_from_camera);
 }
 
+void validate(const SurfaceSigma& sigma) {
+  constexpr int kFar = 1 << 24;  // cells, as SurfaceSigma takes them
+  for (const SurfaceSigma::Cell& cell : sigma.cells()) {
+    require_numbers({cell.variance, cell.weight});
+    require(cell.variance > 0 && cell.weight > 0, "a standard deviation is none");
+    require((cell.at.array() > -kFar).all() && (cell.at.array() < kFar).all(), "a part of the surface lies nowhere");
+  }
+}
+
 void validate(const Loop& loop, std::size_t keyframes) {
   const PoseGraph::Edge& edge = loop.edge;
   require(edge.i < keyframes && edge.j < keyframes && edge.i != edge.j, "a keyframe is missing");
@@ -78,6 +87,7 @@ void validate(const BackEnd::Memory& m, std::size_t frames) {
             "what tells the way up is unknown");
     require_unit(atlas.settled->found.down);
   }
+  validate(atlas.surface_sigma);
   require(atlas.frames.full().empty(), "frames stand where only the newest do");
   validate(atlas.frames.rest(), keyframes);
   require((frames == 0) == (keyframes == 0), "keyframes and frames do not match");

@@ -52,6 +52,7 @@ Mesh mesh(bool textured) {
     mesh.texture = {8, 8, std::vector<std::array<std::uint8_t, 3>>(64, {10, 120, 200})};
   } else {
     mesh.colours = {{0, 1, 2, 255}, {100, 150, 200, 255}, {255, 254, 128, 255}, {7, 77, 177, 255}};
+    mesh.sigmas = {0.001f, 0.002f, 0.003f, 0.004f};
   }
   return mesh;
 }
@@ -207,6 +208,7 @@ void write_sessions(const fs::path& folder, const fs::path& work) {
   session.tracker.memory.last.resize(2);
   atlas.loops.push_back({.edge = {.i = 0, .j = 2}, .corners = 20});
   atlas.recordings = {2};
+  atlas.surface_sigma.add({0.1, 0.2, 0.3}, 0.002);
   session.back_end.submaps = {true};
   session.tracker.reference.levels = {{1, 2, 3, 4}, {5}};
   session.residency.on_device = {Brick(1, 2, 3)};
@@ -222,7 +224,9 @@ void write_sessions(const fs::path& folder, const fs::path& work) {
   auto block = std::make_shared<DistanceField::Block>();
   block->fill(0.25f);
   const DistanceField distances(0.02f, Eigen::Vector3f::Zero(), 1.0f, {{Eigen::Vector3i(0, 1, 2), block}});
-  write_grids(place(folder, "vdb", "map"), tree, {.voxel_size = 0.01f, .truncation = 0.04f}, &distances);
+  GridInfo info{.voxel_size = 0.01f, .truncation = 0.04f};
+  info.sigma = atlas.surface_sigma;
+  write_grids(place(folder, "vdb", "map"), tree, info, &distances);
 }
 
 /// A node with a property of each kind, a frame, a seek table and the end.

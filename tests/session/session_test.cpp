@@ -71,6 +71,7 @@ TEST(SessionFiles, HaveTheSameBytesWhenTheyAreReadAndWrittenAgain) {
   s.rig.colour->colour_from_depth.translation().x() = 0.05;
   s.back_end.atlas.keyframes[1].acceleration = Eigen::Vector3d(1, 2, 3);
   s.back_end.atlas.recordings = {1};
+  for (int i = 0; i < 100; ++i) s.back_end.atlas.surface_sigma.add({0.04 * i, 0.07 * (i % 7), -0.1}, 0.001 + 1e-5 * i);
   s.back_end.submaps = {true, false};
   s.tracker.memory.focal_costs[1] = 0.5;
   s.tracker.reference.levels = {{1, 2, 3}, {}};
@@ -84,6 +85,9 @@ TEST(SessionFiles, HaveTheSameBytesWhenTheyAreReadAndWrittenAgain) {
   EXPECT_EQ(read.session.rig, s.rig);
   EXPECT_EQ(read.session.back_end.atlas.keyframes[0].acceleration, std::nullopt);
   EXPECT_EQ(read.session.back_end.atlas.keyframes[1].acceleration, Eigen::Vector3d(1, 2, 3));
+  const SurfaceSigma &sigma = s.back_end.atlas.surface_sigma, &again = read.session.back_end.atlas.surface_sigma;
+  EXPECT_EQ(again.cells().size(), sigma.cells().size());
+  for (const double x : {0.0, 1.03, 3.96}) EXPECT_EQ(again.at({x, 0.2, -0.1}), sigma.at({x, 0.2, -0.1})) << x;
   EXPECT_EQ(read.session.back_end.submaps, s.back_end.submaps);
   EXPECT_EQ(read.session.tracker.reference.levels, s.tracker.reference.levels);
   EXPECT_EQ(read.session.residency.on_host, s.residency.on_host);
@@ -107,6 +111,15 @@ TEST(SessionFiles, WithNumbersOfWhatDoesNotExistAreDamaged) {
       [&](SessionState& s) { s.back_end.atlas.keyframes[0].odometry_from_camera = no_pose; },
       [&](SessionState& s) { s.back_end.atlas.keyframes[0].submap_from_camera = bent; },
       [&](SessionState& s) { s.back_end.atlas.world_from_camera[1] = no_pose; },
+      [](SessionState& s) {
+        s.back_end.atlas.surface_sigma = SurfaceSigma({{.at = {1, 2, 3}, .variance = -1, .weight = 1}});
+      },
+      [&](SessionState& s) {
+        s.back_end.atlas.surface_sigma = SurfaceSigma({{.at = {1, 2, 3}, .variance = 1, .weight = nan}});
+      },
+      [](SessionState& s) {
+        s.back_end.atlas.surface_sigma = SurfaceSigma({{.at = {1 << 30, 2, 3}, .variance = 1, .weight = 1}});
+      },
       [](SessionState& s) { s.back_end.atlas.loops[0].edge.j = 2; },
       [](SessionState& s) { s.back_end.atlas.loops[0].edge.i = 1; },
       [&](SessionState& s) { s.back_end.atlas.loops[0].edge.information(2, 2) = nan; },
@@ -332,7 +345,7 @@ TEST(SessionFiles, OfFramesThatAreMissingOrDamagedAreTold) {
   write_text(file, bytes.substr(0, 5));
   expect_told("does not begin with 'cairn frames'");
   write_text(file, "cairn frames 1 00000000\n");
-  expect_told("was written by another version of cairn (format 1, this one reads 9 to 11)");
+  expect_told("was written by another version of cairn (format 1, this one reads 9 to 12)");
   fs::remove(file);
   expect_told("cannot be opened");
 }
