@@ -120,6 +120,7 @@ Json told_of(const fs::path& folder) {
             {"loops", report.contains("loops") ? report["loops"].size() : 0},
             {"voxel_size", report.value(nlohmann::json::json_pointer("/options/voxel_size"), 0.0)}};
   if (report.contains("interrupted")) told["interrupted"] = report["interrupted"];
+  if (report.contains("surface_sigma")) told["surface_sigma"] = report["surface_sigma"];
   if (report.contains("mesh")) {
     const auto& mesh = report["mesh"];
     told["triangles"] = mesh.value("triangles", 0);
@@ -154,6 +155,10 @@ void print(const Json& told) {
                                 told.contains("texel_m")
                                     ? fmt::format("textured, {:.1f} mm a texel", 1000 * told["texel_m"].get<double>())
                                     : "with the voxels' colours"));
+  if (told.contains("surface_sigma"))
+    line("uncertainty", fmt::format("{:.2f} mm, 95 % of the surface below {:.2f} mm",
+                                    1000 * told["surface_sigma"]["median_m"].get<double>(),
+                                    1000 * told["surface_sigma"]["p95_m"].get<double>()));
   if (told.contains("keyframes"))
     line("keyframes", fmt::format("{}, {} loops", told["keyframes"].get<int>(), told["loops"].get<int>()));
   for (const Json& file : told["files"])

@@ -63,6 +63,8 @@ nlohmann::json to_json(const Statistics& statistics) {
         {"tried", statistics.loops_tried},
         {"graph_ms", statistics.graph_ms},
         {"world_ms", statistics.world_ms}}}};
+  if (statistics.sigma_median > 0)
+    report["surface_sigma"] = {{"median_m", statistics.sigma_median}, {"p95_m", statistics.sigma_95}};
   for (const auto& [kernel, time] : statistics.kernels)
     report["kernels"][kernel] = {
         {"calls", time.first}, {"total_ms", time.second}, {"mean_ms", time.second / std::max(1, time.first)}};

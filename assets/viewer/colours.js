@@ -4,11 +4,12 @@
 import * as THREE from 'three';
 import { choice, element } from './dom.js';
 import { legend, viridis } from './ramp.js';
-import { height, metres } from './words.js';
+import { height, metres, millimetres } from './words.js';
 
 const kPoses = 150;  // of the path, that distances are measured to
 const kLinear = Float32Array.from({ length: 256 }, (_, c) => new THREE.Color().setRGB(c / 255, 0, 0, THREE.SRGBColorSpace).r);
 const kNothing = [90, 95, 102];
+const kSigma = '_sigma';  // what glTF calls _SIGMA: metres, of a map that was adjusted
 
 /** What lies below `share` of the values, sorted. */
 const quantile = (values, share) => values[Math.min(values.length - 1, Math.floor(share * values.length))];
@@ -18,7 +19,8 @@ export class Colours {
   constructor(scene, { fields, hasFields, level, path }) {
     Object.assign(this, { scene, fields, level, path, shown: 'colour' });
     const kinds = [['colour', 'As it looks'], ['shape', 'Shape'], ['height', 'Height'], ['normal', 'Direction'], ['reach', 'Distance'],
-                   ...(hasFields ? [['weight', 'Seen how often'], ['sigma', 'Uncertainty']] : [])];
+                   ...(hasFields ? [['weight', 'Seen how often'], ['sigma', 'Uncertainty']] : []),
+                   ...([...scene.meshes()].some(({ geometry }) => geometry.hasAttribute(kSigma)) ? [['adjusted', 'Uncertainty, adjusted']] : [])];
     this.choice = choice('Colours', kinds, 'colour', (kind) => this.set(kind));
     this.told = element('div', {}, '');
     this.body = element('div', {}, this.choice, this.told);
@@ -53,7 +55,7 @@ export class Colours {
     else geometry.deleteAttribute('color');
   }
 
-  /** `colourOf(x, y, z, normal)`: bytes, of a place in three.js' world. */
+  /** `colourOf(place, normal, geometry, i)`: bytes, of a vertex and its place in three.js' world. */
   tint(colourOf, needsNormals = false) {
     const place = new THREE.Vector3(), normal = new THREE.Vector3(), turn = new THREE.Matrix3();
     for (const mesh of this.scene.meshes()) {
@@ -63,7 +65,7 @@ export class Colours {
       for (let i = 0; i < position.count; ++i) {
         place.fromBufferAttribute(position, i).applyMatrix4(matrixWorld);
         if (needsNormals) normal.fromBufferAttribute(geometry.attributes.normal, i).applyMatrix3(turn).normalize();
-        const [r, g, b] = colourOf(place, normal);
+        const [r, g, b] = colourOf(place, normal, geometry, i);
         colours[3 * i] = kLinear[r & 255];
         colours[3 * i + 1] = kLinear[g & 255];
         colours[3 * i + 2] = kLinear[b & 255];
@@ -74,21 +76,21 @@ export class Colours {
     }
   }
 
-  /** From low to high, by a value at each place; null is grey. */
+  /** From low to high, by a value at each vertex, `valueOf(place, geometry, i)`; null is grey. */
   byValue(valueOf, show, lowest) {
     const samples = [], place = new THREE.Vector3();
     for (const mesh of this.scene.meshes()) {
       const { position } = mesh.geometry.attributes, step = Math.max(1, Math.floor(position.count / 5000));
       for (let i = 0; i < position.count; i += step) {
-        const value = valueOf(place.fromBufferAttribute(position, i).applyMatrix4(mesh.matrixWorld));
+        const value = valueOf(place.fromBufferAttribute(position, i).applyMatrix4(mesh.matrixWorld), mesh.geometry, i);
         if (value != null) samples.push(value);
       }
     }
     samples.sort((a, b) => a - b);
     if (samples.length === 0) throw new Error('the map holds nothing of it here');
     const low = lowest ?? quantile(samples, 0.01), high = Math.max(quantile(samples, 0.99), low + 1e-6);
-    this.tint((at) => {
-      const value = valueOf(at);
+    this.tint((at, _, geometry, i) => {
+      const value = valueOf(at, geometry, i);
       return value == null ? kNothing : viridis((value - low) / (high - low));
     });
     return [legend(viridis, show(low), show(high))];
@@ -115,6 +117,11 @@ export class Colours {
 
   sigma(fields) {
     const told = this.byValue(({ x, y, z }) => { const v = fields.at(fields.sigma, x, -y, -z); return v ? v * 1e-4 : null; }, metres, 0);
-    return [...told, element('p', { className: 'hint' }, 'Standard deviation of the surface.')];
+    return [...told, element('p', { className: 'hint' }, 'Standard deviation of the surface by the noise of its measurements, as if all poses were exact.')];
+  }
+
+  adjusted() {
+    const told = this.byValue((_, geometry, i) => geometry.getAttribute(kSigma)?.getX(i), millimetres);
+    return [...told, element('p', { className: 'hint' }, 'Standard deviation of the surface along its normal, as the adjustment of all keyframes tells it. What that did not see has the largest.')];
   }
 }

@@ -3,7 +3,7 @@
 // What stands beside a finished map: how good it is, its files, facts, charts and parameters.
 import { charts } from './charts.js';
 import { element, facts } from './dom.js';
-import { bytes, count, option, seconds as said } from './words.js';
+import { bytes, count, millimetres, option, seconds as said } from './words.js';
 
 const kLevels = { good: 'good', weak: 'weak', bad: 'lost' };
 
@@ -45,6 +45,7 @@ function factsOf(report) {
   if (mesh?.textures) list.push(['Texture', `${mesh.textures === 1 ? '1 image' : `${mesh.textures} images`}, ${Math.round(100 * mesh.textured_share)} % from keyframes`]);
   if (report.upright) list.push(['Upright', report.upright.words ?? kSources[report.upright.source] ?? report.upright.source]);
   else if (report.tilt_degrees != null) list.push(['Tilt against gravity', `${report.tilt_degrees.toFixed(2)}°`]);
+  if (report.surface_sigma) list.push(['Uncertainty', `${millimetres(report.surface_sigma.median_m)}, 95 % of the surface below ${millimetres(report.surface_sigma.p95_m)}`]);
   if (report.live)
     list.push(['Skipped to keep up', report.live.skipped_to_keep_up], ['Frame to pose, 95 %', `${report.live.latency_ms.p95.toFixed(0)} ms`]);
   list.push(['Peak memory', megabytes(report.peak_memory_mb)], ['Device', report.device]);

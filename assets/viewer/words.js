@@ -12,6 +12,8 @@ export function metres(value) {
   return `${(1000 * value).toFixed(1)} mm`;
 }
 
+export const millimetres = (value) => `${(1000 * value).toFixed(2)} mm`;
+
 /** Of a slider, or a legend. */
 export const height = (value) => `${value.toFixed(2).replace(/^-(?=[0.]*$)/, '')} m`;
 
