@@ -109,6 +109,14 @@ vertices: (N, 3). triangles: (M, 3), whole numbers. colors: (N, 3 or 4) uint8, s
           },
           "(N,) float32, observations at 1 m, of a map's own mesh; or None.")
       .def_property_readonly(
+          "sigmas",
+          [](const py::object& self) -> py::object {
+            const auto& mesh = self.cast<const Mesh&>();
+            if (mesh.sigmas.empty()) return py::none();
+            return view(mesh.sigmas.data(), {count(mesh.sigmas)}, self);
+          },
+          "(N,) float32, metres: standard deviation of the surface along its normal, of an adjusted map; or None.")
+      .def_property_readonly(
           "texture_coordinates",
           [](const py::object& self) {
             return column<float>(self, self.cast<const Mesh&>().texture_coordinates, 2, true);

@@ -114,6 +114,9 @@ void add_map_reports(py::module_& m) {
           "focal_scale", [](const Statistics& s) { return s.focal.scale; },
           "The focal length that fits the images best, in units of the camera's.")
       .def_property_readonly("focal_is_doubtful", [](const Statistics& s) { return s.focal.contradicts(); })
+      .def_readonly("sigma_median", &Statistics::sigma_median,
+                    "Metres: how surely an adjusted map knows its surface, the median; 0: not known.")
+      .def_readonly("sigma_95", &Statistics::sigma_95, "What 95 % of the surface lie below.")
       .def("__repr__", [](const Statistics& s) {
         return repr(
             "Statistics",

@@ -18,6 +18,7 @@ def test_meshes_are_arrays(mapper: cairn.Mapper, here: Path) -> None:
     mesh = mapper.mesh()
     assert mesh.vertices.dtype == np.float32 and mesh.triangles.dtype == np.uint32
     assert mesh.normals is not None and mesh.colors is not None and mesh.weights is not None
+    assert mesh.sigmas is None  # the map was not adjusted
     assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-3) and mesh.colors[:, 3].min() == 255
     assert mesh.triangles.max() == len(mesh.vertices) - 1 and mesh.texture is None
     vertices = mesh.vertices
