@@ -28,6 +28,17 @@ struct BundleShutter {
   double readout = 0;  // seconds from an image's first row to its last, of both cameras
 };
 
+/// How surely views and surfels lie where they are, with the first view where it is.
+struct BundleCovariance {
+  /// Of each view's pose: pose * retract(error); radians, then metres.
+  std::vector<Matrix6d> of_views;
+  struct OfSurfel {
+    Eigen::Vector3d position;           // in the world, metres
+    double of_noise = 0, of_poses = 0;  // variances along its normal, m^2
+  };
+  std::vector<OfSurfel> of_surfels;
+};
+
 class Bundle {
  public:
   static constexpr double kTogether = 30;          // observations that count as one: neighbours err alike
@@ -61,6 +72,9 @@ class Bundle {
   [[nodiscard]] double readout_sigma() const { return readout_sigma_; }  // seconds, of the last step
   [[nodiscard]] std::size_t surfels() const { return surfels_.size(); }
   [[nodiscard]] std::size_t observations() const { return seen_by_.size(); }
+  /// By the curvature of what was minimised with the surfels of the last round, scaled by how much the places of the
+  /// scene contradict each other; none where nothing holds a view.
+  [[nodiscard]] std::optional<BundleCovariance> covariance() const;
   /// Mean robust error of surfels that the adjustment did not use, each put where the views that see it say: how well
   /// poses and shutter predict. Lower is better; comparable between adjustments of the same views.
   [[nodiscard]] double held_out_error();
@@ -114,6 +128,7 @@ class Bundle {
   struct Moment;
   struct Equations;
   struct Part;
+  struct Solver;
   struct Cost {
     double gaps = 0, gap_count = 0, differences = 0, difference_count = 0;
     void add(const Bundle& bundle, const Seen& seen);
@@ -153,7 +168,10 @@ class Bundle {
   [[nodiscard]] WithNodes add_nodes(const Seen& seen, std::size_t view, Part& part) const;
   void eliminate(std::size_t surfel, const Equations& equations, Part& part) const;
   void eliminate_with_nodes(std::size_t surfel, const Equations& equations, Part& part) const;
+  [[nodiscard]] Equations no_equations() const;
   [[nodiscard]] Equations linearise() const;
+  [[nodiscard]] std::pair<Equations, Eigen::MatrixXd> linearise_by_places() const;
+  [[nodiscard]] std::vector<Matrix6d> covariance_of_views(const Solver& solver, const Eigen::MatrixXd& by_place) const;
   void move_surfels(const Equations& equations, const Eigen::VectorXd& pose_steps, const Eigen::VectorXd& shared_step);
   [[nodiscard]] bool move(const Equations& equations, double damping);
   void descend();

@@ -2,6 +2,8 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // The normal equations of a bundle, for the files that make and solve them.
 #pragma once
+#include <Eigen/Cholesky>
+#include <Eigen/SparseCholesky>
 #include <array>
 #include <vector>
 
@@ -46,6 +48,24 @@ struct Bundle::Equations {
   std::vector<WithNodes> with_nodes;  // empty: there are none
   Part reduced;
   double cost = 0;
+};
+
+/// What is left when surfels are eliminated: poses, and what all views share.
+struct Bundle::Solver {
+  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> poses;
+  Eigen::VectorXd right;           // of poses
+  Eigen::MatrixXd border, solved;  // poses with what all share, and what the poses' own block makes of it
+  Eigen::LLT<Eigen::MatrixXd> shared;
+  bool has_solution = false;
+
+  Solver(const Bundle& bundle, const Equations& equations, double damping);
+  /// Of right sides, by column.
+  [[nodiscard]] Eigen::MatrixXd shared_steps(const Eigen::MatrixXd& of_poses, const Eigen::MatrixXd& of_shared) const {
+    return shared.solve(of_shared - solved.transpose() * of_poses);
+  }
+  [[nodiscard]] Eigen::MatrixXd pose_steps(const Eigen::MatrixXd& of_poses, const Eigen::MatrixXd& shared_steps) const {
+    return poses.solve(of_poses) - solved * shared_steps;
+  }
 };
 
 }  // namespace cairn

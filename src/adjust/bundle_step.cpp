@@ -3,8 +3,6 @@
 // Steps of Gauss-Newton: surfels are eliminated, what is left is solved by sparse Cholesky.
 #include <tbb/parallel_for.h>
 
-#include <Eigen/Cholesky>
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
 
@@ -199,14 +197,19 @@ void Bundle::eliminate_with_nodes(std::size_t s, const Equations& e, Part& part)
   }
 }
 
+Bundle::Equations Bundle::no_equations() const {
+  const std::size_t surfels = surfels_.size(), nodes = shared_.correction.offsets.size();
+  return {.inverse = std::vector<Eigen::Matrix3d>(surfels),
+          .gradient = std::vector<Eigen::Vector3d>(surfels),
+          .with_shared = std::vector<Equations::WithShared>(surfels),
+          .with_view = std::vector<Equations::WithView>(seen_by_.size()),
+          .with_nodes = std::vector<WithNodes>(nodes > 0 ? seen_by_.size() : 0),
+          .reduced = {pairs_.size(), views_.size(), shared_unknowns() + static_cast<int>(nodes), nodes}};
+}
+
 Bundle::Equations Bundle::linearise() const {
   const std::size_t surfels = surfels_.size(), nodes = shared_.correction.offsets.size();
-  Equations e{.inverse = std::vector<Eigen::Matrix3d>(surfels),
-              .gradient = std::vector<Eigen::Vector3d>(surfels),
-              .with_shared = std::vector<Equations::WithShared>(surfels),
-              .with_view = std::vector<Equations::WithView>(seen_by_.size()),
-              .with_nodes = std::vector<WithNodes>(nodes > 0 ? seen_by_.size() : 0),
-              .reduced = {pairs_.size(), views_.size(), shared_unknowns() + static_cast<int>(nodes), nodes}};
+  Equations e = no_equations();
   std::vector<Part> parts(nodes > 0 ? kLargeParts : kParts, e.reduced);
   tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t p) {
     for (std::size_t s = p * surfels / parts.size(); s < (p + 1) * surfels / parts.size(); ++s)
@@ -235,13 +238,12 @@ void Bundle::move_surfels(const Equations& e, const Eigen::VectorXd& pose_steps,
   });
 }
 
-/// False where there is no solution; all stays then.
-bool Bundle::move(const Equations& e, double damping) {
-  const std::size_t views = views_.size();
+Bundle::Solver::Solver(const Bundle& bundle, const Equations& e, double damping) {
+  const std::size_t views = bundle.views_.size();
   const Part& reduced = e.reduced;
   Blocks blocks;
-  for (std::size_t p = 0; p < pairs_.size(); ++p) {
-    const auto [k, j] = pairs_[p];
+  for (std::size_t p = 0; p < bundle.pairs_.size(); ++p) {
+    const auto [k, j] = bundle.pairs_[p];
     blocks.add(k, j, reduced.blocks[p]);
     if (j != k) continue;
     Matrix6d damp = Matrix6d::Zero();
@@ -249,34 +251,34 @@ bool Bundle::move(const Equations& e, double damping) {
     blocks.add(k, k, damp);
   }
   std::vector<Vector6d> right_side = reduced.right;
-  add_ties(ties_, poses_, blocks, right_side);
-  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> solver(blocks.matrix(views));
-  if (solver.info() != Eigen::Success) return false;
-  const Eigen::Index shared = reduced.corner.cols();
-  Eigen::MatrixXd border(static_cast<int>(6 * views), shared);
-  Eigen::VectorXd right(border.rows());
+  add_ties(bundle.ties_, bundle.poses_, blocks, right_side);
+  poses.compute(blocks.matrix(views));
+  if (poses.info() != Eigen::Success) return;
+  border.resize(static_cast<int>(6 * views), reduced.corner.cols());
+  right.resize(border.rows());
   for (std::size_t k = 0; k < views; ++k) {
     right.segment<6>(static_cast<int>(6 * k)) = right_side[k];
     border.middleRows<6>(static_cast<int>(6 * k)) = reduced.border[k];
   }
-  const Eigen::MatrixXd solved = solver.solve(border);
-  const Eigen::VectorXd without = solver.solve(right);
+  solved = poses.solve(border);
   Eigen::MatrixXd information = reduced.corner.selfadjointView<Eigen::Lower>();
   information.diagonal() *= 1 + damping;
   information.noalias() -= border.transpose() * solved;
-  const Eigen::LLT<Eigen::MatrixXd> shared_solver(information);
-  if (shared_solver.info() != Eigen::Success) return false;
-  Eigen::MatrixXd sought(shared, 2);  // the step, and a column of the covariance
-  sought.col(0) = reduced.corner_right - border.transpose() * without;
-  sought.col(1) = Eigen::VectorXd::Unit(shared, kReadout);
-  shared_solver.solveInPlace(sought);
-  const Eigen::VectorXd shared_step = sought.col(0);
-  const Eigen::VectorXd pose_steps = without - solved * shared_step;
-  for (std::size_t k = 0; k < views; ++k)
+  shared.compute(information);
+  has_solution = shared.info() == Eigen::Success;
+}
+
+/// False where there is no solution; all stays then.
+bool Bundle::move(const Equations& e, double damping) {
+  const Solver solver(*this, e, damping);
+  if (!solver.has_solution) return false;
+  const Eigen::MatrixXd shared_step = solver.shared_steps(solver.right, e.reduced.corner_right);
+  const Eigen::VectorXd pose_steps = solver.pose_steps(solver.right, shared_step);
+  for (std::size_t k = 0; k < views_.size(); ++k)
     poses_[k] = poses_[k] * retract(pose_steps.segment<6>(static_cast<int>(6 * k)));
   move_surfels(e, pose_steps, shared_step);
   move_shared(shared_step);
-  readout_sigma_ = std::sqrt(sought(kReadout, 1));
+  readout_sigma_ = std::sqrt(solver.shared.solve(Eigen::VectorXd::Unit(solver.border.cols(), kReadout))[kReadout]);
   return true;
 }
 

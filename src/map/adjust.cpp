@@ -100,6 +100,22 @@ Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset, Sought s
   find_shutter(bundle, rig, adjusted, rounds);
   if (sought == Sought::readout_and_depth) find_correction(bundle, adjusted, rounds);
   if (!rounds.is_stopped) bundle.adjust(adjusted.has_readout, Bundle::Detail::fine, std::ref(rounds));
+  if (const char* f = getenv("COV")) {  // DBG
+    if (const auto c = bundle.covariance()) {
+      FILE* o = fopen(f, "w");
+      for (std::size_t v = 0; v < keyframes.size(); ++v) {
+        fprintf(o, "%.9f", atlas.keyframes[keyframes[v]].timestamp);
+        const Eigen::Matrix4d m = bundle.world_from_view()[v].matrix();
+        for (int i = 0; i < 12; ++i) fprintf(o, " %.12g", m(i / 4, i % 4));
+        for (int i = 0; i < 36; ++i) fprintf(o, " %.12g", c->of_views[v](i / 6, i % 6));
+        fprintf(o, "\n");
+      }
+      fclose(o);
+      o = fopen((std::string(f) + ".s").c_str(), "w");
+      for (auto& q : c->of_surfels) fprintf(o, "%.6f %.6f %.6f %.6g %.6g\n", q.position.x(), q.position.y(), q.position.z(), std::sqrt(q.of_noise), std::sqrt(q.of_poses));
+      fclose(o);
+    }
+  }  // DBG
   adjusted.correction = bundle.correction();
   if (adjusted.has_readout) adjusted.readout = bundle.shutter().readout;
   adjusted.surfels = static_cast<int>(bundle.surfels());
