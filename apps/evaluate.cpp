@@ -8,6 +8,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <optional>
 
 #include "cairn/evaluation.hpp"
 #include "cairn/map.hpp"
@@ -15,6 +16,7 @@
 #include "cairn/source.hpp"
 #include "commands.hpp"
 #include "json_text.hpp"
+#include "sources.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -25,6 +27,7 @@ struct Arguments {
   double rpe_interval = 1.0, max_time_difference = 0.02;
   float esdf_voxel_size = 0;
   int frames = 0, samples = 200000, step = 10;
+  std::optional<int> map_step;
   bool json = false;
 };
 
@@ -136,10 +139,11 @@ void evaluate_views_of(const Arguments& a) {
                100 * e.covered);
 }
 
-/// What a report tells of its keyframes and of the loops that hold.
+/// What a report tells of its keyframes, of the loops that hold, and of the frames that were held out.
 struct Reported {
   std::vector<LoopMeasured> loops;
   std::vector<std::pair<double, int>> keyframes;
+  HoldOut hold_out;
   double clock_offset = 0;  // seconds that trajectory.txt is ahead of the frames' times
 };
 
@@ -157,6 +161,7 @@ Reported read_report(const std::filesystem::path& file) {
       loop.i_from_j.translation() = Eigen::Vector3d(t[0], t[1], t[2]);
     }
     reported.keyframes = report.at("searched").get<std::vector<std::pair<double, int>>>();
+    if (report.contains("hold_out")) reported.hold_out = hold_out_from(report["hold_out"]);
     reported.clock_offset = report.value("clock_offset", 0.0);
   } catch (const nlohmann::json::exception& error) {
     throw std::runtime_error(file.string() + ": is no report.json of `cairn reconstruct`: " + plain(error.what()));
@@ -165,8 +170,8 @@ Reported read_report(const std::filesystem::path& file) {
 }
 
 void evaluate_loops_file(const Arguments& a) {
-  const auto& [loops, keyframes, ignored] = read_report(a.estimate);
-  const LoopError e = evaluate_loops(loops, keyframes, recorded_truth(a.truth));
+  const Reported reported = read_report(a.estimate);
+  const LoopError e = evaluate_loops(reported.loops, reported.keyframes, recorded_truth(a.truth));
   if (a.json) {
     const nlohmann::json j{{"loops", e.loops}, {"right", e.right}, {"revisits", e.revisits}, {"found", e.found}};
     fmt::print("{}\n", text_of(j, 2));
@@ -178,8 +183,8 @@ void evaluate_loops_file(const Arguments& a) {
              percent(e.found, e.revisits));
 }
 
-nlohmann::json to_json(const MapError& e, const LoopDrift& drift) {
-  nlohmann::json j{{"frames", e.frames}, {"doubled", e.doubled}};
+nlohmann::json to_json(const MapError& e, const LoopDrift& drift, bool is_held_out) {
+  nlohmann::json j{{"frames", e.frames}, {"held_out", is_held_out}, {"doubled", e.doubled}};
   if (e.psnr > 0) j["psnr_db"] = e.psnr;
   for (const auto& r : e.ranges)
     j["depth"].push_back({{"from_m", r.from},
@@ -196,7 +201,7 @@ void evaluate_map_of(const Arguments& a) {
   for (const char* name : {"mesh.glb", "trajectory.txt", "report.json"})
     if (!std::filesystem::exists(folder / name))
       throw std::runtime_error(a.estimate + ": has no " + name + "; give the folder that `cairn reconstruct` wrote");
-  const auto [loops, keyframes, clock_offset] = read_report(folder / "report.json");
+  const auto [loops, keyframes, held_out, clock_offset] = read_report(folder / "report.json");
   Trajectory poses = read_trajectory(folder / "trajectory.txt");
   for (StampedPose& pose : poses) pose.timestamp -= clock_offset;
   std::vector<double> times;
@@ -204,11 +209,13 @@ void evaluate_map_of(const Arguments& a) {
   for (const auto& [time, searched] : keyframes) times.push_back(time);
   SourceOptions options;
   if (const auto calibrated = folder / "camera.yaml"; std::filesystem::exists(calibrated)) options.camera = calibrated;
-  const auto recording = open_source(a.truth, options);
-  const MapError e = evaluate_map(read_mesh_parts(folder / "mesh.glb"), *recording, poses, times, a.step);
+  const bool is_held_out = held_out.every > 0;
+  const auto recording = hold_out(open_source(a.truth, options), held_out);
+  const MapError e = evaluate_map(read_mesh_parts(folder / "mesh.glb"), *recording, poses, times,
+                                  a.map_step.value_or(is_held_out ? 1 : 10), is_held_out);
   const LoopDrift drift = evaluate_loop_drift(loops, poses);
   if (a.json) {
-    fmt::print("{}\n", text_of(to_json(e, drift), 2));
+    fmt::print("{}\n", text_of(to_json(e, drift, is_held_out), 2));
     return;
   }
   print_head();
@@ -221,7 +228,8 @@ void evaluate_map_of(const Arguments& a) {
   if (drift.shift.count > 0)
     fmt::print("loops                 {} are open by {:.1f} mm and {:.2f} degrees in the median\n", drift.shift.count,
                1000 * drift.shift.median, drift.turn.median * 180 / std::numbers::pi);
-  fmt::print("frames                {}, none of them a keyframe\n", e.frames);
+  fmt::print("frames                {}, {}\n", e.frames,
+             is_held_out ? "all of them held out: the map has never seen them" : "none of them a keyframe");
 }
 
 void evaluate_distances_of(const Arguments& a) {
@@ -383,8 +391,10 @@ void add_map(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
       evaluate.add_subcommand("map", "A map against the recording that it was made from, without a true path");
   command->add_option("MAP", a->estimate, "Folder of `cairn reconstruct`")->required()->check(CLI::ExistingDirectory);
   command->add_option("RECORDING", a->truth, "What it was made from")->required()->check(CLI::ExistingPath);
-  command->add_option("--step", a->step, "Every STEP-th frame is compared")
-      ->capture_default_str()
+  command
+      ->add_option("--step", a->map_step,
+                   "Every STEP-th frame is compared that is no keyframe; of a map made with --hold-out, of those that "
+                   "were held out [10; 1 of those held out]")
       ->check(CLI::PositiveNumber);
   command->add_flag("--json", a->json, "Print JSON, in metres and radians");
   command->callback([a] { evaluate_map_of(*a); });

@@ -21,8 +21,8 @@ struct Arguments : RunArguments {
   bool refine = false, adjust = false, reintegrate = false;
 };
 
-std::unique_ptr<Source> open_frames(const Arguments& a, const SourceOptions& options) {
-  auto source = open_source(a.sequence, options);
+std::unique_ptr<Source> open_frames(const Arguments& a, const SourceOptions& options, const HoldOut& held_out) {
+  auto source = hold_out(open_source(a.sequence, options), held_out);
   const auto poses_of = [](const std::filesystem::path& file) {
     auto poses = recorded_truth(file);
     if (poses.empty()) throw std::runtime_error(file.string() + ": is a recording without poses");
@@ -73,7 +73,8 @@ void reconstruct(const Arguments& given) {
   const Poses poses = a.poses.empty() ? Poses::tracked : Poses::given;
   (void)options_of(a);  // what is wrong with them is told before anything is read
   const Beginning begin = beginning(a, parse_frames(a.frames));
-  const auto source = open_frames(a, source_options(a, begin.range));
+  const HoldOut& held_out = begin.progressed.hold_out;
+  const auto source = open_frames(a, source_options(a, begin.range), held_out);
   const Options options = options_of(a, source->rig().sensor);
   Run run(a, options, poses, source->rig(), begin.progressed, begin.is_next_recording);
   {
@@ -96,6 +97,8 @@ void reconstruct(const Arguments& given) {
   }
   auto ending = std::make_unique<EndAtOnce>(run.said_when_ended());
   if (const auto why = source->ended_early()) run.warn(*why);
+  if (a.hold_out && !run.stopped() && run.held_out() == 0)
+    run.warn(fmt::format("--hold-out {}: no frame was held out: give a smaller number", *a.hold_out));
 
   nlohmann::json more;
   Adjusted adjusted;
@@ -117,7 +120,7 @@ void reconstruct(const Arguments& given) {
     run.timed("reintegrate", [&] {
       SourceOptions options_again = source_options(a, parse_frames(a.frames));
       options_again.find_colour_camera = false;  // the mapper knows
-      const auto again = open_frames(a, options_again);
+      const auto again = open_frames(a, options_again, held_out);
       Progress progress(again->size());
       run.mapper().reintegrate(*again, adjusted.correction, [&] { progress.step("reintegrating"); });
     });
@@ -134,6 +137,11 @@ void add_reconstruct(CLI::App& program) {
       ->check(CLI::Range(0, 1000))
       ->capture_default_str();
   command->add_option("--frames", a->frames, kFramesHelp)->type_name("RANGE");
+  command
+      ->add_option("--hold-out", a->hold_out,
+                   "Every N-th frame gets a pose and is left out of the map, its colours and its adjustment, so that "
+                   "`cairn evaluate map` judges the map by frames that it has never seen [none]")
+      ->check(CLI::Range(2, 1'000'000));
   auto* poses =
       command
           ->add_option(

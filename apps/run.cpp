@@ -29,8 +29,7 @@ constexpr int kMostlyLost = 3;        // exit code
 constexpr std::uint64_t kMostMib = std::uint64_t{1} << 24;  // 16 TiB
 
 nlohmann::json to_json(const FrameReport& r) {
-  static constexpr const char* kStates[] = {"fused", "lost", "skipped"};
-  nlohmann::json j{{"index", r.index}, {"timestamp", r.timestamp}, {"state", kStates[static_cast<int>(r.state)]}};
+  nlohmann::json j{{"index", r.index}, {"timestamp", r.timestamp}, {"state", name_of(r.state)}};
   if (!r.reason.empty()) j["reason"] = r.reason;
   if (r.fit.iterations > 0)
     j.update({{"inlier_share", r.fit.inlier_share},
@@ -77,6 +76,8 @@ std::string words(const FrameReport& r, bool verbose) {
                   : "") +
              (r.fit.unobserved > 0 ? fmt::format(", {} follow the motion before", r.fit.unobserved) : "");
     }
+    case FrameState::held_out:
+      return "held out";
     case FrameState::lost:
       return "LOST: " + r.reason;
     case FrameState::skipped:
@@ -92,12 +93,20 @@ double peak_memory_mb() {
 }
 
 std::string Progressed::note() const {
-  return text_of({{"recording", recording}, {"next", next}, {"frames", frames.save()}, {"evidence", evidence}});
+  return text_of({{"recording", recording},
+                  {"next", next},
+                  {"hold_out", to_json(hold_out)},
+                  {"frames", frames.save()},
+                  {"evidence", evidence}});
 }
 
 Progressed Progressed::from(const std::string& note) {
   const auto j = nlohmann::json::parse(note);
-  return {j.at("recording"), j.at("next"), FrameLog::from(j.at("frames")), j.value("evidence", "")};
+  return {.recording = j.at("recording"),
+          .next = j.at("next"),
+          .hold_out = j.contains("hold_out") ? hold_out_from(j["hold_out"]) : HoldOut{},
+          .frames = FrameLog::from(j.at("frames")),
+          .evidence = j.value("evidence", "")};
 }
 
 SourceOptions source_options(const RunArguments& a, const FrameRange& range) {
@@ -136,7 +145,8 @@ Options options_of(const RunArguments& a, const SensorModel& sensor, int finest_
 }
 
 Beginning beginning(const RunArguments& a, FrameRange range) {
-  Beginning begin{.progressed = {.recording = identity(a.sequence, source_options(a.sequence, a.camera, a.topics))},
+  Beginning begin{.progressed = {.recording = identity(a.sequence, source_options(a.sequence, a.camera, a.topics)),
+                                 .hold_out = {.every = a.hold_out.value_or(0), .range = range}},
                   .range = range};
   if (!a.resume) return begin;
   Progressed before;
@@ -149,6 +159,10 @@ Beginning beginning(const RunArguments& a, FrameRange range) {
   }
   begin.is_next_recording = before.recording != begin.progressed.recording || is_sensor(a.sequence);
   if (!begin.is_next_recording) {
+    if (const int every = before.hold_out.every; a.hold_out && *a.hold_out != every)
+      throw std::runtime_error(fmt::format(
+          "--hold-out {}: {} was begun with {}; go on without the option, or begin again with --overwrite", *a.hold_out,
+          (a.output / "session").string(), every == 0 ? "no frame held out" : fmt::format("--hold-out {}", every)));
     begin.progressed = std::move(before);
     while (begin.range.begin < begin.progressed.next) begin.range.begin += begin.range.step;
   }
@@ -258,8 +272,9 @@ void Run::interrupted(int left) { left_ = left; }
 
 Verdict Run::judge(int components) const {
   const FrameLog& frames = progressed_.frames;
-  return evidence_.verdict({.total = frames.size(),
+  return evidence_.verdict({.total = frames.size() - held_out(),
                             .fused = frames.count("fused"),
+                            .held_out = held_out(),
                             .components = components,
                             .focal = mapper_->statistics().focal,
                             .warnings = warnings_});
@@ -305,19 +320,21 @@ Verdict Run::finish(const nlohmann::json& more) {
     if (std::find(warnings_.begin(), warnings_.end(), reason) == warnings_.end()) warnings_.push_back(reason);
   const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
   const int in_this_run = total - frames_before_;
-  report.update({{"sequence", sequence},
-                 {"options",
-                  {{"voxel_size", options_.fuse.voxel_size},
-                   {"truncation", options_.fuse.truncation},
-                   {"max_depth", options_.surface.max_depth},
-                   {"track_finest_level", options_.track.finest_level}}},
-                 {"frames", {{"total", total}, {"fused", fused}, {"lost", lost}, {"skipped", skipped}}},
-                 {"frames_of_this_run", in_this_run},
-                 {"seconds", seconds},
-                 {"frames_per_second", in_this_run / seconds},
-                 {"peak_memory_mb", peak_memory_mb()},
-                 {"verdict", to_json(verdict)},
-                 {"warnings", warnings_}});
+  report.update(
+      {{"sequence", sequence},
+       {"options",
+        {{"voxel_size", options_.fuse.voxel_size},
+         {"truncation", options_.fuse.truncation},
+         {"max_depth", options_.surface.max_depth},
+         {"track_finest_level", options_.track.finest_level}}},
+       {"frames", {{"total", total}, {"fused", fused}, {"lost", lost}, {"skipped", skipped}, {"held_out", held_out()}}},
+       {"frames_of_this_run", in_this_run},
+       {"seconds", seconds},
+       {"frames_per_second", in_this_run / seconds},
+       {"peak_memory_mb", peak_memory_mb()},
+       {"verdict", to_json(verdict)},
+       {"warnings", warnings_}});
+  if (held_out() > 0) report["hold_out"] = to_json(progressed_.hold_out);
   if (left_) report["interrupted"] = {{"frames_left", *left_}, {"remedy", how_to_go_on()}};
   if (!more.is_null()) report.update(more);
   for (const auto& [stage, ms] : stages_)
@@ -340,11 +357,12 @@ void Run::tell(const nlohmann::json& report, const Verdict& verdict) const {
   const int total = progressed_.frames.size(), in_this_run = report["frames_of_this_run"];
   const fs::path page = output / "report.html";  // not where the library is built without the viewer
   if (out == stdout) {
-    fmt::print(
-        out, "{} of {} frames fused ({} lost, {} skipped){} in {:.1f} s, {:.1f} frames/s, {:.0f} MB peak\n",
-        progressed_.frames.count("fused"), total, progressed_.frames.count("lost"), progressed_.frames.count("skipped"),
-        frames_before_ > 0 ? fmt::format(", {} of them in this run", in_this_run) : "", report["seconds"].get<double>(),
-        report["frames_per_second"].get<double>(), report["peak_memory_mb"].get<double>());
+    fmt::print(out, "{} of {} frames fused ({} lost, {} skipped{}){} in {:.1f} s, {:.1f} frames/s, {:.0f} MB peak\n",
+               progressed_.frames.count("fused"), total, progressed_.frames.count("lost"),
+               progressed_.frames.count("skipped"), held_out() > 0 ? fmt::format(", {} held out", held_out()) : "",
+               frames_before_ > 0 ? fmt::format(", {} of them in this run", in_this_run) : "",
+               report["seconds"].get<double>(), report["frames_per_second"].get<double>(),
+               report["peak_memory_mb"].get<double>());
     fmt::print(out, "mesh        {} ({} triangles, {})\n", (output / "mesh.glb").string(),
                report["mesh"]["triangles"].get<std::size_t>(),
                report["mesh"].contains("textures") ? "textured" : "the voxels' colours");

@@ -37,6 +37,7 @@ struct RunArguments : OutputArguments {
   std::optional<float> voxel_size;
   std::optional<std::uint64_t> device_memory_mib, host_memory_mib;
   int device = -1;
+  std::optional<int> hold_out;  // every so many frames; none: as the session says
   double checkpoint_seconds = 20;
   std::optional<float> esdf_voxel_size, max_distance, robot_radius;
   bool esdf = false, resume = false, no_loops = false, json = false;
@@ -64,6 +65,7 @@ template <class Arguments>
 struct Progressed {
   std::string recording;  // see identity()
   int next = 0;           // frame
+  HoldOut hold_out;
   FrameLog frames;
   std::string evidence;  // Evidence::save
 
@@ -88,6 +90,8 @@ class Run {
   /// std::runtime_error if that is the first.
   FrameReport add(const Frame& frame, double waited_ms);
   [[nodiscard]] bool stopped() const { return stopped_.has_value(); }
+  /// Frames that have a pose and are no part of the map.
+  [[nodiscard]] int held_out() const { return progressed_.frames.count("held_out"); }
   /// Forgets the map and begins again with the next frame.
   void reset();
   [[nodiscard]] Mapper& mapper() { return *mapper_; }
@@ -140,6 +144,7 @@ struct Beginning {
   FrameRange range;
   bool is_next_recording = false;
 };
+/// Throws std::runtime_error where frames of a recording are to be held out in another way than those before them.
 [[nodiscard]] Beginning beginning(const RunArguments& a, FrameRange range);
 
 /// Its level and words, and a line for each reason.

@@ -67,6 +67,15 @@ FrameRange parse_frames(const std::string& text) {
   return {.begin = parts[0].value_or(0), .end = parts[1], .step = parts[2].value_or(1)};
 }
 
+nlohmann::json to_json(const HoldOut& hold_out) {
+  return {{"every", hold_out.every}, {"begin", hold_out.range.begin}, {"step", hold_out.range.step}};
+}
+
+HoldOut hold_out_from(const nlohmann::json& j) {
+  return {.every = j.at("every"),
+          .range = {.begin = j.at("begin"), .end = {}, .step = std::max(1, j.at("step").get<int>())}};
+}
+
 std::string identity(const std::string& sequence, SourceOptions options) {
   options.find_colour_camera = false;
   if (is_sensor(sequence) || is_synthetic(sequence)) return sequence;

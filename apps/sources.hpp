@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -25,6 +26,11 @@ inline constexpr const char* kFramesHelp =
     "0:300, 300:, ::3 [all]";
 /// `N`, or `A:B:STEP`, of which each part may be empty. Throws CLI::ValidationError.
 [[nodiscard]] FrameRange parse_frames(const std::string& text);
+
+/// As a session and a report hold it.
+[[nodiscard]] nlohmann::json to_json(const HoldOut& hold_out);
+/// Throws nlohmann::json::exception for what to_json() has not made.
+[[nodiscard]] HoldOut hold_out_from(const nlohmann::json& j);
 
 /// What a session remembers of it: what it shows, wherever it lies. A recording is known by the camera it tells and its
 /// first frames.

@@ -7,15 +7,17 @@ import { bytes, count, millimetres, option, seconds as said } from './words.js';
 
 const kLevels = { good: 'good', weak: 'weak', bad: 'lost' };
 
+const heldOut = ({ held_out: count = 0 }) => (count > 0 ? `, ${count} held out` : '');
+
 /** The frames as the console tells them. */
 export function framesInWords({ frames, seconds }) {
-  return `${frames.fused} of ${frames.total} frames fused (${frames.lost} lost, ${frames.skipped} skipped)` +
+  return `${frames.fused} of ${frames.total} frames fused (${frames.lost} lost, ${frames.skipped} skipped${heldOut(frames)})` +
          (seconds == null ? '' : ` in ${seconds.toFixed(1)} s`);
 }
 
 /** Good only when all is well. */
 export function levelOf({ frames, verdict, warnings = [] }) {
-  const share = frames.fused / Math.max(1, frames.total);
+  const share = frames.fused / Math.max(1, frames.total - (frames.held_out ?? 0));
   const told = verdict ? kLevels[verdict.level] ?? 'weak' : share < 0.8 ? 'lost' : 'good';
   return told === 'good' && (frames.lost > 0 || warnings.length > 0) ? 'weak' : told;
 }
@@ -38,7 +40,7 @@ const kSources = { accelerometer: 'by the accelerometer', structure: 'by floor a
 
 function factsOf(report) {
   const { frames, mesh, options } = report, megabytes = (mb) => `${count(Math.round(mb))} MB`;
-  const list = [['Recording', report.sequence?.split('/').filter(Boolean).at(-1)], ['Frames', `${frames.fused} of ${frames.total} fused, ${frames.lost} lost, ${frames.skipped} skipped`]];
+  const list = [['Recording', report.sequence?.split('/').filter(Boolean).at(-1)], ['Frames', `${frames.fused} of ${frames.total} fused, ${frames.lost} lost, ${frames.skipped} skipped${heldOut(frames)}`]];
   if (report.seconds != null) list.push(['Time', `${report.seconds.toFixed(1)} s, ${report.frames_per_second.toFixed(1)} frames/s`]);
   if (options?.voxel_size) list.push(option(['voxel_size', options.voxel_size]));
   list.push(['Triangles', mesh ? count(mesh.triangles) : 'not written'], ['Keyframes', report.keyframes], ['Loops', report.loops.filter((loop) => loop.inlier).length]);

@@ -107,10 +107,12 @@ struct MapError {
   int frames = 0;      ///< that were compared
 };
 /// Every `step`-th frame is looked at that has a pose and is no keyframe: textures are made from keyframes.
-/// `keyframes`: their times, seconds. Colour is taken to be of the depth image's time. Throws std::runtime_error where
-/// no frame has a pose.
+/// `keyframes`: their times, seconds. `only_held_out`: of the frames with Frame::held_out, which the map has never
+/// seen, if it was made with the same ones held out. Colour is taken to be of the depth image's time. Throws
+/// std::runtime_error where no frame has a pose.
 [[nodiscard]] MapError evaluate_map(const std::vector<Mesh>& parts, Source& recording,
-                                    const Trajectory& world_from_camera, std::vector<double> keyframes, int step = 10);
+                                    const Trajectory& world_from_camera, std::vector<double> keyframes, int step = 10,
+                                    bool only_held_out = false);
 
 /// How a mesh's triangles hang together; vertices at the very same place count as one.
 struct MeshTopology {

@@ -32,6 +32,8 @@ struct Frame {
   std::vector<AngularRate> gyro;  ///< since the frame before, up to this one's time or the end of its readout
   /// Where somebody else takes the camera to be (a phone's odometry, wheels): world_from_camera of a world of its own.
   std::optional<Eigen::Isometry3d> guess;
+  /// Only for judging the map afterwards: a Mapper finds its pose, and nothing that it shows gets into the map.
+  bool held_out = false;
   std::optional<std::string> problem;  ///< why the frame could not be read, in one line: its images are then empty
 };
 

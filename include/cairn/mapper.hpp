@@ -39,9 +39,9 @@ class Mapper {
   /// std::runtime_error for cameras or options out of range (see check), and for a device that cannot be used.
   explicit Mapper(const Rig& rig, const Options& options = {}, Poses poses = Poses::tracked, int device = -1);
 
-  /// Aligns and fuses the next frame. Bad frames and lost tracking are told in the report. Throws std::runtime_error
-  /// only when the device fails or its memory does not hold one view; what was fused before can still be read and
-  /// written.
+  /// Aligns and fuses the next frame; of one that is held out only the pose is kept (Frame::held_out). Bad frames and
+  /// lost tracking are told in the report. Throws std::runtime_error only when the device fails or its memory does not
+  /// hold one view; what was fused before can still be read and written.
   FrameReport add(const Frame& frame);
   /// Another recording follows, which begins somewhere in the map or outside of it. Frames are tracked once their place
   /// is recognised; before that they are lost, and after a while they begin a component of their own.
@@ -61,8 +61,9 @@ class Mapper {
   Adjusted adjust(const std::function<bool(double)>& goes_on = {});
   /// Fuses all frames again instead of bending submaps (as BundleFusion does: Dai et al. 2017): the keyframes where
   /// they are now, then those between them, each tracked anew against what is fused so far. From here on depth is
-  /// corrected by `correction` beside what the rig says, see Adjusted. `again` is the same recording from its begin;
-  /// `step` is called after each of its frames. When it fails the map stays as it is, and a warning tells why.
+  /// corrected by `correction` beside what the rig says, see Adjusted. `again` is the same recording from its begin,
+  /// with the same frames held out; `step` is called after each of its frames. When it fails the map stays as it is,
+  /// and a warning tells why.
   void reintegrate(Source& again, const DepthCorrection& correction = {}, const std::function<void()>& step = {});
 
   /// As it was given, and with the correction of depth since then.
@@ -81,10 +82,10 @@ class Mapper {
   /// another one adds frames.
   [[nodiscard]] std::shared_ptr<const DistanceField> live_distances() const;
 
-  /// Of all fused frames, in the upright world and the colour camera's clock: with Poses::tracked the depth images'
-  /// stamps are moved by what the images tell of the two clocks' difference (Statistics::clock_offset). Frames of
-  /// components that nothing joins with the largest one are left out. `recording`: counted from 0 where a session goes
-  /// on with another one; -1: the last.
+  /// Of all frames that were fused or held out, in the upright world and the colour camera's clock: with Poses::tracked
+  /// the depth images' stamps are moved by what the images tell of the two clocks' difference
+  /// (Statistics::clock_offset). Frames of components that nothing joins with the largest one are left out.
+  /// `recording`: counted from 0 where a session goes on with another one; -1: the last.
   [[nodiscard]] Trajectory trajectory(int recording = -1) const;
   [[nodiscard]] int recordings() const;
   /// The last recording's trajectory for showing it, in the frame in which the camera is tracked: at most `points` of

@@ -18,10 +18,14 @@ namespace cairn {
 
 /// What became of a frame.
 enum class FrameState {
-  fused,   ///< has a pose and is part of the map
-  lost,    ///< no trustworthy pose: not fused
-  skipped  ///< could not be used at all
+  fused,    ///< has a pose and is part of the map
+  lost,     ///< no trustworthy pose: not fused
+  skipped,  ///< could not be used at all
+  held_out  ///< has a pose and is no part of the map: Frame::held_out
 };
+
+/// `fused`, `lost`, `skipped` or `held_out`.
+[[nodiscard]] std::string_view name_of(FrameState state);
 
 /// Why a frame is not part of the map, or is so in another way than usual.
 enum class FrameCause {
@@ -74,8 +78,9 @@ struct FrameReport {
   FrameCause cause = FrameCause::none;     ///< why
   std::string reason;                      ///< the same in words, with what was found
   AlignmentFit fit;                        ///< all 0 where nothing was aligned
-  /// Where the depth camera was, of a fused frame: in the frame in which the camera is tracked, which is the world's
-  /// before loops correct the map and before it is turned upright; with Poses::given the pose that was given.
+  /// Where the depth camera was, of a frame that was fused or held out: in the frame in which the camera is tracked,
+  /// which is the world's before loops correct the map and before it is turned upright; with Poses::given the pose that
+  /// was given.
   std::optional<Eigen::Isometry3d> tracked_from_camera;
   /// How sure that pose is beside the map: of (rotation, translation) in the camera's frame, rad^2 and m^2, by the last
   /// iteration's normal equations, scaled by its residuals, as the pose graph believes it. It says nothing of how far

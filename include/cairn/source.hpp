@@ -81,6 +81,16 @@ struct RecordedTopic {
 [[nodiscard]] std::unique_ptr<Source> with_guesses(std::unique_ptr<Source> source, Trajectory guesses,
                                                    double max_gap = 0.1);
 
+/// Which frames are for judging the map alone: of those that `range` takes from a recording every `every`-th, the
+/// first of them after `every` - 1 others. None where it is 0.
+struct HoldOut {
+  int every = 0;
+  FrameRange range;
+};
+/// Marks these frames as Frame::held_out, wherever the source begins: see Frame::index. Throws std::runtime_error where
+/// `every` is 1 or negative.
+[[nodiscard]] std::unique_ptr<Source> hold_out(std::unique_ptr<Source> source, const HoldOut& which);
+
 /// Colour as the depth camera sees it: each depth pixel asks the colour image for what it shows, and the rig has one
 /// camera. A source whose colour lies on depth stays as it is.
 [[nodiscard]] std::unique_ptr<Source> with_colour_on_depth(std::unique_ptr<Source> source);

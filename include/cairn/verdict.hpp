@@ -15,8 +15,9 @@ namespace cairn {
 
 /// What a run has come to.
 struct Outcome {
-  int total = 0;                      ///< frames, of which
+  int total = 0;                      ///< frames that were to be in the map, of which
   int fused = 0, lost = 0;            ///< the others were skipped
+  int held_out = 0;                   ///< beside all of these: no part of the map, as it was asked for
   int components = 1;                 ///< parts of the map that nothing joins
   FocalEvidence focal;                ///< of the views that were tracked
   std::vector<std::string> warnings;  ///< of other things, a line each

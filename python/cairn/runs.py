@@ -31,6 +31,7 @@ class Frames:
     fused: int
     lost: int
     skipped: int
+    held_out: int = 0
 
 
 @dataclass(frozen=True)
@@ -183,7 +184,7 @@ def reconstruct(recording: _Path, output: _Path, *, progress: bool = False, **op
         level=verdict["level"],
         words=verdict["words"],
         reasons=list(verdict["reasons"]),
-        frames=Frames(**{name: told["frames"][name] for name in ("total", "fused", "lost", "skipped")}),
+        frames=Frames(**{name: told["frames"][name] for name in ("total", "fused", "lost", "skipped", "held_out")}),
         triangles=told["mesh"]["triangles"],
         seconds=told["seconds"],
         frames_per_second=told["frames_per_second"],

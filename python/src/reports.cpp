@@ -15,18 +15,6 @@
 namespace cairn::python {
 namespace {
 
-const char* name_of(FrameState state) {
-  switch (state) {
-    case FrameState::fused:
-      return "fused";
-    case FrameState::lost:
-      return "lost";
-    case FrameState::skipped:
-      return "skipped";
-  }
-  return "";
-}
-
 void add_frame_report(py::module_& m) {
   py::class_<AlignmentFit>(m, "AlignmentFit", "How well a frame's surface fits the map where it was aligned.")
       .def_readonly("inlier_share", &AlignmentFit::inlier_share, "Of the points that see the map, those that fit.")
@@ -47,14 +35,15 @@ void add_frame_report(py::module_& m) {
       .def_readonly("index", &FrameReport::index)
       .def_readonly("time", &FrameReport::timestamp, "Seconds.")
       .def_property_readonly(
-          "state", [](const FrameReport& r) { return name_of(r.state); },
+          "state", [](const FrameReport& r) { return std::string(name_of(r.state)); },
           "'fused': it has a pose and is part of the map; 'lost': no trustworthy pose, not fused; 'skipped': it could "
-          "not be used at all.")
+          "not be used at all; 'held_out': it has a pose and is no part of the map (Frame.held_out).")
       .def_readonly("reason", &FrameReport::reason,
                     "Why it is not part of the map, or is so in another way than usual, in words.")
       .def_property_readonly(
           "pose", [](const FrameReport& r) { return to_numpy(r.tracked_from_camera); },
-          "(4, 4) float64, metres, or None unless fused: where the depth camera was, in the frame in which the camera "
+          "(4, 4) float64, metres, or None unless fused or held out: where the depth camera was, in the frame in which "
+          "the camera "
           "is tracked. That is the world before loops correct the map and before it is turned upright; "
           "Mapper.trajectory tells the poses of all frames in the world as it is now. With given poses the one that "
           "was given.")
@@ -75,7 +64,8 @@ void add_frame_report(py::module_& m) {
       .def_readonly("new_bricks", &FrameReport::new_bricks, "Of these.")
       .def_readonly("stage_ms", &FrameReport::stage_ms, "Milliseconds by stage.")
       .def("__repr__", [](const FrameReport& r) {
-        return repr("FrameReport", {{"index", r.index}, {"state", name_of(r.state)}, {"reason", r.reason}});
+        return repr("FrameReport",
+                    {{"index", r.index}, {"state", std::string(name_of(r.state))}, {"reason", r.reason}});
       });
 }
 

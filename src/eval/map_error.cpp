@@ -154,13 +154,14 @@ bool is_one_of(const std::vector<double>& times, double time) {
 }  // namespace
 
 MapError evaluate_map(const std::vector<Mesh>& parts, Source& recording, const Trajectory& world_from_camera,
-                      std::vector<double> keyframes, int step) {
+                      std::vector<double> keyframes, int step, bool only_held_out) {
   std::sort(keyframes.begin(), keyframes.end());
   MapError error;
   DepthErrors depth;
   ViewComparison views(parts, recording.rig());
   for (int i = 0; auto frame = recording.next();) {
     const auto pose = pose_of(world_from_camera, frame->timestamp);
+    if (only_held_out && !frame->held_out) continue;
     if (frame->problem || !pose || is_one_of(keyframes, frame->timestamp) || i++ % step != 0) continue;
     const Rig& rig = recording.rig();
     rig.depth_correction.apply(rig.depth.width, rig.depth.height, frame->depth);
@@ -170,7 +171,8 @@ MapError evaluate_map(const std::vector<Mesh>& parts, Source& recording, const T
     ++error.frames;
   }
   if (error.frames == 0)
-    throw std::runtime_error("no frame of the recording has a pose in the map's trajectory: was it made from another?");
+    throw std::runtime_error(std::string(only_held_out ? "no frame that was held out" : "no frame of the recording") +
+                             " has a pose in the map's trajectory: was it made from another?");
   error.ranges = depth.ranges();
   error.psnr = views.psnr();
   error.doubled = Sheets(parts).doubled();

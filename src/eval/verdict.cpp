@@ -122,7 +122,7 @@ struct Evidence::State {
   // Of the frames before.
   ViewProfile before;
   std::optional<double> last_timestamp;
-  FrameState last_state = FrameState::skipped;
+  bool was_tracked = false;
   Features known;  // that views are compared with for the focal length
   ViewStep since_known;
 
@@ -295,7 +295,8 @@ void Evidence::add(const Frame& frame, const FrameReport& report) {
   Sums& sums = s.sums;
   const bool is_lost = report.state == FrameState::lost;
   ++sums.frames;
-  if (report.state != FrameState::fused) ++sums.causes[static_cast<std::size_t>(report.cause)];
+  const bool has_pose = report.state == FrameState::fused || report.state == FrameState::held_out;
+  if (!has_pose) ++sums.causes[static_cast<std::size_t>(report.cause)];
   if (frame.problem) return;
   s.look_at_depth(frame);
   ViewProfile now = profile_of(frame, s.rig);
@@ -312,12 +313,12 @@ void Evidence::add(const Frame& frame, const FrameReport& report) {
     const bool is_fast = step->length() >= kFast;
     if (is_lost) sums.lost_step.add(step->length());
     if (is_lost && is_fast) sums.fast_step.add(std::min(1.0, step->length()));
-    sums.fast_losses += is_lost && is_fast && s.last_state == FrameState::fused;
+    sums.fast_losses += is_lost && is_fast && s.was_tracked;
     s.compare_views(frame, *step);
   } else {
     s.compare_views(frame, {});
   }
-  if (is_lost && s.last_state == FrameState::fused) {
+  if (is_lost && s.was_tracked) {
     ++sums.losses;
     if (usual > 0 && interval > kGap * usual) {
       ++sums.losses_after_gap;
@@ -327,7 +328,7 @@ void Evidence::add(const Frame& frame, const FrameReport& report) {
   if (frame.depth.empty()) return;
   s.before = std::move(now);
   s.last_timestamp = frame.timestamp;
-  s.last_state = report.state;
+  s.was_tracked = has_pose;
 }
 
 Verdict Evidence::verdict(const Outcome& o) const {
@@ -349,7 +350,8 @@ Verdict Evidence::verdict(const Outcome& o) const {
   v.level = in_map < kBad || o.components > 1      ? Verdict::Level::bad
             : in_map < kGood || !v.reasons.empty() ? Verdict::Level::weak
                                                    : Verdict::Level::good;
-  const std::string counted = fmt::format("{} of {} frames are in the map", o.fused, o.total);
+  const std::string counted = fmt::format("{} of {} frames are in the map", o.fused, o.total) +
+                              (o.held_out > 0 ? fmt::format(", {} were held out", o.held_out) : "");
   if (in_map < kBad)
     v.words = "mostly lost: only " + counted;
   else if (o.components > 1)

@@ -289,6 +289,23 @@ class WithPoses final : public WrappedSource {
   Field field_;
 };
 
+class HoldsOut final : public WrappedSource {
+ public:
+  HoldsOut(std::unique_ptr<Source> source, const HoldOut& which) : WrappedSource(std::move(source)), which_(which) {}
+  std::optional<Frame> next() override {
+    auto frame = source_->next();
+    if (frame) frame->held_out = is_held_out(frame->index - which_.range.begin);
+    return frame;
+  }
+
+ private:
+  [[nodiscard]] bool is_held_out(int from_begin) const {
+    const int step = which_.range.step;
+    return from_begin >= 0 && from_begin % step == 0 && (from_begin / step + 1) % which_.every == 0;
+  }
+  HoldOut which_;
+};
+
 }  // namespace
 
 std::optional<Eigen::Vector2i> size_of_image(const fs::path& file) {
@@ -356,6 +373,14 @@ std::vector<Understood> understanding_of(const std::string& recording, const Sou
 std::unique_ptr<Source> with_poses(std::unique_ptr<Source> source, Trajectory world_from_camera, double max_gap) {
   return std::make_unique<WithPoses>(std::move(source), std::move(world_from_camera), max_gap,
                                      &Frame::world_from_camera);
+}
+
+std::unique_ptr<Source> hold_out(std::unique_ptr<Source> source, const HoldOut& which) {
+  if (which.every == 0) return source;
+  if (which.every < 2)
+    throw std::runtime_error(
+        fmt::format("every {}. frame cannot be held out: give 2 or more, for example 10", which.every));
+  return std::make_unique<HoldsOut>(std::move(source), which);
 }
 
 std::unique_ptr<Source> with_guesses(std::unique_ptr<Source> source, Trajectory guesses, double max_gap) {

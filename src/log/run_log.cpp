@@ -180,7 +180,7 @@ struct RunLog::State {
   Due images{kImagesEvery}, surfaces{kSurfaceEvery}, paths{kPathEvery};
   Upright upright;
   std::vector<Eigen::Isometry3d> tracked_from_submap{Eigen::Isometry3d::Identity()};  // as it was logged
-  std::optional<Eigen::Isometry3d> submap_from_camera;                                // of the last fused frame
+  std::optional<Eigen::Isometry3d> submap_from_camera;                                // of the last tracked frame
   FrameState state = FrameState::fused;
   std::size_t loops = 0;  // that were told of
   Writing writing;
@@ -202,6 +202,7 @@ void RunLog::State::follow_time(const FrameReport& report) {
 
 /// Tells when something begins or ends, not frame by frame.
 void RunLog::State::notice(const FrameReport& report) {
+  if (report.state == FrameState::held_out) return;
   const FrameState before = std::exchange(state, report.state);
   if (report.state == FrameState::fused && report.cause == FrameCause::new_component)
     say(LogLevel::warning,
@@ -209,8 +210,7 @@ void RunLog::State::notice(const FrameReport& report) {
   else if (report.state == FrameState::fused && before == FrameState::lost)
     say(LogLevel::info, fmt::format("tracked again since frame {}", report.index));
   if (report.state == before || report.state == FrameState::fused) return;
-  say(LogLevel::warning, fmt::format("frame {} is {}: {}", report.index,
-                                     report.state == FrameState::lost ? "lost" : "skipped", report.reason));
+  say(LogLevel::warning, fmt::format("frame {} is {}: {}", report.index, name_of(report.state), report.reason));
 }
 
 void RunLog::State::add_transforms() {
@@ -277,7 +277,7 @@ void RunLog::add(const Frame& frame, const FrameReport& report) {
   if (!s.time) return;
   s.log("/cairn/frame", [=](LogTime at) { return report_message(at, report); });
   s.notice(report);
-  if (report.state == FrameState::fused) {
+  if (report.state == FrameState::fused || report.state == FrameState::held_out) {
     s.submap_from_camera = report.tracked_from_camera;
     if (s.surfaces(*s.time)) s.add_surface(kBricksAtOnce, false);
     s.add_transforms();

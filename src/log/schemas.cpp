@@ -214,7 +214,7 @@ std::vector<ProtoSchema> frame_reports() {
         {"new_bricks", 13, int32},
         {"ms", 14, float64},
         {"stages", 15, message, "cairn.Stage", kMany}},
-       {{"State", {"FUSED", "LOST", "SKIPPED"}}}},
+       {{"State", {"FUSED", "LOST", "SKIPPED", "HELD_OUT"}}}},
   };
 }
 

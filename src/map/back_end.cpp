@@ -74,6 +74,12 @@ bool BackEnd::add(const Frame& frame, const Surface& live, const Eigen::Isometry
   return is_keyframe;
 }
 
+bool BackEnd::hold_out(double timestamp, const Eigen::Isometry3d& submap_from_camera) {
+  if (breaks_) return false;
+  atlas_.add_frame(timestamp, submap_from_camera);
+  return true;
+}
+
 /// Whether the camera left the last keyframe, and in a submap that has many all others of it as well: tracking holds to
 /// what they saw, so that going there again tells nothing new, and a room that is seen for hours stays one submap.
 bool BackEnd::is_new_view(const Eigen::Isometry3d& submap_from_camera) const {

@@ -27,6 +27,9 @@ class BackEnd {
   /// first of a piece. `fused_count` counts fused frames. Returns whether it became a keyframe.
   bool add(const Frame& frame, const Surface& live, const Eigen::Isometry3d& submap_from_camera,
            const Matrix6d* information, Volume& volume, std::uint32_t fused_count);
+  /// Takes the pose of a frame that is held out: it is part of the trajectory and of nothing else. Returns whether
+  /// there is something that it lies to: a piece must have begun.
+  [[nodiscard]] bool hold_out(double timestamp, const Eigen::Isometry3d& submap_from_camera);
   /// Ends the submap that is being fused into. `keep`: what lies near the camera stays in the volume for the next one.
   void end_submap(Volume& volume, std::uint32_t fused_count, bool keep);
 

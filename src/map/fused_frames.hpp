@@ -9,7 +9,7 @@
 
 namespace cairn {
 
-/// A fused frame. A run of hours has many: 40 bytes each.
+/// A fused frame, or one that was held out. A run of hours has many: 40 bytes each.
 struct FusedFrame {
   double timestamp = 0;        // seconds
   std::uint32_t keyframe = 0;  // the newest at its time

@@ -51,7 +51,7 @@ CheckedFrame MapState::check(const Frame& frame) {
   CheckedFrame checked(frame, rig, last_fused);
   if (!is_tracked())
     checked.expect_pose(options.fuse.voxel_size);
-  else if (checked.is_usable() && is_stuck(frame))
+  else if (checked.is_usable() && !frame.held_out && is_stuck(frame))
     checked.refuse(FrameCause::stuck);
   return checked;
 }
@@ -82,6 +82,7 @@ Tracked MapState::locate(const Frame& frame, Surface& seen, StageTimes& times) {
   }
   const MotionAt guessed = tracker.motion(frame);
   seen = see(frame, guessed, times);
+  if (frame.held_out) return tracker.look(frame, seen, volume, times);
   Tracked tracked = tracker.track(frame, seen, volume, times);
   if (!is_rolling(rig) || tracked.state != Tracked::State::aligned) return tracked;
   const MotionAt found = tracker.motion(frame, tracked.submap_from_camera);
@@ -134,6 +135,20 @@ void MapState::remember(const Frame& frame, const Surface& live, const Tracked& 
   }
   last_fused = frame.timestamp;
   whole.reset();
+}
+
+/// The map does not change; where nothing of it is around the frame there is nothing that its pose lies to.
+void MapState::hold_out(const Frame& frame, const Tracked& tracked, FrameReport& report) {
+  if (!is_tracked()) {
+    given.poses.push_back({frame.timestamp, tracked.submap_from_camera});
+  } else if (!back_end.hold_out(frame.timestamp, tracked.submap_from_camera)) {
+    report.state = FrameState::lost;
+    report.cause = FrameCause::not_relocalised;
+    report.reason = "held out before the map goes on";
+    return;
+  }
+  report.state = FrameState::held_out;
+  last_fused = frame.timestamp;
 }
 
 /// With given poses keyframes are only for textures.

@@ -54,6 +54,8 @@ struct MapState {
   void begin_component();
   void remember(const Frame& frame, const Surface& live, const Tracked& tracked, StageTimes& times);
   void follow(const Fused& fused, StageTimes& times);
+  /// Keeps the pose of a frame that is held out, and tells what became of it.
+  void hold_out(const Frame& frame, const Tracked& tracked, FrameReport& report);
 
   /// All of the map goes to submaps.
   void end_everything();
@@ -92,7 +94,7 @@ struct MapState {
     Eigen::Vector4d accelerations = Eigen::Vector4d::Zero();  // see DownEvidence
   } given;
 
-  std::optional<double> last_fused;  // timestamp
+  std::optional<double> last_fused;  // timestamp; of a frame that was held out as well
   std::size_t last_image = 0;        // hash of the last frame's depth
   int repeats = 0;                   // frames since that image was new
   std::uint32_t fused_count = 0;     // frames

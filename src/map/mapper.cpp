@@ -78,6 +78,10 @@ FrameReport Mapper::add(const Frame& given) {
   const Tracked tracked = s.locate(checked.frame(), seen, report.stage_ms);
   tell(tracked, report);
   if (tracked.state == Tracked::State::lost) return report;
+  if (given.held_out) {
+    s.hold_out(given, tracked, report);
+    return report;
+  }
   if (tracked.cause == FrameCause::new_component) s.begin_component();
 
   if (s.is_colour_due(tracked)) seen.bring_colour();
@@ -165,7 +169,7 @@ void Mapper::reintegrate(Source& again, const DepthCorrection& correction, const
           s.see(frame, pass ? pass->motion(frame.timestamp) : at_velocity(velocity_at(s.given.poses, frame.timestamp)),
                 ignored);
       const Eigen::Isometry3d pose = pass ? pass->track(frame, seen, s.volume) : *given;
-      if (pass && pass->is_keyframe(frame.timestamp)) continue;  // it is in the map
+      if (frame.held_out || (pass && pass->is_keyframe(frame.timestamp))) continue;  // keyframes are in the map
       seen.bring_colour();
       const auto motion = last ? std::optional<Eigen::Isometry3d>(last->inverse() * pose) : std::nullopt;
       (void)s.integrator.integrate(seen, pose, s.volume, ++s.fused_count, s.look_every(motion));

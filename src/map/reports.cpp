@@ -4,6 +4,20 @@
 
 namespace cairn {
 
+std::string_view name_of(FrameState state) {
+  switch (state) {
+    case FrameState::fused:
+      return "fused";
+    case FrameState::lost:
+      return "lost";
+    case FrameState::skipped:
+      return "skipped";
+    case FrameState::held_out:
+      return "held_out";
+  }
+  return "";
+}
+
 std::string_view text_of(FrameCause cause) {
   switch (cause) {
     case FrameCause::none:

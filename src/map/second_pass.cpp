@@ -82,7 +82,8 @@ Eigen::Isometry3d SecondPass::track(const Frame& frame, const Surface& live, Vol
   const bool is_trusted =
       a.converged() && misfit(a) <= kMisfit && moved.head<3>().norm() < kFarthest && moved.tail<3>().norm() < kFarthest;
   if (is_trusted) pose = pose * retract(told_share(moved, a.information) * moved);
-  if (!live.packed.empty() && (!reference_.is_set() || is_new_reference(reference_.submap_from_camera(), pose, &a)))
+  if (!frame.held_out && !live.packed.empty() &&
+      (!reference_.is_set() || is_new_reference(reference_.submap_from_camera(), pose, &a)))
     reference_.set(live, pose, moment);
   return pose;
 }

@@ -21,7 +21,7 @@ class SecondPass {
 
   /// Fuses the keyframes where they were adjusted to.
   void fuse_keyframes(Integrator& integrator, Volume& volume, std::uint32_t& fused_count);
-  /// Whether a frame of this time was fused in the first pass, and into the main piece.
+  /// Whether a frame of this time was fused or held out in the first pass, and into the main piece.
   [[nodiscard]] bool has(double timestamp) const { return index_of(timestamp).has_value(); }
   /// Of the camera when the frame was taken, as the adjusted keyframes say.
   [[nodiscard]] MotionAt motion(double timestamp) const;

@@ -230,17 +230,8 @@ std::optional<Eigen::Isometry3d> Tracker::recognise(const Features& seen,
 Tracked Tracker::track(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times) {
   moving_ = {};
   if (memory_.last.empty()) return begin_map(frame);
-  Tracked tracked =
-      memory_.lost_frames == 0 ? follow(frame, live, volume, times) : relocalise(frame, live, volume, times);
-  const bool sees_no_map =
-      tracked.alignment.lost == FrameCause::out_of_view ||
-      (tracked.alignment.lost == FrameCause::too_few_inliers && memory_.last_aligned < memory_.last.back().timestamp);
-  if (sees_no_map && sees_enough(frame) && carries(frame)) tracked = carried(frame);
-  tracked.cause = tracked.alignment.lost;
-  tracked.reason = text_of(tracked.cause);
-  if (tracked.alignment.converged()) {
-    tracked.state = Tracked::State::aligned;
-    tracked.submap_from_camera = tracked.alignment.submap_from_camera;
+  Tracked tracked = find(frame, live, volume, times);
+  if (tracked.state == Tracked::State::aligned) {
     timed(times, "track", [&] { leave_out_moving(live, tracked, volume); });
     return tracked;
   }
@@ -251,6 +242,32 @@ Tracked Tracker::track(const Frame& frame, const Surface& live, Volume& volume, 
   tracked.cause = FrameCause::new_component;
   tracked.reason = text_of(tracked.cause);
   tracked.submap_from_camera = level(frame.acceleration);
+  return tracked;
+}
+
+Tracked Tracker::find(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times) {
+  Tracked tracked =
+      memory_.lost_frames == 0 ? follow(frame, live, volume, times) : relocalise(frame, live, volume, times);
+  const bool sees_no_map =
+      tracked.alignment.lost == FrameCause::out_of_view ||
+      (tracked.alignment.lost == FrameCause::too_few_inliers && memory_.last_aligned < memory_.last.back().timestamp);
+  if (sees_no_map && sees_enough(frame) && carries(frame)) tracked = carried(frame);
+  tracked.cause = tracked.alignment.lost;
+  tracked.reason = text_of(tracked.cause);
+  if (!tracked.alignment.converged()) return tracked;
+  tracked.state = Tracked::State::aligned;
+  tracked.submap_from_camera = tracked.alignment.submap_from_camera;
+  return tracked;
+}
+
+Tracked Tracker::look(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times) {
+  if (memory_.last.empty())
+    return {.cause = FrameCause::not_relocalised, .reason = "held out, and there is no map yet to find it in"};
+  const Memory before = memory_;
+  const Raycaster::Saved prediction = raycaster_.save(prediction_);
+  Tracked tracked = find(frame, live, volume, times);
+  memory_ = before;
+  prediction_ = raycaster_.restore(prediction);
   return tracked;
 }
 

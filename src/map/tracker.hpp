@@ -48,6 +48,8 @@ class Tracker {
   /// The pose of a frame, or why there is none. Takes what moves out of `live`'s fusion image (see
   /// shaders/moving_mask.comp). Of the frame only is kept that it was lost.
   [[nodiscard]] Tracked track(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
+  /// The pose of a frame that is held out, or why there is none; nothing of it is kept.
+  [[nodiscard]] Tracked look(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
   /// Share of the image that moves and was taken out of the fusion image, of the last frame. Waits for the device.
   [[nodiscard]] double moving() const;
   /// Hears of the gyroscope's rates, also of frames that are not tracked.
@@ -102,6 +104,8 @@ class Tracker {
 
  private:
   [[nodiscard]] Tracked begin_map(const Frame& frame) const;
+  /// Its pose in the map that there is.
+  [[nodiscard]] Tracked find(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
   [[nodiscard]] Tracked follow(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
   [[nodiscard]] Tracked relocalise(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
   [[nodiscard]] bool carries(const Frame& frame) const;

@@ -131,10 +131,10 @@ void LiveViewer::fused(const Frame& frame, const FrameReport& report, double lat
   s.skipped = report.state == FrameState::skipped ? s.skipped + 1 : 0;
   if (!frame.problem) s.content = content_of(frame, s.rig, s.options.surface);
   std::optional<Eigen::Isometry3d> pose;
-  if (report.state == FrameState::fused)
+  if (report.state == FrameState::fused || report.state == FrameState::held_out)
     if (const Trajectory path = s.mapper->path(2); !path.empty()) pose = path.back().world_from_camera;
   s.guidance->see(report, s.content, pose, seconds_of(now));
-  ++s.counts[report.state == FrameState::fused ? "fused" : report.state == FrameState::lost ? "lost" : "skipped"];
+  ++s.counts[std::string(name_of(report.state))];
   s.recent.emplace_back(now, latency_ms);
   if (s.feed.viewers() > 0 && now - s.images_sent > kImagesEvery && !frame.problem) {
     s.images_sent = now;

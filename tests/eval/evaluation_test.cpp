@@ -5,7 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <memory>
 
+#include "cairn/source.hpp"
 #include "support/files.hpp"
 
 namespace cairn {
@@ -164,6 +166,22 @@ TEST(EvaluateMap, TellsHowFarTheSurfaceLiesFromWhatWasSeen) {
   EXPECT_EQ(e.ranges[1].depth.count, 0);
   EXPECT_NEAR(e.psnr, 20 * std::log10(255.0 / 5), 0.01);
   EXPECT_EQ(e.doubled, 0);
+}
+
+TEST(EvaluateMap, LooksAtFramesThatWereHeldOutAlone) {
+  Trajectory still;
+  for (const double time : {0.0, 0.1, 0.2, 0.3}) still.push_back({.timestamp = time});
+  const auto recording = [] { return hold_out(std::make_unique<Wall>(), {.every = 2}); };
+  const MapError e = evaluate_map({wall(2.01f, 10)}, *recording(), still, {}, 1, true);
+  EXPECT_EQ(e.frames, 2);  // the second and the last
+  ASSERT_EQ(e.ranges.size(), 2u);
+  EXPECT_EQ(e.ranges[1].elsewhere, 1);
+  EXPECT_EQ(evaluate_map({wall(2.01f, 10)}, *recording(), still, {}, 1).frames, 4);
+  Wall unmarked;
+  EXPECT_NE(error_of([&] {
+              (void)evaluate_map({wall(2, 2)}, unmarked, still, {}, 1, true);
+            }).find("no frame that was held out has a pose"),
+            std::string::npos);
 }
 
 TEST(EvaluateMap, FindsWhatLiesInTwoPlaces) {

@@ -113,6 +113,13 @@ TEST_F(VerdictOfARoom, TellsAWrongFocalLengthWithoutAPose) {
     EXPECT_EQ(reason.find("intrinsics"), std::string::npos) << reason;
 }
 
+TEST(Verdict, DoesNotMissFramesThatWereHeldOut) {
+  const Evidence evidence(small_camera(), {});
+  const Verdict verdict = evidence.verdict({.total = 90, .fused = 90, .held_out = 10});
+  EXPECT_EQ(verdict.level, Verdict::Level::good);
+  EXPECT_EQ(verdict.words, "90 of 90 frames are in the map, 10 were held out");
+}
+
 TEST(Verdict, TellsOfTheFocalLengthOnce) {
   Outcome outcome{.total = 100, .fused = 100};
   const Evidence evidence(small_camera(), {});

@@ -11,21 +11,6 @@ namespace {
 
 const Camera kSmall{160, 120, 131.25, 131.25, 79.5, 59.5, {}};
 
-class Given final : public Source {
- public:
-  explicit Given(std::vector<Frame> frames) : frames_(std::move(frames)) {}
-  [[nodiscard]] const Rig& rig() const override { return rig_; }
-  [[nodiscard]] std::optional<int> size() const override { return static_cast<int>(frames_.size() - next_); }
-  [[nodiscard]] std::optional<Frame> next() override {
-    return next_ < frames_.size() ? std::optional(frames_[next_++]) : std::nullopt;
-  }
-
- private:
-  Rig rig_ = kSmall;
-  std::vector<Frame> frames_;
-  std::size_t next_ = 0;
-};
-
 TEST(Reintegrate, TakesDepthAloneWhereColourHasAnotherSizeAndLeavesOutWhatAddDid) {
   std::vector<Frame> frames;
   for (int i = 0; i < 4; ++i) {
@@ -37,7 +22,7 @@ TEST(Reintegrate, TakesDepthAloneWhereColourHasAnotherSizeAndLeavesOutWhatAddDid
   for (const Frame& frame : frames) (void)mapper.add(frame);
   EXPECT_EQ(mapper.trajectory().size(), 3u);
   const std::size_t before = mapper.map().mesh().triangles.size();
-  Given again(frames);
+  GivenFrames again(kSmall, frames);
   mapper.reintegrate(again);
   EXPECT_NEAR(static_cast<double>(mapper.map().mesh().triangles.size()), static_cast<double>(before), 0.01 * before);
 }

@@ -3,6 +3,7 @@
 #pragma once
 #include <Eigen/Geometry>
 #include <cmath>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -34,6 +35,22 @@ inline Frame scene_frame_at(const Scene& scene, const Camera& camera, const Eige
 inline Frame scene_frame(const Scene& scene, const Camera& camera, int index, bool kinect_noise = false) {
   return scene_frame_at(scene, camera, scene.world_from_camera(index / 30.0), index, kinect_noise);
 }
+
+/// Gives these frames.
+class GivenFrames final : public Source {
+ public:
+  GivenFrames(const Rig& rig, std::vector<Frame> frames) : rig_(rig), frames_(std::move(frames)) {}
+  [[nodiscard]] const Rig& rig() const override { return rig_; }
+  [[nodiscard]] std::optional<int> size() const override { return static_cast<int>(frames_.size() - next_); }
+  [[nodiscard]] std::optional<Frame> next() override {
+    return next_ < frames_.size() ? std::optional(frames_[next_++]) : std::nullopt;
+  }
+
+ private:
+  Rig rig_;
+  std::vector<Frame> frames_;
+  std::size_t next_ = 0;
+};
 
 /// Along the scene's own path at a third of its speed, and swung as a hand does: up to a radian a second.
 inline PoseAt swung_in(const Scene& scene) {
