@@ -16,6 +16,7 @@ Where to begin
     open, Frame, Source        recordings, sensors, scenes; own arrays
     Map, Mesh, DistanceField   what comes out: surface, voxels, distances, files
     reconstruct, merge, synth  whole runs, by the program `cairn`, in a process of their own
+    find_calibration           what the cameras of a sensor are; find_shutter, find_depth_correction, find_color_camera
     evaluate                   trajectories, meshes and maps against the truth
     Scene, SceneCamera         scenes whose surface is known exactly
     PoseGraph                  poses bound to each other by measurements
@@ -32,11 +33,13 @@ Conventions
 """
 from . import evaluate
 from ._cairn import (
+    Adjusted,
     AlignmentFit,
     AtThreshold,
     Camera,
     ColorCamera,
     DenseGrid,
+    DepthCorrection,
     Device,
     DistanceError,
     DistanceField,
@@ -46,6 +49,9 @@ from ._cairn import (
     ErrorStatistics,
     Exported,
     ExportedViews,
+    FoundCalibration,
+    FoundDepthCorrection,
+    FoundShutter,
     Frame,
     FrameReport,
     FuseOptions,
@@ -84,7 +90,10 @@ from ._cairn import (
     Voxels,
     __version__,
     devices,
+    find_calibration,
     find_color_camera,
+    find_depth_correction,
+    find_shutter,
     inspect,
     known_cameras,
     layouts,
@@ -95,11 +104,13 @@ from .evaluate import MapError
 from .runs import Frames, Report, merge, program, reconstruct, run, synth
 
 __all__ = [
+    "Adjusted",
     "AlignmentFit",
     "AtThreshold",
     "Camera",
     "ColorCamera",
     "DenseGrid",
+    "DepthCorrection",
     "Device",
     "DistanceError",
     "DistanceField",
@@ -109,6 +120,9 @@ __all__ = [
     "ErrorStatistics",
     "Exported",
     "ExportedViews",
+    "FoundCalibration",
+    "FoundDepthCorrection",
+    "FoundShutter",
     "Frame",
     "FrameReport",
     "Frames",
@@ -151,7 +165,10 @@ __all__ = [
     "__version__",
     "devices",
     "evaluate",
+    "find_calibration",
     "find_color_camera",
+    "find_depth_correction",
+    "find_shutter",
     "inspect",
     "known_cameras",
     "layouts",

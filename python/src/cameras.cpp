@@ -159,6 +159,72 @@ Standard deviation at a depth, metres.)")
       });
 }
 
+using Image = py::array_t<float, py::array::c_style | py::array::forcecast>;
+
+Image image_of(const py::object& value, const char* name, const char* unit) {
+  auto image = Image::ensure(value);
+  if (image && image.ndim() == 2) return image;
+  PyErr_Clear();
+  throw py::value_error(std::string(name) + " is " + told(value) + "; numbers of shape (rows, columns) are expected, " +
+                        unit);
+}
+
+DepthCorrection make_correction(const py::object& values) {
+  const Image offsets = image_of(values, "offsets", "1/m");
+  DepthCorrection correction{.columns = static_cast<int>(offsets.shape(1)),
+                             .rows = static_cast<int>(offsets.shape(0)),
+                             .offsets = {offsets.data(), offsets.data() + offsets.size()}};
+  check(correction);
+  return correction;
+}
+
+py::array corrected(const DepthCorrection& correction, const py::object& values) {
+  const Image depth = image_of(values, "depth", "metres");
+  const py::ssize_t rows = depth.shape(0), columns = depth.shape(1);
+  std::vector<float> image(depth.data(), depth.data() + depth.size());
+  correction.apply(static_cast<int>(columns), static_cast<int>(rows), image);
+  return moved<float>(std::move(image), {rows, columns});
+}
+
+void add_correction(py::module_& m) {
+  py::class_<DepthCorrection>(m, "DepthCorrection", R"(DepthCorrection(offsets)
+--
+
+What a depth camera errs by, by place in its image: 1 / true depth = 1 / measured depth + offset.
+
+offsets: (rows, columns) float32, 1/m, at nodes in the middles of so many cells that divide the image evenly, at least
+two each way. Raises Error for more than 1/m.)")
+      .def(py::init(&make_correction), py::arg("offsets"), R"(__init__(self, offsets)
+--
+
+)")
+      .def_property_readonly(
+          "offsets",
+          [](const py::object& self) {
+            const auto& c = self.cast<const DepthCorrection&>();
+            auto offsets = view(c.offsets.data(), {c.rows, c.columns}, self);
+            make_read_only(offsets);
+            return offsets;
+          },
+          "(rows, columns) float32, 1/m. Shows its own memory.")
+      .def("at", &DepthCorrection::at, py::arg("x"), py::arg("y"), R"(at(self, x, y)
+--
+
+1/m, between nodes, at a place in shares of the image's width and height.)")
+      .def("apply", &corrected, py::arg("depth"), R"(apply(self, depth)
+--
+
+A corrected image, (rows, columns) float32, metres; 0 stays 0.)")
+      .def("then", &DepthCorrection::then, py::arg("next"), R"(then(self, next)
+--
+
+This correction and then another one.)")
+      .def(py::self == py::self)
+      .def("__repr__", [](const DepthCorrection& c) {
+        return repr("DepthCorrection", {{"rows", c.rows}, {"columns", c.columns}});
+      });
+}
+
 void add_rig(py::module_& m) {
   py::class_<ColourCamera>(m, "ColorCamera", R"(ColorCamera(camera, color_from_depth)
 --
@@ -178,16 +244,17 @@ color_from_depth: (4, 4), from the depth camera's frame to its own, metres.)")
           "color_from_depth", [](const ColourCamera& c) { return to_numpy(c.colour_from_depth); },
           "(4, 4) float64, metres.");
 
-  py::class_<Rig>(m, "Rig", R"(Rig(depth, color=None, *, sensor=None, camera_from_imu=None)
+  py::class_<Rig>(m, "Rig", R"(Rig(depth, color=None, *, sensor=None, camera_from_imu=None, depth_correction=None)
 --
 
 The cameras of a sensor. Poses are the depth camera's everywhere.
 
 depth: its Camera. color: a ColorCamera beside it; None where color images are registered to depth, and have its size
 and view. sensor: a SensorModel or its name. camera_from_imu: (4, 4), turns what an inertial sensor measures
-into the depth camera's frame; None finds it from how the camera moves.)")
+into the depth camera's frame; None finds it from how the camera moves. depth_correction: a DepthCorrection of what the
+depth camera errs by; None: nothing is known of that.)")
       .def(py::init([](const Camera& depth, std::optional<ColourCamera> colour, const py::object& sensor,
-                       const py::object& camera_from_imu) {
+                       const py::object& camera_from_imu, std::optional<DepthCorrection> depth_correction) {
              Rig rig(depth, std::move(colour));
              if (py::isinstance<py::str>(sensor))
                rig.sensor = sensor_model(sensor.cast<std::string>());
@@ -195,12 +262,13 @@ into the depth camera's frame; None finds it from how the camera moves.)")
                rig.sensor = sensor.cast<SensorModel>();
              if (!camera_from_imu.is_none())
                rig.camera_from_imu = Eigen::Quaterniond(pose_of(camera_from_imu, "camera_from_imu").linear());
+             if (depth_correction) rig.depth_correction = std::move(*depth_correction);
              check(rig);
              return rig;
            }),
            py::arg("depth"), py::arg("color") = std::nullopt, py::kw_only(), py::arg("sensor") = py::none(),
-           py::arg("camera_from_imu") = py::none(),
-           R"(__init__(self, depth, color=None, *, sensor=None, camera_from_imu=None)
+           py::arg("camera_from_imu") = py::none(), py::arg("depth_correction") = std::nullopt,
+           R"(__init__(self, depth, color=None, *, sensor=None, camera_from_imu=None, depth_correction=None)
 --
 
 )")
@@ -214,6 +282,12 @@ into the depth camera's frame; None finds it from how the camera moves.)")
                                                 : std::nullopt);
           },
           "(4, 4) float64, or None.")
+      .def_property_readonly(
+          "depth_correction",
+          [](const Rig& rig) {
+            return rig.depth_correction.empty() ? std::nullopt : std::optional(rig.depth_correction);
+          },
+          "A DepthCorrection, or None: nothing is known of what the depth camera errs by.")
       .def_static("kinect_v1", &kinect_v1, py::arg("width") = 640, py::arg("height") = 480,
                   R"(kinect_v1(width=640, height=480)
 --
@@ -245,6 +319,7 @@ Writes a camera.yaml, whole or not at all, without a unit of depth, which is the
 void add_cameras(py::module_& m) {
   add_camera(m);
   add_sensor(m);
+  add_correction(m);
   add_rig(m);
 }
 

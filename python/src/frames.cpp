@@ -196,12 +196,13 @@ void fill(SizedFrame& to, const FrameParts& parts, int index, const Rig* rig) {
   to.frame.acceleration.reset();
   if (!parts.acceleration.is_none()) to.frame.acceleration = vector_of(parts.acceleration, "acceleration");
   to.frame.gyro = rates_of(parts.gyro);
+  to.frame.held_out = parts.held_out;
 }
 
 void add_frames(py::module_& m) {
   py::class_<SizedFrame, std::shared_ptr<SizedFrame>>(
       m, "Frame",
-      R"(Frame(depth, color=None, *, time, index=0, depth_scale=None, confidence=None, color_delay=0.0, pose=None, guess=None, acceleration=None, gyro=None)
+      R"(Frame(depth, color=None, *, time, index=0, depth_scale=None, confidence=None, color_delay=0.0, pose=None, guess=None, acceleration=None, gyro=None, held_out=False)
 --
 
 One moment of a sensor.
@@ -211,23 +212,24 @@ measured. color: (rows, columns, 3 or 4) uint8, R, G, B (sRGB). time: seconds, w
 confidence: uint8 of depth's shape, 0 to 255 (sure). color_delay: seconds from the depth image's time to the color
 image's. pose: (4, 4), world_from_camera, where it is known. guess: (4, 4), where somebody else takes the camera to be,
 in a world of its own. acceleration: (3,), what an accelerometer measures, m/s^2 in the camera's frame, at rest 9.81
-upwards. gyro: (N, 4), seconds and rad/s about x, y, z, since the frame before.)")
+upwards. gyro: (N, 4), seconds and rad/s about x, y, z, since the frame before. held_out: only for judging the map
+afterwards; a Mapper finds its pose, and nothing that it shows gets into the map.)")
       .def(
           py::init([](py::object depth, py::object colour, py::object time, int index, py::object depth_scale,
                       py::object confidence, double colour_delay, py::object pose, py::object guess,
-                      py::object acceleration, py::object gyro) {
+                      py::object acceleration, py::object gyro, bool held_out) {
             auto frame = std::make_shared<SizedFrame>();
             fill(*frame,
                  {std::move(depth), std::move(colour), std::move(time), std::move(depth_scale), std::move(confidence),
-                  std::move(pose), std::move(guess), std::move(acceleration), std::move(gyro), colour_delay},
+                  std::move(pose), std::move(guess), std::move(acceleration), std::move(gyro), colour_delay, held_out},
                  index, nullptr);
             return frame;
           }),
           py::arg("depth"), py::arg("color") = py::none(), py::kw_only(), py::arg("time") = py::none(),
           py::arg("index") = 0, py::arg("depth_scale") = py::none(), py::arg("confidence") = py::none(),
           py::arg("color_delay") = 0.0, py::arg("pose") = py::none(), py::arg("guess") = py::none(),
-          py::arg("acceleration") = py::none(), py::arg("gyro") = py::none(),
-          R"(__init__(self, depth, color=None, *, time, index=0, depth_scale=None, confidence=None, color_delay=0.0, pose=None, guess=None, acceleration=None, gyro=None)
+          py::arg("acceleration") = py::none(), py::arg("gyro") = py::none(), py::arg("held_out") = false,
+          R"(__init__(self, depth, color=None, *, time, index=0, depth_scale=None, confidence=None, color_delay=0.0, pose=None, guess=None, acceleration=None, gyro=None, held_out=False)
 --
 
 )")
@@ -259,6 +261,10 @@ upwards. gyro: (N, 4), seconds and rad/s about x, y, z, since the frame before.)
           },
           "(3,) float64, m/s^2 in the camera's frame, or None.")
       .def_property_readonly("gyro", &gyro_of, "(N, 4) float64, seconds and rad/s about x, y, z.")
+      .def_property(
+          "held_out", [](const SizedFrame& f) { return f.frame.held_out; },
+          [](SizedFrame& f, bool held_out) { f.frame.held_out = held_out; },
+          "Only for judging the map: nothing that it shows gets into it. Can be set.")
       .def_property_readonly(
           "problem", [](const SizedFrame& f) { return f.frame.problem; }, "Why the frame could not be read, or None.")
       .def("__repr__", [](const SizedFrame& f) {

@@ -22,6 +22,7 @@ struct SizedFrame {
 struct FrameParts {
   py::object depth, colour, time, depth_scale, confidence, pose, guess, acceleration, gyro;
   double colour_delay = 0;
+  bool held_out = false;
 };
 /// Fills a frame, whose memory is used again. Throws ValueError, TypeError with what came and what is expected; of
 /// images that are not `rig`'s, too, unless that is null.

@@ -5,6 +5,8 @@
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
+#include <exception>
+#include <stdexcept>
 #include <utility>
 
 #include "distances.hpp"
@@ -40,16 +42,16 @@ FrameReport add_frame(GuardedMapper& m, const Frame& frame) {
 /// Own images go through memory of the mapper's own, unless another thread is in there.
 FrameReport add(GuardedMapper& m, const py::object& depth, const py::object& colour, const py::object& time,
                 const py::object& depth_scale, const py::object& confidence, double colour_delay,
-                const py::object& pose, const py::object& guess, const py::object& acceleration,
-                const py::object& gyro) {
+                const py::object& pose, const py::object& guess, const py::object& acceleration, const py::object& gyro,
+                bool held_out) {
   if (py::isinstance<SizedFrame>(depth)) {
     const auto frame = depth.cast<std::shared_ptr<SizedFrame>>();
     m.next = frame->frame.index + 1;
     return add_frame(m, frame->frame);
   }
   SizedFrame frame = std::exchange(m.scratch, {});
-  fill(frame, {depth, colour, time, depth_scale, confidence, pose, guess, acceleration, gyro, colour_delay}, m.next,
-       &m.mapper.rig());
+  fill(frame, {depth, colour, time, depth_scale, confidence, pose, guess, acceleration, gyro, colour_delay, held_out},
+       m.next, &m.mapper.rig());
   ++m.next;
   FrameReport report = add_frame(m, frame.frame);
   m.scratch = std::move(frame);
@@ -63,6 +65,66 @@ py::object map_distances(GuardedMapper& m, const py::object& points, std::option
                      Map map = m.mapper.map();
                      return options ? map.distances(*options) : map.distances();
                    });
+}
+
+/// Python that is called while the library works without the interpreter's lock. What is raised there, and by Ctrl-C,
+/// is raised once the library has ended.
+class Callback {
+ public:
+  /// Whether nothing was raised and `call` says to go on.
+  template <class Call>
+  bool goes_on(Call&& call) {
+    const py::gil_scoped_acquire acquire;
+    try {
+      check_signals();
+      return call();
+    } catch (const std::exception&) {
+      error_ = std::current_exception();
+      return false;
+    }
+  }
+  void rethrow() const {
+    if (error_) std::rethrow_exception(error_);
+  }
+
+ private:
+  std::exception_ptr error_;
+};
+
+Adjusted adjust(GuardedMapper& m, const py::object& progress) {
+  Callback callback;
+  Adjusted adjusted = m.guard->change([&] {
+    return m.mapper.adjust([&](double share) {
+      return callback.goes_on([&] {
+        if (progress.is_none()) return true;
+        const py::object said = progress(share);
+        return said.is_none() || said.cast<bool>();
+      });
+    });
+  });
+  callback.rethrow();
+  return adjusted;
+}
+
+void reintegrate(GuardedMapper& m, const py::object& again, const std::optional<DepthCorrection>& correction,
+                 const py::object& progress) {
+  BorrowedSource source(again, m.mapper.rig());
+  Callback callback;
+  int frames = 0;
+  const auto step = [&] {
+    const bool goes_on = callback.goes_on([&] {
+      if (!progress.is_none()) progress(++frames);
+      return true;
+    });
+    if (!goes_on) throw std::runtime_error("it was ended");  // the map is as it was before
+  };
+  source.run([&] {
+    const py::gil_scoped_acquire acquire;  // the guard below gives it back
+    m.guard->change([&] { m.mapper.reintegrate(source.get(), correction.value_or(DepthCorrection{}), step); });
+  });
+  source.rethrow();
+  callback.rethrow();
+  check_signals();
 }
 
 py::object live_distances(const GuardedMapper& m) {
@@ -106,8 +168,8 @@ for each other. Raises Error for cameras or options out of range, and for a devi
           "add", &add, py::arg("depth"), py::arg("color") = py::none(), py::kw_only(), py::arg("time") = py::none(),
           py::arg("depth_scale") = py::none(), py::arg("confidence") = py::none(), py::arg("color_delay") = 0.0,
           py::arg("pose") = py::none(), py::arg("guess") = py::none(), py::arg("acceleration") = py::none(),
-          py::arg("gyro") = py::none(),
-          R"(add(self, depth, color=None, *, time=None, depth_scale=None, confidence=None, color_delay=0.0, pose=None, guess=None, acceleration=None, gyro=None)
+          py::arg("gyro") = py::none(), py::arg("held_out") = false,
+          R"(add(self, depth, color=None, *, time=None, depth_scale=None, confidence=None, color_delay=0.0, pose=None, guess=None, acceleration=None, gyro=None, held_out=False)
 --
 
 Aligns and fuses the next frame, a Frame or own images with their time (see Frame for shapes and units); tells in a
@@ -135,22 +197,21 @@ From now on the map stands as it is known now.)")
 --
 
 Aligns keyframes that see the same with each other and corrects the poses; tells in Refined what it did.)")
-      .def(
-          "reintegrate",
-          [](GuardedMapper& s, const py::object& again) {
-            BorrowedSource source(again, s.mapper.rig());
-            source.run([&] {
-              const py::gil_scoped_acquire acquire;  // the guard below gives it back
-              s.guard->change([&] { s.mapper.reintegrate(source.get()); });
-            });
-            source.rethrow();
-            check_signals();
-          },
-          py::arg("frames"), R"(reintegrate(self, frames)
+      .def("adjust", &adjust, py::kw_only(), py::arg("progress") = py::none(), R"(adjust(self, *, progress=None)
 --
 
-Fuses all frames again with the poses as they are now, instead of bending submaps. frames: the same recording from its
-begin, a Source or anything that gives Frames.)")
+Moves the keyframes to where depth and brightness of all that they see agree best, all together (bundle adjustment);
+the map follows by moving the submaps. Tells in Adjusted what it did, and what it learned of shutters and depth. Loops
+must be closed before: refine. progress: called with the share that is done; when it returns False, or raises, or Ctrl-C
+is pressed, what is adjusted so far is kept. When it fails the poses stay as they are, and a warning tells why.)")
+      .def("reintegrate", &reintegrate, py::arg("frames"), py::arg("correction") = std::nullopt, py::kw_only(),
+           py::arg("progress") = py::none(), R"(reintegrate(self, frames, correction=None, *, progress=None)
+--
+
+Fuses all frames again instead of bending submaps: the keyframes where they are now, then those between them, each
+tracked anew. frames: the same recording from its begin, with the same frames held out, a Source or anything that gives
+Frames. correction: of depth from here on, beside what the rig says: Adjusted.correction. progress: called with the
+number of frames so far. When it fails, or Ctrl-C ends it, the map stays as it is, and a warning tells why.)")
       .def(
           "map",
           [](GuardedMapper& s) {
@@ -187,7 +248,7 @@ that of FrameReport.pose. None before the first frame, and where it cannot be ma
           py::arg("recording") = -1, R"(trajectory(self, recording=-1)
 --
 
-Of all fused frames as a Trajectory, in the upright world and the color camera's clock; recording counts from 0, -1 is
+Of all frames that were fused or held out as a Trajectory, in the upright world and the color camera's clock; recording counts from 0, -1 is
 the last.)")
       .def_property_readonly("recordings",
                              [](GuardedMapper& s) { return s.guard->run([&] { return s.mapper.recordings(); }); })

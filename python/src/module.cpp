@@ -68,6 +68,7 @@ PYBIND11_MODULE(_cairn, m) {
   add_trajectory(m);
   add_frames(m);
   add_sources(m);
+  add_calibrate(m);
   add_options(m);
   add_reports(m);
   add_mesh(m);

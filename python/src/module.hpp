@@ -10,6 +10,7 @@ void add_cameras(pybind11::module_& m);
 void add_trajectory(pybind11::module_& m);
 void add_frames(pybind11::module_& m);
 void add_sources(pybind11::module_& m);
+void add_calibrate(pybind11::module_& m);
 void add_options(pybind11::module_& m);
 void add_reports(pybind11::module_& m);
 void add_mesh(pybind11::module_& m);

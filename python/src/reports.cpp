@@ -77,6 +77,29 @@ void add_map_reports(py::module_& m) {
       .def_readonly("pairs_inlier", &Refined::pairs_inlier, "Those that the pose graph keeps.")
       .def_readonly("cost_before", &Refined::cost_before)
       .def_readonly("cost", &Refined::cost);
+  py::class_<Adjusted>(m, "Adjusted", "What Mapper.adjust did.")
+      .def_readonly("keyframes", &Adjusted::keyframes, "That were moved.")
+      .def_readonly("surfels", &Adjusted::surfels, "The surface that they see.")
+      .def_readonly("observations", &Adjusted::observations, "Of it.")
+      .def_readonly("clock_offset", &Adjusted::clock_offset,
+                    "Seconds that the color camera's clock is ahead of the depth camera's.")
+      .def_readonly("readout", &Adjusted::readout,
+                    "Seconds from the first row to the last, beside what the rig says of its shutters.")
+      .def_readonly("readout_sigma", &Adjusted::readout_sigma, "Seconds, its standard deviation.")
+      .def_readonly("predicts_better", &Adjusted::predicts_better,
+                    "Share of what surfels that were held out are off, that the readout takes away.")
+      .def_readonly("has_readout", &Adjusted::has_readout, "That confirms it.")
+      .def_property_readonly(
+          "correction",
+          [](const Adjusted& a) { return a.correction.empty() ? std::nullopt : std::optional(a.correction); },
+          "What the depth camera errs by, beside what the rig says of it, as a DepthCorrection; None where surfels "
+          "that "
+          "were held out do not confirm it.")
+      .def_readonly("corrected_predicts_better", &Adjusted::corrected_predicts_better,
+                    "The same share, that the correction takes away.")
+      .def("__repr__", [](const Adjusted& a) {
+        return repr("Adjusted", {{"keyframes", a.keyframes}, {"surfels", a.surfels}, {"observations", a.observations}});
+      });
   py::class_<FoundLoop>(m, "Loop", "Two keyframes that were recognised as views of the same place.")
       .def_readonly("start", &FoundLoop::from, "Time of keyframe i, seconds.")
       .def_readonly("end", &FoundLoop::to, "Time of keyframe j, seconds.")

@@ -7,7 +7,6 @@
 #include <exception>
 #include <utility>
 
-#include "cairn/calibrate.hpp"
 #include "cairn/inspect.hpp"
 #include "cairn/layouts.hpp"
 #include "cairn/live_source.hpp"
@@ -87,7 +86,8 @@ std::optional<Trajectory> poses_of(const py::object& poses) {
 GuardedSource open_named(const std::filesystem::path& name, const py::object& frames,
                          const std::optional<std::filesystem::path>& camera, const std::optional<std::string>& sensor,
                          const std::string& depth_topic, const std::string& colour_topic, const py::object& poses,
-                         const py::object& guesses, bool colour_on_depth, int ahead, bool live) {
+                         const py::object& guesses, bool colour_on_depth, int ahead, bool live,
+                         std::optional<int> every) {
   SourceOptions options{.range = range_of(frames),
                         .camera = camera.value_or(std::filesystem::path{}),
                         .sensor = {},
@@ -98,7 +98,7 @@ GuardedSource open_named(const std::filesystem::path& name, const py::object& fr
   auto given = poses_of(poses), guessed = poses_of(guesses);
   const bool waits = !live && !is_sensor(name.string());
   const py::gil_scoped_release release;
-  auto source = open_source(name.string(), options);
+  auto source = hold_out(open_source(name.string(), options), {.every = every.value_or(0), .range = options.range});
   if (given) source = with_poses(std::move(source), std::move(*given));
   if (guessed) source = with_guesses(std::move(source), std::move(*guessed));
   if (colour_on_depth) source = with_colour_on_depth(std::move(source));
@@ -141,7 +141,8 @@ The next frame, or None at the end of the stream. A frame that cannot be read te
       py::arg("camera") = std::nullopt, py::arg("sensor") = std::nullopt, py::arg("depth_topic") = "",
       py::arg("color_topic") = "", py::arg("poses") = py::none(), py::arg("guesses") = py::none(),
       py::arg("color_on_depth") = false, py::arg("read_ahead") = 4, py::arg("live") = false,
-      R"(open(name, *, frames=None, camera=None, sensor=None, depth_topic='', color_topic='', poses=None, guesses=None, color_on_depth=False, read_ahead=4, live=False)
+      py::arg("hold_out") = std::nullopt,
+      R"(open(name, *, frames=None, camera=None, sensor=None, depth_topic='', color_topic='', poses=None, guesses=None, color_on_depth=False, read_ahead=4, live=False, hold_out=None)
 --
 
 Opens a recording, a sensor or a scene as a Source.
@@ -151,7 +152,8 @@ for a scene that is rendered while it is read. frames: a number of frames, or sl
 camera.yaml or the name of a known camera, in place of what the recording tells. sensor: the name of a SensorModel.
 depth_topic, color_topic: of ROS recordings. poses, guesses: a Trajectory or its file, for Frame.pose and Frame.guess.
 color_on_depth: color as the depth camera sees it. read_ahead: frames that are decoded in a thread of their own. live:
-only the newest frame, a recording as fast as it was taken. Raises Error with what is missing, where, and what to do.)");
+only the newest frame, a recording as fast as it was taken. hold_out: every so many frames one is for judging the map
+alone (Frame.held_out); 2 or more. Raises Error with what is missing, where, and what to do.)");
 
   m.def(
       "recorded_truth",
@@ -163,17 +165,6 @@ only the newest frame, a recording as fast as it was taken. Raises Error with wh
 --
 
 Poses that a recording carries for the truth (groundtruth.txt and the like) as a Trajectory; empty where it has none.)");
-
-  m.def(
-      "find_color_camera",
-      [](GuardedSource& source, int frames) {
-        return source.guard->run([&] { return find_colour_camera(*source.source, frames); });
-      },
-      py::arg("source"), py::arg("frames") = 40, R"(find_color_camera(source, frames=40)
---
-
-Calibrates: finds the color camera from the edges of depth and of color, in frames spread over all of a Source, which is
-read to its end. Returns the Rig, or None where no camera does better than what was told or too few edges are seen.)");
 }
 
 void add_inspection(py::module_& m) {

@@ -39,7 +39,7 @@ def test_the_first_lines_run(here: Path, capfd: pytest.CaptureFixture[str]) -> N
 def test_the_documentation_runs(here: Path) -> None:
     """Every snippet of docs/python.md, in its order."""
     blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "python.md").read_text(), re.MULTILINE | re.DOTALL)
-    assert blocks[0] == LINES and len(blocks) == 5
+    assert blocks[0] == LINES and len(blocks) == 6
     cairn.Rig.kinect_v1().write("kinect.yaml")
     cairn.synth("room", "recording", frames=5, camera="kinect.yaml")
     names = {"cairn": cairn}

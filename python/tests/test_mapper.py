@@ -202,6 +202,53 @@ def test_refines_and_fuses_again(rig: cairn.Rig, images: List[Images]) -> None:
     assert not mapper.warnings() and abs(len(mapper.mesh().triangles) / before - 1) < 0.25
 
 
+def test_adjusts_and_fuses_again_with_depth_corrected(rig: cairn.Rig, images: List[Images]) -> None:
+    mapper = mapped(rig, images)
+    mapper.refine()
+    shares: List[float] = []
+    adjusted = mapper.adjust(progress=shares.append)
+    assert adjusted.keyframes == mapper.statistics().keyframes and adjusted.observations > adjusted.surfels > 0
+    assert shares == sorted(shares) and len(shares) > 1 and not mapper.warnings()
+    frames: List[int] = []
+    correction = cairn.DepthCorrection(np.full((3, 4), 0.001))
+    mapper.reintegrate(
+        (cairn.Frame(d, c, time=i / 30) for i, (d, c) in enumerate(images)), correction, progress=frames.append
+    )
+    assert frames == list(range(1, len(images) + 1)) and mapper.rig.depth_correction == correction
+    assert not mapper.warnings()
+
+
+def test_an_adjustment_can_be_ended(rig: cairn.Rig, images: List[Images]) -> None:
+    mapper = mapped(rig, images)
+    assert mapper.adjust(progress=lambda share: False).keyframes == mapper.statistics().keyframes
+
+    def stop(share: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        mapper.adjust(progress=stop)
+    with pytest.raises(cairn.Error, match="a callback cannot use what is calling it"):
+        mapper.adjust(progress=lambda share: bool(mapper.mesh()))
+    before = mapper.mesh().vertices
+    with pytest.raises(KeyboardInterrupt):
+        mapper.reintegrate((cairn.Frame(*images[0], time=0) for _ in range(3)), progress=stop)
+    assert np.array_equal(mapper.mesh().vertices, before)
+
+
+def test_frames_that_are_held_out_have_poses_alone(rig: cairn.Rig, images: List[Images]) -> None:
+    mapper, without = cairn.Mapper(rig, voxel_size=VOXEL), cairn.Mapper(rig, voxel_size=VOXEL)
+    for i, (depth, color) in enumerate(images[:6]):
+        report = mapper.add(depth, color, time=i / 30, held_out=i == 3)
+        assert report.state == ("held_out" if i == 3 else "fused") and report.pose is not None
+        if i != 3:
+            without.add(depth, color, time=i / 30)
+    assert len(mapper.trajectory()) == 6 and np.array_equal(mapper.mesh().vertices, without.mesh().vertices)
+    frame = cairn.Frame(*images[0], time=0, held_out=True)
+    assert frame.held_out
+    frame.held_out = False
+    assert not frame.held_out
+
+
 def test_what_frames_raise_is_raised(rig: cairn.Rig, images: List[Images]) -> None:
     mapper = mapped(rig, images[:3])
     before = mapper.mesh().vertices

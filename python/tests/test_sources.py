@@ -24,6 +24,13 @@ def test_reads_a_recording(recording: Path, rig: cairn.Rig) -> None:
     assert abs(np.linalg.norm(first.acceleration) - 9.81) < 5
 
 
+def test_holds_out_every_so_many_frames(recording: Path) -> None:
+    held_out = [frame.index for frame in cairn.open(recording, frames=slice(2, 12), hold_out=4) if frame.held_out]
+    assert held_out == [5, 9]
+    with pytest.raises(cairn.Error, match="give 2 or more"):
+        cairn.open(recording, hold_out=1)
+
+
 def test_reads_a_part_of_it_with_poses(recording: Path) -> None:
     truth = cairn.recorded_truth(recording)
     assert len(truth) == FRAMES
