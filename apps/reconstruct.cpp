@@ -33,6 +33,18 @@ std::unique_ptr<Source> open_frames(const Arguments& a, const SourceOptions& opt
   return a.read_ahead > 0 ? read_ahead(std::move(source), a.read_ahead) : std::move(source);
 }
 
+/// Upper triangles, row by row.
+nlohmann::json to_json(const std::vector<Adjusted::KeyframeCovariance>& all) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const auto& [timestamp, covariance] : all) {
+    nlohmann::json triangle = nlohmann::json::array();
+    for (int i = 0; i < 6; ++i)
+      for (int j = i; j < 6; ++j) triangle.push_back(covariance(i, j));
+    list.push_back({{"timestamp", timestamp}, {"covariance", std::move(triangle)}});
+  }
+  return list;
+}
+
 nlohmann::json to_json(const Adjusted& a) {
   return {{"keyframes", a.keyframes},
           {"surfels", a.surfels},
@@ -43,7 +55,8 @@ nlohmann::json to_json(const Adjusted& a) {
           {"predicts_better", a.predicts_better},
           {"has_readout", a.has_readout},
           {"corrected_predicts_better", a.corrected_predicts_better},
-          {"has_correction", !a.correction.empty()}};
+          {"has_correction", !a.correction.empty()},
+          {"covariances", to_json(a.covariances)}};
 }
 
 /// A first Ctrl-C keeps what is adjusted so far.

@@ -9,6 +9,7 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "cairn/camera.hpp"
 #include "cairn/depth_correction.hpp"
@@ -119,6 +120,13 @@ struct Adjusted {
   /// What the depth camera errs by, beside what the rig says of it; empty where held-out surfels do not confirm it.
   DepthCorrection correction;
   double corrected_predicts_better = 0;  ///< the same share, that the correction takes away
+  /// How surely each keyframe that was moved lies where it is, seen from the first: of `pose * retract(error)`,
+  /// radians, then metres. Empty where nothing was adjusted.
+  struct KeyframeCovariance {
+    double timestamp = 0;  ///< seconds
+    Matrix6d covariance = Matrix6d::Zero();
+  };
+  std::vector<KeyframeCovariance> covariances;
 };
 
 /// Two keyframes that were recognised as views of the same place.

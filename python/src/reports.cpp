@@ -97,6 +97,15 @@ void add_map_reports(py::module_& m) {
           "were held out do not confirm it.")
       .def_readonly("corrected_predicts_better", &Adjusted::corrected_predicts_better,
                     "The same share, that the correction takes away.")
+      .def_property_readonly(
+          "covariances",
+          [](const Adjusted& a) {
+            std::vector<std::pair<double, Matrix6d>> all;
+            for (const auto& [timestamp, covariance] : a.covariances) all.emplace_back(timestamp, covariance);
+            return all;
+          },
+          "Of each keyframe its time, and how surely it lies where it is, seen from the first: (6, 6) float64 of what "
+          "turns (radians) and moves (meters) it in its own camera's frame.")
       .def("__repr__", [](const Adjusted& a) {
         return repr("Adjusted", {{"keyframes", a.keyframes}, {"surfels", a.surfels}, {"observations", a.observations}});
       });

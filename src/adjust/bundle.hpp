@@ -129,6 +129,7 @@ class Bundle {
   struct Equations;
   struct Part;
   struct Solver;
+  struct ByPlace;
   struct Cost {
     double gaps = 0, gap_count = 0, differences = 0, difference_count = 0;
     void add(const Bundle& bundle, const Seen& seen);
@@ -170,8 +171,11 @@ class Bundle {
   void eliminate_with_nodes(std::size_t surfel, const Equations& equations, Part& part) const;
   [[nodiscard]] Equations no_equations() const;
   [[nodiscard]] Equations linearise() const;
-  [[nodiscard]] std::pair<Equations, Eigen::MatrixXd> linearise_by_places() const;
-  [[nodiscard]] std::vector<Matrix6d> covariance_of_views(const Solver& solver, const Eigen::MatrixXd& by_place) const;
+  [[nodiscard]] ByPlace linearise_by_places() const;
+  [[nodiscard]] std::vector<Matrix6d> covariance_of_views(const Solver& solver) const;
+  [[nodiscard]] double squared_pulls(const ByPlace& by, const Solver& solver,
+                                     const std::vector<Matrix6d>& covariance) const;
+  [[nodiscard]] std::uint32_t pair_of_view(std::size_t k) const { return pair_of_[k * (k + 1) / 2 + k]; }
   void move_surfels(const Equations& equations, const Eigen::VectorXd& pose_steps, const Eigen::VectorXd& shared_step);
   [[nodiscard]] bool move(const Equations& equations, double damping);
   void descend();

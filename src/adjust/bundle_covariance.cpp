@@ -16,42 +16,61 @@
 namespace cairn {
 namespace {
 
-constexpr double kPlace = 0.5;     // metres; what lies together errs alike
-constexpr std::size_t kParts = 4;  // sums of places, added up in this order on every machine
+constexpr double kPlace = 0.5;  // metres; what lies together errs alike
+// What views lie off in exact images, where nothing contradicts (test Bundle.LeavesExactViewsWhereTheyAre).
+constexpr double kOwnTurn = 3e-5, kOwnMove = 4.2e-5;  // radians, metres; about and along each axis
+constexpr std::size_t kParts = 4;                     // sums of places, added up in this order on every machine
 
 }  // namespace
 
-/// The equations, and what each place adds to their right side: poses, then what all share; a column for each.
-std::pair<Bundle::Equations, Eigen::MatrixXd> Bundle::linearise_by_places() const {
+struct Bundle::ByPlace {
+  Equations equations;
+  /// What each place adds to their right side, a column for each: poses, then what all share.
+  Eigen::MatrixXd right;
+  /// What each place adds to the information of the views that see it.
+  struct OfView {
+    std::size_t view;
+    Matrix6d information;
+  };
+  std::vector<std::vector<OfView>> of_views;
+};
+
+Bundle::ByPlace Bundle::linearise_by_places() const {
   std::map<std::array<int, 3>, std::vector<std::size_t>> all;
   for (std::size_t s = 0; s < surfels_.size(); ++s) {
     const Eigen::Vector3i cell = (surfels_[s].position / kPlace).array().floor().cast<int>();
     all[{cell.x(), cell.y(), cell.z()}].push_back(s);
   }
   std::vector<std::vector<std::size_t>> places;
+  places.reserve(all.size());
   for (auto& [cell, surfels] : all) places.push_back(std::move(surfels));
-  Equations e = no_equations();
-  const Eigen::Index of_poses = 6 * static_cast<Eigen::Index>(views_.size());
-  Eigen::MatrixXd right(of_poses + e.reduced.corner.cols(), places.size());
+  ByPlace by{.equations = no_equations(), .right = {}, .of_views = {}};
+  Equations& e = by.equations;
+  by.right.resize(6 * static_cast<Eigen::Index>(views_.size()) + e.reduced.corner.cols(),
+                  static_cast<Eigen::Index>(places.size()));
+  by.of_views.resize(places.size());
   const Part none = e.reduced;
   std::vector<Part> parts(kParts, none);
   tbb::parallel_for(std::size_t{0}, kParts, [&](std::size_t p) {
     for (std::size_t i = p * places.size() / kParts; i < (p + 1) * places.size() / kParts; ++i) {
       Part place = none;
       for (const std::size_t s : places[i]) linearise(s, e, place);
-      auto column = right.col(static_cast<Eigen::Index>(i));
-      for (std::size_t k = 0; k < views_.size(); ++k)
+      auto column = by.right.col(static_cast<Eigen::Index>(i));
+      for (std::size_t k = 0; k < views_.size(); ++k) {
         column.segment<6>(static_cast<Eigen::Index>(6 * k)) = place.right[k];
+        const Matrix6d& own = place.blocks[pair_of_view(k)];
+        if (!own.isZero()) by.of_views[i].push_back({k, own});
+      }
       column.tail(place.corner_right.size()) = place.corner_right;
       parts[p].add(place);
     }
   });
   for (const Part& part : parts) e.reduced.add(part);
   add_priors(e);
-  return {std::move(e), std::move(right)};
+  return by;
 }
 
-std::vector<Matrix6d> Bundle::covariance_of_views(const Solver& solver, const Eigen::MatrixXd& by_place) const {
+std::vector<Matrix6d> Bundle::covariance_of_views(const Solver& solver) const {
   std::vector<Matrix6d> covariance(views_.size());
   // What poses err by because of what all share.
   const Eigen::MatrixXd root = solver.shared.matrixL().solve(solver.solved.transpose());
@@ -60,29 +79,49 @@ std::vector<Matrix6d> Bundle::covariance_of_views(const Solver& solver, const Ei
     Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(solver.border.rows(), 6);
     unit.middleRows<6>(row).setIdentity();
     covariance[k] = solver.poses.solve(unit).middleRows<6>(row);
-    covariance[k].noalias() += root.middleCols<6>(row).transpose() * root.middleCols<6>(row);
+    covariance[k] += root.middleCols<6>(row).transpose().lazyProduct(root.middleCols<6>(row));
   });
-  const Eigen::MatrixXd of_poses = by_place.topRows(solver.border.rows());
-  const Eigen::MatrixXd pulls =
-      solver.pose_steps(of_poses, solver.shared_steps(of_poses, by_place.bottomRows(solver.border.cols())));
-  double squared = 0;  // in units of the covariance
+  return covariance;
+}
+
+/// Mean square of the places' pulls in units of a covariance that takes them for as large as its weights say.
+double Bundle::squared_pulls(const ByPlace& by, const Solver& solver, const std::vector<Matrix6d>& covariance) const {
+  const Eigen::MatrixXd of_poses = by.right.topRows(solver.border.rows());
+  Eigen::MatrixXd of_shared = by.right.bottomRows(solver.border.cols()) - solver.solved.transpose() * of_poses;
+  solver.shared.solveInPlace(of_shared);
+  const Eigen::MatrixXd pulls = solver.poses.solve(of_poses) - solver.solved * of_shared;
+  double squared = 0;
   for (std::size_t k = 1; k < views_.size(); ++k) {
     const Eigen::MatrixXd of_view = pulls.middleRows<6>(static_cast<Eigen::Index>(6 * k));
     squared += of_view.cwiseProduct(covariance[k].ldlt().solve(of_view)).sum();
   }
-  const double scale = squared / (6 * static_cast<double>(views_.size() - 1));
-  for (Matrix6d& c : covariance) c *= scale;
-  return covariance;
+  // A place has a part in where the views went, which its own pull does not show.
+  double own_part = 0;
+  for (const auto& place : by.of_views)
+    for (const auto& [k, information] : place) {
+      if (k == 0) continue;
+      const Matrix6d share = by.equations.reduced.blocks[pair_of_view(k)].ldlt().solve(information);
+      own_part += (share * share).trace();
+    }
+  const double unknowns = 6 * static_cast<double>(views_.size() - 1);
+  return squared / std::max(1.0, unknowns - own_part);
 }
 
 std::optional<BundleCovariance> Bundle::covariance() const {
   if (surfels_.empty()) return std::nullopt;
-  const auto [e, by_place] = linearise_by_places();
-  const Solver solver(*this, e, 0);
+  const ByPlace by = linearise_by_places();
+  const Solver solver(*this, by.equations, 0);
   if (!solver.has_solution) return std::nullopt;
-  BundleCovariance all{.of_views = covariance_of_views(solver, by_place), .of_surfels = {}};
+  BundleCovariance all{.of_views = covariance_of_views(solver), .of_surfels = {}};
+  const double scale = squared_pulls(by, solver, all.of_views);
+  Vector6d own;
+  own << Eigen::Vector3d::Constant(kOwnTurn * kOwnTurn), Eigen::Vector3d::Constant(kOwnMove * kOwnMove);
+  for (std::size_t k = 1; k < views_.size(); ++k) {
+    all.of_views[k] *= scale;
+    all.of_views[k].diagonal() += own;
+  }
   all.of_surfels.resize(surfels_.size());
-  tbb::parallel_for(std::size_t{0}, surfels_.size(), [&, &inverse = e.inverse](std::size_t s) {
+  tbb::parallel_for(std::size_t{0}, surfels_.size(), [&, &inverse = by.equations.inverse](std::size_t s) {
     const Surfel& surfel = surfels_[s];
     const std::uint32_t begin = first_[s], end = first_[s + 1];
     double of_poses = 0;

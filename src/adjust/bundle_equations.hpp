@@ -59,13 +59,6 @@ struct Bundle::Solver {
   bool has_solution = false;
 
   Solver(const Bundle& bundle, const Equations& equations, double damping);
-  /// Of right sides, by column.
-  [[nodiscard]] Eigen::MatrixXd shared_steps(const Eigen::MatrixXd& of_poses, const Eigen::MatrixXd& of_shared) const {
-    return shared.solve(of_shared - solved.transpose() * of_poses);
-  }
-  [[nodiscard]] Eigen::MatrixXd pose_steps(const Eigen::MatrixXd& of_poses, const Eigen::MatrixXd& shared_steps) const {
-    return poses.solve(of_poses) - solved * shared_steps;
-  }
 };
 
 }  // namespace cairn

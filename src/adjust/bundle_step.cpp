@@ -272,13 +272,17 @@ Bundle::Solver::Solver(const Bundle& bundle, const Equations& e, double damping)
 bool Bundle::move(const Equations& e, double damping) {
   const Solver solver(*this, e, damping);
   if (!solver.has_solution) return false;
-  const Eigen::MatrixXd shared_step = solver.shared_steps(solver.right, e.reduced.corner_right);
-  const Eigen::VectorXd pose_steps = solver.pose_steps(solver.right, shared_step);
+  Eigen::MatrixXd sought(solver.border.cols(), 2);  // the step, and a column of the covariance
+  sought.col(0) = e.reduced.corner_right - solver.solved.transpose() * solver.right;
+  sought.col(1) = Eigen::VectorXd::Unit(solver.border.cols(), kReadout);
+  solver.shared.solveInPlace(sought);
+  const Eigen::VectorXd shared_step = sought.col(0);
+  const Eigen::VectorXd pose_steps = solver.poses.solve(solver.right) - solver.solved * shared_step;
   for (std::size_t k = 0; k < views_.size(); ++k)
     poses_[k] = poses_[k] * retract(pose_steps.segment<6>(static_cast<int>(6 * k)));
   move_surfels(e, pose_steps, shared_step);
   move_shared(shared_step);
-  readout_sigma_ = std::sqrt(solver.shared.solve(Eigen::VectorXd::Unit(solver.border.cols(), kReadout))[kReadout]);
+  readout_sigma_ = std::sqrt(sought(kReadout, 1));
   return true;
 }
 

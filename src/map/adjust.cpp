@@ -18,6 +18,7 @@ constexpr double kSign = 0.001, kSigmas = 4;  // seconds; standard deviations: a
 constexpr double kBetter = 0.003;             // of what held-out surfels are off, that a readout must take away
 constexpr double kBetterCorrected = 0.01;     // the same, of a depth correction
 constexpr int kFewKeyframes = 8;              // tell nothing of what depth errs by
+constexpr double kUnknown = 0.1;              // metres; sigma of a surfel that no view holds any more
 constexpr int kUsualRounds = 30;              // of all bundles together
 
 /// Rounds of bundles that follow on each other, as one work.
@@ -86,6 +87,18 @@ void find_correction(Bundle& bundle, Adjusted& adjusted, Rounds& rounds) {
   if (adjusted.corrected_predicts_better >= kBetterCorrected) bundle = std::move(corrected);
 }
 
+void tell_uncertainty(const Bundle& bundle, Atlas& atlas, const std::vector<std::size_t>& keyframes,
+                      Adjusted& adjusted) {
+  atlas.surface_sigma = {};  // of the surface before it moved
+  const std::optional<BundleCovariance> known = bundle.covariance();
+  if (!known) return;
+  for (std::size_t view = 0; view < keyframes.size(); ++view)
+    adjusted.covariances.push_back({atlas.keyframes[keyframes[view]].timestamp, known->of_views[view]});
+  for (const auto& surfel : known->of_surfels)
+    if (const double sigma = std::sqrt(surfel.of_noise + surfel.of_poses); sigma < kUnknown)
+      atlas.surface_sigma.add(surfel.position, sigma);
+}
+
 }  // namespace
 
 Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset, Sought sought, const GoesOn& goes_on) {
@@ -100,22 +113,6 @@ Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset, Sought s
   find_shutter(bundle, rig, adjusted, rounds);
   if (sought == Sought::readout_and_depth) find_correction(bundle, adjusted, rounds);
   if (!rounds.is_stopped) bundle.adjust(adjusted.has_readout, Bundle::Detail::fine, std::ref(rounds));
-  if (const char* f = getenv("COV")) {  // DBG
-    if (const auto c = bundle.covariance()) {
-      FILE* o = fopen(f, "w");
-      for (std::size_t v = 0; v < keyframes.size(); ++v) {
-        fprintf(o, "%.9f", atlas.keyframes[keyframes[v]].timestamp);
-        const Eigen::Matrix4d m = bundle.world_from_view()[v].matrix();
-        for (int i = 0; i < 12; ++i) fprintf(o, " %.12g", m(i / 4, i % 4));
-        for (int i = 0; i < 36; ++i) fprintf(o, " %.12g", c->of_views[v](i / 6, i % 6));
-        fprintf(o, "\n");
-      }
-      fclose(o);
-      o = fopen((std::string(f) + ".s").c_str(), "w");
-      for (auto& q : c->of_surfels) fprintf(o, "%.6f %.6f %.6f %.6g %.6g\n", q.position.x(), q.position.y(), q.position.z(), std::sqrt(q.of_noise), std::sqrt(q.of_poses));
-      fclose(o);
-    }
-  }  // DBG
   adjusted.correction = bundle.correction();
   if (adjusted.has_readout) adjusted.readout = bundle.shutter().readout;
   adjusted.surfels = static_cast<int>(bundle.surfels());
@@ -123,7 +120,7 @@ Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset, Sought s
   adjusted.clock_offset = clock_offset + bundle.shutter().clock;
   for (std::size_t view = 0; view < keyframes.size(); ++view)
     atlas.world_from_camera[keyframes[view]] = bundle.world_from_view()[view];
-  atlas.surface_sigma = {};  // of the surface before it moved
+  tell_uncertainty(bundle, atlas, keyframes, adjusted);
   return adjusted;
 }
 

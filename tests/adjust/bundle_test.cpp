@@ -27,7 +27,7 @@ struct Views {
   std::vector<CameraMotion> motions;
 };
 
-Views swinging_views(int count, double readout) {
+Views swinging_views(int count, double readout, int seed = 1) {
   const Scene scene = synthetic_scene("room");
   const PoseAt pose = swung_in(scene);
   Camera camera = synthetic_camera();
@@ -37,7 +37,7 @@ Views swinging_views(int count, double readout) {
   for (int i = 0; i < count; ++i) {
     const double time = 1 + i / kFrameRate;
     auto images = renderer.render(pose, time);
-    add_noise(images, camera, "kinect", 1, i);
+    add_noise(images, camera, "kinect", seed, i);
     views.frames.push_back({.index = i, .timestamp = time, .depth = images.depth, .colour = images.colour});
     views.poses.push_back(pose(time));
     views.motions.push_back(motion_at(pose, time));
@@ -111,6 +111,32 @@ TEST(Bundle, LeavesExactViewsWhereTheyAre) {
   std::printf("%.3f mm, %.3f mrad\n", 1000 * after.first, 1000 * after.second);
   EXPECT_LT(after.first, 0.0004);
   EXPECT_LT(after.second, 0.0002);
+}
+
+// Normalised estimation error squared (Bar-Shalom, Li & Kirubarajan 2001, 5.4): 6 for each view on average. Errors of
+// the views are not independent, for the first one's are in all of them; so the bounds are wider than of a chi-square.
+TEST(Bundle, KnowsHowSurelyViewsLieWhereTheyDo) {
+  double sum = 0, count = 0;
+  for (const int seed : {1, 2, 3}) {
+    const Views views = swinging_views(12, 0, seed);
+    Bundle bundle = bundle_of(views, views.poses);
+    adjust(bundle, false);
+    const auto known = bundle.covariance();
+    ASSERT_TRUE(known.has_value());
+    EXPECT_LT(known->of_views[0].norm(), 1e-10);  // it stays
+    const auto& found = bundle.world_from_view();
+    double of_seed = 0;
+    for (std::size_t i = 1; i < found.size(); ++i) {
+      const Vector6d off =
+          local_coordinates((found[0].inverse() * found[i]).inverse() * views.poses[0].inverse() * views.poses[i]);
+      of_seed += off.dot(known->of_views[i].ldlt().solve(off));
+    }
+    std::printf("seed %d: %.2f\n", seed, of_seed / static_cast<double>(found.size() - 1) / 6);
+    sum += of_seed, count += static_cast<double>(found.size() - 1);
+  }
+  std::printf("normalised error squared %.2f of 1\n", sum / count / 6);
+  EXPECT_GT(sum / count / 6, 0.5);
+  EXPECT_LT(sum / count / 6, 2);
 }
 
 TEST(Bundle, FindsHowLongTheShutterTakesAndPredictsBetterWithIt) {
