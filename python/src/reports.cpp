@@ -100,8 +100,8 @@ void add_map_reports(py::module_& m) {
       .def_property_readonly(
           "covariances",
           [](const Adjusted& a) {
-            std::vector<std::pair<double, Matrix6d>> all;
-            for (const auto& [timestamp, covariance] : a.covariances) all.emplace_back(timestamp, covariance);
+            std::vector<std::pair<double, Doubles>> all;
+            for (const auto& [timestamp, covariance] : a.covariances) all.emplace_back(timestamp, to_numpy(covariance));
             return all;
           },
           "Of each keyframe its time, and how surely it lies where it is, seen from the first: (6, 6) float64 of what "

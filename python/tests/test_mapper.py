@@ -208,6 +208,8 @@ def test_adjusts_and_fuses_again_with_depth_corrected(rig: cairn.Rig, images: Li
     shares: List[float] = []
     adjusted = mapper.adjust(progress=shares.append)
     assert adjusted.keyframes == mapper.statistics().keyframes and adjusted.observations > adjusted.surfels > 0
+    assert all(covariance.shape == (6, 6) for _, covariance in adjusted.covariances)
+    assert len(adjusted.covariances) == adjusted.keyframes
     assert shares == sorted(shares) and len(shares) > 1 and not mapper.warnings()
     frames: List[int] = []
     correction = cairn.DepthCorrection(np.full((3, 4), 0.001))
