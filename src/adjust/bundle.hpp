@@ -175,7 +175,6 @@ class Bundle {
   [[nodiscard]] std::vector<Matrix6d> covariance_of_views(const Solver& solver) const;
   [[nodiscard]] double squared_pulls(const ByPlace& by, const Solver& solver,
                                      const std::vector<Matrix6d>& covariance) const;
-  [[nodiscard]] std::uint32_t pair_of_view(std::size_t k) const { return pair_of_[k * (k + 1) / 2 + k]; }
   void move_surfels(const Equations& equations, const Eigen::VectorXd& pose_steps, const Eigen::VectorXd& shared_step);
   [[nodiscard]] bool move(const Equations& equations, double damping);
   void descend();

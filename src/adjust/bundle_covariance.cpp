@@ -58,7 +58,7 @@ Bundle::ByPlace Bundle::linearise_by_places() const {
       auto column = by.right.col(static_cast<Eigen::Index>(i));
       for (std::size_t k = 0; k < views_.size(); ++k) {
         column.segment<6>(static_cast<Eigen::Index>(6 * k)) = place.right[k];
-        const Matrix6d& own = place.blocks[pair_of_view(k)];
+        const Matrix6d& own = place.blocks[pair_of_[number_of(k, k)]];
         if (!own.isZero()) by.of_views[i].push_back({k, own});
       }
       column.tail(place.corner_right.size()) = place.corner_right;
@@ -100,7 +100,7 @@ double Bundle::squared_pulls(const ByPlace& by, const Solver& solver, const std:
   for (const auto& place : by.of_views)
     for (const auto& [k, information] : place) {
       if (k == 0) continue;
-      const Matrix6d share = by.equations.reduced.blocks[pair_of_view(k)].ldlt().solve(information);
+      const Matrix6d share = by.equations.reduced.blocks[pair_of_[number_of(k, k)]].ldlt().solve(information);
       own_part += (share * share).trace();
     }
   const double unknowns = 6 * static_cast<double>(views_.size() - 1);

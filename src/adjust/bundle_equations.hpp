@@ -11,6 +11,9 @@
 
 namespace cairn {
 
+/// Where Bundle::pair_of_ has a pair of views, the earlier one as `j`.
+[[nodiscard]] constexpr std::size_t number_of(std::size_t k, std::size_t j) { return k * (k + 1) / 2 + j; }
+
 /// What surfels add to the reduced system. Of symmetric matrices the lower triangle is used.
 struct Bundle::Part {
   std::vector<Matrix6d> blocks;                                  // by pair of views

@@ -23,9 +23,6 @@ constexpr double kMostMove = 0.05;  // metres of a surfel
 // A surfel that nothing holds stays.
 const Eigen::Vector3d kFloor = Eigen::Vector3d(1e-2, 1e-6, 1e-6) / Bundle::kTogether;
 
-/// Of a pair of views, the earlier one as `j`.
-std::size_t number_of(std::size_t k, std::size_t j) { return k * (k + 1) / 2 + j; }
-
 /// Nodes of the correction that a pixel's offset is made of, and their shares.
 struct Nodes {
   std::array<int, 4> node;
