@@ -14,6 +14,8 @@ namespace cairn {
 namespace {
 
 constexpr int kCoarseCell = 8, kFineCell = 4;    // pixels of a view, of which one becomes a surfel
+constexpr double kManyViews = 60;                // from here on cells grow, so that work does not
+constexpr double kMostCoarser = 3;               // times
 constexpr std::size_t kMostViews = 24;           // of a surfel
 constexpr double kSteepest = 0.3, kAlike = 0.8;  // cosines of a normal to its ray, and to what a view measures
 constexpr double kBeside = 2.5;                  // pixels
@@ -34,7 +36,11 @@ constexpr double kGrain = 1;              // grey levels: no image has less
 constexpr std::size_t kJudged = 5000;     // surfels that scales are measured with
 constexpr std::size_t kHeldOutEvery = 5;  // cell, where prediction is judged
 
-constexpr double kMargin = 0.1;  // of an image, that a camera's motion within it may move a point by
+constexpr double kMargin = 0.1;     // of an image, that a camera's motion within it may move a point by
+constexpr int kTile = 8;            // cells of a view, whose surfels follow on each other
+constexpr std::size_t kGroup = 64;  // surfels
+constexpr double kBeyond = 0.5,
+                 kFarther = 1.1;  // metres, times: than what a view measures, that it may see a surfel at
 
 bool holds(const Camera& c, int x, int y) { return x >= 0 && y >= 0 && x < c.width && y < c.height; }
 
@@ -86,7 +92,15 @@ Eigen::Vector2d Bundle::depth_pixel(const Eigen::Vector3d& point) const {
 }
 
 void Bundle::add(const Frame& keyframe, const CameraMotion& motion, const Eigen::Isometry3d& world_from_camera) {
-  views_.push_back(std::make_shared<const BundleView>(bundle_view(cameras_, keyframe, motion)));
+  add(view(keyframe, motion), world_from_camera);
+}
+
+BundleView Bundle::view(const Frame& keyframe, const CameraMotion& motion) const {
+  return bundle_view(cameras_, keyframe, motion);
+}
+
+void Bundle::add(BundleView view, const Eigen::Isometry3d& world_from_camera) {
+  views_.push_back(std::make_shared<const BundleView>(std::move(view)));
   poses_.push_back(world_from_camera);
 }
 
@@ -264,38 +278,82 @@ void Bundle::sample(Cells cells) {
   surfels_.clear();
   for (std::size_t k = 0; k < views_.size(); ++k) {
     const std::size_t begin = surfels_.size();
-    for (int j = 0; j < rows; ++j)
-      for (int i = 0; i < columns; ++i) {
-        const std::size_t cell = cell_of(i, j);
-        // Scattered, and the same in every adjustment of these views.
-        const bool is_held_out = (cell * 7 + k * 3) % kHeldOutEvery == 0;
-        if (taken[k][cell] || is_held_out != (cells == Cells::held_out)) continue;
-        const auto first = static_cast<int>(k % 60);
-        const int x = i * cell_ + (first * 5 + i * 3) % cell_, y = j * cell_ + (first * 3 + j * 5) % cell_;
-        if (!views_[k]->normals[at(camera, x, y)].isZero()) surfels_.push_back(surfel_at(k, x, y));
-      }
+    const auto sample_cell = [&](int i, int j) {
+      const std::size_t cell = cell_of(i, j);
+      // Scattered, and the same in every adjustment of these views.
+      const bool is_held_out = (cell * 7 + k * 3) % kHeldOutEvery == 0;
+      if (taken[k][cell] || is_held_out != (cells == Cells::held_out)) return;
+      const auto first = static_cast<int>(k % 60);
+      const int x = i * cell_ + (first * 5 + i * 3) % cell_, y = j * cell_ + (first * 3 + j * 5) % cell_;
+      if (!views_[k]->normals[at(camera, x, y)].isZero()) surfels_.push_back(surfel_at(k, x, y));
+    };
+    for (int top = 0; top < rows; top += kTile)
+      for (int left = 0; left < columns; left += kTile)
+        for (int j = top; j < std::min(top + kTile, rows); ++j)
+          for (int i = left; i < std::min(left + kTile, columns); ++i) sample_cell(i, j);
+    const std::vector<Group> sampled = groups(begin);
     tbb::parallel_for(k + 1, views_.size(), [&](std::size_t other) {
       Seen seen;
-      for (std::size_t s = begin; s < surfels_.size(); ++s) {
-        if (!is_seen(surfels_[s], other, seen)) continue;
-        const Eigen::Vector2d pixel = depth_pixel(poses_[other].inverse() * surfels_[s].position);
-        const int i = static_cast<int>(pixel.x()) / cell_, j = static_cast<int>(pixel.y()) / cell_;
-        if (i >= 0 && j >= 0 && i < columns && j < rows) taken[other][cell_of(i, j)] = true;
+      for (const Group& group : sampled) {
+        if (!may_see(other, group)) continue;
+        for (std::size_t s = group.begin; s < group.end; ++s) {
+          if (!is_seen(surfels_[s], other, seen)) continue;
+          const Eigen::Vector2d pixel = depth_pixel(poses_[other].inverse() * surfels_[s].position);
+          const int i = static_cast<int>(pixel.x()) / cell_, j = static_cast<int>(pixel.y()) / cell_;
+          if (i >= 0 && j >= 0 && i < columns && j < rows) taken[other][cell_of(i, j)] = true;
+        }
       }
     });
   }
 }
 
+std::vector<Bundle::Group> Bundle::groups(std::size_t begin) const {
+  std::vector<Group> all;
+  for (; begin < surfels_.size(); begin += kGroup) {
+    Group group{.begin = begin, .end = std::min(begin + kGroup, surfels_.size()), .middle = Eigen::Vector3d::Zero()};
+    for (std::size_t s = group.begin; s < group.end; ++s) group.middle += surfels_[s].position;
+    group.middle /= static_cast<double>(group.end - group.begin);
+    for (std::size_t s = group.begin; s < group.end; ++s)
+      group.radius = std::max(group.radius, (surfels_[s].position - group.middle).norm());
+    all.push_back(group);
+  }
+  return all;
+}
+
+/// False only where the view sees none of the group's surfels.
+bool Bundle::may_see(std::size_t k, const Group& group) const {
+  const BundleView& view = *views_[k];
+  const Eigen::Vector3d middle = poses_[k].inverse() * group.middle;
+  const double farthest = kFarther * static_cast<double>(view.farthest) + kBeyond;
+  if (middle.z() + group.radius < kNearest || middle.z() - group.radius > farthest) return false;
+  // The sides of what an image shows and of a margin around it, through the camera.
+  const Camera& c = cameras_.depth;
+  const auto is_beyond = [&](double slope, double along) {
+    return along - slope * middle.z() > group.radius * std::hypot(1, slope);
+  };
+  constexpr double kWider = 2 * kMargin;
+  return !is_beyond((c.width * (1 + kWider) - c.cx) / c.fx, middle.x()) &&
+         !is_beyond((c.width * kWider + c.cx) / c.fx, -middle.x()) &&
+         !is_beyond((c.height * (1 + kWider) - c.cy) / c.fy, middle.y()) &&
+         !is_beyond((c.height * kWider + c.cy) / c.fy, -middle.y());
+}
+
 /// Which views see which surfel; those that fewer than two see are dropped.
 void Bundle::associate() {
   std::vector<std::vector<std::uint32_t>> all(surfels_.size());
-  tbb::parallel_for(std::size_t{0}, surfels_.size(), [&](std::size_t s) {
-    Seen seen;
-    std::vector<std::uint32_t> views;
+  const std::vector<Group> near = groups(0);
+  tbb::parallel_for(std::size_t{0}, near.size(), [&](std::size_t g) {
+    std::vector<std::uint32_t> candidates, views;
     for (std::size_t k = 0; k < views_.size(); ++k)
-      if (is_seen(surfels_[s], k, seen)) views.push_back(static_cast<std::uint32_t>(k));
-    const std::size_t count = std::min(views.size(), kMostViews);
-    for (std::size_t i = 0; i < count; ++i) all[s].push_back(views[i * views.size() / count]);
+      if (may_see(k, near[g])) candidates.push_back(static_cast<std::uint32_t>(k));
+    Seen seen;
+    for (std::size_t s = near[g].begin; s < near[g].end; ++s) {
+      views.clear();
+      for (const std::uint32_t k : candidates)
+        if (is_seen(surfels_[s], k, seen)) views.push_back(k);
+      const std::size_t count = std::min(views.size(), kMostViews);
+      for (std::size_t i = 0; i < count; ++i) all[s].push_back(views[i * views.size() / count]);
+    }
   });
   std::vector<Surfel> kept;
   first_.assign(1, 0);
@@ -402,7 +460,8 @@ void Bundle::adjust(bool finds_readout, Detail detail, const std::function<bool(
   if (!finds_readout) shared_.shutter.readout = 0;
   if (views_.size() < 2) return;
   const bool is_fine = detail == Detail::fine;
-  cell_ = is_fine ? kFineCell : kCoarseCell;
+  const double coarser = std::clamp(std::sqrt(static_cast<double>(views_.size()) / kManyViews), 1.0, kMostCoarser);
+  cell_ = static_cast<int>(coarser * (is_fine ? kFineCell : kCoarseCell));
   if (is_fine) tolerance_ = kLast;
   std::optional<double> error;
   if (tolerance_ <= kLast && !finds_cameras_) error = held_out_error();

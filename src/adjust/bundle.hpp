@@ -49,6 +49,9 @@ class Bundle {
 
   explicit Bundle(const Rig& rig);
   void add(const Frame& keyframe, const CameraMotion& motion, const Eigen::Isometry3d& world_from_camera);
+  /// The same in two steps, of which the first may run for several keyframes at once.
+  [[nodiscard]] BundleView view(const Frame& keyframe, const CameraMotion& motion) const;
+  void add(BundleView view, const Eigen::Isometry3d& world_from_camera);
   /// Binds two views by how they were tracked against each other.
   void tie(const PoseGraph::Edge& edge) { ties_.push_back(edge); }
   void forget_ties() { ties_.clear(); }
@@ -146,6 +149,14 @@ class Bundle {
   [[nodiscard]] bool is_seen(const Surfel& surfel, std::size_t view, Seen& seen) const {
     return look(surfel, view, false, seen);
   }
+  /// Surfels that follow on each other, and a ball around them.
+  struct Group {
+    std::size_t begin = 0, end = 0;
+    Eigen::Vector3d middle;
+    double radius = 0;
+  };
+  [[nodiscard]] std::vector<Group> groups(std::size_t begin) const;
+  [[nodiscard]] bool may_see(std::size_t view, const Group& group) const;
   [[nodiscard]] double corrected_depth(const BundleView& view, std::size_t pixel) const {
     const auto z = static_cast<double>(view.depth[pixel]);
     return offsets_.empty() ? z : z / (1 + z * static_cast<double>(offsets_[pixel]));

@@ -3,7 +3,7 @@
 // The normal equations of a bundle, for the files that make and solve them.
 #pragma once
 #include <Eigen/Cholesky>
-#include <Eigen/SparseCholesky>
+#include <Eigen/CholmodSupport>
 #include <array>
 #include <vector>
 
@@ -55,7 +55,7 @@ struct Bundle::Equations {
 
 /// What is left when surfels are eliminated: poses, and what all views share.
 struct Bundle::Solver {
-  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> poses;
+  Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>, Eigen::Lower> poses;
   Eigen::VectorXd right;           // of poses
   Eigen::MatrixXd border, solved;  // poses with what all share, and what the poses' own block makes of it
   Eigen::LLT<Eigen::MatrixXd> shared;

@@ -249,6 +249,7 @@ Bundle::Solver::Solver(const Bundle& bundle, const Equations& e, double damping)
   }
   std::vector<Vector6d> right_side = reduced.right;
   add_ties(bundle.ties_, bundle.poses_, blocks, right_side);
+  poses.cholmod().print = 0;  // what is told is `has_solution`
   poses.compute(blocks.matrix(views));
   if (poses.info() != Eigen::Success) return;
   border.resize(static_cast<int>(6 * views), reduced.corner.cols());

@@ -124,6 +124,7 @@ BundleView bundle_view(const BundleCameras& cameras, const Frame& frame, const C
   view.depth.resize(pixels(depth));
   for (int y = 0; y < depth.height; ++y)
     for (int x = 0; x < depth.width; ++x) view.depth[at(depth, x, y)] = mean_depth(cameras, frame.depth, x, y);
+  view.farthest = *std::max_element(view.depth.begin(), view.depth.end());
   view.normals.assign(pixels(depth), Eigen::Vector3f::Zero());
   for (int y = kReach; y + kReach < depth.height; ++y)
     for (int x = kReach; x + kReach < depth.width; ++x)

@@ -31,6 +31,7 @@ struct BundleView {
   std::vector<float> depth;              // metres, by pixel of the depth camera; 0: none, or an edge
   std::vector<Eigen::Vector3f> normals;  // towards the camera; zero: none
   std::vector<std::uint8_t> brightness;  // smoothed, by pixel of the colour camera; empty: the frame has no colour
+  float farthest = 0;                    // metres, of what is measured
   CameraMotion motion;
   double colour_delay = 0;  // seconds from the depth image's moment to the colour image's
 };

@@ -2,9 +2,12 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "map/adjust.hpp"
 
+#include <tbb/parallel_pipeline.h>
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <memory>
 #include <optional>
 
 #include "adjust/bundle.hpp"
@@ -19,6 +22,7 @@ constexpr double kBetter = 0.003;             // of what held-out surfels are of
 constexpr double kBetterCorrected = 0.01;     // the same, of a depth correction
 constexpr int kFewKeyframes = 8;              // tell nothing of what depth errs by
 constexpr double kUnknown = 0.1;              // metres; sigma of a surfel that no view holds any more
+constexpr std::size_t kReadAhead = 4;         // keyframes
 constexpr int kUsualRounds = 30;              // of all bundles together
 
 /// Rounds of bundles that follow on each other, as one work.
@@ -39,13 +43,32 @@ Bundle bundle_of(const BackEnd& back_end, const Rig& rig, double clock_offset,
   const Trajectory path = atlas.trajectory(atlas.main_component(), 0, atlas.frames.size());
   Bundle bundle(rig);
   std::vector<std::optional<std::size_t>> view_of(atlas.keyframes.size());
-  for (std::size_t view = 0; view < keyframes.size(); ++view) {
+  const auto in_order = tbb::filter_mode::serial_in_order;
+  std::size_t next = 0;
+  const auto read = [&](tbb::flow_control& control) -> std::shared_ptr<Frame> {
+    if (next == keyframes.size()) {
+      control.stop();
+      return nullptr;
+    }
+    const std::size_t k = keyframes[next++];
+    auto frame = std::make_shared<Frame>(back_end.images().get(k));
+    frame->timestamp = atlas.keyframes[k].timestamp;
+    frame->colour_delay = atlas.keyframes[k].colour_delay - clock_offset;
+    return frame;
+  };
+  const auto prepare = [&](const std::shared_ptr<Frame>& frame) {
+    return std::make_shared<BundleView>(bundle.view(*frame, motion_at(path, frame->timestamp)));
+  };
+  std::size_t view = 0;
+  const auto add = [&](const std::shared_ptr<BundleView>& prepared) {
     const std::size_t k = keyframes[view];
-    Frame frame = back_end.images().get(k);
-    frame.colour_delay = atlas.keyframes[k].colour_delay - clock_offset;
-    bundle.add(frame, motion_at(path, atlas.keyframes[k].timestamp), atlas.world_from_camera[k]);
-    view_of[k] = view;
-  }
+    bundle.add(std::move(*prepared), atlas.world_from_camera[k]);
+    view_of[k] = view++;
+  };
+  tbb::parallel_pipeline(kReadAhead, tbb::make_filter<void, std::shared_ptr<Frame>>(in_order, read) &
+                                         tbb::make_filter<std::shared_ptr<Frame>, std::shared_ptr<BundleView>>(
+                                             tbb::filter_mode::parallel, prepare) &
+                                         tbb::make_filter<std::shared_ptr<BundleView>, void>(in_order, add));
   for (PoseGraph::Edge edge : atlas.graph().edges) {
     const auto i = view_of[edge.i], j = view_of[edge.j];
     if (edge.is_loop_closure || !i || !j) continue;
