@@ -156,17 +156,6 @@ Bundle with_cameras(Bundle bundle) {
   return bundle;
 }
 
-/// Share by which focal lengths are longer that the first half of keyframes tells than those that the second tells.
-double refocused_by(const BackEnd& back_end, const Rig& rig, double clock_offset,
-                    const std::vector<std::size_t>& keyframes) {
-  const auto middle = keyframes.begin() + static_cast<std::ptrdiff_t>(keyframes.size() / 2);
-  const auto camera_of = [&](auto from, auto to) {
-    return with_cameras(bundle_of(back_end, rig, clock_offset, {from, to})).rig().depth;
-  };
-  const Camera first = camera_of(keyframes.begin(), middle), second = camera_of(middle, keyframes.end());
-  return (first.fx + first.fy) / (second.fx + second.fy) - 1;
-}
-
 }  // namespace
 
 AdjustedCameras adjust_cameras(BackEnd& back_end, const Rig& rig, double clock_offset) {
@@ -180,13 +169,21 @@ AdjustedCameras adjust_cameras(BackEnd& back_end, const Rig& rig, double clock_o
   Bundle bundle = with_cameras(told);
   told.forget_ties(), told.adjust(false, Bundle::Detail::coarse);
   found.predicts_better = predicts_better(bundle, told);
-  if (found.predicts_better >= AdjustedCameras::kBetter)
-    found.refocused_by = refocused_by(back_end, rig, clock_offset, keyframes);
   found.rig = bundle.rig();
   found.rig.depth_correction = rig.depth_correction.then(bundle.correction());
   found.readout = bundle.shutter().readout, found.readout_sigma = bundle.readout_sigma();
   found.clock_offset = clock_offset + bundle.shutter().clock;
   return found;
+}
+
+double refocused_by(BackEnd& back_end, const Rig& rig, double clock_offset) {
+  const std::vector<std::size_t> keyframes = back_end.atlas().main_keyframes();
+  const auto middle = keyframes.begin() + static_cast<std::ptrdiff_t>(keyframes.size() / 2);
+  const auto camera_of = [&](auto from, auto to) {
+    return with_cameras(bundle_of(back_end, rig, clock_offset, {from, to})).rig().depth;
+  };
+  const Camera first = camera_of(keyframes.begin(), middle), second = camera_of(middle, keyframes.end());
+  return (first.fx + first.fy) / (second.fx + second.fy) - 1;
 }
 
 }  // namespace cairn

@@ -27,12 +27,12 @@ struct AdjustedCameras {
   double readout_sigma = 0;
   double clock_offset = 0;     // seconds that the colour camera's clock is ahead
   double predicts_better = 0;  // share by which held-out surfels are predicted better than with the cameras as given
-  // Of those that may be believed, share by which focal lengths are longer in the first half of keyframes than in the
-  // second.
-  double refocused_by = 0;
   int keyframes = 0;
 };
 /// Moves nothing: keyframes that were placed by wrong cameras are to be tracked again. `rig`: of images of one moment.
 [[nodiscard]] AdjustedCameras adjust_cameras(BackEnd& back_end, const Rig& rig, double clock_offset);
+/// Share by which focal lengths are longer that the first half of keyframes tells than those that the second tells: of
+/// a camera that was refocused nothing can be told that holds for all of its images. `rig` as above.
+[[nodiscard]] double refocused_by(BackEnd& back_end, const Rig& rig, double clock_offset);
 
 }  // namespace cairn

@@ -48,6 +48,15 @@ Adjusted adjust_as_if_not_told(Mapper& mapper) {
   return adjust(s.back_end, at_one_moment(s.rig), s.tracker.clock_offset(), Sought::readout);
 }
 
+/// Empty, or why no cameras fit all keyframes.
+std::string refocused(MapState& s) {
+  const double by = refocused_by(s.back_end, at_one_moment(s.rig), s.tracker.clock_offset());
+  if (std::abs(by) <= kRefocused) return {};
+  return fmt::format(
+      "the focal length of the recording's first half is {:+.1f} % off that of its second: no camera fits both",
+      100 * by);
+}
+
 }  // namespace
 
 FoundShutter find_shutter(const std::function<std::unique_ptr<Source>()>& open, const std::function<void()>& step) {
@@ -97,10 +106,8 @@ FoundCalibration find_calibration(const std::function<std::unique_ptr<Source>()>
     found.why_not = moved_too_little(adjusted.keyframes);
   else if (adjusted.predicts_better < AdjustedCameras::kBetter)
     found.why_not = "the cameras are what they are said to be, as far as held-out measurements tell";
-  else if (std::abs(adjusted.refocused_by) > kRefocused)
-    found.why_not = fmt::format(
-        "the focal length of the recording's first half is {:+.1f} % off that of its second: no camera fits both",
-        100 * adjusted.refocused_by);
+  else
+    found.why_not = refocused(s);
   if (!found.why_not.empty()) return found;
   const double readout = std::clamp(found.rig.depth.readout + adjusted.readout, 0.0, kLongest);
   found.rig = adjusted.rig;
@@ -117,7 +124,8 @@ FoundDepthCorrection find_depth_correction(const std::function<std::unique_ptr<S
   for (int pass = 0; pass < kDepthPasses; ++pass) {
     Rig rig = found.rig;
     if (pass > 0) source = open();
-    const Adjusted adjusted = track(*source, rig, step).adjust();
+    Mapper mapper = track(*source, rig, step);
+    const Adjusted adjusted = mapper.adjust();
     if (pass == 0) {
       found.keyframes = adjusted.keyframes;
       found.predicts_better = adjusted.corrected_predicts_better;
@@ -125,6 +133,8 @@ FoundDepthCorrection find_depth_correction(const std::function<std::unique_ptr<S
         found.why_not = moved_too_little(adjusted.keyframes);
       else if (adjusted.correction.empty())
         found.why_not = "depth errs by no more than its noise, as far as held-out measurements tell";
+      else
+        found.why_not = refocused(*mapper.state());
       if (!found.why_not.empty()) return found;
     }
     // The first one was found along a path that was tracked without it.
