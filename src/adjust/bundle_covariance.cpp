@@ -20,6 +20,7 @@ constexpr double kPlace = 0.5;  // metres; what lies together errs alike
 // What views lie off in exact images, where nothing contradicts (test Bundle.LeavesExactViewsWhereTheyAre).
 constexpr double kOwnTurn = 3e-5, kOwnMove = 4.2e-5;  // radians, metres; about and along each axis
 constexpr std::size_t kParts = 4;                     // sums of places, added up in this order on every machine
+constexpr std::size_t kTogetherSolved = 32;           // views
 
 }  // namespace
 
@@ -74,13 +75,19 @@ std::vector<Matrix6d> Bundle::covariance_of_views(const Solver& solver) const {
   std::vector<Matrix6d> covariance(views_.size());
   // What poses err by because of what all share.
   const Eigen::MatrixXd root = solver.shared.matrixL().solve(solver.solved.transpose());
-  tbb::parallel_for(std::size_t{0}, views_.size(), [&](std::size_t k) {
-    const auto row = static_cast<Eigen::Index>(6 * k);
-    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(solver.border.rows(), 6);
-    unit.middleRows<6>(row).setIdentity();
-    covariance[k] = solver.poses.solve(unit).middleRows<6>(row);
-    covariance[k] += root.middleCols<6>(row).transpose().lazyProduct(root.middleCols<6>(row));
-  });
+  // Some views at a time, and one after the other: CHOLMOD has one workspace.
+  for (std::size_t begin = 0; begin < views_.size(); begin += kTogetherSolved) {
+    const std::size_t end = std::min(begin + kTogetherSolved, views_.size());
+    const auto first = static_cast<Eigen::Index>(6 * begin), count = static_cast<Eigen::Index>(6 * (end - begin));
+    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(solver.border.rows(), count);
+    unit.middleRows(first, count).setIdentity();
+    const Eigen::MatrixXd inverse = solver.poses.solve(unit);
+    for (std::size_t k = begin; k < end; ++k) {
+      const auto row = static_cast<Eigen::Index>(6 * k);
+      covariance[k] = inverse.block<6, 6>(row, row - first);
+      covariance[k] += root.middleCols<6>(row).transpose().lazyProduct(root.middleCols<6>(row));
+    }
+  }
   return covariance;
 }
 
