@@ -2,13 +2,14 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "adjust/bundle.hpp"
 
-#include <ceres/cubic_interpolation.h>
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <optional>
+
+#include "adjust/bicubic.hpp"
 
 namespace cairn {
 namespace {
@@ -31,6 +32,7 @@ constexpr double kSigmas = 3;             // that it may be off beside these
 constexpr double kCut = 4;                // sigmas, of gaps (Beaton & Tukey 1974)
 constexpr double kFreedom = 5;            // of the t-distribution of brightness (Kerl, Sturm & Cremers 2013)
 constexpr double kTieFreedom = 5;         // of that of ties
+constexpr double kTieShare = 0.3;         // of their information: tracking knew it from the same images
 constexpr double kSurest = 0.1;           // of the depth noise of the sensor's model
 constexpr double kGrain = 1;              // grey levels: no image has less
 constexpr std::size_t kJudged = 5000;     // surfels that scales are measured with
@@ -104,6 +106,11 @@ void Bundle::add(BundleView view, const Eigen::Isometry3d& world_from_camera) {
   poses_.push_back(world_from_camera);
 }
 
+void Bundle::tie(const PoseGraph::Edge& edge) {
+  ties_.push_back(edge);
+  ties_.back().information *= kTieShare;
+}
+
 /// When a view's colour camera took a place, and where it was then.
 struct Bundle::Moment {
   double share = 0, delay = 0;  // of the readout; seconds after the depth image's moment
@@ -145,17 +152,14 @@ struct Bundle::Look {
     if (!holds(camera, i, j) || !holds(camera, i + 3, j + 3)) return false;
     // Between bilinear weights slopes jump at pixels' middles, where surfels of a view lie: that would pull views
     // apart.
-    const ceres::Grid2D<std::uint8_t> grid(view.brightness.data(), 0, camera.height, 0, camera.width);
-    const ceres::BiCubicInterpolator image(grid);
+    const Bicubic image(view.brightness, camera.width, pixel);
+    value = image.value();
     Eigen::Vector3d g;
     if (slope == nullptr) {
-      Eigen::Vector2d by_pixel;
-      image.Evaluate(pixel.y(), pixel.x(), &value, &by_pixel.y(), &by_pixel.x());
       const Eigen::Vector2d by_ray =
-          change.shown_by_ray(m).transpose() * by_pixel.cwiseProduct(Eigen::Vector2d(camera.fx, camera.fy));
+          change.shown_by_ray(m).transpose() * image.slope().cwiseProduct(Eigen::Vector2d(camera.fx, camera.fy));
       g << by_ray / c.z(), -by_ray.dot(m) / c.z();
     } else {
-      image.Evaluate(pixel.y(), pixel.x(), &value);
       const Eigen::Vector3d along = moment.colour_turn * *slope, n = moment.colour_turn * normal;
       g = along - along.dot(c) / n.dot(c) * n;  // what moves along its ray looks the same
     }
@@ -497,7 +501,8 @@ void Bundle::adjust(bool finds_readout, Detail detail, const std::function<bool(
 double Bundle::held_out_error() {
   const std::vector<Surfel> used = surfels_;
   const std::vector<std::uint32_t> first = first_, seen_by = seen_by_;
-  const double gap_sigma = gap_sigma_, brightness_sigma = brightness_sigma_;
+  const double gap_sigma = gap_sigma_, brightness_sigma = brightness_sigma_, tolerance = tolerance_;
+  tolerance_ = kLast;
   sample(Cells::held_out);
   associate();
   gap_sigma_ = 1, brightness_sigma_ = 2;  // the same for all
@@ -510,7 +515,7 @@ double Bundle::held_out_error() {
       if (look(surfels_[s], seen_by_[o], true, seen)) cost.add(*this, seen);
   const double error = cost.mean();
   surfels_ = used, first_ = first, seen_by_ = seen_by;
-  gap_sigma_ = gap_sigma, brightness_sigma_ = brightness_sigma;
+  gap_sigma_ = gap_sigma, brightness_sigma_ = brightness_sigma, tolerance_ = tolerance;
   return error;
 }
 

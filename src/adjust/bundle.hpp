@@ -53,7 +53,7 @@ class Bundle {
   [[nodiscard]] BundleView view(const Frame& keyframe, const CameraMotion& motion) const;
   void add(BundleView view, const Eigen::Isometry3d& world_from_camera);
   /// Binds two views by how they were tracked against each other.
-  void tie(const PoseGraph::Edge& edge) { ties_.push_back(edge); }
+  void tie(const PoseGraph::Edge& edge);
   void forget_ties() { ties_.clear(); }
   /// How close the surfels lie: few of them find the way, all of them the place.
   enum class Detail { coarse, fine };

@@ -5,11 +5,14 @@
 #include <Eigen/Cholesky>
 #include <Eigen/CholmodSupport>
 #include <array>
+#include <utility>
 #include <vector>
 
 #include "adjust/bundle.hpp"
 
 namespace cairn {
+
+constexpr std::uint32_t kNoPair = ~0u;
 
 /// Where Bundle::pair_of_ has a pair of views, the earlier one as `j`.
 [[nodiscard]] constexpr std::size_t number_of(std::size_t k, std::size_t j) { return k * (k + 1) / 2 + j; }
@@ -37,6 +40,19 @@ struct Bundle::Part {
     corner += other.corner, corner_right += other.corner_right;
     for (std::size_t i = 0; i < node_information.size(); ++i) node_information[i] += other.node_information[i];
     cost.add(other.cost);
+  }
+  /// Adds what surfels that only these views see have put into another one, which is empty then.
+  void take(Part& other, const std::vector<std::uint32_t>& views, const std::vector<std::uint32_t>& pairs) {
+    for (const std::uint32_t i : pairs) blocks[i] += other.blocks[i], other.blocks[i].setZero();
+    for (const std::uint32_t k : views) {
+      right[k] += other.right[k], border[k] += other.border[k];
+      other.right[k].setZero(), other.border[k].setZero();
+    }
+    corner += other.corner, corner_right += other.corner_right;
+    other.corner.setZero(), other.corner_right.setZero();
+    for (std::size_t i = 0; i < node_information.size(); ++i)
+      node_information[i] += std::exchange(other.node_information[i], 0.0);
+    cost.add(std::exchange(other.cost, {}));
   }
 };
 

@@ -15,11 +15,11 @@ namespace {
 constexpr double kShare = 1 / Bundle::kTogether;  // of an observation
 constexpr int kSteps = 3, kMostTried = 6;         // in a round
 constexpr double kGrowth = 20;                    // of the damping, when a step did not help
+constexpr double kAsGood = 1.01;                  // times the cost, after a last step: there is nothing left to try for
 constexpr std::size_t kParts = 16;                // sums of surfels, added up in this order on every machine
 constexpr std::size_t kLargeParts = 4;            // the same, with what depth errs by: they take much memory
-constexpr std::uint32_t kNoPair = ~0u;
-constexpr double kHeld = 1e12;      // information that keeps what must not move
-constexpr double kMostMove = 0.05;  // metres of a surfel
+constexpr double kHeld = 1e12;                    // information that keeps what must not move
+constexpr double kMostMove = 0.05;                // metres of a surfel
 // A surfel that nothing holds stays.
 const Eigen::Vector3d kFloor = Eigen::Vector3d(1e-2, 1e-6, 1e-6) / Bundle::kTogether;
 
@@ -297,12 +297,14 @@ void Bundle::descend() {
       damping = std::max(1e-4, kGrowth * damping);
       continue;
     }
-    if (Equations next = linearise(); next.cost < now.cost) {
+    Equations next = linearise();
+    if (next.cost < now.cost) {
       now = std::move(next);
       damping = std::max(1e-7, 0.2 * damping);
       ++i;
       continue;
     }
+    if (i + 1 == kSteps && next.cost < kAsGood * now.cost) tried = kMostTried;
     poses_ = poses, surfels_ = surfels, shared_ = shared, readout_sigma_ = readout_sigma;
     refresh();
     damping = std::max(1e-5, kGrowth * damping);

@@ -11,7 +11,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kShortest = 200;  // pixels; the focal length that colour images are reduced to, or a little more
+constexpr double kShortest = 400;  // pixels; the focal length that colour images are reduced to, or a little more
 constexpr int kReach = 4;          // pixels to each side that a normal is made of
 constexpr double kFlat = 2;        // standard deviations of depth (RMS) that they may lie off their plane
 constexpr double kOneSurface = 6;  // standard deviations of depth that neighbours may differ by
@@ -51,38 +51,69 @@ float mean_depth(const BundleCameras& cameras, const std::vector<float>& depth, 
   return static_cast<double>(most - least) > kOneSurface * static_cast<double>(sensor.sigma(z)) ? 0 : z;
 }
 
-/// Of the plane through the pixels around one: inverse depth is linear over its image, and noise is alike in it.
-std::optional<Eigen::Vector3d> normal_at(const BundleCameras& cameras, const std::vector<float>& depth, int x, int y) {
-  const Camera& c = cameras.depth;
-  const auto here = static_cast<double>(depth[at(c, x, y)]);
-  if (!(here > 0)) return std::nullopt;
-  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  double squared = 0;
-  int count = 0;
-  for (int j = -kReach; j <= kReach; ++j)
+/// Normals of the planes through the pixels around each: inverse depth is linear over its image, and noise is alike in
+/// it.
+class Planes {
+ public:
+  Planes(const BundleCameras& cameras, const std::vector<float>& depth)
+      : camera_(cameras.depth), sensor_(cameras.rig.sensor), depth_(depth) {
+    cv::Mat known(camera_.height, camera_.width, CV_64F), inverse(known.size(), CV_64F);
+    for (int y = 0; y < camera_.height; ++y)
+      for (int x = 0; x < camera_.width; ++x) {
+        const auto z = static_cast<double>(depth[at(camera_, x, y)]);
+        known.at<double>(y, x) = z > 0 ? 1 : 0;
+        inverse.at<double>(y, x) = z > 0 ? 1 / z : 0;
+      }
+    cv::Mat one(1, 2 * kReach + 1, CV_64F, 1), first(one.size(), CV_64F), second(one.size(), CV_64F);
     for (int i = -kReach; i <= kReach; ++i) {
-      const auto z = static_cast<double>(depth[at(c, x + i, y + j)]);
-      if (!(z > 0)) continue;
-      const Eigen::Vector3d place(i, j, 1);
-      const double off = 1 / z - 1 / here;
-      information.noalias() += place * place.transpose();
-      sum += off * place, squared += off * off;
-      ++count;
+      first.at<double>(i + kReach) = i;
+      second.at<double>(i + kReach) = i * i;
     }
-  constexpr int kAll = (2 * kReach + 1) * (2 * kReach + 1);
-  if (3 * count < 2 * kAll) return std::nullopt;
-  const Eigen::Vector3d slope = information.inverse() * sum;
-  const double sigma = static_cast<double>(cameras.rig.sensor.sigma(static_cast<float>(here))) / (here * here);
-  if (squared - slope.dot(sum) > count * kFlat * kFlat * sigma * sigma) return std::nullopt;
-  // The plane's points have 1/z = m . ray.
-  const Eigen::Vector3d ray = c.ray(x, y);
-  Eigen::Vector3d m(slope.x() * c.fx, slope.y() * c.fy, 0);
-  m.z() = 1 / here + slope.z() - m.dot(ray);
-  const Eigen::Vector3d n = -m.normalized();
-  if (-n.dot(ray.normalized()) < kSteepest) return std::nullopt;
-  return n;
-}
+    const auto sum = [](const cv::Mat& image, const cv::Mat& across, const cv::Mat& down) {
+      cv::Mat result;
+      cv::sepFilter2D(image, result, CV_64F, across, down);
+      return result;
+    };
+    count_ = sum(known, one, one);
+    x_ = sum(known, first, one), y_ = sum(known, one, first);
+    xx_ = sum(known, second, one), xy_ = sum(known, first, first), yy_ = sum(known, one, second);
+    inverse_ = sum(inverse, one, one);
+    inverse_x_ = sum(inverse, first, one), inverse_y_ = sum(inverse, one, first);
+    squared_ = sum(inverse.mul(inverse), one, one);
+  }
+
+  [[nodiscard]] std::optional<Eigen::Vector3d> normal_at(int x, int y) const {
+    const auto z = static_cast<double>(depth_[at(camera_, x, y)]);
+    if (!(z > 0)) return std::nullopt;
+    const auto of = [&](const cv::Mat& sums) { return sums.at<double>(y, x); };
+    constexpr int kAll = (2 * kReach + 1) * (2 * kReach + 1);
+    const double count = of(count_), here = 1 / z;
+    if (3 * count < 2 * kAll) return std::nullopt;
+    Eigen::Matrix3d information;
+    information << of(xx_), of(xy_), of(x_), of(xy_), of(yy_), of(y_), of(x_), of(y_), count;
+    // Of what inverse depth differs by from that of the middle.
+    const Eigen::Vector3d sum(of(inverse_x_) - here * of(x_), of(inverse_y_) - here * of(y_),
+                              of(inverse_) - here * count);
+    const double squared = of(squared_) - 2 * here * of(inverse_) + here * here * count;
+    const Eigen::Vector3d slope = information.inverse() * sum;
+    const double sigma = static_cast<double>(sensor_.sigma(static_cast<float>(z))) / (z * z);
+    if (squared - slope.dot(sum) > count * kFlat * kFlat * sigma * sigma) return std::nullopt;
+    // The plane's points have 1/z = m . ray.
+    const Eigen::Vector3d ray = camera_.ray(x, y);
+    Eigen::Vector3d m(slope.x() * camera_.fx, slope.y() * camera_.fy, 0);
+    m.z() = here + slope.z() - m.dot(ray);
+    const Eigen::Vector3d n = -m.normalized();
+    if (-n.dot(ray.normalized()) < kSteepest) return std::nullopt;
+    return n;
+  }
+
+ private:
+  const Camera& camera_;
+  const SensorModel& sensor_;
+  const std::vector<float>& depth_;
+  // Sums over the pixels around each that have depth: how many, where they are beside it, and inverse depth.
+  cv::Mat count_, x_, y_, xx_, xy_, yy_, inverse_, inverse_x_, inverse_y_, squared_;
+};
 
 std::uint8_t mean_brightness(const BundleCameras& cameras, const std::vector<std::uint32_t>& colour, int x, int y) {
   const Camera& own = cameras.rig.colour_view();
@@ -126,9 +157,10 @@ BundleView bundle_view(const BundleCameras& cameras, const Frame& frame, const C
     for (int x = 0; x < depth.width; ++x) view.depth[at(depth, x, y)] = mean_depth(cameras, frame.depth, x, y);
   view.farthest = *std::max_element(view.depth.begin(), view.depth.end());
   view.normals.assign(pixels(depth), Eigen::Vector3f::Zero());
+  const Planes planes(cameras, view.depth);
   for (int y = kReach; y + kReach < depth.height; ++y)
     for (int x = kReach; x + kReach < depth.width; ++x)
-      if (const auto n = normal_at(cameras, view.depth, x, y)) view.normals[at(depth, x, y)] = n->cast<float>();
+      if (const auto n = planes.normal_at(x, y)) view.normals[at(depth, x, y)] = n->cast<float>();
   if (frame.colour.empty()) return view;
   view.brightness.resize(pixels(colour));
   for (int y = 0; y < colour.height; ++y)

@@ -20,10 +20,12 @@ namespace {
 constexpr double kSign = 0.001, kSigmas = 4;  // seconds; standard deviations: a readout that is worth a second look
 constexpr double kBetter = 0.003;             // of what held-out surfels are off, that a readout must take away
 constexpr double kBetterCorrected = 0.01;     // the same, of a depth correction
-constexpr int kFewKeyframes = 8;              // tell nothing of what depth errs by
-constexpr double kUnknown = 0.1;              // metres; sigma of a surfel that no view holds any more
-constexpr std::size_t kReadAhead = 4;         // keyframes
-constexpr int kUsualRounds = 30;              // of all bundles together
+constexpr double kPromising = 0.002;          // the same, after its first rounds
+constexpr int kFirstRounds = 2;
+constexpr int kFewKeyframes = 8;       // tell nothing of what depth errs by
+constexpr double kUnknown = 0.1;       // metres; sigma of a surfel that no view holds any more
+constexpr std::size_t kReadAhead = 4;  // keyframes
+constexpr int kUsualRounds = 30;       // of all bundles together
 
 /// Rounds of bundles that follow on each other, as one work.
 struct Rounds {
@@ -103,7 +105,16 @@ void find_correction(Bundle& bundle, Adjusted& adjusted, Rounds& rounds) {
   if (rounds.is_stopped || adjusted.keyframes < kFewKeyframes) return;
   Bundle corrected = bundle;
   corrected.find_correction();
-  corrected.adjust(adjusted.has_readout, Bundle::Detail::coarse, std::ref(rounds));
+  int done = 0;
+  bool is_promising = true;
+  const auto goes_on = [&] {
+    if (!rounds()) return false;
+    if (++done != kFirstRounds) return true;
+    adjusted.corrected_predicts_better = predicts_better(corrected, bundle);
+    return is_promising = adjusted.corrected_predicts_better >= kPromising;
+  };
+  corrected.adjust(adjusted.has_readout, Bundle::Detail::coarse, goes_on);
+  if (rounds.is_stopped || !is_promising) return;
   bundle.adjust(adjusted.has_readout, Bundle::Detail::coarse, std::ref(rounds));
   if (rounds.is_stopped) return;
   adjusted.corrected_predicts_better = predicts_better(corrected, bundle);

@@ -109,8 +109,8 @@ TEST(Bundle, LeavesExactViewsWhereTheyAre) {
   adjust(bundle, false);
   const auto after = errors(bundle.world_from_view(), poses);
   std::printf("%.3f mm, %.3f mrad\n", 1000 * after.first, 1000 * after.second);
-  EXPECT_LT(after.first, 0.0004);
-  EXPECT_LT(after.second, 0.0002);
+  EXPECT_LT(after.first, 0.0002);
+  EXPECT_LT(after.second, 0.0001);
 }
 
 // Normalised estimation error squared (Bar-Shalom, Li & Kirubarajan 2001, 5.4): 6 for each view on average. Errors of

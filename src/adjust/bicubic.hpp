@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Brightness between pixels (Keys 1981, "Cubic convolution interpolation", a = -1/2): its slopes have no jumps.
+#pragma once
+#include <Eigen/Core>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+namespace cairn {
+
+class Bicubic {
+ public:
+  /// Around a pixel that has a neighbour before it and two after it, across and down.
+  Bicubic(const std::vector<std::uint8_t>& image, int width, const Eigen::Vector2d& pixel) {
+    const Eigen::Vector2d whole = pixel.array().floor();
+    share_ = pixel - whole;
+    const std::uint8_t* first =
+        image.data() + (static_cast<int>(whole.y()) - 1) * width + static_cast<int>(whole.x()) - 1;
+    for (int row = 0; row < 4; ++row)
+      values_.row(row) = Eigen::Map<const Eigen::Matrix<std::uint8_t, 1, 4>>(first + row * width).cast<double>();
+  }
+  [[nodiscard]] double value() const { return weights(share_.y()).dot(values_ * weights(share_.x())); }
+  /// What a pixel across and down changes the value by.
+  [[nodiscard]] Eigen::Vector2d slope() const {
+    return {weights(share_.y()).dot(values_ * slopes(share_.x())),
+            slopes(share_.y()).dot(values_ * weights(share_.x()))};
+  }
+
+ private:
+  static Eigen::Vector4d weights(double x) {
+    return {x * (-0.5 + x * (1 - 0.5 * x)), 1 + x * x * (-2.5 + 1.5 * x), x * (0.5 + x * (2 - 1.5 * x)),
+            x * x * (-0.5 + 0.5 * x)};
+  }
+  static Eigen::Vector4d slopes(double x) {
+    return {-0.5 + x * (2 - 1.5 * x), x * (-5 + 4.5 * x), 0.5 + x * (4 - 4.5 * x), x * (-1 + 1.5 * x)};
+  }
+  Eigen::Vector2d share_;
+  Eigen::Matrix4d values_;
+};
+
+}  // namespace cairn
