@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Brightness between pixels (Keys 1981, "Cubic convolution interpolation", a = -1/2): its slopes have no jumps.
+// Brightness between pixels (Catmull & Rom 1974): its slopes have no jumps.
 #pragma once
 #include <Eigen/Core>
 #include <cmath>
