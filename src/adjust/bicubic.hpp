@@ -3,7 +3,6 @@
 // Brightness between pixels (Catmull & Rom 1974): its slopes have no jumps.
 #pragma once
 #include <Eigen/Core>
-#include <cmath>
 #include <cstdint>
 #include <vector>
 

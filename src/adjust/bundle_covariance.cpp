@@ -51,29 +51,35 @@ Bundle::ByPlace Bundle::linearise_by_places() const {
   by.right.setZero(6 * static_cast<Eigen::Index>(views_.size()) + e.reduced.corner.cols(),
                    static_cast<Eigen::Index>(places.size()));
   by.of_views.resize(places.size());
-  const Part none = e.reduced;
-  std::vector<Part> parts(kParts, none);
+  const auto views_of = [&](const std::vector<std::size_t>& surfels) {
+    std::vector<std::uint32_t> views;
+    for (const std::size_t s : surfels)
+      views.insert(views.end(), seen_by_.begin() + first_[s], seen_by_.begin() + first_[s + 1]);
+    std::sort(views.begin(), views.end());
+    views.erase(std::unique(views.begin(), views.end()), views.end());
+    return views;
+  };
+  const auto pairs_among = [&](const std::vector<std::uint32_t>& views) {
+    std::vector<std::uint32_t> pairs;
+    for (std::size_t a = 0; a < views.size(); ++a)
+      for (std::size_t b = 0; b <= a; ++b)
+        if (const std::uint32_t pair = pair_of_[number_of(views[a], views[b])]; pair != kNoPair) pairs.push_back(pair);
+    return pairs;
+  };
+  std::vector<Part> parts(kParts, e.reduced);
   tbb::parallel_for(std::size_t{0}, kParts, [&](std::size_t p) {
-    Part place = none;
+    Part place = e.reduced;  // empty again after each place
     for (std::size_t i = p * places.size() / kParts; i < (p + 1) * places.size() / kParts; ++i) {
-      std::vector<std::uint32_t> views, pairs;
-      for (const std::size_t s : places[i]) {
-        linearise(s, e, place);
-        views.insert(views.end(), seen_by_.begin() + first_[s], seen_by_.begin() + first_[s + 1]);
-      }
-      std::sort(views.begin(), views.end());
-      views.erase(std::unique(views.begin(), views.end()), views.end());
+      for (const std::size_t s : places[i]) linearise(s, e, place);
+      const std::vector<std::uint32_t> views = views_of(places[i]);
       auto column = by.right.col(static_cast<Eigen::Index>(i));
-      for (std::size_t a = 0; a < views.size(); ++a) {
-        const std::size_t k = views[a];
-        column.segment<6>(static_cast<Eigen::Index>(6 * k)) = place.right[k];
+      for (const std::uint32_t k : views) {
+        column.segment<6>(static_cast<Eigen::Index>(6) * k) = place.right[k];
         const Matrix6d& own = place.blocks[pair_of_[number_of(k, k)]];
         if (!own.isZero()) by.of_views[i].push_back({k, own});
-        for (std::size_t b = 0; b <= a; ++b)
-          if (const std::uint32_t pair = pair_of_[number_of(k, views[b])]; pair != kNoPair) pairs.push_back(pair);
       }
       column.tail(place.corner_right.size()) = place.corner_right;
-      parts[p].take(place, views, pairs);
+      parts[p].take(place, views, pairs_among(views));
     }
   });
   for (const Part& part : parts) e.reduced.add(part);

@@ -304,9 +304,9 @@ void Bundle::descend() {
       ++i;
       continue;
     }
-    if (i + 1 == kSteps && next.cost < kAsGood * now.cost) tried = kMostTried;
     poses_ = poses, surfels_ = surfels, shared_ = shared, readout_sigma_ = readout_sigma;
     refresh();
+    if (i + 1 == kSteps && next.cost < kAsGood * now.cost) return;
     damping = std::max(1e-5, kGrowth * damping);
   }
 }
