@@ -21,6 +21,8 @@ POOL(5);
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer WideVoxels { uint64_t v[]; };
 
 const float kMaxColourWeight = 32.0;
+const float kSigmas = 3.0;      // and a voxel, that two views of one side may differ by
+const float kLeastTrust = 0.1;  // in what lies twice as far behind
 
 // Conversions go through int: CPU devices have no vector instruction for unsigned ones.
 vec3 channels(uint rgb) { return vec3(ivec3(rgb & 0xffu, (rgb >> 8) & 0xffu, (rgb >> 16) & 0xffu)); }
@@ -65,8 +67,14 @@ void main() {
         uvec2 old = voxel_in(push.voxels, at + k);
         float weight = depth_weight(z);
         float old_weight = voxel_weight(old.x);
-        float sum = old_weight + weight;
         float d = voxel_distance(old.x);
+        // Where one says in front of the surface and the other one behind it, a sheet may have been seen from both its
+        // sides: what lies far behind is the other side's to tell.
+        float behind = -min(d, sdf) * push.truncation, near = voxel_size + kSigmas * depth_noise(z);
+        float trust = d * sdf < 0.0 ? clamp(2.0 - behind / near, kLeastTrust, 1.0) : 1.0;
+        weight *= sdf < 0.0 ? trust : 1.0;
+        old_weight *= d < 0.0 ? trust : 1.0;
+        float sum = old_weight + weight;
         d += (min(sdf, 1.0) - d) * (weight / sum);
         uint word = distance_and_weight(int(roundEven(d * kDistanceUnits)),
                                         int(min(sum, max_weight) * kWeightUnits + 0.5));
