@@ -11,7 +11,8 @@
 namespace cairn {
 namespace {
 
-constexpr int kNodePixels = 32;                             // of the camera's own image, from node to node
+constexpr int kNodesAcross = 14;                            // the camera's own image; as far apart down
+constexpr int kLeastWidth = 64, kLeastHeight = 48;          // pixels, of an image that is corrected
 constexpr double kClockPrior = 0.02, kReadoutPrior = 0.02;  // seconds; standard deviations, as all priors
 constexpr double kStretchPrior = 0.02, kShiftPrior = 0.02, kBendPrior = 0.1;
 constexpr double kTurnPrior = 0.02, kPlacePrior = 0.01;  // radians, metres
@@ -33,9 +34,9 @@ Rig Bundle::rig() const {
 
 void Bundle::find_correction() {
   const Camera& own = cameras_.rig.depth;
-  if (own.width < 2 * kNodePixels || own.height < 2 * kNodePixels) return;
+  if (own.width < kLeastWidth || own.height < kLeastHeight) return;
   DepthCorrection& c = shared_.correction;
-  c.columns = own.width / kNodePixels, c.rows = own.height / kNodePixels;
+  c.columns = kNodesAcross, c.rows = std::max(2, kNodesAcross * own.height / own.width);
   c.offsets.assign(static_cast<std::size_t>(c.columns * c.rows), 0.0f);
   places_.clear();
   for (int y = 0; y < cameras_.depth.height; ++y)
