@@ -22,7 +22,9 @@ namespace fs = std::filesystem;
 struct Arguments {
   std::string scene;
   fs::path output, trajectory, camera;
-  int frames = 300, width = 640, device = -1;
+  std::optional<int> frames, floors, rooms, recording;
+  std::optional<double> metres;
+  int width = 640, device = -1;
   std::string noise = "kinect", imu = "none", layout = "tum";
   double colour_delay = 0, rate = 30;
   std::uint64_t seed = 1;
@@ -30,6 +32,40 @@ struct Arguments {
 };
 
 constexpr const char* kTruth = "groundtruth_mesh.ply";  // by which a folder is known for one of ours
+
+constexpr const char* kBuilding = "building";
+constexpr int kUsualFrames = 300;
+
+/// As synthetic_scene names it.
+std::string name_of(const Arguments& a) {
+  std::vector<std::string> parts;
+  const auto add = [&](const char* key, const auto& value) {
+    if (value) parts.push_back(fmt::format("{}={}", key, *value));
+  };
+  add("floors", a.floors), add("rooms", a.rooms), add("recording", a.recording), add("metres", a.metres);
+  if (!parts.empty() && a.scene != kBuilding)
+    throw std::runtime_error(a.scene + ": has no --floors, --rooms, --recording and --metres: they are of building");
+  return parts.empty() ? a.scene : fmt::format("{}?{}", a.scene, fmt::join(parts, "&"));
+}
+
+/// As many as were asked for; of a building until its way ends, of others 300.
+int frames_of(const Arguments& a, const Scene& scene) {
+  if (a.scene != kBuilding) return a.frames.value_or(kUsualFrames);
+  const int all = static_cast<int>(scene.duration() * a.rate) + 1;
+  return std::min(a.frames.value_or(all), all);
+}
+
+/// The surface that somebody on the path may see. Of a building, which is all planes but for some things, at larger
+/// triangles: the rest is elsewhere.
+Mesh truth_of(const Scene& scene, const SyntheticPath& path, double seconds) {
+  if (scene.name != kBuilding) return scene.surface();
+  constexpr double kStep = 0.5, kReach = 6;  // seconds, metres
+  constexpr float kSpacing = 0.04f;          // metres
+  std::vector<Eigen::Vector3d> places;
+  for (double t = 0; t < seconds; t += kStep)
+    if (const auto pose = path.pose(t)) places.emplace_back(pose->translation());
+  return scene.around(places, kReach).surface(kSpacing);
+}
 
 /// That of a file or of the layout, or the camera of synthetic recordings with images of another size.
 Rig rig_of(const Arguments& a) {
@@ -85,24 +121,24 @@ class Gyroscope {
   long next_ = 0;
 };
 
-/// Renders everything into `folder`.
-void write_sequence(const Arguments& a, const fs::path& folder) {
-  const Scene scene = synthetic_scene(a.scene);
+/// Renders everything into `folder`. Returns the number of frames.
+int write_sequence(const Arguments& a, const fs::path& folder) {
+  const Scene scene = synthetic_scene(name_of(a));
+  const int frames = frames_of(a, scene);
   Rig rig = rig_of(a);
   if (a.imu != "none" && !rig.camera_from_imu) rig.camera_from_imu = Eigen::Quaterniond::Identity();
-  const SyntheticPath path(scene, a.trajectory.empty() ? Trajectory{} : read_trajectory(a.trajectory),
-                           a.frames / a.rate);
+  const SyntheticPath path(scene, a.trajectory.empty() ? Trajectory{} : read_trajectory(a.trajectory), frames / a.rate);
   SceneCamera depth_in_scene(scene, rig.depth, a.device);
   std::optional<SceneCamera> beside;
   if (rig.colour) beside.emplace(scene, rig.colour->camera, a.device);
   SceneCamera& colour_in_scene = beside ? *beside : depth_in_scene;
   const auto writer = write_layout(a.layout, folder, rig);
-  Mesh truth = scene.surface();
+  Mesh truth = truth_of(scene, path, frames / a.rate);
   std::vector<bool> seen(truth.triangles.size());
   Gyroscope gyroscope(a, rig);
-  Progress progress(a.frames);
+  Progress progress(frames);
   std::future<void> writing;  // the frame before gets its noise and is encoded while the next one is rendered
-  for (int i = 0; i < a.frames; ++i) {
+  for (int i = 0; i < frames; ++i) {
     const double time = i / a.rate;
     const auto pose = path.pose(time);
     if (!pose) break;
@@ -133,15 +169,17 @@ void write_sequence(const Arguments& a, const fs::path& folder) {
   write_mesh(folder / kTruth, truth);
   std::erase_if(truth.triangles, [&, i = std::size_t{0}](const auto&) mutable { return !seen[i++]; });
   write_mesh(folder / "groundtruth_seen.ply", truth);
+  return frames;
 }
 
 void synth(const Arguments& a) {
   if (!a.overwrite && fs::exists(a.output / kTruth))
     throw std::runtime_error(
         a.output.string() + ": holds a synthetic recording already: give --overwrite to replace it, or another folder");
+  int frames = 0;
   write_folder(
-      a.output, [&](const fs::path& folder) { write_sequence(a, folder); }, kTruth);
-  say("{}: {} frames of '{}' with true poses and surface\n", a.output.string(), a.frames, a.scene);
+      a.output, [&](const fs::path& folder) { frames = write_sequence(a, folder); }, kTruth);
+  say("{}: {} frames of '{}' with true poses and surface\n", a.output.string(), frames, a.scene);
 }
 
 }  // namespace
@@ -151,14 +189,23 @@ void add_synth(CLI::App& program) {
   const auto a = std::make_shared<Arguments>();
   command->add_option("SCENE", a->scene, "What is rendered")
       ->required()
-      ->check(one_of({"room", "room-with-mover", "flat", "twin-rooms", "sphere", "plane", "corridor", "loop"}));
+      ->check(
+          one_of({"room", "room-with-mover", "flat", "twin-rooms", "sphere", "plane", "corridor", "loop", kBuilding}));
   command->add_option("-o,--output", a->output, "Folder for the recording")->required()->type_name(kFolder);
   command->add_flag("--overwrite", a->overwrite, "Replace a synthetic recording that is there");
   command
       ->add_option("--trajectory", a->trajectory,
                    "Move along this TUM trajectory, z up, put into the middle of the scene [the scene's own path]")
       ->check(CLI::ExistingFile);
-  command->add_option("--frames", a->frames, "Number of frames")->capture_default_str()->check(CLI::PositiveNumber);
+  command->add_option("--frames", a->frames, "Number of frames [300; of building all]")->check(CLI::PositiveNumber);
+  command->add_option("--floors", a->floors, "Of building: its storeys [3]")->check(CLI::Range(1, 100));
+  command->add_option("--rooms", a->rooms, "Of building: in all storeys together [40]")->check(CLI::Range(1, 10000));
+  command
+      ->add_option("--recording", a->recording,
+                   "Of building: which of its recordings; each has a way, a hand and open doors of its own [0]")
+      ->check(CLI::NonNegativeNumber);
+  command->add_option("--metres", a->metres, "Of building: how far the recording leads [30]")
+      ->check(CLI::Range(1.0, 100000.0));
   command->add_option("--rate", a->rate, "Frames a second")->capture_default_str()->check(CLI::Range(1.0, 240.0));
   command->add_option("--width", a->width, "Of the images in pixels; their height is three quarters of it")
       ->capture_default_str()

@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -29,7 +30,8 @@ struct Scene {
   };
   std::string name;
   std::vector<Solid> solids;
-  std::vector<Eigen::Vector2d> way;  ///< (x, z) of the path every 5 cm, where it leads through rooms
+  std::vector<Eigen::Vector3d> way;  ///< the path every 5 cm, where it leads through rooms
+  std::uint64_t hand = 0;            ///< whose hand shakes, on a way through a building
 
   [[nodiscard]] bool moves() const;
   /// The solids as they are at a time.
@@ -40,14 +42,20 @@ struct Scene {
   /// The pose of a hand-held-like camera at a time: 0.2 to 0.6 m/s, at most 45 degrees a second; on a
   /// way through rooms also with glances aside of 160 degrees a second.
   [[nodiscard]] Eigen::Isometry3d world_from_camera(double seconds) const;
+  /// When a way ends; 10 s where there is none.
+  [[nodiscard]] double duration() const;
+  /// The scene without the solids that are farther than this from all of these places.
+  [[nodiscard]] Scene around(const std::vector<Eigen::Vector3d>& places, double metres) const;
   /// The surface of what stands still as triangles with sides of at most `spacing`, exact at its vertices; hidden parts
   /// of solids are left out.
   [[nodiscard]] Mesh surface(float spacing = 0.02f) const;
 };
 
 /// `room` (furnished), `room-with-mover` (somebody walks through it), `flat` (four rooms, once around), `twin-rooms`
-/// (two that look alike), `sphere`, `plane`, `corridor` or `loop` (a corridor around a block). Throws
-/// std::runtime_error for another name.
+/// (two that look alike), `sphere`, `plane`, `corridor`, `loop` (a corridor around a block), or `building`: storeys of
+/// offices that look alike, with stairs, as one of many recordings meets it, by default
+/// `building?floors=3&rooms=40&recording=0&metres=30`. All its recordings have the same world; what differs is the way
+/// and which doors are open. Throws std::runtime_error for another name.
 [[nodiscard]] Scene synthetic_scene(const std::string& name);
 
 /// The camera that synthetic recordings have.

@@ -96,8 +96,8 @@ struct HoldOut {
 [[nodiscard]] std::unique_ptr<Source> with_colour_on_depth(std::unique_ptr<Source> source);
 
 /// Poses that a recording carries for the truth, by frame timestamp (groundtruth.txt, frame-*.pose.txt, odometry.csv,
-/// those in a .sens file); empty when it has none, as .mkv and .oni files never do. Of a file that is no recording: its
-/// poses, see read_trajectory.
+/// those in a .sens file, a synthetic scene's own); empty when it has none, as .mkv and .oni files never do. Of a file
+/// that is no recording: its poses, see read_trajectory.
 [[nodiscard]] Trajectory recorded_truth(const std::filesystem::path& recording);
 
 /// A source that changes how or when the frames of another one are given.

@@ -53,7 +53,8 @@ void add_scene(py::module_& m) {
 
 A scene whose surface is known exactly. World frame: metres, y down; the camera's path starts near the origin.
 
-name: 'room' (furnished), 'room-with-mover', 'flat' (four rooms), 'twin-rooms', 'sphere', 'plane', 'corridor' or 'loop'.)")
+name: 'room' (furnished), 'room-with-mover', 'flat' (four rooms), 'twin-rooms', 'sphere', 'plane', 'corridor',
+'loop' or 'building?recording=17' (see docs/formats.md).)")
       .def(py::init(&synthetic_scene), py::arg("name"), R"(__init__(self, name)
 --
 

@@ -21,6 +21,7 @@
 #include "io/recording.hpp"
 #include "io/sens.hpp"
 #include "io/zip_recording.hpp"
+#include "synth/source.hpp"
 
 namespace cairn {
 namespace {
@@ -388,6 +389,7 @@ std::unique_ptr<Source> with_guesses(std::unique_ptr<Source> source, Trajectory 
 }
 
 Trajectory recorded_truth(const fs::path& recording) {
+  if (is_synthetic(recording.string())) return synthetic_truth(recording.string().substr(kSynthetic.size()));
   if (is_zip(recording))
     return unpacked(recording)->told_in_its_name([](const std::string& inside) { return recorded_truth(inside); });
   if (is_ros_recording(recording)) return {};

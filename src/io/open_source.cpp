@@ -21,8 +21,7 @@
 namespace cairn {
 namespace {
 
-constexpr std::string_view kSynthetic = "synthetic:", kSensor = "openni:";
-constexpr int kSyntheticFrames = 300;
+constexpr std::string_view kSensor = "openni:";
 
 /// A range of a source that can only be read in order.
 class InRange final : public WrappedSource {
@@ -145,7 +144,7 @@ std::unique_ptr<Source> open_by_name(const std::string& name, const SourceOption
   if (is_synthetic(name))
     return open_synthetic({.scene = name.substr(kSynthetic.size()),
                            .first = options.range.begin,
-                           .frames = options.range.end.value_or(kSyntheticFrames),
+                           .frames = options.range.end,
                            .step = options.range.step});
   if (is_zip(name)) {
     auto zip = unpacked(name);

@@ -2,13 +2,15 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // What depth cameras of several kinds would have measured. Figures are those of the sensors' tests, not those of
 // cairn::SensorModel, which shall be judged by them.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <random>
 #include <stdexcept>
 #include <string>
 
-#include "cairn/synthetic.hpp"
+#include "synth/source.hpp"
 
 namespace cairn {
 namespace {
@@ -189,22 +191,26 @@ void grain(std::vector<std::uint32_t>& colour, Normal& normal) {
 
 }  // namespace
 
+void check_noise(std::string_view kind) {
+  for (const std::string_view known : {"kinect", "tof", "stereo", "lidar", "none"})
+    if (kind == known) return;
+  throw std::runtime_error(fmt::format("there is no noise '{}'; there are kinect, tof, stereo, lidar, none", kind));
+}
+
 void add_noise(SceneImages& images, const Camera& camera, std::string_view kind, std::uint64_t seed, int frame,
                std::vector<std::uint32_t>* colour) {
+  check_noise(kind);
+  if (kind == "none") return;
   Normal normal(seed, frame);
   const Grid grid{camera.width, camera.height};
-  if (kind == "none") return;
   if (kind == "kinect")
     structured_light(images, grid, camera, normal);
   else if (kind == "tof")
     time_of_flight(images, grid, normal);
   else if (kind == "stereo")
     stereo(images, grid, camera, normal);
-  else if (kind == "lidar")
-    phone_lidar(images, grid, normal);
   else
-    throw std::runtime_error("there is no noise '" + std::string(kind) +
-                             "'; there are kinect, tof, stereo, lidar, none");
+    phone_lidar(images, grid, normal);
   grain(colour != nullptr ? *colour : images.colour, normal);
 }
 

@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "synth/render.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "spirv/scene_render.comp.h"
@@ -26,13 +27,39 @@ shader::Solid to_shader(const Scene::Solid& s) {
           .second = s.second};
 }
 
+/// What a camera may see of a scene: a cone around the directions of its pixels, and no farther than depth is told.
+class View {
+ public:
+  View(const Camera& camera, const Eigen::Isometry3d& world_from_camera)
+      : from_(world_from_camera.translation()), axis_(world_from_camera.linear().col(2)) {
+    constexpr double kBent = 0.1;  // radians that a lens may reach beyond its corners
+    for (const double x : {0.0, camera.width - 1.0})
+      for (const double y : {0.0, camera.height - 1.0}) {
+        const Eigen::Vector2d corner = camera.distorted() ? camera.undistorted_ray(x, y) : camera.ray(x, y).head<2>();
+        angle_ = std::max(angle_, std::atan(corner.norm()));
+      }
+    angle_ += camera.distorted() ? kBent : 1e-3;
+  }
+  [[nodiscard]] bool reaches(const Scene::Solid& s) const {
+    const Eigen::Vector3d to = s.centre.cast<double>() - from_;
+    const double distance = to.norm(), size = reach(s);
+    if (distance <= size) return true;
+    if (distance > kFarthest + size) return false;
+    return std::acos(std::clamp(to.dot(axis_) / distance, -1.0, 1.0)) <= angle_ + std::asin(size / distance);
+  }
+
+ private:
+  static constexpr double kFarthest = 180;  // metres: 100 along the axis, at 55 degrees beside it
+  Eigen::Vector3d from_, axis_;
+  double angle_ = 0;
+};
+
 }  // namespace
 
 SceneRenderer::SceneRenderer(gpu::Device& device, const Scene& scene, const Camera& camera)
     : device_(device),
       scene_(scene),
       camera_(camera),
-      solid_count_(static_cast<std::uint32_t>(scene.solids.size())),
       solids_(device, scene.solids.size() * sizeof(shader::Solid)),
       depth_(device, std::uint64_t{4} * static_cast<std::uint64_t>(camera.width * camera.height)),
       cosine_(device, depth_.size()),
@@ -41,7 +68,6 @@ SceneRenderer::SceneRenderer(gpu::Device& device, const Scene& scene, const Came
       rows_(device, camera.readout > 0 ? static_cast<std::uint64_t>(camera.height) * sizeof(shader::Rigid)
                                        : sizeof(shader::Rigid)),
       render_(device, "scene_render", scene_render_comp) {
-  upload(0);
   if (!camera.distorted()) return;
   std::vector<shader::vec2> rays;
   for (int y = 0; y < camera.height; ++y)
@@ -54,16 +80,18 @@ SceneRenderer::SceneRenderer(gpu::Device& device, const Scene& scene, const Came
   batch.submit();
 }
 
-void SceneRenderer::upload(double seconds) {
+/// Those that the image may show, as they are then: of a building most are elsewhere. Where rows are seen from places
+/// of their own, all.
+std::uint32_t SceneRenderer::upload(gpu::Batch& batch, const Eigen::Isometry3d& world_from_camera, double seconds) {
+  const View view(camera_, world_from_camera);
   std::vector<shader::Solid> solids;
-  for (const auto& s : scene_.solids_at(seconds)) solids.push_back(to_shader(s));
-  gpu::Batch batch(device_);
-  batch.upload(solids_, solids);
-  batch.submit();
+  for (const auto& s : scene_.solids_at(seconds))
+    if (camera_.readout > 0 || view.reaches(s)) solids.push_back(to_shader(s));
+  if (!solids.empty()) batch.upload(solids_, solids);
+  return static_cast<std::uint32_t>(solids.size());
 }
 
 SceneImages SceneRenderer::render(const PoseAt& world_from_camera, double seconds) {
-  if (scene_.moves()) upload(seconds);
   const auto pixels = static_cast<std::size_t>(camera_.width * camera_.height);
   SceneImages images{.depth = std::vector<float>(pixels),
                      .cosine = std::vector<float>(pixels),
@@ -71,6 +99,7 @@ SceneImages SceneRenderer::render(const PoseAt& world_from_camera, double second
                      .confidence = {}};
   const shader::Pinhole camera = shader::pinhole(camera_);
   gpu::Batch batch(device_);
+  const std::uint32_t solids = upload(batch, world_from_camera(seconds), seconds);
   if (camera_.readout > 0) {
     std::vector<shader::Rigid> rows;
     rows.reserve(static_cast<std::size_t>(camera_.height));
@@ -81,7 +110,7 @@ SceneImages SceneRenderer::render(const PoseAt& world_from_camera, double second
   render_(batch, {camera.width, camera.height, 1},
           {.camera = camera,
            .world_from_camera = shader::rigid(world_from_camera(seconds)),
-           .solids = solid_count_,
+           .solids = solids,
            .is_bent = camera_.distorted(),
            .is_rolling = camera_.readout > 0},
           {&solids_, &depth_, &cosine_, &colour_, &rays_, &rows_});

@@ -21,12 +21,11 @@ class SceneRenderer {
   }
 
  private:
-  void upload(double seconds);
+  std::uint32_t upload(gpu::Batch& batch, const Eigen::Isometry3d& world_from_camera, double seconds);
 
   gpu::Device& device_;
   Scene scene_;
   Camera camera_;
-  std::uint32_t solid_count_;
   gpu::Buffer solids_, depth_, cosine_, colour_;
   gpu::Buffer rays_;  // of a camera with distortion
   gpu::Buffer rows_;  // world_from_camera by row of a rolling shutter

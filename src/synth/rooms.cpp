@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "synth/furniture.hpp"
+
 namespace cairn {
 namespace {
 
@@ -12,13 +14,12 @@ using Shape = Scene::Shape;
 using Pattern = Scene::Pattern;
 using Eigen::Vector3f;
 
-constexpr double kFloor = 1.3;  // metres below the camera's height
-
-/// A box that stands on the floor.
-Scene::Solid standing(float x, float z, Vector3f size, float above, Pattern pattern, float scale,
-                      const Vector3f& colour, const Vector3f& second, float yaw = 0) {
-  return {Shape::box, {x, static_cast<float>(kFloor) - above - size.y() / 2, z}, size / 2, yaw, pattern, scale, colour,
-          second};
+/// Points (x, z) at the height of the origin.
+std::vector<Eigen::Vector3d> level(const std::vector<Eigen::Vector2d>& points) {
+  std::vector<Eigen::Vector3d> level;
+  level.reserve(points.size());
+  for (const auto& p : points) level.emplace_back(p.x(), 0, p.y());
+  return level;
 }
 
 }  // namespace
@@ -168,118 +169,6 @@ std::vector<Scene::Solid> furnished_room() {  // NOLINT(readability-function-siz
   return s;
 }
 
-namespace {
-
-constexpr float kCeiling = -1.3f, kWall = 0.1f, kDoor = 0.9f, kLintel = 0.55f;  // metres
-const Vector3f kWood(0.62f, 0.42f, 0.24f), kDark(0.40f, 0.25f, 0.13f), kWhite(0.85f, 0.84f, 0.80f),
-    kGrey(0.5f, 0.5f, 0.52f);
-
-/// How a wall is papered.
-struct Paper {
-  Pattern pattern;
-  float scale;
-  Vector3f colour, second;
-};
-
-/// A wall between two points (x, z) along x or z, with a door of 0.9 m in it at `door` metres from the first, if any.
-void add_wall(std::vector<Scene::Solid>& s, const Eigen::Vector2f& from, const Eigen::Vector2f& to, float door,
-              const Paper& paper) {
-  const Eigen::Vector2f along = (to - from).normalized();
-  const float length = (to - from).norm(), height = static_cast<float>(kFloor) - kCeiling;
-  const auto piece = [&](float begin, float end, float below, float above) {
-    const Eigen::Vector2f middle = from + along * (0.5f * (begin + end));
-    const float half = 0.5f * (end - begin);
-    const Vector3f size(std::abs(along.x()) * half + std::abs(along.y()) * kWall / 2, (above - below) / 2,
-                        std::abs(along.y()) * half + std::abs(along.x()) * kWall / 2);
-    s.push_back({Shape::box,
-                 {middle.x(), static_cast<float>(kFloor) - (below + above) / 2, middle.y()},
-                 size,
-                 0,
-                 paper.pattern,
-                 paper.scale,
-                 paper.colour,
-                 paper.second});
-  };
-  if (door < 0) return piece(0, length, 0, height);
-  piece(0, door - kDoor / 2, 0, height);
-  piece(door + kDoor / 2, length, 0, height);
-  piece(door - kDoor / 2, door + kDoor / 2, height - kLintel, height);
-}
-
-/// A table with four legs and two things on it.
-void add_table(std::vector<Scene::Solid>& s, float x, float z, float width, float depth, const Vector3f& tint) {
-  s.push_back(standing(x, z, {width, 0.05f, depth}, 0.70f, Pattern::wood, 0.25f, kWood, kDark));
-  for (const float i : {-1.0f, 1.0f})
-    for (const float k : {-1.0f, 1.0f})
-      s.push_back(standing(x + i * (width / 2 - 0.08f), z + k * (depth / 2 - 0.08f), {0.07f, 0.70f, 0.07f}, 0,
-                           Pattern::wood, 0.2f, kDark, kWood));
-  s.push_back(standing(x - width / 4, z, {0.3f, 0.18f, 0.22f}, 0.75f, Pattern::patches, 0.05f, tint, kWhite, 0.5f));
-  s.push_back({Shape::cylinder,
-               {x + width / 4, static_cast<float>(kFloor) - 0.85f, z + 0.05f},
-               {0.06f, 0.1f, 0},
-               0,
-               Pattern::checker,
-               0.04f,
-               tint,
-               kWhite});
-}
-
-/// Three boards with books, its back against a wall along x (`along_x`) or z.
-void add_shelf(std::vector<Scene::Solid>& s, float x, float z, bool along_x, const Vector3f& tint) {
-  const auto size = [&](float width, float height, float depth) {
-    return along_x ? Vector3f(width, height, depth) : Vector3f(depth, height, width);
-  };
-  for (int i = 0; i < 4; ++i)
-    s.push_back(standing(x, z, size(1.3f, 0.04f, 0.3f), 0.05f + 0.45f * static_cast<float>(i), Pattern::wood, 0.3f,
-                         kWood, kDark));
-  for (int i = 0; i < 3; ++i)
-    for (int k = 0; k < 3; ++k) {
-      const float shift = -0.42f + 0.42f * static_cast<float>(k);
-      s.push_back(standing(along_x ? x + shift : x, along_x ? z : z + shift,
-                           size(0.26f + 0.05f * static_cast<float>((i + 2 * k) % 3),
-                                0.22f + 0.05f * static_cast<float>((2 * i + k) % 3), 0.22f),
-                           0.09f + 0.45f * static_cast<float>(i), Pattern::patches, 0.05f, tint, {0.2f, 0.3f, 0.6f}));
-    }
-}
-
-void add_picture(std::vector<Scene::Solid>& s, const Vector3f& centre, const Vector3f& half, float scale,
-                 const Vector3f& tint) {
-  s.push_back({Shape::box, centre, half, 0, Pattern::patches, scale, tint, {0.2f, 0.3f, 0.8f}});
-}
-
-void add_ball(std::vector<Scene::Solid>& s, const Vector3f& centre, float radius, const Vector3f& tint) {
-  s.push_back({Shape::sphere, centre, {radius, 0, 0}, 0, Pattern::checker, radius / 2, tint, kWhite});
-}
-
-void add_column(std::vector<Scene::Solid>& s, float x, float z, float radius, float height, const Vector3f& tint) {
-  s.push_back({Shape::cylinder,
-               {x, static_cast<float>(kFloor) - height / 2, z},
-               {radius, height / 2, 0},
-               0,
-               Pattern::tiles,
-               0.12f,
-               tint,
-               kWhite});
-}
-
-/// Points every 5 cm on the Catmull-Rom curve through some points.
-std::vector<Eigen::Vector2d> smooth(const std::vector<Eigen::Vector2d>& through) {
-  constexpr double kStep = 0.05;
-  std::vector<Eigen::Vector2d> way;
-  for (std::size_t i = 1; i + 2 < through.size(); ++i) {
-    const auto &a = through[i - 1], &b = through[i], &c = through[i + 1], &d = through[i + 2];
-    for (int k = 0; k < 100; ++k) {
-      const double t = k / 100.0;
-      const Eigen::Vector2d p =
-          0.5 * (2 * b + t * (c - a) + t * t * (2 * a - 5 * b + 4 * c - d) + t * t * t * (3 * b - a - 3 * c + d));
-      if (way.empty() || (p - way.back()).norm() >= kStep) way.push_back(p);
-    }
-  }
-  return way;
-}
-
-}  // namespace
-
 std::vector<Scene::Solid> flat() {
   std::vector<Scene::Solid> s;
   const Vector3f red(0.7f, 0.25f, 0.2f), green(0.25f, 0.55f, 0.3f), blue(0.25f, 0.35f, 0.65f), ochre(0.8f, 0.6f, 0.25f);
@@ -335,12 +224,12 @@ std::vector<Scene::Solid> flat() {
   return s;
 }
 
-std::vector<Eigen::Vector2d> way_through_flat() {
-  return smooth({{-0.9, -1.6}, {-1.2, -2.3}, {-2.2, -2.4}, {-3.1, -1.9}, {-3.0, -1.1}, {-2.6, -0.5},
-                 {-2.6, 0.5},  {-3.0, 1.3},  {-2.7, 2.2},  {-1.8, 2.5},  {-0.7, 2.2},  {0.6, 2.2},
-                 {1.6, 2.5},   {2.6, 2.6},   {3.1, 2.0},   {2.7, 1.2},   {2.6, 0.5},   {2.6, -0.5},
-                 {3.0, -1.4},  {2.7, -2.3},  {1.8, -2.6},  {0.6, -2.2},  {-0.6, -2.2}, {-1.4, -2.3},
-                 {-2.2, -2.4}, {-3.1, -1.9}, {-3.0, -1.1}, {-2.6, -0.5}, {-2.6, 0.5}});
+std::vector<Eigen::Vector3d> way_through_flat() {
+  return smooth(level({{-0.9, -1.6}, {-1.2, -2.3}, {-2.2, -2.4}, {-3.1, -1.9}, {-3.0, -1.1}, {-2.6, -0.5},
+                       {-2.6, 0.5},  {-3.0, 1.3},  {-2.7, 2.2},  {-1.8, 2.5},  {-0.7, 2.2},  {0.6, 2.2},
+                       {1.6, 2.5},   {2.6, 2.6},   {3.1, 2.0},   {2.7, 1.2},   {2.6, 0.5},   {2.6, -0.5},
+                       {3.0, -1.4},  {2.7, -2.3},  {1.8, -2.6},  {0.6, -2.2},  {-0.6, -2.2}, {-1.4, -2.3},
+                       {-2.2, -2.4}, {-3.1, -1.9}, {-3.0, -1.1}, {-2.6, -0.5}, {-2.6, 0.5}}));
 }
 
 std::vector<Scene::Solid> corridor_around_a_block() {
@@ -410,14 +299,14 @@ std::vector<Scene::Solid> twin_rooms() {
   return s;
 }
 
-std::vector<Eigen::Vector2d> way_through_twin_rooms() {
+std::vector<Eigen::Vector3d> way_through_twin_rooms() {
   const std::vector<Eigen::Vector2d> around{{-0.8, 0.0},  {-1.4, 0.7},  {-2.4, 0.7}, {-3.0, 0.2},
                                             {-2.8, -0.6}, {-1.8, -0.8}, {-0.8, 0.0}};
   std::vector<Eigen::Vector2d> through{{-1.4, -0.4}};
   for (const double sign : {1.0, -1.0, 1.0})
     for (const auto& p : around) through.push_back(sign * p);
   through.push_back({0, 0});
-  return smooth(through);
+  return smooth(level(through));
 }
 
 }  // namespace cairn

@@ -16,12 +16,12 @@ namespace cairn {
 
 /// Four furnished rooms around the origin, each with doors to two others: 8.4 m x 7.4 m.
 [[nodiscard]] std::vector<Scene::Solid> flat();
-/// Once around through its doors and 4 m on, points (x, z) every 5 cm.
-[[nodiscard]] std::vector<Eigen::Vector2d> way_through_flat();
+/// Once around through its doors and 4 m on, every 5 cm.
+[[nodiscard]] std::vector<Eigen::Vector3d> way_through_flat();
 
 /// Two rooms, each the other turned by half a turn about the origin, with a door between them.
 [[nodiscard]] std::vector<Scene::Solid> twin_rooms();
 /// Around in the first, around in the second, and back.
-[[nodiscard]] std::vector<Eigen::Vector2d> way_through_twin_rooms();
+[[nodiscard]] std::vector<Eigen::Vector3d> way_through_twin_rooms();
 
 }  // namespace cairn

@@ -3,11 +3,16 @@
 #include "cairn/scene.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <random>
 #include <stdexcept>
+#include <string_view>
 
+#include "cairn/pose.hpp"
+#include "synth/building.hpp"
 #include "synth/rooms.hpp"
 
 namespace cairn {
@@ -58,6 +63,29 @@ Eigen::Isometry3d look(const Vector3d& from, const Vector3d& direction, double r
 /// Heading in radians (0: along z) and pitch (positive: down).
 Vector3d heading(double yaw, double pitch) {
   return {std::sin(yaw) * std::cos(pitch), std::sin(pitch), std::cos(yaw) * std::cos(pitch)};
+}
+
+constexpr double kSpeed = 0.5, kSpacing = 0.05;  // metres a second along a way, metres between its points
+
+/// How a hand moves a camera beside where it is led: pitch, yaw and roll in radians, then metres. Sines of a frequency
+/// from each band, as fast as TUM's freiburg1_xyz and freiburg2_desk move in it (the root mean square of each axis of
+/// their true paths).
+Vector6d hand_motion(std::uint64_t hand, double t) {
+  struct Band {
+    double from, to, turn, shift;  // Hz; radians and metres a second
+  };
+  constexpr std::array<Band, 4> kBands{
+      {{0.3, 0.6, 0.06, 0.06}, {0.6, 1.0, 0.055, 0.03}, {1.0, 1.6, 0.07, 0.018}, {1.6, 2.5, 0.07, 0.012}}};
+  std::mt19937_64 random(hand);
+  const auto uniform = [&] { return static_cast<double>(random() >> 11) / 9007199254740992.0; };
+  Vector6d moved = Vector6d::Zero();
+  for (int axis = 0; axis < 6; ++axis)
+    for (const Band& band : kBands) {
+      const double rate = 2 * std::numbers::pi * (band.from + (band.to - band.from) * uniform());
+      const double phase = 2 * std::numbers::pi * uniform();
+      moved[axis] += std::numbers::sqrt2 * (axis < 3 ? band.turn : band.shift) / rate * std::sin(rate * t + phase);
+    }
+  return moved;
 }
 
 /// Adds the triangles of a grid over a parametric patch.
@@ -170,15 +198,15 @@ Eigen::Isometry3d Scene::world_from_camera(double t) const {
     return look(from, heading(angle - 0.35 + 0.2 * std::sin(0.9 * t), 0.12 + 0.1 * std::sin(0.6 * t) + shake), roll);
   }
   if (!way.empty()) {
-    constexpr double kSpeed = 0.5, kSpacing = 0.05, kAhead = 0.5;  // metres a second, metres
-    const auto at = [&](double metres) -> Eigen::Vector2d {
+    constexpr double kAhead = 0.5;  // metres
+    const auto at = [&](double metres) -> Vector3d {
       const double i = std::clamp(metres / kSpacing, 0.0, static_cast<double>(way.size()) - 1.001);
       const auto k = static_cast<std::size_t>(i);
       return way[k] + (i - static_cast<double>(k)) * (way[k + 1] - way[k]);
     };
     const double last = kSpacing * static_cast<double>(way.size() - 1);
     const double along = std::clamp(kSpeed * t, 0.0, last);
-    const Eigen::Vector2d from = at(along), ahead = at(std::min(along + kAhead, last)) - at(along - kAhead);
+    const Vector3d from = at(along), ahead = at(std::min(along + kAhead, last)) - at(along - kAhead);
     // Every 7 s a glance of 80 degrees aside, to the left and to the right in turn: 0.75 s there, 0.75 s back.
     constexpr double kGlance = 1.4, kPeriod = 7, kBegin = 3, kTurn = 0.75, kHold = 0.5;
     const double phase = std::fmod(std::max(t, 0.0), kPeriod) - kBegin;
@@ -186,16 +214,31 @@ Eigen::Isometry3d Scene::world_from_camera(double t) const {
     const double out = ease(std::clamp(phase / kTurn, 0.0, 1.0)),
                  back = ease(std::clamp((phase - kTurn - kHold) / kTurn, 0.0, 1.0));
     const double side = std::fmod(std::max(t, 0.0), 2 * kPeriod) < kPeriod ? -1 : 1;
-    return look({from.x(), sway, from.y()},
-                heading(std::atan2(ahead.x(), ahead.y()) + side * kGlance * (out - back),
-                        0.2 + 0.15 * std::sin(0.6 * t) + shake),
-                roll);
+    const double yaw = std::atan2(ahead.x(), ahead.z()) + side * kGlance * (out - back),
+                 pitch = 0.2 + 0.15 * std::sin(0.6 * t);
+    if (hand == 0) return look(from + Vector3d(0, sway, 0), heading(yaw, pitch + shake), roll);
+    const Vector6d moved = hand_motion(hand, t);
+    return look(from + moved.tail<3>(), heading(yaw + moved[1], pitch + moved[0]), 0.06 * std::sin(1.3 * t) + moved[2]);
   }
   // Around the middle of the room, looking outwards, up and down.
   const double angle = 2 * std::numbers::pi * t / 24 + 0.15 * std::sin(1.1 * t);
   const Vector3d from(0.75 * std::sin(angle) - 0.1, 0.15 * std::sin(0.8 * t) + sway - 0.1,
                       0.55 * std::cos(angle) - 0.35);
   return look(from, heading(angle + 0.25 * std::sin(0.9 * t), 0.28 + 0.2 * std::sin(0.7 * t) + shake), roll);
+}
+
+double Scene::duration() const {
+  constexpr double kUsual = 10;  // seconds
+  return way.empty() ? kUsual : kSpacing * static_cast<double>(way.size() - 1) / kSpeed;
+}
+
+Scene Scene::around(const std::vector<Vector3d>& places, double metres) const {
+  Scene near = *this;
+  std::erase_if(near.solids, [&](const Solid& s) {
+    return std::none_of(places.begin(), places.end(),
+                        [&](const Vector3d& place) { return solid_distance(s, place) <= metres; });
+  });
+  return near;
 }
 
 Mesh Scene::surface(float spacing) const {
@@ -217,6 +260,10 @@ Mesh Scene::surface(float spacing) const {
 }
 
 Scene synthetic_scene(const std::string& name) {
+  constexpr std::string_view kBuilding = "building";
+  if (name == kBuilding) return building({});
+  if (name.starts_with(kBuilding) && name[kBuilding.size()] == '?')
+    return building(building_options(std::string_view(name).substr(kBuilding.size() + 1)));
   Scene scene{.name = name};
   if (name == "room" || name == "room-with-mover") {
     scene.solids = furnished_room();
@@ -267,8 +314,9 @@ Scene synthetic_scene(const std::string& name) {
     scene.solids = twin_rooms();
     scene.way = way_through_twin_rooms();
   } else {
-    throw std::runtime_error("there is no synthetic scene '" + name +
-                             "': choose room, room-with-mover, flat, twin-rooms, sphere, plane, corridor or loop");
+    throw std::runtime_error(
+        "there is no synthetic scene '" + name +
+        "': choose room, room-with-mover, flat, twin-rooms, sphere, plane, corridor, loop or building");
   }
   return scene;
 }

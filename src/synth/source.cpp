@@ -2,7 +2,11 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "synth/source.hpp"
 
+#include <algorithm>
 #include <numbers>
+#include <ranges>
+#include <string_view>
+#include <utility>
 
 #include "synth/render.hpp"
 
@@ -13,51 +17,92 @@ constexpr double kMaxGap = 2.5;                    // seconds
 constexpr double kGravity = 9.81;                  // m/s^2, along y
 const Eigen::Vector3d kMiddle(-0.1, -0.1, -0.35);  // metres; where the room's own path goes around
 
+constexpr double kRate = 30;  // frames a second
+
+/// Until the way ends.
+int all_frames(const Scene& scene) { return static_cast<int>(scene.duration() * kRate) + 1; }
+
+int frames_of(const Scene& scene, const std::optional<int>& asked) {
+  constexpr int kUsual = 300;
+  return scene.name == "building" ? std::min(asked.value_or(all_frames(scene)), all_frames(scene))
+                                  : asked.value_or(kUsual);
+}
+
+/// A source's name without what is not the scene's.
+struct Named {
+  std::string scene, noise = "none";
+  explicit Named(std::string_view name) {
+    constexpr std::string_view kNoise = "noise=";
+    const std::size_t query = std::min(name.find('?'), name.size());
+    scene = name.substr(0, query);
+    char before = '?';
+    for (const auto part : std::views::split(name.substr(std::min(query + 1, name.size())), '&')) {
+      const std::string_view text(part.begin(), part.end());
+      if (text.starts_with(kNoise))
+        noise = text.substr(kNoise.size());
+      else
+        scene.append(1, std::exchange(before, '&')).append(text);
+    }
+  }
+};
+
 class SyntheticSource final : public Source {
  public:
   explicit SyntheticSource(const SyntheticOptions& options)
       : options_(options),
-        scene_(synthetic_scene(options.scene)),
+        name_(options.scene),
+        scene_(synthetic_scene(name_.scene)),
         path_(scene_, {}, 0),
         rig_(synthetic_camera()),
         device_(options.device),
         renderer_(device_, scene_, rig_.depth),
-        next_(options.first) {}
+        next_(options.first),
+        end_(frames_of(scene_, options.frames)) {
+    check_noise(name_.noise);
+  }
   const Rig& rig() const override { return rig_; }
   std::string layout() const override { return "synthetic scene"; }
   std::optional<int> size() const override {
-    return (options_.frames - options_.first + options_.step - 1) / options_.step;
+    return std::max(0, (end_ - options_.first + options_.step - 1) / options_.step);
   }
 
   std::optional<Frame> next() override {
-    if (next_ >= options_.frames) return std::nullopt;
-    const double time = next_ / 30.0;
+    if (next_ >= end_) return std::nullopt;
+    const double time = next_ / kRate;
     const auto pose = path_.pose(time);
     if (!pose) return std::nullopt;
     auto images = renderer_.render(*pose, time);
-    if (options_.kinect_noise) add_noise(images, rig_.depth, "kinect", options_.seed, next_);
+    add_noise(images, rig_.depth, name_.noise, kSeed, next_);
     Frame frame{
         .index = next_, .timestamp = time, .depth = std::move(images.depth), .colour = std::move(images.colour)};
     frame.acceleration = path_.acceleration(time);
     next_ += options_.step;
-    if (options_.with_poses) frame.world_from_camera = *pose;
     return frame;
   }
 
  private:
+  static constexpr std::uint64_t kSeed = 1;
   SyntheticOptions options_;
+  Named name_;
   Scene scene_;
   SyntheticPath path_;
   Rig rig_;
   gpu::Device device_;
   SceneRenderer renderer_;
-  int next_;
+  int next_, end_;
 };
 
 }  // namespace
 
 std::unique_ptr<Source> open_synthetic(const SyntheticOptions& options) {
   return std::make_unique<SyntheticSource>(options);
+}
+
+Trajectory synthetic_truth(const std::string& name) {
+  const Scene scene = synthetic_scene(Named(name).scene);
+  Trajectory truth;
+  for (int i = 0; i < all_frames(scene); ++i) truth.push_back({i / kRate, scene.world_from_camera(i / kRate)});
+  return truth;
 }
 
 SyntheticPath::SyntheticPath(Scene scene, Trajectory recorded, double seconds)

@@ -58,10 +58,11 @@ TEST_P(EveryScene, HasATrueSurfaceOnItsSurface) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, EveryScene,
-                         testing::Values("room", "flat", "twin-rooms", "sphere", "plane", "corridor", "loop"),
+                         testing::Values("room", "flat", "twin-rooms", "sphere", "plane", "corridor", "loop",
+                                         "building?recording=1"),
                          [](const auto& parameter) {
                            std::string name = parameter.param;
-                           std::erase(name, '-');
+                           std::erase_if(name, [](char c) { return std::isalnum(c) == 0; });
                            return name;
                          });
 
