@@ -249,7 +249,7 @@ BackEnd::Memory BackEnd::memory() const {
                 .unsettled = unsettled_,
                 .searching = searching_.valid(),
                 .optimising = optimising_.valid()};
-  for (std::size_t i = 0; i < submaps_.size(); ++i) memory.submaps.push_back(!submaps_.bricks(i).empty());
+  for (std::size_t i = 0; i < submaps_.size(); ++i) memory.submaps.push_back(!submaps_.bricks(i)->empty());
   for (std::size_t k = 0; k < database_.size(); ++k)
     memory.tracked_from_camera.push_back(database_[k].tracked_from_camera);
   return memory;

@@ -13,6 +13,7 @@ namespace {
 
 // Bytes: reading the bricks that are needed takes no longer than their work.
 constexpr std::uint64_t kUsualBudget = std::uint64_t{64} << 20;
+constexpr std::size_t kOpenFiles = 32;  // an open one knows where each of its bricks is, half a megabyte
 
 }  // namespace
 
@@ -26,9 +27,8 @@ std::filesystem::path Submaps::file(std::size_t i) const { return folder_ / fmt:
 void Submaps::add(BrickTree voxels) {
   wait();
   const std::size_t id = bricks_.size();
-  bricks_.push_back(voxels.bricks());
+  bricks_.push_back(std::make_shared<const BrickSet>(voxels.bricks()));
   voxels_.push_back(std::make_shared<const BrickTree>(std::move(voxels)));
-  files_.emplace_back();
   last_use_.push_back(++use_);
   stored_.push_back(false);
   auto left = keep_within_budget();
@@ -49,15 +49,14 @@ void Submaps::add(BrickTree voxels) {
 }
 
 BrickTree Submaps::copy(std::size_t i) const {
-  return bricks_[i].empty() ? BrickTree() : voxels_[i] ? voxels_[i]->copy() : BrickFile(file(i)).read();
+  return bricks_[i]->empty() ? BrickTree() : voxels_[i] ? voxels_[i]->copy() : BrickFile(file(i)).read();
 }
 
 void Submaps::add_stored(bool has_file) {
   std::optional<BrickFile> from;
   if (has_file) from.emplace(file(bricks_.size())).check();
-  bricks_.push_back(from ? from->bricks() : std::vector<Brick>());
+  bricks_.push_back(std::make_shared<const BrickSet>(from ? from->bricks() : std::vector<Brick>()));
   voxels_.push_back(from ? nullptr : std::make_shared<const BrickTree>());
-  files_.push_back(std::move(from));
   last_use_.push_back(++use_);
   stored_.push_back(true);
 }
@@ -66,12 +65,12 @@ void Submaps::leave_memory() {
   wait();
   if (folder_.empty()) return;
   for (std::size_t i = 0; i < bricks_.size(); ++i)
-    if (stored_[i] && !bricks_[i].empty()) voxels_[i] = nullptr;
+    if (stored_[i] && !bricks_[i]->empty()) voxels_[i] = nullptr;
 }
 
 void Submaps::drop(std::size_t i) {
   wait();
-  bricks_[i].clear();
+  bricks_[i] = std::make_shared<const BrickSet>();
   voxels_[i] = std::make_shared<const BrickTree>();
 }
 
@@ -98,7 +97,7 @@ std::vector<std::shared_ptr<const BrickTree>> Submaps::keep_within_budget() {
   const auto bytes = [&] {
     std::uint64_t sum = 0;
     for (std::size_t i = 0; i < bricks_.size(); ++i)
-      if (voxels_[i]) sum += bricks_[i].size() * sizeof(BrickVoxels);
+      if (voxels_[i]) sum += bricks_[i]->size() * sizeof(BrickVoxels);
     return sum;
   };
   while (!folder_.empty() && bytes() > budget_) {
@@ -120,12 +119,17 @@ std::shared_ptr<const BrickTree> Submaps::voxels(std::size_t i, const BrickBox& 
 }
 
 std::shared_ptr<const BrickTree> Submaps::free(std::size_t i) {
+  last_use_[i] = ++use_;
   return voxels_[i] ? voxels_[i] : std::make_shared<const BrickTree>(opened(i).read_free());
 }
 
 const BrickFile& Submaps::opened(std::size_t i) {
-  if (!files_[i]) files_[i].emplace(file(i));
-  return *files_[i];
+  if (const auto open = files_.find(i); open != files_.end()) return open->second;
+  while (files_.size() >= kOpenFiles)
+    files_.erase(std::min_element(files_.begin(), files_.end(), [&](const auto& a, const auto& b) {
+      return last_use_[a.first] < last_use_[b.first];
+    }));
+  return files_.try_emplace(i, file(i)).first->second;
 }
 
 }  // namespace cairn

@@ -4,11 +4,12 @@
 #include <cstdint>
 #include <filesystem>
 #include <future>
+#include <map>
 #include <memory>
 #include <vector>
 
 #include "map/keyframe.hpp"
-#include "volume/volume.hpp"
+#include "volume/brick_set.hpp"
 
 namespace cairn {
 
@@ -29,8 +30,8 @@ class Submaps {
   /// All that are in files leave the memory.
   void leave_memory();
   [[nodiscard]] std::size_t size() const { return bricks_.size(); }
-  /// Sorted by x, then y, then z; none for a dropped submap.
-  [[nodiscard]] const std::vector<Brick>& bricks(std::size_t i) const { return bricks_[i]; }
+  /// Those with voxels; none for a dropped submap.
+  [[nodiscard]] const std::shared_ptr<const BrickSet>& bricks(std::size_t i) const { return bricks_[i]; }
   /// A submap's voxels; of those that have left the memory the ones in a box, from its file.
   [[nodiscard]] std::shared_ptr<const BrickTree> voxels(std::size_t i, const BrickBox& box);
   /// A submap with all that it knows to be free, and perhaps its voxels.
@@ -52,9 +53,9 @@ class Submaps {
   std::uint64_t budget_;
   bool writes_;
   [[nodiscard]] const BrickFile& opened(std::size_t i);
-  std::vector<std::vector<Brick>> bricks_;
+  std::vector<std::shared_ptr<const BrickSet>> bricks_;
   std::vector<std::shared_ptr<const BrickTree>> voxels_;  // null: in its file alone
-  std::vector<std::optional<BrickFile>> files_;           // of those that were read from
+  std::map<std::size_t, BrickFile> files_;                // of those that were read from last
   std::vector<std::uint64_t> last_use_;
   std::uint64_t use_ = 0;
   std::vector<bool> stored_;   // in their files

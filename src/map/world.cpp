@@ -16,10 +16,17 @@
 namespace cairn {
 namespace {
 
-constexpr double kMoved = 0.25;  // voxels
-constexpr int kCell = 8;         // bricks a side of what is merged together
+constexpr double kMoved = 0.25;                                // voxels
+constexpr int kCell = 8;                                       // bricks a side of what is merged together
+constexpr std::size_t kPlacedInMemory = std::size_t{1} << 19;  // bricks of submaps, and where they lie: 72 MiB
 
-using BrickSet = std::unordered_set<Brick, BrickHash>;
+using Bricks = std::unordered_set<Brick, BrickHash>;
+
+/// A submap's bricks where they lie.
+struct Placed {
+  std::size_t submap;
+  std::span<const PlacedBrick> bricks;
+};
 
 Eigen::Vector3d centre_of(const Brick& brick, double size) {
   return (brick.cast<double>().array() + 0.5).matrix() * size;
@@ -47,20 +54,19 @@ double travel(const Brick& brick, const Eigen::Isometry3d& a, const Eigen::Isome
 }
 
 /// From each submap a brick of the world takes what the brick has that lies nearest to it.
-std::vector<MergeJob> jobs_of(const BrickSet& wanted, const std::vector<std::vector<PlacedBrick>>& placed,
-                              double size) {
+std::vector<MergeJob> jobs_of(const Bricks& wanted, const std::vector<Placed>& placed, double size) {
   std::unordered_map<Brick, std::vector<std::pair<MergeShare, double>>, BrickHash> shares;
-  for (std::size_t id = 0; id < placed.size(); ++id)
-    for (const PlacedBrick& p : placed[id])
+  for (const Placed& of_submap : placed)
+    for (const PlacedBrick& p : of_submap.bricks)
       cover(p.brick, p.world_from_submap, size, [&](const Brick& target) {
         if (!wanted.contains(target)) return;
         const double distance =
             (p.world_from_submap * centre_of(p.brick, size) - centre_of(target, size)).squaredNorm();
         auto& of_target = shares[target];
-        if (of_target.empty() || of_target.back().first.submap != id)
-          of_target.push_back({{id, p.world_from_submap.inverse()}, distance});
+        if (of_target.empty() || of_target.back().first.submap != of_submap.submap)
+          of_target.push_back({{of_submap.submap, p.world_from_submap.inverse()}, distance});
         else if (distance < of_target.back().second)
-          of_target.back() = {{id, p.world_from_submap.inverse()}, distance};
+          of_target.back() = {{of_submap.submap, p.world_from_submap.inverse()}, distance};
       });
   std::vector<Brick> bricks(wanted.begin(), wanted.end());
   std::sort(bricks.begin(), bricks.end(), [](const Brick& a, const Brick& b) { return before_by_cell(a, b, kCell); });
@@ -113,6 +119,15 @@ std::vector<Eigen::Isometry3d> places_of(const std::vector<Brick>& bricks, const
   return places;
 }
 
+std::vector<PlacedBrick> place(const PlacedSubmap& submap, double size) {
+  const std::vector<Brick> bricks = submap.bricks->sorted();
+  const std::vector<Eigen::Isometry3d> places = places_of(bricks, submap.deformation, size);
+  std::vector<PlacedBrick> placed;
+  placed.reserve(bricks.size());
+  for (std::size_t i = 0; i < bricks.size(); ++i) placed.push_back({bricks[i], places[i]});
+  return placed;
+}
+
 }  // namespace
 
 BrickTree free_space(const FuseOptions& options, const std::vector<PlacedSubmap>& submaps, const LoadFree& load) {
@@ -142,24 +157,46 @@ BrickTree free_space(const FuseOptions& options, const std::vector<PlacedSubmap>
   return free;
 }
 
-WorldParts::WorldParts(gpu::Device& device, const FuseOptions& options, const std::vector<PlacedSubmap>& submaps)
+WorldParts::WorldParts(gpu::Device& device, const FuseOptions& options, std::vector<PlacedSubmap> submaps)
     : brick_size_(8.0 * static_cast<double>(options.voxel_size)), merger_(device, options) {
-  BrickSet reached;
-  for (const PlacedSubmap& submap : submaps) {
-    if (placed_.size() <= submap.id) placed_.resize(submap.id + 1);
-    const std::vector<Eigen::Isometry3d> places = places_of(submap.bricks, submap.deformation, brick_size_);
-    for (std::size_t i = 0; i < places.size(); ++i) {
-      placed_[submap.id].push_back({submap.bricks[i], places[i]});
-      cover(submap.bricks[i], places[i], brick_size_, [&](const Brick& target) { reached.insert(target); });
-    }
+  for (PlacedSubmap& submap : submaps) {
+    Submap& s = submaps_.emplace_back(Submap{.placed = std::move(submap), .reached = {}, .bricks = {}});
+    for (const PlacedBrick& p : place(s.placed, brick_size_))
+      cover(p.brick, p.world_from_submap, brick_size_, [&](const Brick& target) {
+        reached_.insert(target);
+        s.reached.extend(target);
+      });
   }
-  bricks_.assign(reached.begin(), reached.end());
-  std::sort(bricks_.begin(), bricks_.end(), before);
+}
+
+std::vector<const WorldParts::Submap*> WorldParts::reaching(const BrickBox& box) {
+  std::vector<const Submap*> found;
+  std::size_t bricks = 0;
+  for (Submap& s : submaps_) {
+    if (!s.reached.intersects(box)) continue;
+    if (s.bricks.empty()) s.bricks = place(s.placed, brick_size_);
+    s.last_use = ++use_;
+    found.push_back(&s);
+  }
+  for (const Submap& s : submaps_) bricks += s.bricks.size();
+  while (bricks > kPlacedInMemory) {
+    Submap& oldest = *std::min_element(submaps_.begin(), submaps_.end(), [](const Submap& a, const Submap& b) {
+      return std::pair(a.bricks.empty(), a.last_use) < std::pair(b.bricks.empty(), b.last_use);
+    });
+    if (oldest.last_use + found.size() > use_) break;  // it is one of these
+    bricks -= oldest.bricks.size();
+    oldest.bricks = {};
+  }
+  return found;
 }
 
 BrickTree WorldParts::make(std::span<const Brick> bricks, const LoadSubmap& load) {
+  BrickBox box;
+  for (const Brick& brick : bricks) box.extend(brick);
+  std::vector<Placed> placed;
+  for (const Submap* s : reaching(box)) placed.push_back({s->placed.id, s->bricks});
   BrickTree tree;
-  merger_.merge(jobs_of(BrickSet(bricks.begin(), bricks.end()), placed_, brick_size_), load, tree);
+  merger_.merge(jobs_of(Bricks(bricks.begin(), bricks.end()), placed, brick_size_), load, tree);
   return tree;
 }
 
@@ -174,22 +211,24 @@ std::vector<Brick> World::update(const std::vector<PlacedSubmap>& submaps, const
                                  const LoadFree& load_free) {
   const double size = 8.0 * static_cast<double>(options_.voxel_size),
                tolerance = kMoved * static_cast<double>(options_.voxel_size);
-  BrickSet changed;
+  Bricks changed;
   const auto touch = [&](const Brick& brick) { changed.insert(brick); };
   std::vector<bool> present(placements_.size(), false);
   for (const PlacedSubmap& submap : submaps) {
     if (placements_.size() <= submap.id) placements_.resize(submap.id + 1), present.resize(submap.id + 1);
     present[submap.id] = true;
+    std::vector<PlacedBrick> now = place(submap, size);
     std::vector<PlacedBrick>& placed = placements_[submap.id];
     const bool is_new = placed.empty();
-    placed.resize(submap.bricks.size());
-    const std::vector<Eigen::Isometry3d> now = places_of(submap.bricks, submap.deformation, size);
     for (std::size_t i = 0; i < now.size(); ++i) {
-      if (!is_new && travel(submap.bricks[i], placed[i].world_from_submap, now[i], size) < tolerance) continue;
+      if (!is_new && travel(now[i].brick, placed[i].world_from_submap, now[i].world_from_submap, size) < tolerance) {
+        now[i] = placed[i];
+        continue;
+      }
       if (!is_new) cover(placed[i].brick, placed[i].world_from_submap, size, touch);
-      cover(submap.bricks[i], now[i], size, touch);
-      placed[i] = {submap.bricks[i], now[i]};
+      cover(now[i].brick, now[i].world_from_submap, size, touch);
     }
+    placed = std::move(now);
   }
   for (std::size_t id = 0; id < placements_.size(); ++id) {
     if (present[id]) continue;
@@ -198,7 +237,9 @@ std::vector<Brick> World::update(const std::vector<PlacedSubmap>& submaps, const
   }
 
   std::vector<Brick> bricks(changed.begin(), changed.end());
-  merger_.merge(jobs_of(changed, placements_, size), load, bricks_);
+  std::vector<Placed> all;
+  for (std::size_t id = 0; id < placements_.size(); ++id) all.push_back({id, placements_[id]});
+  merger_.merge(jobs_of(changed, all, size), load, bricks_);
   if (!bricks.empty()) {
     const std::vector<Brick> moved = take_free(free_space(options_, submaps, load_free));
     bricks.insert(bricks.end(), moved.begin(), moved.end());

@@ -4,14 +4,15 @@
 #include <vector>
 
 #include "map/deform.hpp"
+#include "volume/brick_set.hpp"
 #include "volume/merge.hpp"
 
 namespace cairn {
 
 /// A submap and where it lies.
 struct PlacedSubmap {
-  std::size_t id = 0;         // the same from update to update; its voxels never change
-  std::vector<Brick> bricks;  // with voxels
+  std::size_t id = 0;                      // the same from update to update; its voxels never change
+  std::shared_ptr<const BrickSet> bricks;  // with voxels
   Deformation deformation;
 };
 
@@ -28,21 +29,30 @@ using LoadFree = std::function<std::shared_ptr<const BrickTree>(std::size_t subm
 [[nodiscard]] BrickTree free_space(const FuseOptions& options, const std::vector<PlacedSubmap>& submaps,
                                    const LoadFree& load);
 
-/// The world part by part, for what needs all of it and never at once: its bricks are known, their voxels are made when
-/// they are asked for.
+/// The world part by part, for what needs all of it and never at once: it is known which bricks there are, and they are
+/// made when they are asked for, out of the submaps that reach there.
 class WorldParts {
  public:
-  WorldParts(gpu::Device& device, const FuseOptions& options, const std::vector<PlacedSubmap>& submaps);
-  /// All bricks that submaps reach, sorted; some may turn out to hold nothing.
-  [[nodiscard]] const std::vector<Brick>& bricks() const { return bricks_; }
-  /// The voxels of some bricks. `load(id)` gives a submap's.
+  WorldParts(gpu::Device& device, const FuseOptions& options, std::vector<PlacedSubmap> submaps);
+  /// All that submaps reach with voxels, sorted; some may turn out to hold nothing.
+  [[nodiscard]] std::vector<Brick> bricks() const { return reached_.sorted(); }
+  /// The voxels of some bricks. `load(id, box)` gives a submap's. What lies together should be asked for together.
   [[nodiscard]] BrickTree make(std::span<const Brick> bricks, const LoadSubmap& load);
 
  private:
+  struct Submap {
+    PlacedSubmap placed;
+    BrickBox reached;                 // of the world
+    std::vector<PlacedBrick> bricks;  // of one that was used a short time ago
+    std::uint64_t last_use = 0;
+  };
+  /// Those that reach into a box of the world, by their numbers, with their bricks in memory.
+  [[nodiscard]] std::vector<const Submap*> reaching(const BrickBox& box);
   double brick_size_;
   Merger merger_;
-  std::vector<std::vector<PlacedBrick>> placed_;  // by submap
-  std::vector<Brick> bricks_;
+  std::vector<Submap> submaps_;
+  BrickSet reached_;
+  std::uint64_t use_ = 0;
 };
 
 /// The volume of the world: all submaps, moved and bent as the pose graph says.

@@ -209,7 +209,8 @@ void follow_a_loop(benchmark::State& state) {
   World world(r.device, r.fuse);
   const auto update = [&] {
     std::vector<PlacedSubmap> placed;
-    for (std::size_t s = 0; s < 2; ++s) placed.push_back({s, trees[s]->bricks(), Deformation(atlas, s)});
+    for (std::size_t s = 0; s < 2; ++s)
+      placed.push_back({s, std::make_shared<const BrickSet>(trees[s]->bricks()), Deformation(atlas, s)});
     return world.update(
         placed, [&](std::size_t s, const BrickBox&) { return trees[s]; }, [&](std::size_t s) { return trees[s]; });
   };

@@ -70,7 +70,8 @@ struct Bench {
   }
   std::vector<Brick> update() {
     std::vector<PlacedSubmap> placed;
-    for (std::size_t s = 0; s < kSubmaps; ++s) placed.push_back({s, voxels[s]->bricks(), Deformation(atlas, s)});
+    for (std::size_t s = 0; s < kSubmaps; ++s)
+      placed.push_back({s, std::make_shared<const BrickSet>(voxels[s]->bricks()), Deformation(atlas, s)});
     return world.update(
         placed, [&](std::size_t s, const BrickBox&) { return voxels[s]; }, [&](std::size_t s) { return voxels[s]; });
   }

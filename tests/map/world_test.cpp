@@ -35,7 +35,8 @@ Atlas atlas_of(std::size_t submaps) {
 std::vector<Brick> update(World& world, const Atlas& atlas,
                           const std::vector<std::shared_ptr<const BrickTree>>& trees) {
   std::vector<PlacedSubmap> placed;
-  for (std::size_t s = 0; s < trees.size(); ++s) placed.push_back({s, trees[s]->bricks(), Deformation(atlas, s)});
+  for (std::size_t s = 0; s < trees.size(); ++s)
+    placed.push_back({s, std::make_shared<const BrickSet>(trees[s]->bricks()), Deformation(atlas, s)});
   return world.update(
       placed, [&](std::size_t s, const BrickBox&) { return trees[s]; }, [&](std::size_t s) { return trees[s]; });
 }
@@ -54,9 +55,10 @@ TEST(WorldParts, AreWhatTheWholeIs) {
   World world(test_device(), kOptions);
   (void)update(world, atlas, {tree, tree});
   std::vector<PlacedSubmap> placed;
-  for (const std::size_t s : {0u, 1u}) placed.push_back({s, tree->bricks(), Deformation(atlas, s)});
+  for (const std::size_t s : {0u, 1u})
+    placed.push_back({s, std::make_shared<const BrickSet>(tree->bricks()), Deformation(atlas, s)});
   WorldParts parts(test_device(), kOptions, placed);
-  const std::vector<Brick>& all = parts.bricks();
+  const std::vector<Brick> all = parts.bricks();
   std::size_t compared = 0;
   for (const auto& some : {std::span(all).first(all.size() / 3), std::span(all).subspan(all.size() / 3)}) {
     const BrickTree made = parts.make(some, [&](std::size_t, const BrickBox&) { return tree; });
@@ -174,7 +176,8 @@ TEST(World, LeavesNoGapBetweenVoxelsAndFreeSpaceWhereSubmapsTurn) {
   const Eigen::Isometry3d turn(Eigen::AngleAxisd(0.3, Eigen::Vector3d(0.3, 1, 0.5).normalized()));
   atlas.world_from_camera[0] = turn * atlas.world_from_camera[0];
   World world(test_device(), fuse);
-  const std::vector<PlacedSubmap> placed{{0, submap->bricks(), Deformation(atlas, 0)}};
+  const std::vector<PlacedSubmap> placed{
+      {0, std::make_shared<const BrickSet>(submap->bricks()), Deformation(atlas, 0)}};
   const auto made = world.update(
       placed, [&](std::size_t, const BrickBox&) { return submap; }, [&](std::size_t) { return submap; });
   EXPECT_TRUE(std::is_sorted(made.begin(), made.end(), before));
