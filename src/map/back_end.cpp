@@ -63,6 +63,7 @@ bool BackEnd::add(const Frame& frame, const Surface& live, const Eigen::Isometry
                 .information = information != nullptr ? *information : Matrix6d::Zero(),
                 .acceleration = frame.acceleration,
                 .structure = structure_.find(live.images().depth)});
+    drift_.follow(atlas_.keyframes);
     warnings_.attempt("keyframes without images close no loops",
                       [&] { images_.put(atlas_.keyframes.size() - 1, live.images(), features); });
     database_.add({.tracked_from_camera = submap_from_camera, .features = std::move(features)});
@@ -123,17 +124,11 @@ void BackEnd::leave_frame() {
 }
 
 bool BackEnd::is_possible(std::size_t from, std::size_t to, const Eigen::Isometry3d& i_from_j) const {
-  Matrix6d covariance = Matrix6d::Zero();
-  for (std::size_t k = from + 1; k <= to; ++k) {
-    if (!atlas_.keyframes[k].follows) return true;  // nothing is known about how they lie
-    const Eigen::Isometry3d step =
-        atlas_.keyframes[k - 1].odometry_from_camera.inverse() * atlas_.keyframes[k].odometry_from_camera;
-    const Matrix6d ad = adjoint(step.inverse());
-    covariance = Matrix6d(ad * covariance * ad.transpose() + calibrated(atlas_.keyframes[k].information).inverse());
-  }
+  const auto covariance = drift_.covariance(atlas_.keyframes, from, to);
+  if (!covariance) return true;
   const Eigen::Isometry3d expected = atlas_.world_from_camera[from].inverse() * atlas_.world_from_camera[to];
   const Vector6d error = local_coordinates(expected.inverse() * i_from_j);
-  return error.dot(covariance.ldlt().solve(error)) < kTrust * kTrust * kChance;
+  return error.dot(covariance->ldlt().solve(error)) < kTrust * kTrust * kChance;
 }
 
 BackEnd::Seen BackEnd::look_up(std::size_t to, std::size_t before) const {
@@ -260,6 +255,7 @@ void BackEnd::restore(const Memory& memory) {
   for (const bool has_file : memory.submaps) submaps_.add_stored(has_file);
   for (std::size_t k = 0; k < memory.tracked_from_camera.size(); ++k)
     database_.add({.tracked_from_camera = memory.tracked_from_camera[k], .features = images_.features(k)});
+  drift_.follow(atlas_.keyframes);
   searched_ = memory.searched;
   submap_begin_ = memory.submap_begin;
   submap_since_ = memory.submap_since;
@@ -283,6 +279,7 @@ std::pair<int, bool> BackEnd::append(const BackEnd& other) {
     database_.add(other.database_[k]);
     images_.copy(keyframes + k, other.images_, k);
   }
+  drift_.follow(atlas_.keyframes);
   for (Loop loop : other.atlas_.loops) {
     loop.edge.i += keyframes, loop.edge.j += keyframes;
     atlas_.loops.push_back(loop);

@@ -8,6 +8,7 @@
 
 #include "base/warnings.hpp"
 #include "map/atlas.hpp"
+#include "map/drift.hpp"
 #include "map/match.hpp"
 #include "map/structure.hpp"
 #include "map/submaps.hpp"
@@ -120,6 +121,7 @@ class BackEnd {
   KeyframeStore images_;
   Submaps submaps_;
   KeyframeDatabase database_;
+  Drift drift_;  // of the atlas' keyframes
   World world_;
   Atlas atlas_;
   std::size_t searched_ = 0;        // keyframes before it are looked for: tracking may not see what they saw
