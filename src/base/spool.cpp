@@ -2,6 +2,9 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "base/spool.hpp"
 
+#include <sys/mman.h>
+#include <sys/stat.h>
+
 #include <stdexcept>
 #include <vector>
 
@@ -26,13 +29,24 @@ std::unique_ptr<SystemFile> nameless(const std::filesystem::path& file) {
 }  // namespace
 
 struct Spool::State {
+  State(std::filesystem::path named_after, std::unique_ptr<SystemFile> made)
+      : beside(std::move(named_after)), file(std::move(made)) {}
+  ~State() { unmap(); }
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
+  void unmap() {
+    if (pages != nullptr) munmap(pages, mapped);
+    pages = nullptr;
+  }
   std::filesystem::path beside;
   std::unique_ptr<SystemFile> file;
+  void* pages = nullptr;
+  std::size_t mapped = 0;  // bytes
 };
 
 Spool::Spool(const std::filesystem::path& file) {
   try {
-    state_ = std::make_unique<State>(State{file, nameless(file)});
+    state_ = std::make_unique<State>(file, nameless(file));
   } catch (const SystemError& error) {
     throw not_written(file, error);
   }
@@ -59,6 +73,18 @@ void Spool::copy_to(std::ostream& out) const {
     out.write(bytes.data(), count);
     at += count;
   }
+}
+
+std::string_view Spool::mapped() {
+  state_->unmap();
+  struct stat now {};
+  if (fstat(state_->file->descriptor(), &now) != 0) throw std::runtime_error(reason(errno));
+  if (now.st_size == 0) return {};
+  const auto size = static_cast<std::size_t>(now.st_size);
+  void* const pages = mmap(nullptr, size, PROT_READ, MAP_SHARED, state_->file->descriptor(), 0);
+  if (pages == MAP_FAILED) throw std::runtime_error(reason(errno));
+  state_->pages = pages, state_->mapped = size;
+  return {static_cast<const char*>(pages), size};
 }
 
 }  // namespace cairn

@@ -21,6 +21,9 @@ class Spool {
   void append(std::string_view bytes);
   /// All of it. Throws std::runtime_error with the system's reason, to which write_whole adds the path.
   void copy_to(std::ostream& out) const;
+  /// All of it, in pages that the system reads when they are looked at and drops when memory is short; as long as this
+  /// lives. What is appended later is not in it. Throws std::runtime_error with the system's reason.
+  [[nodiscard]] std::string_view mapped();
 
  private:
   struct State;

@@ -34,6 +34,7 @@ BackEnd::BackEnd(gpu::Device& device, const Rig& rig, const Options& options, co
       structure_(rig),
       images_(rig, files.empty() ? files : files / "keyframes", access),
       submaps_(files, options.map.host_memory, access),
+      database_(!files.empty() && access == Access::write ? files : std::filesystem::temp_directory_path()),
       world_(device, options.fuse) {
   atlas_.up = options.up;
   if (!files.empty() && access == Access::write) std::filesystem::create_directories(files / "keyframes");
@@ -64,9 +65,9 @@ bool BackEnd::add(const Frame& frame, const Surface& live, const Eigen::Isometry
                 .acceleration = frame.acceleration,
                 .structure = structure_.find(live.images().depth)});
     drift_.follow(atlas_.keyframes);
+    database_.add(submap_from_camera, features);
     warnings_.attempt("keyframes without images close no loops",
-                      [&] { images_.put(atlas_.keyframes.size() - 1, live.images(), features); });
-    database_.add({.tracked_from_camera = submap_from_camera, .features = std::move(features)});
+                      [&] { images_.put(atlas_.keyframes.size() - 1, live.images(), std::move(features)); });
     if (breaks && in_world_) tie_to_world(information);
     if (has_slipped) start_optimising();
     start_searching();
@@ -133,8 +134,9 @@ bool BackEnd::is_possible(std::size_t from, std::size_t to, const Eigen::Isometr
 
 BackEnd::Seen BackEnd::look_up(std::size_t to, std::size_t before) const {
   Seen seen;
-  for (const auto& candidate : database_.query(database_[to].features, kCandidates, 0, before)) {
-    const auto located = solve_pnp(database_[candidate.entry].features, database_[to].features, rig_.depth);
+  const auto features = images_.features(to);
+  for (const auto& candidate : database_.query(*features, kCandidates, 0, before)) {
+    const auto located = solve_pnp(*images_.features(candidate.entry), *features, rig_.depth);
     if (located && located->inliers >= kLoopCorners) seen.emplace_back(candidate.entry, *located);
   }
   return seen;
@@ -254,7 +256,7 @@ void BackEnd::restore(const Memory& memory) {
   atlas_ = memory.atlas;
   for (const bool has_file : memory.submaps) submaps_.add_stored(has_file);
   for (std::size_t k = 0; k < memory.tracked_from_camera.size(); ++k)
-    database_.add({.tracked_from_camera = memory.tracked_from_camera[k], .features = images_.features(k)});
+    database_.add(memory.tracked_from_camera[k], *images_.features(k));
   drift_.follow(atlas_.keyframes);
   searched_ = memory.searched;
   submap_begin_ = memory.submap_begin;
@@ -276,7 +278,7 @@ std::pair<int, bool> BackEnd::append(const BackEnd& other) {
     keyframe.submap += submaps;
     atlas_.keyframes.push_back(keyframe);
     atlas_.world_from_camera.push_back(other.atlas_.world_from_camera[k]);
-    database_.add(other.database_[k]);
+    database_.add(std::nullopt, *other.images_.features(k));
     images_.copy(keyframes + k, other.images_, k);
   }
   drift_.follow(atlas_.keyframes);

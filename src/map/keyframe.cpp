@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstring>
 #include <fstream>
 #include <iterator>
@@ -20,6 +21,7 @@ namespace {
 constexpr double kTurn = 0.15, kDistance = 0.12;  // radians, metres between keyframes
 constexpr double kDepthSteps = 5000;              // a metre
 constexpr const char *kDepth = "depth.png", *kColour = "colour.jpg", *kCorners = "corners";  // files of a keyframe
+constexpr std::size_t kRecent = 256;  // keyframes whose corners stay in memory, 58 KB each
 constexpr const char* kRemedy = "the session is damaged: begin a new session";
 
 /// A corner in its file.
@@ -38,6 +40,19 @@ std::vector<std::uint8_t> bytes_of(const Features& features) {
     std::memcpy(&bytes[1 + i * sizeof corner], &corner, sizeof corner);
   }
   return bytes;
+}
+
+/// The other way: behind the version byte there are whole corners.
+Features features_in(const std::vector<std::uint8_t>& bytes) {
+  Features features;
+  for (std::size_t at = 1; at < bytes.size(); at += sizeof(Corner)) {
+    Corner corner;
+    std::memcpy(&corner, &bytes[at], sizeof corner);
+    features.rays.emplace_back(corner.ray[0], corner.ray[1]);
+    features.points.emplace_back(corner.point[0], corner.point[1], corner.point[2]);
+    features.descriptors.push_back(corner.descriptor);
+  }
+  return features;
 }
 
 std::vector<std::uint8_t> read_bytes(const std::filesystem::path& file) {
@@ -67,28 +82,31 @@ std::filesystem::path KeyframeStore::file(std::size_t keyframe, const char* what
   return file_of(folder_, keyframe, what);
 }
 
-void KeyframeStore::put(std::size_t keyframe, const Frame& frame, const Features& features) {
-  wait();
-  writing_ = std::async(std::launch::async, [this, keyframe, depth = frame.depth, colour = frame.colour,
-                                             corners = bytes_of(features)]() mutable {
-    Packed packed;
-    packed.corners = std::move(corners);
-    packed_.erase(keyframe);
-    try {
-      packed.depth = encode_depth(depth, rig_.depth, kDepthSteps);
-      if (!colour.empty()) packed.colour = encode_colour(colour, rig_.colour_view(), ".jpg");
-      if (writes_) return write(keyframe, packed);
-    } catch (const std::exception&) {
-      // It stays in memory until store().
-    }
-    packed_[keyframe] = std::move(packed);
-  });
+void KeyframeStore::put(std::size_t keyframe, const Frame& frame, Features features) {
+  const auto corners = std::make_shared<const Features>(std::move(features));
+  const auto lock = quiet();
+  remember(keyframe, corners);
+  writing_ =
+      std::async(std::launch::async, [this, keyframe, depth = frame.depth, colour = frame.colour, corners]() mutable {
+        Packed packed;
+        packed.corners = bytes_of(*corners);
+        packed_.erase(keyframe);
+        try {
+          packed.depth = encode_depth(depth, rig_.depth, kDepthSteps);
+          if (!colour.empty()) packed.colour = encode_colour(colour, rig_.colour_view(), ".jpg");
+          if (writes_) return write(keyframe, packed);
+        } catch (const std::exception&) {
+          // It stays in memory until store().
+        }
+        packed_[keyframe] = std::move(packed);
+      });
 }
 
 void KeyframeStore::correct(std::size_t keyframe, const DepthCorrection& correction) {
   std::vector<float> depth = get(keyframe).depth;
   correction.apply(rig_.depth.width, rig_.depth.height, depth);
   auto packed = encode_depth(depth, rig_.depth, kDepthSteps);
+  const auto lock = quiet();
   if (const auto kept = packed_.find(keyframe); kept != packed_.end())
     kept->second.depth = std::move(packed);
   else
@@ -110,12 +128,16 @@ void KeyframeStore::copy(std::size_t keyframe, const KeyframeStore& from, std::s
       write_whole(file(keyframe, what), read_bytes(from.file(its, what)), Durable::some_time);
 }
 
-void KeyframeStore::wait() const {
+std::unique_lock<std::mutex> KeyframeStore::quiet() const {
+  std::unique_lock lock(mutex_);
   if (writing_.valid()) writing_.get();
+  return lock;
 }
 
+void KeyframeStore::wait() const { (void)quiet(); }
+
 std::optional<std::string> KeyframeStore::store() {
-  wait();
+  const auto lock = quiet();
   if (!writes_) return std::nullopt;
   try {
     while (!packed_.empty()) {
@@ -128,28 +150,43 @@ std::optional<std::string> KeyframeStore::store() {
   }
 }
 
-Features KeyframeStore::features(std::size_t keyframe) const {
-  wait();
-  const auto bytes = read_bytes(file(keyframe, kCorners));
+std::vector<std::uint8_t> KeyframeStore::kept(std::size_t keyframe, std::vector<std::uint8_t> Packed::*part,
+                                              const char* what) const {
+  {
+    const auto lock = quiet();
+    if (const auto found = packed_.find(keyframe); found != packed_.end()) return found->second.*part;
+  }
+  return read_bytes(file(keyframe, what));
+}
+
+std::shared_ptr<const Features> KeyframeStore::features(std::size_t keyframe) const {
+  if (auto known = remembered(keyframe)) return known;
+  const auto bytes = kept(keyframe, &Packed::corners, kCorners);
   if (bytes.empty() || bytes.size() % sizeof(Corner) != 1)
     throw std::runtime_error(file(keyframe, kCorners).string() + ": is missing or broken; " + kRemedy);
-  Features features;
-  for (std::size_t at = 1; at < bytes.size(); at += sizeof(Corner)) {
-    Corner corner;
-    std::memcpy(&corner, &bytes[at], sizeof corner);
-    features.rays.emplace_back(corner.ray[0], corner.ray[1]);
-    features.points.emplace_back(corner.point[0], corner.point[1], corner.point[2]);
-    features.descriptors.push_back(corner.descriptor);
-  }
+  auto features = std::make_shared<const Features>(features_in(bytes));
+  remember(keyframe, features);
   return features;
 }
 
+void KeyframeStore::remember(std::size_t keyframe, std::shared_ptr<const Features> features) const {
+  const std::lock_guard lock(recent_mutex_);
+  recent_[keyframe] = {std::move(features), ++use_};
+  if (recent_.size() <= kRecent) return;
+  recent_.erase(std::min_element(recent_.begin(), recent_.end(),
+                                 [](const auto& a, const auto& b) { return a.second.last_use < b.second.last_use; }));
+}
+
+std::shared_ptr<const Features> KeyframeStore::remembered(std::size_t keyframe) const {
+  const std::lock_guard lock(recent_mutex_);
+  const auto found = recent_.find(keyframe);
+  if (found == recent_.end()) return nullptr;
+  found->second.last_use = ++use_;
+  return found->second.features;
+}
+
 Frame KeyframeStore::get(std::size_t keyframe) const {
-  wait();
-  const auto kept = packed_.find(keyframe);
-  const Packed packed = kept != packed_.end()
-                            ? kept->second
-                            : Packed{read_bytes(file(keyframe, kDepth)), read_bytes(file(keyframe, kColour)), {}};
+  const Packed packed{kept(keyframe, &Packed::depth, kDepth), kept(keyframe, &Packed::colour, kColour), {}};
   cv::Mat steps, rgba;
   const auto decoded = [](const std::vector<std::uint8_t>& bytes, Pixels pixels) {
     try {

@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <future>
 #include <map>
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
@@ -44,14 +46,14 @@ enum class Access { write, read };
 [[nodiscard]] std::filesystem::path colour_file(const std::filesystem::path& folder, std::size_t keyframe);
 
 /// The keyframes' images, compressed (depth: PNG of 0.2 mm steps; colour: JPEG), and corners, in files of a folder or,
-/// without one, in memory.
+/// without one, in memory. May be read by several threads while one puts.
 class KeyframeStore {
  public:
   /// Without the right to write, what is put stays in memory.
   KeyframeStore(const Rig& rig, std::filesystem::path folder, Access access = Access::write);
   /// Compresses and writes in a thread of its own. `keyframe` counts up, or goes back to write again. What cannot be
   /// written stays in memory; store() tries again.
-  void put(std::size_t keyframe, const Frame& frame, const Features& features);
+  void put(std::size_t keyframe, const Frame& frame, Features features);
   /// Corrects the depth that is kept.
   void correct(std::size_t keyframe, const DepthCorrection& correction);
   [[nodiscard]] bool in_files() const { return !folder_.empty(); }
@@ -59,8 +61,8 @@ class KeyframeStore {
   void copy(std::size_t keyframe, const KeyframeStore& from, std::size_t its) const;
   /// Depth and colour as they were kept. Throws std::runtime_error naming the file if it is lost.
   [[nodiscard]] Frame get(std::size_t keyframe) const;
-  /// Throws std::runtime_error naming the file if it is lost.
-  [[nodiscard]] Features features(std::size_t keyframe) const;
+  /// The last ones that were put or asked for stay in memory. Throws std::runtime_error naming the file if it is lost.
+  [[nodiscard]] std::shared_ptr<const Features> features(std::size_t keyframe) const;
   /// Waits until what was put is kept.
   void wait() const;
   /// Brings all that was put into files. Returns why some could not be written, or nothing.
@@ -70,13 +72,28 @@ class KeyframeStore {
   struct Packed {
     std::vector<std::uint8_t> depth, colour, corners;
   };
+  struct Recent {
+    std::shared_ptr<const Features> features;
+    std::uint64_t last_use = 0;
+  };
   void write(std::size_t keyframe, const Packed& packed) const;
   [[nodiscard]] std::filesystem::path file(std::size_t keyframe, const char* what) const;
+  /// Nothing is being written, and nothing begins to be as long as the lock is held.
+  [[nodiscard]] std::unique_lock<std::mutex> quiet() const;
+  /// What is kept of it in memory, or else in files, if it is.
+  [[nodiscard]] std::vector<std::uint8_t> kept(std::size_t keyframe, std::vector<std::uint8_t> Packed::*part,
+                                               const char* what) const;
+  void remember(std::size_t keyframe, std::shared_ptr<const Features> features) const;
+  [[nodiscard]] std::shared_ptr<const Features> remembered(std::size_t keyframe) const;
   Rig rig_;
   std::filesystem::path folder_;
   bool writes_;
   std::map<std::size_t, Packed> packed_;  // what is not in files
-  mutable std::future<void> writing_;
+  mutable std::future<void> writing_;     // it alone changes packed_ meanwhile
+  mutable std::mutex mutex_;              // of these two
+  mutable std::map<std::size_t, Recent> recent_;
+  mutable std::uint64_t use_ = 0;
+  mutable std::mutex recent_mutex_;  // of these two
 };
 
 }  // namespace cairn

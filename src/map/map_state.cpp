@@ -43,7 +43,7 @@ MapState::MapState(const Rig& r, const Options& o, Poses p, int device_index, Ma
       polygonizer(device),
       volume(device, o.fuse, o.surface.max_depth),
       back_end(device, r, o, files.folder, files.access),
-      tracker(device, r, preprocessor.camera(), o, back_end.keyframes()),
+      tracker(device, r, preprocessor.camera(), o, back_end.keyframes(), back_end.images()),
       given{.poses = {}, .images = {r, {}}, .keyframes = {}, .views = {}},
       poses(p) {}
 

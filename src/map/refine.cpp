@@ -44,10 +44,11 @@ std::vector<Pair> choose_pairs(const BackEnd& back_end) {
         pairs.push_back({i, j, atlas.world_from_camera[i].inverse() * atlas.world_from_camera[j], 0});
     }
     std::size_t compared = 0;
-    for (const auto& candidate : database.query(database[i].features, 4 * kCandidates, i + 1)) {
+    const auto features = back_end.images().features(i);
+    for (const auto& candidate : database.query(*features, 4 * kCandidates, i + 1)) {
       if (all_near.contains(candidate.entry) || compared == kCandidates) continue;
       ++compared;
-      const auto located = solve_pnp(database[i].features, database[candidate.entry].features, back_end.camera());
+      const auto located = solve_pnp(*features, *back_end.images().features(candidate.entry), back_end.camera());
       if (located && located->inliers >= kLoopCorners && !known.contains({i, candidate.entry}) &&
           back_end.is_possible(i, candidate.entry, located->known_from_seen))
         pairs.push_back({i, candidate.entry, located->known_from_seen, located->inliers});

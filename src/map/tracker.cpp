@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include "map/frame_features.hpp"
 #include "map/tracking_criteria.hpp"
@@ -70,11 +71,12 @@ double lowest(const std::array<double, N>& at, const std::array<double, N>& valu
 }  // namespace
 
 Tracker::Tracker(gpu::Device& device, const Rig& rig, const Camera& rectified, const Options& options,
-                 const KeyframeDatabase& keyframes)
+                 const KeyframeDatabase& keyframes, const KeyframeStore& images)
     : device_(device),
       options_(options),
       rig_(rig),
       keyframes_(keyframes),
+      images_(images),
       raycaster_(device, rectified, options.surface, options.track.levels, options.track.finest_level),
       aligner_(device, options.track, rig.sensor, is_rolling(rig)),
       reference_(device, rectified, options.track),
@@ -194,9 +196,7 @@ FocalEvidence Tracker::focal() const {
 
 std::vector<std::size_t> Tracker::candidates(const Features& seen) const {
   std::vector<std::size_t> chosen, here;
-  for (const auto& candidate : keyframes_.query(seen, keyframes_.size()))
-    if (keyframes_[candidate.entry].tracked_from_camera && chosen.size() < kMostSimilar)
-      chosen.push_back(candidate.entry);
+  for (const auto& candidate : keyframes_.query_tracked(seen, kMostSimilar)) chosen.push_back(candidate.entry);
   for (std::size_t i = 0; i < keyframes_.size(); ++i)
     if (keyframes_[i].tracked_from_camera) here.push_back(i);
   for (std::size_t k = 0; k < std::min(kOtherPlaces, here.size()); ++k)
@@ -211,12 +211,19 @@ std::vector<std::size_t> Tracker::recent() const {
   return recent;
 }
 
+/// Nothing by a keyframe whose file is lost: there are others.
+std::optional<PnpPose> Tracker::locate(std::size_t keyframe, const Features& seen) const {
+  try {
+    return solve_pnp(*images_.features(keyframe), seen, rig_.depth);
+  } catch (const std::runtime_error&) {
+    return std::nullopt;
+  }
+}
+
 std::optional<Eigen::Isometry3d> Tracker::recognise(const Features& seen,
                                                     const std::vector<std::size_t>& keyframes) const {
   std::vector<std::optional<PnpPose>> located(keyframes.size());
-  tbb::parallel_for(std::size_t{0}, keyframes.size(), [&](std::size_t k) {
-    located[k] = solve_pnp(keyframes_[keyframes[k]].features, seen, rig_.depth);
-  });
+  tbb::parallel_for(std::size_t{0}, keyframes.size(), [&](std::size_t k) { located[k] = locate(keyframes[k], seen); });
   std::optional<Eigen::Isometry3d> guess;
   int most = 0;
   for (std::size_t k = 0; k < keyframes.size(); ++k) {
@@ -451,10 +458,11 @@ void Tracker::restore(const Saved& saved) {
 
 void Tracker::learn_focal_length() {
   if (keyframes_.size() < 2 || !keyframes_[keyframes_.size() - 2].tracked_from_camera) return;
-  const DatabaseEntry &known = keyframes_[keyframes_.size() - 2], &seen = keyframes_[keyframes_.size() - 1];
-  const Eigen::Isometry3d motion = known.tracked_from_camera->inverse() * *seen.tracked_from_camera;
+  const std::size_t seen = keyframes_.size() - 1, known = seen - 1;
+  const Eigen::Isometry3d motion =
+      keyframes_[known].tracked_from_camera->inverse() * *keyframes_[seen].tracked_from_camera;
   if (Eigen::AngleAxisd(motion.linear()).angle() < kFocalTurn) return;
-  const auto costs = focal_costs(known.features, seen.features, rig_.depth);
+  const auto costs = focal_costs(*images_.features(known), *images_.features(seen), rig_.depth);
   for (std::size_t i = 0; i < costs.size(); ++i) memory_.focal_costs[i] += costs[i];
   memory_.focal_pairs += !costs.empty();
 }

@@ -7,6 +7,7 @@
 #include "cairn/frame.hpp"
 #include "cairn/reports.hpp"
 #include "cairn/trajectory.hpp"
+#include "map/keyframe.hpp"
 #include "place/keyframe_database.hpp"
 #include "surface/rectify.hpp"
 #include "track/align.hpp"
@@ -43,7 +44,7 @@ class Tracker {
   /// `rig` is the frames', `rectified` the surfaces'. The keyframes are those of the map; somebody else adds to
   /// them, and tells which lie in the frame that is tracked in.
   Tracker(gpu::Device& device, const Rig& rig, const Camera& rectified, const Options& options,
-          const KeyframeDatabase& keyframes);
+          const KeyframeDatabase& keyframes, const KeyframeStore& images);
 
   /// The pose of a frame, or why there is none. Takes what moves out of `live`'s fusion image (see
   /// shaders/moving_mask.comp). Of the frame only is kept that it was lost.
@@ -130,6 +131,8 @@ class Tracker {
   [[nodiscard]] ColourMoment moment_of(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const;
 
   /// A guess from the keyframe that shares most corners with the frame, if any.
+  /// By a keyframe's corners.
+  [[nodiscard]] std::optional<PnpPose> locate(std::size_t keyframe, const Features& seen) const;
   [[nodiscard]] std::optional<Eigen::Isometry3d> recognise(const Features& seen,
                                                            const std::vector<std::size_t>& keyframes) const;
   /// The newest keyframes, the newest first.
@@ -141,6 +144,7 @@ class Tracker {
   Options options_;
   Rig rig_;  // of the frames
   const KeyframeDatabase& keyframes_;
+  const KeyframeStore& images_;
   Raycaster raycaster_;
   Aligner aligner_;
   PhotometricKeyframe reference_;

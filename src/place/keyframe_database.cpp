@@ -3,48 +3,66 @@
 #include "place/keyframe_database.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <random>
+#include <utility>
 
 namespace cairn {
+namespace {
 
-KeyframeDatabase::KeyframeDatabase() : buckets_(kTables << kBits) {}
+// A descriptor of 256 bits in pieces of 32, of each of which a key has so many (substrings as in multi-index hashing:
+// Norouzi, Punjani & Fleet 2012). Two views of a corner differ by some 30 bits: with longer keys they seldom share one,
+// with shorter ones they share it with too many others.
+constexpr std::uint32_t kTables = 8, kBits = 24;
+constexpr std::uint32_t kKeys = kTables << kBits;
+static_assert(kKeys == std::uint32_t{1} << InvertedIndex::kKeyBits);
 
-std::uint32_t KeyframeDatabase::key(std::size_t table, const std::array<std::uint8_t, 32>& descriptor) {
-  static const auto kSampled = [] {
-    std::array<std::array<std::uint32_t, kBits>, kTables> bits{};
-    std::mt19937 random(1);
-    for (auto& of_table : bits)
-      for (auto& bit : of_table) bit = random() % 256;
-    return bits;
-  }();
-  std::uint32_t k = 0;
-  for (const std::uint32_t bit : kSampled[table]) k = k << 1 | (descriptor[bit / 8] >> (bit % 8) & 1u);
-  return static_cast<std::uint32_t>(table << kBits) | k;
+using Descriptor = std::array<std::uint8_t, 32>;
+
+/// Piece and bits, mixed so that a key's first bits are spread evenly: an odd factor gives each another one.
+std::uint32_t key(std::uint32_t table, const Descriptor& descriptor) {
+  const std::uint8_t* const piece = &descriptor[4 * std::size_t{table}];
+  const std::uint32_t bits = std::uint32_t{piece[0]} | std::uint32_t{piece[1]} << 8 | std::uint32_t{piece[2]} << 16;
+  return (table << kBits | bits) * 0x9e3779b1u % kKeys;
 }
 
-void KeyframeDatabase::add(DatabaseEntry entry) {
-  const auto id = static_cast<std::uint32_t>(entries_.size());
-  for (const auto& descriptor : entry.features.descriptors)
-    for (std::size_t t = 0; t < kTables; ++t)
-      if (auto& bucket = buckets_[key(t, descriptor)]; bucket.empty() || bucket.back() != id) bucket.push_back(id);
-  entries_.push_back(std::move(entry));
+/// Sorted, each once.
+std::vector<std::uint32_t> keys_of(const Features& features) {
+  std::vector<std::uint32_t> keys;
+  keys.reserve(kTables * features.descriptors.size());
+  for (std::uint32_t t = 0; t < kTables; ++t)
+    for (const Descriptor& descriptor : features.descriptors) keys.push_back(key(t, descriptor));
+  std::sort(keys.begin(), keys.end());
+  keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
+  return keys;
+}
+
+}  // namespace
+
+KeyframeDatabase::KeyframeDatabase(std::filesystem::path folder) : index_(std::move(folder)) {}
+
+void KeyframeDatabase::add(const std::optional<Eigen::Isometry3d>& tracked_from_camera, const Features& features) {
+  index_.add(keys_of(features));
+  entries_.push_back({tracked_from_camera});
+  corners_.push_back(std::sqrt(static_cast<float>(std::max<std::size_t>(1, features.rays.size()))));
 }
 
 std::vector<KeyframeDatabase::Candidate> KeyframeDatabase::query(const Features& features, std::size_t count,
                                                                  std::size_t begin, std::size_t end) const {
-  end = std::min(end, entries_.size());
-  std::vector<float> scores(entries_.size(), 0.0f);
-  for (const auto& descriptor : features.descriptors)
-    for (std::size_t t = 0; t < kTables; ++t) {
-      const auto& bucket = buckets_[key(t, descriptor)];
-      for (const std::uint32_t id : bucket) scores[id] += 1.0f / static_cast<float>(bucket.size());
-    }
+  return most_similar(features, count, [&](std::size_t i) { return begin <= i && i < end; });
+}
+
+std::vector<KeyframeDatabase::Candidate> KeyframeDatabase::query_tracked(const Features& features,
+                                                                         std::size_t count) const {
+  return most_similar(features, count, [&](std::size_t i) { return entries_[i].tracked_from_camera.has_value(); });
+}
+
+std::vector<KeyframeDatabase::Candidate> KeyframeDatabase::most_similar(
+    const Features& features, std::size_t count, const std::function<bool(std::size_t)>& takes_part) const {
+  const std::vector<float> scores = index_.rarity_in_common(keys_of(features));
   std::vector<Candidate> alike;
-  for (std::size_t i = begin; i < end; ++i)
-    if (scores[i] > 0)
-      alike.push_back(
-          {i, scores[i] / std::sqrt(static_cast<float>(std::max<std::size_t>(1, entries_[i].features.rays.size())))});
+  for (std::size_t i = 0; i < scores.size(); ++i)
+    if (scores[i] > 0 && takes_part(i)) alike.push_back({i, scores[i] / corners_[i]});
   count = std::min(count, alike.size());
   std::partial_sort(alike.begin(), alike.begin() + static_cast<std::ptrdiff_t>(count), alike.end(),
                     [](const Candidate& a, const Candidate& b) {

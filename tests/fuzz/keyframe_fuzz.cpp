@@ -11,7 +11,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (const char* name : {"000000.corners", "000000.depth.png", "000000.colour.jpg"}) fuzz::file_of(name, bytes);
   const KeyframeStore store(Camera{.width = 16, .height = 16}, fuzz::folder());
   fuzz::expect_value_or_plain_error([&] {
-    const Features features = store.features(0);
+    const Features features = *store.features(0);
     for (const auto& point : features.points) fuzz::touch(point);
   });
   fuzz::expect_value_or_plain_error([&] {

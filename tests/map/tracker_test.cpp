@@ -22,8 +22,9 @@ struct Tracking {
     }
   }
   void add_keyframe(const Frame& seen, const std::optional<Eigen::Isometry3d>& tracked_from_camera) {
-    keyframes.add(
-        {.tracked_from_camera = tracked_from_camera, .features = extract_features(seen.colour, seen.depth, camera)});
+    const Features features = extract_features(seen.colour, seen.depth, camera);
+    images.put(keyframes.size(), seen, features);
+    keyframes.add(tracked_from_camera, features);
   }
   Camera camera = small_camera();
   Options options;
@@ -32,7 +33,8 @@ struct Tracking {
   Integrator integrator{test_device(), camera, {}};
   Volume volume{test_device(), options.fuse, 5.0f};
   KeyframeDatabase keyframes;
-  Tracker tracker{test_device(), camera, camera, options, keyframes};
+  KeyframeStore images{camera, {}};
+  Tracker tracker{test_device(), camera, camera, options, keyframes, images};
   StageTimes times;
   [[nodiscard]] static int raycasts() {
     const auto times = test_device().kernel_times();
@@ -120,7 +122,7 @@ TEST(Tracker, PredictsTheSurfaceAgainAfterFiveFramesOrWhereTheViewMoved) {
   };
   EXPECT_EQ(still(t.tracker), (std::vector{1, 0, 0, 0, 0, 1, 0}));
   // One that goes on with what was saved does and finds the same.
-  Tracker again{test_device(), t.camera, t.camera, t.options, t.keyframes};
+  Tracker again{test_device(), t.camera, t.camera, t.options, t.keyframes, t.images};
   again.restore(t.tracker.save());
   EXPECT_EQ(again.save().prediction.points, t.tracker.save().prediction.points);
   EXPECT_EQ(still(again), still(t.tracker));
@@ -157,7 +159,7 @@ TEST(Tracker, BeginsAComponentAfterEnoughLostFramesThatSeeSomething) {
   for (const double share : {0.19, 0.21}) {  // kEnoughDepth: 0.2
     Tracking t;
     t.options.map.lost_frames = 3;
-    Tracker tracker(test_device(), t.camera, t.camera, t.options, t.keyframes);
+    Tracker tracker(test_device(), t.camera, t.camera, t.options, t.keyframes, t.images);
     t.add_keyframe(t.first, *t.first.world_from_camera);
     tracker.begin_lost();
     const Frame frame = patchy(t.camera, share);
@@ -174,7 +176,7 @@ TEST(Tracker, BeginsAComponentAfterEnoughLostFramesThatSeeSomething) {
 TEST(Tracker, BeginsAMapWithEnoughDepthAlone) {
   for (const double share : {0.019, 0.021}) {  // kLeastDepth: 0.02
     Tracking t;
-    Tracker tracker(test_device(), t.camera, t.camera, t.options, t.keyframes);
+    Tracker tracker(test_device(), t.camera, t.camera, t.options, t.keyframes, t.images);
     const Frame frame = patchy(t.camera, share);
     const Tracked tracked = tracker.track(frame, t.preprocessor.preprocess(frame), t.volume, t.times);
     EXPECT_EQ(tracked.state, share > 0.02 ? Tracked::State::begins : Tracked::State::lost);

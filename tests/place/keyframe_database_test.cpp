@@ -14,7 +14,7 @@ namespace {
 struct Around {
   static constexpr int kViews = 24;
   KeyframeDatabase places;
-  std::vector<Features> again;
+  std::vector<Features> once, again;
   explicit Around(bool colour) {
     const Scene scene = synthetic_scene("room");
     const Camera camera = synthetic_camera();
@@ -28,10 +28,8 @@ struct Around {
         add_noise(images, camera, "kinect", second ? 2 : 1, i);
         if (!colour) images.colour.clear();
         Features features = extract_features(images.colour, images.depth, camera);
-        if (second)
-          again.push_back(std::move(features));
-        else
-          places.add({pose, std::move(features)});
+        if (!second) places.add(pose, features);
+        (second ? again : once).push_back(std::move(features));
       }
     }
   }
@@ -50,7 +48,7 @@ TEST(KeyframeDatabase, AreFoundByTheirCorners) {
   EXPECT_GE(around.found(), 22);
   // And are told apart by how these lie.
   for (std::size_t i = 0; i < Around::kViews; i += 5) {
-    const auto located = solve_pnp(around.places[i].features, around.again[i], synthetic_camera());
+    const auto located = solve_pnp(around.once[i], around.again[i], synthetic_camera());
     ASSERT_TRUE(located) << i;
     EXPECT_NEAR(located->known_from_seen.translation().norm(), 0.15, 0.03);
   }
@@ -63,12 +61,17 @@ TEST(KeyframeDatabase, AreFoundByDepthAlone) {
 }
 
 TEST(KeyframeDatabase, KeepToTheRangeThatIsAskedFor) {
-  const Around around(true);
+  Around around(true);
   for (const auto& candidate : around.places.query(around.again[5], 100, 7, 12)) {
     EXPECT_GE(candidate.entry, 7u);
     EXPECT_LT(candidate.entry, 12u);
   }
   EXPECT_TRUE(around.places.query({}, 5).empty());
+  ASSERT_EQ(around.places.query(around.again[5], 1)[0].entry, 5u);
+  around.places[5].tracked_from_camera.reset();
+  const auto tracked = around.places.query_tracked(around.again[5], 100);
+  EXPECT_GT(tracked.size(), 10u);
+  EXPECT_TRUE(std::none_of(tracked.begin(), tracked.end(), [](const auto& a) { return a.entry == 5; }));
 }
 
 }  // namespace
