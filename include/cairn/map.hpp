@@ -8,6 +8,7 @@
 
 #include "cairn/esdf.hpp"
 #include "cairn/export.hpp"
+#include "cairn/floor_plan.hpp"
 #include "cairn/mesh.hpp"
 #include "cairn/reports.hpp"
 #include "cairn/trajectory.hpp"
@@ -51,6 +52,11 @@ class Map {
   /// keyframes or colour, and for a folder that holds something.
   ExportedViews export_views(const std::filesystem::path& folder, const ViewsOptions& options = {},
                              const ExportProgress& progress = {});
+  /// Writes a floor plan to scale, by the extension: .pdf with a page for each storey, or .svg, of which several
+  /// storeys get a file each: X-1.svg, X-2.svg, the lowest first. It works part by part. Each file whole or not at all.
+  /// Throws std::runtime_error where it is not known which way is up, where no floor was seen, or nothing is cut.
+  ExportedPlan export_plan(const std::filesystem::path& file, const PlanOptions& options = {},
+                           const ExportProgress& progress = {});
   /// Writes the grids `tsdf`, `weight`, `colour`, `colour_weight`, `observed` and `free`, with EsdfOptions::live also
   /// `esdf`, and of an adjusted map `sigma`, to a .vdb file, whole or not at all. `axes`: of their transforms;
   /// automatic: the world's.

@@ -17,6 +17,7 @@
 #include "export/export.hpp"
 #include "export/graph_picture.hpp"
 #include "export/map_contents.hpp"
+#include "export/plan.hpp"
 #include "export/views.hpp"
 #include "map/map_state.hpp"
 #include "map/upright.hpp"
@@ -125,6 +126,8 @@ class MapperContents final : public Map::Contents {
 
   ExportedViews export_views(const fs::path& folder, const ViewsOptions& options,
                              const ExportProgress& progress) override;
+
+  ExportedPlan export_plan(const fs::path& file, const PlanOptions& options, const ExportProgress& progress) override;
 
   void write_grids(const fs::path& file, Axes axes) override;
 
@@ -250,6 +253,35 @@ ExportedViews MapperContents::export_views(const fs::path& folder, const ViewsOp
   return exported;
 }
 
+ExportedPlan MapperContents::export_plan(const fs::path& file, const PlanOptions& options,
+                                         const ExportProgress& progress) {
+  MapState& s = *state_;
+  check(options, file);
+  const bool in_parts = is_in_parts();
+  std::optional<WorldParts> parts;
+  std::optional<Volume> part;
+  BrickTree free;
+  if (in_parts) {
+    parts.emplace(this->parts());
+    part.emplace(s.device, s.world_pool(), s.options.surface.max_depth);
+    free = s.back_end.world_free();
+  }
+  PlanInput input{.bricks = in_parts ? parts->bricks() : s.volume.bricks(),
+                  .volume = in_parts ? *part : s.volume,
+                  .load = {},
+                  .polygonizer = s.polygonizer,
+                  .free = in_parts ? free : s.volume.on_host(),
+                  .paths = {},
+                  .upright = s.upright()};
+  if (in_parts)
+    input.load = [&](std::span<const Brick> bricks) {
+      part->adopt(parts->make(bricks, s.back_end.load_submap()));
+      malloc_trim(0);  // a map made part by part shall not need more and more memory
+    };
+  for (int i = 0; i < s.recordings(); ++i) input.paths.push_back(s.trajectory(i));
+  return export_floor_plan(input, file, options, progress);
+}
+
 /// A map.vdb alone: without keyframes, poses or a device in use.
 class GridContents final : public Map::Contents {
  public:
@@ -295,6 +327,19 @@ class GridContents final : public Map::Contents {
 
   ExportedViews export_views(const fs::path&, const ViewsOptions&, const ExportProgress&) override {
     throw std::runtime_error(file_.string() + ": has no keyframes whose images could be written");
+  }
+
+  ExportedPlan export_plan(const fs::path& file, const PlanOptions& options, const ExportProgress& progress) override {
+    check(options, file);
+    Polygonizer polygonizer(device());
+    return export_floor_plan({.bricks = volume().bricks(),
+                              .volume = volume(),
+                              .load = {},
+                              .polygonizer = polygonizer,
+                              .free = volume().on_host(),
+                              .paths = {},
+                              .upright = grids_.info.upright},
+                             file, options, progress);
   }
 
   void write_grids(const fs::path& file, Axes axes) override {
@@ -361,6 +406,9 @@ Exported Map::export_mesh(const fs::path& file, const ExportOptions& options, co
 }
 ExportedViews Map::export_views(const fs::path& folder, const ViewsOptions& options, const ExportProgress& progress) {
   return contents_->export_views(folder, options, progress);
+}
+ExportedPlan Map::export_plan(const fs::path& file, const PlanOptions& options, const ExportProgress& progress) {
+  return contents_->export_plan(file, options, progress);
 }
 void Map::write_grids(const fs::path& file, Axes axes) { contents_->write_grids(file, axes); }
 void Map::write_graph(const fs::path& file) const { contents_->write_graph(file); }

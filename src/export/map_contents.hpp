@@ -23,6 +23,8 @@ class Map::Contents {
                                const ExportProgress& progress) = 0;
   virtual ExportedViews export_views(const std::filesystem::path& folder, const ViewsOptions& options,
                                      const ExportProgress& progress) = 0;
+  virtual ExportedPlan export_plan(const std::filesystem::path& file, const PlanOptions& options,
+                                   const ExportProgress& progress) = 0;
   virtual void write_grids(const std::filesystem::path& file, Axes axes) = 0;
   virtual void write_graph(const std::filesystem::path& file) const = 0;
   [[nodiscard]] virtual Upright upright() const = 0;

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// The frame of a floor plan: (x, z) of the world, metres. Seen from above, x points right and z up the page.
+#pragma once
+#include <Eigen/Geometry>
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <vector>
+
+namespace cairn::plan {
+
+using Point = Eigen::Vector2d;
+using Box = Eigen::AlignedBox2d;
+using Mask = cv::Mat1b;  // a cell a byte, 0 or 255; row by row, each along x
+
+/// The point beside another on the left, as far away as it is long.
+[[nodiscard]] inline Point left_of(const Point& p) { return {-p.y(), p.x()}; }
+[[nodiscard]] inline double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
+
+/// Points one after the other, joined by straight lines.
+struct Polyline {
+  std::vector<Point> points;
+  bool closed = false;
+
+  [[nodiscard]] std::size_t sides() const { return points.size() < 2 ? 0 : closed ? points.size() : points.size() - 1; }
+  [[nodiscard]] const Point& begin_of(std::size_t side) const { return points[side]; }
+  [[nodiscard]] const Point& end_of(std::size_t side) const { return points[(side + 1) % points.size()]; }
+  [[nodiscard]] double length() const {
+    double sum = 0;
+    for (std::size_t i = 0; i < sides(); ++i) sum += (end_of(i) - begin_of(i)).norm();
+    return sum;
+  }
+};
+
+/// An area between rings; what lies within an even number of them is none of it.
+using Area = std::vector<std::vector<Point>>;
+
+/// Square cells that a storey is surveyed in.
+struct Grid {
+  Point origin = Point::Zero();  // lowest corner of cell (0, 0)
+  double cell = 0;               // metres a side
+  int width = 0, height = 0;     // cells
+
+  /// Around a box, in cells of at least `cell` metres; larger ones where there would be more than kMostCells.
+  [[nodiscard]] static Grid around(const Box& box, double cell) {
+    constexpr double kMostCells = 1 << 26;
+    while (box.volume() / (cell * cell) > kMostCells) cell *= 2;
+    const Point extent = (box.sizes() / cell).array().ceil() + 2 * kMargin;
+    return {box.min() - Point::Constant(kMargin * cell), cell, static_cast<int>(extent.x()),
+            static_cast<int>(extent.y())};
+  }
+  [[nodiscard]] cv::Point cell_of(const Point& p) const {
+    const Point at = ((p - origin) / cell).array().floor();
+    return {static_cast<int>(at.x()), static_cast<int>(at.y())};
+  }
+  [[nodiscard]] Point centre(const cv::Point& c) const { return origin + cell * Point(c.x + 0.5, c.y + 0.5); }
+  [[nodiscard]] bool holds(const cv::Point& c) const { return c.x >= 0 && c.y >= 0 && c.x < width && c.y < height; }
+  [[nodiscard]] Mask mask() const { return Mask::zeros(height, width); }
+  /// Cells for a length, at least one.
+  [[nodiscard]] int cells(double metres) const { return std::max(1, static_cast<int>(std::lround(metres / cell))); }
+
+  static constexpr int kMargin = 4;  // empty cells on each side
+};
+
+}  // namespace cairn::plan

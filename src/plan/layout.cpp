@@ -1,0 +1,381 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "plan/layout.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <ctime>
+#include <numbers>
+#include <optional>
+#include <utility>
+
+#include "plan/storeys.hpp"
+
+namespace cairn::plan {
+namespace {
+
+constexpr double kMargin = 10, kRuler = 14, kFooter = 30;  // mm: of the page, beside the plan, and below it
+constexpr Colour kBlack = 0x000000, kPaper = 0xffffff, kWall = 0x4a4a4a, kFloor = 0xf4ecdc, kFurniture = 0xe2d8c6,
+                 kEdge = 0xa89c88, kUnseen = 0x8c8c8c, kPath = 0xc1443c, kFine = 0x606060, kGridLine = 0xd6d2ca;
+
+struct Paper {
+  std::string name;
+  double shorter = 0, longer = 0;  // mm
+};
+const std::array<Paper, 5> kPapers{
+    {{"A4", 210, 297}, {"A3", 297, 420}, {"A2", 420, 594}, {"A1", 594, 841}, {"A0", 841, 1189}}};
+
+/// What a plan takes on the paper.
+Point size_of(const Box& box, int scale) {
+  return box.sizes() * (1000.0 / scale) + Point(2 * (kMargin + kRuler), 2 * (kMargin + kRuler) + kFooter);
+}
+
+/// The first paper, of so many, that holds a plan, with its size in the plan's orientation.
+std::optional<std::pair<std::string, Point>> paper_for(const Point& size, std::size_t papers) {
+  for (std::size_t i = 0; i < papers; ++i) {
+    const Paper& p = kPapers[i];
+    if (size.x() <= p.longer && size.y() <= p.shorter) return {{p.name, {p.longer, p.shorter}}};
+    if (size.x() <= p.shorter && size.y() <= p.longer) return {{p.name, {p.shorter, p.longer}}};
+  }
+  return std::nullopt;
+}
+
+struct Page {
+  int scale = 0;
+  std::string paper;
+  Point size = Point::Zero();  // mm
+};
+
+Page page_for(const Box& box, int scale) {
+  constexpr std::size_t kUpToA3 = 2, kAll = kPapers.size();
+  const std::array<std::pair<int, std::size_t>, 4> usual{{{50, kUpToA3}, {100, kAll}, {200, kAll}, {500, kAll}}};
+  for (const auto& [s, papers] : usual)
+    if (scale == 0)
+      if (const auto paper = paper_for(size_of(box, s), papers)) return {s, paper->first, paper->second};
+  const int chosen = scale > 0 ? scale : usual.back().first;
+  if (const auto paper = paper_for(size_of(box, chosen), kAll)) return {chosen, paper->first, paper->second};
+  return {chosen, "", size_of(box, chosen).array().ceil().matrix()};
+}
+
+/// From metres of the plan to millimetres of the page.
+class Drawing {
+ public:
+  Drawing(const Box& box, double angle, const Page& page)
+      : box_(box), turn_(Eigen::Rotation2Dd(-angle)), scale_(1000.0 / page.scale) {
+    const Point size = size_of(box, page.scale);
+    origin_ = Point(kMargin + kRuler, page.size.y() - kMargin - kRuler - kFooter) +
+              Point(page.size.x() - size.x(), size.y() - page.size.y()) / 2;
+  }
+  /// Of a point of the turned plan.
+  [[nodiscard]] Point of_turned(const Point& p) const {
+    return origin_ + scale_ * Point(p.x() - box_.min().x(), box_.min().y() - p.y());
+  }
+  [[nodiscard]] Point operator()(const Point& p) const { return of_turned(turn_ * p); }
+  [[nodiscard]] Shape operator()(const Area& area) const {
+    Shape shape;
+    for (const auto& ring : area) shape.rings.push_back(all_of(ring));
+    return shape;
+  }
+  [[nodiscard]] Shape operator()(const Polyline& line) const { return {{all_of(line.points)}, line.closed}; }
+  [[nodiscard]] const Box& box() const { return box_; }
+  [[nodiscard]] double mm(double metres) const { return scale_ * metres; }
+
+ private:
+  [[nodiscard]] std::vector<Point> all_of(const std::vector<Point>& points) const {
+    std::vector<Point> drawn;
+    drawn.reserve(points.size());
+    for (const Point& p : points) drawn.push_back((*this)(p));
+    return drawn;
+  }
+  Box box_;
+  Eigen::Rotation2Dd turn_;
+  double scale_;  // mm a metre
+  Point origin_;  // of the box's lower left corner on the page
+};
+
+/// Radians by which plans lie turned: most walls go along the paper's edges then.
+double turned_by(const std::vector<StoreyPlan>& storeys) {
+  constexpr double kTells = 0.25;  // share of the walls' length
+  const auto& walls = std::max_element(storeys.begin(), storeys.end(), [](const auto& a, const auto& b) {
+                        return a.walls.share * a.walls.length < b.walls.share * b.walls.length;
+                      })->walls;
+  return walls.share < kTells ? 0 : std::remainder(walls.direction, std::numbers::pi / 2);
+}
+
+/// Around all that is drawn, turned.
+Box extent_of(const std::vector<StoreyPlan>& storeys, const std::vector<Trajectory>& paths, double angle) {
+  constexpr double kBeside = 0.05;  // metres
+  const Eigen::Rotation2Dd turn(-angle);
+  Box walls;
+  for (const StoreyPlan& storey : storeys)
+    for (const Polyline& line : storey.walls.lines)
+      for (const Point& p : line.points) walls.extend(Point(turn * p));
+  Box box = walls;  // what ends at them, up to a cell or two, does not make it larger
+  const auto extend = [&](const Point& p) {
+    if (walls.exteriorDistance(Point(turn * p)) > kBeside) box.extend(Point(turn * p));
+  };
+  for (const StoreyPlan& storey : storeys) {
+    for (const auto* areas : {&storey.floors, &storey.furniture})
+      for (const Area& area : *areas) std::for_each(area.front().begin(), area.front().end(), extend);
+  }
+  for (const Trajectory& path : paths)
+    for (const StampedPose& pose : path)
+      extend({pose.world_from_camera.translation().x(), pose.world_from_camera.translation().z()});
+  return box;
+}
+
+/// Places of metres along a length, at least `least` millimetres apart on the paper.
+double step_of(double mm_a_metre, double least) {
+  for (const double step : {0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0})
+    if (step * mm_a_metre >= least) return step;
+  return 100;
+}
+
+/// 0, and all multiples of a step that are not larger than `last`.
+std::vector<double> up_to(double last, double step) {
+  std::vector<double> places(1 + static_cast<std::size_t>(last / step));
+  for (std::size_t i = 0; i < places.size(); ++i) places[i] = static_cast<double>(i) * step;
+  return places;
+}
+
+Shape line(const Point& a, const Point& b) { return {{{a, b}}, false}; }
+Shape rectangle(const Point& a, const Point& b) { return {{{a, {b.x(), a.y()}, b, {a.x(), b.y()}}}, true}; }
+
+/// Lines a metre apart, or more.
+Layer grid_of(const Drawing& drawing) {
+  Layer layer{.name = "Grid", .style = {.stroke = kGridLine, .width = 0.1}};
+  const Box& box = drawing.box();
+  const double step = std::max(1.0, step_of(drawing.mm(1), 8));
+  for (const double x : up_to(box.sizes().x(), step))
+    layer.shapes.push_back(line(drawing.of_turned({box.min().x() + x, box.min().y()}),
+                                drawing.of_turned({box.min().x() + x, box.max().y()})));
+  for (const double y : up_to(box.sizes().y(), step))
+    layer.shapes.push_back(line(drawing.of_turned({box.min().x(), box.min().y() + y}),
+                                drawing.of_turned({box.max().x(), box.min().y() + y})));
+  return layer;
+}
+
+/// Metres from the plan's lower left corner along its lower and left edges, and its extent along the others.
+Layer rulers_of(const Drawing& drawing) {
+  constexpr double kAway = 5, kTick = 1.5, kOver = 0.7;  // mm
+  Layer layer{.name = "Dimensions", .style = {.stroke = kFine, .width = 0.15}};
+  const Point low = drawing.of_turned(drawing.box().min()), high = drawing.of_turned(drawing.box().max());
+  const double bottom = low.y() + kAway, left = low.x() - kAway, top = high.y() - kAway, right = high.x() + kAway;
+  layer.shapes.push_back(line({low.x(), bottom}, {high.x(), bottom}));
+  layer.shapes.push_back(line({left, low.y()}, {left, high.y()}));
+  const double step = step_of(drawing.mm(1), 8);
+  for (const double m : up_to(drawing.box().sizes().x(), step)) {
+    const double x = low.x() + drawing.mm(m);
+    layer.shapes.push_back(line({x, bottom}, {x, bottom + kTick}));
+    layer.labels.push_back({.at = {x, bottom + kTick + 2.6}, .text = fmt::format("{}", m), .align = Align::middle});
+  }
+  for (const double m : up_to(drawing.box().sizes().y(), step)) {
+    const double y = low.y() - drawing.mm(m);
+    layer.shapes.push_back(line({left, y}, {left - kTick, y}));
+    layer.labels.push_back({.at = {left - kTick - 0.8, y + 0.9}, .text = fmt::format("{}", m), .align = Align::right});
+  }
+  layer.shapes.push_back(line({low.x(), top}, {high.x(), top}));
+  layer.shapes.push_back(line({right, low.y()}, {right, high.y()}));
+  const auto end = [&](const Point& p) {
+    layer.shapes.push_back(line(p + Point(-kOver, kOver), p - Point(-kOver, kOver)));
+  };
+  for (const Point& p : {Point(low.x(), top), Point(high.x(), top), Point(right, low.y()), Point(right, high.y())})
+    end(p);
+  layer.labels.push_back({.at = {(low.x() + high.x()) / 2, top - 1.2},
+                          .text = fmt::format("{:.2f} m", drawing.box().sizes().x()),
+                          .size = 3,
+                          .align = Align::middle});
+  layer.labels.push_back({.at = {right + 3.4, (low.y() + high.y()) / 2},
+                          .text = fmt::format("{:.2f} m", drawing.box().sizes().y()),
+                          .size = 3,
+                          .align = Align::middle,
+                          .upwards = true});
+  return layer;
+}
+
+/// The parts of paths that go over a storey: above its floor, below the next.
+Layer path_of(const Drawing& drawing, const std::vector<Trajectory>& paths, double low, double high) {
+  constexpr double kPlain = 0.02;  // metres that a simpler path may be off
+  Layer layer{.name = "Path of the camera", .style = {.stroke = kPath, .width = 0.2, .dashed = true}};
+  for (const Trajectory& path : paths) {
+    Polyline part;
+    const auto end = [&] {
+      if (part.points.size() > 1) layer.shapes.push_back(drawing(simplified(part, kPlain)));
+      part.points.clear();
+    };
+    for (const StampedPose& pose : path) {
+      const Eigen::Vector3d p = pose.world_from_camera.translation();
+      if (height_of(p) <= low || height_of(p) > high)
+        end();
+      else
+        part.points.emplace_back(p.x(), p.z());
+    }
+    end();
+  }
+  return layer;
+}
+
+Layer areas_of(const Drawing& drawing, const char* name, const Style& style, const std::vector<Area>& areas) {
+  Layer layer{.name = name, .style = style};
+  for (const Area& area : areas) layer.shapes.push_back(drawing(area));
+  return layer;
+}
+
+Layer rooms_of(const Drawing& drawing, const StoreyPlan& storey) {
+  Layer layer{.name = "Rooms"};
+  for (const Room& room : storey.rooms)
+    layer.labels.push_back({.at = drawing(room.middle) + Point(0, 1.2),
+                            .text = fmt::format("{:.1f} m²", room.area),
+                            .size = 3.5,
+                            .align = Align::middle});
+  return layer;
+}
+
+/// A bar of whole metres, every other one filled, which ends at `right`.
+void add_scale_bar(const Page& page, const Point& right, std::vector<Layer>& layers) {
+  constexpr double kHigh = 1.6, kPiece = 10, kUnit = 3;  // mm; of the last number, a unit lies beyond the end
+  constexpr int kPieces = 5;
+  const double mm = 1000.0 / page.scale, step = std::max(1.0, step_of(mm, kPiece));
+  const Point at = right - Point(kPieces * step * mm + kUnit, 0);
+  Layer dark{.name = "Scale bar", .style = {.fill = kBlack}};
+  Layer frame{.name = "Scale bar, frame", .style = {.stroke = kBlack, .width = 0.15}};
+  for (int i = 0; i <= kPieces; ++i) {
+    const Point corner = at + Point(i * step * mm, 0);
+    frame.labels.push_back({.at = corner - Point(0, 1),
+                            .text = fmt::format("{}{}", i * step, i == kPieces ? " m" : ""),
+                            .align = Align::middle});
+    if (i < kPieces && i % 2 == 0) dark.shapes.push_back(rectangle(corner, corner + Point(step * mm, kHigh)));
+  }
+  frame.shapes.push_back(rectangle(at, at + Point(kPieces * step * mm, kHigh)));
+  layers.push_back(std::move(dark));
+  layers.push_back(std::move(frame));
+}
+
+struct Meaning {
+  const char* text;
+  Style style;
+  bool is_line = false;
+};
+
+void add_legend(const std::vector<Meaning>& meanings, Point at, double right, std::vector<Layer>& layers) {
+  constexpr double kBox = 6, kHigh = 3.2, kLetter = 1.42, kRow = 5;  // mm
+  const double left = at.x();
+  for (const Meaning& m : meanings) {
+    const double width = kBox + 1.5 + kLetter * static_cast<double>(std::string_view(m.text).size()) + 5;
+    if (at.x() + width > right && at.x() > left) at = {left, at.y() + kRow};
+    Layer layer{.name = fmt::format("Legend: {}", m.text), .style = m.style};
+    layer.shapes.push_back(m.is_line ? line(at + Point(0, kHigh / 2), at + Point(kBox, kHigh / 2))
+                                     : rectangle(at, at + Point(kBox, kHigh)));
+    layer.labels.push_back({.at = at + Point(kBox + 1.5, 2.5), .text = m.text});
+    layers.push_back(std::move(layer));
+    at.x() += width;
+  }
+}
+
+/// The day on which the paths begin, where their clock is one: UTC.
+std::string date_of(const std::vector<Trajectory>& paths) {
+  constexpr double kClock = 946684800;  // seconds from 1970 to 2000: smaller stamps count from some start
+  double first = 0;
+  for (const Trajectory& path : paths)
+    if (!path.empty() && (first == 0 || path.front().timestamp < first)) first = path.front().timestamp;
+  if (first < kClock) return "";
+  const auto seconds = static_cast<std::time_t>(first);
+  std::tm day{};
+  gmtime_r(&seconds, &day);
+  return fmt::format("{:04}-{:02}-{:02}", day.tm_year + 1900, day.tm_mon + 1, day.tm_mday);
+}
+
+/// What all pages of a plan share.
+struct Plan {
+  const std::vector<StoreyPlan>& storeys;
+  const std::vector<Trajectory>& paths;
+  const PlanOptions& options;
+  Page page;
+  Drawing drawing;
+};
+
+const Style kSolidStyle{.fill = kWall}, kFaceStyle{.stroke = kBlack, .width = 0.3}, kFloorStyle{.fill = kFloor},
+    kFurnitureStyle{.fill = kFurniture, .stroke = kEdge, .width = 0.1}, kUnseenStyle{.hatch = kUnseen},
+    kPathStyle{.stroke = kPath, .width = 0.2, .dashed = true};
+
+/// The drawing itself; fills the legend with what there is of it.
+std::vector<Layer> layers_of(const Plan& plan, std::size_t i, std::vector<Meaning>& meanings) {
+  const StoreyPlan& storey = plan.storeys[i];
+  const auto& [storeys, paths, options, page, drawing] = plan;
+  std::vector<Layer> layers{areas_of(drawing, "Floor", kFloorStyle, storey.floors), grid_of(drawing)};
+  if (!storey.solid.empty())
+    meanings.push_back({"wall or thing, cut, both faces seen", {.fill = kWall, .stroke = kBlack, .width = 0.3}});
+  meanings.push_back({"one face seen", kFaceStyle, true});
+  if (!storey.furniture.empty()) {
+    layers.push_back(areas_of(drawing, "Furniture", kFurnitureStyle, storey.furniture));
+    meanings.push_back({"lower than the cut", kFurnitureStyle});
+  }
+  meanings.push_back({"floor seen", kFloorStyle});
+  meanings.push_back({"floor not seen", {.fill = kPaper, .stroke = kEdge, .width = 0.1}});
+  if (!storey.unseen.empty()) {
+    layers.push_back(areas_of(drawing, "Not seen", kUnseenStyle, storey.unseen));
+    meanings.push_back({"nothing seen", {.hatch = kUnseen, .stroke = kUnseen, .width = 0.1}});
+  }
+  layers.push_back(areas_of(drawing, "Walls, solid", kSolidStyle, storey.solid));
+  Layer& faces = layers.emplace_back(Layer{.name = "Walls, faces", .style = kFaceStyle});
+  for (const Polyline& l : storey.walls.lines) faces.shapes.push_back(drawing(l));
+  if (options.path) {
+    const double next = i + 1 < storeys.size() ? storeys[i + 1].floor : std::numeric_limits<double>::infinity();
+    layers.push_back(path_of(drawing, paths, storey.floor, next));
+    meanings.push_back({"path of the camera", kPathStyle, true});
+  }
+  if (!storey.rooms.empty()) layers.push_back(rooms_of(drawing, storey));
+  layers.push_back(rulers_of(drawing));
+  return layers;
+}
+
+/// What was recorded and when, which storey this is, how it was drawn, and how well that agrees with the map.
+Layer title_of(const Plan& plan, std::size_t i, const std::string& title, const Point& at) {
+  const StoreyPlan& storey = plan.storeys[i];
+  std::string line;
+  if (plan.storeys.size() > 1)
+    line = fmt::format("Storey {} of {}, floor at {:+.2f} m · ", i + 1, plan.storeys.size(),
+                       storey.floor - plan.storeys.front().floor);
+  line += fmt::format("cut {:.2f} m above the floor · ", plan.options.height);
+  if (const std::string date = date_of(plan.paths); !date.empty()) line += fmt::format("recorded {} (UTC) · ", date);
+  line += fmt::format("1:{}{}", plan.page.scale, plan.page.paper.empty() ? "" : " on " + plan.page.paper);
+  return {.name = "Title",
+          .labels = {{.at = at, .text = title, .size = 5, .bold = true},
+                     {.at = at + Point(0, 5.5), .text = line, .size = 3},
+                     {.at = at + Point(0, 9.5),
+                      .text = fmt::format(
+                          "Lines are {:.0f} mm from the map's surface on the mean, 95 % of it within {:.0f} mm",
+                          1e3 * storey.walls.mean_off, 1e3 * storey.walls.p95_off)}}};
+}
+
+Sheet sheet_of(const Plan& plan, std::size_t i) {
+  constexpr double kLegendBelow = 12.5, kTitleBelow = 6;  // mm
+  const Page& page = plan.page;
+  const std::string title = plan.options.title.empty() ? "Floor plan" : plan.options.title;
+  std::vector<Meaning> meanings;
+  Sheet sheet{.width = page.size.x(), .height = page.size.y(), .title = title, .layers = layers_of(plan, i, meanings)};
+  const Point at(kMargin, page.size.y() - kMargin - kFooter + kTitleBelow);
+  const double right = page.size.x() - kMargin;
+  sheet.layers.push_back(title_of(plan, i, title, at));
+  add_scale_bar(page, {right, at.y()}, sheet.layers);
+  add_legend(meanings, at + Point(0, kLegendBelow), right, sheet.layers);
+  return sheet;
+}
+
+}  // namespace
+
+Pages laid_out(const std::vector<StoreyPlan>& storeys, const std::vector<Trajectory>& paths,
+               const PlanOptions& options) {
+  const double angle = turned_by(storeys);
+  const Box box = extent_of(storeys, options.path ? paths : std::vector<Trajectory>{}, angle);
+  const Page page = page_for(box, options.scale);
+  const Plan plan{storeys, paths, options, page, Drawing(box, angle, page)};
+  Pages pages{.sheets = {}, .scale = page.scale, .paper = page.paper};
+  for (std::size_t i = 0; i < storeys.size(); ++i) pages.sheets.push_back(sheet_of(plan, i));
+  return pages;
+}
+
+}  // namespace cairn::plan

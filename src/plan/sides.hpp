@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <functional>
+#include <optional>
+#include <unordered_map>
+#include <vector>
+
+#include "plan/contours.hpp"
+#include "plan/grid.hpp"
+
+namespace cairn::plan {
+
+/// The sides of many lines, found by where they are.
+class Sides {
+ public:
+  explicit Sides(const std::vector<Polyline>& lines);
+  [[nodiscard]] const std::vector<Segment>& all() const { return sides_; }
+  /// Indices of those that may reach into a box, sorted.
+  [[nodiscard]] std::vector<std::size_t> near(const Box& box) const;
+
+  struct Hit {
+    std::size_t side = 0;
+    double distance = 0;  // metres
+  };
+  /// The first side that a ray meets within `reach` metres, none of `but`. `along`: unit length.
+  [[nodiscard]] std::optional<Hit> first(const Point& from, const Point& along, double reach, std::size_t but) const;
+
+ private:
+  void visit(const Box& box, const std::function<void(const cv::Point& bucket)>& at) const;
+  std::vector<Segment> sides_;
+  struct Hash {
+    std::size_t operator()(const cv::Point& p) const {  // Teschner et al. 2003
+      return static_cast<std::size_t>(p.x) * 73856093u ^ static_cast<std::size_t>(p.y) * 19349669u;
+    }
+  };
+  std::unordered_map<cv::Point, std::vector<std::size_t>, Hash> buckets_;
+};
+
+/// Unit length, towards the free space beside it.
+[[nodiscard]] inline Point normal_of(const Segment& side) { return left_of(side.b - side.a).normalized(); }
+
+}  // namespace cairn::plan

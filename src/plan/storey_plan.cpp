@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "plan/storey_plan.hpp"
+
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+
+namespace cairn::plan {
+namespace {
+
+constexpr double kPinhole = 0.03;     // metres: smaller holes in what is seen are closed, smaller strips fall away
+constexpr double kLeastPiece = 0.02;  // m2 of furniture, of seen floor, or of what is not seen
+
+cv::Mat disc(const Grid& grid, double radius) {
+  const int size = 2 * grid.cells(radius) + 1;
+  return cv::getStructuringElement(cv::MORPH_ELLIPSE, {size, size});
+}
+
+Mask with_closed_holes(const Grid& grid, const Mask& mask) {
+  Mask closed;
+  cv::morphologyEx(mask, closed, cv::MORPH_CLOSE, disc(grid, kPinhole));
+  return closed;
+}
+
+Mask without_strips(const Grid& grid, const Mask& mask) {
+  Mask opened;
+  cv::morphologyEx(mask, opened, cv::MORPH_OPEN, disc(grid, kPinhole));
+  return opened;
+}
+
+enum class Edges : std::uint8_t { as_they_are, straight };
+
+/// The areas that a mask covers, those of less than kLeastPiece left out.
+std::vector<Area> traced(const Grid& grid, const Mask& mask, Edges edges = Edges::as_they_are) {
+  std::vector<std::vector<cv::Point>> rings;
+  std::vector<cv::Vec4i> order;  // next, previous, first child, parent
+  cv::findContours(mask, rings, order, cv::RETR_CCOMP, cv::CHAIN_APPROX_NONE);
+  const auto drawn = [&](int i) {
+    Polyline line{.points = {}, .closed = true};
+    for (const cv::Point& c : rings[static_cast<std::size_t>(i)]) line.points.push_back(grid.centre(c));
+    if (edges == Edges::straight)
+      if (const StraightLines straight = straightened({line}, grid.cell); !straight.lines.empty())
+        return straight.lines.front().points;
+    return simplified(line, grid.cell).points;
+  };
+  std::vector<Area> areas;
+  for (int i = 0; i < static_cast<int>(rings.size()); ++i) {
+    const cv::Vec4i& place = order[static_cast<std::size_t>(i)];
+    if (place[3] >= 0 || cv::contourArea(rings[static_cast<std::size_t>(i)]) * grid.cell * grid.cell < kLeastPiece)
+      continue;
+    Area& area = areas.emplace_back(Area{drawn(i)});
+    for (int hole = place[2]; hole >= 0; hole = order[static_cast<std::size_t>(hole)][0]) area.push_back(drawn(hole));
+  }
+  return areas;
+}
+
+/// What is not seen with something seen around it.
+Mask unseen_within(const Mask& known) {
+  Mask outside = known.clone();
+  cv::floodFill(outside, cv::Point(0, 0), 255);  // the margin is empty
+  return ~outside;
+}
+
+/// Brings the corners of what is filled to the lines beside it.
+void snap(const Sides& sides, double reach, std::vector<Area>& areas) {
+  for (Area& area : areas)
+    for (auto& ring : area)
+      for (Point& p : ring) {
+        const Point from = p;
+        double corner = reach, line = reach;
+        for (const std::size_t i : sides.near({from - Point::Constant(reach), from + Point::Constant(reach)})) {
+          const Segment& side = sides.all()[i];
+          for (const Point& end : {side.a, side.b})
+            if (const double d = (end - from).norm(); d < corner) corner = d, p = end;
+          if (const double d = distance_to(from, side.a, side.b); d < line && corner >= reach) {
+            line = d;
+            const Point along = (side.b - side.a).normalized();
+            p = side.a + along * std::clamp(along.dot(from - side.a), 0.0, (side.b - side.a).norm());
+          }
+        }
+      }
+}
+
+}  // namespace
+
+StoreyPlan plan_of(const Survey& survey, double voxel) {
+  constexpr double kSnap = 2.5;  // cells
+  const Grid& grid = survey.grid();
+  StoreyPlan plan{.floor = survey.floor(), .walls = straightened(joined(survey.segments()), voxel)};
+  const Sides sides(plan.walls.lines);
+  const Mask solid = solid_between(survey, sides);
+  Mask lines = grid.mask();
+  for (const Segment& side : sides.all()) cv::line(lines, grid.cell_of(side.a), grid.cell_of(side.b), 255);
+  const Mask walls = solid | lines;
+  const Mask furniture = without_strips(grid, with_closed_holes(grid, survey.furniture()) & ~solid);
+  const Mask floor = with_closed_holes(grid, survey.seen_floor()) & ~solid;
+  const Mask open = with_closed_holes(grid, floor | furniture | survey.free()) & ~walls;
+  Mask thick;
+  cv::dilate(solid, thick, cv::Mat());
+  plan.solid = traced(grid, thick);
+  snap(sides, kSnap * grid.cell, plan.solid);
+  plan.floors = traced(grid, floor);
+  plan.furniture = traced(grid, furniture, Edges::straight);
+  plan.unseen = traced(grid, without_strips(grid, unseen_within(open | walls)));
+  plan.rooms = rooms_in(grid, open, walls, solid, sides);
+  plan.floor_area = cv::countNonZero((floor | furniture) & ~walls) * grid.cell * grid.cell;
+  return plan;
+}
+
+}  // namespace cairn::plan

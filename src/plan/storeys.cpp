@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "plan/storeys.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace cairn::plan {
+namespace {
+
+constexpr double kBin = 0.01;             // metres
+constexpr int kAround = 5;                // bins to each side that a level takes
+constexpr double kLevel = 0.94;           // cosine of 20 degrees, between a level surface's normal and up
+constexpr double kLeastArea = 0.25;       // m2 of a floor
+constexpr double kLeastShare = 0.1;       // of the largest level's surface
+constexpr double kStorey = 2.0;           // metres between floors, at least
+constexpr double kStep = 0.35;            // metres: a lower level that is this near and much smaller is a step, a pit
+constexpr double kMuchLarger = 2.0;       // times
+constexpr double kLow = 0.2, kTop = 2.5;  // metres above a floor where a camera is carried
+constexpr double kCarried = 0.02;         // share of the poses above a floor, at least
+
+/// Whether a camera was carried over a level.
+bool was_walked(double level, const std::vector<double>& cameras) {
+  if (cameras.empty()) return true;
+  const auto above =
+      std::count_if(cameras.begin(), cameras.end(), [&](double h) { return h > level + kLow && h < level + kTop; });
+  return static_cast<double>(above) >= kCarried * static_cast<double>(cameras.size());
+}
+
+}  // namespace
+
+void LevelSurface::add(const Mesh& mesh) {
+  for (const auto& t : mesh.triangles) {
+    const Eigen::Vector3d a = mesh.positions[t[0]].cast<double>(), b = mesh.positions[t[1]].cast<double>(),
+                          c = mesh.positions[t[2]].cast<double>();
+    const Eigen::Vector3d twice = (b - a).cross(c - a);
+    const double norm = twice.norm();
+    if (-twice.y() < kLevel * norm || norm <= 0) continue;
+    const double height = height_of((a + b + c) / 3);
+    Level& level = area_[static_cast<int>(std::floor(height / kBin))];
+    level.height = (level.area * level.height + 0.5 * norm * height) / (level.area + 0.5 * norm);
+    level.area += 0.5 * norm;
+  }
+}
+
+double LevelSurface::around(int bin) const {
+  double sum = 0;
+  for (auto it = area_.lower_bound(bin - kAround); it != area_.end() && it->first <= bin + kAround; ++it)
+    sum += it->second.area;
+  return sum;
+}
+
+/// The same surface, what is nearer counting more: the middle of a level has the most.
+double LevelSurface::nearness(int bin) const {
+  double sum = 0;
+  for (auto it = area_.lower_bound(bin - kAround); it != area_.end() && it->first <= bin + kAround; ++it)
+    sum += it->second.area * (1 - std::abs(it->first - bin) / (kAround + 1.0));
+  return sum;
+}
+
+/// Its height on the mean.
+double LevelSurface::middle_around(int bin) const {
+  double sum = 0;
+  for (auto it = area_.lower_bound(bin - kAround); it != area_.end() && it->first <= bin + kAround; ++it)
+    sum += it->second.area * it->second.height;
+  return sum / around(bin);
+}
+
+std::vector<double> LevelSurface::floors(const std::vector<Trajectory>& paths) const {
+  std::vector<double> cameras;
+  for (const Trajectory& path : paths)
+    for (const StampedPose& pose : path) cameras.push_back(height_of(pose.world_from_camera.translation()));
+  std::vector<int> peaks;
+  double largest = 0;
+  for (const auto& [bin, area] : area_) {
+    const double here = nearness(bin);
+    largest = std::max(largest, around(bin));
+    bool is_peak = true;
+    for (int other = bin - kAround; other <= bin + kAround && is_peak; ++other)
+      is_peak = other == bin || (other < bin ? nearness(other) < here : nearness(other) <= here);
+    if (is_peak) peaks.push_back(bin);
+  }
+  std::erase_if(peaks, [&](int bin) {
+    return around(bin) < std::max(kLeastArea, kLeastShare * largest) || !was_walked(kBin * bin, cameras);
+  });
+  std::vector<double> floors;
+  for (std::size_t i = 0; i < peaks.size(); ++i) {
+    if (!floors.empty() && kBin * peaks[i] < floors.back() + kStorey) continue;
+    int chosen = peaks[i];
+    for (std::size_t k = i + 1; k < peaks.size() && kBin * (peaks[k] - peaks[i]) < kStep; ++k)
+      if (around(peaks[k]) > kMuchLarger * around(chosen)) chosen = peaks[k];
+    floors.push_back(middle_around(chosen));
+  }
+  return floors;
+}
+
+}  // namespace cairn::plan
