@@ -3,12 +3,14 @@
 #include "cairn/export.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cstdio>
 #include <filesystem>
 #include <memory>
 
 #include "cairn/file_name.hpp"
+#include "cairn/floor_plan.hpp"
 #include "cairn/map.hpp"
 #include "cairn/no_texture.hpp"
 #include "command_tree.hpp"
@@ -30,6 +32,8 @@ struct Arguments {
   fs::path map, output;
   MeshArguments options;
   std::optional<ViewsFor> program;
+  PlanOptions plan;
+  bool asks_for_plan = false;  // by an option that has to do with nothing else
   std::optional<Up> up;
   int images = 0;
   int device = -1;
@@ -51,6 +55,20 @@ Map open_map(const Arguments& a) {
   Map map = Map::open(a.map, a.device);
   if (a.up) map.stand_up(*a.up);
   return map;
+}
+
+int parse_scale(const std::string& text) {
+  int scale = 0, end = 0;
+  const std::string number = text.starts_with("1:") ? text.substr(2) : text;
+  if (std::sscanf(number.c_str(), "%d%n", &scale, &end) != 1 || static_cast<std::size_t>(end) != number.size() ||
+      scale < 1)
+    throw CLI::ValidationError("--scale", "'" + text + "' is no scale, for example 100 or 1:100");
+  return scale;
+}
+
+bool is_plan(const fs::path& file) {
+  const std::string extension = extension_of(file);
+  return extension == ".svg" || extension == ".pdf";
 }
 
 bool has_session(const fs::path& map) { return fs::exists(map / "session" / "state.cbor"); }
@@ -81,6 +99,50 @@ void export_grids(const Arguments& a) {
     throw std::runtime_error(a.map.string() + ": has no session to make grids from; a map.vdb is what it would be");
   open_map(a).write_grids(a.output, a.options.axes);
   say("{}  {}\n", a.output.string(), size_in_words(fs::file_size(a.output)));
+}
+
+nlohmann::json in_json(const ExportedStorey& s) {
+  return {{"floor_m", s.floor},       {"floor_area_m2", s.floor_area}, {"rooms_m2", s.rooms},   {"walls_m", s.walls},
+          {"mean_off_m", s.mean_off}, {"p95_off_m", s.p95_off},        {"max_off_m", s.max_off}};
+}
+
+nlohmann::json sizes_of(const std::vector<fs::path>& files) {
+  auto sizes = nlohmann::json::array();
+  for (const fs::path& file : files) sizes.push_back({{"file", file.string()}, {"bytes", fs::file_size(file)}});
+  return sizes;
+}
+
+void print(const ExportedPlan& e) {
+  for (const fs::path& file : e.files)
+    say("{}  {}, 1:{} on {}\n", file.string(), size_in_words(fs::file_size(file)), e.scale,
+        e.paper.empty() ? fmt::format("{:.0f} mm x {:.0f} mm", e.width_mm, e.height_mm) : e.paper);
+  for (std::size_t i = 0; i < e.storeys.size(); ++i) {
+    const ExportedStorey& s = e.storeys[i];
+    say("storey {}  floor at {:.2f} m, {:.1f} m2 of it seen{}; lines are {:.0f} mm from the map's surface on the mean, "
+        "95 % of {:.0f} m within {:.0f} mm\n",
+        i + 1, s.floor, s.floor_area,
+        s.rooms.empty() ? "" : fmt::format(", closed rooms of {:.1f} m2", fmt::join(s.rooms, ", ")), 1e3 * s.mean_off,
+        s.walls, 1e3 * s.p95_off);
+  }
+}
+
+void export_plan(const Arguments& a) {
+  PlanOptions options = a.plan;
+  if (options.title.empty()) options.title = tidy(a.map).filename().string();
+  check(options, a.output);
+  Progress progress(std::nullopt, "");
+  const ExportedPlan e = open_map(a).export_plan(a.output, options, on(progress));
+  progress.clear();
+  if (!a.json) return print(e);
+  auto storeys = nlohmann::json::array();
+  for (const ExportedStorey& s : e.storeys) storeys.push_back(in_json(s));
+  fmt::print("{}\n", text_of({{"scale", e.scale},
+                              {"paper", e.paper},
+                              {"width_mm", e.width_mm},
+                              {"height_mm", e.height_mm},
+                              {"storeys", storeys},
+                              {"files", sizes_of(e.files)}},
+                             2));
 }
 
 std::uintmax_t size_below(const fs::path& folder) {
@@ -116,12 +178,6 @@ void print_others(const std::vector<fs::path>& files) {
     say("{}  {}\n", files[i].string(), size_in_words(fs::file_size(files[i])));
 }
 
-nlohmann::json sizes_of(const std::vector<fs::path>& files) {
-  auto sizes = nlohmann::json::array();
-  for (const fs::path& file : files) sizes.push_back({{"file", file.string()}, {"bytes", fs::file_size(file)}});
-  return sizes;
-}
-
 void print(const Arguments& a, const Exported& e) {
   double seconds = 0;
   for (const auto& [stage, ms] : e.stage_ms) seconds += 1e-3 * ms;
@@ -146,10 +202,15 @@ void print(const Arguments& a, const Exported& e) {
 }
 
 void run_export(const Arguments& a) {
+  if (a.asks_for_plan && (a.program || !is_plan(a.output)))
+    throw CLI::ValidationError("--output", a.output.string() +
+                                               ": --scale, --height, --path and --title are for floor "
+                                               "plans, X.svg and X.pdf");
   if (const fs::path folder = a.output.parent_path(); !folder.empty()) prepare_output(folder);
   want_folder(a);
   if (a.program) return export_views(a);
   if (extension_of(a.output) == ".vdb") return export_grids(a);
+  if (is_plan(a.output)) return export_plan(a);
   const Exported e = export_it(a);
   if (a.json) {
     nlohmann::json told = to_json(e);
@@ -243,8 +304,30 @@ void add_export_options(CLI::App& command, MeshArguments& o) {
       ->group(kGroup);
 }
 
+namespace {
+
+void add_plan_options(CLI::App& command, const std::shared_ptr<Arguments>& a) {
+  constexpr const char* kGroup = "Floor plan";
+  const auto of_plan = [&](CLI::Option* one) {
+    one->group(kGroup)->each([a](const std::string&) { a->asks_for_plan = true; });
+  };
+  of_plan(command
+              .add_option_function<std::string>(
+                  "--scale", [a](const std::string& text) { a->plan.scale = parse_scale(text); },
+                  "N of 1:N, on the smallest paper from A4 to A0 that it fits on, or a larger one [50 where that fits "
+                  "on A3, else 100, 200 or 500 where that fits on A0]")
+              ->type_name("N"));
+  of_plan(command.add_option("--height", a->plan.height, "Metres above each floor, where walls are cut")
+              ->capture_default_str());
+  of_plan(command.add_flag("--path", a->plan.path, "The camera's path, too"));
+  of_plan(command.add_option("--title", a->plan.title, "What the plan names as what it shows [the map's folder]"));
+}
+
+}  // namespace
+
 void add_export(CLI::App& program) {
-  auto* command = program.add_subcommand("export", "Write a map's mesh: clean, simplified, textured, packed");
+  auto* command =
+      program.add_subcommand("export", "Write a map's mesh, clean, simplified, textured, packed, or a floor plan");
   const auto a = std::make_shared<Arguments>();
   command->add_option("MAP", a->map, "Folder that reconstruct, live or merge has made, or its map.vdb")
       ->required()
@@ -252,7 +335,8 @@ void add_export(CLI::App& program) {
   command
       ->add_option("-o,--output", a->output,
                    "X.glb, X.gltf, X.ply, X.obj, X.stl: for printing, metres, z up, tileset.json: 3D Tiles 1.1 with "
-                   "levels of detail, X.vdb: the grids, or with --for a new folder")
+                   "levels of detail, X.vdb: the grids, X.pdf, X.svg: a floor plan to scale, with "
+                   "a page, or X-1.svg, X-2.svg, for each storey, or with --for a new folder")
       ->required()
       ->type_name(kPath);
   add_export_options(*command, a->options);
@@ -282,6 +366,7 @@ void add_export(CLI::App& program) {
           "map's z points, in degrees clockwise from north")
       ->type_name("PLACE")
       ->group("Mesh");
+  add_plan_options(*command, a);
   auto* program_name =
       command
           ->add_option("--for", a->program,
