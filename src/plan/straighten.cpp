@@ -203,13 +203,14 @@ Polyline line_of(const std::vector<Run>& runs, bool closed, double voxel) {
 /// the last nearest one are looked at.
 void measure(const std::vector<Point>& points, const Polyline& line, std::vector<std::pair<double, double>>& offs) {
   constexpr std::size_t kAhead = 6;
-  if (line.sides() == 0) return;
+  const std::size_t sides = line.sides();
+  if (sides == 0) return;
   std::size_t at = 0;
   for (std::size_t i = 0; i + 1 < points.size(); ++i) {
     const Point p = (points[i] + points[i + 1]) / 2;
     double least = std::numeric_limits<double>::infinity();
     std::size_t nearest = at;
-    const std::size_t sides = line.sides(), begin = line.closed ? at + sides - 2 : at < 2 ? 0 : at - 2;
+    const std::size_t begin = line.closed ? at + sides - 2 : at < 2 ? 0 : at - 2;
     for (std::size_t k = begin; k < begin + kAhead && (line.closed || k < sides); ++k)
       if (const double d = distance_to(p, line.begin_of(k % sides), line.end_of(k % sides)); d < least)
         least = d, nearest = k % sides;
