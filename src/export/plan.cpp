@@ -12,6 +12,7 @@
 #include "base/mesh_vertices.hpp"
 #include "cairn/atomic_file.hpp"
 #include "cairn/file_name.hpp"
+#include "export/export_run.hpp"
 #include "plan/layout.hpp"
 #include "plan/storeys.hpp"
 
@@ -23,10 +24,6 @@ namespace fs = std::filesystem;
 constexpr std::size_t kPart = 8192;  // bricks: 32 MiB
 constexpr int kCell = 16;            // bricks a side of what is made together
 constexpr double kBelow = 0.15;      // metres below a floor that a plan looks at
-
-std::runtime_error not_drawn(const fs::path& file, const std::string& why) {
-  return std::runtime_error(file.string() + ": is not written, " + why);
-}
 
 /// The map's own frame, bricks and voxels, in the world.
 class Placing {
@@ -139,9 +136,9 @@ std::vector<double> floors_of(const PlanInput& input, const fs::path& file,
       });
   std::vector<double> floors = levels.floors(input.paths);
   if (floors.empty())
-    throw not_drawn(file,
-                    "no floor was found: at no height under the camera's path the map has a quarter of a square "
-                    "metre of surface that faces up");
+    throw not_written(file,
+                      "no floor was found: at no height under the camera's path the map has a quarter of a square "
+                      "metre of surface that faces up");
   return floors;
 }
 
@@ -194,10 +191,10 @@ ExportedPlan export_floor_plan(const PlanInput& input, const fs::path& file, con
                                const ExportProgress& progress) {
   constexpr int kWhole = 1000;
   check(options, file);
-  if (input.bricks.empty()) throw not_drawn(file, "the map is empty: no frame was fused into it");
+  if (input.bricks.empty()) throw not_written(file, "the map is empty: no frame was fused into it");
   if (!input.upright.known)
-    throw not_drawn(file,
-                    "the map does not tell which way is up, so nobody knows how to cut it: " + input.upright.words);
+    throw not_written(file,
+                      "the map does not tell which way is up, so nobody knows how to cut it: " + input.upright.words);
   std::size_t done = 0, whole = 2 * input.bricks.size();
   const auto stepping = [&](const char* next) {
     return [&, next](std::size_t count) {
@@ -222,7 +219,7 @@ ExportedPlan export_floor_plan(const PlanInput& input, const fs::path& file, con
     if (!storey.walls.lines.empty()) storeys.push_back(std::move(storey));
   }
   if (storeys.empty())
-    throw not_drawn(
+    throw not_written(
         file, fmt::format("nothing stands {} m above the floor: cut it lower, PlanOptions::height", options.height));
   const plan::Pages pages = plan::laid_out(storeys, input.paths, options);
   ExportedPlan exported{.scale = pages.scale,

@@ -130,9 +130,9 @@ class Tracker {
   [[nodiscard]] UndoneShutter undone(const Frame& frame) const;
   [[nodiscard]] ColourMoment moment_of(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const;
 
-  /// A guess from the keyframe that shares most corners with the frame, if any.
   /// By a keyframe's corners.
   [[nodiscard]] std::optional<PnpPose> locate(std::size_t keyframe, const Features& seen) const;
+  /// A guess from the keyframe that shares most corners with the frame, if any.
   [[nodiscard]] std::optional<Eigen::Isometry3d> recognise(const Features& seen,
                                                            const std::vector<std::size_t>& keyframes) const;
   /// The newest keyframes, the newest first.
