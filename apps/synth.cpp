@@ -62,8 +62,8 @@ Mesh truth_of(const Scene& scene, const SyntheticPath& path, double seconds) {
   constexpr double kStep = 0.5, kReach = 6;  // seconds, metres
   constexpr float kSpacing = 0.04f;          // metres
   std::vector<Eigen::Vector3d> places;
-  for (double t = 0; t < seconds; t += kStep)
-    if (const auto pose = path.pose(t)) places.emplace_back(pose->translation());
+  for (int i = 0; i * kStep < seconds; ++i)
+    if (const auto pose = path.pose(i * kStep)) places.emplace_back(pose->translation());
   return scene.around(places, kReach).surface(kSpacing);
 }
 

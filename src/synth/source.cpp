@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <numbers>
-#include <ranges>
 #include <string_view>
 #include <utility>
 
@@ -36,12 +35,14 @@ struct Named {
     const std::size_t query = std::min(name.find('?'), name.size());
     scene = name.substr(0, query);
     char before = '?';
-    for (const auto part : std::views::split(name.substr(std::min(query + 1, name.size())), '&')) {
-      const std::string_view text(part.begin(), part.end());
+    for (std::size_t begin = query + 1; begin <= name.size();) {
+      const std::size_t end = std::min(name.find('&', begin), name.size());
+      const std::string_view text = name.substr(begin, end - begin);
       if (text.starts_with(kNoise))
         noise = text.substr(kNoise.size());
       else
         scene.append(1, std::exchange(before, '&')).append(text);
+      begin = end + 1;
     }
   }
 };
