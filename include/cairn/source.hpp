@@ -58,6 +58,7 @@ struct RecordedTopic {
 /// - a recording of ROS: .bag, .mcap or .db3, or the folder of rosbag2 with its metadata.yaml;
 /// - a .zip of one of these, which is unpacked into a temporary folder (TMPDIR, else /var/tmp) that stays until another
 ///   .zip is opened or the program ends;
+/// - a folder of a part of a plan (parts.hpp): its recording's frames, of which `range` counts those of the part;
 /// - `openni:` for the first sensor, `openni:URI` for the one that OpenNI2 has under this URI;
 /// - `synthetic:NAME`, a scene (see synthetic_scene) rendered on the fly.
 ///

@@ -18,6 +18,7 @@
 #include "cairn/source.hpp"
 #include "io/image_names.hpp"
 #include "io/intrinsics.hpp"
+#include "io/part.hpp"
 #include "io/recording.hpp"
 #include "io/sens.hpp"
 #include "io/zip_recording.hpp"
@@ -364,6 +365,7 @@ std::unique_ptr<Source> open_recording(const fs::path& folder, const SourceOptio
 }
 
 std::vector<Understood> understanding_of(const std::string& recording, const SourceOptions& options) {
+  if (const auto part = part_in(recording)) return understanding_of(part->recording, options);
   if (is_zip(recording))
     return unpacked(recording)->told_in_its_name(
         [&](const std::string& inside) { return understanding_of(inside, options); });
@@ -390,6 +392,7 @@ std::unique_ptr<Source> with_guesses(std::unique_ptr<Source> source, Trajectory 
 
 Trajectory recorded_truth(const fs::path& recording) {
   if (is_synthetic(recording.string())) return synthetic_truth(recording.string().substr(kSynthetic.size()));
+  if (const auto part = part_in(recording)) return recorded_truth(part->recording);
   if (is_zip(recording))
     return unpacked(recording)->told_in_its_name([](const std::string& inside) { return recorded_truth(inside); });
   if (is_ros_recording(recording)) return {};

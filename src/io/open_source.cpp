@@ -12,6 +12,7 @@
 #include "io/azure_kinect.hpp"
 #include "io/camera_file.hpp"
 #include "io/openni.hpp"
+#include "io/part.hpp"
 #include "io/recording.hpp"
 #include "io/ros_source.hpp"
 #include "io/sens.hpp"
@@ -90,6 +91,20 @@ class ZipSource final : public WrappedSource {
   std::shared_ptr<const UnpackedZip> zip_;
 };
 
+/// The frames of a part of a recording.
+class PartSource final : public WrappedSource {
+ public:
+  PartSource(std::unique_ptr<Source> source, std::string part)
+      : WrappedSource(std::move(source)), part_(std::move(part)) {}
+  std::string layout() const override { return fmt::format("part {} of a plan: {}", part_, source_->layout()); }
+  std::optional<double> next_timestamp() const override { return source_->next_timestamp(); }
+  void skip() override { source_->skip(); }
+  std::optional<Frame> next() override { return source_->next(); }
+
+ private:
+  std::string part_;
+};
+
 class WithColourOnDepth final : public WrappedSource {
  public:
   explicit WithColourOnDepth(std::unique_ptr<Source> source)
@@ -131,7 +146,24 @@ bool is_synthetic(std::string_view name) { return name.starts_with(kSynthetic); 
 
 namespace {
 
+std::unique_ptr<Source> open_part(const std::string& folder, const RecordingPart& part, SourceOptions options) {
+  std::error_code ignored;
+  if (!is_synthetic(part.recording) && !std::filesystem::exists(part.recording, ignored))
+    throw std::runtime_error(
+        fmt::format("{}: its recording, {}, is not there: bring it back to where it was", folder, part.recording));
+  const FrameRange range = options.range = in_recording(part, options.range);
+  auto source = open_source(part.recording, options);
+  const int frames = *range.end > range.begin ? (*range.end - range.begin - 1) / range.step + 1 : 0;
+  if (const auto size = source->size(); size && *size < frames)
+    throw std::runtime_error(
+        fmt::format("{}: its recording, {}, has fewer frames than it had when it was planned: "
+                    "bring back what it was",
+                    folder, part.recording));
+  return std::make_unique<PartSource>(std::move(source), part.name);
+}
+
 std::unique_ptr<Source> open_by_name(const std::string& name, const SourceOptions& options) {
+  if (const auto part = part_in(name)) return open_part(name, *part, options);
   const std::string extension = extension_of(name);
   if (name.starts_with(kSensor) || extension == ".oni") {
     const std::string uri = name.starts_with(kSensor) ? name.substr(kSensor.size()) : name;

@@ -12,6 +12,7 @@
 #include "base/words.hpp"
 #include "cairn/file_name.hpp"
 #include "cairn/source.hpp"
+#include "io/part.hpp"
 #include "io/zip_recording.hpp"
 
 namespace cairn {
@@ -138,6 +139,7 @@ std::unique_ptr<RosRecording> open_ros_recording(const fs::path& name) {
 }
 
 bool is_ros_recording(const std::string& name) {
+  if (const auto part = part_in(name)) return is_ros_recording(part->recording);
   if (is_zip(name)) return is_ros_recording(unpacked(name)->recording());
   std::error_code ignored;
   if (!fs::is_directory(name, ignored)) {

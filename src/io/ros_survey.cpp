@@ -15,6 +15,7 @@
 #include <tuple>
 
 #include "base/words.hpp"
+#include "io/part.hpp"
 #include "io/zip_recording.hpp"
 
 namespace cairn {
@@ -463,6 +464,7 @@ double time_of(const RosStream& stream, const RosMessage& message, const RosHead
 }
 
 std::vector<RecordedTopic> recorded_topics(const std::string& ros_recording) {
+  if (const auto part = part_in(ros_recording)) return recorded_topics(part->recording);
   if (is_zip(ros_recording))
     return unpacked(ros_recording)->told_in_its_name([](const std::string& inside) { return recorded_topics(inside); });
   const auto recording = open_ros_recording(ros_recording);

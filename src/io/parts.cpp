@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/parts.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "base/json_text.hpp"
+#include "base/read_whole.hpp"
+#include "cairn/atomic_file.hpp"
+#include "cairn/source.hpp"
+#include "io/part.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr const char* kPlanFile = "plan.json";
+constexpr std::string_view kPlanKind = "cairn plan";
+constexpr std::string_view kRemedy = "remove it, and make it again with `cairn plan`";
+constexpr int kMost = std::numeric_limits<int>::max();
+
+/// Three digits or more.
+std::string name_of_part(std::size_t number) { return fmt::format("{:03}", number); }
+
+/// As a plan keeps it.
+std::string whole_name(const std::string& recording) {
+  if (is_sensor(recording))
+    throw std::runtime_error(recording +
+                             ": is a sensor, which has no end: keep what it sees with `cairn record`, and plan that");
+  if (is_synthetic(recording)) return recording;
+  const fs::path path = fs::weakly_canonical(fs::absolute(recording));
+  std::string whole = (path.has_filename() ? path : path.parent_path()).string();
+  if (as_utf8(whole) != whole)
+    throw std::runtime_error(as_utf8(whole) + ": its name is not UTF-8, and a plan cannot keep it: rename it");
+  if (const auto part = part_in(whole))
+    throw std::runtime_error(
+        fmt::format("{}: is part {} of a plan: name its recording, {}", whole, part->name, part->recording));
+  return whole;
+}
+
+/// A colour camera that has to be found is not looked for: what is found differs from recording to recording.
+std::unique_ptr<Source> opened(const std::string& recording) {
+  return open_source(recording, {.find_colour_camera = false});
+}
+
+int frames_of(Source& source) {
+  if (const auto size = source.size()) return *size;
+  int frames = 0;
+  while (source.next()) ++frames;
+  return frames;
+}
+
+/// What of a rig is not as in another one; nothing where they are the same.
+std::optional<std::string> difference(const Rig& rig, const Rig& other) {
+  if (rig.has_same_cameras(other)) return std::nullopt;
+  const auto depth = [](const Rig& r) {
+    return fmt::format("{}x{}, fx {:.2f}", r.depth.width, r.depth.height, r.depth.fx);
+  };
+  if (depth(rig) != depth(other)) return fmt::format("depth {}, not {}", depth(rig), depth(other));
+  if (!(rig.depth == other.depth)) return "another depth camera";
+  if (!(rig.colour == other.colour)) return "another colour camera";
+  return rig.sensor == other.sensor ? "another place of its inertial sensor" : "another model of its depth";
+}
+
+/// The recording whose cameras all must have, with them.
+struct Cameras {
+  std::string recording;
+  Rig rig;
+};
+
+/// The first that the plan has, or else will have; one that is asked for now before another, which may be elsewhere.
+Cameras cameras_of(const PartsPlan& plan, const std::vector<std::string>& names) {
+  const auto has = [&](const std::string& name) {
+    return std::ranges::any_of(plan.recordings, [&](const auto& known) { return known.name == name; });
+  };
+  const auto known = std::ranges::find_if(names, has);
+  const std::string& name = known != names.end()      ? *known
+                            : plan.recordings.empty() ? names.front()
+                                                      : plan.recordings.front().name;
+  return {name, opened(name)->rig()};
+}
+
+/// Cuts the last recording: parts of equal length, which is `frames_per_part` and the overlap at most.
+void cut_last(PartsPlan& plan) {
+  const std::size_t recording = plan.recordings.size() - 1;
+  const int frames = plan.recordings[recording].frames;
+  const std::int64_t steps =
+      std::max(0, frames - plan.overlap);  // from the first part's begin to behind the last one's
+  const std::int64_t count = std::max<std::int64_t>(1, (steps + plan.frames_per_part - 1) / plan.frames_per_part);
+  for (std::int64_t i = 0; i < count; ++i) {
+    const auto begin = steps * i / count, end = steps * (i + 1) / count + plan.overlap;
+    plan.parts.push_back({.name = name_of_part(plan.parts.size()),
+                          .recording = recording,
+                          .begin = static_cast<int>(begin),
+                          .end = static_cast<int>(std::min<std::int64_t>(end, frames))});
+  }
+}
+
+void add(PartsPlan& plan, const std::string& name, const Cameras& cameras) {
+  const auto source = opened(name);
+  if (const auto what = difference(source->rig(), cameras.rig))
+    throw std::runtime_error(fmt::format("{}: was taken by another camera than {} ({}); make a plan for each camera",
+                                         name, cameras.recording, *what));
+  const int frames = frames_of(*source);
+  const auto known = std::ranges::find(plan.recordings, name, &PartsPlan::Recording::name);
+  if (known == plan.recordings.end()) {
+    if (frames < 1) throw std::runtime_error(name + ": holds no frame");
+    plan.recordings.push_back({.name = name, .frames = frames});
+    cut_last(plan);
+  } else if (known->frames != frames) {
+    throw std::runtime_error(
+        fmt::format("{}: has {} frames, and had {} when it was planned: bring back what it was, or keep what it is now "
+                    "under another name and plan that",
+                    name, frames, known->frames));
+  }
+}
+
+/// A file that would stay the same is not touched: programs that go by times see that nothing is new.
+void write_changed(const fs::path& file, const Json& json, Durable durable) {
+  const std::string text = json.dump(2) + "\n";
+  std::error_code ignored;
+  if (fs::is_regular_file(file, ignored) &&
+      std::ranges::equal(read_whole(file), text, {}, {}, [](char c) { return static_cast<std::uint8_t>(c); }))
+    return;
+  std::error_code error;
+  fs::create_directories(file.parent_path(), error);
+  if (error)
+    throw std::runtime_error(
+        fmt::format("cannot make the folder {}: {}; choose another", file.parent_path().string(), error.message()));
+  write_whole(file, text, durable);
+}
+
+/// plan.json comes last: what it tells of is there.
+void write(const PartsPlan& plan, const fs::path& folder) {
+  Json recordings = Json::array(), parts = Json::array();
+  for (const auto& r : plan.recordings) recordings.push_back({{"name", r.name}, {"frames", r.frames}});
+  for (const auto& p : plan.parts) {
+    parts.push_back({{"name", p.name}, {"recording", p.recording}, {"begin", p.begin}, {"end", p.end}});
+    write_changed(folder / "parts" / p.name / kPartFile,
+                  {{"kind", kPartKind},
+                   {"format", kPlanFormat},
+                   {"name", p.name},
+                   {"recording", plan.recordings[p.recording].name},
+                   {"begin", p.begin},
+                   {"end", p.end}},
+                  Durable::some_time);
+  }
+  write_changed(folder / kPlanFile,
+                {{"kind", kPlanKind},
+                 {"format", kPlanFormat},
+                 {"frames_per_part", plan.frames_per_part},
+                 {"overlap", plan.overlap},
+                 {"recordings", std::move(recordings)},
+                 {"parts", std::move(parts)}},
+                Durable::now);
+}
+
+void check(const PartsPlan& options) {
+  if (options.frames_per_part < 1)
+    throw std::runtime_error(fmt::format("PartsPlan::frames_per_part is {}: take 1 or more", options.frames_per_part));
+  if (options.overlap < 0 || options.overlap >= options.frames_per_part)
+    throw std::runtime_error(
+        fmt::format("PartsPlan::overlap is {}: take 0 or more, and less than PartsPlan::frames_per_part, {}",
+                    options.overlap, options.frames_per_part));
+}
+
+/// The plan that is there, or an empty one.
+PartsPlan begun(const fs::path& folder, const PartsPlan& options) {
+  if (fs::exists(folder / kPlanFile)) {
+    PartsPlan plan = read_plan(folder);
+    if (plan.frames_per_part != options.frames_per_part || plan.overlap != options.overlap)
+      throw std::runtime_error(fmt::format(
+          "{}: was made with PartsPlan::frames_per_part {} and PartsPlan::overlap {}: plan with these, or in "
+          "a new folder",
+          folder.string(), plan.frames_per_part, plan.overlap));
+    return plan;
+  }
+  for (const char* name : {"session", "report.json"})
+    if (fs::exists(folder / name))
+      throw std::runtime_error(fmt::format("{}: holds a map ({}); choose another folder", folder.string(), name));
+  return {.frames_per_part = options.frames_per_part, .overlap = options.overlap};
+}
+
+const nlohmann::json& list_at(const nlohmann::json& object, const char* key) {
+  const auto it = object.find(key);
+  if (it == object.end() || !it->is_array()) throw std::runtime_error(fmt::format("`{}` is no list", key));
+  return *it;
+}
+
+PartsPlan plan_from(const nlohmann::json& json) {
+  PartsPlan plan{.frames_per_part = whole_number_at(json, "frames_per_part", 1, kMost)};
+  plan.overlap = whole_number_at(json, "overlap", 0, plan.frames_per_part - 1);
+  for (const auto& r : list_at(json, "recordings"))
+    plan.recordings.push_back({.name = text_at(r, "name"), .frames = whole_number_at(r, "frames", 1, kMost)});
+  for (const auto& p : list_at(json, "parts")) {
+    PartsPlan::Part part{.name = text_at(p, "name")};
+    if (part.name != name_of_part(plan.parts.size()))
+      throw std::runtime_error(fmt::format("part {} has another name", name_of_part(plan.parts.size())));
+    const int recordings = static_cast<int>(plan.recordings.size());
+    part.recording = static_cast<std::size_t>(whole_number_at(p, "recording", 0, recordings - 1));
+    part.end = whole_number_at(p, "end", 1, plan.recordings[part.recording].frames);
+    part.begin = whole_number_at(p, "begin", 0, part.end - 1);
+    plan.parts.push_back(std::move(part));
+  }
+  return plan;
+}
+
+}  // namespace
+
+PartsPlan read_plan(const fs::path& folder) {
+  const fs::path file = folder / kPlanFile;
+  if (!fs::exists(file))
+    throw std::runtime_error(folder.string() +
+                             ": holds no plan.json: give the folder that `cairn plan` has made, or make it");
+  const auto json = read_plan_file(file, kPlanKind, kRemedy);
+  if (!json) throw std::runtime_error(file.string() + ": is no plan of `cairn plan`: choose another folder");
+  return told_as_damaged(file, kRemedy, [&] { return plan_from(*json); });
+}
+
+PartsPlan plan_parts(const std::vector<std::string>& recordings, const fs::path& folder, const PartsPlan& options) {
+  check(options);
+  PartsPlan plan = begun(folder, options);
+  std::vector<std::string> names;  // each once
+  for (const std::string& recording : recordings)
+    if (std::string name = whole_name(recording); std::ranges::find(names, name) == names.end())
+      names.push_back(std::move(name));
+  if (names.empty()) throw std::runtime_error(folder.string() + ": no recording is given to plan");
+  const Cameras cameras = cameras_of(plan, names);
+  for (const std::string& name : names) add(plan, name, cameras);
+  write(plan, folder);
+  return plan;
+}
+
+}  // namespace cairn

@@ -1,0 +1,404 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/parts.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <nlohmann/json.hpp>
+
+#include "cairn/inspect.hpp"
+#include "cairn/source.hpp"
+#include "cairn/trajectory.hpp"
+#include "support/files.hpp"
+#include "support/recordings.hpp"
+#include "support/ros_files.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using Ranges = std::vector<std::pair<int, int>>;
+
+Ranges ranges_of(const PartsPlan& plan, std::size_t recording = 0) {
+  Ranges ranges;
+  for (const auto& part : plan.parts)
+    if (part.recording == recording) ranges.emplace_back(part.begin, part.end);
+  return ranges;
+}
+
+/// Small depth images alone.
+void write_recording(const fs::path& folder, int frames) {
+  write_small_recording(folder, {.frames = frames, .colour = false});
+}
+
+struct Plan {
+  TemporaryFolder folder;
+  const fs::path at = folder / "plan";
+  [[nodiscard]] std::string part(const std::string& name) const { return (at / "parts" / name).string(); }
+  PartsPlan of(const std::vector<std::string>& recordings, int frames_per_part, int overlap) const {
+    return plan_parts(recordings, at, {.frames_per_part = frames_per_part, .overlap = overlap});
+  }
+  /// A recording of 12 frames as two parts: frames 0 to 6, and 5 to 11.
+  std::string of_twelve() const {
+    const std::string recording = (folder / "walk").string();
+    write_recording(recording, 12);
+    EXPECT_EQ(ranges_of(of({recording}, 5, 2)), (Ranges{{0, 7}, {5, 12}}));
+    return recording;
+  }
+};
+
+std::vector<int> indices_of(const std::string& name, const FrameRange& range = {}) {
+  const auto source = open_source(name, {.range = range});
+  std::vector<int> indices;
+  const auto told = source->size();
+  while (const auto frame = source->next()) indices.push_back(frame->index);
+  EXPECT_EQ(told, static_cast<int>(indices.size()));
+  return indices;
+}
+
+void expect_error(const std::string& error, const std::vector<std::string>& words) {
+  for (const std::string& word : words) EXPECT_NE(error.find(word), std::string::npos) << word << "\n" << error;
+  EXPECT_EQ(error.find('\n'), std::string::npos) << error;
+  EXPECT_EQ(error.find("json.exception"), std::string::npos) << error;
+}
+
+TEST(Parts, AreOfEqualLengthAndOverlap) {
+  const Plan plan;
+  EXPECT_EQ(ranges_of(plan.of({"synthetic:room"}, 100, 20)), (Ranges{{0, 113}, {93, 206}, {186, 300}}));
+}
+
+TEST(Parts, AreOneWhereTheRecordingIsNoLonger) {
+  EXPECT_EQ(ranges_of(Plan().of({"synthetic:room"}, 300, 20)), (Ranges{{0, 300}}));
+  EXPECT_EQ(ranges_of(Plan().of({"synthetic:room"}, 280, 20)), (Ranges{{0, 300}}));
+  EXPECT_EQ(ranges_of(Plan().of({"synthetic:room"}, 279, 20)).size(), 2u);
+  EXPECT_EQ(ranges_of(Plan().of({"synthetic:room"}, 1000, 400)), (Ranges{{0, 300}}));
+}
+
+TEST(Parts, OfAPlanAreReadAsTheyWereWritten) {
+  const Plan plan;
+  const PartsPlan made = plan.of({"synthetic:room", "synthetic:plane"}, 200, 10), read = read_plan(plan.at);
+  EXPECT_EQ(read.frames_per_part, 200);
+  EXPECT_EQ(read.overlap, 10);
+  ASSERT_EQ(read.recordings.size(), 2u);
+  EXPECT_EQ(read.recordings[1].name, "synthetic:plane");
+  EXPECT_EQ(read.recordings[1].frames, 300);
+  ASSERT_EQ(read.parts.size(), 4u);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(read.parts[i].name, "00" + std::to_string(i));
+    EXPECT_EQ(read.parts[i].recording, i / 2);
+  }
+  EXPECT_EQ(ranges_of(read), ranges_of(made));
+  EXPECT_EQ(ranges_of(read, 1), ranges_of(made, 1));
+}
+
+TEST(Parts, StayAsTheyAreWhereAPlanGrows) {
+  const Plan plan;
+  plan.of({"synthetic:room"}, 150, 10);
+  const auto long_ago = fs::file_time_type::clock::now() - std::chrono::hours(5);
+  const auto all = [&] {
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::recursive_directory_iterator(plan.at))
+      if (entry.is_regular_file()) files.push_back(entry.path());
+    return files;
+  };
+  const auto old = all();
+  ASSERT_EQ(old.size(), 3u);  // two parts, and the plan
+  for (const fs::path& file : old) fs::last_write_time(file, long_ago);
+  const auto bytes = bytes_below(plan.at);
+  const auto is_untouched = [&](const fs::path& file) { return fs::last_write_time(file) == long_ago; };
+
+  plan.of({"synthetic:room"}, 150, 10);
+  EXPECT_TRUE(std::ranges::all_of(all(), is_untouched));
+
+  const PartsPlan grown = plan.of({"synthetic:plane"}, 150, 10);
+  EXPECT_EQ(grown.recordings.size(), 2u);
+  EXPECT_EQ(all().size(), 5u);
+  EXPECT_EQ(ranges_of(grown), ranges_of(grown, 1));
+  for (const fs::path& file : old) EXPECT_EQ(is_untouched(file), file.filename() != "plan.json") << file;
+  for (const auto& [name, content] : bytes_below(plan.at / "parts"))
+    if (bytes.contains("parts/" + name)) {
+      EXPECT_EQ(bytes.at("parts/" + name), content) << name;
+    }
+  EXPECT_EQ(grown.parts[2].name, "002");
+}
+
+TEST(Parts, AreMadeAgainWhereTheyAreGone) {
+  const Plan plan;
+  const std::string recording = plan.of_twelve();
+  const auto bytes = bytes_below(plan.at);
+  fs::remove_all(plan.part("000"));
+  write_text(plan.part("001") + "/part.json", "{");
+  plan.of({recording}, 5, 2);
+  EXPECT_EQ(bytes_below(plan.at), bytes);
+}
+
+TEST(Parts, OfTheSameRecordingAreMadeOnce) {
+  const Plan plan;
+  const std::string recording = plan.of_twelve();
+  const auto here = fs::relative(recording).string();
+  const PartsPlan again = plan.of({recording, recording + "/", recording + "/../walk/.", here}, 5, 2);
+  ASSERT_EQ(again.recordings.size(), 1u);
+  EXPECT_EQ(again.recordings[0].name, fs::canonical(recording).string());
+  EXPECT_EQ(again.parts.size(), 2u);
+}
+
+TEST(Parts, OpenAsTheFramesOfTheirRecording) {
+  const Plan plan;
+  const std::string recording = plan.of_twelve();
+  const auto part = open_source(plan.part("001")), whole = open_source(recording);
+  EXPECT_EQ(part->rig(), whole->rig());
+  EXPECT_EQ(part->layout(), "part 001 of a plan: " + whole->layout());
+  EXPECT_EQ(part->size(), 7);
+  for (int i = 0; i < 12; ++i) {
+    const auto expected = whole->next();
+    ASSERT_TRUE(expected);
+    if (i < 5) continue;
+    EXPECT_EQ(part->next_timestamp(), expected->timestamp);
+    const auto frame = part->next();
+    ASSERT_TRUE(frame);
+    EXPECT_EQ(frame->index, i);
+    EXPECT_EQ(frame->timestamp, expected->timestamp);
+    EXPECT_EQ(frame->depth, expected->depth);
+  }
+  EXPECT_FALSE(part->next());
+  EXPECT_EQ(indices_of(plan.part("000")), (std::vector{0, 1, 2, 3, 4, 5, 6}));
+  EXPECT_EQ(first_index(plan.part("000")), 0);
+  EXPECT_EQ(first_index(plan.part("001")), 5);
+  EXPECT_EQ(first_index(recording), 0);
+}
+
+TEST(Parts, OfAScenePassOverWhatComesBefore) {
+  const Plan plan;
+  plan.of({"synthetic:room"}, 150, 10);
+  const auto source = open_source(plan.part("001"), {.range = {.end = 2}});
+  EXPECT_EQ(source->size(), 2);
+  const auto frame = source->next();
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->index, 145);
+  EXPECT_EQ(frame->timestamp, 145 / 30.0);
+}
+
+TEST(Parts, HaveRangesThatCountWithinThem) {
+  const Plan plan;
+  plan.of_twelve();
+  EXPECT_EQ(indices_of(plan.part("001"), {.begin = 1, .end = 6, .step = 2}), (std::vector{6, 8, 10}));
+  EXPECT_EQ(indices_of(plan.part("000"), {.begin = 5}), (std::vector{5, 6}));
+  EXPECT_EQ(indices_of(plan.part("000"), {.end = 100, .step = 3}), (std::vector{0, 3, 6}));
+  EXPECT_EQ(indices_of(plan.part("000"), {.begin = 7}), std::vector<int>{});
+  EXPECT_EQ(indices_of(plan.part("000"), {.begin = std::numeric_limits<int>::max(), .step = 9}), std::vector<int>{});
+}
+
+TEST(Parts, HaveTheTruthOfTheirRecording) {
+  const Plan plan;
+  const std::string recording = (plan.folder / "walk").string();
+  write_small_recording(recording, {.frames = 6});
+  const Scene scene = synthetic_scene("room");
+  Trajectory truth;
+  for (int i = 0; i < 6; ++i) truth.push_back({i / 30.0, scene.world_from_camera(i / 30.0)});
+  write_trajectory(recording + "/groundtruth.txt", truth);
+  plan.of({recording}, 3, 1);
+  const Trajectory of_part = recorded_truth(plan.part("001"));
+  ASSERT_EQ(of_part.size(), 6u);
+  EXPECT_TRUE(of_part[5].world_from_camera.isApprox(truth[5].world_from_camera, 1e-5));
+  EXPECT_EQ(understanding_of(plan.part("001")).size(), understanding_of(recording).size());
+}
+
+/// Depth of `frames` frames in a recording of ROS; without an index nobody knows how many there are.
+void write_bag(const fs::path& file, int frames, bool indexed) {
+  constexpr ros::Wire kWire = ros::Wire::ros1;
+  constexpr std::int64_t kFirst = 1'700'000'000'000'000'000, kStep = 33'000'000;  // ns
+  const Camera camera{32, 24, 26.25, 26.25, 15.5, 11.5, {}};
+  ros::Messages messages;
+  for (int i = 0; i < frames; ++i) {
+    const std::int64_t stamp = kFirst + i * kStep;
+    const std::vector<std::uint16_t> depth(32u * 24u, static_cast<std::uint16_t>(1000 + i));
+    messages.push_back({"/depth/camera_info", "sensor_msgs/CameraInfo", stamp,
+                        ros::camera_info(kWire, "depth", camera, "plumb_bob", {0, 0, 0, 0, 0})});
+    messages.push_back(
+        {"/depth/image_raw", "sensor_msgs/Image", stamp,
+         ros::image(kWire, {stamp,
+                            "depth",
+                            32,
+                            24,
+                            "16UC1",
+                            {reinterpret_cast<const char*>(depth.data()), depth.size() * sizeof(std::uint16_t)},
+                            2})});
+  }
+  write_text(file, ros::bag(messages, {.indexed = indexed}));
+}
+
+TEST(Parts, AreCutWhereFramesAreOnlyReadInOrder) {
+  for (const bool indexed : {true, false}) {
+    const Plan plan;
+    const std::string bag = (plan.folder / "a.bag").string();
+    write_bag(bag, 9, indexed);
+    EXPECT_EQ(open_source(bag)->size().has_value(), indexed);
+    EXPECT_EQ(ranges_of(plan.of({bag}, 4, 1)), (Ranges{{0, 5}, {4, 9}}));
+    const auto source = open_source(plan.part("001"), {.range = {.begin = 1, .end = 4, .step = 2}});
+    for (const int i : {5, 7}) {
+      const auto frame = source->next();
+      ASSERT_TRUE(frame);
+      EXPECT_EQ(frame->index, i);
+      EXPECT_NEAR(frame->depth[0], 1 + 0.001 * i, 1e-6);
+    }
+    EXPECT_FALSE(source->next());
+    EXPECT_TRUE(is_ros_recording(plan.part("000")));
+    EXPECT_EQ(recorded_topics(plan.part("000")).size(), 2u);
+  }
+}
+
+TEST(Parts, OfTwoCamerasAreNoPlan) {
+  const Plan plan;
+  const std::string small = plan.of_twelve();
+  const auto bytes = bytes_below(plan.at);
+  expect_error(error_of([&] { plan.of({"synthetic:room"}, 5, 2); }),
+               {"synthetic:room: was taken by another camera than ", fs::canonical(small).string(),
+                "depth 640x480, fx 525.00, not 160x120, fx 131.25", "make a plan for each camera"});
+  EXPECT_EQ(bytes_below(plan.at), bytes);
+  const Plan other;
+  expect_error(error_of([&] {
+                 other.of({"synthetic:room", small}, 5, 2);
+               }),
+               {fs::canonical(small).string() + ": was taken by another camera than synthetic:room"});
+  EXPECT_FALSE(fs::exists(other.at));
+}
+
+TEST(Parts, AreOfRecordingsAlone) {
+  const Plan plan;
+  const std::string recording = plan.of_twelve();
+  expect_error(error_of([&] { plan.of({"openni:"}, 5, 2); }), {"openni:: is a sensor", "`cairn record`"});
+  expect_error(error_of([&] { plan.of({plan.part("001")}, 5, 2); }),
+               {plan.part("001") + ": is part 001 of a plan: name its recording, "});
+  expect_error(error_of([&] { plan.of({(plan.folder / "nowhere").string()}, 5, 2); }), {"nowhere: there is no such"});
+  expect_error(error_of([&] { plan.of({}, 5, 2); }), {"no recording"});
+  fs::create_directories(plan.folder / "map");
+  write_text(plan.folder / "map" / "report.json", "{}");
+  expect_error(error_of([&] { plan_parts({recording}, plan.folder / "map", {}); }),
+               {"map: holds a map (report.json); choose another folder"});
+}
+
+TEST(Parts, OfOtherLengthsAreAnotherPlan) {
+  const Plan plan;
+  const std::string recording = plan.of_twelve();
+  expect_error(error_of([&] { plan.of({recording}, 6, 2); }),
+               {"was made with PartsPlan::frames_per_part 5 and PartsPlan::overlap 2"});
+  expect_error(error_of([&] { plan.of({recording}, 5, 1); }), {"was made with"});
+  expect_error(error_of([&] { Plan().of({recording}, 5, 5); }), {"PartsPlan::overlap is 5: take 0 or more, and less"});
+  expect_error(error_of([&] { Plan().of({recording}, 5, -1); }), {"PartsPlan::overlap is -1"});
+  expect_error(error_of([&] { Plan().of({recording}, 0, 0); }), {"PartsPlan::frames_per_part is 0"});
+}
+
+TEST(Parts, AreNotThoseOfARecordingThatChanged) {
+  const Plan plan;
+  const std::string recording = plan.of_twelve();
+  fs::remove_all(recording);
+  write_recording(recording, 11);
+  expect_error(error_of([&] { plan.of({recording}, 5, 2); }),
+               {fs::canonical(recording).string() + ": has 11 frames, and had 12 when it was planned"});
+  EXPECT_EQ(indices_of(plan.part("000")).size(), 7u);
+  expect_error(error_of([&] { (void)open_source(plan.part("001")); }),
+               {plan.part("001") + ": its recording, ", "has fewer frames"});
+  fs::remove_all(recording);
+  expect_error(error_of([&] { (void)open_source(plan.part("001")); }),
+               {plan.part("001") + ": its recording, ", "is not there: bring it back"});
+}
+
+/// What reading a plan says after `change` of its plan.json.
+std::string error_of_plan(const Plan& plan, const std::function<void(nlohmann::json&)>& change) {
+  auto json = nlohmann::json::parse(read_bytes(plan.at / "plan.json"));
+  const std::string before = read_bytes(plan.at / "plan.json");
+  change(json);
+  write_text(plan.at / "plan.json", json.dump());
+  const std::string error = error_of([&] { (void)read_plan(plan.at); });
+  write_text(plan.at / "plan.json", before);
+  (void)read_plan(plan.at);
+  return error;
+}
+
+TEST(Parts, OfADamagedPlanAreRefused) {
+  const Plan plan;
+  plan.of_twelve();
+  const std::string file = (plan.at / "plan.json").string();
+  const std::pair<std::string, std::function<void(nlohmann::json&)>> changes[] = {
+      {"`overlap` is missing", [](auto& j) { j.erase("overlap"); }},
+      {"`overlap` is no whole number from 0 to 4", [](auto& j) { j["overlap"] = 5; }},
+      {"`frames_per_part` is no whole number", [](auto& j) { j["frames_per_part"] = "5"; }},
+      {"`recordings` is no list", [](auto& j) { j["recordings"] = 1; }},
+      {"`name` is no text", [](auto& j) { j["recordings"][0]["name"] = 1; }},
+      {"`name` is missing", [](auto& j) { j["recordings"][0] = 1; }},
+      {"`frames` is no whole number", [](auto& j) { j["recordings"][0]["frames"] = 1.5; }},
+      {"`frames` is no whole number", [](auto& j) { j["recordings"][0]["frames"] = 1e300; }},
+      {"part 001 has another name", [](auto& j) { j["parts"][1]["name"] = "../001"; }},
+      {"`recording` is no whole number", [](auto& j) { j["parts"][0]["recording"] = 1; }},
+      {"`recording` is no whole number", [](auto& j) { j["recordings"] = nlohmann::json::array(); }},
+      {"`end` is no whole number from 1 to 12", [](auto& j) { j["parts"][1]["end"] = 13; }},
+      {"`begin` is no whole number from 0 to 11", [](auto& j) { j["parts"][1]["begin"] = 12; }}};
+  for (const auto& [what, change] : changes)
+    expect_error(error_of_plan(plan, change),
+                 {file + ": is damaged: " + what, "remove it, and make it again with `cairn plan`"});
+  const std::string whole = read_bytes(file);
+  for (const std::string& text : {whole.substr(0, whole.size() / 2), std::string(), std::string("\xff\xfe")}) {
+    write_text(file, text);
+    expect_error(error_of([&] { (void)read_plan(plan.at); }), {file + ": is damaged: is no JSON", "`cairn plan`"});
+  }
+  for (const char* text : {"[1]", "{}", R"({"kind": 3, "format": 1})"}) {
+    write_text(file, text);
+    expect_error(error_of([&] { (void)read_plan(plan.at); }), {file + ": is no plan"});
+  }
+  fs::remove(file);
+  expect_error(error_of([&] { (void)read_plan(plan.at); }), {plan.at.string() + ": holds no plan.json"});
+}
+
+TEST(Parts, OfAnotherVersionAreRefused) {
+  const Plan plan;
+  const std::string recording = plan.of_twelve();
+  for (const auto& format : {nlohmann::json(2), nlohmann::json("1"), nlohmann::json()}) {
+    const auto change = [&](auto& j) { j["format"] = format; };
+    expect_error(
+        error_of_plan(plan, change),
+        {(plan.at / "plan.json").string() + ": was made by another version of Cairn; make it again with `cairn plan`"});
+  }
+  write_text(plan.part("000") + "/part.json", R"({"kind": "cairn part", "format": 2})");
+  expect_error(error_of([&] { (void)open_source(plan.part("000")); }),
+               {plan.part("000") + "/part.json: was made by another version of Cairn"});
+}
+
+TEST(Parts, ThatAreDamagedAreRefused) {
+  const Plan plan;
+  const std::string recording = plan.of_twelve(), file = plan.part("001") + "/part.json";
+  const auto good = nlohmann::json::parse(read_bytes(file));
+  const auto expect_damaged = [&](const std::string& text, const std::string& what) {
+    write_text(file, text);
+    expect_error(error_of([&] { (void)open_source(plan.part("001")); }), {file + ": is damaged: " + what});
+    expect_error(error_of([&] { (void)recorded_truth(plan.part("001")); }), {what});
+  };
+  const auto changed = [&](const char* key, const nlohmann::json& value) {
+    auto json = good;
+    json[key] = value;
+    return json.dump();
+  };
+  expect_damaged("", "is no JSON");
+  expect_damaged(good.dump().substr(0, 40), "is no JSON");
+  expect_damaged(changed("begin", 12), "`begin` is no whole number from 0 to 11");
+  expect_damaged(changed("begin", -1), "`begin`");
+  expect_damaged(changed("end", 3e9), "`end` is no whole number");
+  expect_damaged(changed("recording", 3), "`recording` is no text");
+  expect_damaged(changed("recording", "walk"), "`recording` is no whole path");
+  expect_damaged(changed("recording", plan.part("001")), "`recording` is itself a part of a plan");
+  expect_damaged(changed("recording", plan.part("000")), "`recording` is itself a part of a plan");
+}
+
+TEST(Parts, AreNotWhatOthersCallSo) {
+  const Plan plan;
+  const std::string recording = plan.of_twelve();
+  for (const char* text : {"[]", "{}", R"({"kind": "engine", "begin": 3})"}) {
+    write_text(recording + "/part.json", text);
+    EXPECT_EQ(open_source(recording)->size(), 12);
+    EXPECT_EQ(indices_of(plan.part("001")).size(), 7u);
+  }
+}
+
+}  // namespace
+}  // namespace cairn
