@@ -16,6 +16,7 @@ void add_synth(CLI::App& program);
 void add_esdf(CLI::App& program);
 void add_graph(CLI::App& program);
 void add_merge(CLI::App& program);
+void add_plan(CLI::App& program);
 void add_convert(CLI::App& program);
 void add_info(CLI::App& program);
 void add_calibrate(CLI::App& program);

@@ -37,6 +37,8 @@ constexpr std::array kFlags{
     Words{"SourceOptions::camera", "--camera"},
     Words{"SourceOptions::depth_topic", "--topic"},
     Words{"SourceOptions::colour_topic", "--topic"},
+    Words{"PartsPlan::frames_per_part", "--frames-per-part"},
+    Words{"PartsPlan::overlap", "--overlap"},
     Words{"begin a new session", "reconstruct again without --resume"},
 };
 

@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "cairn/parts.hpp"
 #include "command_line.hpp"
 #include "command_tree.hpp"
 #include "console.hpp"
@@ -145,9 +146,11 @@ Options options_of(const RunArguments& a, const SensorModel& sensor, int finest_
 }
 
 Beginning beginning(const RunArguments& a, FrameRange range) {
+  const int first = first_index(a.sequence);
   Beginning begin{.progressed = {.recording = identity(a.sequence, source_options(a.sequence, a.camera, a.topics)),
                                  .hold_out = {.every = a.hold_out.value_or(0), .range = range}},
                   .range = range};
+  begin.progressed.hold_out.range.begin += first;
   if (!a.resume) return begin;
   Progressed before;
   const std::string note = Session::info(a.output / "session").note;
@@ -164,7 +167,7 @@ Beginning beginning(const RunArguments& a, FrameRange range) {
           "--hold-out {}: {} was begun with {}; go on without the option, or begin again with --overwrite", *a.hold_out,
           (a.output / "session").string(), every == 0 ? "no frame held out" : fmt::format("--hold-out {}", every)));
     begin.progressed = std::move(before);
-    while (begin.range.begin < begin.progressed.next) begin.range.begin += begin.range.step;
+    while (first + begin.range.begin < begin.progressed.next) begin.range.begin += begin.range.step;
   }
   return begin;
 }
