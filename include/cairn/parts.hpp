@@ -9,10 +9,13 @@
 //   PLAN/loops/003-017.json    where two maps see the same
 //   PLAN/session/, ...         the map of all, see docs/formats.md
 #pragma once
+#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <string>
 #include <vector>
+
+#include "cairn/export.hpp"
 
 namespace cairn {
 
@@ -49,5 +52,59 @@ PartsPlan plan_parts(const std::vector<std::string>& recordings, const std::file
 /// Frame::index of the first frame of a recording, by its name: 0, but of a part, whose frames are its recording's.
 /// Ranges (SourceOptions::range) count from it.
 [[nodiscard]] int first_index(const std::string& recording);
+
+/// What match_maps did.
+struct MatchedMaps {
+  int compared = 0, loops = 0;  ///< keyframes of the second map; those that see a place of the first
+};
+
+/// Looks for the keyframes of one map among those of another, by corners and then by aligning their depth images both
+/// ways, and writes the loops that it finds: docs/formats.md. Both are folders that `cairn reconstruct` has made, of
+/// which nothing but their sessions is read, and of these no voxels that were put away. Throws std::runtime_error for
+/// maps of different cameras or voxels.
+MatchedMaps match_maps(const std::filesystem::path& first, const std::filesystem::path& second,
+                       const std::filesystem::path& file, int device = -1);
+
+/// A part in the map of all.
+struct JoinedPart {
+  std::string name;
+  std::string left_out;           ///< why it is not in the map; empty: it is
+  int frames = 0, keyframes = 0;  ///< of its own map
+  int recording = 0;              ///< of the plan
+  double moved = 0;               ///< metres since the last time, its keyframe that moved most; none: 0
+};
+
+/// What optimise_parts did.
+struct OptimisedParts {
+  std::vector<JoinedPart> parts;
+  int loops = 0, believed = 0;       ///< between parts; those that agree with each other and with the rest
+  int overlaps = 0;                  ///< frames that two parts of a recording share and that tie them
+  int keyframes = 0, submaps = 0;    ///< of all parts that are joined
+  int cells = 0, changed_cells = 0;  ///< of the map, and those that have to be made (again)
+  double cost_before = 0, cost = 0;  ///< of the pose graph
+  double seconds = 0;                ///< that the graph took
+};
+
+/// Lays all maps of a plan to each other, by frames that parts of a recording share and by loops between them, moves
+/// their keyframes to where all agree best, and writes the map of all: PLAN/session, which leaves keyframes and voxels
+/// where they are, and PLAN/cells/X,Y,Z.json, what each cell of the map is made of. Parts without a map, and those that
+/// nothing joins with the largest piece, are left out. What hardly moves since the last time (a quarter of a voxel)
+/// stays exactly where it was, so that the cells of a new recording are the only ones that change. Throws
+/// std::runtime_error where no part has a map, and for maps of different cameras or voxels.
+OptimisedParts optimise_parts(const std::filesystem::path& plan);
+
+/// Metres a side of a cell of a map with such voxels.
+[[nodiscard]] double cell_side(double voxel_size);
+
+/// Makes one cell of a plan's map: writes FOLDER/tileset.json and its tiles, and FOLDER/map.vdb, each whole or not at
+/// all. Borders are those of the neighbours to the last bit. `cell`: as PLAN/cells names it. Throws std::runtime_error
+/// for a cell that the map does not reach.
+Exported export_cell(const std::filesystem::path& plan, const std::array<int, 3>& cell,
+                     const std::filesystem::path& folder, const ExportOptions& options = {},
+                     const ExportProgress& progress = {}, int device = -1);
+
+/// Writes a tileset over the cells of a plan's map that are there, PLAN/tiles/X,Y,Z/tileset.json. Returns how many.
+/// Throws std::runtime_error naming a cell that has not been made.
+int write_cells_tileset(const std::filesystem::path& plan, const std::filesystem::path& file);
 
 }  // namespace cairn

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "cairn/mapper.hpp"
 
@@ -21,7 +22,7 @@ namespace cairn {
 class Session {
  public:
   /// The format that is written, and the oldest that is read: that of the version before.
-  static constexpr int kFormat = 12, kOldestFormat = 9;
+  static constexpr int kFormat = 13, kOldestFormat = 9;
 
   /// Begins a session. One that is there stays until this one's first checkpoint. Throws std::runtime_error while
   /// somebody else writes there.
@@ -63,6 +64,13 @@ class Session {
     int compared = 0, loops = 0;  ///< keyframes of the other session; loops to this one
     bool joined = false;          ///< the loops that agree join the two
   };
+  /// Makes a session in `to` of those in `maps`, of which each is compared with those before it: their maps lie to each
+  /// other as what they see in common says, and all keyframes where tracking and loops agree best. Memory holds one or
+  /// two of them at a time. The sessions that are given stay as they are, and are not needed any more. Returns by map
+  /// what joins it with those before it. Throws std::runtime_error when cameras or voxels differ, and, without
+  /// `allow_apart`, for a map that nothing joins with most of the others; then nothing is written.
+  static std::vector<Merged> join(const std::vector<std::filesystem::path>& maps, const std::filesystem::path& to,
+                                  bool allow_apart = false, int device = -1);
   /// Adds the map of the session in `other` to this session's mapper, by what both have seen. Nothing in `other`
   /// changes. Throws std::runtime_error when cameras or voxels differ.
   static Merged merge(Mapper& mapper, const std::filesystem::path& other, int device = -1);

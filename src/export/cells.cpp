@@ -13,8 +13,16 @@ constexpr int kUsualCell = 64, kUsualTile = 32;  // bricks a side
 
 }  // namespace
 
-Cells::Cells(const std::vector<Brick>& bricks, float brick_size, bool as_tiles, const ExportOptions& options) {
-  if (options.cell_size > 0)
+int Cells::margin(const CleanOptions& clean, float brick_size) {
+  return 2 + static_cast<int>(std::max(3 * clean.min_piece, clean.fill_holes) / brick_size);
+}
+
+Cells::Cells(const std::vector<Brick>& bricks, float brick_size, bool as_tiles, const ExportOptions& options,
+             const std::optional<Brick>& block) {
+  static_assert(kBlockSide == kUsualTile << kBlockLevels);
+  if (block)
+    side_ = kUsualTile;
+  else if (options.cell_size > 0)
     side_ = std::max(4, static_cast<int>(std::lround(options.cell_size / brick_size)));
   else if (as_tiles || bricks.size() > kOneNode)
     side_ = as_tiles ? kUsualTile : kUsualCell;
@@ -23,10 +31,11 @@ Cells::Cells(const std::vector<Brick>& bricks, float brick_size, bool as_tiles, 
     return;
   }
   side_length_ = static_cast<float>(side_) * brick_size;
-  origin_ = cell_of(bricks[0], side_);
-  for (const Brick& b : bricks) origin_ = origin_.cwiseMin(cell_of(b, side_));
+  origin_ = block ? Brick(*block * (kBlockSide / side_)) : cell_of(bricks[0], side_);
+  if (!block)
+    for (const Brick& b : bricks) origin_ = origin_.cwiseMin(cell_of(b, side_));
   for (const Brick& b : bricks) cells_[key(cell_of(b, side_) - origin_)].push_back(b);
-  margin_ = 2 + static_cast<int>(std::max(3 * options.clean.min_piece, options.clean.fill_holes) / brick_size);
+  margin_ = margin(options.clean, brick_size);
 }
 
 std::vector<Brick> Cells::around(const Key& cell) const {

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <vector>
 
 #include "cairn/export.hpp"
@@ -17,8 +18,14 @@ namespace cairn {
 class Cells {
  public:
   using Key = std::array<int, 3>;
-  /// `brick_size`: metres. `as_tiles`: cells of a tileset, also where the map is small.
-  Cells(const std::vector<Brick>& bricks, float brick_size, bool as_tiles, const ExportOptions& options);
+  /// `brick_size`: metres. `as_tiles`: cells of a tileset, also where the map is small. `block`: of a part of a map
+  /// alone, which is counted in blocks of kBlockSide bricks; its cells are 0 to 3, and those around it lie around them.
+  Cells(const std::vector<Brick>& bricks, float brick_size, bool as_tiles, const ExportOptions& options,
+        const std::optional<Brick>& block = {});
+  /// What is made at once of a map that is larger than a machine, and the levels of detail in it.
+  static constexpr int kBlockLevels = 2, kBlockSide = 32 << kBlockLevels;  // bricks
+  /// Bricks around a cell that tell what is made of its surface.
+  [[nodiscard]] static int margin(const CleanOptions& clean, float brick_size);
 
   /// Whether all is one cell.
   [[nodiscard]] bool is_whole() const { return side_ == 0; }

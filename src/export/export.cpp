@@ -53,7 +53,7 @@ Exported export_surface(const ExportInput& input, const fs::path& file, const Ex
                 .file = file,
                 .options = options,
                 .progress = progress,
-                .cells = Cells(input.bricks, input.volume.brick_size(), is_tileset(file), options)};
+                .cells = Cells(input.bricks, input.volume.brick_size(), is_tileset(file), options, input.block)};
   run.effort.charts = Effort::kChartsOfNone + Effort::kChartsOfAll * left_of(run);
   run.effort.whole = effort_of(run);
   run.triangles_left = options.simplify.triangles;

@@ -3,6 +3,7 @@
 // From the volume to a file: cell by cell mesh, clean, simplify, texture, write.
 #pragma once
 #include <functional>
+#include <optional>
 #include <span>
 
 #include "cairn/export.hpp"
@@ -28,6 +29,7 @@ struct ExportInput {
   std::vector<Trajectory> paths;  // in the world that is written
   Upright upright;                // how all else is turned to be there
   const SurfaceSigma& sigma;      // empty: not known
+  std::optional<Brick> block;     // of a tileset: that one alone, see Cells; `bricks` are those in and around it
 };
 
 /// By the extension of `file`, see write_mesh; also tileset.json, 3D Tiles 1.1 with levels of detail. Throws

@@ -6,6 +6,7 @@
 #include <malloc.h>
 
 #include <algorithm>
+#include <iterator>
 #include <stdexcept>
 #include <utility>
 
@@ -14,7 +15,9 @@
 #include "cairn/atomic_file.hpp"
 #include "cairn/file_name.hpp"
 #include "cairn/mapper.hpp"
+#include "export/cells.hpp"
 #include "export/export.hpp"
+#include "export/export_run.hpp"
 #include "export/graph_picture.hpp"
 #include "export/map_contents.hpp"
 #include "export/plan.hpp"
@@ -32,11 +35,13 @@ constexpr std::size_t kGridPart = 8192;                          // bricks: 32 M
 constexpr int kPointsShare = 30;                                 // of 100: what points take of an export of views
 constexpr std::uint64_t kViewMemory = std::uint64_t{512} << 20;  // bytes of keyframes on the device
 
-/// A keyframe's velocity from the frames around it, where they are close in time.
-template <class Frames, class Pose>
-Vector6d velocity_at(const Frames& frames, std::size_t i, const Pose& pose) {
+/// A keyframe's velocity from the frames around it, where they are close in time. `are_together`: whether two frames'
+/// poses are in one frame of reference.
+template <class Frames, class Pose, class AreTogether>
+Vector6d velocity_at(const Frames& frames, std::size_t i, const Pose& pose, const AreTogether& are_together) {
   constexpr double kMaxGap = 0.2;  // seconds between frames that tell the camera's velocity
-  const std::size_t a = i > 0 ? i - 1 : i, b = i + 1 < frames.size() ? i + 1 : i;
+  const std::size_t a = i > 0 && are_together(i - 1, i) ? i - 1 : i,
+                    b = i + 1 < frames.size() && are_together(i, i + 1) ? i + 1 : i;
   const double seconds = frames[b].timestamp - frames[a].timestamp;
   if (!(seconds > 0 && seconds < kMaxGap)) return Vector6d::Zero();
   return local_coordinates(pose(a).inverse() * pose(b)) / seconds;
@@ -46,11 +51,12 @@ std::vector<TextureKeyframe> given_keyframes(const MapState::GivenPoses& given) 
   std::vector<TextureKeyframe> keyframes;
   for (std::size_t k = 0; k < given.keyframes.size(); ++k) {
     const auto [i, delay] = given.keyframes[k];
-    keyframes.push_back(
-        {.image = k,
-         .world_from_camera = given.poses[i].world_from_camera,
-         .velocity = velocity_at(given.poses, i, [&](std::size_t j) { return given.poses[j].world_from_camera; }),
-         .colour_delay = delay});
+    keyframes.push_back({.image = k,
+                         .world_from_camera = given.poses[i].world_from_camera,
+                         .velocity = velocity_at(
+                             given.poses, i, [&](std::size_t j) { return given.poses[j].world_from_camera; },
+                             [](auto...) { return true; }),
+                         .colour_delay = delay});
   }
   return keyframes;
 }
@@ -62,13 +68,18 @@ std::vector<TextureKeyframe> texture_keyframes(const MapState& s) {
   const Atlas& atlas = s.back_end.atlas();
   const auto component_of = atlas.components();
   const std::size_t main = atlas.keyframes.empty() ? 0 : atlas.main_component();
+  std::vector<std::size_t> piece(atlas.keyframes.size(), 0);  // that was tracked without a break
+  for (std::size_t k = 1; k < piece.size(); ++k) piece[k] = atlas.keyframes[k].follows ? piece[k - 1] : k;
   for (std::size_t i = 0; i < atlas.frames.size(); ++i) {
     const std::size_t k = atlas.frames[i].keyframe;
     if (component_of[k] != main || (i > 0 && atlas.frames[i - 1].keyframe == k)) continue;
     keyframes.push_back({.image = k,
                          .world_from_camera = atlas.world_from_camera[k],
                          .velocity = velocity_at(
-                             atlas.frames, i, [&](std::size_t j) { return atlas.submap_from_camera(atlas.frames[j]); }),
+                             atlas.frames, i, [&](std::size_t j) { return atlas.submap_from_camera(atlas.frames[j]); },
+                             [&](std::size_t a, std::size_t b) {
+                               return piece[atlas.frames[a].keyframe] == piece[atlas.frames[b].keyframe];
+                             }),
                          .colour_delay = atlas.keyframes[k].colour_delay - s.tracker.clock_offset()});
   }
   return keyframes;
@@ -94,6 +105,13 @@ ExportProgress part_of(const ExportProgress& whole, int begin, int end) {
   return [&whole, begin, end](int done, int count, const std::string& next) {
     whole(begin * count + (end - begin) * done, 100 * count, next);
   };
+}
+
+/// So much of a grid is added at a time.
+void add_parts(GridsWriter& writer, WorldParts& parts, std::vector<Brick> bricks, const LoadSubmap& load) {
+  std::sort(bricks.begin(), bricks.end(), before_in_grid);
+  for (std::size_t i = 0; i < bricks.size(); i += kGridPart)
+    writer.add(parts.make(std::span(bricks).subspan(i, std::min(kGridPart, bricks.size() - i)), load));
 }
 
 class MapperContents final : public Map::Contents {
@@ -194,11 +212,7 @@ void MapperContents::write_grids(const fs::path& file, Axes axes) {
     return writer.write(tree, field.get());
   }
   WorldParts parts = this->parts();
-  std::vector<Brick> bricks = parts.bricks();
-  std::sort(bricks.begin(), bricks.end(), before_in_grid);
-  for (std::size_t i = 0; i < bricks.size(); i += kGridPart)
-    writer.add(
-        parts.make(std::span(bricks).subspan(i, std::min(kGridPart, bricks.size() - i)), s.back_end.load_submap()));
+  add_parts(writer, parts, parts.bricks(), s.back_end.load_submap());
   writer.write(s.back_end.world_free(), nullptr);
 }
 
@@ -387,6 +401,57 @@ class GridContents final : public Map::Contents {
 };
 
 }  // namespace
+
+Exported export_block(MapState& s, const MapBlock& block, const fs::path& folder, const ExportOptions& options,
+                      const ExportProgress& progress) {
+  const fs::path file = folder / "tileset.json";
+  check(options, file);
+  WorldParts parts = s.back_end.world_parts(s.device, &block.submaps);
+  Volume part(s.device, s.world_pool(), s.options.surface.max_depth);
+  const BrickBox own(block.block * Cells::kBlockSide,
+                     (block.block + Brick::Ones()) * Cells::kBlockSide - Brick::Ones());
+  const Brick margin = Brick::Constant(Cells::margin(options.clean, part.brick_size()));
+  const BrickBox around(own.min() - margin, own.max() + margin);
+  std::vector<Brick> bricks = parts.bricks(), inside;
+  std::erase_if(bricks, [&](const Brick& b) { return !around.contains(b); });
+  std::copy_if(bricks.begin(), bricks.end(), std::back_inserter(inside),
+               [&](const Brick& b) { return own.contains(b); });
+  if (inside.empty()) throw not_written(file, "the map does not reach this cell");
+
+  BrickTree free;
+  const BrickTree all_free = s.back_end.world_free(&block.submaps);
+  for (const Brick& brick : all_free.free_bricks())
+    if (own.contains(brick)) free.mark_free(brick, all_free.free_voxels(brick));
+  GridsWriter writer(folder / "map.vdb", {.voxel_size = s.options.fuse.voxel_size,
+                                          .truncation = s.options.fuse.truncation,
+                                          .upright = s.upright(),
+                                          .axes = Axes::world,
+                                          .sigma = {}});
+  add_parts(writer, parts, inside, s.back_end.load_submap());
+  writer.write(free, nullptr);
+
+  std::vector<TextureKeyframe> keyframes = texture_keyframes(s);
+  std::erase_if(keyframes, [&](const TextureKeyframe& k) {
+    return !std::binary_search(block.keyframes.begin(), block.keyframes.end(), k.image);
+  });
+  ExportOptions with_views = options;
+  with_views.texture.enabled = options.texture.enabled && !keyframes.empty();
+  const SurfaceSigma unknown;
+  return export_surface(
+      {.bricks = std::move(bricks),
+       .volume = part,
+       .load = [&](std::span<const Brick> wanted) { part.adopt(parts.make(wanted, s.back_end.load_submap())); },
+       .polygonizer = s.polygonizer,
+       .rig = s.rig,
+       .surface = s.options.surface,
+       .keyframes = std::move(keyframes),
+       .get_image = [&](std::size_t image) { return s.back_end.images().get(image); },
+       .paths = {},
+       .upright = s.upright(),
+       .sigma = unknown,
+       .block = block.block},
+      file, with_views, progress);
+}
 
 Map map_of(std::shared_ptr<MapState> state) { return Map(std::make_shared<MapperContents>(std::move(state))); }
 

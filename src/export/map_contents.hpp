@@ -1,14 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
+#include <Eigen/Core>
+#include <cstddef>
 #include <filesystem>
 #include <memory>
+#include <vector>
 
 #include "cairn/map.hpp"
 
 namespace cairn {
 
 struct MapState;
+
+/// A block of a map that is made by itself, see Cells.
+struct MapBlock {
+  Eigen::Vector3i block = Eigen::Vector3i::Zero();
+  std::vector<std::size_t> submaps, keyframes;  // that reach it and see it, sorted
+};
 
 /// What a Map shows: a mapper's state, or the grids of a file.
 class Map::Contents {
@@ -35,6 +44,9 @@ class Map::Contents {
 };
 
 [[nodiscard]] Map map_of(std::shared_ptr<MapState> state);
+/// Writes FOLDER/map.vdb with the block's voxels, and FOLDER/tileset.json with its surface.
+Exported export_block(MapState& state, const MapBlock& block, const std::filesystem::path& folder,
+                      const ExportOptions& options, const ExportProgress& progress);
 /// Of a .vdb file that write_grids has written. Throws std::runtime_error when it is none.
 [[nodiscard]] Map map_of_grids(const std::filesystem::path& vdb, int device);
 

@@ -78,11 +78,12 @@ std::optional<TilePart> make_tile(ExportRun& run, Texturer* texturer, const fs::
 }  // namespace
 
 void write_tiles(ExportRun& run, Texturer* texturer) {
-  int top = 0;
+  int top = run.input.block ? Cells::kBlockLevels : 0;
   for (const auto& [cell, bricks] : run.cells.all())
-    while (Cells::at_level(Cells::brick(cell), top) != Brick::Zero()) ++top;
+    while (!run.input.block && Cells::at_level(Cells::brick(cell), top) != Brick::Zero()) ++top;
   TilesFolder tiles(run.file);
   auto root = make_tile(run, texturer, tiles.part(), {0, 0, 0}, top);
+  if (!root && run.input.block) root.emplace();  // what was there was too small to stay
   run.refuse_empty(root.has_value());
   run.timed("write", [&] {
     put_into(root->tile, tiles.finish());

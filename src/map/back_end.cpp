@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "map/frame_features.hpp"
+#include "map/join.hpp"
 
 namespace cairn {
 namespace {
@@ -14,10 +15,8 @@ namespace {
 constexpr double kTrust = 3;                         // times the tracker's own noise that a loop may move the camera by
 constexpr double kChance = 22.46;                    // 99.9 % of the chi-squared distribution with 6 degrees of freedom
 constexpr double kSlipped = 0.005, kTurned = 0.003;  // metres, radians: less is not worth an optimisation at once
-constexpr std::size_t kAgreeing = 3;                 // loops that join two sessions
-constexpr double kAgreeTurn = 0.1, kAgreeShift = 0.3;  // radians, metres that these may differ by: both have drifted
-constexpr double kMany = 0.75;                         // of the keyframes that end a submap
-constexpr double kUnmoved = 1e-4;                      // metres, radians
+constexpr double kMany = 0.75;                       // of the keyframes that end a submap
+constexpr double kUnmoved = 1e-4;                    // metres, radians
 
 double milliseconds(std::chrono::steady_clock::time_point since) {
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - since).count();
@@ -26,18 +25,19 @@ double milliseconds(std::chrono::steady_clock::time_point since) {
 }  // namespace
 
 BackEnd::BackEnd(gpu::Device& device, const Rig& rig, const Options& options, const std::filesystem::path& files,
-                 Access access)
+                 Access access, const std::vector<PartFiles>& parts)
     : device_(device),
       rig_(rig),
       options_(options),
+      access_(access),
       matcher_(device, rig.depth, options),
       structure_(rig),
-      images_(rig, files.empty() ? files : files / "keyframes", access),
-      submaps_(files, options.map.host_memory, access),
+      images_(rig, keyframe_files(files, parts), access),
+      submaps_(submap_files(files, parts), options.map.host_memory, access),
       database_(!files.empty() && access == Access::write ? files : std::filesystem::temp_directory_path()),
       world_(device, options.fuse) {
   atlas_.up = options.up;
-  if (!files.empty() && access == Access::write) std::filesystem::create_directories(files / "keyframes");
+  if (!files.empty() && access == Access::write) std::filesystem::create_directories(keyframe_files(files).folder());
 }
 
 bool BackEnd::add(const Frame& frame, const Surface& live, const Eigen::Isometry3d& submap_from_camera,
@@ -132,25 +132,30 @@ bool BackEnd::is_possible(std::size_t from, std::size_t to, const Eigen::Isometr
   return error.dot(covariance->ldlt().solve(error)) < kTrust * kTrust * kChance;
 }
 
-BackEnd::Seen BackEnd::look_up(std::size_t to, std::size_t before) const {
+BackEnd::Seen BackEnd::look_up(const Features& features, std::size_t before) const {
   Seen seen;
-  const auto features = images_.features(to);
-  for (const auto& candidate : database_.query(*features, kCandidates, 0, before)) {
-    const auto located = solve_pnp(*images_.features(candidate.entry), *features, rig_.depth);
+  for (const auto& candidate : database_.query(features, kCandidates, 0, before)) {
+    const auto located = solve_pnp(*images_.features(candidate.entry), features, rig_.depth);
     if (located && located->inliers >= kLoopCorners) seen.emplace_back(candidate.entry, *located);
   }
   return seen;
 }
 
 std::optional<Loop> BackEnd::verify(std::size_t to, const Seen& seen) {
+  return verify(to, images_, seen,
+                [&](std::size_t from, const Eigen::Isometry3d& from_to) { return is_possible(from, to, from_to); });
+}
+
+std::optional<Loop> BackEnd::verify(std::size_t to, const KeyframeStore& images, const Seen& seen,
+                                    const IsPossible& may_lie) {
   ++counts_.looked_up;
   std::optional<Frame> frame;
   for (const auto& [from, located] : seen) {
-    if (!is_possible(from, to, located.known_from_seen)) continue;
+    if (!may_lie(from, located.known_from_seen)) continue;
     ++counts_.tried;
-    if (!frame) frame = images_.get(to);
+    if (!frame) frame = images.get(to);
     const auto match = matcher_.both_ways(images_.get(from), *frame, located.known_from_seen);
-    if (!match || !is_possible(from, to, match->i_from_j)) continue;
+    if (!match || !may_lie(from, match->i_from_j)) continue;
     return Loop{.edge = {.i = from,
                          .j = to,
                          .i_from_j = match->i_from_j,
@@ -167,8 +172,9 @@ std::optional<Loop> BackEnd::verify(std::size_t to, const Seen& seen) {
 /// repeat.
 void BackEnd::start_searching() {
   if (!options_.map.loops || searched_ == 0) return;
-  searching_ = std::async(std::launch::async,
-                          [this, to = atlas_.keyframes.size() - 1, before = searched_] { return look_up(to, before); });
+  searching_ = std::async(std::launch::async, [this, to = atlas_.keyframes.size() - 1, before = searched_] {
+    return look_up(*images_.features(to), before);
+  });
 }
 
 /// Whether the camera had slipped, so that poses are to be optimised.
@@ -246,7 +252,7 @@ BackEnd::Memory BackEnd::memory() const {
                 .unsettled = unsettled_,
                 .searching = searching_.valid(),
                 .optimising = optimising_.valid()};
-  for (std::size_t i = 0; i < submaps_.size(); ++i) memory.submaps.push_back(!submaps_.bricks(i)->empty());
+  for (std::size_t i = 0; i < submaps_.size(); ++i) memory.submaps.push_back(submaps_.has_voxels(i));
   for (std::size_t k = 0; k < database_.size(); ++k)
     memory.tracked_from_camera.push_back(database_[k].tracked_from_camera);
   return memory;
@@ -255,8 +261,8 @@ BackEnd::Memory BackEnd::memory() const {
 void BackEnd::restore(const Memory& memory) {
   atlas_ = memory.atlas;
   for (const bool has_file : memory.submaps) submaps_.add_stored(has_file);
-  for (std::size_t k = 0; k < memory.tracked_from_camera.size(); ++k)
-    database_.add(memory.tracked_from_camera[k], *images_.features(k));
+  for (const auto& tracked_from_camera : memory.tracked_from_camera) database_.add(tracked_from_camera);
+  if (access_ == Access::write || memory.searching) index_keyframes();  // who only looks at the map asks for no places
   drift_.follow(atlas_.keyframes);
   searched_ = memory.searched;
   submap_begin_ = memory.submap_begin;
@@ -268,8 +274,24 @@ void BackEnd::restore(const Memory& memory) {
   if (memory.optimising) start_optimising();  // the same graph: keyframes and loops come after its result
 }
 
+void BackEnd::index_keyframes() {
+  while (database_.indexed() < database_.size()) database_.index(*images_.features(database_.indexed()));
+}
+
+std::vector<Loop> BackEnd::match(const BackEnd& other) {
+  index_keyframes();
+  std::vector<Loop> loops;
+  for (std::size_t to = 0; to < other.atlas_.keyframes.size(); ++to) {
+    const Seen seen = look_up(*other.images_.features(to), database_.size());
+    // How two maps lie to each other nobody knows before.
+    if (auto loop = verify(to, other.images_, seen, [](auto&&...) { return true; })) loops.push_back(*loop);
+  }
+  return loops;
+}
+
 std::pair<int, bool> BackEnd::append(const BackEnd& other) {
   (void)take_found();
+  std::vector<Loop> loops = match(other);
   atlas_.surface_sigma = {};  // of two maps together nobody knows
   const std::size_t keyframes = atlas_.keyframes.size(), frames = atlas_.frames.size(), submaps = submaps_.size();
   for (std::size_t i = 0; i < other.submaps_.size(); ++i) submaps_.add(other.submaps_.copy(i));
@@ -296,26 +318,8 @@ std::pair<int, bool> BackEnd::append(const BackEnd& other) {
   submap_begin_ = atlas_.keyframes.size();
   leave_frame();
 
-  std::vector<Loop> loops;
-  for (std::size_t to = keyframes; to < atlas_.keyframes.size(); ++to)
-    if (auto loop = verify(to, look_up(to, keyframes))) loops.push_back(*loop);
-  // Loops that tell the same about how the two maps lie to each other; which is told best by the one that most agree
-  // with.
-  const auto lies = [&](const Loop& l) {
-    return atlas_.world_from_camera[l.edge.i] * l.edge.i_from_j * atlas_.world_from_camera[l.edge.j].inverse();
-  };
-  std::size_t best = 0, most = 0;
-  for (std::size_t i = 0; i < loops.size(); ++i) {
-    const auto agrees = [&](const Loop& l) {
-      const Vector6d other_way = local_coordinates(lies(loops[i]).inverse() * lies(l));
-      return other_way.head<3>().norm() < kAgreeTurn && other_way.tail<3>().norm() < kAgreeShift;
-    };
-    const auto count = static_cast<std::size_t>(std::count_if(loops.begin(), loops.end(), agrees));
-    if (count > most) most = count, best = i;
-  }
-  if (most < kAgreeing) return {static_cast<int>(loops.size()), false};
-  atlas_.join(loops[best].edge);
-  atlas_.loops.insert(atlas_.loops.end(), loops.begin(), loops.end());
+  for (Loop& loop : loops) loop.edge.j += keyframes;
+  if (join_pieces(atlas_, loops) == 0) return {static_cast<int>(loops.size()), false};
   unsettled_ = true;
   settle();
   return {static_cast<int>(loops.size()), true};
@@ -382,8 +386,7 @@ void BackEnd::rebase(std::uint32_t since, const Trajectory& poses, const DepthCo
   submap_since_ = since;
 }
 
-/// Ended submaps of the main piece, as the pose graph bends them.
-std::vector<PlacedSubmap> BackEnd::placed_submaps() const {
+std::vector<PlacedSubmap> BackEnd::placed_submaps(const std::vector<std::size_t>* only) const {
   const auto component_of = atlas_.components();
   const std::size_t main = atlas_.main_component();
   std::vector<bool> is_main(submaps_.size() + 1, false);
@@ -391,7 +394,8 @@ std::vector<PlacedSubmap> BackEnd::placed_submaps() const {
     if (component_of[k] == main) is_main[atlas_.keyframes[k].submap] = true;
   std::vector<PlacedSubmap> placed;
   for (std::size_t i = 0; i < submaps_.size(); ++i)
-    if (is_main[i]) placed.push_back({i, submaps_.bricks(i), Deformation(atlas_, i)});
+    if (is_main[i] && (only == nullptr || std::binary_search(only->begin(), only->end(), i)))
+      placed.push_back({i, submaps_.bricks(i), Deformation(atlas_, i)});
   return placed;
 }
 
@@ -410,9 +414,9 @@ LoadSubmap BackEnd::load_submap() {
   };
 }
 
-WorldParts BackEnd::world_parts(gpu::Device& device) {
+WorldParts BackEnd::world_parts(gpu::Device& device, const std::vector<std::size_t>* only) {
   submaps_.leave_memory();
-  return {device, options_.fuse, placed_submaps()};
+  return {device, options_.fuse, placed_submaps(only)};
 }
 
 LoadFree BackEnd::load_free() {
@@ -423,6 +427,8 @@ LoadFree BackEnd::load_free() {
   };
 }
 
-BrickTree BackEnd::world_free() { return free_space(options_.fuse, placed_submaps(), load_free()); }
+BrickTree BackEnd::world_free(const std::vector<std::size_t>* only) {
+  return free_space(options_.fuse, placed_submaps(only), load_free());
+}
 
 }  // namespace cairn

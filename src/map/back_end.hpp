@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // Global consistency: keyframes, submaps, loops, and where the pose graph says they lie.
 #pragma once
+#include <functional>
 #include <future>
 #include <optional>
 #include <utility>
@@ -20,8 +21,9 @@ namespace cairn {
 class BackEnd {
  public:
   /// `files`: the folder where keyframes and submaps are, or are to be written; empty: all stays in memory.
+  /// `parts`: other maps' files that this one is made of.
   BackEnd(gpu::Device& device, const Rig& rig, const Options& options, const std::filesystem::path& files = {},
-          Access access = Access::write);
+          Access access = Access::write, const std::vector<PartFiles>& parts = {});
 
   /// Takes a fused frame: perhaps as a keyframe, which is then looked for among all earlier ones beside tracking, and
   /// perhaps as the last of its submap. `information` is of its alignment with the map, in its own frame; none for the
@@ -57,17 +59,21 @@ class BackEnd {
   [[nodiscard]] Memory memory() const;
   /// Reads the files. Throws std::runtime_error if one is missing or broken.
   void restore(const Memory& memory);
+  /// Loops between the own keyframes, by edge.i, and those of another map, by edge.j.
+  [[nodiscard]] std::vector<Loop> match(const BackEnd& other);
   /// Adds the ended submaps of another session and looks for its keyframes among the own ones. Returns the number of
   /// loops and whether they join the two.
   std::pair<int, bool> append(const BackEnd& other);
   /// Prepares for a recording that begins somewhere in the map: tracking goes on in the world's frame, against `world`.
   void begin_in_world();
+  /// Ended submaps of the main piece, as the pose graph bends them; `only`: of these, sorted.
+  [[nodiscard]] std::vector<PlacedSubmap> placed_submaps(const std::vector<std::size_t>* only = nullptr) const;
   /// Brings the world up to date with the ended submaps of the main piece.
   World& world();
-  /// The same world, to be made part by part. Submaps leave the memory.
-  [[nodiscard]] WorldParts world_parts(gpu::Device& device);
+  /// The same world, to be made part by part. Submaps leave the memory. `only`: of these submaps, sorted.
+  [[nodiscard]] WorldParts world_parts(gpu::Device& device, const std::vector<std::size_t>* only = nullptr);
   /// What is free in it, without voxels.
-  [[nodiscard]] BrickTree world_free();
+  [[nodiscard]] BrickTree world_free(const std::vector<std::size_t>* only = nullptr);
   /// Gives submaps' voxels. One whose file is lost is told of and has none.
   [[nodiscard]] LoadSubmap load_submap();
   [[nodiscard]] LoadFree load_free();
@@ -100,13 +106,18 @@ class BackEnd {
   /// Earlier keyframes whose corners a keyframe sees, the most similar first.
   using Seen = std::vector<std::pair<std::size_t, PnpPose>>;
   /// Among those before `before`.
-  [[nodiscard]] Seen look_up(std::size_t to, std::size_t before) const;
-  /// The first of them that the surfaces agree with.
+  [[nodiscard]] Seen look_up(const Features& features, std::size_t before) const;
+  /// Tells whether two keyframes may lie like this.
+  using IsPossible = std::function<bool(std::size_t from, const Eigen::Isometry3d& from_to)>;
+  /// The first of them that the surfaces agree with: `to` is a keyframe of `images`.
+  [[nodiscard]] std::optional<Loop> verify(std::size_t to, const KeyframeStore& images, const Seen& seen,
+                                           const IsPossible& may_lie);
   [[nodiscard]] std::optional<Loop> verify(std::size_t to, const Seen& seen);
+  /// All keyframes can be found.
+  void index_keyframes();
   void start_searching();
   [[nodiscard]] bool take_found();
   void leave_frame();
-  [[nodiscard]] std::vector<PlacedSubmap> placed_submaps() const;
   void tie_to_world(const Matrix6d* information);
   void start_optimising();
   void take_optimised();
@@ -116,6 +127,7 @@ class BackEnd {
   gpu::Device& device_;
   Rig rig_;
   Options options_;
+  Access access_;
   SurfaceMatcher matcher_;
   StructureFinder structure_;
   KeyframeStore images_;

@@ -60,14 +60,15 @@ std::vector<std::uint8_t> read_bytes(const std::filesystem::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-std::filesystem::path file_of(const std::filesystem::path& folder, std::size_t keyframe, const char* what) {
-  return folder / fmt::format("{:06}.{}", keyframe, what);
+std::filesystem::path file_of(const NumberedFiles& files, std::size_t keyframe, const char* what) {
+  const NumberedFiles::Place place = files[keyframe];
+  return place.folder / fmt::format("{:06}.{}", place.number, what);
 }
 
 }  // namespace
 
-std::filesystem::path colour_file(const std::filesystem::path& folder, std::size_t keyframe) {
-  return file_of(folder, keyframe, kColour);
+std::filesystem::path colour_file(const NumberedFiles& files, std::size_t keyframe) {
+  return file_of(files, keyframe, kColour);
 }
 
 bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
@@ -75,11 +76,11 @@ bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
   return motion.translation().norm() >= kDistance || Eigen::AngleAxisd(motion.linear()).angle() >= kTurn;
 }
 
-KeyframeStore::KeyframeStore(const Rig& rig, std::filesystem::path folder, Access access)
-    : rig_(rig), folder_(std::move(folder)), writes_(!folder_.empty() && access == Access::write) {}
+KeyframeStore::KeyframeStore(const Rig& rig, NumberedFiles files, Access access)
+    : rig_(rig), files_(std::move(files)), writes_(in_files() && access == Access::write) {}
 
 std::filesystem::path KeyframeStore::file(std::size_t keyframe, const char* what) const {
-  return file_of(folder_, keyframe, what);
+  return file_of(files_, keyframe, what);
 }
 
 void KeyframeStore::put(std::size_t keyframe, const Frame& frame, Features features) {
@@ -103,6 +104,8 @@ void KeyframeStore::put(std::size_t keyframe, const Frame& frame, Features featu
 }
 
 void KeyframeStore::correct(std::size_t keyframe, const DepthCorrection& correction) {
+  if (files_.is_elsewhere(keyframe))
+    throw std::runtime_error(file(keyframe, kDepth).string() + ": is another map's and stays as it is");
   std::vector<float> depth = get(keyframe).depth;
   correction.apply(rig_.depth.width, rig_.depth.height, depth);
   auto packed = encode_depth(depth, rig_.depth, kDepthSteps);

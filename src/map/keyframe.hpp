@@ -14,6 +14,7 @@
 
 #include "cairn/frame.hpp"
 #include "cairn/pose.hpp"
+#include "map/numbered_files.hpp"
 #include "map/structure.hpp"
 #include "place/features.hpp"
 
@@ -42,21 +43,21 @@ struct Keyframe {
 /// What a session's folder is open for.
 enum class Access { write, read };
 
-/// Its colour image in a store's folder; there is none of a frame without colour.
-[[nodiscard]] std::filesystem::path colour_file(const std::filesystem::path& folder, std::size_t keyframe);
+/// Its colour image in a store's files; there is none of a frame without colour.
+[[nodiscard]] std::filesystem::path colour_file(const NumberedFiles& files, std::size_t keyframe);
 
 /// The keyframes' images, compressed (depth: PNG of 0.2 mm steps; colour: JPEG), and corners, in files of a folder or,
 /// without one, in memory. May be read by several threads while one puts.
 class KeyframeStore {
  public:
   /// Without the right to write, what is put stays in memory.
-  KeyframeStore(const Rig& rig, std::filesystem::path folder, Access access = Access::write);
+  KeyframeStore(const Rig& rig, NumberedFiles files, Access access = Access::write);
   /// Compresses and writes in a thread of its own. `keyframe` counts up, or goes back to write again. What cannot be
   /// written stays in memory; store() tries again.
   void put(std::size_t keyframe, const Frame& frame, Features features);
-  /// Corrects the depth that is kept.
+  /// Corrects the depth that is kept, but never another map's: throws std::runtime_error.
   void correct(std::size_t keyframe, const DepthCorrection& correction);
-  [[nodiscard]] bool in_files() const { return !folder_.empty(); }
+  [[nodiscard]] bool in_files() const { return !files_.folder().empty(); }
   /// Copies another store's keyframe. Both must have folders.
   void copy(std::size_t keyframe, const KeyframeStore& from, std::size_t its) const;
   /// Depth and colour as they were kept. Throws std::runtime_error naming the file if it is lost.
@@ -86,7 +87,7 @@ class KeyframeStore {
   void remember(std::size_t keyframe, std::shared_ptr<const Features> features) const;
   [[nodiscard]] std::shared_ptr<const Features> remembered(std::size_t keyframe) const;
   Rig rig_;
-  std::filesystem::path folder_;
+  NumberedFiles files_;
   bool writes_;
   std::map<std::size_t, Packed> packed_;  // what is not in files
   mutable std::future<void> writing_;     // it alone changes packed_ meanwhile

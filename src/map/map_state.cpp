@@ -42,7 +42,7 @@ MapState::MapState(const Rig& r, const Options& o, Poses p, int device_index, Ma
       integrator(device, preprocessor.camera(), o.surface, r.sensor, free_radius(o.fuse, o.esdf)),
       polygonizer(device),
       volume(device, o.fuse, o.surface.max_depth),
-      back_end(device, r, o, files.folder, files.access),
+      back_end(device, r, o, files.folder, files.access, files.parts),
       tracker(device, r, preprocessor.camera(), o, back_end.keyframes(), back_end.images()),
       given{.poses = {}, .images = {r, {}}, .keyframes = {}, .views = {}},
       poses(p) {}

@@ -30,6 +30,7 @@ struct MapFiles {
   std::filesystem::path folder;  // empty: in memory
   Access access = Access::write;
   std::shared_ptr<const void> hold;  // sees to it that they stay as long as this lives
+  std::vector<PartFiles> parts;      // of other maps that this one is made of
 };
 
 struct MapState {

@@ -17,12 +17,22 @@ constexpr std::size_t kOpenFiles = 32;  // an open one knows where each of its b
 
 }  // namespace
 
-Submaps::Submaps(std::filesystem::path folder, std::uint64_t budget, Access access)
-    : folder_(std::move(folder)),
+Submaps::Submaps(NumberedFiles files, std::uint64_t budget, Access access)
+    : files_(std::move(files)),
       budget_(budget != 0 ? budget : kUsualBudget),
-      writes_(!folder_.empty() && access == Access::write) {}
+      writes_(!files_.folder().empty() && access == Access::write) {}
 
-std::filesystem::path Submaps::file(std::size_t i) const { return folder_ / fmt::format("submap-{:04}.vdb", i); }
+std::filesystem::path submap_file(const NumberedFiles& files, std::size_t submap) {
+  const NumberedFiles::Place place = files[submap];
+  return place.folder / fmt::format("submap-{:04}.vdb", place.number);
+}
+
+std::filesystem::path Submaps::file(std::size_t i) const { return submap_file(files_, i); }
+
+const std::shared_ptr<const BrickSet>& Submaps::bricks(std::size_t i) const {
+  if (bricks_[i] == nullptr) bricks_[i] = std::make_shared<const BrickSet>(BrickFile(file(i)).bricks());
+  return bricks_[i];
+}
 
 void Submaps::add(BrickTree voxels) {
   wait();
@@ -49,23 +59,28 @@ void Submaps::add(BrickTree voxels) {
 }
 
 BrickTree Submaps::copy(std::size_t i) const {
-  return bricks_[i]->empty() ? BrickTree() : voxels_[i] ? voxels_[i]->copy() : BrickFile(file(i)).read();
+  return !has_voxels(i) ? BrickTree() : voxels_[i] ? voxels_[i]->copy() : BrickFile(file(i)).read();
 }
 
 void Submaps::add_stored(bool has_file) {
-  std::optional<BrickFile> from;
-  if (has_file) from.emplace(file(bricks_.size())).check();
-  bricks_.push_back(std::make_shared<const BrickSet>(from ? from->bricks() : std::vector<Brick>()));
-  voxels_.push_back(from ? nullptr : std::make_shared<const BrickTree>());
+  const std::size_t i = bricks_.size();
+  if (has_file && files_.is_elsewhere(i)) {
+    bricks_.push_back(nullptr);
+  } else {
+    std::optional<BrickFile> from;
+    if (has_file) from.emplace(file(i)).check();
+    bricks_.push_back(std::make_shared<const BrickSet>(from ? from->bricks() : std::vector<Brick>()));
+  }
+  voxels_.push_back(has_file ? nullptr : std::make_shared<const BrickTree>());
   last_use_.push_back(++use_);
   stored_.push_back(true);
 }
 
 void Submaps::leave_memory() {
   wait();
-  if (folder_.empty()) return;
+  if (files_.folder().empty()) return;
   for (std::size_t i = 0; i < bricks_.size(); ++i)
-    if (stored_[i] && !bricks_[i]->empty()) voxels_[i] = nullptr;
+    if (stored_[i] && has_voxels(i)) voxels_[i] = nullptr;
 }
 
 void Submaps::drop(std::size_t i) {
@@ -100,7 +115,7 @@ std::vector<std::shared_ptr<const BrickTree>> Submaps::keep_within_budget() {
       if (voxels_[i]) sum += bricks_[i]->size() * sizeof(BrickVoxels);
     return sum;
   };
-  while (!folder_.empty() && bytes() > budget_) {
+  while (!files_.folder().empty() && bytes() > budget_) {
     std::size_t oldest = bricks_.size();
     for (std::size_t i = 0; i < bricks_.size(); ++i)
       if (voxels_[i] && stored_[i] && (oldest == bricks_.size() || last_use_[i] < last_use_[oldest])) oldest = i;
@@ -124,12 +139,12 @@ std::shared_ptr<const BrickTree> Submaps::free(std::size_t i) {
 }
 
 const BrickFile& Submaps::opened(std::size_t i) {
-  if (const auto open = files_.find(i); open != files_.end()) return open->second;
-  while (files_.size() >= kOpenFiles)
-    files_.erase(std::min_element(files_.begin(), files_.end(), [&](const auto& a, const auto& b) {
+  if (const auto open = open_.find(i); open != open_.end()) return open->second;
+  while (open_.size() >= kOpenFiles)
+    open_.erase(std::min_element(open_.begin(), open_.end(), [&](const auto& a, const auto& b) {
       return last_use_[a.first] < last_use_[b.first];
     }));
-  return files_.try_emplace(i, file(i)).first->second;
+  return open_.try_emplace(i, file(i)).first->second;
 }
 
 }  // namespace cairn

@@ -13,15 +13,19 @@
 
 namespace cairn {
 
+/// A submap's file.
+[[nodiscard]] std::filesystem::path submap_file(const NumberedFiles& files, std::size_t submap);
+
 /// Ended submaps: parts of the map that no longer change, each what was fused while its keyframes were taken. With a
 /// folder each is a file there, and those used longest ago leave the memory when they need more than the budget, to be
 /// read by parts from then on.
 class Submaps {
  public:
   /// `budget`: bytes; 0: 64 MiB. Without the right to write, what is added stays in memory.
-  Submaps(std::filesystem::path folder, std::uint64_t budget, Access access);
+  Submaps(NumberedFiles files, std::uint64_t budget, Access access);
   void add(BrickTree voxels);
-  /// Adds one whose file is there already, or, if it has none, a dropped one.
+  /// Adds one whose file is there already, or, if it has none, a dropped one. Another map's file is opened once it is
+  /// needed.
   void add_stored(bool has_file);
   /// A submap's voxels, to be added elsewhere.
   [[nodiscard]] BrickTree copy(std::size_t i) const;
@@ -30,8 +34,10 @@ class Submaps {
   /// All that are in files leave the memory.
   void leave_memory();
   [[nodiscard]] std::size_t size() const { return bricks_.size(); }
-  /// Those with voxels; none for a dropped submap.
-  [[nodiscard]] const std::shared_ptr<const BrickSet>& bricks(std::size_t i) const { return bricks_[i]; }
+  /// Not so for a dropped submap.
+  [[nodiscard]] bool has_voxels(std::size_t i) const { return bricks_[i] == nullptr || !bricks_[i]->empty(); }
+  /// Those with voxels. Throws std::runtime_error for a file that is missing or broken.
+  [[nodiscard]] const std::shared_ptr<const BrickSet>& bricks(std::size_t i) const;
   /// A submap's voxels; of those that have left the memory the ones in a box, from its file.
   [[nodiscard]] std::shared_ptr<const BrickTree> voxels(std::size_t i, const BrickBox& box);
   /// A submap with all that it knows to be free, and perhaps its voxels.
@@ -49,13 +55,13 @@ class Submaps {
   void wait();
   /// Returns what has left the memory.
   std::vector<std::shared_ptr<const BrickTree>> keep_within_budget();
-  std::filesystem::path folder_;
+  NumberedFiles files_;
   std::uint64_t budget_;
   bool writes_;
   [[nodiscard]] const BrickFile& opened(std::size_t i);
-  std::vector<std::shared_ptr<const BrickSet>> bricks_;
-  std::vector<std::shared_ptr<const BrickTree>> voxels_;  // null: in its file alone
-  std::map<std::size_t, BrickFile> files_;                // of those that were read from last
+  mutable std::vector<std::shared_ptr<const BrickSet>> bricks_;  // null: not yet asked for
+  std::vector<std::shared_ptr<const BrickTree>> voxels_;         // null: in its file alone
+  std::map<std::size_t, BrickFile> open_;                        // of those that were read from last
   std::vector<std::uint64_t> last_use_;
   std::uint64_t use_ = 0;
   std::vector<bool> stored_;   // in their files

@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <map>
 #include <tuple>
 #include <unordered_map>
 #include <unordered_set>
@@ -155,6 +156,37 @@ BrickTree free_space(const FuseOptions& options, const std::vector<PlacedSubmap>
     for (std::size_t t = 0; t < targets.size(); ++t) free.mark_free(targets[t].first, found[t]);
   }
   return free;
+}
+
+std::vector<ReachedCell> reached_cells(const FuseOptions& options, const std::vector<PlacedSubmap>& submaps, int side,
+                                       int margin) {
+  const double size = 8.0 * static_cast<double>(options.voxel_size);
+  struct Reached {
+    bool has_brick = false;
+    std::vector<std::size_t> submaps;
+  };
+  std::map<Brick, Reached, decltype(&before)> cells(&before);
+  for (const PlacedSubmap& submap : submaps) {
+    std::unordered_map<Brick, bool, BrickHash> reached;  // whether with a brick in it
+    for (const PlacedBrick& p : place(submap, size))
+      cover(p.brick, p.world_from_submap, size, [&](const Brick& target) {
+        const Brick own = cell_of(target, side), low = cell_of(target - Brick::Constant(margin), side),
+                    extent = cell_of(target + Brick::Constant(margin), side) - low + Brick::Ones();
+        for (int i = 0; i < extent.prod(); ++i) {
+          const Brick at = low + Brick(i / (extent.y() * extent.z()), i / extent.z() % extent.y(), i % extent.z());
+          reached[at] = reached[at] || at == own;
+        }
+      });
+    for (const auto& [cell, has_brick] : reached) {
+      Reached& r = cells[cell];
+      r.has_brick = r.has_brick || has_brick;
+      r.submaps.push_back(submap.id);
+    }
+  }
+  std::vector<ReachedCell> list;
+  for (auto& [cell, reached] : cells)
+    if (reached.has_brick) list.push_back({cell, std::move(reached.submaps)});
+  return list;
 }
 
 WorldParts::WorldParts(gpu::Device& device, const FuseOptions& options, std::vector<PlacedSubmap> submaps)

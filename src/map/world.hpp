@@ -29,6 +29,16 @@ using LoadFree = std::function<std::shared_ptr<const BrickTree>(std::size_t subm
 [[nodiscard]] BrickTree free_space(const FuseOptions& options, const std::vector<PlacedSubmap>& submaps,
                                    const LoadFree& load);
 
+/// A cube of the world, cell_of() of its bricks, and the submaps that what is in it is made of.
+struct ReachedCell {
+  Brick cell;
+  std::vector<std::size_t> submaps;  // by their ids, sorted
+};
+/// All cells of `side` bricks that hold a brick of a submap, sorted. Submaps count as well where they reach to within
+/// `margin` bricks of a cell.
+[[nodiscard]] std::vector<ReachedCell> reached_cells(const FuseOptions& options,
+                                                     const std::vector<PlacedSubmap>& submaps, int side, int margin);
+
 /// The world part by part, for what needs all of it and never at once: it is known which bricks there are, and they are
 /// made when they are asked for, out of the submaps that reach there.
 class WorldParts {

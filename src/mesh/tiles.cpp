@@ -3,11 +3,15 @@
 #include "mesh/tiles.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <stdexcept>
 #include <vector>
 
+#include "base/json_text.hpp"
+#include "base/read_whole.hpp"
 #include "cairn/atomic_file.hpp"
 
 namespace cairn {
@@ -15,9 +19,10 @@ namespace {
 
 nlohmann::json to_json(const Tile& tile) {
   // The world is y down and z forward, so up is -y and forward, which comes from glTF's -z, is y.
-  const Eigen::Vector3f c = tile.box.center(), h = (tile.box.sizes() / 2).cwiseMax(1e-3f);
+  const Eigen::AlignedBox3f box = tile.box.isEmpty() ? Eigen::AlignedBox3f(Eigen::Vector3f::Zero()) : tile.box;
+  const Eigen::Vector3f c = box.center(), h = (box.sizes() / 2).cwiseMax(1e-3f);
   nlohmann::json j{{"boundingVolume", {{"box", {c.x(), c.z(), -c.y(), h.x(), 0, 0, 0, h.z(), 0, 0, 0, h.y()}}}},
-                   {"geometricError", tile.children.empty() ? 0.0 : tile.error}};
+                   {"geometricError", tile.children.empty() && !tile.is_tileset ? 0.0 : tile.error}};
   if (!tile.content.empty()) j["content"] = {{"uri", tile.content}};
   for (const Tile& child : tile.children) j["children"].push_back(to_json(child));
   return j;
@@ -39,6 +44,25 @@ Eigen::Isometry3d earth_from_tileset(const GeoPlace& place) {
   earth.translation() =
       (normal + place.height) * up - Eigen::Vector3d::UnitZ() * kEccentricity * normal * std::sin(lat);
   return earth;
+}
+
+Tile tile_of_tileset(const std::filesystem::path& file, const std::string& address) {
+  try {
+    const auto bytes = read_whole(file);
+    const auto root = nlohmann::json::parse(bytes.begin(), bytes.end()).at("root");
+    const auto b = root.at("boundingVolume").at("box").get<std::array<float, 12>>();
+    const Eigen::Vector3f centre(b[0], -b[2], b[1]), half(b[3], b[11], b[7]);
+    Tile tile{.content = root.contains("content") ? address : std::string(),
+              .box = Eigen::AlignedBox3f(centre - half, centre + half),
+              .error = root.at("geometricError"),
+              .children = {},
+              .is_tileset = true};
+    return tile;
+  } catch (const nlohmann::json::exception& error) {
+    throw std::runtime_error(file.string() + ": is no tileset: " + plain(error.what()));
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(file.string() + ": " + error.what());
+  }
 }
 
 void write_tileset(const std::filesystem::path& file, const Tile& root, const std::optional<GeoPlace>& place) {

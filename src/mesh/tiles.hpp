@@ -17,10 +17,15 @@ struct Tile {
   Eigen::AlignedBox3f box;  // of what is in it and below, world frame
   double error = 0;         // metres by which its content is beside the surface
   std::vector<Tile> children;
+  bool is_tileset = false;  // content: it has children of its own
 };
 
 /// From a tileset's axes (z up, y forward) to the Earth's (WGS 84; x at latitude and longitude 0, z north; metres).
 [[nodiscard]] Eigen::Isometry3d earth_from_tileset(const GeoPlace& place);
+
+/// A tileset that write_tileset has made, without a place on the Earth, as the content of a tile of another one.
+/// `address`: of its file there. Throws std::runtime_error for what is none.
+[[nodiscard]] Tile tile_of_tileset(const std::filesystem::path& file, const std::string& address);
 
 /// Writes tileset.json, whole or not at all. Tilesets are z-up: what glTF calls -z is their y. `place`: where globes
 /// show it, by the root's transform; none: around their own origin.

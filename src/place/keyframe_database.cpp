@@ -42,8 +42,12 @@ std::vector<std::uint32_t> keys_of(const Features& features) {
 KeyframeDatabase::KeyframeDatabase(std::filesystem::path folder) : index_(std::move(folder)) {}
 
 void KeyframeDatabase::add(const std::optional<Eigen::Isometry3d>& tracked_from_camera, const Features& features) {
+  add(tracked_from_camera);
+  index(features);
+}
+
+void KeyframeDatabase::index(const Features& features) {
   index_.add(keys_of(features));
-  entries_.push_back({tracked_from_camera});
   corners_.push_back(std::sqrt(static_cast<float>(std::max<std::size_t>(1, features.rays.size()))));
 }
 

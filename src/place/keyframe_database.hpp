@@ -31,6 +31,11 @@ class KeyframeDatabase {
   /// `folder`: where the index of many keyframes waits, in files without names.
   explicit KeyframeDatabase(std::filesystem::path folder = std::filesystem::temp_directory_path());
   void add(const std::optional<Eigen::Isometry3d>& tracked_from_camera, const Features& features);
+  /// Adds one that is not found until index() has got its corners, and those of all before it.
+  void add(const std::optional<Eigen::Isometry3d>& tracked_from_camera) { entries_.push_back({tracked_from_camera}); }
+  void index(const Features& features);
+  /// So many can be found.
+  [[nodiscard]] std::size_t indexed() const { return corners_.size(); }
   [[nodiscard]] std::size_t size() const { return entries_.size(); }
   [[nodiscard]] const DatabaseEntry& operator[](std::size_t i) const { return entries_[i]; }
   [[nodiscard]] DatabaseEntry& operator[](std::size_t i) { return entries_[i]; }

@@ -5,12 +5,15 @@
 #include <fmt/format.h>
 #include <malloc.h>
 
+#include <algorithm>
 #include <future>
 #include <stdexcept>
 #include <utility>
 
 #include "export/map_contents.hpp"
 #include "map/map_state.hpp"
+#include "session/joined_session.hpp"
+#include "session/open_session.hpp"
 #include "session/session_files.hpp"
 
 namespace cairn {
@@ -32,7 +35,6 @@ SessionState snapshot(MapState& s, std::uint64_t number, const std::string& note
           .repeats = s.repeats,
           .last_fused = s.last_fused,
           .number = number,
-          .run = {},
           .note = note};
 }
 
@@ -52,14 +54,13 @@ std::shared_ptr<MapState> restore(ReadSession& read, const Options& options, int
   return state;
 }
 
-/// A session as it was made, to look at it: nobody may remove its files meanwhile.
+}  // namespace
+
 std::shared_ptr<MapState> open_session(const fs::path& folder, int device) {
   const auto read = std::make_shared<ReadSession>(read_session(folder));
   return restore(*read, options_of(read->session), device,
-                 {.folder = read->files, .access = Access::read, .hold = read});
+                 {.folder = read->files, .access = Access::read, .hold = read, .parts = read->parts});
 }
-
-}  // namespace
 
 class Session::State {
  public:
@@ -73,7 +74,8 @@ class Session::State {
     check(rig);
     check(options);
     if (options.esdf.live) (void)esdf_scale(options.fuse, options.esdf);
-    MapFiles files{.folder = writer_->files(), .access = Access::write, .hold = writer_};
+    MapFiles files{.folder = writer_->files(), .access = Access::write, .hold = writer_, .parts = {}};
+    if (read_) files.parts = read_->parts;
     if (!read_) return Mapper(std::make_shared<MapState>(rig, options, Poses::tracked, device, std::move(files)));
     const SessionState& session = read_->session;
     const bool is_same = rig.depth_correction.empty() ? session.rig.has_same_cameras(rig) : session.rig == rig;
@@ -146,7 +148,8 @@ Session Session::resume(const fs::path& folder) {
 Session Session::copy(const fs::path& from, const fs::path& to) {
   ReadSession read = read_session(from);
   auto writer = std::make_shared<SessionWriter>(to);
-  writer->copy_files(read);
+  writer->copy_files(read.session, submap_files(read.files, read.parts), keyframe_files(read.files, read.parts));
+  read.parts.clear();  // what was theirs lies here now
   return Session(std::make_unique<State>(to, std::move(writer), std::move(read)));
 }
 
@@ -184,6 +187,35 @@ Session::Merged Session::merge(Mapper& mapper, const fs::path& other_session, in
   Merged merged{.compared = static_cast<int>(o.back_end.atlas().keyframes.size())};
   std::tie(merged.loops, merged.joined) = s.back_end.append(o.back_end);
   s.fused_count += o.fused_count;
+  return merged;
+}
+
+std::vector<Session::Merged> Session::join(const std::vector<fs::path>& maps, const fs::path& to, bool allow_apart,
+                                           int device) {
+  SessionWriter writer(to);
+  JoinedSession joined(writer);
+  for (std::size_t i = 0; i < maps.size(); ++i) joined.add(maps[i], i);
+  std::vector<Merged> merged(maps.size());
+  for (std::size_t b = 1; b < maps.size(); ++b) {
+    const auto second = open_session(maps[b], device);
+    merged[b].compared = static_cast<int>(second->back_end.atlas().keyframes.size());
+    for (std::size_t a = 0; a < b; ++a) {
+      auto loops = open_session(maps[a], device)->back_end.match(second->back_end);
+      merged[b].loops += static_cast<int>(loops.size());
+      joined.add_loops(a, b, std::move(loops));
+    }
+  }
+  (void)joined.join();
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    merged[i].joined = joined.is_joined(i);
+    if (merged[i].joined || allow_apart) continue;
+    const std::size_t named = std::max<std::size_t>(i, 1);  // the first one is compared with none
+    throw std::runtime_error(fmt::format(
+        "{}: {} of {} keyframes see a place of the others, too few that agree to join it; record a way from "
+        "one to the other, or allow it to stay apart",
+        maps[named].string(), merged[named].loops, merged[named].compared));
+  }
+  joined.write(true);
   return merged;
 }
 

@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "base/json_text.hpp"
+#include "base/read_whole.hpp"
 #include "cairn/atomic_file.hpp"
 #include "session/checked_file.hpp"
 #include "session/state.hpp"
@@ -73,9 +74,11 @@ bool names(const fs::path& session, std::uint32_t checksum) {
 /// With its newest frames; those of files are still to be read.
 StateFile parse_state(const CheckedBytes& read) {
   StateFile state = state_of(parse_cbor(read.bytes), read.format);
-  for (const std::string& name : state.frame_files)
+  for (const std::string& name : state.files.frame_files)
     if (!is_frames(name)) throw std::runtime_error("frames are missing");
-  validate(state.session, FusedFrames::kChunk * state.frame_files.size() + state.session.back_end.atlas.frames.size());
+  validate(state.session,
+           FusedFrames::kChunk * state.files.frame_files.size() + state.session.back_end.atlas.frames.size());
+  validate(state.files, state.session.back_end);
   return state;
 }
 
@@ -97,6 +100,19 @@ FusedFrames read_frames(const fs::path& files, const std::vector<std::string>& n
   return frames;
 }
 
+/// Other maps' folders from the root; they stay as long as `hold` lives. Throws std::runtime_error where one is
+/// missing.
+std::vector<PartFiles> find_parts(const fs::path& session, std::vector<PartFiles> parts, std::vector<FileLock>& hold) {
+  for (PartFiles& part : parts) {
+    part.folder = (session / part.folder).lexically_normal();
+    if (!fs::is_directory(part.folder))
+      throw std::runtime_error(part.folder.string() + ": is missing, a part of the map in " + session.string() +
+                               " was made anew or taken away: make the map of all parts again");
+    hold.push_back(*FileLock::take(part.folder, FileLock::Kind::shared, true));
+  }
+  return parts;
+}
+
 /// What a state names; throws what is wrong with it or with the files, and what to do.
 ReadSession read_files(const fs::path& session, const CheckedBytes& bytes) {
   StateFile state;
@@ -107,17 +123,31 @@ ReadSession read_files(const fs::path& session, const CheckedBytes& bytes) {
         fmt::format("{}: is damaged ({}); {}", (session / kState).string(), plain(error.what()), kAgain));
   }
   SessionState& s = state.session;
-  const fs::path files = session / s.run;
+  const fs::path files = session / state.files.run;
   if (!fs::is_directory(files))
     throw std::runtime_error(files.string() + ": is missing; the session is damaged: " + kAgain);
+  std::vector<FileLock> hold_parts;
+  std::vector<PartFiles> parts = find_parts(session, std::move(state.files.parts), hold_parts);
   auto hold = FileLock::take(files, FileLock::Kind::shared, true);
   try {
     BrickTree active = BrickFile(active_file(files, s.number)).read();
-    s.back_end.atlas.frames = read_frames(files, state.frame_files, s.back_end.atlas);
-    return {std::move(s), std::move(active), files, bytes.checksum, std::move(*hold), std::move(state.frame_files)};
+    s.back_end.atlas.frames = read_frames(files, state.files.frame_files, s.back_end.atlas);
+    return {std::move(s),     std::move(active),    files,
+            bytes.checksum,   std::move(*hold),     std::move(state.files.frame_files),
+            std::move(parts), std::move(hold_parts)};
   } catch (const std::exception& error) {
     throw std::runtime_error(std::string(error.what()) + "; the session is damaged: " + kAgain);
   }
+}
+
+/// Those that nobody reads.
+void remove_runs(const fs::path& session) {
+  std::vector<fs::path> runs;
+  for (const auto& entry : fs::directory_iterator(session))
+    if (run_number(entry.path().filename().string())) runs.push_back(entry.path());
+  std::error_code ignored;
+  for (const fs::path& run : runs)
+    if (FileLock::take(run, FileLock::Kind::exclusive)) fs::remove_all(run, ignored);
 }
 
 /// Beside state.cbor and the lock, what cairn writes into a session's folder: in this format and in the one before.
@@ -148,37 +178,43 @@ ReadSession read_session(const fs::path& session) {
 }
 
 SessionPictures read_pictures(const fs::path& session) {
-  const StateFile state = parse_state(read_state(session));
-  const fs::path files = session / state.session.run;
+  StateFile state = parse_state(read_state(session));
+  const fs::path files = session / state.files.run;
   if (!fs::is_directory(files))
     throw std::runtime_error(files.string() + ": is missing; the session is damaged: " + kAgain);
-  SessionPictures pictures{.sensor = state.session.rig.sensor,
-                           .keyframes = files / kKeyframes,
-                           .hold = *FileLock::take(files, FileLock::Kind::shared, true)};
+  SessionPictures pictures{.timestamps = {},
+                           .sensor = state.session.rig.sensor,
+                           .keyframes = {},
+                           .hold = *FileLock::take(files, FileLock::Kind::shared, true),
+                           .hold_parts = {}};
+  const auto parts = find_parts(session, std::move(state.files.parts), pictures.hold_parts);
+  pictures.keyframes = keyframe_files(files, parts);
   for (const Keyframe& keyframe : state.session.back_end.atlas.keyframes)
     pictures.timestamps.push_back(keyframe.timestamp);
   return pictures;
 }
 
 SessionWriter::SessionWriter(fs::path session) : session_(std::move(session)), lock_(session_) {
+  // What a run that was killed before its first checkpoint has left would give this one another name.
+  if (!fs::exists(session_ / kState)) remove_runs(session_);
   unsigned long last = 0;
   for (const auto& entry : fs::directory_iterator(session_))
     last = std::max(last, run_number(entry.path().filename().string()).value_or(0));
   remove_leftovers(session_);
   files_ = session_ / fmt::format("run-{:04}", last + 1);
   std::error_code error, ignored;
-  if (fs::create_directories(files_ / kKeyframes, error)) return;
+  if (fs::create_directories(keyframe_files(files_).folder(), error)) return;
   fs::remove_all(files_, ignored);
   throw std::runtime_error("cannot make the folder " + files_.string() + ": " + error.message() +
                            "; choose another with -o");
 }
 
 SessionWriter::SessionWriter(fs::path session, const ReadSession& read)
-    : session_(std::move(session)), lock_(session_), files_(read.files), is_named_(true) {
+    : session_(std::move(session)), lock_(session_), files_(read.files), is_named_(true), parts_(read.parts) {
   if (read_state(session_).checksum != read.checksum)
     throw std::runtime_error(session_.string() + ": another run wrote into it just now; try again");
   remove_others(read.session.number, read.frame_files);
-  for (const fs::path& folder : {session_, files_, files_ / kKeyframes}) remove_leftovers(folder);
+  for (const fs::path& folder : {session_, files_, keyframe_files(files_).folder()}) remove_leftovers(folder);
 }
 
 SessionWriter::~SessionWriter() {
@@ -186,17 +222,21 @@ SessionWriter::~SessionWriter() {
   if (!is_named_) fs::remove_all(files_, ignored);
 }
 
-void SessionWriter::copy_files(const ReadSession& from) const {
-  const auto copy = [&](const fs::path& name) {
-    std::ifstream in(from.files / name, std::ios::binary);
-    const std::string bytes{std::istreambuf_iterator<char>(in), {}};
-    if (!in) throw std::runtime_error((from.files / name).string() + ": cannot be read; the session is damaged");
-    write_whole(files_ / name, bytes, Durable::some_time);
-  };
-  for (const auto& entry : fs::directory_iterator(from.files))
-    if (const fs::path name = entry.path().filename(); name.string().starts_with("submap-")) copy(name);
-  for (const auto& entry : fs::directory_iterator(from.files / kKeyframes))
-    if (const fs::path name = entry.path().filename(); name.string()[0] != '.') copy(kKeyframes / name);
+void SessionWriter::copy_files(const SessionState& session, const NumberedFiles& submaps,
+                               const NumberedFiles& keyframes) const {
+  const BackEnd::Memory& memory = session.back_end;
+  const KeyframeStore theirs(session.rig, keyframes, Access::read), ours(session.rig, keyframe_files(files_));
+  for (std::size_t k = 0; k < memory.atlas.keyframes.size(); ++k)
+    if (!keyframes[k].folder.empty()) ours.copy(k, theirs, k);
+  for (std::size_t i = 0; i < memory.submaps.size(); ++i) {
+    if (!memory.submaps[i] || submaps[i].folder.empty()) continue;
+    const fs::path file = submap_file(submaps, i);
+    try {
+      write_whole(submap_file(submap_files(files_), i), read_whole(file), Durable::some_time);
+    } catch (const std::exception& error) {
+      throw std::runtime_error(fmt::format("{}: {}; the session is damaged", file.string(), error.what()));
+    }
+  }
 }
 
 SessionWriter::FrameFiles SessionWriter::write_frames(const FusedFrames& frames, std::uint64_t number) const {
@@ -217,7 +257,10 @@ void SessionWriter::write(const SessionState& s, const BrickTree& active) {
   write_bricks(active_file(files_, s.number), active);
   FrameFiles frames = write_frames(s.back_end.atlas.frames, s.number);
   sync_disk(files_);
-  const CheckedBytes state = checked_file(json_of(s, files_.filename().string(), frames.names), kStateKind);
+  NamedFiles named{.run = files_.filename().string(), .frame_files = frames.names, .parts = parts_};
+  for (PartFiles& part : named.parts)
+    part.folder = fs::absolute(part.folder).lexically_proximate(fs::absolute(session_));
+  const CheckedBytes state = checked_file(json_of(s, named), kStateKind);
   try {
     write_whole(session_ / kState, state.bytes);
   } catch (const std::exception&) {

@@ -3,12 +3,15 @@
 // A session: a folder from which a run goes on. `state.cbor` is written last and at once, and names what else belongs
 // to it: a run's own folder, `run-N/`, with `keyframes/` (images and corners), `submap-N.vdb`, `frames-N-I.cbor` (the
 // frames' poses, a thousand in each), and `active-N.vdb`, the volume that is being fused into. A new run has a new
-// folder, and the session before it stays whole until the new one's first checkpoint takes its place.
+// folder, and the session before it stays whole until the new one's first checkpoint takes its place. A map made of
+// others (PartFiles) leaves their keyframes and submaps where they are.
 #pragma once
 #include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "map/back_end.hpp"
 #include "map/tracker.hpp"
@@ -28,8 +31,14 @@ struct SessionState {
   int repeats = 0;
   std::optional<double> last_fused;
   std::uint64_t number = 0;  // of the checkpoint
-  std::string run;           // the name of its folder; SessionWriter sees to it
   std::string note;          // of whoever drives the mapper
+};
+
+/// What state.cbor names beside itself.
+struct NamedFiles {
+  std::string run;                       // the folder in which the others are
+  std::vector<std::string> frame_files;  // with the frames that are not the newest
+  std::vector<PartFiles> parts;          // of other maps; folders as seen from the session's
 };
 
 /// Those that the session was made with; the others have their defaults.
@@ -42,6 +51,8 @@ struct ReadSession {
   std::uint32_t checksum = 0;   // of state.cbor
   FileLock hold;                // whoever writes leaves these files as long as this lives
   std::vector<std::string> frame_files;
+  std::vector<PartFiles> parts;
+  std::vector<FileLock> hold_parts;
 };
 /// Changes nothing in the folder, and may be called while another process writes there. Throws std::runtime_error with
 /// what is wrong and what to do: nothing there, damaged, written by another version.
@@ -51,8 +62,9 @@ struct ReadSession {
 struct SessionPictures {
   std::vector<double> timestamps;  // seconds, by keyframe
   SensorModel sensor;
-  std::filesystem::path keyframes;  // the folder that colour_file names files in
-  FileLock hold;                    // whoever writes leaves them as long as this lives
+  NumberedFiles keyframes;  // that colour_file names
+  FileLock hold;            // whoever writes leaves them as long as this lives
+  std::vector<FileLock> hold_parts;
 };
 /// Reads no voxels and no frames. Throws like read_session.
 [[nodiscard]] SessionPictures read_pictures(const std::filesystem::path& session);
@@ -71,8 +83,11 @@ class SessionWriter {
 
   /// Where keyframes and submaps are to be written.
   [[nodiscard]] const std::filesystem::path& files() const { return files_; }
-  /// Brings another session's keyframes and submaps, to go on with a copy of it.
-  void copy_files(const ReadSession& from) const;
+  /// Brings a session's keyframes and submaps from where they lie, to go on with a copy of it. Those without a folder
+  /// are here.
+  void copy_files(const SessionState& session, const NumberedFiles& submaps, const NumberedFiles& keyframes) const;
+  /// What is written from now on is made of other maps, too.
+  void set_parts(std::vector<PartFiles> parts) { parts_ = std::move(parts); }
   /// Writes the volume's bricks, full chunks of frames that are new, and then the state, each whole or not at all; a
   /// kill at any moment leaves the session before or this one. Files that no longer belong to it are removed then.
   void write(const SessionState& state, const BrickTree& active);
@@ -91,6 +106,7 @@ class SessionWriter {
   std::filesystem::path files_;
   bool is_named_ = false;  // by state.cbor
   FrameFiles written_;     // of the last state
+  std::vector<PartFiles> parts_;
 };
 
 /// Removes a session that something newer has replaced; whoever calls holds its lock.

@@ -106,9 +106,18 @@ void fields(auto& io, SurfaceSigma& sigma) {
   sigma = SurfaceSigma(cells);
 }
 
+void fields(auto& io, const PartFiles& p) {
+  io(p.folder.string(), p.first_keyframe, p.keyframes, p.first_submap, p.submaps);
+}
+
+void fields(auto& io, PartFiles& p) {
+  std::string folder;
+  io(folder, p.first_keyframe, p.keyframes, p.first_submap, p.submaps);
+  p.folder = folder;
+}
+
 /// The entries of state.cbor by their names. `newest`: frames that are in no file of their own.
-void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& newest, Of<std::string> auto& run,
-             Of<std::vector<std::string>> auto& frame_files) {
+void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& newest, Of<NamedFiles> auto& files) {
   io("rig", s.rig);
   io("options", s.fuse.voxel_size, s.fuse.truncation, s.min_depth, s.max_depth);
   auto& m = s.back_end;
@@ -116,7 +125,7 @@ void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& ne
   io("world_from_camera", m.atlas.world_from_camera);
   io("loops", m.atlas.loops);
   io("frames", newest);
-  io("frame_files", frame_files);
+  io("frame_files", files.frame_files);
   io("recordings", m.atlas.recordings);
   io.since(10, "upright", m.atlas.up, m.atlas.settled);
   io.since(12, "surface_sigma", m.atlas.surface_sigma);
@@ -131,7 +140,8 @@ void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& ne
   io("residency", s.residency);
   io("mapper", s.fused_count, s.last_image, s.repeats, s.last_fused, Until<9, Eigen::Vector3d>{});
   io("number", s.number);
-  io("run", run);
+  io("run", files.run);
+  io.since(13, "parts", files.parts);
   io("note", s.note);
 }
 
@@ -297,10 +307,10 @@ class ReadEntries {
 
 }  // namespace
 
-Json json_of(const SessionState& session, const std::string& run, const std::vector<std::string>& frame_files) {
+Json json_of(const SessionState& session, const NamedFiles& files) {
   Json json = Json::object();
   WriteEntries io(json);
-  entries(io, session, session.back_end.atlas.frames.rest(), run, frame_files);
+  entries(io, session, session.back_end.atlas.frames.rest(), files);
   return json;
 }
 
@@ -308,7 +318,7 @@ StateFile state_of(const Json& json, int format) {
   StateFile state;
   FusedFrames::Chunk newest;
   ReadEntries io(json, format);
-  entries(io, state.session, newest, state.session.run, state.frame_files);
+  entries(io, state.session, newest, state.files);
   if (format < 10)  // what the frames around a keyframe measured is its own part alone
     for (Keyframe& k : state.session.back_end.atlas.keyframes)
       if (k.acceleration) k.accelerations << *k.acceleration, k.acceleration->norm();

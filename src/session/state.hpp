@@ -10,15 +10,13 @@
 
 namespace cairn {
 
-/// What state.cbor holds: a session with its newest frames, and the names of the files with the others.
+/// What state.cbor holds: a session with its newest frames, and the names of files.
 struct StateFile {
   SessionState session;
-  std::vector<std::string> frame_files;
+  NamedFiles files;
 };
 
-/// `run`: the name of the folder in which the frames' files are.
-[[nodiscard]] nlohmann::json json_of(const SessionState& session, const std::string& run,
-                                     const std::vector<std::string>& frame_files);
+[[nodiscard]] nlohmann::json json_of(const SessionState& session, const NamedFiles& files);
 /// Throws for what json_of() has not made, of this version or, in an older format, of the one before. What it says is
 /// not validated.
 [[nodiscard]] StateFile state_of(const nlohmann::json& json, int format);

@@ -134,7 +134,6 @@ void validate(const Volume::Residency& r) {
 void validate(const SessionState& s, std::size_t frames) {
   check(s.rig);
   check(options_of(s));
-  require(run_number(s.run).has_value(), "it names no run");
   validate(s.back_end, frames);
   validate(s.tracker.memory, frames);
   validate(s.tracker.reference);
@@ -145,6 +144,19 @@ void validate(const SessionState& s, std::size_t frames) {
   validate(s.residency);
   require(s.repeats >= 0, "a count is below zero");
   require_numbers({s.last_fused.value_or(0)});
+}
+
+void validate(const NamedFiles& files, const BackEnd::Memory& map) {
+  require(run_number(files.run).has_value(), "it names no run");
+  std::size_t keyframe = 0, submap = 0;
+  for (const PartFiles& part : files.parts) {
+    require(part.first_keyframe >= keyframe && part.first_submap >= submap, "parts of the map are out of order");
+    require(part.first_keyframe <= map.atlas.keyframes.size() && part.first_submap <= map.submaps.size() &&
+                part.keyframes <= map.atlas.keyframes.size() - part.first_keyframe &&
+                part.submaps <= map.submaps.size() - part.first_submap,
+            "a part of the map is missing");
+    keyframe = part.first_keyframe + part.keyframes, submap = part.first_submap + part.submaps;
+  }
 }
 
 void validate(const FusedFrames::Chunk& frames, std::size_t keyframes) {

@@ -13,6 +13,8 @@ namespace cairn {
 /// Throws std::runtime_error with what is wrong. The session has its newest frames; `frames`: how many there are with
 /// those of full chunks.
 void validate(const SessionState& session, std::size_t frames);
+/// The same for what a state names beside a map that is valid.
+void validate(const NamedFiles& files, const BackEnd::Memory& map);
 /// The same for frames of a session with so many keyframes.
 void validate(const FusedFrames::Chunk& frames, std::size_t keyframes);
 

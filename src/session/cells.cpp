@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "session/cells.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <boost/crc.hpp>
+#include <charconv>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+#include "base/json_text.hpp"
+#include "base/read_whole.hpp"
+#include "cairn/atomic_file.hpp"
+#include "export/cells.hpp"
+#include "map/map_state.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+constexpr const char* kKind = "cairn cell";
+constexpr int kFormat = 1;
+constexpr const char* kAgain = "make it again with cairn optimise";
+
+std::string name_of(const CellName& cell) { return fmt::format("{},{},{}", cell[0], cell[1], cell[2]); }
+
+std::optional<CellName> cell_named(const std::string& name) {
+  CellName cell{};
+  const char *at = name.data(), *const end = at + name.size();
+  for (std::size_t i = 0; i < cell.size(); ++i) {
+    if (i > 0 && (at == end || *at++ != ',')) return std::nullopt;
+    const auto [stop, error] = std::from_chars(at, end, cell[i]);
+    if (error != std::errc()) return std::nullopt;
+    at = stop;
+  }
+  if (at != end) return std::nullopt;
+  return cell;
+}
+
+template <class Poses>
+std::string checksum_of(const Poses& poses, std::size_t first, std::size_t count) {
+  boost::crc_optimal<64, 0x42f0e1eba9ea3693u, ~0ull, ~0ull, true, true> sum;  // ECMA-182
+  for (std::size_t i = first; i < first + count; ++i) sum.process_bytes(poses[i].matrix().data(), sizeof(double) * 16);
+  return fmt::format("{:016x}", sum.checksum());
+}
+
+/// Whether a camera sees something of a ball, or may.
+class Sight {
+ public:
+  Sight(const Camera& camera, double max_depth) : max_depth_(max_depth) {
+    for (const double u : {0.0, camera.width - 1.0})
+      for (const double v : {0.0, camera.height - 1.0})
+        half_angle_ = std::max(half_angle_, std::atan(camera.ray(u, v).head<2>().norm()));
+  }
+  [[nodiscard]] bool sees(const Eigen::Vector3d& centre, double radius) const {  // in the camera's frame
+    const double distance = centre.norm();
+    if (distance <= radius) return true;
+    return distance - radius <= max_depth_ &&
+           std::acos(std::clamp(centre.z() / distance, -1.0, 1.0)) <= half_angle_ + std::asin(radius / distance);
+  }
+
+ private:
+  double max_depth_, half_angle_ = 0;
+};
+
+/// What is of one of the maps, by its own numbers.
+struct MadeOf {
+  std::vector<std::size_t> submaps, keyframes;
+};
+
+template <class Numbers>
+std::size_t map_with(const std::vector<JoinedSession::Map>& maps, std::size_t number, const Numbers& numbers) {
+  std::size_t m = 0;
+  while (number - numbers(maps[m]).first >= numbers(maps[m]).second) ++m;  // unsigned: also where it is less
+  return m;
+}
+
+bool is_new(const fs::path& file, const std::string& text) {
+  std::error_code error;
+  if (!fs::exists(file, error)) return true;
+  const auto bytes = read_whole(file);
+  return !std::equal(bytes.begin(), bytes.end(), text.begin(), text.end(),
+                     [](std::uint8_t a, char b) { return static_cast<char>(a) == b; });
+}
+
+}  // namespace
+
+fs::path cell_file(const fs::path& plan, const CellName& cell) { return plan / "cells" / (name_of(cell) + ".json"); }
+
+fs::path cell_folder(const fs::path& plan, const CellName& cell) { return plan / "tiles" / name_of(cell); }
+
+WrittenCells write_cells(const fs::path& plan, MapState& state, const std::vector<JoinedSession::Map>& maps) {
+  const Atlas& atlas = state.back_end.atlas();
+  const float brick = 8 * state.options.fuse.voxel_size;
+  const auto component = atlas.components();
+  const std::size_t main = atlas.main_component();
+  const Sight sight(state.rig.depth.rectified(), static_cast<double>(state.options.surface.max_depth));
+  const double side = static_cast<double>(brick) * Cells::kBlockSide, radius = side * std::sqrt(3.0) / 2;
+  std::vector<std::string> poses;
+  for (const auto& map : maps)
+    poses.push_back(checksum_of(atlas.world_from_camera, map.files.first_keyframe, map.files.keyframes));
+  const Eigen::Quaterniond& turn = state.upright().world_from_tracked;
+  fs::create_directories(plan / "cells");
+  WrittenCells written;
+  std::set<std::string> names;
+  for (const ReachedCell& reached : reached_cells(state.options.fuse, state.back_end.placed_submaps(),
+                                                  Cells::kBlockSide, Cells::margin(ExportOptions{}.clean, brick))) {
+    std::map<std::size_t, MadeOf> made_of;
+    for (const std::size_t s : reached.submaps) {
+      const std::size_t m =
+          map_with(maps, s, [](const auto& map) { return std::pair(map.files.first_submap, map.submaps); });
+      made_of[m].submaps.push_back(s - maps[m].files.first_submap);
+    }
+    const Eigen::Vector3d centre = (reached.cell.cast<double>().array() + 0.5) * side;
+    for (std::size_t m = 0; m < maps.size(); ++m)
+      for (std::size_t k = 0; k < maps[m].files.keyframes; ++k) {
+        const std::size_t keyframe = maps[m].files.first_keyframe + k;
+        if (component[keyframe] == main && sight.sees(atlas.world_from_camera[keyframe].inverse() * centre, radius))
+          made_of[m].keyframes.push_back(k);
+      }
+    Json json{{"kind", kKind},
+              {"format", kFormat},
+              {"cell", {reached.cell.x(), reached.cell.y(), reached.cell.z()}},
+              {"upright", {turn.x(), turn.y(), turn.z(), turn.w()}},
+              {"made_of", Json::array()}};
+    for (const auto& [m, of_map] : made_of)
+      json["made_of"].push_back({{"map", maps[m].files.folder.lexically_proximate(fs::absolute(plan)).string()},
+                                 {"keyframes_of_map", maps[m].id},
+                                 {"poses", poses[m]},
+                                 {"submaps", of_map.submaps},
+                                 {"keyframes", of_map.keyframes}});
+    const CellName cell{reached.cell.x(), reached.cell.y(), reached.cell.z()};
+    const std::string text = text_of(json) + '\n';
+    ++written.cells;
+    names.insert(cell_file(plan, cell).filename());
+    if (!is_new(cell_file(plan, cell), text)) continue;
+    ++written.changed;
+    write_whole(cell_file(plan, cell), text);
+  }
+  for (const CellName& cell : cells_of(plan))
+    if (!names.contains(cell_file(plan, cell).filename())) fs::remove(cell_file(plan, cell));
+  return written;
+}
+
+MapBlock read_cell(const fs::path& plan, const CellName& cell, const std::vector<PartFiles>& parts) {
+  const fs::path file = cell_file(plan, cell);
+  if (!fs::exists(file))
+    throw std::runtime_error(
+        fmt::format("{}: is missing: the map does not reach cell {}, or is not made yet (cairn "
+                    "optimise {})",
+                    file.string(), name_of(cell), plan.string()));
+  try {
+    const auto bytes = read_whole(file);
+    const Json json = Json::parse(bytes.begin(), bytes.end());
+    if (json.at("kind") != kKind) throw std::runtime_error("is no cell of a map");
+    if (json.at("format") != kFormat) throw std::runtime_error("was written by another version of Cairn");
+    MapBlock block{.block = {cell[0], cell[1], cell[2]}, .submaps = {}, .keyframes = {}};
+    for (const Json& of_map : json.at("made_of")) {
+      const fs::path folder = (fs::absolute(plan) / of_map.at("map").get<std::string>()).lexically_normal();
+      const auto part = std::find_if(parts.begin(), parts.end(), [&](const PartFiles& p) {
+        return fs::absolute(p.folder).lexically_normal() == folder;
+      });
+      if (part == parts.end()) throw std::runtime_error("is made of a map that is not in this one");
+      for (const std::size_t s : of_map.at("submaps")) {
+        if (s > part->submaps) throw std::runtime_error("names a submap that its map has not");
+        block.submaps.push_back(part->first_submap + s);
+      }
+      for (const std::size_t k : of_map.at("keyframes")) {
+        if (k >= part->keyframes) throw std::runtime_error("names a keyframe that its map has not");
+        block.keyframes.push_back(part->first_keyframe + k);
+      }
+    }
+    std::sort(block.submaps.begin(), block.submaps.end());
+    std::sort(block.keyframes.begin(), block.keyframes.end());
+    return block;
+  } catch (const Json::exception& error) {
+    throw std::runtime_error(fmt::format("{}: is damaged ({}); {}", file.string(), plain(error.what()), kAgain));
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(fmt::format("{}: {}; {}", file.string(), error.what(), kAgain));
+  }
+}
+
+std::vector<CellName> cells_of(const fs::path& plan) {
+  std::vector<CellName> cells;
+  std::error_code missing;
+  for (const auto& entry : fs::directory_iterator(plan / "cells", missing))
+    if (entry.path().extension() == ".json")
+      if (const auto cell = cell_named(entry.path().stem().string())) cells.push_back(*cell);
+  std::sort(cells.begin(), cells.end());
+  return cells;
+}
+
+}  // namespace cairn

@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "session/joined_session.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <stdexcept>
+#include <unordered_map>
+#include <utility>
+
+#include "map/join.hpp"
+#include "map/match.hpp"
+#include "map/submaps.hpp"
+#include "session/matches.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kStays = 0.25;  // voxels, at kReach from the camera
+constexpr double kReach = 2;     // metres
+
+/// Of what was being fused into, what belongs to the submap that has begun last: bricks that an earlier one has left
+/// there are not it.
+BrickTree last_submap(const BrickTree& active, const SessionState& s) {
+  std::unordered_map<Brick, std::uint32_t, BrickHash> last_seen;
+  const Volume::Residency& r = s.residency;
+  for (std::size_t i = 0; i < r.on_device.size(); ++i) last_seen[r.on_device[i]] = r.device_last_seen[i];
+  for (std::size_t i = 0; i < r.on_host.size(); ++i) last_seen[r.on_host[i]] = r.host_last_seen[i];
+  BrickTree submap;
+  for (const Brick& brick : active.bricks())
+    if (const auto seen = last_seen.find(brick); seen != last_seen.end() && seen->second >= s.back_end.submap_since)
+      submap.put(brick, std::span<const std::uint64_t, 512>(active.find(brick), 512));
+  for (const Brick& brick : active.free_bricks()) submap.mark_free(brick, active.free_voxels(brick));
+  return submap;
+}
+
+/// How far what a keyframe sees is moved at most, metres.
+double travel(const Eigen::Isometry3d& from, const Eigen::Isometry3d& to) {
+  const Vector6d v = local_coordinates(from.inverse() * to);
+  return v.tail<3>().norm() + kReach * v.head<3>().norm();
+}
+
+}  // namespace
+
+void JoinedSession::add(const fs::path& session, std::size_t recording) {
+  ReadSession read = read_session(session);
+  SessionState& s = read.session;
+  BackEnd::Memory& theirs = s.back_end;
+  if (!read.parts.empty())
+    throw std::runtime_error(session.string() + ": is a map of several parts; give the maps that it is made of");
+  const bool is_first = maps_.empty();
+  if (!is_first && !state_.rig.has_same_cameras(s.rig))
+    throw std::runtime_error(session.string() + ": was made with another camera than " +
+                             maps_[0].files.folder.string() + "; such maps cannot be put together");
+  if (!is_first && (state_.fuse.voxel_size != s.fuse.voxel_size || state_.fuse.truncation != s.fuse.truncation))
+    throw std::runtime_error(fmt::format("{}: has voxels of {} m, {} of {} m; make both with the same --voxel-size",
+                                         session.string(), s.fuse.voxel_size, maps_[0].files.folder.string(),
+                                         state_.fuse.voxel_size));
+  BackEnd::Memory& m = state_.back_end;
+  Atlas& atlas = m.atlas;
+  const std::size_t keyframes = atlas.keyframes.size(), submaps = m.submaps.size();
+  Map& map = maps_.emplace_back(Map{.files = {.folder = fs::absolute(read.files),
+                                              .first_keyframe = keyframes,
+                                              .keyframes = theirs.atlas.keyframes.size(),
+                                              .first_submap = submaps,
+                                              .submaps = theirs.submaps.size()},
+                                    .recording = recording,
+                                    .frames = theirs.atlas.frames.size(),
+                                    .submaps = theirs.submaps.size(),
+                                    .id = map_id(theirs.atlas)});
+  m.submaps.insert(m.submaps.end(), theirs.submaps.begin(), theirs.submaps.end());
+  if (theirs.submap_begin < theirs.atlas.keyframes.size()) {
+    const BrickTree last = last_submap(read.active, s);
+    m.submaps.push_back(last.size() > 0);
+    if (last.size() > 0) write_bricks(submap_file(submap_files(writer_.files()), m.submaps.size() - 1), last);
+    ++map.submaps;
+  }
+  for (std::size_t k = 0; k < map.files.keyframes; ++k) {
+    atlas.keyframes.push_back(theirs.atlas.keyframes[k]);
+    atlas.keyframes.back().submap += submaps;
+    atlas.world_from_camera.push_back(theirs.atlas.world_from_camera[k]);
+  }
+  for (Loop loop : theirs.atlas.loops) {
+    loop.edge.i += keyframes, loop.edge.j += keyframes;
+    atlas.loops.push_back(loop);
+  }
+  frames_.push_back(std::move(theirs.atlas.frames));
+  holds_.push_back(std::move(read.hold));
+  state_.fused_count += s.fused_count;
+  if (!is_first) return;
+  atlas.up = theirs.atlas.up;
+  state_.rig = s.rig, state_.fuse = s.fuse;
+  state_.min_depth = s.min_depth, state_.max_depth = s.max_depth;
+  state_.tracker = std::move(s.tracker);
+  state_.residency.origin = s.residency.origin;
+}
+
+void JoinedSession::add_loops(std::size_t first, std::size_t second, std::vector<Loop> loops) {
+  for (Loop& loop : loops) {
+    loop.edge.i += maps_[first].files.first_keyframe, loop.edge.j += maps_[second].files.first_keyframe;
+    loops_.push_back(loop);
+  }
+}
+
+/// A map's keyframes that the map before it has tracked as well, as frames: how they lie to its keyframes.
+std::vector<Loop> JoinedSession::overlaps(std::size_t map) const {
+  std::vector<Loop> ties;
+  if (map == 0 || maps_[map].recording != maps_[map - 1].recording) return ties;
+  const std::size_t before = maps_[map - 1].files.first_keyframe, first = maps_[map].files.first_keyframe;
+  const auto& keyframes = state_.back_end.atlas.keyframes;
+  std::map<double, const FusedFrame*> earlier;
+  for (std::size_t i = 0; i < frames_[map - 1].size(); ++i)
+    earlier.emplace(frames_[map - 1][i].timestamp, &frames_[map - 1][i]);
+  for (std::size_t k = first; k < first + maps_[map].files.keyframes; ++k) {
+    const auto same = earlier.find(keyframes[k].timestamp);
+    if (same == earlier.end()) continue;
+    const std::size_t from = before + same->second->keyframe;
+    // Each was aligned with its own map.
+    const Matrix6d covariance =
+        calibrated(keyframes[from].information).inverse() + calibrated(keyframes[k].information).inverse();
+    ties.push_back({.edge = {.i = from,
+                             .j = k,
+                             .i_from_j = retract(same->second->twist.cast<double>()),
+                             .information = covariance.inverse(),
+                             .is_loop_closure = true}});
+  }
+  return ties;
+}
+
+JoinedSession::Report JoinedSession::join() {
+  Atlas& atlas = state_.back_end.atlas;
+  std::vector<Loop> all = loops_;
+  int overlaps = 0;
+  for (std::size_t m = 0; m < maps_.size(); ++m) {
+    const std::vector<Loop> ties = this->overlaps(m);
+    overlaps += static_cast<int>(ties.size());
+    all.insert(all.end(), ties.begin(), ties.end());
+  }
+  Report report{.loops = static_cast<int>(loops_.size()), .believed = 0, .overlaps = overlaps, .graph = {}};
+  const std::size_t before = atlas.loops.size();
+  (void)join_pieces(atlas, all);
+  PoseGraph graph = atlas.graph();
+  report.graph = optimise(graph);
+  atlas.take(graph, report.graph);
+  for (std::size_t l = before; l < atlas.loops.size(); ++l)
+    report.believed += atlas.loops[l].inlier && atlas.loops[l].corners > 0;
+  for (std::size_t m = 0; m < maps_.size(); ++m) add_frames(m);
+  return report;
+}
+
+/// Of frames that two maps share, the first half stays with the first.
+void JoinedSession::add_frames(std::size_t map) {
+  Atlas& atlas = state_.back_end.atlas;
+  if (map > 0 && maps_[map].recording != maps_[map - 1].recording) atlas.recordings.push_back(atlas.frames.size());
+  const auto cut = [&](std::size_t first, std::size_t second) -> std::optional<double> {
+    if (second >= maps_.size() || maps_[first].recording != maps_[second].recording || frames_[second].empty())
+      return std::nullopt;
+    const double begin = frames_[second][0].timestamp,
+                 end = frames_[first].empty() ? begin : frames_[first].back().timestamp;
+    return std::max(begin, 0.5 * (begin + end));
+  };
+  const auto begin = map > 0 ? cut(map - 1, map) : std::nullopt;
+  const auto end = cut(map, map + 1);
+  for (std::size_t i = 0; i < frames_[map].size(); ++i) {
+    FusedFrame frame = frames_[map][i];
+    if ((begin && frame.timestamp < *begin) || (end && frame.timestamp >= *end)) continue;
+    frame.keyframe += static_cast<std::uint32_t>(maps_[map].files.first_keyframe);
+    atlas.frames.push_back(frame);
+  }
+}
+
+std::vector<std::optional<double>> JoinedSession::keep(const ReadSession& earlier) {
+  std::vector<std::optional<double>> moved(maps_.size());
+  const double voxel = static_cast<double>(state_.fuse.voxel_size);
+  const Atlas& before = earlier.session.back_end.atlas;
+  Atlas& atlas = state_.back_end.atlas;
+  for (std::size_t m = 0; m < maps_.size(); ++m) {
+    const PartFiles& now = maps_[m].files;
+    const auto was = std::find_if(earlier.parts.begin(), earlier.parts.end(), [&](const PartFiles& p) {
+      return fs::absolute(p.folder).lexically_normal() == now.folder.lexically_normal() && p.keyframes == now.keyframes;
+    });
+    if (was == earlier.parts.end()) continue;
+    moved[m] = 0;
+    for (std::size_t k = 0; k < now.keyframes; ++k)
+      moved[m] = std::max(*moved[m], travel(before.world_from_camera[was->first_keyframe + k],
+                                            atlas.world_from_camera[now.first_keyframe + k]));
+    if (*moved[m] >= kStays * voxel) continue;
+    const auto from = before.world_from_camera.begin() + static_cast<std::ptrdiff_t>(was->first_keyframe);
+    std::copy(from, from + static_cast<std::ptrdiff_t>(now.keyframes),
+              atlas.world_from_camera.begin() + static_cast<std::ptrdiff_t>(now.first_keyframe));
+    if (m == 0 && was->first_keyframe == 0 && before.settled && before.settled->keyframe < now.keyframes)
+      atlas.settled = before.settled;
+  }
+  return moved;
+}
+
+bool JoinedSession::is_joined(std::size_t map) const {
+  const Atlas& atlas = state_.back_end.atlas;
+  const auto component = atlas.components();
+  const auto begin = component.begin() + static_cast<std::ptrdiff_t>(maps_[map].files.first_keyframe);
+  return std::count(begin, begin + static_cast<std::ptrdiff_t>(maps_[map].files.keyframes), atlas.main_component()) > 0;
+}
+
+void JoinedSession::write(bool gather) {
+  BackEnd::Memory& m = state_.back_end;
+  if (!m.atlas.settled) m.atlas.settle_upright();
+  const std::size_t keyframes = m.atlas.keyframes.size();
+  m.tracked_from_camera.assign(keyframes, std::nullopt);
+  m.searched = m.submap_begin = keyframes;
+  m.submap_since = state_.fused_count + 1;
+  m.breaks = true;
+  state_.number = 1;
+  std::vector<PartFiles> parts;
+  for (const Map& map : maps_) parts.push_back(map.files);
+  if (gather)
+    writer_.copy_files(state_, submap_files({}, parts), keyframe_files({}, parts));
+  else
+    writer_.set_parts(std::move(parts));
+  writer_.write(state_, BrickTree());
+}
+
+}  // namespace cairn

@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/parts.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+#include <set>
+#include <stdexcept>
+#include <utility>
+
+#include "base/json_text.hpp"
+#include "export/cells.hpp"
+#include "export/map_contents.hpp"
+#include "map/map_state.hpp"
+#include "mesh/tiles.hpp"
+#include "session/cells.hpp"
+#include "session/joined_session.hpp"
+#include "session/matches.hpp"
+#include "session/open_session.hpp"
+#include "session/session_files.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kState = "state.cbor";
+
+fs::path session_of(const fs::path& map) { return map / "session"; }
+
+void check_alike(const fs::path& first, const MapState& a, const fs::path& second, const MapState& b) {
+  if (!a.rig.has_same_cameras(b.rig))
+    throw std::runtime_error(second.string() + ": was made with another camera than " + first.string() +
+                             "; such maps cannot be matched");
+  if (a.options.fuse.voxel_size != b.options.fuse.voxel_size || a.options.fuse.truncation != b.options.fuse.truncation)
+    throw std::runtime_error(fmt::format("{}: has voxels of {} m, {} of {} m; make both with the same --voxel-size",
+                                         second.string(), b.options.fuse.voxel_size, first.string(),
+                                         a.options.fuse.voxel_size));
+}
+
+/// The loops that are known between two maps, if any.
+void add_matches(JoinedSession& joined, const fs::path& file, std::size_t first, std::size_t second) {
+  if (!fs::exists(file)) return;
+  const auto& maps = joined.maps();
+  Matches matches = read_matches(file, maps[first].files.keyframes, maps[second].files.keyframes);
+  if (matches.first != maps[first].id || matches.second != maps[second].id)
+    throw std::runtime_error(file.string() +
+                             ": is about maps that have been made anew; make it again with cairn match");
+  joined.add_loops(first, second, std::move(matches.loops));
+}
+
+/// The map as it was put together the last time, if that can still be read.
+std::optional<ReadSession> earlier_session(const fs::path& plan) {
+  if (!fs::exists(session_of(plan) / kState)) return std::nullopt;
+  try {
+    return read_session(session_of(plan));
+  } catch (const std::exception&) {
+    return std::nullopt;  // a part of it was made anew
+  }
+}
+
+/// A tile around tiles whose cells lie near each other, and so on until there is one.
+Tile around(std::vector<std::pair<Brick, Tile>> tiles) {
+  while (tiles.size() > 1) {
+    std::vector<std::pair<Brick, Tile>> above;
+    for (auto& [cell, tile] : tiles) {
+      const Brick at = Cells::at_level(cell, 1);
+      auto group = std::find_if(above.begin(), above.end(), [&](const auto& g) { return g.first == at; });
+      if (group == above.end()) group = above.insert(above.end(), {at, Tile{}});
+      group->second.box.extend(tile.box);
+      group->second.children.push_back(std::move(tile));
+    }
+    // Without content of its own it is never enough, from however far.
+    for (auto& [cell, tile] : above) tile.error = static_cast<double>(tile.box.diagonal().norm());
+    // Cells on both sides of zero never meet: at -1 and 0 they stay.
+    const bool is_stuck =
+        above.size() == tiles.size() && std::equal(above.begin(), above.end(), tiles.begin(),
+                                                   [](const auto& a, const auto& b) { return a.first == b.first; });
+    tiles = std::move(above);
+    if (!is_stuck) continue;
+    Tile all;
+    for (auto& [cell, tile] : tiles) all.box.extend(tile.box), all.children.push_back(std::move(tile));
+    all.error = static_cast<double>(all.box.diagonal().norm());
+    return all;
+  }
+  return std::move(tiles.front().second);
+}
+
+}  // namespace
+
+MatchedMaps match_maps(const fs::path& first, const fs::path& second, const fs::path& file, int device) {
+  const auto a = open_session(session_of(first), device), b = open_session(session_of(second), device);
+  check_alike(first, *a, second, *b);
+  const Matches matches{.first = map_id(a->back_end.atlas()),
+                        .second = map_id(b->back_end.atlas()),
+                        .loops = a->back_end.match(b->back_end)};
+  write_matches(file, matches);
+  return {.compared = static_cast<int>(b->back_end.atlas().keyframes.size()),
+          .loops = static_cast<int>(matches.loops.size())};
+}
+
+OptimisedParts optimise_parts(const fs::path& folder) {
+  const PartsPlan plan = read_plan(folder);
+  OptimisedParts optimised;
+  std::optional<ReadSession> earlier = earlier_session(folder);
+  SessionWriter writer(session_of(folder));
+  JoinedSession joined(writer);
+  std::vector<std::size_t> parts;  // of the plan, by map
+  for (std::size_t p = 0; p < plan.parts.size(); ++p) {
+    const PartsPlan::Part& part = plan.parts[p];
+    JoinedPart& result = optimised.parts.emplace_back();
+    result.name = part.name;
+    result.recording = static_cast<int>(part.recording);
+    const fs::path map = folder / "maps" / part.name, session = session_of(map);
+    if (fs::exists(map / "failed.txt") || !fs::exists(session / kState)) {
+      result.left_out =
+          fs::exists(session / kState) ? "its run failed, see " + (map / "failed.txt").string() : "it has no map";
+      continue;
+    }
+    joined.add(session, part.recording);
+    parts.push_back(p);
+    result.keyframes = static_cast<int>(joined.maps().back().files.keyframes);
+    result.frames = static_cast<int>(joined.maps().back().frames);
+  }
+  if (parts.empty())
+    throw std::runtime_error(folder.string() + ": no part has a map yet; make them with cairn reconstruct");
+  for (std::size_t b = 0; b < parts.size(); ++b)
+    for (std::size_t a = 0; a < b; ++a)
+      add_matches(joined, folder / "loops" / (plan.parts[parts[a]].name + "-" + plan.parts[parts[b]].name + ".json"), a,
+                  b);
+
+  const JoinedSession::Report report = joined.join();
+  optimised.loops = report.loops, optimised.believed = report.believed, optimised.overlaps = report.overlaps;
+  optimised.cost_before = report.graph.cost_before, optimised.cost = report.graph.cost;
+  optimised.seconds = report.graph.seconds;
+  if (earlier) {
+    const auto moved = joined.keep(*earlier);
+    for (std::size_t m = 0; m < moved.size(); ++m) optimised.parts[parts[m]].moved = moved[m].value_or(0);
+  }
+  earlier.reset();  // its files go when those of now are written
+  joined.write();
+
+  for (std::size_t m = 0; m < parts.size(); ++m) {
+    if (!joined.is_joined(m)) {
+      optimised.parts[parts[m]].left_out = "nothing joins it with the others";
+      continue;
+    }
+    optimised.keyframes += static_cast<int>(joined.maps()[m].files.keyframes);
+    optimised.submaps += static_cast<int>(joined.maps()[m].submaps);
+  }
+  const auto state = open_session(session_of(folder), -1);
+  const WrittenCells cells = write_cells(folder, *state, joined.maps());
+  optimised.cells = cells.cells, optimised.changed_cells = cells.changed;
+  return optimised;
+}
+
+double cell_side(double voxel_size) { return 8 * voxel_size * Cells::kBlockSide; }
+
+Exported export_cell(const fs::path& plan, const std::array<int, 3>& cell, const fs::path& folder,
+                     const ExportOptions& options, const ExportProgress& progress, int device) {
+  check(options, folder / "tileset.json");
+  const auto state = open_session(session_of(plan), device);
+  const float brick = 8 * state->options.fuse.voxel_size;
+  if (Cells::margin(options.clean, brick) > Cells::margin(ExportOptions{}.clean, brick))
+    throw std::runtime_error(
+        fmt::format("{}: is not written: pieces and holes larger than {} m reach farther beyond a "
+                    "cell than what its neighbours look at; give a smaller one",
+                    folder.string(), ExportOptions{}.clean.min_piece));
+  const MapBlock block = read_cell(plan, cell, state->files.parts);
+  fs::create_directories(folder);
+  return export_block(*state, block, folder, options, progress);
+}
+
+int write_cells_tileset(const fs::path& plan, const fs::path& file) {
+  std::vector<std::pair<Brick, Tile>> tiles;
+  const fs::path home = fs::absolute(file).parent_path();
+  for (const CellName& cell : cells_of(plan)) {
+    const fs::path tileset = cell_folder(plan, cell) / "tileset.json";
+    if (!fs::exists(tileset))
+      throw std::runtime_error(fmt::format("{}: is missing; make it with cairn tile {} --cell {},{},{}",
+                                           tileset.string(), plan.string(), cell[0], cell[1], cell[2]));
+    Tile tile = tile_of_tileset(tileset, as_uri(fs::absolute(tileset).lexically_proximate(home).generic_string()));
+    if (!tile.content.empty()) tiles.emplace_back(Brick(cell[0], cell[1], cell[2]), std::move(tile));
+  }
+  if (tiles.empty()) throw std::runtime_error(plan.string() + ": has no cell with a surface; run cairn optimise first");
+  const int count = static_cast<int>(tiles.size());
+  write_tileset(file, around(std::move(tiles)));
+  return count;
+}
+
+}  // namespace cairn

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "map/join.hpp"
+
+#include <gtest/gtest.h>
+
+#include <numbers>
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kLength = 20;  // keyframes of a map
+
+Eigen::Isometry3d at(double x, double turn = 0) {
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  pose.linear() = Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  pose.translation().x() = x;
+  return pose;
+}
+
+/// Maps that each walked 10 m along a corridor, in a frame of its own.
+class JoinedMaps : public testing::Test {
+ protected:
+  void add_map() {
+    for (std::size_t k = 0; k < kLength; ++k)
+      atlas.add({.submap = maps,
+                 .follows = k > 0,
+                 .odometry_from_camera = at(0.5 * static_cast<double>(k)),
+                 .submap_from_camera = at(0.5 * static_cast<double>(k)),
+                 .information = Matrix6d::Identity()});
+    ++maps;
+  }
+  /// By which the keyframe `to` of map `b` lies at `off` metres from keyframe `from` of map `a`.
+  void see(std::size_t a, std::size_t from, std::size_t b, std::size_t to, double off, double turn = 0) {
+    loops.push_back({.edge = {.i = a * kLength + from,
+                              .j = b * kLength + to,
+                              .i_from_j = at(off, turn),
+                              .information = Matrix6d::Identity(),
+                              .is_loop_closure = true},
+                     .corners = 50});
+  }
+  [[nodiscard]] double x(std::size_t map, std::size_t keyframe) const {
+    return atlas.world_from_camera[map * kLength + keyframe].translation().x();
+  }
+  [[nodiscard]] bool are_joined(std::size_t a, std::size_t b) const {
+    const auto piece = atlas.components();
+    return piece[a * kLength] == piece[b * kLength];
+  }
+
+  Atlas atlas;
+  std::size_t maps = 0;
+  std::vector<Loop> loops;
+};
+
+TEST_F(JoinedMaps, LieAsMostLoopsSay) {
+  add_map(), add_map();
+  for (std::size_t k = 0; k < 5; ++k) see(0, 10 + k, 1, k, 0.02);  // the second begins 5 m into the first
+  see(0, 3, 1, 9, 0);                                              // rooms that look alike
+  see(0, 4, 1, 10, 0);
+  EXPECT_EQ(join_pieces(atlas, loops), 5u);
+  EXPECT_TRUE(are_joined(0, 1));
+  EXPECT_NEAR(x(1, 0), 5.02, 1e-9);
+  EXPECT_EQ(atlas.loops.size(), 5u);
+}
+
+TEST_F(JoinedMaps, StayApartWhereNearlyAsManySaySomethingElse) {
+  add_map(), add_map();
+  for (std::size_t k = 0; k < 5; ++k) see(0, 10 + k, 1, k, 0);
+  for (std::size_t k = 0; k < 3; ++k) see(0, 2 + k, 1, 10 + k, 0);
+  EXPECT_EQ(join_pieces(atlas, loops), 0u);
+  EXPECT_FALSE(are_joined(0, 1));
+}
+
+TEST_F(JoinedMaps, StayApartForTwoLoops) {
+  add_map(), add_map();
+  see(0, 10, 1, 0, 0), see(0, 11, 1, 1, 0);
+  EXPECT_EQ(join_pieces(atlas, loops), 0u);
+}
+
+TEST_F(JoinedMaps, AreHeldByAThirdOneWhereTwoAlikeRoomsLeaveItOpen) {
+  add_map(), add_map(), add_map();
+  for (std::size_t k = 0; k < 4; ++k) see(0, 10 + k, 1, k, 0);      // true
+  for (std::size_t k = 0; k < 4; ++k) see(0, 2 + k, 1, 10 + k, 0);  // as many false ones
+  for (std::size_t k = 0; k < 6; ++k) see(0, 5 + k, 2, k, 0);       // the third begins at 2.5 m
+  for (std::size_t k = 0; k < 6; ++k) see(1, k, 2, 5 + k, 0);       // and is where the second is
+  EXPECT_EQ(join_pieces(atlas, loops), 16u);                        // all but the false ones
+  EXPECT_TRUE(are_joined(0, 1) && are_joined(0, 2));
+  EXPECT_NEAR(x(1, 0), 5, 1e-9);
+}
+
+TEST_F(JoinedMaps, AreComparedWhereTheySeeEachOther) {
+  // A map that turned by 2 degrees on its way lies 0.35 m off at its end, and far from the origin much more.
+  for (std::size_t m = 0; m < 2; ++m) add_map();
+  for (Eigen::Isometry3d& pose : atlas.world_from_camera) pose = at(200) * pose;
+  const double turn = 2 * std::numbers::pi / 180;
+  for (std::size_t k = 0; k < 6; ++k) see(0, 10 + k, 1, k, 0, k < 3 ? 0 : turn);
+  EXPECT_EQ(join_pieces(atlas, loops), 6u);
+}
+
+TEST_F(JoinedMaps, ThatDriftedAreStillClosedByMany) {
+  add_map(), add_map(), add_map();
+  for (std::size_t k = 0; k < 6; ++k) see(0, 14 + k, 1, k, 0);
+  for (std::size_t k = 0; k < 5; ++k) see(1, 14 + k, 2, k, 0);
+  for (std::size_t k = 0; k < 4; ++k) see(0, k, 2, k, 13.4);  // it is at 14 by the others
+  see(0, 5, 2, 0, 12.2);                                      // 0.7 m off the other way, alone
+  EXPECT_EQ(join_pieces(atlas, loops), 15u);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Files of parts: loops between maps, and sessions that leave others' keyframes and submaps where they are.
+#include "cairn/parts.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "cairn/session.hpp"
+#include "session/cells.hpp"
+#include "session/joined_session.hpp"
+#include "session/matches.hpp"
+#include "support/files.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path session_of_before() { return source_folder() / "tests/session" / fmt::format("format-{}", Session::kFormat); }
+
+class MatchesFile : public testing::Test {
+ protected:
+  [[nodiscard]] fs::path file() const { return folder / "loops.json"; }
+  [[nodiscard]] std::string refusal() const {
+    try {
+      (void)read_matches(file(), 10, 10);
+      return {};
+    } catch (const std::runtime_error& error) {
+      return error.what();
+    }
+  }
+  TemporaryFolder folder;
+  Matches matches{.first = "0123456789abcdef",
+                  .second = "fedcba9876543210",
+                  .loops = {{.edge = {.i = 3,
+                                      .j = 7,
+                                      .i_from_j = retract((Vector6d() << 0.1, -0.2, 0.3, 1, 2, 3).finished()),
+                                      .information = 1e4 * Matrix6d::Identity(),
+                                      .is_loop_closure = true},
+                             .corners = 40,
+                             .inlier_share = 0.9,
+                             .rmse = 0.7}}};
+};
+
+TEST_F(MatchesFile, ComeBackToTheLastBit) {
+  write_matches(file(), matches);
+  const Matches read = read_matches(file(), 10, 10);
+  EXPECT_EQ(read.first, matches.first);
+  EXPECT_EQ(read.second, matches.second);
+  ASSERT_EQ(read.loops.size(), 1u);
+  const Loop &was = matches.loops[0], &is = read.loops[0];
+  EXPECT_EQ(is.edge.i, was.edge.i);
+  EXPECT_EQ(is.edge.j, was.edge.j);
+  EXPECT_EQ(is.edge.i_from_j.matrix(), was.edge.i_from_j.matrix());
+  EXPECT_EQ(is.edge.information, was.edge.information);
+  EXPECT_TRUE(is.edge.is_loop_closure);
+  EXPECT_EQ(is.corners, was.corners);
+  EXPECT_EQ(is.inlier_share, was.inlier_share);
+  EXPECT_EQ(is.rmse, was.rmse);
+}
+
+TEST_F(MatchesFile, AreRefusedWithTheirNameWhereTheyAreNoneOrDamaged) {
+  write_matches(file(), matches);
+  EXPECT_EQ(refusal(), "");
+  const auto good = nlohmann::json::parse(read_bytes(file()));
+  const auto refused = [&](const auto& change) {
+    nlohmann::json bad = good;
+    change(bad);
+    write_text(file(), bad.dump());
+    const std::string why = refusal();
+    EXPECT_TRUE(why.starts_with(file().string())) << why;
+    EXPECT_TRUE(why.ends_with("make it again with cairn match")) << why;
+    return why;
+  };
+  EXPECT_NE(refused([](auto& j) { j["format"] = 2; }).find("another version"), std::string::npos);
+  EXPECT_NE(refused([](auto& j) { j["kind"] = "cairn plan"; }).find("no loops"), std::string::npos);
+  EXPECT_NE(refused([](auto& j) { j["loops"][0]["to"] = 10; }).find("keyframe"), std::string::npos);
+  EXPECT_NE(refused([](auto& j) { j["loops"][0]["from_to"][0] = 2; }).find("pose"), std::string::npos);
+  EXPECT_NE(refused([](auto& j) { j["loops"][0]["information"][0] = -1; }).find("positive"), std::string::npos);
+  EXPECT_NE(refused([](auto& j) { j["loops"][0]["information"].erase(0); }).find("incomplete"), std::string::npos);
+  EXPECT_NE(refused([](auto& j) { j.erase("loops"); }).find("damaged"), std::string::npos);
+  write_text(file(), "{");
+  EXPECT_NE(refusal().find("damaged"), std::string::npos);
+}
+
+/// Twice the same small session, laid to each other by loops between same keyframes.
+class SessionOfParts : public testing::Test {
+ protected:
+  void SetUp() override {
+    for (const char* name : {"a", "b"}) fs::copy(session_of_before(), folder / name, fs::copy_options::recursive);
+  }
+  static Loop same(std::size_t keyframe, double off = 0) {
+    Loop loop{
+        .edge = {.i = keyframe, .j = keyframe, .information = 1e4 * Matrix6d::Identity(), .is_loop_closure = true},
+        .corners = 50};
+    loop.edge.i_from_j.translation().x() = off;
+    return loop;
+  }
+  /// In folder / "all".
+  JoinedSession::Report join(bool gather, double off = 0) {
+    const fs::path all = folder / "all";
+    std::optional<ReadSession> earlier;
+    if (fs::exists(all / "state.cbor")) earlier.emplace(read_session(all));
+    SessionWriter writer(all);
+    JoinedSession joined(writer);
+    joined.add(folder / "a", 0);
+    joined.add(folder / "b", 1);
+    joined.add_loops(0, 1, {same(0, off), same(0, off), same(1, off), same(1, off)});
+    const auto report = joined.join();
+    if (earlier) moved = joined.keep(*earlier);
+    earlier.reset();
+    joined.write(gather);
+    return report;
+  }
+  TemporaryFolder folder;
+  std::vector<std::optional<double>> moved;
+};
+
+TEST_F(SessionOfParts, IsAMapOfAllAndLeavesFilesWhereTheyAre) {
+  const auto report = join(false);
+  EXPECT_EQ(report.believed, 4);
+  const ReadSession read = read_session(folder / "all");
+  ASSERT_EQ(read.parts.size(), 2u);
+  EXPECT_EQ(read.parts[1].first_keyframe, 2u);
+  EXPECT_TRUE(fs::is_empty(read.files / "keyframes"));
+  Map one = Map::open(folder / "a"), all = Map::open(folder / "all");
+  EXPECT_EQ(all.recordings(), 2);
+  EXPECT_EQ(all.trajectory(0).size(), one.trajectory().size());
+  EXPECT_EQ(all.trajectory(1).size(), one.trajectory().size());
+  for (std::size_t i = 0; i < one.trajectory().size(); ++i)
+    EXPECT_LT(
+        (all.trajectory(0)[i].world_from_camera.translation() - all.trajectory(1)[i].world_from_camera.translation())
+            .norm(),
+        1e-4);
+  // Both are turned as the accelerometer says: of what few frames saw, the rim is lost.
+  EXPECT_GT(all.mesh().triangles.size(), one.mesh().triangles.size() * 2 / 3);
+}
+
+TEST_F(SessionOfParts, TellsWhichPartIsMissing) {
+  (void)join(false);
+  fs::remove_all(folder / "b/run-0001");
+  try {
+    (void)Map::open(folder / "all");
+    FAIL();
+  } catch (const std::runtime_error& error) {
+    EXPECT_NE(std::string(error.what()).find("b/run-0001: is missing"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("make the map of all parts again"), std::string::npos) << error.what();
+  }
+}
+
+TEST_F(SessionOfParts, MayBeMovedWithThem) {
+  (void)join(false);
+  const TemporaryFolder other;
+  fs::copy(folder.path(), other / "moved", fs::copy_options::recursive);
+  fs::remove_all(folder / "a");
+  EXPECT_GT(Map::open(other / "moved/all").mesh().triangles.size(), 2000u);
+}
+
+TEST_F(SessionOfParts, GatheredNeedsNoOther) {
+  (void)join(true);
+  fs::remove_all(folder / "a"), fs::remove_all(folder / "b");
+  Session session = Session::resume(folder / "all");
+  Mapper mapper = session.mapper();
+  EXPECT_EQ(mapper.recordings(), 2);
+  EXPECT_GT(mapper.map().mesh().triangles.size(), 2000u);
+  EXPECT_EQ(read_session(folder / "all").parts.size(), 0u);
+}
+
+TEST_F(SessionOfParts, StaysWhereItWasForALittle) {
+  (void)join(false, 0.05);
+  const auto before = read_session(folder / "all").session.back_end.atlas.world_from_camera;
+  (void)join(false, 0.055);  // 5 mm of voxels of 8 cm
+  EXPECT_GT(moved.at(1).value(), 0.001);
+  const auto after = read_session(folder / "all").session.back_end.atlas.world_from_camera;
+  for (std::size_t k = 0; k < before.size(); ++k) EXPECT_EQ(before[k].matrix(), after[k].matrix());
+  (void)join(false, 0.15);
+  const auto then = read_session(folder / "all").session.back_end.atlas.world_from_camera;
+  EXPECT_GT((then[2].translation() - before[2].translation()).norm(), 0.05);
+}
+
+}  // namespace
+}  // namespace cairn
