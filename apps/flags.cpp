@@ -39,6 +39,7 @@ constexpr std::array kFlags{
     Words{"SourceOptions::colour_topic", "--topic"},
     Words{"PartsPlan::frames_per_part", "--frames-per-part"},
     Words{"PartsPlan::overlap", "--overlap"},
+    Words{"allow it to stay apart", "keep separate pieces with --allow-disconnected"},
     Words{"begin a new session", "reconstruct again without --resume"},
 };
 

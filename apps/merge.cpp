@@ -41,19 +41,14 @@ void merge(Arguments a) {
   }
   a.output = choose_output(a, false);
   prepare_output(a.output);
-  // The joined session counts from its checkpoint; those that were given stay as they are.
-  Session session = Session::copy(a.maps[0] / "session", a.output / "session");
+  std::vector<fs::path> sessions;
+  for (const fs::path& map : a.maps) sessions.push_back(map / "session");
+  const auto merged = Session::join(sessions, a.output / "session", a.allow_disconnected, a.device);
+  for (std::size_t i = 1; i < merged.size(); ++i)
+    say("{}: {} of {} keyframes see a place of the others{}\n", a.maps[i].string(), merged[i].loops, merged[i].compared,
+        merged[i].joined ? "" : "; kept as a separate piece");
+  Session session = Session::resume(a.output / "session");
   Mapper mapper = session.mapper(a.device);
-  for (std::size_t i = 1; i < a.maps.size(); ++i) {
-    const Session::Merged merged = Session::merge(mapper, a.maps[i] / "session", a.device);
-    const std::string found =
-        fmt::format("{} of {} keyframes see a place of the others", merged.loops, merged.compared);
-    if (!merged.joined && !a.allow_disconnected)
-      throw std::runtime_error(a.maps[i].string() + ": " + found +
-                               ", too few that agree to join it; record a way from one to the other, or keep "
-                               "separate pieces with --allow-disconnected");
-    say("{}: {}{}\n", a.maps[i].string(), found, merged.joined ? "" : "; kept as a separate piece");
-  }
   Outputs outputs(a.output, [](const char*, const auto& work) { work(); });
   nlohmann::json report = outputs.write(mapper, &session, a.mesh, Progressed{}.note());
   std::size_t poses = 0;

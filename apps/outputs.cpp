@@ -177,9 +177,11 @@ nlohmann::json Outputs::write(Mapper& mapper, Session* session, const MeshArgume
     });
   if (!mapper.rig().depth_correction.empty())
     attempt("camera.yaml", [&] { write_rig(output_ / "camera.yaml", mapper.rig()); });
-  attempt("map.vdb", [&] { timed_("write map", [&] { mapper.map().write_grids(output_ / "map.vdb"); }); });
   std::optional<Exported> mesh;
-  attempt("mesh.glb", [&] { mesh = write_mesh(mapper, options); });
+  if (has_mesh_) {
+    attempt("map.vdb", [&] { timed_("write map", [&] { mapper.map().write_grids(output_ / "map.vdb"); }); });
+    attempt("mesh.glb", [&] { mesh = write_mesh(mapper, options); });
+  }
 
   nlohmann::json report = to_json(mapper.statistics());
   const Upright upright = mapper.upright();
@@ -195,12 +197,15 @@ nlohmann::json Outputs::write(Mapper& mapper, Session* session, const MeshArgume
 void Outputs::write_report(const nlohmann::json& report) {
   attempt("report.html", [&] {
     write_whole(output_ / "report.json", text_of(report, 1) + '\n');
-    write_report_page(output_);
+    if (has_mesh_) write_report_page(output_);
   });
 }
 
 void Outputs::remove_old(const Mapper& mapper, bool has_graph) const {
   if (mapper.rig().depth_correction.empty()) std::filesystem::remove(output_ / "camera.yaml");
+  if (!has_mesh_)
+    for (const char* name : {"mesh.glb", "preview.glb", "map.vdb", "report.html"})
+      std::filesystem::remove(output_ / name);
   if (!has_graph)
     for (const char* name : {"graph.g2o", "graph.svg"}) std::filesystem::remove(output_ / name);
   for (int i = mapper.recordings() - 1; std::filesystem::remove(output_ / name_of_trajectory(i)); ++i) continue;

@@ -21,9 +21,9 @@ using Timed = std::function<void(const char* stage, const std::function<void()>&
 /// Writes a map's files one after the other. One that fails leaves the others.
 class Outputs {
  public:
-  /// `stopped`: why the run ended before its recording did, if so.
-  Outputs(std::filesystem::path output, Timed timed, std::optional<std::string> stopped = {})
-      : output_(std::move(output)), timed_(std::move(timed)), why_(std::move(stopped)) {}
+  /// `stopped`: why the run ended before its recording did, if so. `has_mesh`: with mesh.glb, map.vdb and report.html.
+  Outputs(std::filesystem::path output, Timed timed, std::optional<std::string> stopped = {}, bool has_mesh = true)
+      : output_(std::move(output)), timed_(std::move(timed)), has_mesh_(has_mesh), why_(std::move(stopped)) {}
   /// Writes the session with `note` and the pose graph as graph.g2o and graph.svg, unless `session` is null, the
   /// trajectories, map.vdb, and mesh.glb last. Returns what report.json tells about them and the map.
   [[nodiscard]] nlohmann::json write(Mapper& mapper, Session* session, const MeshArguments& options,
@@ -45,6 +45,7 @@ class Outputs {
   void attempt(const char* what, const std::function<void()>& work);
   std::filesystem::path output_;
   Timed timed_;
+  bool has_mesh_;
   std::vector<std::string> failed_;  // names of outputs
   std::vector<std::string> warnings_;
   std::optional<std::string> why_;  // it stopped, or the first of them could not be written

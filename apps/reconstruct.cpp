@@ -169,6 +169,10 @@ void add_reconstruct(CLI::App& program) {
       ->check(CLI::ExistingPath)
       ->excludes(poses);
   command
+      ->add_flag("--no-mesh", a->no_mesh,
+                 "Write the session, the trajectory and report.json alone: for a part of a map that is made of several")
+      ->excludes(poses);
+  command
       ->add_flag("--refine", a->refine,
                  "Align keyframes with each other after the last frame and bend the map as the pose graph says")
       ->excludes(poses);

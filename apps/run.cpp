@@ -307,7 +307,7 @@ Verdict Run::finish(const nlohmann::json& more) {
 
   arguments_.mesh.source = (fs::exists(sequence) ? tidy(sequence) : fs::path(sequence)).filename().string();
   Outputs outputs(
-      output, [this](const char* stage, const auto& work) { timed(stage, work); }, stopped_);
+      output, [this](const char* stage, const auto& work) { timed(stage, work); }, stopped_, !arguments_.no_mesh);
   progressed_.evidence = evidence_.save();
   log([](RunLog& log) { log.finishing(); });
   nlohmann::json report = outputs.write(*mapper_, session_ ? &*session_ : nullptr, arguments_.mesh, progressed_.note());
@@ -366,10 +366,12 @@ void Run::tell(const nlohmann::json& report, const Verdict& verdict) const {
                frames_before_ > 0 ? fmt::format(", {} of them in this run", in_this_run) : "",
                report["seconds"].get<double>(), report["frames_per_second"].get<double>(),
                report["peak_memory_mb"].get<double>());
-    fmt::print(out, "mesh        {} ({} triangles, {})\n", (output / "mesh.glb").string(),
-               report["mesh"]["triangles"].get<std::size_t>(),
-               report["mesh"].contains("textures") ? "textured" : "the voxels' colours");
-    fmt::print(out, "map         {}\n", (output / "map.vdb").string());
+    if (!arguments_.no_mesh) {
+      fmt::print(out, "mesh        {} ({} triangles, {})\n", (output / "mesh.glb").string(),
+                 report["mesh"]["triangles"].get<std::size_t>(),
+                 report["mesh"].contains("textures") ? "textured" : "the voxels' colours");
+      fmt::print(out, "map         {}\n", (output / "map.vdb").string());
+    }
     fmt::print(out, "trajectory  {}\n", (output / "trajectory.txt").string());
     print_upright(report["upright"]);
     fmt::print(out, "report      {}\n", (fs::exists(page) ? page : output / "report.json").string());

@@ -41,7 +41,7 @@ struct RunArguments : OutputArguments {
   double checkpoint_seconds = 20;
   std::optional<float> esdf_voxel_size, max_distance, robot_radius;
   bool esdf = false, resume = false, no_loops = false, json = false;
-  bool verbose = false;
+  bool verbose = false, no_mesh = false;
   std::filesystem::path asked_output;  // OUT as it was given, before choose_output
   MeshArguments mesh;
 };

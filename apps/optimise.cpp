@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "cairn/atomic_file.hpp"
+#include "cairn/map.hpp"
+#include "cairn/parts.hpp"
+#include "command_tree.hpp"
+#include "commands.hpp"
+#include "console.hpp"
+#include "json_text.hpp"
+#include "output_folder.hpp"
+
+namespace cairn::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  fs::path plan;
+  bool json = false;
+};
+
+nlohmann::json to_json(const JoinedPart& part) {
+  nlohmann::json json{{"name", part.name},           {"recording", part.recording}, {"frames", part.frames},
+                      {"keyframes", part.keyframes}, {"moved_m", part.moved},       {"joined", part.left_out.empty()}};
+  if (!part.left_out.empty()) json["left_out"] = part.left_out;
+  return json;
+}
+
+void write_files(const Arguments& a, const nlohmann::json& report) {
+  const Map map = Map::open(a.plan);
+  for (int i = 0; i < map.recordings(); ++i)
+    if (const Trajectory t = map.trajectory(i); !t.empty())
+      write_trajectory(a.plan / (i + 1 == map.recordings() ? "trajectory.txt" : name_of_trajectory(i)), t);
+  map.write_graph(a.plan / "graph.g2o");
+  map.write_graph(a.plan / "graph.svg");
+  write_whole(a.plan / "report.json", text_of(report, 1) + '\n');
+}
+
+void optimise_plan(const Arguments& a) {
+  const OptimisedParts o = optimise_parts(a.plan);
+  nlohmann::json report{{"plan", a.plan.string()},
+                        {"loops", {{"found", o.loops}, {"believed", o.believed}, {"overlapping_frames", o.overlaps}}},
+                        {"keyframes", o.keyframes},
+                        {"submaps", o.submaps},
+                        {"cells", {{"count", o.cells}, {"changed", o.changed_cells}}},
+                        {"graph", {{"cost_before", o.cost_before}, {"cost", o.cost}}},
+                        {"parts", nlohmann::json::array()}};
+  int joined = 0;
+  for (const JoinedPart& part : o.parts) {
+    report["parts"].push_back(to_json(part));
+    joined += part.left_out.empty();
+  }
+  write_files(a, report);
+  report["graph"]["seconds"] = o.seconds;  // which differ from run to run
+  if (a.json) {
+    fmt::print("{}\n", text_of(report, 2));
+    return;
+  }
+  say("{} of {} parts joined by {} of {} loops and {} frames that two of them share\n", joined, o.parts.size(),
+      o.believed, o.loops, o.overlaps);
+  say("{} keyframes, {} submaps, {} cells, {} of them to be made\n", o.keyframes, o.submaps, o.cells, o.changed_cells);
+  for (const JoinedPart& part : o.parts)
+    if (!part.left_out.empty()) say("warning     part {} is left out: {}\n", part.name, part.left_out);
+  say("trajectory  {}\n", (a.plan / "trajectory.txt").string());
+}
+
+}  // namespace
+
+void add_optimise(CLI::App& program) {
+  auto* command = program.add_subcommand("optimise", "Lay the maps of a plan's parts to each other");
+  const auto a = std::make_shared<Arguments>();
+  command
+      ->add_option("PLAN", a->plan,
+                   "Folder of a plan, with maps/ of its parts and loops/ between them; it gets the session of all, "
+                   "trajectory.txt, graph.g2o, report.json and cells/")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  command->add_flag("--json", a->json, "Print the result to stdout as JSON");
+  command->callback([a] { optimise_plan(*a); });
+}
+
+}  // namespace cairn::apps

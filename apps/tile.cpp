@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+
+#include <array>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include "cairn/no_texture.hpp"
+#include "cairn/parts.hpp"
+#include "command_tree.hpp"
+#include "commands.hpp"
+#include "console.hpp"
+#include "export_options.hpp"
+#include "json_text.hpp"
+#include "outputs.hpp"
+#include "progress.hpp"
+
+namespace cairn::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  fs::path plan, output;
+  std::array<int, 3> cell{};
+  MeshArguments options;
+  int device = -1;
+  bool json = false;
+};
+
+std::array<int, 3> parse_cell(const std::string& text) {
+  std::array<int, 3> cell{};
+  int end = 0;
+  if (std::sscanf(text.c_str(), "%d,%d,%d%n", &cell[0], &cell[1], &cell[2], &end) != 3 ||
+      static_cast<std::size_t>(end) != text.size())
+    throw CLI::ValidationError("--cell",
+                               "'" + text + "' is not X,Y,Z, as PLAN/cells names its files, for example 0,-1,2");
+  return cell;
+}
+
+Exported export_it(const Arguments& a) {
+  ExportOptions options = a.options.for_file(a.output / "tileset.json");
+  Progress progress(std::nullopt, "");
+  try {
+    return export_cell(a.plan, a.cell, a.output, options, on(progress), a.device);
+  } catch (const NoTexture&) {
+    if (a.options.asks_for_texture) throw;
+    options.texture.enabled = false;
+    return export_cell(a.plan, a.cell, a.output, options, on(progress), a.device);
+  }
+}
+
+void make_tile(const Arguments& a) {
+  const Exported e = export_it(a);
+  if (a.json) {
+    fmt::print("{}\n", text_of(to_json(e), 2));
+    return;
+  }
+  say("{}  {} triangles in {} tiles\n", (a.output / "tileset.json").string(), count_in_words(e.triangles), e.tiles);
+}
+
+}  // namespace
+
+void add_tile(CLI::App& program) {
+  auto* command = program.add_subcommand("tile", "Make one cell of a plan's map: its surface and voxels");
+  const auto a = std::make_shared<Arguments>();
+  command->add_option("PLAN", a->plan, "Folder of a plan that optimise has been run on")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  command
+      ->add_option_function<std::string>(
+          "--cell", [a](const std::string& text) { a->cell = parse_cell(text); },
+          "X,Y,Z as PLAN/cells names it: 128 bricks of 8 voxels a side, 10.24 m at 1 cm")
+      ->required()
+      ->type_name("X,Y,Z");
+  command
+      ->add_option("-o,--output", a->output,
+                   "Folder for tileset.json with its tiles, and map.vdb; of a plan PLAN/tiles/X,Y,Z")
+      ->required()
+      ->type_name(kFolder);
+  add_export_options(*command, a->options);
+  command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
+      ->capture_default_str();
+  command->add_flag("--json", a->json, "Print the result to stdout as JSON");
+  command->callback([a] { make_tile(*a); });
+}
+
+}  // namespace cairn::apps

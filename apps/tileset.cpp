@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+
+#include "cairn/parts.hpp"
+#include "command_tree.hpp"
+#include "commands.hpp"
+#include "console.hpp"
+#include "json_text.hpp"
+
+namespace cairn::apps {
+namespace {
+
+struct Arguments {
+  std::filesystem::path plan, output;
+  bool json = false;
+};
+
+void write_it(const Arguments& a) {
+  const int cells = write_cells_tileset(a.plan, a.output);
+  if (a.json)
+    fmt::print("{}\n", text_of({{"file", a.output.string()}, {"cells", cells}}, 2));
+  else
+    say("{}  {} cells\n", a.output.string(), cells);
+}
+
+}  // namespace
+
+void add_tileset(CLI::App& program) {
+  auto* command = program.add_subcommand("tileset", "Put the cells of a plan's map under one tileset");
+  const auto a = std::make_shared<Arguments>();
+  command->add_option("PLAN", a->plan, "Folder of a plan whose cells tile has made, in PLAN/tiles")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  command->add_option("-o,--output", a->output, "File tileset.json (3D Tiles 1.1), which leads to those of the cells")
+      ->required()
+      ->type_name(kFile);
+  command->add_flag("--json", a->json, "Print the result to stdout as JSON");
+  command->callback([a] { write_it(*a); });
+}
+
+}  // namespace cairn::apps
