@@ -2,7 +2,9 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -12,10 +14,12 @@
 
 #include "cairn/evaluation.hpp"
 #include "cairn/map.hpp"
+#include "cairn/parts.hpp"
 #include "cairn/scene.hpp"
 #include "cairn/source.hpp"
 #include "commands.hpp"
 #include "json_text.hpp"
+#include "output_folder.hpp"
 #include "sources.hpp"
 
 namespace cairn::apps {
@@ -28,7 +32,7 @@ struct Arguments {
   float esdf_voxel_size = 0;
   int frames = 0, samples = 200000, step = 10;
   std::optional<int> map_step;
-  bool json = false;
+  bool json = false, seams = false;
 };
 
 nlohmann::json to_json(const ErrorStatistics& s) {
@@ -63,6 +67,89 @@ void evaluate_trajectory_files(const Arguments& a) {
       "poses                 {}{}, {} with a true pose\n", e.estimated_poses,
       a.frames > 0 ? fmt::format(" for {} frames ({:.1f} %)", a.frames, 100.0 * e.estimated_poses / a.frames) : "",
       e.matched_poses);
+}
+
+/// All recordings of a plan in one frame: their stamps are moved apart, since each may begin at the same time.
+struct OfPlan {
+  Trajectory estimate, truth;
+  std::vector<std::pair<std::string, std::pair<std::size_t, std::size_t>>> recordings;  // poses of `estimate`
+  std::vector<std::string> without_truth;
+};
+
+OfPlan read_all(const std::filesystem::path& folder) {
+  constexpr double kApart = 1e7;  // seconds
+  const PartsPlan plan = read_plan(folder);
+  OfPlan all;
+  for (std::size_t r = 0; r < plan.recordings.size(); ++r) {
+    const std::string& name = plan.recordings[r].name;
+    const bool is_last = r + 1 == plan.recordings.size();
+    const auto file = folder / (is_last ? "trajectory.txt" : name_of_trajectory(static_cast<int>(r)));
+    const Trajectory estimate = std::filesystem::exists(file) ? read_trajectory(file) : Trajectory{};
+    const Trajectory truth = recorded_truth(name);
+    if (truth.empty()) all.without_truth.push_back(name);
+    if (truth.empty() || estimate.empty()) continue;
+    const double move = kApart * static_cast<double>(r) - truth.front().timestamp;
+    const std::size_t begin = all.estimate.size();
+    for (StampedPose pose : estimate) pose.timestamp += move, all.estimate.push_back(pose);
+    for (StampedPose pose : truth) pose.timestamp += move, all.truth.push_back(pose);
+    all.recordings.push_back({name, {begin, all.estimate.size()}});
+  }
+  return all;
+}
+
+/// Of surfaces of the same place by two parts, from each to the other, over all cells.
+std::vector<double> seams_of(const std::filesystem::path& folder, double& worst) {
+  std::vector<double> sums(2);
+  for (const auto& cell : cells_of(folder)) {
+    const auto surfaces = part_surfaces(folder, cell);
+    for (const PartSurface& a : surfaces)
+      for (const PartSurface& b : surfaces) {
+        if (&a == &b) continue;
+        const ErrorStatistics seam = evaluate_seam(a.mesh, b.mesh);
+        if (seam.count < 100) continue;  // they touch
+        sums[0] += seam.mean * seam.count, sums[1] += seam.count;
+        worst = std::max(worst, seam.mean);
+      }
+  }
+  return sums;
+}
+
+void evaluate_plan(const Arguments& a) {
+  const OfPlan all = read_all(a.estimate);
+  nlohmann::json json{{"recordings", nlohmann::json::array()}};
+  if (!a.json) print_head();
+  if (!all.recordings.empty()) {
+    const TrajectoryError e = evaluate_trajectory(all.estimate, all.truth);
+    json["ate_m"] = to_json(e.ate);
+    if (!a.json) print_row("ATE over all", e.ate, 100, "cm");
+    for (const auto& [name, range] : all.recordings) {
+      // Where all of them together lie best, not each by itself.
+      double squared = 0, most = 0;
+      int count = 0;
+      for (std::size_t i = range.first; i < range.second; ++i) {
+        const auto truth = pose_at(all.truth, all.estimate[i].timestamp);
+        if (!truth) continue;
+        const double off =
+            (e.truth_from_estimate * all.estimate[i].world_from_camera.translation() - truth->translation()).norm();
+        squared += off * off, most = std::max(most, off), ++count;
+      }
+      const double rmse = std::sqrt(squared / std::max(1, count));
+      json["recordings"].push_back({{"name", name}, {"rmse_m", rmse}, {"max_m", most}, {"poses", count}});
+      if (!a.json) fmt::print("{}: {:.2f} cm, {:.2f} at most, of {} poses\n", name, 100 * rmse, 100 * most, count);
+    }
+  }
+  for (const std::string& name : all.without_truth) fmt::print(stderr, "warning: {}: has no true poses\n", name);
+  double worst = 0;
+  const auto seams = a.seams ? seams_of(a.estimate, worst) : std::vector<double>{0, 0};
+  if (seams[1] > 0) {
+    json["seams_m"] = {{"mean", seams[0] / seams[1]}, {"worst_pair", worst}};
+    if (!a.json)
+      fmt::print(
+          "seams                 {:.2f} mm between the surfaces of two parts on the mean, {:.2f} of two in a cell at "
+          "most\n",
+          1000 * seams[0] / seams[1], 1000 * worst);
+  }
+  if (a.json) fmt::print("{}\n", text_of(json, 2));
 }
 
 /// Leaves the triangles whose centre lies in the box (x y z of one corner, then of the other); an empty one: all.
@@ -322,7 +409,7 @@ void add_trajectory(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
   command->add_option("ESTIMATE", a->estimate, "TUM trajectory file")->required()->check(CLI::ExistingFile);
   command->add_option("TRUTH", a->truth, "TUM trajectory file, or a recording with true poses")
       ->required()
-      ->check(CLI::ExistingPath);
+      ->check(is_recording);
   command->add_option("--rpe-interval", a->rpe_interval, "Seconds")->capture_default_str()->check(CLI::PositiveNumber);
   command->add_option("--max-time-difference", a->max_time_difference, "Seconds between matched poses")
       ->capture_default_str()
@@ -330,6 +417,16 @@ void add_trajectory(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
   command->add_option("--frames", a->frames, "Frames of the sequence, to tell how many have a pose");
   command->add_flag("--json", a->json, "Print JSON, in metres and radians");
   command->callback([a] { evaluate_trajectory_files(*a); });
+}
+
+void add_of_plan(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
+  auto* command = evaluate.add_subcommand("plan", "The map of a plan's parts, with all paths in one frame");
+  command->add_option("PLAN", a->estimate, "Folder of a plan that optimise has been run on")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  command->add_flag("--seams", a->seams, "Also how far surfaces of the same place by two parts lie apart: minutes");
+  command->add_flag("--json", a->json, "Print JSON, in metres");
+  command->callback([a] { evaluate_plan(*a); });
 }
 
 void add_mesh(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
@@ -390,7 +487,7 @@ void add_map(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
   auto* command =
       evaluate.add_subcommand("map", "A map against the recording that it was made from, without a true path");
   command->add_option("MAP", a->estimate, "Folder of `cairn reconstruct`")->required()->check(CLI::ExistingDirectory);
-  command->add_option("RECORDING", a->truth, "What it was made from")->required()->check(CLI::ExistingPath);
+  command->add_option("RECORDING", a->truth, "What it was made from")->required()->check(is_recording);
   command
       ->add_option("--step", a->map_step,
                    "Every STEP-th frame is compared that is no keyframe; of a map made with --hold-out, of those that "
@@ -405,7 +502,7 @@ void add_loops(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
   command->add_option("REPORT", a->estimate, "report.json of a reconstruction")->required()->check(CLI::ExistingFile);
   command->add_option("TRUTH", a->truth, "TUM trajectory file, or a recording with true poses")
       ->required()
-      ->check(CLI::ExistingPath);
+      ->check(is_recording);
   command->add_flag("--json", a->json, "Print JSON");
   command->callback([a] { evaluate_loops_file(*a); });
 }
@@ -450,6 +547,7 @@ void add_evaluate(CLI::App& program) {
   add_loops(*command, a);
   add_distances(*command, a);
   add_costmap(*command, a);
+  add_of_plan(*command, a);
 }
 
 }  // namespace cairn::apps

@@ -34,9 +34,13 @@ nlohmann::json to_json(const JoinedPart& part) {
 
 void write_files(const Arguments& a, const nlohmann::json& report) {
   const Map map = Map::open(a.plan);
-  for (int i = 0; i < map.recordings(); ++i)
+  for (int i = 0; i < map.recordings(); ++i) {
+    const fs::path file = a.plan / (i + 1 == map.recordings() ? "trajectory.txt" : name_of_trajectory(i));
     if (const Trajectory t = map.trajectory(i); !t.empty())
-      write_trajectory(a.plan / (i + 1 == map.recordings() ? "trajectory.txt" : name_of_trajectory(i)), t);
+      write_trajectory(file, t);
+    else
+      fs::remove(file);  // of a recording that was joined before
+  }
   map.write_graph(a.plan / "graph.g2o");
   map.write_graph(a.plan / "graph.svg");
   write_whole(a.plan / "report.json", text_of(report, 1) + '\n');

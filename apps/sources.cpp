@@ -108,6 +108,12 @@ std::string identity(const std::string& sequence, SourceOptions options) {
   return fmt::format("recording {:016x}", sum.checksum());
 }
 
+std::string is_recording(const std::string& name) {
+  if (is_synthetic(name)) return {};
+  std::string path = name;
+  return CLI::ExistingPath(path);
+}
+
 void add_camera(CLI::App& command, std::filesystem::path& camera, const std::string& in_place) {
   std::vector<std::string_view> names;
   for (const KnownCamera& known : known_cameras()) names.push_back(known.name);

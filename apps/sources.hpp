@@ -32,6 +32,9 @@ inline constexpr const char* kFramesHelp =
 /// Throws nlohmann::json::exception for what to_json() has not made.
 [[nodiscard]] HoldOut hold_out_from(const nlohmann::json& j);
 
+/// For options that take a recording: what is a file or folder, or is rendered.
+[[nodiscard]] std::string is_recording(const std::string& name);
+
 /// What a session remembers of it: what it shows, wherever it lies. A recording is known by the camera it tells and its
 /// first frames.
 [[nodiscard]] std::string identity(const std::string& sequence, SourceOptions options);

@@ -70,6 +70,12 @@ struct MeshError {
 [[nodiscard]] MeshError evaluate_mesh(const Mesh& estimate, const Mesh& truth, int samples = 200000,
                                       const Mesh* seen = nullptr);
 
+/// How far two surfaces of the same thing lie from each other: from samples of the first, evenly by area, seeded, to
+/// the second, metres; of those that have it within `reach`, since elsewhere only one of them may be. Nothing where
+/// none has.
+[[nodiscard]] ErrorStatistics evaluate_seam(const Mesh& first, const Mesh& second, double reach = 0.05,
+                                            int samples = 20000);
+
 /// A mesh as a camera sees it.
 struct RenderedView {
   std::vector<float> depth;           ///< metres along z; 0: nothing

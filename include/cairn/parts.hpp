@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "cairn/export.hpp"
+#include "cairn/mesh.hpp"
 
 namespace cairn {
 
@@ -102,6 +103,17 @@ OptimisedParts optimise_parts(const std::filesystem::path& plan);
 Exported export_cell(const std::filesystem::path& plan, const std::array<int, 3>& cell,
                      const std::filesystem::path& folder, const ExportOptions& options = {},
                      const ExportProgress& progress = {}, int device = -1);
+
+/// What one part alone has seen of a cell, where the map of all has put it, in the written world.
+struct PartSurface {
+  std::string name;
+  Mesh mesh;
+};
+/// For comparing the parts of a plan's map with each other. Throws as export_cell does.
+[[nodiscard]] std::vector<PartSurface> part_surfaces(const std::filesystem::path& plan, const std::array<int, 3>& cell,
+                                                     int device = -1);
+/// The cells of a plan's map, sorted.
+[[nodiscard]] std::vector<std::array<int, 3>> cells_of(const std::filesystem::path& plan);
 
 /// Writes a tileset over the cells of a plan's map that are there, PLAN/tiles/X,Y,Z/tileset.json. Returns how many.
 /// Throws std::runtime_error naming a cell that has not been made.

@@ -65,4 +65,11 @@ MeshError evaluate_mesh(const Mesh& estimate, const Mesh& truth, int samples, co
   return error;
 }
 
+ErrorStatistics evaluate_seam(const Mesh& first, const Mesh& second, double reach, int samples) {
+  if (first.triangles.empty() || second.triangles.empty()) return {};
+  auto found = distances(sample(first, samples), MeshSurface(second));
+  std::erase_if(found, [&](double d) { return d >= reach; });
+  return found.empty() ? ErrorStatistics{} : statistics(found);
+}
+
 }  // namespace cairn

@@ -402,6 +402,17 @@ class GridContents final : public Map::Contents {
 
 }  // namespace
 
+Mesh surface_of_block(MapState& s, const Eigen::Vector3i& block, const std::vector<std::size_t>& submaps) {
+  WorldParts parts = s.back_end.world_parts(s.device, &submaps);
+  Volume part(s.device, s.world_pool(), s.options.surface.max_depth);
+  const BrickBox own(block * Cells::kBlockSide, (block + Brick::Ones()) * Cells::kBlockSide - Brick::Ones());
+  std::vector<Brick> bricks = parts.bricks();
+  std::erase_if(bricks, [&](const Brick& b) { return !own.contains(b); });
+  if (bricks.empty()) return {};
+  part.adopt(parts.make(bricks, s.back_end.load_submap()));
+  return turned(s.polygonizer.polygonize(part, bricks), s.upright().world_from_tracked);
+}
+
 Exported export_block(MapState& s, const MapBlock& block, const fs::path& folder, const ExportOptions& options,
                       const ExportProgress& progress) {
   const fs::path file = folder / "tileset.json";

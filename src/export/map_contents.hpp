@@ -44,6 +44,9 @@ class Map::Contents {
 };
 
 [[nodiscard]] Map map_of(std::shared_ptr<MapState> state);
+/// What submaps alone hold of a block, in the written world.
+[[nodiscard]] Mesh surface_of_block(MapState& state, const Eigen::Vector3i& block,
+                                    const std::vector<std::size_t>& submaps);
 /// Writes FOLDER/map.vdb with the block's voxels, and FOLDER/tileset.json with its surface.
 Exported export_block(MapState& state, const MapBlock& block, const std::filesystem::path& folder,
                       const ExportOptions& options, const ExportProgress& progress);

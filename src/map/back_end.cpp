@@ -319,7 +319,8 @@ std::pair<int, bool> BackEnd::append(const BackEnd& other) {
   leave_frame();
 
   for (Loop& loop : loops) loop.edge.j += keyframes;
-  if (join_pieces(atlas_, loops) == 0) return {static_cast<int>(loops.size()), false};
+  ViewsApart views(rig_.depth, [&](std::size_t k) { return images_.depth(k); });
+  if (join_pieces(atlas_, loops, views) == 0) return {static_cast<int>(loops.size()), false};
   unsettled_ = true;
   settle();
   return {static_cast<int>(loops.size()), true};

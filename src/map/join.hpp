@@ -5,14 +5,16 @@
 #include <vector>
 
 #include "map/atlas.hpp"
+#include "map/views_apart.hpp"
 
 namespace cairn {
 
 /// Lays the pieces of an atlas to each other by loops between them, and adds the loops that agree with that; the others
 /// are left out. Of loops between the same two pieces those count together that tell the same about how the two lie:
-/// rooms that look alike give loops as well, but of many views of two maps most are true. Pieces are joined by what
-/// most loops agree in, one after the other, and not where nearly as many tell something else. Returns how many were
-/// added. `loops`: of keyframes of the atlas.
-std::size_t join_pieces(Atlas& atlas, const std::vector<Loop>& loops);
+/// rooms that look alike give loops as well, and may give more than true ones. So pieces are joined one after the
+/// other, those first whose views have most corners in common, which are of the same place from the same side; not
+/// where all that was joined with them so far would contradict what the others saw (ViewsApart), and not where nearly
+/// as many loops tell something else that would not. Returns how many were added. `loops`: of keyframes of the atlas.
+std::size_t join_pieces(Atlas& atlas, const std::vector<Loop>& loops, ViewsApart& views);
 
 }  // namespace cairn

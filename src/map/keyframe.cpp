@@ -188,24 +188,33 @@ std::shared_ptr<const Features> KeyframeStore::remembered(std::size_t keyframe) 
   return found->second.features;
 }
 
-Frame KeyframeStore::get(std::size_t keyframe) const {
-  const Packed packed{kept(keyframe, &Packed::depth, kDepth), kept(keyframe, &Packed::colour, kColour), {}};
-  cv::Mat steps, rgba;
-  const auto decoded = [](const std::vector<std::uint8_t>& bytes, Pixels pixels) {
-    try {
-      return decode_image(bytes, pixels);
-    } catch (const std::runtime_error&) {
-      return cv::Mat();  // told below, or left out
-    }
-  };
-  if (!packed.depth.empty()) steps = decoded(packed.depth, Pixels::as_stored);
+namespace {
+
+cv::Mat decoded(const std::vector<std::uint8_t>& bytes, Pixels pixels) {
+  try {
+    if (!bytes.empty()) return decode_image(bytes, pixels);
+  } catch (const std::runtime_error&) {
+    // Told by who asked, or left out.
+  }
+  return {};
+}
+
+}  // namespace
+
+std::vector<float> KeyframeStore::depth(std::size_t keyframe) const {
+  const cv::Mat steps = decoded(kept(keyframe, &Packed::depth, kDepth), Pixels::as_stored);
   if (steps.type() != CV_16U || steps.cols != rig_.depth.width || steps.rows != rig_.depth.height)
     throw std::runtime_error(file(keyframe, kDepth).string() + ": is missing or broken; " + kRemedy);
-  Frame frame;
-  frame.depth.resize(steps.total());
-  cv::Mat depth(steps.rows, steps.cols, CV_32F, frame.depth.data());
+  std::vector<float> metres(steps.total());
+  cv::Mat depth(steps.rows, steps.cols, CV_32F, metres.data());
   steps.convertTo(depth, CV_32F, 1 / kDepthSteps);
-  if (!packed.colour.empty()) rgba = decoded(packed.colour, Pixels::rgba);
+  return metres;
+}
+
+Frame KeyframeStore::get(std::size_t keyframe) const {
+  Frame frame;
+  frame.depth = depth(keyframe);
+  const cv::Mat rgba = decoded(kept(keyframe, &Packed::colour, kColour), Pixels::rgba);
   if (rgba.cols == rig_.colour_view().width && rgba.rows == rig_.colour_view().height)
     frame.colour = colour_pixels(rgba);
   return frame;

@@ -60,6 +60,8 @@ class KeyframeStore {
   [[nodiscard]] bool in_files() const { return !files_.folder().empty(); }
   /// Copies another store's keyframe. Both must have folders.
   void copy(std::size_t keyframe, const KeyframeStore& from, std::size_t its) const;
+  /// Depth alone, metres, as it was kept. Throws like get().
+  [[nodiscard]] std::vector<float> depth(std::size_t keyframe) const;
   /// Depth and colour as they were kept. Throws std::runtime_error naming the file if it is lost.
   [[nodiscard]] Frame get(std::size_t keyframe) const;
   /// The last ones that were put or asked for stay in memory. Throws std::runtime_error naming the file if it is lost.

@@ -19,6 +19,7 @@
 #include "base/json_text.hpp"
 #include "base/read_whole.hpp"
 #include "cairn/atomic_file.hpp"
+#include "cairn/parts.hpp"
 #include "export/cells.hpp"
 #include "map/map_state.hpp"
 

@@ -27,7 +27,4 @@ WrittenCells write_cells(const std::filesystem::path& plan, MapState& map, const
 [[nodiscard]] MapBlock read_cell(const std::filesystem::path& plan, const CellName& cell,
                                  const std::vector<PartFiles>& parts);
 
-/// Those that have a file, sorted.
-[[nodiscard]] std::vector<CellName> cells_of(const std::filesystem::path& plan);
-
 }  // namespace cairn

@@ -133,21 +133,24 @@ std::vector<Loop> JoinedSession::overlaps(std::size_t map) const {
 
 JoinedSession::Report JoinedSession::join() {
   Atlas& atlas = state_.back_end.atlas;
-  std::vector<Loop> all = loops_;
-  int overlaps = 0;
+  Report report{.loops = static_cast<int>(loops_.size()), .believed = 0, .overlaps = 0, .graph = {}};
   for (std::size_t m = 0; m < maps_.size(); ++m) {
-    const std::vector<Loop> ties = this->overlaps(m);
-    overlaps += static_cast<int>(ties.size());
-    all.insert(all.end(), ties.begin(), ties.end());
+    const std::vector<Loop> ties = overlaps(m);
+    if (ties.empty()) continue;
+    atlas.join(ties[ties.size() / 2].edge);
+    atlas.loops.insert(atlas.loops.end(), ties.begin(), ties.end());
+    report.overlaps += static_cast<int>(ties.size());
   }
-  Report report{.loops = static_cast<int>(loops_.size()), .believed = 0, .overlaps = overlaps, .graph = {}};
   const std::size_t before = atlas.loops.size();
-  (void)join_pieces(atlas, all);
+  std::vector<PartFiles> parts;
+  for (const Map& map : maps_) parts.push_back(map.files);
+  const KeyframeStore images(state_.rig, keyframe_files({}, parts), Access::read);
+  ViewsApart views(state_.rig.depth, [&](std::size_t k) { return images.depth(k); });
+  (void)join_pieces(atlas, loops_, views);
   PoseGraph graph = atlas.graph();
   report.graph = optimise(graph);
   atlas.take(graph, report.graph);
-  for (std::size_t l = before; l < atlas.loops.size(); ++l)
-    report.believed += atlas.loops[l].inlier && atlas.loops[l].corners > 0;
+  for (std::size_t l = before; l < atlas.loops.size(); ++l) report.believed += atlas.loops[l].inlier;
   for (std::size_t m = 0; m < maps_.size(); ++m) add_frames(m);
   return report;
 }

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 #include <optional>
 #include <set>
 #include <stdexcept>
@@ -171,6 +172,24 @@ Exported export_cell(const fs::path& plan, const std::array<int, 3>& cell, const
   const MapBlock block = read_cell(plan, cell, state->files.parts);
   fs::create_directories(folder);
   return export_block(*state, block, folder, options, progress);
+}
+
+std::vector<PartSurface> part_surfaces(const fs::path& plan, const std::array<int, 3>& cell, int device) {
+  const auto state = open_session(session_of(plan), device);
+  const std::vector<PartFiles>& parts = state->files.parts;
+  const MapBlock block = read_cell(plan, cell, parts);
+  std::vector<PartSurface> surfaces;
+  for (std::size_t p = 0; p < parts.size(); ++p) {
+    const std::size_t end = p + 1 < parts.size() ? parts[p + 1].first_submap : state->back_end.submaps().size();
+    std::vector<std::size_t> own;
+    std::copy_if(block.submaps.begin(), block.submaps.end(), std::back_inserter(own),
+                 [&](std::size_t s) { return parts[p].first_submap <= s && s < end; });
+    if (own.empty()) continue;
+    // PLAN/maps/017/session/run-0001
+    const std::string name = parts[p].folder.parent_path().parent_path().filename().string();
+    surfaces.push_back({name, surface_of_block(*state, block.block, own)});
+  }
+  return surfaces;
 }
 
 int write_cells_tileset(const fs::path& plan, const fs::path& file) {

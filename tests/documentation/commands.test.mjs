@@ -87,6 +87,16 @@ before(() => {
   for (const word of ['RECORDING', 'FOLDER']) inputs[word] = keep('recording');
   for (const word of ['MAP', 'OUT', 'A']) inputs[word] = keep('map');
   inputs.B = keep('other');
+  // Two parts, their maps, and the map of both.
+  inputs.MONDAY = inputs.WEDNESDAY = keep('recording'), inputs.TUESDAY = keep('long');
+  run('plan', keep('long'), '-o', keep('plan'), '--frames-per-part', '7', '--overlap', '6');
+  for (const part of ['000', '001'])
+    run('reconstruct', keep(`plan/parts/${part}`), '-o', keep(`plan/maps/${part}`), '--voxel-size', voxel, '--no-mesh');
+  mkdirSync(keep('plan/loops'));
+  run('match', keep('plan/maps/000'), keep('plan/maps/001'), '-o', keep('plan/loops/000-001.json'));
+  run('optimise', keep('plan'));
+  for (const cell of readdirSync(keep('plan/cells')).map((name) => name.replace('.json', '')))
+    run('tile', keep('plan'), `--cell=${cell}`, '-o', keep(`plan/tiles/${cell}`), '--no-texture');
   inputs['X.glb'] = keep('x.glb');
   inputs['X.g2o'] = keep('map/graph.g2o');
   // Motion capture has z up. The room's own path, so that its pictures show the same part of the room.
@@ -121,6 +131,10 @@ after(() => rmSync(folder, { recursive: true }));
 /** Puts small inputs where a line reads, and takes away what it is to write: another line may have written it. */
 function prepare(line) {
   const words = line.replaceAll('$name', shell.name).split(/\s+/);
+  if (words.some((word) => /^PLAN(\/|$)/.test(word))) {
+    rmSync(join(work, 'PLAN'), { recursive: true, force: true });
+    cpSync(join(kept, 'plan'), join(work, 'PLAN'), { recursive: true });
+  }
   words.forEach((word, i) => {
     if (!inputs[word]) {
       if (words[i - 1] === '-o') rmSync(join(work, word), { recursive: true, force: true });
@@ -193,7 +207,8 @@ test('every reason stands for a line that is there', () => {
 
 test('every option that is named is one', () => {
   const help = (...args) => spawnSync(cairn, [...args, '--help'], { encoding: 'utf8' }).stdout;
-  const subcommands = ['reconstruct', 'export', 'live', 'record', 'view', 'synth', 'esdf', 'merge', 'devices',
+  const subcommands = ['reconstruct', 'export', 'live', 'record', 'view', 'synth', 'esdf', 'merge', 'plan', 'match',
+    'optimise', 'tile', 'tileset', 'devices',
     'evaluate', 'graph', 'info', 'calibrate', 'convert', 'demo', 'doctor', 'help', 'completion'].map((name) => [name]);
   for (const name of ['trajectory', 'mesh', 'views', 'topology', 'distances', 'loops']) subcommands.push(['evaluate', name]);
   subcommands.push(['graph', 'optimise']);
