@@ -112,6 +112,7 @@ std::vector<Pair> pairs_of(const Atlas& atlas, const std::vector<Loop>& loops) {
     between[{std::min(i, j), std::max(i, j)}].push_back(&loop);
   }
   std::vector<Pair> pairs;
+  pairs.reserve(between.size());
   for (auto& [pieces, of_pair] : between)
     pairs.push_back({pieces.first, pieces.second, clusters_of(atlas, std::move(of_pair))});
   for (Pair& pair : pairs)

@@ -49,12 +49,14 @@ struct PartFiles {
                                                   const std::vector<PartFiles>& parts = {}) {
   constexpr const char* kFolder = "keyframes";
   std::vector<NumberedFiles::Elsewhere> elsewhere;
+  elsewhere.reserve(parts.size());
   for (const PartFiles& part : parts) elsewhere.push_back({part.first_keyframe, part.keyframes, part.folder / kFolder});
   return {run.empty() ? run : run / kFolder, std::move(elsewhere)};
 }
 [[nodiscard]] inline NumberedFiles submap_files(const std::filesystem::path& run,
                                                 const std::vector<PartFiles>& parts = {}) {
   std::vector<NumberedFiles::Elsewhere> elsewhere;
+  elsewhere.reserve(parts.size());
   for (const PartFiles& part : parts) elsewhere.push_back({part.first_submap, part.submaps, part.folder});
   return {run, std::move(elsewhere)};
 }

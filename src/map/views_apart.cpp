@@ -30,7 +30,8 @@ ViewsApart::ViewsApart(const Camera& camera, GetDepth get_depth)
       height_((camera.height - kStep / 2 + kStep - 1) / kStep) {
   for (int v = 0; v < height_; ++v)
     for (int u = 0; u < width_; ++u) {
-      const Eigen::Vector2d ray = camera.undistorted_ray(kStep / 2 + kStep * u, kStep / 2 + kStep * v);
+      const int x = kStep / 2 + kStep * u, y = kStep / 2 + kStep * v;
+      const Eigen::Vector2d ray = camera.undistorted_ray(x, y);
       rays_.emplace_back(static_cast<float>(ray.x()), static_cast<float>(ray.y()), 1.0f);
     }
 }

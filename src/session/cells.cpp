@@ -108,6 +108,7 @@ WrittenCells write_cells(const fs::path& plan, MapState& state, const std::vecto
   const Sight sight(state.rig.depth.rectified(), static_cast<double>(state.options.surface.max_depth));
   const double side = static_cast<double>(brick) * Cells::kBlockSide, radius = side * std::sqrt(3.0) / 2;
   std::vector<std::string> poses;
+  poses.reserve(maps.size());
   for (const auto& map : maps)
     poses.push_back(checksum_of(atlas.world_from_camera, map.files.first_keyframe, map.files.keyframes));
   const Eigen::Quaterniond& turn = state.upright().world_from_tracked;

@@ -27,6 +27,7 @@ const elsewhere = {
   'scripts/test -L quick': 'the tests run by themselves',
   'scripts/tidy': 'CI runs it by itself',
   'scripts/benchmark': 'minutes',
+  'scripts/building/benchmark OUT': 'half an hour',
   'scripts/options-page': 'it writes into the source; Documentation.pages checks it',
   'scripts/check-layers': 'Architecture.layers runs it',
   'build/release/tests/cairn_bench': 'minutes',
