@@ -82,6 +82,9 @@ void JoinedSession::add(const fs::path& session, std::size_t recording) {
   for (std::size_t k = 0; k < map.files.keyframes; ++k) {
     atlas.keyframes.push_back(theirs.atlas.keyframes[k]);
     atlas.keyframes.back().submap += submaps;
+    // How an adjustment has laid a map's keyframes to each other tells more than how they were tracked.
+    if (!theirs.atlas.surface_sigma.empty())
+      atlas.keyframes.back().odometry_from_camera = theirs.atlas.world_from_camera[k];
     atlas.world_from_camera.push_back(theirs.atlas.world_from_camera[k]);
   }
   for (Loop loop : theirs.atlas.loops) {
