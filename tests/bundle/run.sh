@@ -9,9 +9,10 @@ rm -rf "$work"
 mkdir -p "$work/root"
 "$(dirname "$0")/../../scripts/bundle" "$work/bundle"
 bytes=$(stat -c %s "$work"/bundle.tar.*)
-# Bundles are made on Debian 12, whose C library is the oldest; the libraries of Debian 13 are larger.
-most=40000000
-[[ $(. /etc/os-release && echo "${VERSION_ID:-}") == 12 ]] || most=44000000
+# Where it goes takes 64 MiB; since floor plans, with cairo and what that needs, it has 42 MB. Bundles are made on Debian
+# 12, whose C library is the oldest; the libraries of Debian 13 are larger.
+most=46000000
+[[ $(. /etc/os-release && echo "${VERSION_ID:-}") == 12 ]] || most=50000000
 [[ $bytes -le $most ]] || { echo "the bundle has $bytes bytes, $most are allowed"; exit 1; }
 tar -C "$work/root" -xf "$work"/bundle.tar.*
 
