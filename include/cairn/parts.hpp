@@ -94,9 +94,6 @@ struct OptimisedParts {
 /// std::runtime_error where no part has a map, and for maps of different cameras or voxels.
 OptimisedParts optimise_parts(const std::filesystem::path& plan);
 
-/// Metres a side of a cell of a map with such voxels.
-[[nodiscard]] double cell_side(double voxel_size);
-
 /// Makes one cell of a plan's map: writes FOLDER/tileset.json and its tiles, and FOLDER/map.vdb, each whole or not at
 /// all. Borders are those of the neighbours to the last bit. `cell`: as PLAN/cells names it. Throws std::runtime_error
 /// for a cell that the map does not reach.

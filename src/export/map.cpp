@@ -400,14 +400,24 @@ class GridContents final : public Map::Contents {
   std::optional<Volume> volume_;
 };
 
+BrickBox box_of(const Brick& block) {
+  return {block * Cells::kBlockSide, (block + Brick::Ones()) * Cells::kBlockSide - Brick::Ones()};
+}
+
+/// Those of the list that lie in a box.
+std::vector<Brick> within(const std::vector<Brick>& bricks, const BrickBox& box) {
+  std::vector<Brick> found;
+  std::copy_if(bricks.begin(), bricks.end(), std::back_inserter(found),
+               [&](const Brick& b) { return box.contains(b); });
+  return found;
+}
+
 }  // namespace
 
 Mesh surface_of_block(MapState& s, const Eigen::Vector3i& block, const std::vector<std::size_t>& submaps) {
   WorldParts parts = s.back_end.world_parts(s.device, &submaps);
   Volume part(s.device, s.world_pool(), s.options.surface.max_depth);
-  const BrickBox own(block * Cells::kBlockSide, (block + Brick::Ones()) * Cells::kBlockSide - Brick::Ones());
-  std::vector<Brick> bricks = parts.bricks();
-  std::erase_if(bricks, [&](const Brick& b) { return !own.contains(b); });
+  const std::vector<Brick> bricks = within(parts.bricks(), box_of(block));
   if (bricks.empty()) return {};
   part.adopt(parts.make(bricks, s.back_end.load_submap()));
   return turned(s.polygonizer.polygonize(part, bricks), s.upright().world_from_tracked);
@@ -416,23 +426,18 @@ Mesh surface_of_block(MapState& s, const Eigen::Vector3i& block, const std::vect
 Exported export_block(MapState& s, const MapBlock& block, const fs::path& folder, const ExportOptions& options,
                       const ExportProgress& progress) {
   const fs::path file = folder / "tileset.json";
-  check(options, file);
   WorldParts parts = s.back_end.world_parts(s.device, &block.submaps);
   Volume part(s.device, s.world_pool(), s.options.surface.max_depth);
-  const BrickBox own(block.block * Cells::kBlockSide,
-                     (block.block + Brick::Ones()) * Cells::kBlockSide - Brick::Ones());
+  const BrickBox own = box_of(block.block);
   const Brick margin = Brick::Constant(Cells::margin(options.clean, part.brick_size()));
   const BrickBox around(own.min() - margin, own.max() + margin);
-  std::vector<Brick> bricks = parts.bricks(), inside;
-  std::erase_if(bricks, [&](const Brick& b) { return !around.contains(b); });
-  std::copy_if(bricks.begin(), bricks.end(), std::back_inserter(inside),
-               [&](const Brick& b) { return own.contains(b); });
+  std::vector<Brick> bricks = within(parts.bricks(), around);
+  const std::vector<Brick> inside = within(bricks, own);
   if (inside.empty()) throw not_written(file, "the map does not reach this cell");
 
   BrickTree free;
   const BrickTree all_free = s.back_end.world_free(&block.submaps);
-  for (const Brick& brick : all_free.free_bricks())
-    if (own.contains(brick)) free.mark_free(brick, all_free.free_voxels(brick));
+  for (const Brick& brick : within(all_free.free_bricks(), own)) free.mark_free(brick, all_free.free_voxels(brick));
   GridsWriter writer(folder / "map.vdb", {.voxel_size = s.options.fuse.voxel_size,
                                           .truncation = s.options.fuse.truncation,
                                           .upright = s.upright(),

@@ -75,12 +75,18 @@ std::optional<TilePart> make_tile(ExportRun& run, Texturer* texturer, const fs::
   return TilePart{std::move(tile), std::move(part)};
 }
 
+/// Until all cells are in one.
+int levels_above(const Cells& cells) {
+  int top = 0;
+  for (const auto& [cell, bricks] : cells.all())
+    while (Cells::at_level(Cells::brick(cell), top) != Brick::Zero()) ++top;
+  return top;
+}
+
 }  // namespace
 
 void write_tiles(ExportRun& run, Texturer* texturer) {
-  int top = run.input.block ? Cells::kBlockLevels : 0;
-  for (const auto& [cell, bricks] : run.cells.all())
-    while (!run.input.block && Cells::at_level(Cells::brick(cell), top) != Brick::Zero()) ++top;
+  const int top = run.input.block ? Cells::kBlockLevels : levels_above(run.cells);
   TilesFolder tiles(run.file);
   auto root = make_tile(run, texturer, tiles.part(), {0, 0, 0}, top);
   if (!root && run.input.block) root.emplace();  // what was there was too small to stay

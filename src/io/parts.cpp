@@ -9,9 +9,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "base/changed_file.hpp"
 #include "base/json_text.hpp"
-#include "base/read_whole.hpp"
-#include "cairn/atomic_file.hpp"
 #include "cairn/source.hpp"
 #include "io/part.hpp"
 
@@ -122,19 +121,13 @@ void add(PartsPlan& plan, const std::string& name, const Cameras& cameras) {
   }
 }
 
-/// A file that would stay the same is not touched: programs that go by times see that nothing is new.
-void write_changed(const fs::path& file, const Json& json, Durable durable) {
-  const std::string text = json.dump(2) + "\n";
-  std::error_code ignored;
-  if (fs::is_regular_file(file, ignored) &&
-      std::ranges::equal(read_whole(file), text, {}, {}, [](char c) { return static_cast<std::uint8_t>(c); }))
-    return;
+void write_json(const fs::path& file, const Json& json, Durable durable) {
   std::error_code error;
   fs::create_directories(file.parent_path(), error);
   if (error)
     throw std::runtime_error(
         fmt::format("cannot make the folder {}: {}; choose another", file.parent_path().string(), error.message()));
-  write_whole(file, text, durable);
+  write_changed(file, json.dump(2) + "\n", durable);
 }
 
 /// plan.json comes last: what it tells of is there.
@@ -143,23 +136,23 @@ void write(const PartsPlan& plan, const fs::path& folder) {
   for (const auto& r : plan.recordings) recordings.push_back({{"name", r.name}, {"frames", r.frames}});
   for (const auto& p : plan.parts) {
     parts.push_back({{"name", p.name}, {"recording", p.recording}, {"begin", p.begin}, {"end", p.end}});
-    write_changed(folder / "parts" / p.name / kPartFile,
-                  {{"kind", kPartKind},
-                   {"format", kPlanFormat},
-                   {"name", p.name},
-                   {"recording", plan.recordings[p.recording].name},
-                   {"begin", p.begin},
-                   {"end", p.end}},
-                  Durable::some_time);
+    write_json(folder / "parts" / p.name / kPartFile,
+               {{"kind", kPartKind},
+                {"format", kPlanFormat},
+                {"name", p.name},
+                {"recording", plan.recordings[p.recording].name},
+                {"begin", p.begin},
+                {"end", p.end}},
+               Durable::some_time);
   }
-  write_changed(folder / kPlanFile,
-                {{"kind", kPlanKind},
-                 {"format", kPlanFormat},
-                 {"frames_per_part", plan.frames_per_part},
-                 {"overlap", plan.overlap},
-                 {"recordings", std::move(recordings)},
-                 {"parts", std::move(parts)}},
-                Durable::now);
+  write_json(folder / kPlanFile,
+             {{"kind", kPlanKind},
+              {"format", kPlanFormat},
+              {"frames_per_part", plan.frames_per_part},
+              {"overlap", plan.overlap},
+              {"recordings", std::move(recordings)},
+              {"parts", std::move(parts)}},
+             Durable::now);
 }
 
 void check(const PartsPlan& options) {

@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <boost/crc.hpp>
 #include <charconv>
 #include <cmath>
 #include <map>
@@ -16,12 +15,13 @@
 #include <string>
 #include <string_view>
 
+#include "base/changed_file.hpp"
 #include "base/json_text.hpp"
-#include "base/read_whole.hpp"
-#include "cairn/atomic_file.hpp"
+#include "base/pose_checksum.hpp"
 #include "cairn/parts.hpp"
 #include "export/cells.hpp"
 #include "map/map_state.hpp"
+#include "session/json_file.hpp"
 
 namespace cairn {
 namespace {
@@ -29,9 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr const char* kKind = "cairn cell";
-constexpr int kFormat = 1;
-constexpr const char* kAgain = "make it again with cairn optimise";
+constexpr JsonKind kCell{"cairn cell", "is no cell of a map", "make it again with cairn optimise"};
 
 std::string name_of(const CellName& cell) { return fmt::format("{},{},{}", cell[0], cell[1], cell[2]); }
 
@@ -46,13 +44,6 @@ std::optional<CellName> cell_named(const std::string& name) {
   }
   if (at != end) return std::nullopt;
   return cell;
-}
-
-template <class Poses>
-std::string checksum_of(const Poses& poses, std::size_t first, std::size_t count) {
-  boost::crc_optimal<64, 0x42f0e1eba9ea3693u, ~0ull, ~0ull, true, true> sum;  // ECMA-182
-  for (std::size_t i = first; i < first + count; ++i) sum.process_bytes(poses[i].matrix().data(), sizeof(double) * 16);
-  return fmt::format("{:016x}", sum.checksum());
 }
 
 /// Whether a camera sees something of a ball, or may.
@@ -86,14 +77,6 @@ std::size_t map_with(const std::vector<JoinedSession::Map>& maps, std::size_t nu
   return m;
 }
 
-bool is_new(const fs::path& file, const std::string& text) {
-  std::error_code error;
-  if (!fs::exists(file, error)) return true;
-  const auto bytes = read_whole(file);
-  return !std::equal(bytes.begin(), bytes.end(), text.begin(), text.end(),
-                     [](std::uint8_t a, char b) { return static_cast<char>(a) == b; });
-}
-
 }  // namespace
 
 fs::path cell_file(const fs::path& plan, const CellName& cell) { return plan / "cells" / (name_of(cell) + ".json"); }
@@ -109,8 +92,12 @@ WrittenCells write_cells(const fs::path& plan, MapState& state, const std::vecto
   const double side = static_cast<double>(brick) * Cells::kBlockSide, radius = side * std::sqrt(3.0) / 2;
   std::vector<std::string> poses;
   poses.reserve(maps.size());
-  for (const auto& map : maps)
-    poses.push_back(checksum_of(atlas.world_from_camera, map.files.first_keyframe, map.files.keyframes));
+  for (const auto& map : maps) {
+    PoseChecksum sum;
+    for (std::size_t k = 0; k < map.files.keyframes; ++k)
+      sum.add(atlas.world_from_camera[map.files.first_keyframe + k]);
+    poses.push_back(sum.text());
+  }
   const Eigen::Quaterniond& turn = state.upright().world_from_tracked;
   fs::create_directories(plan / "cells");
   WrittenCells written;
@@ -130,8 +117,8 @@ WrittenCells write_cells(const fs::path& plan, MapState& state, const std::vecto
         if (component[keyframe] == main && sight.sees(atlas.world_from_camera[keyframe].inverse() * centre, radius))
           made_of[m].keyframes.push_back(k);
       }
-    Json json{{"kind", kKind},
-              {"format", kFormat},
+    Json json{{"kind", kCell.kind},
+              {"format", kCell.format},
               {"cell", {reached.cell.x(), reached.cell.y(), reached.cell.z()}},
               {"upright", {turn.x(), turn.y(), turn.z(), turn.w()}},
               {"made_of", Json::array()}};
@@ -142,12 +129,9 @@ WrittenCells write_cells(const fs::path& plan, MapState& state, const std::vecto
                                  {"submaps", of_map.submaps},
                                  {"keyframes", of_map.keyframes}});
     const CellName cell{reached.cell.x(), reached.cell.y(), reached.cell.z()};
-    const std::string text = text_of(json) + '\n';
     ++written.cells;
     names.insert(cell_file(plan, cell).filename());
-    if (!is_new(cell_file(plan, cell), text)) continue;
-    ++written.changed;
-    write_whole(cell_file(plan, cell), text);
+    written.changed += write_changed(cell_file(plan, cell), text_of(json) + '\n');
   }
   for (const CellName& cell : cells_of(plan))
     if (!names.contains(cell_file(plan, cell).filename())) fs::remove(cell_file(plan, cell));
@@ -161,11 +145,7 @@ MapBlock read_cell(const fs::path& plan, const CellName& cell, const std::vector
         fmt::format("{}: is missing: the map does not reach cell {}, or is not made yet (cairn "
                     "optimise {})",
                     file.string(), name_of(cell), plan.string()));
-  try {
-    const auto bytes = read_whole(file);
-    const Json json = Json::parse(bytes.begin(), bytes.end());
-    if (json.at("kind") != kKind) throw std::runtime_error("is no cell of a map");
-    if (json.at("format") != kFormat) throw std::runtime_error("was written by another version of Cairn");
+  return read_json_file(file, kCell, [&](const Json& json) {
     MapBlock block{.block = {cell[0], cell[1], cell[2]}, .submaps = {}, .keyframes = {}};
     for (const Json& of_map : json.at("made_of")) {
       const fs::path folder = (fs::absolute(plan) / of_map.at("map").get<std::string>()).lexically_normal();
@@ -185,11 +165,7 @@ MapBlock read_cell(const fs::path& plan, const CellName& cell, const std::vector
     std::sort(block.submaps.begin(), block.submaps.end());
     std::sort(block.keyframes.begin(), block.keyframes.end());
     return block;
-  } catch (const Json::exception& error) {
-    throw std::runtime_error(fmt::format("{}: is damaged ({}); {}", file.string(), plain(error.what()), kAgain));
-  } catch (const std::runtime_error& error) {
-    throw std::runtime_error(fmt::format("{}: {}; {}", file.string(), error.what(), kAgain));
-  }
+  });
 }
 
 std::vector<CellName> cells_of(const fs::path& plan) {

@@ -53,13 +53,8 @@ void JoinedSession::add(const fs::path& session, std::size_t recording) {
   if (!read.parts.empty())
     throw std::runtime_error(session.string() + ": is a map of several parts; give the maps that it is made of");
   const bool is_first = maps_.empty();
-  if (!is_first && !state_.rig.has_same_cameras(s.rig))
-    throw std::runtime_error(session.string() + ": was made with another camera than " +
-                             maps_[0].files.folder.string() + "; such maps cannot be put together");
-  if (!is_first && (state_.fuse.voxel_size != s.fuse.voxel_size || state_.fuse.truncation != s.fuse.truncation))
-    throw std::runtime_error(fmt::format("{}: has voxels of {} m, {} of {} m; make both with the same --voxel-size",
-                                         session.string(), s.fuse.voxel_size, maps_[0].files.folder.string(),
-                                         state_.fuse.voxel_size));
+  if (!is_first)
+    check_alike({maps_[0].files.folder, state_.rig, state_.fuse}, {session, s.rig, s.fuse}, "put together");
   BackEnd::Memory& m = state_.back_end;
   Atlas& atlas = m.atlas;
   const std::size_t keyframes = atlas.keyframes.size(), submaps = m.submaps.size();

@@ -2,23 +2,20 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "session/matches.hpp"
 
-#include <fmt/format.h>
-
-#include <boost/crc.hpp>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
 #include "base/json_text.hpp"
-#include "base/read_whole.hpp"
+#include "base/pose_checksum.hpp"
 #include "cairn/atomic_file.hpp"
+#include "session/json_file.hpp"
 
 namespace cairn {
 namespace {
 
 using Json = nlohmann::json;
 
-constexpr const char* kKind = "cairn loops";
-constexpr int kFormat = 1;
+constexpr JsonKind kLoops{"cairn loops", "holds no loops between maps", "make it again with cairn match"};
 
 template <class Matrix>
 Json rows_of(const Matrix& matrix) {
@@ -68,20 +65,19 @@ Loop loop_of(const Json& json) {
 }  // namespace
 
 std::string map_id(const Atlas& atlas) {
-  boost::crc_optimal<64, 0x42f0e1eba9ea3693u, ~0ull, ~0ull, true, true> sum;  // ECMA-182
+  PoseChecksum sum;
   for (const Keyframe& keyframe : atlas.keyframes) {
-    const Eigen::Matrix4d& pose = keyframe.odometry_from_camera.matrix();
-    sum.process_bytes(&keyframe.timestamp, sizeof keyframe.timestamp);
-    sum.process_bytes(pose.data(), sizeof(double) * 16);
+    sum.add(keyframe.timestamp);
+    sum.add(keyframe.odometry_from_camera);
   }
-  return fmt::format("{:016x}", sum.checksum());
+  return sum.text();
 }
 
 void write_matches(const std::filesystem::path& file, const Matches& matches) {
   Json loops = Json::array();
   for (const Loop& loop : matches.loops) loops.push_back(json_of(loop));
-  write_whole(file, text_of({{"kind", kKind},
-                             {"format", kFormat},
+  write_whole(file, text_of({{"kind", kLoops.kind},
+                             {"format", kLoops.format},
                              {"maps", {matches.first, matches.second}},
                              {"loops", std::move(loops)}},
                             1) +
@@ -89,12 +85,7 @@ void write_matches(const std::filesystem::path& file, const Matches& matches) {
 }
 
 Matches read_matches(const std::filesystem::path& file, std::size_t first_keyframes, std::size_t second_keyframes) {
-  const char* const again = "make it again with cairn match";
-  try {
-    const auto bytes = read_whole(file);
-    const Json json = Json::parse(bytes.begin(), bytes.end());
-    if (json.at("kind") != kKind) throw std::runtime_error("holds no loops between maps");
-    if (json.at("format") != kFormat) throw std::runtime_error("was written by another version of Cairn");
+  return read_json_file(file, kLoops, [&](const Json& json) {
     Matches matches{.first = json.at("maps").at(0), .second = json.at("maps").at(1), .loops = {}};
     for (const Json& loop : json.at("loops")) {
       matches.loops.push_back(loop_of(loop));
@@ -103,11 +94,7 @@ Matches read_matches(const std::filesystem::path& file, std::size_t first_keyfra
         throw std::runtime_error("names a keyframe that its map has not");
     }
     return matches;
-  } catch (const Json::exception& error) {
-    throw std::runtime_error(fmt::format("{}: is damaged ({}); {}", file.string(), plain(error.what()), again));
-  } catch (const std::runtime_error& error) {
-    throw std::runtime_error(fmt::format("{}: {}; {}", file.string(), error.what(), again));
-  }
+  });
 }
 
 }  // namespace cairn

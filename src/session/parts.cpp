@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <iterator>
 #include <optional>
-#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -30,16 +29,6 @@ namespace fs = std::filesystem;
 constexpr const char* kState = "state.cbor";
 
 fs::path session_of(const fs::path& map) { return map / "session"; }
-
-void check_alike(const fs::path& first, const MapState& a, const fs::path& second, const MapState& b) {
-  if (!a.rig.has_same_cameras(b.rig))
-    throw std::runtime_error(second.string() + ": was made with another camera than " + first.string() +
-                             "; such maps cannot be matched");
-  if (a.options.fuse.voxel_size != b.options.fuse.voxel_size || a.options.fuse.truncation != b.options.fuse.truncation)
-    throw std::runtime_error(fmt::format("{}: has voxels of {} m, {} of {} m; make both with the same --voxel-size",
-                                         second.string(), b.options.fuse.voxel_size, first.string(),
-                                         a.options.fuse.voxel_size));
-}
 
 /// The loops that are known between two maps, if any.
 void add_matches(JoinedSession& joined, const fs::path& file, std::size_t first, std::size_t second) {
@@ -93,7 +82,7 @@ Tile around(std::vector<std::pair<Brick, Tile>> tiles) {
 
 MatchedMaps match_maps(const fs::path& first, const fs::path& second, const fs::path& file, int device) {
   const auto a = open_session(session_of(first), device), b = open_session(session_of(second), device);
-  check_alike(first, *a, second, *b);
+  check_alike({first, a->rig, a->options.fuse}, {second, b->rig, b->options.fuse}, "matched");
   const Matches matches{.first = map_id(a->back_end.atlas()),
                         .second = map_id(b->back_end.atlas()),
                         .loops = a->back_end.match(b->back_end)};
@@ -156,8 +145,6 @@ OptimisedParts optimise_parts(const fs::path& folder) {
   optimised.cells = cells.cells, optimised.changed_cells = cells.changed;
   return optimised;
 }
-
-double cell_side(double voxel_size) { return 8 * voxel_size * Cells::kBlockSide; }
 
 Exported export_cell(const fs::path& plan, const std::array<int, 3>& cell, const fs::path& folder,
                      const ExportOptions& options, const ExportProgress& progress, int device) {

@@ -196,11 +196,12 @@ std::vector<Session::Merged> Session::join(const std::vector<fs::path>& maps, co
   JoinedSession joined(writer);
   for (std::size_t i = 0; i < maps.size(); ++i) joined.add(maps[i], i);
   std::vector<Merged> merged(maps.size());
-  for (std::size_t b = 1; b < maps.size(); ++b) {
-    const auto second = open_session(maps[b], device);
-    merged[b].compared = static_cast<int>(second->back_end.atlas().keyframes.size());
-    for (std::size_t a = 0; a < b; ++a) {
-      auto loops = open_session(maps[a], device)->back_end.match(second->back_end);
+  for (std::size_t a = 0; a < maps.size(); ++a) {
+    const auto first = open_session(maps[a], device);  // whose places are indexed once
+    for (std::size_t b = a + 1; b < maps.size(); ++b) {
+      const auto second = open_session(maps[b], device);
+      merged[b].compared = static_cast<int>(second->back_end.atlas().keyframes.size());
+      auto loops = first->back_end.match(second->back_end);
       merged[b].loops += static_cast<int>(loops.size());
       joined.add_loops(a, b, std::move(loops));
     }

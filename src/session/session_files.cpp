@@ -158,6 +158,16 @@ bool is_ours(const std::string& name) {
 
 }  // namespace
 
+void check_alike(const MadeWith& first, const MadeWith& second, const char* joined) {
+  if (!first.rig.has_same_cameras(second.rig))
+    throw std::runtime_error(fmt::format("{}: was made with another camera than {}; such maps cannot be {}",
+                                         second.map.string(), first.map.string(), joined));
+  if (first.fuse.voxel_size != second.fuse.voxel_size || first.fuse.truncation != second.fuse.truncation)
+    throw std::runtime_error(fmt::format("{}: has voxels of {} m, {} of {} m; make both with the same --voxel-size",
+                                         second.map.string(), second.fuse.voxel_size, first.map.string(),
+                                         first.fuse.voxel_size));
+}
+
 Options options_of(const SessionState& session) {
   Options options;
   options.fuse.voxel_size = session.fuse.voxel_size, options.fuse.truncation = session.fuse.truncation;

@@ -41,6 +41,15 @@ struct NamedFiles {
   std::vector<PartFiles> parts;          // of other maps; folders as seen from the session's
 };
 
+/// A map by what it was made with.
+struct MadeWith {
+  const std::filesystem::path& map;
+  const Rig& rig;
+  const FuseOptions& fuse;
+};
+/// Throws std::runtime_error that names both where they are of different cameras or voxels, and so cannot be `joined`.
+void check_alike(const MadeWith& first, const MadeWith& second, const char* joined);
+
 /// Those that the session was made with; the others have their defaults.
 [[nodiscard]] Options options_of(const SessionState& session);
 

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// JSON files of a map that is made of parts.
+#pragma once
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+
+#include "base/json_text.hpp"
+#include "base/read_whole.hpp"
+
+namespace cairn {
+
+/// A file's "kind" and "format", and what it is told as where it is of another kind, and how to make it again.
+struct JsonKind {
+  const char *kind, *otherwise, *again;
+  int format = 1;
+};
+
+/// What `take` makes of a file. Throws std::runtime_error that names the file and ends with how to make it again, also
+/// for what `take` throws.
+template <class Take>
+auto read_json_file(const std::filesystem::path& file, const JsonKind& expected, const Take& take) {
+  try {
+    const auto bytes = read_whole(file);
+    const auto json = nlohmann::json::parse(bytes.begin(), bytes.end());
+    if (json.at("kind") != expected.kind) throw std::runtime_error(expected.otherwise);
+    if (json.at("format") != expected.format) throw std::runtime_error("was written by another version of Cairn");
+    return take(json);
+  } catch (const nlohmann::json::exception& error) {
+    throw std::runtime_error(
+        fmt::format("{}: is damaged ({}); {}", file.string(), plain(error.what()), expected.again));
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(fmt::format("{}: {}; {}", file.string(), error.what(), expected.again));
+  }
+}
+
+}  // namespace cairn
