@@ -82,8 +82,7 @@ OfPlan read_all(const std::filesystem::path& folder) {
   OfPlan all;
   for (std::size_t r = 0; r < plan.recordings.size(); ++r) {
     const std::string& name = plan.recordings[r].name;
-    const bool is_last = r + 1 == plan.recordings.size();
-    const auto file = folder / (is_last ? "trajectory.txt" : name_of_trajectory(static_cast<int>(r)));
+    const auto file = folder / name_of_trajectory(static_cast<int>(r), static_cast<int>(plan.recordings.size()));
     const Trajectory estimate = std::filesystem::exists(file) ? read_trajectory(file) : Trajectory{};
     const Trajectory truth = recorded_truth(name);
     if (truth.empty()) all.without_truth.push_back(name);
@@ -97,9 +96,14 @@ OfPlan read_all(const std::filesystem::path& folder) {
   return all;
 }
 
-/// Of surfaces of the same place by two parts, from each to the other, over all cells.
-std::vector<double> seams_of(const std::filesystem::path& folder, double& worst) {
-  std::vector<double> sums(2);
+/// Metres between surfaces of the same place by two parts, from each to the other, over all cells.
+struct Seams {
+  double sum = 0, worst = 0;  // of all samples; the mean of two parts in a cell
+  int samples = 0;
+};
+
+Seams seams_of(const std::filesystem::path& folder) {
+  Seams seams;
   for (const auto& cell : cells_of(folder)) {
     const auto surfaces = part_surfaces(folder, cell);
     for (const PartSurface& a : surfaces)
@@ -107,11 +111,11 @@ std::vector<double> seams_of(const std::filesystem::path& folder, double& worst)
         if (&a == &b) continue;
         const ErrorStatistics seam = evaluate_seam(a.mesh, b.mesh);
         if (seam.count < 100) continue;  // they touch
-        sums[0] += seam.mean * seam.count, sums[1] += seam.count;
-        worst = std::max(worst, seam.mean);
+        seams.sum += seam.mean * seam.count, seams.samples += seam.count;
+        seams.worst = std::max(seams.worst, seam.mean);
       }
   }
-  return sums;
+  return seams;
 }
 
 void evaluate_plan(const Arguments& a) {
@@ -139,15 +143,15 @@ void evaluate_plan(const Arguments& a) {
     }
   }
   for (const std::string& name : all.without_truth) fmt::print(stderr, "warning: {}: has no true poses\n", name);
-  double worst = 0;
-  const auto seams = a.seams ? seams_of(a.estimate, worst) : std::vector<double>{0, 0};
-  if (seams[1] > 0) {
-    json["seams_m"] = {{"mean", seams[0] / seams[1]}, {"worst_pair", worst}};
+  const Seams seams = a.seams ? seams_of(a.estimate) : Seams{};
+  if (seams.samples > 0) {
+    const double mean = seams.sum / seams.samples;
+    json["seams_m"] = {{"mean", mean}, {"worst_pair", seams.worst}};
     if (!a.json)
       fmt::print(
           "seams                 {:.2f} mm between the surfaces of two parts on the mean, {:.2f} of two in a cell at "
           "most\n",
-          1000 * seams[0] / seams[1], 1000 * worst);
+          1000 * mean, 1000 * seams.worst);
   }
   if (a.json) fmt::print("{}\n", text_of(json, 2));
 }

@@ -231,15 +231,21 @@ ExportOptions MeshArguments::for_file(const fs::path& file) const {
   return options;
 }
 
-Exported export_mesh(Map map, const fs::path& file, const MeshArguments& arguments, const ExportProgress& progress) {
+Exported with_texture_if_any(const MeshArguments& arguments, const fs::path& file,
+                             const std::function<Exported(const ExportOptions&)>& write) {
   ExportOptions options = arguments.for_file(file);
   try {
-    return map.export_mesh(file, options, progress);
+    return write(options);
   } catch (const NoTexture&) {
     if (arguments.asks_for_texture) throw;
     options.texture.enabled = false;
-    return map.export_mesh(file, options, progress);
+    return write(options);
   }
+}
+
+Exported export_mesh(Map map, const fs::path& file, const MeshArguments& arguments, const ExportProgress& progress) {
+  return with_texture_if_any(arguments, file,
+                             [&](const ExportOptions& options) { return map.export_mesh(file, options, progress); });
 }
 
 void add_up(CLI::App& command, std::optional<Up>& up) {

@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
 #include <CLI/CLI.hpp>
+#include <functional>
 
 #include "cairn/export.hpp"
 #include "cairn/map.hpp"
@@ -21,6 +22,11 @@ void add_export_options(CLI::App& command, MeshArguments& arguments);
 
 /// --up for what is made from a map that is there.
 void add_up(CLI::App& command, std::optional<Up>& up);
+
+/// Calls `write` with what the arguments say of such a file, and without a texture where the map has no colour and none
+/// was asked for.
+[[nodiscard]] Exported with_texture_if_any(const MeshArguments& arguments, const std::filesystem::path& file,
+                                           const std::function<Exported(const ExportOptions&)>& write);
 
 /// Writes a map's mesh. Where the map has no colour and no texture was asked for, it has none. Throws as
 /// Map::export_mesh does.

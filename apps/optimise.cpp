@@ -35,7 +35,7 @@ nlohmann::json to_json(const JoinedPart& part) {
 void write_files(const Arguments& a, const nlohmann::json& report) {
   const Map map = Map::open(a.plan);
   for (int i = 0; i < map.recordings(); ++i) {
-    const fs::path file = a.plan / (i + 1 == map.recordings() ? "trajectory.txt" : name_of_trajectory(i));
+    const fs::path file = a.plan / name_of_trajectory(i, map.recordings());
     if (const Trajectory t = map.trajectory(i); !t.empty())
       write_trajectory(file, t);
     else

@@ -69,6 +69,10 @@ fs::path choose_output(const OutputArguments& a, bool can_resume) {
 
 std::string name_of_trajectory(int recording) { return fmt::format("trajectory-{:03}.txt", recording); }
 
+std::string name_of_trajectory(int recording, int recordings) {
+  return recording + 1 == recordings ? "trajectory.txt" : name_of_trajectory(recording);
+}
+
 void prepare_output(const fs::path& output) {
   std::error_code error;
   fs::create_directories(output, error);

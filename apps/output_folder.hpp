@@ -25,6 +25,8 @@ void add_output_options(CLI::App& command, OutputArguments& a, const std::string
 
 /// The file with the trajectory of a recording that was not the last; the last one's is trajectory.txt.
 [[nodiscard]] std::string name_of_trajectory(int recording);
+/// The same of any of so many recordings.
+[[nodiscard]] std::string name_of_trajectory(int recording, int recordings);
 
 /// Makes the folder, and removes what killed runs have left half written. Fails before the work, not after it.
 void prepare_output(const std::filesystem::path& output);

@@ -125,7 +125,7 @@ void Outputs::write_session(Mapper& mapper, Session& session, const std::string&
 void Outputs::write_trajectories(const Mapper& mapper) {
   for (int i = 0; i < mapper.recordings(); ++i)
     if (const Trajectory t = mapper.trajectory(i); !t.empty())
-      write_trajectory(output_ / (i + 1 == mapper.recordings() ? "trajectory.txt" : name_of_trajectory(i)), t);
+      write_trajectory(output_ / name_of_trajectory(i, mapper.recordings()), t);
 }
 
 /// A texture that nobody asked for and that cannot be made is no reason to have no mesh.

@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <memory>
 
-#include "cairn/no_texture.hpp"
 #include "cairn/parts.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
@@ -40,20 +39,12 @@ std::array<int, 3> parse_cell(const std::string& text) {
   return cell;
 }
 
-Exported export_it(const Arguments& a) {
-  ExportOptions options = a.options.for_file(a.output / "tileset.json");
-  Progress progress(std::nullopt, "");
-  try {
-    return export_cell(a.plan, a.cell, a.output, options, on(progress), a.device);
-  } catch (const NoTexture&) {
-    if (a.options.asks_for_texture) throw;
-    options.texture.enabled = false;
-    return export_cell(a.plan, a.cell, a.output, options, on(progress), a.device);
-  }
-}
-
 void make_tile(const Arguments& a) {
-  const Exported e = export_it(a);
+  Progress progress(std::nullopt, "");
+  const Exported e = with_texture_if_any(a.options, a.output / "tileset.json", [&](const ExportOptions& options) {
+    return export_cell(a.plan, a.cell, a.output, options, on(progress), a.device);
+  });
+  progress.clear();
   if (a.json) {
     fmt::print("{}\n", text_of(to_json(e), 2));
     return;
