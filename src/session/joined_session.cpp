@@ -129,7 +129,7 @@ std::vector<Loop> JoinedSession::overlaps(std::size_t map) const {
   return ties;
 }
 
-JoinedSession::Report JoinedSession::join() {
+JoinedSession::Report JoinedSession::join(std::size_t recordings) {
   Atlas& atlas = state_.back_end.atlas;
   Report report{.loops = static_cast<int>(loops_.size()), .believed = 0, .overlaps = 0, .graph = {}};
   for (std::size_t m = 0; m < maps_.size(); ++m) {
@@ -150,13 +150,15 @@ JoinedSession::Report JoinedSession::join() {
   atlas.take(graph, report.graph);
   for (std::size_t l = before; l < atlas.loops.size(); ++l) report.believed += atlas.loops[l].inlier;
   for (std::size_t m = 0; m < maps_.size(); ++m) add_frames(m);
+  while (atlas.recordings.size() + 1 < recordings) atlas.recordings.push_back(atlas.frames.size());
   return report;
 }
 
 /// Of frames that two maps share, the first half stays with the first.
 void JoinedSession::add_frames(std::size_t map) {
   Atlas& atlas = state_.back_end.atlas;
-  if (map > 0 && maps_[map].recording != maps_[map - 1].recording) atlas.recordings.push_back(atlas.frames.size());
+  // One without a map has no frames, and those after it keep their numbers.
+  while (atlas.recordings.size() < maps_[map].recording) atlas.recordings.push_back(atlas.frames.size());
   const auto cut = [&](std::size_t first, std::size_t second) -> std::optional<double> {
     if (second >= maps_.size() || maps_[first].recording != maps_[second].recording || frames_[second].empty())
       return std::nullopt;

@@ -31,7 +31,8 @@ class JoinedSession {
     OptimiseReport graph;
   };
   /// Lays all to each other, see join_pieces(), and moves the keyframes to where loops and tracking agree best.
-  [[nodiscard]] Report join();
+  /// `recordings`: that there are, also behind those of the last map.
+  [[nodiscard]] Report join(std::size_t recordings = 0);
   /// Keyframes of maps that an earlier session had as well stay exactly where they were in it, where all of a map's
   /// would hardly move. Also how the map is turned stays. Returns by map how far its keyframes have moved, metres at
   /// most; nothing for one that is new.

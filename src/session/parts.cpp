@@ -121,7 +121,7 @@ OptimisedParts optimise_parts(const fs::path& folder) {
       add_matches(joined, folder / "loops" / (plan.parts[parts[a]].name + "-" + plan.parts[parts[b]].name + ".json"), a,
                   b);
 
-  const JoinedSession::Report report = joined.join();
+  const JoinedSession::Report report = joined.join(plan.recordings.size());
   optimised.loops = report.loops, optimised.believed = report.believed, optimised.overlaps = report.overlaps;
   optimised.cost_before = report.graph.cost_before, optimised.cost = report.graph.cost;
   optimised.seconds = report.graph.seconds;

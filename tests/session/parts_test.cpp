@@ -139,6 +139,22 @@ TEST_F(SessionOfParts, IsAMapOfAllAndLeavesFilesWhereTheyAre) {
   EXPECT_GT(all.mesh().triangles.size(), one.mesh().triangles.size() * 2 / 3);
 }
 
+TEST_F(SessionOfParts, NumbersRecordingsAsThePlanDoesAlsoWhereOneHasNoMap) {
+  SessionWriter writer(folder / "all");
+  JoinedSession joined(writer);
+  joined.add(folder / "a", 0);
+  joined.add(folder / "b", 2);
+  joined.add_loops(0, 1, {same(0), same(0), same(1), same(1)});
+  (void)joined.join(4);
+  joined.write();
+  const Map all = Map::open(folder / "all");
+  EXPECT_EQ(all.recordings(), 4);
+  EXPECT_GT(all.trajectory(0).size(), 0u);
+  EXPECT_EQ(all.trajectory(1).size(), 0u);
+  EXPECT_EQ(all.trajectory(2).size(), all.trajectory(0).size());
+  EXPECT_EQ(all.trajectory(3).size(), 0u);
+}
+
 TEST_F(SessionOfParts, TellsWhichPartIsMissing) {
   (void)join(false);
   fs::remove_all(folder / "b/run-0001");
