@@ -52,13 +52,24 @@ struct OptimiseReport {
   double seconds = 0;
 };
 
+/// Nodes from which on optimise() may take seconds.
+inline constexpr std::size_t kLargeGraph = 1000;
+
 /// Moves the poses to the minimum of the sum of squared errors (Ceres, SE(3) on a manifold), from the given poses or
 /// from the chordal initialisation (Carlone et al. 2015), whichever costs less. Edges that may be false are weighed by
 /// graduated non-convexity with truncated least squares (Yang et al. 2020); before that, where many of them have no
-/// neighbour that agrees with them, only those that have are believed (after Mangelson et al. 2018). Throws
+/// neighbour that agrees with them, only those that have are believed (after Mangelson et al. 2018). In a graph of
+/// thousands of nodes with few loops both are done with every eighth node first, then with all of them. Throws
 /// std::runtime_error naming the edge for a number that is not finite, an information matrix that is not positive
 /// definite, or a node that does not exist; the graph is then unchanged. The same graph gives the same bits.
 OptimiseReport optimise(PoseGraph& graph, const OptimiseOptions& options = {});
+
+/// What a loop that was just found moves, for a graph of thousands of nodes, where the whole costs seconds: the last
+/// edge is that loop, of the others those of more than no weight are believed. Every eighth node of what follows each
+/// other is optimised, the poses between are bent along. Where the last edge's share of the cost is more than noise can
+/// be, its weight in the report is 0 and nothing moves. What optimise() makes of the same is more exact. Throws as
+/// that.
+OptimiseReport close_loop(PoseGraph& graph, const std::vector<double>& edge_weights);
 
 /// Rotations that minimise the chordal distance to the measured ones, relaxed to matrices and projected; then the
 /// translations that suit them (Carlone, Tron, Daniilidis & Dellaert 2015, sec. III-B). Nodes that no edge reaches

@@ -67,10 +67,10 @@ std::vector<std::size_t> Atlas::main_keyframes() const {
   return keyframes_of_main;
 }
 
-PoseGraph Atlas::graph() const {
+PoseGraph Atlas::graph(std::size_t keyframe_count, std::size_t loop_count) const {
   PoseGraph graph;
-  graph.world_from_node = world_from_camera;
-  for (std::size_t k = 0; k < keyframes.size(); ++k) {
+  for (std::size_t k = 0; k < keyframe_count; ++k) {
+    graph.world_from_node.push_back(world_from_camera[k]);
     const Keyframe& keyframe = keyframes[k];
     if (const auto& at_rest = keyframe.acceleration; at_rest && at_rest->norm() > 0)
       graph.gravity.push_back({.node = k, .up = at_rest->normalized(), .sigma = kAccelerometerSigma});
@@ -81,8 +81,15 @@ PoseGraph Atlas::graph() const {
            .i_from_j = keyframes[k - 1].odometry_from_camera.inverse() * keyframe.odometry_from_camera,
            .information = calibrated(keyframe.information)});
   }
-  for (const Loop& loop : loops) graph.edges.push_back(loop.edge);
+  for (std::size_t k = 0; k < loop_count; ++k) graph.edges.push_back(loops[k].edge);
   return graph;
+}
+
+std::vector<double> Atlas::edge_weights() const {
+  const auto steps = std::count_if(keyframes.begin(), keyframes.end(), [](const Keyframe& k) { return k.follows; });
+  std::vector<double> weights(static_cast<std::size_t>(steps), 1.0);
+  for (const Loop& loop : loops) weights.push_back(loop.inlier ? 1.0 : 0.0);
+  return weights;
 }
 
 void Atlas::take(const PoseGraph& graph, const OptimiseReport& report) {

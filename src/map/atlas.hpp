@@ -54,7 +54,11 @@ struct Atlas {
   [[nodiscard]] std::size_t main_component() const;
   /// The keyframes of that component, in their order.
   [[nodiscard]] std::vector<std::size_t> main_keyframes() const;
-  [[nodiscard]] PoseGraph graph() const;
+  [[nodiscard]] PoseGraph graph() const { return graph(keyframes.size(), loops.size()); }
+  /// Of the first keyframes and loops, which are between these.
+  [[nodiscard]] PoseGraph graph(std::size_t keyframe_count, std::size_t loop_count) const;
+  /// Of graph()'s edges: which of them are believed.
+  [[nodiscard]] std::vector<double> edge_weights() const;
   /// Takes over what optimise() made of a graph of this atlas; keyframes and loops that came later are kept.
   void take(const PoseGraph& graph, const OptimiseReport& report);
   /// Moves the piece of one keyframe rigidly so that it lies to another as measured.

@@ -45,8 +45,9 @@ bool BackEnd::add(const Frame& frame, const Surface& live, const Eigen::Isometry
   const bool breaks = std::exchange(breaks_, false);
   const bool is_keyframe = breaks || submap_begin_ == atlas_.keyframes.size() || is_new_view(submap_from_camera);
   if (is_keyframe) {
-    take_optimised();
-    const bool has_slipped = take_found();
+    bool has_slipped = false;
+    attempt_settling([&] { has_slipped = settling_.take(atlas_); });
+    has_slipped = take_found() || has_slipped;
     // After the whole map was looked at nothing is in the submap yet.
     if (!breaks && submap_begin_ < atlas_.keyframes.size() && is_full(submap_from_camera, volume))
       end_submap(volume, fused_count, true);
@@ -69,7 +70,7 @@ bool BackEnd::add(const Frame& frame, const Surface& live, const Eigen::Isometry
     warnings_.attempt("keyframes without images close no loops",
                       [&] { images_.put(atlas_.keyframes.size() - 1, live.images(), std::move(features)); });
     if (breaks && in_world_) tie_to_world(information);
-    if (has_slipped) start_optimising();
+    if (has_slipped) attempt_settling([&] { settling_.begin(atlas_); });
     start_searching();
   }
   atlas_.add_frame(frame.timestamp, submap_from_camera, frame.acceleration);
@@ -188,38 +189,23 @@ bool BackEnd::take_found() {
   if (!loop) return false;
   atlas_.join(loop->edge);
   atlas_.loops.push_back(*loop);
-  unsettled_ = true;
+  settling_.add_loop();
   const Eigen::Isometry3d expected = atlas_.world_from_camera[loop->edge.i].inverse() * atlas_.world_from_camera[to];
   const Vector6d slip = local_coordinates(expected.inverse() * loop->edge.i_from_j);
   return slip.head<3>().norm() > kTurned || slip.tail<3>().norm() > kSlipped;
 }
 
-/// Beside tracking; the poses are taken over at the next keyframe, always, so that offline runs repeat.
-void BackEnd::start_optimising() {
-  unsettled_ = false;
+void BackEnd::attempt_settling(const std::function<void()>& stage) {
   if (!optimises_) return;
-  optimising_ = std::async(std::launch::async, [graph = atlas_.graph()]() mutable {
-    const OptimiseReport report = optimise(graph);
-    return std::pair(std::move(graph), report);
-  });
-}
-
-void BackEnd::take_optimised() {
-  if (!optimising_.valid()) return;
-  optimises_ = warnings_.attempt("keyframes stay where they are, and loops are no longer looked for", [&] {
-    const auto [graph, report] = optimising_.get();
-    atlas_.take(graph, report);
-    counts_.graph_ms = std::max(counts_.graph_ms, 1000 * report.seconds);
-  });
+  optimises_ = warnings_.attempt("keyframes stay where they are, and loops are no longer looked for", stage);
   options_.map.loops = options_.map.loops && optimises_;
+  counts_.graph_ms = 1000 * settling_.longest_seconds();
 }
 
 void BackEnd::settle() {
-  take_optimised();
+  attempt_settling([&] { settling_.take_closing(atlas_); });
   (void)take_found();
-  if (!std::exchange(unsettled_, false)) return;
-  start_optimising();
-  take_optimised();
+  attempt_settling([&] { settling_.finish(atlas_); });
 }
 
 void BackEnd::ask_up(Up up) {
@@ -249,9 +235,8 @@ BackEnd::Memory BackEnd::memory() const {
                 .submap_since = submap_since_,
                 .in_world = in_world_,
                 .breaks = breaks_,
-                .unsettled = unsettled_,
                 .searching = searching_.valid(),
-                .optimising = optimising_.valid()};
+                .settling = settling_.memory()};
   for (std::size_t i = 0; i < submaps_.size(); ++i) memory.submaps.push_back(submaps_.has_voxels(i));
   for (std::size_t k = 0; k < database_.size(); ++k)
     memory.tracked_from_camera.push_back(database_[k].tracked_from_camera);
@@ -269,9 +254,8 @@ void BackEnd::restore(const Memory& memory) {
   submap_since_ = memory.submap_since;
   in_world_ = memory.in_world;
   breaks_ = memory.breaks;
-  unsettled_ = memory.unsettled;
   if (memory.searching) start_searching();
-  if (memory.optimising) start_optimising();  // the same graph: keyframes and loops come after its result
+  settling_.restore(memory.settling, atlas_);
 }
 
 void BackEnd::index_keyframes() {
@@ -321,7 +305,7 @@ std::pair<int, bool> BackEnd::append(const BackEnd& other) {
   for (Loop& loop : loops) loop.edge.j += keyframes;
   ViewsApart views(rig_.depth, [&](std::size_t k) { return images_.depth(k); });
   if (join_pieces(atlas_, loops, views) == 0) return {static_cast<int>(loops.size()), false};
-  unsettled_ = true;
+  settling_.add_loop();
   settle();
   return {static_cast<int>(loops.size()), true};
 }

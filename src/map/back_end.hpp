@@ -11,6 +11,7 @@
 #include "map/atlas.hpp"
 #include "map/drift.hpp"
 #include "map/match.hpp"
+#include "map/settling.hpp"
 #include "map/structure.hpp"
 #include "map/submaps.hpp"
 #include "map/world.hpp"
@@ -54,7 +55,8 @@ class BackEnd {
     std::vector<std::optional<Eigen::Isometry3d>> tracked_from_camera;  // see DatabaseEntry
     std::size_t searched = 0, submap_begin = 0;
     std::uint32_t submap_since = 1;
-    bool in_world = false, breaks = true, unsettled = false, searching = false, optimising = false;
+    bool in_world = false, breaks = true, searching = false;
+    Settling::Memory settling;
   };
   [[nodiscard]] Memory memory() const;
   /// Reads the files. Throws std::runtime_error if one is missing or broken.
@@ -119,8 +121,7 @@ class BackEnd {
   [[nodiscard]] bool take_found();
   void leave_frame();
   void tie_to_world(const Matrix6d* information);
-  void start_optimising();
-  void take_optimised();
+  void attempt_settling(const std::function<void()>& stage);
   [[nodiscard]] bool is_new_view(const Eigen::Isometry3d& submap_from_camera) const;
   [[nodiscard]] bool is_full(const Eigen::Isometry3d& submap_from_camera, const Volume& volume) const;
 
@@ -141,10 +142,9 @@ class BackEnd {
   std::uint32_t submap_since_ = 1;  // its first fused_count
   bool in_world_ = false;           // the next frame is tracked in the frame of the world
   bool breaks_ = true;              // the next frame begins a piece
-  bool unsettled_ = false;          // loops came that no optimisation has seen
   bool optimises_ = true;           // no optimisation has failed
   std::future<Seen> searching_;     // for the last keyframe
-  std::future<std::pair<PoseGraph, OptimiseReport>> optimising_;
+  Settling settling_;
   Counts counts_;
   Warnings warnings_;
 };

@@ -106,6 +106,8 @@ void fields(auto& io, SurfaceSigma& sigma) {
   sigma = SurfaceSigma(cells);
 }
 
+void fields(auto& io, Of<Settling::Begun> auto& b) { io(b.keyframes, b.loops, b.world_from_camera); }
+
 void fields(auto& io, const PartFiles& p) {
   io(p.folder.string(), p.first_keyframe, p.keyframes, p.first_submap, p.submaps);
 }
@@ -131,8 +133,9 @@ void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& ne
   io.since(12, "surface_sigma", m.atlas.surface_sigma);
   io("submaps", m.submaps);
   io("tracked_from_camera", m.tracked_from_camera);
-  io("back_end", m.searched, m.submap_begin, m.submap_since, m.in_world, m.breaks, m.unsettled, m.searching,
-     m.optimising);
+  io("back_end", m.searched, m.submap_begin, m.submap_since, m.in_world, m.breaks, m.settling.unsettled, m.searching,
+     m.settling.closing);
+  io.since(14, "whole_graph", m.settling.whole, m.settling.next_whole);
   io("tracker", s.tracker.memory);
   io("photometric_keyframe", s.tracker.reference);
   io("prediction", s.tracker.prediction);

@@ -97,6 +97,14 @@ void validate(const BackEnd::Memory& m, std::size_t frames) {
   require(m.tracked_from_camera.size() == keyframes, "tracked poses and keyframes do not match");
   for (const auto& pose : m.tracked_from_camera)
     if (pose) require_rigid(*pose);
+  if (const auto& whole = m.settling.whole) {
+    require(whole->keyframes <= keyframes && whole->world_from_camera.size() == whole->keyframes,
+            "poses and keyframes do not match");
+    require(whole->loops <= atlas.loops.size(), "a loop is missing");
+    for (std::size_t k = 0; k < whole->loops; ++k)
+      require(std::max(atlas.loops[k].edge.i, atlas.loops[k].edge.j) < whole->keyframes, "a keyframe is missing");
+    for (const Eigen::Isometry3d& pose : whole->world_from_camera) require_rigid(pose);
+  }
   require(m.searched <= keyframes && m.submap_begin <= keyframes, "a keyframe is missing");
 }
 

@@ -345,7 +345,7 @@ TEST(SessionFiles, OfFramesThatAreMissingOrDamagedAreTold) {
   write_text(file, bytes.substr(0, 5));
   expect_told("does not begin with 'cairn frames'");
   write_text(file, "cairn frames 1 00000000\n");
-  expect_told("was written by another version of cairn (format 1, this one reads 9 to 13)");
+  expect_told("was written by another version of cairn (format 1, this one reads 9 to 14)");
   fs::remove(file);
   expect_told("cannot be opened");
 }

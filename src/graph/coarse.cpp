@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "graph/coarse.hpp"
+
+#include <algorithm>
+
+#include "graph/way.hpp"
+
+namespace cairn {
+namespace {
+
+/// From node i to node i + 1, by node i. Of several between the same two the first is the step.
+std::vector<std::size_t> steps_of(const PoseGraph& graph) {
+  std::vector<std::size_t> step(graph.world_from_node.size(), CoarseGraph::kNone);
+  for (std::size_t k = 0; k < graph.edges.size(); ++k) {
+    const auto& e = graph.edges[k];
+    if (!e.is_loop_closure && e.j == e.i + 1 && step[e.i] == CoarseGraph::kNone) step[e.i] = k;
+  }
+  return step;
+}
+
+/// Of the same node: what all readings tell.
+void add_gravity(std::vector<PoseGraph::Gravity>& gravity, std::vector<std::size_t>& of_node,
+                 const PoseGraph::Gravity& reading) {
+  if (of_node[reading.node] == CoarseGraph::kNone) {
+    of_node[reading.node] = gravity.size();
+    gravity.push_back(reading);
+    return;
+  }
+  auto& all = gravity[of_node[reading.node]];
+  const double before = 1 / (all.sigma * all.sigma), weight = 1 / (reading.sigma * reading.sigma);
+  all.up = (before * all.up + weight * reading.up).normalized();
+  all.sigma = 1 / std::sqrt(before + weight);
+}
+
+}  // namespace
+
+CoarseGraph::CoarseGraph(const PoseGraph& fine, std::size_t spacing) : edge_of(fine.edges.size(), kNone) {
+  const std::size_t nodes = fine.world_from_node.size();
+  const std::vector<std::size_t> step = steps_of(fine);
+  places_.resize(nodes);
+  struct Next {
+    std::size_t node = 0;  // in `graph`
+    Way from;              // the node from there
+  };
+  std::vector<Next> next(nodes);  // the kept node next to each
+  const auto keep = [&](std::size_t node) {
+    kept_.push_back(node);
+    graph.world_from_node.push_back(fine.world_from_node[node]);
+    return kept_.size() - 1;
+  };
+  for (std::size_t begin = 0; begin < nodes;) {
+    std::size_t from = keep(begin);
+    next[begin] = {from, {}};
+    places_[begin] = {from, from, 0};
+    while (step[begin] != kNone) {
+      // From one kept node to the next one.
+      std::size_t end = begin + 1;
+      while (end - begin < spacing && step[end] != kNone) ++end;
+      std::vector<Way> ways{Way{}};
+      for (std::size_t i = begin; i < end; ++i) ways.push_back(then(ways.back(), along(fine.edges[step[i]])));
+      const std::size_t to = keep(end);
+      const std::size_t count = end - begin;
+      Way back;  // from the end
+      for (std::size_t i = end; i > begin; --i) {
+        const std::size_t at = i - begin;
+        places_[i] = {from, to, static_cast<double>(at) / static_cast<double>(count)};
+        next[i] = 2 * at < count ? Next{from, ways[at]} : Next{to, back};
+        if (2 * at >= count) back = then(back, reverse(along(fine.edges[step[i - 1]])));
+        edge_of[step[i - 1]] = graph.edges.size();
+      }
+      graph.edges.push_back(
+          {.i = from, .j = to, .i_from_j = ways.back().pose, .information = ways.back().covariance.inverse()});
+      begin = end, from = to;
+    }
+    ++begin;
+  }
+  for (std::size_t k = 0; k < fine.edges.size(); ++k) {
+    const auto& e = fine.edges[k];
+    if (edge_of[k] != kNone && step[e.i] == k) continue;
+    const Next &i = next[e.i], &j = next[e.j];
+    if (i.node == j.node) continue;
+    const Way way = then(then(i.from, along(e)), reverse(j.from));
+    edge_of[k] = graph.edges.size();
+    graph.edges.push_back({.i = i.node,
+                           .j = j.node,
+                           .i_from_j = way.pose,
+                           .information = way.covariance.inverse(),
+                           .is_loop_closure = e.is_loop_closure});
+  }
+  std::vector<std::size_t> of_node(kept_.size(), kNone);
+  for (const auto& g : fine.gravity)
+    add_gravity(graph.gravity, of_node,
+                {.node = next[g.node].node, .up = next[g.node].from.pose.linear() * g.up, .sigma = g.sigma});
+}
+
+std::vector<Eigen::Isometry3d> CoarseGraph::spread(const PoseGraph& fine) const {
+  std::vector<Eigen::Isometry3d> poses;
+  poses.reserve(places_.size());
+  const auto moved_with = [&](std::size_t coarse, std::size_t node) {
+    return Eigen::Isometry3d(graph.world_from_node[coarse] * fine.world_from_node[kept_[coarse]].inverse() *
+                             fine.world_from_node[node]);
+  };
+  for (std::size_t i = 0; i < places_.size(); ++i) {
+    const Place& place = places_[i];
+    Eigen::Isometry3d pose = moved_with(place.before, i);
+    pose = pose * retract(place.share * local_coordinates(pose.inverse() * moved_with(place.after, i)));
+    // Else what rounding has bent doubles with each time.
+    pose.linear() = Eigen::Quaterniond(pose.linear()).normalized().toRotationMatrix();
+    poses.push_back(pose);
+  }
+  return poses;
+}
+
+}  // namespace cairn

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Measurements one after the other.
+#pragma once
+#include "cairn/pose.hpp"
+#include "cairn/pose_graph.hpp"
+
+namespace cairn {
+
+/// How the end of a way lies to its begin, and how well that is known.
+struct Way {
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  // of the end in the frame of the begin
+  Matrix6d covariance = Matrix6d::Zero();                  // in the frame of the end; radians, metres
+};
+
+/// One way and another one from its end on; to first order in their noise, which is independent.
+inline Way then(const Way& a, const Way& b) {
+  const Matrix6d ad = adjoint(b.pose.inverse());
+  return {a.pose * b.pose, Matrix6d(ad * a.covariance * ad.transpose() + b.covariance)};
+}
+inline Way reverse(const Way& a) {
+  const Matrix6d ad = adjoint(a.pose);
+  return {a.pose.inverse(), Matrix6d(ad * a.covariance * ad.transpose())};
+}
+inline Way along(const PoseGraph::Edge& edge) { return {edge.i_from_j, edge.information.inverse()}; }
+
+}  // namespace cairn
