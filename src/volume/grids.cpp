@@ -27,6 +27,7 @@
 #include "base/words.hpp"
 #include "cairn/atomic_file.hpp"
 #include "shaders/voxel.h"
+#include "volume/grid_bricks.hpp"
 #include "volume/known_cells.hpp"
 
 namespace cairn {
@@ -194,12 +195,6 @@ class FileWriter : private openvdb::io::Archive {
   std::ostream& out_;
 };
 
-/// A brick of a map's grids: where it is, which voxels are active, and which lie behind the surface, see with_unknown.
-struct Place {
-  openvdb::Coord origin;
-  Mask active, behind;
-};
-
 /// One of a map's grids: how its values come out of voxels, and its packed leaves.
 /// `is_signed`: inactive voxels tell by their sign on which side of the surface they count, as level sets have it.
 template <class GridType, class Value, bool is_signed>
@@ -211,28 +206,30 @@ class MapGrid {
       : spool(file), background_(background), value_(std::move(value)) {}
 
   [[nodiscard]] std::string pack(std::span<const VoxelTree::LeafNodeType* const> from,
-                                 std::span<const Place> places) const {
+                                 std::span<const GridBrick> bricks) const {
     auto out = leaf_stream(background_);
     for (std::size_t i = 0; i < from.size(); ++i) {
-      Leaf leaf(places[i].origin, background_);
-      for (auto n = places[i].active.beginOn(); n; ++n)
+      const Mask known = mask_of(bricks[i].known), behind = mask_of(bricks[i].behind);
+      Leaf leaf(from[i]->origin(), background_);
+      for (auto n = known.beginOn(); n; ++n)
         leaf.setValueOn(n.pos(), value_(static_cast<std::uint64_t>(from[i]->getValue(n.pos()))));
       if constexpr (is_signed)
-        for (auto n = places[i].behind.beginOn(); n; ++n)
-          if (!places[i].active.isOn(n.pos())) leaf.setValueOnly(n.pos(), -background_);
+        for (auto n = behind.beginOn(); n; ++n)
+          if (!known.isOn(n.pos())) leaf.setValueOnly(n.pos(), -background_);
       leaf.writeBuffers(out, false);
     }
     return std::move(out).str();
   }
 
   /// The grid with leaves that know which voxels are active, and not their values.
-  [[nodiscard]] typename Grid::Ptr grid(const char* name, const GridInfo& info, std::span<const Place> places) const {
+  [[nodiscard]] typename Grid::Ptr grid(const char* name, const GridInfo& info,
+                                        std::span<const GridBrick> bricks) const {
     auto made = Grid::create(background_);
     made->setName(name);
     made->setTransform(transform_of(info.voxel_size, Eigen::Vector3d::Zero(), file_from_voxels(info)));
-    for (const Place& place : places) {
-      auto leaf = std::make_unique<Leaf>(openvdb::PartialCreate(), place.origin, background_);
-      leaf->setValueMask(place.active);
+    for (const GridBrick& brick : bricks) {
+      auto leaf = std::make_unique<Leaf>(openvdb::PartialCreate(), origin_of(brick.at()), background_);
+      leaf->setValueMask(mask_of(brick.known));
       made->tree().addLeaf(leaf.release());
     }
     return made;
@@ -548,12 +545,11 @@ bool before_in_grid(const Eigen::Vector3i& a, const Eigen::Vector3i& b) {
   return key(a) < key(b);
 }
 
-/// Where bricks of a map's grids are, with one of their masks.
-std::vector<std::pair<Eigen::Vector3i, BrickBits>> bricks_of(std::span<const Place> places, Mask Place::*mask) {
-  std::vector<std::pair<Eigen::Vector3i, BrickBits>> bricks;
-  bricks.reserve(places.size());
-  for (const Place& place : places) bricks.emplace_back(brick_at(place.origin), bits_of(place.*mask));
-  return bricks;
+/// Calls `visit(begin, end)` with the numbers of bricks that are looked at together.
+template <class Visit>
+void for_each_part(std::size_t count, const Visit& visit) {
+  for (std::size_t begin = 0; begin < count; begin += kLeavesInMemory)
+    visit(begin, std::min(begin + kLeavesInMemory, count));
 }
 
 // OpenVDB's headers stay in this file, so that what a map's grids are made of is here.
@@ -561,13 +557,14 @@ struct GridsWriter::State {
   State(std::filesystem::path f, const GridInfo& i)
       : file(std::move(f)),
         info(i),
+        bricks(file),
         tsdf(distance_values(file, i.truncation)),
         weight(weight_values(file)),
         colour(colour_values(file)),
         colour_weight(colour_weights(file)) {}
   std::filesystem::path file;
   GridInfo info;
-  std::vector<Place> places;  // in the order of the grids
+  GridBricks bricks;
   decltype(distance_values({}, 0)) tsdf;
   decltype(weight_values({})) weight;
   decltype(colour_values({})) colour;
@@ -585,30 +582,32 @@ void GridsWriter::add(const BrickTree& bricks) {
   std::vector<const VoxelTree::LeafNodeType*> leaves;
   std::as_const(*bricks.state_->tree).getNodes(leaves);
   struct Packed {
-    std::vector<Place> places;
+    std::vector<GridBrick> bricks;
     std::string tsdf, weight, colour, colour_weight;
   };
   const auto pack = [&](std::size_t begin, std::size_t end) {
     const auto from = std::span(leaves).subspan(begin, end - begin);
     Packed packed;
     for (const auto* leaf : from) {
-      Place& place = packed.places.emplace_back(Place{leaf->origin(), {}, {}});
-      Mask behind;  // of the active ones
+      Mask known, behind;  // of the known ones
       for (openvdb::Index n = 0; n < 512; ++n) {
         const auto voxel = static_cast<std::uint64_t>(leaf->getValue(n));
-        place.active.set(n, ((voxel >> 16) & 0xffff) != 0);
-        behind.set(n, place.active.isOn(n) && shader::voxel_distance(voxel) < 0);
+        known.set(n, ((voxel >> 16) & 0xffff) != 0);
+        behind.set(n, known.isOn(n) && shader::voxel_distance(voxel) < 0);
       }
-      place.behind = mask_of(with_unknown(bits_of(place.active), bits_of(behind)));
+      const Eigen::Vector3i at = brick_at(leaf->origin());
+      packed.bricks.push_back({.brick = {at.x(), at.y(), at.z()},
+                               .known = bits_of(known),
+                               .behind = with_unknown(bits_of(known), bits_of(behind))});
     }
-    packed.tsdf = s.tsdf.pack(from, packed.places);
-    packed.weight = s.weight.pack(from, packed.places);
-    packed.colour = s.colour.pack(from, packed.places);
-    packed.colour_weight = s.colour_weight.pack(from, packed.places);
+    packed.tsdf = s.tsdf.pack(from, packed.bricks);
+    packed.weight = s.weight.pack(from, packed.bricks);
+    packed.colour = s.colour.pack(from, packed.bricks);
+    packed.colour_weight = s.colour_weight.pack(from, packed.bricks);
     return packed;
   };
   pack_leaves(leaves.size(), pack, [&](const Packed& packed) {
-    s.places.insert(s.places.end(), packed.places.begin(), packed.places.end());
+    s.bricks.append(packed.bricks);
     s.tsdf.spool.append(packed.tsdf);
     s.weight.spool.append(packed.weight);
     s.colour.spool.append(packed.colour);
@@ -617,7 +616,8 @@ void GridsWriter::add(const BrickTree& bricks) {
 }
 
 void GridsWriter::write(const BrickTree& free, const DistanceField* distances) {
-  const State& s = *state_;
+  State& s = *state_;
+  const std::span<const GridBrick> bricks = s.bricks.all();
   const auto transform = [&] {
     return transform_of(s.info.voxel_size, Eigen::Vector3d::Zero(), file_from_voxels(s.info));
   };
@@ -627,31 +627,36 @@ void GridsWriter::write(const BrickTree& free, const DistanceField* distances) {
       writer.write(grid, [&](std::ostream& out) { spool.copy_to(out); });
     };
     {
-      const auto tsdf = s.tsdf.grid("tsdf", s.info, s.places);
+      const auto tsdf = s.tsdf.grid("tsdf", s.info, bricks);
       tsdf->setGridClass(openvdb::GRID_LEVEL_SET);
       tsdf->insertMeta("truncation", openvdb::FloatMetadata(s.info.truncation));
       tsdf->insertMeta(kAxes, openvdb::StringMetadata(described(s.info.axes)));
       tsdf->insertMeta(kUpSource, openvdb::StringMetadata(std::string(name_of(s.info.upright.source))));
       tsdf->insertMeta(kUpKnown, openvdb::BoolMetadata(s.info.upright.known));
       tsdf->insertMeta(kUpWords, openvdb::StringMetadata(s.info.upright.words));
-      for (const Eigen::Vector3i& brick : behind_beside(bricks_of(s.places, &Place::behind)))
-        tsdf->tree().addTile(1, origin_of(brick), -s.info.truncation, false);
+      for_each_part(bricks.size(), [&](std::size_t begin, std::size_t end) {
+        const auto behind = s.bricks.with_around(begin, end, &GridBrick::behind, two_steps());
+        for (const Eigen::Vector3i& brick : behind_beside(behind, end - begin))
+          tsdf->tree().addTile(1, origin_of(brick), -s.info.truncation, false);
+      });
       append(*tsdf, s.tsdf.spool);
     }
-    append(*s.weight.grid("weight", s.info, s.places), s.weight.spool);
-    append(*s.colour.grid("colour", s.info, s.places), s.colour.spool);
-    append(*s.colour_weight.grid("colour_weight", s.info, s.places), s.colour_weight.spool);
+    append(*s.weight.grid("weight", s.info, bricks), s.weight.spool);
+    append(*s.colour.grid("colour", s.info, bricks), s.colour.spool);
+    append(*s.colour_weight.grid("colour_weight", s.info, bricks), s.colour_weight.spool);
     {
-      const auto known = bricks_of(s.places, &Place::active);
-      const std::vector<BrickBits> cells = whole_cells(known);
       const auto grid = openvdb::BoolGrid::create(false);
-      for (std::size_t i = 0; i < cells.size(); ++i) {
-        if (cells[i] == BrickBits{}) continue;
-        auto leaf = std::make_unique<openvdb::BoolTree::LeafNodeType>(s.places[i].origin, false);
-        leaf->setValueMask(mask_of(cells[i]));
-        leaf->buffer() = openvdb::BoolTree::LeafNodeType::Buffer(mask_of(cells[i]));
-        grid->tree().addLeaf(leaf.release());
-      }
+      for_each_part(bricks.size(), [&](std::size_t begin, std::size_t end) {
+        const auto known = s.bricks.with_around(begin, end, &GridBrick::known, upper_corners());
+        const std::vector<BrickBits> cells = whole_cells(known, end - begin);
+        for (std::size_t i = 0; i < cells.size(); ++i) {
+          if (cells[i] == BrickBits{}) continue;
+          auto leaf = std::make_unique<openvdb::BoolTree::LeafNodeType>(origin_of(known[i].first), false);
+          leaf->setValueMask(mask_of(cells[i]));
+          leaf->buffer() = openvdb::BoolTree::LeafNodeType::Buffer(mask_of(cells[i]));
+          grid->tree().addLeaf(leaf.release());
+        }
+      });
       grid->setName("observed");
       grid->setTransform(transform());
       writer.write(*grid);

@@ -70,15 +70,18 @@ BrickBits with_unknown(const BrickBits& known, const BrickBits& behind) {
   }
 }
 
-std::vector<Eigen::Vector3i> behind_beside(Bricks bricks) {
+std::vector<Eigen::Vector3i> behind_beside(Bricks bricks, std::size_t own) {
   constexpr int kSide = 64;  // voxels
   const auto index = index_of(bricks);
   std::map<std::array<int, 3>, int> votes;
-  for (const auto& [brick, behind] : bricks)
+  for (std::size_t i = 0; i < bricks.size(); ++i)
     for (int side = 0; side < 6; ++side) {
+      const auto& [brick, behind] = bricks[i];
       Eigen::Vector3i beside = brick;
       beside[side / 2] += side % 2 == 1 ? 1 : -1;
-      if (!index.contains(key(beside))) votes[key(beside)] += 2 * behind_at(behind, side) - kSide;
+      if (index.contains(key(beside))) continue;
+      const auto of_beside = i < own ? votes.try_emplace(key(beside)).first : votes.find(key(beside));
+      if (of_beside != votes.end()) of_beside->second += 2 * behind_at(behind, side) - kSide;
     }
   std::vector<Eigen::Vector3i> all;
   for (const auto& [brick, vote] : votes)
@@ -86,7 +89,17 @@ std::vector<Eigen::Vector3i> behind_beside(Bricks bricks) {
   return all;
 }
 
-std::vector<BrickBits> whole_cells(Bricks known) {
+std::vector<Eigen::Vector3i> two_steps() {
+  std::vector<Eigen::Vector3i> steps;
+  for (int x = -2; x <= 2; ++x)
+    for (int y = -2; y <= 2; ++y)
+      for (int z = -2; z <= 2; ++z)
+        if (const Eigen::Vector3i step(x, y, z); step.cwiseAbs().sum() == 1 || step.cwiseAbs().sum() == 2)
+          steps.push_back(step);
+  return steps;
+}
+
+std::vector<BrickBits> whole_cells(Bricks known, std::size_t own) {
   const auto index = index_of(known);
   std::vector<BrickBits> cells;
   cells.reserve(known.size());
@@ -109,7 +122,14 @@ std::vector<BrickBits> whole_cells(Bricks known) {
       }
     }
   }
+  cells.resize(own);
   return cells;
+}
+
+std::vector<Eigen::Vector3i> upper_corners() {
+  std::vector<Eigen::Vector3i> steps;
+  for (int corner = 1; corner < 8; ++corner) steps.emplace_back(corner & 1, corner >> 1 & 1, corner >> 2);
+  return steps;
 }
 
 }  // namespace cairn

@@ -34,7 +34,7 @@ TEST(WholeCells, HaveEightKnownCornersAcrossBricks) {
         return has(bits, v.x() & 7, v.y() & 7, v.z() & 7);
     return false;
   };
-  const std::vector<BrickBits> cells = whole_cells(known);
+  const std::vector<BrickBits> cells = whole_cells(known, known.size());
   int whole = 0;
   for (std::size_t i = 0; i < known.size(); ++i)
     for (int k = 0; k < 512; ++k) {
@@ -80,7 +80,7 @@ TEST(BehindBeside, IsWhereMostOfTheSidesAreBehind) {
   BrickBits half{};
   for (std::size_t x = 4; x < 8; ++x) half[x] = ~0ull;
   const std::vector<std::pair<Eigen::Vector3i, BrickBits>> bricks{{{0, 0, 0}, half}};
-  const auto beside = behind_beside(bricks);
+  const auto beside = behind_beside(bricks, bricks.size());
   ASSERT_EQ(beside.size(), 1u);  // above x; half of a side is not most of it
   EXPECT_EQ(beside[0], Eigen::Vector3i(1, 0, 0));
 }
