@@ -11,6 +11,7 @@
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <span>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
@@ -28,7 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kStateKind = "cairn session";
-constexpr const char* kFramesKind = "cairn frames";
+constexpr const char *kFrames = "frames", *kLoops = "loops";
 constexpr const char* kState = "state.cbor";
 constexpr const char* kKeyframes = "keyframes";
 constexpr const char* kAgain = "begin a new session";
@@ -37,9 +38,15 @@ fs::path active_file(const fs::path& files, std::uint64_t number) {
   return files / fmt::format("active-{:06}.vdb", number);
 }
 
-bool is_frames(std::string_view name) {
-  return name.starts_with("frames-") && name.ends_with(".cbor") && name.find('/') == std::string_view::npos;
+/// A part of a list in a file of its own.
+std::string chunk_name(const char* what, std::uint64_t number, std::size_t i) {
+  return fmt::format("{}-{:06}-{:06}.cbor", what, number, i);
 }
+bool is_chunk(std::string_view name, std::string_view what) {
+  return name.starts_with(what) && name.substr(what.size()).starts_with('-') && name.ends_with(".cbor") &&
+         name.find('/') == std::string_view::npos;
+}
+std::string kind_of(const char* what) { return fmt::format("cairn {}", what); }
 
 CheckedBytes read_state(const fs::path& session) {
   const fs::path file = session / kState;
@@ -71,31 +78,59 @@ bool names(const fs::path& session, std::uint32_t checksum) {
   }
 }
 
-/// With its newest frames; those of files are still to be read.
+/// With its newest keyframes, loops and frames; those of files are still to be read.
 StateFile parse_state(const CheckedBytes& read) {
   StateFile state = state_of(parse_cbor(read.bytes), read.format);
-  for (const std::string& name : state.files.frame_files)
-    if (!is_frames(name)) throw std::runtime_error("frames are missing");
-  validate(state.session,
-           FusedFrames::kChunk * state.files.frame_files.size() + state.session.back_end.atlas.frames.size());
-  validate(state.files, state.session.back_end);
+  if (!run_number(state.files.run)) throw std::runtime_error("it names no run");
+  const auto check = [](const std::vector<std::string>& names, const char* what) {
+    for (const std::string& name : names)
+      if (!is_chunk(name, what)) throw std::runtime_error(fmt::format("{} are missing", what));
+  };
+  check(state.files.keyframe_files, kKeyframes);
+  check(state.files.loop_files, kLoops);
+  check(state.files.frame_files, kFrames);
   return state;
+}
+
+/// A full chunk of a list, by `list_of(json, format)`, and the checksum of its file.
+template <class ListOf>
+auto read_chunk(const fs::path& file, const char* what, std::size_t full, const ListOf& list_of) {
+  const CheckedBytes read = read_checked(file, kind_of(what));
+  try {
+    auto list = list_of(parse_cbor(read.bytes), read.format);
+    if (list.size() != full) throw std::runtime_error(fmt::format("{} are missing", what));
+    return std::pair(std::move(list), read.checksum);
+  } catch (const std::exception& error) {
+    throw std::runtime_error(fmt::format("{}: is damaged ({})", file.string(), plain(error.what())));
+  }
+}
+
+/// Puts what is in files before a list's newest.
+template <class T, class ListOf>
+std::vector<ChunkFile> read_chunks(const fs::path& files, const std::vector<std::string>& names, const char* what,
+                                   std::vector<T>& list, const ListOf& list_of) {
+  std::vector<T> all;
+  std::vector<ChunkFile> chunks;
+  for (const std::string& name : names) {
+    auto [chunk, checksum] = read_chunk(files / name, what, NamedFiles::kChunk, list_of);
+    chunks.push_back({name, checksum});
+    std::move(chunk.begin(), chunk.end(), std::back_inserter(all));
+  }
+  std::move(list.begin(), list.end(), std::back_inserter(all));
+  list = std::move(all);
+  return chunks;
 }
 
 FusedFrames read_frames(const fs::path& files, const std::vector<std::string>& names, const Atlas& atlas) {
   FusedFrames frames;
-  for (const std::string& name : names) {
-    const fs::path file = files / name;
-    const CheckedBytes read = read_checked(file, kFramesKind);
-    try {
-      auto chunk = frames_of(parse_cbor(read.bytes), read.format);
-      validate(chunk, atlas.keyframes.size());
-      if (chunk.size() != FusedFrames::kChunk) throw std::runtime_error("frames are missing");
-      frames.push_back(std::make_shared<const FusedFrames::Chunk>(std::move(chunk)));
-    } catch (const std::exception& error) {
-      throw std::runtime_error(fmt::format("{}: is damaged ({})", file.string(), plain(error.what())));
-    }
-  }
+  const auto valid = [&](const nlohmann::json& json, int format) {
+    auto chunk = frames_of(json, format);
+    validate(chunk, atlas.keyframes.size());
+    return chunk;
+  };
+  for (const std::string& name : names)
+    frames.push_back(std::make_shared<const FusedFrames::Chunk>(
+        read_chunk(files / name, kFrames, FusedFrames::kChunk, valid).first));
   for (const FusedFrame& frame : atlas.frames.rest()) frames.push_back(frame);
   return frames;
 }
@@ -113,31 +148,79 @@ std::vector<PartFiles> find_parts(const fs::path& session, std::vector<PartFiles
   return parts;
 }
 
-/// What a state names; throws what is wrong with it or with the files, and what to do.
-ReadSession read_files(const fs::path& session, const CheckedBytes& bytes) {
+[[noreturn]] void throw_damaged(const std::string& what) {
+  throw std::runtime_error(what + "; the session is damaged: " + kAgain);
+}
+
+/// What a state names but for voxels, and of frames the newest alone. Throws what is wrong with it or with the files,
+/// and what to do.
+struct Known {
   StateFile state;
-  try {
-    state = parse_state(bytes);
-  } catch (const std::exception& error) {
-    throw std::runtime_error(
-        fmt::format("{}: is damaged ({}); {}", (session / kState).string(), plain(error.what()), kAgain));
-  }
-  SessionState& s = state.session;
+  fs::path files;
+  FileLock hold;
+  std::vector<ChunkFile> keyframe_files, loop_files;
+};
+Known read_known(const fs::path& session, const CheckedBytes& bytes) {
+  const auto checked = [&](const auto& read) {
+    try {
+      return read();
+    } catch (const std::exception& error) {
+      throw std::runtime_error(
+          fmt::format("{}: is damaged ({}); {}", (session / kState).string(), plain(error.what()), kAgain));
+    }
+  };
+  StateFile state = checked([&] { return parse_state(bytes); });
   const fs::path files = session / state.files.run;
-  if (!fs::is_directory(files))
-    throw std::runtime_error(files.string() + ": is missing; the session is damaged: " + kAgain);
-  std::vector<FileLock> hold_parts;
-  std::vector<PartFiles> parts = find_parts(session, std::move(state.files.parts), hold_parts);
-  auto hold = FileLock::take(files, FileLock::Kind::shared, true);
+  if (!fs::is_directory(files)) throw_damaged(files.string() + ": is missing");
+  Known known{.state = std::move(state),
+              .files = files,
+              .hold = *FileLock::take(files, FileLock::Kind::shared, true),
+              .keyframe_files = {},
+              .loop_files = {}};
+  const NamedFiles& named = known.state.files;
+  Atlas& atlas = known.state.session.back_end.atlas;
   try {
-    BrickTree active = BrickFile(active_file(files, s.number)).read();
-    s.back_end.atlas.frames = read_frames(files, state.files.frame_files, s.back_end.atlas);
-    return {std::move(s),     std::move(active),    files,
-            bytes.checksum,   std::move(*hold),     std::move(state.files.frame_files),
-            std::move(parts), std::move(hold_parts)};
+    known.keyframe_files = read_chunks(files, named.keyframe_files, kKeyframes, atlas.keyframes, keyframes_of);
+    known.loop_files = read_chunks(files, named.loop_files, kLoops, atlas.loops, loops_of);
   } catch (const std::exception& error) {
-    throw std::runtime_error(std::string(error.what()) + "; the session is damaged: " + kAgain);
+    throw_damaged(error.what());
   }
+  checked([&] {
+    validate(known.state.session, FusedFrames::kChunk * named.frame_files.size() + atlas.frames.size());
+    validate(named, known.state.session.back_end);
+  });
+  return known;
+}
+
+/// All that a state names.
+ReadSession read_files(const fs::path& session, const CheckedBytes& bytes) {
+  Known known = read_known(session, bytes);
+  SessionState& s = known.state.session;
+  NamedFiles& named = known.state.files;
+  std::vector<FileLock> hold_parts;
+  std::vector<PartFiles> parts = find_parts(session, std::move(named.parts), hold_parts);
+  try {
+    BrickTree active = BrickFile(active_file(known.files, s.number)).read();
+    s.back_end.atlas.frames = read_frames(known.files, named.frame_files, s.back_end.atlas);
+    return {.session = std::move(s),
+            .active = std::move(active),
+            .files = known.files,
+            .checksum = bytes.checksum,
+            .hold = std::move(known.hold),
+            .keyframe_files = std::move(known.keyframe_files),
+            .loop_files = std::move(known.loop_files),
+            .frame_files = std::move(named.frame_files),
+            .parts = std::move(parts),
+            .hold_parts = std::move(hold_parts)};
+  } catch (const std::exception& error) {
+    throw_damaged(error.what());
+  }
+}
+
+std::vector<std::string> names_of(const std::vector<ChunkFile>& files) {
+  std::vector<std::string> names;
+  for (const ChunkFile& file : files) names.push_back(file.name);
+  return names;
 }
 
 /// Those that nobody reads.
@@ -188,17 +271,15 @@ ReadSession read_session(const fs::path& session) {
 }
 
 SessionPictures read_pictures(const fs::path& session) {
-  StateFile state = parse_state(read_state(session));
-  const fs::path files = session / state.files.run;
-  if (!fs::is_directory(files))
-    throw std::runtime_error(files.string() + ": is missing; the session is damaged: " + kAgain);
+  Known known = read_known(session, read_state(session));
+  StateFile& state = known.state;
   SessionPictures pictures{.timestamps = {},
                            .sensor = state.session.rig.sensor,
                            .keyframes = {},
-                           .hold = *FileLock::take(files, FileLock::Kind::shared, true),
+                           .hold = std::move(known.hold),
                            .hold_parts = {}};
   const auto parts = find_parts(session, std::move(state.files.parts), pictures.hold_parts);
-  pictures.keyframes = keyframe_files(files, parts);
+  pictures.keyframes = keyframe_files(known.files, parts);
   for (const Keyframe& keyframe : state.session.back_end.atlas.keyframes)
     pictures.timestamps.push_back(keyframe.timestamp);
   return pictures;
@@ -220,10 +301,20 @@ SessionWriter::SessionWriter(fs::path session) : session_(std::move(session)), l
 }
 
 SessionWriter::SessionWriter(fs::path session, const ReadSession& read)
-    : session_(std::move(session)), lock_(session_), files_(read.files), is_named_(true), parts_(read.parts) {
+    : session_(std::move(session)),
+      lock_(session_),
+      files_(read.files),
+      is_named_(true),
+      keyframe_files_(read.keyframe_files),
+      loop_files_(read.loop_files),
+      parts_(read.parts) {
   if (read_state(session_).checksum != read.checksum)
     throw std::runtime_error(session_.string() + ": another run wrote into it just now; try again");
-  remove_others(read.session.number, read.frame_files);
+  remove_others(read.session.number, {.run = {},
+                                      .keyframe_files = names_of(read.keyframe_files),
+                                      .loop_files = names_of(read.loop_files),
+                                      .frame_files = read.frame_files,
+                                      .parts = {}});
   for (const fs::path& folder : {session_, files_, keyframe_files(files_).folder()}) remove_leftovers(folder);
 }
 
@@ -257,17 +348,43 @@ SessionWriter::FrameFiles SessionWriter::write_frames(const FusedFrames& frames,
       files.names.push_back(written_.names[i]);
       continue;
     }
-    files.names.push_back(fmt::format("frames-{:06}-{:06}.cbor", number, i));
-    write_whole(files_ / files.names.back(), checked_file(json_of(*chunk), kFramesKind).bytes, Durable::some_time);
+    files.names.push_back(chunk_name(kFrames, number, i));
+    write_whole(files_ / files.names.back(), checked_file(json_of(*chunk), kind_of(kFrames).c_str()).bytes,
+                Durable::some_time);
+  }
+  return files;
+}
+
+template <class T>
+std::vector<ChunkFile> SessionWriter::write_chunks(const std::vector<T>& list, const char* what, std::uint64_t number,
+                                                   const std::vector<ChunkFile>& written) const {
+  std::vector<ChunkFile> files;
+  for (std::size_t begin = 0; begin + NamedFiles::kChunk <= list.size(); begin += NamedFiles::kChunk) {
+    const std::size_t i = files.size();
+    const CheckedBytes file =
+        checked_file(json_of(std::span(list).subspan(begin, NamedFiles::kChunk)), kind_of(what).c_str());
+    if (i < written.size() && written[i].checksum == file.checksum) {
+      files.push_back(written[i]);
+      continue;
+    }
+    files.push_back({chunk_name(what, number, i), file.checksum});
+    write_whole(files_ / files.back().name, file.bytes, Durable::some_time);
   }
   return files;
 }
 
 void SessionWriter::write(const SessionState& s, const BrickTree& active) {
   write_bricks(active_file(files_, s.number), active);
-  FrameFiles frames = write_frames(s.back_end.atlas.frames, s.number);
+  const Atlas& atlas = s.back_end.atlas;
+  std::vector<ChunkFile> keyframes = write_chunks(atlas.keyframes, kKeyframes, s.number, keyframe_files_);
+  std::vector<ChunkFile> loops = write_chunks(atlas.loops, kLoops, s.number, loop_files_);
+  FrameFiles frames = write_frames(atlas.frames, s.number);
   sync_disk(files_);
-  NamedFiles named{.run = files_.filename().string(), .frame_files = frames.names, .parts = parts_};
+  NamedFiles named{.run = files_.filename().string(),
+                   .keyframe_files = names_of(keyframes),
+                   .loop_files = names_of(loops),
+                   .frame_files = frames.names,
+                   .parts = parts_};
   for (PartFiles& part : named.parts)
     part.folder = fs::absolute(part.folder).lexically_proximate(fs::absolute(session_));
   const CheckedBytes state = checked_file(json_of(s, named), kStateKind);
@@ -280,22 +397,24 @@ void SessionWriter::write(const SessionState& s, const BrickTree& active) {
   }
   // From here on the new state counts, also after a power cut.
   is_named_ = true;
-  written_ = std::move(frames);
-  remove_others(s.number, written_.names);
+  written_ = std::move(frames), keyframe_files_ = std::move(keyframes), loop_files_ = std::move(loops);
+  remove_others(s.number, named);
 }
 
-void SessionWriter::remove_others(std::uint64_t number, const std::vector<std::string>& frame_files) const {
+void SessionWriter::remove_others(std::uint64_t number, const NamedFiles& named) const {
   std::vector<fs::path> stale;
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(session_, ignored))
     if (is_ours(entry.path().filename().string()) && entry.path() != files_) stale.push_back(entry.path());
   for (const auto& entry : fs::directory_iterator(files_, ignored)) {
     const std::string name = entry.path().filename().string();
-    const bool is_old =
-        name.starts_with("active-")
-            ? entry.path() != active_file(files_, number)
-            : is_frames(name) && std::find(frame_files.begin(), frame_files.end(), name) == frame_files.end();
-    if (is_old) stale.push_back(entry.path());
+    const auto is_old_chunk = [&](const char* what, const std::vector<std::string>& names) {
+      return is_chunk(name, what) && std::find(names.begin(), names.end(), name) == names.end();
+    };
+    const bool is_old_volume = name.starts_with("active-") && entry.path() != active_file(files_, number);
+    if (is_old_volume || is_old_chunk(kKeyframes, named.keyframe_files) || is_old_chunk(kLoops, named.loop_files) ||
+        is_old_chunk(kFrames, named.frame_files))
+      stale.push_back(entry.path());
   }
   for (const fs::path& path : stale)
     if (!fs::is_directory(path, ignored))

@@ -2,9 +2,10 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // A session: a folder from which a run goes on. `state.cbor` is written last and at once, and names what else belongs
 // to it: a run's own folder, `run-N/`, with `keyframes/` (images and corners), `submap-N.vdb`, `frames-N-I.cbor` (the
-// frames' poses, a thousand in each), and `active-N.vdb`, the volume that is being fused into. A new run has a new
-// folder, and the session before it stays whole until the new one's first checkpoint takes its place. A map made of
-// others (PartFiles) leaves their keyframes and submaps where they are.
+// frames' poses, a thousand in each), `keyframes-N-I.cbor` and `loops-N-I.cbor` (what is known of them, some hundred in
+// each), and `active-N.vdb`, the volume that is being fused into. A new run has a new folder, and the session before it
+// stays whole until the new one's first checkpoint takes its place. A map made of others (PartFiles) leaves their
+// images and submaps where they are.
 #pragma once
 #include <filesystem>
 #include <memory>
@@ -36,9 +37,17 @@ struct SessionState {
 
 /// What state.cbor names beside itself.
 struct NamedFiles {
-  std::string run;                       // the folder in which the others are
-  std::vector<std::string> frame_files;  // with the frames that are not the newest
-  std::vector<PartFiles> parts;          // of other maps; folders as seen from the session's
+  static constexpr std::size_t kChunk = 256;  // keyframes or loops of a file
+  std::string run;                            // the folder in which the others are
+  /// With the keyframes, loops and frames that are not the newest.
+  std::vector<std::string> keyframe_files, loop_files, frame_files;
+  std::vector<PartFiles> parts;  // of other maps; folders as seen from the session's
+};
+
+/// A file with a part of a list, and the checksum of what it holds.
+struct ChunkFile {
+  std::string name;
+  std::uint32_t checksum = 0;
 };
 
 /// A map by what it was made with.
@@ -59,6 +68,7 @@ struct ReadSession {
   std::filesystem::path files;  // the run's folder
   std::uint32_t checksum = 0;   // of state.cbor
   FileLock hold;                // whoever writes leaves these files as long as this lives
+  std::vector<ChunkFile> keyframe_files, loop_files;
   std::vector<std::string> frame_files;
   std::vector<PartFiles> parts;
   std::vector<FileLock> hold_parts;
@@ -97,8 +107,9 @@ class SessionWriter {
   void copy_files(const SessionState& session, const NumberedFiles& submaps, const NumberedFiles& keyframes) const;
   /// What is written from now on is made of other maps, too.
   void set_parts(std::vector<PartFiles> parts) { parts_ = std::move(parts); }
-  /// Writes the volume's bricks, full chunks of frames that are new, and then the state, each whole or not at all; a
-  /// kill at any moment leaves the session before or this one. Files that no longer belong to it are removed then.
+  /// Writes the volume's bricks, full chunks of keyframes, loops and frames that are new or changed, and then the
+  /// state, each whole or not at all; a kill at any moment leaves the session before or this one. Files that no longer
+  /// belong to it are removed then.
   void write(const SessionState& state, const BrickTree& active);
 
  private:
@@ -108,13 +119,18 @@ class SessionWriter {
     std::vector<std::string> names;
   };
   [[nodiscard]] FrameFiles write_frames(const FusedFrames& frames, std::uint64_t number) const;
-  /// Leaves what the state with that number and those files of frames names.
-  void remove_others(std::uint64_t number, const std::vector<std::string>& frame_files) const;
+  /// `written`: the files of the last state, which are not written again where they hold the same.
+  template <class T>
+  [[nodiscard]] std::vector<ChunkFile> write_chunks(const std::vector<T>& list, const char* what, std::uint64_t number,
+                                                    const std::vector<ChunkFile>& written) const;
+  /// Leaves what the state with that number and these files names.
+  void remove_others(std::uint64_t number, const NamedFiles& named) const;
   std::filesystem::path session_;
   SessionLock lock_;
   std::filesystem::path files_;
   bool is_named_ = false;  // by state.cbor
-  FrameFiles written_;     // of the last state
+  FrameFiles written_;     // of the last state, as these
+  std::vector<ChunkFile> keyframe_files_, loop_files_;
   std::vector<PartFiles> parts_;
 };
 

@@ -118,15 +118,24 @@ void fields(auto& io, PartFiles& p) {
   p.folder = folder;
 }
 
-/// The entries of state.cbor by their names. `newest`: frames that are in no file of their own.
-void entries(auto& io, Of<SessionState> auto& s, Of<FusedFrames::Chunk> auto& newest, Of<NamedFiles> auto& files) {
+/// What is in no file of its own: of keyframes, loops and frames the newest.
+struct Newest {
+  std::vector<Keyframe> keyframes;
+  std::vector<Loop> loops;
+  FusedFrames::Chunk frames;
+};
+
+/// The entries of state.cbor by their names.
+void entries(auto& io, Of<SessionState> auto& s, Of<Newest> auto& newest, Of<NamedFiles> auto& files) {
   io("rig", s.rig);
   io("options", s.fuse.voxel_size, s.fuse.truncation, s.min_depth, s.max_depth);
   auto& m = s.back_end;
-  io("keyframes", m.atlas.keyframes);
+  io("keyframes", newest.keyframes);
+  io.since(14, "keyframe_files", files.keyframe_files);
   io("world_from_camera", m.atlas.world_from_camera);
-  io("loops", m.atlas.loops);
-  io("frames", newest);
+  io("loops", newest.loops);
+  io.since(14, "loop_files", files.loop_files);
+  io("frames", newest.frames);
   io("frame_files", files.frame_files);
   io("recordings", m.atlas.recordings);
   io.since(10, "upright", m.atlas.up, m.atlas.settled);
@@ -190,8 +199,16 @@ class Out {
   }
   template <class T>
   void put(const std::vector<T>& values) {
+    put(std::span(values));
+  }
+  void put(const std::vector<bool>& values) {
     put(std::uint64_t{values.size()});
-    if constexpr (Number<T> && !std::same_as<T, bool>)
+    for (const bool value : values) put(value);
+  }
+  template <class T>
+  void put(std::span<const T> values) {
+    put(std::uint64_t{values.size()});
+    if constexpr (Number<T>)
       append(values.data(), values.size());
     else
       for (const T& value : values) put(value);
@@ -308,39 +325,59 @@ class ReadEntries {
   int format_;
 };
 
+Json json_of(const char* name, const auto& list) {
+  Json json = Json::object();
+  WriteEntries io(json);
+  io(name, list);
+  return json;
+}
+
+template <class T>
+std::vector<T> list_of(const char* name, const Json& json, int format) {
+  std::vector<T> list;
+  ReadEntries io(json, format);
+  io(name, list);
+  return list;
+}
+
 }  // namespace
 
 Json json_of(const SessionState& session, const NamedFiles& files) {
+  const Atlas& atlas = session.back_end.atlas;
+  const auto rest = [](const auto& all, const std::vector<std::string>& chunks) {
+    return std::vector(all.begin() + static_cast<std::ptrdiff_t>(NamedFiles::kChunk * chunks.size()), all.end());
+  };
+  const Newest newest{.keyframes = rest(atlas.keyframes, files.keyframe_files),
+                      .loops = rest(atlas.loops, files.loop_files),
+                      .frames = atlas.frames.rest()};
   Json json = Json::object();
   WriteEntries io(json);
-  entries(io, session, session.back_end.atlas.frames.rest(), files);
+  entries(io, session, newest, files);
   return json;
 }
 
 StateFile state_of(const Json& json, int format) {
   StateFile state;
-  FusedFrames::Chunk newest;
+  Newest newest;
   ReadEntries io(json, format);
   entries(io, state.session, newest, state.files);
   if (format < 10)  // what the frames around a keyframe measured is its own part alone
-    for (Keyframe& k : state.session.back_end.atlas.keyframes)
+    for (Keyframe& k : newest.keyframes)
       if (k.acceleration) k.accelerations << *k.acceleration, k.acceleration->norm();
-  for (const FusedFrame& frame : newest) state.session.back_end.atlas.frames.push_back(frame);
+  Atlas& atlas = state.session.back_end.atlas;
+  atlas.keyframes = std::move(newest.keyframes), atlas.loops = std::move(newest.loops);
+  for (const FusedFrame& frame : newest.frames) atlas.frames.push_back(frame);
   return state;
 }
 
-Json json_of(const FusedFrames::Chunk& frames) {
-  Json json = Json::object();
-  WriteEntries io(json);
-  io("frames", frames);
-  return json;
-}
+Json json_of(const FusedFrames::Chunk& frames) { return json_of("frames", frames); }
+Json json_of(std::span<const Keyframe> keyframes) { return json_of("keyframes", keyframes); }
+Json json_of(std::span<const Loop> loops) { return json_of("loops", loops); }
 
-FusedFrames::Chunk frames_of(const Json& json, int format) {
-  FusedFrames::Chunk frames;
-  ReadEntries io(json, format);
-  io("frames", frames);
-  return frames;
+FusedFrames::Chunk frames_of(const Json& json, int format) { return list_of<FusedFrame>("frames", json, format); }
+std::vector<Keyframe> keyframes_of(const Json& json, int format) {
+  return list_of<Keyframe>("keyframes", json, format);
 }
+std::vector<Loop> loops_of(const Json& json, int format) { return list_of<Loop>("loops", json, format); }
 
 }  // namespace cairn

@@ -155,7 +155,6 @@ void validate(const SessionState& s, std::size_t frames) {
 }
 
 void validate(const NamedFiles& files, const BackEnd::Memory& map) {
-  require(run_number(files.run).has_value(), "it names no run");
   std::size_t keyframe = 0, submap = 0;
   for (const PartFiles& part : files.parts) {
     require(part.first_keyframe >= keyframe && part.first_submap >= submap, "parts of the map are out of order");

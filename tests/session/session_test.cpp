@@ -269,6 +269,13 @@ TEST(SessionFiles, OfKilledRunsAreRemovedAtTheNextStart) {
   EXPECT_TRUE(fs::is_empty(run / "keyframes"));
 }
 
+/// Names of files of one kind in a run's folder.
+std::set<std::string> named(const fs::path& run, const std::string& begin) {
+  std::set<std::string> names = names_in(run);
+  std::erase_if(names, [&](const std::string& name) { return !name.starts_with(begin); });
+  return names;
+}
+
 /// Frames until there are so many.
 void fill(Atlas& atlas, std::size_t count) {
   while (atlas.frames.size() < count)
@@ -285,11 +292,7 @@ TEST(SessionFiles, OfFramesAreWrittenOnce) {
   fill(s.back_end.atlas, 2 * kChunk + 5);
   writer.write(s, one_brick());
   const std::set<std::string> two{"frames-000001-000000.cbor", "frames-000001-000001.cbor"};
-  const auto frame_files = [&] {
-    std::set<std::string> names = names_in(run);
-    std::erase_if(names, [](const std::string& name) { return !name.starts_with("frames-"); });
-    return names;
-  };
+  const auto frame_files = [&] { return named(run, "frames-"); };
   EXPECT_EQ(frame_files(), two);
   const auto first = fs::last_write_time(run / *two.begin());
   const auto state_size = fs::file_size(folder / "s" / "state.cbor");
@@ -346,6 +349,94 @@ TEST(SessionFiles, OfFramesThatAreMissingOrDamagedAreTold) {
   expect_told("does not begin with 'cairn frames'");
   write_text(file, "cairn frames 1 00000000\n");
   expect_told("was written by another version of cairn (format 1, this one reads 9 to 14)");
+  fs::remove(file);
+  expect_told("cannot be opened");
+}
+
+/// Keyframes until there are so many, each with a loop to the first.
+void add_keyframes(SessionState& s, std::size_t count) {
+  Atlas& atlas = s.back_end.atlas;
+  while (atlas.keyframes.size() < count) {
+    const std::size_t k = atlas.keyframes.size();
+    atlas.keyframes.push_back(
+        {.frame = static_cast<int>(k), .timestamp = 0.1 * static_cast<double>(k), .follows = true});
+    atlas.keyframes.back().structure.facings = {{.normal = Eigen::Vector3f::UnitX(), .area = 1}};
+    atlas.world_from_camera.push_back(Eigen::Isometry3d::Identity());
+    atlas.loops.push_back({.edge = {.i = 0, .j = k, .is_loop_closure = true}, .corners = static_cast<int>(k)});
+    s.back_end.tracked_from_camera.emplace_back(Eigen::Isometry3d::Identity());
+  }
+}
+
+TEST(SessionFiles, OfKeyframesAndLoopsAreWrittenWhereTheyChanged) {
+  const TemporaryFolder folder;
+  const fs::path run = folder / "s" / "run-0001";
+  constexpr std::size_t kChunk = NamedFiles::kChunk;
+  SessionState s = small_session();
+  add_keyframes(s, 2 * kChunk + 5);
+  {
+    SessionWriter writer(folder / "s");
+    writer.write(s, one_brick());
+    EXPECT_EQ(named(run, "keyframes-"),
+              (std::set<std::string>{"keyframes-000001-000000.cbor", "keyframes-000001-000001.cbor"}));
+    EXPECT_EQ(named(run, "loops-"), (std::set<std::string>{"loops-000001-000000.cbor", "loops-000001-000001.cbor"}));
+    const auto first = fs::last_write_time(run / "keyframes-000001-000000.cbor");
+    const auto state_size = fs::file_size(folder / "s" / "state.cbor");
+
+    add_keyframes(s, 3 * kChunk + 5);
+    s.back_end.atlas.keyframes[kChunk].timestamp += 0.01;
+    s.back_end.atlas.loops[0].inlier = false;
+    s.number = 2;
+    writer.write(s, one_brick());
+    EXPECT_EQ(named(run, "keyframes-"),
+              (std::set<std::string>{"keyframes-000001-000000.cbor", "keyframes-000002-000001.cbor",
+                                     "keyframes-000002-000002.cbor"}));
+    EXPECT_EQ(named(run, "loops-"), (std::set<std::string>{"loops-000001-000001.cbor", "loops-000002-000000.cbor",
+                                                           "loops-000002-000002.cbor"}));
+    EXPECT_EQ(fs::last_write_time(run / "keyframes-000001-000000.cbor"), first);
+    constexpr std::size_t kPoses = 2 * 16 * sizeof(double) + 1;  // of a keyframe, in the world and as tracked
+    EXPECT_LT(fs::file_size(folder / "s" / "state.cbor"), state_size + kChunk * kPoses + 200);
+  }
+
+  // A run that goes on writes none of them again.
+  const ReadSession read = read_session(folder / "s");
+  const Atlas &atlas = s.back_end.atlas, &again = read.session.back_end.atlas;
+  ASSERT_EQ(again.keyframes.size(), atlas.keyframes.size());
+  ASSERT_EQ(again.loops.size(), atlas.loops.size());
+  for (std::size_t k = 0; k < atlas.keyframes.size(); ++k) {
+    ASSERT_EQ(again.keyframes[k].frame, atlas.keyframes[k].frame);
+    ASSERT_EQ(again.keyframes[k].timestamp, atlas.keyframes[k].timestamp);
+    ASSERT_EQ(again.keyframes[k].structure.facings.size(), atlas.keyframes[k].structure.facings.size());
+  }
+  for (std::size_t l = 0; l < atlas.loops.size(); ++l) {
+    ASSERT_EQ(again.loops[l].edge.j, atlas.loops[l].edge.j);
+    ASSERT_EQ(again.loops[l].inlier, atlas.loops[l].inlier);
+  }
+  const auto keyframes = named(run, "keyframes-"), loops = named(run, "loops-");
+  SessionWriter writer(folder / "s", read);
+  EXPECT_EQ(named(run, "keyframes-"), keyframes);
+  s.number = 3;
+  writer.write(s, one_brick());
+  EXPECT_EQ(named(run, "keyframes-"), keyframes);
+  EXPECT_EQ(named(run, "loops-"), loops);
+  EXPECT_EQ(read_pictures(folder / "s").timestamps.size(), atlas.keyframes.size());
+}
+
+TEST(SessionFiles, OfKeyframesThatAreMissingOrDamagedAreTold) {
+  const TemporaryFolder folder;
+  SessionState s = small_session();
+  add_keyframes(s, NamedFiles::kChunk + 1);  // a full chunk of loops as well
+  SessionWriter(folder / "s").write(s, one_brick());
+  const fs::path file = folder / "s" / "run-0001" / "keyframes-000001-000000.cbor";
+  const auto expect_told = [&](const std::string& what) {
+    const std::string end = "; the session is damaged: begin a new session";
+    EXPECT_EQ(error_of([&] { (void)read_session(folder / "s"); }), file.string() + ": " + what + end);
+  };
+  std::string bytes = read_bytes(file);
+  ++bytes.back();
+  write_text(file, bytes);
+  expect_told("is damaged");
+  fs::copy_file(folder / "s" / "run-0001" / "loops-000001-000000.cbor", file, fs::copy_options::overwrite_existing);
+  expect_told("does not begin with 'cairn keyframes'");
   fs::remove(file);
   expect_told("cannot be opened");
 }
