@@ -38,8 +38,10 @@ void add_view(CLI::App& program) {
   auto* command = program.add_subcommand("view", "Show a finished map, or a mesh, in a browser");
   const auto a = std::make_shared<Arguments>();
   command
-      ->add_option("MAP", a->map,
-                   "Folder that reconstruct, live or merge has made, or a .glb, .gltf, .ply or .vdb file")
+      ->add_option(
+          "MAP", a->map,
+          "Folder that reconstruct, live or merge has made, a plan's that has been tiled, or a .glb, .gltf, .ply, "
+          ".vdb or tileset.json file")
       ->required()
       ->check(CLI::ExistingPath);
   add_view_options(*command, *a);

@@ -5,6 +5,7 @@ import { element, setStatus } from './dom.js';
 import { readFields } from './fields.js';
 import { loadModel } from './model.js';
 import { fillPanel, framesInWords, levelOf } from './panel.js';
+import { Tiles } from './tiles.js';
 import { addTools } from './tools.js';
 
 function decoded(base64) {
@@ -44,18 +45,33 @@ async function showMesh(scene, data, seen) {
   else await seen(model);
 }
 
+/** A building's tiles, with all of it, coarse, in the first picture. */
+async function showTiles(scene, { tileset }, panel) {
+  const tiles = new Tiles(tileset, { adopt: (mesh) => scene.adopt(mesh), show: (mesh) => { mesh.material = scene.materialOf(mesh); } });
+  tiles.onFailed = () => {
+    tiles.onFailed = null;  // one stands for all
+    panel.prepend(element('div', { className: 'warning' }, `Something of it is not shown: ${tiles.failed[0]}`));
+  };
+  tiles.update(scene.camera, scene.renderer);
+  await tiles.known;
+  scene.setTiles(tiles);
+  scene.lookAtAll();
+  scene.begin();
+  while (!tiles.isWhole) await new Promise(requestAnimationFrame);
+}
+
 export async function showFinished(scene, data, fold) {
   const { report, trajectory } = data, panel = document.getElementById('panel'), begin = trajectory[0]?.[0] ?? 0;
   document.title = `${data.name} – Cairn`;
   if (report) setStatus(levelOf(report), framesInWords(report));
-  else setStatus('good', 'A mesh without a report');
+  else setStatus('good', data.tileset ? 'A building in tiles' : 'A mesh without a report');
   scene.setPath(new Float32Array(trajectory.flatMap(([t, x, y, z]) => [t - begin, x, y, z])));
   scene.setLoops((report?.loops ?? []).filter((loop) => loop.inlier).map((loop) => [loop.from - begin, loop.to - begin]));
   let isSeen = false;
   const seen = async (model) => {
     if (model) scene.setModel(model);
     if (model && trajectory.length > 0) scene.lookFrom(trajectory[0]);
-    else scene.lookAtAll();
+    else if (!scene.tiles) scene.lookAtAll();
     scene.begin();
     await scene.shown();
     performance.mark('picture');
@@ -69,6 +85,7 @@ export async function showFinished(scene, data, fold) {
       panel.prepend(element('div', { className: 'warning' }, `The mesh is not shown here: ${error.message}`));
     }
   }
+  if (data.tileset) await showTiles(scene, data, panel);
   if (!isSeen) await seen();
   addTools(scene, data, fieldsOf(data), fold);
   await scene.shown();

@@ -23,10 +23,12 @@ const later = (waiting) => (parser) => ({
   },
 });
 
+export const gltfLoader = () => new GLTFLoader().setMeshoptDecoder(MeshoptDecoder);
+
 /** What a .glb holds; y is up in it. `textured` promises that its images are there, too. */
 export async function loadModel(bytes) {
   const waiting = [];
-  const { scene } = await new GLTFLoader().setMeshoptDecoder(MeshoptDecoder).register(later(waiting)).parseAsync(bytes, '');
+  const { scene } = await gltfLoader().register(later(waiting)).parseAsync(bytes, '');
   const textured = Promise.all(waiting).then(({ length }) => length > 0 && performance.mark('texture'));
   textured.catch(() => {});  // told to who waits for it
   return { model: scene, textured };

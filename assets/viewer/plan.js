@@ -15,6 +15,7 @@ export class Plan {
     this.outline.frustumCulled = false;
     this.outline.visible = false;
     scene.scene.add(this.outline);
+    surface.onChange = () => { if (this.isOn) this.cut(Number(this.slider.range.value)); };
     this.slider = slider({ label: 'Cut above the floor', min: 0.05, max: 3, value: kHeight, show: height, input: (value) => this.cut(value) });
     this.body = element('div', {}, element('p', { className: 'hint' }, 'Drag moves the plan, the wheel brings it nearer. Measure works here, too.'), this.slider);
   }
@@ -47,14 +48,7 @@ export class Plan {
   }
 
   /** Of the map, in axes that are turned. */
-  sizeTurned(turn) {
-    const turned = new THREE.Matrix4().makeRotationY(-turn), box = new THREE.Box3(), corner = new THREE.Vector3();
-    for (const mesh of this.scene.meshes()) {
-      const { position } = mesh.geometry.attributes, all = turned.clone().multiply(mesh.matrixWorld);
-      for (let i = 0; i < position.count; i += 7) box.expandByPoint(corner.fromBufferAttribute(position, i).applyMatrix4(all));
-    }
-    return box.getSize(new THREE.Vector3());
-  }
+  sizeTurned(turn) { return this.scene.boxTurned(turn).getSize(new THREE.Vector3()); }
 
   cut(above) {
     const height = this.level + above;

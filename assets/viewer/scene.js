@@ -119,6 +119,7 @@ export class Scene {
 
   /** Draws only when something moved, and without a fast GPU not as often as it could: others need the time, too. */
   draw() {
+    if (this.tiles?.update(this.camera, this.renderer)) this.isStale = true;
     const gl = this.renderer.getContext(), now = performance.now();
     if (this.fence) {
       if (gl.getSyncParameter(this.fence, gl.SYNC_STATUS) !== gl.SIGNALED) return;
@@ -202,7 +203,8 @@ export class Scene {
 
   *meshes() {
     yield* this.parts.values();
-    if (this.model) {
+    if (this.tiles) yield* this.tiles.meshes();
+    else if (this.model) {
       const found = [];
       this.model.traverse((node) => { if (node.isMesh) found.push(node); });
       yield* found;
@@ -327,15 +329,27 @@ export class Scene {
     this.restUntil = 0;  // at once
     this.scene.add(model);
     model.updateMatrixWorld(true);
-    for (const mesh of this.meshes()) {
-      const { map } = mesh.material;
-      if (map) {
-        map.anisotropy = this.isSoftware ? 1 : Math.min(8, this.renderer.capabilities.getMaxAnisotropy());
-        mesh.userData.textured = new THREE.MeshBasicMaterial({ map, clippingPlanes: this.clipping });
-      }
-      mesh.material = this.materialOf(mesh);
-    }
+    for (const mesh of this.meshes()) this.adopt(mesh);
     this.isStale = true;
+  }
+
+  /** Tiles that come and go take the model's place. */
+  setTiles(tiles) {
+    this.tiles = tiles;
+    this.model = tiles.group;
+    this.scene.add(this.model);
+    this.perspective.far = Math.max(this.perspective.far, 4 * this.box.getSize(new THREE.Vector3()).length());
+    this.resize();
+  }
+
+  /** Gives a mesh that has been loaded the page's materials. */
+  adopt(mesh) {
+    const { map } = mesh.material;
+    if (map) {
+      map.anisotropy = this.isSoftware ? 1 : Math.min(8, this.renderer.capabilities.getMaxAnisotropy());
+      mesh.userData.textured = new THREE.MeshBasicMaterial({ map, clippingPlanes: this.clipping });
+    }
+    mesh.material = this.materialOf(mesh);
   }
 
   /** Drawn by the CPU: what costs nothing on a GPU takes seconds here. */
@@ -346,6 +360,7 @@ export class Scene {
 
   /** Of the model; empty where there is none. */
   get box() {
+    if (this.tiles) return this.tiles.box;
     return this.model ? new THREE.Box3().setFromObject(this.model) : new THREE.Box3();
   }
 
@@ -387,7 +402,7 @@ export class Scene {
     // In the middle, and as near as all of it is in the picture: the planes of the view's four sides touch it.
     const t = Math.tan(radians(this.perspective.fov / 2)), slopes = [t * this.perspective.aspect, t];
     const most = [[-Infinity, -Infinity], [-Infinity, -Infinity]], inverse = this.camera.matrixWorld.clone().invert();
-    for (const place of this.placesOf(box)) {
+    for (const place of this.tiles ? this.cornersOf(box) : this.placesOf(box)) {
       const { x, y, z } = place.applyMatrix4(inverse);
       [x, y].forEach((v, i) => [v, -v].forEach((side, k) => { most[i][k] = Math.max(most[i][k], side + slopes[i] * z); }));
     }
@@ -396,15 +411,31 @@ export class Scene {
     this.place(eye.clone().addScaledVector(away, 0.04 * reach), eye.clone().addScaledVector(away, -reach));
   }
 
+  /** The same vector each time. */
+  *cornersOf({ min, max }) {
+    const place = new THREE.Vector3();
+    for (let i = 0; i < 8; ++i) yield place.set(i & 1 ? max.x : min.x, i & 2 ? max.y : min.y, i & 4 ? max.z : min.z);
+  }
+
   /** Places all over the model, or the corners of a box where there is none; the same vector each time. */
   *placesOf(box) {
     const place = new THREE.Vector3();
-    if (!this.model)
-      for (let i = 0; i < 8; ++i) yield place.set(i & 1 ? box.max.x : box.min.x, i & 2 ? box.max.y : box.min.y, i & 4 ? box.max.z : box.min.z);
+    if (!this.model) yield* this.cornersOf(box);
     else for (const mesh of this.meshes()) {
       const { position } = mesh.geometry.attributes, step = Math.max(1, Math.floor(position.count / kSamples));
       for (let i = 0; i < position.count; i += step) yield place.fromBufferAttribute(position, i).applyMatrix4(mesh.matrixWorld);
     }
+  }
+
+  /** The map's box in axes that are turned with its walls. */
+  boxTurned(turn) {
+    const turned = new THREE.Matrix4().makeRotationY(-turn), box = new THREE.Box3(), place = new THREE.Vector3();
+    if (this.tiles) for (const corner of this.cornersOf(this.box)) box.expandByPoint(corner.applyMatrix4(turned));
+    else for (const mesh of this.meshes()) {
+      const { position } = mesh.geometry.attributes, all = turned.clone().multiply(mesh.matrixWorld);
+      for (let i = 0; i < position.count; i += 3) box.expandByPoint(place.fromBufferAttribute(position, i).applyMatrix4(all));
+    }
+    return box;
   }
 
   turnByKey(event) {

@@ -46,11 +46,7 @@ export class Section {
 
   /** The box of the whole map, in axes that are turned with the walls. */
   measureMap() {
-    const turned = new THREE.Matrix4().makeRotationY(-this.turn), box = new THREE.Box3(), corner = new THREE.Vector3();
-    for (const mesh of this.scene.meshes()) {
-      const { position } = mesh.geometry.attributes, all = turned.clone().multiply(mesh.matrixWorld);
-      for (let i = 0; i < position.count; i += 3) box.expandByPoint(corner.fromBufferAttribute(position, i).applyMatrix4(all));
-    }
+    const box = this.scene.boxTurned(this.turn);
     this.whole = box;
     this.inside = box.clone();
     this.sliders.replaceChildren(...kSides.map(([label, axis, end]) => {

@@ -14,17 +14,22 @@ export class Surface {
     this.scene = scene;
     this.parts = [];  // a tree each, the mesh it is of, and both ways between their worlds
     this.raycaster = new THREE.Raycaster();
+    if (scene.tiles) scene.tiles.onChange = () => { if (this.prepared) this.prepare(); };
   }
 
-  /** Once; all of it stands when this ends. */
+  /** All that is shown stands when this ends; tiles that come later follow. */
   prepare() {
-    this.prepared ??= this.build();
+    this.prepared = (this.prepared ?? Promise.resolve()).then(() => this.build());
     return this.prepared;
   }
 
   async build() {
     let since = performance.now();
-    for (const mesh of this.scene.meshes()) {
+    const shown = new Set(this.scene.meshes()), stay = this.parts.filter(({ mesh }) => shown.has(mesh));
+    if (stay.length === shown.size) return;
+    this.parts = stay;
+    for (const { mesh } of stay) shown.delete(mesh);
+    for (const mesh of shown) {
       if (performance.now() - since > kPause) {
         await breathe();
         since = performance.now();
@@ -34,6 +39,7 @@ export class Surface {
       this.parts.push({ tree: new MeshBVH(mesh.geometry, { strategy: CENTER, indirect: true, targetLeafSize: 12 }), mesh, world,
                         local: world.clone().invert(), scale: world.getMaxScaleOnAxis() });
     }
+    this.onChange?.();
   }
 
   /** The nearest place on a ray that is seen: { point, normal, distance }, or null. */

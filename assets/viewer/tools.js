@@ -85,7 +85,7 @@ export function addTools(scene, data, fields, fold) {
       Object.assign(playback.of, { isBlocked: () => measure.isOn || walk.isOn, onOpen: () => { if (bar.shown !== playback) bar.show(playback); } });
     }
     const colours = new Colours(scene, { fields, hasFields, level, path: trajectory.map(([, ...place]) => upright(place)) });
-    tool(colours, { name: 'Colours', title: 'Colours', label: 'Colours', key: 'c', symbol: 'colours', lasting: true, off: 'As it looks' });
+    if (!scene.tiles) tool(colours, { name: 'Colours', title: 'Colours', label: 'Colours', key: 'c', symbol: 'colours', lasting: true, off: 'As it looks' });
     const shape = bar.add({ name: 'Show shape', label: 'Shape', key: 's', symbol: 'shape', press: () => colours.set(colours.shown === 'shape' ? 'colour' : 'shape') });
     colours.onSet = (kind) => shape.setAttribute('aria-pressed', kind === 'shape');
     shape.setAttribute('aria-pressed', 'false');

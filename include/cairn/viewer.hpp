@@ -85,9 +85,9 @@ class LiveViewer {
 /// Shows a finished map to browsers, as long as it lives.
 class MapViewer {
  public:
-  /// `map`: a folder that `cairn reconstruct`, `live` or `merge` has made, or a single file: .glb, .gltf, .ply, .obj,
-  /// .vdb or a tileset.json. Throws std::runtime_error with what is wrong with it and what to do, when the port is in
-  /// use, or the address is not this machine's.
+  /// `map`: a folder that `cairn reconstruct`, `live` or `merge` has made, a plan's that has been tiled, or a single
+  /// file: .glb, .gltf, .ply, .obj, .vdb or a tileset.json. Throws std::runtime_error with what is wrong with it and
+  /// what to do, when the port is in use, or the address is not this machine's.
   explicit MapViewer(const std::filesystem::path& map, const ViewerAddress& at = {});
   ~MapViewer();
   MapViewer(const MapViewer&) = delete;

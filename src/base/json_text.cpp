@@ -3,6 +3,8 @@
 #include "base/json_text.hpp"
 
 #include <cctype>
+#include <charconv>
+#include <cstddef>
 #include <nlohmann/json.hpp>
 #include <string_view>
 
@@ -25,6 +27,21 @@ std::string as_uri(const std::string& path) {
       uri += {'%', kDigits[byte >> 4], kDigits[byte & 15]};
   }
   return uri;
+}
+
+std::string from_uri(const std::string& uri) {
+  std::string path;
+  for (std::size_t i = 0; i < uri.size(); ++i) {
+    unsigned char byte = 0;
+    const char* digits = uri.data() + i + 1;
+    if (uri[i] == '%' && i + 2 < uri.size() && std::from_chars(digits, digits + 2, byte, 16).ptr == digits + 2) {
+      path += static_cast<char>(byte);
+      i += 2;
+    } else {
+      path += uri[i];
+    }
+  }
+  return path;
 }
 
 std::string plain(std::string message) {

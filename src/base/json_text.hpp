@@ -16,6 +16,9 @@ namespace cairn {
 /// A path as a relative URI (RFC 3986): what has a meaning there, or is not ASCII, by its bytes' numbers, "%20".
 [[nodiscard]] std::string as_uri(const std::string& path);
 
+/// The path that such a URI tells.
+[[nodiscard]] std::string from_uri(const std::string& uri);
+
 /// A message without what the JSON library puts before its own: "[json.exception.type_error.302] ".
 [[nodiscard]] std::string plain(std::string message);
 

@@ -24,6 +24,8 @@ nlohmann::json to_json(const Tile& tile) {
   nlohmann::json j{{"boundingVolume", {{"box", {c.x(), c.z(), -c.y(), h.x(), 0, 0, 0, h.z(), 0, 0, 0, h.y()}}}},
                    {"geometricError", tile.children.empty() && !tile.is_tileset ? 0.0 : tile.error}};
   if (!tile.content.empty()) j["content"] = {{"uri", tile.content}};
+  // Nothing of its own to replace: viewers show each child as soon as it is there, and load those in sight alone.
+  j["refine"] = tile.content.empty() ? "ADD" : "REPLACE";
   for (const Tile& child : tile.children) j["children"].push_back(to_json(child));
   return j;
 }
@@ -69,7 +71,6 @@ void write_tileset(const std::filesystem::path& file, const Tile& root, const st
   nlohmann::json j{{"asset", {{"version", "1.1"}, {"tilesetVersion", "1"}}},
                    {"geometricError", std::max<double>(root.error, root.box.diagonal().norm() / 8)},
                    {"root", to_json(root)}};
-  j["root"]["refine"] = "REPLACE";
   if (place) {
     const Eigen::Matrix4d earth = earth_from_tileset(*place).matrix();
     j["root"]["transform"] = std::vector<double>(earth.data(), earth.data() + earth.size());  // column by column

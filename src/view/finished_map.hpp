@@ -30,7 +30,7 @@ class FinishedMap {
   std::shared_ptr<const State> state_;
 };
 
-/// The same of a single file: .glb, .gltf, .ply, .obj, .vdb or a tileset.json. What pages cannot read is turned into
+/// The same of a single file: .glb, .gltf, .ply, .obj or .vdb. What pages cannot read is turned into
 /// glTF first. Throws std::runtime_error for a file that cannot be read.
 [[nodiscard]] std::map<std::string, Served> served_file(const std::filesystem::path& file);
 

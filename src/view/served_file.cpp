@@ -61,12 +61,12 @@ void add_gltf(const fs::path& file, Files& files) {
 
 [[noreturn]] void refuse(const fs::path& file) {
   const std::string extension = extension_of(file);
-  const bool is_written = extension == ".obj" || extension == ".stl" || extension == ".json";  // by cairn export
-  throw std::runtime_error(file.string() + ": '" + file.extension().string() + "' cannot be shown; " +
-                           (is_written
-                                ? "write the same map as .glb and view that: cairn export MAP -o " +
-                                      fs::path(file).replace_extension(".glb").string()
-                                : std::string("give a folder that cairn has made, a .glb, .gltf, .ply or .vdb")));
+  const bool is_written = extension == ".obj" || extension == ".stl";  // by cairn export
+  throw std::runtime_error(
+      file.string() + ": '" + file.extension().string() + "' cannot be shown; " +
+      (is_written ? "write the same map as .glb and view that: cairn export MAP -o " +
+                        fs::path(file).replace_extension(".glb").string()
+                  : std::string("give a folder that cairn has made, a .glb, .gltf, .ply, .vdb or a tileset.json")));
 }
 
 }  // namespace

@@ -43,6 +43,7 @@ const elsewhere = {
   'node tests/browser/measure_live.mjs RECORDING OUT reader': 'a whole recording in a browser, with its clock',
   'node tests/browser/measure_export.mjs X.glb': 'measures a browser',
   'node tests/browser/measure_page.mjs OUT': 'measures a browser',
+  'node tests/browser/measure_tiles.mjs PLAN': 'measures a browser',
 };
 
 /** The command lines of a page: of its code blocks, and what in its text begins like one. */
@@ -98,6 +99,7 @@ before(() => {
   run('optimise', keep('plan'));
   for (const cell of readdirSync(keep('plan/cells')).map((name) => name.replace('.json', '')))
     run('tile', keep('plan'), `--cell=${cell}`, '-o', keep(`plan/tiles/${cell}`), '--no-texture');
+  run('tileset', keep('plan'), '-o', keep('plan/tileset.json'));
   inputs['X.glb'] = keep('x.glb');
   inputs['X.g2o'] = keep('map/graph.g2o');
   // Motion capture has z up. The room's own path, so that its pictures show the same part of the room.

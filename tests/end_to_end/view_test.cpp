@@ -179,7 +179,7 @@ TEST_F(ViewedMap, IsToldFromWhatIsNone) {
   write_text(*folder / "broken.ply", "ply\nformat ascii 1.0\nelement vertex 3\n");
   const auto told = [](const fs::path& file) { return error_of([&] { (void)served_file(file); }); };
   EXPECT_NE(told(*folder / "broken.ply").find("broken.ply"), std::string::npos);
-  for (const char* name : {"x.stl", "X.OBJ", "tileset.json"}) {
+  for (const char* name : {"x.stl", "X.OBJ"}) {
     write_text(*folder / name, "solid");
     const fs::path glb = (*folder / name).replace_extension(".glb");
     EXPECT_NE(told(*folder / name).find("cannot be shown; write the same map as .glb"), std::string::npos) << name;

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// A building's tiles in Chromium: a plan with all of its cells, by cairn view.
+import assert from 'node:assert/strict';
+import { mkdirSync, readdirSync } from 'node:fs';
+import { join } from 'node:path';
+import test from 'node:test';
+import { Program, inFolder, pictures, run, timeline, triangles, until, withBrowser } from './browser.mjs';
+import { pixels } from './live_page.mjs';
+import { gaps, levels, look, setError, settled, widestGap } from './tiles_page.mjs';
+
+/** A room in two parts and in several cells, since cells meet where its recording begins. */
+function tiledPlan(folder) {
+  const plan = join(folder, 'plan'), of = (name) => join(plan, name);
+  run('synth', 'room', '-o', join(folder, 'recording'), '--frames', '60', '--width', '320');
+  run('plan', join(folder, 'recording'), '-o', plan, '--frames-per-part', '35', '--overlap', '15');
+  for (const part of ['000', '001']) run('reconstruct', of(`parts/${part}`), '-o', of(`maps/${part}`), '--no-mesh', '--voxel-size', '0.02');
+  mkdirSync(of('loops'));
+  run('match', of('maps/000'), of('maps/001'), '-o', of('loops/000-001.json'));
+  run('optimise', plan);
+  for (const cell of readdirSync(of('cells')).map((name) => name.replace('.json', ''))) run('tile', plan, `--cell=${cell}`, '-o', of(`tiles/${cell}`));
+  run('tileset', plan, '-o', of('tileset.json'));
+  return plan;
+}
+
+/** A wall in which four cells meet, and the share of the picture's height, from above, that shows nothing else. */
+const kWall = { eye: [0.1, 0.1, -1.2], target: [0, 0.1, -3], from: 0.38, to: 0.68 };
+
+/** Of that part of the wall. */
+const gapOfWall = async (page) => {
+  const rows = (await gaps(page)).reverse();
+  return widestGap(rows.slice(kWall.from * rows.length, kWall.to * rows.length));
+};
+
+test('tiles are as fine as one sees them, without cracks where levels meet', () => inFolder(async (folder) => {
+  const plan = tiledPlan(folder), program = new Program('view', plan, '--port', '0'), url = await program.url();
+  await withBrowser(async (open) => {
+    const page = await open(url, { width: 900, height: 700 });
+    await until(async () => 'whole' in (await timeline(page)));
+    await settled(page);
+    const far = await triangles(page), { covered } = await pixels(page);
+    assert.ok(covered > 0.1, `${covered} of the picture is drawn`);
+    assert.equal(await page.locator('.warning').count(), 0);
+    assert.deepEqual(await page.locator('#tools button').evaluateAll((all) => all.map(({ innerText }) => innerText)),
+                     ['Start', 'All', 'Plan', 'Measure', 'Section', 'Walk', 'Shape', 'Grid', 'Picture', 'Full', 'Keys']);
+    assert.ok(await page.evaluate(() => [...window.cairn.meshes()].every(({ material }) => material.map?.image)), 'it has no texture');
+    await page.screenshot({ path: join(pictures, 'tiles-all.png') });
+
+    await look(page, kWall.eye, kWall.target);
+    const near = await triangles(page);
+    assert.ok(near > 2 * far, `${near} triangles near, ${far} from afar`);
+    assert.equal(await gapOfWall(page), 0, 'this wall is closed');
+    await page.screenshot({ path: join(pictures, 'tiles-near.png') });
+
+    await setError(page, 200);
+    const mixed = (await levels(page)).filter((count) => count > 0);
+    assert.ok(mixed.length > 1, `levels ${mixed}`);
+    const widest = await gapOfWall(page);
+    assert.ok(widest <= 1, `a crack of ${widest} pixels`);
+    await page.screenshot({ path: join(pictures, 'tiles-levels.png') });
+    await page.evaluate(() => {
+      const { box } = window.cairn;
+      for (const { engineData: { scene, boundingVolume } } of window.cairn.tiles.tiles.visibleTiles) {
+        boundingVolume.getAABB(box);
+        scene.position.x += 0.01 * Math.sign(box.min.x + box.max.x);
+        scene.updateMatrixWorld(true);
+      }
+    });
+    const torn = await gapOfWall(page);
+    assert.ok(torn > 1, `tiles that lie 1 cm beside their places leave ${torn} pixels`);
+    await setError(page, 6);
+
+    await page.getByRole('button', { name: 'Show all' }).click();
+    await page.waitForTimeout(100);
+    await settled(page);
+    assert.equal(await triangles(page), far);
+  }).finally(async () => { program.kill('SIGINT'); await program.ended; });
+}));
