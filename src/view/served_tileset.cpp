@@ -117,7 +117,7 @@ std::optional<fs::path> tileset_of(const fs::path& map) {
 Files served_tileset(const fs::path& tileset, AddFiles add) {
   const fs::path file = fs::canonical(tileset);
   (void)read_tileset(file);
-  const auto home = std::make_shared<const Home>(file.parent_path(), std::move(add));
+  const auto home = std::make_shared<const Home>(Home{file.parent_path(), std::move(add)});
   const std::string name = as_uri(file.filename().string());
   const bool is_plan = fs::exists(home->folder / "plan.json");
   const Json data{{"mode", "finished"},

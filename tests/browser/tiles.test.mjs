@@ -74,5 +74,16 @@ test('tiles are as fine as one sees them, without cracks where levels meet', () 
     await page.waitForTimeout(100);
     await settled(page);
     assert.equal(await triangles(page), far);
+
+    // What was not looked at for long goes where there is no room for it.
+    const bytes = () => page.evaluate(() => window.cairn.tiles.bytes), kept = await bytes();
+    await page.evaluate((most) => {
+      const { tiles } = window.cairn;
+      Object.assign(tiles.tiles.lruCache, { minBytesSize: 0.5 * most, maxBytesSize: most });
+      tiles.isWaiting = true;
+    }, kept / 2);
+    await until(async () => (await bytes()) <= kept / 2, async () => `${await bytes()} of ${kept} bytes are kept`, 20);
+    await settled(page);
+    assert.equal(await triangles(page), far);
   }).finally(async () => { program.kill('SIGINT'); await program.ended; });
 }));
