@@ -218,8 +218,8 @@ ReadSession read_files(const fs::path& session, const CheckedBytes& bytes) {
 }
 
 std::vector<std::string> names_of(const std::vector<ChunkFile>& files) {
-  std::vector<std::string> names;
-  for (const ChunkFile& file : files) names.push_back(file.name);
+  std::vector<std::string> names(files.size());
+  std::transform(files.begin(), files.end(), names.begin(), [](const ChunkFile& file) { return file.name; });
   return names;
 }
 
