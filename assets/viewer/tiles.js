@@ -6,8 +6,9 @@ import * as THREE from 'three';
 import { gltfLoader } from './model.js';
 
 const kError = 6;               // pixels that the surface may lie beside where it is
-const kMost = 200 * 2 ** 20;    // bytes of meshes and textures; what is in sight is shown coarser than need more
+const kMost = 96 * 2 ** 20;    // bytes of meshes and textures, for which a page takes three times as much; what would need more is shown coarser
 const kKept = 0.8;              // of these, once some must go
+const kCoarser = 1.1;           // times the error, from one look to the next
 const kLoaded = 4, kFailed = 5;  // states of 3d-tiles-renderer
 
 /** Tilesets have z up. */
@@ -72,13 +73,26 @@ export class Tiles {
     camera.updateMatrixWorld();
     const view = [camera.matrixWorld, camera.projectionMatrix].map(({ elements }) => elements.join()).join() + renderer.domElement.height;
     if (!this.isWaiting && view === this.view) return false;
+    const hasMoved = view !== this.view;
     Object.assign(this, { view, isWaiting: false, hasChanged: false });
     for (const other of [...this.tiles.cameras]) if (other !== camera) this.tiles.deleteCamera(other);
     this.tiles.setCamera(camera);
     this.tiles.setResolutionFromRenderer(camera, renderer);
     this.tiles.update();
+    this.spare(hasMoved);
     if (this.hasChanged) this.onChange?.();
     return this.hasChanged;
+  }
+
+  /** All of what is in sight is worth more than some of it as fine as can be: where there is no room, it is coarser. */
+  spare(hasMoved) {
+    const { tiles } = this, { lruCache } = tiles;
+    if (tiles.stats.refused > 0) {
+      tiles.errorTarget *= kCoarser;
+      this.isWaiting = true;
+    } else if (hasMoved && tiles.errorTarget > kError && lruCache.cachedBytes < lruCache.minBytesSize) {
+      tiles.errorTarget = Math.max(kError, tiles.errorTarget / kCoarser);
+    }
   }
 
   /** Whether all that is in sight is in the picture, however coarse. */
