@@ -43,7 +43,7 @@ void Settling::begin_closing(const Atlas& atlas) {
   });
 }
 
-void Settling::begin_whole(const Atlas& atlas, Begun begun) {
+void Settling::begin_whole(const Atlas& atlas, BegunGraph begun) {
   PoseGraph graph = atlas.graph(begun.keyframes, begun.loops);
   graph.world_from_node = begun.world_from_camera;
   begun_ = std::move(begun);

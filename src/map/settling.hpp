@@ -11,20 +11,21 @@
 
 namespace cairn {
 
+/// What an optimisation of the whole began with.
+struct BegunGraph {
+  std::size_t keyframes = 0, loops = 0;
+  std::vector<Eigen::Isometry3d> world_from_camera;  // of the keyframes
+};
+
 /// A small graph is optimised as a whole whenever a loop tells that the camera had slipped, and the poses are taken at
 /// the next keyframe. In one of kLargeGraph keyframes and more the loop alone is closed (close_loop()); the whole is
 /// optimised when it has grown by a twentieth, and taken a hundredth of its keyframes later. Both are always taken
 /// then, however long they take, so that offline runs repeat. What an optimisation throws is thrown where it is taken.
 class Settling {
  public:
-  /// What an optimisation of the whole began with.
-  struct Begun {
-    std::size_t keyframes = 0, loops = 0;
-    std::vector<Eigen::Isometry3d> world_from_camera;  // of the keyframes
-  };
   struct Memory {
     bool unsettled = false, closing = false;
-    std::optional<Begun> whole;
+    std::optional<BegunGraph> whole;
     std::size_t next_whole = 0;
   };
   [[nodiscard]] Memory memory() const;
@@ -48,14 +49,14 @@ class Settling {
  private:
   using Result = std::pair<PoseGraph, OptimiseReport>;
   void begin_closing(const Atlas& atlas);
-  void begin_whole(const Atlas& atlas, Begun begun);
+  void begin_whole(const Atlas& atlas, BegunGraph begun);
   void take_whole(Atlas& atlas);
   void take(Atlas& atlas, std::future<Result>& result);
 
   bool unsettled_ = false;
   std::size_t next_whole_ = kLargeGraph;  // keyframes
   std::future<Result> closing_, whole_;   // taken at the next keyframe; taken later
-  std::optional<Begun> begun_;            // of whole_
+  std::optional<BegunGraph> begun_;       // of whole_
   double longest_ = 0;
 };
 

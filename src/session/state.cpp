@@ -106,7 +106,7 @@ void fields(auto& io, SurfaceSigma& sigma) {
   sigma = SurfaceSigma(cells);
 }
 
-void fields(auto& io, Of<Settling::Begun> auto& b) { io(b.keyframes, b.loops, b.world_from_camera); }
+void fields(auto& io, Of<BegunGraph> auto& b) { io(b.keyframes, b.loops, b.world_from_camera); }
 
 void fields(auto& io, const PartFiles& p) {
   io(p.folder.string(), p.first_keyframe, p.keyframes, p.first_submap, p.submaps);

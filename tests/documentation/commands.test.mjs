@@ -28,6 +28,8 @@ const elsewhere = {
   'scripts/tidy': 'CI runs it by itself',
   'scripts/benchmark': 'minutes',
   'scripts/building/benchmark OUT': 'half an hour',
+  'scripts/building/memory OUT': 'an hour',
+  'scripts/building/memory OUT --metres 60': 'an hour',
   'scripts/options-page': 'it writes into the source; Documentation.pages checks it',
   'scripts/check-layers': 'Architecture.layers runs it',
   'build/release/tests/cairn_bench': 'minutes',
