@@ -9,16 +9,6 @@
 namespace cairn {
 namespace {
 
-/// From node i to node i + 1, by node i. Of several between the same two the first is the step.
-std::vector<std::size_t> steps_of(const PoseGraph& graph) {
-  std::vector<std::size_t> step(graph.world_from_node.size(), CoarseGraph::kNone);
-  for (std::size_t k = 0; k < graph.edges.size(); ++k) {
-    const auto& e = graph.edges[k];
-    if (!e.is_loop_closure && e.j == e.i + 1 && step[e.i] == CoarseGraph::kNone) step[e.i] = k;
-  }
-  return step;
-}
-
 /// Of the same node: what all readings tell.
 void add_gravity(std::vector<PoseGraph::Gravity>& gravity, std::vector<std::size_t>& of_node,
                  const PoseGraph::Gravity& reading) {
@@ -37,7 +27,7 @@ void add_gravity(std::vector<PoseGraph::Gravity>& gravity, std::vector<std::size
 
 CoarseGraph::CoarseGraph(const PoseGraph& fine, std::size_t spacing) : edge_of(fine.edges.size(), kNone) {
   const std::size_t nodes = fine.world_from_node.size();
-  const std::vector<std::size_t> step = steps_of(fine);
+  const std::vector<const PoseGraph::Edge*> step = steps_of(fine);
   places_.resize(nodes);
   struct Next {
     std::size_t node = 0;  // in `graph`
@@ -53,12 +43,15 @@ CoarseGraph::CoarseGraph(const PoseGraph& fine, std::size_t spacing) : edge_of(f
     std::size_t from = keep(begin);
     next[begin] = {from, {}};
     places_[begin] = {from, from, 0};
-    while (step[begin] != kNone) {
+    while (step[begin] != nullptr) {
       // From one kept node to the next one.
       std::size_t end = begin + 1;
-      while (end - begin < spacing && step[end] != kNone) ++end;
-      std::vector<Way> ways{Way{}};
-      for (std::size_t i = begin; i < end; ++i) ways.push_back(then(ways.back(), along(fine.edges[step[i]])));
+      while (end - begin < spacing && step[end] != nullptr) ++end;
+      std::vector<Way> steps, ways{Way{}};  // of these few; to each of their ends
+      for (std::size_t i = begin; i < end; ++i) {
+        steps.push_back(along(*step[i]));
+        ways.push_back(then(ways.back(), steps.back()));
+      }
       const std::size_t to = keep(end);
       const std::size_t count = end - begin;
       Way back;  // from the end
@@ -66,8 +59,8 @@ CoarseGraph::CoarseGraph(const PoseGraph& fine, std::size_t spacing) : edge_of(f
         const std::size_t at = i - begin;
         places_[i] = {from, to, static_cast<double>(at) / static_cast<double>(count)};
         next[i] = 2 * at < count ? Next{from, ways[at]} : Next{to, back};
-        if (2 * at >= count) back = then(back, reverse(along(fine.edges[step[i - 1]])));
-        edge_of[step[i - 1]] = graph.edges.size();
+        if (2 * at >= count) back = then(back, reverse(steps[at - 1]));
+        edge_of[static_cast<std::size_t>(step[i - 1] - fine.edges.data())] = graph.edges.size();
       }
       graph.edges.push_back(
           {.i = from, .j = to, .i_from_j = ways.back().pose, .information = ways.back().covariance.inverse()});
@@ -77,7 +70,7 @@ CoarseGraph::CoarseGraph(const PoseGraph& fine, std::size_t spacing) : edge_of(f
   }
   for (std::size_t k = 0; k < fine.edges.size(); ++k) {
     const auto& e = fine.edges[k];
-    if (edge_of[k] != kNone && step[e.i] == k) continue;
+    if (step[e.i] == &e) continue;
     const Next &i = next[e.i], &j = next[e.j];
     if (i.node == j.node) continue;
     const Way way = then(then(i.from, along(e)), reverse(j.from));

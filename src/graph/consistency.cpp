@@ -14,7 +14,7 @@ namespace {
 constexpr std::size_t kNeighbours = 5;               // nodes between the ends of edges that may agree
 constexpr double kFewAlone = 10, kShareAlone = 0.1;  // edges without agreement, of those with it, that are no surprise
 
-/// From node `a` to node `b` by `step`, the edges from node i to node i + 1; nothing where one is missing.
+/// From node `a` to node `b` by steps_of() their graph; nothing where one is missing.
 std::optional<Way> along(const std::vector<const PoseGraph::Edge*>& step, std::size_t a, std::size_t b) {
   Way way{Eigen::Isometry3d::Identity(), Matrix6d::Zero()};
   for (std::size_t i = std::min(a, b); i < std::max(a, b); ++i) {
@@ -31,15 +31,10 @@ enum class Consistency : std::uint8_t { none, agrees, contradicts };
 std::vector<Consistency> pairwise_consistency(const PoseGraph& graph, double limit) {
   std::vector<Consistency> found(graph.edges.size(), Consistency::none);
   const std::size_t nodes = graph.world_from_node.size();
-  std::vector<const PoseGraph::Edge*> step(nodes, nullptr);  // from node i to node i + 1
+  const std::vector<const PoseGraph::Edge*> step = steps_of(graph);
   std::vector<std::vector<std::size_t>> from(nodes);
-  for (std::size_t k = 0; k < graph.edges.size(); ++k) {
-    const auto& e = graph.edges[k];
-    if (e.is_loop_closure)
-      from[e.i].push_back(k);
-    else if (e.j == e.i + 1)
-      step[e.i] = &e;
-  }
+  for (std::size_t k = 0; k < graph.edges.size(); ++k)
+    if (graph.edges[k].is_loop_closure) from[graph.edges[k].i].push_back(k);
   for (std::size_t k = 0; k < graph.edges.size(); ++k) {
     const auto& e = graph.edges[k];
     if (!e.is_loop_closure) continue;

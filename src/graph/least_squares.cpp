@@ -86,13 +86,23 @@ std::vector<NodePose> node_poses(const std::vector<Eigen::Isometry3d>& poses) {
   return nodes;
 }
 
+std::vector<Eigen::Isometry3d> poses(const std::vector<NodePose>& nodes) {
+  std::vector<Eigen::Isometry3d> poses;
+  poses.reserve(nodes.size());
+  for (const NodePose& node : nodes) poses.push_back(pose(node));
+  return poses;
+}
+
+double squared_error(const PoseGraph::Edge& edge, const std::vector<NodePose>& poses) {
+  Vector6d e;
+  error_of(edge, 1)(poses[edge.i].data(), poses[edge.j].data(), e.data());
+  return e.squaredNorm();
+}
+
 std::vector<double> squared_errors(const PoseGraph& graph, const std::vector<NodePose>& poses) {
   std::vector<double> squared;
-  for (const auto& edge : graph.edges) {
-    Vector6d e;
-    error_of(edge, 1)(poses[edge.i].data(), poses[edge.j].data(), e.data());
-    squared.push_back(e.squaredNorm());
-  }
+  squared.reserve(graph.edges.size());
+  for (const auto& edge : graph.edges) squared.push_back(squared_error(edge, poses));
   return squared;
 }
 

@@ -14,8 +14,10 @@ using NodePose = std::array<double, 7>;  // quaternion x y z w, translation
 [[nodiscard]] NodePose node_pose(const Eigen::Isometry3d& t);
 [[nodiscard]] Eigen::Isometry3d pose(const NodePose& p);
 [[nodiscard]] std::vector<NodePose> node_poses(const std::vector<Eigen::Isometry3d>& poses);
+[[nodiscard]] std::vector<Eigen::Isometry3d> poses(const std::vector<NodePose>& nodes);
 
-/// By edge, in units of its noise; whatever its weight.
+/// In units of the edge's noise; of all edges by their numbers, whatever their weights.
+[[nodiscard]] double squared_error(const PoseGraph::Edge& edge, const std::vector<NodePose>& poses);
 [[nodiscard]] std::vector<double> squared_errors(const PoseGraph& graph, const std::vector<NodePose>& poses);
 
 /// Half the sum of the squared errors, gravity's as well.

@@ -138,7 +138,7 @@ void settle_from_afar(const PoseGraph& graph, const OptimiseOptions& options, Be
   Belief afar{.poses = node_poses(coarse.graph.world_from_node), .weights = coarse_weights(coarse, belief.weights)};
   settle_robustly(coarse.graph, options, afar);
   believe_again(coarse.graph, options, afar);
-  for (std::size_t n = 0; n < afar.poses.size(); ++n) coarse.graph.world_from_node[n] = pose(afar.poses[n]);
+  coarse.graph.world_from_node = poses(afar.poses);
   for (std::size_t k = 0; k < belief.weights.size(); ++k)
     if (const std::size_t e = coarse.edge_of[k]; e != CoarseGraph::kNone && graph.edges[k].is_loop_closure)
       belief.weights[k] = afar.weights[e];
@@ -183,7 +183,7 @@ OptimiseReport optimise(PoseGraph& graph, const OptimiseOptions& options) {
     else
       settle(graph, options, belief);
   }
-  for (std::size_t i = 0; i < belief.poses.size(); ++i) graph.world_from_node[i] = pose(belief.poses[i]);
+  graph.world_from_node = poses(belief.poses);
   report.cost = cost(graph, belief.poses, belief.weights);
   report.from_chordal = belief.from_chordal;
   report.iterations = belief.iterations;
@@ -198,17 +198,17 @@ OptimiseReport close_loop(PoseGraph& graph, const std::vector<double>& edge_weig
   OptimiseReport report{.edge_weights = edge_weights};
   CoarseGraph coarse(graph, kSpacing);
   const std::size_t loop = coarse.edge_of.back();
-  std::vector<NodePose> poses = node_poses(coarse.graph.world_from_node);
+  std::vector<NodePose> nodes = node_poses(coarse.graph.world_from_node);
   std::vector<double> weights = coarse_weights(coarse, edge_weights);
-  report.cost_before = cost(coarse.graph, poses, weights);
-  const double of_loop = loop != CoarseGraph::kNone ? 0.5 * squared_errors(coarse.graph, poses)[loop] : 0;
-  report.iterations = solve(coarse.graph, weights, kLoopIterations, poses);
-  report.cost = cost(coarse.graph, poses, weights);
+  report.cost_before = cost(coarse.graph, nodes, weights);
+  const double of_loop = loop != CoarseGraph::kNone ? 0.5 * squared_error(coarse.graph.edges[loop], nodes) : 0;
+  report.iterations = solve(coarse.graph, weights, kLoopIterations, nodes);
+  report.cost = cost(coarse.graph, nodes, weights);
   if (report.cost - (report.cost_before - of_loop) > kTrust * 0.5 * OptimiseOptions{}.inlier_threshold) {
     report.edge_weights.back() = 0;
     report.cost = report.cost_before;
   } else {
-    for (std::size_t n = 0; n < poses.size(); ++n) coarse.graph.world_from_node[n] = pose(poses[n]);
+    coarse.graph.world_from_node = poses(nodes);
     graph.world_from_node = coarse.spread(graph);
   }
   report.seconds = seconds_since(start);

@@ -2,6 +2,9 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // Measurements one after the other.
 #pragma once
+#include <cstddef>
+#include <vector>
+
 #include "cairn/pose.hpp"
 #include "cairn/pose_graph.hpp"
 
@@ -22,6 +25,15 @@ inline Way reverse(const Way& a) {
   const Matrix6d ad = adjoint(a.pose);
   return {a.pose.inverse(), Matrix6d(ad * a.covariance * ad.transpose())};
 }
+
+/// By node: the edge to the next one that is no loop, of several the last; nullptr where there is none.
+inline std::vector<const PoseGraph::Edge*> steps_of(const PoseGraph& graph) {
+  std::vector<const PoseGraph::Edge*> step(graph.world_from_node.size(), nullptr);
+  for (const auto& edge : graph.edges)
+    if (!edge.is_loop_closure && edge.j == edge.i + 1) step[edge.i] = &edge;
+  return step;
+}
+
 inline Way along(const PoseGraph::Edge& edge) { return {edge.i_from_j, edge.information.inverse()}; }
 
 }  // namespace cairn

@@ -10,6 +10,8 @@ namespace {
 constexpr std::size_t kGrowth = 20;  // the whole is optimised again when it has grown by this part of it
 constexpr std::size_t kLater = 100;  // and taken when it has grown by this one
 
+BegunGraph all_of(const Atlas& atlas) { return {atlas.keyframes.size(), atlas.loops.size(), atlas.world_from_camera}; }
+
 }  // namespace
 
 Settling::Memory Settling::memory() const {
@@ -31,7 +33,7 @@ void Settling::begin(const Atlas& atlas) {
   } else if (!whole_.valid() && atlas.keyframes.size() >= next_whole_) {
     unsettled_ = false;
     next_whole_ = atlas.keyframes.size() + atlas.keyframes.size() / kGrowth;
-    begin_whole(atlas, {atlas.keyframes.size(), atlas.loops.size(), atlas.world_from_camera});
+    begin_whole(atlas, all_of(atlas));
   }
 }
 
@@ -75,7 +77,7 @@ void Settling::take_whole(Atlas& atlas) {
 void Settling::finish(Atlas& atlas) {
   take_whole(atlas);
   if (!std::exchange(unsettled_, false)) return;
-  begin_whole(atlas, {atlas.keyframes.size(), atlas.loops.size(), atlas.world_from_camera});
+  begin_whole(atlas, all_of(atlas));
   take_whole(atlas);
 }
 

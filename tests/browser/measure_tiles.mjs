@@ -7,7 +7,7 @@
 import { readFileSync, readdirSync } from 'node:fs';
 import { join } from 'node:path';
 import { Program, pictures, timeline, triangles, until, withBrowser } from './browser.mjs';
-import { gaps, levels, look, settled } from './tiles_page.mjs';
+import { gaps, levels, look, setError, settled } from './tiles_page.mjs';
 
 const [plan, count = 6] = process.argv.slice(2), kMegabyte = 2 ** 20;
 
@@ -82,22 +82,13 @@ await withBrowser(async (open) => {
   // Every tile that is in sight, and coarser and coarser ones.
   const page = await open(url, { width: 1400, height: 900 });
   await until(async () => 'whole' in (await timeline(page)), () => program.output, 300);
-  const set = async (error) => {
-    await page.evaluate((pixels) => {
-      const { tiles } = window.cairn;
-      tiles.tiles.errorTarget = pixels;
-      tiles.tiles.lruCache.maxBytesSize = 2 ** 31;
-      tiles.isWaiting = true;
-    }, error);
-    await page.waitForTimeout(100);
-    await settled(page, 300);
-  };
+  await page.evaluate(() => { window.cairn.tiles.tiles.lruCache.maxBytesSize = 2 ** 31; });
   for (const [k, [eye, target]] of places().entries()) {
-    await set(0.01);
+    await setError(page, 0.01, 300);
     await look(page, eye, target);
     const finest = await gaps(page);
     for (const error of [6, 50]) {
-      await set(error);
+      await setError(page, error, 300);
       const seen = cracks(await gaps(page), finest);
       console.log(`place ${k}, ${error} pixels of error: levels ${(await levels(page)).join(' + ')}; new gaps by width in pixels ${JSON.stringify(seen)}`);
     }

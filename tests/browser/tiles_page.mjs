@@ -10,21 +10,21 @@ export const settled = (page, seconds = 120) => until(() => page.evaluate(() => 
 }), () => page.evaluate(() => `tiles are still on their way: ${JSON.stringify(window.cairn.tiles?.tiles.stats)}`), seconds);
 
 /** Looks from `eye` to `target`, in three.js' world, and waits for what is to be seen from there. */
-export async function look(page, eye, target) {
+export async function look(page, eye, target, seconds) {
   await page.evaluate(([from, to]) => {
     const { scene, camera } = window.cairn, place = ([x, y, z]) => camera.position.clone().set(x, y, z);
     window.cairn.place(place(from), place(to));
     scene.updateMatrixWorld();
   }, [eye, target]);
   await page.waitForTimeout(100);
-  await settled(page);
+  await settled(page, seconds);
 }
 
 /** How many pixels the surface may lie beside where it is. */
-export const setError = async (page, pixels) => {
+export const setError = async (page, pixels, seconds) => {
   await page.evaluate((error) => Object.assign(window.cairn.tiles, { isWaiting: true }).tiles.errorTarget = error, pixels);
   await page.waitForTimeout(100);
-  await settled(page);
+  await settled(page, seconds);
 };
 
 /** How many tiles of each level are in the picture, the finest first. */
