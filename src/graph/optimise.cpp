@@ -201,7 +201,8 @@ OptimiseReport close_loop(PoseGraph& graph, const std::vector<double>& edge_weig
   std::vector<NodePose> nodes = node_poses(coarse.graph.world_from_node);
   std::vector<double> weights = coarse_weights(coarse, edge_weights);
   report.cost_before = cost(coarse.graph, nodes, weights);
-  const double of_loop = loop != CoarseGraph::kNone ? 0.5 * squared_error(coarse.graph.edges[loop], nodes) : 0;
+  const double of_loop =
+      loop != CoarseGraph::kNone ? 0.5 * weights[loop] * squared_error(coarse.graph.edges[loop], nodes) : 0;
   report.iterations = solve(coarse.graph, weights, kLoopIterations, nodes);
   report.cost = cost(coarse.graph, nodes, weights);
   if (report.cost - (report.cost_before - of_loop) > kTrust * 0.5 * OptimiseOptions{}.inlier_threshold) {

@@ -86,6 +86,25 @@ TEST(LargeGraph, DoesNotCloseALoopThatTheOthersContradict) {
   expect_near(graph, before, 1e-12);
 }
 
+/// As it is when the whole graph has been taken and what came since is brought to it.
+TEST(LargeGraph, MovesTheOthersWhereTheLastLoopIsNotBelieved) {
+  const LongWalk walk(1500, 120, 0);
+  PoseGraph graph = tracked(walk, 1500, walk.loops.size());
+  optimise(graph);
+  for (std::size_t k = 1400; k < 1500; ++k)
+    graph.world_from_node[k].pretranslate(Eigen::Vector3d(0.002 * static_cast<double>(k - 1400), 0, 0));
+  PoseGraph without = graph;
+  close_loop(without, std::vector<double>(without.edges.size(), 1.0));
+  PoseGraph::Edge wrong = walk.loops[60].edge;
+  wrong.i_from_j = wrong.i_from_j * Eigen::Translation3d(2, 0, 0);
+  graph.edges.push_back(wrong);
+  std::vector<double> weights(graph.edges.size(), 1.0);
+  weights.back() = 0;
+  const OptimiseReport report = close_loop(graph, weights);
+  EXPECT_EQ(report.edge_weights.back(), 0.0);
+  expect_near(graph, without, 1e-9);
+}
+
 /// What a chain of steps tells of its ends, and gravity, is the same from afar.
 TEST(CoarseGraph, KeepsEndsAndWhatJoinsThem) {
   const LongWalk walk(300, 3, 0);
