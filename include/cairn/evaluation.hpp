@@ -71,8 +71,9 @@ struct MeshError {
                                       const Mesh* seen = nullptr);
 
 /// How far two surfaces of the same thing lie from each other: from samples of the first, evenly by area, seeded, to
-/// the second, metres; of those that have it within `reach`, since elsewhere only one of them may be. Nothing where
-/// none has.
+/// the second, metres; of those where both are: whose nearest point lies within `reach`, faces the same side, and is
+/// not on the second's border, behind which it goes on unseen (as pairs of points are chosen in Turk & Levoy 1994,
+/// "Zippered Polygon Meshes"). Nothing where none is.
 [[nodiscard]] ErrorStatistics evaluate_seam(const Mesh& first, const Mesh& second, double reach = 0.05,
                                             int samples = 20000);
 

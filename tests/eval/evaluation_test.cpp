@@ -99,6 +99,26 @@ Mesh stepped_square(float step_at) {
   return mesh;
 }
 
+/// A square of a metre, moved from where x, y and z are 0; it faces z, or away from it.
+Mesh square_at(const Eigen::Vector3f& move, bool faces_z = true) {
+  Mesh mesh;
+  for (const Eigen::Vector3f& corner : {Eigen::Vector3f(0, 0, 0), {1, 0, 0}, {1, 1, 0}, {0, 1, 0}})
+    mesh.positions.push_back(corner + move);
+  mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
+  if (!faces_z)
+    for (auto& t : mesh.triangles) std::swap(t[1], t[2]);
+  return mesh;
+}
+
+TEST(EvaluateSeam, MeasuresWhereBothSurfacesAre) {
+  const Mesh first = square_at({0, 0, 0});
+  const ErrorStatistics half = evaluate_seam(first, square_at({0.5f, 0, 0.003f}));
+  EXPECT_NEAR(half.count, 10000, 200);  // of 20000; those up to 5 cm beside the border are not of both
+  EXPECT_NEAR(half.mean, 0.003, 1e-6);
+  EXPECT_EQ(evaluate_seam(first, square_at({0, 0, -0.02f}, false)).count, 0);  // the other side of a board
+  EXPECT_EQ(evaluate_seam(first, square_at({0, 0, 0.06f})).count, 0);          // too far to be the same
+}
+
 TEST(EvaluateMesh, TellsTheErrorThatNinetyFiveInAHundredDoNotExceed) {
   Mesh flat = stepped_square(1);
   flat.triangles.resize(2);                                                                      // without a step
