@@ -18,6 +18,7 @@ struct PoseGraph {
     Eigen::Isometry3d i_from_j = Eigen::Isometry3d::Identity();  ///< measured pose of j in the frame of i
     Matrix6d information = Matrix6d::Identity();  ///< of (rotation, translation) in the frame of j; 1/rad^2, 1/m^2
     bool is_loop_closure = false;  ///< a loop: the optimiser may find that it is no measurement of this pair
+    bool may_slip = false;         ///< no loop, and its error has long tails: a t-distribution's
   };
   /// An accelerometer's reading at rest.
   struct Gravity {
@@ -48,7 +49,7 @@ struct OptimiseReport {
   int iterations = 0;
   int components = 0;                ///< parts that no edge joins; the first node of each stays where it is
   bool from_chordal = false;         ///< started from the chordal initialisation, not from the given poses
-  std::vector<double> edge_weights;  ///< 1: believed, 0: false; by edge
+  std::vector<double> edge_weights;  ///< 1: believed, 0: false; by edge; of one that may slip, anything above 0
   double seconds = 0;
 };
 
@@ -58,7 +59,8 @@ inline constexpr std::size_t kLargeGraph = 1000;
 /// Moves the poses to the minimum of the sum of squared errors (Ceres, SE(3) on a manifold), from the given poses or
 /// from the chordal initialisation (Carlone et al. 2015), whichever costs less. Edges that may be false are weighed by
 /// graduated non-convexity with truncated least squares (Yang et al. 2020); before that, where many of them have no
-/// neighbour that agrees with them, only those that have are believed (after Mangelson et al. 2018). In a graph of
+/// neighbour that agrees with them, only those that have are believed (after Mangelson et al. 2018). Edges that may
+/// slip are weighed again and again by what they are off (Lange, Little & Taylor 1989). In a graph of
 /// thousands of nodes with few loops both are done with every eighth node first, then with all of them. Throws
 /// std::runtime_error naming the edge for a number that is not finite, an information matrix that is not positive
 /// definite, or a node that does not exist; the graph is then unchanged. The same graph gives the same bits.

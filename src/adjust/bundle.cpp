@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "adjust/bicubic.hpp"
+#include "base/long_tails.hpp"
 
 namespace cairn {
 namespace {
@@ -31,7 +32,6 @@ constexpr double kReadoutStill = 1e-4;    // seconds that it moved by in these r
 constexpr double kSigmas = 3;             // that it may be off beside these
 constexpr double kCut = 4;                // sigmas, of gaps (Beaton & Tukey 1974)
 constexpr double kFreedom = 5;            // of the t-distribution of brightness (Kerl, Sturm & Cremers 2013)
-constexpr double kTieFreedom = 5;         // of that of ties
 constexpr double kTieShare = 0.3;         // of their information: tracking knew it from the same images
 constexpr double kSurest = 0.1;           // of the depth noise of the sensor's model
 constexpr double kGrain = 1;              // grey levels: no image has less
@@ -431,8 +431,6 @@ Vector6d Bundle::error_of(const PoseGraph::Edge& tie) const {
   return local_coordinates(tie.i_from_j.inverse() * poses_[tie.i].inverse() * poses_[tie.j]);
 }
 
-double Bundle::weight_of_tie(double squared_error) { return (kTieFreedom + 6) / (kTieFreedom + squared_error); }
-
 void Bundle::Cost::add(const Bundle& bundle, const Seen& seen) {
   gaps += cost_of_gap(seen.residual[0].value / bundle.gap_sigma_), ++gap_count;
   for (int i = 1; i < seen.count; ++i)
@@ -454,7 +452,7 @@ double Bundle::cost_of_ties() const {
   double sum = 0;
   for (const auto& tie : ties_) {
     const Vector6d e = error_of(tie);
-    sum += (kTieFreedom + 6) * std::log(1 + e.dot(tie.information * e) / kTieFreedom);
+    sum += cost_of_step(e.dot(tie.information * e));
   }
   return sum;
 }

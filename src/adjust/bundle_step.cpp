@@ -8,6 +8,7 @@
 
 #include "adjust/bundle_equations.hpp"
 #include "base/between_nodes.hpp"
+#include "base/long_tails.hpp"
 
 namespace cairn {
 namespace {
@@ -62,7 +63,7 @@ void add_ties(const std::vector<PoseGraph::Edge>& ties, const std::vector<Eigen:
   for (const auto& tie : ties) {
     const Eigen::Isometry3d j_from_i = poses[tie.j].inverse() * poses[tie.i];
     const Vector6d off = local_coordinates(tie.i_from_j.inverse() * j_from_i.inverse());
-    const Matrix6d information = Bundle::weight_of_tie(off.dot(tie.information * off)) * tie.information;
+    const Matrix6d information = weight_of_step(off.dot(tie.information * off)) * tie.information;
     const Matrix6d by_i = -adjoint(j_from_i), left = by_i.transpose() * information;
     blocks.add(tie.i, tie.i, left * by_i);
     blocks.add(tie.j, tie.j, information);

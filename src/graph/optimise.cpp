@@ -8,6 +8,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "base/long_tails.hpp"
 #include "cairn/pose_graph.hpp"
 #include "graph/coarse.hpp"
 #include "graph/components.hpp"
@@ -20,11 +21,16 @@ namespace {
 constexpr double kGrowth = 1.4;  // of the convexity parameter (Yang et al. 2020, remark 5)
 constexpr int kMaxRounds = 100;
 constexpr int kRoundIterations = 5;  // of Levenberg-Marquardt, between two changes of the weights
-constexpr std::size_t kTracked = 4;  // nodes a loop, from which on that is worth it
+constexpr std::size_t kTracked = 1;  // nodes a loop, from which on that is worth it
 constexpr std::size_t kSpacing = 8;  // nodes of a chain from one that is kept to the next one
 constexpr double kNearly = 100;      // times the limit of a squared error up to which a loop is judged again
-constexpr int kLoopIterations = 5;   // of Levenberg-Marquardt, for a loop
-constexpr double kTrust = 9;         // times as much as a loop may cost by chance: noise is told too small
+constexpr int kBelieveRounds = 5;
+constexpr int kLoopIterations = 5;  // of Levenberg-Marquardt, for a loop
+constexpr double kLoose = 10;     // times its noise, that an edge that may slip is taken to have while loops are judged
+constexpr double kTighter = 1.4;  // from round to round after that
+constexpr int kSlipRounds = 20;   // then, at most
+constexpr double kSameWeight = 0.01;  // by which weights change in the last of them
+constexpr double kTrust = 9;          // times as much as a loop may cost by chance: noise is told too small
 
 void check(const PoseGraph& graph) {
   const std::size_t nodes = graph.world_from_node.size();
@@ -56,6 +62,19 @@ bool start_from_chordal(const PoseGraph& graph, const std::vector<double>& weigh
   return true;
 }
 
+/// Weighs the edges that may slip by their squared errors, for so many times their noise. Returns the largest change.
+double weigh_slips(const PoseGraph& graph, const std::vector<double>& squared, double looser,
+                   std::vector<double>& weights) {
+  double change = 0;
+  for (std::size_t k = 0; k < weights.size(); ++k) {
+    if (!graph.edges[k].may_slip) continue;
+    const double weight = weight_of_step(squared[k] / (looser * looser)) / (looser * looser);
+    change = std::max(change, std::abs(weight - weights[k]));
+    weights[k] = weight;
+  }
+  return change;
+}
+
 /// Graduated non-convexity with truncated least squares (Yang, Antonante, Tzoumas & Carlone 2020, sec. III). Edges that
 /// have no weight at the start keep none.
 int graduated_non_convexity(const PoseGraph& graph, const OptimiseOptions& options, std::vector<NodePose>& poses,
@@ -81,6 +100,7 @@ int graduated_non_convexity(const PoseGraph& graph, const OptimiseOptions& optio
       else
         w = std::sqrt(limit * mu * (mu + 1) / squared[k]) - mu, decided = false;
     }
+    weigh_slips(graph, squared, kLoose, weights);
     iterations += solve(graph, weights, kRoundIterations, poses);
     if (decided && round > 0) break;
     squared = squared_errors(graph, poses);
@@ -107,21 +127,39 @@ void settle(const PoseGraph& graph, const OptimiseOptions& options, Belief& beli
   belief.iterations += solve(graph, belief.weights, options.max_iterations, belief.poses);
 }
 
+/// The same, where some edges may have slipped. These are loose at first, so that one that did takes all of what is
+/// off, which else its neighbours would share: a step in between is as false as the slip, and held by as many others.
+void settle_slips(const PoseGraph& graph, Belief& belief) {
+  if (std::none_of(graph.edges.begin(), graph.edges.end(), [](const auto& e) { return e.may_slip; })) return;
+  double looser = kLoose;
+  for (int round = 0; round < kSlipRounds; looser = std::max(1.0, looser / kTighter)) {
+    const double change = weigh_slips(graph, squared_errors(graph, belief.poses), looser, belief.weights);
+    if (looser == 1 && round++ > 0 && change < kSameWeight) return;
+    belief.iterations += solve(graph, belief.weights, kRoundIterations, belief.poses);
+  }
+}
+
 void settle_robustly(const PoseGraph& graph, const OptimiseOptions& options, Belief& belief) {
   settle(graph, options, belief);
   const bool from_chordal = belief.from_chordal;
   belief.iterations += graduated_non_convexity(graph, options, belief.poses, belief.weights);
   settle(graph, options, belief);  // a false edge may have torn the poses too far apart to come back
+  settle_slips(graph, belief);
   belief.from_chordal = from_chordal;
 }
 
 /// Loops that have no weight since nothing agrees with them, and that would take little to fit, are judged once more,
-/// now that the others have laid the poses.
-void believe_again(const PoseGraph& graph, const OptimiseOptions& options, Belief& belief) {
+/// now that the others have laid the poses. Returns whether more are believed: these lay others.
+bool believe_again(const PoseGraph& graph, const OptimiseOptions& options, Belief& belief) {
+  const auto believed = [](const std::vector<double>& weights) {
+    return std::count_if(weights.begin(), weights.end(), [](double w) { return w > 0.5; });
+  };
+  const auto before = believed(belief.weights);
   const auto squared = squared_errors(graph, belief.poses);
   for (std::size_t k = 0; k < belief.weights.size(); ++k)
     if (squared[k] <= kNearly * options.inlier_threshold) belief.weights[k] = 1;
   belief.iterations += graduated_non_convexity(graph, options, belief.poses, belief.weights);
+  return believed(belief.weights) > before;
 }
 
 /// The coarse graph's edges weigh as those of the fine one that they are made of.
@@ -137,7 +175,7 @@ void settle_from_afar(const PoseGraph& graph, const OptimiseOptions& options, Be
   CoarseGraph coarse(graph, kSpacing);
   Belief afar{.poses = node_poses(coarse.graph.world_from_node), .weights = coarse_weights(coarse, belief.weights)};
   settle_robustly(coarse.graph, options, afar);
-  believe_again(coarse.graph, options, afar);
+  for (int round = 0; round < kBelieveRounds && believe_again(coarse.graph, options, afar); ++round) continue;
   coarse.graph.world_from_node = poses(afar.poses);
   for (std::size_t k = 0; k < belief.weights.size(); ++k)
     if (const std::size_t e = coarse.edge_of[k]; e != CoarseGraph::kNone && graph.edges[k].is_loop_closure)
@@ -164,7 +202,11 @@ OptimiseReport optimise(PoseGraph& graph, const OptimiseOptions& options) {
   if (graph.edges.empty() && graph.gravity.empty()) return report;
 
   Belief belief{.poses = node_poses(graph.world_from_node), .weights = weights};
-  if (options.robust) belief.weights = first_weights(graph, options.inlier_threshold);
+  if (options.robust) {
+    belief.weights = first_weights(graph, options.inlier_threshold);
+    for (std::size_t k = 0; k < weights.size(); ++k)
+      if (graph.edges[k].may_slip) belief.weights[k] = 1 / (kLoose * kLoose);
+  }
   report.cost_before = cost(graph, belief.poses, belief.weights);
   if (!options.robust) {
     settle(graph, options, belief);
@@ -181,7 +223,7 @@ OptimiseReport optimise(PoseGraph& graph, const OptimiseOptions& options) {
     if (is_large)
       belief.iterations += solve(graph, belief.weights, options.max_iterations, belief.poses);
     else
-      settle(graph, options, belief);
+      settle(graph, options, belief), settle_slips(graph, belief);
   }
   graph.world_from_node = poses(belief.poses);
   report.cost = cost(graph, belief.poses, belief.weights);

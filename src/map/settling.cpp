@@ -2,6 +2,8 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "map/settling.hpp"
 
+#include <malloc.h>
+
 #include <algorithm>
 
 namespace cairn {
@@ -51,6 +53,7 @@ void Settling::begin_whole(const Atlas& atlas, BegunGraph begun) {
   begun_ = std::move(begun);
   whole_ = std::async(std::launch::async, [graph = std::move(graph)]() mutable {
     const OptimiseReport report = optimise(graph);
+    malloc_trim(0);  // the solver had some KB for each keyframe
     return Result(std::move(graph), report);
   });
 }

@@ -42,6 +42,14 @@ TEST(LargeGraph, BelievesTrueLoopsAndNoFalseOne) {
   EXPECT_LT(walk.error(graph), walk.error(without) + 0.005);
 }
 
+TEST(LargeGraph, BelievesTrueLoopsAndNoFalseOneWhereEachThirdKeyframeHasOne) {
+  const LongWalk walk(2000, 600, 66);
+  PoseGraph graph = tracked(walk, 2000, walk.loops.size());
+  const Judged judged(walk, optimise(graph).edge_weights);
+  EXPECT_EQ(judged.false_ones, 0);
+  EXPECT_LE(judged.lost, 6);
+}
+
 TEST(LargeGraph, GivesTheSameBitsAgain) {
   const LongWalk walk(1500, 60, 10);
   PoseGraph first = tracked(walk, 1500, walk.loops.size()), second = first;
