@@ -50,6 +50,7 @@ void optimise_plan(const Arguments& a) {
   const OptimisedParts o = optimise_parts(a.plan);
   nlohmann::json report{{"plan", a.plan.string()},
                         {"loops", {{"found", o.loops}, {"believed", o.believed}, {"overlapping_frames", o.overlaps}}},
+                        {"pairs", {{"near", o.pairs}, {"aligned", o.aligned}}},
                         {"keyframes", o.keyframes},
                         {"submaps", o.submaps},
                         {"cells", {{"count", o.cells}, {"changed", o.changed_cells}}},
@@ -68,6 +69,7 @@ void optimise_plan(const Arguments& a) {
   }
   say("{} of {} parts joined by {} of {} loops and {} frames that two of them share\n", joined, o.parts.size(),
       o.believed, o.loops, o.overlaps);
+  if (o.pairs > 0) say("{} of {} pairs of keyframes that lie near each other agree\n", o.aligned, o.pairs);
   say("{} keyframes, {} submaps, {} cells, {} of them to be made\n", o.keyframes, o.submaps, o.cells, o.changed_cells);
   for (const JoinedPart& part : o.parts)
     if (!part.left_out.empty()) say("warning     part {} is left out: {}\n", part.name, part.left_out);

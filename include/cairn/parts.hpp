@@ -78,21 +78,23 @@ struct JoinedPart {
 /// What optimise_parts did.
 struct OptimisedParts {
   std::vector<JoinedPart> parts;
-  int loops = 0, believed = 0;       ///< between parts; those that agree with each other and with the rest
-  int overlaps = 0;                  ///< frames that two parts of a recording share and that tie them
-  int keyframes = 0, submaps = 0;    ///< of all parts that are joined
+  int loops = 0, believed = 0;     ///< between parts; those that agree with each other and with the rest
+  int overlaps = 0;                ///< frames that two parts of a recording share and that tie them
+  int pairs = 0, aligned = 0;      ///< keyframes of two parts that lie near each other then; those that agree with all
+  int keyframes = 0, submaps = 0;  ///< of all parts that are joined
   int cells = 0, changed_cells = 0;  ///< of the map, and those that have to be made (again)
   double cost_before = 0, cost = 0;  ///< of the pose graph
   double seconds = 0;                ///< that the graph took
 };
 
-/// Lays all maps of a plan to each other, by frames that parts of a recording share and by loops between them, moves
-/// their keyframes to where all agree best, and writes the map of all: PLAN/session, which leaves keyframes and voxels
-/// where they are, and PLAN/cells/X,Y,Z.json, what each cell of the map is made of. Parts without a map, and those that
-/// nothing joins with the largest piece, are left out. What hardly moves since the last time (a quarter of a voxel)
-/// stays exactly where it was, so that the cells of a new recording are the only ones that change. Throws
-/// std::runtime_error where no part has a map, and for maps of different cameras or voxels.
-OptimisedParts optimise_parts(const std::filesystem::path& plan);
+/// Lays all maps of a plan to each other, by frames that parts of a recording share and by loops between them, aligns
+/// keyframes of two maps that see much of the same then, moves them to where all agree best, and writes the map of all:
+/// PLAN/session, which leaves keyframes and voxels where they are, and PLAN/cells/X,Y,Z.json, what each cell of the map
+/// is made of. Parts without a map, and those that nothing joins with the largest piece, are left out. What hardly
+/// moves since the last time (a quarter of a voxel) stays exactly where it was, so that the cells of a new recording
+/// are the only ones that change. Throws std::runtime_error where no part has a map, and for maps of different cameras
+/// or voxels.
+OptimisedParts optimise_parts(const std::filesystem::path& plan, int device = -1);
 
 /// Makes one cell of a plan's map: writes FOLDER/tileset.json and its tiles, and FOLDER/map.vdb, each whole or not at
 /// all. Borders are those of the neighbours to the last bit. `cell`: as PLAN/cells names it. Throws std::runtime_error

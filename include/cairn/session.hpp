@@ -22,7 +22,7 @@ namespace cairn {
 class Session {
  public:
   /// The format that is written, and the oldest that is read: that of the version before.
-  static constexpr int kFormat = 14, kOldestFormat = 9;
+  static constexpr int kFormat = 15, kOldestFormat = 9;
 
   /// Begins a session. One that is there stays until this one's first checkpoint. Throws std::runtime_error while
   /// somebody else writes there.

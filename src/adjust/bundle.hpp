@@ -32,6 +32,8 @@ struct BundleShutter {
 struct BundleCovariance {
   /// Of each view's pose: pose * retract(error); radians, then metres.
   std::vector<Matrix6d> of_views;
+  /// The same of each view's pose in the frame of the view before it; zero for the first.
+  std::vector<Matrix6d> of_steps;
   struct OfSurfel {
     Eigen::Vector3d position;           // in the world, metres
     double of_noise = 0, of_poses = 0;  // variances along its normal, m^2
@@ -44,15 +46,12 @@ class Bundle {
   static constexpr double kTogether = 30;          // observations that count as one: neighbours err alike
   static constexpr double kFirstTolerance = 0.08;  // metres
 
-  /// Of a tie, by its squared error in units of its noise and a t-distribution: tracking may have slipped.
-  [[nodiscard]] static double weight_of_tie(double squared_error);
-
   explicit Bundle(const Rig& rig);
   void add(const Frame& keyframe, const CameraMotion& motion, const Eigen::Isometry3d& world_from_camera);
   /// The same in two steps, of which the first may run for several keyframes at once.
   [[nodiscard]] BundleView view(const Frame& keyframe, const CameraMotion& motion) const;
   void add(BundleView view, const Eigen::Isometry3d& world_from_camera);
-  /// Binds two views by how they were tracked against each other.
+  /// Binds two views by how they were tracked against each other: it may have slipped, see weight_of_step().
   void tie(const PoseGraph::Edge& edge);
   void forget_ties() { ties_.clear(); }
   /// How close the surfels lie: few of them find the way, all of them the place.
@@ -183,7 +182,7 @@ class Bundle {
   [[nodiscard]] Equations no_equations() const;
   [[nodiscard]] Equations linearise() const;
   [[nodiscard]] ByPlace linearise_by_places() const;
-  [[nodiscard]] std::vector<Matrix6d> covariance_of_views(const Solver& solver) const;
+  [[nodiscard]] BundleCovariance covariance_of_views(const Solver& solver) const;
   [[nodiscard]] double squared_pulls(const ByPlace& by, const Solver& solver,
                                      const std::vector<Matrix6d>& covariance) const;
   void move_surfels(const Equations& equations, const Eigen::VectorXd& pose_steps, const Eigen::VectorXd& shared_step);

@@ -87,8 +87,11 @@ Bundle::ByPlace Bundle::linearise_by_places() const {
   return by;
 }
 
-std::vector<Matrix6d> Bundle::covariance_of_views(const Solver& solver) const {
-  std::vector<Matrix6d> covariance(views_.size());
+/// Of views and steps, without the surfels.
+BundleCovariance Bundle::covariance_of_views(const Solver& solver) const {
+  BundleCovariance all{.of_views = std::vector<Matrix6d>(views_.size()),
+                       .of_steps = std::vector<Matrix6d>(views_.size(), Matrix6d::Zero()),
+                       .of_surfels = {}};
   // What poses err by because of what all share.
   const Eigen::MatrixXd root = solver.shared.matrixL().solve(solver.solved.transpose());
   // Some views at a time, and one after the other: CHOLMOD has one workspace.
@@ -100,11 +103,18 @@ std::vector<Matrix6d> Bundle::covariance_of_views(const Solver& solver) const {
     const Eigen::MatrixXd inverse = solver.poses.solve(unit);
     for (std::size_t k = begin; k < end; ++k) {
       const auto row = static_cast<Eigen::Index>(6 * k);
-      covariance[k] = inverse.block<6, 6>(row, row - first);
-      covariance[k] += root.middleCols<6>(row).transpose().lazyProduct(root.middleCols<6>(row));
+      const auto with = [&](Eigen::Index other) {
+        return Matrix6d(inverse.block<6, 6>(other, row - first) +
+                        root.middleCols<6>(other).transpose().lazyProduct(root.middleCols<6>(row)));
+      };
+      all.of_views[k] = with(row);
+      if (k == 0) continue;
+      const Matrix6d by_before = adjoint(poses_[k].inverse() * poses_[k - 1]), both = by_before * with(row - 6);
+      all.of_steps[k] =
+          all.of_views[k] + by_before * all.of_views[k - 1] * by_before.transpose() - both - both.transpose();
     }
   }
-  return covariance;
+  return all;
 }
 
 /// Mean square of the places' pulls in units of a covariance that takes them for as large as its weights say.
@@ -135,13 +145,15 @@ std::optional<BundleCovariance> Bundle::covariance() const {
   const ByPlace by = linearise_by_places();
   const Solver solver(*this, by.equations, 0);
   if (!solver.has_solution) return std::nullopt;
-  BundleCovariance all{.of_views = covariance_of_views(solver), .of_surfels = {}};
+  BundleCovariance all = covariance_of_views(solver);
   const double scale = squared_pulls(by, solver, all.of_views);
   Vector6d own;
   own << Eigen::Vector3d::Constant(kOwnTurn * kOwnTurn), Eigen::Vector3d::Constant(kOwnMove * kOwnMove);
   for (std::size_t k = 1; k < views_.size(); ++k) {
-    all.of_views[k] *= scale;
-    all.of_views[k].diagonal() += own;
+    for (auto* of : {&all.of_views, &all.of_steps}) {
+      (*of)[k] *= scale;
+      (*of)[k].diagonal() += own;
+    }
   }
   all.of_surfels.resize(surfels_.size());
   tbb::parallel_for(std::size_t{0}, surfels_.size(), [&, &inverse = by.equations.inverse](std::size_t s) {

@@ -124,10 +124,16 @@ void find_correction(Bundle& bundle, Adjusted& adjusted, Rounds& rounds) {
 void tell_uncertainty(const Bundle& bundle, Atlas& atlas, const std::vector<std::size_t>& keyframes,
                       Adjusted& adjusted) {
   atlas.surface_sigma = {};  // of the surface before it moved
+  atlas.steps.clear();
   const std::optional<BundleCovariance> known = bundle.covariance();
   if (!known) return;
   for (std::size_t view = 0; view < keyframes.size(); ++view)
     adjusted.covariances.push_back({atlas.keyframes[keyframes[view]].timestamp, known->of_views[view]});
+  atlas.steps.resize(atlas.keyframes.size());
+  for (std::size_t view = 1; view < keyframes.size(); ++view)
+    if (const std::size_t k = keyframes[view]; keyframes[view - 1] == k - 1 && atlas.keyframes[k].follows)
+      atlas.steps[k] = {atlas.world_from_camera[k - 1].inverse() * atlas.world_from_camera[k],
+                        known->of_steps[view].inverse()};
   for (const auto& surfel : known->of_surfels)
     if (const double sigma = std::sqrt(surfel.of_noise + surfel.of_poses); sigma < kUnknown)
       atlas.surface_sigma.add(surfel.position, sigma);

@@ -74,20 +74,29 @@ PoseGraph Atlas::graph(std::size_t keyframe_count, std::size_t loop_count) const
     const Keyframe& keyframe = keyframes[k];
     if (const auto& at_rest = keyframe.acceleration; at_rest && at_rest->norm() > 0)
       graph.gravity.push_back({.node = k, .up = at_rest->normalized(), .sigma = kAccelerometerSigma});
-    if (keyframe.follows)
-      graph.edges.push_back(
-          {.i = k - 1,
-           .j = k,
-           .i_from_j = keyframes[k - 1].odometry_from_camera.inverse() * keyframe.odometry_from_camera,
-           .information = calibrated(keyframe.information)});
+    if (keyframe.follows) graph.edges.push_back(step(k));
   }
   for (std::size_t k = 0; k < loop_count; ++k) graph.edges.push_back(loops[k].edge);
   return graph;
 }
 
+PoseGraph::Edge Atlas::step(std::size_t keyframe) const {
+  const Keyframe &before = keyframes[keyframe - 1], &after = keyframes[keyframe];
+  if (keyframe < steps.size() && !steps[keyframe].information.isZero())
+    return {.i = keyframe - 1,
+            .j = keyframe,
+            .i_from_j = steps[keyframe].before_from_camera,
+            .information = steps[keyframe].information,
+            .may_slip = true};
+  return {.i = keyframe - 1,
+          .j = keyframe,
+          .i_from_j = before.odometry_from_camera.inverse() * after.odometry_from_camera,
+          .information = calibrated(after.information)};
+}
+
 std::vector<double> Atlas::edge_weights() const {
-  const auto steps = std::count_if(keyframes.begin(), keyframes.end(), [](const Keyframe& k) { return k.follows; });
-  std::vector<double> weights(static_cast<std::size_t>(steps), 1.0);
+  const auto tracked = std::count_if(keyframes.begin(), keyframes.end(), [](const Keyframe& k) { return k.follows; });
+  std::vector<double> weights(static_cast<std::size_t>(tracked), 1.0);
   for (const Loop& loop : loops) weights.push_back(loop.inlier ? 1.0 : 0.0);
   return weights;
 }

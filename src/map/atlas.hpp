@@ -21,6 +21,12 @@ struct Loop {
   bool inlier = true;                 // by the pose graph
 };
 
+/// How an adjustment has laid a keyframe to the one before it.
+struct AdjustedStep {
+  Eigen::Isometry3d before_from_camera = Eigen::Isometry3d::Identity();
+  Matrix6d information = Matrix6d::Zero();  // in the camera's frame, 1/rad^2, 1/m^2; zero: not known
+};
+
 /// Down, in the camera's frame of a keyframe: it goes with the keyframe where the pose graph moves that.
 struct SettledDown {
   std::size_t keyframe = 0;
@@ -39,6 +45,7 @@ struct Atlas {
   std::optional<Up> up;                 // as it was asked for
   std::optional<SettledDown> settled;   // as the map was written before another recording went on with it
   SurfaceSigma surface_sigma;           // by the last adjustment, until keyframes move otherwise; empty: not known
+  std::vector<AdjustedStep> steps;      // by the last adjustment, by keyframe; those that came later have none
 
   /// Adds a keyframe where its tracked pose puts it.
   void add(const Keyframe& keyframe);
@@ -74,6 +81,8 @@ struct Atlas {
   void settle_upright();
 
  private:
+  /// How a keyframe lies to the one before it, which it follows.
+  [[nodiscard]] PoseGraph::Edge step(std::size_t keyframe) const;
   [[nodiscard]] DownEvidence down_evidence() const;
   [[nodiscard]] std::optional<SettledDown> settled_or_found(const DownEvidence& evidence) const;
 };

@@ -287,6 +287,10 @@ std::pair<int, bool> BackEnd::append(const BackEnd& other) {
     database_.add(std::nullopt, *other.images_.features(k));
     images_.copy(keyframes + k, other.images_, k);
   }
+  if (!other.atlas_.steps.empty()) {
+    atlas_.steps.resize(keyframes);
+    atlas_.steps.insert(atlas_.steps.end(), other.atlas_.steps.begin(), other.atlas_.steps.end());
+  }
   drift_.follow(atlas_.keyframes);
   for (Loop loop : other.atlas_.loops) {
     loop.edge.i += keyframes, loop.edge.j += keyframes;

@@ -10,6 +10,7 @@
 #include <unordered_map>
 #include <utility>
 
+#include "gpu/device.hpp"
 #include "map/join.hpp"
 #include "map/match.hpp"
 #include "map/submaps.hpp"
@@ -20,8 +21,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kStays = 0.25;  // voxels, at kReach from the camera
-constexpr double kReach = 2;     // metres
+constexpr double kStays = 0.25;    // voxels, at kReach from the camera
+constexpr double kReach = 2;       // metres
+constexpr std::size_t kOfMap = 2;  // keyframes of another map that one is aligned with
 
 /// Of what was being fused into, what belongs to the submap that has begun last: bricks that an earlier one has left
 /// there are not it.
@@ -36,6 +38,50 @@ BrickTree last_submap(const BrickTree& active, const SessionState& s) {
       submap.put(brick, std::span<const std::uint64_t, 512>(active.find(brick), 512));
   for (const Brick& brick : active.free_bricks()) submap.mark_free(brick, active.free_voxels(brick));
   return submap;
+}
+
+/// It reorders the values; there is one.
+double median(std::vector<double>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// Leaves out loops from `begin` on whose surfaces differ by much more than those of most, and of most between the same
+/// two maps: of a door that stood otherwise, say, which an alignment follows. `map_of`: of keyframes.
+void leave_out_changed(std::vector<Loop>& loops, std::size_t begin, const std::vector<std::size_t>& map_of) {
+  constexpr double kMuch = 1.7;
+  const auto maps = [&](const Loop& l) { return std::minmax(map_of[l.edge.i], map_of[l.edge.j]); };
+  std::vector<double> all;
+  std::map<std::pair<std::size_t, std::size_t>, std::vector<double>> of_maps;
+  for (std::size_t l = begin; l < loops.size(); ++l)
+    all.push_back(loops[l].rmse), of_maps[maps(loops[l])].push_back(loops[l].rmse);
+  if (all.empty()) return;
+  const double usual = median(all);
+  std::map<std::pair<std::size_t, std::size_t>, double> limit;
+  for (auto& [pair, rmse] : of_maps) limit[pair] = kMuch * std::max(usual, median(rmse));
+  const auto first = loops.begin() + static_cast<std::ptrdiff_t>(begin);
+  loops.erase(std::remove_if(first, loops.end(), [&](const Loop& l) { return l.rmse > limit.at(maps(l)); }),
+              loops.end());
+}
+
+/// Tells the loops from `begin` on as sure as they are by how well they agree with each other: what an alignment errs
+/// by depends on the camera, and nobody knows it before (the variance component of a group of observations: Förstner &
+/// Wrobel 2016, sec. 4.2.4).
+void sharpen(Atlas& atlas, std::size_t begin) {
+  constexpr double kMedian = 5.348;  // of the chi-squared distribution with 6 degrees of freedom
+  constexpr double kMost = 16;       // times as sure: where loops are few, the poses follow them, and all seem to agree
+  std::vector<double> squared;
+  for (std::size_t l = begin; l < atlas.loops.size(); ++l) {
+    const PoseGraph::Edge& edge = atlas.loops[l].edge;
+    if (!atlas.loops[l].inlier) continue;
+    const Vector6d off = local_coordinates(edge.i_from_j.inverse() * atlas.world_from_camera[edge.i].inverse() *
+                                           atlas.world_from_camera[edge.j]);
+    squared.push_back(off.dot(edge.information * off));
+  }
+  if (squared.empty()) return;
+  const double surer = std::clamp(kMedian / std::max(median(squared), 1e-9), 1.0, kMost);
+  for (std::size_t l = begin; l < atlas.loops.size(); ++l) atlas.loops[l].edge.information *= surer;
 }
 
 /// How far what a keyframe sees is moved at most, metres.
@@ -77,10 +123,11 @@ void JoinedSession::add(const fs::path& session, std::size_t recording) {
   for (std::size_t k = 0; k < map.files.keyframes; ++k) {
     atlas.keyframes.push_back(theirs.atlas.keyframes[k]);
     atlas.keyframes.back().submap += submaps;
-    // How an adjustment has laid a map's keyframes to each other tells more than how they were tracked.
-    if (!theirs.atlas.surface_sigma.empty())
-      atlas.keyframes.back().odometry_from_camera = theirs.atlas.world_from_camera[k];
     atlas.world_from_camera.push_back(theirs.atlas.world_from_camera[k]);
+  }
+  if (!theirs.atlas.steps.empty()) {
+    atlas.steps.resize(keyframes);
+    atlas.steps.insert(atlas.steps.end(), theirs.atlas.steps.begin(), theirs.atlas.steps.end());
   }
   for (Loop loop : theirs.atlas.loops) {
     loop.edge.i += keyframes, loop.edge.j += keyframes;
@@ -129,9 +176,27 @@ std::vector<Loop> JoinedSession::overlaps(std::size_t map) const {
   return ties;
 }
 
-JoinedSession::Report JoinedSession::join(std::size_t recordings) {
+/// Of each other map the nearest that see much of the same as a keyframe, by where they lie now.
+std::vector<KeyframePair> JoinedSession::pairs(const std::vector<std::size_t>& map_of) const {
+  const Atlas& atlas = state_.back_end.atlas;
+  const auto piece = atlas.components();
+  std::vector<KeyframePair> pairs;
+  for (std::size_t i = 0; i < atlas.keyframes.size(); ++i) {
+    std::map<std::size_t, std::size_t> of_map;
+    std::size_t count = 0;
+    for (const std::size_t j : near_keyframes(atlas, piece, i)) {
+      if (map_of[i] == map_of[j] || of_map[map_of[j]] == kOfMap) continue;
+      pairs.push_back({i, j, atlas.world_from_camera[i].inverse() * atlas.world_from_camera[j], 0});
+      ++of_map[map_of[j]];
+      if (++count == kCovisible) break;
+    }
+  }
+  return pairs;
+}
+
+JoinedSession::Report JoinedSession::join(std::size_t recordings, int device) {
   Atlas& atlas = state_.back_end.atlas;
-  Report report{.loops = static_cast<int>(loops_.size()), .believed = 0, .overlaps = 0, .graph = {}};
+  Report report{.loops = static_cast<int>(loops_.size())};
   for (std::size_t m = 0; m < maps_.size(); ++m) {
     const std::vector<Loop> ties = overlaps(m);
     if (ties.empty()) continue;
@@ -145,10 +210,27 @@ JoinedSession::Report JoinedSession::join(std::size_t recordings) {
   const KeyframeStore images(state_.rig, keyframe_files({}, parts), Access::read);
   ViewsApart views(state_.rig.depth, [&](std::size_t k) { return images.depth(k); });
   (void)join_pieces(atlas, loops_, views);
-  PoseGraph graph = atlas.graph();
-  report.graph = optimise(graph);
-  atlas.take(graph, report.graph);
-  for (std::size_t l = before; l < atlas.loops.size(); ++l) report.believed += atlas.loops[l].inlier;
+  const auto settle = [&] {
+    PoseGraph graph = atlas.graph();
+    report.graph = optimise(graph);
+    atlas.take(graph, report.graph);
+  };
+  settle();
+  std::vector<std::size_t> map_of;
+  for (std::size_t m = 0; m < maps_.size(); ++m) map_of.insert(map_of.end(), maps_[m].files.keyframes, m);
+  if (const std::vector<KeyframePair> near = pairs(map_of); !near.empty()) {
+    gpu::Device aligning(device);
+    SurfaceMatcher matcher(aligning, state_.rig, options_of(state_));
+    const std::vector<Loop> aligned = align_pairs(near, images, matcher);
+    atlas.loops.insert(atlas.loops.end(), aligned.begin(), aligned.end());
+    report.pairs = static_cast<int>(near.size());
+    leave_out_changed(atlas.loops, before, map_of);
+    settle();
+    sharpen(atlas, before);
+    settle();
+  }
+  for (std::size_t l = before; l < atlas.loops.size(); ++l)
+    (atlas.loops[l].corners > 0 ? report.believed : report.aligned) += atlas.loops[l].inlier;
   for (std::size_t m = 0; m < maps_.size(); ++m) add_frames(m);
   while (atlas.recordings.size() + 1 < recordings) atlas.recordings.push_back(atlas.frames.size());
   return report;

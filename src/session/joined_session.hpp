@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "cairn/pose_graph.hpp"
+#include "map/pairs.hpp"
 #include "session/session_files.hpp"
 
 namespace cairn {
@@ -28,11 +29,13 @@ class JoinedSession {
 
   struct Report {
     int loops = 0, believed = 0, overlaps = 0;
+    int pairs = 0, aligned = 0;  // keyframes of two maps that lie near each other; of them those that agree with all
     OptimiseReport graph;
   };
-  /// Lays all to each other, see join_pieces(), and moves the keyframes to where loops and tracking agree best.
-  /// `recordings`: that there are, also behind those of the last map.
-  [[nodiscard]] Report join(std::size_t recordings = 0);
+  /// Lays all to each other, see join_pieces(), and moves the keyframes to where loops and tracking agree best; then
+  /// the same with keyframes of two maps aligned that see much of the same where they lie now. `recordings`: that there
+  /// are, also behind those of the last map.
+  [[nodiscard]] Report join(std::size_t recordings = 0, int device = -1);
   /// Keyframes of maps that an earlier session had as well stay exactly where they were in it, where all of a map's
   /// would hardly move. Also how the map is turned stays. Returns by map how far its keyframes have moved, metres at
   /// most; nothing for one that is new.
@@ -54,6 +57,7 @@ class JoinedSession {
  private:
   void add_frames(std::size_t map);
   [[nodiscard]] std::vector<Loop> overlaps(std::size_t map) const;
+  [[nodiscard]] std::vector<KeyframePair> pairs(const std::vector<std::size_t>& map_of) const;
 
   SessionWriter& writer_;
   SessionState state_;

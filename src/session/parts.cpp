@@ -91,7 +91,7 @@ MatchedMaps match_maps(const fs::path& first, const fs::path& second, const fs::
           .loops = static_cast<int>(matches.loops.size())};
 }
 
-OptimisedParts optimise_parts(const fs::path& folder) {
+OptimisedParts optimise_parts(const fs::path& folder, int device) {
   const PartsPlan plan = read_plan(folder);
   OptimisedParts optimised;
   std::optional<ReadSession> earlier = earlier_session(folder);
@@ -121,8 +121,9 @@ OptimisedParts optimise_parts(const fs::path& folder) {
       add_matches(joined, folder / "loops" / (plan.parts[parts[a]].name + "-" + plan.parts[parts[b]].name + ".json"), a,
                   b);
 
-  const JoinedSession::Report report = joined.join(plan.recordings.size());
+  const JoinedSession::Report report = joined.join(plan.recordings.size(), device);
   optimised.loops = report.loops, optimised.believed = report.believed, optimised.overlaps = report.overlaps;
+  optimised.pairs = report.pairs, optimised.aligned = report.aligned;
   optimised.cost_before = report.graph.cost_before, optimised.cost = report.graph.cost;
   optimised.seconds = report.graph.seconds;
   if (earlier) {
@@ -140,7 +141,7 @@ OptimisedParts optimise_parts(const fs::path& folder) {
     optimised.keyframes += static_cast<int>(joined.maps()[m].files.keyframes);
     optimised.submaps += static_cast<int>(joined.maps()[m].submaps);
   }
-  const auto state = open_session(session_of(folder), -1);
+  const auto state = open_session(session_of(folder), device);
   const WrittenCells cells = write_cells(folder, *state, joined.maps());
   optimised.cells = cells.cells, optimised.changed_cells = cells.changed;
   return optimised;

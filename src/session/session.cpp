@@ -206,7 +206,7 @@ std::vector<Session::Merged> Session::join(const std::vector<fs::path>& maps, co
       joined.add_loops(a, b, std::move(loops));
     }
   }
-  (void)joined.join();
+  (void)joined.join(0, device);
   for (std::size_t i = 0; i < maps.size(); ++i) {
     merged[i].joined = joined.is_joined(i);
     if (merged[i].joined || allow_apart) continue;

@@ -71,6 +71,8 @@ void fields(auto& io, Of<Loop> auto& l) {
      l.inlier);
 }
 
+void fields(auto& io, Of<AdjustedStep> auto& s) { io(s.before_from_camera, s.information); }
+
 void fields(auto& io, Of<FusedFrame> auto& f) { io(f.timestamp, f.keyframe, f.twist); }
 
 void fields(auto& io, Of<Tracker::Moment> auto& m) { io(m.timestamp, m.submap_from_camera); }
@@ -140,6 +142,7 @@ void entries(auto& io, Of<SessionState> auto& s, Of<Newest> auto& newest, Of<Nam
   io("recordings", m.atlas.recordings);
   io.since(10, "upright", m.atlas.up, m.atlas.settled);
   io.since(12, "surface_sigma", m.atlas.surface_sigma);
+  io.since(15, "adjusted_steps", m.atlas.steps);
   io("submaps", m.submaps);
   io("tracked_from_camera", m.tracked_from_camera);
   io("back_end", m.searched, m.submap_begin, m.submap_since, m.in_world, m.breaks, m.settling.unsettled, m.searching,

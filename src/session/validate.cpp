@@ -65,6 +65,12 @@ void validate(const SurfaceSigma& sigma) {
   }
 }
 
+void validate(const AdjustedStep& step) {
+  require_numbers(step.information);
+  require(step.information.isZero() || step.information.llt().info() == Eigen::Success, "a step is not known at all");
+  require_rigid(step.before_from_camera);
+}
+
 void validate(const Loop& loop, std::size_t keyframes) {
   const PoseGraph::Edge& edge = loop.edge;
   require(edge.i < keyframes && edge.j < keyframes && edge.i != edge.j, "a keyframe is missing");
@@ -88,6 +94,8 @@ void validate(const BackEnd::Memory& m, std::size_t frames) {
     require_unit(atlas.settled->found.down);
   }
   validate(atlas.surface_sigma);
+  require(atlas.steps.size() <= keyframes, "steps and keyframes do not match");
+  for (const AdjustedStep& step : atlas.steps) validate(step);
   require(atlas.frames.full().empty(), "frames stand where only the newest do");
   validate(atlas.frames.rest(), keyframes);
   require((frames == 0) == (keyframes == 0), "keyframes and frames do not match");

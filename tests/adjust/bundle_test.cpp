@@ -116,7 +116,7 @@ TEST(Bundle, LeavesExactViewsWhereTheyAre) {
 // Normalised estimation error squared (Bar-Shalom, Li & Kirubarajan 2001, 5.4): 6 for each view on average. Errors of
 // the views are not independent, for the first one's are in all of them; so the bounds are wider than of a chi-square.
 TEST(Bundle, KnowsHowSurelyViewsLieWhereTheyDo) {
-  double sum = 0, count = 0;
+  double sum = 0, of_steps = 0, count = 0;
   for (const int seed : {1, 2, 3}) {
     const Views views = swinging_views(12, 0, seed);
     Bundle bundle = bundle_of(views, views.poses);
@@ -130,13 +130,18 @@ TEST(Bundle, KnowsHowSurelyViewsLieWhereTheyDo) {
       const Vector6d off =
           local_coordinates((found[0].inverse() * found[i]).inverse() * views.poses[0].inverse() * views.poses[i]);
       of_seed += off.dot(known->of_views[i].ldlt().solve(off));
+      const Vector6d of_step = local_coordinates((found[i - 1].inverse() * found[i]).inverse() *
+                                                 views.poses[i - 1].inverse() * views.poses[i]);
+      of_steps += of_step.dot(known->of_steps[i].ldlt().solve(of_step));
     }
     std::printf("seed %d: %.2f\n", seed, of_seed / static_cast<double>(found.size() - 1) / 6);
     sum += of_seed, count += static_cast<double>(found.size() - 1);
   }
-  std::printf("normalised error squared %.2f of 1\n", sum / count / 6);
-  EXPECT_GT(sum / count / 6, 0.5);
-  EXPECT_LT(sum / count / 6, 2);
+  std::printf("normalised error squared %.2f of 1, of steps %.2f\n", sum / count / 6, of_steps / count / 6);
+  for (const double normalised : {sum / count / 6, of_steps / count / 6}) {
+    EXPECT_GT(normalised, 0.5);
+    EXPECT_LT(normalised, 2);
+  }
 }
 
 TEST(Bundle, FindsHowLongTheShutterTakesAndPredictsBetterWithIt) {

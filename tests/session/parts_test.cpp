@@ -115,6 +115,18 @@ class SessionOfParts : public testing::Test {
     joined.write(gather);
     return report;
   }
+  [[nodiscard]] std::vector<Eigen::Isometry3d> poses() const {
+    return read_session(folder / "all").session.back_end.atlas.world_from_camera;
+  }
+  /// As if the second map had been put somewhere else the last time.
+  void move_second(double by) const {
+    ReadSession read = read_session(folder / "all");
+    auto& poses = read.session.back_end.atlas.world_from_camera;
+    for (std::size_t k = read.parts.at(1).first_keyframe; k < poses.size(); ++k) poses[k].translation().x() += by;
+    SessionWriter writer(folder / "all");
+    writer.set_parts(read.parts);
+    writer.write(read.session, BrickTree());
+  }
   TemporaryFolder folder;
   std::vector<std::optional<double>> moved;
 };
@@ -137,6 +149,16 @@ TEST_F(SessionOfParts, IsAMapOfAllAndLeavesFilesWhereTheyAre) {
         1e-4);
   // Both are turned as the accelerometer says: of what few frames saw, the rim is lost.
   EXPECT_GT(all.mesh().triangles.size(), one.mesh().triangles.size() * 2 / 3);
+}
+
+TEST_F(SessionOfParts, AlignsKeyframesThatLieNearEachOther) {
+  const auto report = join(false, 0.01);
+  EXPECT_GE(report.pairs, 4);
+  EXPECT_GE(report.aligned, 2);
+  const auto all = poses();
+  const std::size_t second = read_session(folder / "all").parts.at(1).first_keyframe;
+  for (std::size_t k = 0; k < second; ++k)  // the loops are a centimetre off, the surfaces tell where it lies
+    EXPECT_LT((all[k].translation() - all[second + k].translation()).norm(), 0.003) << k;
 }
 
 TEST_F(SessionOfParts, NumbersRecordingsAsThePlanDoesAlsoWhereOneHasNoMap) {
@@ -186,15 +208,18 @@ TEST_F(SessionOfParts, GatheredNeedsNoOther) {
 }
 
 TEST_F(SessionOfParts, StaysWhereItWasForALittle) {
-  (void)join(false, 0.05);
-  const auto before = read_session(folder / "all").session.back_end.atlas.world_from_camera;
-  (void)join(false, 0.055);  // 5 mm of voxels of 8 cm
+  (void)join(false);
+  const auto together = poses();
+  move_second(0.005);  // of voxels of 8 cm
+  const auto before = poses();
+  (void)join(false);
   EXPECT_GT(moved.at(1).value(), 0.001);
-  const auto after = read_session(folder / "all").session.back_end.atlas.world_from_camera;
+  const auto after = poses();
   for (std::size_t k = 0; k < before.size(); ++k) EXPECT_EQ(before[k].matrix(), after[k].matrix());
-  (void)join(false, 0.15);
-  const auto then = read_session(folder / "all").session.back_end.atlas.world_from_camera;
-  EXPECT_GT((then[2].translation() - before[2].translation()).norm(), 0.05);
+  move_second(0.1);
+  (void)join(false);
+  const auto then = poses();
+  EXPECT_LT((then[2].translation() - together[2].translation()).norm(), 0.001);
 }
 
 }  // namespace

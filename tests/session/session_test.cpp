@@ -72,6 +72,7 @@ TEST(SessionFiles, HaveTheSameBytesWhenTheyAreReadAndWrittenAgain) {
   s.back_end.atlas.keyframes[1].acceleration = Eigen::Vector3d(1, 2, 3);
   s.back_end.atlas.recordings = {1};
   for (int i = 0; i < 100; ++i) s.back_end.atlas.surface_sigma.add({0.04 * i, 0.07 * (i % 7), -0.1}, 0.001 + 1e-5 * i);
+  s.back_end.atlas.steps = {{}, {retract(Vector6d::Constant(0.1)), 3 * Matrix6d::Identity()}};
   s.back_end.submaps = {true, false};
   s.tracker.memory.focal_costs[1] = 0.5;
   s.tracker.reference.levels = {{1, 2, 3}, {}};
@@ -88,6 +89,10 @@ TEST(SessionFiles, HaveTheSameBytesWhenTheyAreReadAndWrittenAgain) {
   const SurfaceSigma &sigma = s.back_end.atlas.surface_sigma, &again = read.session.back_end.atlas.surface_sigma;
   EXPECT_EQ(again.cells().size(), sigma.cells().size());
   for (const double x : {0.0, 1.03, 3.96}) EXPECT_EQ(again.at({x, 0.2, -0.1}), sigma.at({x, 0.2, -0.1})) << x;
+  ASSERT_EQ(read.session.back_end.atlas.steps.size(), 2u);
+  EXPECT_EQ(read.session.back_end.atlas.steps[1].before_from_camera.matrix(),
+            s.back_end.atlas.steps[1].before_from_camera.matrix());
+  EXPECT_EQ(read.session.back_end.atlas.steps[1].information, s.back_end.atlas.steps[1].information);
   EXPECT_EQ(read.session.back_end.submaps, s.back_end.submaps);
   EXPECT_EQ(read.session.tracker.reference.levels, s.tracker.reference.levels);
   EXPECT_EQ(read.session.residency.on_host, s.residency.on_host);
@@ -119,6 +124,13 @@ TEST(SessionFiles, WithNumbersOfWhatDoesNotExistAreDamaged) {
       },
       [](SessionState& s) {
         s.back_end.atlas.surface_sigma = SurfaceSigma({{.at = {1 << 30, 2, 3}, .variance = 1, .weight = 1}});
+      },
+      [](SessionState& s) { s.back_end.atlas.steps.resize(3); },
+      [&](SessionState& s) {
+        s.back_end.atlas.steps = {{no_pose, Matrix6d::Identity()}};
+      },
+      [](SessionState& s) {
+        s.back_end.atlas.steps = {{Eigen::Isometry3d::Identity(), -Matrix6d::Identity()}};
       },
       [](SessionState& s) { s.back_end.atlas.loops[0].edge.j = 2; },
       [](SessionState& s) { s.back_end.atlas.loops[0].edge.i = 1; },
@@ -348,7 +360,7 @@ TEST(SessionFiles, OfFramesThatAreMissingOrDamagedAreTold) {
   write_text(file, bytes.substr(0, 5));
   expect_told("does not begin with 'cairn frames'");
   write_text(file, "cairn frames 1 00000000\n");
-  expect_told("was written by another version of cairn (format 1, this one reads 9 to 14)");
+  expect_told("was written by another version of cairn (format 1, this one reads 9 to 15)");
   fs::remove(file);
   expect_told("cannot be opened");
 }

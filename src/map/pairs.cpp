@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "map/pairs.hpp"
+
+#include <algorithm>
+#include <deque>
+#include <optional>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+constexpr double kCovisibleTurn = 0.6, kCovisibleDistance = 0.8;  // radians, metres between views of much of the same
+
+/// The last images that were asked for: pairs follow each other by their keyframes.
+class Cache {
+ public:
+  explicit Cache(const KeyframeStore& images) : images_(images) {}
+  const Frame& operator()(std::size_t keyframe) {
+    for (const auto& [known, frame] : kept_)
+      if (known == keyframe) return frame;
+    if (kept_.size() == kKept) kept_.pop_front();
+    return kept_.emplace_back(keyframe, images_.get(keyframe)).second;
+  }
+
+ private:
+  static constexpr std::size_t kKept = 24;  // 2.4 MB each
+  const KeyframeStore& images_;
+  std::deque<std::pair<std::size_t, Frame>> kept_;
+};
+
+}  // namespace
+
+std::vector<std::size_t> near_keyframes(const Atlas& atlas, const std::vector<std::size_t>& piece,
+                                        std::size_t keyframe) {
+  const Eigen::Isometry3d camera_from_world = atlas.world_from_camera[keyframe].inverse();
+  std::vector<std::pair<double, std::size_t>> near;
+  for (std::size_t j = keyframe + 1; j < atlas.keyframes.size(); ++j) {
+    if (piece[keyframe] != piece[j]) continue;
+    const double shift = (camera_from_world * atlas.world_from_camera[j].translation()).norm() / kCovisibleDistance;
+    if (shift >= 1) continue;
+    const Eigen::AngleAxisd rotation(camera_from_world.linear() * atlas.world_from_camera[j].linear());
+    const double turn = rotation.angle() / kCovisibleTurn;
+    if (turn < 1) near.emplace_back(j == keyframe + 1 ? 0.0 : turn + shift, j);
+  }
+  std::sort(near.begin(), near.end());
+  std::vector<std::size_t> keyframes;
+  keyframes.reserve(near.size());
+  for (const auto& [distance, j] : near) keyframes.push_back(j);
+  return keyframes;
+}
+
+std::vector<Loop> align_pairs(const std::vector<KeyframePair>& pairs, const KeyframeStore& images,
+                              SurfaceMatcher& matcher) {
+  Cache image(images);
+  std::vector<Loop> loops;
+  std::optional<std::size_t> from;  // that the matcher knows
+  for (const KeyframePair& pair : pairs) {
+    std::optional<Match> found;
+    if (pair.corners > 0) {
+      const Frame first = image(pair.from);
+      found = matcher.both_ways(first, image(pair.to), pair.from_to);
+      from.reset();
+    } else {
+      if (from != pair.from) matcher.set_from(image(pair.from));
+      from = pair.from;
+      found = matcher.match(image(pair.to), pair.from_to);
+    }
+    if (!found) continue;
+    loops.push_back({.edge = {.i = pair.from,
+                              .j = pair.to,
+                              .i_from_j = found->i_from_j,
+                              .information = found->information,
+                              .is_loop_closure = true},
+                     .corners = pair.corners,
+                     .inlier_share = found->inlier_share,
+                     .rmse = found->rmse});
+  }
+  return loops;
+}
+
+}  // namespace cairn
