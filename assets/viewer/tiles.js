@@ -7,7 +7,7 @@ import { gltfLoader } from './model.js';
 
 const kError = 6;                // pixels that the surface may lie beside where it is
 /** Bytes of meshes and textures, for which a page takes three times as much; what would need more is shown coarser. */
-const kMost = 96 * 2 ** 20;
+const kMost = 80 * 2 ** 20;
 const kKept = 0.8;               // of these, once some must go
 const kCoarser = 1.1;            // times the error, from one look to the next
 const kLoaded = 4, kFailed = 5;  // states of 3d-tiles-renderer

@@ -48,18 +48,21 @@ Eigen::Isometry3d earth_from_tileset(const GeoPlace& place) {
   return earth;
 }
 
-Tile tile_of_tileset(const std::filesystem::path& file, const std::string& address) {
+TilesetFile read_tileset_file(const std::filesystem::path& file) {
   try {
     const auto bytes = read_whole(file);
     const auto root = nlohmann::json::parse(bytes.begin(), bytes.end()).at("root");
     const auto b = root.at("boundingVolume").at("box").get<std::array<float, 12>>();
     const Eigen::Vector3f centre(b[0], -b[2], b[1]), half(b[3], b[11], b[7]);
-    Tile tile{.content = root.contains("content") ? address : std::string(),
-              .box = Eigen::AlignedBox3f(centre - half, centre + half),
-              .error = root.at("geometricError"),
-              .children = {},
-              .is_tileset = true};
-    return tile;
+    TilesetFile read{.root = {.content = {},
+                              .box = Eigen::AlignedBox3f(centre - half, centre + half),
+                              .error = root.at("geometricError"),
+                              .children = {},
+                              .is_tileset = true},
+                     .content = {}};
+    if (root.contains("content"))
+      read.content = file.parent_path() / root["content"].at("uri").get_ref<const std::string&>();
+    return read;
   } catch (const nlohmann::json::exception& error) {
     throw std::runtime_error(file.string() + ": is no tileset: " + plain(error.what()));
   } catch (const std::runtime_error& error) {

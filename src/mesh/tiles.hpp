@@ -23,9 +23,13 @@ struct Tile {
 /// From a tileset's axes (z up, y forward) to the Earth's (WGS 84; x at latitude and longitude 0, z north; metres).
 [[nodiscard]] Eigen::Isometry3d earth_from_tileset(const GeoPlace& place);
 
-/// A tileset that write_tileset has made, without a place on the Earth, as the content of a tile of another one.
-/// `address`: of its file there. Throws std::runtime_error for what is none.
-[[nodiscard]] Tile tile_of_tileset(const std::filesystem::path& file, const std::string& address);
+/// A tileset that write_tileset has made, without a place on the Earth, to be the content of a tile of another one.
+struct TilesetFile {
+  Tile root;                      // without content and children: it is a tileset
+  std::filesystem::path content;  // the root's mesh; empty: it has none
+};
+/// Throws std::runtime_error for what is none.
+[[nodiscard]] TilesetFile read_tileset_file(const std::filesystem::path& file);
 
 /// Writes tileset.json, whole or not at all. Tilesets are z-up: what glTF calls -z is their y. `place`: where globes
 /// show it, by the root's transform; none: around their own origin.

@@ -13,6 +13,8 @@
 #include "base/json_text.hpp"
 #include "export/cells.hpp"
 #include "export/map_contents.hpp"
+#include "export/tiles_above.hpp"
+#include "export/tiles_folder.hpp"
 #include "map/map_state.hpp"
 #include "mesh/tiles.hpp"
 #include "session/cells.hpp"
@@ -51,31 +53,11 @@ std::optional<ReadSession> earlier_session(const fs::path& plan) {
   }
 }
 
-/// A tile around tiles whose cells lie near each other, and so on until there is one.
-Tile around(std::vector<std::pair<Brick, Tile>> tiles) {
-  while (tiles.size() > 1) {
-    std::vector<std::pair<Brick, Tile>> above;
-    for (auto& [cell, tile] : tiles) {
-      const Brick at = Cells::at_level(cell, 1);
-      auto group = std::find_if(above.begin(), above.end(), [&](const auto& g) { return g.first == at; });
-      if (group == above.end()) group = above.insert(above.end(), {at, Tile{}});
-      group->second.box.extend(tile.box);
-      group->second.children.push_back(std::move(tile));
-    }
-    // Without content of its own it is never enough, from however far.
-    for (auto& [cell, tile] : above) tile.error = static_cast<double>(tile.box.diagonal().norm());
-    // Cells on both sides of zero never meet: at -1 and 0 they stay.
-    const bool is_stuck =
-        above.size() == tiles.size() && std::equal(above.begin(), above.end(), tiles.begin(),
-                                                   [](const auto& a, const auto& b) { return a.first == b.first; });
-    tiles = std::move(above);
-    if (!is_stuck) continue;
-    Tile all;
-    for (auto& [cell, tile] : tiles) all.box.extend(tile.box), all.children.push_back(std::move(tile));
-    all.error = static_cast<double>(all.box.diagonal().norm());
-    return all;
-  }
-  return std::move(tiles.front().second);
+/// Tiles of the levels above cells lie in a folder of their own.
+void put_into(Tile& tile, const std::string& folder) {
+  if (tile.is_tileset) return;
+  tile.content = folder + "/" + tile.content;
+  for (Tile& child : tile.children) put_into(child, folder);
 }
 
 }  // namespace
@@ -181,19 +163,29 @@ std::vector<PartSurface> part_surfaces(const fs::path& plan, const std::array<in
 }
 
 int write_cells_tileset(const fs::path& plan, const fs::path& file) {
-  std::vector<std::pair<Brick, Tile>> tiles;
+  std::vector<CellTile> cells;
   const fs::path home = fs::absolute(file).parent_path();
   for (const CellName& cell : cells_of(plan)) {
     const fs::path tileset = cell_folder(plan, cell) / "tileset.json";
     if (!fs::exists(tileset))
       throw std::runtime_error(fmt::format("{}: is missing; make it with cairn tile {} --cell {},{},{}",
                                            tileset.string(), plan.string(), cell[0], cell[1], cell[2]));
-    Tile tile = tile_of_tileset(tileset, as_uri(fs::absolute(tileset).lexically_proximate(home).generic_string()));
-    if (!tile.content.empty()) tiles.emplace_back(Brick(cell[0], cell[1], cell[2]), std::move(tile));
+    TilesetFile made = read_tileset_file(tileset);
+    if (made.content.empty()) continue;
+    made.root.content = as_uri(fs::absolute(tileset).lexically_proximate(home).generic_string());
+    cells.push_back({Brick(cell[0], cell[1], cell[2]), std::move(made.root), made.content});
   }
-  if (tiles.empty()) throw std::runtime_error(plan.string() + ": has no cell with a surface; run cairn optimise first");
-  const int count = static_cast<int>(tiles.size());
-  write_tileset(file, around(std::move(tiles)));
+  if (cells.empty()) throw std::runtime_error(plan.string() + ": has no cell with a surface; run cairn optimise first");
+  const int count = static_cast<int>(cells.size());
+  if (count == 1) {
+    write_tileset(file, cells[0].tile);
+    return count;
+  }
+  TilesFolder tiles(file);
+  Tile root = tiles_above(std::move(cells), tiles.part());
+  put_into(root, tiles.finish());
+  write_tileset(file, root);
+  tiles.keep();
   return count;
 }
 

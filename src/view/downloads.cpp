@@ -9,10 +9,10 @@
 
 #include "cairn/file_name.hpp"
 #include "cairn/mesh.hpp"
+#include "mesh/coloured_parts.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/points.hpp"
 #include "mesh/topology.hpp"
-#include "view/coloured_parts.hpp"
 #include "view/temporary_place.hpp"
 #include "view/zip_folder.hpp"
 

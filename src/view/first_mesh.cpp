@@ -12,9 +12,9 @@
 #include <vector>
 
 #include "cairn/mesh.hpp"
+#include "mesh/coloured_parts.hpp"
 #include "mesh/gltf.hpp"
 #include "mesh/topology.hpp"
-#include "view/coloured_parts.hpp"
 
 namespace cairn {
 namespace {

@@ -108,7 +108,8 @@ TEST_F(MapOfParts, BecomesTilesWithoutACrackBetweenCells) {
   }
   expect_done({"tileset", plan.string(), "-o", in("tileset.json")});
   const Json tileset = Json::parse(read_bytes(plan / "tileset.json"));
-  EXPECT_EQ(tileset.at("root").at("refine"), "ADD");  // it has no content of its own
+  EXPECT_EQ(tileset.at("root").at("refine"), "REPLACE");
+  EXPECT_TRUE(fs::exists(plan / tileset.at("root").at("content").at("uri").get<std::string>()));
   EXPECT_NE(tileset.dump().find(as_uri("tiles/" + cells()[0] + "/tileset.json")), std::string::npos);
 
   expect_done({"export", plan.string(), "-o", in("whole.ply")});

@@ -8,6 +8,9 @@
 
 namespace cairn {
 
+/// Gives vertices the colour that the texture has there, in its place. A mesh without one stays as it is.
+void take_colours(Mesh& mesh);
+
 /// The parts of a mesh file; vertices have the colour that the texture has there, in its place.
 [[nodiscard]] std::vector<Mesh> coloured_parts(const std::filesystem::path& file);
 

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "view/coloured_parts.hpp"
+#include "mesh/coloured_parts.hpp"
 
 #include <algorithm>
 #include <cstddef>
 
 namespace cairn {
-namespace {
 
 void take_colours(Mesh& mesh) {
   const Texture& texture = mesh.texture;
@@ -23,8 +22,6 @@ void take_colours(Mesh& mesh) {
   mesh.texture_coordinates.clear();
   mesh.texture = {};
 }
-
-}  // namespace
 
 std::vector<Mesh> coloured_parts(const std::filesystem::path& file) {
   std::vector<Mesh> parts = read_mesh_parts(file);
