@@ -15,15 +15,16 @@ namespace cairn {
 /// To a point from the nearest one of a triangle (Ericson 2005, Real-Time Collision Detection, 5.1.5).
 inline Eigen::Vector3f from_triangle(const Eigen::Vector3f& p, const Eigen::Vector3f& a, const Eigen::Vector3f& b,
                                      const Eigen::Vector3f& c) {
-  const Eigen::Vector3f ab = b - a, ac = c - a, ap = p - a;
+  const Eigen::Vector3f ab = b - a, ac = c - a;
+  Eigen::Vector3f ap = p - a;
   const float d1 = ab.dot(ap), d2 = ac.dot(ap);
   if (d1 <= 0 && d2 <= 0) return ap;
-  const Eigen::Vector3f bp = p - b;
+  Eigen::Vector3f bp = p - b;
   const float d3 = ab.dot(bp), d4 = ac.dot(bp);
   if (d3 >= 0 && d4 <= d3) return bp;
   const float vc = d1 * d4 - d3 * d2;
   if (vc <= 0 && d1 >= 0 && d3 <= 0) return ap - d1 / (d1 - d3) * ab;
-  const Eigen::Vector3f cp = p - c;
+  Eigen::Vector3f cp = p - c;
   const float d5 = ab.dot(cp), d6 = ac.dot(cp);
   if (d6 >= 0 && d5 <= d6) return cp;
   const float vb = d5 * d2 - d1 * d6;
