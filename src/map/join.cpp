@@ -20,7 +20,7 @@ constexpr double kClear = 2;  // times as strong as what tells something else
 // other doors open: between maps that lie right at most 0.7 %, of one pair 1.2 %; where they do not, and something
 // around the rooms that look alike differs, from 1.0 % on, mostly 3 to 10 %.
 constexpr int kViews = 20;
-constexpr double kContradicting = 0.01, kDoubtful = 0.015, kRefuted = 0.03;
+constexpr double kContradicting = 0.01, kRefuted = 0.03;
 
 /// Loops between two pieces that agree with each other, the one first that most of them agree with.
 using Cluster = std::vector<const Loop*>;
@@ -170,24 +170,21 @@ bool may_be_drift(const Atlas& atlas, const Cluster& a, const Cluster& b) {
   return is_within(by_a.inverse() * told(atlas, of_b), kDriftTurn, kDriftShift);
 }
 
-/// The cluster of a pair that may join it now: the only one, among those of much the same strength, that contradicts
-/// nothing of what was seen; or, where none is that strong besides and what it contradicts may be doors that stood
-/// otherwise, the strongest.
+/// The cluster of a pair that may join it now: the only one that contradicts nothing of what was seen, among those of
+/// much the same strength. What is refuted does not count; what contradicts a little does, for doors that stood
+/// otherwise may contradict the true one, and what is far weaker is not taken in its place.
 const Cluster* joining(const Atlas& atlas, const Pair& pair, Pieces& pieces) {
   const Cluster *strongest = nullptr, *clean = nullptr;
-  double of_strongest = 0;
-  int standing = 0, clean_ones = 0;
+  int clean_ones = 0;
   for (const Cluster& cluster : pair.clusters) {
     if (cluster.size() < kAgreeing) continue;
     if (strongest != nullptr && kClear * strength(cluster) <= strength(*strongest)) break;
     if (strongest != nullptr && may_be_drift(atlas, *strongest, cluster)) continue;
     const double contradiction = pieces.contradiction(mean_of(atlas, cluster));
     if (contradiction > kRefuted) continue;
-    if (++standing == 1) strongest = &cluster, of_strongest = contradiction;
-    if (contradiction > kContradicting) continue;
-    clean = &cluster, ++clean_ones;
+    if (strongest == nullptr) strongest = &cluster;
+    if (contradiction <= kContradicting) clean = &cluster, ++clean_ones;
   }
-  if (clean_ones == 0 && standing == 1 && of_strongest <= kDoubtful) return strongest;
   return clean_ones == 1 ? clean : nullptr;
 }
 
