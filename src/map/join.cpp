@@ -20,7 +20,7 @@ constexpr double kClear = 2;  // times as strong as what tells something else
 // other doors open: between maps that lie right at most 0.7 %, of one pair 1.2 %; where they do not, and something
 // around the rooms that look alike differs, from 1.0 % on, mostly 3 to 10 %.
 constexpr int kViews = 20;
-constexpr double kContradicting = 0.01, kRefuted = 0.03;
+constexpr double kContradicting = 0.01, kDoubtful = 0.015, kRefuted = 0.03;
 
 /// Loops between two pieces that agree with each other, the one first that most of them agree with.
 using Cluster = std::vector<const Loop*>;
@@ -173,18 +173,21 @@ bool may_be_drift(const Atlas& atlas, const Cluster& a, const Cluster& b) {
 /// The cluster of a pair that may join it now: the only one that contradicts nothing of what was seen, among those of
 /// much the same strength. What is refuted does not count; what contradicts a little does, for doors that stood
 /// otherwise may contradict the true one, and what is far weaker is not taken in its place.
-const Cluster* joining(const Atlas& atlas, const Pair& pair, Pieces& pieces) {
+/// `doubtful`: so may that true one be taken, where no other is nearly as strong.
+const Cluster* joining(const Atlas& atlas, const Pair& pair, Pieces& pieces, bool doubtful) {
   const Cluster *strongest = nullptr, *clean = nullptr;
-  int clean_ones = 0;
+  int clean_ones = 0, standing = 0;
+  bool is_little = false;  // what the strongest contradicts
   for (const Cluster& cluster : pair.clusters) {
     if (cluster.size() < kAgreeing) continue;
     if (strongest != nullptr && kClear * strength(cluster) <= strength(*strongest)) break;
     if (strongest != nullptr && may_be_drift(atlas, *strongest, cluster)) continue;
     const double contradiction = pieces.contradiction(mean_of(atlas, cluster));
     if (contradiction > kRefuted) continue;
-    if (strongest == nullptr) strongest = &cluster;
+    if (++standing == 1) strongest = &cluster, is_little = contradiction <= kDoubtful;
     if (contradiction <= kContradicting) clean = &cluster, ++clean_ones;
   }
+  if (doubtful && standing == 1 && is_little) return strongest;
   return clean_ones == 1 ? clean : nullptr;
 }
 
@@ -215,8 +218,9 @@ std::optional<Loop> next_join(const Atlas& atlas, const std::vector<Loop>& loops
     if (corners > 0) order.emplace_back(-corners, &pair);
   }
   std::stable_sort(order.begin(), order.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  for (const auto& [corners, pair] : order)
-    if (const Cluster* cluster = joining(atlas, *pair, pieces)) return mean_of(atlas, *cluster);
+  for (const bool doubtful : {false, true})
+    for (const auto& [corners, pair] : order)
+      if (const Cluster* cluster = joining(atlas, *pair, pieces, doubtful)) return mean_of(atlas, *cluster);
   return std::nullopt;
 }
 
