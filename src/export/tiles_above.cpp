@@ -110,12 +110,8 @@ void mix_colours(Mesh& mesh, const Mesh& fine) {
 
 std::vector<bool> on_border(const Mesh& mesh) {
   std::vector<bool> border(mesh.positions.size(), false);
-  const std::vector<Side> sides = sides_by_edge(mesh, own_ids(mesh));
-  for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
-    if (end != begin + 1) return;
-    const auto& t = mesh.triangles[sides[begin].triangle];
-    border[t[sides[begin].corner]] = border[t[(sides[begin].corner + 1) % 3]] = true;
-  });
+  for (const auto& [from, to] : boundary_edges(mesh, sides_by_edge(mesh, own_ids(mesh))))
+    border[from] = border[to] = true;
   return border;
 }
 
@@ -187,7 +183,7 @@ bool are_around_zero(const std::vector<CellTile>& tiles) {
 
 Tile tiles_above(std::vector<CellTile> tiles, const fs::path& folder) {
   SharedVertices vertices;
-  for (const CellTile& tile : tiles) vertices.add(welded(coloured_parts(tile.mesh)), tile.cell);
+  for (const CellTile& tile : tiles) vertices.add(welded(read_mesh_parts(tile.mesh)), tile.cell);
   for (int level = 1; tiles.size() > 1; ++level) {
     const bool is_last = are_around_zero(tiles);
     const GroupOf group_of = [&](const Brick& cell) {

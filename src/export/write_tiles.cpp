@@ -35,11 +35,6 @@ void write_content(ExportRun& run, const fs::path& folder, const std::string& na
   });
 }
 
-void put_into(Tile& tile, const std::string& folder) {
-  if (!tile.content.empty()) tile.content = folder + "/" + tile.content;
-  for (Tile& child : tile.children) put_into(child, folder);
-}
-
 /// Tiles from the leaves up; each is in memory until its parent is made. Nothing where there is no surface.
 std::optional<TilePart> make_tile(ExportRun& run, Texturer* texturer, const fs::path& folder, const Cells::Key& cell,
                                   int level) {

@@ -40,10 +40,15 @@ Eigen::Isometry3d move_of(const Atlas& atlas, const Loop& loop) {
   return told(atlas, loop) * atlas.world_from_camera[loop.edge.j].inverse();
 }
 
-/// Compared where the other one's keyframe is, so that a turn far away is no shift.
+/// Whether a loop tells that its second keyframe's piece is to be moved so. Compared where that keyframe is, so that a
+/// turn far away is no shift.
+bool tells(const Atlas& atlas, const Loop& loop, const Eigen::Isometry3d& move, double turn, double shift) {
+  const Eigen::Isometry3d moved = move * atlas.world_from_camera[loop.edge.j];
+  return is_within(moved.inverse() * told(atlas, loop), turn, shift);
+}
+
 bool agree(const Atlas& atlas, const Loop& a, const Loop& b) {
-  const Eigen::Isometry3d by_a = move_of(atlas, a) * atlas.world_from_camera[b.edge.j];
-  return is_within(by_a.inverse() * told(atlas, b), kAgreeTurn, kAgreeShift);
+  return tells(atlas, b, move_of(atlas, a), kAgreeTurn, kAgreeShift);
 }
 
 std::vector<Cluster> clusters_of(const Atlas& atlas, std::vector<const Loop*> loops) {
@@ -139,19 +144,23 @@ class Pieces {
     if (known.sizes != sizes) known = {sizes, {}};
     for (const auto& [there, share] : known.shares)
       if ((there.inverse() * move).isApprox(Eigen::Isometry3d::Identity(), 1e-9)) return share;
+    return known.shares.emplace_back(move, compare(now, loop, move)).second;
+  }
+
+ private:
+  /// Until it is refuted.
+  [[nodiscard]] double compare(const std::vector<std::size_t>& now, const Loop& loop, const Eigen::Isometry3d& move) {
     double most = 0;
     for (const auto& [a, of_a] : keyframes_)
       for (const auto& [b, of_b] : keyframes_) {
         if (now[a] != now[loop.edge.i] || now[b] != now[loop.edge.j]) continue;
         const auto compared = views_.compare(atlas_, of_a, of_b, move);
         if (compared.views >= kViews) most = std::max(most, compared.share);
-        if (most > kRefuted) break;
+        if (most > kRefuted) return most;
       }
-    known.shares.emplace_back(move, most);
     return most;
   }
 
- private:
   Atlas& atlas_;
   ViewsApart& views_;
   std::vector<std::size_t> before_;
@@ -165,9 +174,7 @@ class Pieces {
 
 /// Whether two clusters tell the same but for what pieces may have drifted by.
 bool may_be_drift(const Atlas& atlas, const Cluster& a, const Cluster& b) {
-  const Loop of_b = mean_of(atlas, b);
-  const Eigen::Isometry3d by_a = move_of(atlas, a) * atlas.world_from_camera[of_b.edge.j];
-  return is_within(by_a.inverse() * told(atlas, of_b), kDriftTurn, kDriftShift);
+  return tells(atlas, mean_of(atlas, b), move_of(atlas, a), kDriftTurn, kDriftShift);
 }
 
 /// The cluster of a pair that may join it now: the only one that contradicts nothing of what was seen, among those of

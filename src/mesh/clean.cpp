@@ -82,20 +82,6 @@ std::size_t remove_small_components(Mesh& mesh, const CleanOptions& options, con
   return static_cast<std::size_t>(removed);
 }
 
-/// The border goes from `from` to `to` with the surface on its left.
-struct BoundaryEdge {
-  std::uint32_t from, to;
-};
-std::vector<BoundaryEdge> boundary_edges(const Mesh& mesh, const std::vector<Side>& sides) {
-  std::vector<BoundaryEdge> boundary_edges;
-  for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
-    if (end - begin != 1) return;
-    const auto& t = mesh.triangles[sides[begin].triangle];
-    boundary_edges.push_back({t[sides[begin].corner], t[(sides[begin].corner + 1) % 3]});
-  });
-  return boundary_edges;
-}
-
 /// Triangles that hang on by one side alone stick out of the border.
 void remove_spikes(Mesh& mesh) {
   const std::vector<Side> sides = sides_by_edge(mesh, own_ids(mesh));

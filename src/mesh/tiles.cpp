@@ -48,6 +48,12 @@ Eigen::Isometry3d earth_from_tileset(const GeoPlace& place) {
   return earth;
 }
 
+void put_into(Tile& tile, const std::string& folder) {
+  if (tile.is_tileset) return;
+  if (!tile.content.empty()) tile.content = folder + "/" + tile.content;
+  for (Tile& child : tile.children) put_into(child, folder);
+}
+
 TilesetFile read_tileset_file(const std::filesystem::path& file) {
   try {
     const auto bytes = read_whole(file);

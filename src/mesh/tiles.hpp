@@ -23,6 +23,9 @@ struct Tile {
 /// From a tileset's axes (z up, y forward) to the Earth's (WGS 84; x at latitude and longitude 0, z north; metres).
 [[nodiscard]] Eigen::Isometry3d earth_from_tileset(const GeoPlace& place);
 
+/// Tells that the meshes of a tile and of those below it lie in a folder; not those of tilesets, which lie elsewhere.
+void put_into(Tile& tile, const std::string& folder);
+
 /// A tileset that write_tileset has made, without a place on the Earth, to be the content of a tile of another one.
 struct TilesetFile {
   Tile root;                      // without content and children: it is a tileset

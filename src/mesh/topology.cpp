@@ -69,6 +69,16 @@ std::vector<Side> sides_by_edge(const Mesh& mesh, const std::vector<std::uint32_
   return sides;
 }
 
+std::vector<BoundaryEdge> boundary_edges(const Mesh& mesh, const std::vector<Side>& sides) {
+  std::vector<BoundaryEdge> boundary_edges;
+  for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
+    if (end - begin != 1) return;
+    const auto& t = mesh.triangles[sides[begin].triangle];
+    boundary_edges.push_back({t[sides[begin].corner], t[(sides[begin].corner + 1) % 3]});
+  });
+  return boundary_edges;
+}
+
 Fans fans_of(const Mesh& mesh, const std::vector<Side>& sides, const std::vector<std::uint32_t>& vertex_id) {
   UnionFind<std::uint32_t> sets(3 * mesh.triangles.size());
   const auto vertex = [&](std::size_t corner) { return vertex_id[mesh.triangles[corner / 3][corner % 3]]; };

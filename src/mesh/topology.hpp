@@ -37,6 +37,12 @@ void for_each_edge(const std::vector<Side>& sides, const Visit& visit) {
   }
 }
 
+/// The border goes from `from` to `to` with the surface on its left.
+struct BoundaryEdge {
+  std::uint32_t from, to;
+};
+[[nodiscard]] std::vector<BoundaryEdge> boundary_edges(const Mesh& mesh, const std::vector<Side>& sides);
+
 /// Fans: the triangles at a vertex that hang together by sides which end there. A manifold has one at each vertex.
 struct Fans {
   std::vector<std::uint32_t> of_corner;       // by 3 * triangle + corner, the fan's own number

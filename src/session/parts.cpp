@@ -53,13 +53,6 @@ std::optional<ReadSession> earlier_session(const fs::path& plan) {
   }
 }
 
-/// Tiles of the levels above cells lie in a folder of their own.
-void put_into(Tile& tile, const std::string& folder) {
-  if (tile.is_tileset) return;
-  tile.content = folder + "/" + tile.content;
-  for (Tile& child : tile.children) put_into(child, folder);
-}
-
 }  // namespace
 
 MatchedMaps match_maps(const fs::path& first, const fs::path& second, const fs::path& file, int device) {
