@@ -63,8 +63,7 @@ float Texturer::texel_size(const Mesh& mesh, int level) const {
   return std::max(std::ldexp(texel, level), static_cast<float>(std::sqrt(area_of(mesh) / kFull)) / max_size);
 }
 
-Mesh Texturer::texture(const Part& part, int level) {
-  const Mesh& mesh = part.mesh;
+Mesh Texturer::texture(Mesh mesh, const Part& part, int level) {
   if (mesh.triangles.empty()) return mesh;
   const int max_size = run_.options.texture.max_size;
   float texel = texel_size(mesh, level);
@@ -77,9 +76,12 @@ Mesh Texturer::texture(const Part& part, int level) {
     }
     texel /= 1.15f;
   });
+  mesh = {};  // of a large part it is as much as its texture
   run_.step(run_.effort.charts * part.bricks, "colouring");
   std::size_t points = 0;
-  for (const shader::Texel& t : atlas->points) points += t.normal != 0;
+  for (const TextureAtlas::Tile& tile : atlas->tiles)
+    points += static_cast<std::size_t>(
+        std::count_if(tile.triangles.begin(), tile.triangles.end(), [](std::uint32_t t) { return t != kNone; }));
   seen_ += run_.timed("texture", [&] {
     return views_.blend(*atlas, part.colours.get(),
                         [&](double share) { run_.step(Effort::kTexture * part.bricks * share, "colouring"); });

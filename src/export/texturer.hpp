@@ -11,8 +11,8 @@ class Texturer {
  public:
   /// Compares the keyframes' colours. Throws std::runtime_error if there are none, or none with colour.
   explicit Texturer(ExportRun& run);
-  /// The part's mesh with a texture, coarser from level to level of detail.
-  [[nodiscard]] Mesh texture(const Part& part, int level);
+  /// A part's mesh with a texture, coarser from level to level of detail.
+  [[nodiscard]] Mesh texture(Mesh mesh, const Part& part, int level);
   /// The volume holds another part of the map from now on.
   void forget() { views_.forget(); }
 

@@ -52,7 +52,8 @@ std::string name_of(const Cells& cells, const Cells::Key& cell) {
 void add_to(Preview& preview, ExportRun& run, Texturer* texturer, const Cells::Key& cell, Part part) {
   simplify_part(run, part, {.ratio = preview.ratio}, 0, 0);
   run.step(Effort::kSimplify * part.bricks, "simplifying");
-  const Mesh mesh = run.as_written(texturer != nullptr ? texturer->texture(part, 1) : std::move(part.mesh));
+  Mesh simple = std::move(part.mesh);
+  const Mesh mesh = run.as_written(texturer != nullptr ? texturer->texture(std::move(simple), part, 1) : simple);
   run.timed("write", [&] { (void)preview.gltf.add(name_of(run.cells, cell), mesh); });
 }
 
@@ -69,7 +70,9 @@ void add_cell(ExportRun& run, Texturer* texturer, const Cells::Key& cell, std::v
       simplify_part(run, part, {.ratio = kLevelRatio}, 0, level);
       run.moved_by(part.error);
     }
-    Mesh mesh = run.as_written(texturer != nullptr ? texturer->texture(part, level) : part.mesh);
+    Mesh simple = i + 1 == levels.size() ? std::move(part.mesh) : part.mesh;
+    Mesh mesh =
+        run.as_written(texturer != nullptr ? texturer->texture(std::move(simple), part, level) : std::move(simple));
     GltfWriter::Added added{mesh.triangles.size(), mesh.positions.size()};
     if (is_gltf(run.file))
       run.timed("write", [&] { added = levels[i].gltf.add(name_of(run.cells, cell), mesh); });

@@ -65,7 +65,7 @@ std::optional<TilePart> make_tile(ExportRun& run, Texturer* texturer, const fs::
   tile.content = fmt::format("{}_{}_{}_{}.glb", level, cell[0], cell[1], cell[2]);
   ++run.exported.tiles;
   write_content(run, folder, tile.content,
-                run.as_written(texturer != nullptr ? texturer->texture(part, level) : part.mesh), level);
+                run.as_written(texturer != nullptr ? texturer->texture(part.mesh, part, level) : part.mesh), level);
   if (level == 0) run.step(Effort::kWrite * part.bricks, "meshing");
   return TilePart{std::move(tile), std::move(part)};
 }

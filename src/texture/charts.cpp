@@ -24,6 +24,7 @@
 namespace cairn {
 namespace {
 
+constexpr int kSide = shader::kTileSide;
 constexpr int kPadding = 2;        // texels around each chart that belong to it
 constexpr float kTurned = 0.62f;   // cosine between a chart's axis and the smoothed surface in it, at least
 constexpr float kFlat = 0.2f;      // the same of a triangle itself
@@ -274,71 +275,32 @@ void dilate(TriangleImage& image) {
 }
 
 /// A sliver may cover no texel's middle: what lies around it is coloured all the same.
-TriangleImage draw(const Chart& chart, const Mesh& mesh, int width, int height) {
+TriangleImage draw(const Chart& chart, const Mesh& mesh, int width, int height, std::uint32_t first) {
   TriangleImage image{width, height, {}};
   image.triangles.assign(image.index(0, height), kNone);
-  for (const std::uint32_t t : chart.triangles)
-    rasterise(in_subtexels(corners_in(chart, mesh, t)), [&](int x, int y) { image.triangles[image.index(x, y)] = t; });
+  for (std::uint32_t i = 0; i < chart.triangles.size(); ++i)
+    rasterise(in_subtexels(corners_in(chart, mesh, chart.triangles[i])),
+              [&](int x, int y) { image.triangles[image.index(x, y)] = first + i; });
   dilate(image);
   return image;
 }
 
-/// The point of a triangle, or of its plane beside it, under a texel.
-shader::Texel surface_point(const Chart& chart, const Mesh& mesh, std::uint32_t triangle, int x, int y) {
-  const auto p = corners_in(chart, mesh, triangle);
-  const Eigen::Vector2f ab = p[1] - p[0], ac = p[2] - p[0],
-                        q = Eigen::Vector2f(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f) - p[0];
-  const float area = ab.x() * ac.y() - ab.y() * ac.x();
-  float b = 0, c = 0;
-  if (std::abs(area) > 1e-9f) {
-    b = (q.x() * ac.y() - q.y() * ac.x()) / area;
-    c = (ab.x() * q.y() - ab.y() * q.x()) / area;
-  }
-  const std::array<float, 3> weight{1 - b - c, b, c};
-  Eigen::Vector3f position = Eigen::Vector3f::Zero(), normal = position, colour = position;
-  for (std::size_t corner = 0; corner < 3; ++corner) {
-    const std::uint32_t v = mesh.triangles[triangle][corner];
-    position += weight[corner] * mesh.positions[v];
-    const float inside = std::clamp(weight[corner], 0.0f, 1.0f);
-    if (!mesh.normals.empty()) normal += inside * mesh.normals[v];
-    if (!mesh.colours.empty())
-      colour += inside * Eigen::Vector3f(mesh.colours[v][0], mesh.colours[v][1], mesh.colours[v][2]);
-  }
-  const auto byte = [](float f) { return static_cast<std::uint32_t>(std::lround(std::clamp(f, 0.0f, 255.0f))); };
-  return {position, shader::pack_normal(normal.norm() > 1e-6f ? normal : Eigen::Vector3f::UnitZ()),
-          byte(colour.x()) | byte(colour.y()) << 8 | byte(colour.z()) << 16};
-}
-
-/// As in TextureAtlas, of one chart.
-struct Tiles {
-  std::vector<shader::Texel> points;
-  std::vector<std::uint32_t> texel;
-};
-
-Tiles tiles_of(const Chart& chart, const Mesh& mesh, const stbrp_rect& rect, int texture_width) {
-  const TriangleImage image = draw(chart, mesh, rect.w, rect.h);
-  Tiles tiles;
-  constexpr int kSide = shader::kTileSide;
-  for (int ty = 0; ty < rect.h; ty += kSide)
-    for (int tx = 0; tx < rect.w; tx += kSide) {
-      const std::size_t first = tiles.points.size();
+/// Those of a chart. `first`: the number of its first triangle where they are counted on.
+std::vector<TextureAtlas::Tile> tiles_of(const Chart& chart, const Mesh& mesh, const stbrp_rect& rect,
+                                         std::uint32_t first) {
+  const TriangleImage image = draw(chart, mesh, rect.w, rect.h, first);
+  std::vector<TextureAtlas::Tile> tiles;
+  for (int y = 0; y < rect.h; y += kSide)
+    for (int x = 0; x < rect.w; x += kSide) {
+      TextureAtlas::Tile tile{.x = rect.x + x, .y = rect.y + y};
       bool any = false;
-      tiles.points.resize(first + shader::kTileTexels);
-      tiles.texel.resize(first + shader::kTileTexels, 0);
       for (int k = 0; k < kSide * kSide; ++k) {
-        const int x = tx + k % kSide, y = ty + k / kSide;
-        if (!image.contains(x, y)) continue;
-        const std::uint32_t t = image.triangles[image.index(x, y)];
-        if (t == kNone) continue;
-        const std::size_t slot = first + static_cast<std::size_t>(k);
-        tiles.points[slot] = surface_point(chart, mesh, t, x, y);
-        tiles.texel[slot] = static_cast<std::uint32_t>((rect.y + y) * texture_width + rect.x + x);
-        any = true;
+        const int tx = x + k % kSide, ty = y + k / kSide;
+        std::uint32_t& triangle = tile.triangles[static_cast<std::size_t>(k)];
+        triangle = image.contains(tx, ty) ? image.triangles[image.index(tx, ty)] : kNone;
+        any = any || triangle != kNone;
       }
-      if (!any) {
-        tiles.points.resize(first);
-        tiles.texel.resize(first);
-      }
+      if (any) tiles.push_back(tile);
     }
   return tiles;
 }
@@ -405,15 +367,59 @@ std::optional<TextureAtlas> pack(const Mesh& mesh, const std::vector<Chart>& cha
   TextureAtlas atlas;
   atlas.charts = static_cast<int>(charts.size());
   atlas.mesh = unwrapped(mesh, charts, *layout);
-  std::vector<Tiles> of_chart(charts.size());
+  std::vector<std::uint32_t> first;  // triangle of each chart
+  std::uint32_t triangles = 0;
+  for (const Chart& chart : charts) {
+    first.push_back(triangles);
+    triangles += static_cast<std::uint32_t>(chart.triangles.size());
+  }
+  std::vector<std::vector<TextureAtlas::Tile>> of_chart(charts.size());
   tbb::parallel_for(std::size_t{0}, charts.size(),
-                    [&](std::size_t i) { of_chart[i] = tiles_of(charts[i], mesh, layout->rects[i], layout->width); });
-  for (Tiles& tiles : of_chart) {
-    atlas.points.insert(atlas.points.end(), tiles.points.begin(), tiles.points.end());
-    atlas.texel.insert(atlas.texel.end(), tiles.texel.begin(), tiles.texel.end());
+                    [&](std::size_t i) { of_chart[i] = tiles_of(charts[i], mesh, layout->rects[i], first[i]); });
+  std::size_t count = 0;
+  for (const auto& tiles : of_chart) count += tiles.size();
+  atlas.tiles.reserve(count);
+  for (auto& tiles : of_chart) {
+    atlas.tiles.insert(atlas.tiles.end(), tiles.begin(), tiles.end());
     tiles = {};
   }
   return atlas;
+}
+
+std::size_t TextureAtlas::texel(const Tile& tile, std::size_t k) const {
+  const auto x = static_cast<std::size_t>(tile.x) + k % kSide, y = static_cast<std::size_t>(tile.y) + k / kSide;
+  return y * static_cast<std::size_t>(mesh.texture.width) + x;
+}
+
+shader::Texel TextureAtlas::point(const Tile& tile, std::size_t k) const {
+  if (tile.triangles[k] == kNone) return {};
+  const auto& triangle = mesh.triangles[tile.triangles[k]];
+  const auto at = [&](std::size_t corner) -> Eigen::Vector2f {
+    return mesh.texture_coordinates[triangle[corner]].cwiseProduct(
+        Eigen::Vector2f(static_cast<float>(mesh.texture.width), static_cast<float>(mesh.texture.height)));
+  };
+  const Eigen::Vector2f texel(static_cast<float>(tile.x) + static_cast<float>(k % kSide) + 0.5f,
+                              static_cast<float>(tile.y) + static_cast<float>(k / kSide) + 0.5f);
+  const Eigen::Vector2f a = at(0), ab = at(1) - a, ac = at(2) - a, q = texel - a;
+  const float area = ab.x() * ac.y() - ab.y() * ac.x();
+  float b = 0, c = 0;
+  if (std::abs(area) > 1e-9f) {
+    b = (q.x() * ac.y() - q.y() * ac.x()) / area;
+    c = (ab.x() * q.y() - ab.y() * q.x()) / area;
+  }
+  const std::array<float, 3> weight{1 - b - c, b, c};
+  Eigen::Vector3f position = Eigen::Vector3f::Zero(), normal = position, colour = position;
+  for (std::size_t corner = 0; corner < 3; ++corner) {
+    const std::uint32_t v = triangle[corner];
+    position += weight[corner] * mesh.positions[v];
+    const float inside = std::clamp(weight[corner], 0.0f, 1.0f);
+    if (!mesh.normals.empty()) normal += inside * mesh.normals[v];
+    if (!mesh.colours.empty())
+      colour += inside * Eigen::Vector3f(mesh.colours[v][0], mesh.colours[v][1], mesh.colours[v][2]);
+  }
+  const auto byte = [](float f) { return static_cast<std::uint32_t>(std::lround(std::clamp(f, 0.0f, 255.0f))); };
+  return {position, shader::pack_normal(normal.norm() > 1e-6f ? normal : Eigen::Vector3f::UnitZ()),
+          byte(colour.x()) | byte(colour.y()) << 8 | byte(colour.z()) << 16};
 }
 
 void fill_between(Texture& texture, std::vector<bool> known) {

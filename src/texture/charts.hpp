@@ -2,10 +2,13 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // A mesh is cut into charts that lie flat side by side in a texture.
 #pragma once
+#include <array>
+#include <cstdint>
 #include <optional>
 #include <vector>
 
 #include "cairn/mesh.hpp"
+#include "mesh/topology.hpp"
 #include "shaders/texture.h"
 
 namespace cairn {
@@ -23,12 +26,22 @@ struct Chart {
 
 /// Charts side by side in a texture.
 struct TextureAtlas {
+  struct Tile {
+    int x = 0, y = 0;  // of its first texel, in the texture
+    /// The triangle under each texel, row by row: its number in `mesh`, or kNone.
+    std::array<std::uint32_t, shader::kTileTexels> triangles{};
+  };
+
   Mesh mesh;  // a vertex for each chart that it belongs to, with texture_coordinates; its texture has a size and no
               // texels
   int charts = 0;
-  /// Points of the surface under the texels, kTileTexels for each tile of a chart; where `normal` is 0 there is none.
-  std::vector<shader::Texel> points;
-  std::vector<std::uint32_t> texel;  // of each point: its number in the texture
+  std::vector<Tile> tiles;  // of charts that lie under some texel
+
+  /// The point of the surface under a tile's texel, or beside it in the plane of its triangle; `normal` is 0 where
+  /// there is none.
+  [[nodiscard]] shader::Texel point(const Tile& tile, std::size_t k) const;
+  /// The number of a tile's texel in the texture.
+  [[nodiscard]] std::size_t texel(const Tile& tile, std::size_t k) const;
 };
 /// Packs charts. Nothing where they do not fit into a texture of `max_size` a side.
 [[nodiscard]] std::optional<TextureAtlas> pack(const Mesh& mesh, const std::vector<Chart>& charts, int max_size);

@@ -342,19 +342,19 @@ std::vector<Eigen::Vector3f> exposure_gains(std::size_t keyframes, std::span<con
 
 struct TextureViews::Tile {
   std::uint64_t code;
-  std::size_t first;  // point
+  std::size_t index;  // in the atlas
   Eigen::Vector3f middle, normal;
 };
 
 /// So that those which lie near each other are coloured together.
 std::vector<TextureViews::Tile> TextureViews::in_morton_order(const TextureAtlas& atlas) {
-  std::vector<Tile> order(atlas.points.size() / shader::kTileTexels);
+  std::vector<Tile> order(atlas.tiles.size());
   tbb::parallel_for(std::size_t{0}, order.size(), [&](std::size_t i) {
     Tile& tile = order[i];
-    tile.first = i * shader::kTileTexels;
+    tile.index = i;
     // The point in the middle, or the one nearest to it in the list.
     for (std::size_t k = 0; k < shader::kTileTexels; ++k) {
-      const shader::Texel& t = atlas.points[tile.first + (27 + k) % shader::kTileTexels];
+      const shader::Texel t = atlas.point(atlas.tiles[i], (27 + k) % shader::kTileTexels);
       if (t.normal == 0) continue;
       tile.middle = t.position;
       tile.normal = shader::unpack_normal(t.normal);
@@ -363,7 +363,7 @@ std::vector<TextureViews::Tile> TextureViews::in_morton_order(const TextureAtlas
     tile.code = morton(tile.middle);
   });
   std::sort(order.begin(), order.end(),
-            [](const Tile& a, const Tile& b) { return std::tie(a.code, a.first) < std::tie(b.code, b.first); });
+            [](const Tile& a, const Tile& b) { return std::tie(a.code, a.index) < std::tie(b.code, b.index); });
   return order;
 }
 
@@ -394,11 +394,11 @@ void TextureViews::blend_tiles(const TextureAtlas& atlas, std::span<const Tile> 
   std::vector<shader::TextureView> views;
   for (const std::size_t k : needed)
     if (on_device(k).has_colour) views.push_back(view_of(k));
-  buffers.tile_points.clear();
-  for (const Tile& tile : tiles) {
-    const auto first = atlas.points.begin() + static_cast<std::ptrdiff_t>(tile.first);
-    buffers.tile_points.insert(buffers.tile_points.end(), first, first + shader::kTileTexels);
-  }
+  buffers.tile_points.resize(tiles.size() * shader::kTileTexels);
+  tbb::parallel_for(std::size_t{0}, tiles.size(), [&](std::size_t i) {
+    for (std::size_t k = 0; k < shader::kTileTexels; ++k)
+      buffers.tile_points[i * shader::kTileTexels + k] = atlas.point(atlas.tiles[tiles[i].index], k);
+  });
   buffers.tile_colours.resize(buffers.tile_points.size());
   const auto count = static_cast<std::uint32_t>(tiles.size());
   const shader::TextureBlendPush push{.camera = shader::pinhole(camera_),
@@ -444,7 +444,7 @@ std::size_t TextureViews::blend(TextureAtlas& atlas, const VoxelColours* unseen,
     for (std::size_t i = 0; i < buffers.tile_points.size(); ++i) {
       if (buffers.tile_points[i].normal == 0) continue;
       const std::uint32_t word = buffers.tile_colours[i];
-      const std::uint32_t texel = atlas.texel[tiles[i / shader::kTileTexels].first + i % shader::kTileTexels];
+      const std::size_t texel = atlas.texel(atlas.tiles[tiles[i / shader::kTileTexels].index], i % shader::kTileTexels);
       known[texel] = true;
       seen += word >> 24 != 0;
       for (std::uint32_t c = 0; c < 3; ++c) texture.texels[texel][c] = static_cast<std::uint8_t>(word >> (8 * c));

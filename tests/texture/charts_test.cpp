@@ -62,16 +62,19 @@ void expect_sound(const Mesh& mesh) {
   }
   // What a texel shows lies on the surface, a little beyond its borders at the rim of a chart.
   const MeshSurface surface(mesh);
-  std::set<std::uint32_t> texels;
+  std::set<std::size_t> texels;
   std::size_t on_surface = 0, points = 0;
-  for (std::size_t i = 0; i < atlas->points.size(); ++i) {
-    if (atlas->points[i].normal == 0) continue;
-    ++points;
-    ASSERT_TRUE(texels.insert(atlas->texel[i]).second);
-    const double distance = surface.distance(Eigen::Vector3f(atlas->points[i].position));
-    ASSERT_LT(distance, 6 * static_cast<double>(kTexel));
-    on_surface += distance < 1e-4;
-  }
+  for (const TextureAtlas::Tile& tile : atlas->tiles)
+    for (std::size_t k = 0; k < shader::kTileTexels; ++k) {
+      const shader::Texel point = atlas->point(tile, k);
+      ASSERT_EQ(point.normal == 0, tile.triangles[k] == kNone);
+      if (point.normal == 0) continue;
+      ++points;
+      ASSERT_TRUE(texels.insert(atlas->texel(tile, k)).second);
+      const double distance = surface.distance(Eigen::Vector3f(point.position));
+      ASSERT_LT(distance, 6 * static_cast<double>(kTexel));
+      on_surface += distance < 1e-4;
+    }
   EXPECT_GT(static_cast<double>(on_surface), 0.5 * static_cast<double>(points));
 }
 
@@ -96,7 +99,8 @@ TEST(Charts, LieInTheTextureAlongTheirLongerSide) {
   const auto atlas = pack(mesh, make_charts(mesh, kTexel, 512), 512);
   ASSERT_TRUE(atlas);
   std::size_t points = 0;
-  for (const auto& p : atlas->points) points += p.normal != 0;
+  for (const TextureAtlas::Tile& tile : atlas->tiles)
+    for (const std::uint32_t triangle : tile.triangles) points += triangle != kNone;
   EXPECT_GT(static_cast<double>(points), 0.8 * atlas->mesh.texture.width * atlas->mesh.texture.height);
 }
 

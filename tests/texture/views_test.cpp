@@ -5,7 +5,9 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <functional>
 
 #include "support/meshes.hpp"
 #include "support/scenes.hpp"
@@ -64,20 +66,25 @@ struct WallScene {
     mesh.colours.assign(mesh.positions.size(), {0, 0, 0, 255});
     atlas = *pack(mesh, make_charts(mesh, 0.01f, 512), 512);
   }
+  /// Calls `with` a point of the wall and its colour in the atlas.
+  void each_texel(const std::function<void(const Eigen::Vector3f&, const std::array<std::uint8_t, 3>&)>& with) const {
+    for (const TextureAtlas::Tile& tile : atlas.tiles)
+      for (std::size_t k = 0; k < shader::kTileTexels; ++k)
+        if (const shader::Texel point = atlas.point(tile, k); point.normal != 0)
+          with(Eigen::Vector3f(point.position), atlas.mesh.texture.texels[atlas.texel(tile, k)]);
+  }
   /// Root mean square and largest difference to the wall times an exposure.
   [[nodiscard]] std::pair<double, double> error(float exposure) const {
     double squared = 0, most = 0, count = 0;
-    for (std::size_t i = 0; i < atlas.points.size(); ++i) {
-      if (atlas.points[i].normal == 0) continue;
-      const Eigen::Vector3f p = atlas.points[i].position, c = exposure * wall(p.x(), p.y());
-      const auto& t = atlas.mesh.texture.texels[atlas.texel[i]];
+    each_texel([&](const Eigen::Vector3f& p, const std::array<std::uint8_t, 3>& t) {
+      const Eigen::Vector3f c = exposure * wall(p.x(), p.y());
       for (int k = 0; k < 3; ++k) {
         const double d = static_cast<double>(t[static_cast<std::size_t>(k)]) - static_cast<double>(c[k]);
         squared += d * d;
         most = std::max(most, std::abs(d));
         ++count;
       }
-    }
+    });
     return {std::sqrt(squared / count), most};
   }
 };
@@ -89,7 +96,7 @@ TEST(TextureViews, GiveTheColourThatTheySee) {
   TextureViews views = s.views();
   const std::size_t seen = views.blend(s.atlas);
   std::size_t points = 0;
-  for (const auto& p : s.atlas.points) points += p.normal != 0;
+  s.each_texel([&](auto&&...) { ++points; });
   EXPECT_EQ(seen, points);
   const auto [rms, most] = s.error(1);
   EXPECT_LT(rms, 1.5);
@@ -103,11 +110,9 @@ TEST(TextureViews, DoNotSeeThroughWhatIsBeforeTheSurface) {
   s.make_atlas();
   TextureViews views = s.views();
   views.blend(s.atlas);
-  for (std::size_t i = 0; i < s.atlas.points.size(); ++i) {
-    if (s.atlas.points[i].normal == 0) continue;
-    const auto& t = s.atlas.mesh.texture.texels[s.atlas.texel[i]];
+  s.each_texel([](const Eigen::Vector3f&, const std::array<std::uint8_t, 3>& t) {
     ASSERT_FALSE(t[0] > 240 && t[1] < 30 && t[2] < 30) << "the board's colour is on the wall";
-  }
+  });
   EXPECT_LT(s.error(1).first, 2);
 }
 
