@@ -118,11 +118,10 @@ void Merger::gather(std::span<const MergeJob> jobs, std::size_t begin, const Loa
 
 void Merger::merge(std::span<const MergeJob> jobs, const LoadSubmap& submap, BrickTree& world) {
   if (jobs.empty()) return;
-  if (!voxels_) {
-    voxels_ = gpu::Buffer(device_, kSlots * sizeof(BrickVoxels));
-    merged_ = gpu::Buffer(device_, kTargets * sizeof(BrickVoxels));
-    targets_ = gpu::Buffer(device_, kTargets * sizeof(shader::MergeTarget));
-  }
+  // Not kept: what is made of the result needs the memory.
+  const gpu::Buffer voxels(device_, kSlots * sizeof(BrickVoxels)), merged(device_, kTargets * sizeof(BrickVoxels)),
+      targets(device_, kTargets * sizeof(shader::MergeTarget));
+  gpu::Buffer sources;
   gpu::Batch batch(device_);
   std::vector<BrickVoxels> result;
   Gathered now, next;
@@ -132,17 +131,17 @@ void Merger::merge(std::span<const MergeJob> jobs, const LoadSubmap& submap, Bri
     std::future<void> gathering;
     if (now.end < jobs.size())
       gathering = std::async(std::launch::async, [&, begin = now.end] { gather(jobs, begin, submap, next); });
-    if (sources_.size() < now.sources.size() * sizeof(shader::MergeSource))
-      sources_ = gpu::Buffer(device_, 2 * now.sources.size() * sizeof(shader::MergeSource));
-    batch.upload(voxels_, std::span<const BrickVoxels>(now.voxels).first(now.used));
-    batch.upload(targets_, now.targets);
-    batch.upload(sources_, now.sources);
+    if (sources.size() < now.sources.size() * sizeof(shader::MergeSource))
+      sources = gpu::Buffer(device_, 2 * now.sources.size() * sizeof(shader::MergeSource));
+    batch.upload(voxels, std::span<const BrickVoxels>(now.voxels).first(now.used));
+    batch.upload(targets, now.targets);
+    batch.upload(sources, now.sources);
     const auto count = static_cast<std::uint32_t>(now.targets.size());
     merge_(batch, {64 * count, 1, 1},
-           {.voxels = shader::address(voxels_), .max_weight = options_.max_weight, .targets = count},
-           {&targets_, &sources_, &merged_});
+           {.voxels = shader::address(voxels), .max_weight = options_.max_weight, .targets = count},
+           {&targets, &sources, &merged});
     result.resize(count);
-    batch.download(merged_, result);
+    batch.download(merged, result);
     batch.run();
     for (std::size_t i = 0; i < result.size(); ++i) {
       const bool is_empty = std::all_of(result[i].begin(), result[i].end(), [](std::uint64_t v) { return v == 0; });

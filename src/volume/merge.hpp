@@ -44,7 +44,6 @@ class Merger {
 
   gpu::Device& device_;
   FuseOptions options_;
-  gpu::Buffer voxels_, targets_, sources_, merged_;
   gpu::Kernel<shader::SubmapMergePush> merge_;
 };
 
