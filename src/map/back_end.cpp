@@ -206,6 +206,13 @@ void BackEnd::settle() {
   attempt_settling([&] { settling_.take_closing(atlas_); });
   (void)take_found();
   attempt_settling([&] { settling_.finish(atlas_); });
+  attempt_settling([&] {
+    if (!contradict_each_other(atlas_)) return;
+    Atlas anew = atlas_;  // what fails on the way leaves the map as it is
+    ViewsApart views(rig_.depth, [&](std::size_t k) { return images_.depth(k); });
+    join_anew(anew, views);
+    atlas_ = std::move(anew);
+  });
 }
 
 void BackEnd::ask_up(Up up) {

@@ -3,6 +3,7 @@
 #include "map/join.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <optional>
 #include <utility>
@@ -21,6 +22,13 @@ constexpr double kClear = 2;  // times as strong as what tells something else
 // around the rooms that look alike differs, from 1.0 % on, mostly 3 to 10 %.
 constexpr int kViews = 20;
 constexpr double kContradicting = 0.01, kDoubtful = 0.015, kRefuted = 0.03;
+
+constexpr double kWalk = 1;    // m/s: who scans goes slower
+constexpr double kHurry = 2;   // times as fast as the camera went before it was lost, if that is more
+constexpr double kBefore = 2;  // seconds that tell how fast that was
+// Loops between pieces of a run that the pose graph does not believe, from which number and share on all is begun anew.
+constexpr std::size_t kUnbelieved = 20;
+constexpr double kMuchUnbelieved = 0.1;
 
 /// Loops between two pieces that agree with each other, the one first that most of them agree with.
 using Cluster = std::vector<const Loop*>;
@@ -127,16 +135,37 @@ std::vector<Pair> pairs_of(const Atlas& atlas, const std::vector<Loop>& loops) {
   return pairs;
 }
 
+/// Metres a second, before and at a keyframe.
+double speed(const std::vector<Keyframe>& keyframes, std::size_t k) {
+  double way = 0, seconds = 0;
+  for (; keyframes[k].follows && seconds < kBefore; --k) {
+    way += (keyframes[k - 1].odometry_from_camera.inverse() * keyframes[k].odometry_from_camera).translation().norm();
+    seconds += keyframes[k].timestamp - keyframes[k - 1].timestamp;
+  }
+  return seconds > 0 ? way / seconds : 0;
+}
+
+/// Metres that the camera can have gone while it was lost between two keyframes, the first one of a piece and the one
+/// before it. Infinite where they are of two recordings, as far as times and frames tell.
+double reach(const std::vector<Keyframe>& keyframes, std::size_t next) {
+  const Keyframe &before = keyframes[next - 1], &after = keyframes[next];
+  if (after.timestamp <= before.timestamp || after.frame <= before.frame)
+    return std::numeric_limits<double>::infinity();
+  return (after.timestamp - before.timestamp) * std::max(kWalk, kHurry * speed(keyframes, next - 1));
+}
+
 /// What the pieces were before anything was joined, and what they are now.
 class Pieces {
  public:
   Pieces(Atlas& atlas, ViewsApart& views) : atlas_(atlas), views_(views), before_(atlas.components()) {
     for (std::size_t k = 0; k < before_.size(); ++k) keyframes_[before_[k]].push_back(k);
   }
-  /// By how much two of the pieces before contradict each other at most, where a loop joins what they are in.
+  /// By how much two of the pieces before contradict each other at most, where a loop joins what they are in; wholly,
+  /// where the camera would have jumped.
   [[nodiscard]] double contradiction(const Loop& loop) {
     const auto now = atlas_.components();
     const Eigen::Isometry3d move = move_of(atlas_, loop);
+    if (jumps(now, loop, move)) return 1;
     const auto size = [&](std::size_t k) { return std::count(now.begin(), now.end(), now[k]); };
     // Pieces only grow: of the same size they are the same, and so is what is told of them until one moves.
     Known& known = known_[{now[loop.edge.i], now[loop.edge.j]}];
@@ -148,6 +177,19 @@ class Pieces {
   }
 
  private:
+  /// Whether the camera would have gone farther than it can while it was lost between the two pieces.
+  [[nodiscard]] bool jumps(const std::vector<std::size_t>& now, const Loop& loop, const Eigen::Isometry3d& move) const {
+    const std::size_t first = now[loop.edge.i], second = now[loop.edge.j];
+    const auto moved = [&](std::size_t k) -> Eigen::Isometry3d {
+      return now[k] == second ? move * atlas_.world_from_camera[k] : atlas_.world_from_camera[k];
+    };
+    for (std::size_t k = 1; k < now.size(); ++k) {
+      if (atlas_.keyframes[k].follows || std::minmax(now[k - 1], now[k]) != std::minmax(first, second)) continue;
+      if ((moved(k - 1).inverse() * moved(k)).translation().norm() > reach(atlas_.keyframes, k) + kDriftShift)
+        return true;
+    }
+    return false;
+  }
   /// Until it is refuted.
   [[nodiscard]] double compare(const std::vector<std::size_t>& now, const Loop& loop, const Eigen::Isometry3d& move) {
     double most = 0;
@@ -212,23 +254,62 @@ std::vector<Loop> oriented(const Atlas& atlas, const std::vector<Loop>& loops) {
   return between;
 }
 
+/// Which two pieces are joined first: those whose clearest loops have most corners in common, where all are about as
+/// large; of a run, whose pieces may be of some keyframes or of thousands, those with most and clearest loops.
+enum class Order : std::uint8_t { corners, strength };
+
 /// How the next two pieces are joined, if any. What a piece has grown by tells as well: where the loops of one map
 /// leave open in which of two rooms that look alike it is, those of all that see it do not.
-std::optional<Loop> next_join(const Atlas& atlas, const std::vector<Loop>& loops, Pieces& pieces) {
+std::optional<Loop> next_join(const Atlas& atlas, const std::vector<Loop>& loops, Pieces& pieces, Order by) {
   const std::vector<Loop> between = oriented(atlas, loops);
   const std::vector<Pair> pairs = pairs_of(atlas, between);
-  std::vector<std::pair<int, const Pair*>> order;  // by the corners of its clearest cluster
+  std::vector<std::pair<double, const Pair*>> order;
   for (const Pair& pair : pairs) {
-    int corners = 0;
+    double most = 0;
     for (const Cluster& cluster : pair.clusters)
-      if (cluster.size() >= kAgreeing) corners = std::max(corners, median_corners(cluster));
-    if (corners > 0) order.emplace_back(-corners, &pair);
+      if (cluster.size() >= kAgreeing)
+        most = std::max(most, by == Order::corners ? median_corners(cluster) : strength(cluster));
+    if (most > 0) order.emplace_back(-most, &pair);
   }
   std::stable_sort(order.begin(), order.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   for (const bool doubtful : {false, true})
-    for (const auto& [corners, pair] : order)
+    for (const auto& [most, pair] : order)
       if (const Cluster* cluster = joining(atlas, *pair, pieces, doubtful)) return mean_of(atlas, *cluster);
   return std::nullopt;
+}
+
+/// Puts the loops between pieces as they were that agree with how these lie now in the place of those from `begin` on,
+/// which tie them. Returns how many.
+std::size_t add_agreeing(Atlas& atlas, const std::vector<Pair>& pairs, std::size_t begin) {
+  const auto piece = atlas.components();
+  atlas.loops.resize(begin);
+  for (const Pair& pair : pairs) {
+    if (piece[pair.first] != piece[pair.second]) continue;
+    for (const Cluster& cluster : pair.clusters) {
+      const bool are_many = cluster.size() >= kAgreeing;
+      for (const Loop* loop : cluster) {
+        const Eigen::Isometry3d off = atlas.world_from_camera[loop->edge.j].inverse() * told(atlas, *loop);
+        if (!is_within(off, are_many ? kDriftTurn : kAgreeTurn, are_many ? kDriftShift : kAgreeShift)) continue;
+        atlas.loops.push_back(*loop);
+      }
+    }
+  }
+  return atlas.loops.size() - begin;
+}
+
+/// Optimises the poses of a run whose steps may have slipped.
+void settle(Atlas& atlas) {
+  PoseGraph graph = atlas.graph();
+  for (PoseGraph::Edge& edge : graph.edges) edge.may_slip = !edge.is_loop_closure;
+  atlas.take(graph, optimise(graph));
+}
+
+/// By keyframe: the first one of its piece, that was tracked without a break.
+std::vector<std::size_t> tracked_pieces(const Atlas& atlas) {
+  std::vector<std::size_t> first;
+  for (std::size_t k = 0; k < atlas.keyframes.size(); ++k)
+    first.push_back(k > 0 && atlas.keyframes[k].follows ? first.back() : k);
+  return first;
 }
 
 }  // namespace
@@ -238,26 +319,53 @@ std::size_t join_pieces(Atlas& atlas, const std::vector<Loop>& loops, ViewsApart
   Pieces pieces(atlas, views);
   // A loop of each joining cluster ties the pieces for now, so that Atlas knows what moves together.
   const std::size_t before = atlas.loops.size();
-  while (const auto loop = next_join(atlas, loops, pieces)) {
+  while (const auto loop = next_join(atlas, loops, pieces, Order::corners)) {
     atlas.join(loop->edge);
     atlas.loops.push_back(*loop);
   }
-  const auto piece = atlas.components();
-  atlas.loops.resize(before);
-  std::size_t added = 0;
-  for (const Pair& pair : pairs) {
-    if (piece[pair.first] != piece[pair.second]) continue;
-    for (const Cluster& cluster : pair.clusters) {
-      const bool are_many = cluster.size() >= kAgreeing;
-      for (const Loop* loop : cluster) {
-        const Eigen::Isometry3d off = atlas.world_from_camera[loop->edge.j].inverse() * told(atlas, *loop);
-        if (!is_within(off, are_many ? kDriftTurn : kAgreeTurn, are_many ? kDriftShift : kAgreeShift)) continue;
-        atlas.loops.push_back(*loop);
-        ++added;
-      }
-    }
+  return add_agreeing(atlas, pairs, before);
+}
+
+bool contradict_each_other(const Atlas& atlas) {
+  const auto first = tracked_pieces(atlas);
+  std::size_t between = 0, unbelieved = 0;
+  for (const Loop& loop : atlas.loops) {
+    if (first[loop.edge.i] == first[loop.edge.j]) continue;
+    ++between;
+    unbelieved += !loop.inlier;
   }
-  return added;
+  return unbelieved >= kUnbelieved && static_cast<double>(unbelieved) > kMuchUnbelieved * static_cast<double>(between);
+}
+
+void join_anew(Atlas& atlas, ViewsApart& views) {
+  const auto first = tracked_pieces(atlas);
+  std::vector<Loop> loops;  // between pieces
+  for (Loop& loop : atlas.loops) {
+    loop.inlier = true;
+    if (first[loop.edge.i] != first[loop.edge.j]) loops.push_back(loop);
+  }
+  std::erase_if(atlas.loops, [&](const Loop& loop) { return first[loop.edge.i] != first[loop.edge.j]; });
+  for (std::size_t k = 1; k < atlas.keyframes.size(); ++k)
+    if (atlas.keyframes[k].follows)
+      atlas.world_from_camera[k] = atlas.world_from_camera[k - 1] *
+                                   atlas.keyframes[k - 1].odometry_from_camera.inverse() *
+                                   atlas.keyframes[k].odometry_from_camera;
+  settle(atlas);
+  const std::vector<Pair> pairs = pairs_of(atlas, loops);
+  const std::size_t within = atlas.loops.size();
+  Pieces pieces(atlas, views);
+  while (const auto loop = next_join(atlas, loops, pieces, Order::strength)) {
+    const auto now = atlas.components();
+    atlas.join(loop->edge);
+    // What drifted in one of the two contradicts what the other saw, until their loops have taken it out.
+    for (const Loop& other : loops)
+      if (std::minmax(now[other.edge.i], now[other.edge.j]) == std::minmax(now[loop->edge.i], now[loop->edge.j]) &&
+          tells(atlas, other, Eigen::Isometry3d::Identity(), kDriftTurn, kDriftShift))
+        atlas.loops.push_back(other);
+    settle(atlas);
+  }
+  add_agreeing(atlas, pairs, within);
+  settle(atlas);
 }
 
 }  // namespace cairn

@@ -17,4 +17,14 @@ namespace cairn {
 /// as many loops tell something else that would not. Returns how many were added. `loops`: of keyframes of the atlas.
 std::size_t join_pieces(Atlas& atlas, const std::vector<Loop>& loops, ViewsApart& views);
 
+/// Whether the pose graph does not believe many of the loops between pieces of a run, that was tracked with breaks.
+[[nodiscard]] bool contradict_each_other(const Atlas& atlas);
+
+/// Lays the pieces of a run to each other anew, by all loops between them that were found on the way: each of these was
+/// believed or not when little was known. As join_pieces(), but for that those pieces come first which most loops join,
+/// that the poses are optimised in between, tracking's steps as such that may have slipped, and that the camera must
+/// not have gone farther than it can while it was lost. Loops that do not agree are dropped. Pieces that nothing joins
+/// stay apart.
+void join_anew(Atlas& atlas, ViewsApart& views);
+
 }  // namespace cairn

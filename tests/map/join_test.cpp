@@ -140,5 +140,73 @@ TEST_F(JoinedMaps, ThatDriftedAreStillClosedByMany) {
   EXPECT_EQ(join(), 15u);
 }
 
+/// Pieces of one run: a keyframe a second, and three seconds in which the camera was lost between two of them.
+class PiecesOfARun : public JoinedMaps {
+ protected:
+  void add_piece() {
+    add_map();
+    for (std::size_t k = atlas.keyframes.size() - kLength; k < atlas.keyframes.size(); ++k) {
+      atlas.keyframes[k].timestamp = static_cast<double>(k) + 2.0 * static_cast<double>(maps);
+      atlas.keyframes[k].frame = static_cast<int>(30 * atlas.keyframes[k].timestamp);
+    }
+  }
+  /// Keyframes of the first piece and as many of the second see the same, from there on as it is now.
+  void see_some(std::size_t count, std::size_t from, std::size_t to, bool is_believed) {
+    for (std::size_t k = 0; k < count; ++k) {
+      see(0, from + k, 1, to + k, 0);
+      loops.back().inlier = is_believed;
+    }
+  }
+};
+
+TEST_F(PiecesOfARun, StayApartWhereTheCameraWouldHaveJumped) {
+  add_piece(), add_piece();
+  see_some(10, 0, 0, true);  // back at the begin within three seconds
+  EXPECT_EQ(join(), 0u);
+  for (auto& k : atlas.keyframes) k.timestamp = 0;  // as of two recordings
+  EXPECT_EQ(join(), 10u);
+}
+
+TEST_F(PiecesOfARun, AreJoinedWhereItCanHaveGone) {
+  add_piece(), add_piece();
+  see_some(4, 36, 2, true);
+  EXPECT_EQ(join(), 4u);
+  EXPECT_NEAR(x(1, 0), 17, 1e-9);
+}
+
+TEST_F(PiecesOfARun, AreJoinedAnewWhereMuchIsNotBelieved) {
+  add_piece(), add_piece();
+  see_some(30, 0, 5, true);  // came first: a corridor that looks the same
+  atlas.join(loops.front().edge);
+  see_some(19, 21, 0, false);
+  atlas.loops = loops;
+  EXPECT_FALSE(contradict_each_other(atlas));
+  see_some(6, 30, 9, false);
+  atlas.loops = loops;
+  ASSERT_TRUE(contradict_each_other(atlas));
+  ASSERT_NEAR(x(1, 0), -2.5, 1e-9);
+  ViewsApart views({.width = 64, .height = 48, .fx = 60, .fy = 60, .cx = 31.5, .cy = 23.5},
+                   [](std::size_t) { return std::vector<float>(64 * 48, 0.0f); });
+  join_anew(atlas, views);
+  EXPECT_EQ(atlas.loops.size(), 0u) << "both would be jumps";
+  EXPECT_FALSE(are_joined(0, 1));
+}
+
+TEST_F(PiecesOfARun, ThatAreJoinedAnewKeepTheLoopsThatAgree) {
+  add_piece(), add_piece();
+  see_some(30, 0, 5, true);
+  atlas.join(loops.front().edge);
+  for (int i = 0; i < 4; ++i) see_some(7, 33, 0, false);
+  atlas.loops = loops;
+  ASSERT_TRUE(contradict_each_other(atlas));
+  ViewsApart views({.width = 64, .height = 48, .fx = 60, .fy = 60, .cx = 31.5, .cy = 23.5},
+                   [](std::size_t) { return std::vector<float>(64 * 48, 0.0f); });
+  join_anew(atlas, views);
+  EXPECT_EQ(atlas.loops.size(), 28u);
+  EXPECT_TRUE(are_joined(0, 1));
+  EXPECT_NEAR(x(1, 0) - x(0, 0), 16.5, 1e-3);
+  EXPECT_FALSE(contradict_each_other(atlas));
+}
+
 }  // namespace
 }  // namespace cairn
