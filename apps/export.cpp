@@ -13,6 +13,7 @@
 #include "cairn/floor_plan.hpp"
 #include "cairn/map.hpp"
 #include "cairn/no_texture.hpp"
+#include "cairn/parts.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
@@ -21,6 +22,7 @@
 #include "output_folder.hpp"
 #include "outputs.hpp"
 #include "progress.hpp"
+#include "recording_names.hpp"
 #include "sources.hpp"
 
 namespace cairn::apps {
@@ -101,9 +103,13 @@ void export_grids(const Arguments& a) {
   say("{}  {}\n", a.output.string(), size_in_words(fs::file_size(a.output)));
 }
 
-nlohmann::json in_json(const ExportedStorey& s) {
-  return {{"floor_m", s.floor},       {"floor_area_m2", s.floor_area}, {"rooms_m2", s.rooms},   {"walls_m", s.walls},
-          {"mean_off_m", s.mean_off}, {"p95_off_m", s.p95_off},        {"max_off_m", s.max_off}};
+nlohmann::json in_json(const ExportedStorey& s, bool with_coverage) {
+  nlohmann::json json{{"floor_m", s.floor},    {"floor_area_m2", s.floor_area}, {"rooms_m2", s.rooms},
+                      {"walls_m", s.walls},    {"mean_off_m", s.mean_off},      {"p95_off_m", s.p95_off},
+                      {"max_off_m", s.max_off}};
+  if (with_coverage)
+    json.update({{"not_looked_at_m2", s.not_looked_at}, {"not_looked_at_share", s.not_looked_at_share}});
+  return json;
 }
 
 nlohmann::json sizes_of(const std::vector<fs::path>& files) {
@@ -112,7 +118,15 @@ nlohmann::json sizes_of(const std::vector<fs::path>& files) {
   return sizes;
 }
 
-void print(const ExportedPlan& e) {
+/// What a plan's recordings are named, if MAP is one.
+std::vector<std::string> recordings_of(const fs::path& map) {
+  if (!fs::exists(map / "plan.json")) return {};
+  std::vector<std::string> names;
+  for (const auto& recording : read_plan(map).recordings) names.push_back(recording.name);
+  return told_apart(names);
+}
+
+void print(const ExportedPlan& e, const PlanOptions& options) {
   for (const fs::path& file : e.files)
     say("{}  {}, 1:{} on {}\n", file.string(), size_in_words(fs::file_size(file)), e.scale,
         e.paper.empty() ? fmt::format("{:.0f} mm x {:.0f} mm", e.width_mm, e.height_mm) : e.paper);
@@ -123,26 +137,28 @@ void print(const ExportedPlan& e) {
         i + 1, s.floor, s.floor_area,
         s.rooms.empty() ? "" : fmt::format(", closed rooms of {:.1f} m2", fmt::join(s.rooms, ", ")), 1e3 * s.mean_off,
         s.walls, 1e3 * s.p95_off);
+    if (options.coverage)
+      say("storey {}  nobody looked at {:.1f} m2 within its outline, {:.1f} % of the floor\n", i + 1, s.not_looked_at,
+          100 * s.not_looked_at_share);
   }
+  if (options.loops) say("loops     {}, of these {} between two recordings\n", e.loops, e.loops_between);
 }
 
 void export_plan(const Arguments& a) {
   PlanOptions options = a.plan;
   if (options.title.empty()) options.title = tidy(a.map).filename().string();
+  options.recordings = recordings_of(a.map);
   check(options, a.output);
   Progress progress(std::nullopt, "");
   const ExportedPlan e = open_map(a).export_plan(a.output, options, on(progress));
   progress.clear();
-  if (!a.json) return print(e);
+  if (!a.json) return print(e, options);
   auto storeys = nlohmann::json::array();
-  for (const ExportedStorey& s : e.storeys) storeys.push_back(in_json(s));
-  fmt::print("{}\n", text_of({{"scale", e.scale},
-                              {"paper", e.paper},
-                              {"width_mm", e.width_mm},
-                              {"height_mm", e.height_mm},
-                              {"storeys", storeys},
-                              {"files", sizes_of(e.files)}},
-                             2));
+  for (const ExportedStorey& s : e.storeys) storeys.push_back(in_json(s, options.coverage));
+  nlohmann::json told{{"scale", e.scale},         {"paper", e.paper},   {"width_mm", e.width_mm},
+                      {"height_mm", e.height_mm}, {"storeys", storeys}, {"files", sizes_of(e.files)}};
+  if (options.loops) told["loops"] = {{"drawn", e.loops}, {"between_recordings", e.loops_between}};
+  fmt::print("{}\n", text_of(told, 2));
 }
 
 std::uintmax_t size_below(const fs::path& folder) {
@@ -204,8 +220,8 @@ void print(const Arguments& a, const Exported& e) {
 void run_export(const Arguments& a) {
   if (a.asks_for_plan && (a.program || !is_plan(a.output)))
     throw CLI::ValidationError("--output", a.output.string() +
-                                               ": --scale, --height, --path and --title are for floor "
-                                               "plans, X.svg and X.pdf");
+                                               ": --scale, --height, --path, --loops, --coverage and --title "
+                                               "are for floor plans, X.svg and X.pdf");
   if (const fs::path folder = a.output.parent_path(); !folder.empty()) prepare_output(folder);
   want_folder(a);
   if (a.program) return export_views(a);
@@ -325,7 +341,10 @@ void add_plan_options(CLI::App& command, const std::shared_ptr<Arguments>& a) {
               ->type_name("N"));
   of_plan(command.add_option("--height", a->plan.height, "Metres above each floor, where walls are cut")
               ->capture_default_str());
-  of_plan(command.add_flag("--path", a->plan.path, "The camera's path, too"));
+  of_plan(command.add_flag("--path", a->plan.path, "The camera's path, too; of each recording in a colour"));
+  of_plan(command.add_flag("--loops", a->plan.loops, "Lines between places that were recognised as the same, too"));
+  of_plan(command.add_flag("--coverage", a->plan.coverage,
+                           "Marks where nobody looked within the building's outline, and tells how much that is"));
   of_plan(command.add_option("--title", a->plan.title, "What the plan names as what it shows [the map's folder]"));
 }
 

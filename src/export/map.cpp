@@ -107,6 +107,44 @@ ExportProgress part_of(const ExportProgress& whole, int begin, int end) {
   };
 }
 
+/// A world that lies otherwise than it was fused is made part by part, so that it may be larger than the memory.
+bool is_in_parts(MapState& s) {
+  s.back_end.settle();
+  return s.is_tracked() && !s.back_end.is_plain();
+}
+
+/// `only`: of these submaps, sorted; null: of all.
+WorldParts parts_of(MapState& s, const std::vector<std::size_t>* only = nullptr) {
+  s.whole.reset();
+  s.back_end.end_submap(s.volume, s.fused_count, true);
+  malloc_trim(0);  // both were thousands of small pieces
+  return s.back_end.world_parts(s.device, only);
+}
+
+/// Loops of the main piece that are believed, as they are drawn.
+std::vector<plan::LoopLine> loop_lines(const MapState& s) {
+  std::vector<plan::LoopLine> lines;
+  if (!s.is_tracked()) return lines;
+  const Atlas& atlas = s.back_end.atlas();
+  if (atlas.keyframes.empty()) return lines;
+  const auto component_of = atlas.components();
+  const std::size_t main = atlas.main_component();
+  std::vector<std::size_t> begins;  // of each recording after the first, its first keyframe
+  for (const std::size_t frame : atlas.recordings)
+    begins.push_back(frame < atlas.frames.size() ? atlas.frames[frame].keyframe : atlas.keyframes.size());
+  const auto recording_of = [&](std::size_t k) { return std::upper_bound(begins.begin(), begins.end(), k); };
+  const Eigen::Isometry3d turn(s.upright().world_from_tracked);
+  const auto place_of = [&](std::size_t k) {
+    return Eigen::Vector3d((turn * atlas.world_from_camera[k]).translation());
+  };
+  for (const Loop& loop : atlas.loops) {
+    const std::size_t i = loop.edge.i, j = loop.edge.j;
+    if (loop.corners > 0 && loop.inlier && component_of[j] == main)
+      lines.push_back({place_of(i), place_of(j), recording_of(i) != recording_of(j)});
+  }
+  return lines;
+}
+
 /// So much of a grid is added at a time.
 void add_parts(GridsWriter& writer, WorldParts& parts, std::vector<Brick> bricks, const LoadSubmap& load) {
   std::sort(bricks.begin(), bricks.end(), before_in_grid);
@@ -147,6 +185,8 @@ class MapperContents final : public Map::Contents {
 
   ExportedPlan export_plan(const fs::path& file, const PlanOptions& options, const ExportProgress& progress) override;
 
+  void look(const std::function<void(const MapParts&)>& visit) override { look_at(*state_, nullptr, visit); }
+
   void write_grids(const fs::path& file, Axes axes) override;
 
   void write_graph(const fs::path& file) const override {
@@ -168,31 +208,15 @@ class MapperContents final : public Map::Contents {
  private:
   [[nodiscard]] const SurfaceSigma& sigma() const { return state_->back_end.atlas().surface_sigma; }
   [[nodiscard]] PoseGraph upright_graph() const;
-  [[nodiscard]] bool is_in_parts();
-  [[nodiscard]] WorldParts parts();
   std::shared_ptr<MapState> state_;
 };
 
-/// A world that lies otherwise than it was fused is made part by part, so that it may be larger than the memory.
 PoseGraph MapperContents::upright_graph() const {
   PoseGraph graph = state_->back_end.atlas().graph();
   const Eigen::Isometry3d turn(state_->upright().world_from_tracked);
   for (Eigen::Isometry3d& pose : graph.world_from_node) pose = turn * pose;
   graph.file_rotation = PoseGraph::FileRotation::half_angle;
   return graph;
-}
-
-bool MapperContents::is_in_parts() {
-  state_->back_end.settle();
-  return state_->is_tracked() && !state_->back_end.is_plain();
-}
-
-WorldParts MapperContents::parts() {
-  MapState& s = *state_;
-  s.whole.reset();
-  s.back_end.end_submap(s.volume, s.fused_count, true);
-  malloc_trim(0);  // both were thousands of small pieces
-  return s.back_end.world_parts(s.device);
 }
 
 void MapperContents::write_grids(const fs::path& file, Axes axes) {
@@ -206,12 +230,12 @@ void MapperContents::write_grids(const fs::path& file, Axes axes) {
                             .upright = s.upright(),
                             .axes = resolved(axes, Axes::world),
                             .sigma = sigma()});
-  if (!is_in_parts() || s.whole) {
+  if (!is_in_parts(s) || s.whole) {
     const BrickTree& tree = s.world().on_host();
     writer.add(tree);
     return writer.write(tree, field.get());
   }
-  WorldParts parts = this->parts();
+  WorldParts parts = parts_of(s);
   add_parts(writer, parts, parts.bricks(), s.back_end.load_submap());
   writer.write(s.back_end.world_free(), nullptr);
 }
@@ -222,11 +246,11 @@ Exported MapperContents::export_mesh(const fs::path& file, const ExportOptions& 
   check(options, file);
   const KeyframeStore& images = s.is_tracked() ? s.back_end.images() : s.given.images;
   images.wait();
-  const bool in_parts = is_in_parts();
+  const bool in_parts = is_in_parts(s);
   std::optional<WorldParts> parts;
   std::optional<Volume> part;
   if (in_parts) {
-    parts.emplace(this->parts());
+    parts.emplace(parts_of(s));
     part.emplace(s.device, s.world_pool(), s.options.surface.max_depth);
   }
   ExportInput input{.bricks = in_parts ? parts->bricks() : s.volume.bricks(),
@@ -269,31 +293,14 @@ ExportedViews MapperContents::export_views(const fs::path& folder, const ViewsOp
 
 ExportedPlan MapperContents::export_plan(const fs::path& file, const PlanOptions& options,
                                          const ExportProgress& progress) {
-  MapState& s = *state_;
   check(options, file);
-  const bool in_parts = is_in_parts();
-  std::optional<WorldParts> parts;
-  std::optional<Volume> part;
-  BrickTree free;
-  if (in_parts) {
-    parts.emplace(this->parts());
-    part.emplace(s.device, s.world_pool(), s.options.surface.max_depth);
-    free = s.back_end.world_free();
-  }
-  PlanInput input{.bricks = in_parts ? parts->bricks() : s.volume.bricks(),
-                  .volume = in_parts ? *part : s.volume,
-                  .load = {},
-                  .polygonizer = s.polygonizer,
-                  .free = in_parts ? free : s.volume.on_host(),
-                  .paths = {},
-                  .upright = s.upright()};
-  if (in_parts)
-    input.load = [&](std::span<const Brick> bricks) {
-      part->adopt(parts->make(bricks, s.back_end.load_submap()));
-      malloc_trim(0);  // a map made part by part shall not need more and more memory
-    };
-  for (int i = 0; i < s.recordings(); ++i) input.paths.push_back(s.trajectory(i));
-  return export_floor_plan(input, file, options, progress);
+  std::vector<Trajectory> paths;
+  for (int i = 0; i < state_->recordings(); ++i) paths.push_back(state_->trajectory(i));
+  ExportedPlan exported;
+  look([&](const MapParts& map) {
+    exported = export_floor_plan({map, std::move(paths), loop_lines(*state_)}, file, options, progress);
+  });
+  return exported;
 }
 
 /// A map.vdb alone: without keyframes, poses or a device in use.
@@ -345,15 +352,21 @@ class GridContents final : public Map::Contents {
 
   ExportedPlan export_plan(const fs::path& file, const PlanOptions& options, const ExportProgress& progress) override {
     check(options, file);
+    if (options.loops)
+      throw not_written(file, file_.string() + " alone tells no loops: name the folder that the run has made");
+    ExportedPlan exported;
+    look([&](const MapParts& map) { exported = export_floor_plan({map, {}, {}}, file, options, progress); });
+    return exported;
+  }
+
+  void look(const std::function<void(const MapParts&)>& visit) override {
     Polygonizer polygonizer(device());
-    return export_floor_plan({.bricks = volume().bricks(),
-                              .volume = volume(),
-                              .load = {},
-                              .polygonizer = polygonizer,
-                              .free = volume().on_host(),
-                              .paths = {},
-                              .upright = grids_.info.upright},
-                             file, options, progress);
+    visit({.bricks = volume().bricks(),
+           .volume = volume(),
+           .load = {},
+           .polygonizer = polygonizer,
+           .free = volume().on_host(),
+           .upright = grids_.info.upright});
   }
 
   void write_grids(const fs::path& file, Axes axes) override {
@@ -413,6 +426,29 @@ std::vector<Brick> within(const std::vector<Brick>& bricks, const BrickBox& box)
 }
 
 }  // namespace
+
+void look_at(MapState& s, const std::vector<std::size_t>* submaps, const std::function<void(const MapParts&)>& visit) {
+  if (submaps == nullptr && !is_in_parts(s))
+    return visit({.bricks = s.volume.bricks(),
+                  .volume = s.volume,
+                  .load = {},
+                  .polygonizer = s.polygonizer,
+                  .free = s.volume.on_host(),
+                  .upright = s.upright()});
+  WorldParts parts = parts_of(s, submaps);
+  Volume part(s.device, s.world_pool(), s.options.surface.max_depth);
+  const BrickTree free = s.back_end.world_free(submaps);
+  visit({.bricks = parts.bricks(),
+         .volume = part,
+         .load =
+             [&](std::span<const Brick> bricks) {
+               part.adopt(parts.make(bricks, s.back_end.load_submap()));
+               malloc_trim(0);  // a map made part by part shall not need more and more memory
+             },
+         .polygonizer = s.polygonizer,
+         .free = free,
+         .upright = s.upright()});
+}
 
 Mesh surface_of_block(MapState& s, const Eigen::Vector3i& block, const std::vector<std::size_t>& submaps) {
   WorldParts parts = s.back_end.world_parts(s.device, &submaps);

@@ -4,10 +4,12 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <vector>
 
 #include "cairn/map.hpp"
+#include "export/map_parts.hpp"
 
 namespace cairn {
 
@@ -36,6 +38,8 @@ class Map::Contents {
                                    const ExportProgress& progress) = 0;
   virtual void write_grids(const std::filesystem::path& file, Axes axes) = 0;
   virtual void write_graph(const std::filesystem::path& file) const = 0;
+  /// Looks at all of its voxels, which are there meanwhile.
+  virtual void look(const std::function<void(const MapParts&)>& visit) = 0;
   [[nodiscard]] virtual Upright upright() const = 0;
   virtual void stand_up(Up up) = 0;
   [[nodiscard]] virtual int recordings() const = 0;
@@ -44,6 +48,9 @@ class Map::Contents {
 };
 
 [[nodiscard]] Map map_of(std::shared_ptr<MapState> state);
+/// Looks at what submaps of the main piece alone hold, sorted by their numbers; null: at all of the map.
+void look_at(MapState& state, const std::vector<std::size_t>* submaps,
+             const std::function<void(const MapParts&)>& visit);
 /// What submaps alone hold of a block, in the written world.
 [[nodiscard]] Mesh surface_of_block(MapState& state, const Eigen::Vector3i& block,
                                     const std::vector<std::size_t>& submaps);

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <stdexcept>
-#include <unordered_set>
 #include <utility>
 
 #include "base/mesh_vertices.hpp"
@@ -21,16 +20,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kPart = 8192;  // bricks: 32 MiB
-constexpr int kCell = 16;            // bricks a side of what is made together
-constexpr double kBelow = 0.15;      // metres below a floor that a plan looks at
+constexpr double kBelow = 0.15;  // metres below a floor that a plan looks at
 
 /// The map's own frame, bricks and voxels, in the world.
 class Placing {
  public:
-  explicit Placing(const PlanInput& input)
-      : world_from_map_(input.upright.world_from_tracked),
-        voxel_(static_cast<double>(input.volume.options().voxel_size)) {}
+  explicit Placing(const MapParts& map)
+      : world_from_map_(map.upright.world_from_tracked), voxel_(static_cast<double>(map.voxel_size())) {}
   [[nodiscard]] double voxel() const { return voxel_; }
   /// Around a brick, in the world.
   [[nodiscard]] Eigen::AlignedBox3d box_of(const Brick& brick) const {
@@ -44,6 +40,9 @@ class Placing {
   [[nodiscard]] Eigen::Vector3i voxel_at(const Eigen::Vector3d& p) const {
     return (world_from_map_.conjugate() * p / voxel_).array().round().cast<int>();
   }
+  [[nodiscard]] Eigen::Vector3d place_of(const Eigen::Vector3i& voxel) const {
+    return world_from_map_ * (voxel.cast<double>() * voxel_);
+  }
 
  private:
   Eigen::Quaterniond world_from_map_;
@@ -53,31 +52,37 @@ class Placing {
 /// Calls `visit` with the surface in some bricks, in the world, part by part; before it `loaded` with the bricks of the
 /// part, whose voxels are on the host then.
 template <class Loaded, class Visit>
-void for_each_part(const PlanInput& input, std::vector<Brick> bricks, const Loaded& loaded, const Visit& visit) {
-  std::sort(bricks.begin(), bricks.end(), [](const Brick& a, const Brick& b) { return before_by_cell(a, b, kCell); });
-  for (std::size_t i = 0; i < bricks.size(); i += kPart) {
-    std::vector<Brick> part(bricks.begin() + static_cast<std::ptrdiff_t>(i),
-                            bricks.begin() + static_cast<std::ptrdiff_t>(std::min(bricks.size(), i + kPart)));
-    std::sort(part.begin(), part.end(), before);
-    if (input.load) {
-      std::unordered_set<Brick, BrickHash> around;
-      for (const Brick& brick : part)
-        for (int k = 0; k < 27; ++k)
-          if (const Brick b = brick + Brick(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
-              std::binary_search(input.bricks.begin(), input.bricks.end(), b, before))
-            around.insert(b);
-      std::vector<Brick> wanted(around.begin(), around.end());
-      std::sort(wanted.begin(), wanted.end(), before);
-      input.load(wanted);
-    }
+void for_each_part(const MapParts& map, std::vector<Brick> bricks, const Loaded& loaded, const Visit& visit) {
+  for (const std::vector<Brick>& part : in_parts(std::move(bricks))) {
+    map.bring_around(part);
     loaded(part);
-    visit(turned(input.polygonizer.polygonize(input.volume, part), input.upright.world_from_tracked), part.size());
+    visit(turned(map.polygonizer.polygonize(map.volume, part), map.upright.world_from_tracked), part.size());
   }
 }
 
-/// Marks the cells that lie in free voxels of a brick. `voxels` may be null.
-void mark_free(const Placing& placing, const Brick& brick, const std::uint64_t* voxels, const BrickBits& bits,
-               plan::Survey& survey) {
+/// Of a brick's voxels, of which those that were not observed are free by `bits`. `voxels` may be null.
+class Known {
+ public:
+  Known(const std::uint64_t* voxels, const BrickBits& bits) : voxels_(voxels), bits_(bits) {}
+  [[nodiscard]] bool is_free(std::size_t i) const { return is_observed(i) ? distance(i) > 0 : is_marked(i); }
+  /// Free, or surface: what lies farther behind one nobody has seen.
+  [[nodiscard]] bool is_seen(std::size_t i) const {
+    constexpr float kAtSurface = -0.25f;  // truncations: a voxel
+    return is_observed(i) ? distance(i) > kAtSurface : is_marked(i);
+  }
+
+ private:
+  [[nodiscard]] bool is_observed(std::size_t i) const {
+    return voxels_ != nullptr && shader::voxel_weight(voxels_[i]) > 0;
+  }
+  [[nodiscard]] float distance(std::size_t i) const { return shader::voxel_distance(voxels_[i]); }
+  [[nodiscard]] bool is_marked(std::size_t i) const { return (bits_[i / 64] >> (i % 64) & 1) != 0; }
+  const std::uint64_t* voxels_;
+  BrickBits bits_;
+};
+
+/// Marks the cells that lie in free voxels of a brick, where walls are cut.
+void mark_free(const Placing& placing, const Brick& brick, const Known& known, plan::Survey& survey) {
   const plan::Grid& grid = survey.grid();
   const Eigen::AlignedBox3d box = placing.box_of(brick);
   const double reach = placing.voxel();
@@ -92,44 +97,56 @@ void mark_free(const Placing& placing, const Brick& brick, const std::uint64_t* 
       const Eigen::Vector3i voxel = placing.voxel_at({p.x(), at, p.y()}) - 8 * brick;
       if (voxel.minCoeff() < 0 || voxel.maxCoeff() > 7) continue;
       const auto i = static_cast<std::size_t>((voxel.x() * 8 + voxel.y()) * 8 + voxel.z());
-      const bool is_observed = voxels != nullptr && shader::voxel_weight(voxels[i]) > 0;
-      if (is_observed ? shader::voxel_distance(voxels[i]) > 0 : (bits[i / 64] >> (i % 64) & 1) != 0)
-        survey.mark_free({x, y});
+      if (known.is_free(i)) survey.mark_free({x, y});
     }
 }
 
+/// Marks the cells over which a brick was looked at between the floor and the cut.
+void mark_seen(const Placing& placing, const Brick& brick, const Known& known, plan::Survey& survey) {
+  const Eigen::AlignedBox3d box = placing.box_of(brick);
+  if (-box.max().y() > survey.cut_height() || -box.min().y() < survey.floor() - kBelow) return;
+  for (int i = 0; i < 512; ++i) {
+    if (!known.is_seen(static_cast<std::size_t>(i))) continue;
+    const Eigen::Vector3d p = placing.place_of(8 * brick + Brick(i >> 6, i >> 3 & 7, i & 7));
+    if (-p.y() <= survey.cut_height() && -p.y() >= survey.floor() - kBelow) survey.mark_seen({p.x(), p.z()});
+  }
+}
+
 /// Looks at all of a storey.
-plan::StoreyPlan look_at(const PlanInput& input, const plan::Grid& grid, double floor, const PlanOptions& options,
+plan::StoreyPlan look_at(const MapParts& map, const plan::Grid& grid, double floor, const PlanOptions& options,
                          const std::function<void(std::size_t)>& step) {
-  const Placing placing(input);
+  const Placing placing(map);
   plan::Survey survey(grid, floor, static_cast<double>(options.height));
   std::vector<Brick> bricks;
-  for (const Brick& brick : input.bricks) {
+  for (const Brick& brick : map.bricks) {
     const Eigen::AlignedBox3d box = placing.box_of(brick);
     if (-box.max().y() - placing.voxel() <= survey.cut_height() && -box.min().y() >= floor - kBelow)
       bricks.push_back(brick);
   }
-  for (const Brick& brick : input.free.free_bricks())
-    mark_free(placing, brick, nullptr, input.free.free_voxels(brick), survey);
+  const auto mark = [&](const Brick& brick, const Known& known) {
+    mark_free(placing, brick, known, survey);
+    if (options.coverage) mark_seen(placing, brick, known, survey);
+  };
+  for (const Brick& brick : map.free.free_bricks()) mark(brick, {nullptr, map.free.free_voxels(brick)});
   for_each_part(
-      input, bricks,
+      map, bricks,
       [&](const std::vector<Brick>& part) {
-        const BrickTree& tree = input.volume.on_host();
+        const BrickTree& tree = map.volume.on_host();
         for (const Brick& brick : part)
-          if (const std::uint64_t* voxels = tree.find(brick)) mark_free(placing, brick, voxels, {}, survey);
+          if (const std::uint64_t* voxels = tree.find(brick)) mark(brick, {voxels, kNoBits});
       },
       [&](const Mesh& mesh, std::size_t count) {
         survey.add(mesh);
         step(count);
       });
-  return plan::plan_of(survey, placing.voxel());
+  return plan::plan_of(survey, placing.voxel(), options.coverage ? plan::Coverage::told : plan::Coverage::left_out);
 }
 
 std::vector<double> floors_of(const PlanInput& input, const fs::path& file,
                               const std::function<void(std::size_t)>& step) {
   plan::LevelSurface levels;
   for_each_part(
-      input, input.bricks, [](const std::vector<Brick>&) {},
+      input.map, input.map.bricks, [](const std::vector<Brick>&) {},
       [&](const Mesh& mesh, std::size_t count) {
         levels.add(mesh);
         step(count);
@@ -162,6 +179,8 @@ ExportedStorey told(const plan::StoreyPlan& storey) {
   ExportedStorey told{.floor = storey.floor,
                       .floor_area = storey.floor_area,
                       .rooms = {},
+                      .not_looked_at = storey.not_looked_at,
+                      .not_looked_at_share = storey.not_looked_at_share,
                       .walls = storey.walls.length,
                       .mean_off = storey.walls.mean_off,
                       .p95_off = storey.walls.p95_off,
@@ -191,11 +210,11 @@ ExportedPlan export_floor_plan(const PlanInput& input, const fs::path& file, con
                                const ExportProgress& progress) {
   constexpr int kWhole = 1000;
   check(options, file);
-  if (input.bricks.empty()) throw not_written(file, "the map is empty: no frame was fused into it");
-  if (!input.upright.known)
-    throw not_written(file,
-                      "the map does not tell which way is up, so nobody knows how to cut it: " + input.upright.words);
-  std::size_t done = 0, whole = 2 * input.bricks.size();
+  if (input.map.bricks.empty()) throw not_written(file, "the map is empty: no frame was fused into it");
+  if (!input.map.upright.known)
+    throw not_written(
+        file, "the map does not tell which way is up, so nobody knows how to cut it: " + input.map.upright.words);
+  std::size_t done = 0, whole = 2 * input.map.bricks.size();
   const auto stepping = [&](const char* next) {
     return [&, next](std::size_t count) {
       done += count;
@@ -205,9 +224,9 @@ ExportedPlan export_floor_plan(const PlanInput& input, const fs::path& file, con
     };
   };
   const std::vector<double> floors = floors_of(input, file, stepping("finding floors"));
-  const Placing placing(input);
+  const Placing placing(input.map);
   plan::Box box;
-  for (const Brick& brick : input.bricks) {
+  for (const Brick& brick : input.map.bricks) {
     const Eigen::AlignedBox3d b = placing.box_of(brick);
     box.extend(plan::Point(b.min().x(), b.min().z()));
     box.extend(plan::Point(b.max().x(), b.max().z()));
@@ -215,18 +234,20 @@ ExportedPlan export_floor_plan(const PlanInput& input, const fs::path& file, con
   const plan::Grid grid = plan::Grid::around(box, placing.voxel());
   std::vector<plan::StoreyPlan> storeys;
   for (const double floor : floors) {
-    plan::StoreyPlan storey = look_at(input, grid, floor, options, stepping("cutting walls"));
+    plan::StoreyPlan storey = look_at(input.map, grid, floor, options, stepping("cutting walls"));
     if (!storey.walls.lines.empty()) storeys.push_back(std::move(storey));
   }
   if (storeys.empty())
     throw not_written(
         file, fmt::format("nothing stands {} m above the floor: cut it lower, PlanOptions::height", options.height));
-  const plan::Pages pages = plan::laid_out(storeys, input.paths, options);
+  const plan::Pages pages = plan::laid_out(storeys, input.paths, input.loops, options);
   ExportedPlan exported{.scale = pages.scale,
                         .paper = pages.paper,
                         .width_mm = pages.sheets[0].width,
                         .height_mm = pages.sheets[0].height,
                         .storeys = {},
+                        .loops = pages.loops,
+                        .loops_between = pages.loops_between,
                         .files = write(pages, file)};
   for (const plan::StoreyPlan& storey : storeys) exported.storeys.push_back(told(storey));
   if (progress) progress(kWhole, kWhole, "done");

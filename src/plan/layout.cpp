@@ -17,9 +17,15 @@
 namespace cairn::plan {
 namespace {
 
-constexpr double kMargin = 10, kRuler = 14, kFooter = 30;  // mm: of the page, beside the plan, and below it
+constexpr double kMargin = 10, kRuler = 14;  // mm: of the page, and beside the plan
 constexpr Colour kBlack = 0x000000, kPaper = 0xffffff, kWall = 0x4a4a4a, kFloor = 0xf4ecdc, kFurniture = 0xe2d8c6,
-                 kEdge = 0xa89c88, kUnseen = 0x8c8c8c, kPath = 0xc1443c, kFine = 0x606060, kGridLine = 0xd6d2ca;
+                 kEdge = 0xa89c88, kUnseen = 0x8c8c8c, kMissed = 0xf6cfd9, kPath = 0xc1443c, kFine = 0x606060,
+                 kGridLine = 0xd6d2ca, kLoop = 0x707070, kLoopBetween = 0xd55e00;
+// Of several recordings; told apart by whoever sees colours otherwise, too (Okabe & Ito 2008).
+constexpr std::array<Colour, 5> kPaths{0x0072b2, 0xe69f00, 0x009e73, 0xcc79a7, 0x56b4e9};
+constexpr double kLegendRow = 5;     // mm
+constexpr double kUsualFooter = 30;  // mm, with two rows of the legend
+constexpr int kUsualRows = 2;
 
 struct Paper {
   std::string name;
@@ -28,9 +34,9 @@ struct Paper {
 const std::array<Paper, 5> kPapers{
     {{"A4", 210, 297}, {"A3", 297, 420}, {"A2", 420, 594}, {"A1", 594, 841}, {"A0", 841, 1189}}};
 
-/// What a plan takes on the paper.
-Point size_of(const Box& box, int scale) {
-  return box.sizes() * (1000.0 / scale) + Point(2 * (kMargin + kRuler), 2 * (kMargin + kRuler) + kFooter);
+/// What a plan takes on the paper. `footer`: mm below it.
+Point size_of(const Box& box, int scale, double footer) {
+  return box.sizes() * (1000.0 / scale) + Point(2 * (kMargin + kRuler), 2 * (kMargin + kRuler) + footer);
 }
 
 /// The first paper, of so many, that holds a plan, with its size in the plan's orientation.
@@ -47,17 +53,20 @@ struct Page {
   int scale = 0;
   std::string paper;
   Point size = Point::Zero();  // mm
+  double footer = kUsualFooter;
 };
 
-Page page_for(const Box& box, int scale) {
+Page page_for(const Box& box, int scale, double footer) {
   constexpr std::size_t kUpToA3 = 2, kAll = kPapers.size();
   const std::array<std::pair<int, std::size_t>, 4> usual{{{50, kUpToA3}, {100, kAll}, {200, kAll}, {500, kAll}}};
   for (const auto& [s, papers] : usual)
     if (scale == 0)
-      if (const auto paper = paper_for(size_of(box, s), papers)) return {s, paper->first, paper->second};
+      if (const auto paper = paper_for(size_of(box, s, footer), papers))
+        return {s, paper->first, paper->second, footer};
   const int chosen = scale > 0 ? scale : usual.back().first;
-  if (const auto paper = paper_for(size_of(box, chosen), kAll)) return {chosen, paper->first, paper->second};
-  return {chosen, "", size_of(box, chosen).array().ceil().matrix()};
+  if (const auto paper = paper_for(size_of(box, chosen, footer), kAll))
+    return {chosen, paper->first, paper->second, footer};
+  return {chosen, "", size_of(box, chosen, footer).array().ceil().matrix(), footer};
 }
 
 /// From metres of the plan to millimetres of the page.
@@ -65,8 +74,8 @@ class Drawing {
  public:
   Drawing(const Box& box, double angle, const Page& page)
       : box_(box), turn_(Eigen::Rotation2Dd(-angle)), scale_(1000.0 / page.scale) {
-    const Point size = size_of(box, page.scale);
-    origin_ = Point(kMargin + kRuler, page.size.y() - kMargin - kRuler - kFooter) +
+    const Point size = size_of(box, page.scale, page.footer);
+    origin_ = Point(kMargin + kRuler, page.size.y() - kMargin - kRuler - page.footer) +
               Point(page.size.x() - size.x(), size.y() - page.size.y()) / 2;
   }
   /// Of a point of the turned plan.
@@ -196,25 +205,40 @@ Layer rulers_of(const Drawing& drawing) {
   return layer;
 }
 
-/// The parts of paths that go over a storey: above its floor, below the next.
-Layer path_of(const Drawing& drawing, const std::vector<Trajectory>& paths, double low, double high) {
+/// Above a storey's floor, below the next.
+struct Heights {
+  double low = 0, high = 0;  // metres
+  [[nodiscard]] bool holds(double height) const { return height > low && height <= high; }
+};
+
+/// The parts of a path that go over a storey.
+Layer path_of(const Drawing& drawing, const std::string& name, const Style& style, const Trajectory& path,
+              const Heights& storey) {
   constexpr double kPlain = 0.02;  // metres that a simpler path may be off
-  Layer layer{.name = "Path of the camera", .style = {.stroke = kPath, .width = 0.2, .dashed = true}};
-  for (const Trajectory& path : paths) {
-    Polyline part;
-    const auto end = [&] {
-      if (part.points.size() > 1) layer.shapes.push_back(drawing(simplified(part, kPlain)));
-      part.points.clear();
-    };
-    for (const StampedPose& pose : path) {
-      const Eigen::Vector3d p = pose.world_from_camera.translation();
-      if (height_of(p) <= low || height_of(p) > high)
-        end();
-      else
-        part.points.emplace_back(p.x(), p.z());
-    }
-    end();
+  Layer layer{.name = name, .style = style};
+  Polyline part;
+  const auto end = [&] {
+    if (part.points.size() > 1) layer.shapes.push_back(drawing(simplified(part, kPlain)));
+    part.points.clear();
+  };
+  for (const StampedPose& pose : path) {
+    const Eigen::Vector3d p = pose.world_from_camera.translation();
+    if (storey.holds(height_of(p)))
+      part.points.emplace_back(p.x(), p.z());
+    else
+      end();
   }
+  end();
+  return layer;
+}
+
+/// Loops of a storey; one between two storeys is the lower one's.
+Layer loops_of(const Drawing& drawing, const std::string& name, const Style& style, const std::vector<LoopLine>& loops,
+               const Heights& storey, bool are_between) {
+  Layer layer{.name = name, .style = style};
+  for (const LoopLine& loop : loops)
+    if (loop.is_between == are_between && storey.holds(std::min(height_of(loop.from), height_of(loop.to))))
+      layer.shapes.push_back(line(drawing({loop.from.x(), loop.from.z()}), drawing({loop.to.x(), loop.to.z()})));
   return layer;
 }
 
@@ -255,24 +279,35 @@ void add_scale_bar(const Page& page, const Point& right, std::vector<Layer>& lay
 }
 
 struct Meaning {
-  const char* text;
+  std::string text;
   Style style;
   bool is_line = false;
 };
 
-void add_legend(const std::vector<Meaning>& meanings, Point at, double right, std::vector<Layer>& layers) {
-  constexpr double kBox = 6, kHigh = 3.2, kLetter = 1.42, kRow = 5;  // mm
+/// Calls `place(meaning, at)` with where each stands, `at` the first; returns how many rows they fill up to `right`.
+template <class Place>
+int lay_out_legend(const std::vector<Meaning>& meanings, Point at, double right, const Place& place) {
+  constexpr double kBeside = 12.5, kLetter = 1.42;  // mm
   const double left = at.x();
+  int rows = 1;
   for (const Meaning& m : meanings) {
-    const double width = kBox + 1.5 + kLetter * static_cast<double>(std::string_view(m.text).size()) + 5;
-    if (at.x() + width > right && at.x() > left) at = {left, at.y() + kRow};
+    const double width = kBeside + kLetter * static_cast<double>(m.text.size());
+    if (at.x() + width > right && at.x() > left) at = {left, at.y() + kLegendRow}, ++rows;
+    place(m, at);
+    at.x() += width;
+  }
+  return rows;
+}
+
+void add_legend(const std::vector<Meaning>& meanings, const Point& first, double right, std::vector<Layer>& layers) {
+  constexpr double kBox = 6, kHigh = 3.2;  // mm
+  lay_out_legend(meanings, first, right, [&](const Meaning& m, const Point& at) {
     Layer layer{.name = fmt::format("Legend: {}", m.text), .style = m.style};
     layer.shapes.push_back(m.is_line ? line(at + Point(0, kHigh / 2), at + Point(kBox, kHigh / 2))
                                      : rectangle(at, at + Point(kBox, kHigh)));
     layer.labels.push_back({.at = at + Point(kBox + 1.5, 2.5), .text = m.text});
     layers.push_back(std::move(layer));
-    at.x() += width;
-  }
+  });
 }
 
 /// The day on which the paths begin, where their clock is one: UTC.
@@ -292,6 +327,7 @@ std::string date_of(const std::vector<Trajectory>& paths) {
 struct Plan {
   const std::vector<StoreyPlan>& storeys;
   const std::vector<Trajectory>& paths;
+  const std::vector<LoopLine>& loops;
   const PlanOptions& options;
   Page page;
   Drawing drawing;
@@ -299,12 +335,44 @@ struct Plan {
 
 const Style kSolidStyle{.fill = kWall}, kFaceStyle{.stroke = kBlack, .width = 0.3}, kFloorStyle{.fill = kFloor},
     kFurnitureStyle{.fill = kFurniture, .stroke = kEdge, .width = 0.1}, kUnseenStyle{.hatch = kUnseen},
-    kPathStyle{.stroke = kPath, .width = 0.2, .dashed = true};
+    kMissedStyle{.fill = kMissed, .hatch = kUnseen}, kLoopStyle{.stroke = kLoop, .width = 0.13},
+    kLoopBetweenStyle{.stroke = kLoopBetween, .width = 0.2};
+
+Style path_style(std::size_t recording, std::size_t recordings) {
+  return {.stroke = recordings > 1 ? kPaths[recording % kPaths.size()] : kPath, .width = 0.2, .dashed = true};
+}
+
+std::string name_of(const PlanOptions& options, std::size_t recording) {
+  return recording < options.recordings.size() && !options.recordings[recording].empty()
+             ? options.recordings[recording]
+             : fmt::format("recording {}", recording);
+}
+
+/// What the camera did on a storey: where it went, and which places it knew again.
+void add_ways(const Plan& plan, std::size_t i, std::vector<Layer>& layers, std::vector<Meaning>& meanings) {
+  const double infinity = std::numeric_limits<double>::infinity();
+  const Heights storey{plan.storeys[i].floor, i + 1 < plan.storeys.size() ? plan.storeys[i + 1].floor : infinity};
+  const std::size_t recordings = plan.paths.size();
+  for (std::size_t r = 0; plan.options.path && r < recordings; ++r) {
+    const Style style = path_style(r, recordings);
+    const std::string name = recordings > 1 ? ": " + name_of(plan.options, r) : "";
+    Layer layer = path_of(plan.drawing, "Path of the camera" + name, style, plan.paths[r], storey);
+    if (layer.shapes.empty() && recordings > 1) continue;  // it was not here
+    meanings.push_back({recordings > 1 ? "path: " + name_of(plan.options, r) : "path of the camera", style, true});
+    layers.push_back(std::move(layer));
+  }
+  if (!plan.options.loops) return;
+  layers.push_back(loops_of(plan.drawing, "Loops", kLoopStyle, plan.loops, storey, false));
+  meanings.push_back({"the same place, within a recording", kLoopStyle, true});
+  if (recordings < 2) return;
+  layers.push_back(loops_of(plan.drawing, "Loops between recordings", kLoopBetweenStyle, plan.loops, storey, true));
+  meanings.push_back({"the same place, of two recordings", kLoopBetweenStyle, true});
+}
 
 /// The drawing itself; fills the legend with what there is of it.
 std::vector<Layer> layers_of(const Plan& plan, std::size_t i, std::vector<Meaning>& meanings) {
   const StoreyPlan& storey = plan.storeys[i];
-  const auto& [storeys, paths, options, page, drawing] = plan;
+  const Drawing& drawing = plan.drawing;
   std::vector<Layer> layers{areas_of(drawing, "Floor", kFloorStyle, storey.floors), grid_of(drawing)};
   if (!storey.solid.empty())
     meanings.push_back({"wall or thing, cut, both faces seen", {.fill = kWall, .stroke = kBlack, .width = 0.3}});
@@ -315,18 +383,19 @@ std::vector<Layer> layers_of(const Plan& plan, std::size_t i, std::vector<Meanin
   }
   meanings.push_back({"floor seen", kFloorStyle});
   meanings.push_back({"floor not seen", {.fill = kPaper, .stroke = kEdge, .width = 0.1}});
-  if (!storey.unseen.empty()) {
+  if (plan.options.coverage) {
+    layers.push_back(areas_of(drawing, "Not looked at", kMissedStyle, storey.unseen));
+    meanings.push_back(
+        {fmt::format("nobody looked here: {:.1f} m², {:.1f} %", storey.not_looked_at, 100 * storey.not_looked_at_share),
+         {.fill = kMissed, .hatch = kUnseen, .stroke = kUnseen, .width = 0.1}});
+  } else if (!storey.unseen.empty()) {
     layers.push_back(areas_of(drawing, "Not seen", kUnseenStyle, storey.unseen));
     meanings.push_back({"nothing seen", {.hatch = kUnseen, .stroke = kUnseen, .width = 0.1}});
   }
   layers.push_back(areas_of(drawing, "Walls, solid", kSolidStyle, storey.solid));
   Layer& faces = layers.emplace_back(Layer{.name = "Walls, faces", .style = kFaceStyle});
   for (const Polyline& l : storey.walls.lines) faces.shapes.push_back(drawing(l));
-  if (options.path) {
-    const double next = i + 1 < storeys.size() ? storeys[i + 1].floor : std::numeric_limits<double>::infinity();
-    layers.push_back(path_of(drawing, paths, storey.floor, next));
-    meanings.push_back({"path of the camera", kPathStyle, true});
-  }
+  add_ways(plan, i, layers, meanings);
   if (!storey.rooms.empty()) layers.push_back(rooms_of(drawing, storey));
   layers.push_back(rulers_of(drawing));
   return layers;
@@ -351,13 +420,25 @@ Layer title_of(const Plan& plan, std::size_t i, const std::string& title, const 
                           1e3 * storey.walls.mean_off, 1e3 * storey.walls.p95_off)}}};
 }
 
+constexpr double kLegendBelow = 12.5, kTitleBelow = 6;  // mm
+
+/// What legends take below the usual two rows, at most.
+double more_footer(const Plan& plan) {
+  int rows = kUsualRows;
+  for (std::size_t i = 0; i < plan.storeys.size(); ++i) {
+    std::vector<Meaning> meanings;
+    (void)layers_of(plan, i, meanings);
+    rows = std::max(rows, lay_out_legend(meanings, {kMargin, 0}, plan.page.size.x() - kMargin, [](auto...) {}));
+  }
+  return kLegendRow * (rows - kUsualRows);
+}
+
 Sheet sheet_of(const Plan& plan, std::size_t i) {
-  constexpr double kLegendBelow = 12.5, kTitleBelow = 6;  // mm
   const Page& page = plan.page;
   const std::string title = plan.options.title.empty() ? "Floor plan" : plan.options.title;
   std::vector<Meaning> meanings;
   Sheet sheet{.width = page.size.x(), .height = page.size.y(), .title = title, .layers = layers_of(plan, i, meanings)};
-  const Point at(kMargin, page.size.y() - kMargin - kFooter + kTitleBelow);
+  const Point at(kMargin, page.size.y() - kMargin - page.footer + kTitleBelow);
   const double right = page.size.x() - kMargin;
   sheet.layers.push_back(title_of(plan, i, title, at));
   add_scale_bar(page, {right, at.y()}, sheet.layers);
@@ -365,16 +446,32 @@ Sheet sheet_of(const Plan& plan, std::size_t i) {
   return sheet;
 }
 
+std::size_t shapes_in(const Sheet& sheet, const char* layer) {
+  const auto found =
+      std::find_if(sheet.layers.begin(), sheet.layers.end(), [&](const Layer& l) { return l.name == layer; });
+  return found == sheet.layers.end() ? 0 : found->shapes.size();
+}
+
 }  // namespace
 
 Pages laid_out(const std::vector<StoreyPlan>& storeys, const std::vector<Trajectory>& paths,
-               const PlanOptions& options) {
+               const std::vector<LoopLine>& loops, const PlanOptions& options) {
   const double angle = turned_by(storeys);
-  const Box box = extent_of(storeys, options.path ? paths : std::vector<Trajectory>{}, angle);
-  const Page page = page_for(box, options.scale);
-  const Plan plan{storeys, paths, options, page, Drawing(box, angle, page)};
+  const Box box = extent_of(storeys, options.path || options.loops ? paths : std::vector<Trajectory>{}, angle);
+  const auto plan_on = [&](const Page& page) {
+    return Plan{storeys, paths, loops, options, page, Drawing(box, angle, page)};
+  };
+  Page page = page_for(box, options.scale, kUsualFooter);
+  if (const double more = more_footer(plan_on(page)); more > 0)
+    page = page_for(box, options.scale, kUsualFooter + more);
+  const Plan plan = plan_on(page);
   Pages pages{.sheets = {}, .scale = page.scale, .paper = page.paper};
-  for (std::size_t i = 0; i < storeys.size(); ++i) pages.sheets.push_back(sheet_of(plan, i));
+  for (std::size_t i = 0; i < storeys.size(); ++i) {
+    const Sheet& sheet = pages.sheets.emplace_back(sheet_of(plan, i));
+    const auto between = static_cast<int>(shapes_in(sheet, "Loops between recordings"));
+    pages.loops += static_cast<int>(shapes_in(sheet, "Loops")) + between;
+    pages.loops_between += between;
+  }
   return pages;
 }
 

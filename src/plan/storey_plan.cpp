@@ -63,6 +63,20 @@ Mask unseen_within(const Mask& known) {
   return ~outside;
 }
 
+/// Where nobody looked, and how much of the floor that is.
+void tell_coverage(const Survey& survey, const Mask& open, const Mask& walls, StoreyPlan& plan) {
+  constexpr double kNarrow = 0.15;  // metres: strips twice as wide are the depth of walls of which one face was seen
+  const Grid& grid = survey.grid();
+  const Mask looked_at = with_closed_holes(grid, open | survey.seen()) & ~walls;
+  const Mask outline = within_outline(grid, looked_at | walls, plan.walls.direction);
+  Mask missed = outline & ~(looked_at | walls);
+  cv::morphologyEx(missed, missed, cv::MORPH_OPEN, disc(grid, kNarrow));
+  plan.unseen = traced(grid, missed);
+  const double area = cv::countNonZero(missed), all = area + cv::countNonZero(looked_at);
+  plan.not_looked_at = area * grid.cell * grid.cell;
+  plan.not_looked_at_share = all > 0 ? area / all : 0;
+}
+
 /// Brings the corners of what is filled to the lines beside it.
 void snap(const Sides& sides, double reach, std::vector<Area>& areas) {
   for (Area& area : areas)
@@ -85,7 +99,7 @@ void snap(const Sides& sides, double reach, std::vector<Area>& areas) {
 
 }  // namespace
 
-StoreyPlan plan_of(const Survey& survey, double voxel) {
+StoreyPlan plan_of(const Survey& survey, double voxel, Coverage coverage) {
   constexpr double kSnap = 2.5;  // cells
   const Grid& grid = survey.grid();
   StoreyPlan plan{.floor = survey.floor(), .walls = straightened(joined(survey.segments()), voxel)};
@@ -103,7 +117,10 @@ StoreyPlan plan_of(const Survey& survey, double voxel) {
   snap(sides, kSnap * grid.cell, plan.solid);
   plan.floors = traced(grid, floor);
   plan.furniture = traced(grid, furniture, Edges::straight);
-  plan.unseen = traced(grid, without_strips(grid, unseen_within(open | walls)));
+  if (coverage == Coverage::told)
+    tell_coverage(survey, open, walls, plan);
+  else
+    plan.unseen = traced(grid, without_strips(grid, unseen_within(open | walls)));
   plan.rooms = rooms_in(grid, open, walls, solid, sides);
   plan.floor_area = cv::countNonZero((floor | furniture) & ~walls) * grid.cell * grid.cell;
   return plan;

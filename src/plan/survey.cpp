@@ -32,7 +32,13 @@ void mark(const Grid& grid, const std::array<Point, 3>& corners, Mask& mask) {
 }  // namespace
 
 Survey::Survey(const Grid& grid, double floor, double cut)
-    : grid_(grid), floor_(floor), cut_(cut), seen_floor_(grid.mask()), furniture_(grid.mask()), free_(grid.mask()) {}
+    : grid_(grid),
+      floor_(floor),
+      cut_(cut),
+      seen_floor_(grid.mask()),
+      furniture_(grid.mask()),
+      free_(grid.mask()),
+      seen_(grid.mask()) {}
 
 void Survey::add(const Mesh& mesh) {
   cut(mesh, cut_height(), segments_);

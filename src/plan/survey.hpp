@@ -18,6 +18,12 @@ class Survey {
   void add(const Mesh& mesh);
   /// A cell has free space where walls are cut.
   void mark_free(const cv::Point& cell) { free_(cell) = 255; }
+  /// Free space or a surface was seen over a point, between the floor and the cut.
+  void mark_seen(const Point& p) {
+    constexpr int kMargin = Grid::kMargin;  // stays empty, as with free space
+    const cv::Point c = grid_.cell_of(p);
+    if (c.x >= kMargin && c.y >= kMargin && c.x < grid_.width - kMargin && c.y < grid_.height - kMargin) seen_(c) = 255;
+  }
 
   [[nodiscard]] const Grid& grid() const { return grid_; }
   /// Metres above the world's origin.
@@ -28,12 +34,13 @@ class Survey {
   /// Surface that faces up between the floor and the cut.
   [[nodiscard]] const Mask& furniture() const { return furniture_; }
   [[nodiscard]] const Mask& free() const { return free_; }
+  [[nodiscard]] const Mask& seen() const { return seen_; }
 
  private:
   Grid grid_;
   double floor_, cut_;
   std::vector<Segment> segments_;
-  Mask seen_floor_, furniture_, free_;
+  Mask seen_floor_, furniture_, free_, seen_;
 };
 
 }  // namespace cairn::plan

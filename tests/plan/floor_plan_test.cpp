@@ -7,14 +7,12 @@
 #include <cmath>
 #include <cstdio>
 #include <functional>
-#include <limits>
 #include <sstream>
 
 #include "cairn/map.hpp"
 #include "cairn/scene.hpp"
-#include "shaders/voxel.h"
+#include "support/exact_maps.hpp"
 #include "support/files.hpp"
-#include "volume/grids.hpp"
 
 namespace cairn {
 namespace {
@@ -53,44 +51,17 @@ Scene four_rooms() {
   return scene;
 }
 
-using Distance = std::function<double(const Vector3d&)>;
+using Seen = std::function<bool(const Vector3d& middle)>;
 
-/// Exact bricks near surfaces, and free ones, between two heights of a world that is y down. `world_from_map`: turns
-/// the voxels' frame.
-BrickTree bricks_of(const Distance& distance, double low_y, double high_y, const Eigen::Quaterniond& world_from_map) {
-  const double size = 8.0 * static_cast<double>(kVoxel), half = size * std::sqrt(3.0) / 2;
-  const int reach = static_cast<int>(std::ceil(Vector3d(kWidth / 2, high_y - low_y, kDepth / 2).norm() / size)) + 1;
-  BrickTree tree;
-  for (int x = -reach; x <= reach; ++x)
-    for (int y = -reach; y <= reach; ++y)
-      for (int z = -reach; z <= reach; ++z) {
-        const Vector3d middle = world_from_map * ((Vector3d(x, y, z).array() + 0.5).matrix() * size);
-        if (middle.y() < low_y || middle.y() > high_y || std::abs(middle.x()) > kWidth / 2 + size ||
-            std::abs(middle.z()) > kDepth / 2 + size)
-          continue;
-        const double d = distance(middle);
-        if (d > half + static_cast<double>(kTruncation)) tree.mark_free({x, y, z});
-        if (std::abs(d) > half + static_cast<double>(kTruncation)) continue;
-        BrickVoxels voxels{};
-        for (int i = 0; i < 512; ++i) {
-          const Vector3d p(8 * x + (i >> 6), 8 * y + (i >> 3 & 7), 8 * z + (i & 7));
-          const double at = distance(world_from_map * (p * static_cast<double>(kVoxel)));
-          voxels[static_cast<std::size_t>(i)] =
-              shader::pack_voxel(std::clamp(static_cast<float>(at) / kTruncation, -1.0f, 1.0f), 4, 0x01806040);
-        }
-        tree.put({x, y, z}, voxels);
-      }
-  return tree;
-}
-
-Upright upright_by(const Eigen::Quaterniond& world_from_map) {
-  return {.source = Upright::Source::option, .known = true, .world_from_tracked = world_from_map, .words = "told"};
-}
-
+/// Between two heights of a world that is y down.
 void write_map(const fs::path& file, const Distance& distance, double low_y, double high_y,
-               const Upright& upright = upright_by(Eigen::Quaterniond::Identity())) {
-  write_grids(file, bricks_of(distance, low_y, high_y, upright.world_from_tracked),
-              {.voxel_size = kVoxel, .truncation = kTruncation, .upright = upright});
+               const Upright& upright = upright_by(Eigen::Quaterniond::Identity()), const Seen& is_seen = {}) {
+  const double beside = 8.0 * static_cast<double>(kVoxel);
+  const Vector3d low(-kWidth / 2 - beside, low_y, -kDepth / 2 - beside),
+      high(kWidth / 2 + beside, high_y, kDepth / 2 + beside);
+  write_exact_map(
+      file, distance,
+      {.voxel_size = kVoxel, .truncation = kTruncation, .box = {low, high}, .upright = upright, .is_seen = is_seen});
 }
 
 /// The points of each path of a layer of an SVG, millimetres of the page.
@@ -251,7 +222,35 @@ TEST_F(FloorPlan, HasTheSameBytesTwice) {
   }
 }
 
+TEST_F(FloorPlan, TellsWhereNobodyLookedWithinTheOutline) {
+  const double brick = 8.0 * static_cast<double>(kVoxel);
+  // Whole bricks: 5 by 4 in the middle of a room, from the floor to the ceiling, and 2 by 8 along its outer wall.
+  const auto is_hidden = [brick](const Vector3d& p) {
+    const Eigen::Vector3d b = (p / brick).array().floor();
+    return (b.x() >= 6 && b.x() < 11 && b.z() >= 5 && b.z() < 9) || (b.x() >= 15 && b.z() >= -12 && b.z() < -4);
+  };
+  write_map(out / "map.vdb", &distance, -0.3, 1.45, upright_by(Eigen::Quaterniond::Identity()),
+            [&](const Vector3d& p) { return !is_hidden(p); });
+  const auto draw_hidden = [&](bool coverage) {
+    return Map::open(out / "map.vdb").export_plan(out / "plan.svg", {.scale = 100, .coverage = coverage}).storeys[0];
+  };
+  const ExportedStorey storey = draw_hidden(true);
+  const std::string svg = read_bytes(out / "plan.svg");
+  const double hidden = (5 * 4 + (kWidth / 2 / brick - 15) * 8) * brick * brick;
+  constexpr double kRim = 0.35;  // m2: half a voxel around what is hidden, and corners that are rounded
+  EXPECT_NEAR(storey.not_looked_at, hidden, kRim);
+  EXPECT_NEAR(storey.not_looked_at_share, storey.not_looked_at / (kWidth * kDepth), 0.01);
+  EXPECT_EQ(paths_of(svg, "Not looked at").size(), 2u);
+  EXPECT_NE(svg.find("nobody looked here: "), std::string::npos);
+  EXPECT_EQ(svg.find("\"Not seen\""), std::string::npos);
+  // What is low hides nothing that is above it: where all was seen, it is told so.
+  const ExportedStorey seen = draw(out / "plan.svg", {.scale = 100, .coverage = true}).storeys[0];
+  EXPECT_LT(seen.not_looked_at, 0.02);
+  EXPECT_EQ(draw_hidden(false).not_looked_at, 0);
+}
+
 TEST_F(FloorPlan, SaysWhatIsMissing) {
+  EXPECT_NE(error_of([&] { draw(out / "plan.svg", {.loops = true}); }).find("alone tells no loops"), std::string::npos);
   EXPECT_NE(error_of([&] { draw(out / "plan.dxf"); }).find("use .svg or .pdf"), std::string::npos);
   EXPECT_NE(error_of([&] { draw(out / "plan.svg", {.height = 0}); }).find("must be between 0.3 and 3"),
             std::string::npos);

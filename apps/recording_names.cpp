@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "recording_names.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <charconv>
+#include <stdexcept>
+
+namespace cairn::apps {
+namespace {
+
+/// Folders of a path, and options of a scene.
+std::vector<std::string> words_of(const std::string& name) {
+  std::vector<std::string> words(1);
+  for (const char c : name) {
+    if (c != '/' && c != '?' && c != '&')
+      words.back() += c;
+    else if (!words.back().empty())
+      words.emplace_back();
+  }
+  if (words.size() > 1 && words.back().empty()) words.pop_back();
+  return words;
+}
+
+}  // namespace
+
+std::vector<std::string> told_apart(const std::vector<std::string>& names) {
+  std::vector<std::vector<std::string>> all;
+  for (const std::string& name : names) all.push_back(words_of(name));
+  std::size_t fewest = all.empty() ? 0 : all[0].size();
+  for (const auto& words : all) fewest = std::min(fewest, words.size());
+  const auto is_shared = [&](const auto& word) {
+    return std::all_of(all.begin(), all.end(), [&](const auto& words) { return word(words) == word(all[0]); });
+  };
+  std::size_t before = 0, after = 0;  // words that all share
+  while (before + 1 < fewest && is_shared([&](const auto& words) { return words[before]; })) ++before;
+  while (before + after + 1 < fewest && is_shared([&](const auto& words) { return words[words.size() - 1 - after]; }))
+    ++after;
+  std::vector<std::string> apart;
+  for (const auto& words : all)
+    apart.push_back(fmt::format("{}", fmt::join(words.begin() + static_cast<std::ptrdiff_t>(before),
+                                                words.end() - static_cast<std::ptrdiff_t>(after), " ")));
+  return apart;
+}
+
+std::size_t recording_named(const std::string& word, const std::vector<std::string>& names) {
+  const std::vector<std::string> apart = told_apart(names);
+  std::vector<std::size_t> found;
+  for (std::size_t i = 0; i < names.size(); ++i)
+    if (names[i] == word || apart[i] == word) found.push_back(i);
+  if (found.size() == 1) return found[0];
+  std::size_t number = 0;
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), number);
+  if (found.empty() && error == std::errc() && end == word.data() + word.size() && number < names.size()) return number;
+  std::vector<std::string> list;
+  for (std::size_t i = 0; i < apart.size(); ++i) list.push_back(fmt::format("{}: {}", i, apart[i]));
+  throw std::runtime_error(fmt::format("{} '{}'; there are {}",
+                                       found.empty() ? "no recording is" : "more than one recording is", word,
+                                       fmt::join(list, ", ")));
+}
+
+}  // namespace cairn::apps

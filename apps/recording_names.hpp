@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <string>
+#include <vector>
+
+namespace cairn::apps {
+
+/// Recordings' names without what all of them share at their beginnings and ends: /data/monday and /data/tuesday become
+/// monday and tuesday, a single one its last word.
+[[nodiscard]] std::vector<std::string> told_apart(const std::vector<std::string>& names);
+
+/// The one that a word means: a number, counted from 0, a name, or one told apart. Throws std::runtime_error that names
+/// all where it is none, or more than one.
+[[nodiscard]] std::size_t recording_named(const std::string& word, const std::vector<std::string>& names);
+
+}  // namespace cairn::apps
