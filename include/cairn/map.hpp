@@ -76,7 +76,8 @@ class Map {
   [[nodiscard]] Statistics statistics() const;
 
   class Contents;
-  explicit Map(std::shared_ptr<Contents> contents);  ///< for the library's own use
+  explicit Map(std::shared_ptr<Contents> contents);                ///< for the library's own use
+  [[nodiscard]] Contents& contents() const { return *contents_; }  ///< for the library's own use
 
  private:
   std::shared_ptr<Contents> contents_;

@@ -91,13 +91,18 @@ before(() => {
   for (const word of ['RECORDING', 'FOLDER']) inputs[word] = keep('recording');
   for (const word of ['MAP', 'OUT', 'A']) inputs[word] = keep('map');
   inputs.B = keep('other');
-  // Two parts, their maps, and the map of both.
+  inputs.BEFORE = inputs.AFTER = keep('map');
+  // Two recordings in parts, their maps, and the map of all.
   inputs.MONDAY = inputs.WEDNESDAY = keep('recording'), inputs.TUESDAY = keep('long');
-  run('plan', keep('long'), '-o', keep('plan'), '--frames-per-part', '7', '--overlap', '6');
-  for (const part of ['000', '001'])
-    run('reconstruct', keep(`plan/parts/${part}`), '-o', keep(`plan/maps/${part}`), '--voxel-size', voxel, '--no-mesh');
+  run('synth', 'room', '-o', keep('again'), '--frames', '20', '--width', '320');
+  run('plan', keep('long'), keep('again'), '-o', keep('plan'), '--frames-per-part', '13', '--overlap', '6');
+  const parts = readdirSync(keep('plan/parts')).sort();
   mkdirSync(keep('plan/loops'));
-  run('match', keep('plan/maps/000'), keep('plan/maps/001'), '-o', keep('plan/loops/000-001.json'));
+  for (const part of parts) {
+    run('reconstruct', keep(`plan/parts/${part}`), '-o', keep(`plan/maps/${part}`), '--voxel-size', voxel, '--no-mesh');
+    if (part !== parts[0])
+      run('match', keep(`plan/maps/${parts[0]}`), keep(`plan/maps/${part}`), '-o', keep(`plan/loops/${parts[0]}-${part}.json`));
+  }
   run('optimise', keep('plan'));
   for (const cell of readdirSync(keep('plan/cells')).map((name) => name.replace('.json', '')))
     run('tile', keep('plan'), `--cell=${cell}`, '-o', keep(`plan/tiles/${cell}`), '--no-texture');
@@ -213,7 +218,7 @@ test('every reason stands for a line that is there', () => {
 test('every option that is named is one', () => {
   const help = (...args) => spawnSync(cairn, [...args, '--help'], { encoding: 'utf8' }).stdout;
   const subcommands = ['reconstruct', 'export', 'live', 'record', 'view', 'synth', 'esdf', 'merge', 'plan', 'match',
-    'optimise', 'tile', 'tileset', 'devices',
+    'optimise', 'tile', 'tileset', 'change', 'devices',
     'evaluate', 'graph', 'info', 'calibrate', 'convert', 'demo', 'doctor', 'help', 'completion'].map((name) => [name]);
   for (const name of ['trajectory', 'mesh', 'views', 'topology', 'distances', 'loops']) subcommands.push(['evaluate', name]);
   subcommands.push(['graph', 'optimise']);

@@ -3,6 +3,7 @@
 #pragma once
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "cairn/recorder.hpp"
 #include "support/files.hpp"
@@ -17,13 +18,15 @@ struct SmallRecording {
   double turns_at = 1e9;  // seconds after which the camera goes back the same way
   bool colour = true;
   std::string scene = "room";
+  std::vector<Scene::Solid> more = {};  // what stands there beside
 };
 
 /// Writes a recording of 160x120 pixels: whole runs of it take a second. What suits it is written beside it, as
 /// FOLDER.yaml, for --config: 3 cm voxels and short submaps.
 inline void write_small_recording(const std::filesystem::path& folder, const SmallRecording& r = {}) {
   const Camera camera{160, 120, 131.25, 131.25, 79.5, 59.5, {}};
-  const Scene scene = synthetic_scene(r.scene);
+  Scene scene = synthetic_scene(r.scene);
+  scene.solids.insert(scene.solids.end(), r.more.begin(), r.more.end());
   SceneRenderer renderer(test_device(), scene, camera);
   Recorder writer(folder, camera);
   for (int i = 0; i < r.frames; ++i) {

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <string>
+
+#include "cairn/change.hpp"
+#include "export/map_parts.hpp"
+
+namespace cairn {
+
+/// One of two maps whose voxels lie in the same frame.
+struct ChangeSide {
+  std::string name;  // for messages
+  const MapParts& map;
+};
+
+void check(const ChangeOptions& options, const std::filesystem::path& file);
+
+/// Part by part; what is simple of a surface stays in memory until all of it is known. Throws as
+/// export_change(before, after, ...) does.
+ExportedChange write_change(const ChangeSide& before, const ChangeSide& after, const std::filesystem::path& file,
+                            const ChangeOptions& options, const ExportProgress& progress);
+
+}  // namespace cairn
