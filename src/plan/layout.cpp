@@ -339,7 +339,8 @@ const Style kSolidStyle{.fill = kWall}, kFaceStyle{.stroke = kBlack, .width = 0.
     kLoopBetweenStyle{.stroke = kLoopBetween, .width = 0.2};
 
 Style path_style(std::size_t recording, std::size_t recordings) {
-  return {.stroke = recordings > 1 ? kPaths[recording % kPaths.size()] : kPath, .width = 0.2, .dashed = true};
+  if (recordings < 2) return {.stroke = kPath, .width = 0.2, .dashed = true};
+  return {.stroke = kPaths[recording % kPaths.size()], .width = 0.35, .dashed = true};
 }
 
 std::string name_of(const PlanOptions& options, std::size_t recording) {
@@ -353,6 +354,14 @@ void add_ways(const Plan& plan, std::size_t i, std::vector<Layer>& layers, std::
   const double infinity = std::numeric_limits<double>::infinity();
   const Heights storey{plan.storeys[i].floor, i + 1 < plan.storeys.size() ? plan.storeys[i + 1].floor : infinity};
   const std::size_t recordings = plan.paths.size();
+  if (plan.options.loops) {  // below the paths
+    layers.push_back(loops_of(plan.drawing, "Loops", kLoopStyle, plan.loops, storey, false));
+    meanings.push_back({"the same place, within a recording", kLoopStyle, true});
+  }
+  if (plan.options.loops && recordings > 1) {
+    layers.push_back(loops_of(plan.drawing, "Loops between recordings", kLoopBetweenStyle, plan.loops, storey, true));
+    meanings.push_back({"the same place, of two recordings", kLoopBetweenStyle, true});
+  }
   for (std::size_t r = 0; plan.options.path && r < recordings; ++r) {
     const Style style = path_style(r, recordings);
     const std::string name = recordings > 1 ? ": " + name_of(plan.options, r) : "";
@@ -361,12 +370,6 @@ void add_ways(const Plan& plan, std::size_t i, std::vector<Layer>& layers, std::
     meanings.push_back({recordings > 1 ? "path: " + name_of(plan.options, r) : "path of the camera", style, true});
     layers.push_back(std::move(layer));
   }
-  if (!plan.options.loops) return;
-  layers.push_back(loops_of(plan.drawing, "Loops", kLoopStyle, plan.loops, storey, false));
-  meanings.push_back({"the same place, within a recording", kLoopStyle, true});
-  if (recordings < 2) return;
-  layers.push_back(loops_of(plan.drawing, "Loops between recordings", kLoopBetweenStyle, plan.loops, storey, true));
-  meanings.push_back({"the same place, of two recordings", kLoopBetweenStyle, true});
 }
 
 /// The drawing itself; fills the legend with what there is of it.
