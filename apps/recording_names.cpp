@@ -29,6 +29,7 @@ std::vector<std::string> words_of(const std::string& name) {
 
 std::vector<std::string> told_apart(const std::vector<std::string>& names) {
   std::vector<std::vector<std::string>> all;
+  all.reserve(names.size());
   for (const std::string& name : names) all.push_back(words_of(name));
   std::size_t fewest = all.empty() ? 0 : all[0].size();
   for (const auto& words : all) fewest = std::min(fewest, words.size());
@@ -40,6 +41,7 @@ std::vector<std::string> told_apart(const std::vector<std::string>& names) {
   while (before + after + 1 < fewest && is_shared([&](const auto& words) { return words[words.size() - 1 - after]; }))
     ++after;
   std::vector<std::string> apart;
+  apart.reserve(all.size());
   for (const auto& words : all)
     apart.push_back(fmt::format("{}", fmt::join(words.begin() + static_cast<std::ptrdiff_t>(before),
                                                 words.end() - static_cast<std::ptrdiff_t>(after), " ")));

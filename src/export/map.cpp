@@ -295,6 +295,7 @@ ExportedPlan MapperContents::export_plan(const fs::path& file, const PlanOptions
                                          const ExportProgress& progress) {
   check(options, file);
   std::vector<Trajectory> paths;
+  paths.reserve(static_cast<std::size_t>(state_->recordings()));
   for (int i = 0; i < state_->recordings(); ++i) paths.push_back(state_->trajectory(i));
   ExportedPlan exported;
   look([&](const MapParts& map) {
