@@ -23,7 +23,8 @@ constexpr double kClear = 2;  // times as strong as what tells something else
 constexpr int kViews = 20;
 constexpr double kContradicting = 0.01, kDoubtful = 0.015, kRefuted = 0.03;
 
-constexpr double kWalk = 1;    // m/s: who scans goes slower
+constexpr double kSameTurn = 2e-3, kSameShift = 0.02;  // radians, metres: views contradict each other as much
+constexpr double kWalk = 1;                            // m/s: who scans goes slower
 constexpr double kHurry = 2;   // times as fast as the camera went before it was lost, if that is more
 constexpr double kBefore = 2;  // seconds that tell how fast that was
 // Loops between pieces of a run that the pose graph does not believe, from which number and share on all is begun anew.
@@ -160,6 +161,8 @@ class Pieces {
   Pieces(Atlas& atlas, ViewsApart& views) : atlas_(atlas), views_(views), before_(atlas.components()) {
     for (std::size_t k = 0; k < before_.size(); ++k) keyframes_[before_[k]].push_back(k);
   }
+  /// That there were.
+  [[nodiscard]] std::size_t count() const { return keyframes_.size(); }
   /// By how much two of the pieces before contradict each other at most, where a loop joins what they are in; wholly,
   /// where the camera would have jumped.
   [[nodiscard]] double contradiction(const Loop& loop) {
@@ -172,7 +175,7 @@ class Pieces {
     const std::pair sizes{size(loop.edge.i), size(loop.edge.j)};
     if (known.sizes != sizes) known = {sizes, {}};
     for (const auto& [there, share] : known.shares)
-      if ((there.inverse() * move).isApprox(Eigen::Isometry3d::Identity(), 1e-9)) return share;
+      if (is_within(there.inverse() * move, kSameTurn, kSameShift)) return share;
     return known.shares.emplace_back(move, compare(now, loop, move)).second;
   }
 
@@ -297,11 +300,32 @@ std::size_t add_agreeing(Atlas& atlas, const std::vector<Pair>& pairs, std::size
   return atlas.loops.size() - begin;
 }
 
-/// Optimises the poses of a run whose steps may have slipped.
+/// Optimises the poses, of which each step may have slipped.
 void settle(Atlas& atlas) {
   PoseGraph graph = atlas.graph();
   for (PoseGraph::Edge& edge : graph.edges) edge.may_slip = !edge.is_loop_closure;
   atlas.take(graph, optimise(graph));
+}
+
+/// Joins pieces one after the other, and adds the loops that agree with how all lie then. Returns how many.
+std::size_t join_all(Atlas& atlas, const std::vector<Loop>& loops, ViewsApart& views, Order order) {
+  const std::vector<Pair> pairs = pairs_of(atlas, loops);  // of the pieces as they are now
+  Pieces pieces(atlas, views);
+  const std::size_t before = atlas.loops.size();
+  for (std::size_t joined = 1; joined < pieces.count(); ++joined) {
+    const auto loop = next_join(atlas, loops, pieces, order);
+    if (!loop) break;
+    const auto now = atlas.components();
+    atlas.join(loop->edge);
+    // What drifted in one of the two contradicts what the other saw, until their loops have taken it out: also single
+    // ones, which the pose graph judges.
+    for (const Loop& other : loops)
+      if (std::minmax(now[other.edge.i], now[other.edge.j]) == std::minmax(now[loop->edge.i], now[loop->edge.j]) &&
+          tells(atlas, other, Eigen::Isometry3d::Identity(), kDriftTurn, kDriftShift))
+        atlas.loops.push_back(other);
+    settle(atlas);
+  }
+  return add_agreeing(atlas, pairs, before);
 }
 
 /// By keyframe: the first one of its piece, that was tracked without a break.
@@ -315,15 +339,7 @@ std::vector<std::size_t> tracked_pieces(const Atlas& atlas) {
 }  // namespace
 
 std::size_t join_pieces(Atlas& atlas, const std::vector<Loop>& loops, ViewsApart& views) {
-  const std::vector<Pair> pairs = pairs_of(atlas, loops);  // of the pieces as they are now
-  Pieces pieces(atlas, views);
-  // A loop of each joining cluster ties the pieces for now, so that Atlas knows what moves together.
-  const std::size_t before = atlas.loops.size();
-  while (const auto loop = next_join(atlas, loops, pieces, Order::corners)) {
-    atlas.join(loop->edge);
-    atlas.loops.push_back(*loop);
-  }
-  return add_agreeing(atlas, pairs, before);
+  return join_all(atlas, loops, views, Order::corners);
 }
 
 bool contradict_each_other(const Atlas& atlas) {
@@ -351,20 +367,7 @@ void join_anew(Atlas& atlas, ViewsApart& views) {
                                    atlas.keyframes[k - 1].odometry_from_camera.inverse() *
                                    atlas.keyframes[k].odometry_from_camera;
   settle(atlas);
-  const std::vector<Pair> pairs = pairs_of(atlas, loops);
-  const std::size_t within = atlas.loops.size();
-  Pieces pieces(atlas, views);
-  while (const auto loop = next_join(atlas, loops, pieces, Order::strength)) {
-    const auto now = atlas.components();
-    atlas.join(loop->edge);
-    // What drifted in one of the two contradicts what the other saw, until their loops have taken it out.
-    for (const Loop& other : loops)
-      if (std::minmax(now[other.edge.i], now[other.edge.j]) == std::minmax(now[loop->edge.i], now[loop->edge.j]) &&
-          tells(atlas, other, Eigen::Isometry3d::Identity(), kDriftTurn, kDriftShift))
-        atlas.loops.push_back(other);
-    settle(atlas);
-  }
-  add_agreeing(atlas, pairs, within);
+  join_all(atlas, loops, views, Order::strength);
   settle(atlas);
 }
 

@@ -27,7 +27,7 @@ class JoinedMaps : public testing::Test {
                  .follows = k > 0,
                  .odometry_from_camera = at(0.5 * static_cast<double>(k)),
                  .submap_from_camera = at(0.5 * static_cast<double>(k)),
-                 .information = Matrix6d::Identity()});
+                 .information = 1e4 * Matrix6d::Identity()});
     ++maps;
   }
   /// By which the keyframe `to` of map `b` lies at `off` metres from keyframe `from` of map `a`.
@@ -36,7 +36,7 @@ class JoinedMaps : public testing::Test {
     loops.push_back({.edge = {.i = a * kLength + from,
                               .j = b * kLength + to,
                               .i_from_j = at(off, turn),
-                              .information = Matrix6d::Identity(),
+                              .information = 1e4 * Matrix6d::Identity(),
                               .is_loop_closure = true},
                      .corners = corners});
   }
