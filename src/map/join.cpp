@@ -16,7 +16,8 @@ constexpr double kAgreeTurn = 0.1, kAgreeShift = 0.3;  // radians, metres that t
 // Radians, metres by which pieces that others have joined may have drifted: as many loops as join two are believed up
 // to here, and rooms that look alike are farther from each other.
 constexpr double kDriftTurn = 0.2, kDriftShift = 1;
-constexpr double kClear = 2;  // times as strong as what tells something else
+constexpr double kUnclear = 1.0 / 3;  // of the corners of the clearest loops: what has fewer joins nothing
+constexpr double kClear = 2;          // times as strong as what tells something else
 // Views that tell, and the share of their pixels that contradicts. On two floors of offices, most of them alike, with
 // other doors open: between maps that lie right at most 0.7 %, of one pair 1.2 %; where they do not, and something
 // around the rooms that look alike differs, from 1.0 % on, mostly 3 to 10 %.
@@ -226,7 +227,7 @@ bool may_be_drift(const Atlas& atlas, const Cluster& a, const Cluster& b) {
 /// much the same strength. What is refuted does not count; what contradicts a little does, for doors that stood
 /// otherwise may contradict the true one, and what is far weaker is not taken in its place.
 /// `doubtful`: so may that true one be taken, where no other is nearly as strong.
-const Cluster* joining(const Atlas& atlas, const Pair& pair, Pieces& pieces, bool doubtful) {
+const Cluster* joining(const Atlas& atlas, const Pair& pair, Pieces& pieces, bool doubtful, double least_corners) {
   const Cluster *strongest = nullptr, *clean = nullptr;
   int clean_ones = 0, standing = 0;
   bool is_little = false;  // what the strongest contradicts
@@ -239,8 +240,8 @@ const Cluster* joining(const Atlas& atlas, const Pair& pair, Pieces& pieces, boo
     if (++standing == 1) strongest = &cluster, is_little = contradiction <= kDoubtful;
     if (contradiction <= kContradicting) clean = &cluster, ++clean_ones;
   }
-  if (doubtful && standing == 1 && is_little) return strongest;
-  return clean_ones == 1 ? clean : nullptr;
+  if (clean_ones == 1 && median_corners(*clean) >= least_corners) return clean;
+  return doubtful && standing == 1 && is_little && median_corners(*strongest) >= least_corners ? strongest : nullptr;
 }
 
 /// Loops between two pieces as they are now, each from the first one to the second one.
@@ -263,7 +264,8 @@ enum class Order : std::uint8_t { corners, strength };
 
 /// How the next two pieces are joined, if any. What a piece has grown by tells as well: where the loops of one map
 /// leave open in which of two rooms that look alike it is, those of all that see it do not.
-std::optional<Loop> next_join(const Atlas& atlas, const std::vector<Loop>& loops, Pieces& pieces, Order by) {
+std::optional<Loop> next_join(const Atlas& atlas, const std::vector<Loop>& loops, Pieces& pieces, Order by,
+                              double least_corners) {
   const std::vector<Loop> between = oriented(atlas, loops);
   const std::vector<Pair> pairs = pairs_of(atlas, between);
   std::vector<std::pair<double, const Pair*>> order;
@@ -277,7 +279,8 @@ std::optional<Loop> next_join(const Atlas& atlas, const std::vector<Loop>& loops
   std::stable_sort(order.begin(), order.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   for (const bool doubtful : {false, true})
     for (const auto& [most, pair] : order)
-      if (const Cluster* cluster = joining(atlas, *pair, pieces, doubtful)) return mean_of(atlas, *cluster);
+      if (const Cluster* cluster = joining(atlas, *pair, pieces, doubtful, least_corners))
+        return mean_of(atlas, *cluster);
   return std::nullopt;
 }
 
@@ -310,10 +313,15 @@ void settle(Atlas& atlas) {
 /// Joins pieces one after the other, and adds the loops that agree with how all lie then. Returns how many.
 std::size_t join_all(Atlas& atlas, const std::vector<Loop>& loops, ViewsApart& views, Order order) {
   const std::vector<Pair> pairs = pairs_of(atlas, loops);  // of the pieces as they are now
+  double clearest = 0;
+  for (const Pair& pair : pairs)
+    for (const Cluster& cluster : pair.clusters)
+      if (cluster.size() >= kAgreeing) clearest = std::max<double>(clearest, median_corners(cluster));
+  const double least_corners = kUnclear * clearest;
   Pieces pieces(atlas, views);
   const std::size_t before = atlas.loops.size();
   for (std::size_t joined = 1; joined < pieces.count(); ++joined) {
-    const auto loop = next_join(atlas, loops, pieces, order);
+    const auto loop = next_join(atlas, loops, pieces, order, least_corners);
     if (!loop) break;
     const auto now = atlas.components();
     atlas.join(loop->edge);
