@@ -398,8 +398,9 @@ shader::Texel TextureAtlas::point(const Tile& tile, std::size_t k) const {
     return mesh.texture_coordinates[triangle[corner]].cwiseProduct(
         Eigen::Vector2f(static_cast<float>(mesh.texture.width), static_cast<float>(mesh.texture.height)));
   };
-  const Eigen::Vector2f texel(static_cast<float>(tile.x) + static_cast<float>(k % kSide) + 0.5f,
-                              static_cast<float>(tile.y) + static_cast<float>(k / kSide) + 0.5f);
+  const auto i = static_cast<int>(k);
+  const int x = tile.x + i % kSide, y = tile.y + i / kSide;
+  const Eigen::Vector2f texel(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f);
   const Eigen::Vector2f a = at(0), ab = at(1) - a, ac = at(2) - a, q = texel - a;
   const float area = ab.x() * ac.y() - ab.y() * ac.x();
   float b = 0, c = 0;

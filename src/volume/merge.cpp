@@ -121,7 +121,7 @@ void Merger::merge(std::span<const MergeJob> jobs, const LoadSubmap& submap, Bri
   // Not kept: what is made of the result needs the memory.
   const gpu::Buffer voxels(device_, kSlots * sizeof(BrickVoxels)), merged(device_, kTargets * sizeof(BrickVoxels)),
       targets(device_, kTargets * sizeof(shader::MergeTarget));
-  gpu::Buffer sources;
+  gpu::Buffer sources(device_, sizeof(shader::MergeSource));  // also where no job has any
   gpu::Batch batch(device_);
   std::vector<BrickVoxels> result;
   Gathered now, next;
