@@ -9,7 +9,6 @@
 #include <memory>
 #include <stdexcept>
 
-#include "cairn/parts.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
@@ -36,8 +35,7 @@ ExportedChange change_since(const Arguments& a, const ExportProgress& progress) 
     throw std::runtime_error(a.before.string() +
                              ": is no plan, so that its recordings are not kept apart: --since needs a folder of cairn "
                              "plan; of two maps name both");
-  std::vector<std::string> names;
-  for (const auto& recording : read_plan(a.before).recordings) names.push_back(recording.name);
+  const std::vector<std::string> names = recordings_in(a.before);
   std::size_t since = 0;
   try {
     since = recording_named(a.since, names);

@@ -13,7 +13,6 @@
 #include "cairn/floor_plan.hpp"
 #include "cairn/map.hpp"
 #include "cairn/no_texture.hpp"
-#include "cairn/parts.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
@@ -121,9 +120,7 @@ nlohmann::json sizes_of(const std::vector<fs::path>& files) {
 /// What a plan's recordings are named, if MAP is one.
 std::vector<std::string> recordings_of(const fs::path& map) {
   if (!fs::exists(map / "plan.json")) return {};
-  std::vector<std::string> names;
-  for (const auto& recording : read_plan(map).recordings) names.push_back(recording.name);
-  return told_apart(names);
+  return told_apart(recordings_in(map));
 }
 
 void print(const ExportedPlan& e, const PlanOptions& options) {

@@ -9,6 +9,8 @@
 #include <charconv>
 #include <stdexcept>
 
+#include "cairn/parts.hpp"
+
 namespace cairn::apps {
 namespace {
 
@@ -26,6 +28,12 @@ std::vector<std::string> words_of(const std::string& name) {
 }
 
 }  // namespace
+
+std::vector<std::string> recordings_in(const std::filesystem::path& plan) {
+  std::vector<std::string> names;
+  for (const auto& recording : read_plan(plan).recordings) names.push_back(recording.name);
+  return names;
+}
 
 std::vector<std::string> told_apart(const std::vector<std::string>& names) {
   std::vector<std::vector<std::string>> all;

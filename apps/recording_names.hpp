@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
+#include <filesystem>
 #include <string>
 #include <vector>
 
 namespace cairn::apps {
+
+/// A plan's recordings, as `cairn plan` names them. Throws as read_plan() does.
+[[nodiscard]] std::vector<std::string> recordings_in(const std::filesystem::path& plan);
 
 /// Recordings' names without what all of them share at their beginnings and ends: /data/monday and /data/tuesday become
 /// monday and tuesday, a single one its last word.

@@ -52,8 +52,8 @@ std::string name_of(const Cells& cells, const Cells::Key& cell) {
 void add_to(Preview& preview, ExportRun& run, Texturer* texturer, const Cells::Key& cell, Part part) {
   simplify_part(run, part, {.ratio = preview.ratio}, 0, 0);
   run.step(Effort::kSimplify * part.bricks, "simplifying");
-  Mesh simple = std::move(part.mesh);
-  const Mesh mesh = run.as_written(texturer != nullptr ? texturer->texture(std::move(simple), part, 1) : simple);
+  const Mesh mesh =
+      run.as_written(texturer != nullptr ? texturer->texture(std::move(part.mesh), part, 1) : std::move(part.mesh));
   run.timed("write", [&] { (void)preview.gltf.add(name_of(run.cells, cell), mesh); });
 }
 

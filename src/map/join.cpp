@@ -293,11 +293,10 @@ std::size_t add_agreeing(Atlas& atlas, const std::vector<Pair>& pairs, std::size
     if (piece[pair.first] != piece[pair.second]) continue;
     for (const Cluster& cluster : pair.clusters) {
       const bool are_many = cluster.size() >= kAgreeing;
-      for (const Loop* loop : cluster) {
-        const Eigen::Isometry3d off = atlas.world_from_camera[loop->edge.j].inverse() * told(atlas, *loop);
-        if (!is_within(off, are_many ? kDriftTurn : kAgreeTurn, are_many ? kDriftShift : kAgreeShift)) continue;
-        atlas.loops.push_back(*loop);
-      }
+      for (const Loop* loop : cluster)
+        if (tells(atlas, *loop, Eigen::Isometry3d::Identity(), are_many ? kDriftTurn : kAgreeTurn,
+                  are_many ? kDriftShift : kAgreeShift))
+          atlas.loops.push_back(*loop);
     }
   }
   return atlas.loops.size() - begin;
