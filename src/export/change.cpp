@@ -166,16 +166,6 @@ Mesh simpler(Mesh mesh, float max_error) {
   return mesh;
 }
 
-Mesh in_one(std::vector<Mesh>& parts) {
-  Mesh all = joined(parts);
-  parts.clear();
-  const std::vector<std::uint32_t> name = weld(all);
-  for (auto& t : all.triangles)
-    for (std::uint32_t& v : t) v = name[v];
-  drop_unused_vertices(all);
-  return all;
-}
-
 /// One colour, darker where it faces away from a lamp: programs show coloured vertices as they are.
 void paint(Mesh& mesh, const std::array<float, 3>& colour) {
   const Eigen::Vector3f lamp = Eigen::Vector3f(0.3f, -0.8f, -0.5f).normalized();  // in the world, y down
@@ -263,10 +253,12 @@ std::size_t write(Gathered& gathered, const Pieces& are_new, const Pieces& gone,
              pieces.keeps(mesh.positions[t[2]]);
     };
   };
-  const Mesh all_new = in_one(gathered.are_new), all_gone = in_one(gathered.gone);
+  const Mesh all_new = welded(gathered.are_new), all_gone = welded(gathered.gone);
+  gathered.are_new.clear(), gathered.gone.clear();
   const auto stays = is_kept(all_new, are_new);
   gathered.same.push_back(taken(all_new, [&](const auto& t) { return !stays(t); }));
-  Mesh same = in_one(gathered.same);
+  Mesh same = welded(gathered.same);
+  gathered.same.clear();
   (void)clean(same, {});
   GltfWriter gltf({.upright = upright, .file = file});
   std::size_t triangles = 0;

@@ -63,17 +63,6 @@ void subdivide(Mesh& mesh, float longest) {
   }
 }
 
-/// Vertices at the same position become one: what textures and cells had of their own goes together.
-Mesh welded(const std::vector<Mesh>& parts) {
-  Mesh mesh = joined(parts);
-  const std::vector<std::uint32_t> first = weld(mesh);
-  for (auto& t : mesh.triangles)
-    for (std::uint32_t& v : t) v = first[v];
-  std::erase_if(mesh.triangles, [](const auto& t) { return t[0] == t[1] || t[1] == t[2] || t[2] == t[0]; });
-  drop_unused_vertices(mesh);
-  return mesh;
-}
-
 /// Vertices get the mean colour of those of `fine` that lie nearest to them: one vertex of a pattern tells too little.
 void mix_colours(Mesh& mesh, const Mesh& fine) {
   struct Nearest {

@@ -13,6 +13,7 @@
 #include <unordered_map>
 #include <unordered_set>
 
+#include "base/mesh_vertices.hpp"
 #include "base/union_find.hpp"
 #include "cairn/evaluation.hpp"
 
@@ -171,6 +172,16 @@ MeshTopology examine_topology(const Mesh& mesh) {
   topology.borders = borders.size();
   topology.components = connected_components(mesh, vertex_id).count;
   return topology;
+}
+
+Mesh welded(const std::vector<Mesh>& parts) {
+  Mesh mesh = joined(parts);
+  const std::vector<std::uint32_t> first = weld(mesh);
+  for (auto& t : mesh.triangles)
+    for (std::uint32_t& v : t) v = first[v];
+  std::erase_if(mesh.triangles, [](const auto& t) { return t[0] == t[1] || t[1] == t[2] || t[2] == t[0]; });
+  drop_unused_vertices(mesh);
+  return mesh;
 }
 
 }  // namespace cairn

@@ -61,5 +61,8 @@ struct Components {
 
 /// Parts one after the other, without textures; normals and colours only where all parts have them.
 [[nodiscard]] Mesh joined(const std::vector<Mesh>& parts);
+/// The same, and vertices at the same position become one: what textures and cells had of their own goes together.
+/// Triangles that have no area then are dropped.
+[[nodiscard]] Mesh welded(const std::vector<Mesh>& parts);
 
 }  // namespace cairn
