@@ -15,7 +15,6 @@ namespace cairn {
 namespace {
 
 constexpr int kCorners = 800;
-constexpr int kMaxHamming = 64;  // bits of 256 that two views of a corner may differ by
 constexpr int kMinAgreeing = 20;
 constexpr double kReprojection = 3.0;  // pixels
 constexpr int kRansacIterations = 200;
@@ -70,25 +69,6 @@ std::optional<Pnp> solve(const Matches& matches, const Camera& camera) {
 }
 
 }  // namespace
-
-Matches match(const Features& known, const Features& seen) {
-  Matches matches;
-  if (known.descriptors.empty() || seen.descriptors.empty()) return matches;
-  const auto mat = [](const Features& f) {
-    return cv::Mat(static_cast<int>(f.descriptors.size()), 32, CV_8U,
-                   const_cast<std::uint8_t*>(f.descriptors.front().data()));
-  };
-  std::vector<cv::DMatch> pairs;
-  cv::BFMatcher(cv::NORM_HAMMING, true).match(mat(seen), mat(known), pairs);
-  for (const auto& m : pairs) {
-    const Eigen::Vector3d& p = known.points[static_cast<std::size_t>(m.trainIdx)];
-    if (m.distance > kMaxHamming || p.z() <= 0) continue;
-    const Eigen::Vector2d& r = seen.rays[static_cast<std::size_t>(m.queryIdx)];
-    matches.points.emplace_back(p.x(), p.y(), p.z());
-    matches.rays.emplace_back(r.x(), r.y());
-  }
-  return matches;
-}
 
 Features extract_features(const std::vector<std::uint32_t>& colour, const std::vector<float>& depth,
                           const Camera& camera) {

