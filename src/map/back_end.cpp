@@ -209,7 +209,7 @@ void BackEnd::settle() {
   attempt_settling([&] {
     if (!contradict_each_other(atlas_)) return;
     Atlas anew = atlas_;  // what fails on the way leaves the map as it is
-    ViewsApart views(rig_.depth, [&](std::size_t k) { return images_.depth(k); });
+    ViewsApart views = views_of(rig_, images_);
     join_anew(anew, views);
     atlas_ = std::move(anew);
   });
@@ -314,7 +314,7 @@ std::pair<int, bool> BackEnd::append(const BackEnd& other) {
   leave_frame();
 
   for (Loop& loop : loops) loop.edge.j += keyframes;
-  ViewsApart views(rig_.depth, [&](std::size_t k) { return images_.depth(k); });
+  ViewsApart views = views_of(rig_, images_);
   if (join_pieces(atlas_, loops, views) == 0) return {static_cast<int>(loops.size()), false};
   settling_.add_loop();
   settle();

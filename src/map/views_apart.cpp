@@ -21,11 +21,34 @@ constexpr float kFar = 4.0f;                    // metres: beyond it depth is to
 constexpr double kEnough = 0.1;                 // of the pixels that must be seen by both
 constexpr std::size_t kMostViews = 200;
 
+constexpr int kPatch = 16;           // pixels a side
+constexpr int kAside = 4, kHop = 2;  // pixels that patches are looked for beside their place, and from one to the next
+constexpr float kPattern = 8;        // of 255: standard deviation of a patch's brightness
+constexpr float kAlike = 0.4f;       // correlation
+constexpr float kCovered = 0.9f;     // of a patch's pixels that both views see on the same surface
+constexpr float kSurface = 0.03f, kSurfaceShare = 0.01f;  // metres, and of the depth, that these may differ by
+
+std::vector<float> brightness_of(const Frame& frame) {
+  std::vector<float> brightness;
+  brightness.reserve(frame.colour.size());
+  for (const std::uint32_t c : frame.colour)
+    brightness.push_back(0.299f * static_cast<float>(c & 255) + 0.587f * static_cast<float>(c >> 8 & 255) +
+                         0.114f * static_cast<float>(c >> 16 & 255));
+  return brightness;
+}
+
+/// Less its mean.
+float deviation(Eigen::VectorXf& values) {
+  values.array() -= values.mean();
+  return values.norm();
+}
+
 }  // namespace
 
-ViewsApart::ViewsApart(const Camera& camera, GetDepth get_depth)
+ViewsApart::ViewsApart(const Camera& camera, GetDepth get_depth, GetFrame get_frame)
     : camera_(camera),
       get_depth_(std::move(get_depth)),
+      get_frame_(std::move(get_frame)),
       width_((camera.width - kStep / 2 + kStep - 1) / kStep),
       height_((camera.height - kStep / 2 + kStep - 1) / kStep) {
   for (int v = 0; v < height_; ++v)
@@ -115,6 +138,67 @@ ViewsApart::Compared ViewsApart::compare(const Atlas& atlas, std::span<const std
   }
   compared.share = all.agree + all.differ > 0 ? static_cast<double>(all.differ) / (all.agree + all.differ) : 0;
   return compared;
+}
+
+const ViewsApart::Count& ViewsApart::patterns(const Loop& loop) {
+  const auto [known, is_new] = patterns_.try_emplace({loop.edge.i, loop.edge.j});
+  Count& count = known->second;
+  if (!is_new || !get_frame_) return count;
+  const Frame first = get_frame_(loop.edge.i), second = get_frame_(loop.edge.j);
+  const auto pixels = static_cast<std::size_t>(camera_.width) * static_cast<std::size_t>(camera_.height);
+  if (first.colour.size() != pixels || second.colour.size() != pixels) return count;
+  if (all_rays_.empty())
+    for (int y = 0; y < camera_.height; ++y)
+      for (int x = 0; x < camera_.width; ++x) {
+        const Eigen::Vector2d ray = camera_.undistorted_ray(x, y);
+        all_rays_.emplace_back(static_cast<float>(ray.x()), static_cast<float>(ray.y()), 1.0f);
+      }
+  const std::vector<float> a = brightness_of(first), b = brightness_of(second);
+  const Eigen::Isometry3f motion = loop.edge.i_from_j.cast<float>();
+  const auto at = [&](int x, int y) {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(camera_.width) + static_cast<std::size_t>(x);
+  };
+  std::vector<std::pair<int, int>> places;  // in the first view, of a patch's pixels
+  std::vector<float> own;
+  for (int top = 0; top + kPatch <= camera_.height; top += kPatch)
+    for (int left = 0; left + kPatch <= camera_.width; left += kPatch) {
+      places.clear(), own.clear();
+      for (int y = top; y < top + kPatch; ++y)
+        for (int x = left; x < left + kPatch; ++x) {
+          const float depth = second.depth[at(x, y)];
+          if (!(depth > 0)) continue;
+          const Eigen::Vector3f p = motion * (depth * all_rays_[at(x, y)]);
+          if (p.z() < kSame) continue;
+          const Eigen::Vector2d to = camera_.project(p.cast<double>());
+          const int u = static_cast<int>(std::lround(to.x())), v = static_cast<int>(std::lround(to.y()));
+          if (u < kAside || u + kAside >= camera_.width || v < kAside || v + kAside >= camera_.height) continue;
+          const float seen = first.depth[at(u, v)];
+          if (!(seen > 0) || std::abs(seen - p.z()) > kSurface + kSurfaceShare * p.z()) continue;
+          places.emplace_back(u, v);
+          own.push_back(b[at(x, y)]);
+        }
+      if (static_cast<float>(own.size()) < kCovered * kPatch * kPatch) continue;
+      Eigen::VectorXf pattern = Eigen::Map<const Eigen::VectorXf>(own.data(), static_cast<Eigen::Index>(own.size()));
+      const float size = deviation(pattern);
+      if (size < kPattern * std::sqrt(static_cast<float>(own.size()))) continue;
+      bool is_alike = false;
+      Eigen::VectorXf other(pattern.size());
+      for (int dy = -kAside; dy <= kAside && !is_alike; dy += kHop)
+        for (int dx = -kAside; dx <= kAside && !is_alike; dx += kHop) {
+          for (std::size_t i = 0; i < places.size(); ++i)
+            other[static_cast<Eigen::Index>(i)] = a[at(places[i].first + dx, places[i].second + dy)];
+          const float norm = deviation(other);
+          is_alike = pattern.dot(other) > kAlike * size * norm;
+        }
+      ++(is_alike ? count.agree : count.differ);
+    }
+  return count;
+}
+
+ViewsApart views_of(const Rig& rig, const KeyframeStore& images) {
+  const auto depth = [&images](std::size_t k) { return images.depth(k); };
+  if (rig.colour) return {rig.depth, depth};
+  return {rig.depth, depth, [&images](std::size_t k) { return images.get(k); }};
 }
 
 }  // namespace cairn

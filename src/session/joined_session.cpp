@@ -208,7 +208,7 @@ JoinedSession::Report JoinedSession::join(std::size_t recordings, int device) {
   std::vector<PartFiles> parts;
   for (const Map& map : maps_) parts.push_back(map.files);
   const KeyframeStore images(state_.rig, keyframe_files({}, parts), Access::read);
-  ViewsApart views(state_.rig.depth, [&](std::size_t k) { return images.depth(k); });
+  ViewsApart views = views_of(state_.rig, images);
   (void)join_pieces(atlas, loops_, views);
   const auto settle = [&] {
     PoseGraph graph = atlas.graph();

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <numbers>
+#include <random>
 
 namespace cairn {
 namespace {
@@ -95,6 +96,43 @@ TEST_F(JoinedMaps, AreHeldByAThirdOneWhereTwoAlikeRoomsLeaveItOpen) {
   EXPECT_EQ(join(), 16u);                                           // all but the false ones
   EXPECT_TRUE(are_joined(0, 1) && are_joined(0, 2));
   EXPECT_NEAR(x(1, 0), 5, 1e-9);
+}
+
+/// A wall at 2 m full of patterns, by a number; brighter or darker.
+Frame wall_with(unsigned picture, float brightness) {
+  std::mt19937 random(picture);
+  Frame frame;
+  frame.depth.assign(320 * 240, 2.0f);
+  std::vector<float> tiles(160 * 120);
+  for (float& tile : tiles) tile = static_cast<float>(random() % 160);
+  for (std::size_t i = 0; i < frame.depth.size(); ++i) {
+    const auto grey = static_cast<std::uint32_t>(brightness * tiles[i / 320 / 2 * 160 + i % 320 / 2]);
+    frame.colour.push_back(0xff000000u | grey << 16 | grey << 8 | grey);
+  }
+  return frame;
+}
+
+TEST_F(JoinedMaps, LieNowhereThatHasOtherPicturesOnItsWalls) {
+  std::vector<unsigned> picture(2 * kLength, 0);  // by keyframe
+  const auto views = [&] {
+    return ViewsApart(
+        {.width = 320, .height = 240, .fx = 300, .fy = 300, .cx = 159.5, .cy = 119.5},
+        [](std::size_t) { return std::vector<float>(320 * 240, 0.0f); },  // depth alone tells nothing
+        [&](std::size_t k) { return wall_with(picture[k], k < kLength ? 1.0f : 0.6f); });
+  };
+  add_map(), add_map();
+  for (std::size_t k = 0; k < 9; ++k) see(0, 2 + k, 1, k, 0);              // most of them, to 1 m
+  for (std::size_t k = 0; k < 8; ++k) see(0, 25 + k, 1, 9 + k, 0, 0, 60);  // nearly as many, to 8 m
+  ViewsApart alike = views();
+  EXPECT_EQ(join_pieces(atlas, loops, alike), 0u);
+  for (std::size_t k = 0; k < 9; ++k) picture[2 + k] = 1, picture[kLength + k] = 2;
+  ViewsApart other = views();
+  EXPECT_GT(other.patterns(loops[0]).differ, 100);
+  EXPECT_LT(other.patterns(loops[0]).agree, 10);
+  EXPECT_GT(other.patterns(loops.back()).agree, 100);
+  EXPECT_EQ(other.patterns(loops.back()).differ, 0);
+  EXPECT_EQ(join_pieces(atlas, loops, other), 8u);
+  EXPECT_NEAR(x(1, 0), 8, 1e-9);
 }
 
 TEST_F(JoinedMaps, LieNowhereThatOneSawThrough) {
