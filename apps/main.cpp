@@ -3,11 +3,14 @@
 #include <malloc.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <iostream>
 #include <system_error>
+#include <thread>
 
 #include "command_tree.hpp"
 #include "commands.hpp"
@@ -111,6 +114,8 @@ int run(const std::vector<std::string>& words) {
 int main(int argc, char** argv) {
   constexpr int kLarge = 4 << 20;  // bytes: more than an image; from here on what is freed goes back to the system
   mallopt(M_MMAP_THRESHOLD, kLarge);
+  // What one thread gave back shall serve others: by default each of some dozen keeps its own.
+  mallopt(M_ARENA_MAX, std::max(2, static_cast<int>(std::thread::hardware_concurrency())));
   try {
     return run(std::vector<std::string>(argv + 1, argv + argc));
   } catch (const std::exception& error) {  // while it began, or told of another

@@ -444,7 +444,7 @@ void add_run_options(CLI::App& command, RunArguments& a) {
   command
       .add_option("--device-memory", a.device_memory_mib, "MiB for the map on the device [half of it, 2048 at most]")
       ->check(CLI::Range(std::uint64_t{1}, kMostMib));
-  command.add_option("--host-memory", a.host_memory_mib, "MiB for ended submaps; others wait on the disk [64]")
+  command.add_option("--host-memory", a.host_memory_mib, "MiB for ended submaps; others wait on the disk [16]")
       ->check(CLI::Range(std::uint64_t{1}, kMostMib));
   auto* live = command.add_flag(
       "--esdf", a.esdf, "Keep a distance field up to date while frames are fused; map.vdb gets the grid `esdf`");

@@ -47,7 +47,7 @@ struct MapOptions {
   int submap_keyframes = 200;     ///< that end a submap: what tracking drifts over them stays in it
   bool loops = true;              ///< recognise places and correct the map
   int lost_frames = 45;           ///< in a row, after which the camera begins a new piece of the map
-  std::uint64_t host_memory = 0;  ///< bytes for ended submaps, others wait on the disk; 0: 64 MiB
+  std::uint64_t host_memory = 0;  ///< bytes for ended submaps, others wait on the disk; 0: 16 MiB
 };
 
 struct EsdfOptions {

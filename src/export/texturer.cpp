@@ -2,6 +2,8 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "export/texturer.hpp"
 
+#include <malloc.h>
+
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -83,8 +85,10 @@ Mesh Texturer::texture(Mesh mesh, const Part& part, int level) {
     points += static_cast<std::size_t>(
         std::count_if(tile.triangles.begin(), tile.triangles.end(), [](std::uint32_t t) { return t != kNone; }));
   seen_ += run_.timed("texture", [&] {
-    return views_.blend(*atlas, part.colours.get(),
-                        [&](double share) { run_.step(Effort::kTexture * part.bricks * share, "colouring"); });
+    return views_.blend(*atlas, part.colours.get(), [&](double share) {
+      run_.step(Effort::kTexture * part.bricks * share, "colouring");
+      malloc_trim(0);  // images, bricks and charts that went were small pieces between others
+    });
   });
   Exported& exported = run_.exported;
   exported.texels += points;

@@ -17,6 +17,7 @@ namespace {
 
 constexpr std::uint64_t kChunk = 256 << 10;     // bytes of a staging chunk, at least
 constexpr std::uint64_t kKeepAtMost = 8 << 20;  // staging bytes that stay between runs: some frames' images
+constexpr std::size_t kMostUnderWay = 32;       // batches; each holds its staging memory until it has ended
 // Memory that the host may read and write, and for downloads, where there is such, reads fast.
 constexpr auto kHost = vk::MemoryPropertyFlagBits::eHostVisible | vk::MemoryPropertyFlagBits::eHostCoherent;
 
@@ -216,6 +217,7 @@ void Batch::submit() {
   Device::State& device = state_->device;
   state_->submit();
   device.under_way.push_back(std::move(state_));
+  if (device.under_way.size() > kMostUnderWay) device.wait_for(device.under_way.front()->submission);
   state_ = device.empty_batch();
 }
 

@@ -109,7 +109,7 @@ void BackEnd::end_submap(Volume& volume, std::uint32_t fused_count, bool keep) {
     leave_frame();
     return;
   }
-  BrickTree voxels = volume.split(submap_since_, atlas_.submap_from_camera(atlas_.frames.back()).translation(),
+  BrickList voxels = volume.split(submap_since_, atlas_.submap_from_camera(atlas_.frames.back()).translation(),
                                   keep ? options_.surface.max_depth : 0.0f);
   submaps_.add(std::move(voxels));
   searched_ = submap_begin_;

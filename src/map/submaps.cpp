@@ -3,7 +3,6 @@
 #include "map/submaps.hpp"
 
 #include <fmt/format.h>
-#include <malloc.h>
 
 #include <algorithm>
 #include <utility>
@@ -12,7 +11,7 @@ namespace cairn {
 namespace {
 
 // Bytes: reading the bricks that are needed takes no longer than their work.
-constexpr std::uint64_t kUsualBudget = std::uint64_t{64} << 20;
+constexpr std::uint64_t kUsualBudget = std::uint64_t{16} << 20;
 constexpr std::size_t kOpenFiles = 32;  // an open one knows where each of its bricks is, half a megabyte
 
 }  // namespace
@@ -34,32 +33,33 @@ const std::shared_ptr<const BrickSet>& Submaps::bricks(std::size_t i) const {
   return bricks_[i];
 }
 
-void Submaps::add(BrickTree voxels) {
+void Submaps::add(BrickList voxels) {
   wait();
   const std::size_t id = bricks_.size();
-  bricks_.push_back(std::make_shared<const BrickSet>(voxels.bricks()));
-  voxels_.push_back(std::make_shared<const BrickTree>(std::move(voxels)));
+  const std::uint64_t bytes = voxels.bricks.size() * sizeof(BrickVoxels);
+  bricks_.push_back(std::make_shared<const BrickSet>(voxels.bricks));
+  voxels_.push_back(writes_ ? nullptr : std::make_shared<const BrickTree>(tree_of(voxels)));
   last_use_.push_back(++use_);
   stored_.push_back(false);
-  auto left = keep_within_budget();
-  if (writes_)
-    writing_ = std::async(std::launch::async, [tree = voxels_[id], to = file(id), left = std::move(left)]() mutable {
-      if (!left.empty()) {
-        left.clear();
-        malloc_trim(0);  // a submap is thousands of small pieces between others
-      }
-      try {
-        write_bricks(to, *tree);
-        tree.reset();
-        return true;
-      } catch (const std::runtime_error&) {
-        return false;  // it stays in memory until store()
-      }
-    });
+  keep_within_budget(writes_ ? bytes : 0);
+  if (!writes_) return;
+  writing_ = std::async(std::launch::async, [list = std::make_unique<const BrickList>(std::move(voxels)), to = file(id),
+                                             keep = bytes <= budget_]() mutable {
+    Written written;
+    try {
+      write_bricks(to, *list);
+      written.stored = true;
+    } catch (const std::runtime_error&) {  // it stays in memory until store()
+    }
+    if (keep || !written.stored) written.voxels = std::make_shared<const BrickTree>(tree_of(*list));
+    list.reset();  // the future that holds this function lives until the next submap
+    return written;
+  });
 }
 
-BrickTree Submaps::copy(std::size_t i) const {
-  return !has_voxels(i) ? BrickTree() : voxels_[i] ? voxels_[i]->copy() : BrickFile(file(i)).read();
+BrickList Submaps::copy(std::size_t i) const {
+  if (!has_voxels(i)) return {};
+  return voxels_[i] ? list_of(*voxels_[i]) : list_of(BrickFile(file(i)).read());
 }
 
 void Submaps::add_stored(bool has_file) {
@@ -90,7 +90,10 @@ void Submaps::drop(std::size_t i) {
 }
 
 void Submaps::wait() {
-  if (writing_.valid()) stored_.back() = writing_.get();
+  if (!writing_.valid()) return;
+  Written written = writing_.get();
+  stored_.back() = written.stored;
+  voxels_.back() = std::move(written.voxels);
 }
 
 std::optional<std::string> Submaps::store() {
@@ -101,16 +104,16 @@ std::optional<std::string> Submaps::store() {
       if (!stored_[i]) write_bricks(file(i), *voxels_[i]);
       stored_[i] = true;
     }
+    keep_within_budget();
     return std::nullopt;
   } catch (const std::runtime_error& error) {
     return error.what();
   }
 }
 
-std::vector<std::shared_ptr<const BrickTree>> Submaps::keep_within_budget() {
-  std::vector<std::shared_ptr<const BrickTree>> left;
+void Submaps::keep_within_budget(std::uint64_t being_written) {
   const auto bytes = [&] {
-    std::uint64_t sum = 0;
+    std::uint64_t sum = being_written;
     for (std::size_t i = 0; i < bricks_.size(); ++i)
       if (voxels_[i]) sum += bricks_[i]->size() * sizeof(BrickVoxels);
     return sum;
@@ -119,14 +122,14 @@ std::vector<std::shared_ptr<const BrickTree>> Submaps::keep_within_budget() {
     std::size_t oldest = bricks_.size();
     for (std::size_t i = 0; i < bricks_.size(); ++i)
       if (voxels_[i] && stored_[i] && (oldest == bricks_.size() || last_use_[i] < last_use_[oldest])) oldest = i;
-    if (oldest == bricks_.size() || last_use_[oldest] == use_) break;  // one at least stays
-    left.push_back(std::exchange(voxels_[oldest], nullptr));
+    if (oldest == bricks_.size()) break;
+    voxels_[oldest] = nullptr;
   }
   counts_.peak_bytes = std::max(counts_.peak_bytes, bytes());
-  return left;
 }
 
 std::shared_ptr<const BrickTree> Submaps::voxels(std::size_t i, const BrickBox& box) {
+  if (i + 1 == bricks_.size()) wait();
   last_use_[i] = ++use_;
   if (voxels_[i]) return voxels_[i];
   ++counts_.read_back;
@@ -134,6 +137,7 @@ std::shared_ptr<const BrickTree> Submaps::voxels(std::size_t i, const BrickBox& 
 }
 
 std::shared_ptr<const BrickTree> Submaps::free(std::size_t i) {
+  if (i + 1 == bricks_.size()) wait();
   last_use_[i] = ++use_;
   return voxels_[i] ? voxels_[i] : std::make_shared<const BrickTree>(opened(i).read_free());
 }

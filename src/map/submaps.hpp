@@ -21,14 +21,14 @@ namespace cairn {
 /// read by parts from then on.
 class Submaps {
  public:
-  /// `budget`: bytes; 0: 64 MiB. Without the right to write, what is added stays in memory.
+  /// `budget`: bytes; 0: 16 MiB. Without the right to write, what is added stays in memory.
   Submaps(NumberedFiles files, std::uint64_t budget, Access access);
-  void add(BrickTree voxels);
+  void add(BrickList voxels);
   /// Adds one whose file is there already, or, if it has none, a dropped one. Another map's file is opened once it is
   /// needed.
   void add_stored(bool has_file);
   /// A submap's voxels, to be added elsewhere.
-  [[nodiscard]] BrickTree copy(std::size_t i) const;
+  [[nodiscard]] BrickList copy(std::size_t i) const;
   /// Forgets a submap's voxels; the others keep their numbers, and its file stays: a checkpoint may name it.
   void drop(std::size_t i);
   /// All that are in files leave the memory.
@@ -52,9 +52,13 @@ class Submaps {
   [[nodiscard]] const Counts& counts() const { return counts_; }
 
  private:
+  /// How the newest was written, and its voxels where they stay in memory.
+  struct Written {
+    bool stored = false;
+    std::shared_ptr<const BrickTree> voxels;
+  };
   void wait();
-  /// Returns what has left the memory.
-  std::vector<std::shared_ptr<const BrickTree>> keep_within_budget();
+  void keep_within_budget(std::uint64_t being_written = 0);
   NumberedFiles files_;
   std::uint64_t budget_;
   bool writes_;
@@ -64,8 +68,8 @@ class Submaps {
   std::map<std::size_t, BrickFile> open_;                        // of those that were read from last
   std::vector<std::uint64_t> last_use_;
   std::uint64_t use_ = 0;
-  std::vector<bool> stored_;   // in their files
-  std::future<bool> writing_;  // of the newest; whether it went well
+  std::vector<bool> stored_;      // in their files
+  std::future<Written> writing_;  // of the newest
   Counts counts_;
 };
 

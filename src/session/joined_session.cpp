@@ -305,7 +305,7 @@ void JoinedSession::write(bool gather) {
     writer_.copy_files(state_, submap_files({}, parts), keyframe_files({}, parts));
   else
     writer_.set_parts(std::move(parts));
-  writer_.write(state_, BrickTree());
+  writer_.write(state_, {});
 }
 
 }  // namespace cairn

@@ -102,7 +102,7 @@ class Session::State {
     writing_ = std::async(
         std::launch::async,
         [writer = writer_, session = std::make_unique<const SessionState>(std::move(session)),
-         active = std::make_unique<const BrickTree>(s.volume.copy())]() mutable -> std::optional<std::string> {
+         active = std::make_unique<const BrickList>(s.volume.list())]() mutable -> std::optional<std::string> {
           std::optional<std::string> problem;
           try {
             writer->write(*session, *active);

@@ -373,7 +373,7 @@ std::vector<ChunkFile> SessionWriter::write_chunks(const std::vector<T>& list, c
   return files;
 }
 
-void SessionWriter::write(const SessionState& s, const BrickTree& active) {
+void SessionWriter::write(const SessionState& s, const BrickList& active) {
   write_bricks(active_file(files_, s.number), active);
   const Atlas& atlas = s.back_end.atlas;
   std::vector<ChunkFile> keyframes = write_chunks(atlas.keyframes, kKeyframes, s.number, keyframe_files_);

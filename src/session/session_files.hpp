@@ -110,7 +110,7 @@ class SessionWriter {
   /// Writes the volume's bricks, full chunks of keyframes, loops and frames that are new or changed, and then the
   /// state, each whole or not at all; a kill at any moment leaves the session before or this one. Files that no longer
   /// belong to it are removed then.
-  void write(const SessionState& state, const BrickTree& active);
+  void write(const SessionState& state, const BrickList& active);
 
  private:
   /// Full chunks of frames and the names of their files.

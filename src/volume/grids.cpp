@@ -14,6 +14,7 @@
 #include <limits>
 #include <map>
 #include <mutex>
+#include <numeric>
 #include <optional>
 #include <sstream>
 #include <stdexcept>
@@ -459,8 +460,13 @@ BrickTree::BrickTree(BrickTree&&) noexcept = default;
 BrickTree& BrickTree::operator=(BrickTree&&) noexcept = default;
 
 BrickTree BrickTree::copy() const {
-  BrickTree other;
+  BrickTree other = copy_free();
   other.state_->tree = std::make_shared<VoxelTree>(*state_->tree);
+  return other;
+}
+
+BrickTree BrickTree::copy_free() const {
+  BrickTree other;
   other.state_->free = std::make_shared<FreeTree>(*state_->free);
   return other;
 }
@@ -522,6 +528,10 @@ std::vector<Eigen::Vector3i> BrickTree::free_bricks() const {
   return all;
 }
 
+void BrickTree::visit_free(const std::function<void(const Eigen::Vector3i&, const BrickBits&)>& visit) const {
+  for_each_mask(*state_->free, visit);
+}
+
 const std::uint64_t* BrickTree::find(const Eigen::Vector3i& brick) const {
   const auto* leaf = std::as_const(*state_->tree).probeConstLeaf(origin_of(brick));
   return leaf == nullptr ? nullptr : reinterpret_cast<const std::uint64_t*>(leaf->buffer().data());
@@ -534,6 +544,24 @@ std::vector<Eigen::Vector3i> BrickTree::bricks() const {
   for (auto leaf = state_->tree->cbeginLeaf(); leaf; ++leaf) all.push_back(brick_at(leaf->origin()));
   std::sort(all.begin(), all.end(), before);
   return all;
+}
+
+void BrickTree::visit(const std::function<void(const Eigen::Vector3i&)>& visit) const {
+  for (auto leaf = state_->tree->cbeginLeaf(); leaf; ++leaf) visit(brick_at(leaf->origin()));
+}
+
+BrickList list_of(const BrickTree& tree) {
+  BrickList list{.bricks = tree.bricks(), .voxels = {}, .free = tree.copy_free()};
+  list.voxels.resize(list.bricks.size());
+  for (std::size_t i = 0; i < list.bricks.size(); ++i)
+    std::memcpy(list.voxels[i].data(), tree.find(list.bricks[i]), sizeof(BrickVoxels));
+  return list;
+}
+
+BrickTree tree_of(const BrickList& list) {
+  BrickTree tree = list.free.copy_free();
+  for (std::size_t i = 0; i < list.bricks.size(); ++i) tree.put(list.bricks[i], list.voxels[i]);
+  return tree;
 }
 
 bool before_in_grid(const Eigen::Vector3i& a, const Eigen::Vector3i& b) {
@@ -727,14 +755,49 @@ DistanceField DistanceField::read(const std::filesystem::path& vdb) {
           turn.cast<float>()};
 }
 
-void write_bricks(const std::filesystem::path& file, const BrickTree& bricks) {
-  const auto grid = openvdb::Int64Grid::create(bricks.state_->tree);
+/// `write_leaves(stream)` writes the voxels of `tree`, where its leaves do not hold them.
+template <class... WriteLeaves>
+void write_bricks(const std::filesystem::path& file, const VoxelTree::Ptr& tree, const FreeTree::Ptr& free,
+                  const WriteLeaves&... write_leaves) {
+  const auto grid = openvdb::Int64Grid::create(tree);
   grid->setName("bricks");
-  const auto free = openvdb::MaskGrid::create(bricks.state_->free);
-  free->setName("free");
+  const auto mask = openvdb::MaskGrid::create(free);
+  mask->setName("free");
   write_file(file, 2, [&](FileWriter& writer) {
-    writer.write(*grid);
-    writer.write(*free);
+    writer.write(*grid, write_leaves...);
+    writer.write(*mask);
+  });
+}
+
+void write_bricks(const std::filesystem::path& file, const BrickTree& tree) {
+  write_bricks(file, tree.state_->tree, tree.state_->free);
+}
+
+void write_bricks(const std::filesystem::path& file, const BrickList& list) {
+  using Leaf = VoxelTree::LeafNodeType;
+  initialize_once();
+  std::vector<std::size_t> order(list.bricks.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(),
+            [&](std::size_t a, std::size_t b) { return before_in_grid(list.bricks[a], list.bricks[b]); });
+  const auto tree = std::make_shared<VoxelTree>(0);
+  for (const std::size_t i : order) {
+    auto leaf = std::make_unique<Leaf>(openvdb::PartialCreate(), origin_of(list.bricks[i]), 0);
+    leaf->setValueMask(mask_of(kAllBits));
+    tree->addLeaf(leaf.release());
+  }
+  const auto pack = [&](std::size_t begin, std::size_t end) {
+    auto out = leaf_stream(tree->background());
+    Leaf leaf;
+    leaf.setValueMask(mask_of(kAllBits));
+    for (std::size_t i = begin; i < end; ++i) {
+      std::memcpy(leaf.buffer().data(), list.voxels[order[i]].data(), sizeof(BrickVoxels));
+      leaf.writeBuffers(out, false);
+    }
+    return std::move(out).str();
+  };
+  write_bricks(file, tree, list.free.state_->free, [&](std::ostream& out) {
+    pack_leaves(order.size(), pack, [&](const std::string& packed) { out << packed; });
   });
 }
 

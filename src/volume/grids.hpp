@@ -53,6 +53,7 @@ class BrickTree {
   BrickTree(BrickTree&&) noexcept;
   [[nodiscard]] BrickTree copy() const;
   BrickTree& operator=(BrickTree&&) noexcept;
+  [[nodiscard]] BrickTree copy_free() const;  // what is free, without voxels
 
   /// Adds the brick or replaces it. `brick` counts bricks: voxel / 8.
   void put(const Eigen::Vector3i& brick, std::span<const std::uint64_t, 512> voxels);
@@ -67,23 +68,39 @@ class BrickTree {
   [[nodiscard]] BrickBits free_voxels(const Eigen::Vector3i& brick) const;
   /// Those with a free voxel, sorted like bricks().
   [[nodiscard]] std::vector<Eigen::Vector3i> free_bricks() const;
+  /// These and their free voxels in the tree's own order, which takes less time.
+  void visit_free(const std::function<void(const Eigen::Vector3i&, const BrickBits&)>& visit) const;
   /// The brick's voxels, or null. Valid until the brick is put again.
   [[nodiscard]] const std::uint64_t* find(const Eigen::Vector3i& brick) const;
   [[nodiscard]] std::size_t size() const;  // bricks
   /// All bricks, sorted by x, then y, then z.
   [[nodiscard]] std::vector<Eigen::Vector3i> bricks() const;
+  void visit(const std::function<void(const Eigen::Vector3i&)>& visit) const;  // in the tree's own order
 
  private:
   friend void write_bricks(const std::filesystem::path& file, const BrickTree& tree);
+  friend void write_bricks(const std::filesystem::path& file, const struct BrickList& list);
   friend class BrickFile;
   friend class GridsWriter;
   struct State;
   std::unique_ptr<State> state_;
 };
 
+/// Bricks that are kept for a moment: one large piece of memory, which goes back to the system as a whole, where a tree
+/// takes a small one for each.
+struct BrickList {
+  std::vector<Eigen::Vector3i> bricks;  // each once
+  std::vector<BrickVoxels> voxels;      // of each
+  BrickTree free;                       // what is free, without voxels
+};
+
+[[nodiscard]] BrickList list_of(const BrickTree& tree);
+[[nodiscard]] BrickTree tree_of(const BrickList& list);
+
 /// Writes bricks as they are (a grid of 64-bit voxels, and one of what is free): quick, for sessions. Whole or not at
 /// all.
 void write_bricks(const std::filesystem::path& file, const BrickTree& tree);
+void write_bricks(const std::filesystem::path& file, const BrickList& list);
 
 /// A file of write_bricks, out of which some bricks are read at a time. Files of versions before 2026-11-24 hold one
 /// grid, with tiles for bricks that are free as a whole.

@@ -181,19 +181,27 @@ std::vector<Brick> Volume::mark_free(const BrickMarks& marks) {
   return news;
 }
 
+/// The voxels of slots that are on the device, at most kBricksPerCopy at a time.
+void Volume::read(std::span<const std::uint32_t> slots, std::span<BrickVoxels> voxels) {
+  for (std::size_t begin = 0; begin < slots.size(); begin += kBricksPerCopy) {
+    const std::size_t all = std::min(begin + kBricksPerCopy, slots.size());
+    gpu::Batch batch(device_);
+    for (std::size_t i = begin; i < all;) {  // one copy per run of neighbouring slots
+      std::size_t end = i + 1;
+      while (end < all && slots[end] == slots[end - 1] + 1) ++end;
+      batch.download(voxels_, voxels.subspan(i, end - i), slots[i] * kBrickBytes);
+      i = end;
+    }
+    batch.run();
+  }
+}
+
 void Volume::copy_to(BrickTree& tree, std::span<const std::uint32_t> slots) {
   std::vector<BrickVoxels> voxels;
   for (std::size_t begin = 0; begin < slots.size(); begin += kBricksPerCopy) {
     const auto some = slots.subspan(begin, std::min(kBricksPerCopy, slots.size() - begin));
     voxels.resize(some.size());
-    gpu::Batch batch(device_);
-    for (std::size_t i = 0; i < some.size();) {  // one copy per run of neighbouring slots
-      std::size_t end = i + 1;
-      while (end < some.size() && some[end] == some[end - 1] + 1) ++end;
-      batch.download(voxels_, std::span(voxels).subspan(i, end - i), some[i] * kBrickBytes);
-      i = end;
-    }
-    batch.run();
+    read(some, voxels);
     for (std::size_t i = 0; i < some.size(); ++i) tree.put(brick_in_[some[i]], voxels[i]);
   }
 }
@@ -367,13 +375,26 @@ const BrickTree& Volume::on_host() {
   return host_;
 }
 
-BrickTree Volume::copy() {
-  BrickTree all = host_.copy();
-  copy_to(all, slots_in_use());
-  return all;
+BrickList Volume::list() {
+  const std::vector<std::uint32_t> slots = slots_in_use();
+  BrickList list{.bricks = {}, .voxels = {}, .free = host_.copy_free()};
+  for (const std::uint32_t slot : slots) list.bricks.push_back(brick_in_[slot]);
+  host_.visit([&](const Brick& brick) {
+    if (!slot_of_.contains(brick)) list.bricks.push_back(brick);
+  });
+  list_voxels(list, slots);
+  return list;
 }
 
-BrickTree Volume::split(std::uint32_t since, const Eigen::Vector3d& centre, float radius) {
+/// Of bricks of which the first are in these slots, the others on the host.
+void Volume::list_voxels(BrickList& list, std::span<const std::uint32_t> slots) {
+  list.voxels.resize(list.bricks.size());
+  read(slots, std::span(list.voxels).first(slots.size()));
+  for (std::size_t i = slots.size(); i < list.bricks.size(); ++i)
+    std::copy_n(host_.find(list.bricks[i]), list.voxels[i].size(), list.voxels[i].begin());
+}
+
+BrickList Volume::split(std::uint32_t since, const Eigen::Vector3d& centre, float radius) {
   const auto stays = [&](const Brick& brick) {
     const Eigen::Vector3d at = (brick.cast<double>().array() + 0.5) * static_cast<double>(brick_size());
     return (at - centre).norm() < static_cast<double>(radius);
@@ -385,22 +406,23 @@ BrickTree Volume::split(std::uint32_t since, const Eigen::Vector3d& centre, floa
     if (is_seen) seen.push_back(slot);
     if (!is_seen || !stays(brick_in_[slot])) leaving.push_back(slot);
   }
-  BrickTree submap, next;
-  copy_to(submap, seen);
+  BrickList submap;
+  BrickTree next;
+  for (const std::uint32_t slot : seen) submap.bricks.push_back(brick_in_[slot]);
   std::vector<shader::Placement> gone;
   for (const Brick& brick : host_.bricks()) {
     if (slot_of_.contains(brick)) continue;
-    const std::span<const std::uint64_t, 512> voxels(host_.find(brick), 512);
     const bool is_seen = last_seen_[brick] >= since;
-    if (is_seen) submap.put(brick, voxels);
+    if (is_seen) submap.bricks.push_back(brick);
     if (is_seen && stays(brick))
-      next.put(brick, voxels);
+      next.put(brick, std::span<const std::uint64_t, 512>(host_.find(brick), 512));
     else if (in_window(brick))
       gone.push_back({.brick = brick, .slot = shader::kNoSlot, .table_index = table_index(brick), .entry = 0});
   }
+  list_voxels(submap, seen);
   for (const Brick& brick : host_.free_bricks()) {
     const BrickBits voxels = host_.free_voxels(brick);
-    submap.mark_free(brick, voxels);
+    submap.free.mark_free(brick, voxels);
     if (stays(brick)) next.mark_free(brick, voxels);
   }
   host_ = std::move(next);

@@ -90,12 +90,12 @@ class Volume {
   [[nodiscard]] const BrickTree& on_host();
   /// The host's tree as it is: of bricks on the device it holds no or old voxels.
   [[nodiscard]] const BrickTree& host() const { return host_; }
-  /// A tree with every brick in it, of its own.
-  [[nodiscard]] BrickTree copy();
+  /// Copies of all bricks, on the device or the host.
+  [[nodiscard]] BrickList list();
 
   /// Ends a submap: returns copies of the bricks that were seen at `since` or later. Of these the ones within `radius`
   /// (metres) of `centre` stay for the next submap; all others are dropped.
-  [[nodiscard]] BrickTree split(std::uint32_t since, const Eigen::Vector3d& centre, float radius);
+  [[nodiscard]] BrickList split(std::uint32_t since, const Eigen::Vector3d& centre, float radius);
 
   /// Which bricks are where, to go on with later: together with on_host() all of the volume.
   struct Residency {
@@ -119,6 +119,8 @@ class Volume {
   void vacate(std::span<const std::uint32_t> slots);
   void place(gpu::Batch& batch, std::span<const shader::Placement> placements, std::uint32_t fused_count);
   void make_room(std::size_t needed, std::span<const Brick> keep, std::uint32_t now);
+  void read(std::span<const std::uint32_t> slots, std::span<BrickVoxels> voxels);
+  void list_voxels(BrickList& list, std::span<const std::uint32_t> slots);
   void copy_to(BrickTree& tree, std::span<const std::uint32_t> slots);
   [[nodiscard]] std::vector<shader::SlotState> slot_states();
   [[nodiscard]] std::vector<std::uint32_t> slots_in_use() const;

@@ -117,7 +117,7 @@ TEST(BackEnd, KeepsSubmapsOnTheDiskWhenTheyExceedTheBudget) {
       tree.put({i, s, 0}, voxels);
     }
     originals.push_back(tree.copy());
-    submaps.add(std::move(tree));
+    submaps.add(list_of(tree));
   }
   EXPECT_FALSE(submaps.store());
   EXPECT_LE(submaps.counts().peak_bytes, std::uint64_t{1} << 20);
@@ -224,7 +224,7 @@ TEST(BackEnd, KeepsInMemoryWhatCannotBeWrittenAndTriesAgain) {
   KeyframeStore keyframes(small_camera(), folder / "session");
   BrickTree tree;
   tree.put({1, 2, 3}, BrickVoxels{5});
-  submaps.add(std::move(tree));
+  submaps.add(list_of(tree));
   const Frame frame{.depth = std::vector<float>(320 * 240, 1.5f)};
   keyframes.put(0, frame, {});
   for (const auto& problem : {submaps.store(), keyframes.store()}) EXPECT_TRUE(problem);
@@ -264,7 +264,7 @@ TEST(BackEnd, WritesNothingIntoASessionThatIsLookedAt) {
   KeyframeStore keyframes(small_camera(), folder.path(), Access::read);
   BrickTree tree;
   tree.put({1, 2, 3}, BrickVoxels{5});
-  submaps.add(std::move(tree));
+  submaps.add(list_of(tree));
   const Frame frame{.depth = std::vector<float>(320 * 240, 1.5f)};
   keyframes.put(0, frame, {});
   EXPECT_FALSE(submaps.store() || keyframes.store());

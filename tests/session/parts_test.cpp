@@ -125,7 +125,7 @@ class SessionOfParts : public testing::Test {
     for (std::size_t k = read.parts.at(1).first_keyframe; k < poses.size(); ++k) poses[k].translation().x() += by;
     SessionWriter writer(folder / "all");
     writer.set_parts(read.parts);
-    writer.write(read.session, BrickTree());
+    writer.write(read.session, {});
   }
   TemporaryFolder folder;
   std::vector<std::optional<double>> moved;

@@ -40,11 +40,7 @@ SessionState small_session() {
   return s;
 }
 
-BrickTree one_brick() {
-  BrickTree tree;
-  tree.put({1, 2, 3}, BrickVoxels{5});
-  return tree;
-}
+BrickList one_brick() { return {.bricks = {{1, 2, 3}}, .voxels = {BrickVoxels{5}}, .free = {}}; }
 
 std::set<std::string> names_in(const fs::path& folder) {
   std::set<std::string> names;
@@ -81,7 +77,7 @@ TEST(SessionFiles, HaveTheSameBytesWhenTheyAreReadAndWrittenAgain) {
   s.last_fused = 0.1;
   SessionWriter(folder / "s").write(s, one_brick());
   const ReadSession read = read_session(folder / "s");
-  SessionWriter(folder / "again").write(read.session, read.active);
+  SessionWriter(folder / "again").write(read.session, one_brick());
   EXPECT_EQ(read_bytes(folder / "again" / "state.cbor"), read_bytes(folder / "s" / "state.cbor"));
   EXPECT_EQ(read.session.rig, s.rig);
   EXPECT_EQ(read.session.back_end.atlas.keyframes[0].acceleration, std::nullopt);

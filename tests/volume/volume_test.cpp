@@ -434,17 +434,37 @@ TEST(Volume, KeepsBricksThatLeaveTheWindowAndBringsThemBack) {
   EXPECT_EQ(before.triangles, after.triangles);
 }
 
+TEST(Volume, ListsAllThatItsTreeHolds) {
+  Volume volume(test_device(), fuse_options(0.02f), 2.0f);
+  fill(volume, {-0.6f, -0.7f, -0.6f}, {0.8f, 0.6f, 0.7f}, sphere);
+  const auto all = volume.bricks();
+  volume.move_window({100, 0, 0});
+  volume.move_window({0, 0, 0});
+  volume.page_in(std::span(all).first(all.size() / 2));  // the others stay on the host
+  volume.mark_free({.bricks = {{90, 0, -3}, all[0]}, .voxels = {kAllBits, {1, 2}}});
+  const TemporaryFolder folder;
+  const BrickList list = volume.list();
+  EXPECT_EQ(list.bricks.size(), all.size());
+  write_bricks(folder / "list.vdb", list);
+  const BrickTree read = BrickFile(folder / "list.vdb").read();
+  const BrickTree& tree = volume.on_host();
+  ASSERT_EQ(read.bricks(), all);
+  for (const Brick& brick : all) EXPECT_TRUE(std::equal(tree.find(brick), tree.find(brick) + 512, read.find(brick)));
+  ASSERT_EQ(read.free_bricks(), tree.free_bricks());
+  for (const Brick& brick : tree.free_bricks()) EXPECT_EQ(read.free_voxels(brick), tree.free_voxels(brick));
+}
+
 TEST(Volume, SplitsIntoWhatWasSeenAndKeepsWhatIsNear) {
   Volume volume(test_device(), fuse_options(), 2.0f);
   const std::vector<Brick> old = {{0, 0, 0}, {1, 0, 0}}, seen = {{2, 0, 0}, {3, 0, 0}, {9, 0, 0}};
   volume.make_resident(old, 1);
   volume.make_resident(seen, 5);
-  const BrickTree submap = volume.split(2, Eigen::Vector3d::Zero(), 1.0f);
+  const BrickTree submap = tree_of(volume.split(2, Eigen::Vector3d::Zero(), 1.0f));
   EXPECT_EQ(submap.bricks(), seen);
   // Bricks are 16 cm wide: the last one lies 1.5 m away.
   EXPECT_EQ(volume.bricks(), (std::vector<Brick>{{2, 0, 0}, {3, 0, 0}}));
   // What was only kept was not seen by the next submap.
-  EXPECT_EQ(volume.split(6, Eigen::Vector3d::Zero(), 1.0f).size(), 0u);
+  EXPECT_EQ(volume.split(6, Eigen::Vector3d::Zero(), 1.0f).bricks.size(), 0u);
 }
 
 TEST(Volume, SplitsBricksOnTheHostAsThoseOnTheDevice) {
@@ -456,13 +476,13 @@ TEST(Volume, SplitsBricksOnTheHostAsThoseOnTheDevice) {
   volume.move_window(Eigen::Vector3d::Zero());
   const std::vector<Brick> here = {{2, 0, 0}};
   volume.make_resident(here, 5);
-  const BrickTree submap = volume.split(2, Eigen::Vector3d::Zero(), 1.0f);
+  const BrickTree submap = tree_of(volume.split(2, Eigen::Vector3d::Zero(), 1.0f));
   EXPECT_EQ(submap.bricks(), (std::vector<Brick>{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {9, 0, 0}}));
   EXPECT_EQ(volume.bricks(), (std::vector<Brick>{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}));
   // Nothing waits for a brick that is gone.
   const std::vector<Brick> again = {{9, 0, 0}};
   volume.make_resident(again, 6);
-  EXPECT_EQ(volume.split(6, Eigen::Vector3d::Zero(), 1.0f).bricks(), again);
+  EXPECT_EQ(tree_of(volume.split(6, Eigen::Vector3d::Zero(), 1.0f)).bricks(), again);
 }
 
 TEST(Volume, SplitsWhatIsFreeWithItsVoxelsAndBesideThem) {
@@ -472,7 +492,7 @@ TEST(Volume, SplitsWhatIsFreeWithItsVoxelsAndBesideThem) {
   EXPECT_EQ(volume.mark_free({free, {some, kAllBits, kAllBits, some}}), free);
   EXPECT_TRUE(volume.mark_free({{free[0], free[1]}, {some, some}}).empty());  // known
   volume.make_resident(filled, 1);
-  const BrickTree submap = volume.split(2, Eigen::Vector3d::Zero(), 1.0f);
+  const BrickTree submap = tree_of(volume.split(2, Eigen::Vector3d::Zero(), 1.0f));
   EXPECT_EQ(submap.free_bricks(), free);
   EXPECT_EQ(submap.free_voxels(free[0]), some);
   // Bricks are 16 cm wide: the last one lies 1.5 m away.
@@ -495,7 +515,7 @@ TEST(Volume, GoesOnWithAnotherReachOrLessMemoryAndLosesNothing) {
     Volume other(test_device(), options, reach);
     other.restore(tree.copy(), residency);
     EXPECT_EQ(other.bricks(), all);
-    EXPECT_EQ(other.split(5, Eigen::Vector3d::Zero(), 1.0f).bricks(), all);
+    EXPECT_EQ(tree_of(other.split(5, Eigen::Vector3d::Zero(), 1.0f)).bricks(), all);
   }
 }
 
