@@ -18,7 +18,7 @@ constexpr double kSame = 1e-6;  // metres, radians
 
 }  // namespace
 
-Deformation::Deformation(const Atlas& atlas, std::size_t submap) {
+std::vector<std::size_t> Deformation::keyframes_of(const Atlas& atlas, std::size_t submap) {
   const auto& keyframes = atlas.keyframes;
   std::vector<bool> takes_part(keyframes.size(), false);
   for (std::size_t k = 0; k < keyframes.size(); ++k) {
@@ -28,8 +28,14 @@ Deformation::Deformation(const Atlas& atlas, std::size_t submap) {
     for (std::size_t n = k + 1; n <= k + kNeighbours && n < keyframes.size() && keyframes[n].follows; ++n)
       takes_part[n] = true;
   }
-  for (std::size_t k = 0; k < keyframes.size(); ++k) {
-    if (!takes_part[k]) continue;
+  std::vector<std::size_t> bending;
+  for (std::size_t k = 0; k < keyframes.size(); ++k)
+    if (takes_part[k]) bending.push_back(k);
+  return bending;
+}
+
+Deformation::Deformation(const Atlas& atlas, std::size_t submap) {
+  for (const std::size_t k : keyframes_of(atlas, submap)) {
     const Eigen::Isometry3d& camera = atlas.keyframes[k].submap_from_camera;
     const Eigen::Isometry3d move = atlas.correction(k);
     controls_.push_back({.centre = camera.translation(),

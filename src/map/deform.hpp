@@ -13,6 +13,8 @@ namespace cairn {
 class Deformation {
  public:
   Deformation(const Atlas& atlas, std::size_t submap);
+  /// Those that bend a submap: its own, and those next to them in their piece, sorted.
+  [[nodiscard]] static std::vector<std::size_t> keyframes_of(const Atlas& atlas, std::size_t submap);
   /// world_from_submap at a point of the submap, metres.
   [[nodiscard]] Eigen::Isometry3d operator()(const Eigen::Vector3d& point) const;
 

@@ -20,6 +20,7 @@
 #include "base/pose_checksum.hpp"
 #include "cairn/parts.hpp"
 #include "export/cells.hpp"
+#include "map/deform.hpp"
 #include "map/map_state.hpp"
 #include "session/json_file.hpp"
 
@@ -77,6 +78,17 @@ std::size_t map_with(const std::vector<JoinedSession::Map>& maps, std::size_t nu
   return m;
 }
 
+/// A checksum of the poses of the keyframes that see a cell, and of those that bend submaps which reach into it.
+std::string poses_of(const Atlas& atlas, const JoinedSession::Map& map, const MadeOf& made_of) {
+  std::set<std::size_t> keyframes;
+  for (const std::size_t k : made_of.keyframes) keyframes.insert(map.files.first_keyframe + k);
+  for (const std::size_t s : made_of.submaps)
+    for (const std::size_t k : Deformation::keyframes_of(atlas, map.files.first_submap + s)) keyframes.insert(k);
+  PoseChecksum sum;
+  for (const std::size_t k : keyframes) sum.add(atlas.world_from_camera[k]);
+  return sum.text();
+}
+
 }  // namespace
 
 fs::path cell_file(const fs::path& plan, const CellName& cell) { return plan / "cells" / (name_of(cell) + ".json"); }
@@ -90,14 +102,6 @@ WrittenCells write_cells(const fs::path& plan, MapState& state, const std::vecto
   const std::size_t main = atlas.main_component();
   const Sight sight(state.rig.depth.rectified(), static_cast<double>(state.options.surface.max_depth));
   const double side = static_cast<double>(brick) * Cells::kBlockSide, radius = side * std::sqrt(3.0) / 2;
-  std::vector<std::string> poses;
-  poses.reserve(maps.size());
-  for (const auto& map : maps) {
-    PoseChecksum sum;
-    for (std::size_t k = 0; k < map.files.keyframes; ++k)
-      sum.add(atlas.world_from_camera[map.files.first_keyframe + k]);
-    poses.push_back(sum.text());
-  }
   const Eigen::Quaterniond& turn = state.upright().world_from_tracked;
   fs::create_directories(plan / "cells");
   WrittenCells written;
@@ -125,7 +129,7 @@ WrittenCells write_cells(const fs::path& plan, MapState& state, const std::vecto
     for (const auto& [m, of_map] : made_of)
       json["made_of"].push_back({{"map", maps[m].files.folder.lexically_proximate(fs::absolute(plan)).string()},
                                  {"keyframes_of_map", maps[m].id},
-                                 {"poses", poses[m]},
+                                 {"poses", poses_of(atlas, maps[m], of_map)},
                                  {"submaps", of_map.submaps},
                                  {"keyframes", of_map.keyframes}});
     const CellName cell{reached.cell.x(), reached.cell.y(), reached.cell.z()};

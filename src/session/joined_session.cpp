@@ -236,6 +236,44 @@ JoinedSession::Report JoinedSession::join(std::size_t recordings, int device) {
   return report;
 }
 
+namespace {
+
+/// A keyframe of a map that an earlier session had as well, and where it was in it.
+struct SameKeyframe {
+  std::size_t map = 0, keyframe = 0;
+  Eigen::Isometry3d was;
+};
+
+/// How the world is to be moved for most of the keyframes to be less than `stays` from where they were: not at all, as
+/// all of them together say, or as those of one map do.
+Eigen::Isometry3d where_most_stays(const Atlas& atlas, const std::vector<SameKeyframe>& same, std::size_t maps,
+                                   double stays) {
+  const auto staying = [&](const Eigen::Isometry3d& move) {
+    return std::count_if(same.begin(), same.end(), [&](const SameKeyframe& k) {
+      return travel(k.was, move * atlas.world_from_camera[k.keyframe]) < stays;
+    });
+  };
+  Eigen::Isometry3d best = Eigen::Isometry3d::Identity();
+  auto most = staying(best);
+  for (std::size_t m = 0; m <= maps; ++m) {  // the last one: all
+    std::vector<Eigen::Vector3d> is, was;
+    for (const SameKeyframe& k : same) {
+      if (m < maps && k.map != m) continue;
+      is.emplace_back(atlas.world_from_camera[k.keyframe].translation());
+      was.emplace_back(k.was.translation());
+    }
+    if (is.size() < 3) continue;
+    const auto columns = [](const std::vector<Eigen::Vector3d>& points) {
+      return Eigen::Map<const Eigen::Matrix3Xd>(points.front().data(), 3, static_cast<Eigen::Index>(points.size()));
+    };
+    const Eigen::Isometry3d move(Eigen::umeyama(columns(is), columns(was), false));
+    if (const auto count = staying(move); count > most) best = move, most = count;
+  }
+  return best;
+}
+
+}  // namespace
+
 /// Of frames that two maps share, the first half stays with the first.
 void JoinedSession::add_frames(std::size_t map) {
   Atlas& atlas = state_.back_end.atlas;
@@ -259,26 +297,31 @@ void JoinedSession::add_frames(std::size_t map) {
 }
 
 std::vector<std::optional<double>> JoinedSession::keep(const ReadSession& earlier) {
-  std::vector<std::optional<double>> moved(maps_.size());
-  const double voxel = static_cast<double>(state_.fuse.voxel_size);
+  const double stays = kStays * static_cast<double>(state_.fuse.voxel_size);
   const Atlas& before = earlier.session.back_end.atlas;
   Atlas& atlas = state_.back_end.atlas;
+  std::vector<SameKeyframe> same;
   for (std::size_t m = 0; m < maps_.size(); ++m) {
     const PartFiles& now = maps_[m].files;
     const auto was = std::find_if(earlier.parts.begin(), earlier.parts.end(), [&](const PartFiles& p) {
       return fs::absolute(p.folder).lexically_normal() == now.folder.lexically_normal() && p.keyframes == now.keyframes;
     });
     if (was == earlier.parts.end()) continue;
-    moved[m] = 0;
     for (std::size_t k = 0; k < now.keyframes; ++k)
-      moved[m] = std::max(*moved[m], travel(before.world_from_camera[was->first_keyframe + k],
-                                            atlas.world_from_camera[now.first_keyframe + k]));
-    if (*moved[m] >= kStays * voxel) continue;
-    const auto from = before.world_from_camera.begin() + static_cast<std::ptrdiff_t>(was->first_keyframe);
-    std::copy(from, from + static_cast<std::ptrdiff_t>(now.keyframes),
-              atlas.world_from_camera.begin() + static_cast<std::ptrdiff_t>(now.first_keyframe));
-    if (m == 0 && was->first_keyframe == 0 && before.settled && before.settled->keyframe < now.keyframes)
-      atlas.settled = before.settled;
+      same.push_back({m, now.first_keyframe + k, before.world_from_camera[was->first_keyframe + k]});
+  }
+  // Nothing tells where the world begins: most of it stays.
+  const Eigen::Isometry3d world = where_most_stays(atlas, same, maps_.size(), stays);
+  if (!world.matrix().isIdentity(0))
+    for (Eigen::Isometry3d& pose : atlas.world_from_camera) pose = world * pose;
+  std::vector<std::optional<double>> moved(maps_.size());
+  for (const auto& [map, keyframe, was] : same) {
+    Eigen::Isometry3d& pose = atlas.world_from_camera[keyframe];
+    const double by = travel(was, pose);
+    moved[map] = std::max(moved[map].value_or(0), by);
+    if (by >= stays) continue;
+    pose = was;
+    if (before.settled && before.settled->keyframe == keyframe) atlas.settled = before.settled;
   }
   return moved;
 }

@@ -36,9 +36,9 @@ class JoinedSession {
   /// the same with keyframes of two maps aligned that see much of the same where they lie now. `recordings`: that there
   /// are, also behind those of the last map.
   [[nodiscard]] Report join(std::size_t recordings = 0, int device = -1);
-  /// Keyframes of maps that an earlier session had as well stay exactly where they were in it, where all of a map's
-  /// would hardly move. Also how the map is turned stays. Returns by map how far its keyframes have moved, metres at
-  /// most; nothing for one that is new.
+  /// Keyframes of maps that an earlier session had as well stay exactly where they were in it, where they would hardly
+  /// move; the whole is laid so that most of them do. Also how the map is turned stays then. Returns by map how far its
+  /// keyframes would have moved, metres at most; nothing for one that is new.
   [[nodiscard]] std::vector<std::optional<double>> keep(const ReadSession& earlier);
   /// Writes the session; with `gather` keyframes and submaps are copied into it, so that it needs no other one.
   void write(bool gather = false);
