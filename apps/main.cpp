@@ -101,6 +101,9 @@ int run(const std::vector<std::string>& words) {
     return ended(0);
   } catch (const CLI::ParseError& error) {
     return failed(in_flags(cairn::apps::usage_error(program, words, error)), 2);
+  } catch (const std::filesystem::filesystem_error& error) {
+    const std::string place = error.path1().empty() ? "" : error.path1().string() + ": ";
+    return failed("cairn: " + in_flags(plain(place + error.code().message())), 1);
   } catch (const std::exception& error) {
     const auto* told = dynamic_cast<const std::system_error*>(&error);  // fmt's
     if (told != nullptr && std::ferror(stdout) != 0) return not_written(told->code().value());

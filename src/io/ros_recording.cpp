@@ -117,7 +117,8 @@ std::unique_ptr<RosRecording> open_rosbag2_folder(const fs::path& folder) {
   for (const std::string& name : names) {
     // Older versions wrote them with the folder's name.
     fs::path file = folder / name;
-    if (!fs::exists(file)) file = folder / fs::path(name).filename();
+    std::error_code ignored;
+    if (!fs::exists(file, ignored)) file = folder / fs::path(name).filename();
     if (const std::string extension = extension_of(file);
         packing == "FILE" || extension == ".zstd" || extension == ".zst")
       throw std::runtime_error(

@@ -182,7 +182,8 @@ std::optional<Recording> read_tum(const fs::path& folder) {
   if (fs::exists(folder / "gyroscope.txt")) recording.gyro = read_gyroscope(folder / "gyroscope.txt");
   for (std::size_t i = 0; i < depth.size(); ++i) {
     Recording::Entry entry{.timestamp = depth[i].timestamp, .depth = depth[i].image, .colour = {}, .acceleration = {}};
-    if (const auto confidence = folder / "confidence" / depth[i].image.filename(); fs::exists(confidence))
+    std::error_code ignored;  // a name that no file system takes names no file here; the depth image says so
+    if (const auto confidence = folder / "confidence" / depth[i].image.filename(); fs::exists(confidence, ignored))
       entry.confidence = confidence;
     entry.acceleration = mean_around(accelerations, entry.timestamp);
     if (match[i] >= 0) {

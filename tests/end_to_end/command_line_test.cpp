@@ -213,6 +213,16 @@ TEST_F(CommandLine, QuietTellsErrorsAlone) {
   expect_one_line(run_cairn({"-q", "info", (out / "nowhere").string()}), 1, "no such folder");
 }
 
+TEST_F(CommandLine, WhatTheFileSystemRefusesIsOneLineWithItsPlace) {
+  const std::string too_long(300, 'x');
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"reconstruct", too_long, "-o", (out / "map").string()}, {"info", too_long}}) {
+    const Ran ran = run_cairn(words);
+    expect_one_line(ran, 1, "File name too long");
+    EXPECT_TRUE(ran.err.starts_with("cairn: " + too_long)) << ran.err;
+  }
+}
+
 TEST_F(CommandLine, NumbersHaveTheDigitsThatPeopleWrote) {
   const std::string room = (out / "room").string(), map = (out / "map").string();
   ASSERT_EQ(run_cairn({"synth", "room", "-o", room, "--frames", "20", "--width", "320"}).exit_code, 0);

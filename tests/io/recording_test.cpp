@@ -110,6 +110,17 @@ TEST(TumRecording, TellsWhatIsWrongWithAFrameAndGoesOn) {
   }
 }
 
+TEST(TumRecording, LeavesOutAFrameWhoseNameNoFileSystemTakes) {
+  Tum tum;
+  const std::string too_long = "depth/" + std::string(300, 'x') + ".png";
+  write_text(tum.folder / "depth.txt", "0.0 depth/0.png\n0.1 " + too_long + "\n0.2 depth/2.png\n0.3 depth/3.png\n");
+  const auto frames = tum.read();
+  ASSERT_EQ(frames.size(), 4u);
+  ASSERT_TRUE(frames[1].problem);
+  EXPECT_NE(frames[1].problem->find("xxx.png: cannot be read"), std::string::npos) << *frames[1].problem;
+  EXPECT_FALSE(frames[2].problem);
+}
+
 TEST(TumRecording, SkipsATimestampThatGoesBack) {
   Tum tum;
   write_text(tum.folder / "depth.txt", "0.0 depth/0.png\n0.2 depth/1.png\n0.1 depth/2.png\n0.3 depth/3.png\n");
