@@ -6,11 +6,17 @@ import * as THREE from 'three';
 import { gltfLoader } from './model.js';
 
 const kError = 6;                // pixels that the surface may lie beside where it is
-/** Bytes of meshes and textures, for which a page takes three times as much; what would need more is shown coarser. */
-const kMost = 80 * 2 ** 20;
+/** Bytes of meshes and textures, with which a page takes up to 500 MB; what would need more is shown coarser. */
+const kMost = 96 * 2 ** 20;
 const kKept = 0.8;               // of these, once some must go
 const kCoarser = 1.1;            // times the error, from one look to the next
+const kCoarsest = 16 * kError;   // a tile around the camera is never fine enough
 const kLoaded = 4, kFailed = 5;  // states of 3d-tiles-renderer
+
+/** Once a texture is with the graphics card, its image in the page's own memory is of no more use. */
+function forgetImage(texture) {
+  if (texture) texture.onUpdate = () => texture.image.close?.();
+}
 
 /** Tilesets have z up. */
 const kUpright = new THREE.Matrix4().makeRotationX(-Math.PI / 2);
@@ -19,14 +25,17 @@ export class Tiles {
   /** `adopt(mesh)` is called for each mesh that comes, `show(mesh)` before it is in the picture again. */
   constructor(url, { adopt, show }) {
     const tiles = this.tiles = new TilesRenderer(url);
-    tiles.errorTarget = kError;
+    tiles.errorTarget = this.error = kError;
     tiles.lruCache.maxBytesSize = kMost;
     tiles.lruCache.minBytesSize = kKept * kMost;
     tiles.manager.addHandler(/\.glb$/, gltfLoader());
     this.failed = [];
     this.isWaiting = true;  // for the next look at what there is to load
     const each = (scene, then) => scene.traverse((node) => { if (node.isMesh) then(node); });
-    tiles.addEventListener('load-model', ({ scene }) => each(scene, adopt));
+    tiles.addEventListener('load-model', ({ scene }) => each(scene, (mesh) => {
+      forgetImage(mesh.material.map);
+      adopt(mesh);
+    }));
     tiles.addEventListener('dispose-model', ({ scene }) => each(scene, (mesh) => mesh.userData.textured?.dispose()));
     tiles.addEventListener('tile-visibility-change', ({ scene, visible }) => {
       if (visible) each(scene, show);
@@ -85,15 +94,15 @@ export class Tiles {
     return this.hasChanged;
   }
 
-  /** All of what is in sight is worth more than some of it as fine as can be: where there is no room, it is coarser. */
+  /**
+   * All of what is in sight is worth more than some of it as fine as can be: where there is no room, it is coarser, until one
+   * looks elsewhere.
+   */
   spare(hasMoved) {
-    const { tiles } = this, { lruCache } = tiles;
-    if (tiles.stats.refused > 0) {
-      tiles.errorTarget *= kCoarser;
-      this.isWaiting = true;
-    } else if (hasMoved && tiles.errorTarget > kError && lruCache.cachedBytes < lruCache.minBytesSize) {
-      tiles.errorTarget = Math.max(kError, tiles.errorTarget / kCoarser);
-    }
+    const { tiles } = this, before = tiles.errorTarget;
+    if (hasMoved) tiles.errorTarget = this.error;
+    else if (tiles.stats.refused > 0) tiles.errorTarget = Math.min(kCoarsest, kCoarser * before);
+    this.isWaiting ||= tiles.errorTarget !== before;
   }
 
   /** Whether all that is in sight is in the picture, however coarse. */

@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // How `cairn view` shows a building's tiles in headless Chromium: the time to the first picture, which has all of the
-// building in it; what the page takes; and cracks, seen from places along the recordings: pixels of background, of which
-// some lie between two pixels of surface, in the tiles as they are chosen and in the finest ones, where what is open was
-// never seen. Usage: node measure_tiles.mjs PLAN [places]
+// building in it; what the page takes; and cracks where levels of detail meet, seen from places along the recordings.
+// Usage: node measure_tiles.mjs PLAN [places]
 import { readFileSync, readdirSync } from 'node:fs';
 import { join } from 'node:path';
+import { isDeepStrictEqual } from 'node:util';
 import { Program, pictures, timeline, triangles, until, withBrowser } from './browser.mjs';
-import { gaps, levels, look, setError, settled } from './tiles_page.mjs';
+import { levels, look, setError, setLevel, settled, surfaces, unmixed, widths } from './tiles_page.mjs';
 
 const [plan, count = 6] = process.argv.slice(2), kMegabyte = 2 ** 20;
+const kErrors = [6, 20, 50, 200];  // pixels: the first is the viewer's
+const kApart = 0.1;                // metres: what lies farther behind is another surface
+const kAside = 0.01;               // metres: so far beside its place each level is drawn, too, to see that cracks are found
 
 /** Memory that a browser's processes have for themselves, by their kinds, in MB. */
 function memory() {
@@ -45,16 +48,59 @@ function places() {
   });
 }
 
-/** Pixels of `seen` that are no background in `truth`, in runs along rows that surface ends on both sides: how many are as wide. */
-function cracks(seen, truth) {
-  const wide = {};
-  seen.forEach((row, y) => {
-    for (let x = 0, end = 0; x < row.length; x = end + 1) {
-      for (end = x; end < row.length && row[end] && !truth[y][end]; ++end);
-      if (end > x && x > 0 && end < row.length && !row[x - 1] && !row[end]) wide[end - x] = (wide[end - x] ?? 0) + 1;
+/**
+ * Pixels in which a surface is missing only because levels mix: each of the levels alone shows it there, and the mixed picture
+ * what lies behind. The rim of a hole that a coarser level moved is open in that level alone as well. Where one looks past the
+ * rim of one surface through a hole in the next, levels alone show now the one and now the other.
+ */
+const cracks = (mixed, alone) => mixed.distances.map((row, y) => row.map((seen, x) => {
+  const distances = alone.map((level) => level.distances[y][x]), farthest = Math.max(...distances);
+  return farthest - Math.min(...distances) < kApart && seen > farthest + kApart;
+}));
+
+/** How many pixels lie in gaps of each width. */
+const byWidth = (rows) => widths(rows).reduce((count, row) => {
+  for (const width of row) if (width > 0) count[width] = (count[width] ?? 0) + 1;
+  return count;
+}, {});
+
+/**
+ * Pixels with a neighbour in which the same surface goes on in another level. Hidden are those where one of the levels alone has
+ * a border, too, for a cell without so coarse a tile: a crack would be in both pictures.
+ */
+function borders(mixed, alone) {
+  const count = { all: 0, hidden: 0 };
+  const goesOn = ({ levels: level, distances }, y, x, v, u) => level[y][x] !== level[v][u] && Math.abs(distances[y][x] - distances[v][u]) < kApart;
+  for (let y = 0; y + 1 < mixed.levels.length; ++y)
+    for (let x = 0; x + 1 < mixed.levels[y].length; ++x) {
+      const isBorder = (picture) => goesOn(picture, y, x, y, x + 1) || goesOn(picture, y, x, y + 1, x);
+      if (!isBorder(mixed)) continue;
+      ++count.all;
+      count.hidden += alone.some(isBorder);
     }
-  });
-  return wide;
+  return count;
+}
+
+/** The picture as it is, and with levels beside their places. */
+const both = async (page) => [await surfaces(page), await surfaces(page, kAside)];
+
+/** Different pictures of mixed levels from where the page looks, and each of their levels alone. */
+async function mixtures(page) {
+  const found = [], alone = [];
+  for (const error of kErrors) {
+    await setError(page, error, 300);
+    const mixed = await both(page), same = found.find((picture) => isDeepStrictEqual(picture.mixed[0], mixed[0]));
+    const shown = [...new Set(mixed[0].levels.flatMap((row) => [...new Set(row)]))].filter((level) => level >= 0).sort();
+    if (same) same.errors.push(error);
+    else found.push({ errors: [error], shown, mixed });
+  }
+  for (const level of new Set(found.flatMap(({ shown }) => shown))) {
+    await setLevel(page, level, 300);
+    if ((await levels(page)).length > level + 1) throw new Error(`level ${level} of all in sight is more than the page may keep`);
+    alone[level] = await both(page);
+  }
+  await setLevel(page, undefined, 300);
+  return found.map((picture) => ({ ...picture, alone: picture.shown.map((level) => alone[level]) }));
 }
 
 const program = new Program('view', plan, '--port', '0'), url = await program.url();
@@ -79,19 +125,20 @@ await withBrowser(async (open) => {
     }
     await page.close();
   }
-  // Every tile that is in sight, and coarser and coarser ones.
-  const page = await open(url, { width: 1400, height: 900 });
+  const page = await open(url, { width: 1400, height: 900 }, unmixed), aside = `with levels ${100 * kAside} cm aside`, met = [];
   await until(async () => 'whole' in (await timeline(page)), () => program.output, 300);
   await page.evaluate(() => { window.cairn.tiles.tiles.lruCache.maxBytesSize = 2 ** 31; });
   for (const [k, [eye, target]] of places().entries()) {
-    await setError(page, 0.01, 300);
-    await look(page, eye, target);
-    const finest = await gaps(page);
-    for (const error of [6, 50]) {
-      await setError(page, error, 300);
-      const seen = cracks(await gaps(page), finest);
-      console.log(`place ${k}, ${error} pixels of error: levels ${(await levels(page)).join(' + ')}; new gaps by width in pixels ${JSON.stringify(seen)}`);
+    await look(page, eye, target, 300);
+    for (const { errors, shown, mixed, alone } of await mixtures(page)) {
+      const [found, torn] = mixed.map((picture, i) => byWidth(cracks(picture, alone.map((level) => level[i]))));
+      const { all, hidden } = borders(mixed[0], alone.map(([level]) => level));
+      console.log(`place ${k}, ${errors.join(', ')} pixels of error: levels ${shown.join(' + ')}, ${all} pixels at borders of levels (${hidden} hidden); ` +
+                  `pixels of cracks by width ${JSON.stringify(found)}, ${aside} ${JSON.stringify(torn)}`);
+      if (all > 0) met.push([found, torn].map((count) => Math.max(0, ...Object.keys(count))));
     }
   }
+  const wide = (i) => `${met.filter((widest) => widest[i] > 1).length}, up to ${Math.max(...met.map((widest) => widest[i]))} pixels`;
+  console.log(`${met.length} different pictures in which levels meet; cracks wider than a pixel in ${wide(0)}; ${aside} in ${wide(1)}`);
 }).finally(() => program.kill('SIGINT'));
 await program.ended;

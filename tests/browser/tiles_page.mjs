@@ -20,22 +20,91 @@ export async function look(page, eye, target, seconds) {
   await settled(page, seconds);
 }
 
-/** How many pixels the surface may lie beside where it is. */
-export const setError = async (page, pixels, seconds) => {
-  await page.evaluate((error) => Object.assign(window.cairn.tiles, { isWaiting: true }).tiles.errorTarget = error, pixels);
+/** Looks again at what there is to load, and waits for it. */
+async function update(page, seconds) {
+  await page.evaluate(() => { window.cairn.tiles.isWaiting = true; });
   await page.waitForTimeout(100);
   await settled(page, seconds);
+}
+
+/** How many pixels the surface may lie beside where it is. */
+export const setError = async (page, pixels, seconds) => {
+  await page.evaluate((error) => { window.cairn.tiles.tiles.errorTarget = window.cairn.tiles.error = error; }, pixels);
+  await update(page, seconds);
 };
 
+/** A file's level of detail, the finest is 0: cells have three, and levels above cells come after these. */
+function levelOf(file) {
+  const [, above, level] = /(above_)?(\d+)_[^/]*\.glb$/.exec(file) ?? [];
+  return Number(level) + (above ? 2 : 0);
+}
+const tellLevels = (page) => page.evaluate(`window.levelOf = ${levelOf}`);
+
+/** Shows one level of detail, and of a cell that has none so coarse its coarsest; undefined: what the error asks for. */
+export async function setLevel(page, level, seconds) {
+  await tellLevels(page);
+  await page.evaluate((wanted) => {
+    const { tiles } = window.cairn.tiles;
+    delete tiles.calculateTileViewError;
+    const { calculateTileViewError } = tiles;
+    if (wanted !== undefined) tiles.calculateTileViewError = (tile, target) => {
+      calculateTileViewError.call(tiles, tile, target);
+      target.error = window.levelOf(tile.content?.uri) > wanted ? Infinity : 0;
+    };
+  }, level);
+  await update(page, seconds);
+}
+
 /** How many tiles of each level are in the picture, the finest first. */
-export const levels = (page) => page.evaluate(() => {
-  const count = [];
-  for (const { content } of window.cairn.tiles.tiles.visibleTiles) {
-    const level = Number(/(\d+)_[^/]*\.glb$/.exec(content.uri)[1]);
-    count[level] = (count[level] ?? 0) + 1;
-  }
+export async function levels(page) {
+  const files = await page.evaluate(() => [...window.cairn.tiles.tiles.visibleTiles].map(({ content }) => content.uri)), count = [];
+  for (const level of files.map(levelOf)) count[level] = (count[level] ?? 0) + 1;
   return Array.from(count, (tiles) => tiles ?? 0);
-});
+}
+
+/** What a page runs first for `surfaces`: no pixel mixes surfaces that share it. */
+export const unmixed = () => {
+  const { getContext } = HTMLCanvasElement.prototype;
+  HTMLCanvasElement.prototype.getContext = function (kind, options) { return getContext.call(this, kind, { ...options, antialias: false }); };
+};
+
+/**
+ * What the picture shows: rows, from below, of levels of detail and of distances in metres; of background -1 and Infinity.
+ * `aside`: metres by which each level is drawn beside its place, each in a direction of its own.
+ */
+export async function surfaces(page, aside = 0) {
+  await tellLevels(page);
+  const { width, height, text } = await page.evaluate((far) => {
+    const { materials, renderer, camera, tiles: { tiles } } = window.cairn, before = new Map();
+    const move = ({ scene }, level, way) => {
+      scene.position['xyz'[level % 3]] += level < 3 ? way : -way;
+      scene.updateMatrixWorld(true);
+    };
+    for (const { content, engineData } of tiles.visibleTiles) {
+      const level = window.levelOf(content.uri), material = new materials.colour.constructor();
+      material.color.r = (level + 1) / 255;
+      material.onBeforeCompile = (shader) => {
+        shader.fragmentShader = shader.fragmentShader.replace('#include <dithering_fragment>', `
+            float mm = min(1000.0 / gl_FragCoord.w, 65535.0);
+            gl_FragColor = vec4(diffuse.r, floor(mm / 256.0) / 255.0, floor(mod(mm, 256.0)) / 255.0, 1.0);`);
+      };
+      engineData.scene.traverse((mesh) => { if (mesh.isMesh) before.set(mesh, mesh.material), mesh.material = material; });
+      move(engineData, level, far);
+    }
+    renderer.render(tiles.group, camera);
+    const gl = renderer.getContext(), width = gl.drawingBufferWidth, height = gl.drawingBufferHeight, bytes = new Uint8Array(4 * width * height);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+    for (const { content, engineData } of tiles.visibleTiles) move(engineData, window.levelOf(content.uri), -far);
+    for (const [mesh, material] of before) mesh.material.dispose(), mesh.material = material;
+    window.cairn.isStale = true;
+    let text = '';
+    for (let i = 0; i < bytes.length; i += 2 ** 15) text += String.fromCharCode(...bytes.subarray(i, i + 2 ** 15));
+    return { width, height, text: btoa(text) };
+  }, aside);
+  const bytes = Buffer.from(text, 'base64');
+  const rows = (of) => Array.from({ length: height }, (_, y) => Float32Array.from({ length: width }, (__, x) => of(4 * (y * width + x))));
+  return { levels: rows((i) => bytes[i] - 1), distances: rows((i) => bytes[i] ? (256 * bytes[i + 1] + bytes[i + 2]) / 1000 : Infinity) };
+}
 
 /** Draws before a loud background, and returns where that is seen: rows of the picture, from below, of 0 and 1. */
 export const gaps = (page) => page.evaluate(() => {
@@ -52,10 +121,9 @@ export const gaps = (page) => page.evaluate(() => {
   }));
 });
 
-/** The longest way across a gap, in pixels: of each of its pixels the shorter of the runs along its row and its column. */
-export function widestGap(rows) {
+/** The way across a gap at each of its pixels, in pixels: the shorter of the runs along its row and its column. */
+export function widths(rows) {
   const height = rows.length, width = rows[0].length, across = rows.map((row) => new Int32Array(row.length));
-  let widest = 0;
   for (let y = 0; y < height; ++y)
     for (let x = 0, end = 0; x < width; x = end + 1) {
       for (end = x; end < width && rows[y][end]; ++end);
@@ -64,7 +132,9 @@ export function widestGap(rows) {
   for (let x = 0; x < width; ++x)
     for (let y = 0, end = 0; y < height; y = end + 1) {
       for (end = y; end < height && rows[end][x]; ++end);
-      for (let i = y; i < end; ++i) widest = Math.max(widest, Math.min(end - y, across[i][x]));
+      for (let i = y; i < end; ++i) across[i][x] = Math.min(end - y, across[i][x]);
     }
-  return widest;
+  return across;
 }
+
+export const widestGap = (rows) => widths(rows).reduce((widest, row) => row.reduce((a, b) => Math.max(a, b), widest), 0);
