@@ -3,19 +3,27 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
+#include <array>
 #include <charconv>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iostream>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "cairn/atomic_file.hpp"
 #include "cairn/file_name.hpp"
 #include "cairn/map.hpp"
+#include "cairn/parts.hpp"
+#include "cell_option.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
@@ -33,6 +41,7 @@ using Clock = std::chrono::steady_clock;
 
 struct Arguments {
   fs::path map;
+  std::optional<std::array<int, 3>> cell;
   std::vector<fs::path> outputs, costmaps;
   std::optional<Up> up;
   fs::path query;
@@ -109,6 +118,8 @@ fs::path grids_of(const fs::path& map) {
   throw std::runtime_error(folder + ": has no map.vdb; name the folder that reconstruct, live or merge has made");
 }
 
+bool is_grid(const fs::path& output) { return extension_of(output) == ".vdb"; }
+
 struct Outputs {
   std::optional<fs::path> grid, table;
 };
@@ -116,7 +127,7 @@ Outputs sort_outputs(const Arguments& a) {
   Outputs outputs;
   for (const fs::path& output : a.outputs) {
     const std::string extension = extension_of(output);
-    if (extension == ".vdb")
+    if (is_grid(output))
       outputs.grid = output;
     else if (extension == ".csv" && !a.query.empty())
       outputs.table = output;
@@ -128,56 +139,9 @@ Outputs sort_outputs(const Arguments& a) {
   return outputs;
 }
 
-struct Asked {
-  std::size_t points = 0, known = 0;
-  double seconds = 0;
-};
-/// Answers go to a table, or else to the standard output.
-Asked answer(const DistanceField& field, const std::vector<Eigen::Vector3f>& points,
-             const std::optional<fs::path>& table) {
-  std::vector<DistanceField::Answer> answers(points.size());
-  const auto start = Clock::now();
-  field.query(points, answers);
-  Asked asked{.points = points.size(), .seconds = seconds_since(start)};
-  for (const auto& a : answers) asked.known += a.known;
-  if (table)
-    write_whole(*table, [&](std::ostream& out) { write_answers(out, points, answers); });
-  else
-    write_answers(std::cout, points, answers);
-  return asked;
-}
-
-/// `seconds`: that making the field took.
-void print_summary(const DistanceField& field, double seconds, const Asked& asked, bool as_json) {
-  std::size_t voxels = 0;
-  for (const auto& [block, samples] : field.blocks())
-    for (const float d : *samples) voxels += !std::isnan(d);
-  const Eigen::AlignedBox3f box = field.bounds();
-  if (as_json) {
-    const nlohmann::json j{{"voxel_size", field.voxel_size()},
-                           {"max_distance", field.max_distance()},
-                           {"known_voxels", voxels},
-                           {"low", {box.min().x(), box.min().y(), box.min().z()}},
-                           {"high", {box.max().x(), box.max().y(), box.max().z()}},
-                           {"seconds", seconds},
-                           {"points", asked.points},
-                           {"known_points", asked.known},
-                           {"query_seconds", asked.seconds}};
-    fmt::print("{}\n", text_of(j, 2));
-    return;
-  }
-  const auto corner = [](const Eigen::Vector3f& p) { return fmt::format("{:.2f} {:.2f} {:.2f}", p.x(), p.y(), p.z()); };
-  say("{} voxels of {} m known, from {} to {}, in {:.2f} s\n", voxels, field.voxel_size(), corner(box.min()),
-      corner(box.max()), seconds);
-  if (asked.points > 0)
-    say("{} of {} points known, {:.1f} million points/s\n", asked.known, asked.points,
-        1e-6 * static_cast<double>(asked.points) / asked.seconds);
-}
-
-/// Where the camera was, as the run that made the map has written it beside map.vdb.
-Trajectory visited_of(const fs::path& vdb, bool is_needed) {
+/// Where the camera was, as the run that made the map has written it into its folder.
+Trajectory visited_of(const fs::path& folder, bool is_needed) {
   Trajectory visited;
-  const fs::path folder = vdb.parent_path().empty() ? fs::path(".") : vdb.parent_path();
   for (int recording = -1;; ++recording) {  // trajectory.txt is the last one's
     const fs::path file = folder / (recording < 0 ? "trajectory.txt" : name_of_trajectory(recording));
     if (!fs::exists(file)) break;
@@ -190,45 +154,169 @@ Trajectory visited_of(const fs::path& vdb, bool is_needed) {
   return visited;
 }
 
-void esdf(const Arguments& a) {
-  // All that may be wrong in the command is told before the work begins.
-  const Outputs outputs = sort_outputs(a);
-  const Plane plane = a.slice.empty() ? Plane{} : parse_plane(a.slice[0]);
+/// A map, or a part of one, that something is asked of.
+struct Source {
+  Map& map;
+  std::function<void(Up)> stand_up;
+  std::function<bool(const Eigen::Vector3f&)> is_own;  // none: all is
+  std::function<std::shared_ptr<const DistanceField>(const std::shared_ptr<const DistanceField>&)> own;
+};
+
+/// What is asked, and what came of it, of one map or of one part after the other.
+class Answers {
+ public:
+  explicit Answers(const Arguments& a);
+  /// Whether anything but points is asked, or one of these lies there.
+  [[nodiscard]] bool needs(const std::function<bool(const Eigen::Vector3f&)>& is_own) const;
+  void add(Source source, Trajectory visited);
+  void write() const;
+
+ private:
+  void answer(const DistanceField& field, const std::function<bool(const Eigen::Vector3f&)>& is_own);
+  void print_summary() const;
+  const Arguments& a_;
+  Outputs outputs_;
+  Plane plane_;
+  std::vector<fs::path> costmaps_;
+  std::vector<Eigen::Vector3f> points_;
+  std::vector<DistanceField::Answer> answers_;
+  std::optional<Costmap> costmap_;
+  std::shared_ptr<const DistanceField> field_;  // the last one
+  std::size_t voxels_ = 0;                      // that are known
+  Eigen::AlignedBox3f box_;                     // around them
+  double seconds_ = 0, query_seconds_ = 0;      // that fields took, and answers
+};
+
+/// All that may be wrong in the command is told before the work begins.
+Answers::Answers(const Arguments& a) : a_(a), outputs_(sort_outputs(a)) {
+  if (!a.slice.empty()) plane_ = parse_plane(a.slice[0]);
   if (!a.costmaps.empty() && a.height.empty())
     throw CLI::ValidationError("--costmap", "needs --height LOW:HIGH, the robot's lowest and highest point");
-  std::vector<fs::path> costmaps;
-  for (const fs::path& named : a.costmaps) costmaps.push_back(costmap_file(named));
+  for (const fs::path& named : a.costmaps) costmaps_.push_back(costmap_file(named));
   if (!a.slice.empty() && extension_of(a.slice[1]) != ".png")
     throw CLI::ValidationError("--slice", a.slice[1] + ": is written as PNG, name X.png");
-  const fs::path vdb = grids_of(a.map);
-  const Band band = a.costmaps.empty() ? Band{} : parse_band(a.height);
-  const std::vector<Eigen::Vector3f> points =
-      a.query.empty() ? std::vector<Eigen::Vector3f>{} : read_query_points(a.query);
+  if (!costmaps_.empty()) costmap_.emplace(parse_band(a.height));
+  if (!a.query.empty()) points_ = read_query_points(a.query);
+  answers_.resize(points_.size());
+}
 
-  EsdfOptions options = a.esdf;
-  options.robot_radius = a.robot_radius.value_or(options.robot_radius);
-  Trajectory visited = visited_of(vdb, a.robot_radius.value_or(0.0f) > 0);
+bool Answers::needs(const std::function<bool(const Eigen::Vector3f&)>& is_own) const {
+  return a_.query.empty() || costmap_ || std::any_of(points_.begin(), points_.end(), is_own);
+}
 
+void Answers::answer(const DistanceField& field, const std::function<bool(const Eigen::Vector3f&)>& is_own) {
+  std::vector<std::size_t> numbers;
+  std::vector<Eigen::Vector3f> points;
+  for (std::size_t i = 0; i < points_.size(); ++i)
+    if (!is_own || is_own(points_[i])) {
+      numbers.push_back(i);
+      points.push_back(points_[i]);
+    }
+  std::vector<DistanceField::Answer> answers(points.size());
   const auto start = Clock::now();
-  Map map = Map::open(vdb, a.device);
-  if (a.up) {
-    const Eigen::Quaterniond before = map.upright().world_from_tracked;
-    map.stand_up(*a.up);
-    const Eigen::Isometry3d turn(map.upright().world_from_tracked * before.conjugate());
+  field.query(points, answers);
+  query_seconds_ += seconds_since(start);
+  for (std::size_t i = 0; i < numbers.size(); ++i) answers_[numbers[i]] = answers[i];
+}
+
+void Answers::add(Source source, Trajectory visited) {
+  const auto start = Clock::now();
+  if (a_.up) {
+    const Eigen::Quaterniond before = source.map.upright().world_from_tracked;
+    source.stand_up(*a_.up);
+    const Eigen::Isometry3d turn(source.map.upright().world_from_tracked * before.conjugate());
     for (StampedPose& pose : visited) pose.world_from_camera = turn * pose.world_from_camera;
   }
-  const auto field = map.distances(options, visited);
-  if (const Upright upright = map.upright(); !a.costmaps.empty() && !upright.known)
-    spdlog::warn("{}: may be cut askew, for which way is up is {}", a.costmaps[0].string(), in_flags(upright.words));
-  const double seconds = seconds_since(start);
-  if (outputs.grid) write_distances(*outputs.grid, *field);
-  const Asked asked = a.query.empty() ? Asked{} : answer(*field, points, outputs.table);
-  if (!a.slice.empty()) write_slice(a.slice[1], *field, plane.axis, plane.at);
-  if (!costmaps.empty()) {
-    const Mesh surface = map.mesh();
-    for (const fs::path& costmap : costmaps) write_costmap(costmap, *field, surface, band);
+  EsdfOptions options = a_.esdf;
+  options.robot_radius = a_.robot_radius.value_or(options.robot_radius);
+  const auto field = source.map.distances(options, visited);
+  field_ = source.own ? source.own(field) : field;
+  if (const Upright upright = source.map.upright(); costmap_ && !upright.known && voxels_ == 0)
+    spdlog::warn("{}: may be cut askew, for which way is up is {}", a_.costmaps[0].string(), in_flags(upright.words));
+  seconds_ += seconds_since(start);
+  for (const auto& [block, samples] : field_->blocks())
+    voxels_ += static_cast<std::size_t>(
+        std::count_if(samples->begin(), samples->end(), [](float d) { return !std::isnan(d); }));
+  const Eigen::AlignedBox3f box = field_->bounds();
+  box_.extend(box);
+  answer(*field, source.is_own);
+  if (costmap_) costmap_->add(*field, source.map.mesh(), box, source.is_own);
+}
+
+void Answers::write() const {
+  if (outputs_.grid) write_distances(*outputs_.grid, *field_);
+  if (outputs_.table)
+    write_whole(*outputs_.table, [&](std::ostream& out) { write_answers(out, points_, answers_); });
+  else if (!a_.query.empty())
+    write_answers(std::cout, points_, answers_);
+  if (!a_.slice.empty()) write_slice(a_.slice[1], *field_, plane_.axis, plane_.at);
+  for (const fs::path& costmap : costmaps_) costmap_->write(costmap);
+  if (a_.json || a_.query.empty() || outputs_.table) print_summary();
+}
+
+void Answers::print_summary() const {
+  const auto known = std::count_if(answers_.begin(), answers_.end(), [](const auto& answer) { return answer.known; });
+  if (a_.json) {
+    const nlohmann::json j{{"voxel_size", field_->voxel_size()},
+                           {"max_distance", field_->max_distance()},
+                           {"known_voxels", voxels_},
+                           {"low", {box_.min().x(), box_.min().y(), box_.min().z()}},
+                           {"high", {box_.max().x(), box_.max().y(), box_.max().z()}},
+                           {"seconds", seconds_},
+                           {"points", points_.size()},
+                           {"known_points", known},
+                           {"query_seconds", query_seconds_}};
+    fmt::print("{}\n", text_of(j, 2));
+    return;
   }
-  if (a.json || a.query.empty() || outputs.table) print_summary(*field, seconds, asked, a.json);
+  const auto corner = [](const Eigen::Vector3f& p) { return fmt::format("{:.2f} {:.2f} {:.2f}", p.x(), p.y(), p.z()); };
+  say("{} voxels of {} m known, from {} to {}, in {:.2f} s\n", voxels_, field_->voxel_size(), corner(box_.min()),
+      corner(box_.max()), seconds_);
+  if (!points_.empty())
+    say("{} of {} points known, {:.1f} million points/s\n", known, points_.size(),
+        1e-6 * static_cast<double>(points_.size()) / query_seconds_);
+}
+
+/// Whether a map's grids are cell by cell.
+bool is_in_cells(const Arguments& a) {
+  return a.cell || (fs::exists(a.map / "plan.json") && !fs::exists(a.map / "map.vdb"));
+}
+
+/// Of a plan's cells, one after the other.
+void ask_cells(const Arguments& a, Answers& answers, const Trajectory& visited) {
+  (void)read_plan(a.map);  // it is one
+  const auto cells = a.cell ? std::vector{*a.cell} : cells_of(a.map);
+  if (cells.empty()) throw std::runtime_error(a.map.string() + ": has no cells yet; run cairn optimise first");
+  for (const auto& cell : cells) {
+    CellMap of(a.map, cell, static_cast<double>(a.esdf.max_distance), a.device);
+    const auto is_own = [&of](const Eigen::Vector3f& point) { return of.contains(point); };
+    if (!answers.needs(is_own)) continue;
+    answers.add({.map = of.map(),
+                 .stand_up = [&of](Up up) { of.stand_up(up); },
+                 .is_own = is_own,
+                 .own = [&of](const auto& field) { return of.within(*field); }},
+                visited);
+  }
+}
+
+void esdf(const Arguments& a) {
+  Answers answers(a);
+  const bool is_radius_needed = a.robot_radius.value_or(0.0f) > 0;
+  if (is_in_cells(a)) {
+    if (!a.cell && (!a.slice.empty() || std::any_of(a.outputs.begin(), a.outputs.end(), is_grid)))
+      throw CLI::ValidationError("--cell",
+                                 "grids and pictures of a plan's map are made cell by cell: give X,Y,Z, one "
+                                 "of those in " +
+                                     (a.map / "cells").string());
+    ask_cells(a, answers, visited_of(a.map, is_radius_needed));
+  } else {
+    const fs::path vdb = grids_of(a.map);
+    Trajectory visited = visited_of(vdb.parent_path().empty() ? fs::path(".") : vdb.parent_path(), is_radius_needed);
+    Map map = Map::open(vdb, a.device);
+    answers.add({.map = map, .stand_up = [&map](Up up) { map.stand_up(up); }, .is_own = {}, .own = {}},
+                std::move(visited));
+  }
+  answers.write();
 }
 
 }  // namespace
@@ -237,7 +325,12 @@ void add_esdf(CLI::App& program) {
   auto* command =
       program.add_subcommand("esdf", "Distances to the nearest surface: a grid, answers, pictures, costmaps");
   const auto a = std::make_shared<Arguments>();
-  command->add_option("MAP", a->map, "map.vdb, or the folder with it")->required()->check(CLI::ExistingPath);
+  command->add_option("MAP", a->map, "map.vdb, the folder with it, or a plan's whose cells tile has made")
+      ->required()
+      ->check(CLI::ExistingPath);
+  add_cell(
+      *command, [a](const std::array<int, 3>& cell) { a->cell = cell; },
+      "Of a plan's map one cell alone, out of PLAN/tiles; points and costmaps need none");
   command
       ->add_option("-o,--output", a->outputs,
                    "X.vdb: the grid `esdf`. X.csv with --query: x,y,z,distance,gx,gy,gz,state")

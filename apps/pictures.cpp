@@ -193,53 +193,84 @@ void write_slice(const std::filesystem::path& png, const DistanceField& field, i
   write_png(png, image.cols, image.rows, {image.data, image.total() * 3});
 }
 
-void write_costmap(const std::filesystem::path& yaml, const DistanceField& field, const Mesh& surface,
-                   const Band& band) {
-  const Eigen::AlignedBox3f box = field.bounds();
-  const float voxel = field.voxel_size();
-  // ROS looks from above with x to the right and y upwards in the picture: x is the map's z, y its -x, z its -y.
-  const auto cells = [&](int axis) { return static_cast<int>(std::lround(box.sizes()[axis] / voxel)) + 1; };
-  const int columns = cells(2), rows = cells(0);
-  // Voxels that reach into the band.
-  const auto first = static_cast<int>(std::ceil((-band.high - box.min().y()) / voxel - 0.5f)),
-             last = static_cast<int>(std::floor((-band.low - box.min().y()) / voxel + 0.5f));
-  if (last < 0 || first >= cells(1) || last < first)
-    throw std::runtime_error(
-        fmt::format("{}: the map has nothing between {} and {} m; it reaches from {:.2f} to {:.2f}", yaml.string(),
-                    band.low, band.high, -box.max().y(), -box.min().y()));
-  cv::Mat image(rows, columns, CV_8U, cv::Scalar(kUnknown));
-  const float half_diagonal = std::sqrt(3.0f) / 2 * voxel;  // no surface in a voxel is farther from its centre
-  std::vector<Eigen::Vector3f> points;
-  for (int row = 0; row < rows; ++row)
-    for (int column = 0; column < columns; ++column) {
-      points.clear();
-      for (int i = first; i <= last; ++i)
-        points.emplace_back(box.min() + voxel * Eigen::Vector3i(row, i, column).cast<float>());
-      bool is_occupied = false;
-      int known = 0;
-      for (const Eigen::Vector3f& p : points) {
+Eigen::Vector3i Costmap::voxel_at(const Eigen::Vector3f& point) const {
+  return ((point - origin_) / voxel_size_).array().round().cast<int>();
+}
+
+Costmap::Pixel* Costmap::find(int x, int z) {
+  if (x < box_.min().x() || x > box_.max().x() || z < box_.min().z() || z > box_.max().z()) return nullptr;
+  const int columns = box_.sizes().z() + 1;
+  return &pixels_[static_cast<std::size_t>(x - box_.min().x()) * static_cast<std::size_t>(columns) +
+                  static_cast<std::size_t>(z - box_.min().z())];
+}
+
+void Costmap::grow(const Eigen::AlignedBox3i& box) {
+  const Eigen::AlignedBox3i before = box_;
+  const std::vector<Pixel> pixels = std::move(pixels_);
+  box_.extend(box);
+  pixels_.assign(static_cast<std::size_t>(box_.sizes().x() + 1) * static_cast<std::size_t>(box_.sizes().z() + 1), {});
+  auto from = pixels.begin();
+  for (int x = before.min().x(); x <= before.max().x(); ++x) {
+    const auto columns = before.sizes().z() + 1;
+    std::copy(from, from + columns, find(x, before.min().z()));
+    from += columns;
+  }
+}
+
+void Costmap::add(const DistanceField& field, const Mesh& surface, const Eigen::AlignedBox3f& box,
+                  const std::function<bool(const Eigen::Vector3f&)>& is_own) {
+  if (box.isEmpty()) return;
+  if (box_.isEmpty()) {
+    voxel_size_ = field.voxel_size();
+    origin_ = box.min();
+    first_ = static_cast<int>(std::ceil((-band_.high - origin_.y()) / voxel_size_ - 0.5f));
+    last_ = static_cast<int>(std::floor((-band_.low - origin_.y()) / voxel_size_ + 0.5f));
+  }
+  const Eigen::AlignedBox3i voxels(voxel_at(box.min()), voxel_at(box.max()));
+  grow(voxels);
+  const float half_diagonal = std::sqrt(3.0f) / 2 * voxel_size_;  // no surface in a voxel is farther from its centre
+  for (int x = voxels.min().x(); x <= voxels.max().x(); ++x)
+    for (int z = voxels.min().z(); z <= voxels.max().z(); ++z) {
+      Pixel& pixel = *find(x, z);
+      for (int i = first_; i <= last_; ++i) {
+        const Eigen::Vector3f p = origin_ + voxel_size_ * Eigen::Vector3i(x, i, z).cast<float>();
+        if (is_own && !is_own(p)) continue;
         const auto answer = field.query(p);
-        known += answer.known;
-        is_occupied = is_occupied || (answer.known && answer.distance < half_diagonal);
+        pixel.known += static_cast<std::uint16_t>(answer.known);
+        pixel.is_occupied = pixel.is_occupied || (answer.known && answer.distance < half_diagonal);
       }
-      image.at<std::uint8_t>(row, column) = is_occupied                                    ? kOccupied
-                                            : 2 * known >= static_cast<int>(points.size()) ? kFree
-                                                                                           : kUnknown;
     }
   // At the rims of what was seen the surface goes a little farther than the voxels around it are known.
-  for_each_point(surface, voxel / 2, [&](const Eigen::Vector3f& p) {
-    const auto row = static_cast<int>(std::lround((p.x() - box.min().x()) / voxel)),
-               column = static_cast<int>(std::lround((p.z() - box.min().z()) / voxel));
-    if (-p.y() >= band.low && -p.y() <= band.high && row >= 0 && row < rows && column >= 0 && column < columns)
-      image.at<std::uint8_t>(row, column) = kOccupied;
+  for_each_point(surface, voxel_size_ / 2, [&](const Eigen::Vector3f& p) {
+    if (-p.y() < band_.low || -p.y() > band_.high || (is_own && !is_own(p))) return;
+    const Eigen::Vector3i at = voxel_at(p);
+    if (Pixel* pixel = find(at.x(), at.z())) pixel->is_occupied = true;
+  });
+}
+
+void Costmap::write(const std::filesystem::path& yaml) const {
+  const auto metres = [&](const Eigen::Vector3i& voxel) {
+    return Eigen::Vector3f(origin_ + voxel_size_ * voxel.cast<float>());
+  };
+  if (box_.isEmpty() || last_ < box_.min().y() || first_ > box_.max().y() || last_ < first_)
+    throw std::runtime_error(fmt::format(
+        "{}: the map has nothing between {} and {} m{}", yaml.string(), band_.low, band_.high,
+        box_.isEmpty()
+            ? ""
+            : fmt::format("; it reaches from {:.2f} to {:.2f}", -metres(box_.max()).y(), -metres(box_.min()).y())));
+  // ROS looks from above with x to the right and y upwards in the picture: x is the map's z, y its -x, z its -y.
+  const int columns = box_.sizes().z() + 1, rows = box_.sizes().x() + 1, layers = last_ - first_ + 1;
+  std::string image(pixels_.size(), '\0');
+  std::transform(pixels_.begin(), pixels_.end(), image.begin(), [&](const Pixel& pixel) {
+    return static_cast<char>(pixel.is_occupied ? kOccupied : 2 * pixel.known >= layers ? kFree : kUnknown);
   });
   auto pgm = yaml;
   pgm.replace_extension(".pgm");
-  write_whole(pgm, fmt::format("P5\n{} {}\n255\n", columns, rows) +
-                       std::string(reinterpret_cast<const char*>(image.data), image.total()));
+  write_whole(pgm, fmt::format("P5\n{} {}\n255\n", columns, rows) + image);
   write_whole(yaml, fmt::format("image: {}\nresolution: {:g}\norigin: [{:.4f}, {:.4f}, 0.0]\nnegate: 0\n"
                                 "occupied_thresh: 0.65\nfree_thresh: 0.196\n",
-                                pgm.filename().string(), voxel, box.min().z() - voxel / 2, -box.max().x() - voxel / 2));
+                                pgm.filename().string(), voxel_size_, metres(box_.min()).z() - voxel_size_ / 2,
+                                -metres(box_.max()).x() - voxel_size_ / 2));
 }
 
 }  // namespace cairn::apps

@@ -3,11 +3,11 @@
 #include <fmt/format.h>
 
 #include <array>
-#include <cstdio>
 #include <filesystem>
 #include <memory>
 
 #include "cairn/parts.hpp"
+#include "cell_option.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
@@ -28,16 +28,6 @@ struct Arguments {
   int device = -1;
   bool json = false;
 };
-
-std::array<int, 3> parse_cell(const std::string& text) {
-  std::array<int, 3> cell{};
-  int end = 0;
-  if (std::sscanf(text.c_str(), "%d,%d,%d%n", &cell[0], &cell[1], &cell[2], &end) != 3 ||
-      static_cast<std::size_t>(end) != text.size())
-    throw CLI::ValidationError("--cell",
-                               "'" + text + "' is not X,Y,Z, as PLAN/cells names its files, for example 0,-1,2");
-  return cell;
-}
 
 void make_tile(const Arguments& a) {
   Progress progress(std::nullopt, "");
@@ -60,12 +50,10 @@ void add_tile(CLI::App& program) {
   command->add_option("PLAN", a->plan, "Folder of a plan that optimise has been run on")
       ->required()
       ->check(CLI::ExistingDirectory);
-  command
-      ->add_option_function<std::string>(
-          "--cell", [a](const std::string& text) { a->cell = parse_cell(text); },
-          "X,Y,Z as PLAN/cells names it: 128 bricks of 8 voxels a side, 10.24 m at 1 cm")
-      ->required()
-      ->type_name("X,Y,Z");
+  add_cell(
+      *command, [a](const std::array<int, 3>& cell) { a->cell = cell; },
+      "X,Y,Z as PLAN/cells names it: 128 bricks of 8 voxels a side, 10.24 m at 1 cm")
+      ->required();
   command
       ->add_option("-o,--output", a->output,
                    "Folder for tileset.json with its tiles, and map.vdb; of a plan PLAN/tiles/X,Y,Z")

@@ -15,7 +15,9 @@
 #include <string>
 #include <vector>
 
+#include "cairn/esdf.hpp"
 #include "cairn/export.hpp"
+#include "cairn/map.hpp"
 #include "cairn/mesh.hpp"
 
 namespace cairn {
@@ -113,6 +115,30 @@ struct PartSurface {
                                                      int device = -1);
 /// The cells of a plan's map, sorted.
 [[nodiscard]] std::vector<std::array<int, 3>> cells_of(const std::filesystem::path& plan);
+
+/// One cell of a plan's map and what lies around it, as export_cell has written their voxels: for what is asked of one
+/// place at a time, however large the map is.
+class CellMap {
+ public:
+  /// With all that tells distances of up to `max_distance` metres in the cell. Throws std::runtime_error for a cell
+  /// that the map does not reach, and where one that lies so near has not been made.
+  CellMap(const std::filesystem::path& plan, const std::array<int, 3>& cell, double max_distance, int device = -1);
+
+  [[nodiscard]] Map& map() { return map_; }  ///< grids alone, without colours
+  void stand_up(Up up);                      ///< as Map::stand_up
+  /// Whether a point of the world lies in the cell, and so in no other.
+  [[nodiscard]] bool contains(const Eigen::Vector3f& point) const;
+  /// What of a field of map() lies in the cell: the field of the whole map there.
+  [[nodiscard]] std::shared_ptr<const DistanceField> within(const DistanceField& field) const;
+
+ private:
+  struct Around;
+  explicit CellMap(Around around);
+  std::array<int, 3> cell_;
+  float voxel_size_;
+  Map map_;
+  Eigen::Quaternionf world_from_map_;
+};
 
 /// Writes a tileset over the cells of a plan's map that are there, PLAN/tiles/X,Y,Z/tileset.json. Returns how many.
 /// Throws std::runtime_error naming a cell that has not been made.

@@ -24,6 +24,10 @@ class Cells {
         const std::optional<Brick>& block = {});
   /// What is made at once of a map that is larger than a machine, and the levels of detail in it.
   static constexpr int kBlockLevels = 2, kBlockSide = 32 << kBlockLevels;  // bricks
+  /// The bricks of a block.
+  [[nodiscard]] static Eigen::AlignedBox3i box_of(const Brick& block) {
+    return {block * kBlockSide, (block + Brick::Ones()) * kBlockSide - Brick::Ones()};
+  }
   /// Bricks around a cell that tell what is made of its surface.
   [[nodiscard]] static int margin(const CleanOptions& clean, float brick_size);
 

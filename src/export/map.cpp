@@ -304,10 +304,12 @@ ExportedPlan MapperContents::export_plan(const fs::path& file, const PlanOptions
   return exported;
 }
 
-/// A map.vdb alone: without keyframes, poses or a device in use.
+/// A map.vdb alone, or a part of one: without keyframes, poses or a device in use.
 class GridContents final : public Map::Contents {
  public:
-  GridContents(fs::path file, int device) : file_(std::move(file)), device_index_(device), grids_(read_grids(file_)) {
+  /// `box`: of a part, which need not hold a surface.
+  GridContents(fs::path file, ReadGrids grids, const std::optional<BrickBox>& box, int device)
+      : file_(std::move(file)), box_(box), device_index_(device), grids_(std::move(grids)) {
     fuse_.voxel_size = grids_.info.voxel_size;
     fuse_.truncation = grids_.info.truncation;
   }
@@ -326,12 +328,12 @@ class GridContents final : public Map::Contents {
     if (options != nullptr) checked.esdf = *options;
     check(checked);
     const Upright& upright = grids_.info.upright;
-    auto field = turned(distances_of(device(), tree(), fuse_, checked.esdf, tracked(visited, upright)), upright);
+    auto field = turned(distances_of(device(), tree(), fuse_, checked.esdf, tracked(visited, upright), box_), upright);
     const auto& blocks = field->blocks();
-    const bool has_surface = std::any_of(blocks.begin(), blocks.end(), [&](const auto& block) {
-      return std::any_of(block.second->begin(), block.second->end(),
-                         [&](float d) { return d < field->max_distance(); });
-    });
+    const bool has_surface = box_ || std::any_of(blocks.begin(), blocks.end(), [&](const auto& block) {
+                               return std::any_of(block.second->begin(), block.second->end(),
+                                                  [&](float d) { return d < field->max_distance(); });
+                             });
     if (!has_surface) throw std::runtime_error(file_.string() + ": holds no surface to be distant from");
     return field;
   }
@@ -407,16 +409,13 @@ class GridContents final : public Map::Contents {
   const BrickTree& tree() { return volume_ ? volume_->on_host() : grids_.tree; }
 
   fs::path file_;
+  std::optional<BrickBox> box_;
   int device_index_;
   ReadGrids grids_;
   FuseOptions fuse_;
   std::optional<gpu::Device> device_;
   std::optional<Volume> volume_;
 };
-
-BrickBox box_of(const Brick& block) {
-  return {block * Cells::kBlockSide, (block + Brick::Ones()) * Cells::kBlockSide - Brick::Ones()};
-}
 
 /// Those of the list that lie in a box.
 std::vector<Brick> within(const std::vector<Brick>& bricks, const BrickBox& box) {
@@ -454,7 +453,7 @@ void look_at(MapState& s, const std::vector<std::size_t>* submaps, const std::fu
 Mesh surface_of_block(MapState& s, const Eigen::Vector3i& block, const std::vector<std::size_t>& submaps) {
   WorldParts parts = s.back_end.world_parts(s.device, &submaps);
   Volume part(s.device, s.world_pool(), s.options.surface.max_depth);
-  const std::vector<Brick> bricks = within(parts.bricks(), box_of(block));
+  const std::vector<Brick> bricks = within(parts.bricks(), Cells::box_of(block));
   if (bricks.empty()) return {};
   part.adopt(parts.make(bricks, s.back_end.load_submap()));
   return turned(s.polygonizer.polygonize(part, bricks), s.upright().world_from_tracked);
@@ -465,7 +464,7 @@ Exported export_block(MapState& s, const MapBlock& block, const fs::path& folder
   const fs::path file = folder / "tileset.json";
   WorldParts parts = s.back_end.world_parts(s.device, &block.submaps);
   Volume part(s.device, s.world_pool(), s.options.surface.max_depth);
-  const BrickBox own = box_of(block.block);
+  const BrickBox own = Cells::box_of(block.block);
   const Brick margin = Brick::Constant(Cells::margin(options.clean, part.brick_size()));
   const BrickBox around(own.min() - margin, own.max() + margin);
   std::vector<Brick> bricks = within(parts.bricks(), around);
@@ -508,7 +507,13 @@ Exported export_block(MapState& s, const MapBlock& block, const fs::path& folder
 
 Map map_of(std::shared_ptr<MapState> state) { return Map(std::make_shared<MapperContents>(std::move(state))); }
 
-Map map_of_grids(const fs::path& vdb, int device) { return Map(std::make_shared<GridContents>(vdb, device)); }
+Map map_of_grids(const fs::path& vdb, int device) {
+  return Map(std::make_shared<GridContents>(vdb, read_grids(vdb), std::nullopt, device));
+}
+
+Map map_of_part(const fs::path& vdb, ReadGrids part, const BrickBox& box, int device) {
+  return Map(std::make_shared<GridContents>(vdb, std::move(part), box, device));
+}
 
 Map Mapper::map() { return map_of(state_); }
 

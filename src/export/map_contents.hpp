@@ -10,6 +10,7 @@
 
 #include "cairn/map.hpp"
 #include "export/map_parts.hpp"
+#include "volume/grids.hpp"
 
 namespace cairn {
 
@@ -59,5 +60,7 @@ Exported export_block(MapState& state, const MapBlock& block, const std::filesys
                       const ExportOptions& options, const ExportProgress& progress);
 /// Of a .vdb file that write_grids has written. Throws std::runtime_error when it is none.
 [[nodiscard]] Map map_of_grids(const std::filesystem::path& vdb, int device);
+/// Of the voxels in a box, which have been read out of such files, `vdb` among them.
+[[nodiscard]] Map map_of_part(const std::filesystem::path& vdb, ReadGrids part, const BrickBox& box, int device);
 
 }  // namespace cairn

@@ -227,9 +227,8 @@ void Esdf::allocate(const std::vector<Block>& blocks) {
     slot_of_.emplace(block, static_cast<std::uint32_t>(block_of_.size()));
     block_of_.push_back(block);
   }
-  std::uint32_t capacity = std::max(kFirstCapacity, capacity_);
-  while (capacity < block_of_.size()) capacity *= 2;
-  if (capacity != capacity_) resize(capacity);
+  const auto needed = static_cast<std::uint32_t>(block_of_.size());
+  if (needed > capacity_) resize(std::max({kFirstCapacity, needed, 2 * capacity_}));  // of a whole map it is the first
 
   gpu::Batch batch(device_);
   std::size_t begin = first;
@@ -273,7 +272,8 @@ void Esdf::resize(std::uint32_t capacity) {
   grow(blocks_, 4 * std::uint64_t{capacity});
   grow(dirty_, 4 * std::uint64_t{capacity});
   check_list_ = gpu::Buffer(device_, 4 * std::uint64_t{capacity});
-  resize_lists(std::max(list_capacity_, static_cast<std::uint32_t>(voxels / 2)));
+  const std::uint64_t wanted = std::min(voxels / 2, device_.max_binding() / sizeof(shader::EsdfEntry));
+  resize_lists(std::max(list_capacity_, static_cast<std::uint32_t>(wanted)));
   capacity_ = capacity;
 }
 
@@ -454,7 +454,8 @@ bool Esdf::run_waves(gpu::Batch& batch, Updated& updated) {
 }
 
 std::shared_ptr<const DistanceField> distances_of(gpu::Device& device, const BrickTree& map, const FuseOptions& fuse,
-                                                  const EsdfOptions& options, const Trajectory& visited) {
+                                                  const EsdfOptions& options, const Trajectory& visited,
+                                                  const std::optional<BrickBox>& box) {
   const auto voxel = static_cast<double>(fuse.voxel_size), radius = static_cast<double>(free_radius(fuse, options));
   BrickTree around;
   std::optional<Eigen::Vector3d> last;
@@ -464,7 +465,8 @@ std::shared_ptr<const DistanceField> distances_of(gpu::Device& device, const Bri
     if (last && (centre - *last).norm() < kSameBall) continue;
     last = centre;
     const BrickMarks marks = ball(centre, radius / voxel);
-    for (std::size_t i = 0; i < marks.bricks.size(); ++i) around.mark_free(marks.bricks[i], marks.voxels[i]);
+    for (std::size_t i = 0; i < marks.bricks.size(); ++i)
+      if (!box || box->contains(marks.bricks[i])) around.mark_free(marks.bricks[i], marks.voxels[i]);
   }
   std::vector<Brick> all = map.bricks();
   for (const std::vector<Brick>& free : {map.free_bricks(), around.free_bricks()})

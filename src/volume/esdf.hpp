@@ -100,9 +100,11 @@ class Esdf {
   std::vector<std::shared_ptr<const DistanceField::Block>> samples_;  // by slot
 };
 
-/// The field of a whole map on the host, with free_radius() around each pose of `visited` free.
+/// The field of a whole map on the host, with free_radius() around each pose of `visited` free. `box`: that all of the
+/// map's bricks lie in, of a part of a map; what is free around poses is left out beyond it.
 [[nodiscard]] std::shared_ptr<const DistanceField> distances_of(gpu::Device& device, const BrickTree& map,
                                                                 const FuseOptions& fuse, const EsdfOptions& options,
-                                                                const Trajectory& visited = {});
+                                                                const Trajectory& visited = {},
+                                                                const std::optional<BrickBox>& box = {});
 
 }  // namespace cairn

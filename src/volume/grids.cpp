@@ -917,10 +917,12 @@ BrickBox MapFile::bounds() const {
   return box;
 }
 
-void MapFile::visit(const Visit& visit) const {
+void MapFile::visit(const Visit& visit, const std::optional<BrickBox>& box) const {
   using Leaf = openvdb::FloatTree::LeafNodeType;
+  const auto is_asked = [&](const Eigen::Vector3i& brick) { return !box || box->contains(brick); };
   std::vector<Leaf*> leaves;
   state_->tsdf->tree().getNodes(leaves);
+  std::erase_if(leaves, [&](const Leaf* leaf) { return !is_asked(brick_at(leaf->origin())); });
   std::vector<Leaf*> weights;
   weights.reserve(leaves.size());
   for (const Leaf* leaf : leaves) weights.push_back(state_->weight->tree().probeLeaf(leaf->origin()));
@@ -955,8 +957,23 @@ void MapFile::visit(const Visit& visit) const {
     }
   }
   for (const Eigen::Vector3i& brick : state_->free.free_bricks())
-    if (state_->tsdf->tree().probeConstLeaf(origin_of(brick)) == nullptr)
+    if (is_asked(brick) && state_->tsdf->tree().probeConstLeaf(origin_of(brick)) == nullptr)
       visit(brick, {.free = state_->free.free_voxels(brick)});
+}
+
+void MapFile::read(const BrickBox& box, BrickTree& tree) const {
+  const auto add = [&](const Eigen::Vector3i& brick, const Voxels& voxels) {
+    tree.mark_free(brick, voxels.free);
+    BrickVoxels packed{};
+    bool is_observed = false;
+    for (std::size_t i = 0; i < packed.size(); ++i) {
+      if (!(voxels.weights[i] > 0)) continue;
+      packed[i] = shader::pack_voxel(voxels.distances[i] / info().truncation, voxels.weights[i], 0);
+      is_observed = true;
+    }
+    if (is_observed) tree.put(brick, packed);
+  };
+  visit(add, box);
 }
 
 BrickTree BrickFile::read() const {

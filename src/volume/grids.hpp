@@ -185,8 +185,11 @@ class MapFile {
     BrickBits free{};                               // of the voxels without observations, those seen to be free
   };
   using Visit = std::function<void(const Eigen::Vector3i& brick, const Voxels& voxels)>;
-  /// All bricks that hold observations or free voxels, once. Throws std::runtime_error where voxels cannot be read.
-  void visit(const Visit& visit) const;
+  /// All bricks, or those of a box, that hold observations or free voxels, once. Throws std::runtime_error where voxels
+  /// cannot be read.
+  void visit(const Visit& visit, const std::optional<BrickBox>& box = {}) const;
+  /// Adds the bricks of a box to a tree, without colours. Throws as visit() does.
+  void read(const BrickBox& box, BrickTree& tree) const;
 
  private:
   struct State;

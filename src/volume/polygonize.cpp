@@ -150,8 +150,9 @@ Mesh Polygonizer::polygonize(Volume& volume, std::span<const Brick> wanted,
            (resident || cell_of(plan.bricks[end], kCell) == cell))
       ++end;
     if (!resident) {
-      volume.move_window((cell.cast<double>().array() + 0.5).matrix() * kCell * volume.brick_size());
-      volume.page_in(with_neighbours(std::span(plan.bricks).subspan(begin, end - begin)));
+      const std::vector<Brick> needed = with_neighbours(std::span(plan.bricks).subspan(begin, end - begin));
+      volume.move_window_to(needed);
+      volume.page_in(needed);
     }
     add_vertices(volume, work, begin, end, mesh);
   }

@@ -103,22 +103,30 @@ void Volume::move_window(const Eigen::Vector3d& centre) {
   refresh_window(before);
 }
 
+void Volume::move_window_to(std::span<const Brick> bricks) {
+  if (std::all_of(bricks.begin(), bricks.end(), [&](const Brick& brick) { return in_window(brick); })) return;
+  BrickBox box;
+  for (const Brick& brick : bricks) box.extend(brick);
+  const Eigen::Vector3d low = box.min().cast<double>(), high = (box.max() + Brick::Ones()).cast<double>();
+  move_window((low + high) / 2 * static_cast<double>(brick_size()));
+}
+
 /// Tells the device what it has to know of the bricks that it does not hold: of the window, which was elsewhere before.
 void Volume::refresh_window(const std::optional<Brick>& origin_before) {
   marks_.assign(free_marks_.size() / 4, 0);
-  for (const Brick& brick : host_.free_bricks())
-    if (in_window(brick) && host_.free_voxels(brick) == kAllBits)
-      marks_[table_index(brick) / 32] |= 1u << (table_index(brick) % 32);
+  host_.visit_free([&](const Brick& brick, const BrickBits& free) {
+    if (in_window(brick) && free == kAllBits) marks_[table_index(brick) / 32] |= 1u << (table_index(brick) % 32);
+  });
   std::vector<shader::Placement> gone, come;
-  for (const Brick& brick : host_.bricks()) {
+  host_.visit([&](const Brick& brick) {
     const bool was_in = origin_before && in_window(brick, *origin_before), is_in = in_window(brick);
-    if (was_in == is_in || slot_of_.contains(brick)) continue;
+    if (was_in == is_in || slot_of_.contains(brick)) return;
     (is_in ? come : gone)
         .push_back({.brick = brick,
                     .slot = shader::kNoSlot,
                     .table_index = table_index(brick),
                     .entry = is_in ? shader::kOnHost : 0});
-  }
+  });
   gpu::Batch batch(device_);
   batch.upload(free_marks_, marks_);
   for (const auto& placements : {gone, come}) {  // in this order: they share places of the table

@@ -63,6 +63,8 @@ class Volume {
 
   /// Moves the window so that `centre` (metres, submap frame) is in its middle; bricks that leave it go to the host.
   void move_window(const Eigen::Vector3d& centre);
+  /// Moves it into the middle of bricks that are not all in it.
+  void move_window_to(std::span<const Brick> bricks);
   /// Brings bricks to the device: those the host has with their voxels, others empty. Bricks outside the window are
   /// left out. When the pool is full, bricks last seen longest ago make room, but none of `bricks` and none seen at
   /// `now`. Throws std::runtime_error when that is not enough.

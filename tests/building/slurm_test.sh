@@ -13,7 +13,7 @@ for program in snakemake slurmctld slurmd sbatch; do
 done
 [ "$(id -u)" = 0 ] || { echo "Slurm's daemons run jobs as root alone"; exit 77; }
 work=$(mktemp -d)
-export SLURM_CONF=$work/slurm.conf
+export SLURM_CONF=$work/slurm.conf CI=true  # with which Snakemake asks for its jobs each second, in place of each tenth
 declare -A daemons
 finish() {
   for pid in "${daemons[@]}"; do kill -9 "$pid" 2> /dev/null && wait "$pid" 2> /dev/null || true; done
@@ -40,6 +40,9 @@ outcome() {
 }
 
 plan here "$work/walk-1" "$work/walk-2"
+# Without arguments, as docs/usage.md has it: the last word of the command is the plan's own.
+arguments="" engine here -n -p
+grep -q 'cairn reconstruct .* -o "$map" --no-mesh $how *\\$' "$work/here.log" || failed 'arguments=""'
 engine here -j2 || failed "Snakemake on this machine"
 outcome here > "$work/here.sums"
 [ "$(wc -l < "$work/here.sums")" -gt 10 ] || failed "little came out"

@@ -1,13 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // A map made of parts, by the program: from a plan to tiles.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
+#include <cstring>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <set>
 
 #include "base/json_text.hpp"
+#include "cairn/esdf.hpp"
 #include "cairn/evaluation.hpp"
 #include "cairn/mesh.hpp"
 #include "cairn/source.hpp"
@@ -69,22 +75,24 @@ class MapOfParts : public testing::Test {
   fs::path plan;
 };
 
+using Place = std::array<float, 3>;
+using Edge = std::pair<Place, Place>;
+
 /// Edges that one triangle alone has, of vertices that lie at the same place to the last bit.
-std::size_t open_edges(const std::vector<Mesh>& parts) {
-  using Place = std::array<float, 3>;
-  std::map<Place, std::uint32_t> number;
-  std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
+std::set<Edge> open_edges(const std::vector<Mesh>& parts) {
+  std::map<Edge, int> edges;
   for (const Mesh& mesh : parts)
     for (const auto& t : mesh.triangles) {
-      std::array<std::uint32_t, 3> v{};
-      for (std::size_t i = 0; i < 3; ++i) {
-        const Eigen::Vector3f& p = mesh.positions[t[i]];
-        v[i] = number.try_emplace(Place{p.x(), p.y(), p.z()}, static_cast<std::uint32_t>(number.size())).first->second;
-      }
-      for (std::size_t i = 0; i < 3; ++i) ++edges[std::minmax(v[i], v[(i + 1) % 3])];
+      const auto place = [&](std::size_t i) {
+        const Eigen::Vector3f& p = mesh.positions[t[i % 3]];
+        return Place{p.x(), p.y(), p.z()};
+      };
+      for (std::size_t i = 0; i < 3; ++i) ++edges[std::minmax({place(i), place(i + 1)})];
     }
-  return static_cast<std::size_t>(
-      std::count_if(edges.begin(), edges.end(), [](const auto& e) { return e.second == 1; }));
+  std::set<Edge> open;
+  for (const auto& [edge, triangles] : edges)
+    if (triangles == 1) open.insert(edge);
+  return open;
 }
 
 TEST_F(MapOfParts, BecomesTilesWithoutACrackBetweenCells) {
@@ -97,13 +105,16 @@ TEST_F(MapOfParts, BecomesTilesWithoutACrackBetweenCells) {
 
   ASSERT_GT(cells().size(), 1u);
   std::vector<Mesh> leaves;
+  std::map<std::string, std::map<char, std::vector<Mesh>>> levels;  // of each cell
   for (const std::string& cell : cells()) {
     expect_done({"tile", plan.string(), "--cell=" + cell, "-o", in("tiles/" + cell), "--no-texture"});
     EXPECT_TRUE(fs::exists(plan / "tiles" / cell / "map.vdb"));
     for (const auto& entry : fs::recursive_directory_iterator(plan / "tiles" / cell)) {
       if (entry.path().extension() != ".glb") continue;
       EXPECT_EQ(validate_gltf(entry.path()), "");
-      if (entry.path().filename().string().starts_with("0_")) leaves.push_back(read_mesh(entry.path()));
+      const char level = entry.path().filename().string()[0];
+      levels[cell][level].push_back(read_mesh(entry.path()));
+      if (level == '0') leaves.push_back(levels[cell][level].back());
     }
   }
   expect_done({"tileset", plan.string(), "-o", in("tileset.json")});
@@ -118,7 +129,85 @@ TEST_F(MapOfParts, BecomesTilesWithoutACrackBetweenCells) {
   std::size_t triangles = 0;
   for (const Mesh& leaf : leaves) triangles += leaf.triangles.size();
   EXPECT_EQ(triangles, whole[0].triangles.size());
-  EXPECT_EQ(open_edges(leaves), open_edges(whole));
+  EXPECT_EQ(open_edges(leaves).size(), open_edges(whole).size());
+
+  // Each level of a cell has all edges that its finest one shares with its neighbours'.
+  std::map<std::string, std::map<char, std::set<Edge>>> open;
+  for (const auto& [cell, meshes] : levels)
+    for (const auto& [level, tiles] : meshes) open[cell][level] = open_edges(tiles);
+  std::size_t shared = 0, missing = 0, coarser = 0;
+  for (const auto& [cell, own] : open)
+    for (const auto& [other, others] : open)
+      for (const Edge& edge : own.at('0')) {
+        if (cell == other || !others.at('0').contains(edge)) continue;
+        ++shared;
+        for (const auto& [level, edges] : own) {
+          coarser += level != '0';
+          missing += !edges.contains(edge);
+        }
+      }
+  EXPECT_GT(shared, 100u);
+  EXPECT_GT(coarser, 100u);
+  EXPECT_EQ(missing, 0u);
+}
+
+TEST_F(MapOfParts, TellsDistancesCellByCellAsOfTheWhole) {
+  (void)optimised();
+  ASSERT_GT(cells().size(), 1u);
+  const std::string refused = "--cell=" + cells()[0];
+  expect_one_line(run_cairn({"esdf", plan.string(), refused, "-o", in("x.vdb")}), 1, "make it with cairn tile");
+  for (const std::string& cell : cells())
+    expect_done({"tile", plan.string(), "--cell=" + cell, "-o", in("tiles/" + cell), "--no-texture"});
+  expect_one_line(run_cairn({"esdf", plan.string(), "-o", in("x.vdb")}), 2, "cell by cell");
+  expect_one_line(run_cairn({"esdf", plan.string(), "--cell=9,9,9", "-o", in("x.vdb")}), 1, "does not reach");
+
+  std::string points = "x,y,z\n9,9,9\n";
+  for (int i = 0; i < 2000; ++i)
+    points += fmt::format("{},{},{}\n", -2 + 0.4 * (i % 10), -1 + 0.2 * (i / 10 % 10), -3 + 0.3 * (i / 100));
+  write_text(plan / "points.csv", points);
+  const std::vector<std::string> asked{"--query", in("points.csv"), "--max-distance", "0.7",      "--robot-radius",
+                                       "0.3",     "--costmap",      in("cells.yaml"), "--height", "-1:0.3"};
+  const auto answers = [&](std::vector<std::string> words, const std::string& costmap) {
+    words.insert(words.end(), asked.begin(), asked.end());
+    words[words.size() - 3] = in(costmap);
+    return expect_done(words);
+  };
+  const std::string by_cell = answers({"esdf", plan.string()}, "cells.yaml");
+  std::vector<DistanceField> fields;
+  for (const std::string& cell : cells()) {
+    expect_done({"esdf", plan.string(), "--cell=" + cell, "-o", in("tiles/" + cell + "/esdf.vdb"), "--max-distance",
+                 "0.7", "--robot-radius", "0.3"});
+    fields.push_back(DistanceField::read(plan / "tiles" / cell / "esdf.vdb"));
+  }
+  expect_done({"export", plan.string(), "-o", in("map.vdb")});
+  EXPECT_EQ(by_cell, answers({"esdf", plan.string()}, "whole.yaml"));
+  EXPECT_GT(std::count(by_cell.begin(), by_cell.end(), '\n'), 2000);
+  EXPECT_NE(by_cell.find("9,9,9,,,,,unknown"), std::string::npos);
+
+  expect_done({"esdf", plan.string(), "-o", in("whole.vdb"), "--max-distance", "0.7", "--robot-radius", "0.3"});
+  std::map<std::array<int, 3>, const DistanceField::Block*> blocks;
+  for (const DistanceField& field : fields)
+    for (const auto& [block, samples] : field.blocks())
+      EXPECT_TRUE(blocks.emplace(std::array{block.x(), block.y(), block.z()}, samples.get()).second);
+  const DistanceField whole = DistanceField::read(plan / "whole.vdb");
+  EXPECT_GT(blocks.size(), 40u);
+  for (const auto& [block, samples] : whole.blocks()) {
+    const auto found = blocks.find({block.x(), block.y(), block.z()});
+    if (found == blocks.end()) {  // free, in a cell without a surface
+      const auto cell = [](int i) { return (i - (i % 32 + 32) % 32) / 32; };
+      const auto name = fmt::format("{},{},{}", cell(block.x()), cell(block.y()), cell(block.z()));
+      EXPECT_FALSE(fs::exists(plan / "tiles" / name)) << name;
+      continue;
+    }
+    EXPECT_EQ(std::memcmp(found->second, samples.get(), sizeof(*samples)), 0);
+  }
+
+  const cv::Mat of_cells = cv::imread(in("cells.pgm"), cv::IMREAD_UNCHANGED),
+                of_whole = cv::imread(in("whole.pgm"), cv::IMREAD_UNCHANGED);
+  for (const int value : {0, 254})
+    EXPECT_NEAR(cv::countNonZero(of_cells == value), cv::countNonZero(of_whole == value),
+                0.02 * cv::countNonZero(of_whole == value))
+        << value;
 }
 
 TEST_F(MapOfParts, StaysUntouchedWhereNothingIsNew) {

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <array>
+#include <functional>
+#include <string>
+
+#include "command_tree.hpp"
+
+namespace cairn::apps {
+
+/// --cell X,Y,Z, as PLAN/cells names it.
+CLI::Option* add_cell(CLI::App& command, std::function<void(const std::array<int, 3>&)> take,
+                      const std::string& description);
+
+}  // namespace cairn::apps

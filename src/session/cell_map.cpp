@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <memory>
+#include <stdexcept>
+#include <utility>
+
+#include "cairn/parts.hpp"
+#include "export/cells.hpp"
+#include "export/map_contents.hpp"
+#include "session/cells.hpp"
+#include "volume/grids.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kMore = 2;        // bricks around what is near enough: surfaces and answers look at the next voxels, too
+constexpr double kLeast = 0.8;  // metres: so wide a gap between observed places a distance field goes through
+
+[[nodiscard]] Brick brick_of(const CellName& cell) { return {cell[0], cell[1], cell[2]}; }
+
+fs::path voxels_of(const fs::path& plan, const CellName& cell) {
+  fs::path file = cell_folder(plan, cell) / "map.vdb";
+  if (!fs::exists(file))
+    throw std::runtime_error(fmt::format("{}: is missing; make it with cairn tile {} --cell={},{},{} -o {}",
+                                         file.string(), plan.string(), cell[0], cell[1], cell[2],
+                                         cell_folder(plan, cell).string()));
+  return file;
+}
+
+}  // namespace
+
+/// The voxels of a cell and of what lies around it.
+struct CellMap::Around {
+  Around(const fs::path& plan, const CellName& name, double max_distance, int device_index)
+      : cell(name), device(device_index) {
+    const std::vector<CellName> cells = cells_of(plan);
+    if (!std::binary_search(cells.begin(), cells.end(), cell))
+      throw std::runtime_error(cell_file(plan, cell).string() + ": is missing: the map does not reach this cell");
+    file = voxels_of(plan, cell);
+    const MapFile own(file);
+    grids.info = own.info();
+    const double brick = 8.0 * static_cast<double>(grids.info.voxel_size);
+    const Brick margin = Brick::Constant(kMore + static_cast<int>(std::ceil(std::max(kLeast, max_distance) / brick)));
+    box = Cells::box_of(brick_of(cell));
+    box = {box.min() - margin, box.max() + margin};
+    own.read(box, grids.tree);
+    for (const CellName& other : cells)
+      if (other != cell && box.intersects(Cells::box_of(brick_of(other))))
+        MapFile(voxels_of(plan, other)).read(box, grids.tree);
+  }
+  CellName cell;
+  int device;
+  fs::path file;
+  BrickBox box;
+  ReadGrids grids;
+};
+
+CellMap::CellMap(const fs::path& plan, const CellName& cell, double max_distance, int device)
+    : CellMap(Around(plan, cell, max_distance, device)) {}
+
+CellMap::CellMap(Around around)
+    : cell_(around.cell),
+      voxel_size_(around.grids.info.voxel_size),
+      map_(map_of_part(around.file, std::move(around.grids), around.box, around.device)),
+      world_from_map_(map_.upright().world_from_tracked.cast<float>()) {}
+
+void CellMap::stand_up(Up up) {
+  map_.stand_up(up);
+  world_from_map_ = map_.upright().world_from_tracked.cast<float>();
+}
+
+bool CellMap::contains(const Eigen::Vector3f& point) const {
+  constexpr int kSide = 8 * Cells::kBlockSide;  // voxels
+  const Eigen::Vector3f voxel = world_from_map_.conjugate() * point / voxel_size_;
+  for (int i = 0; i < 3; ++i)
+    if (static_cast<int>(std::floor((voxel[i] + 0.5f) / kSide)) != cell_[static_cast<std::size_t>(i)]) return false;
+  return true;
+}
+
+std::shared_ptr<const DistanceField> CellMap::within(const DistanceField& field) const {
+  DistanceField::Blocks own;
+  std::copy_if(field.blocks().begin(), field.blocks().end(), std::back_inserter(own), [&](const auto& block) {
+    return contains(field.point(16.0f * (block.first.template cast<float>() + Eigen::Vector3f::Constant(0.5f))));
+  });
+  return std::make_shared<const DistanceField>(field.voxel_size(), field.origin(), field.max_distance(), std::move(own),
+                                               field.world_from_field());
+}
+
+}  // namespace cairn
