@@ -29,7 +29,6 @@ const elsewhere = {
   'scripts/benchmark': 'minutes',
   'scripts/building/benchmark OUT': 'half an hour',
   'scripts/building/memory OUT': 'an hour',
-  'scripts/building/memory OUT --metres 60': 'an hour',
   'scripts/options-page': 'it writes into the source; Documentation.pages checks it',
   'scripts/check-layers': 'Architecture.layers runs it',
   'build/release/tests/cairn_bench': 'minutes',
@@ -223,7 +222,7 @@ test('every option that is named is one', () => {
   for (const name of ['trajectory', 'mesh', 'views', 'topology', 'distances', 'loops']) subcommands.push(['evaluate', name]);
   subcommands.push(['graph', 'optimise']);
   const known = new Set([...help(), ...subcommands.map((words) => help(...words))].join('').match(/--[a-z][a-z-]*/g));
-  const scripts = [join(source, 'scripts'), join(source, 'scripts/campaigns')]
+  const scripts = [join(source, 'scripts'), join(source, 'scripts/campaigns'), join(source, 'scripts/building')]
     .flatMap((folder) => readdirSync(folder, { withFileTypes: true }).filter((entry) => entry.isFile())
       .map((entry) => readFileSync(join(folder, entry.name), 'utf8'))).join('');
   const of_scripts = new Set(scripts.match(/--[a-z][a-z-]*/g));
