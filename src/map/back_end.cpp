@@ -16,6 +16,8 @@ constexpr double kTrust = 3;                         // times the tracker's own 
 constexpr double kChance = 22.46;                    // 99.9 % of the chi-squared distribution with 6 degrees of freedom
 constexpr double kSlipped = 0.005, kTurned = 0.003;  // metres, radians: less is not worth an optimisation at once
 constexpr double kMany = 0.75;                       // of the keyframes that end a submap
+constexpr double kSparser = 2;                       // times as far apart, where earlier submaps saw the same
+constexpr int kOthers = 6;                           // keyframes of these that have: of two ways or more
 constexpr double kUnmoved = 1e-4;                    // metres, radians
 
 double milliseconds(std::chrono::steady_clock::time_point since) {
@@ -85,12 +87,30 @@ bool BackEnd::hold_out(double timestamp, const Eigen::Isometry3d& submap_from_ca
 
 /// Whether the camera left the last keyframe, and in a submap that has many all others of it as well: tracking holds to
 /// what they saw, so that going there again tells nothing new, and a room that is seen for hours stays one submap.
+/// Where earlier submaps saw the same it must have gone farther: a few views are enough to be found there and to be
+/// tied to.
 bool BackEnd::is_new_view(const Eigen::Isometry3d& submap_from_camera) const {
   const auto left = [&](const Keyframe& k) { return is_apart(k.submap_from_camera, submap_from_camera); };
   const auto begin = atlas_.keyframes.begin() + static_cast<std::ptrdiff_t>(submap_begin_),
              end = atlas_.keyframes.end();
   const bool has_many = static_cast<double>(end - begin) >= kMany * options_.map.submap_keyframes;
-  return has_many ? std::all_of(begin, end, left) : left(atlas_.keyframes.back());
+  const Keyframe& last = atlas_.keyframes.back();
+  if (has_many ? !std::all_of(begin, end, left) : !left(last)) return false;
+  return is_apart(last.submap_from_camera, submap_from_camera, kSparser) || !was_seen_before(submap_from_camera);
+}
+
+/// Whether many keyframes of earlier submaps have seen what the camera sees from much the same place, as the graph
+/// lays them.
+bool BackEnd::was_seen_before(const Eigen::Isometry3d& submap_from_camera) const {
+  const std::size_t last = atlas_.keyframes.size() - 1;
+  const Eigen::Isometry3d camera = atlas_.correction(last) * submap_from_camera;
+  std::vector<std::size_t> near;
+  for (std::size_t k = 0; k < searched_; ++k)
+    if (!is_apart(atlas_.world_from_camera[k], camera, kSparser)) near.push_back(k);
+  if (near.size() < kOthers) return false;
+  const auto component_of = atlas_.components();
+  return std::count_if(near.begin(), near.end(),
+                       [&](std::size_t k) { return component_of[k] == component_of[last]; }) >= kOthers;
 }
 
 bool BackEnd::is_full(const Eigen::Isometry3d& submap_from_camera, const Volume& volume) const {

@@ -123,6 +123,7 @@ class BackEnd {
   void tie_to_world(const Matrix6d* information);
   void attempt_settling(const std::function<void()>& stage);
   [[nodiscard]] bool is_new_view(const Eigen::Isometry3d& submap_from_camera) const;
+  [[nodiscard]] bool was_seen_before(const Eigen::Isometry3d& submap_from_camera) const;
   [[nodiscard]] bool is_full(const Eigen::Isometry3d& submap_from_camera, const Volume& volume) const;
 
   gpu::Device& device_;

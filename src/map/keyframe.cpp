@@ -71,9 +71,10 @@ std::filesystem::path colour_file(const NumberedFiles& files, std::size_t keyfra
   return file_of(files, keyframe, kColour);
 }
 
-bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b, double times) {
   const Eigen::Isometry3d motion = a.inverse() * b;
-  return motion.translation().norm() >= kDistance || Eigen::AngleAxisd(motion.linear()).angle() >= kTurn;
+  return motion.translation().norm() >= times * kDistance ||
+         Eigen::AngleAxisd(motion.linear()).angle() >= times * kTurn;
 }
 
 KeyframeStore::KeyframeStore(const Rig& rig, NumberedFiles files, Access access)

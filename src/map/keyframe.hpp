@@ -37,8 +37,8 @@ struct Keyframe {
   Structure structure;  // where what it shows faces
 };
 
-/// Whether a camera has moved far enough for another keyframe.
-[[nodiscard]] bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b);
+/// Whether a camera has moved far enough for another keyframe, or `times` as far.
+[[nodiscard]] bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b, double times = 1);
 
 /// What a session's folder is open for.
 enum class Access { write, read };

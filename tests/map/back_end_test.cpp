@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <vector>
+
 #include "cairn/pose.hpp"
 #include "support/files.hpp"
 #include "support/scenes.hpp"
@@ -104,6 +106,40 @@ TEST(BackEnd, RemembersNoMoreOfARoomThatItSeesAgainAndAgain) {
   EXPECT_EQ(back_end.atlas().trajectory(0, 0, 1000).size(), 1000u);
 }
 
+TEST(BackEnd, KeepsFewerKeyframesWhereManySawTheSame) {
+  Options options;
+  options.map.submap_radius = 1.5f;
+  const Camera camera = small_camera();
+  Volume volume(test_device(), options.fuse, 5.0f);
+  BackEnd back_end(test_device(), camera, options);
+  const Matrix6d information = 1e6 * Matrix6d::Identity();
+  const std::size_t pixels = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+  const Eigen::AngleAxisd about(EIGEN_PI, Eigen::Vector3d::UnitY());
+  constexpr int kWay = 200;  // frames, 8 m
+  std::vector<std::size_t> keyframes;
+  const auto walk = [&](bool goes_back, bool looks_back) {
+    const std::size_t before = back_end.atlas().keyframes.size();
+    for (int n = 0; n < kWay; ++n) {
+      const int i = static_cast<int>(back_end.atlas().frames.size());
+      Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+      pose.translation() = Eigen::Vector3d(0.04 * (goes_back ? kWay - n : n), 0, 0);
+      if (looks_back) pose.rotate(about);
+      const Frame frame{.index = i, .timestamp = 0.1 * i, .depth = std::vector<float>(pixels, 2.0f), .colour = {}};
+      back_end.add(frame, surface_of(frame), pose, i > 0 ? &information : nullptr, volume,
+                   static_cast<std::uint32_t>(i + 1));
+    }
+    keyframes.push_back(back_end.atlas().keyframes.size() - before);
+  };
+  for (const bool goes_back : {false, true, false, true}) walk(goes_back, false);
+  walk(false, true);
+  EXPECT_GE(keyframes[0], 60u);
+  EXPECT_GE(keyframes[1], 60u);
+  EXPECT_LE(keyframes[2], 2 * keyframes[0] / 3);
+  EXPECT_LE(keyframes[3], 2 * keyframes[0] / 3);
+  EXPECT_GE(keyframes[3], keyframes[0] / 2);
+  EXPECT_GE(keyframes[4], 60u);  // nothing saw that yet
+}
+
 TEST(BackEnd, KeepsSubmapsOnTheDiskWhenTheyExceedTheBudget) {
   const TemporaryFolder folder;
   std::vector<Brick> bricks;
@@ -180,7 +216,7 @@ TEST(BackEnd, LeavesKeyframesWhereTheyAreWhenTheGraphCannotBeOptimised) {
   information(5, 5) = -1e3;  // no covariance has such an inverse
   TwoPieces p(information);
   for (int i = 0; i < 3; ++i) {
-    p.add(i, kElsewhere, i > 0 ? &information : nullptr);
+    p.add(2 * i, kElsewhere, i > 0 ? &information : nullptr);
     p.back_end->settle();
   }
   EXPECT_GE(p.back_end->atlas().loops.size(), 1u);
