@@ -114,10 +114,9 @@ def test_truth_is_exact(recording: Path, scene: cairn.Scene) -> None:
 def test_control_c_ends_the_run_with_a_map(here: Path) -> None:
     script = "import cairn; cairn.reconstruct('synthetic:room', 'out', frames=2000, voxel_size=0.02, texture=False)"
     child = subprocess.Popen([sys.executable, "-c", script], stderr=subprocess.PIPE, text=True, start_new_session=True)
-    deadline = time.monotonic() + 60
-    while not Path("out/session").exists() and time.monotonic() < deadline:
+    deadline = time.monotonic() + 120
+    while len(list(Path("out/session").rglob("*.depth.png"))) < 3 and time.monotonic() < deadline:
         time.sleep(0.05)
-    time.sleep(3)  # some frames
     os.killpg(child.pid, signal.SIGINT)  # as a terminal does: the program has a group of its own
     told = child.communicate(timeout=120)[1]
     assert "KeyboardInterrupt" in told and child.returncode != 0

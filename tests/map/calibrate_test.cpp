@@ -11,6 +11,7 @@
 #include <memory>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "support/scenes.hpp"
 
@@ -24,57 +25,63 @@ Camera focused(Camera camera, double times) {
   return camera;
 }
 
-/// A scene with a Kinect's noise, seen from a camera that moves as `pose` says, each image changed as `change` says. A
-/// readout that the camera has is not told.
+/// A scene with a Kinect's noise, seen from a camera that moves as `pose` says, each image changed as `change` says.
+struct Rendering {
+  const char* scene = "room";
+  Camera camera = synthetic_camera();
+  int frames = 0;
+  PoseAt pose;
+  Change change = {};
+  int refocuses_at = -1;  // frame
+};
+
+/// All that asks for frames gets the same: they are rendered once.
+std::shared_ptr<const std::vector<Frame>> frames_of(const Rendering& r) {
+  const Scene scene = synthetic_scene(r.scene);
+  std::optional<SceneRenderer> renderer(std::in_place, test_device(), scene, r.camera);
+  auto frames = std::make_shared<std::vector<Frame>>();
+  for (int i = 0; i < r.frames; ++i) {
+    if (i == r.refocuses_at) renderer.emplace(test_device(), scene, focused(r.camera, 1.03));
+    const double time = i / 30.0;
+    auto images = renderer->render(r.pose, time);
+    add_noise(images, r.camera, "kinect", 1, i);
+    Frame frame{.index = i, .timestamp = time, .depth = std::move(images.depth), .colour = std::move(images.colour)};
+    if (r.change) r.change(frame);
+    frames->push_back(std::move(frame));
+  }
+  return frames;
+}
+
 class Recording final : public Source {
  public:
-  Recording(const char* scene, Camera camera, int frames, PoseAt pose, Change change)
-      : rig_(camera),
-        scene_(synthetic_scene(scene)),
-        frames_(frames),
-        pose_(std::move(pose)),
-        change_(std::move(change)),
-        renderer_(std::in_place, test_device(), scene_, camera) {
-    rig_.depth.readout = 0;
-  }
-  void refocus_at(int frame) { refocuses_at_ = frame; }
-  /// Another camera than it is.
-  void tell(const Camera& camera) { rig_.depth = camera; }
+  Recording(std::shared_ptr<const std::vector<Frame>> frames, const Rig& told)
+      : rig_(told), frames_(std::move(frames)) {}
   [[nodiscard]] const Rig& rig() const override { return rig_; }
-  [[nodiscard]] std::optional<int> size() const override { return frames_ - next_; }
+  [[nodiscard]] std::optional<int> size() const override { return static_cast<int>(frames_->size() - next_); }
   [[nodiscard]] std::optional<Frame> next() override {
-    if (next_ == frames_) return std::nullopt;
-    if (next_ == refocuses_at_) renderer_.emplace(test_device(), scene_, focused(rig_.depth, 1.03));
-    const double time = next_ / 30.0;
-    auto images = renderer_->render(pose_, time);
-    add_noise(images, rig_.depth, "kinect", 1, next_);
-    Frame frame{.index = next_++, .timestamp = time, .depth = images.depth, .colour = images.colour};
-    if (change_) change_(frame);
-    return frame;
+    if (next_ == frames_->size()) return std::nullopt;
+    return (*frames_)[next_++];
   }
 
  private:
   Rig rig_;
-  Scene scene_;
-  int frames_, next_ = 0, refocuses_at_ = -1;
-  PoseAt pose_;
-  Change change_;
-  std::optional<SceneRenderer> renderer_;
+  std::shared_ptr<const std::vector<Frame>> frames_;
+  std::size_t next_ = 0;
 };
+
+using Open = std::function<std::unique_ptr<Source>()>;
+
+/// It tells the usual camera, without a readout.
+Open opener(const Rendering& rendering) {
+  return [frames = frames_of(rendering)] { return std::make_unique<Recording>(frames, synthetic_camera()); };
+}
 
 PoseAt path_of(const char* name) {
   return [scene = synthetic_scene(name)](double t) { return scene.world_from_camera(t); };
 }
 
-std::function<std::unique_ptr<Source>()> opener(const char* scene, int frames, const PoseAt& pose,
-                                                const Change& change = {}, double readout = 0) {
-  Camera camera = synthetic_camera();
-  camera.readout = readout;
-  return [=] { return std::make_unique<Recording>(scene, camera, frames, pose, change); };
-}
-
 /// Neither a readout nor a correction of depth is found, and the rig is as it was told.
-void expect_nothing_found(const std::function<std::unique_ptr<Source>()>& open) {
+void expect_nothing_found(const Open& open) {
   const FoundShutter shutter = find_shutter(open);
   std::printf("shutter: %d keyframes, %s\n", shutter.keyframes, shutter.why_not.c_str());
   EXPECT_NE(shutter.why_not, "");
@@ -90,9 +97,13 @@ void expect_nothing_found(const std::function<std::unique_ptr<Source>()>& open) 
   EXPECT_EQ(all.rig, open()->rig());
 }
 
+PoseAt swinging(const char* scene = "room") { return swung_in(synthetic_scene(scene)); }
+
 TEST(Calibrate, FindsTheShutterOfACameraThatSwings) {
   constexpr double kReadout = 0.028;
-  const FoundShutter found = find_shutter(opener("room", 90, swung_in(synthetic_scene("room")), {}, kReadout));
+  Camera camera = synthetic_camera();
+  camera.readout = kReadout;
+  const FoundShutter found = find_shutter(opener({.camera = camera, .frames = 90, .pose = swinging()}));
   std::printf("%.2f +- %.2f ms, %s\n", 1000 * found.readout, 1000 * found.sigma, found.why_not.c_str());
   EXPECT_EQ(found.why_not, "");
   EXPECT_NEAR(found.readout, kReadout, 0.002);
@@ -101,11 +112,7 @@ TEST(Calibrate, FindsTheShutterOfACameraThatSwings) {
 TEST(Calibrate, FindsCamerasThatNobodyTold) {
   Camera camera = focused(synthetic_camera(), 1.01);
   camera.cx += 3, camera.cy -= 2, camera.distortion[0] = 0.05, camera.readout = 0.028;
-  const FoundCalibration found = find_calibration([=] {
-    auto recording = std::make_unique<Recording>("room", camera, 120, swung_in(synthetic_scene("room")), Change{});
-    recording->tell(synthetic_camera());
-    return recording;
-  });
+  const FoundCalibration found = find_calibration(opener({.camera = camera, .frames = 120, .pose = swinging()}));
   const Camera& c = found.rig.depth;
   std::printf("f %.2f %.2f c %.2f %.2f k1 %.4f readout %.2f ms, clock %.2f ms, %.3f better, %d keyframes %s\n", c.fx,
               c.fy, c.cx, c.cy, c.distortion[0], 1000 * c.readout, 1000 * found.clock_offset, found.predicts_better,
@@ -118,14 +125,15 @@ TEST(Calibrate, FindsCamerasThatNobodyTold) {
 }
 
 TEST(Calibrate, FindsNothingFromAStaticCamera) {
-  expect_nothing_found(opener("room", 15, [](double) { return synthetic_scene("room").world_from_camera(0); }));
+  expect_nothing_found(
+      opener({.frames = 15, .pose = [](double) { return synthetic_scene("room").world_from_camera(0); }}));
 }
 
 TEST(Calibrate, FindsNothingFromAWall) {
-  expect_nothing_found(opener("plane", 90, swung_in(synthetic_scene("plane"))));
+  expect_nothing_found(opener({.scene = "plane", .frames = 90, .pose = swinging("plane")}));
 }
 
-TEST(Calibrate, FindsNothingFromTwentyFrames) { expect_nothing_found(opener("room", 20, path_of("room"))); }
+TEST(Calibrate, FindsNothingFromTwentyFrames) { expect_nothing_found(opener({.frames = 20, .pose = path_of("room")})); }
 
 TEST(Calibrate, FindsNothingFromViewsThatDoNotOverlap) {
   const auto turn = [](double t) {
@@ -133,17 +141,11 @@ TEST(Calibrate, FindsNothingFromViewsThatDoNotOverlap) {
     pose.rotate(Eigen::AngleAxisd(2.1 * std::round(30 * t), Eigen::Vector3d::UnitY()));
     return pose;
   };
-  expect_nothing_found(opener("room", 30, turn));
+  expect_nothing_found(opener({.frames = 30, .pose = turn}));
 }
 
 TEST(Calibrate, FindsNothingFromACameraThatIsRefocused) {
-  static constexpr int kFrames = 90;
-  expect_nothing_found([] {
-    auto recording =
-        std::make_unique<Recording>("room", synthetic_camera(), kFrames, swung_in(synthetic_scene("room")), Change{});
-    recording->refocus_at(kFrames / 2);
-    return recording;
-  });
+  expect_nothing_found(opener({.frames = 90, .pose = swinging(), .refocuses_at = 45}));
 }
 
 TEST(Calibrate, FindsNothingWhereExposureJumps) {
@@ -153,7 +155,7 @@ TEST(Calibrate, FindsNothingWhereExposureJumps) {
       rgba =
           0xff000000u | (rgba & 0xff) * 5 / 8 | ((rgba >> 8 & 0xff) * 5 / 8) << 8 | ((rgba >> 16 & 0xff) * 5 / 8) << 16;
   };
-  expect_nothing_found(opener("room", 90, swung_in(synthetic_scene("room")), darker));
+  expect_nothing_found(opener({.frames = 90, .pose = swinging(), .change = darker}));
 }
 
 }  // namespace
