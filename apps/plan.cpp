@@ -32,7 +32,8 @@ PartsPlan options_of(const Arguments& a) {
 
 nlohmann::json to_json(const PartsPlan& plan, const fs::path& folder) {
   auto recordings = nlohmann::json::array(), parts = nlohmann::json::array();
-  for (const auto& r : plan.recordings) recordings.push_back({{"name", r.name}, {"frames", r.frames}});
+  for (const auto& r : plan.recordings)
+    recordings.push_back({{"name", r.name}, {"frames", r.frames}, {"other_camera", r.other_camera}});
   for (const auto& p : plan.parts)
     parts.push_back({{"name", p.name},
                      {"folder", (folder / "parts" / p.name).string()},
@@ -50,9 +51,10 @@ void print(const PartsPlan& plan, const fs::path& folder) {
       if (part.recording == i) names.push_back(part.name);
       most = std::max(most, part.end - part.begin);
     }
-    say("{}: {} frames, {}\n", plan.recordings[i].name,
+    say("{}: {} frames, {}{}\n", plan.recordings[i].name,
         count_in_words(static_cast<std::uint64_t>(plan.recordings[i].frames)),
-        names.size() == 1 ? "part " + names[0] : fmt::format("parts {} to {}", names.front(), names.back()));
+        names.size() == 1 ? "part " + names[0] : fmt::format("parts {} to {}", names.front(), names.back()),
+        plan.recordings[i].other_camera ? ", turned into what the first one's camera would have taken" : "");
   }
   say("{}: {} {}, of {} frames at most\n", folder.string(), count_in_words(plan.parts.size()),
       plan.parts.size() == 1 ? "part" : "parts", count_in_words(static_cast<std::uint64_t>(most)));
@@ -72,8 +74,9 @@ void add_plan(CLI::App& program) {
   auto* command = program.add_subcommand("plan", "Cut a building's recordings into parts, each for a run of its own");
   const auto a = std::make_shared<Arguments>();
   command
-      ->add_option("RECORDING", a->recordings,
-                   "Recordings of one camera, as reconstruct takes them; those that the plan has stay as they are")
+      ->add_option(
+          "RECORDING", a->recordings,
+          "As reconstruct takes them, the one with the best camera first; those that the plan has stay as they are")
       ->required()
       ->expected(1, 100000)
       ->type_name(kPath);

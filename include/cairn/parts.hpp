@@ -27,6 +27,7 @@ struct PartsPlan {
   struct Recording {
     std::string name;
     int frames = 0;
+    bool other_camera = false;  ///< than the first one: its frames are turned into those which that would have taken
   };
   /// Frames [begin, end) of a recording, counted from 0. What follows on it in the same recording begins `overlap`
   /// frames before its end.
@@ -43,9 +44,9 @@ struct PartsPlan {
 /// Cuts recordings into parts of equal length, of frames_per_part and overlap at most, and writes plan.json and each
 /// part.json, whole or not at all. A plan that is there grows: recordings that it has stay as they are, with their
 /// parts' names, and its files are not touched where nothing of them changes. Throws std::runtime_error for a recording
-/// that cannot be read, is a sensor, or has another number of frames than the plan knows, for two of different cameras,
-/// where `folder` holds a map, and where `options`, of which the lists are not looked at, differ from those of the plan
-/// that is there.
+/// that cannot be read, is a sensor, or has another number of frames than the plan knows, for one whose colour camera
+/// looks from elsewhere than the first one's or whose shutter is another, where `folder` holds a map, and where
+/// `options`, of which the lists are not looked at, differ from those of the plan that is there.
 PartsPlan plan_parts(const std::vector<std::string>& recordings, const std::filesystem::path& folder,
                      const PartsPlan& options);
 

@@ -25,6 +25,7 @@ constexpr double kLeastUnits = 1, kMostUnits = 1e6;   // of depth images, per me
 constexpr double kLeastRate = 1e-3, kMostRate = 1e5;  // Hz
 constexpr const char* kLenses = "brown_conrady or fisheye";
 constexpr const char* kWeights = "by_distance or by_noise";
+constexpr double kUnit = 1e-14;   // that a squared norm may be beside 1 by rounding: what is written is read as it was
 constexpr double kFarthest = 10;  // metres between the two cameras
 
 /// The node's value, or an error that names the key and the line.
@@ -73,7 +74,7 @@ Eigen::Quaterniond read_rotation(const YAML::Node& y) {
   const auto q = numbers(y, "rotation", 4, "qx qy qz qw");
   const Eigen::Quaterniond rotation(q[3], q[0], q[1], q[2]);
   if (!(std::abs(rotation.norm() - 1) <= 1e-2)) throw std::runtime_error("`rotation` is no unit quaternion");
-  return rotation.normalized();
+  return std::abs(rotation.squaredNorm() - 1) <= kUnit ? rotation : rotation.normalized();
 }
 
 ColourCamera read_colour_camera(const YAML::Node& y) {

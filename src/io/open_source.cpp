@@ -9,6 +9,7 @@
 #include "base/colour_view.hpp"
 #include "cairn/file_name.hpp"
 #include "cairn/source.hpp"
+#include "io/as_taken_by.hpp"
 #include "io/azure_kinect.hpp"
 #include "io/camera_file.hpp"
 #include "io/openni.hpp"
@@ -146,6 +147,18 @@ bool is_synthetic(std::string_view name) { return name.starts_with(kSynthetic); 
 
 namespace {
 
+/// Of a part whose recording has another camera than its plan.
+std::unique_ptr<Source> as_plan_needs(const std::string& part, std::unique_ptr<Source> source) {
+  const Rig rig = read_rig(std::filesystem::path(part) / kPartCamera);
+  try {
+    return as_taken_by(std::move(source), rig);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(
+        fmt::format("{}: its recording tells another camera than when it was planned: {}, or bring back what it told",
+                    part, error.what()));
+  }
+}
+
 std::unique_ptr<Source> open_part(const std::string& folder, const RecordingPart& part, SourceOptions options) {
   std::error_code ignored;
   if (!is_synthetic(part.recording) && !std::filesystem::exists(part.recording, ignored))
@@ -159,6 +172,7 @@ std::unique_ptr<Source> open_part(const std::string& folder, const RecordingPart
         fmt::format("{}: its recording, {}, has fewer frames than it had when it was planned: "
                     "bring back what it was",
                     folder, part.recording));
+  if (part.other_camera) source = as_plan_needs(folder, std::move(source));
   return std::make_unique<PartSource>(std::move(source), part.name);
 }
 

@@ -70,6 +70,7 @@ std::optional<RecordingPart> part_in(const fs::path& folder) {
     RecordingPart part{.name = text_at(*json, "name"), .recording = text_at(*json, "recording")};
     part.end = whole_number_at(*json, "end", 1, kMost);
     part.begin = whole_number_at(*json, "begin", 0, part.end - 1);
+    part.other_camera = json->contains("camera");
     if (!part.recording.starts_with(kSynthetic) && !fs::path(part.recording).is_absolute())
       throw std::runtime_error("`recording` is no whole path");
     if (read_part(part.recording)) throw std::runtime_error("`recording` is itself a part of a plan");

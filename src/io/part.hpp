@@ -13,6 +13,7 @@
 namespace cairn {
 
 inline constexpr const char* kPartFile = "part.json";
+inline constexpr const char* kPartCamera = "camera.yaml";  // the plan's, beside it, where the recording has another
 inline constexpr std::string_view kPartKind = "cairn part";
 inline constexpr int kPlanFormat = 1;  // of a plan's files
 
@@ -21,6 +22,7 @@ struct RecordingPart {
   std::string name;       // in its plan: digits
   std::string recording;  // as open_source takes it
   int begin = 0, end = 0;
+  bool other_camera = false;  // its frames are turned into those of the plan's camera
 };
 
 /// The part that a folder is; nothing for what is none. Throws std::runtime_error where its part.json is damaged or

@@ -11,7 +11,10 @@
 
 #include "base/changed_file.hpp"
 #include "base/json_text.hpp"
+#include "base/read_whole.hpp"
 #include "cairn/source.hpp"
+#include "io/as_taken_by.hpp"
+#include "io/camera_file.hpp"
 #include "io/part.hpp"
 
 namespace cairn {
@@ -56,28 +59,18 @@ int frames_of(Source& source) {
   return frames;
 }
 
-/// What of a rig is not as in another one; nothing where they are the same.
-std::optional<std::string> difference(const Rig& rig, const Rig& other) {
-  if (rig.has_same_cameras(other)) return std::nullopt;
-  const auto depth = [](const Rig& r) {
-    return fmt::format("{}x{}, fx {:.2f}", r.depth.width, r.depth.height, r.depth.fx);
-  };
-  if (depth(rig) != depth(other)) return fmt::format("depth {}, not {}", depth(rig), depth(other));
-  if (!(rig.depth == other.depth)) return "another depth camera";
-  if (!(rig.colour == other.colour)) return "another colour camera";
-  return rig.sensor == other.sensor ? "another place of its inertial sensor" : "another model of its depth";
-}
-
-/// The recording whose cameras all must have, with them.
+/// The recording whose cameras the plan's map has, with them.
 struct Cameras {
   std::string recording;
   Rig rig;
 };
 
-/// The first that the plan has, or else will have; one that is asked for now before another, which may be elsewhere.
+/// The first that the plan has, or else will have; one of its camera that is asked for now before another, which may be
+/// elsewhere.
 Cameras cameras_of(const PartsPlan& plan, const std::vector<std::string>& names) {
   const auto has = [&](const std::string& name) {
-    return std::ranges::any_of(plan.recordings, [&](const auto& known) { return known.name == name; });
+    return std::ranges::any_of(plan.recordings,
+                               [&](const auto& known) { return known.name == name && !known.other_camera; });
   };
   const auto known = std::ranges::find_if(names, has);
   const std::string& name = known != names.end()      ? *known
@@ -102,17 +95,34 @@ void cut_last(PartsPlan& plan) {
   }
 }
 
+/// As the plan's cameras would have taken it.
+std::unique_ptr<Source> turned_to(std::unique_ptr<Source> source, const std::string& name, const Cameras& cameras) {
+  std::string why = "its colour camera lies otherwise by less than can be told";
+  try {
+    source = as_taken_by(std::move(source), cameras.rig);
+    if (source->rig().has_same_cameras(cameras.rig)) return source;
+  } catch (const std::runtime_error& error) {
+    why = error.what();
+  }
+  throw std::runtime_error(
+      fmt::format("{}: was taken by another camera than {}, and cannot be turned into what that would have taken: {}, "
+                  "or make a plan for each camera",
+                  name, cameras.recording, why));
+}
+
 void add(PartsPlan& plan, const std::string& name, const Cameras& cameras) {
-  const auto source = opened(name);
-  if (const auto what = difference(source->rig(), cameras.rig))
-    throw std::runtime_error(fmt::format("{}: was taken by another camera than {} ({}); make a plan for each camera",
-                                         name, cameras.recording, *what));
+  auto source = opened(name);
+  const bool is_other = !source->rig().has_same_cameras(cameras.rig);
+  if (is_other) source = turned_to(std::move(source), name, cameras);
   const int frames = frames_of(*source);
   const auto known = std::ranges::find(plan.recordings, name, &PartsPlan::Recording::name);
   if (known == plan.recordings.end()) {
     if (frames < 1) throw std::runtime_error(name + ": holds no frame");
-    plan.recordings.push_back({.name = name, .frames = frames});
+    plan.recordings.push_back({.name = name, .frames = frames, .other_camera = is_other});
     cut_last(plan);
+  } else if (known->other_camera != is_other) {
+    throw std::runtime_error(
+        fmt::format("{}: tells another camera than when it was planned; bring back what it told", name));
   } else if (known->frames != frames) {
     throw std::runtime_error(
         fmt::format("{}: has {} frames, and had {} when it was planned: bring back what it was, or keep what it is now "
@@ -121,29 +131,60 @@ void add(PartsPlan& plan, const std::string& name, const Cameras& cameras) {
   }
 }
 
-void write_json(const fs::path& file, const Json& json, Durable durable) {
+void make_folder(const fs::path& folder) {
   std::error_code error;
-  fs::create_directories(file.parent_path(), error);
+  fs::create_directories(folder, error);
   if (error)
     throw std::runtime_error(
-        fmt::format("cannot make the folder {}: {}; choose another", file.parent_path().string(), error.message()));
+        fmt::format("cannot make the folder {}: {}; choose another", folder.string(), error.message()));
+}
+
+void write_json(const fs::path& file, const Json& json, Durable durable) {
+  make_folder(file.parent_path());
   write_changed(file, json.dump(2) + "\n", durable);
 }
 
+/// The file of the plan's camera, beside parts of recordings of others.
+fs::path camera_file(const fs::path& folder, const PartsPlan::Part& part) {
+  return folder / "parts" / part.name / kPartCamera;
+}
+
+std::string text_of(Rig rig) {
+  rig.depth_correction = {};
+  return camera_file_text({.rig = rig, .depth_scale = {}});
+}
+
+/// Throws where the plan had another camera before.
+void check_stays(const PartsPlan& plan, const fs::path& folder, const Cameras& cameras) {
+  for (const auto& part : plan.parts) {
+    const fs::path file = camera_file(folder, part);
+    if (!plan.recordings[part.recording].other_camera || !fs::exists(file)) continue;
+    const auto bytes = read_whole(file);
+    if (std::string(bytes.begin(), bytes.end()) != text_of(cameras.rig))
+      throw std::runtime_error(fmt::format(
+          "{}: tells another camera than when the plan was made; bring back what it told, or plan all in a new folder",
+          cameras.recording));
+  }
+}
+
 /// plan.json comes last: what it tells of is there.
-void write(const PartsPlan& plan, const fs::path& folder) {
+void write(const PartsPlan& plan, const fs::path& folder, const Rig& rig) {
   Json recordings = Json::array(), parts = Json::array();
-  for (const auto& r : plan.recordings) recordings.push_back({{"name", r.name}, {"frames", r.frames}});
+  for (const auto& r : plan.recordings) {
+    recordings.push_back({{"name", r.name}, {"frames", r.frames}});
+    if (r.other_camera) recordings.back()["other_camera"] = true;
+  }
   for (const auto& p : plan.parts) {
     parts.push_back({{"name", p.name}, {"recording", p.recording}, {"begin", p.begin}, {"end", p.end}});
-    write_json(folder / "parts" / p.name / kPartFile,
-               {{"kind", kPartKind},
-                {"format", kPlanFormat},
-                {"name", p.name},
-                {"recording", plan.recordings[p.recording].name},
-                {"begin", p.begin},
-                {"end", p.end}},
-               Durable::some_time);
+    const PartsPlan::Recording& recording = plan.recordings[p.recording];
+    Json part{{"kind", kPartKind},           {"format", kPlanFormat}, {"name", p.name},
+              {"recording", recording.name}, {"begin", p.begin},      {"end", p.end}};
+    if (recording.other_camera) {
+      make_folder(folder / "parts" / p.name);
+      write_changed(camera_file(folder, p), text_of(rig), Durable::some_time);
+      part["camera"] = kPartCamera;
+    }
+    write_json(folder / "parts" / p.name / kPartFile, part, Durable::some_time);
   }
   write_json(folder / kPlanFile,
              {{"kind", kPlanKind},
@@ -191,7 +232,9 @@ PartsPlan plan_from(const nlohmann::json& json) {
   PartsPlan plan{.frames_per_part = whole_number_at(json, "frames_per_part", 1, kMost)};
   plan.overlap = whole_number_at(json, "overlap", 0, plan.frames_per_part - 1);
   for (const auto& r : list_at(json, "recordings"))
-    plan.recordings.push_back({.name = text_at(r, "name"), .frames = whole_number_at(r, "frames", 1, kMost)});
+    plan.recordings.push_back({.name = text_at(r, "name"),
+                               .frames = whole_number_at(r, "frames", 1, kMost),
+                               .other_camera = r.contains("other_camera")});
   for (const auto& p : list_at(json, "parts")) {
     PartsPlan::Part part{.name = text_at(p, "name")};
     if (part.name != name_of_part(plan.parts.size()))
@@ -226,8 +269,9 @@ PartsPlan plan_parts(const std::vector<std::string>& recordings, const fs::path&
       names.push_back(std::move(name));
   if (names.empty()) throw std::runtime_error(folder.string() + ": no recording is given to plan");
   const Cameras cameras = cameras_of(plan, names);
+  check_stays(plan, folder, cameras);
   for (const std::string& name : names) add(plan, name, cameras);
-  write(plan, folder);
+  write(plan, folder, cameras.rig);
   return plan;
 }
 
