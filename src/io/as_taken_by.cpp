@@ -138,7 +138,7 @@ std::unique_ptr<Source> as_taken_by(std::unique_ptr<Source> source, const Rig& r
   const Rig& own = source->rig();
   if (!is_same_place(colour_from_depth(own), colour_from_depth(rig)))
     throw std::runtime_error(
-        "its colour camera looks from another place; bring colour to depth in both with `cairn convert --registered`");
+        "its colour camera looks from another place, which `cairn convert --registered` undoes, in both");
   for (const auto& [is, wanted] :
        {std::pair{own.depth.readout, rig.depth.readout}, {own.colour_view().readout, rig.colour_view().readout}})
     if (is != wanted)

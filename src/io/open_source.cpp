@@ -154,7 +154,7 @@ std::unique_ptr<Source> as_plan_needs(const std::string& part, std::unique_ptr<S
     return as_taken_by(std::move(source), rig);
   } catch (const std::runtime_error& error) {
     throw std::runtime_error(
-        fmt::format("{}: its recording tells another camera than when it was planned: {}, or bring back what it told",
+        fmt::format("{}: its recording tells another camera than when it was planned: {}; bring back what it told",
                     part, error.what()));
   }
 }

@@ -105,8 +105,8 @@ std::unique_ptr<Source> turned_to(std::unique_ptr<Source> source, const std::str
     why = error.what();
   }
   throw std::runtime_error(
-      fmt::format("{}: was taken by another camera than {}, and cannot be turned into what that would have taken: {}, "
-                  "or make a plan for each camera",
+      fmt::format("{}: was taken by another camera than {}, and cannot be turned into what that would have taken: {}; "
+                  "make a plan for each camera",
                   name, cameras.recording, why));
 }
 
