@@ -166,12 +166,13 @@ struct Source {
 class Answers {
  public:
   explicit Answers(const Arguments& a);
-  /// Whether anything but points is asked, or one of these lies there.
-  [[nodiscard]] bool needs(const std::function<bool(const Eigen::Vector3f&)>& is_own) const;
-  void add(Source source, Trajectory visited);
+  /// Of a source that nothing is asked of only with `always`. Returns whether it was asked.
+  bool add(Source source, Trajectory visited, bool always);
   void write() const;
 
  private:
+  /// Whether anything but points is asked, or one of these lies there.
+  [[nodiscard]] bool needs(const std::function<bool(const Eigen::Vector3f&)>& is_own) const;
   void answer(const DistanceField& field, const std::function<bool(const Eigen::Vector3f&)>& is_own);
   void print_summary() const;
   const Arguments& a_;
@@ -219,7 +220,7 @@ void Answers::answer(const DistanceField& field, const std::function<bool(const 
   for (std::size_t i = 0; i < numbers.size(); ++i) answers_[numbers[i]] = answers[i];
 }
 
-void Answers::add(Source source, Trajectory visited) {
+bool Answers::add(Source source, Trajectory visited, bool always) {
   const auto start = Clock::now();
   if (a_.up) {
     const Eigen::Quaterniond before = source.map.upright().world_from_tracked;
@@ -227,6 +228,7 @@ void Answers::add(Source source, Trajectory visited) {
     const Eigen::Isometry3d turn(source.map.upright().world_from_tracked * before.conjugate());
     for (StampedPose& pose : visited) pose.world_from_camera = turn * pose.world_from_camera;
   }
+  if (!always && !needs(source.is_own)) return false;
   EsdfOptions options = a_.esdf;
   options.robot_radius = a_.robot_radius.value_or(options.robot_radius);
   const auto field = source.map.distances(options, visited);
@@ -241,6 +243,7 @@ void Answers::add(Source source, Trajectory visited) {
   box_.extend(box);
   answer(*field, source.is_own);
   if (costmap_) costmap_->add(*field, source.map.mesh(), box, source.is_own);
+  return true;
 }
 
 void Answers::write() const {
@@ -287,16 +290,17 @@ void ask_cells(const Arguments& a, Answers& answers, const Trajectory& visited) 
   (void)read_plan(a.map);  // it is one
   const auto cells = a.cell ? std::vector{*a.cell} : cells_of(a.map);
   if (cells.empty()) throw std::runtime_error(a.map.string() + ": has no cells yet; run cairn optimise first");
-  for (const auto& cell : cells) {
+  const auto ask = [&](const std::array<int, 3>& cell, bool always) {
     CellMap of(a.map, cell, static_cast<double>(a.esdf.max_distance), a.device);
-    const auto is_own = [&of](const Eigen::Vector3f& point) { return of.contains(point); };
-    if (!answers.needs(is_own)) continue;
-    answers.add({.map = of.map(),
-                 .stand_up = [&of](Up up) { of.stand_up(up); },
-                 .is_own = is_own,
-                 .own = [&of](const auto& field) { return of.within(*field); }},
-                visited);
-  }
+    return answers.add({.map = of.map(),
+                        .stand_up = [&of](Up up) { of.stand_up(up); },
+                        .is_own = [&of](const Eigen::Vector3f& point) { return of.contains(point); },
+                        .own = [&of](const auto& field) { return of.within(*field); }},
+                       visited, always);
+  };
+  bool is_any = false;
+  for (const auto& cell : cells) is_any = ask(cell, false) || is_any;
+  if (!is_any) ask(cells.front(), true);  // what the summary tells of the map
 }
 
 void esdf(const Arguments& a) {
@@ -314,7 +318,7 @@ void esdf(const Arguments& a) {
     Trajectory visited = visited_of(vdb.parent_path().empty() ? fs::path(".") : vdb.parent_path(), is_radius_needed);
     Map map = Map::open(vdb, a.device);
     answers.add({.map = map, .stand_up = [&map](Up up) { map.stand_up(up); }, .is_own = {}, .own = {}},
-                std::move(visited));
+                std::move(visited), true);
   }
   answers.write();
 }

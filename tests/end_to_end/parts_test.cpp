@@ -173,6 +173,12 @@ TEST_F(MapOfParts, TellsDistancesCellByCellAsOfTheWhole) {
     return expect_done(words);
   };
   const std::string by_cell = answers({"esdf", plan.string()}, "cells.yaml");
+  const std::string up = "--up=-x", turned = expect_done({"esdf", plan.string(), up, "--query", in("points.csv")});
+  write_text(plan / "far.csv", "x,y,z\n99,99,99\n");
+  const auto far = nlohmann::json::parse(
+      expect_done({"esdf", plan.string(), "--query", in("far.csv"), "--json", "-o", in("far_answers.csv")}));
+  EXPECT_EQ(far["points"], 1);
+  EXPECT_EQ(far["known_points"], 0);
   std::vector<DistanceField> fields;
   for (const std::string& cell : cells()) {
     expect_done({"esdf", plan.string(), "--cell=" + cell, "-o", in("tiles/" + cell + "/esdf.vdb"), "--max-distance",
@@ -181,6 +187,7 @@ TEST_F(MapOfParts, TellsDistancesCellByCellAsOfTheWhole) {
   }
   expect_done({"export", plan.string(), "-o", in("map.vdb")});
   EXPECT_EQ(by_cell, answers({"esdf", plan.string()}, "whole.yaml"));
+  EXPECT_EQ(turned, expect_done({"esdf", plan.string(), up, "--query", in("points.csv")}));
   EXPECT_GT(std::count(by_cell.begin(), by_cell.end(), '\n'), 2000);
   EXPECT_NE(by_cell.find("9,9,9,,,,,unknown"), std::string::npos);
 
