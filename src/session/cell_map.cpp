@@ -23,16 +23,9 @@ namespace fs = std::filesystem;
 constexpr int kMore = 2;        // bricks around what is near enough: surfaces and answers look at the next voxels, too
 constexpr double kLeast = 0.8;  // metres: so wide a gap between observed places a distance field goes through
 
-[[nodiscard]] Brick brick_of(const CellName& cell) { return {cell[0], cell[1], cell[2]}; }
+constexpr const char* kVoxels = "map.vdb";
 
-fs::path voxels_of(const fs::path& plan, const CellName& cell) {
-  fs::path file = cell_folder(plan, cell) / "map.vdb";
-  if (!fs::exists(file))
-    throw std::runtime_error(fmt::format("{}: is missing; make it with cairn tile {} --cell={},{},{} -o {}",
-                                         file.string(), plan.string(), cell[0], cell[1], cell[2],
-                                         cell_folder(plan, cell).string()));
-  return file;
-}
+[[nodiscard]] Brick brick_of(const CellName& cell) { return {cell[0], cell[1], cell[2]}; }
 
 }  // namespace
 
@@ -43,7 +36,7 @@ struct CellMap::Around {
     const std::vector<CellName> cells = cells_of(plan);
     if (!std::binary_search(cells.begin(), cells.end(), cell))
       throw std::runtime_error(cell_file(plan, cell).string() + ": is missing: the map does not reach this cell");
-    file = voxels_of(plan, cell);
+    file = file_of_cell(plan, cell, kVoxels);
     const MapFile own(file);
     grids.info = own.info();
     const double brick = 8.0 * static_cast<double>(grids.info.voxel_size);
@@ -53,7 +46,7 @@ struct CellMap::Around {
     own.read(box, grids.tree);
     for (const CellName& other : cells)
       if (other != cell && box.intersects(Cells::box_of(brick_of(other))))
-        MapFile(voxels_of(plan, other)).read(box, grids.tree);
+        MapFile(file_of_cell(plan, other, kVoxels)).read(box, grids.tree);
   }
   CellName cell;
   int device;

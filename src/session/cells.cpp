@@ -95,6 +95,13 @@ fs::path cell_file(const fs::path& plan, const CellName& cell) { return plan / "
 
 fs::path cell_folder(const fs::path& plan, const CellName& cell) { return plan / "tiles" / name_of(cell); }
 
+fs::path file_of_cell(const fs::path& plan, const CellName& cell, const char* name) {
+  const fs::path folder = cell_folder(plan, cell);
+  if (fs::path file = folder / name; fs::exists(file)) return file;
+  throw std::runtime_error(fmt::format("{}: is missing; make it with cairn tile {} --cell={} -o {}",
+                                       (folder / name).string(), plan.string(), name_of(cell), folder.string()));
+}
+
 WrittenCells write_cells(const fs::path& plan, MapState& state, const std::vector<JoinedSession::Map>& maps) {
   const Atlas& atlas = state.back_end.atlas();
   const float brick = 8 * state.options.fuse.voxel_size;

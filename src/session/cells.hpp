@@ -15,6 +15,9 @@ using CellName = std::array<int, 3>;
 
 [[nodiscard]] std::filesystem::path cell_file(const std::filesystem::path& plan, const CellName& cell);
 [[nodiscard]] std::filesystem::path cell_folder(const std::filesystem::path& plan, const CellName& cell);
+/// A file there that `cairn tile` makes. Throws std::runtime_error with its command where it is missing.
+[[nodiscard]] std::filesystem::path file_of_cell(const std::filesystem::path& plan, const CellName& cell,
+                                                 const char* name);
 
 struct WrittenCells {
   int cells = 0, changed = 0;

@@ -159,11 +159,7 @@ int write_cells_tileset(const fs::path& plan, const fs::path& file) {
   std::vector<CellTile> cells;
   const fs::path home = fs::absolute(file).parent_path();
   for (const CellName& cell : cells_of(plan)) {
-    const fs::path tileset = cell_folder(plan, cell) / "tileset.json";
-    if (!fs::exists(tileset))
-      throw std::runtime_error(fmt::format("{}: is missing; make it with cairn tile {} --cell={},{},{} -o {}",
-                                           tileset.string(), plan.string(), cell[0], cell[1], cell[2],
-                                           cell_folder(plan, cell).string()));
+    const fs::path tileset = file_of_cell(plan, cell, "tileset.json");
     TilesetFile made = read_tileset_file(tileset);
     if (made.content.empty()) continue;
     made.root.content = as_uri(fs::absolute(tileset).lexically_proximate(home).generic_string());
