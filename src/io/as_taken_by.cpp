@@ -53,11 +53,6 @@ bool is_same_place(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
   return (a.matrix() - b.matrix()).cwiseAbs().maxCoeff() <= kSamePlace;
 }
 
-/// Where in a rig's colour camera's frame its depth camera is.
-Eigen::Isometry3d colour_from_depth(const Rig& rig) {
-  return rig.colour ? rig.colour->colour_from_depth : Eigen::Isometry3d::Identity();
-}
-
 /// The same rig, with what it tells as the own one does to the last bit: a file of it may round.
 Rig rounded_as(Rig rig, const Rig& own) {
   if (rig.colour && own.colour && is_same_place(rig.colour->colour_from_depth, own.colour->colour_from_depth))
@@ -70,10 +65,7 @@ Rig rounded_as(Rig rig, const Rig& own) {
 class AsTakenBy final : public WrappedSource {
  public:
   AsTakenBy(std::unique_ptr<Source> source, const Rig& rig)
-      : WrappedSource(std::move(source)),
-        rig_(rounded_as(rig, source_->rig())),
-        depth_places_(places(rig_.depth, own().depth)),
-        colour_places_(places(rig_.colour_view(), own().colour_view())) {
+      : WrappedSource(std::move(source)), rig_(rounded_as(rig, source_->rig())) {
     rig_.depth_correction = {};
   }
   const Rig& rig() const override { return rig_; }
@@ -82,6 +74,10 @@ class AsTakenBy final : public WrappedSource {
   std::optional<Frame> next() override {
     auto frame = source_->next();
     if (!frame) return frame;
+    if (!std::exchange(has_places_, true)) {  // whoever only asks for the rig waits for none
+      depth_places_ = places(rig_.depth, own().depth);
+      colour_places_ = places(rig_.colour_view(), own().colour_view());
+    }
     turn(frame->gyro);
     if (const Camera& c = own().depth; has_size_of(c, frame->depth.size())) {
       leave_out_doubtful(*frame);
@@ -128,6 +124,7 @@ class AsTakenBy final : public WrappedSource {
   }
 
   Rig rig_;
+  bool has_places_ = false;
   cv::Mat2f depth_places_, colour_places_;
 };
 
@@ -136,7 +133,7 @@ class AsTakenBy final : public WrappedSource {
 std::unique_ptr<Source> as_taken_by(std::unique_ptr<Source> source, const Rig& rig) {
   if (!rig.colour) source = with_colour_on_depth(std::move(source));
   const Rig& own = source->rig();
-  if (!is_same_place(colour_from_depth(own), colour_from_depth(rig)))
+  if (!is_same_place(own.depth_from_colour(), rig.depth_from_colour()))
     throw std::runtime_error(
         "its colour camera looks from another place, which `cairn convert --registered` undoes, in both");
   for (const auto& [is, wanted] :

@@ -95,12 +95,12 @@ void cut_last(PartsPlan& plan) {
   }
 }
 
-/// As the plan's cameras would have taken it.
-std::unique_ptr<Source> turned_to(std::unique_ptr<Source> source, const std::string& name, const Cameras& cameras) {
+/// Throws where its frames cannot be turned into what the plan's cameras would have taken.
+void check_can_be_turned(std::unique_ptr<Source> source, const std::string& name, const Cameras& cameras) {
   std::string why = "its colour camera lies otherwise by less than can be told";
   try {
     source = as_taken_by(std::move(source), cameras.rig);
-    if (source->rig().has_same_cameras(cameras.rig)) return source;
+    if (source->rig().has_same_cameras(cameras.rig)) return;
   } catch (const std::runtime_error& error) {
     why = error.what();
   }
@@ -113,8 +113,8 @@ std::unique_ptr<Source> turned_to(std::unique_ptr<Source> source, const std::str
 void add(PartsPlan& plan, const std::string& name, const Cameras& cameras) {
   auto source = opened(name);
   const bool is_other = !source->rig().has_same_cameras(cameras.rig);
-  if (is_other) source = turned_to(std::move(source), name, cameras);
   const int frames = frames_of(*source);
+  if (is_other) check_can_be_turned(std::move(source), name, cameras);
   const auto known = std::ranges::find(plan.recordings, name, &PartsPlan::Recording::name);
   if (known == plan.recordings.end()) {
     if (frames < 1) throw std::runtime_error(name + ": holds no frame");
