@@ -2,13 +2,13 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
+#include "json_text.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -20,9 +20,12 @@ constexpr const char *kScene = "synthetic:room", *kFrames = "60";
 
 /// Whether a folder holds an earlier demo, which may be replaced.
 bool is_demo(const fs::path& folder) {
-  std::ifstream in(folder / "report.json");
-  const auto report = nlohmann::json::parse(in, nullptr, false);
-  return report.is_object() && report.value("sequence", "") == kScene;
+  try {
+    const nlohmann::json report = json_in(folder / "report.json");
+    return report.is_object() && report.value("sequence", nlohmann::json()) == kScene;
+  } catch (const std::exception&) {
+    return false;
+  }
 }
 
 void demo(const fs::path& output) {

@@ -241,8 +241,7 @@ struct Reported {
 Reported read_report(const std::filesystem::path& file) {
   Reported reported;
   try {
-    std::ifstream in(file);
-    const auto report = nlohmann::json::parse(in);
+    const auto report = json_in(file);
     for (const auto& l : report.at("loops")) {
       if (!l.at("inlier").get<bool>()) continue;
       const auto t = l.at("translation").get<std::array<double, 3>>();
@@ -254,7 +253,7 @@ Reported read_report(const std::filesystem::path& file) {
     reported.keyframes = report.at("searched").get<std::vector<std::pair<double, int>>>();
     if (report.contains("hold_out")) reported.hold_out = hold_out_from(report["hold_out"]);
     reported.clock_offset = report.value("clock_offset", 0.0);
-  } catch (const nlohmann::json::exception& error) {
+  } catch (const std::exception& error) {
     throw std::runtime_error(file.string() + ": is no report.json of `cairn reconstruct`: " + plain(error.what()));
   }
   return reported;

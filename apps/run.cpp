@@ -102,7 +102,7 @@ std::string Progressed::note() const {
 }
 
 Progressed Progressed::from(const std::string& note) {
-  const auto j = nlohmann::json::parse(note);
+  const auto j = parsed_json(note);
   return {.recording = j.at("recording"),
           .next = j.at("next"),
           .hold_out = j.contains("hold_out") ? hold_out_from(j["hold_out"]) : HoldOut{},
@@ -156,7 +156,7 @@ Beginning beginning(const RunArguments& a, FrameRange range) {
   const std::string note = Session::info(a.output / "session").note;
   try {
     before = Progressed::from(note);
-  } catch (const nlohmann::json::exception& error) {
+  } catch (const std::exception& error) {
     throw std::runtime_error(fmt::format("{}: is damaged ({}); reconstruct again without --resume",
                                          (a.output / "session").string(), plain(error.what())));
   }

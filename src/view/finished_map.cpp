@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "base/json_text.hpp"
+#include "base/read_json.hpp"
 #include "cairn/trajectory.hpp"
 #include "cairn/viewer.hpp"
 #include "view/downloads.hpp"
@@ -59,9 +60,11 @@ Json read_report(const fs::path& folder) {
                     folder.string()));
   Json report;
   try {
-    report = Json::parse(read_bytes(file));
+    report = parsed_json(read_bytes(file));
   } catch (const Json::exception& error) {
     throw std::runtime_error(file.string() + ": is damaged: " + plain(error.what()));
+  } catch (const TooDeepJson& error) {
+    throw std::runtime_error(file.string() + ": is damaged: " + error.what());
   }
   if (!report.is_object()) throw std::runtime_error(file.string() + ": is damaged: it is no report");
   return report;

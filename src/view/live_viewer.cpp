@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "base/json_text.hpp"
+#include "base/read_json.hpp"
 #include "cairn/live_surface.hpp"
 #include "cairn/viewer.hpp"
 #include "view/finished_map.hpp"
@@ -111,7 +112,7 @@ LiveViewer::Asked LiveViewer::asked() {
   State& s = *state_;
   Asked asked;
   for (const std::string& request : s.feed.take_requests()) {
-    const auto j = nlohmann::json::parse(request, nullptr, false);
+    const auto j = parsed_json_or_none(request);
     if (!j.is_object() || !j.contains("do")) continue;  // rubbish
     if (j["do"] == "pause") asked.pause = true;
     if (j["do"] == "start") asked.pause = false;

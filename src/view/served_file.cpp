@@ -10,6 +10,8 @@
 #include <vector>
 
 #include "base/json_text.hpp"
+#include "base/read_json.hpp"
+#include "base/read_whole.hpp"
 #include "cairn/file_name.hpp"
 #include "cairn/map.hpp"
 #include "cairn/mesh.hpp"
@@ -45,8 +47,8 @@ bool is_beside(const std::string& uri) {
 
 /// A .gltf and the buffers and images that it names beside it.
 void add_gltf(const fs::path& file, Files& files) {
-  std::ifstream in(file, std::ios::binary);
-  const Json json = Json::parse(in, nullptr, false);
+  const auto bytes = read_whole(file);
+  const Json json = parsed_json_or_none({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
   if (!json.is_object()) throw std::runtime_error(file.string() + ": is damaged, or no glTF");
   files["mesh.gltf"] = {.content_type = content_type_of(file), .body = file};
   for (const char* list : {"buffers", "images"}) {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/json_text.hpp"
+#include "base/read_json.hpp"
 #include "base/read_whole.hpp"
 #include "cairn/file_name.hpp"
 #include "view/downloads.hpp"
@@ -33,7 +34,7 @@ struct Home {
 Json read_tileset(const fs::path& file) {
   try {
     const auto bytes = read_whole(file);
-    Json json = Json::parse(bytes.begin(), bytes.end());
+    Json json = parsed_json(bytes);
     if (json.at("root").is_object()) return json;
     throw std::runtime_error("it has no root");
   } catch (const std::exception& error) {
