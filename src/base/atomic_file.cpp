@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/system_file.hpp"
+#include "cairn/unfinished.hpp"
 
 namespace cairn {
 namespace {
@@ -66,6 +67,7 @@ class FileBuffer final : public std::streambuf {
 
 void write_temporary(const fs::path& file, Durable durable, const std::function<void(const SystemFile&)>& write) {
   const fs::path temporary = temporary_beside(file);
+  const Unfinished unfinished(temporary);
   bool exists = false;
   try {
     const auto out = begin_temporary(temporary);
@@ -124,6 +126,7 @@ void write_folder(const fs::path& folder, const std::function<void(const fs::pat
   fs::remove_all(part, error);
   if (!error) fs::create_directories(part, error);
   must(error);
+  const Unfinished unfinished(part);
   try {
     write(part);
     fs::remove_all(whole, error);

@@ -196,7 +196,11 @@ bool is_zip(const std::string& name) {
 }
 
 UnpackedZip::UnpackedZip(const fs::path& archive)
-    : archive_(archive), folder_(make_folder()), lock_(lock_of(folder_)), content_(folder_ / name_of(archive)) {
+    : archive_(archive),
+      folder_(make_folder()),
+      unfinished_(folder_),
+      lock_(lock_of(folder_)),
+      content_(folder_ / name_of(archive)) {
   try {
     unpack();
   } catch (...) {
