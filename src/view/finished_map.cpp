@@ -17,6 +17,7 @@
 
 #include "base/json_text.hpp"
 #include "base/read_json.hpp"
+#include "cairn/quoted.hpp"
 #include "cairn/trajectory.hpp"
 #include "cairn/viewer.hpp"
 #include "view/downloads.hpp"
@@ -54,10 +55,10 @@ Json read_report(const fs::path& folder) {
   const fs::path file = folder / "report.json";
   if (!fs::exists(file) && fs::exists(folder / "session" / "state.cbor"))
     throw std::runtime_error(
-        fmt::format("{0}: its run has not ended, or it was killed: go on with cairn reconstruct RECORDING -o {0} "
+        fmt::format("{0}: its run has not ended, or it was killed: go on with cairn reconstruct RECORDING -o {1} "
                     "--resume, or write "
-                    "what it has with cairn export {0} -o map.glb, and view that",
-                    folder.string()));
+                    "what it has with cairn export {1} -o map.glb, and view that",
+                    folder.string(), quoted(folder)));
   Json report;
   try {
     report = parsed_json(read_bytes(file));

@@ -15,6 +15,7 @@
 #include "cairn/file_name.hpp"
 #include "cairn/map.hpp"
 #include "cairn/mesh.hpp"
+#include "cairn/quoted.hpp"
 #include "mesh/gltf.hpp"
 #include "view/downloads.hpp"
 #include "view/fields.hpp"
@@ -67,7 +68,7 @@ void add_gltf(const fs::path& file, Files& files) {
   throw std::runtime_error(
       file.string() + ": '" + file.extension().string() + "' cannot be shown; " +
       (is_written ? "write the same map as .glb and view that: cairn export MAP -o " +
-                        fs::path(file).replace_extension(".glb").string()
+                        quoted(fs::path(file).replace_extension(".glb"))
                   : std::string("give a folder that cairn has made, a .glb, .gltf, .ply, .vdb or a tileset.json")));
 }
 

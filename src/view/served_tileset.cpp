@@ -15,6 +15,7 @@
 #include "base/read_json.hpp"
 #include "base/read_whole.hpp"
 #include "cairn/file_name.hpp"
+#include "cairn/quoted.hpp"
 #include "view/downloads.hpp"
 
 namespace cairn {
@@ -110,9 +111,9 @@ std::optional<fs::path> tileset_of(const fs::path& map) {
   if (!fs::exists(map / "plan.json")) return std::nullopt;
   if (fs::exists(map / "tileset.json")) return map / "tileset.json";
   throw std::runtime_error(
-      fmt::format("{0}: is a plan without tileset.json: make it with cairn tile {0}, for each cell, and "
-                  "cairn tileset {0} -o {0}/tileset.json",
-                  map.string()));
+      fmt::format("{}: is a plan without tileset.json: make it with cairn tile {}, for each cell, and "
+                  "cairn tileset {} -o {}",
+                  map.string(), quoted(map), quoted(map), quoted(map / "tileset.json")));
 }
 
 Files served_tileset(const fs::path& tileset, AddFiles add) {
