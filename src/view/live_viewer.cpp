@@ -8,6 +8,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <thread>
+#include <utility>
 
 #include "base/json_text.hpp"
 #include "base/read_json.hpp"
@@ -69,6 +70,7 @@ struct LiveViewer::State {
   std::optional<Guidance> guidance;
   ImageContent content;  // of the last frame
   std::optional<Upright> upright;
+  bool is_fresh = false;  // a frame came since the last update
   int epoch = 0, dropped = 0, sent_parts = 0;
   std::map<std::string, int> counts;  // frames by state
   FrameReport last;
@@ -135,6 +137,7 @@ void LiveViewer::fused(const Frame& frame, const FrameReport& report, double lat
   if (report.state == FrameState::fused || report.state == FrameState::held_out)
     if (const Trajectory path = s.mapper->path(2); !path.empty()) pose = path.back().world_from_camera;
   s.guidance->see(report, s.content, pose, seconds_of(now));
+  s.is_fresh = true;
   ++s.counts[std::string(name_of(report.state))];
   s.recent.emplace_back(now, latency_ms);
   if (s.feed.viewers() > 0 && now - s.images_sent > kImagesEvery && !frame.problem) {
@@ -147,7 +150,7 @@ void LiveViewer::fused(const Frame& frame, const FrameReport& report, double lat
 void LiveViewer::update(bool paused, int dropped) {
   State& s = *state_;
   const auto now = State::Clock::now();
-  s.dropped = dropped;
+  if (std::exchange(s.is_fresh, false)) s.guidance->leave_out(dropped - std::exchange(s.dropped, dropped));
   while (!s.recent.empty() && now - s.recent.front().first > kRecent) s.recent.pop_front();
   if (now - s.surface_sent > kSurfaceEvery) s.send_surface(paused);  // a viewer may come late and wants all of it
   if (s.feed.viewers() == 0 || now - s.state_sent < kStateEvery) return;
