@@ -5,6 +5,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "cairn/quoted.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
@@ -38,7 +39,7 @@ void demo(const fs::path& output) {
   const fs::path page = output / "report.html";
   say("\nlook at it  {}\n", fs::absolute(fs::exists(page) ? page : output / "mesh.glb").string());
   say("or serve it cairn view {}\nnext        cairn reconstruct FOLDER -o OUT, with a recording of your own\n",
-      output.string());
+      quoted(output));
 }
 
 }  // namespace

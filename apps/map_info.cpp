@@ -169,9 +169,14 @@ void print(const Json& told) {
     const nlohmann::json plain_told = parsed_json(told.dump());
     apps::print(verdict_of(plain_told), stdout);
   }
-  if (told.contains("interrupted"))
-    fmt::print("{} frames were left: {}\n", told["interrupted"]["frames_left"].get<int>(),
-               told["interrupted"]["remedy"].get<std::string>());
+  if (!told.contains("interrupted")) return;
+  const auto& interrupted = told["interrupted"];
+  if (interrupted.contains("stage"))
+    fmt::print("interrupted in --{}: {}\n", interrupted["stage"].get<std::string>(),
+               interrupted["remedy"].get<std::string>());
+  else
+    fmt::print("{} frames were left: {}\n", interrupted["frames_left"].get<int>(),
+               interrupted["remedy"].get<std::string>());
 }
 
 }  // namespace

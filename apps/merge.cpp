@@ -5,12 +5,15 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 
+#include "cairn/unfinished.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
 #include "output_folder.hpp"
 #include "outputs.hpp"
+#include "quantity.hpp"
 #include "run.hpp"
 
 namespace cairn::apps {
@@ -40,6 +43,8 @@ void merge(Arguments a) {
       throw std::runtime_error(a.output.string() + ": is one of the maps to merge; choose another folder with -o");
   }
   a.output = choose_output(a, false);
+  std::optional<Unfinished> unfinished;  // what was there before stays
+  if (!fs::exists(a.output)) unfinished.emplace(a.output);
   prepare_output(a.output);
   std::vector<fs::path> sessions;
   for (const fs::path& map : a.maps) sessions.push_back(map / "session");
@@ -92,8 +97,7 @@ void add_merge(CLI::App& program) {
   command->add_flag("--allow-disconnected", a->allow_disconnected,
                     "Keep a map that sees no place of the others as a separate piece, instead of refusing it");
   add_export_options(*command, a->mesh);
-  command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
-      ->capture_default_str();
+  add_device(*command, a->device);
   command->callback([a] { merge(*a); });
 }
 
