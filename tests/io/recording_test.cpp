@@ -90,7 +90,7 @@ TEST(TumRecording, TellsWhatIsWrongWithAFrameAndGoesOn) {
       {"all zero", [](const fs::path& f) { write_depth(f, 0); }, "no measurement"},
       // 65536 x 65536 pixels of 16 bits, told by a file of some hundred bytes.
       {"too large", [](const fs::path& f) { write_text(f, read_bytes(f).replace(16, 8, "\0\1\0\0\0\1\0\0"s)); },
-       "no image that can be decoded"},
+       "is 65536x65536, the camera 64x48"},
       {"TIFF", [](const fs::path& f) { write_text(f, "II*\0\0\0\0\0"s); }, "no TIFF that can be read"},
       // OpenCV would hand it to its DICOM decoder, which aborts on much.
       {"DICOM that begins like a PNG",

@@ -288,7 +288,7 @@ TEST(StrayScanner, TellsWhatIsWrongWithAFrameAndGoesOn) {
   const auto source = scan.open();
   expect_same(*source->next(), scan.frames[0]);
   for (const char* problem :
-       {"000001.png: the file is cut off", "000002.png: cannot be read", "000003.png: its confidence must"}) {
+       {"000001.png: the file is cut off", "000002.png: cannot be read", "000003.png: its confidence is 40x30"}) {
     const auto frame = source->next();
     ASSERT_TRUE(frame && frame->problem);
     EXPECT_NE(frame->problem->find(problem), std::string::npos) << *frame->problem;
