@@ -4,7 +4,7 @@
 import { element, setStatus } from './dom.js';
 import { readFields } from './fields.js';
 import { loadModel } from './model.js';
-import { fillPanel, framesInWords, levelOf } from './panel.js';
+import { fillPanel, framesInWords, kLevels, levelOf } from './panel.js';
 import { Tiles } from './tiles.js';
 import { addTools } from './tools.js';
 
@@ -64,6 +64,7 @@ export async function showFinished(scene, data, fold) {
   const { report, trajectory } = data, panel = document.getElementById('panel'), begin = trajectory[0]?.[0] ?? 0;
   document.title = `${data.name} – Cairn`;
   if (report) setStatus(levelOf(report), framesInWords(report));
+  else if (data.verdict) setStatus(kLevels[data.verdict.level] ?? 'weak', data.verdict.words);
   else setStatus('good', data.tileset ? 'A building in tiles' : 'A mesh without a report');
   scene.setPath(new Float32Array(trajectory.flatMap(([t, x, y, z]) => [t - begin, x, y, z])));
   scene.setLoops((report?.loops ?? []).filter((loop) => loop.inlier).map((loop) => [loop.from - begin, loop.to - begin]));

@@ -5,7 +5,7 @@ import { charts } from './charts.js';
 import { element, facts } from './dom.js';
 import { bytes, count, millimetres, option, seconds as said } from './words.js';
 
-const kLevels = { good: 'good', weak: 'weak', bad: 'lost' };
+export const kLevels = { good: 'good', weak: 'weak', bad: 'lost' };
 
 const heldOut = ({ held_out: count = 0 }) => (count > 0 ? `, ${count} held out` : '');
 
@@ -62,8 +62,8 @@ function loopsOf({ loops }, begin) {
       `${said(loop.from - begin)} ↔ ${said(loop.to - begin)}, ${loop.corners} corners`)))];
 }
 
-export function fillPanel(panel, { name, report, files, mesh_left_out: leftOut, trajectory }) {
-  if (!report) return panel.append(element('h1', {}, name), ...downloads(files));  // a single file
+export function fillPanel(panel, { name, report, verdict, files, mesh_left_out: leftOut, trajectory }) {
+  if (!report) return panel.append(element('h1', {}, name), ...judgement({ verdict }), ...downloads(files));  // a single file, or a plan
   panel.append(element('h1', {}, name), ...judgement(report));
   if (leftOut) panel.append(element('div', { className: 'warning' }, `The mesh is too large for this page: cairn view shows ${leftOut}`));
   panel.append(...downloads(files), element('h2', {}, 'Facts'), factsOf(report), ...charts(report.per_frame ?? []),

@@ -12,6 +12,7 @@
 #include <array>
 #include <cstddef>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,7 @@
 #include "cairn/export.hpp"
 #include "cairn/map.hpp"
 #include "cairn/mesh.hpp"
+#include "cairn/verdict.hpp"
 
 namespace cairn {
 
@@ -77,6 +79,16 @@ struct JoinedPart {
   int recording = 0;              ///< of the plan
   double moved = 0;               ///< metres since the last time, its keyframe that moved most; none: 0
 };
+
+/// JoinedPart::left_out of a map that no loop and no shared frame ties to the largest piece.
+inline constexpr const char* kUnjoined = "nothing joins it with the others";
+
+/// How much of a plan is in its map: good with all parts, bad with less than 80 % of the frames. Parts that were
+/// planned after the map was made are not in it.
+[[nodiscard]] Verdict verdict_of(const PartsPlan& plan, const std::vector<JoinedPart>& joined);
+/// The parts by PLAN/report.json, which `cairn optimise` writes; nothing before it. Throws std::runtime_error where the
+/// file cannot be read.
+[[nodiscard]] std::optional<std::vector<JoinedPart>> joined_parts(const std::filesystem::path& plan);
 
 /// What optimise_parts did.
 struct OptimisedParts {

@@ -45,6 +45,8 @@ class LiveViewer {
   LiveViewer& operator=(const LiveViewer&) = delete;
 
   [[nodiscard]] const ViewerSite& site() const;
+  /// Whether a browser has loaded the page. Any thread.
+  [[nodiscard]] bool is_opened() const;
   /// A new map, which must live until the next one or the end, with its options.
   void begin(Mapper& mapper, const Rig& rig, const Options& options);
 
@@ -93,6 +95,8 @@ class MapViewer {
   MapViewer(const MapViewer&) = delete;
   MapViewer& operator=(const MapViewer&) = delete;
   [[nodiscard]] const ViewerSite& site() const;
+  /// Whether a browser has loaded the page. Any thread.
+  [[nodiscard]] bool is_opened() const;
 
  private:
   struct State;

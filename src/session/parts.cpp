@@ -111,7 +111,7 @@ OptimisedParts optimise_parts(const fs::path& folder, int device) {
 
   for (std::size_t m = 0; m < parts.size(); ++m) {
     if (!joined.is_joined(m)) {
-      optimised.parts[parts[m]].left_out = "nothing joins it with the others";
+      optimised.parts[parts[m]].left_out = kUnjoined;
       continue;
     }
     optimised.keyframes += static_cast<int>(joined.maps()[m].files.keyframes);

@@ -13,6 +13,7 @@
 #include "mesh/formats.hpp"
 #include "mesh/points.hpp"
 #include "mesh/topology.hpp"
+#include "view/file_below.hpp"
 #include "view/temporary_place.hpp"
 #include "view/zip_folder.hpp"
 
@@ -50,6 +51,9 @@ std::string content_type_of(const fs::path& name) {
                                                                   {".g2o", "text/plain; charset=utf-8"},
                                                                   {".svg", "image/svg+xml"},
                                                                   {".jpg", "image/jpeg"},
+                                                                  {".jpeg", "image/jpeg"},
+                                                                  {".webp", "image/webp"},
+                                                                  {".ktx2", "image/ktx2"},
                                                                   {".png", "image/png"},
                                                                   {".zip", "application/zip"}})
     if (extension == end) return type;
@@ -69,6 +73,7 @@ std::vector<Download> finished_files(const fs::path& folder, bool is_textured) {
   std::vector<Download> files;
   for (const auto& [name, what] : kFiles) {
     std::error_code error;
+    if (!is_below(folder, name)) continue;
     if (const std::uintmax_t bytes = fs::file_size(folder / name, error); !error) files.push_back({name, what, bytes});
   }
   return files;

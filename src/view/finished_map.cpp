@@ -8,8 +8,6 @@
 
 #include <boost/archive/iterators/base64_from_binary.hpp>
 #include <boost/archive/iterators/transform_width.hpp>
-#include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
@@ -22,6 +20,7 @@
 #include "cairn/viewer.hpp"
 #include "view/downloads.hpp"
 #include "view/fields.hpp"
+#include "view/file_below.hpp"
 #include "view/first_mesh.hpp"
 #include "view/keyframe_pictures.hpp"
 
@@ -37,11 +36,8 @@ constexpr std::size_t kInlinePictures = 40;
 constexpr std::size_t kInlineCells = 300'000;         // of fields: 1.2 MB as text
 constexpr std::size_t kInlinePictureBytes = 600'000;  // of all of them as text
 
-std::string read_bytes(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) throw std::runtime_error(file.string() + ": cannot be read; give a folder that cairn has made");
-  return {std::istreambuf_iterator<char>(in), {}};
-}
+constexpr std::size_t kMostInline = 2 * kMaxInlineMesh;    // bytes, of a mesh that grows meanwhile
+constexpr std::size_t kMostReport = std::size_t{1} << 30;  // bytes
 
 std::string base64(const std::string& bytes) {
   using namespace boost::archive::iterators;
@@ -59,9 +55,12 @@ Json read_report(const fs::path& folder) {
                     "--resume, or write "
                     "what it has with cairn export {1} -o map.glb, and view that",
                     folder.string(), quoted(folder)));
+  if (!fs::exists(file))
+    throw std::runtime_error(file.string() + ": there is no such file; give a folder that cairn has made");
+  const std::string bytes = FileBelow(folder, "report.json").read(kMostReport);
   Json report;
   try {
-    report = parsed_json(read_bytes(file));
+    report = parsed_json(bytes);
   } catch (const Json::exception& error) {
     throw std::runtime_error(file.string() + ": is damaged: " + plain(error.what()));
   } catch (const TooDeepJson& error) {
@@ -101,8 +100,9 @@ std::vector<double> searched(const Json& report) {
 }  // namespace
 
 struct FinishedMap::State {
-  explicit State(const fs::path& f) : folder(f), report(read_report(f)) {
-    if (fs::exists(folder / "trajectory.txt")) path = read_trajectory(folder / "trajectory.txt");
+  explicit State(const fs::path& f)
+      : folder(f), report(read_report(f)), has_mesh_file(is_below(f, "mesh.glb")), has_grids(is_below(f, "map.vdb")) {
+    if (is_below(folder, "trajectory.txt")) path = read_trajectory(folder / "trajectory.txt");
     if (auto found = pictures_of(folder, searched(report))) pictures.emplace(*std::move(found));
     const auto offset = report.find("clock_offset");
     if (pictures)
@@ -111,7 +111,7 @@ struct FinishedMap::State {
   }
 
   /// A run whose mesh could not be written does not show an earlier one's.
-  [[nodiscard]] bool has_mesh() const { return report.contains("mesh") && fs::exists(folder / "mesh.glb"); }
+  [[nodiscard]] bool has_mesh() const { return report.contains("mesh") && has_mesh_file; }
   [[nodiscard]] bool is_textured() const { return has_mesh() && report["mesh"].contains("textures"); }
   /// Whether the mesh is so large that a page shows a coarser one first.
   [[nodiscard]] bool is_large() const {
@@ -120,7 +120,7 @@ struct FinishedMap::State {
     const auto found = mesh.find("triangles");
     return found != mesh.end() && found->is_number() && found->get<double>() > 2.0 * kFirstTriangles;
   }
-  [[nodiscard]] bool has_fields() const { return fs::exists(folder / "map.vdb"); }
+  [[nodiscard]] bool has_fields() const { return has_grids; }
   [[nodiscard]] SensorModel sensor() const { return pictures ? pictures->sensor : SensorModel{}; }
   [[nodiscard]] Json json() const {
     return {{"mode", "finished"},
@@ -132,6 +132,7 @@ struct FinishedMap::State {
 
   fs::path folder;
   Json report;
+  bool has_mesh_file = false, has_grids = false;  // no links among them
   Trajectory path;
   std::optional<SessionPictures> pictures;  // holds the files
   std::vector<KeyframePicture> keyframes;
@@ -218,8 +219,8 @@ std::string FinishedMap::inlined() const {
   if (const fs::path mesh = s.folder / "mesh.glb"; s.has_mesh()) {
     const fs::path preview = s.folder / "preview.glb";
     const bool fits = fs::file_size(mesh) <= kMaxInlineMesh;
-    if (fits || fs::exists(preview))
-      data["mesh_base64"] = base64(read_bytes(fits ? mesh : preview));
+    if (fits || is_below(s.folder, "preview.glb"))
+      data["mesh_base64"] = base64(FileBelow(s.folder, (fits ? mesh : preview).filename()).read(kMostInline));
     else
       data["mesh_left_out"] = mesh.string();
   }

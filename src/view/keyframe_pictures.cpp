@@ -9,19 +9,20 @@
 #include <stdexcept>
 
 #include "base/image_file.hpp"
-#include "base/read_whole.hpp"
 #include "map/keyframe.hpp"
+#include "view/file_below.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr double kSame = 1e-4;  // seconds: as files round them
+constexpr double kSame = 1e-4;                                // seconds: as files round them
+constexpr std::size_t kMostPicture = std::size_t{256} << 20;  // bytes
 
 }  // namespace
 
 std::optional<SessionPictures> pictures_of(const std::filesystem::path& folder, const std::vector<double>& timestamps) {
   const std::filesystem::path session = folder / "session";
-  if (timestamps.empty() || !std::filesystem::exists(session / "state.cbor")) return std::nullopt;
+  if (timestamps.empty() || !is_below(session, "state.cbor")) return std::nullopt;
   try {
     SessionPictures pictures = read_pictures(session);
     const auto is_same = [](double a, double b) { return std::abs(a - b) < kSame; };
@@ -45,7 +46,7 @@ std::vector<KeyframePicture> pictures_along(const Trajectory& path, const Sessio
     const auto pose = std::lower_bound(path.begin(), path.end(), time - kSame,
                                        [](const StampedPose& p, double t) { return p.timestamp < t; });
     if (pose == path.end() || pose->timestamp > time + kSame) continue;
-    if (const auto file = colour_file(pictures.keyframes, k); std::filesystem::exists(file))
+    if (const auto file = colour_file(pictures.keyframes, k); is_below(file.parent_path(), file.filename()))
       along.push_back({.time = pose->timestamp, .file = file});
   }
   std::reverse(along.begin(), along.end());
@@ -55,7 +56,8 @@ std::vector<KeyframePicture> pictures_along(const Trajectory& path, const Sessio
 std::string small_picture(const std::filesystem::path& file, int width, int quality) {
   std::vector<std::uint8_t> bytes;
   try {
-    bytes = read_whole(file);
+    const std::string read = FileBelow(file.parent_path(), file.filename()).read(kMostPicture);
+    bytes.assign(read.begin(), read.end());
     cv::Mat image = decode_image(bytes, Pixels::rgb);
     if (image.cols > width) {
       cv::resize(image, image, {width, std::max(1, image.rows * width / image.cols)}, 0, 0, cv::INTER_AREA);

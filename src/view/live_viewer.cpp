@@ -93,6 +93,7 @@ LiveViewer::LiveViewer(const ViewerAddress& at) : state_(std::make_unique<State>
 LiveViewer::~LiveViewer() = default;
 
 const ViewerSite& LiveViewer::site() const { return state_->server.site(); }
+bool LiveViewer::is_opened() const { return state_->server.is_opened(); }
 
 void LiveViewer::begin(Mapper& mapper, const Rig& rig, const Options& options) {
   State& s = *state_;

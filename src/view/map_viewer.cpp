@@ -41,5 +41,6 @@ MapViewer::MapViewer(const std::filesystem::path& map, const ViewerAddress& at)
 MapViewer::~MapViewer() = default;
 
 const ViewerSite& MapViewer::site() const { return state_->server.site(); }
+bool MapViewer::is_opened() const { return state_->server.is_opened(); }
 
 }  // namespace cairn

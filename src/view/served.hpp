@@ -35,12 +35,14 @@ struct Make {
   bool takes_long = false;
 };
 
-/// What a path gives. A file is read when it is asked for.
+/// What a path gives. A file is read when it is asked for, and a link in place of it is not followed.
 struct Served {
   std::string content_type;
   std::variant<std::string, std::filesystem::path, Make> body;
   std::string download;      // the name of the file that a browser keeps; empty: it is shown
   bool is_packable = false;  // much smaller when it is packed
+  /// Folder of the file, or above it, below which no part of its path may be a link; empty: the file's own.
+  std::filesystem::path root = {};
 };
 
 /// What is made at most once: calls after the first give the same.

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -19,6 +20,7 @@
 #include "mesh/gltf.hpp"
 #include "view/downloads.hpp"
 #include "view/fields.hpp"
+#include "view/file_below.hpp"
 #include "view/finished_map.hpp"
 
 namespace cairn {
@@ -40,26 +42,42 @@ Served glb(const std::vector<Mesh>& parts) {
   return {.content_type = content_type_of("mesh.glb"), .body = glb_of(parts)};
 }
 
-/// Whether a name that a file tells is one of a file beside it.
-bool is_beside(const std::string& uri) {
-  return !uri.empty() && uri.find(':') == uri.npos && uri[0] != '/' && uri[0] != '\\' && uri.find("..") == uri.npos &&
-         uri.find('%') == uri.npos;
+constexpr std::size_t kMostGltf = std::size_t{1} << 30;  // bytes of a .gltf without its buffers
+
+/// A list of a glTF, and the kinds of files that it may refer to.
+struct Resources {
+  const char* list;
+  std::initializer_list<const char*> extensions;
+};
+const Resources kResources[] = {{"buffers", {".bin"}}, {"images", {".png", ".jpg", ".jpeg", ".webp", ".ktx2"}}};
+
+/// What a glTF refers to in files of their own: by "uri", but "data:" and where another program finds it.
+std::vector<std::string> uris_in(const Json& gltf, const char* list) {
+  std::vector<std::string> uris;
+  const auto found = gltf.find(list);
+  if (found == gltf.end() || !found->is_array()) return uris;
+  for (const Json& item : *found)
+    if (item.is_object() && item.contains("uri") && item["uri"].is_string())
+      if (std::string uri = item["uri"]; uri.find(':') == uri.npos) uris.push_back(std::move(uri));
+  return uris;
 }
 
-/// A .gltf and the buffers and images that it names beside it.
+/// A .gltf and the buffers and images beside it or below that it refers to.
 void add_gltf(const fs::path& file, Files& files) {
-  const auto bytes = read_whole(file);
-  const Json json = parsed_json_or_none({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  const fs::path folder = file.parent_path();
+  const Json json = parsed_json_or_none(FileBelow(folder, file.filename()).read(kMostGltf));
   if (!json.is_object()) throw std::runtime_error(file.string() + ": is damaged, or no glTF");
   files["mesh.gltf"] = {.content_type = content_type_of(file), .body = file};
-  for (const char* list : {"buffers", "images"}) {
-    const auto found = json.find(list);
-    if (found == json.end() || !found->is_array()) continue;
-    for (const Json& item : *found)
-      if (item.is_object() && item.contains("uri") && item["uri"].is_string())
-        if (const std::string uri = item["uri"]; is_beside(uri))
-          files[uri] = {.content_type = content_type_of(uri), .body = file.parent_path() / uri};
-  }
+  for (const auto& [list, extensions] : kResources)
+    for (const std::string& uri : uris_in(json, list)) {
+      const fs::path name = fs::path(from_uri(uri)).lexically_normal();
+      const std::string extension = extension_of(name);
+      if (std::find(extensions.begin(), extensions.end(), extension) == extensions.end())
+        spdlog::warn(fmt::format("view: {} refers to {}, which is not shown: {} are {} alone", file.string(),
+                                 as_utf8(uri), list, fmt::join(extensions, ", ")));
+      else if (is_below(folder, name))
+        files[uri] = {.content_type = content_type_of(name), .body = folder / name, .root = folder};
+    }
 }
 
 [[noreturn]] void refuse(const fs::path& file) {
@@ -74,15 +92,16 @@ void add_gltf(const fs::path& file, Files& files) {
 
 }  // namespace
 
-Files served_file(const fs::path& file) {
-  const std::string extension = extension_of(file);
+Files served_file(const fs::path& given) {
+  if (!fs::is_regular_file(given)) throw std::runtime_error(given.string() + ": there is no such file or folder");
+  const fs::path file = fs::canonical(given);  // the user may name a link
+  const std::string extension = extension_of(given);
   Files files;
   Json data{{"mode", "finished"},
-            {"name", file.filename().string()},
+            {"name", given.filename().string()},
             {"report", nullptr},
             {"trajectory", Json::array()},
             {"mesh", extension == ".gltf" ? "mesh.gltf" : "mesh.glb"}};
-  if (!fs::is_regular_file(file)) throw std::runtime_error(file.string() + ": there is no such file or folder");
   if (extension == ".glb") {
     files["mesh.glb"] = {.content_type = content_type_of("mesh.glb"), .body = file};
   } else if (extension == ".gltf") {
@@ -97,13 +116,13 @@ Files served_file(const fs::path& file) {
   } else if (extension == ".ply") {
     files["mesh.glb"] = glb(read_mesh_parts(file));
   } else {
-    refuse(file);
+    refuse(given);
   }
   std::error_code error;
-  const Download own{file.filename().string(), "the file itself", fs::file_size(file, error)};
-  const std::string url = "files/" + fs::path("file").replace_extension(file.extension()).string();
+  const Download own{given.filename().string(), "the file itself", fs::file_size(file, error)};
+  const std::string url = "files/file" + extension;
   data["files"] = {{{"name", own.name}, {"url", url}, {"what", own.what}, {"bytes", *own.bytes}}};
-  files[url] = {.content_type = content_type_of(file), .body = file, .download = own.name};
+  files[url] = {.content_type = content_type_of(given), .body = file, .download = own.name};
   files["data.json"] = {.content_type = content_type_of("data.json"), .body = text_of(data)};
   return files;
 }

@@ -15,8 +15,11 @@
 #include "base/read_json.hpp"
 #include "base/read_whole.hpp"
 #include "cairn/file_name.hpp"
+#include "cairn/parts.hpp"
 #include "cairn/quoted.hpp"
+#include "cairn/verdict.hpp"
 #include "view/downloads.hpp"
+#include "view/file_below.hpp"
 
 namespace cairn {
 namespace {
@@ -32,14 +35,17 @@ struct Home {
   AddFiles add;
 };
 
-Json read_tileset(const fs::path& file) {
+constexpr std::size_t kMostTileset = std::size_t{1} << 28;  // bytes
+
+/// `name`: in the folder.
+Json read_tileset(const fs::path& folder, const fs::path& name) {
+  const std::string bytes = FileBelow(folder, name).read(kMostTileset);
   try {
-    const auto bytes = read_whole(file);
     Json json = parsed_json(bytes);
     if (json.at("root").is_object()) return json;
     throw std::runtime_error("it has no root");
   } catch (const std::exception& error) {
-    throw std::runtime_error(file.string() + ": is no tileset: " + plain(error.what()));
+    throw std::runtime_error((folder / name).string() + ": is no tileset: " + plain(error.what()));
   }
 }
 
@@ -63,17 +69,7 @@ std::vector<std::string> contents(const Json& tileset) {
   return uris;
 }
 
-/// A file of the folder, or nothing for what is none, and for what lies elsewhere, also by a link.
-std::optional<fs::path> inside(const Home& home, const std::string& name) {
-  const std::string path = from_uri(name);
-  if (path.find('\0') != path.npos) return std::nullopt;
-  const fs::path file = fs::weakly_canonical(home.folder / path);
-  const fs::path seen = file.lexically_relative(home.folder);
-  if (seen.empty() || *seen.begin() == ".." || !fs::is_regular_file(file)) return std::nullopt;
-  return file;
-}
-
-Served tileset_file(const std::shared_ptr<const Home>& home, const std::string& name, const fs::path& file);
+Served tileset_file(const std::shared_ptr<const Home>& home, const std::string& name);
 
 /// What a tileset, `name`, refers to, by their names in the page's addresses.
 Files referred(const std::shared_ptr<const Home>& home, const std::string& name, const Json& tileset) {
@@ -82,26 +78,36 @@ Files referred(const std::shared_ptr<const Home>& home, const std::string& name,
     if (uri.find(':') != uri.npos) continue;  // somewhere else in the net
     const std::string other =
         (fs::path(name).parent_path() / uri.substr(0, uri.find_first_of("?#"))).lexically_normal().generic_string();
-    const auto file = inside(*home, other);
-    const std::string extension = file ? extension_of(*file) : std::string();
-    if (extension != ".json" && extension != ".glb")
+    const fs::path file = from_uri(other);
+    const std::string extension = extension_of(file);
+    if ((extension != ".json" && extension != ".glb") || !is_below(home->folder, file))
       spdlog::warn(fmt::format("view: {} refers to {}, which is not shown: only .glb and .json in {} and below are",
                                name, as_utf8(uri), home->folder.string()));
     else if (extension == ".json")
-      files[kBelow + other] = tileset_file(home, other, *file);
+      files[kBelow + other] = tileset_file(home, other);
     else
-      files[kBelow + other] = {.content_type = content_type_of(*file), .body = *file};
+      files[kBelow + other] = {
+          .content_type = content_type_of(file), .body = home->folder / file, .root = home->folder};
   }
   return files;
 }
 
-Served tileset_file(const std::shared_ptr<const Home>& home, const std::string& name, const fs::path& file) {
+Served tileset_file(const std::shared_ptr<const Home>& home, const std::string& name) {
+  const fs::path file = from_uri(name);
   const auto read = [home, name, file]() -> Content {
-    const Json tileset = read_tileset(file);
+    const Json tileset = read_tileset(home->folder, file);
     home->add(referred(home, name, tileset));
     return std::make_shared<const Text>(text_of(tileset));
   };
   return {.content_type = content_type_of(file), .body = Make{.make = read}, .is_packable = true};
+}
+
+/// How much of a plan is in its map; null before that is known.
+Json verdict_in_json(const fs::path& plan) {
+  const auto parts = joined_parts(plan);
+  if (!parts) return nullptr;
+  const Verdict verdict = verdict_of(read_plan(plan), *parts);
+  return {{"level", name_of(verdict.level)}, {"words", verdict.words}, {"reasons", verdict.reasons}};
 }
 
 }  // namespace
@@ -109,7 +115,7 @@ Served tileset_file(const std::shared_ptr<const Home>& home, const std::string& 
 std::optional<fs::path> tileset_of(const fs::path& map) {
   if (!fs::is_directory(map)) return extension_of(map) == ".json" ? std::optional(map) : std::nullopt;
   if (!fs::exists(map / "plan.json")) return std::nullopt;
-  if (fs::exists(map / "tileset.json")) return map / "tileset.json";
+  if (is_below(map, "tileset.json")) return map / "tileset.json";
   throw std::runtime_error(
       fmt::format("{}: is a plan without tileset.json: make it with cairn tile {}, for each cell, and "
                   "cairn tileset {} -o {}",
@@ -118,17 +124,18 @@ std::optional<fs::path> tileset_of(const fs::path& map) {
 
 Files served_tileset(const fs::path& tileset, AddFiles add) {
   const fs::path file = fs::canonical(tileset);
-  (void)read_tileset(file);
+  (void)read_tileset(file.parent_path(), file.filename());
   const auto home = std::make_shared<const Home>(Home{file.parent_path(), std::move(add)});
   const std::string name = as_uri(file.filename().string());
   const bool is_plan = fs::exists(home->folder / "plan.json");
-  const Json data{{"mode", "finished"},
-                  {"name", (is_plan ? home->folder : file).filename().string()},
-                  {"report", nullptr},
-                  {"trajectory", Json::array()},
-                  {"tileset", kBelow + name}};
+  Json data{{"mode", "finished"},
+            {"name", (is_plan ? home->folder : file).filename().string()},
+            {"report", nullptr},
+            {"trajectory", Json::array()},
+            {"tileset", kBelow + name}};
+  if (is_plan) data["verdict"] = verdict_in_json(home->folder);
   Files files;
-  files[kBelow + name] = tileset_file(home, name, file);
+  files[kBelow + name] = tileset_file(home, name);
   files["data.json"] = {.content_type = content_type_of("data.json"), .body = text_of(data)};
   return files;
 }

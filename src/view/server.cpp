@@ -9,6 +9,8 @@
 // clang-format off: Boost 1.74's awaitable.hpp needs this and forgets it
 #include <utility>
 // clang-format on
+#include <algorithm>
+#include <atomic>
 #include <boost/asio/awaitable.hpp>
 #include <boost/asio/co_spawn.hpp>
 #include <boost/asio/io_context.hpp>
@@ -32,8 +34,10 @@
 #include <stdexcept>
 #include <thread>
 
+#include "base/json_text.hpp"
 #include "view/addresses.hpp"
 #include "view/certificate.hpp"
+#include "view/file_below.hpp"
 
 namespace cairn {
 namespace {
@@ -67,17 +71,81 @@ bool is_same(std::string_view a, std::string_view b) {
   return difference == 0;
 }
 
-/// One more as long as it lives, however its scope is left.
-class Counted {
+/// A connection. Until it has sent the token it may be closed for a newer one, afterwards between two requests.
+struct Peer {
+  std::string network;      // its address; of IPv6 the first 64 bits, which one household or machine has
+  Plain* stream = nullptr;  // that is closed; null before it is read from and once a WebSocket has it
+  bool is_known = false;    // has sent the token
+  bool is_idle = true;      // between two requests
+  bool is_closed = false;   // and its coroutine is about to end
+  [[nodiscard]] bool is_stranger() const { return !is_known && !is_closed; }
+};
+
+/// All connections, the oldest first; those with the token by their last request.
+class Peers {
  public:
-  explicit Counted(int& count) : count_(count) { ++count_; }
-  ~Counted() { --count_; }
-  Counted(const Counted&) = delete;
-  Counted& operator=(const Counted&) = delete;
+  explicit Peers(const ServerLimits& limits) : limits_(limits) {}
+
+  /// A new connection, for which another one may be closed; null where all are at work for who has the token.
+  std::shared_ptr<Peer> admit(const std::string& network) {
+    const auto is_neighbor = [&](const Peer& p) { return p.is_stranger() && p.network == network; };
+    if (count(is_neighbor) >= limits_.strangers) close_first(is_neighbor);
+    if (count([](const Peer& p) { return !p.is_closed; }) >= limits_.connections && !make_room()) return nullptr;
+    return peers_.emplace_back(std::make_shared<Peer>(Peer{.network = network}));
+  }
+  /// Closes the oldest connection without the token, or else the one that has been idle for longest.
+  bool make_room() {
+    return close_first([](const Peer& p) { return p.is_stranger(); }) ||
+           close_first([](const Peer& p) { return p.is_idle && !p.is_closed; });
+  }
+  void greet(const std::shared_ptr<Peer>& peer) {
+    peer->is_known = true;
+    const auto at = std::find(peers_.begin(), peers_.end(), peer);
+    if (at != peers_.end()) std::rotate(at, at + 1, peers_.end());
+  }
+  void leave(const std::shared_ptr<Peer>& peer) { std::erase(peers_, peer); }
 
  private:
-  int& count_;
+  template <class Is>
+  [[nodiscard]] int count(const Is& is) const {
+    return static_cast<int>(std::count_if(peers_.begin(), peers_.end(), [&](const auto& p) { return is(*p); }));
+  }
+  template <class Is>
+  bool close_first(const Is& is) {
+    const auto found = std::find_if(peers_.begin(), peers_.end(), [&](const auto& p) { return is(*p); });
+    if (found == peers_.end()) return false;
+    (*found)->is_closed = true;
+    if ((*found)->stream != nullptr) (*found)->stream->close();
+    return true;
+  }
+
+  ServerLimits limits_;
+  std::vector<std::shared_ptr<Peer>> peers_;
 };
+
+/// A connection leaves the others however its scope is left.
+class Present {
+ public:
+  Present(Peers& peers, std::shared_ptr<Peer> peer) : peers_(peers), peer_(std::move(peer)) {}
+  ~Present() { peers_.leave(peer_); }
+  Present(const Present&) = delete;
+  Present& operator=(const Present&) = delete;
+
+ private:
+  Peers& peers_;
+  std::shared_ptr<Peer> peer_;
+};
+
+std::string network_of(const tcp::socket& socket) {
+  boost::system::error_code ignored;
+  const asio::ip::address address = socket.remote_endpoint(ignored).address();
+  if (address.is_v4()) return address.to_string();
+  const auto v6 = address.to_v6();
+  if (v6.is_v4_mapped()) return asio::ip::make_address_v4(asio::ip::v4_mapped, v6).to_string();
+  constexpr std::ptrdiff_t kNetwork = 8;  // bytes
+  const auto bytes = v6.to_bytes();
+  return {bytes.begin(), bytes.begin() + kNetwork};
+}
 
 class Viewing {
  public:
@@ -114,18 +182,25 @@ struct Gate {
     const std::string_view target(request.target().data(), request.target().size());
     const std::string prefix = "/" + token + "/";
     if (!is_same(target.substr(0, prefix.size()), prefix)) return std::nullopt;
-    return std::string(target.substr(prefix.size(), target.find('?') - prefix.size()));
+    return from_uri(std::string(target.substr(prefix.size(), target.find('?') - prefix.size())));
   }
 };
 
 /// What a file's entry has become for the server: text is shared with whoever is just reading it.
 struct Entry {
   std::string content_type, download;
+  std::filesystem::path root;
   std::variant<Content, Make> body;
   bool is_packable = false;
+  bool is_page = false;
 };
-Entry entry_of(Served served) {
-  Entry entry{std::move(served.content_type), std::move(served.download), Content(), served.is_packable};
+Entry entry_of(Served served, bool is_page) {
+  Entry entry{std::move(served.content_type),
+              std::move(served.download),
+              std::move(served.root),
+              Content(),
+              served.is_packable,
+              is_page};
   if (auto* text = std::get_if<std::string>(&served.body))
     entry.body = Content(std::make_shared<const Text>(std::move(*text)));
   else if (auto* file = std::get_if<std::filesystem::path>(&served.body))
@@ -133,6 +208,15 @@ Entry entry_of(Served served) {
   else
     entry.body = std::get<Make>(std::move(served.body));
   return entry;
+}
+
+/// By the names that name_of() gives.
+using Entries = std::map<std::string, std::shared_ptr<const Entry>>;
+Entries entries_of(Server::Files&& files) {
+  Entries entries;
+  for (auto& [name, file] : files)
+    entries[from_uri(name)] = std::make_shared<const Entry>(entry_of(std::move(file), name.empty()));
+  return entries;
 }
 
 /// The bytes of a body from `first` to `last`.
@@ -165,15 +249,20 @@ std::optional<Range> range_of(beast::string_view text, std::uint64_t size) {
 
 // Answers over HTTP. `patience`: with a client that does not read.
 
-Header header_of(const Request& request, http::status status, const std::string& content_type) {
+constexpr const char* kPagePolicy =
+    "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; frame-ancestors 'none'; base-uri 'none'; "
+    "form-action 'none'";
+/// Of all but the page: opened by itself it runs nothing, and has no origin.
+constexpr const char* kOtherPolicy = "default-src 'none'; frame-ancestors 'none'; sandbox";
+
+Header header_of(const Request& request, http::status status, const std::string& content_type, bool is_page = false) {
   Header header(status, request.version());
   header.set(http::field::content_type, content_type);
   header.set(http::field::cache_control, "no-store");
   header.set("X-Content-Type-Options", "nosniff");
   header.set("Referrer-Policy", "no-referrer");
-  header.set(
-      "Content-Security-Policy",
-      "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; frame-ancestors 'none'; base-uri 'none'");
+  header.set("Cross-Origin-Resource-Policy", "same-origin");
+  header.set("Content-Security-Policy", is_page ? kPagePolicy : kOtherPolicy);
   header.keep_alive(request.keep_alive());
   return header;
 }
@@ -225,13 +314,33 @@ bool accepts_gzip(const Request& request) {
   return request[http::field::accept_encoding].find("gzip") != beast::string_view::npos;
 }
 
+/// Content-Disposition of a file that a browser keeps by this name (RFC 6266, RFC 8187).
+std::string attachment(const std::string& name) {
+  if (name.empty()) return "attachment";
+  std::string plain;
+  for (const char c : name) plain += c >= ' ' && c <= '~' && c != '"' && c != '\\' && c != '%' ? c : '_';
+  const std::string told = "attachment; filename=\"" + plain + "\"";
+  return plain == name ? told : told + "; filename*=UTF-8''" + as_uri(as_utf8(name));
+}
+
+/// Opens a file as Served::root allows. Returns what is wrong with it.
+std::string open_file(beast::file& file, const std::filesystem::path& path, const std::filesystem::path& root) {
+  try {
+    FileBelow below(root.empty() ? path.parent_path() : root,
+                    root.empty() ? path.filename() : path.lexically_relative(root));
+    file.native_handle(below.release());
+    return {};
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+}
+
 /// `is_far`: the way to the client is worth packing for.
 template <class Stream>
 asio::awaitable<void> serve(Stream& stream, const Request& request, const Entry& entry, Content content, bool is_far,
                             std::chrono::milliseconds patience) {
-  Header header = header_of(request, http::status::ok, entry.content_type);
-  if (!entry.download.empty())
-    header.set(http::field::content_disposition, "attachment; filename=\"" + entry.download + "\"");
+  Header header = header_of(request, http::status::ok, entry.content_type, entry.is_page);
+  if (!entry.is_page) header.set(http::field::content_disposition, attachment(entry.download));
   const std::string* bytes = nullptr;
   beast::file file;
   std::uint64_t size = 0;
@@ -242,9 +351,11 @@ asio::awaitable<void> serve(Stream& stream, const Request& request, const Entry&
     bytes = is_packed ? &(*text)->packed() : &(*text)->bytes();
     size = bytes->size();
   } else {
-    file.open(std::get<std::filesystem::path>(content).c_str(), beast::file_mode::scan, error);
-    if (!error) size = file.size(error);
-    if (error) co_return co_await say(stream, request, http::status::not_found, "the file is gone", patience);
+    const std::string problem = open_file(file, std::get<std::filesystem::path>(content), entry.root);
+    if (!problem.empty()) spdlog::warn(fmt::format("view: {}", problem));
+    if (problem.empty()) size = file.size(error);
+    if (!problem.empty() || error)
+      co_return co_await say(stream, request, http::status::not_found, "the file is gone, or no file", patience);
   }
   if (is_packed) header.set(http::field::content_encoding, "gzip");
   if (entry.is_packable) header.set(http::field::vary, "Accept-Encoding");
@@ -304,8 +415,8 @@ std::vector<NetworkAddress> reached_at(const asio::ip::address& listened) {
 }  // namespace
 
 struct Server::State {
-  State(const ViewerAddress& at, Files&& given, Feed* feed_, const ServerLimits& l) : feed(feed_), limits(l) {
-    for (auto& [name, file] : given) files[name] = std::make_shared<const Entry>(entry_of(std::move(file)));
+  State(const ViewerAddress& at, Files&& given, Feed* feed_, const ServerLimits& l)
+      : files(entries_of(std::move(given))), feed(feed_), limits(l) {
     const asio::ip::address host = address_of(at.host);
     listen(host, at.port);
     const auto reached = reached_at(host);
@@ -378,10 +489,12 @@ struct Server::State {
     while (true) {
       boost::system::error_code error;
       tcp::socket socket = co_await acceptor.async_accept(asio::redirect_error(asio::use_awaitable, error));
-      if (error)
-        co_await pause(100ms);  // no file descriptor is left, perhaps
-      else if (connections < limits.connections)
-        spawn(greet(std::move(socket)));
+      if (error) {
+        peers.make_room();  // no file descriptor is left, perhaps
+        co_await pause(100ms);
+      } else if (auto peer = peers.admit(network_of(socket))) {
+        spawn(greet(std::move(socket), std::move(peer)));
+      }
     }
   }
 
@@ -390,26 +503,29 @@ struct Server::State {
     co_await timer.async_wait(asio::use_awaitable);
   }
 
-  asio::awaitable<void> greet(tcp::socket socket) {
-    const Counted counted(connections);
+  asio::awaitable<void> greet(tcp::socket socket, std::shared_ptr<Peer> peer) {
+    const Present present(peers, peer);
+    if (peer->is_closed) co_return;
     boost::system::error_code ignored;
     socket.set_option(tcp::no_delay(true), ignored);
     const bool is_far = !socket.remote_endpoint(ignored).address().is_loopback();
     Plain plain(std::move(socket));
+    peer->stream = &plain;
+    plain.expires_after(limits.greeting);  // for all that comes before the token, however slowly it drips
     beast::flat_buffer buffer;
     if (!tls) {
-      if (co_await talk(plain, buffer, is_far)) plain.socket().shutdown(tcp::socket::shutdown_send, ignored);
+      if (co_await talk(plain, buffer, peer, is_far)) plain.socket().shutdown(tcp::socket::shutdown_send, ignored);
       co_return;
     }
-    plain.expires_after(limits.patience);
     if (!co_await beast::async_detect_ssl(plain, buffer, asio::use_awaitable)) {
       co_await refuse_plain(plain, buffer);
       plain.socket().shutdown(tcp::socket::shutdown_send, ignored);
       co_return;
     }
     Secure secure(std::move(plain), *tls);
+    peer->stream = &secure.next_layer();
     buffer.consume(co_await secure.async_handshake(asio::ssl::stream_base::server, buffer.data(), asio::use_awaitable));
-    if (!co_await talk(secure, buffer, is_far)) co_return;
+    if (!co_await talk(secure, buffer, peer, is_far)) co_return;
     secure.next_layer().expires_after(limits.patience);
     co_await secure.async_shutdown(asio::redirect_error(asio::use_awaitable, ignored));
   }
@@ -423,7 +539,6 @@ struct Server::State {
 
   template <class Stream>
   asio::awaitable<Request> read(Stream& stream, beast::flat_buffer& buffer) const {
-    beast::get_lowest_layer(stream).expires_after(limits.patience);  // for all of it, however slowly it drips
     http::request_parser<http::empty_body> parser;
     parser.header_limit(kMaxHeader);
     parser.body_limit(std::uint64_t{0});
@@ -438,16 +553,23 @@ struct Server::State {
 
   /// Returns whether the stream is to be closed: a WebSocket has taken it otherwise.
   template <class Stream>
-  asio::awaitable<bool> talk(Stream& stream, beast::flat_buffer& buffer, bool is_far) {
+  asio::awaitable<bool> talk(Stream& stream, beast::flat_buffer& buffer, const std::shared_ptr<Peer>& peer,
+                             bool is_far) {
     while (true) {
-      const Request request = co_await read(stream, buffer);
+      Request request = co_await read(stream, buffer);
+      peer->is_idle = false;
+      if (gate.is_ours(request) && gate.name_of(request)) peers.greet(peer);
+      if (!peer->is_known) request.keep_alive(false);
       if (gate.is_ours(request) && asks_for_feed(request) && feed->viewers() < limits.viewers) {
         beast::get_lowest_layer(stream).expires_never();  // the WebSocket has its own
+        peer->stream = nullptr;
         co_await follow(std::move(stream), request);
         co_return false;
       }
       co_await answer(stream, request, is_far);
       if (!request.keep_alive()) co_return true;
+      peer->is_idle = true;
+      beast::get_lowest_layer(stream).expires_after(limits.patience);
     }
   }
 
@@ -473,6 +595,7 @@ struct Server::State {
 
   template <class Stream>
   asio::awaitable<void> give(Stream& stream, const Request& request, std::shared_ptr<const Entry> entry, bool is_far) {
+    if (entry->is_page && request.method() == http::verb::get) is_opened = true;
     std::string problem;
     Content content;
     try {
@@ -534,10 +657,11 @@ struct Server::State {
     }
   }
 
-  std::map<std::string, std::shared_ptr<const Entry>> files;  // of the thread alone
+  Entries files;  // of the thread alone
   Feed* feed;
   ServerLimits limits;
-  int connections = 0;  // at the moment; of the thread alone
+  Peers peers{limits};  // of the thread alone
+  std::atomic<bool> is_opened = false;
   Gate gate;
   ViewerSite site;
   std::optional<asio::ssl::context> tls;
@@ -552,14 +676,14 @@ Server::Server(const ViewerAddress& at, Files files, Feed* feed, const ServerLim
 Server::~Server() = default;
 
 void Server::add(Files&& files) {
-  auto entries = std::make_shared<std::map<std::string, std::shared_ptr<const Entry>>>();
-  for (auto& [name, file] : files) (*entries)[name] = std::make_shared<const Entry>(entry_of(std::move(file)));
+  auto entries = std::make_shared<Entries>(entries_of(std::move(files)));
   asio::post(state_->context, [state = state_.get(), entries] {
     for (auto& [name, entry] : *entries) state->files[name] = entry;
   });
 }
 
 const ViewerSite& Server::site() const { return state_->site; }
+bool Server::is_opened() const { return state_->is_opened; }
 std::string Server::url() const { return site().urls.front().url; }
 
 }  // namespace cairn

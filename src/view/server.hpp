@@ -15,9 +15,11 @@ namespace cairn {
 
 /// What one client, or all of them, may take of a server.
 struct ServerLimits {
-  std::chrono::milliseconds patience{15000};  // with a client that neither asks nor reads
-  int connections = 64;                       // at once; more are closed as they come
-  int viewers = 32;                           // among them
+  std::chrono::milliseconds greeting{5000};   // for a client to send its first request, with TLS before it
+  std::chrono::milliseconds patience{15000};  // with a client that has the token and neither asks nor reads
+  int connections = 64;  // at once; for a further one that without the token is closed which came first
+  int strangers = 16;    // among them those without the token from one address
+  int viewers = 32;      // among them
 };
 
 /// Serves http://127.0.0.1:PORT/TOKEN/ in a thread of its own: to this machine alone, to who knows the token, and to
@@ -37,6 +39,8 @@ class Server {
   void add(Files&& files);
 
   [[nodiscard]] const ViewerSite& site() const;
+  /// Whether a browser has loaded the page. Any thread.
+  [[nodiscard]] bool is_opened() const;
   /// The first of its addresses.
   [[nodiscard]] std::string url() const;
 

@@ -77,6 +77,28 @@ TEST_F(ServedTileset, GivesNothingFromOutsideOfItsFolder) {
   EXPECT_EQ(names(added), std::vector<std::string>{});
 }
 
+TEST_F(ServedTileset, TellsThatPartsOfAPlanAreLeftOut) {
+  write_text(home / "tileset.json", tileset(tile("missing.glb")));
+  write_text(home / "plan.json", R"({"kind": "cairn plan", "format": 1, "frames_per_part": 10, "overlap": 0,
+    "recordings": [{"name": "/a<b>", "frames": 10}, {"name": "/c", "frames": 10}],
+    "parts": [{"name": "000", "recording": 0, "begin": 0, "end": 10}, {"name": "001", "recording": 1, "begin": 0, "end": 10}]})");
+  const auto verdict = [&] {
+    return nlohmann::json::parse(std::get<std::string>(served().at("data.json").body)).at("verdict");
+  };
+  EXPECT_TRUE(verdict().is_null());
+  const std::string first = R"({"parts": [{"name": "000", "recording": 0, "joined": true})";
+  write_text(home / "report.json", first + R"(, {"name": "001", "recording": 1, "joined": true}]})");
+  EXPECT_EQ(verdict().at("level"), "good");
+  write_text(home / "report.json",
+             first + R"(, {"name": "001", "recording": 1, "joined": false, "left_out": "it has no map"}]})");
+  EXPECT_EQ(verdict().at("level"), "bad");
+  EXPECT_EQ(verdict().at("words"),
+            "1 of 2 parts are in the map, with 50 % of the frames; 1 of 2 recordings is missing, whole or in part");
+  EXPECT_EQ(verdict().at("reasons").at(0), "part 001 (/c, frames 0 to 9) is not in the map: it has no map");
+  write_text(home / "report.json", first + "]}");
+  EXPECT_NE(verdict().at("reasons").at(0).get<std::string>().find("it was planned afterwards"), std::string::npos);
+}
+
 TEST_F(ServedTileset, SaysWhatIsMissing) {
   const auto told = [](const fs::path& map) { return error_of([&] { (void)tileset_of(map); }); };
   EXPECT_NE(told(home).find("cairn tileset " + home.string()), std::string::npos);

@@ -4,12 +4,14 @@
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <boost/asio/connect.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/read.hpp>
+#include <boost/asio/read_until.hpp>
 #include <boost/asio/ssl.hpp>
 #include <boost/asio/write.hpp>
 #include <boost/beast/core.hpp>
@@ -105,7 +107,7 @@ class Web : public testing::Test {
 
 class ImpatientWeb : public Web {
  protected:
-  ImpatientWeb() : Web({.patience = 400ms, .connections = 4}) {}
+  ImpatientWeb() : Web({.greeting = 400ms, .patience = 400ms, .connections = 4}) {}
 };
 
 TEST_F(Web, ServesThePageAndFilesToWhoKnowsTheToken) {
@@ -113,6 +115,7 @@ TEST_F(Web, ServesThePageAndFilesToWhoKnowsTheToken) {
   EXPECT_EQ(page.result(), http::status::ok);
   EXPECT_EQ(page.body(), "the page");
   EXPECT_EQ(page[http::field::content_type], "text/html");
+  EXPECT_TRUE(server.is_opened());
   const std::string bytes(3'000'000, 'x');
   write_text(folder / "a.glb", bytes);
   EXPECT_EQ(get(path("a.glb"), host()).body(), bytes);
@@ -298,17 +301,159 @@ TEST_F(ImpatientWeb, ClosesARequestThatDripsForTooLong) {
 TEST_F(ImpatientWeb, HoldsNoMoreThanSomeConnectionsAndForgetsIdleOnes) {
   std::vector<tcp::socket> idle;
   for (int i = 0; i < 4; ++i) idle.push_back(connect());
-  std::this_thread::sleep_for(100ms);
-  auto one_more = connect();
-  EXPECT_EQ(heard_from(one_more), "");  // returns: it was closed
-  EXPECT_TRUE(becomes([&] {
-    try {
-      return get(path(""), host()).result() == http::status::ok;
-    } catch (const boost::system::system_error&) {
-      return false;
-    }
-  }));
+  std::this_thread::sleep_for(50ms);
+  EXPECT_EQ(get(path(""), host()).result(), http::status::ok);  // the oldest of them has gone for it
   for (auto& socket : idle) EXPECT_EQ(heard_from(socket), "");
+}
+
+/// More connections than anyone needs, in one second.
+constexpr int kCrowd = 500;
+
+TEST_F(Web, AnswersWhoHasTheTokenAmongIdleConnections) {
+  for (const int count : {70, kCrowd}) {
+    std::vector<tcp::socket> idle;
+    for (int i = 0; i < count; ++i) idle.push_back(connect());
+    const auto begin = std::chrono::steady_clock::now();
+    for (int i = 0; i < 10; ++i) EXPECT_EQ(get(path(""), host()).result(), http::status::ok) << count;
+    EXPECT_LT(std::chrono::steady_clock::now() - begin, 5s);
+  }
+}
+
+TEST_F(Web, AnswersWhoHasTheTokenAmongHeadersThatDrip) {
+  std::vector<tcp::socket> slow;
+  const std::string request = "GET / HTTP/1.1\r\nHost: " + host() + "\r\nX: " + std::string(60, 'x');
+  for (int i = 0; i < 100; ++i) slow.push_back(connect());
+  std::atomic<bool> ends = false;
+  std::jthread dripping([&] {
+    for (std::size_t at = 0; at < request.size() && !ends; ++at) {
+      boost::system::error_code closed;
+      for (auto& socket : slow) asio::write(socket, asio::buffer(&request[at], 1), closed);
+      std::this_thread::sleep_for(10ms);
+    }
+  });
+  for (int i = 0; i < 20; ++i) {
+    EXPECT_EQ(get(path(""), host()).result(), http::status::ok);
+    std::this_thread::sleep_for(10ms);
+  }
+  ends = true;
+}
+
+TEST_F(Web, KeepsViewersWhileOthersCome) {
+  auto viewer = follow();
+  ASSERT_TRUE(becomes([&] { return feed.viewers() == 1; }));
+  std::vector<tcp::socket> idle;
+  for (int i = 0; i < kCrowd; ++i) idle.push_back(connect());
+  EXPECT_EQ(get(path(""), host()).result(), http::status::ok);
+  feed.set("a", "still here", true);
+  EXPECT_EQ(read(viewer), "still here");
+}
+
+class CrowdedWeb : public Web {
+ protected:
+  CrowdedWeb() : Web({.greeting = 60s, .connections = 8, .strangers = 2}) {}
+  [[nodiscard]] tcp::socket connect_from(const char* address) {
+    tcp::socket socket(context);
+    socket.open(tcp::v4());
+    socket.bind({asio::ip::make_address(address), 0});
+    const auto port = static_cast<std::uint16_t>(std::stoi(host().substr(host().find(':') + 1)));
+    socket.connect({asio::ip::address_v4::loopback(), port});
+    return socket;
+  }
+  static bool is_closed(tcp::socket& socket) {
+    socket.non_blocking(true);
+    char byte = 0;
+    boost::system::error_code error;
+    socket.read_some(asio::buffer(&byte, 1), error);
+    return error && error != asio::error::would_block;
+  }
+};
+
+TEST_F(CrowdedWeb, GivesAnAddressNoMoreThanItsShare) {
+  auto neighbor = connect_from("127.0.0.2");
+  auto first = connect_from("127.0.0.3"), second = connect_from("127.0.0.3"), third = connect_from("127.0.0.3");
+  EXPECT_TRUE(becomes([&] { return is_closed(first); }));
+  for (auto* open : {&neighbor, &second, &third}) EXPECT_FALSE(is_closed(*open));
+}
+
+TEST_F(CrowdedWeb, ClosesWhoHasTheTokenOnlyBetweenRequests) {
+  std::vector<tcp::socket> idle;
+  const std::string request = "GET " + path("") + " HTTP/1.1\r\nHost: " + host() + "\r\n\r\n";
+  for (int i = 0; i < 8; ++i) {  // all that there may be, kept alive
+    idle.push_back(connect());
+    asio::write(idle.back(), asio::buffer(request));
+    std::string answer;
+    asio::read_until(idle.back(), asio::dynamic_buffer(answer), "the page");
+  }
+  auto stranger = connect();
+  EXPECT_TRUE(becomes([&] { return is_closed(idle[0]); }));
+  for (std::size_t i = 1; i < idle.size(); ++i) EXPECT_FALSE(is_closed(idle[i])) << i;
+}
+
+TEST_F(Web, ClosesAfterARequestWithoutTheToken) {
+  auto socket = connect();
+  asio::write(socket, asio::buffer("GET / HTTP/1.1\r\nHost: " + host() + "\r\n\r\n"));
+  EXPECT_NE(heard_from(socket).find("Connection: close"), std::string::npos);  // returns at once
+}
+
+TEST_F(Web, RunsNothingBesideThePage) {
+  write_text(folder / "a.glb", "x");
+  const auto page = get(path(""), host()), file = get(path("a.glb"), host()), none = get("/", host());
+  EXPECT_EQ(page["Content-Security-Policy"].find("sandbox"), beast::string_view::npos);
+  EXPECT_EQ(page.count(http::field::content_disposition), 0u);
+  EXPECT_EQ(file[http::field::content_disposition], "attachment");
+  for (const auto* other : {&file, &none})
+    EXPECT_NE((*other)["Content-Security-Policy"].find("default-src 'none'; frame-ancestors 'none'; sandbox"),
+              beast::string_view::npos);
+  for (const auto* answer : {&page, &file, &none}) {
+    EXPECT_EQ((*answer)["X-Content-Type-Options"], "nosniff");
+    EXPECT_EQ((*answer)["Referrer-Policy"], "no-referrer");
+    EXPECT_EQ((*answer)["Cross-Origin-Resource-Policy"], "same-origin");
+  }
+}
+
+TEST_F(Web, GivesNoLinkPipeFolderOrDevice) {
+  namespace fs = std::filesystem;
+  write_text(folder / "secret", "secret");
+  fs::create_directories(folder / "map" / "folder");
+  fs::create_directories(folder / "elsewhere");
+  write_text(folder / "elsewhere" / "x.bin", "secret");
+  fs::create_symlink(folder / "secret", folder / "map" / "link.glb");
+  fs::create_directory_symlink(folder / "elsewhere", folder / "map" / "sub");
+  ASSERT_EQ(mkfifo((folder / "map" / "pipe.bin").c_str(), 0600), 0);
+  Server::Files files;
+  const fs::path map = folder / "map";
+  for (const char* name : {"link.glb", "sub/x.bin", "pipe.bin", "folder", "../secret", "missing.bin"})
+    files[name] = {.content_type = "application/octet-stream", .body = map / name, .root = map};
+  files["device"] = {.content_type = "application/octet-stream", .body = fs::path("/dev/zero")};
+  const std::vector<std::string> names = [&] {
+    std::vector<std::string> all;
+    for (const auto& [name, file] : files) all.push_back(name);
+    return all;
+  }();
+  server.add(std::move(files));
+  for (const std::string& name : names) {
+    const auto answer = get(path(name), host());
+    EXPECT_EQ(answer.result(), http::status::not_found) << name;
+    EXPECT_EQ(answer.body().find("secret"), std::string::npos) << name;
+  }
+}
+
+TEST_F(Web, NamesADownloadWithoutBreakingItsHeader) {
+  const std::string name = "a\"b\r\nX-Evil: 1\r\n\xc3\xbc%.glb";
+  server.add({{"files/x", {"application/octet-stream", std::string("bytes"), name}}});
+  const auto answer = get(path("files/x"), host());
+  EXPECT_EQ(answer.count("X-Evil"), 0u);
+  EXPECT_EQ(answer[http::field::content_disposition],
+            "attachment; filename=\"a_b__X-Evil: 1_____.glb\"; "
+            "filename*=UTF-8''a%22b%0D%0AX-Evil%3A%201%0D%0A%C3%BC%25.glb");
+}
+
+TEST_F(Web, FindsAFileHoweverItsNameIsEncoded) {
+  server.add({{"my%20image.png", {"image/png", std::string("bytes")}}});
+  for (const char* name : {"my%20image.png", "m%79%20image.png", "my%20image.png?x#y"})
+    EXPECT_EQ(get(path(name), host()).body(), "bytes") << name;
+  EXPECT_EQ(get(path("%2e%2e/secret"), host()).result(), http::status::not_found);
+  EXPECT_EQ(get(path("my%20image.png%00"), host()).result(), http::status::not_found);
 }
 
 TEST_F(ImpatientWeb, ClosesAViewerThatDoesNotRead) {
@@ -447,7 +592,7 @@ class SecureWeb : public Web {
 
 class ImpatientSecureWeb : public SecureWeb {
  protected:
-  ImpatientSecureWeb() : SecureWeb({.patience = 400ms, .connections = 8}) {}
+  ImpatientSecureWeb() : SecureWeb({.greeting = 400ms, .patience = 400ms, .connections = 8}) {}
 };
 
 TEST_F(SecureWeb, ProvesItsAddressAndServesWhoKnowsTheToken) {
