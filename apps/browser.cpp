@@ -5,16 +5,69 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <spawn.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cctype>
+#include <cerrno>
+#include <chrono>
 #include <cstdlib>
+#include <cstring>
 #include <sstream>
-#include <thread>
+#include <stdexcept>
+#include <utility>
 #include <vector>
 
 namespace cairn::apps {
 namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+
+constexpr auto kPoll = 100ms;
+constexpr auto kPatience = 15s;  // for a browser to begin and to load the page
+
+/// Whether a folder belongs to this user alone.
+bool is_private(const fs::path& folder) {
+  struct stat status {};
+  return folder.is_absolute() && lstat(folder.c_str(), &status) == 0 && S_ISDIR(status.st_mode) &&
+         status.st_uid == geteuid() && (status.st_mode & (S_IRWXG | S_IRWXO)) == 0;
+}
+
+/// $XDG_RUNTIME_DIR, else the system's temporary folder.
+fs::path place_of_secrets() {
+  const char* given = std::getenv("XDG_RUNTIME_DIR");
+  if (given != nullptr && is_private(given)) return given;
+  return fs::temp_directory_path();
+}
+
+std::string as_file_url(const fs::path& file) {
+  std::string url = "file://";
+  for (const char c : file.string())
+    url += std::isalnum(static_cast<unsigned char>(c)) != 0 || std::strchr("-._~/", c) != nullptr
+               ? std::string(1, c)
+               : fmt::format("%{:02X}", static_cast<unsigned char>(c));
+  return url;
+}
+
+/// A page that leads to `url` and leaves neither a referrer nor itself in the history.
+std::string redirect_to(const std::string& url) {
+  return fmt::format(
+      "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"referrer\" content=\"no-referrer\">"
+      "<meta http-equiv=\"refresh\" content=\"0; url={0}\"><title>Cairn</title>"
+      "<p><a href=\"{0}\">Open the map</a></p></html>\n",
+      url);
+}
+
+/// A new file that this user alone can read.
+void write_private(const fs::path& file, const std::string& text) {
+  const int descriptor = open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, S_IRUSR | S_IWUSR);
+  const bool is_written = descriptor >= 0 && write(descriptor, text.data(), text.size()) == std::ssize(text);
+  const int error = errno;
+  if (descriptor >= 0) close(descriptor);
+  if (!is_written) throw std::runtime_error(file.string() + ": cannot be written: " + std::strerror(error));
+}
 
 /// $BROWSER is a list with colons between; `%s` stands for the address, which else comes last.
 std::vector<std::vector<std::string>> commands(const std::string& url) {
@@ -68,12 +121,51 @@ bool succeeds(pid_t process) {
 
 }  // namespace
 
+namespace {
+
 void open_browser(const std::string& url) {
   std::thread([all = commands(url)] {
     for (const auto& words : all)
       if (const pid_t process = start(words); process != 0 && succeeds(process)) return;
     fmt::print(stderr, "no browser could be opened: open the address yourself, or name one in BROWSER\n");
   }).detach();
+}
+
+}  // namespace
+
+BrowserPage::BrowserPage(const std::string& url, std::function<bool()> is_loaded) {
+  try {
+    std::string folder = (place_of_secrets() / "cairn-open-XXXXXX").string();
+    if (mkdtemp(folder.data()) == nullptr)
+      throw std::runtime_error(folder + ": cannot be made: " + std::strerror(errno));
+    folder_ = folder;
+    const fs::path file = folder_ / "open.html";
+    write_private(file, redirect_to(url));
+    open_browser(as_file_url(file));
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "no browser is opened: {}; open the address yourself\n", error.what());
+    remove();
+    return;
+  }
+  watch_ = std::jthread([this, is_loaded = std::move(is_loaded)](const std::stop_token& stop) {
+    const auto begin = std::chrono::steady_clock::now();
+    for (bool is_told = false; !stop.stop_requested() && !is_loaded(); std::this_thread::sleep_for(kPoll)) {
+      if (is_told || std::chrono::steady_clock::now() - begin < kPatience) continue;
+      is_told = true;
+      fmt::print(stderr,
+                 "the browser has not loaded the page: open the address yourself (one from a Snap or Flatpak "
+                 "may not read {})\n",
+                 folder_.string());
+    }
+    remove();
+  });
+}
+
+BrowserPage::~BrowserPage() = default;
+
+void BrowserPage::remove() {
+  std::error_code ignored;
+  if (!folder_.empty()) fs::remove(folder_ / "open.html", ignored), fs::remove(folder_, ignored);
 }
 
 }  // namespace cairn::apps

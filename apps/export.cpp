@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <spdlog/spdlog.h>
 
 #include <cstdio>
 #include <filesystem>
@@ -24,6 +25,7 @@
 #include "json_text.hpp"
 #include "output_folder.hpp"
 #include "outputs.hpp"
+#include "plan_info.hpp"
 #include "progress.hpp"
 #include "quantity.hpp"
 #include "recording_names.hpp"
@@ -156,6 +158,11 @@ void export_plan(const Arguments& a) {
   PlanOptions options = a.plan;
   if (options.title.empty()) options.title = tidy(a.map).filename().string();
   options.recordings = recordings_of(a.map);
+  if (holds_plan(a.map)) options.missing = missing_recordings(a.map);
+  if (!options.missing.empty())
+    spdlog::warn(fmt::format("{}: is a plan of which {} of {} recordings are not in the map, or not whole: {}",
+                             a.map.string(), options.missing.size(), options.recordings.size(),
+                             fmt::join(options.missing, ", ")));
   check(options, a.output);
   Progress progress(std::nullopt, "");
   const ExportedPlan e = open_map(a).export_plan(a.output, options, on(progress));

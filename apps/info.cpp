@@ -13,6 +13,7 @@
 #include "commands.hpp"
 #include "json_text.hpp"
 #include "map_info.hpp"
+#include "plan_info.hpp"
 #include "quantity.hpp"
 #include "sources.hpp"
 
@@ -124,6 +125,8 @@ void draw(const Arguments& a) {
 }
 
 void info(const Arguments& a) {
+  if (holds_plan(a.sequence)) return print_plan_info(a.sequence, a.json);
+  refuse_pieces(a.sequence);
   if (holds_map(a.sequence)) return print_map_info(a.sequence, a.json);
   const auto source = open_source(a.sequence, source_options(a.sequence, a.camera, a.topics));
   SourceSummary summary = inspect(*source, a.frames);
@@ -147,7 +150,8 @@ void info(const Arguments& a) {
 
 void add_info(CLI::App& program) {
   auto* command = program.add_subcommand(
-      "info", "Tell what a recording or a sensor gives, as Cairn understands it, or how good a map is");
+      "info",
+      "Tell what a recording or a sensor gives, as Cairn understands it, how good a map is, or how far a plan is");
   const auto a = std::make_shared<Arguments>();
   command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required()->type_name(kPath);
   add_camera(*command, a->camera, "in place of what the recording or sensor tells of its cameras");

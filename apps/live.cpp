@@ -214,10 +214,12 @@ void live(const Arguments& given) {
   Options options = options_of(a);  // what is wrong with them is told before a sensor is opened
   const Beginning begin = beginning(a, {});
   std::optional<LiveViewer> view;
+  std::unique_ptr<BrowserPage> page;
   if (a.view) {
     const ViewerSite& site = view.emplace(a.page.at).site();
     fmt::print(stderr, "view        {}\n", site.urls.front().url);
-    tell_how_to_open(a.page, site, "see the map, and pause, reset and finish the run");
+    page = tell_how_to_open(a.page, site, "see the map, and pause, reset and finish the run",
+                            [&view] { return view->is_opened(); });
   }
   Stream stream(a, begin.range);
   const Rig& rig = stream.source().rig();

@@ -27,6 +27,9 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
+/// The report alone is made again; the map beside it is as it was.
+constexpr const char* kUnread =
+    ": is no JSON, so it was cut off or changed; cairn export writes all else of the map, and cairn view its mesh.glb";
 constexpr std::uintmax_t kMostRead = std::uintmax_t{256} << 20;  // bytes of a mesh that is read to tell its size
 
 constexpr std::array kFiles{
@@ -59,10 +62,11 @@ nlohmann::json report_of(const fs::path& folder) {
   try {
     report = json_in(folder / "report.json");
   } catch (const std::exception&) {
-    report = nullptr;
+    throw std::runtime_error((folder / "report.json").string() + kUnread);
   }
   if (!report.is_object() || !report.contains("frames"))
-    throw std::runtime_error((folder / "report.json").string() + ": is damaged; make the map again");
+    throw std::runtime_error((folder / "report.json").string() +
+                             ": is no report of a run; the map beside it may be whole: cairn view shows its mesh.glb");
   return report;
 }
 

@@ -12,8 +12,12 @@
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
+#include "exit_codes.hpp"
 #include "json_text.hpp"
 #include "output_folder.hpp"
+#include "outputs.hpp"
+#include "plan_info.hpp"
+#include "run.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -30,6 +34,11 @@ nlohmann::json to_json(const JoinedPart& part) {
                       {"keyframes", part.keyframes}, {"moved_m", part.moved},       {"joined", part.left_out.empty()}};
   if (!part.left_out.empty()) json["left_out"] = part.left_out;
   return json;
+}
+
+/// Exit code 3 where a part of the plan is not in its map.
+void end_unless_whole(const Verdict& verdict) {
+  if (verdict.level != Verdict::Level::good) throw CLI::RuntimeError(kNotInMap);
 }
 
 void write_files(const Arguments& a, const nlohmann::json& report) {
@@ -61,19 +70,23 @@ void optimise_plan(const Arguments& a) {
     report["parts"].push_back(to_json(part));
     joined += part.left_out.empty();
   }
+  const Verdict verdict = verdict_of(read_plan(a.plan), o.parts);
+  report["verdict"] = apps::to_json(verdict);
   write_files(a, report);
   report["graph"]["seconds"] = o.seconds;  // which differ from run to run
   if (a.json) {
     fmt::print("{}\n", text_of(report, 2));
-    return;
+    if (verdict.level != Verdict::Level::good) print(verdict, stderr);
+    return end_unless_whole(verdict);
   }
   say("{} of {} parts joined by {} of {} loops and {} frames that two of them share\n", joined, o.parts.size(),
       o.believed, o.loops, o.overlaps);
   if (o.pairs > 0) say("{} of {} pairs of keyframes that lie near each other agree\n", o.aligned, o.pairs);
   say("{} keyframes, {} submaps, {} cells, {} of them to be made\n", o.keyframes, o.submaps, o.cells, o.changed_cells);
-  for (const JoinedPart& part : o.parts)
-    if (!part.left_out.empty()) say("warning     part {} is left out: {}\n", part.name, part.left_out);
   say("trajectory  {}\n", (a.plan / "trajectory.txt").string());
+  say("next: {}\n", next_of_plan(a.plan));
+  print(verdict, is_quiet() ? stderr : stdout);
+  end_unless_whole(verdict);
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include "commands.hpp"
 #include "console.hpp"
 #include "json_text.hpp"
+#include "plan_info.hpp"
 #include "quantity.hpp"
 
 namespace cairn::apps {
@@ -67,6 +68,7 @@ void plan(const Arguments& a) {
     fmt::print("{}\n", text_of(to_json(plan, a.output), 2));
   else
     print(plan, a.output);
+  if (!a.json) say("next: {}\n", next_of_plan(a.output));
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "run.hpp"
 
+#include <fmt/color.h>
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
@@ -16,6 +17,7 @@
 #include "command_line.hpp"
 #include "command_tree.hpp"
 #include "console.hpp"
+#include "exit_codes.hpp"
 #include "flags.hpp"
 #include "json_text.hpp"
 #include "outputs.hpp"
@@ -28,7 +30,6 @@ namespace {
 namespace fs = std::filesystem;
 constexpr int kColourless = 30;       // frames after which a recording has no colour
 constexpr double kFewInliers = 0.45;  // as the live page says it
-constexpr int kBadMap = 3;            // exit code
 
 constexpr double kMostMib = 1 << 24;     // 16 TiB
 constexpr double kLongestBetween = 1e6;  // seconds between two checkpoints
@@ -435,12 +436,17 @@ void Run::tell(const nlohmann::json& report, const Verdict& verdict) const {
 void print(const Verdict& verdict, std::FILE* out) {
   std::string level = name_of(verdict.level);
   if (verdict.level == Verdict::Level::bad) level = "BAD";
+  const Terminal terminal = terminal_of(fileno(out));
+  const auto color = verdict.level == Verdict::Level::bad    ? fmt::terminal_color::red
+                     : verdict.level == Verdict::Level::weak ? fmt::terminal_color::yellow
+                                                             : fmt::terminal_color::green;
+  if (terminal.has_colours) level = fmt::format(fmt::fg(color) | fmt::emphasis::bold, "{}", level);
   fmt::print(out, "{}: {}\n", level, verdict.words);
   for (const std::string& reason : verdict.reasons) fmt::print(out, "  - {}\n", reason);
 }
 
 void end_with(const Verdict& verdict) {
-  if (verdict.level == Verdict::Level::bad) throw CLI::RuntimeError(kBadMap);
+  if (verdict.level == Verdict::Level::bad) throw CLI::RuntimeError(kNotInMap);
 }
 
 namespace {

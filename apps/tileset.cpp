@@ -10,6 +10,8 @@
 #include "commands.hpp"
 #include "console.hpp"
 #include "json_text.hpp"
+#include "plan_info.hpp"
+#include "run.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -25,6 +27,11 @@ void write_it(const Arguments& a) {
     fmt::print("{}\n", text_of({{"file", a.output.string()}, {"cells", cells}}, 2));
   else
     say("{}  {} cells\n", a.output.string(), cells);
+  if (const auto joined = joined_parts(a.plan)) {
+    const Verdict verdict = verdict_of(read_plan(a.plan), *joined);
+    if (!a.json || verdict.level != Verdict::Level::good) print(verdict, a.json ? stderr : stdout);
+  }
+  if (!a.json) say("next: {}\n", next_of_plan(a.plan));
 }
 
 }  // namespace

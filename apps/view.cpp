@@ -7,9 +7,12 @@
 #include <memory>
 #include <thread>
 
+#include "cairn/parts.hpp"
 #include "cairn/viewer.hpp"
 #include "commands.hpp"
 #include "interrupt.hpp"
+#include "plan_info.hpp"
+#include "run.hpp"
 #include "view_options.hpp"
 
 namespace cairn::apps {
@@ -24,11 +27,17 @@ struct Arguments : ViewArguments {
 void view(const Arguments& a) {
   const MapViewer viewer(a.map, a.at);
   const Interrupt interrupt(Interrupt::Worth::now, "");
+  if (holds_plan(a.map))
+    if (const auto joined = joined_parts(a.map)) {
+      const Verdict verdict = verdict_of(read_plan(a.map), *joined);
+      if (verdict.level != Verdict::Level::good) print(verdict, stderr);
+    }
   fmt::print("{}\n", viewer.site().urls.front().url);
   std::fflush(stdout);
   fmt::print(stderr, "open this address in a browser{}; Ctrl-C ends\n",
              viewer.site().fingerprint.empty() ? " on this machine" : "");
-  tell_how_to_open(a, viewer.site(), "see the map and take its files");
+  const auto page =
+      tell_how_to_open(a, viewer.site(), "see the map and take its files", [&viewer] { return viewer.is_opened(); });
   while (!interrupt.requested()) std::this_thread::sleep_for(100ms);
 }
 

@@ -4,7 +4,8 @@
 
 #include <fmt/format.h>
 
-#include "browser.hpp"
+#include <utility>
+
 #include "qr_code.hpp"
 #include "quantity.hpp"
 
@@ -22,7 +23,8 @@ void add_view_options(CLI::App& command, ViewArguments& a, CLI::Option* needs) {
     for (CLI::Option* option : {port, host, open}) option->needs(needs);
 }
 
-void tell_how_to_open(const ViewArguments& a, const ViewerSite& site, const char* they_can) {
+std::unique_ptr<BrowserPage> tell_how_to_open(const ViewArguments& a, const ViewerSite& site, const char* they_can,
+                                              std::function<bool()> is_opened) {
   const bool is_shared = !site.fingerprint.empty();
   for (std::size_t i = 1; i < site.urls.size(); ++i)
     fmt::print(stderr, "also        {} ({})\n", site.urls[i].url, site.urls[i].interface);
@@ -35,7 +37,8 @@ void tell_how_to_open(const ViewArguments& a, const ViewerSite& site, const char
   }
   std::fflush(stderr);
   // On this machine every one of its addresses opens; the last one does not change with the network.
-  if (a.open) open_browser(site.urls.back().url);
+  if (!a.open) return nullptr;
+  return std::make_unique<BrowserPage>(site.urls.back().url, std::move(is_opened));
 }
 
 }  // namespace cairn::apps

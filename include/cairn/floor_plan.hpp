@@ -17,6 +17,7 @@ struct PlanOptions {
   bool coverage = false;                ///< marks where nobody looked, see ExportedStorey::not_looked_at
   std::string title;                    ///< what was recorded, as the plan names it
   std::vector<std::string> recordings;  ///< what their paths are named; those without a name are numbered from 0
+  std::vector<std::string> missing;     ///< recordings that are not in the map, or not whole; named in red
 };
 
 /// Throws std::runtime_error naming the option, its value and the allowed range, or a kind of file that is none.

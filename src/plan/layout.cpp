@@ -20,7 +20,7 @@ namespace {
 constexpr double kMargin = 10, kRuler = 14;  // mm: of the page, and beside the plan
 constexpr Colour kBlack = 0x000000, kPaper = 0xffffff, kWall = 0x4a4a4a, kFloor = 0xf4ecdc, kFurniture = 0xe2d8c6,
                  kEdge = 0xa89c88, kUnseen = 0x8c8c8c, kMissed = 0xf6cfd9, kPath = 0xc1443c, kFine = 0x606060,
-                 kGridLine = 0xd6d2ca, kLoop = 0x707070, kLoopBetween = 0xd55e00;
+                 kGridLine = 0xd6d2ca, kLoop = 0x707070, kLoopBetween = 0xd55e00, kAlarm = 0xb00020;
 // Of several recordings; told apart by whoever sees colours otherwise, too (Okabe & Ito 2008).
 constexpr std::array<Colour, 5> kPaths{0x0072b2, 0xe69f00, 0x009e73, 0xcc79a7, 0x56b4e9};
 constexpr double kLegendRow = 5;     // mm
@@ -423,6 +423,23 @@ Layer title_of(const Plan& plan, std::size_t i, const std::string& title, const 
                           1e3 * storey.walls.mean_off, 1e3 * storey.walls.p95_off)}}};
 }
 
+/// Recordings that are not in the map, above the drawing: as many names as the page has room for.
+Layer missing_of(const Plan& plan) {
+  constexpr double kSize = 3.5, kLetter = 2.1;  // mm
+  const auto& missing = plan.options.missing;
+  std::string text = fmt::format("Not in this map, whole or in part: {} of {} recordings", missing.size(),
+                                 std::max(plan.options.recordings.size(), missing.size()));
+  const double room = (plan.page.size.x() - 2 * kMargin) / kLetter;
+  std::size_t named = 0;
+  for (const std::string& name : missing) {
+    if (static_cast<double>(text.size() + name.size() + 6) > room) break;
+    text += (named++ == 0 ? ": " : ", ") + name;
+  }
+  if (named > 0 && named < missing.size()) text += ", …";
+  return {.name = "Missing",
+          .labels = {{.at = {kMargin, kMargin}, .text = text, .size = kSize, .bold = true, .color = kAlarm}}};
+}
+
 constexpr double kLegendBelow = 12.5, kTitleBelow = 6;  // mm
 
 /// What legends take below the usual two rows, at most.
@@ -444,6 +461,7 @@ Sheet sheet_of(const Plan& plan, std::size_t i) {
   const Point at(kMargin, page.size.y() - kMargin - page.footer + kTitleBelow);
   const double right = page.size.x() - kMargin;
   sheet.layers.push_back(title_of(plan, i, title, at));
+  if (!plan.options.missing.empty()) sheet.layers.push_back(missing_of(plan));
   add_scale_bar(page, {right, at.y()}, sheet.layers);
   add_legend(meanings, at + Point(0, kLegendBelow), right, sheet.layers);
   return sheet;

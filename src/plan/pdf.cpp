@@ -78,7 +78,7 @@ void draw(cairo_t* c, const Label& label) {
   cairo_translate(c, label.at.x(), label.at.y());
   if (label.upwards) cairo_rotate(c, -std::numbers::pi / 2);
   cairo_move_to(c, -share * extents.x_advance, 0);
-  cairo_set_source_rgb(c, 0, 0, 0);
+  set_colour(c, label.color);
   cairo_show_text(c, label.text.c_str());
   cairo_restore(c);
 }

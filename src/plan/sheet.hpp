@@ -35,6 +35,7 @@ struct Label {
   Align align = Align::left;
   bool bold = false;
   bool upwards = false;  // turned to be read from the right
+  Colour color = 0x000000;
 };
 
 /// What is drawn alike, and can be switched off together.
@@ -42,7 +43,7 @@ struct Layer {
   std::string name;
   Style style = {};
   std::vector<Shape> shapes = {};
-  std::vector<Label> labels = {};  // black
+  std::vector<Label> labels = {};
 };
 
 struct Sheet {

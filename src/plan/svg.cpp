@@ -50,9 +50,10 @@ std::string text_of(const Label& label) {
   constexpr const char* kAnchors[] = {"start", "middle", "end"};
   const std::string turn =
       label.upwards ? fmt::format(" transform=\"rotate(-90 {:.3f} {:.3f})\"", label.at.x(), label.at.y()) : "";
-  return fmt::format("<text x=\"{:.3f}\" y=\"{:.3f}\" font-size=\"{}\" text-anchor=\"{}\"{}{}>{}</text>\n",
+  const std::string color = label.color == 0 ? "" : fmt::format(" fill=\"#{:06x}\"", label.color);
+  return fmt::format("<text x=\"{:.3f}\" y=\"{:.3f}\" font-size=\"{}\" text-anchor=\"{}\"{}{}{}>{}</text>\n",
                      label.at.x(), label.at.y(), label.size, kAnchors[static_cast<int>(label.align)],
-                     label.bold ? " font-weight=\"bold\"" : "", turn, escaped(label.text));
+                     label.bold ? " font-weight=\"bold\"" : "", color, turn, escaped(label.text));
 }
 
 }  // namespace

@@ -51,6 +51,11 @@ std::string kind_of(const char* what) { return fmt::format("cairn {}", what); }
 
 CheckedBytes read_state(const fs::path& session) {
   const fs::path file = session / kState;
+  if (const fs::path home = session.parent_path(); !fs::exists(file) && fs::exists(home / "plan.json"))
+    throw std::runtime_error(
+        fmt::format("{0}: is a plan whose maps are not put together yet; cairn info {0} reports "
+                    "the next command, and cairn optimise {0} puts them together",
+                    home.string()));
   if (!fs::exists(file))
     throw std::runtime_error(file.string() + ": there is no session to go on with; begin a new session");
   try {

@@ -31,7 +31,8 @@ TEST_F(PlannedBuilding, IsToldByRecordingAndNumberOfParts) {
   const Ran ran = plan({in("walk"), "--frames-per-part", "20", "--overlap", "5"});
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
   EXPECT_EQ(ran.out, fs::canonical(in("walk")).string() + ": 40 frames, parts 000 to 001\n" + in("plan") +
-                         ": 2 parts, of 23 frames at most\n");
+                         ": 2 parts, of 23 frames at most\nnext: cairn reconstruct " + in("plan/parts/000") + " -o " +
+                         in("plan/maps/000") + " --no-mesh --reintegrate  (the first of 2 parts)\n");
   // What is not asked for again is the plan's.
   const Ran again = plan({in("walk"), "--json"});
   ASSERT_EQ(again.exit_code, 0) << again.err;
@@ -43,6 +44,68 @@ TEST_F(PlannedBuilding, IsToldByRecordingAndNumberOfParts) {
                 {"name", "001"}, {"folder", in("plan/parts/001")}, {"recording", 0}, {"begin", 17}, {"end", 40}}));
   expect_one_line(plan({in("walk"), "--overlap", "6"}), 1, "was made with --frames-per-part 20 and --overlap 5");
   expect_one_line(plan({in("walk"), "--overlap", "20"}), 1, "--overlap is 20: take 0 or more, and less than");
+}
+
+/// What a text has to say.
+void expect_in(const std::string& text, const std::vector<std::string>& all) {
+  for (const std::string& one : all) EXPECT_NE(text.find(one), std::string::npos) << one << " in:\n" << text;
+}
+
+TEST_F(PlannedBuilding, IsReportedOnWithTheNextCommand) {
+  ASSERT_EQ(plan({in("walk"), "--frames-per-part", "20", "--overlap", "5"}).exit_code, 0);
+  const auto info = [&] {
+    const Ran ran = run_cairn({"info", in("plan")});
+    EXPECT_EQ(ran.exit_code, 0) << ran.err;
+    return ran.out;
+  };
+  expect_in(info(), {"1 recordings, 40 frames, in 2 parts", "part 001", "frames 17 to 39: has no map yet",
+                     "maps            0 made, 0 failed, 2 missing", "next: cairn reconstruct"});
+  for (const char* part : {"000", "001"}) {
+    fs::create_directories(in("plan/maps/") + part + "/session");
+    write_text(in("plan/maps/") + part + "/session/state.cbor", "");
+  }
+  expect_in(info(), {"maps            2 made, 0 failed, 0 missing", "pairs           0 matched, 1 missing",
+                     "next: cairn match " + in("plan/maps/000") + " " + in("plan/maps/001")});
+  fs::create_directories(in("plan/loops"));
+  write_text(in("plan/loops/000-001.json"), "{}");
+  expect_in(info(), {"next: cairn optimise " + in("plan")});
+  write_text(in("plan/report.json"),
+             R"({"parts": [{"name": "000", "recording": 0, "joined": true},
+                           {"name": "001", "recording": 0, "joined": false, "left_out": "nothing joins it with the others"}]})");
+  fs::create_directories(in("plan/cells"));
+  write_text(in("plan/cells/0,0,-1.json"), "{}");
+  expect_in(info(), {"part 000", "is in the map", "is left out: nothing joins it with the others",
+                     "cells           1, 0 made, 1 missing", "BAD: 1 of 2 parts are in the map, with 50 % of the frames",
+                     "record more between it and the others", "next: cairn tile " + in("plan") + " --cell=0,0,-1"});
+  const Ran json = run_cairn({"info", in("plan"), "--json"});
+  const auto told = nlohmann::json::parse(json.out);
+  EXPECT_EQ(told.at("verdict").at("level"), "bad");
+  EXPECT_EQ(told.at("cells"), (nlohmann::json{{"count", 1}, {"made", 0}}));
+  write_text(in("plan/report.json"), "{");
+  expect_one_line(run_cairn({"info", in("plan")}), 1, "make it again with cairn optimise");
+}
+
+TEST_F(PlannedBuilding, HasPiecesThatAreNamed) {
+  ASSERT_EQ(plan({in("walk")}).exit_code, 0);
+  for (const char* piece : {"cells/0,0,0.json", "loops/000-001.json", "tiles/0,0,0/tileset.json", "maps/000/x"}) {
+    fs::create_directories(fs::path(in(std::string("plan/") + piece)).parent_path());
+    write_text(in(std::string("plan/") + piece), "{}");
+  }
+  const auto told = [&](const std::string& piece, const std::string& words) {
+    expect_one_line(run_cairn({"info", in("plan/" + piece)}), 1, words);
+  };
+  told("cells", "is the folder of a plan's cells; cairn info");
+  told("cells/0,0,0.json", "is a cell of a plan");
+  told("loops", "is the folder of a plan's matches");
+  told("loops/000-001.json", "holds matches between two maps of a plan; cairn optimise");
+  told("tiles", "is the folder of a plan's tiles; cairn view");
+  told("tiles/0,0,0", "is a cell of a plan's map");
+  told("maps", "is the folder of a plan's maps");
+  told("parts", "is the folder of a plan's parts");
+  told("plan.json", "is a plan's own file");
+  EXPECT_EQ(run_cairn({"info", in("plan/parts/000")}).exit_code, 0);  // a recording
+  expect_one_line(run_cairn({"match", in("plan"), in("plan"), "-o", in("x.json")}), 1,
+                  "is a plan whose maps are not put together yet");
 }
 
 TEST_F(PlannedBuilding, HasPartsThatGoOnWhereTheirRunWasCutOff) {

@@ -168,6 +168,7 @@ TEST_F(ViewedMap, MayBeASingleFile) {
     EXPECT_GT(read_mesh(kept("shown.glb", given(files, shown))).triangles.size(), mesh.triangles.size() / 2) << file;
     EXPECT_EQ(given(files, data["files"][0]["url"]) == read_bytes(file), true);
   }
+  write_text(*folder / "ok.bin", "a buffer");
   write_text(*folder / "evil.gltf",
              R"({"buffers":[{"uri":"../secret.bin"},{"uri":"/etc/passwd"},{"uri":"%2e%2e/a.bin"},{"uri":"ok.bin"}]})");
   const Files evil = served_file(*folder / "evil.gltf");
@@ -195,13 +196,30 @@ TEST_F(ViewedMap, IsToldFromWhatIsNone) {
 
 TEST_F(ViewedMap, IsOpenedInTheUsersBrowser) {
   const fs::path seen = *folder / "seen", script = *folder / "browser";
-  write_text(script, "#!/bin/sh\necho \"$1\" > " + seen.string() + "\n");
+  const fs::path runtime = *folder / "runtime";
+  fs::create_directory(runtime);
+  fs::permissions(runtime, fs::perms::owner_all);
+  write_text(script, "#!/bin/sh\nfile=${1#file://}\ncp \"$file\" " + seen.string() +
+                         "\nstat -c '%a %U' \"$file\" \"${file%/*}\" > " + seen.string() + ".modes\nid -un >> " +
+                         seen.string() + ".modes\ncat /proc/*/cmdline 2>/dev/null | tr '\\0' '\\n' > " + seen.string() +
+                         ".lines\n");
   fs::permissions(script, fs::perms::owner_all);
-  const Ran ran = view({map().string(), "--open"}, "BROWSER=" + script.string());
+  const Ran ran =
+      view({map().string(), "--open"}, "XDG_RUNTIME_DIR=" + runtime.string() + " BROWSER=" + script.string());
   EXPECT_NE(ran.out.find("http://127.0.0.1:"), std::string::npos) << ran.err;
-  EXPECT_EQ(read_bytes(seen), ran.out);
+  const std::string url = ran.out.substr(0, ran.out.find('\n')), token = url.substr(url.find('/', 7));
+  EXPECT_NE(read_bytes(seen).find("url=" + url + "\""), std::string::npos) << read_bytes(seen);
+  EXPECT_NE(read_bytes(seen).find("no-referrer"), std::string::npos);
+  const std::string lines = read_bytes(seen.string() + ".lines"), modes = read_bytes(seen.string() + ".modes");
+  EXPECT_NE(lines.find("file://" + runtime.string() + "/cairn-open-"), std::string::npos) << lines;
+  EXPECT_EQ(lines.find(token), std::string::npos);  // all users of the machine read command lines
+  const std::string user = modes.substr(modes.rfind('\n', modes.size() - 2) + 1);
+  EXPECT_EQ(modes, "600 " + user + "700 " + user + user);
+  EXPECT_TRUE(fs::is_empty(runtime));  // gone with the program
   const Ran none = view({map().string(), "--open"}, "BROWSER=/nowhere/browser PATH=/nowhere");
   EXPECT_NE(none.err.find("no browser could be opened"), std::string::npos) << none.err;
+  const Ran nowhere = view({map().string(), "--open"}, "XDG_RUNTIME_DIR= TMPDIR=/nowhere BROWSER=" + script.string());
+  EXPECT_NE(nowhere.err.find("no browser is opened: "), std::string::npos) << nowhere.err;
 }
 
 TEST_F(ViewedMap, IsServedToOtherDevicesWithAWarning) {
