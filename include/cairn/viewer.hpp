@@ -45,8 +45,9 @@ class LiveViewer {
   LiveViewer& operator=(const LiveViewer&) = delete;
 
   [[nodiscard]] const ViewerSite& site() const;
-  /// A new map, which must live until the next one or the end, with its options.
-  void begin(Mapper& mapper, const Rig& rig, const Options& options);
+  /// A new map, which must live until the next one or the end, with its options. `frames_before`: of earlier runs,
+  /// which a reset keeps; viewers are told so before they ask for one.
+  void begin(Mapper& mapper, const Rig& rig, const Options& options, int frames_before = 0);
 
   /// What viewers asked for since the last call.
   struct Asked {
