@@ -11,6 +11,7 @@
 #include "cairn/source.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
+#include "inputs_and_outputs.hpp"
 #include "json_text.hpp"
 #include "map_info.hpp"
 #include "sources.hpp"
@@ -123,6 +124,7 @@ void draw(const Arguments& a) {
 }
 
 void info(const Arguments& a) {
+  Inputs().add_recording(a.sequence).add(a.camera).expect_apart_from_file(a.picture);
   if (holds_map(a.sequence)) return print_map_info(a.sequence, a.json);
   const auto source = open_source(a.sequence, source_options(a.sequence, a.camera, a.topics));
   SourceSummary summary = inspect(*source, a.frames);

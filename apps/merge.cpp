@@ -9,6 +9,7 @@
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
+#include "inputs_and_outputs.hpp"
 #include "output_folder.hpp"
 #include "outputs.hpp"
 #include "run.hpp"
@@ -27,6 +28,9 @@ struct Arguments : OutputArguments {
 
 void merge(Arguments a) {
   check(a.mesh.for_file("mesh.glb"), "mesh.glb");
+  Inputs inputs;
+  for (const fs::path& map : a.maps) inputs.add_map(map);
+  inputs.expect_apart_from_folder(a.output);
   const Session::Info first = Session::info(a.maps[0] / "session");
   for (const fs::path& map : a.maps) {
     const Session::Info info = Session::info(map / "session");
@@ -36,10 +40,9 @@ void merge(Arguments a) {
     if (info.voxel_size != first.voxel_size || info.truncation != first.truncation)
       throw std::runtime_error(fmt::format("{}: has voxels of {} m, {} of {} m; make both with the same --voxel-size",
                                            map.string(), info.voxel_size, a.maps[0].string(), first.voxel_size));
-    if (fs::exists(a.output) && fs::equivalent(map, a.output))
-      throw std::runtime_error(a.output.string() + ": is one of the maps to merge; choose another folder with -o");
   }
   a.output = choose_output(a, false);
+  inputs.expect_apart_from_folder(a.output);
   prepare_output(a.output);
   std::vector<fs::path> sessions;
   for (const fs::path& map : a.maps) sessions.push_back(map / "session");
