@@ -8,6 +8,7 @@
 #include <map>
 
 #include "cairn/mapper.hpp"
+#include "cairn/option_ranges.hpp"
 #include "cairn/scene.hpp"
 #include "cairn/source.hpp"
 #include "cairn/synthetic.hpp"
@@ -15,6 +16,7 @@
 #include "commands.hpp"
 #include "durations.hpp"
 #include "json_text.hpp"
+#include "quantity.hpp"
 #include "run.hpp"
 #include "sources.hpp"
 
@@ -148,12 +150,9 @@ void add_bench(CLI::App& program) {
   command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required()->type_name(kPath);
   command->add_option("--frames", a->frames, kFramesHelp)->type_name("RANGE")->capture_default_str();
   add_camera(*command, a->camera, "in place of what the recording tells of its cameras");
-  command
-      ->add_option("--voxel-size", a->voxel_size,
-                   "Metres a side; the truncation is four of them, or more where the sensor is noisier")
-      ->check(CLI::Range(0.001f, 1.0f));
-  command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
-      ->capture_default_str();
+  add_number(*command, "--voxel-size", a->voxel_size, range_of("fuse.voxel_size"), Unit::metres,
+             "Side of a voxel; the truncation is four of them, or more where the sensor is noisier [0.01]");
+  add_device(*command, a->device);
   command->add_flag("--json", a->json, "Print JSON");
   add_topics(*command, a->topics);
   command->callback([a] {

@@ -11,6 +11,7 @@
 #include "commands.hpp"
 #include "inputs_and_outputs.hpp"
 #include "progress.hpp"
+#include "quantity.hpp"
 #include "sources.hpp"
 
 namespace cairn::apps {
@@ -115,8 +116,7 @@ void add_calibrate(CLI::App& program) {
   command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required()->type_name(kPath);
   command->add_option("-o,--output", a->output, "camera.yaml to write")->required()->type_name(kFile);
   add_camera(*command, a->camera, "to begin with, in place of what the recording tells");
-  auto* frames = command->add_option("--frames", a->frames, "Frames to look at, spread over all")
-                     ->check(CLI::Range(1, 1000))
+  auto* frames = add_number(*command, "--frames", a->frames, {1, 1000}, "Frames to look at, spread over all")
                      ->capture_default_str();
   auto* shutter =
       command

@@ -2,17 +2,27 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "cell_option.hpp"
 
-#include <cstdio>
+#include <cstdlib>
+#include <sstream>
 #include <utility>
+
+#include "cairn/quantity.hpp"
 
 namespace cairn::apps {
 namespace {
 
 std::array<int, 3> parse_cell(const std::string& text) {
+  constexpr long long kFarthest = 1'000'000;  // cells
   std::array<int, 3> cell{};
-  int end = 0;
-  if (std::sscanf(text.c_str(), "%d,%d,%d%n", &cell[0], &cell[1], &cell[2], &end) != 3 ||
-      static_cast<std::size_t>(end) != text.size())
+  std::istringstream parts(text);
+  std::size_t count = 0;
+  bool is_right = !text.ends_with(',');
+  for (std::string part; std::getline(parts, part, ','); ++count) {
+    const auto value = parse_whole(part);
+    is_right = is_right && count < cell.size() && value && std::abs(*value) <= kFarthest;
+    if (is_right) cell[count] = static_cast<int>(*value);
+  }
+  if (!is_right || count != cell.size())
     throw CLI::ValidationError("--cell",
                                "'" + text + "' is not X,Y,Z, as PLAN/cells names its files, for example 0,-1,2");
   return cell;

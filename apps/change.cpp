@@ -9,6 +9,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "cairn/option_ranges.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
@@ -16,6 +17,7 @@
 #include "json_text.hpp"
 #include "output_folder.hpp"
 #include "progress.hpp"
+#include "quantity.hpp"
 #include "recording_names.hpp"
 
 namespace cairn::apps {
@@ -114,13 +116,13 @@ void add_change(CLI::App& program) {
                    "X.glb, X.gltf: the later surface, grey, with what is new, blue, and what is gone, orange")
       ->required()
       ->type_name(kFile);
-  command
-      ->add_option("--distance", a->options.distance,
-                   "Metres that a surface may be off without having changed, 8 voxels at most; 0: four voxels")
+  add_number(*command, "--distance", a->options.distance, export_range_of("ChangeOptions::distance"), Unit::metres,
+             "How far a surface may be off without having changed, 8 voxels at most; 0: four voxels")
       ->capture_default_str();
-  command->add_option("--min-area", a->options.min_area, "m2; smaller pieces have not changed")->capture_default_str();
-  command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
+  add_number(*command, "--min-area", a->options.min_area, export_range_of("ChangeOptions::min_area"),
+             Unit::square_metres, "Smaller pieces have not changed")
       ->capture_default_str();
+  add_device(*command, a->device);
   command->add_flag("--json", a->json, "Print JSON, with each piece's area, middle and extent");
   command->callback([a] { run_change(*a); });
 }

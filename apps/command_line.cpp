@@ -4,29 +4,29 @@
 
 #include <algorithm>
 #include <fstream>
-#include <string_view>
+
+#include "cairn/quoted.hpp"
 
 namespace cairn::apps {
-
-std::string quoted(const std::string& word) {
-  constexpr std::string_view kPlain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_@%+=:,./-";
-  if (!word.empty() && word.find_first_not_of(kPlain) == word.npos) return word;
-  std::string text = "'";
-  for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return text + "'";
-}
 
 std::string resuming(std::vector<std::string> words, const std::filesystem::path& asked,
                      const std::filesystem::path& written) {
   std::erase_if(words, [](const std::string& w) { return w == "--overwrite" || w == "--auto-name"; });
   if (asked != written) {
-    // As its last word, or after -o, in one word with it or not.
-    const auto names_it = [&](const std::string& w) {
-      return w == asked.string() || (w.starts_with("-o") && w.substr(2) == asked.string()) ||
-             w == "--output=" + asked.string();
+    // After -o, in one word with it or not, or as the last word that is the same.
+    const auto is_output = [&](std::size_t i) {
+      const std::string& w = words[i];
+      const bool follows = i > 0 && (words[i - 1] == "-o" || words[i - 1] == "--output");
+      return (follows && w == asked.string()) || w == "-o" + asked.string() || w == "--output=" + asked.string();
     };
-    if (const auto it = std::find_if(words.rbegin(), words.rend(), names_it); it != words.rend())
-      it->replace(it->size() - asked.string().size(), asked.string().size(), written.string());
+    std::size_t at = 0;
+    while (at < words.size() && !is_output(at)) ++at;
+    if (at == words.size()) {
+      const auto it = std::find(words.rbegin(), words.rend(), asked.string());
+      at = static_cast<std::size_t>(words.rend() - it) - 1;  // none: beyond the end
+    }
+    if (at < words.size())
+      words[at].replace(words[at].size() - asked.string().size(), asked.string().size(), written.string());
   }
   if (std::find(words.begin(), words.end(), "--resume") == words.end()) words.emplace_back("--resume");
   std::string line;

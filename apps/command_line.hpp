@@ -8,8 +8,6 @@
 
 namespace cairn::apps {
 
-/// A word as a shell reads it.
-[[nodiscard]] std::string quoted(const std::string& word);
 /// The command line that goes on with what `words` began, the program's name before them: with --resume, and with the
 /// folder that was written to in the place of the one that was asked for.
 [[nodiscard]] std::string resuming(std::vector<std::string> words, const std::filesystem::path& asked,

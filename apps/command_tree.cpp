@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <string_view>
 
+#include "quantity.hpp"
 #include "suggest.hpp"
 
 namespace cairn::apps {
@@ -48,14 +49,6 @@ std::vector<std::string> choices_in(const std::string& description) {
   for (const std::string& word : split(between(description, "{", "}"), ','))
     if (!word.empty()) words.push_back(word.substr(0, word.find("->")));
   return words;
-}
-
-std::string range_in(const std::string& description) {
-  if (description == "POSITIVE") return "more than 0";
-  if (description == "NONNEGATIVE") return "0 or more";
-  const std::string range = between(description, " in [", "]");
-  const std::size_t dash = range.find(" - ");
-  return dash == range.npos ? "" : number(range.substr(0, dash)) + " to " + number(range.substr(dash + 3));
 }
 
 Kind kind_of(const std::string& type) {
@@ -128,10 +121,14 @@ Value value_of(const CLI::Option& option) {
       value.kind = Kind::choice;
       value.choices = std::move(choices);
     }
-    if (auto range = range_in(types[i]); !range.empty()) value.range = std::move(range);
+    if (const std::string check = std::string(kQuantity) + ' '; types[i].starts_with(check)) {
+      const std::size_t end = types[i].find(' ', check.size());
+      value.placeholder = types[i].substr(check.size(), end - check.size());
+      value.range = types[i].substr(end + 1);
+    }
   }
   const bool is_named = value.kind == Kind::text && types[0] != "TEXT" && types[0] != "ENUM" && !types[0].empty();
-  value.placeholder = is_named ? types[0] : placeholder_of(value.kind);
+  if (value.placeholder.empty()) value.placeholder = is_named ? types[0] : placeholder_of(value.kind);
   if (option.get_expected_min() > 1 && !is_named) {
     const std::string one = value.placeholder;
     for (int i = 1; i < std::min(option.get_expected_min(), 3); ++i) value.placeholder += ' ' + one;

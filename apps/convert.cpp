@@ -36,6 +36,7 @@ struct Converted {
   Reasons left_out;
   Trajectory poses;                  // that came with the frames
   std::optional<std::string> ended;  // early: why
+  bool is_interrupted = false;
 };
 
 /// The frames that can be read, and what is told about the others.
@@ -62,16 +63,18 @@ class Reader {
         continue;
       }
       ++converted_.frames;
+      interrupt_.is_worth_finishing();
       converted_.apart += !frame->colour.empty() && std::abs(frame->colour_delay) > kMostDelay;
       if (frame->world_from_camera) converted_.poses.push_back({frame->timestamp, *frame->world_from_camera});
       return frame;
     }
+    converted_.is_interrupted = true;
     return std::nullopt;
   }
 
   Source& source_;
   Converted& converted_;
-  Interrupt interrupt_;
+  Interrupt interrupt_{Interrupt::Worth::later};
   Progress progress_;
   std::optional<Frame> first_;  // tells the unit of depth
 };
@@ -113,7 +116,8 @@ void convert(const Arguments& a) {
                text_of({{"frames", c.frames}, {"unreadable", c.unreadable}, {"depth_scale", c.depth_scale}}, 2));
   else
     say("{}: {} frames, depth in {} units a metre{}\n", a.output.string(), c.frames, c.depth_scale,
-        c.unreadable > 0 ? fmt::format(", {} unreadable", c.unreadable) : "");
+        (c.unreadable > 0 ? fmt::format(", {} unreadable", c.unreadable) : "") +
+            (c.is_interrupted ? "; interrupted, those after them are left out" : ""));
   if (c.ended) throw std::runtime_error(*c.ended + "; what came before is in " + a.output.string());
 }
 

@@ -2,13 +2,14 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "cairn/quoted.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
+#include "json_text.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -20,9 +21,12 @@ constexpr const char *kScene = "synthetic:room", *kFrames = "60";
 
 /// Whether a folder holds an earlier demo, which may be replaced.
 bool is_demo(const fs::path& folder) {
-  std::ifstream in(folder / "report.json");
-  const auto report = nlohmann::json::parse(in, nullptr, false);
-  return report.is_object() && report.value("sequence", "") == kScene;
+  try {
+    const nlohmann::json report = json_in(folder / "report.json");
+    return report.is_object() && report.value("sequence", nlohmann::json()) == kScene;
+  } catch (const std::exception&) {
+    return false;
+  }
 }
 
 void demo(const fs::path& output) {
@@ -35,7 +39,7 @@ void demo(const fs::path& output) {
   const fs::path page = output / "report.html";
   say("\nlook at it  {}\n", fs::absolute(fs::exists(page) ? page : output / "mesh.glb").string());
   say("or serve it cairn view {}\nnext        cairn reconstruct FOLDER -o OUT, with a recording of your own\n",
-      output.string());
+      quoted(output));
 }
 
 }  // namespace

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
@@ -22,7 +21,9 @@
 #include "cairn/atomic_file.hpp"
 #include "cairn/file_name.hpp"
 #include "cairn/map.hpp"
+#include "cairn/option_ranges.hpp"
 #include "cairn/parts.hpp"
+#include "cairn/quoted.hpp"
 #include "cell_option.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
@@ -33,6 +34,7 @@
 #include "json_text.hpp"
 #include "output_folder.hpp"
 #include "pictures.hpp"
+#include "quantity.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -70,32 +72,22 @@ void write_answers(std::ostream& out, const std::vector<Eigen::Vector3f>& points
   }
 }
 
-/// The number that a word is, also nan or inf; nothing if it is none.
-std::optional<float> number_in(std::string_view word) {
-  float value = 0;
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-  if (error != std::errc() || end != word.data() + word.size()) return std::nullopt;
-  return value;
-}
+constexpr double kFarthestPlane = 1e6;  // metres
 
 struct Plane {
   int axis = 0;
   float at = 0;  // metres
 };
 Plane parse_plane(const std::string& text) {
-  const auto value = text.size() > 2 && text[1] == '=' ? number_in(std::string_view(text).substr(2)) : std::nullopt;
-  if (!value || !std::isfinite(*value) || text[0] < 'x' || text[0] > 'z')
-    throw CLI::ValidationError("--slice", "'" + text + "' is no plane, for example z=0.5");
-  return {text[0] - 'x', *value};
+  const auto value = text.size() > 2 && text[1] == '=' ? parse_quantity(text.substr(2), Unit::metres) : std::nullopt;
+  if (!value || std::abs(*value) > kFarthestPlane || text[0] < 'x' || text[0] > 'z')
+    throw CLI::ValidationError("--slice", "'" + text + "' is no plane, for example z=0.5 or z=50cm");
+  return {text[0] - 'x', static_cast<float>(*value)};
 }
 
 Band parse_band(const std::string& text) {
-  const std::size_t colon = text.find(':');
-  const auto low = number_in(std::string_view(text).substr(0, colon));
-  const auto high = colon == std::string::npos ? std::nullopt : number_in(std::string_view(text).substr(colon + 1));
-  if (!low || !high || !(*low < *high))
-    throw CLI::ValidationError("--height", "'" + text + "' is not LOW:HIGH, for example -1.2:0.3");
-  return {*low, *high};
+  const auto [low, high] = heights_in(text);
+  return {static_cast<float>(low), static_cast<float>(high)};
 }
 
 /// A costmap is its .yaml, and a picture beside it, which may be named as well.
@@ -113,9 +105,9 @@ fs::path grids_of(const fs::path& map) {
   const std::string folder = map.string();
   if (fs::exists(map / "session" / "state.cbor"))
     throw std::runtime_error(
-        fmt::format("{0}: has no map.vdb, since its run was cut off: go on with cairn reconstruct RECORDING -o {0} "
-                    "--resume, or make it from what came so far with cairn export {0} -o {1}",
-                    folder, (map / "map.vdb").string()));
+        fmt::format("{0}: has no map.vdb, since its run was cut off: go on with cairn reconstruct RECORDING -o {1} "
+                    "--resume, or make it from what came so far with cairn export {1} -o {2}",
+                    folder, quoted(map), quoted(map / "map.vdb")));
   throw std::runtime_error(folder + ": has no map.vdb; name the folder that reconstruct, live or merge has made");
 }
 
@@ -290,7 +282,8 @@ bool is_in_cells(const Arguments& a) {
 void ask_cells(const Arguments& a, Answers& answers, const Trajectory& visited) {
   (void)read_plan(a.map);  // it is one
   const auto cells = a.cell ? std::vector{*a.cell} : cells_of(a.map);
-  if (cells.empty()) throw std::runtime_error(a.map.string() + ": has no cells yet; run cairn optimise first");
+  if (cells.empty())
+    throw std::runtime_error(a.map.string() + ": has no cells yet; run cairn optimise " + quoted(a.map));
   const auto ask = [&](const std::array<int, 3>& cell, bool always) {
     CellMap of(a.map, cell, static_cast<double>(a.esdf.max_distance), a.device);
     return answers.add({.map = of.map(),
@@ -357,11 +350,13 @@ void add_esdf(CLI::App& program) {
                    "X.vdb: the grid `esdf`. X.csv with --query: x,y,z,distance,gx,gy,gz,state")
       ->expected(1, 2)
       ->type_name(kFile);
-  command->add_option("--max-distance", a->esdf.max_distance, "Metres; what is farther only knows that it is")
+  add_number(*command, "--max-distance", a->esdf.max_distance, range_of("esdf.max_distance"), Unit::metres,
+             "What is farther only knows that it is")
       ->capture_default_str();
-  command->add_option("--esdf-voxel-size", a->esdf.voxel_size, "Metres: 1, 2, 4 or 8 voxels of the map [two]");
-  command->add_option("--robot-radius", a->robot_radius,
-                      "Metres around the camera that are free wherever it was, where the map does not know more [0.1]");
+  add_number(*command, "--esdf-voxel-size", a->esdf.voxel_size, range_of("esdf.voxel_size"), Unit::metres,
+             "1, 2, 4 or 8 voxels of the map; 0: two [two]");
+  add_number(*command, "--robot-radius", a->robot_radius, range_of("esdf.robot_radius"), Unit::metres,
+             "Around the camera, free wherever it was, where the map does not know more [0.1]");
   command->add_option("--query", a->query, "CSV file of points, header x,y,z, metres in the map's frame")
       ->check(CLI::ExistingFile);
   command->add_option("--slice", a->slice, "Plane and picture, for example: y=0.5 slice.png")
@@ -374,8 +369,7 @@ void add_esdf(CLI::App& program) {
                       "LOW:HIGH, the band of the costmap in metres above the first camera, along gravity where the map "
                       "stands upright (see report.json)");
   add_up(*command, a->up);
-  command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
-      ->capture_default_str();
+  add_device(*command, a->device);
   command->add_flag("--json", a->json, "Print JSON");
   command->callback([a] { esdf(*a); });
 }

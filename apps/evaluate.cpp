@@ -11,19 +11,24 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
+#include <tuple>
 
 #include "cairn/evaluation.hpp"
 #include "cairn/map.hpp"
+#include "cairn/option_ranges.hpp"
 #include "cairn/parts.hpp"
 #include "cairn/scene.hpp"
 #include "cairn/source.hpp"
 #include "commands.hpp"
 #include "json_text.hpp"
 #include "output_folder.hpp"
+#include "quantity.hpp"
 #include "sources.hpp"
 
 namespace cairn::apps {
 namespace {
+
+constexpr double kDay = 86400, kFarthest = 1e6, kMost = 1e9;  // seconds, metres, things
 
 struct Arguments {
   std::string estimate, truth, seen, trajectory, truth_trajectory, poses, height;
@@ -242,8 +247,7 @@ struct Reported {
 Reported read_report(const std::filesystem::path& file) {
   Reported reported;
   try {
-    std::ifstream in(file);
-    const auto report = nlohmann::json::parse(in);
+    const auto report = json_in(file);
     for (const auto& l : report.at("loops")) {
       if (!l.at("inlier").get<bool>()) continue;
       const auto t = l.at("translation").get<std::array<double, 3>>();
@@ -257,7 +261,7 @@ Reported read_report(const std::filesystem::path& file) {
     reported.clock_offset = report.value("clock_offset", 0.0);
     const bool is_old = !report.contains("camera");  // of version 0.1, whose maps had the name that recordings have
     if (is_old || !report["camera"].is_null()) reported.camera = is_old ? "camera.yaml" : kMapCamera;
-  } catch (const nlohmann::json::exception& error) {
+  } catch (const std::exception& error) {
     throw std::runtime_error(file.string() + ": is no report.json of `cairn reconstruct`: " + plain(error.what()));
   }
   return reported;
@@ -388,8 +392,7 @@ Costmap read_costmap(const std::filesystem::path& yaml) {
 
 void evaluate_costmap_file(const Arguments& a) {
   Costmap map = read_costmap(a.estimate);
-  if (std::sscanf(a.height.c_str(), "%lf:%lf", &map.low, &map.high) != 2 || !(map.low < map.high))
-    throw CLI::ValidationError("--height", "'" + a.height + "' is not LOW:HIGH, for example -1.2:0.3");
+  std::tie(map.low, map.high) = heights_in(a.height);
   const CostmapError e =
       evaluate_costmap(map, synthetic_scene(a.truth), synthetic_camera(), read_trajectory(a.trajectory));
   const double right = e.judged == 0 ? 0.0 : static_cast<double>(e.right) / e.judged;
@@ -417,11 +420,13 @@ void add_trajectory(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
   command->add_option("TRUTH", a->truth, "TUM trajectory file, or a recording with true poses")
       ->required()
       ->check(is_recording);
-  command->add_option("--rpe-interval", a->rpe_interval, "Seconds")->capture_default_str()->check(CLI::PositiveNumber);
-  command->add_option("--max-time-difference", a->max_time_difference, "Seconds between matched poses")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
-  command->add_option("--frames", a->frames, "Frames of the sequence, to tell how many have a pose");
+  add_number(*command, "--rpe-interval", a->rpe_interval, {.least = 0, .most = kDay, .is_open = true}, Unit::seconds,
+             "Time between the poses whose relative errors are taken")
+      ->capture_default_str();
+  add_number(*command, "--max-time-difference", a->max_time_difference, {.least = 0, .most = kDay, .is_open = true},
+             Unit::seconds, "Time between matched poses, at most")
+      ->capture_default_str();
+  add_number(*command, "--frames", a->frames, {1, kMost}, "Frames of the sequence, to tell how many have a pose");
   command->add_flag("--json", a->json, "Print JSON, in metres and radians");
   command->callback([a] { evaluate_trajectory_files(*a); });
 }
@@ -450,11 +455,10 @@ void add_mesh(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
       command->add_option("--truth-trajectory", a->truth_trajectory, "TUM trajectory file, or a recording's folder")
           ->check(CLI::ExistingPath)
           ->needs(by));
-  command->add_option("--box", a->box, "Only what lies in this part of the truth's frame: x y z of two corners, metres")
+  add_number(*command, "--box", a->box, {-kFarthest, kFarthest}, Unit::metres,
+             "Only what lies in this part of the truth's frame: x y z of two corners")
       ->expected(6);
-  command->add_option("--samples", a->samples, "Points on each surface")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+  add_number(*command, "--samples", a->samples, {1, kMost}, "Points on each surface")->capture_default_str();
   command->add_flag("--json", a->json, "Print JSON, in metres");
   command->callback([a] { evaluate_mesh_files(*a); });
 }
@@ -483,9 +487,7 @@ void add_views(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
                                  "TUM trajectory file, or the folder of the recording that the map was made from")
                     ->check(CLI::ExistingPath)
                     ->needs(of_map));
-  command->add_option("--step", a->step, "Every STEP-th frame is compared")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+  add_number(*command, "--step", a->step, {1, kMost}, "Every STEP-th frame is compared")->capture_default_str();
   command->add_flag("--json", a->json, "Print JSON");
   command->callback([a] { evaluate_views_of(*a); });
 }
@@ -495,11 +497,9 @@ void add_map(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
       evaluate.add_subcommand("map", "A map against the recording that it was made from, without a true path");
   command->add_option("MAP", a->estimate, "Folder of `cairn reconstruct`")->required()->check(CLI::ExistingDirectory);
   command->add_option("RECORDING", a->truth, "What it was made from")->required()->check(is_recording);
-  command
-      ->add_option("--step", a->map_step,
-                   "Every STEP-th frame is compared that is no keyframe; of a map made with --hold-out, of those that "
-                   "were held out [10; 1 of those held out]")
-      ->check(CLI::PositiveNumber);
+  add_number(*command, "--step", a->map_step, {1, kMost},
+             "Every STEP-th frame is compared that is no keyframe; of a map made with --hold-out, of those that were "
+             "held out [10; 1 of those held out]");
   command->add_flag("--json", a->json, "Print JSON, in metres and radians");
   command->callback([a] { evaluate_map_of(*a); });
 }
@@ -521,7 +521,8 @@ void add_distances(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
       ->check(CLI::ExistingFile);
   command->add_option("SCENE", a->truth, "As in `cairn synth`")->required();
   command->add_option("--seen", a->seen, "groundtruth_seen.ply of the recording")->required()->check(CLI::ExistingFile);
-  command->add_option("--esdf-voxel-size", a->esdf_voxel_size, "Metres: 1, 2, 4 or 8 voxels of the map [two]");
+  add_number(*command, "--esdf-voxel-size", a->esdf_voxel_size, range_of("esdf.voxel_size"), Unit::metres,
+             "1, 2, 4 or 8 voxels of the map; 0: two [two]");
   command->add_flag("--json", a->json, "Print JSON, in metres and radians");
   command->callback([a] { evaluate_distances_of(*a); });
 }

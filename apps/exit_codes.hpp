@@ -11,8 +11,8 @@ inline constexpr std::array<std::pair<const char*, const char*>, 5> kExitCodes{{
     {"0", "It ended as asked; also when frames were lost, and after one Ctrl-C."},
     {"1", "The input or the run was at fault; one line says what, where and what to do."},
     {"2", "Wrong usage: an unknown option, options that exclude each other, or a file that does not exist."},
-    {"3", "The run ended, but most of the recording is not in the map."},
-    {"130", "Ended at once by a second Ctrl-C."},
+    {"3", "The run ended, but less than 80 % of the frames are in the map, or it is in pieces."},
+    {"130", "Ended at once: by a second Ctrl-C, or by the first where there was nothing to finish."},
 }};
 
 }  // namespace cairn::apps

@@ -7,12 +7,16 @@
 
 #include <cstdio>
 #include <filesystem>
+#include <iterator>
 #include <memory>
+#include <sstream>
 
 #include "cairn/file_name.hpp"
 #include "cairn/floor_plan.hpp"
 #include "cairn/map.hpp"
 #include "cairn/no_texture.hpp"
+#include "cairn/option_ranges.hpp"
+#include "cairn/quoted.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
@@ -22,6 +26,7 @@
 #include "output_folder.hpp"
 #include "outputs.hpp"
 #include "progress.hpp"
+#include "quantity.hpp"
 #include "recording_names.hpp"
 #include "sources.hpp"
 
@@ -44,10 +49,16 @@ struct Arguments {
 
 GeoPlace parse_geo(const std::string& text) {
   GeoPlace place;
-  int end = 0;
-  if (std::sscanf(text.c_str(), "%lf,%lf,%lf,%lf%n", &place.latitude, &place.longitude, &place.height, &place.heading,
-                  &end) != 4 ||
-      static_cast<std::size_t>(end) != text.size())
+  double* const parts[] = {&place.latitude, &place.longitude, &place.height, &place.heading};
+  std::istringstream words(text);
+  std::size_t count = 0;
+  bool is_right = !text.ends_with(',');
+  for (std::string word; std::getline(words, word, ','); ++count) {
+    const auto value = parse_quantity(word, count == 2 ? Unit::metres : Unit::none);
+    is_right = is_right && count < std::size(parts) && value;
+    if (is_right) *parts[count] = *value;
+  }
+  if (!is_right || count != std::size(parts))
     throw CLI::ValidationError("--geo",
                                "'" + text + "' is not LAT,LON,HEIGHT,HEADING, for example 48.137,11.575,519,90");
   return place;
@@ -60,12 +71,12 @@ Map open_map(const Arguments& a) {
 }
 
 int parse_scale(const std::string& text) {
-  int scale = 0, end = 0;
-  const std::string number = text.starts_with("1:") ? text.substr(2) : text;
-  if (std::sscanf(number.c_str(), "%d%n", &scale, &end) != 1 || static_cast<std::size_t>(end) != number.size() ||
-      scale < 1)
-    throw CLI::ValidationError("--scale", "'" + text + "' is no scale, for example 100 or 1:100");
-  return scale;
+  const AllowedRange range{1, export_range_of("PlanOptions::scale").most};
+  const auto scale = parse_whole(text.starts_with("1:") ? text.substr(2) : text);
+  if (!scale || !range.has(static_cast<double>(*scale)))
+    throw CLI::ValidationError(
+        "--scale", fmt::format("'{}' is no scale from 1 to {}, for example 100 or 1:100", text, range.most));
+  return static_cast<int>(*scale);
 }
 
 bool is_plan(const fs::path& file) {
@@ -84,7 +95,7 @@ void want_folder(const Arguments& a) {
   if (has_session(folder))
     throw std::runtime_error(fmt::format(
         "{}: has no keyframes, which {} needs: give the folder {}, cairn export {} -o {} {}", a.map.string(), wish,
-        folder.string(), folder.string(), a.output.string(), wish == "--for" ? "--for ..." : wish));
+        folder.string(), quoted(folder), quoted(a.output), wish == "--for" ? "--for ..." : wish));
 }
 
 Exported export_it(const Arguments& a) {
@@ -286,23 +297,23 @@ void add_up(CLI::App& command, std::optional<Up>& up) {
 
 void add_export_options(CLI::App& command, MeshArguments& o) {
   constexpr const char* kGroup = "Mesh";
-  const auto option = [&](const char* name, auto& value, const char* help) {
-    return command.add_option(name, value, help)->capture_default_str()->group(kGroup);
+  const auto option = [&](const char* name, auto& value, const char* field, Unit unit, const char* help) {
+    return add_number(command, name, value, export_range_of(field), unit, help)->capture_default_str()->group(kGroup);
   };
-  auto* ratio = option("--simplify", o.simplify.ratio, "Share of the triangles that is left");
-  auto* max_error =
-      option("--max-error", o.simplify.max_error,
-             "Metres that simplification may move the surface; 0: what --simplify needs, two voxels at most");
-  command
-      .add_option("--triangles", o.simplify.triangles,
-                  "No more triangles than that are left, however far the surface moves for it [all]")
-      ->check(CLI::PositiveNumber)
+  auto* ratio = option("--simplify", o.simplify.ratio, "SimplifyOptions::ratio", Unit::share,
+                       "Share of the triangles that is left");
+  auto* max_error = option("--max-error", o.simplify.max_error, "SimplifyOptions::max_error", Unit::metres,
+                           "How far simplification may move the surface; 0: what --simplify needs, two voxels at most");
+  add_number(command, "--triangles", o.simplify.triangles, export_range_of("SimplifyOptions::triangles"),
+             "No more triangles than that are left, however far the surface moves for it [all]")
       ->excludes(ratio)
       ->excludes(max_error)
       ->group(kGroup);
-  option("--min-piece", o.clean.min_piece, "Metres; smaller floating pieces are removed");
-  option("--min-weight", o.clean.min_weight, "Observations at 1 m; surface that was seen less is removed");
-  option("--fill-holes", o.clean.fill_holes, "Metres; smaller holes are closed");
+  option("--min-piece", o.clean.min_piece, "CleanOptions::min_piece", Unit::metres,
+         "Smaller floating pieces are removed");
+  option("--min-weight", o.clean.min_weight, "CleanOptions::min_weight", Unit::none,
+         "Observations at 1 m; surface that was seen less is removed");
+  option("--fill-holes", o.clean.fill_holes, "CleanOptions::fill_holes", Unit::metres, "Smaller holes are closed");
   auto* none = command.add_flag("--no-texture", o.no_texture,
                                 "The voxels' colours instead of a texture from the keyframes [texture where there is "
                                 "colour]");
@@ -312,12 +323,15 @@ void add_export_options(CLI::App& command, MeshArguments& o) {
   };
   auto* texture = command.add_flag("--texture", o.asks_for_texture, "A texture, or an error where there can be none");
   texture->excludes(none)->group(kGroup);
-  of_texture(option("--texel", o.texture.texel, "Metres; 0: what the keyframes see, as far as it fits"));
-  of_texture(option("--texture-size", o.texture.max_size, "Texels a side of one texture, at most"));
+  of_texture(option("--texel", o.texture.texel, "TextureOptions::texel", Unit::metres,
+                    "Side of a texel; 0: what the keyframes see, as far as it fits"));
+  of_texture(option("--texture-size", o.texture.max_size, "TextureOptions::max_size", Unit::pixels,
+                    "Texels a side of one texture, at most"));
   of_texture(command.add_option("--texture-format", o.texture.png, "jpeg or png [jpeg]")
                  ->transform(one_of<bool>({{"jpeg", false}, {"png", true}}))
                  ->group(kGroup));
-  of_texture(option("--jpeg-quality", o.texture.jpeg_quality, "1 to 100"));
+  of_texture(option("--jpeg-quality", o.texture.jpeg_quality, "TextureOptions::jpeg_quality", Unit::none,
+                    "Of textures; more is larger"));
   command
       .add_option("--compress", o.compression,
                   "glTF: none, quantised (KHR_mesh_quantization), meshopt (EXT_meshopt_compression) or draco "
@@ -327,7 +341,8 @@ void add_export_options(CLI::App& command, MeshArguments& o) {
                                        {"meshopt", Compression::meshopt},
                                        {"draco", Compression::draco}}))
       ->group(kGroup);
-  option("--cell-size", o.cell_size, "Metres; glTF gets a node, 3D Tiles a tile for each cell; 0: by the map's size");
+  option("--cell-size", o.cell_size, "ExportOptions::cell_size", Unit::metres,
+         "glTF gets a node, 3D Tiles a tile for each cell; 0: by the map's size");
   command
       .add_flag(
           "--lit", o.lit,
@@ -349,8 +364,9 @@ void add_plan_options(CLI::App& command, const std::shared_ptr<Arguments>& a) {
                   "--scale", [a](const std::string& text) { a->plan.scale = parse_scale(text); },
                   "N of 1:N, on the smallest paper from A4 to A0 that it fits on, or a larger one [50 where that fits "
                   "on A3, else 100, 200 or 500 where that fits on A0]")
-              ->type_name("N"));
-  of_plan(command.add_option("--height", a->plan.height, "Metres above each floor, where walls are cut")
+              ->type_name("SCALE"));
+  of_plan(add_number(command, "--height", a->plan.height, export_range_of("PlanOptions::height"), Unit::metres,
+                     "Above each floor, where walls are cut")
               ->capture_default_str());
   of_plan(command.add_flag("--path", a->plan.path, "The camera's path, too; of each recording in a colour"));
   of_plan(command.add_flag("--loops", a->plan.loops, "Lines between places that were recognised as the same, too"));
@@ -376,15 +392,12 @@ void add_export(CLI::App& program) {
       ->required()
       ->type_name(kPath);
   add_export_options(*command, a->options);
-  command
-      ->add_option("--points", a->options.point_spacing,
-                   "X.ply: points that many metres apart, no triangles; with --for those that the "
-                   "program begins from [0.02]")
-      ->check(CLI::PositiveNumber)
+  add_number(*command, "--points", a->options.point_spacing,
+             {.least = 0, .most = export_range_of("ExportOptions::point_spacing").most, .is_open = true}, Unit::metres,
+             "X.ply: points that far apart, no triangles; with --for those that the program begins from [0.02]")
       ->group("Mesh");
-  command
-      ->add_option("--lods", a->options.levels,
-                   "Levels of detail, each with a quarter of the triangles: X.glb, X.lod1.glb, ...")
+  add_number(*command, "--lods", a->options.levels, export_range_of("ExportOptions::levels"),
+             "Levels of detail, each with a quarter of the triangles: X.glb, X.lod1.glb, ...")
       ->capture_default_str()
       ->group("Mesh");
   command
@@ -409,12 +422,12 @@ void add_export(CLI::App& program) {
                        "nerfstudio or colmap: keyframes as images with poses and depth, and points of the surface")
           ->transform(one_of<ViewsFor>({{"nerfstudio", ViewsFor::nerfstudio}, {"colmap", ViewsFor::colmap}}))
           ->group("Images");
-  command->add_option("--images", a->images, "With --for: so many at most, the sharpest of their surroundings; 0: all")
+  add_number(*command, "--images", a->images, export_range_of("ViewsOptions::images"),
+             "With --for: so many at most, the sharpest of their surroundings; 0: all")
       ->needs(program_name)
       ->capture_default_str()
       ->group("Images");
-  command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
-      ->capture_default_str();
+  add_device(*command, a->device);
   command->add_flag("--json", a->json, "Print JSON");
   command->callback([a] { run_export(*a); });
 }

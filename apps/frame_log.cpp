@@ -6,6 +6,8 @@
 #include <string_view>
 #include <utility>
 
+#include "json_text.hpp"
+
 namespace cairn::apps {
 namespace {
 
@@ -45,7 +47,7 @@ int FrameLog::count(const std::string& state) const {
 
 nlohmann::json FrameLog::kept() const {
   nlohmann::json all = nlohmann::json::array();
-  for_each_line(lines_, [&](std::string_view line) { all.push_back(nlohmann::json::parse(line)); });
+  for_each_line(lines_, [&](std::string_view line) { all.push_back(parsed_json(line)); });
   return all;
 }
 

@@ -14,6 +14,7 @@
 #include "inputs_and_outputs.hpp"
 #include "json_text.hpp"
 #include "map_info.hpp"
+#include "quantity.hpp"
 #include "sources.hpp"
 
 namespace cairn::apps {
@@ -153,12 +154,10 @@ void add_info(CLI::App& program) {
   command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required()->type_name(kPath);
   add_camera(*command, a->camera, "in place of what the recording or sensor tells of its cameras");
   add_topics(*command, a->topics);
-  command->add_option("--frames", a->frames, "So many are looked at, from the first")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+  add_number(*command, "--frames", a->frames, {1, 1e9}, "So many are looked at, from the first")->capture_default_str();
   command->add_option("--picture", a->picture, "PNG of a frame's colour with the edges of depth drawn over it")
       ->type_name(kFile);
-  command->add_option("--frame", a->frame, "That is drawn")->capture_default_str()->check(CLI::NonNegativeNumber);
+  add_number(*command, "--frame", a->frame, {0, 1e9}, "That is drawn")->capture_default_str();
   command->add_flag("--json", a->json, "Print JSON");
   command->callback([a] { info(*a); });
 }

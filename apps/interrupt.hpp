@@ -1,34 +1,49 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+// SIGINT (Ctrl-C), SIGTERM and SIGHUP, from the first line of main to the last.
+//
+// A signal ends the program at once, with one line on stderr, exit code 130 and nothing half written, unless an
+// Interrupt lives and its work is worth finishing: then the first signal asks for that, and the second ends at once.
 #pragma once
 
+#include <functional>
 #include <string>
 
 namespace cairn::apps {
 
-/// While one exists, Ctrl-C and SIGTERM ask the work to finish; a second one ends the program at once with exit code
-/// 130, as a kill would.
+/// Takes over these signals; to be called before all else. A SIGHUP that is ignored, as under nohup, stays so.
+void answer_signals();
+/// Blocks where a signal is ending the program, so that nobody else ends it in another way meanwhile.
+void wait_while_ending();
+
+/// Work that a signal asks to finish. One lives at a time; a signal that an earlier one has not seen is seen by the
+/// next.
 class Interrupt {
  public:
-  /// `said` is printed at the first.
-  explicit Interrupt(const char* said = "\nfinishing what came so far; once more ends at once\n");
+  /// From when on there is something to finish.
+  enum class Worth { now, later };
+  /// `said`: printed at the first signal; empty: nothing.
+  explicit Interrupt(Worth worth, std::string said = "finishing what came so far; once more ends at once");
   ~Interrupt();
   Interrupt(const Interrupt&) = delete;
   Interrupt& operator=(const Interrupt&) = delete;
+  /// From now on there is something to finish.
+  void is_worth_finishing();
+  /// What the first signal prints from now on.
+  void say(std::string said);
   [[nodiscard]] bool requested() const;
 };
 
-/// While one exists, Ctrl-C and SIGTERM end the program at once with exit code 130, and a last sentence. For work that
-/// is not worth finishing: files are whole or not there at all times.
-class EndAtOnce {
+/// The last line of a program that ends at once while this lives, made then. They may be nested; the newest counts.
+class LastWords {
  public:
-  explicit EndAtOnce(std::string said);
-  ~EndAtOnce();
-  EndAtOnce(const EndAtOnce&) = delete;
-  EndAtOnce& operator=(const EndAtOnce&) = delete;
+  explicit LastWords(std::function<std::string()> words);
+  ~LastWords();
+  LastWords(const LastWords&) = delete;
+  LastWords& operator=(const LastWords&) = delete;
 
  private:
-  std::string said_;
+  std::function<std::string()> before_;
 };
 
 }  // namespace cairn::apps

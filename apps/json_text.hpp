@@ -3,10 +3,15 @@
 #pragma once
 #include <charconv>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <string_view>
 #include <system_error>
+
+#include "cairn/json_depth.hpp"
 
 namespace cairn::apps {
 
@@ -36,10 +41,27 @@ template <class Json>
   return text_of<nlohmann::json>(json, indent);
 }
 
-/// A message without what the JSON library puts before its own: "[json.exception.type_error.302] ".
+/// Values of JSON from outside. Throws nlohmann::json::exception for malformed text, and std::runtime_error for text
+/// nested too deeply.
+[[nodiscard]] inline nlohmann::json parsed_json(std::string_view text) {
+  check_json_depth(text);
+  return nlohmann::json::parse(text);
+}
+
+/// The same of a file; a pipe or a device, which may never end, is an empty one.
+[[nodiscard]] inline nlohmann::json json_in(const std::filesystem::path& file) {
+  std::error_code ignored;
+  std::ifstream in;
+  if (std::filesystem::is_regular_file(file, ignored)) in.open(file, std::ios::binary);
+  return parsed_json(std::string(std::istreambuf_iterator<char>(in), {}));
+}
+
+/// A message without what the JSON library puts before its own, "[json.exception.type_error.302] ", and without the
+/// bytes of the file, which a terminal might obey, behind it.
 [[nodiscard]] inline std::string plain(std::string message) {
   const std::size_t begin = message.find("[json.exception."), end = message.find("] ", begin);
   if (begin != message.npos && end != message.npos) message.erase(begin, end + 2 - begin);
+  if (const std::size_t bytes = message.find("; last read: "); bytes != message.npos) message.resize(bytes);
   return message;
 }
 

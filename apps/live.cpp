@@ -12,6 +12,7 @@
 #include "cairn/live_source.hpp"
 #include "cairn/viewer.hpp"
 #include "commands.hpp"
+#include "console.hpp"
 #include "interrupt.hpp"
 #include "progress.hpp"
 #include "run.hpp"
@@ -29,11 +30,15 @@ constexpr auto kGone = 5s;        // after which a viewer that left does not com
 constexpr auto kShown = 10s;      // for viewers to fetch the result when somebody wants to end
 
 struct Arguments : RunArguments {
-  bool view = false, as_fast_as_possible = false;
+  bool view = false, as_fast_as_possible = false, real_time = false;
   ViewArguments page;
 };
 
-/// Frames as they come: the newest of a sensor or of a recording that plays; with --as-fast-as-possible every one.
+/// Whether frames that come while the computer is busy are left out: those of what does not wait.
+bool leaves_out(const Arguments& a) { return is_sensor(a.sequence) || a.real_time; }
+
+/// Frames as they come: the newest of a sensor, every one of a recording, as fast as it was taken at most; with
+/// --real-time the newest of it, with --as-fast-as-possible as fast as they are fused.
 class Stream {
  public:
   Stream(const Arguments& a, const FrameRange& range) : is_sensor_(is_sensor(a.sequence)) {
@@ -41,7 +46,9 @@ class Stream {
     if (a.as_fast_as_possible) {
       every_ = read_ahead(std::move(source));
     } else {
-      newest_ = std::make_unique<LiveSource>(std::move(source), is_sensor_ ? Pace::as_it_comes : Pace::as_recorded);
+      newest_ = std::make_unique<LiveSource>(std::move(source), is_sensor_    ? Pace::as_it_comes
+                                                                : a.real_time ? Pace::as_recorded
+                                                                              : Pace::every_frame);
     }
   }
   [[nodiscard]] const Source& source() const { return newest_ ? *newest_ : *every_; }
@@ -83,7 +90,7 @@ int finest_level(const Arguments& a, const Camera& depth) {
   const bool is_cpu = std::all_of(devices.begin(), devices.end(), [&](const DeviceInfo& d) {
     return d.type == "cpu" || d.missing || (a.device >= 0 && d.index != a.device);
   });
-  if (is_cpu && !a.as_fast_as_possible)
+  if (is_cpu && leaves_out(a))
     while (track.finest_level + 1 < track.levels && depth.width >> track.finest_level > kWidthOnCpu)
       ++track.finest_level;
   return track.finest_level;
@@ -113,12 +120,42 @@ nlohmann::json to_json(double seconds, int fused, int dropped, const Durations& 
   return told;
 }
 
+/// What came of the frames so far, since the last reset.
+struct Course {
+  Durations latencies;
+  int fused = 0, read = 0, left_out_before = 0;  // frames; before the last reset
+  double first_stamp = 0, last_stamp = 0;        // seconds
+  Clock::time_point first = Clock::now();
+
+  void add(const Frame& frame) {
+    if (read++ == 0) first_stamp = frame.timestamp;
+    last_stamp = frame.timestamp;
+  }
+  [[nodiscard]] KeepingUp keeping_up(int left_out) const {
+    KeepingUp told{.left_out = left_out - left_out_before};
+    if (const double seconds = last_stamp - first_stamp; seconds > 0 && told.left_out > 0) {
+      told.taken = (read - 1) / seconds;
+      told.came = (read - 1 + told.left_out) / seconds;
+    }
+    return told;
+  }
+};
+
+/// The same in a line.
+void print(const nlohmann::json& told, const KeepingUp& keeping_up, const Course& course) {
+  const std::string pace = keeping_up.came > 0
+                               ? fmt::format("keeps up with {:.0f} of {:.0f} frames a second, {} left out",
+                                             keeping_up.taken, keeping_up.came, keeping_up.left_out)
+                               : fmt::format("{:.1f} frames/s", told["frames_per_second"].get<double>());
+  fmt::print("live        {}, {:.0f} ms from frame to pose (95 %)\n", pace, course.latencies.percentile(0.95));
+}
+
 /// The page shows the result as long as somebody looks at it; to who pressed Ctrl-C only until it is there.
 void show_result(LiveViewer& view, const std::filesystem::path& output, bool is_interrupted) {
   view.finished(output);
   if (view.viewers() == 0) return;
   std::fflush(stdout);
-  const Interrupt interrupt("");
+  const Interrupt interrupt(Interrupt::Worth::now, "");
   if (!is_interrupted) fmt::print(stderr, "the page shows the result; Ctrl-C or closing it ends\n");
   const auto begin = Clock::now();
   for (auto seen = begin; !interrupt.requested() && Clock::now() - seen < kGone;) {
@@ -128,18 +165,11 @@ void show_result(LiveViewer& view, const std::filesystem::path& output, bool is_
   }
 }
 
-/// What came of the frames so far, since the last reset.
-struct Course {
-  Durations latencies;
-  int fused = 0;
-  Clock::time_point first = Clock::now();
-};
-
 /// Frames until the recording ends, or a person ends it; what is asked on the page is done between them.
-void follow(const Arguments& a, const Interrupt& interrupt, Stream& stream, Run& run, const Options& options,
+void follow(const Arguments& a, Interrupt& interrupt, Stream& stream, Run& run, const Options& options,
             LiveViewer* view, Course& course) {
   const std::optional<int> count = is_sensor(a.sequence) ? std::nullopt : stream.source().size();
-  Progress progress(a.as_fast_as_possible ? count : std::nullopt);
+  Progress progress(leaves_out(a) ? std::nullopt : count);
   bool paused = false;
   int read = 0;
   Clock::duration waited{};
@@ -151,7 +181,7 @@ void follow(const Arguments& a, const Interrupt& interrupt, Stream& stream, Run&
       if (asked.reset) {
         run.reset();
         view->begin(run.mapper(), stream.source().rig(), options, run.frames_before());
-        course = {};
+        course = {.latencies = {}, .left_out_before = stream.source().dropped()};
       }
     }
     const auto asked_at = Clock::now();
@@ -160,13 +190,15 @@ void follow(const Arguments& a, const Interrupt& interrupt, Stream& stream, Run&
     if (!frame && stream.ended()) break;
     read += frame.has_value();
     if (frame && !paused) {
+      course.add(*frame);
       const FrameReport report = run.add(*frame, milliseconds(std::exchange(waited, {})));
       if (run.stopped()) break;
       course.fused += report.state == FrameState::fused;
+      if (report.state == FrameState::fused) interrupt.is_worth_finishing();
       const double latency = milliseconds(Clock::now() - stream.arrived());
       course.latencies.add(latency);
       progress.step(words(report, a.verbose) + (stream.source().dropped() > 0
-                                                    ? fmt::format(", {} skipped to keep up", stream.source().dropped())
+                                                    ? fmt::format(", {} left out to keep up", stream.source().dropped())
                                                     : ""));
       if (view) view->fused(*frame, report, latency);
     }
@@ -196,21 +228,21 @@ void live(const Arguments& given) {
 
   Course course;
   bool is_interrupted = false;
+  std::optional<LastWords> ending(run.said_when_ended());
   {
-    const Interrupt interrupt;
+    Interrupt interrupt(Interrupt::Worth::later);
     follow(a, interrupt, stream, run, options, view ? &*view : nullptr, course);
     is_interrupted = interrupt.requested();
   }
-  std::optional<EndAtOnce> ending(run.said_when_ended());
   if (view) view->finishing();
   if (const auto why = stream.source().ended_early()) run.warn(*why);
   const double seconds = std::chrono::duration<double>(Clock::now() - course.first).count();
   const int dropped = stream.source().dropped();  // a sensor goes on while files are written
   const nlohmann::json told = to_json(seconds, course.fused, dropped, course.latencies, view ? &*view : nullptr);
+  const KeepingUp keeping_up = course.keeping_up(dropped);
+  run.keeps_up(keeping_up);
   const Verdict verdict = run.finish({{"live", told}});
-  if (!a.json)
-    fmt::print("live        {:.1f} frames/s, {} skipped to keep up, {:.0f} ms from frame to pose (95 %)\n",
-               told["frames_per_second"].get<double>(), dropped, course.latencies.percentile(0.95));
+  if (!a.json && !is_quiet()) print(told, keeping_up, course);
   ending.reset();
   if (view) show_result(*view, a.output, is_interrupted);
   end_with(verdict);
@@ -224,8 +256,13 @@ void add_live(CLI::App& program) {
   add_run_options(*command, *a);
   auto* view = command->add_flag("--view", a->view, "Show the map in a browser while it grows; prints the address");
   add_view_options(*command, a->page, view);
-  command->add_flag("--as-fast-as-possible", a->as_fast_as_possible,
-                    "Fuse every frame of a recording instead of playing it at the speed it was taken at");
+  auto* fast = command->add_flag("--as-fast-as-possible", a->as_fast_as_possible,
+                                 "Play a recording faster than it was taken, where it can be fused faster");
+  command
+      ->add_flag("--real-time", a->real_time,
+                 "Play a recording at the speed it was taken at, and leave out frames to keep up, as with a sensor "
+                 "[every frame, more slowly where that takes longer]")
+      ->excludes(fast);
   command->callback([a] { live(*a); });
 }
 

@@ -17,6 +17,7 @@
 #include "console.hpp"
 #include "flags.hpp"
 #include "help.hpp"
+#include "interrupt.hpp"
 #include "json_text.hpp"
 #include "version.hpp"
 
@@ -33,12 +34,14 @@ int not_written(int error) {
 
 /// What is buffered goes out.
 int ended(int exit_code) {
+  cairn::apps::wait_while_ending();
   std::cout.flush();
   const bool is_written = std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good();
   return is_written ? exit_code : not_written(errno);
 }
 
 int failed(const std::string& why, int exit_code) {
+  cairn::apps::wait_while_ending();  // what fails because of it is no news
   cairn::apps::clear_line();
   std::fprintf(stderr, "%s\n", why.c_str());
   return exit_code;
@@ -115,6 +118,7 @@ int run(const std::vector<std::string>& words) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  cairn::apps::answer_signals();
   constexpr int kLarge = 4 << 20;  // bytes: more than an image; from here on what is freed goes back to the system
   mallopt(M_MMAP_THRESHOLD, kLarge);
   // What one thread gave back shall serve others: by default each of some dozen keeps its own.

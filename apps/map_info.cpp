@@ -6,8 +6,6 @@
 
 #include <Eigen/Geometry>
 #include <array>
-#include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
@@ -57,9 +55,12 @@ std::string in_words(std::uintmax_t bytes) {
 }
 
 nlohmann::json report_of(const fs::path& folder) {
-  std::ifstream in(folder / "report.json", std::ios::binary);
-  const std::string text{std::istreambuf_iterator<char>(in), {}};
-  auto report = nlohmann::json::parse(text, nullptr, false);
+  nlohmann::json report;
+  try {
+    report = json_in(folder / "report.json");
+  } catch (const std::exception&) {
+    report = nullptr;
+  }
   if (!report.is_object() || !report.contains("frames"))
     throw std::runtime_error((folder / "report.json").string() + ": is damaged; make the map again");
   return report;
@@ -165,12 +166,17 @@ void print(const Json& told) {
     line(file["name"].get<std::string>().c_str(),
          fmt::format("{:>10}  {}", in_words(file["bytes"]), file["what"].get<std::string>()));
   if (told.contains("verdict")) {
-    const nlohmann::json plain_told = nlohmann::json::parse(told.dump());
+    const nlohmann::json plain_told = parsed_json(told.dump());
     apps::print(verdict_of(plain_told), stdout);
   }
-  if (told.contains("interrupted"))
-    fmt::print("{} frames were left: {}\n", told["interrupted"]["frames_left"].get<int>(),
-               told["interrupted"]["remedy"].get<std::string>());
+  if (!told.contains("interrupted")) return;
+  const auto& interrupted = told["interrupted"];
+  if (interrupted.contains("stage"))
+    fmt::print("interrupted in --{}: {}\n", interrupted["stage"].get<std::string>(),
+               interrupted["remedy"].get<std::string>());
+  else
+    fmt::print("{} frames were left: {}\n", interrupted["frames_left"].get<int>(),
+               interrupted["remedy"].get<std::string>());
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "console.hpp"
 #include "inputs_and_outputs.hpp"
 #include "json_text.hpp"
+#include "quantity.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -46,8 +47,7 @@ void add_match(CLI::App& program) {
       ->add_option("-o,--output", a->output, "File X.json for the loops between the two; of a plan PLAN/loops/A-B.json")
       ->required()
       ->type_name(kFile);
-  command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
-      ->capture_default_str();
+  add_device(*command, a->device);
   command->add_flag("--json", a->json, "Print the result to stdout as JSON");
   command->callback([a] { match(*a); });
 }

@@ -5,13 +5,16 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 
+#include "cairn/unfinished.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
 #include "inputs_and_outputs.hpp"
 #include "output_folder.hpp"
 #include "outputs.hpp"
+#include "quantity.hpp"
 #include "run.hpp"
 
 namespace cairn::apps {
@@ -43,6 +46,8 @@ void merge(Arguments a) {
   }
   a.output = choose_output(a, false);
   inputs.expect_apart_from_folder(a.output);
+  std::optional<Unfinished> unfinished;  // what was there before stays
+  if (!fs::exists(a.output)) unfinished.emplace(a.output);
   prepare_output(a.output);
   std::vector<fs::path> sessions;
   for (const fs::path& map : a.maps) sessions.push_back(map / "session");
@@ -95,8 +100,7 @@ void add_merge(CLI::App& program) {
   command->add_flag("--allow-disconnected", a->allow_disconnected,
                     "Keep a map that sees no place of the others as a separate piece, instead of refusing it");
   add_export_options(*command, a->mesh);
-  command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
-      ->capture_default_str();
+  add_device(*command, a->device);
   command->callback([a] { merge(*a); });
 }
 

@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "cairn/atomic_file.hpp"
+#include "cairn/quoted.hpp"
 #include "cairn/viewer.hpp"
 #include "flags.hpp"
 #include "json_text.hpp"
@@ -223,8 +224,7 @@ void Outputs::expect_all() const {
   std::string remedy = has_session ? "the same command with --resume makes what is missing"
                                    : "the same command makes it again from the beginning";
   if (failed_ == std::vector<std::string>{"mesh.glb"})
-    remedy =
-        fmt::format("make it again with cairn export {0} -o {1}", output_.string(), (output_ / "mesh.glb").string());
+    remedy = fmt::format("make it again with cairn export {} -o {}", quoted(output_), quoted(output_ / "mesh.glb"));
   throw std::runtime_error(fmt::format("{}; without {} the map in {} is not complete, all else is written: {}", *why_,
                                        what, output_.string(), remedy));
 }

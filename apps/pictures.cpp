@@ -18,6 +18,9 @@ namespace {
 
 constexpr int kWidth = 1000;                                        // pixels of a slice, about
 constexpr int kMargin = 70;                                         // pixels, for axes
+constexpr float kPixelsPerVoxel = 100;                              // at most, in a slice
+constexpr std::uint64_t kPixelsPerBlock = 16 * 256;                 // of a costmap: 16 times what a block covers
+constexpr std::uint64_t kAnyPixels = 1 << 18;                       // of a costmap, however little is known
 constexpr int kLegend = 130;                                        // pixels, right of the slice
 constexpr std::uint8_t kOccupied = 0, kFree = 254, kUnknown = 205;  // as map_server writes them
 
@@ -52,7 +55,9 @@ void text(cv::Mat& image, const std::string& words, cv::Point at, bool is_centre
 double tick_of(double length) {
   for (const double tick : {0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0})
     if (length / tick <= 8) return tick;
-  return 20.0;
+  double tick = 20;
+  while (length / tick > 8) tick *= 10;
+  return tick;
 }
 
 /// Multiples of `step` from `begin` to `end`.
@@ -75,7 +80,8 @@ struct SliceView {
   Eigen::AlignedBox3f box;
 };
 
-SliceView slice_view(const Eigen::AlignedBox3f& box, int axis, float at) {
+/// `least`: metres of a pixel, where all that is known lies in one line.
+SliceView slice_view(const Eigen::AlignedBox3f& box, int axis, float at, float least) {
   SliceView view{.axis = axis,
                  .across = axis == 0 ? 2 : 0,
                  .down = axis == 1 ? 2 : 1,
@@ -86,7 +92,7 @@ SliceView slice_view(const Eigen::AlignedBox3f& box, int axis, float at) {
                  .rows = 0,
                  .box = box};
   const float width = box.sizes()[view.across], height = box.sizes()[view.down];
-  view.pixel = std::max(width, height) / kWidth;
+  view.pixel = std::max({width / kWidth, height / kWidth, least});
   view.columns = static_cast<int>(width / view.pixel) + 1;
   view.rows = static_cast<int>(height / view.pixel) + 1;
   return view;
@@ -172,7 +178,7 @@ void write_slice(const std::filesystem::path& png, const DistanceField& field, i
   if (at < box.min()[axis] || at > box.max()[axis])
     throw std::runtime_error(fmt::format("{}: nothing is known at {} = {}; the map reaches from {:.2f} to {:.2f}",
                                          png.string(), "xyz"[axis], at, box.min()[axis], box.max()[axis]));
-  const SliceView view = slice_view(box, axis, at);
+  const SliceView view = slice_view(box, axis, at, field.voxel_size() / kPixelsPerVoxel);
   const std::vector<DistanceField::Answer> answers = distances_on(view, field);
   float most = 0;
   for (const auto& a : answers)
@@ -226,6 +232,15 @@ void Costmap::add(const DistanceField& field, const Mesh& surface, const Eigen::
     first_ = static_cast<int>(std::ceil((-band_.high - origin_.y()) / voxel_size_ - 0.5f));
     last_ = static_cast<int>(std::floor((-band_.low - origin_.y()) / voxel_size_ + 0.5f));
   }
+  blocks_ += field.blocks().size();
+  const double most = static_cast<double>(kPixelsPerBlock) * static_cast<double>(blocks_) + double{kAnyPixels};
+  all_.extend(box);
+  const Eigen::Vector3d cells = (all_.sizes() / voxel_size_).cast<double>();
+  if (!((cells.x() + 2) * (cells.z() + 2) <= most))
+    throw std::runtime_error(
+        fmt::format("what is known lies in a box of {:.0f} by {:.0f} m, too little of it for a costmap of that size; "
+                    "cut away what lies far off, or make the map again",
+                    all_.sizes().x(), all_.sizes().z()));
   const Eigen::AlignedBox3i voxels(voxel_at(box.min()), voxel_at(box.max()));
   grow(voxels);
   const float half_diagonal = std::sqrt(3.0f) / 2 * voxel_size_;  // no surface in a voxel is farther from its centre

@@ -27,6 +27,7 @@ class Costmap {
   explicit Costmap(const Band& band) : band_(band) {}
   /// `field` and `surface` are of the same map. `box`: around all that is known in it, DistanceField::bounds(). Of a
   /// part that of what is its own, and `is_own` tells of a point whether it is; all parts have voxels of one size.
+  /// Throws std::runtime_error where so little of the box is known that memory for all of it would be wasted.
   void add(const DistanceField& field, const Mesh& surface, const Eigen::AlignedBox3f& box,
            const std::function<bool(const Eigen::Vector3f&)>& is_own = {});
   /// The .yaml and a .pgm beside it. Throws std::runtime_error where nothing is known in the band.
@@ -45,6 +46,8 @@ class Costmap {
   float voxel_size_ = 0;
   Eigen::Vector3f origin_ = Eigen::Vector3f::Zero();  // voxel (i, j, k) is origin_ + voxel_size_ * (i, j, k)
   Eigen::AlignedBox3i box_;                           // of all that is known, voxels
+  Eigen::AlignedBox3f all_;                           // the same, metres
+  std::size_t blocks_ = 0;                            // of the fields
   int first_ = 0, last_ = -1;                         // layers that reach into the band
   std::vector<Pixel> pixels_;                         // of box_, x by x
 };

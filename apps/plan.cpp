@@ -11,6 +11,7 @@
 #include "console.hpp"
 #include "inputs_and_outputs.hpp"
 #include "json_text.hpp"
+#include "quantity.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -89,12 +90,10 @@ void add_plan(CLI::App& program) {
                    "Folder for the plan, or of one that grows; its parts are FOLDER/parts/000 and so on")
       ->required()
       ->type_name(kFolder);
-  command->add_option("--frames-per-part", a->frames_per_part, "So many at most, and the overlap [3000, or the plan's]")
-      ->check(CLI::PositiveNumber);
-  command
-      ->add_option("--overlap", a->overlap,
-                   "Frames that a part has in common with the next of its recording [150, or the plan's]")
-      ->check(CLI::NonNegativeNumber);
+  add_number(*command, "--frames-per-part", a->frames_per_part, {1, 1e9},
+             "So many at most, and the overlap [3000, or the plan's]");
+  add_number(*command, "--overlap", a->overlap, {0, 1e9},
+             "Frames that a part has in common with the next of its recording [150, or the plan's]");
   command->add_flag("--json", a->json, "Print the plan to stdout as JSON");
   command->callback([a] { plan(*a); });
 }

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #include <chrono>
+#include <utility>
 
 #include "commands.hpp"
 #include "interrupt.hpp"
 #include "progress.hpp"
+#include "quantity.hpp"
 #include "run.hpp"
 #include "sources.hpp"
 
@@ -59,16 +61,6 @@ nlohmann::json to_json(const Adjusted& a) {
           {"covariances", to_json(a.covariances)}};
 }
 
-/// A first Ctrl-C keeps what is adjusted so far.
-Adjusted adjust(Run& run) {
-  const Interrupt interrupt("\nkeeping what is adjusted so far; once more ends at once\n");
-  Progress progress(std::nullopt, "");
-  return run.mapper().adjust([&](double share) {
-    progress.step(static_cast<int>(100 * share), 100, "adjusting");
-    return !interrupt.requested();
-  });
-}
-
 void tell(const Adjusted& adjusted, bool is_used, Run& run) {
   if (adjusted.has_readout)
     run.warn(
@@ -81,6 +73,73 @@ void tell(const Adjusted& adjusted, bool is_used, Run& run) {
         "finds it for later recordings");
 }
 
+/// The number of frames that were fused, lost or skipped until the recording ended or a signal came.
+int add_frames(const Arguments& a, Source& source, Run& run, Interrupt& interrupt) {
+  int read = 0;
+  Progress progress(source.size());
+  auto waited = Clock::now();
+  while (!interrupt.requested()) {
+    const auto frame = source.next();
+    if (!frame) break;
+    ++read;
+    const FrameReport report =
+        run.add(*frame, std::chrono::duration<double, std::milli>(Clock::now() - waited).count());
+    if (run.stopped()) break;
+    if (report.state == FrameState::fused) interrupt.is_worth_finishing();
+    progress.step(words(report, a.verbose));
+    waited = Clock::now();
+  }
+  return read;
+}
+
+/// Works on the map as a whole after the last frame. A signal ends the stage that runs: what it replaces stays, of an
+/// adjustment what came so far.
+nlohmann::json improve(const Arguments& a, const HoldOut& held_out, Run& run, Interrupt& interrupt) {
+  nlohmann::json more;
+  interrupt.is_worth_finishing();  // also where no frame was left
+  const auto shown = [&](Progress& progress, const char* words) {
+    return [&interrupt, &progress, words](double share) {
+      progress.step(static_cast<int>(100 * share), 100, words);
+      return !interrupt.requested();
+    };
+  };
+  const auto stage = [&](bool is_asked, const char* name, const std::function<void()>& work) {
+    if (is_asked && !interrupt.requested()) run.timed(name, work);
+    if (is_asked && interrupt.requested()) run.interrupted_in(name);
+  };
+  stage(a.refine || a.reintegrate, "refine", [&] {
+    interrupt.say("leaving out what is not refined yet; once more ends at once");
+    Progress progress(std::nullopt, "");
+    const Refined refined = run.mapper().refine(shown(progress, "refining"));
+    more["refined"] = {{"keyframes", refined.keyframes},         {"pairs_tried", refined.pairs_tried},
+                       {"pairs_aligned", refined.pairs_aligned}, {"pairs_inlier", refined.pairs_inlier},
+                       {"cost_before", refined.cost_before},     {"cost", refined.cost}};
+  });
+  Adjusted adjusted;
+  stage(a.adjust || a.reintegrate, "adjust", [&] {
+    interrupt.say("keeping what is adjusted so far; once more ends at once");
+    {
+      Progress progress(std::nullopt, "");
+      adjusted = run.mapper().adjust(shown(progress, "adjusting"));
+    }
+    more["adjusted"] = to_json(adjusted);
+    tell(adjusted, a.reintegrate, run);
+  });
+  stage(a.reintegrate, "reintegrate", [&] {
+    interrupt.say("keeping the map as it was adjusted; once more ends at once");
+    SourceOptions options_again = source_options(a, parse_frames(a.frames));
+    options_again.find_colour_camera = false;  // the mapper knows
+    const auto again = open_frames(a, options_again, held_out);
+    Progress progress(again->size());
+    int done = 0;
+    run.mapper().reintegrate(*again, adjusted.correction, [&](int frames) {
+      if (frames > std::exchange(done, frames)) progress.step("reintegrating");
+      return !interrupt.requested();
+    });
+  });
+  return more;
+}
+
 void reconstruct(const Arguments& given) {
   const Inputs inputs = inputs_of(given).add_recording(given.poses.string()).add_recording(given.guess.string());
   const Arguments a = with_output(given, inputs, given.poses.empty());
@@ -91,53 +150,18 @@ void reconstruct(const Arguments& given) {
   const auto source = open_frames(a, source_options(a, begin.range), held_out);
   const Options options = options_of(a, source->rig().sensor);
   Run run(a, options, poses, source->rig(), begin.progressed, begin.is_next_recording);
+  const LastWords ending(run.said_when_ended());
+  nlohmann::json more;
   {
-    const Interrupt interrupt;
+    Interrupt interrupt(Interrupt::Worth::later);
     const std::optional<int> count = source->size();
-    int read = 0;
-    Progress progress(count);
-    auto waited = Clock::now();
-    while (!interrupt.requested()) {
-      const auto frame = source->next();
-      if (!frame) break;
-      ++read;
-      const FrameReport report =
-          run.add(*frame, std::chrono::duration<double, std::milli>(Clock::now() - waited).count());
-      if (run.stopped()) break;
-      progress.step(words(report, a.verbose));
-      waited = Clock::now();
-    }
+    const int read = add_frames(a, *source, run, interrupt);
     if (interrupt.requested() && count && read < *count) run.interrupted(*count - read);
+    if (!run.stopped()) more = improve(a, held_out, run, interrupt);
   }
-  auto ending = std::make_unique<EndAtOnce>(run.said_when_ended());
   if (const auto why = source->ended_early()) run.warn(*why);
   if (a.hold_out && !run.stopped() && run.held_out() == 0)
     run.warn(fmt::format("--hold-out {}: no frame was held out: give a smaller number", *a.hold_out));
-
-  nlohmann::json more;
-  Adjusted adjusted;
-  if ((a.refine || a.reintegrate) && !run.stopped())
-    run.timed("refine", [&] {
-      const Refined refined = run.mapper().refine();
-      more["refined"] = {{"keyframes", refined.keyframes},         {"pairs_tried", refined.pairs_tried},
-                         {"pairs_aligned", refined.pairs_aligned}, {"pairs_inlier", refined.pairs_inlier},
-                         {"cost_before", refined.cost_before},     {"cost", refined.cost}};
-    });
-  if ((a.adjust || a.reintegrate) && !run.stopped()) {
-    ending.reset();
-    run.timed("adjust", [&] { adjusted = adjust(run); });
-    ending = std::make_unique<EndAtOnce>(run.said_when_ended());
-    more["adjusted"] = to_json(adjusted);
-    tell(adjusted, a.reintegrate, run);
-  }
-  if (a.reintegrate && !run.stopped())
-    run.timed("reintegrate", [&] {
-      SourceOptions options_again = source_options(a, parse_frames(a.frames));
-      options_again.find_colour_camera = false;  // the mapper knows
-      const auto again = open_frames(a, options_again, held_out);
-      Progress progress(again->size());
-      run.mapper().reintegrate(*again, adjusted.correction, [&] { progress.step("reintegrating"); });
-    });
   end_with(run.finish(more));
 }
 
@@ -147,15 +171,13 @@ void add_reconstruct(CLI::App& program) {
   auto* command = program.add_subcommand("reconstruct", "Turn a recording into a mesh, a map and a trajectory");
   const auto a = std::make_shared<Arguments>();
   add_run_options(*command, *a);
-  command->add_option("--read-ahead", a->read_ahead, "frames decoded ahead in a thread of their own; 0: no thread")
-      ->check(CLI::Range(0, 1000))
+  add_number(*command, "--read-ahead", a->read_ahead, {0, 1000},
+             "Frames decoded ahead in a thread of their own; 0: no thread")
       ->capture_default_str();
   command->add_option("--frames", a->frames, kFramesHelp)->type_name("RANGE");
-  command
-      ->add_option("--hold-out", a->hold_out,
-                   "Every N-th frame gets a pose and is left out of the map, its colours and its adjustment, so that "
-                   "`cairn evaluate map` judges the map by frames that it has never seen [none]")
-      ->check(CLI::Range(2, 1'000'000));
+  add_number(*command, "--hold-out", a->hold_out, {2, 1'000'000},
+             "Every N-th frame gets a pose and is left out of the map, its colours and its adjustment, so that `cairn "
+             "evaluate map` judges the map by frames that it has never seen [none]");
   auto* poses =
       command
           ->add_option(

@@ -6,6 +6,7 @@
 
 #include "cairn/file_name.hpp"
 #include "cairn/recorder.hpp"
+#include "cairn/unfinished.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
@@ -13,6 +14,7 @@
 #include "interrupt.hpp"
 #include "json_text.hpp"
 #include "progress.hpp"
+#include "quantity.hpp"
 #include "sources.hpp"
 #include "write_frames.hpp"
 
@@ -44,7 +46,9 @@ struct Recorded {
 /// Gives the frames that should be recorded, until one of the reasons to end.
 class Reader {
  public:
-  Reader(Source& source, const Arguments& a, Recorded& recorded) : source_(source), a_(a), recorded_(recorded) {}
+  /// `unfinished`: without a frame.
+  Reader(Source& source, const Arguments& a, Recorded& recorded, std::vector<Unfinished>& unfinished)
+      : source_(source), a_(a), recorded_(recorded), unfinished_(unfinished) {}
   std::optional<Frame> operator()() {
     while (!interrupt_.requested()) {
       auto frame = source_.next();
@@ -64,6 +68,8 @@ class Reader {
       }
       recorded_.last = frame->timestamp;
       ++recorded_.frames;
+      interrupt_.is_worth_finishing();
+      unfinished_.clear();
       progress_.step("recording" + (source_.dropped() > 0 ? fmt::format(", {} DROPPED", source_.dropped()) : ""));
       return frame;
     }
@@ -74,9 +80,20 @@ class Reader {
   Source& source_;
   const Arguments& a_;
   Recorded& recorded_;
-  Interrupt interrupt_;
+  std::vector<Unfinished>& unfinished_;
+  Interrupt interrupt_{Interrupt::Worth::later};
   Progress progress_{std::nullopt};
 };
+
+/// What a recording without a frame leaves behind.
+std::vector<Unfinished> unfinished_of(const fs::path& output, bool is_file) {
+  std::vector<Unfinished> all;
+  const bool is_new = !fs::exists(output);
+  if (is_file || is_new) all.emplace_back(output, is_file ? Unfinished::Kind::all : Unfinished::Kind::empty);
+  if (is_file || (!is_new && !fs::is_empty(output))) return all;
+  for (const char* name : {"rgb", "depth", "rgb.txt", "depth.txt", "camera.yaml"}) all.emplace_back(output / name);
+  return all;
+}
 
 void record(const Arguments& a) {
   const bool to_oni = extension_of(a.output) == ".oni";
@@ -91,10 +108,11 @@ void record(const Arguments& a) {
                                          a.output.string(), left >> 20, 2 * kReserve >> 20));
   SourceOptions options = source_options(a.sequence, a.camera, a.topics);
   if (to_oni) options.copy_to = a.output;
+  std::vector<Unfinished> unfinished = unfinished_of(a.output, to_oni);
   auto source = open_source(a.sequence, options);
   Recorded recorded;
   {
-    Reader read(*source, a, recorded);
+    Reader read(*source, a, recorded, unfinished);
     if (to_oni)
       while (read()) {
       }
@@ -132,8 +150,8 @@ void add_record(CLI::App& program) {
       ->type_name(kPath);
   add_camera(*command, a->camera, "in place of the sensor's own intrinsics");
   add_topics(*command, a->topics);
-  command->add_option("--seconds", a->seconds, "Ends after so long; 0: with Ctrl-C")
-      ->check(CLI::NonNegativeNumber)
+  constexpr double kLongest = 1e6;
+  add_number(*command, "--seconds", a->seconds, {0, kLongest}, Unit::seconds, "Ends after so long; 0: with Ctrl-C")
       ->capture_default_str();
   command->add_option("--colour", a->colour, "Format of the colour images")
       ->check(one_of({"jpg", "png"}))

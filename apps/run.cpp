@@ -10,13 +10,16 @@
 #include <cstdio>
 #include <utility>
 
+#include "cairn/option_ranges.hpp"
 #include "cairn/parts.hpp"
+#include "cairn/quoted.hpp"
 #include "command_line.hpp"
 #include "command_tree.hpp"
 #include "console.hpp"
 #include "flags.hpp"
 #include "json_text.hpp"
 #include "outputs.hpp"
+#include "quantity.hpp"
 #include "sources.hpp"
 
 namespace cairn::apps {
@@ -25,9 +28,10 @@ namespace {
 namespace fs = std::filesystem;
 constexpr int kColourless = 30;       // frames after which a recording has no colour
 constexpr double kFewInliers = 0.45;  // as the live page says it
-constexpr int kMostlyLost = 3;        // exit code
+constexpr int kBadMap = 3;            // exit code
 
-constexpr std::uint64_t kMostMib = std::uint64_t{1} << 24;  // 16 TiB
+constexpr double kMostMib = 1 << 24;     // 16 TiB
+constexpr double kLongestBetween = 1e6;  // seconds between two checkpoints
 
 nlohmann::json to_json(const FrameReport& r) {
   nlohmann::json j{{"index", r.index}, {"timestamp", r.timestamp}, {"state", name_of(r.state)}};
@@ -47,6 +51,9 @@ nlohmann::json to_json(const FrameReport& r) {
   j["ms"] = r.stage_ms;
   return j;
 }
+
+/// Whether a run can be gone on with.
+bool has_state(const fs::path& output) { return fs::exists(output / "session" / "state.cbor"); }
 
 /// A run that goes on leaves what the one before has logged: it takes X-2.mcap, X-3.mcap, ...
 fs::path log_file(const RunArguments& a) {
@@ -102,7 +109,7 @@ std::string Progressed::note() const {
 }
 
 Progressed Progressed::from(const std::string& note) {
-  const auto j = nlohmann::json::parse(note);
+  const auto j = parsed_json(note);
   return {.recording = j.at("recording"),
           .next = j.at("next"),
           .hold_out = j.contains("hold_out") ? hold_out_from(j["hold_out"]) : HoldOut{},
@@ -158,7 +165,7 @@ Beginning beginning(const RunArguments& a, FrameRange range) {
   const std::string note = Session::info(a.output / "session").note;
   try {
     before = Progressed::from(note);
-  } catch (const nlohmann::json::exception& error) {
+  } catch (const std::exception& error) {
     throw std::runtime_error(fmt::format("{}: is damaged ({}); reconstruct again without --resume",
                                          (a.output / "session").string(), plain(error.what())));
   }
@@ -185,7 +192,7 @@ Run::Run(RunArguments arguments, const Options& options, Poses poses, const Rig&
       progressed_(found_),
       evidence_(rig_, options_) {
   evidence_.restore(found_.evidence);
-  prepare_output(arguments_.output);
+  prepare();
   if (poses_ == Poses::given) replaced_.emplace(arguments_.output / "session");
   begin_map();
   if (!arguments_.resume) {  // another run may have finished there since its name was chosen
@@ -251,11 +258,26 @@ FrameReport Run::add(const Frame& frame, double waited_ms) {
   progressed_.next = report.index + 1;
   progressed_.frames.add(to_json(report));
   if (std::chrono::duration<double>(Clock::now() - saved_).count() >= arguments_.checkpoint_seconds) {
-    progressed_.evidence = evidence_.save();
-    if (session_) session_->checkpoint(*mapper_, progressed_.note());
-    saved_ = Clock::now();
+    checkpoint();
   }
   return report;
+}
+
+void Run::prepare() {
+  const fs::path& output = arguments_.output;
+  const auto made = [&](const fs::path& path, Unfinished::Kind kind) {
+    if (!fs::exists(path)) unfinished_.emplace_back(path, kind);
+  };
+  made(output, Unfinished::Kind::empty);
+  prepare_output(output);
+  made(output / "session", Unfinished::Kind::all);  // with given poses it is for the lock alone
+}
+
+void Run::checkpoint() {
+  progressed_.evidence = evidence_.save();
+  if (session_) session_->checkpoint(*mapper_, progressed_.note());
+  if (has_state(arguments_.output)) unfinished_.clear();
+  saved_ = Clock::now();
 }
 
 void Run::timed(const char* stage, const std::function<void()>& work) {
@@ -286,6 +308,12 @@ void Run::tell_warnings() {
 
 void Run::interrupted(int left) { left_ = left; }
 
+void Run::interrupted_in(const char* stage) {
+  if (left_) return;  // the first of them
+  left_ = 0;
+  left_stage_ = stage;
+}
+
 Verdict Run::judge(int components) const {
   const FrameLog& frames = progressed_.frames;
   return evidence_.verdict({.total = frames.size() - held_out(),
@@ -293,6 +321,7 @@ Verdict Run::judge(int components) const {
                             .held_out = held_out(),
                             .components = components,
                             .focal = mapper_->statistics().focal,
+                            .keeping_up = keeping_up_,
                             .warnings = warnings_});
 }
 
@@ -301,7 +330,18 @@ std::string Run::how_to_go_on() const {
   return "go on with: " + resuming(own_words(), arguments_.asked_output, arguments_.output);
 }
 
-std::string Run::said_when_ended() const { return "\nended before every file was written; " + how_to_go_on() + "\n"; }
+std::function<std::string()> Run::said_when_ended() const {
+  const fs::path state = arguments_.output / "session" / "state.cbor";
+  std::error_code none;
+  std::optional<fs::file_time_type> old;  // of the session that this run replaces
+  if (!arguments_.resume && fs::exists(state, none)) old = fs::last_write_time(state, none);
+  return [=, go_on = how_to_go_on(), output = arguments_.output, has_session = poses_ == Poses::tracked] {
+    std::error_code error;
+    if (!has_session || (fs::exists(state, error) && (!old || fs::last_write_time(state, error) != *old)))
+      return "ended before every file was written; " + go_on;
+    return fmt::format("cairn: interrupted before the first checkpoint; {} is as it was", output.string());
+  };
+}
 
 Verdict Run::finish(const nlohmann::json& more) {
   const FrameLog& frames = progressed_.frames;
@@ -321,6 +361,7 @@ Verdict Run::finish(const nlohmann::json& more) {
   arguments_.mesh.source = (fs::exists(sequence) ? tidy(sequence) : fs::path(sequence)).filename().string();
   Outputs outputs(
       output, [this](const char* stage, const auto& work) { timed(stage, work); }, stopped_, !arguments_.no_mesh);
+  unfinished_.clear();
   progressed_.evidence = evidence_.save();
   if (session_) session_->release_start();
   log([](RunLog& log) { log.finishing(); });
@@ -353,6 +394,7 @@ Verdict Run::finish(const nlohmann::json& more) {
        {"warnings", warnings_}});
   if (held_out() > 0) report["hold_out"] = to_json(progressed_.hold_out);
   if (left_) report["interrupted"] = {{"frames_left", *left_}, {"remedy", how_to_go_on()}};
+  if (!left_stage_.empty()) report["interrupted"]["stage"] = left_stage_;
   if (!more.is_null()) report.update(more);
   for (const auto& [stage, ms] : stages_)
     report["stages"][stage] = {
@@ -374,9 +416,15 @@ void Run::tell(const nlohmann::json& report, const Verdict& verdict) const {
   const int total = progressed_.frames.size(), in_this_run = report["frames_of_this_run"];
   const fs::path page = output / "report.html";  // not where the library is built without the viewer
   if (out == stdout) {
-    fmt::print(out, "{} of {} frames fused ({} lost, {} skipped{}){} in {:.1f} s, {:.1f} frames/s, {:.0f} MB peak\n",
+    // A frame that cannot be used and one that nobody had time for are two things.
+    const int skipped = progressed_.frames.count("skipped"), left_out = keeping_up_.left_out;
+    fmt::print(out, "{} of {} frames fused ({} lost{}{}{}){} in {:.1f} s, {:.1f} frames/s, {:.0f} MB peak\n",
                progressed_.frames.count("fused"), total, progressed_.frames.count("lost"),
-               progressed_.frames.count("skipped"), held_out() > 0 ? fmt::format(", {} held out", held_out()) : "",
+               left_out == 0 ? fmt::format(", {} skipped", skipped)
+               : skipped > 0 ? fmt::format(", {} unusable", skipped)
+                             : "",
+               held_out() > 0 ? fmt::format(", {} held out", held_out()) : "",
+               left_out > 0 ? fmt::format("; {} more left out to keep up", left_out) : "",
                frames_before() > 0 ? fmt::format(", {} of them in this run", in_this_run) : "",
                report["seconds"].get<double>(), report["frames_per_second"].get<double>(),
                report["peak_memory_mb"].get<double>());
@@ -389,10 +437,13 @@ void Run::tell(const nlohmann::json& report, const Verdict& verdict) const {
     fmt::print(out, "trajectory  {}\n", (output / "trajectory.txt").string());
     print_upright(report["upright"]);
     fmt::print(out, "report      {}\n", (fs::exists(page) ? page : output / "report.json").string());
-    if (fs::exists(page)) fmt::print(out, "next: cairn view {}\n", quoted(output.string()));
+    if (fs::exists(page)) fmt::print(out, "next: cairn view {}\n", quoted(output));
   }
   if (!arguments_.json || verdict.level != Verdict::Level::good) print(verdict, out);
-  if (left_) fmt::print(out, "{} of {} frames; {}\n", total, total + *left_, how_to_go_on());
+  if (!left_stage_.empty())
+    fmt::print(out, "interrupted in --{}; {}\n", left_stage_, how_to_go_on());
+  else if (left_)
+    fmt::print(out, "{} of {} frames; {}\n", total, total + *left_, how_to_go_on());
 }
 
 void print(const Verdict& verdict, std::FILE* out) {
@@ -403,7 +454,7 @@ void print(const Verdict& verdict, std::FILE* out) {
 }
 
 void end_with(const Verdict& verdict) {
-  if (verdict.level == Verdict::Level::bad) throw CLI::RuntimeError(kMostlyLost);
+  if (verdict.level == Verdict::Level::bad) throw CLI::RuntimeError(kBadMap);
 }
 
 namespace {
@@ -450,33 +501,32 @@ void add_run_options(CLI::App& command, RunArguments& a) {
           "one was held), or an axis of the first camera's frame or the given poses: x, y, z, -x, -y, -z [auto; "
           "with --poses: their world stays]")
       ->check(CLI::IsMember({"auto", "camera", "x", "y", "z", "-x", "-y", "-z"}));
-  command.add_option("--voxel-size", a.voxel_size,
-                     "Metres; the truncation is four voxels, or more for noisy sensors [0.01]");
+  add_number(command, "--voxel-size", a.voxel_size, range_of("fuse.voxel_size"), Unit::metres,
+             "Side of a voxel; the truncation is four voxels, or more for noisy sensors [0.01]");
   add_topics(command, a.topics);
-  command.add_option("--device", a.device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
-      ->capture_default_str();
-  command
-      .add_option("--device-memory", a.device_memory_mib, "MiB for the map on the device [half of it, 2048 at most]")
-      ->check(CLI::Range(std::uint64_t{1}, kMostMib));
-  command.add_option("--host-memory", a.host_memory_mib, "MiB for ended submaps; others wait on the disk [16]")
-      ->check(CLI::Range(std::uint64_t{1}, kMostMib));
+  add_device(command, a.device);
+  add_number(command, "--device-memory", a.device_memory_mib, {1, kMostMib}, Unit::mebibytes,
+             "For the map on the device [half of it, 2048 at most]");
+  add_number(command, "--host-memory", a.host_memory_mib, {1, kMostMib}, Unit::mebibytes,
+             "For ended submaps; others wait on the disk [16]");
   auto* live = command.add_flag(
       "--esdf", a.esdf, "Keep a distance field up to date while frames are fused; map.vdb gets the grid `esdf`");
-  command.add_option("--esdf-voxel-size", a.esdf_voxel_size, "Metres: 1, 2, 4 or 8 voxels of the map [two]")
+  add_number(command, "--esdf-voxel-size", a.esdf_voxel_size, range_of("esdf.voxel_size"), Unit::metres,
+             "1, 2, 4 or 8 voxels of the map; 0: two [two]")
       ->needs(live);
-  command.add_option("--max-distance", a.max_distance, "Metres that the distance field looks [2]")->needs(live);
-  command.add_option("--robot-radius", a.robot_radius,
-                     "Metres around the camera that are free wherever it was, in map.vdb and distance fields [0.1]");
+  add_number(command, "--max-distance", a.max_distance, range_of("esdf.max_distance"), Unit::metres,
+             "How far the distance field looks [2]")
+      ->needs(live);
+  add_number(command, "--robot-radius", a.robot_radius, range_of("esdf.robot_radius"), Unit::metres,
+             "Around the camera, free wherever it was, in map.vdb and distance fields [0.1]");
   command.add_flag("--no-loops", a.no_loops, "Do not recognise places");
   command
       .add_flag("--resume", a.resume,
                 "Go on from the session in OUT: where a run was cut off, or with another recording of the same place")
       ->excludes("--overwrite")
       ->excludes("--auto-name");
-  command
-      .add_option("--checkpoint", a.checkpoint_seconds,
-                  "Seconds between two checkpoints of the session: so much work a kill costs at most")
-      ->check(CLI::NonNegativeNumber)
+  add_number(command, "--checkpoint", a.checkpoint_seconds, {0, kLongestBetween}, Unit::seconds,
+             "Time between two checkpoints of the session: so much work a kill costs at most")
       ->capture_default_str();
   add_telling_options(command, a);
   add_export_options(command, a.mesh);

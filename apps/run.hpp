@@ -18,6 +18,7 @@
 #include "cairn/run_log.hpp"
 #include "cairn/session.hpp"
 #include "cairn/source.hpp"
+#include "cairn/unfinished.hpp"
 #include "cairn/verdict.hpp"
 #include "durations.hpp"
 #include "export_options.hpp"
@@ -115,10 +116,14 @@ class Run {
   /// Warns of what the map has switched off since it was last asked.
   void tell_warnings();
 
+  /// What came of a stream that does not wait.
+  void keeps_up(const KeepingUp& keeping_up) { keeping_up_ = keeping_up; }
   /// Tells that the user ended the run `left` frames before its recording ends.
   void interrupted(int left);
-  /// What to say when the user ends the program while its files are written.
-  [[nodiscard]] std::string said_when_ended() const;
+  /// The same of a stage after the last frame.
+  void interrupted_in(const char* stage);
+  /// What to say when the user ends the program at once, as of the moment when it is asked; it may outlive this.
+  [[nodiscard]] std::function<std::string()> said_when_ended() const;
   /// Writes everything, with report.json and report.html, of which `more` is a part, and tells the user how it went.
   /// Throws std::runtime_error if no frame could be used, or with what could not be written.
   [[nodiscard]] Verdict finish(const nlohmann::json& more = {});
@@ -130,6 +135,9 @@ class Run {
   /// With --log, as long as the log can be written.
   void log(const std::function<void(RunLog&)>& work);
   [[nodiscard]] std::string how_to_go_on() const;
+  /// Makes the folder, and remembers what of it is new.
+  void prepare();
+  void checkpoint();
   void tell(const nlohmann::json& report, const Verdict& verdict) const;
   RunArguments arguments_;
   Options options_;
@@ -138,7 +146,10 @@ class Run {
   Progressed found_;  // of the runs that this one goes on from
   bool is_next_recording_;
   Progressed progressed_;
-  std::optional<int> left_;  // frames, of a run that was interrupted
+  std::vector<Unfinished> unfinished_;  // what this run made and nobody can go on with yet
+  std::optional<int> left_;             // frames, of a run that was interrupted
+  std::string left_stage_;              // in which it was
+  KeepingUp keeping_up_;
   Evidence evidence_;
   std::optional<ReplacedSession> replaced_;  // its place, when this run makes none: nobody else writes there
   std::optional<Session> session_;           // of tracked poses
@@ -164,7 +175,7 @@ struct Beginning {
 
 /// Its level and words, and a line for each reason.
 void print(const Verdict& verdict, std::FILE* out);
-/// Ends the program with exit code 3 where most of a run is not in the map.
+/// Ends the program with exit code 3 where a verdict is bad.
 void end_with(const Verdict& verdict);
 
 }  // namespace cairn::apps

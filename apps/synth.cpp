@@ -15,6 +15,7 @@
 #include "console.hpp"
 #include "inputs_and_outputs.hpp"
 #include "progress.hpp"
+#include "quantity.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -216,6 +217,20 @@ void synth(const Arguments& a) {
   say("{}: {} frames of '{}' with true poses and surface\n", a.output.string(), frames, a.scene);
 }
 
+/// How much is rendered.
+void add_size_options(CLI::App& command, Arguments& a) {
+  add_number(command, "--frames", a.frames, {1, 1e7}, "Number of frames [300; of building all]");
+  add_number(command, "--floors", a.floors, {1, 100}, "Of building: its storeys [3]");
+  add_number(command, "--rooms", a.rooms, {1, 10000}, "Of building: in all storeys together [40]");
+  add_number(command, "--recording", a.recording, {0, 1e9},
+             "Of building: which of its recordings; each has a way, a hand and open doors of its own [0]");
+  add_number(command, "--metres", a.metres, {1, 100000}, Unit::metres, "Of building: how far the recording leads [30]");
+  add_number(command, "--rate", a.rate, {1, 240}, Unit::hertz, "Frames a second")->capture_default_str();
+  add_number(command, "--width", a.width, {64, 4096}, Unit::pixels,
+             "Of the images; their height is three quarters of it")
+      ->capture_default_str();
+}
+
 }  // namespace
 
 void add_synth(CLI::App& program) {
@@ -231,19 +246,7 @@ void add_synth(CLI::App& program) {
       ->add_option("--trajectory", a->trajectory,
                    "Move along this TUM trajectory, z up, put into the middle of the scene [the scene's own path]")
       ->check(CLI::ExistingFile);
-  command->add_option("--frames", a->frames, "Number of frames [300; of building all]")->check(CLI::PositiveNumber);
-  command->add_option("--floors", a->floors, "Of building: its storeys [3]")->check(CLI::Range(1, 100));
-  command->add_option("--rooms", a->rooms, "Of building: in all storeys together [40]")->check(CLI::Range(1, 10000));
-  command
-      ->add_option("--recording", a->recording,
-                   "Of building: which of its recordings; each has a way, a hand and open doors of its own [0]")
-      ->check(CLI::NonNegativeNumber);
-  command->add_option("--metres", a->metres, "Of building: how far the recording leads [30]")
-      ->check(CLI::Range(1.0, 100000.0));
-  command->add_option("--rate", a->rate, "Frames a second")->capture_default_str()->check(CLI::Range(1.0, 240.0));
-  command->add_option("--width", a->width, "Of the images in pixels; their height is three quarters of it")
-      ->capture_default_str()
-      ->check(CLI::Range(64, 4096));
+  add_size_options(*command, *a);
   command
       ->add_option("--camera", a->camera,
                    "camera.yaml of the depth camera and perhaps of a colour camera beside it [one camera for both]")
@@ -266,12 +269,11 @@ void add_synth(CLI::App& program) {
           "--imu", a->imu,
           "gyroscope.txt (stray-scanner: imu.csv) of an ideal gyroscope or one of a phone's grade, 200 Hz [none]")
       ->check(one_of({"none", "ideal", "mems"}));
-  command
-      ->add_option("--colour-delay", a->colour_delay,
-                   "Seconds that colour images are taken after the depth images with the same stamp")
+  add_number(*command, "--colour-delay", a->colour_delay, {-10, 10}, Unit::seconds,
+             "Time that colour images are taken after the depth images with the same stamp")
       ->capture_default_str();
-  command->add_option("--seed", a->seed, "Of the noise")->capture_default_str();
-  command->add_option("--device", a->device, "Vulkan device; -1 chooses")->capture_default_str();
+  add_number(*command, "--seed", a->seed, {0, 1e15}, "Of the noise")->capture_default_str();
+  add_device(*command, a->device);
   command->callback([a] { synth(*a); });
 }
 

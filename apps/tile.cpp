@@ -16,6 +16,7 @@
 #include "json_text.hpp"
 #include "outputs.hpp"
 #include "progress.hpp"
+#include "quantity.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -62,8 +63,7 @@ void add_tile(CLI::App& program) {
       ->required()
       ->type_name(kFolder);
   add_export_options(*command, a->options);
-  command->add_option("--device", a->device, "Vulkan device as `cairn devices` numbers them; -1 chooses")
-      ->capture_default_str();
+  add_device(*command, a->device);
   command->add_flag("--json", a->json, "Print the result to stdout as JSON");
   command->callback([a] { make_tile(*a); });
 }

@@ -8,6 +8,7 @@
 
 #include "command_tree.hpp"
 #include "help.hpp"
+#include "quantity.hpp"
 #include "suggest.hpp"
 
 namespace cairn::apps {
@@ -31,7 +32,9 @@ std::string see(const CLI::App& command, const std::string& message) {
 /// As in "--port=80", and "-o".
 std::string option_in(const std::string& word) { return word.substr(0, word.find('=')); }
 
+/// What an option refuses as a value is one, too.
 bool is_number(const std::string& word) {
+  if (word == "-inf" || word == "-nan" || word == "-infinity") return true;
   return word.size() > 1 && word[0] == '-' &&
          (std::isdigit(static_cast<unsigned char>(word[1])) != 0 || word[1] == '.');
 }
@@ -71,10 +74,7 @@ std::string wrong_value(const CLI::Option& option, std::string why) {
   if (why.starts_with("Directory is actually a file")) return named + ": is a file, name a folder";
   if (value.kind == Kind::choice && !why.starts_with("choose "))
     return fmt::format("{}: choose {}{}", named, one_of_words(value.choices), did_you_mean(word, value.choices));
-  if (why.starts_with("Value ") || why.starts_with("Number ") || why.starts_with("Could not convert")) {
-    const std::string kind = value.kind == Kind::whole ? "a whole number" : "a number";
-    return fmt::format("{}: {} is wanted{}", named, kind, value.range.empty() ? "" : ", " + value.range);
-  }
+  if (why.find(kNumberIsWanted) != why.npos) return option.get_name() + " " + why;
   return why.starts_with("choose ") ? named + ": " + why : fmt::format("{}: {}", option.get_name(), why);
 }
 

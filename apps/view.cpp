@@ -22,8 +22,8 @@ struct Arguments : ViewArguments {
 };
 
 void view(const Arguments& a) {
-  const Interrupt interrupt("");
   const MapViewer viewer(a.map, a.at);
+  const Interrupt interrupt(Interrupt::Worth::now, "");
   fmt::print("{}\n", viewer.site().urls.front().url);
   std::fflush(stdout);
   fmt::print(stderr, "open this address in a browser{}; Ctrl-C ends\n",

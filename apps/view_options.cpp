@@ -6,13 +6,13 @@
 
 #include "browser.hpp"
 #include "qr_code.hpp"
+#include "quantity.hpp"
 
 namespace cairn::apps {
 
 void add_view_options(CLI::App& command, ViewArguments& a, CLI::Option* needs) {
-  auto* port = command.add_option("--port", a.at.port, "Of the page; 0: any free one")
-                   ->check(CLI::Range(0, 65535))
-                   ->capture_default_str();
+  auto* port =
+      add_number(command, "--port", a.at.port, {0, 65535}, "Of the page; 0: any free one")->capture_default_str();
   auto* host =
       command.add_option("--host", a.at.host,
                          "Serve other devices, too, such as a phone: an IP address of this machine, or 0.0.0.0 "

@@ -29,7 +29,8 @@ class DistanceField {
   };
 
   /// Block (i, j, k) starts with voxel 16 (i, j, k); voxel (i, j, k) samples the point world_from_field
-  /// * (origin + voxel_size * (i, j, k)).
+  /// * (origin + voxel_size * (i, j, k)). Memory follows the number of blocks, not the box around them. Throws
+  /// std::invalid_argument for a block whose voxels 32 bits do not number.
   DistanceField(float voxel_size, const Eigen::Vector3f& origin, float max_distance, Blocks blocks,
                 const Eigen::Quaternionf& world_from_field = Eigen::Quaternionf::Identity());
   /// Reads the grid `esdf` that write_grids or `cairn esdf` wrote. Throws std::runtime_error if there is none.
@@ -68,8 +69,9 @@ class DistanceField {
   float max_distance_;
   Blocks blocks_;
   Eigen::Quaternionf world_from_field_;
-  Eigen::Vector3i first_ = Eigen::Vector3i::Zero(), size_ = Eigen::Vector3i::Zero();  ///< of the table, blocks
-  std::vector<const Block*> table_;                                                   ///< null: nothing known
+  Eigen::Vector3i first_ = Eigen::Vector3i::Zero(), size_ = Eigen::Vector3i::Zero();  ///< of the box, blocks
+  std::vector<const Block*> table_;  ///< of the box, null: nothing known; empty where the blocks fill too little of it
+  std::vector<std::pair<std::array<int, 3>, const Block*>> sorted_;  ///< in place of that table
 };
 
 /// Writes the grid `esdf` to a .vdb file (metres; active where known), whole or not at all.

@@ -14,13 +14,14 @@ namespace cairn {
 
 enum class Pace {
   as_it_comes,  ///< a sensor's own
-  as_recorded   ///< each frame has its time since the first, as when it was taken
+  as_recorded,  ///< each frame has its time since the first, as when it was taken
+  every_frame   ///< as recorded at most, and more slowly where the reader is slower: nothing is dropped
 };
 
 /// Keeps only the newest frame, from a thread of its own: whoever is slower than the stream skips frames and never lags
 /// behind. dropped() counts those that nobody took. Of a recording, frames that come too late are not even read, where
 /// the source can pass over them, and the next is read just before it will be asked for; what reads more slowly than it
-/// was taken plays more slowly, and a pause stops its time.
+/// was taken plays more slowly, and a pause stops its time. With Pace::every_frame it waits for the reader.
 class LiveSource final : public WrappedSource {
  public:
   using Clock = std::chrono::steady_clock;
@@ -32,7 +33,9 @@ class LiveSource final : public WrappedSource {
   /// Stops playing a recording, and goes on where it was; a sensor goes on. Nothing that comes because of it is
   /// dropped.
   void pause(bool paused);
-  [[nodiscard]] std::optional<int> size() const override { return std::nullopt; }
+  [[nodiscard]] std::optional<int> size() const override {
+    return pace_ == Pace::every_frame ? source_->size() : std::nullopt;
+  }
   [[nodiscard]] int dropped() const override;
   /// When the frame came that next() gave last; of a recording, when it was due.
   [[nodiscard]] Clock::time_point arrived() const { return arrived_; }
@@ -41,6 +44,7 @@ class LiveSource final : public WrappedSource {
   using Seconds = std::chrono::duration<double>;
   void run(const std::stop_token& stop);
   void play(const std::stop_token& stop);
+  void play_every(const std::stop_token& stop);
   void put(Frame frame, Clock::time_point arrived);
   // The time that recordings play in; it stands while they are paused. Of whoever holds the mutex.
   [[nodiscard]] Clock::time_point played() const { return paused_at_.value_or(Clock::now()) - paused_for_; }

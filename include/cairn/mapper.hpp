@@ -51,8 +51,9 @@ class Mapper {
   /// frame follows.
   void settle();
   /// Aligns keyframes that see the same with each other and corrects the poses; the map follows by moving the submaps.
-  /// When it fails the poses stay as they are, and a warning tells why.
-  Refined refine();
+  /// `goes_on` is told the share that is done and says whether to go on. When it says no, or when the work fails, the
+  /// poses stay as they are, and a warning tells why.
+  Refined refine(const std::function<bool(double)>& goes_on = {});
   /// Moves the keyframes to where depth and brightness of all that they see agree best, all together, with the colour
   /// camera's clock, how long shutters take to read an image's rows, and what the depth camera errs by (bundle
   /// adjustment after Schöps, Sattler & Pollefeys 2019); the map follows by moving the submaps. Loops must be closed
@@ -62,9 +63,10 @@ class Mapper {
   /// Fuses all frames again instead of bending submaps (as BundleFusion does: Dai et al. 2017): the keyframes where
   /// they are now, then those between them, each tracked anew against what is fused so far. From here on depth is
   /// corrected by `correction` beside what the rig says, see Adjusted. `again` is the same recording from its begin,
-  /// with the same frames held out; `step` is called after each of its frames. When it fails the map stays as it is,
-  /// and a warning tells why.
-  void reintegrate(Source& again, const DepthCorrection& correction = {}, const std::function<void()>& step = {});
+  /// with the same frames held out; `goes_on` is called at each keyframe and at each of its frames, with the number of
+  /// frames so far, and says whether to go on. When it says no, or when the work fails, the map stays as it is, and a
+  /// warning tells why.
+  void reintegrate(Source& again, const DepthCorrection& correction = {}, const std::function<bool(int)>& goes_on = {});
 
   /// As it was given, and with the correction of depth since then.
   [[nodiscard]] const Rig& rig() const;

@@ -13,6 +13,12 @@
 
 namespace cairn {
 
+/// Of a stream that does not wait: what a computer takes of it.
+struct KeepingUp {
+  int left_out = 0;            ///< frames that came while it was busy
+  double taken = 0, came = 0;  ///< frames a second
+};
+
 /// What a run has come to.
 struct Outcome {
   int total = 0;                      ///< frames that were to be in the map, of which
@@ -20,6 +26,7 @@ struct Outcome {
   int held_out = 0;                   ///< beside all of these: no part of the map, as it was asked for
   int components = 1;                 ///< parts of the map that nothing joins
   FocalEvidence focal;                ///< of the views that were tracked
+  KeepingUp keeping_up;               ///< of a sensor, or of a recording that plays in real time
   std::vector<std::string> warnings;  ///< of other things, a line each
 };
 

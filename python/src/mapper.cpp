@@ -91,36 +91,47 @@ class Callback {
   std::exception_ptr error_;
 };
 
+/// Asks `progress`, if there is one, whether to go on; it says no by returning False or by raising.
+std::function<bool(double)> goes_on(Callback& callback, const py::object& progress) {
+  return [&](double share) {
+    return callback.goes_on([&] {
+      if (progress.is_none()) return true;
+      const py::object said = progress(share);
+      return said.is_none() || said.cast<bool>();
+    });
+  };
+}
+
 Adjusted adjust(GuardedMapper& m, const py::object& progress) {
   Callback callback;
-  Adjusted adjusted = m.guard->change([&] {
-    return m.mapper.adjust([&](double share) {
-      return callback.goes_on([&] {
-        if (progress.is_none()) return true;
-        const py::object said = progress(share);
-        return said.is_none() || said.cast<bool>();
-      });
-    });
-  });
+  Adjusted adjusted = m.guard->change([&] { return m.mapper.adjust(goes_on(callback, progress)); });
   callback.rethrow();
   return adjusted;
+}
+
+Refined refine(GuardedMapper& m, const py::object& progress) {
+  Callback callback;
+  Refined refined = m.guard->change([&] { return m.mapper.refine(goes_on(callback, progress)); });
+  callback.rethrow();
+  return refined;
 }
 
 void reintegrate(GuardedMapper& m, const py::object& again, const std::optional<DepthCorrection>& correction,
                  const py::object& progress) {
   BorrowedSource source(again, m.mapper.rig());
   Callback callback;
-  int frames = 0;
-  const auto step = [&] {
-    const bool goes_on = callback.goes_on([&] {
-      if (!progress.is_none()) progress(++frames);
-      return true;
+  int told = 0;
+  const auto goes_on = [&](int frames) {
+    return callback.goes_on([&] {
+      if (progress.is_none() || frames == told) return true;
+      told = frames;
+      const py::object said = progress(frames);
+      return said.is_none() || said.cast<bool>();
     });
-    if (!goes_on) throw std::runtime_error("it was ended");  // the map is as it was before
   };
   source.run([&] {
     const py::gil_scoped_acquire acquire;  // the guard below gives it back
-    m.guard->change([&] { m.mapper.reintegrate(source.get(), correction.value_or(DepthCorrection{}), step); });
+    m.guard->change([&] { m.mapper.reintegrate(source.get(), correction.value_or(DepthCorrection{}), goes_on); });
   });
   source.rethrow();
   callback.rethrow();
@@ -192,11 +203,12 @@ Moves the keyframes as all loops so far say: before trajectory() when no frame f
 --
 
 From now on the map stands as it is known now.)")
-      .def(
-          "refine", [](GuardedMapper& s) { return s.guard->change([&] { return s.mapper.refine(); }); }, R"(refine(self)
+      .def("refine", &refine, py::kw_only(), py::arg("progress") = py::none(), R"(refine(self, *, progress=None)
 --
 
-Aligns keyframes that see the same with each other and corrects the poses; tells in Refined what it did.)")
+Aligns keyframes that see the same with each other and corrects the poses; tells in Refined what it did. progress: called
+with the share that is done; when it returns False, or raises, or Ctrl-C is pressed, the poses stay as they are, and a
+warning tells why.)")
       .def("adjust", &adjust, py::kw_only(), py::arg("progress") = py::none(), R"(adjust(self, *, progress=None)
 --
 
@@ -211,7 +223,8 @@ is pressed, what is adjusted so far is kept. When it fails the poses stay as the
 Fuses all frames again instead of bending submaps: the keyframes where they are now, then those between them, each
 tracked anew. frames: the same recording from its begin, with the same frames held out, a Source or anything that gives
 Frames. correction: of depth from here on, beside what the rig says: Adjusted.correction. progress: called with the
-number of frames so far. When it fails, or Ctrl-C ends it, the map stays as it is, and a warning tells why.)")
+number of frames so far. When it returns False, raises or fails, or Ctrl-C ends it, the map stays as it is, and a warning
+tells why.)")
       .def(
           "map",
           [](GuardedMapper& s) {

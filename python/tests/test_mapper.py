@@ -235,6 +235,22 @@ def test_an_adjustment_can_be_ended(rig: cairn.Rig, images: List[Images]) -> Non
     with pytest.raises(KeyboardInterrupt):
         mapper.reintegrate((cairn.Frame(*images[0], time=0) for _ in range(3)), progress=stop)
     assert np.array_equal(mapper.mesh().vertices, before)
+    mapper.reintegrate((cairn.Frame(*images[0], time=0) for _ in range(3)), progress=lambda frames: False)
+    assert mapper.refine(progress=lambda share: False).pairs_aligned == 0
+    assert np.array_equal(mapper.mesh().vertices, before)
+    assert any("it was interrupted" in warning for warning in mapper.warnings())
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1.0, 0.21])
+def test_options_that_are_no_numbers_are_refused_by_name(rig: cairn.Rig, value: float) -> None:
+    options = cairn.Options()
+    options.fuse.voxel_size = value
+    with pytest.raises(cairn.Error, match="fuse.voxel_size"):
+        options.check()
+    with pytest.raises(cairn.Error, match="fuse.voxel_size"):
+        cairn.Mapper(rig, options)
+    options.fuse.voxel_size, options.fuse.truncation = 0.2, 0.8  # as it is documented
+    options.check()
 
 
 def test_frames_that_are_held_out_have_poses_alone(rig: cairn.Rig, images: List[Images]) -> None:

@@ -13,7 +13,7 @@
 
 #include "base/staging_folder.hpp"
 #include "base/system_file.hpp"
-#include "cairn/writable_folder.hpp"
+#include "cairn/unfinished.hpp"
 #include "cairn/writable_folder.hpp"
 
 namespace cairn {
@@ -77,6 +77,7 @@ void write_temporary(const fs::path& file, Durable durable, const std::function<
   try {
     TemporaryFile made = make_temporary(file);
     temporary = made.path;
+    const Unfinished unfinished(temporary);
     write(*made.file);
     if (durable == Durable::now) made.file->sync();
     if (std::rename(temporary.c_str(), file.c_str()) != 0) throw SystemError{errno};

@@ -17,6 +17,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/checked_count.hpp"
 #include "base/image_file.hpp"
 #include "base/words.hpp"
 
@@ -25,17 +26,11 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little);  // NPY is read as it lies in the file
 
-constexpr std::uint32_t kMostPixels = 4096;          // a side, of a camera
+constexpr int kAnyTileSide = 512;                    // pixels, however small the image
 constexpr std::uint64_t kTiffBytes = 1500;           // what a byte can at most become: LZW's longest string
 constexpr std::uint64_t kRoom = 1 << 16;             // bytes that any file may have
 constexpr tmsize_t kMostAtOnce = tmsize_t{1} << 28;  // bytes that libtiff may allocate in one piece
 constexpr const char* kKnown = "known are 16 bits, and floats of 32 or 64";
-
-void check_size(std::uint64_t width, std::uint64_t height) {
-  if (width == 0 || height == 0 || width > kMostPixels || height > kMostPixels)
-    throw std::runtime_error(
-        fmt::format("tells {} x {} pixels, allowed are 1 to {} a side", width, height, kMostPixels));
-}
 
 /// Floats of 64 bits as such of 32.
 cv::Mat narrowed(cv::Mat image) {
@@ -121,7 +116,8 @@ bool read_strips(TIFF* tiff, cv::Mat& image) {
 
 bool read_tiles(TIFF* tiff, cv::Mat& image) {
   const auto width = tag<std::uint32_t>(tiff, TIFFTAG_TILEWIDTH), height = tag<std::uint32_t>(tiff, TIFFTAG_TILELENGTH);
-  if (width == 0 || height == 0 || width > kMostPixels || height > kMostPixels) return false;
+  const auto most = static_cast<std::uint32_t>(std::max({image.cols, image.rows, kAnyTileSide}));
+  if (width == 0 || height == 0 || width > most || height > most) return false;
   cv::Mat tile(static_cast<int>(height), static_cast<int>(width), image.type());
   const auto bytes = static_cast<tmsize_t>(tile.total() * tile.elemSize());
   if (TIFFTileSize(tiff) != bytes) return false;
@@ -135,15 +131,15 @@ bool read_tiles(TIFF* tiff, cv::Mat& image) {
   return true;
 }
 
-cv::Mat decode_tiff(std::span<const std::uint8_t> all) {
+cv::Mat decode_tiff(std::span<const std::uint8_t> all, const ImageBound& bound) {
   TiffBytes bytes{all};
   const Tiff tiff = open_tiff(bytes);
   if (!tiff) throw std::runtime_error("is no TIFF that can be read: damaged or cut off");
   const auto width = tag<std::uint32_t>(tiff.get(), TIFFTAG_IMAGEWIDTH),
              height = tag<std::uint32_t>(tiff.get(), TIFFTAG_IMAGELENGTH);
-  check_size(width, height);
+  check_image_size(width, height, bound);
   const int type = type_of(tiff.get());
-  if (std::uint64_t{width} * height * static_cast<std::uint64_t>(CV_ELEM_SIZE(type)) > all.size() * kTiffBytes + kRoom)
+  if (product(width, height, CV_ELEM_SIZE(type)) > product(all.size(), kTiffBytes) + kRoom)
     throw std::runtime_error("the file is cut off");
   cv::Mat image(static_cast<int>(height), static_cast<int>(width), type);
   if (!(TIFFIsTiled(tiff.get()) != 0 ? read_tiles(tiff.get(), image) : read_strips(tiff.get(), image)))
@@ -181,7 +177,7 @@ std::array<std::uint32_t, 2> shape_of(std::string_view header) {
   return {shape[0], shape[1]};
 }
 
-cv::Mat decode_npy(std::span<const std::uint8_t> bytes) {
+cv::Mat decode_npy(std::span<const std::uint8_t> bytes, const ImageBound& bound) {
   const auto damaged = [] { return std::runtime_error("is no NPY file that can be read: damaged or cut off"); };
   if (bytes.size() < 12) throw damaged();
   const bool is_old = bytes[6] == 1;  // a header of 64 KiB at most
@@ -202,8 +198,8 @@ cv::Mat decode_npy(std::span<const std::uint8_t> bytes) {
   if (!value_of(header, "fortran_order").starts_with("False"))
     throw std::runtime_error("is an NPY array column by column; save np.ascontiguousarray(depth)");
   const auto [height, width] = shape_of(header);
-  check_size(width, height);
-  const std::uint64_t size = std::uint64_t{width} * height * static_cast<std::uint64_t>(CV_ELEM_SIZE(type->second));
+  check_image_size(width, height, bound);
+  const std::uint64_t size = product(width, height, CV_ELEM_SIZE(type->second));
   if (size > bytes.size() - begin - length) throw std::runtime_error("the file is cut off");
   cv::Mat image(static_cast<int>(height), static_cast<int>(width), type->second);
   std::memcpy(image.data, bytes.data() + begin + length, size);
@@ -212,7 +208,7 @@ cv::Mat decode_npy(std::span<const std::uint8_t> bytes) {
 
 // PGM, binary: https://netpbm.sourceforge.net/doc/pgm.html
 
-cv::Mat decode_pgm(std::span<const std::uint8_t> bytes) {
+cv::Mat decode_pgm(std::span<const std::uint8_t> bytes, const ImageBound& bound) {
   std::size_t at = 2;
   const auto number = [&]() -> std::uint32_t {
     while (at < bytes.size() && (std::isspace(bytes[at]) != 0 || bytes[at] == '#'))
@@ -224,10 +220,10 @@ cv::Mat decode_pgm(std::span<const std::uint8_t> bytes) {
     return number_in<std::uint32_t>({text + begin, at - begin}).value_or(0);
   };
   const std::uint32_t width = number(), height = number(), most = number();
-  check_size(width, height);
+  check_image_size(width, height, bound);
   if (most < 256 || most > 65535)
     throw std::runtime_error(fmt::format("is a PGM of values up to {}; depth needs 16 bits", most));
-  if (++at > bytes.size() || std::uint64_t{2} * width * height > bytes.size() - at)
+  if (++at > bytes.size() || product(2, width, height) > bytes.size() - at)
     throw std::runtime_error("the file is cut off");
   cv::Mat image(static_cast<int>(height), static_cast<int>(width), CV_16UC1);
   for (std::size_t i = 0; i < image.total(); ++i, at += 2)
@@ -237,16 +233,16 @@ cv::Mat decode_pgm(std::span<const std::uint8_t> bytes) {
 
 }  // namespace
 
-cv::Mat decode_depth(std::span<const std::uint8_t> bytes) {
+cv::Mat decode_depth(std::span<const std::uint8_t> bytes, const ImageBound& bound) {
   using namespace std::string_view_literals;
   const std::string_view all(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   if (all.empty()) throw std::runtime_error("is empty, no image; copy it again");
   if (all.starts_with("II*\0"sv) || all.starts_with("MM\0*"sv) || all.starts_with("II+\0"sv) ||
       all.starts_with("MM\0+"sv))
-    return decode_tiff(bytes);
-  if (all.starts_with("\x93NUMPY")) return decode_npy(bytes);
-  if (all.starts_with("P5")) return decode_pgm(bytes);
-  return decode_image(bytes, Pixels::as_stored);
+    return decode_tiff(bytes, bound);
+  if (all.starts_with("\x93NUMPY")) return decode_npy(bytes, bound);
+  if (all.starts_with("P5")) return decode_pgm(bytes, bound);
+  return decode_image(bytes, Pixels::as_stored, bound);
 }
 
 }  // namespace cairn

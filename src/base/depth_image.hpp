@@ -6,12 +6,14 @@
 #include <opencv2/core.hpp>
 #include <span>
 
+#include "base/image_file.hpp"
+
 namespace cairn {
 
 /// A whole image by what its first bytes say: CV_16UC1 or CV_32FC1 in the file's own unit, and what decode_image gives
 /// for a PNG or JPEG that is no depth image. Floats are as they are stored, NaN and infinity, too. Throws
-/// std::runtime_error that says why not and what to do: cut off, damaged, of another kind of number, larger than a
-/// camera's image or than its bytes can be.
-[[nodiscard]] cv::Mat decode_depth(std::span<const std::uint8_t> bytes);
+/// std::runtime_error that says why not and what to do: cut off, damaged, of another kind of number, beyond `bound`,
+/// or larger than its bytes can be.
+[[nodiscard]] cv::Mat decode_depth(std::span<const std::uint8_t> bytes, const ImageBound& bound = {});
 
 }  // namespace cairn

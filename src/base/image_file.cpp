@@ -10,14 +10,18 @@
 #include <jpeglib.h>
 // clang-format on
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <csetjmp>
 #include <memory>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <stdexcept>
 #include <string_view>
 
+#include "base/checked_count.hpp"
 #include "cairn/atomic_file.hpp"
 #include "cairn/picture.hpp"
 
@@ -26,7 +30,9 @@ namespace {
 
 // What a byte can at most become: deflate's longest match, and a progressive JPEG of one bit for each 8x8 block.
 constexpr std::uint64_t kPngBytes = 1040, kJpegPixels = 512;
-constexpr std::uint64_t kRoom = 1 << 16;  // pixels or bytes that any file may have
+constexpr std::uint64_t kRoom = 1 << 16;     // pixels or bytes that any file may have
+constexpr std::size_t kMostChunk = 1 << 20;  // bytes of a PNG's chunk without pixels, unpacked
+constexpr int kMostScans = 64;               // of a progressive JPEG; encoders make 10
 constexpr int kPngEffort = 1, kJpegQuality = 95;
 
 std::uint64_t big_endian(std::span<const std::uint8_t> bytes, std::size_t at, std::size_t count) {
@@ -35,29 +41,37 @@ std::uint64_t big_endian(std::span<const std::uint8_t> bytes, std::size_t at, st
   return value;
 }
 
-/// Whether the pixels that the header promises can be in the file: the decoders get memory for them before they look.
-bool is_plausible_png(std::span<const std::uint8_t> b) {
-  if (b.size() < 33) return false;  // signature and IHDR
+struct ImageHead {
+  std::uint64_t width = 0, height = 0;
+  bool is_plausible = false;  // the pixels can be in the file: the decoders get memory for them before they look
+};
+
+/// None for a header that is damaged.
+std::optional<ImageHead> png_head(std::span<const std::uint8_t> b) {
+  if (b.size() < 33) return std::nullopt;  // signature and IHDR
   constexpr std::uint64_t kChannels[] = {1, 0, 3, 1, 2, 0, 4};
   const std::uint64_t width = big_endian(b, 16, 4), height = big_endian(b, 20, 4), bits = b[24], kind = b[25];
-  if (kind > 6 || width == 0 || height == 0 || width > 1 << 20 || height > 1 << 20) return false;
-  return (width * bits * kChannels[kind] / 8 + 1) * height <= b.size() * kPngBytes + kRoom;
+  if (kind > 6 || width == 0 || height == 0) return std::nullopt;
+  const std::uint64_t row = product(width, bits, kChannels[kind]) / 8 + 1;
+  return ImageHead{width, height, product(row, height) <= product(b.size(), kPngBytes) + kRoom};
 }
-bool is_plausible_jpeg(std::span<const std::uint8_t> b) {
+std::optional<ImageHead> jpeg_head(std::span<const std::uint8_t> b) {
   for (std::size_t at = 2; at + 9 < b.size();) {
-    if (b[at] != 0xff) return false;
+    if (b[at] != 0xff) return std::nullopt;
     const int marker = b[at + 1];
     if (marker == 0xff) {  // padding
       ++at;
     } else if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc) {  // a frame
-      return big_endian(b, at + 5, 2) * big_endian(b, at + 7, 2) <= b.size() * kJpegPixels + kRoom;
+      const std::uint64_t height = big_endian(b, at + 5, 2), width = big_endian(b, at + 7, 2);
+      if (width == 0 || height == 0) return std::nullopt;
+      return ImageHead{width, height, product(width, height) <= product(b.size(), kJpegPixels) + kRoom};
     } else if (marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8)) {  // alone
       at += 2;
     } else {
       at += 2 + big_endian(b, at + 2, 2);
     }
   }
-  return false;
+  return std::nullopt;
 }
 
 using PngContext = std::unique_ptr<spng_ctx, void (*)(spng_ctx*)>;
@@ -66,7 +80,9 @@ using PngContext = std::unique_ptr<spng_ctx, void (*)(spng_ctx*)>;
 cv::Mat decode_png(std::span<const std::uint8_t> bytes, Pixels pixels) {
   const PngContext png(spng_ctx_new(0), spng_ctx_free);
   spng_ihdr header{};
-  if (!png || spng_set_png_buffer(png.get(), bytes.data(), bytes.size()) != 0 || spng_get_ihdr(png.get(), &header) != 0)
+  // Text and profiles beside the pixels may unpack to anything.
+  if (!png || spng_set_chunk_limits(png.get(), kMostChunk, kMostChunk) != 0 ||
+      spng_set_png_buffer(png.get(), bytes.data(), bytes.size()) != 0 || spng_get_ihdr(png.get(), &header) != 0)
     return {};
   const bool is_grey = header.color_type == SPNG_COLOR_TYPE_GRAYSCALE;
   int format = SPNG_FMT_RGB8, type = CV_8UC3;
@@ -93,6 +109,10 @@ struct JpegErrors {
 /// libjpeg tells of errors by calling this; what is between is C alone.
 [[noreturn]] void leave_jpeg(j_common_ptr info) { std::longjmp(reinterpret_cast<JpegErrors*>(info->err)->after, 1); }
 void say_nothing(j_common_ptr, int) {}
+/// A progressive JPEG may pass over all its pixels again with every few bytes.
+void count_scans(j_common_ptr info) {
+  if (reinterpret_cast<j_decompress_ptr>(info)->input_scan_number > kMostScans) leave_jpeg(info);
+}
 
 void set_errors(JpegErrors& errors) {
   jpeg_std_error(&errors.manager);
@@ -103,10 +123,13 @@ void set_errors(JpegErrors& errors) {
 /// Rows of what is decompressed into `image`, whose type says its colours. False: it cannot be decoded.
 bool read_jpeg(jpeg_decompress_struct& jpeg, JpegErrors& errors, std::span<const std::uint8_t> bytes, Pixels pixels,
                cv::Mat& image) {
+  jpeg_progress_mgr progress{};
+  progress.progress_monitor = count_scans;
   if (setjmp(errors.after) != 0) return false;
   jpeg_create_decompress(&jpeg);
   jpeg_mem_src(&jpeg, bytes.data(), static_cast<unsigned long>(bytes.size()));
   if (jpeg_read_header(&jpeg, TRUE) != JPEG_HEADER_OK) return false;
+  jpeg.progress = &progress;
   const bool is_grey = jpeg.num_components == 1 && pixels == Pixels::as_stored;
   jpeg.out_color_space = is_grey ? JCS_GRAYSCALE : pixels == Pixels::rgba ? JCS_EXT_RGBA : JCS_EXT_RGB;
   jpeg_start_decompress(&jpeg);
@@ -160,15 +183,25 @@ bool write_jpeg(jpeg_compress_struct& jpeg, JpegErrors& errors, const cv::Mat& i
 
 }  // namespace
 
-cv::Mat decode_image(std::span<const std::uint8_t> bytes, Pixels pixels) {
+void check_image_size(std::uint64_t width, std::uint64_t height, const ImageBound& bound) {
+  const auto most = static_cast<std::uint64_t>(bound.most_side);
+  if (!bound.size.empty() && (width != count_of(bound.size.width) || height != count_of(bound.size.height)))
+    throw std::runtime_error(
+        fmt::format("is {}x{}, the {} {}x{}", width, height, bound.camera, bound.size.width, bound.size.height));
+  if (width == 0 || height == 0 || width > most || height > most)
+    throw std::runtime_error(fmt::format("tells {} x {} pixels, allowed are 1 to {} a side", width, height, most));
+}
+
+cv::Mat decode_image(std::span<const std::uint8_t> bytes, Pixels pixels, const ImageBound& bound) {
   const std::string_view all(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   const std::string_view end = all.substr(all.size() - std::min<std::size_t>(all.size(), 64));
   const bool png = all.starts_with("\x89PNG\r\n\x1a\n"), jpeg = all.starts_with("\xff\xd8\xff");
   if (!png && !jpeg) throw std::runtime_error("is no image: neither PNG nor JPEG");
   if (end.find(png ? "IEND" : "\xff\xd9") == end.npos) throw std::runtime_error("the file is cut off");
   cv::Mat image;
-  if (png ? is_plausible_png(bytes) : is_plausible_jpeg(bytes))
-    image = png ? decode_png(bytes, pixels) : decode_jpeg(bytes, pixels);
+  const auto head = png ? png_head(bytes) : jpeg_head(bytes);
+  if (head) check_image_size(head->width, head->height, bound);
+  if (head && head->is_plausible) image = png ? decode_png(bytes, pixels) : decode_jpeg(bytes, pixels);
   if (image.empty()) throw std::runtime_error("is no image that can be decoded");
   return image;
 }

@@ -15,9 +15,23 @@ namespace cairn {
 /// fourth byte, 255 where there is no transparency.
 enum class Pixels { as_stored, rgb, rgba };
 
+/// Pixels along a side that an image has at most: of a camera, and of a texture.
+constexpr int kMostImageSide = 4096, kMostTextureSide = 16384;
+
+/// Bound on an image's size, which its header is held against before any pixel is decoded: a file of a few kilobytes
+/// can ask for gigabytes.
+struct ImageBound {
+  cv::Size size;                   // of the camera that took it; empty: not known
+  int most_side = kMostImageSide;  // pixels
+  const char* camera = "camera";   // as the message names it
+};
+
 /// A whole PNG or JPEG, as it lies in the file (EXIF may say that it was turned). Throws std::runtime_error that says
-/// why not: cut off (the decoders fill the rest with grey), damaged, or larger than its bytes can be.
-[[nodiscard]] cv::Mat decode_image(std::span<const std::uint8_t> bytes, Pixels pixels);
+/// why not: cut off (the decoders fill the rest with grey), damaged, beyond `bound`, or larger than its bytes can be.
+[[nodiscard]] cv::Mat decode_image(std::span<const std::uint8_t> bytes, Pixels pixels, const ImageBound& bound = {});
+
+/// Throws std::runtime_error for a size beyond `bound`. For decoders of other formats.
+void check_image_size(std::uint64_t width, std::uint64_t height, const ImageBound& bound);
 
 /// The bytes of a PNG: of grey with 8 or 16 bits, or R, G, B with 8. `effort`: zlib's, 1 to 9.
 [[nodiscard]] std::vector<std::uint8_t> encode_png(const cv::Mat& image, int effort = 1);

@@ -8,13 +8,15 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
+#include "base/read_json.hpp"
+
 namespace cairn {
 
 std::string text_of(const nlohmann::json& json, int indent) {
   return json.dump(indent, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
-std::string as_utf8(const std::string& text) { return nlohmann::json::parse(text_of(text)).get<std::string>(); }
+std::string as_utf8(const std::string& text) { return parsed_json(text_of(text)).get<std::string>(); }
 
 std::string as_uri(const std::string& path) {
   constexpr std::string_view kDigits = "0123456789ABCDEF", kPlain = "-._~/";
@@ -47,6 +49,7 @@ std::string from_uri(const std::string& uri) {
 std::string plain(std::string message) {
   const std::size_t begin = message.find("[json.exception."), end = message.find("] ", begin);
   if (begin != message.npos && end != message.npos) message.erase(begin, end + 2 - begin);
+  if (const std::size_t bytes = message.find("; last read: "); bytes != message.npos) message.resize(bytes);
   return message;
 }
 

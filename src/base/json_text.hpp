@@ -19,7 +19,8 @@ namespace cairn {
 /// The path that such a URI tells.
 [[nodiscard]] std::string from_uri(const std::string& uri);
 
-/// A message without what the JSON library puts before its own: "[json.exception.type_error.302] ".
+/// A message without what the JSON library puts before its own, "[json.exception.type_error.302] ", and without the
+/// bytes of the file, which a terminal might obey, behind it.
 [[nodiscard]] std::string plain(std::string message);
 
 }  // namespace cairn

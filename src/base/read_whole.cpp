@@ -2,19 +2,31 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "base/read_whole.hpp"
 
+#include <fmt/format.h>
+
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
 
 namespace cairn {
 
-std::vector<std::uint8_t> read_whole(const std::filesystem::path& file) {
+std::vector<std::uint8_t> read_whole(const std::filesystem::path& file, std::size_t most) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(file, ignored))
     throw std::runtime_error("cannot be read: there is no such file");
   std::ifstream in(file, std::ios::binary);
   if (!in) throw std::runtime_error("cannot be read");
-  return {std::istreambuf_iterator<char>(in), {}};
+  const std::uintmax_t size = std::filesystem::file_size(file, ignored);
+  if (!ignored && size > most)
+    throw std::runtime_error(
+        fmt::format("has {} MiB, more than the {} MiB that such a file may have", size >> 20, most >> 20));
+  std::vector<std::uint8_t> bytes(ignored ? 0
+                                          : size);  // at once: growth by doubling takes up to three times the memory
+  in.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  bytes.resize(static_cast<std::size_t>(in.gcount()));
+  if (in && in.peek() != std::ifstream::traits_type::eof())  // the kernel's own files tell no size
+    bytes.insert(bytes.end(), std::istreambuf_iterator<char>(in), {});
+  return bytes;
 }
 
 }  // namespace cairn

@@ -47,6 +47,7 @@ StagingFolder::StagingFolder(const fs::path& place) {
     if (mkdir(folder_.c_str(), 0777) == 0) break;
     if (errno != EEXIST || number == kTemporaryNames) throw SystemError{errno};
   }
+  unfinished_.emplace(folder_);
   content_ = folder_ / place.filename();
   try {
     mark_ = std::make_unique<SystemFile>(folder_ / kMark, O_RDWR | O_CREAT | O_EXCL);
@@ -72,6 +73,7 @@ void StagingFolder::take_the_place_of(const fs::path& place) {
   sync_disk_of(content_);
   if (renameat2(AT_FDCWD, content_.c_str(), AT_FDCWD, place.c_str(), RENAME_EXCHANGE) == 0) return;
   if (errno != ENOSYS && errno != EINVAL && errno != ENOTSUP) throw SystemError{errno};
+  unfinished_.reset();  // from here on it holds what is not replaced yet
   const fs::path aside = folder_ / kAside;
   if ((error = rename_to(place, aside)) != 0) throw SystemError{error};
   if ((error = rename_to(content_, place)) == 0) return;

@@ -3,8 +3,10 @@
 #pragma once
 #include <filesystem>
 #include <memory>
+#include <optional>
 
 #include "base/system_file.hpp"
+#include "cairn/unfinished.hpp"
 
 namespace cairn {
 
@@ -28,6 +30,7 @@ class StagingFolder {
 
  private:
   std::filesystem::path folder_, content_;
+  std::optional<Unfinished> unfinished_;
   std::unique_ptr<SystemFile> mark_;
   bool is_removed_ = true;  // with this
 };

@@ -50,6 +50,9 @@ std::size_t nearest(const Trajectory& trajectory, double time) {
 
 TrajectoryError evaluate_trajectory(const Trajectory& estimate, const Trajectory& truth, double rpe_interval,
                                     double max_time_difference) {
+  for (const double seconds : {rpe_interval, max_time_difference})
+    if (!(seconds > 0 && std::isfinite(seconds)))
+      throw std::runtime_error(std::to_string(seconds) + " is no time between poses: seconds are wanted, more than 0");
   const auto pairs = associate(estimate, truth, max_time_difference);
   if (pairs.size() < 3)
     throw std::runtime_error("only " + std::to_string(pairs.size()) + " of " + std::to_string(estimate.size()) +

@@ -29,6 +29,8 @@ constexpr double kSlowRate = 6;                               // Hz
 constexpr double kGap = 3;                                    // times the usual time between frames
 constexpr double kBlurred = 0.33, kMoreBlurred = 0.85;        // sharpness; times that of the frames that were fused
 constexpr double kSomeSkipped = 0.05;                         // of the frames
+constexpr double kKeepsUp = 0.7;                              // of the frames that come, and the motion between them
+constexpr float kLargeVoxel = 0.02f;                          // metres, that a slow computer keeps up with
 // Of views that are compared for the focal length.
 constexpr double kTurned = 0.15;             // of the image, that lie between two
 constexpr int kPairs = 8, kMostLooked = 16;  // at most; frames in which corners are looked for
@@ -117,7 +119,7 @@ std::string name_of(Verdict::Level level) {
 
 struct Evidence::State {
   Rig rig;
-  float min_depth, max_depth;
+  float min_depth, max_depth, voxel_size;
   Sums sums;
   // Of the frames before.
   ViewProfile before;
@@ -133,7 +135,7 @@ struct Evidence::State {
   // Reasons, in the order in which they are given.
   void add_impossible(std::vector<std::string>& reasons, const Outcome& o) const;
   void add_unseen(std::vector<std::string>& reasons) const;
-  void add_motion(std::vector<std::string>& reasons) const;
+  void add_motion(std::vector<std::string>& reasons, const KeepingUp& keeping_up) const;
   void add_causes(std::vector<std::string>& reasons, const Outcome& o) const;
   /// A focal length far from right, where corners tell of one.
   [[nodiscard]] std::optional<std::string> wrong_focal() const;
@@ -235,13 +237,22 @@ void Evidence::State::add_unseen(std::vector<std::string>& reasons) const {
     give("there is no colour: by depth alone plain walls cannot be followed");
 }
 
-void Evidence::State::add_motion(std::vector<std::string>& reasons) const {
+/// Frames that were left out lie between those that are compared. Without them, a motion is not the person's.
+void Evidence::State::add_motion(std::vector<std::string>& reasons, const KeepingUp& keeping_up) const {
   const auto give = [&](std::string text) { reasons.push_back(std::move(text)); };
   const double interval = sums.interval.median(), rate = interval > 0 ? 1 / interval : 0;
   const double turned_back = sums.causes[static_cast<std::size_t>(FrameCause::timestamp_goes_back)];
   if (turned_back > kSomeSkipped * sums.frames)
     give(fmt::format("the time stamps of {:.0f} frames go back, and these are skipped: are the images in order?",
                      turned_back));
+  const double kept = keeping_up.came > 0 ? keeping_up.taken / keeping_up.came : 1;
+  if (kept < kKeepsUp) {
+    give(
+        fmt::format("this computer keeps up with {:.0f} of {:.0f} frames a second: {}record first (cairn record), and "
+                    "reconstruct the recording",
+                    keeping_up.taken, keeping_up.came, voxel_size < kLargeVoxel ? "use --voxel-size 0.02, or " : ""));
+    if (kept * sums.fast_step.value() < kFast) return;
+  }
   const bool is_fast = sums.losses > 0 && (sums.fast_losses >= kMostly * sums.losses ||
                                            sums.fast_step.count >= kMostly * sums.lost_step.count);
   if (is_fast && rate > 0 && rate < kSlowRate)
@@ -281,6 +292,7 @@ Evidence::Evidence(const Rig& rig, const Options& options)
     : state_(new State{.rig = rig,
                        .min_depth = options.surface.min_depth,
                        .max_depth = options.surface.max_depth,
+                       .voxel_size = options.fuse.voxel_size,
                        .sums = {},
                        .before = {},
                        .last_timestamp = {},
@@ -343,7 +355,7 @@ Verdict Evidence::verdict(const Outcome& o) const {
   state_->add_impossible(reasons, o);
   if (in_map < kGood) {
     state_->add_unseen(reasons);
-    state_->add_motion(reasons);
+    state_->add_motion(reasons, o.keeping_up);
     state_->add_causes(reasons, o);
   }
   reasons.insert(reasons.end(), o.warnings.begin(), o.warnings.end());
@@ -353,7 +365,7 @@ Verdict Evidence::verdict(const Outcome& o) const {
   const std::string counted = fmt::format("{} of {} frames are in the map", o.fused, o.total) +
                               (o.held_out > 0 ? fmt::format(", {} were held out", o.held_out) : "");
   if (in_map < kBad)
-    v.words = "mostly lost: only " + counted;
+    v.words = (in_map < kMostly ? "mostly lost: only " : "much is missing: only ") + counted;
   else if (o.components > 1)
     v.words = fmt::format("in {} pieces that nothing joins: {}", o.components, counted);
   else if (in_map < kGood)

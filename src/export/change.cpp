@@ -15,6 +15,7 @@
 #include <unordered_set>
 #include <utility>
 
+#include "export/check_range.hpp"
 #include "export/export_run.hpp"
 #include "mesh/clean.hpp"
 #include "mesh/gltf.hpp"
@@ -280,10 +281,8 @@ void check(const ChangeOptions& options, const fs::path& file) {
   if (!is_gltf(file))
     throw std::runtime_error(fmt::format("{}: '{}' is no format that a change is written in; use .glb or .gltf",
                                          file.string(), file.extension().string()));
-  if (!(options.distance >= 0))
-    throw std::runtime_error(fmt::format("ChangeOptions::distance is {}: it must be 0 or more", options.distance));
-  if (!(options.min_area >= 0))
-    throw std::runtime_error(fmt::format("ChangeOptions::min_area is {}: it must be 0 or more", options.min_area));
+  check_range("ChangeOptions::distance", options.distance);
+  check_range("ChangeOptions::min_area", options.min_area);
 }
 
 ExportedChange write_change(const ChangeSide& before, const ChangeSide& after, const fs::path& file,

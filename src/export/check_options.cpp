@@ -2,28 +2,63 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <iterator>
 #include <stdexcept>
+#include <string>
+#include <string_view>
+#include <type_traits>
 
 #include "cairn/file_name.hpp"
+#include "export/check_range.hpp"
 #include "export/export_run.hpp"
 
 namespace cairn {
 
 namespace {
 
-constexpr double kLeastTriangles = 100;  // of a room: fewer are no shape of it
-constexpr double kMostTriangles = 4e9;   // as an index of 32 bits counts them
-
-void range(const char* name, double value, double low, double high) {
-  if (!(value >= low && value <= high))
-    throw std::runtime_error(fmt::format("{} is {}: it must be between {} and {}", name, value, low, high));
-}
+struct Named {
+  std::string_view name;
+  AllowedRange range;
+};
+constexpr double kDeepest = -12000, kHighest = 1e6;  // metres
+constexpr Named kRanges[] = {
+    {"ViewsOptions::images", {0, 1e6}},
+    {"ViewsOptions::point_spacing", {0.001, 10}},
+    {"SimplifyOptions::ratio", {0.0001, 1}},
+    {"SimplifyOptions::triangles", {100, 4e9}},  // of a room fewer are no shape; an index of 32 bits counts no more
+    {"SimplifyOptions::max_error", {0, 1}},
+    {"CleanOptions::min_piece", {0, 10}},
+    {"CleanOptions::min_weight", {0, 255}},
+    {"CleanOptions::fill_holes", {0, 2}},
+    {"TextureOptions::texel", {0, 1}},
+    {"TextureOptions::max_size", {64, 16384}},
+    {"TextureOptions::jpeg_quality", {1, 100}},
+    {"ExportOptions::cell_size", {0, 1000}},
+    {"ExportOptions::point_spacing", {0, 10}},
+    {"ExportOptions::levels", {1, 8}},
+    {"ExportOptions::geo: the latitude", {-90, 90}},
+    {"ExportOptions::geo: the longitude", {-180, 180}},
+    {"ExportOptions::geo: the height", {kDeepest, kHighest}},
+    {"ExportOptions::geo: the heading", {-360, 360}},
+    {"PlanOptions::height", {0.3, 3}},
+    {"PlanOptions::scale", {0, 5000}},
+    {"ChangeOptions::distance", {0, 1.6}},
+    {"ChangeOptions::min_area", {0, 10000}},
+};
 
 }  // namespace
 
+AllowedRange export_range_of(std::string_view option) {
+  const auto* found =
+      std::find_if(std::begin(kRanges), std::end(kRanges), [&](const Named& n) { return n.name == option; });
+  if (found == std::end(kRanges)) throw std::logic_error("there is no option " + std::string(option));
+  return found->range;
+}
+
 void check(const ViewsOptions& o) {
-  range("ViewsOptions::images", o.images, 0, 1e6);
-  range("ViewsOptions::point_spacing", static_cast<double>(o.point_spacing), 0.001, 10);
+  check_range("ViewsOptions::images", o.images);
+  check_range("ViewsOptions::point_spacing", o.point_spacing);
 }
 
 void check(const ExportOptions& o, const std::filesystem::path& file) {
@@ -34,25 +69,25 @@ void check(const ExportOptions& o, const std::filesystem::path& file) {
         fmt::format("{}: '{}' is no format that is written; use .glb, .gltf, .ply, .obj, .stl, or "
                     "tileset.json for 3D Tiles",
                     file.string(), file.extension().string()));
-  range("SimplifyOptions::ratio", static_cast<double>(o.simplify.ratio), 0.0001, 1);
+  check_range("SimplifyOptions::ratio", o.simplify.ratio);
   if (o.simplify.triangles > 0) {
-    range("SimplifyOptions::triangles", static_cast<double>(o.simplify.triangles), kLeastTriangles, kMostTriangles);
+    check_range("SimplifyOptions::triangles", o.simplify.triangles);
     if (o.simplify.ratio != 1)
       throw std::runtime_error("SimplifyOptions::triangles and SimplifyOptions::ratio exclude each other: give one");
     if (o.simplify.max_error != 0)
       throw std::runtime_error(
           "SimplifyOptions::triangles and SimplifyOptions::max_error exclude each other: give one");
   }
-  range("SimplifyOptions::max_error", static_cast<double>(o.simplify.max_error), 0, 1);
-  range("CleanOptions::min_piece", static_cast<double>(o.clean.min_piece), 0, 10);
-  range("CleanOptions::min_weight", static_cast<double>(o.clean.min_weight), 0, 255);
-  range("CleanOptions::fill_holes", static_cast<double>(o.clean.fill_holes), 0, 2);
-  range("TextureOptions::texel", static_cast<double>(o.texture.texel), 0, 1);
-  range("TextureOptions::max_size", o.texture.max_size, 64, 16384);
-  range("TextureOptions::jpeg_quality", o.texture.jpeg_quality, 1, 100);
-  range("ExportOptions::cell_size", static_cast<double>(o.cell_size), 0, 1000);
-  range("ExportOptions::point_spacing", static_cast<double>(o.point_spacing), 0, 10);
-  range("ExportOptions::levels", o.levels, 1, 8);
+  check_range("SimplifyOptions::max_error", o.simplify.max_error);
+  check_range("CleanOptions::min_piece", o.clean.min_piece);
+  check_range("CleanOptions::min_weight", o.clean.min_weight);
+  check_range("CleanOptions::fill_holes", o.clean.fill_holes);
+  check_range("TextureOptions::texel", o.texture.texel);
+  check_range("TextureOptions::max_size", o.texture.max_size);
+  check_range("TextureOptions::jpeg_quality", o.texture.jpeg_quality);
+  check_range("ExportOptions::cell_size", o.cell_size);
+  check_range("ExportOptions::point_spacing", o.point_spacing);
+  check_range("ExportOptions::levels", o.levels);
   const auto refuse = [&](const char* what, const char* why) {
     throw std::runtime_error(fmt::format("{}: {} {}", file.string(), what, why));
   };
@@ -66,11 +101,10 @@ void check(const ExportOptions& o, const std::filesystem::path& file) {
     refuse("ExportOptions::lit", "needs .glb, .gltf or tileset.json");
   if (o.geo) {
     if (!is_tileset(file)) refuse("ExportOptions::geo", "needs tileset.json");
-    constexpr double kDeepest = -12000, kHighest = 1e6;  // metres
-    range("ExportOptions::geo: the latitude", o.geo->latitude, -90, 90);
-    range("ExportOptions::geo: the longitude", o.geo->longitude, -180, 180);
-    range("ExportOptions::geo: the height", o.geo->height, kDeepest, kHighest);
-    range("ExportOptions::geo: the heading", o.geo->heading, -360, 360);
+    check_range("ExportOptions::geo: the latitude", o.geo->latitude);
+    check_range("ExportOptions::geo: the longitude", o.geo->longitude);
+    check_range("ExportOptions::geo: the height", o.geo->height);
+    check_range("ExportOptions::geo: the heading", o.geo->heading);
   }
   if (is_tileset(file) && o.axes != Axes::automatic && o.axes != Axes::z_up)
     refuse("ExportOptions::axes", "is zup for 3D Tiles, which have no other");

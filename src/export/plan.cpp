@@ -11,6 +11,7 @@
 #include "base/mesh_vertices.hpp"
 #include "cairn/atomic_file.hpp"
 #include "cairn/file_name.hpp"
+#include "export/check_range.hpp"
 #include "export/export_run.hpp"
 #include "plan/layout.hpp"
 #include "plan/storeys.hpp"
@@ -193,17 +194,11 @@ ExportedStorey told(const plan::StoreyPlan& storey) {
 }  // namespace
 
 void check(const PlanOptions& options, const fs::path& file) {
-  constexpr float kLeast = 0.3f, kMost = 3.0f;
-  constexpr int kMostScale = 5000;
   if (const std::string extension = extension_of(file); extension != ".svg" && extension != ".pdf")
     throw std::runtime_error(
         fmt::format("{}: '{}' is no format of a plan; use .svg or .pdf", file.string(), file.extension().string()));
-  if (!(options.height >= kLeast && options.height <= kMost))
-    throw std::runtime_error(
-        fmt::format("PlanOptions::height is {}: it must be between {} and {}", options.height, kLeast, kMost));
-  if (options.scale < 0 || options.scale > kMostScale)
-    throw std::runtime_error(
-        fmt::format("PlanOptions::scale is {}: it must be between 1 and {}, or 0", options.scale, kMostScale));
+  check_range("PlanOptions::height", options.height);
+  check_range("PlanOptions::scale", options.scale);
 }
 
 ExportedPlan export_floor_plan(const PlanInput& input, const fs::path& file, const PlanOptions& options,

@@ -32,7 +32,7 @@ std::string checksum_of(const fs::path& folder) {
   boost::crc_32_type sum;
   for (const fs::path& file : files_in(folder)) {
     const std::string name = file.filename().string();
-    const auto bytes = read_whole(file);
+    const auto bytes = read_whole(file, kAnySize);
     sum.process_bytes(name.data(), name.size());
     sum.process_bytes(bytes.data(), bytes.size());
   }

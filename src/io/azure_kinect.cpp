@@ -16,6 +16,7 @@
 #include <stdexcept>
 
 #include "base/json_text.hpp"
+#include "base/read_json.hpp"
 #include "base/words.hpp"
 #include "io/video_file.hpp"
 
@@ -100,7 +101,7 @@ struct Calibration {
 
 /// `colour` may be null.
 Calibration calibration_of(const std::string& text, const VideoFile::Track& depth, const VideoFile::Track* colour) {
-  const Json json = Json::parse(text, nullptr, false);
+  const Json json = parsed_json_or_none(text);
   if (json.is_discarded()) throw std::runtime_error("is no JSON");
   Calibration read;
   try {

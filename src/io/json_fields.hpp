@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "base/read_json.hpp"
 #include "base/read_whole.hpp"
 
 namespace cairn {
@@ -18,7 +19,7 @@ template <class Take>
 void read_json(const std::filesystem::path& file, const std::string& expected, Take&& take) {
   try {
     const auto bytes = read_whole(file);
-    const auto json = nlohmann::json::parse(bytes.begin(), bytes.end());
+    const auto json = parsed_json(bytes);
     if (!json.is_object()) throw std::runtime_error("is no JSON object");
     take(json);
   } catch (const nlohmann::json::exception&) {

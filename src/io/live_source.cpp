@@ -3,6 +3,7 @@
 #include "cairn/live_source.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace cairn {
@@ -15,7 +16,9 @@ constexpr double kReadEarly = 1.5;  // times as long as reading a frame takes
 LiveSource::LiveSource(std::unique_ptr<Source> source, Pace pace)
     : WrappedSource(std::move(source)), pace_(pace), thread_([this](const std::stop_token& stop) {
         try {
-          pace_ == Pace::as_recorded ? play(stop) : run(stop);
+          if (pace_ == Pace::as_it_comes) run(stop);
+          if (pace_ == Pace::as_recorded) play(stop);
+          if (pace_ == Pace::every_frame) play_every(stop);
         } catch (...) {
           const std::lock_guard lock(mutex_);
           error_ = std::current_exception();
@@ -35,7 +38,7 @@ void LiveSource::put(Frame frame, Clock::time_point arrived) {
 
 void LiveSource::pause(bool paused) {
   const std::lock_guard lock(mutex_);
-  if (pace_ != Pace::as_recorded || paused == paused_at_.has_value()) return;
+  if (pace_ == Pace::as_it_comes || paused == paused_at_.has_value()) return;
   if (paused)
     paused_at_ = Clock::now();
   else
@@ -118,6 +121,28 @@ void LiveSource::play(const std::stop_token& stop) {
       wait_until(lock, stop, due(timestamp));
     }
     put(std::move(*frame), due(timestamp));
+  }
+}
+
+void LiveSource::play_every(const std::stop_token& stop) {
+  constexpr double kFarthest = 1e8;  // seconds from the first stamp: what lies farther is no time
+  std::optional<double> first;
+  double last = 0;          // seconds since the first, the most of all frames so far
+  Clock::time_point begin;  // when the first frame would have been played without any delay
+  while (!stop.stop_requested()) {
+    auto frame = source_->next();  // beside the reader, who is with the frame before
+    if (!frame) return;
+    if (!first && std::isfinite(frame->timestamp)) first = frame->timestamp;
+    const double since = first ? frame->timestamp - *first : 0;
+    if (std::abs(since) < kFarthest) last = std::max(last, since);
+    std::unique_lock lock(mutex_);
+    if (!changed_.wait(lock, stop, [&] { return !newest_; })) return;
+    begin = std::max(begin, played() - std::chrono::duration_cast<Clock::duration>(Seconds(last)));
+    const Clock::time_point due = begin + std::chrono::duration_cast<Clock::duration>(Seconds(last));
+    wait_until(lock, stop, due);
+    newest_ = *std::move(frame);
+    newest_arrived_ = due;
+    changed_.notify_all();
   }
 }
 

@@ -189,7 +189,7 @@ class McapFile final : public ChunkedRecording {
     kind.resize(std::min<std::uint32_t>(fields.number<std::uint32_t>(), 64));
     whole = whole && in_.read(kind.data(), kind.size()) && in_.read(&records, 8);
     if (whole && kind.empty()) return;
-    if (!whole || size > in_.size() - begin || records > begin + size - in_.at()) {
+    if (!whole || size > in_.size() - begin || in_.at() - begin > size || records > begin + size - in_.at()) {
       in_.seek(begin - kHeadSize);
       at_end_ = true;
       ended_early_ = fmt::format(

@@ -216,14 +216,11 @@ class RecordingSource final : public Source {
 
   std::vector<float> read_depth(const fs::path& file) const {
     const Camera& c = recording_.rig.depth;
-    const cv::Mat image = decode_depth(read_whole(file));
+    const cv::Mat image = decode_depth(read_whole(file), {.size = {c.width, c.height}});
     if (image.type() != CV_16UC1 && image.type() != CV_32FC1)
       throw std::runtime_error(
           fmt::format("has {} of 8 bits; depth must be a 16-bit image with one channel",
                       image.channels() == 1 ? "one channel" : fmt::format("{} channels", image.channels())));
-    if (image.cols != c.width || image.rows != c.height)
-      throw std::runtime_error("is " + std::to_string(image.cols) + "x" + std::to_string(image.rows) + ", the camera " +
-                               std::to_string(c.width) + "x" + std::to_string(c.height));
     std::vector<float> depth(static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height));
     const float metres = static_cast<float>(1.0 / recording_.depth_scale);
     const int invalid = recording_.invalid_depth;
@@ -248,20 +245,21 @@ class RecordingSource final : public Source {
 
   std::vector<std::uint8_t> read_confidence(const fs::path& file) const {
     const Camera& c = recording_.rig.depth;
-    cv::Mat image = decode_image(read_whole(file), Pixels::as_stored);
-    if (image.type() != CV_8UC1 || image.cols != c.width || image.rows != c.height)
-      throw std::runtime_error("its confidence must be an 8-bit image with one channel and of the same size");
+    cv::Mat image;
+    try {
+      image = decode_image(read_whole(file), Pixels::as_stored, {.size = {c.width, c.height}});
+    } catch (const std::runtime_error& error) {
+      throw std::runtime_error(std::string("its confidence ") + error.what());
+    }
+    if (image.type() != CV_8UC1) throw std::runtime_error("its confidence must be an 8-bit image with one channel");
     if (recording_.most_confidence < 255) image.convertTo(image, CV_8U, 255 / recording_.most_confidence);
     return {image.datastart, image.dataend};
   }
 
   std::vector<std::uint32_t> read_colour(const fs::path& file) const {
     const Camera& c = recording_.rig.colour_view();
-    const cv::Mat rgba = decode_image(read_whole(file), Pixels::rgba);
-    if (rgba.cols != c.width || rgba.rows != c.height)
-      throw std::runtime_error(
-          fmt::format("is {}x{}, the colour camera {}x{}", rgba.cols, rgba.rows, c.width, c.height));
-    return colour_pixels(rgba);
+    return colour_pixels(
+        decode_image(read_whole(file), Pixels::rgba, {.size = {c.width, c.height}, .camera = "colour camera"}));
   }
 
   Recording recording_;

@@ -2,57 +2,80 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "cairn/options.hpp"
 
+#include <fmt/format.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <map>
+#include <optional>
 #include <set>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
+#include "cairn/option_ranges.hpp"
 
 namespace cairn {
 namespace {
 
-/// Calls `visit(name, field, least, most)` for every option: the one list of names and ranges.
+/// Calls `visit(name, field, range, unit)` for every option: the one list of names, ranges and units.
 template <class Visit>
 void for_each_option(Options& o, Visit&& visit) {
-  visit("surface.min_depth", o.surface.min_depth, 0.01, 10.0);
-  visit("surface.max_depth", o.surface.max_depth, 0.1, 20.0);
-  visit("surface.filter_sigma_pixels", o.surface.filter_sigma_pixels, 0.1, 10.0);
-  visit("surface.filter_range", o.surface.filter_range, 0.1, 100.0);
-  visit("surface.edge_slope", o.surface.edge_slope, 0.1, 1000.0);
-  visit("track.levels", o.track.levels, 1, 5);
-  visit("track.finest_level", o.track.finest_level, 0, 4);
-  visit("track.iterations_finest", o.track.iterations_finest, 1, 100);
-  visit("track.iterations_coarse", o.track.iterations_coarse, 1, 100);
-  visit("track.max_distance", o.track.max_distance, 0.001, 1.0);
-  visit("track.max_angle", o.track.max_angle, 0.01, 1.57);
-  visit("track.photometric", o.track.photometric, 0, 1);
-  visit("track.huber", o.track.huber, 0.01, 100.0);
-  visit("track.min_inlier_share", o.track.min_inlier_share, 0.0, 1.0);
-  visit("track.max_rmse", o.track.max_rmse, 0.1, 1000.0);
-  visit("motion.max_speed", o.motion.max_speed, 0.01, 100.0);
-  visit("motion.max_turn", o.motion.max_turn, 0.01, 100.0);
-  visit("fuse.voxel_size", o.fuse.voxel_size, 0.002, 0.2);
-  visit("fuse.truncation", o.fuse.truncation, 0.004, 1.0);
-  visit("fuse.max_weight", o.fuse.max_weight, 1.0, 250.0);
-  visit("fuse.min_mesh_weight", o.fuse.min_mesh_weight, 0.0, 250.0);
-  visit("map.submap_radius", o.map.submap_radius, 0.5, 100.0);
-  visit("map.submap_bricks", o.map.submap_bricks, 1000, 1e9);
-  visit("map.submap_keyframes", o.map.submap_keyframes, 2, 1e6);
-  visit("map.loops", o.map.loops, 0, 1);
-  visit("map.lost_frames", o.map.lost_frames, 1, 1e9);
-  visit("map.host_memory", o.map.host_memory, 0.0, 1e15);
-  visit("esdf.live", o.esdf.live, 0, 1);
-  visit("esdf.voxel_size", o.esdf.voxel_size, 0.0, 1.6);
-  visit("esdf.max_distance", o.esdf.max_distance, 0.01, 20.0);
-  visit("esdf.robot_radius", o.esdf.robot_radius, 0.0, 5.0);
-  visit("fuse.device_memory", o.fuse.device_memory, 0.0, 1e15);
+  visit("surface.min_depth", o.surface.min_depth, AllowedRange{0.01, 10.0}, Unit::metres);
+  visit("surface.max_depth", o.surface.max_depth, AllowedRange{0.1, 20.0}, Unit::metres);
+  visit("surface.filter_sigma_pixels", o.surface.filter_sigma_pixels, AllowedRange{0.1, 10.0}, Unit::pixels);
+  visit("surface.filter_range", o.surface.filter_range, AllowedRange{0.1, 100.0}, Unit::none);
+  visit("surface.edge_slope", o.surface.edge_slope, AllowedRange{0.1, 1000.0}, Unit::none);
+  visit("track.levels", o.track.levels, AllowedRange{1, 5}, Unit::none);
+  visit("track.finest_level", o.track.finest_level, AllowedRange{0, 4}, Unit::none);
+  visit("track.iterations_finest", o.track.iterations_finest, AllowedRange{1, 100}, Unit::none);
+  visit("track.iterations_coarse", o.track.iterations_coarse, AllowedRange{1, 100}, Unit::none);
+  visit("track.max_distance", o.track.max_distance, AllowedRange{0.001, 1.0}, Unit::metres);
+  visit("track.max_angle", o.track.max_angle, AllowedRange{0.01, 1.57}, Unit::radians);
+  visit("track.photometric", o.track.photometric, AllowedRange{0, 1}, Unit::none);
+  visit("track.huber", o.track.huber, AllowedRange{0.01, 100.0}, Unit::none);
+  visit("track.min_inlier_share", o.track.min_inlier_share, AllowedRange{0.0, 1.0}, Unit::share);
+  visit("track.max_rmse", o.track.max_rmse, AllowedRange{0.1, 1000.0}, Unit::none);
+  visit("motion.max_speed", o.motion.max_speed, AllowedRange{0.01, 100.0}, Unit::none);
+  visit("motion.max_turn", o.motion.max_turn, AllowedRange{0.01, 100.0}, Unit::none);
+  visit("fuse.voxel_size", o.fuse.voxel_size, AllowedRange{0.002, 0.2}, Unit::metres);
+  visit("fuse.truncation", o.fuse.truncation, AllowedRange{0.004, 1.0}, Unit::metres);
+  visit("fuse.max_weight", o.fuse.max_weight, AllowedRange{1.0, 250.0}, Unit::none);
+  visit("fuse.min_mesh_weight", o.fuse.min_mesh_weight, AllowedRange{0.0, 250.0}, Unit::none);
+  visit("map.submap_radius", o.map.submap_radius, AllowedRange{0.5, 100.0}, Unit::metres);
+  visit("map.submap_bricks", o.map.submap_bricks, AllowedRange{1000, 1e9}, Unit::none);
+  visit("map.submap_keyframes", o.map.submap_keyframes, AllowedRange{2, 1e6}, Unit::none);
+  visit("map.loops", o.map.loops, AllowedRange{0, 1}, Unit::none);
+  visit("map.lost_frames", o.map.lost_frames, AllowedRange{1, 1e9}, Unit::none);
+  visit("map.host_memory", o.map.host_memory, AllowedRange{0.0, 1e15}, Unit::bytes);
+  visit("esdf.live", o.esdf.live, AllowedRange{0, 1}, Unit::none);
+  visit("esdf.voxel_size", o.esdf.voxel_size, AllowedRange{0.0, 1.6}, Unit::metres);
+  visit("esdf.max_distance", o.esdf.max_distance, AllowedRange{0.01, 20.0}, Unit::metres);
+  visit("esdf.robot_radius", o.esdf.robot_radius, AllowedRange{0.0, 5.0}, Unit::metres);
+  visit("fuse.device_memory", o.fuse.device_memory, AllowedRange{0.0, 1e15}, Unit::bytes);
+}
+
+/// A value as it is typed, compared with the bounds before it is rounded.
+template <class T>
+void set(T& field, const YAML::Node& node, const std::string& name, const AllowedRange& range, Unit unit) {
+  const std::string text = node.IsScalar() ? node.Scalar() : "";
+  std::optional<double> value;
+  if constexpr (std::is_same_v<T, bool>) {
+    if (bool flag = false; YAML::convert<bool>::decode(node, flag)) value = flag;
+  } else if (std::is_integral_v<T> && unit == Unit::none) {
+    if (const auto whole = parse_whole(text)) value = static_cast<double>(*whole);
+  } else {
+    value = parse_quantity(text, unit);
+  }
+  if (!value || !range.has(*value))
+    throw YAML::Exception(
+        node.Mark(), "`" + name + "` does not take this value: " +
+                         (std::is_same_v<T, bool> ? "true or false is wanted" : words_of(range, unit) + " is wanted"));
+  field = static_cast<T>(*value);
 }
 
 constexpr float kVoxels = 4, kSigmas = 2.5f, kAtDepth = 2;  // of the truncation; metres
@@ -77,20 +100,16 @@ MotionOptions motion_of(std::string_view name) {
 
 void read_options(const std::filesystem::path& file, Options& options) {
   std::map<std::string, std::function<void(const YAML::Node&)>> setters;
-  for_each_option(options, [&](const char* name, auto& field, auto, auto) {
-    setters[name] = [&field](const YAML::Node& node) { field = node.as<std::remove_reference_t<decltype(field)>>(); };
+  for_each_option(options, [&](const char* name, auto& field, const AllowedRange& range, Unit unit) {
+    setters[name] = [=, &field](const YAML::Node& node) { set(field, node, name, range, unit); };
   });
   std::set<std::string> given;
-  const auto set = [&](const YAML::Node& key, const YAML::Node& value, const std::string& section) {
+  const auto take = [&](const YAML::Node& key, const YAML::Node& value, const std::string& section) {
     const std::string name = section + "." + key.Scalar();
     const auto setter = setters.find(name);
     if (setter == setters.end()) throw YAML::Exception(key.Mark(), "there is no option `" + name + "`");
-    try {
-      setter->second(value);
-      given.insert(name);
-    } catch (const YAML::Exception&) {
-      throw YAML::Exception(value.Mark(), "`" + name + "` does not take this value");
-    }
+    setter->second(value);
+    given.insert(name);
   };
   try {
     const auto bytes = read_whole(file);
@@ -101,7 +120,7 @@ void read_options(const std::filesystem::path& file, Options& options) {
       const std::string& name = section.first.Scalar();
       if (!section.second.IsMap())
         throw YAML::Exception(section.first.Mark(), "`" + name + "` is no section of options");
-      for (const auto& option : section.second) set(option.first, option.second, name);
+      for (const auto& option : section.second) take(option.first, option.second, name);
     }
     if (given.contains("fuse.voxel_size") && !given.contains("fuse.truncation"))
       options.fuse.truncation = kVoxels * options.fuse.voxel_size;
@@ -113,13 +132,27 @@ void read_options(const std::filesystem::path& file, Options& options) {
   check(options);
 }
 
+AllowedRange range_of(std::string_view option) {
+  Options options;
+  std::optional<AllowedRange> found;
+  for_each_option(options, [&](const char* name, auto&, const AllowedRange& range, Unit) {
+    if (option == name) found = range;
+  });
+  if (!found) throw std::logic_error("there is no option " + std::string(option));
+  return *found;
+}
+
 void check(const Options& options) {
   Options copy = options;
-  for_each_option(copy, [](const char* name, auto& field, auto least, auto most) {
-    const auto value = static_cast<double>(field);
-    if (!(value >= static_cast<double>(least) && value <= static_cast<double>(most)))
-      throw std::runtime_error("option " + std::string(name) + " is " + std::to_string(value) + ", allowed is " +
-                               std::to_string(least) + " to " + std::to_string(most));
+  for_each_option(copy, [](const char* name, auto& field, const AllowedRange& range, Unit unit) {
+    const auto value = [&] {
+      if constexpr (std::is_same_v<std::remove_reference_t<decltype(field)>, float>)
+        return field;
+      else
+        return static_cast<double>(field);
+    }();
+    if (!range.has(value))
+      throw std::runtime_error(fmt::format("option {} is {}, allowed is {}", name, value, words_of(range, unit)));
   });
   if (options.surface.min_depth >= options.surface.max_depth)
     throw std::runtime_error("option surface.min_depth must be less than surface.max_depth");

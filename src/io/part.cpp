@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "base/read_json.hpp"
 #include "base/read_whole.hpp"
 #include "cairn/parts.hpp"
 #include "synth/source.hpp"
@@ -35,7 +36,7 @@ std::optional<nlohmann::json> read_plan_file(const fs::path& file, std::string_v
   } catch (const std::runtime_error& error) {
     throw std::runtime_error(file.string() + ": " + error.what());
   }
-  const auto json = nlohmann::json::parse(bytes.begin(), bytes.end(), nullptr, false);
+  const auto json = parsed_json_or_none({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
   if (json.is_discarded())
     throw std::runtime_error(fmt::format("{}: is damaged: is no JSON; {}", file.string(), remedy));
   if (!json.is_object() || json.value("kind", nlohmann::json()) != kind) return std::nullopt;

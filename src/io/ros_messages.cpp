@@ -12,6 +12,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
+#include "base/checked_count.hpp"
 #include "base/image_file.hpp"
 #include "base/lines.hpp"
 #include "base/words.hpp"
@@ -21,7 +22,8 @@ namespace cairn {
 namespace {
 
 using Bytes = std::span<const std::uint8_t>;
-constexpr std::uint32_t kLargestSide = 1 << 14;  // pixels
+constexpr std::uint32_t kLeastMosaic = 4;        // pixels along a side that OpenCV takes color from
+constexpr std::uint32_t kLargestSide = 1 << 14;  // pixels, of a sensor
 
 /// Reads a message field by field. ROS 1 packs them without gaps, little endian; CDR tells its byte order in the first
 /// four bytes, behind which each number lies at a multiple of its size.
@@ -124,7 +126,16 @@ constexpr std::array kLayouts{
     Layout{"bayer_grbg8", RosImage::Kind::colour, CV_8UC1, cv::COLOR_BayerGB2RGBA},
 };
 
-RosImage raw_image(Fields& fields) {
+bool is_in_pairs(const Layout& layout) { return layout.type == CV_8UC2; }
+bool is_mosaic(const Layout& layout) { return layout.encoding.starts_with("bayer"); }
+
+/// Bytes of a row's pixels. Two pixels of YUV 4:2:2 share their color, so that a row of an odd number ends in half a
+/// pair.
+std::uint64_t bytes_of_row(const Layout& layout, std::uint32_t width) {
+  return product(is_in_pairs(layout) ? width + width % 2 : width, CV_ELEM_SIZE(layout.type));
+}
+
+RosImage raw_image(Fields& fields, const ImageBound& bound) {
   const auto height = fields.number<std::uint32_t>(), width = fields.number<std::uint32_t>();
   RosImage image{.encoding = shown(fields.text()), .pixels = {}};
   const bool big_endian = fields.number<std::uint8_t>() != 0;
@@ -133,17 +144,25 @@ RosImage raw_image(Fields& fields) {
   const auto layout =
       std::find_if(kLayouts.begin(), kLayouts.end(), [&](const Layout& l) { return l.encoding == image.encoding; });
   if (layout == kLayouts.end()) return image;
-  if (width == 0 || height == 0 || width > kLargestSide || height > kLargestSide)
-    throw std::runtime_error(fmt::format("is an image of {}x{} pixels", width, height));
-  const std::uint64_t row = width * static_cast<std::uint64_t>(CV_ELEM_SIZE(layout->type));
-  if (step < row || (height - 1) * std::uint64_t{step} + row > data.size())
-    throw std::runtime_error(fmt::format("is an image of {}x{} pixels as {} with {} bytes a row, and has {} bytes",
-                                         width, height, image.encoding, step, data.size()));
+  check_image_size(width, height, bound);
+  const std::uint64_t row = bytes_of_row(*layout, width);
+  if (step < row || !fits(height - 1, step, data.size(), row))
+    throw std::runtime_error(fmt::format("is an image of {}x{} pixels as {} with {} bytes a row, and has {} bytes{}",
+                                         width, height, image.encoding, step, data.size(),
+                                         is_in_pairs(*layout) && width % 2 != 0
+                                             ? "; its pixels come in pairs, so an odd row needs two bytes more"
+                                             : ""));
+  if (is_mosaic(*layout) && (width < kLeastMosaic || height < kLeastMosaic))
+    throw std::runtime_error(
+        fmt::format("is an image of {}x{} pixels as {}, too few for its colors", width, height, image.encoding));
+  const std::size_t size = CV_ELEM_SIZE1(layout->type);
+  if (step % size != 0)
+    throw std::runtime_error(fmt::format("has rows of {} bytes, no whole number of its values of {}", step, size));
   image.kind = layout->kind;
   image.to_rgba = layout->to_rgba;
-  image.pixels = cv::Mat(static_cast<int>(height), static_cast<int>(width), layout->type,
+  image.width = static_cast<int>(width);
+  image.pixels = cv::Mat(static_cast<int>(height), static_cast<int>(row) / CV_ELEM_SIZE(layout->type), layout->type,
                          const_cast<std::uint8_t*>(data.data()), step);
-  const std::size_t size = CV_ELEM_SIZE1(layout->type);
   if (size > 1) {  // numbers that may lie anywhere in memory, and in the other order
     image.pixels = image.pixels.clone();
     if (big_endian)
@@ -154,19 +173,18 @@ RosImage raw_image(Fields& fields) {
 }
 
 /// What compressed_depth_image_transport packs as RVL: width, height, and the pixels.
-cv::Mat rvl_image(Bytes data) {
+cv::Mat rvl_image(Bytes data, const ImageBound& bound) {
   std::array<std::uint32_t, 2> size{};
   if (data.size() < sizeof size) throw std::runtime_error("ends too early");
   std::memcpy(size.data(), data.data(), sizeof size);
-  if (size[0] == 0 || size[1] == 0 || size[0] > kLargestSide || size[1] > kLargestSide)
-    throw std::runtime_error(fmt::format("is an image of {}x{} pixels", size[0], size[1]));
-  auto pixels = unpacked_rvl(data.subspan(sizeof size), std::size_t{size[0]} * size[1]);
+  check_image_size(size[0], size[1], bound);
+  auto pixels = unpacked_rvl(data.subspan(sizeof size), product(size[0], size[1]));
   return cv::Mat(static_cast<int>(size[1]), static_cast<int>(size[0]), CV_16UC1, pixels.data()).clone();
 }
 
 /// What image_transport packs: a PNG, a JPEG or RVL; with `compressedDepth` before it three numbers, which tell how
 /// metres became 16 bits.
-RosImage packed_image(Fields& fields) {
+RosImage packed_image(Fields& fields, const ImageBound& bound) {
   const std::string format = fields.text();
   Bytes data = fields.bytes();
   RosImage image{.encoding = shown(format), .pixels = {}};
@@ -179,7 +197,8 @@ RosImage packed_image(Fields& fields) {
     data = data.subspan(kFront);
   }
   const bool is_rvl = format.find("compressedDepth rvl") != format.npos;
-  image.pixels = is_rvl ? rvl_image(data) : decode_image(data, Pixels::as_stored);
+  image.pixels = is_rvl ? rvl_image(data, bound) : decode_image(data, Pixels::as_stored, bound);
+  image.width = image.pixels.cols;
   switch (image.pixels.type()) {
     case CV_16UC1:
       image.kind = RosImage::Kind::depth;
@@ -256,10 +275,10 @@ void set_lens(const RosCameraInfo& info, Camera& camera) {
 
 RosHeader read_ros_header(Bytes bytes, RosEncoding encoding) { return Fields(bytes, encoding).header(); }
 
-RosImage read_ros_image(Bytes bytes, RosEncoding encoding, std::string_view type) {
+RosImage read_ros_image(Bytes bytes, RosEncoding encoding, std::string_view type, const ImageBound& bound) {
   Fields fields(bytes, encoding);
   (void)fields.header();
-  return type == "sensor_msgs/Image" ? raw_image(fields) : packed_image(fields);
+  return type == "sensor_msgs/Image" ? raw_image(fields, bound) : packed_image(fields, bound);
 }
 
 std::vector<float> depth_of(const RosImage& image, double unit) {
@@ -287,6 +306,7 @@ std::vector<std::uint32_t> colour_of(const RosImage& image) {
     cv::cvtColor(image.pixels, rgba, image.to_rgba);
   else
     rgba = image.pixels.clone();
+  if (rgba.cols != image.width) rgba = rgba.colRange(0, image.width).clone();  // without the other half of a pair
   const auto* data = rgba.ptr<std::uint32_t>();
   std::vector<std::uint32_t> colour(data, data + rgba.total());
   for (std::uint32_t& pixel : colour) pixel |= 0xff000000u;

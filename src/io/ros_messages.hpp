@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/image_file.hpp"
 #include "cairn/camera.hpp"
 #include "io/ros_recording.hpp"
 
@@ -31,13 +32,16 @@ struct RosImage {
   enum class Kind { depth, colour, grey, other };
   Kind kind = Kind::other;
   std::string encoding;             // as a user knows it
-  cv::Mat pixels;                   // may lie in the message's bytes
+  cv::Mat pixels;                   // may lie in the message's bytes; of pairs of pixels a whole number in a row
+  int width = 0;                    // of the image
   bool packed_from_metres = false;  // depth in metres that was packed into 16 bits, with the next two numbers
   float quant_a = 0, quant_b = 0;
   int to_rgba = -1;  // cv::ColorConversionCodes; -1: it is
 };
-/// `type`: sensor_msgs/Image or sensor_msgs/CompressedImage.
-[[nodiscard]] RosImage read_ros_image(std::span<const std::uint8_t> bytes, RosEncoding encoding, std::string_view type);
+/// `type`: sensor_msgs/Image or sensor_msgs/CompressedImage. Throws std::runtime_error for an image beyond `bound`,
+/// before it is decoded.
+[[nodiscard]] RosImage read_ros_image(std::span<const std::uint8_t> bytes, RosEncoding encoding, std::string_view type,
+                                      const ImageBound& bound = {});
 /// Metres; 0 where nothing was measured. `unit`: metres, of depth in whole numbers.
 [[nodiscard]] std::vector<float> depth_of(const RosImage& image, double unit);
 /// Bytes R, G, B, 255.

@@ -134,11 +134,7 @@ class RosSource final : public Source {
 
   [[nodiscard]] RosImage image_in(const Waiting& waiting, const RosStream& stream, const Camera& camera) const {
     const RosTopic& topic = recording_->topics()[stream.topic];
-    RosImage image = read_ros_image(waiting.bytes, topic.encoding, topic.type);
-    if (image.pixels.cols != camera.width || image.pixels.rows != camera.height)
-      throw std::runtime_error(
-          fmt::format("is {}x{}, the camera {}x{}", image.pixels.cols, image.pixels.rows, camera.width, camera.height));
-    return image;
+    return read_ros_image(waiting.bytes, topic.encoding, topic.type, {.size = {camera.width, camera.height}});
   }
 
   std::vector<float> depth_in(const Waiting& waiting) const {

@@ -184,7 +184,7 @@ void Survey::take_image(const RosMessage& message, Seen& seen) {
     const RosImage image = read_ros_image(message.bytes, topic.encoding, topic.type);
     seen.kind = image.kind;
     seen.encoding = image.encoding;
-    seen.size = {image.pixels.cols, image.pixels.rows};
+    seen.size = {image.width, image.pixels.rows};
   } catch (const std::exception& error) {
     seen.encoding = error.what();
   }

@@ -4,11 +4,13 @@
 #include <fmt/format.h>
 #include <sqlite3.h>
 
+#include <algorithm>
 #include <array>
 #include <stdexcept>
 #include <string_view>
 #include <unordered_map>
 
+#include "base/checked_count.hpp"
 #include "base/words.hpp"
 #include "io/file_bytes.hpp"
 #include "io/ros_compression.hpp"
@@ -18,7 +20,11 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr int kLargestMessage = 256 << 20;  // bytes
+constexpr std::uint64_t kLargestMessage = 256 << 20, kShortest = 1 << 20;  // bytes of a row
+constexpr std::uint64_t kLeastRow = 4;                                     // bytes that a row takes in the file
+// Steps of SQLite's machine that a query takes, a byte of the file: a row takes 50, and has 100 bytes or more.
+constexpr std::uint64_t kStepsPerByte = 4, kAnySteps = 10'000'000;
+constexpr int kStepsAtOnce = 10'000;
 constexpr std::string_view kZstd("\x28\xb5\x2f\xfd", 4);
 
 struct Close {
@@ -45,15 +51,18 @@ class Rosbag2Db3 final : public RosRecording {
                                        SQLITE_OPEN_READONLY | SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX, nullptr);
     database_.reset(opened);
     if (result != SQLITE_OK) throw std::runtime_error(name() + ": " + why());
-    sqlite3_limit(opened, SQLITE_LIMIT_LENGTH, kLargestMessage);
-    // SQLite refuses a file that is cut off, but to those who repair it.
-    if (cut_off_) sqlite3_exec(opened, "PRAGMA writable_schema = ON", nullptr, nullptr, nullptr);
+    std::error_code no_journal;
+    const std::uintmax_t journal = fs::file_size(file.string() + "-wal", no_journal);
+    distrust(fs::file_size(file) + (no_journal ? 0 : journal));
+    require_table("topics");
+    require_table("messages");
     read_topics();
     rewind();
   }
 
   void rewind() override {
     ended_early_.reset();
+    rows_ = 0;
     // Of a file that is cut off the index of the times may be lost; rows are written in the order of arrival.
     const bool by_time = !cut_off_ && has_index_of_times();
     messages_ = prepared(
@@ -62,7 +71,8 @@ class Rosbag2Db3 final : public RosRecording {
 
   std::optional<RosMessage> next() override {
     while (!ended_early_) {
-      const int result = sqlite3_step(messages_.get());
+      steps_ = 0;
+      const int result = rows_++ > most_rows_ ? SQLITE_CORRUPT : sqlite3_step(messages_.get());
       if (result == SQLITE_DONE) {
         ended_early_ = cut_off_;
         return std::nullopt;
@@ -81,7 +91,55 @@ class Rosbag2Db3 final : public RosRecording {
   }
 
  private:
-  [[nodiscard]] std::string why() const { return shown(sqlite3_errmsg(database_.get())); }
+  [[nodiscard]] std::string why() const {
+    if (rows_ > most_rows_) return "it has more rows than its bytes can hold";
+    return steps_ > most_steps_ ? "a query takes more steps than its bytes can ask for"
+                                : shown(sqlite3_errmsg(database_.get()));
+  }
+
+  /// Holds SQLite to the rows of tables: no code of the file's own runs, and no query takes longer than the file is
+  /// long.
+  void distrust(std::uint64_t size) {
+    sqlite3* database = database_.get();
+    for (const int unwanted : {SQLITE_DBCONFIG_TRUSTED_SCHEMA, SQLITE_DBCONFIG_ENABLE_VIEW,
+                               SQLITE_DBCONFIG_ENABLE_TRIGGER, SQLITE_DBCONFIG_ENABLE_LOAD_EXTENSION})
+      sqlite3_db_config(database, unwanted, 0, nullptr);
+    // SQLite refuses a file that is cut off, but to those who repair it, which the defensive mode forbids.
+    if (cut_off_)
+      sqlite3_exec(database, "PRAGMA writable_schema = ON", nullptr, nullptr, nullptr);
+    else
+      sqlite3_db_config(database, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
+    // A row lies in the file's bytes, or it goes through some of them again and again.
+    sqlite3_limit(database, SQLITE_LIMIT_LENGTH,
+                  static_cast<int>(std::clamp<std::uint64_t>(size, kShortest, kLargestMessage)));
+    most_rows_ = size / kLeastRow;
+    most_steps_ = kAnySteps + product(size, kStepsPerByte);
+    sqlite3_progress_handler(
+        database, kStepsAtOnce,
+        [](void* self) {
+          auto& recording = *static_cast<Rosbag2Db3*>(self);
+          return (recording.steps_ += kStepsAtOnce) > recording.most_steps_ ? 1 : 0;
+        },
+        this);
+  }
+
+  /// Throws where a name is no table of stored rows: a view, a virtual table or a computed column runs what its maker
+  /// wrote.
+  void require_table(const std::string& table) const {
+    const auto refused = [&](const std::string& what) {
+      return std::runtime_error(fmt::format("{}: is no file of rosbag2: its `{}` {}", name(), table, what));
+    };
+    const auto kind =
+        prepared(fmt::format("SELECT type, rootpage FROM sqlite_master WHERE name = '{}' COLLATE NOCASE", table));
+    if (const int result = sqlite3_step(kind.get()); result == SQLITE_DONE)
+      throw std::runtime_error(
+          cut_off_.value_or(fmt::format("{}: is no file of rosbag2: no such table: {}", name(), table)));
+    else if (result != SQLITE_ROW)
+      throw std::runtime_error(cut_off_.value_or(fmt::format("{}: is no file of rosbag2: {}", name(), why())));
+    if (text(kind, 0) != "table" || sqlite3_column_int64(kind.get(), 1) <= 0) throw refused("is no table");
+    const auto columns = prepared(fmt::format("SELECT 1 FROM pragma_table_xinfo('{}') WHERE hidden <> 0", table));
+    if (sqlite3_step(columns.get()) == SQLITE_ROW) throw refused("has computed columns");
+  }
 
   [[nodiscard]] Statement prepared(const std::string& query) const {
     sqlite3_stmt* statement = nullptr;
@@ -112,7 +170,8 @@ class Rosbag2Db3 final : public RosRecording {
 
   void read_topics() {
     const auto topics = prepared("SELECT id, name, type, serialization_format FROM topics ORDER BY id");
-    while (sqlite3_step(topics.get()) == SQLITE_ROW) {
+    int result = SQLITE_ROW;
+    for (std::uint64_t rows = 0; (result = sqlite3_step(topics.get())) == SQLITE_ROW && rows < most_rows_; ++rows) {
       const std::string encoding = text(topics, 3);
       topic_of_id_[sqlite3_column_int64(topics.get(), 0)] = topic_of(text(topics, 1), text(topics, 2),
                                                                      encoding == "cdr"         ? RosEncoding::cdr
@@ -120,11 +179,14 @@ class Rosbag2Db3 final : public RosRecording {
                                                                                                : RosEncoding::unknown);
     }
     if (cut_off_) return;
+    if (result != SQLITE_DONE) throw std::runtime_error(fmt::format("{}: is no file of rosbag2: {}", name(), why()));
+    steps_ = 0;
     const auto counts = prepared("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id");
     for (const auto& [id, topic] : topic_of_id_) count(topic, 0);
-    while (sqlite3_step(counts.get()) == SQLITE_ROW)
+    while ((result = sqlite3_step(counts.get())) == SQLITE_ROW)
       if (const auto it = topic_of_id_.find(sqlite3_column_int64(counts.get(), 0)); it != topic_of_id_.end())
         count(it->second, static_cast<std::uint64_t>(sqlite3_column_int64(counts.get(), 1)));
+    if (steps_ > most_steps_) throw std::runtime_error(fmt::format("{}: is no file of rosbag2: {}", name(), why()));
   }
 
   /// Without one SQLite would sort all messages before it gives the first.
@@ -152,7 +214,8 @@ class Rosbag2Db3 final : public RosRecording {
 
   std::unique_ptr<sqlite3, Close> database_;
   Statement messages_;
-  std::uint64_t row_ = 0;
+  std::uint64_t row_ = 0, rows_ = 0, most_rows_ = 0;  // the last one's number; those that were given
+  std::uint64_t steps_ = 0, most_steps_ = 0;          // of SQLite's machine, in one call
   std::optional<std::string> cut_off_;
   std::vector<std::uint8_t> unpacked_;
   std::unordered_map<std::int64_t, std::size_t> topic_of_id_;

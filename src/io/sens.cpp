@@ -17,6 +17,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
+#include "base/checked_count.hpp"
 #include "base/image_file.hpp"
 #include "io/camera_file.hpp"
 #include "io/file_bytes.hpp"
@@ -225,8 +226,7 @@ class SensSource final : public Source {
   }
 
   std::vector<float> read_depth(const Indexed& entry) {
-    const std::size_t count =
-        static_cast<std::size_t>(file_.rig.depth.width) * static_cast<std::size_t>(file_.rig.depth.height);
+    const std::size_t count = product(file_.rig.depth.width, file_.rig.depth.height);
     // Raw, or packed into more than raw with zlib's own words: no image is larger.
     if (entry.depth_size > 4 * count + 1024)
       throw std::runtime_error(fmt::format("depth has {} bytes, more than its size allows", entry.depth_size));
@@ -252,7 +252,7 @@ class SensSource final : public Source {
 
   std::vector<std::uint32_t> read_colour(const Indexed& entry) {
     const Camera& c = file_.rig.colour_view();
-    const std::uint64_t raw = 3 * static_cast<std::uint64_t>(c.width) * static_cast<std::uint64_t>(c.height);
+    const std::uint64_t raw = product(3, c.width, c.height);
     if (entry.colour_size == 0 || entry.colour_size > 2 * raw + (1 << 20)) return {};
     auto bytes = read_bytes(entry.place, entry.colour_size);
     cv::Mat rgba;
@@ -260,8 +260,7 @@ class SensSource final : public Source {
       if (bytes.size() != raw) return {};
       cv::cvtColor(cv::Mat(c.height, c.width, CV_8UC3, bytes.data()), rgba, cv::COLOR_RGB2RGBA);
     } else {
-      rgba = decode_image(bytes, Pixels::rgba);
-      if (rgba.cols != c.width || rgba.rows != c.height) return {};
+      rgba = decode_image(bytes, Pixels::rgba, {.size = {c.width, c.height}, .camera = "colour camera"});
     }
     return colour_pixels(rgba);
   }

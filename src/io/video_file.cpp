@@ -13,6 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr int kMostSide = 4096;  // pixels, as of a Camera
+constexpr int kBlock = 64;       // pixels, of the largest blocks that codecs make images of
 constexpr double kNoTime = -std::numeric_limits<double>::infinity();
 
 VideoTags tags_of(const AVDictionary* dictionary) {
@@ -135,7 +136,11 @@ VideoDecoder::VideoDecoder(const VideoFile& file, int track) : tick_(av_q2d(file
     throw std::runtime_error(std::string("FFmpeg cannot decode ") + ffmpeg().avcodec_get_name(parameters->codec_id));
   context_.reset(made(ffmpeg().avcodec_alloc_context3(codec)));
   int error = ffmpeg().avcodec_parameters_to_context(context_.get(), parameters);
-  context_->max_pixels = std::int64_t{kMostSide} * kMostSide;
+  // A packet may tell another size than its track, and FFmpeg gets memory for it; codecs round sizes up.
+  const bool is_told = parameters->width > 0 && parameters->width <= kMostSide && parameters->height > 0 &&
+                       parameters->height <= kMostSide;
+  context_->max_pixels = is_told ? std::int64_t{parameters->width + kBlock} * (parameters->height + kBlock)
+                                 : std::int64_t{kMostSide} * kMostSide;
   context_->thread_type = FF_THREAD_SLICE;  // threads for frames would keep images back
   if (codec->id == AV_CODEC_ID_MJPEG) context_->err_recognition = AV_EF_EXPLODE;  // else the rest of an image is grey
   if (error >= 0) error = ffmpeg().avcodec_open2(context_.get(), codec, nullptr);

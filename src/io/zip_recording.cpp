@@ -12,6 +12,7 @@
 #include <fstream>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "base/words.hpp"
@@ -26,11 +27,13 @@ namespace fs = std::filesystem;
 constexpr std::string_view kPrefix = "cairn-unpacked-";
 constexpr const char* kMark = ".cairn-unpacked";  // in the folder: another one of such a name is somebody's own
 constexpr std::string_view kMarkText = "A .zip file that cairn unpacks here while it reads it, and removes.\n";
-constexpr std::uintmax_t kReserve = 64u << 20;    // bytes that stay free on the disk
-constexpr std::uintmax_t kAnySize = 1u << 30;     // bytes that an archive may unpack to, however small it is
-constexpr std::uintmax_t kMostPacked = 200;       // times that a larger one may shrink: depth without noise does by 50
-constexpr std::size_t kPiece = 1u << 20;          // bytes
-constexpr auto kFresh = std::chrono::minutes(1);  // a folder that young may not be locked yet
+constexpr std::uintmax_t kReserve = 64u << 20;   // bytes that stay free on the disk
+constexpr std::uintmax_t kAnySize = 1u << 30;    // bytes that an archive may unpack to, however small it is
+constexpr std::uintmax_t kMostPacked = 200;      // times that a larger one may shrink: depth without noise does by 50
+constexpr std::size_t kPiece = 1u << 20;         // bytes
+constexpr zip_int64_t kMostEntries = 1'000'000;  // files and folders: nine hours of depth, color and confidence
+constexpr std::size_t kLongestName = 255, kLongestPlace = 2048;  // bytes, of a file and of its way from the top
+constexpr auto kFresh = std::chrono::minutes(1);                 // a folder that young may not be locked yet
 
 fs::path place_to_unpack() {
   const fs::path usual = "/var/tmp";
@@ -83,6 +86,12 @@ FileLock lock_of(const fs::path& folder) {
   throw std::runtime_error(folder.string() + ": another program holds it");
 }
 
+/// A folder's name for what an archive holds: the archive's own, but none that leads elsewhere, as that of "...zip".
+fs::path name_of(const fs::path& archive) {
+  const fs::path name = archive.stem();
+  return name.empty() || name.string().starts_with('.') ? fs::path("recording") : name;
+}
+
 /// A file or folder of an archive.
 struct Entry {
   zip_uint64_t number = 0;
@@ -107,8 +116,19 @@ class Archive {
   [[nodiscard]] std::vector<Entry> entries() const {
     std::vector<Entry> all;
     const zip_int64_t count = zip_get_num_entries(zip_, 0);
+    if (count > kMostEntries)
+      throw std::runtime_error(
+          fmt::format("holds {} files, more than the {} that a recording may have; unpack it "
+                      "yourself if it is one",
+                      count, kMostEntries));
+    std::set<fs::path> places;
     for (zip_int64_t i = 0; i < count; ++i)
-      if (auto entry = this->entry(static_cast<zip_uint64_t>(i))) all.push_back(*std::move(entry));
+      if (auto entry = this->entry(static_cast<zip_uint64_t>(i))) {
+        if (!entry->is_folder && !places.insert(entry->place).second)
+          throw std::runtime_error(
+              fmt::format("holds '{}' twice; pack the recording's folder again", shown(entry->place.string())));
+        all.push_back(*std::move(entry));
+      }
     return all;
   }
 
@@ -145,7 +165,9 @@ class Archive {
     };
     Entry entry{.number = number, .place = fs::path(name).lexically_normal(), .is_folder = name.ends_with('/')};
     if (name.empty() || name.starts_with('/')) refuse("is no place in a folder; pack the recording's folder again");
+    if (name.size() > kLongestPlace) refuse("is too long a name; pack the recording's folder again");
     for (const fs::path& part : fs::path(name)) {
+      if (part.string().size() > kLongestName) refuse("is too long a name; pack the recording's folder again");
       if (part == "..") refuse("leads out of its folder; pack the recording's folder again");
       if (part == "__MACOSX" || (part != "." && part.string().starts_with('.'))) return std::nullopt;
     }
@@ -192,7 +214,11 @@ bool is_zip(const std::string& name) {
 }
 
 UnpackedZip::UnpackedZip(const fs::path& archive)
-    : archive_(archive), folder_(make_folder()), lock_(lock_of(folder_)), content_(folder_ / archive.stem()) {
+    : archive_(archive),
+      folder_(make_folder()),
+      unfinished_(folder_),
+      lock_(lock_of(folder_)),
+      content_(folder_ / name_of(archive)) {
   try {
     unpack();
   } catch (...) {

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "base/file_lock.hpp"
+#include "cairn/unfinished.hpp"
 
 namespace cairn {
 
@@ -45,6 +46,7 @@ class UnpackedZip {
  private:
   void unpack();
   std::filesystem::path archive_, folder_;
+  Unfinished unfinished_;          // the folder
   FileLock lock_;                  // of the folder, for others to see that it is in use
   std::filesystem::path content_;  // a folder of the archive's name, since some layouts are known by theirs
   std::optional<std::string> damage_;

@@ -9,9 +9,11 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <stdexcept>
 
 #include "adjust/bundle.hpp"
 #include "base/velocity.hpp"
+#include "map/refine.hpp"
 #include "surface/rectify.hpp"
 
 namespace cairn {
@@ -40,15 +42,17 @@ struct Rounds {
 };
 
 Bundle bundle_of(const BackEnd& back_end, const Rig& rig, double clock_offset,
-                 const std::vector<std::size_t>& keyframes) {
+                 const std::vector<std::size_t>& keyframes, const GoesOn& goes_on = {}) {
   const Atlas& atlas = back_end.atlas();
   const Trajectory path = atlas.trajectory(atlas.main_component(), 0, atlas.frames.size());
   Bundle bundle(rig);
   std::vector<std::optional<std::size_t>> view_of(atlas.keyframes.size());
   const auto in_order = tbb::filter_mode::serial_in_order;
   std::size_t next = 0;
+  bool is_stopped = false;
   const auto read = [&](tbb::flow_control& control) -> std::shared_ptr<Frame> {
-    if (next == keyframes.size()) {
+    is_stopped = goes_on && !goes_on(0);
+    if (next == keyframes.size() || is_stopped) {
       control.stop();
       return nullptr;
     }
@@ -71,6 +75,7 @@ Bundle bundle_of(const BackEnd& back_end, const Rig& rig, double clock_offset,
                                          tbb::make_filter<std::shared_ptr<Frame>, std::shared_ptr<BundleView>>(
                                              tbb::filter_mode::parallel, prepare) &
                                          tbb::make_filter<std::shared_ptr<BundleView>, void>(in_order, add));
+  if (is_stopped) throw std::runtime_error(kEnded);
   for (PoseGraph::Edge edge : atlas.graph().edges) {
     const auto i = view_of[edge.i], j = view_of[edge.j];
     if (edge.is_loop_closure || !i || !j) continue;
@@ -148,7 +153,7 @@ Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset, Sought s
   const std::vector<std::size_t> keyframes = atlas.main_keyframes();
   Adjusted adjusted{.keyframes = static_cast<int>(keyframes.size())};
   if (keyframes.size() < 2) return adjusted;
-  Bundle bundle = bundle_of(back_end, rig, clock_offset, keyframes);
+  Bundle bundle = bundle_of(back_end, rig, clock_offset, keyframes, goes_on);
   Rounds rounds{.goes_on = goes_on};
   find_shutter(bundle, rig, adjusted, rounds);
   if (sought == Sought::readout_and_depth) find_correction(bundle, adjusted, rounds);

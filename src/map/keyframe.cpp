@@ -199,9 +199,9 @@ std::shared_ptr<const Features> KeyframeStore::remembered(std::size_t keyframe) 
 
 namespace {
 
-cv::Mat decoded(const std::vector<std::uint8_t>& bytes, Pixels pixels) {
+cv::Mat decoded(const std::vector<std::uint8_t>& bytes, Pixels pixels, const Camera& camera) {
   try {
-    if (!bytes.empty()) return decode_image(bytes, pixels);
+    if (!bytes.empty()) return decode_image(bytes, pixels, {.size = {camera.width, camera.height}});
   } catch (const std::runtime_error&) {
     // Told by who asked, or left out.
   }
@@ -211,8 +211,8 @@ cv::Mat decoded(const std::vector<std::uint8_t>& bytes, Pixels pixels) {
 }  // namespace
 
 std::vector<float> KeyframeStore::depth(std::size_t keyframe) const {
-  const cv::Mat steps = decoded(kept(keyframe, &Packed::depth, kDepth), Pixels::as_stored);
-  if (steps.type() != CV_16U || steps.cols != rig_.depth.width || steps.rows != rig_.depth.height)
+  const cv::Mat steps = decoded(kept(keyframe, &Packed::depth, kDepth), Pixels::as_stored, rig_.depth);
+  if (steps.type() != CV_16U || steps.empty())
     throw std::runtime_error(file(keyframe, kDepth).string() + ": is missing or broken; " + kRemedy);
   std::vector<float> metres(steps.total());
   cv::Mat depth(steps.rows, steps.cols, CV_32F, metres.data());
@@ -223,9 +223,8 @@ std::vector<float> KeyframeStore::depth(std::size_t keyframe) const {
 Frame KeyframeStore::get(std::size_t keyframe) const {
   Frame frame;
   frame.depth = depth(keyframe);
-  const cv::Mat rgba = decoded(kept(keyframe, &Packed::colour, kColour), Pixels::rgba);
-  if (rgba.cols == rig_.colour_view().width && rgba.rows == rig_.colour_view().height)
-    frame.colour = colour_pixels(rgba);
+  const cv::Mat rgba = decoded(kept(keyframe, &Packed::colour, kColour), Pixels::rgba, rig_.colour_view());
+  if (!rgba.empty()) frame.colour = colour_pixels(rgba);
   return frame;
 }
 

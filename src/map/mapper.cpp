@@ -120,10 +120,10 @@ void Mapper::settle_upright() {
   state_->back_end.atlas().settle_upright();
 }
 
-Refined Mapper::refine() {
+Refined Mapper::refine(const std::function<bool(double)>& goes_on) {
   state_->whole.reset();
   Refined refined;
-  state_->warnings().attempt("poses stay as they are", [&] { refined = cairn::refine(state_->back_end); });
+  state_->warnings().attempt("poses stay as they are", [&] { refined = cairn::refine(state_->back_end, goes_on); });
   return refined;
 }
 
@@ -137,8 +137,12 @@ Adjusted Mapper::adjust(const std::function<bool(double)>& goes_on) {
   return adjusted;
 }
 
-void Mapper::reintegrate(Source& again, const DepthCorrection& correction, const std::function<void()>& step) {
+void Mapper::reintegrate(Source& again, const DepthCorrection& correction, const std::function<bool(int)>& goes_on) {
   MapState& s = *state_;
+  int frames = 0;
+  const auto go_on = [&] {
+    if (goes_on && !goes_on(frames)) throw std::runtime_error(kEnded);
+  };
   s.back_end.settle();
   s.whole.reset();
   const Volume::Residency residency = s.volume.residency();
@@ -154,11 +158,12 @@ void Mapper::reintegrate(Source& again, const DepthCorrection& correction, const
     if (s.is_tracked()) {
       pass.emplace(s.device, s.rig, s.preprocessor.camera(), s.options, s.back_end, correction,
                    s.tracker.clock_offset());
-      pass->fuse_keyframes(s.integrator, s.volume, s.fused_count);
+      pass->fuse_keyframes(s.integrator, s.volume, s.fused_count, go_on);
     }
     std::optional<Eigen::Isometry3d> last;
     while (const auto next = again.next()) {
-      if (step) step();
+      ++frames;
+      go_on();
       const CheckedFrame checked(*next, s.rig, std::nullopt);
       if (!checked.is_usable()) continue;
       const Frame& frame = checked.frame();

@@ -51,11 +51,13 @@ std::vector<std::size_t> near_keyframes(const Atlas& atlas, const std::vector<st
 }
 
 std::vector<Loop> align_pairs(const std::vector<KeyframePair>& pairs, const KeyframeStore& images,
-                              SurfaceMatcher& matcher) {
+                              SurfaceMatcher& matcher, const std::function<void(std::size_t)>& before) {
   Cache image(images);
   std::vector<Loop> loops;
   std::optional<std::size_t> from;  // that the matcher knows
-  for (const KeyframePair& pair : pairs) {
+  for (std::size_t number = 0; number < pairs.size(); ++number) {
+    const KeyframePair& pair = pairs[number];
+    if (before) before(number);
     std::optional<Match> found;
     if (pair.corners > 0) {
       const Frame first = image(pair.from);

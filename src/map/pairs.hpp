@@ -3,6 +3,7 @@
 // Keyframes that see much of the same, by where they lie, aligned with each other.
 #pragma once
 #include <cstddef>
+#include <functional>
 #include <vector>
 
 #include "map/atlas.hpp"
@@ -25,8 +26,10 @@ struct KeyframePair {
                                                       std::size_t keyframe);
 
 /// Aligns the depth images of each pair, by geometry alone. Those by their looks must agree both ways round; pairs of
-/// the same `from` follow each other. What does not fit is left out.
+/// the same `from` follow each other. What does not fit is left out. `before` is
+/// called before each, with its number, and may throw.
 [[nodiscard]] std::vector<Loop> align_pairs(const std::vector<KeyframePair>& pairs, const KeyframeStore& images,
-                                            SurfaceMatcher& matcher);
+                                            SurfaceMatcher& matcher,
+                                            const std::function<void(std::size_t)>& before = {});
 
 }  // namespace cairn

@@ -4,13 +4,16 @@
 
 #include <algorithm>
 #include <set>
+#include <stdexcept>
 
 #include "map/pairs.hpp"
 
 namespace cairn {
 namespace {
 
-std::vector<KeyframePair> choose_pairs(const BackEnd& back_end) {
+constexpr double kChoosing = 0.1;  // of the time, that pairs are looked for
+
+std::vector<KeyframePair> choose_pairs(const BackEnd& back_end, const std::function<void(double)>& go_on) {
   const Atlas& atlas = back_end.atlas();
   const KeyframeDatabase& database = back_end.keyframes();
   const auto component_of = atlas.components();
@@ -18,6 +21,7 @@ std::vector<KeyframePair> choose_pairs(const BackEnd& back_end) {
   for (const Loop& loop : atlas.loops) known.emplace(loop.edge.i, loop.edge.j);
   std::vector<KeyframePair> pairs;
   for (std::size_t i = 0; i < database.size(); ++i) {
+    go_on(kChoosing * static_cast<double>(i) / static_cast<double>(database.size()));
     const std::vector<std::size_t> near = near_keyframes(atlas, component_of, i);
     for (std::size_t k = 0; k < std::min(near.size(), kCovisible + 1); ++k) {  // one of them is the next
       const std::size_t j = near[k];
@@ -40,13 +44,18 @@ std::vector<KeyframePair> choose_pairs(const BackEnd& back_end) {
 
 }  // namespace
 
-Refined refine(BackEnd& back_end) {
+Refined refine(BackEnd& back_end, const std::function<bool(double)>& goes_on) {
+  const auto go_on = [&](double share) {
+    if (goes_on && !goes_on(share)) throw std::runtime_error(kEnded);
+  };
   back_end.settle();
   Atlas atlas = back_end.atlas();  // what fails on the way leaves the map as it is
   Refined refined{.keyframes = static_cast<int>(atlas.keyframes.size())};
   if (atlas.keyframes.size() < 2) return refined;
-  const auto pairs = choose_pairs(back_end);
-  const std::vector<Loop> loops = align_pairs(pairs, back_end.images(), back_end.matcher());
+  const auto pairs = choose_pairs(back_end, go_on);
+  const std::vector<Loop> loops = align_pairs(pairs, back_end.images(), back_end.matcher(), [&](std::size_t number) {
+    go_on(kChoosing + (1 - kChoosing) * static_cast<double>(number) / static_cast<double>(pairs.size()));
+  });
   atlas.loops.insert(atlas.loops.end(), loops.begin(), loops.end());
   PoseGraph graph = atlas.graph();
   const OptimiseReport report = optimise(graph);

@@ -39,9 +39,11 @@ SecondPass::SecondPass(gpu::Device& device, const Rig& rig, const Camera& rectif
       aligner_(device, options.track, rig.sensor),
       reference_(device, rectified, options.track) {}
 
-void SecondPass::fuse_keyframes(Integrator& integrator, Volume& volume, std::uint32_t& fused_count) {
+void SecondPass::fuse_keyframes(Integrator& integrator, Volume& volume, std::uint32_t& fused_count,
+                                const std::function<void()>& go_on) {
   const Atlas& atlas = back_end_.atlas();
   for (const std::size_t k : keyframes_) {
+    go_on();
     Frame frame = back_end_.images().get(k);
     frame.colour_delay = atlas.keyframes[k].colour_delay;
     correction_.apply(back_end_.camera().width, back_end_.camera().height, frame.depth);

@@ -3,6 +3,8 @@
 // A recording once more, after its keyframes were adjusted: they are fused first, and what they show is the map that
 // the frames between them are tracked against.
 #pragma once
+#include <functional>
+
 #include "cairn/frame.hpp"
 #include "cairn/trajectory.hpp"
 #include "map/back_end.hpp"
@@ -19,8 +21,9 @@ class SecondPass {
   SecondPass(gpu::Device& device, const Rig& rig, const Camera& rectified, const Options& options,
              const BackEnd& back_end, const DepthCorrection& correction, double clock_offset);
 
-  /// Fuses the keyframes where they were adjusted to.
-  void fuse_keyframes(Integrator& integrator, Volume& volume, std::uint32_t& fused_count);
+  /// Fuses the keyframes where they were adjusted to. `go_on` is called before each, and may throw.
+  void fuse_keyframes(Integrator& integrator, Volume& volume, std::uint32_t& fused_count,
+                      const std::function<void()>& go_on);
   /// Whether a frame of this time was fused or held out in the first pass, and into the main piece.
   [[nodiscard]] bool has(double timestamp) const { return index_of(timestamp).has_value(); }
   /// Of the camera when the frame was taken, as the adjusted keyframes say.

@@ -24,6 +24,7 @@
 
 #include "base/axes.hpp"
 #include "base/json_text.hpp"
+#include "base/read_json.hpp"
 #include "base/spool.hpp"
 #include "cairn/atomic_file.hpp"
 #include "cairn/file_name.hpp"
@@ -444,7 +445,7 @@ struct GltfWriter::State {
     std::ostringstream text;
     told.images.clear();  // tinygltf would write files
     if (!writer.WriteGltfSceneToStream(&told, text, false, false)) throw std::runtime_error("tinygltf failed");
-    nlohmann::json j = nlohmann::json::parse(text.str());
+    nlohmann::json j = parsed_json(text.str());
     if (buffer.size > 0) {
       j["buffers"] = {{{"byteLength", buffer.size}}};
       if (!bin.empty()) j["buffers"][0]["uri"] = as_uri(bin);

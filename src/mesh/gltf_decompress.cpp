@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "base/read_json.hpp"
 #include "base/read_whole.hpp"
 #include "cairn/file_name.hpp"
 #include "mesh/gltf.hpp"
@@ -20,15 +21,7 @@ using Json = nlohmann::json;
 using Bytes = std::vector<std::uint8_t>;
 constexpr const char *kMeshopt = "EXT_meshopt_compression", *kDraco = "KHR_draco_mesh_compression";
 
-constexpr int kDeepest = 64;               // nested values in the JSON: readers of it call themselves for each
 constexpr std::size_t kMostUnpacked = 64;  // bytes that meshopt's vertex codec makes of one, at most
-
-Json parsed(const Bytes& text) {
-  return Json::parse(text.begin(), text.end(), [](int depth, Json::parse_event_t, const Json&) {
-    if (depth > kDeepest) throw std::runtime_error("its JSON is nested too deeply");
-    return true;
-  });
-}
 
 template <class T>
 const T& item(const std::vector<T>& list, const Json& index, const char* what) {
@@ -123,15 +116,15 @@ void decode_draco(Json& j, Json& primitive, std::vector<Bytes>& views) {
 
 std::vector<std::uint8_t> decompressed_gltf(const std::filesystem::path& file) {
   try {
-    const Bytes bytes = read_whole(file);
+    const Bytes bytes = read_whole(file, kAnySize);
     Json j;
     Bytes bin;
     if (extension_of(file) == ".glb") {
       const std::size_t size = word_at(bytes, 12);
-      j = parsed(part(bytes, 20, size));
+      j = parsed_json(part(bytes, 20, size));
       if (20 + size + 8 <= bytes.size()) bin = part(bytes, 28 + size, word_at(bytes, 20 + size));
     } else {
-      j = parsed(bytes);
+      j = parsed_json(bytes);
     }
     bool is_compressed = false;
     for (const auto& e : j.value("extensionsUsed", Json::array())) is_compressed |= e == kMeshopt || e == kDraco;
@@ -139,7 +132,9 @@ std::vector<std::uint8_t> decompressed_gltf(const std::filesystem::path& file) {
     std::vector<Bytes> buffers;
     for (const auto& b : j.value("buffers", Json::array())) {
       const std::string uri = b.value("uri", "");
-      buffers.push_back(!uri.empty() ? read_whole(file.parent_path() / uri) : buffers.empty() ? bin : Bytes{});
+      buffers.push_back(!uri.empty()      ? read_whole(file.parent_path() / uri, kAnySize)
+                        : buffers.empty() ? bin
+                                          : Bytes{});
     }
     std::vector<Bytes> views;
     for (auto& view : j["bufferViews"]) {

@@ -12,6 +12,7 @@
 #include <stdexcept>
 
 #include "base/axes.hpp"
+#include "base/checked_count.hpp"
 #include "base/image_file.hpp"
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
@@ -37,6 +38,25 @@ const T& item(const std::vector<T>& list, int index, const char* what) {
   return list[static_cast<std::size_t>(index)];
 }
 
+/// Bytes that may still be read of a file: its nodes and meshes may name the same few bytes any number of times.
+class Budget {
+ public:
+  explicit Budget(const tinygltf::Model& model) {
+    for (const auto& buffer : model.buffers) left_ += product(kTimes, buffer.data.size());
+    for (const auto& image : model.images) left_ += product(kTimes, image.image.size());
+  }
+  void take(std::uint64_t count, std::uint64_t bytes_each) {
+    const std::uint64_t bytes = product(count, bytes_each);
+    if (bytes > left_)
+      throw std::runtime_error("it shows the same vertices or textures so often that it takes far more than its bytes");
+    left_ -= bytes;
+  }
+
+ private:
+  static constexpr std::uint64_t kTimes = 64;
+  std::uint64_t left_ = 256u << 20;  // that any file may take
+};
+
 /// The part of a buffer that a view shows.
 std::span<const std::uint8_t> bytes_of(const tinygltf::Model& model, const tinygltf::BufferView& view) {
   const auto& bytes = item(model.buffers, view.buffer, "buffer").data;
@@ -47,7 +67,7 @@ std::span<const std::uint8_t> bytes_of(const tinygltf::Model& model, const tinyg
 
 /// Calls `take(components)` for each element of an accessor, as numbers; normalized integers become 0..1.
 template <class Take>
-void read_accessor(const tinygltf::Model& model, int index, const Take& take) {
+void read_accessor(const tinygltf::Model& model, int index, Budget& budget, const Take& take) {
   const auto& accessor = item(model.accessors, index, "accessor");
   if (accessor.bufferView < 0 || accessor.sparse.isSparse) throw std::runtime_error("sparse accessors are not read");
   const auto& view = item(model.bufferViews, accessor.bufferView, "view");
@@ -63,6 +83,7 @@ void read_accessor(const tinygltf::Model& model, int index, const Take& take) {
   if (accessor.count > 0 && (start > bytes.size() || element > bytes.size() - start ||
                              accessor.count - 1 > (bytes.size() - start - element) / stride))
     throw std::runtime_error("an accessor reaches beyond its buffer");
+  budget.take(accessor.count, 4 * count_of(components));
   for (std::size_t i = 0; i < accessor.count; ++i) {
     std::array<double, 4> v{};
     for (int c = 0; c < components; ++c) {
@@ -113,7 +134,7 @@ Eigen::Affine3d local_transform(const tinygltf::Node& node) {
   return t;
 }
 
-Texture texture_of(const tinygltf::Model& model, const tinygltf::Primitive& primitive) {
+Texture texture_of(const tinygltf::Model& model, const tinygltf::Primitive& primitive, Budget& budget) {
   Texture texture;
   if (primitive.material < 0) return texture;
   const int index = item(model.materials, primitive.material, "material").pbrMetallicRoughness.baseColorTexture.index;
@@ -124,9 +145,11 @@ Texture texture_of(const tinygltf::Model& model, const tinygltf::Primitive& prim
   const cv::Mat pixels =
       decode_image(image.bufferView < 0 ? std::span<const std::uint8_t>(image.image)
                                         : bytes_of(model, item(model.bufferViews, image.bufferView, "view")),
-                   Pixels::rgb);
+                   Pixels::rgb, {.most_side = kMostTextureSide});
+  budget.take(pixels.total(), 3);
   texture.width = pixels.cols;
   texture.height = pixels.rows;
+  texture.texels.reserve(pixels.total());
   for (int y = 0; y < pixels.rows; ++y)
     for (int x = 0; x < pixels.cols; ++x) {
       const auto& rgb = pixels.at<cv::Vec3b>(y, x);
@@ -151,7 +174,7 @@ tinygltf::FsCallbacks files() {
           .ReadWholeFile =
               [](std::vector<unsigned char>* bytes, std::string* error, const std::string& file, void*) {
                 try {
-                  *bytes = read_whole(file);
+                  *bytes = read_whole(file, kAnySize);
                   return true;
                 } catch (const std::exception& problem) {
                   *error += file + ": " + problem.what() + "\n";
@@ -162,12 +185,13 @@ tinygltf::FsCallbacks files() {
           .user_data = nullptr};
 }
 
-Mesh part_of(const tinygltf::Model& model, const tinygltf::Primitive& primitive, const Eigen::Affine3d& transform) {
+Mesh part_of(const tinygltf::Model& model, const tinygltf::Primitive& primitive, const Eigen::Affine3d& transform,
+             Budget& budget) {
   Mesh mesh;
   const Eigen::Matrix3d normal_transform = transform.linear().inverse().transpose();
   const auto each = [&](const char* name, const auto& take) {
     if (const auto it = primitive.attributes.find(name); it != primitive.attributes.end())
-      read_accessor(model, it->second, take);
+      read_accessor(model, it->second, budget, take);
   };
   each("POSITION", [&](const auto& v) {
     mesh.positions.push_back(turned((transform * Eigen::Vector3d(v[0], v[1], v[2])).template cast<float>()));
@@ -187,10 +211,10 @@ Mesh part_of(const tinygltf::Model& model, const tinygltf::Primitive& primitive,
       (!mesh.texture_coordinates.empty() && mesh.texture_coordinates.size() != count) ||
       (!mesh.sigmas.empty() && mesh.sigmas.size() != count))
     throw std::runtime_error("the attributes of a mesh are not of one size");
-  if (!mesh.texture_coordinates.empty()) mesh.texture = texture_of(model, primitive);
+  if (!mesh.texture_coordinates.empty()) mesh.texture = texture_of(model, primitive, budget);
   std::vector<std::uint32_t> indices;
   if (primitive.indices >= 0)
-    read_accessor(model, primitive.indices, [&](const auto& v) {
+    read_accessor(model, primitive.indices, budget, [&](const auto& v) {
       if (!(v[0] >= 0 && v[0] < static_cast<double>(count)))
         throw std::runtime_error("an index reaches beyond the vertices");
       indices.push_back(static_cast<std::uint32_t>(v[0]));
@@ -204,7 +228,7 @@ Mesh part_of(const tinygltf::Model& model, const tinygltf::Primitive& primitive,
 
 /// `seen` holds the nodes on whose way it was: each has one parent, or reading might never end.
 void append(const tinygltf::Model& model, int index, const Eigen::Affine3d& parent, std::vector<Mesh>& parts,
-            std::set<int>& seen, int depth) {
+            std::set<int>& seen, Budget& budget, int depth) {
   const auto& node = item(model.nodes, index, "node");
   if (depth > 64) throw std::runtime_error("its nodes are nested too deeply");
   if (!seen.insert(index).second) throw std::runtime_error("node " + std::to_string(index) + " is there twice");
@@ -212,8 +236,8 @@ void append(const tinygltf::Model& model, int index, const Eigen::Affine3d& pare
   if (node.mesh >= 0)
     for (const auto& primitive : item(model.meshes, node.mesh, "mesh").primitives)
       if (primitive.mode == TINYGLTF_MODE_TRIANGLES && primitive.attributes.contains("POSITION"))
-        parts.push_back(part_of(model, primitive, transform));
-  for (const int child : node.children) append(model, child, transform, parts, seen, depth + 1);
+        parts.push_back(part_of(model, primitive, transform, budget));
+  for (const int child : node.children) append(model, child, transform, parts, seen, budget, depth + 1);
 }
 
 }  // namespace
@@ -236,8 +260,10 @@ std::vector<Mesh> read_gltf_parts(const std::filesystem::path& file) {
   try {
     const std::size_t scene = model.defaultScene < 0 ? 0 : static_cast<std::size_t>(model.defaultScene);
     std::set<int> seen;
+    Budget budget(model);
     if (scene < model.scenes.size())
-      for (const int node : model.scenes[scene].nodes) append(model, node, Eigen::Affine3d::Identity(), parts, seen, 0);
+      for (const int node : model.scenes[scene].nodes)
+        append(model, node, Eigen::Affine3d::Identity(), parts, seen, budget, 0);
   } catch (const std::exception& problem) {
     throw std::runtime_error(file.string() + ": " + problem.what());
   }

@@ -180,7 +180,7 @@ Mesh read(Rest rest) {
 
 Mesh read_ply(const std::filesystem::path& file) {
   try {
-    const auto bytes = read_whole(file);
+    const auto bytes = read_whole(file, kAnySize);
     return read(Rest({reinterpret_cast<const char*>(bytes.data()), bytes.size()}));
   } catch (const std::runtime_error& error) {
     throw std::runtime_error(file.string() + ": " + error.what());

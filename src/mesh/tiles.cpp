@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/json_text.hpp"
+#include "base/read_json.hpp"
 #include "base/read_whole.hpp"
 #include "cairn/atomic_file.hpp"
 
@@ -57,7 +58,7 @@ void put_into(Tile& tile, const std::string& folder) {
 TilesetFile read_tileset_file(const std::filesystem::path& file) {
   try {
     const auto bytes = read_whole(file);
-    const auto root = nlohmann::json::parse(bytes.begin(), bytes.end()).at("root");
+    const auto root = parsed_json(bytes).at("root");
     const auto b = root.at("boundingVolume").at("box").get<std::array<float, 12>>();
     const Eigen::Vector3f centre(b[0], -b[2], b[1]), half(b[3], b[11], b[7]);
     TilesetFile read{.root = {.content = {},

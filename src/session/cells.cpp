@@ -19,6 +19,7 @@
 #include "base/json_text.hpp"
 #include "base/pose_checksum.hpp"
 #include "cairn/parts.hpp"
+#include "cairn/quoted.hpp"
 #include "export/cells.hpp"
 #include "map/deform.hpp"
 #include "map/map_state.hpp"
@@ -99,7 +100,7 @@ fs::path file_of_cell(const fs::path& plan, const CellName& cell, const char* na
   const fs::path folder = cell_folder(plan, cell);
   if (fs::path file = folder / name; fs::exists(file)) return file;
   throw std::runtime_error(fmt::format("{}: is missing; make it with cairn tile {} --cell={} -o {}",
-                                       (folder / name).string(), plan.string(), name_of(cell), folder.string()));
+                                       (folder / name).string(), quoted(plan), name_of(cell), quoted(folder)));
 }
 
 WrittenCells write_cells(const fs::path& plan, MapState& state, const std::vector<JoinedSession::Map>& maps) {

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "cairn/parts.hpp"
+#include "cairn/quoted.hpp"
 #include "export/map_contents.hpp"
 #include "map/map_state.hpp"
 #include "session/open_session.hpp"
@@ -50,7 +51,8 @@ ExportedChange export_change_since(const fs::path& folder, std::size_t recording
     throw std::runtime_error(fmt::format("{}: has recordings 0 to {}: none is before recording {}, or it is not there",
                                          folder.string(), plan.recordings.size() - 1, recording));
   if (!fs::exists(folder / "session" / "state.cbor"))
-    throw std::runtime_error(fmt::format("{0}: has no map yet; make it with cairn optimise {0}", folder.string()));
+    throw std::runtime_error(
+        fmt::format("{}: has no map yet; make it with cairn optimise {}", folder.string(), quoted(folder)));
   const auto state = open_session(folder / "session", device);
   const std::vector<PartFiles>& parts = state->files.parts;
   std::vector<std::size_t> earlier, later;
@@ -62,8 +64,8 @@ ExportedChange export_change_since(const fs::path& folder, std::size_t recording
   for (const auto* side : {&earlier, &later})
     if (state->back_end.placed_submaps(side).empty())
       throw std::runtime_error(fmt::format(
-          "{0}: nothing that was recorded {1} recording {2} is in its map; cairn optimise {0} tells why it is left out",
-          folder.string(), side == &later ? "from" : "before", recording));
+          "{}: nothing that was recorded {} recording {} is in its map; cairn optimise {} tells why it is left out",
+          folder.string(), side == &later ? "from" : "before", recording, quoted(folder)));
   ExportedChange exported;
   look_at(*state, &earlier, [&](const MapParts& then) {
     look_at(*state, &later, [&](const MapParts& now) {

@@ -21,22 +21,6 @@ std::uint32_t checksum(std::string_view bytes) {
   return crc.checksum();
 }
 
-class Shallow : public nlohmann::detail::json_sax_dom_parser<Json> {
- public:
-  explicit Shallow(Json& to) : json_sax_dom_parser(to) {}
-  bool start_object(std::size_t size) { return enter() && json_sax_dom_parser::start_object(size); }
-  bool start_array(std::size_t size) { return enter() && json_sax_dom_parser::start_array(size); }
-  bool end_object() { return --depth_, json_sax_dom_parser::end_object(); }
-  bool end_array() { return --depth_, json_sax_dom_parser::end_array(); }
-
- private:
-  bool enter() {
-    if (++depth_ >= 16) throw std::runtime_error("it is nested too deeply");
-    return true;
-  }
-  int depth_ = 0;
-};
-
 }  // namespace
 
 CheckedBytes read_checked(const std::filesystem::path& file, const std::string& kind) {
@@ -65,13 +49,6 @@ CheckedBytes checked_file(const Json& json, const char* kind) {
   file.checksum = checksum(std::string_view(file.bytes).substr(begin));
   file.bytes.replace(0, begin, first_line(file.checksum));
   return file;
-}
-
-Json parse_cbor(const std::string& cbor) {
-  Json json;
-  Shallow sax(json);
-  Json::sax_parse(cbor, &sax, Json::input_format_t::cbor);
-  return json;
 }
 
 }  // namespace cairn

@@ -24,7 +24,4 @@ struct CheckedBytes {
 /// A whole file for read_checked(), and the checksum of its CBOR.
 [[nodiscard]] CheckedBytes checked_file(const nlohmann::json& json, const char* kind);
 
-/// CBOR as JSON. Throws for what is none, or is nested so deeply that it would use up the stack.
-[[nodiscard]] nlohmann::json parse_cbor(const std::string& cbor);
-
 }  // namespace cairn

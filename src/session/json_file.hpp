@@ -10,6 +10,7 @@
 #include <string>
 
 #include "base/json_text.hpp"
+#include "base/read_json.hpp"
 #include "base/read_whole.hpp"
 
 namespace cairn {
@@ -26,7 +27,7 @@ template <class Take>
 auto read_json_file(const std::filesystem::path& file, const JsonKind& expected, const Take& take) {
   try {
     const auto bytes = read_whole(file);
-    const auto json = nlohmann::json::parse(bytes.begin(), bytes.end());
+    const auto json = parsed_json(bytes);
     if (json.at("kind") != expected.kind) throw std::runtime_error(expected.otherwise);
     if (json.at("format") != expected.format) throw std::runtime_error("was written by another version of Cairn");
     return take(json);

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "base/json_text.hpp"
+#include "cairn/quoted.hpp"
 #include "export/cells.hpp"
 #include "export/map_contents.hpp"
 #include "export/tiles_above.hpp"
@@ -165,7 +166,8 @@ int write_cells_tileset(const fs::path& plan, const fs::path& file) {
     made.root.content = as_uri(fs::absolute(tileset).lexically_proximate(home).generic_string());
     cells.push_back({Brick(cell[0], cell[1], cell[2]), std::move(made.root), made.content});
   }
-  if (cells.empty()) throw std::runtime_error(plan.string() + ": has no cell with a surface; run cairn optimise first");
+  if (cells.empty())
+    throw std::runtime_error(plan.string() + ": has no cell with a surface; run cairn optimise " + quoted(plan));
   const int count = static_cast<int>(cells.size());
   if (count == 1) {
     write_tileset(file, cells[0].tile);

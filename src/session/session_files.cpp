@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "base/json_text.hpp"
+#include "base/read_json.hpp"
 #include "base/read_whole.hpp"
 #include "base/system_file.hpp"
 #include "cairn/atomic_file.hpp"
@@ -83,7 +84,7 @@ bool names(const fs::path& session, std::uint32_t checksum) {
 
 /// With its newest keyframes, loops and frames; those of files are still to be read.
 StateFile parse_state(const CheckedBytes& read) {
-  StateFile state = state_of(parse_cbor(read.bytes), read.format);
+  StateFile state = state_of(parsed_cbor(read.bytes), read.format);
   if (!run_number(state.files.run)) throw std::runtime_error("it names no run");
   const auto check = [](const std::vector<std::string>& names, const char* what) {
     for (const std::string& name : names)
@@ -100,7 +101,7 @@ template <class ListOf>
 auto read_chunk(const fs::path& file, const char* what, std::size_t full, const ListOf& list_of) {
   const CheckedBytes read = read_checked(file, kind_of(what));
   try {
-    auto list = list_of(parse_cbor(read.bytes), read.format);
+    auto list = list_of(parsed_cbor(read.bytes), read.format);
     if (list.size() != full) throw std::runtime_error(fmt::format("{} are missing", what));
     return std::pair(std::move(list), read.checksum);
   } catch (const std::exception& error) {
@@ -375,7 +376,7 @@ void SessionWriter::copy_files(const SessionState& session, const NumberedFiles&
     if (!memory.submaps[i] || submaps[i].folder.empty()) continue;
     const fs::path file = submap_file(submaps, i);
     try {
-      write_whole(submap_file(submap_files(files_), i), read_whole(file), Durable::some_time);
+      write_whole(submap_file(submap_files(files_), i), read_whole(file, kAnySize), Durable::some_time);
     } catch (const std::exception& error) {
       throw std::runtime_error(fmt::format("{}: {}; the session is damaged", file.string(), error.what()));
     }

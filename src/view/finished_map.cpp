@@ -16,6 +16,8 @@
 #include <vector>
 
 #include "base/json_text.hpp"
+#include "base/read_json.hpp"
+#include "cairn/quoted.hpp"
 #include "cairn/trajectory.hpp"
 #include "cairn/viewer.hpp"
 #include "view/downloads.hpp"
@@ -53,15 +55,17 @@ Json read_report(const fs::path& folder) {
   const fs::path file = folder / "report.json";
   if (!fs::exists(file) && fs::exists(folder / "session" / "state.cbor"))
     throw std::runtime_error(
-        fmt::format("{0}: its run has not ended, or it was killed: go on with cairn reconstruct RECORDING -o {0} "
+        fmt::format("{0}: its run has not ended, or it was killed: go on with cairn reconstruct RECORDING -o {1} "
                     "--resume, or write "
-                    "what it has with cairn export {0} -o map.glb, and view that",
-                    folder.string()));
+                    "what it has with cairn export {1} -o map.glb, and view that",
+                    folder.string(), quoted(folder)));
   Json report;
   try {
-    report = Json::parse(read_bytes(file));
+    report = parsed_json(read_bytes(file));
   } catch (const Json::exception& error) {
     throw std::runtime_error(file.string() + ": is damaged: " + plain(error.what()));
+  } catch (const TooDeepJson& error) {
+    throw std::runtime_error(file.string() + ": is damaged: " + error.what());
   }
   if (!report.is_object()) throw std::runtime_error(file.string() + ": is damaged: it is no report");
   return report;

@@ -26,6 +26,7 @@ constexpr double kFlowOver = 0.3;    // the same of the way that the view goes
 constexpr double kStay = 1.5;        // seconds that a hint is shown at least
 constexpr double kLeastFlow = 0.05;  // that tells where to turn: 3 degrees a second
 constexpr double kFewInliers = 0.45;
+constexpr double kKeptStep = 0.3;        // that a frame counts of those that are kept
 constexpr double kFewNewBricks = 0.004;  // of those that a frame sees
 constexpr double kWellCovered = 0.75;    // of the surface in view
 
@@ -132,6 +133,8 @@ void Guidance::measure(Hint hint, double value, double step) {
   m.holds = m.value >= (m.holds ? off : on);
 }
 
+void Guidance::leave_out(int frames) { kept_ += kKeptStep * (1.0 / (1 + std::max(0, frames)) - kept_); }
+
 /// How fast the view moves, and where to.
 void Guidance::follow(const FrameReport& report, const Eigen::Isometry3d& pose, double median) {
   if (const auto before = std::exchange(last_pose_, std::pair(report.timestamp, pose))) {
@@ -140,7 +143,10 @@ void Guidance::follow(const FrameReport& report, const Eigen::Isometry3d& pose, 
     const Eigen::Isometry3d now_from_before = pose.inverse() * before->second;
     const double turn = Eigen::AngleAxisd(now_from_before.linear()).angle() / seconds,
                  move = now_from_before.translation().norm() / seconds;
-    speed_ = std::max({turn / kFastTurn, move / kFastMove, view_change(camera_, now_from_before) / kFastView});
+    const double hand = std::max(turn / kFastTurn, move / kFastMove),
+                 view = view_change(camera_, now_from_before) / kFastView;
+    speed_ = std::max(hand, view);
+    is_behind_ = std::max(hand, kept_ * view) < thresholds_of(Hint::slow).off;
     const Eigen::Vector3d middle = now_from_before * Eigen::Vector3d(0, 0, median);
     if (middle.z() <= 0) return;
     flow_ += (1 - std::exp(-seconds / kFlowOver)) * (middle.head<2>() / middle.z() / seconds - flow_);
@@ -210,7 +216,7 @@ Advice Guidance::advice() const {
     case Hint::close:
       return {shown_, "Too close: step back", {}};
     case Hint::slow:
-      return {shown_, "Too fast: move slowly", {}};
+      return {shown_, is_behind_ ? "Computer too slow: larger voxels help" : "Too fast: move slowly", {}};
     case Hint::back:
       return {shown_, turn_ ? std::string("Lost: turn back ") + side_of(*turn_) : "Lost: turn back", turn_};
   }

@@ -48,6 +48,8 @@ class Guidance {
            double now);
   /// How well the surface in view has been seen so far, 0..1; see coverage_of.
   void cover(double coverage) { coverage_ = coverage; }
+  /// Frames that were left out after the last one, since the computer was busy with it.
+  void leave_out(int frames);
   /// What to show.
   [[nodiscard]] Advice advice() const;
 
@@ -65,7 +67,9 @@ class Guidance {
   SurfaceOptions range_;
   std::array<Measure, kHints> measures_;
   double coverage_ = 0, median_ = 0;
-  double speed_ = 0;                                // as a share of what tracking follows; of the last frame
+  double kept_ = 1;         // of the frames that come, smoothed
+  bool is_behind_ = false;  // a hand is not too fast; the computer, which leaves out frames, is too slow
+  double speed_ = 0;        // as a share of what tracking follows; of the last frame
   Eigen::Vector2d flow_ = Eigen::Vector2d::Zero();  // where what was in the middle goes: tangent of the angle, 1/s
   std::optional<std::pair<double, Eigen::Isometry3d>> last_pose_;  // timestamp, world_from_camera
   std::optional<double> seen_, found_;                             // now, of the last frame; when it was found again

@@ -8,8 +8,10 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <thread>
+#include <utility>
 
 #include "base/json_text.hpp"
+#include "base/read_json.hpp"
 #include "cairn/live_surface.hpp"
 #include "cairn/viewer.hpp"
 #include "view/finished_map.hpp"
@@ -68,6 +70,7 @@ struct LiveViewer::State {
   std::optional<Guidance> guidance;
   ImageContent content;  // of the last frame
   std::optional<Upright> upright;
+  bool is_fresh = false;  // a frame came since the last update
   int epoch = 0, dropped = 0, sent_parts = 0, frames_before = 0;
   std::map<std::string, int> counts;  // frames by state
   FrameReport last;
@@ -112,7 +115,7 @@ LiveViewer::Asked LiveViewer::asked() {
   State& s = *state_;
   Asked asked;
   for (const std::string& request : s.feed.take_requests()) {
-    const auto j = nlohmann::json::parse(request, nullptr, false);
+    const auto j = parsed_json_or_none(request);
     if (!j.is_object() || !j.contains("do")) continue;  // rubbish
     if (j["do"] == "pause") asked.pause = true;
     if (j["do"] == "start") asked.pause = false;
@@ -135,6 +138,7 @@ void LiveViewer::fused(const Frame& frame, const FrameReport& report, double lat
   if (report.state == FrameState::fused || report.state == FrameState::held_out)
     if (const Trajectory path = s.mapper->path(2); !path.empty()) pose = path.back().world_from_camera;
   s.guidance->see(report, s.content, pose, seconds_of(now));
+  s.is_fresh = true;
   ++s.counts[std::string(name_of(report.state))];
   s.recent.emplace_back(now, latency_ms);
   if (s.feed.viewers() > 0 && now - s.images_sent > kImagesEvery && !frame.problem) {
@@ -147,7 +151,7 @@ void LiveViewer::fused(const Frame& frame, const FrameReport& report, double lat
 void LiveViewer::update(bool paused, int dropped) {
   State& s = *state_;
   const auto now = State::Clock::now();
-  s.dropped = dropped;
+  if (std::exchange(s.is_fresh, false)) s.guidance->leave_out(dropped - std::exchange(s.dropped, dropped));
   while (!s.recent.empty() && now - s.recent.front().first > kRecent) s.recent.pop_front();
   if (now - s.surface_sent > kSurfaceEvery) s.send_surface(paused);  // a viewer may come late and wants all of it
   if (s.feed.viewers() == 0 || now - s.state_sent < kStateEvery) return;

@@ -10,9 +10,12 @@
 #include <vector>
 
 #include "base/json_text.hpp"
+#include "base/read_json.hpp"
+#include "base/read_whole.hpp"
 #include "cairn/file_name.hpp"
 #include "cairn/map.hpp"
 #include "cairn/mesh.hpp"
+#include "cairn/quoted.hpp"
 #include "mesh/gltf.hpp"
 #include "view/downloads.hpp"
 #include "view/fields.hpp"
@@ -45,8 +48,8 @@ bool is_beside(const std::string& uri) {
 
 /// A .gltf and the buffers and images that it names beside it.
 void add_gltf(const fs::path& file, Files& files) {
-  std::ifstream in(file, std::ios::binary);
-  const Json json = Json::parse(in, nullptr, false);
+  const auto bytes = read_whole(file);
+  const Json json = parsed_json_or_none({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
   if (!json.is_object()) throw std::runtime_error(file.string() + ": is damaged, or no glTF");
   files["mesh.gltf"] = {.content_type = content_type_of(file), .body = file};
   for (const char* list : {"buffers", "images"}) {
@@ -65,7 +68,7 @@ void add_gltf(const fs::path& file, Files& files) {
   throw std::runtime_error(
       file.string() + ": '" + file.extension().string() + "' cannot be shown; " +
       (is_written ? "write the same map as .glb and view that: cairn export MAP -o " +
-                        fs::path(file).replace_extension(".glb").string()
+                        quoted(fs::path(file).replace_extension(".glb"))
                   : std::string("give a folder that cairn has made, a .glb, .gltf, .ply, .vdb or a tileset.json")));
 }
 

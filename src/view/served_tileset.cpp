@@ -12,8 +12,10 @@
 #include <vector>
 
 #include "base/json_text.hpp"
+#include "base/read_json.hpp"
 #include "base/read_whole.hpp"
 #include "cairn/file_name.hpp"
+#include "cairn/quoted.hpp"
 #include "view/downloads.hpp"
 
 namespace cairn {
@@ -33,7 +35,7 @@ struct Home {
 Json read_tileset(const fs::path& file) {
   try {
     const auto bytes = read_whole(file);
-    Json json = Json::parse(bytes.begin(), bytes.end());
+    Json json = parsed_json(bytes);
     if (json.at("root").is_object()) return json;
     throw std::runtime_error("it has no root");
   } catch (const std::exception& error) {
@@ -109,9 +111,9 @@ std::optional<fs::path> tileset_of(const fs::path& map) {
   if (!fs::exists(map / "plan.json")) return std::nullopt;
   if (fs::exists(map / "tileset.json")) return map / "tileset.json";
   throw std::runtime_error(
-      fmt::format("{0}: is a plan without tileset.json: make it with cairn tile {0}, for each cell, and "
-                  "cairn tileset {0} -o {0}/tileset.json",
-                  map.string()));
+      fmt::format("{}: is a plan without tileset.json: make it with cairn tile {}, for each cell, and "
+                  "cairn tileset {} -o {}",
+                  map.string(), quoted(map), quoted(map), quoted(map / "tileset.json")));
 }
 
 Files served_tileset(const fs::path& tileset, AddFiles add) {

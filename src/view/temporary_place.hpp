@@ -5,8 +5,11 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <optional>
 #include <stdexcept>
 #include <string>
+
+#include "cairn/unfinished.hpp"
 
 namespace cairn {
 
@@ -20,6 +23,7 @@ class TemporaryPlace {
       throw std::runtime_error("cannot make the folder " + name + ": " + std::strerror(errno) +
                                "; TMPDIR may name another place");
     path_ = name;
+    unfinished_.emplace(path_);
   }
   ~TemporaryPlace() {
     std::error_code ignored;
@@ -31,6 +35,7 @@ class TemporaryPlace {
 
  private:
   std::filesystem::path path_;
+  std::optional<Unfinished> unfinished_;
 };
 
 }  // namespace cairn

@@ -4,10 +4,12 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
 
+#include "base/checked_count.hpp"
 #include "cairn/esdf.hpp"
 
 namespace cairn {
@@ -15,10 +17,19 @@ namespace {
 
 constexpr int kSide = 16;
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
-constexpr float kFlat = 1e-3f;           // a gradient that is shorter shows nowhere
-constexpr std::size_t kTogether = 4096;  // points that a thread takes at once
+constexpr int kReach = 1 << 27;  // blocks from the origin: their voxels are numbered by 32 bits
+constexpr std::uint64_t kEntriesPerBlock = 64, kAnyEntries = 1 << 16;  // of the table: a floor's field takes 3 to 20
+constexpr float kFlat = 1e-3f;                                         // a gradient that is shorter shows nowhere
+constexpr std::size_t kTogether = 4096;                                // points that a thread takes at once
 
 int index_in(const Eigen::Vector3i& v) { return (v.x() & 15) << 8 | (v.y() & 15) << 4 | (v.z() & 15); }
+
+std::array<int, 3> key_of(const Eigen::Vector3i& block) { return {block.x(), block.y(), block.z()}; }
+
+std::size_t index_in_box(const Eigen::Vector3i& at, const Eigen::Vector3i& size) {
+  const auto number = [](int i) { return static_cast<std::size_t>(i); };
+  return (number(at.x()) * number(size.y()) + number(at.y())) * number(size.z()) + number(at.z());
+}
 
 void expect_as_many(std::size_t points, std::size_t answers) {
   if (points != answers)
@@ -37,21 +48,33 @@ DistanceField::DistanceField(float voxel_size, const Eigen::Vector3f& origin, fl
       world_from_field_(world_from_field) {
   if (blocks_.empty()) return;
   Eigen::AlignedBox3i box;
-  for (const auto& [block, samples] : blocks_) box.extend(block);
+  for (const auto& [block, samples] : blocks_) {
+    if ((block.array() < -kReach).any() || (block.array() >= kReach).any())
+      throw std::invalid_argument("a block of a distance field lies outside the numbers of its voxels");
+    box.extend(block);
+  }
   first_ = box.min();
   size_ = box.sizes() + Eigen::Vector3i::Ones();
-  table_.resize(static_cast<std::size_t>(size_.x()) * static_cast<std::size_t>(size_.y()) *
-                static_cast<std::size_t>(size_.z()));
-  for (const auto& [block, samples] : blocks_) {
-    const Eigen::Vector3i b = block - first_;
-    table_[static_cast<std::size_t>((b.x() * size_.y() + b.y()) * size_.z() + b.z())] = samples.get();
+  if (const std::uint64_t entries = product(size_.x(), size_.y(), size_.z());
+      entries <= kEntriesPerBlock * blocks_.size() + kAnyEntries) {
+    table_.resize(entries);
+    for (const auto& [block, samples] : blocks_) table_[index_in_box(block - first_, size_)] = samples.get();
+    return;
   }
+  sorted_.reserve(blocks_.size());
+  for (const auto& [block, samples] : blocks_) sorted_.push_back({key_of(block), samples.get()});
+  std::sort(sorted_.begin(), sorted_.end());
 }
 
 const DistanceField::Block* DistanceField::block_of(const Eigen::Vector3i& voxel) const {
-  const Eigen::Vector3i b = voxel.unaryExpr([](int i) { return i >> 4; }) - first_;
+  const Eigen::Vector3i block = voxel.unaryExpr([](int i) { return i >> 4; });
+  const Eigen::Vector3i b = block - first_;
   if ((b.array() < 0).any() || (b.array() >= size_.array()).any()) return nullptr;
-  return table_[static_cast<std::size_t>((b.x() * size_.y() + b.y()) * size_.z() + b.z())];
+  if (!table_.empty()) return table_[index_in_box(b, size_)];
+  const auto key = key_of(block);
+  const auto it = std::lower_bound(sorted_.begin(), sorted_.end(), key,
+                                   [](const auto& entry, const auto& wanted) { return entry.first < wanted; });
+  return it != sorted_.end() && it->first == key ? it->second : nullptr;
 }
 
 float DistanceField::at(const Eigen::Vector3i& voxel) const {

@@ -2,6 +2,8 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "volume/esdf.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -10,6 +12,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "cairn/option_ranges.hpp"
 #include "spirv/esdf_check.comp.h"
 #include "spirv/esdf_distance.comp.h"
 #include "spirv/esdf_lines.comp.h"
@@ -51,6 +54,14 @@ float voxel_size_for(const FuseOptions& fuse, const EsdfOptions& options) {
 }  // namespace
 
 int esdf_scale(const FuseOptions& fuse, const EsdfOptions& options) {
+  const auto check = [](const char* name, float value) {
+    if (const AllowedRange range = range_of(name); !range.has(value))
+      throw std::runtime_error(
+          fmt::format("option {} is {}, allowed is {}", name, value, words_of(range, Unit::metres)));
+  };
+  check("esdf.voxel_size", options.voxel_size);
+  check("esdf.max_distance", options.max_distance);
+  check("esdf.robot_radius", options.robot_radius);
   const float wanted = voxel_size_for(fuse, options) / fuse.voxel_size;
   for (const int scale : {1, 2, 4, 8})
     if (std::abs(wanted - static_cast<float>(scale)) < 1e-3f * static_cast<float>(scale)) return scale;

@@ -84,6 +84,13 @@ Eigen::Quaterniond turn_of(const openvdb::GridBase& grid) {
 openvdb::Coord origin_of(const Eigen::Vector3i& brick) { return {8 * brick.x(), 8 * brick.y(), 8 * brick.z()}; }
 Eigen::Vector3i brick_at(const openvdb::Coord& voxel) { return {voxel.x() >> 3, voxel.y() >> 3, voxel.z() >> 3}; }
 
+/// Whether a brick lies farther from the origin than sums and products of its numbers can be told.
+bool is_far(const Eigen::Vector3i& brick) {
+  constexpr int kFar = 1 << 24;  // bricks
+  return (brick.array() < -kFar).any() || (brick.array() > kFar).any();
+}
+constexpr const char* kNowhere = "a brick lies nowhere";
+
 /// Calls `visit` with the first voxel of each active tile of a leaf's size.
 template <class Tree, class Visit>
 void for_each_tile(const Tree& tree, const Visit& visit) {
@@ -811,6 +818,7 @@ BrickFile::BrickFile(std::filesystem::path file) : file_(std::move(file)) {
     std::vector<const VoxelTree::LeafNodeType*> leaves;
     header.tree().getNodes(leaves);
     for (const auto* leaf : leaves) {
+      if (is_far(brick_at(leaf->origin()))) throw std::runtime_error(kNowhere);
       places_.push_back({brick_at(leaf->origin()), in.tellg()});
       VoxelTree::LeafNodeType::NodeMaskType mask;
       mask.load(in);
@@ -902,9 +910,8 @@ MapFile::MapFile(const std::filesystem::path& file) : state_(std::make_unique<St
   } catch (const std::runtime_error& error) {
     throw no_map(file, error.what());
   }
-  constexpr int kFar = 1 << 24;  // bricks; nothing overflows
-  if (const BrickBox box = bounds(); !box.isEmpty() && (box.min().minCoeff() < -kFar || box.max().maxCoeff() > kFar))
-    throw no_map(file, "a brick lies nowhere");
+  if (const BrickBox box = bounds(); !box.isEmpty() && (is_far(box.min()) || is_far(box.max())))
+    throw no_map(file, kNowhere);
 }
 MapFile::~MapFile() = default;
 
@@ -1032,6 +1039,7 @@ ReadGrids read_grids(const std::filesystem::path& file) {
   }
   for (auto leaf = tsdf->tree().cbeginLeaf(); leaf; ++leaf) {
     const auto at = leaf->origin();
+    if (is_far(brick_at(at))) throw wrong(kNowhere);
     const auto* w = weight->tree().probeConstLeaf(at);
     const auto* c = colour->tree().probeConstLeaf(at);
     const auto* n = colour_weight->tree().probeConstLeaf(at);

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include "cairn/quoted.hpp"
+
 namespace cairn::apps {
 namespace {
 
@@ -24,6 +26,9 @@ TEST(WordsToGoOn, NamesTheFolderThatWasWrittenTo) {
   EXPECT_EQ(line({"cairn", "reconstruct", "-oout/", "rec", "--auto-name"}), "cairn reconstruct -oout-2 rec --resume");
   EXPECT_EQ(line({"cairn", "reconstruct", "--auto-name", "--output=out/", "rec"}),
             "cairn reconstruct --output=out-2 rec --resume");
+  // Another option with the same value stays.
+  EXPECT_EQ(line({"cairn", "reconstruct", "-o", "out/", "rec", "--auto-name", "--title", "out/"}),
+            "cairn reconstruct -o out-2 rec --title out/ --resume");
 }
 
 TEST(WordsToGoOn, IsReadByAShellAsItWasMeant) {
@@ -31,6 +36,7 @@ TEST(WordsToGoOn, IsReadByAShellAsItWasMeant) {
   EXPECT_EQ(quoted(""), "''");
   EXPECT_EQ(quoted("my scan"), "'my scan'");
   EXPECT_EQ(quoted("it's $HOME"), "'it'\\''s $HOME'");
+  EXPECT_EQ(quoted(std::filesystem::path("-scan")), "./-scan");
   EXPECT_EQ(resuming({"cairn", "reconstruct", "my scan", "out"}, "out", "out"),
             "cairn reconstruct 'my scan' out --resume");
 }

@@ -12,7 +12,7 @@ await withBrowser(async (open, errors) => {
   const page = await open('about:blank');  // the browser's own start is not what is measured
   await page.waitForTimeout(2000);
   const begin = Date.now();
-  program = new Program('live', sequence, '-o', out, '--view', '--port', '0', '--json', ...more);
+  program = new Program('live', sequence, '-o', out, '--view', '--port', '0', '--json', ...(sequence.startsWith('openni:') ? [] : ['--real-time']), ...more);
   const url = await program.url();
   if (viewer === 'page') {
     await page.goto(url);

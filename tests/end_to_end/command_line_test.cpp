@@ -116,14 +116,14 @@ TEST_F(CommandLine, NamesTheWordAndTheFileThatWereMeant) {
 TEST_F(CommandLine, SaysWhatANumberMayBe) {
   expect_refused({"synth", "room", "-o", "x", "--width", "7"}, "--width 7: a whole number is wanted, 64 to 4096");
   expect_refused({"synth", "room", "-o", "x", "--width", "wide"}, "--width wide: a whole number is wanted");
-  expect_refused({"bench", "x", "--voxel-size", "big"}, "--voxel-size big: a number is wanted, 0.001 to 1");
+  expect_refused({"bench", "x", "--voxel-size", "big"}, "--voxel-size big: a number is wanted, 0.002 to 0.2 m");
   expect_refused({"export", out.path().string(), "-o", "x.ply", "--points", "0"},
                  "--points 0: a number is wanted, more than 0");
   expect_refused({"export", out.path().string(), "-o", "x.ply", "--points", "-0.01"},
                  "--points -0.01: a number is wanted, more than 0");
   for (const char* count : {"0", "-5", "many"})
     expect_refused({"export", out.path().string(), "-o", "x.glb", "--triangles", count},
-                   std::string("--triangles ") + count + ": a whole number is wanted, more than 0");
+                   std::string("--triangles ") + count + ": a whole number is wanted, 100 to 4000000000");
   expect_refused({"export", out.path().string(), "-o", "x.glb", "--triangles", "500", "--simplify", "0.5"},
                  "exclude each other: leave one out");
   expect_refused({"synth", "room"}, "--output FOLDER is missing: cairn synth [options] SCENE -o FOLDER");

@@ -97,6 +97,45 @@ TEST_F(VerdictOfARoom, TellsAFastCameraFromFewFrames) {
   expect_reason(verdict_of(fast, [](Frame& frame) { frame.timestamp *= 12; }), "too few frames: about 2.");
 }
 
+TEST_F(VerdictOfARoom, BlamesTheComputerForTheFramesThatItLeavesOut) {
+  const auto reasons_of = [](const std::vector<Frame>& frames, const KeepingUp& keeping_up) {
+    Evidence evidence(small_camera(), Options{});
+    for (const Frame& frame : frames) {
+      FrameReport report{.state = frame.index < kKept ? FrameState::fused : FrameState::lost};
+      if (report.state == FrameState::lost) report.cause = FrameCause::out_of_view;
+      evidence.add(frame, report);
+    }
+    std::string all;
+    for (const std::string& reason :
+         evidence.verdict({.total = kFrames, .fused = kKept, .keeping_up = keeping_up}).reasons)
+      all += reason + '\n';
+    return all;
+  };
+  const std::vector<Frame> fast = frames(30);
+  const std::string slow_computer = reasons_of(fast, {.left_out = 360, .taken = 3, .came = 30});
+  EXPECT_NE(slow_computer.find("keeps up with 3 of 30 frames a second: use --voxel-size 0.02, or record first"),
+            std::string::npos)
+      << slow_computer;
+  for (const char* blame : {"too fast", "slowly", "too few frames", "gaps"})
+    EXPECT_EQ(slow_computer.find(blame), std::string::npos) << slow_computer;
+  // A hand that is too fast for a camera that takes all frames stays so.
+  const std::string both = reasons_of(fast, {.left_out = 40, .taken = 20, .came = 30});
+  EXPECT_NE(both.find("keeps up with 20 of 30"), std::string::npos) << both;
+  EXPECT_NE(both.find("too fast"), std::string::npos) << both;
+  const std::string keeps_up = reasons_of(fast, {.left_out = 4, .taken = 27, .came = 30});
+  EXPECT_EQ(keeps_up.find("keeps up"), std::string::npos) << keeps_up;
+  EXPECT_NE(keeps_up.find("too fast"), std::string::npos) << keeps_up;
+}
+
+TEST_F(VerdictOfARoom, SaysMostlyWhereItIsMoreThanHalf) {
+  const Evidence evidence(small_camera(), Options{});
+  const auto words_of = [&](int fused) { return evidence.verdict({.total = 60, .fused = fused}).words; };
+  EXPECT_EQ(words_of(29), "mostly lost: only 29 of 60 frames are in the map");
+  for (const int fused : {30, 43, 47})
+    EXPECT_EQ(words_of(fused), "much is missing: only " + std::to_string(fused) + " of 60 frames are in the map");
+  EXPECT_EQ(words_of(48), "48 of 60 frames are in the map: look for what is missing");
+}
+
 TEST_F(VerdictOfARoom, TellsAWrongFocalLengthWithoutAPose) {
   const std::vector<Frame> turning = frames(3);
   Camera wrong = small_camera();

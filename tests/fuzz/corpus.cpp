@@ -191,6 +191,53 @@ void write_meshes(const fs::path& folder) {
  "scene": 0, "scenes": [{"nodes": [0]}]})");
 }
 
+/// The files of a finished map, of a map in parts, of tiles, and of a camera beside images.
+void write_json_files(const fs::path& folder) {
+  put(place(folder, "report", "map"),
+      R"({"cairn": "1.0", "frames": {"total": 2, "fused": 2}, "loops": [], "searched": [[0.1, 1], [0.2, 0]],
+ "clock_offset": 0.01, "mesh": {"triangles": 4}, "submaps": {"components": 1}, "verdict": {"level": "good", "words": "good",
+ "reasons": []}, "options": {"voxel_size": 0.02}, "upright": {"known": true}, "warnings": []})");
+  put(place(folder, "plan", "two"),
+      R"({"kind": "cairn plan", "format": 1, "frames_per_part": 20, "overlap": 5, "recordings": [{"name": "/a", "frames": 30}],
+ "parts": [{"name": "000", "recording": 0, "begin": 0, "end": 20}, {"name": "001", "recording": 0, "begin": 15, "end": 30}]})");
+  put(place(folder, "part", "one"),
+      R"({"kind": "cairn part", "format": 1, "name": "000", "recording": "/a", "begin": 0, "end": 20, "camera": "camera.yaml"})");
+  put(place(folder, "tileset", "two"),
+      R"({"asset": {"version": "1.1"}, "geometricError": 1, "root": {"boundingVolume": {"box": [0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1]},
+ "geometricError": 0.5, "refine": "REPLACE", "content": {"uri": "a.glb"}, "children": [
+ {"boundingVolume": {"box": [0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1]}, "geometricError": 0, "contents": [{"uri": "tileset.json"}]}]}})");
+  const auto intrinsics = [&](const char* name, char kind, const std::string& text) {
+    put(place(folder, "intrinsics", name), kind + text);
+  };
+  intrinsics("plain", '\0',
+             R"({"width": 16, "height": 16, "fx": 16, "fy": 16, "cx": 8, "cy": 8, "depth_scale": 1000, "frame_rate": 30,
+ "distortion": [0.1, 0, 0, 0, 0]})");
+  intrinsics("matrix", '\0', R"({"K": [[16, 0, 8], [0, 16, 8], [0, 0, 1]], "coeffs": [0, 0, 0, 0, 0]})");
+  intrinsics("open3d", '\0', R"({"width": 16, "height": 16, "intrinsic_matrix": [16, 0, 0, 0, 16, 0, 8, 8, 1]})");
+  intrinsics("words", '\1', "fx: 16\nfy = 16\ncx 8, cy 8\n");
+  intrinsics("rows", '\1', "[[16 0 8]\n [0 16 8]\n [0 0 1]]\n");
+  intrinsics("camera_info", '\2',
+             "{width: 16, height: 16, K: [16, 0, 8, 0, 16, 8, 0, 0, 1], D: [0.1, 0, 0, 0, 0], "
+             "distortion_model: plumb_bob}\n");
+}
+
+/// Numbers that distances_fuzz makes fields of: near blocks, and two that lie as far apart as numbers go.
+void write_distance_fields(const fs::path& folder) {
+  const auto field = [&](const char* name, std::int32_t far) {
+    std::string bytes;
+    const auto add = [&](auto value) { bytes.append(reinterpret_cast<const char*>(&value), sizeof value); };
+    for (const float value : {0.02f, 1.0f, 0.0f, 0.0f, 0.0f}) add(value);
+    add(std::int8_t{0}), add(std::int8_t{0}), add(std::uint8_t{2});
+    for (const std::int32_t at : {0, far}) {
+      for (int axis = 0; axis < 3; ++axis) add(at);
+      add(std::uint8_t{0}), add(std::uint16_t{7}), add(0.5f);
+    }
+    put(place(folder, "distances", name), bytes);
+  };
+  field("near", 1);
+  field("far", (1 << 27) - 1);
+}
+
 void write_sessions(const fs::path& folder, const fs::path& work) {
   SessionState session;
   session.rig = Camera{.width = 16, .height = 16, .fx = 16, .fy = 16, .cx = 8, .cy = 8};
@@ -381,6 +428,8 @@ int main(int argc, char** argv) {
   write_layouts(folder);
   write_images(folder);
   write_meshes(folder);
+  write_json_files(folder);
+  write_distance_fields(folder);
   write_sessions(folder, work);
   write_oni(folder);
   write_sens(folder);

@@ -1,12 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Scenes are rendered on the device, which is not fuzzed: here no name is that of one.
+// Scenes are rendered on the device, which is not fuzzed: here no name is that of one, nor of a sensor, and recordings
+// are opened by open_recording alone.
+#include <stdexcept>
+
 #include "cairn/source.hpp"
+#include "io/as_taken_by.hpp"
 #include "synth/source.hpp"
 
 namespace cairn {
 
 bool is_synthetic(std::string_view) { return false; }
 Trajectory synthetic_truth(const std::string&) { return {}; }
+
+bool is_sensor(std::string_view) { return false; }
+std::unique_ptr<Source> open_source(const std::string&, const SourceOptions&) {
+  throw std::runtime_error("no source is opened here");
+}
+std::unique_ptr<Source> as_taken_by(std::unique_ptr<Source> source, const Rig&) { return source; }
 
 }  // namespace cairn

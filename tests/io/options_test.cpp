@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "support/files.hpp"
 
 namespace cairn {
@@ -53,6 +55,50 @@ TEST(Options, RefuseUnknownKeysAndBadValuesByLine) {
   EXPECT_NE(error("fuse: [\n").find("o.yaml:"), std::string::npos);
   EXPECT_NE(error("fuse:\n  ? [voxel_size]\n  : 0.02\n").find("o.yaml:2: there is no option"), std::string::npos);
   EXPECT_NE(error(std::string(100000, '[')).find("o.yaml:1: "), std::string::npos);
+}
+
+TEST(Options, TakeUnitsAndAreComparedAsTheyAreTyped) {
+  const TemporaryFolder folder;
+  const auto read = [&](const std::string& text) {
+    write_text(folder / "o.yaml", text);
+    Options options;
+    read_options(folder / "o.yaml", options);
+    return options;
+  };
+  const Options units = read(
+      "fuse: {voxel_size: 2cm, truncation: 80mm, device_memory: 1GiB}\ntrack: {max_angle: 30deg, min_inlier_share: "
+      "25%}");
+  EXPECT_EQ(units.fuse.voxel_size, 0.02f);
+  EXPECT_EQ(units.fuse.truncation, 0.08f);
+  EXPECT_EQ(units.fuse.device_memory, std::uint64_t{1} << 30);
+  EXPECT_NEAR(units.track.max_angle, 0.5236f, 1e-5f);
+  EXPECT_EQ(units.track.min_inlier_share, 0.25f);
+  // 0.2f is more than 0.2, and 0.002f less than 0.002.
+  EXPECT_EQ(read("fuse: {voxel_size: 0.2}").fuse.voxel_size, 0.2f);
+  EXPECT_EQ(read("fuse: {voxel_size: 0.002}").fuse.voxel_size, 0.002f);
+  Options largest;
+  largest.fuse = {.voxel_size = 0.2f, .truncation = 0.8f};
+  EXPECT_NO_THROW(check(largest));
+}
+
+TEST(Options, ThatAreNoNumbersAreRefusedByTheirKey) {
+  const TemporaryFolder folder;
+  for (const auto& [text, key] : {std::pair{"fuse: {voxel_size: .nan}", "fuse.voxel_size"},
+                                  {"surface: {max_depth: .inf}", "surface.max_depth"},
+                                  {"map: {submap_bricks: 1e3}", "map.submap_bricks"},
+                                  {"map: {loops: maybe}", "map.loops"},
+                                  {"fuse: {voxel_size: [0.02]}", "fuse.voxel_size"},
+                                  {"fuse: {voxel_size: 2s}", "fuse.voxel_size"}}) {
+    write_text(folder / "o.yaml", text);
+    Options options;
+    const std::string error = error_of([&] { read_options(folder / "o.yaml", options); });
+    EXPECT_NE(error.find(std::string("o.yaml:1: `") + key + "` does not take this value: "), std::string::npos)
+        << error;
+  }
+  Options options;
+  options.esdf.max_distance = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_NE(error_of([&] { check(options); }).find("option esdf.max_distance is nan, allowed is 0.01 to 20 m"),
+            std::string::npos);
 }
 
 }  // namespace

@@ -156,6 +156,59 @@ TEST(RosMessages, HoldDepthPackedAsRvl) {
   for (const std::size_t size : {5, 15, 21, 300}) EXPECT_THROW((void)image_of(size), std::runtime_error) << size;
 }
 
+TEST(RosMessages, HoldColourAsYuvInRowsOfAnOddNumber) {
+  // 17 pixels: nine pairs, of which the last one's second pixel is no part of the image.
+  constexpr int kWidth = 17, kHeight = 16;
+  for (const char* encoding : {"yuv422", "uyvy", "yuv422_yuy2", "yuyv"}) {
+    SCOPED_TRACE(encoding);
+    const bool is_uyvy = encoding[0] == 'u' || encoding == std::string("yuv422");
+    std::string rows;
+    for (int y = 0; y < kHeight; ++y)
+      for (int x = 0; x < kWidth + 1; ++x) {
+        const char brightness = static_cast<char>(x < kWidth ? 0x7e : 0x10);
+        rows += is_uyvy ? std::string{'\x80', brightness} : std::string{brightness, '\x80'};
+      }
+    const auto read = [&](int more_per_row, const std::string& data) {
+      const std::string bytes =
+          image(Wire::ros1, {1, "frame", kWidth, kHeight, encoding, data, 2, false, more_per_row});
+      return read_ros_image(span_of(bytes), RosEncoding::ros1, "sensor_msgs/Image");
+    };
+    const RosImage whole = read(2, rows);
+    EXPECT_EQ(whole.width, kWidth);
+    const auto colour = colour_of(whole);
+    ASSERT_EQ(colour.size(), std::size_t{kWidth * kHeight});
+    for (const std::uint32_t pixel : colour) EXPECT_EQ(pixel, 0xff808080u);
+    const std::string tight(std::size_t{2 * kWidth * kHeight}, '\x80');
+    EXPECT_NE(error_of([&] { (void)read(0, tight); }).find("an odd row needs two bytes more"), std::string::npos);
+  }
+}
+
+TEST(RosMessages, RefuseSizesThatTheirBytesDoNotHold) {
+  const auto error = [](const ros::ImageMessage& m, const ImageBound& bound = {}) {
+    const std::string bytes = image(Wire::ros1, m);
+    return error_of([&] { (void)read_ros_image(span_of(bytes), RosEncoding::ros1, "sensor_msgs/Image", bound); });
+  };
+  EXPECT_NE(error({1, "frame", 1 << 20, 1 << 20, "16UC1", "few", 2}).find("allowed are 1 to 4096 a side"),
+            std::string::npos);
+  EXPECT_NE(error({1, "frame", -1, -1, "rgb8", "few", 3}).find("allowed are 1 to 4096 a side"), std::string::npos);
+  EXPECT_NE(error({1, "frame", 4096, 4096, "rgb8", "few", 3}).find("and has 3 bytes"), std::string::npos);
+  EXPECT_NE(error({1, "frame", 16, 16, "16UC1", std::string(16 * 33, 'x'), 2, false, 1}).find("no whole number"),
+            std::string::npos);
+  EXPECT_NE(error({1, "frame", 3, 2, "bayer_rggb8", std::string(6, 'x'), 1}).find("too few for its colors"),
+            std::string::npos);
+  EXPECT_EQ(error({1, "frame", 16, 16, "mono8", std::string(256, 'x'), 1}, {.size = {64, 48}}),
+            "is 16x16, the camera 64x48");
+  // An RVL image of pixels that its bytes do not hold.
+  std::string rvl(8, '\0');
+  rvl[3] = rvl[7] = '\x40';
+  const std::string bytes =
+      compressed_image(Wire::ros1, 1, "frame", "16UC1; compressedDepth rvl", std::string(12, '\0') + rvl);
+  EXPECT_NE(error_of([&] {
+              (void)read_ros_image(span_of(bytes), RosEncoding::ros1, "sensor_msgs/CompressedImage");
+            }).find("allowed are 1 to 4096 a side"),
+            std::string::npos);
+}
+
 TEST(RosMessages, HoldColourAsYuvAndBehindAFilter) {
   // A grey image in each: of UYVY and YUYV brightness lies in every second byte, a filter sees it everywhere.
   const auto colour_in = [](const char* encoding, const std::string& data, int size) {

@@ -252,6 +252,24 @@ TEST(LiveSource, DoesNotReadWhatASlowReaderOfARecordingHasNoTimeFor) {
   }
 }
 
+TEST(LiveSource, WaitsForASlowReaderOfEveryFrame) {
+  LiveSource source(std::make_unique<Ticks>(20, 0ms), Pace::every_frame);  // 20 ms apart
+  EXPECT_EQ(source.size(), Ticks(20, 0ms).size());
+  std::vector<LiveSource::Clock::time_point> due;
+  int last = -1;
+  while (const auto frame = source.next()) {
+    EXPECT_EQ(frame->index, ++last);
+    EXPECT_GE(LiveSource::Clock::now(), source.arrived());
+    due.push_back(source.arrived());
+    if (last < 8) std::this_thread::sleep_for(60ms);
+  }
+  EXPECT_EQ(last, 19);
+  EXPECT_EQ(source.dropped(), 0);
+  // No faster than it was taken, also after it was slower: nothing is caught up with.
+  for (std::size_t i = 1; i < due.size(); ++i) EXPECT_GE(due[i] - due[i - 1], 19ms) << i;
+  EXPECT_GE(due[8] - due[0], 400ms);
+}
+
 TEST(LiveSource, PlaysMoreSlowlyWhatCannotBeReadInTime) {
   LiveSource source(std::make_unique<Ticks>(12, 50ms), Pace::as_recorded);  // 20 ms apart
   int frames = 0;

@@ -229,6 +229,38 @@ TEST(ZipRecording, RefusesWhatItCannotReadInOneLine) {
   expect_error(archive, "holds no file");
 }
 
+TEST(ZipRecording, StaysInItsTemporaryFolderWhateverItIsCalled) {
+  const Unpacking unpacking;
+  const TemporaryFolder folder;
+  for (const char* name : {"...zip", "..zip", ".hidden.zip"}) {
+    SCOPED_TRACE(name);
+    write_text(unpacking.place() / "victim.txt", "mine\n");
+    write_zip(folder / name, {{"victim.txt", "from the archive\n"}, {"sub/evil.sh", "echo\n"}});
+    EXPECT_THROW((void)open_source(folder / name), std::runtime_error);
+    EXPECT_EQ(read_bytes(unpacking.place() / "victim.txt"), "mine\n");
+    EXPECT_FALSE(fs::exists(unpacking.place() / "sub"));
+    write("tum", folder / "scan");
+    write_zip(folder / name, entries_of(folder / "scan"));
+    expect_same(folder / name, folder / "scan");
+    EXPECT_FALSE(fs::exists(unpacking.place() / "rgb.txt"));
+    fs::remove_all(folder / "scan");
+  }
+}
+
+TEST(ZipRecording, RefusesNamesThatNoFolderHolds) {
+  const Unpacking unpacking;
+  const TemporaryFolder folder;
+  const auto archive = folder / "a.zip";
+  write_zip(archive, {{std::string(300, 'x') + "/rgb.txt", "nothing"}});
+  expect_error(archive, "which is too long a name");
+  std::string far;
+  for (int i = 0; i < 1500; ++i) far += "a/";
+  write_zip(archive, {{far + "rgb.txt", "nothing"}});
+  expect_error(archive, "which is too long a name");
+  write_zip(archive, {{"a/rgb.txt", "one"}, {"a/./rgb.txt", "other"}});
+  expect_error(archive, "holds 'a/rgb.txt' twice");
+}
+
 /// The sizes that an archive's directory tells of its files.
 void tell_sizes(const fs::path& archive, std::uint32_t size) {
   std::string bytes = read_bytes(archive);

@@ -248,6 +248,30 @@ TEST(Mapper, KeepsTheMapWhenFramesCannotBeFusedAgain) {
   EXPECT_EQ(mapper.trajectory().size(), room_frames().size());
 }
 
+TEST(Mapper, KeepsTheMapWhenAStageIsInterrupted) {
+  Mapper mapper(small_camera(), coarse());
+  for (const Frame& frame : room_frames()) ASSERT_EQ(mapper.add(frame).state, FrameState::fused);
+  const Mesh before = mapper.map().mesh();
+  const Trajectory path = mapper.trajectory();
+  EXPECT_EQ(mapper.refine([](double) { return false; }).pairs_aligned, 0);
+  // Among the keyframes, and after some of the frames.
+  for (const int last : {0, 3}) {
+    GivenFrames again(small_camera(), room_frames());
+    int seen = 0;
+    mapper.reintegrate(again, {}, [&](int frames) {
+      seen = frames;
+      return frames < last;
+    });
+    EXPECT_EQ(seen, last);
+  }
+  EXPECT_EQ(mapper.warnings(), (std::vector<std::string>{"it was interrupted; poses stay as they are",
+                                                         "it was interrupted; frames are not fused again"}));
+  EXPECT_TRUE(is_same(mapper.map().mesh(), before));
+  ASSERT_EQ(mapper.trajectory().size(), path.size());
+  for (std::size_t i = 0; i < path.size(); ++i)
+    EXPECT_TRUE(mapper.trajectory()[i].world_from_camera.isApprox(path[i].world_from_camera)) << i;
+}
+
 /// The voxels that two fields of the same size know, and those that one of them knows alone.
 std::pair<int, int> known_to(const DistanceField& a, const DistanceField& b) {
   int both = 0, one = 0;

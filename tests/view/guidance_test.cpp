@@ -56,6 +56,24 @@ TEST(Guidance, SaysThatAllIsWellAtTheSpeedOfASteadyHand) {
   EXPECT_EQ(scan.shown, std::vector{Hint::good});
 }
 
+TEST(Guidance, DoesNotBlameAPersonForFramesThatTheComputerLeavesOut) {
+  const auto words_at = [](int left_out) {
+    Guidance guidance(kRig.depth);
+    FrameReport report{.state = FrameState::fused, .fit = {.inlier_share = 0.95, .iterations = 5}};
+    const ImageContent content = content_of(flat(2), kRig, {});
+    for (int i = 0; i < 20; ++i) {
+      report.timestamp = 0.5 * i;
+      Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+      pose.rotate(Eigen::AngleAxisd(0.25 * i, Eigen::Vector3d::UnitY()));  // 0.5 rad/s: a slow turn
+      guidance.see(report, content, pose, 0.5 * i);
+      guidance.leave_out(left_out);
+    }
+    return guidance.advice().words;
+  };
+  EXPECT_EQ(words_at(14), "Computer too slow: larger voxels help");
+  EXPECT_EQ(words_at(0), "Too fast: move slowly");  // of a camera that gives two frames a second
+}
+
 TEST(Guidance, WarnsOfTurningMovingAndJumpingTooFast) {
   for (const auto& [turn, move] : {std::pair(1.6, 0.0), std::pair(0.0, 1.1)}) {
     Scan scan;

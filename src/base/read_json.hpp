@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// JSON from outside, bounded in depth: the only caller of the JSON library's parser.
+#pragma once
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "cairn/json_depth.hpp"
+
+namespace cairn {
+
+/// Values of a JSON text. Throws nlohmann::json::parse_error for malformed text, and TooDeepJson for text nested deeper
+/// than kDeepestJson.
+[[nodiscard]] nlohmann::json parsed_json(std::string_view text);
+[[nodiscard]] nlohmann::json parsed_json(std::span<const std::uint8_t> bytes);
+
+/// The same, and a value with is_discarded() for malformed or too deep text.
+[[nodiscard]] nlohmann::json parsed_json_or_none(std::string_view text);
+
+/// Values of CBOR, of at most 16 levels. Throws nlohmann::json::parse_error for malformed bytes, and std::runtime_error
+/// for deeper ones.
+[[nodiscard]] nlohmann::json parsed_cbor(const std::string& bytes);
+
+}  // namespace cairn

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/unfinished.hpp"
+
+#include <unistd.h>
+
+#include <map>
+#include <mutex>
+#include <system_error>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Registry {
+  std::mutex mutex;
+  std::map<int, std::pair<fs::path, Unfinished::Kind>> all;  // by number
+  int last = 0;
+};
+
+/// Never destroyed: a program may end in any of its threads.
+Registry& registry() {
+  static auto* const all = new Registry;
+  return *all;
+}
+
+/// A folder loses its name first, so that no thread puts anything more into it.
+void remove(const fs::path& path, Unfinished::Kind kind) {
+  std::error_code error;
+  if (kind == Unfinished::Kind::empty) {
+    (void)rmdir(path.c_str());
+    return;
+  }
+  fs::path aside = path;
+  if (fs::is_directory(fs::symlink_status(path, error))) {
+    aside += ".removed-" + std::to_string(getpid());
+    fs::rename(path, aside, error);
+    if (error) aside = path;
+  }
+  fs::remove_all(aside, error);
+}
+
+}  // namespace
+
+Unfinished::Unfinished(fs::path path, Kind kind) {
+  std::error_code error;
+  fs::path absolute = fs::absolute(path, error);
+  while (absolute.has_relative_path() && !absolute.has_filename()) absolute = absolute.parent_path();
+  Registry& r = registry();
+  const std::lock_guard lock(r.mutex);
+  number_ = ++r.last;
+  r.all.emplace(number_, std::pair(error ? std::move(path) : std::move(absolute), kind));
+}
+
+Unfinished::Unfinished(Unfinished&& other) noexcept : number_(std::exchange(other.number_, 0)) {}
+
+Unfinished::~Unfinished() {
+  if (number_ == 0) return;
+  Registry& r = registry();
+  const std::lock_guard lock(r.mutex);
+  r.all.erase(number_);
+}
+
+void remove_unfinished() noexcept try {
+  Registry& r = registry();
+  r.mutex.lock();  // for good: what begins from here on waits for the end
+  for (auto it = r.all.rbegin(); it != r.all.rend(); ++it) remove(it->second.first, it->second.second);
+} catch (...) {
+}
+
+}  // namespace cairn

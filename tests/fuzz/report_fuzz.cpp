@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// report.json of a finished map, as its page reads it.
+#include <spdlog/spdlog.h>
+
+#include "fuzz.hpp"
+#include "view/finished_map.hpp"
+
+using namespace cairn;
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  spdlog::set_level(spdlog::level::off);
+  (void)fuzz::file_of("report.json", fuzz::text_of(data, size));
+  fuzz::expect_value_or_plain_error([&] {
+    const FinishedMap map(fuzz::folder());
+    if (map.served().empty() || map.inlined().empty()) std::abort();
+  });
+  return 0;
+}
