@@ -9,6 +9,7 @@
 #include "cairn/source.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
+#include "inputs_and_outputs.hpp"
 #include "progress.hpp"
 #include "quantity.hpp"
 #include "sources.hpp"
@@ -84,6 +85,7 @@ void calibrate_all(const Arguments& a) {
 }
 
 void calibrate(const Arguments& a) {
+  Inputs().add_recording(a.sequence).add(a.camera).expect_apart_from_file(a.output);
   if (is_sensor(a.sequence))
     throw std::runtime_error(a.sequence + ": a sensor has no end; record it first with cairn record");
   if (a.shutter) return calibrate_shutter(a);

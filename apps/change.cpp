@@ -13,6 +13,7 @@
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
+#include "inputs_and_outputs.hpp"
 #include "json_text.hpp"
 #include "output_folder.hpp"
 #include "progress.hpp"
@@ -77,6 +78,7 @@ void run_change(const Arguments& a) {
   if (a.after.empty() == a.since.empty())
     throw CLI::ValidationError("change", a.since.empty() ? "needs AFTER, or --since with a plan"
                                                          : "AFTER and --since: one of them tells what is later");
+  Inputs().add_map(a.before).add_map(a.after).expect_apart_from_file(a.output);
   if (const fs::path folder = a.output.parent_path(); !folder.empty()) prepare_output(folder);
   Progress progress(std::nullopt, "");
   const ExportedChange e = a.since.empty()

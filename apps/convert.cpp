@@ -10,6 +10,7 @@
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
+#include "inputs_and_outputs.hpp"
 #include "interrupt.hpp"
 #include "json_text.hpp"
 #include "progress.hpp"
@@ -102,6 +103,7 @@ Converted convert_to(const Arguments& a, const fs::path& folder) {
 void convert(const Arguments& a) {
   if (is_sensor(a.sequence))
     throw std::runtime_error(a.sequence + ": is a sensor, which `cairn record` keeps; name a recording");
+  Inputs().add_recording(a.sequence).add(a.camera).expect_apart_from_folder(a.output);
   Converted c;
   write_folder(a.output, [&](const fs::path& folder) { c = convert_to(a, folder); });
   for (const std::string& line : c.left_out.lines(c.frames + c.unreadable, "left out")) spdlog::warn(line);

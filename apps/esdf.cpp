@@ -30,6 +30,7 @@
 #include "console.hpp"
 #include "export_options.hpp"
 #include "flags.hpp"
+#include "inputs_and_outputs.hpp"
 #include "json_text.hpp"
 #include "output_folder.hpp"
 #include "pictures.hpp"
@@ -296,7 +297,23 @@ void ask_cells(const Arguments& a, Answers& answers, const Trajectory& visited) 
   if (!is_any) ask(cells.front(), true);  // what the summary tells of the map
 }
 
+/// Of a map in a folder its grids are read, not its session.
+void expect_apart(const Arguments& a) {
+  Inputs inputs;
+  inputs.add_map(a.map).add(a.map / "map.vdb").add(a.query);
+  if (a.cell)
+    inputs.add(a.map / "tiles" / fmt::format("{},{},{}", (*a.cell)[0], (*a.cell)[1], (*a.cell)[2]) / "map.vdb");
+  for (const fs::path& output : a.outputs) inputs.expect_apart_from_file(output);
+  if (!a.slice.empty()) inputs.expect_apart_from_file(a.slice[1]);
+  for (const fs::path& named : a.costmaps) {
+    inputs.expect_apart_from_file(named);
+    inputs.expect_apart_from_file(costmap_file(named));
+    inputs.expect_apart_from_file(fs::path(named).replace_extension(".pgm"));
+  }
+}
+
 void esdf(const Arguments& a) {
+  expect_apart(a);
   Answers answers(a);
   const bool is_radius_needed = a.robot_radius.value_or(0.0f) > 0;
   if (is_in_cells(a)) {

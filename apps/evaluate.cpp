@@ -241,6 +241,7 @@ struct Reported {
   std::vector<std::pair<double, int>> keyframes;
   HoldOut hold_out;
   double clock_offset = 0;  // seconds that trajectory.txt is ahead of the frames' times
+  std::string camera;       // file of the cameras, where depth was corrected
 };
 
 Reported read_report(const std::filesystem::path& file) {
@@ -258,6 +259,8 @@ Reported read_report(const std::filesystem::path& file) {
     reported.keyframes = report.at("searched").get<std::vector<std::pair<double, int>>>();
     if (report.contains("hold_out")) reported.hold_out = hold_out_from(report["hold_out"]);
     reported.clock_offset = report.value("clock_offset", 0.0);
+    const bool is_old = !report.contains("camera");  // of version 0.1, whose maps had the name that recordings have
+    if (is_old || !report["camera"].is_null()) reported.camera = is_old ? "camera.yaml" : kMapCamera;
   } catch (const std::exception& error) {
     throw std::runtime_error(file.string() + ": is no report.json of `cairn reconstruct`: " + plain(error.what()));
   }
@@ -296,14 +299,14 @@ void evaluate_map_of(const Arguments& a) {
   for (const char* name : {"mesh.glb", "trajectory.txt", "report.json"})
     if (!std::filesystem::exists(folder / name))
       throw std::runtime_error(a.estimate + ": has no " + name + "; give the folder that `cairn reconstruct` wrote");
-  const auto [loops, keyframes, held_out, clock_offset] = read_report(folder / "report.json");
+  const auto [loops, keyframes, held_out, clock_offset, camera] = read_report(folder / "report.json");
   Trajectory poses = read_trajectory(folder / "trajectory.txt");
   for (StampedPose& pose : poses) pose.timestamp -= clock_offset;
   std::vector<double> times;
   times.reserve(keyframes.size());
   for (const auto& [time, searched] : keyframes) times.push_back(time);
   SourceOptions options;
-  if (const auto calibrated = folder / "camera.yaml"; std::filesystem::exists(calibrated)) options.camera = calibrated;
+  if (!camera.empty() && std::filesystem::exists(folder / camera)) options.camera = folder / camera;
   const bool is_held_out = held_out.every > 0;
   const auto recording = hold_out(open_source(a.truth, options), held_out);
   const MapError e = evaluate_map(read_mesh_parts(folder / "mesh.glb"), *recording, poses, times,

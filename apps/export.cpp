@@ -22,6 +22,7 @@
 #include "commands.hpp"
 #include "console.hpp"
 #include "export_options.hpp"
+#include "inputs_and_outputs.hpp"
 #include "json_text.hpp"
 #include "output_folder.hpp"
 #include "outputs.hpp"
@@ -232,11 +233,24 @@ void print(const Arguments& a, const Exported& e) {
         count_in_words(static_cast<std::uint64_t>(e.charts)), 100 * e.textured_share, e.keyframes);
 }
 
+/// With what is written beside the file that is named.
+void expect_apart(const Arguments& a) {
+  const Inputs inputs = Inputs().add_map(a.map);
+  if (a.program) return inputs.expect_apart_from_folder(a.output);
+  const auto beside = [&](const char* extension) { return fs::path(a.output).replace_extension(extension); };
+  inputs.expect_apart_from_file(a.output);
+  const std::string extension = extension_of(a.output);
+  if (extension == ".json") inputs.expect_apart_from_folder(beside(".tiles"));
+  if (extension == ".gltf") inputs.expect_apart_from_file(beside(".bin"));
+  if (extension == ".obj") inputs.expect_apart_from_file(beside(".mtl"));
+}
+
 void run_export(const Arguments& a) {
   if (a.asks_for_plan && (a.program || !is_plan(a.output)))
     throw CLI::ValidationError("--output", a.output.string() +
                                                ": --scale, --height, --path, --loops, --coverage and --title "
                                                "are for floor plans, X.svg and X.pdf");
+  expect_apart(a);
   if (const fs::path folder = a.output.parent_path(); !folder.empty()) prepare_output(folder);
   want_folder(a);
   if (a.program) return export_views(a);

@@ -10,6 +10,7 @@
 #include "cairn/pose_graph.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
+#include "inputs_and_outputs.hpp"
 #include "json_text.hpp"
 
 namespace cairn::apps {
@@ -22,6 +23,7 @@ struct Arguments {
 };
 
 void optimise_file(const Arguments& a) {
+  Inputs().add(a.input).expect_apart_from_file(a.output);
   PoseGraph graph = read_g2o(a.input);
   const double chordal_before = chordal_cost(graph);
   const OptimiseReport r = optimise(graph, a.options);

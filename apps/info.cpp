@@ -11,6 +11,7 @@
 #include "cairn/source.hpp"
 #include "command_tree.hpp"
 #include "commands.hpp"
+#include "inputs_and_outputs.hpp"
 #include "json_text.hpp"
 #include "map_info.hpp"
 #include "plan_info.hpp"
@@ -127,6 +128,7 @@ void draw(const Arguments& a) {
 void info(const Arguments& a) {
   if (holds_plan(a.sequence)) return print_plan_info(a.sequence, a.json);
   refuse_pieces(a.sequence);
+  Inputs().add_recording(a.sequence).add(a.camera).expect_apart_from_file(a.picture);
   if (holds_map(a.sequence)) return print_map_info(a.sequence, a.json);
   const auto source = open_source(a.sequence, source_options(a.sequence, a.camera, a.topics));
   SourceSummary summary = inspect(*source, a.frames);

@@ -180,7 +180,7 @@ void follow(const Arguments& a, Interrupt& interrupt, Stream& stream, Run& run, 
       if (asked.pause) stream.pause(paused = *asked.pause);
       if (asked.reset) {
         run.reset();
-        view->begin(run.mapper(), stream.source().rig(), options);
+        view->begin(run.mapper(), stream.source().rig(), options, run.frames_before());
         course = {.latencies = {}, .left_out_before = stream.source().dropped()};
       }
     }
@@ -209,7 +209,8 @@ void follow(const Arguments& a, Interrupt& interrupt, Stream& stream, Run& run, 
 }
 
 void live(const Arguments& given) {
-  const Arguments a = with_output(given);
+  Arguments a = with_output(given, inputs_of(given));
+  a.may_be_reset = a.view;
   keep_memory_together();
   Options options = options_of(a);  // what is wrong with them is told before a sensor is opened
   const Beginning begin = beginning(a, {});
@@ -225,7 +226,7 @@ void live(const Arguments& given) {
   const Rig& rig = stream.source().rig();
   options = options_of(a, rig.sensor, finest_level(a, rig.depth));
   Run run(a, options, Poses::tracked, stream.source().rig(), begin.progressed, begin.is_next_recording);
-  if (view) view->begin(run.mapper(), stream.source().rig(), options);
+  if (view) view->begin(run.mapper(), stream.source().rig(), options, run.frames_before());
 
   Course course;
   bool is_interrupted = false;

@@ -9,6 +9,7 @@
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
+#include "inputs_and_outputs.hpp"
 #include "json_text.hpp"
 #include "quantity.hpp"
 
@@ -22,6 +23,7 @@ struct Arguments {
 };
 
 void match(const Arguments& a) {
+  Inputs().add_map(a.first).add_map(a.second).expect_apart_from_file(a.output);
   const MatchedMaps matched = match_maps(a.first, a.second, a.output, a.device);
   if (a.json)
     fmt::print("{}\n",

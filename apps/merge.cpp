@@ -11,6 +11,7 @@
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
+#include "inputs_and_outputs.hpp"
 #include "output_folder.hpp"
 #include "outputs.hpp"
 #include "quantity.hpp"
@@ -30,6 +31,9 @@ struct Arguments : OutputArguments {
 
 void merge(Arguments a) {
   check(a.mesh.for_file("mesh.glb"), "mesh.glb");
+  Inputs inputs;
+  for (const fs::path& map : a.maps) inputs.add_map(map);
+  inputs.expect_apart_from_folder(a.output);
   const Session::Info first = Session::info(a.maps[0] / "session");
   for (const fs::path& map : a.maps) {
     const Session::Info info = Session::info(map / "session");
@@ -39,10 +43,9 @@ void merge(Arguments a) {
     if (info.voxel_size != first.voxel_size || info.truncation != first.truncation)
       throw std::runtime_error(fmt::format("{}: has voxels of {} m, {} of {} m; make both with the same --voxel-size",
                                            map.string(), info.voxel_size, a.maps[0].string(), first.voxel_size));
-    if (fs::exists(a.output) && fs::equivalent(map, a.output))
-      throw std::runtime_error(a.output.string() + ": is one of the maps to merge; choose another folder with -o");
   }
   a.output = choose_output(a, false);
+  inputs.expect_apart_from_folder(a.output);
   std::optional<Unfinished> unfinished;  // what was there before stays
   if (!fs::exists(a.output)) unfinished.emplace(a.output);
   prepare_output(a.output);

@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "cairn/atomic_file.hpp"
+#include "cairn/writable_folder.hpp"
 #include "command_tree.hpp"
 #include "sources.hpp"
 
@@ -19,9 +20,9 @@ namespace {
 namespace fs = std::filesystem;
 
 // What Outputs writes; the session is looked for by its state.
-constexpr std::array<std::string_view, 9> kWritten{"mesh.glb",    "map.vdb",        "report.json",
-                                                   "report.html", "trajectory.txt", "graph.g2o",
-                                                   "preview.glb", "graph.svg",      "session/state.cbor"};
+constexpr std::array<std::string_view, 10> kWritten{"mesh.glb",       "map.vdb",           "report.json", "report.html",
+                                                    "trajectory.txt", "graph.g2o",         "preview.glb", "graph.svg",
+                                                    kMapCamera,       "session/state.cbor"};
 
 bool is_free(const fs::path& folder) {
   return !fs::exists(folder) || (fs::is_directory(folder) && fs::is_empty(folder));
@@ -79,8 +80,7 @@ void prepare_output(const fs::path& output) {
   if (error || !fs::is_directory(output))
     throw std::runtime_error("cannot make the folder " + output.string() + ": " + error.message() +
                              "; choose another with -o");
-  write_whole(output / ".cairn", "", Durable::some_time);
-  fs::remove(output / ".cairn");
+  expect_writable(output);
   remove_leftovers(output);
 }
 

@@ -23,6 +23,9 @@ void add_output_options(CLI::App& command, OutputArguments& a, const std::string
 /// folder are no map: they stay.
 [[nodiscard]] std::filesystem::path choose_output(const OutputArguments& a, bool can_resume);
 
+/// The cameras of a map whose depth was corrected: no recording has a file of this name.
+inline constexpr const char* kMapCamera = "map_camera.yaml";
+
 /// The file with the trajectory of a recording that was not the last; the last one's is trajectory.txt.
 [[nodiscard]] std::string name_of_trajectory(int recording);
 /// The same of any of so many recordings.

@@ -177,7 +177,7 @@ nlohmann::json Outputs::write(Mapper& mapper, Session* session, const MeshArgume
       mapper.map().write_graph(output_ / "graph.svg");
     });
   if (!mapper.rig().depth_correction.empty())
-    attempt("camera.yaml", [&] { write_rig(output_ / "camera.yaml", mapper.rig()); });
+    attempt(kMapCamera, [&] { write_rig(output_ / kMapCamera, mapper.rig()); });
   std::optional<Exported> mesh;
   if (has_mesh_) {
     attempt("map.vdb", [&] { timed_("write map", [&] { mapper.map().write_grids(output_ / "map.vdb"); }); });
@@ -187,6 +187,7 @@ nlohmann::json Outputs::write(Mapper& mapper, Session* session, const MeshArgume
   nlohmann::json report = to_json(mapper.statistics());
   const Upright upright = mapper.upright();
   report["upright"] = to_json(upright);
+  report["camera"] = mapper.rig().depth_correction.empty() ? nlohmann::json() : nlohmann::json(kMapCamera);
   if (upright.off) report["tilt_degrees"] = *upright.off * 180 / std::numbers::pi;
   report["searched"] = mapper.keyframes();
   report["loops"] = nlohmann::json::array();
@@ -203,7 +204,7 @@ void Outputs::write_report(const nlohmann::json& report) {
 }
 
 void Outputs::remove_old(const Mapper& mapper, bool has_graph) const {
-  if (mapper.rig().depth_correction.empty()) std::filesystem::remove(output_ / "camera.yaml");
+  if (mapper.rig().depth_correction.empty()) std::filesystem::remove(output_ / kMapCamera);
   if (!has_mesh_)
     for (const char* name : {"mesh.glb", "preview.glb", "map.vdb", "report.html"})
       std::filesystem::remove(output_ / name);

@@ -9,6 +9,7 @@
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
+#include "inputs_and_outputs.hpp"
 #include "json_text.hpp"
 #include "plan_info.hpp"
 #include "quantity.hpp"
@@ -63,6 +64,9 @@ void print(const PartsPlan& plan, const fs::path& folder) {
 }
 
 void plan(const Arguments& a) {
+  Inputs inputs;
+  for (const std::string& recording : a.recordings) inputs.add_recording(recording);
+  inputs.expect_apart_from_folder(a.output);
   const PartsPlan plan = plan_parts(a.recordings, a.output, options_of(a));
   if (a.json)
     fmt::print("{}\n", text_of(to_json(plan, a.output), 2));

@@ -141,7 +141,8 @@ nlohmann::json improve(const Arguments& a, const HoldOut& held_out, Run& run, In
 }
 
 void reconstruct(const Arguments& given) {
-  const Arguments a = with_output(given, given.poses.empty());
+  const Inputs inputs = inputs_of(given).add_recording(given.poses.string()).add_recording(given.guess.string());
+  const Arguments a = with_output(given, inputs, given.poses.empty());
   const Poses poses = a.poses.empty() ? Poses::tracked : Poses::given;
   (void)options_of(a);  // what is wrong with them is told before anything is read
   const Beginning begin = beginning(a, parse_frames(a.frames));

@@ -10,6 +10,7 @@
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
+#include "inputs_and_outputs.hpp"
 #include "interrupt.hpp"
 #include "json_text.hpp"
 #include "progress.hpp"
@@ -98,6 +99,7 @@ void record(const Arguments& a) {
   const bool to_oni = extension_of(a.output) == ".oni";
   if (to_oni && !a.sequence.starts_with("openni:") && extension_of(a.sequence) != ".oni")
     throw std::runtime_error(a.output.string() + ": only what OpenNI2 gives can be recorded as .oni; name a folder");
+  Inputs().add_recording(a.sequence).add(a.camera).expect_apart_from_folder(a.output);
   if (to_oni && fs::exists(a.output)) throw std::runtime_error(a.output.string() + ": exists; choose another name");
   if (fs::path folder = tidy(a.output).parent_path(); !fs::is_directory(folder))
     throw std::runtime_error(folder.string() + ": there is no such folder");

@@ -118,6 +118,8 @@ Progressed Progressed::from(const std::string& note) {
           .evidence = j.value("evidence", "")};
 }
 
+Inputs inputs_of(const RunArguments& a) { return Inputs().add_recording(a.sequence).add(a.config).add(a.camera); }
+
 SourceOptions source_options(const RunArguments& a, const FrameRange& range) {
   SourceOptions options = source_options(a.sequence, a.camera, a.topics);
   options.range = range;
@@ -186,38 +188,49 @@ Run::Run(RunArguments arguments, const Options& options, Poses poses, const Rig&
       options_(options),
       poses_(poses),
       rig_(rig),
-      progressed_(std::move(progressed)),
-      frames_before_(progressed_.frames.size()),
+      found_(std::move(progressed)),
+      is_next_recording_(is_next_recording),
+      progressed_(found_),
       evidence_(rig_, options_) {
-  evidence_.restore(progressed_.evidence);
+  evidence_.restore(found_.evidence);
   prepare();
-  if (poses_ == Poses::given && fs::exists(arguments_.output / "session"))
-    replaced_.emplace(arguments_.output / "session");
-  if (!arguments_.log.empty()) log_.emplace(log_file(arguments_), arguments_.overwrite);
-  if (arguments_.resume) {
-    session_.emplace(Session::resume(arguments_.output / "session"));
-    mapper_.emplace(session_->mapper(rig_, options_, arguments_.device));
-    if (is_next_recording) mapper_->begin_recording();
-    log([&](RunLog& log) { log.begin(*mapper_, rig_); });
-  } else {
-    reset();
+  if (poses_ == Poses::given) replaced_.emplace(arguments_.output / "session");
+  begin_map();
+  if (!arguments_.resume) {  // another run may have finished there since its name was chosen
+    OutputArguments here = arguments_;
+    here.auto_name = false;
+    (void)choose_output(here, poses_ == Poses::tracked);
   }
+  if (!arguments_.log.empty()) log_.emplace(log_file(arguments_), arguments_.overwrite);
+  log([&](RunLog& log) { log.begin(*mapper_, rig_); });
+}
+
+void Run::begin_map() {
+  mapper_.reset();
+  const fs::path session = arguments_.output / "session";
+  if (poses_ == Poses::given) {
+    mapper_.emplace(rig_, options_, poses_, arguments_.device);
+    return;
+  }
+  if (!arguments_.resume) {
+    session_.reset();
+    session_.emplace(Session::create(session));
+  } else if (session_) {
+    session_->return_to_start();
+  } else {
+    session_.emplace(Session::resume(session, arguments_.may_be_reset));
+  }
+  mapper_.emplace(session_->mapper(rig_, options_, arguments_.device));
+  if (arguments_.resume && is_next_recording_) mapper_->begin_recording();
 }
 
 void Run::reset() {
-  mapper_.reset();
-  session_.reset();
-  if (poses_ == Poses::tracked) {
-    session_.emplace(Session::create(arguments_.output / "session"));
-    mapper_.emplace(session_->mapper(rig_, options_, arguments_.device));
-  } else {
-    mapper_.emplace(rig_, options_, poses_, arguments_.device);
-  }
+  begin_map();
   log([&](RunLog& log) { log.begin(*mapper_, rig_); });
   told_ = 0;
-  progressed_.frames = {};
-  frames_before_ = 0;
+  progressed_.frames = found_.frames;
   evidence_ = Evidence(rig_, options_);
+  evidence_.restore(found_.evidence);
   stages_.clear();
 }
 
@@ -258,7 +271,7 @@ void Run::prepare() {
   };
   made(output, Unfinished::Kind::empty);
   prepare_output(output);
-  if (poses_ == Poses::tracked) made(output / "session", Unfinished::Kind::all);
+  made(output / "session", Unfinished::Kind::all);  // with given poses it is for the lock alone
 }
 
 void Run::checkpoint() {
@@ -351,6 +364,7 @@ Verdict Run::finish(const nlohmann::json& more) {
       output, [this](const char* stage, const auto& work) { timed(stage, work); }, stopped_, !arguments_.no_mesh);
   unfinished_.clear();
   progressed_.evidence = evidence_.save();
+  if (session_) session_->release_start();
   log([](RunLog& log) { log.finishing(); });
   nlohmann::json report = outputs.write(*mapper_, session_ ? &*session_ : nullptr, arguments_.mesh, progressed_.note());
   // With given poses there is no session; the one of an earlier run is not this map's.
@@ -364,7 +378,7 @@ Verdict Run::finish(const nlohmann::json& more) {
   for (const std::string& reason : verdict.reasons)
     if (std::find(warnings_.begin(), warnings_.end(), reason) == warnings_.end()) warnings_.push_back(reason);
   const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
-  const int in_this_run = total - frames_before_;
+  const int in_this_run = total - frames_before();
   report.update(
       {{"sequence", sequence},
        {"options",
@@ -412,7 +426,7 @@ void Run::tell(const nlohmann::json& report, const Verdict& verdict) const {
                              : "",
                held_out() > 0 ? fmt::format(", {} held out", held_out()) : "",
                left_out > 0 ? fmt::format("; {} more left out to keep up", left_out) : "",
-               frames_before_ > 0 ? fmt::format(", {} of them in this run", in_this_run) : "",
+               frames_before() > 0 ? fmt::format(", {} of them in this run", in_this_run) : "",
                report["seconds"].get<double>(), report["frames_per_second"].get<double>(),
                report["peak_memory_mb"].get<double>());
     if (!arguments_.no_mesh) {

@@ -23,6 +23,7 @@
 #include "durations.hpp"
 #include "export_options.hpp"
 #include "frame_log.hpp"
+#include "inputs_and_outputs.hpp"
 #include "output_folder.hpp"
 
 namespace cairn::apps {
@@ -43,16 +44,24 @@ struct RunArguments : OutputArguments {
   std::optional<float> esdf_voxel_size, max_distance, robot_radius;
   bool esdf = false, resume = false, no_loops = false, json = false;
   bool verbose = false, no_mesh = false;
+  bool may_be_reset = false;           // see Run::reset
   std::filesystem::path asked_output;  // OUT as it was given, before choose_output
   MeshArguments mesh;
 };
 
 void add_run_options(CLI::App& command, RunArguments& a);
-/// The arguments with the folder that the map goes to: see choose_output.
+/// What all runs read.
+[[nodiscard]] Inputs inputs_of(const RunArguments& a);
+/// The arguments with the folder that the map goes to: see choose_output. Throws std::runtime_error where an output is
+/// not apart from the inputs.
 template <class Arguments>
-[[nodiscard]] Arguments with_output(Arguments a, bool can_resume = true) {
+[[nodiscard]] Arguments with_output(Arguments a, const Inputs& inputs, bool can_resume = true) {
   a.asked_output = a.output;
-  if (!a.resume) a.output = choose_output(a, can_resume);
+  inputs.expect_apart_from_folder(a.output);
+  inputs.expect_apart_from_file(a.log);
+  if (a.resume) return a;
+  a.output = choose_output(a, can_resume);
+  inputs.expect_apart_from_folder(a.output);
   return a;
 }
 /// What suits the sensor and the user, checked; `finest_level` is the program's own default of that option. Throws
@@ -93,8 +102,12 @@ class Run {
   [[nodiscard]] bool stopped() const { return stopped_.has_value(); }
   /// Frames that have a pose and are no part of the map.
   [[nodiscard]] int held_out() const { return progressed_.frames.count("held_out"); }
-  /// Forgets the map and begins again with the next frame.
+  /// Forgets what this run has mapped, also what is saved of it, and begins again with the next frame: with an empty
+  /// map, or with RunArguments::resume, where RunArguments::may_be_reset says that it may come to this, with the map as
+  /// the run has found it.
   void reset();
+  /// Frames of earlier runs that reset() leaves.
+  [[nodiscard]] int frames_before() const { return found_.frames.size(); }
   [[nodiscard]] Mapper& mapper() { return *mapper_; }
   /// Does the work and keeps its time under a stage's name.
   void timed(const char* stage, const std::function<void()>& work);
@@ -117,6 +130,7 @@ class Run {
 
  private:
   using Clock = std::chrono::steady_clock;
+  void begin_map();
   [[nodiscard]] Verdict judge(int components) const;
   /// With --log, as long as the log can be written.
   void log(const std::function<void(RunLog&)>& work);
@@ -129,14 +143,15 @@ class Run {
   Options options_;
   Poses poses_;
   Rig rig_;
+  Progressed found_;  // of the runs that this one goes on from
+  bool is_next_recording_;
   Progressed progressed_;
-  int frames_before_ = 0;               // of the runs that this one goes on from
   std::vector<Unfinished> unfinished_;  // what this run made and nobody can go on with yet
   std::optional<int> left_;             // frames, of a run that was interrupted
   std::string left_stage_;              // in which it was
   KeepingUp keeping_up_;
   Evidence evidence_;
-  std::optional<ReplacedSession> replaced_;  // of an earlier run, when this one makes none
+  std::optional<ReplacedSession> replaced_;  // its place, when this run makes none: nobody else writes there
   std::optional<Session> session_;           // of tracked poses
   std::optional<Mapper> mapper_;
   std::optional<RunLog> log_;

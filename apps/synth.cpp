@@ -5,6 +5,7 @@
 
 #include <future>
 #include <random>
+#include <regex>
 
 #include "cairn/atomic_file.hpp"
 #include "cairn/layouts.hpp"
@@ -12,6 +13,7 @@
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
+#include "inputs_and_outputs.hpp"
 #include "progress.hpp"
 #include "quantity.hpp"
 
@@ -173,13 +175,45 @@ int write_sequence(const Arguments& a, const fs::path& folder) {
   return frames;
 }
 
+/// Whether a recording of any layout has a file of this name in its folder.
+bool is_of_recording(const std::string& name) {
+  static const std::regex names(
+      "(accelerometer|associated|associations|calibration|depth|groundtruth|gyroscope|poses|rgb|traj)\\.txt|"
+      "(calib|camera)\\.yaml|(cam_params|camera_intrinsic|transforms)\\.json|(camera_matrix|imu|odometry)\\.csv|"
+      "(groundtruth_mesh|groundtruth_seen|points)\\.ply|recording\\.sens|rgb\\.mp4|"
+      "frame-[0-9]{6}\\.(depth\\.png|color\\.png|pose\\.txt)|"
+      "(color|confidence|depth|depths|images|results|rgb)/[a-z_]*[0-9][0-9.]*\\.(png|jpg)");
+  return std::regex_match(name, names);
+}
+
+/// Brings what somebody has put into the recording that is replaced into the new one.
+void keep_others(const fs::path& before, const fs::path& folder) {
+  if (!fs::exists(before)) return;
+  for (const auto& entry : fs::recursive_directory_iterator(before)) {
+    const fs::path name = entry.path().lexically_relative(before), kept = folder / name;
+    if (fs::is_directory(entry.symlink_status()) || is_of_recording(name.generic_string()) ||
+        fs::exists(fs::symlink_status(kept)))
+      continue;
+    fs::create_directories(kept.parent_path());
+    std::error_code error;
+    if (fs::is_regular_file(entry.symlink_status())) fs::create_hard_link(entry.path(), kept, error);
+    if (!fs::exists(fs::symlink_status(kept))) fs::copy(entry.path(), kept, fs::copy_options::copy_symlinks);
+  }
+}
+
 void synth(const Arguments& a) {
+  Inputs().add(a.trajectory).add(a.camera).expect_apart_from_folder(a.output);
   if (!a.overwrite && fs::exists(a.output / kTruth))
     throw std::runtime_error(
         a.output.string() + ": holds a synthetic recording already: give --overwrite to replace it, or another folder");
   int frames = 0;
   write_folder(
-      a.output, [&](const fs::path& folder) { frames = write_sequence(a, folder); }, kTruth);
+      a.output,
+      [&](const fs::path& folder) {
+        frames = write_sequence(a, folder);
+        keep_others(a.output, folder);
+      },
+      kTruth);
   say("{}: {} frames of '{}' with true poses and surface\n", a.output.string(), frames, a.scene);
 }
 

@@ -12,6 +12,7 @@
 #include "commands.hpp"
 #include "console.hpp"
 #include "export_options.hpp"
+#include "inputs_and_outputs.hpp"
 #include "json_text.hpp"
 #include "outputs.hpp"
 #include "progress.hpp"
@@ -31,6 +32,7 @@ struct Arguments {
 };
 
 void make_tile(const Arguments& a) {
+  Inputs().add_map(a.plan).expect_apart_from_folder(a.output);
   Progress progress(std::nullopt, "");
   const Exported e = with_texture_if_any(a.options, a.output / "tileset.json", [&](const ExportOptions& options) {
     return export_cell(a.plan, a.cell, a.output, options, on(progress), a.device);

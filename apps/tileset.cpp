@@ -9,6 +9,7 @@
 #include "command_tree.hpp"
 #include "commands.hpp"
 #include "console.hpp"
+#include "inputs_and_outputs.hpp"
 #include "json_text.hpp"
 #include "plan_info.hpp"
 #include "run.hpp"
@@ -16,12 +17,19 @@
 namespace cairn::apps {
 namespace {
 
+namespace fs = std::filesystem;
+
 struct Arguments {
-  std::filesystem::path plan, output;
+  fs::path plan, output;
   bool json = false;
 };
 
 void write_it(const Arguments& a) {
+  Inputs inputs;
+  inputs.add_map(a.plan);
+  for (const auto& [x, y, z] : cells_of(a.plan)) inputs.add(a.plan / "tiles" / fmt::format("{},{},{}", x, y, z));
+  inputs.expect_apart_from_file(a.output);
+  inputs.expect_apart_from_folder(fs::path(a.output).replace_extension(".tiles"));
   const int cells = write_cells_tileset(a.plan, a.output);
   if (a.json)
     fmt::print("{}\n", text_of({{"file", a.output.string()}, {"cells", cells}}, 2));

@@ -39,10 +39,18 @@ function makeOverlay() {
   return { back, arrow, words, picture, legend, remove: () => { for (const one of [flash, back, legend]) one.remove(); } };
 }
 
-/** `ask` sends the program what to do. */
-function makeButtons(scene, toolbar, overlay, alerts, ask) {
+/** What a reset deletes, and what it leaves, before it is asked for. */
+function aboutReset({ frames = {}, frames_before: before = 0 }) {
+  const mapped = count(frames.fused ?? 0);
+  return before > 0 ?
+      `Reset deletes what this run has added: ${mapped} frames, on the disk as well. The map of the runs before it, of ${count(before)} frames, stays, and this run goes on from there. Reset?` :
+      `Reset deletes the map of this run: ${mapped} frames, on the disk as well. It begins again with an empty one. Reset?`;
+}
+
+/** `ask` sends the program what to do; `last` returns the newest state. */
+function makeButtons(scene, toolbar, overlay, alerts, ask, last) {
   const pause = element('button', { onclick: () => ask(pause.dataset.paused ? 'start' : 'pause') }, 'Pause');
-  const reset = element('button', { onclick: () => confirm('Throw this map away and begin again?') && ask('reset') }, 'Reset');
+  const reset = element('button', { onclick: () => confirm(aboutReset(last())) && ask('reset') }, 'Reset');
   const finish = element('button', { onclick: () => ask('finish') }, 'Finish');
   document.getElementById('buttons').replaceChildren(pause, reset, finish);
   const pressed = (button, on) => button.setAttribute('aria-pressed', on);
@@ -129,12 +137,12 @@ function showImage(image, blob) {
 
 /** A map that grows, until it is finished: then what was written of it takes its place. `fold` opens the panel. */
 export function showLive(scene, fold) {
-  let socket, isOver = false, epoch = 0, wasLost = false;
+  let socket, isOver = false, epoch = 0, wasLost = false, newest = {};
   const ask = (what) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify({ do: what }));
   scene.begin();
   scene.materials.coverage = coverageMaterial({ clippingPlanes: scene.clipping });
   const alerts = new Alerts(), toolbar = new Toolbar(), panel = makePanel(), overlay = makeOverlay();
-  const buttons = makeButtons(scene, toolbar, overlay, alerts, ask);
+  const buttons = makeButtons(scene, toolbar, overlay, alerts, ask, () => newest);
 
   const isNew = (message) => {
     if (message.epoch > epoch) {
@@ -160,6 +168,7 @@ export function showLive(scene, fold) {
   const onText = (message) => {
     if (isOver || !isNew(message)) return;
     if (!('status' in message)) return scene.setSubmaps(message.submaps);
+    newest = message;
     showState(message, scene, panel, overlay, buttons);
     const isLost = message.status === 'lost';
     if (isLost !== wasLost && (isLost || message.status !== 'paused')) alerts.tell(isLost ? 'lost' : 'found');

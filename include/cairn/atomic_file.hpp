@@ -23,13 +23,13 @@ void write_whole(const std::filesystem::path& file, std::span<const std::uint8_t
                  Durable durable = Durable::now);
 void write_whole(const std::filesystem::path& file, std::string_view text, Durable durable = Durable::now);
 
-/// Makes a folder whole or not at all: `write` fills the empty one that it is given, beside `folder`, whose place it
-/// then takes. Throws std::runtime_error, before `write` is called where `folder` holds something, unless there is a
-/// file `mark` in it, which tells that it may be replaced.
+/// Makes a folder whole or not at all: `write` fills an empty one of that name in a new folder of the program's own
+/// beside it, whose place it takes; until then, and where anything fails, what was there stays. Throws
+/// std::runtime_error, before `write` is called where it holds something, unless it is replaceable: has a file `mark`.
 void write_folder(const std::filesystem::path& folder, const std::function<void(const std::filesystem::path&)>& write,
                   const char* mark = nullptr);
 
-/// Removes the temporary files that killed programs have left in a folder; those of running ones stay.
+/// Removes temporary files and marked folders that killed programs have left in a folder; those of living ones stay.
 void remove_leftovers(const std::filesystem::path& folder);
 
 /// Brings what was made, renamed and removed in a folder to the disk. Throws std::runtime_error.

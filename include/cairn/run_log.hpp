@@ -17,8 +17,8 @@ namespace cairn {
 /// in a thread of its own. The mapper's thread.
 class RunLog {
  public:
-  /// Throws std::runtime_error for a file whose name does not end in .mcap, that exists, unless it may be replaced, or
-  /// that cannot be written.
+  /// Throws std::runtime_error for a file whose name does not end in .mcap, that exists, or that cannot be written.
+  /// `replace`: the log of an earlier run is replaced, any other file still is an error.
   explicit RunLog(const std::filesystem::path& file, bool replace = false);
   /// Ends the file as finish() does.
   ~RunLog();

@@ -28,8 +28,9 @@ class Session {
   /// somebody else writes there.
   [[nodiscard]] static Session create(const std::filesystem::path& folder);
   /// The session in a folder, to go on with. Throws std::runtime_error if there is none, it is damaged, or somebody
-  /// else writes there.
-  [[nodiscard]] static Session resume(const std::filesystem::path& folder);
+  /// else writes there. `keep_start`: checkpoints leave what is there now beside what they write, for
+  /// return_to_start().
+  [[nodiscard]] static Session resume(const std::filesystem::path& folder, bool keep_start = false);
   /// The session in `from`, to go on with in `to`: a copy, which counts from its first checkpoint. Throws as resume
   /// does.
   [[nodiscard]] static Session copy(const std::filesystem::path& from, const std::filesystem::path& to);
@@ -49,6 +50,13 @@ class Session {
   void checkpoint(const Mapper& mapper, const std::string& note = {});
   /// Waits for the checkpoint being written. Returns why session files cannot be written, if so; the map is not harmed.
   [[nodiscard]] std::optional<std::string> problem();
+
+  /// The session as resume() has found it, on the disk as well: what was written since is removed. The mapper that came
+  /// of it must be gone; mapper() gives the one of then. Throws std::runtime_error where the start was not kept, or the
+  /// files cannot be written or read.
+  void return_to_start();
+  /// There is no way back any more: the next checkpoint removes what was kept of the start.
+  void release_start();
 
   /// What a session was made with.
   struct Info {

@@ -47,8 +47,9 @@ class LiveViewer {
   [[nodiscard]] const ViewerSite& site() const;
   /// Whether a browser has loaded the page. Any thread.
   [[nodiscard]] bool is_opened() const;
-  /// A new map, which must live until the next one or the end, with its options.
-  void begin(Mapper& mapper, const Rig& rig, const Options& options);
+  /// A new map, which must live until the next one or the end, with its options. `frames_before`: of earlier runs,
+  /// which a reset keeps; viewers are told so before they ask for one.
+  void begin(Mapper& mapper, const Rig& rig, const Options& options, int frames_before = 0);
 
   /// What viewers asked for since the last call.
   struct Asked {

@@ -3,6 +3,7 @@
 #include "cairn/atomic_file.hpp"
 
 #include <sys/file.h>
+#include <sys/stat.h>
 
 #include <memory>
 #include <stdexcept>
@@ -10,8 +11,10 @@
 #include <string>
 #include <vector>
 
+#include "base/staging_folder.hpp"
 #include "base/system_file.hpp"
 #include "cairn/unfinished.hpp"
+#include "cairn/writable_folder.hpp"
 
 namespace cairn {
 namespace {
@@ -19,6 +22,10 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kBuffer = std::size_t{1} << 20;  // bytes between two writes of a stream
+
+std::runtime_error not_written(const fs::path& path, const std::string& why) {
+  return std::runtime_error("cannot write " + path.string() + ": " + why);
+}
 
 void sync(const fs::path& folder) {
   try {
@@ -66,25 +73,31 @@ class FileBuffer final : public std::streambuf {
 };
 
 void write_temporary(const fs::path& file, Durable durable, const std::function<void(const SystemFile&)>& write) {
-  const fs::path temporary = temporary_beside(file);
-  const Unfinished unfinished(temporary);
-  bool exists = false;
+  fs::path temporary;  // while it exists
   try {
-    const auto out = begin_temporary(temporary);
-    exists = true;
-    write(*out);
-    if (durable == Durable::now) out->sync();
+    TemporaryFile made = make_temporary(file);
+    temporary = made.path;
+    const Unfinished unfinished(temporary);
+    write(*made.file);
+    if (durable == Durable::now) made.file->sync();
     if (std::rename(temporary.c_str(), file.c_str()) != 0) throw SystemError{errno};
-    exists = false;
-    out->close();
+    temporary.clear();
+    made.file->close();
     if (durable == Durable::now) sync(file.parent_path());
   } catch (const SystemError& error) {
-    if (exists) unlink(temporary.c_str());
-    throw std::runtime_error("cannot write " + file.string() + ": " + reason(error.number));
+    if (!temporary.empty()) unlink(temporary.c_str());
+    throw not_written(file, reason(error.number));
   } catch (const std::exception& error) {
-    if (exists) unlink(temporary.c_str());
-    throw std::runtime_error("cannot write " + file.string() + ": " + error.what());
+    if (!temporary.empty()) unlink(temporary.c_str());
+    throw not_written(file, error.what());
   }
+}
+
+/// Throws where `folder` holds something, unless a file `mark` in it marks it as replaceable.
+void expect_replaceable(const fs::path& folder, const char* mark) {
+  if (fs::exists(folder) && !(fs::is_directory(folder) && fs::is_empty(folder)) &&
+      (mark == nullptr || !fs::exists(folder / mark)))
+    throw std::runtime_error(folder.string() + ": exists and holds something else; choose another folder");
 }
 
 }  // namespace
@@ -112,46 +125,55 @@ void write_whole(const fs::path& file, std::span<const std::uint8_t> bytes, Dura
 }
 
 void write_folder(const fs::path& folder, const std::function<void(const fs::path&)>& write, const char* mark) {
-  if (fs::exists(folder) && !(fs::is_directory(folder) && fs::is_empty(folder)) &&
-      (mark == nullptr || !fs::exists(folder / mark)))
-    throw std::runtime_error(folder.string() + ": exists and holds something else; choose another folder");
+  expect_replaceable(folder, mark);
   fs::path whole = fs::weakly_canonical(fs::absolute(folder));
   if (!whole.has_filename()) whole = whole.parent_path();
-  fs::path part = whole;
-  part += ".part";
-  const auto must = [&](const std::error_code& error) {
-    if (error) throw std::runtime_error("cannot write " + folder.string() + ": " + reason(error.value()));
-  };
-  std::error_code error, ignored;
-  fs::remove_all(part, error);
-  if (!error) fs::create_directories(part, error);
-  must(error);
-  const Unfinished unfinished(part);
+  std::unique_ptr<StagingFolder> staging;
   try {
-    write(part);
-    fs::remove_all(whole, error);
-    if (!error) fs::rename(part, whole, error);
-    must(error);
-  } catch (...) {
-    fs::remove_all(part, ignored);
-    throw;
+    std::error_code error;
+    fs::create_directories(whole.parent_path(), error);
+    if (error) throw SystemError{error.value()};
+    remove_leftovers(whole.parent_path());
+    staging = std::make_unique<StagingFolder>(whole);
+  } catch (const SystemError& error) {
+    throw not_written(folder, reason(error.number));
+  }
+  write(staging->content());
+  expect_replaceable(folder, mark);
+  try {
+    staging->take_the_place_of(whole);
+  } catch (const SystemError& error) {
+    throw not_written(folder, reason(error.number));
+  }
+}
+
+void expect_writable(const fs::path& folder) {
+  try {
+    unlink(make_temporary(folder / "try").path.c_str());
+  } catch (const SystemError& error) {
+    throw not_written(folder, reason(error.number));
   }
 }
 
 void remove_leftovers(const fs::path& folder) {
   std::error_code error;
-  for (const auto& entry : fs::directory_iterator(folder, error)) {
-    const std::string name = entry.path().filename().string();
-    if (!name.starts_with(kTemporary) || !entry.is_regular_file(error)) continue;
-    const std::size_t end = name.find_first_not_of("0123456789", kTemporary.size());
-    if (end == kTemporary.size() || end == name.npos || name[end] != '.') continue;
-    try {
-      const SystemFile left(entry.path(), O_RDWR);
-      if (flock(left.descriptor(), LOCK_EX | LOCK_NB) == 0) unlink(entry.path().c_str());
+  std::vector<fs::path> files, folders;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    if (!is_temporary(it->path().filename().string())) continue;
+    std::error_code ignored;
+    const fs::file_type type = it->symlink_status(ignored).type();
+    if (type == fs::file_type::regular) files.push_back(it->path());
+    if (type == fs::file_type::directory) folders.push_back(it->path());
+  }
+  for (const fs::path& file : files) try {
+      const SystemFile left(file, O_RDWR | O_NOFOLLOW);
+      struct stat now {};
+      if (flock(left.descriptor(), LOCK_EX | LOCK_NB) == 0 && fstat(left.descriptor(), &now) == 0 && now.st_nlink > 0)
+        unlink(file.c_str());
     } catch (const SystemError&) {
       // Somebody else's: it stays.
     }
-  }
+  for (const fs::path& left : folders) remove_left_staging(left);
 }
 
 void sync_folder(const fs::path& folder) {

@@ -20,10 +20,9 @@ std::runtime_error not_written(const std::filesystem::path& file, const SystemEr
 }
 
 std::unique_ptr<SystemFile> nameless(const std::filesystem::path& file) {
-  const std::filesystem::path temporary = temporary_beside(file);
-  auto made = begin_temporary(temporary);
-  unlink(temporary.c_str());
-  return made;
+  TemporaryFile made = make_temporary(file);
+  unlink(made.path.c_str());
+  return std::move(made.file);
 }
 
 }  // namespace

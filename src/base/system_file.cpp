@@ -31,18 +31,32 @@ std::string reason(int error) {
   }
 }
 
-std::filesystem::path temporary_beside(const std::filesystem::path& file) {
+bool is_temporary(std::string_view name) {
+  if (!name.starts_with(kTemporary)) return false;
+  const std::size_t end = name.find_first_not_of("0123456789", kTemporary.size());
+  return end != kTemporary.size() && end != name.npos && name[end] == '.';
+}
+
+std::filesystem::path temporary_beside(const std::filesystem::path& file, int number) {
   std::filesystem::path name = std::string(kTemporary) + std::to_string(getpid()) + ".";
+  if (number > 0) name += std::to_string(number) + ".";
   name += file.filename();
   return file.parent_path() / name;
 }
 
-std::unique_ptr<SystemFile> begin_temporary(const std::filesystem::path& temporary) {
-  while (true) {
-    auto file = std::make_unique<SystemFile>(temporary, O_RDWR | O_CREAT | O_TRUNC);
-    (void)flock(file->descriptor(), LOCK_EX | LOCK_NB);  // where there are no locks, nothing is taken for left over
+TemporaryFile make_temporary(const std::filesystem::path& file) {
+  for (int number = 0;; ++number) {
+    TemporaryFile made{.path = temporary_beside(file, number), .file = nullptr};
+    try {
+      made.file = std::make_unique<SystemFile>(made.path, O_RDWR | O_CREAT | O_EXCL);
+    } catch (const SystemError& error) {
+      if (error.number != EEXIST || number == kTemporaryNames) throw;
+      continue;
+    }
+    // A program that removes leftovers may have taken it before its lock. Where there are no locks, nothing is removed.
+    if (flock(made.file->descriptor(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) continue;
     struct stat now {};
-    if (fstat(file->descriptor(), &now) != 0 || now.st_nlink > 0) return file;
+    if (fstat(made.file->descriptor(), &now) != 0 || now.st_nlink > 0) return made;
   }
 }
 

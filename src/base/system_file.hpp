@@ -54,10 +54,21 @@ class SystemFile {
 
 constexpr std::string_view kTemporary = ".cairn-";  // how the names of temporary files begin
 
-/// Where a file is while it is written. The extension stays last, so that nobody takes it for another kind of file.
-[[nodiscard]] std::filesystem::path temporary_beside(const std::filesystem::path& file);
+/// Whether it has the form of a temporary file's or folder's name: `.cairn-PID.NAME`.
+[[nodiscard]] bool is_temporary(std::string_view name);
 
-/// A new temporary file. The lock on it tells that its writer lives, see remove_leftovers. Throws SystemError.
-[[nodiscard]] std::unique_ptr<SystemFile> begin_temporary(const std::filesystem::path& temporary);
+constexpr int kTemporaryNames = 1000;  // that are tried beside a file
+
+/// The number-th name for a temporary file or folder beside `file`: `.cairn-PID.NAME`, `.cairn-PID.1.NAME`, and so on.
+/// The extension stays last, so that nobody takes it for another kind of file.
+[[nodiscard]] std::filesystem::path temporary_beside(const std::filesystem::path& file, int number);
+
+struct TemporaryFile {
+  std::filesystem::path path;
+  std::unique_ptr<SystemFile> file;
+};
+/// A new temporary file beside `file`, under a name that nothing had. The lock on it marks its writer as alive, see
+/// remove_leftovers. Throws SystemError.
+[[nodiscard]] TemporaryFile make_temporary(const std::filesystem::path& file);
 
 }  // namespace cairn

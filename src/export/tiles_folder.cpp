@@ -3,7 +3,6 @@
 #include "export/tiles_folder.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <boost/crc.hpp>
@@ -40,8 +39,18 @@ std::string checksum_of(const fs::path& folder) {
   return fmt::format("{:0{}x}", sum.checksum(), kDigits);
 }
 
-bool is_checksum(const std::string& name) {
-  return name.size() == kDigits && name.find_first_not_of("0123456789abcdef") == std::string::npos;
+/// A folder of tiles as finish() has left it: its name is the checksum of its files. Nothing else is removed.
+bool is_tiles(const fs::path& folder) {
+  const std::string name = folder.filename().string();
+  if (name.size() != kDigits || name.find_first_not_of("0123456789abcdef") != std::string::npos) return false;
+  try {
+    if (!fs::is_directory(fs::symlink_status(folder))) return false;
+    const auto files = files_in(folder);
+    return std::all_of(files.begin(), files.end(), [](const auto& file) { return fs::is_regular_file(file); }) &&
+           checksum_of(folder) == name;
+  } catch (const std::exception&) {
+    return false;  // it cannot be read
+  }
 }
 
 void must(const std::error_code& error, const fs::path& folder) {
@@ -52,28 +61,36 @@ void must(const std::error_code& error, const fs::path& folder) {
 
 TilesFolder::TilesFolder(const fs::path& tileset) : home_(tileset) {
   home_.replace_extension(".tiles");
-  part_ = home_ / fmt::format(".part-{}", getpid());
   std::error_code error;
-  fs::remove_all(part_, error);
-  if (!error) fs::create_directories(part_, error);
+  made_home_ = fs::create_directories(home_, error);
   must(error, home_);
+  remove_leftovers(home_);
+  try {
+    staging_ = std::make_unique<StagingFolder>(home_ / "tiles");
+  } catch (const SystemError& failed) {
+    must(std::error_code(failed.number, std::generic_category()), home_);
+  }
+  part_ = staging_->content();
 }
 
 TilesFolder::~TilesFolder() {
   std::error_code ignored;
+  staging_.reset();
   if (is_mine_) fs::remove_all(part_, ignored);
-  if (fs::is_empty(home_, ignored)) fs::remove(home_, ignored);
+  if (made_home_ && fs::is_empty(home_, ignored)) fs::remove(home_, ignored);
 }
 
 std::string TilesFolder::finish() {
   const fs::path named = home_ / checksum_of(part_);
-  std::error_code error;
-  const bool is_there = fs::exists(named);  // the same tiles were written before
-  if (is_there)
-    fs::remove_all(part_, error);
-  else
-    fs::rename(part_, named, error);
-  must(error, named);
+  const bool is_there = fs::exists(named);
+  if (is_there && !is_tiles(named))  // else the same tiles were written before
+    throw std::runtime_error(named.string() + ": holds other files than the tiles that go there; move it away");
+  try {
+    if (!is_there) staging_->take_the_place_of(named);
+  } catch (const SystemError& error) {
+    must(std::error_code(error.number, std::generic_category()), named);
+  }
+  staging_.reset();
   part_ = named;
   is_mine_ = !is_there;
   sync_folder(home_);
@@ -85,8 +102,7 @@ void TilesFolder::keep() {
   std::error_code ignored;
   std::vector<fs::path> others;
   for (const auto& entry : fs::directory_iterator(home_, ignored))
-    if (is_checksum(entry.path().filename().string()) && entry.path() != part_ && entry.is_directory(ignored))
-      others.push_back(entry.path());
+    if (entry.path() != part_ && is_tiles(entry.path())) others.push_back(entry.path());
   for (const fs::path& other : others) fs::remove_all(other, ignored);
 }
 

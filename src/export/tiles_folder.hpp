@@ -2,8 +2,11 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
+
+#include "base/staging_folder.hpp"
 
 namespace cairn {
 
@@ -21,14 +24,16 @@ class TilesFolder {
   [[nodiscard]] const std::filesystem::path& part() const { return part_; }
   /// All are written: the folder gets its name. Returns its address as the tileset has it.
   [[nodiscard]] std::string finish();
-  /// The tileset names it: it stays, and the tiles that the tileset had before are removed, and nothing else there.
+  /// The tileset names it: it stays, and the tiles that tilesets had there before are removed, known by their checksum.
   void keep();
   /// In order of their names.
   [[nodiscard]] std::vector<std::filesystem::path> files() const;
 
  private:
   std::filesystem::path home_, part_;  // part_: the finished folder in the end
-  bool is_mine_ = true;                // part_ goes away with the object
+  bool made_home_ = false;
+  std::unique_ptr<StagingFolder> staging_;  // until it is finished
+  bool is_mine_ = false;                    // part_ goes away with the object
 };
 
 }  // namespace cairn

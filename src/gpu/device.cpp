@@ -2,13 +2,12 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "gpu/device.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cstdlib>
 #include <fstream>
 #include <stdexcept>
 
+#include "cairn/atomic_file.hpp"
 #include "gpu/vulkan.hpp"
 
 namespace cairn::gpu {
@@ -306,15 +305,8 @@ Device::~Device() {
   try {
     const auto data = state_->pipelines->getData();
     if (data == std::vector<std::uint8_t>{}) return;
-    std::error_code ignored;
-    std::filesystem::create_directories(state_->pipelines_file.parent_path(), ignored);
-    auto temporary = state_->pipelines_file;
-    temporary += fmt::format(".{}", reinterpret_cast<std::uintptr_t>(this));
-    {
-      std::ofstream out(temporary, std::ios::binary);
-      out.write(reinterpret_cast<const char*>(data.data()), static_cast<std::streamsize>(data.size()));
-    }
-    std::filesystem::rename(temporary, state_->pipelines_file, ignored);
+    std::filesystem::create_directories(state_->pipelines_file.parent_path());
+    write_whole(state_->pipelines_file, data, Durable::some_time);
   } catch (const std::exception&) {
   }
 }

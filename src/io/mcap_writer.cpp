@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <fstream>
 #include <map>
 #include <span>
 #include <stdexcept>
@@ -48,6 +49,15 @@ void put_pairs(std::string& to, const Pairs& pairs) {
     put(bytes, second);
   }
   put_sized(to, bytes);
+}
+
+/// The magic, and a header that names the library.
+std::string first_bytes() {
+  std::string begin(kMagic), header;
+  put_sized(header, "");  // no profile: topics are named as their user likes
+  put_sized(header, "cairn");
+  put_record(begin, kHeader, header);
+  return begin;
 }
 
 std::uint32_t crc_of(std::string_view bytes, std::uint32_t before = 0) {
@@ -187,15 +197,18 @@ std::string McapWriter::State::summary() const {
 McapWriter::McapWriter(const fs::path& file) : state_(std::make_unique<State>()) {
   state_->name = file;
   try {
-    state_->file = std::make_unique<SystemFile>(file, O_WRONLY | O_CREAT | O_TRUNC);
+    state_->file = std::make_unique<SystemFile>(file, O_WRONLY | O_CREAT | O_EXCL);
   } catch (const SystemError& error) {
     throw std::runtime_error("cannot write " + file.string() + ": " + reason(error.number));
   }
-  std::string begin(kMagic), header;
-  put_sized(header, "");  // no profile: topics are named as their user likes
-  put_sized(header, "cairn");
-  put_record(begin, kHeader, header);
-  state_->write(begin);
+  state_->write(first_bytes());
+}
+
+bool is_written_by_mcap_writer(const fs::path& file) {
+  const std::string first = first_bytes();
+  std::string there(first.size(), '\0');
+  std::ifstream in(file, std::ios::binary);
+  return in.read(there.data(), static_cast<std::streamsize>(there.size())) && there == first;
 }
 
 McapWriter::~McapWriter() = default;

@@ -23,7 +23,7 @@ struct McapTopic {
 /// fails, a file ends with a whole record. https://mcap.dev/spec
 class McapWriter {
  public:
-  /// Replaces a file that is there. Throws std::runtime_error like write_whole.
+  /// A new file. Throws std::runtime_error like write_whole, also where there is a file already.
   explicit McapWriter(const std::filesystem::path& file);
   ~McapWriter();
   McapWriter(const McapWriter&) = delete;
@@ -40,5 +40,8 @@ class McapWriter {
   struct State;
   std::unique_ptr<State> state_;
 };
+
+/// By a file's header, which names the library that wrote it.
+[[nodiscard]] bool is_written_by_mcap_writer(const std::filesystem::path& file);
 
 }  // namespace cairn

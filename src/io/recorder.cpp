@@ -58,7 +58,11 @@ Recorder::Recorder(fs::path folder, const Rig& rig, double depth_scale) : folder
   if (fs::exists(folder_) && !(fs::is_directory(folder_) && fs::is_empty(folder_)))
     throw std::runtime_error(folder_.string() + ": exists and is not empty; choose another folder");
   std::error_code error;
-  for (const char* images : {"rgb", "depth"}) fs::create_directories(folder_ / images, error);
+  fs::create_directories(folder_, error);
+  for (const char* images : {"rgb", "depth"})
+    if (!error && !fs::create_directory(folder_ / images, error) && !error)
+      throw std::runtime_error(folder_.string() +
+                               ": another program has just put something there; choose another folder");
   if (error) throw std::runtime_error("cannot make the folder " + folder_.string() + ": " + error.message());
   write_whole(folder_ / "camera.yaml", camera_file_text({.rig = rig, .depth_scale = depth_scale}));
   for (const char* list : {"rgb.txt", "depth.txt"}) write_whole(folder_ / list, "# timestamp filename\n");

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "base/words.hpp"
+#include "cairn/atomic_file.hpp"
 #include "cairn/file_name.hpp"
 
 namespace cairn {
@@ -24,6 +25,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kPrefix = "cairn-unpacked-";
+constexpr const char* kMark = ".cairn-unpacked";  // in the folder: another one of such a name is somebody's own
+constexpr std::string_view kMarkText = "A .zip file that cairn unpacks here while it reads it, and removes.\n";
 constexpr std::uintmax_t kReserve = 64u << 20;   // bytes that stay free on the disk
 constexpr std::uintmax_t kAnySize = 1u << 30;    // bytes that an archive may unpack to, however small it is
 constexpr std::uintmax_t kMostPacked = 200;      // times that a larger one may shrink: depth without noise does by 50
@@ -38,6 +41,16 @@ fs::path place_to_unpack() {
   return std::getenv("TMPDIR") == nullptr && fs::is_directory(usual, ignored) ? usual : fs::temp_directory_path();
 }
 
+bool is_marked(const fs::path& folder) {
+  std::error_code ignored;
+  if (fs::symlink_status(folder, ignored).type() != fs::file_type::directory) return false;
+  std::ifstream in(folder / kMark, std::ios::binary);
+  std::string text(kMarkText.size() + 1, '\0');
+  in.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<std::size_t>(in.gcount()));
+  return text == kMarkText;
+}
+
 void remove_leftovers_in(const fs::path& place) {
   std::error_code error;
   for (fs::directory_iterator it(place, error), end; !error && it != end; it.increment(error)) {
@@ -45,6 +58,7 @@ void remove_leftovers_in(const fs::path& place) {
     std::error_code ignored;
     const auto written = fs::last_write_time(it->path(), ignored);
     if (ignored || fs::file_time_type::clock::now() - written < kFresh) continue;
+    if (!is_marked(it->path())) continue;
     try {
       if (const auto lock = FileLock::take(it->path(), FileLock::Kind::exclusive)) fs::remove_all(it->path(), ignored);
     } catch (const std::runtime_error&) {
@@ -63,8 +77,12 @@ fs::path make_folder() {
   return name;
 }
 
+/// And marks it: what is marked and not locked is left over.
 FileLock lock_of(const fs::path& folder) {
-  if (auto lock = FileLock::take(folder, FileLock::Kind::exclusive)) return *std::move(lock);
+  if (auto lock = FileLock::take(folder, FileLock::Kind::exclusive)) {
+    write_whole(folder / kMark, kMarkText, Durable::some_time);
+    return *std::move(lock);
+  }
   throw std::runtime_error(folder.string() + ": another program holds it");
 }
 

@@ -151,7 +151,11 @@ Eigen::Isometry3d turn(const Eigen::Matrix3d& rotation) {
 fs::path checked(const fs::path& file, bool replace) {
   if (extension_of(file) != ".mcap")
     throw std::runtime_error(file.string() + ": a log is an MCAP file; give it a name that ends in .mcap");
-  if (!replace && fs::exists(file)) throw std::runtime_error(file.string() + ": exists; choose another name");
+  if (!fs::exists(fs::symlink_status(file))) return file;
+  if (!replace) throw std::runtime_error(file.string() + ": exists; choose another name");
+  if (!is_written_by_mcap_writer(file))
+    throw std::runtime_error(file.string() + ": exists and is no log of an earlier run; choose another name");
+  fs::remove(file);
   return file;
 }
 

@@ -14,6 +14,7 @@
 
 #include "base/image_file.hpp"
 #include "cairn/atomic_file.hpp"
+#include "map/keyframe_files.hpp"
 
 namespace cairn {
 namespace {
@@ -66,6 +67,13 @@ std::filesystem::path file_of(const NumberedFiles& files, std::size_t keyframe, 
 }
 
 }  // namespace
+
+bool is_keyframe_file(std::string_view name) {
+  const std::size_t dot = std::min(name.find('.'), name.size());
+  const std::string_view what = name.substr(std::min(dot + 1, name.size()));
+  return dot >= 6 && name.find_first_not_of("0123456789") == dot &&
+         (what == kDepth || what == kColour || what == kCorners);
+}
 
 std::filesystem::path colour_file(const NumberedFiles& files, std::size_t keyframe) {
   return file_of(files, keyframe, kColour);

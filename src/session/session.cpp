@@ -9,6 +9,7 @@
 #include <future>
 #include <stdexcept>
 #include <utility>
+#include <vector>
 
 #include "export/map_contents.hpp"
 #include "map/map_state.hpp"
@@ -66,6 +67,8 @@ class Session::State {
  public:
   State(fs::path folder, std::shared_ptr<SessionWriter> writer, std::optional<ReadSession> read)
       : folder_(std::move(folder)), writer_(std::move(writer)), read_(std::move(read)) {}
+  /// Goes on with the session that is there.
+  State(fs::path folder, bool keep_start) : folder_(std::move(folder)) { go_on(keep_start); }
   ~State() {
     if (writing_.valid()) writing_.wait();
   }
@@ -115,6 +118,17 @@ class Session::State {
         });
   }
 
+  void return_to_start() {
+    (void)problem();
+    if (!start_) throw std::runtime_error(folder_.string() + ": how it was when this run began is not kept");
+    problem_.reset();
+    restore_state(folder_, start_->state);
+    read_.reset(), writer_.reset();  // what this run has written goes with the next writer
+    go_on(true);
+  }
+
+  void release_start() { start_.reset(); }
+
   std::optional<std::string> problem() {
     if (writing_.valid())
       if (auto problem = writing_.get()) problem_ = std::move(problem);
@@ -122,9 +136,25 @@ class Session::State {
   }
 
  private:
+  /// What return_to_start() needs: the state's file, and the right to its run's folder.
+  struct Start {
+    std::vector<std::uint8_t> state;
+    FileLock hold;
+  };
+
+  void go_on(bool keep_start) {
+    read_.emplace(read_session(folder_));
+    writer_ = std::make_shared<SessionWriter>(folder_, *read_, keep_start);
+    if (!keep_start) return;
+    start_.emplace(
+        Start{.state = bytes_of_state(folder_), .hold = *FileLock::take(read_->files, FileLock::Kind::shared, true)});
+    read_->files = writer_->files();
+  }
+
   fs::path folder_;
   std::shared_ptr<SessionWriter> writer_;
   std::optional<ReadSession> read_;  // until it has become a mapper
+  std::optional<Start> start_;
   std::uint64_t checkpoints_ = 0;
   std::future<std::optional<std::string>> writing_;  // of a checkpoint; what went wrong
   std::optional<std::string> problem_;               // why session files could not be written
@@ -139,10 +169,8 @@ Session Session::create(const fs::path& folder) {
   return Session(std::make_unique<State>(folder, std::make_shared<SessionWriter>(folder), std::nullopt));
 }
 
-Session Session::resume(const fs::path& folder) {
-  ReadSession read = read_session(folder);
-  auto writer = std::make_shared<SessionWriter>(folder, read);
-  return Session(std::make_unique<State>(folder, std::move(writer), std::move(read)));
+Session Session::resume(const fs::path& folder, bool keep_start) {
+  return Session(std::make_unique<State>(folder, keep_start));
 }
 
 Session Session::copy(const fs::path& from, const fs::path& to) {
@@ -160,6 +188,10 @@ Mapper Session::mapper(const Rig& rig, const Options& options, int device) {
 Mapper Session::mapper(int device) { return state_->mapper(device); }
 
 void Session::checkpoint(const Mapper& mapper, const std::string& note) { state_->checkpoint(*mapper.state(), note); }
+
+void Session::return_to_start() { state_->return_to_start(); }
+
+void Session::release_start() { state_->release_start(); }
 
 std::optional<std::string> Session::problem() { return state_->problem(); }
 

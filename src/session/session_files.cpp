@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <span>
 #include <stdexcept>
@@ -19,7 +20,9 @@
 #include "base/json_text.hpp"
 #include "base/read_json.hpp"
 #include "base/read_whole.hpp"
+#include "base/system_file.hpp"
 #include "cairn/atomic_file.hpp"
+#include "map/keyframe_files.hpp"
 #include "session/checked_file.hpp"
 #include "session/state.hpp"
 #include "session/validate.hpp"
@@ -229,20 +232,51 @@ std::vector<std::string> names_of(const std::vector<ChunkFile>& files) {
   return names;
 }
 
-/// Those that nobody reads.
-void remove_runs(const fs::path& session) {
-  std::vector<fs::path> runs;
-  for (const auto& entry : fs::directory_iterator(session))
-    if (run_number(entry.path().filename().string())) runs.push_back(entry.path());
-  std::error_code ignored;
-  for (const fs::path& run : runs)
-    if (FileLock::take(run, FileLock::Kind::exclusive)) fs::remove_all(run, ignored);
+/// Files are written whole and never changed: a link to one is a copy. On a disk without links it is a copy.
+void link_files(const fs::path& from, const fs::path& to) {
+  for (const auto& entry : fs::directory_iterator(from)) {
+    if (!entry.is_regular_file() || is_temporary(entry.path().filename().string())) continue;
+    std::error_code error;
+    fs::create_hard_link(entry.path(), to / entry.path().filename(), error);
+    if (error) fs::copy_file(entry.path(), to / entry.path().filename());
+  }
 }
 
-/// Beside state.cbor and the lock, what cairn writes into a session's folder: in this format and in the one before.
-bool is_ours(const std::string& name) {
-  return run_number(name) || name == kKeyframes ||
-         ((name.starts_with("submap-") || name.starts_with("active-")) && name.ends_with(".vdb"));
+bool all_in(const fs::path& folder,
+            const std::function<bool(const fs::directory_entry&, const std::string&)>& is_ours) {
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    if (!is_temporary(name) && !is_ours(entry, name)) return false;
+  }
+  return true;
+}
+
+/// A run's folder, by all that is in it: another of that name is somebody's own, and is never removed.
+bool is_run(const fs::path& folder) {
+  if (!run_number(folder.filename().string()) || !fs::is_directory(fs::symlink_status(folder))) return false;
+  return all_in(folder, [](const auto& entry, const std::string& name) {
+    if (name == kKeyframes && fs::is_directory(entry.symlink_status()))
+      return all_in(entry.path(), [](const auto& file, const std::string& of_file) {
+        return file.is_regular_file() && is_keyframe_file(of_file);
+      });
+    const bool is_volume = (name.starts_with("submap-") || name.starts_with("active-")) && name.ends_with(".vdb");
+    return entry.is_regular_file() &&
+           (is_volume || is_chunk(name, kFrames) || is_chunk(name, kKeyframes) || is_chunk(name, kLoops));
+  });
+}
+
+std::vector<fs::path> runs_in(const fs::path& session) {
+  std::vector<fs::path> runs;
+  for (const auto& entry : fs::directory_iterator(session))
+    if (is_run(entry.path())) runs.push_back(entry.path());
+  return runs;
+}
+
+/// Those that nobody reads.
+void remove_runs(const fs::path& session) {
+  std::error_code ignored;
+  for (const fs::path& run : runs_in(session))
+    if (FileLock::take(run, FileLock::Kind::exclusive)) fs::remove_all(run, ignored);
 }
 
 }  // namespace
@@ -294,28 +328,36 @@ SessionPictures read_pictures(const fs::path& session) {
 SessionWriter::SessionWriter(fs::path session) : session_(std::move(session)), lock_(session_) {
   // What a run that was killed before its first checkpoint has left would give this one another name.
   if (!fs::exists(session_ / kState)) remove_runs(session_);
+  remove_leftovers(session_);
+  files_ = make_run();
+}
+
+fs::path SessionWriter::make_run() const {
   unsigned long last = 0;
   for (const auto& entry : fs::directory_iterator(session_))
     last = std::max(last, run_number(entry.path().filename().string()).value_or(0));
-  remove_leftovers(session_);
-  files_ = session_ / fmt::format("run-{:04}", last + 1);
+  fs::path files = session_ / fmt::format("run-{:04}", last + 1);
   std::error_code error, ignored;
-  if (fs::create_directories(keyframe_files(files_).folder(), error)) return;
-  fs::remove_all(files_, ignored);
-  throw std::runtime_error("cannot make the folder " + files_.string() + ": " + error.message() +
+  if (fs::create_directories(keyframe_files(files).folder(), error)) return files;
+  fs::remove_all(files, ignored);
+  throw std::runtime_error("cannot make the folder " + files.string() + ": " + error.message() +
                            "; choose another with -o");
 }
 
-SessionWriter::SessionWriter(fs::path session, const ReadSession& read)
+SessionWriter::SessionWriter(fs::path session, const ReadSession& read, bool beside)
     : session_(std::move(session)),
       lock_(session_),
-      files_(read.files),
-      is_named_(true),
+      files_(beside ? make_run() : read.files),
+      is_named_(!beside),
       keyframe_files_(read.keyframe_files),
       loop_files_(read.loop_files),
       parts_(read.parts) {
   if (read_state(session_).checksum != read.checksum)
     throw std::runtime_error(session_.string() + ": another run wrote into it just now; try again");
+  if (beside) {
+    link_files(read.files, files_);
+    link_files(keyframe_files(read.files).folder(), keyframe_files(files_).folder());
+  }
   remove_others(read.session.number, {.run = {},
                                       .keyframe_files = names_of(read.keyframe_files),
                                       .loop_files = names_of(read.loop_files),
@@ -408,10 +450,9 @@ void SessionWriter::write(const SessionState& s, const BrickList& active) {
 }
 
 void SessionWriter::remove_others(std::uint64_t number, const NamedFiles& named) const {
-  std::vector<fs::path> stale;
   std::error_code ignored;
-  for (const auto& entry : fs::directory_iterator(session_, ignored))
-    if (is_ours(entry.path().filename().string()) && entry.path() != files_) stale.push_back(entry.path());
+  std::vector<fs::path> stale = runs_in(session_);
+  std::erase(stale, files_);
   for (const auto& entry : fs::directory_iterator(files_, ignored)) {
     const std::string name = entry.path().filename().string();
     const auto is_old_chunk = [&](const char* what, const std::vector<std::string>& names) {
@@ -429,12 +470,21 @@ void SessionWriter::remove_others(std::uint64_t number, const NamedFiles& named)
       fs::remove_all(path, ignored);
 }
 
+std::vector<std::uint8_t> bytes_of_state(const fs::path& session) {
+  try {
+    return read_whole(session / kState);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(fmt::format("{}: {}; {}", (session / kState).string(), error.what(), kAgain));
+  }
+}
+
+void restore_state(const fs::path& session, const std::vector<std::uint8_t>& bytes) {
+  if (bytes_of_state(session) != bytes) write_whole(session / kState, bytes);
+}
+
 void remove_session(const fs::path& session, const SessionLock&) {
   fs::remove(session / kState);
-  std::vector<fs::path> stale;
-  for (const auto& entry : fs::directory_iterator(session))
-    if (is_ours(entry.path().filename().string())) stale.push_back(entry.path());
-  for (const fs::path& path : stale) fs::remove_all(path);
+  for (const fs::path& run : runs_in(session)) fs::remove_all(run);
 }
 
 }  // namespace cairn

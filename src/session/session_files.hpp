@@ -93,8 +93,9 @@ class SessionWriter {
  public:
   /// Begins a new run. What is there stays until the first write.
   explicit SessionWriter(std::filesystem::path session);
-  /// Goes on with the run that was read.
-  SessionWriter(std::filesystem::path session, const ReadSession& read);
+  /// Goes on with the run that was read. `beside`: in a folder of its own with the same files, so that those of that
+  /// run stay as they are as long as somebody holds them.
+  SessionWriter(std::filesystem::path session, const ReadSession& read, bool beside = false);
   /// A run without a written state is gone with this.
   ~SessionWriter();
   SessionWriter(const SessionWriter&) = delete;
@@ -123,6 +124,8 @@ class SessionWriter {
   template <class T>
   [[nodiscard]] std::vector<ChunkFile> write_chunks(const std::vector<T>& list, const char* what, std::uint64_t number,
                                                     const std::vector<ChunkFile>& written) const;
+  /// Makes the folder of a new run.
+  [[nodiscard]] std::filesystem::path make_run() const;
   /// Leaves what the state with that number and these files names.
   void remove_others(std::uint64_t number, const NamedFiles& named) const;
   std::filesystem::path session_;
@@ -133,6 +136,11 @@ class SessionWriter {
   std::vector<ChunkFile> keyframe_files_, loop_files_;
   std::vector<PartFiles> parts_;
 };
+
+/// The bytes of state.cbor, and the way back to them: whatever was written since, the session is then what they name.
+/// Whoever calls holds the session's lock. They throw std::runtime_error like read_session and write_whole.
+[[nodiscard]] std::vector<std::uint8_t> bytes_of_state(const std::filesystem::path& session);
+void restore_state(const std::filesystem::path& session, const std::vector<std::uint8_t>& bytes);
 
 /// Removes a session that something newer has replaced; whoever calls holds its lock.
 void remove_session(const std::filesystem::path& session, const SessionLock& lock);

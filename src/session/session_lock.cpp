@@ -12,6 +12,7 @@
 #include <iterator>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <thread>
 
 namespace cairn {
@@ -20,6 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kLock = "lock";                // in the session's folder
+constexpr std::string_view kWho = "process ";        // how what is in it begins
 constexpr auto kPatience = std::chrono::seconds(3);  // a killed process takes a moment to go
 constexpr std::size_t kLongest = 200;                // characters of a command line
 
@@ -35,7 +37,7 @@ std::string who_i_am() {
   for (char& c : command)
     if (static_cast<unsigned char>(c) < ' ') c = ' ';
   if (command.size() > kLongest) command.replace(kLongest, command.npos, "...");
-  return fmt::format("process {}: {}", getpid(), command);
+  return fmt::format("{}{}: {}", kWho, getpid(), command);
 }
 
 bool is_the_file_at(int descriptor, const fs::path& file) {
@@ -76,6 +78,12 @@ SessionLock::SessionLock(fs::path session) : session_(std::move(session)) {
     throw std::runtime_error(session_.string() + ": another run writes into it (" +
                              (who.empty() ? "which has just begun" : who) +
                              "); wait for its end, or choose another folder with -o");
+  }
+  if (const std::string before = text_of(file); !before.empty() && !before.starts_with(kWho)) {
+    lock_.reset();
+    throw std::runtime_error(file.string() +
+                             ": is a file of another kind, where a session has its lock; choose another "
+                             "folder with -o");
   }
   const std::string who = who_i_am();
   if (ftruncate(lock_->descriptor(), 0) == 0)

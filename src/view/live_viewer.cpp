@@ -71,7 +71,7 @@ struct LiveViewer::State {
   ImageContent content;  // of the last frame
   std::optional<Upright> upright;
   bool is_fresh = false;  // a frame came since the last update
-  int epoch = 0, dropped = 0, sent_parts = 0;
+  int epoch = 0, dropped = 0, sent_parts = 0, frames_before = 0;
   std::map<std::string, int> counts;  // frames by state
   FrameReport last;
   int skipped = 0;                                          // frames in a row
@@ -95,8 +95,9 @@ LiveViewer::~LiveViewer() = default;
 const ViewerSite& LiveViewer::site() const { return state_->server.site(); }
 bool LiveViewer::is_opened() const { return state_->server.is_opened(); }
 
-void LiveViewer::begin(Mapper& mapper, const Rig& rig, const Options& options) {
+void LiveViewer::begin(Mapper& mapper, const Rig& rig, const Options& options, int frames_before) {
   State& s = *state_;
+  s.frames_before = frames_before;
   s.mapper = &mapper;
   s.surface.emplace(mapper);
   s.rig = rig;
@@ -192,6 +193,7 @@ void LiveViewer::State::send_state(const char* status, const std::string& words,
                 {"status", status},
                 {"words", words},
                 {"frames", counts},
+                {"frames_before", frames_before},
                 {"skipped_to_keep_up", dropped},
                 {"memory_mb", memory_mb()},
                 {"feed", {{"things", held.things}, {"bytes", held.bytes}, {"requests", held.requests}}},

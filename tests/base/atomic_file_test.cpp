@@ -3,16 +3,41 @@
 #include "cairn/atomic_file.hpp"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <set>
 
+#include "base/file_lock.hpp"
+#include "base/system_file.hpp"
+#include "cairn/writable_folder.hpp"
 #include "support/files.hpp"
 
 namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
+
+/// Files have no more bytes than that while it lives.
+class FilesOf {
+ public:
+  explicit FilesOf(rlim_t bytes) {
+    getrlimit(RLIMIT_FSIZE, &before_);
+    const rlimit now{bytes, before_.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &now);
+  }
+  ~FilesOf() {
+    setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, signal_);
+  }
+  FilesOf(const FilesOf&) = delete;
+  FilesOf& operator=(const FilesOf&) = delete;
+
+ private:
+  rlimit before_{};
+  void (*signal_)(int) = std::signal(SIGXFSZ, SIG_IGN);
+};
 
 TEST(WriteWhole, LeavesTheOldFileWhenWritingFails) {
   const TemporaryFolder folder;
@@ -31,19 +56,42 @@ TEST(WriteWhole, TellsTheSystemsReasonAndWhatToDo) {
   // /dev/full is a disk without room; whoever writes need not look after it.
   EXPECT_NE(error_of([&] { write_whole("/proc/self/a.txt", "text"); }).find("make the folder first"),
             std::string::npos);
+  EXPECT_EQ(reason(ENOSPC).find("the disk is full (No space left on device): make room"), 0u);
+  // A limit on files is a disk without room; whoever writes need not look after it.
   const TemporaryFolder folder;
-  const fs::path link = folder / (".cairn-" + std::to_string(getpid()) + ".a.txt");
   for (const bool as_stream : {false, true}) {
-    fs::create_symlink("/dev/full", link);
+    const FilesOf limit(1 << 20);
+    const std::string much(3 << 20, 'x');
     const std::string error = error_of([&] {
       if (as_stream)
-        write_whole(folder / "a.txt", [](std::ostream& out) { out << std::string(3 << 20, 'x'); });
+        write_whole(folder / "a.txt", [&](std::ostream& out) { out << much; });
       else
-        write_whole(folder / "a.txt", "text");
+        write_whole(folder / "a.txt", much);
     });
-    EXPECT_NE(error.find("a.txt: the disk is full (No space left on device): make room"), std::string::npos) << error;
+    EXPECT_NE(error.find("a.txt: File too large: raise the limit on files"), std::string::npos) << error;
     EXPECT_TRUE(fs::is_empty(folder.path()));
   }
+}
+
+TEST(WriteWhole, LeavesAFileThatHasTheNameOfItsTemporaryOne) {
+  const TemporaryFolder folder;
+  const std::string name = ".cairn-" + std::to_string(getpid()) + ".a.txt";
+  write_text(folder / "victim", "mine");
+  write_text(folder / name, "mine");
+  fs::create_symlink(folder / "victim", folder / (".cairn-" + std::to_string(getpid()) + ".1.a.txt"));
+  write_whole(folder / "a.txt", "text");
+  EXPECT_EQ(read_bytes(folder / "a.txt"), "text");
+  EXPECT_EQ(read_bytes(folder / "victim"), "mine");
+  EXPECT_EQ(read_bytes(folder / name), "mine");
+}
+
+TEST(WriteWhole, TriesAFolderWithoutTouchingAFileInIt) {
+  const TemporaryFolder folder;
+  write_text(folder / ".cairn", "mine");
+  const auto before = bytes_below(folder.path());
+  expect_writable(folder.path());
+  EXPECT_TRUE(bytes_below(folder.path()) == before);
+  EXPECT_NE(error_of([] { expect_writable("/proc/self"); }).find("cannot write /proc/self: "), std::string::npos);
 }
 
 TEST(WriteWhole, SeeksInTheStreamAsInAFile) {
@@ -104,6 +152,88 @@ TEST(WriteFolder, TakesItsPlaceWhenItIsWhole) {
   EXPECT_EQ(std::distance(fs::directory_iterator(above.path()), {}), 1);
   EXPECT_NE(error_of([&] { write_folder("/proc/self/a", write("")); }).find("cannot write /proc/self/a: "),
             std::string::npos);
+}
+
+TEST(WriteFolder, LeavesWhatLiesBesideUnderAnyName) {
+  const TemporaryFolder above;
+  const std::string own = ".cairn-" + std::to_string(getpid()) + ".a";
+  for (const std::string& name : {std::string("a.part"), std::string(".cairn-4711.a"), own}) {
+    fs::create_directory(above / name);
+    write_text(above / name / "thesis.txt", "mine");
+  }
+  const auto before = bytes_below(above.path());
+  write_folder(above / "a", [](const fs::path& part) {
+    EXPECT_EQ(part.filename(), "a");
+    write_text(part / "new.txt", "new");
+  });
+  EXPECT_EQ(read_bytes(above / "a" / "new.txt"), "new");
+  fs::remove_all(above / "a");
+  EXPECT_TRUE(bytes_below(above.path()) == before);
+}
+
+TEST(WriteFolder, LeavesWhatWasPutThereWhileItWasWritten) {
+  const TemporaryFolder above;
+  EXPECT_NE(error_of([&] {
+              write_folder(above / "a", [&](const fs::path& part) {
+                write_text(part / "new.txt", "new");
+                fs::create_directory(above / "a");
+                write_text(above / "a" / "thesis.txt", "mine");
+              });
+            }).find("holds something else"),
+            std::string::npos);
+  EXPECT_EQ(read_bytes(above / "a" / "thesis.txt"), "mine");
+  EXPECT_EQ(std::distance(fs::directory_iterator(above.path()), {}), 1);
+}
+
+/// A staging folder as a killed program leaves it.
+void leave_staging(const fs::path& folder) {
+  fs::create_directories(folder);
+  write_text(folder / ".cairn-mark", "A folder that cairn makes for what it writes, and removes.\n");
+}
+
+TEST(WriteFolder, OfAKilledProgramIsRemovedOnceItIsMarkedAndNobodyHoldsIt) {
+  const TemporaryFolder above;
+  for (const char* name : {".cairn-4711.left", ".cairn-4711.held", ".cairn-4711.2.left"}) {
+    leave_staging(above / name);
+    fs::create_directory(above / name / "left");
+    write_text(above / name / "left" / "half.txt", "half");
+  }
+  fs::create_directory(above / ".cairn-4711.mine");
+  write_text(above / ".cairn-4711.mine" / ".cairn-mark", "another text");
+  {
+    const auto held = FileLock::take(above / ".cairn-4711.held" / ".cairn-mark", FileLock::Kind::exclusive);
+    remove_leftovers(above.path());
+    EXPECT_FALSE(fs::exists(above / ".cairn-4711.left"));
+    EXPECT_FALSE(fs::exists(above / ".cairn-4711.2.left"));
+    EXPECT_TRUE(fs::exists(above / ".cairn-4711.held" / "left" / "half.txt"));
+  }
+  remove_leftovers(above.path());
+  EXPECT_FALSE(fs::exists(above / ".cairn-4711.held"));
+  EXPECT_EQ(read_bytes(above / ".cairn-4711.mine" / ".cairn-mark"), "another text");
+}
+
+TEST(WriteFolder, OfAProgramKilledBetweenTwoRenamesComesBack) {
+  const TemporaryFolder above;
+  const auto leave = [&](bool has_content) {
+    leave_staging(above / ".cairn-4711.a");
+    fs::create_directory(above / ".cairn-4711.a" / ".cairn-aside");
+    write_text(above / ".cairn-4711.a" / ".cairn-aside" / "old.txt", "old");
+    if (has_content) fs::create_directory(above / ".cairn-4711.a" / "a");
+  };
+  leave(true);
+  remove_leftovers(above.path());
+  EXPECT_EQ(read_bytes(above / "a" / "old.txt"), "old");
+  EXPECT_FALSE(fs::exists(above / ".cairn-4711.a"));
+  // Something else has taken the place: nothing is removed.
+  leave(true);
+  remove_leftovers(above.path());
+  EXPECT_EQ(read_bytes(above / ".cairn-4711.a" / ".cairn-aside" / "old.txt"), "old");
+  // The new one had taken its place.
+  fs::remove_all(above / ".cairn-4711.a");
+  leave(false);
+  remove_leftovers(above.path());
+  EXPECT_FALSE(fs::exists(above / ".cairn-4711.a"));
+  EXPECT_EQ(read_bytes(above / "a" / "old.txt"), "old");
 }
 
 }  // namespace

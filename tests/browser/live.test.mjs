@@ -43,8 +43,10 @@ test('the mesh grows, the buttons work, and the result is written', () => inFold
     await until(async () => (await fusedIn(page)) > fused);
     await page.screenshot({ path: join(pictures, 'live.png') });
 
-    page.on('dialog', (dialog) => dialog.accept());
+    let told = '';
+    page.on('dialog', (dialog) => { told = dialog.message(); return dialog.accept(); });
     await page.getByRole('button', { name: 'Reset' }).click();
+    assert.match(told, /deletes the map of this run: [\d,]+ frames, on the disk as well\./);
     await until(async () => (await fusedIn(page)) < fused, () => 'the map was not thrown away');
     await until(async () => (await triangles(page)) > 1000);
     await page.getByRole('button', { name: 'Finish' }).click();

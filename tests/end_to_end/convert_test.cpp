@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "cairn/layouts.hpp"
 #include "cairn/source.hpp"
@@ -55,6 +56,12 @@ struct Input {
   }
 };
 
+std::set<std::string> names_in(const fs::path& folder) {
+  std::set<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder)) names.insert(entry.path().filename().string());
+  return names;
+}
+
 std::vector<Frame> read(const std::string& name) {
   std::vector<Frame> frames;
   const auto source = open_source(name);
@@ -85,7 +92,7 @@ TEST(Convert, KeepsAllOfTheRecording) {
     ASSERT_EQ(kept.size(), truth.size());
     for (std::size_t i = 0; i < truth.size(); ++i)
       EXPECT_TRUE(kept[i].world_from_camera.isApprox(truth[i].world_from_camera, 1e-6));
-    EXPECT_FALSE(fs::exists(in.out() + ".part"));
+    EXPECT_EQ(names_in(in.folder.path()), (std::set<std::string>{"in", "out"}));
   }
 }
 
@@ -129,15 +136,28 @@ TEST(Convert, KeepsWhatCameBeforeAFileIsCutOff) {
   EXPECT_EQ(read(in.out()).size(), std::size_t{kFrames - 1});
 }
 
+TEST(Convert, ReadsARecordingThatIsNamedAsTemporaryFoldersOnceWere) {
+  const Input in("tum");
+  fs::rename(in.folder / "in", in.folder / "out.part");
+  const auto before = bytes_below(in.folder / "out.part");
+  const Ran ran = run_cairn({"convert", in.folder / "out.part", "-o", in.out()});
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_TRUE(bytes_below(in.folder / "out.part") == before);
+  EXPECT_EQ(names_in(in.folder.path()), (std::set<std::string>{"out", "out.part"}));
+}
+
 TEST(Convert, RefusesWhatItCannotDoInOneLine) {
   const Input in("tum");
   expect_one_line(run_cairn({"convert", "openni:", "-o", in.out()}), 1, "is a sensor");
   expect_one_line(run_cairn({"convert", in.folder / "none", "-o", in.out()}), 1, "there is no such folder");
   expect_one_line(in.convert({"--frames", "100:"}), 1, "holds no frame that can be read");
-  EXPECT_FALSE(fs::exists(in.out()));
-  EXPECT_FALSE(fs::exists(in.out() + ".part"));
+  EXPECT_EQ(names_in(in.folder.path()), std::set<std::string>{"in"});
   write_text(in.folder / "notes.txt", "mine");
-  expect_one_line(run_cairn({"convert", in.name, "-o", in.folder.path().string()}), 1, "holds something else");
+  expect_one_line(run_cairn({"convert", in.name, "-o", in.folder.path().string()}), 1, "holds the input");
+  fs::create_directory(in.folder / "full");
+  write_text(in.folder / "full" / "notes.txt", "mine");
+  expect_one_line(run_cairn({"convert", in.name, "-o", in.folder / "full"}), 1, "holds something else");
+  EXPECT_EQ(read_bytes(in.folder / "full" / "notes.txt"), "mine");
   EXPECT_EQ(read_bytes(in.folder / "notes.txt"), "mine");
 }
 

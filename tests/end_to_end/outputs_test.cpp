@@ -210,6 +210,7 @@ TEST_F(Outputs, OfSynthAreReplacedOnlyWhenAsked) {
   EXPECT_TRUE(bytes_below(*folder / "ball") == before);
   EXPECT_EQ(run({"synth", "sphere", "-o", "ball", "--frames", "2", "--overwrite"}).exit_code, 0);
   EXPECT_TRUE(fs::exists(*folder / "ball" / "depth" / "0.033333.png"));
+  EXPECT_EQ(read_bytes(*folder / "ball" / "notes.txt"), "mine");
 }
 
 TEST_F(Outputs, AreWrittenAlsoWhenTheMeshCannotBe) {

@@ -8,6 +8,7 @@
 //                        fails; short: it alone, if it is a write, writes half
 //   CAIRN_FAULTS_LIMIT   bytes that a file may have: as RLIMIT_FSIZE, but for the device's memory, which
 //                        Mesa 25 keeps in anonymous files
+//   CAIRN_FAULTS_EXCHANGE  no: the disk cannot exchange two folders
 //   CAIRN_FAULTS_LOG     file that gets a line for each operation
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -173,6 +174,14 @@ int syncfs(int descriptor) {
 int rename(const char* from, const char* to) {
   if (is_inside(to) && fault("rename", to, false) != Fault::none) return -1;
   return next<int(const char*, const char*)>("rename")(from, to);
+}
+
+/// CAIRN_FAULTS_EXCHANGE=no: as on a disk that knows no flags of a rename.
+int renameat2(int from_folder, const char* from, int to_folder, const char* to, unsigned flags) {
+  if (is_inside(to) && flags != 0 && environment("CAIRN_FAULTS_EXCHANGE") == "no") return errno = EINVAL, -1;
+  if (is_inside(to) && fault("rename", to, false) != Fault::none) return -1;
+  using Rename = int(int, const char*, int, const char*, unsigned);
+  return next<Rename>("renameat2")(from_folder, from, to_folder, to, flags);
 }
 
 int mkdir(const char* path, mode_t mode) {

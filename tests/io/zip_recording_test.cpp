@@ -294,14 +294,20 @@ TEST(ZipRecording, RemovesWhatKilledProgramsHaveLeft) {
     return made;
   };
   const auto left = folder_of("cairn-unpacked-1", 10), young = folder_of("cairn-unpacked-2", 0),
-             held = folder_of("cairn-unpacked-3", 10), other = folder_of("other", 10);
+             held = folder_of("cairn-unpacked-3", 10), other = folder_of("other", 10),
+             own = folder_of("cairn-unpacked-mine", 10);
+  for (const auto& marked : {left, young, held, other}) {
+    const auto written = fs::last_write_time(marked);
+    write_text(marked / ".cairn-unpacked", "A .zip file that cairn unpacks here while it reads it, and removes.\n");
+    fs::last_write_time(marked, written);
+  }
   {
     const auto lock = FileLock::take(held, FileLock::Kind::exclusive);
     EXPECT_THROW((void)unpacked(folder / "a.zip"), std::runtime_error);
     EXPECT_FALSE(fs::exists(left));
-    for (const auto& kept : {young, held, other}) EXPECT_TRUE(fs::exists(kept)) << kept;
+    for (const auto& kept : {young, held, other, own}) EXPECT_TRUE(fs::exists(kept)) << kept;
   }
-  for (const auto& kept : {young, held, other}) fs::remove_all(kept);
+  for (const auto& kept : {young, held, other, own}) fs::remove_all(kept);
 }
 
 TEST(ZipRecording, IsReconstructedResumedAndRemovedByTheProgram) {

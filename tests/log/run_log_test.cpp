@@ -172,7 +172,10 @@ TEST(RunLog, TellsWhatIsWrongWithItsName) {
   write_text(folder / "x.mcap", "somebody's");
   EXPECT_NE(error_of([&] { RunLog(folder / "x.mcap"); }).find("exists; choose another name"), std::string::npos);
   EXPECT_EQ(read_bytes(folder / "x.mcap"), "somebody's");
-  EXPECT_NO_THROW(RunLog(folder / "x.mcap", true));
+  EXPECT_NE(error_of([&] { RunLog(folder / "x.mcap", true); }).find("is no log of an earlier run"), std::string::npos);
+  EXPECT_EQ(read_bytes(folder / "x.mcap"), "somebody's");
+  EXPECT_NO_THROW(RunLog(folder / "y.mcap"));
+  EXPECT_NO_THROW(RunLog(folder / "y.mcap", true));
   EXPECT_NE(error_of([&] { RunLog(folder / "none" / "x.mcap"); }).find("make the folder first"), std::string::npos);
 }
 

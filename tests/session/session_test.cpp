@@ -277,6 +277,32 @@ TEST(SessionFiles, OfKilledRunsAreRemovedAtTheNextStart) {
   EXPECT_TRUE(fs::is_empty(run / "keyframes"));
 }
 
+TEST(SessionFiles, OfSomebodyElseUnderARunsNameStay) {
+  const TemporaryFolder folder;
+  for (const char* name : {"run-0007", "run-0008/keyframes", "keyframes"}) fs::create_directories(folder / "s" / name);
+  write_text(folder / "s" / "run-0007" / "thesis.txt", "mine");
+  write_text(folder / "s" / "run-0008" / "keyframes" / "000001.png", "mine");
+  for (const char* name : {"keyframes/000001.depth.png", "submap-0001.vdb", "active-000001.vdb"})
+    write_text(folder / "s" / name, "mine");
+  const auto before = bytes_below(folder / "s");
+  for (int run = 0; run < 2; ++run) {
+    SessionWriter writer(folder / "s");
+    EXPECT_EQ(writer.files().filename(), "run-00" + std::string(run == 0 ? "09" : "10"));
+    for (int i = 0; i < 2; ++i) writer.write(small_session(), one_brick());
+  }
+  remove_session(folder / "s", SessionLock(folder / "s"));
+  EXPECT_TRUE(bytes_below(folder / "s") == before);
+}
+
+TEST(SessionFiles, AreNotLockedByAFileOfAnotherKind) {
+  const TemporaryFolder folder;
+  fs::create_directory(folder / "s");
+  write_text(folder / "s" / "lock", "mine");
+  EXPECT_NE(error_of([&] { const SessionLock lock(folder / "s"); }).find("is a file of another kind"),
+            std::string::npos);
+  EXPECT_EQ(read_bytes(folder / "s" / "lock"), "mine");
+}
+
 /// Names of files of one kind in a run's folder.
 std::set<std::string> named(const fs::path& run, const std::string& begin) {
   std::set<std::string> names = names_in(run);

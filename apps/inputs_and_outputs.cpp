@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "inputs_and_outputs.hpp"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <compare>
+#include <functional>
+#include <optional>
+#include <stdexcept>
+
+#include "cairn/parts.hpp"
+#include "cairn/source.hpp"
+#include "sources.hpp"
+
+namespace cairn::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kDepth = 4;                // folders below a recording's that are looked through
+constexpr int kMostEntries = 1'000'000;  // of them: links may lead to all of a disk
+constexpr int kLinks = 40;               // as many as Linux follows
+
+struct Identity {
+  dev_t device = 0;
+  ino_t inode = 0;
+  auto operator<=>(const Identity&) const = default;
+};
+
+/// Of what a path leads to, through links; nothing where nothing is.
+std::optional<Identity> identity_of(const fs::path& path) {
+  struct stat status {};
+  if (stat(path.c_str(), &status) != 0) return std::nullopt;
+  return Identity{status.st_dev, status.st_ino};
+}
+
+/// The path without links, also where its end does not exist yet.
+fs::path without_links(fs::path path) {
+  for (int link = 0; link < kLinks; ++link) {
+    path = tidy(path);
+    std::error_code error;
+    const fs::path target = fs::read_symlink(path, error);  // of one that leads nowhere
+    if (error) break;
+    path = path.parent_path() / target;
+  }
+  return path;
+}
+
+/// Whether `visit` is true of a folder above the path; from the nearest to the root.
+bool any_above(const fs::path& path, const std::function<bool(Identity)>& visit) {
+  const fs::path whole = without_links(path);
+  for (fs::path folder = whole.parent_path(), below = whole; folder != below;
+       below = folder, folder = folder.parent_path())
+    if (const auto identity = identity_of(folder); identity && visit(*identity)) return true;
+  return false;
+}
+
+using Visit = std::function<bool(const fs::directory_entry&)>;
+
+bool any_below(const fs::path& folder, const Visit& visit, int depth, int& left) {
+  std::error_code error, ignored;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end && left > 0; it.increment(error), --left) {
+    if (visit(*it)) return true;
+    if (depth > 0 && it->is_directory(ignored) && any_below(it->path(), visit, depth - 1, left)) return true;
+  }
+  return false;
+}
+
+/// Whether `visit` is true of something in a folder, or in a folder below; links are followed.
+bool any_below(const fs::path& folder, const Visit& visit) {
+  int left = kMostEntries;
+  return any_below(folder, visit, kDepth, left);
+}
+
+bool is_inside(const fs::path& output, const fs::path& input) {
+  std::vector<Identity> above;
+  (void)any_above(output, [&](Identity identity) {
+    above.push_back(identity);
+    return false;
+  });
+  const auto is_above = [&](const fs::path& folder) {
+    const auto identity = identity_of(folder);
+    return identity && std::find(above.begin(), above.end(), *identity) != above.end();
+  };
+  std::error_code ignored;
+  if (!fs::is_directory(input, ignored)) return false;
+  if (is_above(input)) return true;
+  const auto itself = identity_of(output);
+  return any_below(input, [&](const fs::directory_entry& entry) {
+    std::error_code none;
+    if (entry.is_directory(none) && is_above(entry.path())) return true;
+    return itself && identity_of(entry.path()) == itself;
+  });
+}
+
+bool holds(const fs::path& output, const fs::path& input) {
+  const auto itself = identity_of(output);
+  if (!itself) return false;
+  const auto is_it = [&](Identity identity) { return identity == *itself; };
+  if (any_above(input, is_it)) return true;
+  return any_below(input, [&](const fs::directory_entry& entry) {
+    std::error_code none;
+    return entry.is_symlink(none) && entry.is_directory(none) && any_above(entry.path(), is_it);
+  });
+}
+
+/// The recording that a plan's part is of; empty for what is no part, or a damaged one, which is told when it is
+/// opened.
+std::string recording_of_part(const std::string& sequence) {
+  if (is_synthetic(sequence) || is_sensor(sequence) || !fs::exists(fs::path(sequence) / "part.json")) return {};
+  const fs::path part = tidy(sequence);
+  try {
+    const PartsPlan plan = read_plan(part.parent_path().parent_path());
+    const auto it = std::find_if(plan.parts.begin(), plan.parts.end(),
+                                 [&](const auto& p) { return p.name == part.filename().string(); });
+    return it == plan.parts.end() ? std::string() : plan.recordings[it->recording].name;
+  } catch (const std::runtime_error&) {
+    return {};
+  }
+}
+
+}  // namespace
+
+Inputs& Inputs::add(const fs::path& path) {
+  if (!path.empty() && identity_of(path)) inputs_.push_back({.path = path});
+  return *this;
+}
+
+Inputs& Inputs::add_recording(const std::string& sequence) {
+  if (is_synthetic(sequence) || is_sensor(sequence)) return *this;
+  return add(sequence).add(recording_of_part(sequence));
+}
+
+Inputs& Inputs::add_map(const fs::path& map) {
+  std::error_code ignored;
+  if (!fs::is_directory(map, ignored) || fs::exists(map / "state.cbor")) return add(map);
+  inputs_.push_back({.path = map, .is_whole = false});
+  if (fs::exists(map / "session" / "state.cbor"))
+    add(map / "session");
+  else
+    add(map / "map.vdb");
+  if (!fs::exists(map / "plan.json")) return *this;
+  for (const char* name : {"plan.json", "parts", "cells", "loops"}) add(map / name);
+  for (fs::directory_iterator it(map / "maps", ignored), end; !ignored && it != end; it.increment(ignored))
+    add(it->path() / "session");
+  return *this;
+}
+
+void Inputs::expect_outside(const fs::path& output) const {
+  const auto itself = identity_of(output);
+  for (const Input& input : inputs_) {
+    if (itself && identity_of(input.path) == itself)
+      throw std::runtime_error(
+          fmt::format("{}: is the input {}, which stays as it is; choose another place for what "
+                      "is written",
+                      output.string(), input.path.string()));
+    if (input.is_whole && is_inside(output, input.path))
+      throw std::runtime_error(fmt::format(
+          "{}: is inside the input {}, where it would be a part of it; choose a place outside for what is written",
+          output.string(), input.path.string()));
+  }
+}
+
+void Inputs::expect_apart_from_file(const fs::path& output) const {
+  if (!output.empty()) expect_outside(output);
+}
+
+void Inputs::expect_apart_from_folder(const fs::path& output) const {
+  expect_outside(output);
+  for (const Input& input : inputs_)
+    if (holds(output, input.path))
+      throw std::runtime_error(fmt::format("{}: holds the input {}; choose a folder of its own for what is written",
+                                           output.string(), input.path.string()));
+}
+
+}  // namespace cairn::apps

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "base/staging_folder.hpp"
+
+#include <sys/file.h>
+#include <sys/stat.h>
+
+#include <array>
+#include <cstdio>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Beside the content: names that it never has, since they begin like temporary ones.
+constexpr const char *kMark = ".cairn-mark", *kAside = ".cairn-aside";
+constexpr std::string_view kMarkText = "A folder that cairn makes for what it writes, and removes.\n";
+
+int rename_to(const fs::path& from, const fs::path& to) {
+  return std::rename(from.c_str(), to.c_str()) == 0 ? 0 : errno;
+}
+
+bool is_full(int error) { return error == ENOTEMPTY || error == EEXIST; }
+
+/// On a disk that loses power, what was there goes only when the new one is on it.
+void sync_disk_of(const fs::path& folder) {
+  const SystemFile open(folder, O_RDONLY | O_DIRECTORY);
+  if (syncfs(open.descriptor()) != 0) throw SystemError{errno};
+}
+
+/// The folder in a staging one for what is written; empty where it has been moved to its place.
+fs::path content_of(const fs::path& staging) {
+  for (const auto& entry : fs::directory_iterator(staging))
+    if (const fs::path name = entry.path().filename(); name != kMark && name != kAside) return entry.path();
+  return {};
+}
+
+}  // namespace
+
+StagingFolder::StagingFolder(const fs::path& place) {
+  for (int number = 0;; ++number) {
+    folder_ = temporary_beside(place, number);
+    if (mkdir(folder_.c_str(), 0777) == 0) break;
+    if (errno != EEXIST || number == kTemporaryNames) throw SystemError{errno};
+  }
+  unfinished_.emplace(folder_);
+  content_ = folder_ / place.filename();
+  try {
+    mark_ = std::make_unique<SystemFile>(folder_ / kMark, O_RDWR | O_CREAT | O_EXCL);
+    (void)flock(mark_->descriptor(), LOCK_EX | LOCK_NB);  // where there are no locks, nothing is taken for left over
+    mark_->write(kMarkText.data(), kMarkText.size());
+    if (mkdir(content_.c_str(), 0777) != 0) throw SystemError{errno};
+  } catch (...) {
+    std::error_code ignored;
+    fs::remove_all(folder_, ignored);
+    throw;
+  }
+}
+
+StagingFolder::~StagingFolder() {
+  std::error_code ignored;
+  if (is_removed_) fs::remove_all(folder_, ignored);
+}
+
+void StagingFolder::take_the_place_of(const fs::path& place) {
+  int error = rename_to(content_, place);  // takes the place of an empty folder as well
+  if (error == 0) return;
+  if (!is_full(error)) throw SystemError{error};
+  sync_disk_of(content_);
+  if (renameat2(AT_FDCWD, content_.c_str(), AT_FDCWD, place.c_str(), RENAME_EXCHANGE) == 0) return;
+  if (errno != ENOSYS && errno != EINVAL && errno != ENOTSUP) throw SystemError{errno};
+  unfinished_.reset();  // from here on it holds what is not replaced yet
+  const fs::path aside = folder_ / kAside;
+  if ((error = rename_to(place, aside)) != 0) throw SystemError{error};
+  if ((error = rename_to(content_, place)) == 0) return;
+  if (rename_to(aside, place) == 0) throw SystemError{error};
+  is_removed_ = false;
+  throw std::runtime_error("cannot write " + place.string() + ": " + reason(error) + "; what was there is in " +
+                           aside.string());
+}
+
+void remove_left_staging(const fs::path& folder) {
+  try {
+    const SystemFile mark(folder / kMark, O_RDWR | O_NOFOLLOW);
+    if (flock(mark.descriptor(), LOCK_EX | LOCK_NB) != 0) return;
+    std::array<char, kMarkText.size() + 1> text{};
+    const ssize_t size = read(mark.descriptor(), text.data(), text.size());
+    if (size < 0 || std::string_view(text.data(), static_cast<std::size_t>(size)) != kMarkText) return;
+    std::error_code ignored;
+    const fs::path aside = folder / kAside;
+    if (const fs::path content = content_of(folder); fs::exists(aside) && !content.empty()) {
+      // Killed between two renames: nothing is at the place.
+      const fs::path place = folder.parent_path() / content.filename();
+      if (fs::exists(fs::symlink_status(place)) || rename_to(aside, place) != 0) return;
+    }
+    fs::remove_all(folder, ignored);
+  } catch (const SystemError&) {
+    // Nobody's mark, or another user's: it stays.
+  } catch (const fs::filesystem_error&) {
+  }
+}
+
+}  // namespace cairn

@@ -1,0 +1,11 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <string_view>
+
+namespace cairn {
+
+/// Whether a KeyframeStore names its files so.
+[[nodiscard]] bool is_keyframe_file(std::string_view name);
+
+}  // namespace cairn
