@@ -11,6 +11,7 @@
 #include <cctype>
 #include <cstring>
 #include <memory>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -31,6 +32,21 @@ constexpr std::uint64_t kTiffBytes = 1500;           // what a byte can at most 
 constexpr std::uint64_t kRoom = 1 << 16;             // bytes that any file may have
 constexpr tmsize_t kMostAtOnce = tmsize_t{1} << 28;  // bytes that libtiff may allocate in one piece
 constexpr const char* kKnown = "known are 16 bits, and floats of 32 or 64";
+
+/// The one channel of depth that was written as a picture. Throws where the first three channels differ.
+cv::Mat one_channel(const cv::Mat& image) {
+  if (image.channels() == 1) return image;
+  cv::Mat first, other;
+  cv::extractChannel(image, first, 0);
+  for (const int channel : {1, 2}) {
+    cv::extractChannel(image, other, channel);
+    if (std::memcmp(first.data, other.data, first.total() * first.elemSize()) != 0)
+      throw std::runtime_error(fmt::format(
+          "has {} channels of {} bits that differ; depth has one: write the channel that holds it as a 16-bit image",
+          image.channels(), 8 * image.elemSize1()));
+  }
+  return first;
+}
 
 /// Floats of 64 bits as such of 32.
 cv::Mat narrowed(cv::Mat image) {
@@ -84,22 +100,43 @@ T tag(TIFF* tiff, std::uint32_t name) {
   return value;
 }
 
-/// The type of cv::Mat that a TIFF's numbers need.
-int type_of(TIFF* tiff) {
-  const auto bits = tag<std::uint16_t>(tiff, TIFFTAG_BITSPERSAMPLE),
-             samples = tag<std::uint16_t>(tiff, TIFFTAG_SAMPLESPERPIXEL),
-             format = tag<std::uint16_t>(tiff, TIFFTAG_SAMPLEFORMAT),
-             packed = tag<std::uint16_t>(tiff, TIFFTAG_COMPRESSION);
-  const bool is_float = format == SAMPLEFORMAT_IEEEFP;
-  const auto refused = [&](const std::string& why) { return std::runtime_error("is a TIFF " + why); };
-  if (samples != 1) throw refused(fmt::format("of {} channels; depth has one", samples));
-  if (!(is_float ? bits == 32 || bits == 64 : bits == 16))
-    throw refused(fmt::format("of {} with {} bits; {}", is_float ? "floats" : "whole numbers", bits, kKnown));
+std::runtime_error refused(const std::string& why) { return std::runtime_error("is a TIFF " + why); }
+
+void check_packing(TIFF* tiff) {
+  const auto packed = tag<std::uint16_t>(tiff, TIFFTAG_COMPRESSION);
+  if (tag<std::uint16_t>(tiff, TIFFTAG_SAMPLESPERPIXEL) > 1 &&
+      tag<std::uint16_t>(tiff, TIFFTAG_PLANARCONFIG) != PLANARCONFIG_CONTIG)
+    throw refused("of one plane by channel; write its channels pixel by pixel");
   constexpr std::array kPackings{COMPRESSION_NONE, COMPRESSION_LZW, COMPRESSION_ADOBE_DEFLATE, COMPRESSION_DEFLATE,
                                  COMPRESSION_PACKBITS};
   if (std::find(kPackings.begin(), kPackings.end(), packed) == kPackings.end())
     throw refused(fmt::format("packed by method {}; known are none, LZW, Deflate and PackBits", packed));
-  return is_float ? (bits == 32 ? CV_32FC1 : CV_64FC1) : CV_16UC1;
+}
+
+/// The type of cv::Mat that a TIFF's numbers need.
+int type_of(TIFF* tiff) {
+  const auto bits = tag<std::uint16_t>(tiff, TIFFTAG_BITSPERSAMPLE),
+             samples = tag<std::uint16_t>(tiff, TIFFTAG_SAMPLESPERPIXEL),
+             format = tag<std::uint16_t>(tiff, TIFFTAG_SAMPLEFORMAT);
+  const bool is_float = format == SAMPLEFORMAT_IEEEFP;
+  if (samples != 1 && samples != 3) throw refused(fmt::format("of {} channels; depth has one", samples));
+  if (!(is_float ? bits == 32 || bits == 64 : bits == 16))
+    throw refused(fmt::format("of {} with {} bits; {}", is_float ? "floats" : "whole numbers", bits, kKnown));
+  check_packing(tiff);
+  return CV_MAKETYPE(is_float ? (bits == 32 ? CV_32F : CV_64F) : CV_16U, samples);
+}
+
+/// The type of cv::Mat that a TIFF's colors need.
+int type_of_color(TIFF* tiff) {
+  const auto bits = tag<std::uint16_t>(tiff, TIFFTAG_BITSPERSAMPLE),
+             samples = tag<std::uint16_t>(tiff, TIFFTAG_SAMPLESPERPIXEL),
+             kind = tag<std::uint16_t>(tiff, TIFFTAG_PHOTOMETRIC);
+  if (bits != 8 || (samples != 1 && samples != 3 && samples != 4) ||
+      kind != (samples == 1 ? PHOTOMETRIC_MINISBLACK : PHOTOMETRIC_RGB))
+    throw refused(fmt::format("of {} channels with {} bits; color has 8 bits of grey or of R, G, B: write PNG or JPEG",
+                              samples, bits));
+  check_packing(tiff);
+  return CV_MAKETYPE(CV_8U, samples);
 }
 
 /// Whether all rows were there. Strips hold whole rows.
@@ -131,7 +168,7 @@ bool read_tiles(TIFF* tiff, cv::Mat& image) {
   return true;
 }
 
-cv::Mat decode_tiff(std::span<const std::uint8_t> all, const ImageBound& bound) {
+cv::Mat decode_tiff(std::span<const std::uint8_t> all, const ImageBound& bound, int (*type_of)(TIFF*)) {
   TiffBytes bytes{all};
   const Tiff tiff = open_tiff(bytes);
   if (!tiff) throw std::runtime_error("is no TIFF that can be read: damaged or cut off");
@@ -144,7 +181,7 @@ cv::Mat decode_tiff(std::span<const std::uint8_t> all, const ImageBound& bound) 
   cv::Mat image(static_cast<int>(height), static_cast<int>(width), type);
   if (!(TIFFIsTiled(tiff.get()) != 0 ? read_tiles(tiff.get(), image) : read_strips(tiff.get(), image)))
     throw std::runtime_error("the file is cut off or damaged");
-  return narrowed(image);
+  return image;
 }
 
 // NPY: numpy.lib.format
@@ -237,12 +274,32 @@ cv::Mat decode_depth(std::span<const std::uint8_t> bytes, const ImageBound& boun
   using namespace std::string_view_literals;
   const std::string_view all(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   if (all.empty()) throw std::runtime_error("is empty, no image; copy it again");
-  if (all.starts_with("II*\0"sv) || all.starts_with("MM\0*"sv) || all.starts_with("II+\0"sv) ||
-      all.starts_with("MM\0+"sv))
-    return decode_tiff(bytes, bound);
+  if (is_tiff(bytes)) return narrowed(one_channel(decode_tiff(bytes, bound, type_of)));
   if (all.starts_with("\x93NUMPY")) return decode_npy(bytes, bound);
   if (all.starts_with("P5")) return decode_pgm(bytes, bound);
-  return decode_image(bytes, Pixels::as_stored, bound);
+  const cv::Mat image = decode_image(bytes, Pixels::as_stored, bound);
+  return image.depth() == CV_16U ? one_channel(image) : image;
+}
+
+bool is_tiff(std::span<const std::uint8_t> bytes) {
+  using namespace std::string_view_literals;
+  const std::string_view all(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  return all.starts_with("II*\0"sv) || all.starts_with("MM\0*"sv) || all.starts_with("II+\0"sv) ||
+         all.starts_with("MM\0+"sv);
+}
+
+bool is_depth_tiff(std::span<const std::uint8_t> all) {
+  TiffBytes bytes{all};
+  const Tiff tiff = open_tiff(bytes);
+  return tiff && tag<std::uint16_t>(tiff.get(), TIFFTAG_BITSPERSAMPLE) != 8;
+}
+
+cv::Mat decode_color_tiff(std::span<const std::uint8_t> bytes, const ImageBound& bound) {
+  const cv::Mat image = decode_tiff(bytes, bound, type_of_color);
+  cv::Mat rgba;
+  if (image.channels() == 4) return image;
+  cv::cvtColor(image, rgba, image.channels() == 1 ? cv::COLOR_GRAY2RGBA : cv::COLOR_RGB2RGBA);
+  return rgba;
 }
 
 }  // namespace cairn

@@ -22,6 +22,7 @@
 #include <string_view>
 
 #include "base/checked_count.hpp"
+#include "base/other_images.hpp"
 #include "cairn/atomic_file.hpp"
 #include "cairn/picture.hpp"
 
@@ -88,8 +89,8 @@ cv::Mat decode_png(std::span<const std::uint8_t> bytes, Pixels pixels) {
   int format = SPNG_FMT_RGB8, type = CV_8UC3;
   if (pixels == Pixels::rgba)
     format = SPNG_FMT_RGBA8, type = CV_8UC4;
-  else if (pixels == Pixels::as_stored && is_grey && header.bit_depth == 16)
-    format = SPNG_FMT_PNG, type = CV_16UC1;
+  else if (pixels == Pixels::as_stored && header.bit_depth == 16)
+    format = is_grey ? SPNG_FMT_PNG : SPNG_FMT_RGBA16, type = is_grey ? CV_16UC1 : CV_16UC4;
   else if (pixels == Pixels::as_stored && is_grey)
     format = SPNG_FMT_G8, type = CV_8UC1;
   cv::Mat image(static_cast<int>(header.height), static_cast<int>(header.width), type);
@@ -193,6 +194,12 @@ void check_image_size(std::uint64_t width, std::uint64_t height, const ImageBoun
 }
 
 cv::Mat decode_image(std::span<const std::uint8_t> bytes, Pixels pixels, const ImageBound& bound) {
+  if (const auto other = decode_other_image(bytes, bound)) {
+    if (pixels == Pixels::rgba) return *other;
+    cv::Mat rgb;
+    cv::cvtColor(*other, rgb, cv::COLOR_RGBA2RGB);
+    return rgb;
+  }
   const std::string_view all(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   const std::string_view end = all.substr(all.size() - std::min<std::size_t>(all.size(), 64));
   const bool png = all.starts_with("\x89PNG\r\n\x1a\n"), jpeg = all.starts_with("\xff\xd8\xff");

@@ -11,8 +11,8 @@
 
 namespace cairn {
 
-/// How pixels are wanted: grey of 8 or 16 bits as it is stored and all else as 8-bit R, G, B; 8-bit R, G, B; or with a
-/// fourth byte, 255 where there is no transparency.
+/// How pixels are wanted: grey of 8 or 16 bits as it is stored, a PNG's color of 16 bits as R, G, B, A of 16 bits and
+/// all else as 8-bit R, G, B; 8-bit R, G, B; or with a fourth byte, 255 where there is no transparency.
 enum class Pixels { as_stored, rgb, rgba };
 
 /// Pixels along a side that an image has at most: of a camera, and of a texture.
@@ -26,8 +26,9 @@ struct ImageBound {
   const char* camera = "camera";   // as the message names it
 };
 
-/// A whole PNG or JPEG, as it lies in the file (EXIF may say that it was turned). Throws std::runtime_error that says
-/// why not: cut off (the decoders fill the rest with grey), damaged, beyond `bound`, or larger than its bytes can be.
+/// A whole PNG, JPEG, BMP, WebP or TIFF of color, as it lies in the file (EXIF may say that it was turned). Throws
+/// std::runtime_error that says why not: cut off (the decoders fill the rest with grey), damaged, beyond `bound`, or
+/// larger than its bytes can be.
 [[nodiscard]] cv::Mat decode_image(std::span<const std::uint8_t> bytes, Pixels pixels, const ImageBound& bound = {});
 
 /// Throws std::runtime_error for a size beyond `bound`. For decoders of other formats.
