@@ -1,45 +1,106 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// ICL-NUIM (Handa et al. 2014): associations.txt with image numbers as times. Its camera has fy = -480; turning poses
-// by F T F with F = diag(1, -1, 1) makes it an ordinary camera.
+// Folders with a list of pairs, as TUM's associate.py writes it for ORB-SLAM and others; among them ICL-NUIM (Handa et
+// al. 2014), whose times are the images' numbers. Its camera has fy = -480; turning poses by F T F with F = diag(1, -1,
+// 1) makes it an ordinary camera.
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <set>
+#include <array>
 #include <stdexcept>
 
-#include "base/lines.hpp"
+#include "base/words.hpp"
+#include "cairn/known_cameras.hpp"
+#include "io/image_names.hpp"
 #include "io/recording.hpp"
+#include "io/stamped_list.hpp"
 
 namespace cairn {
+namespace {
 
-std::optional<Recording> read_icl_nuim(const std::filesystem::path& folder) {
-  namespace fs = std::filesystem;
-  const fs::path list = folder / "associations.txt";
-  if (!fs::exists(list) || fs::exists(folder / "depth.txt")) return std::nullopt;
+namespace fs = std::filesystem;
+constexpr double kIclRate = 1;  // Hz: numbers are taken as times
+
+std::optional<fs::path> list_in(const fs::path& folder) {
+  for (const char* name : {"associations.txt", "associate.txt", "association.txt", "associated.txt", "assoc.txt"})
+    if (fs::exists(folder / name)) return folder / name;
+  return std::nullopt;
+}
+
+bool is_depth(const Stamped& stamped, const fs::path& folder) {
+  return lower(stamped.image.lexically_relative(folder).string()).find("depth") != std::string::npos;
+}
+
+/// Evidence of ICL-NUIM: each image has its number as its name and as its time, and 640x480 pixels.
+bool is_icl_nuim(const std::vector<Stamped>& depth, const std::vector<Stamped>& color, const Camera& camera) {
+  for (const auto* list : {&depth, &color})
+    for (const Stamped& stamped : *list) {
+      const auto number = number_in<int>(stamped.image.stem().string());
+      if (!number || *number != stamped.timestamp) return false;
+    }
+  for (const Stamped& stamped : depth)
+    if (const auto size = size_of_image(stamped.image)) return *size == Eigen::Vector2i(camera.width, camera.height);
+  return false;
+}
+
+void turn_truth(Trajectory& truth) {
+  const Eigen::DiagonalMatrix<double, 3> flip(1.0, -1.0, 1.0);
+  for (auto& pose : truth) {
+    pose.world_from_camera.linear() = flip * pose.world_from_camera.linear() * flip;
+    pose.world_from_camera.translation() = flip * pose.world_from_camera.translation();
+  }
+}
+
+/// What is not there is left out: a shortened copy of a set may keep the whole list.
+void take_pairs(const fs::path& list, std::vector<Stamped>& depth, std::vector<Stamped>& color) {
+  std::vector<Stamped> kept_depth, kept_color;
+  std::error_code ignored;  // a name that no file can have
+  for (std::size_t i = 0; i < depth.size(); ++i)
+    if (fs::exists(depth[i].image, ignored)) {
+      kept_depth.push_back(std::move(depth[i]));
+      kept_color.push_back(std::move(color[i]));
+    }
+  if (kept_depth.empty()) throw std::runtime_error(list.string() + ": lists no image that exists");
+  depth = std::move(kept_depth);
+  color = std::move(kept_color);
+}
+
+}  // namespace
+
+std::optional<Recording> read_associations(const fs::path& folder) {
+  const auto list = list_in(folder);
+  if (!list || fs::exists(folder / "depth.txt")) return std::nullopt;
+  auto lists = read_stamped_lists(*list, 2);
+  auto &color = lists[0], &depth = lists[1];
+  if (!is_depth(depth[0], folder) && is_depth(color[0], folder)) std::swap(color, depth);
+  take_pairs(*list, depth, color);
   Recording recording;
-  recording.layout = "ICL-NUIM folder";
-  recording.rig.depth = {640, 480, 481.2, 480.0, 319.5, 239.5, {}};
-  std::set<int> numbers;
-  for_each_line(list, [&](int line, const std::vector<std::string>& words) {
-    if (words.size() != 4)
-      throw std::runtime_error(list.string() + ":" + std::to_string(line) + ": expected `number depth number colour`");
-    const double time = number_of(words[0], list, line);
-    const bool depth_first = words[1].starts_with("depth");
-    // A shortened copy of the set may keep the whole list.
-    const fs::path depth = folder / words[depth_first ? 1 : 3];
-    std::error_code ignored;  // a name that no file can have
-    if (fs::exists(depth, ignored)) recording.entries.push_back({time, depth, folder / words[depth_first ? 3 : 1]});
-  });
-  if (recording.entries.empty()) throw std::runtime_error(list.string() + ": lists no image that exists");
+  double units = 1;
+  const Camera icl = known_camera("icl-nuim")->camera;
+  const bool is_icl = is_icl_nuim(depth, color, icl) && !is_told_another(folder, icl);
+  if (is_icl) {
+    recording.layout = "ICL-NUIM folder";
+    recording.rig = icl;
+    recording.frame_rate = kIclRate;
+    recording.understood.push_back({"camera of", "ICL-NUIM's, by the numbers and the size of its images"});
+  } else {
+    recording.layout = fmt::format("folder with {}", list->filename().string());
+    recording.camera_is_missing = true;
+    recording.unit_is_told = false;
+    recording.invalid_depth = 65535;
+    units = units_per_second(depth);
+    divide_times(depth, units);
+    divide_times(color, units);
+  }
+  for (std::size_t i = 0; i < depth.size(); ++i)
+    recording.entries.push_back({.timestamp = depth[i].timestamp,
+                                 .depth = depth[i].image,
+                                 .colour = color[i].image,
+                                 .colour_delay = color[i].timestamp - depth[i].timestamp});
   std::stable_sort(recording.entries.begin(), recording.entries.end(),
                    [](const auto& a, const auto& b) { return a.timestamp < b.timestamp; });
-  if (fs::exists(folder / "groundtruth.txt")) {
-    recording.truth = read_trajectory(folder / "groundtruth.txt");
-    const Eigen::DiagonalMatrix<double, 3> flip(1.0, -1.0, 1.0);
-    for (auto& pose : recording.truth) {
-      pose.world_from_camera.linear() = flip * pose.world_from_camera.linear() * flip;
-      pose.world_from_camera.translation() = flip * pose.world_from_camera.translation();
-    }
-  }
+  add_motion(folder, recording, units);
+  if (is_icl) turn_truth(recording.truth);
   return recording;
 }
 

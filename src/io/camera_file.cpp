@@ -16,6 +16,7 @@
 #include "base/words.hpp"
 #include "cairn/atomic_file.hpp"
 #include "cairn/known_cameras.hpp"
+#include "io/intrinsics.hpp"
 #include "io/recording.hpp"
 
 namespace cairn {
@@ -189,7 +190,7 @@ CameraFile read_camera_file(const std::filesystem::path& file) {
 
 CameraFile camera_named(const std::filesystem::path& file_or_name) {
   std::error_code ignored;
-  if (std::filesystem::exists(file_or_name, ignored)) return read_camera_file(file_or_name);
+  if (std::filesystem::exists(file_or_name, ignored)) return read_intrinsics(file_or_name).camera;
   const KnownCamera* known = known_camera(file_or_name.string());
   if (known == nullptr) {
     std::vector<std::string_view> names;
@@ -215,6 +216,10 @@ Rig rig_named(const std::filesystem::path& file_or_name, const Rig& images) {
                                          file_or_name.string(), which, camera.width, camera.height, given.width,
                                          given.height));
   };
+  if (!file.has_size && known_camera(file_or_name.string()) == nullptr) {
+    rig.depth.width = images.depth.width, rig.depth.height = images.depth.height;
+    check(rig.depth);
+  }
   rig.depth = told(rig.depth, images.depth, "depth");
   if (rig.colour)
     rig.colour->camera = told(rig.colour->camera, images.colour_view(), "colour");

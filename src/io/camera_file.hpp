@@ -26,8 +26,8 @@ void check_frame_rate(double hertz);
 /// [x, y, z] and rotation [qx, qy, qz, qw] of colour_from_depth; `sensor`: the name of a SensorModel or its fields;
 /// `imu`: rotation [qx, qy, qz, qw] of camera_from_imu. Throws std::runtime_error with file and line, or file and key.
 [[nodiscard]] CameraFile read_camera_file(const std::filesystem::path& file);
-/// What a user names as a camera: such a file or, where there is none, one of known_cameras(), whose size is then not
-/// told. Throws std::runtime_error for what is neither.
+/// What a user names as a camera: a file as read_intrinsics() takes it or, where there is none, one of known_cameras(),
+/// whose size is then not told. Throws std::runtime_error for what is neither.
 [[nodiscard]] CameraFile camera_named(const std::filesystem::path& file_or_name);
 /// The same for images of these cameras, to whose sizes a known camera is scaled. Throws for other sizes.
 [[nodiscard]] Rig rig_named(const std::filesystem::path& file_or_name, const Rig& images);

@@ -27,9 +27,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace std::string_view_literals;
-constexpr double kFrameRate = 30;    // Hz, where neither names nor files tell
-constexpr std::size_t kSamples = 9;  // depth images that tell size and unit of all
-constexpr int kEvery = 7;            // pixel of these
+constexpr double kFrameRate = 30;  // Hz, where neither names nor files tell
 
 // In lower case, the likeliest first.
 constexpr std::array kDepthFolders{"depth"sv,        "depths"sv,      "depth_raw"sv,  "raw_depth"sv,
@@ -48,6 +46,7 @@ bool has_one(const std::string& name, const Words& words) {
 struct Images {
   fs::path depth_folder, colour_folder;
   std::vector<fs::path> depth, colour;
+  std::vector<std::string> passed_over;  // files of other kinds, a line for each folder
 };
 
 /// The first folder of some names that holds images, else the first with one of some words in its name.
@@ -63,6 +62,8 @@ std::pair<fs::path, std::vector<fs::path>> find_folder(const std::map<std::strin
       if (auto images = list(folder); !images.empty()) return {folder, std::move(images)};
   return {};
 }
+
+bool is_tiff_name(const fs::path& file) { return extension_of(file) == ".tif" || extension_of(file) == ".tiff"; }
 
 /// By their names, where some have `depth` in them, else by their kind of number.
 void sort_out(const fs::path& folder, Images& images) {
@@ -99,10 +100,30 @@ void sort_out(const fs::path& folder, Images& images) {
     return taken.contains(file) || has_one(lower(file.stem().string()), kOthers) ||
            lower(file.stem().string()).find("depth") != std::string::npos;
   });
+  // Depth that exists as TIFF, too, is no color.
+  if (std::any_of(images.colour.begin(), images.colour.end(), [](const fs::path& file) { return !is_tiff_name(file); }))
+    std::erase_if(images.colour, is_tiff_name);
   const auto is_named = [](const fs::path& file) { return has_one(lower(file.stem().string()), kColourWords); };
   if (std::any_of(images.colour.begin(), images.colour.end(), is_named))
     std::erase_if(images.colour, [&](const fs::path& file) { return !is_named(file); });
   images.depth_folder = images.colour_folder = folder;
+}
+
+/// A line for each folder of depth or color in which files of a kind that is not read are passed over.
+void note_others(const std::map<std::string, fs::path>& folders, Images& images) {
+  const auto note = [&](const fs::path& folder, const std::vector<fs::path>& taken, const char* remedy) {
+    const auto words = passed_over_in(folder, taken);
+    if (words) images.passed_over.push_back(fmt::format("{}: {}", *words, remedy));
+    return words.has_value();
+  };
+  constexpr const char* kConvert = "convert them to PNG or JPEG";
+  note(images.depth_folder, images.depth, "convert them to PNG of 16 bits, TIFF or NPY");
+  if (!images.colour.empty()) {
+    note(images.colour_folder, images.colour, kConvert);
+    return;
+  }
+  for (const std::string_view name : kColourFolders)
+    if (const auto it = folders.find(std::string(name)); it != folders.end() && note(it->second, {}, kConvert)) return;
 }
 
 Images find_images(const fs::path& folder) {
@@ -114,11 +135,13 @@ Images find_images(const fs::path& folder) {
   Images images;
   std::tie(images.depth_folder, images.depth) =
       find_folder(folders, kDepthFolders, std::array{"depth"sv}, true, depth_images_in);
-  if (images.depth.empty())
+  if (images.depth.empty()) {
     sort_out(folder, images);
-  else
+  } else {
     std::tie(images.colour_folder, images.colour) =
         find_folder(folders, kColourFolders, kColourWords, false, images_in);
+    note_others(folders, images);
+  }
   return images;
 }
 
@@ -172,7 +195,7 @@ void add_truth(const fs::path& folder, Recording& recording) {
   }
 }
 
-void pair_up(const Images& images, double rate, Recording& recording) {
+void pair_up(const Images& images, Recording& recording) {
   const auto names = numbering_of(images.depth), colours = numbering_of(images.colour);
   const auto pairs = pair_images(images.depth, names, images.colour, colours);
   const auto relative = [&](const fs::path& file) { return file.parent_path().filename() / file.filename(); };
@@ -185,7 +208,7 @@ void pair_up(const Images& images, double rate, Recording& recording) {
   const double first = !numbered || names.is_time() ? 0 : *std::min_element(names.values.begin(), names.values.end());
   for (std::size_t i = 0; i < images.depth.size(); ++i) {
     const double time =
-        names.is_time() ? names.values[i] : (numbered ? names.values[i] - first : static_cast<double>(i)) / rate;
+        names.is_time() ? names.values[i] : (numbered ? names.values[i] - first : static_cast<double>(i)) / kFrameRate;
     Recording::Entry entry{.timestamp = time, .depth = images.depth[i]};
     if (const int c = pairs->colour[i]; c >= 0) {
       entry.colour = images.colour[static_cast<std::size_t>(c)];
@@ -207,11 +230,10 @@ void pair_up(const Images& images, double rate, Recording& recording) {
   if (!images.colour.empty())
     tell("pairing", fmt::format("by {}; {} depth and {} colour images have no partner", name_of(pairs->by),
                                 pairs->alone, pairs->colour_alone));
-  tell("times", names.is_time()
-                    ? fmt::format("{} in the names", name_of(names.unit))
-                    : fmt::format("{}, {:g} a second{}",
-                                  numbered ? "numbers in the names count frames" : "in the order of the names", rate,
-                                  rate == kFrameRate ? " assumed (frame_rate in camera.yaml tells another)" : ""));
+  tell("times", names.is_time() ? fmt::format("{} in the names", name_of(names.unit))
+                : numbered      ? "numbers in the names count frames"
+                                : "in the order of the names");
+  if (!names.is_time()) recording.frame_rate = kFrameRate;
   if (pairs->by == Pairs::By::order && images.depth.size() > 1)
     recording.warnings.push_back(
         "the names do not tell which colour image belongs to which depth image: they are paired in their order");
@@ -234,84 +256,6 @@ void pair_up(const Images& images, double rate, Recording& recording) {
   }
 }
 
-/// Values of some depth images of a recording.
-struct Sample {
-  std::size_t tried = 0;
-  std::map<std::pair<int, int>, int> sizes;  // and how many have each
-  bool is_float = false;
-  std::vector<double> values;  // that are measurements, in the images' unit, sorted
-  std::string first_problem;
-  [[nodiscard]] Eigen::Vector2i usual_size() const {
-    const auto most =
-        std::max_element(sizes.begin(), sizes.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
-    return {most->first.first, most->first.second};
-  }
-};
-
-Sample sample(const std::vector<Recording::Entry>& entries) {
-  Sample seen;
-  seen.tried = std::min(entries.size(), kSamples);
-  for (std::size_t k = 0; k < seen.tried; ++k) {
-    const fs::path& file = entries[seen.tried < 2 ? 0 : (entries.size() - 1) * k / (seen.tried - 1)].depth;
-    try {
-      cv::Mat image = decode_depth(read_whole(file));
-      if (image.type() != CV_16UC1 && image.type() != CV_32FC1)
-        throw std::runtime_error("is a picture of 8 bits; depth must be a 16-bit image with one channel");
-      ++seen.sizes[{image.cols, image.rows}];
-      seen.is_float = image.type() == CV_32FC1;
-      image.convertTo(image, CV_32F);
-      for (int i = 0; i < static_cast<int>(image.total()); i += kEvery)
-        if (const float v = image.ptr<float>()[i]; std::isfinite(v) && v > 0 && v != 65535)
-          seen.values.push_back(static_cast<double>(v));
-    } catch (const std::exception& error) {
-      if (seen.first_problem.empty()) seen.first_problem = file.string() + ": " + error.what();
-    }
-  }
-  std::sort(seen.values.begin(), seen.values.end());
-  return seen;
-}
-
-struct Unit {
-  double per_metre;
-  const char* words;
-};
-constexpr Unit kMetres{1, "metres"}, kMillimetres{1000, "millimetres"}, kTum{5000, "units of 1/5000 m"},
-    kTenth{10000, "units of 0.1 mm"};
-
-/// The unit in which the median is what a depth camera sees indoors.
-Unit guess_unit(const Sample& seen) {
-  constexpr double kNearest = 0.15, kFarthest = 6.5;    // metres, of a median
-  constexpr double kRoom = 4000, kMostInRoom = 10'000;  // millimetres: median, and what few see, of a depth camera
-  constexpr std::size_t kFewValues = 20;
-  if (seen.values.empty()) return seen.is_float ? kMetres : kMillimetres;
-  const double median = seen.values[seen.values.size() / 2];
-  const auto fits = [&](const Unit& unit) {
-    return median >= kNearest * unit.per_metre && median <= kFarthest * unit.per_metre;
-  };
-  if (seen.is_float) return fits(kMillimetres) ? kMillimetres : kMetres;
-  // TUM's tools multiply millimetres by five. Where there are few values, or all are multiples of ten, that says
-  // nothing.
-  const auto all_are_multiples = [&](double of) {
-    return std::all_of(seen.values.begin(), seen.values.end(), [&](double v) { return std::fmod(v, of) == 0; });
-  };
-  const std::set<double> different(seen.values.begin(), seen.values.end());
-  if (fits(kTum) && different.size() >= kFewValues && all_are_multiples(5) && !all_are_multiples(10)) return kTum;
-  // As millimetres, TUM's desks at 1.1 m would be halls.
-  if (fits(kTum) && median > kRoom && seen.values[seen.values.size() * 99 / 100] > kMostInRoom) return kTum;
-  for (const Unit& unit : {kMillimetres, kTum, kTenth})
-    if (fits(unit)) return unit;
-  return kMillimetres;
-}
-
-/// The cameras now that their sizes are known.
-void check_in(const Recording& recording) {
-  try {
-    check(recording.rig);
-  } catch (const std::runtime_error& error) {
-    throw std::runtime_error(fmt::format("{}: {}", recording.entries[0].depth.parent_path().string(), error.what()));
-  }
-}
-
 }  // namespace
 
 std::optional<Recording> read_image_folder(const fs::path& folder) {
@@ -324,72 +268,21 @@ std::optional<Recording> read_image_folder(const fs::path& folder) {
   recording.is_plain = true;
   recording.unit_is_told = false;
   recording.invalid_depth = 65535;
-  double rate = kFrameRate;
-  if (file) {
-    const Intrinsics intrinsics = read_intrinsics(*file);
-    recording.rig = intrinsics.camera.rig;
-    recording.size_is_told = intrinsics.camera.has_size;
-    recording.unit_is_told = intrinsics.camera.depth_scale.has_value() || intrinsics.is_open3d;
-    recording.depth_scale = intrinsics.camera.depth_scale.value_or(kMillimetres.per_metre);
-    rate = intrinsics.camera.frame_rate.value_or(rate);
-    recording.understood.push_back({"camera of", file->string()});
-    if (file->filename() == "intrinsics.json") recording.layout = "folder with intrinsics.json";
-    if (intrinsics.is_open3d) recording.layout = "Open3D folder";
-  }
+  recording.camera_is_missing = true;
+  if (file && lower(file->filename().string()) == "intrinsics.json") recording.layout = "folder with intrinsics.json";
   if (images.depth.empty())
     throw std::runtime_error(
         fmt::format("{}: has {}, but no depth images: they are looked for in depth, depths or depth_raw, "
                     "or beside the others by `depth` in their names",
                     folder.string(), file->filename().string()));
-  pair_up(images, rate, recording);
-  if (!file) recording.camera_missing = folder;
+  pair_up(images, recording);
+  recording.warnings.insert(recording.warnings.end(), images.passed_over.begin(), images.passed_over.end());
   add_truth(folder, recording);
   return recording;
 }
 
 std::optional<Recording> read_intrinsics_folder(const fs::path& folder) {
   return fs::exists(folder / "intrinsics.json") ? read_image_folder(folder) : std::nullopt;
-}
-
-void see_images(Recording& recording) {
-  const Sample seen = sample(recording.entries);
-  if (seen.sizes.empty()) {
-    if (recording.size_is_told && recording.unit_is_told) return;  // each frame tells its problem
-    throw std::runtime_error(
-        fmt::format("{}; {} of {} depth images were tried", seen.first_problem, seen.tried, recording.entries.size()));
-  }
-  const Eigen::Vector2i size = seen.usual_size();
-  Camera& camera = recording.rig.depth;
-  if (!recording.camera_missing.empty()) {
-    camera = scaled_to(Camera{}, size);  // for the message
-    return;
-  }
-  if (!recording.size_is_told) {
-    camera.width = size.x(), camera.height = size.y();
-    check_in(recording);
-  } else if (seen.sizes.count({camera.width, camera.height}) == 0) {
-    const double stretch =
-        static_cast<double>(size.x()) * camera.height / (static_cast<double>(size.y()) * camera.width);
-    if (!(std::abs(stretch - 1) <= kMostStretch))
-      throw std::runtime_error(fmt::format("{}: is {}x{}, the camera {}x{}: tell the camera of the depth images",
-                                           recording.entries[0].depth.string(), size.x(), size.y(), camera.width,
-                                           camera.height));
-    recording.understood.push_back({"scaled", fmt::format("the camera of {}x{} pixels to the depth images' {}x{}",
-                                                          camera.width, camera.height, size.x(), size.y())});
-    camera = scaled_to(camera, size);
-    check_in(recording);
-  }
-  if (recording.unit_is_told) {
-    recording.understood.push_back({"unit of depth", fmt::format("{:g} a metre", recording.depth_scale)});
-    return;
-  }
-  const Unit unit = guess_unit(seen);
-  recording.depth_scale = unit.per_metre;
-  const double median = seen.values.empty() ? 0 : seen.values[seen.values.size() / 2] / unit.per_metre;
-  recording.understood.push_back({"unit of depth", fmt::format("{} assumed: median {:.1f} m", unit.words, median)});
-  recording.notes.push_back(
-      fmt::format("depth in {} assumed: median {:.1f} m; say depth_scale (units per metre) in camera.yaml if not",
-                  unit.words, median));
 }
 
 }  // namespace cairn

@@ -21,7 +21,10 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::string_view_literals;
 
-constexpr std::array kColour{".png"sv, ".jpg"sv, ".jpeg"sv};
+constexpr std::array kColour{".png"sv, ".jpg"sv, ".jpeg"sv, ".webp"sv, ".bmp"sv, ".tiff"sv, ".tif"sv};  // best first
+constexpr std::array kNotRead{".heic"sv, ".heif"sv, ".avif"sv, ".jxl"sv, ".jp2"sv, ".gif"sv, ".ppm"sv, ".pgm"sv,
+                              ".pnm"sv,  ".tga"sv,  ".exr"sv,  ".hdr"sv, ".pfm"sv, ".raw"sv, ".bin"sv, ".dng"sv,
+                              ".npz"sv,  ".mat"sv,  ".mp4"sv,  ".mov"sv, ".avi"sv, ".mkv"sv, ".dat"sv};
 constexpr std::array kDepth{".npy"sv, ".tiff"sv, ".tif"sv, ".png"sv, ".pgm"sv};  // the richest first
 constexpr std::size_t kMostNear = 1000;  // images at an image's time, more than any camera takes
 constexpr double kLeastSecond = 1e-3;    // between images whose names are seconds with a point
@@ -234,12 +237,14 @@ std::vector<fs::path> files_in(const fs::path& folder, std::span<const std::stri
   return files;
 }
 
-std::vector<fs::path> images_in(const fs::path& folder) { return files_in(folder, kColour); }
+namespace {
 
-std::vector<fs::path> depth_images_in(const fs::path& folder) {
-  auto files = files_in(folder, kDepth);
-  const auto rank = [](const fs::path& file) {
-    return std::find(kDepth.begin(), kDepth.end(), extension_of(file)) - kDepth.begin();
+/// Of several files with one stem the one whose extension comes first.
+template <class Extensions>
+std::vector<fs::path> best_in(const fs::path& folder, const Extensions& extensions) {
+  auto files = files_in(folder, extensions);
+  const auto rank = [&](const fs::path& file) {
+    return std::find(extensions.begin(), extensions.end(), extension_of(file)) - extensions.begin();
   };
   std::map<std::string, fs::path> best;
   for (const auto& file : files)
@@ -247,6 +252,23 @@ std::vector<fs::path> depth_images_in(const fs::path& folder) {
       it->second = file;
   std::erase_if(files, [&](const fs::path& file) { return best.at(file.stem().string()) != file; });
   return files;
+}
+
+}  // namespace
+
+std::vector<fs::path> images_in(const fs::path& folder) { return best_in(folder, kColour); }
+
+std::vector<fs::path> depth_images_in(const fs::path& folder) { return best_in(folder, kDepth); }
+
+std::optional<std::string> passed_over_in(const fs::path& folder, std::span<const fs::path> taken) {
+  std::map<std::string, int> kinds;
+  for (const auto& file : files_in(folder, kNotRead))
+    if (std::find(taken.begin(), taken.end(), file) == taken.end()) ++kinds[extension_of(file)];
+  const auto most =
+      std::max_element(kinds.begin(), kinds.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  if (most == kinds.end()) return std::nullopt;
+  return fmt::format("{} {} {} in {} {} not read", most->second, most->second == 1 ? "file" : "files", most->first,
+                     folder.filename().string(), most->second == 1 ? "is" : "are");
 }
 
 Numbering numbering_of(std::span<const fs::path> images) {

@@ -22,10 +22,15 @@ namespace cairn {
 /// order; none where there is no such folder. Hidden files and what macOS leaves beside them (._NAME) are no images.
 [[nodiscard]] std::vector<std::filesystem::path> files_in(const std::filesystem::path& folder,
                                                           std::span<const std::string_view> extensions);
-/// PNG and JPEG.
+/// Of color: PNG, JPEG, WebP, BMP and TIFF. Of several with one stem, they go in this order.
 [[nodiscard]] std::vector<std::filesystem::path> images_in(const std::filesystem::path& folder);
 /// What depth can be: PNG, TIFF, NPY and PGM. Of several with one stem, NPY goes before TIFF before PNG.
 [[nodiscard]] std::vector<std::filesystem::path> depth_images_in(const std::filesystem::path& folder);
+
+/// "60 files .heic in color are not read": of the kind of image or video that most of a folder's files beside `taken`
+/// have and no reader knows; nothing where there are none.
+[[nodiscard]] std::optional<std::string> passed_over_in(const std::filesystem::path& folder,
+                                                        std::span<const std::filesystem::path> taken);
 
 /// What stands in the names of a set of images.
 struct Numbering {

@@ -13,12 +13,14 @@
 #include <stdexcept>
 #include <vector>
 
+#include "base/lines.hpp"
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
 #include "cairn/file_name.hpp"
 #include "cairn/known_cameras.hpp"
 #include "io/image_names.hpp"
 #include "io/json_fields.hpp"
+#include "io/other_cameras.hpp"
 
 namespace cairn {
 namespace {
@@ -29,6 +31,10 @@ constexpr double kMostSkew = 1e-3;          // of fx
 constexpr std::size_t kMostText = 1 << 16;  // bytes of a file of a few numbers
 constexpr const char* kJson = "width, height, fx, fy, cx, cy and depth_scale (units per metre)";
 constexpr const char* kText = "a 3x3 or 4x4 matrix, `fx fy cx cy`, or lines such as `fx: 525`";
+
+/// Of apps on phones, which have other things in them in other programs' folders: taken where they tell a camera.
+constexpr std::array kPerhaps{"metadata.json", "info.json"};
+constexpr const char* kFrameJson = "frame_";  // frame_00000.json of 3D Scanner App
 
 /// In lower case; the first that is there is taken.
 constexpr std::array kFiles{"camera.yaml",
@@ -166,7 +172,8 @@ void take(const Json& given, Intrinsics& found) {
     file.depth_scale = number_at(json, "depth_scale");
     check_depth_scale(*file.depth_scale);
   }
-  if (json.contains("frame_rate")) file.frame_rate = number_at(json, "frame_rate");
+  for (const char* name : {"frame_rate", "fps"})  // the second of Record3D
+    if (json.contains(name) && !file.frame_rate) file.frame_rate = number_at(json, name);
   if (file.frame_rate) check_frame_rate(*file.frame_rate);
 }
 
@@ -233,6 +240,7 @@ CameraFile read_yaml(const fs::path& path) {
     std::string text(bytes.begin(), bytes.end());
     if (text.starts_with("%YAML")) text.erase(0, text.find('\n'));  // OpenCV writes it as `%YAML:1.0`
     const YAML::Node y = YAML::Load(text);
+    if (const auto settings = orb_slam_camera(y)) return *settings;
     if (y.IsMap() && (y["camera_matrix"] || y["K"] || y["k"])) return {.rig = camera_of_ros(y)};
   } catch (const YAML::Exception& error) {
     throw std::runtime_error(path.string() + ":" + std::to_string(error.mark.line + 1) + ": " + shown(error.msg));
@@ -255,6 +263,52 @@ const char* one_of(const YAML::Node& y, std::initializer_list<const char*> names
   return nullptr;
 }
 
+/// fx, fy, cx and cy of the left 3x3 numbers of a matrix row by row. Throws where its zeros are in other places.
+void take_rows(const std::vector<double>& m, const char* name, Camera& camera) {
+  const std::size_t columns = m.size() / 3;
+  const auto k = [&](std::size_t r, std::size_t c) { return m[columns * r + c]; };
+  if (!(k(2, 2) == 1 && k(2, 0) == 0 && k(2, 1) == 0 && k(1, 0) == 0 &&
+        std::abs(k(0, 1)) <= kMostSkew * std::abs(k(0, 0))))
+    throw std::runtime_error(fmt::format("`{}` is not [fx, 0, cx, 0, fy, cy, 0, 0, 1]", name));
+  camera.fx = k(0, 0), camera.fy = k(1, 1), camera.cx = k(0, 2), camera.cy = k(1, 2);
+}
+
+/// RTAB-Map leaves zeros in camera_matrix of rectified images: their camera is projection_matrix. False: it is not.
+bool take_projection(const YAML::Node& y, const std::vector<double>& k, Camera& camera) {
+  const char* name = one_of(y, {"projection_matrix", "P", "p"});
+  if (k[4] != 0 || k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || name == nullptr) return false;
+  const auto p = list_of(y, name);
+  if (p.size() != 12) throw std::runtime_error(fmt::format("`{}` takes 12 numbers", name));
+  take_rows(p, name, camera);
+  return true;
+}
+
+/// COLMAP's cameras.txt, whatever its name: `1 PINHOLE 640 480 ...`.
+bool is_colmap(const fs::path& file) {
+  bool is_first = true, is_model = false;
+  std::error_code ignored;
+  if (fs::file_size(file, ignored) > kMostText || ignored) return file.filename() == "cameras.txt";
+  for_each_line(file, [&](int, const std::vector<std::string>& words) {
+    if (is_first)
+      is_model = words.size() > 4 && number_in<int>(words[0]) &&
+                 words[1].find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZ_") == words[1].npos;
+    is_first = false;
+  });
+  return is_model || file.filename() == "cameras.txt";
+}
+
+bool tells_camera(const fs::path& file) {
+  try {
+    (void)read_intrinsics(file);
+    return true;
+  } catch (const std::runtime_error&) {
+    return false;
+  }
+}
+
+/// Whether camera files are those of one program: of several of ORB-SLAM's settings nothing says which is meant.
+bool are_one(const std::vector<fs::path>& files) { return files.size() == 1 || files[0].filename() == "cameras.txt"; }
+
 }  // namespace
 
 Camera camera_of_ros(const YAML::Node& y) {
@@ -265,10 +319,12 @@ Camera camera_of_ros(const YAML::Node& y) {
   for (const auto& [name, usual] :
        {std::pair{width, "image_width"}, {height, "image_height"}, {matrix, "camera_matrix"}})
     if (name == nullptr) throw std::runtime_error(fmt::format("`{}` is missing", usual));
+  Camera camera{.width = y[width].as<int>(), .height = y[height].as<int>()};
   const auto k = list_of(y, matrix);
   if (k.size() != 9) throw std::runtime_error(fmt::format("`{}` takes 9 numbers", matrix));
-  Camera camera{y[width].as<int>(), y[height].as<int>(), k[0], k[4], k[2], k[5], {}};
-  if (terms != nullptr) {
+  const bool is_rectified = take_projection(y, k, camera);
+  if (!is_rectified) take_rows(k, matrix, camera);
+  if (terms != nullptr && !is_rectified) {
     auto d = list_of(y, terms);
     const auto model = y["distortion_model"] ? y["distortion_model"].as<std::string>() : "";
     const bool fisheye = model == "fisheye" || model == "equidistant";
@@ -289,6 +345,13 @@ std::optional<fs::path> intrinsics_file(const fs::path& folder) {
     if (!entry.is_directory(ignored)) present.emplace(lower(entry.path().filename().string()), entry.path());
   for (const char* name : kFiles)
     if (const auto it = present.find(name); it != present.end()) return it->second;
+  if (const auto others = other_camera_files(folder); !others.empty() && are_one(others)) return others[0];
+  for (const char* name : kPerhaps)
+    if (const auto it = present.find(name); it != present.end() && tells_camera(it->second)) return it->second;
+  // Its camera changes a little with the focus; the first frame's is taken.
+  if (const auto it = present.lower_bound(kFrameJson); it != present.end() && it->first.starts_with(kFrameJson) &&
+                                                       it->first.ends_with(".json") && tells_camera(it->second))
+    return it->second;
   // As ScanNet's images are unpacked, and 3DMatch's, where sequences share a camera.
   for (const auto& file : {folder / "intrinsic" / "intrinsic_depth.txt",
                            fs::absolute(folder).lexically_normal() / "../camera-intrinsics.txt"})
@@ -303,14 +366,43 @@ Intrinsics read_intrinsics(const fs::path& file) {
     read_json(file, kJson, [&](const Json& json) { take(json, found); });
   } else if (extension == ".txt") {
     try {
-      take_words(words_of(file), found);
+      if (is_colmap(file))
+        found.camera = colmap_camera(file);
+      else
+        take_words(words_of(file), found);
     } catch (const std::runtime_error& error) {
       throw std::runtime_error(file.string() + ": " + error.what());
     }
+  } else if (extension == ".bin") {
+    throw std::runtime_error(
+        file.string() + ": is binary; write COLMAP's model as text with `colmap model_converter --output_type TXT`");
   } else {
     found.camera = read_yaml(file);
   }
   return found;
+}
+
+std::string passed_over_cameras(const fs::path& folder) {
+  constexpr std::array kWords{"cam", "calib", "intrin"};
+  constexpr std::array<std::string_view, 8> kKinds{".yaml", ".yml", ".json", ".txt", ".xml", ".bin", ".ini", ".cfg"};
+  std::vector<fs::path> files = other_camera_files(folder);
+  std::string words;
+  if (files.size() > 1) {
+    for (const fs::path& file : files) words += (words.empty() ? "" : " and ") + file.filename().string();
+    return words + " each tell a camera: give one of them with --camera; ";
+  }
+  for (const auto& file : files_in(folder, kKinds)) {
+    const std::string name = lower(file.filename().string());
+    if (std::none_of(kWords.begin(), kWords.end(), [&](const char* w) { return name.find(w) != name.npos; })) continue;
+    try {
+      (void)read_intrinsics(file);
+      words += fmt::format("{} tells one, give it with --camera; ", file.filename().string());
+    } catch (const std::runtime_error& error) {
+      words += fmt::format("{}; ", error.what());
+    }
+    break;  // the first says enough
+  }
+  return words;
 }
 
 std::string how_to_tell_the_camera(const fs::path& folder, const Camera& like) {

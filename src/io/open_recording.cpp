@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
@@ -46,7 +47,7 @@ Recording read_recording(const fs::path& folder) {
   if (!fs::exists(folder)) throw std::runtime_error(folder.string() + ": there is no such folder");
   if (!fs::is_directory(folder))
     throw std::runtime_error(folder.string() + ": is not a folder; give the folder that holds the recording");
-  for (const auto read : {read_tum, read_icl_nuim, read_seven_scenes, read_stray_scanner, read_intrinsics_folder,
+  for (const auto read : {read_tum, read_associations, read_seven_scenes, read_stray_scanner, read_intrinsics_folder,
                           read_nerfstudio, read_rtabmap, read_replica, read_image_folder})
     if (auto recording = read(folder)) return *std::move(recording);
   if (const auto inside = recording_below(folder))
@@ -57,37 +58,40 @@ Recording read_recording(const fs::path& folder) {
         fmt::format("{}: no known recording: it holds {} images, none of them depth; depth images are looked for in "
                     "depth, depths or depth_raw, or beside the others by `depth` in their names",
                     folder.string(), images));
-  throw std::runtime_error(folder.string() +
-                           ": no known recording; expected depth images in depth and colour images in rgb, color or "
-                           "images, with camera.yaml or intrinsics.json beside (your own), rgb.txt and depth.txt "
-                           "(TUM), frame-000000.depth.png (7-Scenes), associations.txt (ICL-NUIM), rgb.mp4 (Stray "
-                           "Scanner), transforms.json (nerfstudio), intrinsic.json or camera_intrinsic.json (Open3D), "
-                           "calib or calibration.yaml (RTAB-Map), results and traj.txt (Replica), or metadata.yaml "
-                           "(rosbag2)");
+  throw std::runtime_error(
+      folder.string() +
+      ": no known recording; expected depth images in depth and colour images in rgb, color or "
+      "images, with camera.yaml or intrinsics.json beside (your own), rgb.txt and depth.txt "
+      "(TUM), frame-000000.depth.png (7-Scenes), associations.txt (ORB-SLAM, ICL-NUIM), odometry.csv (Stray "
+      "Scanner), transforms.json (nerfstudio), intrinsic.json or camera_intrinsic.json (Open3D), "
+      "calib or calibration.yaml (RTAB-Map), results and traj.txt (Replica), or metadata.yaml "
+      "(rosbag2)");
 }
 
-/// What the files tell, and what some images tell where these do not.
-Recording understand(const fs::path& folder, const fs::path& camera) {
+/// What the files tell, with the camera, unit and rate that settle_camera() decides.
+Recording read_settled(const fs::path& folder, const fs::path& camera) {
   Recording recording = read_recording(folder);
-  std::error_code ignored;
-  const bool is_named = known_camera(camera.string()) != nullptr && !fs::exists(camera, ignored);
-  if (!camera.empty()) {
-    const CameraFile file = camera_named(camera);
-    recording.rig = file.rig;
-    recording.size_is_told = file.has_size || is_named;
-    recording.camera_missing.clear();
-    std::erase_if(recording.understood, [](const Understood& u) { return u.what == "camera of"; });
-    recording.understood.push_back({"camera of", camera.string()});
-    if (!recording.unit_is_told && file.depth_scale) {
-      recording.depth_scale = *file.depth_scale;
-      recording.unit_is_told = true;
-    }
+  settle_camera(folder, camera, recording);
+  if (!recording.is_plain) return recording;
+  try {
+    add_motion(folder, recording);
+  } catch (const std::runtime_error& error) {  // of somebody else's format
+    recording.warnings.push_back(fmt::format("{}: the file is not used", error.what()));
   }
-  if (is_named && !recording.is_plain) recording.unit_is_told = true;  // the layout's
-  if (is_named || recording.is_plain) see_images(recording);
-  if (!recording.camera_missing.empty())
-    throw std::runtime_error(fmt::format("{}: the camera is not known: {}", recording.camera_missing.string(),
-                                         how_to_tell_the_camera(recording.camera_missing, recording.rig.depth)));
+  return recording;
+}
+
+/// And what some images tell where the files do not.
+Recording understand(const fs::path& folder, const fs::path& camera) {
+  Recording recording = read_settled(folder, camera);
+  see_images(recording);
+  if (recording.camera_is_missing)
+    throw std::runtime_error(fmt::format("{}: the camera is not known: {}{}{}", folder.string(),
+                                         recording.camera_missing_words, passed_over_cameras(folder),
+                                         how_to_tell_the_camera(folder, recording.rig.depth)));
+  const bool has_color = recording.colour_of || std::any_of(recording.entries.begin(), recording.entries.end(),
+                                                            [](const auto& entry) { return !entry.colour.empty(); });
+  if (!has_color) recording.notes.push_back("there is no color: depth alone is used");
   return recording;
 }
 
@@ -214,13 +218,44 @@ class RecordingSource final : public Source {
     colourless_ = 0;
   }
 
+  /// The size of depth images as they are stored: the camera's, or that of enlarged ones.
+  [[nodiscard]] cv::Size stored_size() const {
+    const auto& [stored, columns, rows] = recording_.blocks;
+    if (columns.empty()) return {recording_.rig.depth.width, recording_.rig.depth.height};
+    return {stored.x(), stored.y()};
+  }
+
+  /// `image` at its true resolution. Throws where it has another size than it should.
+  [[nodiscard]] cv::Mat at_true_size(const cv::Mat& image, const char* what) const {
+    const Camera& c = recording_.rig.depth;
+    const auto& [stored, columns, rows] = recording_.blocks;
+    const cv::Size expected = stored_size();
+    if (image.cols != expected.width || image.rows != expected.height)
+      throw std::runtime_error(
+          fmt::format("{} {}x{}, the camera {}x{}", what, image.cols, image.rows, expected.width, expected.height));
+    if (columns.empty()) return image;
+    cv::Mat taken(c.height, c.width, image.type());
+    const std::size_t bytes = image.elemSize();
+    for (int y = 0; y < c.height; ++y)
+      for (int x = 0; x < c.width; ++x)
+        std::memcpy(taken.ptr(y, x), image.ptr(rows[static_cast<std::size_t>(y)], columns[static_cast<std::size_t>(x)]),
+                    bytes);
+    return taken;
+  }
+
   std::vector<float> read_depth(const fs::path& file) const {
     const Camera& c = recording_.rig.depth;
-    const cv::Mat image = decode_depth(read_whole(file), {.size = {c.width, c.height}});
+    cv::Mat image = decode_depth(read_whole(file), {.size = stored_size()});
     if (image.type() != CV_16UC1 && image.type() != CV_32FC1)
       throw std::runtime_error(
           fmt::format("has {} of 8 bits; depth must be a 16-bit image with one channel",
                       image.channels() == 1 ? "one channel" : fmt::format("{} channels", image.channels())));
+    image = at_true_size(image, "is");
+    if (recording_.bytes_are_swapped && image.type() == CV_16UC1)
+      for (int i = 0; i < static_cast<int>(image.total()); ++i) {
+        auto& value = image.ptr<std::uint16_t>()[i];
+        value = static_cast<std::uint16_t>(value << 8 | value >> 8);
+      }
     std::vector<float> depth(static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height));
     const float metres = static_cast<float>(1.0 / recording_.depth_scale);
     const int invalid = recording_.invalid_depth;
@@ -245,12 +280,16 @@ class RecordingSource final : public Source {
 
   std::vector<std::uint8_t> read_confidence(const fs::path& file) const {
     const Camera& c = recording_.rig.depth;
+    const cv::Size size(c.width, c.height), stored = stored_size();
     cv::Mat image;
     try {
-      image = decode_image(read_whole(file), Pixels::as_stored, {.size = {c.width, c.height}});
+      image = decode_image(read_whole(file), Pixels::as_stored,
+                           size == stored ? ImageBound{.size = size}
+                                          : ImageBound{.size = {}, .most_side = std::max(stored.width, stored.height)});
     } catch (const std::runtime_error& error) {
       throw std::runtime_error(std::string("its confidence ") + error.what());
     }
+    if (image.size() != size) image = at_true_size(image, "its confidence is");
     if (image.type() != CV_8UC1) throw std::runtime_error("its confidence must be an 8-bit image with one channel");
     if (recording_.most_confidence < 255) image.convertTo(image, CV_8U, 255 / recording_.most_confidence);
     return {image.datastart, image.dataend};
@@ -310,11 +349,17 @@ class HoldsOut final : public WrappedSource {
 
 std::optional<Eigen::Vector2i> size_of_image(const fs::path& file) {
   try {
-    const cv::Mat image = decode_depth(read_whole(file));
+    const auto bytes = read_whole(file);
+    const cv::Mat image = is_tiff(bytes) && !is_depth_tiff(bytes) ? decode_color_tiff(bytes) : decode_depth(bytes);
     return Eigen::Vector2i(image.cols, image.rows);
   } catch (const std::exception&) {
     return std::nullopt;
   }
+}
+
+std::optional<Eigen::Vector2i> usual_color_size(const std::vector<Recording::Entry>& entries) {
+  const auto usual = usual_colour(entries);
+  return usual ? std::optional(usual->size) : std::nullopt;
 }
 
 Camera scaled_to(const Camera& camera, const Eigen::Vector2i& size) {
@@ -394,7 +439,7 @@ Trajectory recorded_truth(const fs::path& recording) {
   if (is_zip(recording))
     return unpacked(recording)->told_in_its_name([](const std::string& inside) { return recorded_truth(inside); });
   if (is_ros_recording(recording)) return {};
-  if (fs::is_directory(recording) || !fs::exists(recording)) return read_recording(recording).truth;
+  if (fs::is_directory(recording) || !fs::exists(recording)) return read_settled(recording, {}).truth;
   const std::string extension = extension_of(recording);
   if (extension == ".mkv" || extension == ".oni") return {};
   return extension == ".sens" ? sens_truth(recording) : read_trajectory(recording);

@@ -13,6 +13,7 @@
 #include <stdexcept>
 
 #include "cairn/file_name.hpp"
+#include "cairn/known_cameras.hpp"
 #include "io/camera_file.hpp"
 #include "io/oni_file.hpp"
 #include "io/openni.hpp"
@@ -293,6 +294,10 @@ class OpenNiSource final : public Source {
   void use(const CameraFile& file, const fs::path& path) {
     rig_ = file.rig.depth;
     const auto mode = depth_.getVideoMode();
+    if (!file.has_size && known_camera(path.string()) == nullptr) {
+      rig_.depth.width = mode.getResolutionX(), rig_.depth.height = mode.getResolutionY();
+      check(rig_.depth);
+    }
     if (rig_.depth.width != mode.getResolutionX() || rig_.depth.height != mode.getResolutionY())
       throw std::runtime_error(fmt::format("{}: is for {}x{} pixels, {} gives {}x{}", path.string(), rig_.depth.width,
                                            rig_.depth.height, name_, mode.getResolutionX(), mode.getResolutionY()));

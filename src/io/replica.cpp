@@ -66,15 +66,20 @@ std::optional<Recording> read_replica(const fs::path& folder) {
   const bool its_own = fs::exists(camera);
   if (!its_own && !fs::exists(folder / "traj.txt") && !fs::exists(images / "depth000000.png")) return std::nullopt;
   if (!its_own) camera = fs::absolute(folder).lexically_normal() / "../cam_params.json";
-  if (!fs::exists(camera))
-    throw std::runtime_error(
-        folder.string() +
-        ": cam_params.json is missing, here and in the folder above; expected {\"camera\": {\"w\", "
-        "\"h\", \"fx\", \"fy\", \"cx\", \"cy\", \"scale\"}}");
   Recording recording;
   recording.layout = "Replica folder";
-  read_json(camera, "`camera` with w, h, fx, fy, cx, cy and scale (depth units per metre)",
-            [&](const nlohmann::json& json) { read_camera(json, recording); });
+  recording.frame_rate = kFrameRate;
+  if (fs::exists(camera)) {
+    recording.camera_file = camera;
+    read_json(camera, "`camera` with w, h, fx, fy, cx, cy and scale (depth units per metre)",
+              [&](const nlohmann::json& json) { read_camera(json, recording); });
+  } else {
+    recording.camera_is_missing = true;
+    recording.unit_is_told = false;
+    recording.camera_missing_words =
+        "cam_params.json is missing, here and in the folder above; write {\"camera\": {\"w\", \"h\", \"fx\", \"fy\", "
+        "\"cx\", \"cy\", \"scale\"}} into it, or ";
+  }
   std::map<int, fs::path> depth, colour;
   for (const auto& image : depth_images_in(images))
     if (const auto number = number_of_image(image, "depth")) depth.emplace(*number, image);

@@ -109,6 +109,7 @@ std::optional<Recording> read_rtabmap(const fs::path& folder) {
     Recording recording;
     recording.layout = "RTAB-Map folder";
     recording.depth_scale = 1000;
+    recording.camera_file = file;
     std::map<std::string, fs::path> colour;
     for (const auto& image : images_in(folder / (prefix + "rgb"))) colour.emplace(image.stem().string(), image);
     for (const auto& depth : all) {

@@ -9,7 +9,6 @@
 #include "base/words.hpp"
 #include "cairn/known_cameras.hpp"
 #include "io/image_names.hpp"
-#include "io/intrinsics.hpp"
 #include "io/kinect.hpp"
 #include "io/recording.hpp"
 
@@ -51,18 +50,19 @@ std::optional<Recording> read_seven_scenes(const fs::path& folder) {
   for (const fs::path& image : depth_images_in(folder))
     if (const auto number = number_of_image(image)) numbers.push_back(*number);
   if (numbers.empty()) return std::nullopt;
-  Camera camera = known_camera("seven-scenes")->camera;
-  if (const auto file = intrinsics_file(folder)) {
-    // With another camera beside them the images are somebody else's. Of these files one tells a shutter.
-    Camera told = read_intrinsics(*file).camera.rig.depth;
-    told.width = camera.width, told.height = camera.height;
-    if (file->stem() == "camera") camera.readout = told.readout;
-    told.readout = camera.readout;
-    if (told != camera) return std::nullopt;
-  }
+  const Camera camera = known_camera("seven-scenes")->camera;
+  // With another camera beside them, or of another size, the images are somebody else's.
+  if (is_told_another(folder, camera)) return std::nullopt;
+  for (const int i : numbers)
+    if (const auto size = size_of_image(name(i, "depth.png"))) {
+      if (*size != Eigen::Vector2i(camera.width, camera.height)) return std::nullopt;
+      break;
+    }
   Recording recording;
   recording.layout = "7-Scenes folder";
   recording.rig.depth = camera;
+  recording.frame_rate = kFrameRate;
+  recording.understood.push_back({"camera of", "7-Scenes' Kinect, by the names and the size of its images"});
   recording.colour_is_told = false;
   recording.colour_readout = kKinectColourReadout;
   recording.depth_scale = 1000.0;

@@ -116,13 +116,19 @@ class NumberedImages {
   bool at_end_ = false, told_ = false;
 };
 
-Camera read_camera(const fs::path& file, int width, int height) {
+/// Of camera_matrix.csv; the size is not there.
+Camera read_matrix(const fs::path& file) {
   std::vector<double> m;
   for_each_line(file, [&](int line, const std::vector<std::string>& words) {
     for (const auto& field : fields_of(words)) m.push_back(number_of(field, file, line));
   });
   if (m.size() != 9 || m[8] != 1) throw std::runtime_error(file.string() + ": expected the 3x3 matrix of a camera");
-  Camera camera{.width = width, .height = height, .fx = m[0], .fy = m[4], .cx = m[2], .cy = m[5]};
+  return {.fx = m[0], .fy = m[4], .cx = m[2], .cy = m[5]};
+}
+
+Camera read_camera(const fs::path& file, int width, int height) {
+  Camera camera = read_matrix(file);
+  camera.width = width, camera.height = height;
   try {
     check(camera);
   } catch (const std::runtime_error& error) {
@@ -265,25 +271,13 @@ bool fits(const std::vector<AngularRate>& gyro, const Trajectory& poses, const E
   return turned > count * kTurning * kTurning && apart < kApart * kApart * turned;
 }
 
-}  // namespace
-
-std::optional<Recording> read_stray_scanner(const fs::path& folder) {
-  if (!fs::exists(folder / "rgb.mp4")) return std::nullopt;
-  for (const char* name : {"camera_matrix.csv", "odometry.csv", "depth"})
-    if (!fs::exists(folder / name))
-      throw std::runtime_error(folder.string() +
-                               ": a recording of Stray Scanner needs rgb.mp4, camera_matrix.csv, odometry.csv and "
-                               "depth, " +
-                               name + " is missing");
-  Recording recording;
-  recording.layout = "Stray Scanner folder";
-  recording.depth_scale = 1000;
-  recording.most_confidence = 2;
+/// The images of each line of odometry.csv, and their size.
+cv::Size read_images(const fs::path& folder, Recording& recording) {
   const auto odometry = read_odometry(folder / "odometry.csv", recording.ended_early);
-  std::optional<cv::Size> size;  // of depth
-  for (std::size_t i = 0; i < odometry.size(); ++i) {
-    const auto name = fmt::format("{:06}.png", odometry[i].number);
-    Recording::Entry entry{.timestamp = odometry[i].pose.timestamp, .depth = folder / "depth" / name};
+  std::optional<cv::Size> size;
+  for (const OdometryLine& line : odometry) {
+    const auto name = fmt::format("{:06}.png", line.number);
+    Recording::Entry entry{.timestamp = line.pose.timestamp, .depth = folder / "depth" / name};
     if (fs::exists(folder / "confidence" / name)) entry.confidence = folder / "confidence" / name;
     if (!size) try {
         size = decode_image(read_whole(entry.depth), Pixels::as_stored).size();
@@ -291,23 +285,90 @@ std::optional<Recording> read_stray_scanner(const fs::path& folder) {
         // Told when the frame is read; another one knows the size.
       }
     recording.entries.push_back(std::move(entry));
-    recording.truth.push_back(odometry[i].pose);
+    recording.truth.push_back(line.pose);
   }
   std::stable_sort(recording.truth.begin(), recording.truth.end(),
                    [](const StampedPose& a, const StampedPose& b) { return a.timestamp < b.timestamp; });
   if (!size)
     throw std::runtime_error((folder / "depth").string() +
                              ": holds no image NUMBER.png that can be read, of six digits as in odometry.csv");
-  const auto video = std::make_shared<NumberedImages>(folder / "rgb.mp4");
-  const Camera colour = read_camera(folder / "camera_matrix.csv", video->width(), video->height());
-  recording.rig = {scaled_to(colour, {size->width, size->height}), ColourCamera{.camera = colour}};
+  return *size;
+}
+
+/// The size of the video that camera_matrix.csv is of, where the video is missing: that of ARKit's of depth's shape in
+/// whose middle the principal point is. Throws where it is in no one's.
+cv::Size size_of_video(const fs::path& file, const Camera& told, const cv::Size& depth) {
+  const cv::Size kSizes[] = {{1920, 1440}, {1280, 960},  {1024, 768},  {960, 720},   {640, 480},
+                             {4032, 3024}, {3840, 2880}, {3840, 2160}, {1920, 1080}, {1280, 720}};
+  constexpr double kMostBeside = 0.05;  // of the size, as far as Apple's principal points are from the middle
+  const auto beside = [&](const cv::Size& size) {
+    return std::max(std::abs(told.cx / size.width - 0.5), std::abs(told.cy / size.height - 0.5));
+  };
+  const auto has_shape = [&](const cv::Size& size) {
+    return std::abs(static_cast<double>(size.width) * depth.height / (static_cast<double>(size.height) * depth.width) -
+                    1) <= kMostStretch;
+  };
+  cv::Size best = depth;
+  for (const cv::Size& size : kSizes)
+    if (has_shape(size) && beside(size) < beside(best)) best = size;
+  if (beside(best) > kMostBeside)
+    throw std::runtime_error(
+        fmt::format("{}: its principal point, {} {}, is in the middle of no video of ARKit, and rgb.mp4 is missing: "
+                    "tell the camera "
+                    "in camera.yaml, with its width and height",
+                    file.string(), told.cx, told.cy));
+  return best;
+}
+
+/// `video`: the size of its images, zero where it is missing.
+void take_cameras(const fs::path& folder, const cv::Size& depth, cv::Size video, Recording& recording) {
+  const fs::path file = folder / "camera_matrix.csv";
+  if (!fs::exists(file)) {
+    recording.camera_is_missing = true;
+    recording.camera_missing_words = "camera_matrix.csv is missing; bring it back, or ";
+    recording.rig.depth = scaled_to(Camera{}, {depth.width, depth.height});
+    if (video.width > 0)
+      recording.rig.colour = ColourCamera{.camera = scaled_to(Camera{}, {video.width, video.height})};
+    return;
+  }
+  const bool has_video = video.width > 0;
+  if (!has_video) video = size_of_video(file, read_matrix(file), depth);
+  const Camera colour = read_camera(file, video.width, video.height);
+  recording.rig = scaled_to(colour, {depth.width, depth.height});
+  if (has_video)
+    recording.rig.colour = ColourCamera{.camera = colour};
+  else
+    recording.understood.push_back({"camera of", fmt::format("{}, of a video of {}x{} by its principal point",
+                                                             file.string(), video.width, video.height)});
+}
+
+}  // namespace
+
+std::optional<Recording> read_stray_scanner(const fs::path& folder) {
+  const bool has_video = fs::exists(folder / "rgb.mp4");
+  // odometry.csv is a name that others give, too.
+  if (!has_video && !(fs::exists(folder / "odometry.csv") && fs::is_directory(folder / "depth") &&
+                      (fs::exists(folder / "camera_matrix.csv") || fs::is_directory(folder / "confidence"))))
+    return std::nullopt;
+  for (const char* name : {"odometry.csv", "depth"})
+    if (!fs::exists(folder / name))
+      throw std::runtime_error(folder.string() +
+                               ": a recording of Stray Scanner needs camera_matrix.csv, odometry.csv and depth, " +
+                               name + " is missing");
+  Recording recording;
+  recording.layout = "Stray Scanner folder";
+  recording.depth_scale = 1000;
+  recording.most_confidence = 2;
+  const cv::Size size = read_images(folder, recording);
+  const auto video = has_video ? std::make_shared<NumberedImages>(folder / "rgb.mp4") : nullptr;
+  take_cameras(folder, size, video ? cv::Size(video->width(), video->height()) : cv::Size(), recording);
   recording.rig.sensor = sensor_model("phone_lidar");
   check(recording.rig);
   if (const auto imu = folder / "imu.csv"; fs::exists(imu) && !recording.truth.empty()) {
     recording.gyro = read_gyroscope(imu, recording.truth.front().timestamp, recording.truth.back().timestamp);
     if (fits(recording.gyro, recording.truth, camera_from_phone())) recording.rig.camera_from_imu = camera_from_phone();
   }
-  recording.colour_of = [video](int i) { return video->colour(i); };
+  if (video) recording.colour_of = [video](int i) { return video->colour(i); };
   return recording;
 }
 

@@ -4,51 +4,68 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
+#include <cctype>
+#include <fstream>
 #include <stdexcept>
 #include <utility>
 
 #include "base/lines.hpp"
-#include "cairn/file_name.hpp"
 #include "cairn/known_cameras.hpp"
 #include "io/image_names.hpp"
 #include "io/intrinsics.hpp"
 #include "io/recording.hpp"
+#include "io/stamped_list.hpp"
 
 namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kAccelerationWindow = 0.25;  // seconds around a frame, so that the hand's shaking averages out
-constexpr double kMaxTimeDifference = 0.02;   // seconds between a depth image and its colour image
+constexpr double kMaxTimeDifference = 0.02;  // seconds between a depth image and its colour image
 
-struct Stamped {
-  double timestamp;
-  fs::path image;
+struct Benchmark {
+  std::string_view full, brief;  // in the names of its folders
+  std::string_view camera;
 };
+constexpr Benchmark kBenchmarks[] = {{"freiburg1", "fr1", "freiburg1"},
+                                     {"freiburg2", "fr2", "freiburg2"},
+                                     {"freiburg3", "fr3", "freiburg3"},
+                                     {"rgbd_bonn", "", "bonn"}};
+constexpr double kFirstOfTum = 1.30e9, kLastOfTum = 1.35e9;  // seconds since 1970: 2011 and 2012
 
-std::vector<Stamped> read_list(const fs::path& file) {
-  std::vector<Stamped> list;
-  for_each_line(file, [&](int line, const std::vector<std::string>& words) {
-    if (words.size() != 2)
-      throw std::runtime_error(file.string() + ":" + std::to_string(line) + ": expected `timestamp path`");
-    list.push_back({number_of(words[0], file, line), file.parent_path() / words[1]});
-  });
-  if (list.empty()) throw std::runtime_error(file.string() + ": lists no image");
-  return list;
+/// Whether a word stands in a name with neither letters nor digits around it.
+bool has_word(const std::string& name, std::string_view word) {
+  const auto is_part = [&](std::size_t at) {
+    return at < name.size() && std::isalnum(static_cast<unsigned char>(name[at])) != 0;
+  };
+  for (std::size_t at = 0; !word.empty() && (at = name.find(word, at)) != name.npos; ++at)
+    if (!(at > 0 && is_part(at - 1)) && !is_part(at + word.size())) return true;
+  return false;
 }
 
-/// Calibrations published with the benchmark, by what the folder's name holds.
-const KnownCamera* known_by_name(const fs::path& folder) {
+/// The comment at the top of depth.txt: `# file: 'rgbd_dataset_freiburg1_xyz.bag'`.
+std::string heading_of(const fs::path& list) {
+  std::ifstream in(list);
+  std::string heading, line;
+  for (int i = 0; i < 3 && std::getline(in, line) && line.starts_with('#'); ++i) heading += line.substr(0, 200);
+  return heading;
+}
+
+/// The calibration published with a benchmark. Evidence is the name that the benchmark's own list has at its top, or
+/// the folder's name with images of the benchmark's size, and of its years where the name is brief.
+const KnownCamera* known_by_evidence(const fs::path& folder, const std::vector<Stamped>& depth) {
+  const std::string heading = heading_of(folder / "depth.txt");
+  for (const Benchmark& b : kBenchmarks)
+    if (heading.find(b.full) != heading.npos) return known_camera(b.camera);
   const std::string name = fs::weakly_canonical(folder).filename().string();
-  for (const auto& [part, camera] : {std::pair{"freiburg1", "freiburg1"},
-                                     {"fr1", "freiburg1"},
-                                     {"freiburg2", "freiburg2"},
-                                     {"fr2", "freiburg2"},
-                                     {"freiburg3", "freiburg3"},
-                                     {"fr3", "freiburg3"},
-                                     {"rgbd_bonn", "bonn"}})
-    if (name.find(part) != name.npos) return known_camera(camera);
+  const double first = depth.front().timestamp;
+  const bool is_of_its_years = first >= kFirstOfTum && first <= kLastOfTum;
+  for (const Benchmark& b : kBenchmarks) {
+    if (name.find(b.full) == name.npos && !(is_of_its_years && has_word(name, b.brief))) continue;
+    const KnownCamera* known = known_camera(b.camera);
+    for (const Stamped& stamped : depth)
+      if (const auto size = size_of_image(stamped.image))
+        return *size == Eigen::Vector2i(known->camera.width, known->camera.height) ? known : nullptr;
+  }
   return nullptr;
 }
 
@@ -99,46 +116,18 @@ Camera read_calibration(const fs::path& file, const std::vector<Stamped>& depth)
   return camera;
 }
 
-struct Acceleration {
-  double timestamp;
-  Eigen::Vector3d value;  // in the camera's frame
-};
-
-/// A Kinect's accelerometer has y up and z forward: a half turn about z leads to the camera's frame.
-std::vector<Acceleration> read_accelerometer(const fs::path& file) {
-  std::vector<Acceleration> samples;
-  for_each_line(file, [&](int line, const std::vector<std::string>& words) {
-    if (words.size() != 4)
-      throw std::runtime_error(file.string() + ":" + std::to_string(line) + ": expected `timestamp ax ay az`");
-    const auto number = [&](std::size_t i) { return number_of(words[i], file, line); };
-    samples.push_back({number(0), {-number(1), -number(2), number(3)}});
-  });
-  std::stable_sort(samples.begin(), samples.end(),
-                   [](const auto& a, const auto& b) { return a.timestamp < b.timestamp; });
-  return samples;
-}
-
-std::vector<AngularRate> read_gyroscope(const fs::path& file) {
-  std::vector<AngularRate> samples;
-  for_each_line(file, [&](int line, const std::vector<std::string>& words) {
-    if (words.size() != 4)
-      throw std::runtime_error(file.string() + ":" + std::to_string(line) + ": expected `timestamp rx ry rz`");
-    const auto number = [&](std::size_t i) { return number_of(words[i], file, line); };
-    samples.push_back({number(0), {number(1), number(2), number(3)}});
-  });
-  std::stable_sort(samples.begin(), samples.end(),
-                   [](const auto& a, const auto& b) { return a.timestamp < b.timestamp; });
-  return samples;
-}
-
-std::optional<Eigen::Vector3d> mean_around(const std::vector<Acceleration>& samples, double timestamp) {
-  auto it = std::lower_bound(samples.begin(), samples.end(), timestamp - kAccelerationWindow,
-                             [](const Acceleration& a, double t) { return a.timestamp < t; });
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  int count = 0;
-  for (; it != samples.end() && it->timestamp <= timestamp + kAccelerationWindow; ++it, ++count) sum += it->value;
-  if (count == 0) return std::nullopt;
-  return sum / count;
+/// ETH3D's calibration and the benchmarks' known ones; camera files of other names are settle_camera()'s.
+void take_camera(const fs::path& folder, const std::vector<Stamped>& depth, Recording& recording) {
+  const auto file = intrinsics_file(folder);
+  if (file && file->filename() == "calibration.txt") {
+    recording.layout = "ETH3D folder", recording.rig = read_calibration(*file, depth);
+    recording.camera_file = *file;
+  } else if (const KnownCamera* known = known_by_evidence(folder, depth)) {
+    recording.rig = known->camera;
+    recording.understood.push_back({"camera of", fmt::format("{}, by its name and images", known->of)});
+  } else {
+    recording.camera_is_missing = true;
+  }
 }
 
 }  // namespace
@@ -146,46 +135,31 @@ std::optional<Eigen::Vector3d> mean_around(const std::vector<Acceleration>& samp
 std::optional<Recording> read_tum(const fs::path& folder) {
   const bool has_depth = fs::exists(folder / "depth.txt"), has_colour = fs::exists(folder / "rgb.txt");
   if (!has_depth && !has_colour) return std::nullopt;
-  if (!has_depth || !has_colour)
-    throw std::runtime_error(folder.string() + ": a TUM recording needs both rgb.txt and depth.txt, " +
-                             (has_depth ? "rgb.txt" : "depth.txt") + " is missing");
+  if (!has_depth)
+    throw std::runtime_error(folder.string() + ": a TUM recording needs depth.txt, which is missing beside rgb.txt");
   Recording recording;
   recording.layout = "TUM RGB-D folder";
-  const auto depth = read_list(folder / "depth.txt");
-  recording.unit_is_told = false;  // unless camera.yaml does
-  if (fs::exists(folder / "calibration.txt") && !fs::exists(folder / "camera.yaml")) {
-    recording.layout = "ETH3D folder", recording.rig = read_calibration(folder / "calibration.txt", depth);
-  } else if (const auto file = intrinsics_file(folder)) {
-    const CameraFile camera = read_intrinsics(*file).camera;
-    recording.rig = camera.rig;
-    recording.unit_is_told = camera.depth_scale.has_value();
-    recording.depth_scale = camera.depth_scale.value_or(recording.depth_scale);
-    if (!camera.has_size && extension_of(*file) != ".yaml") take_size(*file, depth, recording.rig.depth);
-    recording.understood.push_back({"camera of", file->string()});
-  } else if (const KnownCamera* known = known_by_name(folder)) {
-    recording.rig = known->camera;
-    recording.understood.push_back({"camera of", fmt::format("{}, by the folder's name", known->of)});
-  } else {
-    recording.camera_missing = folder;
-  }
-  const auto colour = read_list(folder / "rgb.txt");
+  auto depth = read_stamped_lists(folder / "depth.txt", 1)[0];
+  const double units = units_per_second(depth);
+  divide_times(depth, units);
+  take_camera(folder, depth, recording);
+  std::vector<Stamped> colour;
+  if (has_colour) colour = read_stamped_lists(folder / "rgb.txt", 1)[0];
+  divide_times(colour, units);
   const auto match = pair_by_time(depth, colour, folder / "rgb.txt");
   const auto paired = std::count_if(match.begin(), match.end(), [](int c) { return c >= 0; });
-  recording.understood.push_back(
-      {"pairing",
-       fmt::format(
-           "by the times in rgb.txt and depth.txt, within {:.0f} ms; {} depth and {} colour images have no partner",
-           1000 * kMaxTimeDifference, static_cast<std::ptrdiff_t>(depth.size()) - paired,
-           static_cast<std::ptrdiff_t>(colour.size()) - paired)});
-  std::vector<Acceleration> accelerations;
-  if (fs::exists(folder / "accelerometer.txt")) accelerations = read_accelerometer(folder / "accelerometer.txt");
-  if (fs::exists(folder / "gyroscope.txt")) recording.gyro = read_gyroscope(folder / "gyroscope.txt");
+  if (has_colour)
+    recording.understood.push_back(
+        {"pairing",
+         fmt::format(
+             "by the times in rgb.txt and depth.txt, within {:.0f} ms; {} depth and {} colour images have no partner",
+             1000 * kMaxTimeDifference, static_cast<std::ptrdiff_t>(depth.size()) - paired,
+             static_cast<std::ptrdiff_t>(colour.size()) - paired)});
   for (std::size_t i = 0; i < depth.size(); ++i) {
     Recording::Entry entry{.timestamp = depth[i].timestamp, .depth = depth[i].image, .colour = {}, .acceleration = {}};
     std::error_code ignored;  // a name that no file system takes names no file here; the depth image says so
     if (const auto confidence = folder / "confidence" / depth[i].image.filename(); fs::exists(confidence, ignored))
       entry.confidence = confidence;
-    entry.acceleration = mean_around(accelerations, entry.timestamp);
     if (match[i] >= 0) {
       const Stamped& image = colour[static_cast<std::size_t>(match[i])];
       entry.colour = image.image;
@@ -193,7 +167,7 @@ std::optional<Recording> read_tum(const fs::path& folder) {
     }
     recording.entries.push_back(std::move(entry));
   }
-  if (fs::exists(folder / "groundtruth.txt")) recording.truth = read_trajectory(folder / "groundtruth.txt");
+  add_motion(folder, recording, units);
   return recording;
 }
 

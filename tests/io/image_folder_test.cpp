@@ -260,7 +260,7 @@ TEST(ImageFolder, GuessesTheUnitOfDepthAloudWhereNobodyTellsIt) {
     }
     const Read seen = read(folder.path());
     EXPECT_TRUE(has(seen.said, c.words)) << seen.said;
-    EXPECT_EQ(lines(seen.said), 1u) << seen.said;
+    EXPECT_EQ(lines(seen.said), 2u) << seen.said;  // and that there is no color
   }
 }
 

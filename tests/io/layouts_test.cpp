@@ -127,6 +127,7 @@ TEST(Replica, TellsWhatIsMissingOrWrong) {
   expect_error(replica.folder, "`h` is missing");
   fs::remove(replica.folder / "cam_params.json");
   fs::remove(replica.above / "cam_params.json");
+  fs::remove(replica.folder / "traj.txt");
   expect_error(replica.folder, "cam_params.json is missing");
 }
 
@@ -222,6 +223,9 @@ TEST(Bonn, HasItsOwnCamera) {
   const TemporaryFolder above;
   const fs::path folder = above / "rgbd_bonn_balloon";
   write_lists(folder);
+  expect_error(folder, "the camera is not known");  // the images are none of Bonn's
+  for (int i = 0; i < kFrames; ++i)
+    cv::imwrite((folder / fmt::format("depth/{}.png", i)).string(), cv::Mat(480, 640, CV_16U, cv::Scalar(5000 + i)));
   EXPECT_EQ(
       open_source(folder.string())->rig().depth,
       (Camera{

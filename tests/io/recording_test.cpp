@@ -143,8 +143,8 @@ TEST(OpenRecording, RefusesWhatIsNoRecordingAndSaysWhy) {
   EXPECT_NE(error_of([&] { (void)open_recording(empty.path()); }).find("rgb.txt"), std::string::npos);
   {
     Tum tum;
-    fs::remove(tum.folder / "rgb.txt");
-    EXPECT_NE(error_of([&] { (void)tum.read(); }).find("rgb.txt is missing"), std::string::npos);
+    fs::remove(tum.folder / "depth.txt");
+    EXPECT_NE(error_of([&] { (void)tum.read(); }).find("needs depth.txt, which is missing"), std::string::npos);
   }
   {
     Tum tum;

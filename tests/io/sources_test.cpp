@@ -12,6 +12,7 @@
 #include "cairn/recorder.hpp"
 #include "cairn/source.hpp"
 #include "io/camera_file.hpp"
+#include "io/intrinsics.hpp"
 #include "io/openni.hpp"
 #include "io/recording.hpp"
 #include "support/files.hpp"
@@ -162,7 +163,7 @@ TEST(CameraFile, RefusesACameraThatMakesNoSense) {
     // The same fault in either file is told in the same words.
     const std::string yaml = error_of([&] { (void)read_camera_file(folder / "camera.yaml"); });
     std::filesystem::remove(folder / "camera.yaml");  // which would be taken
-    const std::string told = error_of([&] { (void)read_intrinsics_folder(folder.path()); });
+    const std::string told = error_of([&] { (void)read_intrinsics(folder / "intrinsics.json"); });
     const auto after = [](const std::string& all, const std::string& name) {
       const auto at = all.find(name);
       return at == all.npos ? "no file named: " + all : all.substr(at + name.size());
@@ -184,7 +185,7 @@ TEST(IntrinsicsFolder, TellsTheKeyThatIsWrong) {
   const TemporaryFolder folder;
   const auto error = [&](const std::string& text) {
     write_text(folder / "intrinsics.json", text);
-    const std::string all = error_of([&] { (void)read_intrinsics_folder(folder.path()); });
+    const std::string all = error_of([&] { (void)read_intrinsics(folder / "intrinsics.json"); });
     return all.substr(all.find(".json") + 5, all.find(';') - all.find(".json") - 5);
   };
   const std::string most = R"("width": 64, "height": 48, "fx": 60, "fy": 60, "cx": 32)";

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Text files of motion beside images, as TUM RGB-D (Sturm et al. 2012) has them.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <stdexcept>
+
+#include "base/lines.hpp"
+#include "io/recording.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr double kAccelerationWindow = 0.25;  // seconds around a frame, so that the hand's shaking averages out
+
+/// Lines `timestamp x y z`, in the order of time.
+std::vector<AngularRate> read_samples(const fs::path& file, const char* axes, double units_per_second) {
+  std::vector<AngularRate> samples;
+  for_each_line(file, [&](int line, const std::vector<std::string>& words) {
+    if (words.size() != 4)
+      throw std::runtime_error(fmt::format("{}:{}: expected `timestamp {}`", file.string(), line, axes));
+    const auto number = [&](std::size_t i) { return number_of(words[i], file, line); };
+    samples.push_back({number(0) / units_per_second, {number(1), number(2), number(3)}});
+  });
+  std::stable_sort(samples.begin(), samples.end(),
+                   [](const auto& a, const auto& b) { return a.timestamp < b.timestamp; });
+  return samples;
+}
+
+/// The mean of a Kinect's accelerometer, whose y is up and z forward: half a turn about z leads to the camera's frame.
+std::optional<Eigen::Vector3d> mean_around(const std::vector<AngularRate>& samples, double timestamp) {
+  auto it = std::lower_bound(samples.begin(), samples.end(), timestamp - kAccelerationWindow,
+                             [](const AngularRate& a, double t) { return a.timestamp < t; });
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  int count = 0;
+  for (; it != samples.end() && it->timestamp <= timestamp + kAccelerationWindow; ++it, ++count) sum += it->rate;
+  if (count == 0) return std::nullopt;
+  sum.head<2>() *= -1;
+  return sum / count;
+}
+
+}  // namespace
+
+void add_motion(const fs::path& folder, Recording& recording, double units_per_second) {
+  if (recording.entries.empty()) return;
+  const auto [first, last] =
+      std::minmax_element(recording.entries.begin(), recording.entries.end(),
+                          [](const auto& a, const auto& b) { return a.timestamp < b.timestamp; });
+  const double begin = first->timestamp, end = last->timestamp;
+  const auto is_beside = [&](const auto& samples, const char* name) {
+    const bool beside = !samples.empty() && (samples.back().timestamp < begin || samples.front().timestamp > end);
+    if (beside)
+      recording.warnings.push_back(fmt::format("the times of {} are not those of the images: it is not used", name));
+    return beside;
+  };
+  if (const fs::path file = folder / "accelerometer.txt"; fs::exists(file)) {
+    const auto samples = read_samples(file, "ax ay az", units_per_second);
+    if (!is_beside(samples, "accelerometer.txt"))
+      for (auto& entry : recording.entries) entry.acceleration = mean_around(samples, entry.timestamp);
+  }
+  if (const fs::path file = folder / "gyroscope.txt"; fs::exists(file)) {
+    recording.gyro = read_samples(file, "rx ry rz", units_per_second);
+    if (is_beside(recording.gyro, "gyroscope.txt")) recording.gyro.clear();
+  }
+  if (const fs::path file = folder / "groundtruth.txt"; recording.truth.empty() && fs::exists(file)) {
+    recording.truth = read_trajectory(file);
+    for (StampedPose& pose : recording.truth) pose.timestamp /= units_per_second;
+  }
+}
+
+}  // namespace cairn
