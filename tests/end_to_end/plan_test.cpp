@@ -74,9 +74,10 @@ TEST_F(PlannedBuilding, IsReportedOnWithTheNextCommand) {
                            {"name": "001", "recording": 0, "joined": false, "left_out": "nothing joins it with the others"}]})");
   fs::create_directories(in("plan/cells"));
   write_text(in("plan/cells/0,0,-1.json"), "{}");
-  expect_in(info(), {"part 000", "is in the map", "is left out: nothing joins it with the others",
-                     "cells           1, 0 made, 1 missing", "BAD: 1 of 2 parts are in the map, with 50 % of the frames",
-                     "record more between it and the others", "next: cairn tile " + in("plan") + " --cell=0,0,-1"});
+  expect_in(info(),
+            {"part 000", "is in the map", "is left out: nothing joins it with the others",
+             "cells           1, 0 made, 1 missing", "BAD: 1 of 2 parts are in the map, with 50 % of the frames",
+             "record more between it and the others", "next: cairn tile " + in("plan") + " --cell=0,0,-1"});
   const Ran json = run_cairn({"info", in("plan"), "--json"});
   const auto told = nlohmann::json::parse(json.out);
   EXPECT_EQ(told.at("verdict").at("level"), "bad");
