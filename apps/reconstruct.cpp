@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+#include <spdlog/spdlog.h>
+
 #include <chrono>
 #include <utility>
 
+#include "cairn/pose_check.hpp"
 #include "commands.hpp"
 #include "interrupt.hpp"
 #include "progress.hpp"
 #include "quantity.hpp"
+#include "quiet.hpp"
 #include "run.hpp"
 #include "sources.hpp"
 
@@ -19,20 +23,45 @@ using Clock = std::chrono::steady_clock;
 struct Arguments : RunArguments {
   fs::path poses, guess;
   std::string frames;
+  std::optional<std::string> poses_convention;
   int read_ahead = 4;
   bool refine = false, adjust = false, reintegrate = false;
 };
 
+/// Those of --poses or --guess, world_from_camera.
+Trajectory poses_of(const Arguments& a, const fs::path& file) {
+  Trajectory poses = recorded_truth(file);
+  if (poses.empty()) throw std::runtime_error(file.string() + ": is a recording without poses");
+  return with_convention(std::move(poses), pose_convention(a.poses_convention.value_or("")));
+}
+
 std::unique_ptr<Source> open_frames(const Arguments& a, const SourceOptions& options, const HoldOut& held_out) {
   auto source = hold_out(open_source(a.sequence, options), held_out);
-  const auto poses_of = [](const std::filesystem::path& file) {
-    auto poses = recorded_truth(file);
-    if (poses.empty()) throw std::runtime_error(file.string() + ": is a recording without poses");
-    return poses;
-  };
-  if (!a.poses.empty()) source = with_poses(std::move(source), poses_of(a.poses));
-  if (!a.guess.empty()) source = with_guesses(std::move(source), poses_of(a.guess));
+  if (!a.poses.empty()) source = with_poses(std::move(source), poses_of(a, a.poses));
+  if (!a.guess.empty()) source = with_guesses(std::move(source), poses_of(a, a.guess));
   return a.read_ahead > 0 ? read_ahead(std::move(source), a.read_ahead) : std::move(source);
+}
+
+/// Holds --poses or --guess against the depth of some frames; nothing where neither is given, or a sensor has no
+/// frames to come back to.
+std::optional<PoseCheck> check_given_poses(const Arguments& a, SourceOptions options) {
+  const fs::path& file = a.poses.empty() ? a.guess : a.poses;
+  if (a.poses_convention && file.empty())
+    throw CLI::ValidationError("--poses-convention", "says how --poses or --guess are meant: give one of them");
+  if (file.empty() || is_sensor(a.sequence)) return std::nullopt;
+  options.find_colour_camera = false;  // depth alone is looked at
+  const Quiet quiet;
+  const auto source = open_source(a.sequence, options);
+  const auto frames = sampled_frames(*source);
+  return check_poses(source->rig(), frames, poses_of(a, file));
+}
+
+/// Poses that are only a guess do no harm to the map that a verdict could speak of.
+void report(const PoseCheck& check, Poses poses, Run& run) {
+  if (poses == Poses::given)
+    run.set_pose_check(check);
+  else if (check.contradicts)
+    spdlog::warn(text_of(check, "--guess"));
 }
 
 /// Upper triangles, row by row.
@@ -147,9 +176,11 @@ void reconstruct(const Arguments& given) {
   (void)options_of(a);  // what is wrong with them is told before anything is read
   const Beginning begin = beginning(a, parse_frames(a.frames));
   const HoldOut& held_out = begin.progressed.hold_out;
+  const std::optional<PoseCheck> pose_check = check_given_poses(a, source_options(a, begin.range));
   const auto source = open_frames(a, source_options(a, begin.range), held_out);
   const Options options = options_of(a, source->rig().sensor);
   Run run(a, options, poses, source->rig(), begin.progressed, begin.is_next_recording);
+  if (pose_check) report(*pose_check, poses, run);
   const LastWords ending(run.said_when_ended());
   nlohmann::json more;
   {
@@ -191,6 +222,20 @@ void add_reconstruct(CLI::App& program) {
                    "with, as long as they are better than the camera's own motion")
       ->check(CLI::ExistingPath)
       ->excludes(poses);
+  command
+      ->add_option(
+          "--poses-convention", a->poses_convention,
+          "How --poses or --guess are meant: camera_from_world, wxyz (qw first), opengl, ros or unity axes of "
+          "the camera or axes=RIGHT,DOWN,FORWARD (as x,-y,-z), mm, cm, ft or scale=METRES, clock=SECONDS to add; "
+          "several are joined by commas [world_from_camera, x right, y down, z forward, metres]")
+      ->check([](const std::string& text) -> std::string {
+        try {
+          (void)pose_convention(text);
+          return {};
+        } catch (const std::runtime_error& error) {
+          return error.what();
+        }
+      });
   command
       ->add_flag("--no-mesh", a->no_mesh,
                  "Write the session, the trajectory and report.json alone: for a part of a map that is made of several")

@@ -56,6 +56,14 @@ nlohmann::json to_json(const FrameReport& r) {
 /// Whether a run can be gone on with.
 bool has_state(const fs::path& output) { return fs::exists(output / "session" / "state.cbor"); }
 
+nlohmann::json to_json(const PoseCheck& c) {
+  nlohmann::json j{{"pairs", c.pairs}, {"contradicted", c.contradicts}};
+  if (c.pairs > 0) j.update({{"agree", c.as_given}, {"agree_if_motionless", c.motionless}});
+  if (c.contradicts && c.is_likely)
+    j["likely"] = {{"convention", name_of(c.likely)}, {"agree", c.explained}, {"only", c.is_only}};
+  return j;
+}
+
 /// A run that goes on leaves what the one before has logged: it takes X-2.mcap, X-3.mcap, ...
 fs::path log_file(const RunArguments& a) {
   fs::path file = a.log;
@@ -307,6 +315,14 @@ void Run::tell_warnings() {
   while (told_ < mapper_->warnings().size()) warn(mapper_->warnings()[told_++]);
 }
 
+void Run::set_pose_check(const PoseCheck& check) {
+  pose_check_ = check;
+  if (!check.contradicts) return;
+  const std::string text = text_of(check, "--poses");
+  spdlog::warn(text);
+  log([&](RunLog& log) { log.warn(text); });
+}
+
 void Run::interrupted(int left) { left_ = left; }
 
 void Run::interrupted_in(const char* stage) {
@@ -323,7 +339,8 @@ Verdict Run::judge(int components) const {
                             .components = components,
                             .focal = mapper_->statistics().focal,
                             .keeping_up = keeping_up_,
-                            .warnings = warnings_});
+                            .warnings = warnings_,
+                            .poses = pose_check_});
 }
 
 std::string Run::how_to_go_on() const {
@@ -393,6 +410,7 @@ Verdict Run::finish(const nlohmann::json& more) {
        {"peak_memory_mb", peak_memory_mb()},
        {"verdict", to_json(verdict)},
        {"warnings", warnings_}});
+  if (pose_check_) report["poses"] = to_json(*pose_check_);
   if (held_out() > 0) report["hold_out"] = to_json(progressed_.hold_out);
   if (left_) report["interrupted"] = {{"frames_left", *left_}, {"remedy", how_to_go_on()}};
   if (!left_stage_.empty()) report["interrupted"]["stage"] = left_stage_;

@@ -113,6 +113,8 @@ class Run {
   void timed(const char* stage, const std::function<void()>& work);
   /// Tells the user at once, and whoever reads the report.
   void warn(const std::string& text);
+  /// Checked given poses, of which the verdict and report.json speak.
+  void set_pose_check(const PoseCheck& check);
   /// Warns of what the map has switched off since it was last asked.
   void tell_warnings();
 
@@ -157,6 +159,7 @@ class Run {
   std::optional<RunLog> log_;
   std::map<std::string, Durations> stages_;
   std::vector<std::string> warnings_;
+  std::optional<PoseCheck> pose_check_;
   std::optional<std::string> stopped_;  // why
   bool has_colour_ = false;
   int colourless_ = 0;    // frames before there is colour

@@ -18,24 +18,9 @@
 
 #include "cairn/known_cameras.hpp"
 #include "command_tree.hpp"
+#include "quiet.hpp"
 
 namespace cairn::apps {
-namespace {
-
-/// Keeps warnings back: who reads the recording after this is told of them then.
-class Quiet {
- public:
-  Quiet() { spdlog::set_level(std::max(level_, spdlog::level::err)); }
-  ~Quiet() { spdlog::set_level(level_); }
-  Quiet(const Quiet&) = delete;
-  Quiet& operator=(const Quiet&) = delete;
-
- private:
-  spdlog::level::level_enum level_ = spdlog::get_level();
-};
-
-}  // namespace
-
 std::filesystem::path tidy(const std::filesystem::path& path) {
   const auto whole = std::filesystem::weakly_canonical(std::filesystem::absolute(path));
   return whole.has_filename() ? whole : whole.parent_path();

@@ -3,12 +3,14 @@
 // How well a run went, in words for people: what its frames tell of why some are not in the map.
 #pragma once
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "cairn/camera.hpp"
 #include "cairn/frame.hpp"
 #include "cairn/options.hpp"
+#include "cairn/pose_check.hpp"
 #include "cairn/reports.hpp"
 
 namespace cairn {
@@ -28,6 +30,7 @@ struct Outcome {
   FocalEvidence focal;                ///< of the views that were tracked
   KeepingUp keeping_up;               ///< of a sensor, or of a recording that plays in real time
   std::vector<std::string> warnings;  ///< of other things, a line each
+  std::optional<PoseCheck> poses;     ///< of a run with given poses
 };
 
 /// Whether a map can be used as it is.
@@ -35,7 +38,7 @@ struct Verdict {
   enum class Level {
     good,  ///< at least 95 % of the frames are in it, and nothing speaks against it
     weak,  ///< fewer, or there are warnings
-    bad    ///< less than 80 %, or parts that nothing joins
+    bad    ///< less than 80 %, parts that nothing joins, or given poses that most of the depth contradicts
   };
   Level level = Level::good;
   std::string words;                 ///< one sentence

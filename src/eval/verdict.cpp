@@ -17,6 +17,7 @@ namespace cairn {
 namespace {
 
 constexpr double kGood = 0.95, kBad = 0.8;  // of the frames
+constexpr double kFewAgree = 0.8;           // of the points, where given poses say; usual are 0.9 and more
 constexpr std::size_t kEvery = 37;          // depth pixel that is looked at; shares no factor with usual widths
 constexpr int kFewFrames = 10;
 constexpr double kNearestMedian = 0.1, kFarthestMedian = 20;  // metres, of a room
@@ -347,6 +348,8 @@ Verdict Evidence::verdict(const Outcome& o) const {
   const double in_map = share(o.fused, o.total);
   Verdict v;
   std::vector<std::string>& reasons = v.reasons;
+  const bool is_contradicted = o.poses && o.poses->contradicts;
+  if (is_contradicted) reasons.push_back(text_of(*o.poses, "--poses"));
   if (o.components > 1)
     reasons.push_back(
         fmt::format("{} pieces of the map are not joined by any loop; the largest is written, the session keeps all: "
@@ -359,13 +362,16 @@ Verdict Evidence::verdict(const Outcome& o) const {
     state_->add_causes(reasons, o);
   }
   reasons.insert(reasons.end(), o.warnings.begin(), o.warnings.end());
-  v.level = in_map < kBad || o.components > 1      ? Verdict::Level::bad
+  const bool is_bad = in_map < kBad || o.components > 1 || (is_contradicted && o.poses->as_given < kFewAgree);
+  v.level = is_bad                                 ? Verdict::Level::bad
             : in_map < kGood || !v.reasons.empty() ? Verdict::Level::weak
                                                    : Verdict::Level::good;
   const std::string counted = fmt::format("{} of {} frames are in the map", o.fused, o.total) +
                               (o.held_out > 0 ? fmt::format(", {} were held out", o.held_out) : "");
   if (in_map < kBad)
     v.words = (in_map < kMostly ? "mostly lost: only " : "much is missing: only ") + counted;
+  else if (is_contradicted)
+    v.words = "depth contradicts the poses: " + counted;
   else if (o.components > 1)
     v.words = fmt::format("in {} pieces that nothing joins: {}", o.components, counted);
   else if (in_map < kGood)

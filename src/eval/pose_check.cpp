@@ -1,0 +1,502 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Poses against depth: points of one depth image are compared with another one where the poses say. The same is done
+// for every convention in which the poses could be meant.
+#include "cairn/pose_check.hpp"
+
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+// Of the frames that are compared.
+constexpr int kBursts = 4, kInBurst = 24;
+constexpr double kSpacing = 0.09;             // seconds, at least, between frames of a burst
+constexpr int kAll = 3 * kBursts * kInBurst;  // frames; a shorter recording is one burst
+constexpr int kUnseekable = 64;               // frames, from the first, of a source that can only be read on
+constexpr double kBreak = 3;                  // times the usual spacing: another burst
+// Of two views.
+constexpr int kWidth = 160;  // pixels, at most
+constexpr int kPointColumns = 14, kPointRows = 10;
+constexpr float kSigmas = 3;          // of the difference of two depths
+constexpr float kPoseError = 0.015f;  // meters, of ordinary poses between two frames
+constexpr float kTurnError = 0.01f;   // radians, of the same
+constexpr float kNearest = 0.05f;     // meters
+constexpr float kEdge = 0.05f;        // of the depth, between neighbors on one surface
+constexpr float kLeastSeen = 0.25f;   // of the points
+// Of pairs: a share of a motionless camera this low shows motion; poses show it by their angle and length.
+constexpr std::array kMoved{0.75f, 0.45f};
+constexpr double kTurned = 0.1, kShifted = 0.15;         // radians, meters
+constexpr double kMostTurned = 0.5, kMostShifted = 0.5;  // the same, between views of much of the same
+constexpr int kViewsInStretch = 4;                       // whose pairs are not independent
+constexpr int kFewPairs = 8, kFewStretches = 4;
+// Of conventions.
+constexpr std::array kScales{1.0, 0.001, 0.01, 0.3048, 100.0, 1000.0};
+constexpr std::size_t kRefined = 8;  // the best, for which clock and scale are searched
+constexpr double kMostClock = 1, kMostClockAlone = 5, kClockStep = 0.1, kClockFine = 0.02;  // seconds
+constexpr double kLeastClock = 0.05;  // seconds that are worth a word
+constexpr double kMostScale = 32;     // times
+constexpr double kLeastScale = 1.1;   // times, that is worth a word
+// Of shares: a clear difference, and one between two conventions, in which the simpler is preferred.
+constexpr double kClear = 0.06, kClearSigmas = 4;
+constexpr double kSame = 0.02, kSameSigmas = 2;
+constexpr double kUnexplained = 0.6;  // share below which poses must explain more than no motion
+
+struct View {
+  double time = 0;
+  std::vector<float> depth;  // meters, of a pinhole camera
+  std::vector<Eigen::Vector3f> points;
+};
+
+/// Depth images of few pixels, without lens.
+class Views {
+ public:
+  explicit Views(const Rig& rig) : rig_(rig), camera_(rig.depth.rectified()) {
+    const int step = std::max(1, (rig.depth.width + kWidth - 1) / kWidth);
+    camera_.width = rig.depth.width / step, camera_.height = rig.depth.height / step;
+    const double s = 1.0 / step;
+    camera_.fx *= s, camera_.fy *= s;
+    camera_.cx = (camera_.cx + 0.5) * s - 0.5, camera_.cy = (camera_.cy + 0.5) * s - 0.5;
+    for (int y = 0; y < camera_.height; ++y)
+      for (int x = 0; x < camera_.width; ++x) {
+        const Eigen::Vector2d bent = rig.depth.distort(camera_.ray(x, y).head<2>());
+        const double u = std::round(rig.depth.fx * bent.x() + rig.depth.cx),
+                     v = std::round(rig.depth.fy * bent.y() + rig.depth.cy);
+        const bool inside = u >= 0 && v >= 0 && u < rig.depth.width && v < rig.depth.height;
+        pixel_.push_back(inside ? static_cast<int>(v) * rig.depth.width + static_cast<int>(u) : -1);
+      }
+  }
+  [[nodiscard]] const Camera& camera() const { return camera_; }
+
+  [[nodiscard]] View view_of(const Frame& frame) const {
+    std::vector<float> depth = frame.depth;
+    rig_.depth_correction.apply(rig_.depth.width, rig_.depth.height, depth);
+    View view{.time = frame.timestamp, .depth = std::vector<float>(pixel_.size()), .points = {}};
+    for (std::size_t i = 0; i < pixel_.size(); ++i) {
+      if (pixel_[i] < 0) continue;
+      const auto p = static_cast<std::size_t>(pixel_[i]);
+      const float z = depth[p];
+      const bool sure = frame.confidence.empty() || frame.confidence[p] >= rig_.sensor.least_confidence;
+      if (sure && z >= rig_.sensor.min_depth && z <= rig_.sensor.max_depth) view.depth[i] = z;
+    }
+    for (int row = 0; row < kPointRows; ++row)
+      for (int column = 0; column < kPointColumns; ++column) add_point(view, row, column);
+    return view;
+  }
+
+ private:
+  /// The point in the middle of a cell, where its neighbors are on the same surface.
+  void add_point(View& view, int row, int column) const {
+    const int x = (2 * column + 1) * camera_.width / (2 * kPointColumns),
+              y = (2 * row + 1) * camera_.height / (2 * kPointRows);
+    if (x < 1 || y < 1 || x + 1 >= camera_.width || y + 1 >= camera_.height) return;
+    const int at = y * camera_.width + x;
+    const float z = view.depth[static_cast<std::size_t>(at)];
+    if (!(z > 0)) return;
+    for (const int next : {at - 1, at + 1, at - camera_.width, at + camera_.width})
+      if (!(std::abs(view.depth[static_cast<std::size_t>(next)] - z) < kEdge * z)) return;
+    view.points.push_back(z * camera_.ray(x, y).cast<float>());
+  }
+
+  Rig rig_;
+  Camera camera_;
+  std::vector<int> pixel_;  // of the depth image, by that of a view; -1: none
+};
+
+/// Depth between four pixels, or that of the nearest to `z` where they are not on one surface; 0: none.
+float depth_at(const View& view, int width, float u, float v, float z) {
+  const int x = static_cast<int>(u), y = static_cast<int>(v);
+  const float* const row = view.depth.data() + static_cast<std::ptrdiff_t>(y) * width + x;
+  const std::array four{row[0], row[1], row[width], row[width + 1]};
+  const auto [least, most] = std::minmax_element(four.begin(), four.end());
+  if (*least > 0 && *most - *least < kEdge * *most) {
+    const float a = u - static_cast<float>(x), b = v - static_cast<float>(y);
+    return (1 - b) * ((1 - a) * four[0] + a * four[1]) + b * ((1 - a) * four[2] + a * four[3]);
+  }
+  float nearest = 0;
+  for (const float d : four)
+    if (d > 0 && (nearest == 0 || std::abs(d - z) < std::abs(nearest - z))) nearest = d;
+  return nearest;
+}
+
+class Comparison {
+ public:
+  Comparison(const Camera& camera, const SensorModel& sensor) : camera_(camera), sensor_(sensor) {
+    fx_ = static_cast<float>(camera.fx), fy_ = static_cast<float>(camera.fy);
+    cx_ = static_cast<float>(camera.cx), cy_ = static_cast<float>(camera.cy);
+  }
+  /// Share of the points of `a` that `b` shows where they are.
+  [[nodiscard]] float share(const View& a, const View& b, const Eigen::Isometry3f& b_from_a) const {
+    int seen = 0, agree = 0;
+    for (const Eigen::Vector3f& point : a.points) {
+      const Eigen::Vector3f p = b_from_a * point;
+      if (!(p.z() > kNearest)) continue;
+      const float u = fx_ * p.x() / p.z() + cx_, v = fy_ * p.y() / p.z() + cy_;
+      if (!(u >= 0 && v >= 0 && u < static_cast<float>(camera_.width - 1) &&
+            v < static_cast<float>(camera_.height - 1)))
+        continue;
+      const float d = depth_at(b, camera_.width, u, v, p.z());
+      if (!(d > 0)) continue;
+      ++seen;
+      agree += std::abs(d - p.z()) < allowance(p.z());
+    }
+    const float least = kLeastSeen * static_cast<float>(a.points.size());
+    return static_cast<float>(agree) / std::max({static_cast<float>(seen), least, 1.0f});
+  }
+  [[nodiscard]] float both(const View& a, const View& b, const Eigen::Isometry3f& a_from_b) const {
+    return (share(b, a, a_from_b) + share(a, b, a_from_b.inverse())) / 2;
+  }
+
+ private:
+  [[nodiscard]] float allowance(float z) const {
+    return kSigmas * std::numbers::sqrt2_v<float> * sensor_.sigma(z) + kPoseError + kTurnError * z;
+  }
+  Camera camera_;
+  SensorModel sensor_;
+  float fx_, fy_, cx_, cy_;
+};
+
+using Shares = std::vector<float>;  // by pair; NaN: no poses at its times
+
+/// Pairs of views between which the camera moves, by the images or by the poses.
+struct Pair {
+  std::size_t a, b;  // views
+  int stretch;       // of time
+  bool by_poses;     // they claim to move
+};
+
+bool claims_motion(const Eigen::Isometry3d& a_from_b) {
+  return Eigen::AngleAxisd(a_from_b.linear()).angle() / kTurned + a_from_b.translation().norm() / kShifted > 1;
+}
+
+bool overlap(const Eigen::Isometry3d& a_from_b) {
+  return Eigen::AngleAxisd(a_from_b.linear()).angle() < kMostTurned && a_from_b.translation().norm() < kMostShifted;
+}
+
+class PoseEvidence {
+ public:
+  PoseEvidence(const Rig& rig, const std::vector<Frame>& frames, const Trajectory& poses)
+      : poses_(poses), comparison_(Views(rig).camera(), rig.sensor) {
+    const Views views(rig);
+    for (const Frame& frame : frames)
+      if (const auto pose = pose_at(poses_, frame.timestamp); pose && !frame.problem && !frame.depth.empty())
+        views_.push_back(views.view_of(frame)), given_.push_back(*pose);
+    choose_pairs();
+  }
+  [[nodiscard]] const std::vector<Pair>& pairs() const { return pairs_; }
+  [[nodiscard]] Shares motionless() const {
+    Shares all;
+    for (const Pair& p : pairs_) all.push_back(motionless(p.a, p.b));
+    return all;
+  }
+  [[nodiscard]] Shares shares(const PoseConvention& c) const {
+    std::vector<std::optional<Eigen::Isometry3d>> at;
+    Trajectory one(1);
+    for (const View& view : views_) {
+      auto pose = pose_at(poses_, view.time - c.clock);
+      if (pose) {
+        one[0].world_from_camera = *pose;
+        pose = with_convention(one, c)[0].world_from_camera;
+      }
+      at.push_back(pose);
+    }
+    Shares all;
+    for (const auto& [a, b, stretch, by_poses] : pairs_)
+      all.push_back(at[a] && at[b] ? comparison_.both(views_[a], views_[b], (at[a]->inverse() * *at[b]).cast<float>())
+                                   : NAN);
+    return all;
+  }
+
+ private:
+  [[nodiscard]] float motionless(std::size_t a, std::size_t b) const {
+    return comparison_.both(views_[a], views_[b], Eigen::Isometry3f::Identity());
+  }
+  [[nodiscard]] double usual_spacing() const {
+    std::vector<double> all;
+    for (std::size_t i = 1; i < views_.size(); ++i) all.push_back(views_[i].time - views_[i - 1].time);
+    if (all.empty()) return 0;
+    std::nth_element(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2), all.end());
+    return all[all.size() / 2];
+  }
+  void choose_pairs() {
+    const double most = kBreak * usual_spacing();
+    int stretch = 0, in_stretch = 0;
+    for (std::size_t a = 0, end = 0; a < views_.size(); ++a) {
+      if (a == end) {
+        for (end = a + 1; end < views_.size() && views_[end].time - views_[end - 1].time <= most;) ++end;
+        in_stretch = 0, ++stretch;
+      }
+      if (++in_stretch > kViewsInStretch) ++stretch, in_stretch = 1;
+      if (a % 2 == 0) add_pairs(a, end, stretch);
+    }
+  }
+  /// The first later views that differ from it enough, the first to which the poses claim to have moved, and the last
+  /// that they claim to see much of the same: small errors add up until then.
+  void add_pairs(std::size_t a, std::size_t end, int stretch) {
+    std::size_t differ = 0, last = a;
+    bool has_moved = false;
+    for (std::size_t b = a + 1; b < end; ++b) {
+      const Eigen::Isometry3d step = given_[a].inverse() * given_[b];
+      const bool claims = claims_motion(step);
+      if (claims && overlap(step)) last = b;
+      bool taken = claims && !has_moved;
+      has_moved = has_moved || claims;
+      const float share = differ < kMoved.size() ? motionless(a, b) : 1;
+      while (differ < kMoved.size() && share < kMoved[differ]) ++differ, taken = true;
+      if (taken) pairs_.push_back({a, b, stretch, claims});
+    }
+    const bool is_new = pairs_.empty() || pairs_.back().a != a || pairs_.back().b < last;
+    if (last > a && is_new) pairs_.push_back({a, last, stretch, true});
+  }
+
+  Trajectory poses_;
+  Comparison comparison_;
+  std::vector<View> views_;               // of the frames that have poses
+  std::vector<Eigen::Isometry3d> given_;  // as read, by view
+  std::vector<Pair> pairs_;
+};
+
+/// Mean of the differences of two conventions' shares, and the same in standard deviations, of means over stretches.
+struct Difference {
+  double mean = 0, sigmas = 0;
+  int pairs = 0;
+  [[nodiscard]] bool is_clear() const { return mean > kClear && sigmas > kClearSigmas; }
+  [[nodiscard]] bool is_none() const { return !(mean > kSame && sigmas > kSameSigmas); }
+};
+
+Difference difference(const std::vector<Pair>& pairs, const Shares& a, const Shares& b, bool only_by_poses = false) {
+  std::vector<double> sums, counts;
+  double sum = 0, count = 0;
+  for (std::size_t i = 0, last = pairs.size(); i < pairs.size(); ++i) {
+    if (std::isnan(a[i]) || std::isnan(b[i]) || (only_by_poses && !pairs[i].by_poses)) continue;
+    if (last == pairs.size() || pairs[i].stretch != pairs[last].stretch) sums.push_back(0), counts.push_back(0);
+    last = i;
+    const double d = static_cast<double>(a[i]) - static_cast<double>(b[i]);
+    sums.back() += d, counts.back() += 1, sum += d, count += 1;
+  }
+  if (sums.size() < kFewStretches) return {};
+  const double mean = sum / count, n = static_cast<double>(sums.size());
+  double squares = 0;  // of a ratio of sums over clusters
+  for (std::size_t i = 0; i < sums.size(); ++i) squares += std::pow(sums[i] - mean * counts[i], 2);
+  const double deviation = std::sqrt(squares * n / (n - 1)) / count;
+  return {mean, mean / std::max(deviation, 1e-3), static_cast<int>(count)};
+}
+
+/// Whether there are poses for half of the pairs.
+bool have_poses(const Shares& shares) {
+  const auto without = std::count_if(shares.begin(), shares.end(), [](float s) { return std::isnan(s); });
+  return !shares.empty() && 2 * static_cast<std::size_t>(without) <= shares.size();
+}
+
+/// 0 where there are too few poses.
+double mean_of(const Shares& shares) {
+  double sum = 0, count = 0;
+  for (const float s : shares)
+    if (!std::isnan(s)) sum += static_cast<double>(s), count += 1;
+  return have_poses(shares) ? sum / count : 0;
+}
+
+struct Candidate {
+  PoseConvention convention;
+  Shares shares;
+  double mean = 0;
+  /// How much is to be wrong at once; what has a name is likelier.
+  [[nodiscard]] double departures() const {
+    constexpr double kUnnamed = 0.2;
+    const PoseConvention& c = convention;
+    const bool is_turned = c.axes != Eigen::Matrix3d::Identity(), is_mirrored = c.axes.determinant() < 0;
+    const auto has_name = [](const PoseConvention& part) { return name_of(part).find('=') == std::string::npos; };
+    const bool axes_named = has_name({.axes = c.axes}), scale_named = has_name({.scale = c.scale});
+    return c.quaternion_w_first + c.camera_from_world + (c.clock != 0) +
+           (is_turned ? 1 + (axes_named ? 0 : kUnnamed + is_mirrored) : 0) +
+           (c.scale != 1 ? 1 + (scale_named ? 0 : kUnnamed) : 0);
+  }
+  [[nodiscard]] bool is_about(const Candidate& other) const {
+    const PoseConvention &c = convention, &o = other.convention;
+    return c.quaternion_w_first == o.quaternion_w_first && c.camera_from_world == o.camera_from_world &&
+           c.axes == o.axes && std::abs(c.clock - o.clock) < kClockStep &&
+           std::abs(std::log(c.scale / o.scale)) < std::log(2);
+  }
+};
+
+std::vector<Eigen::Matrix3d> all_axes() {
+  std::vector<Eigen::Matrix3d> all;
+  std::array order{0, 1, 2};
+  do {
+    for (int signs = 0; signs < 8; ++signs) {
+      Eigen::Matrix3d axes = Eigen::Matrix3d::Zero();
+      for (int i = 0; i < 3; ++i) axes(order[static_cast<std::size_t>(i)], i) = (signs >> i & 1) != 0 ? -1 : 1;
+      all.push_back(axes);
+    }
+  } while (std::next_permutation(order.begin(), order.end()));
+  return all;
+}
+
+class Search {
+ public:
+  explicit Search(const PoseEvidence& evidence) : evidence_(evidence) {
+    std::vector<PoseConvention> conventions;
+    for (const bool w_first : {false, true})
+      for (const bool inverse : {false, true})
+        for (const auto& axes : all_axes())
+          for (const double scale : kScales)
+            conventions.push_back(
+                {.quaternion_w_first = w_first, .camera_from_world = inverse, .axes = axes, .scale = scale});
+    all_ = tried(conventions);
+    sort();
+    std::vector<PoseConvention> best;
+    for (std::size_t i = 0; i < kRefined; ++i) best.push_back(all_[i].convention);
+    add_clock({}, kMostClockAlone);
+    for (const PoseConvention& c : best) {
+      if (c != PoseConvention{}) add_clock(c, kMostClock);
+      add_scale(c);
+    }
+    sort();
+  }
+  /// The simplest of those that explain as much as the best.
+  [[nodiscard]] const Candidate& likely() const {
+    const Candidate* found = &all_.front();
+    for (const Candidate& c : all_)
+      if (c.departures() < found->departures() &&
+          difference(evidence_.pairs(), all_.front().shares, c.shares).is_none())
+        found = &c;
+    return *found;
+  }
+  /// Whether another one that is as simple explains as much.
+  [[nodiscard]] bool has_rival(const Candidate& likely) const {
+    return std::any_of(all_.begin(), all_.end(), [&](const Candidate& c) {
+      return std::floor(c.departures()) <= std::floor(likely.departures()) && !c.is_about(likely) &&
+             difference(evidence_.pairs(), likely.shares, c.shares).is_none();
+    });
+  }
+
+ private:
+  [[nodiscard]] std::vector<Candidate> tried(const std::vector<PoseConvention>& conventions) const {
+    std::vector<Candidate> all(conventions.size());
+    tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) {
+      all[i] = {conventions[i], evidence_.shares(conventions[i]), 0};
+      all[i].mean = mean_of(all[i].shares);
+    });
+    return all;
+  }
+  void sort() {
+    std::stable_sort(all_.begin(), all_.end(), [](const auto& a, const auto& b) { return a.mean > b.mean; });
+  }
+  [[nodiscard]] Candidate best_of(const std::vector<PoseConvention>& conventions) const {
+    auto all = tried(conventions);
+    return *std::max_element(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.mean < b.mean; });
+  }
+  void add_clock(const PoseConvention& of, double most) {
+    double middle = of.clock;
+    Candidate best;
+    for (const auto& [step, reach] : {std::pair{kClockStep, most}, {kClockFine, kClockStep}}) {
+      std::vector<PoseConvention> all;
+      const int steps = static_cast<int>(std::lround(reach / step));
+      for (int i = -steps; i <= steps; ++i) {
+        all.push_back(of);
+        all.back().clock = middle + i * step;
+      }
+      best = best_of(all);
+      middle = best.convention.clock;
+    }
+    best.convention.clock = std::round(middle / kClockFine) * kClockFine;
+    if (std::abs(middle) >= kLeastClock) all_.push_back(std::move(best));
+  }
+  void add_scale(const PoseConvention& of) {
+    double middle = of.scale;
+    Candidate best;
+    for (const auto& [step, reach] : {std::pair{std::sqrt(2), kMostScale}, {std::pow(2, 1.0 / 16), std::sqrt(2)}}) {
+      std::vector<PoseConvention> all;
+      const int steps = static_cast<int>(std::lround(std::log(reach) / std::log(step)));
+      for (int i = -steps; i <= steps; ++i) {
+        all.push_back(of);
+        all.back().scale = middle * std::pow(step, i);
+      }
+      best = best_of(all);
+      middle = best.convention.scale;
+    }
+    if (std::abs(std::log(middle / of.scale)) >= std::log(kLeastScale)) all_.push_back(std::move(best));
+  }
+
+  const PoseEvidence& evidence_;
+  std::vector<Candidate> all_;  // the best first
+};
+
+}  // namespace
+
+std::vector<Frame> sampled_frames(Source& source) {
+  const int size = source.size().value_or(0);
+  const bool is_short = size <= kAll, can_seek = source.next_timestamp().has_value();
+  const int step = is_short ? std::max(1, (size + kBursts * kInBurst - 1) / (kBursts * kInBurst)) : 1;
+  const int most = can_seek ? kBursts * kInBurst : kUnseekable;
+  std::vector<Frame> frames;
+  double last = -INFINITY;
+  for (int at = 0, taken = 0; taken < most; ++at) {
+    if (const auto time = source.next_timestamp()) {
+      const bool is_before = at < static_cast<int>(static_cast<double>(size) * (taken / kInBurst) / kBursts);
+      if (is_short ? at % step != 0 : is_before || (taken % kInBurst != 0 && *time < last + kSpacing)) {
+        source.skip();
+        continue;
+      }
+      last = *time;
+    }
+    auto frame = source.next();
+    if (!frame) break;
+    ++taken;
+    frame->colour.clear();
+    frames.push_back(std::move(*frame));
+  }
+  return frames;
+}
+
+PoseCheck check_poses(const Rig& rig, const std::vector<Frame>& frames, const Trajectory& poses) {
+  const PoseEvidence evidence(rig, frames, poses);
+  const auto& pairs = evidence.pairs();
+  const Shares given = evidence.shares({}), motionless = evidence.motionless();
+  const Difference moved = difference(pairs, motionless, given);
+  if (moved.pairs < kFewPairs) return {};
+  PoseCheck check{.pairs = moved.pairs, .as_given = mean_of(given), .motionless = mean_of(motionless)};
+  check.explained = check.as_given;
+  if (check.as_given > 1 - kClear) return check;  // nothing can be clearly better
+  const Search search(evidence);
+  const Candidate& likely = search.likely();
+  check.explained = likely.mean;
+  check.likely = likely.convention;
+  check.is_likely = difference(pairs, likely.shares, given).is_clear();
+  check.is_only = check.is_likely && !search.has_rival(likely);
+  // Poses that claim motion must explain more than none.
+  const Difference gained = difference(pairs, given, motionless, true);
+  const bool is_in_vain = gained.pairs >= kFewPairs && check.as_given < kUnexplained && gained.mean < kSame;
+  check.contradicts = check.is_likely || moved.is_clear() || is_in_vain;
+  return check;
+}
+
+std::string text_of(const PoseCheck& check, std::string_view option) {
+  if (!check.contradicts) return {};
+  const std::string seen = fmt::format(
+      "{}: the poses contradict the depth of frames that follow each other: {:.0f} % of "
+      "the points are where the poses say",
+      option, 100 * check.as_given);
+  const std::string name = name_of(check.likely);
+  if (!check.is_likely)
+    return seen + fmt::format(
+                      ", {:.0f} % if the camera had not moved; no usual convention explains it: are the poses of "
+                      "this recording, and their times of its clock?",
+                      100 * check.motionless);
+  const bool is_scaled = check.likely.scale != 1;
+  return seen + fmt::format(", {:.0f} % if they are meant as {}: {}{}", 100 * check.explained, name,
+                            check.is_only
+                                ? "give --poses-convention " + name
+                                : "this or another convention, the frames cannot decide: see how they were written",
+                            is_scaled ? ", or check depth_scale of the camera" : "");
+}
+
+}  // namespace cairn
