@@ -18,10 +18,10 @@ namespace cairn {
 /// What depth says of poses. Shares are of the points of one depth image that another one, a little later, shows where
 /// the poses say.
 struct PoseCheck {
-  int pairs = 0;         ///< of depth images, between which the camera moved; 0: nothing can be said
-  double as_given = 0;   ///< share, 0 to 1
-  double motionless = 0;   ///< share, had the camera not moved
-  double explained = 0;  ///< share with `likely`
+  int pairs = 0;          ///< of depth images, between which the camera moved; 0: nothing can be said
+  double as_given = 0;    ///< share, 0 to 1
+  double motionless = 0;  ///< share, had the camera not moved
+  double explained = 0;   ///< share with `likely`
   bool contradicts = false;
   PoseConvention likely;   ///< explains most; the default where nothing does
   bool is_likely = false;  ///< `likely` explains what the poses as given do not

@@ -45,6 +45,7 @@ constexpr double kMostClock = 1, kMostClockAlone = 5, kClockStep = 0.1, kClockFi
 constexpr double kLeastClock = 0.05;  // seconds that are worth a word
 constexpr double kMostScale = 32;     // times
 constexpr double kLeastScale = 1.1;   // times, that is worth a word
+constexpr double kSameScale = 1.5;    // times, of scales that are one and the same finding
 // Of shares: a clear difference, and one between two conventions, in which the simpler is preferred.
 constexpr double kClear = 0.06, kClearSigmas = 4;
 constexpr double kSame = 0.02, kSameSigmas = 2;
@@ -323,7 +324,7 @@ struct Candidate {
     const PoseConvention &c = convention, &o = other.convention;
     return c.quaternion_w_first == o.quaternion_w_first && c.camera_from_world == o.camera_from_world &&
            c.axes == o.axes && std::abs(c.clock - o.clock) < kClockStep &&
-           std::abs(std::log(c.scale / o.scale)) < std::log(2);
+           std::abs(std::log(c.scale / o.scale)) < std::log(kSameScale);
   }
 };
 
