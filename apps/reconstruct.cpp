@@ -49,7 +49,8 @@ std::optional<PoseCheck> check_given_poses(const Arguments& a, SourceOptions opt
   if (a.poses_convention && file.empty())
     throw CLI::ValidationError("--poses-convention", "says how --poses or --guess are meant: give one of them");
   if (file.empty() || is_sensor(a.sequence)) return std::nullopt;
-  options.find_colour_camera = false;  // depth alone is looked at
+  options.find_colour_camera = false;
+  options.depth_only = true;
   const Quiet quiet;
   const auto source = open_source(a.sequence, options);
   const auto frames = sampled_frames(*source);

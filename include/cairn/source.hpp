@@ -29,6 +29,7 @@ struct SourceOptions {
   std::optional<SensorModel> sensor;  ///< in place of the model that the recording or sensor is known for
   /// Whether a colour camera is looked for (seconds) where a recording is known to tell it wrongly or not at all.
   bool find_colour_camera = true;
+  bool depth_only = false;  ///< frames have no colour where that is faster: of folders of images and of .sens files
   std::filesystem::path copy_to;  ///< .oni file that gets every image of a sensor, depth exactly; empty: none
   /// Of a ROS recording with several cameras; empty: chosen by type, that with the most messages.
   std::string depth_topic, colour_topic;

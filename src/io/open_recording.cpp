@@ -151,7 +151,8 @@ void find_colour_size(Recording& recording) {
 
 class RecordingSource final : public Source {
  public:
-  RecordingSource(Recording recording, const FrameRange& range) : recording_(std::move(recording)), range_(range) {
+  RecordingSource(Recording recording, const FrameRange& range, bool depth_only = false)
+      : recording_(std::move(recording)), range_(range), depth_only_(depth_only) {
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // what is wrong goes into Frame::problem
     find_colour_size(recording_);
     end_ = static_cast<int>(recording_.entries.size());
@@ -199,6 +200,7 @@ class RecordingSource final : public Source {
       frame.problem = entry.depth.string() + ": " + error.what();
       return frame;
     }
+    if (depth_only_) return frame;
     try {
       if (!entry.colour.empty()) frame.colour = read_colour(entry.colour);
       if (recording_.colour_of) frame.colour = recording_.colour_of(frame.index);
@@ -303,6 +305,7 @@ class RecordingSource final : public Source {
 
   Recording recording_;
   FrameRange range_;
+  bool depth_only_;
   int next_ = 0, end_ = 0;
   std::size_t gyro_ = 0;  // the first sample that no frame has had
   double last_timestamp_ = -INFINITY;
@@ -404,7 +407,7 @@ std::unique_ptr<Source> open_recording(const fs::path& folder, const SourceOptio
       if (recording.rig.colour) recording.rig.colour->camera.readout = recording.colour_readout;
     }
   }
-  return std::make_unique<RecordingSource>(std::move(recording), options.range);
+  return std::make_unique<RecordingSource>(std::move(recording), options.range, options.depth_only);
 }
 
 std::vector<Understood> understanding_of(const std::string& recording, const SourceOptions& options) {

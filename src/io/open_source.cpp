@@ -202,7 +202,7 @@ std::unique_ptr<Source> open_by_name(const std::string& name, const SourceOption
     return with_cameras(std::make_unique<InRange>(open_azure_kinect(name), options.range), options.camera);
   if (is_ros_recording(name))
     return with_cameras(std::make_unique<InRange>(open_ros(name, options), options.range), options.camera);
-  if (extension == ".sens") return with_cameras(open_sens(name, options.range), options.camera);
+  if (extension == ".sens") return with_cameras(open_sens(name, options.range, options.depth_only), options.camera);
   return open_recording(name, options);
 }
 

@@ -174,8 +174,8 @@ SensFile index_sens(const fs::path& path) {
 
 class SensSource final : public Source {
  public:
-  SensSource(const fs::path& path, const FrameRange& range)
-      : file_(index_sens(path)), in_(path), range_(range), next_(range.begin) {
+  SensSource(const fs::path& path, const FrameRange& range, bool depth_only)
+      : file_(index_sens(path)), in_(path), range_(range), depth_only_(depth_only), next_(range.begin) {
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // what is wrong goes into Frame::problem
     end_ = static_cast<int>(file_.frames.size());
     if (range.end) end_ = std::min(end_, *range.end);
@@ -208,6 +208,7 @@ class SensSource final : public Source {
       frame.problem = fmt::format("{}: frame {}, byte {}: {}", in_.name(), frame.index, entry.place, error.what());
       return frame;
     }
+    if (depth_only_) return frame;
     try {
       frame.colour = read_colour(entry);
     } catch (const std::exception&) {
@@ -268,14 +269,15 @@ class SensSource final : public Source {
   SensFile file_;
   FileBytes in_;
   FrameRange range_;
+  bool depth_only_;
   int next_ = 0, end_ = 0;
   double last_timestamp_ = -INFINITY;
 };
 
 }  // namespace
 
-std::unique_ptr<Source> open_sens(const fs::path& file, const FrameRange& range) {
-  return std::make_unique<SensSource>(file, range);
+std::unique_ptr<Source> open_sens(const fs::path& file, const FrameRange& range, bool depth_only) {
+  return std::make_unique<SensSource>(file, range, depth_only);
 }
 
 Trajectory sens_truth(const fs::path& file) {

@@ -57,6 +57,19 @@ TEST(TumRecording, GivesMetresAndColourInMemoryOrder) {
   EXPECT_DOUBLE_EQ(frames[3].timestamp, 0.3);
 }
 
+TEST(TumRecording, ReadsNoColorImageWhereDepthIsEnough) {
+  const Tum tum;
+  const auto source = open_recording(tum.folder.path(), {.find_colour_camera = false, .depth_only = true});
+  fs::remove_all(tum.folder / "rgb");
+  int frames = 0;
+  for (; const auto frame = source->next(); ++frames) {
+    EXPECT_FLOAT_EQ(frame->depth[100], 1.0f);
+    EXPECT_TRUE(frame->colour.empty());
+    EXPECT_FALSE(frame->problem);
+  }
+  EXPECT_EQ(frames, 4);
+}
+
 TEST(TumRecording, PairsNearestTimestampsOneToOne) {
   Tum tum;
   write_text(tum.folder / "rgb.txt", "0.012 rgb/0.png\n0.101 rgb/1.png\n0.25 rgb/2.png\n");
