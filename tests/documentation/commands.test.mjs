@@ -117,6 +117,15 @@ before(() => {
     return [t, x, z, -y, i, j, k, r].join(' ');
   }).join('\n') + '\n');
   for (const word of ['groundtruth.txt', 'rgbd_dataset_freiburg2_desk/groundtruth.txt', 'poses.txt']) inputs[word] = keep('captured.txt');
+  // The same as camera_from_world.
+  writeFileSync(keep('inverse.txt'), turned.map((line) => {
+    const [t, x, y, z, a, b, c, w] = line.split(' ').map(Number), [i, j, k] = [-a, -b, -c];
+    // v + 2w (u x v) + 2 u x (u x v) turns v by (u, w).
+    const [p, q, r] = [j * z - k * y, k * x - i * z, i * y - j * x];
+    const moved = [x + 2 * (w * p + j * r - k * q), y + 2 * (w * q + k * p - i * r), z + 2 * (w * r + i * q - j * p)];
+    return [t, ...moved.map((v) => -v), i, j, k, w].join(' ');
+  }).join('\n') + '\n');
+  inputs['inverse.txt'] = keep('inverse.txt');
   inputs['camera.yaml'] = keep('recording/camera.yaml');
   cpSync(keep('captured.txt'), keep('data/tum_fr1_rpy_400/groundtruth.txt'), { recursive: true });
 
