@@ -12,6 +12,7 @@
 
 #include "base/velocity.hpp"
 #include "cairn/evaluation.hpp"
+#include "eval/frame_pose.hpp"
 #include "eval/statistics.hpp"
 #include "eval/view_comparison.hpp"
 
@@ -20,7 +21,6 @@ namespace {
 
 constexpr std::array kRanges{0.0, 1.5, 2.5, 3.5, 5.0};  // metres, where one band of depths ends and the next begins
 constexpr float kElsewhere = 0.1f;                      // metres: not the same surface
-constexpr double kSameFrame = 0.001;                    // seconds
 constexpr float kOneSheet = 0.005f, kTwoSheets = 0.05f, kSameSide = 0.7f;  // metres; cosine between normals
 constexpr int kSheetSamples = 100000;
 
@@ -138,14 +138,6 @@ class DepthErrors {
   std::array<Band, kRanges.size() - 1> bands_;
 };
 
-/// Its own, not one between those of others: a frame that was lost has none.
-std::optional<Eigen::Isometry3d> pose_of(const Trajectory& poses, double time) {
-  const auto next = std::lower_bound(poses.begin(), poses.end(), time - kSameFrame,
-                                     [](const StampedPose& pose, double t) { return pose.timestamp < t; });
-  if (next == poses.end() || next->timestamp > time + kSameFrame) return std::nullopt;
-  return next->world_from_camera;
-}
-
 bool is_one_of(const std::vector<double>& times, double time) {
   const auto next = std::lower_bound(times.begin(), times.end(), time - kSameFrame);
   return next != times.end() && *next <= time + kSameFrame;
@@ -160,7 +152,7 @@ MapError evaluate_map(const std::vector<Mesh>& parts, Source& recording, const T
   DepthErrors depth;
   ViewComparison views(parts, recording.rig());
   for (int i = 0; auto frame = recording.next();) {
-    const auto pose = pose_of(world_from_camera, frame->timestamp);
+    const auto pose = frame_pose(world_from_camera, frame->timestamp);
     if (only_held_out && !frame->held_out) continue;
     if (frame->problem || !pose || is_one_of(keyframes, frame->timestamp) || i++ % step != 0) continue;
     const Rig& rig = recording.rig();
@@ -182,7 +174,7 @@ MapError evaluate_map(const std::vector<Mesh>& parts, Source& recording, const T
 LoopDrift evaluate_loop_drift(const std::vector<LoopMeasured>& loops, const Trajectory& world_from_camera) {
   std::vector<double> shifts, turns;
   for (const LoopMeasured& loop : loops) {
-    const auto from = pose_of(world_from_camera, loop.from), to = pose_of(world_from_camera, loop.to);
+    const auto from = frame_pose(world_from_camera, loop.from), to = frame_pose(world_from_camera, loop.to);
     if (!from || !to) continue;
     const Eigen::Isometry3d off = (from->inverse() * *to).inverse() * loop.i_from_j;
     shifts.push_back(off.translation().norm());

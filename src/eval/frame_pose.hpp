@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <algorithm>
+#include <optional>
+
+#include "cairn/trajectory.hpp"
+
+namespace cairn {
+
+constexpr double kSameFrame = 0.001;  // seconds
+
+/// Its own, not one between those of others: a frame that was lost has none.
+[[nodiscard]] inline std::optional<Eigen::Isometry3d> frame_pose(const Trajectory& poses, double time) {
+  const auto next = std::lower_bound(poses.begin(), poses.end(), time - kSameFrame,
+                                     [](const StampedPose& pose, double t) { return pose.timestamp < t; });
+  if (next == poses.end() || next->timestamp > time + kSameFrame) return std::nullopt;
+  return next->world_from_camera;
+}
+
+}  // namespace cairn

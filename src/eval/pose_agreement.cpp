@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "eval/pose_agreement.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+namespace cairn {
+namespace {
+
+// Drift of visual-inertial odometry and of tracking together.
+constexpr double kShift = 0.05, kShiftOfWay = 0.03;                       // meters, and share of the way
+constexpr double kTurn = 2 * std::numbers::pi / 180, kTurnOfTurn = 0.02;  // radians, and share of all turning
+constexpr double kScale = 0.03;                                           // of all lengths
+constexpr double kWindows[] = {1, 5};                                     // seconds
+constexpr double kScaledWay = 0.3;  // meters between the ends of a window, for a ratio of lengths
+constexpr std::size_t kFewest = 3;  // poses
+
+/// A moment with both poses, and the way of the device up to it.
+struct Both {
+  double timestamp;
+  Eigen::Isometry3d tracked, device;
+  double way = 0, turned = 0;  // meters, radians
+};
+
+double angle_of(const Eigen::Isometry3d& motion) { return Eigen::AngleAxisd(motion.linear()).angle(); }
+
+std::vector<Both> joined(const Trajectory& tracked, const Trajectory& device) {
+  std::vector<Both> all;
+  for (const StampedPose& pose : tracked)
+    if (const auto other = pose_at(device, pose.timestamp)) {
+      Both both{.timestamp = pose.timestamp, .tracked = pose.world_from_camera, .device = *other};
+      if (!all.empty()) {
+        const Eigen::Isometry3d step = all.back().device.inverse() * both.device;
+        both.way = all.back().way + step.translation().norm(), both.turned = all.back().turned + angle_of(step);
+      }
+      all.push_back(both);
+    }
+  return all;
+}
+
+double median_of(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// Difference of two relative motions, and what drift allows.
+struct Difference {
+  double shift, turn, allowed_shift, allowed_turn;
+  [[nodiscard]] bool is_beyond() const { return shift > allowed_shift || turn > allowed_turn; }
+};
+
+Difference difference(const Both& a, const Both& b, double drift) {
+  const Eigen::Isometry3d tracked = a.tracked.inverse() * b.tracked, device = a.device.inverse() * b.device;
+  return {.shift = (tracked.translation() - device.translation()).norm(),
+          .turn = angle_of(tracked.inverse() * device),
+          .allowed_shift = drift * (kShift + kShiftOfWay * (b.way - a.way)),
+          .allowed_turn = drift * (kTurn + kTurnOfTurn * (b.turned - a.turned))};
+}
+
+}  // namespace
+
+PoseAgreement compare_poses(const Trajectory& tracked, const Trajectory& device, double drift) {
+  PoseAgreement agreement{.allowed_scale = drift * kScale};
+  const std::vector<Both> all = joined(tracked, device);
+  if (all.size() < kFewest) return agreement;
+  std::vector<double> ratios;
+  int beyond = 0;
+  for (const double seconds : kWindows)
+    for (std::size_t begin = 0, end = 0; begin < all.size();) {
+      while (end < all.size() && all[end].timestamp < all[begin].timestamp + seconds) ++end;
+      if (end == all.size()) break;
+      ++agreement.windows;
+      beyond += difference(all[begin], all[end], drift).is_beyond();
+      const double way = (all[begin].device.inverse() * all[end].device).translation().norm();
+      if (way > kScaledWay)
+        ratios.push_back((all[begin].tracked.inverse() * all[end].tracked).translation().norm() / way);
+      // Windows overlap by half.
+      const double next = all[begin].timestamp + seconds / 2;
+      while (begin < all.size() && all[begin].timestamp < next) ++begin;
+    }
+  if (agreement.windows > 0) agreement.beyond = static_cast<double>(beyond) / agreement.windows;
+  const Difference whole = difference(all.front(), all.back(), drift);
+  agreement.shift = whole.shift, agreement.allowed_shift = whole.allowed_shift;
+  agreement.turn = whole.turn, agreement.allowed_turn = whole.allowed_turn;
+  agreement.scaled_windows = static_cast<int>(ratios.size());
+  if (!ratios.empty()) {
+    agreement.scale = median_of(ratios);
+    for (double& ratio : ratios) ratio = std::abs(ratio - agreement.scale);
+    agreement.scale_spread = median_of(std::move(ratios));
+  }
+  return agreement;
+}
+
+}  // namespace cairn

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "eval/still_view.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <optional>
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kFewest = 6;                 // samples
+constexpr double kSigmas = 5, kLeast = 0.01;       // of depth that is the same in two images: noise; meters
+constexpr double kChanged = 2;                     // times that: another depth
+constexpr int kSameLevel = 24, kOtherLevel = 60;   // of 255
+constexpr double kSmallShift = 1.5;                // pixels of the grid, and depths within noise: no motion to speak of
+constexpr double kMostPairs = 0.7;                 // of the pairs in which a pixel is still
+constexpr double kSomePairs = 0.3;                 // of the pairs in which a pixel moves
+constexpr double kSeen = 0.5, kSeenMoving = 0.25;  // of the pairs in which a pixel has depth in both images
+// A turntable: most of the view that does not move is still.
+constexpr double kStill = 0.25, kMoved = 0.01, kStillOfRest = 0.7;
+
+/// A pixel over all pairs.
+struct PixelCounts {
+  int seen = 0, still = 0, moved = 0;
+};
+
+/// How a pixel of one image is explained in another.
+class Pair {
+ public:
+  Pair(const Camera& grid, const SensorModel& sensor, const PlacedSample& a, const PlacedSample& b)
+      : grid_(grid),
+        sensor_(sensor),
+        a_(*a.sample),
+        b_(*b.sample),
+        b_from_a_(b.world_from_camera.inverse() * a.world_from_camera) {}
+
+  void count(std::vector<PixelCounts>& pixels) const {
+    for (std::size_t i = 0; i < pixels.size(); ++i) {
+      if (a_.depth[i] == 0 || b_.depth[i] == 0) continue;
+      const auto tracked = follow(i);
+      if (!tracked) continue;
+      PixelCounts& p = pixels[i];
+      ++p.seen;
+      const bool is_same = differs(i)<1, is_changed = differs(i)> kChanged;
+      if (tracked->is_rest) {
+        p.still += is_same;
+        p.moved += is_changed && !tracked->fits;
+      } else {
+        p.still += is_same && !tracked->fits;
+        p.moved += is_changed;
+      }
+    }
+  }
+
+ private:
+  [[nodiscard]] double noise(double z) const {
+    return std::max(kLeast, kSigmas * static_cast<double>(sensor_.sigma(static_cast<float>(z))));
+  }
+  /// Difference in the same pixel; below 1: the same, above kChanged: another.
+  [[nodiscard]] double differs(std::size_t i) const {
+    const double depth = std::abs(a_.at(i) - b_.at(i)) / noise(a_.at(i));
+    if (a_.brightness.empty() || b_.brightness.empty()) return depth;
+    const int levels = std::abs(int{a_.brightness[i]} - int{b_.brightness[i]});
+    return std::max(depth, levels < kSameLevel ? 0 : levels < kOtherLevel ? 1 : kChanged + 1);
+  }
+  struct Followed {
+    bool is_rest;  // tracking moves the pixel by less than can be told
+    bool fits;     // the other image has that depth there
+  };
+  /// Where tracking takes a pixel; nothing beside the other image, or where that has no depth.
+  [[nodiscard]] std::optional<Followed> follow(std::size_t i) const {
+    const int x = static_cast<int>(i) % grid_.width, y = static_cast<int>(i) / grid_.width;
+    const double z = a_.at(i);
+    const Eigen::Vector3d point = b_from_a_ * (z * grid_.ray(x, y));
+    if (!(point.z() > 0)) return std::nullopt;
+    const Eigen::Vector2d at = grid_.project(point);
+    const bool is_rest = (at - Eigen::Vector2d(x, y)).norm() < kSmallShift && std::abs(point.z() - z) < noise(z);
+    const auto u = std::lround(at.x()), v = std::lround(at.y());
+    if (u < 0 || v < 0 || u >= grid_.width || v >= grid_.height) return std::nullopt;
+    double least = 1e9, most = 0;
+    for (long row = std::max(0L, v - 1); row <= std::min<long>(grid_.height - 1, v + 1); ++row)
+      for (long column = std::max(0L, u - 1); column <= std::min<long>(grid_.width - 1, u + 1); ++column)
+        if (const double d = b_.at(static_cast<std::size_t>(row * grid_.width + column)); d > 0)
+          least = std::min(least, d), most = std::max(most, d);
+    if (most == 0) return std::nullopt;
+    const double limit = noise(point.z());
+    return Followed{is_rest, least - limit < point.z() && point.z() < most + limit};
+  }
+
+  const Camera& grid_;
+  const SensorModel& sensor_;
+  const FrameSample &a_, &b_;
+  Eigen::Isometry3d b_from_a_;
+};
+
+}  // namespace
+
+bool StillView::is_turntable() const {
+  return pairs > 0 && still > kStill && moved > kMoved && still > kStillOfRest * (1 - moved);
+}
+
+StillView compare_still(const Camera& grid, const SensorModel& sensor, const std::vector<PlacedSample>& samples) {
+  std::vector<PlacedSample> fused;
+  for (const PlacedSample& s : samples)
+    if (!s.sample->held_out && s.sample->recording == samples.back().sample->recording) fused.push_back(s);
+  StillView view;
+  if (fused.size() < kFewest) return view;
+  std::vector<PixelCounts> pixels(fused.front().sample->depth.size());
+  for (const std::size_t apart : {fused.size() / 2, fused.size() / 3})
+    for (std::size_t i = 0; i + apart < fused.size(); ++i, ++view.pairs)
+      Pair(grid, sensor, fused[i], fused[i + apart]).count(pixels);
+  double seen = 0, still = 0, moved = 0;
+  for (const PixelCounts& p : pixels) {
+    if (p.seen < kSeenMoving * view.pairs) continue;
+    const bool moves = p.moved >= kSomePairs * p.seen;
+    if (!moves && p.seen < kSeen * view.pairs) continue;
+    ++seen;
+    moved += moves;
+    still += !moves && p.still >= kMostPairs * p.seen;
+  }
+  if (seen > 0) view.still = still / seen, view.moved = moved / seen;
+  return view;
+}
+
+}  // namespace cairn
