@@ -70,13 +70,25 @@ nlohmann::json report_of(const fs::path& folder) {
   return report;
 }
 
+Verdict::Level level_of(const std::string& name) {
+  for (const auto level : {Verdict::Level::weak, Verdict::Level::bad})
+    if (name == name_of(level)) return level;
+  return Verdict::Level::good;
+}
+
 /// As the run told it; of a report from before there were verdicts by its counts alone.
 Verdict verdict_of(const nlohmann::json& report) {
   if (report.contains("verdict")) {
     const auto& told = report["verdict"];
     Verdict v{.words = told.at("words"), .reasons = told.at("reasons")};
-    for (const auto level : {Verdict::Level::weak, Verdict::Level::bad})
-      if (told.at("level") == name_of(level)) v.level = level;
+    v.level = level_of(told.at("level"));
+    for (const auto& item : told.value("evidence", nlohmann::json::array()))
+      v.evidence.push_back({.name = item.at("name"),
+                            .value = item.at("value"),
+                            .limit = item.at("limit"),
+                            .unit = item.at("unit"),
+                            .level = level_of(item.at("verdict")),
+                            .text = item.at("text")});
     return v;
   }
   const auto& frames = report.at("frames");

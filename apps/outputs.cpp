@@ -75,7 +75,18 @@ nlohmann::json to_json(const Statistics& statistics) {
 }  // namespace
 
 nlohmann::json to_json(const Verdict& verdict) {
-  return {{"level", name_of(verdict.level)}, {"words", verdict.words}, {"reasons", verdict.reasons}};
+  nlohmann::json j{{"level", name_of(verdict.level)},
+                   {"words", verdict.words},
+                   {"reasons", verdict.reasons},
+                   {"evidence", nlohmann::json::array()}};
+  for (const Verdict::Item& item : verdict.evidence)
+    j["evidence"].push_back({{"name", item.name},
+                             {"value", item.value},
+                             {"limit", item.limit},
+                             {"unit", item.unit},
+                             {"verdict", name_of(item.level)},
+                             {"text", item.text}});
+  return j;
 }
 
 void print_upright(const nlohmann::json& upright) {

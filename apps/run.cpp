@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "cairn/mesh.hpp"
 #include "cairn/option_ranges.hpp"
 #include "cairn/parts.hpp"
 #include "cairn/quoted.hpp"
@@ -28,8 +29,9 @@ namespace cairn::apps {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr int kColourless = 30;       // frames after which a recording has no colour
-constexpr double kFewInliers = 0.45;  // as the live page says it
+constexpr int kColourless = 30;                                      // frames after which a recording has no colour
+constexpr double kFewInliers = 0.45;                                 // as the live page says it
+constexpr std::uintmax_t kMostCompared = std::uintmax_t{256} << 20;  // bytes of a mesh that is held against the frames
 
 constexpr double kMostMib = 1 << 24;     // 16 TiB
 constexpr double kLongestBetween = 1e6;  // seconds between two checkpoints
@@ -204,6 +206,7 @@ Run::Run(RunArguments arguments, const Options& options, Poses poses, const Rig&
   prepare();
   if (poses_ == Poses::given) replaced_.emplace(arguments_.output / "session");
   begin_map();
+  evidence_.begin_recording(mapper_->recordings() - 1);
   if (!arguments_.resume) {  // another run may have finished there since its name was chosen
     OutputArguments here = arguments_;
     here.auto_name = false;
@@ -239,6 +242,7 @@ void Run::reset() {
   progressed_.frames = found_.frames;
   evidence_ = Evidence(rig_, options_);
   evidence_.restore(found_.evidence);
+  evidence_.begin_recording(mapper_->recordings() - 1);
   stages_.clear();
 }
 
@@ -333,14 +337,32 @@ void Run::interrupted_in(const char* stage) {
 
 Verdict Run::judge(int components) const {
   const FrameLog& frames = progressed_.frames;
-  return evidence_.verdict({.total = frames.size() - held_out(),
-                            .fused = frames.count("fused"),
-                            .held_out = held_out(),
-                            .components = components,
-                            .focal = mapper_->statistics().focal,
-                            .keeping_up = keeping_up_,
-                            .warnings = warnings_,
-                            .poses = pose_check_});
+  const Upright upright = mapper_->upright();
+  return evidence_.verdict(
+      {.total = frames.size() - held_out(),
+       .fused = frames.count("fused"),
+       .held_out = held_out(),
+       .components = components,
+       .focal = mapper_->statistics().focal,
+       .upright_unknown = upright.source == Upright::Source::unknown ? in_flags(upright.words) : "",
+       .warnings = warnings_});
+}
+
+/// Nothing of it is needed for the map: where its mesh cannot be read again it is judged without.
+void Run::hold_against_frames() {
+  const fs::path mesh = arguments_.output / "mesh.glb";
+  const double clock_offset = mapper_->statistics().clock_offset;
+  if (!arguments_.no_mesh && fs::exists(mesh) && fs::file_size(mesh) <= kMostCompared) try {
+      std::vector<Trajectory> trajectories;
+      for (int i = 0; i < mapper_->recordings(); ++i) trajectories.push_back(mapper_->trajectory(i));
+      evidence_.hold_against_map(read_mesh_parts(mesh), trajectories, clock_offset, mapper_->rig().depth_correction);
+    } catch (const std::exception& error) {
+      warn(fmt::format("the map is not held against the frames: {}", error.what()));
+    }
+  if (device_poses_.empty()) return;
+  Trajectory tracked = mapper_->trajectory();
+  for (StampedPose& pose : tracked) pose.timestamp -= clock_offset;
+  evidence_.hold_against_device(tracked, device_poses_, device_drift_);
 }
 
 std::string Run::how_to_go_on() const {
@@ -390,6 +412,7 @@ Verdict Run::finish(const nlohmann::json& more) {
 
   tell_warnings();
   for (const std::string& warning : outputs.warnings()) warn(warning);
+  timed("evidence", [&] { hold_against_frames(); });
   Verdict verdict = judge(report["submaps"]["components"]);
   log([&](RunLog& log) { log.finish(verdict); });
   for (const std::string& reason : verdict.reasons)

@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "cairn/mapper.hpp"
@@ -99,6 +100,12 @@ class Run {
   /// Fuses a frame. One at which the mapper fails, as without memory, stops the run: it is to be finished then. Throws
   /// std::runtime_error if that is the first.
   FrameReport add(const Frame& frame, double waited_ms);
+  /// Poses that the recording's device, or its owner, had while it was taken: what is tracked is held against them.
+  /// `drift`: see Evidence::hold_against_device.
+  void compare_with(Trajectory device_poses, double drift = 1) {
+    device_poses_ = std::move(device_poses);
+    device_drift_ = drift;
+  }
   [[nodiscard]] bool stopped() const { return stopped_.has_value(); }
   /// Frames that have a pose and are no part of the map.
   [[nodiscard]] int held_out() const { return progressed_.frames.count("held_out"); }
@@ -134,6 +141,8 @@ class Run {
   using Clock = std::chrono::steady_clock;
   void begin_map();
   [[nodiscard]] Verdict judge(int components) const;
+  /// Once the map is written, it is held against the frames that it was made from.
+  void hold_against_frames();
   /// With --log, as long as the log can be written.
   void log(const std::function<void(RunLog&)>& work);
   [[nodiscard]] std::string how_to_go_on() const;
@@ -153,6 +162,8 @@ class Run {
   std::string left_stage_;              // in which it was
   KeepingUp keeping_up_;
   Evidence evidence_;
+  Trajectory device_poses_;  // empty: none
+  double device_drift_ = 1;
   std::optional<ReplacedSession> replaced_;  // its place, when this run makes none: nobody else writes there
   std::optional<Session> session_;           // of tracked poses
   std::optional<Mapper> mapper_;

@@ -29,6 +29,13 @@ function judgement({ verdict, warnings = [] }) {
   return [...words, ...told.map((line) => element('div', { className: 'warning' }, line))];
 }
 
+/** What the verdict rests on, doubts first. */
+function evidenceOf({ verdict }) {
+  const all = verdict?.evidence ?? [], doubts = all.filter((item) => item.verdict !== 'good'), rest = all.filter((item) => item.verdict === 'good');
+  if (all.length === 0) return [];
+  return [element('h2', {}, 'Evidence'), facts([...doubts, ...rest].map(({ name, text, verdict: level }) => [`${level === 'good' ? '✓' : '!'} ${name.replaceAll('_', ' ')}`, text]))];
+}
+
 function downloads(files) {
   if (!files?.length) return [];
   return [element('h2', {}, 'Files'), element('ul', { className: 'files' }, ...files.map(({ name, url, bytes: size, what }) => element('li', {},
@@ -66,6 +73,6 @@ export function fillPanel(panel, { name, report, verdict, files, mesh_left_out: 
   if (!report) return panel.append(element('h1', {}, name), ...judgement({ verdict }), ...downloads(files));  // a single file, or a plan
   panel.append(element('h1', {}, name), ...judgement(report));
   if (leftOut) panel.append(element('div', { className: 'warning' }, `The mesh is too large for this page: cairn view shows ${leftOut}`));
-  panel.append(...downloads(files), element('h2', {}, 'Facts'), factsOf(report), ...charts(report.per_frame ?? []),
+  panel.append(...downloads(files), element('h2', {}, 'Facts'), factsOf(report), ...evidenceOf(report), ...charts(report.per_frame ?? []),
                ...loopsOf(report, trajectory[0]?.[0] ?? 0), element('h2', {}, 'Parameters'), facts(Object.entries(report.options ?? {}).map(option)));
 }

@@ -10,6 +10,7 @@
 #include <iterator>
 #include <sstream>
 
+#include "eval/doubts.hpp"
 #include "eval/view_step.hpp"
 #include "place/focal.hpp"
 
@@ -122,6 +123,10 @@ struct Evidence::State {
   Rig rig;
   float min_depth, max_depth, voxel_size;
   Sums sums;
+  FrameSamples samples;
+  Speeds speeds;
+  int recording = 0;
+  Measured measured;  // of the finished map
   // Of the frames before.
   ViewProfile before;
   std::optional<double> last_timestamp;
@@ -137,6 +142,7 @@ struct Evidence::State {
   void add_impossible(std::vector<std::string>& reasons, const Outcome& o) const;
   void add_unseen(std::vector<std::string>& reasons) const;
   void add_motion(std::vector<std::string>& reasons, const KeepingUp& keeping_up) const;
+  void add_doubts(Verdict& v, const Outcome& o) const;
   void add_causes(std::vector<std::string>& reasons, const Outcome& o) const;
   /// A focal length far from right, where corners tell of one.
   [[nodiscard]] std::optional<std::string> wrong_focal() const;
@@ -234,8 +240,18 @@ void Evidence::State::add_unseen(std::vector<std::string>& reasons) const {
                      100 * out, min_depth));
   if (share(sums.dark, sums.with_colour) > kMostly)
     give("too dark: most colour images are nearly black: switch on the light, or lengthen the exposure");
-  if (sums.frames > 0 && sums.with_colour == 0)
-    give("there is no colour: by depth alone plain walls cannot be followed");
+}
+
+/// Doubts that do not ask how many frames are in the map.
+void Evidence::State::add_doubts(Verdict& v, const Outcome& o) const {
+  Measured all = measured;
+  all.speeds = speeds;
+  if (sums.frames > 0) all.with_color = share(sums.with_colour, sums.frames);
+  all.upright_unknown = o.upright_unknown;
+  for (Verdict::Item& item : items_of(all)) {
+    if (item.level != Verdict::Level::good) v.reasons.push_back(item.text);
+    v.evidence.push_back(std::move(item));
+  }
 }
 
 /// Frames that were left out lie between those that are compared. Without them, a motion is not the person's.
@@ -295,6 +311,9 @@ Evidence::Evidence(const Rig& rig, const Options& options)
                        .max_depth = options.surface.max_depth,
                        .voxel_size = options.fuse.voxel_size,
                        .sums = {},
+                       .samples = FrameSamples(rig),
+                       .speeds = Speeds(options.motion),
+                       .measured = {},
                        .before = {},
                        .last_timestamp = {},
                        .known = {},
@@ -302,6 +321,28 @@ Evidence::Evidence(const Rig& rig, const Options& options)
 Evidence::~Evidence() = default;
 Evidence::Evidence(Evidence&&) noexcept = default;
 Evidence& Evidence::operator=(Evidence&&) noexcept = default;
+
+void Evidence::begin_recording(int number) {
+  state_->recording = number;
+  state_->speeds.begin();
+}
+
+void Evidence::hold_against_map(const std::vector<Mesh>& parts, const std::vector<Trajectory>& trajectories,
+                                double clock_offset, const DepthCorrection& correction) {
+  State& s = *state_;
+  const Camera& grid = s.samples.camera();
+  std::vector<PlacedSample> fused, held_out;
+  for (const PlacedSample& p : placed_samples(s.samples, s.rig.depth.readout, trajectories, clock_offset))
+    (p.sample->held_out ? held_out : fused).push_back(p);
+  const DepthTolerance tolerance{s.rig.sensor, s.voxel_size};
+  s.measured.fused = compare_depth(parts, grid, correction, tolerance, fused);
+  s.measured.held_out = compare_depth(parts, grid, correction, tolerance, held_out);
+  s.measured.still = compare_still(grid, s.rig.sensor, fused);
+}
+
+void Evidence::hold_against_device(const Trajectory& tracked, const Trajectory& device, double drift) {
+  state_->measured.device = compare_poses(tracked, device, drift);
+}
 
 void Evidence::add(const Frame& frame, const FrameReport& report) {
   State& s = *state_;
@@ -318,6 +359,8 @@ void Evidence::add(const Frame& frame, const FrameReport& report) {
     sums.dark += now.brightness < kDark;
     if (now.sharpness > 0) (is_lost ? sums.sharp_lost : sums.sharp_fused).add(now.sharpness);
   }
+  if (has_pose) s.samples.add(frame, s.recording, static_cast<double>(s.min_depth), static_cast<double>(s.max_depth));
+  s.speeds.add(report, has_pose, sums.interval.median());
   double interval = 0;
   if (s.last_timestamp && frame.timestamp > *s.last_timestamp) interval = frame.timestamp - *s.last_timestamp;
   const double usual = sums.interval.median();
@@ -350,6 +393,7 @@ Verdict Evidence::verdict(const Outcome& o) const {
   std::vector<std::string>& reasons = v.reasons;
   const bool is_contradicted = o.poses && o.poses->contradicts;
   if (is_contradicted) reasons.push_back(text_of(*o.poses, "--poses"));
+  v.evidence.push_back(frames_item(in_map, o));
   if (o.components > 1)
     reasons.push_back(
         fmt::format("{} pieces of the map are not joined by any loop; the largest is written, the session keeps all: "
@@ -358,6 +402,9 @@ Verdict Evidence::verdict(const Outcome& o) const {
   state_->add_impossible(reasons, o);
   if (in_map < kGood) {
     state_->add_unseen(reasons);
+  }
+  state_->add_doubts(v, o);
+  if (in_map < kGood) {
     state_->add_motion(reasons, o.keeping_up);
     state_->add_causes(reasons, o);
   }
@@ -386,6 +433,8 @@ std::string Evidence::save() const {
   out.precision(17);
   Sums sums = state_->sums;
   sums.each([&](double& v) { out << v << ' '; });
+  state_->speeds.save(out);
+  state_->samples.save(out);
   return std::move(out).str();
 }
 
@@ -393,7 +442,10 @@ void Evidence::restore(const std::string& saved) {
   std::istringstream in(saved);
   Sums sums;
   sums.each([&](double& v) { in >> v; });
-  if (in) state_->sums = sums;
+  if (!in) return;
+  state_->sums = sums;
+  // What was saved before there was a sample ends here.
+  if (state_->speeds.restore(in)) state_->samples.restore(in);
 }
 
 }  // namespace cairn

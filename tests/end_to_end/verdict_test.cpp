@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 
@@ -77,6 +79,46 @@ TEST_F(Ending, OfAWrongDepthScaleAsksForIt) {
                                scale + "}");
     expect_last_line(run({"reconstruct", name, std::string("out-") + name}), 1, "is depth_scale right?");
   }
+}
+
+/// A box that turns before a wall, in a hash of gray tiles, as a camera at rest sees it.
+Frame turntable_frame(const Camera& camera, int index) {
+  Frame frame{.index = index, .timestamp = index / 30.0};
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.07 * index, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  const Eigen::Vector3d center(0, 0, 0.8), half(0.14, 0.12, 0.08);
+  for (int y = 0; y < camera.height; ++y)
+    for (int x = 0; x < camera.width; ++x) {
+      const Eigen::Vector3d ray = camera.ray(x, y), from = turn * -center, along = turn * ray;
+      double in = 0, out = 1e9, z = 1.4;
+      for (int k = 0; k < 3; ++k) {
+        const double a = (-half[k] - from[k]) / along[k], b = (half[k] - from[k]) / along[k];
+        in = std::max(in, std::min(a, b)), out = std::min(out, std::max(a, b));
+      }
+      const bool is_box = in < out;
+      if (is_box) z = in;
+      const Eigen::Vector3d at = is_box ? Eigen::Vector3d(from + z * along) : Eigen::Vector3d(z * ray);
+      const Eigen::Vector3i tile = (at / 0.04 + Eigen::Vector3d::Constant(0.01)).array().floor().cast<int>();
+      const auto hash = static_cast<std::uint32_t>(tile.x() * 73856093 ^ tile.y() * 19349663 ^ tile.z() * 83492791);
+      frame.depth.push_back(static_cast<float>(z + 0.0008 * std::sin(12.9 * x + 78.2 * y + 37.7 * index)));
+      frame.colour.push_back(0xff000000u | (60 + (hash >> 3) % 160) * 0x010101u);
+    }
+  return frame;
+}
+
+TEST_F(Ending, OfATurntableSaysThatTheCameraDidNotMove) {
+  const Camera camera{160, 120, 131.25, 131.25, 79.5, 59.5, {}};
+  {
+    Recorder writer(*folder / "turntable", camera);
+    for (int i = 0; i < 60; ++i) writer.add(encode(turntable_frame(camera, i), camera));
+  }
+  const Ran ran = run({"reconstruct", "turntable", "turned", "--voxel-size", "0.02"});
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  const auto report = Json::parse(read_bytes(*folder / "turned" / "report.json"));
+  EXPECT_NE(report["verdict"]["level"], "good");
+  EXPECT_NE(report["verdict"].dump().find("the camera did not move, "), std::string::npos) << report["verdict"];
+  EXPECT_NE(ran.out.find("a turntable? cut the background away (surface.max_depth or a mask)"), std::string::npos)
+      << ran.out;
+  EXPECT_NE(run({"info", "turned"}).out.find("the camera did not move, "), std::string::npos);
 }
 
 TEST_F(Ending, OfAWrongFocalLengthSaysItAlsoWhereAllIsTracked) {

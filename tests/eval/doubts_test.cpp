@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "eval/doubts.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <functional>
+#include <sstream>
+
+namespace cairn {
+namespace {
+
+constexpr int kFrames = 40;
+const Camera kCamera{160, 120, 131.25, 131.25, 79.5, 59.5, {}};
+
+Eigen::Isometry3d at(double x, double y, double z) { return Eigen::Isometry3d(Eigen::Translation3d(x, y, z)); }
+
+/// A frame whose depth is a function of pixel.
+Frame frame_of(int index, const std::function<float(int, int)>& depth) {
+  Frame frame{.index = index, .timestamp = index / 30.0};
+  for (int y = 0; y < kCamera.height; ++y)
+    for (int x = 0; x < kCamera.width; ++x) frame.depth.push_back(depth(x, y));
+  return frame;
+}
+
+/// A wall 2 m ahead, and before it a box, between `left` and `right`, that comes and goes by 20 cm.
+Frame turning(int index, int left, int right) {
+  return frame_of(index, [=](int x, int y) {
+    const bool is_box = x >= left && x < right && y >= 40 && y < 80;
+    return is_box ? 1.2f + 0.2f * static_cast<float>(index % 7) / 6 : 2.0f;
+  });
+}
+
+std::vector<PlacedSample> placed(const FrameSamples& samples, const std::function<Eigen::Isometry3d(double)>& pose) {
+  std::vector<PlacedSample> all;
+  for (const FrameSample* s : samples.all()) all.push_back({s, pose(s->timestamp)});
+  return all;
+}
+
+FrameSamples samples_of(const std::function<Frame(int)>& frame) {
+  FrameSamples samples{Rig(kCamera)};
+  for (int i = 0; i < kFrames; ++i) samples.add(frame(i), 0, 0.3, 5);
+  return samples;
+}
+
+/// A rectangle at depth z that faces the camera at the origin.
+Mesh rectangle(float z, float left, float right) {
+  Mesh mesh;
+  mesh.positions = {{left, -5, z}, {right, -5, z}, {right, 5, z}, {left, 5, z}};
+  mesh.triangles = {{0, 2, 1}, {0, 3, 2}};
+  return mesh;
+}
+
+TEST(StillView, FindsCameraAtRestBeforeTurningThing) {
+  const FrameSamples samples = samples_of([](int i) { return turning(i, 60, 100); });
+  const StillView view = compare_still(samples.camera(), {}, placed(samples, [](double) { return at(0, 0, 0); }));
+  EXPECT_TRUE(view.is_turntable());
+  EXPECT_NEAR(view.moved, 40.0 * 40 / (160 * 120), 0.04);
+  EXPECT_GT(view.still, 0.8);
+  // Also where tracking followed the thing, and the background seems to go round.
+  const StillView followed = compare_still(samples.camera(), {}, placed(samples, [](double t) {
+                                             Eigen::Isometry3d pose = at(1.5 * std::sin(t), 0, 1.3 - 1.3 * std::cos(t));
+                                             pose.rotate(Eigen::AngleAxisd(-t, Eigen::Vector3d::UnitY()));
+                                             return pose;
+                                           }));
+  EXPECT_GT(followed.still, view.moved);
+}
+
+TEST(StillView, PassesCameraAlongPlainWall) {
+  const FrameSamples samples = samples_of([](int i) { return turning(i, 0, 0); });
+  EXPECT_FALSE(
+      compare_still(samples.camera(), {}, placed(samples, [](double t) { return at(0.3 * t, 0, 0); })).is_turntable());
+  EXPECT_FALSE(compare_still(samples.camera(), {}, placed(samples, [](double) { return at(0, 0, 0); })).is_turntable());
+}
+
+TEST(StillView, PassesCameraThatRestsFirst) {
+  // It goes along a stepped wall once half of the recording is over.
+  const auto way = [](double t) { return std::max(0.0, t - 0.6); };
+  const FrameSamples samples = samples_of([&](int i) {
+    const double x = way(i / 30.0);
+    return frame_of(i, [=](int u, int) {
+      const double across = 2 * (u - kCamera.cx) / kCamera.fx + x;
+      return 2.0f + 0.3f * static_cast<float>(static_cast<int>(std::floor(across / 0.4)) & 1);
+    });
+  });
+  EXPECT_FALSE(
+      compare_still(samples.camera(), {}, placed(samples, [&](double t) { return at(way(t), 0, 0); })).is_turntable());
+}
+
+TEST(DepthAgreement, CountsSurfaceInTheWayAndSurfaceThatIsMissing) {
+  const FrameSamples samples = samples_of([](int i) { return turning(i, 0, 0); });
+  const auto here = placed(samples, [](double) { return at(0, 0, 0); });
+  const DepthTolerance tolerance{{}, 0.01};
+  const auto compare = [&](const std::vector<Mesh>& parts) {
+    return compare_depth(parts, samples.camera(), {}, tolerance, here);
+  };
+  const DepthAgreement right = compare({rectangle(2, -5, 5)});
+  EXPECT_EQ(right.frames, static_cast<int>(here.size()));
+  EXPECT_EQ(right.in_front, 0);
+  EXPECT_EQ(right.missing, 0);
+  EXPECT_LT(right.rmse, 0.001);
+  // A second sheet, 15 cm before a quarter of the view.
+  const DepthAgreement twice = compare({rectangle(2, -5, 5), rectangle(1.85f, 0.55f, 5)});
+  EXPECT_NEAR(twice.in_front, 0.22, 0.06);
+  EXPECT_NEAR(compare({rectangle(2.3f, -5, 5)}).missing, 1, 1e-9);
+  EXPECT_EQ(compare({rectangle(2.3f, -5, 5)}).in_front, 0);
+}
+
+TEST(Speeds, NoteJumpsAndLeaveOutGaps) {
+  const auto run = [](double jump, bool is_lost_before) {
+    Speeds speeds{MotionOptions{}};
+    for (int i = 0; i < 10; ++i) {
+      FrameReport report{.index = i, .timestamp = i / 30.0, .state = FrameState::fused};
+      const bool has_pose = i != 5 || !is_lost_before;
+      if (has_pose) report.tracked_from_camera = at(0.01 * i + (i > 5 ? jump : 0), 0, 0);
+      speeds.add(report, has_pose, 1 / 30.0);
+    }
+    return speeds;
+  };
+  EXPECT_NEAR(run(0, false).speed().value, 0.3, 1e-9);
+  EXPECT_NEAR(run(0.11, false).speed().value, 3.6, 1e-9);
+  EXPECT_NEAR(run(0.11, false).speed().timestamp, 0.2, 1e-9);
+  EXPECT_NEAR(run(0.11, true).speed().value, 0.3, 1e-9);
+  Measured measured;
+  const auto doubts = [&] {
+    const auto items = items_of(measured);
+    return std::count_if(items.begin(), items.end(),
+                         [](const Verdict::Item& i) { return i.level != Verdict::Level::good; });
+  };
+  measured.speeds = run(0.05, false);
+  EXPECT_EQ(doubts(), 0);
+  measured.speeds = run(0.11, false);
+  EXPECT_EQ(doubts(), 1);
+}
+
+TEST(PoseAgreement, TellsScaleAndSlipsFromDrift) {
+  const auto way = [](double scale, double slip) {
+    Trajectory all;
+    for (int i = 0; i < 600; ++i) {
+      const double t = i / 30.0;
+      all.push_back({t, at(scale * 0.5 * t + (t > 10 ? slip : 0), scale * 0.2 * std::sin(t), 0)});
+    }
+    return all;
+  };
+  const auto agrees = [&](double scale, double slip) {
+    Measured measured;
+    measured.device = compare_poses(way(scale, slip), way(1, 0));
+    const auto items = items_of(measured);
+    return std::all_of(items.begin(), items.end(),
+                       [](const Verdict::Item& i) { return i.level == Verdict::Level::good; });
+  };
+  EXPECT_TRUE(agrees(1, 0));
+  EXPECT_TRUE(agrees(1.01, 0));
+  EXPECT_FALSE(agrees(0.95, 0));
+  EXPECT_FALSE(agrees(1, 1.0));
+  EXPECT_EQ(compare_poses(way(1, 0), {}).windows, 0);
+}
+
+TEST(FrameSamples, StayFewAndGoOnAsSaved) {
+  FrameSamples whole{Rig(kCamera)}, first{Rig(kCamera)}, second{Rig(kCamera)};
+  for (int i = 0; i < 300; ++i) {
+    Frame frame = turning(i, 60, 100);
+    frame.held_out = i % 10 == 9;
+    whole.add(frame, 0, 0.3, 5);
+    if (i == 150) {
+      std::stringstream saved;
+      saved.precision(17);
+      first.save(saved);
+      second.restore(saved);
+    }
+    (i < 150 ? first : second).add(frame, 0, 0.3, 5);
+  }
+  const auto text = [](const FrameSamples& samples) {
+    std::ostringstream out;
+    samples.save(out);
+    return std::move(out).str();
+  };
+  EXPECT_EQ(text(second), text(whole));
+  EXPECT_LE(whole.all().size(), FrameSamples::kMost + FrameSamples::kMostHeldOut);
+  EXPECT_GE(whole.all().size(), FrameSamples::kMost / 2);
+  std::istringstream damaged("3 1 1 0.5 0 xzz x");
+  second.restore(damaged);
+  EXPECT_EQ(text(second), text(whole));
+}
+
+TEST(Verdict, DoubtsMapWithoutColorOrGravity) {
+  Evidence evidence(kCamera, {});
+  for (int i = 0; i < kFrames; ++i) {
+    const Frame frame = turning(i, 60, 100);
+    evidence.add(frame, {.index = i, .timestamp = frame.timestamp, .state = FrameState::fused});
+  }
+  const Verdict colorless = evidence.verdict({.total = kFrames, .fused = kFrames});
+  EXPECT_EQ(colorless.level, Verdict::Level::weak);
+  EXPECT_EQ(colorless.reasons,
+            std::vector<std::string>{"there is no colour: by depth alone plain walls cannot be followed"});
+  const Evidence none(kCamera, {});
+  const Verdict tilted =
+      none.verdict({.total = kFrames, .fused = kFrames, .upright_unknown = "not known: say it with --up"});
+  EXPECT_EQ(tilted.level, Verdict::Level::weak);
+  EXPECT_EQ(tilted.reasons, std::vector<std::string>{"upright not known: say it with --up"});
+  EXPECT_EQ(tilted.evidence.front().name, "frames_in_map");
+}
+
+}  // namespace
+}  // namespace cairn
