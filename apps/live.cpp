@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "cairn/device.hpp"
+#include "cairn/layouts.hpp"
 #include "cairn/live_source.hpp"
 #include "cairn/viewer.hpp"
 #include "commands.hpp"
@@ -226,6 +227,7 @@ void live(const Arguments& given) {
   const Rig& rig = stream.source().rig();
   options = options_of(a, rig.sensor, finest_level(a, rig.depth));
   Run run(a, options, Poses::tracked, stream.source().rig(), begin.progressed, begin.is_next_recording);
+  run.compare_with(device_poses(a.sequence));
   if (view) view->begin(run.mapper(), stream.source().rig(), options, run.frames_before());
 
   Course course;

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <utility>
 
+#include "cairn/layouts.hpp"
 #include "cairn/pose_check.hpp"
 #include "commands.hpp"
 #include "interrupt.hpp"
@@ -19,6 +20,8 @@ namespace {
 
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
+
+constexpr double kGuessDrift = 3;  // times that of visual-inertial odometry: wheels slip
 
 struct Arguments : RunArguments {
   fs::path poses, guess;
@@ -182,6 +185,10 @@ void reconstruct(const Arguments& given) {
   const Options options = options_of(a, source->rig().sensor);
   Run run(a, options, poses, source->rig(), begin.progressed, begin.is_next_recording);
   if (pose_check) report(*pose_check, poses, run);
+  if (!a.guess.empty())
+    run.compare_with(poses_of(a, a.guess), kGuessDrift);
+  else if (poses == Poses::tracked)
+    run.compare_with(device_poses(a.sequence));
   const LastWords ending(run.said_when_ended());
   nlohmann::json more;
   {

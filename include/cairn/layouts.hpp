@@ -8,8 +8,13 @@
 #include <string_view>
 
 #include "cairn/frame.hpp"
+#include "cairn/trajectory.hpp"
 
 namespace cairn {
+
+/// Poses that the device which took a recording found meanwhile, by frame timestamp: an odometry that drifts, no truth
+/// (Stray Scanner, the apps that write nerfstudio's layout, RTAB-Map). Empty for other recordings.
+[[nodiscard]] Trajectory device_poses(const std::filesystem::path& recording);
 
 /// A folder that is being written in a layout.
 class LayoutWriter {

@@ -119,6 +119,7 @@ std::optional<Recording> read_nerfstudio(const fs::path& folder) {
   if (!fs::exists(file)) return std::nullopt;
   Recording recording;
   recording.layout = "nerfstudio folder";
+  recording.has_device_poses = true;
   Camera camera;
   read_json(file, kExpected, [&](const nlohmann::json& json) {
     const double metres = number_at(json, "depth_unit_scale_factor", 1e-3);

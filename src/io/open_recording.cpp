@@ -16,6 +16,7 @@
 #include "cairn/calibrate.hpp"
 #include "cairn/file_name.hpp"
 #include "cairn/known_cameras.hpp"
+#include "cairn/layouts.hpp"
 #include "cairn/source.hpp"
 #include "io/image_names.hpp"
 #include "io/intrinsics.hpp"
@@ -434,6 +435,15 @@ std::unique_ptr<Source> hold_out(std::unique_ptr<Source> source, const HoldOut& 
 
 std::unique_ptr<Source> with_guesses(std::unique_ptr<Source> source, Trajectory guesses, double max_gap) {
   return std::make_unique<WithPoses>(std::move(source), std::move(guesses), max_gap, &Frame::guess);
+}
+
+Trajectory device_poses(const fs::path& recording) {
+  if (const auto part = part_in(recording)) return device_poses(part->recording);
+  if (is_zip(recording))
+    return unpacked(recording)->told_in_its_name([](const std::string& inside) { return device_poses(inside); });
+  if (!fs::is_directory(recording) || is_ros_recording(recording)) return {};
+  Recording read = read_recording(recording);
+  return read.has_device_poses ? std::move(read.truth) : Trajectory{};
 }
 
 Trajectory recorded_truth(const fs::path& recording) {

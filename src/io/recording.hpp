@@ -55,7 +55,8 @@ struct Recording {
   bool bytes_are_swapped = false;  // of depth images with 16 bits
   BlockPixels blocks;              // of depth images that were enlarged; rig.depth has their true size
   std::vector<Entry> entries;
-  Trajectory truth;  // world_from_camera; empty when there is none
+  Trajectory truth;               // world_from_camera; empty when there is none
+  bool has_device_poses = false;  // `truth` is what the device itself found
   /// Colour of entry i, bytes R, G, B, 255, where it is no file: i must grow from call to call. Empty: none.
   std::function<std::vector<std::uint32_t>(int)> colour_of;
   std::optional<std::string> ended_early;  // see Source

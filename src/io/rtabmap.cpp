@@ -108,6 +108,7 @@ std::optional<Recording> read_rtabmap(const fs::path& folder) {
     const Calibration calibration = read_calibration(file);
     Recording recording;
     recording.layout = "RTAB-Map folder";
+    recording.has_device_poses = true;
     recording.depth_scale = 1000;
     recording.camera_file = file;
     std::map<std::string, fs::path> colour;

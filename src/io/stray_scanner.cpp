@@ -357,6 +357,7 @@ std::optional<Recording> read_stray_scanner(const fs::path& folder) {
                                name + " is missing");
   Recording recording;
   recording.layout = "Stray Scanner folder";
+  recording.has_device_poses = true;
   recording.depth_scale = 1000;
   recording.most_confidence = 2;
   const cv::Size size = read_images(folder, recording);
