@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "base/checked_count.hpp"
+#include "base/exr_image.hpp"
 #include "base/image_file.hpp"
 #include "base/words.hpp"
 
@@ -276,6 +277,10 @@ cv::Mat decode_depth(std::span<const std::uint8_t> bytes, const ImageBound& boun
   if (all.empty()) throw std::runtime_error("is empty, no image; copy it again");
   if (is_tiff(bytes)) return narrowed(one_channel(decode_tiff(bytes, bound, type_of)));
   if (all.starts_with("\x93NUMPY")) return decode_npy(bytes, bound);
+  if (all.starts_with(kExrMagic)) {
+    const int most = bound.size.empty() ? bound.most_side : std::max(bound.size.width, bound.size.height);
+    return decode_exr(bytes, static_cast<std::uint32_t>(most));
+  }
   if (all.starts_with("P5")) return decode_pgm(bytes, bound);
   const cv::Mat image = decode_image(bytes, Pixels::as_stored, bound);
   return image.depth() == CV_16U ? one_channel(image) : image;

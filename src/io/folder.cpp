@@ -145,7 +145,7 @@ Images find_images(const fs::path& folder) {
   return images;
 }
 
-/// What else lies in a folder, by extensions: "20 files .exr".
+/// What else lies in a folder, by extensions: "20 files .raw".
 std::string others_in(const fs::path& folder) {
   std::map<std::string, int> extensions;
   std::error_code ignored;
@@ -163,8 +163,8 @@ void refuse_empty_depth(const fs::path& folder) {
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder))
     if (lower(entry.path().filename().string()) == "depth" && entry.is_directory(ignored))
-      throw std::runtime_error(
-          fmt::format("{}: holds no PNG, TIFF, NPY or PGM image; {}", entry.path().string(), others_in(entry.path())));
+      throw std::runtime_error(fmt::format("{}: holds no PNG, TIFF, EXR, NPY or PGM image; {}", entry.path().string(),
+                                           others_in(entry.path())));
 }
 
 /// "PNG", of which images are.

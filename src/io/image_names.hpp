@@ -24,7 +24,8 @@ namespace cairn {
                                                           std::span<const std::string_view> extensions);
 /// Of color: PNG, JPEG, WebP, BMP and TIFF. Of several with one stem, they go in this order.
 [[nodiscard]] std::vector<std::filesystem::path> images_in(const std::filesystem::path& folder);
-/// What depth can be: PNG, TIFF, NPY and PGM. Of several with one stem, NPY goes before TIFF before PNG.
+/// What depth can be: PNG, TIFF, EXR, NPY and PGM. Of several with one stem, NPY goes before EXR before TIFF before
+/// PNG.
 [[nodiscard]] std::vector<std::filesystem::path> depth_images_in(const std::filesystem::path& folder);
 
 /// "60 files .heic in color are not read": of the kind of image or video that most of a folder's files beside `taken`

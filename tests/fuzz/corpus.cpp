@@ -12,6 +12,7 @@
 #include "mesh/formats.hpp"
 #include "mesh/gltf.hpp"
 #include "session/session_files.hpp"
+#include "support/depth_files.hpp"
 #include "support/ros_files.hpp"
 #include "support/zips.hpp"
 #ifdef CAIRN_VIDEO
@@ -152,6 +153,7 @@ void write_images(const fs::path& folder) {
   cv::Mat metres;
   depth.convertTo(metres, CV_32F, 1e-3);
   cv::imwrite(place(folder, "depth_image", "metres.tiff"), metres, {cv::IMWRITE_TIFF_COMPRESSION, 1});
+  put(place(folder, "depth_image", "metres.exr"), exr({{"R", metres}}));
   for (const auto& [kind, image] : {std::pair{"u2", depth}, {"f4", metres}}) {
     std::string header = std::string("{'descr': '<") + kind + "', 'fortran_order': False, 'shape': (16, 16), }";
     header.resize(117, ' ');

@@ -442,9 +442,9 @@ TEST(ImageFolder, ThatIsNoneIsRefusedWithWhatToDo) {
   }
   {
     const TemporaryFolder folder;
-    write_bytes(folder / "depth/0.exr", "v");
-    write_bytes(folder / "depth/1.exr", "v");
-    EXPECT_TRUE(has(refusal(folder.path()), "depth: holds no PNG, TIFF, NPY or PGM image; it has 2 files .exr"));
+    write_bytes(folder / "depth/0.raw", "v");
+    write_bytes(folder / "depth/1.raw", "v");
+    EXPECT_TRUE(has(refusal(folder.path()), "depth: holds no PNG, TIFF, EXR, NPY or PGM image; it has 2 files .raw"));
   }
   {
     const TemporaryFolder folder;

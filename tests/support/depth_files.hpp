@@ -98,4 +98,38 @@ inline std::string tiff(const cv::Mat& pixels, const TiffKind& kind = {}) {
   return bytes;
 }
 
+/// An OpenEXR file of scan lines without packing: floats (CV_32F) or halves (CV_16F) under the names of their channels,
+/// which are in alphabetic order.
+inline std::string exr(const std::vector<std::pair<std::string, cv::Mat>>& channels) {
+  const cv::Mat& first = channels.at(0).second;
+  const auto raw = [](auto value) { return std::string(reinterpret_cast<const char*>(&value), sizeof value); };
+  std::string bytes("\x76\x2f\x31\x01\x02\0\0\0", 8), list;
+  const auto attribute = [&](const std::string& name, const std::string& type, const std::string& value) {
+    bytes += name + '\0' + type + '\0' + raw(static_cast<std::uint32_t>(value.size())) + value;
+  };
+  for (const auto& [name, pixels] : channels)
+    list += name + '\0' + raw(pixels.depth() == CV_16F ? 1 : 2) + std::string(4, '\0') + raw(1) + raw(1);
+  const std::string window = raw(0) + raw(0) + raw(first.cols - 1) + raw(first.rows - 1);
+  attribute("channels", "chlist", list + '\0');
+  attribute("compression", "compression", std::string(1, '\0'));
+  attribute("dataWindow", "box2i", window);
+  attribute("displayWindow", "box2i", window);
+  attribute("lineOrder", "lineOrder", std::string(1, '\0'));
+  attribute("pixelAspectRatio", "float", raw(1.0f));
+  attribute("screenWindowCenter", "v2f", raw(0.0f) + raw(0.0f));
+  attribute("screenWindowWidth", "float", raw(1.0f));
+  bytes += '\0';
+  std::string lines;
+  const std::size_t begin = bytes.size() + 8 * static_cast<std::size_t>(first.rows);
+  for (int y = 0; y < first.rows; ++y) {
+    bytes += raw(static_cast<std::uint64_t>(begin + lines.size()));
+    std::string line;
+    for (const auto& [name, pixels] : channels)
+      line.append(reinterpret_cast<const char*>(pixels.ptr(y)),
+                  static_cast<std::size_t>(pixels.cols) * pixels.elemSize());
+    lines += raw(y) + raw(static_cast<std::uint32_t>(line.size())) + line;
+  }
+  return bytes + lines;
+}
+
 }  // namespace cairn

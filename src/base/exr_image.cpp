@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "base/exr_image.hpp"
+
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfFrameBuffer.h>
+#include <OpenEXR/ImfHeader.h>
+#include <OpenEXR/ImfIO.h>
+#include <OpenEXR/ImfInputFile.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "base/words.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::size_t kFront = 8;            // bytes of the magic number, version and flags
+constexpr std::uint8_t kOtherKinds = 0x18;   // flags of deep data and of several parts, in the second byte
+constexpr std::uint64_t kMostGrowth = 1500;  // bytes that a packed byte can become, as for TIFF
+constexpr std::uint64_t kRoom = 1 << 16;     // bytes that any file may have
+constexpr std::uint64_t kChannel = 18;       // bytes of a channel in the header, at least
+constexpr const char* kRemedy = "save one channel of 32-bit floats, scan lines packed with ZIP";
+
+/// Types of header attributes whose memory OpenEXR bounds by their size in the file.
+constexpr std::array<std::string_view, 26> kTypes{
+    "box2i",       "box2f",  "chlist",   "chromaticities", "compression", "double", "envmap", "float",
+    "floatvector", "int",    "keycode",  "lineOrder",      "m33d",        "m33f",   "m44d",   "m44f",
+    "rational",    "string", "tiledesc", "timecode",       "v2d",         "v2f",    "v2i",    "v3d",
+    "v3f",         "v3i"};
+
+std::runtime_error damaged() { return std::runtime_error("is no EXR file that can be read: damaged or cut off"); }
+
+template <class T>
+T value_of(std::string_view bytes) {
+  T value;
+  if (bytes.size() < sizeof value) throw damaged();
+  std::memcpy(&value, bytes.data(), sizeof value);
+  return value;
+}
+
+cv::Rect rect_of(const std::array<std::int32_t, 4>& box, std::uint32_t most_pixels) {
+  constexpr std::int32_t kFarthest = 1 << 20;  // pixels, of a corner
+  const std::int64_t width = std::int64_t{box[2]} - box[0] + 1, height = std::int64_t{box[3]} - box[1] + 1;
+  if (width < 1 || height < 1 || width > most_pixels || height > most_pixels)
+    throw std::runtime_error(
+        fmt::format("tells {} x {} pixels, allowed are 1 to {} a side", width, height, most_pixels));
+  if (box[0] < -kFarthest || box[0] > kFarthest || box[1] < -kFarthest || box[1] > kFarthest) throw damaged();
+  return {box[0], box[1], static_cast<int>(width), static_cast<int>(height)};
+}
+
+/// Windows of the pixels that are stored, and of the image.
+struct Windows {
+  cv::Rect data, shown_in;
+};
+
+/// Checks the header's attributes, each of a name, type, size and value, before OpenEXR gets memory for them.
+Windows check_header(std::string_view all, std::uint32_t most_pixels) {
+  if (all.size() < kFront) throw damaged();
+  if ((static_cast<std::uint8_t>(all[5]) & kOtherKinds) != 0)
+    throw std::runtime_error(fmt::format("is an EXR file of several parts or of deep pixels; {}", kRemedy));
+  std::string_view left = all.substr(kFront);
+  const auto take = [&](std::size_t size) {
+    if (size > left.size()) throw damaged();
+    const std::string_view taken = left.substr(0, size);
+    left.remove_prefix(size);
+    return taken;
+  };
+  const auto text = [&] {
+    const std::string_view found = take(left.find('\0') == left.npos ? left.size() : left.find('\0'));
+    take(1);
+    return found;
+  };
+  std::optional<cv::Rect> data, shown_in;
+  std::uint64_t channels = 0;
+  for (auto name = text(); !name.empty(); name = text()) {
+    const std::string_view type = text(), value = take(value_of<std::uint32_t>(take(4)));
+    if (std::find(kTypes.begin(), kTypes.end(), type) == kTypes.end())
+      throw std::runtime_error(
+          fmt::format("is an EXR file with an attribute of type '{}', which is not read; {}", shown(type), kRemedy));
+    if (type == "box2i" && name == "dataWindow")
+      data = rect_of(value_of<std::array<std::int32_t, 4>>(value), most_pixels);
+    if (type == "box2i" && name == "displayWindow")
+      shown_in = rect_of(value_of<std::array<std::int32_t, 4>>(value), most_pixels);
+    if (type == "chlist") channels += value.size() / kChannel + 1;
+  }
+  if (!data || !shown_in) throw damaged();
+  if (4 * channels * static_cast<std::uint64_t>(data->area()) > all.size() * kMostGrowth + kRoom)
+    throw std::runtime_error("the file is cut off");
+  return {*data, *shown_in};
+}
+
+class Bytes final : public Imf::IStream {
+ public:
+  explicit Bytes(std::span<const std::uint8_t> all) : IStream("depth"), all_(all) {}
+  bool read(char to[], int count) override {
+    if (count < 0 || static_cast<std::uint64_t>(count) > all_.size() - at_) throw damaged();
+    std::memcpy(to, all_.data() + at_, static_cast<std::size_t>(count));
+    at_ += static_cast<std::uint64_t>(count);
+    return at_ < all_.size();
+  }
+  std::uint64_t tellg() override { return at_; }
+  void seekg(std::uint64_t place) override {
+    if (place > all_.size()) throw damaged();
+    at_ = place;
+  }
+
+ private:
+  std::span<const std::uint8_t> all_;
+  std::uint64_t at_ = 0;
+};
+
+/// Names of the channels to read: that of depth, or R, G and B, which must be equal.
+std::vector<std::string> channels_of(const Imf::ChannelList& list) {
+  std::vector<std::string> names;
+  for (auto it = list.begin(); it != list.end(); ++it) {
+    names.emplace_back(it.name());
+    if (it.channel().xSampling != 1 || it.channel().ySampling != 1)
+      throw std::runtime_error(fmt::format("is an EXR file whose channels have fewer pixels than it; {}", kRemedy));
+  }
+  const auto has = [&](std::string_view name) { return std::find(names.begin(), names.end(), name) != names.end(); };
+  if (has("Z")) return {"Z"};
+  if (has("R") && has("G") && has("B")) return {"R", "G", "B"};
+  for (const char* name : {"Y", "R", "V"})
+    if (has(name)) return {name};
+  for (const std::string& name : names)
+    if (name.ends_with(".Z") || name.ends_with(".V")) return {name};
+  if (names.size() == 1) return names;
+  throw std::runtime_error(
+      fmt::format("is an EXR file of {} channels, none of them Z, Y or R; {}", names.size(), kRemedy));
+}
+
+/// The pixels of the data window, one image for each channel.
+std::vector<cv::Mat1f> read_channels(Imf::InputFile& file, const std::vector<std::string>& names,
+                                     const cv::Rect& window) {
+  std::vector<cv::Mat1f> images;
+  Imf::FrameBuffer buffer;
+  for (const std::string& name : names) {
+    images.emplace_back(window.size(), 0.0f);
+    const std::ptrdiff_t origin = std::ptrdiff_t{window.y} * window.width + window.x;
+    buffer.insert(name, Imf::Slice(Imf::FLOAT, reinterpret_cast<char*>(images.back().ptr<float>() - origin),
+                                   sizeof(float), sizeof(float) * static_cast<std::size_t>(window.width), 1, 1, 0.0));
+  }
+  file.setFrameBuffer(buffer);
+  file.readPixels(window.y, window.y + window.height - 1);
+  return images;
+}
+
+bool are_equal(const cv::Mat1f& a, const cv::Mat1f& b) {
+  return std::equal(a.begin(), a.end(), b.begin(),
+                    [](float x, float y) { return x == y || (std::isnan(x) && std::isnan(y)); });
+}
+
+}  // namespace
+
+cv::Mat decode_exr(std::span<const std::uint8_t> all, std::uint32_t most_pixels) {
+  const auto [data, shown_in] = check_header({reinterpret_cast<const char*>(all.data()), all.size()}, most_pixels);
+  try {
+    const int most = static_cast<int>(most_pixels);
+    Imf::Header::setMaxImageSize(most, most);
+    Imf::Header::setMaxTileSize(most, most);
+    Bytes bytes(all);
+    Imf::InputFile file(bytes, 0);
+    const auto images = read_channels(file, channels_of(file.header().channels()), data);
+    for (const cv::Mat1f& image : images)
+      if (!are_equal(image, images[0]))
+        throw std::runtime_error(fmt::format("is an EXR picture, whose R, G and B differ, no depth; {}", kRemedy));
+    if ((data & shown_in) != data || data == shown_in) return images[0];
+    cv::Mat1f whole(shown_in.size(), 0.0f);
+    images[0].copyTo(whole(data - shown_in.tl()));
+    return whole;
+  } catch (const std::runtime_error&) {
+    throw;
+  } catch (const std::exception&) {  // of OpenEXR
+    throw damaged();
+  }
+}
+
+}  // namespace cairn

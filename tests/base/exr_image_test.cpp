@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "base/exr_image.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <random>
+
+#include "base/depth_image.hpp"
+#include "support/depth_files.hpp"
+#include "support/files.hpp"
+
+namespace cairn {
+namespace {
+
+cv::Mat1f ramp() {
+  cv::Mat1f depth(6, 8);
+  for (int y = 0; y < depth.rows; ++y)
+    for (int x = 0; x < depth.cols; ++x)
+      depth(y, x) = 0.5f + 0.25f * static_cast<float>(x) + 0.125f * static_cast<float>(y);
+  return depth;
+}
+
+cv::Mat decode(const std::string& bytes) {
+  return decode_depth({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
+}
+
+bool are_equal(const cv::Mat& a, const cv::Mat& b) {
+  return a.type() == b.type() && a.size() == b.size() && cv::countNonZero(a != b) == 0;
+}
+
+TEST(ExrImage, GivesFloatsAndHalvesOfOneOrThreeChannels) {
+  const cv::Mat1f depth = ramp();
+  cv::Mat half;
+  depth.convertTo(half, CV_16F);  // exact: eighths of a metre
+  EXPECT_TRUE(are_equal(decode(exr({{"R", depth}})), depth));
+  EXPECT_TRUE(are_equal(decode(exr({{"Z", half}})), depth));
+  EXPECT_TRUE(are_equal(decode(exr({{"B", depth}, {"G", depth}, {"R", depth}})), depth));
+  EXPECT_TRUE(are_equal(decode(exr({{"A", 2 * depth}, {"View.Depth.Z", depth}})), depth));
+}
+
+TEST(ExrImage, SaysWhatIsNoDepth) {
+  const cv::Mat1f depth = ramp();
+  const auto said = [](const std::string& bytes) { return error_of([&] { (void)decode(bytes); }); };
+  EXPECT_NE(said(exr({{"B", depth}, {"G", depth}, {"R", 2 * depth}})).find("R, G and B differ"), std::string::npos);
+  EXPECT_NE(said(exr({{"A", depth}, {"U", depth}})).find("2 channels"), std::string::npos);
+  std::string deep = exr({{"R", depth}});
+  deep[5] = 0x08;
+  EXPECT_NE(said(deep).find("deep"), std::string::npos);
+}
+
+TEST(ExrImage, RefusesSizesBeforeItGetsMemoryForThem) {
+  const std::string honest = exr({{"R", ramp()}});
+  const auto with_corner = [&](int x, int y) {
+    std::string bytes = honest;
+    for (const char* name : {"dataWindow", "displayWindow"}) {
+      const std::size_t at = bytes.find(name) + std::string(name).size() + 1 + 6 + 4 + 8;
+      std::memcpy(&bytes[at], &x, 4);
+      std::memcpy(&bytes[at + 4], &y, 4);
+    }
+    return error_of([&] { (void)decode(bytes); });
+  };
+  EXPECT_NE(with_corner(99'999, 5).find("100000 x 6 pixels"), std::string::npos);
+  EXPECT_NE(with_corner(std::numeric_limits<int>::max(), std::numeric_limits<int>::max()).find("allowed"),
+            std::string::npos);
+  EXPECT_NE(with_corner(4095, 4095).find("cut off"), std::string::npos);
+  std::string long_attribute = honest;
+  const std::size_t at = long_attribute.find("chlist") + 7;
+  const std::uint32_t size = 0x7fffffff;
+  std::memcpy(&long_attribute[at], &size, 4);
+  EXPECT_NE(error_of([&] { (void)decode(long_attribute); }).find("cut off"), std::string::npos);
+}
+
+TEST(ExrImage, OfDamagedBytesIsReadOrRefused) {
+  const std::string honest = exr({{"R", ramp()}});
+  for (std::size_t size = 0; size < honest.size(); ++size)
+    EXPECT_THROW((void)decode(honest.substr(0, size)), std::runtime_error) << size;
+  std::mt19937 random(1);
+  for (int i = 0; i < 3000; ++i) {
+    std::string bytes = honest;
+    for (int k = 0; k < 3; ++k) bytes[random() % bytes.size()] = static_cast<char>(random());
+    try {
+      EXPECT_LE(decode(bytes).total(), 4096u * 4096u);
+    } catch (const std::runtime_error&) {
+    }
+  }
+}
+
+}  // namespace
+}  // namespace cairn
