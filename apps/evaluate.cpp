@@ -17,6 +17,7 @@
 #include "cairn/map.hpp"
 #include "cairn/option_ranges.hpp"
 #include "cairn/parts.hpp"
+#include "cairn/path_kind.hpp"
 #include "cairn/scene.hpp"
 #include "cairn/source.hpp"
 #include "commands.hpp"
@@ -298,7 +299,8 @@ void evaluate_map_of(const Arguments& a) {
   const std::filesystem::path folder(a.estimate);
   for (const char* name : {"mesh.glb", "trajectory.txt", "report.json"})
     if (!std::filesystem::exists(folder / name))
-      throw std::runtime_error(a.estimate + ": has no " + name + "; give the folder that `cairn reconstruct` wrote");
+      throw std::runtime_error(fmt::format("{}: {}, and has no {}; give the folder that `cairn reconstruct` wrote",
+                                           a.estimate, kind_of_path(folder).words, name));
   const auto [loops, keyframes, held_out, clock_offset, camera] = read_report(folder / "report.json");
   Trajectory poses = read_trajectory(folder / "trajectory.txt");
   for (StampedPose& pose : poses) pose.timestamp -= clock_offset;

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "cairn/path_kind.hpp"
 #include "export/map_contents.hpp"
 #include "map/map_state.hpp"
 #include "session/joined_session.hpp"
@@ -266,6 +267,9 @@ void ReplacedSession::remove() { remove_session(state_->folder, state_->lock); }
 Map Map::open(const fs::path& folder, int device) {
   if (fs::exists(folder / "session" / "state.cbor")) return map_of(open_session(folder / "session", device));
   if (fs::exists(folder / "state.cbor")) return map_of(open_session(folder, device));
+  const PathKind kind = kind_of_path(folder);
+  if (fs::is_directory(folder) ? !fs::exists(folder / "map.vdb") : kind.kind == PathKind::Kind::mesh)
+    throw std::runtime_error(kind.is_no(folder, "map with voxels"));
   return map_of_grids(fs::is_directory(folder) ? folder / "map.vdb" : folder, device);
 }
 

@@ -15,6 +15,7 @@
 
 #include "base/json_text.hpp"
 #include "base/read_json.hpp"
+#include "cairn/path_kind.hpp"
 #include "cairn/quoted.hpp"
 #include "cairn/trajectory.hpp"
 #include "cairn/viewer.hpp"
@@ -55,8 +56,11 @@ Json read_report(const fs::path& folder) {
                     "--resume, or write "
                     "what it has with cairn export {1} -o map.glb, and view that",
                     folder.string(), quoted(folder)));
-  if (!fs::exists(file))
+  if (!fs::exists(file)) {
+    if (const PathKind kind = kind_of_path(folder); kind.kind != PathKind::Kind::map)
+      throw std::runtime_error(kind.is_no(folder, "map") + "; give a folder that cairn has made");
     throw std::runtime_error(file.string() + ": there is no such file; give a folder that cairn has made");
+  }
   const std::string bytes = FileBelow(folder, "report.json").read(kMostReport);
   Json report;
   try {

@@ -95,7 +95,7 @@ TEST_F(Live, AnswersWhatCannotBeShownWithOneLine) {
   expect_one_line(run_cairn({"live", "--no-texture", "synthetic:room", "-o", out("a"), "--view", "--port", port}), 1,
                   "port " + port + " cannot be used");
   expect_one_line(run_cairn({"live", "--no-texture", out("none.oni"), "-o", out("a")}), 1, "there is no such file");
-  expect_one_line(run_cairn({"view", folder.path().string()}), 1, "cannot be read; give a folder that cairn has made");
+  expect_one_line(run_cairn({"view", folder.path().string()}), 1, "no map; give a folder that cairn has made");
   EXPECT_EQ(run_cairn({"live", "--no-texture", "synthetic:room", "-o", out("a"), "--port", "1"}).exit_code, 2);
   write_text(folder / "report.json", "{\"fra");
   expect_one_line(run_cairn({"view", folder.path().string()}), 1, "is damaged");
