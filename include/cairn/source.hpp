@@ -51,8 +51,8 @@ struct RecordedTopic {
 ///
 /// - a folder, whose layout is recognised by its files: TUM RGB-D, ETH3D and Bonn (rgb.txt and depth.txt), 7-Scenes
 ///   (frame-000000.depth.png), ICL-NUIM (associations.txt with a negative fy), Stray Scanner
-///   (rgb.mp4), images with intrinsics.json, nerfstudio
-///   (transforms.json), Open3D (intrinsic.json or camera_intrinsic.json), RTAB-Map (rgb, depth and calib or
+///   (rgb.mp4), images with intrinsics.json, nerfstudio (transforms.json), Record3D (metadata.json), Polycam
+///   (keyframes), Open3D (intrinsic.json or camera_intrinsic.json), RTAB-Map (rgb, depth and calib or
 ///   calibration.yaml), Replica (results with traj.txt or cam_params.json);
 /// - an .oni file;
 /// - an .mkv file of the Azure Kinect's recorder; a .sens file (ScanNet);

@@ -4,50 +4,16 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
-#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <utility>
 #include <vector>
 
+#include "io/resample.hpp"
+
 namespace cairn {
 namespace {
 
-constexpr float kJump = 0.05f;        // of the depth, between neighbours on two surfaces
-constexpr double kSamePlace = 1e-9;   // metres, and of rotation matrices
-constexpr float kNowhere = -1000.0f;  // pixels: no pixel is there
-
-/// Where in another camera's images the pixels of one look, which is in the same place: pixels, x and y. Nothing where
-/// the two are the same.
-cv::Mat2f places(const Camera& seen_by, const Camera& from) {
-  if (seen_by == from) return {};
-  cv::Mat2f all(seen_by.height, seen_by.width);
-  const double widest = from.widest_ray();
-  for (int y = 0; y < seen_by.height; ++y)
-    for (int x = 0; x < seen_by.width; ++x) {
-      const Eigen::Vector2d ray = seen_by.undistorted_ray(x, y);
-      const Eigen::Vector2d bent = from.distort(ray);
-      all(y, x) = ray.norm() > widest ? cv::Vec2f(kNowhere, kNowhere)
-                                      : cv::Vec2f(static_cast<float>(from.fx * bent.x() + from.cx),
-                                                  static_cast<float>(from.fy * bent.y() + from.cy));
-    }
-  return all;
-}
-
-/// Depth between pixels. On a plane its inverse goes evenly from pixel to pixel; between two surfaces there is none.
-float depth_between(const cv::Mat1f& depth, float u, float v) {
-  const int x = static_cast<int>(std::lround(u)), y = static_cast<int>(std::lround(v));
-  if (x < 0 || y < 0 || x >= depth.cols || y >= depth.rows) return 0;
-  const int left = std::clamp(static_cast<int>(std::floor(u)), 0, depth.cols - 2),
-            top = std::clamp(static_cast<int>(std::floor(v)), 0, depth.rows - 2);
-  const float a = depth(top, left), b = depth(top, left + 1), c = depth(top + 1, left), d = depth(top + 1, left + 1);
-  const auto [nearest, farthest] = std::minmax({a, b, c, d});
-  if (nearest <= 0 || farthest - nearest > kJump * nearest) return depth(y, x);
-  const float s = std::clamp(u - static_cast<float>(left), 0.0f, 1.0f),
-              t = std::clamp(v - static_cast<float>(top), 0.0f, 1.0f);
-  return 1 / ((1 - t) * ((1 - s) / a + s / b) + t * ((1 - s) / c + s / d));
-}
+constexpr double kSamePlace = 1e-9;  // metres, and of rotation matrices
 
 bool is_same_place(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
   return (a.matrix() - b.matrix()).cwiseAbs().maxCoeff() <= kSamePlace;
@@ -75,23 +41,17 @@ class AsTakenBy final : public WrappedSource {
     auto frame = source_->next();
     if (!frame) return frame;
     if (!std::exchange(has_places_, true)) {  // whoever only asks for the rig waits for none
-      depth_places_ = places(rig_.depth, own().depth);
-      colour_places_ = places(rig_.colour_view(), own().colour_view());
+      depth_ = Resampler(rig_.depth, own().depth);
+      colour_ = Resampler(rig_.colour_view(), own().colour_view());
     }
     turn(frame->gyro);
     if (const Camera& c = own().depth; has_size_of(c, frame->depth.size())) {
       leave_out_doubtful(*frame);
       own().depth_correction.apply(c.width, c.height, frame->depth);
-      if (!depth_places_.empty()) frame->depth = seen(frame->depth);
+      frame->depth = depth_.depth(std::move(frame->depth));
     }
     frame->confidence.clear();
-    if (const Camera& c = own().colour_view(); !colour_places_.empty() && has_size_of(c, frame->colour.size())) {
-      cv::Mat image(colour_places_.size(), CV_8UC4);
-      cv::remap(cv::Mat(c.height, c.width, CV_8UC4, frame->colour.data()), image, colour_places_, cv::noArray(),
-                cv::INTER_LINEAR, cv::BORDER_REPLICATE);
-      const auto* pixels = image.ptr<std::uint32_t>();
-      frame->colour.assign(pixels, pixels + image.total());
-    }
+    if (has_size_of(own().colour_view(), frame->colour.size())) frame->colour = colour_.color(std::move(frame->colour));
     return frame;
   }
 
@@ -107,13 +67,6 @@ class AsTakenBy final : public WrappedSource {
           (frame.confidence.size() == frame.depth.size() && frame.confidence[i] < model.least_confidence))
         frame.depth[i] = 0;
   }
-  [[nodiscard]] std::vector<float> seen(std::vector<float>& depth) const {
-    const cv::Mat1f image(own().depth.height, own().depth.width, depth.data());
-    std::vector<float> all(depth_places_.total());
-    std::transform(depth_places_.begin(), depth_places_.end(), all.begin(),
-                   [&](const cv::Vec2f& place) { return depth_between(image, place[0], place[1]); });
-    return all;
-  }
   /// The other rig tells how an inertial sensor is turned.
   void turn(std::vector<AngularRate>& gyro) const {
     const auto &from = own().camera_from_imu, &to = rig_.camera_from_imu;
@@ -125,7 +78,7 @@ class AsTakenBy final : public WrappedSource {
 
   Rig rig_;
   bool has_places_ = false;
-  cv::Mat2f depth_places_, colour_places_;
+  Resampler depth_, colour_;
 };
 
 }  // namespace

@@ -61,6 +61,7 @@ void take_rig(const Told& told, Recording& recording) {
   }
   recording.size_is_told = file.has_size || told.is_known;
   recording.camera_is_missing = false;
+  for (auto& entry : recording.entries) entry.camera.reset();
   std::erase_if(recording.understood, [](const Understood& u) { return u.what == "camera of"; });
   recording.understood.push_back({"camera of", told.by});
 }

@@ -7,10 +7,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 #include <stdexcept>
+#include <string_view>
 #include <tuple>
 
 #include "base/words.hpp"
+#include "cairn/file_name.hpp"
 #include "io/camera_file.hpp"
 #include "io/json_fields.hpp"
 #include "io/pose_matrix.hpp"
@@ -20,6 +23,9 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
+using namespace std::string_view_literals;
+constexpr std::array kColorEndings{".png"sv, ".jpg"sv, ".jpeg"sv, ".JPG"sv, ".PNG"sv, ".JPEG"sv};
+constexpr std::array kDepthEndings{".png"sv, ".npy"sv, ".exr"sv, ".tiff"sv, ".tif"sv};
 constexpr double kFrameRate = 30.0;  // Hz; frames have no time stamps
 constexpr const char* kExpected =
     "`frames` with file_path, depth_file_path and transform_matrix, and fl_x, fl_y, cx, cy, w and h";
@@ -36,20 +42,39 @@ std::string text_at(const nlohmann::json& object, const char* key) {
   return it->get<std::string>();
 }
 
-Camera camera_of(const nlohmann::json& frame, const nlohmann::json& all) {
-  const auto number = [&](const char* key, std::optional<double> usual = {}) {
-    return number_at(holder(frame, all, key), key, usual);
-  };
-  const auto pixels = [&](const char* key) { return pixels_at(holder(frame, all, key), key); };
-  Camera c{pixels("w"), pixels("h"), number("fl_x"), 0, number("cx") - 0.5, number("cy") - 0.5, {}};
-  c.fy = number("fl_y", c.fx);
+/// A file that `transforms.json` names: with separators of Windows, and without its ending, too. Empty: none is there.
+fs::path file_named(const fs::path& folder, std::string name, std::span<const std::string_view> endings) {
+  std::error_code ignored;
+  if (fs::exists(folder / name, ignored)) return folder / name;
+  std::replace(name.begin(), name.end(), '\\', '/');
+  if (fs::exists(folder / name, ignored)) return folder / name;
+  for (const std::string_view ending : endings)
+    if (fs::path file = folder / name; fs::exists(file += ending, ignored)) return file;
+  return {};
+}
+
+/// The same, or the place where it should be.
+fs::path place_named(const fs::path& folder, std::string name, std::span<const std::string_view> endings) {
+  if (fs::path file = file_named(folder, name, endings); !file.empty()) return file;
+  std::replace(name.begin(), name.end(), '\\', '/');
+  return folder / name;
+}
+
+/// The lens of a camera, by nerfstudio's names of COLMAP's models.
+void take_lens(const nlohmann::json& frame, const nlohmann::json& all, Camera& c) {
   const nlohmann::json& says = holder(frame, all, "camera_model");
-  const std::string model = says.contains("camera_model") ? text_at(says, "camera_model") : "OPENCV";
-  const auto d = [&](const char* key) { return number(key, 0.0); };
+  const auto is_fisheye = all.find("is_fisheye");  // of instant-ngp
+  std::string model = "OPENCV";
+  if (says.contains("camera_model"))
+    model = text_at(says, "camera_model");
+  else if (is_fisheye != all.end() && is_fisheye->is_boolean() && is_fisheye->get<bool>())
+    model = "OPENCV_FISHEYE";
+  const auto d = [&](const char* key) { return number_at(holder(frame, all, key), key, 0.0); };
+  constexpr std::array kBrown{"OPENCV"sv, "PINHOLE"sv, "SIMPLE_PINHOLE"sv, "SIMPLE_RADIAL"sv, "RADIAL"sv};
   if (model == "OPENCV_FISHEYE") {
     c.lens = Lens::fisheye;
     c.distortion = {d("k1"), d("k2"), d("k3"), d("k4")};
-  } else if (model == "OPENCV" || model == "PINHOLE" || model == "SIMPLE_PINHOLE") {
+  } else if (std::find(kBrown.begin(), kBrown.end(), model) != kBrown.end()) {
     // Nerfstudio's k4 is the next power of the radius, which Brown's model as used here has not.
     if (d("k4") != 0) throw std::runtime_error("`k4` is not 0, which only camera_model OPENCV_FISHEYE may have");
     c.distortion = {d("k1"), d("k2"), d("p1"), d("p2"), d("k3")};
@@ -57,6 +82,27 @@ Camera camera_of(const nlohmann::json& frame, const nlohmann::json& all) {
     throw std::runtime_error(
         fmt::format("`camera_model` is '{}', known are OPENCV, OPENCV_FISHEYE and PINHOLE", shown(model)));
   }
+}
+
+/// `size`: of the images, where the file tells none.
+Camera camera_of(const nlohmann::json& frame, const nlohmann::json& all, const Eigen::Vector2i& size) {
+  const auto has = [&](const char* key) { return holder(frame, all, key).contains(key); };
+  const auto number = [&](const char* key, std::optional<double> usual = {}) {
+    return number_at(holder(frame, all, key), key, usual);
+  };
+  const auto pixels = [&](const char* key, int usual) {
+    return usual > 0 && !has(key) ? usual : pixels_at(holder(frame, all, key), key);
+  };
+  Camera c{.width = pixels("w", size.x()), .height = pixels("h", size.y())};
+  const auto focal = [&](const char* key, const char* angle, int side, std::optional<double> usual) {
+    if (!has(key) && has(angle)) usual = 0.5 * side / std::tan(0.5 * number(angle));  // as Blender tells it
+    return number(key, usual);
+  };
+  c.fx = focal("fl_x", "camera_angle_x", c.width, {});
+  c.fy = focal("fl_y", "camera_angle_y", c.height, c.fx);
+  c.cx = number("cx", 0.5 * c.width) - 0.5;
+  c.cy = number("cy", 0.5 * c.height) - 0.5;
+  take_lens(frame, all, c);
   check(c);
   return c;
 }
@@ -71,45 +117,115 @@ Eigen::Isometry3d pose_in(const nlohmann::json& frame) {
           if (number.is_number()) rows.push_back(number.get<double>());
   const auto pose = rows.size() == 16 ? pose_of_rows(rows) : std::nullopt;
   if (!pose) throw std::runtime_error("`transform_matrix` is no pose of 4x4 numbers");
-  Eigen::Isometry3d opengl_from_camera = Eigen::Isometry3d::Identity();  // half a turn about x
-  opengl_from_camera.linear().diagonal() = Eigen::Vector3d(1, -1, -1);
-  return *pose * opengl_from_camera;
+  return *pose * opengl_from_camera();
 }
 
 struct Shot {
-  std::string depth, colour;
+  fs::path depth, color;
+  Camera camera;
   Eigen::Isometry3d world_from_camera;
 };
 
-void read_frames(const nlohmann::json& json, const fs::path& folder, Recording& recording, Camera& camera) {
-  const auto frames = json.find("frames");
-  if (frames == json.end() || !frames->is_array() || frames->empty())
+/// Meters of a pose's unit: nerfstudio scales poses, but not depth, by `applied_scale`, or within `applied_transform`.
+double meters_of_poses(const nlohmann::json& all) {
+  double scale = number_at(all, "applied_scale", 1.0);
+  if (const auto it = all.find("applied_transform"); it != all.end() && it->is_array() && it->size() >= 3) {
+    Eigen::Matrix3d turn;
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < 3; ++c) turn(r, c) = it->at(static_cast<std::size_t>(r)).at(static_cast<std::size_t>(c));
+    scale *= std::cbrt(std::abs(turn.determinant()));
+  }
+  if (!(scale > 1e-6 && scale < 1e6)) throw std::runtime_error("`applied_scale` and `applied_transform` tell no scale");
+  return std::abs(scale - 1) < 1e-6 ? 1 : 1 / scale;
+}
+
+/// Depth of a frame: the file that it names, or where it names none one of the color image's name in depth/. Empty:
+/// there is none.
+fs::path depth_of(const nlohmann::json& frame, const fs::path& folder) {
+  for (const char* key : {"depth_file_path", "depth_path"})
+    if (frame.contains(key) && !frame[key].is_null()) return place_named(folder, text_at(frame, key), kDepthEndings);
+  if (!frame.contains("file_path")) return {};
+  std::string name = text_at(frame, "file_path");
+  std::replace(name.begin(), name.end(), '\\', '/');
+  const std::string stem = fs::path(name).stem().string();
+  if (stem.empty()) return {};
+  for (const char* below : {"depth", "depths"})
+    if (fs::path file = file_named(folder, (fs::path(below) / stem).string(), kDepthEndings); !file.empty())
+      return file;
+  return {};
+}
+
+/// What a frame says; its pose is in meters.
+Shot shot_of(const nlohmann::json& frame, const nlohmann::json& all, const fs::path& folder, double meters,
+             Eigen::Vector2i& size) {
+  Shot shot;
+  shot.depth = depth_of(frame, folder);
+  if (shot.depth.empty()) return shot;
+  if (frame.contains("file_path")) shot.color = place_named(folder, text_at(frame, "file_path"), kColorEndings);
+  const auto tells = [&](const char* key) { return holder(frame, all, key).contains(key); };
+  if (size.x() == 0 && !(tells("w") && tells("h")))
+    size = size_of_image(shot.color).value_or(size_of_image(shot.depth).value_or(Eigen::Vector2i(0, 0)));
+  shot.camera = camera_of(frame, all, size);
+  shot.world_from_camera = pose_in(frame);
+  shot.world_from_camera.translation() *= meters;
+  return shot;
+}
+
+/// Frames with depth, as they were taken: frame_2 comes before frame_10. Structure from motion leaves them in another
+/// order.
+std::vector<Shot> shots_in(const nlohmann::json& all, const fs::path& folder) {
+  const auto frames = all.find("frames");
+  if (frames == all.end() || !frames->is_array() || frames->empty())
     throw std::runtime_error("`frames` is missing or empty");
+  const double meters = meters_of_poses(all);
   std::vector<Shot> shots;
+  Eigen::Vector2i size(0, 0);
   for (std::size_t i = 0; i < frames->size(); ++i) {
-    const nlohmann::json& frame = (*frames)[i];
     try {
-      if (!frame.is_object()) throw std::runtime_error("is no JSON object");
-      const Camera its = camera_of(frame, json);
-      if (i == 0) camera = its;
-      if (its != camera)
-        throw std::runtime_error("its intrinsics are not those of frame 0; a recording has one camera, split it");
-      shots.push_back({text_at(frame, "depth_file_path"),
-                       frame.contains("file_path") ? text_at(frame, "file_path") : "", pose_in(frame)});
+      if (!(*frames)[i].is_object()) throw std::runtime_error("is no JSON object");
+      Shot shot = shot_of((*frames)[i], all, folder, meters, size);
+      if (!shot.depth.empty()) shots.push_back(std::move(shot));
     } catch (const std::runtime_error& error) {
       throw std::runtime_error(fmt::format("frame {}: {}", i, error.what()));
     }
   }
-  // As they were taken: frame_2 comes before frame_10. Structure from motion leaves them in another order.
   std::stable_sort(shots.begin(), shots.end(), [](const Shot& a, const Shot& b) {
-    return std::tuple(a.depth.size(), std::string_view(a.depth)) <
-           std::tuple(b.depth.size(), std::string_view(b.depth));
+    const std::string &x = a.depth.native(), &y = b.depth.native();
+    return std::tuple(x.size(), std::string_view(x)) < std::tuple(y.size(), std::string_view(y));
   });
-  for (const auto& [depth, colour, pose] : shots) {
+  return shots;
+}
+
+void read_frames(const nlohmann::json& json, const fs::path& folder, Recording& recording,
+                 std::vector<Camera>& cameras) {
+  const auto shots = shots_in(json, folder);
+  const std::size_t all = json["frames"].size();
+  if (shots.empty())
+    throw std::runtime_error(fmt::format(
+        "none of its {} frames has depth (depth_file_path): color images alone make no map here; export depth, too (of "
+        "Polycam: the raw data, or ns-process-data polycam --use-depth)",
+        all));
+  if (shots.size() < all)
+    recording.warnings.push_back(
+        fmt::format("{} of {} frames have no depth (depth_file_path) and are left out", all - shots.size(), all));
+  for (const Shot& shot : shots) {
     const double time = static_cast<double>(recording.entries.size()) / kFrameRate;
-    recording.entries.push_back({time, folder / depth, colour.empty() ? fs::path() : folder / colour});
-    recording.truth.push_back({time, pose});
+    recording.entries.push_back({time, shot.depth, shot.color});
+    recording.truth.push_back({time, shot.world_from_camera});
+    cameras.push_back(shot.camera);
   }
+}
+
+/// Units of depth in a meter, by nerfstudio's option or instant-ngp's. OpenEXR holds meters where none is told.
+double depth_scale_of(const nlohmann::json& all, const Recording& recording) {
+  for (const char* key : {"depth_unit_scale_factor", "integer_depth_scale"}) {
+    if (!all.contains(key)) continue;
+    const double meters = number_at(all, key);
+    if (!(meters > 0)) throw std::runtime_error(fmt::format("`{}` takes metres per unit, more than 0", key));
+    check_depth_scale(1 / meters);
+    return 1 / meters;
+  }
+  return extension_of(recording.entries[0].depth) == ".exr" ? 1 : 1000;
 }
 
 }  // namespace
@@ -120,15 +236,14 @@ std::optional<Recording> read_nerfstudio(const fs::path& folder) {
   Recording recording;
   recording.layout = "nerfstudio folder";
   recording.has_device_poses = true;
-  Camera camera;
+  recording.camera_file = file;
+  recording.frame_rate = kFrameRate;
+  std::vector<Camera> cameras;
   read_json(file, kExpected, [&](const nlohmann::json& json) {
-    const double metres = number_at(json, "depth_unit_scale_factor", 1e-3);
-    if (!(metres > 0)) throw std::runtime_error("`depth_unit_scale_factor` takes metres per unit, more than 0");
-    recording.depth_scale = 1 / metres;
-    check_depth_scale(recording.depth_scale);
-    read_frames(json, folder, recording, camera);
+    read_frames(json, folder, recording, cameras);
+    recording.depth_scale = depth_scale_of(json, recording);
   });
-  set_rig_in_one_place(camera, recording);
+  set_cameras_of_frames(cameras, recording);
   return recording;
 }
 

@@ -17,11 +17,13 @@
 #include "cairn/file_name.hpp"
 #include "cairn/known_cameras.hpp"
 #include "cairn/layouts.hpp"
+#include "cairn/path_kind.hpp"
 #include "cairn/source.hpp"
 #include "io/image_names.hpp"
 #include "io/intrinsics.hpp"
 #include "io/part.hpp"
 #include "io/recording.hpp"
+#include "io/resample.hpp"
 #include "io/sens.hpp"
 #include "io/zip_recording.hpp"
 #include "synth/source.hpp"
@@ -31,6 +33,9 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr float kFarthest = 1000;  // metres; what stands beyond is "nothing measured" in images of floats
+/// Pixels that a frame's own camera may differ from the recording's without being turned into it: 0.6 mm at 3 m and 525
+/// pixels, below what depth cameras resolve, while turning smooths depth and takes time.
+constexpr double kNegligible = 0.1;
 
 /// A folder in this one that holds depth images or a list of them.
 std::optional<fs::path> recording_below(const fs::path& folder) {
@@ -47,10 +52,14 @@ std::optional<fs::path> recording_below(const fs::path& folder) {
 Recording read_recording(const fs::path& folder) {
   if (!fs::exists(folder)) throw std::runtime_error(folder.string() + ": there is no such folder");
   if (!fs::is_directory(folder))
-    throw std::runtime_error(folder.string() + ": is not a folder; give the folder that holds the recording");
+    throw std::runtime_error(kind_of_path(folder).is_no(folder, "recording") +
+                             "; give the folder that holds the recording");
   for (const auto read : {read_tum, read_associations, read_seven_scenes, read_stray_scanner, read_intrinsics_folder,
-                          read_nerfstudio, read_rtabmap, read_replica, read_image_folder})
+                          read_nerfstudio, read_record3d, read_polycam, read_rtabmap, read_replica, read_image_folder})
     if (auto recording = read(folder)) return *std::move(recording);
+  using Kind = PathKind::Kind;
+  const PathKind kind = kind_of_path(folder);
+  if (kind.kind != Kind::recording && !kind.remedy.empty()) throw std::runtime_error(kind.is_no(folder, "recording"));
   if (const auto inside = recording_below(folder))
     throw std::runtime_error(fmt::format("{}: no known recording, but {} in it looks like one: give that folder",
                                          folder.string(), inside->filename().string()));
@@ -59,14 +68,14 @@ Recording read_recording(const fs::path& folder) {
         fmt::format("{}: no known recording: it holds {} images, none of them depth; depth images are looked for in "
                     "depth, depths or depth_raw, or beside the others by `depth` in their names",
                     folder.string(), images));
-  throw std::runtime_error(
-      folder.string() +
-      ": no known recording; expected depth images in depth and colour images in rgb, color or "
-      "images, with camera.yaml or intrinsics.json beside (your own), rgb.txt and depth.txt "
-      "(TUM), frame-000000.depth.png (7-Scenes), associations.txt (ORB-SLAM, ICL-NUIM), odometry.csv (Stray "
-      "Scanner), transforms.json (nerfstudio), intrinsic.json or camera_intrinsic.json (Open3D), "
-      "calib or calibration.yaml (RTAB-Map), results and traj.txt (Replica), or metadata.yaml "
-      "(rosbag2)");
+  throw std::runtime_error(folder.string() + ": no known recording, it " + kind.words +
+                           "; expected depth images in depth and colour images in rgb, color or "
+                           "images, with camera.yaml or intrinsics.json beside (your own), rgb.txt and depth.txt "
+                           "(TUM), frame-000000.depth.png (7-Scenes), associations.txt (ORB-SLAM, ICL-NUIM), "
+                           "odometry.csv (Stray Scanner), transforms.json (nerfstudio), metadata.json (Record3D), "
+                           "keyframes (Polycam), intrinsic.json or camera_intrinsic.json (Open3D), "
+                           "calib or calibration.yaml (RTAB-Map), results and traj.txt (Replica), or metadata.yaml "
+                           "(rosbag2)");
 }
 
 /// What the files tell, with the camera, unit and rate that settle_camera() decides.
@@ -86,6 +95,9 @@ Recording read_settled(const fs::path& folder, const fs::path& camera) {
 Recording understand(const fs::path& folder, const fs::path& camera) {
   Recording recording = read_settled(folder, camera);
   see_images(recording);
+  if (const PathKind kind = kind_of_path(folder);
+      recording.camera_is_missing && kind.kind == PathKind::Kind::images_of_recording)
+    throw std::runtime_error(kind.is_no(folder, "recording of its own"));
   if (recording.camera_is_missing)
     throw std::runtime_error(fmt::format("{}: the camera is not known: {}{}{}", folder.string(),
                                          recording.camera_missing_words, passed_over_cameras(folder),
@@ -156,6 +168,7 @@ class RecordingSource final : public Source {
       : recording_(std::move(recording)), range_(range), depth_only_(depth_only) {
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // what is wrong goes into Frame::problem
     find_colour_size(recording_);
+    depth_of_ = recording_.rig.depth, colour_of_ = recording_.rig.colour_view();
     end_ = static_cast<int>(recording_.entries.size());
     if (range.end) end_ = std::min(end_, *range.end);
     next_ = range.begin;
@@ -191,6 +204,7 @@ class RecordingSource final : public Source {
       return frame;
     }
     last_timestamp_ = entry.timestamp;
+    set_camera_of(entry);
     const double read_out = entry.timestamp + 0.5 * recording_.rig.depth.readout;
     for (; gyro_ < recording_.gyro.size() && recording_.gyro[gyro_].timestamp <= read_out; ++gyro_)
       frame.gyro.push_back(recording_.gyro[gyro_]);
@@ -221,16 +235,37 @@ class RecordingSource final : public Source {
     colourless_ = 0;
   }
 
-  /// The size of depth images as they are stored: the camera's, or that of enlarged ones.
+  /// Frames of one camera follow each other.
+  void set_camera_of(const Recording::Entry& entry) {
+    if (entry.camera == camera_ || (entry.camera && camera_ && *entry.camera == *camera_)) return;
+    camera_ = entry.camera;
+    depth_of_ = recording_.rig.depth, colour_of_ = recording_.rig.colour_view();
+    if (camera_) {
+      depth_of_ = scaled_to(*camera_, own_size(*camera_, depth_of_));
+      colour_of_ = scaled_to(*camera_, own_size(*camera_, colour_of_));
+    }
+    turned_depth_ = Resampler(recording_.rig.depth, depth_of_, kNegligible);
+    turned_colour_ = Resampler(recording_.rig.colour_view(), colour_of_, kNegligible);
+  }
+  /// Pixels of a frame's images whose camera has another size than the recording's: as many for each of its own.
+  [[nodiscard]] Eigen::Vector2i own_size(const Camera& camera, const Camera& usual) const {
+    const Camera& all = *recording_.entries[0].camera;
+    const auto side = [](int own, int its, int of) {
+      return static_cast<int>(std::lround(static_cast<double>(own) * its / of));
+    };
+    return {side(camera.width, usual.width, all.width), side(camera.height, usual.height, all.height)};
+  }
+
+  /// The size of depth images as they are stored: those of the frame's camera, or enlarged.
   [[nodiscard]] cv::Size stored_size() const {
     const auto& [stored, columns, rows] = recording_.blocks;
-    if (columns.empty()) return {recording_.rig.depth.width, recording_.rig.depth.height};
+    if (columns.empty()) return {depth_of_.width, depth_of_.height};
     return {stored.x(), stored.y()};
   }
 
   /// `image` at its true resolution. Throws where it has another size than it should.
   [[nodiscard]] cv::Mat at_true_size(const cv::Mat& image, const char* what) const {
-    const Camera& c = recording_.rig.depth;
+    const Camera& c = depth_of_;
     const auto& [stored, columns, rows] = recording_.blocks;
     const cv::Size expected = stored_size();
     if (image.cols != expected.width || image.rows != expected.height)
@@ -247,7 +282,7 @@ class RecordingSource final : public Source {
   }
 
   std::vector<float> read_depth(const fs::path& file) const {
-    const Camera& c = recording_.rig.depth;
+    const Camera& c = depth_of_;
     cv::Mat image = decode_depth(read_whole(file), {.size = stored_size()});
     if (image.type() != CV_16UC1 && image.type() != CV_32FC1)
       throw std::runtime_error(
@@ -278,11 +313,11 @@ class RecordingSource final : public Source {
       any = any || std::any_of(out, out + c.width, [](float z) { return z > 0; });
     }
     if (!any) throw std::runtime_error("holds no measurement");
-    return depth;
+    return turned_depth_.depth(std::move(depth));
   }
 
   std::vector<std::uint8_t> read_confidence(const fs::path& file) const {
-    const Camera& c = recording_.rig.depth;
+    const Camera& c = depth_of_;
     const cv::Size size(c.width, c.height), stored = stored_size();
     cv::Mat image;
     try {
@@ -295,19 +330,22 @@ class RecordingSource final : public Source {
     if (image.size() != size) image = at_true_size(image, "its confidence is");
     if (image.type() != CV_8UC1) throw std::runtime_error("its confidence must be an 8-bit image with one channel");
     if (recording_.most_confidence < 255) image.convertTo(image, CV_8U, 255 / recording_.most_confidence);
-    return {image.datastart, image.dataend};
+    return turned_depth_.confidence({image.datastart, image.dataend});
   }
 
   std::vector<std::uint32_t> read_colour(const fs::path& file) const {
-    const Camera& c = recording_.rig.colour_view();
-    return colour_pixels(
-        decode_image(read_whole(file), Pixels::rgba, {.size = {c.width, c.height}, .camera = "colour camera"}));
+    const Camera& c = colour_of_;
+    return turned_colour_.color(colour_pixels(
+        decode_image(read_whole(file), Pixels::rgba, {.size = {c.width, c.height}, .camera = "colour camera"})));
   }
 
   Recording recording_;
   FrameRange range_;
   bool depth_only_;
   int next_ = 0, end_ = 0;
+  std::shared_ptr<const Camera> camera_;  // of the frame that is read
+  Camera depth_of_, colour_of_;           // its images'
+  Resampler turned_depth_, turned_colour_;
   std::size_t gyro_ = 0;  // the first sample that no frame has had
   double last_timestamp_ = -INFINITY;
   int colourless_ = 0;  // frames whose colour image could not be used
@@ -391,10 +429,29 @@ void set_rig_in_one_place(const Camera& colour, Recording& recording) {
           fmt::format("{}: is {}x{}, another shape than the camera's {}x{}; depth must be seen from "
                       "the colour camera's place",
                       entry.depth.string(), size->x(), size->y(), colour.width, colour.height));
-    recording.rig = Rig(scaled_to(colour, *size), ColourCamera{.camera = colour});
+    recording.rig = scaled_to(colour, *size);
+    if (std::any_of(recording.entries.begin(), recording.entries.end(),
+                    [](const auto& e) { return !e.colour.empty(); }))
+      recording.rig.colour = ColourCamera{.camera = colour};
     check(recording.rig);
     return;
   }
+}
+
+void set_cameras_of_frames(const std::vector<Camera>& cameras, Recording& recording) {
+  set_rig_in_one_place(cameras.at(0), recording);
+  if (std::all_of(cameras.begin(), cameras.end(), [&](const Camera& c) { return c == cameras[0]; })) return;
+  std::shared_ptr<const Camera> last;
+  double least = cameras[0].fx, most = least;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    if (!last || *last != cameras[i]) last = std::make_shared<const Camera>(cameras[i]);
+    recording.entries[i].camera = last;
+    least = std::min(least, cameras[i].fx), most = std::max(most, cameras[i].fx);
+  }
+  recording.understood.push_back(
+      {"intrinsics", fmt::format("of each frame, fx {:.2f} to {:.2f} pixels: frames are turned into the camera of the "
+                                 "first",
+                                 least, most)});
 }
 
 std::unique_ptr<Source> open_recording(const fs::path& folder, const SourceOptions& options) {

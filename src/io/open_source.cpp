@@ -14,6 +14,7 @@
 #include "io/camera_file.hpp"
 #include "io/openni.hpp"
 #include "io/part.hpp"
+#include "io/record3d.hpp"
 #include "io/recording.hpp"
 #include "io/ros_source.hpp"
 #include "io/sens.hpp"
@@ -198,6 +199,7 @@ std::unique_ptr<Source> open_by_name(const std::string& name, const SourceOption
     auto source = zip->told_in_its_name([&](const std::string& inside) { return open_source(inside, options); });
     return std::make_unique<ZipSource>(std::move(zip), std::move(source));
   }
+  if (extension == ".r3d") throw std::runtime_error(how_to_read_r3d(name));
   if (extension == ".mkv")
     return with_cameras(std::make_unique<InRange>(open_azure_kinect(name), options.range), options.camera);
   if (is_ros_recording(name))

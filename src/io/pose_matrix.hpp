@@ -22,4 +22,11 @@ namespace cairn {
   return pose;
 }
 
+/// From Cairn's camera to OpenGL's and ARKit's, x right, y up, z back: half a turn about x.
+[[nodiscard]] inline Eigen::Isometry3d opengl_from_camera() {
+  Eigen::Isometry3d turn = Eigen::Isometry3d::Identity();
+  turn.linear().diagonal() = Eigen::Vector3d(1, -1, -1);
+  return turn;
+}
+
 }  // namespace cairn

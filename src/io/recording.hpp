@@ -33,6 +33,8 @@ struct Recording {
     double colour_delay = 0;                      // seconds after the depth image
     std::optional<Eigen::Vector3d> acceleration;  // see Frame
     std::filesystem::path confidence;             // 8 bits, of depth's size; empty: none
+    /// What took this frame in place of the rig, in pixels of colour: see set_cameras_of_frames(). Empty: the rig.
+    std::shared_ptr<const Camera> camera = {};
   };
   std::string layout;  // see Source
   Rig rig;
@@ -72,6 +74,8 @@ struct Recording {
 [[nodiscard]] std::optional<Recording> read_replica(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_rtabmap(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_nerfstudio(const std::filesystem::path& folder);
+[[nodiscard]] std::optional<Recording> read_record3d(const std::filesystem::path& folder);
+[[nodiscard]] std::optional<Recording> read_polycam(const std::filesystem::path& folder);
 
 /// The one order in which all layouts get their cameras, depth_scale and frame_rate: `option` (a file or a known name;
 /// empty: none), a camera file in the folder, the recording itself, what its layout is known to have. Where nothing is
@@ -99,6 +103,9 @@ inline constexpr double kMostStretch = 0.02;
 /// Sets the cameras of a recording whose depth is seen from the colour camera's place, perhaps in another size: that of
 /// the first depth image that can be read. Throws where that has another shape.
 void set_rig_in_one_place(const Camera& colour, Recording& recording);
+/// The same for a camera of each entry, as phones with autofocus have them; the first one's is the recording's, and
+/// frames of others are turned into it. Says so in `understood`.
+void set_cameras_of_frames(const std::vector<Camera>& cameras, Recording& recording);
 
 /// The source with the cameras of a camera.yaml or of this name; as it is without one. Throws std::runtime_error for
 /// other sizes.

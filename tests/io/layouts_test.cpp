@@ -282,8 +282,6 @@ TEST(Nerfstudio, KnowsFisheyesAndUnits) {
 TEST(Nerfstudio, RefusesWhatItCannotReadInOneLine) {
   const Nerfstudio scan;
   const fs::path folder = scan.folder.path();
-  scan.write("", R"(, "fl_x": 99)");
-  expect_error(folder, "transforms.json: frame 3: its intrinsics are not those of frame 0");
   scan.write(R"(, "camera_model": "EQUIRECTANGULAR")");
   expect_error(folder, "`camera_model` is 'EQUIRECTANGULAR'");
   scan.write("", R"(, "transform_matrix": [])");
@@ -295,6 +293,8 @@ TEST(Nerfstudio, RefusesWhatItCannotReadInOneLine) {
     expect_error(folder, "transforms.json: ");
   }
   write_text(folder / "transforms.json", R"({"frames": [{"file_path": "images/1.jpg"}]})");
+  expect_error(folder, "none of its 1 frames has depth");
+  write_text(folder / "transforms.json", R"({"frames": [{"depth_file_path": "a.png"}]})");
   expect_error(folder, "frame 0: `w` is missing");
 }
 
