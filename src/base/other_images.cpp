@@ -35,7 +35,8 @@ constexpr std::uint64_t kWebpPixels = 8192;  // of a byte: VP8L codes a flat blo
 constexpr std::uint64_t kRoom = 1 << 16;     // pixels that any file may have
 
 void check_pixels(int width, int height, std::uint64_t most, const ImageBound& bound) {
-  check_image_size(static_cast<std::uint64_t>(std::max(width, 0)), static_cast<std::uint64_t>(std::max(height, 0)), bound);
+  check_image_size(static_cast<std::uint64_t>(std::max(width, 0)), static_cast<std::uint64_t>(std::max(height, 0)),
+                   bound);
   if (static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) > most)
     throw std::runtime_error("the file is cut off");
 }

@@ -14,6 +14,7 @@ namespace cairn {
 /// CV_8UC4, R, G, B and 255 where there is no transparency, of a whole BMP, WebP or TIFF by its first bytes; nothing
 /// for other kinds. Throws std::runtime_error that says why not: cut off, damaged, beyond `bound`. The size is checked
 /// before any pixel has memory.
-[[nodiscard]] std::optional<cv::Mat> decode_other_image(std::span<const std::uint8_t> bytes, const ImageBound& bound = {});
+[[nodiscard]] std::optional<cv::Mat> decode_other_image(std::span<const std::uint8_t> bytes,
+                                                        const ImageBound& bound = {});
 
 }  // namespace cairn

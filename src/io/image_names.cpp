@@ -23,8 +23,8 @@ using namespace std::string_view_literals;
 
 constexpr std::array kColour{".png"sv, ".jpg"sv, ".jpeg"sv, ".webp"sv, ".bmp"sv, ".tiff"sv, ".tif"sv};  // best first
 constexpr std::array kNotRead{".heic"sv, ".heif"sv, ".avif"sv, ".jxl"sv, ".jp2"sv, ".gif"sv, ".ppm"sv, ".pgm"sv,
-                              ".pnm"sv,  ".tga"sv,  ".hdr"sv, ".pfm"sv, ".raw"sv, ".bin"sv, ".dng"sv,
-                              ".npz"sv,  ".mat"sv,  ".mp4"sv,  ".mov"sv, ".avi"sv, ".mkv"sv, ".dat"sv};
+                              ".pnm"sv,  ".tga"sv,  ".hdr"sv,  ".pfm"sv, ".raw"sv, ".bin"sv, ".dng"sv, ".npz"sv,
+                              ".mat"sv,  ".mp4"sv,  ".mov"sv,  ".avi"sv, ".mkv"sv, ".dat"sv};
 constexpr std::array kDepth{".npy"sv, ".exr"sv, ".tiff"sv, ".tif"sv, ".png"sv, ".pgm"sv};  // the richest first
 constexpr std::size_t kMostNear = 1000;  // images at an image's time, more than any camera takes
 constexpr double kLeastSecond = 1e-3;    // between images whose names are seconds with a point

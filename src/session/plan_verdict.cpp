@@ -9,8 +9,10 @@
 #include <set>
 
 #include "base/json_text.hpp"
+#include "base/read_json.hpp"
 #include "base/read_whole.hpp"
 #include "cairn/parts.hpp"
+#include "cairn/quoted.hpp"
 
 namespace cairn {
 namespace {
@@ -75,10 +77,10 @@ std::optional<std::vector<JoinedPart>> joined_parts(const fs::path& plan) {
   if (!fs::exists(file)) return std::nullopt;
   try {
     const auto bytes = read_whole(file);
-    return parts_in(Json::parse(bytes.begin(), bytes.end()));
+    return parts_in(parsed_json(bytes));
   } catch (const std::exception& error) {
     throw std::runtime_error(fmt::format("{}: cannot be read ({}); make it again with cairn optimise {}", file.string(),
-                                         plain(error.what()), plan.string()));
+                                         plain(error.what()), quoted(plan)));
   }
 }
 
