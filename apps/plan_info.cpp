@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "cairn/parts.hpp"
+#include "cairn/quoted.hpp"
 #include "command_line.hpp"
 #include "console.hpp"
 #include "json_text.hpp"

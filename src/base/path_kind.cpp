@@ -12,6 +12,7 @@
 
 #include "base/words.hpp"
 #include "cairn/file_name.hpp"
+#include "cairn/quoted.hpp"
 
 namespace cairn {
 namespace {
@@ -52,7 +53,7 @@ bool there(const fs::path& path) {
 }
 
 PathKind kind_of_file(const fs::path& file) {
-  const std::string name = file.string(), extension = extension_of(file);
+  const std::string name = quoted(file), extension = extension_of(file);
   if (file.filename() == "tileset.json")
     return {Kind::tiles, "is a set of tiles", fmt::format("`cairn view {}` shows it", name)};
   if (holds(kMeshes, extension)) return {Kind::mesh, "is a mesh", fmt::format("`cairn view {}` shows it", name)};
@@ -69,21 +70,21 @@ PathKind kind_of_file(const fs::path& file) {
 }
 
 PathKind kind_of_folder(const fs::path& folder) {
-  const std::string name = folder.string();
+  const std::string name = quoted(folder);
   if (there(folder / "plan.json"))
-    return {
-        Kind::plan, "is a plan of several recordings",
-        fmt::format("`cairn reconstruct` of each folder in {0}/parts makes its maps, then `cairn tile {0}` its tiles",
-                    name)};
+    return {Kind::plan, "is a plan of several recordings",
+            fmt::format("`cairn reconstruct` of each folder in {1} makes its maps, then `cairn tile {0}` its tiles",
+                        name, quoted(folder / "parts"))};
   if (there(folder / "part.json"))
     return {Kind::part, "is a part of a plan", fmt::format("`cairn reconstruct {}` makes its map", name)};
-  if (there(folder / "session" / "state.cbor") || there(folder / "map.vdb") || there(folder / "report.json"))
+  if (there(folder / "session" / "state.cbor") || (there(folder / "report.json") && there(folder / "trajectory.txt")))
     return {Kind::map, "is a map that cairn has made",
             fmt::format("`cairn view {0}` shows it, `cairn info {0}` says how good it is", name)};
   if (there(folder / "state.cbor"))
-    return {Kind::map, "is the session of a map", fmt::format("give {}", (folder / "..").lexically_normal().string())};
+    return {Kind::map, "is the session of a map", fmt::format("give {}", quoted((folder / "..").lexically_normal()))};
   if (there(folder / "tileset.json"))
-    return {Kind::tiles, "is a folder of tiles", fmt::format("`cairn view {}/tileset.json` shows it", name)};
+    return {Kind::tiles, "is a folder of tiles",
+            fmt::format("`cairn view {}` shows it", quoted(folder / "tileset.json"))};
   if (std::any_of(kOfRecordings.begin(), kOfRecordings.end(), [&](auto of) { return there(folder / of); }))
     return {Kind::recording, "is a recording", fmt::format("`cairn reconstruct {}` makes a map of it", name)};
   const fs::path whole = fs::absolute(folder).lexically_normal(),
@@ -91,7 +92,7 @@ PathKind kind_of_folder(const fs::path& folder) {
   std::string last = self.filename().string();
   if (const fs::path above = self.parent_path();
       holds(kImages, last) && kind_of_path(above).kind == Kind::recording && above != self)
-    return {Kind::images_of_recording, "is a part of the recording above it", fmt::format("give {}", above.string())};
+    return {Kind::images_of_recording, "is a part of the recording above it", fmt::format("give {}", quoted(above))};
   std::vector<std::string> names;
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder, ignored))

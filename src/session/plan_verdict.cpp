@@ -29,7 +29,7 @@ std::string reason_of(const PartsPlan& plan, const PartsPlan::Part& part, const 
   const bool is_unjoined = why == kUnjoined;
   return fmt::format("part {} ({}, frames {} to {}) is not in the map: {}{}", part.name,
                      as_utf8(plan.recordings.at(part.recording).name), part.begin, part.end - 1, why,
-                     is_unjoined ? std::string("; ") + kRecordMore : "");
+                     is_unjoined ? fmt::format("; {}", kRecordMore) : std::string());
 }
 
 std::vector<JoinedPart> parts_in(const Json& report) {

@@ -21,9 +21,9 @@ void put(const fs::path& file) {
 
 TEST(PathKind, NamesWhatEachPathIs) {
   const TemporaryFolder folder;
-  for (const char* name : {"rec/depth.txt", "rec/depth/0.png", "rec/rgb/0.png", "map/report.json", "plan/plan.json",
-                           "plan/parts/000/part.json", "tiles/tileset.json", "odd/b.xyz", "odd/a.xyz", "mesh.glb",
-                           "map.vdb", "poses.txt", "a.bag"})
+  for (const char* name : {"rec/depth.txt", "rec/depth/0.png", "rec/rgb/0.png", "map/report.json", "map/trajectory.txt",
+                           "plan/plan.json", "plan/parts/000/part.json", "tiles/tileset.json", "odd/b.xyz", "odd/a.xyz",
+                           "mesh.glb", "map.vdb", "poses.txt", "a.bag"})
     put(folder / name);
   fs::create_directories(folder / "empty");
   const std::pair<const char*, Kind> all[] = {{"rec", Kind::recording},
@@ -46,8 +46,8 @@ TEST(PathKind, NamesWhatEachPathIs) {
 
 TEST(PathKind, IsToldWhereARecordingIsAskedFor) {
   const TemporaryFolder folder;
-  for (const char* name :
-       {"map/report.json", "plan/plan.json", "mesh.glb", "map.vdb", "rec/depth.txt", "rec/rgb/0.png"})
+  for (const char* name : {"map/report.json", "map/trajectory.txt", "plan/plan.json", "mesh.glb", "map.vdb",
+                           "rec/depth.txt", "rec/rgb/0.png"})
     put(folder / name);
   const auto said = [&](const char* name) {
     const std::string error = error_of([&] { (void)open_source((folder / name).string()); });
