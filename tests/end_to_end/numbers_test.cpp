@@ -128,7 +128,7 @@ TEST_F(Numbers, ThatAreLengthsAndTimesTakeUnits) {
     const bool is_length = o.placeholder.starts_with("LENGTH"), is_time = o.placeholder == "TIME";
     lengths += is_length, times += is_time;
     if (!is_length && !is_time) continue;
-    for (const std::string value : is_length ? Words{"1.05m", "105cm", "1050mm"} : Words{"1s", "1000ms"}) {
+    for (const std::string& value : is_length ? Words{"1.05m", "105cm", "1050mm"} : Words{"1s", "1000ms"}) {
       const Ran with = run(o, value), without = run(o, is_length ? "1.05" : "1");
       // In range or not, a unit changes nothing; words beside it are of what is missing.
       const auto is_number = [](const Ran& ran) { return ran.err.find("number is wanted") == ran.err.npos; };
