@@ -55,7 +55,7 @@ struct Mapped {
 TEST(Refine, TakesTheDriftOutOfAWayThereAndBack) {
   const Drift d;
   Mapped m(d, d.frames.size());
-  const Refined refined = refine(m.back_end);
+  const Refined refined = refine(m.back_end, {});
   const Trajectory trajectory = m.back_end.atlas().trajectory(0, 0, d.frames.size());
   std::printf("%.1f mm -> %.1f mm, %d of %d pairs aligned, %d believed\n", 1000 * d.error(d.tracked),
               1000 * d.error(trajectory), refined.pairs_aligned, refined.pairs_tried, refined.pairs_inlier);
@@ -67,7 +67,7 @@ TEST(Refine, TakesTheDriftOutOfAWayThereAndBack) {
 TEST(Refine, LeavesASingleKeyframeAlone) {
   const Drift d;
   Mapped m(d, 1);
-  (void)refine(m.back_end);
+  (void)refine(m.back_end, {});
   EXPECT_TRUE(m.back_end.atlas().trajectory(0, 0, 1)[0].world_from_camera.isApprox(d.tracked[0].world_from_camera));
 }
 
