@@ -300,8 +300,7 @@ bool is_depth_tiff(std::span<const std::uint8_t> all) {
 }
 
 cv::Mat decode_color_tiff(std::span<const std::uint8_t> bytes, const ImageBound& bound) {
-  const cv::Mat image = decode_tiff(bytes, bound, type_of_color);
-  cv::Mat rgba;
+  cv::Mat image = decode_tiff(bytes, bound, type_of_color), rgba;
   if (image.channels() == 4) return image;
   cv::cvtColor(image, rgba, image.channels() == 1 ? cv::COLOR_GRAY2RGBA : cv::COLOR_RGB2RGBA);
   return rgba;

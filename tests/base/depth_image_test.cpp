@@ -96,7 +96,9 @@ TEST(DepthImage, TellsInOneLineWhatIsWrong) {
   EXPECT_NE(error(whole.substr(0, whole.size() / 2)).find("TIFF"), std::string::npos);
   EXPECT_NE(error(encoded(".tiff", cv::Mat(8, 8, CV_8U, cv::Scalar(1)))).find("whole numbers with 8 bits"),
             std::string::npos);
-  EXPECT_NE(error(encoded(".tiff", cv::Mat(8, 8, CV_16UC3, cv::Scalar(1)))).find("of 3 channels"), std::string::npos);
+  EXPECT_NE(
+      error(encoded(".tiff", cv::Mat(8, 8, CV_16UC3, cv::Scalar(1)))).find("has 3 channels of 16 bits that differ"),
+      std::string::npos);
   EXPECT_NE(error(tiff(units, {.width = 70000, .height = 70000})).find("allowed are 1 to 4096"), std::string::npos);
   EXPECT_NE(error(tiff(units, {.width = 4096, .height = 4096})).find("cut off"), std::string::npos);
   EXPECT_NE(error(tiff(units, {.compression = 7})).find("packed by method 7"), std::string::npos);  // JPEG

@@ -365,7 +365,7 @@ TEST_F(CommandLine, TheManualHasNoFaults) {
   EXPECT_EQ(shell("mandoc -T lint -W warning " + file), "");
   const std::string page = shell("mandoc -T utf8 " + file + " | col -b");
   for (const auto& command : kCommands) EXPECT_NE(page.find("cairn " + command[0]), std::string::npos) << command[0];
-  EXPECT_NE(page.find("--voxel-size NUMBER"), std::string::npos);
+  EXPECT_NE(page.find("--voxel-size LENGTH"), std::string::npos);
 }
 
 }  // namespace
