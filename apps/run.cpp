@@ -344,8 +344,10 @@ Verdict Run::judge(int components) const {
        .held_out = held_out(),
        .components = components,
        .focal = mapper_->statistics().focal,
+       .keeping_up = keeping_up_,
        .upright_unknown = upright.source == Upright::Source::unknown ? in_flags(upright.words) : "",
-       .warnings = warnings_});
+       .warnings = warnings_,
+       .poses = pose_check_});
 }
 
 /// Nothing of it is needed for the map: where its mesh cannot be read again it is judged without.
