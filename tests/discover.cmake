@@ -33,10 +33,10 @@ set(single
     "PoseGraphBenchmark\\." 10
     "^EvaluateTrajectory\\.AgreesWithTheTumBenchmarkTools|^OpenNi\\.Re(ads|fuses)A|^IclNuim\\.Turns" 1)
 # Suites that run long together: what their tests share takes longer than they.
-set(long_suites Inputs 30 Disk/FaultsOfARun 60 Faults 30 Outputs 90 Ending 40 Bundle 40 VerdictOfARoom 10 Kills 30 KeyframeDatabase 20 Mapper 20 ImageSizes 20 FaultyDevice 15
+set(long_suites Numbers 60 Signals 30 GivenPoses 15 Inputs 30 Disk/FaultsOfARun 60 Faults 30 Outputs 90 Ending 40 Bundle 40 VerdictOfARoom 10 Kills 30 KeyframeDatabase 20 Mapper 20 ImageSizes 20 FaultyDevice 15
                 ImageSizesAtTheirLimits 10 SessionFiles 10 Each/WrittenLayout 30 Views 40 ViewedMap 40 Layouts 8 Convert 8 ZipRecording 8)
 set(data "^Real/Recording\\.|^VerdictOfARecording|PoseGraphBenchmark|AllAlongARecording|^EvaluateTrajectory\\.Agrees|^OpenNi\\.Re(ads|fuses)A|^IclNuim\\.Turns")
-set(program "^(Program|Session|Export|Live|Record|Real/Recording)\\.|^(Faults|Disk/FaultsOfARun|Inputs|Kills|Outputs|Ending|Convert|Layouts|Views|ViewedMap|ZipRecording)$")
+set(program "^(Program|Session|Export|Live|Record|Real/Recording)\\.|^(Faults|Disk/FaultsOfARun|GivenPoses|Inputs|Kills|Numbers|Signals|Outputs|Ending|Convert|Layouts|Views|ViewedMap|ZipRecording)$")
 # These measure time, or show what two threads do: nothing else runs beside them.
 set(alone "^Live\\.Follows|^Record\\.|^LiveSource")
 # Suites of the kernels that add up within subgroups.

@@ -10,6 +10,8 @@
 //                        Mesa 25 keeps in anonymous files
 //   CAIRN_FAULTS_EXCHANGE  no: the disk cannot exchange two folders
 //   CAIRN_FAULTS_LOG     file that gets a line for each operation
+//   CAIRN_FAULTS_HOLD    a file whose first reader waits forever, as on a disk that does not answer
+//   CAIRN_FAULTS_HELD    the file that this reader creates
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -102,8 +104,22 @@ void watch(int descriptor, bool is_watched) {
     watched[static_cast<std::size_t>(descriptor)] = is_watched;
 }
 
+/// Waits forever in the first thread of all programs that opens the held file.
+void hold(const char* path) {
+  const std::string held(environment("CAIRN_FAULTS_HOLD")), mark(environment("CAIRN_FAULTS_HELD"));
+  struct stat file {
+  }, opened{};
+  if (held.empty() || path == nullptr || stat(held.c_str(), &file) != 0 || stat(path, &opened) != 0 ||
+      file.st_dev != opened.st_dev || file.st_ino != opened.st_ino)
+    return;
+  using Open = int(const char*, int, ...);
+  if (next<Open>("open")(mark.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666) < 0) return;
+  while (true) pause();
+}
+
 int opened(const char* name, const char* path, int flags, mode_t mode) {
   const bool inside = is_inside(path), writes = (flags & O_ACCMODE) != O_RDONLY;
+  if (!writes) hold(path);
   if (inside && writes && fault("open", path, (flags & O_CREAT) != 0) != Fault::none) return -1;
   using Open = int(const char*, int, ...);
   const int descriptor = next<Open>(name)(path, flags, mode);
@@ -132,6 +148,7 @@ int open64(const char* path, int flags, ...) {
 }
 
 std::FILE* fopen(const char* path, const char* mode) {
+  if (std::strpbrk(mode, "wa+") == nullptr) hold(path);
   const bool inside = is_inside(path) && std::strpbrk(mode, "wa+") != nullptr;
   if (inside && fault("open", path, true) != Fault::none) return nullptr;
   std::FILE* file = next<std::FILE*(const char*, const char*)>("fopen")(path, mode);

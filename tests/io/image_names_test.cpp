@@ -41,7 +41,7 @@ TEST(ImagesIn, AreWhatPeopleCallImagesInNaturalOrder) {
     return all;
   };
   EXPECT_EQ(names(images_in(folder.path())),
-            (std::vector<std::string>{"3 \xc3\xa4.JPG", "9.PNG", "10.png", "20.jpeg"}));
+            (std::vector<std::string>{"3 \xc3\xa4.JPG", "5.tiff", "9.PNG", "10.png", "20.jpeg"}));
   EXPECT_EQ(names(depth_images_in(folder.path())), (std::vector<std::string>{"5.tiff", "9.PNG", "10.png"}));
   write_text(folder / "10.npy", "");
   EXPECT_EQ(names(depth_images_in(folder.path())), (std::vector<std::string>{"5.tiff", "9.PNG", "10.npy"}));

@@ -4,7 +4,6 @@
 
 #include <fcntl.h>
 #include <pty.h>
-#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -23,7 +22,7 @@ constexpr auto kPatience = 2min;
 
 /// In the child: its streams, its folder, and the program in its place.
 [[noreturn]] void become(std::vector<std::string> words, const fs::path& folder, const fs::path& out,
-                         const fs::path& err, int terminal) {
+                         const fs::path& err, int terminal, const std::string& library) {
   constexpr int kNotStarted = 127;
   std::vector<char*> arguments;
   for (std::string& word : words) arguments.push_back(word.data());
@@ -34,6 +33,7 @@ constexpr auto kPatience = 2min;
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, SIG_DFL);
   if (chdir(folder.c_str()) == 0 && dup2(to_out, STDOUT_FILENO) >= 0 && dup2(to_err, STDERR_FILENO) >= 0) {
     setenv("TERM", "xterm", 1);
+    if (getenv("CAIRN_FAULTS_HOLD") != nullptr) setenv("LD_PRELOAD", library.c_str(), 1);
     execv(arguments[0], arguments.data());
   }
   _exit(kNotStarted);
@@ -50,8 +50,9 @@ Running::Running(const std::vector<std::string>& arguments, const fs::path& fold
     fcntl(terminal_, F_SETFD, FD_CLOEXEC);
     fcntl(terminal_, F_SETFL, O_NONBLOCK);
   }
+  const std::string library = faults_library();
   process_ = fork();
-  if (process_ == 0) become(words, folder, files_ / "out", files_ / "err", of_child);
+  if (process_ == 0) become(words, folder, files_ / "out", files_ / "err", of_child, library);
   if (of_child >= 0) close(of_child);
 }
 
@@ -109,18 +110,16 @@ Ran Running::end() {
   return {WIFEXITED(status_) ? WEXITSTATUS(status_) : 1000 + status_, read_bytes(files_ / "out"), err()};
 }
 
-Blocking::Blocking(fs::path file) : file_(std::move(file)) {
-  fs::remove(file_);
-  EXPECT_EQ(mkfifo(file_.c_str(), 0600), 0);
+Blocking::Blocking(const fs::path& file) : mark_(folder_.path() / "held") {
+  if (!fs::exists(file)) std::ofstream(file) << "";
+  setenv("CAIRN_FAULTS_HOLD", fs::absolute(file).c_str(), 1);
+  setenv("CAIRN_FAULTS_HELD", mark_.c_str(), 1);
 }
 
 Blocking::~Blocking() {
-  if (writer_ >= 0) close(writer_);
+  for (const char* name : {"CAIRN_FAULTS_HOLD", "CAIRN_FAULTS_HELD"}) unsetenv(name);
 }
 
-bool Blocking::holds_a_reader() {
-  if (writer_ < 0) writer_ = open(file_.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC);
-  return writer_ >= 0;
-}
+bool Blocking::holds_a_reader() const { return fs::exists(mark_); }
 
 }  // namespace cairn

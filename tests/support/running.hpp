@@ -44,19 +44,19 @@ class Running {
   std::string shown_;
 };
 
-/// A file that its reader waits for, for ever, from the moment it opens it.
+/// A file whose first reader in a program started by Running waits forever in its call of open.
 class Blocking {
  public:
-  explicit Blocking(std::filesystem::path file);
+  explicit Blocking(const std::filesystem::path& file);
   ~Blocking();
   Blocking(const Blocking&) = delete;
   Blocking& operator=(const Blocking&) = delete;
   /// Whether somebody waits.
-  [[nodiscard]] bool holds_a_reader();
+  [[nodiscard]] bool holds_a_reader() const;
 
  private:
-  std::filesystem::path file_;
-  int writer_ = -1;
+  TemporaryFolder folder_;
+  std::filesystem::path mark_;
 };
 
 }  // namespace cairn
