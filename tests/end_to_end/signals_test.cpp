@@ -90,8 +90,7 @@ TEST_F(Signals, EndEveryCommandAtOnceWhileItReadsItsInput) {
       program.send(signal);
       expect_ended(program.end(), "interrupted before it was done");
       EXPECT_EQ(names_in(folder->path()), before) << words[0];
-      fs::remove_all(*folder / held);
-      if (is_frame) fs::remove_all(*folder / "blocked");
+      fs::remove_all(*folder / (is_frame ? "blocked" : held));
       if (is_frame || signal == SIGHUP) fs::create_directories(*folder / "held" / "session");
     }
 }
@@ -186,6 +185,7 @@ TEST_F(Signals, FinishAStageAfterTheLastFrameAndWriteAllThatIsThere) {
 }
 
 TEST_F(Signals, InTheFramesLeaveOutTheStagesAfterThem) {
+  fs::remove_all(*folder / "map");
   write_small_recording(*folder / "long", {.frames = 250});
   Running program(mapping("reconstruct", "long", {"--reintegrate"}), folder->path());
   const fs::path keyframes = *folder / "map/session/run-0001/keyframes";
