@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
 #include <optional>
 #include <utility>
@@ -442,7 +443,8 @@ std::vector<Frame> sampled_frames(Source& source) {
   double last = -INFINITY;
   for (int at = 0, taken = 0; taken < most; ++at) {
     if (const auto time = source.next_timestamp()) {
-      const bool is_before = at < static_cast<int>(static_cast<double>(size) * (taken / kInBurst) / kBursts);
+      const int burst = taken / kInBurst;
+      const bool is_before = at < static_cast<int>(static_cast<std::int64_t>(size) * burst / kBursts);
       if (is_short ? at % step != 0 : is_before || (taken % kInBurst != 0 && *time < last + kSpacing)) {
         source.skip();
         continue;
