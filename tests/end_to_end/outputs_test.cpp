@@ -121,7 +121,7 @@ TEST_F(Outputs, OfAnEarlierRunStayWhenACommandFails) {
       {{"export", "safe", "-o", "safe/mesh.glb", "--min-weight", "250"}, "nothing of the surface is left"},
   };
   for (const auto& [arguments, told] : failing) {
-    expect_last_line(run(arguments), 1, told);
+    expect_last_line(run(arguments), told == "--simplify" ? 2 : 1, told);  // beyond its range: wrong usage
     EXPECT_TRUE(bytes_below(*folder / "safe") == before) << told;
   }
   // And where there was nothing, no session is left.
