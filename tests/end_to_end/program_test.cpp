@@ -169,13 +169,15 @@ TEST_F(Program, AnswersBadInputWithOneLine) {
   const auto map = (out / "map").string();
   expect_one_line(run_cairn({"reconstruct", "--no-texture", (out / "nowhere").string(), "-o", map}), 1,
                   "no such folder");
-  expect_one_line(run_cairn({"reconstruct", "--no-texture", out.path().string(), "-o", map}), 1, "no known recording");
+  fs::create_directories(out / "odd");
+  expect_one_line(run_cairn({"reconstruct", "--no-texture", (out / "odd").string(), "-o", map}), 1,
+                  "no known recording");
   expect_one_line(run_cairn({"reconstruct", "--no-texture", "synthetic:castle", "-o", map}), 1, "choose room");
   expect_one_line(run_cairn({"reconstruct", "--no-texture", sequence(), "-o", "/proc/nowhere/map"}), 1,
                   "/proc/nowhere/map");
-  expect_one_line(run_cairn({"reconstruct", "--no-texture", sequence(), "-o", map, "--voxel-size", "-1"}), 1,
-                  "voxel_size");
-  expect_one_line(run_cairn({"reconstruct", "--no-texture", sequence(), "-o", map, "--device", "77"}), 1,
+  expect_one_line(run_cairn({"reconstruct", "--no-texture", sequence(), "-o", map, "--voxel-size", "-1"}), 2,
+                  "--voxel-size -1: a number is wanted");
+  expect_one_line(run_cairn({"reconstruct", "--no-texture", sequence(), "-o", map, "--device", "63"}), 1,
                   "cairn devices");
   expect_one_line(run_cairn({"reconstruct", "--no-texture", sequence(), "-o", map, "--device-memory", "1"}), 1,
                   "too little");
