@@ -445,8 +445,8 @@ TEST_F(Program, TellsWhatIsWrongWithQuestionsAboutDistances) {
     write_text(csv, text);
     refused({map, "--query", csv}, expected);
   }
-  refused({map, "--max-distance", "-1"}, "esdf.max_distance");
-  refused({map, "--max-distance", "1e9"}, "esdf.max_distance");
+  refused({map, "--max-distance", "-1"}, "--max-distance -1: a number is wanted", 2);
+  refused({map, "--max-distance", "1e9"}, "--max-distance 1e9: a number is wanted", 2);
   refused({map, "--esdf-voxel-size", "0.03"}, "take 1, 2, 4 or 8 times");
   refused({map, "-o", (out / "x.foo").string()}, "unknown kind of file");
   refused({map, "-o", (out / "x.csv").string()}, "give --query");

@@ -219,7 +219,7 @@ TEST_F(Ending, OfARunThatWasKilledIsToldByInfo) {
       << info.out;
   EXPECT_EQ(Json::parse(run({"info", "killed", "--json"}).out)["cut_off"], true);
   write_text(*folder / "killed" / "report.json", "{\"fra");
-  expect_one_line(run({"info", "killed"}), 1, "report.json: is damaged");
+  expect_one_line(run({"info", "killed"}), 1, "report.json: is no JSON, so it was cut off");
 }
 
 }  // namespace
