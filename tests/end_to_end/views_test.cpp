@@ -215,13 +215,14 @@ TEST(Views, AreTheSharpestOfTheirStretches) {
 TEST(Views, AreRefusedInOneLineAndLeaveNothing) {
   const TemporaryFolder folder;
   const auto refused = [&](const fs::path& map, const fs::path& out, std::vector<std::string> options,
-                           const std::string& told) {
+                           const std::string& told, int exit_code = 1) {
     options.insert(options.begin(), {"export", map.string(), "-o", out.string()});
-    expect_last_line(run_cairn(options), 1, told);
+    expect_last_line(run_cairn(options), exit_code, told);
   };
   refused(map_of_room() / "map.vdb", folder / "a", {"--for", "colmap"}, "has no keyframes, which --for needs");
-  refused(map_of_room(), folder / "a", {"--for", "colmap", "--points", "20"}, "--points is 20");
-  refused(map_of_room(), folder / "a", {"--for", "colmap", "--images", "-3"}, "--images is -3");
+  refused(map_of_room(), folder / "a", {"--for", "colmap", "--points", "20"}, "--points 20: a number is wanted", 2);
+  refused(map_of_room(), folder / "a", {"--for", "colmap", "--images", "-3"}, "--images -3: a whole number is wanted",
+          2);
   EXPECT_TRUE(fs::is_empty(folder.path()));
   write_text(folder / "notes.txt", "mine");
   refused(map_of_room(), folder.path(), {"--for", "nerfstudio"}, "holds something else");
