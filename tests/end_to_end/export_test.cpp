@@ -455,7 +455,8 @@ TEST_F(Export, RefusesWhatCannotBe) {
   expect_refused({"--cameras"}, "--cameras needs .glb", "x.ply");
   expect_refused({"--min-piece", "10"}, "nothing of the surface is left");
   EXPECT_EQ(run_cairn({"export", to("nowhere"), "-o", to("x.glb")}).exit_code, 2);
-  expect_one_line(run_cairn({"reconstruct", path("room"), "-o", to("m"), "--simplify", "2"}), 1, "--simplify is 2");
+  expect_one_line(run_cairn({"reconstruct", path("room"), "-o", to("m"), "--simplify", "2"}), 2,
+                  "--simplify 2: a number is wanted");
 }
 
 TEST_F(Export, RefusesMapsThatAreEmptyOrBroken) {
