@@ -227,7 +227,7 @@ void live(const Arguments& given) {
   const Rig& rig = stream.source().rig();
   options = options_of(a, rig.sensor, finest_level(a, rig.depth));
   Run run(a, options, Poses::tracked, stream.source().rig(), begin.progressed, begin.is_next_recording);
-  run.compare_with(device_poses(a.sequence));
+  run.compare_with(device_poses(a.sequence, a.camera));
   if (view) view->begin(run.mapper(), stream.source().rig(), options, run.frames_before());
 
   Course course;

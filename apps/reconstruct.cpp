@@ -188,7 +188,7 @@ void reconstruct(const Arguments& given) {
   if (!a.guess.empty())
     run.compare_with(poses_of(a, a.guess), kGuessDrift);
   else if (poses == Poses::tracked)
-    run.compare_with(device_poses(a.sequence));
+    run.compare_with(device_poses(a.sequence, a.camera));
   const LastWords ending(run.said_when_ended());
   nlohmann::json more;
   {

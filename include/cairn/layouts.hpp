@@ -12,9 +12,10 @@
 
 namespace cairn {
 
-/// Poses that the device which took a recording found meanwhile, by frame timestamp: an odometry that drifts, no truth
-/// (Stray Scanner, the apps that write nerfstudio's layout, RTAB-Map). Empty for other recordings.
-[[nodiscard]] Trajectory device_poses(const std::filesystem::path& recording);
+/// Poses that the device which took a recording found meanwhile, by the timestamps that its frames have with `camera`:
+/// an odometry that drifts, no truth (Stray Scanner, the apps that write nerfstudio's layout, RTAB-Map). Empty for
+/// other recordings.
+[[nodiscard]] Trajectory device_poses(const std::filesystem::path& recording, const std::filesystem::path& camera = {});
 
 /// A folder that is being written in a layout.
 class LayoutWriter {

@@ -494,12 +494,13 @@ std::unique_ptr<Source> with_guesses(std::unique_ptr<Source> source, Trajectory 
   return std::make_unique<WithPoses>(std::move(source), std::move(guesses), max_gap, &Frame::guess);
 }
 
-Trajectory device_poses(const fs::path& recording) {
-  if (const auto part = part_in(recording)) return device_poses(part->recording);
+Trajectory device_poses(const fs::path& recording, const fs::path& camera) {
+  if (const auto part = part_in(recording)) return device_poses(part->recording, camera);
   if (is_zip(recording))
-    return unpacked(recording)->told_in_its_name([](const std::string& inside) { return device_poses(inside); });
+    return unpacked(recording)->told_in_its_name(
+        [&](const std::string& inside) { return device_poses(inside, camera); });
   if (!fs::is_directory(recording) || is_ros_recording(recording)) return {};
-  Recording read = read_recording(recording);
+  Recording read = read_settled(recording, camera);
   return read.has_device_poses ? std::move(read.truth) : Trajectory{};
 }
 
