@@ -206,6 +206,7 @@ std::vector<std::string> missing_recordings(const fs::path& folder) {
     if (found == joined->end() || !found->left_out.empty()) missing.insert(part.recording);
   }
   std::vector<std::string> names;
+  names.reserve(missing.size());
   for (const std::size_t r : missing) names.push_back(apart.at(r));
   return names;
 }

@@ -356,6 +356,7 @@ void Run::hold_against_frames() {
   const double clock_offset = mapper_->statistics().clock_offset;
   if (!arguments_.no_mesh && fs::exists(mesh) && fs::file_size(mesh) <= kMostCompared) try {
       std::vector<Trajectory> trajectories;
+      trajectories.reserve(static_cast<std::size_t>(mapper_->recordings()));
       for (int i = 0; i < mapper_->recordings(); ++i) trajectories.push_back(mapper_->trajectory(i));
       evidence_.hold_against_map(read_mesh_parts(mesh), trajectories, clock_offset, mapper_->rig().depth_correction);
     } catch (const std::exception& error) {
@@ -387,11 +388,10 @@ std::function<std::string()> Run::said_when_ended() const {
 
 Verdict Run::finish(const nlohmann::json& more) {
   const FrameLog& frames = progressed_.frames;
-  const int total = frames.size(), fused = frames.count("fused"), lost = frames.count("lost"),
-            skipped = frames.count("skipped");
+  const int total = frames.size();
   const std::string& sequence = arguments_.sequence;
   const fs::path& output = arguments_.output;
-  if (fused == 0) {
+  if (frames.count("fused") == 0) {
     const Verdict verdict = judge(1);
     throw std::runtime_error(sequence + ": none of " + std::to_string(total) + " frames could be used" +
                              (total == 0 ? "" : "; the first: " + frames.first_reason().value_or("")) +
@@ -419,26 +419,7 @@ Verdict Run::finish(const nlohmann::json& more) {
   log([&](RunLog& log) { log.finish(verdict); });
   for (const std::string& reason : verdict.reasons)
     if (std::find(warnings_.begin(), warnings_.end(), reason) == warnings_.end()) warnings_.push_back(reason);
-  const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
-  const int in_this_run = total - frames_before();
-  report.update(
-      {{"sequence", sequence},
-       {"options",
-        {{"voxel_size", options_.fuse.voxel_size},
-         {"truncation", options_.fuse.truncation},
-         {"max_depth", options_.surface.max_depth},
-         {"track_finest_level", options_.track.finest_level}}},
-       {"frames", {{"total", total}, {"fused", fused}, {"lost", lost}, {"skipped", skipped}, {"held_out", held_out()}}},
-       {"frames_of_this_run", in_this_run},
-       {"seconds", seconds},
-       {"frames_per_second", in_this_run / seconds},
-       {"peak_memory_mb", peak_memory_mb()},
-       {"verdict", to_json(verdict)},
-       {"warnings", warnings_}});
-  if (pose_check_) report["poses"] = to_json(*pose_check_);
-  if (held_out() > 0) report["hold_out"] = to_json(progressed_.hold_out);
-  if (left_) report["interrupted"] = {{"frames_left", *left_}, {"remedy", how_to_go_on()}};
-  if (!left_stage_.empty()) report["interrupted"]["stage"] = left_stage_;
+  complete(report, verdict);
   if (!more.is_null()) report.update(more);
   for (const auto& [stage, ms] : stages_)
     report["stages"][stage] = {
@@ -450,6 +431,34 @@ Verdict Run::finish(const nlohmann::json& more) {
   if (arguments_.json) fmt::print("{}\n", text_of(report, 2));
   tell(report, verdict);
   return verdict;
+}
+
+void Run::complete(nlohmann::json& report, const Verdict& verdict) const {
+  const FrameLog& frames = progressed_.frames;
+  const int total = frames.size(), in_this_run = total - frames_before();
+  const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
+  report.update({{"sequence", arguments_.sequence},
+                 {"options",
+                  {{"voxel_size", options_.fuse.voxel_size},
+                   {"truncation", options_.fuse.truncation},
+                   {"max_depth", options_.surface.max_depth},
+                   {"track_finest_level", options_.track.finest_level}}},
+                 {"frames",
+                  {{"total", total},
+                   {"fused", frames.count("fused")},
+                   {"lost", frames.count("lost")},
+                   {"skipped", frames.count("skipped")},
+                   {"held_out", held_out()}}},
+                 {"frames_of_this_run", in_this_run},
+                 {"seconds", seconds},
+                 {"frames_per_second", in_this_run / seconds},
+                 {"peak_memory_mb", peak_memory_mb()},
+                 {"verdict", to_json(verdict)},
+                 {"warnings", warnings_}});
+  if (pose_check_) report["poses"] = to_json(*pose_check_);
+  if (held_out() > 0) report["hold_out"] = to_json(progressed_.hold_out);
+  if (left_) report["interrupted"] = {{"frames_left", *left_}, {"remedy", how_to_go_on()}};
+  if (!left_stage_.empty()) report["interrupted"]["stage"] = left_stage_;
 }
 
 /// How it went comes last: whoever reads only the end reads that.

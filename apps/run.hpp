@@ -143,6 +143,8 @@ class Run {
   [[nodiscard]] Verdict judge(int components) const;
   /// Once the map is written, it is held against the frames that it was made from.
   void hold_against_frames();
+  /// Adds the options, the frames, the verdict and the checks of this run to report.json.
+  void complete(nlohmann::json& report, const Verdict& verdict) const;
   /// With --log, as long as the log can be written.
   void log(const std::function<void(RunLog&)>& work);
   [[nodiscard]] std::string how_to_go_on() const;

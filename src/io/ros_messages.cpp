@@ -129,10 +129,10 @@ constexpr std::array kLayouts{
 bool is_in_pairs(const Layout& layout) { return layout.type == CV_8UC2; }
 bool is_mosaic(const Layout& layout) { return layout.encoding.starts_with("bayer"); }
 
-/// Bytes of a row's pixels. Two pixels of YUV 4:2:2 share their color, so that a row of an odd number ends in half a
+/// Stored columns of a row. Two pixels of YUV 4:2:2 share their color, so that a row of an odd number ends in half a
 /// pair.
-std::uint64_t bytes_of_row(const Layout& layout, std::uint32_t width) {
-  return product(is_in_pairs(layout) ? width + width % 2 : width, CV_ELEM_SIZE(layout.type));
+std::uint32_t stored_columns(const Layout& layout, std::uint32_t width) {
+  return is_in_pairs(layout) ? width + width % 2 : width;
 }
 
 RosImage raw_image(Fields& fields, const ImageBound& bound) {
@@ -145,7 +145,8 @@ RosImage raw_image(Fields& fields, const ImageBound& bound) {
       std::find_if(kLayouts.begin(), kLayouts.end(), [&](const Layout& l) { return l.encoding == image.encoding; });
   if (layout == kLayouts.end()) return image;
   check_image_size(width, height, bound);
-  const std::uint64_t row = bytes_of_row(*layout, width);
+  const std::uint32_t columns = stored_columns(*layout, width);
+  const std::uint64_t row = product(columns, CV_ELEM_SIZE(layout->type));
   if (step < row || !fits(height - 1, step, data.size(), row))
     throw std::runtime_error(fmt::format("is an image of {}x{} pixels as {} with {} bytes a row, and has {} bytes{}",
                                          width, height, image.encoding, step, data.size(),
@@ -161,7 +162,7 @@ RosImage raw_image(Fields& fields, const ImageBound& bound) {
   image.kind = layout->kind;
   image.to_rgba = layout->to_rgba;
   image.width = static_cast<int>(width);
-  image.pixels = cv::Mat(static_cast<int>(height), static_cast<int>(row) / CV_ELEM_SIZE(layout->type), layout->type,
+  image.pixels = cv::Mat(static_cast<int>(height), static_cast<int>(columns), layout->type,
                          const_cast<std::uint8_t*>(data.data()), step);
   if (size > 1) {  // numbers that may lie anywhere in memory, and in the other order
     image.pixels = image.pixels.clone();

@@ -183,7 +183,7 @@ class Rosbag2Db3 final : public RosRecording {
     steps_ = 0;
     const auto counts = prepared("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id");
     for (const auto& [id, topic] : topic_of_id_) count(topic, 0);
-    while ((result = sqlite3_step(counts.get())) == SQLITE_ROW)
+    while (sqlite3_step(counts.get()) == SQLITE_ROW)
       if (const auto it = topic_of_id_.find(sqlite3_column_int64(counts.get(), 0)); it != topic_of_id_.end())
         count(it->second, static_cast<std::uint64_t>(sqlite3_column_int64(counts.get(), 1)));
     if (steps_ > most_steps_) throw std::runtime_error(fmt::format("{}: is no file of rosbag2: {}", name(), why()));

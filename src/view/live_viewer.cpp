@@ -70,12 +70,10 @@ struct LiveViewer::State {
   std::optional<Guidance> guidance;
   ImageContent content;  // of the last frame
   std::optional<Upright> upright;
-  bool is_fresh = false;  // a frame came since the last update
   int epoch = 0, dropped = 0, sent_parts = 0, frames_before = 0;
   std::map<std::string, int> counts;  // frames by state
   FrameReport last;
   int skipped = 0;                                          // frames in a row
-  bool any = false;                                         // frames
   std::deque<std::pair<Clock::time_point, double>> recent;  // frames of the last seconds, and their latency
   Clock::time_point surface_sent, images_sent, state_sent, upright_asked;
   std::optional<Clock::time_point> first_frame;
@@ -83,6 +81,8 @@ struct LiveViewer::State {
   int shown = 0;    // viewers that show the finished map
   int updates = 0;  // of the surface
   double updates_ms = 0;
+  bool is_fresh = false;  // a frame came since the last update
+  bool any = false;       // frames
 
   explicit State(const ViewerAddress& at)
       : server(at, {{"", viewer_file()}, {"data.json", {"application/json", std::string(R"({"mode":"live"})")}}},
