@@ -31,33 +31,35 @@ struct Arguments : RunArguments {
   bool refine = false, adjust = false, reintegrate = false;
 };
 
-/// Those of --poses or --guess, world_from_camera.
-Trajectory poses_of(const Arguments& a, const fs::path& file) {
+/// Poses of --poses or --guess, world_from_camera; empty without either.
+Trajectory given_poses(const Arguments& a) {
+  const fs::path& file = a.poses.empty() ? a.guess : a.poses;
+  if (a.poses_convention && file.empty())
+    throw CLI::ValidationError("--poses-convention", "says how --poses or --guess are meant: give one of them");
+  if (file.empty()) return {};
   Trajectory poses = recorded_truth(file);
   if (poses.empty()) throw std::runtime_error(file.string() + ": is a recording without poses");
   return with_convention(std::move(poses), pose_convention(a.poses_convention.value_or("")));
 }
 
-std::unique_ptr<Source> open_frames(const Arguments& a, const SourceOptions& options, const HoldOut& held_out) {
+std::unique_ptr<Source> open_frames(const Arguments& a, const SourceOptions& options, const HoldOut& held_out,
+                                    const Trajectory& given) {
   auto source = hold_out(open_source(a.sequence, options), held_out);
-  if (!a.poses.empty()) source = with_poses(std::move(source), poses_of(a, a.poses));
-  if (!a.guess.empty()) source = with_guesses(std::move(source), poses_of(a, a.guess));
+  if (!a.poses.empty()) source = with_poses(std::move(source), given);
+  if (!a.guess.empty()) source = with_guesses(std::move(source), given);
   return a.read_ahead > 0 ? read_ahead(std::move(source), a.read_ahead) : std::move(source);
 }
 
-/// Holds --poses or --guess against the depth of some frames; nothing where neither is given, or a sensor has no
-/// frames to come back to.
-std::optional<PoseCheck> check_given_poses(const Arguments& a, SourceOptions options) {
-  const fs::path& file = a.poses.empty() ? a.guess : a.poses;
-  if (a.poses_convention && file.empty())
-    throw CLI::ValidationError("--poses-convention", "says how --poses or --guess are meant: give one of them");
-  if (file.empty() || is_sensor(a.sequence)) return std::nullopt;
+/// Check of the given poses against the depth of sampled frames; none without poses, or of a sensor, whose frames
+/// cannot be read twice.
+std::optional<PoseCheck> check_given_poses(const Arguments& a, SourceOptions options, const Trajectory& given) {
+  if (given.empty() || is_sensor(a.sequence)) return std::nullopt;
   options.find_colour_camera = false;
   options.depth_only = true;
   const Quiet quiet;
   const auto source = open_source(a.sequence, options);
   const auto frames = sampled_frames(*source);
-  return check_poses(source->rig(), frames, poses_of(a, file));
+  return check_poses(source->rig(), frames, given);
 }
 
 /// Poses that are only a guess do no harm to the map that a verdict could speak of.
@@ -127,7 +129,8 @@ int add_frames(const Arguments& a, Source& source, Run& run, Interrupt& interrup
 
 /// Works on the map as a whole after the last frame. A signal ends the stage that runs: what it replaces stays, of an
 /// adjustment what came so far.
-nlohmann::json improve(const Arguments& a, const HoldOut& held_out, Run& run, Interrupt& interrupt) {
+nlohmann::json improve(const Arguments& a, const HoldOut& held_out, const Trajectory& given, Run& run,
+                       Interrupt& interrupt) {
   nlohmann::json more;
   interrupt.is_worth_finishing();  // also where no frame was left
   const auto shown = [&](Progress& progress, const char* words) {
@@ -162,7 +165,7 @@ nlohmann::json improve(const Arguments& a, const HoldOut& held_out, Run& run, In
     interrupt.say("keeping the map as it was adjusted; once more ends at once");
     SourceOptions options_again = source_options(a, parse_frames(a.frames));
     options_again.find_colour_camera = false;  // the mapper knows
-    const auto again = open_frames(a, options_again, held_out);
+    const auto again = open_frames(a, options_again, held_out, given);
     Progress progress(again->size());
     int done = 0;
     run.mapper().reintegrate(*again, adjusted.correction, [&](int frames) {
@@ -173,20 +176,21 @@ nlohmann::json improve(const Arguments& a, const HoldOut& held_out, Run& run, In
   return more;
 }
 
-void reconstruct(const Arguments& given) {
-  const Inputs inputs = inputs_of(given).add_recording(given.poses.string()).add_recording(given.guess.string());
-  const Arguments a = with_output(given, inputs, given.poses.empty());
+void reconstruct(const Arguments& asked) {
+  const Inputs inputs = inputs_of(asked).add_recording(asked.poses.string()).add_recording(asked.guess.string());
+  const Arguments a = with_output(asked, inputs, asked.poses.empty());
   const Poses poses = a.poses.empty() ? Poses::tracked : Poses::given;
   (void)options_of(a);  // what is wrong with them is told before anything is read
   const Beginning begin = beginning(a, parse_frames(a.frames));
   const HoldOut& held_out = begin.progressed.hold_out;
-  const std::optional<PoseCheck> pose_check = check_given_poses(a, source_options(a, begin.range));
-  const auto source = open_frames(a, source_options(a, begin.range), held_out);
+  const Trajectory given = given_poses(a);
+  const std::optional<PoseCheck> pose_check = check_given_poses(a, source_options(a, begin.range), given);
+  const auto source = open_frames(a, source_options(a, begin.range), held_out, given);
   const Options options = options_of(a, source->rig().sensor);
   Run run(a, options, poses, source->rig(), begin.progressed, begin.is_next_recording);
   if (pose_check) report(*pose_check, poses, run);
   if (!a.guess.empty())
-    run.compare_with(poses_of(a, a.guess), kGuessDrift);
+    run.compare_with(given, kGuessDrift);
   else if (poses == Poses::tracked)
     run.compare_with(device_poses(a.sequence, a.camera));
   const LastWords ending(run.said_when_ended());
@@ -196,7 +200,7 @@ void reconstruct(const Arguments& given) {
     const std::optional<int> count = source->size();
     const int read = add_frames(a, *source, run, interrupt);
     if (interrupt.requested() && count && read < *count) run.interrupted(*count - read);
-    if (!run.stopped()) more = improve(a, held_out, run, interrupt);
+    if (!run.stopped()) more = improve(a, held_out, given, run, interrupt);
   }
   if (const auto why = source->ended_early()) run.warn(*why);
   if (a.hold_out && !run.stopped() && run.held_out() == 0)

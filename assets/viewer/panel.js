@@ -29,11 +29,11 @@ function judgement({ verdict, warnings = [] }) {
   return [...words, ...told.map((line) => element('div', { className: 'warning' }, line))];
 }
 
-/** What the verdict rests on, doubts first. */
+/** Evidence of the verdict, doubts first. */
 function evidenceOf({ verdict }) {
   const all = verdict?.evidence ?? [], doubts = all.filter((item) => item.verdict !== 'good'), rest = all.filter((item) => item.verdict === 'good');
   if (all.length === 0) return [];
-  return [element('h2', {}, 'Evidence'), facts([...doubts, ...rest].map(({ name, text, verdict: level }) => [`${level === 'good' ? '✓' : '!'} ${name.replaceAll('_', ' ')}`, text]))];
+  return [element('h2', {}, 'Evidence'), element('ul', { className: 'evidence' }, ...[...doubts, ...rest].map(({ text, verdict: level }) => element('li', { className: kLevels[level] ?? 'weak' }, text)))];
 }
 
 function downloads(files) {

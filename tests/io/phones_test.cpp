@@ -9,6 +9,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "cairn/layouts.hpp"
 #include "cairn/source.hpp"
 #include "io/resample.hpp"
 #include "support/depth_files.hpp"
@@ -211,6 +212,30 @@ TEST(Nerfstudio, TurnsEachFrameIntoTheCameraOfTheFirst) {
     EXPECT_LT(most, kMost) << i;
     EXPECT_EQ(frame->colour.size(), 64u * 48u);
   }
+}
+
+TEST(Nerfstudio, PosesOfTheDeviceHaveTheTimesOfTheFramesAtAnyRate) {
+  Nerfstudio scan;
+  for (int i = 0; i < kFrames; ++i) {
+    scan.write_images(i);
+    scan.add(i, fmt::format(R"("file_path": "images/{0}.png", "depth_file_path": "depth/{0}.png")", i));
+  }
+  scan.write();
+  const auto expect_times = [&](double rate, const fs::path& camera) {
+    const auto source = open_source(scan.folder.path().string(), {.camera = camera});
+    const Trajectory poses = device_poses(scan.folder.path(), camera);
+    ASSERT_EQ(poses.size(), static_cast<std::size_t>(kFrames));
+    for (int i = 0; i < kFrames; ++i) {
+      EXPECT_NEAR(source->next()->timestamp, i / rate, 1e-9);
+      EXPECT_NEAR(poses[static_cast<std::size_t>(i)].timestamp, i / rate, 1e-9);
+    }
+  };
+  expect_times(30, {});
+  write_text(scan.folder / "camera.yaml", "frame_rate: 10\n");
+  expect_times(10, {});
+  const TemporaryFolder elsewhere;
+  write_text(elsewhere / "camera.yaml", "frame_rate: 5\n");
+  expect_times(5, elsewhere / "camera.yaml");
 }
 
 TEST(Resampler, LeavesImagesOfNearlyTheSameCameraAsTheyAre) {
