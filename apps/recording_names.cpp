@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <set>
 #include <stdexcept>
 
 #include "cairn/parts.hpp"
@@ -25,6 +26,21 @@ std::vector<std::string> words_of(const std::string& name) {
   }
   if (words.size() > 1 && words.back().empty()) words.pop_back();
   return words;
+}
+
+/// The fewest last words of each that no two have in common; all of them where two are the same.
+std::vector<std::string> shortest_ends(const std::vector<std::vector<std::string>>& all) {
+  std::size_t most = 1;
+  for (const auto& words : all) most = std::max(most, words.size());
+  std::vector<std::string> ends;
+  for (std::size_t count = 1; count <= most; ++count) {
+    ends.clear();
+    for (const auto& words : all)
+      ends.push_back(fmt::format(
+          "{}", fmt::join(words.end() - static_cast<std::ptrdiff_t>(std::min(count, words.size())), words.end(), " ")));
+    if (std::set<std::string>(ends.begin(), ends.end()).size() == ends.size()) break;
+  }
+  return ends;
 }
 
 }  // namespace
@@ -48,12 +64,11 @@ std::vector<std::string> told_apart(const std::vector<std::string>& names) {
   while (before + 1 < fewest && is_shared([&](const auto& words) { return words[before]; })) ++before;
   while (before + after + 1 < fewest && is_shared([&](const auto& words) { return words[words.size() - 1 - after]; }))
     ++after;
-  std::vector<std::string> apart;
-  apart.reserve(all.size());
-  for (const auto& words : all)
-    apart.push_back(fmt::format("{}", fmt::join(words.begin() + static_cast<std::ptrdiff_t>(before),
-                                                words.end() - static_cast<std::ptrdiff_t>(after), " ")));
-  return apart;
+  for (auto& words : all) {
+    words.resize(words.size() - after);
+    words.erase(words.begin(), words.begin() + static_cast<std::ptrdiff_t>(before));
+  }
+  return shortest_ends(all);
 }
 
 std::size_t recording_named(const std::string& word, const std::vector<std::string>& names) {
