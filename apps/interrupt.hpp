@@ -16,6 +16,9 @@ void answer_signals();
 /// Blocks where a signal is ending the program, so that nobody else ends it in another way meanwhile.
 void wait_while_ending();
 
+/// Printed at the first signal that comes while the files of a result are written.
+constexpr const char* kWriting = "writing the files of the result; once more ends at once";
+
 /// Work that a signal asks to finish. One lives at a time; a signal that an earlier one has not seen is seen by the
 /// next.
 class Interrupt {

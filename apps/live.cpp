@@ -231,13 +231,10 @@ void live(const Arguments& given) {
   if (view) view->begin(run.mapper(), stream.source().rig(), options, run.frames_before());
 
   Course course;
-  bool is_interrupted = false;
   std::optional<LastWords> ending(run.said_when_ended());
-  {
-    Interrupt interrupt(Interrupt::Worth::later);
-    follow(a, interrupt, stream, run, options, view ? &*view : nullptr, course);
-    is_interrupted = interrupt.requested();
-  }
+  std::optional<Interrupt> interrupt(Interrupt::Worth::later);
+  follow(a, *interrupt, stream, run, options, view ? &*view : nullptr, course);
+  interrupt->say(kWriting);
   if (view) view->finishing();
   if (const auto why = stream.source().ended_early()) run.warn(*why);
   const double seconds = std::chrono::duration<double>(Clock::now() - course.first).count();
@@ -248,6 +245,8 @@ void live(const Arguments& given) {
   const Verdict verdict = run.finish({{"live", told}});
   if (!a.json && !is_quiet()) print(told, keeping_up, course);
   ending.reset();
+  const bool is_interrupted = interrupt->requested();
+  interrupt.reset();
   if (view) show_result(*view, a.output, is_interrupted);
   end_with(verdict);
 }

@@ -194,14 +194,12 @@ void reconstruct(const Arguments& asked) {
   else if (poses == Poses::tracked)
     run.compare_with(device_poses(a.sequence, a.camera));
   const LastWords ending(run.said_when_ended());
-  nlohmann::json more;
-  {
-    Interrupt interrupt(Interrupt::Worth::later);
-    const std::optional<int> count = source->size();
-    const int read = add_frames(a, *source, run, interrupt);
-    if (interrupt.requested() && count && read < *count) run.interrupted(*count - read);
-    if (!run.stopped()) more = improve(a, held_out, given, run, interrupt);
-  }
+  Interrupt interrupt(Interrupt::Worth::later);
+  const std::optional<int> count = source->size();
+  const int read = add_frames(a, *source, run, interrupt);
+  if (interrupt.requested() && count && read < *count) run.interrupted(*count - read);
+  const nlohmann::json more = run.stopped() ? nlohmann::json() : improve(a, held_out, given, run, interrupt);
+  interrupt.say(kWriting);
   if (const auto why = source->ended_early()) run.warn(*why);
   if (a.hold_out && !run.stopped() && run.held_out() == 0)
     run.warn(fmt::format("--hold-out {}: no frame was held out: give a smaller number", *a.hold_out));

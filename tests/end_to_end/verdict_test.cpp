@@ -193,11 +193,22 @@ TEST_F(Ending, OfAnInterruptedRunIsTheCommandThatGoesOn) {
   EXPECT_FALSE(report.contains("interrupted"));
 }
 
-TEST_F(Ending, WhileFilesAreWrittenIsToldAndCanBeGoneOnFrom) {
+TEST_F(Ending, WaitsForTheFilesThatAreBeingWritten) {
   // As Ctrl-C does, once the map is written and its mesh is not.
   const std::string interrupted =
-      "f() { \"$@\" & p=$!; while [ ! -e written/map.vdb ] && kill -0 $p 2>/dev/null; do sleep 0.005; done; kill -INT "
+      "f() { \"$@\" & p=$!; while [ ! -e once/map.vdb ] && kill -0 $p 2>/dev/null; do sleep 0.005; done; kill -INT "
       "$p; wait $p; }; f";
+  const Ran ran = run({"reconstruct", "rec", "once"}, interrupted);
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_NE(ran.err.find("writing the files of the result; once more ends at once"), std::string::npos) << ran.err;
+  EXPECT_TRUE(fs::exists(*folder / "once" / "report.json"));
+}
+
+TEST_F(Ending, WhileFilesAreWrittenIsToldAndCanBeGoneOnFrom) {
+  // As Ctrl-C twice does, once the map is written and its mesh is not.
+  const std::string interrupted =
+      "f() { \"$@\" & p=$!; while [ ! -e written/map.vdb ] && kill -0 $p 2>/dev/null; do sleep 0.005; done; kill -INT "
+      "$p; sleep 0.05; kill -INT $p; wait $p; }; f";
   const Ran ran = run({"reconstruct", "rec", "written"}, interrupted);
   EXPECT_EQ(ran.exit_code, 130) << ran.err;
   EXPECT_NE(ran.err.find("ended before every file was written; go on with: "), std::string::npos) << ran.err;
