@@ -173,6 +173,7 @@ void export_plan(const Arguments& a) {
   for (const ExportedStorey& s : e.storeys) storeys.push_back(in_json(s, options.coverage));
   nlohmann::json told{{"scale", e.scale},         {"paper", e.paper},   {"width_mm", e.width_mm},
                       {"height_mm", e.height_mm}, {"storeys", storeys}, {"files", sizes_of(e.files)}};
+  if (holds_plan(a.map)) told["missing_recordings"] = options.missing;
   if (options.loops) told["loops"] = {{"drawn", e.loops}, {"between_recordings", e.loops_between}};
   fmt::print("{}\n", text_of(told, 2));
 }

@@ -240,6 +240,11 @@ TEST_F(MapOfParts, LeavesOutWhatHasNoMapOrJoinsNothing) {
   EXPECT_NE(ran.out.find("next: cairn reconstruct "), std::string::npos) << ran.out;
   EXPECT_EQ(Json::parse(read_bytes(plan / "report.json")).at("verdict").at("level"), "bad");
   EXPECT_EQ(Json::parse(read_bytes(plan / "report.json")).at("parts").at(1).at("left_out"), "it has no map");
+  const Ran drawn = run_cairn({"export", plan.string(), "-o", in("plan.svg"), "--json"});
+  EXPECT_EQ(drawn.exit_code, 0) << drawn.err;
+  EXPECT_NE(drawn.err.find("is a plan of which 1 of 1 recordings are not in the map, or not whole"), std::string::npos);
+  EXPECT_EQ(Json::parse(drawn.out).at("missing_recordings").size(), 1);
+  EXPECT_NE(read_bytes(in("plan.svg")).find("Not in this map"), std::string::npos);
 }
 
 TEST_F(MapOfParts, AnswersBadInputWithOneLine) {
