@@ -18,6 +18,7 @@
 #include "base/json_text.hpp"
 #include "base/read_json.hpp"
 #include "base/words.hpp"
+#include "io/time_order.hpp"
 #include "io/video_file.hpp"
 
 namespace cairn {
@@ -257,7 +258,8 @@ class AzureKinectSource final : public Source {
   }
 
   [[nodiscard]] bool may_deliver() const {
-    return depth_.size() > kMostWaiting || (!depth_.empty() && newest_ >= depth_.front().time() + ahead_);
+    return depth_.size() > kMostWaiting ||
+           (depth_.size() >= kSortedImages && newest_ >= depth_.front().time() + ahead_);
   }
 
   void read_on() {
@@ -276,9 +278,9 @@ class AzureKinectSource final : public Source {
     }
     newest_ = std::max(newest_, packet->time());
     if (packet->track() == depth_track_) {
-      depth_.push_back(*std::move(packet));
+      put_by_time(depth_, *std::move(packet), &VideoPacket::time);
     } else if (packet->track() == colour_track_) {
-      colour_.push_back(*std::move(packet));
+      put_by_time(colour_, *std::move(packet), &VideoPacket::time);
       if (colour_.size() > 2 * kMostWaiting) colour_.pop_front();
     } else if (packet->track() == inertial_track_) {
       take_inertial(*packet);
@@ -296,8 +298,8 @@ class AzureKinectSource final : public Source {
     };
     const Eigen::Vector3d acceleration = vector_at(8), rate = vector_at(28);
     if (depth_from_accelerometer_ && acceleration.allFinite())
-      accelerations_.push_back({packet.time(), *depth_from_accelerometer_ * acceleration});
-    if (rig_.camera_from_imu && rate.allFinite()) rates_.push_back({packet.time(), rate});
+      put_by_time(accelerations_, {packet.time(), *depth_from_accelerometer_ * acceleration}, &Acceleration::time);
+    if (rig_.camera_from_imu && rate.allFinite()) put_by_time(rates_, {packet.time(), rate}, &AngularRate::timestamp);
     if (accelerations_.size() > kMostSamples) accelerations_.pop_front();
     if (rates_.size() > kMostSamples) rates_.pop_front();
   }

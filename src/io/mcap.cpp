@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// MCAP files: records of a kind and a length; messages lie in chunks. The file is read in its order, its summary tells
-// only topics and counts. https://mcap.dev/spec
+// MCAP files: records of a kind and a length; messages lie in chunks. The summary tells topics, counts, and the times
+// of chunks, as do the chunks themselves. https://mcap.dev/spec
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -53,27 +53,27 @@ class Fields {
   Bytes left_;
 };
 
+double seconds_of(std::uint64_t nanoseconds) { return 1e-9 * static_cast<double>(nanoseconds); }
+
 class McapFile final : public ChunkedRecording {
  public:
   explicit McapFile(const fs::path& file) : ChunkedRecording(file.string(), "MCAP file of ROS"), in_(file) {
     std::string begin(kMagic.size(), '\0');
     if (!in_.read(begin.data(), begin.size()) || begin != kMagic)
       throw std::runtime_error(fmt::format("{}: does not begin as an MCAP file", name()));
+    std::vector<Chunk> chunks;
     try {
-      read_summary();
+      chunks = read_summary();
     } catch (const std::runtime_error&) {
       counts_.clear();  // the file is read without it
     }
     for (const auto& [channel, messages] : counts_)
       if (const auto it = topic_of_channel_.find(channel); it != topic_of_channel_.end()) count(it->second, messages);
+    if (chunks.empty()) chunks = walk();
+    // A channel may be told in the file before its messages alone, which come in another order by the index.
+    if (!knows_channels_ && !are_in_order(chunks)) read_all();
+    play_by(std::move(chunks));
     rewind();
-  }
-
-  void rewind() override {
-    in_.seek(kMagic.size());
-    chunk_left_ = {};
-    at_end_ = false;
-    ended_early_.reset();
   }
 
  private:
@@ -110,32 +110,80 @@ class McapFile final : public ChunkedRecording {
     return data_;
   }
 
-  /// Topics and counts from the end of a file that was finished.
-  void read_summary() {
-    if (in_.size() < 2 * kMagic.size() + kHeadSize + kFooterSize) return;
+  /// Topics, counts and chunks from the end of a file that was finished.
+  std::vector<Chunk> read_summary() {
+    std::vector<Chunk> chunks;
+    if (in_.size() < 2 * kMagic.size() + kHeadSize + kFooterSize) return chunks;
     in_.seek(in_.size() - kMagic.size() - kFooterSize - kHeadSize);
     std::uint8_t kind = 0;
     std::uint64_t size = 0, summary = 0;
     if (!in_.read(&kind, 1) || !in_.read(&size, 8) || kind != kFooter || size != kFooterSize || !in_.read(&summary, 8))
-      return;
-    if (summary == 0 || summary >= in_.size()) return;
+      return chunks;
+    if (summary == 0 || summary >= in_.size()) return chunks;
     in_.seek(summary);
+    std::optional<std::uint32_t> channels_told;
     while (const auto head = next_head()) {
       const Bytes data = read_data(head->size);
       if (head->kind == kStatistics) {
         Fields fields(data);
-        (void)fields.take(8 + 2 + 4 * 4 + 2 * 8);
+        (void)fields.take(8 + 2);
+        channels_told = fields.number<std::uint32_t>();
+        (void)fields.take(3 * 4 + 2 * 8);
         Fields by_channel(fields.take(fields.number<std::uint32_t>()));
         for (const auto& [channel, topic] : topic_of_channel_) counts_[channel];
         while (!by_channel.left().empty()) {
           const auto channel = by_channel.number<std::uint16_t>();
           counts_[channel] = by_channel.number<std::uint64_t>();
         }
+      } else if (head->kind == kChunkIndex) {
+        chunks.push_back(chunk_of(Fields(data)));
       } else {
         learn(head->kind, data);
       }
     }
+    knows_channels_ = channels_told == topic_of_channel_.size();
+    return chunks;
   }
+
+  /// Learns the channels of all chunks.
+  void read_all() {
+    rewind();
+    for (bool at_end = false; !at_end;) try {
+        while (next()) {
+        }
+        at_end = true;
+      } catch (const std::runtime_error&) {
+        // It is thrown again where its chunk is played.
+      }
+  }
+
+  /// A chunk by its index: times of its first and last message, and its place.
+  static Chunk chunk_of(Fields fields) {
+    const double begin = seconds_of(fields.number<std::uint64_t>()), end = seconds_of(fields.number<std::uint64_t>());
+    return {.at = fields.number<std::uint64_t>(), .begin = begin, .end = end};
+  }
+
+  std::vector<Chunk> walk() override {
+    std::vector<Chunk> chunks;
+    ended_early_.reset();
+    seek_record(0);
+    while (const auto head = next_head()) {
+      const std::uint64_t behind = in_.at() + std::min(head->size, in_.left());
+      if (head->kind == kMessage || head->size > in_.left()) return {};
+      if (head->kind == kChunk) {
+        std::array<std::uint64_t, 2> times{};
+        if (head->size > kLargestChunk || head->size < sizeof times || !in_.read(times.data(), sizeof times)) return {};
+        chunks.push_back({.at = record_at_, .begin = seconds_of(times[0]), .end = seconds_of(times[1])});
+      }
+      in_.seek(behind);
+    }
+    return ended_early_ ? std::vector<Chunk>{} : chunks;
+  }
+  void seek_record(std::uint64_t at) override {
+    in_.seek(std::max<std::uint64_t>(at, kMagic.size()));
+    at_end_ = false;
+  }
+  const char* sorting_command() const override { return "mcap sort IN.mcap -o OUT.mcap"; }
 
   /// Takes in what a record tells about messages.
   void learn(std::uint8_t kind, Bytes data) {
@@ -158,13 +206,14 @@ class McapFile final : public ChunkedRecording {
     Fields fields(data);
     const auto topic = topic_of_channel_.find(fields.number<std::uint16_t>());
     (void)fields.number<std::uint32_t>();  // a count
-    const double seconds = 1e-9 * static_cast<double>(fields.number<std::uint64_t>());
+    const double seconds = seconds_of(fields.number<std::uint64_t>());
     (void)fields.number<std::uint64_t>();  // when it was sent
     if (topic == topic_of_channel_.end()) return std::nullopt;
     return RosMessage{topic->second, seconds, record_at_, fields.left(), &name(), "byte"};
   }
 
-  /// What a record of the file gives at once. The records in a chunk that is not packed are the next ones.
+  /// Message of a record of the file. The records in a chunk that is not packed, and not whole or very large, are the
+  /// next ones.
   std::optional<RosMessage> message_in_file(Head head) {
     if (head.kind == kMessage) return message_of(read_data(head.size));
     if (head.kind == kSchema || head.kind == kChannel)
@@ -188,8 +237,10 @@ class McapFile final : public ChunkedRecording {
     (void)fields.take(4);
     kind.resize(std::min<std::uint32_t>(fields.number<std::uint32_t>(), 64));
     whole = whole && in_.read(kind.data(), kind.size()) && in_.read(&records, 8);
-    if (whole && kind.empty()) return;
-    if (!whole || size > in_.size() - begin || in_.at() - begin > size || records > begin + size - in_.at()) {
+    const bool fits =
+        whole && size <= in_.size() - begin && in_.at() - begin <= size && records <= begin + size - in_.at();
+    if (whole && kind.empty() && (!fits || records > kLargestChunk)) return;
+    if (!fits) {
       in_.seek(begin - kHeadSize);
       at_end_ = true;
       ended_early_ = fmt::format(
@@ -198,10 +249,21 @@ class McapFile final : public ChunkedRecording {
           name(), record_at_, in_.size());
       return;
     }
-    const Bytes packed = read_data(records);
+    std::vector<std::uint8_t> bytes;
+    if (kind.empty())
+      bytes = whole_chunk(records);
+    else
+      (void)read_data(records);
     in_.seek(begin + size);
-    chunk_ = unpacked(kind, packed, unpacked_size);
-    chunk_left_ = chunk_;
+    hold(kind.empty() ? std::move(bytes) : unpacked(kind, data_, unpacked_size, used_memory()));
+  }
+  /// The bytes of a chunk that is not packed.
+  std::vector<std::uint8_t> whole_chunk(std::uint64_t size) {
+    auto bytes = used_memory();
+    bytes.resize(size);
+    if (!in_.read(bytes.data(), size))
+      throw std::runtime_error("cannot be read: the file has changed since, or the disk fails");
+    return bytes;
   }
 
   bool read_record(std::optional<RosMessage>& message) override {
@@ -221,8 +283,8 @@ class McapFile final : public ChunkedRecording {
   }
 
   FileBytes in_;
-  bool at_end_ = false;
-  std::vector<std::uint8_t> data_, chunk_;
+  bool at_end_ = false, knows_channels_ = false;
+  std::vector<std::uint8_t> data_;
   std::unordered_map<std::uint16_t, std::string> schemas_;
   std::unordered_map<std::uint16_t, std::size_t> topic_of_channel_;
   std::map<std::uint16_t, std::uint64_t> counts_;  // of messages, by channel

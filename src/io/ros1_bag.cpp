@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Bags of ROS 1, format 2.0: records of a header, which has named fields, and data; messages lie in chunks. The file is
-// read in its order, its index tells only topics and counts. http://wiki.ros.org/Bags/Format/2.0
+// Bags of ROS 1, format 2.0: records of a header, which has named fields, and data; messages lie in chunks. The
+// index tells topics, counts, and the times of chunks. http://wiki.ros.org/Bags/Format/2.0
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -31,6 +31,10 @@ std::optional<T> number_at(Bytes bytes, std::size_t at = 0) {
   if (bytes.size() < at + sizeof value) return std::nullopt;
   std::memcpy(&value, bytes.data() + at, sizeof value);
   return value;
+}
+/// A time of seconds and nanoseconds.
+double seconds_of(std::uint64_t time) {
+  return static_cast<double>(time & 0xffffffff) + 1e-9 * static_cast<double>(time >> 32);
 }
 std::string_view text_of(Bytes bytes) { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }
 
@@ -82,13 +86,6 @@ class Ros1Bag final : public ChunkedRecording {
     rewind();
   }
 
-  void rewind() override {
-    in_.seek(kBegin.size());
-    chunk_.clear();
-    chunk_left_ = {};
-    ended_early_.reset();
-  }
-
  private:
   struct Head {
     std::uint32_t data_size;
@@ -122,6 +119,14 @@ class Ros1Bag final : public ChunkedRecording {
       throw std::runtime_error("cannot be read: the file has changed since, or the disk fails");
     return data_;
   }
+  /// The bytes of a chunk that is not packed.
+  std::vector<std::uint8_t> whole(std::uint32_t size) {
+    auto bytes = used_memory();
+    bytes.resize(size);
+    if (!in_.read(bytes.data(), size))
+      throw std::runtime_error("cannot be read: the file has changed since, or the disk fails");
+    return bytes;
+  }
   /// A chunk that is not packed need not be there to its end.
   [[nodiscard]] bool is_open_chunk() const {
     const Fields fields(header_);
@@ -145,12 +150,16 @@ class Ros1Bag final : public ChunkedRecording {
     in_.seek(index);
     index_found_ = true;
     std::unordered_map<std::uint32_t, std::uint64_t> counts;
+    std::vector<Chunk> chunks;
     while (const auto record = next_head()) {
       const Fields fields(header_);
       const Bytes data = read_data(record->data_size);
       const auto op = fields.number<std::uint8_t>("op");
       if (op == kConnection) add_connection(fields, data);
       if (op != kChunkInfo) continue;
+      chunks.push_back({.at = fields.number<std::uint64_t>("chunk_pos"),
+                        .begin = seconds_of(fields.number<std::uint64_t>("start_time")),
+                        .end = seconds_of(fields.number<std::uint64_t>("end_time"))});
       for (std::size_t at = 0; at + 8 <= data.size(); at += 8)
         counts[*number_at<std::uint32_t>(data, at)] += *number_at<std::uint32_t>(data, at + 4);
     }
@@ -158,7 +167,24 @@ class Ros1Bag final : public ChunkedRecording {
     if (!index_found_) return;  // without the rest of the index nothing is counted
     for (const auto& [connection, topic] : topic_of_connection_) count(topic, counts[connection]);
     end_ = index;
+    play_by(std::move(chunks));
   }
+
+  std::vector<Chunk> walk() override {
+    std::vector<Chunk> chunks;
+    for (seek_record(0);;) {
+      const std::uint64_t at = in_.at();
+      const auto head = next_head();
+      if (!head) return ended_early_ ? std::vector<Chunk>{} : chunks;
+      const auto op = Fields(header_).number<std::uint8_t>("op");
+      const bool is_chunk = op == kChunk;
+      if (op == kMessage || head->data_size > in_.left() || (is_chunk && head->data_size > kLargestChunk)) return {};
+      if (is_chunk) chunks.push_back({.at = at, .begin = 0, .end = 0});
+      in_.seek(in_.at() + head->data_size);
+    }
+  }
+  void seek_record(std::uint64_t at) override { in_.seek(std::max<std::uint64_t>(at, kBegin.size())); }
+  const char* sorting_command() const override { return "rosbag filter IN.bag OUT.bag True"; }
 
   void add_connection(const Fields& fields, Bytes data) {
     const auto number = fields.number<std::uint32_t>("conn");
@@ -170,12 +196,12 @@ class Ros1Bag final : public ChunkedRecording {
   std::optional<RosMessage> message_of(const Fields& fields, Bytes data) const {
     const auto topic = topic_of_connection_.find(fields.number<std::uint32_t>("conn"));
     if (topic == topic_of_connection_.end()) return std::nullopt;
-    const auto time = fields.number<std::uint64_t>("time");
-    const double seconds = static_cast<double>(time & 0xffffffff) + 1e-9 * static_cast<double>(time >> 32);
-    return RosMessage{topic->second, seconds, record_at_, data, &name(), "byte"};
+    return RosMessage{topic->second, seconds_of(fields.number<std::uint64_t>("time")), record_at_, data, &name(),
+                      "byte"};
   }
 
-  /// What a record of the file gives at once. The data of a chunk that is not packed are the next records.
+  /// Message of a record of the file. The data of a chunk that is not packed, and not whole or very large, are the next
+  /// records.
   std::optional<RosMessage> message_in_file(Head head) {
     const std::uint64_t behind = std::min(in_.at() + head.data_size, in_.size());
     try {
@@ -185,9 +211,12 @@ class Ros1Bag final : public ChunkedRecording {
       if (op == kConnection) add_connection(fields, read_data(head.data_size));
       if (op == kChunk) {
         const auto kind = text_of(fields.bytes("compression"));
-        if (kind == "none") return std::nullopt;
-        chunk_ = unpacked(kind, read_data(head.data_size), fields.number<std::uint32_t>("size"));
-        chunk_left_ = chunk_;
+        if (kind != "none") {
+          hold(unpacked(kind, read_data(head.data_size), fields.number<std::uint32_t>("size"), used_memory()));
+        } else {
+          if (behind - in_.at() < head.data_size || head.data_size > kLargestChunk) return std::nullopt;
+          hold(whole(head.data_size));
+        }
       }
     } catch (const std::runtime_error&) {
       in_.seek(behind);
@@ -221,7 +250,7 @@ class Ros1Bag final : public ChunkedRecording {
   FileBytes in_;
   std::uint64_t end_ = 0;  // bytes
   bool index_found_ = false;
-  std::vector<std::uint8_t> header_, data_, chunk_;
+  std::vector<std::uint8_t> header_, data_;
   std::unordered_map<std::uint32_t, std::size_t> topic_of_connection_;
 };
 

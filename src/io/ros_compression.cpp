@@ -11,6 +11,7 @@
 #include <limits>
 #include <memory>
 #include <stdexcept>
+#include <utility>
 
 #include "base/checked_count.hpp"
 #include "base/words.hpp"
@@ -29,10 +30,12 @@ struct Moved {
   bool at_end;
 };
 
-/// Calls `move(from, to)`, which throws where it cannot go on, until it is at the end.
+using Bytes = std::vector<std::uint8_t>;
+
+/// Calls `move(from, to)`, which throws where it cannot go on, until it is at the end. `all`: bytes to overwrite.
 template <class Move>
-std::vector<std::uint8_t> unpack(std::span<const std::uint8_t> packed, std::size_t most, const Move& move) {
-  std::vector<std::uint8_t> all;
+Bytes unpack(std::span<const std::uint8_t> packed, std::size_t most, Bytes all, const Move& move) {
+  all.resize(std::min(most, all.size()));
   std::size_t filled = 0;
   for (;;) {
     if (filled == all.size()) {
@@ -49,12 +52,12 @@ std::vector<std::uint8_t> unpack(std::span<const std::uint8_t> packed, std::size
   return all;
 }
 
-std::vector<std::uint8_t> unpack_bz2(std::span<const std::uint8_t> packed, std::size_t most) {
+Bytes unpack_bz2(std::span<const std::uint8_t> packed, std::size_t most, Bytes memory) {
   bz_stream stream{};
   if (BZ2_bzDecompressInit(&stream, 0, 0) != BZ_OK) throw std::runtime_error("cannot be unpacked: out of memory");
   const auto end = [](bz_stream* s) { BZ2_bzDecompressEnd(s); };
   const std::unique_ptr<bz_stream, decltype(end)> owned(&stream, end);
-  return unpack(packed, most, [&](std::span<const std::uint8_t> from, std::span<std::uint8_t> to) {
+  return unpack(packed, most, std::move(memory), [&](std::span<const std::uint8_t> from, std::span<std::uint8_t> to) {
     constexpr std::size_t kWhole = std::numeric_limits<int>::max();
     const auto in = static_cast<unsigned>(std::min(from.size(), kWhole));
     const auto out = static_cast<unsigned>(std::min(to.size(), kWhole));
@@ -68,13 +71,13 @@ std::vector<std::uint8_t> unpack_bz2(std::span<const std::uint8_t> packed, std::
   });
 }
 
-std::vector<std::uint8_t> unpack_lz4(std::span<const std::uint8_t> packed, std::size_t most) {
+Bytes unpack_lz4(std::span<const std::uint8_t> packed, std::size_t most, Bytes memory) {
   LZ4F_dctx* context = nullptr;
   if (LZ4F_isError(LZ4F_createDecompressionContext(&context, LZ4F_VERSION)))
     throw std::runtime_error("cannot be unpacked: out of memory");
   const std::unique_ptr<LZ4F_dctx, decltype(&LZ4F_freeDecompressionContext)> owned(context,
                                                                                    LZ4F_freeDecompressionContext);
-  return unpack(packed, most, [&](std::span<const std::uint8_t> from, std::span<std::uint8_t> to) {
+  return unpack(packed, most, std::move(memory), [&](std::span<const std::uint8_t> from, std::span<std::uint8_t> to) {
     std::size_t in = from.size(), out = to.size();
     const std::size_t result = LZ4F_decompress(context, to.data(), &out, from.data(), &in, nullptr);
     if (LZ4F_isError(result)) throw std::runtime_error("is no LZ4 frame, or is damaged");
@@ -82,10 +85,10 @@ std::vector<std::uint8_t> unpack_lz4(std::span<const std::uint8_t> packed, std::
   });
 }
 
-std::vector<std::uint8_t> unpack_zstd(std::span<const std::uint8_t> packed, std::size_t most) {
+Bytes unpack_zstd(std::span<const std::uint8_t> packed, std::size_t most, Bytes memory) {
   const std::unique_ptr<ZSTD_DStream, decltype(&ZSTD_freeDStream)> context(ZSTD_createDStream(), ZSTD_freeDStream);
   if (!context) throw std::runtime_error("cannot be unpacked: out of memory");
-  return unpack(packed, most, [&](std::span<const std::uint8_t> from, std::span<std::uint8_t> to) {
+  return unpack(packed, most, std::move(memory), [&](std::span<const std::uint8_t> from, std::span<std::uint8_t> to) {
     ZSTD_inBuffer in{from.data(), from.size(), 0};
     ZSTD_outBuffer out{to.data(), to.size(), 0};
     const std::size_t result = ZSTD_decompressStream(context.get(), &out, &in);
@@ -97,14 +100,14 @@ std::vector<std::uint8_t> unpack_zstd(std::span<const std::uint8_t> packed, std:
 }  // namespace
 
 std::vector<std::uint8_t> unpacked(std::string_view kind, std::span<const std::uint8_t> packed,
-                                   std::optional<std::uint64_t> promised) {
+                                   std::optional<std::uint64_t> promised, std::vector<std::uint8_t> memory) {
   if (kind != "bz2" && kind != "lz4" && kind != "zstd")
     throw std::runtime_error(fmt::format("is packed as '{}', known are bz2, lz4 and zstd", shown(kind)));
   const std::uint64_t plausible = product(packed.size(), kMostPacked) + kAnySize;
   const std::size_t most = std::min({std::uint64_t{kMost}, plausible, promised.value_or(kMost)}) + 1;
-  auto all = kind == "bz2"   ? unpack_bz2(packed, most)
-             : kind == "lz4" ? unpack_lz4(packed, most)
-                             : unpack_zstd(packed, most);
+  auto all = kind == "bz2"   ? unpack_bz2(packed, most, std::move(memory))
+             : kind == "lz4" ? unpack_lz4(packed, most, std::move(memory))
+                             : unpack_zstd(packed, most, std::move(memory));
   if (promised && all.size() != *promised)
     throw std::runtime_error(fmt::format("holds {} bytes once unpacked, told are {}", all.size(), *promised));
   return all;

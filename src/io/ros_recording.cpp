@@ -3,10 +3,13 @@
 #include "io/ros_recording.hpp"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <stdexcept>
 #include <string_view>
+#include <utility>
 
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
@@ -20,7 +23,25 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The files of a folder of rosbag2, one after another.
+constexpr std::size_t kMostAtOnce = 8;  // files whose messages are merged
+constexpr int kMostTries = 16;          // damaged parts at the begin of a file, in search of its first message
+
+/// Seconds, of the first message; nothing where none can be read.
+std::optional<double> begin_of(RosRecording& file) {
+  std::optional<double> begin;
+  for (int i = 0; i < kMostTries; ++i) {
+    try {
+      if (const auto message = file.next()) begin = message->received;
+      break;
+    } catch (const std::runtime_error&) {
+      // It is thrown again where the file is played.
+    }
+  }
+  file.rewind();
+  return begin;
+}
+
+/// The files of a folder of rosbag2, in the order of their times.
 class Rosbag2Folder final : public RosRecording {
  public:
   Rosbag2Folder(const fs::path& folder, std::vector<std::unique_ptr<RosRecording>> files)
@@ -29,27 +50,67 @@ class Rosbag2Folder final : public RosRecording {
       take_topics(i);
       for (std::size_t t = 0; t < files_[i]->topics().size(); ++t)
         if (const auto& messages = files_[i]->topics()[t].messages) count(numbers_[i][t], *messages);
+      // A file of which nothing is known stays behind the one before.
+      const double before = i > 0 ? begins_.back().first : 0;
+      begins_.emplace_back(begin_of(*files_[i]).value_or(before), i);
     }
+    std::sort(begins_.begin(), begins_.end());
   }
 
   std::optional<RosMessage> next() override {
-    for (; at_ < files_.size(); ++at_) {
-      if (auto message = files_[at_]->next()) {
-        take_topics(at_);
-        message->topic = numbers_[at_][message->topic];
-        return message;
+    for (;;) {
+      for (Playing& playing : playing_)
+        if (!playing.message) read_on(playing);
+      std::erase_if(playing_, [](const Playing& p) { return !p.message; });
+      const auto first = std::min_element(playing_.begin(), playing_.end(), [](const Playing& a, const Playing& b) {
+        return std::pair(a.message->received, a.file) < std::pair(b.message->received, b.file);
+      });
+      if (!is_due(first)) {
+        playing_.push_back({.file = begins_[opened_++].second, .message = {}});
+        continue;
       }
-      if (!ended_early_) ended_early_ = files_[at_]->ended_early();
+      if (first == playing_.end()) return std::nullopt;
+      return std::exchange(first->message, std::nullopt);
     }
-    return std::nullopt;
   }
   void rewind() override {
     for (const auto& file : files_) file->rewind();
-    at_ = 0;
+    playing_.clear();
+    opened_ = 0;
     ended_early_.reset();
   }
 
  private:
+  struct Playing {
+    std::size_t file;
+    std::optional<RosMessage> message;  // the next one
+  };
+
+  /// Whether no file that is to come has an earlier message than the first one of those that play.
+  [[nodiscard]] bool is_due(std::vector<Playing>::const_iterator first) {
+    if (opened_ == begins_.size()) return true;
+    if (first == playing_.end()) return false;
+    if (std::pair(first->message->received, first->file) < begins_[opened_]) return true;
+    if (playing_.size() < kMostAtOnce) return false;
+    if (!std::exchange(said_too_many_, true))
+      spdlog::warn(
+          "{}: more than {} of its files overlap in time: messages are read out of order, and frames that come late "
+          "are left out; write one file in time order with `ros2 bag convert`",
+          name(), kMostAtOnce);
+    return true;
+  }
+
+  void read_on(Playing& playing) {
+    RosRecording& file = *files_[playing.file];
+    playing.message = file.next();
+    if (playing.message) {
+      take_topics(playing.file);
+      playing.message->topic = numbers_[playing.file][playing.message->topic];
+    } else if (!ended_early_) {
+      ended_early_ = file.ended_early();
+    }
+  }
+
   /// Numbers the topics of a file that are not numbered yet.
   void take_topics(std::size_t file) {
     const auto& topics = files_[file]->topics();
@@ -60,8 +121,11 @@ class Rosbag2Folder final : public RosRecording {
   }
 
   std::vector<std::unique_ptr<RosRecording>> files_;
-  std::vector<std::vector<std::size_t>> numbers_;  // by file and its topic
-  std::size_t at_ = 0;
+  std::vector<std::vector<std::size_t>> numbers_;       // by file and its topic
+  std::vector<std::pair<double, std::size_t>> begins_;  // seconds, and the file; in the order of time
+  std::vector<Playing> playing_;
+  std::size_t opened_ = 0;  // of begins_
+  bool said_too_many_ = false;
 };
 
 }  // namespace
@@ -78,22 +142,6 @@ std::size_t RosRecording::topic_of(std::string name, std::string type, RosEncodi
 
 void RosRecording::count(std::size_t topic, std::uint64_t messages) {
   topics_[topic].messages = topics_[topic].messages.value_or(0) + messages;
-}
-
-std::optional<RosMessage> ChunkedRecording::next() {
-  for (;;) {
-    try {
-      std::optional<RosMessage> message;
-      if (!chunk_left_.empty())
-        message = message_in_chunk();
-      else if (!read_record(message))
-        return std::nullopt;
-      if (message) return message;
-    } catch (const std::runtime_error& error) {
-      chunk_left_ = {};
-      throw std::runtime_error(fmt::format("{}: the record at byte {}: {}", name(), record_at_, error.what()));
-    }
-  }
 }
 
 std::unique_ptr<RosRecording> open_rosbag2_folder(const fs::path& folder) {
@@ -125,6 +173,11 @@ std::unique_ptr<RosRecording> open_rosbag2_folder(const fs::path& folder) {
           fmt::format("{}: is packed as a whole file; unpack it with `zstd -d`, take .zstd from "
                       "its name and `compression_mode: FILE` from {}",
                       file.string(), about.string()));
+    if (fs::is_directory(file, ignored))
+      throw std::runtime_error(
+          fmt::format("{}: names the folder {} as a file of the recording; `ros2 bag reindex` "
+                      "writes it again",
+                      about.string(), shown(name)));
     files.push_back(open_ros_recording(file));
   }
   return std::make_unique<Rosbag2Folder>(folder, std::move(files));

@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "io/ros_survey.hpp"
+#include "io/time_order.hpp"
 
 namespace cairn {
 namespace {
@@ -40,18 +41,21 @@ class RosSource final : public Source {
   std::optional<Frame> next() override {
     while (!at_end_ && !may_deliver()) read_on();
     if (depth_.empty()) return std::nullopt;
-    const Waiting image = std::move(depth_.front());
-    depth_.pop_front();
+    Waiting image = taken_from(depth_);
     Frame frame{.index = index_++, .timestamp = image.time};
     try {
       if (image.problem) throw std::runtime_error(*image.problem);
       if (!(image.time > last_timestamp_))
-        throw std::runtime_error(image.place + ": its stamp does not come after that of the frame before");
+        throw std::runtime_error(
+            fmt::format("{}: its stamp does not come after that of the frame before but {:.3f} s "
+                        "earlier, and images are sorted among {}: it is left out",
+                        image.place, last_timestamp_ - image.time, kSortedImages));
       frame.depth = depth_in(image);
     } catch (const std::runtime_error& error) {
       frame.problem = error.what();
       return frame;
     }
+    used_.push_back(std::move(image.bytes));
     attach_colour(frame);
     attach_motion(frame);
     last_timestamp_ = frame.timestamp;
@@ -71,12 +75,28 @@ class RosSource final : public Source {
     Eigen::Vector3d value;  // of a gyroscope in its own frame, of an accelerometer in the depth camera's
   };
 
+  static Waiting taken_from(std::deque<Waiting>& queue) {
+    Waiting first = std::move(queue.front());
+    queue.pop_front();
+    return first;
+  }
+  /// A copy in the memory of an image that was delivered: fresh memory costs more than the copy.
+  std::vector<std::uint8_t> copy_of(std::span<const std::uint8_t> bytes) {
+    std::vector<std::uint8_t> copy;
+    if (!used_.empty()) {
+      copy = std::move(used_.back());
+      used_.pop_back();
+    }
+    copy.assign(bytes.begin(), bytes.end());
+    return copy;
+  }
+
   [[nodiscard]] double half_a_frame() const { return 0.5 * plan_.interval; }
 
   /// Whether all that belongs to the first depth image has been read.
   [[nodiscard]] bool may_deliver() const {
     if (depth_.size() > kMostWaiting) return true;
-    if (depth_.empty()) return false;
+    if (depth_.size() < kSortedImages) return false;
     const double time = depth_.front().time;
     return (!plan_.colour || newest_colour_ >= time + half_a_frame()) && (!plan_.gyro || newest_rate_ >= time) &&
            (!plan_.accelerometer || newest_acceleration_ >= time + kAccelerationWindow);
@@ -112,11 +132,13 @@ class RosSource final : public Source {
     if (!depth && !colour) return;
     const double time = time_of(depth ? plan_.depth : *plan_.colour, message, header);
     auto& queue = depth ? depth_ : colour_;
-    queue.push_back({time, {message.bytes.begin(), message.bytes.end()}, place, {}});
+    put_by_time(queue, {time, copy_of(message.bytes), place, {}}, &Waiting::time);
     if (!colour) return;
     newest_colour_ = std::max(newest_colour_, time);
-    if (colour_.size() > 2 * kMostWaiting) colour_.pop_front();
+    if (colour_.size() > 2 * kMostWaiting) drop_colour();
   }
+
+  void drop_colour() { used_.push_back(taken_from(colour_).bytes); }
 
   void take_motion(const RosMessage& message, const RosHeader& header) {
     const RosImu imu = read_imu(message.bytes, recording_->topics()[message.topic].encoding);
@@ -125,7 +147,7 @@ class RosSource final : public Source {
       if (!stream || stream->topic != message.topic || !value) return;
       const double time = time_of(*stream, message, header);
       newest = std::max(newest, time);
-      samples.push_back({time, turn * *value});
+      put_by_time(samples, {time, turn * *value}, &Sample::time);
       if (samples.size() > kMostSamples) samples.pop_front();
     };
     put(plan_.gyro, imu.rate, Eigen::Matrix3d::Identity(), rates_, newest_rate_);
@@ -151,7 +173,7 @@ class RosSource final : public Source {
   /// The colour image that was taken nearest to this frame, if it is near.
   void attach_colour(Frame& frame) {
     const auto off = [&](const Waiting& w) { return w.time - frame.timestamp; };
-    while (!colour_.empty() && off(colour_.front()) < -half_a_frame()) colour_.pop_front();
+    while (!colour_.empty() && off(colour_.front()) < -half_a_frame()) drop_colour();
     const Waiting* nearest = nullptr;
     for (const Waiting& waiting : colour_)
       if (nearest == nullptr || std::abs(off(waiting)) < std::abs(off(*nearest))) nearest = &waiting;
@@ -185,6 +207,7 @@ class RosSource final : public Source {
   std::unique_ptr<RosRecording> recording_;
   RosPlan plan_;
   std::deque<Waiting> depth_, colour_;
+  std::vector<std::vector<std::uint8_t>> used_;  // memory of images that were delivered
   std::deque<Sample> rates_, accelerations_;
   double newest_colour_ = -INFINITY, newest_rate_ = -INFINITY, newest_acceleration_ = -INFINITY;  // seconds
   double last_timestamp_ = -INFINITY;

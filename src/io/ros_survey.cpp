@@ -409,7 +409,8 @@ void set_realsense(const Survey& survey, RosPlan& plan) {
 
 void set_interval(const Survey& survey, RosPlan& plan) {
   std::vector<double> steps;
-  const auto& stamps = survey.seen(plan.depth.topic).stamps;
+  auto stamps = survey.seen(plan.depth.topic).stamps;
+  std::sort(stamps.begin(), stamps.end());
   for (std::size_t i = 1; i < stamps.size(); ++i) steps.push_back(stamps[i] - stamps[i - 1]);
   if (steps.empty()) return;
   std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());

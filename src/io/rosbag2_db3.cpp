@@ -57,22 +57,23 @@ class Rosbag2Db3 final : public RosRecording {
     require_table("topics");
     require_table("messages");
     read_topics();
+    read_order();
     rewind();
   }
 
   void rewind() override {
     ended_early_.reset();
-    rows_ = 0;
-    // Of a file that is cut off the index of the times may be lost; rows are written in the order of arrival.
-    const bool by_time = !cut_off_ && has_index_of_times();
-    messages_ = prepared(
-        fmt::format("SELECT id, topic_id, timestamp, data FROM messages ORDER BY {}", by_time ? "timestamp" : "id"));
+    rows_ = steps_ = 0;
+    constexpr const char* kSelect = "SELECT id, topic_id, timestamp, data FROM messages";
+    if (!order_.empty())
+      messages_ = prepared(fmt::format("{} WHERE id = ?", kSelect));
+    else
+      messages_ = prepared(fmt::format("{} ORDER BY {}", kSelect, has_index_of_times_ ? "timestamp" : "id"));
   }
 
   std::optional<RosMessage> next() override {
     while (!ended_early_) {
-      steps_ = 0;
-      const int result = rows_++ > most_rows_ ? SQLITE_CORRUPT : sqlite3_step(messages_.get());
+      const int result = rows_++ > most_rows_ ? SQLITE_CORRUPT : step();
       if (result == SQLITE_DONE) {
         ended_early_ = cut_off_;
         return std::nullopt;
@@ -178,18 +179,52 @@ class Rosbag2Db3 final : public RosRecording {
                                                                      : encoding == "rosmsg_v1" ? RosEncoding::ros1
                                                                                                : RosEncoding::unknown);
     }
-    if (cut_off_) return;
-    if (result != SQLITE_DONE) throw std::runtime_error(fmt::format("{}: is no file of rosbag2: {}", name(), why()));
-    steps_ = 0;
-    const auto counts = prepared("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id");
-    for (const auto& [id, topic] : topic_of_id_) count(topic, 0);
-    while (sqlite3_step(counts.get()) == SQLITE_ROW)
-      if (const auto it = topic_of_id_.find(sqlite3_column_int64(counts.get(), 0)); it != topic_of_id_.end())
-        count(it->second, static_cast<std::uint64_t>(sqlite3_column_int64(counts.get(), 1)));
-    if (steps_ > most_steps_) throw std::runtime_error(fmt::format("{}: is no file of rosbag2: {}", name(), why()));
+    if (!cut_off_ && result != SQLITE_DONE)
+      throw std::runtime_error(fmt::format("{}: is no file of rosbag2: {}", name(), why()));
   }
 
-  /// Without one SQLite would sort all messages before it gives the first.
+  /// Counts the messages, and sorts them where no index of the file does. Rows of a file that is cut off, whose index
+  /// may be lost, are read in the order in which they were written.
+  void read_order() {
+    if (cut_off_) return;
+    has_index_of_times_ = has_index_of_times();
+    std::vector<std::uint64_t> counts(topics().size());
+    steps_ = 0;
+    const auto rows = prepared(
+        fmt::format("SELECT id, timestamp, topic_id FROM messages{}", has_index_of_times_ ? "" : " ORDER BY id"));
+    int result = SQLITE_ROW;
+    for (std::uint64_t i = 0; i < most_rows_ && (result = sqlite3_step(rows.get())) == SQLITE_ROW; ++i) {
+      if (const auto it = topic_of_id_.find(sqlite3_column_int64(rows.get(), 2)); it != topic_of_id_.end())
+        ++counts[it->second];
+      if (!has_index_of_times_)
+        order_.emplace_back(sqlite3_column_int64(rows.get(), 1), sqlite3_column_int64(rows.get(), 0));
+    }
+    if (steps_ > most_steps_) throw std::runtime_error(fmt::format("{}: is no file of rosbag2: {}", name(), why()));
+    if (result != SQLITE_DONE) order_ = {};  // a damaged file is read as far as it goes
+    for (std::size_t i = 0; i < counts.size(); ++i) count(i, counts[i]);
+    const auto by_time = [](const auto& a, const auto& b) { return a.first < b.first; };
+    if (std::is_sorted(order_.begin(), order_.end(), by_time))
+      order_ = {};
+    else
+      std::sort(order_.begin(), order_.end());
+  }
+
+  /// The next row, as sqlite3_step() gives it. Looking up rows one by one takes no more steps than reading all of them.
+  int step() {
+    if (order_.empty()) {
+      steps_ = 0;
+      return sqlite3_step(messages_.get());
+    }
+    for (;;) {
+      if (rows_ > order_.size()) return SQLITE_DONE;
+      sqlite3_reset(messages_.get());
+      sqlite3_bind_int64(messages_.get(), 1, order_[rows_ - 1].second);
+      const int result = sqlite3_step(messages_.get());
+      if (result != SQLITE_DONE) return result;
+      ++rows_;
+    }
+  }
+
   [[nodiscard]] bool has_index_of_times() const {
     const auto indices = prepared(
         "SELECT 1 FROM pragma_index_list('messages') AS list, pragma_index_info(list.name) AS info WHERE info.seqno = "
@@ -217,6 +252,8 @@ class Rosbag2Db3 final : public RosRecording {
   std::uint64_t row_ = 0, rows_ = 0, most_rows_ = 0;  // the last one's number; those that were given
   std::uint64_t steps_ = 0, most_steps_ = 0;          // of SQLite's machine, in one call
   std::optional<std::string> cut_off_;
+  bool has_index_of_times_ = false;
+  std::vector<std::pair<std::int64_t, std::int64_t>> order_;  // times and ids; empty: as the file gives them
   std::vector<std::uint8_t> unpacked_;
   std::unordered_map<std::int64_t, std::size_t> topic_of_id_;
 };

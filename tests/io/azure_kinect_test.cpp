@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstring>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -179,6 +180,37 @@ TEST(AzureKinect, GivesDepthColourTimesAndGravityAsTheyWereTaken) {
   }
   EXPECT_FALSE(source->next());
   EXPECT_FALSE(source->ended_early()) << *source->ended_early();
+}
+
+TEST(AzureKinect, SortsBlocksThatAreNotInTimeOrder) {
+  const Room room;
+  room.file.write(room.path());
+  // Clusters change places in time: those of the first tenth of a second with those of the second one. Their times are
+  // milliseconds in one byte.
+  std::string bytes = read_bytes(room.path());
+  int moved = 0;
+  for (std::size_t at = 0; (at = bytes.find("\x1f\x43\xb6\x75", at)) != bytes.npos; ++at) {
+    const std::size_t time = bytes.find("\xe7\x81", at) + 2;
+    ASSERT_LT(time, at + 20);
+    const auto milliseconds = static_cast<std::uint8_t>(bytes[time]);
+    if (milliseconds >= 200) break;
+    bytes[time] = static_cast<char>(milliseconds < 100 ? milliseconds + 100 : milliseconds - 100);
+    ++moved;
+  }
+  ASSERT_GE(moved, 2);
+  write_text(room.path(), bytes);
+  const auto source = open_source(room.path().string());
+  for (int i = 0; i < Room::kFrames; ++i) {
+    SCOPED_TRACE(i);
+    const auto frame = source->next();
+    ASSERT_TRUE(frame);
+    ASSERT_FALSE(frame->problem) << *frame->problem;
+    EXPECT_NEAR(frame->timestamp, 0.1 * i, 1e-9);
+    const std::size_t taken = i < 2 ? 1 - static_cast<std::size_t>(i) : static_cast<std::size_t>(i);
+    EXPECT_NEAR(frame->depth[5000], room.frames[taken].depth[5000], 1e-6);
+    EXPECT_FALSE(frame->colour.empty());
+    EXPECT_EQ(frame->gyro.size(), i == 0 ? 0u : 9u);
+  }
 }
 
 TEST(AzureKinect, ReadsOnlyTheFramesAskedFor) {

@@ -2,14 +2,18 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "io/ros_source.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <random>
 
 #include "cairn/inspect.hpp"
+#include "io/ros_recording.hpp"
 #include "support/files.hpp"
 #include "support/ros_files.hpp"
 #include "support/scenes.hpp"
@@ -512,7 +516,235 @@ TEST(RosSource, RefusesWhatItCannotReadInOneLine) {
   EXPECT_NE(error_of([&] { (void)open_source(folder.path()); }).find("unpack it with `zstd -d`"), std::string::npos);
   write_text(folder / "metadata.yaml", "rosbag2_bagfile_information: [\n");
   EXPECT_NE(error_of([&] { (void)open_source(folder.path()); }).find("metadata.yaml: line "), std::string::npos);
+  write_text(folder / "metadata.yaml", "rosbag2_bagfile_information:\n  relative_file_paths: [.]\n");
+  EXPECT_NE(error_of([&] { (void)open_source(folder.path()); }).find("names the folder . as a file"),
+            std::string::npos);
   EXPECT_NE(error_of([] { (void)open_source("nowhere.bag"); }).find("nowhere.bag"), std::string::npos);
+}
+
+/// The same messages as a file may hold them: the last first, one topic after another, or in any order.
+std::vector<ros::Messages> out_of_order(const ros::Messages& all) {
+  ros::Messages backwards(all.rbegin(), all.rend()), by_topic = all, shuffled = all;
+  std::stable_sort(by_topic.begin(), by_topic.end(), [](const auto& a, const auto& b) { return a.topic > b.topic; });
+  std::mt19937 random(7);
+  for (std::size_t i = shuffled.size(); i > 1; --i) std::swap(shuffled[i - 1], shuffled[random() % i]);
+  return {backwards, by_topic, shuffled};
+}
+
+/// Times of arrival of all messages of a recording as it plays them, seconds.
+std::vector<double> received(const std::filesystem::path& file) {
+  const auto recording = open_ros_recording(file);
+  std::vector<double> times;
+  while (const auto message = recording->next()) times.push_back(message->received);
+  return times;
+}
+
+/// Messages of so many bytes at whole seconds.
+ros::Messages messages_at(const std::vector<int>& seconds, std::size_t bytes = 8) {
+  ros::Messages all;
+  for (const int second : seconds)
+    all.push_back({"/a", "std_msgs/String", 1'000'000'000ll * second, std::string(bytes, '\0')});
+  return all;
+}
+
+TEST(RosSource, PlaysBagsInTimeOrderByTheirIndex) {
+  for (const auto& all : out_of_order(messages()))
+    for (const char* compression : {"", "bz2", "lz4"})
+      for (const std::size_t per_chunk : {1, 5, 1000}) {
+        SCOPED_TRACE(fmt::format("{} {}", compression, per_chunk));
+        expect_all(InFile("a.bag", bag(all, {.compression = compression, .per_chunk = per_chunk})).file);
+      }
+}
+
+TEST(RosSource, PlaysMcapInTimeOrderByItsChunks) {
+  for (const auto& all : out_of_order(messages({.wire = Wire::little})))
+    for (const char* compression : {"", "lz4", "zstd"})
+      for (const bool summary : {true, false}) {
+        SCOPED_TRACE(fmt::format("{} {}", compression, summary));
+        expect_all(InFile("a.mcap", mcap(all, "cdr", {.compression = compression, .summary = summary})).file);
+      }
+}
+
+TEST(RosSource, PlaysRosbag2InTimeOrderWithAndWithoutAnIndex) {
+  for (const auto& all : out_of_order(messages({.wire = Wire::little})))
+    for (const bool indexed : {true, false}) {
+      SCOPED_TRACE(indexed);
+      const TemporaryFolder folder;
+      write_db3(folder / "a.db3", all, {.indexed = indexed});
+      expect_all(folder / "a.db3");
+      const auto times = received(folder / "a.db3");
+      EXPECT_EQ(times.size(), all.size());
+      EXPECT_TRUE(std::is_sorted(times.begin(), times.end()));
+    }
+}
+
+TEST(RosSource, MergesFilesOfAFolderByTheirTimes) {
+  // Listed backwards, and each of two with the messages of its own topics.
+  const auto all = messages({.wire = Wire::little});
+  ros::Messages images, others;
+  for (const auto& m : all) (m.topic.find("image") != m.topic.npos ? images : others).push_back(m);
+  const TemporaryFolder folder;
+  const auto half = images.begin() + static_cast<std::ptrdiff_t>(images.size() / 2);
+  write_text(folder / "a_0.mcap", ros::mcap({half, images.end()}, "cdr"));
+  write_text(folder / "a_1.mcap", ros::mcap({images.begin(), half}, "cdr"));
+  ros::write_db3(folder / "a_2.db3", others);
+  write_text(folder / "metadata.yaml",
+             "rosbag2_bagfile_information:\n  relative_file_paths: [a_0.mcap, a_1.mcap, a_2.db3]\n");
+  expect_all(folder.path());
+  const auto times = received(folder.path());
+  EXPECT_EQ(times.size(), all.size());
+  EXPECT_TRUE(std::is_sorted(times.begin(), times.end()));
+}
+
+TEST(RosSource, NamesAFolderOfMoreFilesAtOnceThanItMerges) {
+  const TemporaryFolder folder;
+  std::string names;
+  constexpr int kFiles = 12;
+  for (int i = 0; i < kFiles; ++i) {
+    write_text(folder / fmt::format("{}.mcap", i), ros::mcap(messages_at({i, 100 + i}), "cdr"));
+    names += fmt::format("{}{}.mcap", i > 0 ? ", " : "", i);
+  }
+  write_text(folder / "metadata.yaml", "rosbag2_bagfile_information:\n  relative_file_paths: [" + names + "]\n");
+  testing::internal::CaptureStdout();
+  EXPECT_EQ(received(folder.path()).size(), std::size_t{2 * kFiles});
+  const std::string said = testing::internal::GetCapturedStdout();
+  EXPECT_NE(said.find("more than 8 of its files overlap in time"), std::string::npos) << said;
+  EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1);
+}
+
+TEST(RosSource, KeepsTheOrderOfTheFileWhereTimesOfChunksAreNotKnown) {
+  const std::vector<double> as_written{5, 6, 3, 4, 1, 2}, sorted{1, 2, 3, 4, 5, 6};
+  const auto all = messages_at({5, 6, 3, 4, 1, 2});
+  const ros::Packed unknown{.times = false, .per_chunk = 2}, known{.per_chunk = 2};
+  EXPECT_EQ(received(InFile("a.bag", bag(all, unknown)).file), as_written);
+  EXPECT_EQ(received(InFile("a.bag", bag(all, known)).file), sorted);
+  EXPECT_EQ(received(InFile("a.mcap", mcap(all, "ros1", unknown)).file), as_written);
+  EXPECT_EQ(received(InFile("a.mcap", mcap(all, "ros1", known)).file), sorted);
+}
+
+TEST(RosSource, KeepsTheOrderOfMessagesOfOneTime) {
+  ros::Messages all;
+  for (const std::uint8_t i : {9, 3, 7, 1, 8, 2})
+    all.push_back(
+        {"/a", "std_msgs/String", i < 7 ? 2'000'000'000 : 1'000'000'000, std::string(4, static_cast<char>(i))});
+  for (const char* name : {"a.bag", "a.mcap", "a.db3"}) {
+    SCOPED_TRACE(name);
+    const InFile in(name,
+                    std::string(name) == "a.bag" ? bag(all, {.per_chunk = 2}) : mcap(all, "ros1", {.per_chunk = 2}));
+    if (std::string(name) == "a.db3") {
+      std::filesystem::remove(in.file);
+      write_db3(in.file, all, {.indexed = false});
+    }
+    const auto recording = open_ros_recording(in.file);
+    std::vector<int> order;
+    while (const auto message = recording->next()) order.push_back(message->bytes[0]);
+    EXPECT_EQ(order, (std::vector<int>{9, 7, 8, 3, 1, 2}));
+  }
+}
+
+TEST(RosSource, MergesMoreThanItHoldsByReadingChunksAgain) {
+  constexpr int kChunks = 16;
+  constexpr std::size_t kBytes = 10 << 20;  // two of them a chunk: 320 MiB in all
+  std::vector<int> seconds;
+  for (int i = 0; i < kChunks; ++i) seconds.insert(seconds.end(), {i, 100 + i});
+  const InFile in("a.mcap", mcap(messages_at(seconds, kBytes), "cdr", {.compression = "zstd", .per_chunk = 2}));
+  testing::internal::CaptureStdout();
+  const auto times = received(in.file);
+  EXPECT_EQ(testing::internal::GetCapturedStdout(), "");
+  EXPECT_EQ(times.size(), seconds.size());
+  EXPECT_TRUE(std::is_sorted(times.begin(), times.end()));
+}
+
+TEST(RosSource, NamesAFileWhoseChunksOverlapMoreThanItHolds) {
+  constexpr int kChunks = 16, kMessages = 10;
+  constexpr std::size_t kBytes = 2 << 20;
+  std::vector<int> seconds;
+  for (int i = 0; i < kChunks; ++i)
+    for (int k = 0; k < kMessages; ++k) seconds.push_back(kChunks * k + i);
+  const ros::Packed packed{.compression = "lz4", .per_chunk = kMessages};
+  for (const bool is_bag : {true, false}) {
+    const auto all = messages_at(seconds, kBytes);
+    const InFile in(is_bag ? "a.bag" : "a.mcap", is_bag ? bag(all, packed) : mcap(all, "cdr", packed));
+    testing::internal::CaptureStdout();
+    const auto times = received(in.file);
+    const std::string said = testing::internal::GetCapturedStdout();
+    EXPECT_EQ(times.size(), seconds.size());
+    EXPECT_NE(said.find("overlap in time than 256 MiB hold"), std::string::npos) << said;
+    EXPECT_NE(said.find(is_bag ? "`rosbag filter" : "`mcap sort"), std::string::npos) << said;
+    EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
+  }
+}
+
+TEST(RosSource, ReadsAllMessagesOfAFileWhoseIndexIsWrong) {
+  std::string file = bag(messages_at({5, 6, 3, 4, 1, 2}), {.per_chunk = 2});
+  const std::string field = "chunk_pos=";
+  const std::size_t first = file.find(field) + field.size(), second = file.find(field, first) + field.size();
+  file.replace(second, 8, file.substr(first, 8));
+  testing::internal::CaptureStdout();
+  EXPECT_EQ(received(InFile("a.bag", file).file), (std::vector<double>{5, 6, 3, 4, 1, 2}));
+  const std::string said = testing::internal::GetCapturedStdout();
+  EXPECT_NE(said.find("its index does not name all of them"), std::string::npos) << said;
+}
+
+TEST(RosSource, GoesOnBehindADamagedChunkOfAFileThatIsOutOfOrder) {
+  std::string file = bag(messages_at({5, 6, 3, 4, 1, 2}), {.compression = "lz4", .per_chunk = 2});
+  file.replace(file.find("\x04\x22\x4d\x18"), 4, "****");
+  const InFile in("a.bag", file);
+  const auto recording = open_ros_recording(in.file);
+  std::vector<double> times;
+  int errors = 0;
+  for (bool at_end = false; !at_end;) try {
+      const auto message = recording->next();
+      at_end = !message;
+      if (message) times.push_back(message->received);
+    } catch (const std::runtime_error& error) {
+      EXPECT_NE(std::string(error.what()).find("is no LZ4 frame"), std::string::npos) << error.what();
+      ++errors;
+    }
+  EXPECT_EQ(times, (std::vector<double>{1, 2, 3, 4}));
+  EXPECT_EQ(errors, 1);
+}
+
+TEST(RosSource, SortsDepthWhoseStampsRunBackwards) {
+  auto all = messages();
+  std::vector<std::size_t> depth;
+  for (std::size_t i = 0; i < all.size(); ++i)
+    if (all[i].topic == "/camera/depth/image_raw") depth.push_back(i);
+  std::swap(all[depth[1]].bytes, all[depth[3]].bytes);
+  std::swap(all[depth[2]].bytes, all[depth[5]].bytes);
+  expect_all(InFile("a.bag", bag(all)).file);
+}
+
+TEST(RosSource, SortsANeighborWhereAFileHasNoIndex) {
+  for (const bool is_bag : {true, false}) {
+    auto all = messages({.wire = is_bag ? Wire::ros1 : Wire::little});
+    std::vector<std::size_t> depth;
+    for (std::size_t i = 0; i < all.size(); ++i)
+      if (all[i].topic == "/camera/depth/image_raw") depth.push_back(i);
+    std::swap(all[depth[1]], all[depth[2]]);
+    const ros::Packed packed{.indexed = false};
+    const InFile in(is_bag ? "a.bag" : "a.mcap", is_bag ? bag(all, packed) : mcap(all, "cdr", packed));
+    const auto frames = read(in.file);
+    ASSERT_EQ(frames.size(), std::size_t{kFrames});
+    for (std::size_t i = 0; i < kFrames; ++i) expect_depth(frames[i], i);
+  }
+}
+
+TEST(RosSource, NamesADepthImageThatComesTooLate) {
+  Told t{.imu = false, .colour_every = 0};
+  auto all = messages(t);
+  const ros::Recorded late =
+      *std::find_if(all.begin(), all.end(), [](const auto& m) { return m.topic.ends_with("image_raw"); });
+  for (int i = kFrames; i < 3 * kFrames; ++i)
+    all.push_back({t.depth_topic, late.type, kBegin + i * kStep, depth_message(t, i % kFrames, kBegin + i * kStep)});
+  all.push_back({late.topic, late.type, kBegin + 3 * kFrames * kStep, late.bytes});
+  const auto frames = read(InFile("a.bag", bag(all)).file);
+  ASSERT_EQ(frames.size(), std::size_t{3 * kFrames + 1});
+  const auto bad = std::find_if(frames.begin(), frames.end(), [](const Frame& f) { return f.problem.has_value(); });
+  ASSERT_NE(bad, frames.end());
+  EXPECT_NE(bad->problem->find("its stamp does not come after that of the frame before"), std::string::npos);
+  EXPECT_NE(bad->problem->find("it is left out"), std::string::npos) << *bad->problem;
+  EXPECT_EQ(std::count_if(frames.begin(), frames.end(), [](const Frame& f) { return f.problem.has_value(); }), 1);
 }
 
 TEST(RosSource, KeepsWhatWasRecordedBeforeACut) {

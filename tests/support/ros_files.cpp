@@ -67,6 +67,17 @@ std::string connection(std::uint32_t number, const Recorded& m) {
       bag_fields({{"topic", m.topic}, {"type", m.type}, {"md5sum", "*"}, {"message_definition", "# none"}}));
 }
 
+/// Times of the first and the last message of the chunk that begins with message i.
+std::pair<std::int64_t, std::int64_t> times_of(const Messages& messages, std::size_t i, const Packed& packed) {
+  if (!packed.times) return {0, 0};
+  std::pair<std::int64_t, std::int64_t> times{messages[i].time, messages[i].time};
+  for (const std::size_t end = i + std::max<std::size_t>(packed.per_chunk, 1); i < messages.size() && i < end; ++i) {
+    times.first = std::min(times.first, messages[i].time);
+    times.second = std::max(times.second, messages[i].time);
+  }
+  return times;
+}
+
 std::string mcap_record(char kind, const std::string& content) {
   return std::string(1, kind) + raw(std::uint64_t{content.size()}) + content;
 }
@@ -194,6 +205,7 @@ std::string bag(const Messages& messages, const Packed& packed) {
   for (std::size_t i = 0; i < messages.size();) {
     std::string chunk;
     std::map<std::uint32_t, std::uint32_t> counts;
+    const auto [begin, end_of_chunk] = times_of(messages, i, packed);
     for (const std::size_t end = i + std::max<std::size_t>(packed.per_chunk, 1); i < messages.size() && i < end; ++i) {
       const Recorded& m = messages[i];
       const std::uint32_t number = numbers.at(m.topic);
@@ -213,8 +225,8 @@ std::string bag(const Messages& messages, const Packed& packed) {
     infos += bag_record({{"op", "\x06"},
                          {"ver", raw(1u)},
                          {"chunk_pos", raw(std::uint64_t{file.size()})},
-                         {"start_time", bag_time(0)},
-                         {"end_time", bag_time(0)},
+                         {"start_time", bag_time(begin)},
+                         {"end_time", bag_time(end_of_chunk)},
                          {"count", raw(static_cast<std::uint32_t>(counts.size()))}},
                         by_connection);
     ++chunks;
@@ -240,10 +252,12 @@ std::string mcap(const Messages& messages, const std::string& encoding, const Pa
   const auto numbers = numbers_of(messages);
   std::map<std::string, bool> told;
   std::map<std::uint16_t, std::uint64_t> counts;
-  std::string file(kMagic), channels;
+  std::string file(kMagic), channels, indices;
+  std::uint32_t chunks = 0;
   file += mcap_record(1, sized(encoding == "cdr" ? "ros2" : "ros1") + sized("a test"));
   for (std::size_t i = 0; i < messages.size();) {
     std::string chunk;
+    const auto [begin, end_of_chunk] = times_of(messages, i, packed);
     for (const std::size_t end = i + std::max<std::size_t>(packed.per_chunk, 1); i < messages.size() && i < end; ++i) {
       const Recorded& m = messages[i];
       const auto number = static_cast<std::uint16_t>(numbers.at(m.topic));
@@ -254,19 +268,33 @@ std::string mcap(const Messages& messages, const std::string& encoding, const Pa
       ++counts[number];
       chunk += mcap_record(5, raw(number) + raw(static_cast<std::uint32_t>(i)) + raw(m.time) + raw(m.time) + m.bytes);
     }
+    if (packed.per_chunk == 0) {
+      file += chunk;
+      continue;
+    }
     const std::string small = pack(packed.compression, chunk);
-    file += packed.per_chunk == 0
-                ? chunk
-                : mcap_record(6, raw(std::int64_t{0}) + raw(std::int64_t{0}) + raw(std::uint64_t{chunk.size()}) +
-                                     raw(0u) + sized(packed.compression) + raw(std::uint64_t{small.size()}) + small);
+    const std::string record =
+        mcap_record(6, raw(begin) + raw(end_of_chunk) + raw(std::uint64_t{chunk.size()}) + raw(0u) +
+                           sized(packed.compression) + raw(std::uint64_t{small.size()}) + small);
+    indices += mcap_record(8, raw(begin) + raw(end_of_chunk) + raw(std::uint64_t{file.size()}) +
+                                  raw(std::uint64_t{record.size()}) + sized("") + raw(std::uint64_t{0}) +
+                                  sized(packed.compression) + raw(std::uint64_t{small.size()}) +
+                                  raw(std::uint64_t{chunk.size()}));
+    ++chunks;
+    file += record;
   }
   if (!packed.indexed) return file;
   file += mcap_record(15, raw(0u));
-  const std::uint64_t summary = file.size();
+  const std::uint64_t summary = packed.summary ? file.size() : 0;
   std::string by_channel;
   for (const auto& [number, count] : counts) by_channel += raw(number) + raw(count);
-  file += channels +
-          mcap_record(11, raw(std::uint64_t{messages.size()}) + std::string(2 + 16 + 16, '\0') + sized(by_channel));
+  const auto channel_count = static_cast<std::uint32_t>(counts.size());
+  if (packed.summary)
+    file += channels +
+            mcap_record(11, raw(std::uint64_t{messages.size()}) + raw(static_cast<std::uint16_t>(channel_count)) +
+                                raw(channel_count) + raw(0u) + raw(0u) + raw(chunks) + std::string(16, '\0') +
+                                sized(by_channel)) +
+            indices;
   return file + mcap_record(2, raw(summary) + raw(std::uint64_t{0}) + raw(0u)) + std::string(kMagic);
 }
 
@@ -286,7 +314,7 @@ void write_db3(const std::filesystem::path& file, const Messages& messages, cons
       "NOT NULL, offered_qos_profiles TEXT NOT NULL)");
   run("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data BLOB "
       "NOT NULL)");
-  run("CREATE INDEX timestamp_idx ON messages (timestamp ASC)");
+  if (packed.indexed) run("CREATE INDEX timestamp_idx ON messages (timestamp ASC)");
   run("BEGIN");
   const auto numbers = numbers_of(messages);
   std::map<std::string, bool> told;

@@ -65,7 +65,7 @@ struct Transform {
 };
 [[nodiscard]] std::string tf(Wire wire, const std::vector<Transform>& transforms);
 
-/// A message of a recording.
+/// A message of a recording; files hold them in the order in which they are given.
 struct Recorded {
   std::string topic, type;  // type as in ROS 1
   std::int64_t time = 0;    // ns, of arrival
@@ -75,7 +75,9 @@ using Messages = std::vector<Recorded>;
 
 struct Packed {
   std::string compression;    // of a .bag: bz2, lz4; of an .mcap: lz4, zstd; of a .db3: zstd; empty: none
-  bool indexed = true;        // .bag, .mcap
+  bool indexed = true;        // .bag and .mcap: finished; .db3: by an index of its times
+  bool times = true;          // of chunks; else zero, which is not known
+  bool summary = true;        // .mcap: with its channels and chunks; else the footer names none
   std::size_t per_chunk = 5;  // messages; 0: outside of chunks
   int page_size = 4096;       // bytes, of a .db3
 };
