@@ -49,6 +49,15 @@ std::optional<fs::path> recording_below(const fs::path& folder) {
   return first == found.end() ? std::nullopt : std::optional(*first);
 }
 
+/// Sorts frames and poses that are listed in another order than that of time.
+void sort_by_time(Recording& recording) {
+  const auto earlier = [](const auto& a, const auto& b) { return a.timestamp < b.timestamp; };
+  std::stable_sort(recording.truth.begin(), recording.truth.end(), earlier);
+  if (std::is_sorted(recording.entries.begin(), recording.entries.end(), earlier)) return;
+  std::stable_sort(recording.entries.begin(), recording.entries.end(), earlier);
+  recording.notes.push_back("its images are not listed in the order of time: they are sorted by their times");
+}
+
 Recording read_recording(const fs::path& folder) {
   if (!fs::exists(folder)) throw std::runtime_error(folder.string() + ": there is no such folder");
   if (!fs::is_directory(folder))
@@ -56,7 +65,10 @@ Recording read_recording(const fs::path& folder) {
                              "; give the folder that holds the recording");
   for (const auto read : {read_tum, read_associations, read_seven_scenes, read_stray_scanner, read_intrinsics_folder,
                           read_nerfstudio, read_record3d, read_polycam, read_rtabmap, read_replica, read_image_folder})
-    if (auto recording = read(folder)) return *std::move(recording);
+    if (auto recording = read(folder)) {
+      sort_by_time(*recording);
+      return *std::move(recording);
+    }
   using Kind = PathKind::Kind;
   const PathKind kind = kind_of_path(folder);
   if (kind.kind != Kind::recording && !kind.remedy.empty()) throw std::runtime_error(kind.is_no(folder, "recording"));

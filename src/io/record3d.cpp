@@ -10,6 +10,8 @@
 #include <cmath>
 #include <map>
 #include <stdexcept>
+#include <utility>
+#include <vector>
 
 #include "base/words.hpp"
 #include "cairn/file_name.hpp"
@@ -99,7 +101,11 @@ void read_frames(const Json& all, const fs::path& folder, Recording& recording, 
   const double rate = number_at(all, "fps", kFrameRate);
   if (!(rate > 0 && rate <= 1000)) throw std::runtime_error(fmt::format("`fps` is {}", rate));
   Camera usual = camera_of_record3d(all);
-  for (const auto& [number, file] : depth) {
+  std::vector<std::pair<std::size_t, fs::path>> ordered(depth.begin(), depth.end());
+  std::stable_sort(ordered.begin(), ordered.end(), [&](const auto& a, const auto& b) {
+    return time_of(all, a.first, rate) < time_of(all, b.first, rate);
+  });
+  for (const auto& [number, file] : ordered) {
     Recording::Entry entry{.timestamp = time_of(all, number, rate), .depth = file};
     if (const auto it = color.find(number); it != color.end()) entry.colour = it->second;
     if (const auto pose = pose_of(all, number)) recording.truth.push_back({entry.timestamp, *pose});

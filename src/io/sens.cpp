@@ -169,6 +169,8 @@ SensFile index_sens(const fs::path& path) {
   if (file.frames.empty())
     throw std::runtime_error(file.cut_off.value_or(in.name() + ": holds no frame; copy or download it again"));
   set_times(file.frames, times);
+  std::stable_sort(file.frames.begin(), file.frames.end(),
+                   [](const Indexed& a, const Indexed& b) { return a.timestamp < b.timestamp; });
   return file;
 }
 

@@ -213,7 +213,7 @@ bool ends_with_a_line(const fs::path& file) {
   return in.get() == '\n';
 }
 
-/// `ended_early` is set where the last line was cut off.
+/// Lines in the order of time. `ended_early` is set where the last line was cut off.
 std::vector<OdometryLine> read_odometry(const fs::path& file, std::optional<std::string>& ended_early) {
   std::vector<OdometryLine> lines;
   const auto wrong = for_each_line_of(
@@ -222,6 +222,9 @@ std::vector<OdometryLine> read_odometry(const fs::path& file, std::optional<std:
   if (wrong && (lines.empty() || ends_with_a_line(file))) throw std::runtime_error(*wrong);
   if (wrong) ended_early = *wrong + ": the recording is cut off here";
   if (lines.empty()) throw std::runtime_error(file.string() + ": holds no pose");
+  // Images of the video come by their times.
+  std::stable_sort(lines.begin(), lines.end(),
+                   [](const OdometryLine& a, const OdometryLine& b) { return a.pose.timestamp < b.pose.timestamp; });
   return lines;
 }
 
@@ -287,8 +290,6 @@ cv::Size read_images(const fs::path& folder, Recording& recording) {
     recording.entries.push_back(std::move(entry));
     recording.truth.push_back(line.pose);
   }
-  std::stable_sort(recording.truth.begin(), recording.truth.end(),
-                   [](const StampedPose& a, const StampedPose& b) { return a.timestamp < b.timestamp; });
   if (!size)
     throw std::runtime_error((folder / "depth").string() +
                              ": holds no image NUMBER.png that can be read, of six digits as in odometry.csv");

@@ -294,6 +294,20 @@ TEST(Record3d, GivesDepthInMetersTimesPosesAndTheCameraOfTheImages) {
   expect_poses(scan.folder.path());
 }
 
+TEST(Record3d, SortsFramesThatAreNotInTimeOrder) {
+  Record3d scan;
+  scan.times = "0.2, 0.1, 0.0";
+  scan.write();
+  const auto source = open_source(scan.folder.path().string());
+  for (int i = 0; i < kFrames; ++i) {
+    const auto frame = source->next();
+    ASSERT_FALSE(frame->problem) << *frame->problem;
+    EXPECT_DOUBLE_EQ(frame->timestamp, 0.1 * i);
+    EXPECT_EQ(frame->depth[500], view(kCamera, kFrames - 1 - i).depth[500]);
+  }
+  EXPECT_DOUBLE_EQ(recorded_truth(scan.folder.path())[0].timestamp, 0);
+}
+
 TEST(Record3d, TurnsFramesOfOtherIntrinsics) {
   Record3d scan;
   scan.more =

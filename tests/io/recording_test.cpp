@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "io/recording.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <opencv2/imgcodecs.hpp>
@@ -80,6 +81,28 @@ TEST(TumRecording, PairsNearestTimestampsOneToOne) {
   EXPECT_FALSE(frames[2].problem);
 }
 
+TEST(TumRecording, SortsListsThatAreNotInTimeOrder) {
+  Tum tum;
+  std::string moved_depth, moved_color;
+  for (const char* i : {"3", "1", "0", "2"}) {
+    moved_depth += fmt::format("0.{0} depth/{0}.png\n", i);
+    moved_color += fmt::format("0.{0}05 rgb/{0}.png\n", i);
+    write_depth(tum.folder / fmt::format("depth/{}.png", i), 5000 + 50 * (*i - '0'));
+  }
+  write_text(tum.folder / "depth.txt", moved_depth);
+  write_text(tum.folder / "rgb.txt", moved_color);
+  write_text(tum.folder / "groundtruth.txt", "0.3 3 0 0 0 0 0 1\n0.1 1 0 0 0 0 0 1\n0.2 2 0 0 0 0 0 1\n");
+  const auto frames = tum.read();
+  ASSERT_EQ(frames.size(), 4u);
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    ASSERT_FALSE(frames[i].problem) << *frames[i].problem;
+    EXPECT_DOUBLE_EQ(frames[i].timestamp, 0.1 * static_cast<double>(i));
+    EXPECT_FLOAT_EQ(frames[i].depth[100], 1 + 0.01f * static_cast<float>(i));
+    EXPECT_NEAR(frames[i].colour_delay, 0.005, 1e-9);
+  }
+  EXPECT_DOUBLE_EQ(recorded_truth(tum.folder.path())[0].timestamp, 0.1);
+}
+
 TEST(TumRecording, ReadsOnlyTheFramesAskedFor) {
   const auto frames = Tum().read({.begin = 1, .end = 4, .step = 2});
   ASSERT_EQ(frames.size(), 2u);
@@ -134,9 +157,9 @@ TEST(TumRecording, LeavesOutAFrameWhoseNameNoFileSystemTakes) {
   EXPECT_FALSE(frames[2].problem);
 }
 
-TEST(TumRecording, SkipsATimestampThatGoesBack) {
+TEST(TumRecording, SkipsTheSecondOfTwoImagesOfOneTime) {
   Tum tum;
-  write_text(tum.folder / "depth.txt", "0.0 depth/0.png\n0.2 depth/1.png\n0.1 depth/2.png\n0.3 depth/3.png\n");
+  write_text(tum.folder / "depth.txt", "0.0 depth/0.png\n0.1 depth/1.png\n0.1 depth/2.png\n0.3 depth/3.png\n");
   const auto frames = tum.read();
   EXPECT_NE(frames[2].problem->find("timestamp"), std::string::npos);
   EXPECT_FALSE(frames[3].problem);

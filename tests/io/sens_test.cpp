@@ -44,7 +44,8 @@ struct Written {
   std::uint64_t frames = kFrames;
   float depth_shift = 4000;
   bool stamped = true;
-  int bad_depth = -1;  // frame whose depth bytes are nonsense
+  bool backwards = false;  // the last frame first
+  int bad_depth = -1;      // frame whose depth bytes are nonsense
   Eigen::Isometry3d colour_extrinsic = Eigen::Isometry3d(Eigen::Translation3d(0.025, 0, 0));
 };
 
@@ -105,7 +106,8 @@ std::string sens(const Written& w = {}) {
   for (const int pixels : {kColourCamera.width, kColourCamera.height, kDepthCamera.width, kDepthCamera.height})
     file += bytes(static_cast<std::uint32_t>(pixels));
   file += bytes(w.depth_shift) + bytes(w.frames);
-  for (std::size_t i = 0; i < w.frames; ++i) {
+  for (std::size_t k = 0; k < w.frames; ++k) {
+    const std::size_t i = w.backwards ? w.frames - 1 - k : k;
     const Frame& frame = recorded().frames[i];
     Eigen::Matrix4d pose = frame.world_from_camera->matrix();
     if (i == 2) pose.setConstant(-std::numeric_limits<double>::infinity());
@@ -184,6 +186,21 @@ TEST(Sens, ReadsOnlyTheFramesAskedFor) {
   const auto frames = read(sens(), {.begin = 1, .end = 4, .step = 2});
   ASSERT_EQ(frames.size(), 2u);
   EXPECT_EQ(frames[1].index, 3);
+}
+
+TEST(Sens, SortsFramesThatAreNotInTimeOrder) {
+  const std::string file = sens({.backwards = true});
+  const auto frames = read(file);
+  ASSERT_EQ(frames.size(), std::size_t{kFrames});
+  for (std::size_t i = 0; i < kFrames; ++i) {
+    ASSERT_FALSE(frames[i].problem) << *frames[i].problem;
+    EXPECT_DOUBLE_EQ(frames[i].timestamp, 5.0 + 0.033 * static_cast<double>(i));
+    EXPECT_NEAR(frames[i].depth[100], recorded().frames[i].depth[100], 1e-3);
+  }
+  const InFile in(file);
+  const Trajectory truth = recorded_truth(in.file);
+  ASSERT_EQ(truth.size(), std::size_t{kFrames - 1});  // but the one that is no pose
+  EXPECT_TRUE(truth[0].world_from_camera.isApprox(*recorded().frames[0].world_from_camera, 1e-5));
 }
 
 TEST(Sens, TakesThirtyFramesASecondWhereNothingIsStamped) {

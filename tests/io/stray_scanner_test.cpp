@@ -226,6 +226,21 @@ TEST(StrayScanner, TakesTheOdometryForTheTruth) {
   }
 }
 
+TEST(StrayScanner, SortsLinesThatAreNotInTimeOrder) {
+  const Scan scan;
+  std::string odometry = Scan::kHeader;
+  for (const int i : {3, 0, 5, 1, 4, 2}) odometry += Scan::line(i, scan.frames[static_cast<std::size_t>(i)]);
+  write_text(scan.folder / "odometry.csv", odometry);
+  const auto source = scan.open();
+  for (const Frame& truth : scan.frames) {
+    const auto frame = source->next();
+    ASSERT_TRUE(frame);
+    expect_same(*frame, truth);
+    for (const Frame& other : scan.frames)
+      EXPECT_LE(mean_difference(frame->colour, truth.colour), mean_difference(frame->colour, other.colour));
+  }
+}
+
 TEST(StrayScanner, ReadsOnlyTheFramesAskedFor) {
   const Scan scan;
   const auto source = scan.open({.begin = 1, .end = 5, .step = 3});
