@@ -230,11 +230,12 @@ TEST(Nerfstudio, PosesOfTheDeviceHaveTheTimesOfTheFramesAtAnyRate) {
       EXPECT_NEAR(poses[static_cast<std::size_t>(i)].timestamp, i / rate, 1e-9);
     }
   };
+  const std::string camera = "fx: 52.5\nfy: 52.25\ncx: 31.5\ncy: 23.75\nwidth: 64\nheight: 48\n";
   expect_times(30, {});
-  write_text(scan.folder / "camera.yaml", "frame_rate: 10\n");
+  write_text(scan.folder / "camera.yaml", camera + "frame_rate: 10\n");
   expect_times(10, {});
   const TemporaryFolder elsewhere;
-  write_text(elsewhere / "camera.yaml", "frame_rate: 5\n");
+  write_text(elsewhere / "camera.yaml", camera + "frame_rate: 5\n");
   expect_times(5, elsewhere / "camera.yaml");
 }
 
