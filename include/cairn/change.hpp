@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What is otherwise in one map than in another one of the same place.
+// Changes between two maps of the same place.
 #pragma once
 #include <Eigen/Core>
 #include <cstddef>
@@ -12,35 +12,37 @@
 namespace cairn {
 
 struct ChangeOptions {
-  float distance = 0;      ///< metres that a surface may be off without having changed; 0: four voxels
-  float min_area = 0.03f;  ///< m2; what is smaller has not changed
+  float distance = 0;      ///< meters of distance up to which a surface counts as unchanged; 0: four voxels
+  float min_area = 0.03f;  ///< m2; smaller changes are ignored
 };
 
-/// Surface that lies together and changed alike.
+/// Connected region of surface with the same kind of change.
 struct ChangedPiece {
-  bool is_new = false;                               ///< else gone
+  bool is_new = false;                               ///< true: new; false: gone
   double area = 0;                                   ///< m2
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();  ///< metres, in the world that is written
-  Eigen::Vector3d extent = Eigen::Vector3d::Zero();  ///< metres, of the box around it
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();  ///< center of the bounding box, meters, in the exported world
+                                                     ///< frame
+  Eigen::Vector3d extent = Eigen::Vector3d::Zero();  ///< size of the bounding box, meters
 };
 
 struct ExportedChange {
-  double distance = 0;                 ///< metres, see ChangeOptions
+  double distance = 0;                 ///< meters, see ChangeOptions
   double new_area = 0, gone_area = 0;  ///< m2
-  double both_seen = 0;                ///< m2 of the later map's surface of whose place the earlier map knows
-  std::vector<ChangedPiece> pieces;    ///< the largest first
+  double both_seen = 0;                ///< m2 of the later map's surface at places observed by the earlier map
+  std::vector<ChangedPiece> pieces;    ///< sorted by area, largest first
   std::size_t triangles = 0;
 };
 
-/// Writes the surface of `after`, and what of that of `before` is gone, as .glb or .gltf. New, blue, is surface where
-/// the other map saw free space; gone, orange, is surface of `before` where `after` saw free space; what both have, or
-/// one did not see, is grey. Both are folders, or map.vdb files, as Map::open takes them, in one frame: that of the
-/// poses both were made with, or of a map and the same one with another recording. Throws std::runtime_error for
-/// another voxel size, and where what both saw does not agree.
+/// Writes the surface of `after`, and the parts of `before` that are gone, as .glb or .gltf. New surface is blue: free
+/// space in the other map. Gone surface is orange: surface of `before` in the free space of `after`. Surface in both
+/// maps, or unobserved by one of them, is gray. Both paths are folders or map.vdb files, as for Map::open, in the same
+/// frame: made with the same given poses, or one map before and after adding a recording. Throws std::runtime_error for
+/// different voxel sizes, and if the maps disagree where they overlap.
 ExportedChange export_change(const std::filesystem::path& before, const std::filesystem::path& after,
                              const std::filesystem::path& file, const ChangeOptions& options = {},
                              const ExportProgress& progress = {}, int device = -1);
-/// The same within a plan's map: its recordings from `recording` on, counted from 0, against those before.
+/// Same comparison within a project's map: its recordings from `recording` on, counted from 0, against the earlier
+/// recordings.
 ExportedChange export_change_since(const std::filesystem::path& plan, std::size_t recording,
                                    const std::filesystem::path& file, const ChangeOptions& options = {},
                                    const ExportProgress& progress = {}, int device = -1);

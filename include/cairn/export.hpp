@@ -14,48 +14,49 @@
 
 namespace cairn {
 
-/// What is taken away from the surface or added to it.
+/// Mesh cleaning: removed components and filled holes.
 struct CleanOptions {
-  float min_piece = 0.1f;    ///< metres; floating pieces whose bounding box has a shorter diagonal are removed,
-  float min_support = 2.0f;  ///< and those of up to three times this size with fewer observations (at 1 m) on the mean
-  float min_weight = 0.0f;   ///< observations at 1 m; surface that was seen less is removed.
-                             ///< FuseOptions::min_mesh_weight has done so before
-  float fill_holes = 0.0f;   ///< metres; holes whose bounding box has a shorter diagonal are closed; 0: none
+  float min_piece = 0.1f;  ///< meters; components with a shorter bounding box diagonal are removed
+  float min_support =
+      2.0f;  ///< observations at 1 m; components up to 3 * min_piece with a lower mean weight are removed
+  float min_weight = 0.0f;  ///< observations at 1 m; surface below it is removed, in addition to
+                            ///< FuseOptions::min_mesh_weight
+  float fill_holes = 0.0f;  ///< meters; holes with a shorter bounding box diagonal are closed; 0: none
 };
 
 struct SimplifyOptions {
-  float ratio = 1.0f;         ///< of the triangles that is left, more where max_error does not allow it
-  float max_error = 0.0f;     ///< metres that the surface may move; 0: as far as the ratio needs, two voxels at most
-  std::size_t triangles = 0;  ///< in place of both: no more are left, however far the surface moves; 0: no such limit
+  float ratio = 1.0f;         ///< fraction of triangles kept; more if max_error requires it
+  float max_error = 0.0f;     ///< meters of surface deviation; 0: as needed for the ratio, at most two voxels
+  std::size_t triangles = 0;  ///< replaces both: upper limit on triangles, regardless of deviation; 0: no limit
 };
 
 struct TextureOptions {
   bool enabled = false;
-  float texel = 0.0f;   ///< metres; 0: what the keyframes see, coarser where it would not fit
-  int max_size = 4096;  ///< texels a side of one texture
-  bool png = false;     ///< instead of JPEG
+  float texel = 0.0f;   ///< meters; 0: resolution of the keyframes, coarser if it does not fit
+  int max_size = 4096;  ///< texels per side of one texture
+  bool png = false;     ///< PNG instead of JPEG
   int jpeg_quality = 90;
 };
 
-/// How glTF holds triangles.
+/// Vertex encoding in glTF.
 enum class Compression {
   none,       ///< 32-bit numbers
-  quantised,  ///< KHR_mesh_quantization: 16-bit positions and texture places, 8-bit normals
-  meshopt,    ///< the same with EXT_meshopt_compression
+  quantised,  ///< KHR_mesh_quantization: 16-bit positions and texture coordinates, 8-bit normals
+  meshopt,    ///< KHR_mesh_quantization with EXT_meshopt_compression
   draco       ///< KHR_draco_mesh_compression
 };
 
-/// A second file of a mesh, for pages, made of the same parts: .glb, compressed with meshopt.
+/// Second, smaller .glb of the same mesh for web pages, compressed with meshopt.
 struct PreviewOptions {
   std::filesystem::path file;       ///< empty: none
-  std::size_t triangles = 1 << 20;  ///< about; a map of less than about twice as many has no preview
+  std::size_t triangles = 1 << 20;  ///< approximate; no preview for a map with less than about twice as many
 };
 
-/// A place on the Earth (WGS 84), for 3D Tiles.
+/// Geographic position (WGS 84), for 3D Tiles.
 struct GeoPlace {
   double latitude = 0, longitude = 0;  ///< degrees north and east, of the map's origin
-  double height = 0;                   ///< metres above the ellipsoid
-  double heading = 0;                  ///< degrees clockwise from north, where the map's z points
+  double height = 0;                   ///< meters above the ellipsoid
+  double heading = 0;                  ///< direction of the map's z axis, degrees clockwise from north
 };
 
 struct ExportOptions {
@@ -63,40 +64,41 @@ struct ExportOptions {
   SimplifyOptions simplify;
   TextureOptions texture;
   Compression compression = Compression::none;
-  float cell_size = 0.0f;  ///< metres; the map becomes a node or tile a cell; 0: one node as long as it is not large
-  float point_spacing = 0.0f;  ///< metres; instead of triangles points that far apart (.ply); 0: triangles. What would
-                               ///< not fit into the memory is refused before the work begins
-  bool lit = false;      ///< glTF: colours are shaded by the viewer's lamps, for programs that do not know unlit ones
-  bool cameras = false;  ///< glTF: the camera's path as a line, and a camera for each keyframe
-  Axes axes = Axes::automatic;  ///< of the file
-  std::optional<GeoPlace> geo;  ///< tileset.json: where globes show it
-  int levels = 1;               ///< of detail, each with a quarter of the triangles: X.glb, X.lod1.glb, ...
-  std::string source;           ///< for `asset.extras`: what the map was made from
-  PreviewOptions preview;       ///< of glTF in one file
+  float cell_size = 0.0f;       ///< meters; one node or tile per cell; 0: a single node unless the map is large
+  float point_spacing = 0.0f;   ///< meters; writes points at this spacing instead of triangles (.ply); 0: triangles.
+                                ///< Points that do not fit into memory are rejected before the work starts
+  bool lit = false;             ///< glTF: shaded by the viewer's lights, for programs without unlit materials
+  bool cameras = false;         ///< glTF: camera path as a line, and a camera per keyframe
+  Axes axes = Axes::automatic;  ///< axes of the file
+  std::optional<GeoPlace> geo;  ///< tileset.json: position on a globe
+  int levels = 1;               ///< levels of detail, each with a quarter of the triangles: X.glb, X.lod1.glb, ...
+  std::string source;           ///< `asset.extras`: recording of the map
+  PreviewOptions preview;       ///< for single-file glTF
 };
 
-/// Throws std::runtime_error naming the option, its value and the allowed range, or what `file`'s kind cannot hold.
+/// Throws std::runtime_error naming the option, its value and the allowed range, or the feature unsupported by the
+/// format of `file`.
 void check(const ExportOptions& options, const std::filesystem::path& file);
 
-/// What was written.
+/// Statistics of an export.
 struct Exported {
-  std::size_t full_triangles = 0;  ///< of the map before anything was done to it
+  std::size_t full_triangles = 0;  ///< triangles of the map before cleaning and simplification
   std::size_t triangles = 0, vertices = 0, points = 0;
   std::size_t components_removed = 0, holes_filled = 0;
-  float error = 0;  ///< metres by which simplification moved the surface at most, by its own account
-  std::vector<std::filesystem::path> files;  ///< that were written, the one that was asked for first
+  float error = 0;                           ///< meters; largest surface deviation reported by simplification
+  std::vector<std::filesystem::path> files;  ///< written files, the requested one first
   int parts = 0, textures = 0, charts = 0, tiles = 0;
-  float texel = 0;  ///< metres; the coarsest
+  float texel = 0;  ///< meters; coarsest texel
   std::size_t texels = 0;
-  double textured_share = 0;  ///< of the texels that a keyframe sees; others have the voxels' colour
+  double textured_share = 0;  ///< fraction of texels seen by a keyframe; the rest have voxel colors
   int keyframes = 0;
   std::array<float, 7> colour_camera{0, 0, 0, 0,
-                                     0, 0, 1};  ///< how it was found to differ from the depth camera: rotation
-                                                ///< (rad), translation (metres), focal scale
+                                     0, 0, 1};  ///< estimated offset of the color camera from the depth camera:
+                                                ///< rotation (rad), translation (meters), focal scale
   std::map<std::string, double> stage_ms;       ///< mesh, clean, simplify, charts, exposure, texture, write
 };
 
-/// Programs that learn a scene from images with poses.
+/// Programs that train a scene from posed images.
 enum class ViewsFor {
   nerfstudio,  ///< transforms.json, images/, depths/, points.ply
   colmap       ///< sparse/0/cameras.txt, images.txt and points3D.txt, images/, depths/
@@ -104,20 +106,20 @@ enum class ViewsFor {
 
 struct ViewsOptions {
   ViewsFor program = ViewsFor::nerfstudio;
-  int images = 0;               ///< at most, each the sharpest of its stretch of the keyframes; 0: all keyframes
-  float point_spacing = 0.02f;  ///< metres between the points of the surface, from which the program begins
+  int images = 0;               ///< upper limit, each the sharpest of a run of keyframes; 0: all keyframes
+  float point_spacing = 0.02f;  ///< meters between surface points, the program's initial point cloud
 };
 
 /// Throws std::runtime_error naming the option, its value and the allowed range.
 void check(const ViewsOptions& options);
 
 struct ExportedViews {
-  int images = 0, keyframes = 0;  ///< written, and of the map
+  int images = 0, keyframes = 0;  ///< written images; keyframes of the map
   std::size_t points = 0;
 };
 
-/// Called after each step: about `done` of `count` equal parts of the time are over; `what` is done next. `done` never
-/// falls, and is `count` in the end.
+/// Progress callback after each step: about `done` of `count` equal parts of the time have passed; `what` names the
+/// next step. `done` never decreases and ends at `count`.
 using ExportProgress = std::function<void(int done, int count, const std::string& what)>;
 
 }  // namespace cairn

@@ -7,7 +7,7 @@
 
 namespace cairn {
 
-/// What a file is by its name, whatever the case: ".glb" of X.glb and of X.GLB.
+/// File extension in lower case, with its dot: ".glb" for X.glb and X.GLB.
 [[nodiscard]] inline std::string extension_of(const std::filesystem::path& file) {
   std::string extension = file.extension().string();
   for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));

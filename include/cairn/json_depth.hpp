@@ -6,14 +6,14 @@
 
 namespace cairn {
 
-/// Deepest nesting of JSON from outside: parsers, copies and destructors recurse once for each level.
+/// Maximum nesting of JSON from untrusted files: parsers, copies and destructors recurse once per level.
 constexpr int kDeepestJson = 64;
 
 struct TooDeepJson : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// Throws TooDeepJson for JSON text of more than kDeepestJson nested objects and arrays. Call it before any parser.
+/// Throws TooDeepJson for JSON text with more than kDeepestJson nested objects and arrays. Call it before any parser.
 void check_json_depth(std::string_view text);
 
 }  // namespace cairn

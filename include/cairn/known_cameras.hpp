@@ -8,16 +8,16 @@
 
 namespace cairn {
 
-/// A camera whose intrinsics are published. A name goes wherever a camera.yaml goes (SourceOptions::camera), and is
-/// scaled to images of another size and the same shape.
+/// Camera with published intrinsics. Its name is accepted in place of a camera.yaml (SourceOptions::camera). Intrinsics
+/// are scaled to images of another size with the same aspect ratio.
 struct KnownCamera {
   std::string_view name;  ///< "freiburg1"
-  std::string_view of;    ///< whose it is, for people
-  double depth_scale;     ///< units per metre of its depth images; 0: not told
+  std::string_view of;    ///< device or data set, for messages
+  double depth_scale;     ///< units per meter of its depth images; 0: unknown
   Camera camera;
 };
 [[nodiscard]] std::span<const KnownCamera> known_cameras();
-/// Null where there is none of this name.
+/// Returns null for an unknown name.
 [[nodiscard]] const KnownCamera* known_camera(std::string_view name);
 
 }  // namespace cairn

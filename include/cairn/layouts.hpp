@@ -12,32 +12,31 @@
 
 namespace cairn {
 
-/// Poses that the device which took a recording found meanwhile, by the timestamps that its frames have with `camera`:
-/// an odometry that drifts, no truth (Stray Scanner, the apps that write nerfstudio's layout, RTAB-Map). Empty for
-/// other recordings.
+/// Odometry poses recorded by the device itself, at the timestamps of its frames read with `camera`: poses with drift,
+/// not ground truth (Stray Scanner, apps with nerfstudio's layout, RTAB-Map). Empty for other recordings.
 [[nodiscard]] Trajectory device_poses(const std::filesystem::path& recording, const std::filesystem::path& camera = {});
 
-/// A folder that is being written in a layout.
+/// Writer of a recording folder in a given layout.
 class LayoutWriter {
  public:
   virtual ~LayoutWriter() = default;
-  /// The frame's images; its pose is Frame::world_from_camera, which must be there. Throws std::runtime_error.
+  /// Adds a frame's images and its pose, the required Frame::world_from_camera. Throws std::runtime_error.
   virtual void add(const Frame& frame) = 0;
-  /// What lists the frames: nothing can be read before.
+  /// Writes the list of frames; the folder is not readable before.
   virtual void finish() = 0;
 };
 
-/// Their names.
+/// Names of the layouts.
 inline constexpr std::string_view kLayouts[] = {"tum",        "bonn",    "eth3d",        "seven-scenes",
                                                 "icl-nuim",   "replica", "open3d",       "rtabmap",
                                                 "nerfstudio", "scannet", "stray-scanner"};
 
-/// The only camera that a layout's readers know, with a global shutter; nothing where files tell it.
+/// The fixed camera, with a global shutter, assumed by readers of a layout; nullopt if the layout stores its camera.
 [[nodiscard]] std::optional<Camera> camera_of_layout(std::string_view layout);
 
-/// Begins a recording in an empty folder. `scannet` writes recording.sens there. Throws std::runtime_error for an
-/// unknown layout, and for cameras that the layout cannot tell (a lens, a colour camera of its own, another camera than
-/// camera_of_layout), with what to do.
+/// Starts a recording in an empty folder. `scannet` writes recording.sens there. Throws std::runtime_error, with the
+/// remedy, for an unknown layout and for cameras that the layout cannot represent (a lens, a separate color camera, a
+/// camera other than camera_of_layout).
 [[nodiscard]] std::unique_ptr<LayoutWriter> write_layout(std::string_view layout, const std::filesystem::path& folder,
                                                          const Rig& rig);
 

@@ -14,41 +14,41 @@ class GrowingSurface;
 class Mapper;
 struct MapState;
 
-/// A part of the surface: what lies in one cube of the submap's frame. It replaces what was told of this cube before.
+/// Mesh of one cube of the submap's frame. It replaces the cube's previous mesh.
 struct SurfacePart {
   int submap = 0;
-  Eigen::Vector3i cell = Eigen::Vector3i::Zero();  ///< the cube's number
-  /// In the submap's frame; may be empty. The fourth byte of its colours tells how well a vertex has been seen: 255
-  /// after some eight observations at 1 m (32 at 2 m), less in proportion to the certainty of its place.
+  Eigen::Vector3i cell = Eigen::Vector3i::Zero();  ///< index of the cube
+  /// In the submap's frame; may be empty. The fourth byte of its colors is the confidence of a vertex: 255 after about
+  /// eight observations at 1 m (32 at 2 m), reduced in proportion to the certainty of its position.
   Mesh mesh;
 };
 
-/// What of the surface changed, and where the submaps lie now.
+/// Changed parts of the surface, and the current poses of the submaps.
 struct SurfaceChanges {
   std::vector<SurfacePart> parts;
-  std::vector<Eigen::Isometry3d> world_from_submap;  ///< by submap; loops move them
-  std::optional<double> coverage;  ///< mean of the same, 0..1, over the cubes that the last frame changed
+  std::vector<Eigen::Isometry3d> world_from_submap;  ///< indexed by submap; updated by loop closures
+  std::optional<double> coverage;  ///< mean vertex confidence, 0..1, over the cubes changed by the last frame
 };
 
-/// The surface as it grows, for a viewer that follows it, as any number may. Used by the mapper's thread; it ends with
-/// the mapper and tells nothing afterwards.
+/// Incremental surface of a growing map for a viewer; several may exist at once. Used from the mapper's thread. After
+/// the mapper is destroyed it returns no more changes.
 class LiveSurface {
  public:
-  /// Begins to follow the mapper's surface, with all that it has on the device.
+  /// Starts with the entire surface on the device.
   explicit LiveSurface(Mapper& mapper);
   ~LiveSurface();
   LiveSurface(const LiveSurface&) = delete;
   LiveSurface& operator=(const LiveSurface&) = delete;
 
-  /// Parts that changed since they were asked for, new ones first, as many as `max_bricks` cubes of 8 voxels hold;
-  /// well-known places come rarely. `all`: also those. Submaps lie as rigid bodies; Map::mesh bends them. When the
-  /// surface cannot be made, as without memory, nothing comes any more, and a warning of the mapper tells why.
+  /// Parts changed since the previous call, new parts first, up to `max_bricks` cubes of 8 voxels; well-observed parts
+  /// are updated less often, unless `all` is set. Submaps are placed as rigid bodies; Map::mesh deforms them. If
+  /// surface extraction fails, for example without memory, updates stop and a warning of the mapper gives the reason.
   [[nodiscard]] SurfaceChanges changes(int max_bricks = 1000, bool all = false);
 
  private:
-  std::weak_ptr<MapState> state_;      ///< gone with the mapper
-  GrowingSurface* surface_ = nullptr;  ///< of `state_`
-  bool is_made_ = true;                ///< it could be so far
+  std::weak_ptr<MapState> state_;      ///< expires with the mapper
+  GrowingSurface* surface_ = nullptr;  ///< owned by `state_`
+  bool is_made_ = true;                ///< false: surface extraction has failed
 };
 
 }  // namespace cairn

@@ -17,67 +17,69 @@
 
 namespace cairn {
 
-/// What comes out: the surface, the grids, distances, files.
+/// The map: access to surface, grids, distance field and file export.
 ///
 ///   cairn::Map map = cairn::Map::open("out/desk");
 ///   map.export_mesh("desk.glb", {.texture = {.enabled = true}});
 ///
-/// A mapper's map (Mapper::map) is always as of its last frame, and is used by the mapper's thread.
+/// A Map from Mapper::map is a view of the mapper's current state; use it from the mapper's thread.
 class Map {
  public:
-  /// The map in a folder that `cairn reconstruct`, `live` or `merge` has made: the one of its session, as that was last
-  /// written; where there is none, and for a .vdb file, the grids alone, which have neither keyframes nor a trajectory.
-  /// Nothing in the folder changes, and a mapper that writes there is not disturbed. `device`: as list_devices numbers
-  /// them; -1 chooses. Throws std::runtime_error with what is missing or damaged and what to do.
+  /// Opens the map in a folder made by `cairn reconstruct`, `live` or `merge`: its session, as of the last checkpoint.
+  /// Without a session, and for a .vdb file, it has the grids only, without keyframes or trajectory. Does not modify
+  /// the folder or disturb a mapper writing there. `device`: index of list_devices; -1 chooses. Throws
+  /// std::runtime_error with the missing or damaged file and the remedy.
   [[nodiscard]] static Map open(const std::filesystem::path& folder, int device = -1);
 
-  /// The surface as it is in the volume (marching cubes: Lorensen & Cline 1987), world frame, metres, with normals and
-  /// colours; of an adjusted map also with how surely it is known.
+  /// Surface of the volume (marching cubes: Lorensen & Cline 1987), world frame, meters, with normals and colors; for
+  /// an adjusted map also with the standard deviation of each vertex.
   [[nodiscard]] Mesh mesh();
-  /// All voxels that were observed, as numbers.
+  /// All observed voxels, as plain arrays.
   [[nodiscard]] Voxels voxels();
-  /// The distance field of the whole map, made anew from its surface. Around each pose of `visited` what is nearer than
-  /// EsdfOptions::robot_radius is free, beside what the map knows to be. Throws std::runtime_error when the voxel size
-  /// is not 1, 2, 4 or 8 voxels of the TSDF.
+  /// Distance field of the entire map, recomputed from its surface. Around each pose of `visited`, points within
+  /// EsdfOptions::robot_radius are free, in addition to the map's free space. Throws std::runtime_error if the voxel
+  /// size is not 1, 2, 4 or 8 voxels of the TSDF.
   [[nodiscard]] std::shared_ptr<const DistanceField> distances(const EsdfOptions& options,
                                                                const Trajectory& visited = {});
-  [[nodiscard]] std::shared_ptr<const DistanceField> distances();  ///< with the mapper's own options
-  /// Writes the surface: clean, simplified, textured and packed as asked for; by the extension .glb, .gltf, .ply, .obj,
-  /// .stl, or a tileset.json (3D Tiles 1.1) with its tiles in a folder beside it. It works cell by cell. Each file
-  /// whole or not at all, the one that was asked for last. Throws std::runtime_error with what is wrong and what to do.
+  [[nodiscard]] std::shared_ptr<const DistanceField> distances();  ///< uses the mapper's options
+  /// Writes the surface: cleaned, simplified, textured and compressed as requested. The extension selects the format:
+  /// .glb, .gltf, .ply, .obj, .stl, or a tileset.json (3D Tiles 1.1) with its tiles in a folder beside it. Works cell
+  /// by cell. Writes each file atomically, the requested file last. Throws std::runtime_error with the cause and the
+  /// remedy.
   Exported export_mesh(const std::filesystem::path& file, const ExportOptions& options = {},
                        const ExportProgress& progress = {});
-  /// Writes images with poses and depth, and points of the surface, into a new folder: keyframes as the colour camera
-  /// saw them, in its full size, without its lens. Whole or not at all. Throws std::runtime_error for a map without
-  /// keyframes or colour, and for a folder that holds something.
+  /// Writes posed images with depth, and points of the surface, into a new folder: keyframes in the view and full size
+  /// of the color camera, undistorted. Atomic. Throws std::runtime_error for a map without keyframes or color, and for
+  /// a folder that is not empty.
   ExportedViews export_views(const std::filesystem::path& folder, const ViewsOptions& options = {},
                              const ExportProgress& progress = {});
-  /// Writes a floor plan to scale, by the extension: .pdf with a page for each storey, or .svg, of which several
-  /// storeys get a file each: X-1.svg, X-2.svg, the lowest first. It works part by part. Each file whole or not at all.
-  /// Throws std::runtime_error where it is not known which way is up, where no floor was seen, or nothing is cut.
+  /// Writes a floor plan to scale. The extension selects the format: .pdf with a page per storey, or .svg, with one
+  /// file per storey if there are several: X-1.svg, X-2.svg, lowest first. Works part by part. Writes each file
+  /// atomically. Throws std::runtime_error if the gravity direction is unknown, no floor was observed, or the cut is
+  /// empty.
   ExportedPlan export_plan(const std::filesystem::path& file, const PlanOptions& options = {},
                            const ExportProgress& progress = {});
   /// Writes the grids `tsdf`, `weight`, `colour`, `colour_weight`, `observed` and `free`, with EsdfOptions::live also
-  /// `esdf`, and of an adjusted map `sigma`, to a .vdb file, whole or not at all. `axes`: of their transforms;
+  /// `esdf`, and for an adjusted map `sigma`, to a .vdb file atomically. `axes`: target axes of the grids' transforms;
   /// automatic: the world's.
   void write_grids(const std::filesystem::path& file, Axes axes = Axes::automatic);
-  /// Writes the keyframes' pose graph by the extension: .g2o, or .svg, a picture of it. Whole or not at all.
+  /// Writes the pose graph of the keyframes as .g2o, or a drawing of it as .svg. Atomic.
   void write_graph(const std::filesystem::path& file) const;
 
-  /// Which way up it stands, see Mapper::upright; of a .vdb file as that says.
+  /// Gravity alignment, see Mapper::upright; for a .vdb file as stored in it.
   [[nodiscard]] Upright upright() const;
-  /// Turns all that is asked of the map or written from here on, as Options::up does. Throws std::runtime_error where
-  /// a .vdb file alone does not tell what `up` asks for.
+  /// Rotates all later output of this map, as Options::up does. Throws std::runtime_error if `up` needs data absent
+  /// from a .vdb file.
   void stand_up(Up up);
-  /// Recordings that the map is made of, at least one.
+  /// Number of recordings in the map, at least one.
   [[nodiscard]] int recordings() const;
-  /// As Mapper::trajectory.
+  /// Same as Mapper::trajectory.
   [[nodiscard]] Trajectory trajectory(int recording = -1) const;
   [[nodiscard]] Statistics statistics() const;
 
   class Contents;
-  explicit Map(std::shared_ptr<Contents> contents);                ///< for the library's own use
-  [[nodiscard]] Contents& contents() const { return *contents_; }  ///< for the library's own use
+  explicit Map(std::shared_ptr<Contents> contents);                ///< for internal use
+  [[nodiscard]] Contents& contents() const { return *contents_; }  ///< for internal use
 
  private:
   std::shared_ptr<Contents> contents_;

@@ -5,8 +5,8 @@
 
 namespace cairn {
 
-/// What Map::export_mesh throws where a texture was asked for and the map has no keyframes or these have no colour: the
-/// same without TextureOptions::enabled gives the voxels' colours.
+/// Error thrown by Map::export_mesh if a texture was requested but the map has no keyframes, or keyframes without
+/// color. Without TextureOptions::enabled, the export uses voxel colors.
 struct NoTexture : std::runtime_error {
   using std::runtime_error::runtime_error;
 };

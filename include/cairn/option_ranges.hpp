@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The values that options may have, for programs that check them where they are typed.
+// Allowed ranges of options, for programs that validate user input.
 #pragma once
 #include <string_view>
 
@@ -8,10 +8,10 @@
 
 namespace cairn {
 
-/// Of Options, by the name in the YAML file: `fuse.voxel_size`. Throws std::logic_error for another name.
+/// Range of a member of Options, by its YAML name: `fuse.voxel_size`. Throws std::logic_error for an unknown name.
 [[nodiscard]] AllowedRange range_of(std::string_view option);
-/// Of the options of an export, a plan or a change, by their names in C++: `CleanOptions::min_piece`. Throws
-/// std::logic_error for another name.
+/// Range of an export, plan or change option, by its C++ name: `CleanOptions::min_piece`. Throws std::logic_error for
+/// an unknown name.
 [[nodiscard]] AllowedRange export_range_of(std::string_view option);
 
 }  // namespace cairn
