@@ -52,7 +52,7 @@ class Mapper {
   void settle();
   /// Aligns covisible keyframes with each other and corrects the poses; the map follows by moving the submaps.
   /// `goes_on` receives the completed fraction and returns false to cancel. If cancelled or failed, the poses stay
-  /// unchanged; a failure also adds a warning.
+  /// unchanged and a warning gives the reason.
   Refined refine(const std::function<bool(double)>& goes_on = {});
   /// Bundle adjustment (after Schöps, Sattler & Pollefeys 2019): optimizes all keyframe poses jointly for depth and
   /// brightness consistency, with the color camera's clock, the readout time of the shutters and the depth correction;

@@ -29,7 +29,7 @@ struct TrackOptions {
   float max_angle = 0.5236f;       ///< radians between matched normals
   bool photometric = true;         ///< also align brightness if color is available
   float huber = 1.5f;              ///< in standard deviations of the depth noise (Huber 1964)
-  float min_inlier_share = 0.25f;  ///< inliers among the pixels that see the model; fewer: lost
+  float min_inlier_share = 0.25f;  ///< fraction of inliers among the pixels that see the model; fewer: lost
   float max_rmse = 4.0f;           ///< in standard deviations of the depth noise; more: lost
 };
 
@@ -44,8 +44,8 @@ struct FuseOptions {
 struct MapOptions {
   float submap_radius = 3.0f;     ///< meters from a submap's first camera position; a camera farther away ends the
                                   ///< submap
-  int submap_bricks = 65536;      ///< maximum bricks of a submap
-  int submap_keyframes = 200;     ///< maximum keyframes of a submap: limits the drift inside it
+  int submap_bricks = 65536;      ///< number of bricks that ends a submap
+  int submap_keyframes = 200;     ///< number of keyframes that ends a submap: limits the drift inside it
   bool loops = true;              ///< detect loop closures and correct the map
   int lost_frames = 45;           ///< consecutive lost frames before a new component starts
   std::uint64_t host_memory = 0;  ///< bytes for ended submaps, the rest is paged to disk; 0: 16 MiB

@@ -7,8 +7,8 @@
 
 namespace cairn {
 
-/// Writes a PNG, whole or not at all. `rgb`: bytes R, G, B by pixel, rows from the top. Throws std::runtime_error where
-/// it cannot be written.
+/// Writes a PNG atomically. `rgb`: bytes R, G, B per pixel, row-major from the top. Throws std::runtime_error if the
+/// file cannot be written.
 void write_png(const std::filesystem::path& file, int width, int height, std::span<const std::uint8_t> rgb);
 
 }  // namespace cairn

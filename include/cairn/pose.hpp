@@ -6,15 +6,15 @@
 namespace cairn {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
-using Vector6d = Eigen::Matrix<double, 6, 1>;  ///< (rotation, translation): radians, metres
+using Vector6d = Eigen::Matrix<double, 6, 1>;  ///< (rotation, translation): radians, meters
 
-/// Rotation about the vector's first half by its length, and translation by the second half.
+/// Rigid transform of a vector: rotation about the first half by its norm, translation by the second half.
 [[nodiscard]] Eigen::Isometry3d retract(const Vector6d& x);
 
-/// The other way round, for rotations of less than half a turn.
+/// Inverse of retract, for rotations below 180 degrees.
 [[nodiscard]] Vector6d local_coordinates(const Eigen::Isometry3d& t);
 
-/// How a small motion given in frame b reads in frame a.
+/// Transforms a small motion from frame b to frame a.
 [[nodiscard]] Matrix6d adjoint(const Eigen::Isometry3d& a_from_b);
 
 }  // namespace cairn

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A check of camera poses against the depth images that they are for.
+// Consistency check of given camera poses against the depth images.
 #pragma once
 #include <string>
 #include <string_view>
@@ -12,27 +12,27 @@
 
 namespace cairn {
 
-/// Depth images of a few stretches of a recording, about ten a second, for check_poses.
+/// Depth images from a few sections of a recording, about ten per second, for check_poses.
 [[nodiscard]] std::vector<Frame> sampled_frames(Source& source);
 
-/// What depth says of poses. Shares are of the points of one depth image that another one, a little later, shows where
-/// the poses say.
+/// Result of check_poses. Fractions count points of one depth image confirmed by a slightly later one at the predicted
+/// position.
 struct PoseCheck {
-  int pairs = 0;          ///< of depth images, between which the camera moved; 0: nothing can be said
-  double as_given = 0;    ///< share, 0 to 1
-  double motionless = 0;  ///< share, had the camera not moved
-  double explained = 0;   ///< share with `likely`
+  int pairs = 0;          ///< pairs of depth images with camera motion between them; 0: no conclusion
+  double as_given = 0;    ///< fraction, 0 to 1
+  double motionless = 0;  ///< fraction for a static camera
+  double explained = 0;   ///< fraction with `likely`
   bool contradicts = false;
-  PoseConvention likely;   ///< explains most; the default where nothing does
-  bool is_likely = false;  ///< `likely` explains what the poses as given do not
-  bool is_only = false;    ///< and no other convention comes near
+  PoseConvention likely;   ///< convention with the highest fraction; the default if all fail
+  bool is_likely = false;  ///< `likely` fits, the given poses do not
+  bool is_only = false;    ///< and no other convention fits nearly as well
 };
 
-/// Compares depth images with each other through poses, as given and in every convention that PoseConvention has.
-/// `frames`: with increasing timestamps.
+/// Compares depth images pairwise under the given poses, and under every convention of PoseConvention. `frames`: with
+/// increasing timestamps.
 [[nodiscard]] PoseCheck check_poses(const Rig& rig, const std::vector<Frame>& frames, const Trajectory& poses);
 
-/// One line: what was seen and what to do; empty where the poses are not contradicted. `option`: which gave the poses.
+/// One line with the finding and the remedy; empty if the poses are not contradicted. `option`: source of the poses.
 [[nodiscard]] std::string text_of(const PoseCheck& check, std::string_view option = "--poses");
 
 }  // namespace cairn

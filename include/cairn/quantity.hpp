@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Numbers as people write them, with a unit or without one.
+// Numbers in user input, with or without a unit.
 #pragma once
 #include <limits>
 #include <optional>
@@ -9,29 +9,29 @@
 
 namespace cairn {
 
-/// The unit of a number that is written without one, which parse_quantity gives numbers in.
+/// Default unit of a number written without one, and the unit of parse_quantity's result.
 enum class Unit { none, share, metres, square_metres, seconds, radians, hertz, pixels, bytes, mebibytes };
 
-/// The number of `0.02`, `2cm`, `20 mm`, `500ms`, `2GiB`, `50%`: exact, as decimal numbers are. Nothing for what is no
-/// number, is not finite, is too large for a double, or has another kind of unit.
+/// Parses `0.02`, `2cm`, `20 mm`, `500ms`, `2GiB`, `50%` with exact decimal conversion. Returns nullopt for text that
+/// is not a finite number, is too large for a double, or has a unit of another kind.
 [[nodiscard]] std::optional<double> parse_quantity(std::string_view text, Unit unit = Unit::none);
-/// The same without a fraction and a unit.
+/// Parses an integer without a unit.
 [[nodiscard]] std::optional<long long> parse_whole(std::string_view text);
 
-/// The values that an option may have.
+/// Allowed range of an option.
 struct AllowedRange {
   double least = -std::numeric_limits<double>::infinity(), most = std::numeric_limits<double>::infinity();
-  bool is_open = false;  ///< `least` itself is not allowed
+  bool is_open = false;  ///< true: `least` itself is not allowed
 
-  /// False for what is not finite.
+  /// False for values that are not finite.
   [[nodiscard]] bool has(double value) const;
-  /// By the bounds as the type rounds them: 0.2f is 0.2.
+  /// Compares with the bounds rounded to float: 0.2f is 0.2.
   [[nodiscard]] bool has(float value) const;
 };
 
 /// "0.002 to 0.2 m", "more than 0", "0 s or more".
 [[nodiscard]] std::string words_of(const AllowedRange& range, Unit unit = Unit::none);
-/// How the unit can be written: "for example 0.02, 2cm or 20mm"; empty without one.
+/// Examples of the unit's notation: "for example 0.02, 2cm or 20mm"; empty for Unit::none.
 [[nodiscard]] std::string examples_of(Unit unit);
 
 }  // namespace cairn

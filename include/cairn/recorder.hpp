@@ -11,14 +11,14 @@
 
 namespace cairn {
 
-/// Units per metre of depth images in the TUM benchmark.
+/// Units per meter of depth images in the TUM benchmark.
 inline constexpr double kTumDepthScale = 5000;
 
-/// Units per metre in which depth images give a frame's depth back exactly, as they do where it came from images of
-/// such units (millimetres first); kTumDepthScale where there are none.
+/// Units per meter of a depth image that reproduces the frame's depth exactly, if it came from images in such units
+/// (millimeters are tried first); else kTumDepthScale.
 [[nodiscard]] double exact_depth_scale(const Frame& frame);
 
-/// The images of a frame as the files that hold them.
+/// Images of a frame, encoded as file contents.
 struct EncodedFrame {
   double timestamp = 0, colour_delay = 0;  ///< seconds
   std::vector<std::uint8_t> depth;         ///< PNG, 16 bit
@@ -29,21 +29,22 @@ struct EncodedFrame {
   std::vector<AngularRate> gyro;
 };
 
-/// Any thread. Depth of more than 65535 units (13.1 m as in TUM's) does not fit and becomes "no measurement".
+/// Encodes a frame. Safe to call from any thread. Depth above 65535 units (13.1 m at TUM's scale) becomes "no
+/// measurement".
 [[nodiscard]] EncodedFrame encode(const Frame& frame, const Rig& rig, bool colour_as_png = false,
                                   double depth_scale = kTumDepthScale);
 
-/// Writes a recording in TUM's layout as it is taken: images, camera.yaml and the lists rgb.txt, depth.txt,
-/// accelerometer.txt and gyroscope.txt. An image is whole before a list names it, so what is there can be read whenever
-/// the program ends.
+/// Writes a recording in TUM's layout while it is captured: images, camera.yaml and the lists rgb.txt, depth.txt,
+/// accelerometer.txt and gyroscope.txt. An image is complete before a list names it, so the recording is readable
+/// whenever the program ends.
 class Recorder {
  public:
-  /// `depth_scale`: units per metre with which the frames are encoded. Throws std::runtime_error when the folder cannot
-  /// be made or holds something.
+  /// `depth_scale`: units per meter of the encoded frames. Throws std::runtime_error if the folder cannot be created or
+  /// is not empty.
   Recorder(std::filesystem::path folder, const Rig& rig, double depth_scale = kTumDepthScale);
-  /// Throws std::runtime_error when the disk is full; the recording is as it was before then.
+  /// Adds a frame. Throws std::runtime_error if the disk is full; the recording then stays as before the call.
   void add(const EncodedFrame& frame);
-  [[nodiscard]] std::uint64_t bytes() const { return bytes_; }  ///< written
+  [[nodiscard]] std::uint64_t bytes() const { return bytes_; }  ///< bytes written so far
 
  private:
   void append(const char* list, const std::string& line);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What a Mapper tells about frames, loops and itself.
+// Reports of a Mapper about frames, loop closures and itself.
 #pragma once
 #include <Eigen/Geometry>
 #include <cstdint>
@@ -17,111 +17,110 @@
 
 namespace cairn {
 
-/// What became of a frame.
+/// Outcome of a frame.
 enum class FrameState {
-  fused,    ///< has a pose and is part of the map
-  lost,     ///< no trustworthy pose: not fused
-  skipped,  ///< could not be used at all
-  held_out  ///< has a pose and is no part of the map: Frame::held_out
+  fused,    ///< has a pose and was integrated into the map
+  lost,     ///< no reliable pose: not integrated
+  skipped,  ///< unusable frame
+  held_out  ///< has a pose, not integrated: Frame::held_out
 };
 
 /// `fused`, `lost`, `skipped` or `held_out`.
 [[nodiscard]] std::string_view name_of(FrameState state);
 
-/// Why a frame is not part of the map, or is so in another way than usual.
+/// Reason for a frame that was not integrated, or only partly.
 enum class FrameCause {
   none,
   // skipped
   unreadable,      ///< Frame::problem
-  wrong_size,      ///< the depth image is not of the camera's size
-  bad_depth,       ///< negative, or no number
+  wrong_size,      ///< depth image size differs from the camera's
+  bad_depth,       ///< negative, or not a number
   constant_depth,  ///< every depth is the same
-  bad_timestamp,   ///< no number
+  bad_timestamp,   ///< not a number
   timestamp_goes_back,
-  stuck,             ///< the depth image repeats
-  too_little_depth,  ///< to begin the map with
-  no_pose,           ///< Poses::given, and none for this time
-  bad_pose,          ///< Poses::given: no rotation and translation
+  stuck,             ///< repeated depth image
+  too_little_depth,  ///< too few measurements to initialize the map
+  no_pose,           ///< Poses::given, without a pose for this time
+  bad_pose,          ///< Poses::given: not a rigid transform
   far_pose,          ///< Poses::given: too far from the origin for single precision
   // lost
-  little_depth,     ///< for an alignment
-  out_of_view,      ///< too little of the frame sees the map
+  little_depth,     ///< too few measurements for an alignment
+  out_of_view,      ///< too little overlap with the map
   too_few_inliers,  ///< TrackOptions::min_inlier_share
   large_residuals,  ///< TrackOptions::max_rmse
-  too_fast,         ///< no hand moves like that
-  poor_fit,         ///< the frame fits the map badly from every guess
-  not_relocalised,  ///< not found again yet
+  too_fast,         ///< exceeds the speed limits
+  poor_fit,         ///< bad fit to the map from every initial guess
+  not_relocalised,  ///< not relocalized yet
   // fused
-  new_component,  ///< not found again: begins a part of the map of its own
-  partly_used     ///< without its colour image or acceleration
+  new_component,  ///< not relocalized: starts a new component
+  partly_used     ///< without its color image or acceleration
 };
 
-/// A cause in words, as FrameReport::reason begins.
+/// Text of a cause, the start of FrameReport::reason.
 [[nodiscard]] std::string_view text_of(FrameCause cause);
 
-/// How well a frame's surface fits the map where it was aligned.
+/// Quality of a frame's alignment with the map.
 struct AlignmentFit {
-  double inlier_share = 0.0;       ///< of the points that see the map, those that fit
-  double overlap = 0.0;            ///< share of the frame's points that see the map
-  double rmse = 0.0;               ///< of the inliers, standard deviations of the depth noise
-  double photometric_share = 0.0;  ///< of the points with brightness in both images; 0: no colour was used
+  double inlier_share = 0.0;       ///< inliers among the points that see the map
+  double overlap = 0.0;            ///< fraction of the frame's points that see the map
+  double rmse = 0.0;               ///< of the inliers, in standard deviations of the depth noise
+  double photometric_share = 0.0;  ///< fraction of points with brightness in both images; 0: no color used
   double photometric_rmse = 0.0;   ///< brightness in 0..1
-  int degenerate_directions = 0;   ///< of the pose, of 6, that the surface does not determine
-  int unobserved = 0;              ///< directions, of 6, that were left as the motion before says
+  int degenerate_directions = 0;   ///< directions of the pose, of 6, not determined by the surface
+  int unobserved = 0;              ///< directions, of 6, set by the motion prediction
   int iterations = 0;              ///< over all levels
 };
 
-/// What became of one frame, and how well it fits the map.
+/// Result of one frame: outcome, pose and quality.
 struct FrameReport {
   int index = 0;                           ///< Frame::index
   double timestamp = 0.0;                  ///< seconds
-  FrameState state = FrameState::skipped;  ///< what became of it
-  FrameCause cause = FrameCause::none;     ///< why
-  std::string reason;                      ///< the same in words, with what was found
-  AlignmentFit fit;                        ///< all 0 where nothing was aligned
-  /// Where the depth camera was, of a frame that was fused or held out: in the frame in which the camera is tracked,
-  /// which is the world's before loops correct the map and before it is turned upright; with Poses::given the pose that
-  /// was given.
+  FrameState state = FrameState::skipped;  ///< outcome of the frame
+  FrameCause cause = FrameCause::none;     ///< reason for the outcome
+  std::string reason;                      ///< text of the cause, with the measured value
+  AlignmentFit fit;                        ///< all 0 without an alignment
+  /// Pose of the depth camera for a fused or held-out frame, in the tracking frame (the world frame before loop
+  /// corrections and gravity alignment); with Poses::given the given pose.
   std::optional<Eigen::Isometry3d> tracked_from_camera;
-  /// How sure that pose is beside the map: of (rotation, translation) in the camera's frame, rad^2 and m^2, by the last
-  /// iteration's normal equations, scaled by its residuals, as the pose graph believes it. It says nothing of how far
-  /// the map itself has drifted. What neither surface nor brightness determines has a deviation of about 1 rad or 1 m;
-  /// but without colour the noise of normals passes for structure as long as the map is young (a bare wall is then
-  /// sure to some millimetres along itself, and should not be). None where nothing was aligned: the first frame of a
+  /// Covariance of this pose relative to the map, for (rotation, translation) in the camera's frame, rad^2 and m^2:
+  /// from the normal equations of the last iteration, scaled by the residuals, as used in the pose graph. It excludes
+  /// the drift of the map. Directions determined by neither surface nor brightness have a standard deviation of about 1
+  /// rad or 1 m; but without color, the noise of normals is mistaken for structure while the map is young (along a bare
+  /// wall the result is then a few millimeters, which is too small). Empty without an alignment: the first frame of a
   /// map or of a component, and given poses.
   std::optional<Matrix6d> covariance;
-  double moving = 0.0;                     ///< share of the image that was left out since it moves
-  std::string guess;                       ///< where the alignment started: motion, still, features, relocalised
-  int touched_bricks = 0;                  ///< that were fused into
-  int new_bricks = 0;                      ///< of these
+  double moving = 0.0;                     ///< fraction of the image excluded as moving
+  std::string guess;                       ///< initial guess of the alignment: motion, still, features, relocalised
+  int touched_bricks = 0;                  ///< bricks that received measurements
+  int new_bricks = 0;                      ///< subset of touched_bricks that were new
   std::map<std::string, double> stage_ms;  ///< preprocess, raycast, track, fuse, keyframe, esdf, esdf to host
 };
 
-/// What Mapper::refine did.
+/// Result of Mapper::refine.
 struct Refined {
   int keyframes = 0;
-  int pairs_tried = 0;     ///< of keyframes that see the same
-  int pairs_aligned = 0;   ///< of these
-  int pairs_inlier = 0;    ///< of these, those that the pose graph keeps
-  double cost_before = 0;  ///< half the sum of squared errors of the pose graph in units of their noise
-  double cost = 0;         ///< the same afterwards
+  int pairs_tried = 0;     ///< covisible keyframe pairs
+  int pairs_aligned = 0;   ///< tried pairs aligned successfully
+  int pairs_inlier = 0;    ///< aligned pairs kept by the pose graph
+  double cost_before = 0;  ///< half the sum of squared normalized errors of the pose graph
+  double cost = 0;         ///< the same after refinement
 };
 
-/// What Mapper::adjust did.
+/// Result of Mapper::adjust.
 struct Adjusted {
-  int keyframes = 0;           ///< that were moved
-  int surfels = 0;             ///< the surface that they see
-  int observations = 0;        ///< of it
-  double clock_offset = 0;     ///< seconds that the colour camera's clock is ahead of the depth camera's
-  double readout = 0;          ///< seconds from the first row to the last, beside what the rig says of its shutters
-  double readout_sigma = 0;    ///< standard deviation of that
-  double predicts_better = 0;  ///< share of what surfels that were held out are off, that the readout takes away
-  bool has_readout = false;    ///< that confirms it
-  /// What the depth camera errs by, beside what the rig says of it; empty where held-out surfels do not confirm it.
+  int keyframes = 0;           ///< adjusted keyframes
+  int surfels = 0;             ///< surfels of the observed surface
+  int observations = 0;        ///< observations of the surfels
+  double clock_offset = 0;     ///< seconds by which the color camera's clock is ahead of the depth camera's
+  double readout = 0;          ///< seconds from the first row to the last, added to the rig's readout
+  double readout_sigma = 0;    ///< standard deviation of the readout
+  double predicts_better = 0;  ///< relative reduction of held-out surfel errors by the readout
+  bool has_readout = false;    ///< the readout is confirmed by held-out surfels
+  /// Correction of depth in addition to the rig's; empty if held-out surfels do not confirm it.
   DepthCorrection correction;
-  double corrected_predicts_better = 0;  ///< the same share, that the correction takes away
-  /// How surely each keyframe that was moved lies where it is, seen from the first: of `pose * retract(error)`,
-  /// radians, then metres. Empty where nothing was adjusted.
+  double corrected_predicts_better = 0;  ///< relative reduction of held-out surfel errors by the correction
+  /// Covariance of an adjusted keyframe's pose relative to the first one, for `pose * retract(error)`, in radians and
+  /// meters. Empty if nothing was adjusted.
   struct KeyframeCovariance {
     double timestamp = 0;  ///< seconds
     Matrix6d covariance = Matrix6d::Zero();
@@ -129,38 +128,38 @@ struct Adjusted {
   std::vector<KeyframeCovariance> covariances;
 };
 
-/// Two keyframes that were recognised as views of the same place.
+/// Loop closure between two keyframes.
 struct FoundLoop {
   double from = 0;                                             ///< timestamp of keyframe i, seconds
   double to = 0;                                               ///< timestamp of keyframe j, seconds
   Eigen::Isometry3d i_from_j = Eigen::Isometry3d::Identity();  ///< measured
-  int corners = 0;                                             ///< that agreed
-  double inlier_share = 0;                                     ///< of the dense alignment, as in FrameReport
-  double rmse = 0;                                             ///< of the dense alignment, as in FrameReport
-  bool inlier = true;                                          ///< the pose graph keeps it
+  int corners = 0;                                             ///< number of feature inliers
+  double inlier_share = 0;                                     ///< from the dense alignment, as in FrameReport
+  double rmse = 0;                                             ///< from the dense alignment, as in FrameReport
+  bool inlier = true;                                          ///< kept by the pose graph
 };
 
-/// How large a map is, what it cost, and what was learned of the camera.
+/// Size and cost of a map, and estimates about the camera.
 struct Statistics {
   std::string device;                          ///< its name
   std::uint64_t device_memory_peak = 0;        ///< bytes
-  std::uint64_t device_waits = 0;              ///< of the host for the device
+  std::uint64_t device_waits = 0;              ///< waits of the host for the device
   std::uint64_t uploaded = 0, downloaded = 0;  ///< bytes to the device, and back
-  std::uint64_t bricks = 0;                    ///< of 8x8x8 voxels, that were allocated
-  std::uint64_t paged_out = 0, paged_in = 0;   ///< bricks that went to the host, and back
+  std::uint64_t bricks = 0;                    ///< allocated bricks of 8x8x8 voxels
+  std::uint64_t paged_out = 0, paged_in = 0;   ///< bricks moved to the host, and back
   int keyframes = 0;
-  int submaps = 0;                                        ///< that ended
-  int components = 0;                                     ///< parts of the map that nothing joins
-  int looked_up = 0;                                      ///< keyframes looked for among earlier ones
-  int loops_tried = 0;                                    ///< pairs that were aligned
-  double graph_ms = 0;                                    ///< the longest optimisation
-  double world_ms = 0;                                    ///< the longest update of the world's volume
+  int submaps = 0;                                        ///< ended submaps
+  int components = 0;                                     ///< components of the map
+  int looked_up = 0;                                      ///< keyframes searched for in the keyframe database
+  int loops_tried = 0;                                    ///< keyframe pairs aligned
+  double graph_ms = 0;                                    ///< longest pose graph optimization
+  double world_ms = 0;                                    ///< longest update of the global volume
   std::uint64_t submap_memory_peak = 0;                   ///< bytes on the host
   std::uint64_t submaps_read_back = 0;                    ///< from the disk
-  double clock_offset = 0;                                ///< seconds that the colour camera's clock is ahead
-  FocalEvidence focal;                                    ///< whether the images fit another focal length better
+  double clock_offset = 0;                                ///< seconds by which the color camera's clock is ahead
+  FocalEvidence focal;                                    ///< evidence for another focal length
   std::map<std::string, std::pair<int, double>> kernels;  ///< calls and total milliseconds on the device, by kernel
-  /// Of an adjusted map's surface, metres: the median, and what 95 % lie below, see SurfaceSigma. 0: not known.
+  /// Standard deviation of an adjusted map's surface, meters: median and 95th percentile, see SurfaceSigma. 0: unknown.
   float sigma_median = 0, sigma_95 = 0;
 };
 

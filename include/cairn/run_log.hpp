@@ -12,31 +12,31 @@
 
 namespace cairn {
 
-/// Logs a run in an MCAP file by Foxglove's schemas, with which Foxglove and Rerun replay it in the recording's time:
-/// poses, images, the surface as it grows, what happened. docs/formats.md has the topics. It encodes, packs and writes
-/// in a thread of its own. The mapper's thread.
+/// Logs a run to an MCAP file with Foxglove's schemas, for playback in Foxglove and Rerun in the recording's time:
+/// poses, images, the growing surface and events. docs/formats.md lists the topics. Encodes, compresses and writes in
+/// its own thread. Use from the mapper's thread.
 class RunLog {
  public:
-  /// Throws std::runtime_error for a file whose name does not end in .mcap, that exists, or that cannot be written.
-  /// `replace`: the log of an earlier run is replaced, any other file still is an error.
+  /// Throws std::runtime_error for a file name without .mcap, an existing file, or a file that cannot be written.
+  /// `replace`: overwrites the log of an earlier run; any other existing file remains an error.
   explicit RunLog(const std::filesystem::path& file, bool replace = false);
   /// Ends the file as finish() does.
   ~RunLog();
   RunLog(const RunLog&) = delete;
   RunLog& operator=(const RunLog&) = delete;
 
-  /// A new map, which must live until the next one or the end; what was shown of another one goes.
+  /// Starts a new map, which must live until the next start or the end; clears the data shown for the previous map.
   void begin(Mapper& mapper, const Rig& rig);
-  /// After each frame.
+  /// Logs a frame. Call after each frame.
   void add(const Frame& frame, const FrameReport& report);
   void warn(std::string_view text);
-  /// The last frame has come: logs what of the surface is not logged yet. Settles the mapper.
+  /// Logs the rest of the surface. Call after the last frame. Calls Mapper::settle.
   void finishing();
-  /// Logs how the map stands now that it is written, and ends the file.
+  /// Logs the final state of the written map, and ends the file.
   void finish(const Verdict& verdict);
 
-  /// Why nothing is logged any more, in one line, once the file could not be written or its disk is nearly full. What
-  /// was logged before stays.
+  /// Reason why logging stopped, in one line: the file could not be written or its disk is nearly full. Earlier data
+  /// remain in the file.
   [[nodiscard]] std::optional<std::string> problem() const;
 
  private:

@@ -12,8 +12,8 @@
 
 namespace cairn {
 
-/// A scene whose surface is known exactly: a union of boxes, spheres, cylinders and the walls of a room. World frame:
-/// metres, y down; the path starts near the origin.
+/// Synthetic scene with an exact surface: a union of boxes, spheres, cylinders and the walls of a room. World frame:
+/// meters, y down; the camera path starts near the origin.
 struct Scene {
   enum class Shape { box, sphere, cylinder, hollow };
   enum class Pattern { plain, checker, wood, tiles, patches };
@@ -21,48 +21,47 @@ struct Scene {
     Shape shape = Shape::box;
     Eigen::Vector3f centre = Eigen::Vector3f::Zero();
     Eigen::Vector3f half_size = Eigen::Vector3f::Ones();
-    float yaw = 0;  ///< radians about the vertical
+    float yaw = 0;  ///< radians about the vertical axis
     Pattern pattern = Pattern::plain;
-    float scale = 0.1f;  ///< metres, of the pattern
+    float scale = 0.1f;  ///< meters, size of the pattern
     Eigen::Vector3f colour = Eigen::Vector3f::Constant(0.7f), second = Eigen::Vector3f::Constant(0.4f);
-    Eigen::Vector3f swing = Eigen::Vector3f::Zero();  ///< it moves to and fro between centre - swing and centre + swing
-    float period = 0;                                 ///< seconds; 0: it stands still
+    Eigen::Vector3f swing = Eigen::Vector3f::Zero();  ///< oscillates between centre - swing and centre + swing
+    float period = 0;                                 ///< seconds; 0: static
   };
   std::string name;
   std::vector<Solid> solids;
-  std::vector<Eigen::Vector3d> way;  ///< the path every 5 cm, where it leads through rooms
-  std::uint64_t hand = 0;            ///< whose hand shakes, on a way through a building
+  std::vector<Eigen::Vector3d> way;  ///< camera path at 5 cm spacing, for paths through rooms
+  std::uint64_t hand = 0;            ///< seed of the hand shake, for paths through a building
 
   [[nodiscard]] bool moves() const;
-  /// The solids as they are at a time.
+  /// Solids at their positions at a given time.
   [[nodiscard]] std::vector<Solid> solids_at(double seconds) const;
-  /// Distance to the nearest surface that stands still, in metres, negative inside a solid; exact outside of all
-  /// solids.
+  /// Distance to the nearest static surface, meters, negative inside a solid; exact outside all solids.
   [[nodiscard]] double distance(const Eigen::Vector3d& point) const;
-  /// The pose of a hand-held-like camera at a time: 0.2 to 0.6 m/s, at most 45 degrees a second; on a
-  /// way through rooms also with glances aside of 160 degrees a second.
+  /// Pose of a simulated hand-held camera at a given time: 0.2 to 0.6 m/s, at most 45 degrees per second; on paths
+  /// through rooms also with side glances at 160 degrees per second.
   [[nodiscard]] Eigen::Isometry3d world_from_camera(double seconds) const;
-  /// When a way ends; 10 s where there is none.
+  /// Duration of the path, seconds; 10 s without a path.
   [[nodiscard]] double duration() const;
-  /// The scene without the solids that are farther than this from all of these places.
+  /// Copy of the scene without solids farther than `metres` from all given places.
   [[nodiscard]] Scene around(const std::vector<Eigen::Vector3d>& places, double metres) const;
-  /// The surface of what stands still as triangles with sides of at most `spacing`, exact at its vertices; hidden parts
-  /// of solids are left out.
+  /// Static surface as triangles with sides of at most `spacing`, exact at the vertices; excludes hidden parts of
+  /// solids.
   [[nodiscard]] Mesh surface(float spacing = 0.02f) const;
 };
 
-/// `room` (furnished), `room-with-mover` (somebody walks through it), `flat` (four rooms, once around), `twin-rooms`
-/// (two that look alike), `sphere`, `plane`, `corridor`, `loop` (a corridor around a block), or `building`: storeys of
-/// offices that look alike, with stairs, as one of many recordings meets it, by default
-/// `building?floors=3&rooms=40&recording=0&metres=30`. All its recordings have the same world; what differs is the way
-/// and which doors are open. Throws std::runtime_error for another name.
+/// Creates a scene by name: `room` (furnished), `room-with-mover` (a person walks through), `flat` (four rooms, one
+/// round), `twin-rooms` (two identical-looking rooms), `sphere`, `plane`, `corridor`, `loop` (a corridor around a
+/// block), or `building`: storeys of similar offices with stairs, seen by one of many recordings, by default
+/// `building?floors=3&rooms=40&recording=0&metres=30`. All recordings of a building share its world; they differ in
+/// path and in open doors. Throws std::runtime_error for another name.
 [[nodiscard]] Scene synthetic_scene(const std::string& name);
 
-/// The camera that synthetic recordings have.
+/// Camera of synthetic recordings.
 [[nodiscard]] Camera synthetic_camera();
 
-/// For each triangle of a mesh whether it is seen: its centre projects into an image, in front of the camera and within
-/// 1 cm of that image's depth. `depth`: metres, row-major, one image a pose.
+/// Marks the seen triangles of a mesh: the center projects into the image, in front of the camera and within 1 cm of
+/// the image's depth. `depth`: meters, row-major.
 void mark_seen(const Mesh& mesh, const Camera& camera, const Eigen::Isometry3d& world_from_camera,
                const std::vector<float>& depth, std::vector<bool>& seen);
 

@@ -11,76 +11,77 @@
 
 namespace cairn {
 
-/// A folder from which a map can be gone on with after its program has ended or was killed.
+/// Saved state of a map in a folder, from which a run continues after its program has ended or was killed.
 ///
 ///   cairn::Session session = cairn::Session::create("desk/session");
 ///   cairn::Mapper mapper = session.mapper(rig, options);
 ///   while (auto frame = source->next()) mapper.add(*frame);
 ///   session.checkpoint(mapper);
 ///
-/// One process at a time writes into a session. One thread at a time.
+/// One process at a time writes to a session. Not thread-safe: use from one thread at a time.
 class Session {
  public:
-  /// The format that is written, and the oldest that is read: that of the version before.
+  /// Written format version, and the oldest readable version: the format of the previous release.
   static constexpr int kFormat = 15, kOldestFormat = 9;
 
-  /// Begins a session. One that is there stays until this one's first checkpoint. Throws std::runtime_error while
-  /// somebody else writes there.
+  /// Creates a session. An existing session remains until the first checkpoint of the new one. Throws
+  /// std::runtime_error if another process writes there.
   [[nodiscard]] static Session create(const std::filesystem::path& folder);
-  /// The session in a folder, to go on with. Throws std::runtime_error if there is none, it is damaged, or somebody
-  /// else writes there. `keep_start`: checkpoints leave what is there now beside what they write, for
+  /// Opens the session in a folder to continue it. Throws std::runtime_error if it is missing or damaged, or another
+  /// process writes there. `keep_start`: checkpoints preserve the current state beside the new one, for
   /// return_to_start().
   [[nodiscard]] static Session resume(const std::filesystem::path& folder, bool keep_start = false);
-  /// The session in `from`, to go on with in `to`: a copy, which counts from its first checkpoint. Throws as resume
-  /// does.
+  /// Copies the session in `from` to `to` and continues the copy, which is valid after its first checkpoint. Throws as
+  /// resume does.
   [[nodiscard]] static Session copy(const std::filesystem::path& from, const std::filesystem::path& to);
   ~Session();
   Session(Session&&) noexcept;
   Session& operator=(Session&&) noexcept;
 
-  /// The mapper whose keyframes and submaps lie in this session, once: a new one, or the one of the last checkpoint as
-  /// if nothing had happened. Throws std::runtime_error as Mapper's constructor does, and when the session was made
-  /// with another camera or voxel size.
+  /// Creates the mapper that stores its keyframes and submaps in this session; call once. It is new, or restored
+  /// exactly from the last checkpoint. Throws std::runtime_error as Mapper's constructor does, and if the session has
+  /// another camera or voxel size.
   [[nodiscard]] Mapper mapper(const Rig& rig, const Options& options, int device = -1);
-  /// The same with the camera and the options of the last checkpoint.
+  /// As above, with the camera and options of the last checkpoint.
   [[nodiscard]] Mapper mapper(int device = -1);
 
-  /// Writes all that is needed to go on from here, beside the next frames. `note` is given back by info. A kill at any
-  /// moment leaves the last checkpoint that was written.
+  /// Starts writing a checkpoint with all state needed to continue, while further frames are added. `note` is returned
+  /// by info. A kill at any moment leaves the last complete checkpoint.
   void checkpoint(const Mapper& mapper, const std::string& note = {});
-  /// Waits for the checkpoint being written. Returns why session files cannot be written, if so; the map is not harmed.
+  /// Waits for the checkpoint in progress. Returns the reason if session files cannot be written; the map is
+  /// unaffected.
   [[nodiscard]] std::optional<std::string> problem();
 
-  /// The session as resume() has found it, on the disk as well: what was written since is removed. The mapper that came
-  /// of it must be gone; mapper() gives the one of then. Throws std::runtime_error where the start was not kept, or the
-  /// files cannot be written or read.
+  /// Restores the state found by resume(), on the disk as well, and removes later checkpoints. Destroy the mapper
+  /// before; mapper() then returns the restored one. Throws std::runtime_error if the start was not kept, or the files
+  /// cannot be written or read.
   void return_to_start();
-  /// There is no way back any more: the next checkpoint removes what was kept of the start.
+  /// Gives up return_to_start(): the next checkpoint removes the kept start.
   void release_start();
 
-  /// What a session was made with.
+  /// Settings of a session.
   struct Info {
     Rig rig;
-    float voxel_size = 0, truncation = 0;  ///< metres, see FuseOptions
-    float min_depth = 0, max_depth = 0;    ///< metres, see SurfaceOptions
-    std::string note;                      ///< what checkpoint was given
+    float voxel_size = 0, truncation = 0;  ///< meters, see FuseOptions
+    float min_depth = 0, max_depth = 0;    ///< meters, see SurfaceOptions
+    std::string note;                      ///< note given to checkpoint
   };
-  /// Of the last checkpoint. Throws std::runtime_error if there is no session or it is damaged.
+  /// Settings from the last checkpoint. Throws std::runtime_error for a missing or damaged session.
   [[nodiscard]] static Info info(const std::filesystem::path& folder);
 
   struct Merged {
-    int compared = 0, loops = 0;  ///< keyframes of the other session; loops to this one
-    bool joined = false;          ///< the loops that agree join the two
+    int compared = 0, loops = 0;  ///< keyframes of the other session; loop closures to this one
+    bool joined = false;          ///< connected by consistent loop closures
   };
-  /// Makes a session in `to` of those in `maps`, of which each is compared with those before it: their maps lie to each
-  /// other as what they see in common says, and all keyframes where tracking and loops agree best. Memory holds one or
-  /// two of them at a time. The sessions that are given stay as they are, and are not needed any more. Returns by map
-  /// what joins it with those before it. Throws std::runtime_error when cameras or voxels differ, and, without
-  /// `allow_apart`, for a map that nothing joins with most of the others; then nothing is written.
+  /// Merges the sessions in `maps` into a session in `to`. Compares each with the earlier ones, aligns the maps by loop
+  /// closures, and optimizes all keyframe poses jointly. Memory holds one or two sessions at a time. The input sessions
+  /// stay unchanged and are not needed afterwards. Returns, per map, its connection to the earlier ones. Throws
+  /// std::runtime_error if cameras or voxel sizes differ, and, without `allow_apart`, for a map not connected to most
+  /// of the others; then nothing is written.
   static std::vector<Merged> join(const std::vector<std::filesystem::path>& maps, const std::filesystem::path& to,
                                   bool allow_apart = false, int device = -1);
-  /// Adds the map of the session in `other` to this session's mapper, by what both have seen. Nothing in `other`
-  /// changes. Throws std::runtime_error when cameras or voxels differ.
+  /// Merges the map of the session in `other` into this session's mapper by loop closures. `other` stays unchanged.
+  /// Throws std::runtime_error if cameras or voxel sizes differ.
   static Merged merge(Mapper& mapper, const std::filesystem::path& other, int device = -1);
 
   class State;
@@ -90,15 +91,15 @@ class Session {
   std::unique_ptr<State> state_;
 };
 
-/// The session of an earlier run in a folder that gets a map without one. Nobody else writes into it meanwhile.
+/// Lock on an earlier run's session in a folder whose new map has no session. Prevents other writers meanwhile.
 class ReplacedSession {
  public:
-  /// Throws std::runtime_error while somebody else writes there.
+  /// Throws std::runtime_error if another process writes there.
   explicit ReplacedSession(const std::filesystem::path& folder);
   ~ReplacedSession();
   ReplacedSession(const ReplacedSession&) = delete;
   ReplacedSession& operator=(const ReplacedSession&) = delete;
-  /// Removes it, once what replaces it is written.
+  /// Removes the old session. Call after its replacement is written.
   void remove();
 
  private:

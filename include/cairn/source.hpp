@@ -16,93 +16,91 @@
 namespace cairn {
 
 struct FrameRange {
-  int begin = 0;           ///< frame, counted from 0
-  std::optional<int> end;  ///< one past the last
-  int step = 1;            ///< every step-th
+  int begin = 0;           ///< first frame, counted from 0
+  std::optional<int> end;  ///< one past the last frame
+  int step = 1;            ///< every step-th frame
 };
 
 struct SourceOptions {
   FrameRange range;
-  std::filesystem::path
-      camera;  ///< camera.yaml in place of the intrinsics that the recording or sensor tells, and where
-               ///< the colour camera is (of a sensor: when it cannot register depth to colour itself)
-  std::optional<SensorModel> sensor;  ///< in place of the model that the recording or sensor is known for
-  /// Whether a colour camera is looked for (seconds) where a recording is known to tell it wrongly or not at all.
+  std::filesystem::path camera;  ///< camera.yaml that overrides the intrinsics of the recording or sensor, and the
+                                 ///< color camera's pose (of a sensor: if it cannot register depth to color itself)
+  std::optional<SensorModel> sensor;  ///< overrides the noise model known for the recording or sensor
+  /// Estimates the color camera's pose (takes seconds) for recordings known to store it wrongly or not at all.
   bool find_colour_camera = true;
-  bool depth_only = false;  ///< frames have no colour where that is faster: of folders of images and of .sens files
-  std::filesystem::path copy_to;  ///< .oni file that gets every image of a sensor, depth exactly; empty: none
-  /// Of a ROS recording with several cameras; empty: chosen by type, that with the most messages.
+  bool depth_only = false;        ///< omits color where this is faster: folders of images and .sens files
+  std::filesystem::path copy_to;  ///< .oni file for a copy of all images of a sensor, with exact depth; empty: none
+  /// Topics of a ROS recording with several cameras; empty: chosen by type, with the most messages.
   std::string depth_topic, colour_topic;
 };
 
-/// What a ROS recording holds under a name.
+/// A topic of a ROS recording.
 struct RecordedTopic {
   enum class Holds { depth, colour, other };
-  std::string name, type;                 ///< type as in ROS 1: sensor_msgs/Image
-  std::optional<std::uint64_t> messages;  ///< nothing where the recording has no index
+  std::string name, type;                 ///< type in ROS 1 notation: sensor_msgs/Image
+  std::optional<std::uint64_t> messages;  ///< nullopt for a recording without an index
   Holds holds = Holds::other;
 };
-/// Whether a name is that of a ROS recording: a .bag, .mcap or .db3 file, a folder of rosbag2, or a .zip of these.
+/// True for the name of a ROS recording: a .bag, .mcap or .db3 file, a rosbag2 folder, or a .zip of these.
 [[nodiscard]] bool is_ros_recording(const std::string& name);
-/// Its topics, by name. Throws std::runtime_error for a file that cannot be read.
+/// Topics of a recording, sorted by name. Throws std::runtime_error for an unreadable file.
 [[nodiscard]] std::vector<RecordedTopic> recorded_topics(const std::string& ros_recording);
 
 /// Opens an input by its name:
 ///
-/// - a folder, whose layout is recognised by its files: TUM RGB-D, ETH3D and Bonn (rgb.txt and depth.txt), 7-Scenes
-///   (frame-000000.depth.png), ICL-NUIM (associations.txt with a negative fy), Stray Scanner
-///   (rgb.mp4), images with intrinsics.json, nerfstudio (transforms.json), Record3D (metadata.json), Polycam
-///   (keyframes), Open3D (intrinsic.json or camera_intrinsic.json), RTAB-Map (rgb, depth and calib or
-///   calibration.yaml), Replica (results with traj.txt or cam_params.json);
+/// - a folder, with its layout detected from its files: TUM RGB-D, ETH3D and Bonn (rgb.txt and depth.txt), 7-Scenes
+///   (frame-000000.depth.png), ICL-NUIM (associations.txt with a negative fy), Stray Scanner (rgb.mp4), images with
+///   intrinsics.json, nerfstudio (transforms.json), Record3D (metadata.json), Polycam (keyframes), Open3D
+///   (intrinsic.json or camera_intrinsic.json), RTAB-Map (rgb, depth and calib or calibration.yaml), Replica (results
+///   with traj.txt or cam_params.json);
 /// - an .oni file;
 /// - an .mkv file of the Azure Kinect's recorder; a .sens file (ScanNet);
-/// - a recording of ROS: .bag, .mcap or .db3, or the folder of rosbag2 with its metadata.yaml;
-/// - a .zip of one of these, which is unpacked into a temporary folder (TMPDIR, else /var/tmp) that stays until another
-///   .zip is opened or the program ends;
-/// - a folder of a part of a plan (parts.hpp): its recording's frames, of which `range` counts those of the part;
-/// - `openni:` for the first sensor, `openni:URI` for the one that OpenNI2 has under this URI;
+/// - a ROS recording: .bag, .mcap or .db3, or a rosbag2 folder with its metadata.yaml;
+/// - a .zip of one of these, unpacked into a temporary folder (TMPDIR, else /var/tmp) that remains until another .zip
+///   is opened or the program ends;
+/// - the folder of a project's segment (parts.hpp): frames of its recording; `range` counts within the segment;
+/// - `openni:` for the first sensor, `openni:URI` for the sensor with this OpenNI2 URI;
 /// - `synthetic:NAME`, a scene (see synthetic_scene) rendered on the fly.
 ///
-/// Throws std::runtime_error with what is missing, where, and what to do.
+/// Throws std::runtime_error with the missing item, its place and the remedy.
 [[nodiscard]] std::unique_ptr<Source> open_source(const std::string& name, const SourceOptions& options = {});
 
-/// Whether a name is a sensor's, which has no end and waits for nobody.
+/// True for the name of a sensor: an endless stream in real time.
 [[nodiscard]] bool is_sensor(std::string_view name);
-/// Whether a name is that of a scene which open_source renders.
+/// True for the name of a synthetic scene rendered by open_source.
 [[nodiscard]] bool is_synthetic(std::string_view name);
 
-/// Decodes `ahead` frames in a thread of its own.
+/// Decodes up to `ahead` frames in advance, in its own thread.
 [[nodiscard]] std::unique_ptr<Source> read_ahead(std::unique_ptr<Source> source, int ahead = 4);
 
-/// Gives each frame the pose of the trajectory at its time, between two that are at most `max_gap` seconds apart;
-/// others get none.
+/// Sets each frame's pose by interpolation of the trajectory at its time, between poses at most `max_gap` seconds from
+/// each other; other frames get no pose.
 [[nodiscard]] std::unique_ptr<Source> with_poses(std::unique_ptr<Source> source, Trajectory world_from_camera,
                                                  double max_gap = 0.1);
 
-/// The same for Frame::guess: poses in a world of their own, of which only the steps from frame to frame are used.
+/// Sets Frame::guess in the same manner. The poses have their own world; only relative motion between frames is used.
 [[nodiscard]] std::unique_ptr<Source> with_guesses(std::unique_ptr<Source> source, Trajectory guesses,
                                                    double max_gap = 0.1);
 
-/// Which frames are for judging the map alone: of those that `range` takes from a recording every `every`-th, the
-/// first of them after `every` - 1 others. None where it is 0.
+/// Selection of held-out frames: every `every`-th frame of `range`, the first after `every` - 1 other frames. 0: none.
 struct HoldOut {
   int every = 0;
   FrameRange range;
 };
-/// Marks these frames as Frame::held_out, wherever the source begins: see Frame::index. Throws std::runtime_error where
-/// `every` is 1 or negative.
+/// Sets Frame::held_out of the selected frames by Frame::index, independent of the source's first frame. Throws
+/// std::runtime_error if `every` is 1 or negative.
 [[nodiscard]] std::unique_ptr<Source> hold_out(std::unique_ptr<Source> source, const HoldOut& which);
 
-/// Colour as the depth camera sees it: each depth pixel asks the colour image for what it shows, and the rig has one
-/// camera. A source whose colour lies on depth stays as it is.
+/// Registers color to depth: each depth pixel samples the color image, and the rig has a single camera. Leaves an
+/// already registered source unchanged.
 [[nodiscard]] std::unique_ptr<Source> with_colour_on_depth(std::unique_ptr<Source> source);
 
-/// Poses that a recording carries for the truth, by frame timestamp (groundtruth.txt, frame-*.pose.txt, odometry.csv,
-/// those in a .sens file, a synthetic scene's own); empty when it has none, as .mkv and .oni files never do. Of a file
-/// that is no recording: its poses, see read_trajectory.
+/// Ground-truth poses stored with a recording, by frame timestamp (groundtruth.txt, frame-*.pose.txt, odometry.csv,
+/// poses in a .sens file or of a synthetic scene); empty without them; .mkv and .oni files have none. For any other
+/// file: its poses, see read_trajectory.
 [[nodiscard]] Trajectory recorded_truth(const std::filesystem::path& recording);
 
-/// A source that changes how or when the frames of another one are given.
+/// Base of sources that modify the frames of another source or their timing.
 class WrappedSource : public Source {
  public:
   explicit WrappedSource(std::unique_ptr<Source> source) : source_(std::move(source)) {}

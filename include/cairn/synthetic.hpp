@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Recordings of scenes whose surface and poses are known exactly.
+// Synthetic recordings of scenes with exact surface and poses.
 #pragma once
 #include <Eigen/Geometry>
 #include <cstdint>
@@ -15,47 +15,47 @@
 
 namespace cairn {
 
-/// world_from_camera at a time, seconds.
+/// Pose world_from_camera as a function of time, seconds.
 using PoseAt = std::function<Eigen::Isometry3d(double)>;
 
-/// How the camera moves through a scene.
+/// Camera path through a scene.
 class SyntheticPath {
  public:
-  /// `recorded`: world_from_camera in a world with z up, as TUM's; empty: the scene's own hand-held-like path. The
-  /// first `seconds` of it are put into the middle of the scene, their longer side along x.
+  /// `recorded`: world_from_camera in a world with z up, as in TUM recordings; empty: the scene's own hand-held path.
+  /// The first `seconds` of the trajectory are centered in the scene, with their longer side along x.
   SyntheticPath(Scene scene, Trajectory recorded, double seconds);
-  /// world_from_camera; nothing beyond the path's end or in a gap of more than 2.5 s. Shorter ones are passed at
-  /// constant velocity.
+  /// Pose world_from_camera; nullopt beyond the path's end or in a gap of more than 2.5 s. Shorter gaps are
+  /// interpolated at constant velocity.
   [[nodiscard]] std::optional<Eigen::Isometry3d> pose(double seconds) const;
-  /// What an accelerometer in the camera measures: see Frame::acceleration.
+  /// Simulated accelerometer reading in the camera: see Frame::acceleration.
   [[nodiscard]] Eigen::Vector3d acceleration(double seconds) const;
-  /// What a gyroscope in the camera measures: rad/s, in the camera's frame.
+  /// Simulated gyroscope reading in the camera: rad/s, in the camera's frame.
   [[nodiscard]] Eigen::Vector3d angular_rate(double seconds) const;
 
  private:
   Scene scene_;
-  Trajectory recorded_;  ///< in the scene
+  Trajectory recorded_;  ///< in the scene's world frame
 };
 
-/// What a camera sees of a scene. Row-major, of the camera's size.
+/// Rendered images of a scene. Row-major, of the camera's size.
 struct SceneImages {
-  std::vector<float> depth;              ///< metres along z; 0: nothing within 100 m
-  std::vector<float> cosine;             ///< between the ray and the surface's normal
+  std::vector<float> depth;              ///< meters along z; 0: no surface within 100 m
+  std::vector<float> cosine;             ///< cosine between the ray and the surface normal
   std::vector<std::uint32_t> colour;     ///< bytes R, G, B, 255
-  std::vector<std::uint8_t> confidence;  ///< see Frame; of phones
+  std::vector<std::uint8_t> confidence;  ///< see Frame; only for phone_lidar noise
 };
 
-/// A camera in a scene, rendered on a device of its own.
+/// Camera that renders a scene on its own device.
 class SceneCamera {
  public:
-  /// `device`: as list_devices numbers them; -1 chooses. Throws std::runtime_error for one that cannot be used.
+  /// `device`: index of list_devices; -1 chooses. Throws std::runtime_error for an unusable device.
   SceneCamera(const Scene& scene, const Camera& camera, int device = -1);
   ~SceneCamera();
   SceneCamera(const SceneCamera&) = delete;
   SceneCamera& operator=(const SceneCamera&) = delete;
-  /// Exact images from a pose at a time (seconds), at which moving solids stand where they are then.
+  /// Renders exact images from a pose at a time (seconds), with moving solids at their positions at this time.
   [[nodiscard]] SceneImages look(const Eigen::Isometry3d& world_from_camera, double seconds = 0);
-  /// Also with a rolling shutter: each row (Camera::row_delay) from where the camera is then.
+  /// Same, with a rolling shutter: each row is rendered from the camera pose at its time (Camera::row_delay).
   [[nodiscard]] SceneImages look(const PoseAt& world_from_camera, double seconds);
 
  private:
@@ -63,11 +63,11 @@ class SceneCamera {
   std::unique_ptr<State> state_;
 };
 
-/// What a depth camera would have measured, and grain in colour: `kinect` (Khoshelham & Elberink 2012; Handa et al.
-/// 2014, sec. IV: pixels shifted by lateral noise, disparity with noise and quantised to 1/8 pixel, nothing at grazing
-/// angles or out of 0.4 to 5 m), `tof` (Azure Kinect), `stereo` (RealSense D4xx), `lidar` (a phone's, with confidence),
-/// `none`. `images` are the depth camera's; `colour`: the image that gets the grain, if that is another camera's.
-/// Repeats for the same seed and frame. Throws std::runtime_error for another kind.
+/// Simulates sensor noise in depth, and grain in color: `kinect` (Khoshelham & Elberink 2012; Handa et al. 2014, sec.
+/// IV: pixels shifted by lateral noise, noisy disparity quantized to 1/8 pixel, no measurement at grazing angles or
+/// outside 0.4 to 5 m), `tof` (Azure Kinect), `stereo` (RealSense D4xx), `lidar` (a phone's, with confidence), `none`.
+/// `images` belong to the depth camera; `colour`: image for the grain, if from a separate camera. Deterministic in seed
+/// and frame. Throws std::runtime_error for another kind.
 void add_noise(SceneImages& images, const Camera& camera, std::string_view kind, std::uint64_t seed, int frame,
                std::vector<std::uint32_t>* colour = nullptr);
 

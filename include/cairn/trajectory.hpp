@@ -16,14 +16,14 @@ struct StampedPose {
 /// Poses with increasing timestamps.
 using Trajectory = std::vector<StampedPose>;
 
-/// Reads the TUM format, `timestamp tx ty tz qx qy qz qw` a line, `#` starts a comment. Sorts by time. Throws
+/// Reads the TUM format: one `timestamp tx ty tz qx qy qz qw` per line, `#` starts a comment. Sorts by time. Throws
 /// std::runtime_error with file and line number for a malformed line, NaN, a zero quaternion or an empty file.
 [[nodiscard]] Trajectory read_trajectory(const std::filesystem::path& file);
 
-/// Writes the TUM format, whole or not at all.
+/// Writes the TUM format atomically.
 void write_trajectory(const std::filesystem::path& file, const Trajectory& trajectory);
 
-/// The pose at a time, interpolated (slerp) between its neighbours where these are at most `max_gap` seconds apart.
+/// Pose at a time, interpolated (slerp) between neighbors at most `max_gap` seconds from each other; else nullopt.
 [[nodiscard]] std::optional<Eigen::Isometry3d> pose_at(const Trajectory& trajectory, double timestamp,
                                                        double max_gap = 0.1);
 

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Files and folders that are not whole yet, for a program that ends in the middle of its work.
+// Cleanup of incomplete files and folders when a program ends early.
 #pragma once
 #include <filesystem>
 
 namespace cairn {
 
-/// A file or folder that this program makes, and that has no value before it is whole. It stays when this object goes;
-/// remove_unfinished removes it.
+/// Registers a file or folder as incomplete output without value until finished. The destructor unregisters it and
+/// keeps it; remove_unfinished deletes it.
 class Unfinished {
  public:
   enum class Kind {
-    all,   ///< the file, or the folder with its content
+    all,   ///< the file, or the folder with its contents
     empty  ///< the folder, if it is empty
   };
   /// Blocks forever once remove_unfinished has been called.
@@ -26,8 +26,8 @@ class Unfinished {
   int number_ = 0;  // 0: moved away
 };
 
-/// Removes all that is unfinished, the newest first. For a program that ends at once, from any thread but a signal's
-/// handler; other threads may still write.
+/// Deletes all registered files and folders, newest first. For immediate exit, from any thread except a signal handler;
+/// other threads may still be writing.
 void remove_unfinished() noexcept;
 
 }  // namespace cairn

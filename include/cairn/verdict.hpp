@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// How well a run went, in words for people: what its frames tell of why some are not in the map, and the map held
-// against a sample of them.
+// Quality assessment of a run, as text for users: reasons for frames absent from the map, and a comparison of the map
+// with sampled frames.
 #pragma once
 #include <memory>
 #include <optional>
@@ -18,53 +18,53 @@
 
 namespace cairn {
 
-/// Of a stream that does not wait: what a computer takes of it.
+/// Real-time performance on a live stream.
 struct KeepingUp {
-  int left_out = 0;            ///< frames that came while it was busy
-  double taken = 0, came = 0;  ///< frames a second
+  int left_out = 0;            ///< frames dropped while the computer was busy
+  double taken = 0, came = 0;  ///< frames per second: processed, and received
 };
 
-/// What a run has come to.
+/// Summary of a run.
 struct Outcome {
-  int total = 0;                      ///< frames that were to be in the map, of which
-  int fused = 0, lost = 0;            ///< the others were skipped
-  int held_out = 0;                   ///< beside all of these: no part of the map, as it was asked for
-  int components = 1;                 ///< parts of the map that nothing joins
-  FocalEvidence focal;                ///< of the views that were tracked
-  KeepingUp keeping_up;               ///< of a sensor, or of a recording that plays in real time
-  std::string upright_unknown;        ///< why gravity is not known, and the remedy; empty where it is
-  std::vector<std::string> warnings;  ///< of other things, a line each
-  std::optional<PoseCheck> poses;     ///< of a run with given poses
+  int total = 0;                      ///< frames intended for the map
+  int fused = 0, lost = 0;            ///< the remaining frames were skipped
+  int held_out = 0;                   ///< held-out frames, not counted in `total`
+  int components = 1;                 ///< connected components of the map
+  FocalEvidence focal;                ///< from the tracked views
+  KeepingUp keeping_up;               ///< for a sensor, or a recording played in real time
+  std::string upright_unknown;        ///< reason for an unknown gravity direction, and the remedy; empty if known
+  std::vector<std::string> warnings;  ///< further warnings, one line each
+  std::optional<PoseCheck> poses;     ///< for a run with given poses
 };
 
-/// Whether a map can be used as it is.
+/// Assessment of a map's usability.
 struct Verdict {
   enum class Level {
-    good,  ///< at least 95 % of the frames are in it, and no measurement contradicts it
-    weak,  ///< fewer, or there are warnings, or doubts: see Item
-    bad    ///< less than 80 %, parts that nothing joins, or given poses that most of the depth contradicts
+    good,  ///< at least 95 % of the frames are in the map, and no measurement contradicts it
+    weak,  ///< fewer frames, or warnings or doubts: see Item
+    bad    ///< less than 80 %, several components, or given poses contradicted by most of the depth
   };
-  /// A measurement with the limit that it is held to.
+  /// A measurement and its limit.
   struct Item {
-    std::string name;             ///< as in report.json: `frames_in_map`, `map_in_the_way`, ...
+    std::string name;             ///< name in report.json: `frames_in_map`, `map_in_the_way`, ...
     double value = 0, limit = 0;  ///< in `unit`
     std::string unit;             ///< `%`, `m/s`, ...
-    Level level = Level::good;    ///< of this measurement alone
-    std::string text;             ///< one line; of a doubt also the remedy, and then it is one of the reasons
+    Level level = Level::good;    ///< level of this measurement alone
+    std::string text;             ///< one line; for a doubt with the remedy, and repeated in `reasons`
   };
   Level level = Level::good;
   std::string words;                 ///< one sentence
-  std::vector<std::string> reasons;  ///< one line each: what was seen, and what to do
-  std::vector<Item> evidence;        ///< what could be measured
+  std::vector<std::string> reasons;  ///< one line each: finding and remedy
+  std::vector<Item> evidence;        ///< available measurements
 };
 
 /// `good`, `weak` or `bad`.
 [[nodiscard]] std::string name_of(Verdict::Level level);
 
-/// What frames tell, added up as they come: how far and how dense depth is, how bright and how sharp colour, how fast
-/// the view moves, whether the focal length can be far from right. It needs no pose. Some hundred microseconds a frame;
-/// some tens of milliseconds in up to a dozen frames of a run, in which corners are looked for. Of the sample of frames
-/// that it keeps for the map (at most 64, 1.2 MB) see hold_against_map.
+/// Collects statistics of frames as they arrive: range and density of depth, brightness and sharpness of color, speed
+/// of the image motion, plausibility of the focal length. Needs no poses. Takes some hundred microseconds per frame,
+/// and some tens of milliseconds in up to a dozen frames per run, for feature extraction. Stores a sample of frames (at
+/// most 64, 1.2 MB) for hold_against_map.
 class Evidence {
  public:
   Evidence(const Rig& rig, const Options& options);
@@ -72,25 +72,25 @@ class Evidence {
   Evidence(Evidence&&) noexcept;
   Evidence& operator=(Evidence&&) noexcept;
 
-  /// Frames from here on are of this recording of the map, counted from 0.
+  /// Assigns the following frames to this recording of the map, counted from 0.
   void begin_recording(int number);
-  /// `report`: what became of the frame.
+  /// Adds a frame with its report.
   void add(const Frame& frame, const FrameReport& report);
-  /// Holds the finished map against a sample of the frames. `parts`: its surface; `trajectories`: the final poses, by
-  /// recording, in the same world; `clock_offset`: seconds that their times are ahead of the frames'; `correction`: of
-  /// depth, as the map was made. Renders at most 64 images of 64 pixels across.
+  /// Compares the finished map with the sampled frames. `parts`: its surface; `trajectories`: final poses, by
+  /// recording, in the same world; `clock_offset`: seconds by which their times are ahead of the frames'; `correction`:
+  /// depth correction of the map. Renders at most 64 images, 64 pixels wide.
   void hold_against_map(const std::vector<Mesh>& parts, const std::vector<Trajectory>& trajectories,
                         double clock_offset, const DepthCorrection& correction);
-  /// Holds a tracked trajectory against the poses that the recording's device or its owner had, in the same clock.
-  /// `drift`: of these, in units of visual-inertial odometry's: 5 cm and 3 % of the way with that of tracking, 2
-  /// degrees.
+  /// Compares a tracked trajectory with the poses from the recording's device or its owner, in the same clock. `drift`:
+  /// tolerance factor for the drift of these poses; 1 suits visual-inertial odometry: 5 cm and 3 % of the path length
+  /// (including the drift of tracking), 2 degrees.
   void hold_against_device(const Trajectory& tracked, const Trajectory& device, double drift = 1);
-  /// Reasons come by what they explain: what cannot be right first.
+  /// Assessment with its reasons, ordered by explanatory power: implausible input first.
   [[nodiscard]] Verdict verdict(const Outcome& outcome) const;
 
-  /// All sums and the sample in a line, to go on with later.
+  /// All sums and the sample in one line, for a resumed run.
   [[nodiscard]] std::string save() const;
-  /// Goes on from what save() gave. What it has not made is left out: the sums begin anew.
+  /// Restores the result of save(). Ignores text in another format.
   void restore(const std::string& saved);
 
  private:

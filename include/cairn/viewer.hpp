@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Maps in a browser: while they grow, when they are finished, and as a page of their own.
+// Map viewers in a browser: during mapping, for finished maps, and as a self-contained page.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -15,68 +15,68 @@ namespace cairn {
 
 inline constexpr int kDefaultViewerPort = 4242;
 
-/// Where a viewer listens.
+/// Network address of a viewer.
 struct ViewerAddress {
-  int port = kDefaultViewerPort;  ///< 0: any free one
-  /// Empty: this machine alone sees the page, at http://127.0.0.1:PORT/TOKEN/. An IP address of this machine: other
-  /// devices of that network see it, too, those that know the token, at https://HOST:PORT/TOKEN/; 0.0.0.0: of all its
-  /// networks. The certificate is made by the viewer itself, so that a browser asks once whether it is trusted.
+  int port = kDefaultViewerPort;  ///< 0: any free port
+  /// Empty: accessible from this machine only, at http://127.0.0.1:PORT/TOKEN/. An IP address of this machine: also
+  /// accessible to devices of that network with the token, at https://HOST:PORT/TOKEN/; 0.0.0.0: on all its networks.
+  /// The certificate is self-signed, so a browser asks once for trust.
   std::string host;
-  std::filesystem::path certificates;  ///< folder in which that one is kept; empty: the user's state folder
+  std::filesystem::path certificates;  ///< folder of the certificate; empty: the user's state folder
 };
 
-/// Where a viewer is found.
+/// URLs of a running viewer.
 struct ViewerSite {
   struct Url {
-    std::string url, interface;  ///< interface: of the network, by its name
+    std::string url, interface;  ///< interface: name of the network interface
   };
-  std::vector<Url> urls;    ///< at least one, the likeliest first
-  std::string fingerprint;  ///< SHA-256 of the certificate, as browsers show it; empty: HTTP
+  std::vector<Url> urls;    ///< at least one, most likely first
+  std::string fingerprint;  ///< SHA-256 of the certificate, in the format of browsers; empty: HTTP
 };
 
-/// Shows a map that grows to browsers, as much as the time allows, and hears what they ask for. Without
-/// a browser it makes the surface alone, since one may come late. The mapper's thread.
+/// Streams a growing map to browsers, within the available time, and receives their commands. Without a browser it only
+/// updates the surface, for browsers that connect later. Use from the mapper's thread.
 class LiveViewer {
  public:
-  /// Throws std::runtime_error when the port is in use or the address is not this machine's.
+  /// Throws std::runtime_error if the port is in use or the address is not local.
   explicit LiveViewer(const ViewerAddress& at = {});
   ~LiveViewer();
   LiveViewer(const LiveViewer&) = delete;
   LiveViewer& operator=(const LiveViewer&) = delete;
 
   [[nodiscard]] const ViewerSite& site() const;
-  /// Whether a browser has loaded the page. Any thread.
+  /// True if a browser has loaded the page. Any thread.
   [[nodiscard]] bool is_opened() const;
-  /// A new map, which must live until the next one or the end, with its options. `frames_before`: of earlier runs,
-  /// which a reset keeps; viewers are told so before they ask for one.
+  /// Starts a new map with its options; the mapper must live until the next start or the end. `frames_before`: frames
+  /// of earlier runs, kept by a reset; browsers show this before a reset.
   void begin(Mapper& mapper, const Rig& rig, const Options& options, int frames_before = 0);
 
-  /// What viewers asked for since the last call.
+  /// Commands from browsers since the last call.
   struct Asked {
     std::optional<bool> pause;
     bool reset = false, finish = false;
   };
   [[nodiscard]] Asked asked();
 
-  /// After each frame; `latency_ms`: milliseconds from its arrival to its pose.
+  /// Call after each frame; `latency_ms`: milliseconds from arrival to pose.
   void fused(const Frame& frame, const FrameReport& report, double latency_ms);
-  /// Between frames. `dropped`: frames that were skipped to keep up.
+  /// Call between frames. `dropped`: frames skipped to keep up.
   void update(bool paused, int dropped);
-  /// The last frame has come.
+  /// Call after the last frame.
   void finishing();
-  /// Shows viewers the map that was written instead, as long as this lives.
+  /// Switches browsers to the written map in `output`, for the lifetime of this object.
   void finished(const std::filesystem::path& output);
-  /// Browsers that look at it now.
+  /// Number of connected browsers.
   [[nodiscard]] int viewers() const;
-  /// Whether all of them have the finished map in front of them.
+  /// True if all connected browsers show the finished map.
   [[nodiscard]] bool is_shown();
 
-  /// What it did so far.
+  /// Statistics so far.
   struct Told {
-    int parts = 0;                             ///< of the surface, that were sent
-    double updates_per_second = 0;             ///< of the surface
-    double ms_per_update = 0;                  ///< milliseconds, on the mean
-    std::optional<double> first_mesh_seconds;  ///< from the first frame to the first part
+    int parts = 0;                             ///< surface parts sent
+    double updates_per_second = 0;             ///< surface updates
+    double ms_per_update = 0;                  ///< mean time per surface update, milliseconds
+    std::optional<double> first_mesh_seconds;  ///< from the first frame to the first surface part
   };
   [[nodiscard]] Told told() const;
 
@@ -85,18 +85,18 @@ class LiveViewer {
   std::unique_ptr<State> state_;
 };
 
-/// Shows a finished map to browsers, as long as it lives.
+/// Serves a finished map to browsers during its lifetime.
 class MapViewer {
  public:
-  /// `map`: a folder that `cairn reconstruct`, `live` or `merge` has made, a plan's that has been tiled, or a single
-  /// file: .glb, .gltf, .ply, .obj, .vdb or a tileset.json. Throws std::runtime_error with what is wrong with it and
-  /// what to do, when the port is in use, or the address is not this machine's.
+  /// `map`: a folder made by `cairn reconstruct`, `live` or `merge`, a tiled project, or a single file: .glb, .gltf,
+  /// .ply, .obj, .vdb or a tileset.json. Throws std::runtime_error with the error and the remedy, if the port is in
+  /// use, or the address is not local.
   explicit MapViewer(const std::filesystem::path& map, const ViewerAddress& at = {});
   ~MapViewer();
   MapViewer(const MapViewer&) = delete;
   MapViewer& operator=(const MapViewer&) = delete;
   [[nodiscard]] const ViewerSite& site() const;
-  /// Whether a browser has loaded the page. Any thread.
+  /// True if a browser has loaded the page. Any thread.
   [[nodiscard]] bool is_opened() const;
 
  private:
@@ -104,12 +104,13 @@ class MapViewer {
   std::unique_ptr<State> state_;
 };
 
-/// A mesh.glb of more bytes does not fit into the report's page; preview.glb beside it takes its place there.
+/// Maximum size in bytes of a mesh.glb embedded into the report page; for a larger one, preview.glb beside it is
+/// embedded instead.
 inline constexpr std::uintmax_t kMaxInlineMesh = std::uintmax_t{64} << 20;
 
-/// Writes report.html in a folder with report.json, trajectory.txt and mesh.glb: a page that needs nothing else. For a
-/// mesh that is too large preview.glb is shown, if there is one; else the page tells that it is left out. Whole or not
-/// at all. Throws std::runtime_error when the folder holds no map.
+/// Writes report.html in a folder with report.json, trajectory.txt and mesh.glb: a self-contained page. For a mesh that
+/// is too large it embeds preview.glb, or states its omission if there is none. Atomic. Throws std::runtime_error if
+/// the folder has no map.
 void write_report_page(const std::filesystem::path& folder);
 
 }  // namespace cairn

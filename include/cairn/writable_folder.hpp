@@ -5,7 +5,8 @@
 
 namespace cairn {
 
-/// Throws std::runtime_error like write_whole where no file can be made in a folder. No file that is there is touched.
+/// Throws std::runtime_error, as write_whole does, if no file can be created in a folder. Existing files stay
+/// unchanged.
 void expect_writable(const std::filesystem::path& folder);
 
 }  // namespace cairn
