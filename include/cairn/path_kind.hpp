@@ -12,11 +12,11 @@ struct PathKind {
   Kind kind = Kind::other;
   std::string words;   ///< "is a mesh", printed after the path
   std::string remedy;  ///< "`cairn view mesh.glb` shows it"; empty for some kinds
-  /// "PATH: is a mesh, no recording: `cairn view PATH` shows it". `wanted` is the expected kind: "recording".
+  /// "PATH: is a mesh, no recording: `cairn view PATH` shows it". `wanted`: expected kind, "recording".
   [[nodiscard]] std::string is_no(const std::filesystem::path& path, const std::string& wanted) const;
 };
 
-/// Checks names only; opens no file.
+/// Detects the kind from names only; opens no file.
 [[nodiscard]] PathKind kind_of_path(const std::filesystem::path& path);
 
 }  // namespace cairn

@@ -27,9 +27,8 @@ class Session {
   /// Creates a session. An existing session remains until the first checkpoint of the new one. Throws
   /// std::runtime_error if another process writes there.
   [[nodiscard]] static Session create(const std::filesystem::path& folder);
-  /// Opens the session in a folder to continue it. Throws std::runtime_error if it is missing or damaged, or another
-  /// process writes there. `keep_start`: checkpoints preserve the current state beside the new one, for
-  /// return_to_start().
+  /// Opens the session in a folder to continue it. Throws std::runtime_error for a missing, damaged or locked session.
+  /// `keep_start`: checkpoints preserve the current state beside the new one, for return_to_start().
   [[nodiscard]] static Session resume(const std::filesystem::path& folder, bool keep_start = false);
   /// Copies the session in `from` to `to` and continues the copy, which is valid after its first checkpoint. Throws as
   /// resume does.
@@ -38,9 +37,9 @@ class Session {
   Session(Session&&) noexcept;
   Session& operator=(Session&&) noexcept;
 
-  /// Creates the mapper that stores its keyframes and submaps in this session; call once. It is new, or restored
-  /// exactly from the last checkpoint. Throws std::runtime_error as Mapper's constructor does, and if the session has
-  /// another camera or voxel size.
+  /// Creates the mapper that stores its keyframes and submaps in this session; call once. The mapper is new, or
+  /// restored exactly from the last checkpoint. Throws std::runtime_error as Mapper's constructor does, and if the
+  /// session has another camera or voxel size.
   [[nodiscard]] Mapper mapper(const Rig& rig, const Options& options, int device = -1);
   /// As above, with the camera and options of the last checkpoint.
   [[nodiscard]] Mapper mapper(int device = -1);
@@ -73,11 +72,11 @@ class Session {
     int compared = 0, loops = 0;  ///< keyframes of the other session; loop closures to this one
     bool joined = false;          ///< connected by consistent loop closures
   };
-  /// Merges the sessions in `maps` into a session in `to`. Compares each with the earlier ones, aligns the maps by loop
-  /// closures, and optimizes all keyframe poses jointly. Memory holds one or two sessions at a time. The input sessions
-  /// stay unchanged and are not needed afterwards. Returns, per map, its connection to the earlier ones. Throws
-  /// std::runtime_error if cameras or voxel sizes differ, and, without `allow_apart`, for a map not connected to most
-  /// of the others; then nothing is written.
+  /// Merges the sessions in `maps` into a session in `to`. Compares each session with the earlier ones, aligns the maps
+  /// by loop closures, and optimizes all keyframe poses jointly. Memory holds one or two sessions at a time. The input
+  /// sessions stay unchanged and are not needed afterwards. Returns, per map, its connection to the earlier ones.
+  /// Throws std::runtime_error if cameras or voxel sizes differ, and, without `allow_apart`, for a map not connected to
+  /// most of the others; then no file is written.
   static std::vector<Merged> join(const std::vector<std::filesystem::path>& maps, const std::filesystem::path& to,
                                   bool allow_apart = false, int device = -1);
   /// Merges the map of the session in `other` into this session's mapper by loop closures. `other` stays unchanged.

@@ -6,8 +6,8 @@
 
 namespace cairn {
 
-/// Registers a file or folder as incomplete output without value until finished. The destructor unregisters it and
-/// keeps it; remove_unfinished deletes it.
+/// Registers a file or folder as incomplete output, worthless until finished. The destructor unregisters and keeps the
+/// file; remove_unfinished deletes it.
 class Unfinished {
  public:
   enum class Kind {

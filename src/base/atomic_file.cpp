@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kBuffer = std::size_t{1} << 20;  // bytes between two writes of a stream
+constexpr std::size_t kBuffer = std::size_t{1} << 20;  // bytes per write of a stream
 
 std::runtime_error not_written(const fs::path& path, const std::string& why) {
   return std::runtime_error("cannot write " + path.string() + ": " + why);
@@ -31,11 +31,11 @@ void sync(const fs::path& folder) {
   try {
     SystemFile(folder.empty() ? fs::path(".") : folder, O_RDONLY | O_DIRECTORY).sync();
   } catch (const SystemError& error) {
-    if (error.number != EINVAL && error.number != ENOTSUP) throw;  // of a file system whose folders need none
+    if (error.number != EINVAL && error.number != ENOTSUP) throw;  // file systems without folder sync
   }
 }
 
-/// A stream's way into a file: few large writes, and the first error is kept, since streams do not tell it.
+/// Stream buffer of a file: few large writes; keeps the first error, because streams do not report its cause.
 class FileBuffer final : public std::streambuf {
  public:
   explicit FileBuffer(const SystemFile& file) : file_(file), bytes_(kBuffer) { start(); }
@@ -73,7 +73,7 @@ class FileBuffer final : public std::streambuf {
 };
 
 void write_temporary(const fs::path& file, Durable durable, const std::function<void(const SystemFile&)>& write) {
-  fs::path temporary;  // while it exists
+  fs::path temporary;  // set while the file exists
   try {
     TemporaryFile made = make_temporary(file);
     temporary = made.path;
@@ -93,7 +93,7 @@ void write_temporary(const fs::path& file, Durable durable, const std::function<
   }
 }
 
-/// Throws where `folder` holds something, unless a file `mark` in it marks it as replaceable.
+/// Throws if `folder` is not empty, unless it contains a file `mark`.
 void expect_replaceable(const fs::path& folder, const char* mark) {
   if (fs::exists(folder) && !(fs::is_directory(folder) && fs::is_empty(folder)) &&
       (mark == nullptr || !fs::exists(folder / mark)))
@@ -110,7 +110,7 @@ void write_whole(const fs::path& file, const std::function<void(std::ostream&)>&
       write(out);
       out.flush();
     } catch (...) {
-      if (buffer.error() == 0) throw;  // else this is only what followed from it
+      if (buffer.error() == 0) throw;  // otherwise a consequence of the write error
     }
     if (buffer.error() != 0) throw SystemError{buffer.error()};
   });
@@ -171,7 +171,7 @@ void remove_leftovers(const fs::path& folder) {
       if (flock(left.descriptor(), LOCK_EX | LOCK_NB) == 0 && fstat(left.descriptor(), &now) == 0 && now.st_nlink > 0)
         unlink(file.c_str());
     } catch (const SystemError&) {
-      // Somebody else's: it stays.
+      // Of another user: keep it.
     }
   for (const fs::path& left : folders) remove_left_staging(left);
 }

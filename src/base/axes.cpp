@@ -29,7 +29,7 @@ std::string_view name_of(Axes axes) {
   return {};
 }
 
-// 0 - x in place of -x, so that there is no negative zero.
+// 0 - x instead of -x avoids negative zeros.
 Eigen::Vector3f from_world(const Eigen::Vector3f& v, Axes axes) {
   if (axes == Axes::y_up) return {v.x(), 0 - v.y(), 0 - v.z()};
   if (axes == Axes::z_up) return {v.x(), v.z(), 0 - v.y()};

@@ -5,8 +5,9 @@
 
 namespace cairn {
 
-/// A place along an image, in shares of its width or height, between two nodes that lie in the middles of so many
-/// cells: the first node, and how far on to the next. Beyond the outermost ones: at them. There are at least two.
+/// Linear interpolation along one image axis, between nodes at the centers of equal cells: index of the first node, and
+/// the fraction toward the next. `along` is a fraction of the image's width or height. Clamped to the outermost nodes.
+/// Requires at least two nodes.
 struct BetweenNodes {
   int first;
   float share;

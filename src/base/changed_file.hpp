@@ -8,8 +8,8 @@
 
 namespace cairn {
 
-/// Writes a text file, whole or not at all, unless it holds the same already: then it is not touched, so that programs
-/// that go by times see that nothing is new. Returns whether it was written. Throws like write_whole.
+/// Writes a text file atomically, unless it already has this content: then it keeps its timestamp, for tools that
+/// compare times. Returns true if it was written. Throws as write_whole does.
 bool write_changed(const std::filesystem::path& file, std::string_view text, Durable durable = Durable::now);
 
 }  // namespace cairn

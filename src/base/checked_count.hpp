@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Counts from a file, before arithmetic with them.
+// Overflow-safe arithmetic with counts from a file.
 #pragma once
 #include <concepts>
 #include <cstdint>
@@ -8,7 +8,7 @@
 
 namespace cairn {
 
-/// A count of 64 bits; zero for a negative one.
+/// Converts a count to 64 bits; negative counts become zero.
 [[nodiscard]] constexpr std::uint64_t count_of(std::integral auto number) {
   if constexpr (std::signed_integral<decltype(number)>) {
     if (number < 0) return 0;
@@ -16,7 +16,7 @@ namespace cairn {
   return static_cast<std::uint64_t>(number);
 }
 
-/// Product of counts, at most the largest number of 64 bits: no bound holds for a product that wrapped.
+/// Saturating product of counts: a wrapped product would pass any bound.
 [[nodiscard]] constexpr std::uint64_t product(std::integral auto first, std::integral auto... others) {
   std::uint64_t all = count_of(first);
   const auto times = [&](std::uint64_t other) {
@@ -27,7 +27,7 @@ namespace cairn {
   return all;
 }
 
-/// Whether `count` elements of `bytes_each` fit into `room` bytes behind the first `offset`.
+/// True if `count` elements of `bytes_each` fit into `room` bytes after the first `offset`.
 [[nodiscard]] constexpr bool fits(std::uint64_t count, std::uint64_t bytes_each, std::uint64_t room,
                                   std::uint64_t offset = 0) {
   return offset <= room && product(count, bytes_each) <= room - offset;

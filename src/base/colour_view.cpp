@@ -9,13 +9,12 @@
 namespace cairn {
 namespace {
 
-constexpr float kJump = 0.05f;      // of the depth, between neighbours on two surfaces
-constexpr float kMost = 16;         // colour pixels that a depth pixel may cover to each side
-constexpr float kUnknownDepth = 2;  // metres, where depth is missing and colour is wanted all the same
-constexpr float kHidden = 0.03f;    // metres, beside the noise, that something nearer is nearer by
+constexpr float kJump = 0.05f;      // fraction of the depth: larger differences between neighbors are depth jumps
+constexpr float kMost = 16;         // maximum footprint of a depth pixel in color pixels, to each side
+constexpr float kUnknownDepth = 2;  // meters, assumed to sample color at pixels without depth
+constexpr float kHidden = 0.03f;    // meters: minimum depth difference of an occluder, in addition to the noise
 
-/// What a depth pixel shows that covers `side` times as many colour pixels to each side: the mean of them, weighted by
-/// how much of each it covers.
+/// Mean color over the footprint of a depth pixel, `side` color pixels wide, weighted by coverage.
 std::uint32_t mean_around(const std::vector<std::uint32_t>& colour, const Camera& c, float u, float v, int side) {
   const float reach = 0.5f * static_cast<float>(side);
   Eigen::Array3f sum = Eigen::Array3f::Zero();
@@ -24,7 +23,7 @@ std::uint32_t mean_around(const std::vector<std::uint32_t>& colour, const Camera
     return std::max(0.0f, std::min(static_cast<float>(at) + 0.5f, middle + reach) -
                               std::max(static_cast<float>(at) - 0.5f, middle - reach));
   };
-  const auto around = [&](float middle, int count) {  // pixels that may be covered
+  const auto around = [&](float middle, int count) {  // range of pixels that may be covered
     return std::pair{std::max(static_cast<int>(std::floor(middle - reach)), 0),
                      std::min(static_cast<int>(std::ceil(middle + reach)), count - 1)};
   };
@@ -51,9 +50,9 @@ ColourView::ColourView(const Rig& rig) : rig_(rig) {
     for (int x = 0; x < rig.depth.width; ++x) rays_.emplace_back(rig.depth.undistorted_ray(x, y).cast<float>());
 }
 
-/// A depth pixel's point as the colour camera sees it.
+/// Projection of a depth pixel's point into the color camera.
 struct ColourView::Seen {
-  float u, v, z;  // pixels, metres; z = 0: not seen
+  float u, v, z;  // pixels, meters; z = 0: not visible
 };
 
 std::vector<ColourView::Seen> ColourView::project(const std::vector<float>& depth) const {
@@ -77,13 +76,13 @@ std::vector<float> ColourView::depth_of(const std::vector<Seen>& all) const {
   const Camera& c = rig_.colour->camera;
   const int width = rig_.depth.width, height = rig_.depth.height;
   const auto least =
-      static_cast<float>(0.5 * std::max(c.fx / rig_.depth.fx, 1.0));  // pixels, of a surface seen from the front
+      static_cast<float>(0.5 * std::max(c.fx / rig_.depth.fx, 1.0));  // pixels, for a fronto-parallel surface
   std::vector<float> depth(static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height), 0.0f);
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x) {
       const Seen& s = all[static_cast<std::size_t>(y * width + x)];
       if (s.z == 0) continue;
-      // It reaches half the way to the neighbours that are the same surface.
+      // The footprint extends halfway to the neighbors on the same surface.
       Eigen::Array4f reach = Eigen::Array4f::Constant(least);  // left, right, up, down
       for (const auto& [dx, dy] : {std::pair{-1, 0}, {1, 0}, {0, -1}, {0, 1}}) {
         if (x + dx < 0 || x + dx >= width || y + dy < 0 || y + dy >= height) continue;

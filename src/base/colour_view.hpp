@@ -8,16 +8,16 @@
 
 namespace cairn {
 
-/// Frames as the colour camera sees them: its images, with the depth of what each pixel shows. What needs colour in all
-/// its resolution works in this view.
+/// Reprojects frames into the view of the color camera: its images, with depth per pixel. Used by stages that need
+/// color at full resolution.
 class ColourView {
  public:
   explicit ColourView(const Rig& rig);
-  /// Depth images lie in the colour camera's pixels; where two surfaces fall on one, the nearer is seen. A frame of a
-  /// rig whose colour lies on depth is as it was. Any thread.
+  /// Reprojects depth into the color camera's pixels; the nearest surface wins. Frames of a rig with registered color
+  /// stay unchanged. Any thread.
   [[nodiscard]] Frame operator()(Frame frame) const;
-  /// The other way round: the depth camera's image, each of whose pixels has asked the colour image for what it shows.
-  /// What something nearer hides from the colour camera is black. Any thread.
+  /// Reverse direction: registers color to depth; each depth pixel samples the color image. Pixels occluded in the
+  /// color camera are black. Any thread.
   [[nodiscard]] Frame on_depth(Frame frame) const;
 
  private:
@@ -26,7 +26,7 @@ class ColourView {
   [[nodiscard]] std::vector<Seen> project(const std::vector<float>& depth) const;
 
   Rig rig_;
-  std::vector<Eigen::Vector2f> rays_;  // at z = 1, of the depth pixels
+  std::vector<Eigen::Vector2f> rays_;  // rays of the depth pixels, z = 1
 };
 
 }  // namespace cairn

@@ -16,7 +16,7 @@
 namespace cairn {
 namespace {
 
-constexpr int kMostNodes = 512;      // along the image
+constexpr int kMostNodes = 512;      // maximum nodes per axis
 constexpr float kMostOffset = 1.0f;  // 1/m
 
 }  // namespace
@@ -30,7 +30,7 @@ void check(const DepthCorrection& c) {
     throw std::runtime_error(fmt::format("depth_correction has {} offsets, {} columns and {} rows need {}",
                                          c.offsets.size(), c.columns, c.rows, c.columns * c.rows));
   for (const float offset : c.offsets)
-    if (!(std::abs(offset) <= kMostOffset))  // NaN, too
+    if (!(std::abs(offset) <= kMostOffset))  // also rejects NaN
       throw std::runtime_error(fmt::format("depth_correction has an offset of {}, allowed is -{} to {} 1/m", offset,
                                            kMostOffset, kMostOffset));
 }

@@ -26,15 +26,15 @@
 namespace cairn {
 namespace {
 
-static_assert(std::endian::native == std::endian::little);  // NPY is read as it lies in the file
+static_assert(std::endian::native == std::endian::little);  // NPY data are copied without byte swapping
 
-constexpr int kAnyTileSide = 512;                    // pixels, however small the image
-constexpr std::uint64_t kTiffBytes = 1500;           // what a byte can at most become: LZW's longest string
-constexpr std::uint64_t kRoom = 1 << 16;             // bytes that any file may have
-constexpr tmsize_t kMostAtOnce = tmsize_t{1} << 28;  // bytes that libtiff may allocate in one piece
+constexpr int kAnyTileSide = 512;                    // pixels, allowed for any image size
+constexpr std::uint64_t kTiffBytes = 1500;           // maximum compression ratio: LZW's longest string
+constexpr std::uint64_t kRoom = 1 << 16;             // bytes allowed for any file
+constexpr tmsize_t kMostAtOnce = tmsize_t{1} << 28;  // maximum bytes of one libtiff allocation
 constexpr const char* kKnown = "known are 16 bits, and floats of 32 or 64";
 
-/// The one channel of depth that was written as a picture. Throws where the first three channels differ.
+/// Depth channel of a depth image saved as a color picture. Throws if the first three channels differ.
 cv::Mat one_channel(const cv::Mat& image) {
   if (image.channels() == 1) return image;
   cv::Mat first, other;
@@ -49,7 +49,7 @@ cv::Mat one_channel(const cv::Mat& image) {
   return first;
 }
 
-/// Floats of 64 bits as such of 32.
+/// Converts 64-bit floats to 32 bits.
 cv::Mat narrowed(cv::Mat image) {
   if (image.depth() == CV_64F) image.convertTo(image, CV_32F);
   return image;
@@ -114,7 +114,7 @@ void check_packing(TIFF* tiff) {
     throw refused(fmt::format("packed by method {}; known are none, LZW, Deflate and PackBits", packed));
 }
 
-/// The type of cv::Mat that a TIFF's numbers need.
+/// cv::Mat type of a depth TIFF.
 int type_of(TIFF* tiff) {
   const auto bits = tag<std::uint16_t>(tiff, TIFFTAG_BITSPERSAMPLE),
              samples = tag<std::uint16_t>(tiff, TIFFTAG_SAMPLESPERPIXEL),
@@ -127,7 +127,7 @@ int type_of(TIFF* tiff) {
   return CV_MAKETYPE(is_float ? (bits == 32 ? CV_32F : CV_64F) : CV_16U, samples);
 }
 
-/// The type of cv::Mat that a TIFF's colors need.
+/// cv::Mat type of a color TIFF.
 int type_of_color(TIFF* tiff) {
   const auto bits = tag<std::uint16_t>(tiff, TIFFTAG_BITSPERSAMPLE),
              samples = tag<std::uint16_t>(tiff, TIFFTAG_SAMPLESPERPIXEL),
@@ -140,7 +140,7 @@ int type_of_color(TIFF* tiff) {
   return CV_MAKETYPE(CV_8U, samples);
 }
 
-/// Whether all rows were there. Strips hold whole rows.
+/// Returns true if all rows were read. Strips contain complete rows.
 bool read_strips(TIFF* tiff, cv::Mat& image) {
   const auto height = static_cast<std::uint32_t>(image.rows);
   const std::uint32_t rows = std::min(tag<std::uint32_t>(tiff, TIFFTAG_ROWSPERSTRIP), height);
@@ -187,7 +187,7 @@ cv::Mat decode_tiff(std::span<const std::uint8_t> all, const ImageBound& bound, 
 
 // NPY: numpy.lib.format
 
-/// What stands behind a key of the header's dictionary.
+/// Text after a key of the header's dictionary.
 std::string_view value_of(std::string_view header, std::string_view key) {
   const std::size_t at = header.find(fmt::format("'{}'", key));
   if (at == header.npos) return {};
@@ -196,7 +196,7 @@ std::string_view value_of(std::string_view header, std::string_view key) {
   return header;
 }
 
-/// (480, 640), or with a 1 more.
+/// Parses (480, 640), with optional dimensions of size 1.
 std::array<std::uint32_t, 2> shape_of(std::string_view header) {
   std::string_view text = value_of(header, "shape");
   text = text.substr(0, text.find(')'));
@@ -218,7 +218,7 @@ std::array<std::uint32_t, 2> shape_of(std::string_view header) {
 cv::Mat decode_npy(std::span<const std::uint8_t> bytes, const ImageBound& bound) {
   const auto damaged = [] { return std::runtime_error("is no NPY file that can be read: damaged or cut off"); };
   if (bytes.size() < 12) throw damaged();
-  const bool is_old = bytes[6] == 1;  // a header of 64 KiB at most
+  const bool is_old = bytes[6] == 1;  // version 1: header of at most 64 KiB
   std::size_t begin = is_old ? 10 : 12, length = bytes[8] | std::size_t{bytes[9]} << 8;
   if (!is_old) length |= std::size_t{bytes[10]} << 16 | std::size_t{bytes[11]} << 24;
   if (length > bytes.size() - begin) throw damaged();

@@ -24,13 +24,13 @@ namespace cairn {
 namespace {
 
 constexpr std::size_t kFront = 8;            // bytes of the magic number, version and flags
-constexpr std::uint8_t kOtherKinds = 0x18;   // flags of deep data and of several parts, in the second byte
-constexpr std::uint64_t kMostGrowth = 1500;  // bytes that a packed byte can become, as for TIFF
-constexpr std::uint64_t kRoom = 1 << 16;     // bytes that any file may have
-constexpr std::uint64_t kChannel = 18;       // bytes of a channel in the header, at least
+constexpr std::uint8_t kOtherKinds = 0x18;   // flags of deep data and multi-part files, in the second byte
+constexpr std::uint64_t kMostGrowth = 1500;  // maximum compression ratio, as for TIFF
+constexpr std::uint64_t kRoom = 1 << 16;     // bytes allowed for any file
+constexpr std::uint64_t kChannel = 18;       // minimum bytes of a channel in the header
 constexpr const char* kRemedy = "save one channel of 32-bit floats, scan lines packed with ZIP";
 
-/// Types of header attributes whose memory OpenEXR bounds by their size in the file.
+/// Types of header attributes with memory bounded by their size in the file.
 constexpr std::array<std::string_view, 26> kTypes{
     "box2i",       "box2f",  "chlist",   "chromaticities", "compression", "double", "envmap", "float",
     "floatvector", "int",    "keycode",  "lineOrder",      "m33d",        "m33f",   "m44d",   "m44f",
@@ -48,7 +48,7 @@ T value_of(std::string_view bytes) {
 }
 
 cv::Rect rect_of(const std::array<std::int32_t, 4>& box, std::uint32_t most_pixels) {
-  constexpr std::int32_t kFarthest = 1 << 20;  // pixels, of a corner
+  constexpr std::int32_t kFarthest = 1 << 20;  // pixels, maximum offset of a corner
   const std::int64_t width = std::int64_t{box[2]} - box[0] + 1, height = std::int64_t{box[3]} - box[1] + 1;
   if (width < 1 || height < 1 || width > most_pixels || height > most_pixels)
     throw std::runtime_error(
@@ -57,12 +57,12 @@ cv::Rect rect_of(const std::array<std::int32_t, 4>& box, std::uint32_t most_pixe
   return {box[0], box[1], static_cast<int>(width), static_cast<int>(height)};
 }
 
-/// Windows of the pixels that are stored, and of the image.
+/// Windows of the stored pixels and of the image.
 struct Windows {
   cv::Rect data, shown_in;
 };
 
-/// Checks the header's attributes, each of a name, type, size and value, before OpenEXR gets memory for them.
+/// Checks the header's attributes (name, type, size, value) before OpenEXR allocates memory for them.
 Windows check_header(std::string_view all, std::uint32_t most_pixels) {
   if (all.size() < kFront) throw damaged();
   if ((static_cast<std::uint8_t>(all[5]) & kOtherKinds) != 0)
@@ -118,7 +118,7 @@ class Bytes final : public Imf::IStream {
   std::uint64_t at_ = 0;
 };
 
-/// Names of the channels to read: that of depth, or R, G and B, which must be equal.
+/// Names of the channels to read: depth, or R, G and B if equal.
 std::vector<std::string> channels_of(const Imf::ChannelList& list) {
   std::vector<std::string> names;
   for (auto it = list.begin(); it != list.end(); ++it) {
@@ -138,7 +138,7 @@ std::vector<std::string> channels_of(const Imf::ChannelList& list) {
       fmt::format("is an EXR file of {} channels, none of them Z, Y or R; {}", names.size(), kRemedy));
 }
 
-/// The pixels of the data window, one image for each channel.
+/// Pixels of the data window, one image per channel.
 std::vector<cv::Mat1f> read_channels(Imf::InputFile& file, const std::vector<std::string>& names,
                                      const cv::Rect& window) {
   std::vector<cv::Mat1f> images;
@@ -179,7 +179,7 @@ cv::Mat decode_exr(std::span<const std::uint8_t> all, std::uint32_t most_pixels)
     return whole;
   } catch (const std::runtime_error&) {
     throw;
-  } catch (const std::exception&) {  // of OpenEXR
+  } catch (const std::exception&) {  // from OpenEXR
     throw damaged();
   }
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Depth in OpenEXR files; the only door to OpenEXR.
+// Depth in OpenEXR files; the only user of OpenEXR.
 #pragma once
 #include <cstdint>
 #include <opencv2/core.hpp>
@@ -11,9 +11,9 @@ namespace cairn {
 
 inline constexpr std::string_view kExrMagic("\x76\x2f\x31\x01", 4);
 
-/// Depth of an OpenEXR file as CV_32FC1: the channel Z, Y or R, else a single one, of halves, floats or whole numbers.
-/// Throws std::runtime_error, without the file's name, for pixels beyond `most_pixels` a side, for a picture (channels
-/// R, G and B that differ), and for a file that is damaged or cut off.
+/// Decodes the depth of an OpenEXR file as CV_32FC1: channel Z, Y or R, else the only channel, of type half, float or
+/// uint. Throws std::runtime_error, without the file's name, for more than `most_pixels` pixels per side, for a color
+/// picture (channels R, G and B differ), and for a damaged or truncated file.
 [[nodiscard]] cv::Mat decode_exr(std::span<const std::uint8_t> bytes, std::uint32_t most_pixels);
 
 }  // namespace cairn

@@ -24,7 +24,7 @@ std::optional<FileLock> FileLock::take(const fs::path& file, Kind kind, bool pat
   while (result != 0 && errno == EINTR);
   if (result == 0) return lock;
   if (errno == EWOULDBLOCK) return std::nullopt;
-  if (kind == Kind::shared) return lock;  // there are no locks here, and reading does no harm
+  if (kind == Kind::shared) return lock;  // file system without locks; reading is harmless
   throw std::runtime_error("cannot lock " + file.string() + ": " + std::strerror(errno) +
                            "; choose a folder on another disk");
 }

@@ -7,11 +7,11 @@
 
 namespace cairn {
 
-/// A lock of the system on a file or folder (flock), held as long as this lives; a killed process holds none.
+/// Advisory lock (flock) on a file or folder, held for the lifetime of this object; released if the process is killed.
 class FileLock {
  public:
   enum class Kind { shared, exclusive };
-  /// Nothing where somebody else holds it; `patient`: waits for the other. A folder may be locked as it is.
+  /// Returns nullopt if another process holds the lock; `patient`: waits for it instead. Folders can be locked, too.
   [[nodiscard]] static std::optional<FileLock> take(const std::filesystem::path& file, Kind kind, bool patient = false);
   FileLock(FileLock&& other) noexcept : descriptor_(std::exchange(other.descriptor_, -1)) {}
   ~FileLock();

@@ -29,11 +29,11 @@
 namespace cairn {
 namespace {
 
-// What a byte can at most become: deflate's longest match, and a progressive JPEG of one bit for each 8x8 block.
+// Maximum compression ratios: deflate's longest match, and a progressive JPEG with one bit per 8x8 block.
 constexpr std::uint64_t kPngBytes = 1040, kJpegPixels = 512;
-constexpr std::uint64_t kRoom = 1 << 16;     // pixels or bytes that any file may have
-constexpr std::size_t kMostChunk = 1 << 20;  // bytes of a PNG's chunk without pixels, unpacked
-constexpr int kMostScans = 64;               // of a progressive JPEG; encoders make 10
+constexpr std::uint64_t kRoom = 1 << 16;     // pixels or bytes allowed for any file
+constexpr std::size_t kMostChunk = 1 << 20;  // maximum unpacked bytes of a PNG chunk without pixels
+constexpr int kMostScans = 64;               // maximum scans of a progressive JPEG; encoders write 10
 constexpr int kPngEffort = 1, kJpegQuality = 95;
 
 std::uint64_t big_endian(std::span<const std::uint8_t> bytes, std::size_t at, std::size_t count) {
@@ -44,10 +44,10 @@ std::uint64_t big_endian(std::span<const std::uint8_t> bytes, std::size_t at, st
 
 struct ImageHead {
   std::uint64_t width = 0, height = 0;
-  bool is_plausible = false;  // the pixels can be in the file: the decoders get memory for them before they look
+  bool is_plausible = false;  // file is large enough for the pixels: decoders allocate memory before they check
 };
 
-/// None for a header that is damaged.
+/// Returns nullopt for a damaged header.
 std::optional<ImageHead> png_head(std::span<const std::uint8_t> b) {
   if (b.size() < 33) return std::nullopt;  // signature and IHDR
   constexpr std::uint64_t kChannels[] = {1, 0, 3, 1, 2, 0, 4};
@@ -66,7 +66,7 @@ std::optional<ImageHead> jpeg_head(std::span<const std::uint8_t> b) {
       const std::uint64_t height = big_endian(b, at + 5, 2), width = big_endian(b, at + 7, 2);
       if (width == 0 || height == 0) return std::nullopt;
       return ImageHead{width, height, product(width, height) <= product(b.size(), kJpegPixels) + kRoom};
-    } else if (marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8)) {  // alone
+    } else if (marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8)) {  // marker without data
       at += 2;
     } else {
       at += 2 + big_endian(b, at + 2, 2);
@@ -77,11 +77,11 @@ std::optional<ImageHead> jpeg_head(std::span<const std::uint8_t> b) {
 
 using PngContext = std::unique_ptr<spng_ctx, void (*)(spng_ctx*)>;
 
-/// What a PNG holds, as `Pixels` asks for it; empty where it cannot be decoded.
+/// Decodes a PNG in the format of `pixels`; returns an empty image on failure.
 cv::Mat decode_png(std::span<const std::uint8_t> bytes, Pixels pixels) {
   const PngContext png(spng_ctx_new(0), spng_ctx_free);
   spng_ihdr header{};
-  // Text and profiles beside the pixels may unpack to anything.
+  // Limits text and color profiles, with unbounded unpacked size.
   if (!png || spng_set_chunk_limits(png.get(), kMostChunk, kMostChunk) != 0 ||
       spng_set_png_buffer(png.get(), bytes.data(), bytes.size()) != 0 || spng_get_ihdr(png.get(), &header) != 0)
     return {};
@@ -107,10 +107,10 @@ struct JpegErrors {
   std::jmp_buf after;
 };
 
-/// libjpeg tells of errors by calling this; what is between is C alone.
+/// Error handler of libjpeg; longjmp is safe because only C frames are skipped.
 [[noreturn]] void leave_jpeg(j_common_ptr info) { std::longjmp(reinterpret_cast<JpegErrors*>(info->err)->after, 1); }
 void say_nothing(j_common_ptr, int) {}
-/// A progressive JPEG may pass over all its pixels again with every few bytes.
+/// Limits the scans: a progressive JPEG can revisit all pixels with every few bytes.
 void count_scans(j_common_ptr info) {
   if (reinterpret_cast<j_decompress_ptr>(info)->input_scan_number > kMostScans) leave_jpeg(info);
 }
@@ -121,7 +121,7 @@ void set_errors(JpegErrors& errors) {
   errors.manager.emit_message = say_nothing;
 }
 
-/// Rows of what is decompressed into `image`, whose type says its colours. False: it cannot be decoded.
+/// Decompresses into `image`, with the color format in its type. Returns false on failure.
 bool read_jpeg(jpeg_decompress_struct& jpeg, JpegErrors& errors, std::span<const std::uint8_t> bytes, Pixels pixels,
                cv::Mat& image) {
   jpeg_progress_mgr progress{};

@@ -10,7 +10,7 @@ void check_json_depth(std::string_view text) {
   int depth = 0;
   for (std::size_t i = 0; i < text.size(); ++i) {
     const char c = text[i];
-    if (c == '"') {  // up to the end of the string
+    if (c == '"') {  // skips to the end of the string
       while (++i < text.size() && text[i] != '"')
         if (text[i] == '\\') ++i;
     } else if (c == '[' || c == '{') {

@@ -17,7 +17,9 @@ void for_each_line(const std::filesystem::path& file,
   if (!in) throw std::runtime_error(file.string() + ": cannot be read");
   std::string line;
   for (int number = 1; std::getline(in, line); ++number) {
-    if (number == 1 && line.starts_with("\xef\xbb\xbf")) line.erase(0, 3);  // a mark that Windows' editors leave
+    if (number == 1 && line.starts_with("\xef\xbb\xbf"))
+      line.erase(0, 3);  // byte order mark, written by Windows
+                         // editors
     std::istringstream stream(line);
     std::vector<std::string> words;
     for (std::string word; stream >> word;) words.push_back(word);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Steps of tracking mostly err by little and sometimes, where it slips, by very much: as a t-distribution of six
-// dimensions does (Lange, Little & Taylor 1989).
+// Heavy-tailed error model of tracking: mostly small errors, sometimes very large ones when tracking slips. Student's
+// t-distribution in six dimensions (Lange, Little & Taylor 1989).
 #pragma once
 #include <cmath>
 
@@ -9,11 +9,11 @@ namespace cairn {
 
 inline constexpr double kStepFreedom = 5;
 
-/// By its squared error in units of its noise.
+/// Weight of an edge with this squared error in units of its noise.
 [[nodiscard]] inline double weight_of_step(double squared_error) {
   return (kStepFreedom + 6) / (kStepFreedom + squared_error);
 }
-/// Twice what that adds to a cost.
+/// Twice the cost of such an edge.
 [[nodiscard]] inline double cost_of_step(double squared_error) {
   return (kStepFreedom + 6) * std::log(1 + squared_error / kStepFreedom);
 }

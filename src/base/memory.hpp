@@ -7,7 +7,7 @@
 
 namespace cairn {
 
-/// Bytes of memory that programs can still have without swapping, as the kernel estimates it; 0 where it tells nothing.
+/// Memory available without swapping, in bytes, as estimated by the kernel; 0: unknown.
 [[nodiscard]] inline std::uint64_t available_memory() {
   std::ifstream in("/proc/meminfo");
   std::string name, rest;

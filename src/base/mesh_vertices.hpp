@@ -9,13 +9,13 @@
 
 namespace cairn {
 
-/// Leaves the vertices that are told, in this order, with all that they carry; triangles are not touched.
+/// Keeps the listed vertices, in this order, with all their attributes; does not change triangles.
 void take_vertices(Mesh& mesh, const std::vector<std::uint32_t>& vertices);
 
-/// Leaves the vertices that triangles use, in their order; returns these.
+/// Keeps the vertices used by triangles, in their order; returns their old indices.
 std::vector<std::uint32_t> drop_unused_vertices(Mesh& mesh);
 
-/// Turns positions and normals about the origin. A turn by nothing changes no bit.
+/// Rotates positions and normals about the origin. An identity rotation changes no bit.
 void turn(Mesh& mesh, const Eigen::Quaterniond& by);
 [[nodiscard]] Mesh turned(Mesh mesh, const Eigen::Quaterniond& by);
 

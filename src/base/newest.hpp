@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// One value that a thread replaces while others read it.
+// Latest value of a writer thread, shared with reader threads.
 #pragma once
 #include <memory>
 #include <mutex>
@@ -8,14 +8,14 @@
 
 namespace cairn {
 
-/// The newest of something that one thread makes and any thread reads. Not std::atomic<std::shared_ptr>: in GCC 12's a
-/// reader gives the pointer back without release order, so that it races with whoever puts the next one.
+/// Holds the latest value written by one thread and read by any thread. Does not use std::atomic<std::shared_ptr>: in
+/// GCC 12, a reader releases the pointer without release order, a data race with the next writer.
 template <class T>
 class Newest {
  public:
   void put(std::shared_ptr<const T> value) {
     const std::lock_guard lock(mutex_);
-    value_.swap(value);  // the old one ends after the lock
+    value_.swap(value);  // destroys the old value after unlocking
   }
   [[nodiscard]] std::shared_ptr<const T> get() const {
     const std::lock_guard lock(mutex_);

@@ -12,7 +12,7 @@
 
 #include "base/depth_image.hpp"
 
-// stb's image reader: a header that is a program. Of its formats BMP alone is compiled.
+// stb's image reader: a header with its implementation. Only BMP is compiled.
 #if defined(__GNUC__)
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wunused-function"
@@ -31,8 +31,8 @@
 namespace cairn {
 namespace {
 
-constexpr std::uint64_t kWebpPixels = 8192;  // of a byte: VP8L codes a flat block of rows in some bits
-constexpr std::uint64_t kRoom = 1 << 16;     // pixels that any file may have
+constexpr std::uint64_t kWebpPixels = 8192;  // pixels per byte: VP8L encodes a flat block of rows in a few bits
+constexpr std::uint64_t kRoom = 1 << 16;     // pixels allowed for any file
 
 void check_pixels(int width, int height, std::uint64_t most, const ImageBound& bound) {
   check_image_size(static_cast<std::uint64_t>(std::max(width, 0)), static_cast<std::uint64_t>(std::max(height, 0)),
@@ -47,7 +47,7 @@ std::uint64_t little_endian(std::span<const std::uint8_t> bytes, std::size_t at,
   return value;
 }
 
-/// Bytes of a BMP up to its last row: stb reads no packed rows, and fills with black what is missing.
+/// Size of a BMP up to its last row, in bytes: stb reads no compressed rows, and fills missing data with black.
 std::uint64_t bytes_of_bmp(std::span<const std::uint8_t> bytes, int width, int height) {
   if (bytes.size() < 30) return UINT64_MAX;
   const std::uint64_t bits = little_endian(bytes, little_endian(bytes, 14, 4) == 12 ? 24 : 28, 2);
@@ -60,7 +60,7 @@ cv::Mat decode_bmp(std::span<const std::uint8_t> bytes, const ImageBound& bound)
   const int size = static_cast<int>(std::min<std::size_t>(bytes.size(), 1 << 30));
   if (stbi_info_from_memory(bytes.data(), size, &width, &height, &channels) == 0)
     throw std::runtime_error("is no BMP that can be read: damaged, packed, or of too many pixels");
-  height = std::abs(height);  // negative: from the upper row to the lower one
+  height = std::abs(height);  // negative: rows from top to bottom
   check_pixels(width, height, UINT64_MAX, bound);
   if (bytes_of_bmp(bytes, width, height) > bytes.size()) throw std::runtime_error("the file is cut off");
   const std::unique_ptr<stbi_uc, void (*)(void*)> pixels(

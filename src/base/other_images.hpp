@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Color images of kinds that no camera program writes by default: BMP, WebP and TIFF.
+// Color images in formats that camera programs do not write by default: BMP, WebP and TIFF.
 #pragma once
 #include <cstdint>
 #include <opencv2/core.hpp>
@@ -11,9 +11,9 @@
 
 namespace cairn {
 
-/// CV_8UC4, R, G, B and 255 where there is no transparency, of a whole BMP, WebP or TIFF by its first bytes; nothing
-/// for other kinds. Throws std::runtime_error that says why not: cut off, damaged, beyond `bound`. The size is checked
-/// before any pixel has memory.
+/// Decodes a BMP, WebP or TIFF, detected by its first bytes, as CV_8UC4: R, G, B and alpha (255 if opaque). Returns
+/// nullopt for other formats. Throws std::runtime_error with the reason: truncated, damaged, beyond `bound`. Checks the
+/// size before allocating pixels.
 [[nodiscard]] std::optional<cv::Mat> decode_other_image(std::span<const std::uint8_t> bytes,
                                                         const ImageBound& bound = {});
 

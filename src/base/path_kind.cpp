@@ -21,10 +21,10 @@ namespace fs = std::filesystem;
 using namespace std::string_view_literals;
 using Kind = PathKind::Kind;
 
-constexpr std::size_t kNamed = 3;  // of what is in a folder of another kind
+constexpr std::size_t kNamed = 3;  // maximum number of folder entries listed in a message
 constexpr std::array kMeshes{".glb"sv, ".gltf"sv, ".ply"sv, ".obj"sv, ".stl"sv, ".drc"sv};
 constexpr std::array kRecordings{".bag"sv, ".mcap"sv, ".db3"sv, ".oni"sv, ".mkv"sv, ".sens"sv, ".zip"sv, ".r3d"sv};
-/// Files and folders that only a recording has.
+/// Files and folders found only in recordings.
 constexpr std::array kOfRecordings{"depth.txt"sv,
                                    "associations.txt"sv,
                                    "rgb.mp4"sv,
@@ -38,7 +38,7 @@ constexpr std::array kOfRecordings{"depth.txt"sv,
                                    "depth_raw"sv,
                                    "rtabmap_depth"sv,
                                    "frame-000000.depth.png"sv};
-/// Folders of a recording's images.
+/// Image folders of recordings.
 constexpr std::array kImages{"depth"sv,  "rgb"sv,    "color"sv,     "colour"sv,
                              "images"sv, "depths"sv, "depth_raw"sv, "confidence"sv};
 

@@ -7,7 +7,7 @@
 
 namespace cairn {
 
-/// A checksum of numbers and poses to the last bit (CRC-64, ECMA-182), as 16 hexadecimal digits.
+/// Checksum over all bits of numbers and poses (CRC-64, ECMA-182), as 16 hexadecimal digits.
 class PoseChecksum {
  public:
   void add(double number) { sum_.process_bytes(&number, sizeof number); }

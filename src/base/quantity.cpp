@@ -13,7 +13,7 @@
 namespace cairn {
 namespace {
 
-/// A unit's name, and how many of the basic one it is: a power of ten times a factor.
+/// Name of a unit, with its conversion to the base unit: 10^power * factor.
 struct Name {
   std::string_view name;
   int power = 0;
@@ -99,7 +99,7 @@ std::string_view trimmed(std::string_view text) {
   return text;
 }
 
-/// The length of a decimal number that the text begins with: 0 for none, and for `nan` and `inf`.
+/// Length of the decimal number at the start of the text: 0 for none, and for `nan` and `inf`.
 std::size_t length_of_number(std::string_view text) {
   double ignored = 0;
   const std::size_t digit = text.starts_with('-') ? 1 : 0;
@@ -107,7 +107,7 @@ std::size_t length_of_number(std::string_view text) {
   return static_cast<std::size_t>(std::from_chars(text.data(), text.data() + text.size(), ignored).ptr - text.data());
 }
 
-/// Times a power of ten that the decimal number gets before it is rounded.
+/// Multiplies by a power of ten before rounding to double, so that the result is exact.
 std::optional<double> number_of(std::string_view decimal, int power) {
   const std::size_t exponent = std::min(decimal.find_first_of("eE"), decimal.size());
   int given = 0;

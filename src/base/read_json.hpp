@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// JSON from outside, bounded in depth: the only caller of the JSON library's parser.
+// Parsers of untrusted JSON with bounded depth: the only caller of the JSON library's parser.
 #pragma once
 #include <cstdint>
 #include <nlohmann/json.hpp>
@@ -12,16 +12,16 @@
 
 namespace cairn {
 
-/// Values of a JSON text. Throws nlohmann::json::parse_error for malformed text, and TooDeepJson for text nested deeper
-/// than kDeepestJson.
+/// Parses JSON text. Throws nlohmann::json::parse_error for malformed text, and TooDeepJson for text nested deeper than
+/// kDeepestJson.
 [[nodiscard]] nlohmann::json parsed_json(std::string_view text);
 [[nodiscard]] nlohmann::json parsed_json(std::span<const std::uint8_t> bytes);
 
-/// The same, and a value with is_discarded() for malformed or too deep text.
+/// As parsed_json, but returns a value with is_discarded() for malformed or too deep text.
 [[nodiscard]] nlohmann::json parsed_json_or_none(std::string_view text);
 
-/// Values of CBOR, of at most 16 levels. Throws nlohmann::json::parse_error for malformed bytes, and std::runtime_error
-/// for deeper ones.
+/// Parses CBOR with at most 16 levels. Throws nlohmann::json::parse_error for malformed bytes, and std::runtime_error
+/// for deeper nesting.
 [[nodiscard]] nlohmann::json parsed_cbor(const std::string& bytes);
 
 }  // namespace cairn

@@ -21,10 +21,10 @@ std::vector<std::uint8_t> read_whole(const std::filesystem::path& file, std::siz
     throw std::runtime_error(
         fmt::format("has {} MiB, more than the {} MiB that such a file may have", size >> 20, most >> 20));
   std::vector<std::uint8_t> bytes(ignored ? 0
-                                          : size);  // at once: growth by doubling takes up to three times the memory
+                                          : size);  // exact size: growth by doubling takes up to three times the memory
   in.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   bytes.resize(static_cast<std::size_t>(in.gcount()));
-  if (in && in.peek() != std::ifstream::traits_type::eof())  // the kernel's own files tell no size
+  if (in && in.peek() != std::ifstream::traits_type::eof())  // files of the kernel (/proc) report no size
     bytes.insert(bytes.end(), std::istreambuf_iterator<char>(in), {});
   return bytes;
 }

@@ -9,20 +9,19 @@
 
 namespace cairn {
 
-/// Bytes that wait on the disk instead of in memory until they are wanted: in a file without a name, which is gone when
-/// the program is.
+/// Temporary bytes on disk, to save memory, in an unnamed file that disappears with the program.
 class Spool {
  public:
-  /// On the disk that `file` will be on. Throws std::runtime_error like write_whole.
+  /// Creates the spool on the disk of `file`. Throws std::runtime_error as write_whole does.
   explicit Spool(const std::filesystem::path& file);
   ~Spool();
   Spool(Spool&&) noexcept;
-  /// Throws std::runtime_error like write_whole.
+  /// Throws std::runtime_error as write_whole does.
   void append(std::string_view bytes);
-  /// All of it. Throws std::runtime_error with the system's reason, to which write_whole adds the path.
+  /// Copies all bytes. Throws std::runtime_error with the system's reason; write_whole adds the path.
   void copy_to(std::ostream& out) const;
-  /// All of it, in pages that the system reads when they are looked at and drops when memory is short; as long as this
-  /// lives. What is appended later is not in it. Throws std::runtime_error with the system's reason.
+  /// Maps all bytes written so far into memory: pages are loaded on access and dropped under memory pressure. Valid
+  /// during the spool's lifetime; later bytes are not included. Throws std::runtime_error with the system's reason.
   [[nodiscard]] std::string_view mapped();
 
  private:

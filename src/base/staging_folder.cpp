@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Beside the content: names that it never has, since they begin like temporary ones.
+// Names beside the content, never used by the content itself because of their temporary prefix.
 constexpr const char *kMark = ".cairn-mark", *kAside = ".cairn-aside";
 constexpr std::string_view kMarkText = "A folder that cairn makes for what it writes, and removes.\n";
 
@@ -26,13 +26,13 @@ int rename_to(const fs::path& from, const fs::path& to) {
 
 bool is_full(int error) { return error == ENOTEMPTY || error == EEXIST; }
 
-/// On a disk that loses power, what was there goes only when the new one is on it.
+/// Makes the new content durable before the old content is removed, for a power failure.
 void sync_disk_of(const fs::path& folder) {
   const SystemFile open(folder, O_RDONLY | O_DIRECTORY);
   if (syncfs(open.descriptor()) != 0) throw SystemError{errno};
 }
 
-/// The folder in a staging one for what is written; empty where it has been moved to its place.
+/// Content folder inside a staging folder; empty if it has been moved to its destination.
 fs::path content_of(const fs::path& staging) {
   for (const auto& entry : fs::directory_iterator(staging))
     if (const fs::path name = entry.path().filename(); name != kMark && name != kAside) return entry.path();
@@ -51,7 +51,8 @@ StagingFolder::StagingFolder(const fs::path& place) {
   content_ = folder_ / place.filename();
   try {
     mark_ = std::make_unique<SystemFile>(folder_ / kMark, O_RDWR | O_CREAT | O_EXCL);
-    (void)flock(mark_->descriptor(), LOCK_EX | LOCK_NB);  // where there are no locks, nothing is taken for left over
+    (void)flock(mark_->descriptor(), LOCK_EX | LOCK_NB);  // without locks on the file system, no staging folder counts
+                                                          // as left over
     mark_->write(kMarkText.data(), kMarkText.size());
     if (mkdir(content_.c_str(), 0777) != 0) throw SystemError{errno};
   } catch (...) {
@@ -67,13 +68,13 @@ StagingFolder::~StagingFolder() {
 }
 
 void StagingFolder::take_the_place_of(const fs::path& place) {
-  int error = rename_to(content_, place);  // takes the place of an empty folder as well
+  int error = rename_to(content_, place);  // also replaces an empty folder
   if (error == 0) return;
   if (!is_full(error)) throw SystemError{error};
   sync_disk_of(content_);
   if (renameat2(AT_FDCWD, content_.c_str(), AT_FDCWD, place.c_str(), RENAME_EXCHANGE) == 0) return;
   if (errno != ENOSYS && errno != EINVAL && errno != ENOTSUP) throw SystemError{errno};
-  unfinished_.reset();  // from here on it holds what is not replaced yet
+  unfinished_.reset();  // from here on it contains old content not yet replaced
   const fs::path aside = folder_ / kAside;
   if ((error = rename_to(place, aside)) != 0) throw SystemError{error};
   if ((error = rename_to(content_, place)) == 0) return;
@@ -93,13 +94,13 @@ void remove_left_staging(const fs::path& folder) {
     std::error_code ignored;
     const fs::path aside = folder / kAside;
     if (const fs::path content = content_of(folder); fs::exists(aside) && !content.empty()) {
-      // Killed between two renames: nothing is at the place.
+      // Killed between two renames: the destination is empty.
       const fs::path place = folder.parent_path() / content.filename();
       if (fs::exists(fs::symlink_status(place)) || rename_to(aside, place) != 0) return;
     }
     fs::remove_all(folder, ignored);
   } catch (const SystemError&) {
-    // Nobody's mark, or another user's: it stays.
+    // Without a mark, or of another user: keep it.
   } catch (const fs::filesystem_error&) {
   }
 }

@@ -10,33 +10,33 @@
 
 namespace cairn {
 
-/// A folder of the program's own, `.cairn-PID.NAME` beside a folder NAME: made exclusively, with a file that marks it
-/// and is locked as long as this lives, and with `NAME/` for what is written.
+/// Staging folder `.cairn-PID.NAME` beside a folder NAME: created exclusively, with a marker file locked during this
+/// object's lifetime, and `NAME/` for the new content.
 class StagingFolder {
  public:
-  /// The folder above `place` must exist. Throws SystemError.
+  /// Requires the parent folder of `place`. Throws SystemError.
   explicit StagingFolder(const std::filesystem::path& place);
-  /// Removes all that is left in it.
+  /// Removes the staging folder with its remaining content.
   ~StagingFolder();
   StagingFolder(const StagingFolder&) = delete;
   StagingFolder& operator=(const StagingFolder&) = delete;
 
   [[nodiscard]] const std::filesystem::path& content() const { return content_; }
-  /// Moves the content to `place`, on the same disk. A folder there is exchanged for it in one step where the disk can
-  /// do that; else it is moved aside first, and back where the content cannot take its place. It is removed once the
-  /// content is there. Throws SystemError; `place` is then as it was. Throws std::runtime_error where it cannot be
-  /// moved back: it names the folder that holds it, which stays.
+  /// Moves the content to `place`, on the same disk. An existing folder is exchanged atomically if the file system
+  /// supports it; else it is moved aside first, and back if the content cannot be moved. The old folder is removed at
+  /// the end. Throws SystemError; `place` is then unchanged. Throws std::runtime_error if the old folder cannot be
+  /// moved back: the message names its location, and it is kept.
   void take_the_place_of(const std::filesystem::path& place);
 
  private:
   std::filesystem::path folder_, content_;
   std::optional<Unfinished> unfinished_;
   std::unique_ptr<SystemFile> mark_;
-  bool is_removed_ = true;  // with this
+  bool is_removed_ = true;  // false: the destructor keeps the folder
 };
 
-/// Removes a staging folder whose program was killed. A folder in it that had been moved aside is moved back first. One
-/// without the mark, or with a living program, stays.
+/// Removes the staging folder of a killed program, after moving back an old folder left aside. Keeps a folder without
+/// the marker file, or with a running program.
 void remove_left_staging(const std::filesystem::path& folder);
 
 }  // namespace cairn

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// How long stages take.
+// Timing of stages.
 #pragma once
 #include <chrono>
 #include <map>
@@ -8,10 +8,10 @@
 
 namespace cairn {
 
-/// Milliseconds by stage.
+/// Milliseconds per stage.
 using StageTimes = std::map<std::string, double>;
 
-/// Runs a stage and adds its time.
+/// Runs a stage and adds its duration.
 template <class Stage>
 auto timed(StageTimes& times, const char* name, Stage&& stage) {
   struct Stopwatch {

@@ -8,10 +8,10 @@
 namespace cairn {
 namespace {
 
-constexpr double kFar = 1 << 24;  // cells from the origin; nothing overflows
-constexpr int kReach = 2;         // cells to the nearest one that is known
+constexpr double kFar = 1 << 24;  // cells from the origin; prevents integer overflow
+constexpr int kReach = 2;         // maximum distance to the nearest known cell, in cells
 
-bool is_near(const Eigen::Vector3d& in_cells) { return (in_cells.array().abs() < kFar).all(); }  // not for a NaN
+bool is_near(const Eigen::Vector3d& in_cells) { return (in_cells.array().abs() < kFar).all(); }  // false for NaN
 
 bool before(const SurfaceSigma::Cell& a, const SurfaceSigma::Cell& b) {
   return std::lexicographical_compare(a.at.data(), a.at.data() + 3, b.at.data(), b.at.data() + 3);
@@ -58,7 +58,7 @@ std::optional<float> SurfaceSigma::at(const Eigen::Vector3d& point) const {
     variance += share * cell->variance / cell->weight;
     weight += share;
   }
-  constexpr double kLittle = 1e-6;  // a cell that only touches the point
+  constexpr double kLittle = 1e-6;  // minimum weight: excludes cells that only touch the point
   if (weight > kLittle) return static_cast<float>(std::sqrt(variance / weight));
   const Cell* nearest = nullptr;
   double least = kReach * kReach;

@@ -53,7 +53,8 @@ TemporaryFile make_temporary(const std::filesystem::path& file) {
       if (error.number != EEXIST || number == kTemporaryNames) throw;
       continue;
     }
-    // A program that removes leftovers may have taken it before its lock. Where there are no locks, nothing is removed.
+    // remove_leftovers of another process may have deleted the file before the lock was taken. On file systems without
+    // locks no leftovers are removed.
     if (flock(made.file->descriptor(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) continue;
     struct stat now {};
     if (fstat(made.file->descriptor(), &now) != 0 || now.st_nlink > 0) return made;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Files as the system gives them, and what it says when it does not.
+// Files by system calls, with error messages.
 #pragma once
 #include <fcntl.h>
 #include <unistd.h>
@@ -14,7 +14,7 @@
 
 namespace cairn {
 
-/// What went wrong, and what can be done about it.
+/// Text for an errno value, with the remedy.
 [[nodiscard]] std::string reason(int error);
 
 struct SystemError {
@@ -52,22 +52,22 @@ class SystemFile {
   int descriptor_;
 };
 
-constexpr std::string_view kTemporary = ".cairn-";  // how the names of temporary files begin
+constexpr std::string_view kTemporary = ".cairn-";  // prefix of temporary file names
 
-/// Whether it has the form of a temporary file's or folder's name: `.cairn-PID.NAME`.
+/// True for a name of the form of a temporary file or folder: `.cairn-PID.NAME`.
 [[nodiscard]] bool is_temporary(std::string_view name);
 
-constexpr int kTemporaryNames = 1000;  // that are tried beside a file
+constexpr int kTemporaryNames = 1000;  // maximum attempts per file
 
 /// The number-th name for a temporary file or folder beside `file`: `.cairn-PID.NAME`, `.cairn-PID.1.NAME`, and so on.
-/// The extension stays last, so that nobody takes it for another kind of file.
+/// The extension stays last, because it identifies the file format.
 [[nodiscard]] std::filesystem::path temporary_beside(const std::filesystem::path& file, int number);
 
 struct TemporaryFile {
   std::filesystem::path path;
   std::unique_ptr<SystemFile> file;
 };
-/// A new temporary file beside `file`, under a name that nothing had. The lock on it marks its writer as alive, see
+/// Creates a temporary file beside `file` under an unused name. Its lock marks the writer as alive, see
 /// remove_leftovers. Throws SystemError.
 [[nodiscard]] TemporaryFile make_temporary(const std::filesystem::path& file);
 

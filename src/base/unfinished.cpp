@@ -16,17 +16,17 @@ namespace fs = std::filesystem;
 
 struct Registry {
   std::mutex mutex;
-  std::map<int, std::pair<fs::path, Unfinished::Kind>> all;  // by number
+  std::map<int, std::pair<fs::path, Unfinished::Kind>> all;  // keyed by number
   int last = 0;
 };
 
-/// Never destroyed: a program may end in any of its threads.
+/// Never destroyed, because a program may exit from any of its threads.
 Registry& registry() {
   static auto* const all = new Registry;
   return *all;
 }
 
-/// A folder loses its name first, so that no thread puts anything more into it.
+/// Deletes a file or folder. A folder is renamed first, so that no thread adds files to it.
 void remove(const fs::path& path, Unfinished::Kind kind) {
   std::error_code error;
   if (kind == Unfinished::Kind::empty) {
@@ -65,7 +65,7 @@ Unfinished::~Unfinished() {
 
 void remove_unfinished() noexcept try {
   Registry& r = registry();
-  r.mutex.lock();  // for good: what begins from here on waits for the end
+  r.mutex.lock();  // never unlocked: later registrations block until exit
   for (auto it = r.all.rbegin(); it != r.all.rend(); ++it) remove(it->second.first, it->second.second);
 } catch (...) {
 }

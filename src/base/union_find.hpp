@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Sets that are joined pair by pair: union-find with path halving (Tarjan & van Leeuwen 1984).
+// Disjoint sets: union-find with path halving (Tarjan & van Leeuwen 1984).
 #pragma once
 #include <algorithm>
 #include <cstddef>
@@ -9,24 +9,24 @@
 
 namespace cairn {
 
-/// Sets of the numbers from 0 on, each alone at first. A set is known by its lowest member, whatever the order in which
-/// it was joined.
+/// Disjoint sets of the numbers from 0 on, initially singletons. The representative of a set is its lowest member,
+/// independent of the order of joins.
 template <class Index>
 class UnionFind {
  public:
   explicit UnionFind(std::size_t count) : parent_(count) { std::iota(parent_.begin(), parent_.end(), Index{0}); }
 
-  /// The lowest member of the set that `i` is in.
+  /// Lowest member of the set of `i`.
   [[nodiscard]] Index find(Index i) {
     while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
     return i;
   }
-  /// Makes one set of those that `a` and `b` are in. Returns its lowest member.
+  /// Merges the sets of `a` and `b`. Returns the lowest member.
   Index join(Index a, Index b) {
     a = find(a), b = find(b);
     return parent_[std::max(a, b)] = std::min(a, b);
   }
-  /// By number: find().
+  /// find() of every number.
   [[nodiscard]] std::vector<Index> all() {
     std::vector<Index> lowest;
     lowest.reserve(parent_.size());

@@ -9,7 +9,7 @@
 namespace cairn {
 namespace {
 
-constexpr std::array<std::string_view, 8> kUps{"auto", "camera", "x", "y", "z", "-x", "-y", "-z"};  // by their numbers
+constexpr std::array<std::string_view, 8> kUps{"auto", "camera", "x", "y", "z", "-x", "-y", "-z"};  // indexed by Up
 constexpr std::array<std::string_view, 5> kSources{"accelerometer", "structure", "option", "poses", "unknown"};
 
 }  // namespace

@@ -6,7 +6,7 @@
 
 namespace cairn {
 
-/// Of the camera in its own frame, rad/s and m/s: the mean over some frames. Zero where there is a gap.
+/// Velocity of the camera in its own frame, rad/s and m/s: mean over a few frames. Zero in a gap of the trajectory.
 [[nodiscard]] inline Vector6d velocity_at(const Trajectory& poses, double timestamp) {
   constexpr double kStep = 0.03, kMaxGap = 0.1;  // seconds
   const auto before = pose_at(poses, timestamp - kStep, kMaxGap), after = pose_at(poses, timestamp + kStep, kMaxGap);
@@ -14,8 +14,8 @@ namespace cairn {
   return local_coordinates(before->inverse() * *after) / (2 * kStep);
 }
 
-/// Of a camera in its own frame around a moment: retract(after(s)) is its motion s seconds later, up to the third power
-/// of s.
+/// Motion of a camera in its own frame around a time: retract(after(s)) is the motion after s seconds, accurate up to
+/// the third order in s.
 struct CameraMotion {
   Vector6d velocity = Vector6d::Zero(), acceleration = Vector6d::Zero();  // rad/s and m/s; rad/s^2 and m/s^2
   [[nodiscard]] Vector6d after(double seconds) const {
@@ -23,8 +23,8 @@ struct CameraMotion {
   }
 };
 
-/// Accelerations are told from more frames than velocities, since noise counts for more in them. Zero where there is a
-/// gap.
+/// Estimates motion; accelerations use more frames than velocities because noise affects them more. Zero in a gap of
+/// the trajectory.
 [[nodiscard]] inline CameraMotion motion_at(const Trajectory& poses, double timestamp) {
   constexpr double kStep = 0.06, kMaxGap = 0.1;  // seconds
   CameraMotion motion{.velocity = velocity_at(poses, timestamp)};

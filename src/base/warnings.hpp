@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Failures that are told and do not end a run.
+// Warnings: reported failures that do not end a run.
 #pragma once
 #include <algorithm>
 #include <exception>
@@ -9,14 +9,13 @@
 
 namespace cairn {
 
-/// What failed on the way and was left out, in the order in which it happened; nothing is told twice.
+/// List of failed and skipped stages, in order of occurrence, without duplicates.
 class Warnings {
  public:
   void add(const std::string& text) {
     if (std::find(all_.begin(), all_.end(), text) == all_.end()) all_.push_back(text);
   }
-  /// Runs a stage that the map can do without; if it fails, that is told with what follows from it. Returns whether it
-  /// did not.
+  /// Runs an optional stage; a failure adds a warning with its consequence. Returns true on success.
   template <class Stage>
   bool attempt(const std::string& what_follows, const Stage& stage) {
     try {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Words of text files: the numbers that they are, and how messages show them.
+// Words of text files: conversion to numbers, and display in messages.
 #pragma once
 #include <charconv>
 #include <optional>
@@ -9,7 +9,7 @@
 
 namespace cairn {
 
-/// The number that a word is, also nan or inf; nothing if it is none. The same in every locale.
+/// Parses a number, including nan and inf; nullopt for other text. Independent of the locale.
 template <class Number = double>
 [[nodiscard]] std::optional<Number> number_in(std::string_view word) {
   if (word.size() > 1 && word[0] == '+' && word[1] != '-') word.remove_prefix(1);
@@ -19,8 +19,8 @@ template <class Number = double>
   return value;
 }
 
-/// What a file says as a message may show it: short, in one line, without characters that a terminal obeys and without
-/// quotes, which stand around it.
+/// Makes file content safe for a message: short, in one line, without control characters or quotes, because messages
+/// put quotes around it.
 [[nodiscard]] std::string shown(std::string_view text);
 
 }  // namespace cairn

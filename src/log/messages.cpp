@@ -13,8 +13,8 @@
 namespace cairn {
 namespace {
 
-constexpr int kPointStep = 4;            // pixels between two points that are logged
-constexpr double kUnitsPerMetre = 1000;  // of depth images, as ROS has them
+constexpr int kPointStep = 4;            // pixels between logged points
+constexpr double kUnitsPerMetre = 1000;  // of depth images, as in ROS
 constexpr JpegEffort kColour{.quality = 85};
 
 ProtoMessage at(LogTime time) {
@@ -73,13 +73,13 @@ ProtoMessage entity_message(LogTime time, const SurfacePart& part) {
   return entity.put("frame_locked", true).put("triangles", triangles);
 }
 
-/// Rounded to a quarter of a millimetre: the bytes of a cloud then pack to two thirds.
+/// Rounds to a quarter of a millimeter: point clouds then compress to two thirds of the size.
 float rounded(double metres) {
   constexpr double kSteps = 4096;
   return static_cast<float>(std::round(metres * kSteps) / kSteps);
 }
 
-/// The colour that a point of the depth camera has, if it is in view; pixels are R, G, B, 255.
+/// Color of a point in the depth camera's frame, if visible to the color camera; pixels are R, G, B, 255.
 std::optional<std::uint32_t> colour_of(const Eigen::Vector3d& point, const ColourCamera& colour, const Frame& frame) {
   const Eigen::Vector3d p = colour.colour_from_depth * point;
   if (p.z() <= 0) return std::nullopt;

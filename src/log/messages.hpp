@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What a run has, as messages by Foxglove's schemas and Cairn's own. Times are nanoseconds, frames the names of
-// coordinate frames (docs/formats.md).
+// Messages of a run log, with Foxglove's schemas and Cairn's own. Times are nanoseconds; frames are names of coordinate
+// frames (docs/formats.md).
 #pragma once
 #include <Eigen/Geometry>
 #include <cstdint>
@@ -27,22 +27,22 @@ struct NamedTransform {
 [[nodiscard]] ProtoMessage poses_message(LogTime time, std::string_view frame, const Trajectory& poses);
 
 [[nodiscard]] ProtoMessage calibration_message(LogTime time, std::string_view frame, const Camera& camera);
-/// JPEG.
+/// Encoded as JPEG.
 [[nodiscard]] ProtoMessage colour_image_message(LogTime time, std::string_view frame, const Frame& of,
                                                 const Camera& camera);
-/// Millimetres in 16 bits; 0: no measurement, or more than 65 m.
+/// Millimeters in 16 bits; 0: no measurement, or more than 65 m.
 [[nodiscard]] ProtoMessage depth_image_message(LogTime time, std::string_view frame, const Frame& of,
                                                const Camera& camera);
-/// What every fourth pixel of every fourth row measures, in the depth camera's frame, coloured where there is colour.
+/// Points of every fourth pixel in every fourth row, in the depth camera's frame, with color if available.
 [[nodiscard]] ProtoMessage points_message(LogTime time, std::string_view frame, const Frame& of, const Rig& rig);
 
-/// One entity a part, which replaces the one before; empty parts are deleted. Each moves with its submap's frame.
+/// One entity per part, replacing the previous one; empty parts are deleted. Each is fixed to its submap's frame.
 [[nodiscard]] ProtoMessage surface_message(LogTime time, std::span<const SurfacePart> parts);
-/// Takes away all that surface_message() has shown.
+/// Deletes all entities of surface_message().
 [[nodiscard]] ProtoMessage no_surface_message(LogTime time);
 [[nodiscard]] std::string submap_frame(int submap);
 
-/// With the values of foxglove.Log.
+/// Numbers of foxglove.Log.
 enum class LogLevel : std::uint8_t { info = 2, warning = 3, error = 4 };
 [[nodiscard]] ProtoMessage text_message(LogTime time, LogLevel level, std::string_view text);
 [[nodiscard]] ProtoMessage report_message(LogTime time, const FrameReport& report);

@@ -48,7 +48,7 @@ void expect(bool is_so, const ProtoField& field) {
 
 std::string_view package_of(std::string_view name) { return name.substr(0, name.rfind('.')); }
 std::string_view short_name(std::string_view name) { return name.substr(name.rfind('.') + 1); }
-/// As the published schemas lie in files: one message each, those of Protocol Buffers themselves in small letters.
+/// File name of a schema as in the published schemas: one message per file; google.* names in lower case.
 std::string file_of(std::string_view name) {
   std::string file(name);
   std::replace(file.begin(), file.end(), '.', '/');
@@ -80,7 +80,7 @@ ProtoMessage descriptor_of(const ProtoSchema& schema) {
   return message;
 }
 
-/// Files that others need come before them.
+/// Adds a file after its dependencies.
 void add_file(const ProtoSchema& schema, std::set<std::string_view>& added, ProtoMessage& set) {
   if (!added.insert(schema.name).second) return;
   ProtoMessage file("google.protobuf.FileDescriptorProto");

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Messages as Protocol Buffers pack them, by schemas that are known to readers as well: what is written and what is
-// told of it come from one table. https://protobuf.dev/programming-guides/encoding
+// Encoder for Protocol Buffers messages. Messages and their schema descriptors come from the same table.
+// https://protobuf.dev/programming-guides/encoding
 #pragma once
 #include <concepts>
 #include <cstdint>
@@ -13,7 +13,7 @@
 
 namespace cairn {
 
-/// With the numbers of google.protobuf.FieldDescriptorProto.
+/// Numbers of google.protobuf.FieldDescriptorProto.
 enum class ProtoType : std::uint8_t {
   float64 = 1,
   int64 = 3,
@@ -30,26 +30,26 @@ struct ProtoField {
   std::string_view name;
   int number;
   ProtoType type;
-  std::string_view of = {};  // its message's full name, or its enumeration's name
+  std::string_view of = {};  // full name of the message type, or name of the enumeration
   bool repeated = false;
 };
 
-/// The values have the numbers 0, 1, 2, ...
+/// Values are numbered 0, 1, 2, ...
 struct ProtoEnumeration {
   std::string_view name;
   std::vector<std::string_view> values;
 };
 
 struct ProtoSchema {
-  std::string_view name;  // in full: foxglove.Log
+  std::string_view name;  // full name: foxglove.Log
   std::vector<ProtoField> fields;
   std::vector<ProtoEnumeration> enumerations = {};
 };
 
-/// Throws std::logic_error for a name that schemas.cpp does not list.
+/// Throws std::logic_error for a name absent from schemas.cpp.
 [[nodiscard]] const ProtoSchema& schema_of(std::string_view name);
 
-/// A message, field by field. A field that its schema does not have, or not with this type, is a std::logic_error.
+/// Message builder, field by field. Throws std::logic_error for a field absent from the schema or of another type.
 class ProtoMessage {
  public:
   explicit ProtoMessage(std::string_view schema) : schema_(&schema_of(schema)) {}
@@ -59,12 +59,12 @@ class ProtoMessage {
   requires std::integral<T> || std::is_enum_v<T> ProtoMessage& put(std::string_view field, T value) {
     return put_integer(field, static_cast<std::int64_t>(value));
   }
-  /// A text, or bytes.
+  /// Adds a string or bytes field.
   ProtoMessage& put(std::string_view field, std::string_view text);
   ProtoMessage& put(std::string_view field, const char* text) { return put(field, std::string_view(text)); }
   ProtoMessage& put(std::string_view field, const std::string& text) { return put(field, std::string_view(text)); }
   ProtoMessage& put(std::string_view field, const ProtoMessage& message);
-  /// Of a repeated field, all at once.
+  /// Adds all values of a repeated field at once.
   ProtoMessage& put(std::string_view field, std::span<const double> values);
   ProtoMessage& put(std::string_view field, std::span<const std::uint32_t> values);
 
@@ -81,7 +81,7 @@ class ProtoMessage {
   std::string bytes_;
 };
 
-/// The google.protobuf.FileDescriptorSet of a message and all that it holds, as MCAP files tell schemas.
+/// google.protobuf.FileDescriptorSet of a message and its field types, the schema format of MCAP files.
 [[nodiscard]] std::string descriptors_of(const ProtoSchema& schema);
 
 }  // namespace cairn

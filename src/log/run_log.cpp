@@ -27,23 +27,24 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Nanoseconds of the recording, a little less than what they stand for, since stamps are not exact.
+// Logging intervals in nanoseconds of the recording, slightly below the nominal values because timestamps jitter.
 constexpr LogTime kImagesEvery = 195'000'000, kSurfaceEvery = 1'995'000'000, kPathEvery = 4'995'000'000;
-constexpr int kBricksAtOnce = 2000;                             // of the surface
-constexpr std::size_t kPath = 1000;                             // poses that are shown while the map grows
-constexpr std::size_t kMostWaiting = 64;                        // messages: then the run waits for the disk
-constexpr std::uintmax_t kReserve = std::uintmax_t{256} << 20;  // bytes that the log leaves to the map on its disk
+constexpr int kBricksAtOnce = 2000;                             // surface bricks per update
+constexpr std::size_t kPath = 1000;                             // maximum poses of the path during mapping
+constexpr std::size_t kMostWaiting = 64;                        // messages in the queue; a full queue blocks the run
+                                                                // until the disk catches up
+constexpr std::uintmax_t kReserve = std::uintmax_t{256} << 20;  // bytes left free on the disk for the map
 
-// Coordinate frames, from the outermost to the innermost.
+// Coordinate frames, from outermost to innermost.
 constexpr const char *kMap = "map", *kWorld = "world", *kTracked = "tracked", *kCamera = "camera",
                      *kColourCamera = "camera_color";
 
-/// Encodes messages and writes them, in their order, in a thread of its own.
+/// Encodes and writes messages in order, in its own thread.
 class Writing {
  public:
   explicit Writing(const fs::path& file)
       : file_(file), writer_(file), thread_([this](const std::stop_token& stop) { run(stop); }) {}
-  /// Waits where too many do already. Nothing happens once there is a problem.
+  /// Blocks while the queue is full. Does nothing after an error.
   void add(LogTime time, const char* topic, std::function<ProtoMessage()> encode) {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [&] { return waiting_.size() < kMostWaiting || problem_; });
@@ -51,7 +52,7 @@ class Writing {
     waiting_.push_back({time, topic, std::move(encode)});
     changed_.notify_all();
   }
-  /// Writes what waits, and the file's end.
+  /// Writes the queued messages and the end of the file.
   void end() {
     {
       const std::lock_guard lock(mutex_);
@@ -83,7 +84,7 @@ class Writing {
       changed_.notify_all();
     }
   }
-  /// Nothing once all is written.
+  /// Returns nullopt after the last message.
   std::optional<Message> next(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, stop, [&] { return !waiting_.empty() || ended_; });
@@ -106,7 +107,7 @@ class Writing {
     if (encoded.bytes().size() > kLarge) leave_room();
     writer_.write(topics_[message.topic], message.time, encoded.bytes());
   }
-  /// The map is written to the same disk, perhaps.
+  /// Throws if the disk is nearly full: the map may be written to the same disk.
   void leave_room() const {
     std::error_code unknown;
     const fs::space_info space = fs::space(file_, unknown);
@@ -115,7 +116,7 @@ class Writing {
           fmt::format("{}: less than {} MiB are left on the disk", file_.string(), kReserve >> 20));
   }
 
-  static constexpr std::size_t kLarge = 10'000;  // bytes of a message, before which room is looked for
+  static constexpr std::size_t kLarge = 10'000;  // bytes of a message that trigger a check of the free space
   fs::path file_;
   McapWriter writer_;
   std::map<std::string_view, std::uint16_t> topics_;
@@ -124,10 +125,10 @@ class Writing {
   std::deque<Message> waiting_;
   std::optional<std::string> problem_;
   bool ended_ = false;
-  std::jthread thread_;  // last: it uses the others
+  std::jthread thread_;  // last member: the thread uses the others
 };
 
-/// Whether it is time again; a clock that was set back does not keep it waiting.
+/// True once per interval; also true if the time goes backwards (the unsigned difference wraps).
 class Due {
  public:
   explicit Due(LogTime every) : every_(every) {}
@@ -163,7 +164,7 @@ fs::path checked(const fs::path& file, bool replace) {
 
 struct RunLog::State {
   explicit State(const fs::path& file) : writing(file) {}
-  /// Nothing before the first frame, whose time nobody knows.
+  /// Logs a message; does nothing before the first frame, because its time is unknown.
   template <class Encode>
   void log(const char* topic, const Encode& encode) {
     if (time) writing.add(*time, topic, [at = *time, encode] { return encode(at); });
@@ -179,14 +180,14 @@ struct RunLog::State {
   Mapper* mapper = nullptr;
   std::optional<LiveSurface> surface;
   Rig rig;
-  std::optional<LogTime> time;                          // of the last frame, once there is one
-  std::vector<std::pair<LogLevel, std::string>> early;  // said before
+  std::optional<LogTime> time;                          // of the last frame; empty before the first frame
+  std::vector<std::pair<LogLevel, std::string>> early;  // texts from before the first frame
   Due images{kImagesEvery}, surfaces{kSurfaceEvery}, paths{kPathEvery};
   Upright upright;
-  std::vector<Eigen::Isometry3d> tracked_from_submap{Eigen::Isometry3d::Identity()};  // as it was logged
-  std::optional<Eigen::Isometry3d> submap_from_camera;                                // of the last tracked frame
+  std::vector<Eigen::Isometry3d> tracked_from_submap{Eigen::Isometry3d::Identity()};  // last logged poses
+  std::optional<Eigen::Isometry3d> submap_from_camera;                                // pose of the last tracked frame
   FrameState state = FrameState::fused;
-  std::size_t loops = 0;  // that were told of
+  std::size_t loops = 0;  // number of logged loop closures
   Writing writing;
 };
 
@@ -195,16 +196,16 @@ void RunLog::State::say(LogLevel level, std::string text) {
   log("/diagnostics", [=](LogTime at) { return text_message(at, level, text); });
 }
 
-/// A frame that was skipped may have any time: that of the one before stands for it.
+/// Updates the log time. A skipped frame may have an invalid timestamp, so the previous time is kept.
 void RunLog::State::follow_time(const FrameReport& report) {
-  constexpr double kLatest = 9e9;  // seconds: the year 2255
+  constexpr double kLatest = 9e9;  // seconds: year 2255
   if (!(report.timestamp >= 0 && report.timestamp < kLatest)) return;
   if (time && report.state == FrameState::skipped) return;
   time = std::max(time.value_or(0), static_cast<LogTime>(std::llround(1e9 * report.timestamp)));
   for (auto& [level, text] : std::exchange(early, {})) say(level, std::move(text));
 }
 
-/// Tells when something begins or ends, not frame by frame.
+/// Logs transitions of the frame state, not every frame.
 void RunLog::State::notice(const FrameReport& report) {
   if (report.state == FrameState::held_out) return;
   const FrameState before = std::exchange(state, report.state);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The schemas of what is logged: Foxglove's, with the names and numbers that they are published with
-// (https://docs.foxglove.dev/docs/sdk/schemas), what tells schemas, and Cairn's own.
+// Schemas of logged messages: Foxglove's, with the published names and numbers
+// (https://docs.foxglove.dev/docs/sdk/schemas), the descriptors of Protocol Buffers, and Cairn's own.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,10 +12,10 @@
 namespace cairn {
 namespace {
 
-constexpr bool kMany = true;  // values of a field
+constexpr bool kMany = true;  // repeated field
 constexpr std::string_view kTime = "google.protobuf.Timestamp";
 
-/// What tells times and schemas.
+/// Schemas for times and for schema descriptors.
 std::vector<ProtoSchema> times_and_descriptors() {
   using enum ProtoType;
   return {
@@ -106,7 +106,7 @@ std::vector<ProtoSchema> sensors_and_texts() {
   };
 }
 
-/// What a scene may hold; Cairn fills in triangles alone.
+/// Schemas for scene primitives; Cairn fills in triangles only.
 std::vector<ProtoSchema> scene_primitives() {
   using enum ProtoType;
   return {
@@ -193,7 +193,7 @@ std::vector<ProtoSchema> scenes() {
   };
 }
 
-/// Cairn's own.
+/// Cairn's own schemas.
 std::vector<ProtoSchema> frame_reports() {
   using enum ProtoType;
   return {
