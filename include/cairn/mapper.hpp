@@ -51,7 +51,7 @@ class Mapper {
   /// no frame follows.
   void settle();
   /// Aligns covisible keyframes with each other and corrects the poses; the map follows by moving the submaps.
-  /// `goes_on` receives the completed fraction and returns false to cancel. If cancelled or failed, the poses stay
+  /// `goes_on` receives the completed fraction and returns false to cancel. If canceled or failed, the poses stay
   /// unchanged and a warning gives the reason.
   Refined refine(const std::function<bool(double)>& goes_on = {});
   /// Bundle adjustment (after Schöps, Sattler & Pollefeys 2019): optimizes all keyframe poses jointly for depth and
@@ -64,7 +64,7 @@ class Mapper {
   /// current poses, then the frames between them, each tracked again against the new volume. From here on `correction`
   /// is applied to depth in addition to the rig's, see Adjusted. `again` is the same recording from its start, with the
   /// same frames held out. `goes_on` is called at each keyframe and each frame with the number of frames so far and
-  /// returns false to cancel. If cancelled or failed, the map stays unchanged and a warning gives the reason.
+  /// returns false to cancel. If canceled or failed, the map stays unchanged and a warning gives the reason.
   void reintegrate(Source& again, const DepthCorrection& correction = {}, const std::function<bool(int)>& goes_on = {});
 
   /// The given rig, including depth corrections added since.

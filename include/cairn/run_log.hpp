@@ -25,7 +25,8 @@ class RunLog {
   RunLog(const RunLog&) = delete;
   RunLog& operator=(const RunLog&) = delete;
 
-  /// Starts a new map, which must live until the next start or the end; clears the data shown for the previous map.
+  /// Starts a new map, which must live until the next call or the end of the log; clears the data shown for the
+  /// previous map.
   void begin(Mapper& mapper, const Rig& rig);
   /// Logs a frame. Call after each frame.
   void add(const Frame& frame, const FrameReport& report);

@@ -47,8 +47,8 @@ class LiveViewer {
   [[nodiscard]] const ViewerSite& site() const;
   /// True if a browser has loaded the page. Any thread.
   [[nodiscard]] bool is_opened() const;
-  /// Starts a new map with its options; the mapper must live until the next start or the end. `frames_before`: frames
-  /// of earlier runs, kept by a reset; browsers show this before a reset.
+  /// Starts a new map with its options; the mapper must live until the next call or the viewer's end. `frames_before`:
+  /// frames of earlier runs, kept by a reset; browsers show this before a reset.
   void begin(Mapper& mapper, const Rig& rig, const Options& options, int frames_before = 0);
 
   /// Commands from browsers since the last call.
