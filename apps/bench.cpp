@@ -23,7 +23,7 @@
 namespace cairn::apps {
 namespace {
 
-constexpr std::size_t kWarm = 10;  // frames that are not counted: buffers and the map's first bricks are made
+constexpr std::size_t kWarm = 10;  // warm-up frames, not timed: they allocate buffers and the first bricks
 constexpr int kReference = 12;     // renderings
 
 struct Arguments {
@@ -41,7 +41,7 @@ double milliseconds(const std::function<void()>& work) {
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
 }
 
-/// What the machine takes now for something that never changes.
+/// Milliseconds per rendering of a fixed scene: a reference for the machine's current speed.
 double reference_ms(int device) {
   const Scene scene = synthetic_scene("room");
   SceneCamera camera(scene, synthetic_camera(), device);
@@ -55,7 +55,7 @@ nlohmann::json to_json(const Durations& d) {
   return {{"mean_ms", d.mean()}, {"median_ms", d.percentile(0.5)}, {"p95_ms", d.percentile(0.95)}};
 }
 
-/// Frames are decoded first, and then mapped from memory, so that neither waits for the other.
+/// Decodes all frames first, then maps them from memory, so that neither stage waits for the other.
 nlohmann::json measure(const Arguments& a) {
   SourceOptions source_options = apps::source_options(a.sequence, a.camera, a.topics);
   source_options.range = parse_frames(a.frames);

@@ -26,16 +26,16 @@ namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
 constexpr auto kPoll = 100ms;
-constexpr auto kPatience = 15s;  // for a browser to begin and to load the page
+constexpr auto kPatience = 15s;  // limit for a browser to start and to load the page
 
-/// Whether a folder belongs to this user alone.
+/// Returns true if only this user can access the folder.
 bool is_private(const fs::path& folder) {
   struct stat status {};
   return folder.is_absolute() && lstat(folder.c_str(), &status) == 0 && S_ISDIR(status.st_mode) &&
          status.st_uid == geteuid() && (status.st_mode & (S_IRWXG | S_IRWXO)) == 0;
 }
 
-/// $XDG_RUNTIME_DIR, else the system's temporary folder.
+/// Returns $XDG_RUNTIME_DIR if it is private, else the system's temporary folder.
 fs::path place_of_secrets() {
   const char* given = std::getenv("XDG_RUNTIME_DIR");
   if (given != nullptr && is_private(given)) return given;
@@ -51,7 +51,7 @@ std::string as_file_url(const fs::path& file) {
   return url;
 }
 
-/// A page that leads to `url` and leaves neither a referrer nor itself in the history.
+/// HTML page that redirects to `url` without a referrer and without an entry in the history.
 std::string redirect_to(const std::string& url) {
   return fmt::format(
       "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"referrer\" content=\"no-referrer\">"
@@ -60,7 +60,7 @@ std::string redirect_to(const std::string& url) {
       url);
 }
 
-/// A new file that this user alone can read.
+/// Writes a new file that only this user can read.
 void write_private(const fs::path& file, const std::string& text) {
   const int descriptor = open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, S_IRUSR | S_IWUSR);
   const bool is_written = descriptor >= 0 && write(descriptor, text.data(), text.size()) == std::ssize(text);
@@ -69,7 +69,7 @@ void write_private(const fs::path& file, const std::string& text) {
   if (!is_written) throw std::runtime_error(file.string() + ": cannot be written: " + std::strerror(error));
 }
 
-/// $BROWSER is a list with colons between; `%s` stands for the address, which else comes last.
+/// Commands of $BROWSER, a colon-separated list. `%s` is replaced by the address; without `%s` the address is appended.
 std::vector<std::vector<std::string>> commands(const std::string& url) {
   std::vector<std::vector<std::string>> all;
   const char* given = std::getenv("BROWSER");
@@ -92,7 +92,7 @@ std::vector<std::vector<std::string>> commands(const std::string& url) {
   return all;
 }
 
-/// The process, without the terminal, or 0 where there is no such program.
+/// Starts a process detached from the terminal. Returns 0 if the program does not exist.
 pid_t start(const std::vector<std::string>& words) {
   std::vector<char*> arguments;
   arguments.reserve(words.size() + 1);
@@ -102,7 +102,7 @@ pid_t start(const std::vector<std::string>& words) {
   posix_spawn_file_actions_init(&actions);
   for (const int descriptor : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
     posix_spawn_file_actions_addopen(&actions, descriptor, "/dev/null", O_RDWR, 0);
-  posix_spawnattr_t attributes;  // a group of its own: Ctrl-C is for Cairn
+  posix_spawnattr_t attributes;  // own process group, so that Ctrl-C reaches only Cairn
   posix_spawnattr_init(&attributes);
   posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
   pid_t process = 0;
@@ -115,7 +115,7 @@ pid_t start(const std::vector<std::string>& words) {
 bool succeeds(pid_t process) {
   int status = 0;
   while (waitpid(process, &status, 0) < 0)
-    if (errno != EINTR) return true;  // nobody knows
+    if (errno != EINTR) return true;  // status unknown
   return WIFEXITED(status) && WEXITSTATUS(status) == 0;
 }
 

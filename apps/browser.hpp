@@ -8,12 +8,13 @@
 
 namespace cairn::apps {
 
-/// A page in the user's browser: $BROWSER, or what the desktop takes. All users of a machine read each other's command
-/// lines: the browser's has the name of a file that leads to `url`, and which this user alone can read. Reports on
-/// stderr where there is no browser; the work goes on in any case.
+/// Opens a page in the user's browser: $BROWSER, or the desktop's default. Command lines are visible to all users of a
+/// machine, so the browser gets the name of a redirecting file that only this user can read, not `url`. Reports on
+/// stderr if no browser starts; the program continues in any case.
 class BrowserPage {
  public:
-  /// `is_loaded`: called from another thread, until it is true or this ends; the file is removed then.
+  /// `is_loaded` is polled from another thread until it returns true or this object is destroyed; then the file is
+  /// removed.
   BrowserPage(const std::string& url, std::function<bool()> is_loaded);
   ~BrowserPage();
   BrowserPage(const BrowserPage&) = delete;
@@ -22,7 +23,7 @@ class BrowserPage {
  private:
   void remove();
   std::filesystem::path folder_;
-  std::jthread watch_;  // last: it uses the others
+  std::jthread watch_;  // last member: uses the members above
 };
 
 }  // namespace cairn::apps

@@ -25,7 +25,7 @@ struct Arguments {
   bool shutter = false, depth = false, all = false;
 };
 
-/// Opens the recording again and again, and looks for a colour camera only the first time.
+/// Reopens the recording on each call. Only the first call searches for a color camera.
 std::function<std::unique_ptr<Source>()> opener(const Arguments& a) {
   return [name = a.sequence, options = source_options(a.sequence, a.camera, a.topics)]() mutable {
     auto source = open_source(name, options);

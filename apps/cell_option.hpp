@@ -9,7 +9,7 @@
 
 namespace cairn::apps {
 
-/// --cell X,Y,Z, as PLAN/cells names it.
+/// Adds --cell X,Y,Z, in the spelling of PLAN/cells.
 CLI::Option* add_cell(CLI::App& command, std::function<void(const std::array<int, 3>&)> take,
                       const std::string& description);
 

@@ -13,7 +13,7 @@ std::string resuming(std::vector<std::string> words, const std::filesystem::path
                      const std::filesystem::path& written) {
   std::erase_if(words, [](const std::string& w) { return w == "--overwrite" || w == "--auto-name"; });
   if (asked != written) {
-    // After -o, in one word with it or not, or as the last word that is the same.
+    // The argument of -o, joined with it or separate; else the last word equal to the output.
     const auto is_output = [&](std::size_t i) {
       const std::string& w = words[i];
       const bool follows = i > 0 && (words[i - 1] == "-o" || words[i - 1] == "--output");
@@ -23,7 +23,7 @@ std::string resuming(std::vector<std::string> words, const std::filesystem::path
     while (at < words.size() && !is_output(at)) ++at;
     if (at == words.size()) {
       const auto it = std::find(words.rbegin(), words.rend(), asked.string());
-      at = static_cast<std::size_t>(words.rend() - it) - 1;  // none: beyond the end
+      at = static_cast<std::size_t>(words.rend() - it) - 1;  // past the end if not found
     }
     if (at < words.size())
       words[at].replace(words[at].size() - asked.string().size(), asked.string().size(), written.string());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Command lines that a user can copy.
+// Command lines for users to copy.
 #pragma once
 #include <filesystem>
 #include <string>
@@ -8,11 +8,11 @@
 
 namespace cairn::apps {
 
-/// The command line that goes on with what `words` began, the program's name before them: with --resume, and with the
-/// folder that was written to in the place of the one that was asked for.
+/// Returns the command line that resumes the command `words` (program name first): with --resume, and with the written
+/// folder in place of the requested folder.
 [[nodiscard]] std::string resuming(std::vector<std::string> words, const std::filesystem::path& asked,
                                    const std::filesystem::path& written);
-/// The words that this program was started with.
+/// Returns the words this program was started with.
 [[nodiscard]] std::vector<std::string> own_words();
 
 }  // namespace cairn::apps

@@ -27,7 +27,7 @@ std::vector<std::string> split(std::string_view text, char at) {
   }
 }
 
-/// What stands between two words, if both are there.
+/// Text between `left` and `right`; empty if either is missing.
 std::string between(std::string_view text, std::string_view left, std::string_view right) {
   const std::size_t begin = text.find(left);
   if (begin == text.npos) return {};
@@ -35,7 +35,7 @@ std::string between(std::string_view text, std::string_view left, std::string_vi
   return end == text.npos ? std::string() : std::string(text.substr(begin + left.size(), end - begin - left.size()));
 }
 
-/// "1e+09" or "0.00100000004" as people write it.
+/// Rewrites numbers such as "1e+09" or "0.00100000004" for readers.
 std::string number(const std::string& text) {
   if (text.find_first_not_of("0123456789") == text.npos) return text;
   char* end = nullptr;
@@ -43,7 +43,7 @@ std::string number(const std::string& text) {
   return end == text.c_str() || *end != '\0' ? text : fmt::format("{}", static_cast<float>(value));
 }
 
-/// The words of "{a,b}" and of "value in {a->0,b->1} OR {0,1}".
+/// Words of "{a,b}" and of "value in {a->0,b->1} OR {0,1}".
 std::vector<std::string> choices_in(const std::string& description) {
   std::vector<std::string> words;
   for (const std::string& word : split(between(description, "{", "}"), ','))
@@ -90,7 +90,7 @@ std::string names_text(const std::set<CLI::Option*>& options) {
   std::vector<std::string> names;
   names.reserve(options.size());
   for (const CLI::Option* option : options) names.push_back(option->get_name());
-  std::sort(names.begin(), names.end());  // the set is in the order of addresses
+  std::sort(names.begin(), names.end());  // the set is ordered by address
   return one_of_words(names);
 }
 
@@ -112,7 +112,7 @@ CLI::Validator one_of(const std::vector<std::string>& words) { return detail::ch
 Value value_of(const CLI::Option& option) {
   Value value;
   if (option.get_items_expected_max() == 0 || option.get_type_size_max() == 0) return value;
-  // The type, and behind each colon what a check says of itself.
+  // The type, followed by the descriptions of the checks, separated by colons.
   const auto types = split(option.get_type_name(), ':');
   value.kind = kind_of(types[0]);
   for (std::size_t i = 1; i < types.size(); ++i) {
@@ -132,7 +132,7 @@ Value value_of(const CLI::Option& option) {
   if (option.get_expected_min() > 1 && !is_named) {
     const std::string one = value.placeholder;
     for (int i = 1; i < std::min(option.get_expected_min(), 3); ++i) value.placeholder += ' ' + one;
-    if (option.get_expected_min() > 3) value.placeholder = one + " ...";  // its text says how many
+    if (option.get_expected_min() > 3) value.placeholder = one + " ...";  // the help text states the number
   }
   return value;
 }
@@ -193,7 +193,7 @@ std::string usage_of(const CLI::App& command) {
 std::string meaning_of(const CLI::Option& option) {
   const Value value = value_of(option);
   std::string text = option.get_description();
-  // What stands in brackets at the end of a text is its default.
+  // The default is in brackets at the end of the text.
   std::string usual = option.get_default_str();
   if (const std::size_t bracket = text.rfind(" [");
       value.kind != Kind::none && text.ends_with(']') && bracket != text.npos) {

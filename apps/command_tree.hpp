@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The program's commands and options as they stand in CLI11: help, messages, completion and the man page are made of
-// it.
+// The program's commands and options as defined in CLI11: the source of help, messages, completion and the man page.
 #pragma once
 #include <CLI/CLI.hpp>
 #include <string>
@@ -10,42 +9,42 @@
 
 namespace cairn::apps {
 
-/// What an option or a positional takes.
+/// Value of an option or a positional.
 struct Value {
   enum class Kind { none, file, folder, path, choice, whole, number, text };
   Kind kind = Kind::none;
   std::vector<std::string> choices;
-  std::string range;        ///< "0 to 65535", "more than 0"; empty: any
+  std::string range;        ///< "0 to 65535", "more than 0"; empty: unlimited
   std::string placeholder;  ///< FILE, N, WORD, ...; empty for a flag
 };
 [[nodiscard]] Value value_of(const CLI::Option& option);
 
-/// Type names of paths that need not exist yet: CLI11 knows text alone.
+/// Type names of paths that need not exist yet; CLI11 knows only text.
 inline constexpr const char *kFile = "FILE", *kFolder = "FOLDER", *kPath = "PATH";
 
-/// One of the words, checked; a message names what was meant.
+/// Check that the value is in the list; its error message suggests the nearest word.
 [[nodiscard]] CLI::Validator one_of(const std::vector<std::string>& words);
-/// The same for words that stand for values.
+/// The same check for words that map to values.
 template <class T>
 [[nodiscard]] CLI::Validator one_of(std::vector<std::pair<std::string, T>> words);
 
-/// What a user may name below a command, in its order: subcommands, options, positionals.
+/// Subcommands, options and positionals of a command that a user may give, in the order of the help.
 [[nodiscard]] std::vector<const CLI::App*> commands_of(const CLI::App& command);
 [[nodiscard]] std::vector<const CLI::Option*> options_of(const CLI::App& command);
 [[nodiscard]] std::vector<const CLI::Option*> positionals_of(const CLI::App& command);
-/// "-o", "--output": the short ones first.
+/// "-o", "--output": short names first.
 [[nodiscard]] std::vector<std::string> names_of(const CLI::Option& option);
 [[nodiscard]] std::vector<std::string> names_of(const std::vector<const CLI::App*>& commands);
 [[nodiscard]] std::vector<std::string> names_of(const std::vector<const CLI::Option*>& options);
 
 /// "cairn evaluate mesh".
 [[nodiscard]] std::string whole_name(const CLI::App& command);
-/// "cairn evaluate mesh [options] ESTIMATE TRUTH", with what is required of the options.
+/// "cairn evaluate mesh [options] ESTIMATE TRUTH", with the required options.
 [[nodiscard]] std::string usage_of(const CLI::App& command);
-/// What an option is, with its range, its default, and what it needs and excludes.
+/// Description of an option, with range, default, requirements and exclusions.
 [[nodiscard]] std::string meaning_of(const CLI::Option& option);
 
-/// Calls `visit(command)` for the command and all below it.
+/// Calls `visit(command)` for the command and all its descendants.
 template <class Visit>
 void for_each_command(const CLI::App& command, const Visit& visit) {
   visit(command);
@@ -63,7 +62,7 @@ CLI::Validator one_of(std::vector<std::pair<std::string, T>> words) {
   std::vector<std::string> names, values;
   for (const auto& [name, value] : words) {
     names.push_back(name);
-    values.push_back(std::to_string(static_cast<int>(value)));  // what CLI11 makes an enum, or a bool, of
+    values.push_back(std::to_string(static_cast<int>(value)));  // CLI11's text for enums and bools
   }
   return detail::chosen(names, values);
 }

@@ -3,7 +3,7 @@
 #pragma once
 #include <CLI/CLI.hpp>
 
-// One function and one file for each subcommand.
+// One function and one file per subcommand.
 namespace cairn::apps {
 
 void add_reconstruct(CLI::App& program);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Completion of the command line in bash, zsh and fish, made of the commands and options as they are.
+// Command-line completion for bash, zsh and fish, generated from the program's commands and options.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -24,7 +24,7 @@ std::string in_quotes(const std::string& text) { return "'" + replaced(text, "'"
 
 std::string words(const std::vector<std::string>& list) { return fmt::format("{}", fmt::join(list, " ")); }
 
-/// Where a command stands: "", "/evaluate", "/evaluate/mesh".
+/// Path of a command: "", "/evaluate", "/evaluate/mesh".
 std::string path_of(const CLI::App& command) {
   return command.get_parent() == nullptr ? "" : path_of(*command.get_parent()) + "/" + command.get_name();
 }
@@ -47,7 +47,8 @@ std::string bash_value(const Value& value) {
   }
 }
 
-/// Which words take a value, what values there are, which words lead to which command, and what each command has.
+/// Placeholders: words that take a value, the values, transitions from word to command, and the entries of each
+/// command.
 constexpr char kBash[] = R"~(# Completion of cairn in bash, made by `cairn completion bash`.
 _cairn_takes_value() {{
   case $1 in
@@ -141,7 +142,7 @@ std::string zsh_value(const Value& value) {
   }
 }
 
-/// A text within a specification of _arguments.
+/// Escapes text within a specification of _arguments.
 std::string zsh_text(std::string text) {
   for (const char* special : {"\\", "[", "]", ":", "`", "$"})
     text = replaced(text, special, "\\" + std::string(special));
@@ -189,7 +190,7 @@ std::string zsh(const CLI::App& program) {
     }
     functions += name + "() {\n" + body + "}\n";
   });
-  // `cairn help` takes what `cairn` does.
+  // `cairn help` accepts the same words as `cairn`.
   functions = replaced(functions, "    help) _cairn_help ;;\n", "    help) _cairn ;;\n");
   return "#compdef cairn\n# Completion of cairn in zsh, made by `cairn completion zsh`.\n" + functions +
          "if [[ $funcstack[1] == _cairn ]]; then _cairn \"$@\"; else compdef _cairn cairn; fi\n";

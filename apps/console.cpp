@@ -19,7 +19,7 @@ constexpr int kLeastColumns = 20, kMostColumns = 1000;
 
 bool quiet = false;
 
-std::mutex line_mutex;  // warnings come from other threads, too
+std::mutex line_mutex;  // other threads print warnings, too
 bool line_is_shown = false;
 
 std::string_view variable(const char* name) {
@@ -27,7 +27,7 @@ std::string_view variable(const char* name) {
   return value != nullptr ? value : "";
 }
 
-/// The first of these that is set decides, as for the C library.
+/// The first variable that is set decides, as in the C library.
 bool locale_is_utf8() {
   for (const char* name : {"LC_ALL", "LC_CTYPE", "LANG"})
     if (const std::string_view value = variable(name); !value.empty())
@@ -42,7 +42,7 @@ int columns_of(int descriptor) {
   return told > 0 ? told : 80;
 }
 
-/// Warnings do not run into the line of the progress.
+/// Clears the progress line before each warning.
 class StderrSink final : public spdlog::sinks::ansicolor_stderr_sink_mt {
  public:
   explicit StderrSink(spdlog::color_mode colours) : ansicolor_stderr_sink(colours) {}

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What people see of the program: lines on stdout, progress and warnings on stderr.
+// Terminal output: results on stdout, progress and warnings on stderr.
 #pragma once
 #include <fmt/format.h>
 
@@ -11,44 +11,43 @@
 
 namespace cairn::apps {
 
-/// Where lines go that a person reads.
+/// Properties of the terminal behind a file descriptor.
 struct Terminal {
-  bool is_live = false;      ///< a terminal whose lines can be written again: not TERM=dumb
-  bool has_colours = false;  ///< such a terminal without NO_COLOR (no-color.org)
-  bool has_blocks = false;   ///< characters beyond ASCII, by the locale
-  int columns = 80;          ///< as the terminal says, or COLUMNS
+  bool is_live = false;      ///< true for a terminal that can rewrite its lines, so not for TERM=dumb
+  bool has_colours = false;  ///< true for a live terminal without NO_COLOR (no-color.org)
+  bool has_blocks = false;   ///< true if the locale has characters beyond ASCII
+  int columns = 80;          ///< width reported by the terminal, or COLUMNS
 };
-/// As it is now: a window may have changed.
+/// Queries the terminal on each call, since a window may be resized.
 [[nodiscard]] Terminal terminal_of(int descriptor);
 
-/// Characters that a text takes on a terminal; UTF-8, no wide ones.
+/// Width of a UTF-8 text in columns; wide characters are not supported.
 [[nodiscard]] int width_of(std::string_view text);
-/// The text in so many columns, with an ellipsis where it was longer.
+/// Truncates the text to `columns`, with an ellipsis.
 [[nodiscard]] std::string cut_to(std::string text, int columns, bool has_blocks);
 
-constexpr int kNarrow = 60;  ///< columns: below, texts stand under their names
-/// The words in lines of so many columns that begin at `indent`; the first of them at `at`.
+constexpr int kNarrow = 60;  ///< columns: below this width, descriptions go under their names
+/// Wraps text at `columns`. The first line starts at column `at`, the rest at `indent`.
 [[nodiscard]] std::string wrapped(const std::string& text, int at, int indent, int columns);
 
-/// With --quiet: no progress and no words about what was made. Warnings, errors and what was asked for with --json
-/// stay.
+/// Sets --quiet: no progress and no result lines. Warnings, errors and --json output remain.
 void be_quiet();
 [[nodiscard]] bool is_quiet();
 
-/// A line for people about what was made, on stdout; nothing with --quiet.
+/// Prints a result line on stdout, except with --quiet.
 template <class... Values>
 void say(fmt::format_string<Values...> format, Values&&... values) {
   if (!is_quiet()) fmt::print(format, std::forward<Values>(values)...);
 }
 
-/// Sends warnings to stderr, coloured where it is a terminal, each on a line of its own.
+/// Sends warnings to stderr, each on its own line, colored on a terminal.
 void set_up_warnings();
 
-/// The line that progress shows now and that others must not be written into.
+/// Shows the progress line; clear_line() removes it before other output.
 void show_line(const std::string& line);
 void clear_line();
 
-/// "812 bytes", "3.4 kB", "12.3 MB": decimal, as file managers tell it.
+/// "812 bytes", "3.4 kB", "12.3 MB": decimal units, as in file managers.
 [[nodiscard]] std::string size_in_words(std::uint64_t bytes);
 /// "84,210".
 [[nodiscard]] std::string count_in_words(std::uint64_t count);

@@ -22,7 +22,7 @@ namespace cairn::apps {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kMostDelay = 0.02;  // seconds between depth and colour, as the TUM layout pairs them
+constexpr double kMostDelay = 0.02;  // seconds between depth and color: the association limit of the TUM layout
 
 struct Arguments {
   std::string sequence, frames, colour = "png";
@@ -31,15 +31,15 @@ struct Arguments {
 };
 
 struct Converted {
-  int frames = 0, unreadable = 0, apart = 0;  // `apart`: with colour taken too long before or after depth
+  int frames = 0, unreadable = 0, apart = 0;  // `apart`: depth and color timestamps differ too much
   double depth_scale = kTumDepthScale;
   Reasons left_out;
-  Trajectory poses;                  // that came with the frames
-  std::optional<std::string> ended;  // early: why
+  Trajectory poses;                  // poses stored with the frames
+  std::optional<std::string> ended;  // reason for an early end
   bool is_interrupted = false;
 };
 
-/// The frames that can be read, and what is told about the others.
+/// Reads the usable frames and reports the rest.
 class Reader {
  public:
   Reader(Source& source, Converted& converted)
@@ -76,7 +76,7 @@ class Reader {
   Converted& converted_;
   Interrupt interrupt_{Interrupt::Worth::later};
   Progress progress_;
-  std::optional<Frame> first_;  // tells the unit of depth
+  std::optional<Frame> first_;  // sets the depth unit
 };
 
 Converted convert_to(const Arguments& a, const fs::path& folder) {

@@ -16,10 +16,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Two seconds of a look around the room.
+/// Two seconds of camera motion in the room.
 constexpr const char *kScene = "synthetic:room", *kFrames = "60";
 
-/// Whether a folder holds an earlier demo, which may be replaced.
+/// Returns true if a folder holds an earlier demo, which may be replaced.
 bool is_demo(const fs::path& folder) {
   try {
     const nlohmann::json report = json_in(folder / "report.json");
@@ -34,7 +34,7 @@ void demo(const fs::path& output) {
   add_reconstruct(program);
   std::vector<std::string> words{"reconstruct", kScene, "-o", output.string(), "--frames", kFrames};
   if (is_demo(output)) words.emplace_back("--overwrite");
-  std::reverse(words.begin(), words.end());  // as CLI11 takes them
+  std::reverse(words.begin(), words.end());  // CLI11 expects reverse order
   program.parse(words);
   const fs::path page = output / "report.html";
   say("\nlook at it  {}\n", fs::absolute(fs::exists(page) ? page : output / "mesh.glb").string());

@@ -25,21 +25,21 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-constexpr std::uint64_t kLeastMemory = std::uint64_t{2} << 30;  // bytes: a room takes about one GiB
+constexpr std::uint64_t kLeastMemory = std::uint64_t{2} << 30;  // bytes; a room takes about 1 GiB
 constexpr std::uint64_t kLeastDisk = std::uint64_t{2} << 30;
 
-constexpr int kFrames = 3;  // that are mapped: the first makes the kernels
+constexpr int kFrames = 3;  // number of frames to map; the first compiles the kernels
 
-/// One thing that was looked at.
+/// Result of one check.
 struct Check {
   enum class Level { good, note, bad } level = Level::good;
   std::string what, words;
-  std::string remedy;  // empty: none is needed
+  std::string remedy;  // empty if not needed
 };
 using Checks = std::vector<Check>;
 constexpr const char* kLevels[] = {"good", "note", "bad"};
 
-/// Milliseconds that a frame of a synthetic room takes to be tracked and fused.
+/// Milliseconds to track and fuse a frame of a synthetic room.
 double fuse_frames(int device) {
   const Scene scene = synthetic_scene("room");
   SceneCamera camera(scene, synthetic_camera(), device);
@@ -58,7 +58,7 @@ double fuse_frames(int device) {
   return ms;
 }
 
-/// Whether a device is there that works.
+/// Returns true if a usable device exists.
 bool check_devices(const std::vector<DeviceInfo>& devices, Checks& checks) {
   bool is_usable = false;
   for (const DeviceInfo& d : devices) {
@@ -188,7 +188,7 @@ std::vector<DeviceInfo> devices_here() {
   try {
     return list_devices();
   } catch (const std::runtime_error&) {
-    return {};  // not even the loader
+    return {};  // the Vulkan loader is missing
   }
 }
 

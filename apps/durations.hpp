@@ -7,8 +7,8 @@
 
 namespace cairn::apps {
 
-/// Times of what happens again and again. All are counted; the newest are kept, so that a run of days takes no more
-/// memory than one of minutes.
+/// Statistics of repeated durations. Counts all, but stores only the newest, so that memory does not grow with the
+/// length of a run.
 class Durations {
  public:
   void add(double ms) {
@@ -24,7 +24,7 @@ class Durations {
   [[nodiscard]] double total() const { return total_; }
   [[nodiscard]] double most() const { return most_; }
   [[nodiscard]] double mean() const { return count_ == 0 ? 0 : total_ / static_cast<double>(count_); }
-  /// What a share of the newest 4,000 did not exceed.
+  /// Percentile of the newest 4,000 durations; `share` from 0 to 1.
   [[nodiscard]] double percentile(double share) const {
     if (newest_.empty()) return 0;
     std::vector<double> values = newest_;

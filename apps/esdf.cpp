@@ -72,11 +72,11 @@ void write_answers(std::ostream& out, const std::vector<Eigen::Vector3f>& points
   }
 }
 
-constexpr double kFarthestPlane = 1e6;  // metres
+constexpr double kFarthestPlane = 1e6;  // meters
 
 struct Plane {
   int axis = 0;
-  float at = 0;  // metres
+  float at = 0;  // meters
 };
 Plane parse_plane(const std::string& text) {
   const auto value = text.size() > 2 && text[1] == '=' ? parse_quantity(text.substr(2), Unit::metres) : std::nullopt;
@@ -90,7 +90,7 @@ Band parse_band(const std::string& text) {
   return {static_cast<float>(low), static_cast<float>(high)};
 }
 
-/// A costmap is its .yaml, and a picture beside it, which may be named as well.
+/// Returns the .yaml of a costmap; the user may also name its .pgm picture.
 fs::path costmap_file(const fs::path& named) {
   const std::string extension = extension_of(named);
   if (extension == ".yaml" || extension == ".yml") return named;
@@ -98,7 +98,7 @@ fs::path costmap_file(const fs::path& named) {
   throw CLI::ValidationError("--costmap", named.string() + ": name X.yaml, which gets X.pgm beside it");
 }
 
-/// The grids of a map, or why there are none.
+/// Path of a map's grids. Throws std::runtime_error with the reason if there are none.
 fs::path grids_of(const fs::path& map) {
   if (!fs::is_directory(map)) return map;
   if (fs::exists(map / "map.vdb")) return map / "map.vdb";
@@ -132,10 +132,10 @@ Outputs sort_outputs(const Arguments& a) {
   return outputs;
 }
 
-/// Where the camera was, as the run that made the map has written it into its folder.
+/// Camera trajectories from the map's folder.
 Trajectory visited_of(const fs::path& folder, bool is_needed) {
   Trajectory visited;
-  for (int recording = -1;; ++recording) {  // trajectory.txt is the last one's
+  for (int recording = -1;; ++recording) {  // trajectory.txt belongs to the last recording
     const fs::path file = folder / (recording < 0 ? "trajectory.txt" : name_of_trajectory(recording));
     if (!fs::exists(file)) break;
     const Trajectory poses = read_trajectory(file);
@@ -147,24 +147,24 @@ Trajectory visited_of(const fs::path& folder, bool is_needed) {
   return visited;
 }
 
-/// A map, or a part of one, that something is asked of.
+/// A map, or a part of a map, to query.
 struct Source {
   Map& map;
   std::function<void(Up)> stand_up;
-  std::function<bool(const Eigen::Vector3f&)> is_own;  // none: all is
+  std::function<bool(const Eigen::Vector3f&)> is_own;  // empty: all points
   std::function<std::shared_ptr<const DistanceField>(const std::shared_ptr<const DistanceField>&)> own;
 };
 
-/// What is asked, and what came of it, of one map or of one part after the other.
+/// Queries of the command and their results, for one map or for several parts in turn.
 class Answers {
  public:
   explicit Answers(const Arguments& a);
-  /// Of a source that nothing is asked of only with `always`. Returns whether it was asked.
+  /// Answers the queries for a source. Skips sources without queries unless `always`. Returns false if skipped.
   bool add(Source source, Trajectory visited, bool always);
   void write() const;
 
  private:
-  /// Whether anything but points is asked, or one of these lies there.
+  /// True if a query other than points is requested, or if a query point is in the source.
   [[nodiscard]] bool needs(const std::function<bool(const Eigen::Vector3f&)>& is_own) const;
   void answer(const DistanceField& field, const std::function<bool(const Eigen::Vector3f&)>& is_own);
   void print_summary() const;
@@ -175,13 +175,13 @@ class Answers {
   std::vector<Eigen::Vector3f> points_;
   std::vector<DistanceField::Answer> answers_;
   std::optional<Costmap> costmap_;
-  std::shared_ptr<const DistanceField> field_;  // the last one
-  std::size_t voxels_ = 0;                      // that are known
-  Eigen::AlignedBox3f box_;                     // around them
-  double seconds_ = 0, query_seconds_ = 0;      // that fields took, and answers
+  std::shared_ptr<const DistanceField> field_;  // of the latest source
+  std::size_t voxels_ = 0;                      // known voxels
+  Eigen::AlignedBox3f box_;                     // bounds of the known voxels
+  double seconds_ = 0, query_seconds_ = 0;      // for computing fields, and for queries
 };
 
-/// All that may be wrong in the command is told before the work begins.
+/// Checks all arguments before the work starts.
 Answers::Answers(const Arguments& a) : a_(a), outputs_(sort_outputs(a)) {
   if (!a.slice.empty()) plane_ = parse_plane(a.slice[0]);
   if (!a.costmaps.empty() && a.height.empty())
@@ -273,14 +273,14 @@ void Answers::print_summary() const {
         1e-6 * static_cast<double>(points_.size()) / query_seconds_);
 }
 
-/// Whether a map's grids are cell by cell.
+/// Returns true if the map's grids are stored per cell.
 bool is_in_cells(const Arguments& a) {
   return a.cell || (fs::exists(a.map / "plan.json") && !fs::exists(a.map / "map.vdb"));
 }
 
-/// Of a plan's cells, one after the other.
+/// Queries the cells of a plan in turn.
 void ask_cells(const Arguments& a, Answers& answers, const Trajectory& visited) {
-  (void)read_plan(a.map);  // it is one
+  (void)read_plan(a.map);  // throws if the folder is not a plan
   const auto cells = a.cell ? std::vector{*a.cell} : cells_of(a.map);
   if (cells.empty())
     throw std::runtime_error(a.map.string() + ": has no cells yet; run cairn optimise " + quoted(a.map));
@@ -294,10 +294,10 @@ void ask_cells(const Arguments& a, Answers& answers, const Trajectory& visited) 
   };
   bool is_any = false;
   for (const auto& cell : cells) is_any = ask(cell, false) || is_any;
-  if (!is_any) ask(cells.front(), true);  // what the summary tells of the map
+  if (!is_any) ask(cells.front(), true);  // the summary needs one field
 }
 
-/// Of a map in a folder its grids are read, not its session.
+/// A map folder is an input through its grids, not through its session.
 void expect_apart(const Arguments& a) {
   Inputs inputs;
   inputs.add_map(a.map).add(a.map / "map.vdb").add(a.query);

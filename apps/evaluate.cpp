@@ -29,7 +29,7 @@
 namespace cairn::apps {
 namespace {
 
-constexpr double kDay = 86400, kFarthest = 1e6, kMost = 1e9;  // seconds, metres, things
+constexpr double kDay = 86400, kFarthest = 1e6, kMost = 1e9;  // seconds, meters, count
 
 struct Arguments {
   std::string estimate, truth, seen, trajectory, truth_trajectory, poses, height;
@@ -75,10 +75,11 @@ void evaluate_trajectory_files(const Arguments& a) {
       e.matched_poses);
 }
 
-/// All recordings of a plan in one frame: their stamps are moved apart, since each may begin at the same time.
+/// All recordings of a plan in one frame. Timestamps are shifted per recording, since recordings may start at the same
+/// time.
 struct OfPlan {
   Trajectory estimate, truth;
-  std::vector<std::pair<std::string, std::pair<std::size_t, std::size_t>>> recordings;  // poses of `estimate`
+  std::vector<std::pair<std::string, std::pair<std::size_t, std::size_t>>> recordings;  // index ranges into `estimate`
   std::vector<std::string> without_truth;
 };
 
@@ -102,9 +103,9 @@ OfPlan read_all(const std::filesystem::path& folder) {
   return all;
 }
 
-/// Metres between surfaces of the same place by two parts, from each to the other, over all cells.
+/// Distances in meters between the surfaces of two parts at the same place, in both directions, over all cells.
 struct Seams {
-  double sum = 0, worst = 0;  // of all samples; the mean of two parts in a cell
+  double sum = 0, worst = 0;  // sum over all samples; largest mean of two parts in a cell
   int samples = 0;
 };
 
@@ -116,7 +117,7 @@ Seams seams_of(const std::filesystem::path& folder) {
       for (const PartSurface& b : surfaces) {
         if (&a == &b) continue;
         const ErrorStatistics seam = evaluate_seam(a.mesh, b.mesh);
-        if (seam.count < 100) continue;  // they touch
+        if (seam.count < 100) continue;  // the parts barely overlap
         seams.sum += seam.mean * seam.count, seams.samples += seam.count;
         seams.worst = std::max(seams.worst, seam.mean);
       }
@@ -133,7 +134,7 @@ void evaluate_plan(const Arguments& a) {
     json["ate_m"] = to_json(e.ate);
     if (!a.json) print_row("ATE over all", e.ate, 100, "cm");
     for (const auto& [name, range] : all.recordings) {
-      // Where all of them together lie best, not each by itself.
+      // Residuals after the joint alignment, not per recording.
       double squared = 0, most = 0;
       int count = 0;
       for (std::size_t i = range.first; i < range.second; ++i) {
@@ -162,7 +163,7 @@ void evaluate_plan(const Arguments& a) {
   if (a.json) fmt::print("{}\n", text_of(json, 2));
 }
 
-/// Leaves the triangles whose centre lies in the box (x y z of one corner, then of the other); an empty one: all.
+/// Keeps the triangles with their center in the box (x y z of two opposite corners); an empty box keeps all.
 Mesh cut(Mesh mesh, const std::vector<double>& box) {
   if (box.empty()) return mesh;
   Eigen::AlignedBox3f inside;
@@ -236,13 +237,13 @@ void evaluate_views_of(const Arguments& a) {
                100 * e.covered);
 }
 
-/// What a report tells of its keyframes, of the loops that hold, and of the frames that were held out.
+/// Keyframes, inlier loop closures and held-out frames of a report.
 struct Reported {
   std::vector<LoopMeasured> loops;
   std::vector<std::pair<double, int>> keyframes;
   HoldOut hold_out;
-  double clock_offset = 0;  // seconds that trajectory.txt is ahead of the frames' times
-  std::string camera;       // file of the cameras, where depth was corrected
+  double clock_offset = 0;  // seconds: trajectory.txt minus frame times
+  std::string camera;       // camera file, for corrected depth
 };
 
 Reported read_report(const std::filesystem::path& file) {
@@ -260,7 +261,8 @@ Reported read_report(const std::filesystem::path& file) {
     reported.keyframes = report.at("searched").get<std::vector<std::pair<double, int>>>();
     if (report.contains("hold_out")) reported.hold_out = hold_out_from(report["hold_out"]);
     reported.clock_offset = report.value("clock_offset", 0.0);
-    const bool is_old = !report.contains("camera");  // of version 0.1, whose maps had the name that recordings have
+    // Version 0.1 gave the map's camera file the same name as a recording's.
+    const bool is_old = !report.contains("camera");
     if (is_old || !report["camera"].is_null()) reported.camera = is_old ? "camera.yaml" : kMapCamera;
   } catch (const std::exception& error) {
     throw std::runtime_error(file.string() + ": is no report.json of `cairn reconstruct`: " + plain(error.what()));
@@ -364,7 +366,7 @@ void evaluate_distances_of(const Arguments& a) {
              e.known);
 }
 
-/// As write_costmap of pictures.hpp writes it.
+/// Reads the format of write_costmap in pictures.hpp.
 Costmap read_costmap(const std::filesystem::path& yaml) {
   Costmap map;
   std::ifstream in(yaml);

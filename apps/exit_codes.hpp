@@ -8,7 +8,7 @@ namespace cairn::apps {
 
 inline constexpr int kNotInMap = 3;
 
-/// How the program ends, as the manual tells it.
+/// Exit codes of the program, with the texts of the manual.
 inline constexpr std::array<std::pair<const char*, const char*>, 5> kExitCodes{{
     {"0", "It ended as asked; also when frames were lost, and after one Ctrl-C."},
     {"1", "The input or the run was at fault; one line says what, where and what to do."},

@@ -42,7 +42,7 @@ struct Arguments {
   MeshArguments options;
   std::optional<ViewsFor> program;
   PlanOptions plan;
-  bool asks_for_plan = false;  // by an option that has to do with nothing else
+  bool asks_for_plan = false;  // set by options that only a floor plan has
   std::optional<Up> up;
   int images = 0;
   int device = -1;
@@ -88,7 +88,7 @@ bool is_plan(const fs::path& file) {
 
 bool has_session(const fs::path& map) { return fs::exists(map / "session" / "state.cbor"); }
 
-/// What a map.vdb alone has not, but the folder that it lies in.
+/// Throws if an option needs the map's folder but MAP is only a map.vdb.
 void want_folder(const Arguments& a) {
   const bool wants_more = a.options.asks_for_texture || a.options.cameras || a.program;
   if (!wants_more || fs::is_directory(a.map)) return;
@@ -108,7 +108,7 @@ Exported export_it(const Arguments& a) {
   return export_mesh(open_map(a), a.output, options, on(progress));
 }
 
-/// The grids of a session: of a run that was cut off there is no map.vdb yet.
+/// Exports grids from a session; an interrupted run has no map.vdb yet.
 void export_grids(const Arguments& a) {
   if (!has_session(a.map))
     throw std::runtime_error(a.map.string() + ": has no session to make grids from; a map.vdb is what it would be");
@@ -131,7 +131,7 @@ nlohmann::json sizes_of(const std::vector<fs::path>& files) {
   return sizes;
 }
 
-/// What a plan's recordings are named, if MAP is one.
+/// Recording names if MAP is a plan, else empty.
 std::vector<std::string> recordings_of(const fs::path& map) {
   if (!fs::exists(map / "plan.json")) return {};
   return told_apart(recordings_in(map));
@@ -198,7 +198,7 @@ void export_views(const Arguments& a) {
         e.images, e.keyframes, count_in_words(e.points));
 }
 
-/// The sizes of the files that lie beside the one that was asked for.
+/// Prints sizes of the files written beside the requested file.
 void print_others(const std::vector<fs::path>& files) {
   constexpr std::size_t kMostLines = 8;
   if (files.size() > kMostLines + 1) {
@@ -234,7 +234,7 @@ void print(const Arguments& a, const Exported& e) {
         count_in_words(static_cast<std::uint64_t>(e.charts)), 100 * e.textured_share, e.keyframes);
 }
 
-/// With what is written beside the file that is named.
+/// Checks the output and the files beside it against the inputs.
 void expect_apart(const Arguments& a) {
   const Inputs inputs = Inputs().add_map(a.map);
   if (a.program) return inputs.expect_apart_from_folder(a.output);

@@ -9,27 +9,26 @@
 
 namespace cairn::apps {
 
-/// How a mesh is written, as the command line says. A texture is made wherever there is colour, unless --no-texture.
+/// Mesh options of the command line. A mesh with color gets a texture unless --no-texture is set.
 struct MeshArguments : ExportOptions {
-  bool asks_for_texture = false;  // by --texture, or by an option that only a texture has
+  bool asks_for_texture = false;  // by --texture, or by an option that only textures have
   bool no_texture = false;
-  /// With a texture where such a file can have one, or where it was asked for.
+  /// Options for a file: with a texture if its format supports textures or if requested.
   [[nodiscard]] ExportOptions for_file(const std::filesystem::path& file) const;
 };
 
-/// What `export`, `reconstruct`, `live` and `merge` share. The arguments hold once the command line is read.
+/// Adds the options shared by `export`, `reconstruct`, `live` and `merge`. The arguments are valid after parsing.
 void add_export_options(CLI::App& command, MeshArguments& arguments);
 
-/// --up for what is made from a map that is there.
+/// Adds --up, for commands that read an existing map.
 void add_up(CLI::App& command, std::optional<Up>& up);
 
-/// Calls `write` with what the arguments say of such a file, and without a texture where the map has no colour and none
-/// was asked for.
+/// Calls `write` with the options for `file`; without a texture if the map has no color and no texture was requested.
 [[nodiscard]] Exported with_texture_if_any(const MeshArguments& arguments, const std::filesystem::path& file,
                                            const std::function<Exported(const ExportOptions&)>& write);
 
-/// Writes a map's mesh. Where the map has no colour and no texture was asked for, it has none. Throws as
-/// Map::export_mesh does.
+/// Writes a map's mesh; without a texture if the map has no color and no texture was requested. Throws like
+/// Map::export_mesh.
 Exported export_mesh(Map map, const std::filesystem::path& file, const MeshArguments& arguments,
                      const ExportProgress& progress);
 

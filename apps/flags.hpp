@@ -5,7 +5,7 @@
 
 namespace cairn::apps {
 
-/// A message of the library, which names the fields of its options, with the program's flags in their place.
+/// Replaces option field names in a library message with the program's flags.
 [[nodiscard]] std::string in_flags(std::string message);
 
 }  // namespace cairn::apps

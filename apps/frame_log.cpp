@@ -32,7 +32,7 @@ void FrameLog::add(const nlohmann::json& report) {
   std::size_t number = 0;
   line_count_ = 0;
   for_each_line(lines_, [&](std::string_view line) {
-    if (number++ % 2 == 1) return;  // every second one goes
+    if (number++ % 2 == 1) return;  // drop every second report
     kept.append(line) += '\n';
     ++line_count_;
   });
@@ -66,7 +66,7 @@ FrameLog FrameLog::from(const nlohmann::json& saved) {
   log.counts_ = saved.at("counts").get<std::map<std::string, int>>();
   if (saved.contains("first_reason")) log.first_reason_ = saved["first_reason"].get<std::string>();
   if (saved.contains("skipped")) log.skipped_ = Reasons::from(saved["skipped"]);
-  log.line_count_ = log.kept().size();  // throws: nothing else is a report
+  log.line_count_ = log.kept().size();  // throws if a line is not a report
   return log;
 }
 

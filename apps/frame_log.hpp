@@ -11,31 +11,31 @@
 
 namespace cairn::apps {
 
-/// The reports of a run's frames. All are counted; kept are all of the first some thousand, and of a longer run some
-/// thousand that lie evenly in it, so that a run of days takes no more memory than one of minutes.
+/// Reports of a run's frames. Counts all and stores at most some thousand: all frames of a short run, an even subset of
+/// a long run, so that memory does not grow with the length of a run.
 class FrameLog {
  public:
   /// `report` has a "state".
   void add(const nlohmann::json& report);
   [[nodiscard]] int count(const std::string& state) const;
   [[nodiscard]] int size() const { return size_; }
-  /// Why frames were skipped.
+  /// Reasons for skipped frames.
   [[nodiscard]] const Reasons& skipped() const { return skipped_; }
-  /// Why the first frame that was not fused was not; nothing as long as all were.
+  /// Reason of the first frame that was not fused, if any.
   [[nodiscard]] const std::optional<std::string>& first_reason() const { return first_reason_; }
-  /// The reports that are kept, in their order.
+  /// The stored reports, in order.
   [[nodiscard]] nlohmann::json kept() const;
 
-  /// To go on with later.
+  /// State for a resumed run.
   [[nodiscard]] nlohmann::json save() const;
-  /// Throws nlohmann::json::exception for what save() has not made.
+  /// Throws nlohmann::json::exception for input not produced by save().
   [[nodiscard]] static FrameLog from(const nlohmann::json& saved);
 
   static constexpr std::size_t kMost = 4096;  // reports
 
  private:
-  /// Every every_-th report, a line each: in one piece, since thousands of small ones that stay would keep memory
-  /// between them from going back to the system.
+  /// Every every_-th report, one line each. A single string, since thousands of small allocations would keep the memory
+  /// between them from returning to the system.
   std::string lines_;
   std::size_t line_count_ = 0;
   int every_ = 1, size_ = 0;

@@ -14,9 +14,9 @@
 namespace cairn::apps {
 namespace {
 
-constexpr int kMostColumns = 100, kNames = 26;  // columns: of a line, and of the names in it
+constexpr int kMostColumns = 100, kNames = 26;  // columns of a line, and of its names
 
-/// A name and what it is, in two columns as far as there is room.
+/// Formats a name and its description, in two columns if the width allows.
 std::string entry(const std::string& name, const std::string& text, int columns) {
   const int indent = columns < kNarrow ? 6 : kNames;
   std::string line = "  " + name;

@@ -9,24 +9,24 @@
 
 namespace cairn::apps {
 
-/// How `--help` looks: as wide as the terminal, 100 columns at most.
+/// Formatter of `--help`: as wide as the terminal, at most 100 columns.
 [[nodiscard]] std::shared_ptr<CLI::FormatterBase> help_format();
-/// The same in so many columns.
+/// Help text wrapped at `columns`.
 [[nodiscard]] std::string help_text(const CLI::App& command, int columns);
 
-/// What `cairn` alone prints, in lines of at most so many columns: how to begin.
+/// Text printed by `cairn` without arguments, an introduction wrapped at `columns`.
 [[nodiscard]] std::string first_words(int columns);
 
-/// The manual in roff's man macros: all commands and options.
+/// The manual in roff's man macros, with all commands and options.
 [[nodiscard]] std::string man_page(const CLI::App& program);
 
-/// Why the command line was refused, in one line with the remedy; `words` are those behind the program's name.
+/// One-line reason for a refused command line, with the remedy; `words` exclude the program's name.
 [[nodiscard]] std::string usage_error(const CLI::App& program, const std::vector<std::string>& words,
                                       const CLI::ParseError& error);
-/// A word that is no command, or no option of its command, told as above; nothing if all are known. CLI11 would name
-/// what is missing first.
+/// Error for a word that is not a command or not an option of its command; empty if all words are known. Checked first,
+/// because CLI11 would report missing arguments first.
 [[nodiscard]] std::optional<std::string> unknown_word(const CLI::App& program, const std::vector<std::string>& words);
-/// The command that the words name.
+/// The command named by the words.
 [[nodiscard]] const CLI::App& command_in(const CLI::App& program, const std::vector<std::string>& words);
 
 }  // namespace cairn::apps

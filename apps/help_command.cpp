@@ -42,7 +42,7 @@ void add_help(CLI::App& program) {
       fmt::print(stderr, "{}\n", *unknown);
       throw CLI::RuntimeError(2);
     }
-    // App::help() is that of the command that runs: this one.
+    // App::help() would print the help of the running command, `help`.
     fmt::print("{}", help_format()->make_help(&command_in(program, *words), "", CLI::AppFormatMode::Normal));
   });
 }

@@ -132,7 +132,7 @@ void info(const Arguments& a) {
   if (holds_map(a.sequence)) return print_map_info(a.sequence, a.json);
   const auto source = open_source(a.sequence, source_options(a.sequence, a.camera, a.topics));
   SourceSummary summary = inspect(*source, a.frames);
-  // Poses that lie in files beside the images are no part of frames until they are asked for.
+  // Poses in separate files are not part of the frames until requested.
   if (!is_sensor(a.sequence) && !is_synthetic(a.sequence) &&
       (std::filesystem::is_directory(a.sequence) || extension_of(a.sequence) == ".zip"))
     summary.with_pose =

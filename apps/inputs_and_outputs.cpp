@@ -20,9 +20,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kDepth = 4;                // folders below a recording's that are looked through
-constexpr int kMostEntries = 1'000'000;  // of them: links may lead to all of a disk
-constexpr int kLinks = 40;               // as many as Linux follows
+constexpr int kDepth = 4;                // depth of the search below a recording's folder
+constexpr int kMostEntries = 1'000'000;  // limit on visited entries, since links may lead to a complete disk
+constexpr int kLinks = 40;               // limit of Linux
 
 struct Identity {
   dev_t device = 0;
@@ -30,26 +30,26 @@ struct Identity {
   auto operator<=>(const Identity&) const = default;
 };
 
-/// Of what a path leads to, through links; nothing where nothing is.
+/// Identity of a path's target, following links; empty if it does not exist.
 std::optional<Identity> identity_of(const fs::path& path) {
   struct stat status {};
   if (stat(path.c_str(), &status) != 0) return std::nullopt;
   return Identity{status.st_dev, status.st_ino};
 }
 
-/// The path without links, also where its end does not exist yet.
+/// Resolves links, also if the end of the path does not exist yet.
 fs::path without_links(fs::path path) {
   for (int link = 0; link < kLinks; ++link) {
     path = tidy(path);
     std::error_code error;
-    const fs::path target = fs::read_symlink(path, error);  // of one that leads nowhere
+    const fs::path target = fs::read_symlink(path, error);  // for dangling links
     if (error) break;
     path = path.parent_path() / target;
   }
   return path;
 }
 
-/// Whether `visit` is true of a folder above the path; from the nearest to the root.
+/// Returns true if `visit` returns true for a parent folder, from the nearest to the root.
 bool any_above(const fs::path& path, const std::function<bool(Identity)>& visit) {
   const fs::path whole = without_links(path);
   for (fs::path folder = whole.parent_path(), below = whole; folder != below;
@@ -69,7 +69,7 @@ bool any_below(const fs::path& folder, const Visit& visit, int depth, int& left)
   return false;
 }
 
-/// Whether `visit` is true of something in a folder, or in a folder below; links are followed.
+/// Returns true if `visit` returns true for an entry at any depth of the folder; follows links.
 bool any_below(const fs::path& folder, const Visit& visit) {
   int left = kMostEntries;
   return any_below(folder, visit, kDepth, left);
@@ -107,8 +107,7 @@ bool holds(const fs::path& output, const fs::path& input) {
   });
 }
 
-/// The recording that a plan's part is of; empty for what is no part, or a damaged one, which is told when it is
-/// opened.
+/// Recording of a plan's part. Empty for other inputs and for a damaged part, which is reported when opened.
 std::string recording_of_part(const std::string& sequence) {
   if (is_synthetic(sequence) || is_sensor(sequence) || !fs::exists(fs::path(sequence) / "part.json")) return {};
   const fs::path part = tidy(sequence);

@@ -19,22 +19,22 @@
 namespace cairn::apps {
 namespace {
 
-constexpr int kInterrupted = 130;  // as shells tell it
+constexpr int kInterrupted = 130;  // shell convention: 128 + SIGINT
 
-std::array<int, 2> wake;  // from the handler to the thread that answers
+std::array<int, 2> wake;  // pipe from the signal handler to the answering thread
 
-/// What signals mean now.
+/// Response to signals, shared by all threads.
 struct Answers {
   std::mutex mutex;
   bool is_worth_finishing = false;
   std::string said;
   std::function<std::string()> last_words;
-  std::atomic<int> requests = 0;  // signals
-  std::atomic<int> observed = 0;  // of these, by requested()
-  std::atomic<int> seen = 0;      // of these, by an Interrupt that has ended
+  std::atomic<int> requests = 0;  // signals received
+  std::atomic<int> observed = 0;  // signals observed by requested()
+  std::atomic<int> seen = 0;      // signals seen by an Interrupt that has ended
 };
 
-/// Never destroyed: the thread that answers goes on until the process ends.
+/// Never destroyed, because the answering thread runs until the process ends.
 Answers& answers() {
   static auto* const all = new Answers;
   return *all;
@@ -47,14 +47,14 @@ void on_signal(int signal) {
   errno = error;
 }
 
-/// In place of a progress line, and of the "^C" that a terminal shows.
+/// Replaces a progress line and the terminal's "^C".
 void tell(const std::string& words) {
   clear_line();
   const std::string line = (terminal_of(STDERR_FILENO).is_live ? "\r\x1b[K" : "") + words + "\n";
   [[maybe_unused]] const auto written = write(STDERR_FILENO, line.data(), line.size());
 }
 
-/// A terminal that is gone takes no output, and must not fail what is still to be written elsewhere.
+/// Redirects output of a closed terminal to /dev/null, so that remaining files can still be written.
 void leave_terminal() {
   const int nowhere = open("/dev/null", O_RDWR | O_CLOEXEC);
   for (const int descriptor : {STDOUT_FILENO, STDERR_FILENO})
@@ -73,7 +73,7 @@ void answer(int signal) {
   std::string words = "cairn: interrupted before it was done";
   if (a.last_words) try {
       words = a.last_words();
-    } catch (const std::exception&) {  // the line above will do
+    } catch (const std::exception&) {  // the line above suffices
     }
   remove_unfinished();
   tell(words);
@@ -90,7 +90,7 @@ void answer(int signal) {
 }  // namespace
 
 void answer_signals() {
-  if (pipe2(wake.data(), O_CLOEXEC) != 0) return;  // then they end the program as they always do
+  if (pipe2(wake.data(), O_CLOEXEC) != 0) return;  // signals keep their default action
   (void)answers();
   struct sigaction action {};
   action.sa_handler = on_signal;

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// SIGINT (Ctrl-C), SIGTERM and SIGHUP, from the first line of main to the last.
-//
-// A signal ends the program at once, with one line on stderr, exit code 130 and nothing half written, unless an
-// Interrupt lives and its work is worth finishing: then the first signal asks for that, and the second ends at once.
+// Handles SIGINT (Ctrl-C), SIGTERM and SIGHUP from the first line of main to the last.
+// A signal ends the program at once, with one line on stderr, exit code 130 and no partial files. If an Interrupt
+// exists and its work is worth finishing, the first signal requests a regular end, and the second ends at once.
 #pragma once
 
 #include <functional>
@@ -11,33 +10,33 @@
 
 namespace cairn::apps {
 
-/// Takes over these signals; to be called before all else. A SIGHUP that is ignored, as under nohup, stays so.
+/// Installs the signal handling; must be called first in main. An ignored SIGHUP, as under nohup, stays ignored.
 void answer_signals();
-/// Blocks where a signal is ending the program, so that nobody else ends it in another way meanwhile.
+/// Blocks if a signal is ending the program, so that no other thread ends it differently.
 void wait_while_ending();
 
-/// Printed at the first signal that comes while the files of a result are written.
+/// Message for the first signal while result files are written.
 constexpr const char* kWriting = "writing the files of the result; once more ends at once";
 
-/// Work that a signal asks to finish. One lives at a time; a signal that an earlier one has not seen is seen by the
-/// next.
+/// Work that a signal can ask to finish. One instance at a time; a signal not seen by one instance is seen by the next.
 class Interrupt {
  public:
-  /// From when on there is something to finish.
+  /// When the work is worth finishing: at once, or after is_worth_finishing().
   enum class Worth { now, later };
-  /// `said`: printed at the first signal; empty: nothing.
+  /// `said` is printed at the first signal; empty: no message.
   explicit Interrupt(Worth worth, std::string said = "finishing what came so far; once more ends at once");
   ~Interrupt();
   Interrupt(const Interrupt&) = delete;
   Interrupt& operator=(const Interrupt&) = delete;
-  /// From now on there is something to finish.
+  /// Marks the work as worth finishing.
   void is_worth_finishing();
-  /// What the first signal prints from now on.
+  /// Sets the message of the first signal.
   void say(std::string said);
   [[nodiscard]] bool requested() const;
 };
 
-/// The last line of a program that ends at once while this lives, made then. They may be nested; the newest counts.
+/// Last line of a program that ends at once while this object exists; `words` is called at that time. Nested objects:
+/// the newest is used.
 class LastWords {
  public:
   explicit LastWords(std::function<std::string()> words);

@@ -15,17 +15,17 @@
 
 namespace cairn::apps {
 
-/// A number that was a float, as people wrote it: 0.01, not 0.009999999776482582.
+/// Shortest decimal of a number that was a float: 0.01, not 0.009999999776482582.
 [[nodiscard]] inline double as_written(double value) {
   const auto single = static_cast<float>(value);
-  if (static_cast<double>(single) != value || value == std::trunc(value)) return value;  // more than that, or whole
+  if (static_cast<double>(single) != value || value == std::trunc(value)) return value;  // no float, or an integer
   char text[32];
   const auto end = std::to_chars(std::begin(text), std::end(text), single).ptr;
   double written = value;
   return std::from_chars(std::begin(text), end, written).ec == std::errc() ? written : value;
 }
 
-/// JSON as text for people. What is not UTF-8 in it, such as a file's name, is shown by replacement characters.
+/// JSON as text for people. Invalid UTF-8, as in file names, becomes replacement characters.
 template <class Json>
 [[nodiscard]] std::string text_of(Json json, int indent = -1) {
   const auto tidy = [](auto& node, const auto& again) -> void {
@@ -36,19 +36,19 @@ template <class Json>
   tidy(json, tidy);
   return json.dump(indent, ' ', false, Json::error_handler_t::replace);
 }
-/// The same for what is written down in braces.
+/// Overload for brace-initialized JSON.
 [[nodiscard]] inline std::string text_of(const nlohmann::json& json, int indent = -1) {
   return text_of<nlohmann::json>(json, indent);
 }
 
-/// Values of JSON from outside. Throws nlohmann::json::exception for malformed text, and std::runtime_error for text
-/// nested too deeply.
+/// Parses JSON from outside. Throws nlohmann::json::exception for malformed text and std::runtime_error for text nested
+/// too deeply.
 [[nodiscard]] inline nlohmann::json parsed_json(std::string_view text) {
   check_json_depth(text);
   return nlohmann::json::parse(text);
 }
 
-/// The same of a file; a pipe or a device, which may never end, is an empty one.
+/// Parses a file. Pipes and devices, which may never end, count as empty.
 [[nodiscard]] inline nlohmann::json json_in(const std::filesystem::path& file) {
   std::error_code ignored;
   std::ifstream in;
@@ -56,8 +56,8 @@ template <class Json>
   return parsed_json(std::string(std::istreambuf_iterator<char>(in), {}));
 }
 
-/// A message without what the JSON library puts before its own, "[json.exception.type_error.302] ", and without the
-/// bytes of the file, which a terminal might obey, behind it.
+/// Removes the JSON library's prefix "[json.exception.type_error.302] " from a message, and the file's bytes at its
+/// end, which could contain terminal escape sequences.
 [[nodiscard]] inline std::string plain(std::string message) {
   const std::size_t begin = message.find("[json.exception."), end = message.find("] ", begin);
   if (begin != message.npos && end != message.npos) message.erase(begin, end + 2 - begin);

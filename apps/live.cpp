@@ -25,21 +25,21 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
-constexpr int kWidthOnCpu = 256;  // pixels across that are aligned: the most
-constexpr auto kPatience = 50ms;  // for a frame, before the viewers are looked after
-constexpr auto kGone = 5s;        // after which a viewer that left does not come back: it was no reload
-constexpr auto kShown = 10s;      // for viewers to fetch the result when somebody wants to end
+constexpr int kWidthOnCpu = 256;  // maximum image width in pixels for alignment on a CPU
+constexpr auto kPatience = 50ms;  // longest wait for a frame before viewers are served
+constexpr auto kGone = 5s;        // after this time a viewer is gone, not reloading
+constexpr auto kShown = 10s;      // time for viewers to fetch the result after an interrupt
 
 struct Arguments : RunArguments {
   bool view = false, as_fast_as_possible = false, real_time = false;
   ViewArguments page;
 };
 
-/// Whether frames that come while the computer is busy are left out: those of what does not wait.
+/// Returns true if frames may be dropped while the computer is busy: for sources that do not wait.
 bool leaves_out(const Arguments& a) { return is_sensor(a.sequence) || a.real_time; }
 
-/// Frames as they come: the newest of a sensor, every one of a recording, as fast as it was taken at most; with
-/// --real-time the newest of it, with --as-fast-as-possible as fast as they are fused.
+/// Stream of frames. A sensor delivers its newest frame; a recording delivers every frame, at most at recording speed.
+/// --real-time delivers the newest frame of a recording, --as-fast-as-possible every frame without pacing.
 class Stream {
  public:
   Stream(const Arguments& a, const FrameRange& range) : is_sensor_(is_sensor(a.sequence)) {
@@ -54,7 +54,7 @@ class Stream {
   }
   [[nodiscard]] const Source& source() const { return newest_ ? *newest_ : *every_; }
   [[nodiscard]] bool ended() const { return !is_held_ && (newest_ ? newest_->ended() : ended_); }
-  /// Nothing when none came in time, at the end, or of a recording that is paused.
+  /// Returns nullopt after a timeout, at the end, and while a recording is paused.
   std::optional<Frame> next() {
     if (is_held_) {
       std::this_thread::sleep_for(kPatience);
@@ -67,7 +67,7 @@ class Stream {
     return frame;
   }
   [[nodiscard]] Clock::time_point arrived() const { return newest_ ? newest_->arrived() : arrived_; }
-  /// A recording goes on where it was; a sensor's frames come all the same.
+  /// A paused recording resumes at the same frame; a sensor keeps delivering frames.
   void pause(bool paused) {
     is_held_ = paused && !is_sensor_;
     if (newest_) newest_->pause(paused);
@@ -83,8 +83,8 @@ class Stream {
 
 double milliseconds(Clock::duration d) { return std::chrono::duration<double, std::milli>(d).count(); }
 
-/// A CPU keeps up with more frames when it aligns few of their pixels, of 640x480 every fourth: that costs less
-/// accuracy than frames that are left out. Small images are aligned as everywhere.
+/// On a CPU, aligning fewer pixels (every fourth of 640x480) costs less accuracy than dropping frames. Small images are
+/// aligned at the default level.
 int finest_level(const Arguments& a, const Camera& depth) {
   TrackOptions track;
   const auto devices = list_devices();
@@ -97,15 +97,15 @@ int finest_level(const Arguments& a, const Camera& depth) {
   return track.finest_level;
 }
 
-/// Memory that one thread gave back shall serve all others, and large pieces go back to the system: a run of hours
-/// would creep by what each thread keeps and by gaps between what stays.
+/// Shares freed memory between threads and returns large blocks to the system. Otherwise the memory of a long run would
+/// grow by per-thread caches and fragmentation.
 void keep_memory_together() {
   mallopt(M_ARENA_MAX, 2);
   mallopt(M_MMAP_THRESHOLD, 1 << 20);
   mallopt(M_TRIM_THRESHOLD, 16 << 20);
 }
 
-/// What report.json tells of the run as a stream.
+/// Stream statistics for report.json.
 nlohmann::json to_json(double seconds, int fused, int dropped, const Durations& latencies, const LiveViewer* view) {
   nlohmann::json told{
       {"seconds", seconds},
@@ -121,7 +121,7 @@ nlohmann::json to_json(double seconds, int fused, int dropped, const Durations& 
   return told;
 }
 
-/// What came of the frames so far, since the last reset.
+/// Statistics of the run since the last reset.
 struct Course {
   Durations latencies;
   int fused = 0, read = 0, left_out_before = 0;  // frames; before the last reset
@@ -142,7 +142,7 @@ struct Course {
   }
 };
 
-/// The same in a line.
+/// Prints the stream statistics in one line.
 void print(const nlohmann::json& told, const KeepingUp& keeping_up, const Course& course) {
   const std::string pace = keeping_up.came > 0
                                ? fmt::format("keeps up with {:.0f} of {:.0f} frames a second, {} left out",
@@ -151,7 +151,7 @@ void print(const nlohmann::json& told, const KeepingUp& keeping_up, const Course
   fmt::print("live        {}, {:.0f} ms from frame to pose (95 %)\n", pace, course.latencies.percentile(0.95));
 }
 
-/// The page shows the result as long as somebody looks at it; to who pressed Ctrl-C only until it is there.
+/// Serves the result while a viewer is connected; after Ctrl-C only until viewers have fetched it.
 void show_result(LiveViewer& view, const std::filesystem::path& output, bool is_interrupted) {
   view.finished(output);
   if (view.viewers() == 0) return;
@@ -166,7 +166,7 @@ void show_result(LiveViewer& view, const std::filesystem::path& output, bool is_
   }
 }
 
-/// Frames until the recording ends, or a person ends it; what is asked on the page is done between them.
+/// Processes frames until the recording or the user ends the run; handles the page's commands between frames.
 void follow(const Arguments& a, Interrupt& interrupt, Stream& stream, Run& run, const Options& options,
             LiveViewer* view, Course& course) {
   const std::optional<int> count = is_sensor(a.sequence) ? std::nullopt : stream.source().size();
@@ -213,7 +213,7 @@ void live(const Arguments& given) {
   Arguments a = with_output(given, inputs_of(given));
   a.may_be_reset = a.view;
   keep_memory_together();
-  Options options = options_of(a);  // what is wrong with them is told before a sensor is opened
+  Options options = options_of(a);  // reports wrong options before a sensor is opened
   const Beginning begin = beginning(a, {});
   std::optional<LiveViewer> view;
   std::unique_ptr<BrowserPage> page;
@@ -238,7 +238,7 @@ void live(const Arguments& given) {
   if (view) view->finishing();
   if (const auto why = stream.source().ended_early()) run.warn(*why);
   const double seconds = std::chrono::duration<double>(Clock::now() - course.first).count();
-  const int dropped = stream.source().dropped();  // a sensor goes on while files are written
+  const int dropped = stream.source().dropped();  // read now, since a sensor keeps running while files are written
   const nlohmann::json told = to_json(seconds, course.fused, dropped, course.latencies, view ? &*view : nullptr);
   const KeepingUp keeping_up = course.keeping_up(dropped);
   run.keeps_up(keeping_up);

@@ -22,7 +22,7 @@ struct KnownSensor {
   const char* name;
   bool by_openni;
 };
-// From the udev rules of OpenNI2, libfreenect2, librealsense and the Azure Kinect's SDK.
+// From the udev rules of OpenNI2, libfreenect2, librealsense and the Azure Kinect SDK.
 constexpr std::array kSensors{
     KnownSensor{0x1d27, 0x0600, 0x0609, "PrimeSense sensor or Xtion", true},
     KnownSensor{0x2bc5, 0x0401, 0x04ff, "Orbbec Astra", true},
@@ -41,7 +41,7 @@ std::string first_line(const fs::path& file) {
   return line;
 }
 
-/// A number in hexadecimal digits; 0 where there is none.
+/// Reads a hexadecimal number; 0 if there is none.
 std::uint32_t hexadecimal(const fs::path& file) {
   return static_cast<std::uint32_t>(std::strtoul(first_line(file).c_str(), nullptr, 16));
 }
@@ -64,7 +64,7 @@ bool has_driver_file(const fs::path& root, const char* name) {
   return any_named(root / "usr/share/vulkan/icd.d", name) || any_named(root / "etc/vulkan/icd.d", name);
 }
 
-/// By what the device and its driver call themselves.
+/// Matches a vendor by the names of the device and its driver.
 bool is_of(const DeviceInfo& device, std::uint32_t vendor) {
   const std::string names = device.name + " " + device.driver;
   const auto has = [&](const char* name) { return names.find(name) != names.npos; };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What the kernel tells of a machine, as far as Cairn can use it. `root` is / but for tests.
+// Hardware information from the kernel, as far as Cairn can use it. `root` is / except in tests.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -12,7 +12,7 @@
 
 namespace cairn::apps {
 
-/// A graphics card on the PCI bus, whether or not anybody drives it.
+/// A graphics card on the PCI bus, with or without a driver.
 struct Gpu {
   std::uint32_t vendor = 0, device = 0;  // PCI numbers
   std::string kernel_driver;             // i915, amdgpu, nvidia, nouveau, ...; empty: none
@@ -20,21 +20,20 @@ struct Gpu {
 };
 [[nodiscard]] std::vector<Gpu> gpus_of(const std::filesystem::path& root = "/");
 
-/// What to do so that the card becomes a Vulkan device; nothing where it is one of `devices`, or of a vendor that is
-/// not known.
+/// Instructions to make the card a Vulkan device. Empty if the card is in `devices` or its vendor is unknown.
 [[nodiscard]] std::optional<std::string> why_idle(const Gpu& gpu, const std::vector<DeviceInfo>& devices,
                                                   const std::filesystem::path& root = "/");
 
 /// A depth sensor on USB.
 struct UsbSensor {
   std::string name;
-  std::string advice;          // how Cairn gets its images
-  bool by_openni = false;      // `cairn live openni:` uses it
+  std::string advice;          // steps to use the sensor with Cairn
+  bool by_openni = false;      // true if `cairn live openni:` supports the sensor
   std::filesystem::path node;  // /dev/bus/usb/001/004
 };
 [[nodiscard]] std::vector<UsbSensor> usb_sensors_of(const std::filesystem::path& root = "/");
 
-/// Whether udev lets people other than root use OpenNI2's sensors.
+/// Returns true if udev rules let users other than root access OpenNI2 sensors.
 [[nodiscard]] bool has_openni_rules(const std::filesystem::path& root = "/");
 
 struct Memory {

@@ -26,13 +26,13 @@ namespace {
 using cairn::apps::in_flags;
 using cairn::apps::plain;
 
-/// A full disk behind stdout is an error like others.
+/// Reports a failed write to stdout, such as on a full disk. Returns exit code 1.
 int not_written(int error) {
   std::fprintf(stderr, "cairn: cannot write to stdout: %s; make room where it goes\n", std::strerror(error));
   return 1;
 }
 
-/// What is buffered goes out.
+/// Flushes stdout and returns the exit code.
 int ended(int exit_code) {
   cairn::apps::wait_while_ending();
   std::cout.flush();
@@ -41,7 +41,7 @@ int ended(int exit_code) {
 }
 
 int failed(const std::string& why, int exit_code) {
-  cairn::apps::wait_while_ending();  // what fails because of it is no news
+  cairn::apps::wait_while_ending();  // failures caused by the ending are not reported
   cairn::apps::clear_line();
   std::fprintf(stderr, "%s\n", why.c_str());
   return exit_code;
@@ -96,8 +96,8 @@ int run(const std::vector<std::string>& words) {
   }
   try {
     if (const auto unknown = cairn::apps::unknown_word(program, words)) return failed(*unknown, 2);
-    program.parse(std::vector<std::string>(words.rbegin(), words.rend()));  // as CLI11 takes them
-  } catch (const CLI::RuntimeError& error) {  // the work ended with an exit code of its own
+    program.parse(std::vector<std::string>(words.rbegin(), words.rend()));  // CLI11 expects reverse order
+  } catch (const CLI::RuntimeError& error) {                                // regular end with its own exit code
     return ended(error.get_exit_code());
   } catch (const CLI::Success& asked) {
     program.exit(asked);
@@ -108,7 +108,7 @@ int run(const std::vector<std::string>& words) {
     const std::string place = error.path1().empty() ? "" : error.path1().string() + ": ";
     return failed("cairn: " + in_flags(plain(place + error.code().message())), 1);
   } catch (const std::exception& error) {
-    const auto* told = dynamic_cast<const std::system_error*>(&error);  // fmt's
+    const auto* told = dynamic_cast<const std::system_error*>(&error);  // thrown by fmt
     if (told != nullptr && std::ferror(stdout) != 0) return not_written(told->code().value());
     return failed("cairn: " + in_flags(plain(error.what())), 1);
   }
@@ -119,13 +119,13 @@ int run(const std::vector<std::string>& words) {
 
 int main(int argc, char** argv) {
   cairn::apps::answer_signals();
-  constexpr int kLarge = 4 << 20;  // bytes: more than an image; from here on what is freed goes back to the system
+  constexpr int kLarge = 4 << 20;  // bytes, more than an image; larger blocks return to the system when freed
   mallopt(M_MMAP_THRESHOLD, kLarge);
-  // What one thread gave back shall serve others: by default each of some dozen keeps its own.
+  // Shares freed memory between threads; by default, each of some dozen arenas keeps its own.
   mallopt(M_ARENA_MAX, std::max(2, static_cast<int>(std::thread::hardware_concurrency())));
   try {
     return run(std::vector<std::string>(argv + 1, argv + argc));
-  } catch (const std::exception& error) {  // while it began, or told of another
+  } catch (const std::exception& error) {  // while starting, or while reporting another exception
     std::fprintf(stderr, "cairn: %s\n", error.what());
     return 1;
   }

@@ -18,14 +18,14 @@ constexpr std::array<std::pair<const char*, const char*>, 5> kExamples{{
     {"cairn esdf OUT --costmap X.yaml --height -1.0:0.4", "Occupancy for a robot."},
 }};
 
-/// Text that roff shows as it is.
+/// Escapes text for roff.
 std::string plain_text(const std::string& text) {
   std::string roff;
   for (const char c : text) {
     if (c == '\\')
       roff += "\\e";
     else if (c == '-')
-      roff += "\\-";  // one that can be copied into a shell
+      roff += "\\-";  // a hyphen that can be copied into a shell
     else
       roff += c;
   }

@@ -27,10 +27,10 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-/// The report alone is made again; the map beside it is as it was.
+/// Only the report is damaged; the map's other files are intact.
 constexpr const char* kUnread =
     ": is no JSON, so it was cut off or changed; cairn export writes all else of the map, and cairn view its mesh.glb";
-constexpr std::uintmax_t kMostRead = std::uintmax_t{256} << 20;  // bytes of a mesh that is read to tell its size
+constexpr std::uintmax_t kMostRead = std::uintmax_t{256} << 20;  // bytes; larger meshes are not read for their extent
 
 constexpr std::array kFiles{
     std::pair{"mesh.glb", "the surface, for Blender and viewers"},
@@ -76,7 +76,7 @@ Verdict::Level level_of(const std::string& name) {
   return Verdict::Level::good;
 }
 
-/// As the run told it; of a report from before there were verdicts by its counts alone.
+/// Verdict of the report. Older reports without a verdict are judged by their frame counts.
 Verdict verdict_of(const nlohmann::json& report) {
   if (report.contains("verdict")) {
     const auto& told = report["verdict"];
@@ -106,7 +106,7 @@ double length_of(const Trajectory& path) {
   return length;
 }
 
-/// Width, height and depth of the surface in the world's axes, metres.
+/// Width, height and depth of the surface along the world axes, in meters.
 std::optional<Eigen::Vector3f> extent_of(const fs::path& mesh) {
   if (!fs::exists(mesh) || fs::file_size(mesh) > kMostRead) return std::nullopt;
   Eigen::AlignedBox3f box;

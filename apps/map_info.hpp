@@ -5,9 +5,9 @@
 
 namespace cairn::apps {
 
-/// Whether a folder holds what reconstruct, live or merge has made, or has begun to make.
+/// Returns true if a folder holds a complete or partial result of reconstruct, live or merge.
 [[nodiscard]] bool holds_map(const std::filesystem::path& folder);
-/// Prints how well the run went, how large the map is, and what is in its folder. Throws std::runtime_error for a
+/// Prints the quality of the run, the size of the map and the files of its folder. Throws std::runtime_error for a
 /// damaged report or session.
 void print_map_info(const std::filesystem::path& folder, bool as_json);
 

@@ -46,7 +46,7 @@ void merge(Arguments a) {
   }
   a.output = choose_output(a, false);
   inputs.expect_apart_from_folder(a.output);
-  std::optional<Unfinished> unfinished;  // what was there before stays
+  std::optional<Unfinished> unfinished;  // existing files are kept
   if (!fs::exists(a.output)) unfinished.emplace(a.output);
   prepare_output(a.output);
   std::vector<fs::path> sessions;
@@ -64,7 +64,8 @@ void merge(Arguments a) {
   std::vector<std::string> maps;
   for (const fs::path& map : a.maps) maps.push_back(map.string());
   std::vector<std::string> warnings = outputs.warnings();
-  if (const int pieces = report["submaps"]["components"]; pieces > 1)  // which is what was asked for
+  // More than one component is a valid result of merge.
+  if (const int pieces = report["submaps"]["components"]; pieces > 1)
     warnings.push_back(fmt::format("{} pieces of the map are not joined; the largest is written", pieces));
   const int frames = static_cast<int>(poses);
   const Verdict verdict =

@@ -36,7 +36,7 @@ nlohmann::json to_json(const JoinedPart& part) {
   return json;
 }
 
-/// Exit code 3 where a part of the plan is not in its map.
+/// Ends with exit code 3 if a part of the plan is missing in its map.
 void end_unless_whole(const Verdict& verdict) {
   if (verdict.level != Verdict::Level::good) throw CLI::RuntimeError(kNotInMap);
 }
@@ -48,7 +48,7 @@ void write_files(const Arguments& a, const nlohmann::json& report) {
     if (const Trajectory t = map.trajectory(i); !t.empty())
       write_trajectory(file, t);
     else
-      fs::remove(file);  // of a recording that was joined before
+      fs::remove(file);  // left by an earlier merge of this recording
   }
   map.write_graph(a.plan / "graph.g2o");
   map.write_graph(a.plan / "graph.svg");
@@ -73,7 +73,7 @@ void optimise_plan(const Arguments& a) {
   const Verdict verdict = verdict_of(read_plan(a.plan), o.parts);
   report["verdict"] = apps::to_json(verdict);
   write_files(a, report);
-  report["graph"]["seconds"] = o.seconds;  // which differ from run to run
+  report["graph"]["seconds"] = o.seconds;  // added after the files, since times differ between runs
   if (a.json) {
     fmt::print("{}\n", text_of(report, 2));
     if (verdict.level != Verdict::Level::good) print(verdict, stderr);

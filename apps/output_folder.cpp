@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What Outputs writes; the session is looked for by its state.
+// Files written by Outputs; a session is detected by its state file.
 constexpr std::array<std::string_view, 10> kWritten{"mesh.glb",       "map.vdb",           "report.json", "report.html",
                                                     "trajectory.txt", "graph.g2o",         "preview.glb", "graph.svg",
                                                     kMapCamera,       "session/state.cbor"};
@@ -28,7 +28,7 @@ bool is_free(const fs::path& folder) {
   return !fs::exists(folder) || (fs::is_directory(folder) && fs::is_empty(folder));
 }
 
-/// The first of OUT-2, OUT-3, ... that nobody uses.
+/// The first unused folder of OUT-2, OUT-3, ...
 fs::path free_name(const fs::path& output) {
   fs::path plain = output.has_filename() ? output : output.parent_path();
   if (plain.filename() == "." || plain.filename() == "..") plain = tidy(plain);

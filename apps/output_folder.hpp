@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The folder that a new map goes to: nothing finished is overwritten unasked.
+// Output folder of a new map. Finished results are never overwritten without an option.
 #pragma once
 #include <CLI/CLI.hpp>
 #include <filesystem>
@@ -8,30 +8,30 @@
 
 namespace cairn::apps {
 
-/// Where a map goes, and what may become of one that is there.
+/// Output folder, with the options for an existing map in it.
 struct OutputArguments {
   std::filesystem::path output;
   bool overwrite = false, auto_name = false;
 };
 
-/// `names`: of the option for the folder; `help` tells what that gets.
+/// `names`: spellings of the folder option; `help` describes the folder's contents.
 void add_output_options(CLI::App& command, OutputArguments& a, const std::string& names, const std::string& help);
 
-/// The folder to write a new map to: `output`, or with --auto-name the first of OUT-2, OUT-3, ... that is free where
-/// OUT holds a map, which is told. Throws std::runtime_error where OUT holds a map, or a run that was cut off, and
-/// nothing says what is to become of it; `can_resume` tells whether --resume is an answer. Other people's files in a
-/// folder are no map: they stay.
+/// Returns the folder for a new map: `output`, or with --auto-name the first free folder of OUT-2, OUT-3, ... if OUT
+/// holds a map (printed). Throws std::runtime_error if OUT holds a map or an interrupted run and no option allows
+/// replacing or resuming; `can_resume` adds --resume to the remedies. Other files in a folder are not a map and remain.
 [[nodiscard]] std::filesystem::path choose_output(const OutputArguments& a, bool can_resume);
 
-/// The cameras of a map whose depth was corrected: no recording has a file of this name.
+/// Camera file of a map with corrected depth; recordings have no file of this name.
 inline constexpr const char* kMapCamera = "map_camera.yaml";
 
-/// The file with the trajectory of a recording that was not the last; the last one's is trajectory.txt.
+/// Trajectory file of a recording other than the last; the last recording uses trajectory.txt.
 [[nodiscard]] std::string name_of_trajectory(int recording);
-/// The same of any of so many recordings.
+/// Trajectory file of a recording, given the number of recordings.
 [[nodiscard]] std::string name_of_trajectory(int recording, int recordings);
 
-/// Makes the folder, and removes what killed runs have left half written. Fails before the work, not after it.
+/// Creates the folder and removes partial files of killed runs. Reports a folder that is not writable before the work
+/// starts.
 void prepare_output(const std::filesystem::path& output);
 
 }  // namespace cairn::apps

@@ -133,14 +133,14 @@ void Outputs::write_session(Mapper& mapper, Session& session, const std::string&
   });
 }
 
-/// The last recording's, and beside it those of the recordings before.
+/// Writes the last recording's trajectory, and the earlier recordings' beside it.
 void Outputs::write_trajectories(const Mapper& mapper) {
   for (int i = 0; i < mapper.recordings(); ++i)
     if (const Trajectory t = mapper.trajectory(i); !t.empty())
       write_trajectory(output_ / name_of_trajectory(i, mapper.recordings()), t);
 }
 
-/// A texture that nobody asked for and that cannot be made is no reason to have no mesh.
+/// Falls back to a mesh without texture if the texture fails and was not requested.
 Exported Outputs::write_model(Mapper& mapper, MeshArguments& options, const ExportProgress& progress) {
   const std::filesystem::path file = output_ / "mesh.glb";
   if (options.asks_for_texture || options.no_texture) return export_mesh(mapper.map(), file, options, progress);
@@ -154,7 +154,7 @@ Exported Outputs::write_model(Mapper& mapper, MeshArguments& options, const Expo
   }
 }
 
-/// And what report.html shows in its place when it is too large, with fewer triangles.
+/// Also writes a smaller mesh for report.html if mesh.glb is too large.
 std::optional<Exported> Outputs::write_mesh(Mapper& mapper, const MeshArguments& options) {
   std::optional<Exported> mesh;
   timed_("mesh", [&] {
@@ -165,7 +165,7 @@ std::optional<Exported> Outputs::write_mesh(Mapper& mapper, const MeshArguments&
     mesh = write_model(mapper, both, on(progress));
     if (std::filesystem::file_size(output_ / "mesh.glb") <= kMaxInlineMesh)
       std::filesystem::remove(both.preview.file);
-    else if (!std::filesystem::exists(both.preview.file)) {  // fewer triangles than it takes, or a large texture
+    else if (!std::filesystem::exists(both.preview.file)) {  // not made: too few triangles, or a large texture
       MeshArguments smaller = both;
       smaller.preview.file.clear();
       smaller.simplify = {.triangles = std::min(both.preview.triangles, mesh->triangles)};
@@ -178,8 +178,8 @@ std::optional<Exported> Outputs::write_mesh(Mapper& mapper, const MeshArguments&
 }
 
 nlohmann::json Outputs::write(Mapper& mapper, Session* session, const MeshArguments& options, const std::string& note) {
-  mapper.settle_upright();  // all files tell of the same world, and the session remembers it
-  // What cost most to make comes first.
+  mapper.settle_upright();  // one gravity direction for all files and for the session
+  // The most expensive results are saved first.
   if (session != nullptr) attempt("session", [&] { write_session(mapper, *session, note); });
   attempt("trajectory.txt", [&] { write_trajectories(mapper); });
   if (session != nullptr)

@@ -15,26 +15,26 @@
 
 namespace cairn::apps {
 
-/// Calls `work`, and keeps its time under a stage's name.
+/// Runs `work` and records its duration under a stage's name.
 using Timed = std::function<void(const char* stage, const std::function<void()>& work)>;
 
-/// Writes a map's files one after the other. One that fails leaves the others.
+/// Writes the files of a map one by one. A failed file does not stop the others.
 class Outputs {
  public:
-  /// `stopped`: why the run ended before its recording did, if so. `has_mesh`: with mesh.glb, map.vdb and report.html.
+  /// `stopped`: reason if the run ended before its recording. `has_mesh`: writes mesh.glb, map.vdb and report.html.
   Outputs(std::filesystem::path output, Timed timed, std::optional<std::string> stopped = {}, bool has_mesh = true)
       : output_(std::move(output)), timed_(std::move(timed)), has_mesh_(has_mesh), why_(std::move(stopped)) {}
-  /// Writes the session with `note` and the pose graph as graph.g2o and graph.svg, unless `session` is null, the
-  /// trajectories, map.vdb, and mesh.glb last. Returns what report.json tells about them and the map.
+  /// Writes the session with `note` and the pose graph as graph.g2o and graph.svg (unless `session` is null), the
+  /// trajectories, map.vdb, and mesh.glb last. Returns the entries of report.json for these files and the map.
   [[nodiscard]] nlohmann::json write(Mapper& mapper, Session* session, const MeshArguments& options,
                                      const std::string& note);
-  /// What was written otherwise than it was meant to be, a line each.
+  /// Warnings about files that deviate from the options, one line each.
   [[nodiscard]] const std::vector<std::string>& warnings() const { return warnings_; }
-  /// Writes report.json and report.html, which needs the other outputs.
+  /// Writes report.json, and report.html, which embeds the other outputs.
   void write_report(const nlohmann::json& report);
-  /// Removes what the map that was in the folder had and this one has not.
+  /// Removes files of the folder's previous map that this map does not have.
   void remove_old(const Mapper& mapper, bool has_graph) const;
-  /// Throws std::runtime_error if the run stopped or anything could not be written: why, and how to make it.
+  /// Throws std::runtime_error if the run stopped or a file could not be written, with the reason and a remedy.
   void expect_all() const;
 
  private:
@@ -48,15 +48,15 @@ class Outputs {
   bool has_mesh_;
   std::vector<std::string> failed_;  // names of outputs
   std::vector<std::string> warnings_;
-  std::optional<std::string> why_;  // it stopped, or the first of them could not be written
+  std::optional<std::string> why_;  // reason of the stop, or of the first failed file
 };
 
-/// What report.json tells of how well it went.
+/// Verdict for report.json.
 [[nodiscard]] nlohmann::json to_json(const Verdict& verdict);
-/// A line for the user about which way up the map stands, as report.json tells it.
+/// Prints the gravity alignment of report.json for the user.
 void print_upright(const nlohmann::json& upright);
 
-/// What report.json and --json tell of an exported mesh.
+/// Entry of an exported mesh in report.json and in the --json output.
 [[nodiscard]] nlohmann::json to_json(const Exported& exported);
 
 }  // namespace cairn::apps

@@ -16,18 +16,18 @@
 namespace cairn::apps {
 namespace {
 
-constexpr int kWidth = 1000;                                        // pixels of a slice, about
+constexpr int kWidth = 1000;                                        // approximate width of a slice in pixels
 constexpr int kMargin = 70;                                         // pixels, for axes
-constexpr float kPixelsPerVoxel = 100;                              // at most, in a slice
-constexpr std::uint64_t kPixelsPerBlock = 16 * 256;                 // of a costmap: 16 times what a block covers
-constexpr std::uint64_t kAnyPixels = 1 << 18;                       // of a costmap, however little is known
+constexpr float kPixelsPerVoxel = 100;                              // maximum in a slice
+constexpr std::uint64_t kPixelsPerBlock = 16 * 256;                 // of a costmap: 16 times the area of a block
+constexpr std::uint64_t kAnyPixels = 1 << 18;                       // of a costmap, regardless of the known area
 constexpr int kLegend = 130;                                        // pixels, right of the slice
-constexpr std::uint8_t kOccupied = 0, kFree = 254, kUnknown = 205;  // as map_server writes them
+constexpr std::uint8_t kOccupied = 0, kFree = 254, kUnknown = 205;  // values of map_server
 
 const cv::Scalar kInk(40, 40, 40);
 const cv::Vec3b kUnknownColour(225, 225, 225);
 
-/// Inside red, near yellow, far blue; a thin dark line is where the surface passes.
+/// Color of a distance: red inside, yellow near, blue far, with a thin dark line at the surface.
 cv::Vec3b colour_of(float distance, float most, float pixel) {
   if (std::abs(distance) < 0.75f * pixel) return {30, 30, 30};
   if (distance < 0) return {60, 60, 200};
@@ -70,17 +70,17 @@ std::vector<double> multiples(float begin, float end, double step) {
   return values;
 }
 
-/// A plane across an axis as a picture shows it, seen along the axis; one of constant y is the floor plan, with z
-/// upwards.
+/// Image geometry of a plane across an axis, seen along the axis. A plane of constant y is the floor plan, with z
+/// upward.
 struct SliceView {
   int axis, across, down;  // axes of the map
-  bool is_flipped;         // rows go against `down`
-  float at, pixel;         // metres
+  bool is_flipped;         // rows run against `down`
+  float at, pixel;         // meters
   int columns, rows;
   Eigen::AlignedBox3f box;
 };
 
-/// `least`: metres of a pixel, where all that is known lies in one line.
+/// `least`: minimum size of a pixel in meters, for a box without extent.
 SliceView slice_view(const Eigen::AlignedBox3f& box, int axis, float at, float least) {
   SliceView view{.axis = axis,
                  .across = axis == 0 ? 2 : 0,
@@ -98,7 +98,7 @@ SliceView slice_view(const Eigen::AlignedBox3f& box, int axis, float at, float l
   return view;
 }
 
-/// The distances at the pixels, row by row.
+/// Distances at the pixels, in row order.
 std::vector<DistanceField::Answer> distances_on(const SliceView& view, const DistanceField& field) {
   std::vector<Eigen::Vector3f> points;
   for (int row = 0; row < view.rows; ++row)
@@ -138,7 +138,7 @@ void draw_axes(cv::Mat& image, const SliceView& view) {
   text(image, fmt::format("{} (m)", "xyz"[view.down]), {kMargin - 55, kMargin - 12});
 }
 
-/// The colours of distances up to `most`, from `left` on.
+/// Draws the color scale up to `most`, starting at column `left`.
 void draw_legend(cv::Mat& image, int left, float most) {
   constexpr int kBar = 180;  // pixels
   for (int y = 0; y < kBar; ++y)
@@ -158,7 +158,7 @@ void draw_legend(cv::Mat& image, int left, float most) {
   }
 }
 
-/// Points of a surface no farther apart than `spacing`.
+/// Samples a surface with points at most `spacing` from each other.
 template <class Visit>
 void for_each_point(const Mesh& surface, float spacing, const Visit& visit) {
   for (const auto& t : surface.triangles) {
@@ -243,7 +243,8 @@ void Costmap::add(const DistanceField& field, const Mesh& surface, const Eigen::
                     all_.sizes().x(), all_.sizes().z()));
   const Eigen::AlignedBox3i voxels(voxel_at(box.min()), voxel_at(box.max()));
   grow(voxels);
-  const float half_diagonal = std::sqrt(3.0f) / 2 * voxel_size_;  // no surface in a voxel is farther from its centre
+  // Maximum distance of a voxel's surface from its center.
+  const float half_diagonal = std::sqrt(3.0f) / 2 * voxel_size_;
   for (int x = voxels.min().x(); x <= voxels.max().x(); ++x)
     for (int z = voxels.min().z(); z <= voxels.max().z(); ++z) {
       Pixel& pixel = *find(x, z);
@@ -255,7 +256,7 @@ void Costmap::add(const DistanceField& field, const Mesh& surface, const Eigen::
         pixel.is_occupied = pixel.is_occupied || (answer.known && answer.distance < half_diagonal);
       }
     }
-  // At the rims of what was seen the surface goes a little farther than the voxels around it are known.
+  // At the border of the observed area, the surface extends slightly beyond the known voxels.
   for_each_point(surface, voxel_size_ / 2, [&](const Eigen::Vector3f& p) {
     if (-p.y() < band_.low || -p.y() > band_.high || (is_own && !is_own(p))) return;
     const Eigen::Vector3i at = voxel_at(p);
@@ -273,7 +274,7 @@ void Costmap::write(const std::filesystem::path& yaml) const {
         box_.isEmpty()
             ? ""
             : fmt::format("; it reaches from {:.2f} to {:.2f}", -metres(box_.max()).y(), -metres(box_.min()).y())));
-  // ROS looks from above with x to the right and y upwards in the picture: x is the map's z, y its -x, z its -y.
+  // ROS images are seen from above with x right and y up: x is the map's z, y its -x, z its -y.
   const int columns = box_.sizes().z() + 1, rows = box_.sizes().x() + 1, layers = last_ - first_ + 1;
   std::string image(pixels_.size(), '\0');
   std::transform(pixels_.begin(), pixels_.end(), image.begin(), [&](const Pixel& pixel) {

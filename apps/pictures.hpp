@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Plane pictures of a distance field.
+// Planar images of a distance field.
 #pragma once
 #include <Eigen/Geometry>
 #include <cstdint>
@@ -13,42 +13,43 @@
 
 namespace cairn::apps {
 
-/// The plane axis = `at` (metres; axis 0 to 2) with a legend, as PNG.
+/// Writes the plane axis = `at` (meters; axis 0 to 2) with a legend as PNG.
 void write_slice(const std::filesystem::path& png, const DistanceField& field, int axis, float at);
 
-/// Metres above the map's origin.
+/// Height range in meters above the map's origin.
 struct Band {
   float low = 0, high = 0;
 };
-/// Occupancy as ROS map_server reads it, of a map or of parts of one. A pixel is occupied when a surface passes it in
-/// the band, free when at least half of the band is known and nothing is in the way, else unknown.
+/// Costmap for ROS map_server, of a map or of its parts. A pixel is occupied if a surface passes it within the band,
+/// free if it is not occupied and at least half of the band is known, else unknown.
 class Costmap {
  public:
   explicit Costmap(const Band& band) : band_(band) {}
-  /// `field` and `surface` are of the same map. `box`: around all that is known in it, DistanceField::bounds(). Of a
-  /// part that of what is its own, and `is_own` tells of a point whether it is; all parts have voxels of one size.
-  /// Throws std::runtime_error where so little of the box is known that memory for all of it would be wasted.
+  /// Adds a map or a part. `field` and `surface` belong to the same map; `box` bounds its known voxels, see
+  /// DistanceField::bounds(). For a part, `box` bounds the part's own region, and `is_own` is true for points in it;
+  /// all parts have the same voxel size. Throws std::runtime_error if the known share of the box is too small to
+  /// justify memory for the box.
   void add(const DistanceField& field, const Mesh& surface, const Eigen::AlignedBox3f& box,
            const std::function<bool(const Eigen::Vector3f&)>& is_own = {});
-  /// The .yaml and a .pgm beside it. Throws std::runtime_error where nothing is known in the band.
+  /// Writes the .yaml and a .pgm beside it. Throws std::runtime_error if the band contains no known voxel.
   void write(const std::filesystem::path& yaml) const;
 
  private:
   struct Pixel {
-    std::uint16_t known = 0;  // of the band's layers
+    std::uint16_t known = 0;  // number of known layers within the band
     bool is_occupied = false;
   };
   [[nodiscard]] Eigen::Vector3i voxel_at(const Eigen::Vector3f& point) const;
-  [[nodiscard]] Pixel* find(int x, int z);  // null: beyond what is known
+  [[nodiscard]] Pixel* find(int x, int z);  // null outside the box
   void grow(const Eigen::AlignedBox3i& box);
 
   Band band_;
   float voxel_size_ = 0;
-  Eigen::Vector3f origin_ = Eigen::Vector3f::Zero();  // voxel (i, j, k) is origin_ + voxel_size_ * (i, j, k)
-  Eigen::AlignedBox3i box_;                           // of all that is known, voxels
-  Eigen::AlignedBox3f all_;                           // the same, metres
+  Eigen::Vector3f origin_ = Eigen::Vector3f::Zero();  // voxel (i, j, k) is at origin_ + voxel_size_ * (i, j, k)
+  Eigen::AlignedBox3i box_;                           // bounds of the known region, voxels
+  Eigen::AlignedBox3f all_;                           // the same bounds, meters
   std::size_t blocks_ = 0;                            // of the fields
-  int first_ = 0, last_ = -1;                         // layers that reach into the band
+  int first_ = 0, last_ = -1;                         // layers within the band
   std::vector<Pixel> pixels_;                         // of box_, x by x
 };
 

@@ -26,7 +26,7 @@ struct Arguments {
   bool json = false;
 };
 
-/// What is not asked for is as in the plan that is there.
+/// Options of the command line; defaults come from the existing plan.
 PartsPlan options_of(const Arguments& a) {
   const PartsPlan there = fs::exists(a.output / "plan.json") ? read_plan(a.output) : PartsPlan{};
   return {.frames_per_part = a.frames_per_part.value_or(there.frames_per_part),

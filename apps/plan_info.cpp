@@ -24,21 +24,21 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-/// What there is of a plan.
+/// State of a plan.
 struct Progress {
   PartsPlan plan;
   std::optional<std::vector<JoinedPart>> joined;
   std::vector<std::string> mapped, failed, unmapped;                  // parts
   std::vector<std::pair<std::string, std::string>> pairs, unmatched;  // of parts with maps
   std::vector<std::string> cells, untiled;                            // X,Y,Z
-  bool is_stale = false;                                              // a map came after optimise
+  bool is_stale = false;                                              // a map is newer than the result of optimise
 };
 
 fs::path loops_of(const fs::path& plan, const std::pair<std::string, std::string>& pair) {
   return plan / "loops" / (pair.first + "-" + pair.second + ".json");
 }
 
-/// Whether a file is there, and no older than what it is made of.
+/// Returns true if a file exists and is not older than its source.
 bool is_made(const fs::path& file, const fs::path& from) {
   std::error_code none;
   const auto made = fs::last_write_time(file, none);
@@ -157,7 +157,7 @@ struct Piece {
   std::string what, remedy;
 };
 
-/// What a file or folder is that lies in `home`, a plan, at `name`.
+/// Kind of the file or folder at `name` below `home`, a plan.
 std::optional<Piece> piece_of_plan(const fs::path& home, const fs::path& name) {
   const std::string plan = quoted(home.string()), first = name.begin()->string(), own = name.filename().string();
   const bool is_itself = std::next(name.begin()) == name.end();

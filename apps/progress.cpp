@@ -27,8 +27,7 @@ std::string bar(double share, int columns, bool has_blocks) {
 }  // namespace
 
 std::string progress_line(const Done& done, const std::string& state, const Terminal& terminal) {
-  const int room =
-      terminal.is_live ? terminal.columns - 1 : 1 << 20;  // in the last column a terminal begins a new line
+  const int room = terminal.is_live ? terminal.columns - 1 : 1 << 20;  // most terminals wrap after the last column
   const double share = done.total ? std::min(1.0, done.done / std::max(1.0, static_cast<double>(*done.total))) : 0;
   const double rate = done.done / std::max(done.seconds, 1e-9);
   std::string line = done.what.empty() && done.total ? fmt::format("{:.0f} %", 100 * share)
@@ -42,7 +41,7 @@ std::string progress_line(const Done& done, const std::string& state, const Term
     const int left = static_cast<int>(std::lround((*done.total - done.done) / rate));
     add(fmt::format("{}:{:02} left", left / 60, left % 60));
   }
-  // The bar does not change its size with the words beside it.
+  // The bar's size is independent of the text beside it.
   const int left = room - width_of(line), columns = std::min(kBarWidth, left / 3);
   const bool has_bar = terminal.is_live && done.total && columns >= kLeastBar;
   const int for_state = left - 2 - (has_bar ? columns + kBrackets : 0);
@@ -62,7 +61,7 @@ void Progress::step(const std::string& state) {
 }
 
 void Progress::step(int done, int total, const std::string& state) {
-  // What begins again in another way, as a mesh without the texture that it cannot have, does not take it back.
+  // Restarted work, such as a mesh repeated without its texture, does not move the bar back.
   if (!done_.total || done * std::int64_t{*done_.total} > done_.done * std::int64_t{total}) {
     done_.done = done;
     done_.total = total;

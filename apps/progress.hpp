@@ -10,27 +10,27 @@
 
 namespace cairn::apps {
 
-/// How far something is.
+/// State of a progress line.
 struct Done {
   int done = 0;
   std::optional<int> total;
-  std::string what;    // is counted; empty: only the share is told
-  double seconds = 0;  // since it began
+  std::string what;    // unit of the count; empty: only the percentage is shown
+  double seconds = 0;  // elapsed time
 };
-/// In one line of at most so many columns, with a bar where it is a live terminal: what does not fit is left out, what
-/// is counted comes first.
+/// Formats progress in one line of at most `terminal.columns`, with a bar on a live terminal. Drops text that does not
+/// fit; the count has priority.
 [[nodiscard]] std::string progress_line(const Done& done, const std::string& state, const Terminal& terminal);
 
-/// Progress on stderr: one live line on a terminal, else a plain line every few seconds; nothing with --quiet.
+/// Progress on stderr: a live line on a terminal, else a plain line every few seconds; silent with --quiet.
 class Progress {
  public:
   explicit Progress(std::optional<int> total, std::string what = "frames");
   ~Progress();
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
-  void step(const std::string& state);  // after each one; `state` in a few words
+  void step(const std::string& state);  // after each step; `state` is a short text
   void step(int done, int total, const std::string& state);
-  void clear();  // before something else is printed
+  void clear();  // before other output
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -39,7 +39,7 @@ class Progress {
   Clock::time_point start_ = Clock::now(), last_ = start_;
 };
 
-/// Tells an export's steps.
+/// Shows the steps of an export.
 [[nodiscard]] inline ExportProgress on(Progress& progress) {
   return [&progress](int done, int total, const std::string& next) { progress.step(done, total, next); };
 }

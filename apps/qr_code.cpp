@@ -14,9 +14,9 @@
 namespace cairn::apps {
 namespace {
 
-constexpr int kMargin = 2;  // modules that stay light around it
+constexpr int kMargin = 2;  // modules of the light quiet zone
 
-/// Of the first variable that is set, as the C library asks them.
+/// Checks the first locale variable that is set, in the order of the C library.
 bool is_utf8() {
   for (const char* variable : {"LC_ALL", "LC_CTYPE", "LANG"})
     if (const char* value = std::getenv(variable); value != nullptr && value[0] != '\0') {
@@ -43,7 +43,7 @@ std::string qr_code(const std::string& text, bool is_coloured) {
   };
   std::string lines;
   for (int y = -kMargin; y < code->width + kMargin; y += 2) {
-    if (is_coloured) lines += "\x1b[97;40m";  // white is what is drawn
+    if (is_coloured) lines += "\x1b[97;40m";  // light modules are drawn in white
     for (int x = -kMargin; x < code->width + kMargin; ++x) {
       const bool upper = is_light(x, y), lower = is_light(x, y + 1) && y + 1 < code->width + kMargin;
       lines += upper && lower ? "█" : upper ? "▀" : lower ? "▄" : " ";
@@ -59,7 +59,7 @@ std::optional<std::string> qr_code_for_terminal(const std::string& text) {
   if (isatty(STDERR_FILENO) == 0 || ioctl(STDERR_FILENO, TIOCGWINSZ, &size) != 0 || !is_utf8()) return std::nullopt;
   if (const char* term = std::getenv("TERM"); term == nullptr || std::string_view(term) == "dumb") return std::nullopt;
   const std::string plain = qr_code(text, false);
-  const std::size_t columns = plain.find('\n') / 3;  // its first line is light: blocks of three bytes each
+  const std::size_t columns = plain.find('\n') / 3;  // light first line: blocks of three bytes each
   if (size.ws_col < columns) return std::nullopt;
   return is_set("NO_COLOR") ? plain : qr_code(text, true);
 }

@@ -29,14 +29,14 @@ std::string placeholder_of(Unit unit, bool is_whole) {
   }
 }
 
-/// Whole numbers are not rounded; of memory a part of a unit is left out.
+/// Parses an integer without rounding; memory sizes are rounded down to the unit.
 std::optional<std::string> as_whole(const std::string& word, const AllowedRange& range, Unit unit) {
   if (unit == Unit::bytes || unit == Unit::mebibytes) {
     const auto value = parse_quantity(word, unit);
     return value && range.has(std::floor(*value)) ? std::optional(fmt::format("{:.0f}", std::floor(*value)))
                                                   : std::nullopt;
   }
-  // In digits, of which a double would not keep all.
+  // Parsed as digits, since a double would lose precision.
   const auto bare = unit == Unit::pixels && word.ends_with("px") ? word.substr(0, word.size() - 2) : word;
   const auto value = parse_whole(bare);
   return value && range.has(static_cast<double>(*value)) ? std::optional(fmt::format("{}", *value)) : std::nullopt;
@@ -66,7 +66,7 @@ CLI::Validator quantity(const AllowedRange& range, Unit unit, bool is_whole) {
 }
 
 std::pair<double, double> heights_in(const std::string& text) {
-  constexpr double kHighest = 1e4;  // metres
+  constexpr double kHighest = 1e4;  // meters
   const std::size_t colon = std::min(text.find(':'), text.size());
   const auto low = parse_quantity(text.substr(0, colon), Unit::metres),
              high = colon < text.size() ? parse_quantity(text.substr(colon + 1), Unit::metres) : std::nullopt;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Options that take numbers: every one of them is made here, so that all read units, refuse what is not finite or out
-// of range, and tell their range in the help.
+// Numeric options. All are created here, so that all accept units, reject non-finite and out-of-range values, and show
+// their range in the help.
 #pragma once
 #include <CLI/CLI.hpp>
 #include <string>
@@ -12,10 +12,10 @@
 
 namespace cairn::apps {
 
-/// What the check of a number says of itself: `quantity LENGTH 0.002 to 0.2 m`; and the words in its errors.
+/// Description of a numeric check, `quantity LENGTH 0.002 to 0.2 m`, and the phrase in its errors.
 inline constexpr const char *kQuantity = "quantity", *kNumberIsWanted = "number is wanted";
 
-/// The type below std::optional and std::vector.
+/// Element type of std::optional and std::vector.
 template <class T>
 struct NumberOf {
   using type = T;
@@ -26,10 +26,10 @@ struct NumberOf<T> {
   using type = typename T::value_type;
 };
 
-/// Reads `2cm` as 0.02. Of whole numbers as decimal ones, without a unit except for memory.
+/// Parses `2cm` as 0.02. Integers are decimal and without unit, except for memory.
 [[nodiscard]] CLI::Validator quantity(const AllowedRange& range, Unit unit, bool is_whole);
 
-/// An option for a number, a std::optional of one, or a std::vector of several.
+/// Adds an option for a number, a std::optional number, or a std::vector of numbers.
 template <class T>
 CLI::Option* add_number(CLI::App& command, const std::string& names, T& value, const AllowedRange& range, Unit unit,
                         const std::string& help) {
@@ -43,10 +43,10 @@ CLI::Option* add_number(CLI::App& command, const std::string& names, T& value, c
   return add_number(command, names, value, range, Unit::none, help);
 }
 
-/// LOW:HIGH of --height, metres. Throws CLI::ValidationError.
+/// Parses LOW:HIGH of --height, meters. Throws CLI::ValidationError.
 [[nodiscard]] std::pair<double, double> heights_in(const std::string& text);
 
-/// --device, a Vulkan device.
+/// Adds --device, a Vulkan device.
 CLI::Option* add_device(CLI::App& command, int& device);
 
 }  // namespace cairn::apps

@@ -7,7 +7,7 @@
 
 namespace cairn::apps {
 
-/// Keeps warnings back: who reads the recording after this is told of them then.
+/// Suppresses warnings during a preliminary read; the regular read of the recording repeats them.
 class Quiet {
  public:
   Quiet() { spdlog::set_level(std::max(level_, spdlog::level::err)); }

@@ -10,7 +10,7 @@
 namespace cairn::apps {
 namespace {
 
-constexpr std::size_t kMost = 8;  // reasons; what comes after them is one more
+constexpr std::size_t kMost = 8;  // reasons; all further reasons share an extra entry
 
 std::string key_of(const std::string& why) {
   std::string key;

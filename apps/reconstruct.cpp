@@ -21,7 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-constexpr double kGuessDrift = 3;  // times that of visual-inertial odometry: wheels slip
+constexpr double kGuessDrift = 3;  // times the drift of visual-inertial odometry, for wheel slip
 
 struct Arguments : RunArguments {
   fs::path poses, guess;
@@ -50,8 +50,8 @@ std::unique_ptr<Source> open_frames(const Arguments& a, const SourceOptions& opt
   return a.read_ahead > 0 ? read_ahead(std::move(source), a.read_ahead) : std::move(source);
 }
 
-/// Check of the given poses against the depth of sampled frames; none without poses, or of a sensor, whose frames
-/// cannot be read twice.
+/// Checks the given poses against the depth of sampled frames. Returns nullopt without poses, and for a sensor, whose
+/// frames cannot be read twice.
 std::optional<PoseCheck> check_given_poses(const Arguments& a, SourceOptions options, const Trajectory& given) {
   if (given.empty() || is_sensor(a.sequence)) return std::nullopt;
   options.find_colour_camera = false;
@@ -62,7 +62,8 @@ std::optional<PoseCheck> check_given_poses(const Arguments& a, SourceOptions opt
   return check_poses(source->rig(), frames, given);
 }
 
-/// Poses that are only a guess do no harm to the map that a verdict could speak of.
+/// Adds the check of given poses to the verdict. Poses that are only a guess cannot harm the map, so they only get a
+/// warning.
 void report(const PoseCheck& check, Poses poses, Run& run) {
   if (poses == Poses::given)
     run.set_pose_check(check);
@@ -70,7 +71,7 @@ void report(const PoseCheck& check, Poses poses, Run& run) {
     spdlog::warn(text_of(check, "--guess"));
 }
 
-/// Upper triangles, row by row.
+/// Upper triangles in row order.
 nlohmann::json to_json(const std::vector<Adjusted::KeyframeCovariance>& all) {
   nlohmann::json list = nlohmann::json::array();
   for (const auto& [timestamp, covariance] : all) {
@@ -108,7 +109,7 @@ void tell(const Adjusted& adjusted, bool is_used, Run& run) {
         "finds it for later recordings");
 }
 
-/// The number of frames that were fused, lost or skipped until the recording ended or a signal came.
+/// Adds frames until the recording ends or a signal arrives. Returns the number of frames read.
 int add_frames(const Arguments& a, Source& source, Run& run, Interrupt& interrupt) {
   int read = 0;
   Progress progress(source.size());
@@ -127,12 +128,12 @@ int add_frames(const Arguments& a, Source& source, Run& run, Interrupt& interrup
   return read;
 }
 
-/// Works on the map as a whole after the last frame. A signal ends the stage that runs: what it replaces stays, of an
-/// adjustment what came so far.
+/// Improves the complete map after the last frame. A signal ends the current stage and keeps its previous result; an
+/// adjustment keeps its intermediate result.
 nlohmann::json improve(const Arguments& a, const HoldOut& held_out, const Trajectory& given, Run& run,
                        Interrupt& interrupt) {
   nlohmann::json more;
-  interrupt.is_worth_finishing();  // also where no frame was left
+  interrupt.is_worth_finishing();  // also if no frame was left
   const auto shown = [&](Progress& progress, const char* words) {
     return [&interrupt, &progress, words](double share) {
       progress.step(static_cast<int>(100 * share), 100, words);
@@ -164,7 +165,7 @@ nlohmann::json improve(const Arguments& a, const HoldOut& held_out, const Trajec
   stage(a.reintegrate, "reintegrate", [&] {
     interrupt.say("keeping the map as it was adjusted; once more ends at once");
     SourceOptions options_again = source_options(a, parse_frames(a.frames));
-    options_again.find_colour_camera = false;  // the mapper knows
+    options_again.find_colour_camera = false;  // already known to the mapper
     const auto again = open_frames(a, options_again, held_out, given);
     Progress progress(again->size());
     int done = 0;
@@ -180,7 +181,7 @@ void reconstruct(const Arguments& asked) {
   const Inputs inputs = inputs_of(asked).add_recording(asked.poses.string()).add_recording(asked.guess.string());
   const Arguments a = with_output(asked, inputs, asked.poses.empty());
   const Poses poses = a.poses.empty() ? Poses::tracked : Poses::given;
-  (void)options_of(a);  // what is wrong with them is told before anything is read
+  (void)options_of(a);  // reports wrong options before reading
   const Beginning begin = beginning(a, parse_frames(a.frames));
   const HoldOut& held_out = begin.progressed.hold_out;
   const Trajectory given = given_poses(a);

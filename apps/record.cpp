@@ -22,7 +22,7 @@ namespace cairn::apps {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::uint64_t kReserve = std::uint64_t{256} << 20;  // bytes that a recording leaves free on the disk
+constexpr std::uint64_t kReserve = std::uint64_t{256} << 20;  // bytes of disk space that a recording leaves free
 constexpr int kCheckDisk = 30;                                // frames
 
 struct Arguments {
@@ -36,17 +36,17 @@ struct Arguments {
 
 std::uint64_t left_on_disk(const fs::path& output) { return fs::space(tidy(output).parent_path()).available; }
 
-/// What was recorded, and why it ended.
+/// Statistics of a recording, with the reason for its end.
 struct Recorded {
   int frames = 0, unreadable = 0;
   double first = 0, last = 0;        // timestamps, seconds
-  std::optional<std::string> ended;  // early: why
+  std::optional<std::string> ended;  // reason for an early end
 };
 
-/// Gives the frames that should be recorded, until one of the reasons to end.
+/// Returns the frames to record until an end condition holds.
 class Reader {
  public:
-  /// `unfinished`: without a frame.
+  /// `unfinished`: files to remove if no frame is recorded.
   Reader(Source& source, const Arguments& a, Recorded& recorded, std::vector<Unfinished>& unfinished)
       : source_(source), a_(a), recorded_(recorded), unfinished_(unfinished) {}
   std::optional<Frame> operator()() {
@@ -85,7 +85,7 @@ class Reader {
   Progress progress_{std::nullopt};
 };
 
-/// What a recording without a frame leaves behind.
+/// Files left by a recording without frames.
 std::vector<Unfinished> unfinished_of(const fs::path& output, bool is_file) {
   std::vector<Unfinished> all;
   const bool is_new = !fs::exists(output);

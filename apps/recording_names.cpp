@@ -15,7 +15,7 @@
 namespace cairn::apps {
 namespace {
 
-/// Folders of a path, and options of a scene.
+/// Splits a name into folders of a path and options of a scene.
 std::vector<std::string> words_of(const std::string& name) {
   std::vector<std::string> words(1);
   for (const char c : name) {
@@ -28,7 +28,7 @@ std::vector<std::string> words_of(const std::string& name) {
   return words;
 }
 
-/// The fewest last words of each that no two have in common; all of them where two are the same.
+/// Shortest unique suffixes, in words; complete names if two names are equal.
 std::vector<std::string> shortest_ends(const std::vector<std::vector<std::string>>& all) {
   std::size_t most = 1;
   for (const auto& words : all) most = std::max(most, words.size());
@@ -60,7 +60,7 @@ std::vector<std::string> told_apart(const std::vector<std::string>& names) {
   const auto is_shared = [&](const auto& word) {
     return std::all_of(all.begin(), all.end(), [&](const auto& words) { return word(words) == word(all[0]); });
   };
-  std::size_t before = 0, after = 0;  // words that all share
+  std::size_t before = 0, after = 0;  // number of common words
   while (before + 1 < fewest && is_shared([&](const auto& words) { return words[before]; })) ++before;
   while (before + after + 1 < fewest && is_shared([&](const auto& words) { return words[words.size() - 1 - after]; }))
     ++after;

@@ -7,15 +7,15 @@
 
 namespace cairn::apps {
 
-/// A plan's recordings, as `cairn plan` names them. Throws as read_plan() does.
+/// Recordings of a plan, named as in `cairn plan`. Throws like read_plan().
 [[nodiscard]] std::vector<std::string> recordings_in(const std::filesystem::path& plan);
 
-/// Recordings' names without what all of them share at their beginnings and ends, and of the rest the fewest last words
-/// that differ: /data/monday and /home/me/tuesday become monday and tuesday, a single one its last word.
+/// Short names: removes the common beginning and end of all names, then keeps the fewest last words that differ.
+/// /data/monday and /home/me/tuesday become monday and tuesday; a single name keeps its last word.
 [[nodiscard]] std::vector<std::string> told_apart(const std::vector<std::string>& names);
 
-/// The one that a word means: a number, counted from 0, a name, or one told apart. Throws std::runtime_error that names
-/// all where it is none, or more than one.
+/// Index of the recording for a word: a number counted from 0, a name, or a short name. Throws std::runtime_error with
+/// all names if the word is unknown or ambiguous.
 [[nodiscard]] std::size_t recording_named(const std::string& word, const std::vector<std::string>& names);
 
 }  // namespace cairn::apps

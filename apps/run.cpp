@@ -29,9 +29,10 @@ namespace cairn::apps {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr int kColourless = 30;                                      // frames after which a recording has no colour
-constexpr double kFewInliers = 0.45;                                 // as the live page says it
-constexpr std::uintmax_t kMostCompared = std::uintmax_t{256} << 20;  // bytes of a mesh that is held against the frames
+constexpr int kColourless = 30;       // frames without color after which a recording counts as colorless
+constexpr double kFewInliers = 0.45;  // same limit as on the live page
+constexpr std::uintmax_t kMostCompared = std::uintmax_t{256}
+                                         << 20;  // bytes; limit for comparing a mesh with the frames
 
 constexpr double kMostMib = 1 << 24;     // 16 TiB
 constexpr double kLongestBetween = 1e6;  // seconds between two checkpoints
@@ -55,7 +56,7 @@ nlohmann::json to_json(const FrameReport& r) {
   return j;
 }
 
-/// Whether a run can be gone on with.
+/// Returns true if a run can be resumed.
 bool has_state(const fs::path& output) { return fs::exists(output / "session" / "state.cbor"); }
 
 nlohmann::json to_json(const PoseCheck& c) {
@@ -66,7 +67,7 @@ nlohmann::json to_json(const PoseCheck& c) {
   return j;
 }
 
-/// A run that goes on leaves what the one before has logged: it takes X-2.mcap, X-3.mcap, ...
+/// A resumed run keeps the previous log and writes X-2.mcap, X-3.mcap, ...
 fs::path log_file(const RunArguments& a) {
   fs::path file = a.log;
   if (a.resume)
@@ -207,7 +208,7 @@ Run::Run(RunArguments arguments, const Options& options, Poses poses, const Rig&
   if (poses_ == Poses::given) replaced_.emplace(arguments_.output / "session");
   begin_map();
   evidence_.begin_recording(mapper_->recordings() - 1);
-  if (!arguments_.resume) {  // another run may have finished there since its name was chosen
+  if (!arguments_.resume) {  // another run may have finished in the folder since its name was chosen
     OutputArguments here = arguments_;
     here.auto_name = false;
     (void)choose_output(here, poses_ == Poses::tracked);
@@ -283,7 +284,7 @@ void Run::prepare() {
   };
   made(output, Unfinished::Kind::empty);
   prepare_output(output);
-  made(output / "session", Unfinished::Kind::all);  // with given poses it is for the lock alone
+  made(output / "session", Unfinished::Kind::all);  // with given poses, only for the lock
 }
 
 void Run::checkpoint() {
@@ -330,7 +331,7 @@ void Run::set_pose_check(const PoseCheck& check) {
 void Run::interrupted(int left) { left_ = left; }
 
 void Run::interrupted_in(const char* stage) {
-  if (left_) return;  // the first of them
+  if (left_) return;  // keep the first stage
   left_ = 0;
   left_stage_ = stage;
 }
@@ -350,7 +351,7 @@ Verdict Run::judge(int components) const {
        .poses = pose_check_});
 }
 
-/// Nothing of it is needed for the map: where its mesh cannot be read again it is judged without.
+/// Compares the map with the frames. Optional: a mesh that cannot be read is judged without this comparison.
 void Run::hold_against_frames() {
   const fs::path mesh = arguments_.output / "mesh.glb";
   const double clock_offset = mapper_->statistics().clock_offset;
@@ -376,7 +377,7 @@ std::string Run::how_to_go_on() const {
 std::function<std::string()> Run::said_when_ended() const {
   const fs::path state = arguments_.output / "session" / "state.cbor";
   std::error_code none;
-  std::optional<fs::file_time_type> old;  // of the session that this run replaces
+  std::optional<fs::file_time_type> old;  // of the session replaced by this run
   if (!arguments_.resume && fs::exists(state, none)) old = fs::last_write_time(state, none);
   return [=, go_on = how_to_go_on(), output = arguments_.output, has_session = poses_ == Poses::tracked] {
     std::error_code error;
@@ -397,7 +398,7 @@ Verdict Run::finish(const nlohmann::json& more) {
                              (total == 0 ? "" : "; the first: " + frames.first_reason().value_or("")) +
                              (total == 0 || verdict.reasons.empty() ? "" : "; " + verdict.reasons.front()));
   }
-  // Told with the verdict.
+  // Printed with the verdict.
   for (const std::string& line : frames.skipped().lines(total, "skipped")) warnings_.push_back(in_flags(line));
 
   arguments_.mesh.source = (fs::exists(sequence) ? tidy(sequence) : fs::path(sequence)).filename().string();
@@ -408,7 +409,7 @@ Verdict Run::finish(const nlohmann::json& more) {
   if (session_) session_->release_start();
   log([](RunLog& log) { log.finishing(); });
   nlohmann::json report = outputs.write(*mapper_, session_ ? &*session_ : nullptr, arguments_.mesh, progressed_.note());
-  // With given poses there is no session; the one of an earlier run is not this map's.
+  // With given poses there is no session; an earlier run's session belongs to another map.
   if (replaced_) replaced_->remove();
   if (arguments_.overwrite) outputs.remove_old(*mapper_, session_.has_value());
 
@@ -461,15 +462,15 @@ void Run::complete(nlohmann::json& report, const Verdict& verdict) const {
   if (!left_stage_.empty()) report["interrupted"]["stage"] = left_stage_;
 }
 
-/// How it went comes last: whoever reads only the end reads that.
+/// Prints the summary, with the verdict at the end, where it is seen first.
 void Run::tell(const nlohmann::json& report, const Verdict& verdict) const {
   if (is_quiet() && verdict.level == Verdict::Level::good) return;
   std::FILE* const out = arguments_.json || is_quiet() ? stderr : stdout;
   const fs::path& output = arguments_.output;
   const int total = progressed_.frames.size(), in_this_run = report["frames_of_this_run"];
-  const fs::path page = output / "report.html";  // not where the library is built without the viewer
+  const fs::path page = output / "report.html";  // missing if the library is built without the viewer
   if (out == stdout) {
-    // A frame that cannot be used and one that nobody had time for are two things.
+    // Unusable frames and frames dropped to keep up are counted separately.
     const int skipped = progressed_.frames.count("skipped"), left_out = keeping_up_.left_out;
     fmt::print(out, "{} of {} frames fused ({} lost{}{}{}){} in {:.1f} s, {:.1f} frames/s, {:.0f} MB peak\n",
                progressed_.frames.count("fused"), total, progressed_.frames.count("lost"),
@@ -517,7 +518,7 @@ void end_with(const Verdict& verdict) {
 
 namespace {
 
-/// What is told of a run beside its map.
+/// Adds options for output other than the map.
 void add_telling_options(CLI::App& command, RunArguments& a) {
   command
       .add_option("--log", a.log,

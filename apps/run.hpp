@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What `reconstruct` and `live` share: from options to frames to written files.
+// Shared by `reconstruct` and `live`: from options over frames to written files.
 #pragma once
 #include <CLI/CLI.hpp>
 #include <chrono>
@@ -29,7 +29,7 @@
 
 namespace cairn::apps {
 
-/// What the user says about a map and where it goes.
+/// Options for a map and its output.
 struct RunArguments : OutputArguments {
   std::string sequence;
   std::filesystem::path config, camera, log;
@@ -40,21 +40,21 @@ struct RunArguments : OutputArguments {
   std::optional<float> voxel_size;
   std::optional<std::uint64_t> device_memory_mib, host_memory_mib;
   int device = -1;
-  std::optional<int> hold_out;  // every so many frames; none: as the session says
+  std::optional<int> hold_out;  // interval in frames; empty: as in the session
   double checkpoint_seconds = 20;
   std::optional<float> esdf_voxel_size, max_distance, robot_radius;
   bool esdf = false, resume = false, no_loops = false, json = false;
   bool verbose = false, no_mesh = false;
   bool may_be_reset = false;           // see Run::reset
-  std::filesystem::path asked_output;  // OUT as it was given, before choose_output
+  std::filesystem::path asked_output;  // OUT as given, before choose_output
   MeshArguments mesh;
 };
 
 void add_run_options(CLI::App& command, RunArguments& a);
-/// What all runs read.
+/// Inputs of all runs.
 [[nodiscard]] Inputs inputs_of(const RunArguments& a);
-/// The arguments with the folder that the map goes to: see choose_output. Throws std::runtime_error where an output is
-/// not apart from the inputs.
+/// Returns the arguments with the chosen output folder, see choose_output. Throws std::runtime_error if an output
+/// overlaps an input.
 template <class Arguments>
 [[nodiscard]] Arguments with_output(Arguments a, const Inputs& inputs, bool can_resume = true) {
   a.asked_output = a.output;
@@ -65,14 +65,14 @@ template <class Arguments>
   inputs.expect_apart_from_folder(a.output);
   return a;
 }
-/// What suits the sensor and the user, checked; `finest_level` is the program's own default of that option. Throws
-/// std::runtime_error for what does not fit.
+/// Checked options for the sensor and the user's arguments; `finest_level` is the program's default for this option.
+/// Throws std::runtime_error for invalid combinations.
 [[nodiscard]] Options options_of(const RunArguments& a, const SensorModel& sensor = {},
                                  int finest_level = TrackOptions{}.finest_level);
-/// What they open their source with.
+/// Options for opening the source.
 [[nodiscard]] SourceOptions source_options(const RunArguments& a, const FrameRange& range);
 
-/// What a session remembers for this program.
+/// State of the program in a session.
 struct Progressed {
   std::string recording;  // see identity()
   int next = 0;           // frame
@@ -84,71 +84,71 @@ struct Progressed {
   static Progressed from(const std::string& note);
 };
 
-/// A frame's report in a few words; `verbose`: with numbers.
+/// Short text for a frame's report; `verbose` adds numbers.
 [[nodiscard]] std::string words(const FrameReport& report, bool verbose);
 [[nodiscard]] double peak_memory_mb();
 
-/// From the first frame to the written files.
+/// A run from the first frame to the written files.
 class Run {
  public:
-  /// `progressed` is what an earlier run of the same sequence did; with RunArguments::resume and another sequence the
-  /// map goes on with a new recording. The output folder is made; without resume the session in it stays until the
-  /// first checkpoint.
+  /// Creates the output folder. `progressed` is the state of an earlier run of the same sequence; with
+  /// RunArguments::resume and another sequence, the map continues with a new recording. Without resume, an existing
+  /// session remains until the first checkpoint.
   Run(RunArguments arguments, const Options& options, Poses poses, const Rig& rig, Progressed progressed,
       bool is_next_recording);
 
-  /// Fuses a frame. One at which the mapper fails, as without memory, stops the run: it is to be finished then. Throws
-  /// std::runtime_error if that is the first.
+  /// Fuses a frame. A failure of the mapper, such as out of memory, stops the run, and finish() must follow. Throws if
+  /// no frame has been fused before.
   FrameReport add(const Frame& frame, double waited_ms);
-  /// Poses that the recording's device, or its owner, had while it was taken: what is tracked is held against them.
-  /// `drift`: see Evidence::hold_against_device.
+  /// Sets reference poses from the recording's device or its owner, compared with the tracked poses. `drift`: see
+  /// Evidence::hold_against_device.
   void compare_with(Trajectory device_poses, double drift = 1) {
     device_poses_ = std::move(device_poses);
     device_drift_ = drift;
   }
   [[nodiscard]] bool stopped() const { return stopped_.has_value(); }
-  /// Frames that have a pose and are no part of the map.
+  /// Frames with a pose that are not part of the map.
   [[nodiscard]] int held_out() const { return progressed_.frames.count("held_out"); }
-  /// Forgets what this run has mapped, also what is saved of it, and begins again with the next frame: with an empty
-  /// map, or with RunArguments::resume, where RunArguments::may_be_reset says that it may come to this, with the map as
-  /// the run has found it.
+  /// Discards the results of this run, including saved state, and restarts at the next frame: with an empty map, or
+  /// with the map as found, if RunArguments::resume is set. The latter requires RunArguments::may_be_reset.
   void reset();
-  /// Frames of earlier runs that reset() leaves.
+  /// Frames of earlier runs, which reset() keeps.
   [[nodiscard]] int frames_before() const { return found_.frames.size(); }
   [[nodiscard]] Mapper& mapper() { return *mapper_; }
-  /// Does the work and keeps its time under a stage's name.
+  /// Runs `work` and records its duration under a stage's name.
   void timed(const char* stage, const std::function<void()>& work);
-  /// Tells the user at once, and whoever reads the report.
+  /// Prints a warning at once and adds it to the report.
   void warn(const std::string& text);
-  /// Checked given poses, of which the verdict and report.json speak.
+  /// Sets the check of given poses, for the verdict and report.json.
   void set_pose_check(const PoseCheck& check);
-  /// Warns of what the map has switched off since it was last asked.
+  /// Warns of features that the map has disabled since the last call.
   void tell_warnings();
 
-  /// What came of a stream that does not wait.
+  /// Sets statistics of a stream that does not wait.
   void keeps_up(const KeepingUp& keeping_up) { keeping_up_ = keeping_up; }
-  /// Tells that the user ended the run `left` frames before its recording ends.
+  /// Marks the run as interrupted by the user, `left` frames before the end of its recording.
   void interrupted(int left);
-  /// The same of a stage after the last frame.
+  /// Marks a stage after the last frame as interrupted.
   void interrupted_in(const char* stage);
-  /// What to say when the user ends the program at once, as of the moment when it is asked; it may outlive this.
+  /// Returns a function for the message at an immediate end by the user, reflecting the state when called. The function
+  /// may outlive this object.
   [[nodiscard]] std::function<std::string()> said_when_ended() const;
-  /// Writes everything, with report.json and report.html, of which `more` is a part, and tells the user how it went.
-  /// Throws std::runtime_error if no frame could be used, or with what could not be written.
+  /// Writes all files, with `more` merged into report.json and report.html, and prints a summary. Throws
+  /// std::runtime_error if no frame was usable, or listing the files that could not be written.
   [[nodiscard]] Verdict finish(const nlohmann::json& more = {});
 
  private:
   using Clock = std::chrono::steady_clock;
   void begin_map();
   [[nodiscard]] Verdict judge(int components) const;
-  /// Once the map is written, it is held against the frames that it was made from.
+  /// Compares the written map with the frames it was made from.
   void hold_against_frames();
   /// Adds the options, the frames, the verdict and the checks of this run to report.json.
   void complete(nlohmann::json& report, const Verdict& verdict) const;
-  /// With --log, as long as the log can be written.
+  /// Logs with --log, until the log cannot be written.
   void log(const std::function<void(RunLog&)>& work);
   [[nodiscard]] std::string how_to_go_on() const;
-  /// Makes the folder, and remembers what of it is new.
+  /// Creates the folder and records its new files.
   void prepare();
   void checkpoint();
   void tell(const nlohmann::json& report, const Verdict& verdict) const;
@@ -156,42 +156,42 @@ class Run {
   Options options_;
   Poses poses_;
   Rig rig_;
-  Progressed found_;  // of the runs that this one goes on from
+  Progressed found_;  // state of earlier runs that this run continues
   bool is_next_recording_;
   Progressed progressed_;
-  std::vector<Unfinished> unfinished_;  // what this run made and nobody can go on with yet
-  std::optional<int> left_;             // frames, of a run that was interrupted
-  std::string left_stage_;              // in which it was
+  std::vector<Unfinished> unfinished_;  // new files of this run, not resumable yet
+  std::optional<int> left_;             // remaining frames of an interrupted run
+  std::string left_stage_;              // interrupted stage
   KeepingUp keeping_up_;
   Evidence evidence_;
   Trajectory device_poses_;  // empty: none
   double device_drift_ = 1;
-  std::optional<ReplacedSession> replaced_;  // its place, when this run makes none: nobody else writes there
-  std::optional<Session> session_;           // of tracked poses
+  std::optional<ReplacedSession> replaced_;  // locks the session folder if this run has no session
+  std::optional<Session> session_;           // with tracked poses
   std::optional<Mapper> mapper_;
   std::optional<RunLog> log_;
   std::map<std::string, Durations> stages_;
   std::vector<std::string> warnings_;
   std::optional<PoseCheck> pose_check_;
-  std::optional<std::string> stopped_;  // why
+  std::optional<std::string> stopped_;  // reason
   bool has_colour_ = false;
-  int colourless_ = 0;    // frames before there is colour
-  std::size_t told_ = 0;  // of the map's own warnings
+  int colourless_ = 0;    // frames before the first color
+  std::size_t told_ = 0;  // number of the map's warnings already printed
   Clock::time_point start_ = Clock::now(), saved_ = start_;
 };
 
-/// Where a run begins: what an earlier one did, and the frames that are left.
+/// Starting point of a run: the state of an earlier run and the remaining frames.
 struct Beginning {
   Progressed progressed;
   FrameRange range;
   bool is_next_recording = false;
 };
-/// Throws std::runtime_error where frames of a recording are to be held out in another way than those before them.
+/// Throws std::runtime_error if the hold-out of a recording differs from that of its earlier frames.
 [[nodiscard]] Beginning beginning(const RunArguments& a, FrameRange range);
 
-/// Its level and words, and a line for each reason.
+/// Prints level and words of a verdict, and a line for each reason.
 void print(const Verdict& verdict, std::FILE* out);
-/// Ends the program with exit code 3 where a verdict is bad.
+/// Ends the program with exit code 3 if the verdict is bad.
 void end_with(const Verdict& verdict);
 
 }  // namespace cairn::apps

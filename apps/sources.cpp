@@ -64,7 +64,7 @@ HoldOut hold_out_from(const nlohmann::json& j) {
 std::string identity(const std::string& sequence, SourceOptions options) {
   options.find_colour_camera = false;
   if (is_sensor(sequence) || is_synthetic(sequence)) return sequence;
-  constexpr int kFrames = 3, kTries = 30;  // frames; readable ones among the first
+  constexpr int kFrames = 3, kTries = 30;  // frames to hash; read attempts from the start
   const Quiet quiet;
   const auto source = open_source(sequence, options);
   boost::crc_optimal<64, 0x42f0e1eba9ea3693u, ~0ull, ~0ull, true, true> sum;  // ECMA-182
@@ -108,7 +108,7 @@ void add_camera(CLI::App& command, std::filesystem::path& camera, const std::str
       ->check([all](const std::string& given) {
         std::error_code ignored;
         if (std::filesystem::is_regular_file(given, ignored) || known_camera(given) != nullptr) return std::string();
-        // A file by its look is missed as any other; the error names one like it.
+        // A word that looks like a file name gets the error of a missing file, which names similar files.
         if (std::string file = given; given.find_first_of("./") != given.npos) return CLI::ExistingFile(file);
         return fmt::format("'{}' is no file and no name of a camera; names are {}", given, all);
       });
@@ -131,7 +131,7 @@ SourceOptions source_options(const std::string& sequence, const std::filesystem:
   const auto recorded = recorded_topics(sequence);
   for (const std::string& topic : topics) {
     const auto it = std::find_if(recorded.begin(), recorded.end(), [&](const auto& t) { return t.name == topic; });
-    // One that is not there, or holds something else, is refused with all that there are.
+    // A topic that is missing or of another type is rejected later, with a list of all topics.
     const bool colour = it != recorded.end() && it->holds == RecordedTopic::Holds::colour;
     std::string& named = colour ? options.colour_topic : options.depth_topic;
     if (!named.empty())

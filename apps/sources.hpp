@@ -13,37 +13,37 @@
 
 namespace cairn::apps {
 
-/// How SEQUENCE is explained to the user.
+/// Help text for SEQUENCE.
 inline constexpr const char* kSequenceHelp =
     "Folder (TUM RGB-D, 7-Scenes, ICL-NUIM, nerfstudio and others, or your own images), .oni, .sens or .mkv "
     "file, .bag, .mcap, .db3 or folder of ROS, .zip of these, openni: or openni:URI for a sensor, or synthetic:NAME";
 
-/// A path from the root, without `.`, `..` and a slash at its end; it need not exist.
+/// Absolute path without `.`, `..` and a trailing slash; it need not exist.
 [[nodiscard]] std::filesystem::path tidy(const std::filesystem::path& path);
-/// How --frames is explained to the user.
+/// Help text for --frames.
 inline constexpr const char* kFramesHelp =
     "N: the first N; A:B: frames A to B - 1, counted from 0; A: and :B; A:B:STEP: every STEP-th; for example 100, "
     "0:300, 300:, ::3 [all]";
-/// `N`, or `A:B:STEP`, of which each part may be empty. Throws CLI::ValidationError.
+/// Parses `N` or `A:B:STEP` with optional parts. Throws CLI::ValidationError.
 [[nodiscard]] FrameRange parse_frames(const std::string& text);
 
-/// As a session and a report hold it.
+/// Representation in sessions and reports.
 [[nodiscard]] nlohmann::json to_json(const HoldOut& hold_out);
-/// Throws nlohmann::json::exception for what to_json() has not made.
+/// Throws nlohmann::json::exception for input not produced by to_json().
 [[nodiscard]] HoldOut hold_out_from(const nlohmann::json& j);
 
-/// For options that take a recording: what is a file or folder, or is rendered.
+/// Check for options that take a recording: a file, a folder, or a rendered scene.
 [[nodiscard]] std::string is_recording(const std::string& name);
 
-/// What a session remembers of it: what it shows, wherever it lies. A recording is known by the camera it tells and its
-/// first frames.
+/// Identity of a recording in a session, independent of its path: the camera and the first frames.
 [[nodiscard]] std::string identity(const std::string& sequence, SourceOptions options);
 
-/// --camera: a file, or the name of a known camera. `in_place` says of what, after "camera.yaml or a name (...) ".
+/// Adds --camera: a file, or the name of a known camera. `in_place` completes the help text after "camera.yaml or a
+/// name (...) ".
 void add_camera(CLI::App& command, std::filesystem::path& camera, const std::string& in_place);
 void add_topics(CLI::App& command, std::vector<std::string>& topics);
-/// How the user wants SEQUENCE to be read: each of `topics` is depth's or colour's by what it holds. Throws
-/// std::runtime_error for one that is neither, or two of a kind.
+/// Options for reading SEQUENCE: each of `topics` is assigned to depth or color by its type. Throws std::runtime_error
+/// for a topic of another type, or for two of the same type.
 [[nodiscard]] SourceOptions source_options(const std::string& sequence, const std::filesystem::path& camera,
                                            const std::vector<std::string>& topics);
 

@@ -8,11 +8,11 @@
 namespace cairn::apps {
 namespace {
 
-constexpr std::size_t kMostBegun = 4;  // words that begin alike and are all told
+constexpr std::size_t kMostBegun = 4;  // maximum number of words with a common prefix in a suggestion
 
 char lower(char c) { return static_cast<char>(std::tolower(static_cast<unsigned char>(c))); }
 
-/// Without the dashes of an option.
+/// Removes the dashes of an option.
 std::string_view name_of(std::string_view word) {
   return word.substr(std::min(word.find_first_not_of('-'), word.size()));
 }
@@ -45,7 +45,7 @@ std::vector<std::string> near_words(std::string_view typed, const std::vector<st
   const std::string_view name = name_of(typed);
   if (name.empty()) return {};
   std::vector<std::string> nearest, begun;
-  int least = 1 + static_cast<int>(name.size()) / 3;  // one wrong letter in three, and one more
+  int least = 1 + static_cast<int>(name.size()) / 3;  // a wrong letter in three, plus an extra letter
   for (const std::string& word : known) {
     if (name.size() > 1 && begins_alike(name_of(word), name)) begun.push_back(word);
     const int distance = edit_distance(name, name_of(word));

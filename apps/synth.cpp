@@ -34,12 +34,12 @@ struct Arguments {
   bool overwrite = false;
 };
 
-constexpr const char* kTruth = "groundtruth_mesh.ply";  // by which a folder is known for one of ours
+constexpr const char* kTruth = "groundtruth_mesh.ply";  // marks a folder as written by this command
 
 constexpr const char* kBuilding = "building";
 constexpr int kUsualFrames = 300;
 
-/// As synthetic_scene names it.
+/// Name of the scene for synthetic_scene.
 std::string name_of(const Arguments& a) {
   std::vector<std::string> parts;
   const auto add = [&](const char* key, const auto& value) {
@@ -51,26 +51,26 @@ std::string name_of(const Arguments& a) {
   return parts.empty() ? a.scene : fmt::format("{}?{}", a.scene, fmt::join(parts, "&"));
 }
 
-/// As many as were asked for; of a building until its way ends, of others 300.
+/// Number of frames: as requested; default 300, for a building the length of its path.
 int frames_of(const Arguments& a, const Scene& scene) {
   if (a.scene != kBuilding) return a.frames.value_or(kUsualFrames);
   const int all = static_cast<int>(scene.duration() * a.rate) + 1;
   return std::min(a.frames.value_or(all), all);
 }
 
-/// The surface that somebody on the path may see. Of a building, which is all planes but for some things, at larger
-/// triangles: the rest is elsewhere.
+/// Surface visible from the path. For a building, which is mostly planar, with larger triangles and without hidden
+/// rooms.
 Mesh truth_of(const Scene& scene, const SyntheticPath& path, double seconds) {
   if (scene.name != kBuilding) return scene.surface();
-  constexpr double kStep = 0.5, kReach = 6;  // seconds, metres
-  constexpr float kSpacing = 0.04f;          // metres
+  constexpr double kStep = 0.5, kReach = 6;  // seconds, meters
+  constexpr float kSpacing = 0.04f;          // meters
   std::vector<Eigen::Vector3d> places;
   for (int i = 0; i * kStep < seconds; ++i)
     if (const auto pose = path.pose(i * kStep)) places.emplace_back(pose->translation());
   return scene.around(places, kReach).surface(kSpacing);
 }
 
-/// That of a file or of the layout, or the camera of synthetic recordings with images of another size.
+/// Rig of a camera file or of the layout, else the camera of synthetic recordings at the requested image size.
 Rig rig_of(const Arguments& a) {
   if (!a.camera.empty()) return read_rig(a.camera);
   if (const auto known = camera_of_layout(a.layout)) return *known;
@@ -83,8 +83,8 @@ Rig rig_of(const Arguments& a) {
   return camera;
 }
 
-/// The gyroscope's samples of (since, until], in the axes of the inertial sensor. `mems`: of a phone's grade, Bosch
-/// BMI270: 0.007 degrees/s/sqrt(Hz), a bias of 0.5 degrees/s that walks.
+/// Simulated gyroscope: samples of (since, until], in the axes of the inertial sensor. `mems` models a phone-grade
+/// sensor, Bosch BMI270: 0.007 degrees/s/sqrt(Hz), a bias of 0.5 degrees/s with random walk.
 class Gyroscope {
  public:
   Gyroscope(const Arguments& a, const Rig& rig)
@@ -108,7 +108,7 @@ class Gyroscope {
  private:
   static constexpr double kRate = 200;                                // Hz
   static constexpr double kDensity = 0.007 / 57.29578, kWalk = 2e-4;  // rad/s/sqrt(Hz), rad/s^2/sqrt(Hz)
-  /// Of variance 1 each: sums of uniform numbers, the same with every standard library.
+  /// Noise of variance 1 per axis, as sums of uniform numbers, so that all standard libraries give the same values.
   Eigen::Vector3d noise() {
     Eigen::Vector3d n;
     for (double& v : n) {
@@ -140,7 +140,7 @@ int write_sequence(const Arguments& a, const fs::path& folder) {
   std::vector<bool> seen(truth.triangles.size());
   Gyroscope gyroscope(a, rig);
   Progress progress(frames);
-  std::future<void> writing;  // the frame before gets its noise and is encoded while the next one is rendered
+  std::future<void> writing;  // adds noise and encodes the previous frame while the next is rendered
   for (int i = 0; i < frames; ++i) {
     const double time = i / a.rate;
     const auto pose = path.pose(time);
@@ -175,7 +175,7 @@ int write_sequence(const Arguments& a, const fs::path& folder) {
   return frames;
 }
 
-/// Whether a recording of any layout has a file of this name in its folder.
+/// Returns true if a recording of any layout has a file of this name.
 bool is_of_recording(const std::string& name) {
   static const std::regex names(
       "(accelerometer|associated|associations|calibration|depth|groundtruth|gyroscope|poses|rgb|traj)\\.txt|"
@@ -186,7 +186,7 @@ bool is_of_recording(const std::string& name) {
   return std::regex_match(name, names);
 }
 
-/// Brings what somebody has put into the recording that is replaced into the new one.
+/// Moves foreign files of a replaced recording into the new recording.
 void keep_others(const fs::path& before, const fs::path& folder) {
   if (!fs::exists(before)) return;
   for (const auto& entry : fs::recursive_directory_iterator(before)) {
@@ -217,7 +217,7 @@ void synth(const Arguments& a) {
   say("{}: {} frames of '{}' with true poses and surface\n", a.output.string(), frames, a.scene);
 }
 
-/// How much is rendered.
+/// Adds options for the size of the rendered recording.
 void add_size_options(CLI::App& command, Arguments& a) {
   add_number(command, "--frames", a.frames, {1, 1e7}, "Number of frames [300; of building all]");
   add_number(command, "--floors", a.floors, {1, 100}, "Of building: its storeys [3]");

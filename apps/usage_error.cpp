@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Wrong command lines, told with the remedy.
+// Messages for wrong command lines, with the remedy.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -24,22 +24,22 @@ const CLI::App* below(const CLI::App& command, const std::string& name) {
   return nullptr;
 }
 
-/// A message that ends with where to read more: behind a question as a sentence of its own.
+/// Appends a reference to the help; after a question, as its own sentence.
 std::string see(const CLI::App& command, const std::string& message) {
   return fmt::format("{}{} `{} --help`", message, message.ends_with('?') ? " See" : "; see", whole_name(command));
 }
 
-/// As in "--port=80", and "-o".
+/// Option name in "--port=80" or "-o".
 std::string option_in(const std::string& word) { return word.substr(0, word.find('=')); }
 
-/// What an option refuses as a value is one, too.
+/// Numbers, including non-finite values, which options reject themselves.
 bool is_number(const std::string& word) {
   if (word == "-inf" || word == "-nan" || word == "-infinity") return true;
   return word.size() > 1 && word[0] == '-' &&
          (std::isdigit(static_cast<unsigned char>(word[1])) != 0 || word[1] == '.');
 }
 
-/// Files beside a missing one whose names are like its name.
+/// Files beside a missing file with similar names.
 std::string like_file(const fs::path& missing, bool folders) {
   const fs::path folder = missing.has_parent_path() ? missing.parent_path() : fs::path(".");
   std::error_code error;
@@ -53,7 +53,7 @@ std::string like_file(const fs::path& missing, bool folders) {
                       : text.insert(text.find("mean ") + 5, missing.has_parent_path() ? (folder / "").string() : "");
 }
 
-/// What CLI11 says of the value of an option, in words.
+/// Rewrites CLI11's message for a wrong option value.
 std::string wrong_value(const CLI::Option& option, std::string why) {
   const Value value = value_of(option);
   const Words& given = option.results();
@@ -152,7 +152,7 @@ std::string usage_error(const CLI::App& program, const Words& words, const CLI::
     return fmt::format("{}: {} and {} exclude each other: leave one out", name, what.substr(0, middle),
                        what.substr(middle + 10));
   }
-  if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr) {  // its name is the command's
+  if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr) {  // get_name() of this error is the command's name
     const Words extra = command.remaining();
     return see(command, fmt::format("{}: {} is one too many: {}", name, joined(extra), usage_of(command)));
   }

@@ -35,7 +35,7 @@ std::string version_in_full(int columns) {
   try {
     for (const DeviceInfo& d : list_devices())
       text += entry("device", fmt::format("{} {}, {}", d.index, d.name, d.driver), columns);
-  } catch (const std::runtime_error& error) {  // not even the loader
+  } catch (const std::runtime_error& error) {  // the Vulkan loader is missing
     text += entry("device", error.what(), columns);
   }
   text.pop_back();

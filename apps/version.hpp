@@ -7,8 +7,7 @@ namespace cairn::apps {
 
 /// "cairn 0.2.0 (commit)".
 std::string version_line();
-/// What a report of a fault should tell as well: the compiler, what was built in, devices and their drivers, libraries,
-/// and the formats of sessions.
+/// Information for fault reports: compiler, build options, devices and drivers, libraries, and session formats.
 std::string version_in_full(int columns);
 
 }  // namespace cairn::apps

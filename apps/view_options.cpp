@@ -36,7 +36,7 @@ std::unique_ptr<BrowserPage> tell_how_to_open(const ViewArguments& a, const View
     if (const auto code = qr_code_for_terminal(site.urls.front().url)) fmt::print(stderr, "{}", *code);
   }
   std::fflush(stderr);
-  // On this machine every one of its addresses opens; the last one does not change with the network.
+  // All addresses work on this machine; the last is independent of the network.
   if (!a.open) return nullptr;
   return std::make_unique<BrowserPage>(site.urls.back().url, std::move(is_opened));
 }

@@ -11,14 +11,14 @@
 namespace cairn::apps {
 namespace {
 
-constexpr std::size_t kInFlight = 60;  // frames between sensor and disk: two seconds that the disk may stall for
+constexpr std::size_t kInFlight = 60;  // frames between sensor and disk, to cover a disk stall of two seconds
 
 }  // namespace
 
 void write_frames(const std::function<std::optional<Frame>()>& next,
                   const std::function<EncodedFrame(const Frame&)>& encode, Recorder& writer) {
   namespace tbb = oneapi::tbb;
-  // Kept until all is through: TBB would leak the image that a filter throws at.
+  // Rethrown after the pipeline ends, because TBB would leak the current image of a throwing filter.
   std::exception_ptr failure;
   std::atomic<bool> failed = false;
   using tbb::filter_mode;

@@ -8,7 +8,7 @@
 
 namespace cairn::apps {
 
-/// Writes all frames that `next` gives, in their order: reading, encoding and writing go on at the same time.
+/// Writes all frames returned by `next`, in order, with reading, encoding and writing in parallel.
 void write_frames(const std::function<std::optional<Frame>()>& next,
                   const std::function<EncodedFrame(const Frame&)>& encode, Recorder& writer);
 
