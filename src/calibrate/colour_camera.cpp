@@ -18,27 +18,27 @@
 namespace cairn {
 namespace {
 
-constexpr float kJump = 0.04f;         // of the depth, that something behind an edge is farther
-constexpr float kSmooth = 0.02f;       // of the depth, that the surface before an edge may slope over two pixels
-constexpr float kFarthest = 4;         // metres
-constexpr std::size_t kMost = 1500;    // edge points of a frame
-constexpr std::size_t kEnough = 4000;  // of all frames
-constexpr double kWidth = 640;         // pixels that blurs are meant for; wider colour images are halved
-constexpr double kContrast = 6;        // of 255 a pixel: as strong as an edge of colour need be
-constexpr double kBetter = 1.1;        // times the edges that the promised camera meets
+constexpr float kJump = 0.04f;         // relative depth jump behind an edge
+constexpr float kSmooth = 0.02f;       // maximum relative slope in front of an edge, over two pixels
+constexpr float kFarthest = 4;         // meters
+constexpr std::size_t kMost = 1500;    // maximum number of edge points per frame
+constexpr std::size_t kEnough = 4000;  // minimum number of points in all frames
+constexpr double kWidth = 640;         // reference width in pixels for kBlurs; wider color images are halved
+constexpr double kContrast = 6;        // gray levels per pixel at which a color edge counts fully
+constexpr double kBetter = 1.1;        // required agreement, relative to the nominal camera
 constexpr std::array kBlurs = {6.0, 3.0, 1.5, 0.8};          // pixels, from coarse to fine
-constexpr std::array<std::size_t, 4> kSteps = {6, 4, 2, 1};  // between points: neighbours see the same blurred edge
+constexpr std::array<std::size_t, 4> kSteps = {6, 4, 2, 1};  // point spacing; adjacent points share a blurred edge
 
-using Parameters = std::array<double, 7>;  // rotation vector, translation in metres, focal scale - 1
-// How far from the promised camera the true one may usually be, and what that costs: a share of all points' edges.
+using Parameters = std::array<double, 7>;  // rotation vector, translation in meters, focal scale - 1
+// Typical deviation from the nominal camera, and the weight of its penalty as a share of the number of points.
 constexpr Parameters kUsual = {0.02, 0.02, 0.02, 0.03, 0.03, 0.03, 0.05};
 constexpr double kPrior = 4e-4;
-constexpr double kReach = 4;  // times the usual; what is found there is no camera but an accident
+constexpr double kReach = 4;  // bound in multiples of kUsual; a solution at the bound is a failure
 
-/// A point before an edge of depth.
+/// A point on the near side of a depth edge.
 struct EdgePoint {
-  Eigen::Vector3d position;  // in the promised colour camera's frame
-  bool upright;              // the edge: depth jumps along a row
+  Eigen::Vector3d position;  // in the nominal color camera's frame
+  bool upright;              // vertical edge: depth jumps along a row
 };
 
 struct View {
@@ -46,7 +46,7 @@ struct View {
   cv::Mat smooth;  // brightness, undistorted
 };
 
-/// How strong edges are across rows and across columns, 0 to 255.
+/// Edge strength across rows and across columns, 0 to 255.
 struct EdgeImages {
   using Grid = ceres::Grid2D<std::uint8_t>;
   using Interpolator = ceres::BiCubicInterpolator<Grid>;
@@ -74,7 +74,7 @@ struct EdgeImages {
   }
 };
 
-/// What is missing of an edge of colour where one of depth is seen: 0 to 1.
+/// Residual of a depth edge: 1 minus the strength of the color edge at its pixel, 0 to 1.
 struct MissingEdge {
   const EdgePoint* point;
   const EdgeImages* images;
@@ -114,7 +114,7 @@ struct Usual {
 /// All views at one blur.
 class Level {
  public:
-  /// Every `step`th point is asked.
+  /// Uses every `step`-th point.
   Level(const std::vector<View>& views, const Camera& camera, double blur, std::size_t step) : camera_(camera) {
     for (const View& view : views) {
       images_.push_back(std::make_unique<EdgeImages>(view.smooth, blur));
@@ -123,7 +123,7 @@ class Level {
     }
   }
 
-  /// Mean strength of the edges of colour that edges of depth meet in the image, 0 to 1.
+  /// Mean strength of color edges at the projected depth edges, 0 to 1.
   [[nodiscard]] double agreement(const Parameters& x) const {
     double sum = 0;
     std::size_t count = 0;
@@ -200,7 +200,7 @@ class EdgesOfDepth {
   Eigen::Isometry3d colour_from_depth_;
 };
 
-/// Colour images as smooth brightness without their lens, in a size that the blurs are meant for.
+/// Smoothed, undistorted brightness of color images, at the resolution of kBlurs.
 class GreyImages {
  public:
   explicit GreyImages(const Camera& camera) : raw_(camera), camera_(camera.rectified()) {
@@ -236,7 +236,7 @@ std::vector<View> views_of(Source& source, const GreyImages& grey, int frames) {
     return static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height);
   };
   const std::size_t depth_pixels = pixels_of(source.rig().depth), colour_pixels = pixels_of(source.rig().colour_view());
-  constexpr int kUsualStep = 15;  // where nobody knows how many frames there are
+  constexpr int kUsualStep = 15;  // for sources of unknown length
   const int step = source.size() ? std::max(1, *source.size() / frames) : kUsualStep;
   std::vector<View> views;
   for (int i = 0; static_cast<int>(views.size()) < frames; ++i) {
@@ -263,7 +263,7 @@ std::optional<Rig> find_colour_camera(Source& source, int frames) {
   for (const View& view : views) points += view.points.size();
   if (points < kEnough) return std::nullopt;
 
-  // What is finer than a pixel of depth tells nothing.
+  // Detail below the size of a depth pixel carries no information.
   const double scale = std::max(grey.camera().width / kWidth, grey.camera().fx / promised.depth.fx);
   Parameters x{};
   {

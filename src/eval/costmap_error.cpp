@@ -17,15 +17,15 @@
 namespace cairn {
 namespace {
 
-constexpr double kOnSurface = 1e-3;            // metres
-constexpr double kLeastStep = 5e-3;            // metres: rays along a wall end some time
-constexpr int kMostLooks = 8;                  // points of a cell's column that are asked whether a camera saw them
-constexpr int kStride = 8;                     // pixels from ray to ray
-constexpr double kApart = 0.1, kTurned = 0.1;  // metres, radians, from view to view
-constexpr double kAway = 1.5;                  // cells: farther from every surface a cell is not occupied
-constexpr double kBehind = 2;                  // cells: a solid that far behind its seen surface counts as seen
+constexpr double kOnSurface = 1e-3;            // meters
+constexpr double kLeastStep = 5e-3;            // meters; bounds the number of steps of rays along a wall
+constexpr int kMostLooks = 8;                  // maximum number of visibility tests per cell column
+constexpr int kStride = 8;                     // pixels between rays
+constexpr double kApart = 0.1, kTurned = 0.1;  // minimum motion between views, meters and radians
+constexpr double kAway = 1.5;                  // cells: an occupied cell must have a surface within this distance
+constexpr double kBehind = 2;                  // cells: depth behind an observed surface that counts as observed
 
-/// How far a ray goes, along z of the camera, until it meets a surface; nothing beyond `most` metres.
+/// Depth of a ray's first intersection with the surface, along z of the camera; nullopt beyond `most` meters.
 std::optional<double> depth_along(const Scene& scene, const Eigen::Isometry3d& world_from_camera,
                                   const Eigen::Vector3d& ray, double most) {
   const double length = ray.norm();
@@ -37,12 +37,12 @@ std::optional<double> depth_along(const Scene& scene, const Eigen::Isometry3d& w
   return std::nullopt;
 }
 
-/// Whether a view so far from another shows more.
+/// Returns true if the motion exceeds the minimum between views.
 bool is_apart(const Eigen::Isometry3d& motion) {
   return motion.translation().norm() > kApart || Eigen::AngleAxisd(motion.linear()).angle() > kTurned;
 }
 
-/// What the cameras at poses that are apart see, in images of every kStride-th pixel.
+/// Depth images rendered from the poses with sufficient motion between them, at every kStride-th pixel.
 class Views {
  public:
   Views(const Scene& scene, const Camera& camera, const Trajectory& poses, const SurfaceOptions& range)
@@ -67,13 +67,13 @@ class Views {
     });
   }
 
-  /// Whether a camera looks through a point: all rays around it go farther. `hint`: the view that saw the last one, and
-  /// is asked first.
+  /// Returns true if a camera has free space at a point: all four adjacent rays end behind it. `hint`: index of the
+  /// last matching view, tested first.
   [[nodiscard]] bool see_through(const Eigen::Vector3d& point, std::size_t& hint) const {
     return any(point, hint, [](float z, auto depths) { return std::ranges::min(depths) > z; });
   }
 
-  /// Whether a camera sees a point of a surface: a ray around it ends no nearer, or nearer by less than `tolerance`.
+  /// Returns true if a camera sees a surface point: an adjacent ray ends behind it, or at most `tolerance` in front.
   [[nodiscard]] bool see(const Eigen::Vector3d& point, double tolerance, std::size_t& hint) const {
     return any(point, hint, [tolerance](float z, auto depths) {
       return std::ranges::max(depths) > z - static_cast<float>(tolerance);
@@ -81,7 +81,7 @@ class Views {
   }
 
  private:
-  /// Whether a view has a point in its image, with depths of the four rays around it for which `holds`.
+  /// Returns true if a view contains the point and `holds` is true for the depths of the four adjacent rays.
   template <class Holds>
   [[nodiscard]] bool any(const Eigen::Vector3d& point, std::size_t& hint, const Holds& holds) const {
     for (std::size_t i = 0; i < views_.size(); ++i) {
@@ -103,7 +103,7 @@ class Views {
 
   struct View {
     Eigen::Isometry3d camera_from_world;
-    std::vector<float> depth;  // metres; 0: nothing that the camera measures
+    std::vector<float> depth;  // meters; 0: no measurement
   };
   Camera camera_;
   SurfaceOptions range_;
@@ -146,7 +146,7 @@ CostmapError evaluate_costmap(const Costmap& costmap, const Scene& scene, const 
         is_seen ? ++e.judged, ++e.wrongly_free : ++e.hidden;
         continue;
       }
-      if (cell == Costmap::Cell::unknown && nearest <= 0.5 * size) continue;  // may be occupied: nobody is misled
+      if (cell == Costmap::Cell::unknown && nearest <= 0.5 * size) continue;  // correct: may be occupied
       const int looks = std::min(levels, kMostLooks);
       int seen = 0;
       for (int i = 0; i < looks; ++i) seen += views.see_through(at((i + 0.5) / looks), hint);

@@ -14,9 +14,9 @@ namespace cairn {
 namespace {
 
 constexpr int kEvery = 4;               // voxels
-constexpr double kSameSurface = 0.002;  // metres
-constexpr double kOnSurface = 0.001;    // metres; signs there mean nothing
-constexpr double kSmooth = 0.98;        // length of the true gradient away from the medial axis
+constexpr double kSameSurface = 0.002;  // meters
+constexpr double kOnSurface = 0.001;    // meters; the sign is not defined within this distance
+constexpr double kSmooth = 0.98;        // minimum gradient length away from the medial axis
 
 struct AtPoint {
   bool counts = false, is_smooth = false;

@@ -16,13 +16,13 @@ using Item = Verdict::Item;
 using Level = Verdict::Level;
 
 constexpr double kDegrees = 180 / std::numbers::pi;
-// Percent of the measured depth, on edges left out; docs/decisions.md has right and wrong maps.
+// Percent of the measured depth, without edges; docs/decisions.md has the values of correct and wrong maps.
 constexpr double kInTheWay = 2, kMissing = 8, kNotPredicted = 15;
-constexpr double kFewPoints = 2000;  // measurements, to believe a share of them
+constexpr double kFewPoints = 2000;  // minimum number of measurements for a percentage
 constexpr double kBeyondDrift = 20;  // percent of the windows
-constexpr int kEnoughWindows = 5;    // for a ratio of lengths
+constexpr int kEnoughWindows = 5;    // minimum number for a ratio of lengths
 
-/// `is_good`, or a doubt.
+/// Item of the verdict: good, or a doubt.
 Item item(std::string name, double value, double limit, std::string unit, bool is_good, std::string text) {
   return {.name = std::move(name),
           .value = value,

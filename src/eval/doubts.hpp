@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Measurements of a finished map, with their limits and words.
+// Quality measures of a finished map, with limits and texts.
 #pragma once
 #include <optional>
 #include <string>
@@ -14,9 +14,9 @@
 
 namespace cairn {
 
-/// Without frames, pairs, windows or steps: not measured.
+/// A measure without frames, pairs, windows or steps was not computed.
 struct Measured {
-  DepthAgreement fused, held_out;  // frames of the map, and frames that it has never seen
+  DepthAgreement fused, held_out;  // frames of the map, and held-out frames
   StillView still;
   Speeds speeds;
   PoseAgreement device;
@@ -24,9 +24,9 @@ struct Measured {
   std::string upright_unknown;       // see Outcome
 };
 
-/// Share of the frames in the map, by the levels' own limits.
+/// Share of the frames in the map, with the limits of the verdict's levels.
 [[nodiscard]] Verdict::Item frames_item(double in_map, const Outcome& outcome);
-/// What was measured: what explains most comes first.
+/// Items of the verdict, the most explanatory first.
 [[nodiscard]] std::vector<Verdict::Item> items_of(const Measured& measured);
 
 }  // namespace cairn

@@ -10,7 +10,7 @@ namespace cairn {
 
 constexpr double kSameFrame = 0.001;  // seconds
 
-/// Its own, not one between those of others: a frame that was lost has none.
+/// Pose of the frame at `time`, without interpolation: a lost frame has no pose.
 [[nodiscard]] inline std::optional<Eigen::Isometry3d> frame_pose(const Trajectory& poses, double time) {
   const auto next = std::lower_bound(poses.begin(), poses.end(), time - kSameFrame,
                                      [](const StampedPose& pose, double t) { return pose.timestamp < t; });

@@ -13,15 +13,15 @@
 namespace cairn {
 namespace {
 
-constexpr int kAcross = 64;  // pixels of the grid, at most
+constexpr int kAcross = 64;  // maximum width of the grid in pixels
 constexpr std::size_t kOutside = std::numeric_limits<std::size_t>::max();
-constexpr float kEdge = 0.04f;  // of the depth, between neighbors: mixed pixels and silhouettes are left out
+constexpr float kEdge = 0.04f;  // relative depth difference of neighbors; excludes mixed pixels and silhouettes
 
 std::size_t pixels_of(const Camera& c) {
   return static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height);
 }
 
-/// Every `step`-th pixel of the image once its lens is undone.
+/// Camera with every `step`-th pixel of the undistorted image.
 Camera grid_of(const Camera& image) {
   const int step = (image.width + kAcross - 1) / kAcross, first = step / 2;
   Camera grid = image.rectified();
@@ -31,7 +31,7 @@ Camera grid_of(const Camera& image) {
   return grid;
 }
 
-/// Depth at a pixel whose four neighbors belong to the same surface; 0 elsewhere.
+/// Depth of a pixel if its four neighbors are on the same surface, else 0.
 float flat_depth(const std::vector<float>& depth, std::size_t pixel, std::size_t width) {
   const float z = depth[pixel];
   if (!(z > 0)) return 0;
@@ -48,7 +48,7 @@ constexpr char kDigits[] = "0123456789abcdef";
 
 template <class Number>
 std::string in_hex(const std::vector<Number>& numbers) {
-  std::string text = "x";  // an empty list is a word, too
+  std::string text = "x";  // keeps an empty list readable as a word
   for (const Number n : numbers)
     for (int shift = 8 * static_cast<int>(sizeof(Number)) - 4; shift >= 0; shift -= 4) text += kDigits[n >> shift & 15];
   return text;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Frames of a run on a coarse grid, for a comparison with the finished map.
+// Frames of a run sampled on a coarse grid, for comparison with the finished map.
 #pragma once
 #include <cstdint>
 #include <iosfwd>
@@ -10,34 +10,34 @@
 
 namespace cairn {
 
-/// A frame at the pixels of the grid.
+/// A frame on the pixels of the grid.
 struct FrameSample {
   double timestamp = 0;  // seconds
-  int recording = 0;     // of the map, counted from 0
+  int recording = 0;     // index of the recording in the map, from 0
   bool held_out = false;
   std::vector<std::uint16_t> depth;      // units of kDepthUnit; 0: no measurement, or an edge
-  std::vector<std::uint8_t> brightness;  // 0 to 255; empty: no color on depth
+  std::vector<std::uint8_t> brightness;  // 0 to 255; empty: no color aligned with depth
 
-  static constexpr double kDepthUnit = 0.0002;  // meters; depth beyond 13.1 m is left out
+  static constexpr double kDepthUnit = 0.0002;  // meters; depth beyond 13.1 m is dropped
   [[nodiscard]] double at(std::size_t pixel) const { return kDepthUnit * depth[pixel]; }
 };
 
-/// An even sample of a run's frames: every n-th, with n doubled as the run grows, so that a run of days takes no more
-/// memory than one of minutes. Frames that are held out have a sample of their own.
+/// Even sample of a run's frames: every n-th frame, with n doubled as the run grows, so that memory does not grow with
+/// its length. Held-out frames are sampled separately.
 class FrameSamples {
  public:
   static constexpr std::size_t kMost = 48, kMostHeldOut = 16;  // frames
   explicit FrameSamples(const Rig& rig);
 
-  /// `depth_range`: meters, of what the map uses.
+  /// Depth outside [min_depth, max_depth], in meters, is dropped.
   void add(const Frame& frame, int recording, double min_depth, double max_depth);
-  /// Pinhole camera of the grid: at most 64 pixels across, without lens and shutter.
+  /// Pinhole camera of the grid: at most 64 pixels wide, without distortion and rolling shutter.
   [[nodiscard]] const Camera& camera() const { return camera_; }
   /// All samples, fused frames first, each in the order of the run.
   [[nodiscard]] std::vector<const FrameSample*> all() const;
 
   void save(std::ostream& out) const;
-  /// Samples that save() wrote for the same grid; others leave the samples as they are.
+  /// Restores samples written by save() for the same grid; keeps the current samples for any other input.
   void restore(std::istream& in);
 
  private:
@@ -48,7 +48,7 @@ class FrameSamples {
   [[nodiscard]] FrameSample sample_of(const Frame& frame, double min_depth, double max_depth) const;
   Rig rig_;
   Camera camera_;
-  std::vector<std::size_t> pixels_;  // of the image, by pixel of the grid; kOutside: beside it
+  std::vector<std::size_t> pixels_;  // image pixel per grid pixel; kOutside: outside the image
   Thinned fused_, held_out_;
 };
 

@@ -10,8 +10,8 @@ namespace cairn {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
-constexpr double kRightShift = 0.1, kRightTurn = 5 * kDegree;       // metres, radians
-constexpr double kRevisitShift = 0.5, kRevisitTurn = 25 * kDegree;  // metres, radians
+constexpr double kRightShift = 0.1, kRightTurn = 5 * kDegree;       // meters, radians
+constexpr double kRevisitShift = 0.5, kRevisitTurn = 25 * kDegree;  // meters, radians
 
 bool is_within(const Eigen::Isometry3d& motion, double shift, double turn) {
   return motion.translation().norm() < shift && Eigen::AngleAxisd(motion.linear()).angle() < turn;

@@ -14,22 +14,22 @@
 namespace cairn {
 namespace {
 
-constexpr double kBent = 0.02;              // meters, and radians, within half a readout
-constexpr double kSigmas = 4, kVoxels = 3;  // of the noise, of the map's resolution
+constexpr double kBent = 0.02;              // maximum motion in half a readout, meters and radians
+constexpr double kSigmas = 4, kVoxels = 3;  // multiples of the depth noise, and of the voxel size
 constexpr double kSameSurface = 0.1;        // meters
 
-constexpr float kNear = 0.05f;  // meters: triangles that reach nearer are left out
+constexpr float kNear = 0.05f;  // meters; nearer triangles are dropped
 
-/// Corner of a triangle: pixel, and 1/z.
+/// Projected corner of a triangle: pixel and 1/z.
 struct Projected {
   float u, v, inverse_z;  // 0: behind the near plane
 };
 
-/// Raises 1/z in the pixels that a triangle covers. Most triangles of a map are smaller than a pixel of the grid.
+/// Depth test with 1/z for the pixels of a triangle. Most triangles of a map are smaller than a pixel of the grid.
 void draw(const Projected& a, const Projected& b, const Projected& c, const Camera& grid,
           std::vector<float>& inverse_z) {
   const float area = (b.u - a.u) * (c.v - a.v) - (b.v - a.v) * (c.u - a.u);
-  if (!(area < 0)) return;  // seen from behind: rows go down
+  if (!(area < 0)) return;  // back face, with rows downward
   const int left = std::max(0, static_cast<int>(std::ceil(std::max(-1.0f, std::min({a.u, b.u, c.u}))))),
             right =
                 static_cast<int>(std::floor(std::min(static_cast<float>(grid.width - 1), std::max({a.u, b.u, c.u})))),
@@ -48,8 +48,8 @@ void draw(const Projected& a, const Projected& b, const Projected& c, const Came
     }
 }
 
-/// Depth of the surface, front sides alone, as render_mesh draws it; 0: nothing. Depth alone, on a coarse grid, takes a
-/// twentieth of its time.
+/// Renders the depth of front faces, as render_mesh does; 0: no surface. Takes a twentieth of render_mesh's time, since
+/// it renders only depth on a coarse grid.
 std::vector<float> draw_depth(const std::vector<Mesh>& parts, const Camera& grid,
                               const Eigen::Isometry3d& world_from_camera) {
   const Eigen::Isometry3f camera_from_world = world_from_camera.inverse().cast<float>();
@@ -73,11 +73,11 @@ std::vector<float> draw_depth(const std::vector<Mesh>& parts, const Camera& grid
   return depth;
 }
 
-/// Depth of the map in a pixel and its neighbors: silhouettes of the map are off by up to a pixel of the grid.
+/// Depth of the map in the 3x3 pixels around a measurement, since silhouettes of the map deviate by up to a grid pixel.
 struct Drawn {
-  double least = 1e9, most = 0;  // over nine pixels
-  double nearest = 1e9;          // distance of the closest to the measurement
-  bool is_whole = true;          // surface in all nine
+  double least = 1e9, most = 0;  // range over the nine pixels
+  double nearest = 1e9;          // smallest difference to the measurement
+  bool is_whole = true;          // surface in all nine pixels
 };
 
 Drawn drawn_at(const std::vector<float>& depth, const Camera& grid, int x, int y, double measured) {

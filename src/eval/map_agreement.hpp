@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A finished map against a sample of the frames it was made from.
+// Comparison of a finished map with a sample of its frames.
 #pragma once
 #include <optional>
 #include <vector>
@@ -17,8 +17,9 @@ struct PlacedSample {
   const FrameSample* sample = nullptr;
   Eigen::Isometry3d world_from_camera = Eigen::Isometry3d::Identity();
 };
-/// Samples whose frame has a pose. `trajectories`: by recording; `clock_offset`: seconds that their times are ahead of
-/// the frames'. With a rolling shutter, samples of a slow camera alone: fast ones are bent by more than the map errs.
+/// Returns the samples with a pose. `trajectories`: by recording; `clock_offset`: trajectory times minus frame times,
+/// in seconds. With a rolling shutter, only samples of a slow camera: the distortion of fast frames exceeds the error
+/// of the map.
 [[nodiscard]] std::vector<PlacedSample> placed_samples(const FrameSamples& samples, double readout,
                                                        const std::vector<Trajectory>& trajectories,
                                                        double clock_offset);
@@ -26,13 +27,13 @@ struct PlacedSample {
 /// Agreement of measured depth with the depth of the map along the same rays.
 struct DepthAgreement {
   int frames = 0;
-  double points = 0;            // measurements that were compared, edges left out
-  double in_front = 0;          // share whose ray passes through a surface of the map before it ends
-  double missing = 0;           // share with no surface of the map near by
-  double median = 0, rmse = 0;  // meters between measurement and map, where these are within 10 cm
+  double points = 0;            // number of compared measurements, without edges
+  double in_front = 0;          // share of the measurements behind a surface of the map
+  double missing = 0;           // share of the measurements without a nearby surface of the map
+  double median = 0, rmse = 0;  // meters between measurement and map, for differences below 10 cm
 };
 
-/// `tolerance`: meters by depth, within which a measurement and the map are the same surface.
+/// Depth-dependent tolerance in meters within which a measurement and the map are the same surface.
 struct DepthTolerance {
   SensorModel sensor;
   double voxel_size = 0;  // meters

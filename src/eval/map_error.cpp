@@ -19,12 +19,12 @@
 namespace cairn {
 namespace {
 
-constexpr std::array kRanges{0.0, 1.5, 2.5, 3.5, 5.0};  // metres, where one band of depths ends and the next begins
-constexpr float kElsewhere = 0.1f;                      // metres: not the same surface
-constexpr float kOneSheet = 0.005f, kTwoSheets = 0.05f, kSameSide = 0.7f;  // metres; cosine between normals
+constexpr std::array kRanges{0.0, 1.5, 2.5, 3.5, 5.0};  // meters, limits of the depth bands
+constexpr float kElsewhere = 0.1f;                      // meters: beyond this distance, another surface
+constexpr float kOneSheet = 0.005f, kTwoSheets = 0.05f, kSameSide = 0.7f;  // meters; cosine between normals
 constexpr int kSheetSamples = 100000;
 
-/// Triangles that a line through one of them meets.
+/// Triangles with a ray query along their normals.
 class Sheets {
  public:
   explicit Sheets(const std::vector<Mesh>& parts) {
@@ -41,7 +41,7 @@ class Sheets {
     tree_.init(objects.begin(), objects.end(), boxes.begin(), boxes.end());
   }
 
-  /// Share of the surface that has another sheet that faces the same way, before or behind it.
+  /// Share of the surface with another sheet in front or behind, facing the same way.
   [[nodiscard]] double doubled() const {
     if (triangles_.empty()) return 0;
     std::vector<double> areas;
@@ -67,10 +67,11 @@ class Sheets {
   struct Triangle {
     std::array<Eigen::Vector3f, 3> corners;
     [[nodiscard]] Eigen::Vector3f normal() const {
-      return (corners[1] - corners[0]).cross(corners[2] - corners[0]);  // twice its area long
+      return (corners[1] - corners[0]).cross(corners[2] - corners[0]);  // length: twice the area
     }
   };
-  /// Whether the line along a normal meets a triangle with nearly the same normal, near by and not at once.
+  /// Returns true if the line along a normal intersects another triangle of similar normal, at a distance from
+  /// kOneSheet to kTwoSheets.
   [[nodiscard]] bool meets(const Eigen::Vector3f& p, const Eigen::Vector3f& n) const {
     struct Line {
       const std::vector<Triangle>& triangles;
@@ -100,7 +101,7 @@ class Sheets {
   Eigen::KdBVH<float, 3, int> tree_;
 };
 
-/// Depth by bands of range.
+/// Depth errors by range band.
 class DepthErrors {
  public:
   void add(const std::vector<ViewComparison::Pixel>& pixels) {

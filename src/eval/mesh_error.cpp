@@ -18,7 +18,7 @@ struct Sample {
   std::size_t triangle;
 };
 
-/// Points spread evenly by area: one in each of `count` strata of the cumulated area.
+/// Samples points evenly by area: one in each of `count` strata of the cumulative area.
 std::vector<Sample> sample(const Mesh& mesh, int count) {
   std::vector<double> cumulated;
   double area = 0;
@@ -56,7 +56,7 @@ Eigen::Vector3f normal_of(const Mesh& mesh, std::size_t triangle) {
   return (mesh.positions[t[1]] - mesh.positions[t[0]]).cross(mesh.positions[t[2]] - mesh.positions[t[0]]).normalized();
 }
 
-/// By triangle: which of its sides are a border, as bits.
+/// Boundary edges per triangle, as bits.
 std::vector<std::uint8_t> borders_of(const Mesh& mesh) {
   const std::vector<Side> sides = sides_by_edge(mesh, weld(mesh));
   std::vector<std::uint8_t> borders(mesh.triangles.size(), 0);
@@ -66,9 +66,9 @@ std::vector<std::uint8_t> borders_of(const Mesh& mesh) {
   return borders;
 }
 
-/// Whether a point lies on one of these sides of a triangle.
+/// Returns true if a point is on one of the given boundary edges of a triangle.
 bool is_on_border(const Mesh& mesh, std::size_t triangle, std::uint8_t borders, const Eigen::Vector3f& point) {
-  constexpr float kOn = 1e-5f;  // metres
+  constexpr float kOn = 1e-5f;  // meters
   const auto& t = mesh.triangles[triangle];
   for (std::size_t corner = 0; corner < 3; ++corner) {
     if ((borders >> corner & 1) == 0) continue;

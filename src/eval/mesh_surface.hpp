@@ -12,7 +12,7 @@
 
 namespace cairn {
 
-/// To a point from the nearest one of a triangle (Ericson 2005, Real-Time Collision Detection, 5.1.5).
+/// Vector from the nearest point of a triangle to p (Ericson 2005, Real-Time Collision Detection, 5.1.5).
 inline Eigen::Vector3f from_triangle(const Eigen::Vector3f& p, const Eigen::Vector3f& a, const Eigen::Vector3f& b,
                                      const Eigen::Vector3f& c) {
   const Eigen::Vector3f ab = b - a, ac = c - a;
@@ -35,7 +35,7 @@ inline Eigen::Vector3f from_triangle(const Eigen::Vector3f& p, const Eigen::Vect
   return ap - vb * scale * ab - vc * scale * ac;
 }
 
-/// Distances to a mesh, which must outlive it.
+/// Distance queries on a mesh, which must outlive this object.
 class MeshSurface {
  public:
   explicit MeshSurface(const Mesh& mesh) : mesh_(mesh) {

@@ -10,15 +10,15 @@
 namespace cairn {
 namespace {
 
-// Drift of visual-inertial odometry and of tracking together.
-constexpr double kShift = 0.05, kShiftOfWay = 0.03;                       // meters, and share of the way
-constexpr double kTurn = 2 * std::numbers::pi / 180, kTurnOfTurn = 0.02;  // radians, and share of all turning
+// Combined drift of visual-inertial odometry and of tracking.
+constexpr double kShift = 0.05, kShiftOfWay = 0.03;                       // meters, and share of the path length
+constexpr double kTurn = 2 * std::numbers::pi / 180, kTurnOfTurn = 0.02;  // radians, and share of the rotation
 constexpr double kScale = 0.03;                                           // of all lengths
 constexpr double kWindows[] = {1, 5};                                     // seconds
-constexpr double kScaledWay = 0.3;  // meters between the ends of a window, for a ratio of lengths
+constexpr double kScaledWay = 0.3;  // minimum distance in meters between the ends of a window, for a ratio of lengths
 constexpr std::size_t kFewest = 3;  // poses
 
-/// A moment with both poses, and the way of the device up to it.
+/// Both poses at a time, with the device's path length and rotation so far.
 struct Both {
   double timestamp;
   Eigen::Isometry3d tracked, device;
@@ -47,7 +47,7 @@ double median_of(std::vector<double> values) {
   return *middle;
 }
 
-/// Difference of two relative motions, and what drift allows.
+/// Difference of two relative motions, with the limits due to drift.
 struct Difference {
   double shift, turn, allowed_shift, allowed_turn;
   [[nodiscard]] bool is_beyond() const { return shift > allowed_shift || turn > allowed_turn; }

@@ -1,25 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A tracked trajectory against the poses of a device that took the recording.
+// Comparison of a tracked trajectory with the poses of the recording's device.
 #pragma once
 #include "cairn/trajectory.hpp"
 
 namespace cairn {
 
-/// Relative motions over windows of time.
+/// Agreement of relative motions over time windows.
 struct PoseAgreement {
-  int windows = 0;             // 0: nothing to compare
-  double beyond = 0;           // share of the windows in which the two differ by more than both drift
-  double shift = 0, turn = 0;  // meters and radians over all of the recording, or the longest part of it with both
-  double allowed_shift = 0, allowed_turn = 0;  // of these
-  int scaled_windows = 0;                      // with enough way for a ratio of lengths
-  double scale = 1;                            // median of tracked way over the device's
-  double allowed_scale = 0;                    // difference from 1
-  double scale_spread = 0;                     // half of the ratios lie so far from it, at most
+  int windows = 0;             // 0: no comparison possible
+  double beyond = 0;           // share of the windows in which the difference exceeds the drift of both
+  double shift = 0, turn = 0;  // meters and radians, between the first and the last time with both poses
+  double allowed_shift = 0, allowed_turn = 0;  // limits of shift and turn
+  int scaled_windows = 0;                      // windows with sufficient motion for a ratio of lengths
+  double scale = 1;                            // median ratio of the tracked distance to the device's distance
+  double allowed_scale = 0;                    // limit for the deviation from 1
+  double scale_spread = 0;                     // median absolute deviation of the ratios
 };
 
-/// `tracked` and `device` in the same clock; worlds are their own. Poses of the device count between two that are at
-/// most 0.1 s apart. `drift`: of the device, in units of visual-inertial odometry's.
+/// Compares trajectories with a common clock; their worlds may differ. Interpolates device poses over gaps of at most
+/// 0.1 s. `drift`: the device's drift relative to visual-inertial odometry.
 [[nodiscard]] PoseAgreement compare_poses(const Trajectory& tracked, const Trajectory& device, double drift = 1);
 
 }  // namespace cairn

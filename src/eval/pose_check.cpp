@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Poses against depth: points of one depth image are compared with another one where the poses say. The same is done
-// for every convention in which the poses could be meant.
+// Consistency check of given poses and depth: points of a depth image are compared with another depth image, using the
+// given relative pose. The check is repeated for all conventions the poses could use.
 #include "cairn/pose_check.hpp"
 
 #include <fmt/format.h>
@@ -18,39 +18,40 @@
 namespace cairn {
 namespace {
 
-// Of the frames that are compared.
+// Selection of frames.
 constexpr int kBursts = 4, kInBurst = 24;
-constexpr double kSpacing = 0.09;             // seconds, at least, between frames of a burst
-constexpr int kAll = 3 * kBursts * kInBurst;  // frames; a shorter recording is one burst
-constexpr int kUnseekable = 64;               // frames, from the first, of a source that can only be read on
-constexpr double kBreak = 3;                  // times the usual spacing: another burst
-// Of two views.
-constexpr int kWidth = 160;  // pixels, at most
+constexpr double kSpacing = 0.09;             // minimum seconds between frames of a burst
+constexpr int kAll = 3 * kBursts * kInBurst;  // frames; a shorter recording is a single burst
+constexpr int kUnseekable = 64;               // number of leading frames read from a source without seeking
+constexpr double kBreak = 3;                  // times the usual spacing: starts another burst
+// Comparison of two views.
+constexpr int kWidth = 160;  // maximum width in pixels
 constexpr int kPointColumns = 14, kPointRows = 10;
 constexpr float kSigmas = 3;          // of the difference of two depths
 constexpr float kPoseError = 0.015f;  // meters, of ordinary poses between two frames
-constexpr float kTurnError = 0.01f;   // radians, of the same
+constexpr float kTurnError = 0.01f;   // radians, of ordinary poses between two frames
 constexpr float kNearest = 0.05f;     // meters
-constexpr float kEdge = 0.05f;        // of the depth, between neighbors on one surface
+constexpr float kEdge = 0.05f;        // relative depth difference of neighbors on one surface
 constexpr float kLeastSeen = 0.25f;   // of the points
-// Of pairs: a share of a motionless camera this low shows motion; poses show it by their angle and length.
+// Pairs: agreement below these shares without motion indicates a moving camera; poses indicate motion by angle and
+// length.
 constexpr std::array kMoved{0.75f, 0.45f};
 constexpr double kTurned = 0.1, kShifted = 0.15;         // radians, meters
-constexpr double kMostTurned = 0.5, kMostShifted = 0.5;  // the same, between views of much of the same
-constexpr int kViewsInStretch = 4;                       // whose pairs are not independent
+constexpr double kMostTurned = 0.5, kMostShifted = 0.5;  // radians, meters: maximum motion between overlapping views
+constexpr int kViewsInStretch = 4;                       // number of views whose pairs are correlated
 constexpr int kFewPairs = 8, kFewStretches = 4;
-// Of conventions.
+// Conventions.
 constexpr std::array kScales{1.0, 0.001, 0.01, 0.3048, 100.0, 1000.0};
-constexpr std::size_t kRefined = 8;  // the best, for which clock and scale are searched
+constexpr std::size_t kRefined = 8;  // number of best candidates for the clock and scale search
 constexpr double kMostClock = 1, kMostClockAlone = 5, kClockStep = 0.1, kClockFine = 0.02;  // seconds
-constexpr double kLeastClock = 0.05;  // seconds that are worth a word
-constexpr double kMostScale = 32;     // times
-constexpr double kLeastScale = 1.1;   // times, that is worth a word
-constexpr double kSameScale = 1.5;    // times, of scales that are one and the same finding
-// Of shares: a clear difference, and one between two conventions, in which the simpler is preferred.
+constexpr double kLeastClock = 0.05;  // smallest reported offset in seconds
+constexpr double kMostScale = 32;     // factor
+constexpr double kLeastScale = 1.1;   // smallest reported factor
+constexpr double kSameScale = 1.5;    // factor below which two scales are the same result
+// Differences of shares: a clear difference, and equality of two conventions, in which case the simpler is preferred.
 constexpr double kClear = 0.06, kClearSigmas = 4;
 constexpr double kSame = 0.02, kSameSigmas = 2;
-constexpr double kUnexplained = 0.6;  // share below which poses must explain more than no motion
+constexpr double kUnexplained = 0.6;  // below this share, the poses must explain more than the motionless camera
 
 struct View {
   double time = 0;
@@ -58,7 +59,7 @@ struct View {
   std::vector<Eigen::Vector3f> points;
 };
 
-/// Depth images of few pixels, without lens.
+/// Undistorted depth images at low resolution.
 class Views {
  public:
   explicit Views(const Rig& rig) : rig_(rig), camera_(rig.depth.rectified()) {
@@ -95,7 +96,7 @@ class Views {
   }
 
  private:
-  /// The point in the middle of a cell, where its neighbors are on the same surface.
+  /// Adds the point at the center of a cell if its neighbors are on the same surface.
   void add_point(View& view, int row, int column) const {
     const int x = (2 * column + 1) * camera_.width / (2 * kPointColumns),
               y = (2 * row + 1) * camera_.height / (2 * kPointRows);
@@ -110,10 +111,10 @@ class Views {
 
   Rig rig_;
   Camera camera_;
-  std::vector<int> pixel_;  // of the depth image, by that of a view; -1: none
+  std::vector<int> pixel_;  // depth image pixel per view pixel; -1: none
 };
 
-/// Depth between four pixels, or that of the nearest to `z` where they are not on one surface; 0: none.
+/// Depth interpolated between four pixels; at a depth edge, the value nearest to `z`; 0: no depth.
 float depth_at(const View& view, int width, float u, float v, float z) {
   const int x = static_cast<int>(u), y = static_cast<int>(v);
   const float* const row = view.depth.data() + static_cast<std::ptrdiff_t>(y) * width + x;
@@ -135,7 +136,7 @@ class Comparison {
     fx_ = static_cast<float>(camera.fx), fy_ = static_cast<float>(camera.fy);
     cx_ = static_cast<float>(camera.cx), cy_ = static_cast<float>(camera.cy);
   }
-  /// Share of the points of `a` that `b` shows where they are.
+  /// Share of the points of `a` that agree with the depth of `b`.
   [[nodiscard]] float share(const View& a, const View& b, const Eigen::Isometry3f& b_from_a) const {
     int seen = 0, agree = 0;
     for (const Eigen::Vector3f& point : a.points) {
@@ -166,13 +167,13 @@ class Comparison {
   float fx_, fy_, cx_, cy_;
 };
 
-using Shares = std::vector<float>;  // by pair; NaN: no poses at its times
+using Shares = std::vector<float>;  // per pair; NaN: no poses at its times
 
-/// Pairs of views between which the camera moves, by the images or by the poses.
+/// Two views with camera motion between them, according to the images or the poses.
 struct Pair {
   std::size_t a, b;  // views
-  int stretch;       // of time
-  bool by_poses;     // they claim to move
+  int stretch;       // index of the time stretch
+  bool by_poses;     // the poses show motion
 };
 
 bool claims_motion(const Eigen::Isometry3d& a_from_b) {
@@ -240,8 +241,8 @@ class PoseEvidence {
       if (a % 2 == 0) add_pairs(a, end, stretch);
     }
   }
-  /// The first later views that differ from it enough, the first to which the poses claim to have moved, and the last
-  /// that they claim to see much of the same: small errors add up until then.
+  /// Adds the first later views with sufficiently different images, the first with motion according to the poses, and
+  /// the last with overlap according to the poses, where small errors have accumulated.
   void add_pairs(std::size_t a, std::size_t end, int stretch) {
     std::size_t differ = 0, last = a;
     bool has_moved = false;
@@ -261,12 +262,12 @@ class PoseEvidence {
 
   Trajectory poses_;
   Comparison comparison_;
-  std::vector<View> views_;               // of the frames that have poses
-  std::vector<Eigen::Isometry3d> given_;  // as read, by view
+  std::vector<View> views_;               // of the frames with poses
+  std::vector<Eigen::Isometry3d> given_;  // unmodified, per view
   std::vector<Pair> pairs_;
 };
 
-/// Mean of the differences of two conventions' shares, and the same in standard deviations, of means over stretches.
+/// Mean difference of the shares of two conventions, also in standard deviations of the means over stretches.
 struct Difference {
   double mean = 0, sigmas = 0;
   int pairs = 0;
@@ -286,19 +287,19 @@ Difference difference(const std::vector<Pair>& pairs, const Shares& a, const Sha
   }
   if (sums.size() < kFewStretches) return {};
   const double mean = sum / count, n = static_cast<double>(sums.size());
-  double squares = 0;  // of a ratio of sums over clusters
+  double squares = 0;  // variance of a ratio of sums over clusters
   for (std::size_t i = 0; i < sums.size(); ++i) squares += std::pow(sums[i] - mean * counts[i], 2);
   const double deviation = std::sqrt(squares * n / (n - 1)) / count;
   return {mean, mean / std::max(deviation, 1e-3), static_cast<int>(count)};
 }
 
-/// Whether there are poses for half of the pairs.
+/// Returns true if at least half of the pairs have poses.
 bool have_poses(const Shares& shares) {
   const auto without = std::count_if(shares.begin(), shares.end(), [](float s) { return std::isnan(s); });
   return !shares.empty() && 2 * static_cast<std::size_t>(without) <= shares.size();
 }
 
-/// 0 where there are too few poses.
+/// 0 if there are too few poses.
 double mean_of(const Shares& shares) {
   double sum = 0, count = 0;
   for (const float s : shares)
@@ -310,7 +311,7 @@ struct Candidate {
   PoseConvention convention;
   Shares shares;
   double mean = 0;
-  /// How much is to be wrong at once; what has a name is likelier.
+  /// Number of departures from the default convention; unnamed conventions count more, since they are less likely.
   [[nodiscard]] double departures() const {
     constexpr double kUnnamed = 0.2;
     const PoseConvention& c = convention;
@@ -363,7 +364,7 @@ class Search {
     }
     sort();
   }
-  /// The simplest of those that explain as much as the best.
+  /// The simplest candidate that explains the depth as well as the best.
   [[nodiscard]] const Candidate& likely() const {
     const Candidate* found = &all_.front();
     for (const Candidate& c : all_)
@@ -372,7 +373,7 @@ class Search {
         found = &c;
     return *found;
   }
-  /// Whether another one that is as simple explains as much.
+  /// Returns true if another candidate of the same simplicity explains the depth as well.
   [[nodiscard]] bool has_rival(const Candidate& likely) const {
     return std::any_of(all_.begin(), all_.end(), [&](const Candidate& c) {
       return std::floor(c.departures()) <= std::floor(likely.departures()) && !c.is_about(likely) &&
@@ -429,7 +430,7 @@ class Search {
   }
 
   const PoseEvidence& evidence_;
-  std::vector<Candidate> all_;  // the best first
+  std::vector<Candidate> all_;  // sorted, best first
 };
 
 }  // namespace
@@ -468,14 +469,14 @@ PoseCheck check_poses(const Rig& rig, const std::vector<Frame>& frames, const Tr
   if (moved.pairs < kFewPairs) return {};
   PoseCheck check{.pairs = moved.pairs, .as_given = mean_of(given), .motionless = mean_of(motionless)};
   check.explained = check.as_given;
-  if (check.as_given > 1 - kClear) return check;  // nothing can be clearly better
+  if (check.as_given > 1 - kClear) return check;  // a clear improvement is impossible
   const Search search(evidence);
   const Candidate& likely = search.likely();
   check.explained = likely.mean;
   check.likely = likely.convention;
   check.is_likely = difference(pairs, likely.shares, given).is_clear();
   check.is_only = check.is_likely && !search.has_rival(likely);
-  // Poses that claim motion must explain more than none.
+  // Poses with motion must explain more than a motionless camera.
   const Difference gained = difference(pairs, given, motionless, true);
   const bool is_in_vain = gained.pairs >= kFewPairs && check.as_given < kUnexplained && gained.mean < kSame;
   check.contradicts = check.is_likely || moved.is_clear() || is_in_vain;

@@ -12,12 +12,12 @@
 namespace cairn {
 namespace {
 
-constexpr float kNear = 0.05f;  // metres
-constexpr int kBand = 32;       // rows that one thread draws at a time
+constexpr float kNear = 0.05f;  // meters
+constexpr int kBand = 32;       // rows per thread
 
-/// A corner as it is drawn: 1/z, and what is interpolated over z.
+/// Vertex with the attributes interpolated over z.
 struct Corner {
-  Eigen::Vector3f point;  // in the camera
+  Eigen::Vector3f point;  // camera frame
   Eigen::Vector3f colour;
   Eigen::Vector2f texture_coordinates;
 };
@@ -27,7 +27,7 @@ Corner between(const Corner& a, const Corner& b, float t) {
           a.texture_coordinates + t * (b.texture_coordinates - a.texture_coordinates)};
 }
 
-/// The part of a triangle before the near plane.
+/// Clips a triangle at the near plane.
 std::vector<Corner> clipped(const std::array<Corner, 3>& triangle) {
   std::vector<Corner> polygon;
   for (std::size_t k = 0; k < 3; ++k) {
@@ -55,7 +55,7 @@ Eigen::Vector3f bilinear(const Texture& t, const Eigen::Vector2f& at) {
          v * ((1 - u) * texel(t, i, j + 1) + u * texel(t, i + 1, j + 1));
 }
 
-/// The camera with several samples a pixel and side. Sample (i, j) lies at ((i + 0.5) / samples - 0.5) of the pixels.
+/// Camera with several samples per pixel and axis. Sample (i, j) is at ((i + 0.5) / samples - 0.5) of the pixels.
 struct SampleCamera {
   int width, height;
   float fx, fy, cx, cy;
@@ -71,7 +71,7 @@ SampleCamera sample_camera(const Camera& camera, int samples) {
           .cy = s * (static_cast<float>(camera.cy) + 0.5f) - 0.5f};
 }
 
-/// A triangle as it is drawn.
+/// A projected triangle.
 struct Projected {
   Eigen::Vector2f at[3];
   float inverse_z[3];
@@ -94,7 +94,7 @@ Corner corner_of(const Mesh& mesh, std::uint32_t v, bool is_textured, const Eige
   return c;
 }
 
-/// Triangles that face the camera and may lie in its image, in their order.
+/// Appends the front-facing triangles that may be in the image, in order.
 void project(const Mesh& mesh, const Eigen::Isometry3f& camera_from_world, const SampleCamera& camera,
              std::vector<Projected>& triangles) {
   const bool is_textured = !mesh.texture_coordinates.empty() && !mesh.texture.texels.empty();
@@ -102,7 +102,7 @@ void project(const Mesh& mesh, const Eigen::Isometry3f& camera_from_world, const
     std::array<Corner, 3> corners;
     for (std::size_t k = 0; k < 3; ++k) corners[k] = corner_of(mesh, t[k], is_textured, camera_from_world);
     const Eigen::Vector3f normal = (corners[1].point - corners[0].point).cross(corners[2].point - corners[0].point);
-    if (normal.dot(corners[0].point) >= 0) continue;  // seen from behind
+    if (normal.dot(corners[0].point) >= 0) continue;  // back face
     const std::vector<Corner> polygon = clipped(corners);
     for (std::size_t k = 1; k + 1 < polygon.size(); ++k) {
       Projected d{.texture = is_textured ? &mesh.texture : nullptr};
@@ -124,7 +124,7 @@ void project(const Mesh& mesh, const Eigen::Isometry3f& camera_from_world, const
   }
 }
 
-/// By band of rows, the triangles that reach into it.
+/// Triangle indices per band of rows.
 std::vector<std::vector<std::uint32_t>> triangles_by_band(const std::vector<Projected>& triangles, int height) {
   std::vector<std::vector<std::uint32_t>> bands(static_cast<std::size_t>((height + kBand - 1) / kBand));
   for (std::uint32_t i = 0; i < triangles.size(); ++i) {
@@ -135,10 +135,10 @@ std::vector<std::vector<std::uint32_t>> triangles_by_band(const std::vector<Proj
   return bands;
 }
 
-/// What was drawn, by sample.
+/// Rendered samples.
 struct Samples {
   int width, height;
-  std::vector<float> inverse_z;  // 0: nothing
+  std::vector<float> inverse_z;  // 0: empty
   std::vector<Eigen::Vector3f> colour;
 
   [[nodiscard]] std::size_t index(int x, int y) const {
@@ -146,7 +146,7 @@ struct Samples {
   }
 };
 
-/// Draws the rows from `first` to `last` of a triangle.
+/// Rasterizes the rows from `first` to `last` of a triangle.
 void draw(const Projected& d, int first, int last, Samples& samples) {
   const Eigen::Vector2f ab = d.at[1] - d.at[0], ac = d.at[2] - d.at[0];
   const float area = ab.x() * ac.y() - ab.y() * ac.x();
@@ -176,7 +176,7 @@ void draw(const Projected& d, int first, int last, Samples& samples) {
     }
 }
 
-/// Colours are means over the samples of a pixel, depths those of their first sample that shows something.
+/// Averages the color over the samples of a pixel; takes the depth of the first covered sample.
 RenderedView resolve(const Samples& samples, const Camera& camera, int per_side) {
   RenderedView view;
   for (int y = 0; y < camera.height; ++y)

@@ -9,7 +9,7 @@
 namespace cairn {
 namespace {
 
-/// Of what the tracker accepts (MotionOptions): hands stay below, tracking that slipped does not.
+/// Share of the tracker's limits (MotionOptions): hand motion remains below, slipped tracking does not.
 constexpr double kPlausible = 0.75;
 
 void raise(Speeds::Peak& peak, double value, double limit, double timestamp) {

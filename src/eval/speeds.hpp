@@ -9,19 +9,19 @@
 
 namespace cairn {
 
-/// The fastest steps of a track between frames that follow each other, both with a pose.
+/// Highest speeds of a trajectory between consecutive frames with poses.
 class Speeds {
  public:
   Speeds() = default;
   explicit Speeds(const MotionOptions& motion) : motion_(motion) {}
-  /// The next frame does not follow the last one.
+  /// Starts a new sequence: the next frame does not follow the last.
   void begin() { last_.reset(); }
-  /// `interval`: usual seconds from frame to frame: stamps that jitter make no speed.
+  /// `interval`: usual frame interval in seconds, a lower bound that keeps timestamp jitter from raising the speed.
   void add(const FrameReport& report, bool has_pose, double interval);
 
   struct Peak {
     double value = 0, timestamp = 0;  // m/s or rad/s; seconds
-    int steps = 0;                    // beyond the limit
+    int steps = 0;                    // number of steps above the limit
   };
   [[nodiscard]] const Peak& speed() const { return speed_; }
   [[nodiscard]] const Peak& turn() const { return turn_; }
@@ -30,7 +30,7 @@ class Speeds {
   [[nodiscard]] bool has_steps() const { return steps_ > 0; }
 
   void save(std::ostream& out) const;
-  /// False where save() did not write that: all is as it was.
+  /// Returns false for input not written by save(), without changes.
   bool restore(std::istream& in);
 
  private:

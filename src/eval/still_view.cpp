@@ -11,22 +11,22 @@ namespace cairn {
 namespace {
 
 constexpr std::size_t kFewest = 6;                 // samples
-constexpr double kSigmas = 5, kLeast = 0.01;       // of depth that is the same in two images: noise; meters
-constexpr double kChanged = 2;                     // times that: another depth
+constexpr double kSigmas = 5, kLeast = 0.01;       // tolerance of equal depth: multiples of the noise; meters
+constexpr double kChanged = 2;                     // multiple of the tolerance at which depth differs
 constexpr int kSameLevel = 24, kOtherLevel = 60;   // of 255
-constexpr double kSmallShift = 1.5;                // pixels of the grid, and depths within noise: no motion to speak of
-constexpr double kMostPairs = 0.7;                 // of the pairs in which a pixel is still
-constexpr double kSomePairs = 0.3;                 // of the pairs in which a pixel moves
-constexpr double kSeen = 0.5, kSeenMoving = 0.25;  // of the pairs in which a pixel has depth in both images
-// A turntable: most of the view that does not move is still.
+constexpr double kSmallShift = 1.5;                // pixels of the grid: limit for a pixel at rest
+constexpr double kMostPairs = 0.7;                 // share of the pairs in which a still pixel is still
+constexpr double kSomePairs = 0.3;                 // share of the pairs in which a moving pixel moves
+constexpr double kSeen = 0.5, kSeenMoving = 0.25;  // share of the pairs in which a pixel has depth in both images
+// Turntable: most of the static part of the view is still.
 constexpr double kStill = 0.25, kMoved = 0.01, kStillOfRest = 0.7;
 
-/// A pixel over all pairs.
+/// Counts of a pixel over all pairs.
 struct PixelCounts {
   int seen = 0, still = 0, moved = 0;
 };
 
-/// How a pixel of one image is explained in another.
+/// Compares the pixels of two images.
 class Pair {
  public:
   Pair(const Camera& grid, const SensorModel& sensor, const PlacedSample& a, const PlacedSample& b)
@@ -58,7 +58,7 @@ class Pair {
   [[nodiscard]] double noise(double z) const {
     return std::max(kLeast, kSigmas * static_cast<double>(sensor_.sigma(static_cast<float>(z))));
   }
-  /// Difference in the same pixel; below 1: the same, above kChanged: another.
+  /// Difference at the same pixel; below 1: equal, above kChanged: different.
   [[nodiscard]] double differs(std::size_t i) const {
     const double depth = std::abs(a_.at(i) - b_.at(i)) / noise(a_.at(i));
     if (a_.brightness.empty() || b_.brightness.empty()) return depth;
@@ -66,10 +66,10 @@ class Pair {
     return std::max(depth, levels < kSameLevel ? 0 : levels < kOtherLevel ? 1 : kChanged + 1);
   }
   struct Followed {
-    bool is_rest;  // tracking moves the pixel by less than can be told
-    bool fits;     // the other image has that depth there
+    bool is_rest;  // tracked motion of the pixel is not significant
+    bool fits;     // the other image agrees with the predicted depth
   };
-  /// Where tracking takes a pixel; nothing beside the other image, or where that has no depth.
+  /// Reprojects a pixel with the tracked pose; nullopt outside the other image or without depth there.
   [[nodiscard]] std::optional<Followed> follow(std::size_t i) const {
     const int x = static_cast<int>(i) % grid_.width, y = static_cast<int>(i) / grid_.width;
     const double z = a_.at(i);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Recordings of a camera at rest, before which a thing turns.
+// Detection of a camera at rest in front of a rotating object.
 #pragma once
 #include <vector>
 
@@ -8,18 +8,18 @@
 
 namespace cairn {
 
-/// Shares of the view, by pixel, over pairs of samples far apart in time.
+/// Shares of the pixels, over pairs of samples with a large time difference.
 struct StillView {
   int pairs = 0;
   double still =
-      0;  // the same depth and brightness in the same pixel, although the pose says otherwise or did not change
-  double moved = 0;  // another depth or brightness, time and again, that a camera at rest does not explain
-  /// Whether the camera rested, all through the recording, before something that moved.
+      0;  // equal depth and brightness at the same pixel, although the tracked pose predicts a change or did not change
+  double moved = 0;  // repeated changes of depth or brightness that a camera at rest does not explain
+  /// Returns true if the camera was at rest for the complete recording, in front of a moving object.
   [[nodiscard]] bool is_turntable() const;
 };
 
-/// The two hypotheses for a pair are the camera's motion as tracked, and no motion at all. A pixel speaks for rest
-/// where rest alone explains it; where tracking found hardly any motion, rest and tracking explain the same.
+/// Tests two hypotheses per pair: the tracked camera motion, and no motion. A pixel votes for rest if only rest
+/// explains it; with hardly any tracked motion, both hypotheses explain the same pixels.
 [[nodiscard]] StillView compare_still(const Camera& grid, const SensorModel& sensor,
                                       const std::vector<PlacedSample>& samples);
 

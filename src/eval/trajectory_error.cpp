@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The definitions of the TUM RGB-D benchmark's evaluate_ate and evaluate_rpe (Sturm et al. 2012).
+// Definitions of the TUM RGB-D benchmark's evaluate_ate and evaluate_rpe (Sturm et al. 2012).
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -13,7 +13,7 @@
 namespace cairn {
 namespace {
 
-/// Index pairs (estimate, truth), one to one, the closest in time first.
+/// Index pairs (estimate, truth), one to one, in ascending time difference.
 std::vector<std::pair<std::size_t, std::size_t>> associate(const Trajectory& estimate, const Trajectory& truth,
                                                            double max_difference) {
   std::vector<std::tuple<double, std::size_t, std::size_t>> candidates;
@@ -72,8 +72,8 @@ TrajectoryError evaluate_trajectory(const Trajectory& estimate, const Trajectory
     distances.push_back((error.truth_from_estimate * from.col(k) - to.col(k)).norm());
   error.ate = statistics(std::move(distances));
 
-  // For each estimate the one an interval later, each with the true pose nearest in time; a true pose that is farther
-  // away than two of its usual steps does not count.
+  // Pairs each estimate with the estimate one interval later, both with the true pose nearest in time. True poses more
+  // than two usual steps away are rejected.
   std::vector<double> steps;
   for (std::size_t i = 1; i < truth.size(); ++i) steps.push_back(truth[i].timestamp - truth[i - 1].timestamp);
   std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());

@@ -18,30 +18,30 @@ namespace cairn {
 namespace {
 
 constexpr double kGood = 0.95, kBad = 0.8;  // of the frames
-constexpr double kFewAgree = 0.8;           // of the points, where given poses say; usual are 0.9 and more
-constexpr std::size_t kEvery = 37;          // depth pixel that is looked at; shares no factor with usual widths
+constexpr double kFewAgree = 0.8;           // of the points, for given poses; usual values are 0.9 and more
+constexpr std::size_t kEvery = 37;          // depth pixel stride; coprime with usual image widths
 constexpr int kFewFrames = 10;
-constexpr double kNearestMedian = 0.1, kFarthestMedian = 20;  // metres, of a room
-constexpr double kMostlyOut = 0.5;                            // of the measurements, nearer or farther than is used
-constexpr double kHoles = 0.2;                                // of the pixels, that must hold depth
+constexpr double kNearestMedian = 0.1, kFarthestMedian = 20;  // meters, of a room
+constexpr double kMostlyOut = 0.5;                            // of the measurements outside the depth range
+constexpr double kHoles = 0.2;                                // minimum share of pixels with depth
 constexpr double kDark = 25;                                  // of 255
-constexpr double kMostly = 0.5;                               // of the frames that something is said of
-constexpr double kFast = 0.15;                                // of the image, from one frame to the next
+constexpr double kMostly = 0.5;                               // share of the frames for a reason
+constexpr double kFast = 0.15;                                // of the image, between frames
 constexpr double kSlowRate = 6;                               // Hz
-constexpr double kGap = 3;                                    // times the usual time between frames
-constexpr double kBlurred = 0.33, kMoreBlurred = 0.85;        // sharpness; times that of the frames that were fused
+constexpr double kGap = 3;                                    // times the usual frame interval
+constexpr double kBlurred = 0.33, kMoreBlurred = 0.85;        // sharpness; ratio to the sharpness of fused frames
 constexpr double kSomeSkipped = 0.05;                         // of the frames
-constexpr double kKeepsUp = 0.7;                              // of the frames that come, and the motion between them
-constexpr float kLargeVoxel = 0.02f;                          // metres, that a slow computer keeps up with
-// Of views that are compared for the focal length.
-constexpr double kTurned = 0.15;             // of the image, that lie between two
-constexpr int kPairs = 8, kMostLooked = 16;  // at most; frames in which corners are looked for
-constexpr int kEnoughPairs = 3;              // to believe
-constexpr double kAgrees = 0.85;             // of the most corners fit the given length: it is right
-constexpr double kContradicts = 1.3;         // times the corners that fit the given length
+constexpr double kKeepsUp = 0.7;                              // of the incoming frames
+constexpr float kLargeVoxel = 0.02f;                          // meters, suitable for a slow computer
+// Views for the focal length check.
+constexpr double kTurned = 0.15;             // minimum shift between two views, share of the image
+constexpr int kPairs = 8, kMostLooked = 16;  // maximum numbers of pairs and of frames with extracted corners
+constexpr int kEnoughPairs = 3;              // minimum number of pairs
+constexpr double kAgrees = 0.85;             // share of the maximum number of inliers that confirms the given length
+constexpr double kContradicts = 1.3;         // ratio to the inliers of the given length that rejects it
 constexpr auto kCauses = static_cast<std::size_t>(FrameCause::partly_used) + 1;
 
-/// Numbers over decades, by their logarithm.
+/// Histogram over the logarithm, in decades.
 struct LogHistogram {
   static constexpr double kLowest = 1e-6;
   static constexpr int kInDecade = 20, kDecades = 13;
@@ -56,7 +56,7 @@ struct LogHistogram {
     for (const double c : counts) sum += c;
     return sum;
   }
-  /// 0 without any.
+  /// 0 if empty.
   [[nodiscard]] double median() const {
     const double half = total() / 2;
     double sum = 0;
@@ -72,17 +72,17 @@ struct Mean {
   [[nodiscard]] double value() const { return count > 0 ? sum / count : 0; }
 };
 
-/// What is kept of all frames. Only numbers, so that they are saved in one loop.
+/// Statistics over all frames; only numbers, so that they are saved in one loop.
 struct Sums {
   double frames = 0, with_colour = 0, dark = 0;
-  double pixels = 0, measured = 0, nearer = 0, farther = 0;  // of the depth pixels that were looked at
-  LogHistogram depth, interval;                              // metres; seconds from frame to frame
-  Mean sharp_fused, sharp_lost;                              // of the image
-  Mean lost_step, fast_step;  // shares of the image, of the frames that were lost; of the fast ones among these
-  double losses = 0, fast_losses = 0, losses_after_gap = 0;  // frames that were lost after one that was fused
+  double pixels = 0, measured = 0, nearer = 0, farther = 0;  // sampled depth pixels
+  LogHistogram depth, interval;                              // meters; seconds between frames
+  Mean sharp_fused, sharp_lost;                              // image sharpness
+  Mean lost_step, fast_step;  // share of the image, for lost frames; for the fast frames among them
+  double losses = 0, fast_losses = 0, losses_after_gap = 0;  // frames lost directly after a fused frame
   double longest_gap = 0;                                    // seconds
   std::array<double, kCauses> causes{};                      // frames
-  std::array<double, kFarFocalScales.size()> focal{};        // corners that fit
+  std::array<double, kFarFocalScales.size()> focal{};        // inliers per candidate
   double focal_pairs = 0, focal_looked = 0, focal_settled = 0;
 
   template <class Visit>
@@ -105,7 +105,7 @@ struct Sums {
 
 double share(double of, double all) { return all > 0 ? of / all : 0; }
 
-/// What makes a median that no room has one that rooms have.
+/// Most plausible depth scale error for a median depth outside the range of rooms.
 double likely_factor(double median) {
   double best = 1, error = 1e9;
   for (const double factor : {1e-4, 2e-4, 1e-3, 5e-3, 0.01, 0.1, 0.2, 5.0, 10.0, 100.0, 200.0, 1e3, 5e3, 1e4})
@@ -127,24 +127,24 @@ struct Evidence::State {
   Speeds speeds;
   int recording = 0;
   Measured measured;  // of the finished map
-  // Of the frames before.
+  // State of the previous frames.
   ViewProfile before;
   std::optional<double> last_timestamp;
   bool was_tracked = false;
-  Features known;  // that views are compared with for the focal length
+  Features known;  // reference view of the focal length check
   ViewStep since_known;
 
   void look_at_depth(const Frame& frame);
   void compare_views(const Frame& frame, const ViewStep& step);
   [[nodiscard]] bool compares_views(const Frame& frame) const;
 
-  // Reasons, in the order in which they are given.
+  // Reasons, in output order.
   void add_impossible(std::vector<std::string>& reasons, const Outcome& o) const;
   void add_unseen(std::vector<std::string>& reasons) const;
   void add_motion(std::vector<std::string>& reasons, const KeepingUp& keeping_up) const;
   void add_doubts(Verdict& v, const Outcome& o) const;
   void add_causes(std::vector<std::string>& reasons, const Outcome& o) const;
-  /// A focal length far from right, where corners tell of one.
+  /// Reason for a wrong focal length, if the corners contradict it strongly.
   [[nodiscard]] std::optional<std::string> wrong_focal() const;
 };
 
@@ -165,7 +165,7 @@ bool Evidence::State::compares_views(const Frame& frame) const {
          frame.colour.size() == frame.depth.size();
 }
 
-/// The views must have turned; by how much need not be known.
+/// Collects inliers per focal length between views with sufficient rotation, of unknown size.
 void Evidence::State::compare_views(const Frame& frame, const ViewStep& step) {
   since_known.right += step.right, since_known.down += step.down;
   if (!compares_views(frame)) return;
@@ -188,7 +188,7 @@ std::optional<std::string> Evidence::State::wrong_focal() const {
   const auto* const best = std::max_element(sums.focal.begin(), sums.focal.end());
   const double given = sums.focal[kGivenFocal];
   if (sums.focal_pairs < kEnoughPairs || *best < kContradicts * given) return std::nullopt;
-  // Between two candidates, by how many corners fit their neighbours.
+  // Interpolates between candidates, weighted by their inliers.
   const auto i = static_cast<std::size_t>(std::distance(sums.focal.begin(), best));
   double weight = 0, logarithm = 0;
   for (std::size_t k = i > 0 ? i - 1 : i; k <= std::min(i + 1, sums.focal.size() - 1); ++k) {
@@ -209,7 +209,7 @@ void Evidence::State::add_impossible(std::vector<std::string>& reasons, const Ou
         fmt::format("median depth is {:.2g} m: is depth_scale right? One {:g} times as {} would make that {:.1f} m",
                     median, factor > 1 ? factor : 1 / factor, factor > 1 ? "large" : "small", median / factor));
   }
-  // Where views can be tracked they tell more finely; with a length far from right they cannot.
+  // Tracked views give a finer estimate; they are not available for a very wrong focal length.
   if (const FocalEvidence& f = o.focal; f.contradicts())
     reasons.push_back(fmt::format(
         "corners fit a focal length of {:.0f} pixels ({:.2f} pixels off) better than the given {:.0f} ({:.2f} pixels "
@@ -222,7 +222,7 @@ void Evidence::State::add_impossible(std::vector<std::string>& reasons, const Ou
                                   o.total == 1 ? "" : "s"));
 }
 
-/// Of what a camera cannot see.
+/// Reasons due to holes in the depth, an unsuitable distance, or darkness.
 void Evidence::State::add_unseen(std::vector<std::string>& reasons) const {
   const auto give = [&](std::string text) { reasons.push_back(std::move(text)); };
   if (const double seen = share(sums.measured, sums.pixels); sums.pixels > 0 && seen < kHoles)
@@ -242,7 +242,7 @@ void Evidence::State::add_unseen(std::vector<std::string>& reasons) const {
     give("too dark: most colour images are nearly black: switch on the light, or lengthen the exposure");
 }
 
-/// Doubts that do not ask how many frames are in the map.
+/// Doubts that do not depend on the number of frames in the map.
 void Evidence::State::add_doubts(Verdict& v, const Outcome& o) const {
   Measured all = measured;
   all.speeds = speeds;
@@ -254,7 +254,8 @@ void Evidence::State::add_doubts(Verdict& v, const Outcome& o) const {
   }
 }
 
-/// Frames that were left out lie between those that are compared. Without them, a motion is not the person's.
+/// Frames dropped to keep up are missing between the compared frames. Drops are reported first, and motion only if it
+/// would also be fast without drops.
 void Evidence::State::add_motion(std::vector<std::string>& reasons, const KeepingUp& keeping_up) const {
   const auto give = [&](std::string text) { reasons.push_back(std::move(text)); };
   const double interval = sums.interval.median(), rate = interval > 0 ? 1 / interval : 0;
@@ -292,7 +293,7 @@ void Evidence::State::add_motion(std::vector<std::string>& reasons, const Keepin
     give("blurred: the frames that were lost are less sharp than usual: move more slowly, or give more light");
 }
 
-/// What most frames that are not in the map have in common.
+/// Most frequent cause of frames missing in the map.
 void Evidence::State::add_causes(std::vector<std::string>& reasons, const Outcome& o) const {
   const auto* const most = std::max_element(sums.causes.begin(), sums.causes.end());
   const auto cause = static_cast<FrameCause>(std::distance(sums.causes.begin(), most));
@@ -444,7 +445,7 @@ void Evidence::restore(const std::string& saved) {
   sums.each([&](double& v) { in >> v; });
   if (!in) return;
   state_->sums = sums;
-  // What was saved before there was a sample ends here.
+  // Older sessions have no samples.
   if (state_->speeds.restore(in)) state_->samples.restore(in);
 }
 

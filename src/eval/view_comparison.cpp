@@ -11,9 +11,9 @@
 namespace cairn {
 namespace {
 
-constexpr float kAgrees = 0.05f;  // metres between a surface and what was measured
+constexpr float kAgrees = 0.05f;  // meters between surface and measurement
 
-/// A frame without its lens' distortion: nearest depth, colour between four pixels.
+/// Undistorts a frame: nearest depth, interpolated color.
 Frame rectified(const Frame& frame, const Camera& camera) {
   Frame straight{.depth = std::vector<float>(frame.depth.size()),
                  .colour = std::vector<std::uint32_t>(frame.colour.size())};
@@ -46,7 +46,7 @@ Frame without_lens(Frame frame, const Camera& camera) {
   return camera.distorted() ? rectified(frame, camera) : std::move(frame);
 }
 
-/// By pixel, where there is a measurement.
+/// Pixels with a measurement, and their depth.
 std::vector<std::pair<std::size_t, float>> measured_in(const Frame& frame) {
   std::vector<std::pair<std::size_t, float>> measured;
   for (std::size_t p = 0; p < frame.depth.size(); ++p)
@@ -54,13 +54,14 @@ std::vector<std::pair<std::size_t, float>> measured_in(const Frame& frame) {
   return measured;
 }
 
-/// Where the rows of an image were taken, as seen from where the camera was at the image's time.
+/// Relative poses of the rows of a rolling-shutter image at their capture time.
 class Rows {
  public:
   Rows(const Camera& camera, const Vector6d& velocity) : camera_(camera) {
     for (int y = 0; y < camera.height; ++y) now_from_row_.push_back(retract(velocity * camera.row_delay(y)));
   }
-  /// Pixel (x, y) and depth z at that time of what a pixel of the image measured; none beside the image.
+  /// Corrects a measured pixel for the rolling shutter: pixel (x, y) and depth z at the image's time; nullopt outside
+  /// the image.
   [[nodiscard]] std::optional<Eigen::Vector3d> at_once(std::size_t pixel, float z) const {
     const auto x = static_cast<int>(pixel % static_cast<std::size_t>(camera_.width)),
                y = static_cast<int>(pixel / static_cast<std::size_t>(camera_.width));
@@ -84,7 +85,7 @@ std::size_t nearest(const Camera& camera, const Eigen::Vector2d& pixel) {
          static_cast<std::size_t>(std::lround(pixel.x()));
 }
 
-/// R, G and B between four pixels.
+/// R, G and B, interpolated between four pixels.
 Eigen::Vector3d colour_at(const std::vector<std::uint32_t>& image, const Camera& camera, const Eigen::Vector2d& pixel) {
   const int x = std::min(static_cast<int>(pixel.x()), camera.width - 2),
             y = std::min(static_cast<int>(pixel.y()), camera.height - 2);

@@ -10,23 +10,23 @@
 
 namespace cairn {
 
-/// Holds frames of a recording against pictures of a mesh, without lens and rolling shutter.
+/// Compares frames of a recording with renderings of a mesh, without distortion and rolling shutter.
 class ViewComparison {
  public:
-  /// `parts` must outlive it.
+  /// `parts` must outlive this object.
   ViewComparison(const std::vector<Mesh>& parts, const Rig& rig);
   struct Pixel {
-    float seen, drawn;  // metres along z at the frame's time; drawn 0: no mesh there
+    float seen, drawn;  // meters along z at the frame's time; drawn 0: no mesh
   };
-  /// What the depth camera measured, and what it would measure of the mesh. `velocity`: in its own frame, rad/s and
+  /// Measured depth and rendered depth of the mesh, in the depth camera. `velocity`: in the camera frame, rad/s and
   /// m/s.
   [[nodiscard]] std::vector<Pixel> compare_depth(const Frame& frame, const Eigen::Isometry3d& world_from_camera,
                                                  const Vector6d& velocity) const;
-  /// Counts the pixels of the colour camera where the mesh lies where it measured something.
+  /// Accumulates the color error over the pixels where the mesh agrees with the measured depth.
   void compare_colour(Frame frame, const Eigen::Isometry3d& world_from_camera, const Vector6d& velocity);
-  /// dB of all that was compared; 0: nothing was.
+  /// dB over all compared pixels; 0 without any.
   [[nodiscard]] double psnr() const;
-  /// Of all that was measured, the share that was compared.
+  /// Share of the measured pixels that were compared.
   [[nodiscard]] double covered() const;
   [[nodiscard]] bool has_compared() const { return compared_ > 0; }
 

@@ -9,12 +9,12 @@
 namespace cairn {
 namespace {
 
-constexpr int kAcross = 160;             // samples of a row
+constexpr int kAcross = 160;             // samples per row
 constexpr double kMostShift = 0.6;       // of the image
-constexpr double kCommon = 0.6;          // of a profile's own variation, that two views of one place differ by
-constexpr double kFlat = 0.04;           // of a profile's mean: what varies less tells nothing
-constexpr double kClearlyBetter = 0.75;  // times the cost of not having moved
-constexpr int kFine = 1, kCoarse = 4;    // pixels between which brightness steps
+constexpr double kCommon = 0.6;          // limit for views of the same place, share of the variation
+constexpr double kFlat = 0.04;           // of a profile's mean; a lower variation is not informative
+constexpr double kClearlyBetter = 0.75;  // maximum cost of a shift relative to no shift
+constexpr int kFine = 1, kCoarse = 4;    // pixel distances for brightness differences
 
 std::size_t pixels_of(const Camera& c) {
   return static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height);
@@ -24,7 +24,7 @@ float brightness_of(std::uint32_t rgba) {
   return static_cast<float>((rgba & 255) + 2 * (rgba >> 8 & 255) + (rgba >> 16 & 255)) / 4;
 }
 
-/// Adds up columns and rows of what `at(x, y)` gives.
+/// Averages `at(x, y)` over columns and rows.
 template <class At>
 void add_up(const Camera& camera, const At& at, ViewProfile& profile) {
   const int step = std::max(1, camera.width / kAcross), columns = camera.width / step, rows = camera.height / step;
@@ -56,7 +56,7 @@ double mean_of(const std::vector<float>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
-/// Samples by which `now` has moved against `before`, all of them where no shift fits; nothing of a flat image.
+/// Shift of `now` against `before` in samples; the number of samples if no shift fits; nullopt for a flat profile.
 std::optional<int> shift_between(const std::vector<float>& before, const std::vector<float>& now) {
   if (before.size() != now.size() || now.empty()) return std::nullopt;
   const int n = static_cast<int>(now.size()), most = static_cast<int>(kMostShift * n);
@@ -114,7 +114,7 @@ std::optional<ViewStep> step_between(const ViewProfile& before, const ViewProfil
   if (!right && !down) return std::nullopt;
   ViewStep step{.right = right.value_or(0) / static_cast<double>(now.columns.size()),
                 .down = down.value_or(0) / static_cast<double>(now.rows.size())};
-  // A view that turns to one side has other rows, too: that says nothing as long as its columns are found again.
+  // A sideways rotation also changes the rows, so a row mismatch is ignored if the columns match.
   if (right && step.right < 1 && step.down == 1) step.down = 0;
   if (down && step.down < 1 && step.right == 1) step.right = 0;
   return step;

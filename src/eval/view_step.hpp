@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// How far a view moves from one image to the next, without depth, corners or poses.
+// Image shift between consecutive frames, without depth, features or poses.
 #pragma once
 #include <optional>
 #include <vector>
@@ -9,25 +9,25 @@
 
 namespace cairn {
 
-/// The mean brightness of an image's columns and rows, or depth where there is no colour (as Milford & Wyeth 2008 tell
-/// turns); and how sharp it is.
+/// Mean brightness of an image's columns and rows, or mean depth without color (after Milford & Wyeth 2008), and its
+/// sharpness.
 struct ViewProfile {
   std::vector<float> columns, rows;
-  double brightness = 0;  // 0 to 255, the mean; 0 without colour
-  /// Steps of brightness between neighbours over those between pixels four apart: a quarter in a blurred image, more in
-  /// a sharp one. 0 without colour.
+  double brightness = 0;  // mean, 0 to 255; 0 without color
+  /// Ratio of brightness differences at one pixel distance to differences at four pixels: a quarter in a blurred image,
+  /// more in a sharp image. 0 without color.
   double sharpness = 0;
 };
 
-/// Empty where the frame has no image of the rig's sizes.
+/// Empty if the frame has no image of the rig's size.
 [[nodiscard]] ViewProfile profile_of(const Frame& frame, const Rig& rig);
 
-/// How far one view has moved against another, as shares of the image's width and height: right and down positive.
+/// Shift of a view as shares of the image's width and height, positive to the right and down.
 struct ViewStep {
   double right = 0, down = 0;
   [[nodiscard]] double length() const;
 };
-/// The whole image where the two show nothing in common; nothing of images that are plain.
+/// A component of 1 means no overlap; nullopt for flat images.
 [[nodiscard]] std::optional<ViewStep> step_between(const ViewProfile& before, const ViewProfile& now);
 
 }  // namespace cairn
