@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // Handles SIGINT (Ctrl-C), SIGTERM and SIGHUP from the first line of main to the last.
+//
 // A signal ends the program at once, with one line on stderr, exit code 130 and no partial files. If an Interrupt
 // exists and its work is worth finishing, the first signal requests a regular end, and the second ends at once.
 #pragma once

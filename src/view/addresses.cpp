@@ -20,7 +20,7 @@ bool is_virtual(std::string_view interface) {
                      [&](std::string_view begin) { return interface.starts_with(begin); });
 }
 
-/// Nothing for one that other devices cannot use as it is, such as those of a link alone.
+/// Text of an address; empty if other devices cannot use it directly, as for link-local addresses.
 std::string address_of(const sockaddr* address) {
   char text[INET6_ADDRSTRLEN] = "";
   if (address->sa_family == AF_INET)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Where other devices find this machine.
+// Network addresses of this machine.
 #pragma once
 #include <string>
 #include <vector>
@@ -9,10 +9,10 @@ namespace cairn {
 
 struct NetworkAddress {
   std::string address;    // IPv4 or IPv6
-  std::string interface;  // its name
+  std::string interface;  // interface name
 };
 
-/// Of the interfaces that are up, but the loopback; those of containers and virtual machines come last.
+/// Addresses of all active interfaces except loopback; containers and virtual machines come last.
 [[nodiscard]] std::vector<NetworkAddress> network_addresses();
 
 }  // namespace cairn

@@ -24,9 +24,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr long kDay = 24 * 3600;                        // seconds
-constexpr long kValid = 397 * kDay;                     // browsers take none for longer
-constexpr long kSoon = 7 * kDay;                        // so long before its end it is made anew
-constexpr std::size_t kLargest = std::size_t{1} << 16;  // bytes of a file that is read
+constexpr long kValid = 397 * kDay;                     // maximum validity accepted by browsers
+constexpr long kSoon = 7 * kDay;                        // renewal margin before the end
+constexpr std::size_t kLargest = std::size_t{1} << 16;  // maximum file size in bytes
 
 template <class T, void (*free)(T*)>
 struct Free {
@@ -68,7 +68,7 @@ X self_signed(EVP_PKEY& key, const std::vector<std::string>& addresses) {
   std::uint64_t serial = 0;
   require(RAND_bytes(reinterpret_cast<unsigned char*>(&serial), sizeof serial) == 1);
   ASN1_INTEGER_set_uint64(X509_get_serialNumber(&x), serial >> 1);
-  X509_gmtime_adj(X509_getm_notBefore(&x), -kDay);  // clocks differ
+  X509_gmtime_adj(X509_getm_notBefore(&x), -kDay);  // tolerates clock differences
   X509_gmtime_adj(X509_getm_notAfter(&x), kValid - kDay);
   require(X509_set_pubkey(&x, &key) == 1);
   X509_NAME* name = X509_get_subject_name(&x);
@@ -97,7 +97,7 @@ Certificate made_for(const std::vector<std::string>& addresses) {
   return {.pem = std::string(data, static_cast<std::size_t>(size)), .fingerprint = fingerprint_of(*certificate)};
 }
 
-/// A file that is this user's alone; nothing for any other.
+/// Reads a file owned and readable only by this user; empty otherwise.
 std::string read_private(const fs::path& file) {
   const int descriptor = open(file.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
   if (descriptor < 0) return {};
@@ -113,7 +113,7 @@ std::string read_private(const fs::path& file) {
   return text;
 }
 
-/// What was kept, if it is good for these addresses.
+/// The stored certificate, if valid for these addresses.
 std::optional<Certificate> kept_for(const std::vector<std::string>& addresses, const fs::path& file) {
   const std::string pem = read_private(file);
   const Key key(PEM_read_bio_PrivateKey(bytes_of(pem).get(), nullptr, nullptr, nullptr));
@@ -126,7 +126,7 @@ std::optional<Certificate> kept_for(const std::vector<std::string>& addresses, c
   return Certificate{.pem = pem, .fingerprint = fingerprint_of(*certificate)};
 }
 
-/// Readable by its owner from the first byte on; false where that is not possible.
+/// Writes a file readable only by its owner from creation on. Returns false on failure.
 bool keep(const std::string& pem, const fs::path& file) {
   std::error_code error;
   fs::create_directories(file.parent_path(), error);

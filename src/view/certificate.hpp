@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A certificate that a machine gives itself, so that other devices reach it over TLS; a door to OpenSSL.
+// Self-signed TLS certificate for access from other devices; the only user of OpenSSL.
 #pragma once
 #include <filesystem>
 #include <string>
@@ -9,16 +9,16 @@
 namespace cairn {
 
 struct Certificate {
-  std::string pem;          // its private key, and itself
-  std::string fingerprint;  // SHA-256, as browsers show it
+  std::string pem;          // private key and certificate
+  std::string fingerprint;  // SHA-256, in the notation of browsers
 };
 
-/// For these IP addresses, and `localhost`: the one in `file`, if it is good for them for a while, else a new one,
-/// which is kept there for the next time, readable by its owner alone. A phone that was told to trust it need not be
-/// told again. `file` may be empty, and it need not be writable: then it is for this time.
+/// Certificate for these IP addresses and `localhost`. Returns the certificate in `file` if it is valid for them and
+/// not about to expire, else a new certificate, stored there readable only by its owner, so that a phone needs to trust
+/// it only once. If `file` is empty or not writable, the new certificate is not stored.
 [[nodiscard]] Certificate certificate_for(const std::vector<std::string>& addresses, const std::filesystem::path& file);
 
-/// Where programs keep such things for their user, by the XDG base directories; empty where there is no such place.
+/// Folder for persistent program state by the XDG base directories; empty if there is none.
 [[nodiscard]] std::filesystem::path state_folder();
 
 }  // namespace cairn

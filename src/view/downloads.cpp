@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr float kPointSpacing = 0.01f;  // metres
+constexpr float kPointSpacing = 0.01f;  // meters
 constexpr const char *kPly = "mesh.ply", *kObj = "mesh-obj.zip", *kPoints = "points.ply";
 
 void write_points(const fs::path& mesh, const fs::path& file) {
@@ -31,7 +31,7 @@ void write_points(const fs::path& mesh, const fs::path& file) {
   write_ply(file, points.points());
 }
 
-/// With its material and textures.
+/// Zips the mesh as OBJ with its material and textures.
 void write_obj_zip(const fs::path& mesh, const fs::path& file) {
   const TemporaryPlace place;
   write_obj(place.path() / "mesh.obj", read_mesh_parts(mesh));
@@ -81,7 +81,7 @@ std::vector<Download> finished_files(const fs::path& folder, bool is_textured) {
 
 struct MadeDownloads::State {
   fs::path mesh;
-  std::optional<TemporaryPlace> place;  // of the thread that makes
+  std::optional<TemporaryPlace> place;  // owned by the converting thread
 };
 
 MadeDownloads::MadeDownloads(fs::path mesh) : state_(std::make_shared<State>()) { state_->mesh = std::move(mesh); }

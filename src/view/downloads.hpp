@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A map's files, for people who look at it in a browser.
+// Files of a map for download in a browser.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -14,20 +14,20 @@
 namespace cairn {
 
 struct Download {
-  std::string name, what;              // what: in words
-  std::optional<std::uint64_t> bytes;  // of what is there already
+  std::string name, what;              // what: description
+  std::optional<std::uint64_t> bytes;  // size of an existing file
 };
 
-/// The finished files in a folder. `is_textured`: its mesh.
+/// The finished files in a folder. `is_textured`: the mesh has a texture.
 [[nodiscard]] std::vector<Download> finished_files(const std::filesystem::path& folder, bool is_textured);
 
-/// Other forms of a mesh, made of it when somebody asks for them, in a temporary folder that is gone with this and all
-/// that it gave.
+/// Conversions of a mesh, made on request in a temporary folder. The folder exists as long as this object or its
+/// downloads.
 class MadeDownloads {
  public:
   explicit MadeDownloads(std::filesystem::path mesh);
   [[nodiscard]] std::vector<Download> list() const;
-  /// Of a name in the list.
+  /// Download of a name in the list.
   [[nodiscard]] Served served(const std::string& name) const;
 
  private:
@@ -35,7 +35,7 @@ class MadeDownloads {
   std::shared_ptr<State> state_;
 };
 
-/// The content type of a file of this name.
+/// Content type for the file name.
 [[nodiscard]] std::string content_type_of(const std::filesystem::path& name);
 
 }  // namespace cairn

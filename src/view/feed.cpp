@@ -8,7 +8,7 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kMaxRequests = 100;  // waiting; more are dropped
+constexpr std::size_t kMaxRequests = 100;  // limit on waiting requests; further requests are dropped
 
 }  // namespace
 

@@ -11,31 +11,31 @@
 
 namespace cairn {
 
-/// What viewers should see, each thing by its name in its newest version. A viewer that is slow or comes late takes
-/// what is newest then: nothing queues up for it. Any thread.
+/// Latest state for viewers, as named items. A slow or late viewer receives only the newest version of an item, so that
+/// no queue builds up. Thread-safe.
 class Feed {
  public:
   struct Item {
-    std::uint64_t version = 0;  // of the whole feed when it was set
+    std::uint64_t version = 0;  // version of the feed when the item was set
     bool is_text = false;
     std::shared_ptr<const std::string> bytes;
   };
 
   void set(const std::string& name, std::string bytes, bool is_text = false);
-  /// Forgets all that was set.
+  /// Removes all items.
   void clear();
-  /// What was set after `version`, in that order.
+  /// Items set after `version`, in this order.
   [[nodiscard]] std::vector<Item> since(std::uint64_t version) const;
 
-  /// What it holds: things that were set, their bytes, and requests that wait.
+  /// Contents: number of items, their bytes, and waiting requests.
   struct Size {
     std::size_t things = 0, bytes = 0, requests = 0;
   };
   [[nodiscard]] Size size() const;
 
-  /// Something a viewer asks for; rubbish is told apart by whoever takes it.
+  /// Adds a viewer's request, unchecked; the receiver validates it.
   void ask(std::string request);
-  /// What was asked for since the last call.
+  /// Removes and returns the requests since the last call.
   [[nodiscard]] std::vector<std::string> take_requests();
 
   void enter() { count(1); }

@@ -14,28 +14,28 @@
 namespace cairn {
 namespace {
 
-constexpr float kMaxDistance = 2;        // metres, as EsdfOptions has it
+constexpr float kMaxDistance = 2;        // meters, as in EsdfOptions
 constexpr float kMargin = 0.02f;         // voxels, as in esdf_sites.comp
 constexpr float kLeastWeight = 0.1f;     // of a surface, as FuseOptions::min_mesh_weight
-constexpr std::size_t kMostPoses = 200;  // that are asked how far the surface was
+constexpr std::size_t kMostPoses = 200;  // maximum number of poses used to estimate viewing distances
 constexpr float kHalfView = 0.6f;  // radians around the optical axis; a Kinect's 57 x 43 degrees are 0.6 to a corner
 constexpr float kNever = std::numeric_limits<float>::max();
 
 struct Cell {
-  Eigen::Vector3f site = Eigen::Vector3f::Zero();  // the nearest point of the surface that is known, world
-  float squared = kNever;                          // of the distance to it from the centre
+  Eigen::Vector3f site = Eigen::Vector3f::Zero();  // nearest known surface point, world
+  float squared = kNever;                          // distance to the site from the cell center, squared
   float sum = 0;                                   // of distances in the cell
   int observed = 0;                                // cubes of 2x2x2 voxels
   float weight = 0, surface_weight = 0;            // sums
-  int surfaces = 0;                                // cubes that the surface passes
+  int surfaces = 0;                                // cubes with surface
 };
 
-/// The eight voxels of a cube in a brick, and the plane that fits them. One that was only looked through lies in front
-/// of a surface, farther than it was fused.
+/// A cube of eight voxels in a brick, with a plane fitted to their distances. Free voxels without observations count as
+/// at truncation distance in front of a surface.
 struct Cube {
-  int seen = 0, free = 0;                                  // voxels with observations, and those without that are free
-  float least_weight = kNever, mean_weight = 0, mean = 0;  // mean: metres
-  Eigen::Vector3f gradient = Eigen::Vector3f::Zero();      // metres a voxel
+  int seen = 0, free = 0;                                  // observed voxels, and free voxels
+  float least_weight = kNever, mean_weight = 0, mean = 0;  // mean: meters
+  Eigen::Vector3f gradient = Eigen::Vector3f::Zero();      // meters per voxel
 };
 Cube cube_at(const MapFile::Voxels& voxels, float truncation, int x, int y, int z) {
   Cube cube;
@@ -83,8 +83,8 @@ class Grid {
         }
   }
 
-  /// Tells each cell of the surface nearest to it: forwards and backwards, each time from the 13 neighbours before, and
-  /// once more, for what came round a corner.
+  /// Propagates the nearest surface point of each cell to its neighbors in forward and backward sweeps, each from the
+  /// 13 preceding neighbors. A second pair of sweeps covers paths around corners.
   void spread() {
     const Eigen::Vector3i last = size_.array() - 1;
     for (const int sign : {1, -1, 1, -1}) {
@@ -115,7 +115,7 @@ class Grid {
   }
   [[nodiscard]] float spacing() const { return voxel_size_ * static_cast<float>(scale_); }
   [[nodiscard]] Eigen::Vector3f origin() const { return low_.array() + 0.5f * spacing(); }
-  /// A place in the world by where it is among the voxels.
+  /// World position of voxel coordinates.
   [[nodiscard]] Eigen::Vector3f world_of(const Eigen::Array3f& voxel) const {
     return world_from_voxels_ * Eigen::Vector3f(voxel_size_ * voxel);
   }
@@ -164,8 +164,7 @@ std::uint8_t byte_of(float value, float least = 1) {
   return static_cast<std::uint8_t>(std::lround(std::clamp(value, least, 255.0f)));
 }
 
-/// What a measurement of a surface costs at the distance from which it was seen: sum(w^2 sigma^2) / sum(w), see
-/// make_fields.
+/// Noise term of a surface measurement, sum(w^2 sigma^2) / sum(w) over the viewing distances; see make_fields.
 class SeenFrom {
  public:
   SeenFrom(const SensorModel& sensor, const Trajectory& path) : sensor_(sensor) {
@@ -195,7 +194,7 @@ class SeenFrom {
   std::vector<Eigen::Isometry3f> camera_from_world_;
 };
 
-/// Of the surface in the cell, or else in the cells around it; 0: there is none.
+/// Mean surface weight in the cell, or else in the adjacent cells; 0 without surface.
 float Grid::mean_surface_weight(const Eigen::Vector3i& c) const {
   float sum = 0;
   int count = 0;

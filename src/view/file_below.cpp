@@ -44,8 +44,8 @@ class Descriptor {
   int number_;
 };
 
-/// openat() of one component of a path, which must not be a link. A link to a folder is no folder (ENOTDIR) for the
-/// system, which reports it as ELOOP here.
+/// openat() of one path component, which must not be a link. The system reports a link to a folder as ENOTDIR; this
+/// function reports ELOOP.
 int open_component(int folder, const fs::path& name, int flags) {
   const int descriptor = openat(folder, name.c_str(), flags | O_NOFOLLOW | O_CLOEXEC);
   const int error = errno;
@@ -57,7 +57,7 @@ int open_component(int folder, const fs::path& name, int flags) {
   return descriptor;
 }
 
-/// Before and after it is opened: opening a device may do something by itself.
+/// Checks the file type before and after opening, since opening a device may have side effects.
 int open_regular(int folder, const fs::path& name) {
   struct stat status {};
   if (fstatat(folder, name.c_str(), &status, AT_SYMLINK_NOFOLLOW) != 0) return -1;
@@ -74,7 +74,7 @@ int open_regular(int folder, const fs::path& name) {
   return descriptor;
 }
 
-/// The descriptor, or -1 with errno.
+/// Returns the descriptor, or -1 with errno.
 int open_below(const fs::path& folder, const fs::path& name) {
   errno = EXDEV;
   if (name.empty() || name.is_absolute() || name.native().find('\0') != name.native().npos) return -1;
@@ -119,7 +119,7 @@ std::string FileBelow::read(std::size_t most) const {
     const ssize_t count = pread(descriptor_, bytes.data() + done, bytes.size() - done, static_cast<off_t>(done));
     if (count < 0 && errno == EINTR) continue;
     if (count < 0) throw not_shown(file_, reason_of(errno));
-    if (count == 0) break;  // it was cut off meanwhile
+    if (count == 0) break;  // the file was truncated meanwhile
     done += static_cast<std::size_t>(count);
   }
   bytes.resize(done);

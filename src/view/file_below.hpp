@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Files that a server gives: of the folder that is shown, and of no other.
+// Restricts served files to a folder.
 #pragma once
 #include <cstddef>
 #include <filesystem>
@@ -9,16 +9,16 @@
 
 namespace cairn {
 
-/// A regular file, open to be read.
+/// A regular file, open for reading.
 class FileBelow {
  public:
-  /// `name`: relative to `folder`. Follows no link below `folder`, and waits for no pipe or device. Throws
+  /// `name`: relative to `folder`. Follows no link below `folder` and does not wait for pipes or devices. Throws
   /// std::runtime_error with the file, the reason and the remedy.
   FileBelow(const std::filesystem::path& folder, const std::filesystem::path& name);
   ~FileBelow();
   FileBelow(const FileBelow&) = delete;
   FileBelow& operator=(const FileBelow&) = delete;
-  /// The descriptor, which the caller closes from now on.
+  /// Releases the descriptor to the caller, who closes it.
   [[nodiscard]] int release() { return std::exchange(descriptor_, -1); }
   /// All bytes. Throws std::runtime_error for more than `most`.
   [[nodiscard]] std::string read(std::size_t most) const;
@@ -28,7 +28,7 @@ class FileBelow {
   int descriptor_ = -1;
 };
 
-/// Whether FileBelow opens it. A link, a pipe or a device is reported on the console.
+/// Returns true if FileBelow can open the file. Links, pipes and devices are reported on the console.
 [[nodiscard]] bool is_below(const std::filesystem::path& folder, const std::filesystem::path& name);
 
 }  // namespace cairn

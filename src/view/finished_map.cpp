@@ -35,9 +35,9 @@ constexpr int kPictureWidth = 640, kPictureQuality = 85;
 constexpr int kInlinePictureWidth = 320, kInlinePictureQuality = 65;
 constexpr std::size_t kInlinePictures = 40;
 constexpr std::size_t kInlineCells = 300'000;         // of fields: 1.2 MB as text
-constexpr std::size_t kInlinePictureBytes = 600'000;  // of all of them as text
+constexpr std::size_t kInlinePictureBytes = 600'000;  // limit for all pictures as text
 
-constexpr std::size_t kMostInline = 2 * kMaxInlineMesh;    // bytes, of a mesh that grows meanwhile
+constexpr std::size_t kMostInline = 2 * kMaxInlineMesh;    // bytes, for a mesh growing during the read
 constexpr std::size_t kMostReport = std::size_t{1} << 30;  // bytes
 
 std::string base64(const std::string& bytes) {
@@ -90,13 +90,13 @@ Json json_of(const Download& download, const std::string& url) {
   return json;
 }
 
-/// Time stamps of the keyframes that a report lists.
+/// Timestamps of the keyframes listed in a report.
 std::vector<double> searched(const Json& report) {
   std::vector<double> times;
   try {
     for (const Json& keyframe : report.value("searched", Json::array())) times.push_back(keyframe.at(0));
   } catch (const Json::exception&) {
-    times.clear();  // another version's report
+    times.clear();  // report of another version
   }
   return times;
 }
@@ -114,10 +114,10 @@ struct FinishedMap::State {
           pictures_along(path, *pictures, offset != report.end() && offset->is_number() ? offset->get<double>() : 0.0);
   }
 
-  /// A run whose mesh could not be written does not show an earlier one's.
+  /// A run whose mesh could not be written does not show an earlier run's mesh.
   [[nodiscard]] bool has_mesh() const { return report.contains("mesh") && has_mesh_file; }
   [[nodiscard]] bool is_textured() const { return has_mesh() && report["mesh"].contains("textures"); }
-  /// Whether the mesh is so large that a page shows a coarser one first.
+  /// Returns true if the page shows a coarser mesh first.
   [[nodiscard]] bool is_large() const {
     if (!has_mesh()) return false;
     const Json& mesh = report["mesh"];
@@ -136,9 +136,9 @@ struct FinishedMap::State {
 
   fs::path folder;
   Json report;
-  bool has_mesh_file = false, has_grids = false;  // no links among them
+  bool has_mesh_file = false, has_grids = false;  // regular files, not links
   Trajectory path;
-  std::optional<SessionPictures> pictures;  // holds the files
+  std::optional<SessionPictures> pictures;  // keeps the files open
   std::vector<KeyframePicture> keyframes;
 };
 
@@ -195,7 +195,7 @@ std::map<std::string, Served> FinishedMap::served() const {
   return files;
 }
 
-/// Spread over all of them, as many as fit.
+/// Selects keyframes evenly, as many as the size limit allows.
 Json FinishedMap::State::inlined_keyframes() const {
   const std::size_t count = std::min(kInlinePictures, keyframes.size());
   std::vector<std::string> small(count);
@@ -204,7 +204,7 @@ Json FinishedMap::State::inlined_keyframes() const {
     try {
       small[i] = base64(small_picture(keyframes[chosen(i)].file, kInlinePictureWidth, kInlinePictureQuality));
     } catch (const std::exception&) {
-      // One that is lost.
+      // A missing picture is left out.
     }
   });
   std::size_t bytes = 0;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What a page shows of a finished map: docs/formats.md has the fields of its JSON.
+// Data of a finished map for the web page; docs/formats.md describes the JSON fields.
 #pragma once
 #include <filesystem>
 #include <map>
@@ -11,18 +11,18 @@
 
 namespace cairn {
 
-/// The name of the coarser mesh that is shown first, where one is served.
+/// Name of the coarser mesh shown first, if served.
 inline constexpr const char* kFirstMesh = "first.glb";
 
-/// The map in a folder that `cairn reconstruct`, `live` or `merge` has made.
+/// Map in a folder written by `cairn reconstruct`, `live` or `merge`.
 class FinishedMap {
  public:
-  /// Reads report.json and trajectory.txt. Throws std::runtime_error when the folder holds no map, with what to do.
+  /// Reads report.json and trajectory.txt. Throws std::runtime_error with a remedy if the folder holds no map.
   explicit FinishedMap(const std::filesystem::path& folder);
-  /// `data.json` and all that it names, for a server. They may outlive this.
+  /// `data.json` and the files it names, for a server. The result may outlive this object.
   [[nodiscard]] std::map<std::string, Served> served() const;
-  /// The same as one JSON, for a page in a file of the folder: with a smaller mesh where it is too large, and few,
-  /// small pictures. What cannot be made is left out with a warning.
+  /// All data as one JSON, for a page in a file of the folder: with a smaller mesh if the mesh is too large, and with
+  /// few, small pictures. Skips failed parts with a warning.
   [[nodiscard]] std::string inlined() const;
 
  private:
@@ -30,8 +30,8 @@ class FinishedMap {
   std::shared_ptr<const State> state_;
 };
 
-/// The same of a single file: .glb, .gltf, .ply, .obj or .vdb. What pages cannot read is turned into
-/// glTF first. Throws std::runtime_error for a file that cannot be read.
+/// Data of a single file: .glb, .gltf, .ply, .obj or .vdb. Formats unknown to browsers are converted to glTF first.
+/// Throws std::runtime_error for a file that cannot be read.
 [[nodiscard]] std::map<std::string, Served> served_file(const std::filesystem::path& file);
 
 }  // namespace cairn

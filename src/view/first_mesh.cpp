@@ -19,7 +19,7 @@
 namespace cairn {
 namespace {
 
-constexpr float kPerCell = 2.4f;  // triangles that a surface has in each cell that it passes, on the mean
+constexpr float kPerCell = 2.4f;  // mean number of surface triangles per occupied cell
 
 float area_of(const Mesh& mesh) {
   double area = 0;
@@ -29,7 +29,7 @@ float area_of(const Mesh& mesh) {
   return static_cast<float>(area);
 }
 
-/// The cell of each vertex: cells are numbered as they come.
+/// Cell index of each vertex, numbered by first occurrence.
 std::pair<std::vector<std::uint32_t>, std::size_t> cells_of(const Mesh& mesh, float size) {
   std::unordered_map<std::uint64_t, std::uint32_t> cells;
   std::vector<std::uint32_t> cell_of;

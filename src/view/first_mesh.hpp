@@ -7,14 +7,13 @@
 
 namespace cairn {
 
-/// What a page shows until the mesh itself is there: about so many triangles, with colours, drawn at once also where
-/// no GPU helps.
+/// Approximate number of triangles of the first mesh, with colors; renders immediately even without a GPU.
 inline constexpr std::size_t kFirstTriangles = 80'000;
 
-/// The .glb of a coarser mesh: vertices that lie in one cell of a grid become one, with their mean place and colour,
-/// and triangles with two of them in one cell are gone (Rossignac & Borrel, Multi-resolution 3D approximations for
-/// rendering complex scenes, 1993). The grid is as fine as `triangles` allow. Throws std::runtime_error for a file that
-/// is no mesh.
+/// Coarser mesh as .glb by vertex clustering: the vertices of a grid cell merge into one with their mean position and
+/// color, and triangles with two vertices in a cell are removed (Rossignac & Borrel, Multi-resolution 3D approximations
+/// for rendering complex scenes, 1993). The cell size follows from `triangles`. Throws std::runtime_error for a file
+/// that is not a mesh.
 [[nodiscard]] std::string first_mesh(const std::filesystem::path& file, std::size_t triangles = kFirstTriangles);
 
 }  // namespace cairn

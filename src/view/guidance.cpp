@@ -11,39 +11,39 @@
 namespace cairn {
 namespace {
 
-constexpr int kEvery = 8;                              // pixel is looked at, each way
-constexpr double kNearlyNear = 1.5, kNearlyFar = 0.8;  // times the least and the most depth
-constexpr double kDefaultDepth = 1.5;                  // metres, where none was measured yet
+constexpr int kEvery = 8;                              // pixel stride in both directions
+constexpr double kNearlyNear = 1.5, kNearlyFar = 0.8;  // factors on the minimum and maximum depth
+constexpr double kDefaultDepth = 1.5;                  // meters, before the first measurement
 
-// Steady scans turn at 0.7 to 0.9 rad/s and move at 0.2 to 0.5 m/s (medians and 95 % of redkitchen and of TUM's fr1_xyz
-// and fr2_desk); images of fr1_rpy, at 1.4 rad/s and more, are blurred by 10 to 20 pixels.
+// Steady scans rotate at 0.7 to 0.9 rad/s and move at 0.2 to 0.5 m/s (medians and 95 % of redkitchen and of TUM's
+// fr1_xyz and fr2_desk); images of fr1_rpy, at 1.4 rad/s and more, have a blur of 10 to 20 pixels.
 constexpr double kFastTurn = 1.3, kFastMove = 0.8;  // rad/s, m/s
-constexpr double kFastView = 0.15;                  // of the image's width, from one fused frame to the next
+constexpr double kFastView = 0.15;                  // of the image's width, between fused frames
 
-constexpr double kSmooth = 0.4;      // seconds that a measure is smoothed over
-constexpr double kSettled = 1.5;     // the same of what is well covered
-constexpr double kFlowOver = 0.3;    // the same of the way that the view goes
-constexpr double kStay = 1.5;        // seconds that a hint is shown at least
-constexpr double kLeastFlow = 0.05;  // that tells where to turn: 3 degrees a second
+constexpr double kSmooth = 0.4;      // smoothing time in seconds
+constexpr double kSettled = 1.5;     // smoothing time for Hint::covered
+constexpr double kFlowOver = 0.3;    // smoothing time of the image motion
+constexpr double kStay = 1.5;        // minimum display time of a hint in seconds
+constexpr double kLeastFlow = 0.05;  // minimum image motion for a turn direction: 3 degrees per second
 constexpr double kFewInliers = 0.45;
-constexpr double kKeptStep = 0.3;        // that a frame counts of those that are kept
-constexpr double kFewNewBricks = 0.004;  // of those that a frame sees
+constexpr double kKeptStep = 0.3;        // smoothing step of kept_
+constexpr double kFewNewBricks = 0.004;  // of the touched bricks
 constexpr double kWellCovered = 0.75;    // of the surface in view
 
 struct Thresholds {
   double on, off;
 };
-/// Of a hint's measure.
+/// Thresholds on a hint's measure.
 Thresholds thresholds_of(Hint hint) {
   switch (hint) {
     case Hint::good:
       break;
     case Hint::covered:
-      return {0.9, 0.4};  // share of the frames that show nothing new
+      return {0.9, 0.4};  // share of the frames without new surface
     case Hint::dark:
       return {0.92, 0.89};  // 1 - brightness: below 20 of 255
     case Hint::side:
-      return {0.5, 0.2};  // share of the frames that leave a direction unobserved
+      return {0.5, 0.2};  // share of the frames with an unobserved direction
     case Hint::weak:
       return {1 - kFewInliers, 0.9 * (1 - kFewInliers)};  // share of outliers
     case Hint::far:
@@ -51,7 +51,7 @@ Thresholds thresholds_of(Hint hint) {
     case Hint::close:
       return {0.3, 0.2};  // of the image
     case Hint::slow:
-      return {1, 0.8};  // of what tracking follows
+      return {1, 0.8};  // ratio to the speed limit of tracking
     case Hint::back:
       return {0.5, 0.5};  // lost or not: not smoothed
   }
@@ -62,7 +62,7 @@ double sample_brightness(std::uint32_t pixel) {
   return static_cast<double>((pixel & 0xff) + 2 * (pixel >> 8 & 0xff) + (pixel >> 16 & 0xff)) / (4 * 255.0);
 }
 
-/// To one side of the image, about.
+/// Dominant side of the image for a direction.
 const char* side_of(const Eigen::Vector2d& turn) {
   if (std::abs(turn.x()) > std::abs(turn.y())) return turn.x() < 0 ? "left" : "right";
   return turn.y() < 0 ? "up" : "down";
@@ -77,8 +77,8 @@ ImageContent content_of(const Frame& frame, const Rig& rig, const SurfaceOptions
   std::vector<float> measured;
   int pixels = 0, near = 0, far = 0;
   for (int v = kEvery / 2; v < depth.height; v += kEvery) {
-    float beside = 0;  // the last depth in the row
-    int holes = 0;     // before the first one
+    float beside = 0;  // last valid depth in the row
+    int holes = 0;     // pixels before the first valid depth
     const auto count_holes = [&](int count) {
       near += beside > 0 && beside < nearly_near ? count : 0;
       far += beside > nearly_far ? count : 0;
@@ -125,7 +125,7 @@ const char* name_of(Hint hint) {
 
 Guidance::Guidance(const Camera& depth, const SurfaceOptions& range) : camera_(depth), range_(range) {}
 
-/// `step`: by how much the new value counts, 0..1.
+/// `step`: weight of the new value, 0..1.
 void Guidance::measure(Hint hint, double value, double step) {
   Measure& m = measures_[static_cast<std::size_t>(hint)];
   m.value += step * (value - m.value);
@@ -135,7 +135,7 @@ void Guidance::measure(Hint hint, double value, double step) {
 
 void Guidance::leave_out(int frames) { kept_ += kKeptStep * (1.0 / (1 + std::max(0, frames)) - kept_); }
 
-/// How fast the view moves, and where to.
+/// Updates the speed and the image motion.
 void Guidance::follow(const FrameReport& report, const Eigen::Isometry3d& pose, double median) {
   if (const auto before = std::exchange(last_pose_, std::pair(report.timestamp, pose))) {
     const double seconds = report.timestamp - before->first;
@@ -155,12 +155,12 @@ void Guidance::follow(const FrameReport& report, const Eigen::Isometry3d& pose, 
 
 void Guidance::see(const FrameReport& report, const ImageContent& content, const std::optional<Eigen::Isometry3d>& pose,
                    double now) {
-  const double passed = seen_ ? now - *seen_ : 1e9;  // what comes first counts fully
+  const double passed = seen_ ? now - *seen_ : 1e9;  // the first frame counts fully
   seen_ = now_ = now;
   const double step = 1 - std::exp(-passed / kSmooth);
   if (content.median > 0) median_ = content.median;
   const double median = median_ > 0 ? median_ : kDefaultDepth;
-  // An image without any depth: too close or too far, as it was before.
+  // An image without depth is too close or too far, depending on the last median.
   const bool is_blank = content.median <= 0, was_near = median < 2 * range_.min_depth;
   measure(Hint::close, is_blank && was_near ? 1 : content.near, step);
   measure(Hint::far, is_blank && !was_near ? 1 : content.far, step);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What the person who holds the sensor should do, told from what became of the frames.
+// Advice for the operator of the sensor, based on the tracking results.
 #pragma once
 #include <Eigen/Geometry>
 #include <array>
@@ -14,43 +14,42 @@
 
 namespace cairn {
 
-/// What a depth image is good for, as shares of its pixels, and how bright the colour image is.
+/// Usability of a depth image as shares of its pixels, and brightness of the color image.
 struct ImageContent {
-  double near = 0;    ///< nearer than the sensor measures: depth below the least, and holes beside what is nearly so
-  double far = 0;     ///< farther than is fused: depth above the most, and holes beside what is nearly so
-  double empty = 0;   ///< no depth
-  double median = 0;  ///< metres, of the measured depth; 0: none
-  std::optional<double> brightness;  ///< mean, 0..1 of sRGB's range; nothing without colour
+  double near = 0;                   ///< pixels below the minimum depth, and holes beside pixels close to it
+  double far = 0;                    ///< pixels beyond the maximum depth, and holes beside pixels close to it
+  double empty = 0;                  ///< no depth
+  double median = 0;                 ///< meters, of the measured depth; 0: none
+  std::optional<double> brightness;  ///< mean, 0..1 of sRGB's range; empty without color
 };
-/// Looks at every 8th pixel each way. The frame has no problem.
+/// Samples every 8th pixel in both directions. Requires a frame without problem.
 [[nodiscard]] ImageContent content_of(const Frame& frame, const Rig& rig, const SurfaceOptions& range);
 
-/// In the order of their urgency.
+/// In order of increasing urgency.
 enum class Hint { good, covered, dark, side, weak, far, close, slow, back };
 [[nodiscard]] const char* name_of(Hint hint);
 
 struct Advice {
   Hint hint = Hint::good;
-  std::string words;  ///< short enough for a phone
-  std::optional<Eigen::Vector2d>
-      turn;  ///< where to turn when lost: a direction in the image, x right, y down; length 1
+  std::string words;                    ///< short enough for a phone
+  std::optional<Eigen::Vector2d> turn;  ///< direction to turn when lost, in the image: x right, y down; length 1
 };
 
-/// Each hint has a measure, smoothed over frames, and two thresholds: it begins to hold above the one and ends below
-/// the other. A hint stays for a while unless a more urgent one comes, so that words can be read.
+/// Selects a hint. Each hint has a measure, smoothed over frames, with hysteresis: it activates above one threshold and
+/// deactivates below another. A hint remains for a minimum time unless a more urgent hint replaces it, so that it can
+/// be read.
 class Guidance {
  public:
   explicit Guidance(const Camera& depth, const SurfaceOptions& range = {});
 
-  /// A frame that was added to the map. `pose`: world_from_camera, of one that was fused; `now`: seconds, of any clock
-  /// that goes on.
+  /// Adds a processed frame. `pose`: world_from_camera of a fused frame; `now`: seconds of a monotonic clock.
   void see(const FrameReport& report, const ImageContent& content, const std::optional<Eigen::Isometry3d>& pose,
            double now);
-  /// How well the surface in view has been seen so far, 0..1; see coverage_of.
+  /// Sets how well the visible surface has been observed, 0..1; see coverage_of.
   void cover(double coverage) { coverage_ = coverage; }
-  /// Frames that were left out after the last one, since the computer was busy with it.
+  /// Adds frames dropped after the last frame because the computer was busy.
   void leave_out(int frames);
-  /// What to show.
+  /// Current advice.
   [[nodiscard]] Advice advice() const;
 
  private:
@@ -67,12 +66,12 @@ class Guidance {
   SurfaceOptions range_;
   std::array<Measure, kHints> measures_;
   double coverage_ = 0, median_ = 0;
-  double kept_ = 1;         // of the frames that come, smoothed
-  bool is_behind_ = false;  // a hand is not too fast; the computer, which leaves out frames, is too slow
-  double speed_ = 0;        // as a share of what tracking follows; of the last frame
-  Eigen::Vector2d flow_ = Eigen::Vector2d::Zero();  // where what was in the middle goes: tangent of the angle, 1/s
+  double kept_ = 1;         // share of the incoming frames that are processed, smoothed
+  bool is_behind_ = false;  // true if the motion is slow enough, but dropped frames make the steps too large
+  double speed_ = 0;        // of the last frame, as a ratio to the limit of tracking
+  Eigen::Vector2d flow_ = Eigen::Vector2d::Zero();  // image motion of the center point: tangent of the angle, 1/s
   std::optional<std::pair<double, Eigen::Isometry3d>> last_pose_;  // timestamp, world_from_camera
-  std::optional<double> seen_, found_;                             // now, of the last frame; when it was found again
+  std::optional<double> seen_, found_;                             // `now` of the last frame; time of the last recovery
   std::optional<Eigen::Vector2d> turn_;
   bool begins_ = true;
   Hint shown_ = Hint::good;

@@ -14,7 +14,7 @@ std::string gzip(std::string_view bytes) {
   if (deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, kGzip, kMemory, Z_DEFAULT_STRATEGY) != Z_OK)
     throw std::runtime_error("no memory to pack what is sent");
   std::string packed(deflateBound(&stream, bytes.size()), '\0');
-  // zlib counts in 32 bits: piece by piece.
+  // Processed in chunks, since zlib counts in 32 bits.
   constexpr std::size_t kPiece = 1 << 30;
   std::size_t at = 0, made = 0;
   int state = Z_OK;

@@ -6,7 +6,7 @@
 
 namespace cairn {
 
-/// A gzip file (RFC 1952) of these bytes, always the same.
+/// Compresses bytes as a gzip file (RFC 1952), deterministically.
 [[nodiscard]] std::string gzip(std::string_view bytes);
 
 }  // namespace cairn

@@ -15,7 +15,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kSame = 1e-4;                                // seconds: as files round them
+constexpr double kSame = 1e-4;                                // seconds: rounding of the files
 constexpr std::size_t kMostPicture = std::size_t{256} << 20;  // bytes
 
 }  // namespace
@@ -30,7 +30,7 @@ std::optional<SessionPictures> pictures_of(const std::filesystem::path& folder, 
                    is_same))
       return pictures;
   } catch (const std::exception&) {
-    // Without it a page shows all else.
+    // The page works without it.
   }
   return std::nullopt;
 }
@@ -39,7 +39,7 @@ std::vector<KeyframePicture> pictures_along(const Trajectory& path, const Sessio
                                             double clock_offset) {
   std::vector<KeyframePicture> along;
   double next = std::numeric_limits<double>::infinity();
-  for (std::size_t k = pictures.timestamps.size(); k-- > 0;) {  // the last recording's are the last ones
+  for (std::size_t k = pictures.timestamps.size(); k-- > 0;) {  // the last recording's keyframes are at the end
     const double time = pictures.timestamps[k] + clock_offset;
     if (time >= next || path.empty() || time < path.front().timestamp - kSame) break;
     next = time;

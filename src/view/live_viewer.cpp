@@ -25,10 +25,10 @@ namespace {
 
 using namespace std::chrono_literals;
 constexpr auto kSurfaceEvery = 120ms, kImagesEvery = 200ms, kStateEvery = 100ms;
-constexpr auto kUprightEvery = 1s;  // that is voted on anew
-constexpr auto kRecent = 2s;        // of frames that rates are told of
-constexpr int kBricksAtOnce = 120;  // of the surface: as many as cost less than a frame
-constexpr int kManySkipped = 5;     // frames in a row, that a person is told of
+constexpr auto kUprightEvery = 1s;  // interval of the gravity vote
+constexpr auto kRecent = 2s;        // window for frame rates
+constexpr int kBricksAtOnce = 120;  // of the surface: maximum per update, cheaper than a frame
+constexpr int kManySkipped = 5;     // number of consecutive skipped frames before a notice
 constexpr const char* kFinishedData = "finished.json";
 
 double memory_mb() {
@@ -38,12 +38,12 @@ double memory_mb() {
   return resident * 4096 / (1 << 20);
 }
 
-nlohmann::json to_json(const Eigen::Isometry3d& pose) {  // column by column, as three.js takes it
+nlohmann::json to_json(const Eigen::Isometry3d& pose) {  // column-major, for three.js
   const Eigen::Matrix4d& m = pose.matrix();
   return std::vector<double>(m.data(), m.data() + 16);
 }
 
-/// What colour a hint is shown in: as good, weak or lost.
+/// Color class of a hint: good, weak or lost.
 const char* status_of(Hint hint) {
   if (hint == Hint::back) return "lost";
   return hint == Hint::good || hint == Hint::covered ? "good" : "weak";
@@ -73,15 +73,15 @@ struct LiveViewer::State {
   int epoch = 0, dropped = 0, sent_parts = 0, frames_before = 0;
   std::map<std::string, int> counts;  // frames by state
   FrameReport last;
-  int skipped = 0;                                          // frames in a row
-  std::deque<std::pair<Clock::time_point, double>> recent;  // frames of the last seconds, and their latency
+  int skipped = 0;                                          // consecutive frames
+  std::deque<std::pair<Clock::time_point, double>> recent;  // frames of the last seconds, with their latency
   Clock::time_point surface_sent, images_sent, state_sent, upright_asked;
   std::optional<Clock::time_point> first_frame;
   std::optional<double> first_mesh_seconds;
   int shown = 0;    // viewers that show the finished map
   int updates = 0;  // of the surface
   double updates_ms = 0;
-  bool is_fresh = false;  // a frame came since the last update
+  bool is_fresh = false;  // a frame arrived since the last update
   bool any = false;       // frames
 
   explicit State(const ViewerAddress& at)
@@ -117,7 +117,7 @@ LiveViewer::Asked LiveViewer::asked() {
   Asked asked;
   for (const std::string& request : s.feed.take_requests()) {
     const auto j = parsed_json_or_none(request);
-    if (!j.is_object() || !j.contains("do")) continue;  // rubbish
+    if (!j.is_object() || !j.contains("do")) continue;  // invalid request
     if (j["do"] == "pause") asked.pause = true;
     if (j["do"] == "start") asked.pause = false;
     if (j["do"] == "reset") asked.reset = true;
@@ -154,7 +154,7 @@ void LiveViewer::update(bool paused, int dropped) {
   const auto now = State::Clock::now();
   if (std::exchange(s.is_fresh, false)) s.guidance->leave_out(dropped - std::exchange(s.dropped, dropped));
   while (!s.recent.empty() && now - s.recent.front().first > kRecent) s.recent.pop_front();
-  if (now - s.surface_sent > kSurfaceEvery) s.send_surface(paused);  // a viewer may come late and wants all of it
+  if (now - s.surface_sent > kSurfaceEvery) s.send_surface(paused);  // also for late viewers
   if (s.feed.viewers() == 0 || now - s.state_sent < kStateEvery) return;
   if (!s.any) return s.send_state("waiting", "Waiting for the first frame");
   if (s.skipped > kManySkipped && !paused) return s.send_state("weak", "No usable frames: " + s.last.reason);
@@ -232,7 +232,7 @@ void LiveViewer::State::send_state(const char* status, const std::string& words,
   feed.set("state", text_of(state), true);
 }
 
-/// In numbers, for who wants to know.
+/// Numeric details of the last frame.
 nlohmann::json LiveViewer::State::last_frame() const {
   nlohmann::json told{{"near", content.near}, {"far", content.far}, {"empty", content.empty}};
   if (content.brightness) told["brightness"] = *content.brightness;
@@ -251,7 +251,7 @@ void LiveViewer::finished(const std::filesystem::path& output) {
   State& s = *state_;
   auto files = FinishedMap(output).served();
   files[kFinishedData] = std::move(files["data.json"]);
-  files.erase("data.json");  // who comes late is told by the state, too
+  files.erase("data.json");  // a late viewer gets the finished map from the state message
   s.server.add(std::move(files));
   s.send_state("finished", "Finished: " + std::filesystem::absolute(output).lexically_normal().string(),
                {{"data", kFinishedData}});

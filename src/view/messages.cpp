@@ -14,7 +14,7 @@ namespace cairn {
 namespace {
 
 constexpr int kThumbnailWidth = 320;  // pixels
-constexpr float kNearest = 0.3f;      // metres, red
+constexpr float kNearest = 0.3f;      // meters, red
 
 template <class... Values>
 std::string packed(Values... values) {

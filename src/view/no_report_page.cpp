@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// In place of report_page.cpp where the library is built without the viewer: no report.html, and nothing to serve.
+// Replaces report_page.cpp if the library is built without the viewer: no report.html and no served page.
 #include <stdexcept>
 
 #include "cairn/viewer.hpp"

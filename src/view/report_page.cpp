@@ -8,7 +8,7 @@
 #include "cairn/viewer.hpp"
 #include "view/finished_map.hpp"
 
-// The page as the build has made it, byte for byte (viewer.html).
+// The page as built, byte for byte (viewer.html).
 __asm__(
     ".section .rodata\n"
     ".global cairn_viewer_page\n.global cairn_viewer_page_end\n"

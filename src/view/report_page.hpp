@@ -9,12 +9,11 @@
 
 namespace cairn {
 
-/// The viewer: one HTML file with all that it needs. It shows what is in an element `data` of it, or what `data.json`
-/// beside it tells.
+/// The viewer: a self-contained HTML file. It shows the data of its `data` element, or of `data.json` beside it.
 [[nodiscard]] std::string_view viewer_page();
 inline constexpr std::string_view kDataPlace = "<!-- data -->";  // in the page, before its script
 
-/// The same for a server. `soon`: what is beside it and wanted first; it is fetched while the script is read.
+/// The viewer for a server. `soon`: URLs to preload while the script is parsed.
 [[nodiscard]] inline Served viewer_file(const std::vector<std::string>& soon = {}) {
   std::string page(viewer_page()), links;
   for (const std::string& url : soon) links += R"(<link rel="preload" as="fetch" crossorigin href=")" + url + "\">";

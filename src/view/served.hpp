@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What a server gives to who asks: text, files, and what is only made then.
+// Responses of the server: text, files, and content made on request.
 #pragma once
 #include <filesystem>
 #include <functional>
@@ -12,12 +12,12 @@
 
 namespace cairn {
 
-/// Bytes that never change, and the same packed for a slow way. Any thread.
+/// Immutable bytes, with a compressed version for slow connections. Thread-safe.
 class Text {
  public:
   explicit Text(std::string bytes) : bytes_(std::move(bytes)) {}
   [[nodiscard]] const std::string& bytes() const { return bytes_; }
-  /// gzip-ed; the first call takes a while.
+  /// gzip-compressed; the first call compresses.
   [[nodiscard]] const std::string& packed() const;
 
  private:
@@ -28,27 +28,27 @@ class Text {
 
 using Content = std::variant<std::shared_ptr<const Text>, std::filesystem::path>;
 
-/// Makes what is asked for, in a thread beside the server: one thing after the other, those that take `long` in a row
-/// of their own. What it throws is the answer.
+/// Content made on request in a worker thread, sequentially. Slow content (`takes_long`) has its own thread. Exceptions
+/// become the response.
 struct Make {
   std::function<Content()> make;
   bool takes_long = false;
 };
 
-/// What a path gives. A file is read when it is asked for, and a link in place of it is not followed.
+/// Response of a path. A file is read on request; a link in its place is not followed.
 struct Served {
   std::string content_type;
   std::variant<std::string, std::filesystem::path, Make> body;
-  std::string download;      // the name of the file that a browser keeps; empty: it is shown
-  bool is_packable = false;  // much smaller when it is packed
-  /// Folder of the file, or above it, below which no part of its path may be a link; empty: the file's own.
+  std::string download;      // file name for a browser's download; empty: shown in the browser
+  bool is_packable = false;  // compressible
+  /// Folder at or above the file; no path component below it may be a link. Empty: the file's own folder.
   std::filesystem::path root = {};
 };
 
-/// What is made at most once: calls after the first give the same.
+/// Content made at most once; later calls return the same content.
 [[nodiscard]] Make once(std::function<Content()> make, bool takes_long = false);
 
-/// What is made from now on, in a thread of its own: who asks waits for what is left of it.
+/// Starts making content at once, in its own thread; requests wait for the result.
 [[nodiscard]] Make beforehand(std::function<Content()> make);
 
 }  // namespace cairn

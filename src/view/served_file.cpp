@@ -44,14 +44,14 @@ Served glb(const std::vector<Mesh>& parts) {
 
 constexpr std::size_t kMostGltf = std::size_t{1} << 30;  // bytes of a .gltf without its buffers
 
-/// A list of a glTF, and the kinds of files that it may refer to.
+/// A list of a glTF, with the allowed extensions of referenced files.
 struct Resources {
   const char* list;
   std::initializer_list<const char*> extensions;
 };
 const Resources kResources[] = {{"buffers", {".bin"}}, {"images", {".png", ".jpg", ".jpeg", ".webp", ".ktx2"}}};
 
-/// What a glTF refers to in files of their own: by "uri", but "data:" and where another program finds it.
+/// External files of a glTF by "uri", without "data:" and absolute URIs.
 std::vector<std::string> uris_in(const Json& gltf, const char* list) {
   std::vector<std::string> uris;
   const auto found = gltf.find(list);
@@ -62,7 +62,7 @@ std::vector<std::string> uris_in(const Json& gltf, const char* list) {
   return uris;
 }
 
-/// A .gltf and the buffers and images beside it or below that it refers to.
+/// Adds a .gltf with its buffers and images in the same folder or below.
 void add_gltf(const fs::path& file, Files& files) {
   const fs::path folder = file.parent_path();
   const Json json = parsed_json_or_none(FileBelow(folder, file.filename()).read(kMostGltf));
@@ -82,7 +82,7 @@ void add_gltf(const fs::path& file, Files& files) {
 
 [[noreturn]] void refuse(const fs::path& file) {
   const std::string extension = extension_of(file);
-  const bool is_written = extension == ".obj" || extension == ".stl";  // by cairn export
+  const bool is_written = extension == ".obj" || extension == ".stl";  // formats written by cairn export
   throw std::runtime_error(
       file.string() + ": '" + file.extension().string() + "' cannot be shown; " +
       (is_written ? "write the same map as .glb and view that: cairn export MAP -o " +
@@ -94,7 +94,7 @@ void add_gltf(const fs::path& file, Files& files) {
 
 Files served_file(const fs::path& given) {
   if (!fs::is_regular_file(given)) throw std::runtime_error(given.string() + ": there is no such file or folder");
-  const fs::path file = fs::canonical(given);  // the user may name a link
+  const fs::path file = fs::canonical(given);  // the user may give a link
   const std::string extension = extension_of(given);
   Files files;
   Json data{{"mode", "finished"},

@@ -28,7 +28,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 using Files = std::map<std::string, Served>;
 
-constexpr const char* kBelow = "tileset/";  // the folder's name in the page's addresses
+constexpr const char* kBelow = "tileset/";  // folder name in the page's addresses
 
 struct Home {
   fs::path folder;  // canonical
@@ -37,7 +37,7 @@ struct Home {
 
 constexpr std::size_t kMostTileset = std::size_t{1} << 28;  // bytes
 
-/// `name`: in the folder.
+/// `name`: relative to the folder.
 Json read_tileset(const fs::path& folder, const fs::path& name) {
   const std::string bytes = FileBelow(folder, name).read(kMostTileset);
   try {
@@ -49,7 +49,7 @@ Json read_tileset(const fs::path& folder, const fs::path& name) {
   }
 }
 
-/// The addresses of all contents in a tileset.
+/// URIs of all contents in a tileset.
 std::vector<std::string> contents(const Json& tileset) {
   std::vector<std::string> uris;
   const auto note = [&](const Json& content) {
@@ -71,11 +71,11 @@ std::vector<std::string> contents(const Json& tileset) {
 
 Served tileset_file(const std::shared_ptr<const Home>& home, const std::string& name);
 
-/// What a tileset, `name`, refers to, by their names in the page's addresses.
+/// Files referenced by the tileset `name`, keyed by their names in the page's addresses.
 Files referred(const std::shared_ptr<const Home>& home, const std::string& name, const Json& tileset) {
   Files files;
   for (const std::string& uri : contents(tileset)) {
-    if (uri.find(':') != uri.npos) continue;  // somewhere else in the net
+    if (uri.find(':') != uri.npos) continue;  // absolute URL
     const std::string other =
         (fs::path(name).parent_path() / uri.substr(0, uri.find_first_of("?#"))).lexically_normal().generic_string();
     const fs::path file = from_uri(other);
@@ -102,7 +102,7 @@ Served tileset_file(const std::shared_ptr<const Home>& home, const std::string& 
   return {.content_type = content_type_of(file), .body = Make{.make = read}, .is_packable = true};
 }
 
-/// How much of a plan is in its map; null before that is known.
+/// Verdict of a plan on its joined parts; null before the parts are joined.
 Json verdict_in_json(const fs::path& plan) {
   const auto parts = joined_parts(plan);
   if (!parts) return nullptr;

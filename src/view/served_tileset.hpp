@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What a page shows of 3D Tiles: however many there are, those that it has come to are known.
+// 3D Tiles for the web page. Files are registered as tilesets are requested, so that the number of tiles does not
+// matter.
 #pragma once
 #include <filesystem>
 #include <functional>
@@ -12,16 +13,15 @@
 
 namespace cairn {
 
-/// Gives a server more files, from any thread.
+/// Adds files to a server; thread-safe.
 using AddFiles = std::function<void(std::map<std::string, Served>&&)>;
 
-/// The tileset that `map` is: itself, or that of the plan in this folder. Nothing for what is something else. Throws
-/// std::runtime_error for a plan without tiles, with what to do.
+/// Tileset of `map`: the file itself, or the tileset of a plan folder. Empty for any other path. Throws
+/// std::runtime_error with a remedy for a plan without tiles.
 [[nodiscard]] std::optional<std::filesystem::path> tileset_of(const std::filesystem::path& map);
 
-/// `data.json` and the tileset that it names. Each time that a tileset is asked for, the .glb and further tilesets that
-/// it refers to go to `add`: those in the folder of `tileset` and below alone. Throws std::runtime_error for what is no
-/// tileset.
+/// `data.json` and the root tileset. Each request of a tileset passes the .glb files and tilesets it references to
+/// `add`, restricted to the folder of `tileset` and below. Throws std::runtime_error for a file that is not a tileset.
 [[nodiscard]] std::map<std::string, Served> served_tileset(const std::filesystem::path& tileset, AddFiles add);
 
 }  // namespace cairn

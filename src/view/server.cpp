@@ -50,10 +50,10 @@ using asio::ip::tcp;
 using Plain = beast::tcp_stream;
 using Secure = beast::ssl_stream<beast::tcp_stream>;
 
-constexpr auto kLook = 15ms;                            // between looks for something new
-constexpr std::size_t kMaxMessage = 4096;               // bytes that a viewer may send at once
+constexpr auto kLook = 15ms;                            // polling interval of the feed
+constexpr std::size_t kMaxMessage = 4096;               // maximum bytes of a viewer's message
 constexpr std::size_t kMaxHeader = 16384;               // bytes
-constexpr std::size_t kPiece = std::size_t{256} << 10;  // bytes of a file at a time
+constexpr std::size_t kPiece = std::size_t{256} << 10;  // bytes of a file per write
 constexpr std::size_t kWorthPacking = 1024;             // bytes
 
 std::string random_token() {
@@ -63,7 +63,7 @@ std::string random_token() {
   return token;
 }
 
-/// Takes as long whatever the two differ in, so that a token cannot be guessed letter by letter.
+/// Constant-time comparison, so that a token cannot be guessed letter by letter.
 bool is_same(std::string_view a, std::string_view b) {
   if (a.size() != b.size()) return false;
   volatile unsigned char difference = 0;
@@ -71,29 +71,30 @@ bool is_same(std::string_view a, std::string_view b) {
   return difference == 0;
 }
 
-/// A connection. Until it has sent the token it may be closed for a newer one, afterwards between two requests.
+/// A connection. The server may close it for a newer connection: before it has sent the token at any time, later only
+/// between requests.
 struct Peer {
-  std::string network;      // its address; of IPv6 the first 64 bits, which one household or machine has
-  Plain* stream = nullptr;  // that is closed; null before it is read from and once a WebSocket has it
+  std::string network;      // address; for IPv6 the first 64 bits, shared by a household or machine
+  Plain* stream = nullptr;  // closed by the server; null before the first read and after an upgrade to WebSocket
   bool is_known = false;    // has sent the token
   bool is_idle = true;      // between two requests
-  bool is_closed = false;   // and its coroutine is about to end
+  bool is_closed = false;   // its coroutine is about to end
   [[nodiscard]] bool is_stranger() const { return !is_known && !is_closed; }
 };
 
-/// All connections, the oldest first; those with the token by their last request.
+/// All connections, oldest first; connections with the token by their last request.
 class Peers {
  public:
   explicit Peers(const ServerLimits& limits) : limits_(limits) {}
 
-  /// A new connection, for which another one may be closed; null where all are at work for who has the token.
+  /// Admits a connection, closing another if necessary; null if all connections have the token and are busy.
   std::shared_ptr<Peer> admit(const std::string& network) {
     const auto is_neighbor = [&](const Peer& p) { return p.is_stranger() && p.network == network; };
     if (count(is_neighbor) >= limits_.strangers) close_first(is_neighbor);
     if (count([](const Peer& p) { return !p.is_closed; }) >= limits_.connections && !make_room()) return nullptr;
     return peers_.emplace_back(std::make_shared<Peer>(Peer{.network = network}));
   }
-  /// Closes the oldest connection without the token, or else the one that has been idle for longest.
+  /// Closes the oldest connection without the token, or else the longest idle connection.
   bool make_room() {
     return close_first([](const Peer& p) { return p.is_stranger(); }) ||
            close_first([](const Peer& p) { return p.is_idle && !p.is_closed; });
@@ -123,7 +124,7 @@ class Peers {
   std::vector<std::shared_ptr<Peer>> peers_;
 };
 
-/// A connection leaves the others however its scope is left.
+/// Removes a connection when its scope ends.
 class Present {
  public:
   Present(Peers& peers, std::shared_ptr<Peer> peer) : peers_(peers), peer_(std::move(peer)) {}
@@ -161,10 +162,10 @@ class Viewing {
 using Request = http::request<http::empty_body>;
 using Header = http::response<http::empty_body>;
 
-/// Where the server is found, and whether a request is for it.
+/// Addresses of the server, and the check of requests against them.
 struct Gate {
   std::string token, scheme;
-  std::set<std::string> hosts;  // with their ports
+  std::set<std::string> hosts;  // with ports
 
   [[nodiscard]] bool is_ours(const Request& request) const {
     const auto is = [&](beast::string_view host) { return hosts.count(std::string(host)) > 0; };
@@ -177,7 +178,7 @@ struct Gate {
     return is(origin);
   }
 
-  /// The name below the token that a request asks for, or nothing.
+  /// Name below the token in a request, if any.
   [[nodiscard]] std::optional<std::string> name_of(const Request& request) const {
     const std::string_view target(request.target().data(), request.target().size());
     const std::string prefix = "/" + token + "/";
@@ -186,7 +187,7 @@ struct Gate {
   }
 };
 
-/// What a file's entry has become for the server: text is shared with whoever is just reading it.
+/// Server entry of a file; text is shared with running responses.
 struct Entry {
   std::string content_type, download;
   std::filesystem::path root;
@@ -210,7 +211,7 @@ Entry entry_of(Served served, bool is_page) {
   return entry;
 }
 
-/// By the names that name_of() gives.
+/// Keyed by the names of name_of().
 using Entries = std::map<std::string, std::shared_ptr<const Entry>>;
 Entries entries_of(Server::Files&& files) {
   Entries entries;
@@ -219,12 +220,12 @@ Entries entries_of(Server::Files&& files) {
   return entries;
 }
 
-/// The bytes of a body from `first` to `last`.
+/// Byte range of a body, from `first` to `last`.
 struct Range {
   std::uint64_t first = 0, last = 0;
 };
-/// What `bytes=…` of a Range asks for of so many bytes (RFC 9110, 14.1.2): nothing for what this server does not
-/// understand, which then gives all; an empty range for one that lies behind the end.
+/// Parses `bytes=…` of a Range header for a body of `size` bytes (RFC 9110, 14.1.2). Returns nullopt for unsupported
+/// ranges, answered with the complete body; an empty range beyond the end.
 std::optional<Range> range_of(beast::string_view text, std::uint64_t size) {
   std::string_view range(text.data(), text.size());
   constexpr std::string_view kBytes = "bytes=";
@@ -247,12 +248,12 @@ std::optional<Range> range_of(beast::string_view text, std::uint64_t size) {
   return *first >= size ? kNone : Range{*first, last ? std::min(*last, size - 1) : size - 1};
 }
 
-// Answers over HTTP. `patience`: with a client that does not read.
+// HTTP responses. `patience`: timeout for a client that does not read.
 
 constexpr const char* kPagePolicy =
     "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; frame-ancestors 'none'; base-uri 'none'; "
     "form-action 'none'";
-/// Of all but the page: opened by itself it runs nothing, and has no origin.
+/// Policy for all content except the page: opened directly, it runs no code and has no origin.
 constexpr const char* kOtherPolicy = "default-src 'none'; frame-ancestors 'none'; sandbox";
 
 Header header_of(const Request& request, http::status status, const std::string& content_type, bool is_page = false) {
@@ -267,7 +268,7 @@ Header header_of(const Request& request, http::status status, const std::string&
   return header;
 }
 
-/// A large file may take long, but some of it must go through all the time.
+/// A large file may take long; the timeout applies to each write.
 template <class Stream>
 asio::awaitable<void> write_all(Stream& stream, asio::const_buffer rest, std::chrono::milliseconds patience) {
   while (rest.size() > 0) {
@@ -283,7 +284,7 @@ asio::awaitable<void> write_header(Stream& stream, Header& header, std::chrono::
   co_await http::async_write_header(stream, serializer, asio::use_awaitable);
 }
 
-/// Text of a server's own, or of an error. HEAD gets the same answer as GET without its body.
+/// Short text response, such as an error. HEAD gets the headers of GET.
 template <class Stream>
 asio::awaitable<void> say(Stream& stream, const Request& request, http::status status, std::string words,
                           std::chrono::milliseconds patience) {
@@ -307,14 +308,14 @@ asio::awaitable<void> write_file(Stream& stream, beast::file& file, Range range,
     left -= size;
     if (left == 0) co_return;
   }
-  throw boost::system::system_error(http::error::partial_message);  // it was cut off meanwhile
+  throw boost::system::system_error(http::error::partial_message);  // the file was truncated meanwhile
 }
 
 bool accepts_gzip(const Request& request) {
   return request[http::field::accept_encoding].find("gzip") != beast::string_view::npos;
 }
 
-/// Content-Disposition of a file that a browser keeps by this name (RFC 6266, RFC 8187).
+/// Content-Disposition for a download with this name (RFC 6266, RFC 8187).
 std::string attachment(const std::string& name) {
   if (name.empty()) return "attachment";
   std::string plain;
@@ -323,7 +324,7 @@ std::string attachment(const std::string& name) {
   return plain == name ? told : told + "; filename*=UTF-8''" + as_uri(as_utf8(name));
 }
 
-/// Opens a file as Served::root allows. Returns what is wrong with it.
+/// Opens a file within Served::root. Returns an error text.
 std::string open_file(beast::file& file, const std::filesystem::path& path, const std::filesystem::path& root) {
   try {
     FileBelow below(root.empty() ? path.parent_path() : root,
@@ -335,7 +336,7 @@ std::string open_file(beast::file& file, const std::filesystem::path& path, cons
   }
 }
 
-/// `is_far`: the way to the client is worth packing for.
+/// `is_far`: the connection is slow enough for compression.
 template <class Stream>
 asio::awaitable<void> serve(Stream& stream, const Request& request, const Entry& entry, Content content, bool is_far,
                             std::chrono::milliseconds patience) {
@@ -383,7 +384,7 @@ std::string in_url(const std::string& address) {
   return address.find(':') == std::string::npos ? address : "[" + address + "]";
 }
 
-/// What the address was meant for, and what there is.
+/// Error for an unusable address, with the machine's addresses.
 std::runtime_error not_ours(const std::string& host, const std::string& why) {
   std::vector<std::string> ours;
   for (const NetworkAddress& a : network_addresses()) ours.push_back(fmt::format("{} ({})", a.address, a.interface));
@@ -400,7 +401,7 @@ asio::ip::address address_of(const std::string& host) {
   return address;
 }
 
-/// Addresses under which a server that listens there is found, the likeliest first.
+/// Addresses for clients, most likely first, of a server listening on `listened`.
 std::vector<NetworkAddress> reached_at(const asio::ip::address& listened) {
   if (!listened.is_unspecified()) return {{listened.to_string(), ""}};
   std::vector<NetworkAddress> all = network_addresses();
@@ -448,7 +449,7 @@ struct Server::State {
                                          error.code().message()));
   }
 
-  /// From here on TLS is spoken.
+  /// Enables TLS.
   void secure(const ViewerAddress& at, const std::vector<NetworkAddress>& reached) {
     std::vector<std::string> addresses;
     addresses.reserve(reached.size());
@@ -472,13 +473,13 @@ struct Server::State {
       }
   }
 
-  /// Beside the others. An exception ends what is spawned, and nothing else.
+  /// Starts a coroutine. An exception ends only this coroutine.
   void spawn(asio::awaitable<void> work) {
     asio::co_spawn(context, std::move(work), [](const std::exception_ptr& problem) {
       try {
         if (problem) std::rethrow_exception(problem);
       } catch (const boost::system::system_error&) {
-        // The client went away, or sent what no browser sends: nobody is left to be told.
+        // The client disconnected or sent invalid data.
       } catch (const std::exception& error) {
         spdlog::warn(fmt::format("view: {}; one connection is closed", error.what()));
       }
@@ -490,7 +491,7 @@ struct Server::State {
       boost::system::error_code error;
       tcp::socket socket = co_await acceptor.async_accept(asio::redirect_error(asio::use_awaitable, error));
       if (error) {
-        peers.make_room();  // no file descriptor is left, perhaps
+        peers.make_room();  // possibly out of file descriptors
         co_await pause(100ms);
       } else if (auto peer = peers.admit(network_of(socket))) {
         spawn(greet(std::move(socket), std::move(peer)));
@@ -511,7 +512,7 @@ struct Server::State {
     const bool is_far = !socket.remote_endpoint(ignored).address().is_loopback();
     Plain plain(std::move(socket));
     peer->stream = &plain;
-    plain.expires_after(limits.greeting);  // for all that comes before the token, however slowly it drips
+    plain.expires_after(limits.greeting);  // limit for everything before the token
     beast::flat_buffer buffer;
     if (!tls) {
       if (co_await talk(plain, buffer, peer, is_far)) plain.socket().shutdown(tcp::socket::shutdown_send, ignored);
@@ -530,7 +531,7 @@ struct Server::State {
     co_await secure.async_shutdown(asio::redirect_error(asio::use_awaitable, ignored));
   }
 
-  /// Somebody typed the address without its beginning.
+  /// Answers a plain HTTP request on the TLS port.
   asio::awaitable<void> refuse_plain(Plain& stream, beast::flat_buffer& buffer) const {
     const auto request = co_await read(stream, buffer);
     co_await say(stream, request, http::status::bad_request,
@@ -546,12 +547,12 @@ struct Server::State {
     co_return parser.release();
   }
 
-  /// Whether a request that is for this server follows the feed.
+  /// Returns true if a valid request subscribes to the feed.
   [[nodiscard]] bool asks_for_feed(const Request& request) const {
     return feed != nullptr && gate.name_of(request) == "live" && beast::websocket::is_upgrade(request);
   }
 
-  /// Returns whether the stream is to be closed: a WebSocket has taken it otherwise.
+  /// Returns true if the caller must close the stream, false if a WebSocket has taken it.
   template <class Stream>
   asio::awaitable<bool> talk(Stream& stream, beast::flat_buffer& buffer, const std::shared_ptr<Peer>& peer,
                              bool is_far) {
@@ -561,7 +562,7 @@ struct Server::State {
       if (gate.is_ours(request) && gate.name_of(request)) peers.greet(peer);
       if (!peer->is_known) request.keep_alive(false);
       if (gate.is_ours(request) && asks_for_feed(request) && feed->viewers() < limits.viewers) {
-        beast::get_lowest_layer(stream).expires_never();  // the WebSocket has its own
+        beast::get_lowest_layer(stream).expires_never();  // the WebSocket has its own timeout
         peer->stream = nullptr;
         co_await follow(std::move(stream), request);
         co_return false;
@@ -608,7 +609,7 @@ struct Server::State {
     co_await say(stream, request, http::status::internal_server_error, problem, limits.patience);
   }
 
-  /// What takes time is done in a thread of its own, and the others are served meanwhile.
+  /// Makes slow content in a worker thread, while the server serves other clients.
   asio::awaitable<Content> content_of(const Entry& entry, bool is_far) {
     const Make* make = std::get_if<Make>(&entry.body);
     if (make == nullptr && !(entry.is_packable && is_far)) co_return std::get<Content>(entry.body);
@@ -622,7 +623,7 @@ struct Server::State {
     co_return co_await asio::co_spawn(pool, work, asio::use_awaitable);
   }
 
-  /// Sends what is new until the viewer goes; listens at the same time.
+  /// Sends updates and receives requests until the viewer disconnects.
   template <class Stream>
   asio::awaitable<void> follow(Stream&& stream, const Request& request) {
     using WebSocket = beast::websocket::stream<std::remove_reference_t<Stream>>;
@@ -637,7 +638,7 @@ struct Server::State {
     while (socket->is_open()) {
       const auto items = feed->since(version);
       if (items.empty()) co_await pause(kLook);
-      // One at a time: after each, newer versions of the others are what should be sent.
+      // One item at a time, since newer versions may replace the others meanwhile.
       if (!items.empty()) {
         const Feed::Item& item = items.front();
         version = item.version;
@@ -647,7 +648,7 @@ struct Server::State {
     }
   }
 
-  /// Until the viewer says goodbye, or too much: Beast closes the connection then.
+  /// Receives until the viewer disconnects or exceeds the message size, after which Beast closes the connection.
   template <class WebSocket>
   asio::awaitable<void> listen_to(std::shared_ptr<WebSocket> socket) {
     while (true) {
@@ -657,10 +658,10 @@ struct Server::State {
     }
   }
 
-  Entries files;  // of the thread alone
+  Entries files;  // accessed only by the server thread
   Feed* feed;
   ServerLimits limits;
-  Peers peers{limits};  // of the thread alone
+  Peers peers{limits};  // accessed only by the server thread
   std::atomic<bool> is_opened = false;
   Gate gate;
   ViewerSite site;
@@ -668,7 +669,7 @@ struct Server::State {
   asio::io_context context{1};
   tcp::acceptor acceptor{context};
   asio::thread_pool quick{1}, slow{1};
-  std::jthread thread;  // last: it uses the others
+  std::jthread thread;  // last member: uses the members above
 };
 
 Server::Server(const ViewerAddress& at, Files files, Feed* feed, const ServerLimits& limits)

@@ -13,10 +13,10 @@
 
 namespace cairn {
 
-/// A folder among the system's temporary ones, which is gone with this.
+/// A temporary folder, removed with this object.
 class TemporaryPlace {
  public:
-  /// Throws std::runtime_error where none can be made.
+  /// Throws std::runtime_error if the folder cannot be created.
   TemporaryPlace() {
     std::string name = (std::filesystem::temp_directory_path() / "cairn-view-XXXXXX").string();
     if (mkdtemp(name.data()) == nullptr)

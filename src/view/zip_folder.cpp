@@ -18,7 +18,7 @@ void zip_folder(const std::filesystem::path& folder, const std::filesystem::path
     return std::runtime_error("cannot write " + file.string() + ": " + why);
   };
   int code = 0;
-  zip_t* zip = zip_open(file.c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code);  // it becomes a file when it is closed
+  zip_t* zip = zip_open(file.c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code);  // written at close
   if (zip == nullptr) throw failed("the folder takes no file");
   const auto give_up = [&] {
     const std::string why = zip_strerror(zip);

@@ -5,7 +5,8 @@
 
 namespace cairn {
 
-/// Packs the files of a folder, by their names. Whole or not at all. Throws std::runtime_error with the reason.
+/// Packs the files of a folder into a zip file under their file names, atomically. Throws std::runtime_error with the
+/// reason.
 void zip_folder(const std::filesystem::path& folder, const std::filesystem::path& file);
 
 }  // namespace cairn
