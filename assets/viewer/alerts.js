@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Tells who looks at the room and not at the page that the camera is lost, and when it is found again.
+// Alerts the operator, who watches the room instead of the page, when the camera is lost and when it is found again.
 
 const kKept = 'cairn-alerts';
-const kTones = { lost: [660, 440], found: [440, 660] };  // Hz, one after the other
+const kTones = { lost: [660, 440], found: [440, 660] };  // Hz, in sequence
 const kTone = 0.16;                                      // seconds
 const kVibrations = { lost: [250, 100, 250], found: [80] };  // milliseconds
 
@@ -11,15 +11,15 @@ function kept() {
   try {
     return localStorage.getItem(kKept) === 'on';
   } catch {
-    return false;  // the browser keeps nothing, by its settings
+    return false;  // storage is disabled in the browser
   }
 }
 
-/** Sound and vibration are off until somebody switches them on: browsers want a tap before the first tone. */
+/** Sound and vibration, off by default: browsers require a tap before the first tone. */
 export class Alerts {
   constructor() {
     this.isOn = kept();
-    // Also where it was on before, the first tone needs a tap on this page.
+    // The first tone requires a tap on this page, even if sound was on before.
     for (const type of ['pointerdown', 'keydown'])
       addEventListener(type, () => { if (this.isOn) this.wake(); }, { capture: true });
   }
@@ -28,7 +28,7 @@ export class Alerts {
     this.isOn = on;
     try {
       localStorage.setItem(kKept, on ? 'on' : 'off');
-    } catch { /* the next page begins without */ }
+    } catch { /* not stored */ }
     if (!on) return;
     this.wake();
     this.tell('found');
@@ -40,12 +40,12 @@ export class Alerts {
     if (this.audio.state === 'suspended') this.audio.resume();
   }
 
-  /** `what`: lost or found. Everybody sees it; who wants to hears and feels it. */
+  /** `what`: lost or found. The flash is always shown; sound and vibration only when switched on. */
   tell(what) {
     const flash = document.getElementById('flash');
     if (flash) {
       flash.className = '';
-      void flash.offsetWidth;  // the animation begins again
+      void flash.offsetWidth;  // restarts the animation
       flash.className = what;
     }
     if (!this.isOn) return;

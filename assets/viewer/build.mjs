@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Makes one HTML file of the page, its style and its scripts. Usage: node build.mjs OUT.html
+// Bundles the page, its style and its scripts into one HTML file. Usage: node build.mjs OUT.html
 import { build } from 'esbuild';
 import { readFile, writeFile } from 'node:fs/promises';
 

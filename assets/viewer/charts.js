@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// How tracking and time went, frame by frame; frames that were lost are marks.
+// Charts of tracking quality and time per frame, with marks at lost frames.
 import uPlot from 'uplot';
 import { element } from './dom.js';
 
@@ -8,7 +8,7 @@ const kColours = ['#6ea2ff', '#49c282', '#e0a32e', '#ff7b7f', '#b490f0', '#4cc7d
 const kStages = ['preprocess', 'raycast', 'track', 'fuse', 'keyframe', 'esdf', 'esdf to host'];
 const kLost = '#ff5d5d';
 
-/** Marks at frames, over the whole height. */
+/** Marks at frames, over the full height. */
 function drawMarks(chart, frames) {
   const { ctx, bbox: { top, height } } = chart;
   ctx.save();
@@ -34,7 +34,7 @@ function chart(title, words, frames, series, unit, lost = []) {
   return [element('h2', {}, title), holder, ...marks];
 }
 
-/** Of a report's `per_frame`. */
+/** Charts of a report's `per_frame`. */
 export function charts(frames) {
   if (frames.length < 2) return [];
   const index = frames.map((f) => f.index), share = (v) => (v == null ? null : 100 * v);

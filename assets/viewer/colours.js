@@ -1,21 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What the surface's colours tell: as it looks, its shape, or a number at each vertex with its legend.
+// Coloring of the surface: by texture, by shape, or by a value at each vertex with a legend.
 import * as THREE from 'three';
 import { choice, element } from './dom.js';
 import { legend, viridis } from './ramp.js';
 import { height, metres, millimetres } from './words.js';
 
-const kPoses = 150;  // of the path, that distances are measured to
+const kPoses = 150;  // maximum number of path poses for distances
 const kLinear = Float32Array.from({ length: 256 }, (_, c) => new THREE.Color().setRGB(c / 255, 0, 0, THREE.SRGBColorSpace).r);
 const kNothing = [90, 95, 102];
-const kSigma = '_sigma';  // what glTF calls _SIGMA: metres, of a map that was adjusted
+const kSigma = '_sigma';  // glTF attribute _SIGMA: meters, of an adjusted map
 
-/** What lies below `share` of the values, sorted. */
+/** Quantile of sorted values. */
 const quantile = (values, share) => values[Math.min(values.length - 1, Math.floor(share * values.length))];
 
 export class Colours {
-  /** `fields()` promises the map's fields, or null; `level`: of the floor; `path`: of the camera, upright. */
+  /**
+   * `fields()` returns a promise of the map's fields, or null; `level`: of the floor; `path`: camera positions,
+   * upright.
+   */
   constructor(scene, { fields, hasFields, level, path }) {
     Object.assign(this, { scene, fields, level, path, shown: 'colour' });
     const kinds = [['colour', 'As it looks'], ['shape', 'Shape'], ['height', 'Height'], ['normal', 'Direction'], ['reach', 'Distance'],
@@ -55,7 +58,9 @@ export class Colours {
     else geometry.deleteAttribute('color');
   }
 
-  /** `colourOf(place, normal, geometry, i)`: bytes, of a vertex and its place in three.js' world. */
+  /**
+   * `colourOf(place, normal, geometry, i)` returns the color bytes of a vertex at its position in the three.js world.
+   */
   tint(colourOf, needsNormals = false) {
     const place = new THREE.Vector3(), normal = new THREE.Vector3(), turn = new THREE.Matrix3();
     for (const mesh of this.scene.meshes()) {
@@ -76,7 +81,7 @@ export class Colours {
     }
   }
 
-  /** From low to high, by a value at each vertex, `valueOf(place, geometry, i)`; null is grey. */
+  /** Colors vertices by `valueOf(place, geometry, i)`, from low to high; null is gray. */
   byValue(valueOf, show, lowest) {
     const samples = [], place = new THREE.Vector3();
     for (const mesh of this.scene.meshes()) {

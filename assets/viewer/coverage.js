@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// How well the surface has been seen, as colours: the fourth byte of a live part's.
+// Colors for the coverage of the surface, the fourth color byte of a live part.
 import * as THREE from 'three';
 
-/** From seen once to seen well; told apart without telling red from green (RdYlBu of ColorBrewer). */
+/** From seen once to seen well, safe for red-green color blindness (RdYlBu of ColorBrewer). */
 const kRamp = [[0.84, 0.19, 0.15], [0.99, 0.68, 0.38], [0.67, 0.85, 0.91], [0.17, 0.48, 0.71]];
 export const kCoverageCss = `linear-gradient(90deg, ${kRamp.map((c) => `rgb(${c.map((v) => Math.round(255 * v)).join(' ')})`).join(', ')})`;
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 
-/** An element: its properties, then its children; text is never read as HTML. */
+/** Creates an element from properties and children; text is never parsed as HTML. */
 export function element(tag, properties = {}, ...children) {
   const { aria = {}, ...others } = properties;
   const made = Object.assign(document.createElement(tag), others);
@@ -18,10 +18,10 @@ export function setStatus(status, words) {
   const shown = document.getElementById('status');
   shown.dataset.status = status;
   shown.textContent = words;
-  shown.title = words;  // where it is too long for its place
+  shown.title = words;  // for truncated text
 }
 
-/** Buttons that every view of a map has. */
+/** Buttons of every map view. */
 export function viewButtons(scene) {
   const look = element('button', { onclick: () => show(scene.look === 'colour' ? 'shape' : 'colour') });
   const show = (name) => {
@@ -32,7 +32,7 @@ export function viewButtons(scene) {
   return [look, element('button', { onclick: () => { scene.setFollow(false); scene.lookAtAll(); } }, 'Show all')];
 }
 
-/** A named slider; `show(value)` says its value in words. `set(value)` moves it without telling. */
+/** A labeled slider; `show(value)` formats its value. `set(value)` moves it without calling `input`. */
 export function slider({ label, min = 0, max = 1, step = 0.01, value = min, show = String, input }) {
   const range = element('input', { type: 'range', min, max, step, value });
   const told = element('output');
@@ -46,7 +46,7 @@ export function slider({ label, min = 0, max = 1, step = 0.01, value = min, show
   return Object.assign(whole, { range, set: (to) => { range.value = to; tell(); } });
 }
 
-/** One of several, as radio buttons: `options` are [value, words]. */
+/** Radio buttons: `options` are [value, words]. */
 export function choice(label, options, value, change) {
   const name = `choice-${label.replaceAll(' ', '-').toLowerCase()}`;
   const made = options.map(([of, words]) => {

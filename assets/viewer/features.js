@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Edges and corners of things. Voxels round them off by about their size, so that no vertex of the mesh lies on them:
-// they are where the planes beside them meet.
+// Edges and corners of objects. Voxels round them off by about the voxel size, so that no vertex of the mesh is on an
+// edge: edges and corners are computed as intersections of the adjacent planes.
 import * as THREE from 'three';
 
 const kSame = Math.cos(THREE.MathUtils.degToRad(14));    // between a triangle and its plane
-const kNear = Math.cos(THREE.MathUtils.degToRad(28));    // the same, for triangles that no other plane may have
-const kAngle = Math.sin(THREE.MathUtils.degToRad(25));   // at least between two planes that make an edge
-const kVolume = 0.3;                                     // of three unit normals that make a corner
+const kNear = Math.cos(THREE.MathUtils.degToRad(28));    // the same, for triangles excluded from other planes
+const kAngle = Math.sin(THREE.MathUtils.degToRad(25));   // minimum between two planes of an edge
+const kVolume = 0.3;                                     // minimum volume of the three unit normals of a corner
 const kSeeds = 48, kRounds = 6;
-// Of a corner that was found, looked at again from its own place, in voxels.
-const kAround = 7;          // as far as its planes reach
-const kRounded = 1.3;       // from another of its planes: what is nearer is rounded off
-const kSupport = 5;         // square voxels that each plane must have
-const kMoves = 3;           // at most, that it moves then
+// Refinement of a corner at its own position, in voxels.
+const kAround = 7;          // radius of the planes
+const kRounded = 1.3;       // distance from the other planes, beyond the rounding
+const kSupport = 5;         // minimum area per plane, square voxels
+const kMoves = 3;           // maximum displacement
 const kSettled = 0.02, kLooks = 4;
 
 function trianglesNear(surface, point, radius) {
@@ -21,14 +21,14 @@ function trianglesNear(surface, point, radius) {
   surface.near(point, radius, (a, b, c) => {
     const normal = new THREE.Vector3().crossVectors(u.subVectors(b, a), v.subVectors(c, a)), area = normal.length() / 2;
     if (area < 1e-12) return;
-    // Of a large triangle only what lies near counts.
+    // Limits the weight of a large triangle to its nearby part.
     found.push({ normal: normal.divideScalar(2 * area), area: Math.min(area, radius * radius / 2), a, b, c,
                  middle: new THREE.Vector3().add(a).add(b).add(c).divideScalar(3) });
   });
   return found;
 }
 
-/** The plane of the triangles that agree with `plane`, by their areas. */
+/** Area-weighted fit of a plane to the triangles near `plane`. */
 function refined(triangles, plane, tolerance) {
   const normal = new THREE.Vector3();
   let offset = 0, area = 0;
@@ -43,7 +43,7 @@ function refined(triangles, plane, tolerance) {
   return { plane: new THREE.Plane(normal, -offset / area), area };
 }
 
-/** Up to four planes that the surface near a point is made of, the largest first. */
+/** Up to four planes of the surface near a point, largest first. */
 function planesNear(surface, point, radius, voxel) {
   let triangles = trianglesNear(surface, point, radius);
   const least = Math.max(0.06 * triangles.reduce((sum, { area }) => sum + area, 0), 4 * voxel * voxel), planes = [];
@@ -72,7 +72,7 @@ function cornerOf(a, b, c) {
   return sum.divideScalar(volume);
 }
 
-/** The place on the line where two planes meet that is nearest to a point. */
+/** Nearest point to `point` on the intersection line of two planes. */
 function edgeOf(a, b, point) {
   const along = new THREE.Vector3().crossVectors(a.normal, b.normal);
   if (along.length() < kAngle) return null;
@@ -80,8 +80,8 @@ function edgeOf(a, b, point) {
 }
 
 /**
- * A corner of three planes by what lies around it, and not around where somebody pointed; null where one of the planes
- * is not seen beside what the voxels round off. That of an end that nobody looked at is where the surface stops.
+ * Refines a corner of three planes with the surface around the corner instead of around the pointer. Returns null if a
+ * plane is not visible outside the rounded area, as at the border of the observed surface.
  */
 function settled(surface, planes, begin, voxel) {
   let place = begin;
@@ -103,8 +103,8 @@ function settled(surface, planes, begin, voxel) {
 }
 
 /**
- * The corner or edge that is meant by a point on the surface: { point, kind }, or null. `isMeant(place, kind)` says
- * whether one is near enough to what was pointed at; `voxel` in metres.
+ * Corner or edge near a point on the surface: { point, kind }, or null. `isMeant(place, kind)` returns true if a
+ * feature is near enough to the pointer; `voxel` in meters.
  */
 export function featureNear(surface, point, radius, voxel, isMeant) {
   const planes = planesNear(surface, point, radius, voxel);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A finished map: its mesh, the tools to look at it, and how well it was tracked.
+// View of a finished map: its mesh, the tools, and the tracking quality.
 import { element, setStatus } from './dom.js';
 import { readFields } from './fields.js';
 import { loadModel } from './model.js';
@@ -20,7 +20,7 @@ async function fetched(url) {
   return answer.arrayBuffer();
 }
 
-/** Promises the map's fields when they are asked for first. */
+/** Returns a function that loads the map's fields on its first call. */
 function fieldsOf({ fields, fields_base64: inline }) {
   let made;
   return async () => {
@@ -30,11 +30,11 @@ function fieldsOf({ fields, fields_base64: inline }) {
 }
 
 /**
- * The mesh: first a coarser one or its shape, whatever is there sooner, then all of it with its texture. `seen(model)`
- * promises that one is on the screen.
+ * Shows a coarser mesh or the untextured mesh, depending on availability, then the textured mesh. `seen(model)`
+ * resolves when a model is on the screen.
  */
 async function showMesh(scene, data, seen) {
-  const isEmpty = scene.triangles === 0;  // a map that has grown here is a picture already
+  const isEmpty = scene.triangles === 0;  // a live map is already visible
   const coarse = data.first && isEmpty ? await fetched(data.first).catch(() => null) : null;
   if (coarse) await seen((await loadModel(coarse)).model);
   const { model, textured } = await loadModel(data.mesh_base64 ? decoded(data.mesh_base64) : await fetched(data.mesh));
@@ -45,11 +45,11 @@ async function showMesh(scene, data, seen) {
   else await seen(model);
 }
 
-/** A building's tiles, with all of it, coarse, in the first picture. */
+/** Shows the tiles of a building, starting with a complete coarse view. */
 async function showTiles(scene, { tileset }, panel) {
   const tiles = new Tiles(tileset, { adopt: (mesh) => scene.adopt(mesh), show: (mesh) => { mesh.material = scene.materialOf(mesh); } });
   tiles.onFailed = () => {
-    tiles.onFailed = null;  // one stands for all
+    tiles.onFailed = null;  // reports only the first failure
     panel.prepend(element('div', { className: 'warning' }, `Something of it is not shown: ${tiles.failed[0]}`));
   };
   tiles.update(scene.camera, scene.renderer);
@@ -77,12 +77,12 @@ export async function showFinished(scene, data, fold) {
     await scene.shown();
     performance.mark('picture');
     isSeen = true;
-    fillPanel(panel, data);  // the map first, and then what stands around it
+    fillPanel(panel, data);  // after the map is visible
   };
   if (data.mesh || data.mesh_base64) {
     try {
       await showMesh(scene, data, seen);
-    } catch (error) {  // Draco's decoder is not in this page
+    } catch (error) {  // Draco's decoder is not part of this page
       panel.prepend(element('div', { className: 'warning' }, `The mesh is not shown here: ${error.message}`));
     }
   }

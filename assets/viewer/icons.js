@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Strokes in a square of 24.
+// Icons as strokes in a 24 x 24 square.
 
 const kStrokes = {
   start: 'M3 11 12 4l9 7M6 9v11h12V9M10 20v-6h4v6',

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What surrounds the picture, whatever is in it: the panel that folds away, and words beside what is pointed at.
+// Layout around the 3D view: the folding panel and tooltips.
 import { element } from './dom.js';
 import { icon } from './icons.js';
 
-const kWide = 1000;  // pixels from which the panel is open at first
+const kWide = 1000;  // minimum window width in pixels for an open panel
 const kKept = 'cairn-panel';
 
-/** The browser may keep nothing, by its settings. */
+/** Stored state; null if storage is disabled in the browser. */
 function kept() {
   try {
     return localStorage.getItem(kKept);
@@ -19,10 +19,10 @@ function kept() {
 function keep(value) {
   try {
     localStorage.setItem(kKept, value);
-  } catch { /* the next page begins as this one did */ }
+  } catch { /* not stored */ }
 }
 
-/** `fold(open)` opens or folds the panel; without `open` the other of the two. */
+/** `fold(open)` opens or folds the panel; toggles it without an argument. */
 export function foldingPanel() {
   const button = document.getElementById('fold'), panel = document.getElementById('panel');
   button.append(icon('panel'));
@@ -41,7 +41,7 @@ export function foldingPanel() {
   return fold;
 }
 
-/** Shows `data-tip` of what the pointer rests on, or the keyboard has reached. */
+/** Shows `data-tip` of the hovered or focused element. */
 export function tooltips() {
   const tip = element('div', { id: 'tip', hidden: true, aria: { hidden: 'true' } });
   document.body.append(tip);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A map that grows: follows the program over a WebSocket, comes back when the connection breaks, and shows what was
-// written at the end.
+// View of a growing map: connects to the program over a WebSocket, reconnects after failures, and finally shows the
+// finished map.
 import { Alerts } from './alerts.js';
 import { coverageMaterial, kCoverageCss } from './coverage.js';
 import { element, facts, setStatus } from './dom.js';
@@ -13,7 +13,7 @@ import { count } from './words.js';
 
 const kAgainAfter = 1000;  // milliseconds
 
-/** What stands beside the picture. */
+/** Fills the side panel. */
 function makePanel() {
   const colour = element('img', { alt: 'What the colour camera sees' }),
         depth = element('img', { alt: 'What the depth camera sees, near red, far blue' });
@@ -26,7 +26,7 @@ function makePanel() {
   return { colour, depth, numbers, details, loops };
 }
 
-/** What lies over the picture: a flash, where to turn back to, and what the coverage's colours mean. */
+/** Creates the overlay: a flash, the turn direction, and the legend of the coverage colors. */
 function makeOverlay() {
   const flash = element('div', { id: 'flash' }), picture = element('img', { alt: 'What the camera saw last' });
   const arrow = icon('arrow'), words = element('strong');
@@ -39,7 +39,7 @@ function makeOverlay() {
   return { back, arrow, words, picture, legend, remove: () => { for (const one of [flash, back, legend]) one.remove(); } };
 }
 
-/** What a reset deletes, and what it leaves, before it is asked for. */
+/** Text of the reset confirmation: the frames to be deleted and kept. */
 function aboutReset({ frames = {}, frames_before: before = 0 }) {
   const mapped = count(frames.fused ?? 0);
   return before > 0 ?
@@ -47,7 +47,7 @@ function aboutReset({ frames = {}, frames_before: before = 0 }) {
       `Reset deletes the map of this run: ${mapped} frames, on the disk as well. It begins again with an empty one. Reset?`;
 }
 
-/** `ask` sends the program what to do; `last` returns the newest state. */
+/** `ask` sends a command to the program; `last` returns the newest state. */
 function makeButtons(scene, toolbar, overlay, alerts, ask, last) {
   const pause = element('button', { onclick: () => ask(pause.dataset.paused ? 'start' : 'pause') }, 'Pause');
   const reset = element('button', { onclick: () => confirm(aboutReset(last())) && ask('reset') }, 'Reset');
@@ -68,7 +68,7 @@ function makeButtons(scene, toolbar, overlay, alerts, ask, last) {
   for (const button of Object.values(looks)) pressed(button, false);
   const sound = toolbar.add({ name: 'Sound and vibration when the camera is lost', label: 'Sound', key: 'a', symbol: 'sound', press: () => { alerts.set(!alerts.isOn); pressed(sound, alerts.isOn); } });
   pressed(sound, alerts.isOn);
-  // On a button the space bar presses it.
+  // A focused button handles the space bar itself.
   const press = () => pause.disabled || pause.click();
   toolbar.buttons.push({ key: 'Space', name: 'Pause and resume', press });
   document.addEventListener('keydown', (event) => {
@@ -103,7 +103,7 @@ function showNumbers(panel, state, triangles) {
   ]));
 }
 
-/** Where to turn while the camera is lost. */
+/** Shows the turn direction while the camera is lost. */
 function showBack(overlay, { status, words, guidance }) {
   const isLost = status === 'lost';
   overlay.back.hidden = !isLost;
@@ -135,7 +135,7 @@ function showImage(image, blob) {
   image.src = URL.createObjectURL(blob);
 }
 
-/** A map that grows, until it is finished: then what was written of it takes its place. `fold` opens the panel. */
+/** Shows a growing map, then the finished map in its place. `fold` opens the panel. */
 export function showLive(scene, fold) {
   let socket, isOver = false, epoch = 0, wasLost = false, newest = {};
   const ask = (what) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify({ do: what }));
@@ -160,7 +160,7 @@ export function showLive(scene, fold) {
     document.getElementById('buttons').replaceChildren();
     document.getElementById('panel').replaceChildren();
     scene.endFollowing();
-    scene.setUpright([0, 0, 0, 1], 1);  // its files stand upright themselves
+    scene.setUpright([0, 0, 0, 1], 1);  // the finished files are already upright
     await showFinished(scene, data, fold);
     ask('shown');
   };
@@ -180,7 +180,7 @@ export function showLive(scene, fold) {
     if (isOver) return;
     if (message.kind === 'image') {
       showImage(panel[message.of], message.jpeg);
-      if (message.of === 'colour' && !wasLost) showImage(overlay.picture, message.jpeg);  // to come back to
+      if (message.of === 'colour' && !wasLost) showImage(overlay.picture, message.jpeg);  // reference view while lost
     } else if (!isNew(message)) return;
     else if (message.kind === 'part') scene.setPart(message);
     else scene.setPath(message.points);
@@ -189,7 +189,7 @@ export function showLive(scene, fold) {
   const connect = () => {
     socket = new WebSocket(new URL('live', location.href.replace(/^http/, 'ws')));
     socket.binaryType = 'arraybuffer';
-    socket.onopen = () => { epoch = 0; };  // all of it comes again
+    socket.onopen = () => { epoch = 0; };  // the server resends everything
     socket.onmessage = ({ data }) => typeof data === 'string' ? onText(JSON.parse(data)) : onBytes(readMessage(data));
     socket.onclose = () => {
       if (isOver) return;

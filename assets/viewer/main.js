@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// One page for a map that grows and one that is finished. What to show is in the page itself (report.html) or beside it.
+// Entry point of the page, for growing and finished maps. The data are in the page itself (report.html) or beside it.
 import { setStatus } from './dom.js';
 import { showFinished } from './finished.js';
 import { foldingPanel, tooltips } from './layout.js';
@@ -12,8 +12,8 @@ async function main() {
   const asked = inline ? null : fetch('data.json');
   const fold = foldingPanel();
   tooltips();
-  const scene = new Scene(document.getElementById('scene'));  // takes its time, in which the answer comes
-  window.cairn = scene;  // for whoever looks from the console, and for tests
+  const scene = new Scene(document.getElementById('scene'));  // slow, overlaps with the request
+  window.cairn = scene;  // for the console and for tests
   const data = inline ? JSON.parse(inline.textContent) : await (await asked).json();
   if (data.mode === 'live') showLive(scene, fold);
   else await showFinished(scene, data, fold);

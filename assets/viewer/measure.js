@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Points, distances, heights and areas on the surface; a place snaps to a corner or an edge nearby.
+// Measurement of points, distances, heights and areas on the surface, with snapping to corners and edges.
 import * as THREE from 'three';
 import { choice, element } from './dom.js';
 import { icon } from './icons.js';
 import { Snap } from './snap.js';
 import { metres, squareMetres } from './words.js';
 
-const kClick = 6;  // pixels that a click may move
+const kClick = 6;  // maximum pointer motion of a click in pixels
 const kKinds = [['distance', 'Distance'], ['height', 'Height'], ['area', 'Area'], ['point', 'Point']];
 const kNeeded = { distance: 2, height: 2, point: 1, area: Infinity };
 const kColour = 0xffc531;
@@ -25,7 +25,7 @@ const areaOf = (points) => {
   return sum.length() / 2;
 };
 
-/** A place in the map's own axes: x right, y down, z forward. */
+/** Position in the map's axes: x right, y down, z forward. */
 const coordinates = ({ x, y, z }) => [x, -y, -z].map((v) => v.toFixed(3)).join(', ');
 
 export function valueOf({ kind, points }) {
@@ -69,7 +69,7 @@ export class Measure {
     this.told.textContent = '';
   }
 
-  /** What was measured stays in the picture until it is removed. */
+  /** Keeps the measurements in the view. */
   end() {
     this.isOn = false;
     this.points = [];
@@ -157,7 +157,7 @@ export class Measure {
     this.show();
   }
 
-  /** By keyboard a place is taken in the middle of the picture. */
+  /** Keyboard measurements use the center of the view. */
   onKey(event) {
     if (event.key === 'Escape' && this.points.length > 0) {
       this.points = [];
@@ -190,7 +190,7 @@ export class Measure {
 
   showOne({ kind, points, isOpen }) {
     const whole = kind === 'area' && !isOpen ? [...points, points[0]] : [...points];
-    // A height stands upright, and a level line leads to the lower place.
+    // A height is a vertical line, with a level line to the lower point.
     if (kind === 'height' && points.length === 2) {
       const [high, low] = points[0].y > points[1].y ? points : [points[1], points[0]];
       whole.splice(0, 2, high, new THREE.Vector3(high.x, low.y, high.z), low);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Reads the binary messages that src/view/messages.hpp describes.
+// Reads the binary messages described in src/view/messages.hpp.
 
 const kPart = 1, kImage = 2, kPath = 3;
 

@@ -6,12 +6,12 @@ import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 
 const kModes = { 33071: THREE.ClampToEdgeWrapping, 33648: THREE.MirroredRepeatWrapping, 10497: THREE.RepeatWrapping };
 
-/** Gives textures whose images are decoded beside what goes on; `waiting` are promises of them. */
+/** glTF plugin that decodes texture images asynchronously; their promises are added to `waiting`. */
 const later = (waiting) => (parser) => ({
   name: 'CAIRN_textures_later',
   loadTexture(index) {
     const { extensions, source, sampler } = parser.json.textures[index], image = parser.json.images?.[source];
-    if (extensions || image?.bufferView === undefined) return null;  // as the loader does it
+    if (extensions || image?.bufferView === undefined) return null;  // default loading
     const { wrapS = 10497, wrapT = 10497 } = parser.json.samplers?.[sampler] ?? {};
     const texture = Object.assign(new THREE.Texture(), { flipY: false, wrapS: kModes[wrapS], wrapT: kModes[wrapT] });
     const decode = async () => {
@@ -25,11 +25,11 @@ const later = (waiting) => (parser) => ({
 
 export const gltfLoader = () => new GLTFLoader().setMeshoptDecoder(MeshoptDecoder);
 
-/** What a .glb holds; y is up in it. `textured` promises that its images are there, too. */
+/** Loads a .glb, with y up. `textured` resolves when its images are loaded. */
 export async function loadModel(bytes) {
   const waiting = [];
   const { scene } = await gltfLoader().register(later(waiting)).parseAsync(bytes, '');
   const textured = Promise.all(waiting).then(({ length }) => length > 0 && performance.mark('texture'));
-  textured.catch(() => {});  // told to who waits for it
+  textured.catch(() => {});  // handled by its consumer
   return { model: scene, textured };
 }

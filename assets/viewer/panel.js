@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What stands beside a finished map: how good it is, its files, facts, charts and parameters.
+// Side panel of a finished map: verdict, files, facts, charts and parameters.
 import { charts } from './charts.js';
 import { element, facts } from './dom.js';
 import { bytes, count, millimetres, option, seconds as said } from './words.js';
@@ -9,20 +9,20 @@ export const kLevels = { good: 'good', weak: 'weak', bad: 'lost' };
 
 const heldOut = ({ held_out: count = 0 }) => (count > 0 ? `, ${count} held out` : '');
 
-/** The frames as the console tells them. */
+/** Frame counts in the wording of the console. */
 export function framesInWords({ frames, seconds }) {
   return `${frames.fused} of ${frames.total} frames fused (${frames.lost} lost, ${frames.skipped} skipped${heldOut(frames)})` +
          (seconds == null ? '' : ` in ${seconds.toFixed(1)} s`);
 }
 
-/** Good only when all is well. */
+/** Level of the verdict; good only without lost frames and warnings. */
 export function levelOf({ frames, verdict, warnings = [] }) {
   const share = frames.fused / Math.max(1, frames.total - (frames.held_out ?? 0));
   const told = verdict ? kLevels[verdict.level] ?? 'weak' : share < 0.8 ? 'lost' : 'good';
   return told === 'good' && (frames.lost > 0 || warnings.length > 0) ? 'weak' : told;
 }
 
-/** The verdict's reasons say what its warnings say, with remedies; what they leave out follows. */
+/** The verdict's reasons include the warnings, with remedies; remaining warnings are appended. */
 function judgement({ verdict, warnings = [] }) {
   const reasons = verdict?.reasons ?? [], told = [...reasons, ...warnings.filter((warning) => !reasons.some((reason) => reason.includes(warning)))];
   const words = verdict?.words ? [element('p', { className: `verdict ${kLevels[verdict.level] ?? 'weak'}` }, verdict.words)] : [];

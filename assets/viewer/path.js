@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The way of the camera: where it was at a time, and where it was lost.
+// Camera path: positions over time, and stretches without poses.
 import * as THREE from 'three';
 
-const kGap = 8;  // times the usual time between two poses; longer without one is a stretch without poses
+const kGap = 8;  // times the usual pose interval; a longer interval is a stretch without poses
 
-const kSlack = 0.4;  // of the usual time
+const kSlack = 0.4;  // of the usual interval
 
-/** The last of `count` sorted times that is not after `time`, or the first. */
+/** Index of the last of `count` sorted times not after `time`, or 0. */
 function last(count, timeOf, time) {
   let low = 0, high = count - 1;
   while (low < high) {
@@ -18,7 +18,7 @@ function last(count, timeOf, time) {
   return low;
 }
 
-/** The place on a polyline of [t, x, y, z] at a time. */
+/** Position of the first vertex at or after `time` on a polyline of [t, x, y, z]. */
 export function placeAt(points, time) {
   let low = 0, high = points.length / 4 - 1;
   while (low < high) {
@@ -29,7 +29,7 @@ export function placeAt(points, time) {
   return [points[4 * low + 1], points[4 * low + 2], points[4 * low + 3]];
 }
 
-/** Between the poses around a time: `trajectory` has t, x, y, z, qx, qy, qz, qw. */
+/** Interpolated pose at a time: `trajectory` has t, x, y, z, qx, qy, qz, qw. */
 export function poseAt(trajectory, time) {
   const i = last(trajectory.length, (n) => trajectory[n][0], time);
   const a = trajectory[i], b = trajectory[Math.min(i + 1, trajectory.length - 1)];
@@ -39,19 +39,19 @@ export function poseAt(trajectory, time) {
   return { place, turn, matrix: new THREE.Matrix4().compose(place, turn, new THREE.Vector3(1, 1, 1)) };
 }
 
-/** The index of the nearest of sorted times. */
+/** Index of the nearest of sorted times. */
 export function nearest(times, time) {
   const i = last(times.length, (n) => times[n], time);
   return i + 1 < times.length && times[i + 1] - time < time - times[i] ? i + 1 : i;
 }
 
-/** Where poses are missing: [time before, time after], by lost frames and by gaps between poses. */
+/** Stretches without poses: [time before, time after], due to lost frames or gaps between poses. */
 export function lostStretches(trajectory, frames) {
   const times = trajectory.map(([t]) => t), found = [];
   if (times.length < 2) return found;
   const steps = times.slice(1).map((t, i) => t - times[i]).sort((a, b) => a - b), usual = steps[steps.length >> 1];
   const lost = frames.filter(({ state }) => state === 'lost').map(({ timestamp }) => timestamp);
-  const slack = kSlack * usual;  // the clocks of colour and depth differ a little
+  const slack = kSlack * usual;  // clock difference of color and depth
   for (let i = 0, k = 0; i + 1 < times.length; ++i) {
     while (k < lost.length && lost[k] <= times[i] + slack) ++k;
     const isLost = k < lost.length && lost[k] < times[i + 1] - slack;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A floor plan: from straight above, without perspective, cut at a height, with the walls' outlines where it cuts.
+// Floor plan: orthographic view from above, cut at a height, with the outlines of the walls at the cut.
 import * as THREE from 'three';
 import { element, slider } from './dom.js';
 import { height } from './words.js';
 
-const kHeight = 1.4;  // metres above the floor at which plans are cut
+const kHeight = 1.4;  // meters above the floor for the cut
 const kMargin = 1.08;
 
 export class Plan {
@@ -28,7 +28,7 @@ export class Plan {
     const middle = box.getCenter(new THREE.Vector3());
     this.slider.range.max = Math.max(0.1, box.max.y - this.level + 0.05);
     this.slider.set(Math.min(kHeight, this.slider.range.max));
-    // Walls along the edges of the picture, its longer side along the screen's.
+    // Aligns the walls with the edges of the view, and the longer sides of map and screen.
     let { turn } = this;
     const size = this.sizeTurned(turn), { clientWidth: width, clientHeight: height } = scene.element;
     if ((size.x > size.z) !== (width > height)) turn += Math.PI / 2;
@@ -47,7 +47,7 @@ export class Plan {
     if (this.isOn) this.cut(Number(this.slider.range.value));
   }
 
-  /** Of the map, in axes that are turned. */
+  /** Size of the map in rotated axes. */
   sizeTurned(turn) { return this.scene.boxTurned(turn).getSize(new THREE.Vector3()); }
 
   cut(above) {

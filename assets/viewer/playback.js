@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Plays the way of the camera: where it was, what it saw, where it was lost.
+// Playback of the camera path, with keyframe pictures and stretches without poses.
 import * as THREE from 'three';
 import { checkbox, element, slider } from './dom.js';
 import { icon } from './icons.js';
@@ -8,8 +8,8 @@ import { lostStretches, nearest, poseAt } from './path.js';
 import { upright } from './scene.js';
 import { seconds as said } from './words.js';
 
-const kNear = 14;          // pixels from a click to what is meant
-const kFx = 0.91;          // image widths: about 58 degrees, of depth cameras
+const kNear = 14;          // click tolerance in pixels
+const kFx = 0.91;          // image widths: about 58 degrees, typical of depth cameras
 const kColours = { keyframe: 0xffc531, lost: 0xff5d5d };
 
 export class Playback {
@@ -50,7 +50,7 @@ export class Playback {
     return element('ul', { className: 'marks' }, ...(this.keyframes.length ? [entry('is-keyframe', keyframes)] : []), entry('is-loop', loops), entry('is-lost', lost));
   }
 
-  /** Dots where keyframes are, red lines over stretches without poses. */
+  /** Dots at keyframes, red lines over stretches without poses. */
   addMarks() {
     const group = new THREE.Group(), placesAt = (times) => times.map((time) => poseAt(this.trajectory, time).place);
     const dots = (places, color, size) => {
@@ -107,7 +107,7 @@ export class Playback {
     if (on) this.go(this.time);
   }
 
-  /** `time`: seconds from the beginning. */
+  /** `time`: seconds from the start. */
   go(time) {
     this.time = time;
     this.slider.set(time);
@@ -149,7 +149,7 @@ export class Playback {
     this.go(this.keyframeTimes[THREE.MathUtils.clamp(i, 0, this.keyframes.length - 1)] - this.begin);
   }
 
-  /** The time of the keyframe, or else of the pose, that a pixel shows; null where none is near. */
+  /** Time of the keyframe, or else of the pose, at a pixel; null if none is near. */
   timeAt(x, y) {
     const { clientWidth: width, clientHeight: height } = this.scene.element, at = new THREE.Vector3();
     const bestOf = (times) => {

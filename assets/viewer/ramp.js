@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Colours that stand for numbers, and their legend.
+// Color maps and legends.
 import { element } from './dom.js';
 
 const kViridis = [[68, 1, 84], [71, 44, 122], [59, 81, 139], [44, 113, 142], [33, 144, 141], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37]];
-// Red behind the surface, then from the surface away.
+// Red behind the surface, then by distance from the surface.
 const kDistance = [[214, 69, 65], [250, 250, 250], [246, 200, 90], [96, 170, 110], [60, 110, 170], [50, 60, 120]];
 
 function along(stops, share) {
@@ -12,7 +12,7 @@ function along(stops, share) {
   return stops[i].map((c, k) => c + (at - i) * (stops[i + 1][k] - c));
 }
 
-/** Bytes of sRGB for a share from 0 to 1. */
+/** sRGB bytes for a share from 0 to 1. */
 export const viridis = (share) => along(kViridis, share);
 export const away = (share) => along(kDistance.slice(1), share);
 export const kBehind = kDistance[0];

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A bar that tells how long things are in the picture, and a grid on the floor.
+// Scale bar, and a grid on the floor.
 import * as THREE from 'three';
 import { element } from './dom.js';
 import { length } from './words.js';
 
-const kLongest = 140;  // pixels of the bar
-const kLift = 0.025;   // metres of the grid above the floor, which is not as level as that
+const kLongest = 140;  // maximum length of the bar in pixels
+const kLift = 0.025;   // meters of the grid above the uneven floor
 
-/** 1, 2 or 5 times a power of ten, at most `value`. */
+/** Largest of 1, 2 or 5 times a power of ten, at most `value`. */
 function round(value) {
   const power = 10 ** Math.floor(Math.log10(value));
   return (value >= 5 * power ? 5 : value >= 2 * power ? 2 : 1) * power;
@@ -39,7 +39,7 @@ export class Ruler {
 
   get hasGrid() { return Boolean(this.grid); }
 
-  /** Of one metre. */
+  /** Toggles a grid of 1 m. */
   toggleGrid() {
     if (this.grid) {
       this.grid.removeFromParent();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The 3D picture: surface, camera and its path, loops.
+// The 3D view: surface, camera with its path, loop closures.
 import * as THREE from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { behind } from './follow.js';
@@ -8,18 +8,18 @@ import { placeAt } from './path.js';
 
 const kPathColour = 0x4c8dff, kLoopColour = 0x37b26c, kCameraColour = 0xffc531;
 
-/** Light that an sRGB byte stands for, of 65535: three.js reckons in light. */
+/** Linear intensity of an sRGB byte, scaled to 65535: three.js uses linear colors. */
 const kLinear = Uint16Array.from({ length: 256 }, (_, c) => 65535 * new THREE.Color().setRGB(c / 255, 0, 0, THREE.SRGBColorSpace).r);
 
-const kShare = 0.3;  // of the time that drawing may take while nobody turns the picture
-const kSight = 62, kNarrowest = 54;  // degrees: from top to bottom, and at least from left to right
-const kCalm = 0.5;  // seconds in which the picture goes 63 % of the way to where the sensor is
-const kSamples = 20000;  // vertices of a mesh, that stand for all
+const kShare = 0.3;  // maximum share of time for drawing while the user is idle
+const kSight = 62, kNarrowest = 54;  // degrees: vertical field of view, and minimum horizontal
+const kCalm = 0.5;  // time constant in seconds for following the sensor
+const kSamples = 20000;  // maximum number of sampled vertices per mesh
 const kUp = new THREE.Vector3(0, 1, 0);
 
 /** The map's world has y down and z forward; three.js has y up. */
 const kHalfTurn = new THREE.Quaternion(1, 0, 0, 0);
-const kTurnAtOnce = 0.2;  // of the way
+const kTurnAtOnce = 0.2;  // share of the rotation per update
 export const upright = ([x, y, z]) => new THREE.Vector3(x, -y, -z);
 
 const radians = THREE.MathUtils.degToRad, degrees = THREE.MathUtils.radToDeg;
@@ -30,7 +30,7 @@ export class Scene {
     this.renderer = new THREE.WebGLRenderer({ antialias: true, powerPreference: 'high-performance' });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.renderer.localClippingEnabled = true;
-    this.renderer.debug.checkShaderErrors = false;  // which waits for each of them
+    this.renderer.debug.checkShaderErrors = false;  // synchronous, slow
     const canvas = this.renderer.domElement;
     canvas.tabIndex = 0;
     canvas.setAttribute('role', 'img');
@@ -50,7 +50,7 @@ export class Scene {
     this.controls.addEventListener('end', () => { this.isTurning = false; });
     canvas.addEventListener('keydown', (event) => this.turnByKey(event));
     const lamp = new THREE.DirectionalLight(0xffffff, 1.1);
-    lamp.position.set(0.6, 0.5, 1);  // aside, so that what is level, what stands and what lies aside differ
+    lamp.position.set(0.6, 0.5, 1);  // to the side, so that surfaces of different directions differ
     this.scene.add(new THREE.HemisphereLight(0xffffff, 0x555a62, 1.7), lamp);
 
     this.world = new THREE.Group();
@@ -65,9 +65,9 @@ export class Scene {
     this.parts = new Map();
     this.pathPoints = new Float32Array();
     this.loopTimes = [];
-    this.clipping = [];  // planes; what is behind one of them is not drawn
+    this.clipping = [];  // planes; geometry behind a plane is not drawn
     this.cuts = new Map();
-    // Walls are seen from the inside only: what looks at a room from without looks into it.
+    // Materials are single-sided, so that a view from outside shows the inside of a room.
     this.materials = {
       colour: new THREE.MeshBasicMaterial({ vertexColors: true, clippingPlanes: this.clipping }),
       shape: new THREE.MeshLambertMaterial({ color: 0xc9ced6, clippingPlanes: this.clipping }),
@@ -76,13 +76,13 @@ export class Scene {
     };
     this.look = 'colour';
     this.follow = false;
-    this.movers = new Set();   // called with the seconds since the last picture, before each one
-    this.watchers = new Set();  // called after each picture
+    this.movers = new Set();   // called with the seconds since the last frame, before each frame
+    this.watchers = new Set();  // called after each frame
     new ResizeObserver(() => this.resize()).observe(element);
     this.resize();
   }
 
-  /** Draws from now on. Where something is to come first, an empty picture before it only costs time. */
+  /** Starts drawing. Call it after loading, since drawing an empty view costs time. */
   begin() {
     this.renderer.setAnimationLoop(() => this.draw());
   }
@@ -106,7 +106,7 @@ export class Scene {
     const width = Math.max(this.element.clientWidth, 1), height = Math.max(this.element.clientHeight, 1);
     this.renderer.setSize(width, height);
     const aspect = width / height;
-    // A portrait screen sees more from top to bottom, not less from left to right.
+    // A portrait screen extends the vertical view instead of narrowing the horizontal view.
     this.perspective.aspect = aspect;
     this.perspective.fov = Math.min(100, Math.max(kSight, 2 * degrees(Math.atan(Math.tan(radians(kNarrowest / 2)) / aspect))));
     this.perspective.updateProjectionMatrix();
@@ -117,7 +117,7 @@ export class Scene {
     this.restUntil = 0;  // the canvas is empty
   }
 
-  /** Draws only when something moved, and without a fast GPU not as often as it could: others need the time, too. */
+  /** Draws only after changes, and less often without a fast GPU, to leave time for other work. */
   draw() {
     if (this.tiles?.update(this.camera, this.renderer)) this.isStale = true;
     const gl = this.renderer.getContext(), now = performance.now();
@@ -153,7 +153,7 @@ export class Scene {
     for (const watch of this.watchers) watch();
   }
 
-  /** Promises the next picture. */
+  /** Resolves after the next frame is drawn. */
   drawn() {
     this.isStale = true;
     return new Promise((resolve) => {
@@ -165,7 +165,7 @@ export class Scene {
     });
   }
 
-  /** Promises that the next picture is on the screen, however long that takes the GPU. */
+  /** Resolves when the GPU has finished the next frame. */
   async shown() {
     await this.drawn();
     while (this.fence) await new Promise(requestAnimationFrame);
@@ -193,7 +193,7 @@ export class Scene {
   materialOf(mesh) {
     if (mesh.userData.textured?.map.image && this.look === 'colour') {
       const { map } = mesh.userData.textured;
-      map.needsUpdate = map.version === 0;  // it has just come
+      map.needsUpdate = map.version === 0;  // just loaded
       return mesh.userData.textured;
     }
     const material = mesh.geometry.hasAttribute('color') ? this.materials[this.look] ?? this.materials.tinted : this.materials.shape;
@@ -217,7 +217,7 @@ export class Scene {
     return triangles;
   }
 
-  /** The surface of a growing map. */
+  /** Removes the surface of a growing map. */
   dropParts() {
     for (const mesh of this.parts.values()) mesh.geometry.dispose();
     this.parts.clear();
@@ -278,7 +278,7 @@ export class Scene {
     this.isStale = true;
   }
 
-  /** `points`: t, x, y, z one after the other. */
+  /** `points`: flat list of t, x, y, z. */
   setPath(points) {
     this.pathPoints = points;
     const places = [];
@@ -295,13 +295,13 @@ export class Scene {
     this.setLine(this.loops, places);
   }
 
-  /** How a map that grows stands: [x, y, z, w] turns it upright, by a share of the way, so that nobody stumbles. */
+  /** Rotates a growing map by the gravity alignment [x, y, z, w], smoothly by a share per update. */
   setUpright(turn, share = kTurnAtOnce) {
     this.world.quaternion.slerp(kHalfTurn.clone().multiply(new THREE.Quaternion(...turn)), share);
     this.isStale = true;
   }
 
-  /** A camera where the sensor is: `pose` column by column, `fx` in image widths. */
+  /** Draws the sensor's frustum: `pose` in column-major order, `fx` in image widths. */
   setCamera(pose, view) {
     const depth = 0.12, x = depth * 0.5 / view.fx, y = x / view.aspect;
     const corners = [[-x, -y], [x, -y], [x, y], [-x, y]].map(([a, b]) => [a, b, depth]);
@@ -320,20 +320,20 @@ export class Scene {
     this.isStale = true;
   }
 
-  /** What a glTF file holds, in its material as it is to be seen: unlit, crisp, from the inside. */
+  /** Shows a glTF model with the page's materials: unlit, sharp, visible from inside. */
   setModel(model) {
     this.dropParts();
     for (const { geometry } of this.meshes()) geometry.dispose();
     this.model?.removeFromParent();
     this.model = model;
-    this.restUntil = 0;  // at once
+    this.restUntil = 0;  // draw immediately
     this.scene.add(model);
     model.updateMatrixWorld(true);
     for (const mesh of this.meshes()) this.adopt(mesh);
     this.isStale = true;
   }
 
-  /** Tiles that come and go take the model's place. */
+  /** Shows tiles instead of a model. */
   setTiles(tiles) {
     this.tiles = tiles;
     this.model = tiles.group;
@@ -342,7 +342,7 @@ export class Scene {
     this.resize();
   }
 
-  /** Gives a mesh that has been loaded the page's materials. */
+  /** Assigns the page's materials to a loaded mesh. */
   adopt(mesh) {
     const { map } = mesh.material;
     if (map) {
@@ -352,19 +352,19 @@ export class Scene {
     mesh.material = this.materialOf(mesh);
   }
 
-  /** Drawn by the CPU: what costs nothing on a GPU takes seconds here. */
+  /** True for a software renderer, where cheap GPU features take seconds. */
   get isSoftware() {
     const gl = this.renderer.getContext(), names = gl.getExtension('WEBGL_debug_renderer_info');
     return /swiftshader|llvmpipe|software/i.test(names ? gl.getParameter(names.UNMASKED_RENDERER_WEBGL) : '');
   }
 
-  /** Of the model; empty where there is none. */
+  /** Bounds of the model; empty without a model. */
   get box() {
     if (this.tiles) return this.tiles.box;
     return this.model ? new THREE.Box3().setFromObject(this.model) : new THREE.Box3();
   }
 
-  /** `planes` in three.js' world cut the surface, together with what others ask for. */
+  /** Clips the surface by `planes` in the three.js world, combined with the planes of other callers. */
   setClipping(who, planes) {
     this.cuts.set(who, planes);
     this.clipping.splice(0, this.clipping.length, ...[...this.cuts.values()].flat());
@@ -385,7 +385,7 @@ export class Scene {
     this.isStale = true;
   }
 
-  /** From a pose of the camera, t x y z qx qy qz qw, level with gravity. */
+  /** Looks from a camera pose, t x y z qx qy qz qw, with the horizon level. */
   lookFrom([, x, y, z, ...q]) {
     const eye = upright([x, y, z]), forward = upright(new THREE.Vector3(0, 0, 1).applyQuaternion(new THREE.Quaternion(...q)).toArray());
     const middle = this.box.isEmpty() ? eye : this.box.getCenter(new THREE.Vector3());
@@ -399,7 +399,7 @@ export class Scene {
     const middle = box.getCenter(new THREE.Vector3()), away = new THREE.Vector3(0.35, 0.8, 1).normalize();
     this.place(middle.clone().add(away), middle);
     this.camera.updateMatrixWorld();
-    // In the middle, and as near as all of it is in the picture: the planes of the view's four sides touch it.
+    // Centered, at the smallest distance with the complete model in view: the four side planes of the frustum touch it.
     const t = Math.tan(radians(this.perspective.fov / 2)), slopes = [t * this.perspective.aspect, t];
     const most = [[-Infinity, -Infinity], [-Infinity, -Infinity]], inverse = this.camera.matrixWorld.clone().invert();
     for (const place of this.tiles ? this.cornersOf(box) : this.placesOf(box)) {
@@ -411,13 +411,13 @@ export class Scene {
     this.place(eye.clone().addScaledVector(away, 0.04 * reach), eye.clone().addScaledVector(away, -reach));
   }
 
-  /** The same vector each time. */
+  /** Yields the corners of a box; reuses the vector. */
   *cornersOf({ min, max }) {
     const place = new THREE.Vector3();
     for (let i = 0; i < 8; ++i) yield place.set(i & 1 ? max.x : min.x, i & 2 ? max.y : min.y, i & 4 ? max.z : min.z);
   }
 
-  /** Places all over the model, or the corners of a box where there is none; the same vector each time. */
+  /** Yields sampled vertices of the model, or the corners of the box without a model; reuses the vector. */
   *placesOf(box) {
     const place = new THREE.Vector3();
     if (!this.model) yield* this.cornersOf(box);
@@ -427,7 +427,7 @@ export class Scene {
     }
   }
 
-  /** The map's box in axes that are turned with its walls. */
+  /** Bounds of the map in axes rotated with its walls. */
   boxTurned(turn) {
     const turned = new THREE.Matrix4().makeRotationY(-turn), box = new THREE.Box3(), place = new THREE.Vector3();
     if (this.tiles) for (const corner of this.cornersOf(this.box)) box.expandByPoint(corner.applyMatrix4(turned));

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A box of which only the inside is shown, turned as the walls stand.
+// Section box, aligned with the walls: only its inside is shown.
 import * as THREE from 'three';
 import { element, slider } from './dom.js';
 import { height } from './words.js';
 
 const kSides = [['Left', 'x', 0], ['Right', 'x', 1], ['Bottom', 'y', 0], ['Top', 'y', 1], ['Back', 'z', 0], ['Front', 'z', 1]];
-const kSteps = 90;      // of a quarter turn
+const kSteps = 90;      // per quarter turn
 const kSamples = 40000;
 
-/** How the walls stand: radians about the vertical, of a quarter turn, by the normals of what is upright. */
+/** Direction of the walls: radians about the vertical, modulo a quarter turn, from the normals of vertical surfaces. */
 export function wallsTurn(meshes) {
   const shares = new Float64Array(kSteps), a = new THREE.Vector3(), b = new THREE.Vector3(), c = new THREE.Vector3();
   for (const mesh of meshes) {
@@ -44,7 +44,7 @@ export class Section {
     this.body = element('div', {}, element('p', { className: 'hint' }, 'Only what is inside of the box is shown, and measured.'), this.sliders);
   }
 
-  /** The box of the whole map, in axes that are turned with the walls. */
+  /** Bounds of the complete map, in axes aligned with the walls. */
   measureMap() {
     const box = this.scene.boxTurned(this.turn);
     this.whole = box;

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A level slice through the distance field: how far the next surface is at each place.
+// Horizontal slice through the distance field: distance to the nearest surface at each position.
 import * as THREE from 'three';
 import { element, slider } from './dom.js';
 import { away, kBehind, legend } from './ramp.js';
 import { height, length } from './words.js';
 
-const kLines = 0.25;  // metres between two lines of equal distance
+const kLines = 0.25;  // meters between contour lines
 
 export class Slice {
-  /** `fields()` promises the map's fields; `level`: of the floor, in three.js' world. */
+  /** `fields()` returns a promise of the map's fields; `level`: of the floor, in the three.js world. */
   constructor(scene, fields, level) {
     Object.assign(this, { scene, fields, level });
     this.told = element('div', {});
@@ -29,7 +29,7 @@ export class Slice {
 
   show(fields) {
     const { size: [nx, ny, nz], origin: [ox, oy, oz], spacing } = fields;
-    // Layers count downwards; heights are above the floor.
+    // Layers count downward; heights are above the floor.
     const heightOf = (layer) => -(oy + layer * spacing) - this.level;
     this.texture = new THREE.DataTexture(new Uint8Array(4 * nx * nz), nx, nz);
     this.texture.colorSpace = THREE.SRGBColorSpace;

@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Asks the surface: what lies below a pixel, what lies near a point. Trees over its triangles answer; they are made
-// when the first tool asks.
+// Geometric queries on the surface: ray casts and nearest triangles, answered by bounding volume hierarchies, built
+// when the first tool needs them.
 import * as THREE from 'three';
 import { CENTER, MeshBVH } from 'three-mesh-bvh';
 
-const kPause = 30;  // milliseconds of work between two looks at what else there is to do
+const kPause = 30;  // milliseconds of work before yielding to the browser
 
 const breathe = () => new Promise((resolve) => setTimeout(resolve));
 
 export class Surface {
   constructor(scene) {
     this.scene = scene;
-    this.parts = [];  // a tree each, the mesh it is of, and both ways between their worlds
+    this.parts = [];  // BVH, mesh, and transforms in both directions
     this.raycaster = new THREE.Raycaster();
     if (scene.tiles) scene.tiles.onChange = () => { if (this.prepared) this.prepare(); };
   }
 
-  /** All that is shown stands when this ends; tiles that come later follow. */
+  /** Resolves when the trees of all visible meshes are built; later tiles follow. */
   prepare() {
     this.prepared = (this.prepared ?? Promise.resolve()).then(() => this.build());
     return this.prepared;
@@ -42,7 +42,7 @@ export class Surface {
     this.onChange?.();
   }
 
-  /** The nearest place on a ray that is seen: { point, normal, distance }, or null. */
+  /** Nearest visible intersection of a ray: { point, normal, distance }, or null. */
   cast(ray) {
     const planes = this.scene.clipping;
     let best = null;
@@ -60,7 +60,7 @@ export class Surface {
     return best;
   }
 
-  /** `x`, `y`: pixels in the picture. */
+  /** `x`, `y`: pixels in the view. */
   ray(x, y) {
     const { clientWidth: width, clientHeight: height } = this.scene.element;
     this.scene.camera.updateMatrixWorld();
@@ -73,7 +73,7 @@ export class Surface {
   /** The floor below a point, or null. */
   below(point) { return this.cast(new THREE.Ray(point, new THREE.Vector3(0, -1, 0))); }
 
-  /** `visit(a, b, c)` for each triangle that reaches into a ball; the three are used again. */
+  /** Calls `visit(a, b, c)` for each triangle that intersects a ball; reuses the vectors. */
   near(point, radius, visit) {
     for (const { tree, world, local, scale } of this.parts) {
       const sphere = new THREE.Sphere(point.clone().applyMatrix4(local), radius / scale);
@@ -88,7 +88,7 @@ export class Surface {
     }
   }
 
-  /** Metres from a point to the surface, or `most`. */
+  /** Distance from a point to the surface in meters, at most `most`. */
   distance(point, most) {
     let best = most;
     for (const { tree, local, scale } of this.parts) {
@@ -98,7 +98,7 @@ export class Surface {
     return best;
   }
 
-  /** Lines along which a level plane cuts the surface: x, y, z of both ends, one after the other. */
+  /** Intersection lines of a horizontal plane with the surface: flat list of x, y, z of both ends. */
   cut(height) {
     const plane = new THREE.Plane(new THREE.Vector3(0, 1, 0), -height), ends = [];
     const line = new THREE.Line3(), hit = new THREE.Vector3();

@@ -1,19 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A building as 3D Tiles: what is in sight is loaded, as fine as one can see it, and what was not for long goes.
+// A building as 3D Tiles: loads the visible tiles at the required resolution, and unloads tiles unused for a time.
 import { TilesRenderer } from '3d-tiles-renderer/three';
 import * as THREE from 'three';
 import { gltfLoader } from './model.js';
 
-const kError = 6;                // pixels that the surface may lie beside where it is
-/** Bytes of meshes and textures, with which a page takes up to 500 MB; what would need more is shown coarser. */
+const kError = 6;                // maximum screen-space error in pixels
+/**
+ * Memory budget for meshes and textures in bytes; the page uses up to 500 MB with it. Larger views are shown coarser.
+ */
 const kMost = 96 * 2 ** 20;
-const kKept = 0.8;               // of these, once some must go
-const kCoarser = 1.1;            // times the error, from one look to the next
-const kCoarsest = 16 * kError;   // a tile around the camera is never fine enough
+const kKept = 0.8;               // share of kMost kept after an unload
+const kCoarser = 1.1;            // error factor between updates
+const kCoarsest = 16 * kError;   // bound, since a tile around the camera never meets its error
 const kLoaded = 4, kFailed = 5;  // states of 3d-tiles-renderer
 
-/** Once a texture is with the graphics card, its image in the page's own memory is of no more use. */
+/** Frees the image of a texture after its upload to the GPU. */
 function forgetImage(texture) {
   if (texture) texture.onUpdate = () => texture.image.close?.();
 }
@@ -22,7 +24,7 @@ function forgetImage(texture) {
 const kUpright = new THREE.Matrix4().makeRotationX(-Math.PI / 2);
 
 export class Tiles {
-  /** `adopt(mesh)` is called for each mesh that comes, `show(mesh)` before it is in the picture again. */
+  /** `adopt(mesh)` is called for each loaded mesh, `show(mesh)` before it becomes visible again. */
   constructor(url, { adopt, show }) {
     const tiles = this.tiles = new TilesRenderer(url);
     tiles.errorTarget = this.error = kError;
@@ -30,7 +32,7 @@ export class Tiles {
     tiles.lruCache.minBytesSize = kKept * kMost;
     tiles.manager.addHandler(/\.glb$/, gltfLoader());
     this.failed = [];
-    this.isWaiting = true;  // for the next look at what there is to load
+    this.isWaiting = true;  // an update is due
     const each = (scene, then) => scene.traverse((node) => { if (node.isMesh) then(node); });
     tiles.addEventListener('load-model', ({ scene }) => each(scene, (mesh) => {
       forgetImage(mesh.material.map);
@@ -54,7 +56,7 @@ export class Tiles {
 
   get group() { return this.tiles.group; }
 
-  /** Around its own origin, wherever on the Earth it is. */
+  /** Centers the tileset at its own origin, independent of its location on the Earth. */
   setUpright({ transform }) {
     const away = transform ? new THREE.Matrix4().fromArray(transform).invert() : new THREE.Matrix4();
     this.group.matrixAutoUpdate = false;
@@ -62,14 +64,14 @@ export class Tiles {
     this.group.updateMatrixWorld(true);
   }
 
-  /** Of all of it. */
+  /** Bounds of the tileset. */
   get box() {
     const box = new THREE.Box3(), turned = new THREE.Matrix4();
     if (this.tiles.getOrientedBoundingBox(box, turned)) box.applyMatrix4(turned.premultiply(this.group.matrixWorld));
     return box;
   }
 
-  /** What one would see if one turned around, as far as it is there. */
+  /** Active meshes, visible or outside the view. */
   *meshes() {
     for (const { engineData } of this.tiles.activeTiles) {
       const found = [];
@@ -78,7 +80,7 @@ export class Tiles {
     }
   }
 
-  /** Chooses what to show and what to load; returns whether another picture is due. */
+  /** Selects tiles to show and load; returns true if a redraw is needed. */
   update(camera, renderer) {
     camera.updateMatrixWorld();
     const view = [camera.matrixWorld, camera.projectionMatrix].map(({ elements }) => elements.join()).join() + renderer.domElement.height;
@@ -94,10 +96,7 @@ export class Tiles {
     return this.hasChanged;
   }
 
-  /**
-   * All of what is in sight is worth more than some of it as fine as can be: where there is no room, it is coarser, until one
-   * looks elsewhere.
-   */
+  /** Prefers a complete view to a fine view: without memory left, the error is raised until the camera moves. */
   spare(hasMoved) {
     const { tiles } = this, before = tiles.errorTarget;
     if (hasMoved) tiles.errorTarget = this.error;
@@ -105,7 +104,7 @@ export class Tiles {
     this.isWaiting ||= tiles.errorTarget !== before;
   }
 
-  /** Whether all that is in sight is in the picture, however coarse. */
+  /** True if the complete view is loaded, at any resolution. */
   get isWhole() {
     const isThere = ({ traversal, internal, children }) => {
       if (!traversal || !internal) return false;
@@ -116,12 +115,12 @@ export class Tiles {
     return Boolean(this.tiles.root) && isThere(this.tiles.root);
   }
 
-  /** Whether nothing is on its way. */
+  /** True if no loading is in progress. */
   get isSettled() {
     const { queued, downloading, parsing } = this.tiles.stats;
     return this.isWhole && !this.isWaiting && queued + downloading + parsing === 0;
   }
 
-  /** Of what is kept, by what the library reckons. */
+  /** Bytes of loaded tiles, as estimated by the library. */
   get bytes() { return this.tiles.lruCache.cachedBytes; }
 }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The one place for buttons: what they are called, which key does the same, and the card of the tool in use.
+// The toolbar: names of the buttons, keyboard shortcuts, and the card of the active tool.
 import { element } from './dom.js';
 import { icon } from './icons.js';
 
-/** Where a letter is meant for what has the focus. */
+/** True if the focused element accepts text input. */
 const isTyping = (target) => target.matches?.('textarea, select, input:not([type=range]):not([type=radio]):not([type=checkbox])');
 
 const kMouse = [
@@ -17,12 +17,12 @@ export class Toolbar {
     this.bar = document.getElementById('tools');
     this.card = document.getElementById('card');
     this.buttons = [];
-    this.shown = null;  // the tool whose card is open
+    this.shown = null;  // tool with an open card
     this.life = new AbortController();
     document.addEventListener('keydown', (event) => this.onKey(event), { signal: this.life.signal });
   }
 
-  /** Another one takes its place. */
+  /** Removes the toolbar before another takes its place. */
   end() {
     this.life.abort();
     this.closeCard();
@@ -30,7 +30,7 @@ export class Toolbar {
     document.getElementById('help')?.remove();
   }
 
-  /** `name`: what it does, in words; `label`: the word below the icon; `press()` does it. */
+  /** `name`: description; `label`: text below the icon; `press()`: the action. */
   add({ name, label, key, symbol, press }) {
     const made = element('button', { onclick: () => press(), aria: { label: name } }, icon(symbol), element('span', {}, label));
     made.dataset.tip = `${name} (${key.toUpperCase()})`;
@@ -40,12 +40,12 @@ export class Toolbar {
     return made;
   }
 
-  /** Where the button is elsewhere. */
+  /** Adds a shortcut for a button outside the toolbar. */
   addKey(button) { this.buttons.push(button); }
 
   /**
-   * A tool has a card with its settings (`body`), `start()` and `end()`; both may be asynchronous. What a `lasting`
-   * one does stays when another's card is opened: its button is pressed until it is pressed again.
+   * Adds a tool: a card with its settings (`body`), `start()` and `end()`, which may be asynchronous. A `lasting` tool
+   * remains active when another card is opened, until its button is pressed again.
    */
   addTool(tool) {
     tool.made = this.add({ ...tool, press: () => this.press(tool) });
@@ -72,7 +72,7 @@ export class Toolbar {
     tool.start();
   }
 
-  /** What lasts goes on. */
+  /** Closes the card; lasting tools remain active. */
   closeCard() {
     const tool = this.shown;
     if (!tool) return;
@@ -106,7 +106,7 @@ export class Toolbar {
     button.press();
   }
 
-  /** The sheet of all keys. */
+  /** Adds the list of all keys. */
   addHelp() {
     const sheet = element('dialog', { id: 'help', aria: { label: 'Keys' } });
     const row = ([key, words]) => element('tr', {}, element('th', { scope: 'row' }, element('kbd', {}, key)), element('td', {}, words));

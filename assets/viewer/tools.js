@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Every tool of a finished map, with its button and its key.
+// All tools of a finished map, with buttons and shortcuts.
 import { Colours } from './colours.js';
 import { save } from './dom.js';
 import { Measure } from './measure.js';
@@ -14,9 +14,9 @@ import { Surface } from './surface.js';
 import { Toolbar } from './toolbar.js';
 import { Walk } from './walk.js';
 
-const kFloor = { lowest: 0.01, reach: 0.25, thick: 0.03 };  // share of the surface that may lie below it; metres
+const kFloor = { lowest: 0.01, reach: 0.25, thick: 0.03 };  // share of the surface below the floor; meters
 
-/** Where the floor is: the level of most of the surface near its lower end. */
+/** Floor level: the height of most of the surface near its lower end. */
 function floorLevel(scene) {
   const heights = [];
   if (scene.model) for (const { y } of scene.placesOf(scene.box)) heights.push(y);
@@ -60,7 +60,7 @@ export function addTools(scene, data, fields, fold) {
   const ruler = new Ruler(scene, level, turn);
   const begin = () => (trajectory.length > 0 ? scene.lookFrom(trajectory[0]) : scene.lookAtAll());
   let plan, walk, playback;
-  /** In perspective and with free hands. */
+  /** Switches to free perspective navigation. */
   const free = () => {
     for (const tool of [plan, walk].filter(Boolean)) bar.switchOff(tool);
     playback?.of.ride(false);

@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Walks through the map: W A S D or the arrow keys, drag to look around; on a phone a stick.
+// Walking through the map: W A S D or the arrow keys, drag to look around; a stick on a phone.
 import * as THREE from 'three';
 import { element, slider } from './dom.js';
 import { height } from './words.js';
 
-const kSpeed = 1.3, kRun = 2.5;        // metres a second; times, with the shift key
-const kLook = 0.004;                   // radians a pixel
-const kStep = 0.5;                     // metres that a step may be high
-const kSettle = 6;                     // a second: how fast the eyes follow the floor
+const kSpeed = 1.3, kRun = 2.5;        // meters per second; factor with the shift key
+const kLook = 0.004;                   // radians per pixel
+const kStep = 0.5;                     // maximum step height in meters
+const kSettle = 6;                     // rate per second at which the eye height follows the floor
 const kStick = 44;                     // pixels
 const kKeys = { KeyW: [0, 1], ArrowUp: [0, 1], KeyS: [0, -1], ArrowDown: [0, -1], KeyA: [-1, 0], ArrowLeft: [-1, 0], KeyD: [1, 0], ArrowRight: [1, 0] };
 
 export class Walk {
-  /** `level`: of the floor where nothing is below; `begin()` leads to where the camera began. */
+  /** `level`: floor height used if no surface is below; `begin()` moves to the start of the camera path. */
   constructor(scene, surface, level, begin) {
     Object.assign(this, { scene, surface, level, begin, height: 1.6, pressed: new Set(), stick: [0, 0] });
     this.body = element('div', {}, element('p', { className: 'hint' }, 'W A S D or the arrow keys walk, dragging looks around, Shift is faster. On a phone use the round stick.'),
@@ -108,7 +108,7 @@ export class Walk {
     this.scene.isStale = true;
   }
 
-  /** What one would step on; a table is not. */
+  /** Height of the walkable surface; excludes tables. */
   floor(place) {
     const hit = this.surface.below(place);
     return hit && hit.normal.y > 0.7 && hit.point.y < this.level + kStep ? hit.point.y : this.level;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Numbers as people say them.
+// Number formatting for users.
 
-/** Without the noise of floats. */
+/** Rounds away float noise. */
 const short = (value, digits) => String(Number(value.toPrecision(digits)));
 
 export function metres(value) {
@@ -14,12 +14,12 @@ export function metres(value) {
 
 export const millimetres = (value) => `${(1000 * value).toFixed(2)} mm`;
 
-/** Of a slider, or a legend. */
+/** Length of a slider or a legend. */
 export const height = (value) => `${value.toFixed(2).replace(/^-(?=[0.]*$)/, '')} m`;
 
 export const squareMetres = (value) => (value >= 0.1 ? `${value.toFixed(3)} m²` : `${(1e4 * value).toFixed(1)} cm²`);
 
-/** A setting, not a measurement: 1 cm, 2.5 mm, 5 m. */
+/** Length of a setting, not of a measurement: 1 cm, 2.5 mm, 5 m. */
 export function length(value) {
   if (value >= 1) return `${short(value, 4)} m`;
   return value >= 0.0099999 ? `${short(100 * value, 4)} cm` : `${short(1000 * value, 4)} mm`;
