@@ -1,4 +1,4 @@
-# Writes HEADER with the commit of SOURCE, when it changed: git's, of an archive that git made (.commit), or COMMIT's.
+# Writes HEADER with the commit of SOURCE if it changed: from git, from .commit of a git archive, or from COMMIT.
 file(READ ${SOURCE}/.commit archived)
 string(STRIP "${archived}" archived)
 set(commit unknown)
@@ -9,7 +9,7 @@ elseif(NOT archived MATCHES Format)
 else()
   execute_process(COMMAND git -C ${SOURCE} rev-parse --show-prefix RESULT_VARIABLE failed OUTPUT_VARIABLE prefix
                   ERROR_QUIET OUTPUT_STRIP_TRAILING_WHITESPACE)
-  if(NOT failed AND prefix STREQUAL "")  # and it is no folder of somebody else's repository
+  if(NOT failed AND prefix STREQUAL "")  # not a subfolder of another repository
     execute_process(COMMAND git -C ${SOURCE} describe --always --dirty --abbrev=12 --exclude=*
                     OUTPUT_VARIABLE described ERROR_QUIET OUTPUT_STRIP_TRAILING_WHITESPACE)
     if(described)

@@ -69,7 +69,7 @@ bool any_below(const fs::path& folder, const Visit& visit, int depth, int& left)
   return false;
 }
 
-/// Returns true if `visit` returns true for an entry at any depth of the folder; follows links.
+/// Returns true if `visit` returns true for an entry of the folder or of its subfolders down to kDepth; follows links.
 bool any_below(const fs::path& folder, const Visit& visit) {
   int left = kMostEntries;
   return any_below(folder, visit, kDepth, left);

@@ -26,7 +26,7 @@ struct NumberOf<T> {
   using type = typename T::value_type;
 };
 
-/// Parses `2cm` as 0.02. Integers are decimal and without unit, except for memory.
+/// Parses `2cm` as 0.02. Integers are decimal and without unit, except memory sizes and pixels.
 [[nodiscard]] CLI::Validator quantity(const AllowedRange& range, Unit unit, bool is_whole);
 
 /// Adds an option for a number, a std::optional number, or a std::vector of numbers.

@@ -58,8 +58,7 @@ int frames_of(const Arguments& a, const Scene& scene) {
   return std::min(a.frames.value_or(all), all);
 }
 
-/// Surface visible from the path. For a building, which is mostly planar, with larger triangles and without hidden
-/// rooms.
+/// Ground truth surface. For a building, which is mostly planar, with larger triangles and only around the path.
 Mesh truth_of(const Scene& scene, const SyntheticPath& path, double seconds) {
   if (scene.name != kBuilding) return scene.surface();
   constexpr double kStep = 0.5, kReach = 6;  // seconds, meters
@@ -186,7 +185,7 @@ bool is_of_recording(const std::string& name) {
   return std::regex_match(name, names);
 }
 
-/// Moves foreign files of a replaced recording into the new recording.
+/// Links or copies foreign files of a replaced recording into the new recording.
 void keep_others(const fs::path& before, const fs::path& folder) {
   if (!fs::exists(before)) return;
   for (const auto& entry : fs::recursive_directory_iterator(before)) {

@@ -32,7 +32,7 @@ std::string see(const CLI::App& command, const std::string& message) {
 /// Option name in "--port=80" or "-o".
 std::string option_in(const std::string& word) { return word.substr(0, word.find('=')); }
 
-/// Numbers, including non-finite values, which options reject themselves.
+/// Returns true for negative numbers, and for -inf and -nan, for which the option has its own error.
 bool is_number(const std::string& word) {
   if (word == "-inf" || word == "-nan" || word == "-infinity") return true;
   return word.size() > 1 && word[0] == '-' &&
