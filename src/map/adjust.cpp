@@ -19,17 +19,17 @@
 namespace cairn {
 namespace {
 
-constexpr double kSign = 0.001, kSigmas = 4;  // seconds; standard deviations: a readout that is worth a second look
-constexpr double kBetter = 0.003;             // of what held-out surfels are off, that a readout must take away
-constexpr double kBetterCorrected = 0.01;     // the same, of a depth correction
-constexpr double kPromising = 0.002;          // the same, after its first rounds
+constexpr double kSign = 0.001, kSigmas = 4;  // s; standard deviations: smallest readout worth a second adjustment
+constexpr double kBetter = 0.003;             // min. share of the held-out surfels' error that a readout must remove
+constexpr double kBetterCorrected = 0.01;     // the same for a depth correction
+constexpr double kPromising = 0.002;          // the same for a depth correction, after its first rounds
 constexpr int kFirstRounds = 2;
-constexpr int kFewKeyframes = 8;       // tell nothing of what depth errs by
-constexpr double kUnknown = 0.1;       // metres; sigma of a surfel that no view holds any more
+constexpr int kFewKeyframes = 8;       // too few to estimate a depth correction
+constexpr double kUnknown = 0.1;       // m; sigma of a surfel without observations
 constexpr std::size_t kReadAhead = 4;  // keyframes
-constexpr int kUsualRounds = 30;       // of all bundles together
+constexpr int kUsualRounds = 30;       // typical number over all bundles, for the progress
 
-/// Rounds of bundles that follow on each other, as one work.
+/// Counts the rounds of consecutive bundle adjustments and reports them as one progress.
 struct Rounds {
   const GoesOn& goes_on;
   int done = 0;
@@ -85,13 +85,13 @@ Bundle bundle_of(const BackEnd& back_end, const Rig& rig, double clock_offset,
   return bundle;
 }
 
-/// How much less of what held-out surfels are off is left with `with`.
+/// Share of the held-out surfels' error of `without` by which `with` reduces the error.
 double predicts_better(Bundle& with, Bundle& without) {
   const double before = without.held_out_error();
   return before > 0 ? 1 - with.held_out_error() / before : 0;
 }
 
-/// Of cameras that are not known to roll.
+/// Estimates the readout of cameras without a known rolling shutter.
 void find_shutter(Bundle& bundle, const Rig& rig, Adjusted& adjusted, Rounds& rounds) {
   const bool is_told = is_rolling(rig);
   bundle.adjust(!is_told, Bundle::Detail::coarse, std::ref(rounds));
@@ -128,7 +128,7 @@ void find_correction(Bundle& bundle, Adjusted& adjusted, Rounds& rounds) {
 
 void tell_uncertainty(const Bundle& bundle, Atlas& atlas, const std::vector<std::size_t>& keyframes,
                       Adjusted& adjusted) {
-  atlas.surface_sigma = {};  // of the surface before it moved
+  atlas.surface_sigma = {};  // computed before the surface moved
   atlas.steps.clear();
   const std::optional<BundleCovariance> known = bundle.covariance();
   if (!known) return;
@@ -172,7 +172,7 @@ Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset, Sought s
 namespace {
 
 Bundle with_cameras(Bundle bundle) {
-  bundle.forget_ties();  // they were measured by cameras that may be wrong
+  bundle.forget_ties();  // measured with cameras that may be wrong
   bundle.find_cameras(), bundle.find_correction();
   bundle.adjust(true, Bundle::Detail::coarse);
   return bundle;

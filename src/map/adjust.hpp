@@ -8,31 +8,32 @@
 
 namespace cairn {
 
-/// Told the share that is done; says whether to go on.
+/// Progress callback: receives the share that is done, returns false to stop.
 using GoesOn = std::function<bool(double)>;
 
-/// Beside poses, surface and clock: what the depth camera errs by as well, or the readout alone.
+/// Parameters estimated in addition to poses, surface and clock: the readout alone, or also a depth correction.
 enum class Sought { readout_and_depth, readout };
 
-/// Moves the keyframes of the main piece to where all that they see agrees best. `clock_offset`: of the colour camera's
-/// clock, seconds, as tracking found it. `goes_on` is asked from time to time, see Bundle::adjust.
+/// Bundle adjustment of the keyframes of the main component. `clock_offset`: of the color camera's clock, seconds, as
+/// estimated by tracking. `goes_on` is called from time to time, see Bundle::adjust.
 [[nodiscard]] Adjusted adjust(BackEnd& back_end, const Rig& rig, double clock_offset, Sought sought,
                               const GoesOn& goes_on = {});
 
-/// What keyframes tell of the cameras that took them.
+/// Camera parameters estimated from keyframes.
 struct AdjustedCameras {
-  static constexpr double kBetter = 0.01;  // what predicts_better must be for them to be believed
-  Rig rig;             // what was given, with what was found: cameras, what depth errs by; the readout is not in it
-  double readout = 0;  // seconds, what is left of it; and its standard deviation
+  static constexpr double kBetter = 0.01;  // min. predicts_better to accept the cameras
+  Rig rig;             // the given rig with the estimated cameras and depth correction; the readout is unchanged
+  double readout = 0;  // s, in addition to the given readout; and its standard deviation
   double readout_sigma = 0;
-  double clock_offset = 0;     // seconds that the colour camera's clock is ahead
-  double predicts_better = 0;  // share by which held-out surfels are predicted better than with the cameras as given
+  double clock_offset = 0;     // s by which the color camera's clock is ahead
+  double predicts_better = 0;  // relative reduction of the held-out surfels' error, against the given cameras
   int keyframes = 0;
 };
-/// Moves nothing: keyframes that were placed by wrong cameras are to be tracked again. `rig`: of images of one moment.
+/// Estimates the cameras and leaves all poses unchanged: keyframes with poses from wrong cameras must be tracked again.
+/// `rig`: without readout, for images without rolling shutter.
 [[nodiscard]] AdjustedCameras adjust_cameras(BackEnd& back_end, const Rig& rig, double clock_offset);
-/// Share by which focal lengths are longer that the first half of keyframes tells than those that the second tells: of
-/// a camera that was refocused nothing can be told that holds for all of its images. `rig` as above.
+/// Relative difference of the focal lengths estimated from the first and the second half of the keyframes, positive if
+/// the first is longer. A camera that was refocused has no calibration valid for all of its images. `rig` as above.
 [[nodiscard]] double refocused_by(BackEnd& back_end, const Rig& rig, double clock_offset);
 
 }  // namespace cairn

@@ -11,7 +11,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kAccelerometerSigma = 0.1;  // radians: a hand accelerates by a tenth of g
+constexpr double kAccelerometerSigma = 0.1;  // rad: a hand accelerates by a tenth of g
 
 }  // namespace
 
@@ -138,7 +138,7 @@ Trajectory Atlas::trajectory(std::size_t piece, std::size_t begin, std::size_t e
     Eigen::Isometry3d move = correction(k);
     if (next < keyframes.size() && keyframes[next].follows && frame.timestamp < keyframes[next].timestamp) {
       const double before = keyframes[k].timestamp, after = keyframes[next].timestamp;
-      // In the frame of the earlier keyframe's camera, so that the far world does not swing.
+      // Interpolates in the earlier keyframe's camera frame, so that distant points do not swing.
       const Eigen::Isometry3d &at = world_from_camera[k], &was = keyframes[k].submap_from_camera;
       const Eigen::Isometry3d rest = at.inverse() * correction(next) * was;
       move = at * retract((frame.timestamp - before) / (after - before) * local_coordinates(rest)) * was.inverse();
@@ -150,7 +150,7 @@ Trajectory Atlas::trajectory(std::size_t piece, std::size_t begin, std::size_t e
   return trajectory;
 }
 
-/// Of the main piece.
+/// Of the main component.
 DownEvidence Atlas::down_evidence() const {
   const auto component_of = components();
   const std::size_t main = main_component();
@@ -165,7 +165,7 @@ DownEvidence Atlas::down_evidence() const {
   return evidence;
 }
 
-/// As it was settled, or as the evidence says.
+/// The frozen direction, or else an estimate from the evidence.
 std::optional<SettledDown> Atlas::settled_or_found(const DownEvidence& evidence) const {
   const std::size_t main = main_component();
   if (settled && components()[settled->keyframe] == main) return settled;

@@ -12,13 +12,13 @@
 namespace cairn {
 namespace {
 
-constexpr double kTrust = 3;                         // times the tracker's own noise that a loop may move the camera by
-constexpr double kChance = 22.46;                    // 99.9 % of the chi-squared distribution with 6 degrees of freedom
-constexpr double kSlipped = 0.005, kTurned = 0.003;  // metres, radians: less is not worth an optimisation at once
-constexpr double kMany = 0.75;                       // of the keyframes that end a submap
-constexpr double kSparser = 2;                       // times as far apart, where earlier submaps saw the same
-constexpr int kOthers = 6;                           // keyframes of these that have: of two ways or more
-constexpr double kUnmoved = 1e-4;                    // metres, radians
+constexpr double kTrust = 3;       // max. motion by a loop closure, in standard deviations of the tracker
+constexpr double kChance = 22.46;  // 99.9 % of the chi-squared distribution with 6 degrees of freedom
+constexpr double kSlipped = 0.005, kTurned = 0.003;  // m, rad: smaller slips need no immediate optimization
+constexpr double kMany = 0.75;                       // share of submap_keyframes
+constexpr double kSparser = 2;     // factor on the keyframe distance where earlier submaps saw the same surface
+constexpr int kOthers = 6;         // keyframes of earlier submaps that saw the same surface: at least two visits
+constexpr double kUnmoved = 1e-4;  // m, rad
 
 double milliseconds(std::chrono::steady_clock::time_point since) {
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - since).count();
@@ -50,7 +50,7 @@ bool BackEnd::add(const Frame& frame, const Surface& live, const Eigen::Isometry
     bool has_slipped = false;
     attempt_settling([&] { has_slipped = settling_.take(atlas_); });
     has_slipped = take_found() || has_slipped;
-    // After the whole map was looked at nothing is in the submap yet.
+    // If the whole map was searched, the new submap is still empty.
     if (!breaks && submap_begin_ < atlas_.keyframes.size() && is_full(submap_from_camera, volume))
       end_submap(volume, fused_count, true);
     Features features;
@@ -85,10 +85,10 @@ bool BackEnd::hold_out(double timestamp, const Eigen::Isometry3d& submap_from_ca
   return true;
 }
 
-/// Whether the camera left the last keyframe, and in a submap that has many all others of it as well: tracking holds to
-/// what they saw, so that going there again tells nothing new, and a room that is seen for hours stays one submap.
-/// Where earlier submaps saw the same it must have gone farther: a few views are enough to be found there and to be
-/// tied to.
+/// True if the camera is at keyframe distance from the last keyframe and, in a submap with many keyframes, from all of
+/// its keyframes. Tracking aligns to their surface, so revisiting adds no information, and a room scanned for hours
+/// stays one submap. Where earlier submaps saw the same surface the required distance is larger: a few views suffice to
+/// find and constrain loop closures.
 bool BackEnd::is_new_view(const Eigen::Isometry3d& submap_from_camera) const {
   const auto left = [&](const Keyframe& k) { return is_apart(k.submap_from_camera, submap_from_camera); };
   const auto begin = atlas_.keyframes.begin() + static_cast<std::ptrdiff_t>(submap_begin_),
@@ -99,8 +99,7 @@ bool BackEnd::is_new_view(const Eigen::Isometry3d& submap_from_camera) const {
   return is_apart(last.submap_from_camera, submap_from_camera, kSparser) || !was_seen_before(submap_from_camera);
 }
 
-/// Whether many keyframes of earlier submaps have seen what the camera sees from much the same place, as the graph
-/// lays them.
+/// True if many keyframes of earlier submaps, at their poses in the graph, have nearly the same view as the camera.
 bool BackEnd::was_seen_before(const Eigen::Isometry3d& submap_from_camera) const {
   const std::size_t last = atlas_.keyframes.size() - 1;
   const Eigen::Isometry3d camera = atlas_.correction(last) * submap_from_camera;
@@ -121,9 +120,9 @@ bool BackEnd::is_full(const Eigen::Isometry3d& submap_from_camera, const Volume&
 }
 
 void BackEnd::end_submap(Volume& volume, std::uint32_t fused_count, bool keep) {
-  // Its last keyframe was looked for among the submaps before this one.
+  // The search for its last keyframe covers the submaps before this one.
   (void)take_found();
-  if (submap_begin_ == atlas_.keyframes.size()) {  // nothing was fused since the last one
+  if (submap_begin_ == atlas_.keyframes.size()) {  // no frame was fused since the last submap
     if (keep) return;
     volume.adopt({});
     leave_frame();
@@ -138,7 +137,7 @@ void BackEnd::end_submap(Volume& volume, std::uint32_t fused_count, bool keep) {
   if (!keep) leave_frame();
 }
 
-/// The next frame begins a piece, and how that lies to what is known nobody can tell.
+/// The next frame starts a component with unknown pose relative to the map.
 void BackEnd::leave_frame() {
   searched_ = atlas_.keyframes.size();
   breaks_ = true;
@@ -189,8 +188,8 @@ std::optional<Loop> BackEnd::verify(std::size_t to, const KeyframeStore& images,
   return std::nullopt;
 }
 
-/// Corners are compared beside tracking; what they tell is taken at the next keyframe, always, so that offline runs
-/// repeat.
+/// Features are matched concurrently with tracking. The result is always taken at the next keyframe, so that offline
+/// runs are repeatable.
 void BackEnd::start_searching() {
   if (!options_.map.loops || searched_ == 0) return;
   searching_ = std::async(std::launch::async, [this, to = atlas_.keyframes.size() - 1, before = searched_] {
@@ -198,7 +197,7 @@ void BackEnd::start_searching() {
   });
 }
 
-/// Whether the camera had slipped, so that poses are to be optimised.
+/// Returns true if tracking had slipped, so that poses need optimization.
 bool BackEnd::take_found() {
   if (!searching_.valid()) return false;
   const std::size_t to = atlas_.keyframes.size() - 1;
@@ -228,7 +227,7 @@ void BackEnd::settle() {
   attempt_settling([&] { settling_.finish(atlas_); });
   attempt_settling([&] {
     if (!contradict_each_other(atlas_)) return;
-    Atlas anew = atlas_;  // what fails on the way leaves the map as it is
+    Atlas anew = atlas_;  // an error on the way must leave the map unchanged
     ViewsApart views = views_of(rig_, images_);
     join_anew(anew, views);
     atlas_ = std::move(anew);
@@ -274,7 +273,7 @@ void BackEnd::restore(const Memory& memory) {
   atlas_ = memory.atlas;
   for (const bool has_file : memory.submaps) submaps_.add_stored(has_file);
   for (const auto& tracked_from_camera : memory.tracked_from_camera) database_.add(tracked_from_camera);
-  if (access_ == Access::write || memory.searching) index_keyframes();  // who only looks at the map asks for no places
+  if (access_ == Access::write || memory.searching) index_keyframes();  // a read-only map needs no place recognition
   drift_.follow(atlas_.keyframes);
   searched_ = memory.searched;
   submap_begin_ = memory.submap_begin;
@@ -294,7 +293,7 @@ std::vector<Loop> BackEnd::match(const BackEnd& other) {
   std::vector<Loop> loops;
   for (std::size_t to = 0; to < other.atlas_.keyframes.size(); ++to) {
     const Seen seen = look_up(*other.images_.features(to), database_.size());
-    // How two maps lie to each other nobody knows before.
+    // The relative pose of the two maps is unknown in advance.
     if (auto loop = verify(to, other.images_, seen, [](auto&&...) { return true; })) loops.push_back(*loop);
   }
   return loops;
@@ -303,7 +302,7 @@ std::vector<Loop> BackEnd::match(const BackEnd& other) {
 std::pair<int, bool> BackEnd::append(const BackEnd& other) {
   (void)take_found();
   std::vector<Loop> loops = match(other);
-  atlas_.surface_sigma = {};  // of two maps together nobody knows
+  atlas_.surface_sigma = {};  // unknown for two merged maps
   const std::size_t keyframes = atlas_.keyframes.size(), frames = atlas_.frames.size(), submaps = submaps_.size();
   for (std::size_t i = 0; i < other.submaps_.size(); ++i) submaps_.add(other.submaps_.copy(i));
   for (std::size_t k = 0; k < other.atlas_.keyframes.size(); ++k) {
@@ -353,10 +352,11 @@ void BackEnd::begin_in_world() {
   in_world_ = true;
 }
 
-/// The first keyframe of a recording that was found in the map: it lies to the old keyframes as tracking says.
+/// Adds an anchor edge for the first keyframe of a recording that was relocalized in the map, with the tracked relative
+/// pose.
 void BackEnd::tie_to_world(const Matrix6d* information) {
   in_world_ = false;
-  if (information == nullptr) return;  // it begins a piece of its own
+  if (information == nullptr) return;  // starts a component of its own
   const auto component_of = atlas_.components();
   const std::size_t main = atlas_.main_component(), to = atlas_.keyframes.size() - 1;
   std::size_t from = main;

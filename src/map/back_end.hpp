@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Global consistency: keyframes, submaps, loops, and where the pose graph says they lie.
+// Global consistency: keyframes, submaps, loop closures, and their poses from the pose graph.
 #pragma once
 #include <functional>
 #include <future>
@@ -21,37 +21,36 @@ namespace cairn {
 
 class BackEnd {
  public:
-  /// `files`: the folder where keyframes and submaps are, or are to be written; empty: all stays in memory.
-  /// `parts`: other maps' files that this one is made of.
+  /// `files`: folder where keyframes and submaps are read and written; empty: all data stays in memory. `parts`: files
+  /// of other maps that this map consists of.
   BackEnd(gpu::Device& device, const Rig& rig, const Options& options, const std::filesystem::path& files = {},
           Access access = Access::write, const std::vector<PartFiles>& parts = {});
 
-  /// Takes a fused frame: perhaps as a keyframe, which is then looked for among all earlier ones beside tracking, and
-  /// perhaps as the last of its submap. `information` is of its alignment with the map, in its own frame; none for the
-  /// first of a piece. `fused_count` counts fused frames. Returns whether it became a keyframe.
+  /// Adds a fused frame. The frame may become a keyframe, with a concurrent loop closure search among all earlier
+  /// keyframes, and may end its submap. `information`: of its alignment with the map, in its own frame; null for the
+  /// first frame of a component. `fused_count`: number of fused frames. Returns true if the frame became a keyframe.
   bool add(const Frame& frame, const Surface& live, const Eigen::Isometry3d& submap_from_camera,
            const Matrix6d* information, Volume& volume, std::uint32_t fused_count);
-  /// Takes the pose of a frame that is held out: it is part of the trajectory and of nothing else. Returns whether
-  /// there is something that it lies to: a piece must have begun.
+  /// Adds the pose of a held-out frame to the trajectory only. Returns false if no component has started yet.
   [[nodiscard]] bool hold_out(double timestamp, const Eigen::Isometry3d& submap_from_camera);
-  /// Ends the submap that is being fused into. `keep`: what lies near the camera stays in the volume for the next one.
+  /// Ends the active submap. `keep`: voxels near the camera stay in the volume for the next submap.
   void end_submap(Volume& volume, std::uint32_t fused_count, bool keep);
 
-  /// Waits for the pose graph at work and optimises once more if loops came since.
+  /// Waits for the running pose graph optimization, and optimizes once more if loop closures were added since.
   void settle();
-  /// Whether the world is what the volume holds: one submap, nothing moved.
+  /// True if the world equals the volume: a single submap, without corrections.
   [[nodiscard]] bool is_plain() const;
-  /// Tells that all frames of the main piece were fused again with these poses in the world, keyframes with theirs,
-  /// from fused_count `since` on: they are one submap now, the one being fused into. The depth that keyframes keep is
-  /// corrected.
+  /// Records that all frames of the main component were fused again with these world poses, from fused_count `since`
+  /// on. All become one submap, the active one, and keyframes take these poses. The correction is applied to the
+  /// keyframes' stored depth.
   void rebase(std::uint32_t since, const Trajectory& poses, const DepthCorrection& correction);
-  /// Waits until keyframes and ended submaps are in their files. Returns why they could not be written, if so.
+  /// Waits until keyframes and ended submaps are in their files. Returns the reason if some could not be written.
   [[nodiscard]] std::optional<std::string> store();
 
-  /// What it knows beside the files of keyframes and submaps, to go on with later.
+  /// State for resuming, in addition to the files of keyframes and submaps.
   struct Memory {
     Atlas atlas;
-    std::vector<bool> submaps;                                          // by number: whether it has a file
+    std::vector<bool> submaps;                                          // by number: true if it has a file
     std::vector<std::optional<Eigen::Isometry3d>> tracked_from_camera;  // see DatabaseEntry
     std::size_t searched = 0, submap_begin = 0;
     std::uint32_t submap_since = 1;
@@ -59,32 +58,32 @@ class BackEnd {
     Settling::Memory settling;
   };
   [[nodiscard]] Memory memory() const;
-  /// Reads the files. Throws std::runtime_error if one is missing or broken.
+  /// Reads the files. Throws std::runtime_error if a file is missing or broken.
   void restore(const Memory& memory);
-  /// Loops between the own keyframes, by edge.i, and those of another map, by edge.j.
+  /// Loop closures between own keyframes (edge.i) and keyframes of another map (edge.j).
   [[nodiscard]] std::vector<Loop> match(const BackEnd& other);
-  /// Adds the ended submaps of another session and looks for its keyframes among the own ones. Returns the number of
-  /// loops and whether they join the two.
+  /// Adds the ended submaps of another session and searches loop closures between its keyframes and the own keyframes.
+  /// Returns the number of loop closures and true if they connect the two maps.
   std::pair<int, bool> append(const BackEnd& other);
-  /// Prepares for a recording that begins somewhere in the map: tracking goes on in the world's frame, against `world`.
+  /// Prepares for a recording that starts somewhere in the map: tracking continues in the world frame, against `world`.
   void begin_in_world();
-  /// Ended submaps of the main piece, as the pose graph bends them; `only`: of these, sorted.
+  /// Ended submaps of the main component, deformed by the pose graph. `only`: subset of submaps, sorted.
   [[nodiscard]] std::vector<PlacedSubmap> placed_submaps(const std::vector<std::size_t>* only = nullptr) const;
-  /// Brings the world up to date with the ended submaps of the main piece.
+  /// Updates the world with the ended submaps of the main component.
   World& world();
-  /// The same world, to be made part by part. Submaps leave the memory. `only`: of these submaps, sorted.
+  /// The same world for export in parts. Submaps are released from memory. `only`: subset of submaps, sorted.
   [[nodiscard]] WorldParts world_parts(gpu::Device& device, const std::vector<std::size_t>* only = nullptr);
-  /// What is free in it, without voxels.
+  /// Free space of the same world, without voxels.
   [[nodiscard]] BrickTree world_free(const std::vector<std::size_t>* only = nullptr);
-  /// Gives submaps' voxels. One whose file is lost is told of and has none.
+  /// Loads the voxels of submaps. A lost file causes a warning and an empty result.
   [[nodiscard]] LoadSubmap load_submap();
   [[nodiscard]] LoadFree load_free();
 
-  /// Whether tracking may have slipped so far that this is how two keyframes lie: its noise, added up from the one to
-  /// the other, against rooms that look alike.
+  /// Plausibility test of a relative pose: true if its deviation from the current estimate is within the accumulated
+  /// noise of tracking. Rejects similar rooms.
   [[nodiscard]] bool is_possible(std::size_t from, std::size_t to, const Eigen::Isometry3d& i_from_j) const;
 
-  /// What points up, as somebody asks for it now: what was settled before no longer counts.
+  /// Sets the up axis as requested and discards a frozen gravity direction.
   void ask_up(Up up);
   [[nodiscard]] const KeyframeDatabase& keyframes() const { return database_; }
   [[nodiscard]] const Atlas& atlas() const { return atlas_; }
@@ -94,28 +93,28 @@ class BackEnd {
   [[nodiscard]] SurfaceMatcher& matcher() { return matcher_; }
   [[nodiscard]] const Camera& camera() const { return rig_.depth; }
   [[nodiscard]] Structure structure(const Frame& frame) const { return structure_.find(frame.depth); }
-  /// Stages of the map that failed and are left out.
+  /// Map stages that failed and were disabled.
   [[nodiscard]] Warnings& warnings() { return warnings_; }
   [[nodiscard]] const Warnings& warnings() const { return warnings_; }
 
   struct Counts {
-    int looked_up = 0, tried = 0;       // keyframes; pairs that were aligned
-    double graph_ms = 0, world_ms = 0;  // the longest
+    int looked_up = 0, tried = 0;       // keyframes; aligned pairs
+    double graph_ms = 0, world_ms = 0;  // maxima
   };
   [[nodiscard]] const Counts& counts() const { return counts_; }
 
  private:
-  /// Earlier keyframes whose corners a keyframe sees, the most similar first.
+  /// Earlier keyframes with feature matches to a keyframe, most similar first.
   using Seen = std::vector<std::pair<std::size_t, PnpPose>>;
-  /// Among those before `before`.
+  /// Searches among keyframes before `before`.
   [[nodiscard]] Seen look_up(const Features& features, std::size_t before) const;
-  /// Tells whether two keyframes may lie like this.
+  /// Plausibility test of the relative pose of two keyframes.
   using IsPossible = std::function<bool(std::size_t from, const Eigen::Isometry3d& from_to)>;
-  /// The first of them that the surfaces agree with: `to` is a keyframe of `images`.
+  /// First candidate whose surface aligns with `to`, a keyframe of `images`.
   [[nodiscard]] std::optional<Loop> verify(std::size_t to, const KeyframeStore& images, const Seen& seen,
                                            const IsPossible& may_lie);
   [[nodiscard]] std::optional<Loop> verify(std::size_t to, const Seen& seen);
-  /// All keyframes can be found.
+  /// Makes all keyframes available for place recognition.
   void index_keyframes();
   void start_searching();
   [[nodiscard]] bool take_found();
@@ -135,15 +134,15 @@ class BackEnd {
   KeyframeStore images_;
   Submaps submaps_;
   KeyframeDatabase database_;
-  Drift drift_;  // of the atlas' keyframes
+  Drift drift_;  // over the atlas' keyframes
   World world_;
   Atlas atlas_;
-  std::size_t searched_ = 0;        // keyframes before it are looked for: tracking may not see what they saw
-  std::size_t submap_begin_ = 0;    // first keyframe of the submap that is being fused into
+  std::size_t searched_ = 0;        // keyframes before this index are searched: tracking may not see their surface
+  std::size_t submap_begin_ = 0;    // first keyframe of the active submap
   std::uint32_t submap_since_ = 1;  // its first fused_count
-  bool in_world_ = false;           // the next frame is tracked in the frame of the world
-  bool breaks_ = true;              // the next frame begins a piece
-  bool optimises_ = true;           // no optimisation has failed
+  bool in_world_ = false;           // the next frame is tracked in the world frame
+  bool breaks_ = true;              // the next frame starts a component
+  bool optimises_ = true;           // false once an optimization has failed
   std::future<Seen> searching_;     // for the last keyframe
   Settling settling_;
   Counts counts_;

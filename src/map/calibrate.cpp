@@ -17,12 +17,12 @@ namespace {
 
 constexpr int kMostPasses = 3;  // for a readout
 constexpr int kDepthPasses = 2;
-constexpr double kSettled = 0.001;    // seconds that another pass would change no longer
-constexpr double kLongest = 0.1;      // seconds; no camera is slower
-constexpr double kSharpest = 0.0015;  // seconds; a larger standard deviation tells nothing
+constexpr double kSettled = 0.001;    // s; convergence of the readout between passes
+constexpr double kLongest = 0.1;      // s; no camera is slower
+constexpr double kSharpest = 0.0015;  // s; max. standard deviation of a usable readout
 constexpr int kFewKeyframes = 8;
-constexpr double kRefocused = 0.01;  // of the focal length, from half to half
-constexpr float kVoxel = 0.02f;      // metres: nobody sees this map
+constexpr double kRefocused = 0.01;  // relative difference of focal length between the halves
+constexpr float kVoxel = 0.02f;      // m; this map is not exported
 
 std::string moved_too_little(int keyframes) {
   return fmt::format("the camera moved too little: {} keyframes, {} are needed", keyframes, kFewKeyframes);
@@ -42,13 +42,13 @@ Mapper track(Source& source, const Rig& rig, const std::function<void()>& step) 
   return mapper;
 }
 
-/// The readout that is found is what is left of it: keyframes' images are those of one moment already.
+/// Estimates the remaining readout: the keyframes' images are already corrected for the given one.
 Adjusted adjust_as_if_not_told(Mapper& mapper) {
   MapState& s = *mapper.state();
   return adjust(s.back_end, at_one_moment(s.rig), s.tracker.clock_offset(), Sought::readout);
 }
 
-/// Empty, or why no cameras fit all keyframes.
+/// Empty, or the reason why no single calibration fits all keyframes.
 std::string refocused(MapState& s) {
   const double by = refocused_by(s.back_end, at_one_moment(s.rig), s.tracker.clock_offset());
   if (std::abs(by) <= kRefocused) return {};
@@ -137,7 +137,7 @@ FoundDepthCorrection find_depth_correction(const std::function<std::unique_ptr<S
         found.why_not = refocused(*mapper.state());
       if (!found.why_not.empty()) return found;
     }
-    // The first one was found along a path that was tracked without it.
+    // The first correction was estimated on poses tracked without it.
     found.rig.depth_correction = found.rig.depth_correction.then(adjusted.correction);
   }
   return found;

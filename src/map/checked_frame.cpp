@@ -10,10 +10,11 @@
 namespace cairn {
 namespace {
 
-constexpr double kRigid = 1e-3;         // of a rotation times its own transpose, beside the identity
-constexpr double kFarthestVoxel = 4e6;  // from the origin: single precision still tells neighbouring voxels apart
+constexpr double kRigid = 1e-3;  // max. deviation of R * R^T from the identity
+constexpr double kFarthestVoxel =
+    4e6;  // max. distance from the origin in voxels: single precision still separates neighboring voxels
 
-/// Why nothing of a frame can be used.
+/// Reason why a frame is unusable as a whole, or none.
 FrameCause unusable(const Frame& frame, const Camera& camera, std::optional<double> before) {
   const auto pixels = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
   if (frame.problem) return FrameCause::unreadable;

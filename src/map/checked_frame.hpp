@@ -9,15 +9,15 @@
 
 namespace cairn {
 
-/// A frame without what of it cannot be used beside the depth image, its depth corrected as the rig says; or why none
-/// of it can be used.
+/// Validated frame: invalid data other than the depth image is dropped, and the rig's depth correction is applied. An
+/// unusable frame has a cause instead.
 class CheckedFrame {
  public:
-  /// `before`: timestamp of the last fused frame. The frame must live as long as this.
+  /// `before`: timestamp of the last fused frame. The frame must outlive this object.
   CheckedFrame(const Frame& given, const Rig& rig, std::optional<double> before);
-  /// Asks also for a pose at which single precision still tells neighbouring voxels of this size apart.
+  /// Requires a valid pose, near enough to the origin that single precision separates neighboring voxels of this size.
   void expect_pose(float voxel_size);
-  /// Measurements of a smaller confidence are none.
+  /// Drops depth measurements with a smaller confidence.
   void drop_doubtful(std::uint8_t least);
   void refuse(FrameCause cause, std::string reason = {});
 

@@ -9,12 +9,12 @@
 namespace cairn {
 namespace {
 
-// Keyframes of the submaps before and after: about twice the range below, so that both sides of a border blend the
-// same.
+// Keyframes of adjacent submaps that take part: about twice the range below, so that both sides of a border blend the
+// same keyframes.
 constexpr std::size_t kNeighbours = 30;
-constexpr double kView = 0.4;   // radians beside the optical axis at which a keyframe has lost interest
-constexpr double kRange = 1.5;  // metres, the same along it
-constexpr double kSame = 1e-6;  // metres, radians
+constexpr double kView = 0.4;   // rad from the optical axis: angular scale of a keyframe's weight
+constexpr double kRange = 1.5;  // m, the same along the viewing ray
+constexpr double kSame = 1e-6;  // m, rad
 
 }  // namespace
 
@@ -49,10 +49,11 @@ Deformation::Deformation(const Atlas& atlas, std::size_t submap) {
 
 Eigen::Isometry3d Deformation::operator()(const Eigen::Vector3d& point) const {
   if (is_rigid_) return controls_.front().move;
-  // Squared distance of the point from what a keyframe looks at, without units.
+  // Normalized squared distance of the point from a keyframe's view.
   const auto squared = [&](const Control& c) {
     const Eigen::Vector3d ray = point - c.centre;
-    const double range = ray.norm(), aside = 2 * (1 - ray.dot(c.forward) / std::max(range, 1e-6));  // angle^2, nearly
+    const double range = ray.norm(),
+                 aside = 2 * (1 - ray.dot(c.forward) / std::max(range, 1e-6));  // angle^2, approximately
     return aside / (kView * kView) + range * range / (kRange * kRange);
   };
   double least = std::numeric_limits<double>::infinity();

@@ -9,7 +9,8 @@ namespace {
 
 constexpr std::size_t kBlock = 8;  // steps, or blocks of the level below
 
-/// A covariance of the pose at `middle`, followed by one of the pose at `to` as seen from there.
+/// Covariance of the pose at `to`, from the covariance of the pose at `middle` and the covariance of `to` relative to
+/// `middle`.
 Matrix6d chained(const Matrix6d& until_middle, const Eigen::Isometry3d& middle, const Matrix6d& since,
                  const Eigen::Isometry3d& to) {
   const Matrix6d ad = adjoint(to.inverse() * middle);
@@ -40,7 +41,7 @@ Matrix6d Drift::sum(const std::vector<Keyframe>& keyframes, std::size_t from, st
                     std::size_t levels) const {
   Matrix6d covariance = Matrix6d::Zero();
   for (std::size_t k = from; k < to;) {
-    std::size_t level = 0, length = 1;  // of the longest block that begins here
+    std::size_t level = 0, length = 1;  // of the longest block that starts here
     while (level < levels && k % (kBlock * length) == 0 && k + kBlock * length <= to) ++level, length *= kBlock;
     const Matrix6d step =
         level == 0 ? Matrix6d(calibrated(keyframes[k + 1].information).inverse()) : blocks_[level - 1][k / length];

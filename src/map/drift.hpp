@@ -9,19 +9,19 @@
 
 namespace cairn {
 
-/// The noise of tracking from one keyframe to another, added up. Sums over blocks of 8, 64, 512, ... keyframes are
-/// kept, so that a long way costs little more than a short one.
+/// Accumulated noise of tracking between keyframes. Sums over blocks of 8, 64, 512, ... keyframes are cached, so that
+/// the cost grows only with the logarithm of the distance.
 class Drift {
  public:
-  /// Takes the keyframes after those that it knows; these no longer change.
+  /// Adds the keyframes after the known ones; known keyframes must not change.
   void follow(const std::vector<Keyframe>& keyframes);
-  /// Of the pose of `to` as seen from `from`, before it, in the camera's frame of `to`. Nothing where they are not of
-  /// one piece: then nobody knows how they lie. `keyframes`: those that it followed.
+  /// Covariance of the pose of `to` relative to an earlier keyframe `from`, in the camera frame of `to`. Empty if the
+  /// two are of different components. `keyframes`: the keyframes passed to follow().
   [[nodiscard]] std::optional<Matrix6d> covariance(const std::vector<Keyframe>& keyframes, std::size_t from,
                                                    std::size_t to) const;
 
  private:
-  /// By steps and blocks of the first `levels` levels.
+  /// Uses single steps and blocks of the first `levels` levels.
   [[nodiscard]] Matrix6d sum(const std::vector<Keyframe>& keyframes, std::size_t from, std::size_t to,
                              std::size_t levels) const;
   std::vector<std::size_t> first_of_piece_;    // by keyframe

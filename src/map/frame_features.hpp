@@ -7,8 +7,8 @@
 
 namespace cairn {
 
-/// Corners of a frame, in the depth camera's view: where the colour camera looks from beside, its image is taken as the
-/// device has brought it to depth.
+/// Features of a frame in the depth camera's view. With a separate color camera, the color image is the one registered
+/// to depth on the device.
 [[nodiscard]] Features features_of(const Surface& live, const Rig& rig, gpu::Device& device);
 
 }  // namespace cairn

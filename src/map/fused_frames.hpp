@@ -9,16 +9,16 @@
 
 namespace cairn {
 
-/// A fused frame, or one that was held out. A run of hours has many: 40 bytes each.
+/// Fused or held-out frame. Kept at 40 bytes, since a run of hours has many frames.
 struct FusedFrame {
   double timestamp = 0;        // seconds
-  std::uint32_t keyframe = 0;  // the newest at its time
-  /// keyframe_from_camera, the logarithm: they lie near each other, so that single precision is right to a micrometre.
+  std::uint32_t keyframe = 0;  // newest keyframe at this time
+  /// Logarithm of keyframe_from_camera. The distance is short, so that single precision is accurate to a micrometer.
   Eigen::Matrix<float, 6, 1> twist = Eigen::Matrix<float, 6, 1>::Zero();
 };
 
-/// The frames of a run in their order. Those of a full chunk never change again: copies share it, and a session writes
-/// it once, so that a checkpoint after hours costs what one after minutes does.
+/// Frames of a run in order. Full chunks are immutable: copies share them, and a session writes each chunk once, so
+/// that the cost of a checkpoint does not grow with the duration of the run.
 class FusedFrames {
  public:
   static constexpr std::size_t kChunk = 1024;  // frames
@@ -29,7 +29,7 @@ class FusedFrames {
     rest_.push_back(frame);
     if (rest_.size() == kChunk) full_.push_back(std::make_shared<const Chunk>(std::exchange(rest_, {})));
   }
-  /// kChunk frames that follow on full chunks.
+  /// Appends kChunk frames. All frames before must be in full chunks.
   void push_back(std::shared_ptr<const Chunk> chunk) { full_.push_back(std::move(chunk)); }
   [[nodiscard]] std::size_t size() const { return kChunk * full_.size() + rest_.size(); }
   [[nodiscard]] bool empty() const { return size() == 0; }
@@ -38,7 +38,7 @@ class FusedFrames {
   }
   [[nodiscard]] const FusedFrame& back() const { return (*this)[size() - 1]; }
   [[nodiscard]] const std::vector<std::shared_ptr<const Chunk>>& full() const { return full_; }
-  /// The newest, fewer than a chunk.
+  /// Newest frames, fewer than a chunk.
   [[nodiscard]] const Chunk& rest() const { return rest_; }
 
  private:

@@ -17,25 +17,29 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kDegree = std::numbers::pi / 180;
-constexpr int kBins = 40;                // along a side of the cube that facings are gathered on: 2 degrees
-constexpr double kApart = 10 * kDegree;  // between candidates, and between what may be one surface
-constexpr std::size_t kStrongest = 10;   // directions that candidates are made of
-constexpr double kCross = 0.5;           // sine of the angle between two surfaces whose cross product is one
-constexpr std::array kWindows{10 * kDegree, 7 * kDegree, 5 * kDegree, 4 * kDegree,
-                              4 * kDegree,  4 * kDegree, 4 * kDegree, 4 * kDegree};  // of the turns of a candidate
-constexpr double kCounted = 5 * kDegree;           // from level or upright: what speaks for a candidate
-constexpr double kLevel = 0.04, kStanding = 0.05;  // shares of the surface that hold a direction together
-constexpr double kTwoWalls = 0.08;                 // that upright ones alone hold it with
-constexpr double kMostOfIt = 0.3;                  // share that speaks for it
-constexpr double kHolds = 0.1;                     // share that sharpens a measured direction
-constexpr double kMeasured = 4 * kDegree;          // that a measured direction may be off
-constexpr double kPitch = 20 * kDegree, kPitches = 30 * kDegree, kLean = 20 * kDegree;  // how cameras are held
-constexpr double kNever = 8;              // -log of how likely the strangest pose is
-constexpr double kSupport = 2;            // weight of the surface's word against the cameras'
-constexpr double kClear = 1;              // by which a candidate must be more likely, log
-constexpr double kTipped = 60 * kDegree;  // of the images' down from down, on the mean, at most
+constexpr int kBins = 40;                // histogram bins along a side of the normals' cube: 2 degrees each
+constexpr double kApart = 10 * kDegree;  // min. angle between candidates, and between the strongest directions
+constexpr std::size_t kStrongest = 10;   // directions to form candidates from
+constexpr double kCross =
+    0.5;  // min. sine of the angle between two directions for a candidate from their cross product
+constexpr std::array kWindows{
+    10 * kDegree, 7 * kDegree, 5 * kDegree, 4 * kDegree,
+    4 * kDegree,  4 * kDegree, 4 * kDegree, 4 * kDegree};  // Tukey window per iteration of a candidate's fit
+constexpr double kCounted = 5 * kDegree;  // max. angle from horizontal or vertical to support a candidate
+constexpr double kLevel = 0.04,
+                 kStanding = 0.05;         // min. shares of horizontal and vertical surface to determine the direction
+constexpr double kTwoWalls = 0.08;         // min. share of vertical surface alone
+constexpr double kMostOfIt = 0.3;          // min. share of surface in support of a candidate
+constexpr double kHolds = 0.1;             // min. share to refine a measured direction
+constexpr double kMeasured = 4 * kDegree;  // max. error of a measured direction
+constexpr double kPitch = 20 * kDegree, kPitches = 30 * kDegree,
+                 kLean = 20 * kDegree;    // mean and sigma of the cameras' pitch, sigma of their roll
+constexpr double kNever = 8;              // max. -log likelihood of a single camera pose
+constexpr double kSupport = 2;            // weight of the surface term against the cameras' term
+constexpr double kClear = 1;              // min. log likelihood ratio to every other candidate
+constexpr double kTipped = 60 * kDegree;  // max. angle between the mean down direction of the images and the estimate
 
-/// Surface that faces one way or the other along a direction.
+/// Surface whose normal is along a direction, with either sign.
 struct Facing {
   Vector3d normal;
   double area;
@@ -43,10 +47,10 @@ struct Facing {
 
 struct Seen {
   std::vector<Facing> facings;
-  double area = 0;  // of all, also what faces nowhere clearly
+  double area = 0;  // total, including surface without a clear normal
 };
 
-/// The same facings in bins on half a cube.
+/// Gathers the facings in bins on half a cube.
 Seen gather(std::span<const StructureView> views) {
   Seen seen;
   std::map<std::array<int, 3>, Vector3d> bins;
@@ -67,16 +71,16 @@ Seen gather(std::span<const StructureView> views) {
   return seen;
 }
 
-/// Tukey's weight of an angle by its sine.
+/// Tukey's weight of an angle, from its sine.
 double weight(double sine, double window) {
   const double u = sine / std::sin(window);
   return u < 1 ? (1 - u * u) * (1 - u * u) : 0;
 }
 
-/// Moves a direction to where it fits best what lies level and what stands upright by it.
+/// Fits a direction to the horizontal and vertical surfaces near it.
 Vector3d fit(const Seen& seen, Vector3d down) {
   for (const double window : kWindows) {
-    Eigen::Matrix3d off = Eigen::Matrix3d::Zero();  // sum of squared sines is down^T off down, and a constant
+    Eigen::Matrix3d off = Eigen::Matrix3d::Zero();  // down^T off down is the sum of squared sines, up to a constant
     for (const auto& [n, area] : seen.facings) {
       const double along = n.dot(down), across = n.cross(down).norm();
       off += area * (weight(std::abs(along), window) - weight(across, window)) * n * n.transpose();
@@ -100,11 +104,11 @@ Down judge(const Seen& seen, const Vector3d& down) {
     standing += along * area / seen.area * side * side.transpose();
   }
   judged.weakest = judged.level + standing.trace() / 2 -
-                   std::hypot((standing(0, 0) - standing(1, 1)) / 2, standing(0, 1));  // the lesser eigenvalue
+                   std::hypot((standing(0, 0) - standing(1, 1)) / 2, standing(0, 1));  // smaller eigenvalue
   return judged;
 }
 
-/// Whether surfaces of at least two directions hold it.
+/// True if surfaces of at least two directions determine the direction.
 bool is_held(const Down& d) {
   const double two_walls = d.weakest - d.level;
   return ((d.level > kLevel && d.upright > kStanding) || two_walls > kTwoWalls) && d.level + d.upright > kMostOfIt;
@@ -134,11 +138,11 @@ std::vector<Vector3d> candidates(const Seen& seen) {
   return all;
 }
 
-/// How cameras are held if this is down, log, the mean over the views.
+/// Mean log likelihood of the camera poses for this down direction.
 double log_likelihood(std::span<const StructureView> views, const Vector3d& down) {
   double sum = 0;
   for (const StructureView& view : views) {
-    const Vector3d d = view.world_from_camera.transpose() * down;  // x right, y down, z ahead
+    const Vector3d d = view.world_from_camera.transpose() * down;  // x right, y down, z forward
     const double pitch = (std::atan2(d.z(), d.y()) - kPitch) / kPitches,
                  lean = std::asin(std::clamp(d.x(), -1.0, 1.0)) / kLean;
     sum -= std::min(kNever, 0.5 * (pitch * pitch + lean * lean));
@@ -146,7 +150,7 @@ double log_likelihood(std::span<const StructureView> views, const Vector3d& down
   return sum / static_cast<double>(views.size());
 }
 
-/// Radians between the images' down and this one, on the mean.
+/// Angle in radians between the images' mean down direction and `down`.
 double tipped(std::span<const StructureView> views, const Vector3d& down) {
   Vector3d sum = Vector3d::Zero();
   for (const StructureView& view : views) sum += view.world_from_camera.col(1);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Which way is down, as what rooms are made of tells it.
+// Estimates the gravity direction from the surfaces of rooms.
 #pragma once
 #include <Eigen/Core>
 #include <optional>
@@ -10,27 +10,28 @@
 
 namespace cairn {
 
-/// What a camera saw, and how it was turned then.
+/// Structure seen by a camera, with the camera's rotation.
 struct StructureView {
   Eigen::Matrix3d world_from_camera = Eigen::Matrix3d::Identity();
   const Structure* structure = nullptr;
 };
 
-/// A direction that may be down, and what speaks for it.
+/// Candidate for the gravity direction, with its support.
 struct Down {
   Eigen::Vector3d down = Eigen::Vector3d::UnitY();  // unit length, in the world
-  double level = 0, upright = 0;  // shares of the surface that lie level, and that stand upright by it
-  double weakest = 0;             // share of the surface that holds it against the turn that least of it holds
+  double level = 0, upright = 0;                    // shares of horizontal and of vertical surface
+  double weakest = 0;                               // share of surface that constrains the least constrained rotation
 };
 
-/// A vote of what the views see. Candidates are the directions in which most of the surface faces, and those that two
-/// of them are upright by; each is moved to where it fits best what lies level and what stands upright by it, by turns
-/// (Gupta, Arbelaez & Malik 2013, sec. 3.1.2). One is down if it is held by surfaces of at least two directions, and if
-/// cameras that are held as people and robots hold them (leaning little to a side, looking ahead or a little down) saw
-/// it clearly rather than any other candidate. Nothing where that is not so: a single wall, a sphere.
+/// Votes for the gravity direction. Candidates are the dominant surface normals and the cross products of pairs of
+/// them. Each is fitted alternately to horizontal and vertical surfaces (Gupta, Arbelaez & Malik 2013, sec. 3.1.2). A
+/// candidate is accepted if surfaces of at least two directions determine it and if the camera poses, with a prior for
+/// people and robots (little roll, looking ahead or slightly down), make it clearly more likely than every other
+/// candidate. Empty if none qualifies, as for a single wall or a sphere.
 [[nodiscard]] std::optional<Down> vote_down(std::span<const StructureView> views);
 
-/// The direction near `measured` that level and upright surfaces agree on; nothing where there are too few of them.
+/// Refines `measured` to the nearby direction supported by horizontal and vertical surfaces. Empty if there is too
+/// little surface.
 [[nodiscard]] std::optional<Down> sharpen_down(std::span<const StructureView> views, const Eigen::Vector3d& measured);
 
 }  // namespace cairn

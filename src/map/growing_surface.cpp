@@ -11,7 +11,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kDue = 0.5;    // of the frames that had seen the cell when it was last shown
+constexpr double kDue = 0.5;    // share of the frames that had seen the cell at its last update
 constexpr float kWellSeen = 8;  // observations at 1 m: 32 at 2 m, a second of a scan
 
 std::vector<Brick> bricks_on_device(const Volume& volume, const Brick& cell) {
@@ -24,11 +24,11 @@ std::vector<Brick> bricks_on_device(const Volume& volume, const Brick& cell) {
   return bricks;
 }
 
-/// Shares out the triangles of a mesh among the cells that their middles lie in.
+/// Splits a mesh into cells by the triangles' centroids.
 std::unordered_map<Brick, Mesh, BrickHash> by_cell(const Mesh& mesh, float cell_size) {
   struct Part {
     Mesh mesh;
-    std::unordered_map<std::uint32_t, std::uint32_t> vertex;  // number in the part, by number in the whole
+    std::unordered_map<std::uint32_t, std::uint32_t> vertex;  // index in the cell's mesh, by index in the input
   };
   std::unordered_map<Brick, Part, BrickHash> parts;
   for (const auto& t : mesh.triangles) {
@@ -52,7 +52,7 @@ std::unordered_map<Brick, Mesh, BrickHash> by_cell(const Mesh& mesh, float cell_
   return meshes;
 }
 
-/// The mean over the vertices, 0..1; there are some.
+/// Mean over the vertices, 0..1. The mesh must not be empty.
 float mean_coverage(const Mesh& part) {
   int sum = 0;
   for (const auto& colour : part.colours) sum += colour[3];

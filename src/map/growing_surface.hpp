@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The surface while it grows, in parts that can be shown one by one.
+// Incremental mesh of the active submap, in cells for display.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -13,33 +13,32 @@
 
 namespace cairn {
 
-/// How well a surface has been seen: 255 after as many observations as make its place as sure as it needs to be, eight
-/// at 1 m, and in proportion to that certainty before, which grows with the root of their number.
+/// Coverage of a surface: 255 from eight observations at 1 m on, sufficient for its position accuracy; proportional to
+/// the square root of their number below, as the accuracy.
 [[nodiscard]] std::uint8_t coverage_of(float weight);
 
-/// Knows which cells of the volume changed since they were last shown. A cell is due again when it has been seen half
-/// as often as before once more: new places come first and well-known ones ever more rarely, so that a cell costs the
-/// logarithm of the frames that see it.
+/// Tracks the cells of the volume that changed since their last update. A cell is due again after half as many further
+/// frames as had seen it before: new surface comes first, well-observed surface ever more rarely. The number of updates
+/// of a cell is logarithmic in the number of its frames.
 class GrowingSurface {
  public:
-  static constexpr int kCell = 4;  // bricks a side
+  static constexpr int kCell = 4;  // bricks per side
 
-  /// A frame changed these bricks.
+  /// Marks bricks changed by a frame.
   void change(std::span<const Brick> bricks);
-  /// How well the cells that the last frame changed had been seen when they were last taken: the mean of their
-  /// vertices' coverage, 0..1; cells that never were count 0, those without a surface do not count.
-  /// Nothing before the first frame.
+  /// Mean coverage, 0..1, of the cells changed by the last frame, as of their last update. New cells count 0; cells
+  /// without a surface are ignored. Empty before the first frame.
   [[nodiscard]] std::optional<double> coverage() const { return coverage_; }
-  /// The cells that are due, most of all changed first, until they hold `max_bricks`. Cells that are not on the device
-  /// wait. With `all` also those that changed but are not due.
+  /// Returns the cells that are due, most changed first, up to `max_bricks`. Cells that are not on the device wait.
+  /// `all`: include changed cells that are not yet due.
   [[nodiscard]] std::vector<SurfacePart> take(Volume& volume, Polygonizer& polygonizer, int submap, int max_bricks,
                                               bool all);
 
  private:
   static constexpr float kNoSurface = -1;
   struct Seen {
-    int frames = 0, since = 0;  // until it was last shown; since then
-    float coverage = 0;         // when it was last shown; kNoSurface where nothing was there
+    int frames = 0, since = 0;  // number of frames until the last update, and since
+    float coverage = 0;         // at the last update; kNoSurface for an empty cell
   };
   std::unordered_map<Brick, Seen, BrickHash> cells_;
   std::optional<double> coverage_;

@@ -11,37 +11,39 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kAgreeing = 3;                   // loops that join two pieces
-constexpr double kAgreeTurn = 0.1, kAgreeShift = 0.3;  // radians, metres that these may differ by: both have drifted
-// Radians, metres by which pieces that others have joined may have drifted: as many loops as join two are believed up
-// to here, and rooms that look alike are farther from each other.
+constexpr std::size_t kAgreeing = 3;  // min. loop closures to merge two components
+constexpr double kAgreeTurn = 0.1,
+                 kAgreeShift =
+                     0.3;  // rad, m: max. difference of agreeing loop closures, as both components have drifted
+// Rad, m: max. drift of merged components. A group of at least kAgreeing loop closures is accepted up to this
+// deviation; similar rooms are farther from each other.
 constexpr double kDriftTurn = 0.2, kDriftShift = 1;
-constexpr double kUnclear = 1.0 / 3;  // of the corners of the clearest loops: what has fewer joins nothing
-constexpr double kClear = 2;          // times as strong as what tells something else
-// Views that tell, and the share of their pixels that contradicts. On two floors of offices, most of them alike, with
-// other doors open: between maps that lie right at most 0.7 %, of one pair 1.2 %; where they do not, and something
-// around the rooms that look alike differs, from 1.0 % on, mostly 3 to 10 %.
+constexpr double kUnclear = 1.0 / 3;  // min. ratio to the feature inliers of the clearest group of loop closures
+constexpr double kClear = 2;          // min. ratio of strength to a conflicting group
+// Min. number of views, and limits on the share of contradicting pixels. On two floors of similar offices with doors in
+// different states, correct alignments of maps have at most 0.7 %, one pair 1.2 %. Wrong alignments of similar rooms
+// with different surroundings have at least 1.0 %, mostly 3 to 10 %.
 constexpr int kViews = 20;
 constexpr double kContradicting = 0.01, kDoubtful = 0.015, kRefuted = 0.03;
 
-// A loop whose views have other patterns on the same surface: the share of patches from which on they do, beside what
-// is usual, so many times that of the clearest loops of all. A group of which more than kOthers are such joins nothing,
-// nor one that contradicts as well and has more than half as many. In two synthetic buildings 0 to 25 % of true groups
-// are, where single loops are false, and 27 to 100 % of rooms that look alike, which pictures on their walls tell
-// apart.
+// Pattern test: a loop closure differs in pattern if the share of differing patches exceeds kOtherPatterns plus kUsual
+// times the median of the clearest group. A group with a share of more than kOthers of these loop closures is rejected,
+// and so is a contradicting group with more than half of that share. In two synthetic buildings the share is 0 to 25 %
+// for true groups, due to single false loop closures, and 27 to 100 % for similar rooms with different pictures on
+// their walls.
 constexpr double kOtherPatterns = 0.002, kUsual = 3, kOthers = 0.28;
-constexpr std::size_t kLoopsCompared = 32;  // of a group
-constexpr int kPatches = 50;                // that tell something of a loop
+constexpr std::size_t kLoopsCompared = 32;  // per group
+constexpr int kPatches = 50;                // min. patches to judge a loop closure
 
-constexpr double kSameTurn = 2e-3, kSameShift = 0.02;  // radians, metres: views contradict each other as much
-constexpr double kWalk = 1;                            // m/s: who scans goes slower
-constexpr double kHurry = 2;   // times as fast as the camera went before it was lost, if that is more
-constexpr double kBefore = 2;  // seconds that tell how fast that was
-// Loops between pieces of a run that the pose graph does not believe, from which number and share on all is begun anew.
+constexpr double kSameTurn = 2e-3, kSameShift = 0.02;  // rad, m: alignments with equal contradiction
+constexpr double kWalk = 1;                            // m/s; upper limit of the speed of scanning
+constexpr double kHurry = 2;                           // max. ratio to the camera's speed before it was lost, if larger
+constexpr double kBefore = 2;                          // s over which this speed is measured
+// Number and share of rejected loop closures between components of a run that trigger a merge from scratch.
 constexpr std::size_t kUnbelieved = 20;
 constexpr double kMuchUnbelieved = 0.1;
 
-/// Loops between two pieces that agree with each other, the one first that most of them agree with.
+/// Agreeing loop closures between two components. The first one agrees with the most others.
 using Cluster = std::vector<const Loop*>;
 
 bool is_within(const Eigen::Isometry3d& motion, double turn, double shift) {
@@ -49,18 +51,18 @@ bool is_within(const Eigen::Isometry3d& motion, double turn, double shift) {
   return v.head<3>().norm() < turn && v.tail<3>().norm() < shift;
 }
 
-/// Where a loop's second keyframe lies in the world, by it.
+/// world_from_camera of a loop closure's second keyframe, predicted by the loop closure.
 Eigen::Isometry3d told(const Atlas& atlas, const Loop& loop) {
   return atlas.world_from_camera[loop.edge.i] * loop.edge.i_from_j;
 }
 
-/// How the piece of a loop's second keyframe is to be moved, by it.
+/// Rigid motion of the second keyframe's component, predicted by a loop closure.
 Eigen::Isometry3d move_of(const Atlas& atlas, const Loop& loop) {
   return told(atlas, loop) * atlas.world_from_camera[loop.edge.j].inverse();
 }
 
-/// Whether a loop tells that its second keyframe's piece is to be moved so. Compared where that keyframe is, so that a
-/// turn far away is no shift.
+/// True if a loop closure agrees with a motion of its second keyframe's component. Compared at this keyframe, so that a
+/// rotation about a distant point causes no translation error.
 bool tells(const Atlas& atlas, const Loop& loop, const Eigen::Isometry3d& move, double turn, double shift) {
   const Eigen::Isometry3d moved = move * atlas.world_from_camera[loop.edge.j];
   return is_within(moved.inverse() * told(atlas, loop), turn, shift);
@@ -86,7 +88,7 @@ std::vector<Cluster> clusters_of(const Atlas& atlas, std::vector<const Loop*> lo
   return clusters;
 }
 
-/// The same by all loops of a cluster together.
+/// Mean motion over a cluster.
 Eigen::Isometry3d move_of(const Atlas& atlas, const Cluster& cluster) {
   Eigen::Vector4d turn = Eigen::Vector4d::Zero();
   Eigen::Vector3d is = Eigen::Vector3d::Zero(), shall_be = is;
@@ -104,7 +106,7 @@ Eigen::Isometry3d move_of(const Atlas& atlas, const Cluster& cluster) {
   return move;
 }
 
-/// A loop of a cluster that says what all of it say.
+/// Loop closure with the mean relative pose of a cluster.
 Loop mean_of(const Atlas& atlas, const Cluster& cluster) {
   Loop loop = *cluster.front();
   loop.edge.i_from_j =
@@ -120,13 +122,13 @@ int median_corners(const Cluster& cluster) {
   return *middle;
 }
 
-/// Views of the same place from the same side have many corners in common.
+/// Views of the same place from the same side have many features in common.
 double strength(const Cluster& cluster) { return static_cast<double>(cluster.size()) * median_corners(cluster); }
 
-/// Loops between two pieces. Pieces have their first keyframe's number.
+/// Loop closures between two components. A component is identified by its first keyframe.
 struct Pair {
   std::size_t first = 0, second = 0;
-  std::vector<Cluster> clusters;  // the strongest first
+  std::vector<Cluster> clusters;  // strongest first
 };
 
 std::vector<Pair> pairs_of(const Atlas& atlas, const std::vector<Loop>& loops) {
@@ -146,7 +148,7 @@ std::vector<Pair> pairs_of(const Atlas& atlas, const std::vector<Loop>& loops) {
   return pairs;
 }
 
-/// Metres a second, before and at a keyframe.
+/// Speed in meters per second, up to and at a keyframe.
 double speed(const std::vector<Keyframe>& keyframes, std::size_t k) {
   double way = 0, seconds = 0;
   for (; keyframes[k].follows && seconds < kBefore; --k) {
@@ -156,8 +158,9 @@ double speed(const std::vector<Keyframe>& keyframes, std::size_t k) {
   return seconds > 0 ? way / seconds : 0;
 }
 
-/// Metres that the camera can have gone while it was lost between two keyframes, the first one of a piece and the one
-/// before it. Infinite where they are of two recordings, as far as times and frames tell.
+/// Max. distance in meters that the camera can have moved while it was lost, from the last keyframe of a component to
+/// the first keyframe of the next. Infinite for keyframes of different recordings, as detected by timestamps and frame
+/// indices.
 double reach(const std::vector<Keyframe>& keyframes, std::size_t next) {
   const Keyframe &before = keyframes[next - 1], &after = keyframes[next];
   if (after.timestamp <= before.timestamp || after.frame <= before.frame)
@@ -165,22 +168,22 @@ double reach(const std::vector<Keyframe>& keyframes, std::size_t next) {
   return (after.timestamp - before.timestamp) * std::max(kWalk, kHurry * speed(keyframes, next - 1));
 }
 
-/// What the pieces were before anything was joined, and what they are now.
+/// Components before the merge, with tests against the merged state.
 class Pieces {
  public:
   Pieces(Atlas& atlas, ViewsApart& views) : atlas_(atlas), views_(views), before_(atlas.components()) {
     for (std::size_t k = 0; k < before_.size(); ++k) keyframes_[before_[k]].push_back(k);
   }
-  /// That there were.
+  /// Number of components before the merge.
   [[nodiscard]] std::size_t count() const { return keyframes_.size(); }
-  /// By how much two of the pieces before contradict each other at most, where a loop joins what they are in; wholly,
-  /// where the camera would have jumped.
+  /// Maximum free-space contradiction between two original components, one on each side of a loop closure; 1 if the
+  /// camera would have jumped.
   [[nodiscard]] double contradiction(const Loop& loop) {
     const auto now = atlas_.components();
     const Eigen::Isometry3d move = move_of(atlas_, loop);
     if (jumps(now, loop, move)) return 1;
     const auto size = [&](std::size_t k) { return std::count(now.begin(), now.end(), now[k]); };
-    // Pieces only grow: of the same size they are the same, and so is what is told of them until one moves.
+    // Components only grow: at equal size they are equal, and the cached results hold until one moves.
     Known& known = known_[{now[loop.edge.i], now[loop.edge.j]}];
     const std::pair sizes{size(loop.edge.i), size(loop.edge.j)};
     if (known.sizes != sizes) known = {sizes, {}};
@@ -189,7 +192,7 @@ class Pieces {
     return known.shares.emplace_back(move, compare(now, loop, move)).second;
   }
 
-  /// Of loops of a cluster, the share of the patches of pattern that their two views do not have in common, sorted.
+  /// Sorted shares of the pattern patches that differ between the two views, for loop closures of a cluster.
   [[nodiscard]] std::vector<double> other_patterns(const Cluster& cluster) {
     std::vector<double> shares;
     const std::size_t step = 1 + (cluster.size() - 1) / kLoopsCompared;
@@ -202,7 +205,7 @@ class Pieces {
   }
 
  private:
-  /// Whether the camera would have gone farther than it can while it was lost between the two pieces.
+  /// True if the camera would have moved farther than possible while lost between the two components.
   [[nodiscard]] bool jumps(const std::vector<std::size_t>& now, const Loop& loop, const Eigen::Isometry3d& move) const {
     const std::size_t first = now[loop.edge.i], second = now[loop.edge.j];
     const auto moved = [&](std::size_t k) -> Eigen::Isometry3d {
@@ -215,7 +218,7 @@ class Pieces {
     }
     return false;
   }
-  /// Until it is refuted.
+  /// Stops once the alignment is refuted.
   [[nodiscard]] double compare(const std::vector<std::size_t>& now, const Loop& loop, const Eigen::Isometry3d& move) {
     double most = 0;
     for (const auto& [a, of_a] : keyframes_)
@@ -234,22 +237,22 @@ class Pieces {
   std::map<std::size_t, std::vector<std::size_t>> keyframes_;
   struct Known {
     std::pair<std::ptrdiff_t, std::ptrdiff_t> sizes;
-    std::vector<std::pair<Eigen::Isometry3d, double>> shares;  // by how the second is moved
+    std::vector<std::pair<Eigen::Isometry3d, double>> shares;  // by the motion of the second component
   };
-  std::map<std::pair<std::size_t, std::size_t>, Known> known_;  // by two pieces
+  std::map<std::pair<std::size_t, std::size_t>, Known> known_;  // by pairs of components
 };
 
-/// Whether two clusters tell the same but for what pieces may have drifted by.
+/// True if two clusters differ by no more than drift.
 bool may_be_drift(const Atlas& atlas, const Cluster& a, const Cluster& b) {
   return tells(atlas, mean_of(atlas, b), move_of(atlas, a), kDriftTurn, kDriftShift);
 }
 
-/// What joins pieces, by the clearest loops of all.
+/// Limits for merging, from the clearest cluster.
 struct Limits {
-  double corners = 0, other_patterns = 0;  // at least, at most
+  double corners = 0, other_patterns = 0;  // minimum, maximum
 };
 
-/// The share of a cluster's loops that take for one place what has other pictures on its walls.
+/// Share of a cluster's loop closures whose views differ in pattern.
 double others_in(const Cluster& cluster, Pieces& pieces, const Limits& limits) {
   const std::vector<double> shares = pieces.other_patterns(cluster);
   if (shares.size() < kAgreeing) return 0;
@@ -257,14 +260,14 @@ double others_in(const Cluster& cluster, Pieces& pieces, const Limits& limits) {
   return static_cast<double>(others) / static_cast<double>(shares.size());
 }
 
-/// The cluster of a pair that may join it now: the only one that contradicts nothing of what was seen, among those of
-/// much the same strength. What is refuted does not count; what contradicts a little does, for doors that stood
-/// otherwise may contradict the true one, and what is far weaker is not taken in its place.
-/// `doubtful`: so may that true one be taken, where no other is nearly as strong.
+/// Cluster that may merge a pair now: the only one without contradictions among clusters of similar strength. Refuted
+/// clusters are ignored. A slightly contradicting cluster still counts, since moved doors may contradict the true one,
+/// and no much weaker cluster may replace it. `doubtful`: also accepts a slightly contradicting cluster if no other has
+/// similar strength.
 const Cluster* joining(const Atlas& atlas, const Pair& pair, Pieces& pieces, bool doubtful, const Limits& limits) {
   const Cluster *strongest = nullptr, *clean = nullptr;
   int clean_ones = 0, standing = 0;
-  bool is_little = false;  // what the strongest contradicts
+  bool is_little = false;  // contradiction of the strongest is small
   for (const Cluster& cluster : pair.clusters) {
     if (cluster.size() < kAgreeing) continue;
     if (strongest != nullptr && kClear * strength(cluster) <= strength(*strongest)) break;
@@ -280,7 +283,7 @@ const Cluster* joining(const Atlas& atlas, const Pair& pair, Pieces& pieces, boo
   return doubtful && standing == 1 && is_little && median_corners(*strongest) >= limits.corners ? strongest : nullptr;
 }
 
-/// Loops between two pieces as they are now, each from the first one to the second one.
+/// Loop closures between different components, each directed from the first to the second component.
 std::vector<Loop> oriented(const Atlas& atlas, const std::vector<Loop>& loops) {
   const auto piece = atlas.components();
   std::vector<Loop> between;
@@ -294,12 +297,12 @@ std::vector<Loop> oriented(const Atlas& atlas, const std::vector<Loop>& loops) {
   return between;
 }
 
-/// Which two pieces are joined first: those whose clearest loops have most corners in common, where all are about as
-/// large; of a run, whose pieces may be of some keyframes or of thousands, those with most and clearest loops.
+/// Merge order of pairs. corners: by the most feature inliers, for components of similar size. strength: by number
+/// times inliers, for the components of a run, with a few to thousands of keyframes.
 enum class Order : std::uint8_t { corners, strength };
 
-/// How the next two pieces are joined, if any. What a piece has grown by tells as well: where the loops of one map
-/// leave open in which of two rooms that look alike it is, those of all that see it do not.
+/// Next merge, if any. Uses the merged components: loop closures of one map may fit two similar rooms, while all loop
+/// closures of the merged component are unambiguous.
 std::optional<Loop> next_join(const Atlas& atlas, const std::vector<Loop>& loops, Pieces& pieces, Order by,
                               const Limits& limits) {
   const std::vector<Loop> between = oriented(atlas, loops);
@@ -319,8 +322,8 @@ std::optional<Loop> next_join(const Atlas& atlas, const std::vector<Loop>& loops
   return std::nullopt;
 }
 
-/// Puts the loops between pieces as they were that agree with how these lie now in the place of those from `begin` on,
-/// which tie them. Returns how many.
+/// Replaces the loop closures from index `begin` on by all loop closures of merged pairs that agree with the current
+/// alignment. Returns their number.
 std::size_t add_agreeing(Atlas& atlas, const std::vector<Pair>& pairs, std::size_t begin) {
   const auto piece = atlas.components();
   atlas.loops.resize(begin);
@@ -337,7 +340,7 @@ std::size_t add_agreeing(Atlas& atlas, const std::vector<Pair>& pairs, std::size
   return atlas.loops.size() - begin;
 }
 
-/// Optimises the poses, of which each step may have slipped.
+/// Optimizes the poses; each odometry step is heavy-tailed.
 void settle(Atlas& atlas) {
   PoseGraph graph = atlas.graph();
   for (PoseGraph::Edge& edge : graph.edges) edge.may_slip = !edge.is_loop_closure;
@@ -356,9 +359,9 @@ Limits limits_of(const std::vector<Pair>& pairs, Pieces& pieces) {
           .other_patterns = kOtherPatterns + (usual.empty() ? 0 : kUsual * usual[usual.size() / 2])};
 }
 
-/// Joins pieces one after the other, and adds the loops that agree with how all lie then. Returns how many.
+/// Merges components one by one, and then adds the loop closures that agree with the result. Returns their number.
 std::size_t join_all(Atlas& atlas, const std::vector<Loop>& loops, ViewsApart& views, Order order) {
-  const std::vector<Pair> pairs = pairs_of(atlas, loops);  // of the pieces as they are now
+  const std::vector<Pair> pairs = pairs_of(atlas, loops);  // of the initial components
   Pieces pieces(atlas, views);
   const Limits limits = limits_of(pairs, pieces);
   const std::size_t before = atlas.loops.size();
@@ -367,8 +370,8 @@ std::size_t join_all(Atlas& atlas, const std::vector<Loop>& loops, ViewsApart& v
     if (!loop) break;
     const auto now = atlas.components();
     atlas.join(loop->edge);
-    // What drifted in one of the two contradicts what the other saw, until their loops have taken it out: also single
-    // ones, which the pose graph judges.
+    // Drift within the two components contradicts the free-space test until their loop closures correct it. Single loop
+    // closures are included; the pose graph judges them.
     for (const Loop& other : loops)
       if (std::minmax(now[other.edge.i], now[other.edge.j]) == std::minmax(now[loop->edge.i], now[loop->edge.j]) &&
           tells(atlas, other, Eigen::Isometry3d::Identity(), kDriftTurn, kDriftShift))
@@ -378,7 +381,7 @@ std::size_t join_all(Atlas& atlas, const std::vector<Loop>& loops, ViewsApart& v
   return add_agreeing(atlas, pairs, before);
 }
 
-/// By keyframe: the first one of its piece, that was tracked without a break.
+/// For each keyframe, the first keyframe of its continuously tracked component.
 std::vector<std::size_t> tracked_pieces(const Atlas& atlas) {
   std::vector<std::size_t> first;
   for (std::size_t k = 0; k < atlas.keyframes.size(); ++k)
@@ -405,7 +408,7 @@ bool contradict_each_other(const Atlas& atlas) {
 
 void join_anew(Atlas& atlas, ViewsApart& views) {
   const auto first = tracked_pieces(atlas);
-  std::vector<Loop> loops;  // between pieces
+  std::vector<Loop> loops;  // between components
   for (Loop& loop : atlas.loops) {
     loop.inlier = true;
     if (first[loop.edge.i] != first[loop.edge.j]) loops.push_back(loop);

@@ -19,19 +19,19 @@
 namespace cairn {
 namespace {
 
-constexpr double kTurn = 0.15, kDistance = 0.12;  // radians, metres between keyframes
-constexpr double kDepthSteps = 5000;              // a metre
-constexpr const char *kDepth = "depth.png", *kColour = "colour.jpg", *kCorners = "corners";  // files of a keyframe
-constexpr std::size_t kRecent = 256;  // keyframes whose corners stay in memory, 58 KB each
+constexpr double kTurn = 0.15, kDistance = 0.12;                                             // rad, m between keyframes
+constexpr double kDepthSteps = 5000;                                                         // per meter
+constexpr const char *kDepth = "depth.png", *kColour = "colour.jpg", *kCorners = "corners";  // file names of a keyframe
+constexpr std::size_t kRecent = 256;  // keyframes whose features stay in memory, 58 KB each
 constexpr const char* kRemedy = "the session is damaged: begin a new session";
 
-/// A corner in its file.
+/// File format of a feature.
 struct Corner {
   double ray[2], point[3];
   std::array<std::uint8_t, 32> descriptor;
 };
 
-/// A version byte, then the corners.
+/// Version byte, followed by the features.
 std::vector<std::uint8_t> bytes_of(const Features& features) {
   std::vector<std::uint8_t> bytes(1 + features.rays.size() * sizeof(Corner), 1);
   for (std::size_t i = 0; i < features.rays.size(); ++i) {
@@ -43,7 +43,7 @@ std::vector<std::uint8_t> bytes_of(const Features& features) {
   return bytes;
 }
 
-/// The other way: behind the version byte there are whole corners.
+/// Inverse of bytes_of. The bytes after the version byte must be complete features.
 Features features_in(const std::vector<std::uint8_t>& bytes) {
   Features features;
   for (std::size_t at = 1; at < bytes.size(); at += sizeof(Corner)) {
@@ -106,7 +106,7 @@ void KeyframeStore::put(std::size_t keyframe, const Frame& frame, Features featu
           if (!colour.empty()) packed.colour = encode_colour(colour, rig_.colour_view(), ".jpg");
           if (writes_) return write(keyframe, packed);
         } catch (const std::exception&) {
-          // It stays in memory until store().
+          // Stays in memory until store().
         }
         packed_[keyframe] = std::move(packed);
       });
@@ -126,7 +126,7 @@ void KeyframeStore::correct(std::size_t keyframe, const DepthCorrection& correct
 }
 
 void KeyframeStore::write(std::size_t keyframe, const Packed& packed) const {
-  // A checkpoint brings them to the disk all at once, see SessionWriter.
+  // Not synced here: a checkpoint syncs all files at once, see SessionWriter.
   write_whole(file(keyframe, kDepth), packed.depth, Durable::some_time);
   if (!packed.colour.empty()) write_whole(file(keyframe, kColour), packed.colour, Durable::some_time);
   write_whole(file(keyframe, kCorners), packed.corners, Durable::some_time);
@@ -203,7 +203,7 @@ cv::Mat decoded(const std::vector<std::uint8_t>& bytes, Pixels pixels, const Cam
   try {
     if (!bytes.empty()) return decode_image(bytes, pixels, {.size = {camera.width, camera.height}});
   } catch (const std::runtime_error&) {
-    // Told by who asked, or left out.
+    // The caller reports the error or continues without the image.
   }
   return {};
 }

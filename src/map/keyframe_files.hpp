@@ -5,7 +5,7 @@
 
 namespace cairn {
 
-/// Whether a KeyframeStore names its files so.
+/// True if `name` is a file name of a KeyframeStore.
 [[nodiscard]] bool is_keyframe_file(std::string_view name);
 
 }  // namespace cairn

@@ -29,7 +29,7 @@ SurfaceChanges LiveSurface::changes(int max_bricks, bool all) {
     });
   changes.coverage = surface_->coverage();
   changes.world_from_submap.assign(static_cast<std::size_t>(submap) + 1, Eigen::Isometry3d::Identity());
-  for (std::size_t k = atlas.keyframes.size(); k-- > 0;)  // a submap lies as its first keyframe
+  for (std::size_t k = atlas.keyframes.size(); k-- > 0;)  // a submap moves with its first keyframe
     changes.world_from_submap[atlas.keyframes[k].submap] = atlas.correction(k);
   return changes;
 }
