@@ -15,10 +15,10 @@ namespace cairn {
 namespace {
 
 constexpr int kMaxRepeats = 2;
-constexpr std::uint32_t kColourEvery = 3;  // fused frames, of a view that moves slowly
-constexpr double kFastView = 0.1;          // of the image, from frame to frame
-constexpr double kUnseen = 0.1;            // of the image, that the view moves on between two looks through free space
-constexpr double kShutterPixels = 4.0;     // that rows are wrong by
+constexpr std::uint32_t kColourEvery = 3;  // fused frames, for a slowly moving view
+constexpr double kFastView = 0.1;          // share of the image, from frame to frame
+constexpr double kUnseen = 0.1;  // share of the image by which the view moves between two frames that carve free space
+constexpr double kShutterPixels = 4.0;                          // max. row error without preprocessing again
 constexpr std::uint64_t kWorldPool = std::uint64_t{256} << 20;  // bytes on the device while the whole map is meshed
 
 Trajectory turned(Trajectory trajectory, const Eigen::Isometry3d& turn) {
@@ -56,7 +56,7 @@ CheckedFrame MapState::check(const Frame& frame) {
   return checked;
 }
 
-/// Noise never repeats. A driver may deliver one image twice, but not more often.
+/// Sensor noise never repeats exactly. A driver may deliver an image twice, but not more often.
 bool MapState::is_stuck(const Frame& frame) {
   const std::size_t image = std::hash<std::string_view>()(
       {reinterpret_cast<const char*>(frame.depth.data()), frame.depth.size() * sizeof(float)});
@@ -69,8 +69,8 @@ Surface MapState::see(const Frame& frame, const MotionAt& motion, StageTimes& ti
   return timed(times, "preprocess", [&] { return preprocessor.preprocess(frame, motion); });
 }
 
-/// A rolling shutter is undone by a motion that is guessed. Alignment takes into account that another is found, and
-/// what is fused is made again where that makes a difference.
+/// The rolling shutter correction uses a predicted motion. Alignment accounts for a different motion, and the frame is
+/// preprocessed again before fusion if the difference is significant.
 Tracked MapState::locate(const Frame& frame, Surface& seen, StageTimes& times) {
   if (!is_tracked()) {
     Vector6d velocity = Vector6d::Zero();
@@ -92,9 +92,10 @@ Tracked MapState::locate(const Frame& frame, Surface& seen, StageTimes& times) {
   return tracked;
 }
 
-/// A place is seen in many frames: a third of them tells its colour as well. Not so where it is in view for a few only.
+/// Fuses color of every third frame, since many frames see the same place, and of every frame while the view moves
+/// fast.
 bool MapState::is_colour_due(const Tracked& tracked) const {
-  if (fused_count % kColourEvery == 0) return true;  // the next one is the first, or the third since
+  if (fused_count % kColourEvery == 0) return true;  // true for the first frame, and for every third one after it
   const auto moved = motion(tracked);
   return !moved || view_change(rig.depth, *moved) > kFastView;
 }
@@ -113,14 +114,14 @@ std::optional<Eigen::Isometry3d> MapState::motion(const Tracked& tracked) const 
   return before.inverse() * tracked.submap_from_camera;
 }
 
-/// What comes next has nothing to do with what is being fused into.
+/// The next frame is unrelated to the active submap.
 void MapState::begin_component() {
   back_end.end_submap(volume, fused_count, false);
   esdf.reset();
   for (GrowingSurface& surface : surfaces) surface = {};
 }
 
-/// The frame was fused: the tracker goes on from it, and it may become a keyframe.
+/// Commits a fused frame: to the tracker, and to the back end as a possible keyframe.
 void MapState::remember(const Frame& frame, const Surface& live, const Tracked& tracked, StageTimes& times) {
   const Eigen::Isometry3d& pose = tracked.submap_from_camera;
   if (is_tracked()) {
@@ -137,7 +138,7 @@ void MapState::remember(const Frame& frame, const Surface& live, const Tracked& 
   whole.reset();
 }
 
-/// The map does not change; where nothing of it is around the frame there is nothing that its pose lies to.
+/// The map does not change. Fails if there is no map around the frame yet.
 void MapState::hold_out(const Frame& frame, const Tracked& tracked, FrameReport& report) {
   if (!is_tracked()) {
     given.poses.push_back({frame.timestamp, tracked.submap_from_camera});
@@ -151,7 +152,7 @@ void MapState::hold_out(const Frame& frame, const Tracked& tracked, FrameReport&
   last_fused = frame.timestamp;
 }
 
-/// With given poses keyframes are only for textures.
+/// With given poses, keyframes serve only for textures.
 void MapState::keep_given_keyframe(const Frame& frame, const Surface& live) {
   if (!options.keep_keyframes) return;
   if (!given.keyframes.empty() &&
@@ -161,7 +162,7 @@ void MapState::keep_given_keyframe(const Frame& frame, const Surface& live) {
   given.keyframes.emplace_back(given.poses.size(), frame.colour_delay);
 }
 
-/// What tells whether the given poses' world stands upright.
+/// Collects evidence for the gravity direction of the given poses' world.
 void MapState::note_given_view(const Frame& frame, const Surface& live) {
   const Eigen::Isometry3d& pose = *frame.world_from_camera;
   if (frame.acceleration)
@@ -171,14 +172,14 @@ void MapState::note_given_view(const Frame& frame, const Surface& live) {
     given.views.emplace_back(given.poses.size(), back_end.structure(live.images()));
 }
 
-/// Distances and the surfaces that are followed go after what a frame changed.
+/// Updates the distance field and the live surfaces with the bricks changed by a frame.
 void MapState::follow(const Fused& fused, StageTimes& times) {
   if (options.esdf.live) follow_distances(fused, times);
   for (GrowingSurface& surface : surfaces) surface.change(fused.changed);
 }
 
-/// Without a field it starts with all that the volume holds. Where it cannot follow it ends: an old one would tell of
-/// free space that is none.
+/// A new field starts with all bricks of the volume. After an error the field is removed: a stale one would report
+/// occupied space as free.
 void MapState::follow_distances(const Fused& fused, StageTimes& times) {
   options.esdf.live = warnings().attempt("there is no distance field from here on", [&] {
     timed(times, "esdf", [&] {

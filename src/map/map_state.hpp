@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What a mapper holds: the stages, the volume that is being fused into, and the back end. Mapper, Map, Session and
-// LiveSurface each show another side of it.
+// State of a mapper: the stages, the active volume, and the back end. Mapper, Map, Session and LiveSurface are
+// interfaces to it.
 #pragma once
 #include <filesystem>
 #include <list>
@@ -25,12 +25,12 @@
 
 namespace cairn {
 
-/// Where keyframes and submaps are kept.
+/// Storage of keyframes and submaps.
 struct MapFiles {
   std::filesystem::path folder;  // empty: in memory
   Access access = Access::write;
-  std::shared_ptr<const void> hold;  // sees to it that they stay as long as this lives
-  std::vector<PartFiles> parts;      // of other maps that this one is made of
+  std::shared_ptr<const void> hold;  // keeps the files alive
+  std::vector<PartFiles> parts;      // of other maps that this map consists of
 };
 
 struct MapState {
@@ -39,35 +39,34 @@ struct MapState {
   [[nodiscard]] Warnings& warnings() { return back_end.warnings(); }
   [[nodiscard]] bool is_tracked() const { return poses == Poses::tracked; }
 
-  // The stages of Mapper::add that are not another room's.
+  // The stages of Mapper::add.
   [[nodiscard]] CheckedFrame check(const Frame& frame);
   /// `motion`: of the camera, for a rolling shutter.
   [[nodiscard]] Surface see(const Frame& frame, const MotionAt& motion, StageTimes& times);
-  /// Sees a frame and finds where it was taken.
+  /// Preprocesses and tracks a frame.
   [[nodiscard]] Tracked locate(const Frame& frame, Surface& seen, StageTimes& times);
-  /// Whether the frame is fused with its colour, where that has to be brought to depth.
+  /// True if the frame is fused with color, which requires registration to depth.
   [[nodiscard]] bool is_colour_due(const Tracked& tracked) const;
-  /// Of so many frames one's rays are followed through free space, where the camera moves on like this from frame to
-  /// frame.
+  /// Carving interval in frames, for a camera that moves like this from frame to frame.
   [[nodiscard]] std::uint32_t look_every(const std::optional<Eigen::Isometry3d>& motion) const;
-  /// From the last fused frame's camera to this one's.
+  /// Relative pose from the last fused frame's camera to the current one.
   [[nodiscard]] std::optional<Eigen::Isometry3d> motion(const Tracked& tracked) const;
   void begin_component();
   void remember(const Frame& frame, const Surface& live, const Tracked& tracked, StageTimes& times);
   void follow(const Fused& fused, StageTimes& times);
-  /// Keeps the pose of a frame that is held out, and tells what became of it.
+  /// Stores the pose of a held-out frame and fills the report.
   void hold_out(const Frame& frame, const Tracked& tracked, FrameReport& report);
 
-  /// All of the map goes to submaps.
+  /// Moves the whole map into submaps.
   void end_everything();
-  /// The volume of the whole map.
+  /// Volume of the whole map.
   [[nodiscard]] Volume& world();
-  /// How much of the device the whole map may take while it is looked at beside the volume.
+  /// Fusion options with the device memory limit of the whole map, which is held in addition to the volume.
   [[nodiscard]] FuseOptions world_pool() const;
   [[nodiscard]] int recordings() const;
-  /// How the map is turned where it is written.
+  /// Gravity alignment of the map for export.
   [[nodiscard]] Upright upright() const;
-  /// In the world that is written.
+  /// In the exported world frame.
   [[nodiscard]] Trajectory trajectory(int recording) const;
   [[nodiscard]] Statistics statistics() const;
 
@@ -81,23 +80,23 @@ struct MapState {
   Volume volume;
   BackEnd back_end;
   Tracker tracker;
-  std::list<GrowingSurface> surfaces;  // one for each LiveSurface
+  std::list<GrowingSurface> surfaces;  // one per LiveSurface
   std::optional<Esdf> esdf;            // with EsdfOptions::live
   Newest<DistanceField> live_distances;
-  std::optional<Volume> whole;  // the world, where that is not what `volume` holds
+  std::optional<Volume> whole;  // the world, if it differs from `volume`
 
   /// With Poses::given.
   struct GivenPoses {
     Trajectory poses;
     KeyframeStore images;                                     // with Options::keep_keyframes
-    std::vector<std::pair<std::size_t, double>> keyframes;    // of `poses`; the colour images' delays
-    std::vector<std::pair<std::size_t, Structure>> views;     // of `poses`; where what they show faces
+    std::vector<std::pair<std::size_t, double>> keyframes;    // indices into `poses`; delays of the color images
+    std::vector<std::pair<std::size_t, Structure>> views;     // indices into `poses`; surface orientations
     Eigen::Vector4d accelerations = Eigen::Vector4d::Zero();  // see DownEvidence
   } given;
 
-  std::optional<double> last_fused;  // timestamp; of a frame that was held out as well
+  std::optional<double> last_fused;  // timestamp of the last fused or held-out frame
   std::size_t last_image = 0;        // hash of the last frame's depth
-  int repeats = 0;                   // frames since that image was new
+  int repeats = 0;                   // frames since this image was new
   std::uint32_t fused_count = 0;     // frames
   Poses poses;
 

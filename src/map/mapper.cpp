@@ -22,9 +22,9 @@ void tell(const CheckedFrame& checked, FrameReport& report) {
   report.reason = checked.reason();
 }
 
-/// Of the pose in the camera's frame; the alignment tells it in that of the view that it aligned with.
+/// Covariance of the pose in the camera's frame. The alignment's information is in the frame of the predicted view.
 Matrix6d covariance_of(const Tracked& tracked) {
-  // Sums in single precision: what nothing determines may come out a little less than nothing.
+  // Single-precision sums: unconstrained directions may have slightly negative eigenvalues.
   const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(tracked.alignment.information);
   const Matrix6d information =
       solver.eigenvectors() * solver.eigenvalues().cwiseMax(0.0).asDiagonal() * solver.eigenvectors().transpose();
@@ -174,7 +174,7 @@ void Mapper::reintegrate(Source& again, const DepthCorrection& correction, const
           s.see(frame, pass ? pass->motion(frame.timestamp) : at_velocity(velocity_at(s.given.poses, frame.timestamp)),
                 ignored);
       const Eigen::Isometry3d pose = pass ? pass->track(frame, seen, s.volume) : *given;
-      if (frame.held_out || (pass && pass->is_keyframe(frame.timestamp))) continue;  // keyframes are in the map
+      if (frame.held_out || (pass && pass->is_keyframe(frame.timestamp))) continue;  // keyframes are already fused
       seen.bring_colour();
       const auto motion = last ? std::optional<Eigen::Isometry3d>(last->inverse() * pose) : std::nullopt;
       (void)s.integrator.integrate(seen, pose, s.volume, ++s.fused_count, s.look_every(motion));

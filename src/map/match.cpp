@@ -6,9 +6,11 @@ namespace cairn {
 namespace {
 
 constexpr double kMinInliers = 0.4, kMinOverlap = 0.3, kMaxRmse = 2.0;
-constexpr double kSameTurn = 0.02, kSameDistance = 0.02;   // radians, metres between the alignments of both ways
-constexpr double kTurnFloor = 0.003, kShiftFloor = 0.004;  // radians, metres: what no number of points averages out
-constexpr double kTogether = 100;                          // points that count as one
+constexpr double kSameTurn = 0.02,
+                 kSameDistance = 0.02;  // rad, m: max. difference between the two alignment directions
+constexpr double kTurnFloor = 0.003,
+                 kShiftFloor = 0.004;  // rad, m: systematic errors, independent of the number of points
+constexpr double kTogether = 100;      // correlated points that count as one
 
 }  // namespace
 
@@ -33,7 +35,7 @@ std::optional<Match> SurfaceMatcher::match(const Frame& to, const Eigen::Isometr
   if (!a.converged() || a.fit.inlier_share < kMinInliers || a.fit.overlap < kMinOverlap || a.fit.rmse > kMaxRmse ||
       a.fit.unobserved > 0)
     return std::nullopt;
-  // The alignment's information is of motions given in the frame of `from`.
+  // The alignment's information is for motions in the frame of `from`.
   const Matrix6d from_to = adjoint(a.submap_from_camera);
   return Match{.i_from_j = a.submap_from_camera,
                .information = calibrated(from_to.transpose() * a.information * from_to),

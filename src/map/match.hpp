@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Whether and how two keyframes see the same surface.
+// Dense matching of two keyframes' surfaces.
 #pragma once
 #include <optional>
 
@@ -11,28 +11,29 @@
 
 namespace cairn {
 
-constexpr std::size_t kCandidates = 3;  // keyframes that one is compared with by corners
-constexpr int kLoopCorners = 30;        // that must agree before two keyframes are aligned
+constexpr std::size_t kCandidates = 3;  // keyframes per query to match by features
+constexpr int kLoopCorners = 30;        // min. feature inliers for a dense alignment
 
-/// The information of an alignment as an edge of the pose graph carries it: neighbouring points go together, and part
-/// of the noise (calibration, shutter, voxels) no number of points averages out.
+/// Inflates the information of an alignment for an edge of the pose graph: neighboring points are correlated, and some
+/// errors (calibration, shutter, voxels) do not average out with the number of points.
 [[nodiscard]] Matrix6d calibrated(const Matrix6d& information);
 
 struct Match {
   Eigen::Isometry3d i_from_j = Eigen::Isometry3d::Identity();
-  Matrix6d information = Matrix6d::Zero();  // calibrated, in the frame of `to`
+  Matrix6d information = Matrix6d::Zero();  // inflated by calibrated(), in the frame of `to`
   double inlier_share = 0, rmse = 0;        // see Alignment
 };
 
-/// Dense alignment of two depth images, point to plane, by geometry alone: colour may not be registered to depth.
+/// Dense point-to-plane alignment of two depth images. Geometry only, as color may not be registered to depth.
 class SurfaceMatcher {
  public:
   SurfaceMatcher(gpu::Device& device, const Rig& rig, const Options& options);
-  /// Chooses the frame that others are aligned with.
+  /// Sets the reference frame.
   void set_from(const Frame& from);
-  /// Nothing where too little of both is the same surface.
+  /// Empty if the frames have too little surface in common.
   [[nodiscard]] std::optional<Match> match(const Frame& to, const Eigen::Isometry3d& guess);
-  /// Aligns also the other way round and asks that both agree: for a guess that may be false. Chooses `from`.
+  /// Also aligns in the opposite direction and requires both results to agree, for an uncertain guess. Sets the
+  /// reference frame.
   [[nodiscard]] std::optional<Match> both_ways(const Frame& from, const Frame& to, const Eigen::Isometry3d& guess);
 
  private:

@@ -8,12 +8,12 @@
 
 namespace cairn {
 
-/// Where things lie that are numbered from 0: in a folder, but for runs of them that are another map's, in whose folder
-/// they have numbers of their own.
+/// Locations of files numbered from 0: in one folder, except for ranges of numbers owned by other maps, which have
+/// their own folders and numbering.
 class NumberedFiles {
  public:
   struct Elsewhere {
-    std::size_t first = 0, count = 0;  // here; there they count from 0
+    std::size_t first = 0, count = 0;  // numbers here; in the other folder the range starts at 0
     std::filesystem::path folder;
   };
   struct Place {
@@ -21,14 +21,14 @@ class NumberedFiles {
     std::size_t number;
   };
 
-  /// `elsewhere`: in order of their numbers.
+  /// `elsewhere`: sorted by number.
   NumberedFiles(std::filesystem::path folder = {}, std::vector<Elsewhere> elsewhere = {})
       : folder_(std::move(folder)), elsewhere_(std::move(elsewhere)) {}
-  /// What is new lies here; empty: there is no folder.
+  /// Folder for new files; empty: no folder.
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   [[nodiscard]] Place operator[](std::size_t i) const {
     for (const Elsewhere& e : elsewhere_)
-      if (i - e.first < e.count) return {e.folder, i - e.first};  // unsigned: not where i is less
+      if (i - e.first < e.count) return {e.folder, i - e.first};  // unsigned: false for i < e.first
     return {folder_, i};
   }
   [[nodiscard]] bool is_elsewhere(std::size_t i) const { return &(*this)[i].folder != &folder_; }
@@ -38,13 +38,13 @@ class NumberedFiles {
   std::vector<Elsewhere> elsewhere_;
 };
 
-/// A map that is a part of another one: keyframes and submaps whose files are in its run's folder.
+/// Map contained in another one: the keyframes and submaps with files in its run's folder.
 struct PartFiles {
   std::filesystem::path folder;
   std::size_t first_keyframe = 0, keyframes = 0, first_submap = 0, submaps = 0;
 };
 
-/// Where the keyframes of a run's folder lie, and where its submaps do.
+/// Locations of a run's keyframes and of its submaps.
 [[nodiscard]] inline NumberedFiles keyframe_files(const std::filesystem::path& run,
                                                   const std::vector<PartFiles>& parts = {}) {
   constexpr const char* kFolder = "keyframes";

@@ -10,9 +10,9 @@
 namespace cairn {
 namespace {
 
-constexpr double kCovisibleTurn = 0.6, kCovisibleDistance = 0.8;  // radians, metres between views of much of the same
+constexpr double kCovisibleTurn = 0.6, kCovisibleDistance = 0.8;  // rad, m: max. distance between covisible keyframes
 
-/// The last images that were asked for: pairs follow each other by their keyframes.
+/// Cache of the last images; consecutive pairs share keyframes.
 class Cache {
  public:
   explicit Cache(const KeyframeStore& images) : images_(images) {}
@@ -54,7 +54,7 @@ std::vector<Loop> align_pairs(const std::vector<KeyframePair>& pairs, const Keyf
                               SurfaceMatcher& matcher, const std::function<void(std::size_t)>& before) {
   Cache image(images);
   std::vector<Loop> loops;
-  std::optional<std::size_t> from;  // that the matcher knows
+  std::optional<std::size_t> from;  // current reference of the matcher
   for (std::size_t number = 0; number < pairs.size(); ++number) {
     const KeyframePair& pair = pairs[number];
     if (before) before(number);

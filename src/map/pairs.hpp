@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Keyframes that see much of the same, by where they lie, aligned with each other.
+// Covisible keyframe pairs, selected by pose and aligned with each other.
 #pragma once
 #include <cstddef>
 #include <functional>
@@ -12,22 +12,22 @@
 
 namespace cairn {
 
-constexpr std::size_t kCovisible = 6;  // keyframes that one is aligned with
+constexpr std::size_t kCovisible = 6;  // keyframes to align per keyframe
 
 struct KeyframePair {
   std::size_t from = 0, to = 0;
-  Eigen::Isometry3d from_to = Eigen::Isometry3d::Identity();  // guess
-  int corners = 0;                                            // that agree; 0: chosen by their poses
+  Eigen::Isometry3d from_to = Eigen::Isometry3d::Identity();  // initial guess
+  int corners = 0;                                            // feature inliers; 0: chosen by pose
 };
 
-/// The keyframes of the same piece behind `keyframe` that see much of the same, the nearest first. `piece`: of each
-/// keyframe, see Atlas::components().
+/// Covisible keyframes after `keyframe` in the same component, nearest first. `piece`: component by keyframe, see
+/// Atlas::components().
 [[nodiscard]] std::vector<std::size_t> near_keyframes(const Atlas& atlas, const std::vector<std::size_t>& piece,
                                                       std::size_t keyframe);
 
-/// Aligns the depth images of each pair, by geometry alone. Those by their looks must agree both ways round; pairs of
-/// the same `from` follow each other. What does not fit is left out. `before` is
-/// called before each, with its number, and may throw.
+/// Aligns the depth images of each pair, by geometry alone. Pairs found by features must agree in both directions.
+/// Pairs with the same `from` must be adjacent. Failed alignments are left out. `before` is called before each pair,
+/// with its index, and may throw.
 [[nodiscard]] std::vector<Loop> align_pairs(const std::vector<KeyframePair>& pairs, const KeyframeStore& images,
                                             SurfaceMatcher& matcher,
                                             const std::function<void(std::size_t)>& before = {});

@@ -11,7 +11,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kChoosing = 0.1;  // of the time, that pairs are looked for
+constexpr double kChoosing = 0.1;  // share of the time to choose pairs
 
 std::vector<KeyframePair> choose_pairs(const BackEnd& back_end, const std::function<void(double)>& go_on) {
   const Atlas& atlas = back_end.atlas();
@@ -23,7 +23,7 @@ std::vector<KeyframePair> choose_pairs(const BackEnd& back_end, const std::funct
   for (std::size_t i = 0; i < database.size(); ++i) {
     go_on(kChoosing * static_cast<double>(i) / static_cast<double>(database.size()));
     const std::vector<std::size_t> near = near_keyframes(atlas, component_of, i);
-    for (std::size_t k = 0; k < std::min(near.size(), kCovisible + 1); ++k) {  // one of them is the next
+    for (std::size_t k = 0; k < std::min(near.size(), kCovisible + 1); ++k) {  // including the next keyframe
       const std::size_t j = near[k];
       if (!known.contains({i, j}))
         pairs.push_back({i, j, atlas.world_from_camera[i].inverse() * atlas.world_from_camera[j], 0});
@@ -49,7 +49,7 @@ Refined refine(BackEnd& back_end, const std::function<bool(double)>& goes_on) {
     if (goes_on && !goes_on(share)) throw std::runtime_error(kEnded);
   };
   back_end.settle();
-  Atlas atlas = back_end.atlas();  // what fails on the way leaves the map as it is
+  Atlas atlas = back_end.atlas();  // an error on the way must leave the map unchanged
   Refined refined{.keyframes = static_cast<int>(atlas.keyframes.size())};
   if (atlas.keyframes.size() < 2) return refined;
   const auto pairs = choose_pairs(back_end, go_on);

@@ -8,13 +8,12 @@
 
 namespace cairn {
 
-/// Of a stage that its caller has ended.
+/// Message of a stage that its caller has interrupted.
 inline constexpr const char* kEnded = "it was interrupted";
 
-/// Consistency after the last frame: keyframes that see the same, by where they lie or by their looks, are aligned with
-/// each other, by geometry alone, and the pose graph spreads what these alignments say against the tracked poses.
-/// Throws std::runtime_error when `goes_on`, which is told the share that is done, says no; the poses stay as they are
-/// then.
+/// Global consistency after the last frame: aligns pairs of keyframes with nearby poses or matching features, by
+/// geometry alone, and optimizes the pose graph with these alignments and odometry. `goes_on` receives the share that
+/// is done. If it returns false, throws std::runtime_error and leaves the poses unchanged.
 Refined refine(BackEnd& back_end, const std::function<bool(double)>& goes_on);
 
 }  // namespace cairn

@@ -11,11 +11,11 @@
 namespace cairn {
 namespace {
 
-constexpr double kFarthest = 0.15;  // radians, metres that a frame may lie off what the keyframes beside it say
+constexpr double kFarthest = 0.15;  // rad, m: max. distance of a frame's pose from the interpolated keyframe poses
 
-/// Of the motion that an alignment tells, away from where the adjusted keyframes put the frame: the positive part of
-/// the estimator of James & Stein 1961, for less than an alignment errs by is noise. Its errors are those of two views
-/// aligned with each other, half of them, for the map is the mean of many.
+/// Weight of the motion measured by an alignment, relative to the pose from the adjusted keyframes: positive part of
+/// the estimator of James & Stein 1961, since motion below the alignment's error is noise. The information is for two
+/// aligned views; its variance is halved, as the map averages many.
 double told_share(const Vector6d& moved, const Matrix6d& information) {
   constexpr double kDimensions = 6, kOneOfTwo = 2;
   const double squared = kOneOfTwo * moved.dot(calibrated(information) * moved);

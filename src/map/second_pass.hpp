@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A recording once more, after its keyframes were adjusted: they are fused first, and what they show is the map that
-// the frames between them are tracked against.
+// Second pass over a recording after its keyframes were adjusted: fuses the keyframes first, and tracks the frames
+// between them against this map.
 #pragma once
 #include <functional>
 
@@ -17,21 +17,22 @@ namespace cairn {
 
 class SecondPass {
  public:
-  /// `rectified`: of the surfaces. `correction`: of the keyframes' depth.
+  /// `rectified`: camera of the surfaces. `correction`: of the keyframes' depth.
   SecondPass(gpu::Device& device, const Rig& rig, const Camera& rectified, const Options& options,
              const BackEnd& back_end, const DepthCorrection& correction, double clock_offset);
 
-  /// Fuses the keyframes where they were adjusted to. `go_on` is called before each, and may throw.
+  /// Fuses the keyframes at their adjusted poses. `go_on` is called before each, and may throw.
   void fuse_keyframes(Integrator& integrator, Volume& volume, std::uint32_t& fused_count,
                       const std::function<void()>& go_on);
-  /// Whether a frame of this time was fused or held out in the first pass, and into the main piece.
+  /// True if the first pass fused or held out a frame with this timestamp, in the main component.
   [[nodiscard]] bool has(double timestamp) const { return index_of(timestamp).has_value(); }
-  /// Of the camera when the frame was taken, as the adjusted keyframes say.
+  /// Motion of the camera at a frame's time, from the adjusted keyframes.
   [[nodiscard]] MotionAt motion(double timestamp) const;
   [[nodiscard]] bool is_keyframe(double timestamp) const;
-  /// Finds the frame's pose anew; it stays where the alignment is not to be trusted. Of a keyframe it is as adjusted.
+  /// Tracks the frame again and returns its pose; the adjusted pose if the alignment is unreliable or the frame is a
+  /// keyframe.
   [[nodiscard]] Eigen::Isometry3d track(const Frame& frame, const Surface& live, Volume& volume);
-  /// Of all frames of the main piece, as they were found.
+  /// Poses of all frames of the main component, updated by track().
   [[nodiscard]] const Trajectory& poses() const { return poses_; }
 
  private:
@@ -40,9 +41,9 @@ class SecondPass {
   const BackEnd& back_end_;
   DepthCorrection correction_;
   double clock_offset_;
-  std::vector<std::size_t> keyframes_;  // of the main piece
-  Trajectory adjusted_, poses_;         // before and after
-  Preprocessor preprocessor_;           // of keyframes, whose shutter is undone
+  std::vector<std::size_t> keyframes_;  // of the main component
+  Trajectory adjusted_, poses_;         // before and after tracking
+  Preprocessor preprocessor_;           // of keyframes, already corrected for the shutter
   Raycaster raycaster_;
   Aligner aligner_;
   PhotometricKeyframe reference_;

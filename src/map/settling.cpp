@@ -9,8 +9,8 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kGrowth = 20;  // the whole is optimised again when it has grown by this part of it
-constexpr std::size_t kLater = 100;  // and taken when it has grown by this one
+constexpr std::size_t kGrowth = 20;  // the whole graph is optimized again after it has grown by 1/kGrowth
+constexpr std::size_t kLater = 100;  // the result is taken after the graph has grown by 1/kLater
 
 BegunGraph all_of(const Atlas& atlas) { return {atlas.keyframes.size(), atlas.loops.size(), atlas.world_from_camera}; }
 
@@ -24,7 +24,7 @@ void Settling::restore(const Memory& memory, const Atlas& atlas) {
   next_whole_ = std::max(memory.next_whole, kLargeGraph);
   unsettled_ = memory.unsettled;
   if (memory.whole) begin_whole(atlas, *memory.whole);
-  // The same graph: keyframes and loops come after its result.
+  // The same graph: keyframes and loop closures are added after its result.
   if (memory.closing) begin_closing(atlas);
 }
 
@@ -53,7 +53,7 @@ void Settling::begin_whole(const Atlas& atlas, BegunGraph begun) {
   begun_ = std::move(begun);
   whole_ = std::async(std::launch::async, [graph = std::move(graph)]() mutable {
     const OptimiseReport report = optimise(graph);
-    malloc_trim(0);  // the solver had some KB for each keyframe
+    malloc_trim(0);  // the solver allocated some KB per keyframe
     return Result(std::move(graph), report);
   });
 }

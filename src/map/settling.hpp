@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// When the pose graph is optimised, beside tracking, and when what comes of it is taken.
+// Schedule of pose graph optimizations concurrent with tracking.
 #pragma once
 #include <future>
 #include <optional>
@@ -11,16 +11,17 @@
 
 namespace cairn {
 
-/// What an optimisation of the whole began with.
+/// Initial state of an optimization of the whole graph.
 struct BegunGraph {
   std::size_t keyframes = 0, loops = 0;
-  std::vector<Eigen::Isometry3d> world_from_camera;  // of the keyframes
+  std::vector<Eigen::Isometry3d> world_from_camera;  // by keyframe
 };
 
-/// A small graph is optimised as a whole whenever a loop tells that the camera had slipped, and the poses are taken at
-/// the next keyframe. In one of kLargeGraph keyframes and more the loop alone is closed (close_loop()); the whole is
-/// optimised when it has grown by a twentieth, and taken a hundredth of its keyframes later. Both are always taken
-/// then, however long they take, so that offline runs repeat. What an optimisation throws is thrown where it is taken.
+/// Schedules optimizations. A small graph is optimized as a whole after each loop closure that reveals a slip; the
+/// poses are taken at the next keyframe. In a graph of at least kLargeGraph keyframes only the loop is closed
+/// (close_loop()). The whole graph is optimized after each growth by a twentieth, and the result is taken a hundredth
+/// of its keyframes later. Results are always taken at these points, for any duration of the optimization, so that
+/// offline runs are repeatable. Exceptions of an optimization are rethrown where its result is taken.
 class Settling {
  public:
   struct Memory {
@@ -29,21 +30,21 @@ class Settling {
     std::size_t next_whole = 0;
   };
   [[nodiscard]] Memory memory() const;
-  /// The same optimisations run again.
+  /// Restarts the same optimizations.
   void restore(const Memory& memory, const Atlas& atlas);
 
-  /// A loop came.
+  /// Records a new loop closure.
   void add_loop() { unsettled_ = true; }
-  /// Begins, after one that has slipped: the last one of the atlas.
+  /// Starts an optimization after a loop closure with slip, the last one of the atlas.
   void begin(const Atlas& atlas);
-  /// Takes what is due at a new keyframe. Returns whether there are loops that it does not know, so that begin() is
+  /// Takes the results due at a new keyframe. Returns true if some loop closures are not in them, so that begin() is
   /// due.
   [[nodiscard]] bool take(Atlas& atlas);
-  /// Waits for the loop at work and takes it.
+  /// Waits for the running loop closing and takes its result.
   void take_closing(Atlas& atlas) { take(atlas, closing_); }
-  /// Waits for the whole at work, and optimises it once more if loops came that no optimisation of it has seen.
+  /// Waits for the running optimization of the whole graph, and repeats it if later loop closures were added.
   void finish(Atlas& atlas);
-  /// Of the longest optimisation that was taken.
+  /// Duration of the longest optimization so far, seconds.
   [[nodiscard]] double longest_seconds() const { return longest_; }
 
  private:

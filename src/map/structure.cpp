@@ -10,24 +10,24 @@
 namespace cairn {
 namespace {
 
-constexpr int kPatches = 40, kLeastSide = 4;  // in a row of the image; pixels
-constexpr int kEnough = 8;                    // pixels a side: what lies between them goes together with them
-constexpr double kFull = 0.7;                 // of a patch's pixels that are measured
-constexpr double kFlat = 3;                   // standard deviations of the depth noise that a flat patch is off
-constexpr double kSlanted = 0.25;             // cosine of the steepest angle to a ray that is believed
-constexpr double kTogether = 2;               // that noise of neighbouring pixels goes together: factor of a slope's
-constexpr double kSureTurn = 0.05;            // radians of a patch's own noise at which it counts half
-constexpr float kAlike = 0.9903f, kMean = 0.9945f;  // cosines of 8 and 6 degrees: patches that face alike
-constexpr float kSmall = 0.01f;                     // of the area: facings of less are left out
-constexpr int kShifts = 3;                          // of the mean
+constexpr int kPatches = 40, kLeastSide = 4;  // per image row; pixels
+constexpr int kEnough = 8;                    // sampled pixels per side: pixels between them are correlated
+constexpr double kFull = 0.7;                 // min. share of measured pixels in a patch
+constexpr double kFlat = 3;                   // max. residual of a flat patch, in standard deviations of depth noise
+constexpr double kSlanted = 0.25;             // min. cosine between normal and ray
+constexpr double kTogether = 2;               // correlation of neighboring pixels: factor on the noise of a slope
+constexpr double kSureTurn = 0.05;            // rad of angular noise at which a patch's weight is halved
+constexpr float kAlike = 0.9903f, kMean = 0.9945f;  // cosines of 8 and 6 degrees: patches with similar normals
+constexpr float kSmall = 0.01f;                     // share of the area: smaller facings are dropped
+constexpr int kShifts = 3;                          // iterations of the mean
 
 struct Patch {
   Eigen::Vector3f normal;
   float area;
 };
 
-/// A plane through a patch: inverse depth is linear in the ray (x, y), 1/z = a x + b y + c, and its noise is nearly the
-/// same everywhere. The plane is a X + b Y + c Z = 1.
+/// Plane fit of a patch: inverse depth is linear in the ray (x, y), 1/z = a x + b y + c, with nearly uniform noise. The
+/// plane is a X + b Y + c Z = 1.
 class PlaneFit {
  public:
   PlaneFit(double x, double y) : x_(x), y_(y) {}
@@ -40,7 +40,7 @@ class PlaneFit {
     ++count_;
   }
   [[nodiscard]] int count() const { return count_; }
-  /// The plane's (a, b, c), and how far inverse depths are off it, root mean square.
+  /// The plane's (a, b, c), and the root mean square residual in inverse depth.
   [[nodiscard]] std::pair<Eigen::Vector3d, double> solve() const {
     const Eigen::Vector3d local = squares_.ldlt().solve(products_);
     const double off = std::sqrt(std::max(0.0, (square_ - local.dot(products_)) / count_));
@@ -48,14 +48,15 @@ class PlaneFit {
   }
 
  private:
-  double x_, y_;  // near the patch's middle: numbers stay small
+  double x_, y_;  // near the patch's center, for numerical accuracy
   Eigen::Matrix3d squares_ = Eigen::Matrix3d::Zero();
   Eigen::Vector3d products_ = Eigen::Vector3d::Zero();
   double square_ = 0;
   int count_ = 0;
 };
 
-/// The patches that face nearly as one of them does leave the list; nothing where none is left.
+/// Removes the dominant group of patches with similar normals from `left` and returns its facing. Empty if no patch is
+/// left.
 std::optional<Structure::Facing> take_facing(std::vector<Patch>& patches, const std::vector<float>& around,
                                              std::vector<std::size_t>& left) {
   if (left.empty()) return std::nullopt;

@@ -10,9 +10,9 @@
 namespace cairn {
 namespace {
 
-// Bytes: reading the bricks that are needed takes no longer than their work.
+// Bytes. Reading the required bricks takes no longer than their processing.
 constexpr std::uint64_t kUsualBudget = std::uint64_t{16} << 20;
-constexpr std::size_t kOpenFiles = 32;  // an open one knows where each of its bricks is, half a megabyte
+constexpr std::size_t kOpenFiles = 32;  // an open file indexes all of its bricks, half a megabyte
 
 }  // namespace
 
@@ -49,7 +49,7 @@ void Submaps::add(BrickList voxels) {
     try {
       write_bricks(to, *list);
       written.stored = true;
-    } catch (const std::runtime_error&) {  // it stays in memory until store()
+    } catch (const std::runtime_error&) {  // stays in memory until store()
     }
     if (keep || !written.stored) written.voxels = std::make_shared<const BrickTree>(tree_of(*list));
     list.reset();  // the future that holds this function lives until the next submap
