@@ -18,25 +18,27 @@
 namespace cairn {
 namespace {
 
-constexpr int kClockOffsetFrames = 10;                                        // before they are believed
-constexpr int kFocalPairs = 4;                                                // of views, before they are believed
-constexpr double kFocalTurn = 0.1;                                            // radians between the two views of a pair
-constexpr double kClockOffsetContrast = 1.5;                                  // of the worst fit to the best
-constexpr std::size_t kRecentPlaces = 4, kMostSimilar = 6, kOtherPlaces = 4;  // compared with a frame
-constexpr double kMaxMoving = 0.3;                                            // of the image
-constexpr int kNothingObserved = 6;                                           // directions of a pose
-constexpr double kCarried = 0.3;  // seconds that a gyroscope is believed without anything else
-constexpr double kCarriedTurn = 0.005, kCarriedShift = 0.02;  // radians, metres: how sure the pose is then
-constexpr double kSameView = 0.03;    // of the image's width, that a prediction of the surface is good for
-constexpr int kFramesOfView = 5;      // that one prediction is good for at most: the map grows
-constexpr double kBelieved = 0.8;     // of a velocity that was itself only believed: hands go to and fro
-constexpr int kEnoughGuesses = 5;     // before they are believed
-constexpr double kGoodGuess = 0.03;   // radians and metres together, from frame to frame
-constexpr double kCoasting = 0.5;     // seconds that a velocity is believed without being seen
-constexpr double kEnoughDepth = 0.2;  // of the image, to begin a component with
-constexpr double kLeastDepth = 0.02;  // of the image, to begin the map with: as much as alignment asks for
+constexpr int kClockOffsetFrames = 10;        // min. frames for a clock offset estimate
+constexpr int kFocalPairs = 4;                // min. pairs of views for a focal length estimate
+constexpr double kFocalTurn = 0.1;            // min. rotation in rad between the two views of a pair
+constexpr double kClockOffsetContrast = 1.5;  // min. ratio of the worst to the best cost
+constexpr std::size_t kRecentPlaces = 4, kMostSimilar = 6,
+                      kOtherPlaces = 4;                       // numbers of keyframes to compare with a frame
+constexpr double kMaxMoving = 0.3;                            // share of the image
+constexpr int kNothingObserved = 6;                           // unobserved directions of a pose without alignment
+constexpr double kCarried = 0.3;                              // max. seconds of tracking by gyroscope alone
+constexpr double kCarriedTurn = 0.005, kCarriedShift = 0.02;  // rad, m: sigma of a pose by gyroscope alone
+constexpr double kSameView = 0.03;    // share of the image's width: max. view change to reuse a predicted surface
+constexpr int kFramesOfView = 5;      // max. frames per predicted surface, since the map grows
+constexpr double kBelieved = 0.8;     // factor on a velocity that was itself weakly observed: hand motion reverses
+constexpr int kEnoughGuesses = 5;     // min. number to trust given guesses
+constexpr double kGoodGuess = 0.03;   // rad and m summed: max. error of a good guess from frame to frame
+constexpr double kCoasting = 0.5;     // max. seconds to extrapolate a velocity
+constexpr double kEnoughDepth = 0.2;  // share of the image with depth, to start a component
+constexpr double kLeastDepth =
+    0.02;  // share of the image with depth, to start the map; equals the minimum of the alignment
 
-/// The first camera's pose in a world whose y axis points down.
+/// Pose of the first camera in a world whose y axis points down.
 Eigen::Isometry3d level(const std::optional<Eigen::Vector3d>& acceleration) {
   Eigen::Isometry3d world_from_camera = Eigen::Isometry3d::Identity();
   if (acceleration && acceleration->norm() > 0)
@@ -47,19 +49,18 @@ Eigen::Isometry3d level(const std::optional<Eigen::Vector3d>& acceleration) {
 
 std::uint64_t pixels_of(const Camera& camera) { return static_cast<std::uint64_t>(camera.width * camera.height); }
 
-/// Pixels; more that move are no person but a wrong pose or a sensor without use.
+/// Max. number of moving pixels. A larger number indicates a wrong pose or an unusable sensor rather than a person.
 std::uint32_t most_moving(const Camera& camera) {
   return static_cast<std::uint32_t>(kMaxMoving * static_cast<double>(pixels_of(camera)));
 }
 
-/// Share of the depth image that lies between two depths.
+/// Share of the depth image between two depths.
 double share_between(const std::vector<float>& depth, float least, float most) {
   const auto seen = std::count_if(depth.begin(), depth.end(), [&](float z) { return z >= least && z <= most; });
   return static_cast<double>(seen) / static_cast<double>(depth.size());
 }
 
-/// Where a function sampled at evenly spaced places is lowest: on the parabola through the lowest sample and its
-/// neighbours.
+/// Minimum of a function sampled at equal intervals, by a parabola through the lowest sample and its neighbors.
 template <std::size_t N>
 double lowest(const std::array<double, N>& at, const std::array<double, N>& values) {
   const auto best = static_cast<std::size_t>(std::min_element(values.begin(), values.end()) - values.begin());
@@ -87,8 +88,8 @@ Tracker::Tracker(gpu::Device& device, const Rig& rig, const Camera& rectified, c
       judge_(device, "moving_judge", moving_judge_comp, shader::constants_of(rig.sensor)),
       mask_(device, "moving_mask", moving_mask_comp) {}
 
-/// Where somebody else's guess says that the camera went since the last fused frame, if guesses have been good lately
-/// and, while the camera is not lost, better than its motion; and where its motion would take it otherwise.
+/// Predicted pose: from the frame's given guess if recent guesses were accurate and, while not lost, more accurate than
+/// the motion model; else from the motion model.
 Eigen::Isometry3d Tracker::predict(const Frame& frame) const {
   const auto guessed = predict_by_guess(frame);
   const bool is_good = memory_.guesses >= kEnoughGuesses && memory_.guess_error < kGoodGuess &&
@@ -101,7 +102,7 @@ std::optional<Eigen::Isometry3d> Tracker::predict_by_guess(const Frame& frame) c
   return memory_.last.back().submap_from_camera * memory_.last_guess->inverse() * *frame.guess;
 }
 
-/// Compares what was predicted with what was found.
+/// Updates the running errors of both predictions with the tracked pose.
 void Tracker::judge_guess(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) {
   const auto error = [&](const Eigen::Isometry3d& predicted) {
     const Vector6d e = local_coordinates(predicted.inverse() * submap_from_camera);
@@ -115,8 +116,8 @@ void Tracker::judge_guess(const Frame& frame, const Eigen::Isometry3d& submap_fr
   ++memory_.guesses;
 }
 
-/// Where the camera would be if it kept its velocity since the last two fused frames, and turned as its gyroscope says.
-/// Without one nothing is known of a camera that was lost since.
+/// Motion model: constant velocity of the last two fused frames, with the rotation of the gyroscope if available.
+/// Without a gyroscope, a lost camera is predicted at its last pose.
 Eigen::Isometry3d Tracker::predict_by_motion(double timestamp) const {
   const Moment& last = memory_.last.back();
   if (const auto turn = gyroscope_.turn(last.timestamp, timestamp)) {
@@ -151,7 +152,7 @@ MotionAt Tracker::motion(const Frame& frame) const {
   return motion(frame, predict(frame));
 }
 
-/// Turns that a gyroscope told do not depend on poses.
+/// A rotation from the gyroscope does not depend on the predicted pose.
 UndoneShutter Tracker::undone(const Frame& frame) const {
   if (!is_rolling(rig_) || memory_.last.empty() || memory_.lost_frames > 0) return {};
   const double since = memory_.last.back().timestamp;
@@ -160,11 +161,11 @@ UndoneShutter Tracker::undone(const Frame& frame) const {
           .readout = std::min(rig_.depth.readout / (frame.timestamp - since), 1.0)};
 }
 
-/// The velocity is what the poses say, and turns are what the gyroscope says, if there is one.
+/// The velocity is from the poses, the rotation from the gyroscope if available.
 MotionAt Tracker::motion(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const {
   if (memory_.last.empty() || memory_.lost_frames > 0) return at_velocity(Vector6d::Zero());
   const Moment& last = memory_.last.back();
-  // The mean since the frame before: taken on to this one's time, noise would be taken on as well.
+  // Mean velocity since the preceding frame. Extrapolation to the current time would amplify noise.
   const Vector6d velocity =
       local_coordinates(last.submap_from_camera.inverse() * submap_from_camera) / (frame.timestamp - last.timestamp);
   const double now = frame.timestamp;
@@ -181,7 +182,7 @@ double Tracker::clock_offset() const {
   if (memory_.clock_offset_frames < kClockOffsetFrames) return 0.0;
   const auto& costs = memory_.clock_offset_costs;
   const auto [least, most] = std::minmax_element(costs.begin(), costs.end());
-  // Colour that is not registered to depth fits nowhere much better than elsewhere.
+  // Color that is not registered to depth has no distinct minimum.
   return *most < kClockOffsetContrast * *least ? 0.0 : lowest(kClockOffsets, costs);
 }
 
@@ -211,7 +212,7 @@ std::vector<std::size_t> Tracker::recent() const {
   return recent;
 }
 
-/// Nothing by a keyframe whose file is lost: there are others.
+/// Ignores a keyframe whose file is lost; other keyframes remain.
 std::optional<PnpPose> Tracker::locate(std::size_t keyframe, const Features& seen) const {
   try {
     return solve_pnp(*images_.features(keyframe), seen, rig_.depth);
@@ -296,7 +297,7 @@ bool Tracker::gives_up(const Frame& frame) {
   return memory_.lost_views >= options_.map.lost_frames;
 }
 
-/// Aligns the frame with the map as seen from the guess.
+/// Aligns the frame with the surface predicted at the guess.
 Tracked Tracker::align(const Frame& frame, const Surface& live, Volume& volume, const Eigen::Isometry3d& guess,
                        const char* name, Reach reach, StageTimes& times) {
   if (memory_.lost_frames > 0) volume.bring(guess.translation());
@@ -305,7 +306,7 @@ Tracked Tracker::align(const Frame& frame, const Surface& live, Volume& volume, 
   return align_with_view(frame, live, guess, name, reach, times);
 }
 
-/// Aligns the frame with the surface as it was predicted last.
+/// Aligns the frame with the last predicted surface.
 Tracked Tracker::align_with_view(const Frame& frame, const Surface& live, const Eigen::Isometry3d& guess,
                                  const char* name, Reach reach, StageTimes& times) {
   ++memory_.frames_of_view;
@@ -322,7 +323,7 @@ bool Tracker::still_sees(const Eigen::Isometry3d& guess) const {
   return view_change(rig_.depth, prediction_.submap_from_camera.inverse() * guess) < kSameView;
 }
 
-/// The frame follows one that was fused: the camera goes on as before, stops, or is where corners say.
+/// Tracks a frame that follows a fused one. Guesses are the prediction, the last pose, and the pose from features.
 Tracked Tracker::follow(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times) {
   const Moment& last = memory_.last.back();
   const auto try_from = [&](const Eigen::Isometry3d& guess, const char* name, Reach reach = Reach::wide) {
@@ -334,13 +335,13 @@ Tracked Tracker::follow(const Frame& frame, const Surface& live, Volume& volume,
       kept ? align_with_view(frame, live, predicted, "motion", Reach::wide, times) : try_from(predicted, "motion");
   if (kept && (!best.alignment.converged() || is_doubtful(best.alignment, memory_.usual_brightness)))
     best = try_from(predicted, "motion");
-  if (!best.alignment.converged()) best = try_from(last.submap_from_camera, "still");  // the hand may have stopped
+  if (!best.alignment.converged()) best = try_from(last.submap_from_camera, "still");  // the camera may have stopped
   if (is_doubtful(best.alignment, memory_.usual_brightness)) {
     if (const auto guess =
             timed(times, "recognise", [&] { return recognise(features_of(live, rig_, device_), recent()); })) {
       if (Tracked other = try_from(*guess, "features"); is_better(other.alignment, best.alignment))
         best = std::move(other);
-      // Something may move through the view: brightness then tells the still part's pose from the moving one's.
+      // With moving objects in view, brightness separates the static scene's pose from the moving object's.
       if (Tracked other = try_from(*guess, "features", Reach::close); tells_apart(other.alignment, best.alignment))
         best = std::move(other);
     }
@@ -355,7 +356,7 @@ Tracked Tracker::follow(const Frame& frame, const Surface& live, Volume& volume,
   return best;
 }
 
-/// The camera is lost: it is where it was last, or where corners say, if that is certain.
+/// Relocalizes a lost camera, at its last pose or by features. Requires a certain alignment.
 Tracked Tracker::relocalise(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times) {
   Tracked tracked = align(frame, live, volume, predict(frame), "motion", Reach::wide, times);
   if (is_certain_in_place(tracked.alignment, memory_.lost_frames)) return tracked;
@@ -373,14 +374,13 @@ Tracked Tracker::relocalise(const Frame& frame, const Surface& live, Volume& vol
   return tracked;
 }
 
-/// Whether the gyroscope can stand in for an alignment.
+/// True if the gyroscope can replace an alignment.
 bool Tracker::carries(const Frame& frame) const {
   return gyroscope_.turn(memory_.last.back().timestamp, frame.timestamp) &&
          frame.timestamp - memory_.last_aligned <= kCarried;
 }
 
-/// The camera sees nothing of the map, or only what it has just seen for the first time, and the gyroscope tells how it
-/// turned since.
+/// Pose from the gyroscope, for a camera that sees no map or only surface that is just being added to the map.
 Tracked Tracker::carried(const Frame& frame) const {
   Tracked carried{.alignment = {.submap_from_camera = predict(frame)}, .guess = "gyroscope"};
   carried.predicted_from = carried.alignment.submap_from_camera;
@@ -393,7 +393,7 @@ Tracked Tracker::carried(const Frame& frame) const {
 void Tracker::leave_out_moving(const Surface& live, const Tracked& tracked, const Volume& volume) {
   if (!reference_.is_set() || live.packed.empty()) return;
   const Eigen::Isometry3d& submap_from_camera = tracked.submap_from_camera;
-  // Another guess may have been tried since, and have been worse.
+  // A later, rejected guess may have changed the predicted surface.
   if (prediction_.submap_from_camera.matrix() != tracked.predicted_from.matrix())
     prediction_ = raycaster_.raycast(volume, tracked.predicted_from);
   const auto level = static_cast<std::size_t>(options_.track.levels - 1);

@@ -16,56 +16,56 @@
 
 namespace cairn {
 
-/// Where a frame was taken, and how sure that is.
+/// Tracking result: pose of a frame, with its uncertainty.
 struct Tracked {
   enum class State {
     aligned,  // with the map
-    begins,   // the map, or after a long loss a component of its own: there is nothing to align with
-    lost      // no trustworthy pose
+    begins,   // starts the map or, after a long loss, a new component: no map to align with
+    lost      // no reliable pose
   };
   State state = State::lost;
   Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();  // unless lost
-  Alignment alignment;  // the last one that was tried; not for the map's first frame
-  std::string guess;    // where it started: motion, still, features, relocalised, gyroscope
-  Eigen::Isometry3d predicted_from = Eigen::Isometry3d::Identity();  // submap_from_camera of the surface predicted then
+  Alignment alignment;  // last attempted alignment; unset for the first frame of a map
+  std::string guess;    // source of the initial guess: motion, still, features, relocalised, gyroscope
+  Eigen::Isometry3d predicted_from = Eigen::Isometry3d::Identity();  // submap_from_camera of the predicted surface
   FrameCause cause = FrameCause::none;
-  std::string reason;  // the cause in words
+  std::string reason;  // the cause as text
 
-  /// Of the pose, in the camera's frame; null where there was nothing to align with.
+  /// Information of the pose in the camera's frame; null without an alignment.
   [[nodiscard]] const Matrix6d* information() const {
     return state == State::aligned ? &alignment.information : nullptr;
   }
 };
 
-/// Finds each frame's pose: guesses it, aligns it with the map, tells when it is lost. Two calls a frame: `track`, and
-/// `commit` once it is fused.
+/// Tracks the camera: predicts each frame's pose, aligns the frame with the map, and detects tracking loss. Two calls
+/// per frame: `track`, and `commit` once the frame is fused.
 class Tracker {
  public:
-  /// `rig` is the frames', `rectified` the surfaces'. The keyframes are those of the map; somebody else adds to
-  /// them, and tells which lie in the frame that is tracked in.
+  /// `rig`: of the frames. `rectified`: camera of the surfaces. `keyframes`: those of the map, owned and extended by
+  /// the caller, which also marks the keyframes with a known pose in the tracking frame.
   Tracker(gpu::Device& device, const Rig& rig, const Camera& rectified, const Options& options,
           const KeyframeDatabase& keyframes, const KeyframeStore& images);
 
-  /// The pose of a frame, or why there is none. Takes what moves out of `live`'s fusion image (see
-  /// shaders/moving_mask.comp). Of the frame only is kept that it was lost.
+  /// Tracks a frame; the result has a cause if there is no pose. Removes moving pixels from `live`'s fusion image (see
+  /// shaders/moving_mask.comp). The tracker's state changes only for a lost frame, until commit().
   [[nodiscard]] Tracked track(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
-  /// The pose of a frame that is held out, or why there is none; nothing of it is kept.
+  /// Tracks a held-out frame without any change of state.
   [[nodiscard]] Tracked look(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
-  /// Share of the image that moves and was taken out of the fusion image, of the last frame. Waits for the device.
+  /// Share of the image removed from the last fusion image as moving. Waits for the device.
   [[nodiscard]] double moving() const;
-  /// Hears of the gyroscope's rates, also of frames that are not tracked.
+  /// Adds gyroscope rates, also those of untracked frames.
   void listen(const std::vector<AngularRate>& rates) { gyroscope_.add(rates); }
-  /// How the camera moves while a frame is taken: before its pose is known, and after.
+  /// Motion of the camera while a frame is taken: predicted, and with the frame's pose.
   [[nodiscard]] MotionAt motion(const Frame& frame) const;
   [[nodiscard]] MotionAt motion(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const;
-  /// As `track` does it, of a surface that was made again since.
+  /// Removes moving pixels as `track` does, from a surface that was preprocessed again.
   void leave_out_moving(const Surface& live, const Tracked& tracked, const Volume& volume);
-  /// Tells that the frame was fused at the pose that was found.
+  /// Commits a fused frame with its tracked pose.
   void commit(const Frame& frame, const Surface& live, const Tracked& tracked);
-  /// Compares the last two keyframes, if the camera turned between them: see focal().
+  /// Adds evidence for focal() from the last two keyframes, if the camera turned between them.
   void learn_focal_length();
 
-  /// Seconds that the colour camera's clock is ahead of the depth camera's, as far as the images tell.
+  /// Estimated seconds by which the color camera's clock is ahead of the depth camera's.
   [[nodiscard]] double clock_offset() const;
   [[nodiscard]] FocalEvidence focal() const;
 
@@ -73,24 +73,24 @@ class Tracker {
     double timestamp = 0;
     Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
   };
-  /// What it knows beside the keyframes, to go on with later.
+  /// State in addition to the keyframes, for resuming.
   struct Memory {
-    std::vector<Moment> last;        // at most two fused frames, the newest at the end
-    double last_aligned = 0;         // seconds; before the newest where a gyroscope stood in
-    bool last_is_weak = false;       // a direction of the newest was not observed
-    double usual_brightness = 0.03;  // photometric rmse, a running mean over fused frames
-    int lost_frames = 0;             // since the last fused one
-    int lost_views = 0;              // those of them that saw something
+    std::vector<Moment> last;        // at most two fused frames, newest last
+    double last_aligned = 0;         // seconds; before the newest frame if the gyroscope replaced the alignment
+    bool last_is_weak = false;       // the newest pose has an unobserved direction
+    double usual_brightness = 0.03;  // photometric rmse, running mean over fused frames
+    int lost_frames = 0;             // since the last fused frame
+    int lost_views = 0;              // lost frames with enough depth
     std::array<double, kClockOffsets.size()> clock_offset_costs{};  // summed over frames
     int clock_offset_frames = 0;
     std::array<double, kFocalScales.size()> focal_costs{};  // summed over pairs of keyframes
     int focal_pairs = 0;
-    std::optional<Eigen::Isometry3d> last_guess;  // Frame::guess of the newest
-    double guess_error = 0, motion_error = 0;     // of predictions, running means: radians and metres together
+    std::optional<Eigen::Isometry3d> last_guess;  // Frame::guess of the newest frame
+    double guess_error = 0, motion_error = 0;     // running means of the prediction errors: rad and m summed
     int guesses = 0;
-    int frames_of_view = 0;  // that were aligned with the same prediction of the surface
+    int frames_of_view = 0;  // frames aligned with the current predicted surface
   };
-  /// All that it knows.
+  /// Complete state.
   struct Saved {
     Memory memory;
     PhotometricKeyframe::Saved reference;
@@ -100,12 +100,12 @@ class Tracker {
   [[nodiscard]] Saved save() const;
   void restore(const Saved& saved);
   [[nodiscard]] const Memory& memory() const { return memory_; }
-  /// Starts lost in a map with keyframes, as if last seen, long ago, at the newest of them.
+  /// Starts lost in a map with keyframes, as if the camera was last seen at the newest keyframe, long ago.
   void begin_lost();
 
  private:
   [[nodiscard]] Tracked begin_map(const Frame& frame) const;
-  /// Its pose in the map that there is.
+  /// Tracks or relocalizes in the existing map.
   [[nodiscard]] Tracked find(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
   [[nodiscard]] Tracked follow(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
   [[nodiscard]] Tracked relocalise(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
@@ -116,11 +116,11 @@ class Tracker {
                               const char* name, Reach reach, StageTimes& times);
   [[nodiscard]] Tracked align_with_view(const Frame& frame, const Surface& live, const Eigen::Isometry3d& guess,
                                         const char* name, Reach reach, StageTimes& times);
-  /// Whether the surface as it was predicted last is nearly what is seen from the guess.
+  /// True if the last predicted surface is nearly the view from the guess.
   [[nodiscard]] bool still_sees(const Eigen::Isometry3d& guess) const;
-  /// Whether a component of its own begins: the camera has been lost for long enough and this frame shows something.
+  /// True if a new component starts: the camera has been lost long enough and this frame has enough depth.
   [[nodiscard]] bool gives_up(const Frame& frame);
-  /// Forgets the map.
+  /// Resets tracking for a new component.
   void restart();
 
   [[nodiscard]] Eigen::Isometry3d predict(const Frame& frame) const;
@@ -130,14 +130,14 @@ class Tracker {
   [[nodiscard]] UndoneShutter undone(const Frame& frame) const;
   [[nodiscard]] ColourMoment moment_of(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const;
 
-  /// By a keyframe's corners.
+  /// Pose relative to a keyframe, by features.
   [[nodiscard]] std::optional<PnpPose> locate(std::size_t keyframe, const Features& seen) const;
-  /// A guess from the keyframe that shares most corners with the frame, if any.
+  /// Guess from the keyframe with the most feature inliers, if any.
   [[nodiscard]] std::optional<Eigen::Isometry3d> recognise(const Features& seen,
                                                            const std::vector<std::size_t>& keyframes) const;
-  /// The newest keyframes, the newest first.
+  /// The newest keyframes, newest first.
   [[nodiscard]] std::vector<std::size_t> recent() const;
-  /// The keyframes to compare a lost frame with: the most similar ones, and in turn some of the others.
+  /// Keyframes to compare a lost frame with: the most similar ones, and a rotating subset of the rest.
   [[nodiscard]] std::vector<std::size_t> candidates(const Features& seen) const;
 
   gpu::Device& device_;
@@ -149,12 +149,12 @@ class Tracker {
   Aligner aligner_;
   PhotometricKeyframe reference_;
   Gyroscope gyroscope_;
-  Camera judged_;  // of the level at which moving things are told
+  Camera judged_;  // of the pyramid level for motion detection
   gpu::Buffer verdicts_, moving_count_;
-  std::array<std::uint32_t, 1> moving_{};  // pixels of the coarsest level, once the device has counted them
+  std::array<std::uint32_t, 1> moving_{};  // pixels of the coarsest level, valid after the device has finished
   gpu::Kernel<shader::MovingJudgePush> judge_;
   gpu::Kernel<shader::MovingMaskPush> mask_;
-  SurfacePrediction prediction_;  // of the alignment that track found
+  SurfacePrediction prediction_;  // of the alignment returned by track
   Memory memory_;
 };
 

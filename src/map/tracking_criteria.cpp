@@ -5,7 +5,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kUsualDepth = 1.5;  // metres
+constexpr double kUsualDepth = 1.5;  // m
 
 double angle_of(const Eigen::Isometry3d& motion) { return Eigen::AngleAxisd(motion.linear()).angle(); }
 

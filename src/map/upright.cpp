@@ -14,10 +14,10 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kSteady = 0.9;  // of the readings' lengths that their sum is long: others are no gravity in this frame
-constexpr double kStands = 5 * std::numbers::pi / 180;  // that given poses may be tilted and still be called upright
+constexpr double kSteady = 0.9;  // min. ratio of the sum's norm to the sum of norms; less is not gravity in this frame
+constexpr double kStands = 5 * std::numbers::pi / 180;  // max. tilt of given poses that count as upright
 
-/// The axis that points down when `up` points up.
+/// Axis that points down if `up` points up.
 Vector3d down_of(Up up, const Eigen::Matrix3d& world_from_camera) {
   switch (up) {
     case Up::x:
@@ -39,14 +39,14 @@ Vector3d down_of(Up up, const Eigen::Matrix3d& world_from_camera) {
   return Vector3d::UnitY();
 }
 
-/// Radians between +y once the map is turned and gravity as it was measured.
+/// Angle in radians between +y after the rotation and the measured gravity.
 std::optional<double> off(const Eigen::Quaterniond& turn, const DownEvidence& evidence) {
   const auto measured = measured_down(evidence.accelerations);
   if (!measured) return std::nullopt;
   return std::acos(std::clamp((turn * *measured).y(), -1.0, 1.0));
 }
 
-/// The axis of the frame that points up, if one nearly does.
+/// Axis of the frame that points up, within the tilt limit, if any.
 std::optional<Up> axis_up(const Vector3d& down) {
   for (const Up up : {Up::x, Up::y, Up::z, Up::minus_x, Up::minus_y, Up::minus_z})
     if (down_of(up, Eigen::Matrix3d::Identity()).dot(down) > std::cos(kStands)) return up;
@@ -85,7 +85,7 @@ std::optional<FoundDown> find_down(const DownEvidence& evidence, Up asked) {
 
 Upright upright_by(const FoundDown& found, const DownEvidence& evidence) {
   const Vector3d& d = found.down;
-  // By the shortest way; upside down there is none, and the half turn is glTF's, about x.
+  // The shortest rotation; upside down it is not unique, and the half turn about x is used, as in glTF.
   const Eigen::Quaterniond turn =
       d.y() < -1 + 1e-9 ? Eigen::Quaterniond(0, 1, 0, 0) : Eigen::Quaterniond::FromTwoVectors(d, Vector3d::UnitY());
   return {.source = found.source,

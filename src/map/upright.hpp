@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Which way up a map stands: from all that tells of it to how it is turned.
+// Gravity alignment of a map: from evidence to the rotation of the map.
 #pragma once
 #include <optional>
 #include <vector>
@@ -10,30 +10,30 @@
 
 namespace cairn {
 
-/// What tells which way is down, in the frame in which the camera is tracked or that of the given poses.
+/// Evidence for the gravity direction, in the frame of tracking or of the given poses.
 struct DownEvidence {
   std::vector<StructureView> views;
-  Eigen::Vector4d accelerations = Eigen::Vector4d::Zero();  // summed over frames, m/s^2: as a vector; their lengths
+  Eigen::Vector4d accelerations = Eigen::Vector4d::Zero();  // summed over frames, m/s^2: the vectors; their norms
   Eigen::Matrix3d world_from_first_camera = Eigen::Matrix3d::Identity();
 };
 
-/// Down as it was found.
+/// Estimated gravity direction.
 struct FoundDown {
   Eigen::Vector3d down = Eigen::Vector3d::UnitY();
   Upright::Source source = Upright::Source::unknown;
   std::string words;
 };
 
-/// What `asked` says, or else the accelerometer, or floors and walls. Nothing where none of them tells.
+/// Gravity direction by `asked`, or else from the accelerometer, or else from floors and walls. Empty without evidence.
 [[nodiscard]] std::optional<FoundDown> find_down(const DownEvidence& evidence, Up asked);
-/// The turn that brings it to +y by the shortest way.
+/// Gravity alignment by the shortest rotation of the gravity direction to +y.
 [[nodiscard]] Upright upright_by(const FoundDown& found, const DownEvidence& evidence);
-/// The given poses' world stays; it is known to stand upright where find_down() says so.
+/// Keeps the given poses' world. It is known to be upright if find_down() confirms this.
 [[nodiscard]] Upright upright_as_given(const DownEvidence& evidence);
-/// The tracked frame stays, since nothing tells.
+/// Keeps the tracking frame, in the absence of evidence.
 [[nodiscard]] Upright upright_unknown();
 
-/// The direction of gravity that an accelerometer measured; nothing without one, or where it contradicts the poses.
+/// Gravity direction measured by an accelerometer. Empty without one, or if it contradicts the poses.
 [[nodiscard]] std::optional<Eigen::Vector3d> measured_down(const Eigen::Vector4d& accelerations);
 
 }  // namespace cairn

@@ -13,20 +13,22 @@
 namespace cairn {
 namespace {
 
-constexpr int kBeside = 2;                      // pixels of a thumbnail that poses may be off by
-constexpr int kStep = 8;                        // pixels
-constexpr double kNear = 1.0, kTurned = 0.5;    // metres, radians between views that are compared
-constexpr float kSame = 0.1f, kThrough = 0.3f;  // metres that depth may differ by; from which on one looked through
-constexpr float kFar = 4.0f;                    // metres: beyond it depth is too rough
-constexpr double kEnough = 0.1;                 // of the pixels that must be seen by both
+constexpr int kBeside = 2;                    // thumbnail pixels of tolerance for pose errors
+constexpr int kStep = 8;                      // image pixels per thumbnail pixel
+constexpr double kNear = 1.0, kTurned = 0.5;  // m, rad: max. distance between compared views
+constexpr float kSame = 0.1f,
+                kThrough = 0.3f;  // m: max. depth difference to agree; min. difference for a view through a surface
+constexpr float kFar = 4.0f;      // m: depth beyond is too noisy
+constexpr double kEnough = 0.1;   // min. share of the pixels seen by both
 constexpr std::size_t kMostViews = 200;
 
-constexpr int kPatch = 16;           // pixels a side
-constexpr int kAside = 4, kHop = 2;  // pixels that patches are looked for beside their place, and from one to the next
-constexpr float kPattern = 8;        // of 255: standard deviation of a patch's brightness
+constexpr int kPatch = 16;           // pixels per side
+constexpr int kAside = 4, kHop = 2;  // pixels: search range for a patch, and its step
+constexpr float kPattern = 8;        // of 255: min. standard deviation of a patch's brightness
 constexpr float kAlike = 0.4f;       // correlation
-constexpr float kCovered = 0.9f;     // of a patch's pixels that both views see on the same surface
-constexpr float kSurface = 0.03f, kSurfaceShare = 0.01f;  // metres, and of the depth, that these may differ by
+constexpr float kCovered = 0.9f;     // min. share of a patch's pixels for which both views see the same surface
+constexpr float kSurface = 0.03f,
+                kSurfaceShare = 0.01f;  // m, and share of the depth: max. depth difference on the same surface
 
 std::vector<float> brightness_of(const Frame& frame) {
   std::vector<float> brightness;
@@ -37,7 +39,7 @@ std::vector<float> brightness_of(const Frame& frame) {
   return brightness;
 }
 
-/// Less its mean.
+/// Subtracts the mean and returns the norm.
 float deviation(Eigen::VectorXf& values) {
   values.array() -= values.mean();
   return values.norm();
@@ -85,13 +87,13 @@ ViewsApart::Count ViewsApart::count(std::size_t from, std::size_t seen, const Ei
     const int u = static_cast<int>(std::lround((camera_.fx * bent.x() + camera_.cx - kStep / 2.0) / kStep)),
               v = static_cast<int>(std::lround((camera_.fy * bent.y() + camera_.cy - kStep / 2.0) / kStep));
     if (u < 0 || u >= width_ || v < 0 || v >= height_) continue;
-    // What lies a little beside, at the rim of something, contradicts nothing.
+    // Small offsets at depth edges are no contradiction.
     bool agrees = false;
     float nearest = std::numeric_limits<float>::infinity();
     for (int y = std::max(0, v - kBeside); y <= std::min(height_ - 1, v + kBeside); ++y)
       for (int x = std::max(0, u - kBeside); x <= std::min(width_ - 1, u + kBeside); ++x) {
         const float known = 1e-3f * static_cast<float>(a[static_cast<std::size_t>(y * width_ + x)]);
-        nearest = std::min(nearest, known);  // none where nothing was measured
+        nearest = std::min(nearest, known);  // 0 where a pixel has no measurement
         agrees = agrees || (known > 0 && std::abs(p.z() - known) < kSame);
       }
     count.agree += agrees;
@@ -158,7 +160,7 @@ const ViewsApart::Count& ViewsApart::patterns(const Loop& loop) {
   const auto at = [&](int x, int y) {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(camera_.width) + static_cast<std::size_t>(x);
   };
-  std::vector<std::pair<int, int>> places;  // in the first view, of a patch's pixels
+  std::vector<std::pair<int, int>> places;  // of a patch's pixels, in the first view
   std::vector<float> own;
   for (int top = 0; top + kPatch <= camera_.height; top += kPatch)
     for (int left = 0; left + kPatch <= camera_.width; left += kPatch) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Whether two maps that are laid to each other may lie so: what one saw through, the other has not seen a surface in.
+// Free-space test for a candidate alignment of two maps: a surface of one map must not be in the free space of the
+// other.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -15,30 +16,30 @@
 
 namespace cairn {
 
-/// Compares images of keyframes that look at the same place from near. Rooms that look alike are told from each other
-/// by what is around them, and by what somebody has hung on their walls.
+/// Compares images of keyframes with nearby views of the same place. Similar rooms are distinguished by their
+/// surroundings and by the pictures on their walls.
 class ViewsApart {
  public:
-  /// Gives a keyframe's depth image, metres.
+  /// Returns a keyframe's depth image, meters.
   using GetDepth = std::function<std::vector<float>(std::size_t keyframe)>;
-  /// Gives a keyframe's images.
+  /// Returns a keyframe's images.
   using GetFrame = std::function<Frame(std::size_t keyframe)>;
-  /// `get_frame`: none where colour is not registered to depth.
+  /// `get_frame`: empty if color is not registered to depth.
   ViewsApart(const Camera& camera, GetDepth get_depth, GetFrame get_frame = {});
 
   struct Compared {
-    int views = 0;     // of keyframes of the second map that had one of the first to be compared with
-    double share = 0;  // of the pixels that tell whether they agree, those that do not
+    int views = 0;     // keyframes of the second map with a comparable keyframe of the first
+    double share = 0;  // contradicting share of the pixels that agree or contradict
   };
-  /// Two lists of keyframes; those of the second one lie at `move` times their poses in the atlas.
+  /// Compares two lists of keyframes; the poses of the second one are moved by `move`.
   [[nodiscard]] Compared compare(const Atlas& atlas, std::span<const std::size_t> first,
                                  std::span<const std::size_t> second, const Eigen::Isometry3d& move);
 
   struct Count {
     int agree = 0, differ = 0;
   };
-  /// Patches of the same surface in the two views of a loop, of those that have a pattern in the second one: how many
-  /// have it in the first one as well, whatever its brightness and contrast are, within some pixels.
+  /// Counts patches on the surface common to the two views of a loop closure, if they have a pattern in the second
+  /// view. A patch agrees if the first view has the same pattern within some pixels, up to brightness and contrast.
   [[nodiscard]] const Count& patterns(const Loop& loop);
 
  private:
@@ -50,12 +51,12 @@ class ViewsApart {
   GetFrame get_frame_;
   int width_, height_;  // of a thumbnail
   std::vector<Eigen::Vector3f> rays_;
-  std::map<std::size_t, std::vector<std::uint16_t>> thumbnails_;  // millimetres
+  std::map<std::size_t, std::vector<std::uint16_t>> thumbnails_;  // millimeters
   std::vector<Eigen::Vector3f> all_rays_;                         // by pixel
   std::map<std::pair<std::size_t, std::size_t>, Count> patterns_;
 };
 
-/// Of a map's keyframes.
+/// Free-space test over a map's keyframes.
 [[nodiscard]] ViewsApart views_of(const Rig& rig, const KeyframeStore& images);
 
 }  // namespace cairn

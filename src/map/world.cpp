@@ -18,12 +18,12 @@ namespace cairn {
 namespace {
 
 constexpr double kMoved = 0.25;                                // voxels
-constexpr int kCell = 8;                                       // bricks a side of what is merged together
-constexpr std::size_t kPlacedInMemory = std::size_t{1} << 19;  // bricks of submaps, and where they lie: 72 MiB
+constexpr int kCell = 8;                                       // bricks per side of a region merged together
+constexpr std::size_t kPlacedInMemory = std::size_t{1} << 19;  // submap bricks with their poses: 72 MiB
 
 using Bricks = std::unordered_set<Brick, BrickHash>;
 
-/// A submap's bricks where they lie.
+/// Bricks of a submap at their poses.
 struct Placed {
   std::size_t submap;
   std::span<const PlacedBrick> bricks;
@@ -33,10 +33,10 @@ Eigen::Vector3d centre_of(const Brick& brick, double size) {
   return (brick.cast<double>().array() + 0.5).matrix() * size;
 }
 
-/// Calls `visit` with the bricks of the world that a moved brick reaches.
+/// Calls `visit` with the world bricks that overlap a moved brick.
 template <class Visit>
 void cover(const Brick& brick, const Eigen::Isometry3d& world_from_submap, double size, const Visit& visit) {
-  constexpr double kInside = 1e-4;  // of a brick: one that was not moved covers itself alone
+  constexpr double kInside = 1e-4;  // share of a brick: tolerance, so that an unmoved brick covers only itself
   Eigen::AlignedBox3d box;
   for (int corner = 0; corner < 8; ++corner)
     box.extend(world_from_submap *
@@ -48,13 +48,13 @@ void cover(const Brick& brick, const Eigen::Isometry3d& world_from_submap, doubl
       for (int z = low.z(); z <= high.z(); ++z) visit(Brick(x, y, z));
 }
 
-/// How far a brick's corners go between two placements, at most; metres.
+/// Maximum motion of a brick's corners between two poses; meters.
 double travel(const Brick& brick, const Eigen::Isometry3d& a, const Eigen::Isometry3d& b, double size) {
   const Eigen::Vector3d centre = centre_of(brick, size);
   return (a * centre - b * centre).norm() + (a.linear() - b.linear()).norm() * size * std::sqrt(3.0) / 2;
 }
 
-/// From each submap a brick of the world takes what the brick has that lies nearest to it.
+/// Merge jobs: for each world brick, the nearest overlapping brick of each submap.
 std::vector<MergeJob> jobs_of(const Bricks& wanted, const std::vector<Placed>& placed, double size) {
   std::unordered_map<Brick, std::vector<std::pair<MergeShare, double>>, BrickHash> shares;
   for (const Placed& of_submap : placed)
@@ -80,7 +80,7 @@ std::vector<MergeJob> jobs_of(const Bricks& wanted, const std::vector<Placed>& p
   return jobs;
 }
 
-/// Of a brick of the world, the voxels that lie in free ones of a submap. `submap_from_world`: voxels.
+/// Voxels of a world brick that are in free voxels of a submap. `submap_from_world`: in voxels.
 BrickBits free_voxels(const Brick& target, const BrickTree& submap, const Eigen::Isometry3d& submap_from_world) {
   const Eigen::Vector3d first = (8 * target).cast<double>();
   Eigen::AlignedBox3d box;
@@ -89,7 +89,7 @@ BrickBits free_voxels(const Brick& target, const BrickTree& submap, const Eigen:
   const auto brick_of = [](const Eigen::Vector3d& voxel) {
     return Brick(voxel.array().round().cast<int>().unaryExpr([](int i) { return i >> 3; }));
   };
-  const Brick low = brick_of(box.min()), extent = brick_of(box.max()) - low + Brick::Ones();  // three bricks at most
+  const Brick low = brick_of(box.min()), extent = brick_of(box.max()) - low + Brick::Ones();  // at most three bricks
   std::array<BrickBits, 27> around{};
   bool are_all = true, is_any = false;
   for (int i = 0; i < extent.prod(); ++i) {
@@ -111,7 +111,7 @@ BrickBits free_voxels(const Brick& target, const BrickTree& submap, const Eigen:
   return found;
 }
 
-/// Where bricks of a submap lie now.
+/// Current poses of a submap's bricks.
 std::vector<Eigen::Isometry3d> places_of(const std::vector<Brick>& bricks, const Deformation& deformation,
                                          double size) {
   std::vector<Eigen::Isometry3d> places(bricks.size());
@@ -138,7 +138,7 @@ BrickTree free_space(const FuseOptions& options, const std::vector<PlacedSubmap>
     const std::shared_ptr<const BrickTree> known = load(submap.id);
     const std::vector<Brick> bricks = known->free_bricks();
     const std::vector<Eigen::Isometry3d> places = places_of(bricks, submap.deformation, size);
-    // A brick of the world looks where the nearest one that reaches it lies.
+    // For each output brick: the nearest submap brick that overlaps it, for its pose.
     std::unordered_map<Brick, std::pair<std::size_t, double>, BrickHash> nearest;
     for (std::size_t i = 0; i < bricks.size(); ++i)
       cover(bricks[i], places[i], size, [&](const Brick& target) {
@@ -167,7 +167,7 @@ std::vector<ReachedCell> reached_cells(const FuseOptions& options, const std::ve
   };
   std::map<Brick, Reached, decltype(&before)> cells(&before);
   for (const PlacedSubmap& submap : submaps) {
-    std::unordered_map<Brick, bool, BrickHash> reached;  // whether with a brick in it
+    std::unordered_map<Brick, bool, BrickHash> reached;  // true if the cell contains a brick
     for (const PlacedBrick& p : place(submap, size))
       cover(p.brick, p.world_from_submap, size, [&](const Brick& target) {
         const Brick own = cell_of(target, side), low = cell_of(target - Brick::Constant(margin), side),
@@ -215,7 +215,7 @@ std::vector<const WorldParts::Submap*> WorldParts::reaching(const BrickBox& box)
     Submap& oldest = *std::min_element(submaps_.begin(), submaps_.end(), [](const Submap& a, const Submap& b) {
       return std::pair(a.bricks.empty(), a.last_use) < std::pair(b.bricks.empty(), b.last_use);
     });
-    if (oldest.last_use + found.size() > use_) break;  // it is one of these
+    if (oldest.last_use + found.size() > use_) break;  // in use by this call
     bricks -= oldest.bricks.size();
     oldest.bricks = {};
   }
@@ -281,7 +281,7 @@ std::vector<Brick> World::update(const std::vector<PlacedSubmap>& submaps, const
   return bricks;
 }
 
-/// Returns the bricks in which something changed.
+/// Returns the changed bricks.
 std::vector<Brick> World::take_free(BrickTree free) {
   const std::vector<Brick> were = bricks_.free_bricks(), are = free.free_bricks();
   std::vector<Brick> changed;

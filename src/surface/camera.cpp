@@ -16,12 +16,12 @@ namespace {
 constexpr int kLeastSide = 16, kMostSide = 4096;  // pixels: three levels of the pyramid, 128 MiB of fusion image
 constexpr double kWidest = 1.0 / 20,
                  kNarrowest = 20;         // focal length / larger side: fields of view of 169 and 2.9 degrees
-constexpr double kMostApart = 10;         // metres between the depth and the colour camera
-constexpr double kLongestReadout = 0.2;   // seconds
-constexpr double kMostDistortion = 1000;  // of a coefficient: twenty times those of fisheye-like calibrations
+constexpr double kMostApart = 10;         // m between the depth and the color camera
+constexpr double kLongestReadout = 0.2;   // s
+constexpr double kMostDistortion = 1000;  // of a coefficient: twenty times the values of fisheye-like calibrations
 
 void within(const char* name, double value, double least, double most) {
-  if (!(value >= least && value <= most))  // NaN, too
+  if (!(value >= least && value <= most))  // also rejects NaN
     throw std::runtime_error(
         fmt::format("the camera's {} is {}, allowed is {} to {}: check the intrinsics", name, value, least, most));
 }
@@ -68,7 +68,7 @@ double Camera::widest_ray() const {
   for (int i = 1; i < kSteps; ++i) {
     const double r = kStep * i;
     const double bent = distort({r, 0}).x();
-    if (bent <= before) return r - kStep;  // beyond, the polynomial folds back
+    if (bent <= before) return r - kStep;  // the polynomial folds back beyond
     if (bent > 1.2 * corner) return r;
     before = bent;
   }

@@ -8,10 +8,10 @@
 
 namespace cairn {
 
-/// The model seen from a pose. The buffers belong to Raycaster and hold until its next call.
+/// Surface of the model predicted at a pose. The buffers are owned by Raycaster and valid until its next call.
 struct SurfacePrediction {
   Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
-  std::vector<const VertexNormalMap*> levels;  // as in Surface; null above the finest level that was asked for
+  std::vector<const VertexNormalMap*> levels;  // as in Surface; null above the finest requested level
 };
 
 }  // namespace cairn

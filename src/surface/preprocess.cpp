@@ -18,12 +18,12 @@ namespace cairn {
 namespace {
 
 std::uint32_t pixels(const Camera& camera) { return static_cast<std::uint32_t>(camera.width * camera.height); }
-std::array<std::uint32_t, 3> threads(const Camera& camera) {  // a pixel each
+std::array<std::uint32_t, 3> threads(const Camera& camera) {  // one per pixel
   return {static_cast<std::uint32_t>(camera.width), static_cast<std::uint32_t>(camera.height), 1};
 }
 
 shader::ColourView colour_view(const Camera& depth, const ColourCamera& colour) {
-  const double pixels_each = colour.camera.fx / depth.fx;  // of colour for one of depth, along a side
+  const double pixels_each = colour.camera.fx / depth.fx;  // color pixels per depth pixel, along a side
   Eigen::Matrix3d ray_of_pixel;
   ray_of_pixel << 1 / depth.fx, 0, -depth.cx / depth.fx, 0, 1 / depth.fy, -depth.cy / depth.fy, 0, 0, 1;
   const Eigen::Matrix3f turn = (colour.colour_from_depth.linear() * ray_of_pixel).cast<float>();
@@ -37,13 +37,13 @@ shader::ColourView colour_view(const Camera& depth, const ColourCamera& colour) 
           .is_rolling = colour.camera.readout > 0 ? 1u : 0u};
 }
 
-/// Bytes of the depths that are nearest to the colour camera.
+/// Size in bytes of the buffer of depths nearest to the color camera.
 std::uint64_t nearest_bytes(const shader::ColourView& view) {
   const auto cells = [&](std::uint32_t side) { return std::uint64_t{(side + view.cell - 1) / view.cell}; };
   return 4 * cells(view.camera.width) * cells(view.camera.height);
 }
 
-/// What the kernels for a colour camera beside the depth camera are made with; without one they do not run.
+/// Specialization constants of the kernels for a separate color camera; without one they do not run.
 std::vector<float> constants_of(const Rig& rig, int finest_level) {
   const shader::ColourView view = rig.colour ? colour_view(rig.depth.rectified(), *rig.colour) : shader::ColourView{};
   return shader::constants_of(rig.sensor, view, 1u << finest_level);
@@ -139,8 +139,8 @@ Surface Preprocessor::preprocess(const Frame& frame, const MotionAt& motion) {
   return surface;
 }
 
-/// For the colour camera: what hides something else from it. `depth` without distortion; cameras in one place see the
-/// same.
+/// Finds occluders for the color camera. `depth` without distortion; for cameras at the same position there is no
+/// occlusion.
 void Preprocessor::find_nearest(const gpu::Buffer& depth, gpu::Batch& batch) {
   constexpr std::uint32_t kNothing = 0x7f7fffff;  // bits of the largest float
   batch.fill(nearest_, kNothing);
@@ -151,7 +151,7 @@ void Preprocessor::find_nearest(const gpu::Buffer& depth, gpu::Batch& batch) {
                   {.motion = colour_motion_, .width = width, .height = height}, {&depth, &nearest_});
 }
 
-/// To the fusion image, unless it is there already. What is hidden from the colour camera has none.
+/// Registers color to the fusion image, once. Points occluded from the color camera have no color.
 void Preprocessor::bring_colour(const gpu::Buffer& depth, gpu::Batch& batch) {
   if (has_brought_colour_) return;
   has_brought_colour_ = true;
@@ -162,7 +162,7 @@ void Preprocessor::bring_colour(const gpu::Buffer& depth, gpu::Batch& batch) {
                 {&depth, &nearest_, &raw_colour_, &fusion_});
 }
 
-/// From what the filter left to all that is asked of the levels.
+/// Makes the pyramid levels from the filtered depth.
 void Preprocessor::make_pyramid(gpu::Batch& batch, bool has_colour) {
   for (std::size_t level = 0; level < levels_.size(); ++level) {
     const Camera& c = levels_[level].camera;
@@ -179,12 +179,12 @@ void Preprocessor::make_pyramid(gpu::Batch& batch, bool has_colour) {
   }
 }
 
-/// From the colour that lies on depth, from the colour camera's image, or from the finer level.
+/// Makes a level's intensity from registered color, from the color camera's image, or from the finer level.
 void Preprocessor::make_intensity(gpu::Batch& batch, int number) {
   const auto level = static_cast<std::size_t>(number);
   const Camera& c = levels_[level].camera;
   const auto width = static_cast<std::uint32_t>(c.width), height = static_cast<std::uint32_t>(c.height);
-  const bool is_finest = number == finest_level_;  // in one step, two levels are the most
+  const bool is_finest = number == finest_level_;  // a single step, over at most two levels
   if (is_finest && !has_brought_colour_) {
     make_brightness_(batch, threads(c), {.motion = colour_motion_, .width = width, .height = height},
                      {&smooth_[level], &nearest_, &raw_colour_, &intensity_[level]});

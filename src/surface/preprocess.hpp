@@ -12,17 +12,18 @@
 
 namespace cairn {
 
-/// Rectifies, cleans and smooths a frame, brings its colour to depth and makes its pyramid of points and normals.
+/// Preprocessor of frames: rectifies, cleans and smooths depth, registers color to depth, and makes the pyramid of
+/// points and normals.
 class Preprocessor {
  public:
   Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOptions& options, int levels, int finest_level);
-  /// `motion`: the camera's while the frame is taken, for rolling shutters.
+  /// `motion`: of the camera while the frame is taken, for rolling shutters.
   [[nodiscard]] Surface preprocess(const Frame& frame, const MotionAt& motion = at_velocity(Vector6d::Zero()));
-  /// The camera of the finest level: the source's depth camera, without distortion.
+  /// Camera of the finest level: the source's depth camera, without distortion.
   [[nodiscard]] const Camera& camera() const { return levels_.front().camera; }
 
  private:
-  /// What a stage leaves: depth and colour by pixel of one camera.
+  /// Output of a stage: depth and color by pixel of one camera.
   struct Images {
     const gpu::Buffer *depth, *colour;
   };
@@ -39,9 +40,9 @@ class Preprocessor {
   std::vector<gpu::Buffer> smooth_;  // depth by level
   std::vector<gpu::Buffer> intensity_, packed_;
   gpu::Buffer raw_depth_, raw_colour_, fusion_;
-  gpu::Buffer nearest_;  // of a colour camera of its own
+  gpu::Buffer nearest_;  // for a separate color camera
   bool has_brought_colour_ = false;
-  std::optional<Rectifier> rectifier_;  // of a depth camera with a lens or a rolling shutter
+  std::optional<Rectifier> rectifier_;  // for a depth camera with distortion or a rolling shutter
   std::optional<GlobalShutter> global_shutter_;
   shader::ShutterMotion colour_motion_{};  // of the last frame
   gpu::Kernel<shader::SurfaceColourPush> find_nearest_, bring_colour_;

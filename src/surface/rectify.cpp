@@ -13,17 +13,17 @@
 namespace cairn {
 namespace {
 
-constexpr float kFarAway = 3;            // metres, where nothing is measured at all
-constexpr std::size_t kEveryPixel = 37;  // that a median is asked for
+constexpr float kFarAway = 3;            // m, if no pixel has depth
+constexpr std::size_t kEveryPixel = 37;  // sampling interval for the median
 
 std::uint64_t bytes(const Camera& c) {
   return sizeof(float) * static_cast<std::uint64_t>(c.width) * static_cast<std::uint64_t>(c.height);
 }
-std::array<std::uint32_t, 3> threads(const Camera& c) {  // a pixel each
+std::array<std::uint32_t, 3> threads(const Camera& c) {  // one per pixel
   return {static_cast<std::uint32_t>(c.width), static_cast<std::uint32_t>(c.height), 1};
 }
 
-/// Undistorted, by pixel.
+/// Undistorted rays by pixel.
 std::vector<Eigen::Vector2f> rays_of(const Camera& c) {
   std::vector<Eigen::Vector2f> rays(static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height));
   tbb::parallel_for(0, c.height, [&](int y) {
@@ -34,7 +34,7 @@ std::vector<Eigen::Vector2f> rays_of(const Camera& c) {
   return rays;
 }
 
-/// The camera takes the colour camera's place there.
+/// The camera is passed in the color camera's constants.
 std::vector<float> constants_of(const Camera& c, bool keeps_lens, bool has_depth, bool has_colour) {
   auto all = shader::constants_of(
       SensorModel{},
@@ -71,7 +71,7 @@ double shutter_difference(const Rig& rig, const MotionAt& a, const MotionAt& b) 
   return most;
 }
 
-/// The parabolas through it at a readout's begin, middle and end.
+/// Motion as parabolas through its values at the start, middle and end of the readout.
 shader::ShutterMotion shutter_motion(const MotionAt& motion, double readout) {
   if (readout == 0) return {};
   const double half = 0.5 * readout;

@@ -11,28 +11,29 @@
 
 namespace cairn {
 
-/// From the depth camera as it is so many seconds after a frame's time to itself at that time.
+/// Motion of the depth camera: maps from its frame at `delay` seconds after a frame's time to its frame at the frame's
+/// time.
 using MotionAt = std::function<Eigen::Isometry3d(double delay)>;
 
-/// That of a constant velocity in its own frame, rad/s and m/s.
+/// Motion at a constant velocity in the camera's own frame, rad/s and m/s.
 [[nodiscard]] MotionAt at_velocity(const Vector6d& velocity);
 
 [[nodiscard]] inline bool is_rolling(const Rig& rig) { return rig.depth.readout > 0 || rig.colour_view().readout > 0; }
-/// The rig of images whose shutter is undone.
+/// Rig for images after rolling shutter correction.
 [[nodiscard]] Rig at_one_moment(Rig rig);
-/// The same motion as the colour camera makes it.
+/// The same motion in the color camera's frame.
 [[nodiscard]] MotionAt colour_motion(const Rig& rig, const MotionAt& motion);
-/// How far apart two motions put the first or the last row, pixels at a metre's distance.
+/// Maximum offset of the first or last row between two motions, in pixels at a distance of one meter.
 [[nodiscard]] double shutter_difference(const Rig& rig, const MotionAt& a, const MotionAt& b);
-/// What kernels are told of it.
+/// Kernel parameters of a motion.
 [[nodiscard]] shader::ShutterMotion shutter_motion(const MotionAt& motion, double readout);
 
-/// Undoes lens and rolling shutter of depth and of what lies on it, see shaders/surface_rectify.comp.
+/// Removes lens distortion and rolling shutter from depth and registered color, see shaders/surface_rectify.comp.
 class Rectifier {
  public:
-  /// `has_colour`: it lies on depth.
+  /// `has_colour`: color is registered to depth.
   Rectifier(gpu::Device& device, const Camera& camera, bool has_colour);
-  /// `distance` in metres: of what has no depth.
+  /// `distance`: assumed for pixels without depth, meters.
   void operator()(gpu::Batch& batch, const MotionAt& motion, float distance, const gpu::Buffer& raw_depth,
                   const gpu::Buffer& raw_colour);
   [[nodiscard]] const gpu::Buffer& depth() const { return depth_; }
@@ -44,19 +45,19 @@ class Rectifier {
   gpu::Kernel<shader::SurfaceRectifyPush> rectify_;
 };
 
-/// Turns the images of a rolling shutter into those that the cameras would have taken at once, at the frame's time.
-/// Lens and size stay: these are for the host, which keeps some of them.
+/// Corrects rolling shutter images to a global shutter at the frame's time. Distortion and size stay the same; the host
+/// keeps some of these images.
 class GlobalShutter {
  public:
   GlobalShutter(gpu::Device& device, const Rig& rig);
   [[nodiscard]] Frame operator()(const Frame& frame, const MotionAt& motion);
 
  private:
-  /// One camera's images on the device, and what makes others of them.
+  /// Device buffers and the correction kernel of one camera.
   class Images {
    public:
     Images(gpu::Device& device, const Camera& camera, bool has_depth, bool has_colour);
-    /// Without depth all is taken to be at `distance`, metres. A null pointer: no such image.
+    /// Without depth, all pixels are assumed at `distance`, meters. A null pointer: no such image.
     void undo(const MotionAt& motion, float distance, std::vector<float>* depth, std::vector<std::uint32_t>* colour);
 
    private:
@@ -69,7 +70,7 @@ class GlobalShutter {
   std::optional<Images> depth_, colour_;  // of cameras with a readout
 };
 
-/// Half of the measurements are nearer, metres; a few metres where there is none.
+/// Median of the measured depths, meters; a few meters if there are none.
 [[nodiscard]] float median_depth(const std::vector<float>& depth);
 
 }  // namespace cairn

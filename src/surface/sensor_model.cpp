@@ -27,7 +27,7 @@ std::string_view name_of(const SensorModel& model) {
 
 void check(const SensorModel& m) {
   const auto within = [](const char* name, float value, float least, float most) {
-    if (!(value >= least && value <= most))  // NaN, too
+    if (!(value >= least && value <= most))  // also rejects NaN
       throw std::runtime_error(fmt::format("the sensor's {} is {}, allowed is {} to {}", name, value, least, most));
   };
   within("floor", m.floor, 1e-5f, 0.5f);

@@ -9,23 +9,22 @@
 
 namespace cairn {
 
-/// Points with normals in the frame of a camera, by pixel; see shaders/surface.h.
+/// Vertex and normal map in the frame of a camera, by pixel; see shaders/surface.h.
 struct VertexNormalMap {
   Camera camera;
   gpu::Buffer points;
 };
 
-/// A frame on the device. The buffers belong to Preprocessor and hold until its next call.
+/// Preprocessed frame on the device. The buffers are owned by Preprocessor and valid until its next call.
 struct Surface {
-  std::vector<const VertexNormalMap*> levels;  // smoothed, the finest first; points from `finest_level` on
-  /// By level what the photometric term reads (SurfacePointsPush); empty without colour, null above `finest_level`.
+  std::vector<const VertexNormalMap*> levels;  // smoothed, finest first; points from `finest_level` on
+  /// Input of the photometric term by level (SurfacePointsPush); empty without color, null above `finest_level`.
   std::vector<const gpu::Buffer*> packed;
-  const gpu::Buffer* fusion = nullptr;  // (depth bits, colour) by pixel: rectified, without flying pixels, not smoothed
+  const gpu::Buffer* fusion = nullptr;  // (depth bits, color) by pixel: rectified, without flying pixels, not smoothed
   bool has_colour = false;
-  /// Of a colour camera beside the depth camera `fusion` has colour once this was called; until then its words are 0.
+  /// Registers color from a separate color camera to `fusion`; before the call the color words are 0.
   std::function<void()> bring_colour;
-  /// The frame's images as of its time: where the shutter rolls they are made when they are asked for. The frame itself
-  /// must still be there then.
+  /// The frame's images at its time, corrected on demand for a rolling shutter. The frame must still exist at the call.
   std::function<const Frame&()> images;
 };
 

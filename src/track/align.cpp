@@ -14,7 +14,7 @@
 namespace cairn {
 namespace {
 
-/// What the sums' kernels are made with.
+/// Specialization constants of the reduction kernels.
 std::vector<float> constants_of(const SensorModel& sensor, bool is_rolling) {
   const auto numbers = shader::constants_of(sensor);
   std::vector<float> all(numbers.begin(), numbers.end());
@@ -22,12 +22,12 @@ std::vector<float> constants_of(const SensorModel& sensor, bool is_rolling) {
   return all;
 }
 
-constexpr double kConverged = 1e-4;        // radians and metres: some hundredths of a pixel, a hundredth of a voxel
-constexpr double kConvergedCoarse = 4e-4;  // at level 0; twice that at each coarser one
+constexpr double kConverged = 1e-4;        // rad and m: some hundredths of a pixel, a hundredth of a voxel
+constexpr double kConvergedCoarse = 4e-4;  // at level 0; doubled at each coarser level
 constexpr float kCut = 4.0f;               // standard deviations of the depth noise
-constexpr float kFirstSigma = 0.05f;       // of brightness, before anything is known of it
-constexpr double kTurning = 0.3;           // radians a second: the camera's turning tells when its images were taken
-constexpr double kClockMisfit = 6.0;       // of a clock with which the images share nothing
+constexpr float kFirstSigma = 0.05f;       // of brightness, initial value
+constexpr double kTurning = 0.3;           // rad/s: min. rotation rate to estimate the clock offset
+constexpr double kClockMisfit = 6.0;       // cost of a clock offset without overlap of the images
 
 Matrix6d matrix_of(const shader::NormalEquations& p) {
   Matrix6d a;
@@ -51,7 +51,7 @@ Eigen::Isometry3d isometry(const shader::Rigid& r) {
 
 shader::Groups groups(std::uint32_t count) { return {count, 1, 1}; }
 
-/// Why an alignment is not to be trusted, if it is not.
+/// Reason why an alignment is unreliable, or none.
 FrameCause distrust(const Alignment& alignment, double live, const Camera& finest, const TrackOptions& options) {
   if (live < 0.02 * finest.width * finest.height) return FrameCause::little_depth;
   if (alignment.fit.overlap < 0.05) return FrameCause::out_of_view;
@@ -62,7 +62,7 @@ FrameCause distrust(const Alignment& alignment, double live, const Camera& fines
 
 }  // namespace
 
-/// How the image is cut: a workgroup a tile. Of the finest level also where not all pixels are looked at.
+/// Tiling of the image, one workgroup per tile. The finest level has the same tiling when pixels are subsampled.
 struct Aligner::Tiling {
   Tiling(const Camera& camera, bool is_finest, bool for_cpu) {
     const std::uint32_t block = is_finest ? 8 * shader::kSparse : 8, across = for_cpu ? 4 : 8, down = for_cpu ? 8 : 16;
@@ -80,7 +80,7 @@ struct Aligner::Tiling {
   std::uint32_t groups;
 };
 
-/// What is aligned with what.
+/// Inputs of an alignment.
 struct Aligner::Views {
   const Surface& live;
   const SurfacePrediction& model;
@@ -90,7 +90,7 @@ struct Aligner::Views {
   const UndoneShutter& undone;
 
   [[nodiscard]] const Camera& camera(int level) const { return live.levels[static_cast<std::size_t>(level)]->camera; }
-  /// As if the colour camera's clock were ahead by so much.
+  /// For a color camera's clock ahead by `clock_offset`.
   [[nodiscard]] shader::Rigid keyframe_from_model(double clock_offset) const {
     return shader::rigid(keyframe->submap_from_colour(clock_offset).inverse() * model.submap_from_camera);
   }
@@ -133,7 +133,7 @@ PhotometricKeyframe::Saved PhotometricKeyframe::save() const {
 void PhotometricKeyframe::restore(const Saved& saved) {
   submap_from_camera_ = saved.submap_from_camera;
   moment_ = saved.moment;
-  // One that was saved with other levels is done without, until the next.
+  // A reference saved with different levels is discarded, until the next one is set.
   is_set_ = saved.levels.size() == packed_.size();
   for (std::size_t i = 0; is_set_ && i < packed_.size(); ++i)
     is_set_ = !packed_[i] || saved.levels[i].size() * 4 == packed_[i].size();
@@ -189,7 +189,8 @@ Alignment Aligner::align(const Surface& live, const SurfacePrediction& model, co
     run(views, state, result.clock_offset_costs);
     for (const std::uint32_t count : state.iterations) result.fit.iterations += static_cast<int>(count);
     if (state.outcome == shader::kDone) break;
-    // The coarse levels have slid along what they did not observe, or were wrong to leave it: once more.
+    // The coarse levels have drifted along unobserved directions, or have excluded observed ones: repeat from the
+    // start.
     const shader::AlignState before = state;
     state = begin(views, start);
     state.directions = before.directions;
@@ -202,7 +203,7 @@ Alignment Aligner::align(const Surface& live, const SurfacePrediction& model, co
   return result;
 }
 
-/// At the coarsest level.
+/// Initial state, at the coarsest level.
 shader::AlignState Aligner::begin(const Views& views, const Eigen::Isometry3d& model_from_live) const {
   const int level = coarsest(views.reach);
   const bool is_finest = level == options_.finest_level;
@@ -221,8 +222,8 @@ shader::AlignState Aligner::begin(const Views& views, const Eigen::Isometry3d& m
   return state;
 }
 
-/// Iterates from the coarsest level to the finest. As many iterations as last time are recorded at once, and more only
-/// if they were not enough.
+/// Iterates from the coarsest level to the finest. Records as many iterations as were needed last time, and more only
+/// if those were not enough.
 void Aligner::run(const Views& views, shader::AlignState& state, std::vector<double>& clock_offset_costs) {
   gpu::Batch batch(device_);
   batch.upload(state_, std::span<const shader::AlignState>(&state, 1));
@@ -244,8 +245,8 @@ void Aligner::run(const Views& views, shader::AlignState& state, std::vector<dou
     clock_offset_costs = costs_of(clock_sums, static_cast<double>(state.sigma));
 }
 
-/// Records one iteration: the sums of both terms at the estimate and the step that they tell; `may_look_for_weak`: also
-/// the geometry's by pairs of normals.
+/// Records one iteration: the sums of both terms at the estimate, and the resulting step. `may_look_for_weak`: also
+/// records the geometry's sums by pairs of normals.
 void Aligner::iterate(gpu::Batch& batch, const Views& views, int level, bool may_look_for_weak) {
   const auto l = static_cast<std::size_t>(level);
   const bool is_finest = level == options_.finest_level;
@@ -299,7 +300,7 @@ shader::PhotometricReducePush Aligner::photometric_push(const Views& views, int 
           .first = first};
 }
 
-/// Records what brightness says of each clock at the pose that the iterations come to, if they do.
+/// Records the photometric sums for each clock offset at the final pose, if the iterations converge.
 std::vector<std::vector<shader::PhotometricSums>> Aligner::try_clocks(gpu::Batch& batch, const Views& views) {
   const int level = options_.levels - 1;
   const auto l = static_cast<std::size_t>(level);
@@ -321,7 +322,7 @@ std::vector<std::vector<shader::PhotometricSums>> Aligner::try_clocks(gpu::Batch
 std::vector<double> Aligner::costs_of(const std::vector<std::vector<shader::PhotometricSums>>& clock_sums,
                                       double sigma) {
   if (clock_sums.empty()) return {};
-  // A device may run the shaders with another subgroup size than it told: known from here on.
+  // A device may run the shaders with a different subgroup size than reported; the actual size is known from here on.
   if (const std::uint32_t parts = clock_sums[0][0].parts; parts != parts_) {
     parts_ = parts;
     return {};
@@ -335,7 +336,7 @@ std::vector<double> Aligner::costs_of(const std::vector<std::vector<shader::Phot
   return costs;
 }
 
-/// The pose, how well the images fit at it, and whether it is to be trusted.
+/// Fills in the pose, its fit, and the reason if the alignment is unreliable.
 void Aligner::judge(const Views& views, const shader::AlignState& s, Alignment& result) const {
   result.submap_from_camera = views.model.submap_from_camera * isometry(s.model_from_live);
   result.information = matrix_of(s.normal);

@@ -21,42 +21,42 @@ struct Alignment {
   Matrix6d information = Matrix6d::Zero();  // of (rotation, translation) in the model view's frame; 1/rad^2, 1/m^2
   AlignmentFit fit;
   double gain = 1.0, bias = 0.0;  // keyframe brightness = gain * live + bias
-  /// How badly brightness fits if the colour camera's clock were ahead by kClockOffsets; empty when the camera is slow.
+  /// Photometric cost for each of kClockOffsets of the color camera's clock; empty if the camera turns slowly.
   std::vector<double> clock_offset_costs;
-  FrameCause lost = FrameCause::none;  // why the pose is not to be trusted
+  FrameCause lost = FrameCause::none;  // reason why the pose is unreliable
   [[nodiscard]] bool converged() const { return lost == FrameCause::none; }
 };
 
-/// `close`: only at the finest level, and what lies far beside the map counts nothing: for a guess that is right where
-/// something else in view moves.
+/// `close`: only the finest level, and points far from the map have no weight; for a correct guess with other objects
+/// moving in view.
 enum class Reach { wide, close };
 
-/// When and how the colour image of a frame was taken, beside its depth image.
+/// Time and motion of a frame's color image relative to its depth image.
 struct ColourMoment {
   Vector6d velocity = Vector6d::Zero();  // of the camera, in its own frame: rad/s, m/s
-  double stamp_delay = 0.0;              // seconds from the depth image's stamp to the colour image's
-  double clock_offset = 0.0;             // seconds that the colour camera's clock is ahead of the depth camera's
+  double stamp_delay = 0.0;              // seconds from the depth image's stamp to the color image's
+  double clock_offset = 0.0;             // seconds by which the color camera's clock is ahead of the depth camera's
   [[nodiscard]] double delay() const { return stamp_delay - clock_offset; }
 };
 
-/// What a rolling shutter was undone for: the motion from the frame before to a pose that was guessed.
+/// Assumed motion of a rolling shutter correction: from the preceding frame to a predicted pose.
 struct UndoneShutter {
   Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
-  double readout = 0;  // as a share of the time since the frame before; 0: of another pose it would be the same
+  double readout = 0;  // share of the frame interval; 0: the correction does not depend on the pose
 };
 
-/// Candidates, in seconds. None is 0: there pixels would fall on pixels, and interpolation, which smooths noise away,
+/// Candidates, in seconds. 0 is not among them: pixels would coincide there, and interpolation, which smooths noise,
 /// would make every other candidate fit better.
 constexpr std::array<double, 8> kClockOffsets{-0.035, -0.025, -0.015, -0.005, 0.005, 0.015, 0.025, 0.035};
 
-/// Reference of the photometric term: a fused frame's brightness, kept on the device.
+/// Reference of the photometric term: a fused frame's brightness, stored on the device.
 class PhotometricKeyframe {
  public:
   PhotometricKeyframe(gpu::Device& device, const Camera& camera, const TrackOptions& options);
-  /// Copies the surface's brightness; it must have colour.
+  /// Copies the surface's brightness; the surface must have color.
   void set(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, const ColourMoment& moment);
   void clear() { is_set_ = false; }
-  /// What it holds, to go on with later; `levels` empty: not set.
+  /// State for resuming; `levels` empty: not set.
   struct Saved {
     Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
     ColourMoment moment;
@@ -66,7 +66,7 @@ class PhotometricKeyframe {
   void restore(const Saved& saved);
   [[nodiscard]] bool is_set() const { return is_set_; }
   [[nodiscard]] const Eigen::Isometry3d& submap_from_camera() const { return submap_from_camera_; }  // depth camera
-  /// The colour camera at its moment, if its clock is ahead by `clock_offset`.
+  /// Pose of the color camera at the time of its image, for a clock ahead by `clock_offset`.
   [[nodiscard]] Eigen::Isometry3d submap_from_colour(double clock_offset) const;
   [[nodiscard]] const gpu::Buffer& level(int level) const { return packed_[static_cast<std::size_t>(level)]; }
 
@@ -79,12 +79,11 @@ class PhotometricKeyframe {
 };
 
 /// Coarse-to-fine alignment of a live surface with the map: projective point-to-plane ICP against the model's surface,
-/// and brightness against a keyframe. Each term is weighted by the scale of its own residuals. Directions that the
-/// geometry does not observe are left to brightness, those that neither observes to the guess (Zhang, Kaess & Singh
-/// 2016).
+/// and brightness against a keyframe. Each term is weighted by the scale of its own residuals. Directions unobserved by
+/// geometry are determined by brightness, and remaining ones stay at the guess (Zhang, Kaess & Singh 2016).
 class Aligner {
  public:
-  /// `is_rolling`: there are surfaces with an UndoneShutter.
+  /// `is_rolling`: surfaces may have an UndoneShutter.
   Aligner(gpu::Device& device, const TrackOptions& options, const SensorModel& sensor = {}, bool is_rolling = false);
   /// `keyframe` may be null or not set: geometry alone.
   [[nodiscard]] Alignment align(const Surface& live, const SurfacePrediction& model, const Eigen::Isometry3d& guess,
@@ -111,7 +110,7 @@ class Aligner {
   gpu::Device& device_;
   TrackOptions options_;
   bool is_cpu_;
-  std::uint32_t workgroup_, parts_;  // threads of a workgroup of the sums, and sums that it writes
+  std::uint32_t workgroup_, parts_;  // threads per workgroup of the reductions, and sums written per workgroup
   std::array<int, shader::kMaxLevels> usual_iterations_{};  // by level, to record at once
   gpu::Buffer state_, geometry_sums_, crossed_sums_, photometric_sums_, clock_sums_;
   gpu::Kernel<shader::IcpReducePush> icp_;

@@ -9,11 +9,12 @@
 namespace cairn {
 namespace {
 
-constexpr double kLargestGap = 0.1;  // seconds between two samples, or beside them: more is missing
-constexpr double kFading = 0.998;    // of what was learned, from one turn to the next
-constexpr double kEnough = 20;       // turns before the bias is believed
-constexpr double kEnoughTurns = 45;  // before the sensor's place is believed
-constexpr double kTurning = 0.05;    // rad/s about two axes, root mean square, to tell the sensor's place by
+constexpr double kLargestGap = 0.1;  // max. seconds between samples, or between the interval and its nearest sample
+constexpr double kFading = 0.998;    // decay of the sums per learned rotation
+constexpr double kEnough = 20;       // min. rotations for a bias estimate
+constexpr double kEnoughTurns = 45;  // min. rotations for an estimate of the sensor's orientation
+constexpr double kTurning =
+    0.05;  // rad/s about two axes, root mean square: min. motion to estimate the sensor's orientation
 
 Eigen::Quaterniond turned_by(const Eigen::Vector3d& angle) {
   const double a = angle.norm();
@@ -40,7 +41,7 @@ std::optional<Eigen::Quaterniond> Gyroscope::integrated(double since, double unt
     return std::nullopt;
   Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
   double at = since;
-  // A sample holds from halfway after the one before to halfway to the next one.
+  // A sample is valid from halfway after the preceding sample to halfway before the next.
   for (std::size_t i = 0; i < samples.size() && at < until; ++i) {
     const bool is_last = i + 1 == samples.size();
     const double gap = is_last ? 0 : samples[i + 1].timestamp - samples[i].timestamp;
@@ -62,7 +63,7 @@ std::optional<Eigen::Quaterniond> Gyroscope::turn(double since, double until) co
 }
 
 std::optional<Eigen::Vector3d> Gyroscope::rate(double time) const {
-  constexpr double kWindow = 0.01;  // seconds
+  constexpr double kWindow = 0.01;  // s
   const auto place = camera_from_imu();
   const auto& samples = memory_.samples;
   if (!place || samples.empty() || samples.back().timestamp < time - kLargestGap) return std::nullopt;
