@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Brightness between pixels (Catmull & Rom 1974): its slopes have no jumps.
+// Bicubic interpolation of brightness (Catmull & Rom 1974), with continuous slopes.
 #pragma once
 #include <Eigen/Core>
 #include <cstdint>
@@ -10,7 +10,7 @@ namespace cairn {
 
 class Bicubic {
  public:
-  /// Around a pixel that has a neighbour before it and two after it, across and down.
+  /// Reads the neighborhood of a pixel: one pixel before and two after, in each direction.
   Bicubic(const std::vector<std::uint8_t>& image, int width, const Eigen::Vector2d& pixel) {
     const Eigen::Vector2d whole = pixel.array().floor();
     share_ = pixel - whole;
@@ -20,7 +20,7 @@ class Bicubic {
       values_.row(row) = Eigen::Map<const Eigen::Matrix<std::uint8_t, 1, 4>>(first + row * width).cast<double>();
   }
   [[nodiscard]] double value() const { return weights(share_.y()).dot(values_ * weights(share_.x())); }
-  /// What a pixel across and down changes the value by.
+  /// Derivative of the value by the pixel position (x, y).
   [[nodiscard]] Eigen::Vector2d slope() const {
     return {weights(share_.y()).dot(values_ * slopes(share_.x())),
             slopes(share_.y()).dot(values_ * weights(share_.x()))};

@@ -15,38 +15,39 @@
 namespace cairn {
 namespace {
 
-constexpr int kCoarseCell = 8, kFineCell = 4;    // pixels of a view, of which one becomes a surfel
-constexpr double kManyViews = 60;                // from here on cells grow, so that work does not
-constexpr double kMostCoarser = 3;               // times
-constexpr std::size_t kMostViews = 24;           // of a surfel
-constexpr double kSteepest = 0.3, kAlike = 0.8;  // cosines of a normal to its ray, and to what a view measures
-constexpr double kBeside = 2.5;                  // pixels
-constexpr double kNearest = 0.1;                 // metres
-constexpr double kLast = 0.02;                   // metres that a surfel may be off in the end
+constexpr int kCoarseCell = 8, kFineCell = 4;  // pixels of a view per side of a cell; one surfel per cell
+constexpr double kManyViews = 60;              // cells grow with more views, to bound the work
+constexpr double kMostCoarser = 3;             // max. factor of this growth
+constexpr std::size_t kMostViews = 24;         // per surfel
+constexpr double kSteepest = 0.3,
+                 kAlike = 0.8;    // min. cosines of a normal with its ray, and with a view's measured normal
+constexpr double kBeside = 2.5;   // pixels
+constexpr double kNearest = 0.1;  // m
+constexpr double kLast = 0.02;    // m: final max. distance of a surfel from a measurement
 constexpr double kNarrower = 0.7;
 constexpr int kMostRounds = 20, kFineRounds = 8;
 constexpr int kSameSurfels = 2;           // rounds
-constexpr double kStill = 2e-4;           // radians, metres: what no view moved by in a round that is the last
-constexpr double kImproves = 0.005;       // of what held-out surfels are off, that a round must take away to go on
-constexpr double kReadoutStill = 1e-4;    // seconds that it moved by in these rounds
-constexpr double kSigmas = 3;             // that it may be off beside these
-constexpr double kCut = 4;                // sigmas, of gaps (Beaton & Tukey 1974)
+constexpr double kStill = 2e-4;           // rad, m: convergence of the poses per round
+constexpr double kImproves = 0.005;       // min. relative reduction of the held-out surfels' error to continue
+constexpr double kReadoutStill = 1e-4;    // s: convergence of the readout in these rounds
+constexpr double kSigmas = 3;             // standard deviations allowed in addition to the tolerance
+constexpr double kCut = 4;                // standard deviations, of gaps (Beaton & Tukey 1974)
 constexpr double kFreedom = 5;            // of the t-distribution of brightness (Kerl, Sturm & Cremers 2013)
-constexpr double kTieShare = 0.3;         // of their information: tracking knew it from the same images
-constexpr double kSurest = 0.1;           // of the depth noise of the sensor's model
-constexpr double kGrain = 1;              // grey levels: no image has less
-constexpr std::size_t kJudged = 5000;     // surfels that scales are measured with
-constexpr std::size_t kHeldOutEvery = 5;  // cell, where prediction is judged
+constexpr double kTieShare = 0.3;         // share of their information: tracking used the same images
+constexpr double kSurest = 0.1;           // min. ratio to the depth noise of the sensor model
+constexpr double kGrain = 1;              // gray levels: min. noise of an image
+constexpr std::size_t kJudged = 5000;     // surfels to estimate the scales
+constexpr std::size_t kHeldOutEvery = 5;  // interval of cells held out to judge the prediction
 
-constexpr double kMargin = 0.1;     // of an image, that a camera's motion within it may move a point by
-constexpr int kTile = 8;            // cells of a view, whose surfels follow on each other
+constexpr double kMargin = 0.1;     // share of the image by which the camera's motion may shift a point
+constexpr int kTile = 8;            // cells per tile of a view; its surfels are stored consecutively
 constexpr std::size_t kGroup = 64;  // surfels
 constexpr double kBeyond = 0.5,
-                 kFarther = 1.1;  // metres, times: than what a view measures, that it may see a surfel at
+                 kFarther = 1.1;  // m, factor: depth beyond a view's measurements at which it may see a surfel
 
 bool holds(const Camera& c, int x, int y) { return x >= 0 && y >= 0 && x < c.width && y < c.height; }
 
-/// Of the image's height, from its middle, at most a little beyond it.
+/// Row as a share of the image's height, from the image center, clamped slightly outside.
 double row_share(const Camera& c, const Eigen::Vector2d& pixel) {
   return std::clamp((pixel.y() + 0.5) / c.height - 0.5, -0.6, 0.6);
 }
@@ -55,7 +56,7 @@ Eigen::Vector2d pixel_of(const Camera& c, const CameraChange& change, const Eige
   return c.project(change.shown(point.hnormalized()).homogeneous());
 }
 
-/// What a second more moves a point by, against the camera's motion.
+/// Time derivative of a point in the camera's frame due to the camera's motion.
 Eigen::Vector3d rate_of(const CameraMotion& motion, double delay, const Eigen::Vector3d& point) {
   const Vector6d velocity = motion.velocity + delay * motion.acceleration;
   return velocity.head<3>().cross(point) + velocity.tail<3>();
@@ -111,11 +112,11 @@ void Bundle::tie(const PoseGraph::Edge& edge) {
   ties_.back().information *= kTieShare;
 }
 
-/// When a view's colour camera took a place, and where it was then.
+/// Time at which a view's color camera saw a point, and the camera's pose then.
 struct Bundle::Moment {
-  double share = 0, delay = 0;  // of the readout; seconds after the depth image's moment
+  double share = 0, delay = 0;  // of the readout; s after the depth image's time
   Eigen::Isometry3d then_from_camera;
-  Eigen::Matrix3d colour_turn;  // from the depth camera's frame at the view's moment
+  Eigen::Matrix3d colour_turn;  // from the depth camera's frame at the view's time
 };
 
 std::optional<Bundle::Moment> Bundle::colour_moment(const BundleView& view, const Eigen::Vector3d& in_camera) const {
@@ -129,15 +130,15 @@ std::optional<Bundle::Moment> Bundle::colour_moment(const BundleView& view, cons
   return m;
 }
 
-/// The brightness of a point in a view, and what changes it.
+/// Brightness of a point in a view, with its derivatives.
 struct Bundle::Look {
   double value = 0;
   Vector6d by_pose;
   Eigen::Vector3d by_point;  // in the depth camera's frame
   ByShared by_shared;
 
-  /// Along a surface with this normal brightness changes by `slope`, in the depth camera's frame; none: as the image
-  /// says.
+  /// `slope`: brightness gradient along a surface with this normal, in the depth camera's frame; null: the image's own
+  /// gradient.
   [[nodiscard]] bool at_point(const Bundle& bundle, const BundleView& view, const Moment& moment,
                               const Eigen::Vector3d& in_camera, const Eigen::Vector3d& normal,
                               const Eigen::Vector3d* slope) {
@@ -150,8 +151,7 @@ struct Bundle::Look {
     const Eigen::Vector2d pixel = pixel_of(camera, change, c);
     const int i = static_cast<int>(std::floor(pixel.x())) - 1, j = static_cast<int>(std::floor(pixel.y())) - 1;
     if (!holds(camera, i, j) || !holds(camera, i + 3, j + 3)) return false;
-    // Between bilinear weights slopes jump at pixels' middles, where surfels of a view lie: that would pull views
-    // apart.
+    // Bicubic, as bilinear slopes jump at pixel centers, where a view's surfels are sampled: this would bias the poses.
     const Bicubic image(view.brightness, camera.width, pixel);
     value = image.value();
     Eigen::Vector3d g;
@@ -161,7 +161,7 @@ struct Bundle::Look {
       g << by_ray / c.z(), -by_ray.dot(m) / c.z();
     } else {
       const Eigen::Vector3d along = moment.colour_turn * *slope, n = moment.colour_turn * normal;
-      g = along - along.dot(c) / n.dot(c) * n;  // what moves along its ray looks the same
+      g = along - along.dot(c) / n.dot(c) * n;  // motion along the ray does not change the brightness
     }
     by_point = shared.colour_from_depth.linear().transpose() * g;
     by_pose << -y.cross(by_point), -by_point;
@@ -176,7 +176,7 @@ struct Bundle::Look {
   }
 };
 
-/// False where the view does not see the surfel.
+/// Returns false if the view does not see the surfel.
 bool Bundle::look(const Surfel& s, std::size_t k, bool brightness, Seen& seen) const {
   seen.count = 0;
   const BundleView& view = *views_[k];
@@ -201,7 +201,8 @@ bool Bundle::look(const Surfel& s, std::size_t k, bool brightness, Seen& seen) c
   if (std::abs(gap) > tolerance_ + kSigmas * sigma) return false;
 
   Residual& r = seen.residual[0];
-  // Where noise of a measurement scaled its own residual or derivative, shorter depth would seem better.
+  // Sigma at the predicted depth: noise of the measurement must not scale its own residual or derivative, which would
+  // favor shorter depth.
   r.value = r.measured = gap / sigma;
   const double e = r.value / gap_sigma_, rest = std::max(0.0, 1 - e * e / (kCut * kCut));
   r.weight = rest * rest / (gap_sigma_ * gap_sigma_);
@@ -224,7 +225,7 @@ void Bundle::look_at_brightness(const Surfel& s, std::size_t k, Seen& seen) cons
   const Eigen::Matrix3d camera_from_world = poses_[k].linear().transpose();
   const Eigen::Vector3d middle = camera_from_world * (s.position - poses_[k].translation());
   const Eigen::Vector3d n = camera_from_world * s.normal;
-  // The places beside are taken at the middle's moment: a row is read in a tenth of a millisecond.
+  // The lateral points use the time of the center: a row is read in a tenth of a millisecond.
   const std::optional<Moment> moment = colour_moment(view, middle);
   if (!moment) return;
   Look here, beside;
@@ -270,8 +271,8 @@ Bundle::Surfel Bundle::surfel_at(std::size_t k, int x, int y) const {
   return s;
 }
 
-/// A surfel in each cell of each view in which no view before has one: in the cells that are adjusted, or in those that
-/// are held out.
+/// Creates a surfel in each cell of each view without a surfel of an earlier view, among the adjusted or the held-out
+/// cells.
 void Bundle::sample(Cells cells) {
   const Camera& camera = cameras_.depth;
   const int columns = camera.width / cell_, rows = camera.height / cell_;
@@ -324,13 +325,13 @@ std::vector<Bundle::Group> Bundle::groups(std::size_t begin) const {
   return all;
 }
 
-/// False only where the view sees none of the group's surfels.
+/// Conservative visibility test: false only if the view sees none of the group's surfels.
 bool Bundle::may_see(std::size_t k, const Group& group) const {
   const BundleView& view = *views_[k];
   const Eigen::Vector3d middle = poses_[k].inverse() * group.middle;
   const double farthest = kFarther * static_cast<double>(view.farthest) + kBeyond;
   if (middle.z() + group.radius < kNearest || middle.z() - group.radius > farthest) return false;
-  // The sides of what an image shows and of a margin around it, through the camera.
+  // Frustum planes of the image with a margin.
   const Camera& c = cameras_.depth;
   const auto is_beyond = [&](double slope, double along) {
     return along - slope * middle.z() > group.radius * std::hypot(1, slope);
@@ -342,7 +343,7 @@ bool Bundle::may_see(std::size_t k, const Group& group) const {
          !is_beyond((c.height * kWider + c.cy) / c.fy, -middle.y());
 }
 
-/// Which views see which surfel; those that fewer than two see are dropped.
+/// Associates surfels with the views that see them. Surfels seen by fewer than two views are dropped.
 void Bundle::associate() {
   std::vector<std::vector<std::uint32_t>> all(surfels_.size());
   const std::vector<Group> near = groups(0);
@@ -371,7 +372,7 @@ void Bundle::associate() {
   surfels_ = std::move(kept);
 }
 
-/// Puts each surfel where those that see it say on average.
+/// Moves each surfel to the weighted mean of its observations.
 void Bundle::settle_surfels() {
   const Camera& camera = cameras_.depth;
   tbb::parallel_for(std::size_t{0}, surfels_.size(), [&](std::size_t i) {
@@ -443,7 +444,7 @@ void Bundle::Cost::add(const Cost& other) {
   differences += other.differences, difference_count += other.difference_count;
 }
 
-/// Observations that meet a hole after a step count as the others do.
+/// Means, so that observations lost in a hole after a step do not lower the cost.
 double Bundle::Cost::mean() const {
   return (gap_count > 0 ? gaps / gap_count : 0) + (difference_count > 0 ? 2 * differences / difference_count : 0);
 }
@@ -487,7 +488,7 @@ void Bundle::adjust(bool finds_readout, Detail detail, const std::function<bool(
     tolerance_ = std::max(kLast, kNarrower * tolerance_);
     if (!is_narrow) continue;
     if (moved < kStill) return;
-    if (finds_cameras_) continue;  // they go on moving when prediction is as good as it gets
+    if (finds_cameras_) continue;  // cameras still converge after the prediction has
     if (!is_fine && (round + 1) % kSameSurfels != 0) continue;
     const double now = held_out_error();
     const bool is_settled = std::abs(shared_.shutter.readout - readout) < kReadoutStill;
@@ -503,7 +504,7 @@ double Bundle::held_out_error() {
   tolerance_ = kLast;
   sample(Cells::held_out);
   associate();
-  gap_sigma_ = 1, brightness_sigma_ = 2;  // the same for all
+  gap_sigma_ = 1, brightness_sigma_ = 2;  // fixed, for comparable errors
   settle_surfels();
   settle_surfels();
   Cost cost;

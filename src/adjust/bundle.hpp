@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Bundle adjustment over depth and brightness: poses of keyframes, the surface that they see, and what all views share:
-// the moments at which their rows were taken, the cameras, and what depth errs by, all together.
-//
-// The surface is a set of surfels. Each may move along its normal; what brightness differs by from its middle to two
-// places beside it is its own, too, so that exposure does not matter (both as in Schöps, Sattler & Pollefeys 2019, "BAD
-// SLAM"). There poses and surfels take turns; here surfels are eliminated from the normal equations (Schur complement),
-// so that one step moves all. Both kinds of residuals are weighted by the scale of their own.
+// Joint bundle adjustment over depth and brightness: keyframe poses, the surface, and parameters shared by all views:
+// rolling shutter and clock, cameras, and depth correction.
+// The surface is a set of surfels. Each moves along its normal, and has its own brightness differences between its
+// center and two lateral points, which makes exposure irrelevant (both as in Schöps, Sattler & Pollefeys 2019, "BAD
+// SLAM"). BAD SLAM alternates between poses and surfels; here surfels are eliminated from the normal equations (Schur
+// complement), so that one step updates all. Each kind of residual is weighted by its own scale.
 #pragma once
 #include <array>
 #include <functional>
@@ -22,20 +21,20 @@
 
 namespace cairn {
 
-/// When rows were taken, beside what the rig and the frames say.
+/// Row times, relative to the rig and the frames.
 struct BundleShutter {
-  double clock = 0;    // seconds that the colour camera's clock is ahead
-  double readout = 0;  // seconds from an image's first row to its last, of both cameras
+  double clock = 0;    // s by which the color camera's clock is ahead
+  double readout = 0;  // s from an image's first row to its last, of both cameras
 };
 
-/// How surely views and surfels lie where they are, with the first view where it is.
+/// Covariance of views and surfels, with the first view fixed.
 struct BundleCovariance {
-  /// Of each view's pose: pose * retract(error); radians, then metres.
+  /// Of each view's pose: pose * retract(error); radians, then meters.
   std::vector<Matrix6d> of_views;
-  /// The same of each view's pose in the frame of the view before it; zero for the first.
+  /// Of each view's pose in the frame of the preceding view; zero for the first.
   std::vector<Matrix6d> of_steps;
   struct OfSurfel {
-    Eigen::Vector3d position;           // in the world, metres
+    Eigen::Vector3d position;           // in the world, meters
     double of_noise = 0, of_poses = 0;  // variances along its normal, m^2
   };
   std::vector<OfSurfel> of_surfels;
@@ -43,55 +42,54 @@ struct BundleCovariance {
 
 class Bundle {
  public:
-  static constexpr double kTogether = 30;          // observations that count as one: neighbours err alike
-  static constexpr double kFirstTolerance = 0.08;  // metres
+  static constexpr double kTogether = 30;  // observations that count as one, since neighbors have correlated errors
+  static constexpr double kFirstTolerance = 0.08;  // m
 
   explicit Bundle(const Rig& rig);
   void add(const Frame& keyframe, const CameraMotion& motion, const Eigen::Isometry3d& world_from_camera);
-  /// The same in two steps, of which the first may run for several keyframes at once.
+  /// The same in two steps; the first may run for several keyframes concurrently.
   [[nodiscard]] BundleView view(const Frame& keyframe, const CameraMotion& motion) const;
   void add(BundleView view, const Eigen::Isometry3d& world_from_camera);
-  /// Binds two views by how they were tracked against each other: it may have slipped, see weight_of_step().
+  /// Adds an odometry edge between two views. The edge is heavy-tailed, see weight_of_step().
   void tie(const PoseGraph::Edge& edge);
   void forget_ties() { ties_.clear(); }
-  /// How close the surfels lie: few of them find the way, all of them the place.
+  /// Density of the surfels: coarse for convergence, fine for accuracy.
   enum class Detail { coarse, fine };
-  /// The first view stays where it is. A readout that is not asked for is 0. After each round `goes_on` is asked; where
-  /// it says no, all stays as it is then.
+  /// Adjusts all views except the first, which is fixed. The readout is 0 unless it is estimated. `goes_on` is called
+  /// after each round; if it returns false, the current state is kept.
   void adjust(bool finds_readout, Detail detail, const std::function<bool()>& goes_on = {});
 
   [[nodiscard]] const std::vector<Eigen::Isometry3d>& world_from_view() const { return poses_; }
   [[nodiscard]] const BundleShutter& shutter() const { return shared_.shutter; }
-  /// From here on, what the depth camera errs by is found as well.
+  /// Enables estimation of the depth correction.
   void find_correction();
-  /// Of the depth camera's own image; empty where it was not asked for.
+  /// In the depth camera's own image; empty unless enabled.
   [[nodiscard]] const DepthCorrection& correction() const { return shared_.correction; }
-  /// From here on, focal lengths, principal points, a radial term of lenses, and where the colour camera is are found
-  /// as well.
+  /// Enables estimation of focal lengths, principal points, a radial distortion term, and the color camera's pose.
   void find_cameras() { finds_cameras_ = true; }
-  /// That of the constructor, with the cameras as they were found.
+  /// Rig of the constructor with the estimated cameras.
   [[nodiscard]] Rig rig() const;
-  [[nodiscard]] double readout_sigma() const { return readout_sigma_; }  // seconds, of the last step
+  [[nodiscard]] double readout_sigma() const { return readout_sigma_; }  // s, of the last step
   [[nodiscard]] std::size_t surfels() const { return surfels_.size(); }
   [[nodiscard]] std::size_t observations() const { return seen_by_.size(); }
-  /// By the curvature of what was minimised with the surfels of the last round, scaled by how much the places of the
-  /// scene contradict each other; none where nothing holds a view.
+  /// Covariance from the curvature of the cost with the surfels of the last round, scaled by the measured contradiction
+  /// between places of the scene. Empty if a view is unconstrained.
   [[nodiscard]] std::optional<BundleCovariance> covariance() const;
-  /// Mean robust error of surfels that the adjustment did not use, each put where the views that see it say: how well
-  /// poses and shutter predict. Lower is better; comparable between adjustments of the same views.
+  /// Mean robust error of held-out surfels, each at the mean of its observations: prediction quality of poses and
+  /// shutter. Lower is better; comparable between adjustments of the same views.
   [[nodiscard]] double held_out_error();
 
  private:
   struct Surfel {
     Eigen::Vector3d position, normal;
-    std::array<Eigen::Vector3d, 2> beside;                        // from its middle
-    Eigen::Vector2d brightness_beside = Eigen::Vector2d::Zero();  // less that of its middle
-    /// What brightness changes by along the surface, 1/m: in the middle and beside it. The mean of all views: what one
-    /// image says is noise, that would hold surfels where they lie in it.
+    std::array<Eigen::Vector3d, 2> beside;                        // offsets of the lateral points from the center
+    Eigen::Vector2d brightness_beside = Eigen::Vector2d::Zero();  // minus the brightness of the center
+    /// Brightness gradient along the surface, 1/m: at the center and the lateral points. Mean of all views, since the
+    /// noise of a single image would bind surfels to this image.
     std::array<Eigen::Vector3d, 3> slope;
-    bool is_seen = false, has_slope = false;  // whether brightness_beside and slope are known
+    bool is_seen = false, has_slope = false;  // true if brightness_beside and slope are known
   };
-  /// Unknowns that all views share; nodes of the correction follow on those that are looked for.
+  /// Indices of the shared unknowns; nodes of the correction follow the enabled ones.
   enum Unknown {
     kClock,
     kReadout,
@@ -100,28 +98,29 @@ class Bundle {
     kColourPose = kColourCamera + CameraChange::kUnknowns,
     kUnknowns = kColourPose + 6
   };
-  using ByShared = Eigen::Matrix<double, kUnknowns, 1>;  // of those that are not looked for, anything
+  using ByShared = Eigen::Matrix<double, kUnknowns, 1>;  // undefined for disabled unknowns
   struct Shared {
     BundleShutter shutter;
-    CameraChange depth, colour;  // where colour is registered, it is the depth camera's
+    CameraChange depth, colour;  // with registered color, the depth camera's applies
     Eigen::Isometry3d colour_from_depth;
     DepthCorrection correction;
   };
-  /// What one view tells of one surfel: a gap along the normal, and two differences of brightness.
+  /// Residual of a surfel in a view: a gap along the normal, or a difference of brightness.
   struct Residual {
     double value = 0, weight = 0, measured = 0;
     Vector6d by_pose;
-    Eigen::Vector3d by_surfel;  // along its normal, and its brightness_beside
+    Eigen::Vector3d by_surfel;  // by its position along the normal, and by its brightness_beside
     ByShared by_shared;
   };
   struct Seen {
     std::array<Residual, 3> residual;
     int count = 0;          // 1: the gap alone
     std::size_t pixel = 0;  // of the depth camera
-    double by_offset = 0;   // the gap, by 1/m of the depth correction there
+    double by_offset = 0;   // derivative of the gap by the depth correction in 1/m at the pixel
     std::array<Eigen::Vector3d, 3> slope;
   };
-  /// What an observation shares with its surfel's place and a node of the correction, by the node's share of the pixel.
+  /// Coupling of an observation's surfel position with the correction's nodes, to be multiplied by each node's
+  /// interpolation weight.
   struct WithNodes {
     std::size_t pixel = 0;
     double value = 0;
@@ -148,7 +147,7 @@ class Bundle {
   [[nodiscard]] bool is_seen(const Surfel& surfel, std::size_t view, Seen& seen) const {
     return look(surfel, view, false, seen);
   }
-  /// Surfels that follow on each other, and a ball around them.
+  /// Consecutive surfels with a bounding sphere.
   struct Group {
     std::size_t begin = 0, end = 0;
     Eigen::Vector3d middle;
@@ -190,20 +189,20 @@ class Bundle {
   void descend();
 
   BundleCameras cameras_;
-  std::vector<std::shared_ptr<const BundleView>> views_;  // copies share them
+  std::vector<std::shared_ptr<const BundleView>> views_;  // shared by copies
   std::vector<Eigen::Isometry3d> poses_;
   std::vector<PoseGraph::Edge> ties_;
-  std::vector<Eigen::Vector3d> rays_;    // by pixel of the depth camera without its lens
-  std::vector<Eigen::Vector2f> places_;  // in the camera's own image, by pixel of the depth camera without its lens
-  std::vector<float> offsets_;           // of it, by pixel of the depth camera without its lens; empty: none
+  std::vector<Eigen::Vector3d> rays_;    // by pixel of the rectified depth camera
+  std::vector<Eigen::Vector2f> places_;  // in the camera's own image, by pixel of the rectified depth camera
+  std::vector<float> offsets_;           // of the depth correction, by pixel of the rectified depth camera; empty: none
   bool finds_readout_ = false, finds_cameras_ = false;
   Shared shared_;
   std::vector<Surfel> surfels_;
-  std::vector<std::uint32_t> first_, seen_by_;                  // by surfel: where its views begin; the views
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;  // of views that share surfels: the later, the earlier
-  std::vector<std::uint32_t> pair_of_;                          // by pair of views: their number in pairs_
-  int cell_ = 4;                                                // pixels of a view, of which one becomes a surfel
-  double tolerance_ = kFirstTolerance;                          // metres that a surfel may lie off what a view measures
+  std::vector<std::uint32_t> first_, seen_by_;                  // by surfel: start of its views; the views
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;  // pairs of views with common surfels: later, earlier
+  std::vector<std::uint32_t> pair_of_;                          // index into pairs_, by pair of views
+  int cell_ = 4;                        // pixels of a view per side of a cell; one surfel per cell
+  double tolerance_ = kFirstTolerance;  // m: max. distance of a surfel from a measurement
   double gap_sigma_ = 1, brightness_sigma_ = 1, readout_sigma_ = 0;
 };
 

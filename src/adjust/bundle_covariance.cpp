@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// How surely a bundle knows what it adjusted. The inverse of the normal equations tells which directions are known
-// better than others; by how much all of them err is measured, since noise of neighbours is alike by an amount that no
-// model tells: at the end the scene's places pull views to where each would have them, and these pulls are errors that
-// do not know of each other (a cluster-robust variance: Liang & Zeger 1986).
+// Covariance of a bundle adjustment. The inverse of the normal equations gives the relative uncertainty of directions.
+// The overall scale is measured, since no model describes the correlation of neighbors' noise: in the end each place of
+// the scene still pulls the views to its own optimum, and these pulls are independent errors (a cluster-robust
+// variance: Liang & Zeger 1986).
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -16,20 +16,20 @@
 namespace cairn {
 namespace {
 
-constexpr double kPlace = 0.5;  // metres; what lies together errs alike
-// What views lie off in exact images, where nothing contradicts (five stretches like that of the test
-// Bundle.LeavesExactViewsWhereTheyAre, RMS).
-constexpr double kOwnTurn = 1.7e-5, kOwnMove = 3.6e-5;  // radians, metres; about and along each axis
-constexpr std::size_t kParts = 4;                       // sums of places, added up in this order on every machine
-constexpr std::size_t kTogetherSolved = 32;             // views
+constexpr double kPlace = 0.5;  // m; errors within a place are correlated
+// Errors of views in exact images, without contradictions (RMS over five sequences as in the test
+// Bundle.LeavesExactViewsWhereTheyAre).
+constexpr double kOwnTurn = 1.7e-5, kOwnMove = 3.6e-5;  // rad, m; about and along each axis
+constexpr std::size_t kParts = 4;            // partial sums over places, added in a fixed order on every machine
+constexpr std::size_t kTogetherSolved = 32;  // views
 
 }  // namespace
 
 struct Bundle::ByPlace {
   Equations equations;
-  /// What each place adds to their right side, a column for each: poses, then what all share.
+  /// Contribution of each place to the right-hand side, one column per place: poses, then shared unknowns.
   Eigen::MatrixXd right;
-  /// What each place adds to the information of the views that see it.
+  /// Contribution of each place to the information of its views.
   struct OfView {
     std::size_t view;
     Matrix6d information;
@@ -68,7 +68,7 @@ Bundle::ByPlace Bundle::linearise_by_places() const {
   };
   std::vector<Part> parts(kParts, e.reduced);
   tbb::parallel_for(std::size_t{0}, kParts, [&](std::size_t p) {
-    Part place = e.reduced;  // empty again after each place
+    Part place = e.reduced;  // cleared after each place
     for (std::size_t i = p * places.size() / kParts; i < (p + 1) * places.size() / kParts; ++i) {
       for (const std::size_t s : places[i]) linearise(s, e, place);
       const std::vector<std::uint32_t> views = views_of(places[i]);
@@ -87,14 +87,14 @@ Bundle::ByPlace Bundle::linearise_by_places() const {
   return by;
 }
 
-/// Of views and steps, without the surfels.
+/// Covariance of views and steps; surfels are added by the caller.
 BundleCovariance Bundle::covariance_of_views(const Solver& solver) const {
   BundleCovariance all{.of_views = std::vector<Matrix6d>(views_.size()),
                        .of_steps = std::vector<Matrix6d>(views_.size(), Matrix6d::Zero()),
                        .of_surfels = {}};
-  // What poses err by because of what all share.
+  // Pose uncertainty due to the shared unknowns.
   const Eigen::MatrixXd root = solver.shared.matrixL().solve(solver.solved.transpose());
-  // Some views at a time, and one after the other: CHOLMOD has one workspace.
+  // Solves a few views at a time, sequentially: CHOLMOD has one workspace.
   for (std::size_t begin = 0; begin < views_.size(); begin += kTogetherSolved) {
     const std::size_t end = std::min(begin + kTogetherSolved, views_.size());
     const auto first = static_cast<Eigen::Index>(6 * begin), count = static_cast<Eigen::Index>(6 * (end - begin));
@@ -117,7 +117,7 @@ BundleCovariance Bundle::covariance_of_views(const Solver& solver) const {
   return all;
 }
 
-/// Mean square of the places' pulls in units of a covariance that takes them for as large as its weights say.
+/// Mean squared pull of the places, normalized by the covariance that follows from the weights.
 double Bundle::squared_pulls(const ByPlace& by, const Solver& solver, const std::vector<Matrix6d>& covariance) const {
   const Eigen::MatrixXd of_poses = by.right.topRows(solver.border.rows());
   Eigen::MatrixXd of_shared = by.right.bottomRows(solver.border.cols()) - solver.solved.transpose() * of_poses;
@@ -128,7 +128,7 @@ double Bundle::squared_pulls(const ByPlace& by, const Solver& solver, const std:
     const Eigen::MatrixXd of_view = pulls.middleRows<6>(static_cast<Eigen::Index>(6 * k));
     squared += of_view.cwiseProduct(covariance[k].ldlt().solve(of_view)).sum();
   }
-  // A place has a part in where the views went, which its own pull does not show.
+  // The poses already follow each place in part, which reduces the visible pull.
   double own_part = 0;
   for (const auto& place : by.of_views)
     for (const auto& [k, information] : place) {
@@ -168,7 +168,7 @@ std::optional<BundleCovariance> Bundle::covariance() const {
       by_pose << (camera_from_world * (surfel.position - poses_[k].translation())).cross(n), n;
       of_poses += by_pose.dot(all.of_views[k] * by_pose) / (end - begin);
     }
-    // Of one surfel's views each errs for itself.
+    // Pose errors of a surfel's views are independent.
     all.of_surfels[s] = {surfel.position, inverse[s](0, 0) / kTogether, of_poses};
   });
   return all;

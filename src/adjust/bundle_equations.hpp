@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The normal equations of a bundle, for the files that make and solve them.
+// Normal equations of a bundle adjustment, shared by the files that build and solve them.
 #pragma once
 #include <Eigen/Cholesky>
 #include <Eigen/CholmodSupport>
@@ -14,17 +14,17 @@ namespace cairn {
 
 constexpr std::uint32_t kNoPair = ~0u;
 
-/// Where Bundle::pair_of_ has a pair of views, the earlier one as `j`.
+/// Index into Bundle::pair_of_ of a pair of views; `j` is the earlier one.
 [[nodiscard]] constexpr std::size_t number_of(std::size_t k, std::size_t j) { return k * (k + 1) / 2 + j; }
 
-/// What surfels add to the reduced system. Of symmetric matrices the lower triangle is used.
+/// Reduced system after elimination of surfels. Symmetric matrices use the lower triangle.
 struct Bundle::Part {
   std::vector<Matrix6d> blocks;                                  // by pair of views
   std::vector<Vector6d> right;                                   // by view
-  std::vector<Eigen::Matrix<double, 6, Eigen::Dynamic>> border;  // by view: with what all share
-  Eigen::MatrixXd corner;                                        // of what all share
+  std::vector<Eigen::Matrix<double, 6, Eigen::Dynamic>> border;  // by view: coupling with the shared unknowns
+  Eigen::MatrixXd corner;                                        // of the shared unknowns
   Eigen::VectorXd corner_right;
-  std::vector<double> node_information;  // of each node of the correction, as if all else was known
+  std::vector<double> node_information;  // of each node of the correction, given all other unknowns
   Cost cost;
 
   Part(std::size_t pairs, std::size_t views, int unknowns, std::size_t nodes)
@@ -41,7 +41,7 @@ struct Bundle::Part {
     for (std::size_t i = 0; i < node_information.size(); ++i) node_information[i] += other.node_information[i];
     cost.add(other.cost);
   }
-  /// Adds what surfels that only these views see have put into another one, which is empty then.
+  /// Adds the contribution of surfels seen only by these views from another part, and clears it there.
   void take(Part& other, const std::vector<std::uint32_t>& views, const std::vector<std::uint32_t>& pairs) {
     for (const std::uint32_t i : pairs) blocks[i] += other.blocks[i], other.blocks[i].setZero();
     for (const std::uint32_t k : views) {
@@ -59,21 +59,21 @@ struct Bundle::Part {
 struct Bundle::Equations {
   using WithView = Eigen::Matrix<double, 3, 6>;
   using WithShared = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::ColMajor, 3, kUnknowns>;
-  // By surfel: its own block, inverted, and what it shares with the unknowns of all; by observation: with its view.
+  // By surfel: its own block, inverted, and its coupling with the shared unknowns; by observation: with its view.
   std::vector<Eigen::Matrix3d> inverse;
   std::vector<Eigen::Vector3d> gradient;
   std::vector<WithShared> with_shared;
   std::vector<WithView> with_view;
-  std::vector<WithNodes> with_nodes;  // empty: there are none
+  std::vector<WithNodes> with_nodes;  // empty without a correction
   Part reduced;
   double cost = 0;
 };
 
-/// What is left when surfels are eliminated: poses, and what all views share.
+/// Solver of the reduced system: poses and shared unknowns.
 struct Bundle::Solver {
   Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>, Eigen::Lower> poses;
   Eigen::VectorXd right;           // of poses
-  Eigen::MatrixXd border, solved;  // poses with what all share, and what the poses' own block makes of it
+  Eigen::MatrixXd border, solved;  // coupling of poses with shared unknowns, and its solution by the poses' block
   Eigen::LLT<Eigen::MatrixXd> shared;
   bool has_solution = false;
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What all views share: when rows were taken, the cameras, and what the depth camera errs by.
+// Unknowns shared by all views: row times, cameras, and the depth correction.
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -11,14 +11,14 @@
 namespace cairn {
 namespace {
 
-constexpr int kNodesAcross = 14;                            // the camera's own image; as far apart down
-constexpr int kLeastWidth = 64, kLeastHeight = 48;          // pixels, of an image that is corrected
-constexpr double kClockPrior = 0.02, kReadoutPrior = 0.02;  // seconds; standard deviations, as all priors
+constexpr int kNodesAcross = 14;                            // across the camera's own image; equal spacing down
+constexpr int kLeastWidth = 64, kLeastHeight = 48;          // pixels: min. size of an image for the correction
+constexpr double kClockPrior = 0.02, kReadoutPrior = 0.02;  // s; standard deviations, like all priors
 constexpr double kStretchPrior = 0.02, kShiftPrior = 0.02, kBendPrior = 0.1;
-constexpr double kTurnPrior = 0.02, kPlacePrior = 0.01;  // radians, metres
+constexpr double kTurnPrior = 0.02, kPlacePrior = 0.01;  // rad, m
 constexpr double kOffsetPrior = 0.005;                   // 1/m
-constexpr double kSmooth = 0.002;                        // 1/m, of the difference of neighbours
-constexpr double kUnseen = 1e4;  // m^2: a node that is known worse than to a hundredth of 1/m stays at zero
+constexpr double kSmooth = 0.002;                        // 1/m, of the difference of neighbors
+constexpr double kUnseen = 1e4;  // m^2: a node with a standard deviation above a hundredth of 1/m stays at zero
 constexpr double kHeld = 1e14;
 
 constexpr double information_of(double sigma) { return 1 / (sigma * sigma); }
@@ -45,7 +45,7 @@ void Bundle::find_correction() {
   tolerance_ = kFirstTolerance;
 }
 
-/// What is looked up by pixel.
+/// Updates the lookup tables by pixel.
 void Bundle::refresh() {
   const Camera& camera = cameras_.depth;
   rays_.resize(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
@@ -69,7 +69,7 @@ void Bundle::move_shared(const Eigen::VectorXd& step) {
   refresh();
 }
 
-/// Their values are zero as long as nothing tells of others.
+/// Zero-mean priors.
 void Bundle::add_priors(Equations& e) const {
   Part& part = e.reduced;
   const auto add = [&](int i, double sigma, double value) {
@@ -113,7 +113,8 @@ void Bundle::add_priors_of_nodes(Equations& e) const {
   };
   for (int i = 0; i < nodes; ++i) {
     constexpr double kInformation = information_of(kOffsetPrior);
-    part.corner(first + i, first + i) += is_seen(i) ? kInformation : kHeld;  // stays as it is, where weights change
+    part.corner(first + i, first + i) +=
+        is_seen(i) ? kInformation : kHeld;  // an unseen node keeps its value when weights change
     part.corner_right[first + i] -= kInformation * offset(i);
     e.cost += kInformation * offset(i) * offset(i);
     if ((i + 1) % c.columns != 0) smooth(i, i + 1);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Steps of Gauss-Newton: surfels are eliminated, what is left is solved by sparse Cholesky.
+// Gauss-Newton steps: surfels are eliminated, and the reduced system is solved by sparse Cholesky.
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -13,18 +13,18 @@
 namespace cairn {
 namespace {
 
-constexpr double kShare = 1 / Bundle::kTogether;  // of an observation
-constexpr int kSteps = 3, kMostTried = 6;         // in a round
-constexpr double kGrowth = 20;                    // of the damping, when a step did not help
-constexpr double kAsGood = 1.01;                  // times the cost, after a last step: there is nothing left to try for
-constexpr std::size_t kParts = 16;                // sums of surfels, added up in this order on every machine
-constexpr std::size_t kLargeParts = 4;            // the same, with what depth errs by: they take much memory
-constexpr double kHeld = 1e12;                    // information that keeps what must not move
-constexpr double kMostMove = 0.05;                // metres of a surfel
-// A surfel that nothing holds stays.
+constexpr double kShare = 1 / Bundle::kTogether;  // weight of an observation
+constexpr int kSteps = 3, kMostTried = 6;         // per round
+constexpr double kGrowth = 20;                    // of the damping after a failed step
+constexpr double kAsGood = 1.01;        // times the cost, for the last step: further attempts are not worthwhile
+constexpr std::size_t kParts = 16;      // partial sums over surfels, added in a fixed order on every machine
+constexpr std::size_t kLargeParts = 4;  // the same with a depth correction, which takes much memory
+constexpr double kHeld = 1e12;          // information that fixes an unknown
+constexpr double kMostMove = 0.05;      // m, of a surfel
+// Keeps unconstrained surfels in place.
 const Eigen::Vector3d kFloor = Eigen::Vector3d(1e-2, 1e-6, 1e-6) / Bundle::kTogether;
 
-/// Nodes of the correction that a pixel's offset is made of, and their shares.
+/// Correction nodes around a pixel, with interpolation weights.
 struct Nodes {
   std::array<int, 4> node;
   std::array<double, 4> share;
@@ -131,7 +131,7 @@ void Bundle::linearise(std::size_t s, Equations& e, Part& part) const {
   if (!e.with_nodes.empty()) eliminate_with_nodes(s, e, part);
 }
 
-/// The gap that a view tells, of the nodes of the correction.
+/// Adds the terms of a view's gap with the correction's nodes.
 Bundle::WithNodes Bundle::add_nodes(const Seen& seen, std::size_t k, Part& part) const {
   const int shared = shared_unknowns();
   const Residual& gap = seen.residual[0];
@@ -250,7 +250,7 @@ Bundle::Solver::Solver(const Bundle& bundle, const Equations& e, double damping)
   }
   std::vector<Vector6d> right_side = reduced.right;
   add_ties(bundle.ties_, bundle.poses_, blocks, right_side);
-  poses.cholmod().print = 0;  // what is told is `has_solution`
+  poses.cholmod().print = 0;  // failure is reported by `has_solution`
   poses.compute(blocks.matrix(views));
   if (poses.info() != Eigen::Success) return;
   border.resize(static_cast<int>(6 * views), reduced.corner.cols());
@@ -267,7 +267,7 @@ Bundle::Solver::Solver(const Bundle& bundle, const Equations& e, double damping)
   has_solution = shared.info() == Eigen::Success;
 }
 
-/// False where there is no solution; all stays then.
+/// Returns false without a solution; the state is unchanged then.
 bool Bundle::move(const Equations& e, double damping) {
   const Solver solver(*this, e, damping);
   if (!solver.has_solution) return false;
@@ -285,7 +285,7 @@ bool Bundle::move(const Equations& e, double damping) {
   return true;
 }
 
-/// Levenberg-Marquardt: a step that does not help is taken back, and the next one is shorter.
+/// Levenberg-Marquardt: a failed step is undone and repeated with more damping.
 void Bundle::descend() {
   double damping = 1e-6;
   Equations now = linearise();

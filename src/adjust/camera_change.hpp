@@ -8,8 +8,8 @@
 
 namespace cairn {
 
-/// What a camera is that is not as it was said to be, the same at every resolution: a ray (m, 1) is where the camera
-/// that was said shows the ray ((1 + stretch) m (1 + bend |m|^2) + shift, 1).
+/// Deviation of a camera from its nominal calibration, independent of resolution: the nominal camera images the ray (m,
+/// 1) as the ray ((1 + stretch) m (1 + bend |m|^2) + shift, 1).
 struct CameraChange {
   static constexpr int kUnknowns = 5;  // stretch, shift, bend
   using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
@@ -22,7 +22,7 @@ struct CameraChange {
   [[nodiscard]] Eigen::Vector2d shown(const Eigen::Vector2d& m) const {
     return (stretch() * m.array() * (1 + bend() * m.squaredNorm())).matrix() + shift();
   }
-  /// The other way, by iteration.
+  /// Inverse of `shown`, by iteration.
   [[nodiscard]] Eigen::Vector2d seen(const Eigen::Vector2d& place) const {
     const Eigen::Vector2d bent = ((place - shift()).array() / stretch()).matrix();
     Eigen::Vector2d m = bent;
@@ -43,12 +43,12 @@ struct CameraChange {
     by.col(4) = stretch() * m.array() * m.squaredNorm();
     return by;
   }
-  /// What `seen` of a place changes by.
+  /// Derivative of `seen` by the unknowns.
   [[nodiscard]] Eigen::Matrix<double, 2, kUnknowns> seen_by_unknowns(const Eigen::Vector2d& m) const {
     return -shown_by_ray(m).inverse() * shown_by_unknowns(m);
   }
-  /// The camera that was said, with it: its lens's first radial term takes the bend, to the first order where the lens
-  /// had one.
+  /// Applies the deviation to the nominal camera: the bend is added to the first radial distortion coefficient, to
+  /// first order if the lens already has one.
   [[nodiscard]] Camera applied_to(Camera camera) const {
     camera.cx += camera.fx * shift().x(), camera.cy += camera.fy * shift().y();
     camera.fx *= stretch().x(), camera.fy *= stretch().y();

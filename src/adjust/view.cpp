@@ -11,17 +11,17 @@
 namespace cairn {
 namespace {
 
-constexpr double kShortest = 400;  // pixels; the focal length that colour images are reduced to, or a little more
-constexpr int kReach = 4;          // pixels to each side that a normal is made of
-constexpr double kFlat = 2;        // standard deviations of depth (RMS) that they may lie off their plane
-constexpr double kOneSurface = 6;  // standard deviations of depth that neighbours may differ by
-constexpr double kSmoothing = 1;   // pixels, standard deviation, of brightness
-constexpr double kSteepest = 0.3;  // cosine of a normal to its ray
-constexpr int kBlock = 4, kMeasured = 3;  // depth pixels in one; at least so many of them
+constexpr double kShortest = 400;         // pixels; min. focal length of reduced color images
+constexpr int kReach = 4;                 // pixels to each side for a normal
+constexpr double kFlat = 2;               // max. residual of a plane in standard deviations of depth (RMS)
+constexpr double kOneSurface = 6;         // max. depth difference of neighbors in standard deviations of depth
+constexpr double kSmoothing = 1;          // pixels, standard deviation of the brightness filter
+constexpr double kSteepest = 0.3;         // cosine of a normal with its ray
+constexpr int kBlock = 4, kMeasured = 3;  // depth pixels per block; min. number of measured ones
 
 std::size_t pixels(const Camera& c) { return static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height); }
 
-/// The pixel of a camera's own image that one of its rectified image shows.
+/// Pixel of a camera's own image that corresponds to a pixel of the rectified image.
 struct Pixel {
   int x, y;
 };
@@ -32,7 +32,7 @@ Pixel measured(const Camera& own, int x, int y) {
           static_cast<int>(std::lround(own.fy * bent.y() + own.cy))};
 }
 
-/// The mean of four measurements, where they are of one surface.
+/// Mean of four measurements, if they are of one surface; else 0.
 float mean_depth(const BundleCameras& cameras, const std::vector<float>& depth, int x, int y) {
   const Camera& own = cameras.rig.depth;
   const SensorModel& sensor = cameras.rig.sensor;
@@ -51,8 +51,7 @@ float mean_depth(const BundleCameras& cameras, const std::vector<float>& depth, 
   return static_cast<double>(most - least) > kOneSurface * static_cast<double>(sensor.sigma(z)) ? 0 : z;
 }
 
-/// Normals of the planes through the pixels around each: inverse depth is linear over its image, and noise is alike in
-/// it.
+/// Plane normals from each pixel's neighborhood: inverse depth is linear in image coordinates, with uniform noise.
 class Planes {
  public:
   Planes(const BundleCameras& cameras, const std::vector<float>& depth)
@@ -91,7 +90,7 @@ class Planes {
     if (3 * count < 2 * kAll) return std::nullopt;
     Eigen::Matrix3d information;
     information << of(xx_), of(xy_), of(x_), of(xy_), of(yy_), of(y_), of(x_), of(y_), count;
-    // Of what inverse depth differs by from that of the middle.
+    // Inverse depth relative to the center's.
     const Eigen::Vector3d sum(of(inverse_x_) - here * of(x_), of(inverse_y_) - here * of(y_),
                               of(inverse_) - here * count);
     const double squared = of(squared_) - 2 * here * of(inverse_) + here * here * count;
@@ -111,7 +110,7 @@ class Planes {
   const Camera& camera_;
   const SensorModel& sensor_;
   const std::vector<float>& depth_;
-  // Sums over the pixels around each that have depth: how many, where they are beside it, and inverse depth.
+  // Sums over the pixels with depth in each neighborhood: count, offsets, and inverse depth.
   cv::Mat count_, x_, y_, xx_, xy_, yy_, inverse_, inverse_x_, inverse_y_, squared_;
 };
 
@@ -139,7 +138,7 @@ BundleCameras::BundleCameras(const Rig& r) : rig(r), depth(r.depth.rectified().a
 
 Eigen::Vector2f BundleCameras::measured_at(int x, int y) const {
   const Camera& own = rig.depth;
-  Eigen::Vector2d pixel(2 * x + 0.5, 2 * y + 0.5);  // the middle of the block
+  Eigen::Vector2d pixel(2 * x + 0.5, 2 * y + 0.5);  // center of the block
   if (own.distorted()) {
     const Eigen::Vector2d bent = own.distort(depth.ray(x, y).head<2>());
     pixel = {own.fx * bent.x() + own.cx, own.fy * bent.y() + own.cy};
@@ -166,7 +165,7 @@ BundleView bundle_view(const BundleCameras& cameras, const Frame& frame, const C
   for (int y = 0; y < colour.height; ++y)
     for (int x = 0; x < colour.width; ++x)
       view.brightness[at(colour, x, y)] = mean_brightness(cameras, frame.colour, x, y);
-  // Detail that cannot be interpolated would hold views where they are.
+  // Detail too fine for interpolation would bind views to their current poses.
   cv::Mat image(colour.height, colour.width, CV_8U, view.brightness.data());
   cv::GaussianBlur(image, image, cv::Size(0, 0), kSmoothing);
   return view;

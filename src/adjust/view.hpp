@@ -11,32 +11,32 @@
 
 namespace cairn {
 
-/// The cameras of a rig without their lenses and at a resolution that adjustment works at: images average out noise.
+/// Cameras of a rig without distortion, at the resolution of the adjustment: reduced images average out noise.
 struct BundleCameras {
   explicit BundleCameras(const Rig& rig);
   Rig rig;
   Camera depth, colour;
   int colour_level = 0;
-  /// Where in the camera's own image, in shares of its width and height, a pixel of `depth` was measured.
+  /// Position of a pixel of `depth` in the camera's own image, as shares of its width and height.
   [[nodiscard]] Eigen::Vector2f measured_at(int x, int y) const;
 };
 
-/// A pixel's place in an image.
+/// Index of a pixel in an image.
 [[nodiscard]] inline std::size_t at(const Camera& c, int x, int y) {
   return static_cast<std::size_t>(y) * static_cast<std::size_t>(c.width) + static_cast<std::size_t>(x);
 }
 
-/// A keyframe as the adjustment sees it.
+/// Preprocessed keyframe of the adjustment.
 struct BundleView {
-  std::vector<float> depth;              // metres, by pixel of the depth camera; 0: none, or an edge
+  std::vector<float> depth;              // meters, by pixel of the depth camera; 0: none, or an edge
   std::vector<Eigen::Vector3f> normals;  // towards the camera; zero: none
-  std::vector<std::uint8_t> brightness;  // smoothed, by pixel of the colour camera; empty: the frame has no colour
-  float farthest = 0;                    // metres, of what is measured
+  std::vector<std::uint8_t> brightness;  // smoothed, by pixel of the color camera; empty: the frame has no color
+  float farthest = 0;                    // maximum of depth, meters
   CameraMotion motion;
-  double colour_delay = 0;  // seconds from the depth image's moment to the colour image's
+  double colour_delay = 0;  // s from the depth image's time to the color image's
 };
 
-/// `frame` is of one moment: a shutter that is known to roll is undone.
+/// Preprocesses a keyframe. `frame` is of one moment, with a known rolling shutter already corrected.
 [[nodiscard]] BundleView bundle_view(const BundleCameras& cameras, const Frame& frame, const CameraMotion& motion);
 
 }  // namespace cairn

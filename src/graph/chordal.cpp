@@ -22,7 +22,7 @@ struct Weights {
   double kappa, tau;
 };
 
-/// Least squares in `unknowns` values for three right-hand sides at a time; each component's anchor is known.
+/// Linear least squares in `unknowns` values for three right-hand sides at a time; each component's anchor is fixed.
 class Problem {
  public:
   explicit Problem(Eigen::Index unknowns) : rhs_(Eigen::MatrixXd::Zero(unknowns, 3)) {}
@@ -47,7 +47,7 @@ Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& m) {
   return u * svd.matrixV().transpose();
 }
 
-/// Matrices in place of the rotations, from the given ones of the anchors; three columns a node.
+/// Relaxed rotations as general matrices, from the given rotations of the anchors; three columns per node.
 Eigen::MatrixXd relaxed_rotations(const PoseGraph& graph, const std::vector<double>& weights,
                                   const std::vector<Eigen::Index>& number, Eigen::Index count,
                                   const std::vector<Eigen::Isometry3d>& poses) {
@@ -77,7 +77,7 @@ Eigen::MatrixXd relaxed_rotations(const PoseGraph& graph, const std::vector<doub
   return rotations.solve();
 }
 
-/// The translations that suit the rotations of `poses`; a row a node.
+/// Optimal translations for the rotations of `poses`; one row per node.
 Eigen::MatrixXd fitting_translations(const PoseGraph& graph, const std::vector<double>& weights,
                                      const std::vector<Eigen::Index>& number, Eigen::Index count,
                                      const std::vector<Eigen::Isometry3d>& poses) {
@@ -113,7 +113,7 @@ Eigen::MatrixXd fitting_translations(const PoseGraph& graph, const std::vector<d
 std::vector<Eigen::Isometry3d> chordal_initialisation(const PoseGraph& graph, const std::vector<double>& weights) {
   std::vector<Eigen::Isometry3d> poses = graph.world_from_node;
   const std::vector<std::size_t> anchors = component_of(graph, weights);
-  // Unknowns are numbered over the nodes that are no anchor.
+  // Unknowns are numbered over the nodes other than anchors.
   std::vector<Eigen::Index> number(poses.size(), -1);
   Eigen::Index count = 0;
   for (std::size_t i = 0; i < poses.size(); ++i)

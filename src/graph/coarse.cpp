@@ -9,7 +9,7 @@
 namespace cairn {
 namespace {
 
-/// Of the same node: what all readings tell.
+/// Combines the gravity readings of a node.
 void add_gravity(std::vector<PoseGraph::Gravity>& gravity, std::vector<std::size_t>& of_node,
                  const PoseGraph::Gravity& reading) {
   if (of_node[reading.node] == CoarseGraph::kNone) {
@@ -31,9 +31,9 @@ CoarseGraph::CoarseGraph(const PoseGraph& fine, std::size_t spacing) : edge_of(f
   places_.resize(nodes);
   struct Next {
     std::size_t node = 0;  // in `graph`
-    Way from;              // the node from there
+    Way from;              // from the kept node to this node
   };
-  std::vector<Next> next(nodes);  // the kept node next to each
+  std::vector<Next> next(nodes);  // nearest kept node, by node
   const auto keep = [&](std::size_t node) {
     kept_.push_back(node);
     graph.world_from_node.push_back(fine.world_from_node[node]);
@@ -44,10 +44,10 @@ CoarseGraph::CoarseGraph(const PoseGraph& fine, std::size_t spacing) : edge_of(f
     next[begin] = {from, {}};
     places_[begin] = {from, from, 0};
     while (step[begin] != nullptr) {
-      // From one kept node to the next one.
+      // From one kept node to the next.
       std::size_t end = begin + 1;
       while (end - begin < spacing && step[end] != nullptr) ++end;
-      std::vector<Way> steps, ways{Way{}};  // of these few; to each of their ends
+      std::vector<Way> steps, ways{Way{}};  // of this segment; from the kept node to the end of each step
       for (std::size_t i = begin; i < end; ++i) {
         steps.push_back(along(*step[i]));
         ways.push_back(then(ways.back(), steps.back()));
@@ -98,7 +98,7 @@ std::vector<Eigen::Isometry3d> CoarseGraph::spread(const PoseGraph& fine) const 
     const Place& place = places_[i];
     Eigen::Isometry3d pose = moved_with(place.before, i);
     pose = pose * retract(place.share * local_coordinates(pose.inverse() * moved_with(place.after, i)));
-    // Else what rounding has bent doubles with each time.
+    // Prevents the growth of rounding errors, which would double each time.
     pose.linear() = Eigen::Quaterniond(pose.linear()).normalized().toRotationMatrix();
     poses.push_back(pose);
   }

@@ -9,7 +9,7 @@
 
 namespace cairn {
 
-/// For each node the first node that edges of more than no weight join it to: itself for the first of a component.
+/// For each node, the first node of its connected component over edges of positive weight.
 inline std::vector<std::size_t> component_of(const PoseGraph& graph, const std::vector<double>& weights) {
   UnionFind<std::size_t> sets(graph.world_from_node.size());
   for (std::size_t k = 0; k < graph.edges.size(); ++k)

@@ -11,10 +11,11 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kNeighbours = 5;               // nodes between the ends of edges that may agree
-constexpr double kFewAlone = 10, kShareAlone = 0.1;  // edges without agreement, of those with it, that are no surprise
+constexpr std::size_t kNeighbours = 5;  // max. nodes between the ends of neighboring edges
+constexpr double kFewAlone = 10,
+                 kShareAlone = 0.1;  // expected isolated loop closures: number, and share of the agreeing ones
 
-/// From node `a` to node `b` by steps_of() their graph; nothing where one is missing.
+/// Relative pose from node `a` to node `b` along steps_of() their graph; empty if a step is missing.
 std::optional<Way> along(const std::vector<const PoseGraph::Edge*>& step, std::size_t a, std::size_t b) {
   Way way{Eigen::Isometry3d::Identity(), Matrix6d::Zero()};
   for (std::size_t i = std::min(a, b); i < std::max(a, b); ++i) {
@@ -24,9 +25,9 @@ std::optional<Way> along(const std::vector<const PoseGraph::Edge*>& step, std::s
   return a <= b ? way : reverse(way);
 }
 
-/// Edges that may be false and have a neighbour, from near their one end to near their other, that says the same within
-/// the noise of both and of the way between their ends (pairwise consistency: Mangelson et al. 2018); or that have such
-/// neighbours which all say something else.
+/// Pairwise consistency of loop closures (Mangelson et al. 2018). agrees: a neighboring loop closure, with both ends
+/// nearby, agrees within the noise of both and of the steps between their ends. contradicts: has neighbors, and none
+/// agrees.
 enum class Consistency : std::uint8_t { none, agrees, contradicts };
 std::vector<Consistency> pairwise_consistency(const PoseGraph& graph, double limit) {
   std::vector<Consistency> found(graph.edges.size(), Consistency::none);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Which loops may be false, by what their neighbours tell.
+// Initial rejection of loop closures by pairwise consistency.
 #pragma once
 #include <vector>
 
@@ -8,8 +8,8 @@
 
 namespace cairn {
 
-/// Weights of all edges to begin with: loops that others contradict have none; nor have those that none agrees with,
-/// where these are too many. `limit`: of the squared error in units of noise by which two may differ.
+/// Initial weights of all edges: zero for loop closures contradicted by their neighbors, and for isolated ones if there
+/// are too many. `limit`: of the squared error in units of noise between two agreeing loop closures.
 [[nodiscard]] std::vector<double> first_weights(const PoseGraph& graph, double limit);
 
 }  // namespace cairn

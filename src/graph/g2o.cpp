@@ -24,11 +24,11 @@ namespace fs = std::filesystem;
 /// g2o's order is (translation, rotation).
 int g2o_index(int i) { return (i + 3) % 6; }
 
-/// The first line of files with information of half the angle, which g2o passes over.
+/// First line of files with information of half the angle; g2o ignores this line.
 constexpr std::string_view kHalfAngle =
     "# cairn: information of rotations is of the quaternion's vector part, half the angle";
 
-/// From information of radians to that of half the angle, `of_half` 2, or back, `of_half` 0.5.
+/// Converts information in radians to half the angle (`of_half` 2), or back (`of_half` 0.5).
 Matrix6d rescaled(const Matrix6d& information, double of_half) {
   Vector6d scale = Vector6d::Ones();
   scale.head<3>().setConstant(of_half);
@@ -41,12 +41,12 @@ bool is_of_half_angle(const fs::path& file) {
   return std::getline(in, line) && line.starts_with(kHalfAngle);
 }
 
-/// The least information in any direction: of the most in one, and where there is none (1/rad^2, 1/m^2).
+/// Minimum information: as a share of the largest eigenvalue, and absolute (1/rad^2, 1/m^2).
 constexpr double kLeastShare = 1e-9, kLeast = 1e-12;
 
-/// Published graphs hold matrices with eigenvalues below zero, as their makers' estimates gave them. Such a direction
-/// was not measured: its eigenvalue becomes next to nothing. Returns whether the matrix was of that kind; others stay
-/// as they are.
+/// Published graphs contain matrices with negative eigenvalues from estimates. These directions were not measured:
+/// their eigenvalues are clamped to nearly zero. Returns true if the matrix was indefinite; other matrices stay
+/// unchanged.
 bool make_positive_definite(Matrix6d& information) {
   if (Eigen::LLT<Matrix6d>(information).info() == Eigen::Success) return false;
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(information);
@@ -63,7 +63,7 @@ struct ReadEdge {
   PoseGraph::Edge edge;
 };
 
-/// One line of a file, by its words.
+/// Line of a file, split into words.
 struct Line {
   const fs::path& file;
   int number;
@@ -78,7 +78,7 @@ struct Line {
     if (v != std::floor(v) || std::abs(v) > 1e15) throw wrong("'" + shown(words[i]) + "' is no node");
     return std::lround(v);
   }
-  /// From seven words.
+  /// Reads seven words.
   [[nodiscard]] Eigen::Isometry3d pose(std::size_t i) const {
     const Eigen::Quaterniond q(value(i + 6), value(i + 3), value(i + 4), value(i + 5));
     if (!is_rotation(q)) throw wrong("the quaternion is zero or too large");
@@ -101,7 +101,7 @@ struct Line {
   }
 };
 
-/// The graph with its nodes numbered in the order of their ids.
+/// Graph with nodes numbered in the order of their ids.
 PoseGraph numbered(const std::map<long, Eigen::Isometry3d>& nodes, const std::vector<ReadEdge>& edges,
                    const fs::path& file) {
   PoseGraph graph;

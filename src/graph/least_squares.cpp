@@ -13,7 +13,7 @@
 namespace cairn {
 namespace {
 
-/// The error of an edge in units of its noise; rotation as twice the sine of half its angle.
+/// Edge error in units of its noise; rotation as twice the sine of half its angle.
 struct EdgeError {
   Eigen::Quaterniond measured_turn;
   Eigen::Vector3d measured_shift;
@@ -46,7 +46,7 @@ struct GravityError {
   }
 };
 
-/// Holds the place and the heading of a node that gravity may tilt.
+/// Fixes the position and the heading of a node; gravity may tilt the node.
 struct AnchorError {
   NodePose at;
   template <class T>
@@ -143,7 +143,7 @@ int solve(const PoseGraph& graph, const std::vector<double>& weights, int iterat
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   options.max_num_iterations = iterations;
-  options.num_threads = 1;  // several add the residuals up in the order in which they come by
+  options.num_threads = 1;  // several threads would sum the residuals in random order
   options.function_tolerance = 1e-7;
   options.gradient_tolerance = 1e-12;
   options.parameter_tolerance = 1e-12;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The poses of a graph that fit its edges best, for given weights.
+// Least-squares poses of a graph for given edge weights.
 #pragma once
 #include <array>
 #include <vector>
@@ -16,16 +16,16 @@ using NodePose = std::array<double, 7>;  // quaternion x y z w, translation
 [[nodiscard]] std::vector<NodePose> node_poses(const std::vector<Eigen::Isometry3d>& poses);
 [[nodiscard]] std::vector<Eigen::Isometry3d> poses(const std::vector<NodePose>& nodes);
 
-/// In units of the edge's noise; of all edges by their numbers, whatever their weights.
+/// Squared errors in units of the edge's noise; squared_errors() ignores the weights.
 [[nodiscard]] double squared_error(const PoseGraph::Edge& edge, const std::vector<NodePose>& poses);
 [[nodiscard]] std::vector<double> squared_errors(const PoseGraph& graph, const std::vector<NodePose>& poses);
 
-/// Half the sum of the squared errors, gravity's as well.
+/// Half the sum of the weighted squared errors, including gravity.
 [[nodiscard]] double cost(const PoseGraph& graph, const std::vector<NodePose>& poses,
                           const std::vector<double>& weights);
 
-/// Levenberg-Marquardt over the edges of more than no weight, from `poses` on. The first node of each component stays.
-/// Returns its iterations. Throws std::runtime_error where there is no solution.
+/// Levenberg-Marquardt over the edges of positive weight, starting at `poses`. The first node of each component is
+/// fixed. Returns the number of iterations. Throws std::runtime_error without a usable solution.
 int solve(const PoseGraph& graph, const std::vector<double>& weights, int iterations, std::vector<NodePose>& poses);
 
 }  // namespace cairn

@@ -20,17 +20,18 @@ namespace {
 
 constexpr double kGrowth = 1.4;  // of the convexity parameter (Yang et al. 2020, remark 5)
 constexpr int kMaxRounds = 100;
-constexpr int kRoundIterations = 5;  // of Levenberg-Marquardt, between two changes of the weights
-constexpr std::size_t kTracked = 1;  // nodes a loop, from which on that is worth it
-constexpr std::size_t kSpacing = 8;  // nodes of a chain from one that is kept to the next one
-constexpr double kNearly = 100;      // times the limit of a squared error up to which a loop is judged again
+constexpr int kRoundIterations = 5;  // of Levenberg-Marquardt, between two updates of the weights
+constexpr std::size_t kTracked = 1;  // min. nodes per loop closure to use a coarse graph
+constexpr std::size_t kSpacing = 8;  // nodes of a chain between kept nodes
+constexpr double kNearly =
+    100;  // times the limit of a squared error: rejected loop closures up to here are judged again
 constexpr int kBelieveRounds = 5;
-constexpr int kLoopIterations = 5;  // of Levenberg-Marquardt, for a loop
-constexpr double kLoose = 10;     // times its noise, that an edge that may slip is taken to have while loops are judged
-constexpr double kTighter = 1.4;  // from round to round after that
-constexpr int kSlipRounds = 20;   // then, at most
-constexpr double kSameWeight = 0.01;  // by which weights change in the last of them
-constexpr double kTrust = 9;          // times as much as a loop may cost by chance: noise is told too small
+constexpr int kLoopIterations = 5;    // of Levenberg-Marquardt, for a loop closure
+constexpr double kLoose = 10;         // factor on the noise of heavy-tailed edges while loop closures are judged
+constexpr double kTighter = 1.4;      // divisor of this factor per later round
+constexpr int kSlipRounds = 20;       // max. rounds at factor 1
+constexpr double kSameWeight = 0.01;  // convergence of the weights in these rounds
+constexpr double kTrust = 9;          // times the cost that a loop closure may have by chance: noise is underestimated
 
 void check(const PoseGraph& graph) {
   const std::size_t nodes = graph.world_from_node.size();
@@ -54,7 +55,7 @@ void check(const PoseGraph& graph) {
           fmt::format("pose graph: the gravity of node {} is no unit vector with a noise", g.node));
 }
 
-/// Takes the chordal initialisation if it costs less. Returns whether it does.
+/// Uses the chordal initialization if its cost is lower. Returns true in this case.
 bool start_from_chordal(const PoseGraph& graph, const std::vector<double>& weights, std::vector<NodePose>& poses) {
   std::vector<NodePose> chordal = node_poses(chordal_initialisation(graph, weights));
   if (!(cost(graph, chordal, weights) < cost(graph, poses, weights))) return false;
@@ -62,7 +63,8 @@ bool start_from_chordal(const PoseGraph& graph, const std::vector<double>& weigh
   return true;
 }
 
-/// Weighs the edges that may slip by their squared errors, for so many times their noise. Returns the largest change.
+/// Reweights the heavy-tailed edges by their squared errors, with their noise scaled by `looser`. Returns the largest
+/// change.
 double weigh_slips(const PoseGraph& graph, const std::vector<double>& squared, double looser,
                    std::vector<double>& weights) {
   double change = 0;
@@ -75,8 +77,8 @@ double weigh_slips(const PoseGraph& graph, const std::vector<double>& squared, d
   return change;
 }
 
-/// Graduated non-convexity with truncated least squares (Yang, Antonante, Tzoumas & Carlone 2020, sec. III). Edges that
-/// have no weight at the start keep none.
+/// Graduated non-convexity with truncated least squares (Yang, Antonante, Tzoumas & Carlone 2020, sec. III). Edges with
+/// zero initial weight stay rejected.
 int graduated_non_convexity(const PoseGraph& graph, const OptimiseOptions& options, std::vector<NodePose>& poses,
                             std::vector<double>& weights) {
   const double limit = options.inlier_threshold;
@@ -114,7 +116,7 @@ bool is_mostly_tracked(const PoseGraph& graph) {
   return graph.world_from_node.size() >= kLargeGraph && kTracked * loops <= graph.world_from_node.size();
 }
 
-/// Poses of a graph, and which of its edges to believe.
+/// Current estimate of a graph: poses and edge weights.
 struct Belief {
   std::vector<NodePose> poses;
   std::vector<double> weights;
@@ -127,8 +129,9 @@ void settle(const PoseGraph& graph, const OptimiseOptions& options, Belief& beli
   belief.iterations += solve(graph, belief.weights, options.max_iterations, belief.poses);
 }
 
-/// The same, where some edges may have slipped. These are loose at first, so that one that did takes all of what is
-/// off, which else its neighbours would share: a step in between is as false as the slip, and held by as many others.
+/// Iteratively reweighted least squares for heavy-tailed edges. Their noise is inflated at first, so that a slipped
+/// edge absorbs the whole error. With full weights from the start, its neighbors would share the error, in a local
+/// minimum with as much support.
 void settle_slips(const PoseGraph& graph, Belief& belief) {
   if (std::none_of(graph.edges.begin(), graph.edges.end(), [](const auto& e) { return e.may_slip; })) return;
   double looser = kLoose;
@@ -143,13 +146,13 @@ void settle_robustly(const PoseGraph& graph, const OptimiseOptions& options, Bel
   settle(graph, options, belief);
   const bool from_chordal = belief.from_chordal;
   belief.iterations += graduated_non_convexity(graph, options, belief.poses, belief.weights);
-  settle(graph, options, belief);  // a false edge may have torn the poses too far apart to come back
+  settle(graph, options, belief);  // a false edge may have moved the poses too far to recover
   settle_slips(graph, belief);
   belief.from_chordal = from_chordal;
 }
 
-/// Loops that have no weight since nothing agrees with them, and that would take little to fit, are judged once more,
-/// now that the others have laid the poses. Returns whether more are believed: these lay others.
+/// Judges rejected loop closures with a moderate error again, at the poses of the accepted ones. Returns true if more
+/// are accepted, since these change the poses again.
 bool believe_again(const PoseGraph& graph, const OptimiseOptions& options, Belief& belief) {
   const auto believed = [](const std::vector<double>& weights) {
     return std::count_if(weights.begin(), weights.end(), [](double w) { return w > 0.5; });
@@ -162,7 +165,7 @@ bool believe_again(const PoseGraph& graph, const OptimiseOptions& options, Belie
   return believed(belief.weights) > before;
 }
 
-/// The coarse graph's edges weigh as those of the fine one that they are made of.
+/// Weights of the coarse edges, from the fine edges they represent.
 std::vector<double> coarse_weights(const CoarseGraph& coarse, const std::vector<double>& fine) {
   std::vector<double> weights(coarse.graph.edges.size(), 1.0);
   for (std::size_t k = 0; k < fine.size(); ++k)
@@ -170,7 +173,7 @@ std::vector<double> coarse_weights(const CoarseGraph& coarse, const std::vector<
   return weights;
 }
 
-/// The same by a coarse graph first.
+/// Robust solution that starts from a coarse graph.
 void settle_from_afar(const PoseGraph& graph, const OptimiseOptions& options, Belief& belief) {
   CoarseGraph coarse(graph, kSpacing);
   Belief afar{.poses = node_poses(coarse.graph.world_from_node), .weights = coarse_weights(coarse, belief.weights)};
@@ -216,7 +219,7 @@ OptimiseReport optimise(PoseGraph& graph, const OptimiseOptions& options) {
       settle_from_afar(graph, options, belief);
     else
       settle_robustly(graph, options, belief);
-    // What was left out at the start and fits is believed after all; what does not fit is not.
+    // Final decision: loop closures are inliers if they fit, including initially rejected ones.
     const auto squared = squared_errors(graph, belief.poses);
     for (std::size_t k = 0; k < belief.weights.size(); ++k)
       if (graph.edges[k].is_loop_closure) belief.weights[k] = squared[k] <= options.inlier_threshold ? 1.0 : 0.0;

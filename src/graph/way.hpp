@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Measurements one after the other.
+// Composition of relative poses with covariance.
 #pragma once
 #include <cstddef>
 #include <vector>
@@ -10,13 +10,13 @@
 
 namespace cairn {
 
-/// How the end of a way lies to its begin, and how well that is known.
+/// Relative pose along a chain of edges, with its covariance.
 struct Way {
-  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  // of the end in the frame of the begin
-  Matrix6d covariance = Matrix6d::Zero();                  // in the frame of the end; radians, metres
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  // of the end in the frame of the start
+  Matrix6d covariance = Matrix6d::Zero();                  // in the frame of the end; radians, meters
 };
 
-/// One way and another one from its end on; to first order in their noise, which is independent.
+/// Composition of two relative poses; first order in their noise, which is independent.
 inline Way then(const Way& a, const Way& b) {
   const Matrix6d ad = adjoint(b.pose.inverse());
   return {a.pose * b.pose, Matrix6d(ad * a.covariance * ad.transpose() + b.covariance)};
@@ -26,7 +26,7 @@ inline Way reverse(const Way& a) {
   return {a.pose.inverse(), Matrix6d(ad * a.covariance * ad.transpose())};
 }
 
-/// By node: the edge to the next one that is no loop, of several the last; nullptr where there is none.
+/// By node: the odometry edge to the next node, the last of several; nullptr if there is none.
 inline std::vector<const PoseGraph::Edge*> steps_of(const PoseGraph& graph) {
   std::vector<const PoseGraph::Edge*> step(graph.world_from_node.size(), nullptr);
   for (const auto& edge : graph.edges)

@@ -356,7 +356,7 @@ Tracked Tracker::follow(const Frame& frame, const Surface& live, Volume& volume,
   return best;
 }
 
-/// Relocalizes a lost camera, at its last pose or by features. Requires a certain alignment.
+/// Relocalizes a lost camera: at its last pose, or by features if the alignment is reliable.
 Tracked Tracker::relocalise(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times) {
   Tracked tracked = align(frame, live, volume, predict(frame), "motion", Reach::wide, times);
   if (is_certain_in_place(tracked.alignment, memory_.lost_frames)) return tracked;

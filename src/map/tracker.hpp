@@ -47,7 +47,7 @@ class Tracker {
           const KeyframeDatabase& keyframes, const KeyframeStore& images);
 
   /// Tracks a frame; the result has a cause if there is no pose. Removes moving pixels from `live`'s fusion image (see
-  /// shaders/moving_mask.comp). The tracker's state changes only for a lost frame, until commit().
+  /// shaders/moving_mask.comp). Before commit(), a frame affects only the loss state and the cached prediction.
   [[nodiscard]] Tracked track(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);
   /// Tracks a held-out frame without any change of state.
   [[nodiscard]] Tracked look(const Frame& frame, const Surface& live, Volume& volume, StageTimes& times);

@@ -23,7 +23,7 @@ constexpr std::size_t kPlacedInMemory = std::size_t{1} << 19;  // submap bricks 
 
 using Bricks = std::unordered_set<Brick, BrickHash>;
 
-/// Bricks of a submap at their poses.
+/// Submap bricks with their poses.
 struct Placed {
   std::size_t submap;
   std::span<const PlacedBrick> bricks;

@@ -26,12 +26,12 @@ cv::Mat grey(const std::vector<std::uint32_t>& colour, const Camera& camera) {
   return out;
 }
 
-/// What a camera would see of a surface without colour under a light from the upper left: edges and steps of the
-/// geometry, smoothed over the depth's noise.
+/// Synthetic image of a surface without color, lit from the upper left: edges and steps of the geometry, smoothed over
+/// the depth noise.
 cv::Mat shaded(const std::vector<float>& depth, const Camera& camera) {
-  constexpr int kReach = 4;          // pixels to each side, between which the slope is taken
+  constexpr int kReach = 4;          // pixels to each side for the slope
   constexpr float kBlur = 3.0f;      // pixels
-  constexpr float kSteepest = 3.0f;  // metres a metre
+  constexpr float kSteepest = 3.0f;  // m/m
   const cv::Mat z(camera.height, camera.width, CV_32F, const_cast<float*>(depth.data()));
   cv::Mat known, smooth, share;
   cv::Mat(z > 0).convertTo(known, CV_32F, 1.0 / 255);
@@ -114,7 +114,7 @@ std::vector<double> focal_costs(const Features& known, const Features& seen, con
   const Matches matches = match(known, seen);
   const auto pnp = solve(matches, camera);
   if (!pnp) return {};
-  // Also what a wrong focal length has driven out of the first pose's inliers.
+  // Includes matches rejected by the first pose because of a wrong focal length.
   std::vector<cv::Point2d> projected;
   const auto project = [&](const std::vector<cv::Point3d>& points, const cv::Vec3d& rotation,
                            const cv::Vec3d& translation) {

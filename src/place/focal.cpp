@@ -13,7 +13,7 @@ constexpr std::size_t kLeastMatches = 40, kLeastInliers = 8;
 constexpr double kReprojection = 2.0;  // pixels
 constexpr int kRansacIterations = 100;
 
-/// Corners that lie within so many pixels of where a pose projects them.
+/// Matches with a reprojection error of less than `error`.
 Matches near(const Matches& matches, const cv::Vec3d& rotation, const cv::Vec3d& translation, double error) {
   std::vector<cv::Point2d> projected;
   cv::projectPoints(matches.points, rotation, translation, cv::Matx33d::eye(), cv::noArray(), projected);
@@ -26,8 +26,8 @@ Matches near(const Matches& matches, const cv::Vec3d& rotation, const cv::Vec3d&
   return close;
 }
 
-/// A pose by a few corners, then by all that it brings near (as Chum, Matas & Kittler 2003 do in a RANSAC loop): depth
-/// is noisy, and the first pose alone would hide what another length is better for.
+/// Estimates a pose from a few matches, then from all inliers (as Chum, Matas & Kittler 2003 in a RANSAC loop): depth
+/// is noisy, and with the first pose alone the inliers would not show the better focal length.
 int inliers_of(Matches matches, double focal, double scale) {
   for (auto& p : matches.points) p.x /= scale, p.y /= scale;
   for (auto& r : matches.rays) r *= 1 / scale;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Whether a camera's focal length can be right, told by two views without their poses.
+// Plausibility of a camera's focal length, from two views without poses.
 #pragma once
 #include <array>
 #include <optional>
@@ -9,12 +9,13 @@
 
 namespace cairn {
 
-/// Candidates for the true focal length in units of the camera's, far beside it too.
+/// Candidates for the true focal length in units of the camera's, over a wide range.
 constexpr std::array<double, 7> kFarFocalScales{0.4, 0.55, 0.75, 1.0, 1.35, 1.8, 2.5};
-constexpr std::size_t kGivenFocal = 3;  // the camera's own, among them
+constexpr std::size_t kGivenFocal = 3;  // index of the camera's own focal length
 
-/// Corners of `seen` that fit `known`'s by some pose, for each of kFarFocalScales. The views must be turned against
-/// each other by some degrees: a wrong length bends turns. Nothing when the views share too few corners.
+/// Number of features of `seen` that fit features of `known` with some pose, for each of kFarFocalScales. The views
+/// must differ by a rotation of some degrees, since a wrong focal length distorts rotations. Empty with too few
+/// matches.
 [[nodiscard]] std::optional<std::array<int, kFarFocalScales.size()>> focal_inliers(const Features& known,
                                                                                    const Features& seen,
                                                                                    const Camera& camera);

@@ -15,18 +15,18 @@
 namespace cairn {
 namespace {
 
-// A posting: the low bits of a key, and an entry's number within its run. Postings are sorted by the key's high bits,
-// which are not in them, then as numbers.
+// A posting: the low bits of a key, and an entry's index within its run. Postings are sorted by the key's high bits,
+// which are implicit, then as numbers.
 constexpr int kEntryBits = 14;
 constexpr int kLowBits = 32 - kEntryBits;
 constexpr int kHighBits = InvertedIndex::kKeyBits - kLowBits;
 constexpr std::size_t kLongest = std::size_t{1} << kEntryBits;  // entries in a run
 constexpr std::size_t kInMemory = 256;                          // entries: shorter runs stay in memory, 7 MB together
-constexpr std::size_t kLonger = 3;                              // times as long as the next one a run is at least
-constexpr std::size_t kMostRuns = 32;                           // then somebody who adds waits for the merge
-constexpr std::size_t kPostingsOfACell = 8;                     // at most, on average
-constexpr std::size_t kCommon = 256;                            // entries: a key that more have tells nothing
-constexpr std::size_t kAtOnce = 256;                            // keys that are looked for
+constexpr std::size_t kLonger = 3;                              // min. ratio of a run's length to the next run's
+constexpr std::size_t kMostRuns = 32;                           // with more runs, add() waits for the merge
+constexpr std::size_t kPostingsOfACell = 8;                     // maximum, on average
+constexpr std::size_t kCommon = 256;                            // entries: more frequent keys are ignored
+constexpr std::size_t kAtOnce = 256;                            // keys per lookup
 
 using Words = std::span<const std::uint32_t>;
 
@@ -36,7 +36,7 @@ constexpr std::uint32_t posting(std::uint32_t key, std::size_t entry) {
 
 constexpr std::size_t entry_of(std::uint32_t posting) { return posting & (kLongest - 1); }
 
-/// Those of a key in its cell; if they are more than kCommon not all.
+/// Postings of a key in its cell; not all if there are more than kCommon.
 Words postings_of(std::uint32_t key, Words cell) {
   const std::uint32_t low = posting(key, 0) >> kEntryBits;
   const auto is_key = [&](std::size_t i) { return i < cell.size() && cell[i] >> kEntryBits == low; };
@@ -47,10 +47,10 @@ Words postings_of(std::uint32_t key, Words cell) {
   return cell.subspan(from, to - from);
 }
 
-/// Words in memory or in a nameless file.
+/// Words in memory or in an unnamed file.
 class Storage {
  public:
-  /// Without a folder, in memory. Throws std::runtime_error.
+  /// In memory without a folder. Throws std::runtime_error.
   explicit Storage(const std::optional<std::filesystem::path>& folder) {
     if (folder) file_.emplace(*folder / "places");
   }
@@ -74,16 +74,16 @@ class Storage {
 
 }  // namespace
 
-/// The postings of some entries that follow each other, and where each cell of keys with the same first bits begins.
+/// Postings of consecutive entries, and the start of each cell of keys with the same first bits.
 struct InvertedIndex::Run {
-  /// Of one entry.
+  /// Run of a single entry.
   Run(std::size_t entry, Words keys);
-  /// Of the entries of two runs, the second's after the first's.
+  /// Merged run of two runs, the second's entries after the first's.
   Run(const Run& a, const Run& b, const std::optional<std::filesystem::path>& folder);
 
   [[nodiscard]] std::size_t end() const { return first + count; }
-  /// The postings of some keys; of one that more than kCommon entries have not all. What is not in the cache is asked
-  /// for before it is needed: memory answers many questions in the time of one.
+  /// Postings of some keys; incomplete for a key with more than kCommon entries. Prefetches the cells, so that memory
+  /// latencies overlap.
   void find(Words keys, std::vector<Words>& found) const {
     std::array<Words, kAtOnce> cells;
     for (std::size_t k = 0; k < keys.size(); ++k) {
@@ -93,7 +93,7 @@ struct InvertedIndex::Run {
     }
     for (std::size_t k = 0; k < keys.size(); ++k) found.push_back(postings_of(keys[k], cells[k]));
   }
-  /// Those of the keys with these high bits.
+  /// Postings of the keys with these high bits.
   [[nodiscard]] Words with(std::size_t high) const {
     const int more = cell_bits - kHighBits;
     const std::size_t begin = begins[high << more], end = begins[(high + 1) << more];
@@ -109,12 +109,12 @@ struct InvertedIndex::Run {
   void choose_cells(std::size_t size) {
     cell_bits = std::clamp(static_cast<int>(std::bit_width(size / kPostingsOfACell)), kHighBits, kKeyBits);
   }
-  /// Notes the ends of the cells that these postings, the next ones, are in.
+  /// Counts the next postings in their cells.
   void count_cells(std::size_t high, Words next, std::vector<std::uint32_t>& ends) const {
     const int more = cell_bits - kHighBits;
     for (const std::uint32_t p : next) ++ends[1 + (high << more | std::size_t{p} >> (32 - more))];
   }
-  /// All postings are in: the cells come after them.
+  /// Appends the cells after all postings are stored.
   void finish(std::vector<std::uint32_t> ends) {
     for (std::size_t i = 1; i < ends.size(); ++i) ends[i] += ends[i - 1];
     storage.append(ends);
@@ -156,7 +156,7 @@ InvertedIndex::~InvertedIndex() = default;  // waits for the merge
 InvertedIndex::InvertedIndex(InvertedIndex&&) noexcept = default;
 InvertedIndex& InvertedIndex::operator=(InvertedIndex&&) noexcept = default;
 
-/// Whether two runs that follow each other are to become one.
+/// True if two consecutive runs are to be merged.
 bool InvertedIndex::belong_together(std::size_t i) const {
   const std::size_t a = runs_[i]->count, b = runs_[i + 1]->count;
   return a < kLonger * b && a + b <= kLongest;
@@ -176,7 +176,7 @@ void InvertedIndex::add(Words keys) {
   if (!merging_.valid()) merge_in_files();
 }
 
-/// Begins to merge the first two runs that are to become a long one.
+/// Starts to merge the first two runs that form a long run.
 void InvertedIndex::merge_in_files() {
   for (std::size_t i = 0; i + 1 < runs_.size(); ++i) {
     if (!belong_together(i) || runs_[i]->count + runs_[i + 1]->count < kInMemory) continue;

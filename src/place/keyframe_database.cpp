@@ -10,23 +10,23 @@
 namespace cairn {
 namespace {
 
-// A descriptor of 256 bits in pieces of 32, of each of which a key has so many (substrings as in multi-index hashing:
-// Norouzi, Punjani & Fleet 2012). Two views of a corner differ by some 30 bits: with longer keys they seldom share one,
-// with shorter ones they share it with too many others.
+// A descriptor of 256 bits has 8 substrings of 32 bits, and a key is the first kBits of a substring (as in multi-index
+// hashing: Norouzi, Punjani & Fleet 2012). Two views of a corner differ by some 30 bits: longer keys are seldom shared
+// by them, and shorter keys are shared by too many other corners.
 constexpr std::uint32_t kTables = 8, kBits = 24;
 constexpr std::uint32_t kKeys = kTables << kBits;
 static_assert(kKeys == std::uint32_t{1} << InvertedIndex::kKeyBits);
 
 using Descriptor = std::array<std::uint8_t, 32>;
 
-/// Piece and bits, mixed so that a key's first bits are spread evenly: an odd factor gives each another one.
+/// Substring index and bits, mixed for uniformly distributed first bits; an odd factor keeps the keys distinct.
 std::uint32_t key(std::uint32_t table, const Descriptor& descriptor) {
   const std::uint8_t* const piece = &descriptor[4 * std::size_t{table}];
   const std::uint32_t bits = std::uint32_t{piece[0]} | std::uint32_t{piece[1]} << 8 | std::uint32_t{piece[2]} << 16;
   return (table << kBits | bits) * 0x9e3779b1u % kKeys;
 }
 
-/// Sorted, each once.
+/// Sorted, unique.
 std::vector<std::uint32_t> keys_of(const Features& features) {
   std::vector<std::uint32_t> keys;
   keys.reserve(kTables * features.descriptors.size());

@@ -12,12 +12,12 @@
 namespace cairn {
 namespace {
 
-constexpr int kMaxHamming = 64;  // bits of 256 that two views of a corner may differ by
+constexpr int kMaxHamming = 64;  // max. differing bits of 256 between two views of a corner
 
 using Words = std::array<std::uint64_t, 4>;  // of a descriptor
 struct Nearest {
   std::size_t index = 0;
-  int bits = std::numeric_limits<int>::max();  // that differ
+  int bits = std::numeric_limits<int>::max();  // Hamming distance
 };
 
 std::vector<Words> words_of(const Features& features) {
@@ -27,7 +27,7 @@ std::vector<Words> words_of(const Features& features) {
   return words;
 }
 
-/// Of each the nearest of the others, of equally near ones the first.
+/// Nearest neighbors in both directions; the first of equally near ones.
 [[gnu::always_inline]] inline void compare(const std::vector<Words>& a, const std::vector<Words>& b,
                                            std::vector<Nearest>& of_a, std::vector<Nearest>& of_b) {
   for (std::size_t i = 0; i < a.size(); ++i) {
@@ -48,7 +48,7 @@ void compare_plainly(const std::vector<Words>& a, const std::vector<Words>& b, s
                      std::vector<Nearest>& of_b) {
   compare(a, b, of_a, of_b);
 }
-#ifdef __x86_64__  // of which the first ones had no instruction that counts bits
+#ifdef __x86_64__  // the first x86-64 processors have no popcount instruction
 [[gnu::target("popcnt")]] void compare_quickly(const std::vector<Words>& a, const std::vector<Words>& b,
                                                std::vector<Nearest>& of_a, std::vector<Nearest>& of_b) {
   compare(a, b, of_a, of_b);

@@ -8,14 +8,14 @@
 
 namespace cairn {
 
-/// Corners that two views share.
+/// Feature matches between two views.
 struct Matches {
-  std::vector<cv::Point3d> points;  // of the known view, metres
-  std::vector<cv::Point2d> rays;    // of the seen one, at z = 1
+  std::vector<cv::Point3d> points;  // of the known view, meters
+  std::vector<cv::Point2d> rays;    // of the seen view, at z = 1
 };
 
-/// Mutual nearest descriptors, of equally near ones the first, where the known corner has depth: what cv::BFMatcher
-/// finds, in a fifteenth of its time.
+/// Mutual nearest descriptors, the first of equally near ones, if the known corner has depth. The result equals
+/// cv::BFMatcher's, in a fifteenth of the time.
 [[nodiscard]] Matches match(const Features& known, const Features& seen);
 
 }  // namespace cairn
