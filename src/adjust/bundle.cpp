@@ -15,15 +15,14 @@
 namespace cairn {
 namespace {
 
-constexpr int kCoarseCell = 8, kFineCell = 4;  // pixels of a view per side of a cell; one surfel per cell
-constexpr double kManyViews = 60;              // cells grow with more views, to bound the work
-constexpr double kMostCoarser = 3;             // max. factor of this growth
-constexpr std::size_t kMostViews = 24;         // per surfel
-constexpr double kSteepest = 0.3,
-                 kAlike = 0.8;    // min. cosines of a normal with its ray, and with a view's measured normal
-constexpr double kBeside = 2.5;   // pixels
-constexpr double kNearest = 0.1;  // m
-constexpr double kLast = 0.02;    // m: final max. distance of a surfel from a measurement
+constexpr int kCoarseCell = 8, kFineCell = 4;    // pixels of a view per side of a cell; one surfel per cell
+constexpr double kManyViews = 60;                // cells grow with more views, to bound the work
+constexpr double kMostCoarser = 3;               // max. factor of this growth
+constexpr std::size_t kMostViews = 24;           // per surfel
+constexpr double kSteepest = 0.3, kAlike = 0.8;  // min. cosines of a normal with its ray, with a measured normal
+constexpr double kBeside = 2.5;                  // pixels
+constexpr double kNearest = 0.1;                 // m
+constexpr double kLast = 0.02;                   // m: final max. distance of a surfel from a measurement
 constexpr double kNarrower = 0.7;
 constexpr int kMostRounds = 20, kFineRounds = 8;
 constexpr int kSameSurfels = 2;           // rounds

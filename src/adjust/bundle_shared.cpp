@@ -113,8 +113,7 @@ void Bundle::add_priors_of_nodes(Equations& e) const {
   };
   for (int i = 0; i < nodes; ++i) {
     constexpr double kInformation = information_of(kOffsetPrior);
-    part.corner(first + i, first + i) +=
-        is_seen(i) ? kInformation : kHeld;  // an unseen node keeps its value when weights change
+    part.corner(first + i, first + i) += is_seen(i) ? kInformation : kHeld;  // an unseen node keeps its value
     part.corner_right[first + i] -= kInformation * offset(i);
     e.cost += kInformation * offset(i) * offset(i);
     if ((i + 1) % c.columns != 0) smooth(i, i + 1);

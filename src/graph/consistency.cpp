@@ -11,9 +11,8 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kNeighbours = 5;  // max. nodes between the ends of neighboring edges
-constexpr double kFewAlone = 10,
-                 kShareAlone = 0.1;  // expected isolated loop closures: number, and share of the agreeing ones
+constexpr std::size_t kNeighbours = 5;               // max. nodes between the ends of neighboring edges
+constexpr double kFewAlone = 10, kShareAlone = 0.1;  // tolerated isolated loop closures; share of agreeing ones
 
 /// Relative pose from node `a` to node `b` along steps_of() their graph; empty if a step is missing.
 std::optional<Way> along(const std::vector<const PoseGraph::Edge*>& step, std::size_t a, std::size_t b) {

@@ -23,8 +23,7 @@ constexpr int kMaxRounds = 100;
 constexpr int kRoundIterations = 5;  // of Levenberg-Marquardt, between two updates of the weights
 constexpr std::size_t kTracked = 1;  // min. nodes per loop closure to use a coarse graph
 constexpr std::size_t kSpacing = 8;  // nodes of a chain between kept nodes
-constexpr double kNearly =
-    100;  // times the limit of a squared error: rejected loop closures up to here are judged again
+constexpr double kNearly = 100;      // times the limit of a squared error: loop closures up to here are judged again
 constexpr int kBelieveRounds = 5;
 constexpr int kLoopIterations = 5;    // of Levenberg-Marquardt, for a loop closure
 constexpr double kLoose = 10;         // factor on the noise of heavy-tailed edges while loop closures are judged

@@ -10,9 +10,8 @@
 namespace cairn {
 namespace {
 
-constexpr double kRigid = 1e-3;  // max. deviation of R * R^T from the identity
-constexpr double kFarthestVoxel =
-    4e6;  // max. distance from the origin in voxels: single precision still separates neighboring voxels
+constexpr double kRigid = 1e-3;         // max. deviation of R * R^T from the identity
+constexpr double kFarthestVoxel = 4e6;  // voxels from the origin: single precision still separates neighboring voxels
 
 /// Reason why a frame is unusable as a whole, or none.
 FrameCause unusable(const Frame& frame, const Camera& camera, std::optional<double> before) {

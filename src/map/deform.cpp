@@ -52,8 +52,7 @@ Eigen::Isometry3d Deformation::operator()(const Eigen::Vector3d& point) const {
   // Normalized squared distance of the point from a keyframe's view.
   const auto squared = [&](const Control& c) {
     const Eigen::Vector3d ray = point - c.centre;
-    const double range = ray.norm(),
-                 aside = 2 * (1 - ray.dot(c.forward) / std::max(range, 1e-6));  // angle^2, approximately
+    const double range = ray.norm(), aside = 2 * (1 - ray.dot(c.forward) / std::max(range, 1e-6));  // about angle^2
     return aside / (kView * kView) + range * range / (kRange * kRange);
   };
   double least = std::numeric_limits<double>::infinity();

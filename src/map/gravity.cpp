@@ -20,20 +20,16 @@ constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kBins = 40;                // histogram bins along a side of the normals' cube: 2 degrees each
 constexpr double kApart = 10 * kDegree;  // min. angle between candidates, and between the strongest directions
 constexpr std::size_t kStrongest = 10;   // directions to form candidates from
-constexpr double kCross =
-    0.5;  // min. sine of the angle between two directions for a candidate from their cross product
-constexpr std::array kWindows{
-    10 * kDegree, 7 * kDegree, 5 * kDegree, 4 * kDegree,
-    4 * kDegree,  4 * kDegree, 4 * kDegree, 4 * kDegree};  // Tukey window per iteration of a candidate's fit
-constexpr double kCounted = 5 * kDegree;  // max. angle from horizontal or vertical to support a candidate
-constexpr double kLevel = 0.04,
-                 kStanding = 0.05;         // min. shares of horizontal and vertical surface to determine the direction
-constexpr double kTwoWalls = 0.08;         // min. share of vertical surface alone
-constexpr double kMostOfIt = 0.3;          // min. share of surface in support of a candidate
-constexpr double kHolds = 0.1;             // min. share to refine a measured direction
-constexpr double kMeasured = 4 * kDegree;  // max. error of a measured direction
-constexpr double kPitch = 20 * kDegree, kPitches = 30 * kDegree,
-                 kLean = 20 * kDegree;    // mean and sigma of the cameras' pitch, sigma of their roll
+constexpr double kCross = 0.5;           // min. sine of the angle between two directions to use their cross product
+constexpr std::array kWindows{10 * kDegree, 7 * kDegree, 5 * kDegree, 4 * kDegree,
+                              4 * kDegree,  4 * kDegree, 4 * kDegree, 4 * kDegree};  // Tukey windows of the iterations
+constexpr double kCounted = 5 * kDegree;           // max. angle from horizontal or vertical to support a candidate
+constexpr double kLevel = 0.04, kStanding = 0.05;  // min. shares of horizontal, vertical surface for a direction
+constexpr double kTwoWalls = 0.08;                 // min. share of vertical surface alone
+constexpr double kMostOfIt = 0.3;                  // min. share of surface in support of a candidate
+constexpr double kHolds = 0.1;                     // min. share to refine a measured direction
+constexpr double kMeasured = 4 * kDegree;          // max. error of a measured direction
+constexpr double kPitch = 20 * kDegree, kPitches = 30 * kDegree, kLean = 20 * kDegree;  // prior of camera poses
 constexpr double kNever = 8;              // max. -log likelihood of a single camera pose
 constexpr double kSupport = 2;            // weight of the surface term against the cameras' term
 constexpr double kClear = 1;              // min. log likelihood ratio to every other candidate

@@ -11,10 +11,8 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kAgreeing = 3;  // min. loop closures to merge two components
-constexpr double kAgreeTurn = 0.1,
-                 kAgreeShift =
-                     0.3;  // rad, m: max. difference of agreeing loop closures, as both components have drifted
+constexpr std::size_t kAgreeing = 3;                   // min. loop closures to merge two components
+constexpr double kAgreeTurn = 0.1, kAgreeShift = 0.3;  // rad, m: max. difference of agreeing loop closures, by drift
 // Rad, m: max. drift of merged components. A group of at least kAgreeing loop closures is accepted up to this
 // deviation; similar rooms are farther from each other.
 constexpr double kDriftTurn = 0.2, kDriftShift = 1;

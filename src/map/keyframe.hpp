@@ -29,8 +29,7 @@ struct Keyframe {
   std::size_t searched = 0;  // number of earlier keyframes searched for loop closures
   bool follows = false;  // true if tracked continuously from the preceding keyframe; false for the first of a component
   Eigen::Isometry3d odometry_from_camera = Eigen::Isometry3d::Identity();  // as tracked
-  Eigen::Isometry3d submap_from_camera =
-      Eigen::Isometry3d::Identity();            // as fused; equals odometry_from_camera until fused again
+  Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();    // as fused; differs after re-integration
   Matrix6d information = Matrix6d::Zero();      // of odometry_from_camera, in the camera's frame; 1/rad^2, 1/m^2
   std::optional<Eigen::Vector3d> acceleration;  // see Frame
   /// Accelerations of the frames since, in this keyframe's camera frame, m/s^2: sum of the vectors, and sum of their

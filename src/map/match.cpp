@@ -6,11 +6,9 @@ namespace cairn {
 namespace {
 
 constexpr double kMinInliers = 0.4, kMinOverlap = 0.3, kMaxRmse = 2.0;
-constexpr double kSameTurn = 0.02,
-                 kSameDistance = 0.02;  // rad, m: max. difference between the two alignment directions
-constexpr double kTurnFloor = 0.003,
-                 kShiftFloor = 0.004;  // rad, m: systematic errors, independent of the number of points
-constexpr double kTogether = 100;      // correlated points that count as one
+constexpr double kSameTurn = 0.02, kSameDistance = 0.02;   // rad, m: max. difference between both directions
+constexpr double kTurnFloor = 0.003, kShiftFloor = 0.004;  // rad, m: errors independent of the number of points
+constexpr double kTogether = 100;                          // correlated points that count as one
 
 }  // namespace
 

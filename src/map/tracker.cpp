@@ -22,9 +22,8 @@ constexpr int kClockOffsetFrames = 10;        // min. frames for a clock offset 
 constexpr int kFocalPairs = 4;                // min. pairs of views for a focal length estimate
 constexpr double kFocalTurn = 0.1;            // min. rotation in rad between the two views of a pair
 constexpr double kClockOffsetContrast = 1.5;  // min. ratio of the worst to the best cost
-constexpr std::size_t kRecentPlaces = 4, kMostSimilar = 6,
-                      kOtherPlaces = 4;                       // numbers of keyframes to compare with a frame
-constexpr double kMaxMoving = 0.3;                            // share of the image
+constexpr std::size_t kRecentPlaces = 4, kMostSimilar = 6, kOtherPlaces = 4;  // keyframes to compare a frame with
+constexpr double kMaxMoving = 0.3;                                            // share of the image
 constexpr int kNothingObserved = 6;                           // unobserved directions of a pose without alignment
 constexpr double kCarried = 0.3;                              // max. seconds of tracking by gyroscope alone
 constexpr double kCarriedTurn = 0.005, kCarriedShift = 0.02;  // rad, m: sigma of a pose by gyroscope alone
@@ -35,8 +34,7 @@ constexpr int kEnoughGuesses = 5;     // min. number to trust given guesses
 constexpr double kGoodGuess = 0.03;   // rad and m summed: max. error of a good guess from frame to frame
 constexpr double kCoasting = 0.5;     // max. seconds to extrapolate a velocity
 constexpr double kEnoughDepth = 0.2;  // share of the image with depth, to start a component
-constexpr double kLeastDepth =
-    0.02;  // share of the image with depth, to start the map; equals the minimum of the alignment
+constexpr double kLeastDepth = 0.02;  // share of the image with depth, to start the map; the alignment's minimum
 
 /// Pose of the first camera in a world whose y axis points down.
 Eigen::Isometry3d level(const std::optional<Eigen::Vector3d>& acceleration) {

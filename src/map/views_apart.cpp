@@ -13,13 +13,12 @@
 namespace cairn {
 namespace {
 
-constexpr int kBeside = 2;                    // thumbnail pixels of tolerance for pose errors
-constexpr int kStep = 8;                      // image pixels per thumbnail pixel
-constexpr double kNear = 1.0, kTurned = 0.5;  // m, rad: max. distance between compared views
-constexpr float kSame = 0.1f,
-                kThrough = 0.3f;  // m: max. depth difference to agree; min. difference for a view through a surface
-constexpr float kFar = 4.0f;      // m: depth beyond is too noisy
-constexpr double kEnough = 0.1;   // min. share of the pixels seen by both
+constexpr int kBeside = 2;                      // thumbnail pixels of tolerance for pose errors
+constexpr int kStep = 8;                        // image pixels per thumbnail pixel
+constexpr double kNear = 1.0, kTurned = 0.5;    // m, rad: max. distance between compared views
+constexpr float kSame = 0.1f, kThrough = 0.3f;  // m: max. depth difference to agree, min. one to contradict
+constexpr float kFar = 4.0f;                    // m: depth beyond is too noisy
+constexpr double kEnough = 0.1;                 // min. share of the pixels seen by both
 constexpr std::size_t kMostViews = 200;
 
 constexpr int kPatch = 16;           // pixels per side
@@ -27,8 +26,7 @@ constexpr int kAside = 4, kHop = 2;  // pixels: search range for a patch, and it
 constexpr float kPattern = 8;        // of 255: min. standard deviation of a patch's brightness
 constexpr float kAlike = 0.4f;       // correlation
 constexpr float kCovered = 0.9f;     // min. share of a patch's pixels for which both views see the same surface
-constexpr float kSurface = 0.03f,
-                kSurfaceShare = 0.01f;  // m, and share of the depth: max. depth difference on the same surface
+constexpr float kSurface = 0.03f, kSurfaceShare = 0.01f;  // m, share of depth: max. difference on a surface
 
 std::vector<float> brightness_of(const Frame& frame) {
   std::vector<float> brightness;

@@ -13,8 +13,7 @@ constexpr double kLargestGap = 0.1;  // max. seconds between samples, or between
 constexpr double kFading = 0.998;    // decay of the sums per learned rotation
 constexpr double kEnough = 20;       // min. rotations for a bias estimate
 constexpr double kEnoughTurns = 45;  // min. rotations for an estimate of the sensor's orientation
-constexpr double kTurning =
-    0.05;  // rad/s about two axes, root mean square: min. motion to estimate the sensor's orientation
+constexpr double kTurning = 0.05;    // rad/s about two axes, RMS: min. motion to estimate the sensor's orientation
 
 Eigen::Quaterniond turned_by(const Eigen::Vector3d& angle) {
   const double a = angle.norm();
