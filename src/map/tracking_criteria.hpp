@@ -18,8 +18,8 @@ constexpr double kTellsApart = 0.5;          // times the photometric rmse of an
 constexpr double kUsualBrightness = 0.03;    // photometric rmse of hand-held Kinect recordings
 // Minimum requirements for a pose after tracking loss, since a wrong pose would be fused.
 constexpr double kFoundInliers = 0.5, kFoundOverlap = 0.3, kFoundBrightness = 0.6, kFoundMisfit = 5.0;
-// kStillThere: after this many lost frames, geometry alone does not confirm the last pose, since walls fit other walls.
 constexpr double kNearTurn = 0.02, kNearShift = 0.03;  // rad, m
+// Lost frames after which geometry alone does not confirm the last pose, since walls fit other walls.
 constexpr int kStillThere = 30;
 constexpr double kKeyframeTurn = 0.2;       // rad
 constexpr double kKeyframeDistance = 0.15;  // m
