@@ -8,7 +8,7 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kOneNode = 32768;          // bricks of a map that is not cut into cells unless it is asked for
+constexpr std::size_t kOneNode = 32768;          // bricks: smaller maps are not divided into cells by default
 constexpr int kUsualCell = 64, kUsualTile = 32;  // bricks a side
 
 }  // namespace

@@ -28,13 +28,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Nearer than that two surfaces of one place lie that nothing has changed: voxels in front of a surface are free from
-// the truncation on, four voxels, a depth camera errs by two or three at 4 m, and maps that were joined by about one.
+// Maximum distance between two scans of an unchanged surface. Voxels in front of a surface are free from the truncation
+// on (four voxels); a depth camera errs by two or three voxels at 4 m, and the alignment of merged maps by about 1.
 constexpr float kUsualDistance = 4;     // voxels
 constexpr int kMostDistance = 8;        // voxels, of known_space
-constexpr double kLeastBoth = 0.1;      // m2 that both maps must have seen
-constexpr double kMostOtherwise = 0.5;  // share of what both have seen: more tells two frames, not a change
-constexpr float kFlat = 1;              // voxels that simplification may move what is written
+constexpr double kLeastBoth = 0.1;      // minimum area observed by both maps, m2
+constexpr double kMostOtherwise = 0.5;  // share of the commonly observed area: above it the maps have different frames,
+                                        // not a change
+constexpr float kFlat = 1;              // maximum error of simplification, voxels
 constexpr std::array<float, 3> kGrey{225, 225, 225}, kNew{0, 114, 178}, kGone{230, 120, 0};  // after Okabe & Ito 2008
 
 double area_of(const Mesh& mesh, const std::array<std::uint32_t, 3>& t) {
@@ -46,7 +47,7 @@ Eigen::Vector3d middle_of(const Mesh& mesh, const std::array<std::uint32_t, 3>& 
   return (mesh.positions[t[0]] + mesh.positions[t[1]] + mesh.positions[t[2]]).cast<double>() / 3;
 }
 
-/// The surface of one map in some bricks, in its own frame, and by vertex what the other map knows of its place.
+/// Surface of a map in some bricks, in its own frame, with the other map's knowledge of each vertex.
 struct Compared {
   Mesh mesh;
   std::vector<bool> known, clear;
@@ -85,7 +86,7 @@ Compared compare(Mesh mesh, const MapParts& other, int reach) {
   return compared;
 }
 
-/// Changed surface by the bricks that it lies in: what is in neighbouring ones is one piece.
+/// Changed surface by brick; neighboring bricks form a single region.
 class Pieces {
  public:
   Pieces(bool are_new, const MapParts& map)
@@ -101,7 +102,7 @@ class Pieces {
     part.weighted += area * (world_from_map_ * middle);
     for (const std::uint32_t v : t) part.box.extend(world_from_map_ * mesh.positions[v].cast<double>());
   }
-  /// Forgets those of less than an area, and returns the others.
+  /// Removes regions below a minimum area, and returns the rest.
   std::vector<ChangedPiece> settle(double min_area) {
     std::vector<ChangedPiece> pieces;
     std::unordered_set<Brick, BrickHash> done;
@@ -122,7 +123,7 @@ class Pieces {
     }
     return pieces;
   }
-  /// Whether a vertex of changed surface is one of a piece that stays.
+  /// True if a vertex of changed surface belongs to a kept region.
   [[nodiscard]] bool keeps(const Eigen::Vector3f& vertex) const {
     const Brick brick = brick_of(vertex.cast<double>());
     for (int k = 0; k < 27; ++k)
@@ -133,7 +134,7 @@ class Pieces {
  private:
   struct Part {
     double area = 0;                                     // m2
-    Eigen::Vector3d weighted = Eigen::Vector3d::Zero();  // places by their areas, in the world
+    Eigen::Vector3d weighted = Eigen::Vector3d::Zero();  // sum of positions weighted by area, in the world
     Eigen::AlignedBox3d box;
   };
   [[nodiscard]] Brick brick_of(const Eigen::Vector3d& p) const {
@@ -148,7 +149,7 @@ class Pieces {
   std::unordered_set<Brick, BrickHash> kept_;
 };
 
-/// Those triangles of a mesh, with their vertices alone.
+/// Triangles that satisfy `which`, with only their vertices.
 template <class Which>
 Mesh taken(const Mesh& mesh, const Which& which) {
   Mesh part = mesh;
@@ -158,7 +159,7 @@ Mesh taken(const Mesh& mesh, const Which& which) {
   return part;
 }
 
-/// As few triangles as show the same; where it ends it stays, since another part goes on there.
+/// Simplifies a mesh; its boundary stays, since the next part continues there.
 Mesh simpler(Mesh mesh, float max_error) {
   std::vector<bool> locked(mesh.positions.size(), false);
   for (const BoundaryEdge& edge : boundary_edges(mesh, sides_by_edge(mesh, own_ids(mesh))))
@@ -167,7 +168,7 @@ Mesh simpler(Mesh mesh, float max_error) {
   return mesh;
 }
 
-/// One colour, darker where it faces away from a lamp: programs show coloured vertices as they are.
+/// Sets one color, darker where the surface faces away from a lamp: viewers show vertex colors unlit.
 void paint(Mesh& mesh, const std::array<float, 3>& colour) {
   const Eigen::Vector3f lamp = Eigen::Vector3f(0.3f, -0.8f, -0.5f).normalized();  // in the world, y down
   mesh.colours.resize(mesh.positions.size());
@@ -178,10 +179,10 @@ void paint(Mesh& mesh, const std::array<float, 3>& colour) {
   }
 }
 
-/// Surface while it is gathered.
+/// Surface collected so far.
 struct Gathered {
   std::vector<Mesh> same, are_new, gone;
-  double both_of_before = 0, both_of_after = 0;  // m2 whose place the other map knows
+  double both_of_before = 0, both_of_after = 0;  // m2 observed by the other map as well
 };
 
 void gather(const MapParts& before, const MapParts& after, const std::vector<Brick>& part, int reach, Gathered& to,
@@ -212,7 +213,7 @@ void gather(const MapParts& before, const MapParts& after, const std::vector<Bri
     }
     to.gone.push_back(taken(then.mesh, [&](const auto& t) { return then.is_changed(t); }));
   }
-  malloc_trim(0);  // maps made part by part shall not need more and more memory
+  malloc_trim(0);  // limits memory growth from part to part
 }
 
 double sum_of(const std::vector<ChangedPiece>& pieces, bool are_new) {
@@ -245,7 +246,7 @@ void refuse_other_frame(const ChangeSide& before, const ChangeSide& after, const
                                   before.name, after.name, 100 * otherwise / both, kRemedy));
 }
 
-/// Writes what was gathered.
+/// Writes the collected surface.
 std::size_t write(Gathered& gathered, const Pieces& are_new, const Pieces& gone, const Upright& upright,
                   const fs::path& file) {
   const auto is_kept = [](const Mesh& mesh, const Pieces& pieces) {

@@ -8,7 +8,7 @@
 
 namespace cairn {
 
-/// One of two maps whose voxels lie in the same frame.
+/// One of two maps in the same frame.
 struct ChangeSide {
   std::string name;  // for messages
   const MapParts& map;
@@ -16,8 +16,8 @@ struct ChangeSide {
 
 void check(const ChangeOptions& options, const std::filesystem::path& file);
 
-/// Part by part; what is simple of a surface stays in memory until all of it is known. Throws as
-/// export_change(before, after, ...) does.
+/// Compares part by part; keeps the simplified surface in memory until the end. Throws as export_change(before, after,
+/// ...) does.
 ExportedChange write_change(const ChangeSide& before, const ChangeSide& after, const std::filesystem::path& file,
                             const ChangeOptions& options, const ExportProgress& progress);
 

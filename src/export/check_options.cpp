@@ -21,12 +21,12 @@ struct Named {
   std::string_view name;
   AllowedRange range;
 };
-constexpr double kDeepest = -12000, kHighest = 1e6;  // metres
+constexpr double kDeepest = -12000, kHighest = 1e6;  // meters
 constexpr Named kRanges[] = {
     {"ViewsOptions::images", {0, 1e6}},
     {"ViewsOptions::point_spacing", {0.001, 10}},
     {"SimplifyOptions::ratio", {0.0001, 1}},
-    {"SimplifyOptions::triangles", {100, 4e9}},  // of a room fewer are no shape; an index of 32 bits counts no more
+    {"SimplifyOptions::triangles", {100, 4e9}},  // a room needs at least 100; indices have 32 bits
     {"SimplifyOptions::max_error", {0, 1}},
     {"CleanOptions::min_piece", {0, 10}},
     {"CleanOptions::min_weight", {0, 255}},

@@ -25,14 +25,14 @@ class ColmapWriter final : public LayoutWriter {
     const Eigen::Isometry3d pose = frame.world_from_camera.value().inverse();
     const Eigen::Quaterniond q(pose.linear());
     const Eigen::Vector3d t = pose.translation();
-    // The second line is for points seen in it.
+    // The second line lists points observed in the image: none.
     images_ += fmt::format("{} {} {} {} {} {} {} {} 1 {}.jpg\n\n", count_, q.w(), q.x(), q.y(), q.z(), t.x(), t.y(),
                            t.z(), name);
   }
   void finish() override {
     const Camera& c = camera_;
     const fs::path model = folder_ / "sparse/0";
-    write_whole(model / "cameras.txt",  // the centre of the upper left pixel is (0.5, 0.5)
+    write_whole(model / "cameras.txt",  // the center of the upper left pixel is (0.5, 0.5)
                 fmt::format("# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n1 PINHOLE {} {} {} {} {} {}\n", c.width,
                             c.height, c.fx, c.fy, c.cx + 0.5, c.cy + 0.5));
     write_whole(

@@ -16,16 +16,16 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr double kLeftWithinAnError = 0.15;  // about
+constexpr double kLeftWithinAnError = 0.15;  // typical ratio
 
-/// The share of the triangles that simplification leaves, about.
+/// Approximate ratio of triangles left by simplification.
 double left_of(const ExportRun& run) {
   const SimplifyOptions& o = run.options.simplify;
   if (o.triangles > 0) return std::min(1.0, static_cast<double>(run.share_of(o.triangles)));
   return o.max_error > 0 && o.ratio >= 1 ? kLeftWithinAnError : static_cast<double>(o.ratio);
 }
 
-/// What all of the run's steps take.
+/// Cost of all steps of the run.
 double effort_of(const ExportRun& run) {
   const ExportOptions& options = run.options;
   const bool has_points = options.point_spacing > 0;
@@ -33,7 +33,7 @@ double effort_of(const ExportRun& run) {
   if (run.simplifies() && !has_points) each += Effort::kSimplify;
   double keyframes = 0;
   if (options.texture.enabled) {
-    // Levels of detail have a texture each, of about a quarter of the work.
+    // Each level of detail has a texture, with about a quarter of the cost of the level before.
     const double levels = is_tileset(run.file) || options.levels > 1 ? 1 / (1 - static_cast<double>(kLevelRatio)) : 1;
     each += levels * (run.effort.charts + Effort::kTexture);
     keyframes = (Effort::kExposure + Effort::kRegistration) * static_cast<double>(run.input.keyframes.size());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// From the volume to a file: cell by cell mesh, clean, simplify, texture, write.
+// Export of a volume to a file: for each cell mesh, clean, simplify, texture, write.
 #pragma once
 #include <functional>
 #include <optional>
@@ -16,24 +16,25 @@
 
 namespace cairn {
 
-/// What there is to export.
+/// Input of an export.
 struct ExportInput {
-  std::vector<Brick> bricks;                         // of the whole map, sorted
-  Volume& volume;                                    // of the whole map, or of what `load` has brought
-  std::function<void(std::span<const Brick>)> load;  // brings bricks in place of those before; none: all are there
+  std::vector<Brick> bricks;                         // of the entire map, sorted
+  Volume& volume;                                    // of the entire map, or of the bricks loaded last
+  std::function<void(std::span<const Brick>)> load;  // loads bricks in place of the previous ones; empty: all are
+                                                     // loaded
   Polygonizer& polygonizer;
   Rig rig;
   SurfaceOptions surface;
   std::vector<TextureKeyframe> keyframes;
   TextureViews::GetImage get_image;
-  std::vector<Trajectory> paths;  // in the world that is written
-  Upright upright;                // how all else is turned to be there
-  const SurfaceSigma& sigma;      // empty: not known
-  std::optional<Brick> block;     // of a tileset: that one alone, see Cells; `bricks` are those in and around it
+  std::vector<Trajectory> paths;  // in the written world
+  Upright upright;                // rotation into the written world
+  const SurfaceSigma& sigma;      // empty: unknown
+  std::optional<Brick> block;     // of a tileset: exports this block only, see Cells; `bricks` are in and around it
 };
 
-/// By the extension of `file`, see write_mesh; also tileset.json, 3D Tiles 1.1 with levels of detail. Throws
-/// std::runtime_error with what to do; nothing is half written.
+/// Writes by the extension of `file`, see write_mesh; also tileset.json, 3D Tiles 1.1 with levels of detail. Throws
+/// std::runtime_error with the remedy; leaves no partial file.
 Exported export_surface(const ExportInput& input, const std::filesystem::path& file, const ExportOptions& options,
                         const ExportProgress& progress);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// One export on its way: what its steps share.
+// State of one export, shared by its steps.
 #pragma once
 #include <algorithm>
 #include <filesystem>
@@ -27,18 +27,18 @@ namespace cairn {
   return std::runtime_error(file.string() + ": is not written, " + why);
 }
 
-/// How much of an export is done, by what its steps take: milliseconds of two busy CPU cores. Devices differ, but not
-/// so much in which step takes how much of it.
+/// Progress of an export by the cost of its steps: milliseconds of two busy CPU cores. Devices differ in speed, but
+/// little in the ratio of the steps.
 struct Effort {
   static constexpr int kWhole = 1000;
-  // A brick: of a synthetic room with 8,400 and a kitchen with 17,600.
+  // Per brick: of a synthetic room with 8,400 and a kitchen with 17,600.
   static constexpr double kMesh = 0.1, kClean = 0.25, kSimplify = 0.38, kTexture = 0.13, kWrite = 0.03;
-  static constexpr double kChartsOfAll = 0.46, kChartsOfNone = 0.04;  // by the share of the triangles that is left
+  static constexpr double kChartsOfAll = 0.46, kChartsOfNone = 0.04;  // by the ratio of triangles left
   static constexpr double kPoint = 0.0035;
-  static constexpr double kExposure = 120, kRegistration = 100;  // a keyframe
-  double charts = kChartsOfAll + kChartsOfNone;                  // a brick
+  static constexpr double kExposure = 120, kRegistration = 100;  // per keyframe
+  double charts = kChartsOfAll + kChartsOfNone;                  // per brick
   double done = 0, whole = 1;
-  /// Of kWhole, which is reached when all is written.
+  /// Out of kWhole, which is reached when all is written.
   [[nodiscard]] int share() const { return static_cast<int>((kWhole - 1) * std::clamp(done / whole, 0.0, 1.0)); }
 };
 
@@ -50,15 +50,15 @@ struct ExportRun {
   Cells cells;
   Exported exported;
   Effort effort{};
-  std::size_t triangles_left = 0;  // of SimplifyOptions::triangles, for cells that come
-  double bricks_left = 0;          // in these cells
+  std::size_t triangles_left = 0;  // of SimplifyOptions::triangles, for the remaining cells
+  double bricks_left = 0;          // in the remaining cells
 
-  /// A part of the work is done.
+  /// Adds the cost of a finished step to the progress.
   void step(double cost, const char* next) {
     effort.done += cost;
     if (progress) progress(effort.share(), Effort::kWhole, next);
   }
-  /// All is written.
+  /// Reports the end of the export.
   void end() const {
     if (progress) progress(Effort::kWhole, Effort::kWhole, "done");
   }
@@ -66,15 +66,15 @@ struct ExportRun {
   decltype(auto) timed(const char* stage, const Work& work) {
     return cairn::timed(exported.stage_ms, stage, work);
   }
-  /// Of ExportOptions::point_spacing, about: in a room at 2 cm there are 682,306 that are 5 mm apart.
+  /// Approximate number of points for ExportOptions::point_spacing: a room at 2 cm has 682,306 points at 5 mm.
   [[nodiscard]] double expected_points() const {
-    constexpr double kOfABrick = 38;  // as far apart as voxels
+    constexpr double kOfABrick = 38;  // at a spacing of one voxel
     const double finer = static_cast<double>(input.volume.options().voxel_size / options.point_spacing);
     return kOfABrick * static_cast<double>(input.bricks.size()) * finer * finer;
   }
-  /// Of all triangles of the surface, so many are about this share.
+  /// Approximate ratio of `triangles` to all triangles of the surface.
   [[nodiscard]] float share_of(std::size_t triangles) const {
-    constexpr float kOfABrick = 40;  // about: 30 where little was seen often, 60 of a desk
+    constexpr float kOfABrick = 40;  // about: 30 for a rarely observed map, 60 for a desk
     return static_cast<float>(triangles) / (kOfABrick * static_cast<float>(input.bricks.size()));
   }
   [[nodiscard]] bool simplifies() const {
@@ -104,7 +104,7 @@ struct ExportRun {
             .axes = is_tileset(file) ? Axes::automatic : options.axes,
             .is_whole = cells.is_whole()};
   }
-  /// A mesh of the map as it is written.
+  /// Mesh in the written world, with standard deviations.
   [[nodiscard]] Mesh as_written(Mesh mesh) const {
     mesh.sigmas = input.sigma.at_each(mesh.positions);
     return turned(std::move(mesh), input.upright.world_from_tracked);

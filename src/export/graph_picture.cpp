@@ -21,10 +21,10 @@ constexpr const char *kTracked = "#b9b9b9", *kCorrected = "#1f5fbf", *kLoop = "#
 
 Eigen::Vector2d from_above(const Eigen::Isometry3d& pose) { return {pose.translation().x(), -pose.translation().z()}; }
 
-/// Of a drawing that fills the width.
+/// SVG drawing that fills the width.
 class Svg {
  public:
-  /// `box`: what is drawn, metres.
+  /// `box`: extent of the drawing, meters.
   explicit Svg(const Eigen::AlignedBox2d& box)
       : low_(box.min()),
         scale_((kWidth - 2 * kMargin) / box.sizes().maxCoeff()),
@@ -34,7 +34,7 @@ class Svg {
                           "<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
                           kWidth, height_)) {}
 
-  /// Between two places in metres.
+  /// Draws a line between two points in meters.
   void line(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const char* colour, double width) {
     line_px(pixel(a), pixel(b), colour, width);
   }
@@ -43,13 +43,13 @@ class Svg {
     text_ += fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\" fill=\"{}\" stroke=\"{}\"/>\n", p.x(), p.y(),
                          radius, fill, stroke);
   }
-  /// What a colour means; each stands right of the one before.
+  /// Adds a color's entry to the legend, right of the previous entry.
   void legend(const char* colour, const std::string& text) {
     line_px({legend_end_, 30}, {legend_end_ + 24, 30}, colour, 3);
     text_ += fmt::format("<text x=\"{:.0f}\" y=\"35\">{}</text>\n", legend_end_ + 30, text);
     legend_end_ += 55 + 7.6 * static_cast<double>(text.size());
   }
-  /// A length that is a power of ten; ends the drawing.
+  /// Draws a scale bar, a power of ten in meters, and ends the drawing.
   [[nodiscard]] std::string with_scale() {
     const double metres = std::pow(10, std::floor(std::log10(200 / scale_)));
     line_px({kMargin, height_ - 16}, {kMargin + metres * scale_, height_ - 16}, "black", 2);
@@ -68,12 +68,12 @@ class Svg {
   }
 
   Eigen::Vector2d low_;
-  double scale_, height_;  // pixels a metre; pixels
+  double scale_, height_;  // pixels per meter; pixels
   std::string text_;
   double legend_end_ = kMargin;
 };
 
-/// The poses of a component's keyframes, as tracked and as corrected, with a margin.
+/// Tracked and corrected poses of a component's keyframes, with a margin.
 Eigen::AlignedBox2d box_of(const Atlas& atlas, const Eigen::Isometry3d& turn,
                            const std::vector<std::size_t>& component_of, std::size_t main) {
   Eigen::AlignedBox2d box;

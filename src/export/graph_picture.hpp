@@ -7,7 +7,7 @@
 
 namespace cairn {
 
-/// An SVG of the main piece from above: the way as tracked and as corrected, and the loops. Whole or not at all.
+/// Writes an SVG of the main component from above: tracked and corrected trajectory, and loops. Atomic.
 void write_graph_picture(const std::filesystem::path& file, const Atlas& atlas);
 
 }  // namespace cairn

@@ -32,14 +32,14 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kGridPart = 8192;                          // bricks: 32 MiB
-constexpr int kPointsShare = 30;                                 // of 100: what points take of an export of views
+constexpr int kPointsShare = 30;                                 // of 100: cost of the points in an export of views
 constexpr std::uint64_t kViewMemory = std::uint64_t{512} << 20;  // bytes of keyframes on the device
 
-/// A keyframe's velocity from the frames around it, where they are close in time. `are_together`: whether two frames'
-/// poses are in one frame of reference.
+/// Velocity of a keyframe from neighboring frames that are close in time. `are_together`: true if the poses of two
+/// frames share a frame of reference.
 template <class Frames, class Pose, class AreTogether>
 Vector6d velocity_at(const Frames& frames, std::size_t i, const Pose& pose, const AreTogether& are_together) {
-  constexpr double kMaxGap = 0.2;  // seconds between frames that tell the camera's velocity
+  constexpr double kMaxGap = 0.2;  // seconds between frames used for a velocity
   const std::size_t a = i > 0 && are_together(i - 1, i) ? i - 1 : i,
                     b = i + 1 < frames.size() && are_together(i, i + 1) ? i + 1 : i;
   const double seconds = frames[b].timestamp - frames[a].timestamp;
@@ -61,14 +61,14 @@ std::vector<TextureKeyframe> given_keyframes(const MapState::GivenPoses& given) 
   return keyframes;
 }
 
-/// Keyframes of the main component, as textures need them.
+/// Keyframes of the main component for texturing.
 std::vector<TextureKeyframe> texture_keyframes(const MapState& s) {
   if (!s.is_tracked()) return given_keyframes(s.given);
   std::vector<TextureKeyframe> keyframes;
   const Atlas& atlas = s.back_end.atlas();
   const auto component_of = atlas.components();
   const std::size_t main = atlas.keyframes.empty() ? 0 : atlas.main_component();
-  std::vector<std::size_t> piece(atlas.keyframes.size(), 0);  // that was tracked without a break
+  std::vector<std::size_t> piece(atlas.keyframes.size(), 0);  // tracked without interruption
   for (std::size_t k = 1; k < piece.size(); ++k) piece[k] = atlas.keyframes[k].follows ? piece[k - 1] : k;
   for (std::size_t i = 0; i < atlas.frames.size(); ++i) {
     const std::size_t k = atlas.frames[i].keyframe;
@@ -85,21 +85,21 @@ std::vector<TextureKeyframe> texture_keyframes(const MapState& s) {
   return keyframes;
 }
 
-/// The same field where it lies in the world that is written.
+/// Distance field rotated into the written world.
 std::shared_ptr<const DistanceField> turned(const std::shared_ptr<const DistanceField>& field, const Upright& upright) {
   if (upright.world_from_tracked.matrix().isIdentity(0)) return field;
   return std::make_shared<const DistanceField>(field->voxel_size(), field->origin(), field->max_distance(),
                                                field->blocks(), upright.world_from_tracked.cast<float>());
 }
 
-/// Poses in the world as they are in the frame in which the map was fused.
+/// Poses of the written world, converted to the frame of fusion.
 Trajectory tracked(Trajectory poses, const Upright& upright) {
   for (StampedPose& pose : poses)
     pose.world_from_camera = upright.world_from_tracked.conjugate() * pose.world_from_camera;
   return poses;
 }
 
-/// The progress of a stage that begins and ends at these parts in a hundred of the whole.
+/// Progress of a stage between two percentages of the entire export.
 ExportProgress part_of(const ExportProgress& whole, int begin, int end) {
   if (!whole) return {};
   return [&whole, begin, end](int done, int count, const std::string& next) {
@@ -107,21 +107,21 @@ ExportProgress part_of(const ExportProgress& whole, int begin, int end) {
   };
 }
 
-/// A world that lies otherwise than it was fused is made part by part, so that it may be larger than the memory.
+/// True if the map is made part by part: after corrections of its poses, a map may be larger than the memory.
 bool is_in_parts(MapState& s) {
   s.back_end.settle();
   return s.is_tracked() && !s.back_end.is_plain();
 }
 
-/// `only`: of these submaps, sorted; null: of all.
+/// `only`: restricts to these submaps, sorted; null: all.
 WorldParts parts_of(MapState& s, const std::vector<std::size_t>* only = nullptr) {
   s.whole.reset();
   s.back_end.end_submap(s.volume, s.fused_count, true);
-  malloc_trim(0);  // both were thousands of small pieces
+  malloc_trim(0);  // both consisted of thousands of small allocations
   return s.back_end.world_parts(s.device, only);
 }
 
-/// Loops of the main piece that are believed, as they are drawn.
+/// Inlier loops of the main component, for drawing.
 std::vector<plan::LoopLine> loop_lines(const MapState& s) {
   std::vector<plan::LoopLine> lines;
   if (!s.is_tracked()) return lines;
@@ -129,7 +129,7 @@ std::vector<plan::LoopLine> loop_lines(const MapState& s) {
   if (atlas.keyframes.empty()) return lines;
   const auto component_of = atlas.components();
   const std::size_t main = atlas.main_component();
-  std::vector<std::size_t> begins;  // of each recording after the first, its first keyframe
+  std::vector<std::size_t> begins;  // first keyframe of each recording after the first
   for (const std::size_t frame : atlas.recordings)
     begins.push_back(frame < atlas.frames.size() ? atlas.frames[frame].keyframe : atlas.keyframes.size());
   const auto recording_of = [&](std::size_t k) { return std::upper_bound(begins.begin(), begins.end(), k); };
@@ -145,7 +145,7 @@ std::vector<plan::LoopLine> loop_lines(const MapState& s) {
   return lines;
 }
 
-/// So much of a grid is added at a time.
+/// Adds bricks in batches of kGridPart.
 void add_parts(GridsWriter& writer, WorldParts& parts, std::vector<Brick> bricks, const LoadSubmap& load) {
   std::sort(bricks.begin(), bricks.end(), before_in_grid);
   for (std::size_t i = 0; i < bricks.size(); i += kGridPart)
@@ -304,10 +304,10 @@ ExportedPlan MapperContents::export_plan(const fs::path& file, const PlanOptions
   return exported;
 }
 
-/// A map.vdb alone, or a part of one: without keyframes, poses or a device in use.
+/// A map.vdb, or a part of it: without keyframes, poses or a device in use.
 class GridContents final : public Map::Contents {
  public:
-  /// `box`: of a part, which need not hold a surface.
+  /// `box`: range of a part, possibly without a surface.
   GridContents(fs::path file, ReadGrids grids, const std::optional<BrickBox>& box, int device)
       : file_(std::move(file)), box_(box), device_index_(device), grids_(std::move(grids)) {
     fuse_.voxel_size = grids_.info.voxel_size;
@@ -417,7 +417,7 @@ class GridContents final : public Map::Contents {
   std::optional<Volume> volume_;
 };
 
-/// Those of the list that lie in a box.
+/// Bricks inside a box.
 std::vector<Brick> within(const std::vector<Brick>& bricks, const BrickBox& box) {
   std::vector<Brick> found;
   std::copy_if(bricks.begin(), bricks.end(), std::back_inserter(found),
@@ -443,7 +443,7 @@ void look_at(MapState& s, const std::vector<std::size_t>* submaps, const std::fu
          .load =
              [&](std::span<const Brick> bricks) {
                part.adopt(parts.make(bricks, s.back_end.load_submap()));
-               malloc_trim(0);  // a map made part by part shall not need more and more memory
+               malloc_trim(0);  // limits memory growth from part to part
              },
          .polygonizer = s.polygonizer,
          .free = free,

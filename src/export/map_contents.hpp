@@ -16,13 +16,13 @@ namespace cairn {
 
 struct MapState;
 
-/// A block of a map that is made by itself, see Cells.
+/// Block of a map, made separately, see Cells.
 struct MapBlock {
   Eigen::Vector3i block = Eigen::Vector3i::Zero();
-  std::vector<std::size_t> submaps, keyframes;  // that reach it and see it, sorted
+  std::vector<std::size_t> submaps, keyframes;  // submaps in the block and keyframes with a view of it, sorted
 };
 
-/// What a Map shows: a mapper's state, or the grids of a file.
+/// Source of a Map: a mapper's state, or the grids of a file.
 class Map::Contents {
  public:
   virtual ~Contents() = default;
@@ -39,7 +39,7 @@ class Map::Contents {
                                    const ExportProgress& progress) = 0;
   virtual void write_grids(const std::filesystem::path& file, Axes axes) = 0;
   virtual void write_graph(const std::filesystem::path& file) const = 0;
-  /// Looks at all of its voxels, which are there meanwhile.
+  /// Calls `visit` with all voxels, valid during the call.
   virtual void look(const std::function<void(const MapParts&)>& visit) = 0;
   [[nodiscard]] virtual Upright upright() const = 0;
   virtual void stand_up(Up up) = 0;
@@ -49,18 +49,18 @@ class Map::Contents {
 };
 
 [[nodiscard]] Map map_of(std::shared_ptr<MapState> state);
-/// Looks at what submaps of the main piece alone hold, sorted by their numbers; null: at all of the map.
+/// Calls `visit` with the contents of the given submaps (sorted numbers) of the main component; null: the entire map.
 void look_at(MapState& state, const std::vector<std::size_t>* submaps,
              const std::function<void(const MapParts&)>& visit);
-/// What submaps alone hold of a block, in the written world.
+/// Surface of a block from the given submaps only, in the written world.
 [[nodiscard]] Mesh surface_of_block(MapState& state, const Eigen::Vector3i& block,
                                     const std::vector<std::size_t>& submaps);
 /// Writes FOLDER/map.vdb with the block's voxels, and FOLDER/tileset.json with its surface.
 Exported export_block(MapState& state, const MapBlock& block, const std::filesystem::path& folder,
                       const ExportOptions& options, const ExportProgress& progress);
-/// Of a .vdb file that write_grids has written. Throws std::runtime_error when it is none.
+/// Opens a .vdb file written by write_grids. Throws std::runtime_error for any other file.
 [[nodiscard]] Map map_of_grids(const std::filesystem::path& vdb, int device);
-/// Of the voxels in a box, which have been read out of such files, `vdb` among them.
+/// Map of the voxels in a box, read from such files, `vdb` among them.
 [[nodiscard]] Map map_of_part(const std::filesystem::path& vdb, ReadGrids part, const BrickBox& box, int device);
 
 }  // namespace cairn

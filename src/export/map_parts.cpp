@@ -22,7 +22,7 @@ void MapParts::bring_around(const std::vector<Brick>& part) const {
 
 std::vector<std::vector<Brick>> in_parts(std::vector<Brick> bricks) {
   constexpr std::size_t kPart = 8192;  // bricks
-  constexpr int kCell = 16;            // bricks a side of what is made together
+  constexpr int kCell = 16;            // bricks a side of a cube processed together
   std::sort(bricks.begin(), bricks.end(), [](const Brick& a, const Brick& b) { return before_by_cell(a, b, kCell); });
   std::vector<std::vector<Brick>> parts;
   for (std::size_t i = 0; i < bricks.size(); i += kPart) {

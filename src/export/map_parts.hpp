@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A map's voxels, part by part, for what looks at all of it and never at once.
+// Voxels of a map, loaded part by part for algorithms that never need all at once.
 #pragma once
 #include <functional>
 #include <span>
@@ -12,19 +12,20 @@
 namespace cairn {
 
 struct MapParts {
-  std::vector<Brick> bricks;                         // of the whole map, sorted
-  Volume& volume;                                    // of the whole map, or of what `load` has brought
-  std::function<void(std::span<const Brick>)> load;  // brings bricks in place of those before; none: all are there
+  std::vector<Brick> bricks;                         // of the entire map, sorted
+  Volume& volume;                                    // of the entire map, or of the bricks loaded last
+  std::function<void(std::span<const Brick>)> load;  // loads bricks in place of the previous ones; empty: all are
+                                                     // loaded
   Polygonizer& polygonizer;
-  const BrickTree& free;  // what was seen to be free
-  Upright upright;        // how all of it is turned to be in the world that is written
+  const BrickTree& free;  // observed free space
+  Upright upright;        // rotation into the written world
 
   [[nodiscard]] float voxel_size() const { return volume.options().voxel_size; }
-  /// Brings those of the map's bricks that are in a list, and those around them.
+  /// Loads the map's bricks in a list, and their neighbors.
   void bring_around(const std::vector<Brick>& part) const;
 };
 
-/// Bricks in lists of at most some thousand (32 MiB) that lie together, each sorted.
+/// Splits bricks into sorted lists of nearby bricks, each of at most some thousand (32 MiB).
 [[nodiscard]] std::vector<std::vector<Brick>> in_parts(std::vector<Brick> bricks);
 
 }  // namespace cairn

@@ -16,7 +16,7 @@
 namespace cairn {
 namespace {
 
-constexpr float kMostError = 2;  // voxels that a ratio may move the surface, doubled from level to level
+constexpr float kMostError = 2;  // voxels: maximum error for a ratio, doubled from level to level
 constexpr std::uint8_t kNeverFree = 255;
 
 void take(std::vector<std::uint8_t>& values, const std::vector<std::uint32_t>& kept) {
@@ -26,14 +26,14 @@ void take(std::vector<std::uint8_t>& values, const std::vector<std::uint32_t>& k
   values = std::move(taken);
 }
 
-/// The level from which on two cells are in one.
+/// First level at which two cells have the same parent.
 std::uint8_t common_level(const Brick& a, const Brick& b) {
   for (std::uint8_t level = 0; level < 30; ++level)
     if (Cells::at_level(a, level) == Cells::at_level(b, level)) return level;
   return kNeverFree;
 }
 
-/// The cell's own triangles of a mesh of its surroundings.
+/// Triangles of the cell itself, from the mesh of its surroundings.
 Part cut_out(Mesh mesh, const Cells& cells, const Cells::Key& cell) {
   Part part;
   part.free_from.assign(mesh.positions.size(), 0);
@@ -49,7 +49,7 @@ Part cut_out(Mesh mesh, const Cells& cells, const Cells::Key& cell) {
   return part;
 }
 
-/// Without any colour the mesh is all of the volume's grey.
+/// A mesh without colors has the volume's gray everywhere.
 bool has_colours(const Mesh& mesh) {
   return std::any_of(mesh.colours.begin(), mesh.colours.end(), [](const auto& c) {
     return c != std::array<std::uint8_t, 4>{179, 179, 179, 255};
@@ -64,7 +64,7 @@ Part make_part(ExportRun& run, Texturer* texturer, const Cells::Key& cell) {
     const std::vector<Brick> bricks = run.cells.around(cell);
     if (input.load) {
       input.load(bricks);
-      if (texturer != nullptr) texturer->forget();  // what they see of the map is another part now
+      if (texturer != nullptr) texturer->forget();  // the views see another part of the map now
     }
     return input.polygonizer.polygonize(input.volume, bricks);
   });
@@ -73,7 +73,7 @@ Part make_part(ExportRun& run, Texturer* texturer, const Cells::Key& cell) {
   Part part = run.timed("clean", [&] {
     run.exported.full_triangles += static_cast<std::size_t>(std::count_if(
         mesh.triangles.begin(), mesh.triangles.end(), [&](const auto& t) { return run.cells.is_own(mesh, t, cell); }));
-    // What reaches over a border of cells is seen in both, and counted once.
+    // A component across a border of cells is found in both cells, and counted once.
     const Cleaned cleaned =
         clean(mesh, run.options.clean, [&](const auto& t) { return run.cells.is_own(mesh, t, cell); });
     run.exported.components_removed += cleaned.components_removed;
@@ -82,7 +82,7 @@ Part make_part(ExportRun& run, Texturer* texturer, const Cells::Key& cell) {
   });
   part.bricks = bricks;
   part.mesh.weights.clear();
-  if (input.load) malloc_trim(0);  // a map made part by part shall not need more and more memory
+  if (input.load) malloc_trim(0);  // limits memory growth from part to part
   if (!has_colours(part.mesh)) part.mesh.colours.clear();
   if (texturer != nullptr) part.colours = std::make_shared<VoxelColours>(part.mesh, input.volume.options().voxel_size);
   run.step(Effort::kClean * bricks, "simplifying");
@@ -90,7 +90,7 @@ Part make_part(ExportRun& run, Texturer* texturer, const Cells::Key& cell) {
 }
 
 void simplify_part(ExportRun& run, Part& part, SimplifyOptions options, int freed, int level) {
-  // Where a ratio would need more than this, more triangles stay.
+  // Keeps more triangles than the ratio if its error would be larger.
   if (options.max_error <= 0 && options.ratio < 1)
     options.max_error = std::ldexp(kMostError * run.input.volume.options().voxel_size, level);
   run.timed("simplify", [&] {
@@ -105,7 +105,7 @@ void simplify_part(ExportRun& run, Part& part, SimplifyOptions options, int free
 void simplify_finest(ExportRun& run, Part& part) {
   SimplifyOptions options = run.options.simplify;
   if (options.triangles > 0) {
-    // What one cell does not need is there for those after it.
+    // The share left over by a cell goes to the next cells.
     const double share = std::min(1.0, part.bricks / run.bricks_left);
     options.triangles = static_cast<std::size_t>(share * static_cast<double>(run.triangles_left));
     run.bricks_left -= part.bricks;

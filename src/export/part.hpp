@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A cell's surface on its way into a file.
+// Surface of a cell during export.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -13,24 +13,24 @@ namespace cairn {
 
 class Texturer;
 
-constexpr float kLevelRatio = 0.25f;  // of the triangles, from one level of detail to the next
+constexpr float kLevelRatio = 0.25f;  // of the triangles, from each level of detail to the next
 
-/// Vertices that neighbouring cells share stay until both are in one mesh.
+/// Vertices shared with neighboring cells stay fixed until both cells are in the same mesh.
 struct Part {
   Mesh mesh;
-  std::vector<std::uint8_t> free_from;  // by vertex: the level from which on all of its triangles are in one mesh
-  float error = 0;                      // metres
-  double bricks = 0;                    // that it is as much work as
-  std::shared_ptr<const VoxelColours> colours;  // of the surface before it was simplified, for textures
+  std::vector<std::uint8_t> free_from;          // by vertex: first level with all of its triangles in the same mesh
+  float error = 0;                              // meters
+  double bricks = 0;                            // cost in bricks
+  std::shared_ptr<const VoxelColours> colours;  // of the surface before simplification, for textures
 };
 
-/// A cell's surface, clean, not yet simpler. `texturer`: null without a texture.
+/// Clean surface of a cell, not yet simplified. `texturer`: null without a texture.
 [[nodiscard]] Part make_part(ExportRun& run, Texturer* texturer, const Cells::Key& cell);
-/// `freed`: what is in one mesh by now; `level` of detail.
+/// `freed`: level with all cells in the same mesh; `level` of detail.
 void simplify_part(ExportRun& run, Part& part, SimplifyOptions options, int freed, int level);
-/// The finest level, as ExportOptions::simplify says; of its triangles the part gets its share.
+/// Simplifies the finest level by ExportOptions::simplify, with the part's share of the triangles.
 void simplify_finest(ExportRun& run, Part& part);
-/// Parts that share vertices at their borders become one.
+/// Merges parts along the vertices shared at their borders.
 [[nodiscard]] Part join_parts(std::vector<Part> parts);
 
 }  // namespace cairn

@@ -21,15 +21,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kBelow = 0.15;  // metres below a floor that a plan looks at
+constexpr double kBelow = 0.15;  // meters below a floor, included in its plan
 
-/// The map's own frame, bricks and voxels, in the world.
+/// Transform between the world and the map's own frame, bricks and voxels.
 class Placing {
  public:
   explicit Placing(const MapParts& map)
       : world_from_map_(map.upright.world_from_tracked), voxel_(static_cast<double>(map.voxel_size())) {}
   [[nodiscard]] double voxel() const { return voxel_; }
-  /// Around a brick, in the world.
+  /// Bounding box of a brick in the world.
   [[nodiscard]] Eigen::AlignedBox3d box_of(const Brick& brick) const {
     Eigen::AlignedBox3d box;
     for (int corner = 0; corner < 8; ++corner)
@@ -37,7 +37,7 @@ class Placing {
                  (8 * voxel_ * (brick + Brick(corner & 1, corner >> 1 & 1, corner >> 2)).cast<double>()));
     return box;
   }
-  /// The voxel that is nearest to a point of the world.
+  /// Voxel nearest to a point of the world.
   [[nodiscard]] Eigen::Vector3i voxel_at(const Eigen::Vector3d& p) const {
     return (world_from_map_.conjugate() * p / voxel_).array().round().cast<int>();
   }
@@ -47,11 +47,11 @@ class Placing {
 
  private:
   Eigen::Quaterniond world_from_map_;
-  double voxel_;  // metres
+  double voxel_;  // meters
 };
 
-/// Calls `visit` with the surface in some bricks, in the world, part by part; before it `loaded` with the bricks of the
-/// part, whose voxels are on the host then.
+/// Calls `visit` with the surface of some bricks in the world, part by part, after `loaded` with the part's bricks,
+/// whose voxels are then on the host.
 template <class Loaded, class Visit>
 void for_each_part(const MapParts& map, std::vector<Brick> bricks, const Loaded& loaded, const Visit& visit) {
   for (const std::vector<Brick>& part : in_parts(std::move(bricks))) {
@@ -61,14 +61,14 @@ void for_each_part(const MapParts& map, std::vector<Brick> bricks, const Loaded&
   }
 }
 
-/// Of a brick's voxels, of which those that were not observed are free by `bits`. `voxels` may be null.
+/// State of a brick's voxels. Unobserved voxels are free by `bits`. `voxels` may be null.
 class Known {
  public:
   Known(const std::uint64_t* voxels, const BrickBits& bits) : voxels_(voxels), bits_(bits) {}
   [[nodiscard]] bool is_free(std::size_t i) const { return is_observed(i) ? distance(i) > 0 : is_marked(i); }
-  /// Free, or surface: what lies farther behind one nobody has seen.
+  /// True for free voxels and at a surface; farther behind a surface is unknown.
   [[nodiscard]] bool is_seen(std::size_t i) const {
-    constexpr float kAtSurface = -0.25f;  // truncations: a voxel
+    constexpr float kAtSurface = -0.25f;  // truncations: one voxel
     return is_observed(i) ? distance(i) > kAtSurface : is_marked(i);
   }
 
@@ -82,7 +82,7 @@ class Known {
   BrickBits bits_;
 };
 
-/// Marks the cells that lie in free voxels of a brick, where walls are cut.
+/// Marks the cells in free voxels of a brick at the height where walls are cut.
 void mark_free(const Placing& placing, const Brick& brick, const Known& known, plan::Survey& survey) {
   const plan::Grid& grid = survey.grid();
   const Eigen::AlignedBox3d box = placing.box_of(brick);
@@ -91,7 +91,7 @@ void mark_free(const Placing& placing, const Brick& brick, const Known& known, p
   if (at < box.min().y() - reach || at > box.max().y() + reach) return;
   const cv::Point low = grid.cell_of({box.min().x() - reach, box.min().z() - reach}),
                   high = grid.cell_of({box.max().x() + reach, box.max().z() + reach});
-  constexpr int kMargin = plan::Grid::kMargin;  // stays empty: more may be free than the grid is around
+  constexpr int kMargin = plan::Grid::kMargin;  // stays empty: free space may exceed the grid
   for (int y = std::max(kMargin, low.y); y < std::min(grid.height - kMargin, high.y + 1); ++y)
     for (int x = std::max(kMargin, low.x); x < std::min(grid.width - kMargin, high.x + 1); ++x) {
       const plan::Point p = grid.centre({x, y});
@@ -102,7 +102,7 @@ void mark_free(const Placing& placing, const Brick& brick, const Known& known, p
     }
 }
 
-/// Marks the cells over which a brick was looked at between the floor and the cut.
+/// Marks the cells with an observed brick between the floor and the cut.
 void mark_seen(const Placing& placing, const Brick& brick, const Known& known, plan::Survey& survey) {
   const Eigen::AlignedBox3d box = placing.box_of(brick);
   if (-box.max().y() > survey.cut_height() || -box.min().y() < survey.floor() - kBelow) return;
@@ -113,7 +113,7 @@ void mark_seen(const Placing& placing, const Brick& brick, const Known& known, p
   }
 }
 
-/// Looks at all of a storey.
+/// Surveys an entire storey.
 plan::StoreyPlan look_at(const MapParts& map, const plan::Grid& grid, double floor, const PlanOptions& options,
                          const std::function<void(std::size_t)>& step) {
   const Placing placing(map);

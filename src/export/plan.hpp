@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// From the volume to floor plans: part by part, so that a map may be larger than the memory.
+// Floor plans from a volume, part by part, so that a map may be larger than the memory.
 #pragma once
 #include <vector>
 
@@ -12,15 +12,15 @@
 
 namespace cairn {
 
-/// What there is to draw.
+/// Input of a floor plan.
 struct PlanInput {
   const MapParts& map;
-  std::vector<Trajectory> paths;  // of the recordings, in the world that is written
+  std::vector<Trajectory> paths;  // of the recordings, in the written world
   std::vector<plan::LoopLine> loops;
 };
 
-/// By the extension of `file`: .pdf with a page for each storey, or .svg, of which several storeys get a file each:
-/// X-1.svg, X-2.svg, the lowest first. Throws std::runtime_error with what to do; each file whole or not at all.
+/// Writes by the extension of `file`: .pdf with a page for each storey, or .svg with a file for each of several
+/// storeys: X-1.svg, X-2.svg, the lowest first. Throws std::runtime_error with the remedy; each file is atomic.
 ExportedPlan export_floor_plan(const PlanInput& input, const std::filesystem::path& file, const PlanOptions& options,
                                const ExportProgress& progress);
 

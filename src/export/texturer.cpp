@@ -16,8 +16,8 @@ namespace cairn {
 namespace {
 
 constexpr std::uint64_t kViewMemory = std::uint64_t{160} << 20;  // bytes of keyframes on the device, 64 of 640x480
-constexpr float kFull = 0.75f;                                   // of a texture that charts cover, about
-constexpr int kTries = 40;                                       // of charts that are coarser each time
+constexpr float kFull = 0.75f;                                   // typical fraction of a texture covered by charts
+constexpr int kTries = 40;                                       // each with coarser charts
 
 std::vector<TextureKeyframe> keyframes_of(const ExportRun& run) {
   if (run.input.keyframes.empty())
@@ -78,7 +78,7 @@ Mesh Texturer::texture(Mesh mesh, const Part& part, int level) {
     }
     texel /= 1.15f;
   });
-  mesh = {};  // of a large part it is as much as its texture
+  mesh = {};  // as large as its texture
   run_.step(run_.effort.charts * part.bricks, "colouring");
   std::size_t points = 0;
   for (const TextureAtlas::Tile& tile : atlas->tiles)
@@ -87,7 +87,7 @@ Mesh Texturer::texture(Mesh mesh, const Part& part, int level) {
   seen_ += run_.timed("texture", [&] {
     return views_.blend(*atlas, part.colours.get(), [&](double share) {
       run_.step(Effort::kTexture * part.bricks * share, "colouring");
-      malloc_trim(0);  // images, bricks and charts that went were small pieces between others
+      malloc_trim(0);  // freed images, bricks and charts were fragmented
     });
   });
   Exported& exported = run_.exported;

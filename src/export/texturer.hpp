@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// From keyframes to the textures of parts.
+// Textures of parts from keyframes.
 #pragma once
 #include "export/part.hpp"
 #include "texture/views.hpp"
@@ -9,20 +9,20 @@ namespace cairn {
 
 class Texturer {
  public:
-  /// Compares the keyframes' colours. Throws std::runtime_error if there are none, or none with colour.
+  /// Compensates the exposure of the keyframes. Throws std::runtime_error without keyframes or without color.
   explicit Texturer(ExportRun& run);
-  /// A part's mesh with a texture, coarser from level to level of detail.
+  /// Mesh of a part with a texture, coarser for higher levels of detail.
   [[nodiscard]] Mesh texture(Mesh mesh, const Part& part, int level);
-  /// The volume holds another part of the map from now on.
+  /// Call after the volume was loaded with another part of the map.
   void forget() { views_.forget(); }
 
  private:
-  /// Where to begin: as fine as the keyframes see and as it may fit.
+  /// Initial texel size: the keyframes' resolution, limited by the texture's size.
   [[nodiscard]] float texel_size(const Mesh& mesh, int level) const;
 
   ExportRun& run_;
   TextureViews views_;
-  std::size_t seen_ = 0;  // texels that a keyframe sees
+  std::size_t seen_ = 0;  // texels seen by a keyframe
 };
 
 }  // namespace cairn

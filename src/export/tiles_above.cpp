@@ -27,10 +27,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr float kColourSide = 0.1f;  // metres, of triangles that get a texture's colours at their corners
+constexpr float kColourSide = 0.1f;  // meters, of triangles colored at the vertices from a texture
 
-/// Cuts triangles at the middle of their longest side until no side is longer. Each side is cut alike on both of its
-/// triangles, so no gap opens.
+/// Bisects the longest side of triangles until no side is longer. Both triangles of a side split it alike, so no gap
+/// opens.
 void subdivide(Mesh& mesh, float longest) {
   std::vector<std::array<std::uint32_t, 3>> left = std::move(mesh.triangles);
   mesh.triangles.clear();
@@ -63,7 +63,7 @@ void subdivide(Mesh& mesh, float longest) {
   }
 }
 
-/// Vertices get the mean colour of those of `fine` that lie nearest to them: one vertex of a pattern tells too little.
+/// Sets each vertex to the mean color of the nearest vertices of `fine`: a single vertex would alias a pattern.
 void mix_colours(Mesh& mesh, const Mesh& fine) {
   struct Nearest {
     using Scalar = float;
@@ -106,7 +106,7 @@ std::vector<bool> on_border(const Mesh& mesh) {
 
 using GroupOf = std::function<Brick(const Brick& cell)>;
 
-/// Which cells have a vertex on their border at a position.
+/// Cells by the position of their border vertices.
 class SharedVertices {
  public:
   void add(const Mesh& mesh, const Brick& cell) {
@@ -114,7 +114,7 @@ class SharedVertices {
     for (std::size_t v = 0; v < border.size(); ++v)
       if (border[v]) cells_[key(mesh.positions[v])].push_back(cell);
   }
-  /// Vertices that a cell outside of `group` has as well; `group_of` tells a cell's.
+  /// Vertices shared with a cell outside of `group`; `group_of` maps a cell to its group.
   [[nodiscard]] std::vector<bool> with_others(const Mesh& mesh, const Brick& group, const GroupOf& group_of) const {
     std::vector<bool> shared(mesh.positions.size(), false);
     for (std::size_t v = 0; v < shared.size(); ++v)
@@ -130,7 +130,7 @@ class SharedVertices {
   std::map<Key, std::vector<Brick>> cells_;
 };
 
-/// The tile around some, whose mesh `name`.glb becomes.
+/// Parent of some tiles; writes its mesh to `name`.glb.
 CellTile parent_of(std::vector<CellTile> children, const Brick& group, const SharedVertices& vertices,
                    const GroupOf& group_of, const fs::path& folder, const std::string& name) {
   CellTile parent{.cell = group, .tile = {}, .mesh = folder / (name + ".glb")};
@@ -139,7 +139,7 @@ CellTile parent_of(std::vector<CellTile> children, const Brick& group, const Sha
   for (CellTile& child : children) {
     for (Mesh& part : read_mesh_parts(child.mesh)) {
       triangles += part.triangles.size();
-      // A texture has colours between the vertices as well: those of a pattern on a flat floor.
+      // A texture has colors between the vertices as well, such as a pattern on a flat floor.
       if (!part.texture.texels.empty()) subdivide(part, kColourSide);
       take_colours(part);
       parts.push_back(std::move(part));
@@ -161,7 +161,7 @@ CellTile parent_of(std::vector<CellTile> children, const Brick& group, const Sha
   return parent;
 }
 
-/// Cells on both sides of zero never meet by halving: at -1 and 0 they stay.
+/// Cells on both sides of zero never meet by halving: -1 and 0 stay -1 and 0.
 bool are_around_zero(const std::vector<CellTile>& tiles) {
   return std::all_of(tiles.begin(), tiles.end(), [](const CellTile& tile) {
     return ((tile.cell.array() == 0) || (tile.cell.array() == -1)).all();

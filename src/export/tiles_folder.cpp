@@ -27,7 +27,7 @@ std::vector<fs::path> files_in(const fs::path& folder) {
   return files;
 }
 
-/// Of all names and bytes in a folder: programs that keep tiles by their address never take old ones for new ones.
+/// Checksum of all names and bytes in a folder: clients that cache tiles by URL never mix old and new tiles.
 std::string checksum_of(const fs::path& folder) {
   boost::crc_32_type sum;
   for (const fs::path& file : files_in(folder)) {
@@ -39,7 +39,7 @@ std::string checksum_of(const fs::path& folder) {
   return fmt::format("{:0{}x}", sum.checksum(), kDigits);
 }
 
-/// A folder of tiles as finish() has left it: its name is the checksum of its files. Nothing else is removed.
+/// True for a folder of tiles left by finish(), whose name is the checksum of its files. No other folder is removed.
 bool is_tiles(const fs::path& folder) {
   const std::string name = folder.filename().string();
   if (name.size() != kDigits || name.find_first_not_of("0123456789abcdef") != std::string::npos) return false;
@@ -49,7 +49,7 @@ bool is_tiles(const fs::path& folder) {
     return std::all_of(files.begin(), files.end(), [](const auto& file) { return fs::is_regular_file(file); }) &&
            checksum_of(folder) == name;
   } catch (const std::exception&) {
-    return false;  // it cannot be read
+    return false;  // unreadable
   }
 }
 

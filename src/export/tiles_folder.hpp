@@ -10,30 +10,31 @@
 
 namespace cairn {
 
-/// Where the tiles of X.json lie: X.tiles/CHECKSUM/. The tiles that the tileset has had until then stay until it names
-/// the new ones, so that it is whole at every moment; a part that was not finished goes away with the object.
+/// Folder of the tiles of X.json: X.tiles/CHECKSUM/. Tiles of the previous tileset stay until the tileset names the new
+/// ones, so that it is complete at every moment; the destructor removes an unfinished folder.
 class TilesFolder {
  public:
-  /// Throws std::runtime_error where there can be no such folder.
+  /// Throws std::runtime_error if the folder cannot be made.
   explicit TilesFolder(const std::filesystem::path& tileset);
   ~TilesFolder();
   TilesFolder(const TilesFolder&) = delete;
   TilesFolder& operator=(const TilesFolder&) = delete;
 
-  /// Tiles are written into this.
+  /// Folder into which tiles are written.
   [[nodiscard]] const std::filesystem::path& part() const { return part_; }
-  /// All are written: the folder gets its name. Returns its address as the tileset has it.
+  /// Renames the folder after all tiles are written. Returns its URL relative to the tileset.
   [[nodiscard]] std::string finish();
-  /// The tileset names it: it stays, and the tiles that tilesets had there before are removed, known by their checksum.
+  /// Call when the tileset names the folder. Keeps the folder, and removes tiles of previous tilesets, recognized by
+  /// their checksum.
   void keep();
-  /// In order of their names.
+  /// Sorted by name.
   [[nodiscard]] std::vector<std::filesystem::path> files() const;
 
  private:
   std::filesystem::path home_, part_;  // part_: the finished folder in the end
   bool made_home_ = false;
-  std::unique_ptr<StagingFolder> staging_;  // until it is finished
-  bool is_mine_ = false;                    // part_ goes away with the object
+  std::unique_ptr<StagingFolder> staging_;  // until finished
+  bool is_mine_ = false;                    // the destructor removes part_
 };
 
 }  // namespace cairn

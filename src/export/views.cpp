@@ -13,10 +13,10 @@
 namespace cairn {
 namespace {
 
-constexpr double kStep = 1.01;  // from one focal length to the next that is tried
+constexpr double kStep = 1.01;  // ratio of successive focal lengths to try
 constexpr int kTries = 140;     // up to four times the lens' own
 
-/// Whether each pixel of a camera shows what the lens has seen.
+/// True if each pixel of a camera is inside the lens' image.
 bool is_within(const Camera& camera, const Camera& lens) {
   const double widest = lens.widest_ray();
   const auto seen = [&](int x, int y) {
@@ -33,8 +33,7 @@ bool is_within(const Camera& camera, const Camera& lens) {
   return true;
 }
 
-/// The camera of the same place and size without a lens, which sees as much of what the lens has seen as leaves no
-/// border black.
+/// Pinhole camera of the same pose and size, with the largest field of view without black borders.
 Camera without_lens(const Camera& lens) {
   Camera camera = lens.rectified();
   if (!lens.distorted()) return camera;
@@ -42,7 +41,7 @@ Camera without_lens(const Camera& lens) {
   return camera;
 }
 
-/// Frames as the colour camera would have seen them without a lens.
+/// Frames rectified to the pinhole color camera.
 class Rectified {
  public:
   explicit Rectified(const Rig& rig)
@@ -79,11 +78,11 @@ class Rectified {
  private:
   Camera lens_, camera_;
   Eigen::Isometry3d depth_from_colour_;
-  std::optional<ColourView> view_;  // where depth does not lie in these pixels already
-  cv::Mat map_;                     // by pixel, where the lens has it
+  std::optional<ColourView> view_;  // where depth is not already in these pixels
+  cv::Mat map_;                     // by pixel: position in the distorted image
 };
 
-/// Variance of the Laplacian (Pech-Pacheco et al. 2000); less than 0 without colour.
+/// Variance of the Laplacian (Pech-Pacheco et al. 2000); less than 0 without color.
 double sharpness_of(Frame& frame, const Camera& camera) {
   if (frame.colour.empty()) return -1;
   cv::Mat grey, edges;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Images with poses, for programs that learn a scene from them.
+// Images with poses, for programs that learn a scene from images.
 #pragma once
 #include <memory>
 
@@ -10,18 +10,18 @@
 
 namespace cairn {
 
-/// What `write_views` finds in its folder.
+/// File in the folder of `write_views`.
 inline constexpr const char* kViewPoints = "points.ply";
 
 struct ViewsInput {
   Rig rig;
   std::vector<TextureKeyframe> keyframes;
   TextureViews::GetImage get_image;
-  Eigen::Isometry3d world_from_map = Eigen::Isometry3d::Identity();  // to the world in which poses are written
+  Eigen::Isometry3d world_from_map = Eigen::Isometry3d::Identity();  // to the world of the written poses
 };
 
-/// Returns how many images were written into `folder`, which holds the points. Throws std::runtime_error if there are
-/// none.
+/// Returns the number of images written into `folder`, which contains the points. Throws std::runtime_error for zero
+/// images.
 int write_views(const ViewsInput& input, const std::filesystem::path& folder, const ViewsOptions& options,
                 const ExportProgress& progress);
 

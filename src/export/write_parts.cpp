@@ -19,22 +19,22 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What a level of detail's file will hold.
+/// Contents of the file of a level of detail.
 struct Level {
   GltfWriter gltf;
   std::vector<Mesh> parts;  // of other formats
 };
 
-constexpr float kWorthwhile = 0.5f;  // of the triangles: a larger preview is none
+constexpr float kWorthwhile = 0.5f;  // of the triangles: a larger preview is useless
 
 struct Preview {
   GltfWriter gltf;
   float ratio;  // of the triangles
 };
 
-constexpr double kBytesOfAPoint = 180;  // in memory: the point, the file's bytes, and the cubes that are taken
-constexpr double kMostMemory = 0.5;     // of what is available
-constexpr double kSensible = 0.1;       // voxels: points closer together tell nothing new
+constexpr double kBytesOfAPoint = 180;  // in memory: the point, the file's bytes, and the occupied cubes
+constexpr double kMostMemory = 0.5;     // of the available memory
+constexpr double kSensible = 0.1;       // voxels: closer points add no information
 
 std::optional<Preview> preview_of(const ExportRun& run) {
   const PreviewOptions& options = run.options.preview;
@@ -63,7 +63,7 @@ void add_cell(ExportRun& run, Texturer* texturer, const Cells::Key& cell, std::v
   if (preview) add_to(*preview, run, texturer, cell, part);
   for (std::size_t i = 0; i < levels.size(); ++i) {
     const int level = static_cast<int>(i);
-    // Cells of one file stay cells at every level.
+    // Cells of the same file stay separate at every level.
     if (level == 0) {
       simplify_finest(run, part);
     } else {
@@ -79,12 +79,12 @@ void add_cell(ExportRun& run, Texturer* texturer, const Cells::Key& cell, std::v
     else
       levels[i].parts.push_back(std::move(mesh));
     if (level == 0) run.add(added);
-    part.bricks *= static_cast<double>(kLevelRatio);  // of what is left to do
+    part.bricks *= static_cast<double>(kLevelRatio);  // remaining cost
   }
   run.step(Effort::kWrite * static_cast<double>(run.cells.all().at(cell).size()), "meshing");
 }
 
-/// The paths, and a camera for each keyframe.
+/// Adds the paths, and a camera for each keyframe.
 void add_cameras(const ExportInput& input, GltfWriter& gltf) {
   std::vector<Eigen::Isometry3d> cameras;
   const Eigen::Isometry3d turn(input.upright.world_from_tracked);
@@ -111,7 +111,7 @@ std::vector<fs::path> write_level(const ExportRun& run, const fs::path& file, Le
   return {file};
 }
 
-/// Points that would not fit into the memory are refused before they are made.
+/// Throws before points are made that would not fit into the memory.
 void refuse_too_many_points(const ExportRun& run) {
   const auto available = static_cast<double>(available_memory());
   const double count = run.expected_points(), bytes = kBytesOfAPoint * count;
@@ -119,7 +119,7 @@ void refuse_too_many_points(const ExportRun& run) {
   const double voxel = static_cast<double>(run.input.volume.options().voxel_size),
                fits = static_cast<double>(run.options.point_spacing) * std::sqrt(bytes / (kMostMemory * available));
   const double least = std::max(kSensible * voxel, fits);
-  const double step = std::pow(10, std::floor(std::log10(least)));  // one digit, upwards
+  const double step = std::pow(10, std::floor(std::log10(least)));  // rounded up to one digit
   throw not_written(
       run.file,
       fmt::format("ExportOptions::point_spacing is {}: points so close together would be about {:.0f} million "

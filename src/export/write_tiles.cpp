@@ -35,7 +35,7 @@ void write_content(ExportRun& run, const fs::path& folder, const std::string& na
   });
 }
 
-/// Tiles from the leaves up; each is in memory until its parent is made. Nothing where there is no surface.
+/// Makes tiles from the leaves up; each stays in memory until its parent is made. Returns nullopt without a surface.
 std::optional<TilePart> make_tile(ExportRun& run, Texturer* texturer, const fs::path& folder, const Cells::Key& cell,
                                   int level) {
   Tile tile;
@@ -70,7 +70,7 @@ std::optional<TilePart> make_tile(ExportRun& run, Texturer* texturer, const fs::
   return TilePart{std::move(tile), std::move(part)};
 }
 
-/// Until all cells are in one.
+/// Number of levels up to a single root cell.
 int levels_above(const Cells& cells) {
   int top = 0;
   for (const auto& [cell, bricks] : cells.all())
@@ -84,7 +84,7 @@ void write_tiles(ExportRun& run, Texturer* texturer) {
   const int top = run.input.block ? Cells::kBlockLevels : levels_above(run.cells);
   TilesFolder tiles(run.file);
   auto root = make_tile(run, texturer, tiles.part(), {0, 0, 0}, top);
-  if (!root && run.input.block) root.emplace();  // what was there was too small to stay
+  if (!root && run.input.block) root.emplace();  // all surface was too small to keep
   run.refuse_empty(root.has_value());
   run.timed("write", [&] {
     put_into(root->tile, tiles.finish());

@@ -20,8 +20,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kMore = 2;        // bricks around what is near enough: surfaces and answers look at the next voxels, too
-constexpr double kLeast = 0.8;  // metres: so wide a gap between observed places a distance field goes through
+constexpr int kMore = 2;        // bricks around the requested range: surfaces and queries read neighboring voxels
+constexpr double kLeast = 0.8;  // meters: a distance field also covers gaps up to this width between observed places
 
 constexpr const char* kVoxels = "map.vdb";
 
@@ -29,7 +29,7 @@ constexpr const char* kVoxels = "map.vdb";
 
 }  // namespace
 
-/// The voxels of a cell and of what lies around it.
+/// Voxels of a cell and of its surroundings.
 struct CellMap::Around {
   Around(const fs::path& plan, const CellName& name, double max_distance, int device_index)
       : cell(name), device(device_index) {

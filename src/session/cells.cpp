@@ -48,7 +48,7 @@ std::optional<CellName> cell_named(const std::string& name) {
   return cell;
 }
 
-/// Whether a camera sees something of a ball, or may.
+/// Conservative test if a camera can see a ball.
 class Sight {
  public:
   Sight(const Camera& camera, double max_depth) : max_depth_(max_depth) {
@@ -67,7 +67,7 @@ class Sight {
   double max_depth_, half_angle_ = 0;
 };
 
-/// What is of one of the maps, by its own numbers.
+/// Submaps and keyframes of a map, in the map's own numbering.
 struct MadeOf {
   std::vector<std::size_t> submaps, keyframes;
 };
@@ -75,11 +75,13 @@ struct MadeOf {
 template <class Numbers>
 std::size_t map_with(const std::vector<JoinedSession::Map>& maps, std::size_t number, const Numbers& numbers) {
   std::size_t m = 0;
-  while (number - numbers(maps[m]).first >= numbers(maps[m]).second) ++m;  // unsigned: also where it is less
+  while (number - numbers(maps[m]).first >= numbers(maps[m]).second)
+    ++m;  // unsigned: also false for numbers below the
+          // first
   return m;
 }
 
-/// A checksum of the poses of the keyframes that see a cell, and of those that bend submaps which reach into it.
+/// Checksum of the poses of keyframes with a view of a cell and of keyframes used to deform submaps in the cell.
 std::string poses_of(const Atlas& atlas, const JoinedSession::Map& map, const MadeOf& made_of) {
   std::set<std::size_t> keyframes;
   for (const std::size_t k : made_of.keyframes) keyframes.insert(map.files.first_keyframe + k);

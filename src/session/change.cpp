@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The recording that a map of a plan was made from.
+/// Index of the recording of a plan's map.
 std::size_t recording_of(const PartsPlan& plan, const PartFiles& map) {
   // PLAN/maps/017/session/run-0001
   const std::string name = map.folder.parent_path().parent_path().filename().string();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A file of a session: a first line with what it is, the format's number and a checksum, and CBOR behind it.
+// Session file: a first line with kind, format number and checksum, followed by CBOR.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -11,17 +11,17 @@
 
 namespace cairn {
 
-/// What was behind a first line, or is to come there.
+/// CBOR after the first line, with the line's checksum and format number.
 struct CheckedBytes {
   std::string bytes;
   std::uint32_t checksum = 0;
   int format = Session::kFormat;
 };
 
-/// The CBOR of a file of this kind. Throws std::runtime_error, with the file's name, for another kind, a format that is
-/// not read, or a checksum that is not the bytes'.
+/// Reads the CBOR of a file of the given kind. Throws std::runtime_error with the file's name for another kind, an
+/// unsupported format or a wrong checksum.
 [[nodiscard]] CheckedBytes read_checked(const std::filesystem::path& file, const std::string& kind);
-/// A whole file for read_checked(), and the checksum of its CBOR.
+/// Complete file for read_checked(), with the checksum of its CBOR.
 [[nodiscard]] CheckedBytes checked_file(const nlohmann::json& json, const char* kind);
 
 }  // namespace cairn

@@ -22,11 +22,10 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kStays = 0.25;    // voxels, at kReach from the camera
-constexpr double kReach = 2;       // metres
-constexpr std::size_t kOfMap = 2;  // keyframes of another map that one is aligned with
+constexpr double kReach = 2;       // meters
+constexpr std::size_t kOfMap = 2;  // keyframes of another map to align a keyframe with, at most
 
-/// Of what was being fused into, what belongs to the submap that has begun last: bricks that an earlier one has left
-/// there are not it.
+/// Bricks of the active volume in the newest submap; excludes bricks left by an earlier submap.
 BrickTree last_submap(const BrickTree& active, const SessionState& s) {
   std::unordered_map<Brick, std::uint32_t, BrickHash> last_seen;
   const Volume::Residency& r = s.residency;
@@ -40,15 +39,16 @@ BrickTree last_submap(const BrickTree& active, const SessionState& s) {
   return submap;
 }
 
-/// It reorders the values; there is one.
+/// Reorders the values; requires at least one.
 double median(std::vector<double>& values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
 
-/// Leaves out loops from `begin` on whose surfaces differ by much more than those of most, and of most between the same
-/// two maps: of a door that stood otherwise, say, which an alignment follows. `map_of`: of keyframes.
+/// Removes loops from index `begin` on whose surface RMSE is far above the median of all loops and of the loops between
+/// the same two maps: the alignment followed a change of the scene, such as a moved door. `map_of`: map of each
+/// keyframe.
 void leave_out_changed(std::vector<Loop>& loops, std::size_t begin, const std::vector<std::size_t>& map_of) {
   constexpr double kMuch = 1.7;
   const auto maps = [&](const Loop& l) { return std::minmax(map_of[l.edge.i], map_of[l.edge.j]); };
@@ -65,12 +65,13 @@ void leave_out_changed(std::vector<Loop>& loops, std::size_t begin, const std::v
               loops.end());
 }
 
-/// Tells the loops from `begin` on as sure as they are by how well they agree with each other: what an alignment errs
-/// by depends on the camera, and nobody knows it before (the variance component of a group of observations: Förstner &
+/// Scales the information of the loops from `begin` on by how well they agree with each other: the error of an
+/// alignment depends on the camera and is unknown in advance (variance component of a group of observations: Förstner &
 /// Wrobel 2016, sec. 4.2.4).
 void sharpen(Atlas& atlas, std::size_t begin) {
   constexpr double kMedian = 5.348;  // of the chi-squared distribution with 6 degrees of freedom
-  constexpr double kMost = 16;       // times as sure: where loops are few, the poses follow them, and all seem to agree
+  constexpr double kMost = 16;       // limit of the factor: with few loops the poses follow the loops, so all seem to
+                                     // agree
   std::vector<double> squared;
   for (std::size_t l = begin; l < atlas.loops.size(); ++l) {
     const PoseGraph::Edge& edge = atlas.loops[l].edge;
@@ -84,7 +85,7 @@ void sharpen(Atlas& atlas, std::size_t begin) {
   for (std::size_t l = begin; l < atlas.loops.size(); ++l) atlas.loops[l].edge.information *= surer;
 }
 
-/// How far what a keyframe sees is moved at most, metres.
+/// Maximum displacement of points within kReach of the camera, meters.
 double travel(const Eigen::Isometry3d& from, const Eigen::Isometry3d& to) {
   const Vector6d v = local_coordinates(from.inverse() * to);
   return v.tail<3>().norm() + kReach * v.head<3>().norm();
@@ -151,7 +152,7 @@ void JoinedSession::add_loops(std::size_t first, std::size_t second, std::vector
   }
 }
 
-/// A map's keyframes that the map before it has tracked as well, as frames: how they lie to its keyframes.
+/// Loops between keyframes of a map and of the map before it, from frames tracked in both.
 std::vector<Loop> JoinedSession::overlaps(std::size_t map) const {
   std::vector<Loop> ties;
   if (map == 0 || maps_[map].recording != maps_[map - 1].recording) return ties;
@@ -164,7 +165,7 @@ std::vector<Loop> JoinedSession::overlaps(std::size_t map) const {
     const auto same = earlier.find(keyframes[k].timestamp);
     if (same == earlier.end()) continue;
     const std::size_t from = before + same->second->keyframe;
-    // Each was aligned with its own map.
+    // Each pose was aligned with its own map.
     const Matrix6d covariance =
         calibrated(keyframes[from].information).inverse() + calibrated(keyframes[k].information).inverse();
     ties.push_back({.edge = {.i = from,
@@ -176,7 +177,7 @@ std::vector<Loop> JoinedSession::overlaps(std::size_t map) const {
   return ties;
 }
 
-/// Of each other map the nearest that see much of the same as a keyframe, by where they lie now.
+/// For each keyframe, the nearest keyframes of each other map with an overlapping view, by their current poses.
 std::vector<KeyframePair> JoinedSession::pairs(const std::vector<std::size_t>& map_of) const {
   const Atlas& atlas = state_.back_end.atlas;
   const auto piece = atlas.components();
@@ -238,14 +239,14 @@ JoinedSession::Report JoinedSession::join(std::size_t recordings, int device) {
 
 namespace {
 
-/// A keyframe of a map that an earlier session had as well, and where it was in it.
+/// Keyframe also present in an earlier session, with its pose there.
 struct SameKeyframe {
   std::size_t map = 0, keyframe = 0;
   Eigen::Isometry3d was;
 };
 
-/// How the world is to be moved for most of the keyframes to be less than `stays` from where they were: not at all, as
-/// all of them together say, or as those of one map do.
+/// Motion of the world with the most keyframes within `stays` of their earlier poses. Candidates: none, the fit of all
+/// keyframes, the fit of each map's keyframes.
 Eigen::Isometry3d where_most_stays(const Atlas& atlas, const std::vector<SameKeyframe>& same, std::size_t maps,
                                    double stays) {
   const auto staying = [&](const Eigen::Isometry3d& move) {
@@ -255,7 +256,7 @@ Eigen::Isometry3d where_most_stays(const Atlas& atlas, const std::vector<SameKey
   };
   Eigen::Isometry3d best = Eigen::Isometry3d::Identity();
   auto most = staying(best);
-  for (std::size_t m = 0; m <= maps; ++m) {  // the last one: all
+  for (std::size_t m = 0; m <= maps; ++m) {  // the last iteration uses all maps
     std::vector<Eigen::Vector3d> is, was;
     for (const SameKeyframe& k : same) {
       if (m < maps && k.map != m) continue;
@@ -274,10 +275,10 @@ Eigen::Isometry3d where_most_stays(const Atlas& atlas, const std::vector<SameKey
 
 }  // namespace
 
-/// Of frames that two maps share, the first half stays with the first.
+/// Divides the frames shared by two maps: the first half goes to the first map.
 void JoinedSession::add_frames(std::size_t map) {
   Atlas& atlas = state_.back_end.atlas;
-  // One without a map has no frames, and those after it keep their numbers.
+  // A recording without a map has no frames; later recordings keep their numbers.
   while (atlas.recordings.size() < maps_[map].recording) atlas.recordings.push_back(atlas.frames.size());
   const auto cut = [&](std::size_t first, std::size_t second) -> std::optional<double> {
     if (second >= maps_.size() || maps_[first].recording != maps_[second].recording || frames_[second].empty())
@@ -310,7 +311,7 @@ std::vector<std::optional<double>> JoinedSession::keep(const ReadSession& earlie
     for (std::size_t k = 0; k < now.keyframes; ++k)
       same.push_back({m, now.first_keyframe + k, before.world_from_camera[was->first_keyframe + k]});
   }
-  // Nothing tells where the world begins: most of it stays.
+  // The world's frame is arbitrary: keep most of the map in place.
   const Eigen::Isometry3d world = where_most_stays(atlas, same, maps_.size(), stays);
   if (!world.matrix().isIdentity(0))
     for (Eigen::Isometry3d& pose : atlas.world_from_camera) pose = world * pose;

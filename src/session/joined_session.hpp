@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A session made of others, whose keyframes and submaps stay where they are.
+// Session merged from other sessions; their keyframes and submaps stay in place on disk.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -14,41 +14,41 @@
 
 namespace cairn {
 
-/// Puts sessions together one after the other. Of each, the atlas stays in memory.
+/// Merges sessions successively. Keeps the atlas of each in memory.
 class JoinedSession {
  public:
-  /// `writer`: of the session that is made; what a map was still fusing into is written there as a submap.
+  /// `writer`: of the merged session. The active volume of a map is written there as a submap.
   explicit JoinedSession(SessionWriter& writer) : writer_(writer) {}
 
-  /// Adds the map in a session's folder. Parts of a recording follow each other in the order of its frames; they may
-  /// have frames in common. Throws std::runtime_error for a map of another camera or other voxels than the first one,
-  /// and for one that is made of others itself.
+  /// Adds the map in a session's folder. Segments of a recording follow in frame order and may share frames. Throws
+  /// std::runtime_error if the camera or the voxel options differ from the first map, or if the map is itself merged
+  /// from others.
   void add(const std::filesystem::path& session, std::size_t recording);
-  /// Loops between two of them, by their numbers and their own keyframes.
+  /// Adds loops between two maps, by map number and each map's own keyframe numbers.
   void add_loops(std::size_t first, std::size_t second, std::vector<Loop> loops);
 
   struct Report {
     int loops = 0, believed = 0, overlaps = 0;
-    int pairs = 0, aligned = 0;  // keyframes of two maps that lie near each other; of them those that agree with all
+    int pairs = 0, aligned = 0;  // nearby keyframes of two maps; pairs whose alignment agrees with the rest
     OptimiseReport graph;
   };
-  /// Lays all to each other, see join_pieces(), and moves the keyframes to where loops and tracking agree best; then
-  /// the same with keyframes of two maps aligned that see much of the same where they lie now. `recordings`: that there
-  /// are, also behind those of the last map.
+  /// Aligns all maps to each other, see join_pieces(), and optimizes the keyframe poses. Then aligns keyframes of two
+  /// maps that overlap at the new poses, and optimizes again. `recordings`: total count, including recordings after the
+  /// last map.
   [[nodiscard]] Report join(std::size_t recordings = 0, int device = -1);
-  /// Keyframes of maps that an earlier session had as well stay exactly where they were in it, where they would hardly
-  /// move; the whole is laid so that most of them do. Also how the map is turned stays then. Returns by map how far its
-  /// keyframes would have moved, metres at most; nothing for one that is new.
+  /// Restores the poses of keyframes also present in an earlier session, if they moved only slightly; first moves the
+  /// world so that most keyframes do. Keeps the gravity direction as well. Returns, by map, how far its keyframes would
+  /// have moved, meters at most; nullopt for a new map.
   [[nodiscard]] std::vector<std::optional<double>> keep(const ReadSession& earlier);
-  /// Writes the session; with `gather` keyframes and submaps are copied into it, so that it needs no other one.
+  /// Writes the session. With `gather`, copies keyframes and submaps into the session, to make it self-contained.
   void write(bool gather = false);
-  /// Whether a map is part of the largest piece.
+  /// True if a map is part of the largest component.
   [[nodiscard]] bool is_joined(std::size_t map) const;
 
   struct Map {
     PartFiles files;
     std::size_t recording = 0, frames = 0;
-    std::size_t submaps = 0;  // with the one that was written beside the others
+    std::size_t submaps = 0;  // including the submap written beside the map's own
     std::string id;           // see map_id()
   };
   [[nodiscard]] const std::vector<Map>& maps() const { return maps_; }
@@ -62,7 +62,7 @@ class JoinedSession {
   SessionWriter& writer_;
   SessionState state_;
   std::vector<Map> maps_;
-  std::vector<FusedFrames> frames_;  // of each map, by its own keyframes
+  std::vector<FusedFrames> frames_;  // by map, with the map's own keyframe numbers
   std::vector<FileLock> holds_;
   std::vector<Loop> loops_;  // between maps
 };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// JSON files of a map that is made of parts.
+// JSON files of a map made of segments.
 #pragma once
 #include <fmt/format.h>
 
@@ -15,14 +15,14 @@
 
 namespace cairn {
 
-/// A file's "kind" and "format", and what it is told as where it is of another kind, and how to make it again.
+/// "kind" and "format" of a file, the message for a file of another kind, and the command to write the file again.
 struct JsonKind {
   const char *kind, *otherwise, *again;
   int format = 1;
 };
 
-/// What `take` makes of a file. Throws std::runtime_error that names the file and ends with how to make it again, also
-/// for what `take` throws.
+/// Parses a file and returns the result of `take`. Throws std::runtime_error with the file's name and the command to
+/// write it again, also for exceptions of `take`.
 template <class Take>
 auto read_json_file(const std::filesystem::path& file, const JsonKind& expected, const Take& take) {
   try {

@@ -8,7 +8,7 @@
 
 namespace cairn {
 
-/// A session as it was made, to look at it: nobody may remove its files meanwhile. Throws like read_session.
+/// Opens a session for reading; its files cannot be removed in the meantime. Throws like read_session.
 [[nodiscard]] std::shared_ptr<MapState> open_session(const std::filesystem::path& folder, int device);
 
 }  // namespace cairn

@@ -33,7 +33,7 @@ constexpr const char* kState = "state.cbor";
 
 fs::path session_of(const fs::path& map) { return map / "session"; }
 
-/// The loops that are known between two maps, if any.
+/// Adds the loops of a file between two maps, if the file exists.
 void add_matches(JoinedSession& joined, const fs::path& file, std::size_t first, std::size_t second) {
   if (!fs::exists(file)) return;
   const auto& maps = joined.maps();
@@ -44,13 +44,13 @@ void add_matches(JoinedSession& joined, const fs::path& file, std::size_t first,
   joined.add_loops(first, second, std::move(matches.loops));
 }
 
-/// The map as it was put together the last time, if that can still be read.
+/// Previous merged map, if still readable.
 std::optional<ReadSession> earlier_session(const fs::path& plan) {
   if (!fs::exists(session_of(plan) / kState)) return std::nullopt;
   try {
     return read_session(session_of(plan));
   } catch (const std::exception&) {
-    return std::nullopt;  // a part of it was made anew
+    return std::nullopt;  // a segment's map was replaced
   }
 }
 
@@ -73,7 +73,7 @@ OptimisedParts optimise_parts(const fs::path& folder, int device) {
   std::optional<ReadSession> earlier = earlier_session(folder);
   SessionWriter writer(session_of(folder));
   JoinedSession joined(writer);
-  std::vector<std::size_t> parts;  // of the plan, by map
+  std::vector<std::size_t> parts;  // segment of the plan, by map
   for (std::size_t p = 0; p < plan.parts.size(); ++p) {
     const PartsPlan::Part& part = plan.parts[p];
     JoinedPart& result = optimised.parts.emplace_back();
@@ -106,7 +106,7 @@ OptimisedParts optimise_parts(const fs::path& folder, int device) {
     const auto moved = joined.keep(*earlier);
     for (std::size_t m = 0; m < moved.size(); ++m) optimised.parts[parts[m]].moved = moved[m].value_or(0);
   }
-  earlier.reset();  // its files go when those of now are written
+  earlier.reset();  // its files are removed when the new ones are written
   joined.write();
 
   for (std::size_t m = 0; m < parts.size(); ++m) {

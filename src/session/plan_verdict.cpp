@@ -20,7 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr double kBad = 0.8;  // of the frames, as of a run's
+constexpr double kBad = 0.8;  // of the frames, as for a single run
 
 constexpr const char* kRecordMore =
     "record more between it and the others, from a place that they saw to another, and plan that into the same folder";

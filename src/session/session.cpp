@@ -23,7 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// All that a mapper knows beside its files, to go on with later. The volume looks at the device for it.
+/// State of a mapper apart from its files, for a later resume. Reads the volume's residency from the device.
 SessionState snapshot(MapState& s, std::uint64_t number, const std::string& note) {
   return {.rig = s.rig,
           .fuse = s.options.fuse,
@@ -40,7 +40,7 @@ SessionState snapshot(MapState& s, std::uint64_t number, const std::string& note
           .note = note};
 }
 
-/// A mapper's state as it was read. `read` keeps what is needed to hold its files.
+/// Restores a mapper's state. `read` keeps the locks on its files.
 std::shared_ptr<MapState> restore(ReadSession& read, const Options& options, int device, MapFiles files) {
   const SessionState& session = read.session;
   auto state = std::make_shared<MapState>(session.rig, options, Poses::tracked, device, std::move(files));
@@ -68,7 +68,7 @@ class Session::State {
  public:
   State(fs::path folder, std::shared_ptr<SessionWriter> writer, std::optional<ReadSession> read)
       : folder_(std::move(folder)), writer_(std::move(writer)), read_(std::move(read)) {}
-  /// Goes on with the session that is there.
+  /// Resumes the existing session.
   State(fs::path folder, bool keep_start) : folder_(std::move(folder)) { go_on(keep_start); }
   ~State() {
     if (writing_.valid()) writing_.wait();
@@ -102,7 +102,7 @@ class Session::State {
     (void)problem();
     SessionState session = snapshot(s, ++checkpoints_, note);
     problem_ = s.back_end.store();
-    if (problem_) return;  // the checkpoint before still holds
+    if (problem_) return;  // the previous checkpoint stays valid
     writing_ = std::async(
         std::launch::async,
         [writer = writer_, session = std::make_unique<const SessionState>(std::move(session)),
@@ -113,8 +113,8 @@ class Session::State {
           } catch (const std::exception& error) {
             problem = error.what();
           }
-          session.reset(), active.reset();  // the future that holds this function lives until the next checkpoint
-          malloc_trim(0);                   // a run of hours would creep by what is left of such copies
+          session.reset(), active.reset();  // the future holds this function until the next checkpoint
+          malloc_trim(0);                   // returns the freed copies: the memory of a run of hours would grow
           return problem;
         });
   }
@@ -124,7 +124,7 @@ class Session::State {
     if (!start_) throw std::runtime_error(folder_.string() + ": how it was when this run began is not kept");
     problem_.reset();
     restore_state(folder_, start_->state);
-    read_.reset(), writer_.reset();  // what this run has written goes with the next writer
+    read_.reset(), writer_.reset();  // the next writer removes the files of this run
     go_on(true);
   }
 
@@ -137,7 +137,7 @@ class Session::State {
   }
 
  private:
-  /// What return_to_start() needs: the state's file, and the right to its run's folder.
+  /// Data for return_to_start(): the state file, and a lock on its run's folder.
   struct Start {
     std::vector<std::uint8_t> state;
     FileLock hold;
@@ -154,11 +154,11 @@ class Session::State {
 
   fs::path folder_;
   std::shared_ptr<SessionWriter> writer_;
-  std::optional<ReadSession> read_;  // until it has become a mapper
+  std::optional<ReadSession> read_;  // until a mapper is made of the session
   std::optional<Start> start_;
   std::uint64_t checkpoints_ = 0;
-  std::future<std::optional<std::string>> writing_;  // of a checkpoint; what went wrong
-  std::optional<std::string> problem_;               // why session files could not be written
+  std::future<std::optional<std::string>> writing_;  // of a checkpoint; returns the error
+  std::optional<std::string> problem_;               // reason why session files could not be written
 };
 
 Session::Session(std::unique_ptr<State> state) : state_(std::move(state)) {}
@@ -178,7 +178,7 @@ Session Session::copy(const fs::path& from, const fs::path& to) {
   ReadSession read = read_session(from);
   auto writer = std::make_shared<SessionWriter>(to);
   writer->copy_files(read.session, submap_files(read.files, read.parts), keyframe_files(read.files, read.parts));
-  read.parts.clear();  // what was theirs lies here now
+  read.parts.clear();  // all files are in this session now
   return Session(std::make_unique<State>(to, std::move(writer), std::move(read)));
 }
 
@@ -230,7 +230,7 @@ std::vector<Session::Merged> Session::join(const std::vector<fs::path>& maps, co
   for (std::size_t i = 0; i < maps.size(); ++i) joined.add(maps[i], i);
   std::vector<Merged> merged(maps.size());
   for (std::size_t a = 0; a < maps.size(); ++a) {
-    const auto first = open_session(maps[a], device);  // whose places are indexed once
+    const auto first = open_session(maps[a], device);  // place index is built once
     for (std::size_t b = a + 1; b < maps.size(); ++b) {
       const auto second = open_session(maps[b], device);
       merged[b].compared = static_cast<int>(second->back_end.atlas().keyframes.size());
@@ -243,7 +243,7 @@ std::vector<Session::Merged> Session::join(const std::vector<fs::path>& maps, co
   for (std::size_t i = 0; i < maps.size(); ++i) {
     merged[i].joined = joined.is_joined(i);
     if (merged[i].joined || allow_apart) continue;
-    const std::size_t named = std::max<std::size_t>(i, 1);  // the first one is compared with none
+    const std::size_t named = std::max<std::size_t>(i, 1);  // the first map is compared with none
     throw std::runtime_error(fmt::format(
         "{}: {} of {} keyframes see a place of the others, too few that agree to join it; record a way from "
         "one to the other, or allow it to stay apart",
@@ -254,7 +254,7 @@ std::vector<Session::Merged> Session::join(const std::vector<fs::path>& maps, co
 }
 
 struct ReplacedSession::State {
-  explicit State(const fs::path& f) : folder(f) {}  // Clang before 16 initialises no aggregate for make_unique
+  explicit State(const fs::path& f) : folder(f) {}  // Clang before 16 cannot initialize an aggregate in make_unique
   fs::path folder;
   SessionLock lock{folder};
 };

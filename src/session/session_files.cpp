@@ -42,7 +42,7 @@ fs::path active_file(const fs::path& files, std::uint64_t number) {
   return files / fmt::format("active-{:06}.vdb", number);
 }
 
-/// A part of a list in a file of its own.
+/// File name of one chunk of a list.
 std::string chunk_name(const char* what, std::uint64_t number, std::size_t i) {
   return fmt::format("{}-{:06}-{:06}.cbor", what, number, i);
 }
@@ -68,8 +68,7 @@ CheckedBytes read_state(const fs::path& session) {
   }
 }
 
-/// Brings all files of the disk that a folder is on to it: of keyframes there are many, and to wait for each costs
-/// more.
+/// Flushes the file system of a folder: with many keyframe files, one call is cheaper than a sync of each.
 void sync_disk(const fs::path& folder) {
   const int descriptor = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   const bool synced = descriptor >= 0 && syncfs(descriptor) == 0;
@@ -78,7 +77,7 @@ void sync_disk(const fs::path& folder) {
   if (!synced) throw std::runtime_error("cannot write " + folder.string() + ": " + std::strerror(error));
 }
 
-/// Whether the session has a state with this checksum.
+/// True if the session has a state with this checksum.
 bool names(const fs::path& session, std::uint32_t checksum) {
   try {
     return read_state(session).checksum == checksum;
@@ -87,7 +86,7 @@ bool names(const fs::path& session, std::uint32_t checksum) {
   }
 }
 
-/// With its newest keyframes, loops and frames; those of files are still to be read.
+/// Includes the newest keyframes, loops and frames; chunk files are still to be read.
 StateFile parse_state(const CheckedBytes& read) {
   StateFile state = state_of(parsed_cbor(read.bytes), read.format);
   if (!run_number(state.files.run)) throw std::runtime_error("it names no run");
@@ -101,7 +100,7 @@ StateFile parse_state(const CheckedBytes& read) {
   return state;
 }
 
-/// A full chunk of a list, by `list_of(json, format)`, and the checksum of its file.
+/// Reads a full chunk of a list with `list_of(json, format)`. Returns it with the checksum of its file.
 template <class ListOf>
 auto read_chunk(const fs::path& file, const char* what, std::size_t full, const ListOf& list_of) {
   const CheckedBytes read = read_checked(file, kind_of(what));
@@ -114,7 +113,7 @@ auto read_chunk(const fs::path& file, const char* what, std::size_t full, const 
   }
 }
 
-/// Puts what is in files before a list's newest.
+/// Inserts the contents of chunk files before a list's newest elements.
 template <class T, class ListOf>
 std::vector<ChunkFile> read_chunks(const fs::path& files, const std::vector<std::string>& names, const char* what,
                                    std::vector<T>& list, const ListOf& list_of) {
@@ -144,7 +143,7 @@ FusedFrames read_frames(const fs::path& files, const std::vector<std::string>& n
   return frames;
 }
 
-/// Other maps' folders from the root; they stay as long as `hold` lives. Throws std::runtime_error where one is
+/// Resolves the folders of other maps, and locks them as long as `hold` lives. Throws std::runtime_error if a folder is
 /// missing.
 std::vector<PartFiles> find_parts(const fs::path& session, std::vector<PartFiles> parts, std::vector<FileLock>& hold) {
   for (PartFiles& part : parts) {
@@ -161,8 +160,8 @@ std::vector<PartFiles> find_parts(const fs::path& session, std::vector<PartFiles
   throw std::runtime_error(what + "; the session is damaged: " + kAgain);
 }
 
-/// What a state names but for voxels, and of frames the newest alone. Throws what is wrong with it or with the files,
-/// and what to do.
+/// Contents of a state without voxels, and with only the newest frames. The function below throws with the defect of
+/// the state or its files, and with the remedy.
 struct Known {
   StateFile state;
   fs::path files;
@@ -201,7 +200,7 @@ Known read_known(const fs::path& session, const CheckedBytes& bytes) {
   return known;
 }
 
-/// All that a state names.
+/// Reads all contents of a state.
 ReadSession read_files(const fs::path& session, const CheckedBytes& bytes) {
   Known known = read_known(session, bytes);
   SessionState& s = known.state.session;
@@ -232,7 +231,8 @@ std::vector<std::string> names_of(const std::vector<ChunkFile>& files) {
   return names;
 }
 
-/// Files are written whole and never changed: a link to one is a copy. On a disk without links it is a copy.
+/// Makes hard links instead of copies, since files are written atomically and never changed. Copies on a disk without
+/// links.
 void link_files(const fs::path& from, const fs::path& to) {
   for (const auto& entry : fs::directory_iterator(from)) {
     if (!entry.is_regular_file() || is_temporary(entry.path().filename().string())) continue;
@@ -251,7 +251,7 @@ bool all_in(const fs::path& folder,
   return true;
 }
 
-/// A run's folder, by all that is in it: another of that name is somebody's own, and is never removed.
+/// True if a folder contains only files of a run. A user's own folder of the same name is never removed.
 bool is_run(const fs::path& folder) {
   if (!run_number(folder.filename().string()) || !fs::is_directory(fs::symlink_status(folder))) return false;
   return all_in(folder, [](const auto& entry, const std::string& name) {
@@ -272,7 +272,7 @@ std::vector<fs::path> runs_in(const fs::path& session) {
   return runs;
 }
 
-/// Those that nobody reads.
+/// Removes the runs without a reader.
 void remove_runs(const fs::path& session) {
   std::error_code ignored;
   for (const fs::path& run : runs_in(session))
@@ -304,7 +304,7 @@ ReadSession read_session(const fs::path& session) {
     try {
       return read_files(session, state);
     } catch (const std::exception&) {
-      // Perhaps somebody has written a newer state meanwhile, and removed what this one names.
+      // Perhaps another process has meanwhile written a newer state and removed the files of this state.
       if (read_state(session).checksum == state.checksum) throw;
     }
   }
@@ -326,7 +326,7 @@ SessionPictures read_pictures(const fs::path& session) {
 }
 
 SessionWriter::SessionWriter(fs::path session) : session_(std::move(session)), lock_(session_) {
-  // What a run that was killed before its first checkpoint has left would give this one another name.
+  // Leftovers of a run killed before its first checkpoint would change this run's name.
   if (!fs::exists(session_ / kState)) remove_runs(session_);
   remove_leftovers(session_);
   files_ = make_run();
@@ -439,11 +439,11 @@ void SessionWriter::write(const SessionState& s, const BrickList& active) {
   try {
     write_whole(session_ / kState, state.bytes);
   } catch (const std::exception&) {
-    // It may be there all the same, but perhaps not after a power cut.
+    // The state may exist all the same, but perhaps not after a power failure.
     is_named_ = is_named_ || names(session_, state.checksum);
     throw;
   }
-  // From here on the new state counts, also after a power cut.
+  // From here on the new state is valid, also after a power failure.
   is_named_ = true;
   written_ = std::move(frames), keyframe_files_ = std::move(keyframes), loop_files_ = std::move(loops);
   remove_others(s.number, named);
@@ -466,7 +466,8 @@ void SessionWriter::remove_others(std::uint64_t number, const NamedFiles& named)
   for (const fs::path& path : stale)
     if (!fs::is_directory(path, ignored))
       fs::remove(path, ignored);
-    else if (FileLock::take(path, FileLock::Kind::exclusive))  // what somebody reads goes with the next checkpoint
+    else if (FileLock::take(path, FileLock::Kind::exclusive))  // a folder with a reader is removed at the next
+                                                               // checkpoint
       fs::remove_all(path, ignored);
 }
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A session: a folder from which a run goes on. `state.cbor` is written last and at once, and names what else belongs
-// to it: a run's own folder, `run-N/`, with `keyframes/` (images and corners), `submap-N.vdb`, `frames-N-I.cbor` (the
-// frames' poses, a thousand in each), `keyframes-N-I.cbor` and `loops-N-I.cbor` (what is known of them, some hundred in
-// each), and `active-N.vdb`, the volume that is being fused into. A new run has a new folder, and the session before it
-// stays whole until the new one's first checkpoint takes its place. A map made of others (PartFiles) leaves their
-// images and submaps where they are.
+// Session: a folder from which a run resumes. `state.cbor` is written last and atomically, and names all other files: a
+// run's own folder, `run-N/`, with `keyframes/` (images and corners), `submap-N.vdb`, `frames-N-I.cbor` (the frames'
+// poses, a thousand in each), `keyframes-N-I.cbor` and `loops-N-I.cbor` (keyframe and loop data, some hundred in each),
+// and `active-N.vdb`, the active volume. A new run has a new folder; the previous session stays complete until the
+// first checkpoint of the new run replaces it. A merged map (PartFiles) leaves images and submaps in the folders of its
+// source maps.
 #pragma once
 #include <filesystem>
 #include <memory>
@@ -23,7 +23,7 @@ namespace cairn {
 struct SessionState {
   Rig rig;
   FuseOptions fuse;
-  float min_depth = 0, max_depth = 0;  // metres, see SurfaceOptions
+  float min_depth = 0, max_depth = 0;  // meters, see SurfaceOptions
   BackEnd::Memory back_end;
   Tracker::Saved tracker;
   Volume::Residency residency;
@@ -32,34 +32,35 @@ struct SessionState {
   int repeats = 0;
   std::optional<double> last_fused;
   std::uint64_t number = 0;  // of the checkpoint
-  std::string note;          // of whoever drives the mapper
+  std::string note;          // of the mapper's caller
 };
 
-/// What state.cbor names beside itself.
+/// Files that state.cbor names.
 struct NamedFiles {
-  static constexpr std::size_t kChunk = 256;  // keyframes or loops of a file
-  std::string run;                            // the folder in which the others are
-  /// With the keyframes, loops and frames that are not the newest.
+  static constexpr std::size_t kChunk = 256;  // keyframes or loops in a file
+  std::string run;                            // folder of the files
+  /// Full chunks of keyframes, loops and frames.
   std::vector<std::string> keyframe_files, loop_files, frame_files;
-  std::vector<PartFiles> parts;  // of other maps; folders as seen from the session's
+  std::vector<PartFiles> parts;  // of other maps; folders relative to the session's
 };
 
-/// A file with a part of a list, and the checksum of what it holds.
+/// File with a chunk of a list, and the checksum of its contents.
 struct ChunkFile {
   std::string name;
   std::uint32_t checksum = 0;
 };
 
-/// A map by what it was made with.
+/// Map with its rig and its fusion options.
 struct MadeWith {
   const std::filesystem::path& map;
   const Rig& rig;
   const FuseOptions& fuse;
 };
-/// Throws std::runtime_error that names both where they are of different cameras or voxels, and so cannot be `joined`.
+/// Throws std::runtime_error with both names if different cameras or voxel options prevent the maps from being
+/// `joined`.
 void check_alike(const MadeWith& first, const MadeWith& second, const char* joined);
 
-/// Those that the session was made with; the others have their defaults.
+/// Options stored with the session; all other options have their defaults.
 [[nodiscard]] Options options_of(const SessionState& session);
 
 struct ReadSession {
@@ -67,82 +68,80 @@ struct ReadSession {
   BrickTree active;
   std::filesystem::path files;  // the run's folder
   std::uint32_t checksum = 0;   // of state.cbor
-  FileLock hold;                // whoever writes leaves these files as long as this lives
+  FileLock hold;                // prevents writers from removing these files
   std::vector<ChunkFile> keyframe_files, loop_files;
   std::vector<std::string> frame_files;
   std::vector<PartFiles> parts;
   std::vector<FileLock> hold_parts;
 };
-/// Changes nothing in the folder, and may be called while another process writes there. Throws std::runtime_error with
-/// what is wrong and what to do: nothing there, damaged, written by another version.
+/// Reads a session. Changes no file, and is safe while another process writes there. Throws std::runtime_error with the
+/// cause (missing, damaged, written by another version) and the remedy.
 [[nodiscard]] ReadSession read_session(const std::filesystem::path& session);
 
-/// What a page shows of a session beside its finished map.
+/// Session data that a viewer page shows beside the finished map.
 struct SessionPictures {
   std::vector<double> timestamps;  // seconds, by keyframe
   SensorModel sensor;
-  NumberedFiles keyframes;  // that colour_file names
-  FileLock hold;            // whoever writes leaves them as long as this lives
+  NumberedFiles keyframes;  // named by colour_file
+  FileLock hold;            // prevents writers from removing the files
   std::vector<FileLock> hold_parts;
 };
 /// Reads no voxels and no frames. Throws like read_session.
 [[nodiscard]] SessionPictures read_pictures(const std::filesystem::path& session);
 
-/// Writes a session: of one process at a time, see SessionLock.
+/// Writes a session; only one process at a time may do so, see SessionLock.
 class SessionWriter {
  public:
-  /// Begins a new run. What is there stays until the first write.
+  /// Starts a new run. Existing files stay until the first write.
   explicit SessionWriter(std::filesystem::path session);
-  /// Goes on with the run that was read. `beside`: in a folder of its own with the same files, so that those of that
-  /// run stay as they are as long as somebody holds them.
+  /// Resumes the run that was read. `beside`: uses a new folder with the same files, so that the old run's files stay
+  /// unchanged as long as they are locked.
   SessionWriter(std::filesystem::path session, const ReadSession& read, bool beside = false);
-  /// A run without a written state is gone with this.
+  /// Removes a run without a written state.
   ~SessionWriter();
   SessionWriter(const SessionWriter&) = delete;
   SessionWriter& operator=(const SessionWriter&) = delete;
 
-  /// Where keyframes and submaps are to be written.
+  /// Folder for keyframes and submaps.
   [[nodiscard]] const std::filesystem::path& files() const { return files_; }
-  /// Brings a session's keyframes and submaps from where they lie, to go on with a copy of it. Those without a folder
-  /// are here.
+  /// Copies a session's keyframes and submaps here, to resume from a copy. Entries without a folder are already here.
   void copy_files(const SessionState& session, const NumberedFiles& submaps, const NumberedFiles& keyframes) const;
-  /// What is written from now on is made of other maps, too.
+  /// Sets the other maps for later states to refer to.
   void set_parts(std::vector<PartFiles> parts) { parts_ = std::move(parts); }
-  /// Writes the volume's bricks, full chunks of keyframes, loops and frames that are new or changed, and then the
-  /// state, each whole or not at all; a kill at any moment leaves the session before or this one. Files that no longer
-  /// belong to it are removed then.
+  /// Writes the volume's bricks, new or changed chunks of keyframes, loops and frames, and finally the state, each
+  /// atomically; a kill at any moment leaves either the previous session or this one. Then removes obsolete files.
   void write(const SessionState& state, const BrickList& active);
 
  private:
-  /// Full chunks of frames and the names of their files.
+  /// Full chunks of frames with the names of their files.
   struct FrameFiles {
     std::vector<std::shared_ptr<const FusedFrames::Chunk>> chunks;
     std::vector<std::string> names;
   };
   [[nodiscard]] FrameFiles write_frames(const FusedFrames& frames, std::uint64_t number) const;
-  /// `written`: the files of the last state, which are not written again where they hold the same.
+  /// `written`: files of the last state, reused if their contents are unchanged.
   template <class T>
   [[nodiscard]] std::vector<ChunkFile> write_chunks(const std::vector<T>& list, const char* what, std::uint64_t number,
                                                     const std::vector<ChunkFile>& written) const;
   /// Makes the folder of a new run.
   [[nodiscard]] std::filesystem::path make_run() const;
-  /// Leaves what the state with that number and these files names.
+  /// Removes all files except the state with the given number and its named files.
   void remove_others(std::uint64_t number, const NamedFiles& named) const;
   std::filesystem::path session_;
   SessionLock lock_;
   std::filesystem::path files_;
   bool is_named_ = false;  // by state.cbor
-  FrameFiles written_;     // of the last state, as these
+  FrameFiles written_;     // of the last state, like the lists below
   std::vector<ChunkFile> keyframe_files_, loop_files_;
   std::vector<PartFiles> parts_;
 };
 
-/// The bytes of state.cbor, and the way back to them: whatever was written since, the session is then what they name.
-/// Whoever calls holds the session's lock. They throw std::runtime_error like read_session and write_whole.
+/// Bytes of state.cbor, and the function to restore them: the session then returns to that state, whatever was written
+/// since. The caller holds the session's lock. Both throw std::runtime_error like read_session and write_whole.
 [[nodiscard]] std::vector<std::uint8_t> bytes_of_state(const std::filesystem::path& session);
 void restore_state(const std::filesystem::path& session, const std::vector<std::uint8_t>& bytes);
 
-/// Removes a session that something newer has replaced; whoever calls holds its lock.
+/// Removes a session replaced by a newer result. The caller holds its lock.
 void remove_session(const std::filesystem::path& session, const SessionLock& lock);
 
 }  // namespace cairn

@@ -21,8 +21,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kLock = "lock";                // in the session's folder
-constexpr std::string_view kWho = "process ";        // how what is in it begins
-constexpr auto kPatience = std::chrono::seconds(3);  // a killed process takes a moment to go
+constexpr std::string_view kWho = "process ";        // prefix of the lock file's text
+constexpr auto kPatience = std::chrono::seconds(3);  // a killed process takes a moment to exit
 constexpr std::size_t kLongest = 200;                // characters of a command line
 
 std::string text_of(const fs::path& file) {
@@ -30,7 +30,7 @@ std::string text_of(const fs::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-/// For whoever finds the session taken.
+/// Text for other processes that find the session locked.
 std::string who_i_am() {
   std::string command = text_of("/proc/self/cmdline");
   while (!command.empty() && command.back() == '\0') command.pop_back();
@@ -55,7 +55,7 @@ SessionLock::SessionLock(fs::path session) : session_(std::move(session)) {
   const auto end = Clock::now() + kPatience;
   std::error_code error;
   try {
-    // One who ends takes the file away, see below: then the lock is on nothing, and the next try makes a new file.
+    // A process that exits removes the file, see below. Its lock is then void, and the next attempt makes a new file.
     do {
       fs::create_directories(session_, error);
       if (error)
@@ -70,7 +70,7 @@ SessionLock::SessionLock(fs::path session) : session_(std::move(session)) {
         break;
     } while (!lock_ || !is_the_file_at(lock_->descriptor(), file));
   } catch (...) {
-    fs::remove(session_, error);  // unless there is something in it
+    fs::remove(session_, error);  // fails if the folder is not empty
     throw;
   }
   if (!lock_) {
@@ -87,13 +87,13 @@ SessionLock::SessionLock(fs::path session) : session_(std::move(session)) {
   }
   const std::string who = who_i_am();
   if (ftruncate(lock_->descriptor(), 0) == 0)
-    (void)!write(lock_->descriptor(), who.data(), who.size());  // on a full disk nobody is told who it is
+    (void)!write(lock_->descriptor(), who.data(), who.size());  // on a full disk the owner stays unnamed
 }
 
 SessionLock::~SessionLock() {
   std::error_code ignored;
   fs::remove(session_ / kLock, ignored);
-  fs::remove(session_, ignored);  // unless there is something in it
+  fs::remove(session_, ignored);  // fails if the folder is not empty
 }
 
 }  // namespace cairn

@@ -8,11 +8,11 @@
 
 namespace cairn {
 
-/// The right to write into a session, which one process has at a time. The folder is made where it is missing, and goes
-/// again when it is left empty.
+/// Exclusive lock for writing a session, for one process at a time. Makes a missing folder, and removes it again if it
+/// stays empty.
 class SessionLock {
  public:
-  /// Throws std::runtime_error telling who has it and what to do.
+  /// Throws std::runtime_error with the owner of the lock and the remedy.
   explicit SessionLock(std::filesystem::path session);
   ~SessionLock();
   SessionLock(const SessionLock&) = delete;

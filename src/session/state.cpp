@@ -26,12 +26,12 @@ concept Number = std::is_arithmetic_v<T> || std::is_enum_v<T>;
 template <class T, class Struct>
 concept Of = std::same_as<std::remove_const_t<T>, Struct>;
 
-/// A value that the formats up to `last` had.
+/// Value present only in formats up to `last`.
 template <int last, class T>
 struct Until {};
 
-// The fields of each struct, listed once: Out writes and In reads what `io` is called with. What came to them after the
-// oldest format that is read stands in io.since(FORMAT, ...), what went is Until<FORMAT, TYPE>.
+// Fields of each struct, listed once: Out writes and In reads the arguments of `io`. Fields added after the oldest
+// readable format are in io.since(FORMAT, ...), removed fields are Until<FORMAT, TYPE>.
 
 void fields(auto& io, Of<Eigen::Isometry3d> auto& pose) { io(pose.matrix()); }
 
@@ -120,14 +120,14 @@ void fields(auto& io, PartFiles& p) {
   p.folder = folder;
 }
 
-/// What is in no file of its own: of keyframes, loops and frames the newest.
+/// Newest keyframes, loops and frames, not yet in chunk files.
 struct Newest {
   std::vector<Keyframe> keyframes;
   std::vector<Loop> loops;
   FusedFrames::Chunk frames;
 };
 
-/// The entries of state.cbor by their names.
+/// Entries of state.cbor by name.
 void entries(auto& io, Of<SessionState> auto& s, Of<Newest> auto& newest, Of<NamedFiles> auto& files) {
   io("rig", s.rig);
   io("options", s.fuse.voxel_size, s.fuse.truncation, s.min_depth, s.max_depth);
@@ -160,7 +160,7 @@ void entries(auto& io, Of<SessionState> auto& s, Of<Newest> auto& newest, Of<Nam
   io("note", s.note);
 }
 
-/// Values one after the other, as they are in memory; before those of a list there is their count.
+/// Writes values one after the other as they are in memory; the count of a list precedes its values.
 class Out {
  public:
   void operator()(const auto&... values) { (put(values), ...); }
@@ -220,7 +220,7 @@ class Out {
   std::vector<std::uint8_t> bytes_;
 };
 
-/// Reads what Out has written. It asks for memory as far as there are bytes, whatever a count says.
+/// Reads the output of Out. Allocates only as much memory as there are bytes, whatever a count says.
 class In {
  public:
   In(std::span<const std::uint8_t> bytes, int format) : bytes_(bytes), format_(format) {}
@@ -364,7 +364,7 @@ StateFile state_of(const Json& json, int format) {
   Newest newest;
   ReadEntries io(json, format);
   entries(io, state.session, newest, state.files);
-  if (format < 10)  // what the frames around a keyframe measured is its own part alone
+  if (format < 10)  // only the frame's own measurement is known
     for (Keyframe& k : newest.keyframes)
       if (k.acceleration) k.accelerations << *k.acceleration, k.acceleration->norm();
   Atlas& atlas = state.session.back_end.atlas;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A session's state as what state.cbor and the files of keyframes, loops and frames hold, and back.
+// Conversion between a session's state and the contents of state.cbor and the files of keyframes, loops and frames.
 #pragma once
 #include <nlohmann/json.hpp>
 #include <span>
@@ -11,16 +11,15 @@
 
 namespace cairn {
 
-/// What state.cbor holds: a session with its newest keyframes, loops and frames, and the names of files.
+/// Contents of state.cbor: a session with its newest keyframes, loops and frames, and the names of files.
 struct StateFile {
   SessionState session;
   NamedFiles files;
 };
 
-/// Of keyframes and loops, those that the files leave.
+/// Stores only keyframes and loops absent from the named files.
 [[nodiscard]] nlohmann::json json_of(const SessionState& session, const NamedFiles& files);
-/// Throws for what json_of() has not made, of this version or, in an older format, of the one before. What it says is
-/// not validated.
+/// Throws for input that json_of() has not written in a readable format. Does not validate the values.
 [[nodiscard]] StateFile state_of(const nlohmann::json& json, int format);
 
 [[nodiscard]] nlohmann::json json_of(const FusedFrames::Chunk& frames);

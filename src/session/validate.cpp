@@ -25,21 +25,21 @@ void require_numbers(const Eigen::MatrixBase<Matrix>& m) {
 }
 
 void require_rigid(const Eigen::Isometry3d& pose) {
-  constexpr double kBent = 0.01;  // that rounding never reaches
+  constexpr double kBent = 0.01;  // far above rounding errors
   const Eigen::Matrix3d r = pose.linear();
   require(pose.matrix().allFinite() && (r.transpose() * r - Eigen::Matrix3d::Identity()).norm() < kBent &&
               r.determinant() > 0 && pose.matrix().row(3) == Eigen::RowVector4d(0, 0, 0, 1),
           "a pose is none");
 }
 
-/// A direction, and how much of it there is.
+/// Unit direction, with its area.
 void require_unit(const Eigen::Vector3d& direction, float area = 1) {
   constexpr double kBent = 0.01;
   require(std::abs(direction.norm() - 1) < kBent && area >= 0 && std::isfinite(area), "a direction is none");
 }
 
 void require_near(const Brick& brick) {
-  constexpr int kFar = 1 << 24;  // bricks; nothing overflows
+  constexpr int kFar = 1 << 24;  // bricks; no overflow below
   require((brick.array() > -kFar).all() && (brick.array() < kFar).all(), "a brick lies nowhere");
 }
 
@@ -57,7 +57,7 @@ void validate(const Keyframe& keyframe, std::size_t number, std::size_t submaps)
 }
 
 void validate(const SurfaceSigma& sigma) {
-  constexpr int kFar = 1 << 24;  // cells, as SurfaceSigma takes them
+  constexpr int kFar = 1 << 24;  // cells, the limit of SurfaceSigma
   for (const SurfaceSigma::Cell& cell : sigma.cells()) {
     require_numbers({cell.variance, cell.weight});
     require(cell.variance > 0 && cell.weight > 0, "a standard deviation is none");

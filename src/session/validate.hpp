@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What everybody else takes for granted in a session that was read: numbers of what exists, finite values.
+// Checks of a session read from disk, on which other code relies: valid indices, finite values.
 #pragma once
 #include <cstddef>
 #include <optional>
@@ -10,15 +10,15 @@
 
 namespace cairn {
 
-/// Throws std::runtime_error with what is wrong. The session has its newest frames; `frames`: how many there are with
-/// those of full chunks.
+/// Throws std::runtime_error with the defect. The session has its newest frames; `frames`: total count including full
+/// chunks.
 void validate(const SessionState& session, std::size_t frames);
-/// The same for what a state names beside a map that is valid.
+/// As above for the file names of a state, given a valid map.
 void validate(const NamedFiles& files, const BackEnd::Memory& map);
-/// The same for frames of a session with so many keyframes.
+/// As above for frames of a session with `keyframes` keyframes.
 void validate(const FusedFrames::Chunk& frames, std::size_t keyframes);
 
-/// The number of a run by the name of its folder, run-N.
+/// Number of a run from the name of its folder, run-N.
 [[nodiscard]] std::optional<unsigned long> run_number(const std::string& name);
 
 }  // namespace cairn
