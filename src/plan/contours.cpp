@@ -15,7 +15,7 @@
 namespace cairn::plan {
 namespace {
 
-/// Where an edge crosses the height: the same for both triangles at the edge.
+/// Point where an edge crosses the height: the same for both triangles at the edge.
 Point crossing(Eigen::Vector3d a, Eigen::Vector3d b, double height) {
   if (std::lexicographical_compare(b.data(), b.data() + 3, a.data(), a.data() + 3)) std::swap(a, b);
   const Eigen::Vector3d p = a + (height - height_of(a)) / (height_of(b) - height_of(a)) * (b - a);
@@ -23,9 +23,9 @@ Point crossing(Eigen::Vector3d a, Eigen::Vector3d b, double height) {
 }
 
 using Key = std::pair<std::int64_t, std::int64_t>;
-/// Points that are one, up to how numbers are rounded.
+/// Key of a point, equal for points that differ only by rounding.
 Key key_of(const Point& p) {
-  constexpr double kSame = 1e-5;  // metres
+  constexpr double kSame = 1e-5;  // meters
   return {std::llround(p.x() / kSame), std::llround(p.y() / kSame)};
 }
 struct KeyHash {
@@ -38,7 +38,7 @@ bool before(const Segment& s, const Segment& t) {
   return std::make_tuple(s.a.x(), s.a.y(), s.b.x(), s.b.y()) < std::make_tuple(t.a.x(), t.a.y(), t.b.x(), t.b.y());
 }
 
-/// What follows each segment: each is followed by one at most, and follows one at most.
+/// Successor of each segment; a segment has at most one successor and one predecessor.
 class Links {
  public:
   explicit Links(const std::vector<Segment>& segments) : next_(segments.size(), kNone), first_(segments.size(), true) {
@@ -90,7 +90,7 @@ std::vector<Polyline> joined(std::vector<Segment> segments) {
     Polyline& line = lines.emplace_back();
     line.points.push_back(segments[i].a);
     for (std::size_t at = i; at != Links::kNone; at = links.next(at)) {
-      if (taken[at]) {  // around
+      if (taken[at]) {  // closed
         line.closed = true;
         line.points.pop_back();
         break;

@@ -8,15 +8,15 @@
 
 namespace cairn::plan {
 
-/// A piece of a surface that is cut level, with free space on its left.
+/// Segment of a horizontal section of a surface, with free space on its left.
 struct Segment {
   Point a, b;
 };
 
-/// Where a level plane cuts a mesh; `height`: metres above the world's origin.
+/// Intersects a mesh with a horizontal plane; `height`: meters above the world's origin.
 void cut(const Mesh& mesh, double height, std::vector<Segment>& segments);
 
-/// Segments joined where one begins as another ends, whatever their order was. Free space is on the left of each.
+/// Joins segments end to start, in any order. Free space is on the left of each polyline.
 [[nodiscard]] std::vector<Polyline> joined(std::vector<Segment> segments);
 
 }  // namespace cairn::plan

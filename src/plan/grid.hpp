@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The frame of a floor plan: (x, z) of the world, metres. Seen from above, x points right and z up the page.
+// Frame of a floor plan: (x, z) of the world, meters. Seen from above, x points right and z up the page.
 #pragma once
 #include <Eigen/Geometry>
 #include <cmath>
@@ -11,13 +11,13 @@ namespace cairn::plan {
 
 using Point = Eigen::Vector2d;
 using Box = Eigen::AlignedBox2d;
-using Mask = cv::Mat1b;  // a cell a byte, 0 or 255; row by row, each along x
+using Mask = cv::Mat1b;  // one byte per cell, 0 or 255; row by row along x
 
-/// The point beside another on the left, as far away as it is long.
+/// Vector rotated by 90 degrees to the left.
 [[nodiscard]] inline Point left_of(const Point& p) { return {-p.y(), p.x()}; }
 [[nodiscard]] inline double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
 
-/// Points one after the other, joined by straight lines.
+/// Points connected by straight lines.
 struct Polyline {
   std::vector<Point> points;
   bool closed = false;
@@ -32,16 +32,16 @@ struct Polyline {
   }
 };
 
-/// An area between rings; what lies within an even number of them is none of it.
+/// Area bounded by rings, with the even-odd rule.
 using Area = std::vector<std::vector<Point>>;
 
-/// Square cells that a storey is surveyed in.
+/// Square cells for the survey of a storey.
 struct Grid {
   Point origin = Point::Zero();  // lowest corner of cell (0, 0)
-  double cell = 0;               // metres a side
+  double cell = 0;               // meters a side
   int width = 0, height = 0;     // cells
 
-  /// Around a box, in cells of at least `cell` metres; larger ones where there would be more than kMostCells.
+  /// Grid around a box with cells of at least `cell` meters; larger ones if there would be more than kMostCells.
   [[nodiscard]] static Grid around(const Box& box, double cell) {
     constexpr double kMostCells = 1 << 26;
     while (box.volume() / (cell * cell) > kMostCells) cell *= 2;
@@ -56,7 +56,7 @@ struct Grid {
   [[nodiscard]] Point centre(const cv::Point& c) const { return origin + cell * Point(c.x + 0.5, c.y + 0.5); }
   [[nodiscard]] bool holds(const cv::Point& c) const { return c.x >= 0 && c.y >= 0 && c.x < width && c.y < height; }
   [[nodiscard]] Mask mask() const { return Mask::zeros(height, width); }
-  /// Cells for a length, at least one.
+  /// Number of cells for a length, at least one.
   [[nodiscard]] int cells(double metres) const { return std::max(1, static_cast<int>(std::lround(metres / cell))); }
 
   static constexpr int kMargin = 4;  // empty cells on each side

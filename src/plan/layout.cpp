@@ -21,7 +21,7 @@ constexpr double kMargin = 10, kRuler = 14;  // mm: of the page, and beside the 
 constexpr Colour kBlack = 0x000000, kPaper = 0xffffff, kWall = 0x4a4a4a, kFloor = 0xf4ecdc, kFurniture = 0xe2d8c6,
                  kEdge = 0xa89c88, kUnseen = 0x8c8c8c, kMissed = 0xf6cfd9, kPath = 0xc1443c, kFine = 0x606060,
                  kGridLine = 0xd6d2ca, kLoop = 0x707070, kLoopBetween = 0xd55e00, kAlarm = 0xb00020;
-// Of several recordings; told apart by whoever sees colours otherwise, too (Okabe & Ito 2008).
+// Colors of several recordings, distinguishable with color blindness (Okabe & Ito 2008).
 constexpr std::array<Colour, 5> kPaths{0x0072b2, 0xe69f00, 0x009e73, 0xcc79a7, 0x56b4e9};
 constexpr double kLegendRow = 5;     // mm
 constexpr double kUsualFooter = 30;  // mm, with two rows of the legend
@@ -34,12 +34,12 @@ struct Paper {
 const std::array<Paper, 5> kPapers{
     {{"A4", 210, 297}, {"A3", 297, 420}, {"A2", 420, 594}, {"A1", 594, 841}, {"A0", 841, 1189}}};
 
-/// What a plan takes on the paper. `footer`: mm below it.
+/// Size of a plan on the paper. `footer`: mm below the plan.
 Point size_of(const Box& box, int scale, double footer) {
   return box.sizes() * (1000.0 / scale) + Point(2 * (kMargin + kRuler), 2 * (kMargin + kRuler) + footer);
 }
 
-/// The first paper, of so many, that holds a plan, with its size in the plan's orientation.
+/// First of the papers with room for a plan, with its size in the plan's orientation.
 std::optional<std::pair<std::string, Point>> paper_for(const Point& size, std::size_t papers) {
   for (std::size_t i = 0; i < papers; ++i) {
     const Paper& p = kPapers[i];
@@ -69,7 +69,7 @@ Page page_for(const Box& box, int scale, double footer) {
   return {chosen, "", size_of(box, chosen, footer).array().ceil().matrix(), footer};
 }
 
-/// From metres of the plan to millimetres of the page.
+/// Transform from meters of the plan to millimeters of the page.
 class Drawing {
  public:
   Drawing(const Box& box, double angle, const Page& page)
@@ -78,7 +78,7 @@ class Drawing {
     origin_ = Point(kMargin + kRuler, page.size.y() - kMargin - kRuler - page.footer) +
               Point(page.size.x() - size.x(), size.y() - page.size.y()) / 2;
   }
-  /// Of a point of the turned plan.
+  /// Transforms a point of the rotated plan.
   [[nodiscard]] Point of_turned(const Point& p) const {
     return origin_ + scale_ * Point(p.x() - box_.min().x(), box_.min().y() - p.y());
   }
@@ -101,28 +101,28 @@ class Drawing {
   }
   Box box_;
   Eigen::Rotation2Dd turn_;
-  double scale_;  // mm a metre
+  double scale_;  // mm per meter
   Point origin_;  // of the box's lower left corner on the page
 };
 
-/// Radians by which plans lie turned: most walls go along the paper's edges then.
+/// Rotation of the plans in radians: aligns most walls with the paper's edges.
 double turned_by(const std::vector<StoreyPlan>& storeys) {
-  constexpr double kTells = 0.25;  // share of the walls' length
+  constexpr double kTells = 0.25;  // minimum share of the walls' length
   const auto& walls = std::max_element(storeys.begin(), storeys.end(), [](const auto& a, const auto& b) {
                         return a.walls.share * a.walls.length < b.walls.share * b.walls.length;
                       })->walls;
   return walls.share < kTells ? 0 : std::remainder(walls.direction, std::numbers::pi / 2);
 }
 
-/// Around all that is drawn, turned.
+/// Bounding box of all drawn parts, rotated.
 Box extent_of(const std::vector<StoreyPlan>& storeys, const std::vector<Trajectory>& paths, double angle) {
-  constexpr double kBeside = 0.05;  // metres
+  constexpr double kBeside = 0.05;  // meters
   const Eigen::Rotation2Dd turn(-angle);
   Box walls;
   for (const StoreyPlan& storey : storeys)
     for (const Polyline& line : storey.walls.lines)
       for (const Point& p : line.points) walls.extend(Point(turn * p));
-  Box box = walls;  // what ends at them, up to a cell or two, does not make it larger
+  Box box = walls;  // areas that end at the walls, up to a cell or two, do not enlarge it
   const auto extend = [&](const Point& p) {
     if (walls.exteriorDistance(Point(turn * p)) > kBeside) box.extend(Point(turn * p));
   };
@@ -136,14 +136,14 @@ Box extent_of(const std::vector<StoreyPlan>& storeys, const std::vector<Trajecto
   return box;
 }
 
-/// Places of metres along a length, at least `least` millimetres apart on the paper.
+/// Spacing of meter marks, at least `least` millimeters on the paper.
 double step_of(double mm_a_metre, double least) {
   for (const double step : {0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0})
     if (step * mm_a_metre >= least) return step;
   return 100;
 }
 
-/// 0, and all multiples of a step that are not larger than `last`.
+/// 0, and all multiples of a step up to `last`.
 std::vector<double> up_to(double last, double step) {
   std::vector<double> places(1 + static_cast<std::size_t>(last / step));
   for (std::size_t i = 0; i < places.size(); ++i) places[i] = static_cast<double>(i) * step;
@@ -153,7 +153,7 @@ std::vector<double> up_to(double last, double step) {
 Shape line(const Point& a, const Point& b) { return {{{a, b}}, false}; }
 Shape rectangle(const Point& a, const Point& b) { return {{{a, {b.x(), a.y()}, b, {a.x(), b.y()}}}, true}; }
 
-/// Lines a metre apart, or more.
+/// Grid lines at a spacing of a meter or more.
 Layer grid_of(const Drawing& drawing) {
   Layer layer{.name = "Grid", .style = {.stroke = kGridLine, .width = 0.1}};
   const Box& box = drawing.box();
@@ -167,7 +167,8 @@ Layer grid_of(const Drawing& drawing) {
   return layer;
 }
 
-/// Metres from the plan's lower left corner along its lower and left edges, and its extent along the others.
+/// Rulers in meters from the plan's lower left corner along its lower and left edges, and its extent along the other
+/// edges.
 Layer rulers_of(const Drawing& drawing) {
   constexpr double kAway = 5, kTick = 1.5, kOver = 0.7;  // mm
   Layer layer{.name = "Dimensions", .style = {.stroke = kFine, .width = 0.15}};
@@ -205,16 +206,16 @@ Layer rulers_of(const Drawing& drawing) {
   return layer;
 }
 
-/// Above a storey's floor, below the next.
+/// Range of heights from a storey's floor to the next.
 struct Heights {
-  double low = 0, high = 0;  // metres
+  double low = 0, high = 0;  // meters
   [[nodiscard]] bool holds(double height) const { return height > low && height <= high; }
 };
 
-/// The parts of a path that go over a storey.
+/// Parts of a path over a storey.
 Layer path_of(const Drawing& drawing, const std::string& name, const Style& style, const Trajectory& path,
               const Heights& storey) {
-  constexpr double kPlain = 0.02;  // metres that a simpler path may be off
+  constexpr double kPlain = 0.02;  // meters: error of a simplified path
   Layer layer{.name = name, .style = style};
   Polyline part;
   const auto end = [&] {
@@ -232,7 +233,7 @@ Layer path_of(const Drawing& drawing, const std::string& name, const Style& styl
   return layer;
 }
 
-/// Loops of a storey; one between two storeys is the lower one's.
+/// Loops of a storey; a loop between two storeys belongs to the lower.
 Layer loops_of(const Drawing& drawing, const std::string& name, const Style& style, const std::vector<LoopLine>& loops,
                const Heights& storey, bool are_between) {
   Layer layer{.name = name, .style = style};
@@ -258,9 +259,9 @@ Layer rooms_of(const Drawing& drawing, const StoreyPlan& storey) {
   return layer;
 }
 
-/// A bar of whole metres, every other one filled, which ends at `right`.
+/// Scale bar of full meters, alternately filled, with its right end at `right`.
 void add_scale_bar(const Page& page, const Point& right, std::vector<Layer>& layers) {
-  constexpr double kHigh = 1.6, kPiece = 10, kUnit = 3;  // mm; of the last number, a unit lies beyond the end
+  constexpr double kHigh = 1.6, kPiece = 10, kUnit = 3;  // mm; the unit after the last number exceeds the bar
   constexpr int kPieces = 5;
   const double mm = 1000.0 / page.scale, step = std::max(1.0, step_of(mm, kPiece));
   const Point at = right - Point(kPieces * step * mm + kUnit, 0);
@@ -284,7 +285,8 @@ struct Meaning {
   bool is_line = false;
 };
 
-/// Calls `place(meaning, at)` with where each stands, `at` the first; returns how many rows they fill up to `right`.
+/// Calls `place(meaning, at)` with the position of each legend entry, starting at `at`; returns the number of rows
+/// filled up to `right`.
 template <class Place>
 int lay_out_legend(const std::vector<Meaning>& meanings, Point at, double right, const Place& place) {
   constexpr double kBeside = 12.5, kLetter = 1.42;  // mm
@@ -310,9 +312,9 @@ void add_legend(const std::vector<Meaning>& meanings, const Point& first, double
   });
 }
 
-/// The day on which the paths begin, where their clock is one: UTC.
+/// UTC date of the earliest path, if its clock counts from 1970.
 std::string date_of(const std::vector<Trajectory>& paths) {
-  constexpr double kClock = 946684800;  // seconds from 1970 to 2000: smaller stamps count from some start
+  constexpr double kClock = 946684800;  // seconds from 1970 to 2000: smaller stamps count from an arbitrary start
   double first = 0;
   for (const Trajectory& path : paths)
     if (!path.empty() && (first == 0 || path.front().timestamp < first)) first = path.front().timestamp;
@@ -323,7 +325,7 @@ std::string date_of(const std::vector<Trajectory>& paths) {
   return fmt::format("{:04}-{:02}-{:02}", day.tm_year + 1900, day.tm_mon + 1, day.tm_mday);
 }
 
-/// What all pages of a plan share.
+/// Data shared by all pages of a plan.
 struct Plan {
   const std::vector<StoreyPlan>& storeys;
   const std::vector<Trajectory>& paths;
@@ -349,7 +351,7 @@ std::string name_of(const PlanOptions& options, std::size_t recording) {
              : fmt::format("recording {}", recording);
 }
 
-/// What the camera did on a storey: where it went, and which places it knew again.
+/// Draws the camera's paths and loops on a storey.
 void add_ways(const Plan& plan, std::size_t i, std::vector<Layer>& layers, std::vector<Meaning>& meanings) {
   const double infinity = std::numeric_limits<double>::infinity();
   const Heights storey{plan.storeys[i].floor, i + 1 < plan.storeys.size() ? plan.storeys[i + 1].floor : infinity};
@@ -366,13 +368,13 @@ void add_ways(const Plan& plan, std::size_t i, std::vector<Layer>& layers, std::
     const Style style = path_style(r, recordings);
     const std::string name = recordings > 1 ? ": " + name_of(plan.options, r) : "";
     Layer layer = path_of(plan.drawing, "Path of the camera" + name, style, plan.paths[r], storey);
-    if (layer.shapes.empty() && recordings > 1) continue;  // it was not here
+    if (layer.shapes.empty() && recordings > 1) continue;  // not on this storey
     meanings.push_back({recordings > 1 ? "path: " + name_of(plan.options, r) : "path of the camera", style, true});
     layers.push_back(std::move(layer));
   }
 }
 
-/// The drawing itself; fills the legend with what there is of it.
+/// Layers of the drawing; adds the meanings of its parts to the legend.
 std::vector<Layer> layers_of(const Plan& plan, std::size_t i, std::vector<Meaning>& meanings) {
   const StoreyPlan& storey = plan.storeys[i];
   const Drawing& drawing = plan.drawing;
@@ -404,7 +406,7 @@ std::vector<Layer> layers_of(const Plan& plan, std::size_t i, std::vector<Meanin
   return layers;
 }
 
-/// What was recorded and when, which storey this is, how it was drawn, and how well that agrees with the map.
+/// Title, date, storey, drawing parameters, and agreement with the map.
 Layer title_of(const Plan& plan, std::size_t i, const std::string& title, const Point& at) {
   const StoreyPlan& storey = plan.storeys[i];
   std::string line;
@@ -423,7 +425,7 @@ Layer title_of(const Plan& plan, std::size_t i, const std::string& title, const 
                           1e3 * storey.walls.mean_off, 1e3 * storey.walls.p95_off)}}};
 }
 
-/// Recordings that are not in the map, above the drawing: as many names as the page has room for.
+/// Recordings absent from the map, above the drawing: as many names as the page has room for.
 Layer missing_of(const Plan& plan) {
   constexpr double kSize = 3.5, kLetter = 2.1;  // mm
   const auto& missing = plan.options.missing;
@@ -442,7 +444,7 @@ Layer missing_of(const Plan& plan) {
 
 constexpr double kLegendBelow = 12.5, kTitleBelow = 6;  // mm
 
-/// What legends take below the usual two rows, at most.
+/// Additional height of the largest legend below the usual two rows.
 double more_footer(const Plan& plan) {
   int rows = kUsualRows;
   for (std::size_t i = 0; i < plan.storeys.size(); ++i) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// From storeys in metres to pages in millimetres.
+// Conversion of storeys in meters to pages in millimeters.
 #pragma once
 #include <string>
 #include <vector>
@@ -12,20 +12,20 @@
 
 namespace cairn::plan {
 
-/// Two keyframes that see the same, where they lie in the world.
+/// Loop between two keyframes, by their positions in the world.
 struct LoopLine {
-  Eigen::Vector3d from = Eigen::Vector3d::Zero(), to = Eigen::Vector3d::Zero();  // metres
+  Eigen::Vector3d from = Eigen::Vector3d::Zero(), to = Eigen::Vector3d::Zero();  // meters
   bool is_between = false;                                                       // two recordings
 };
 
 struct Pages {
-  std::vector<Sheet> sheets;  // one a storey; the same place is at the same place of each
+  std::vector<Sheet> sheets;  // one per storey, all with the same placement
   int scale = 0;
   std::string paper;                 // empty: larger than A0
-  int loops = 0, loops_between = 0;  // that are drawn: all, and those between two recordings
+  int loops = 0, loops_between = 0;  // drawn loops: all, and between two recordings
 };
 
-/// Storeys on the smallest paper that they fit on, most walls along its edges.
+/// Fits storeys on the smallest paper, with most walls along its edges.
 /// `paths`: by recording.
 [[nodiscard]] Pages laid_out(const std::vector<StoreyPlan>& storeys, const std::vector<Trajectory>& paths,
                              const std::vector<LoopLine>& loops, const PlanOptions& options);

@@ -11,10 +11,10 @@
 namespace cairn::plan {
 namespace {
 
-constexpr double kRoom = 8;       // metres from one known place to the opposite one, at most
-constexpr double kCoarse = 0.05;  // metres of a cell: an outline needs no finer ones
+constexpr double kRoom = 8;       // meters between two opposite known cells, at most
+constexpr double kCoarse = 0.05;  // meters of a cell: sufficient for an outline
 
-/// By cell, how many cells back along its row something known is; along columns where the mask is transposed.
+/// By cell, distance in cells to the nearest known cell before it in its row; in its column for a transposed mask.
 cv::Mat1i cells_back(const Mask& known) {
   constexpr int kNever = std::numeric_limits<int>::max() / 4;
   cv::Mat1i back(known.size());
@@ -34,7 +34,7 @@ cv::Mat1i cells_on(const Mask& known) {
   return on;
 }
 
-/// Of a building whose walls go along the mask's sides.
+/// Inside of a building with walls parallel to the mask's sides.
 Mask within_straight(const Mask& known, int room) {
   const Mask across = known.t();
   const cv::Mat1i left = cells_back(known), right = cells_on(known), up = cells_back(across).t(),
@@ -52,7 +52,7 @@ Mask within_straight(const Mask& known, int room) {
 }  // namespace
 
 Mask within_outline(const Grid& grid, const Mask& known, double angle) {
-  // A turned copy is as large as the mask's diagonal.
+  // A rotated copy is as large as the mask's diagonal.
   const double scale = std::min(1.0, grid.cell / kCoarse);
   const int side = static_cast<int>(std::ceil(scale * std::hypot(known.cols, known.rows))) + 2;
   const cv::Point2f middle(static_cast<float>(known.cols) / 2, static_cast<float>(known.rows) / 2);

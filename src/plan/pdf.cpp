@@ -13,7 +13,7 @@
 namespace cairn::plan {
 namespace {
 
-constexpr double kPoints = 72 / 25.4;  // of a millimetre
+constexpr double kPoints = 72 / 25.4;  // per millimeter
 
 void set_colour(cairo_t* c, Colour colour) {
   const auto part = [&](int shift) { return (colour >> shift & 0xff) / 255.0; };
@@ -28,13 +28,13 @@ void add_path(cairo_t* c, const Shape& shape) {
   }
 }
 
-/// Lines across, within the path.
+/// Draws diagonal lines inside the path.
 void hatch(cairo_t* c, Colour colour) {
   double left = 0, top = 0, right = 0, bottom = 0;
   cairo_path_extents(c, &left, &top, &right, &bottom);
   cairo_save(c);
   cairo_clip(c);
-  const double apart = kHatchApart * std::numbers::sqrt2;  // along x; where x + y is a multiple of it
+  const double apart = kHatchApart * std::numbers::sqrt2;  // along x; lines are at multiples of `apart` in x + y
   const auto last = static_cast<long>(std::ceil((right + bottom) / apart));
   for (auto i = static_cast<long>(std::floor((left + top) / apart)); i < last; ++i) {
     const double sum = static_cast<double>(i) * apart;
@@ -95,7 +95,7 @@ std::string pdf_of(const std::vector<Sheet>& sheets) {
   const std::unique_ptr<cairo_surface_t, decltype(&cairo_surface_destroy)> surface(
       cairo_pdf_surface_create_for_stream(append, &pdf, 1, 1), cairo_surface_destroy);
   cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_TITLE, sheets.front().title.c_str());
-  cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_CREATE_DATE, "");  // else the present
+  cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_CREATE_DATE, "");  // default: the current time
   for (const Sheet& sheet : sheets) {
     cairo_pdf_surface_set_size(surface.get(), kPoints * sheet.width, kPoints * sheet.height);
     const std::unique_ptr<cairo_t, decltype(&cairo_destroy)> page(cairo_create(surface.get()), cairo_destroy);

@@ -8,13 +8,13 @@
 namespace cairn::plan {
 namespace {
 
-constexpr double kJamb = 0.6;                      // metres of a wall's end, at most
-constexpr double kNarrowest = 0.5, kWidest = 1.6;  // metres of a door
-constexpr double kFacing = -0.9;                   // cosine between the normals of its two jambs, at most
+constexpr double kJamb = 0.6;                      // meters of a wall's end, at most
+constexpr double kNarrowest = 0.5, kWidest = 1.6;  // meters of a door
+constexpr double kFacing = -0.9;                   // cosine between the normals of the door's two jambs, at most
 constexpr double kLeastRoom = 1.0;                 // m2
-constexpr double kClosed = 0.95;                   // share of a room's rim that is wall or door
+constexpr double kClosed = 0.95;                   // share of wall or door in a room's rim
 
-/// Closes the doors: lines from one end of a wall to that of another that faces it.
+/// Closes doors: draws lines between the ends of walls that face each other.
 void close_doors(const Grid& grid, const Mask& solid, const Sides& sides, Mask& walls) {
   const auto is_jamb = [&](const Segment& side) {
     const cv::Point inside = grid.cell_of((side.a + side.b) / 2 - 3 * grid.cell * normal_of(side));
@@ -58,7 +58,7 @@ std::vector<Room> rooms_in(const Grid& grid, const Mask& open, const Mask& walls
     cv::distanceTransform(room, inside, cv::DIST_L2, 5);
     cv::Point middle;
     cv::minMaxLoc(inside, nullptr, nullptr, nullptr, &middle);
-    // A line runs through the middle of its cells.
+    // A wall's line is in the middle of its cells.
     found.push_back({.middle = grid.centre(middle + box.tl()), .area = area + 0.5 * wall * grid.cell * grid.cell});
   }
   return found;

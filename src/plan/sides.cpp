@@ -8,7 +8,7 @@
 namespace cairn::plan {
 namespace {
 
-constexpr double kBucket = 0.5;  // metres
+constexpr double kBucket = 0.5;  // meters
 
 Box box_of(const Point& a, const Point& b) {
   Box box(a);

@@ -11,19 +11,19 @@
 
 namespace cairn::plan {
 
-/// The sides of many lines, found by where they are.
+/// Spatial index of the sides of many polylines.
 class Sides {
  public:
   explicit Sides(const std::vector<Polyline>& lines);
   [[nodiscard]] const std::vector<Segment>& all() const { return sides_; }
-  /// Indices of those that may reach into a box, sorted.
+  /// Sorted indices of sides possibly in a box.
   [[nodiscard]] std::vector<std::size_t> near(const Box& box) const;
 
   struct Hit {
     std::size_t side = 0;
-    double distance = 0;  // metres
+    double distance = 0;  // meters
   };
-  /// The first side that a ray meets within `reach` metres, none of `but`. `along`: unit length.
+  /// First side hit by a ray within `reach` meters, except `but`. `along`: unit length.
   [[nodiscard]] std::optional<Hit> first(const Point& from, const Point& along, double reach, std::size_t but) const;
 
  private:
@@ -37,7 +37,7 @@ class Sides {
   std::unordered_map<cv::Point, std::vector<std::size_t>, Hash> buckets_;
 };
 
-/// Unit length, towards the free space beside it.
+/// Unit normal, towards the adjacent free space.
 [[nodiscard]] inline Point normal_of(const Segment& side) { return left_of(side.b - side.a).normalized(); }
 
 }  // namespace cairn::plan

@@ -11,13 +11,13 @@
 namespace cairn::plan {
 namespace {
 
-constexpr double kThickest = 0.6;     // metres of a wall
+constexpr double kThickest = 0.6;     // meters of a wall
 constexpr double kOpposed = -0.8;     // cosine between the normals of a wall's two faces, at most
-constexpr double kBesideWalls = 0.4;  // share of a gap's rim that is wall
+constexpr double kBesideWalls = 0.4;  // share of wall in a gap's rim
 
-/// Marks the cells from one point to another, unless free space lies between them.
+/// Marks the cells from one point to another, unless free space is between the points.
 void mark_between(const Survey& survey, const Point& a, const Point& b, Mask& solid) {
-  constexpr double kBeside = 2.5;  // cells at each end that may look free
+  constexpr double kBeside = 2.5;  // cells at each end that may seem free
   const Grid& grid = survey.grid();
   const double length = (b - a).norm(), beside = std::min(kBeside * grid.cell, length / 2);
   const int steps = static_cast<int>(std::ceil(2 * length / grid.cell));
@@ -32,7 +32,7 @@ void mark_between(const Survey& survey, const Point& a, const Point& b, Mask& so
   for (const cv::Point& cell : cells) solid(cell) = 255;
 }
 
-/// Gaps where walls meet: small, with nothing around but walls.
+/// Fills gaps where walls meet: small and enclosed by walls.
 void fill_gaps(const Survey& survey, const Sides& sides, Mask& solid) {
   const Grid& grid = survey.grid();
   Mask rim = solid.clone();

@@ -10,8 +10,8 @@
 namespace cairn::plan {
 namespace {
 
-constexpr double kPinhole = 0.03;     // metres: smaller holes in what is seen are closed, smaller strips fall away
-constexpr double kLeastPiece = 0.02;  // m2 of furniture, of seen floor, or of what is not seen
+constexpr double kPinhole = 0.03;     // meters: closes smaller holes in observed areas, and removes smaller strips
+constexpr double kLeastPiece = 0.02;  // m2 of furniture, of observed floor, or of unobserved area
 
 cv::Mat disc(const Grid& grid, double radius) {
   const int size = 2 * grid.cells(radius) + 1;
@@ -32,7 +32,7 @@ Mask without_strips(const Grid& grid, const Mask& mask) {
 
 enum class Edges : std::uint8_t { as_they_are, straight };
 
-/// The areas that a mask covers, those of less than kLeastPiece left out.
+/// Areas of a mask, without areas below kLeastPiece.
 std::vector<Area> traced(const Grid& grid, const Mask& mask, Edges edges = Edges::as_they_are) {
   std::vector<std::vector<cv::Point>> rings;
   std::vector<cv::Vec4i> order;  // next, previous, first child, parent
@@ -56,16 +56,17 @@ std::vector<Area> traced(const Grid& grid, const Mask& mask, Edges edges = Edges
   return areas;
 }
 
-/// What is not seen with something seen around it.
+/// Unobserved cells enclosed by observed cells.
 Mask unseen_within(const Mask& known) {
   Mask outside = known.clone();
   cv::floodFill(outside, cv::Point(0, 0), 255);  // the margin is empty
   return ~outside;
 }
 
-/// Where nobody looked, and how much of the floor that is.
+/// Computes the unobserved area and its share of the floor.
 void tell_coverage(const Survey& survey, const Mask& open, const Mask& walls, StoreyPlan& plan) {
-  constexpr double kNarrow = 0.15;  // metres: strips twice as wide are the depth of walls of which one face was seen
+  constexpr double kNarrow = 0.15;  // meters: strips up to twice as wide are the depth of walls with a single observed
+                                    // face
   const Grid& grid = survey.grid();
   const Mask looked_at = with_closed_holes(grid, open | survey.seen()) & ~walls;
   const Mask outline = within_outline(grid, looked_at | walls, plan.walls.direction);
@@ -77,7 +78,7 @@ void tell_coverage(const Survey& survey, const Mask& open, const Mask& walls, St
   plan.not_looked_at_share = all > 0 ? area / all : 0;
 }
 
-/// Brings the corners of what is filled to the lines beside it.
+/// Moves the corners of filled areas to adjacent lines.
 void snap(const Sides& sides, double reach, std::vector<Area>& areas) {
   for (Area& area : areas)
     for (auto& ring : area)

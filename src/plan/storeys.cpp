@@ -8,18 +8,19 @@
 namespace cairn::plan {
 namespace {
 
-constexpr double kBin = 0.01;             // metres
-constexpr int kAround = 5;                // bins to each side that a level takes
+constexpr double kBin = 0.01;             // meters
+constexpr int kAround = 5;                // bins to each side of a level
 constexpr double kLevel = 0.94;           // cosine of 20 degrees, between a level surface's normal and up
 constexpr double kLeastArea = 0.25;       // m2 of a floor
 constexpr double kLeastShare = 0.1;       // of the largest level's surface
-constexpr double kStorey = 2.0;           // metres between floors, at least
-constexpr double kStep = 0.35;            // metres: a lower level that is this near and much smaller is a step, a pit
-constexpr double kMuchLarger = 2.0;       // times
-constexpr double kLow = 0.2, kTop = 2.5;  // metres above a floor where a camera is carried
+constexpr double kStorey = 2.0;           // meters between floors, at least
+constexpr double kStep = 0.35;            // meters: a slightly lower and much smaller level within this distance is a
+                                          // step or a pit
+constexpr double kMuchLarger = 2.0;       // ratio
+constexpr double kLow = 0.2, kTop = 2.5;  // meters above a floor: range of camera heights
 constexpr double kCarried = 0.02;         // share of the poses above a floor, at least
 
-/// Whether a camera was carried over a level.
+/// True if a camera was carried over a level.
 bool was_walked(double level, const std::vector<double>& cameras) {
   if (cameras.empty()) return true;
   const auto above =
@@ -50,7 +51,7 @@ double LevelSurface::around(int bin) const {
   return sum;
 }
 
-/// The same surface, what is nearer counting more: the middle of a level has the most.
+/// Area weighted by proximity: largest at the middle of a level.
 double LevelSurface::nearness(int bin) const {
   double sum = 0;
   for (auto it = area_.lower_bound(bin - kAround); it != area_.end() && it->first <= bin + kAround; ++it)
@@ -58,7 +59,7 @@ double LevelSurface::nearness(int bin) const {
   return sum;
 }
 
-/// Its height on the mean.
+/// Mean height.
 double LevelSurface::middle_around(int bin) const {
   double sum = 0;
   for (auto it = area_.lower_bound(bin - kAround); it != area_.end() && it->first <= bin + kAround; ++it)

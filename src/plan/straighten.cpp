@@ -14,32 +14,33 @@ namespace {
 
 constexpr double kWander = 1.5;  // voxels between a straight run and its contour
 constexpr double kRound =
-    2.0;  // voxels at each end of a run that a fit leaves out, a quarter at most: corners are round
+    2.0;  // voxels at each end of a run excluded from its fit, a quarter at most: corners are rounded
 constexpr double kFitted = 2.5;                            // voxels: shorter runs keep their ends
-constexpr double kEnough = 0.25;                           // share of a run that its fit rests on
-constexpr double kLeast = 0.1;                             // metres of a contour's box that is drawn
-constexpr double kTelling = 0.3;                           // metres of a run that tells a direction
-constexpr double kMostOff = 2.0 * std::numbers::pi / 180;  // radians from a direction that a run is turned
-constexpr double kMostMove = 1.0;                          // voxels that its ends move by this
-constexpr double kShortOff = 15 * std::numbers::pi / 180, kShortMove = 0.5;  // the same of runs that tell none
-constexpr double kSameLine = 0.5;  // voxels between two lines that are drawn as one
-constexpr double kAgree = 0.5;     // share of the telling runs' length that has the direction
-constexpr double kCorner = 0.25;   // sine of the least angle of a corner between two runs
-constexpr double kReach = 3.0;     // voxels between a corner and where the contour turned
+constexpr double kEnough = 0.25;                           // share of a run used for its fit
+constexpr double kLeast = 0.1;                             // meters: smallest bounding box of a drawn contour
+constexpr double kTelling = 0.3;                           // meters: smallest run for the estimation of the direction
+constexpr double kMostOff = 2.0 * std::numbers::pi / 180;  // radians from the direction, at most, for a rotation of a
+                                                           // run
+constexpr double kMostMove = 1.0;                          // voxels of motion of its ends by the rotation, at most
+constexpr double kShortOff = 15 * std::numbers::pi / 180, kShortMove = 0.5;  // the same for shorter runs
+constexpr double kSameLine = 0.5;                                            // voxels between two lines drawn as one
+constexpr double kAgree = 0.5;    // share of the long runs' length along the direction
+constexpr double kCorner = 0.25;  // sine of the smallest angle of a corner between two runs
+constexpr double kReach = 3.0;    // voxels between a corner and the contour's turn
 constexpr double kRightAngle = std::numbers::pi / 2;
 
-/// A straight line and the part of it that is drawn.
+/// Straight line and its drawn part.
 struct Run {
   Point middle = Point::Zero(), along = Point::UnitX();  // unit length
   double length = 0;
-  Point begin = Point::Zero(), end = Point::Zero();  // where the contour has its turns
+  Point begin = Point::Zero(), end = Point::Zero();  // turning points of the contour
   bool turned = false;                               // to the direction of most walls
 
   [[nodiscard]] Point nearest(const Point& p) const { return middle + along * along.dot(p - middle); }
   [[nodiscard]] double angle() const { return std::atan2(along.y(), along.x()); }
 };
 
-/// The indices that stay, the first and the last among them.
+/// Adds the indices of kept points, including the first and the last.
 void keep_between(const std::vector<Point>& points, std::size_t first, std::size_t last, double distance,
                   std::vector<std::size_t>& kept) {
   std::vector<std::pair<std::size_t, std::size_t>> open{{first, last}};
@@ -60,7 +61,7 @@ void keep_between(const std::vector<Point>& points, std::size_t first, std::size
   }
 }
 
-/// The same contour from a turn on, its first point repeated at its end.
+/// The same contour from a turning point on, with its first point repeated at its end.
 std::vector<Point> opened(const Polyline& line) {
   std::vector<Point> points = line.points;
   if (!line.closed) return points;
@@ -74,7 +75,7 @@ std::vector<Point> opened(const Polyline& line) {
   return points;
 }
 
-/// The line through a part of a contour with the least squared distances along it.
+/// Least-squares line through a part of a contour.
 Run fitted(const std::vector<Point>& points, std::size_t first, std::size_t last, double voxel) {
   Run run{.begin = points[first], .end = points[last]};
   const Point chord = run.end - run.begin;
@@ -104,7 +105,7 @@ Run fitted(const std::vector<Point>& points, std::size_t first, std::size_t last
   return run;
 }
 
-/// The straight runs of a contour, one after the other.
+/// Consecutive straight runs of a contour.
 std::vector<Run> runs_of(const std::vector<Point>& points, double voxel) {
   std::vector<std::size_t> kept;
   keep_between(points, 0, points.size() - 1, kWander * voxel, kept);
@@ -113,10 +114,10 @@ std::vector<Run> runs_of(const std::vector<Point>& points, double voxel) {
   return runs;
 }
 
-/// The angle from a direction, or one at right angles to it, to another: -pi / 4 to pi / 4.
+/// Smallest angle from a direction or its perpendicular to another: -pi / 4 to pi / 4.
 double off_from(double direction, double angle) { return std::remainder(angle - direction, kRightAngle); }
 
-/// Finds the direction, and the share of the telling runs' length that has it.
+/// Finds the main direction, and its share of the long runs' length.
 void find_direction(const std::vector<std::vector<Run>>& contours, StraightLines& lines) {
   std::vector<std::pair<double, double>> told;  // angle, length
   double all = 0;
@@ -143,13 +144,13 @@ void find_direction(const std::vector<std::vector<Run>>& contours, StraightLines
   lines.direction = std::fmod(best + turn / length + kRightAngle, kRightAngle);
 }
 
-/// Turns a run about its middle where that is a small thing to do.
+/// Rotates a run about its middle into the direction if the change is small.
 void turn_to(double direction, double voxel, Run& run) {
   const double off = off_from(direction, run.angle());
   const bool is_short = run.length < kTelling;
   if (std::abs(off) > (is_short ? kShortOff : kMostOff)) return;
   if (run.length / 2 * std::sin(std::abs(off)) > (is_short ? kShortMove : kMostMove) * voxel) return;
-  // One of four values, so that runs which are turned alike are parallel to the last bit.
+  // One of four values, so that aligned runs are exactly parallel.
   const auto quarter = std::lround((run.angle() - off - direction) / kRightAngle);
   Point along(std::cos(direction), std::sin(direction));
   for (long i = 0; i < ((quarter % 4) + 4) % 4; ++i) along = left_of(along);
@@ -157,7 +158,7 @@ void turn_to(double direction, double voxel, Run& run) {
   run.turned = true;
 }
 
-/// Joins neighbours that were turned to lie in one line, nearly.
+/// Merges neighboring rotated runs that are nearly collinear.
 std::vector<Run> merged(const std::vector<Run>& runs, double voxel) {
   std::vector<Run> all;
   for (const Run& run : runs) {
@@ -199,8 +200,8 @@ Polyline line_of(const std::vector<Run>& runs, bool closed, double voxel) {
   return line;
 }
 
-/// How far a contour's pieces are from the line in its place, with their lengths. Both go the same way: only sides near
-/// the last nearest one are looked at.
+/// Distances of a contour's segments from their replacement line, with their lengths. Both have the same orientation:
+/// only sides near the previous nearest side are searched.
 void measure(const std::vector<Point>& points, const Polyline& line, std::vector<std::pair<double, double>>& offs) {
   constexpr std::size_t kAhead = 6;
   const std::size_t sides = line.sides();

@@ -10,10 +10,10 @@
 namespace cairn::plan {
 namespace {
 
-constexpr double kFloor = 0.1;    // metres that a floor is uneven or drifts by, to each side
-constexpr double kFacesUp = 0.5;  // cosine between up and the normal of what is seen from above
+constexpr double kFloor = 0.1;    // meters of unevenness or drift of a floor, to each side
+constexpr double kFacesUp = 0.5;  // cosine between up and the normal of a surface seen from above
 
-/// Marks the cells whose centres lie under a triangle.
+/// Marks the cells with their center under a triangle.
 void mark(const Grid& grid, const std::array<Point, 3>& corners, Mask& mask) {
   Box box;
   for (const Point& p : corners) box.extend(p);

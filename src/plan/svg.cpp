@@ -69,7 +69,7 @@ std::string svg_of(const Sheet& sheet) {
           "<defs><pattern id=\"hatch\" patternUnits=\"userSpaceOnUse\" width=\"{0}\" height=\"{0}\" "
           "patternTransform=\"rotate(-45)\">{3}<path d=\"M0,0H{0}\" stroke=\"#{1:06x}\" stroke-width=\"{2}\"/>"
           "</pattern></defs>\n",
-          kHatchApart, *layer.style.hatch, 2 * kHatchWidth,  // the pattern shows half of it
+          kHatchApart, *layer.style.hatch, 2 * kHatchWidth,  // the pattern clips half of the width
           layer.style.fill
               ? fmt::format("<rect width=\"{0}\" height=\"{0}\" fill=\"#{1:06x}\"/>", kHatchApart, *layer.style.fill)
               : "");

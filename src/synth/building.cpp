@@ -25,17 +25,18 @@ using Eigen::Vector2f;
 using Eigen::Vector3d;
 using Eigen::Vector3f;
 
-// Metres. A corridor leads along x between two rows of rooms; a staircase lies at each of its ends.
+// Meters. A corridor runs along x between two rows of rooms, with a staircase at each end.
 constexpr float kStorey = 3, kHalfCorridor = 1.1f, kWidth = 4, kDepth = 4.8f;  // of rooms
 constexpr float kDoorAt = 0.9f;                                                // from a room's first corner
 constexpr float kLanding = 1.2f, kFlight = 2.4f, kHalfStairs = 1.3f;
-constexpr int kSteps = 9;                         // of a flight, which rises half a storey
-constexpr int kSharedOffices = 6, kKindsOf = 10;  // so many rooms of ten are offices that look alike
-constexpr double kLonger = 1.1;                   // a walk from corner to corner, than the curve through them
-constexpr int kClosedDoors = 40;                  // of a hundred that nobody goes through
+constexpr int kSteps = 9;                         // of a flight, half a storey high
+constexpr int kSharedOffices = 6, kKindsOf = 10;  // number of rooms in ten that are identical offices
+constexpr double kLonger = 1.1;                   // assumed length ratio of a path from corner to corner and the curve
+                                                  // through the corners
+constexpr int kClosedDoors = 40;                  // percent of the doors off the path
 const auto kBelow = static_cast<float>(kFloor);
 
-/// A number that belongs to some numbers, the same everywhere (splitmix64: Steele, Lea & Flood 2014).
+/// Hash of some numbers, the same on every platform (splitmix64: Steele, Lea & Flood 2014).
 std::uint64_t mixed(std::initializer_list<int> numbers) {
   std::uint64_t x = 0x9e3779b97f4a7c15;
   for (const int n : numbers) {
@@ -46,7 +47,7 @@ std::uint64_t mixed(std::initializer_list<int> numbers) {
   }
   return x;
 }
-/// From 0 up to `below`.
+/// Draws from 0 up to `below`, exclusive.
 int pick(std::uint64_t& number, int below) {
   const int picked = static_cast<int>(number % static_cast<std::uint64_t>(below));
   number /= static_cast<std::uint64_t>(below);
@@ -58,7 +59,7 @@ Vector3f tint(std::uint64_t& number) {
   return {red, green, part()};
 }
 
-/// Where a part of the building that was made around the origin stands: perhaps turned by half a turn.
+/// Placement of a part modeled at the origin, optionally rotated by 180 degrees.
 struct Place {
   Vector3f at;
   bool is_turned = false;
@@ -74,7 +75,7 @@ void add(Solids& all, Solids part, const Place& place) {
   }
 }
 
-/// Rooms are numbered storey by storey; neighbours in number face each other over the corridor.
+/// Rooms are numbered storey by storey; consecutive rooms face each other across the corridor.
 struct Room {
   int storey, column, side;
 };
@@ -83,7 +84,7 @@ class Plan {
  public:
   explicit Plan(const BuildingOptions& o) : options_(o) {}
   [[nodiscard]] int floors() const { return options_.floors; }
-  /// Rooms of a storey, and the number of the first.
+  /// Number of rooms of a storey, and the number of the first.
   [[nodiscard]] int rooms(int storey) const {
     return options_.rooms / options_.floors + (storey < options_.rooms % options_.floors ? 1 : 0);
   }
@@ -98,13 +99,13 @@ class Plan {
     return {storey, (number - first(storey)) / 2, (number - first(storey)) % 2};
   }
   static float height(int storey) { return -kStorey * static_cast<float>(storey); }
-  /// Of what is told from a room's first corner on the corridor, x along the corridor and z into the room.
+  /// Placement of coordinates from a room's first corner on the corridor, x along the corridor and z into the room.
   [[nodiscard]] static Place place(const Room& r) {
     const float x = kWidth * static_cast<float>(r.column + r.side);
     return {{x, height(r.storey), r.side == 0 ? kHalfCorridor : -kHalfCorridor}, r.side == 1};
   }
   [[nodiscard]] static float door_x(const Room& r) { return place(r)({kDoorAt, 0, 0}).x(); }
-  /// Of what is told from a corridor's end, x outwards.
+  /// Placement of coordinates from a corridor's end, x outwards.
   [[nodiscard]] Place stairs(int storey, int end) const {
     return {{end == 0 ? 0 : length(), height(storey), 0}, end == 0};
   }
@@ -136,7 +137,7 @@ void add_chair(Solids& s, float x, float z, const Vector3f& colour) {
   add_column(s, x, z, 0.05f, 0.42f, kGrey);
 }
 
-/// The same in each, to the last book.
+/// Identical in every office, to the last book.
 Solids office() {
   Solids s;
   add_table(s, 2.7f, 4.3f, 1.5f, 0.75f, {0.7f, 0.25f, 0.2f});
@@ -189,7 +190,7 @@ Solids kitchen(std::uint64_t look) {
   return s;
 }
 
-/// What tells one room from those that look like it: two things that somebody brought along.
+/// Adds two individual objects that distinguish a room from identical rooms.
 void add_own_things(Solids& s, std::uint64_t look) {
   const float scale = 0.06f + 0.01f * static_cast<float>(pick(look, 8));
   const float up = -0.5f + 0.1f * static_cast<float>(pick(look, 4));
@@ -228,7 +229,7 @@ Scene::Solid door_leaf(bool is_open, std::uint64_t how) {
   return leaf;
 }
 
-/// Its walls to the corridor, to its left and to the outside, its floor, and its door plate on the corridor.
+/// Walls to the corridor, to the left and to the outside, floor, and door plate on the corridor.
 Solids shell(std::uint64_t look) {
   Solids s;
   add_wall(s, {0, 0}, {kWidth, 0}, kDoorAt, kOfficePaper);
@@ -246,7 +247,7 @@ Solids shell(std::uint64_t look) {
   return s;
 }
 
-/// Steps from the landing up to the one of the storey above, x outwards.
+/// Steps from the landing up to the landing of the storey above, x outwards.
 Solids flights() {
   Solids s;
   const float run = kFlight / kSteps, rise = kStorey / 2 / kSteps;
@@ -279,7 +280,7 @@ Solids stairwell(bool is_lowest, bool is_highest) {
   s.push_back(slab({0, -kHalfStairs}, {is_lowest ? outside : kLanding, kHalfStairs}, kBelow, kSlab, kStone));
   if (is_highest) {
     s.push_back(slab({0, -kHalfStairs}, {outside, kHalfStairs}, kCeiling - kSlab, kSlab, kStone));
-    if (!is_lowest)  // the rail where no flight goes on
+    if (!is_lowest)  // rail at the top landing
       s.push_back(standing(kLanding, 0.68f, {0.06f, 1.0f, 1.2f}, 0, Pattern::wood, 0.2f, kDark, kWood));
   } else {
     const Solids up = flights();
@@ -304,13 +305,13 @@ Solids corridor(const Plan& plan, int storey) {
                  0.2f,
                  kWhite,
                  kGrey});
-  // Each room brings the wall to its left: the last ones lack one to their right.
+  // Each room has only its left wall: add the right wall of the last rooms.
   add_wall(s, {length, kHalfCorridor}, {length, kHalfCorridor + kDepth}, -1, kOfficePaper);
   add_wall(s, {0, -kHalfCorridor}, {0, -kHalfCorridor - kDepth}, -1, kOfficePaper);
   return s;
 }
 
-/// Where a room is missing an empty one is walled in.
+/// A missing room is replaced by an empty closed room.
 void add_room(Solids& s, const Plan& plan, int storey, int slot, const BuildingOptions& options,
               const std::set<int>& visited) {
   const Place place = Plan::place({storey, slot / 2, slot % 2});
@@ -323,12 +324,12 @@ void add_room(Solids& s, const Plan& plan, int storey, int slot, const BuildingO
   add(s, {door_leaf(is_open, how)}, place);
 }
 
-/// Somebody who walks through rooms, along corridors and up and down stairs.
+/// Path of a person through rooms, along corridors and up and down stairs.
 class Walk {
  public:
   Walk(const Plan& plan, const BuildingOptions& options) : plan_(plan), options_(options) {
     random_ = std::mt19937_64(mixed({4, options.recording}));
-    // So that recordings begin all over the building.
+    // Distributes the starts of recordings over the building.
     room_ = static_cast<int>(static_cast<std::int64_t>(options.recording) * 7 % options.rooms);
     const Room first = plan.room(room_);
     storey_ = first.storey;
@@ -397,9 +398,9 @@ class Walk {
     storey_ += up ? 1 : -1;
     x_ = end == 0 ? 0.0f : plan_.length();
   }
-  /// Another room nearby, or now and then another storey.
+  /// Moves to another room nearby, or sometimes to another storey.
   void next() {
-    constexpr int kStairsOf = 6;  // one of so many times
+    constexpr int kStairsOf = 6;  // mean number of moves per storey change
     if (options_.floors > 1 && draw(kStairsOf) == 0)
       take_stairs(x_ < plan_.length() / 2 ? 0 : 1, storey_ == 0 || (storey_ + 1 < options_.floors && draw(2) == 0));
     std::vector<int> near;

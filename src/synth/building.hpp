@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A building of storeys with corridors, offices that look alike, and a staircase at each end; and people who scan parts
-// of it, one recording each.
+// Building of storeys with corridors, identical offices, and a staircase at each end, scanned in parts by several
+// people, one recording each.
 #pragma once
 #include <string_view>
 
@@ -12,15 +12,15 @@ namespace cairn {
 struct BuildingOptions {
   int floors = 3;
   int rooms = 40;      // in all storeys together
-  int recording = 0;   // which of them: where it leads, which doors are open, how the hand shakes
-  double metres = 30;  // that it leads
+  int recording = 0;   // index: determines path, open doors and hand motion
+  double metres = 30;  // length of the path
 };
 
-/// Reads `floors=3&rooms=40&recording=0&metres=30` or a part of it. Throws std::runtime_error naming what is wrong.
+/// Parses `floors=3&rooms=40&recording=0&metres=30` or a part of it. Throws std::runtime_error with the invalid entry.
 [[nodiscard]] BuildingOptions building_options(std::string_view query);
 
-/// The building as one recording meets it. All recordings of it have one world frame: x along the corridors, 0 where
-/// they begin; the lowest storey's floor 1.3 m below the origin, storeys 3 m high.
+/// Building in the state of one recording. All recordings have the same world frame: x along the corridors, 0 at their
+/// start; the lowest storey's floor 1.3 m below the origin, storeys 3 m high.
 [[nodiscard]] Scene building(const BuildingOptions& options);
 
 }  // namespace cairn

@@ -9,7 +9,7 @@ using Shape = Scene::Shape;
 using Pattern = Scene::Pattern;
 using Eigen::Vector3f;
 
-constexpr float kLintel = 0.55f;  // metres
+constexpr float kLintel = 0.55f;  // meters
 
 }  // namespace
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What rooms are built and furnished with, and ways through them. Metres, y down; the floor lies 1.3 m below the
-// origin, and the ceiling 1.3 m above it.
+// Parts and furniture of rooms, and paths through them. Meters, y down; the floor is 1.3 m below the origin, and the
+// ceiling 1.3 m above it.
 #pragma once
 #include <vector>
 
@@ -14,34 +14,34 @@ inline constexpr float kCeiling = -1.3f, kWall = 0.1f, kDoor = 0.9f;
 inline const Eigen::Vector3f kWood(0.62f, 0.42f, 0.24f), kDark(0.40f, 0.25f, 0.13f), kWhite(0.85f, 0.84f, 0.80f),
     kGrey(0.5f, 0.5f, 0.52f);
 
-/// How a wall is papered.
+/// Texture of a wall.
 struct Paper {
   Scene::Pattern pattern;
   float scale;
   Eigen::Vector3f colour, second;
 };
 
-/// A box that stands on the floor, or `above` it.
+/// Box on the floor, or `above` it.
 [[nodiscard]] Scene::Solid standing(float x, float z, Eigen::Vector3f size, float above, Scene::Pattern pattern,
                                     float scale, const Eigen::Vector3f& colour, const Eigen::Vector3f& second,
                                     float yaw = 0);
-/// A wall between two points (x, z) along x or z, with a door of 0.9 m in it at `door` metres from the first; negative:
+/// Adds a wall between two points (x, z) along x or z, with a door of 0.9 m at `door` meters from the first; negative:
 /// none.
 void add_wall(std::vector<Scene::Solid>& s, const Eigen::Vector2f& from, const Eigen::Vector2f& to, float door,
               const Paper& paper);
-/// A table with four legs and two things on it.
+/// Adds a table with four legs and two objects on top.
 void add_table(std::vector<Scene::Solid>& s, float x, float z, float width, float depth, const Eigen::Vector3f& tint);
-/// Four boards with books, its back against a wall along x (`along_x`) or z.
+/// Adds four boards with books, with the back against a wall along x (`along_x`) or z.
 void add_shelf(std::vector<Scene::Solid>& s, float x, float z, bool along_x, const Eigen::Vector3f& tint);
 void add_picture(std::vector<Scene::Solid>& s, const Eigen::Vector3f& centre, const Eigen::Vector3f& half, float scale,
                  const Eigen::Vector3f& tint);
 void add_ball(std::vector<Scene::Solid>& s, const Eigen::Vector3f& centre, float radius, const Eigen::Vector3f& tint);
-/// An upright cylinder on the floor.
+/// Adds an upright cylinder on the floor.
 void add_column(std::vector<Scene::Solid>& s, float x, float z, float radius, float height,
                 const Eigen::Vector3f& tint);
 
-/// Points every 5 cm on the Catmull-Rom curve through some points, from the second to the one before the last. These
-/// lie about a metre from each other, none more than twice as far as another.
+/// Points every 5 cm on the Catmull-Rom curve through some points, from the second to the second last. The points must
+/// be about a meter apart; no distance may exceed twice another.
 [[nodiscard]] std::vector<Eigen::Vector3d> smooth(const std::vector<Eigen::Vector3d>& through);
 
 }  // namespace cairn

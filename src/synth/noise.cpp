@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What depth cameras of several kinds would have measured. Figures are those of the sensors' tests, not those of
-// cairn::SensorModel, which shall be judged by them.
+// Measurements of several kinds of depth cameras. Noise figures are from published tests of the sensors, not from
+// cairn::SensorModel, which is evaluated with them.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,9 +15,10 @@
 namespace cairn {
 namespace {
 
-constexpr float kColourNoise = 2.0f;  // grey levels
+constexpr float kColourNoise = 2.0f;  // gray levels
 
-/// Sums of uniform numbers: the same normal-like bits with every standard library, unlike std::normal_distribution.
+/// Sums of uniform numbers: approximately normal, and unlike std::normal_distribution the same bits with every standard
+/// library.
 class Normal {
  public:
   Normal(std::uint64_t seed, int frame) : random_(seed * 1000003u + static_cast<std::uint64_t>(frame)) {}
@@ -33,7 +34,7 @@ class Normal {
   std::mt19937_64 random_;
 };
 
-/// An image of the camera's size, or what a neighbourhood of it holds.
+/// Image of the camera's size, or a coarse grid over it.
 struct Grid {
   int width, height;
   [[nodiscard]] std::size_t at(int x, int y) const {
@@ -48,7 +49,7 @@ struct Grid {
   }
 };
 
-/// Noise that neighbours share: normal numbers every `cell` pixels, between them on a straight line.
+/// Spatially correlated noise: normal numbers every `cell` pixels, with linear interpolation.
 class Patches {
  public:
   Patches(const Grid& grid, int cell, Normal& normal)
@@ -77,12 +78,12 @@ float brightness(std::uint32_t rgb) {
 
 /// Khoshelham & Elberink 2012; Handa et al. 2014, sec. IV.
 void structured_light(SceneImages& images, const Grid& grid, const Camera& camera, Normal& normal) {
-  constexpr float kBaseline = 0.075f;         // metres
+  constexpr float kBaseline = 0.075f;         // meters
   constexpr float kLateral = 0.5f;            // pixels, standard deviation
   constexpr float kDisparityNoise = 0.08f;    // pixels, standard deviation
   constexpr float kDisparityStep = 0.125f;    // pixels
   constexpr float kGrazing = 0.15f;           // cosine
-  constexpr float kNear = 0.4f, kFar = 5.0f;  // metres
+  constexpr float kNear = 0.4f, kFar = 5.0f;  // meters
   const float bf = kBaseline * static_cast<float>(camera.fx);
   std::vector<float> noisy(images.depth.size(), 0.0f);
   grid.for_each([&](int x, int y, std::size_t i) {
@@ -97,14 +98,14 @@ void structured_light(SceneImages& images, const Grid& grid, const Camera& camer
   images.depth = std::move(noisy);
 }
 
-/// Azure Kinect, narrow view without binning (Toelgyessy et al. 2021): noise by the light that comes back, an error
-/// that swings with distance, pixels at edges that mix both sides, millimetres.
+/// Azure Kinect, narrow view without binning (Toelgyessy et al. 2021): noise by returned light, an error periodic in
+/// the distance, mixed pixels at edges, millimeters.
 void time_of_flight(SceneImages& images, const Grid& grid, Normal& normal) {
-  constexpr float kNear = 0.5f, kFar = 5.4f;             // metres
-  constexpr float kLeast = 0.0008f, kByLight = 0.0007f;  // metres
-  constexpr float kSwing = 0.0015f, kPeriod = 0.75f;     // metres
-  constexpr float kDarkest = 0.012f;                     // light: nothing is measured
-  constexpr float kEdge = 0.08f, kMixed = 0.5f;          // metres; share of the edge's pixels
+  constexpr float kNear = 0.5f, kFar = 5.4f;             // meters
+  constexpr float kLeast = 0.0008f, kByLight = 0.0007f;  // meters
+  constexpr float kSwing = 0.0015f, kPeriod = 0.75f;     // meters
+  constexpr float kDarkest = 0.012f;                     // light below which there is no measurement
+  constexpr float kEdge = 0.08f, kMixed = 0.5f;          // meters; share of the edge's pixels
   std::vector<float> noisy(images.depth.size(), 0.0f);
   grid.for_each([&](int x, int y, std::size_t i) {
     float z = images.depth[i];
@@ -121,14 +122,14 @@ void time_of_flight(SceneImages& images, const Grid& grid, Normal& normal) {
   images.depth = std::move(noisy);
 }
 
-/// RealSense D4xx: disparity with noise that neighbours share, edges off by a pixel or two, holes where the wall is
-/// bare, millimetres.
+/// RealSense D4xx: disparity with spatially correlated noise, edges off by a pixel or two, holes at bare walls,
+/// millimeters.
 void stereo(SceneImages& images, const Grid& grid, const Camera& camera, Normal& normal) {
-  constexpr float kBaseline = 0.05f;                   // metres
+  constexpr float kBaseline = 0.05f;                   // meters
   constexpr float kShared = 0.06f, kOwn = 0.03f;       // pixels of disparity, standard deviation
   constexpr int kPatch = 5, kHole = 24;                // pixels
   constexpr float kStep = 1.0f / 32, kLateral = 0.7f;  // pixels
-  constexpr float kNear = 0.3f, kFar = 6.0f;           // metres
+  constexpr float kNear = 0.3f, kFar = 6.0f;           // meters
   constexpr float kBare = 0.012f, kHoles = 0.8f;       // brightness; standard deviations
   const float bf = kBaseline * static_cast<float>(camera.fx);
   const Patches shared(grid, kPatch, normal), holes(grid, kHole, normal), aside(grid, kPatch, normal);
@@ -147,10 +148,9 @@ void stereo(SceneImages& images, const Grid& grid, const Camera& camera, Normal&
   images.depth = std::move(noisy);
 }
 
-/// iPhone: few points of a laser spread over the image, smooth across edges, flattened beyond 2.5 m; and how sure it
-/// is.
+/// iPhone: few laser points spread over the image, smooth across edges, flattened beyond 2.5 m; with confidence.
 void phone_lidar(SceneImages& images, const Grid& grid, Normal& normal) {
-  constexpr float kNear = 0.2f, kFar = 5.0f, kFlat = 2.5f;  // metres
+  constexpr float kNear = 0.2f, kFar = 5.0f, kFlat = 2.5f;  // meters
   constexpr int kPatch = 8;                                 // pixels
   constexpr float kShared = 0.003f, kOwn = 0.001f;          // of the depth
   constexpr float kEdge = 0.04f, kDoubt = 0.3f;             // of the depth; cosine

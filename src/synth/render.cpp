@@ -10,7 +10,7 @@
 namespace cairn {
 namespace {
 
-/// Of a ball around the centre that holds the solid, in metres, with room for rounding.
+/// Radius of a ball around the center that contains the solid, in meters, with a margin for rounding.
 float reach(const Scene::Solid& s) {
   return s.shape == Scene::Shape::hollow ? 1e9f : 1.01f * s.half_size.norm() + 0.01f;
 }
@@ -27,12 +27,12 @@ shader::Solid to_shader(const Scene::Solid& s) {
           .second = s.second};
 }
 
-/// What a camera may see of a scene: a cone around the directions of its pixels, and no farther than depth is told.
+/// Conservative view of a camera: a cone around the directions of its pixels, up to the maximum depth.
 class View {
  public:
   View(const Camera& camera, const Eigen::Isometry3d& world_from_camera)
       : from_(world_from_camera.translation()), axis_(world_from_camera.linear().col(2)) {
-    constexpr double kBent = 0.1;  // radians that a lens may reach beyond its corners
+    constexpr double kBent = 0.1;  // radians of a lens beyond its corners, at most
     for (const double x : {0.0, camera.width - 1.0})
       for (const double y : {0.0, camera.height - 1.0}) {
         const Eigen::Vector2d corner = camera.distorted() ? camera.undistorted_ray(x, y) : camera.ray(x, y).head<2>();
@@ -49,7 +49,7 @@ class View {
   }
 
  private:
-  static constexpr double kFarthest = 180;  // metres: 100 along the axis, at 55 degrees beside it
+  static constexpr double kFarthest = 180;  // meters: 100 along the axis, at 55 degrees beside it
   Eigen::Vector3d from_, axis_;
   double angle_ = 0;
 };
@@ -80,8 +80,8 @@ SceneRenderer::SceneRenderer(gpu::Device& device, const Scene& scene, const Came
   batch.submit();
 }
 
-/// Those that the image may show, as they are then: of a building most are elsewhere. Where rows are seen from places
-/// of their own, all.
+/// Uploads the solids possibly in view at a given time; most of a building is out of view. With a rolling shutter,
+/// uploads all, since each row has its own pose.
 std::uint32_t SceneRenderer::upload(gpu::Batch& batch, const Eigen::Isometry3d& world_from_camera, double seconds) {
   const View view(camera_, world_from_camera);
   std::vector<shader::Solid> solids;

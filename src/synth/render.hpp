@@ -11,7 +11,7 @@
 
 namespace cairn {
 
-/// Renders a scene's exact depth and colour on the device.
+/// Renders a scene's exact depth and color on the device.
 class SceneRenderer {
  public:
   SceneRenderer(gpu::Device& device, const Scene& scene, const Camera& camera);

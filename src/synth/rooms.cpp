@@ -244,7 +244,7 @@ std::vector<Scene::Solid> corridor_around_a_block() {
                {0.5f, 0.45f, 0.4f}});
   s.push_back(
       {Shape::box, {3, 0, 0}, {1.8f, 1.3f, 1.8f}, 0, Pattern::patches, 0.25f, {0.5f, 0.6f, 0.65f}, {0.8f, 0.5f, 0.3f}});
-  for (int i = 0; i < 16; ++i) {  // boxes and columns along the walls, each of its own size
+  for (int i = 0; i < 16; ++i) {  // boxes and columns along the walls, each with its own size
     const int row = i / 2;
     const float along = -3.6f + 0.9f * static_cast<float>(row), side = i % 2 == 0 ? -0.98f : 6.98f;
     const float height = 0.5f + 0.37f * static_cast<float>(i * 7 % 5);
@@ -267,7 +267,7 @@ std::vector<Scene::Solid> twin_rooms() {
   std::vector<Scene::Solid> s;
   const Vector3f red(0.7f, 0.25f, 0.2f), green(0.25f, 0.55f, 0.3f), blue(0.25f, 0.35f, 0.65f);
   const Paper paper{Pattern::tiles, 0.35f, {0.78f, 0.74f, 0.66f}, {0.55f, 0.5f, 0.45f}};
-  // The one at x < 0; floor and ceiling are its own, so that they look alike, too.
+  // Room at x < 0; has its own floor and ceiling, so that both are identical in the two rooms.
   for (const float y : {static_cast<float>(kFloor) + kWall / 2, kCeiling - kWall / 2})
     s.push_back({Shape::box,
                  {-2, y, 0},

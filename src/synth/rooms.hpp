@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What furnished scenes consist of, and the ways through them. The floor lies 1.3 m below the origin.
+// Contents of furnished scenes, and paths through them. The floor is 1.3 m below the origin.
 #pragma once
 #include <vector>
 
@@ -8,20 +8,20 @@
 
 namespace cairn {
 
-/// One room of 5.4 m x 4.6 m.
+/// Room of 5.4 m x 4.6 m.
 [[nodiscard]] std::vector<Scene::Solid> furnished_room();
 
-/// A corridor 2.4 m wide around a block, with boxes and columns along its walls.
+/// Corridor 2.4 m wide around a block, with boxes and columns along its walls.
 [[nodiscard]] std::vector<Scene::Solid> corridor_around_a_block();
 
 /// Four furnished rooms around the origin, each with doors to two others: 8.4 m x 7.4 m.
 [[nodiscard]] std::vector<Scene::Solid> flat();
-/// Once around through its doors and 4 m on, every 5 cm.
+/// A loop through its doors and 4 m more, every 5 cm.
 [[nodiscard]] std::vector<Eigen::Vector3d> way_through_flat();
 
-/// Two rooms, each the other turned by half a turn about the origin, with a door between them.
+/// Two rooms, identical up to a rotation by 180 degrees about the origin, with a door between them.
 [[nodiscard]] std::vector<Scene::Solid> twin_rooms();
-/// Around in the first, around in the second, and back.
+/// A loop in the first room, a loop in the second, and back.
 [[nodiscard]] std::vector<Eigen::Vector3d> way_through_twin_rooms();
 
 }  // namespace cairn

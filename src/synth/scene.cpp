@@ -60,19 +60,19 @@ Eigen::Isometry3d look(const Vector3d& from, const Vector3d& direction, double r
   return pose;
 }
 
-/// Heading in radians (0: along z) and pitch (positive: down).
+/// View direction from yaw in radians (0: along z) and pitch (positive: down).
 Vector3d heading(double yaw, double pitch) {
   return {std::sin(yaw) * std::cos(pitch), std::sin(pitch), std::cos(yaw) * std::cos(pitch)};
 }
 
-constexpr double kSpeed = 0.5, kSpacing = 0.05;  // metres a second along a way, metres between its points
+constexpr double kSpeed = 0.5, kSpacing = 0.05;  // meters per second along a path, meters between its points
 
-/// How a hand moves a camera beside where it is led: pitch, yaw and roll in radians, then metres. Sines of a frequency
-/// from each band, as fast as TUM's freiburg1_xyz and freiburg2_desk move in it (the root mean square of each axis of
-/// their true paths).
+/// Motion of a hand-held camera relative to its path: pitch, yaw and roll in radians, then meters. Sines with a
+/// frequency from each band, and the speed of TUM's freiburg1_xyz and freiburg2_desk in the band (root mean square of
+/// each axis of the ground truth).
 Vector6d hand_motion(std::uint64_t hand, double t) {
   struct Band {
-    double from, to, turn, shift;  // Hz; radians and metres a second
+    double from, to, turn, shift;  // Hz; radians and meters per second
   };
   constexpr std::array<Band, 4> kBands{
       {{0.3, 0.6, 0.06, 0.06}, {0.6, 1.0, 0.055, 0.03}, {1.0, 1.6, 0.07, 0.018}, {1.6, 2.5, 0.07, 0.012}}};
@@ -144,11 +144,11 @@ void add_solid(Mesh& mesh, const Scene::Solid& s, double spacing) {
     });
 }
 
-/// Whether a point lies as deep as `depth` in one of the solids that stand still.
+/// True if a point is at least `depth` inside a static solid.
 bool lies_inside(const std::vector<Scene::Solid>& solids, const Vector3f& point, double depth) {
   return std::any_of(solids.begin(), solids.end(), [&](const Scene::Solid& s) {
     if (s.period > 0) return false;
-    // Most solids are elsewhere, which a ball around them tells sooner; only a room is around what is far from it.
+    // Fast rejection by a bounding ball; only a room contains points far from its center.
     const float reach = 1.01f * s.half_size.norm();
     if (s.shape != Shape::hollow && (point - s.centre).squaredNorm() > reach * reach) return false;
     return solid_distance(s, point.cast<double>()) <= -depth;
@@ -178,7 +178,7 @@ double Scene::distance(const Vector3d& point) const {
 }
 
 Eigen::Isometry3d Scene::world_from_camera(double t) const {
-  const double sway = 0.03 * std::sin(5.1 * t) + 0.02 * std::sin(8.3 * t + 1.0);     // metres: steps and a hand
+  const double sway = 0.03 * std::sin(5.1 * t) + 0.02 * std::sin(8.3 * t + 1.0);     // meters: steps and a hand
   const double shake = 0.02 * std::sin(6.7 * t) + 0.012 * std::sin(11.0 * t + 0.5);  // radians
   const double roll = 0.06 * std::sin(1.3 * t) + 0.5 * shake;
   if (name == "sphere" || name == "plane") {
@@ -190,7 +190,7 @@ Eigen::Isometry3d Scene::world_from_camera(double t) const {
     return look({0.15 * std::sin(0.7 * t), sway, 0.4 * t},
                 heading(0.35 * std::sin(0.5 * t), 0.15 + 0.1 * std::sin(0.7 * t) + shake), roll);
   if (name == "loop") {
-    // Once around a square of 6 m in 48 s, with rounded corners, looking ahead and a little outwards.
+    // A loop around a square of 6 m in 48 s, with rounded corners, facing ahead and slightly outwards.
     const double angle = 2 * std::numbers::pi * t / 48;
     const double c = std::cos(angle), s = std::sin(angle);
     const double bulge = 3.0 / std::pow(std::pow(std::abs(c), 6) + std::pow(std::abs(s), 6), 1.0 / 6);
@@ -198,7 +198,7 @@ Eigen::Isometry3d Scene::world_from_camera(double t) const {
     return look(from, heading(angle - 0.35 + 0.2 * std::sin(0.9 * t), 0.12 + 0.1 * std::sin(0.6 * t) + shake), roll);
   }
   if (!way.empty()) {
-    constexpr double kAhead = 0.5;  // metres
+    constexpr double kAhead = 0.5;  // meters
     const auto at = [&](double metres) -> Vector3d {
       const double i = std::clamp(metres / kSpacing, 0.0, static_cast<double>(way.size()) - 1.001);
       const auto k = static_cast<std::size_t>(i);
@@ -207,7 +207,7 @@ Eigen::Isometry3d Scene::world_from_camera(double t) const {
     const double last = kSpacing * static_cast<double>(way.size() - 1);
     const double along = std::clamp(kSpeed * t, 0.0, last);
     const Vector3d from = at(along), ahead = at(std::min(along + kAhead, last)) - at(along - kAhead);
-    // Every 7 s a glance of 80 degrees aside, to the left and to the right in turn: 0.75 s there, 0.75 s back.
+    // Every 7 s a glance of 80 degrees aside, alternately left and right: 0.75 s there, 0.75 s back.
     constexpr double kGlance = 1.4, kPeriod = 7, kBegin = 3, kTurn = 0.75, kHold = 0.5;
     const double phase = std::fmod(std::max(t, 0.0), kPeriod) - kBegin;
     const auto ease = [](double x) { return x * x * (3 - 2 * x); };
@@ -220,7 +220,7 @@ Eigen::Isometry3d Scene::world_from_camera(double t) const {
     const Vector6d moved = hand_motion(hand, t);
     return look(from + moved.tail<3>(), heading(yaw + moved[1], pitch + moved[0]), 0.06 * std::sin(1.3 * t) + moved[2]);
   }
-  // Around the middle of the room, looking outwards, up and down.
+  // Around the middle of the room, facing outwards, up and down.
   const double angle = 2 * std::numbers::pi * t / 24 + 0.15 * std::sin(1.1 * t);
   const Vector3d from(0.75 * std::sin(angle) - 0.1, 0.15 * std::sin(0.8 * t) + sway - 0.1,
                       0.55 * std::cos(angle) - 0.35);
@@ -242,7 +242,7 @@ Scene Scene::around(const std::vector<Vector3d>& places, double metres) const {
 }
 
 Mesh Scene::surface(float spacing) const {
-  constexpr double kHidden = 1e-5;  // metres inside another solid
+  constexpr double kHidden = 1e-5;  // meters inside another solid
   Mesh all, mesh;
   for (const Solid& s : solids)
     if (s.period == 0) add_solid(all, s, spacing);
@@ -251,7 +251,7 @@ Mesh Scene::surface(float spacing) const {
   for (std::size_t v = 0; v < hidden.size(); ++v) hidden[v] = lies_inside(solids, mesh.positions[v], kHidden);
   for (const auto& t : all.triangles) {
     if (hidden[t[0]] || hidden[t[1]] || hidden[t[2]]) continue;
-    // The centre of a curved solid's triangle lies a little inside its own solid, which is why the corners count, too.
+    // The center of a curved solid's triangle is slightly inside the solid itself, so the corners are tested as well.
     const Vector3f centre = (mesh.positions[t[0]] + mesh.positions[t[1]] + mesh.positions[t[2]]) / 3.0f;
     const double sagitta = 0.02 * spacing;
     if (!lies_inside(solids, centre, kHidden + sagitta)) mesh.triangles.push_back(t);
@@ -325,7 +325,7 @@ Camera synthetic_camera() { return {640, 480, 525.0, 525.0, 319.5, 239.5, {}}; }
 
 void mark_seen(const Mesh& mesh, const Camera& camera, const Eigen::Isometry3d& world_from_camera,
                const std::vector<float>& depth, std::vector<bool>& seen) {
-  constexpr double kSame = 0.01;  // metres
+  constexpr double kSame = 0.01;  // meters
   const Eigen::Isometry3d camera_from_world = world_from_camera.inverse();
   seen.resize(mesh.triangles.size());
   for (std::size_t i = 0; i < seen.size(); ++i) {

@@ -14,11 +14,11 @@ namespace {
 
 constexpr double kMaxGap = 2.5;                    // seconds
 constexpr double kGravity = 9.81;                  // m/s^2, along y
-const Eigen::Vector3d kMiddle(-0.1, -0.1, -0.35);  // metres; where the room's own path goes around
+const Eigen::Vector3d kMiddle(-0.1, -0.1, -0.35);  // meters; center of the room's own path
 
-constexpr double kRate = 30;  // frames a second
+constexpr double kRate = 30;  // frames per second
 
-/// Until the way ends.
+/// Number of frames up to the end of the path.
 int all_frames(const Scene& scene) { return static_cast<int>(scene.duration() * kRate) + 1; }
 
 int frames_of(const Scene& scene, const std::optional<int>& asked) {
@@ -27,7 +27,7 @@ int frames_of(const Scene& scene, const std::optional<int>& asked) {
                                   : asked.value_or(kUsual);
 }
 
-/// A source's name without what is not the scene's.
+/// Source name split into scene and noise.
 struct Named {
   std::string scene, noise = "none";
   explicit Named(std::string_view name) {

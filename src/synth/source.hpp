@@ -11,23 +11,24 @@
 
 namespace cairn {
 
-inline constexpr std::string_view kSynthetic = "synthetic:";  // before a scene's name, as a source
+inline constexpr std::string_view kSynthetic = "synthetic:";  // prefix of a scene's name, as a source
 
 struct SyntheticOptions {
-  std::string scene = "room";  // see synthetic_scene; with `?noise=kinect`, or another kind of add_noise, it has noise
-  int first = 0;               // from the first
-  std::optional<int> frames;   // to the one before this number; none: of a building its whole way, of others 300
-  int step = 1;                // every step-th
+  std::string scene = "room";  // see synthetic_scene; `?noise=kinect`, or another kind of add_noise, adds noise
+  int first = 0;               // index of the first frame
+  std::optional<int> frames;   // index after the last frame; none: the entire path of a building, 300 frames of other
+                               // scenes
+  int step = 1;                // every step-th frame
   int device = -1;
 };
 
-/// A scene rendered on the fly, on a device of its own. Throws std::runtime_error for an unknown scene or noise.
+/// Scene rendered on the fly, on its own device. Throws std::runtime_error for an unknown scene or noise.
 [[nodiscard]] std::unique_ptr<Source> open_synthetic(const SyntheticOptions& options);
 
-/// Throws std::runtime_error for a noise that add_noise does not know.
+/// Throws std::runtime_error for a kind unknown to add_noise.
 void check_noise(std::string_view kind);
 
-/// Where its frames are taken; of a scene that has no end the first ten seconds.
+/// True poses of a scene's frames; the first ten seconds of a scene without an end.
 [[nodiscard]] Trajectory synthetic_truth(const std::string& scene);
 
 }  // namespace cairn
