@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""Builds the wheel with CMake (PEP 517), by Python's own library alone.
+"""Builds the wheel with CMake (PEP 517) and Python's standard library only.
 
 Settings, each as pip install --config-settings NAME=VALUE:
-    build-dir   a build folder, which may be there already [build/wheel-VERSION of Python]
+    build-dir   a build folder, possibly existing [build/wheel-VERSION of Python]
     cmake       an argument for CMake, as -DCAIRN_VIEWER=OFF
     jobs        compilers at once [all cores]
 """
@@ -61,14 +61,14 @@ def _tag() -> str:
 
 
 def _built(settings: Settings) -> Path:
-    """The build folder, with what the wheel holds."""
+    """Builds the wheel's contents, and returns the build folder."""
     settings = settings or {}
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     build = Path(settings.get("build-dir", ROOT / "build" / f"wheel-{version}"))
     extra = settings.get("cmake", [])
     extra = [extra] if isinstance(extra, str) else list(extra)
     if not (build / "CMakeCache.txt").exists():
-        # The Python that asks, which may be that of a virtual environment.
+        # The running Python, possibly of a virtual environment.
         extra += [
             "-DCMAKE_BUILD_TYPE=Release",
             "-DCMAKE_CXX_FLAGS_RELEASE=-O2 -DNDEBUG",
@@ -88,7 +88,7 @@ def _built(settings: Settings) -> Path:
 
 
 class _Wheel:
-    """A wheel that is being written, with the list of what is in it."""
+    """Wheel during writing, with the list of its contents."""
 
     def __init__(self, file: Path) -> None:
         self.zip = zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED)
@@ -113,7 +113,7 @@ class _Wheel:
 
 
 def _info() -> dict[str, str]:
-    """What tells about the wheel."""
+    """Metadata files of the wheel."""
     scripts = "".join(f"{name} = {target}\n" for name, target in _project()["scripts"].items())
     return {
         "METADATA": _metadata(),

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""How much of the library's speed Python has: the same work by both, in turn, each in a process of its own.
+"""Ratio of Python's speed to the library's speed: both do the same work alternately, each in its own process.
 
 Usage: PYTHONPATH=build/release/python python3 python/bench/compare.py RECORDING [FRAMES [ROUNDS]]
-It needs build/release/python/cairn_python_peer (ninja -C build/release cairn_python_peer).
+Requires build/release/python/cairn_python_peer (ninja -C build/release cairn_python_peer).
 """
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ import cairn
 import numpy as np
 
 PEER = Path(cairn.__file__).parent.parent / "cairn_python_peer"
-WARM = 10  # frames that are not counted
+WARM = 10  # uncounted frames
 REPEATS = 20  # of a million points
 
 
 def frames_per_second(recording: str, count: int) -> float:
     source = cairn.open(recording, frames=count)
-    own = []  # arrays of one's own, as a camera's driver gives them
+    own = []  # arrays outside of the library, as from a camera's driver
     for f in source:
         assert f.depth is not None
         color = None if f.color is None else np.ascontiguousarray(f.color)
@@ -39,8 +39,8 @@ def frames_per_second(recording: str, count: int) -> float:
 
 
 def compare_frame_by_frame(recording: str, count: int) -> None:
-    """Two mappers in turn, one with arrays, one with Frames, which are what the library's own Mapper::add takes: what
-    else the machine does falls on both alike."""
+    """Alternates two mappers, one with arrays, one with Frames as the library's own Mapper::add takes: other load of
+    the machine affects both equally."""
     frames = list(cairn.open(recording, frames=count))
     mappers = [cairn.Mapper(cairn.open(recording).rig) for _ in range(2)]
     spent = [0.0, 0.0]
@@ -75,7 +75,7 @@ def compare(what: str, unit: str, arguments: list[str], rounds: int) -> None:
     for i in range(rounds):
         commands = [[sys.executable, __file__, "--measure"], [str(PEER)]]
         told = {}
-        for command in commands[:: 1 if i % 2 == 0 else -1]:  # who comes second finds the machine warmer
+        for command in commands[:: 1 if i % 2 == 0 else -1]:  # the second run finds the machine warmer
             ran = subprocess.run([*command, what, *arguments], check=True, capture_output=True, text=True)
             told[len(command)] = float(ran.stdout)
         python.append(told[3])
@@ -111,7 +111,7 @@ def main() -> None:
         bounds = field.bounds
         assert bounds is not None
         candidates = np.random.default_rng(1).uniform(*bounds, (20_000_000, 3)).astype(np.float32)
-        points = candidates[field.query(candidates)[2]][:1_000_000]  # of what is known, as they are asked for
+        points = candidates[field.query(candidates)[2]][:1_000_000]  # known points, a typical query
         print(f"{len(points)} points in a field with voxels of {field.voxel_size:.3f} m")
         field.write(Path(folder) / "field.vdb")
         points.tofile(Path(folder) / "points.f32")

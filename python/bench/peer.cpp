@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What compare.py compares Python with: the same work, by the library alone.
+// C++ side of compare.py: the same work, by the library alone.
 // Usage: cairn_python_peer frames RECORDING FRAMES | distances FIELD.vdb POINTS REPEATS
 #include <chrono>
 #include <cstdio>
@@ -14,7 +14,7 @@
 
 namespace {
 
-constexpr std::size_t kWarm = 10;  // frames that are not counted
+constexpr std::size_t kWarm = 10;  // uncounted frames
 
 double seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 

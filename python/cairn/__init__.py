@@ -12,23 +12,23 @@
     cairn.reconstruct("recording", "out", texture=True, progress=True)
 
 Where to begin
-    Mapper                     frames in, a map out; Session lets it go on after its program has ended
+    Mapper                     maps frames; Session resumes a map in a later program
     open, Frame, Source        recordings, sensors, scenes; own arrays
-    Map, Mesh, DistanceField   what comes out: surface, voxels, distances, files
-    reconstruct, merge, synth  whole runs, by the program `cairn`, in a process of their own
-    find_calibration           what the cameras of a sensor are; find_shutter, find_depth_correction, find_color_camera
+    Map, Mesh, DistanceField   results: surface, voxels, distances, files
+    reconstruct, merge, synth  runs of the program `cairn`, in a child process
+    find_calibration           cameras of a sensor; find_shutter, find_depth_correction, find_color_camera
     evaluate                   trajectories, meshes and maps against the truth
-    Scene, SceneCamera         scenes whose surface is known exactly
-    PoseGraph                  poses bound to each other by measurements
+    Scene, SceneCamera         scenes with an exactly known surface
+    PoseGraph                  poses connected by measured relative poses
 
 Conventions
-    Lengths are metres, times seconds, angles radians. The camera's frame is x right, y down, z forward, as in OpenCV;
-    the world is y down, too. Poses are (4, 4) float64 and named as they read: world_from_camera @ point_in_camera.
-    Depth is metres along z, 0 where nothing was measured; color is uint8 R, G, B (sRGB). Arrays that a Frame, Mesh,
-    Trajectory or Voxels gives show its own memory and keep it alive.
+    Lengths are meters, times seconds, angles radians. The camera's frame is x right, y down, z forward, as in OpenCV;
+    the world is y down, too. Poses are (4, 4) float64 and named by their use: world_from_camera @ point_in_camera.
+    Depth is meters along z, 0 without a measurement; color is uint8 R, G, B (sRGB). Arrays of a Frame, Mesh,
+    Trajectory or Voxels are views of its memory and keep it alive.
 
-    Long calls leave the interpreter to other threads; those that use the same mapper wait for each other. What goes
-    wrong outside of the program raises Error with one line: what, where, and what to do. Arrays that do not fit raise
+    Long calls release the interpreter; calls that use the same mapper wait for each other. Failures outside of the
+    program raise Error with one line: cause, place and remedy. Arrays of a wrong shape or type raise
     ValueError or TypeError.
 """
 from . import evaluate
@@ -181,7 +181,7 @@ __all__ = [
     "synth",
 ]
 
-for _name in __all__:  # they are found, and shown, as cairn.Mapper
+for _name in __all__:  # shown and found as cairn.Mapper
     if getattr(globals()[_name], "__module__", "").startswith("cairn."):
         globals()[_name].__module__ = "cairn"
 del _name

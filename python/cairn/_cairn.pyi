@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-# What the module holds, for type checkers and editors; what it does stands in its docstrings (help(cairn)).
+# Types of the module, for type checkers and editors; documentation is in its docstrings (help(cairn)).
 import os
 from pathlib import Path
 from typing import Any, Callable, Iterable, Iterator, Literal, Sequence, Union, overload

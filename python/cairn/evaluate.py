@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""Trajectories, meshes and maps against the truth. Where a file can stand for an object, its name is taken, too."""
+"""Evaluates trajectories, meshes and maps against the truth. File names are accepted in place of objects where
+possible."""
 from __future__ import annotations
 
 import collections.abc
@@ -49,10 +50,10 @@ def trajectory(
     rpe_interval: float = 1.0,
     max_time_difference: float = 0.02,
 ) -> TrajectoryError:
-    """ATE and RPE as the TUM benchmark defines them (Sturm et al. 2012).
+    """ATE and RPE as defined by the TUM benchmark (Sturm et al. 2012).
 
     truth: a Trajectory, its file, or a recording with true poses. rpe_interval, max_time_difference: seconds. Raises
-    Error when fewer than three poses match.
+    Error if fewer than three poses match.
     """
     return _cairn.evaluate_trajectory(
         _trajectory_of(estimate), _trajectory_of(truth), rpe_interval, max_time_difference
@@ -64,27 +65,27 @@ def mesh(
 ) -> MeshError:
     """Accuracy, completeness and F-score of a mesh in the truth's frame.
 
-    samples: points on each surface, seeded. seen: the part of the truth that the camera saw, on which completeness is
-    measured; None: all of it.
+    samples: points on each surface, seeded. seen: the part of the truth seen by the camera, on which completeness is
+    measured; None: all.
     """
     return _cairn.evaluate_mesh(_mesh_of(estimate), _mesh_of(truth), samples, None if seen is None else _mesh_of(seen))
 
 
 def topology(mesh: Mesh | _Path) -> MeshTopology:
-    """How a mesh's triangles hang together; vertices at the very same place count as one."""
+    """Topology of a mesh; vertices at the same position count as a single vertex."""
     return _cairn.examine_topology(_mesh_of(mesh))
 
 
 def distances(field: DistanceField, scene: Scene | str, seen: Mesh | _Path) -> DistanceError:
-    """A distance field in a scene's frame against that scene's exact distances.
+    """Compares a distance field in a scene's frame with the scene's exact distances.
 
-    seen: the part of the scene's surface that the camera saw (groundtruth_seen.ply of cairn.synth).
+    seen: the part of the scene's surface seen by the camera (groundtruth_seen.ply of cairn.synth).
     """
     return _cairn.evaluate_distances(field, _scene_of(scene), _mesh_of(seen))
 
 
 def loops(mapper: Mapper, truth: Trajectory | _Path, *, max_time_difference: float = 0.1) -> LoopError:
-    """Precision and recall of the places that a mapper recognised."""
+    """Precision and recall of a mapper's loop closures."""
     return _cairn.evaluate_loops(mapper.loops(), mapper.keyframes(), _trajectory_of(truth), max_time_difference)
 
 
@@ -95,9 +96,9 @@ def views(
     world_from_recording: object = None,
     step: int = 10,
 ) -> ViewError:
-    """Pictures of a mesh, with its textures, against those of a recording with poses, by their PSNR.
+    """PSNR of renderings of a textured mesh against the images of a recording with poses.
 
-    world_from_recording: (4, 4), moves the recording's poses to the mesh. step: every step-th frame is looked at.
+    world_from_recording: (4, 4), moves the recording's poses to the mesh. step: compares every step-th frame.
     """
     if isinstance(mesh, Mesh):
         parts = [mesh]
@@ -110,7 +111,7 @@ def views(
 
 @dataclass(frozen=True)
 class MapError:
-    """A map against a scene that is known exactly."""
+    """Errors of a map against an exactly known scene."""
 
     trajectory: TrajectoryError
     mesh: MeshError
@@ -118,11 +119,11 @@ class MapError:
 
 
 def map(map: Map, truth: _Path, *, samples: int = 200000) -> MapError:
-    """A map of a synthetic recording against its truth: its path, and its surface, moved to where all poses agree best.
+    """Evaluates the path and the surface of a map of a synthetic recording, after alignment by all poses.
 
-    truth: the folder that cairn.synth made.
+    truth: the folder made by cairn.synth.
     """
-    import numpy as np  # not before it is needed: cairn is imported at once
+    import numpy as np  # imported on demand, to keep the import of cairn fast
 
     poses, true_poses, surface = map.trajectory(), _cairn.recorded_truth(truth), map.mesh()
     moved = surface.transformed(np.linalg.inv(_cairn.estimate_from_truth(poses, true_poses)))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""Whole runs by the program `cairn`, in a process of its own: Ctrl-C ends it, and what it takes it gives back."""
+"""Runs the program `cairn` as a child process: Ctrl-C ends the run, and all its resources are freed."""
 from __future__ import annotations
 
 import collections.abc
@@ -20,12 +20,12 @@ from ._cairn import Error
 __all__ = ["Frames", "Report", "merge", "program", "reconstruct", "run", "synth"]
 
 _Path = Union[str, "os.PathLike[str]"]
-_BAD = 3  # exit code: the run ended, but most of it is not in the map
+_BAD = 3  # exit code: the run ended, but most of the recording is not in the map
 
 
 @dataclass(frozen=True)
 class Frames:
-    """How many frames a run had, and what became of them."""
+    """Number of frames of a run, by result."""
 
     total: int
     fused: int
@@ -36,32 +36,32 @@ class Frames:
 
 @dataclass(frozen=True)
 class Report:
-    """What became of a run, as report.json tells it."""
+    """Result of a run, as in report.json."""
 
-    output: Path  #: the folder that was written
+    output: Path  #: output folder
     level: str  #: 'good', 'weak' or 'bad'
-    words: str  #: how it went, in one sentence
-    reasons: list[str]  #: what was seen, and what to do, one line each
+    words: str  #: result in one sentence
+    reasons: list[str]  #: findings with advice, one line each
     frames: Frames
     triangles: int  #: of mesh.glb
     seconds: float
     frames_per_second: float
     warnings: list[str]
-    json: dict[str, Any]  #: all of it
+    json: dict[str, Any]  #: entire report
 
     @property
     def mesh(self) -> Path:
-        """The surface, as glTF."""
+        """Path of the surface, as glTF."""
         return self.output / "mesh.glb"
 
     @property
     def trajectory(self) -> Path:
-        """The poses, in the TUM format (Trajectory.read)."""
+        """Path of the poses, in the TUM format (Trajectory.read)."""
         return self.output / "trajectory.txt"
 
 
 def program() -> Path:
-    """Where the program `cairn` is: beside the package, in its build folder, or in PATH. CAIRN_PROGRAM overrules it."""
+    """Path of the program `cairn`: beside the package, in its build folder, or in PATH. CAIRN_PROGRAM overrides it."""
     if chosen := os.environ.get("CAIRN_PROGRAM"):
         return Path(chosen)
     here = Path(__file__).parent  # in a build folder the files are links: the folder is build/release/python/cairn
@@ -73,8 +73,8 @@ def program() -> Path:
     raise Error("the program cairn was not found: install the package again, or put cairn into PATH")
 
 
-_ON = {"loops"}  # what is done unless --no-... says otherwise
-_AUTOMATIC = {"texture"}  # what is done where it can be
+_ON = {"loops"}  # on unless --no-... is given
+_AUTOMATIC = {"texture"}  # on where possible
 
 
 def _flags(options: dict[str, Any]) -> list[str]:
@@ -86,7 +86,7 @@ def _flags(options: dict[str, Any]) -> list[str]:
             continue
         if value is True:
             flags += [flag] if name not in _ON else []
-        elif value is False:  # most are off unless they are asked for
+        elif value is False:  # most are off by default
             flags += ["--no-" + flag[2:]] if name in _ON | _AUTOMATIC else []
         elif isinstance(value, slice):
             parts = ["" if part is None else str(part) for part in (value.start, value.stop, value.step)]
@@ -99,7 +99,7 @@ def _flags(options: dict[str, Any]) -> list[str]:
 
 
 def _reason(lines: list[str]) -> str:
-    """The program's own line of what went wrong."""
+    """The program's own error line."""
     told = [line for line in lines if line.strip()]
     for line in reversed(told):
         if line.startswith("error: "):
@@ -108,17 +108,17 @@ def _reason(lines: list[str]) -> str:
 
 
 def main() -> None:
-    """Is `cairn` in a shell, where the package is installed by pip."""
+    """Entry point of `cairn` in a shell for a package installed by pip."""
     os.execv(program(), [str(program()), *sys.argv[1:]])
 
 
 def run(*arguments: _Path | float, progress: bool = False, expect: collections.abc.Iterable[int] = (0,)) -> str:
-    """Runs `cairn` with arguments as in a shell, and returns what it writes to its standard output.
+    """Runs `cairn` with arguments as in a shell, and returns its standard output.
 
-    progress: what it tells meanwhile goes to stderr. expect: exit codes that are no error. Raises Error with the
-    program's one line. Ctrl-C ends the run as in a shell, where the map is written; a second one ends it at once.
+    progress: copies the program's messages to stderr. expect: exit codes without error. Raises Error with the
+    program's error line. Ctrl-C ends the run as in a shell, with the map written; a second Ctrl-C ends it at once.
     """
-    # A group of its own: the terminal's Ctrl-C comes once, from here.
+    # A separate process group: the terminal's Ctrl-C comes once, from here.
     child = subprocess.Popen(
         [str(program()), *(os.fspath(a) if isinstance(a, os.PathLike) else str(a) for a in arguments)],
         stdout=subprocess.PIPE,
@@ -168,13 +168,14 @@ def run(*arguments: _Path | float, progress: bool = False, expect: collections.a
 
 
 def reconstruct(recording: _Path, output: _Path, *, progress: bool = False, **options: Any) -> Report:
-    """Makes a map of a recording, by the program, into a folder: mesh.glb, map.vdb, trajectory.txt, report.html, ...
+    """Makes a map of a recording with the program, in a folder: mesh.glb, map.vdb, trajectory.txt, report.html, ...
 
-    options: those of `cairn reconstruct --help`, with underscores: voxel_size=0.02, texture=True, texture=False,
-    overwrite=True, frames=100, loops=False, poses="groundtruth.txt". progress: what it tells meanwhile goes to stderr.
+    options: of `cairn reconstruct --help`, with underscores: voxel_size=0.02, texture=True, texture=False,
+    overwrite=True, frames=100, loops=False, poses="groundtruth.txt". progress: copies the program's messages to
+    stderr.
 
-    Returns its Report, whose level is 'bad' where most of the recording is not in the map. Raises Error with the
-    program's one line, as when the folder holds a map already.
+    Returns the Report; its level is 'bad' if most of the recording is not in the map. Raises Error with the
+    program's error line, for example if the folder has a map already.
     """
     text = run("reconstruct", recording, "-o", output, "--json", *_flags(options), progress=progress, expect=(0, _BAD))
     told = json.loads(text)
@@ -194,16 +195,16 @@ def reconstruct(recording: _Path, output: _Path, *, progress: bool = False, **op
 
 
 def merge(maps: collections.abc.Iterable[_Path], output: _Path, *, progress: bool = False, **options: Any) -> Path:
-    """Joins maps of the same place, made by the same camera, into one, by the program. Returns the folder.
+    """Merges maps of the same place and camera with the program. Returns the folder.
 
-    maps: folders that reconstruct, live or merge have made; they stay as they are. options: of `cairn merge --help`.
+    maps: folders made by reconstruct, live or merge; they stay unchanged. options: of `cairn merge --help`.
     """
     run("merge", *maps, "-o", output, *_flags(options), progress=progress)
     return Path(output)
 
 
 def synth(scene: str, output: _Path, *, progress: bool = False, **options: Any) -> Path:
-    """Renders a synthetic recording with exact poses and an exact surface, by the program. Returns the folder.
+    """Renders a synthetic recording with exact poses and an exact surface, with the program. Returns the folder.
 
     scene: as Scene. options: of `cairn synth --help`: frames=60, width=320, noise="kinect", camera="camera.yaml".
     """

@@ -18,7 +18,7 @@ namespace {
 
 using Opener = std::function<std::unique_ptr<Source>()>;
 
-/// A Source of cairn.open, for the library.
+/// Adapts a Source of cairn.open for the library.
 class OpenedSource final : public Source {
  public:
   explicit OpenedSource(py::object opened) : opened_(std::move(opened)), source_(opened_.cast<GuardedSource&>()) {}
@@ -42,7 +42,7 @@ class OpenedSource final : public Source {
   GuardedSource& source_;
 };
 
-/// Of a recording's name, or a function that opens it.
+/// Opens a recording by its name or by a function.
 Opener opener(const py::object& recording) {
   if (PyCallable_Check(recording.ptr()) != 0)
     return [&recording]() -> std::unique_ptr<Source> {
@@ -57,7 +57,7 @@ Opener opener(const py::object& recording) {
                          "; a name as for cairn.open, or a function that opens a Source each time, is expected");
   return [name = recording.cast<std::filesystem::path>().string(), options = SourceOptions{}]() mutable {
     auto source = open_source(name, options);
-    options.find_colour_camera = false;  // it takes seconds, and the first one's rig is known
+    options.find_colour_camera = false;  // takes seconds, and the first source's rig is known
     return source;
   };
 }

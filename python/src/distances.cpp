@@ -18,14 +18,14 @@ namespace {
 
 constexpr py::ssize_t kLargest = py::ssize_t{1} << 31;  // voxels of a dense array
 
-/// A box of voxels as one array.
+/// Box of voxels as an array.
 struct Dense {
   py::array_t<float> values;
   Eigen::Affine3d world_from_voxel = Eigen::Affine3d::Identity();
   float voxel_size = 0;
 };
 
-/// The voxels of a lattice, by blocks of `side` a side.
+/// Voxels of a lattice, in blocks of `side` voxels a side.
 struct Lattice {
   Eigen::Affine3d world_from_voxel;
   float voxel_size;
@@ -44,7 +44,7 @@ Eigen::AlignedBox3i whole(const Lattice& lattice) {
   return box;
 }
 
-/// The voxels that a box in the world has corners among.
+/// Voxel range of a box in the world.
 Eigen::AlignedBox3i box_of(const Lattice& lattice, const py::object& low, const py::object& high) {
   if (low.is_none() != high.is_none())
     throw py::value_error("both corners of the box are expected, low and high, or none");
@@ -56,7 +56,7 @@ Eigen::AlignedBox3i box_of(const Lattice& lattice, const py::object& low, const 
   Eigen::AlignedBox3d box;
   for (int corner = 0; corner < 8; ++corner)
     box.extend(voxel_from_world * world.corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner)));
-  constexpr double kMost = 1e9;  // of what an int holds
+  constexpr double kMost = 1e9;  // within the range of int
   if (box.min().cwiseAbs().maxCoeff() > kMost || box.max().cwiseAbs().maxCoeff() > kMost)
     throw py::value_error("the box is too far from the map");
   return {box.min().array().floor().cast<int>().matrix(), box.max().array().ceil().cast<int>().matrix()};
@@ -125,7 +125,7 @@ Doubles matrix(const Eigen::Affine3d& affine) {
   return array;
 }
 
-/// The blocks' numbers and their samples, in one array each.
+/// Block indices and samples, in an array each.
 py::tuple blocks_of(const DistanceField& field) {
   const auto& blocks = field.blocks();
   const auto n = static_cast<py::ssize_t>(blocks.size());

@@ -14,15 +14,15 @@
 
 namespace cairn::python {
 
-/// pybind11 holds no pointers to const.
+/// Wrapper, since pybind11 holds no pointers to const.
 struct Field {
   std::shared_ptr<const DistanceField> field;
 };
 
-/// Distances, gradients and what is known at points of any shape (..., 3).
+/// Distances, gradients and known flags at points of any shape (..., 3).
 [[nodiscard]] py::tuple query(const DistanceField& field, const py::object& points);
 
-/// What `distances` gives: a field, or with points their answers.
+/// Result of `distances`: a field, or with points the distances at the points.
 [[nodiscard]] py::object distances(
     Guard& guard, const py::object& points, const std::optional<EsdfOptions>& options, const py::object& visited,
     const std::function<std::shared_ptr<const DistanceField>(const std::optional<EsdfOptions>&, const Trajectory&)>&

@@ -35,8 +35,8 @@ py::array image_of(const py::object& value, const char* name, const char* expect
 }
 
 void expect_measurements(const std::vector<float>& depth) {
-  // Bits of what is at least 0 and finite lie from 0 to kLargest: the sign of neither difference is set. Without a
-  // branch, this is done for many at once.
+  // The bits of finite values of at least 0 range from 0 to kLargest, so neither difference has its sign bit set.
+  // Without a branch, the loop is vectorized.
   constexpr std::int32_t kLargest = 0x7f7fffff;
   std::int32_t signs = 0;
   for (const float z : depth) {
@@ -45,7 +45,7 @@ void expect_measurements(const std::vector<float>& depth) {
   }
   if (signs >= 0) return;
   const auto wrong = std::count_if(depth.begin(), depth.end(), [](float z) { return !(z >= 0 && std::isfinite(z)); });
-  if (wrong == 0) return;  // zeros with a sign
+  if (wrong == 0) return;  // negative zeros
   throw py::value_error("depth holds " + std::to_string(wrong) +
                         " values that are negative or no number; give 0 where nothing was measured (numpy.nan_to_num)");
 }
@@ -79,7 +79,7 @@ void fill_depth(SizedFrame& to, const py::object& value, const py::object& depth
   expect_measurements(to.frame.depth);
 }
 
-/// Pixels of so many bytes as R, G, B, 255; but for the last one they are read four bytes at once.
+/// Converts pixels of kChannels bytes to R, G, B, 255; reads four bytes at once except for the last pixel.
 template <int kChannels>
 void copy_colour(const std::uint8_t* from, std::vector<std::uint32_t>& to) {
   if (to.empty()) return;

@@ -12,35 +12,35 @@
 
 namespace cairn::python {
 
-/// A frame that knows the sizes of its images: rows, columns.
+/// Frame with the sizes of its images: rows, columns.
 struct SizedFrame {
   Frame frame;
   std::array<py::ssize_t, 2> depth_size{}, colour_size{};
 };
 
-/// What a frame is made of, as Python gives it.
+/// Arguments of a frame from Python.
 struct FrameParts {
   py::object depth, colour, time, depth_scale, confidence, pose, guess, acceleration, gyro;
   double colour_delay = 0;
   bool held_out = false;
 };
-/// Fills a frame, whose memory is used again. Throws ValueError, TypeError with what came and what is expected; of
-/// images that are not `rig`'s, too, unless that is null.
+/// Fills a frame and reuses its memory. Throws ValueError, TypeError with the given and the expected value; also for
+/// images that do not match `rig`, unless null.
 void fill(SizedFrame& frame, const FrameParts& parts, int index, const Rig* rig);
 
-/// Throws ValueError for images that are not the rig's.
+/// Throws ValueError for images that do not match the rig.
 void expect_images_of(const Rig& rig, const SizedFrame& frame);
 
-/// A source that Python reads.
+/// Source read by Python.
 struct GuardedSource {
   std::unique_ptr<Source> source;
   std::unique_ptr<Guard> guard = std::make_unique<Guard>();
   bool is_live = false;          ///< a LiveSource
-  std::optional<int> size = {};  ///< frames, when it was opened
+  std::optional<int> size = {};  ///< frames, when opened
   [[nodiscard]] std::optional<SizedFrame> next();
 };
 
-/// A Source of cairn.open, or of anything that gives Frames, for as long as the call that it is given to.
+/// Source of cairn.open, or an iterable of Frames, borrowed for the duration of a call.
 class BorrowedSource {
  public:
   BorrowedSource(py::object frames, const Rig& rig);
@@ -48,9 +48,9 @@ class BorrowedSource {
   BorrowedSource(const BorrowedSource&) = delete;
   BorrowedSource& operator=(const BorrowedSource&) = delete;
   [[nodiscard]] Source& get() { return *source_; }
-  /// Raises what was raised while Python was asked for the next frame.
+  /// Raises the exception of Python's iteration, if any.
   void rethrow() const;
-  /// Runs `work` while nobody else reads the source.
+  /// Runs `work` with exclusive use of the source.
   template <class Work>
   auto run(Work&& work) {
     return guard_->run(std::forward<Work>(work));

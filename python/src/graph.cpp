@@ -130,7 +130,7 @@ Moves a node.)")
       .def(
           "optimize",
           [](PoseGraph& g, bool robust, double inlier_threshold, int max_iterations) {
-            PoseGraph moved = g;  // others may add to it meanwhile
+            PoseGraph moved = g;  // other threads may add nodes meanwhile
             OptimiseReport report;
             {
               const py::gil_scoped_release release;

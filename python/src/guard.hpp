@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Long calls leave the interpreter to other threads, and wait for each other where they use the same mapper.
+// Long calls release the interpreter's lock, and wait for each other if they use the same mapper.
 #pragma once
 #include <pybind11/pybind11.h>
 
@@ -18,11 +18,10 @@ namespace cairn::python {
 
 namespace py = pybind11;
 
-/// One call at a time uses what this guards.
+/// Serializes calls to the guarded object.
 class Guard {
  public:
-  /// Runs `work` without the interpreter's lock, after other threads' calls. What `work` returns must be no Python
-  /// object.
+  /// Runs `work` without the interpreter's lock, after other threads' calls. `work` must not return a Python object.
   template <class Work>
   auto run(Work&& work) {
     const py::gil_scoped_release release;
@@ -32,7 +31,7 @@ class Guard {
     const Owner owner(owner_);
     return work();
   }
-  /// The same for what changes the map.
+  /// As run(), for changes of the map.
   template <class Work>
   auto change(Work&& work) {
     return run([&] {
@@ -42,7 +41,7 @@ class Guard {
   }
 
   std::uint64_t version = 0;  ///< of the map
-  /// What was asked for last, and of which version of the map.
+  /// Latest distance field, with its version of the map.
   std::shared_ptr<const DistanceField> distances;
   std::uint64_t distances_version = 0;
 
@@ -58,14 +57,14 @@ class Guard {
   std::atomic<std::thread::id> owner_;
 };
 
-/// Throws KeyboardInterrupt, or what else a signal's handler raised. With the interpreter's lock.
+/// Throws KeyboardInterrupt, or the exception of another signal handler. Requires the interpreter's lock.
 inline void check_signals() {
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
 }
 
-/// Tells `progress` (None, or called with done, count and what is next) and hears of Ctrl-C between two steps.
+/// Calls `progress` (None or callable) with done, count and the next step, and checks for Ctrl-C between two steps.
 [[nodiscard]] inline ExportProgress progress_to(py::object progress) {
-  // The last copy may go away without the interpreter's lock.
+  // The last copy may be destroyed without the interpreter's lock.
   const std::shared_ptr<py::object> to(new py::object(std::move(progress)), [](py::object* p) {
     const py::gil_scoped_acquire acquire;
     delete p;

@@ -40,7 +40,7 @@ GeoPlace place_of(const py::handle& value) {
   return {.latitude = latitude, .longitude = longitude, .height = height, .heading = heading};
 }
 
-/// With no word about texture: one wherever there is colour.
+/// Default of `texture`: on if there is color.
 Exported export_mesh(GuardedMap& map, const fs::path& file, ExportOptions options, std::optional<bool> texture,
                      const py::object& progress) {
   options.texture.enabled = texture.value_or(true);

@@ -11,13 +11,13 @@
 
 namespace cairn::python {
 
-/// A map beside whose mapper nothing else is called.
+/// Map, serialized with the calls to its mapper.
 struct GuardedMap {
   Map map;
   std::shared_ptr<Guard> guard;
 };
 
-/// The options of a field, where any is given.
+/// Options of a field if any is given.
 [[nodiscard]] std::optional<EsdfOptions> distance_options(std::optional<float> voxel_size,
                                                           std::optional<float> max_distance,
                                                           std::optional<float> robot_radius,

@@ -39,7 +39,7 @@ FrameReport add_frame(GuardedMapper& m, const Frame& frame) {
   return report;
 }
 
-/// Own images go through memory of the mapper's own, unless another thread is in there.
+/// Copies arrays into the mapper's own memory, unless another thread uses it.
 FrameReport add(GuardedMapper& m, const py::object& depth, const py::object& colour, const py::object& time,
                 const py::object& depth_scale, const py::object& confidence, double colour_delay,
                 const py::object& pose, const py::object& guess, const py::object& acceleration, const py::object& gyro,
@@ -67,11 +67,11 @@ py::object map_distances(GuardedMapper& m, const py::object& points, std::option
                    });
 }
 
-/// Python that is called while the library works without the interpreter's lock. What is raised there, and by Ctrl-C,
-/// is raised once the library has ended.
+/// Calls Python while the library works without the interpreter's lock. Stores exceptions, also of Ctrl-C, and raises
+/// them after the library has returned.
 class Callback {
  public:
-  /// Whether nothing was raised and `call` says to go on.
+  /// True if no exception was raised and `call` returns true.
   template <class Call>
   bool goes_on(Call&& call) {
     const py::gil_scoped_acquire acquire;
@@ -91,7 +91,7 @@ class Callback {
   std::exception_ptr error_;
 };
 
-/// Asks `progress`, if there is one, whether to go on; it says no by returning False or by raising.
+/// Asks `progress`, if given, whether to continue; returning False or raising stops.
 std::function<bool(double)> goes_on(Callback& callback, const py::object& progress) {
   return [&](double share) {
     return callback.goes_on([&] {
@@ -130,7 +130,7 @@ void reintegrate(GuardedMapper& m, const py::object& again, const std::optional<
     });
   };
   source.run([&] {
-    const py::gil_scoped_acquire acquire;  // the guard below gives it back
+    const py::gil_scoped_acquire acquire;  // released by the guard below
     m.guard->change([&] { m.mapper.reintegrate(source.get(), correction.value_or(DepthCorrection{}), goes_on); });
   });
   source.rethrow();
@@ -139,7 +139,7 @@ void reintegrate(GuardedMapper& m, const py::object& again, const std::optional<
 }
 
 py::object live_distances(const GuardedMapper& m) {
-  auto field = m.mapper.live_distances();  // any thread may ask
+  auto field = m.mapper.live_distances();  // callable from any thread
   return field ? py::cast(Field{std::move(field)}) : py::none();
 }
 

@@ -13,22 +13,22 @@
 
 namespace cairn::python {
 
-/// A session, and all that uses it.
+/// Session, shared by its users.
 struct GuardedSession {
   Session session;
   std::shared_ptr<Guard> guard = std::make_shared<Guard>();
 };
 
-/// A mapper that threads may share: their calls wait for each other.
+/// Mapper for use by several threads; calls are serialized.
 struct GuardedMapper {
-  std::shared_ptr<GuardedSession> session;  ///< null: all is in memory. It outlives the mapper
+  std::shared_ptr<GuardedSession> session;  ///< null: all is in memory. Outlives the mapper
   Mapper mapper;
   std::shared_ptr<Guard> guard;
-  SizedFrame scratch{};  ///< of own images, whose memory is used again
-  int next = 0;          ///< index of the next one
+  SizedFrame scratch{};  ///< for arrays; its memory is reused
+  int next = 0;          ///< index of the next frame
 };
 
-/// What Python says of a mapper's settings.
+/// Options from the arguments of a Python mapper.
 [[nodiscard]] Options options_of(const Rig& rig, const std::optional<Options>& given, std::optional<float> voxel_size);
 
 }  // namespace cairn::python

@@ -14,7 +14,7 @@ namespace {
 
 py::ssize_t count(const auto& list) { return static_cast<py::ssize_t>(list.size()); }
 
-/// (N, columns) numbers that show a list of the mesh; None where that is empty and the mesh is not.
+/// View (N, columns) of a list of the mesh; None if the list is empty but the mesh is not.
 template <class T, class List>
 py::object column(const py::object& self, const List& list, py::ssize_t columns, bool is_optional) {
   if (is_optional && list.empty()) return py::none();
@@ -96,7 +96,7 @@ vertices: (N, 3). triangles: (M, 3), whole numbers. colors: (N, 3 or 4) uint8, s
           "triangles",
           [](const py::object& self) {
             const auto triangles = column<std::uint32_t>(self, self.cast<const Mesh&>().triangles, 3, false);
-            make_read_only(triangles);  // they name vertices that are there
+            make_read_only(triangles);  // all indices must stay valid
             return triangles;
           },
           "(M, 3) uint32; read-only.")

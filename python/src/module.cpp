@@ -13,7 +13,7 @@ namespace cairn::python {
 namespace {
 
 void add_errors(py::module_& m) {
-  static py::handle error;  // as long as the interpreter
+  static py::handle error;  // lives as long as the interpreter
   error = PyErr_NewExceptionWithDoc("cairn.Error",
                                     "What went wrong, in one line: what, where, and what to do. The program `cairn` "
                                     "says the same.",
@@ -58,7 +58,7 @@ All Vulkan devices, as a list of Device; usable or not. Empty where no driver is
 
 PYBIND11_MODULE(_cairn, m) {
   pybind11::options texts;
-  texts.disable_function_signatures();  // each text begins with its own, as Python reads it
+  texts.disable_function_signatures();  // each docstring has its own signature in Python's notation
   m.doc() = "Cairn's C++ library. Import cairn instead.";
   m.attr("__version__") = CAIRN_VERSION;
   using namespace cairn::python;

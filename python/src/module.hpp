@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The parts of the module; each adds its classes and functions.
+// Parts of the module; each adds its classes and functions.
 #pragma once
 #include <pybind11/pybind11.h>
 

@@ -8,9 +8,9 @@
 namespace cairn::python {
 namespace {
 
-constexpr double kRigid = 1e-4;  // that a rotation may be off by
+constexpr double kRigid = 1e-4;  // tolerance of a rotation
 
-/// As an array, without a copy where it is one.
+/// Converts to an array, without a copy of an existing array.
 py::array array_of(const py::handle& value, const char* name) {
   const py::array array = py::array::ensure(value);
   if (!array) {

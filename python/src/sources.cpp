@@ -19,7 +19,7 @@
 namespace cairn::python {
 namespace {
 
-constexpr std::chrono::milliseconds kPatience{100};  // between two looks whether somebody pressed Ctrl-C
+constexpr std::chrono::milliseconds kPatience{100};  // interval of checks for Ctrl-C
 
 SizedFrame sized(Frame&& frame, const Rig& rig) {
   const auto size_of = [](const Camera& c, std::size_t pixels) -> std::array<py::ssize_t, 2> {
@@ -32,7 +32,7 @@ SizedFrame sized(Frame&& frame, const Rig& rig) {
   return made;
 }
 
-/// Frames of whatever Python iterates over.
+/// Source of frames from a Python iterable.
 class IteratedSource final : public Source {
  public:
   IteratedSource(const py::object& frames, const Rig& rig) : frames_(py::iter(frames)), rig_(rig) {}
@@ -43,7 +43,7 @@ class IteratedSource final : public Source {
     try {
       return taken();
     } catch (const std::exception&) {
-      error = std::current_exception();  // whoever asks may take it for one of its own
+      error = std::current_exception();  // the caller may replace it with its own exception
       throw;
     }
   }
@@ -199,7 +199,7 @@ void add_inspection(py::module_& m) {
 Reads the first frames of a Source, and tells what it holds and what is doubtful, as a SourceSummary.)");
 }
 
-/// Writes TUM's layout as frames come.
+/// Writes frames in TUM's layout as they arrive.
 struct GuardedRecorder {
   GuardedRecorder(const std::filesystem::path& folder, const Rig& r, double scale, bool png)
       : rig(r), depth_scale(scale), colour_as_png(png), recorder(folder, r, scale) {}

@@ -14,7 +14,7 @@
 namespace cairn::python {
 namespace {
 
-/// What a camera saw, which knows its size.
+/// Images of a scene camera, with their size.
 struct Looked {
   SceneImages images;
   Camera camera;

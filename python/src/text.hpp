@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// How things are shown: Name(field=value, ...).
+// Text of objects: Name(field=value, ...).
 #pragma once
 #include <pybind11/pybind11.h>
 

@@ -34,7 +34,7 @@ Trajectory trajectory_of(const py::handle& times, const py::handle& poses) {
   return trajectory;
 }
 
-/// A column of the list, without a copy.
+/// View of the time stamps, without a copy.
 py::array_t<double> times_of(const py::object& self) {
   const auto& poses = self.cast<const StampedPoses&>().poses;
   return py::array_t<double>({static_cast<py::ssize_t>(poses.size())}, {static_cast<py::ssize_t>(sizeof(StampedPose))},

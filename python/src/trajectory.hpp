@@ -7,7 +7,7 @@
 
 namespace cairn::python {
 
-/// A Trajectory as one Python object.
+/// Trajectory as one Python object.
 struct StampedPoses {
   Trajectory poses;
 };

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""What tests share: a small camera in the synthetic room, what it sees, and maps of that."""
+"""Shared fixtures: a small camera in the synthetic room, its images, and maps of the images."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 Images = Tuple[NDArray[np.float32], NDArray[np.uint8]]
 
-VOXEL = 0.02  # metres
+VOXEL = 0.02  # meters
 FRAMES = 20
 
 
@@ -29,7 +29,7 @@ def scene() -> cairn.Scene:
 
 @pytest.fixture(scope="session")
 def images(rig: cairn.Rig, scene: cairn.Scene) -> List[Images]:
-    """What a Kinect sees along the scene's path, 30 images a second."""
+    """Images of a Kinect along the scene's path, 30 per second."""
     camera = cairn.SceneCamera(scene, rig.depth)
     seen = [camera.look(scene.pose(i / 30), i / 30).add_noise(frame=i) for i in range(FRAMES)]
     return [(s.depth.copy(), np.ascontiguousarray(s.color)) for s in seen]
@@ -44,13 +44,13 @@ def mapped(rig: cairn.Rig, images: List[Images]) -> cairn.Mapper:
 
 @pytest.fixture(scope="session")
 def mapper(rig: cairn.Rig, images: List[Images]) -> cairn.Mapper:
-    """A map that nobody changes."""
+    """Map shared by tests without changes."""
     return mapped(rig, images)
 
 
 @pytest.fixture(scope="session")
 def recording(tmp_path_factory: pytest.TempPathFactory, rig: cairn.Rig) -> Path:
-    """A recording on the disk with exact truth."""
+    """Recording on disk with exact truth."""
     folder = tmp_path_factory.mktemp("synth")
     rig.write(folder / "camera.yaml")
     return cairn.synth("room", folder / "recording", frames=FRAMES, camera=folder / "camera.yaml")
@@ -58,6 +58,6 @@ def recording(tmp_path_factory: pytest.TempPathFactory, rig: cairn.Rig) -> Path:
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """An empty folder to work in."""
+    """Empty working folder."""
     monkeypatch.chdir(tmp_path)
     yield tmp_path

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""Cameras that are found, or not: no calibration is better than a wrong one."""
+"""Calibrations, found or not: no calibration is better than a wrong one."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -43,7 +43,7 @@ def test_finds_nothing_in_a_moment_and_says_why(find: Any, recording: Path) -> N
     assert "moved too little" in found.why_not and found.why_not in repr(found)
     assert found.rig == cairn.open(recording).rig and found.keyframes < 8
     assert counted == list(range(1, 21))
-    assert find(lambda: cairn.open(recording)).why_not == found.why_not  # the same frames give the same
+    assert find(lambda: cairn.open(recording)).why_not == found.why_not  # deterministic
 
 
 @pytest.mark.parametrize("find", FIND)

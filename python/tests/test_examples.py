@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""The examples, with small inputs."""
+"""Examples with small inputs."""
 from __future__ import annotations
 
 import importlib.util
@@ -42,7 +42,7 @@ def test_notebook_runs(here: Path) -> None:
     for module in ("nbconvert", "ipykernel", "matplotlib"):
         if importlib.util.find_spec(module) is None:
             pytest.skip(f"{module} is not installed")
-    shutil.copy(EXAMPLES / "first_map.ipynb", here)  # it writes beside itself
+    shutil.copy(EXAMPLES / "first_map.ipynb", here)  # nbconvert writes beside the notebook
     ran = subprocess.run(
         [sys.executable, "-m", "nbconvert", "--to", "notebook", "--execute", "--output", "done", "first_map.ipynb"],
         env={**os.environ, "CAIRN_FRAMES": "20", "IPYTHONDIR": str(here), "MPLBACKEND": "Agg"},

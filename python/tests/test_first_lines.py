@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""The lines with which help(cairn) begins, as they stand there."""
+"""First lines of help(cairn), run verbatim."""
 from __future__ import annotations
 
 import re
@@ -37,7 +37,7 @@ def test_the_first_lines_run(here: Path, capfd: pytest.CaptureFixture[str]) -> N
 
 
 def test_the_documentation_runs(here: Path) -> None:
-    """Every snippet of docs/python.md, in its order."""
+    """Runs every snippet of docs/python.md, in order."""
     blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "python.md").read_text(), re.MULTILINE | re.DOTALL)
     assert blocks[0] == LINES and len(blocks) == 6
     cairn.Rig.kinect_v1().write("kinect.yaml")
@@ -58,7 +58,7 @@ def test_the_readme_runs(here: Path) -> None:
 
 def test_is_imported_at_once() -> None:
     def seconds(code: str) -> float:
-        # Of the processor: a machine that is busy lets a program wait.
+        # CPU time: on a busy machine the elapsed time varies.
         def used() -> float:
             usage = resource.getrusage(resource.RUSAGE_CHILDREN)
             return usage.ru_utime + usage.ru_stime

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""What comes out: meshes, voxels, distances, files; sessions and graphs."""
+"""Outputs: meshes, voxels, distances, files; sessions and graphs."""
 from __future__ import annotations
 
 import gc
@@ -22,7 +22,7 @@ def test_meshes_are_arrays(mapper: cairn.Mapper, here: Path) -> None:
     assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-3) and mesh.colors[:, 3].min() == 255
     assert mesh.triangles.max() == len(mesh.vertices) - 1 and mesh.texture is None
     vertices = mesh.vertices
-    vertices += 1  # it is the mesh's own memory
+    vertices += 1  # the mesh's own memory
     assert not mesh.triangles.flags.writeable
     assert mesh.vertices.base is not None and np.array_equal(mesh.vertices, vertices)
     del mesh
@@ -195,12 +195,12 @@ def test_sessions_go_on(rig: cairn.Rig, images: List[Images], here: Path) -> Non
     session.checkpoint(mapper, "halfway")
     assert session.problem() is None
     with pytest.raises(cairn.Error):
-        cairn.Session.resume("session")  # somebody writes there
+        cairn.Session.resume("session")  # locked by the first session
     del session, mapper
     gc.collect()
     info = cairn.Session.info("session")
     assert info.note == "halfway" and info.rig == rig and info.voxel_size == pytest.approx(VOXEL)
-    mapper = cairn.Session.resume("session").mapper()  # which keeps its session alive
+    mapper = cairn.Session.resume("session").mapper()  # keeps its session alive
     gc.collect()
     for i in range(4, 8):
         assert mapper.add(*images[i], time=i / 30).state == "fused"

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""Frames in, a map out; what does not fit is told; threads do no harm."""
+"""Mapping of frames, messages for invalid input, and use by several threads."""
 from __future__ import annotations
 
 import gc
@@ -25,7 +25,7 @@ def test_a_report_tells_the_pose_and_how_sure_it_is(rig: cairn.Rig, images: List
     mapper = cairn.Mapper(rig, voxel_size=VOXEL)
     first, second = (mapper.add(*images[i], time=i / 30) for i in range(2))
     assert first.pose is not None and second.pose is not None and second.covariance is not None
-    assert np.allclose(first.pose, np.eye(4)) and first.covariance is None  # there was nothing to align with
+    assert np.allclose(first.pose, np.eye(4)) and first.covariance is None  # no map to align with
     assert np.allclose(second.covariance, second.covariance.T) and np.linalg.eigvalsh(second.covariance).min() > 0
     assert second.reason == "" and second.fit.inlier_share > 0.3 and "track" in second.stage_ms
     moved = np.linalg.inv(mapper.upright().world_from_tracked) @ mapper.trajectory().poses[1]
@@ -249,7 +249,7 @@ def test_options_that_are_no_numbers_are_refused_by_name(rig: cairn.Rig, value: 
         options.check()
     with pytest.raises(cairn.Error, match="fuse.voxel_size"):
         cairn.Mapper(rig, options)
-    options.fuse.voxel_size, options.fuse.truncation = 0.2, 0.8  # as it is documented
+    options.fuse.voxel_size, options.fuse.truncation = 0.2, 0.8  # as documented
     options.check()
 
 
@@ -279,7 +279,7 @@ def test_what_frames_raise_is_raised(rig: cairn.Rig, images: List[Images]) -> No
         mapper.reintegrate(unplugged())
     with pytest.raises(TypeError, match="a Frame is expected; a int came"):
         mapper.reintegrate([1, 2])  # type: ignore[list-item]
-    assert np.array_equal(mapper.mesh().vertices, before)  # the map stays as it is
+    assert np.array_equal(mapper.mesh().vertices, before)  # the map stays unchanged
 
 
 def test_distances_follow_live(rig: cairn.Rig, images: List[Images]) -> None:

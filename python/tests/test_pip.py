@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""pip install . into a virtual environment, out of a build folder that is there (CAIRN_BUILD)."""
+"""Runs pip install . into a virtual environment, with an existing build folder (CAIRN_BUILD)."""
 from __future__ import annotations
 
 import os

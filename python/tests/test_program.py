@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""Whole runs by the program, their truth, and how maps are held against it."""
+"""Runs of the program, their truth, and the evaluation of maps."""
 from __future__ import annotations
 
 import os
@@ -117,7 +117,7 @@ def test_control_c_ends_the_run_with_a_map(here: Path) -> None:
     deadline = time.monotonic() + 120
     while len(list(Path("out/session").rglob("*.depth.png"))) < 3 and time.monotonic() < deadline:
         time.sleep(0.05)
-    os.killpg(child.pid, signal.SIGINT)  # as a terminal does: the program has a group of its own
+    os.killpg(child.pid, signal.SIGINT)  # as a terminal does: the program has its own process group
     told = child.communicate(timeout=120)[1]
     assert "KeyboardInterrupt" in told and child.returncode != 0
     assert Path("out/mesh.glb").exists() and Path("out/report.json").exists()

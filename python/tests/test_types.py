@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""Stubs, module and texts agree, and everything that uses them is typed."""
+"""Stubs, module and docstrings agree, and all code using them is typed."""
 from __future__ import annotations
 
 import inspect
@@ -59,8 +59,8 @@ def test_stubs_and_module_agree(here: Path) -> None:
         capture_output=True,
         text=True,
     )
-    # What all of pybind11's classes have in common; those that cannot be made have its own __init__.
-    # With a Frame there is no time to give; without one it is missed at runtime.
+    # Differences common to pybind11's classes; classes without constructor have their own __init__. With a Frame no
+    # time is given; without a Frame a missing time is detected at runtime.
     usual = (
         r"is inconsistent, metaclass differs$|\.__init__ is inconsistent, stub does not have \*args argument|"
         r'runtime argument "time" has a default value of type None'
