@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// From a recording to a mesh and a trajectory.
+// Reconstructs a mesh and a trajectory from a recording.
 // Usage: 01_reconstruct_a_folder [RECORDING [OUT]]; without RECORDING a synthetic room.
 #include <cairn/mapper.hpp>
 #include <cairn/source.hpp>
@@ -19,7 +19,7 @@ int main(int argc, char** argv) try {
     const cairn::FrameReport report = mapper.add(*frame);
     if (report.state != cairn::FrameState::fused) std::printf("frame %d: %s\n", report.index, report.reason.c_str());
   }
-  mapper.settle();  // as all loops say
+  mapper.settle();  // apply all loop closures
   cairn::write_trajectory(out / "trajectory.txt", mapper.trajectory());
   const cairn::Exported mesh = mapper.map().export_mesh(out / "mesh.glb");
   std::printf("%zu poses, %zu triangles in %s\n", mapper.trajectory().size(), mesh.triangles, out.c_str());

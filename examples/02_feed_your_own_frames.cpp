@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Frames from anywhere: depth in metres, colour as bytes R, G, B, 255. Here: a ball on a floor, drawn by hand.
+// Maps frames from any source: depth in meters, color as bytes R, G, B, 255. Here: a ball on a floor, rendered on the
+// CPU.
 #include <cairn/mapper.hpp>
 #include <cmath>
 #include <cstdio>
@@ -8,11 +9,11 @@
 
 namespace {
 
-/// What a camera that stands `along` metres to the right of the origin sees.
+/// View of a camera `along` meters to the right of the origin.
 cairn::Frame draw(const cairn::Camera& camera, int index, double along) {
   cairn::Frame frame{.index = index, .timestamp = index / 30.0};
   const Eigen::Vector3d ball(0, 0, 2);
-  constexpr double kRadius = 0.4, kFloor = 0.5;  // metres; the world is y down
+  constexpr double kRadius = 0.4, kFloor = 0.5;  // meters; the world is y down
   for (int v = 0; v < camera.height; ++v)
     for (int u = 0; u < camera.width; ++u) {
       const Eigen::Vector3d ray = camera.ray(u, v), from(along, 0, 0), gap = from - ball;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// How far it is to the nearest surface, for a robot: from a finished map, or while it grows (EsdfOptions::live).
-// Usage: 03_ask_for_distances [MAP]: a folder that reconstruct has made; without one a synthetic room.
+// Distances to the nearest surface, for a robot: from a finished map, or during mapping (EsdfOptions::live).
+// Usage: 03_ask_for_distances [MAP]: a folder made by reconstruct; without MAP a synthetic room.
 #include <cairn/mapper.hpp>
 #include <cairn/source.hpp>
 #include <cstdio>
@@ -16,7 +16,7 @@ std::shared_ptr<const cairn::DistanceField> of_a_room() {
   options.esdf.live = true;
   cairn::Mapper mapper(source->rig(), options);
   while (const auto frame = source->next()) mapper.add(*frame);
-  return mapper.live_distances();  // as of the last frame; any thread may ask
+  return mapper.live_distances();  // state after the last frame; callable from any thread
 }
 
 }  // namespace

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A map that was made before, as a small textured mesh for a web page or Blender.
-// Usage: 04_export_a_textured_mesh MAP [FILE]: a folder that reconstruct has made; FILE: .glb, .gltf, .obj, .ply
+// Exports an existing map as a small textured mesh for a web page or Blender.
+// Usage: 04_export_a_textured_mesh MAP [FILE]: a folder made by reconstruct; FILE: .glb, .gltf, .obj, .ply
 #include <cairn/map.hpp>
 #include <cstdio>
 #include <exception>

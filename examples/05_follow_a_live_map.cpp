@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The newest frame of a stream, always: what a slow computer misses is left out. The surface is told as it changes, as
-// a viewer needs it. Usage: 05_follow_a_live_map [SOURCE]: openni: for a sensor, or a recording, which is played as it
-// was taken
+// Maps a live stream: always takes the newest frame, so a slow computer drops frames. Reports changes of the surface,
+// as a viewer needs them. Usage: 05_follow_a_live_map [SOURCE]: openni: for a sensor, or a recording, played in real
+// time
 #include <cairn/live_source.hpp>
 #include <cairn/live_surface.hpp>
 #include <cairn/mapper.hpp>
@@ -20,7 +20,7 @@ int main(int argc, char** argv) try {
   while (const auto frame = source.next()) {
     const cairn::FrameReport report = mapper.add(*frame);
     for (const cairn::SurfacePart& part : surface.changes(200).parts) {
-      ++parts;  // a viewer replaces what it had of part.submap and part.cell
+      ++parts;  // a viewer replaces its mesh of part.submap and part.cell
       triangles += part.mesh.triangles.size();
     }
     std::printf("frame %d %s: %zu parts so far, %zu triangles, %d frames left out\n", report.index,

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""Your own camera: depth and color come as arrays, a map grows. Here a camera in a synthetic room stands for yours.
+"""Maps images of your own camera, given as arrays. Here a camera in a synthetic room takes its place.
 
 Usage: camera_loop.py [--frames N] [--out FOLDER]
 """
@@ -18,7 +18,7 @@ Images = tuple[float, NDArray[np.uint16], NDArray[np.uint8]]
 
 
 def camera(rig: cairn.Rig, frames: int) -> Iterator[Images]:
-    """Put your camera's loop here: seconds, depth in millimetres, color R, G, B."""
+    """Replace by your camera's loop: seconds, depth in millimeters, color R, G, B."""
     room = cairn.Scene("room")
     eye = cairn.SceneCamera(room, rig.depth)
     for i in range(frames):
@@ -43,7 +43,7 @@ def main() -> None:
             x, y, z = report.pose[:3, 3]
             sure = 1000 * np.sqrt(np.diag(report.covariance)[3:].max())
             print(f"frame {report.index}: at {x:.2f} {y:.2f} {z:.2f} m, sure to {sure:.0f} mm beside the map")
-    mapper.settle()  # as all loops say
+    mapper.settle()  # apply all loop closures
     mapper.trajectory().write(a.out / "trajectory.txt")
     done = mapper.map().export(a.out / "mesh.glb", texture=True)
     print(f"{len(mapper.trajectory())} frames in the map; {done}")

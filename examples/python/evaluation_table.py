@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""How good maps are, by voxel size: a table and a figure, against the exact truth of a synthetic room.
+"""Quality of maps by voxel size: a table and a figure, against the exact truth of a synthetic room.
 
 Usage: evaluation_table.py [--frames N] [--voxel-sizes M ...] [--out FOLDER]
 """

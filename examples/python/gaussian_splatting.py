@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""A data set for Gaussian splatting or NeRF: images without a lens, poses, depth, and points from which splats begin.
+"""Data set for Gaussian splatting or NeRF: rectified images, poses, depth, and points to initialize splats.
 
 Usage: gaussian_splatting.py [RECORDING] [--images N] [--out FOLDER]; without RECORDING a synthetic room
 """
@@ -27,7 +27,7 @@ def main() -> None:
     mapper = cairn.Mapper(source.rig, voxel_size=a.voxel_size)
     for frame in source:
         mapper.add(frame)
-    mapper.refine()  # poses as keyframes that see the same agree on them
+    mapper.refine()  # refines poses by the agreement of overlapping keyframes
     map = mapper.map()
     for program, folder in (("nerfstudio", a.out / "nerfstudio"), ("colmap", a.out / "colmap")):
         if program == "nerfstudio":

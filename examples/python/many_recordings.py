@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""All recordings of a folder, one after the other: each becomes a map, and a table tells how they went.
+"""Maps all recordings of a folder in turn and prints a table of the results.
 
 Usage: many_recordings.py [FOLDER] [--out FOLDER] [--voxel-size M]; without FOLDER two synthetic recordings are made
 """
@@ -34,7 +34,7 @@ def main() -> None:
             made = cairn.reconstruct(
                 recording, a.out / "maps" / recording.name, voxel_size=a.voxel_size, frames=a.frames, overwrite=True
             )
-        except cairn.Error as error:  # no recording, or none that can be used: the others still can
+        except cairn.Error as error:  # no recording, or an unusable one: continue with the rest
             print(f"{recording.name:20} {error}", file=sys.stderr)
             continue
         rows.append(

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""Maps in other libraries: Open3D, trimesh and pyopenvdb, whichever are installed. Arrays go across without files.
+"""Maps in other libraries: Open3D, trimesh and pyopenvdb, as installed. Arrays are passed without files.
 
 Usage: other_libraries.py [MAP]; without MAP a synthetic room is mapped
 """
@@ -26,7 +26,7 @@ def map_a_room() -> cairn.Map:
 
 
 def to_open3d(o3d: Any, mesh: cairn.Mesh) -> Any:
-    """Legacy arrays, which copy: open3d.geometry.TriangleMesh."""
+    """Copies into legacy arrays: open3d.geometry.TriangleMesh."""
     made = o3d.geometry.TriangleMesh(
         o3d.utility.Vector3dVector(mesh.vertices.astype(np.float64)),
         o3d.utility.Vector3iVector(mesh.triangles.astype(np.int32)),
@@ -63,9 +63,9 @@ def with_openvdb(vdb: Any, map: cairn.Map) -> None:
         map.export(file)
         grids = [
             vdb.read(str(file), name) for name in ("tsdf", "weight")
-        ]  # it knows no whole numbers, as of colour_weight
+        ]  # pyopenvdb reads no integer grids, such as colour_weight
     print("OpenVDB:", ", ".join(f"{grid.name} ({grid.activeVoxelCount()} voxels)" for grid in grids))
-    # Or without a file: a dense box goes into a grid of one's own.
+    # Without a file: copy a dense box into a new grid.
     dense = map.distances().dense()
     grid = vdb.FloatGrid(background=float("inf"))
     grid.copyFromArray(np.nan_to_num(dense.values, nan=float("inf")))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""A way for a robot through a map, by A* on its distance field: short, and not near to anything.
+"""Path of a robot through a map, by A* on its distance field: short, and at a distance from obstacles.
 
 Usage: plan_a_path.py [MAP] [--height M] [--radius M]
-MAP is a folder that cairn reconstruct has made; without one a synthetic room is mapped.
+MAP is a folder made by cairn reconstruct; without MAP a synthetic room is mapped.
 """
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def map_a_room(frames: int) -> cairn.DistanceField:
 
 
 def a_star(cost: NDArray[np.float64], start: Cell, goal: Cell) -> list[Cell]:
-    """The cheapest way over cells, of which infinite ones are closed; empty where there is none."""
+    """Cheapest path over cells, where infinite costs are closed; empty if there is no path."""
     steps = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
     reached: dict[Cell, float] = {start: 0.0}
     before: dict[Cell, Cell] = {}
@@ -60,17 +60,17 @@ def main() -> None:
     a = arguments.parse_args()
     field = cairn.Map.open(a.map).distances(robot_radius=0.25) if a.map else map_a_room(a.frames)
 
-    # A level slice, cell by cell: the world is y down. All cells are asked for in one call.
+    # Query all cells of a horizontal slice in one call. The world is y down.
     bounds = field.bounds
     assert bounds is not None, "the map is empty"
     size = field.voxel_size
     x, z = np.arange(bounds[0, 0], bounds[1, 0], size), np.arange(bounds[0, 2], bounds[1, 2], size)
     points = np.stack(np.meshgrid(x, [-a.height], z, indexing="ij"), axis=-1).astype(np.float32)[:, 0]
-    distance, _, known = field.query(points)  # NaN where nobody looked: unknown is not free
+    distance, _, known = field.query(points)  # NaN in unobserved space: unknown is not free
     free = known & (distance > a.radius)
     cost = np.where(free, 1 + 2 * np.exp(-(distance - a.radius) / 0.2), np.inf)
 
-    # From one end to the other of the largest free part.
+    # From one end of the largest free part to its other end.
     parts, count = ndimage.label(free, np.ones((3, 3)))
     assert count > 0, "nothing is free at this height"
     cells: NDArray[Any] = np.argwhere(parts == 1 + np.argmax(np.bincount(parts[free])[1:]))
