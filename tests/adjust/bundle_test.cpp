@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kReadout = 0.028, kFrameRate = 5;  // seconds; Hz
 
-/// Of a camera, in its own frame.
+/// Motion of a camera, in its own frame.
 CameraMotion motion_at(const PoseAt& pose, double t) {
   constexpr double kStep = 0.005;
   const Vector6d after = local_coordinates(pose(t).inverse() * pose(t + kStep)),
@@ -45,7 +45,7 @@ Views swinging_views(int count, double readout, int seed = 1) {
   return views;
 }
 
-/// By a few millimetres and milliradians, another way in each view; the first one stays.
+/// Perturbation by a few millimeters and milliradians, different in each view; none for the first.
 Eigen::Isometry3d misplaced(std::size_t i) {
   if (i == 0) return Eigen::Isometry3d::Identity();
   const auto wave = [&](double k) { return std::sin(k * static_cast<double>(i)); };
@@ -54,7 +54,7 @@ Eigen::Isometry3d misplaced(std::size_t i) {
   return retract(x);
 }
 
-/// Metres and radians, root mean square.
+/// Root mean square errors in meters and radians.
 std::pair<double, double> errors(const std::vector<Eigen::Isometry3d>& found,
                                  const std::vector<Eigen::Isometry3d>& truth) {
   double metres = 0, radians = 0;
@@ -93,7 +93,7 @@ TEST(Bundle, MovesViewsToWhereAllTheySeeAgrees) {
   EXPECT_NEAR(bundle.shutter().clock, 0, 0.001);
 }
 
-// Brightness is looked up between pixels: what that errs by must not depend on which view a surfel comes from.
+// Brightness is interpolated between pixels: the interpolation error must not depend on a surfel's source view.
 TEST(Bundle, LeavesExactViewsWhereTheyAre) {
   const Scene scene = synthetic_scene("room");
   const Camera camera = synthetic_camera();
@@ -113,8 +113,8 @@ TEST(Bundle, LeavesExactViewsWhereTheyAre) {
   EXPECT_LT(after.second, 0.0001);
 }
 
-// Normalised estimation error squared (Bar-Shalom, Li & Kirubarajan 2001, 5.4): 6 for each view on average. Errors of
-// the views are not independent, for the first one's are in all of them; so the bounds are wider than of a chi-square.
+// Normalized estimation error squared (Bar-Shalom, Li & Kirubarajan 2001, 5.4): 6 per view on average. Errors of the
+// views are not independent, since all contain the error of the first; so the bounds are wider than of a chi-square.
 TEST(Bundle, KnowsHowSurelyViewsLieWhereTheyDo) {
   double sum = 0, of_steps = 0, count = 0;
   for (const int seed : {1, 2, 3}) {
@@ -123,7 +123,7 @@ TEST(Bundle, KnowsHowSurelyViewsLieWhereTheyDo) {
     adjust(bundle, false);
     const auto known = bundle.covariance();
     ASSERT_TRUE(known.has_value());
-    EXPECT_LT(known->of_views[0].norm(), 1e-10);  // it stays
+    EXPECT_LT(known->of_views[0].norm(), 1e-10);  // fixed
     const auto& found = bundle.world_from_view();
     double of_seed = 0;
     for (std::size_t i = 1; i < found.size(); ++i) {
@@ -159,7 +159,7 @@ TEST(Bundle, FindsHowLongTheShutterTakesAndPredictsBetterWithIt) {
             0.5 * errors(global.world_from_view(), views.poses).second);
 }
 
-/// As a Kinect's depth is wrong: stripes, by the square of depth.
+/// Depth error of a Kinect: stripes, proportional to the square of depth.
 float true_offset(const Camera& camera, int x) {
   return 0.004f * std::sin(12.0f * static_cast<float>(x) / static_cast<float>(camera.width));
 }
@@ -190,7 +190,7 @@ TEST(Bundle, FindsWhatTheDepthCameraErrsByAndPredictsBetterWithIt) {
             errors(bundle.world_from_view(), views.poses).first);
 }
 
-/// What a camera is that nobody told.
+/// Camera with unknown errors of calibration.
 struct WrongCamera {
   Camera camera = synthetic_camera();
   double clock = 0.015;

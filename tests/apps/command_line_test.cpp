@@ -12,7 +12,7 @@ namespace {
 TEST(WordsToGoOn, GoesOnWithWhatWasBegun) {
   EXPECT_EQ(resuming({"cairn", "reconstruct", "rec", "-o", "out"}, "out", "out"),
             "cairn reconstruct rec -o out --resume");
-  // What says what becomes of an earlier map does not say so again.
+  // Arguments that already decide about an earlier map get no second option.
   EXPECT_EQ(resuming({"cairn", "live", "rec", "out", "--overwrite"}, "out", "out"), "cairn live rec out --resume");
   EXPECT_EQ(resuming({"cairn", "live", "rec", "out", "--resume", "--json"}, "out", "out"),
             "cairn live rec out --resume --json");

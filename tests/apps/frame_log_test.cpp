@@ -29,7 +29,7 @@ TEST(FrameLog, KeepsSomeOfEachPartOfARunOfDaysAndCountsAll) {
   FrameLog log;
   for (int i = 0; i < 100'000; ++i) {
     log.add(report(i));
-    if (i == 50'000) log = FrameLog::from(nlohmann::json::parse(log.save().dump()));  // was killed and goes on
+    if (i == 50'000) log = FrameLog::from(nlohmann::json::parse(log.save().dump()));  // killed and resumed
   }
   EXPECT_EQ(log.size(), 100'000);
   EXPECT_EQ(log.count("lost"), 10'000);

@@ -11,7 +11,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A machine as the kernel shows it.
+/// Machine as presented by the kernel.
 class Machine : public testing::Test {
  protected:
   void write(const std::string& file, const std::string& text) const {

@@ -13,7 +13,7 @@
 namespace cairn::apps {
 namespace {
 
-/// A field whose only known voxel is the first of each of these blocks.
+/// Field with a single known voxel, the first, in each of these blocks.
 DistanceField field_of(const std::vector<Eigen::Vector3i>& at) {
   DistanceField::Blocks blocks;
   for (const Eigen::Vector3i& block : at) {

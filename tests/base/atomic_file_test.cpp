@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Files have no more bytes than that while it lives.
+/// Limits the size of files during its lifetime.
 class FilesOf {
  public:
   explicit FilesOf(rlim_t bytes) {
@@ -53,11 +53,11 @@ TEST(WriteWhole, LeavesTheOldFileWhenWritingFails) {
 }
 
 TEST(WriteWhole, TellsTheSystemsReasonAndWhatToDo) {
-  // /dev/full is a disk without room; whoever writes need not look after it.
+  // /dev/full acts as a full disk; callers need no check of their own.
   EXPECT_NE(error_of([&] { write_whole("/proc/self/a.txt", "text"); }).find("make the folder first"),
             std::string::npos);
   EXPECT_EQ(reason(ENOSPC).find("the disk is full (No space left on device): make room"), 0u);
-  // A limit on files is a disk without room; whoever writes need not look after it.
+  // A file size limit acts as a full disk; callers need no check of their own.
   const TemporaryFolder folder;
   for (const bool as_stream : {false, true}) {
     const FilesOf limit(1 << 20);
@@ -112,7 +112,7 @@ TEST(WriteWhole, LeftoversOfKilledProgramsGoAndThoseOfRunningOnesStay) {
   const TemporaryFolder folder;
   for (const char* name : {".cairn-4711.a.txt", ".cairn-4711.b.txt", ".cairn-x.txt", ".cairn-", ".hidden", "a.txt"})
     write_text(folder / name, "something");
-  // The one of this program, which writes just now.
+  // The temporary file of this program, in use.
   write_whole(folder / "b.txt", [&](std::ostream&) {
     remove_leftovers(folder.path());
     EXPECT_TRUE(fs::exists(folder / (".cairn-" + std::to_string(getpid()) + ".b.txt")));
@@ -185,7 +185,7 @@ TEST(WriteFolder, LeavesWhatWasPutThereWhileItWasWritten) {
   EXPECT_EQ(std::distance(fs::directory_iterator(above.path()), {}), 1);
 }
 
-/// A staging folder as a killed program leaves it.
+/// Staging folder left by a killed program.
 void leave_staging(const fs::path& folder) {
   fs::create_directories(folder);
   write_text(folder / ".cairn-mark", "A folder that cairn makes for what it writes, and removes.\n");
@@ -224,11 +224,11 @@ TEST(WriteFolder, OfAProgramKilledBetweenTwoRenamesComesBack) {
   remove_leftovers(above.path());
   EXPECT_EQ(read_bytes(above / "a" / "old.txt"), "old");
   EXPECT_FALSE(fs::exists(above / ".cairn-4711.a"));
-  // Something else has taken the place: nothing is removed.
+  // Another folder has taken the place: no files are removed.
   leave(true);
   remove_leftovers(above.path());
   EXPECT_EQ(read_bytes(above / ".cairn-4711.a" / ".cairn-aside" / "old.txt"), "old");
-  // The new one had taken its place.
+  // The new folder was already in place.
   fs::remove_all(above / ".cairn-4711.a");
   leave(false);
   remove_leftovers(above.path());

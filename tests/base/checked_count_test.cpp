@@ -27,7 +27,7 @@ TEST(CheckedCount, NegativeCountIsNone) {
 TEST(CheckedCount, FitsIsFalseWhereTheProductWraps) {
   EXPECT_TRUE(fits(4, 8, 40, 8));
   EXPECT_FALSE(fits(4, 8, 39, 8));
-  EXPECT_FALSE(fits(std::uint64_t{1} << 61, 8, 1000));  // 2^64, which wraps to 0
+  EXPECT_FALSE(fits(std::uint64_t{1} << 61, 8, 1000));  // 2^64, which overflows to 0
   EXPECT_FALSE(fits(0, 8, 4, 5));
 }
 

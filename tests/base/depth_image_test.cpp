@@ -14,7 +14,7 @@
 namespace cairn {
 namespace {
 
-constexpr int kWidth = 37, kHeight = 21;  // no multiple of a tile
+constexpr int kWidth = 37, kHeight = 21;  // not a multiple of a tile
 
 cv::Mat image(int type) {
   cv::Mat image(kHeight, kWidth, CV_64F);
@@ -46,7 +46,7 @@ TEST(DepthImage, IsReadFromEachKindOfFileBitForBit) {
   const cv::Mat units = image(CV_16U), metres = image(CV_32F);
   expect_same(encoded(".png", units), units);
   expect_same(encoded(".pgm", units), units);
-  for (const int packing : {1, 5, 8, 32946, 32773}) {  // none, LZW, Deflate by two numbers, PackBits
+  for (const int packing : {1, 5, 8, 32946, 32773}) {  // none, LZW, Deflate with two codes, PackBits
     SCOPED_TRACE(packing);
     expect_same(encoded(".tiff", units, {cv::IMWRITE_TIFF_COMPRESSION, packing}), units);
     expect_same(encoded(".tiff", metres, {cv::IMWRITE_TIFF_COMPRESSION, packing}), metres);

@@ -33,7 +33,7 @@ bool are_equal(const cv::Mat& a, const cv::Mat& b) {
 TEST(ExrImage, GivesFloatsAndHalvesOfOneOrThreeChannels) {
   const cv::Mat1f depth = ramp();
   cv::Mat half;
-  depth.convertTo(half, CV_16F);  // exact: eighths of a metre
+  depth.convertTo(half, CV_16F);  // exact: eighths of a meter
   EXPECT_TRUE(are_equal(decode(exr({{"R", depth}})), depth));
   EXPECT_TRUE(are_equal(decode(exr({{"Z", half}})), depth));
   EXPECT_TRUE(are_equal(decode(exr({{"B", depth}, {"G", depth}, {"R", depth}})), depth));

@@ -15,11 +15,11 @@ namespace {
 TEST(TextFiles, ReadTheSameInAnyLocaleAndFromAnyEditor) {
   const TemporaryFolder folder;
   const auto file = folder / "t.txt";
-  // A mark at its begin, lines that end as on Windows, commas, no newline at the end.
+  // A byte order mark, Windows line ends, commas, no newline at the end.
   write_text(file,
              "\xef\xbb\xbf"
              "1.5 0.25 0 0 0 0 0 1\r\n2.5, 1e-3, +2, 0, 0, 0, 0, 1");
-  const char* german = std::setlocale(LC_ALL, "de_DE.UTF-8");  // where it is installed: a comma is its decimal point
+  const char* german = std::setlocale(LC_ALL, "de_DE.UTF-8");  // if installed: has a comma as its decimal point
   const auto read = read_trajectory(file);
   if (german != nullptr) std::setlocale(LC_ALL, "C");
   ASSERT_EQ(read.size(), 2u);

@@ -29,7 +29,7 @@ TEST(Quantity, IsExactAtTheBoundsThatPeopleType) {
     EXPECT_TRUE(range.has(*parse_quantity(text, Unit::metres))) << text;
   for (const char* text : {"0.2000000001", "20.00001cm", "0.0019999999", "1.999mm"})
     EXPECT_FALSE(range.has(*parse_quantity(text, Unit::metres))) << text;
-  EXPECT_TRUE(range.has(0.2f));  // as a float rounds it, which is more than 0.2
+  EXPECT_TRUE(range.has(0.2f));  // rounded to a float, which is more than 0.2
   EXPECT_FALSE(range.has(0.2001f));
 }
 

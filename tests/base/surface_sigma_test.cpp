@@ -10,7 +10,7 @@
 namespace cairn {
 namespace {
 
-const Eigen::Vector3d kPlace(1.0, -2.0, 0.5);  // the centre of a cell
+const Eigen::Vector3d kPlace(1.0, -2.0, 0.5);  // center of a cell
 constexpr double kStep = SurfaceSigma::kCell;
 constexpr float kRounding = 1e-7f;
 

@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// In a process of its own, which ends at once in the middle of `work`.
+/// Runs `work` in a child process, which may exit in the middle of it.
 void end_within(const std::function<void(const std::function<void()>& end)>& work) {
   const pid_t child = fork();
   if (child == 0) {

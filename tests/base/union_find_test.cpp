@@ -12,7 +12,7 @@ TEST(UnionFind, NamesASetByItsLowestMemberWhateverTheOrderOfJoining) {
   EXPECT_EQ(sets.join(6, 5), 5u);
   EXPECT_EQ(sets.join(2, 4), 2u);
   EXPECT_EQ(sets.join(4, 6), 2u);
-  EXPECT_EQ(sets.join(5, 2), 2u);  // is one already
+  EXPECT_EQ(sets.join(5, 2), 2u);  // already joined
   EXPECT_EQ(sets.all(), (std::vector<std::size_t>{0, 1, 2, 3, 2, 2, 2}));
 }
 

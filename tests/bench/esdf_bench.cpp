@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The distance field: what an update costs, answers, a loop that moves half the map, and other transforms of the same
-// surface: the choice of method.
+// Distance field: cost of updates, of queries, of a loop closure for half the map, and of other transforms of the same
+// surface, for the choice of method.
 #include <benchmark/benchmark.h>
 #include <tbb/parallel_for.h>
 
@@ -25,7 +25,7 @@ namespace {
 
 constexpr int kFrames = 60;  // five seconds of the room
 
-/// The room fused with its true poses.
+/// Room fused with its true poses.
 struct Room {
   gpu::Device device;
   FuseOptions fuse;
@@ -68,7 +68,7 @@ void make_a_field_anew(benchmark::State& state) {
   state.counters["voxels"] = static_cast<double>(esdf.blocks()) * 4096;
 }
 
-/// Sites of the field in a dense box: its voxels next to a change of sign.
+/// Sites of the field in a dense box: voxels next to a sign change.
 struct Box {
   Eigen::Vector3i size = Eigen::Vector3i::Zero();
   std::vector<std::uint32_t> sites;
@@ -93,7 +93,7 @@ Box box_of(const benchmark::State& state) {
   return box;
 }
 
-/// How many of some random voxels have a site that is farther than the nearest one, as a share.
+/// Share of some random voxels with a site farther than the nearest.
 double share_of_wrong(gpu::Device& device, const Box& box, const gpu::Buffer& result) {
   std::vector<std::uint32_t> found(box.sites.size());
   gpu::Batch batch(device);
@@ -167,7 +167,7 @@ void jump_flooding(benchmark::State& state) {
   state.counters["wrong"] = share_of_wrong(r.device, box, now);
 }
 
-/// A million random points, most of them in known space.
+/// Queries a million random points, mostly in known space.
 void answer_a_million_points(benchmark::State& state) {
   auto& r = room();
   const auto field = distances_of(r.device, r.volume.on_host(), r.fuse, options_of(state));
@@ -188,7 +188,7 @@ void answer_a_million_points(benchmark::State& state) {
       static_cast<double>(std::count_if(answers.begin(), answers.end(), [](const auto& a) { return a.known; }));
 }
 
-/// Two submaps of the room; the second one goes to and fro as after a loop.
+/// Two submaps of the room; the second moves back and forth as after a loop closure.
 void follow_a_loop(benchmark::State& state) {
   auto& r = room();
   std::vector<std::shared_ptr<const BrickTree>> trees;

@@ -9,9 +9,9 @@
 namespace cairn {
 namespace {
 
-/// A walk of so many keyframes with a loop to every tenth, one in ten of them false: each loop as it comes, the whole
-/// each time that it has grown by a twentieth, as a mapper has it, and at the end. In seconds of CPU, so that other
-/// programs do not count.
+/// Walk of N keyframes with a loop at every tenth, one in ten of them false. Adds each loop as it arrives, optimizes
+/// the graph after each growth by a twentieth, as a mapper does, and at the end. CPU seconds, to exclude other
+/// programs.
 void close_loops_of_a_long_walk(benchmark::State& state) {
   const auto nodes = static_cast<std::size_t>(state.range(0));
   const LongWalk walk(nodes, nodes * 9 / 100, nodes / 100);

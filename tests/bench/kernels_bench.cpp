@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Time of each stage, and beside it of each of its kernels, on the synthetic room, 640x480, 1 cm voxels. Keep the
-// settings: numbers stay comparable.
+// Time of each stage and of each of its kernels, on the synthetic room, 640x480, 1 cm voxels. Keep the settings:
+// numbers stay comparable.
 #include <benchmark/benchmark.h>
 
 #include "cairn/scene.hpp"
@@ -49,7 +49,7 @@ Bench& bench() {
   return instance;
 }
 
-/// Adds the mean milliseconds of each kernel that the benchmark ran, from the device's timestamps.
+/// Adds the mean milliseconds of each kernel run by the benchmark, from the device's timestamps.
 class KernelCounters {
  public:
   explicit KernelCounters(benchmark::State& state) : state_(state), before_(bench().device.kernel_times()) {}

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What a closed loop costs: the graph of 2,000 keyframes, and the world's volume from 30 submaps that it bends.
+// Cost of a loop closure: optimization of a graph of 2,000 keyframes, and deformation of the world's volume from 30
+// submaps.
 #include <benchmark/benchmark.h>
 
 #include <numbers>
@@ -17,9 +18,9 @@ namespace cairn {
 namespace {
 
 constexpr std::size_t kSubmaps = 30, kKeyframes = 2000;
-constexpr double kShift = 2.4;  // metres from one submap to the next: they overlap by half
+constexpr double kShift = 2.4;  // meters from one submap to the next: they overlap by half
 
-/// Thirty copies of what a second in the room shows, in a row, with keyframes along it.
+/// Thirty copies of a second of the room, in a row, with keyframes along the row.
 struct Bench {
   gpu::Device device;
   FuseOptions fuse;
@@ -60,7 +61,7 @@ struct Bench {
       atlas.add(keyframe);
     }
   }
-  /// Bends the row: its end goes aside by `metres`.
+  /// Bends the row: moves its end aside by `metres`.
   void bend(double metres) {
     for (std::size_t k = 0; k < kKeyframes; ++k) {
       const double share = static_cast<double>(k) / kKeyframes;
@@ -112,7 +113,7 @@ void mesh_the_world(benchmark::State& state) {
   state.counters["triangles"] = static_cast<double>(triangles);
 }
 
-/// A way once around with a loop at its end.
+/// A circular path with a loop closure at its end.
 void optimise_two_thousand_keyframes(benchmark::State& state) {
   PoseGraph drifted;
   const auto truth = [](std::size_t k) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What it costs to recognise a place among 20,000 keyframes: views of rendered rooms, each as a hundred that differ by
-// an eighth of the bits, as views of one corner do. Real buildings have more places with fewer views of each.
+// Cost of place recognition among 20,000 keyframes: views of rendered rooms, each with a hundred variants that differ
+// in an eighth of the bits, like views of the same corner. Real buildings have more places with fewer views of each.
 #include <benchmark/benchmark.h>
 
 #include <random>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Two recordings of one room, between which a box has come, by the program.
+// Two recordings of a room before and after a box was added, with the program.
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
@@ -15,7 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-/// A plan of both, whose map is there, made once.
+/// Plan of both recordings with its map, made once.
 class ChangedRoom : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -43,8 +43,8 @@ class ChangedRoom : public testing::Test {
     EXPECT_EQ(ran.exit_code, 0) << words[0] << ": " << ran.err;
     return ran.out;
   }
-  static constexpr float kHalf = 0.25f;               // metres
-  static inline const Eigen::Vector3f kBox{0, 0, 1};  // in front of the camera, where nothing stood
+  static constexpr float kHalf = 0.25f;               // meters
+  static inline const Eigen::Vector3f kBox{0, 0, 1};  // in front of the camera, in previously free space
   static inline TemporaryFolder* folder_ = nullptr;
   TemporaryFolder out;
 };
@@ -55,7 +55,7 @@ TEST_F(ChangedRoom, HasGotABox) {
   ASSERT_EQ(json.at("pieces").size(), 1u) << json.dump(1);
   const Json& piece = json.at("pieces").at(0);
   EXPECT_EQ(piece.at("kind"), "new");
-  // One side of it was seen, but for its rim, and at most three.
+  // Visible: at least one side except its rim, at most three sides.
   const double side = 4.0 * static_cast<double>(kHalf * kHalf);
   EXPECT_GT(piece.at("area_m2"), 0.5 * side);
   EXPECT_LT(piece.at("area_m2"), 3.2 * side);

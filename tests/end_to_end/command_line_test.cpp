@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What a new user types, right or wrong: the message names the remedy.
+// Input of a new user, right or wrong: the message names the remedy.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The commands that do something, as the program lists them.
+/// Commands with an action, as listed by the program.
 const std::vector<std::vector<std::string>> kCommands{{"demo"},
                                                       {"doctor"},
                                                       {"reconstruct"},
@@ -40,7 +40,7 @@ const std::vector<std::vector<std::string>> kCommands{{"demo"},
                                                       {"help"},
                                                       {"completion"}};
 
-/// The output of a shell's command; fails the test when it does not end well.
+/// Output of a shell command; fails the test on an error.
 std::string shell(const std::string& command) {
   const TemporaryFolder folder;
   const int status = std::system((command + " >'" + (folder / "out").string() + "' 2>&1").c_str());
@@ -191,7 +191,7 @@ TEST_F(CommandLine, HelpHasNoInternalsAndFitsTheTerminal) {
         EXPECT_EQ(ran.out.find(internal), std::string::npos) << internal << "\n" << ran.out;
       std::istringstream lines(ran.out);
       for (std::string line; std::getline(lines, line);)
-        if (line.find("  cairn completion") == line.npos) {  // a command is not broken
+        if (line.find("  cairn completion") == line.npos) {  // a command stays on one line
           EXPECT_LE(line.size(), static_cast<std::size_t>(columns)) << line;
         }
     }
@@ -209,7 +209,7 @@ TEST_F(CommandLine, QuietTellsErrorsAlone) {
     EXPECT_EQ(ran.err, "");
     EXPECT_EQ(ran.out, "");
   }
-  EXPECT_NE(run_cairn({"info", "-q", room}).out, "");  // what was asked for is no progress
+  EXPECT_NE(run_cairn({"info", "-q", room}).out, "");  // the requested output is not progress
   expect_one_line(run_cairn({"-q", "info", (out / "nowhere").string()}), 1, "no such folder");
 }
 
@@ -253,7 +253,7 @@ TEST_F(CommandLine, AFullDiskBehindStdoutIsTold) {
   to_full("info '" + room + "'");
   to_full("info --json '" + room + "'");
   to_full("reconstruct '" + room + "' -o '" + (out / "map").string() + "' --voxel-size 0.04");
-  EXPECT_TRUE(fs::exists(out / "map" / "mesh.glb"));  // only the words are lost
+  EXPECT_TRUE(fs::exists(out / "map" / "mesh.glb"));  // only the messages are lost
   to_full("export '" + (out / "map").string() + "' -o '" + (out / "x.ply").string() + "'");
   to_full("esdf '" + (out / "map").string() + "'");
   to_full("convert '" + room + "' -o '" + (out / "again").string() + "'");
@@ -289,10 +289,10 @@ TEST_F(CommandLine, ADemoNeedsNothing) {
   const auto report = nlohmann::json::parse(read_bytes(out / "demo" / "report.json"));
   EXPECT_EQ(report.at("frames").at("fused"), 60);
   EXPECT_NE(ran.out.find("cairn view"), std::string::npos) << ran.out;
-  EXPECT_EQ(run_cairn({"demo", "-q", "-o", (out / "demo").string()}).exit_code, 0);  // it is its own to replace
+  EXPECT_EQ(run_cairn({"demo", "-q", "-o", (out / "demo").string()}).exit_code, 0);  // may replace its own output
 }
 
-/// What every shell makes of a line, in a folder that holds file.yaml.
+/// Completions expected in every shell, in a folder with file.yaml.
 const std::vector<std::pair<std::string, std::string>> kCompletions{{"cairn recon", "reconstruct"},
                                                                     {"cairn evaluate tra", "trajectory"},
                                                                     {"cairn help evaluate tra", "trajectory"},
@@ -314,7 +314,7 @@ TEST_F(CommandLine, BashCompletesCommandsOptionsWordsAndFiles) {
                  "); COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); _cairn; echo \"${COMPREPLY[@]}\"'");
   };
   for (const auto& [words, completed] : kCompletions) EXPECT_EQ(complete(words), completed + "\n") << words;
-  EXPECT_EQ(complete("cairn reconstruct x --motion = ro"), "robot\n");  // bash takes words apart at =
+  EXPECT_EQ(complete("cairn reconstruct x --motion = ro"), "robot\n");  // bash splits words at =
   EXPECT_EQ(complete("cairn info fo"), "folder\n");
   EXPECT_EQ(complete("cairn info --frames \"\""), "\n");  // a number
 }
@@ -326,7 +326,7 @@ TEST_F(CommandLine, FishCompletesTheSame) {
   const auto complete = [&](const std::string& words) {
     return shell("cd '" + out.path().string() + "' && HOME='" + out.path().string() +
                  "' fish -c 'source ./cairn.fish; complete -C \"" + words +
-                 "\"' | cut -f1 | head -n 1");  // from fish 4 on those come behind that have it in their middle
+                 "\"' | cut -f1 | head -n 1");  // fish 4 also lists words with a match in the middle, after the rest
   };
   for (const auto& [words, completed] : kCompletions) EXPECT_EQ(complete(words), completed + "\n") << words;
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// `cairn convert`: what any reader gives, in TUM's layout.
+// `cairn convert`: output of every reader in TUM's layout.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -38,7 +38,7 @@ std::vector<Frame> room(const Rig& rig) {
   return frames;
 }
 
-/// A recording in a layout.
+/// Recording in a given layout.
 struct Input {
   TemporaryFolder folder;
   std::string name;
@@ -107,7 +107,7 @@ TEST(Convert, BringsColourToDepthForProgramsThatKnowOneCamera) {
   for (std::size_t i = 0; i < expected.size(); ++i) {
     ASSERT_EQ(registered[i].colour.size(), expected[i].colour.size());
     for (std::size_t p = 0; p < expected[i].colour.size(); ++p) {
-      if ((registered[i].colour[p] & 0xffffffu) == 0) continue;  // out of the colour camera's view, or hidden from it
+      if ((registered[i].colour[p] & 0xffffffu) == 0) continue;  // out of the color camera's view, or occluded
       ++seen;
       for (const int shift : {0, 8, 16})
         difference += std::abs(static_cast<int>(registered[i].colour[p] >> shift & 255u) -

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The program beside files that ask for more memory, time or stack than an honest one takes.
+// Limits on memory, time and stack for crafted files.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -14,9 +14,9 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr double kLongest = 10;   // seconds
-constexpr double kMostTimes = 2;  // of the memory that an honest file takes
+constexpr double kMostTimes = 2;  // of the memory used for a regular file
 
-/// A recording of one depth image, and of a colour image of these bytes.
+/// Recording of one depth image and one color image with these bytes.
 void write_tum(const fs::path& folder, const std::string& colour) {
   fs::create_directories(folder / "rgb");
   fs::create_directories(folder / "depth");

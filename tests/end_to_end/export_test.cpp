@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// `cairn export` and what reconstruct writes with the same options.
+// `cairn export`, and the output of reconstruct with the same options.
 #include <gtest/gtest.h>
 #include <openvdb/openvdb.h>
 
@@ -24,10 +24,10 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-/// A scan of the room and its map.
+/// Scan of the room and its map.
 class Export : public testing::Test {
  protected:
-  /// Of something in the recording, in its map, or in a map with given poses, which has no session. All are shared.
+  /// Path in the recording, in its map, or in a map with given poses, which has no session. All are shared.
   static std::string path(const std::string& name) {
     const fs::path room = shared_recording({"room", "--frames", "60"});
     const auto in = [&](const std::string& folder) { return name == folder || name.starts_with(folder + "/"); };
@@ -42,7 +42,7 @@ class Export : public testing::Test {
     return of(room);
   }
   [[nodiscard]] std::string to(const std::string& name) const { return (out / name).string(); }
-  /// Exports the map and returns what --json tells.
+  /// Exports the map and returns the output of --json.
   Json exported(const std::string& name, std::vector<std::string> options = {}) const {
     std::vector<std::string> arguments{"export", path("map"), "-o", to(name), "--json"};
     arguments.insert(arguments.end(), options.begin(), options.end());
@@ -61,8 +61,8 @@ class Export : public testing::Test {
   TemporaryFolder out;
 };
 
-/// `is_whole`: they are all of a map, with cells that fit together. What two fans of one part touch with may hang
-/// together by another part.
+/// `is_whole`: the parts form a complete map with matching cells. Two triangle fans that touch in one part may be
+/// connected by another part.
 void expect_sound(const std::vector<Mesh>& parts, bool is_whole = false) {
   for (const Mesh& part : parts) {
     const MeshTopology topology = examine_topology(part);
@@ -112,7 +112,7 @@ TEST_F(Export, WritesEveryFormatSoundAndValid) {
 }
 
 TEST_F(Export, TexturesShowTheSceneFromPosesThatWereNoKeyframes) {
-  // Frames that lie between keyframes, against pictures without noise.
+  // Frames between keyframes, against noise-free images.
   exported("textured.glb", {"--simplify", "0.1", "--texture"});
   exported("coloured.glb", {"--simplify", "0.1", "--no-texture"});
   const Trajectory truth = read_trajectory(path("room/groundtruth.txt"));
@@ -161,7 +161,7 @@ TEST_F(Export, SimplifiesWithoutNewHoles) {
   const MeshError error = evaluate_mesh(simple, full, 50000);
   EXPECT_LT(error.accuracy.mean, 0.002);
   EXPECT_LT(error.completeness.mean, 0.002);
-  EXPECT_LT(error.completeness.max, 0.05);  // a hole would lie farther from what is left
+  EXPECT_LT(error.completeness.max, 0.05);  // a hole would be farther from the remaining surface
   EXPECT_LE(examine_topology(simple).borders, examine_topology(full).borders);
 }
 
@@ -232,7 +232,7 @@ TEST_F(Export, TilesetsOfOneFolderKeepTheirTiles) {
       EXPECT_FALSE(read_mesh(out / tile).triangles.empty()) << tile;
     }
 
-  // Written again, an export that fails leaves the one before whole; one that succeeds leaves nothing of it.
+  // A failed repetition of the export keeps the previous tileset; a successful repetition removes it completely.
   const auto both = bytes_below(out.path());
   std::vector<std::string> again{"export", path("map"), "-o", to("a.json")};
   again.insert(again.end(), others.begin(), others.end());
@@ -272,7 +272,7 @@ TEST_F(Export, LeavesNoMoreTrianglesThanWereAskedFor) {
     expect_sound(parts);
   }
   exported("x.ply");
-  exported("y.ply", {"--triangles", "100000000"});  // it has fewer
+  exported("y.ply", {"--triangles", "100000000"});  // more than there are
   EXPECT_EQ(read_bytes(to("x.ply")) == read_bytes(to("y.ply")), true);
   for (const char* name : {"x.ply", "y.ply", "x.glb", "x.stl"}) fs::remove(to(name));
   expect_refused({"--triangles", "7"}, "--triangles 7: a whole number is wanted, 100 to");
@@ -336,7 +336,7 @@ TEST_F(Export, TellsTheSizeOfEachFile) {
 }
 
 TEST_F(Export, TellsHowMuchOfItIsDone) {
-  // Of a map in one cell, of which each stage is a step: without a texture three, with one also the keyframes.
+  // For a map in one cell each stage is a step: three without a texture, plus the keyframes with a texture.
   constexpr double kPlain = 0.7, kTextured = 0.5;
   Map map = Map::open(path("map"));
   ExportOptions textured{.texture = {.enabled = true}}, levels = textured, cells = textured;
@@ -361,7 +361,7 @@ TEST_F(Export, TellsHowMuchOfItIsDone) {
       EXPECT_GE(shares[i], shares[i - 1]) << i;
       EXPECT_LE(shares[i] - shares[i - 1], most) << i << " of " << shares.size();
     }
-    EXPECT_GT(shares[shares.size() - 2], 0.9);  // the last step is not the whole way
+    EXPECT_GT(shares[shares.size() - 2], 0.9);  // the last step is a small part
   }
 }
 
@@ -411,7 +411,7 @@ TEST_F(Export, IsMeasuredByTheProgram) {
   ASSERT_EQ(views.exit_code, 0) << views.err;
   EXPECT_EQ(Json::parse(views.out).at("frames"), 3);
   EXPECT_GT(Json::parse(views.out).at("psnr_db").get<double>(), 25);
-  // Pictures from poses in another frame show something else.
+  // Images from poses in another frame do not match.
   const Ran beside = run_cairn({"evaluate", "views", to("x.glb"), path("room"), "--step", "20", "--json"});
   EXPECT_TRUE(beside.exit_code == 1 || Json::parse(beside.out).at("psnr_db").get<double>() < 22) << beside.out;
 }
@@ -471,7 +471,7 @@ TEST_F(Export, RefusesMapsThatAreEmptyOrBroken) {
   write_grids(broken, BrickTree(), info);
   refuse("the map is empty");
 
-  // One brick, with a surface of 8 cm, which is a floating piece unless it may be.
+  // A single brick with a surface of 8 cm, a floating component by default.
   BrickTree one;
   BrickVoxels voxels{};
   for (std::size_t i = 0; i < 512; ++i) {
@@ -483,7 +483,7 @@ TEST_F(Export, RefusesMapsThatAreEmptyOrBroken) {
   const Ran ran = run_cairn({"export", broken, "-o", to("one.glb"), "--min-piece", "0"});
   EXPECT_EQ(ran.exit_code, 0) << ran.err;
   EXPECT_EQ(validate_gltf(to("one.glb")), "");
-  EXPECT_EQ(read_mesh(to("one.glb")).triangles.size(), 98u - 2u);  // two corners stuck out
+  EXPECT_EQ(read_mesh(to("one.glb")).triangles.size(), 98u - 2u);  // without two protruding corners
   fs::remove(to("one.glb"));
 
   openvdb::initialize();
@@ -500,7 +500,7 @@ TEST_F(Export, RefusesMapsThatAreEmptyOrBroken) {
 }
 
 TEST_F(Export, LeavesNothingHalfWrittenOnAFullDisk) {
-  // A limit on the size of files behaves like one.
+  // A file size limit acts as a full disk.
   for (const auto& [file, kilobytes] : {std::pair("x.glb", 100),
                                         {"x.gltf", 100},
                                         {"x.ply", 100},

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Runs on a disk that fails, and runs that are killed. scripts/campaign faults and scripts/campaign kill run the same
-// tests with CAIRN_FAULTS_EVERY=3, of three kinds in turn so that each operation fails once, and with CAIRN_KILLS=N.
+// Runs with disk errors, and killed runs. scripts/campaign faults and scripts/campaign kill run the same tests with
+// CAIRN_FAULTS_EVERY=3, alternating three kinds so that each operation fails once, and with CAIRN_KILLS=N.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <spawn.h>
@@ -33,7 +33,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A small recording that comes back to where it was, what becomes of it, and an older map.
+/// Small recording that returns to its start, its results, and an older map.
 class HardTimes : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -46,7 +46,7 @@ class HardTimes : public testing::Test {
     EXPECT_GT(report["submaps"]["ended"], 1);
     EXPECT_GT(report["loops"].size(), 0u);
     EXPECT_EQ(report["frames"]["fused"], 40);
-    // The run above was validated; those that follow do the same again and again.
+    // The run above was validated; the following runs repeat it.
     setenv("CAIRN_VALIDATION", "0", 1);
   }
   static void TearDownTestSuite() {
@@ -60,7 +60,7 @@ class HardTimes : public testing::Test {
     arguments.insert(arguments.end(), more.begin(), more.end());
     return arguments;
   }
-  /// What differs from the run that nothing happened to.
+  /// Differences from the undisturbed run.
   static std::string differences(const fs::path& output) {
     std::string different;
     for (const char* file : {"mesh.glb", "map.vdb", "trajectory.txt", "graph.g2o"})
@@ -80,7 +80,7 @@ class Faults : public HardTimes {
            " CAIRN_FAULTS_KIND=" + kind + " CAIRN_FAULTS_LOG='" + (out / "log").string() +
            "' LD_PRELOAD=\"$LD_PRELOAD:\"'" + faults_library() + "'";
   }
-  /// What the last program did, an operation a line.
+  /// Operations of the last program, one per line.
   [[nodiscard]] std::vector<std::string> operations() const {
     std::vector<std::string> lines;
     std::istringstream in(read_bytes(out / "log"));
@@ -92,7 +92,7 @@ class Faults : public HardTimes {
     return static_cast<int>(
         std::count_if(lines.begin(), lines.end(), [](const auto& line) { return !line.starts_with("unlink"); }));
   }
-  /// Every file that is there under its own name is whole, and nothing else is there.
+  /// Expects complete files only, without temporary files.
   static void expect_whole(const fs::path& output, const std::string& when) {
     for (const auto& entry : fs::recursive_directory_iterator(output)) {
       const fs::path& file = entry.path();
@@ -134,15 +134,15 @@ class Faults : public HardTimes {
   }
 };
 
-/// A disk that is full, one that breaks, and one that writes less than it was given.
+/// A full disk, a disk with errors, and a disk with short writes.
 constexpr std::string_view kKinds[] = {"full", "eio", "short"};
 class FaultsOfARun : public Faults, public testing::WithParamInterface<std::string_view> {};
 
 TEST_P(FaultsOfARun, LoseNothingWhateverFails) {
   const std::string kind(GetParam());
-  // After every frame: each run does the same.
+  // After every frame: all runs are identical.
   const std::vector<std::string> often{"--checkpoint", "0", "--overwrite"};
-  static int operations = 0;  // of such a run, whatever will fail in it
+  static int operations = 0;  // of a run without faults
   if (operations == 0) {
     fs::copy(*folder / "before", out / "map", fs::copy_options::recursive);
     ASSERT_EQ(run_cairn(reconstruct("rec", out / "map", often), disk(out / "map", 0, "eio")).exit_code, 0);
@@ -151,7 +151,7 @@ TEST_P(FaultsOfARun, LoseNothingWhateverFails) {
   ASSERT_GT(operations, 60);
   const auto old_session = bytes_below(*folder / "before" / "session");
   const int step = number_from("CAIRN_FAULTS_EVERY", std::max(1, operations / 3));
-  // The three begin at different ones, so that with a step of three each fails once.
+  // The three kinds start at different operations, so that with a step of three each operation fails once.
   const auto first =
       static_cast<int>(std::find(std::begin(kKinds), std::end(kKinds), kind) - std::begin(kKinds)) % step;
   int failed = 0, old = 0, resumed = 0, known = 0, runs = 0;
@@ -177,7 +177,7 @@ TEST_P(FaultsOfARun, LoseNothingWhateverFails) {
       EXPECT_EQ(ran.exit_code, 1) << when;
       continue;
     }
-    // What goes on from the same bytes ends with the same, as runs without faults show.
+    // Runs resumed from the same bytes have the same result, as shown by runs without faults.
     if (!resumed_from.insert(std::move(session)).second) {
       ++known;
       continue;
@@ -208,7 +208,7 @@ TEST_F(Faults, AnyOperationOfAnExportMayFail) {
     const int last = count();
     operations += last;
     for (const char* kind : {"full", "eio"})
-      for (int n = 1 + runs % every; n <= last; n += every) {  // of two kinds and four files in turn
+      for (int n = 1 + runs % every; n <= last; n += every) {  // alternating two kinds and four files
         ++runs;
         fs::remove_all(out / "to");
         const std::string when = std::string(file) + ", " + kind + " at " + std::to_string(n) + ": ";
@@ -223,7 +223,7 @@ TEST_F(Faults, AnyOperationOfAnExportMayFail) {
   std::printf("%d operations of four exports, %d runs with one that failed\n", operations, runs);
 }
 
-/// Also where a disk cannot exchange two folders in one step.
+/// Also on a disk without atomic exchange of two folders.
 TEST_F(Faults, AnyOperationMayFailThatReplacesARecording) {
   const auto synth = [&](const char* frames) {
     return std::vector<std::string>{
@@ -242,7 +242,8 @@ TEST_F(Faults, AnyOperationMayFailThatReplacesARecording) {
     ASSERT_EQ(run_cairn(synth("2"), failing(0, "eio")).exit_code, 0);
     const int last = count(), every = number_from("CAIRN_FAULTS_EVERY", 6);
     for (const char* kind : {"full", "eio"})
-      for (int n = 1; n <= last; n += n + 8 > last ? 1 : every) {  // each of the last ones, which move the folders
+      for (int n = 1; n <= last; n += n + 8 > last ? 1 : every) {  // each of the last operations, which move the
+                                                                   // folders
         ++runs;
         const std::string when = kind + (" at " + std::to_string(n)) + ", exchange: " + exchange + ": ";
         fs::remove_all(out / "to");
@@ -278,10 +279,10 @@ TEST_F(Faults, ALogThatCannotBeWrittenEndsAndTheMapGoesOn) {
     if (n <= 2) continue;
     EXPECT_NE(ran.err.find("nothing is logged from here on, the map goes on"), std::string::npos) << when << ran.err;
     EXPECT_EQ(differences(out / "map"), "") << when;
-    if (n == last) continue;  // the summary: all before is there, with the end of the data
+    if (n == last) continue;  // the summary: all data before is complete, with the end of the data
     const auto rest = open_mcap(log);
     while (rest->next()) continue;
-    const std::string size = std::to_string(fs::file_size(log));  // it ends with a whole record
+    const std::string size = std::to_string(fs::file_size(log));  // ends with a complete record
     EXPECT_NE(rest->ended_early().value_or("").find("at byte " + size + " of " + size), std::string::npos) << when;
   }
 }
@@ -310,9 +311,10 @@ TEST_F(Faults, AFileIsOnTheDiskBeforeItHasItsName) {
     if (!lines[i].starts_with("rename ")) continue;
     const fs::path file = lines[i].substr(7);
     ++renamed;
-    if (file.parent_path().filename() == "keyframes") {  // all at once before a state names them
+    if (file.parent_path().filename() == "keyframes") {  // written together before a state names them
       const auto rest = lines.begin() + static_cast<std::ptrdiff_t>(i);
-      // A state may come just now from before this keyframe; one that names it comes after the bricks of its time.
+      // A state from before this keyframe may follow directly; a state that names the keyframe follows the bricks of
+      // its time.
       const auto bricks =
           std::find_if(rest, lines.end(), [](const auto& line) { return line.find("/active-") != line.npos; });
       const auto state = std::find(bricks, lines.end(), "rename " + (map / "session" / "state.cbor").string());
@@ -330,7 +332,7 @@ TEST_F(Faults, AFileIsOnTheDiskBeforeItHasItsName) {
     EXPECT_TRUE(after) << file;
   }
   EXPECT_GT(renamed, 20);
-  // The bricks of the checkpoint before go when the new state is on the disk.
+  // The bricks of the previous checkpoint are removed after the new state is on disk.
   for (std::size_t i = 0; i < lines.size(); ++i)
     if (lines[i].starts_with("unlink ") && lines[i].find("/active-") != std::string::npos) {
       std::size_t state = i;
@@ -343,7 +345,7 @@ TEST_F(Faults, AFileIsOnTheDiskBeforeItHasItsName) {
 
 class Kills : public HardTimes {
  protected:
-  /// Runs the program and kills it after so long. Returns its exit code, or nothing if it was killed.
+  /// Runs the program and kills it after `seconds`. Returns its exit code, or nullopt if killed.
   static std::optional<int> run_and_kill(const std::vector<std::string>& arguments, double seconds,
                                          const fs::path& err) {
     const std::string program = program_file();

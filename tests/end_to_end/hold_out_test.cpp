@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A map is judged by frames that it has never seen.
+// Evaluation of a map with held-out frames.
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What the program reads stays as it is, whatever it is told to write.
+// Input files stay unchanged for any output path.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -22,7 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 using Words = std::vector<std::string>;
 
-/// A working folder with a small recording, a map of it, and files for options. Names are relative to it.
+/// Working folder with a small recording, a map of it, and files for options. Names are relative to the folder.
 class Inputs : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -112,8 +112,7 @@ TEST_F(Inputs, AreNoOutputsOfAnyCommand) {
     expect_refused(arguments, told);
     commands.insert(arguments[0]);
   }
-  // Every command that takes an output is among them. A demo has no input; bench, optimise and the rest write none
-  // that is named.
+  // Covers every command with an output. A demo has no input; bench, optimise and the rest have no named output.
   std::istringstream man(run({"help", "--man"}).out);
   std::set<std::string> writing;
   std::string command;
@@ -133,7 +132,7 @@ TEST_F(Inputs, AreKnownByWhatTheyAreAndNotByTheirNames) {
   fs::create_hard_link(*folder / "map" / "map.vdb", *folder / "same.vdb");
   fs::create_symlink(*folder / "map" / "map.vdb", *folder / "link.vdb");
   fs::create_symlink(*folder / "rec" / "none.mcap", *folder / "nowhere.mcap");
-  // A recording whose images are elsewhere.
+  // A recording with its images elsewhere.
   fs::create_directory(*folder / "apart");
   for (const char* name : {"rgb.txt", "depth.txt", "camera.yaml"})
     fs::copy(*folder / "rec" / name, *folder / "apart" / name);
@@ -211,7 +210,7 @@ TEST_F(Inputs, KeepTheirCameraWhereTheResultHasOneOfItsOwn) {
     return ran.out;
   };
   const std::string judged = judge("with-camera");
-  // As version 0.1 has named it: read where the report is of that version, and nowhere else.
+  // File name of version 0.1: read only for a report of that version.
   fs::copy(*folder / "with-camera", *folder / "old", fs::copy_options::recursive);
   fs::rename(*folder / "old" / "map_camera.yaml", *folder / "old" / "camera.yaml");
   auto report = nlohmann::json::parse(read_bytes(*folder / "old" / "report.json"));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The same recording in each layout that is written: it is read back as it was, and gives the same map.
+// Round trip of a recording through each layout: the same frames and the same map.
 #include "cairn/layouts.hpp"
 
 #include <fmt/format.h>
@@ -28,12 +28,12 @@ constexpr int kFrames = 12;
 struct Layout {
   std::string name;
   std::string told;     // by Source::layout()
-  double units = 1000;  // of depth, per metre
-  bool png = false;     // colour without loss
+  double units = 1000;  // of depth, per meter
+  bool png = false;     // lossless color
   [[nodiscard]] bool is_video() const { return name == "stray-scanner"; }
   [[nodiscard]] bool has_poses() const { return name != "bag" && name != "mcap" && name != "db3" && name != "mkv"; }
   [[nodiscard]] Camera camera() const {
-    // That of Azure Kinect's smallest mode.
+    // Camera of Azure Kinect's smallest mode.
     if (name == "mkv") return {320, 288, 256, 256, 159.5, 143.5, {}};
     return camera_of_layout(name).value_or(small_camera());
   }
@@ -41,12 +41,12 @@ struct Layout {
 };
 void PrintTo(const Layout& layout, std::ostream* out) { *out << layout.name; }
 
-/// The room with depth in whole millimetres, which most layouts hold exactly.
+/// Room with depth in integer millimeters, which most layouts represent exactly.
 std::vector<Frame> room(const Layout& layout) {
   std::vector<Frame> frames;
   for (int i = 0; i < kFrames; ++i) {
     frames.push_back(scene_frame(synthetic_scene("room"), layout.camera(), i));
-    if (layout.name == "mkv") frames.back().timestamp = 0.033 * i;  // its times are whole milliseconds
+    if (layout.name == "mkv") frames.back().timestamp = 0.033 * i;  // its times are integer milliseconds
     for (float& z : frames.back().depth) z = 0.001f * std::round(1000 * z);
   }
   return frames;
@@ -62,7 +62,7 @@ std::vector<std::uint16_t> millimetres(const Frame& frame) {
   return units;
 }
 
-/// As a camera with registered colour records into ROS.
+/// ROS messages of a camera with registered color.
 ros::Messages messages(ros::Wire wire, const Camera& camera, const std::vector<Frame>& frames) {
   ros::Messages all;
   for (const Frame& frame : frames) {
@@ -79,7 +79,7 @@ ros::Messages messages(ros::Wire wire, const Camera& camera, const std::vector<F
 }
 
 #ifdef CAIRN_VIDEO
-/// As an Azure Kinect records whose colour camera is in the depth camera's place.
+/// Recording of an Azure Kinect with the color camera at the depth camera's pose.
 MatroskaFile matroska(const std::vector<Frame>& frames) {
   constexpr const char* kCalibration =
       R"({{"CalibrationInformation": {{"Cameras": [{}, {}], "InertialSensors": []}}}})";
@@ -95,7 +95,7 @@ MatroskaFile matroska(const std::vector<Frame>& frames) {
                            .height = 288,
                            .rate = 30});
   file.attachment_name = "calibration.json";
-  // Fractions of the sensor's image, of which the mode cuts away 96 and 90 pixels of 512, and of the whole image.
+  // Fractions of the sensor's image, of which the mode crops 96 and 90 pixels of 512, and of the entire image.
   file.attachment = fmt::format(kCalibration, fmt::format(kCamera, "0.5, 0.45703125, 0.5, 0.5", "D0", 1024, 1024),
                                 fmt::format(kCamera, "0.5, 0.5, 0.8, 0.88888888888888888", "PV0", 320, 288));
   for (const Frame& frame : frames) {
@@ -112,7 +112,7 @@ MatroskaFile matroska(const std::vector<Frame>& frames) {
 }
 #endif
 
-/// A recording of no layout that is written by the library.
+/// Writes a recording in a layout without a writer in the library.
 void write_others(const std::string& layout, const fs::path& file, const Camera& camera,
                   const std::vector<Frame>& frames) {
   if (layout == "bag") write_text(file, bag(messages(ros::Wire::ros1, camera, frames)));
@@ -123,7 +123,7 @@ void write_others(const std::string& layout, const fs::path& file, const Camera&
   if (layout == "db3") write_db3(file, messages(ros::Wire::little, camera, frames));
 }
 
-/// What is given to open_source.
+/// Writes a recording, and returns the name for open_source.
 std::string write(const std::string& layout, const fs::path& folder, const Rig& rig, const std::vector<Frame>& frames) {
   fs::create_directories(folder);
   if (std::find(std::begin(kLayouts), std::end(kLayouts), layout) == std::end(kLayouts)) {
@@ -167,7 +167,7 @@ void expect_camera(const Camera& read, const Camera& written) {
   EXPECT_EQ(read.readout, written.readout);
 }
 
-/// Apart from what a video loses.
+/// Equal up to the loss of a video codec.
 void expect_near(const std::vector<std::uint32_t>& read, const std::vector<std::uint32_t>& written) {
   ASSERT_EQ(read.size(), written.size());
   double difference = 0;
@@ -199,7 +199,7 @@ TEST_P(WrittenLayout, IsReadBackAsItWas) {
       EXPECT_TRUE(back[i].colour == (layout.png ? frames[i].colour : tum[i].colour)) << i;
   }
   if (!layout.has_poses()) return;
-  // Open3D's recorders know no poses.
+  // Open3D's recorders store no poses.
   const auto truth = recorded_truth(layout.name == "open3d" ? fs::path(name) / "groundtruth.txt" : fs::path(name));
   ASSERT_EQ(truth.size(), frames.size());
   for (std::size_t i = 0; i < frames.size(); ++i)
@@ -211,11 +211,11 @@ TEST_P(WrittenLayout, GivesTheMapThatItGivesInTumsLayout) {
   const TemporaryFolder folder;
   const auto frames = room(layout);
   const auto here = tracked(write(layout.name, folder / "rgbd_bonn_room", layout.camera(), frames));
-  // ETH3D's has the same files with colour as PNG.
+  // ETH3D has the same files with color as PNG.
   const bool as_png = layout.png && !layout.camera().distorted();
   const auto there = tracked(write(as_png ? "eth3d" : "tum", folder / "tum", layout.camera(), frames));
   ASSERT_EQ(here.size(), there.size());
-  // Where the pixels are the same, and where JPEG or another unit moves them.
+  // With identical pixels, and with changes by JPEG or another unit.
   const bool same = layout.holds_millimetres() && as_png == layout.png && !layout.is_video();
   const double most = same ? 1e-4 : 3e-3;
   for (std::size_t i = 0; i < here.size(); ++i)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// `cairn live` without a browser; with one: tests/browser.
+// `cairn live` without a browser; with a browser: tests/browser.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Every option of every command that takes a number, as the program lists them itself: one that reads its value in
-// another way than the others fails here.
+// Numeric options of all commands, as listed by the program: finds options with a different number syntax.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -21,7 +20,7 @@ struct NumericOption {
   std::string name, placeholder, help;
 };
 
-/// Takes text, files and words of a list. What is new and not among these must be a number.
+/// Placeholders of text, files and enumerations. A new placeholder must be a number or be added here.
 const std::set<std::string> kNoNumbers{"",         "FILE",  "FOLDER", "PATH",  "TEXT",      "WORD",
                                        "TEXT ...", "RANGE", "X,Y,Z",  "PLACE", "PLANE PNG", "SCALE"};
 
@@ -30,7 +29,7 @@ std::string help_of(Words command) {
   return run_cairn(command, "COLUMNS=1000").out;
 }
 
-/// The commands in the help's list of them.
+/// Subcommands in the help of a command.
 std::vector<Words> commands_below(const Words& command) {
   std::vector<Words> all;
   const std::string help = help_of(command);
@@ -52,7 +51,7 @@ std::vector<NumericOption> numeric_options() {
     const auto below = commands_below(commands[i]);
     commands.insert(commands.end(), below.begin(), below.end());
     const std::string help = help_of(commands[i]);
-    // "  -o, --output FILE   what it is": names, a placeholder of words in capitals, and its text in one line or more.
+    // "  -o, --output FILE   description": names, a placeholder of words in capitals, and text of one line or more.
     const std::regex entry("^  (?:-[^ ,]+, )*(--[a-z-]+)((?: [A-Z.,:]+)*)(?:  +(.*))?$");
     std::istringstream lines(help);
     bool is_numeric = false;
@@ -72,7 +71,7 @@ std::vector<NumericOption> numeric_options() {
   return all;
 }
 
-/// The range's upper bound in the help, with its unit.
+/// Upper bound of the range in the help, with its unit.
 std::optional<std::string> most_of(const std::string& help) {
   std::smatch found;
   const std::regex range("; (?:-?[0-9.e-]+ to|more than [0-9.]+, at most) ([0-9.e+]+)( m2| m| s| Hz| px| MiB)?");
@@ -90,7 +89,7 @@ class Numbers : public testing::Test {
       words.push_back(o.name + "=" + value);
     else
       words.insert(words.end(), {o.name, value, "0", "0", "0", "0", "0"});
-    // CLI11 keeps the last words after a list for files that are required.
+    // CLI11 reserves the last words after a list for required files.
     if (o.placeholder.find("...") != std::string::npos) words.insert(words.end(), {"/dev/null", "/dev/null"});
     return run_cairn(words);
   }
@@ -132,7 +131,7 @@ TEST_F(Numbers, ThatAreLengthsAndTimesTakeUnits) {
     if (!is_length && !is_time) continue;
     for (const std::string& value : is_length ? Words{"1.05m", "105cm", "1050mm"} : Words{"1s", "1000ms"}) {
       const Ran with = run(o, value), without = run(o, is_length ? "1.05" : "1");
-      // In range or not, a unit changes nothing; words beside it are of what is missing.
+      // In range or not, a unit makes no difference; any other message is about missing arguments.
       const auto is_number = [](const Ran& ran) { return ran.err.find("number is wanted") == ran.err.npos; };
       EXPECT_EQ(is_number(with), is_number(without)) << o.name << " " << value << with.err << without.err;
     }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What runs write and read: under any name, only when all is well, and never at the cost of an earlier run.
+// Outputs of runs: under any name, only after success, and without damage to an earlier run.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A working folder with small recordings and a map. Names are relative to it.
+/// Working folder with small recordings and a map. Names are relative to the folder.
 class Outputs : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -31,7 +31,7 @@ class Outputs : public testing::Test {
     write_small_recording(*folder / "long-grey", {.frames = 40, .colour = false});
     const Ran ran = run(reconstruct("rec", "map"));
     ASSERT_EQ(ran.exit_code, 0) << ran.err;
-    // The run above was validated; those that follow do the same again and again.
+    // The run above was validated; the following runs repeat it.
     setenv("CAIRN_VALIDATION", "0", 1);
   }
   static void TearDownTestSuite() {
@@ -53,13 +53,13 @@ class Outputs : public testing::Test {
 TemporaryFolder* Outputs::folder = nullptr;
 
 TEST_F(Outputs, GoByAnyNameInEveryCommand) {
-  // Relative, with a slash, by another way, with a space, and in an encoding that is not UTF-8.
+  // Relative, with a slash, by a detour, with a space, and in another encoding than UTF-8.
   const std::string base = folder->path().filename().string();
   fs::copy(*folder / "rec", *folder / "a b", fs::copy_options::recursive);
   fs::copy(*folder / "rec", *folder / "caf\xe9", fs::copy_options::recursive);
   struct Names {
     std::string recording, output;
-    bool all = false;  // of the commands
+    bool all = false;  // test all commands
   };
   for (const auto& [recording, output, all] :
        {Names{"rec", "out1"}, Names{"./a b", "../" + base + "/out 2"}, Names{"./caf\xe9/", "./fen\xeatre/", true}}) {
@@ -72,7 +72,7 @@ TEST_F(Outputs, GoByAnyNameInEveryCommand) {
     };
     succeeds(reconstruct(recording, output, {"--checkpoint", "0"}));
     const Ran again = succeeds(reconstruct(recording, output, {"--resume", "--json"}));
-    EXPECT_EQ(nlohmann::json::parse(again.out)["frames"]["total"], 20);  // nothing is fused twice
+    EXPECT_EQ(nlohmann::json::parse(again.out)["frames"]["total"], 20);  // no frame is fused twice
     EXPECT_TRUE(fs::exists(*folder / out / "report.html"));
     if (!all) continue;
     for (const char* file : {"x.glb", "x.gltf", "x.ply", "x.obj", "tileset.json", "x.vdb"})
@@ -121,10 +121,10 @@ TEST_F(Outputs, OfAnEarlierRunStayWhenACommandFails) {
       {{"export", "safe", "-o", "safe/mesh.glb", "--min-weight", "250"}, "nothing of the surface is left"},
   };
   for (const auto& [arguments, told] : failing) {
-    expect_last_line(run(arguments), told == "--simplify" ? 2 : 1, told);  // beyond its range: wrong usage
+    expect_last_line(run(arguments), told == "--simplify" ? 2 : 1, told);  // out of range: wrong usage
     EXPECT_TRUE(bytes_below(*folder / "safe") == before) << told;
   }
-  // And where there was nothing, no session is left.
+  // In an empty folder no session remains.
   for (const auto& [arguments, told] : failing) {
     auto elsewhere = arguments;
     for (auto& a : elsewhere)
@@ -144,7 +144,7 @@ TEST_F(Outputs, OfAFinishedMapAreNotOverwrittenUnasked) {
     for (const char* answer : {"--overwrite", "--resume", "--auto-name"})
       EXPECT_NE(ran.err.find(answer), std::string::npos) << ran.err;
   }
-  // Where --resume is no answer it is not named.
+  // --resume is not suggested where it does not apply.
   for (const auto& arguments : std::vector<std::vector<std::string>>{
            reconstruct("rec", "kept", {"--poses", "map/trajectory.txt"}), {"merge", "map", "map", "-o", "kept"}}) {
     const Ran ran = run(arguments);
@@ -152,7 +152,7 @@ TEST_F(Outputs, OfAFinishedMapAreNotOverwrittenUnasked) {
     EXPECT_EQ(ran.err.find("--resume"), std::string::npos) << ran.err;
   }
   EXPECT_TRUE(bytes_below(*folder / "kept") == before);
-  // One of its files alone is enough.
+  // One of its files is sufficient.
   for (const char* name : {"map.vdb", "report.json", "trajectory.txt", "mesh.glb"}) {
     fs::remove_all(*folder / "one");
     fs::create_directory(*folder / "one");
@@ -177,7 +177,7 @@ TEST_F(Outputs, GoToAnotherNameWhereTheFirstIsTaken) {
   EXPECT_EQ(read_trajectory(*folder / "named-3" / "trajectory.txt").size(), 8u);
   EXPECT_TRUE(bytes_below(*folder / "named") == before);
   EXPECT_EQ(fs::file_size(*folder / "named-2" / "notes.txt"), 4u);
-  // A name that nobody has is taken as it is, and so is a folder with other people's files, which stay.
+  // An unused name is taken as given, and so is a folder with foreign files, which stay.
   ASSERT_EQ(run(reconstruct("rec", "named-2", {"--auto-name", "--frames", "0:8"})).exit_code, 0);
   EXPECT_TRUE(fs::exists(*folder / "named-2" / "mesh.glb"));
   EXPECT_EQ(read_bytes(*folder / "named-2" / "notes.txt"), "mine");
@@ -195,7 +195,7 @@ TEST_F(Outputs, OfARunThatWasCutOffAreGoneOnWith) {
   const Ran resumed = run(reconstruct("rec", "cut", {"--resume", "--json"}));
   ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
   EXPECT_EQ(nlohmann::json::parse(resumed.out)["frames"]["total"], 20);
-  // Killed before its first checkpoint a run has left nothing to go on with, and nothing to lose.
+  // A run killed before its first checkpoint leaves no session to resume.
   fs::create_directories(*folder / "early" / "session" / "run-0001" / "keyframes");
   EXPECT_EQ(run(reconstruct("rec", "early", {"--frames", "0:8"})).exit_code, 0);
 }
@@ -214,7 +214,7 @@ TEST_F(Outputs, OfSynthAreReplacedOnlyWhenAsked) {
 }
 
 TEST_F(Outputs, AreWrittenAlsoWhenTheMeshCannotBe) {
-  // Too short to know at its beginning that no colour comes.
+  // Too short to detect at the beginning that there is no color.
   const Ran ran = run(reconstruct("grey", "plain", {"--texture"}));
   expect_last_line(ran, 1, "cairn export plain -o plain/mesh.glb");
   EXPECT_NE(ran.err.find("no colour"), std::string::npos) << ran.err;
@@ -223,7 +223,7 @@ TEST_F(Outputs, AreWrittenAlsoWhenTheMeshCannotBe) {
   EXPECT_FALSE(fs::exists(*folder / "plain" / "mesh.glb"));
   EXPECT_EQ(run({"export", "plain", "-o", "plain/mesh.glb"}).exit_code, 0);
   EXPECT_TRUE(fs::exists(*folder / "plain" / "mesh.glb"));
-  // The session is that of the last frame: nothing is left to do.
+  // The session is up to the last frame: no work remains.
   const Ran more = run(reconstruct("grey", "plain", {"--resume", "--json"}));
   ASSERT_EQ(more.exit_code, 0) << more.err;
   EXPECT_EQ(nlohmann::json::parse(more.out)["frames"]["total"], 12);
@@ -240,12 +240,12 @@ TEST_F(Outputs, AreTexturedWhereverThereIsColour) {
   EXPECT_EQ(mesh_of("rec", "t1", {})["textures"], 1);
   EXPECT_EQ(mesh_of("rec", "t2", {"--texture-size", "256"})["textures"], 1);
   EXPECT_FALSE(mesh_of("rec", "t3", {"--no-texture"}).contains("textures"));
-  // Without colour, and with given poses, no texture is no failure; no frame is waited for to find that out.
+  // Without color, and with given poses, a missing texture is no failure and causes no wait.
   EXPECT_FALSE(mesh_of("long-grey", "t4", {}).contains("textures"));
   EXPECT_FALSE(mesh_of("rec", "t5", {"--poses", "map/trajectory.txt"}).contains("textures"));
   EXPECT_EQ(mesh_of("rec", "t6", {"--poses", "map/trajectory.txt", "--texel", "0.01"})["textures"], 1);
   EXPECT_EQ(run({"reconstruct", "rec", "t7", "--no-texture", "--texture-size", "256"}).exit_code, 2);
-  // Of a finished map as well, where a file of that kind can have one.
+  // The same for a finished map, if the file type supports textures.
   const auto textures_of = [&](const std::string& map, const char* file) {
     const Ran ran = run({"export", map, "-o", file, "--json"});
     EXPECT_EQ(ran.exit_code, 0) << ran.err;
@@ -293,7 +293,7 @@ TEST_F(Outputs, HaveOneWriter) {
   {
     const SessionLock lock(*folder / "taken" / "session");
     const std::string who = "another run writes into it (process " + std::to_string(getpid());
-    std::vector<std::future<Ran>> waiting;  // each waits some seconds whether the other ends
+    std::vector<std::future<Ran>> waiting;  // each waits some seconds for the lock
     for (const auto& writing : std::vector<std::vector<std::string>>{
              reconstruct("rec", "taken", {"--overwrite"}),
              reconstruct("rec", "taken", {"--resume"}),
@@ -327,11 +327,11 @@ TEST_F(Outputs, GoOnWithARecordingThatWasMovedAndNotWithAnotherInItsPlace) {
   EXPECT_TRUE(read_bytes(*folder / "moves" / "mesh.glb").size() > 0);
   EXPECT_FALSE(fs::exists(*folder / "moves" / "trajectory-000.txt"));  // one recording
   EXPECT_TRUE(read_bytes(*folder / "moves" / "trajectory.txt") == read_bytes(*folder / "map" / "trajectory.txt"));
-  // Other footage under the name of before begins at its first frame, as another recording.
+  // Other footage under the same name starts at its first frame, as another recording.
   fs::remove_all(*folder / "there");
   fs::copy(*folder / "other", *folder / "there", fs::copy_options::recursive);
   const Ran other = run(reconstruct("there", "moves", {"--resume", "--json"}));
-  // Whether so small images of a corridor tell that they are no part of the room is not the question here.
+  // The small images of a corridor may or may not be recognized as another place; both are accepted.
   const bool is_none = other.exit_code == 1 && other.err.find("none of 12 frames") != std::string::npos;
   EXPECT_TRUE(is_none || other.exit_code == 0) << other.err;
   if (!is_none) {
@@ -348,7 +348,7 @@ TEST_F(Outputs, ToAFullStdoutAreAnError) {
     EXPECT_EQ(WEXITSTATUS(status), 1) << command;
     const std::string told = read_bytes(*folder / "full.txt");
     EXPECT_NE(told.find("stdout: No space left on device"), std::string::npos) << command << told;
-    const std::size_t error = told.find("cairn: ");  // what takes long tells its progress before
+    const std::size_t error = told.find("cairn: ");  // long commands print progress before
     EXPECT_EQ(told.find('\n', error), told.size() - 1) << told;
   }
 }

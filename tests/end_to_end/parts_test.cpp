@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A map made of parts, by the program: from a plan to tiles.
+// Map of segments with the program: from a plan to tiles.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -29,7 +29,7 @@ using Json = nlohmann::json;
 
 constexpr int kFrames = 90;
 
-/// A room's recording in two parts, and their maps, made once.
+/// A room's recording in two segments, and their maps, made once.
 class MapOfParts : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -62,7 +62,7 @@ class MapOfParts : public testing::Test {
     EXPECT_GT(matched.at("loops"), 0);
     return Json::parse(expect_done({"optimise", plan.string(), "--json"}));
   }
-  /// By the names of the files in PLAN/cells.
+  /// Cell names from the files in PLAN/cells.
   [[nodiscard]] std::vector<std::string> cells() const {
     std::vector<std::string> names;
     for (const auto& entry : fs::directory_iterator(plan / "cells")) names.push_back(entry.path().stem().string());
@@ -78,7 +78,7 @@ class MapOfParts : public testing::Test {
 using Place = std::array<float, 3>;
 using Edge = std::pair<Place, Place>;
 
-/// Edges that one triangle alone has, of vertices that lie at the same place to the last bit.
+/// Edges of a single triangle; vertices are identified by exact position.
 std::set<Edge> open_edges(const std::vector<Mesh>& parts) {
   std::map<Edge, int> edges;
   for (const Mesh& mesh : parts)
@@ -131,7 +131,7 @@ TEST_F(MapOfParts, BecomesTilesWithoutACrackBetweenCells) {
   EXPECT_EQ(triangles, whole[0].triangles.size());
   EXPECT_EQ(open_edges(leaves).size(), open_edges(whole).size());
 
-  // Each level of a cell has all edges that its finest one shares with its neighbours'.
+  // Each level of a cell has all edges shared between its finest level and its neighbors' finest levels.
   std::map<std::string, std::map<char, std::set<Edge>>> open;
   for (const auto& [cell, meshes] : levels)
     for (const auto& [level, tiles] : meshes) open[cell][level] = open_edges(tiles);
@@ -263,7 +263,7 @@ TEST_F(MapOfParts, AnswersBadInputWithOneLine) {
   expect_one_line(run_cairn({"optimise", plan.string()}), 1, "make it again with cairn match");
   write_text(loops, "{}");
   expect_one_line(run_cairn({"optimise", plan.string()}), 1, "is damaged");
-  EXPECT_EQ(read_bytes(plan / "session/state.cbor"), session);  // it counts as before
+  EXPECT_EQ(read_bytes(plan / "session/state.cbor"), session);  // still valid
   EXPECT_EQ(run_cairn({"tile", plan.string(), "--cell=" + cells()[0], "-o", in("tiles/a"), "--no-texture"}).exit_code,
             0);
   fs::remove_all(plan / "maps/000/session");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A building's recordings as parts, by the program.
+// Recordings of a building as segments, with the program.
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
@@ -33,7 +33,7 @@ TEST_F(PlannedBuilding, IsToldByRecordingAndNumberOfParts) {
   EXPECT_EQ(ran.out, fs::canonical(in("walk")).string() + ": 40 frames, parts 000 to 001\n" + in("plan") +
                          ": 2 parts, of 23 frames at most\nnext: cairn reconstruct " + in("plan/parts/000") + " -o " +
                          in("plan/maps/000") + " --no-mesh --reintegrate  (the first of 2 parts)\n");
-  // What is not asked for again is the plan's.
+  // Omitted options are taken from the plan.
   const Ran again = plan({in("walk"), "--json"});
   ASSERT_EQ(again.exit_code, 0) << again.err;
   const auto json = nlohmann::json::parse(again.out);
@@ -46,7 +46,7 @@ TEST_F(PlannedBuilding, IsToldByRecordingAndNumberOfParts) {
   expect_one_line(plan({in("walk"), "--overlap", "20"}), 1, "--overlap is 20: take 0 or more, and less than");
 }
 
-/// What a text has to say.
+/// Expects all phrases in a text.
 void expect_in(const std::string& text, const std::vector<std::string>& all) {
   for (const std::string& one : all) EXPECT_NE(text.find(one), std::string::npos) << one << " in:\n" << text;
 }

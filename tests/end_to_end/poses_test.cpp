@@ -12,7 +12,7 @@
 namespace cairn {
 namespace {
 
-/// A small recording with true poses, and these as others would write them.
+/// Small recording with true poses, and the poses in other conventions.
 class GivenPoses : public testing::Test {
  protected:
   static void SetUpTestSuite() {

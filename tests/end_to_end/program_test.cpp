@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The program as a user meets it.
+// Program from a user's view.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -33,7 +33,7 @@ class Program : public testing::Test {
  protected:
   static std::string sequence() { return shared_recording({"room", "--frames", "40", "--noise", "kinect"}).string(); }
   static std::string exact() { return shared_recording({"room", "--frames", "30", "--noise", "none"}).string(); }
-  /// What reconstruct makes of the sequence unless it is told otherwise.
+  /// Map of the sequence with default options.
   static fs::path map_of_sequence() { return shared_map(sequence(), {}); }
   TemporaryFolder out;
 };
@@ -61,7 +61,8 @@ TEST_F(Program, FusesTheTrueSurfaceFromTruePoses) {
   const auto error = json_of(run_cairn({"evaluate", "mesh", map + "/mesh.glb", exact + "/groundtruth_mesh.ply",
                                         "--seen", exact + "/groundtruth_seen.ply", "--json"}));
   EXPECT_LT(error["accuracy_m"]["mean"], 0.002);
-  EXPECT_GT(error["at"][1]["recall"], 0.95);  // a second sees much of the surface only from afar or at a grazing angle
+  EXPECT_GT(error["at"][1]["recall"], 0.95);  // within a second, much of the surface is seen only from afar or at a
+                                              // grazing angle
 }
 
 TEST_F(Program, MeasuresWhatAFrameCosts) {
@@ -72,10 +73,10 @@ TEST_F(Program, MeasuresWhatAFrameCosts) {
     stages += told["stages"][stage]["per_frame_ms"].get<double>();
   EXPECT_GT(stages, 0.5 * told["frame"]["mean_ms"].get<double>());
   EXPECT_LE(stages, 1.01 * told["frame"]["mean_ms"].get<double>());
-  EXPECT_GE(told["waits_per_frame"], 2.0);  // for the pose, and for what was fused
-  EXPECT_LE(told["waits_per_frame"], 2.5);  // and seldom for more
+  EXPECT_GE(told["waits_per_frame"], 2.0);  // for the pose, and for the integration
+  EXPECT_LE(told["waits_per_frame"], 2.5);  // and rarely for more
   EXPECT_EQ(told["kernels"]["tsdf_integrate"]["calls_per_frame"], 1.0);
-  EXPECT_GE(told["bytes_up_per_frame"], 640 * 480 * 8.0);  // depth and colour
+  EXPECT_GE(told["bytes_up_per_frame"], 640 * 480 * 8.0);  // depth and color
   EXPECT_GT(told["bytes_down_per_frame"], 0.0);
   EXPECT_GT(told["reference_ms"], 0.0);
   EXPECT_NE(run_cairn({"bench", sequence(), "--frames", "0:12"}).out.find("the host waits"), std::string::npos);
@@ -105,7 +106,7 @@ TEST_F(Program, WritesTheSameBytesAfterALoopWithOneThreadAndOneCore) {
 }
 
 TEST_F(Program, CompletesWithLittleDeviceMemory) {
-  // A smaller voxel, so that the map outgrows the budget.
+  // A smaller voxel, so that the map exceeds the budget.
   const auto run = [&](const char* name, std::vector<std::string> more) {
     std::vector<std::string> arguments{"reconstruct",
                                        "--no-texture",
@@ -135,14 +136,14 @@ TEST_F(Program, KeepsTheOldFilesWhenTheDiskIsFull) {
                                            map.string(),  "--frames",     "0:5",      "--overwrite"};
   ASSERT_EQ(run_cairn(arguments).exit_code, 0);
   const std::string mesh = read_bytes(map / "mesh.glb"), grids = read_bytes(map / "map.vdb");
-  // A limit on the size of files behaves like a full disk: first too small for the mesh, then for the map alone.
+  // A file size limit acts as a full disk: first too small for the mesh, then for the map alone.
   for (const std::size_t limit : {mesh.size() / 2, grids.size() / 2}) {
     const Ran ran = run_cairn(arguments, with_files_of(limit));
     EXPECT_EQ(ran.exit_code, 1);
     EXPECT_NE(ran.err.find("cannot write"), std::string::npos) << ran.err;
     EXPECT_EQ(read_bytes(map / "mesh.glb") == mesh, true);
     EXPECT_EQ(read_bytes(map / "map.vdb") == grids, true);
-    for (const auto& entry : fs::recursive_directory_iterator(map))  // no half-written file is left behind
+    for (const auto& entry : fs::recursive_directory_iterator(map))  // no partial file is left
       EXPECT_NE(entry.path().filename().string()[0], '.') << entry.path();
   }
 }
@@ -244,10 +245,10 @@ TEST_F(Program, StandsTheMapUprightByTheAccelerometer) {
   const auto report = nlohmann::json::parse(read_bytes(map / "report.json"));
   const auto found = read_trajectory(map / "trajectory.txt"),
              truth = read_trajectory(fs::path(sequence()) / "groundtruth.txt");
-  // Both worlds have y down; the first true camera looks down by a third of a radian.
+  // Both worlds have y down; the first true camera is pitched down by a third of a radian.
   const Eigen::Matrix3d found_from_truth =
       found.front().world_from_camera.linear() * truth.front().world_from_camera.linear().transpose();
-  // The hand's acceleration tilts the first measurement; the mean over the run tells by how much.
+  // The hand's acceleration tilts the first measurement; the mean over the run provides the tilt.
   const double tilt = std::acos(found_from_truth.col(1).y());
   EXPECT_LT(tilt, 0.06);
   EXPECT_GT(std::acos(truth.front().world_from_camera.linear().col(1).y()), 0.1);
@@ -258,7 +259,7 @@ TEST_F(Program, EstimatesHowMuchLaterTheColourCameraIs) {
   const auto late = (out / "late").string(), map = (out / "map").string();
   ASSERT_EQ(run_cairn({"synth", "room", "-o", late, "--frames", "40", "--colour-delay", "0.02"}).exit_code, 0);
   const auto report = json_of(run_cairn({"reconstruct", "--no-texture", late, "-o", map, "--json"}));
-  // Its images are taken later than their stamps tell: its clock is behind.
+  // Images are taken later than their stamps: the clock is behind.
   EXPECT_NEAR(report["clock_offset"].get<double>(), -0.02, 0.008);
   const auto without = nlohmann::json::parse(read_bytes(map_of_sequence() / "report.json"));
   EXPECT_NEAR(without["clock_offset"].get<double>(), 0.0, 0.003);
@@ -281,7 +282,7 @@ TEST_F(Program, WarnsOfAWrongFocalLengthWithTheEvidence) {
 struct Recorded {
   const char* name;
   const char* frames;
-  double ate;  // metres, over the part that is read here
+  double ate;  // meters, over the part read here
 };
 
 class Recording : public testing::TestWithParam<Recorded> {};
@@ -318,7 +319,7 @@ TEST_F(Program, AnswersHowFarTheNextSurfaceIs) {
   EXPECT_GT(error["right_signs"], 0.999);
   EXPECT_GT(error["distance_m"]["count"], 100000);
 
-  // What reconstruct wrote beside the TSDF is what `cairn esdf` makes of it.
+  // The field written by reconstruct beside the TSDF equals the output of `cairn esdf`.
   ASSERT_EQ(run_cairn({"esdf", map, "-o", (out / "esdf.vdb").string()}).exit_code, 0);
   const DistanceField written = DistanceField::read(map + "/map.vdb"), made = DistanceField::read(out / "esdf.vdb");
   const Scene scene = synthetic_scene("room");
@@ -376,7 +377,7 @@ TEST_F(Program, KnowsThatTheWayOfTheCameraIsFree) {
   EXPECT_EQ(known(map, "way.csv"), way.size());
   EXPECT_LT(known(map, "aside.csv"), way.size());
   EXPECT_EQ(known(map, "aside.csv", {"--robot-radius", "0.4"}), way.size());
-  // The map alone knows it as well, and the one that its session makes.
+  // The same holds for the map file alone, and for the map exported from its session.
   fs::create_directories(out / "alone");
   fs::copy(map + "/map.vdb", out / "alone" / "map.vdb");
   EXPECT_EQ(known((out / "alone").string(), "way.csv"), way.size());
@@ -410,7 +411,7 @@ TEST_F(Program, DrawsSlicesAndCostmaps) {
   for (const int value : {0, 254, 205}) EXPECT_GT(cv::countNonZero(costmap == value), 500) << value;
   EXPECT_EQ(cv::countNonZero(costmap == 0) + cv::countNonZero(costmap == 254) + cv::countNonZero(costmap == 205),
             costmap.rows * costmap.cols);
-  // No cell is free that the surface passes, but for borders that the mesh has smoothed.
+  // No free cell contains surface, except for borders smoothed by the mesh.
   const auto at = text.find("origin: [");
   const double x = std::stod(text.substr(at + 9)), y = std::stod(text.substr(text.find(',', at) + 1));
   int passed = 0, wrong = 0;
@@ -457,7 +458,7 @@ TEST_F(Program, TellsWhatIsWrongWithQuestionsAboutDistances) {
   refused({map, "--costmap", (out / "x.yaml").string(), "--height", "8:9"}, "nothing between 8 and 9 m");
   EXPECT_FALSE(fs::exists(out / "x.vdb"));
   EXPECT_FALSE(fs::exists(out / "x.yaml"));
-  // An empty map, and one that looked at nothing.
+  // An empty map, and a map without observations.
   write_grids(out / "empty.vdb", {}, {.voxel_size = 0.02f, .truncation = 0.08f});
   refused({(out / "empty.vdb").string()}, "holds no surface");
   BrickTree free;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Recording from a depth camera, a virtual one: tests/sensor.
+// Recording from a virtual depth camera: tests/sensor.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -13,7 +13,7 @@
 namespace cairn {
 namespace {
 
-/// The environment in which `openni:` is the virtual sensor; `behaviour` in the words of its driver.
+/// Environment with the virtual sensor as `openni:`; `behaviour` in the syntax of its driver.
 std::string sensor(const std::string& behaviour = "") {
   return "LD_LIBRARY_PATH='" + openni_folder() + "' CAIRN_SENSOR='" + behaviour + "'";
 }
@@ -32,7 +32,7 @@ class Record : public testing::Test {
     const Ran ran = run_cairn({"record", "openni:", "-o", output}, sensor() + " timeout -s KILL 2");
     EXPECT_NE(ran.exit_code, 0);
   }
-  /// An image that the virtual sensor shows with frames=FOLDER.
+  /// Writes an image for the virtual sensor with frames=FOLDER.
   void show(std::size_t number, const std::vector<std::uint16_t>& depth) const {
     std::ofstream(folder / ("depth-" + std::to_string(number) + ".raw"), std::ios::binary)
         .write(reinterpret_cast<const char*>(depth.data()), 2 * 640 * 480);
@@ -53,7 +53,7 @@ TEST_F(Record, KeepsEveryFrameOfASensor) {
 }
 
 TEST_F(Record, WritesAndReadsOniWithIdenticalDepth) {
-  // Depth that no rule describes, and that a lossy codec would change.
+  // Irregular depth, which a lossy codec would change.
   std::vector<std::vector<std::uint16_t>> images(3, std::vector<std::uint16_t>(640 * 480));
   std::uint32_t random = 7;
   for (std::size_t i = 0; i < images.size(); ++i) {
@@ -70,7 +70,7 @@ TEST_F(Record, WritesAndReadsOniWithIdenticalDepth) {
     return true;
   };
   int frames = 0;
-  std::size_t first = 0;  // image that was shown when the recording began
+  std::size_t first = 0;  // image shown at the start of the recording
   double begin = 0;
   for (; const auto frame = source->next(); ++frames) {
     if (frames == 0) begin = frame->timestamp;
@@ -104,7 +104,7 @@ TEST_F(Record, KeepsWhatCameBeforeTheSensorWasUnplugged) {
 }
 
 TEST_F(Record, TellsThatTheDiskIsFullAndKeepsTheRest) {
-  // A limit on the size of files behaves like a full disk: ten images that are small, then one that is not.
+  // A file size limit acts as a full disk: ten small images, then a large image.
   std::vector<std::uint16_t> depth(640 * 480, 1000);
   for (std::size_t i = 0; i < 10; ++i) show(i, depth);
   for (std::size_t i = 0; i < depth.size(); ++i) depth[i] = static_cast<std::uint16_t>(i * i % 9973);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A sensor whose colour camera looks from beside the depth camera, with images of another size.
+// Sensor with a color camera beside the depth camera, and different image sizes.
 
 #include "cairn/rig.hpp"
 
@@ -35,7 +35,7 @@ colour:
   rotation: [0, 0.0261769, 0, 0.9996573]
 )";
 
-/// Of the mesh's texture against the colour images.
+/// PSNR of the mesh's texture against the color images.
 double psnr_of(const fs::path& map, const fs::path& recording) {
   const Ran ran = run_cairn({"evaluate", "views", (map / "mesh.glb").string(), recording.string(), "--trajectory",
                              (map / "trajectory.txt").string(), "--truth-trajectory", recording.string(), "--json"});
@@ -62,7 +62,7 @@ TEST(Rig, IsTrackedFusedAndTexturedFromBothOfItsCameras) {
   const double psnr = psnr_of(map, recording);
   RecordProperty("psnr_db", std::to_string(psnr));
   EXPECT_GT(psnr, 26);
-  // It cannot be had by chance: without the distance between the cameras the texture shows everything beside itself.
+  // Check of the test: without the baseline of the cameras the texture is misaligned.
   const std::string told = read_bytes(recording / "camera.yaml");
   const auto at = told.find("translation: [");
   ASSERT_NE(at, told.npos);
@@ -76,7 +76,7 @@ TEST(Rig, IsTrackedFusedAndTexturedFromBothOfItsCameras) {
   EXPECT_LT(without, psnr - 2);
 }
 
-/// How far apart two colour cameras see the same points of a room: pixels, the mean.
+/// Mean distance in pixels between the projections of a room's points into two color cameras.
 double apart(const ColourCamera& a, const ColourCamera& b, const Camera& depth) {
   double sum = 0;
   int count = 0;

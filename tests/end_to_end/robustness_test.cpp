@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What happens to tracking when the camera or its driver misbehaves: the synthetic room with Kinect noise at full size,
-// default options. No pose may be fused that is wrong.
+// Tracking with a misbehaving camera or driver: the synthetic room with Kinect noise at full size, default options. No
+// wrong pose may be fused.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,13 +16,13 @@
 namespace cairn {
 namespace {
 
-constexpr double kWrong = 0.05;  // metres; a pose farther than this from the truth is wrong
+constexpr double kWrong = 0.05;  // meters; a pose farther than this from the truth is wrong
 
 struct Outcome {
   std::vector<FrameReport> reports;
   int fused = 0, wrong = 0;
-  double last_error = 0;  // metres
-  double rmse = 0;        // metres, of the fused frames, the first one's pose being true
+  double last_error = 0;  // meters
+  double rmse = 0;        // meters, of the fused frames, relative to the true pose of the first
   std::size_t places = 0;
 };
 
@@ -30,9 +30,9 @@ using Path = std::function<Eigen::Isometry3d(double seconds)>;
 using Spoil = std::function<void(int index, Frame&)>;
 using Sees = std::function<bool(int index)>;
 
-/// What a phone's gyroscope measures along a path between two times, at 200 Hz: noise and a bias of 0.5 degrees/s.
+/// Measurements of a phone's gyroscope along a path between two times, at 200 Hz: noise and a bias of 0.5 degrees/s.
 std::vector<AngularRate> gyroscope(const Path& path, double since, double until) {
-  constexpr double kStep = 0.005, kNoise = 0.0017;  // seconds; rad/s, in turn up and down
+  constexpr double kStep = 0.005, kNoise = 0.0017;  // seconds; rad/s, with alternating sign
   static const Eigen::Vector3d bias(0.006, -0.005, 0.004);
   std::vector<AngularRate> samples;
   for (auto n = static_cast<int>(std::floor(since / kStep)) + 1; n * kStep <= until; ++n) {
@@ -44,14 +44,14 @@ std::vector<AngularRate> gyroscope(const Path& path, double since, double until)
   return samples;
 }
 
-/// Every `step`th of the frames; where the camera `sees` nothing they are black.
+/// Runs every `step`th frame; black where `sees` is false.
 Outcome run(const Scene& scene, int frames, const Path& path, const Spoil& spoil = {}, const Sees& sees = {},
             int step = 1, bool has_gyroscope = false) {
   const Camera camera = synthetic_camera();
   SceneRenderer renderer(test_device(), scene, camera);
   Rig rig = camera;
   if (has_gyroscope) rig.camera_from_imu = Eigen::Quaterniond::Identity();
-  Mapper mapper(rig, {.up = Up::camera});  // errors are reckoned in the first camera's frame
+  Mapper mapper(rig, {.up = Up::camera});  // errors are computed in the first camera's frame
   Outcome outcome;
   std::optional<Eigen::Isometry3d> start;
   double squared = 0;
@@ -92,7 +92,7 @@ const Scene& room() {
 }
 Eigen::Isometry3d along(double seconds) { return room().world_from_camera(seconds); }
 
-/// Frames from `first` on until one is fused.
+/// Number of frames from `first` on until a frame is fused.
 int frames_until_found(const Outcome& o, int first) {
   for (std::size_t i = 0; i < o.reports.size(); ++i)
     if (o.reports[i].index >= first && o.reports[i].state == FrameState::fused) return o.reports[i].index - first;
@@ -125,7 +125,7 @@ TEST(Robustness, AGyroscopeCarriesThroughAWhipPanInTheDark) {
 }
 
 TEST(Robustness, AGyroscopeCarriesAlongABareWall) {
-  // From furniture the camera turns to a wall without any texture, sways before it for two seconds, and turns back.
+  // The camera turns from furniture to a wall without texture, sways for two seconds, and turns back.
   Scene scene{.name = "bare wall"};
   scene.solids.push_back(
       {.shape = Scene::Shape::box, .centre = {0, 0, 2}, .half_size = {6, 4, 0.5f}, .colour = {9, 9, 9}});
@@ -140,7 +140,7 @@ TEST(Robustness, AGyroscopeCarriesAlongABareWall) {
          .half_size = {0.2f, 0.12f, 0.15f},
          .pattern = Scene::Pattern::checker});
   const auto path = [](double t) {
-    // Wall alone is seen while the camera looks less than 20 degrees beside its normal.
+    // Only the wall is visible within 20 degrees of its normal.
     const double turned = t < 1 ? 0.0 : t < 2.5 ? (t - 1) / 1.5 : t < 4.5 ? 1.0 : t < 6 ? 1 - (t - 4.5) / 1.5 : 0.0;
     const double smooth = turned * turned * (3 - 2 * turned);
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
@@ -154,7 +154,7 @@ TEST(Robustness, AGyroscopeCarriesAlongABareWall) {
   EXPECT_LE(o.last_error, 0.02);
 }
 
-/// The camera's true steps in another world, with an odometry's drift of half a per cent.
+/// True relative motion of the camera in another world, with an odometry drift of half a percent.
 Spoil guessed_along(const Path& path) {
   return [path](int i, Frame& frame) {
     const Eigen::Isometry3d elsewhere(Eigen::Translation3d(3, -1, 2) *
@@ -166,7 +166,7 @@ Spoil guessed_along(const Path& path) {
 }
 
 TEST(Robustness, AGuessCarriesThroughTheDark) {
-  // A second of darkness, in which the camera goes on along its way.
+  // A second of darkness, while the camera continues along its path.
   const auto o = run(room(), 90, along, guessed_along(along), [](int i) { return i < 30 || i >= 60; });
   EXPECT_EQ(o.wrong, 0);
   EXPECT_EQ(frames_until_found(o, 60), 0);
@@ -184,7 +184,7 @@ TEST(Robustness, AWrongGuessIsNotWorseThanNone) {
 }
 
 TEST(Robustness, Kidnapped) {
-  // There and back; in the middle third nothing is seen while the camera goes somewhere else.
+  // There and back; the middle third is dark while the camera moves elsewhere.
   const auto o = run(
       room(), 135, [](double t) { return along(1.5 * std::min(t, 4.5 - t)); }, {},
       [](int i) { return i < 45 || i >= 90; }, 2);
@@ -212,7 +212,7 @@ TEST(Robustness, NoDepthAndFlatDepth) {
 }
 
 TEST(Robustness, FrozenImages) {
-  // The driver repeats an image for half a second, the hand goes on.
+  // The driver repeats an image for half a second while the camera moves on.
   Frame kept;
   const auto o = run(room(), 60, along, [&](int i, Frame& frame) {
     if (i == 20) kept = frame;
@@ -267,11 +267,11 @@ TEST(Robustness, ColourThatEndsHalfWayOrHasAnotherSize) {
 }
 
 TEST(Robustness, SomebodyWalksThroughTheRoom) {
-  // In front of the camera, at 1.2 m, into a part of the room that is not mapped yet.
+  // In front of the camera, at 1.2 m, into a part of the room not yet mapped.
   const auto o = run(synthetic_scene("room-with-mover"), 90, along, {}, {}, 2);
   EXPECT_EQ(o.wrong, 0);
   EXPECT_EQ(o.fused, 45);
-  EXPECT_LE(o.rmse, 0.015);  // 6.6 to 12.2 mm, as the noise's seed falls
+  EXPECT_LE(o.rmse, 0.015);  // 6.6 to 12.2 mm, depending on the noise's seed
 }
 
 TEST(Robustness, SomethingSmallMovesThroughTheRoom) {
@@ -294,7 +294,7 @@ TEST(Robustness, LostForLongItBeginsAnotherPieceAndJoinsItByALoop) {
   Options options;
   options.map.lost_frames = 20;
   Mapper mapper(camera, options);
-  // Two seconds of the way; then carried, in the dark, to where the map has never been, and back from there.
+  // Two seconds of the path; then carried in the dark to an unmapped place, and back from there.
   std::vector<double> way;
   for (int i = 0; i < 20; ++i) way.push_back(i / 10.0);
   for (int i = 0; i < 73; ++i) way.push_back(8.0 - i / 10.0);

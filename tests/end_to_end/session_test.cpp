@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Runs that go on with another recording, and maps that are joined; faults_test.cpp has those that are killed.
+// Runs resumed with another recording, and merged maps; faults_test.cpp has killed runs.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,15 +18,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Two recordings of the room that overlap by half, one of a corridor, and the map of the first.
+/// Two recordings of the room with half overlap, a recording of a corridor, and the map of the first.
 class Session : public testing::Test {
  protected:
-  /// Of a recording, or of the map; they are shared, so that only copies change.
+  /// Path of a recording or of the map; both are shared, so only copies may change.
   static std::string path(const std::string& name) {
     if (name == "map") return shared_map(path("room"), {"--frames", "0:60"}).string();
     return shared_recording({name, "--frames", "90", "--seed", name == "room" ? "1" : "3"}).string();
   }
-  /// A copy of the map of the first 60 frames.
+  /// Copy of the map of the first 60 frames.
   [[nodiscard]] fs::path copy_of_map() const {
     fs::copy(path("map"), out / "map", fs::copy_options::recursive);
     return out / "map";
@@ -34,10 +34,10 @@ class Session : public testing::Test {
   TemporaryFolder out;
 };
 
-/// Metres, root mean square, without any alignment but that of the session's very first pose, in first.txt beside it.
+/// Root mean square error in meters, aligned only by the session's very first pose, in first.txt beside it.
 double error_in_place(const fs::path& estimate, const fs::path& truth) {
   const Trajectory found = read_trajectory(estimate), exact = read_trajectory(truth);
-  // Stamps are in the colour camera's clock as it was estimated: a fraction of a millisecond beside.
+  // Stamps are in the estimated clock of the color camera: off by a fraction of a millisecond.
   const auto truth_at = [&](double time) {
     return *pose_at(exact, std::clamp(time, exact.front().timestamp, exact.back().timestamp));
   };
@@ -53,7 +53,7 @@ double error_in_place(const fs::path& estimate, const fs::path& truth) {
 TEST_F(Session, GoesOnWithAnotherRecordingOfTheSamePlace) {
   const fs::path map = copy_of_map();
   fs::copy(map / "trajectory.txt", map / "first.txt");
-  // A recording of the same scene that begins later: it is known by its first frames, not by its name.
+  // A recording of the same scene with a later start: identified by its first frames, not by its name.
   fs::copy(path("room"), out / "again", fs::copy_options::recursive);
   std::istringstream list(read_bytes(out / "again" / "depth.txt"));
   std::string later;
@@ -68,7 +68,7 @@ TEST_F(Session, GoesOnWithAnotherRecordingOfTheSamePlace) {
   EXPECT_EQ(report["submaps"]["components"], 1);
   EXPECT_GE(report["frames"]["fused"], 38);
   EXPECT_LT(error_in_place(map / "trajectory.txt", fs::path(path("room")) / "groundtruth.txt"), 0.01);
-  // The recording before keeps its trajectory.
+  // The previous recording keeps its trajectory.
   EXPECT_EQ(read_trajectory(map / "trajectory-000.txt").size(), 60u);
 }
 
@@ -83,7 +83,7 @@ TEST_F(Session, BeginsAPieceOfItsOwnWhereNothingIsRecognised) {
   EXPECT_EQ(report["submaps"]["components"], 2);
   EXPECT_GT(report["frames"]["fused"], 20);
   EXPECT_NE(ran.err.find("not joined"), std::string::npos) << ran.err;
-  // The map is still there, and nothing was added to it.
+  // The map still exists, without additions.
   EXPECT_EQ(read_trajectory(map / "trajectory-000.txt").size(), 60u);
   const auto before = nlohmann::json::parse(read_bytes(fs::path(path("map")) / "report.json"));
   EXPECT_EQ(report["mesh"]["triangles"], before["mesh"]["triangles"]);
@@ -101,7 +101,7 @@ TEST_F(Session, JoinsMapsOfTheSamePlace) {
   for (const char* trajectory : {"trajectory-000.txt", "trajectory.txt"})
     EXPECT_LT(error_in_place(out / "c" / trajectory, fs::path(path("room")) / "groundtruth.txt"), 0.01) << trajectory;
   EXPECT_EQ(validate_gltf(out / "c" / "mesh.glb"), "");
-  // And the joined map is a session, too.
+  // The merged map is a session as well.
   const Ran more = run_cairn(
       {"reconstruct", "--no-texture", path("room"), "-o", (out / "c").string(), "--frames", "60:75", "--resume"});
   EXPECT_EQ(more.exit_code, 0) << more.err;
@@ -137,7 +137,7 @@ TEST_F(Session, AnswersADamagedOneWithOneLine) {
   write_text(state, good.substr(0, good.size() / 3));
   expect_one_line(run_cairn(resume), 1, "is damaged");
   bad = good;
-  bad[std::string("cairn session ").size()] = '7';  // the version of the format
+  bad[std::string("cairn session ").size()] = '7';  // format version
   write_text(state, bad);
   expect_one_line(run_cairn(resume), 1, "another version");
   write_text(state, "something else");
@@ -156,13 +156,13 @@ TEST_F(Session, AnswersADamagedOneWithOneLine) {
   for (const auto& entry : fs::directory_iterator(run))
     if (entry.path().extension() == ".vdb") fs::resize_file(entry.path(), fs::file_size(entry.path()) / 2);
   expect_one_line(run_cairn(resume), 1, "damaged");
-  // What had been reconstructed is still there.
+  // The earlier results still exist.
   EXPECT_TRUE(read_bytes(map / "mesh.glb") == mesh);
 }
 
 TEST_F(Session, IsNoReasonToLoseTheMapWhenItCannotBeWritten) {
-  // Files of at most 64 KiB: keyframes, submaps and checkpoints fail, as on a full disk; the map is then refused, too,
-  // but what was there stays.
+  // Files of at most 64 KiB: keyframes, submaps and checkpoints fail, as on a full disk; the map fails as well, but the
+  // previous results stay.
   const fs::path map = copy_of_map();
   const std::string mesh = read_bytes(map / "mesh.glb");
   const Ran full = run_cairn({"reconstruct", "--no-texture", path("room"), "-o", map.string(), "--frames", "60:70",

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// SIGINT, SIGTERM and SIGHUP at every moment of a run. Moments are held by files that their readers wait for, so that
-// no test depends on how busy the machine is.
+// SIGINT, SIGTERM and SIGHUP at every stage of a run. Blocking files hold the stage, so that no test depends on the
+// machine's load.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -37,7 +37,7 @@ class Signals : public testing::Test {
       names.insert(fs::relative(entry.path(), where).string());
     return names;
   }
-  /// A copy of the recording whose depth image of that number is never read to its end.
+  /// Copy of the recording with a depth image, by number, that blocks its reader.
   static std::unique_ptr<Blocking> block_frame(const std::string& copy, std::size_t number) {
     fs::remove_all(*folder / copy);
     fs::copy(*folder / "rec", *folder / copy, fs::copy_options::recursive);
@@ -102,7 +102,7 @@ TEST_F(Signals, AreAnsweredFromTheFirstLineOfMain) {
     ASSERT_TRUE(program.wait_until([&] { return program.handles_signals(); }));
     program.send(SIGINT);
     const Ran ran = program.end();
-    // On a slow day for this test the program is beyond its first frames.
+    // On a slow machine the program may be past its first frames.
     EXPECT_TRUE(ran.exit_code == kInterrupted || ran.exit_code == 0) << ran.exit_code << ran.err;
     EXPECT_EQ(std::count(ran.err.begin(), ran.err.end(), '\n'), 1) << ran.err;
     if (ran.exit_code == kInterrupted) {
@@ -118,12 +118,12 @@ TEST_F(Signals, LeaveNothingOfARunWithoutACheckpoint) {
     const auto before = names_in(folder->path());
     Running program(mapping(command, "stuck", {"--checkpoint", "1h"}), folder->path());
     ASSERT_TRUE(program.wait_until([&] { return blocking->holds_a_reader(); })) << program.err();
-    // The frames before the one that is never read are fused beside it.
+    // The frames before the blocked frame are fused meanwhile.
     ASSERT_TRUE(program.wait_until([&] { return fs::exists(*folder / "map/session/run-0001"); }));
     program.send(SIGINT);
     program.send(SIGINT);
     if (!program.wait_until([&] { return program.err().find('\n') != std::string::npos; })) FAIL();
-    program.send(SIGINT);  // whichever of them was the first
+    program.send(SIGINT);  // whichever signal was first
     const Ran ran = program.end();
     EXPECT_EQ(ran.exit_code, kInterrupted) << ran.err;
     EXPECT_NE(ran.err.find("interrupted before "), std::string::npos) << ran.err;
@@ -159,7 +159,7 @@ TEST_F(Signals, FinishAStageAfterTheLastFrameAndWriteAllThatIsThere) {
   const std::string bent = read_bytes(*folder / "map/map.vdb");
   for (const auto& [words, stage] : {std::pair("reintegrating", "reintegrate"), {"adjusting", "adjust"}}) {
     std::optional<Json> report;
-    for (int i = 0; i < 5 && !report; ++i) {  // until the signal comes before the stage ends by itself
+    for (int i = 0; i < 5 && !report; ++i) {  // until the signal arrives before the end of the stage
       fs::remove_all(*folder / "map");
       Running program(mapping("reconstruct", "rec", {"--reintegrate"}), folder->path(), Running::Errors::to_terminal);
       if (!program.wait_until([&] { return program.err().find(words) != std::string::npos; })) continue;

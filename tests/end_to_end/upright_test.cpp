@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Maps stand upright in all that the program writes, or it says that they may not.
+// Gravity direction of all outputs, or a warning if it is unknown.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -25,7 +25,7 @@ class Stands : public testing::Test {
   [[nodiscard]] static nlohmann::json report_of(const fs::path& map) {
     return nlohmann::json::parse(read_bytes(map / "report.json"));
   }
-  /// The arguments that reconstruct a small recording, and more.
+  /// Arguments to reconstruct a small recording, plus more.
   [[nodiscard]] std::vector<std::string> reconstruct(const std::string& recording, const std::string& map,
                                                      const std::vector<std::string>& more = {}) const {
     std::vector<std::string> arguments{"reconstruct", to(recording), "-o",
@@ -36,7 +36,7 @@ class Stands : public testing::Test {
   TemporaryFolder out;
 };
 
-/// Radians between the true world's down and the map's.
+/// Angle in radians between the true world's down and the map's.
 double tilt(const fs::path& trajectory, const Scene& scene) {
   const Eigen::Matrix3d first = read_trajectory(trajectory).front().world_from_camera.linear();
   return std::acos(std::min(1.0, (first * scene.world_from_camera(0).linear().transpose()).col(1).y()));
@@ -54,9 +54,9 @@ TEST_F(Stands, ARoomWithoutAnAccelerometerByItsFloorAndWalls) {
   const double held = std::acos(scene.world_from_camera(0).linear().col(1).y());
   EXPECT_NEAR(upright["turned_degrees"].get<double>() * kDegree, held, 0.5 * kDegree);
   EXPECT_LT(tilt(out / "map" / "trajectory.txt", scene), 0.5 * kDegree);
-  EXPECT_GT(held, 5 * kDegree);  // or this would show nothing
+  EXPECT_GT(held, 5 * kDegree);  // else the test would be meaningless
 
-  // Files of the session and the grids lie where the trajectory does.
+  // Files of the session and the grids have the trajectory's frame.
   ASSERT_EQ(run_cairn({"export", to("map"), "-o", to("mesh.ply")}).exit_code, 0);
   const Mesh from_session = read_mesh(out / "mesh.ply"), from_run = read_mesh(out / "map" / "mesh.glb");
   const auto box = [](const Mesh& mesh) {
@@ -73,14 +73,14 @@ TEST_F(Stands, ARoomWithoutAnAccelerometerByItsFloorAndWalls) {
   for (const auto& p : from_grids.positions) near += std::abs(scene.distance(scene_from_map * p.cast<double>())) < 0.03;
   EXPECT_GT(static_cast<double>(near), 0.9 * static_cast<double>(from_grids.positions.size()));
 
-  // What was settled stays, also where the run goes on.
+  // A settled direction stays, also after a resume.
   const std::string trajectory = read_bytes(out / "map" / "trajectory.txt"),
                     grids = read_bytes(out / "map" / "map.vdb");
   ASSERT_EQ(run_cairn(reconstruct("room", "map", {"--resume"})).exit_code, 0);
   EXPECT_EQ(read_bytes(out / "map" / "trajectory.txt"), trajectory);
   EXPECT_TRUE(read_bytes(out / "map" / "map.vdb") == grids);
 
-  // And gives way to what somebody asks for.
+  // An explicit option overrides it.
   ASSERT_EQ(run_cairn(reconstruct("room", "map", {"--resume", "--up", "camera"})).exit_code, 0);
   EXPECT_EQ(report_of(out / "map")["upright"]["source"], "option");
   const Eigen::Isometry3d first = read_trajectory(out / "map" / "trajectory.txt").front().world_from_camera;
@@ -113,7 +113,7 @@ TEST_F(Stands, RefusesAWayUpThatIsNone) {
   EXPECT_NE(ran.err.find("camera"), std::string::npos) << ran.err;
 }
 
-/// What map_server reads.
+/// Costmap as read by map_server.
 struct Costmap {
   Costmap(const fs::path& yaml) {
     std::istringstream lines(read_bytes(yaml));
@@ -130,7 +130,7 @@ struct Costmap {
     in.get();
     cells = bytes.substr(static_cast<std::size_t>(in.tellg()));
   }
-  /// 0, 205 or 254 at a place in metres; 205 outside.
+  /// 0, 205 or 254 at a position in meters; 205 outside.
   [[nodiscard]] int at(double px, double py) const {
     const int column = static_cast<int>(std::floor((px - x) / resolution)),
               row = rows - 1 - static_cast<int>(std::floor((py - y) / resolution));
@@ -174,7 +174,7 @@ TEST_F(Stands, AMapOfGivenPosesWhenItIsExportedIfNotBefore) {
   float apart = 0;
   for (std::size_t i = 0; i < stood.positions.size(); ++i)
     apart = std::max(apart, (turned.positions[i] - stood.positions[i]).norm());
-  EXPECT_LT(apart, 1e-4f);  // metres
+  EXPECT_LT(apart, 1e-4f);  // meters
   EXPECT_TRUE(turned_costmap == stood_costmap);
 
   const Ran asked = run_cairn({"export", to("lies/map.vdb"), "-o", to("x.glb"), "--up", "auto"});
@@ -215,7 +215,7 @@ TEST_F(Stands, ATiltedFlatWhoseCostmapIsThatOfTheUprightOne) {
       const int in_a = a.at(x, y);
       if (in_a == 205) continue;
       ++known;
-      bool is_same = false, is_unknown = false;  // to a cell: the grids lie otherwise
+      bool is_same = false, is_unknown = false;  // within a cell: the grids are offset
       for (const double dx : {-1.0, 0.0, 1.0})
         for (const double dy : {-1.0, 0.0, 1.0}) {
           const int in_b = b.at(x + dx * a.resolution, y + dy * a.resolution);
@@ -226,7 +226,7 @@ TEST_F(Stands, ATiltedFlatWhoseCostmapIsThatOfTheUprightOne) {
       contradicted += !is_same && !is_unknown;
     }
   EXPECT_GT(known, 500);
-  // Where half of the band is known, other voxels make it less than half or more; nothing free becomes occupied.
+  // At the threshold of a half-known band, other voxels may fall on either side; no free cell becomes occupied.
   EXPECT_GT(same, 0.9 * known);
   EXPECT_LT(contradicted, 0.01 * known);
 }

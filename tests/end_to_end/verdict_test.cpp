@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Runs that go wrong as people's runs do: what the program says at their end.
+// Typical failures of runs: the program's final message.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
@@ -41,7 +41,7 @@ class Ending : public testing::Test {
     const auto begin = text.rfind('\n', end);
     return text.substr(begin == text.npos ? 0 : begin + 1, end - (begin == text.npos ? 0 : begin + 1) + 1);
   }
-  /// A copy of the recording with another camera.yaml.
+  /// Copy of the recording with another camera.yaml.
   static void copy_with_camera(const std::string& name, const std::string& camera) {
     fs::copy(*folder / "rec", *folder / name, fs::copy_options::recursive);
     write_text(*folder / name / "camera.yaml", camera);
@@ -65,9 +65,9 @@ TEST_F(Ending, OfAGoodRunSaysSoAndWhatIsNext) {
   EXPECT_EQ(json["verdict"]["level"], "good");
   EXPECT_EQ(json["frames"]["fused"], 40);
   EXPECT_GT(json["extent_m"][0].get<double>(), 1);
-  // A recording is told of as before.
+  // The output for a recording is unchanged.
   EXPECT_NE(run({"info", "rec"}).out.find("depth camera"), std::string::npos);
-  // Numbers are for those who ask.
+  // Numbers only with --verbose.
   EXPECT_NE(run({"reconstruct", "rec", "numbers", "--frames", "0:12", "--verbose"}).err.find("inliers within"),
             std::string::npos);
 }
@@ -81,7 +81,7 @@ TEST_F(Ending, OfAWrongDepthScaleAsksForIt) {
   }
 }
 
-/// A box that turns before a wall, in a hash of gray tiles, as a camera at rest sees it.
+/// Box rotating before a wall, with a hash of gray tiles, seen by a static camera.
 Frame turntable_frame(const Camera& camera, int index) {
   Frame frame{.index = index, .timestamp = index / 30.0};
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.07 * index, Eigen::Vector3d::UnitY()).toRotationMatrix();
@@ -128,11 +128,11 @@ TEST_F(Ending, OfAWrongFocalLengthSaysItAlsoWhereAllIsTracked) {
   const auto report = Json::parse(read_bytes(*folder / "bent" / "report.json"));
   EXPECT_NE(report["verdict"]["level"], "good");
   EXPECT_NE(report["verdict"].dump().find("check the camera's intrinsics"), std::string::npos) << report["verdict"];
-  EXPECT_NE(ran.err.find("check the camera's intrinsics"), std::string::npos) << ran.err;  // --json has it there, too
+  EXPECT_NE(ran.err.find("check the camera's intrinsics"), std::string::npos) << ran.err;  // also with --json
 }
 
 TEST_F(Ending, OfARunThatLostMostHasItsExitCodeAndReason) {
-  // A quarter of a second of the room, then somewhere else, and fast.
+  // A quarter of a second of the room, then a fast motion elsewhere.
   write_small_recording(*folder / "fast", {.frames = 40, .speed = 30});
   const Ran ran = run({"reconstruct", "fast", "lost"});
   ASSERT_EQ(ran.exit_code, 3) << ran.out << ran.err;
@@ -142,11 +142,11 @@ TEST_F(Ending, OfARunThatLostMostHasItsExitCodeAndReason) {
   const auto report = Json::parse(read_bytes(*folder / "lost" / "report.json"));
   EXPECT_EQ(report["verdict"]["level"], "bad");
   EXPECT_NE(report["warnings"].dump().find("too fast"), std::string::npos) << report["warnings"];
-  // Asked again, it is the same.
+  // `cairn info` repeats the same.
   const Ran info = run({"info", "lost"});
   EXPECT_EQ(info.exit_code, 0) << info.err;
   EXPECT_NE(info.out.find(ran.out.substr(ran.out.find("BAD: "))), std::string::npos) << info.out;
-  // The same frames with their true times far apart.
+  // The same frames with large gaps in time.
   const Ran few = run({"reconstruct", "rec", "few", "--frames", "0:40:20"});
   EXPECT_NE(few.out.find("only 2 frames"), std::string::npos) << few.out;
 }
@@ -166,7 +166,7 @@ TEST_F(Ending, AfterAResumeTellsTheRatesOfThisRun) {
 
 TEST_F(Ending, OfAnInterruptedRunIsTheCommandThatGoesOn) {
   write_small_recording(*folder / "long scan", {.frames = 250});
-  // As Ctrl-C does, once there are some keyframes.
+  // Acts as Ctrl-C after some keyframes.
   const std::string interrupted =
       "f() { \"$@\" & p=$!; while [ $(ls 'cut off'/session/run-0001/keyframes 2>/dev/null | wc -l) -lt 6 ] && kill -0 "
       "$p "
@@ -194,7 +194,7 @@ TEST_F(Ending, OfAnInterruptedRunIsTheCommandThatGoesOn) {
 }
 
 TEST_F(Ending, WaitsForTheFilesThatAreBeingWritten) {
-  // As Ctrl-C does, once the map is written and its mesh is not.
+  // Acts as Ctrl-C after the map is written, before its mesh.
   const std::string interrupted =
       "f() { \"$@\" & p=$!; while [ ! -e once/map.vdb ] && kill -0 $p 2>/dev/null; do sleep 0.005; done; kill -INT "
       "$p; wait $p; }; f";
@@ -205,7 +205,7 @@ TEST_F(Ending, WaitsForTheFilesThatAreBeingWritten) {
 }
 
 TEST_F(Ending, WhileFilesAreWrittenIsToldAndCanBeGoneOnFrom) {
-  // As Ctrl-C twice does, once the map is written and its mesh is not.
+  // Acts as Ctrl-C twice after the map is written, before its mesh.
   const std::string interrupted =
       "f() { \"$@\" & p=$!; while [ ! -e written/map.vdb ] && kill -0 $p 2>/dev/null; do sleep 0.005; done; kill -INT "
       "$p; sleep 0.05; kill -INT $p; wait $p; }; f";

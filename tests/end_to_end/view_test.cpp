@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What pages are given of a finished map, and what `cairn view` says. In a browser: tests/browser.
+// Data served to pages of a finished map, and messages of `cairn view`. In a browser: tests/browser.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -22,7 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-/// The map of a room, made once.
+/// Map of a room, made once.
 class ViewedMap : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -36,7 +36,7 @@ class ViewedMap : public testing::Test {
   static fs::path map() { return *folder / "map"; }
 
   using Files = std::map<std::string, Served>;
-  /// The bytes of what is served under a name.
+  /// Bytes served under a name.
   static std::string given(const Files& files, const std::string& name) {
     const Served& served = files.at(name);
     if (const auto* text = std::get_if<std::string>(&served.body)) return *text;
@@ -53,7 +53,7 @@ class ViewedMap : public testing::Test {
     write_text(*folder / name, bytes);
     return *folder / name;
   }
-  /// What `cairn view` does within a few seconds, and with one of its arguments wrong.
+  /// Runs `cairn view` for a few seconds.
   static Ran view(const std::vector<std::string>& arguments, const std::string& environment = "") {
     std::vector<std::string> all{"view", "--port", "0"};
     all.insert(all.end(), arguments.begin(), arguments.end());
@@ -172,7 +172,7 @@ TEST_F(ViewedMap, MayBeASingleFile) {
   write_text(*folder / "evil.gltf",
              R"({"buffers":[{"uri":"../secret.bin"},{"uri":"/etc/passwd"},{"uri":"%2e%2e/a.bin"},{"uri":"ok.bin"}]})");
   const Files evil = served_file(*folder / "evil.gltf");
-  EXPECT_EQ(evil.size(), 4u);  // data.json, mesh.gltf, the download, and
+  EXPECT_EQ(evil.size(), 4u);  // data.json, mesh.gltf, the download, and the next file
   EXPECT_TRUE(evil.count("ok.bin"));
 }
 
@@ -212,10 +212,10 @@ TEST_F(ViewedMap, IsOpenedInTheUsersBrowser) {
   EXPECT_NE(read_bytes(seen).find("no-referrer"), std::string::npos);
   const std::string lines = read_bytes(seen.string() + ".lines"), modes = read_bytes(seen.string() + ".modes");
   EXPECT_NE(lines.find("file://" + runtime.string() + "/cairn-open-"), std::string::npos) << lines;
-  EXPECT_EQ(lines.find(token), std::string::npos);  // all users of the machine read command lines
+  EXPECT_EQ(lines.find(token), std::string::npos);  // command lines are readable for all users of the machine
   const std::string user = modes.substr(modes.rfind('\n', modes.size() - 2) + 1);
   EXPECT_EQ(modes, "600 " + user + "700 " + user + user);
-  EXPECT_TRUE(fs::is_empty(runtime));  // gone with the program
+  EXPECT_TRUE(fs::is_empty(runtime));  // removed at exit
   const Ran none = view({map().string(), "--open"}, "BROWSER=/nowhere/browser PATH=/nowhere");
   EXPECT_NE(none.err.find("no browser could be opened"), std::string::npos) << none.err;
   const Ran nowhere = view({map().string(), "--open"}, "XDG_RUNTIME_DIR= TMPDIR=/nowhere BROWSER=" + script.string());
@@ -227,7 +227,7 @@ TEST_F(ViewedMap, IsServedToOtherDevicesWithAWarning) {
   EXPECT_NE(ran.out.find("https://"), std::string::npos) << ran.err;
   EXPECT_NE(ran.err.find("anyone in this network who has this address can see the map"), std::string::npos) << ran.err;
   EXPECT_TRUE(fs::exists(*folder / "state" / "cairn" / "view-0.0.0.0.pem"));
-  EXPECT_EQ(ran.err.find("█"), std::string::npos);  // that is for terminals
+  EXPECT_EQ(ran.err.find("█"), std::string::npos);  // only for terminals
   expect_one_line(view({map().string(), "--host", "192.0.2.7"}), 1, "address 192.0.2.7 cannot be used");
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// `cairn export --for`: images with poses, depth and points, for programs that learn a scene from them.
+// `cairn export --for`: images with poses, depth and points, for programs that learn a scene from images.
 #include "export/views.hpp"
 
 #include <gtest/gtest.h>
@@ -40,10 +40,10 @@ std::vector<Frame> read(const fs::path& folder) {
   return frames;
 }
 
-/// Share of the points that a view sees where its depth says that they are.
+/// Share of a view's visible points that agree with its depth.
 double agreeing(const std::vector<Eigen::Vector3f>& points, const Camera& camera, const Eigen::Isometry3d& pose,
                 const std::function<double(int x, int y)>& depth) {
-  constexpr double kNear = 0.03;  // metres: voxels and noise
+  constexpr double kNear = 0.03;  // meters: voxels and noise
   int seen = 0, right = 0;
   for (const auto& point : points) {
     const Eigen::Vector3d p = pose.inverse() * point.cast<double>();
@@ -78,9 +78,9 @@ TEST(Views, ForNerfstudioAreReadBackAsTheKeyframes) {
     float most = 0;
     for (std::size_t p = 0; p < frame->depth.size() && most < 0.01f; ++p)
       most = std::max(most, std::abs(frame->depth[p] - views[next].depth[p]));
-    if (most > 0.0006f) continue;  // no keyframe; a millimetre is a unit, and keyframes have 0.2 mm
+    if (most > 0.0006f) continue;  // no keyframe; the unit is a millimeter, and keyframes have 0.2 mm
     const Eigen::Isometry3d difference = trajectory[i].world_from_camera.inverse() * poses[next].world_from_camera;
-    EXPECT_LT(difference.translation().norm(), 0.002) << i;  // between the clocks of depth and colour
+    EXPECT_LT(difference.translation().norm(), 0.002) << i;  // between the clocks of depth and color
     EXPECT_FALSE(views[next].colour.empty());
     ++next;
   }
@@ -95,7 +95,7 @@ TEST(Views, ForNerfstudioAreReadBackAsTheKeyframes) {
   EXPECT_GT(agreeing(points.positions, camera, poses[0].world_from_camera, depth), 0.9);
 }
 
-/// The numbers of a text file's lines that are neither comments nor empty; a name counts as 0.
+/// Numbers in the lines of a text file except comments and empty lines; a name counts as 0.
 std::vector<std::vector<double>> numbers_in(const fs::path& file) {
   std::vector<std::vector<double>> lines;
   std::istringstream in(read_bytes(file));
@@ -196,7 +196,7 @@ TEST(Views, AreWhatTheColourCameraWouldSeeWithoutItsLens) {
 TEST(Views, AreTheSharpestOfTheirStretches) {
   const TemporaryFolder folder;
   const Camera camera{64, 48, 60, 60, 31.5, 23.5, {}};
-  const std::size_t sharp[] = {1, 4, 8};  // of ten, in stretches of three, three and four
+  const std::size_t sharp[] = {1, 4, 8};  // of ten, in groups of three, three and four
   ViewsInput input{.rig = camera};
   for (std::size_t k = 0; k < 10; ++k) input.keyframes.push_back({.image = k});
   input.get_image = [&](std::size_t k) {

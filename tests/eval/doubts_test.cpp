@@ -16,7 +16,7 @@ const Camera kCamera{160, 120, 131.25, 131.25, 79.5, 59.5, {}};
 
 Eigen::Isometry3d at(double x, double y, double z) { return Eigen::Isometry3d(Eigen::Translation3d(x, y, z)); }
 
-/// A frame whose depth is a function of pixel.
+/// Frame with depth as a function of pixel.
 Frame frame_of(int index, const std::function<float(int, int)>& depth) {
   Frame frame{.index = index, .timestamp = index / 30.0};
   for (int y = 0; y < kCamera.height; ++y)
@@ -24,7 +24,7 @@ Frame frame_of(int index, const std::function<float(int, int)>& depth) {
   return frame;
 }
 
-/// A wall 2 m ahead, and before it a box, between `left` and `right`, that comes and goes by 20 cm.
+/// Wall 2 m ahead with a box in front, between `left` and `right`, that moves back and forth by 20 cm.
 Frame turning(int index, int left, int right) {
   return frame_of(index, [=](int x, int y) {
     const bool is_box = x >= left && x < right && y >= 40 && y < 80;
@@ -44,7 +44,7 @@ FrameSamples samples_of(const std::function<Frame(int)>& frame) {
   return samples;
 }
 
-/// A rectangle at depth z that faces the camera at the origin.
+/// Rectangle at depth z, facing the camera at the origin.
 Mesh rectangle(float z, float left, float right) {
   Mesh mesh;
   mesh.positions = {{left, -5, z}, {right, -5, z}, {right, 5, z}, {left, 5, z}};
@@ -58,7 +58,7 @@ TEST(StillView, FindsCameraAtRestBeforeTurningThing) {
   EXPECT_TRUE(view.is_turntable());
   EXPECT_NEAR(view.moved, 40.0 * 40 / (160 * 120), 0.04);
   EXPECT_GT(view.still, 0.8);
-  // Also where tracking followed the thing, and the background seems to go round.
+  // Also if tracking followed the object, and the background seems to rotate.
   const StillView followed = compare_still(samples.camera(), {}, placed(samples, [](double t) {
                                              Eigen::Isometry3d pose = at(1.5 * std::sin(t), 0, 1.3 - 1.3 * std::cos(t));
                                              pose.rotate(Eigen::AngleAxisd(-t, Eigen::Vector3d::UnitY()));
@@ -75,7 +75,7 @@ TEST(StillView, PassesCameraAlongPlainWall) {
 }
 
 TEST(StillView, PassesCameraThatRestsFirst) {
-  // It goes along a stepped wall once half of the recording is over.
+  // Moves along a stepped wall in the second half of the recording.
   const auto way = [](double t) { return std::max(0.0, t - 0.6); };
   const FrameSamples samples = samples_of([&](int i) {
     const double x = way(i / 30.0);

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// An octahedron refined towards a sphere.
+/// Sphere as a grid of latitude and longitude.
 Mesh sphere(float radius, const Eigen::Vector3f& centre) {
   Mesh mesh;
   constexpr int kRows = 120, kColumns = 240;
@@ -49,7 +49,7 @@ constexpr Reference kReferences[] = {
 
 TEST(EvaluateTrajectory, AgreesWithTheTumBenchmarkTools) {
   CAIRN_REQUIRE_DATA("trajectories");
-  constexpr double kMetres = 1e-4;  // what the project promises; the difference seen is below 1e-9
+  constexpr double kMetres = 1e-4;  // the project's promise; the actual difference is below 1e-9
   for (const auto& r : kReferences) {
     const auto folder = data_folder() / "trajectories";
     const auto e = evaluate_trajectory(read_trajectory(folder / r.estimate), read_trajectory(folder / r.truth));
@@ -90,7 +90,7 @@ TEST(EvaluateMesh, MeasuresTheGapBetweenSpheres) {
   EXPECT_EQ(e.at[1].f_score, 1.0);    // all within 2 cm
 }
 
-/// A square of a metre that faces z; what lies beyond `step_at` along x is 2 cm higher.
+/// Square of a meter facing z; the part beyond `step_at` along x is 2 cm higher.
 Mesh stepped_square(float step_at) {
   Mesh mesh;
   mesh.positions = {{0, 0, 0},           {step_at, 0, 0}, {step_at, 1, 0}, {0, 1, 0},
@@ -99,7 +99,7 @@ Mesh stepped_square(float step_at) {
   return mesh;
 }
 
-/// A square of a metre, moved from where x, y and z are 0; it faces z, or away from it.
+/// Square of a meter, moved from the origin; faces z or -z.
 Mesh square_at(const Eigen::Vector3f& move, bool faces_z = true) {
   Mesh mesh;
   for (const Eigen::Vector3f& corner : {Eigen::Vector3f(0, 0, 0), {1, 0, 0}, {1, 1, 0}, {0, 1, 0}})
@@ -113,16 +113,16 @@ Mesh square_at(const Eigen::Vector3f& move, bool faces_z = true) {
 TEST(EvaluateSeam, MeasuresWhereBothSurfacesAre) {
   const Mesh first = square_at({0, 0, 0});
   const ErrorStatistics half = evaluate_seam(first, square_at({0.5f, 0, 0.003f}));
-  EXPECT_NEAR(half.count, 10000, 200);  // of 20000; those up to 5 cm beside the border are not of both
+  EXPECT_NEAR(half.count, 10000, 200);  // of 20000; points within 5 cm of the border are excluded
   EXPECT_NEAR(half.mean, 0.003, 1e-6);
   EXPECT_EQ(evaluate_seam(first, square_at({0, 0, -0.02f}, false)).count, 0);  // the other side of a board
-  EXPECT_EQ(evaluate_seam(first, square_at({0, 0, 0.06f})).count, 0);          // too far to be the same
+  EXPECT_EQ(evaluate_seam(first, square_at({0, 0, 0.06f})).count, 0);          // too far for the same surface
 }
 
 TEST(EvaluateMesh, TellsTheErrorThatNinetyFiveInAHundredDoNotExceed) {
   Mesh flat = stepped_square(1);
   flat.triangles.resize(2);                                                                      // without a step
-  constexpr double kRounding = 1e-6;                                                             // metres
+  constexpr double kRounding = 1e-6;                                                             // meters
   EXPECT_NEAR(evaluate_mesh(stepped_square(0.94f), flat, 20000).accuracy.p95, 0.02, kRounding);  // 6 % are off
   EXPECT_NEAR(evaluate_mesh(stepped_square(0.96f), flat, 20000).accuracy.p95, 0, kRounding);     // 4 % are off
 }
@@ -141,7 +141,7 @@ TEST(EvaluateMesh, RefusesAMeshWithoutSurface) {
   EXPECT_NE(error_of([] { (void)evaluate_mesh(Mesh{}, Mesh{}); }).find("no surface"), std::string::npos);
 }
 
-/// Of a wall across the way, `z` metres before the first camera; `side` metres wide and high.
+/// Wall across the path, `z` meters before the first camera; `side` meters wide and high.
 Mesh wall(float z, float side, bool faces_camera = true) {
   Mesh mesh;
   const float h = side / 2;
@@ -152,7 +152,7 @@ Mesh wall(float z, float side, bool faces_camera = true) {
   return mesh;
 }
 
-/// Frames that show a wall at 2 m, of which the second stands at 4.2 m.
+/// Frames of a wall at 2 m; in the second frame at 4.2 m.
 class Wall final : public Source {
  public:
   [[nodiscard]] const Rig& rig() const override { return rig_; }
@@ -209,11 +209,11 @@ TEST(EvaluateMap, FindsWhatLiesInTwoPlaces) {
     Wall recording;
     return evaluate_map(parts, recording, {{.timestamp = 0}}, {}, 1).doubled;
   };
-  // A square of 1 m before one of 2 m: all of it, and a quarter of what is behind.
+  // A square of 1 m before a square of 2 m: all of the first, and a quarter of the second.
   EXPECT_NEAR(doubled({wall(2, 2), wall(1.98f, 1)}), 0.4, 0.01);
-  EXPECT_EQ(doubled({wall(2, 2), wall(1.9f, 1)}), 0);          // another thing
+  EXPECT_EQ(doubled({wall(2, 2), wall(1.9f, 1)}), 0);          // another object
   EXPECT_EQ(doubled({wall(2, 2), wall(2.01f, 2, false)}), 0);  // a board from both sides
-  EXPECT_EQ(doubled({wall(2, 2), wall(2.002f, 1)}), 0);        // a sheet lies in one place
+  EXPECT_EQ(doubled({wall(2, 2), wall(2.002f, 1)}), 0);        // a single sheet within tolerance
 }
 
 TEST(EvaluateMap, RefusesAnotherRecordingsTrajectory) {
@@ -280,7 +280,7 @@ TEST(EvaluateCostmap, CountsWhatIsWrongByKind) {
   EXPECT_EQ(wrong.wrongly_occupied, 1);
   EXPECT_EQ(wrong.wrongly_unknown, 2);
   EXPECT_EQ(wrong.wrongly_free, 1);
-  // From behind its back nobody saw any of it: what is unknown is so rightly, and what is called free is told.
+  // A camera facing away observes no cell: unknown cells are right, and free cells are counted as unseen.
   Trajectory turned(1);
   turned[0].world_from_camera.linear() = Eigen::AngleAxisd(3.1416, Eigen::Vector3d::UnitY()).toRotationMatrix();
   const CostmapError unseen = evaluate_costmap(map, scene, synthetic_camera(), turned);

@@ -19,7 +19,7 @@ constexpr double kInterval = 0.1;  // seconds
 constexpr int kFrames = 40;
 const Camera kCamera{80, 60, 65, 65, 39.5, 29.5, {}};
 
-/// A room with boxes in it, by rays: depth of these alone.
+/// Ray-cast depth of a room with boxes.
 std::vector<float> depth_of_a_room(const Eigen::Isometry3d& world_from_camera) {
   static const std::vector<Eigen::AlignedBox3d> boxes = [] {
     std::vector<Eigen::AlignedBox3d> all;
@@ -82,7 +82,7 @@ Trajectory poses_along(const PoseAt& path) {
   return poses;
 }
 
-/// The poses as a program with another convention writes them.
+/// Poses in another convention.
 Trajectory written_in(Trajectory poses, const PoseConvention& c) {
   const Eigen::Matrix3d world = c.axes.determinant() < 0 ? c.axes : Eigen::Matrix3d::Identity();
   for (auto& [time, pose] : poses) {
@@ -97,7 +97,7 @@ Trajectory written_in(Trajectory poses, const PoseConvention& c) {
   return poses;
 }
 
-/// The signed permutations, of which half are rotations.
+/// Signed permutations, half of them rotations.
 std::vector<Eigen::Matrix3d> all_axes(bool mirrored) {
   std::vector<Eigen::Matrix3d> all;
   std::array order{0, 1, 2};
@@ -196,7 +196,7 @@ TEST_F(PosesOfARoom, AreNotJudgedWhereTheyHaveOtherTimes) {
 }
 
 TEST_F(PosesOfARoom, NameNoOptionWhereTwoConventionsExplainAsMuch) {
-  // A camera that only turns about its own vertical: backwards, or with two axes the other way round.
+  // A camera rotating only about its own vertical: inverted, or with two flipped axes.
   const auto turns = [](double t) {
     return Eigen::Isometry3d(Eigen::AngleAxisd(0.5 * std::sin(1.3 * t), Eigen::Vector3d::UnitY()));
   };
@@ -224,7 +224,7 @@ TEST(SampledFrames, AreFewAndFromAllOverARecording) {
   std::vector<Frame> all(1000);
   for (int i = 0; i < 1000; ++i)
     all[static_cast<std::size_t>(i)] = {.index = i, .timestamp = i / 30.0, .depth = std::vector<float>(4800, 1.0f)};
-  /// Counts the frames that are read.
+  /// Counts the frames read.
   class Seekable final : public Source {
    public:
     Seekable(std::vector<Frame> frames) : frames_(std::move(frames)) {}
@@ -283,7 +283,7 @@ TEST_F(PosesOfARecording, OfAKinectThatTurns) {
   CAIRN_REQUIRE_DATA(name);
   expect_right(name, name);
   for (const char* written : {"camera_from_world", "opengl", "wxyz"}) expect_named(name, name, written);
-  EXPECT_EQ(name_of(check(name, name, "mm").likely), "mm");  // it turns; how far it goes is not sure
+  EXPECT_EQ(name_of(check(name, name, "mm").likely), "mm");  // rotates; the scale of its translation is uncertain
   EXPECT_NEAR(check(name, name, "clock=0.5").likely.clock, 0.5, 0.05);
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Distance transforms that were tried against the one in shaders/esdf*, over a dense box. A voxel holds its nearest site
-// as x | y << 10 | z << 20, or kNone; x is fastest.
+// Alternative distance transforms, for comparison with shaders/esdf*, over a dense box. A voxel contains its nearest
+// site as x | y << 10 | z << 20, or kNone; x is fastest.
 #ifndef CAIRN_TRIAL_H
 #define CAIRN_TRIAL_H
 #include "shaders/types.h"
@@ -12,14 +12,14 @@ namespace cairn::shader {
 const uint kNone = 0xffffffffu;
 
 struct SeparablePush {
-  ivec3 size;    // voxels
-  uint axis;     // along which lines are scanned
+  ivec3 size;  // voxels
+  uint axis;   // direction of the scan lines
   uint lines;
 };
 
 struct FloodPush {
   ivec3 size;
-  int reach;     // voxels
+  int reach;  // voxels
 };
 
 #ifdef __cplusplus

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// One step of jump flooding (Rong & Tan 2006): of what the 27 voxels at a distance know, the nearest.
+// One step of jump flooding (Rong & Tan 2006): the nearest of the sites known to the 27 voxels at a distance.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "tests/bench/shaders/trial.h"

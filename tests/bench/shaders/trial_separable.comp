@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // One axis of the exact transform: the lower envelope of parabolas along each line (Felzenszwalb & Huttenlocher 2012,
-// with sites as in Cao et al. 2010). One thread a line; neighbouring threads read neighbouring words.
+// with sites as in Cao et al. 2010). One thread per line; neighboring threads read neighboring words.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "tests/bench/shaders/trial.h"
@@ -9,7 +9,7 @@ layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { SeparablePush push; };
 layout(binding = 0, scalar) readonly buffer From { uint from[]; };
 layout(binding = 1, scalar) writeonly buffer To { uint to[]; };
-layout(binding = 2, scalar) buffer Stack { uvec2 stack[]; };  // (site, first voxel at which it is the nearest)
+layout(binding = 2, scalar) buffer Stack { uvec2 stack[]; };  // (site, first voxel for which it is the nearest)
 
 void main() {
   int line = int(gl_GlobalInvocationID.x);
@@ -24,7 +24,7 @@ void main() {
     uint site = from[base + i * stride];
     if (site != kNone) {
       ivec3 p = site_at(site);
-      // In the plane across the line the site is as far as this; along the line it lies at `at`.
+      // Squared distance of the site in the plane across the line; along the line the site is at `at`.
       int at = push.axis == 2u ? p.z : push.axis == 1u ? p.y : p.x;
       ivec3 in_plane = p + (i - at) * along;
       float f = squared(in_plane, first + i * along);
