@@ -14,10 +14,10 @@
 namespace cairn {
 namespace {
 
-/// Frames of the room as the camera goes its way, `speed` times as fast.
+/// Frames of the room along the camera's path, at `speed` times the normal speed.
 class VerdictOfARoom : public testing::Test {
  protected:
-  static constexpr int kFrames = 40, kKept = 12;  // of which so many are fused, the others are lost
+  static constexpr int kFrames = 40, kKept = 12;  // total frames; fused frames, the rest are lost
   [[nodiscard]] static std::vector<Frame> frames(double speed = 1) {
     static const Scene scene = synthetic_scene("room");
     SceneRenderer renderer(test_device(), scene, small_camera());
@@ -29,7 +29,7 @@ class VerdictOfARoom : public testing::Test {
     }
     return all;
   }
-  /// What is said of the frames once each is changed.
+  /// Verdict of the frames after a change of each.
   [[nodiscard]] static Verdict verdict_of(std::vector<Frame> all, const std::function<void(Frame&)>& change,
                                           int fused = kKept, const Rig& rig = small_camera()) {
     Evidence evidence(rig, Options{});
@@ -86,7 +86,7 @@ TEST_F(VerdictOfARoom, GivesTheReasonByWhatWasSeen) {
                   if (frame.index >= kKept) frame.timestamp += 2;
                 }),
                 "gaps: the camera was lost where frames are missing, for 2.0 s at most");
-  // With nothing that stands out, what most lost frames have in common.
+  // Without a dominant cause: the most common property of the lost frames.
   expect_reason(bad([](Frame&) {}), "28 frames were lost: the map is out of view");
 }
 
@@ -118,7 +118,7 @@ TEST_F(VerdictOfARoom, BlamesTheComputerForTheFramesThatItLeavesOut) {
       << slow_computer;
   for (const char* blame : {"too fast", "slowly", "too few frames", "gaps"})
     EXPECT_EQ(slow_computer.find(blame), std::string::npos) << slow_computer;
-  // A hand that is too fast for a camera that takes all frames stays so.
+  // A motion too fast for a camera with all frames is still reported.
   const std::string both = reasons_of(fast, {.left_out = 40, .taken = 20, .came = 30});
   EXPECT_NE(both.find("keeps up with 20 of 30"), std::string::npos) << both;
   EXPECT_NE(both.find("too fast"), std::string::npos) << both;
@@ -140,7 +140,7 @@ TEST_F(VerdictOfARoom, TellsAWrongFocalLengthWithoutAPose) {
   const std::vector<Frame> turning = frames(3);
   Camera wrong = small_camera();
   wrong.fx *= 300.0 / 585, wrong.fy *= 300.0 / 585;
-  for (const int fused : {kFrames, 0}) {  // also where all seems well, and where nothing is tracked
+  for (const int fused : {kFrames, 0}) {  // also with all frames fused, and with none tracked
     const Verdict verdict = verdict_of(
         turning, [](Frame&) {}, fused, wrong);
     expect_reason(verdict, "check the camera's intrinsics (fx, fy)");
@@ -242,7 +242,7 @@ TEST(ViewStep, IsHowFarAnImageMoved) {
     EXPECT_NEAR(step->right, camera.fx * std::tan(angle) / camera.width, 0.03) << angle;
     EXPECT_NEAR(step->down, 0, 0.03) << angle;
   }
-  // A plain image tells nothing.
+  // A uniform image provides no information.
   Frame plain = scene_frame_at(scene, camera, pose);
   for (std::uint32_t& c : plain.colour) c = 0xff808080;
   EXPECT_FALSE(step_between(profile_of(plain, camera), profile_of(plain, camera)));
@@ -252,7 +252,7 @@ TEST(ViewProfile, TellsABlurredImageFromASharpOne) {
   const Camera camera = small_camera();
   Frame frame = scene_frame(synthetic_scene("room"), camera, 30, true);
   const double sharp = profile_of(frame, camera).sharpness;
-  // Each row is drawn out over 12 pixels, as by a turn within the exposure.
+  // Each row is blurred over 12 pixels, as by a rotation during the exposure.
   const std::vector<std::uint32_t> image = frame.colour;
   for (int y = 0; y < camera.height; ++y)
     for (int x = 0; x + 12 < camera.width; ++x) {

@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 using Eigen::Vector3d;
 using Eigen::Vector3f;
 
-constexpr double kVoxel = 0.03, kReach = 4 * kVoxel;  // metres
+constexpr double kVoxel = 0.03, kReach = 4 * kVoxel;  // meters
 const Vector3f kHalfRoom(2.0f, 1.3f, 1.6f), kBoxMiddle(0.5f, 0.9f, 0.3f), kHalfBox(0.4f, 0.4f, 0.3f);
 
 Scene room(bool has_box) {
@@ -31,7 +31,7 @@ Scene room(bool has_box) {
 
 class Change : public testing::Test {
  protected:
-  /// `moved`: metres along x that this map lies elsewhere.
+  /// `moved`: offset of the map along x, meters.
   void write_day(const std::string& name, bool has_box, double moved = 0, double voxel = kVoxel,
                  const std::function<bool(const Vector3d&)>& is_seen = {}) {
     const Scene scene = room(has_box);
@@ -50,14 +50,14 @@ class Change : public testing::Test {
   TemporaryFolder folder;
 };
 
-/// A box that stands on the floor: four sides and the top, but for what is within reach of the floor.
+/// Visible area of a box on the floor: four sides and the top, except within reach of the floor.
 double area_of_box() {
   const Vector3d size = 2 * kHalfBox.cast<double>();
   return size.x() * size.z() + 2 * (size.x() + size.z()) * (size.y() - kReach);
 }
 constexpr double kAreaOff = 0.12;  // m2: two voxels along the seam of the sides with the floor
 
-/// How many vertices have a colour that is more blue than red, or more red than blue.
+/// Number of vertices with clearly more blue than red, and more red than blue.
 std::pair<std::size_t, std::size_t> blue_and_orange(const Mesh& mesh) {
   std::pair<std::size_t, std::size_t> counts;
   for (const auto& c : mesh.colours) {
@@ -106,12 +106,12 @@ TEST_F(Change, IsNoneWhereSurfaceLiesAFewVoxelsOff) {
   write_day("tuesday.vdb", true, 2.5 * kVoxel);
   const ExportedChange none = change("monday.vdb", "tuesday.vdb");
   EXPECT_EQ(none.pieces.size(), 0u);
-  // The walls as well, where that is asked for.
+  // A small distance includes the walls.
   EXPECT_GT(change("monday.vdb", "tuesday.vdb", {.distance = static_cast<float>(kVoxel)}).new_area, 1);
 }
 
 TEST_F(Change, IsNoneWhereTheOtherDayDidNotLook) {
-  const auto is_seen = [](const Vector3d& p) { return p.x() < -0.3; };  // the box stands beyond
+  const auto is_seen = [](const Vector3d& p) { return p.x() < -0.3; };  // the box is beyond
   write_day("monday.vdb", false, 0, kVoxel, is_seen);
   write_day("tuesday.vdb", true);
   EXPECT_EQ(change("monday.vdb", "tuesday.vdb").pieces.size(), 0u);
@@ -132,7 +132,7 @@ TEST_F(Change, SaysWhyTwoMapsCannotBeCompared) {
   write_day("coarse.vdb", false, 0, 0.05);
   EXPECT_NE(error_of([&] { (void)change("monday.vdb", "coarse.vdb"); }).find("make both with the same --voxel-size"),
             std::string::npos);
-  // A room that lies 1 m elsewhere and is turned.
+  // A room with an offset of 1 m and a rotation.
   const Scene scene = room(true);
   const Eigen::AngleAxisd turn(0.6, Vector3d::UnitY());
   const Vector3d half = kHalfRoom.cast<double>() + Vector3d::Constant(0.2);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// How surely an adjusted map's surface is known, in all that is written of it.
+// Standard deviation of an adjusted map's surface in all output formats.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kFrames = 4, kEvery = 8;  // of the scene's path
-// Metres for 4 m: it grows along the map's x, so that each vertex tells where it was looked up.
+// Meters at 4 m: grows along the map's x, so that each vertex identifies its lookup position.
 constexpr double kMiddle = 0.003, kSlope = 0.0005;
 constexpr double kOff = 0.002 * kMiddle + 1.5 * kSlope * SurfaceSigma::kCell;  // a float of 8 bits; a cell and a half
 
@@ -29,7 +29,7 @@ class WrittenSigma : public testing::Test {
   void SetUp() override {
     Options options;
     options.fuse = {.voxel_size = 0.02f, .truncation = 0.08f, .device_memory = std::uint64_t{96} << 20};
-    options.up = Up::z;  // the world is turned
+    options.up = Up::z;  // the world is rotated
     mapper.emplace(session.mapper(small_camera(), options));
     const Scene scene = synthetic_scene("room");
     for (int i = 0; i < kFrames; ++i)
@@ -37,7 +37,7 @@ class WrittenSigma : public testing::Test {
     tracked_from_world = mapper->upright().world_from_tracked.conjugate();
     ASSERT_LT(tracked_from_world.w(), 0.9);
   }
-  /// As an adjustment does it: of the surface of the map, where that is `right` or all of it.
+  /// Simulates an adjustment of the map's surface; if `right`, only of its right part.
   void adjust(bool right = false) {
     SurfaceSigma sigma;
     const Mesh mesh = mapper->map().mesh();

@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 constexpr int kSide = 20;  // squares of a cell's surface
 
-/// A metre of a wavy floor, red where x is below 2 and blue beyond.
+/// A meter of a wavy floor, red where x is below 2 and blue beyond.
 Mesh wavy_floor(int cell) {
   Mesh mesh;
   for (int j = 0; j <= kSide; ++j)
@@ -37,7 +37,7 @@ Mesh wavy_floor(int cell) {
   return mesh;
 }
 
-/// The z and heights of vertices at x.
+/// Coordinates z and y of the vertices at x.
 std::set<std::pair<float, float>> line_at(const Mesh& mesh, float x) {
   std::set<std::pair<float, float>> line;
   for (const Eigen::Vector3f& p : mesh.positions)
@@ -77,7 +77,7 @@ TEST_F(TilesAbove, ShowTheirChildrenCoarserAndWithoutCracksBetweenThem) {
   for (const Mesh& half : halves) {
     EXPECT_EQ(line_at(half, 2), between);
     const float inside = &half == halves.data() ? 1.0f : 3.0f;
-    EXPECT_LT(line_at(half, inside).size(), between.size());  // no border any more
+    EXPECT_LT(line_at(half, inside).size(), between.size());  // no longer a border
   }
   EXPECT_FLOAT_EQ(root.box.sizes().x(), 4);
   EXPECT_LT(read_mesh(folder / root.content).triangles.size(), halves[0].triangles.size());
@@ -91,7 +91,7 @@ TEST_F(TilesAbove, OfCellsAroundZeroAreOne) {
 }
 
 TEST_F(TilesAbove, HaveTheColoursOfATextureBetweenItsVerticesAsWell) {
-  // Two triangles of a floor whose middle is green.
+  // Two triangles of a floor with a green middle.
   Mesh flat;
   flat.positions = {{0, 0, 0}, {1, 0, 0}, {1, 0, 1}, {0, 0, 1}};
   flat.normals.assign(4, {0, -1, 0});

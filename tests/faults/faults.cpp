@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A disk that fails, for the programs that this library is loaded into (LD_PRELOAD). It counts what is done to change a
-// folder: files opened for writing, writes, fsyncs, renames, folders made.
-//   CAIRN_FAULTS_FOLDER  absolute; what lies in it is counted
+// Disk errors for programs that load this library (LD_PRELOAD). Counts the operations that change a folder:
+// files opened for writing, writes, fsyncs, renames, folders made.
+//   CAIRN_FAULTS_FOLDER  absolute; operations in this folder are counted
 //   CAIRN_FAULTS_AT      the operation that fails, counted from 1; 0: none
-//   CAIRN_FAULTS_KIND    full: from that one on nothing can be written (of a write, half still fits); eio: it alone
-//                        fails; short: it alone, if it is a write, writes half
-//   CAIRN_FAULTS_LIMIT   bytes that a file may have: as RLIMIT_FSIZE, but for the device's memory, which
+//   CAIRN_FAULTS_KIND    full: this and all later writes fail (half of the first write fits); eio: only this operation
+//                        fails; short: only this operation, if a write, writes half
+//   CAIRN_FAULTS_LIMIT   maximum size of a file in bytes: as RLIMIT_FSIZE, except for the device's memory, which
 //                        Mesa 25 keeps in anonymous files
 //   CAIRN_FAULTS_EXCHANGE  no: the disk cannot exchange two folders
 //   CAIRN_FAULTS_LOG     file that gets a line for each operation
 //   CAIRN_FAULTS_HOLD    a file whose first reader waits forever, as on a disk that does not answer
-//   CAIRN_FAULTS_HELD    the file that this reader creates
+//   CAIRN_FAULTS_HELD    the file created by this reader
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -64,7 +64,7 @@ void log(const char* what, const char* path) {
 
 enum class Fault { none, fails, half };
 
-/// What becomes of the next operation; errno is set if it fails.
+/// Result of the next operation; sets errno on failure.
 Fault fault(const char* what, const char* path, bool writes) {
   static const long at = std::atol(std::string(environment("CAIRN_FAULTS_AT")).c_str());
   static const std::string kind(environment("CAIRN_FAULTS_KIND"));
@@ -89,7 +89,7 @@ Fault fault_of(const char* what, int descriptor, bool writes) {
   return fault(what, path, writes);
 }
 
-/// How many of `count` bytes still fit into a file.
+/// Number of bytes, at most `count`, that still fit into a file.
 std::size_t room_for(int descriptor, std::size_t count) {
   static const long limit = std::atol(std::string(environment("CAIRN_FAULTS_LIMIT")).c_str());
   if (limit == 0 || descriptor < 0 || descriptor >= static_cast<int>(watched.size()) ||
@@ -170,7 +170,7 @@ ssize_t writev(int descriptor, const struct iovec* parts, int count) {
   if (f == Fault::fails) return -1;
   std::size_t bytes = 0;
   for (int i = 0; i < count; ++i) bytes += parts[i].iov_len;
-  if (const std::size_t room = room_for(descriptor, bytes); room < bytes) {  // the first part that has any
+  if (const std::size_t room = room_for(descriptor, bytes); room < bytes) {  // the first non-empty part
     while (parts->iov_len == 0) ++parts;
     if (room == 0) return errno = EFBIG, -1;
     using Write = ssize_t(int, const void*, std::size_t);
@@ -193,7 +193,7 @@ int rename(const char* from, const char* to) {
   return next<int(const char*, const char*)>("rename")(from, to);
 }
 
-/// CAIRN_FAULTS_EXCHANGE=no: as on a disk that knows no flags of a rename.
+/// CAIRN_FAULTS_EXCHANGE=no: as on a disk without support for rename flags.
 int renameat2(int from_folder, const char* from, int to_folder, const char* to, unsigned flags) {
   if (is_inside(to) && flags != 0 && environment("CAIRN_FAULTS_EXCHANGE") == "no") return errno = EINVAL, -1;
   if (is_inside(to) && fault("rename", to, false) != Fault::none) return -1;

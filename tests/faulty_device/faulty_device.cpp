@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A device that fails and lacks when tests ask for it: a Vulkan layer between the program and the driver. The program
-// knows nothing of it. What it does is told by the environment when an instance or a device is made:
+// Vulkan layer between the program and the driver with failures and missing features for tests. Invisible to the
+// program. Configured by the environment when an instance or a device is made:
 //   CAIRN_FAULTS  words of: allocation=N  the N-th allocation of device memory fails, counted from 1
 //                           submit=N      the N-th submission fails
 //                           groups=N      the device takes N workgroups along x; more ends the program
 //                           piece=BYTES   the largest allocation
-//                           subgroup=N    tells this subgroup size, whatever it is, and lets nobody choose one
+//                           subgroup=N    reports this subgroup size, whatever the real one, and allows no choice
 //                           uncached      no memory is cached by the host
 #include <vulkan/vk_layer.h>
 #include <vulkan/vulkan.h>
@@ -47,14 +47,14 @@ Faults asked() {
   return faults;
 }
 
-// Everything of one instance or device has the loader's table at its begin: it names whose object it is.
+// All handles of one instance or device start with the loader's dispatch table, which identifies the owner.
 void* key(void* handle) { return *static_cast<void**>(handle); }
 
 struct Below {
   PFN_vkGetInstanceProcAddr instance = nullptr;
   PFN_vkGetDeviceProcAddr device = nullptr;
   VkInstance made = nullptr;
-  // Asked for while the instance is made: afterwards the loader would name this layer's own.
+  // Queried while the instance is made: later the loader would return this layer's own functions.
   std::unordered_map<std::string, PFN_vkVoidFunction> functions;
 };
 std::mutex mutex;

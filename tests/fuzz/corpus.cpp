@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Writes small valid inputs, DIR/TARGET/NAME, from which the fuzz targets start.
+// Writes small valid inputs, DIR/TARGET/NAME, as seeds of the fuzz targets.
 #include <cstring>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
@@ -42,7 +42,7 @@ Trajectory path() {
   return path;
 }
 
-/// A tetrahedron, with colours or a texture.
+/// A tetrahedron, with colors or a texture.
 Mesh mesh(bool textured) {
   Mesh mesh;
   mesh.positions = {{0, 0, 0}, {1, 0, 0.5f}, {0, 2, 0}, {0, 0, 3}};
@@ -193,7 +193,7 @@ void write_meshes(const fs::path& folder) {
  "scene": 0, "scenes": [{"nodes": [0]}]})");
 }
 
-/// The files of a finished map, of a map in parts, of tiles, and of a camera beside images.
+/// Files of a finished map, of a map in segments, of tiles, and of a camera beside images.
 void write_json_files(const fs::path& folder) {
   put(place(folder, "report", "map"),
       R"({"cairn": "1.0", "frames": {"total": 2, "fused": 2}, "loops": [], "searched": [[0.1, 1], [0.2, 0]],
@@ -223,7 +223,7 @@ void write_json_files(const fs::path& folder) {
              "distortion_model: plumb_bob}\n");
 }
 
-/// Numbers that distances_fuzz makes fields of: near blocks, and two that lie as far apart as numbers go.
+/// Input of distances_fuzz: nearby blocks, and two blocks at the limits of the index range.
 void write_distance_fields(const fs::path& folder) {
   const auto field = [&](const char* name, std::int32_t far) {
     std::string bytes;
@@ -306,7 +306,7 @@ std::string jpeg(int width, int height) {
   return {bytes.begin(), bytes.end()};
 }
 
-/// Two frames whose depth images are cut short, so that the input stays small.
+/// Two frames with truncated depth images, to keep the input small.
 void write_videos(const fs::path& folder) {
   const auto camera = [](const std::string& place, const std::string& size) {
     return R"({"Intrinsics": {"ModelParameters": [0.5, 0.5, 0.5, 0.5, 0.1, 0, 0, 0.1, 0, 0, 0, 0, 0, 0], "ModelType":
@@ -362,7 +362,7 @@ void write_sens(const fs::path& folder) {
       file(1, std::string("\x78\x9c\x4b\x49\x19\x05\x23\x19\x00\x00\x71\xb8\xc8\x01", 14)));
 }
 
-/// Two frames of 16x16 pixels with all that a recording of ROS can tell, in each container.
+/// Two frames of 16x16 pixels with all message types of a ROS recording, in each container.
 void write_ros(const fs::path& folder) {
   const Camera camera{.width = 16, .height = 16, .fx = 16, .fy = 16, .cx = 8, .cy = 8};
   const auto messages = [&](ros::Wire wire) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// DistanceField::read of a .vdb whose blocks, transform and values are the input's, and what is asked of it then.
+// DistanceField::read of a .vdb with blocks, transform and values from the input, followed by queries.
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -14,7 +14,7 @@ using namespace cairn;
 
 namespace {
 
-/// Numbers from the input, zero behind its end.
+/// Numbers from the input, zero after its end.
 class Numbers {
  public:
   Numbers(const std::uint8_t* data, std::size_t size) : data_(data), size_(size) {}
@@ -63,7 +63,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   try {
     write_distances(file, field_of(numbers));
   } catch (const std::exception&) {
-    return 0;  // no field that anybody could have written
+    return 0;  // no valid field
   }
   fuzz::expect_value_or_plain_error([&] {
     const DistanceField field = DistanceField::read(file);

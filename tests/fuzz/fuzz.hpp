@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What the fuzz targets share. A target gives bytes to a reader, which returns something usable or throws a
-// std::runtime_error that a user can read; all else ends the process, which libFuzzer keeps as a finding.
+// Shared code of the fuzz targets. A target passes bytes to a reader, which returns a usable value or throws a
+// std::runtime_error with a readable message; any other result ends the process, and libFuzzer keeps the input.
 #pragma once
 #include <unistd.h>
 
@@ -17,7 +17,7 @@
 
 namespace cairn::fuzz {
 
-/// A folder of this process, for readers that take paths; the campaign puts it where files cost nothing.
+/// Folder of this process, for readers of paths; the campaign puts it in memory.
 inline const std::filesystem::path& folder() {
   static const std::filesystem::path folder = [] {
     auto made = std::filesystem::temp_directory_path() / ("cairn-fuzz-" + std::to_string(getpid()));
@@ -42,14 +42,14 @@ inline std::string_view text_of(const std::uint8_t* data, std::size_t size) {
   return {reinterpret_cast<const char*>(data), size};
 }
 
-/// Ends the process unless `read` returns or tells its problem in one line without the tags of libraries.
+/// Ends the process unless `read` returns or throws a one-line message without the tags of libraries.
 template <class Read>
 void expect_value_or_plain_error(const Read& read) {
   try {
     read();
   } catch (const std::runtime_error& error) {
-    // Between quotes stand words of the file. The tag is looked for letter by letter, since the fuzzer learns whole
-    // words that it sees compared and puts them there.
+    // Words in quotes are from the file. The tag is compared letter by letter: the fuzzer learns entire words from
+    // comparisons, and would insert them.
     constexpr std::string_view kTag = "json.exception";
     std::string said;
     bool quoted = false, is_plain = *error.what() != '\0';
@@ -65,7 +65,7 @@ void expect_value_or_plain_error(const Read& read) {
   }
 }
 
-/// Keeps what is read from being optimised away, and touches all of it for the address sanitizer.
+/// Keeps the values from being optimized away, and touches all of them for the address sanitizer.
 template <class Numbers>
 void touch(const Numbers& numbers) {
   [[maybe_unused]] static volatile double sink;

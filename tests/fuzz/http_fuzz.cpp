@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// HTTP and WebSocket, through a connection to the server: TOKEN and HOST in the input become what this server's are.
+// HTTP and WebSocket, through a connection to the server: TOKEN and HOST in the input are replaced by the server's
+// values.
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -47,7 +48,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   replace_all(bytes, "TOKEN", site.token);
   replace_all(bytes, "HOST", site.host);
   const int connection = socket(AF_INET, SOCK_STREAM, 0);
-  // Reset at its end, so that no port stays reserved for a while.
+  // Reset on close, so that no port stays reserved.
   const linger reset{1, 0};
   setsockopt(connection, SOL_SOCKET, SO_LINGER, &reset, sizeof reset);
   sockaddr_in address{};
@@ -56,7 +57,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   int connected = -1;
   do connected = connect(connection, reinterpret_cast<sockaddr*>(&address), sizeof address);
-  while (connected != 0 && errno == EINTR);  // libFuzzer's clock
+  while (connected != 0 && errno == EINTR);  // libFuzzer's timer
   if (connected != 0 && errno != EISCONN) {
     std::perror("the server is gone");
     std::abort();

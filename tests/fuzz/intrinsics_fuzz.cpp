@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A camera's file beside images, by the extension that the first byte chooses.
+// Camera file beside images, with the extension chosen by the first byte.
 #include "fuzz.hpp"
 #include "io/intrinsics.hpp"
 

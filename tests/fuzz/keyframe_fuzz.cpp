@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A keyframe's files in a session: corners and images.
+// Files of a keyframe in a session: corners and images.
 #include "fuzz.hpp"
 #include "map/keyframe.hpp"
 

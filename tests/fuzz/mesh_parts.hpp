@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What the targets of mesh files share: they differ in the extension alone.
+// Shared code of the mesh file targets, which differ only in the extension.
 #pragma once
 #include "cairn/mesh.hpp"
 #include "fuzz.hpp"
 
 namespace cairn::fuzz {
 
-/// Reads the bytes as a mesh file of that name, and checks that all its parts are whole.
+/// Reads the bytes as a mesh file with this name, and checks that all its parts are consistent.
 inline void read_parts(const char* name, const std::uint8_t* data, std::size_t size) {
   const auto file = file_of(name, text_of(data, size));
   expect_value_or_plain_error([&] {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Scenes are rendered on the device, which is not fuzzed: here no name is that of one, nor of a sensor, and recordings
-// are opened by open_recording alone.
+// Scenes are rendered on the device, which is not fuzzed: here no name is a scene or a sensor, and recordings are
+// opened by open_recording alone.
 #include <stdexcept>
 
 #include "cairn/source.hpp"
@@ -18,7 +18,7 @@ bool is_sensor(std::string_view) { return false; }
 std::unique_ptr<Source> open_source(const std::string&, const SourceOptions&) {
   throw std::runtime_error("no source is opened here");
 }
-/// The verdict of a plan alone is read here; that of a run needs the features of images.
+/// Only a plan's verdict is read here; a run's verdict needs the features of images.
 std::string name_of(Verdict::Level) { return "weak"; }
 std::unique_ptr<Source> as_taken_by(std::unique_ptr<Source> source, const Rig&) { return source; }
 

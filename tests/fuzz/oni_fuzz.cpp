@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What stands between an .oni file and OpenNI2, which is not fuzzed itself.
+// Checks of an .oni file before OpenNI2, which is not fuzzed itself.
 #include "fuzz.hpp"
 #include "io/oni_file.hpp"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// part.json, a part of a plan that stands for frames of a recording.
+// part.json, a segment of a plan: a range of frames of a recording.
 #include "fuzz.hpp"
 #include "io/part.hpp"
 

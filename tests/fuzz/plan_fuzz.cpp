@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// plan.json of a map that is made in parts.
+// plan.json of a map made of segments.
 #include "cairn/parts.hpp"
 #include "fuzz.hpp"
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Folders of images, of every layout. The input holds the text files one after the other,
-// each after a line of `@` and its name.
+// Image folders of every layout. The input contains the text files in sequence, each after a line of `@` and its name.
 #include <array>
 #include <opencv2/imgcodecs.hpp>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// report.json of a finished map, as its page reads it.
+// report.json of a finished map, as read for its page.
 #include <spdlog/spdlog.h>
 
 #include "fuzz.hpp"

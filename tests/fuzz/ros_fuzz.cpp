@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Recordings of ROS: .bag, .mcap and .db3 files, by how they begin.
+// ROS recordings: .bag, .mcap and .db3 files, by their first bytes.
 #include <spdlog/spdlog.h>
 
 #include "fuzz.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The state of a session. Its checksum is made right again, or nothing else would ever be looked at.
+// State of a session. The checksum is corrected, else no other check would be reached.
 #include <fmt/format.h>
 
 #include <boost/crc.hpp>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// tileset.json, as the viewer serves it and as tiles above it take it in.
+// tileset.json, as served by the viewer and as read for parent tiles.
 #include <spdlog/spdlog.h>
 
 #include "fuzz.hpp"

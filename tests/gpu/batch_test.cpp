@@ -63,7 +63,7 @@ TEST(Batch, GoesOnWhileTheHostDoesAndLaterOnesSeeItsWork) {
     batch.fill(buffer, 1);
     batch.download(buffer, first);
     batch.submit();
-    batch.upload(buffer, sent);  // not before the download
+    batch.upload(buffer, sent);  // must wait for the download
     batch.submit();
     EXPECT_EQ(device.traffic().waits, waits);
     batch.download(buffer, second);
@@ -73,7 +73,7 @@ TEST(Batch, GoesOnWhileTheHostDoesAndLaterOnesSeeItsWork) {
     EXPECT_EQ(second, sent);
     batch.fill(buffer, 2);
     batch.submit();
-  }  // a buffer stays as long as something works on it
+  }  // the buffer lives until its last use
   device.wait();
   EXPECT_TRUE(device.validation_messages().empty());
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Devices that fail, and devices that can do no more than Vulkan guarantees: see tests/faulty_device.
+// Devices with failures, and devices with only the minimum guaranteed by Vulkan: see tests/faulty_device.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@
 namespace cairn {
 namespace {
 
-/// While it lives every device that is made has these faults.
+/// Devices made during its lifetime have these faults.
 class Faults {
  public:
   explicit Faults(const std::string& words) {
@@ -81,7 +81,7 @@ TEST(FaultyDevice, AnyAllocationMayFailAndWhatWasFusedStays) {
   const Scene scene = synthetic_scene("room");
   std::vector<Frame> frames;
   for (int i = 0; i < 6; ++i) frames.push_back(scene_frame(scene, camera, 3 * i));
-  const int step = number_from("CAIRN_FAULTS_EVERY", 8);  // `scripts/campaign faults` takes every one
+  const int step = number_from("CAIRN_FAULTS_EVERY", 8);  // `scripts/campaign faults` tests each
   int failed = 0, after_checkpoint = 0;
   bool any = true;
   for (long n = 1; any; n += step) {
@@ -113,7 +113,7 @@ TEST(FaultyDevice, AnyAllocationMayFailAndWhatWasFusedStays) {
           EXPECT_FALSE(mapper.map().mesh().triangles.empty());
         } catch (const std::runtime_error& error) {
           expect_told(error);
-          // The frame that failed may have got its place, and be part of the surface.
+          // The failed frame may already have a pose and be part of the surface.
           EXPECT_GE(mapper.trajectory().size(), fused);
           if (fused > 0) {
             EXPECT_FALSE(mapper.map().mesh().triangles.empty()) << n;
@@ -141,7 +141,7 @@ TEST(FaultyDevice, LimitsThatVulkanGuaranteesAreEnough) {
     EXPECT_EQ(ran.exit_code, 0) << ran.err;
   };
   reconstruct("usual", "");
-  // Subgroups of 8 or 16 that are told to be of 4; 300 workgroups instead of 65,535 are less than a frame needs.
+  // Subgroups of 8 or 16 reported as 4; 300 workgroups instead of 65,535 are fewer than a frame needs.
   reconstruct("least", faulty_device("groups=300 piece=268435456 subgroup=4 uncached"));
   for (const char* name : {"mesh.glb", "map.vdb", "trajectory.txt"})
     EXPECT_TRUE(read_bytes(folder / "usual" / name) == read_bytes(folder / "least" / name)) << name;

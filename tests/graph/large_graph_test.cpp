@@ -20,7 +20,7 @@ void expect_near(const PoseGraph& graph, const PoseGraph& other, double metres) 
 }
 
 struct Judged {
-  int false_ones = 0, lost = 0;  // loops that are believed though they are false, and true ones that are not
+  int false_ones = 0, lost = 0;  // false loops that are inliers, and true loops that are not
   Judged(const LongWalk& walk, const std::vector<double>& edge_weights) {
     const std::size_t steps = edge_weights.size() - walk.loops.size();
     for (std::size_t k = 0; k < walk.loops.size(); ++k) {
@@ -59,7 +59,7 @@ TEST(LargeGraph, GivesTheSameBitsAgain) {
     ASSERT_EQ(first.world_from_node[k].matrix(), second.world_from_node[k].matrix()) << k;
 }
 
-/// Loops as they come, nothing else.
+/// Adds loops as they arrive, without a full optimization.
 TEST(LargeGraph, ClosesLoopsAsTheyCome) {
   const LongWalk walk(1500, 120, 0);
   PoseGraph grown;
@@ -76,7 +76,7 @@ TEST(LargeGraph, ClosesLoopsAsTheyCome) {
   PoseGraph whole = tracked(walk, 1500, walk.loops.size());
   const double drift = walk.error(whole);
   optimise(whole);
-  // Every eighth node, which the others' loops move as well: what is left of the drift is a tenth more at most.
+  // Every eighth node, including nodes moved by other loops: the remaining drift is at most a tenth more.
   EXPECT_GT(drift, 1.5 * walk.error(whole));
   EXPECT_LT(walk.error(walk.graph(grown.world_from_node, loops)), walk.error(whole) + 0.1 * drift);
 }
@@ -94,7 +94,7 @@ TEST(LargeGraph, DoesNotCloseALoopThatTheOthersContradict) {
   expect_near(graph, before, 1e-12);
 }
 
-/// As it is when the whole graph has been taken and what came since is brought to it.
+/// State after the result of a full optimization is applied and newer keyframes are attached to it.
 TEST(LargeGraph, MovesTheOthersWhereTheLastLoopIsNotBelieved) {
   const LongWalk walk(1500, 120, 0);
   PoseGraph graph = tracked(walk, 1500, walk.loops.size());
@@ -113,11 +113,11 @@ TEST(LargeGraph, MovesTheOthersWhereTheLastLoopIsNotBelieved) {
   expect_near(graph, without, 1e-9);
 }
 
-/// What a chain of steps tells of its ends, and gravity, is the same from afar.
+/// Coarsening keeps the relative pose of a chain's ends and gravity.
 TEST(CoarseGraph, KeepsEndsAndWhatJoinsThem) {
   const LongWalk walk(300, 3, 0);
   PoseGraph fine = tracked(walk, 300, 3);
-  // A break: two pieces, which a loop joins alone.
+  // A break: two components, joined only by a loop.
   std::erase_if(fine.edges, [](const auto& e) { return e.i == 99 && e.j == 100; });
   fine.edges.push_back({.i = 40,
                         .j = 101,
@@ -128,7 +128,7 @@ TEST(CoarseGraph, KeepsEndsAndWhatJoinsThem) {
   fine.gravity.push_back({.node = 103, .up = fine.world_from_node[103].linear().transpose() * up, .sigma = 0.1});
   const CoarseGraph coarse(fine, 8);
   EXPECT_LT(coarse.graph.world_from_node.size(), 300 / 8 + 6);
-  // Steps agree with the poses that they have put, so that all errors but those of the walk's loops are none.
+  // Steps agree with the poses computed from them, so that only the walk's loops have errors.
   for (const auto& e : coarse.graph.edges) {
     if (e.is_loop_closure) continue;
     const Eigen::Isometry3d placed = coarse.graph.world_from_node[e.i].inverse() * coarse.graph.world_from_node[e.j];

@@ -29,7 +29,7 @@ Eigen::Isometry3d random_motion(std::mt19937& random, double radians, double met
   return retract(x);
 }
 
-/// A camera that goes twice round a circle of 2 m: odometry with noise, and a loop from each node to the one a round
+/// Camera path twice around a circle of 2 m: odometry with noise, and a loop from each node to the node one round
 /// before.
 struct Ring {
   static constexpr std::size_t kNodes = 80;
@@ -101,14 +101,14 @@ TEST(PoseGraph, TakesFalseLoopsForFalse) {
   EXPECT_LT(ring.rmse(), clean.rmse() + 0.02);
 }
 
-/// One step of a round is off by far more than its noise, and looser loops tell of it: the error before, and behind.
+/// One step of a round has an error far above its noise, contradicted by weaker loops: the errors before and behind it.
 std::pair<double, double> errors_beside_a_slip(bool may_slip) {
   Ring ring(0.002, 0.002);
   constexpr std::size_t kSlipped = 60;
   PoseGraph& graph = ring.graph;
   for (auto& edge : graph.edges) {
     if (edge.is_loop_closure)
-      edge.information /= 4;  // as loops tell less than the adjusted steps
+      edge.information /= 4;  // loops are less accurate than the adjusted steps
     else
       edge.may_slip = may_slip;
   }
@@ -140,7 +140,7 @@ TEST(PoseGraph, GivesTheSameBitsAgain) {
   std::optional<PoseGraph> first;
   for (int i = 0; i < 20; ++i) {
     Ring ring;
-    ring.graph.edges.back().i_from_j.translation() << 3, 4, 5;  // weights are found over many rounds
+    ring.graph.edges.back().i_from_j.translation() << 3, 4, 5;  // the weights need many iterations
     optimise(ring.graph);
     if (!first) first = ring.graph;
     for (std::size_t k = 0; k < Ring::kNodes; ++k)
@@ -237,7 +237,8 @@ TEST(G2o, HasInformationThatG2oWeighsAsWeDo) {
   EXPECT_EQ(read.file_rotation, PoseGraph::FileRotation::half_angle);
   for (std::size_t k = 0; k < read.edges.size(); ++k)
     EXPECT_TRUE(read.edges[k].information.isApprox(ring.graph.edges[k].information, 1e-6));
-  // A small turn about x and a step along y, as g2o measures it: the step, then the quaternion's vector part.
+  // A small rotation about x and a translation along y in g2o's order: the translation, then the quaternion's vector
+  // part.
   Vector6d ours = Vector6d::Zero();
   ours << 1e-3, 0, 0, 0, 2e-3, 0;
   const Eigen::Quaterniond q(Eigen::AngleAxisd(ours[0], Eigen::Vector3d::UnitX()));
@@ -289,7 +290,7 @@ TEST(G2o, TellsTheLineThatIsWrong) {
 TEST(G2o, MakesInformationPositiveDefiniteAndTellsHowOften) {
   const TemporaryFolder folder;
   Ring ring;
-  // A matrix turned about, with eigenvalues below zero and at zero, and one without any information.
+  // A rotated matrix with negative and zero eigenvalues, and a zero matrix.
   Matrix6d turned = Matrix6d::Random();
   turned = Eigen::HouseholderQR<Matrix6d>(turned).householderQ();
   Vector6d values;
@@ -305,7 +306,7 @@ TEST(G2o, MakesInformationPositiveDefiniteAndTellsHowOften) {
   EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(read.edges[5].information);
   EXPECT_GT(eigen.eigenvalues().minCoeff(), 0);
-  EXPECT_LT(eigen.eigenvalues()[1], 1e-4);  // of the two directions that say nothing
+  EXPECT_LT(eigen.eigenvalues()[1], 1e-4);  // of the two directions without information
   EXPECT_NEAR(eigen.eigenvalues()[2], 100, 1e-3);
   EXPECT_NEAR(eigen.eigenvalues()[5], 1e4, 1e-3);
   const OptimiseReport report = optimise(read);
@@ -316,7 +317,7 @@ TEST(G2o, MakesInformationPositiveDefiniteAndTellsHowOften) {
 
 struct Benchmark {
   const char* name;
-  double certified;  // chordal cost (Rosen et al. 2019); 0: not known here
+  double certified;  // chordal cost (Rosen et al. 2019); 0: unknown
 };
 
 class PoseGraphBenchmark : public testing::TestWithParam<Benchmark> {
@@ -331,7 +332,7 @@ TEST_P(PoseGraphBenchmark, ReachesTheMinimumFromTheFilesOwnStart) {
   chordal.world_from_node = chordal_initialisation(chordal, std::vector<double>(chordal.edges.size(), 1.0));
   const OptimiseReport from_chordal = optimise(chordal, {.robust = false});
   EXPECT_NEAR(from_given.cost, from_chordal.cost, 1e-3 * from_chordal.cost);
-  // Not the same cost: it reduces each information matrix to two numbers.
+  // Another cost: reduces each information matrix to two numbers.
   if (GetParam().certified > 0) {
     EXPECT_NEAR(chordal_cost(given), GetParam().certified, 0.03 * GetParam().certified);
   }

@@ -17,9 +17,9 @@ namespace cairn {
 namespace {
 
 constexpr int kFrames = 40;
-constexpr double kStart = 1'700'000'000;  // seconds: stamps as a sensor gives them
+constexpr double kStart = 1'700'000'000;  // seconds: typical stamps of a sensor
 
-/// The sum of the places of all triangles' corners, which tells whether two surfaces are the same.
+/// Sum of the positions of all triangles' corners, to compare two surfaces.
 Eigen::Vector3d sum_of(const std::vector<SurfacePart>& parts) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const SurfacePart& part : parts)
@@ -36,7 +36,7 @@ std::size_t triangles_of(const std::vector<SurfacePart>& parts) {
 
 class LoggedRun : public testing::Test {
  protected:
-  /// Some frames of the room, of which one cannot be read and one comes before any time is known.
+  /// Some frames of the room, including an unreadable frame and a frame before the first timestamp.
   static void SetUpTestSuite() {
     folder = new TemporaryFolder;
     const auto source = open_synthetic({.scene = "room", .first = 0, .frames = kFrames});
@@ -76,7 +76,7 @@ class LoggedRun : public testing::Test {
     return LiveSurface(mapper).changes(1 << 20, true).parts;
   }
   static TemporaryFolder* folder;
-  static nlohmann::json* logged;  // what MCAP's own readers find in it
+  static nlohmann::json* logged;  // contents as read by MCAP's own readers
   static std::vector<SurfacePart>* surface;
   static Trajectory* trajectory;
 };
@@ -88,7 +88,7 @@ Trajectory* LoggedRun::trajectory = nullptr;
 TEST_F(LoggedRun, HasEveryTopicByItsSchema) {
   const auto& topics = (*logged)["topics"];
   const std::map<std::string, std::pair<std::string, int>> expected{
-      {"/tf", {"foxglove.FrameTransforms", kFrames}},  // one less for the frame that is skipped, one more at the end
+      {"/tf", {"foxglove.FrameTransforms", kFrames}},  // one less for the skipped frame, one more at the end
       {"/tf/submaps", {"foxglove.FrameTransforms", 2}},
       {"/camera/color/image", {"foxglove.CompressedImage", 7}},
       {"/camera/color/calibration", {"foxglove.CameraCalibration", 7}},
@@ -121,7 +121,7 @@ TEST_F(LoggedRun, HasTheTimesOfTheRecording) {
 TEST_F(LoggedRun, HoldsTheWholeSurface) {
   const auto& mesh = (*logged)["mesh"];
   const auto whole = static_cast<double>(triangles_of(*surface));
-  // Parts were made one after the other, so where they meet a few triangles may be those of an earlier moment.
+  // Blocks are meshed one after the other, so a few triangles at their borders may be older.
   EXPECT_NEAR(mesh["triangles"].get<double>(), whole, 0.002 * whole);
   const Eigen::Vector3d sum = sum_of(*surface) / whole;
   for (int k = 0; k < 3; ++k)
@@ -193,7 +193,7 @@ TEST(RunLog, BeginsAgainWithAnotherMap) {
     log.add(*frame, mapper->add(*frame));
   }
   log.finish({.words = "well", .reasons = {}});
-  EXPECT_EQ(read_log(folder / "x.mcap")["mesh"]["entities"], 0);  // until the surface is due again
+  EXPECT_EQ(read_log(folder / "x.mcap")["mesh"]["entities"], 0);  // until the next update of the surface
 }
 
 }  // namespace

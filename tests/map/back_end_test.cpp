@@ -15,7 +15,7 @@ namespace {
 
 const BrickBox kAnywhere(Brick::Constant(-100), Brick::Constant(100));
 
-/// Walks through a scene along its own path with poses that drift slowly, a frame every 0.2 s, in small submaps.
+/// Walk along a scene's path with slowly drifting poses, a frame every 0.2 s, in small submaps.
 struct Walk {
   Walk(const std::string& name, int frames, double slip, const std::filesystem::path& session = {}) {
     options.map.submap_radius = 1.5f;
@@ -38,7 +38,7 @@ struct Walk {
     }
     back_end->settle();
   }
-  /// Metres between where a loop puts its keyframe and where it is.
+  /// Position error of a loop, meters.
   [[nodiscard]] double error(const Loop& loop) const {
     const auto& keyframes = back_end->atlas().keyframes;
     const auto at = [&](std::size_t k) { return truth[static_cast<std::size_t>(keyframes[k].frame)]; };
@@ -74,8 +74,8 @@ TEST(BackEnd, FindsTheWayBackAndTakesTheDriftOut) {
 TEST(BackEnd, IsNotTakenInByARoomThatLooksLikeAnother) {
   const Walk walk("twin-rooms", 215, 0.0003);
   const Atlas& atlas = walk.back_end->atlas();
-  // The second room's places are tried as the first's, and refused: they would be metres off. Back in the first they
-  // are found, to 33 mm where the device sums up in another order.
+  // Candidates between the second room and the first are rejected: their error would be meters. After the return to the
+  // first room loops are found, with errors up to 33 mm on devices with another order of summation.
   for (const Loop& loop : atlas.loops) EXPECT_LT(walk.error(loop), 0.05);
   EXPECT_GT(atlas.loops.size(), 3u);
 }
@@ -137,7 +137,7 @@ TEST(BackEnd, KeepsFewerKeyframesWhereManySawTheSame) {
   EXPECT_LE(keyframes[2], 2 * keyframes[0] / 3);
   EXPECT_LE(keyframes[3], 2 * keyframes[0] / 3);
   EXPECT_GE(keyframes[3], keyframes[0] / 2);
-  EXPECT_GE(keyframes[4], 60u);  // nothing saw that yet
+  EXPECT_GE(keyframes[4], 60u);  // a new view direction
 }
 
 TEST(BackEnd, KeepsSubmapsOnTheDiskWhenTheyExceedTheBudget) {
@@ -165,14 +165,15 @@ TEST(BackEnd, KeepsSubmapsOnTheDiskWhenTheyExceedTheBudget) {
         ASSERT_TRUE(std::equal(voxels->find(brick), voxels->find(brick) + 512, originals[s].find(brick)));
     }
   EXPECT_GT(submaps.counts().read_back, 3u);
-  // A part is read as what it is.
+  // Reads a range of bricks.
   submaps.leave_memory();
   const int row = 4;
   EXPECT_EQ(submaps.voxels(row, BrickBox(Brick(10, row, 0), Brick(19, row, 0)))->size(), 10u);
   EXPECT_EQ(submaps.voxels(row, BrickBox(Brick(10, 0, 0), Brick(19, 3, 0)))->size(), 0u);
 }
 
-/// Two keyframes in a frame, and others of the same place in another one: nothing is known about how the two lie.
+/// Two keyframes in a frame, and keyframes of the same place in another frame: the relative pose of the two components
+/// is unknown.
 struct TwoPieces {
   explicit TwoPieces(const Matrix6d& information, const std::filesystem::path& session = {}) {
     back_end.emplace(test_device(), small_camera(), options, session);
@@ -213,7 +214,7 @@ TEST(BackEnd, GoesOnWithoutLoopsWhenKeyframesAreLost) {
 
 TEST(BackEnd, LeavesKeyframesWhereTheyAreWhenTheGraphCannotBeOptimised) {
   Matrix6d information = 1e6 * Matrix6d::Identity();
-  information(5, 5) = -1e3;  // no covariance has such an inverse
+  information(5, 5) = -1e3;  // not the inverse of any covariance
   TwoPieces p(information);
   for (int i = 0; i < 3; ++i) {
     p.add(2 * i, kElsewhere, i > 0 ? &information : nullptr);
@@ -245,7 +246,7 @@ TEST(BackEnd, KnowsWhichPlacesLieInTheFrameOfTracking) {
   EXPECT_EQ(here(), "..xxx");
   p.back_end->end_submap(p.volume, p.fused_count, false);
   EXPECT_EQ(here(), ".....");
-  p.back_end->begin_in_world();  // of the larger piece
+  p.back_end->begin_in_world();  // of the larger component
   EXPECT_EQ(here(), "..xxx");
   const BackEnd::Memory memory = p.back_end->memory();
   EXPECT_FALSE(memory.tracked_from_camera[0]);
@@ -266,7 +267,7 @@ TEST(BackEnd, KeepsInMemoryWhatCannotBeWrittenAndTriesAgain) {
   for (const auto& problem : {submaps.store(), keyframes.store()}) EXPECT_TRUE(problem);
   EXPECT_EQ(submaps.voxels(0, kAnywhere)->size(), 1u);
   EXPECT_EQ(keyframes.get(0).depth, frame.depth);
-  // Once there is room, they are written.
+  // Written once there is space.
   std::filesystem::create_directory(folder / "session");
   EXPECT_FALSE(submaps.store() || keyframes.store());
   EXPECT_EQ(BrickFile(submaps.file(0)).read().size(), 1u);
@@ -277,12 +278,12 @@ TEST(BackEnd, RefusesASubmapWithBrokenVoxels) {
   const TemporaryFolder folder;
   BrickTree tree;
   BrickVoxels voxels;
-  for (std::uint64_t k = 0; k < voxels.size(); ++k) voxels[k] = k * 0x9e3779b97f4a7c15u;  // does not pack
+  for (std::uint64_t k = 0; k < voxels.size(); ++k) voxels[k] = k * 0x9e3779b97f4a7c15u;  // incompressible
   for (int i = 0; i < 20; ++i) tree.put({i, 0, 0}, voxels);
   const Submaps submaps(folder.path(), 0, Access::read);
   write_bricks(submaps.file(0), tree);
   Submaps(folder.path(), 0, Access::read).add_stored(true);
-  // The bytes that tell how long a brick's packed voxels are.
+  // Length fields of the bricks' compressed voxels.
   auto bytes = read_bytes(submaps.file(0));
   using Byte = decltype(bytes)::value_type;
   const Byte* const packed = reinterpret_cast<const Byte*>(voxels.data());

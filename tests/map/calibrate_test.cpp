@@ -25,7 +25,7 @@ Camera focused(Camera camera, double times) {
   return camera;
 }
 
-/// A scene with a Kinect's noise, seen from a camera that moves as `pose` says, each image changed as `change` says.
+/// Scene with a Kinect's noise, seen from a camera along `pose`, with `change` applied to each image.
 struct Rendering {
   const char* scene = "room";
   Camera camera = synthetic_camera();
@@ -35,7 +35,7 @@ struct Rendering {
   int refocuses_at = -1;  // frame
 };
 
-/// All that asks for frames gets the same: they are rendered once.
+/// Rendered once and shared by all callers.
 std::shared_ptr<const std::vector<Frame>> frames_of(const Rendering& r) {
   const Scene scene = synthetic_scene(r.scene);
   std::optional<SceneRenderer> renderer(std::in_place, test_device(), scene, r.camera);
@@ -71,7 +71,7 @@ class Recording final : public Source {
 
 using Open = std::function<std::unique_ptr<Source>()>;
 
-/// It tells the usual camera, without a readout.
+/// Recording with the default camera, without a readout.
 Open opener(const Rendering& rendering) {
   return [frames = frames_of(rendering)] { return std::make_unique<Recording>(frames, synthetic_camera()); };
 }
@@ -80,7 +80,7 @@ PoseAt path_of(const char* name) {
   return [scene = synthetic_scene(name)](double t) { return scene.world_from_camera(t); };
 }
 
-/// Neither a readout nor a correction of depth is found, and the rig is as it was told.
+/// Expects neither a readout nor a depth correction, and an unchanged rig.
 void expect_nothing_found(const Open& open) {
   const FoundShutter shutter = find_shutter(open);
   std::printf("shutter: %d keyframes, %s\n", shutter.keyframes, shutter.why_not.c_str());

@@ -25,7 +25,7 @@ std::vector<Keyframe> wandering(std::size_t count) {
     keyframes[k].odometry_from_camera = pose;
     for (Eigen::Index i = 0; i < 6; ++i) keyframes[k].information(i, i) = std::pow(10.0, 5 + 2 * number(random));
   }
-  keyframes[7].information.setZero();  // nothing was known of how it lies
+  keyframes[7].information.setZero();  // unknown relative pose
   return keyframes;
 }
 

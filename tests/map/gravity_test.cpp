@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The vote on exact shapes: what cameras see of surfaces whose directions are known, in a world that is tilted.
+// Gravity vote on exact shapes: views of surfaces with known directions, in a tilted world.
 #include "map/gravity.hpp"
 
 #include <gtest/gtest.h>
@@ -32,7 +32,8 @@ Matrix3d turn(double angle, const Vector3d& axis) {
   return Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix();
 }
 
-/// A camera that looks around once, in steps, at a pitch (down) with some unrest; each view sees what faces it.
+/// Camera that looks around once, in steps, at a pitch (down) with some variation; each view contains the surfaces
+/// facing it.
 class Walk {
  public:
   Walk(const std::vector<Surface>& surfaces, double pitch, const Matrix3d& tilt = Matrix3d::Identity(),
@@ -138,7 +139,7 @@ TEST(VoteDown, IsNotMovedByNoiseAndClutter) {
 }
 
 TEST(VoteDown, StandsUnderASlopedRoof) {
-  // An attic: most of what is seen slopes.
+  // An attic: most of the visible surface is sloped.
   for (const double slope : {30.0, 45.0}) {
     const Vector3d left = turn(slope * kDegree, kAhead) * kDown, right = turn(-slope * kDegree, kAhead) * kDown;
     const Walk walk({{kUp, 10}, {left, 15}, {right, 15}, {kBack, 6}, {kAhead, 6}}, 10 * kDegree);
@@ -160,7 +161,7 @@ TEST(SharpenDown, TakesWhatFloorsAndWallsSayNearIt) {
 TEST(SharpenDown, LeavesAMeasurementThatTheyContradict) {
   const Walk room(kRoom, 15 * kDegree), wall({{kBack, 10}}, 0);
   EXPECT_FALSE(sharpen_down(room.views, turn(8 * kDegree, kRight) * kDown));
-  EXPECT_FALSE(sharpen_down(wall.views, kDown));  // holds it in one direction only
+  EXPECT_FALSE(sharpen_down(wall.views, kDown));  // constrains one direction only
   EXPECT_FALSE(sharpen_down({}, kDown));
 }
 

@@ -16,7 +16,7 @@ namespace {
 
 using Place = std::tuple<int, int, int, int>;  // submap, cell
 
-/// Maps some frames of the room, asking for the surface after each; gives the newest of every part.
+/// Maps some frames of the room, with a request for the surface after each; keeps the newest version of every block.
 struct Watched {
   std::map<Place, Mesh> parts;
   std::map<Place, int> times;
@@ -51,11 +51,11 @@ TEST(GrowingSurface, IsInTheEndTheWholeMeshAndCostsLittleByFrame) {
   const std::size_t before = watched.triangles();
   for (int i = 0; i < 100; ++i) watched.take(surface.changes(300, true));
   const Mesh whole = mapper.map().mesh();
-  // Parts were made one after the other, so where they meet a few triangles may be those of an earlier moment.
+  // Blocks are meshed one after the other, so a few triangles at their borders may be older.
   EXPECT_NEAR(static_cast<double>(watched.triangles()), static_cast<double>(whole.triangles.size()),
               0.002 * static_cast<double>(whole.triangles.size()));
   EXPECT_GT(before, whole.triangles.size() * 8 / 10);
-  EXPECT_LT(watched.most_triangles, 60000u);  // some 100 a brick
+  EXPECT_LT(watched.most_triangles, 60000u);  // some 100 per brick
   int most = 0;
   for (const auto& [place, times] : watched.times) most = std::max(most, times);
   EXPECT_LE(most, 15);  // of 40 frames
@@ -83,7 +83,7 @@ TEST(GrowingSurface, IsToldToEachThatFollowsIt) {
 
 TEST(GrowingSurface, LiesWhereTheWholeMeshLies) {
   const auto source = open_synthetic({.scene = "room", .first = 0, .frames = 5});
-  Mapper mapper(source->rig(), {.up = Up::minus_y});  // no turn: what a viewer follows is turned by its page
+  Mapper mapper(source->rig(), {.up = Up::minus_y});  // no rotation: the viewer's page applies it
   while (const auto frame = source->next()) (void)mapper.add(*frame);
   const SurfaceChanges changes = LiveSurface(mapper).changes(1 << 20, true);
   ASSERT_EQ(changes.world_from_submap.size(), 1u);
@@ -93,7 +93,7 @@ TEST(GrowingSurface, LiesWhereTheWholeMeshLies) {
     for (const auto& p : part.mesh.positions) {
       box.extend(p);
       const Eigen::Vector3f in_cell = p / (GrowingSurface::kCell * 0.08f) - part.cell.cast<float>();
-      EXPECT_GT(in_cell.minCoeff(), -0.05f);  // a voxel's triangle reaches a voxel beyond
+      EXPECT_GT(in_cell.minCoeff(), -0.05f);  // a voxel's triangle extends up to a voxel beyond
       EXPECT_LT(in_cell.maxCoeff(), 1.05f);
     }
   for (const auto& p : mapper.map().mesh().positions) whole.extend(p);
@@ -109,7 +109,7 @@ TEST(GrowingSurface, TellsHowOftenAPlaneWasSeen) {
   for (const auto& [seen, byte] : {std::pair(1, 90), {2, 128}, {4, 180}, {8, 255}, {12, 255}}) {  // 255 sqrt(n / 8)
     while (frame.index < seen) {
       frame.timestamp = 0.1 * ++frame.index;
-      frame.depth[0] = 1 + 0.001f * static_cast<float>(frame.index);  // the same image again would be a stuck sensor
+      frame.depth[0] = 1 + 0.001f * static_cast<float>(frame.index);  // an identical image would be a stuck sensor
       ASSERT_EQ(mapper.add(frame).state, FrameState::fused);
     }
     int vertices = 0;
@@ -133,7 +133,7 @@ TEST(GrowingSurface, TellsHowWellWhatIsInViewWasSeen) {
     (void)mapper.add(*frame);
     coverage.push_back(surface.changes(1000).coverage.value());
   }
-  EXPECT_EQ(coverage.front(), 0);  // none of it was seen before
+  EXPECT_EQ(coverage.front(), 0);  // unknown surface so far
   EXPECT_GT(coverage[5], 0.1);
   EXPECT_GT(coverage.back(), coverage[5] + 0.1);
   EXPECT_LE(coverage.back(), 1);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A frame that is held out has a pose, and the map is the one that would be without it.
+// A held-out frame gets a pose, and the map is the same as without it.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,8 +18,8 @@ namespace {
 
 constexpr int kFrames = 24;
 constexpr int kEvery = 4;
-/// Of 255. Where a keyframe's camera was when its colour was taken is told by its speed, for which the poses of frames
-/// beside it count, those held out as well.
+/// Of 255. The camera position for a keyframe's color depends on its velocity, computed from neighboring poses,
+/// including held-out frames.
 constexpr double kMovedColour = 1;
 const Camera kSmall{160, 120, 131.25, 131.25, 79.5, 59.5, {}};
 
@@ -32,7 +32,7 @@ const std::vector<Frame>& room_frames() {
   return frames;
 }
 
-/// All frames, some of them held out; or only the others.
+/// All frames with some held out, or only the rest.
 std::vector<Frame> frames_of(bool with_held_out) {
   std::vector<Frame> frames;
   const auto source = hold_out(std::make_unique<GivenFrames>(kSmall, room_frames()), {.every = kEvery});
@@ -101,7 +101,7 @@ TEST(HeldOutFrames, ChangeNothingWhereTheyAreLostOrComeFirst) {
     if (frame.held_out) std::fill(frame.depth.begin(), frame.depth.end(), 0.0f);
   Options options{.fuse = {.voxel_size = 0.03f, .truncation = 0.12f}};
   options.track.finest_level = 0;
-  options.map.lost_frames = 1;  // what is lost begins a component
+  options.map.lost_frames = 1;  // lost frames start a component
   Mapper mapper(kSmall, options);
   Frame first = spoilt[0];
   first.held_out = true, first.timestamp -= 1;

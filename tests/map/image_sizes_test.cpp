@@ -12,7 +12,7 @@ namespace cairn {
 namespace {
 
 constexpr int kFrames = 8;
-constexpr double kDrift = 0.003;  // metres and radians after 8 frames: a third of a voxel
+constexpr double kDrift = 0.003;  // meters and radians after 8 frames: a third of a voxel
 constexpr float kOnSurface = 2;   // voxels to the nearest vertex: a voxel's diagonal is 1.7
 
 Camera camera_of(int width, int height) {
@@ -20,7 +20,7 @@ Camera camera_of(int width, int height) {
   return {width, height, f, f, (width - 1) / 2.0, (height - 1) / 2.0, {}};
 }
 
-/// The distance from a point to the nearest vertex.
+/// Distance from a point to the nearest vertex.
 float distance(const Mesh& mesh, const Eigen::Vector3f& point) {
   float least = 1e9f;
   for (const Eigen::Vector3f& p : mesh.positions) least = std::min(least, (p - point).norm());
@@ -37,7 +37,7 @@ TEST_P(ImageSizes, AreTrackedAndFusedToTheLastPixel) {
   const auto [width, height] = GetParam();
   const Camera camera = camera_of(width, height);
   const Scene scene = synthetic_scene("room");
-  Mapper mapper(camera, {.up = Up::camera});  // whose frame the truth is in
+  Mapper mapper(camera, {.up = Up::camera});  // the truth's frame
   Frame first;
   for (int i = 0; i < kFrames; ++i) {
     Frame frame = scene_frame(scene, camera, 2 * i);
@@ -52,7 +52,7 @@ TEST_P(ImageSizes, AreTrackedAndFusedToTheLastPixel) {
   EXPECT_LT(Eigen::AngleAxisd(error.linear()).angle(), kDrift);
 
   const Mesh mesh = mapper.map().mesh();
-  // A little inside of the image: at its very border later frames carve.
+  // Slightly inside of the image: at the border later frames carve.
   for (const auto& [x, y] : {std::pair{width / 50, height - 1 - height / 50},
                              {width - 1 - width / 50, height - 1 - height / 50},
                              {width - 1 - width / 50, height / 2}}) {

@@ -19,7 +19,7 @@ Eigen::Isometry3d at(double x, double turn = 0) {
   return pose;
 }
 
-/// Maps that each walked 20 m along a corridor, in a frame of its own.
+/// Maps of 20 m each along a corridor, each in its own frame.
 class JoinedMaps : public testing::Test {
  protected:
   void add_map() {
@@ -31,7 +31,7 @@ class JoinedMaps : public testing::Test {
                  .information = 1e4 * Matrix6d::Identity()});
     ++maps;
   }
-  /// By which the keyframe `to` of map `b` lies at `off` metres from keyframe `from` of map `a`.
+  /// Adds a loop: keyframe `to` of map `b` is `off` meters from keyframe `from` of map `a`.
   void see(std::size_t a, std::size_t from, std::size_t b, std::size_t to, double off, double turn = 0,
            int corners = 50) {
     loops.push_back({.edge = {.i = a * kLength + from,
@@ -49,7 +49,7 @@ class JoinedMaps : public testing::Test {
     return piece[a * kLength] == piece[b * kLength];
   }
 
-  /// All that a map's keyframes see is a wall at its distance, metres; 0: nothing.
+  /// The keyframes of a map see a wall at a distance in meters; 0: no depth.
   std::size_t join() {
     const Camera camera{.width = 64, .height = 48, .fx = 60, .fy = 60, .cx = 31.5, .cy = 23.5};
     ViewsApart views(camera, [&](std::size_t k) { return std::vector<float>(64 * 48, walls[k / kLength]); });
@@ -64,8 +64,8 @@ class JoinedMaps : public testing::Test {
 
 TEST_F(JoinedMaps, LieAsMostLoopsSay) {
   add_map(), add_map();
-  for (std::size_t k = 0; k < 5; ++k) see(0, 10 + k, 1, k, 0.02);  // the second begins 5 m into the first
-  see(0, 3, 1, 9, 0);                                              // rooms that look alike
+  for (std::size_t k = 0; k < 5; ++k) see(0, 10 + k, 1, k, 0.02);  // the second starts 5 m into the first
+  see(0, 3, 1, 9, 0);                                              // rooms with the same appearance
   see(0, 4, 1, 10, 0);
   EXPECT_EQ(join(), 5u);
   EXPECT_TRUE(are_joined(0, 1));
@@ -90,15 +90,15 @@ TEST_F(JoinedMaps, StayApartForTwoLoops) {
 TEST_F(JoinedMaps, AreHeldByAThirdOneWhereTwoAlikeRoomsLeaveItOpen) {
   add_map(), add_map(), add_map();
   for (std::size_t k = 0; k < 4; ++k) see(0, 10 + k, 1, k, 0);      // true
-  for (std::size_t k = 0; k < 4; ++k) see(0, 2 + k, 1, 10 + k, 0);  // as many false ones
-  for (std::size_t k = 0; k < 6; ++k) see(0, 5 + k, 2, k, 0);       // the third begins at 2.5 m
-  for (std::size_t k = 0; k < 6; ++k) see(1, k, 2, 5 + k, 0);       // and is where the second is
-  EXPECT_EQ(join(), 16u);                                           // all but the false ones
+  for (std::size_t k = 0; k < 4; ++k) see(0, 2 + k, 1, 10 + k, 0);  // as many false loops
+  for (std::size_t k = 0; k < 6; ++k) see(0, 5 + k, 2, k, 0);       // the third starts at 2.5 m
+  for (std::size_t k = 0; k < 6; ++k) see(1, k, 2, 5 + k, 0);       // and agrees with the second
+  EXPECT_EQ(join(), 16u);                                           // all but the false loops
   EXPECT_TRUE(are_joined(0, 1) && are_joined(0, 2));
   EXPECT_NEAR(x(1, 0), 5, 1e-9);
 }
 
-/// A wall at 2 m full of patterns, by a number; brighter or darker.
+/// Wall at 2 m with a pattern given by a number; brighter or darker.
 Frame wall_with(unsigned picture, float brightness) {
   std::mt19937 random(picture);
   Frame frame;
@@ -117,11 +117,11 @@ TEST_F(JoinedMaps, LieNowhereThatHasOtherPicturesOnItsWalls) {
   const auto views = [&] {
     return ViewsApart(
         {.width = 320, .height = 240, .fx = 300, .fy = 300, .cx = 159.5, .cy = 119.5},
-        [](std::size_t) { return std::vector<float>(320 * 240, 0.0f); },  // depth alone tells nothing
+        [](std::size_t) { return std::vector<float>(320 * 240, 0.0f); },  // depth alone cannot decide
         [&](std::size_t k) { return wall_with(picture[k], k < kLength ? 1.0f : 0.6f); });
   };
   add_map(), add_map();
-  for (std::size_t k = 0; k < 9; ++k) see(0, 2 + k, 1, k, 0);              // most of them, to 1 m
+  for (std::size_t k = 0; k < 9; ++k) see(0, 2 + k, 1, k, 0);              // most loops, to 1 m
   for (std::size_t k = 0; k < 8; ++k) see(0, 25 + k, 1, 9 + k, 0, 0, 60);  // nearly as many, to 8 m
   ViewsApart alike = views();
   EXPECT_EQ(join_pieces(atlas, loops, alike), 0u);
@@ -137,12 +137,12 @@ TEST_F(JoinedMaps, LieNowhereThatHasOtherPicturesOnItsWalls) {
 
 TEST_F(JoinedMaps, LieNowhereThatOneSawThrough) {
   add_map(), add_map();
-  for (std::size_t k = 0; k < 9; ++k) see(0, 2 + k, 1, k, 0);  // most of them, to a place 1 m into the first
+  for (std::size_t k = 0; k < 9; ++k) see(0, 2 + k, 1, k, 0);  // most loops, to a place 1 m into the first
   for (std::size_t k = 0; k < 3; ++k) see(0, 30 + k, 1, 5 + k, 0.01);
   walls = {2, 2, 0};
   EXPECT_EQ(join(), 9u);
   EXPECT_NEAR(x(1, 0), 1, 1e-9);
-  // The wall that the second saw is in what the first looked through: at 12.5 m only half of it is beside the first.
+  // The second map's wall is in the free space of the first: at 12.5 m only half of the wall is beside the first map.
   atlas = {}, loops.clear(), maps = 0;
   add_map(), add_map();
   for (std::size_t k = 0; k < 9; ++k) see(0, 2 + k, 1, k, 0);
@@ -161,7 +161,7 @@ TEST_F(JoinedMaps, FollowTheViewsThatHaveMostInCommon) {
 }
 
 TEST_F(JoinedMaps, AreComparedWhereTheySeeEachOther) {
-  // A map that turned by 2 degrees on its way lies 0.35 m off at its end, and far from the origin much more.
+  // A rotation of 2 degrees along a map displaces its end by 0.35 m, and points far from the origin much more.
   for (std::size_t m = 0; m < 2; ++m) add_map();
   for (Eigen::Isometry3d& pose : atlas.world_from_camera) pose = at(200) * pose;
   const double turn = 2 * std::numbers::pi / 180;
@@ -173,12 +173,12 @@ TEST_F(JoinedMaps, ThatDriftedAreStillClosedByMany) {
   add_map(), add_map(), add_map();
   for (std::size_t k = 0; k < 6; ++k) see(0, 14 + k, 1, k, 0);
   for (std::size_t k = 0; k < 5; ++k) see(1, 14 + k, 2, k, 0);
-  for (std::size_t k = 0; k < 4; ++k) see(0, k, 2, k, 13.4);  // it is at 14 by the others
-  see(0, 5, 2, 0, 12.2);                                      // 0.7 m off the other way, alone
+  for (std::size_t k = 0; k < 4; ++k) see(0, k, 2, k, 13.4);  // at 14 by the other loops
+  see(0, 5, 2, 0, 12.2);                                      // 0.7 m off in the opposite direction, alone
   EXPECT_EQ(join(), 15u);
 }
 
-/// Pieces of one run: a keyframe a second, and three seconds in which the camera was lost between two of them.
+/// Components of one run: a keyframe a second, and three seconds lost between two components.
 class PiecesOfARun : public JoinedMaps {
  protected:
   void add_piece() {
@@ -188,7 +188,8 @@ class PiecesOfARun : public JoinedMaps {
       atlas.keyframes[k].frame = static_cast<int>(30 * atlas.keyframes[k].timestamp);
     }
   }
-  /// Keyframes of the first piece and as many of the second see the same, from there on as it is now.
+  /// Adds loops between `count` keyframes of the first component and the second, from the given keyframes on, at the
+  /// current poses.
   void see_some(std::size_t count, std::size_t from, std::size_t to, bool is_believed) {
     for (std::size_t k = 0; k < count; ++k) {
       see(0, from + k, 1, to + k, 0);
@@ -199,9 +200,9 @@ class PiecesOfARun : public JoinedMaps {
 
 TEST_F(PiecesOfARun, StayApartWhereTheCameraWouldHaveJumped) {
   add_piece(), add_piece();
-  see_some(10, 0, 0, true);  // back at the begin within three seconds
+  see_some(10, 0, 0, true);  // back at the start within three seconds
   EXPECT_EQ(join(), 0u);
-  for (auto& k : atlas.keyframes) k.timestamp = 0;  // as of two recordings
+  for (auto& k : atlas.keyframes) k.timestamp = 0;  // as from two recordings
   EXPECT_EQ(join(), 10u);
 }
 
@@ -214,7 +215,7 @@ TEST_F(PiecesOfARun, AreJoinedWhereItCanHaveGone) {
 
 TEST_F(PiecesOfARun, AreJoinedAnewWhereMuchIsNotBelieved) {
   add_piece(), add_piece();
-  see_some(30, 0, 5, true);  // came first: a corridor that looks the same
+  see_some(30, 0, 5, true);  // earlier loops: a corridor of the same appearance
   atlas.join(loops.front().edge);
   see_some(19, 21, 0, false);
   atlas.loops = loops;

@@ -40,7 +40,7 @@ TEST(KeyframeStore, GivesTheCornersOfMoreKeyframesThanStayInMemory) {
     KeyframeStore store(kTiny, files);
     for (std::size_t k = 0; k < kMany; ++k) {
       store.put(k, frame, corners_of(k));
-      expect_corners(store, k);  // perhaps it is still being written
+      expect_corners(store, k);  // possibly still being written
     }
     for (std::size_t k = 0; k < kMany; ++k) expect_corners(store, k);
   }

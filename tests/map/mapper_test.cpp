@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What a map makes of frames that make no sense and of stages that fail: it tells, and goes on.
+// Mapping of invalid frames and failures of stages: reports the problem and continues.
 #include "cairn/mapper.hpp"
 
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@ namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN(), kInf = std::numeric_limits<float>::infinity();
 
-/// The first frames of a way through the room, seen by a small camera.
+/// First frames along a path through the room, seen by a small camera.
 const std::vector<Frame>& room_frames() {
   static const std::vector<Frame> frames = [] {
     std::vector<Frame> made;
@@ -39,7 +39,7 @@ Options coarse() {
 
 bool is_same(const Mesh& a, const Mesh& b) { return a.positions == b.positions && a.triangles == b.triangles; }
 
-/// A session without frames.
+/// Writes a session without frames.
 void save(const std::filesystem::path& folder, const Camera& camera, const Options& options) {
   Session session = Session::create(folder);
   const Mapper mapper = session.mapper(camera, options);
@@ -121,7 +121,7 @@ TEST(Mapper, RefusesFramesThatMakeNoSenseWithoutHarm) {
   refuses(frames[1], FrameCause::timestamp_goes_back, [](Frame& f) { f.timestamp = 0; });
   EXPECT_TRUE(is_same(mapper.map().mesh(), before));
   EXPECT_EQ(mapper.trajectory().size(), 1u);
-  // What comes beside the depth image is left out alone.
+  // Only the invalid values beside the depth image are ignored.
   Frame frame = frames[1];
   frame.acceleration = Eigen::Vector3d(0, static_cast<double>(kInf), 0);
   frame.colour_delay = static_cast<double>(kNan);
@@ -180,7 +180,7 @@ TEST(Mapper, KeepsWhatWasFusedWhenAViewDoesNotFitIntoTheDevicesMemory) {
   Options options;
   options.fuse.voxel_size = 0.005f;
   options.fuse.truncation = 0.02f;
-  options.fuse.device_memory = std::uint64_t{76} << 20;  // of that 64 for the page table
+  options.fuse.device_memory = std::uint64_t{76} << 20;  // including 64 for the page table
   Mapper mapper(small_camera(), options, Poses::given);
   Frame narrow = room_frames()[0], wide = room_frames()[1];
   for (int y = 0; y < 240; ++y)
@@ -192,7 +192,7 @@ TEST(Mapper, KeepsWhatWasFusedWhenAViewDoesNotFitIntoTheDevicesMemory) {
   EXPECT_NE(error_of([&] { mapper.add(wide); }).find("does not hold one view"), std::string::npos);
   EXPECT_TRUE(is_same(mapper.map().mesh(), before));
   EXPECT_EQ(mapper.trajectory().size(), 1u);
-  // What did not fit then may come later.
+  // The rejected region may be added later.
   Frame later = narrow;
   later.timestamp = wide.timestamp + 1;
   std::rotate(later.depth.begin(), later.depth.begin() + 60, later.depth.end());
@@ -221,7 +221,7 @@ TEST(Mapper, KeepsItsPosesWhenTheyCannotBeRefined) {
     EXPECT_EQ(after[i].world_from_camera.matrix(), before[i].world_from_camera.matrix());
 }
 
-/// A recording that breaks in the middle.
+/// Recording with an error in the middle.
 class BrokenSource : public Source {
  public:
   [[nodiscard]] const Rig& rig() const override { return rig_; }
@@ -272,7 +272,7 @@ TEST(Mapper, KeepsTheMapWhenAStageIsInterrupted) {
     EXPECT_TRUE(mapper.trajectory()[i].world_from_camera.isApprox(path[i].world_from_camera)) << i;
 }
 
-/// The voxels that two fields of the same size know, and those that one of them knows alone.
+/// Number of voxels known to two fields of the same size, and known to only one.
 std::pair<int, int> known_to(const DistanceField& a, const DistanceField& b) {
   int both = 0, one = 0;
   for (const auto& [from, to] : {std::pair{&a, &b}, {&b, &a}})
@@ -288,7 +288,7 @@ TEST(Mapper, KnowsTheSameFreeSpaceLiveInFilesAndAfterItGoesOn) {
   const TemporaryFolder folder;
   Options options = coarse();
   options.esdf.live = true;
-  options.up = Up::camera;  // so that voxels of the live field lie where those of the written one do
+  options.up = Up::camera;  // to give the live and the written field the same voxel grid
   Mapper whole(small_camera(), options);
   for (const Frame& frame : room_frames()) ASSERT_EQ(whole.add(frame).state, FrameState::fused);
   const auto written = whole.map().distances();
@@ -303,7 +303,7 @@ TEST(Mapper, KnowsTheSameFreeSpaceLiveInFilesAndAfterItGoesOn) {
   whole.map().write_grids(folder / "map.vdb");
   EXPECT_EQ(known_to(*written, *Map::open(folder / "map.vdb").distances(options.esdf)).second, 0);
 
-  // A run that was cut off after half of the frames and goes on.
+  // A run interrupted after half of the frames and resumed.
   {
     Session session = Session::create(folder / "session");
     Mapper half = session.mapper(small_camera(), options);
@@ -324,7 +324,7 @@ TEST(Mapper, LeavesOutASubmapThatIsLost) {
   const TemporaryFolder folder;
   Options options = coarse();
   options.map.submap_keyframes = 2;
-  options.map.host_memory = 1;  // all but the last one wait on the disk
+  options.map.host_memory = 1;  // all but the last wait on disk
   Session session = Session::create(folder / "session");
   Mapper mapper = session.mapper(small_camera(), options);
   const Scene scene = synthetic_scene("room");
@@ -337,7 +337,7 @@ TEST(Mapper, LeavesOutASubmapThatIsLost) {
   session.checkpoint(mapper);
   ASSERT_FALSE(session.problem());
   std::filesystem::remove(folder / "session" / "run-0001" / "submap-0000.vdb");
-  mapper.begin_recording();  // the world is needed whole
+  mapper.begin_recording();  // requires the entire world
   EXPECT_FALSE(mapper.map().mesh().triangles.empty());
   ASSERT_EQ(mapper.warnings().size(), 1u);
   EXPECT_NE(mapper.warnings()[0].find("submap-0000.vdb"), std::string::npos) << mapper.warnings()[0];
@@ -363,7 +363,7 @@ TEST(Mapper, WritesASmallerMeshOfTheSamePartsBesideALargeOne) {
   const Exported alone = mapper.map().export_mesh(folder / "alone.glb", options);
   options.preview = {.file = folder / "preview.glb", .triangles = alone.triangles};
   mapper.map().export_mesh(folder / "mesh.glb", options);
-  EXPECT_FALSE(std::filesystem::exists(options.preview.file));  // it would be as large as the mesh
+  EXPECT_FALSE(std::filesystem::exists(options.preview.file));  // would be as large as the mesh
   options.preview.triangles = alone.triangles / 8;
   const Exported both = mapper.map().export_mesh(folder / "mesh.glb", options);
   EXPECT_GT(both.parts, 3);
@@ -383,7 +383,7 @@ TEST(Mapper, BeginsNoPieceWithNothingToSee) {
     Frame dark = room_frames()[1];
     dark.timestamp = i;
     std::fill(dark.depth.begin(), dark.depth.end(), 0.0f);
-    dark.depth[static_cast<std::size_t>(i)] = 1;  // or the sensor would be stuck
+    dark.depth[static_cast<std::size_t>(i)] = 1;  // an identical image would be a stuck sensor
     EXPECT_EQ(mapper.add(dark).state, FrameState::lost);
   }
   EXPECT_EQ(mapper.statistics().components, 1);
@@ -396,7 +396,7 @@ TEST(Mapper, TellsHowSureAPoseIs) {
   const FrameReport begin = mapper.add(room_frames()[0]);
   ASSERT_TRUE(begin.tracked_from_camera);
   EXPECT_TRUE(begin.tracked_from_camera->matrix().isIdentity());
-  EXPECT_FALSE(begin.covariance);  // there was nothing to align with
+  EXPECT_FALSE(begin.covariance);  // no map to align with
   int within = 0;
   for (std::size_t i = 1; i < room_frames().size(); ++i) {
     const FrameReport report = mapper.add(room_frames()[i]);
@@ -404,7 +404,7 @@ TEST(Mapper, TellsHowSureAPoseIs) {
     const Eigen::Isometry3d truth = first.inverse() * *room_frames()[i].world_from_camera;
     const Vector6d error = local_coordinates(truth.inverse() * *report.tracked_from_camera);
     within += error.dot(report.covariance->ldlt().solve(error)) < kChance;
-    EXPECT_LT(std::sqrt(report.covariance->diagonal().maxCoeff()), 0.02) << i;  // a furnished room holds a camera
+    EXPECT_LT(std::sqrt(report.covariance->diagonal().maxCoeff()), 0.02) << i;  // a furnished room constrains a camera
   }
   EXPECT_GE(within, static_cast<int>(room_frames().size()) - 2);
 }
@@ -424,7 +424,8 @@ TEST(Mapper, IsUnsureOfWhatAWallDoesNotHold) {
   const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(*report.covariance);
   const Vector6d deviations = solver.eigenvalues().cwiseSqrt();  // ascending
   EXPECT_LT(deviations[2], 0.02);                                // the distance, and two tilts
-  EXPECT_GT(deviations[3], 0.5);                                 // two ways along the wall, and the turn in it
+  EXPECT_GT(deviations[3], 0.5);                                 // two translations along the wall, and the rotation in
+                                                                 // its plane
   EXPECT_LT(deviations[5], 1.5);
 }
 

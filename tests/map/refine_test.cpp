@@ -9,7 +9,7 @@
 namespace cairn {
 namespace {
 
-/// There and back through the room, with poses that drift by 2 hundredths of a radian and 7 cm.
+/// Path through the room and back, with a drift of the poses by 0.02 rad and 7 cm.
 struct Drift {
   static constexpr int kFrames = 40;
   Drift() {
@@ -25,7 +25,7 @@ struct Drift {
       frames.push_back(std::move(frame));
     }
   }
-  /// Metres, root mean square, with the first pose as the frame.
+  /// Root mean square error in meters, relative to the first pose.
   [[nodiscard]] double error(const Trajectory& trajectory) const {
     double squared = 0;
     for (std::size_t i = 0; i < truth.size(); ++i) {
@@ -39,7 +39,7 @@ struct Drift {
   Trajectory tracked;
 };
 
-/// The back end with the drifting poses as if tracked.
+/// Back end with the drifting poses as tracking results.
 struct Mapped {
   explicit Mapped(const Drift& d, std::size_t frames) {
     const Matrix6d information = 1e6 * Matrix6d::Identity();

@@ -15,7 +15,7 @@ TEST(Reintegrate, TakesDepthAloneWhereColourHasAnotherSizeAndLeavesOutWhatAddDid
   std::vector<Frame> frames;
   for (int i = 0; i < 4; ++i) {
     frames.push_back(scene_frame(synthetic_scene("room"), kSmall, i));
-    frames.back().colour.resize(4 * frames.back().depth.size(), 0xff808080u);  // as an .oni file of 1280x1024 has it
+    frames.back().colour.resize(4 * frames.back().depth.size(), 0xff808080u);  // as in an .oni file of 1280x1024
   }
   frames[2].depth.resize(100);
   Mapper mapper(kSmall, {.fuse = {.voxel_size = 0.02f, .truncation = 0.08f}});
@@ -33,7 +33,7 @@ TEST(KeyframeStore, LeavesOutDepthThatItsFilesDoNotHold) {
   frame.depth[0] = 13.0f, frame.depth[1] = 13.2f, frame.depth[2] = 19.0f;
   store.put(0, frame, {});
   const Frame kept = store.get(0);
-  EXPECT_NEAR(kept.depth[0], 13.0f, 2e-4f);  // the files' steps
+  EXPECT_NEAR(kept.depth[0], 13.0f, 2e-4f);  // quantization of the files
   EXPECT_EQ(kept.depth[1], 0.0f);
   EXPECT_EQ(kept.depth[2], 0.0f);
 }

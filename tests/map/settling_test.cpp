@@ -12,7 +12,7 @@
 namespace cairn {
 namespace {
 
-/// A mapper that walks for long, as far as the pose graph knows it.
+/// Pose graph of a mapper during a long walk.
 class Walker {
  public:
   explicit Walker(std::size_t loops) : walk_(1200, loops, 0) {}
@@ -20,7 +20,7 @@ class Walker {
   void go_to(std::size_t keyframes) {
     while (atlas.keyframes.size() < keyframes) step();
   }
-  /// As a session that is left and gone on with.
+  /// Saves and restores the state, as a resumed session.
   void resume() {
     const Settling::Memory memory = settling_->memory();
     settling_ = std::make_unique<Settling>();
@@ -36,7 +36,7 @@ class Walker {
   }
 
   Atlas atlas;
-  std::vector<std::size_t> whole_taken;  // keyframes there were, each time
+  std::vector<std::size_t> whole_taken;  // number of keyframes at each application
 
  private:
   void step() {
@@ -67,7 +67,8 @@ class Walker {
 TEST(Settling, OptimisesALargeGraphAsAWholeNowAndThen) {
   Walker walker(60);
   walker.go_to(1200);
-  // Begun with a loop after the thousandth keyframe, taken a hundredth later; again when it has grown by a twentieth.
+  // Starts with a loop after the thousandth keyframe, is applied a hundredth later, and repeats after a growth by a
+  // twentieth.
   ASSERT_GE(walker.whole_taken.size(), 2u);
   EXPECT_GE(walker.whole_taken[0], 1000u + 10);
   EXPECT_LT(walker.whole_taken[0], 1000u + 10 + 50);
@@ -80,7 +81,7 @@ TEST(Settling, OptimisesALargeGraphAsAWholeNowAndThen) {
 TEST(Settling, GoesOnAsIfItHadNotBeenLeft) {
   Walker whole(60), left(60);
   whole.go_to(1200);
-  // While loops are closed, while the whole is optimised, and when it is nearly taken.
+  // While loops are closed, during the full optimization, and shortly before its application.
   left.go_to(500);
   left.resume();
   while (!left.memory().whole && left.atlas.keyframes.size() < 1200) left.go_to(left.atlas.keyframes.size() + 1);

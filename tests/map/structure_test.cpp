@@ -16,7 +16,7 @@ constexpr float kDegree = static_cast<float>(std::numbers::pi / 180);
 
 float angle(const Eigen::Vector3f& a, const Eigen::Vector3f& b) { return std::atan2(a.cross(b).norm(), a.dot(b)); }
 
-/// The depth of the plane normal . p = offset.
+/// Depth of the plane normal . p = offset.
 std::vector<float> plane(const Camera& camera, const Eigen::Vector3d& normal, double offset) {
   std::vector<float> depth;
   for (int v = 0; v < camera.height; ++v)
@@ -27,7 +27,7 @@ std::vector<float> plane(const Camera& camera, const Eigen::Vector3d& normal, do
   return depth;
 }
 
-/// The area of a plane that a camera without a lens sees.
+/// Visible area of a plane for a camera without lens distortion.
 double seen_area(const Camera& camera, const Eigen::Vector3d& normal, double offset) {
   const auto at = [&](double u, double v) -> Eigen::Vector3d {
     const Eigen::Vector3d ray = camera.ray(u, v);
@@ -48,7 +48,7 @@ TEST(Structure, TellsWhereAPlaneFacesAndHowMuchOfItThereIs) {
     ASSERT_EQ(seen.facings.size(), 1u);
     EXPECT_LT(angle(seen.facings[0].normal, -normal.cast<float>()), 0.05f * kDegree);
     EXPECT_FLOAT_EQ(seen.facings[0].area, seen.area);
-    // Patches of more noise count less, here up to a tenth; a lens sees another part of the plane.
+    // Noisier patches have a lower weight, here down to 0.9; with distortion another part of the plane is visible.
     if (lens == 0) {
       EXPECT_NEAR(seen.area / seen_area(rig.depth, normal, 1.5), 0.93, 0.07);
     }
@@ -66,7 +66,7 @@ TEST(Structure, FindsFloorAndWallsOfARoomInNoise) {
       all += facing.area;
       if (in_scene.cwiseAbs().maxCoeff() > std::cos(2 * kDegree)) near += facing.area;
     }
-    EXPECT_GT(near, 0.4f * all) << i;  // noise of these large pixels, and edges of furniture, are the rest
+    EXPECT_GT(near, 0.4f * all) << i;  // the rest is noise of the large pixels and edges of furniture
     const Eigen::Vector3f first = frame.world_from_camera->linear().cast<float>() * seen.facings.at(0).normal;
     EXPECT_GT(first.cwiseAbs().maxCoeff(), std::cos(1.5f * kDegree)) << i << ": " << first.transpose();
   }

@@ -11,7 +11,7 @@
 namespace cairn {
 namespace {
 
-/// A room of which some frames were fused, and somebody who adds keyframes.
+/// Room with some fused frames, and a function to add keyframes.
 struct Tracking {
   Tracking() {
     for (std::uint32_t i = 0; i < 4; ++i) {
@@ -46,7 +46,7 @@ struct Tracking {
 TEST(Tracker, ComparesALostFrameOnlyWithPlacesOfItsOwnFrame) {
   Tracking t;
   t.add_keyframe(t.first, *t.first.world_from_camera);
-  t.add_keyframe(t.next, std::nullopt);  // as alike as can be, and in another component's frame
+  t.add_keyframe(t.next, std::nullopt);  // identical, but in another component's frame
   t.tracker.begin_lost();
   const Tracked tracked = t.tracker.track(t.next, t.preprocessor.preprocess(t.next), t.volume, t.times);
   ASSERT_TRUE(tracked.alignment.converged()) << tracked.reason;
@@ -64,7 +64,7 @@ TEST(Tracker, BeginsLostAtTheNewestPlaceOfItsOwnFrame) {
 }
 
 TEST(Tracker, TakesNoPlaceForAnotherByDepthAlone) {
-  // A recording that begins anywhere: walls fit the walls of the newest place, but no corners do.
+  // A recording with an arbitrary start: walls match the newest place, but no corners do.
   Tracking t;
   t.add_keyframe(t.first, *t.first.world_from_camera);
   for (int i = 100; i <= 620; i += 40) {  // all around the room
@@ -77,7 +77,7 @@ TEST(Tracker, TakesNoPlaceForAnotherByDepthAlone) {
   }
 }
 
-/// The frame with something that came before a share of the image, from the left.
+/// Covers a share of the image, from the left, with a near object.
 Frame covered(Frame frame, const Camera& camera, double share) {
   for (int y = 0; y < camera.height; ++y)
     for (int x = 0; x < static_cast<int>(share * camera.width); ++x)
@@ -94,10 +94,10 @@ TEST(Tracker, LeavesOutWhatMovesAsSeenFromThePoseThatCounts) {
   ASSERT_EQ(usual.state, Tracked::State::aligned) << usual.reason;
   const double moving = t.tracker.moving();
   EXPECT_GT(moving, 0.05);
-  // A guess that is tried and rejected afterwards shows the map from elsewhere.
+  // Testing and rejecting another guess predicts the map from another pose.
   const int before = t.raycasts();
   Tracker::Memory memory = t.tracker.memory();
-  memory.usual_brightness = 1e-6;  // everything is sudden
+  memory.usual_brightness = 1e-6;  // every change is sudden
   t.tracker.restore({.memory = memory, .reference = t.tracker.save().reference});
   const Tracked doubted = track();
   EXPECT_EQ(doubted.guess, "motion");
@@ -121,12 +121,12 @@ TEST(Tracker, PredictsTheSurfaceAgainAfterFiveFramesOrWhereTheViewMoved) {
     return raycasts;
   };
   EXPECT_EQ(still(t.tracker), (std::vector{1, 0, 0, 0, 0, 1, 0}));
-  // One that goes on with what was saved does and finds the same.
+  // A tracker restored from the saved state gives the same results.
   Tracker again{test_device(), t.camera, t.camera, t.options, t.keyframes, t.images};
   again.restore(t.tracker.save());
   EXPECT_EQ(again.save().prediction.points, t.tracker.save().prediction.points);
   EXPECT_EQ(still(again), still(t.tracker));
-  // A prediction from another place is none of what is seen.
+  // A prediction from another place does not match.
   Tracker::Saved moved = t.tracker.save();
   moved.prediction.submap_from_camera.translate(Eigen::Vector3d(0.3, 0, 0));
   again.restore(moved);
@@ -146,7 +146,7 @@ TEST(Tracker, TakesWhatCoversMuchOfTheImageForNoMovingThing) {
   }
 }
 
-/// Depth on a share of the pixels, of nothing that is in the map.
+/// Depth on a share of the pixels, unrelated to the map.
 Frame patchy(const Camera& camera, double share) {
   Frame frame;
   const std::size_t pixels = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);

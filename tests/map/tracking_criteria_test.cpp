@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kBelow = 0.999, kAbove = 1.001;  // times a threshold
 
-/// An alignment that nobody doubts.
+/// Alignment that passes all criteria.
 Alignment good() {
   return {.fit = {.inlier_share = 0.9, .overlap = 0.9, .rmse = 1, .photometric_share = 0.9, .photometric_rmse = 0.03}};
 }
@@ -67,7 +67,7 @@ TEST(TrackingCriteria, PreferAnotherPoseThatIsClearlyBetter) {
   EXPECT_TRUE(is_better(a, b));
   a.fit.rmse = std::sqrt(kAbove * kClearlyBetter * 2);
   EXPECT_FALSE(is_better(a, b));
-  // Depth as good, brightness not: it counts in units of what is usual.
+  // Equal depth, worse brightness: relative to the usual brightness error.
   a = b = with_misfit(1);
   a.fit.overlap = b.fit.overlap = 1;
   a.fit.photometric_rmse = kUsualBrightness;
@@ -115,7 +115,7 @@ TEST(TrackingCriteria, AskMoreOfAPoseThatIsFoundAfterALoss) {
   EXPECT_FALSE(changed(&AlignmentFit::overlap, kBelow * kFoundOverlap));
   EXPECT_TRUE(changed(&AlignmentFit::photometric_share, kAbove * kFoundBrightness));
   EXPECT_FALSE(changed(&AlignmentFit::photometric_share, kBelow * kFoundBrightness));
-  EXPECT_TRUE(changed(&AlignmentFit::photometric_share, 0));  // there is no colour
+  EXPECT_TRUE(changed(&AlignmentFit::photometric_share, 0));  // no color
   EXPECT_TRUE(changed(&AlignmentFit::photometric_rmse, kBelow * kDoubtfulBrightness));
   EXPECT_FALSE(changed(&AlignmentFit::photometric_rmse, kAbove * kDoubtfulBrightness));
   EXPECT_TRUE(is_certain(with_misfit(kBelow * kFoundMisfit)));

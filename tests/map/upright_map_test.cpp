@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// All that is written of a map that was turned upright lies in one world.
+// All outputs of a map rotated upright have the same world frame.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -14,9 +14,9 @@ namespace cairn {
 namespace {
 
 constexpr float kVoxel = 0.02f;
-constexpr double kLevel = 0.5 * std::numbers::pi / 180;  // as good as a room without an accelerometer must be
+constexpr double kLevel = 0.5 * std::numbers::pi / 180;  // required accuracy for a room without an accelerometer
 
-/// A room that poses of a tilted world are given for.
+/// Room mapped with given poses in a tilted world.
 class TiltedRoom : public testing::Test {
  protected:
   void SetUp() override {
@@ -34,7 +34,7 @@ class TiltedRoom : public testing::Test {
     upright = mapper->upright();
     scene_from_world = (Eigen::Isometry3d(upright.world_from_tracked) * tilt).inverse();
   }
-  /// Metres between a point of the world that is written and the scene's surface.
+  /// Distance in meters between a point of the written world and the scene's surface.
   [[nodiscard]] double distance(const Eigen::Vector3f& p) const {
     return scene.distance(scene_from_world * p.cast<double>());
   }
@@ -69,7 +69,7 @@ TEST_F(TiltedRoom, StandsUprightAndItsFilesAgree) {
   Map map = mapper->map();
   const Mesh mesh = map.mesh();
   expect_on_surface(mesh);
-  std::size_t outwards = 0;  // normals are turned as well
+  std::size_t outwards = 0;  // normals are rotated as well
   for (const auto& [a, b, c] : mesh.triangles) {
     const Eigen::Vector3f flat = (mesh.positions[b] - mesh.positions[a]).cross(mesh.positions[c] - mesh.positions[a]);
     outwards += flat.dot(mesh.normals[a]) >= 0;
@@ -115,11 +115,11 @@ TEST_F(TiltedRoom, IsAskedForDistancesInTheUprightWorld) {
       }
       if (!answer.known || answer.distance > 1) continue;
       ++known;
-      // Down the gradient lies the surface.
+      // The surface is down the gradient.
       right += std::abs(distance(p - answer.distance * answer.gradient)) < 0.08;
     }
   EXPECT_GE(known, 8);
-  EXPECT_GE(right, known * 3 / 4);  // some nearest surface was not seen
+  EXPECT_GE(right, known * 3 / 4);  // some nearest surfaces were not seen
   const Eigen::AlignedBox3f box = field->bounds();
   for (const auto& p : map.mesh().positions) ASSERT_LT(box.exteriorDistance(p), 2 * field->voxel_size());
 }

@@ -18,7 +18,7 @@ using Eigen::Vector3d;
 constexpr double kDegree = std::numbers::pi / 180;
 using Source = Upright::Source;
 
-/// A corner of a room, seen by one camera that is held upright, in a world that is turned.
+/// Corner of a room, seen by a level camera in a rotated world.
 struct Corner {
   explicit Corner(const Eigen::Quaterniond& turn) {
     for (const Vector3d& n : {Vector3d(0, -1, 0), Vector3d(-0.6, 0, -0.8), Vector3d(0.8, 0, -0.6)})
@@ -77,16 +77,16 @@ TEST(Upright, BelievesAnAccelerometerBeforeFloorsAndWallsAndSharpensItByThem) {
     return std::pair(std::acos(std::min(1.0, -found->down.dot(up))), *upright_by(*found, corner.evidence).off);
   };
   const auto [from_near, off_near] = measure(2 * kDegree);
-  EXPECT_NEAR(from_near, 2 * kDegree, 1e-4);  // floor and walls say the rest
+  EXPECT_NEAR(from_near, 2 * kDegree, 1e-4);  // floor and walls correct the rest
   EXPECT_NEAR(off_near, 2 * kDegree, 1e-4);
   const auto [from_far, off_far] = measure(20 * kDegree);
-  EXPECT_LT(from_far, 1e-6);  // they contradict it: it wins
+  EXPECT_LT(from_far, 1e-6);  // on contradiction the accelerometer wins
   EXPECT_LT(off_far, 1e-6);
 }
 
 TEST(Upright, LeavesOutAnAccelerometerThatTurnsWithTheCamera) {
   Corner corner(Eigen::Quaterniond::Identity());
-  corner.evidence.accelerations << 0, 0, 500, 990;  // readings that point everywhere
+  corner.evidence.accelerations << 0, 0, 500, 990;  // readings in all directions
   EXPECT_EQ(find_down(corner.evidence, Up::automatic)->source, Source::structure);
 }
 
@@ -105,7 +105,7 @@ TEST(Upright, TellsWhetherTheWorldOfGivenPosesStands) {
   EXPECT_EQ(nothing.source, Source::poses);
 }
 
-/// An atlas whose keyframes see the corner.
+/// Atlas with keyframes that see the corner.
 Atlas atlas_of(const Eigen::Quaterniond& held) {
   const Corner corner(held);
   Atlas atlas;
@@ -156,7 +156,7 @@ TEST(AtlasUpright, IsOpenAsLongAsNothingTells) {
 TEST(AtlasUpright, SumsWhatAnAccelerometerMeasuresWhereverTheCameraTurns) {
   Atlas atlas = atlas_of(Eigen::Quaterniond::Identity());
   for (Keyframe& keyframe : atlas.keyframes) keyframe.structure = {};
-  for (int i = 0; i < 20; ++i) {  // it looks around, and measures the same gravity
+  for (int i = 0; i < 20; ++i) {  // measures the same gravity in different orientations
     const Eigen::Isometry3d pose(turn(0.2 * i, {0.3, 1, 0.1}));
     atlas.add_frame(0.3 + 0.01 * i, pose, pose.linear().transpose() * Vector3d(0, -9.7, 1));
   }

@@ -13,7 +13,7 @@ namespace {
 
 const FuseOptions kOptions{.voxel_size = 0.02f, .truncation = 0.08f, .device_memory = 96 << 20};
 const Eigen::Vector3f kCentre(0.1f, -0.05f, 0.02f);
-constexpr float kRadius = 0.4f;  // metres
+constexpr float kRadius = 0.4f;  // meters
 
 std::shared_ptr<const BrickTree> sphere() {
   return std::make_shared<const BrickTree>(
@@ -21,7 +21,7 @@ std::shared_ptr<const BrickTree> sphere() {
                       [](const Eigen::Vector3f& p) { return (p - kCentre).norm() - kRadius; }));
 }
 
-/// Keyframes around the sphere, a submap each.
+/// Keyframes around the sphere, one per submap.
 Atlas atlas_of(std::size_t submaps) {
   Atlas atlas;
   for (std::size_t k = 0; k < submaps; ++k) {
@@ -48,7 +48,7 @@ Mesh mesh_of(World& world) {
 }
 
 TEST(WorldParts, AreWhatTheWholeIs) {
-  // Two submaps, one of which was moved.
+  // Two submaps, one moved.
   Atlas atlas = atlas_of(2);
   atlas.world_from_camera[1].translate(Eigen::Vector3d(0.03, 0.02, 0.01));
   const auto tree = sphere();
@@ -97,14 +97,14 @@ TEST(World, TurnsAndMovesASurfaceWithItsSubmap) {
   const Mesh mesh = mesh_of(world);
   ASSERT_GT(mesh.triangles.size(), 3000u);
   const Eigen::Vector3f centre = (move * kCentre.cast<double>()).cast<float>();
-  // Twice a linear interpolation over 2 cm: h^2 / 8r = 0.13 mm each, along a diagonal three times that.
+  // Twice a linear interpolation over 2 cm: h^2 / 8r = 0.13 mm each, along a diagonal three times as much.
   for (const auto& p : mesh.positions) ASSERT_NEAR((p - centre).norm(), kRadius, 6e-4f);
 }
 
 TEST(World, MakesTheMeanOfSubmapsThatOverlap) {
   World world(test_device(), kOptions);
   Atlas atlas = atlas_of(2);
-  for (Keyframe& keyframe : atlas.keyframes) keyframe.follows = false;  // each moves by itself
+  for (Keyframe& keyframe : atlas.keyframes) keyframe.follows = false;  // each moves independently
   atlas.world_from_camera[0].translation().x() -= 0.003;
   atlas.world_from_camera[1].translation().x() += 0.003;
   const auto tree = sphere();
@@ -126,7 +126,7 @@ TEST(World, MakesAgainOnlyWhatMovedByMoreThanAFractionOfAVoxel) {
   const auto made = update(world, atlas, {tree, tree});
   ASSERT_FALSE(made.empty());
   for (const Brick& brick : made) ASSERT_LT(brick.y() * 0.16, 1.0);  // none of the second submap's
-  // The first submap has left its old place altogether.
+  // The first submap has left its old place completely.
   for (const Brick& brick : tree->bricks()) ASSERT_EQ(world.bricks().find(brick), nullptr);
   EXPECT_FALSE(update(world, atlas, {tree}).empty());
   EXPECT_EQ(world.bricks().size(), made.size() - tree->size());
@@ -139,7 +139,7 @@ TEST(Deformation, SpreadsACorrectionWithoutASeam) {
     Keyframe keyframe{.timestamp = static_cast<double>(k), .submap = k / 20, .follows = k > 0};
     keyframe.submap_from_camera.translation().x() = 0.12 * static_cast<double>(k);
     atlas.add(keyframe);
-    // The end of the way goes aside by 20 cm and turns by 3 degrees.
+    // The end of the path moves aside by 20 cm and turns by 3 degrees.
     const double share = static_cast<double>(k) / kKeyframes;
     Vector6d motion;
     motion << 0, 0.05 * share, 0, 0, 0, 0.2 * share;
@@ -149,10 +149,10 @@ TEST(Deformation, SpreadsACorrectionWithoutASeam) {
   double widest = 0, steepest = 0;
   for (double x = 0; x < 7; x += 0.02) {
     const Eigen::Vector3d p(x, 0.3, 1.2), q(x + 0.02, 0.3, 1.2);
-    // Neighbouring points stay neighbours: no step much larger than the bend itself, 0.1 m a metre at its end.
+    // Continuity of neighboring points: no step much larger than the bend itself, 0.1 m per meter at its end.
     const auto& s = submaps[std::min(2, static_cast<int>(x / 2.4))];
     steepest = std::max(steepest, std::abs((s(q) * q - s(p) * p).norm() - 0.02) / 0.02);
-    // Where one submap ends and the next begins, both say the same.
+    // At the border of two submaps, both deformations agree.
     if (std::abs(x - 0.12 * 20) < 0.1) widest = std::max(widest, (submaps[0](p) * p - submaps[1](p) * p).norm());
     if (std::abs(x - 0.12 * 40) < 0.1) widest = std::max(widest, (submaps[1](p) * p - submaps[2](p) * p).norm());
   }
@@ -195,7 +195,7 @@ TEST(World, LeavesNoGapBetweenVoxelsAndFreeSpaceWhereSubmapsTurn) {
         ++samples;
       }
   EXPECT_GT(known, 0.995 * samples);
-  // What was free makes no surface of its own.
+  // Free space creates no surface.
   Volume whole(test_device(), fuse, 5.0f);
   whole.adopt(world.release());
   const Mesh mesh = Polygonizer(test_device()).polygonize(whole);

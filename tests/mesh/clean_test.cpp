@@ -13,7 +13,7 @@
 namespace cairn {
 namespace {
 
-/// Only what the test is about.
+/// Options with all cleaning steps off.
 CleanOptions nothing() { return {.min_piece = 0, .min_support = 0}; }
 
 Mesh moved(Mesh mesh, const Eigen::Vector3f& by) {
@@ -36,7 +36,8 @@ TEST(Clean, RemovesFloatingPiecesThatAreSmallOrHardlySeen) {
   append(mesh, thing);
   const Cleaned cleaned = clean(mesh, {.min_piece = 0.1f, .min_support = 2.0f});
   EXPECT_EQ(cleaned.components_removed, 2u);
-  EXPECT_EQ(mesh.triangles.size(), surface + thing.triangles.size() - 4);  // but for corners that stick out of borders
+  EXPECT_EQ(mesh.triangles.size(), surface + thing.triangles.size() - 4);  // except for corners that protrude from
+                                                                           // borders
   EXPECT_EQ(examine_topology(mesh).unreferenced_vertices, 0u);
 }
 
@@ -50,7 +51,7 @@ TEST(Clean, RemovesSurfaceThatWasSeenTooLittle) {
   EXPECT_NEAR(static_cast<double>(mesh.triangles.size()), 20 * 9 * 2, 8);
 }
 
-/// A grid with a square hole of some cells a side in its middle.
+/// Grid with a square hole of `cells` cells a side in its middle.
 Mesh with_hole(int cells) {
   Mesh mesh = flat_grid(40, 40, 0.01f);
   const float low = 0.2f, high = 0.2f + 0.01f * static_cast<float>(cells);
@@ -66,13 +67,13 @@ TEST(Clean, ClosesHolesUpToTheirSizeAndLeavesTheOutside) {
     Mesh mesh = with_hole(cells);
     ASSERT_EQ(examine_topology(mesh).borders, 2u);
     CleanOptions options = nothing();
-    options.fill_holes = 0.1f;  // a diagonal of 7 cells is just shorter
+    options.fill_holes = 0.1f;  // slightly more than a diagonal of 7 cells
     const Cleaned cleaned = clean(mesh, options);
     const MeshTopology topology = examine_topology(mesh);
     EXPECT_EQ(cleaned.holes_filled, cells <= 7 ? 1u : 0u) << cells;
     EXPECT_EQ(topology.borders, cells <= 7 ? 1u : 2u) << cells;
     EXPECT_EQ(topology.non_manifold_edges, 0u);
-    for (const auto& t : mesh.triangles) {  // all look the same way
+    for (const auto& t : mesh.triangles) {  // consistent orientation
       const Eigen::Vector3f n =
           (mesh.positions[t[1]] - mesh.positions[t[0]]).cross(mesh.positions[t[2]] - mesh.positions[t[0]]);
       ASSERT_GT(n.z(), 0) << cells;
@@ -110,7 +111,7 @@ TEST(MakeManifold, LeavesTwoTrianglesAtEachSideAndNoneWithoutArea) {
   const auto fin = static_cast<std::uint32_t>(mesh.positions.size() - 1);
   mesh.triangles.push_back({6, 7, fin});
   mesh.triangles.push_back({0, 0, 1});
-  mesh.triangles.push_back({0, 1, 2});  // on one line
+  mesh.triangles.push_back({0, 1, 2});  // collinear
   EXPECT_GT(examine_topology(mesh).non_manifold_edges, 0u);
   EXPECT_EQ(examine_topology(mesh).degenerate_triangles, 2u);
   make_manifold(mesh);
@@ -121,7 +122,7 @@ TEST(MakeManifold, LeavesTwoTrianglesAtEachSideAndNoneWithoutArea) {
 TEST(MakeManifold, RemovesTrianglesThatLieOnEachOther) {
   Mesh mesh = flat_grid(4, 4, 0.1f);
   const std::size_t surface = mesh.triangles.size();
-  // A sheet of two triangles that look apart, with vertices of its own at the same places, and one twice.
+  // A sheet of two triangles with opposite normals, with separate vertices at the same positions, and one duplicate.
   const auto first = static_cast<std::uint32_t>(mesh.positions.size());
   for (const int copy : {0, 1})
     for (const Eigen::Vector3f& p : {Eigen::Vector3f(0, 0, 1), Eigen::Vector3f(1, 0, 1), Eigen::Vector3f(0, 1, 1)}) {
@@ -138,7 +139,7 @@ TEST(MakeManifold, RemovesTrianglesThatLieOnEachOther) {
 }
 
 TEST(MakeManifold, LeavesTheLargestFanAtAVertex) {
-  // Two pyramids without a floor, one of them smaller, that touch with their tips.
+  // Two pyramids without a base and of different size, touching at their tips.
   Mesh mesh;
   mesh.positions = {{0, 0, 0}, {1, 1, 1}, {-1, 1, 1}, {-1, -1, 1}, {1, -1, 1}};
   for (std::size_t k = 1; k < 5; ++k) mesh.positions.emplace_back(-0.5f * mesh.positions[k]);
@@ -169,7 +170,7 @@ TEST(Topology, TellsSplitVerticesAtOnePlaceAsOne) {
   Mesh mesh = flat_grid(2, 1, 1.0f);
   mesh.positions.push_back(mesh.positions[1]);
   mesh.positions.push_back(mesh.positions[4]);
-  mesh.positions.emplace_back(9, 9, 9);  // nobody uses it
+  mesh.positions.emplace_back(9, 9, 9);  // unreferenced
   for (std::size_t i = 2; i < 4; ++i)
     for (auto& v : mesh.triangles[i]) v = v == 1 ? 6 : v == 4 ? 7 : v;
   const MeshTopology topology = examine_topology(mesh);

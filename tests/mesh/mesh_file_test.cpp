@@ -29,7 +29,7 @@ Mesh tetrahedron() {
   return mesh;
 }
 
-/// As that of a map that was adjusted.
+/// Mesh with standard deviations, as of an adjusted map.
 Mesh adjusted_tetrahedron() {
   Mesh mesh = tetrahedron();
   mesh.sigmas = {0.001f, 0.0021f, 0.0302f, 0.4f};
@@ -131,7 +131,7 @@ TEST_P(Compressed, ComesBackAndSatisfiesTheGltfValidator) {
   ASSERT_EQ(parts[0].triangles.size(), sheet().triangles.size());
   ASSERT_EQ(parts[1].triangles.size(), coloured.triangles.size());
   EXPECT_EQ(parts[0].texture.texels, sheet().texture.texels);
-  // The grid: 2 m in 65536 steps at least, of two sizes at most.
+  // The grid: 2 m in at least 65536 steps, with a factor of two at most.
   const double step = compression == Compression::none ? 1e-7 : 2.0 * 2 / 65536;
   EXPECT_LT(evaluate_mesh(parts[0], sheet(), 2000).accuracy.max, step);
   for (std::size_t v = 0; v < parts[0].positions.size(); ++v) {
@@ -175,7 +175,7 @@ INSTANTIATE_TEST_SUITE_P(All, Compressed,
                          [](const auto& it) { return name_of(it.param); });
 
 TEST(Snap, LeavesNoTriangleWithoutArea) {
-  // A sliver that a coarse grid makes flat.
+  // A sliver that becomes flat on a coarse grid.
   Mesh mesh = flat_grid(4, 4, 1.0f);
   mesh.positions.emplace_back(2.0f, 1e-6f, 0);
   mesh.normals.emplace_back(0, 0, 1);
@@ -186,7 +186,7 @@ TEST(Snap, LeavesNoTriangleWithoutArea) {
   EXPECT_EQ(snapped.mesh.triangles.size(), 32u);
 }
 
-/// What reading a .glb of a triangle says when its JSON is spoiled; all of its coordinates' bytes are `byte`.
+/// Error message for a .glb of a triangle with modified JSON; all bytes of its coordinates are `byte`.
 std::string error_of_glb(const std::function<void(nlohmann::json&)>& spoil, std::uint8_t byte = 0) {
   nlohmann::json j{{"asset", {{"version", "2.0"}}},
                    {"buffers", {{{"byteLength", 36}}}},
@@ -221,7 +221,7 @@ TEST(ReadGltf, RefusesWhatReachesBeyondItsBuffer) {
   EXPECT_EQ(error_of_glb([](auto& j) { j["bufferViews"][0]["byteOffset"] = 4; }), ": a view reaches beyond its buffer");
   EXPECT_EQ(error_of_glb([](auto& j) { j["bufferViews"][0]["buffer"] = 7; }), ": there is no buffer 7");
   EXPECT_EQ(error_of_glb([](auto& j) { j["accessors"][0]["bufferView"] = 7; }), ": there is no view 7");
-  // Doubles whose stride is not a multiple of eight: tinygltf tells a stride of -1.
+  // Doubles with a stride that is not a multiple of eight: tinygltf reports a stride of -1.
   EXPECT_EQ(error_of_glb([](auto& j) {
               j["bufferViews"][0]["byteStride"] = 12;
               j["accessors"][0]["componentType"] = 5130;
@@ -231,7 +231,7 @@ TEST(ReadGltf, RefusesWhatReachesBeyondItsBuffer) {
 
 TEST(ReadGltf, RefusesAMeshThatNeverEnds) {
   EXPECT_EQ(error_of_glb([](auto& j) { j["nodes"][0]["children"] = {0}; }), ": node 0 is there twice");
-  // Each node is twice a child of the one before: 2^60 meshes.
+  // Each node is twice a child of the previous node: 2^60 meshes.
   EXPECT_EQ(error_of_glb([](auto& j) {
               for (int i = 0; i < 60; ++i) {
                 j["nodes"][i]["children"] = {i + 1, i + 1};
@@ -261,7 +261,7 @@ TEST(ReadGltf, RefusesAPositionThatIsNoNumber) {
   EXPECT_EQ(error_of_glb([](auto&) {}, 0xff), ": vertex 0 is at no place: a coordinate is not finite");
 }
 
-/// What reading a .glb says whose view claims to be compressed by meshopt.
+/// Error message for a .glb with a view declared as compressed by meshopt.
 std::string error_of_meshopt(const std::string& mode, std::uint64_t count, std::uint64_t stride) {
   return error_of_glb([&](nlohmann::json& j) {
     j["extensionsUsed"] = {"EXT_meshopt_compression"};
@@ -338,7 +338,7 @@ TEST(WriteObj, TellsPlacesMaterialAndTexture) {
   EXPECT_NE(obj.find("\nf 1/1/1 2/2/2 23/23/23\n"), std::string::npos);
 }
 
-/// Six times the volume, more than 0 where triangles are counter-clockwise seen from outside.
+/// Six times the volume, positive if triangles are counter-clockwise seen from outside.
 float volume_of(const std::vector<std::array<Eigen::Vector3f, 3>>& triangles) {
   float volume = 0;
   for (const auto& [a, b, c] : triangles) volume += a.dot(b.cross(c));
@@ -375,7 +375,7 @@ TEST(WriteStl, HoldsTheTrianglesWithZUp) {
       EXPECT_EQ(written.back()[i], Eigen::Vector3f(p.x(), p.z(), -p.y()));  // y is down in the world
     }
   }
-  EXPECT_FLOAT_EQ(volume_of(written), volume_of(plain));  // turned, not mirrored
+  EXPECT_FLOAT_EQ(volume_of(written), volume_of(plain));  // rotated, not mirrored
 }
 
 TEST(WriteObj, StandsUprightAndSaysSo) {
@@ -413,7 +413,7 @@ TEST(Axes, ComeBackWhateverTheyAreInTheFile) {
                   .find("comment cairn, metres, axes " +
                         std::string(axes == Axes::automatic ? "world" : name_of(axes)) + ": x"),
               std::string::npos);
-    // To the right, up and ahead of the camera, in the file's own numbers.
+    // To the right, up and ahead of the camera, in the file's axes.
     const Eigen::Matrix3d turn = matrix_from_world(axes);
     EXPECT_DOUBLE_EQ(turn.determinant(), 1);
     EXPECT_EQ(turn * Eigen::Vector3d(1, -2, 3), axes == Axes::y_up   ? Eigen::Vector3d(1, 2, -3)
@@ -441,7 +441,7 @@ TEST(Tileset, StandsWhereOnTheEarthItIsToldTo) {
   EXPECT_NEAR(std::atan2(at.translation().y(), at.translation().x()) * 180 / std::numbers::pi, 10.9863, 1e-9);
   EXPECT_DOUBLE_EQ(at.linear().determinant(), 1);
   EXPECT_NEAR(at.linear().col(1).dot(Eigen::Vector3d::UnitZ()), std::cos(47.4211 * std::numbers::pi / 180), 1e-12);
-  // East is where a heading of 90 degrees leads; on the equator at longitude 0 that is +y.
+  // A heading of 90 degrees points east; on the equator at longitude 0 this is +y.
   const Eigen::Isometry3d equator = earth_from_tileset({.heading = 90});
   EXPECT_TRUE(equator.translation().isApprox(Eigen::Vector3d(6378137, 0, 0), 1e-12));
   EXPECT_TRUE(equator.linear().col(1).isApprox(Eigen::Vector3d::UnitY(), 1e-12));

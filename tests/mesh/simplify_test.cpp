@@ -15,7 +15,7 @@
 namespace cairn {
 namespace {
 
-/// Farthest that points of one surface lie from the other.
+/// Largest distance of sampled points of one surface to the other.
 double farthest(const Mesh& from, const Mesh& to) {
   const MeshSurface surface(to);
   double most = 0;
@@ -75,7 +75,7 @@ TEST(Simplify, LeavesNoMoreTrianglesThanWereAskedFor) {
 }
 
 TEST(Simplify, GivesUpWhatStandsInTheWayOfSoFew) {
-  // Every vertex locked, and each of 50 pieces with two colours: neither may be kept.
+  // Every vertex is locked, and each of 50 components has two colors: both constraints must be dropped.
   Mesh pieces;
   for (int i = 0; i < 50; ++i) {
     Mesh piece = sphere_mesh(2);
@@ -110,8 +110,8 @@ TEST(Simplify, KeepsLockedVertices) {
     EXPECT_EQ(mesh.positions[i].y(), 0.01f * static_cast<float>(simplified.kept[i] / 31));
 }
 
-/// Largest difference between the colour of the mesh and the true one, at the middles of triangles away from edges of
-/// colour.
+/// Largest difference between the color of the mesh and the true color, at the middles of triangles away from color
+/// edges.
 double colour_error(const Mesh& mesh, const std::function<int(const Eigen::Vector3f&)>& truth) {
   double sum = 0, area = 0;
   for (const auto& t : mesh.triangles) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Draws a mesh as a PNG, seen from above and outside with the near walls left out: the README's pictures. Or, with an
-// eye and a place to look at, as from within. Usage: cairn_picture MESH OUT.png [YAW_DEGREES] [PITCH_DEGREES]
+// Renders a mesh as a PNG from above and outside without the near walls, for the README's pictures, or from an eye
+// towards a point, as from within. Usage: cairn_picture MESH OUT.png [YAW_DEGREES] [PITCH_DEGREES]
 //        cairn_picture MESH OUT.png EYE_X EYE_Y EYE_Z AT_X AT_Y AT_Z
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -16,7 +16,7 @@
 
 namespace {
 
-/// A camera at `eye` that looks along z, with y down.
+/// Camera at `eye` looking towards `at`, with y down.
 Eigen::Isometry3d looking(const Eigen::Vector3d& eye, const Eigen::Vector3d& at) {
   const Eigen::Vector3d z = (at - eye).normalized(), x = Eigen::Vector3d::UnitY().cross(z).normalized();
   Eigen::Isometry3d world_from_camera = Eigen::Isometry3d::Identity();
@@ -40,7 +40,7 @@ int main(int argc, char** argv) {
     camera.fx = camera.fy = 700;
     world_from_camera = looking({number(3, 0), number(4, 0), number(5, 0)}, {number(6, 0), number(7, 0), number(8, 0)});
   } else {
-    constexpr double kFar = 100;  // metres: perspective does not show
+    constexpr double kFar = 100;  // meters: nearly without perspective
     const double degree = std::numbers::pi / 180;
     const Eigen::Matrix3d turn = (Eigen::AngleAxisd(number(4, 42) * degree, Eigen::Vector3d::UnitX()) *
                                   Eigen::AngleAxisd(number(3, 25) * degree, Eigen::Vector3d::UnitY()))

@@ -17,7 +17,7 @@ namespace {
 
 using Keys = std::vector<std::uint32_t>;
 
-/// Keys of which some are everywhere, some are shared with a few entries around, and some are of one entry.
+/// Keys shared by all entries, keys shared by a few neighboring entries, and keys of a single entry.
 Keys keys_of(std::uint32_t entry) {
   std::mt19937 random(entry + 1);
   Keys keys;
@@ -30,7 +30,7 @@ Keys keys_of(std::uint32_t entry) {
   return keys;
 }
 
-/// The same by plain lists.
+/// Reference implementation with plain lists.
 std::vector<float> rarity_by_lists(std::size_t entries, const Keys& keys) {
   std::map<std::uint32_t, std::vector<std::size_t>> lists;
   for (std::size_t i = 0; i < entries; ++i)

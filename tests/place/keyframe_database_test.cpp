@@ -10,7 +10,7 @@
 namespace cairn {
 namespace {
 
-/// Views around the room, then again from places beside them.
+/// Views around the room, then again from nearby poses.
 struct Around {
   static constexpr int kViews = 24;
   KeyframeDatabase places;
@@ -46,7 +46,7 @@ struct Around {
 TEST(KeyframeDatabase, AreFoundByTheirCorners) {
   const Around around(true);
   EXPECT_GE(around.found(), 22);
-  // And are told apart by how these lie.
+  // The geometry of the corners distinguishes the places.
   for (std::size_t i = 0; i < Around::kViews; i += 5) {
     const auto located = solve_pnp(around.once[i], around.again[i], synthetic_camera());
     ASSERT_TRUE(located) << i;

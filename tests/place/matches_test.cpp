@@ -10,7 +10,7 @@
 namespace cairn {
 namespace {
 
-/// Corners whose rays tell their numbers; every fifth has no depth.
+/// Features with rays that encode their index; every fifth has no depth.
 Features with_descriptors(std::size_t count, std::mt19937& random) {
   Features f;
   for (std::size_t i = 0; i < count; ++i) {
@@ -25,11 +25,11 @@ TEST(Matches, AreThoseOfOpenCV) {
   std::mt19937 random(1);
   const Features known = with_descriptors(300, random);
   Features seen = with_descriptors(200, random);
-  for (std::size_t i = 0; i < 150; ++i) {  // seen again, some with so many other bits that they are no match
+  for (std::size_t i = 0; i < 150; ++i) {  // seen again, some with too many different bits for a match
     seen.descriptors[i] = known.descriptors[299 - i];
     for (std::size_t bit = 0; bit < i / 2; ++bit) seen.descriptors[i][bit / 8] ^= 1u << (bit % 8);
   }
-  for (std::size_t i = 0; i < 20; ++i) seen.descriptors[180 + i] = seen.descriptors[i];  // equally near
+  for (std::size_t i = 0; i < 20; ++i) seen.descriptors[180 + i] = seen.descriptors[i];  // equal distances
   const auto mat = [](const Features& f) {
     return cv::Mat(static_cast<int>(f.descriptors.size()), 32, CV_8U,
                    const_cast<std::uint8_t*>(f.descriptors.front().data()));

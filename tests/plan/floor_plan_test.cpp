@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Plans of scenes whose walls are known exactly, from exact voxels to what the files hold.
+// Plans of scenes with exactly known walls, from exact voxels to the files' contents.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -23,10 +23,10 @@ using Eigen::Vector3d;
 using Eigen::Vector3f;
 
 constexpr float kVoxel = 0.03f, kTruncation = 0.09f;
-constexpr double kFloorY = 1.3, kStorey = 2.8, kCut = 1.2;               // metres
-constexpr double kWidth = 8.4, kDepth = 7.4, kThick = 0.1, kDoor = 0.9;  // metres
-constexpr double kMeanOff = 0.01;  // metres of a line from the true wall, on the mean
-constexpr double kSide = 0.01;     // metres of the plan's extent: half a voxel at each end
+constexpr double kFloorY = 1.3, kStorey = 2.8, kCut = 1.2;               // meters
+constexpr double kWidth = 8.4, kDepth = 7.4, kThick = 0.1, kDoor = 0.9;  // meters
+constexpr double kMeanOff = 0.01;  // mean distance of a line from the true wall, meters
+constexpr double kSide = 0.01;     // meters of the plan's extent: half a voxel at each end
 
 Scene::Solid box(const Vector3f& low, const Vector3f& high) {
   return {.shape = Scene::Shape::box, .centre = (low + high) / 2, .half_size = (high - low) / 2};
@@ -53,7 +53,7 @@ Scene four_rooms() {
 
 using Seen = std::function<bool(const Vector3d& middle)>;
 
-/// Between two heights of a world that is y down.
+/// Writes a map between two heights of a world with y down.
 void write_map(const fs::path& file, const Distance& distance, double low_y, double high_y,
                const Upright& upright = upright_by(Eigen::Quaterniond::Identity()), const Seen& is_seen = {}) {
   const double beside = 8.0 * static_cast<double>(kVoxel);
@@ -64,7 +64,7 @@ void write_map(const fs::path& file, const Distance& distance, double low_y, dou
       {.voxel_size = kVoxel, .truncation = kTruncation, .box = {low, high}, .upright = upright, .is_seen = is_seen});
 }
 
-/// The points of each path of a layer of an SVG, millimetres of the page.
+/// Points of each path of an SVG layer, millimeters of the page.
 std::vector<std::vector<Vector2d>> paths_of(const std::string& svg, const std::string& layer) {
   std::vector<std::vector<Vector2d>> paths;
   const std::size_t begin = svg.find("inkscape:label=\"" + layer + "\"");
@@ -90,7 +90,7 @@ Eigen::AlignedBox2d box_of(const std::vector<std::vector<Vector2d>>& paths) {
   return all;
 }
 
-/// What a drawing's lines are off by on the mean, metres, by their length. The drawing's box is the scene's.
+/// Mean distance of a drawing's lines from the scene in meters, weighted by length. The drawing's box is the scene's.
 double mean_off(const std::vector<std::vector<Vector2d>>& paths, int scale, const Distance& distance) {
   const Eigen::AlignedBox2d drawn = box_of(paths);
   double sum = 0;
@@ -136,7 +136,7 @@ TEST_F(FloorPlan, PutsLinesWhereTheWallsAre) {
   EXPECT_NEAR(box_of(faces).sizes().x(), 10 * kWidth, 10 * kSide);
   EXPECT_NEAR(box_of(faces).sizes().y(), 10 * kDepth, 10 * kSide);
   EXPECT_LT(mean_off(faces, 100, &distance), kMeanOff);
-  // All of them: the outer walls, both faces of the inner ones, and the ends of these.
+  // All lines: the outer walls, and both faces and the ends of the inner walls.
   double drawn = 0;
   for (const auto& path : faces)
     for (std::size_t i = 0; i + 1 < path.size(); ++i) drawn += (path[i + 1] - path[i]).norm() / 10;
@@ -168,7 +168,7 @@ TEST_F(FloorPlan, IsAsLargeAsItsScaleSays) {
 TEST_F(FloorPlan, FillsWallsLeavesDoorsAndKnowsRoomsAndFurniture) {
   const ExportedPlan plan = draw(out / "plan.svg");
   const std::string svg = read_bytes(out / "plan.svg");
-  // Five pieces of wall: a cross in the middle, and the four that lead to the outer walls.
+  // Five segments of wall: a cross in the middle, and four connected to the outer walls.
   const auto solid = paths_of(svg, "Walls, solid");
   EXPECT_EQ(solid.size(), 5u);
   ASSERT_EQ(plan.storeys[0].rooms.size(), 4u);
@@ -224,7 +224,7 @@ TEST_F(FloorPlan, HasTheSameBytesTwice) {
 
 TEST_F(FloorPlan, TellsWhereNobodyLookedWithinTheOutline) {
   const double brick = 8.0 * static_cast<double>(kVoxel);
-  // Whole bricks: 5 by 4 in the middle of a room, from the floor to the ceiling, and 2 by 8 along its outer wall.
+  // Entire bricks: 5 by 4 in the middle of a room, from the floor to the ceiling, and 2 by 8 along its outer wall.
   const auto is_hidden = [brick](const Vector3d& p) {
     const Eigen::Vector3d b = (p / brick).array().floor();
     return (b.x() >= 6 && b.x() < 11 && b.z() >= 5 && b.z() < 9) || (b.x() >= 15 && b.z() >= -12 && b.z() < -4);
@@ -237,13 +237,13 @@ TEST_F(FloorPlan, TellsWhereNobodyLookedWithinTheOutline) {
   const ExportedStorey storey = draw_hidden(true);
   const std::string svg = read_bytes(out / "plan.svg");
   const double hidden = (5 * 4 + (kWidth / 2 / brick - 15) * 8) * brick * brick;
-  constexpr double kRim = 0.35;  // m2: half a voxel around what is hidden, and corners that are rounded
+  constexpr double kRim = 0.35;  // m2: half a voxel around the hidden areas, and rounded corners
   EXPECT_NEAR(storey.not_looked_at, hidden, kRim);
   EXPECT_NEAR(storey.not_looked_at_share, storey.not_looked_at / (kWidth * kDepth), 0.01);
   EXPECT_EQ(paths_of(svg, "Not looked at").size(), 2u);
   EXPECT_NE(svg.find("nobody looked here: "), std::string::npos);
   EXPECT_EQ(svg.find("\"Not seen\""), std::string::npos);
-  // What is low hides nothing that is above it: where all was seen, it is told so.
+  // Low objects do not hide the space above: a completely observed storey has no unobserved area.
   const ExportedStorey seen = draw(out / "plan.svg", {.scale = 100, .coverage = true}).storeys[0];
   EXPECT_LT(seen.not_looked_at, 0.02);
   EXPECT_EQ(draw_hidden(false).not_looked_at, 0);

@@ -10,7 +10,7 @@
 namespace cairn::plan {
 namespace {
 
-/// A room of 8 by 5 m on each of so many storeys, 3 m high.
+/// A room of 8 by 5 m on each storey, 3 m high.
 std::vector<StoreyPlan> storeys(int count) {
   std::vector<StoreyPlan> all;
   for (int i = 0; i < count; ++i)
@@ -19,7 +19,7 @@ std::vector<StoreyPlan> storeys(int count) {
   return all;
 }
 
-/// Straight on through the room, 1.5 m above a floor.
+/// Straight path through the room, 1.5 m above a floor.
 Trajectory path(double floor, double z) {
   Trajectory poses;
   for (int i = 0; i <= 20; ++i) {
@@ -40,7 +40,7 @@ const Layer* layer_of(const Sheet& sheet, const std::string& name) {
   return found == sheet.layers.end() ? nullptr : &*found;
 }
 
-/// All shapes and texts lie on the page.
+/// Expects all shapes and texts inside the page.
 void expect_on_page(const Sheet& sheet) {
   for (const Layer& layer : sheet.layers) {
     for (const Shape& shape : layer.shapes)
