@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What the browser tests share: the program, Debian's Chromium, and pages that must not complain.
+// Shared code of the browser tests: the program, Debian's Chromium, and pages whose console must stay free of errors.
 import assert from 'node:assert/strict';
 import { spawn, spawnSync } from 'node:child_process';
 import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
@@ -18,7 +18,7 @@ export const cairn = process.env.CAIRN_PROGRAM ?? join(build, 'cairn');
 export const pictures = process.env.CAIRN_PICTURES ?? join(build, 'pictures');
 mkdirSync(pictures, { recursive: true });
 
-/** Runs `test(folder)` in a new folder that goes away. */
+/** Runs `test(folder)` in a new temporary folder. */
 export async function inFolder(test) {
   const folder = mkdtempSync(join(tmpdir(), 'cairn-browser-'));
   try {
@@ -34,7 +34,7 @@ export function run(...args) {
   return ran.stdout;
 }
 
-/** A program that runs on: its output so far, and its end. */
+/** Running program: its output so far, and its end. */
 export class Program {
   constructor(...args) {
     this.output = '';
@@ -43,7 +43,7 @@ export class Program {
       stream.setEncoding('utf8').on('data', (text) => { this.output += text; });
     this.ended = new Promise((resolve) => this.process.on('close', (code, signal) => resolve(code ?? signal)));
   }
-  /** The address that it serves. */
+  /** URL of the program's server. */
   async url() {
     await until(() => /http:\S+/.test(this.output), () => `no address was printed: ${this.output}`);
     return this.output.match(/http:\S+/)[0];
@@ -59,7 +59,7 @@ export async function until(condition, what = () => 'it did not happen', seconds
   }
 }
 
-/** Calls `test(open)`; `open(url, size, script that runs first)` gives a page. Fails when a page wrote an error to its console. */
+/** Calls `test(open)`; `open(url, size, initial script)` returns a page. Fails if a page writes an error to its console. */
 export async function withBrowser(test) {
   const executablePath = ['/usr/bin/chromium', '/usr/bin/chromium-browser'].find(existsSync);
   if (!executablePath) throw new Error('Chromium is missing: run scripts/install-deps --tests');
@@ -70,7 +70,7 @@ export async function withBrowser(test) {
   try {
     await test(async (url, viewport = { width: 1280, height: 800 }, beforehand = () => {}) => {
       const page = await browser.newPage({ viewport });
-      page.setDefaultNavigationTimeout(120000);  // a page with its mesh inside, on cores that others use, too
+      page.setDefaultNavigationTimeout(120000);  // a page with an embedded mesh, on shared cores
       await page.addInitScript(beforehand);
       page.on('console', (message) => { if (message.type() === 'error') errors.push(message.text()); });
       page.on('pageerror', (error) => errors.push(String(error)));
@@ -85,12 +85,12 @@ export async function withBrowser(test) {
 
 export const triangles = (page) => page.evaluate(() => window.cairn?.triangles ?? 0);
 
-/** What a page has marked so far, in seconds from its navigation: its first picture, its texture, the whole. */
+/** Marks of a page in seconds from its navigation: its first picture, its texture, the complete map. */
 export const timeline = (page) => page.evaluate(() => Object.fromEntries(performance.getEntriesByType('mark').map(({ name, startTime }) => [name, startTime / 1000])));
 
 const axe = () => readFileSync(fileURLToPath(new URL('../support/node_modules/axe-core/axe.min.js', import.meta.url)), 'utf8');
 
-/** Fails where axe-core finds serious faults of accessibility: contrast, names, what a keyboard reaches. */
+/** Fails if axe-core finds serious accessibility faults: contrast, names, keyboard access. */
 export async function isAccessible(page, what) {
   if (!(await page.evaluate(() => 'axe' in window))) await page.evaluate(axe());
   const found = await page.evaluate(async () => (await window.axe.run()).violations
@@ -99,7 +99,7 @@ export async function isAccessible(page, what) {
   assert.deepEqual(found, [], what);
 }
 
-/** A page that opens exported files of `folder`; see export_page.js. `close()` ends its server. */
+/** Page that opens exported files of `folder`; see export_page.js. `close()` ends its server. */
 export async function exportPage(open, folder) {
   const { build } = require('esbuild');
   const bundled = await build({

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Exported files in Chromium: every way to write glTF in three.js, 3D Tiles in 3d-tiles-renderer.
+// Exported files in Chromium: every variant of glTF in three.js, 3D Tiles in 3d-tiles-renderer.
 import assert from 'node:assert/strict';
 import { join } from 'node:path';
 import { pathToFileURL } from 'node:url';
@@ -49,7 +49,7 @@ test('three.js opens every glTF, and 3d-tiles-renderer the tiles', () => inFolde
       close();
     }
 
-    // The project's own page shows textures and meshopt, too.
+    // The project's own page supports textures and meshopt as well.
     const report = await open(pathToFileURL(join(map, 'report.html')).href);
     await until(async () => (await triangles(report)) > 0);
     await report.waitForTimeout(3000);  // software WebGL

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Opens exported files as any web page would: three.js' GLTFLoader, and 3d-tiles-renderer.
+// Opens exported files with the usual web loaders: three.js' GLTFLoader, and 3d-tiles-renderer.
 import { TilesRenderer } from '3d-tiles-renderer';
 import * as THREE from 'three';
 import { DRACOLoader } from 'three/addons/loaders/DRACOLoader.js';

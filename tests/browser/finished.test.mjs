@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A finished map in Chromium: report.html from the disk, and cairn view.
+// Finished map in Chromium: report.html from the disk, and cairn view.
 import assert from 'node:assert/strict';
 import { readFileSync, statSync } from 'node:fs';
 import { join } from 'node:path';
@@ -16,7 +16,7 @@ test('report.html and cairn view show the mesh, the charts and the facts', () =>
     const page = await open(pathToFileURL(join(out, 'report.html')).href);
     await until(async () => (await triangles(page)) === report.mesh.triangles);
     await until(async () => (await page.locator('.uplot canvas').count()) === 2);
-    // As the console says it, and green since all is well.
+    // Same text as on the console, in green since the result is good.
     assert.match(await page.locator('#status').textContent(), /^30 of 30 frames fused \(0 lost, 0 skipped\) in [\d.]+ s$/);
     assert.equal(await page.locator('#status').getAttribute('data-status'), 'good');
     const panel = await page.locator('#panel').innerText();
@@ -35,7 +35,7 @@ test('report.html and cairn view show the mesh, the charts and the facts', () =>
   });
 }));
 
-/** The page of report.html with another report and other data in it. */
+/** Reloads report.html with a changed report and changed data. */
 async function changed(page, file, change) {
   await page.route('**/report.html', async (route) => {
     const whole = readFileSync(file, 'utf8'), mark = '<script type="application/json" id="data">', at = whole.indexOf(mark) + mark.length;
@@ -50,7 +50,7 @@ test('lost frames, warnings and verdicts are told, and never green', () => inFol
   const out = join(folder, 'map'), file = join(out, 'report.html');
   run('reconstruct', 'synthetic:room', '-o', out, '--frames', '0:20', '--voxel-size', '0.03');
   const lose = (data, count) => {
-    delete data.report.verdict;  // of the run as it was
+    delete data.report.verdict;  // verdict of the unchanged run
     data.report.frames = { total: 20, fused: 20 - count, lost: count, skipped: 0 };
     for (const frame of data.report.per_frame.slice(8, 8 + count)) frame.state = 'lost';
     const times = data.report.per_frame.slice(8, 8 + count).map(({ timestamp }) => timestamp);
@@ -84,7 +84,7 @@ test('lost frames, warnings and verdicts are told, and never green', () => inFol
     await changed(page, file, (data) => { data.report.warnings = ['something is doubtful']; return data; });
     assert.equal(await status(), 'weak');
 
-    // A mesh that is missing or cannot be read leaves the rest of the page.
+    // A missing or unreadable mesh does not affect the rest of the page.
     await changed(page, file, (data) => { data.mesh_base64 = btoa('not a mesh'); return data; });
     assert.match(await page.locator('#panel').innerText(), /The mesh is not shown here/);
     await changed(page, file, (data) => { delete data.mesh_base64; data.mesh_left_out = 'map/mesh.glb'; return data; });
@@ -102,7 +102,7 @@ test('a coarser mesh is in the picture before the whole is fetched and its textu
     let give;
     const asked = new Promise((resolve) => page.route('**/mesh.glb', (route) => { give = () => route.continue(); resolve(); }));
     await page.goto(url);
-    await asked;  // and nothing comes of it yet
+    await asked;  // requested, but not yet answered
     await until(async () => 'picture' in (await timeline(page)));
     const coarse = await triangles(page);
     assert.ok(coarse > 20_000 && coarse < 0.7 * mesh.triangles, `${coarse} of ${mesh.triangles} triangles`);

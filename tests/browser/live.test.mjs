@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The live view as a person meets it: in Chromium, from a stream that goes on while it is looked at.
+// Live view in Chromium, from a stream that continues during the test.
 import assert from 'node:assert/strict';
 import { existsSync, readFileSync } from 'node:fs';
 import { join } from 'node:path';
@@ -31,7 +31,7 @@ test('the mesh grows, the buttons work, and the result is written', () => inFold
     assert.equal(await fusedIn(page), fused);
     assert.equal(await skippedIn(page), skipped, 'the recording went on');
 
-    // A second viewer, on a phone, comes late and sees all of it.
+    // A second viewer, on a phone, joins late and sees the entire map.
     const phone = await open(url, { width: 390, height: 780 });
     await until(async () => (await triangles(phone)) >= (await triangles(page)));
     await phone.screenshot({ path: join(pictures, 'live-phone.png') });
@@ -50,7 +50,7 @@ test('the mesh grows, the buttons work, and the result is written', () => inFold
     await until(async () => (await fusedIn(page)) < fused, () => 'the map was not thrown away');
     await until(async () => (await triangles(page)) > 1000);
     await page.getByRole('button', { name: 'Finish' }).click();
-    // The page turns into that of the finished map, with the mesh that was written, and the program waits for it.
+    // The page changes to the finished map, with the written mesh, while the program waits.
     await until(() => /the page shows the result/.test(program.output), () => program.output);
     const report = JSON.parse(readFileSync(join(out, 'report.json'), 'utf8'));
     await until(async () => (await triangles(page)) === report.mesh.triangles, async () => `${await triangles(page)} of ${report.mesh.triangles} triangles`);
@@ -59,7 +59,7 @@ test('the mesh grows, the buttons work, and the result is written', () => inFold
     assert.match(program.output, new RegExp(`${written} of ${total} frames`));
     assert.equal(await page.getByRole('button', { name: 'Finish' }).count(), 0);
     await page.screenshot({ path: join(pictures, 'live-finished.png') });
-    await page.reload();  // who looks again sees it, too
+    await page.reload();  // a reload shows the same
     await until(async () => (await triangles(page)) === report.mesh.triangles);
     await page.close();
     assert.equal(await program.ended, 0, program.output);
@@ -88,6 +88,6 @@ test('the page comes back when the connection breaks, and tells when the program
     await until(async () => (await fusedIn(page)) > before);
     program.kill('SIGKILL');
     await until(async () => (await statusOf(page)) === 'gone');
-    errors.length = 0;  // the browser itself tells of connections that fail
+    errors.length = 0;  // the browser itself reports failed connections
   });
 }));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The live page with a program that says what a test wants: what a camera sees cannot be had at will from a stream.
+// Live page with a simulated program: a real stream cannot produce arbitrary states.
 import { createServer } from 'node:http';
 import { until } from './browser.mjs';
 
@@ -17,7 +17,7 @@ function pretend() {
     }
     send(text) { window.asked.push(JSON.parse(text).do); }
     tell(state) { this.onmessage({ data: JSON.stringify(state) }); }
-    /** A surface one metre before the camera, of `size` metres, whose coverage goes from 0 on the left to 255. */
+    /** Sends a surface one meter before the camera, of `size` meters, with a coverage from 0 on the left to 255. */
     tellPlane(size) {
       const side = 33, vertices = side * side, quads = (side - 1) ** 2;
       const bytes = new ArrayBuffer(48 + vertices * 16 + quads * 12), head = new DataView(bytes);
@@ -54,7 +54,7 @@ function pretend() {
   };
 }
 
-/** What the program says of a scan that goes well. */
+/** State of a scan that goes well. */
 export const going = {
   epoch: 1, status: 'good', words: 'Tracking well', guidance: { level: 'good', words: 'Tracking well' },
   frames: { fused: 120, lost: 3 }, skipped_to_keep_up: 7, memory_mb: 412.3, loops: [], keyframes: 9, submaps: 1,
@@ -62,7 +62,7 @@ export const going = {
   view: { fx: 0.82, aspect: 4 / 3, depth: 1 }, last_frame: { near: 0, far: 0.1, empty: 0.2, brightness: 0.5, inlier_share: 0.91, rmse: 1.3 },
 };
 
-/** `html`: the page, as the program serves it; `files`: what else it serves, by name: [type, body]. */
+/** `html`: the page, as served by the program; `files`: other served files, by name: [type, body]. */
 export async function livePage(open, html, viewport, files = {}) {
   const server = createServer((request, response) => {
     const name = new URL(request.url, 'http://x').pathname.slice(1);
@@ -77,7 +77,7 @@ export async function livePage(open, html, viewport, files = {}) {
   return { page, tell, tellPlane: (size) => page.evaluate((metres) => window.live.tellPlane(metres), size), close: () => server.close() };
 }
 
-/** Shares of the picture's pixels: of those that are not the background, and the colours along its middle row. */
+/** Share of the picture's pixels that are not background, and the colors along its middle row. */
 export const pixels = (page) => page.evaluate(() => {
   const { renderer, scene, camera } = window.cairn, gl = renderer.getContext();
   renderer.render(scene, camera);

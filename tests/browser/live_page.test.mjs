@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What the live page makes of what the program tells it, on screens of three sizes.
+// Live page with various messages of the program, on screens of three sizes.
 import assert from 'node:assert/strict';
 import { join } from 'node:path';
 import test from 'node:test';
@@ -14,7 +14,7 @@ const overflows = (page) => page.evaluate(() => document.documentElement.scrollW
 const boxes = async (locator) => Promise.all((await locator.all()).map((one) => one.boundingBox()));
 const shown = (page, name) => page.screenshot({ path: join(pictures, `${name}-${page.viewportSize().width}.png`) });
 
-/** The page as the program serves it. */
+/** Page as served by the program. */
 let served;
 async function html() {
   if (served) return served;
@@ -66,12 +66,12 @@ test('the panel folds away and leaves its place to the map', () => onEachScreen(
 }));
 
 test('the map fills the picture while the sensor is followed', () => onEachScreen(async ({ page, tell, tellPlane }, size) => {
-  await tellPlane(1 / 0.82);  // as wide as the sensor sees
+  await tellPlane(1 / 0.82);  // the width of the sensor's view
   await page.evaluate((pose) => window.live.tell({ epoch: 1, submaps: [pose] }), kIdentity);
   await until(async () => (await pixels(page)).covered > 0.45, () => `${size.width}: little of the picture`, 20);
   await shown(page, 'live-follow');
   const before = await page.evaluate(() => window.cairn.camera.position.toArray());
-  const moved = kIdentity.with(12, 1);  // one metre to the right
+  const moved = kIdentity.with(12, 1);  // one meter to the right
   await tell({ camera: moved });
   const path = [];
   await until(async () => {
@@ -150,7 +150,7 @@ test('the page has no serious faults of accessibility, whatever it says', () => 
   for (const [name, state] of Object.entries(states)) {
     await tell({ ...state, loops: [[1.2, 9.4, true], [2.2, 8.1, false]] });
     await until(async () => (await page.locator('#status').textContent()) === { ...going, ...state }.words);
-    await page.waitForTimeout(1300);  // a flash has ended
+    await page.waitForTimeout(1300);  // after the end of a flash
     await isAccessible(page, `${name} at ${width}`);
   }
   await tell();
@@ -165,7 +165,7 @@ test('Pause becomes Resume, the space bar does the same, and numbers have units'
   assert.deepEqual(await asked(), ['pause']);
   await tell({ status: 'paused', words: 'Paused' });
   await page.getByRole('button', { name: 'Resume' }).click();
-  await page.keyboard.press(' ');  // the button has the focus: it is pressed once, not twice
+  await page.keyboard.press(' ');  // the button has the focus: one press, not two
   assert.deepEqual(await asked(), ['pause', 'start', 'start']);
   await page.locator('#bar button', { hasText: 'Finish' }).focus();
   await page.keyboard.press(' ');

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The page's own tool measures edges of the synthetic room, by clicks beside their ends.
+// Measures edges of the synthetic room with the page's own tool, by clicks beside their ends.
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import test from 'node:test';
 import { Program, inFolder, run, triangles, until, withBrowser } from './browser.mjs';
 
-const kError = 0.005;  // metres, as promised
+const kError = 0.005;  // meters, as promised
 
-/** A box of furnished_room() in src/synth/rooms.cpp: its corners, bit by bit of x, y, z. */
+/** Corners of a box of furnished_room() in src/synth/rooms.cpp, indexed by bits of x, y, z. */
 function corners([x, y, z], size, yaw) {
   return Array.from({ length: 8 }, (_, i) => {
     const [a, b, c] = size.map((length, k) => (i & (4 >> k) ? 0.5 : -0.5) * length);
@@ -19,14 +19,14 @@ function corners([x, y, z], size, yaw) {
 const kScreen = corners([0.15, 0.24, 2.05], [0.62, 0.38, 0.05], 0);
 const kStand = corners([0.15, 0.485, 2.02], [0.24, 0.13, 0.18], 0);
 const kBooks = corners([0.75, 0.47, 1.85], [0.24, 0.16, 0.30], -0.4);
-/** Edges of which the camera has seen both ends; the sides of the screen it saw at a slant at best. */
+/** Edges with both ends seen by the camera; the sides of the screen only at a slant. */
 const kEdges = [['top of the screen', kScreen, 0, 4, 0.62], ['width of the books, behind', kBooks, 0, 4, 0.24],
                 ['bottom of the screen', kScreen, 2, 6, 0.62], ['right side of the screen', kScreen, 4, 6, 0.38],
                 ['left side of the screen', kScreen, 0, 2, 0.38], ['top of the stand', kStand, 0, 4, 0.24],
                 ['bottom of the stand', kStand, 2, 6, 0.24], ['left side of the stand', kStand, 0, 2, 0.13],
                 ['right side of the stand', kStand, 4, 6, 0.13], ['height of the books, left', kBooks, 0, 2, 0.16],
                 ['height of the books, right', kBooks, 4, 6, 0.16], ['bottom of the books', kBooks, 2, 6, 0.24]];
-/** Pixels by which a hand misses an end: to each side in turn, also where what is behind shows. */
+/** Click errors in pixels: to each side in turn, also onto the background. */
 const kMisses = [[2, -2], [-2, 2], [3, 3], [-3, -2]];
 
 const turned = ([x, y, z, w], [a, b, c]) => {
@@ -34,7 +34,7 @@ const turned = ([x, y, z, w], [a, b, c]) => {
   return [a + w * t[0] + y * t[2] - z * t[1], b + w * t[1] + z * t[0] - x * t[2], c + w * t[2] + x * t[1] - y * t[0]];
 };
 
-/** From the scene to the map, which agree in the first camera; poses are t x y z qx qy qz qw. */
+/** Transforms from the scene to the map, which agree in the first camera; poses are t x y z qx qy qz qw. */
 function mapFromScene(map, scene, point) {
   const [x, y, z, w] = scene.slice(4), inCamera = turned([-x, -y, -z, w], point.map((v, i) => v - scene[1 + i]));
   return turned(map.slice(4), inCamera).map((v, i) => v + map[1 + i]);
@@ -57,7 +57,7 @@ test('known edges are measured within 5 mm', { timeout: 280000 }, () => inFolder
     const rows = page.locator('.measured li b'), told = page.locator('#card .told'), errors = [];
     for (const [i, [name, corner, a, b, length]] of kEdges.entries()) {
       const before = await rows.count();
-      // The card below the picture has grown by what was measured last.
+      // The card below the picture has grown by the last measurement.
       await until(() => page.evaluate(() => {
         const { perspective, element } = window.cairn;
         return Math.abs(perspective.aspect - element.clientWidth / element.clientHeight) < 1e-6;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// How long three.js in headless Chromium takes from asking for a .glb to its picture. Usage: node measure_export.mjs X.glb [OUT.png]
+// Time from the request of a .glb to its picture, in three.js in headless Chromium. Usage: node measure_export.mjs
+// X.glb [OUT.png]
 import { statSync } from 'node:fs';
 import { basename, dirname, resolve } from 'node:path';
 import { exportPage, withBrowser } from './browser.mjs';

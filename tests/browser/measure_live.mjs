@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // Measures `cairn live --view` with one viewer. Usage: node measure_live.mjs SEQUENCE OUT reader|page [arguments of
-// cairn live]. reader: takes all that is sent and draws nothing, as with the
-// page open on another machine; page: the page itself, drawn by this machine, and a picture of it.
+// cairn live]. reader: receives all data without drawing, as with the page open on another machine; page: the page
+// itself, drawn by this machine, and a picture of it.
 import { join } from 'node:path';
 import { Program, pictures, triangles, until, withBrowser } from './browser.mjs';
 
 const [sequence, out, viewer, ...more] = process.argv.slice(2);
 let program;
 await withBrowser(async (open, errors) => {
-  const page = await open('about:blank');  // the browser's own start is not what is measured
+  const page = await open('about:blank');  // excludes the browser's own start
   await page.waitForTimeout(2000);
   const begin = Date.now();
   program = new Program('live', sequence, '-o', out, '--view', '--port', '0', '--json', ...(sequence.startsWith('openni:') ? [] : ['--real-time']), ...more);
@@ -31,7 +31,7 @@ await withBrowser(async (open, errors) => {
     }, url);
   }
   await program.ended;
-  errors.length = 0;  // the connection went away with the program
+  errors.length = 0;  // the connection ended with the program
 });
 const report = JSON.parse(program.output.slice(program.output.indexOf('\n{')));
 console.log(JSON.stringify({ live: report.live, frames: report.frames, stages: Object.fromEntries(

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// How long `cairn view` takes to show a map in headless Chromium: from navigation to the first picture of its surface,
-// to the decoded texture, and to the whole mesh with all tools. Usage: node measure_page.mjs MAP [times]
+// Times of `cairn view` in headless Chromium: from navigation to the first picture of the surface, to the decoded
+// texture, and to the complete mesh with all tools. Usage: node measure_page.mjs MAP [times]
 import { Program, timeline, until, withBrowser } from './browser.mjs';
 
 const [map, times = 3] = process.argv.slice(2);
 const program = new Program('view', map, '--port', '0'), url = await program.url();
 await withBrowser(async (open) => {
-  // The start of the browser, and of its drawing, is not what is measured.
+  // Excludes the start of the browser and of its rendering.
   const warm = await open('about:blank');
   await warm.evaluate(() => document.createElement('canvas').getContext('webgl2').clear(0));
   await warm.waitForTimeout(3000);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// How `cairn view` shows a building's tiles in headless Chromium: the time to the first picture, which has all of the
-// building in it; what the page takes; and cracks where levels of detail meet, seen from places along the recordings.
-// Usage: node measure_tiles.mjs PLAN [places]
+// Tiles of a building with `cairn view` in headless Chromium: the time to the first picture, which contains the entire
+// building; the memory of the page; and cracks between levels of detail, seen from places along the recordings. Usage:
+// node measure_tiles.mjs PLAN [places]
 import { readFileSync, readdirSync } from 'node:fs';
 import { join } from 'node:path';
 import { isDeepStrictEqual } from 'node:util';
@@ -11,10 +11,10 @@ import { levels, look, setError, setLevel, settled, surfaces, unmixed, widths } 
 
 const [plan, count = 6] = process.argv.slice(2), kMegabyte = 2 ** 20;
 const kErrors = [6, 20, 50, 200];  // pixels: the first is the viewer's
-const kApart = 0.1;                // metres: what lies farther behind is another surface
-const kAside = 0.01;               // metres: so far beside its place each level is drawn, too, to see that cracks are found
+const kApart = 0.1;                // meters: a surface farther behind is another surface
+const kAside = 0.01;               // meters of displacement of each level, to verify that cracks are found
 
-/** Memory that a browser's processes have for themselves, by their kinds, in MB. */
+/** Private memory of a browser's processes, by kind, in MB. */
 function memory() {
   const told = {};
   for (const pid of readdirSync('/proc').filter((name) => /^\d+$/.test(name))) {
@@ -23,7 +23,7 @@ function memory() {
       if (!kind) continue;
       const pss = Number(/^Pss:\s+(\d+)/m.exec(readFileSync(`/proc/${pid}/smaps_rollup`, 'utf8'))[1]) / 1024;
       told[kind] = Math.max(told[kind] ?? 0, Math.round(pss));
-    } catch { /* it has ended */ }
+    } catch { /* process ended */ }
   }
   return told;
 }
@@ -38,7 +38,7 @@ const taken = async (page) => {
          `heap ${Math.round(heap / kMegabyte)} MB, page's process ${renderer} MB, process that draws ${gpu} MB`;
 };
 
-/** Places and where they look, spread over a trajectory, in three.js' world. */
+/** Viewpoints and targets, spread over a trajectory, in three.js' world. */
 function places() {
   const poses = readFileSync(join(plan, 'trajectory.txt'), 'utf8').split('\n').filter((line) => /^[\d.]/.test(line)).map((line) => line.split(/\s+/).map(Number));
   return Array.from({ length: count }, (_, i) => {
@@ -49,24 +49,24 @@ function places() {
 }
 
 /**
- * Pixels in which a surface is missing only because levels mix: each of the levels alone shows it there, and the mixed picture
- * what lies behind. The rim of a hole that a coarser level moved is open in that level alone as well. Where one looks past the
- * rim of one surface through a hole in the next, levels alone show now the one and now the other.
+ * Pixels where a surface is missing only because levels mix: each level alone has a surface there, but the mixed
+ * picture shows the background. The rim of a hole moved by a coarser level is open in the level alone as well. Past the
+ * rim of one surface, through a hole in the next, single levels show either surface.
  */
 const cracks = (mixed, alone) => mixed.distances.map((row, y) => row.map((seen, x) => {
   const distances = alone.map((level) => level.distances[y][x]), farthest = Math.max(...distances);
   return farthest - Math.min(...distances) < kApart && seen > farthest + kApart;
 }));
 
-/** How many pixels lie in gaps of each width. */
+/** Number of pixels in gaps of each width. */
 const byWidth = (rows) => widths(rows).reduce((count, row) => {
   for (const width of row) if (width > 0) count[width] = (count[width] ?? 0) + 1;
   return count;
 }, {});
 
 /**
- * Pixels with a neighbour in which the same surface goes on in another level. Hidden are those where one of the levels alone has
- * a border, too, for a cell without so coarse a tile: a crack would be in both pictures.
+ * Pixels with a neighbor where the same surface continues in another level. Hidden pixels also have a border in a
+ * single level, for a cell without a tile of this level: a crack would be in both pictures.
  */
 function borders(mixed, alone) {
   const count = { all: 0, hidden: 0 };
@@ -81,10 +81,10 @@ function borders(mixed, alone) {
   return count;
 }
 
-/** The picture as it is, and with levels beside their places. */
+/** The picture as displayed, and with displaced levels. */
 const both = async (page) => [await surfaces(page), await surfaces(page, kAside)];
 
-/** Different pictures of mixed levels from where the page looks, and each of their levels alone. */
+/** Different pictures of mixed levels from the page's viewpoint, and each of their levels alone. */
 async function mixtures(page) {
   const found = [], alone = [];
   for (const error of kErrors) {

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// How surely an adjusted map's surface is known, in the colours of its page.
+// Standard deviation of an adjusted map's surface, in the colors of its page.
 import assert from 'node:assert/strict';
 import { readFileSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import test from 'node:test';
 import { Program, inFolder, pictures, run, triangles, until, withBrowser } from './browser.mjs';
 
-const kLow = 0.001, kHigh = 0.003;  // metres
+const kLow = 0.001, kHigh = 0.003;  // meters
 
-/** Gives a .glb without compression a `_SIGMA` that grows from the left to the right of it. */
+/** Adds to an uncompressed .glb a `_SIGMA` that increases from left to right. */
 function addSigma(file) {
   const glb = readFileSync(file), size = glb.readUInt32LE(12), json = JSON.parse(glb.subarray(20, 20 + size)), added = [];
   const bin = glb.subarray(28 + size, 28 + size + glb.readUInt32LE(20 + size));
@@ -35,7 +35,7 @@ function addSigma(file) {
   writeFileSync(file, Buffer.concat([header, padded, middle, bin, ...added]));
 }
 
-/** The choices of the card of colours. */
+/** Opens the card of colors, and returns its choices. */
 async function openColours(open, url) {
   const page = await open(url, { width: 1000, height: 700 });
   await until(async () => (await triangles(page)) > 0 && (await page.locator('#tools button').count()) > 8);
@@ -43,7 +43,7 @@ async function openColours(open, url) {
   return { page, choice: page.locator('#card').getByRole('radio', { name: 'Uncertainty, adjusted', exact: true }) };
 }
 
-/** The green of the left and right half of the surface, which grows with the value. */
+/** Green channel of the left and right half of the surface, which increases with the value. */
 const halves = (page) => page.evaluate(() => {
   const sums = { left: [0, 0], right: [0, 0] };
   for (const { geometry: { attributes, boundingBox }, geometry } of window.cairn.meshes()) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A building's tiles in Chromium: a plan with all of its cells, by cairn view.
+// Tiles of a building in Chromium: a plan with all of its cells, with cairn view.
 import assert from 'node:assert/strict';
 import { mkdirSync, readdirSync } from 'node:fs';
 import { join } from 'node:path';
@@ -9,7 +9,7 @@ import { Program, inFolder, pictures, run, timeline, triangles, until, withBrows
 import { pixels } from './live_page.mjs';
 import { gaps, levels, look, setError, settled, widestGap } from './tiles_page.mjs';
 
-/** A room in two parts and in several cells, since cells meet where its recording begins. */
+/** Room in two segments and in several cells, since cells meet at the start of its recording. */
 function tiledPlan(folder) {
   const plan = join(folder, 'plan'), of = (name) => join(plan, name);
   run('synth', 'room', '-o', join(folder, 'recording'), '--frames', '60', '--width', '320');
@@ -23,10 +23,10 @@ function tiledPlan(folder) {
   return plan;
 }
 
-/** A wall in which four cells meet, and the share of the picture's height, from above, that shows nothing else. */
+/** A wall where four cells meet, and the range of the picture's height, from above, filled by the wall alone. */
 const kWall = { eye: [0.1, 0.1, -1.2], target: [0, 0.1, -3], from: 0.38, to: 0.68 };
 
-/** Of that part of the wall. */
+/** Widest gap in this part of the wall. */
 const gapOfWall = async (page) => {
   const rows = (await gaps(page)).reverse();
   return widestGap(rows.slice(kWall.from * rows.length, kWall.to * rows.length));
@@ -80,7 +80,7 @@ test('tiles are as fine as one sees them, without cracks where levels meet', () 
     await settled(page);
     assert.equal(await triangles(page), far);
 
-    // What was not looked at for long goes where there is no room for it.
+    // Tiles out of view for long are evicted if memory is short.
     const bytes = () => page.evaluate(() => window.cairn.tiles.bytes), kept = await bytes();
     await page.evaluate((most) => {
       const { tiles } = window.cairn;

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What tests and measurements ask a page that shows tiles.
+// Queries of tests and measurements to a page with tiles.
 import { until } from './browser.mjs';
 
-/** Until all that is to be seen is loaded and drawn. */
+/** Waits until all visible tiles are loaded and drawn. */
 export const settled = (page, seconds = 120) => until(() => page.evaluate(() => {
   const { tiles, isStale, fence } = window.cairn;
   return Boolean(tiles?.isSettled) && !isStale && !fence;
 }), () => page.evaluate(() => `tiles are still on their way: ${JSON.stringify(window.cairn.tiles?.tiles.stats)}`), seconds);
 
-/** Looks from `eye` to `target`, in three.js' world, and waits for what is to be seen from there. */
+/** Moves the view from `eye` to `target`, in three.js' world, and waits for the visible tiles. */
 export async function look(page, eye, target, seconds) {
   await page.evaluate(([from, to]) => {
     const { scene, camera } = window.cairn, place = ([x, y, z]) => camera.position.clone().set(x, y, z);
@@ -20,27 +20,27 @@ export async function look(page, eye, target, seconds) {
   await settled(page, seconds);
 }
 
-/** Looks again at what there is to load, and waits for it. */
+/** Updates the set of tiles to load, and waits for them. */
 async function update(page, seconds) {
   await page.evaluate(() => { window.cairn.tiles.isWaiting = true; });
   await page.waitForTimeout(100);
   await settled(page, seconds);
 }
 
-/** How many pixels the surface may lie beside where it is. */
+/** Sets the screen-space error of the surface in pixels. */
 export const setError = async (page, pixels, seconds) => {
   await page.evaluate((error) => { window.cairn.tiles.tiles.errorTarget = window.cairn.tiles.error = error; }, pixels);
   await update(page, seconds);
 };
 
-/** A file's level of detail, the finest is 0: cells have three, and levels above cells come after these. */
+/** Level of detail of a file, 0 is the finest: cells have three, followed by the levels above cells. */
 function levelOf(file) {
   const [, above, level] = /(above_)?(\d+)_[^/]*\.glb$/.exec(file) ?? [];
   return Number(level) + (above ? 2 : 0);
 }
 const tellLevels = (page) => page.evaluate(`window.levelOf = ${levelOf}`);
 
-/** Shows one level of detail, and of a cell that has none so coarse its coarsest; undefined: what the error asks for. */
+/** Shows one level of detail, and the coarsest level of cells without it; undefined: by the error target. */
 export async function setLevel(page, level, seconds) {
   await tellLevels(page);
   await page.evaluate((wanted) => {
@@ -55,22 +55,22 @@ export async function setLevel(page, level, seconds) {
   await update(page, seconds);
 }
 
-/** How many tiles of each level are in the picture, the finest first. */
+/** Number of visible tiles of each level, the finest first. */
 export async function levels(page) {
   const files = await page.evaluate(() => [...window.cairn.tiles.tiles.visibleTiles].map(({ content }) => content.uri)), count = [];
   for (const level of files.map(levelOf)) count[level] = (count[level] ?? 0) + 1;
   return Array.from(count, (tiles) => tiles ?? 0);
 }
 
-/** What a page runs first for `surfaces`: no pixel mixes surfaces that share it. */
+/** Initial script of a page for `surfaces`: turns off antialiasing, so that no pixel mixes surfaces. */
 export const unmixed = () => {
   const { getContext } = HTMLCanvasElement.prototype;
   HTMLCanvasElement.prototype.getContext = function (kind, options) { return getContext.call(this, kind, { ...options, antialias: false }); };
 };
 
 /**
- * What the picture shows: rows, from below, of levels of detail and of distances in metres; of background -1 and Infinity.
- * `aside`: metres by which each level is drawn beside its place, each in a direction of its own.
+ * Contents of the picture: rows, from below, of levels of detail and of distances in meters; -1 and Infinity for the
+ * background. `aside`: meters of displacement of each level, each in its own direction.
  */
 export async function surfaces(page, aside = 0) {
   await tellLevels(page);
@@ -106,7 +106,7 @@ export async function surfaces(page, aside = 0) {
   return { levels: rows((i) => bytes[i] - 1), distances: rows((i) => bytes[i] ? (256 * bytes[i + 1] + bytes[i + 2]) / 1000 : Infinity) };
 }
 
-/** Draws before a loud background, and returns where that is seen: rows of the picture, from below, of 0 and 1. */
+/** Draws with a bright background, and returns its visible pixels: rows of the picture, from below, of 0 and 1. */
 export const gaps = (page) => page.evaluate(() => {
   const { scene, renderer } = window.cairn, before = scene.background;
   scene.background = before.clone().setRGB(1, 0, 1);
@@ -121,7 +121,7 @@ export const gaps = (page) => page.evaluate(() => {
   }));
 });
 
-/** The way across a gap at each of its pixels, in pixels: the shorter of the runs along its row and its column. */
+/** Width of a gap at each of its pixels, in pixels: the shorter of the runs along its row and its column. */
 export function widths(rows) {
   const height = rows.length, width = rows[0].length, across = rows.map((row) => new Int32Array(row.length));
   for (let y = 0; y < height; ++y)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The tools of a finished map, each through its button and its key, on a wide screen, a tablet and a phone.
+// Tools of a finished map, each through its button and its key, on a wide screen, a tablet and a phone.
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
@@ -10,7 +10,7 @@ import { Program, inFolder, isAccessible, pictures, run, triangles, until, withB
 const kSizes = [{ width: 1400, height: 900 }, { width: 768, height: 1024 }, { width: 390, height: 844 }];
 const kPicture = `data:image/svg+xml,${encodeURIComponent('<svg xmlns="http://www.w3.org/2000/svg" width="40" height="30"><rect width="40" height="30" fill="teal"/></svg>')}`;
 
-/** Fields of the room whose walls are known: x to 2.7 m, z to 2.3 m; half of it was never seen. */
+/** Fields of a room with known walls: x to 2.7 m, z to 2.3 m; half of the room is unobserved. */
 function fields() {
   const [nx, ny, nz] = [46, 20, 40], spacing = 0.15, origin = [-3.4, -1.4, -3], most = 2, cells = nx * ny * nz;
   const bytes = Buffer.alloc(40 + 3 * cells);
@@ -29,7 +29,7 @@ function fields() {
   return bytes;
 }
 
-/** Opens a map with what a page may get besides: fields, keyframes, files. */
+/** Opens a map with optional data of a page: fields, keyframes, files. */
 async function openMap(open, url, viewport) {
   const page = await open('about:blank', viewport);
   await page.route('**/data.json', async (route) => {
@@ -46,13 +46,13 @@ async function openMap(open, url, viewport) {
   return page;
 }
 
-/** All that was asked for is drawn. */
+/** Waits until all requested tiles are drawn. */
 const quiet = async (page) => {
   await page.waitForTimeout(50);
   await page.waitForFunction(() => !window.cairn.isStale && !window.cairn.fence, null, { timeout: 60000 });
 };
 
-/** Once by its button, and once by its key from the picture; both must do the same. */
+/** Activation by button and by key from the picture; both must have the same effect. */
 const ways = (page, name, key) => [
   () => page.getByRole('button', { name, exact: true }).click(),
   async () => {
@@ -71,7 +71,7 @@ async function middle(page, dx = 0, dy = 0) {
 }
 
 const checks = {
-  /** From where the camera began, level; or from above, into the room. */
+  /** View from the camera's start, level; or from above, into the room. */
   async 'first picture'(page, { width }) {
     const start = () => inScene(page, () => {
       const { camera, controls } = window.cairn, ahead = controls.target.clone().sub(camera.position).normalize();
@@ -137,7 +137,7 @@ const checks = {
       await until(async () => (await rows()).length === before + 1);
       return (await rows()).at(-1).replaceAll('\n', ' ');
     };
-    // On the table in front: what the program's own ray finds is what the tool must tell.
+    // On the table in front: the tool's result must match the program's own ray cast.
     assert.match(await measure('Distance', [[-0.1, 0.1], [0.1, 0.1]]), /^Distance \d+\.\d (c|m)?m$/);
     assert.match(await measure('Height', [[0, -0.1], [0, 0.15]]), /^Height [\d.]+ (c|m)?m$/);
     assert.match(await measure('Area', [[-0.1, 0.1], [0.1, 0.1], [0.1, 0.16]]), /^Area [\d.]+ (cm²|m²)$/);
@@ -236,7 +236,7 @@ const checks = {
     }
     await page.getByRole('button', { name: 'Start, where the camera began', exact: true }).click();
     await page.getByRole('button', { name: 'Walk', exact: true }).click();
-    await until(async () => {  // the eyes settle above the floor
+    await until(async () => {  // until the eye height above the floor is stable
       const at = await place();
       await page.waitForTimeout(200);
       return Math.abs((await place())[1] - at[1]) < 0.002;
@@ -298,7 +298,7 @@ const checks = {
     });
     assert.ok(off < 0.02, `${off} m from where the camera was`);
     await card(page).getByLabel('Look through the camera').uncheck();
-    // A click on a keyframe in the picture goes there, from wherever one looks.
+    // A click on a keyframe in the picture moves the view there, from any viewpoint.
     await page.getByRole('button', { name: 'Show all', exact: true }).click();
     await quiet(page);
     const [x, y] = await page.evaluate(async () => {
@@ -363,7 +363,7 @@ const checks = {
       await way();
       assert.equal(await grids(), 0);
     }
-    // The bar is as long as it says: two points that far from each other, across the picture at its middle.
+    // The bar matches its label: two points at this distance, across the picture at its middle.
     const bar = await page.locator('#scale').boundingBox(), [, value, unit] = (await page.locator('#scale').innerText()).match(/([\d.]+) (\w+)/);
     const pixels = await inScene(page, (far) => {
       const { camera, controls, element } = window.cairn, right = controls.target.clone().set(1, 0, 0).applyQuaternion(camera.quaternion);

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""Runs in Blender: imports FILE as its menu does, prints what is there as JSON, and renders PICTURE.
+"""Runs in Blender: imports FILE as its menu does, prints the contents as JSON, and renders PICTURE.
 
 blender -b --factory-startup --python tests/clients/blender_import.py -- FILE PICTURE [MESH.ply]
-MESH.ply: where the mesh of Volume to Mesh goes, of a .vdb
+MESH.ply: output of the modifier Volume to Mesh, for a .vdb
 """
 import json
 import sys
@@ -13,7 +13,7 @@ import mathutils
 import numpy
 
 if not hasattr(numpy, "bool"):
-    numpy.bool = bool  # Debian 12's Blender 3.4 imports glTF with a name that its NumPy no longer has
+    numpy.bool = bool  # Debian 12's Blender 3.4 imports glTF with a name absent from its NumPy
 
 file, picture, *mesh_file = sys.argv[sys.argv.index("--") + 1 :]
 bpy.ops.wm.read_factory_settings(use_empty=True)

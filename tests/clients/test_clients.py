@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""The table of docs/clients.md, row by row: each file is exported as the row says and opened by the program itself.
+"""The table of docs/clients.md, row by row: exports each file as in the row and opens it in the program itself.
 
-What is compared is what people see: how many vertices and triangles came, whether their bounds are those of the map
-with the axis up that the row tells (the map's bounds differ in all six numbers, so no other turn or scale passes), and
-colours. Pictures are left in CAIRN_PICTURES, to be looked at. Rows of programs that are not here are skipped.
+Compares visible properties: the number of vertices and triangles, the bounds of the map with the row's up axis (the
+map's bounds differ in all six numbers, so no other rotation or scale passes), and colors. Pictures are left in
+CAIRN_PICTURES for inspection. Rows of absent programs are skipped.
 """
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ HERE = Path(__file__).parent
 ROOT = HERE.parent.parent
 PROGRAM = os.environ["CAIRN_PROGRAM"]
 PICTURES = Path(os.environ.get("CAIRN_PICTURES", "pictures"))
-VOXEL = 0.02  # metres
+VOXEL = 0.02  # meters
 
 
 @dataclass
@@ -58,7 +58,7 @@ def run(*command: str | Path, check: bool = True, **more: Any) -> str:
 
 @pytest.fixture(scope="session")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a map of a part of a room."""
+    """Folder with a map of a part of a room."""
     folder = tmp_path_factory.mktemp("clients")
     run(PROGRAM, "synth", "room", "-o", folder / "room", "--frames", "40", "--width", "320")
     run(PROGRAM, "reconstruct", folder / "room", "-o", folder / "map", "--voxel-size", str(VOXEL))
@@ -67,7 +67,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def turned(points: np.ndarray, up: str) -> np.ndarray:
-    """From the world (y down) to axes of which `up` points up."""
+    """Rotates from the world (y down) to axes of which `up` points up."""
     x, y, z = points[..., 0], points[..., 1], points[..., 2]
     return np.stack({"y": (x, -y, -z), "z": (x, z, -y), "-y": (x, y, z)}[up], axis=-1)
 
@@ -125,7 +125,7 @@ def assimp(file: Path, row: Row) -> Told:
         "low": corner("Minimum"),
         "high": corner("Maximum"),
         "textured": "$tex.file" in text or re.search(r"Textures \(embed\.\):\s+[1-9]", text) is not None,
-        "coloured": True,  # it does not tell of vertex colours
+        "coloured": True,  # no output about vertex colors
     }
 
 
@@ -140,7 +140,7 @@ def open3d(file: Path, row: Row) -> Told:
 
 
 def through_ply(file: Path, out: Path, text: str) -> Told:
-    """What another program wrote after it read a file."""
+    """Output of another program after it read a file."""
     if not out.exists():
         return {"nothing": True, "why": text[-500:]}
     mesh = cairn.Mesh.read(out)
@@ -245,7 +245,7 @@ def test_row(row: Row, made: Path, tmp_path: Path) -> None:
         pytest.skip(f"{MODULES[name]} is not here: scripts/install-deps --clients")
     PICTURES.mkdir(parents=True, exist_ok=True)
 
-    stem = "room" if row.note.startswith("names without spaces") else "room 1"  # as people have them
+    stem = "room" if row.note.startswith("names without spaces") else "room 1"  # as in typical file names
     file = made / row.options.replace(" ", "") / ("views" if name == "COLMAP" else f"{stem}.{row.kind}")
     if not file.exists():
         run(PROGRAM, "export", made / "map", "-o", file, *row.options.split())
@@ -261,7 +261,7 @@ def test_row(row: Row, made: Path, tmp_path: Path) -> None:
     if row.shows == "surface":  # of a volume
         mesh = cairn.Mesh.read(told["mesh"])
         points = np.array(mesh.vertices)
-        if name == "Blender":  # moves by half a voxel, see the page
+        if name == "Blender":  # offset of half a voxel, see the page
             points = points - VOXEL / 2
         world = {"z": np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=1), "-y": points}[row.up]
         write_ply(tmp_path / "surface.ply", world, mesh.triangles)
@@ -281,7 +281,7 @@ def test_row(row: Row, made: Path, tmp_path: Path) -> None:
         assert np.allclose(told["high"], high, atol=tolerance), (told["high"], high)
     else:
         assert np.allclose(told["middle"], (low + high) / 2, atol=1e-3), (told["middle"], (low + high) / 2)
-    share = 0.02 if row.kind == "stl" else 0.003  # who joins STL's corners, or quantises, loses the smallest ones
+    share = 0.02 if row.kind == "stl" else 0.003  # merging of STL's corners and quantization lose small triangles
     if "triangles" in told:
         assert abs(told["triangles"] - len(truth.triangles)) <= share * len(truth.triangles)
         assert told["vertices"] >= (1 - share) * len(truth.vertices)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Loads FILE.glb with three.js' own loader, without a page and so without textures, and prints what is there as JSON.
+// Loads FILE.glb with three.js' own loader, without a page and thus without textures, and prints the contents as JSON.
 // node tests/clients/three_load.mjs FILE.glb
 import { readFileSync } from 'node:fs';
 const three = (file) => import(new URL(`../support/node_modules/three/${file}`, import.meta.url));

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Every command line of the README, of CONTRIBUTING and of docs/ is run as it stands there, in a fresh folder, with small
-// inputs; one that stands on several pages is run once. A line that cannot be run here is named below with the reason;
-// one that is neither fails this test.
+// Runs every command line of the README, of CONTRIBUTING and of docs/ verbatim, in a fresh folder, with small inputs; a
+// line on several pages is run once. Lines that cannot be run here are listed below with the reason; any other line
+// fails this test.
 import assert from 'node:assert/strict';
 import { spawn, spawnSync } from 'node:child_process';
 import {
@@ -17,7 +17,7 @@ const source = fileURLToPath(new URL('../../', import.meta.url));
 const cairn = process.env.CAIRN_PROGRAM ?? join(source, 'build/release/cairn');
 const build = dirname(cairn);
 
-// Not run here, and why.
+// Not run here, with the reason.
 const elsewhere = {
   './scripts/demo': 'CI runs it by itself',
   './scripts/build': 'scripts/demo runs it',
@@ -47,7 +47,7 @@ const elsewhere = {
   'node tests/browser/measure_tiles.mjs PLAN': 'measures a browser',
 };
 
-/** The command lines of a page: of its code blocks, and what in its text begins like one. */
+/** Command lines of a page: from its code blocks, and text that starts like a command. */
 function commands(page) {
   const begins = /^(\$?cairn |(\.\/)?scripts\/|build\/release\/|cairn_(tests|bench) |node )/;
   const lines = [];

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// An OpenNI2 driver with a depth camera that exists only in tests. CAIRN_SENSOR says how it behaves, in words:
-//   frames=FOLDER  shows FOLDER/depth-N.raw (16 bit, mm) and colour-N.raw (RGB), again and again; else a slanted wall
+// OpenNI2 driver of a virtual depth camera for tests. CAIRN_SENSOR configures its behavior with these words:
+//   frames=FOLDER  repeats FOLDER/depth-N.raw (16 bit, mm) and colour-N.raw (RGB); default: a slanted wall
 //   unplug=N       is unplugged after N images      busy     cannot be opened        nodepth   has no depth images
 //   rate=HZ        images a second [30]             beside   cannot register depth to colour
 #include <Driver/OniDriverAPI.h>
@@ -26,7 +26,7 @@ namespace {
 constexpr int kWidth = 640, kHeight = 480;
 constexpr const char* kUri = "virtual";
 
-/// The value of a word in CAIRN_SENSOR; "1" for one without a value, empty when it is not there.
+/// Value of a word in CAIRN_SENSOR; "1" for a word without a value, empty if absent.
 std::string setting(const std::string& name) {
   const char* all = std::getenv("CAIRN_SENSOR");
   std::istringstream words(all != nullptr ? all : "");
@@ -54,7 +54,7 @@ struct Images {
     std::ifstream in(file, std::ios::binary);
     return {std::istreambuf_iterator<char>(in), {}};
   }
-  /// Depth as noisy and textured as a sensor's, so that recording it is as much work.
+  /// Depth with a sensor's noise and texture, so that recording costs as much.
   void wall() {
     std::uint32_t random = 1;
     for (int i = 0; i < 8; ++i) {
@@ -108,7 +108,7 @@ class Stream final : public oni::driver::StreamBase {
         return give(2 * std::atan(kWidth / 2.0f / 525.0f));
       case ONI_STREAM_PROPERTY_VERTICAL_FOV:
         return give(2 * std::atan(kHeight / 2.0f / 525.0f));
-      case ONI_STREAM_PROPERTY_CROPPING:  // without it a recording of the sensor cannot be played
+      case ONI_STREAM_PROPERTY_CROPPING:  // required to play back a recording of the sensor
         return give(OniCropping{FALSE, 0, 0, kWidth, kHeight});
       case ONI_STREAM_PROPERTY_MIRRORING:
         return give(mirrored_);

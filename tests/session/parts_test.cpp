@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Files of parts: loops between maps, and sessions that leave others' keyframes and submaps where they are.
+// Files of merged maps: loops between maps, and sessions that refer to other sessions' keyframes and submaps.
 #include "cairn/parts.hpp"
 
 #include <fmt/format.h>
@@ -86,7 +86,7 @@ TEST_F(MatchesFile, AreRefusedWithTheirNameWhereTheyAreNoneOrDamaged) {
   EXPECT_NE(refusal().find("damaged"), std::string::npos);
 }
 
-/// Twice the same small session, laid to each other by loops between same keyframes.
+/// Two copies of a small session, aligned by loops between equal keyframes.
 class SessionOfParts : public testing::Test {
  protected:
   void SetUp() override {
@@ -99,7 +99,7 @@ class SessionOfParts : public testing::Test {
     loop.edge.i_from_j.translation().x() = off;
     return loop;
   }
-  /// In folder / "all".
+  /// Merges the sessions in folder / "all".
   JoinedSession::Report join(bool gather, double off = 0) {
     const fs::path all = folder / "all";
     std::optional<ReadSession> earlier;
@@ -118,7 +118,7 @@ class SessionOfParts : public testing::Test {
   [[nodiscard]] std::vector<Eigen::Isometry3d> poses() const {
     return read_session(folder / "all").session.back_end.atlas.world_from_camera;
   }
-  /// As if the second map had been put somewhere else the last time.
+  /// Moves the second map in the merged session, as if the previous merge had put it elsewhere.
   void move_second(double by) const {
     ReadSession read = read_session(folder / "all");
     auto& poses = read.session.back_end.atlas.world_from_camera;
@@ -147,7 +147,7 @@ TEST_F(SessionOfParts, IsAMapOfAllAndLeavesFilesWhereTheyAre) {
         (all.trajectory(0)[i].world_from_camera.translation() - all.trajectory(1)[i].world_from_camera.translation())
             .norm(),
         1e-4);
-  // Both are turned as the accelerometer says: of what few frames saw, the rim is lost.
+  // Both maps are rotated by the accelerometer; rarely observed surface at the rim is lost.
   EXPECT_GT(all.mesh().triangles.size(), one.mesh().triangles.size() * 2 / 3);
 }
 
@@ -157,7 +157,8 @@ TEST_F(SessionOfParts, AlignsKeyframesThatLieNearEachOther) {
   EXPECT_GE(report.aligned, 2);
   const auto all = poses();
   const std::size_t second = read_session(folder / "all").parts.at(1).first_keyframe;
-  for (std::size_t k = 0; k < second; ++k)  // the loops are a centimetre off, the surfaces tell where it lies
+  for (std::size_t k = 0; k < second; ++k)  // the loops are off by a centimeter, the alignment of the surfaces corrects
+                                            // them
     EXPECT_LT((all[k].translation() - all[second + k].translation()).norm(), 0.003) << k;
 }
 
@@ -210,7 +211,7 @@ TEST_F(SessionOfParts, GatheredNeedsNoOther) {
 TEST_F(SessionOfParts, StaysWhereItWasForALittle) {
   (void)join(false);
   const auto together = poses();
-  move_second(0.005);  // of voxels of 8 cm
+  move_second(0.005);  // with voxels of 8 cm
   const auto before = poses();
   (void)join(false);
   EXPECT_GT(moved.at(1).value(), 0.001);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A run that goes on with a session, and returns to how it found it: a viewer's Reset.
+// Resumed run that returns to the state of the session at its start: a viewer's Reset.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A session of some frames of the room, and the frames after them.
+/// Session of some frames of the room, and the frames after them.
 class ReturnToStart : public testing::Test {
  protected:
   static constexpr int kBefore = 6, kEach = 6;  // frames
@@ -29,7 +29,7 @@ class ReturnToStart : public testing::Test {
     EXPECT_FALSE(session.problem());
   }
   [[nodiscard]] fs::path at() const { return folder_ / "session"; }
-  /// Frames far enough from each other that each is a keyframe.
+  /// Adds frames far enough from each other to be keyframes.
   static void add(Mapper& mapper, int begin, int end) {
     const Scene scene = synthetic_scene("room");
     for (int i = begin; i < end; ++i) {
@@ -59,19 +59,19 @@ TEST_F(ReturnToStart, GivesTheMapOfEarlierRunsByteForByte) {
   const Mesh found = mapper->map().mesh();
   for (int reset = 0; reset < 2; ++reset) {
     add(*mapper, kBefore, kBefore + kEach);
-    for (int i = 0; i < 2; ++i) checkpoint(*session, *mapper);  // the second removes what the first has left
+    for (int i = 0; i < 2; ++i) checkpoint(*session, *mapper);  // the second removes the first's leftovers
     EXPECT_EQ(Session::info(at()).note, "newer");
     EXPECT_TRUE(bytes_below(at() / "run-0001") == files);
     mapper.reset();
     session->return_to_start();
     EXPECT_TRUE(read_bytes(at() / "state.cbor") == state);
     EXPECT_TRUE(bytes_below(at() / "run-0001") == files);
-    EXPECT_EQ(runs(), 2u);  // that of now, and the one that was found
+    EXPECT_EQ(runs(), 2u);  // the current run, and the run found at the start
     mapper.emplace(session->mapper(small_camera(), options_));
     EXPECT_EQ(mapper->trajectory().size(), static_cast<std::size_t>(kBefore));
     EXPECT_EQ(mapper->map().mesh().positions, found.positions);
   }
-  // What goes on from there ends as a run that was never reset.
+  // From there on the result equals a run without a reset.
   add(*mapper, kBefore, kBefore + kEach);
   session->release_start();
   checkpoint(*session, *mapper);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Sessions that versions of cairn have written: format-N holds one of each format that is read, of the first 15 frames
-// of `cairn synth room --frames 300 --width 320`, with voxels of 8 cm. A new format leaves those of before where they
-// are, and brings one of its own.
+// Sessions written by earlier versions of cairn: format-N contains a session of each readable format, of the first 15
+// frames of `cairn synth room --frames 300 --width 320`, with voxels of 8 cm. A new format keeps the earlier sessions
+// and adds its own.
 #include <gtest/gtest.h>
 
 #include "cairn/mapper.hpp"

@@ -179,7 +179,7 @@ TEST(SessionFiles, WithNumbersOfWhatDoesNotExistAreDamaged) {
   }
 }
 
-/// A state with a right first line.
+/// State file with a valid first line.
 std::string state_of(const std::string& cbor) {
   boost::crc_32_type crc;
   crc.process_bytes(cbor.data(), cbor.size());
@@ -192,7 +192,7 @@ std::string state_of(const std::string& cbor) {
 TEST(SessionFiles, ThatAreNoStateAreDamagedInPlainWords) {
   const TemporaryFolder folder;
   fs::create_directory(folder / "s");
-  // A number, an empty map, arrays a million deep, a text that is cut off.
+  // A number, an empty map, arrays a million deep, a truncated text.
   for (const std::string& cbor :
        {std::string("\x01"), std::string("\xa0"), std::string(1000000, '\x81'), std::string("\x79\xff")}) {
     write_text(folder / "s" / "state.cbor", state_of(cbor));
@@ -230,7 +230,7 @@ TEST(SessionFiles, HaveOneWriterAndTheSecondIsToldWhoItIs) {
     }
     EXPECT_EQ(read_session(folder / "s").session.note, "a note");
   }
-  // A lock that a killed one left is on nothing.
+  // A lock file left by a killed process holds no lock.
   write_text(folder / "s" / "lock", "process 1: somebody");
   const SessionWriter writer(folder / "s", read_session(folder / "s"));
 }
@@ -310,7 +310,7 @@ std::set<std::string> named(const fs::path& run, const std::string& begin) {
   return names;
 }
 
-/// Frames until there are so many.
+/// Adds frames up to `count`.
 void fill(Atlas& atlas, std::size_t count) {
   while (atlas.frames.size() < count)
     atlas.add_frame(0.1 * static_cast<double>(atlas.frames.size()),
@@ -348,7 +348,7 @@ TEST(SessionFiles, OfFramesAreWrittenOnce) {
     ASSERT_EQ(read[i].twist, s.back_end.atlas.frames[i].twist);
   }
 
-  // Frames that moved since are not those of the files.
+  // Frames moved since then are not stored in the files.
   FusedFrames moved;
   moved.push_back(s.back_end.atlas.frames.full()[0]);
   for (std::size_t i = kChunk; i < read.size(); ++i) {
@@ -387,7 +387,7 @@ TEST(SessionFiles, OfFramesThatAreMissingOrDamagedAreTold) {
   expect_told("cannot be opened");
 }
 
-/// Keyframes until there are so many, each with a loop to the first.
+/// Adds keyframes up to `count`, each with a loop to the first.
 void add_keyframes(SessionState& s, std::size_t count) {
   Atlas& atlas = s.back_end.atlas;
   while (atlas.keyframes.size() < count) {
@@ -431,7 +431,7 @@ TEST(SessionFiles, OfKeyframesAndLoopsAreWrittenWhereTheyChanged) {
     EXPECT_LT(fs::file_size(folder / "s" / "state.cbor"), state_size + kChunk * kPoses + 200);
   }
 
-  // A run that goes on writes none of them again.
+  // A resumed run writes none of them again.
   const ReadSession read = read_session(folder / "s");
   const Atlas &atlas = s.back_end.atlas, &again = read.session.back_end.atlas;
   ASSERT_EQ(again.keyframes.size(), atlas.keyframes.size());

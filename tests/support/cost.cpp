@@ -17,7 +17,7 @@
 namespace cairn {
 namespace {
 
-/// `child` never returns.
+/// `child` must not return.
 Cost cost_of_child(const std::function<void(const std::filesystem::path&)>& child, int most_seconds) {
   const TemporaryFolder folder;
   const auto begin = std::chrono::steady_clock::now();

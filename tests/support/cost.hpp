@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Time and memory that a call takes, in a process of its own: what crashes there fails one test.
+// Time and memory of a call in a child process; a crash there fails only one test.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -11,15 +11,15 @@ namespace cairn {
 
 struct Cost {
   double seconds = 0;
-  double peak_mb = 0;  // resident; of cost_of with what the test's process had
-  bool ended = false;  // by itself, with exit code 0 or 1
-  std::string error;   // what the call threw
+  double peak_mb = 0;  // resident; for cost_of including the test process' own
+  bool ended = false;  // normally, with exit code 0 or 1
+  std::string error;   // message of the call's exception
 };
 
-/// Of a call. Ended by SIGKILL after `most_seconds`.
+/// Cost of a call. Ended by SIGKILL after `most_seconds`.
 [[nodiscard]] Cost cost_of(const std::function<void()>& call, int most_seconds = 20);
 
-/// Of a run of the program; `error` is what it printed to stderr.
+/// Cost of a run of the program; `error` is its stderr.
 [[nodiscard]] Cost cost_of_cairn(const std::vector<std::string>& arguments, int most_seconds = 60);
 
 }  // namespace cairn

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Files that ask for more than they hold, made by hand: no library writes them.
+// Handmade files that claim more data than they contain; no library writes them.
 #pragma once
 #include <zlib.h>
 
@@ -10,7 +10,7 @@
 
 namespace cairn {
 
-constexpr int kDeep = 100'000;  // levels that use up the stack of a parser which calls itself
+constexpr int kDeep = 100'000;  // levels that exhaust the stack of a recursive parser
 
 inline std::string nested(int levels = kDeep) {
   return std::string(static_cast<std::size_t>(levels), '[') + std::string(static_cast<std::size_t>(levels), ']');
@@ -22,7 +22,7 @@ inline std::string big_endian(std::uint32_t value) {
   return bytes;
 }
 
-/// A PNG of black pixels; a grey one of 1 bit takes a byte for 8000 pixels.
+/// PNG of black pixels; a gray one of 1 bit takes a byte for 8000 pixels.
 inline std::string black_png(std::uint32_t width, std::uint32_t height, int bits = 1, int color_type = 0) {
   const auto chunk = [](const std::string& kind, const std::string& data) {
     const std::string body = kind + data;
@@ -52,7 +52,7 @@ inline std::string black_png(std::uint32_t width, std::uint32_t height, int bits
          chunk("IEND", "");
 }
 
-/// A progressive JPEG of grey blocks whose first pass is followed by so many more over all of them.
+/// Progressive JPEG of gray blocks with `scans` passes over all blocks.
 inline std::string jpeg_of_scans(std::uint16_t width, std::uint16_t height, int scans) {
   const auto two = [](int value) { return std::string{static_cast<char>(value >> 8), static_cast<char>(value)}; };
   const auto marker = [&](int kind, const std::string& data) {

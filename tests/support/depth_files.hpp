@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Bytes of depth images as NumPy and other programs write them.
+// Depth image files as written by NumPy and other programs.
 #pragma once
 #include <fmt/format.h>
 
@@ -13,7 +13,7 @@
 
 namespace cairn {
 
-/// An .npy file, of the pixels' own shape where none is told.
+/// An .npy file; default: the pixels' own shape.
 inline std::string npy(const std::string& kind, const cv::Mat& pixels, std::string shape = "", int version = 1,
                        bool fortran = false) {
   if (shape.empty()) shape = fmt::format("({}, {})", pixels.rows, pixels.cols);
@@ -32,9 +32,9 @@ inline std::string npy(const std::string& kind, const cv::Mat& pixels, std::stri
 struct TiffKind {
   bool big_endian = false;
   int tile = 0;                                // pixels a side; 0: one strip
-  int width = 0, height = 0, compression = 1;  // told instead of what is true
+  int width = 0, height = 0, compression = 1;  // values in the header in place of the true ones
 };
-/// A TIFF without packing of 16-bit numbers or floats.
+/// Uncompressed TIFF of 16-bit integers or floats.
 inline std::string tiff(const cv::Mat& pixels, const TiffKind& kind = {}) {
   const auto number = [&](std::uint32_t value, int size) {
     std::string text;
@@ -98,8 +98,7 @@ inline std::string tiff(const cv::Mat& pixels, const TiffKind& kind = {}) {
   return bytes;
 }
 
-/// An OpenEXR file of scan lines without packing: floats (CV_32F) or halves (CV_16F) under the names of their channels,
-/// which are in alphabetic order.
+/// Uncompressed OpenEXR file of scan lines: floats (CV_32F) or halves (CV_16F) by channel name, in alphabetic order.
 inline std::string exr(const std::vector<std::pair<std::string, cv::Mat>>& channels) {
   const cv::Mat& first = channels.at(0).second;
   const auto raw = [](auto value) { return std::string(reinterpret_cast<const char*>(&value), sizeof value); };

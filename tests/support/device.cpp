@@ -32,7 +32,7 @@ class DeviceEnvironment : public testing::Environment {
 
 gpu::Device& test_device() {
   if (!device) {
-    setenv("CAIRN_VALIDATION", "1", 0);  // or what the caller asks for
+    setenv("CAIRN_VALIDATION", "1", 0);  // unless set by the caller
     device = std::make_unique<gpu::Device>();
   }
   return *device;

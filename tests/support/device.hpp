@@ -5,8 +5,8 @@
 
 namespace cairn {
 
-/// One device for all tests of a program, with the validation layer on. Any message of the layer fails the test that
-/// caused it.
+/// Device shared by all tests of a program, with the validation layer on. Any message of the layer fails the current
+/// test.
 gpu::Device& test_device();
 
 }  // namespace cairn

@@ -11,20 +11,21 @@
 
 namespace cairn {
 
-using Distance = std::function<double(const Eigen::Vector3d&)>;  // metres from a point of the world to a surface
+using Distance = std::function<double(const Eigen::Vector3d&)>;  // meters from a point of the world to a surface
 
 struct ExactMap {
-  float voxel_size = 0.03f, truncation = 0.09f;  // metres
-  Eigen::AlignedBox3d box;                       // of the world: bricks whose middles lie within are there
+  float voxel_size = 0.03f, truncation = 0.09f;  // meters
+  Eigen::AlignedBox3d box;                       // of the world: includes bricks with their center inside
   Upright upright;
-  std::function<bool(const Eigen::Vector3d& middle)> is_seen = {};  // of a brick, in the world; none: all are
+  std::function<bool(const Eigen::Vector3d& middle)> is_seen = {};  // by the center of a brick, in the world; none: all
+                                                                    // are observed
 };
 
 inline Upright upright_by(const Eigen::Quaterniond& world_from_map) {
   return {.source = Upright::Source::option, .known = true, .world_from_tracked = world_from_map, .words = "told"};
 }
 
-/// Exact bricks near surfaces, and free ones.
+/// Exact bricks near surfaces, and free bricks.
 inline BrickTree bricks_of(const Distance& distance, const ExactMap& map) {
   const Eigen::Quaterniond& world_from_map = map.upright.world_from_tracked;
   const auto voxel = static_cast<double>(map.voxel_size), size = 8 * voxel, half = size * std::sqrt(3.0) / 2,
@@ -55,7 +56,7 @@ inline BrickTree bricks_of(const Distance& distance, const ExactMap& map) {
   return tree;
 }
 
-/// As a map.vdb.
+/// Writes a map.vdb.
 inline void write_exact_map(const std::filesystem::path& file, const Distance& distance, const ExactMap& map) {
   write_grids(file, bricks_of(distance, map),
               {.voxel_size = map.voxel_size, .truncation = map.truncation, .upright = map.upright});

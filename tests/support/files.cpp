@@ -13,7 +13,7 @@ namespace cairn {
 
 namespace fs = std::filesystem;
 
-// The paths are known to this file alone, so that a checkout elsewhere compiles the same tests.
+// Only this file contains the paths, so that another checkout compiles the same tests.
 fs::path data_folder() { return CAIRN_DATA; }
 std::string openni_folder() { return CAIRN_OPENNI; }
 std::string faulty_device_folder() { return CAIRN_FAULTY_DEVICE; }

@@ -11,27 +11,27 @@
 
 namespace cairn {
 
-/// Recordings that are not part of the project, beside its folder.
+/// Folder of recordings that are not part of the project, beside its folder.
 [[nodiscard]] std::filesystem::path data_folder();
-/// A copy of OpenNI2 whose only sensor is the virtual one of tests/sensor.
+/// Copy of OpenNI2 with the virtual sensor of tests/sensor only.
 [[nodiscard]] std::string openni_folder();
-/// A Vulkan layer that fails and lacks what CAIRN_FAULTS asks for, see tests/faulty_device, and its folder.
+/// Vulkan layer with failures and missing features selected by CAIRN_FAULTS, see tests/faulty_device, and its folder.
 inline constexpr const char* kFaultyDevice = "VK_LAYER_CAIRN_faulty_device";
 [[nodiscard]] std::string faulty_device_folder();
-/// The environment of a program whose device has these faults.
+/// Environment of a program with these device faults.
 [[nodiscard]] std::string faulty_device(const std::string& faults);
-/// The program, as run_cairn runs it.
+/// Program started by run_cairn.
 [[nodiscard]] std::filesystem::path program_file();
-/// Where the tests of this build keep what they share: support/shared.hpp.
+/// Folder for data shared by the tests of this build: support/shared.hpp.
 [[nodiscard]] std::filesystem::path shared_folder();
-/// A library that makes the disk fail, see tests/faults.
+/// Library that causes disk errors, see tests/faults.
 [[nodiscard]] std::string faults_library();
-/// The environment of a program whose files may have no more bytes, as on a full disk: "File too large".
+/// Environment of a program with a file size limit, as on a full disk: "File too large".
 std::string with_files_of(std::size_t bytes);
-/// The project's own folder.
+/// Root folder of the project.
 [[nodiscard]] std::filesystem::path source_folder();
 
-/// A new empty folder that goes away with the object.
+/// New empty folder, removed by the destructor.
 class TemporaryFolder {
  public:
   TemporaryFolder();
@@ -47,28 +47,29 @@ class TemporaryFolder {
 
 void write_text(const std::filesystem::path& file, const std::string& text);
 [[nodiscard]] std::string read_bytes(const std::filesystem::path& file);
-/// All that lies in a folder, by its name there: files' bytes, and nothing for folders.
+/// Contents of a folder by relative path: bytes of files, empty for folders.
 [[nodiscard]] std::map<std::string, std::string> bytes_below(const std::filesystem::path& folder);
-/// What the environment says, as campaigns do.
+/// Number from an environment variable, as set by campaigns.
 [[nodiscard]] int number_from(const char* variable, int otherwise);
 
-/// Runs the program; `err` is what it printed to stderr, `out` to stdout.
+/// Runs the program; `err` is its stderr, `out` its stdout.
 struct Ran {
   int exit_code;
   std::string out, err;
 };
 [[nodiscard]] Ran run_cairn(const std::vector<std::string>& arguments, const std::string& environment = "");
 
-/// The program ended with this exit code and one line on stderr that tells `what`.
+/// Expects this exit code and a single line on stderr that contains `what`.
 void expect_one_line(const Ran& ran, int exit_code, const std::string& what);
 
-/// The same where progress comes before it.
+/// The same for the last line, after progress.
 void expect_last_line(const Ran& ran, int exit_code, const std::string& what);
 
-/// Errors and warnings of Khronos' glTF validator, one a line; empty: clean. Fails the test when it is not installed.
+/// Errors and warnings of Khronos' glTF validator, one per line; empty: valid. Fails the test if the validator is not
+/// installed.
 [[nodiscard]] std::string validate_gltf(const std::filesystem::path& file);
 
-/// The message of the std::runtime_error that `f` throws; fails the test when it throws none.
+/// Message of the std::runtime_error thrown by `f`; fails the test without an exception.
 template <class F>
 std::string error_of(F&& f) {
   try {
@@ -82,7 +83,7 @@ std::string error_of(F&& f) {
 
 }  // namespace cairn
 
-// Recordings that are not part of the project: a test that needs one is skipped by name where it is absent.
+// Skips a test, with the name of the recording, if a recording outside of the project is absent.
 #define CAIRN_REQUIRE_DATA(name)                               \
   if (!std::filesystem::exists(cairn::data_folder() / (name))) \
   GTEST_SKIP() << "recording " << (name) << " is not in " << cairn::data_folder()

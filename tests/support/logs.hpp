@@ -6,8 +6,8 @@
 
 namespace cairn {
 
-/// What MCAP's own readers and protobufjs find in a log, see read_mcap.mjs. Fails the test where they find a fault, or
-/// are not installed.
+/// Contents of a log as read by MCAP's own readers and protobufjs, see read_mcap.mjs. Fails the test on errors, or if
+/// the readers are not installed.
 [[nodiscard]] nlohmann::json read_log(const std::filesystem::path& file);
 
 }  // namespace cairn

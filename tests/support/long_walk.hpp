@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The pose graph of somebody who walks through a building for hours.
+// Pose graph of a walk of hours through a building.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -11,9 +11,9 @@
 
 namespace cairn {
 
-/// Steps of 25 cm between random places of floors of 20 by 10 metres, with noise; loops to where the camera had
-/// been before, with noise; and false ones, half of them alone, half of them five in a row that agree with each other,
-/// as rooms that are alike give them.
+/// Steps of 25 cm between random places of floors of 20 by 10 meters, with noise; loops to earlier places, with noise;
+/// and false loops, half of them single, half in rows of five consistent loops, as between rooms of the same
+/// appearance.
 class LongWalk {
  public:
   LongWalk(std::size_t nodes, std::size_t true_loops, std::size_t false_loops) {
@@ -23,7 +23,7 @@ class LongWalk {
     for (std::size_t n = 0; n < false_loops; n += kRow) {
       const bool in_a_row = n / kRow % 2 == 0;
       std::size_t i = 0, j = 0;
-      Eigen::Isometry3d wrong;  // how far the second place seems to be from where it is
+      Eigen::Isometry3d wrong;  // false offset of the second place
       for (std::size_t m = 0; m < kRow && n + m < false_loops; ++m) {
         if (m == 0 || !in_a_row) {
           do {
@@ -47,19 +47,19 @@ class LongWalk {
   std::vector<Eigen::Isometry3d> truth;
   std::vector<Loop> loops;  // by their second node
 
-  /// Adds a node behind the last one of `graph`, where its step puts it.
+  /// Adds a node after the last node of `graph`, at the pose given by its step.
   void add_node(PoseGraph& graph) const {
     const std::size_t k = graph.world_from_node.size();
     graph.world_from_node.push_back(k == 0 ? truth[0] : graph.world_from_node.back() * steps_[k - 1].i_from_j);
   }
-  /// The first `nodes` with their steps and the first `loops`, from given poses.
+  /// Graph of the first nodes at given poses, with their steps and the first `loop_count` loops.
   [[nodiscard]] PoseGraph graph(const std::vector<Eigen::Isometry3d>& poses, std::size_t loop_count) const {
     PoseGraph graph{.world_from_node = poses};
     graph.edges.assign(steps_.begin(), steps_.begin() + static_cast<std::ptrdiff_t>(poses.size()) - 1);
     for (std::size_t k = 0; k < loop_count; ++k) graph.edges.push_back(loops[k].edge);
     return graph;
   }
-  /// Metres, root mean square; the first node lies where it was.
+  /// Root mean square error in meters, with the first node fixed.
   [[nodiscard]] double error(const PoseGraph& graph) const {
     double squared = 0;
     for (std::size_t k = 0; k < graph.world_from_node.size(); ++k)
@@ -73,7 +73,7 @@ class LongWalk {
   };
   static constexpr Noise kStep{0.002, 0.004}, kLoop{0.003, 0.01};
   static constexpr std::size_t kBetween = 200, kRow = 5;  // nodes between a loop's ends; loops in a row
-  static constexpr double kApart = 5, kNear = 1;          // metres
+  static constexpr double kApart = 5, kNear = 1;          // meters
   static constexpr double kStepLength = 0.25, kTurn = 0.2;
 
   std::size_t uniform(std::size_t below) { return random_() % below; }
@@ -104,7 +104,7 @@ class LongWalk {
       truth.push_back(t);
     }
   }
-  /// At most one to a node; a few in a row, as places are recognised while one is there.
+  /// At most one per node; several in a row, as while the camera stays at a place.
   void find_loops(std::size_t count) {
     std::vector<bool> has_one(truth.size(), false);
     while (loops.size() < count) {

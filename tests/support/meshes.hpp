@@ -11,7 +11,7 @@
 
 namespace cairn {
 
-/// A grid of squares of two triangles each over (0..columns, 0..rows) * step, put into space by `at`.
+/// Grid of squares of two triangles each over (0..columns, 0..rows) * step, mapped into space by `at`.
 template <class At>
 Mesh grid_mesh(int columns, int rows, float step, const At& at) {
   Mesh mesh;
@@ -33,7 +33,7 @@ inline Mesh flat_grid(int columns, int rows, float step) {
   return grid_mesh(columns, rows, step, [](float x, float y) { return Eigen::Vector3f(x, y, 0); });
 }
 
-/// A closed sphere of radius 1: a subdivided octahedron.
+/// Closed sphere of radius 1: a subdivided octahedron.
 inline Mesh sphere_mesh(int subdivisions) {
   Mesh mesh;
   mesh.positions = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}};
@@ -57,7 +57,7 @@ inline Mesh sphere_mesh(int subdivisions) {
   return mesh;
 }
 
-/// Adds a mesh's triangles to another's.
+/// Appends the triangles of another mesh.
 inline void append(Mesh& mesh, const Mesh& more) {
   const auto first = static_cast<std::uint32_t>(mesh.positions.size());
   mesh.positions.insert(mesh.positions.end(), more.positions.begin(), more.positions.end());

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Reads a log as Foxglove does, with MCAP's own readers, one along the file and one by its index, and protobufjs; prints
-// what a test asks for as JSON.
+// Reads a log as Foxglove does, with MCAP's own readers, one along the file and one by its index, and protobufjs;
+// prints the results for a test as JSON.
 import { open, readFile } from 'node:fs/promises';
 import { McapIndexedReader, McapStreamReader } from '@mcap/core';
 import { loadDecompressHandlers, protobufFromBinaryDescriptor } from '@mcap/support';
@@ -9,7 +9,7 @@ import { loadDecompressHandlers, protobufFromBinaryDescriptor } from '@mcap/supp
 const name = process.argv[2];
 const decompressHandlers = await loadDecompressHandlers();
 
-// Along the file: every record, with the sums of chunks and of all that comes before the end of the data.
+// Along the file: every record, with the checksums of chunks and of all data.
 const stream = new McapStreamReader({ decompressHandlers, validateCrcs: true, includeChunks: true });
 stream.append(new Uint8Array(await readFile(name)));
 const records = {};

@@ -11,17 +11,17 @@
 
 namespace cairn {
 
-/// What a recording that is made for a test shows.
+/// Contents of a recording for a test.
 struct SmallRecording {
   int frames = 40;
-  double speed = 1;       // times that of the scene's own path
-  double turns_at = 1e9;  // seconds after which the camera goes back the same way
+  double speed = 1;       // relative to the scene's own path
+  double turns_at = 1e9;  // seconds after which the camera returns along the same path
   bool colour = true;
   std::string scene = "room";
-  std::vector<Scene::Solid> more = {};  // what stands there beside
+  std::vector<Scene::Solid> more = {};  // additional solids
 };
 
-/// Writes a recording of 160x120 pixels: whole runs of it take a second. What suits it is written beside it, as
+/// Writes a recording of 160x120 pixels, so that a run takes a second. Writes suitable options beside it, as
 /// FOLDER.yaml, for --config: 3 cm voxels and short submaps.
 inline void write_small_recording(const std::filesystem::path& folder, const SmallRecording& r = {}) {
   const Camera camera{160, 120, 131.25, 131.25, 79.5, 59.5, {}};

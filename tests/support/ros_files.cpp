@@ -42,7 +42,7 @@ std::string pack(const std::string& kind, const std::string& bytes) {
   return packed;
 }
 
-/// The number of each topic, in the order in which they come.
+/// Number of each topic, in order of first appearance.
 std::map<std::string, std::uint32_t> numbers_of(const Messages& messages) {
   std::map<std::string, std::uint32_t> numbers;
   for (const Recorded& m : messages) numbers.try_emplace(m.topic, static_cast<std::uint32_t>(numbers.size() + 1));

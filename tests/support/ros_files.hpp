@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Writes recordings of ROS as their specifications lay them out; shares nothing with the readers.
+// Writes ROS recordings according to the specifications; shares no code with the readers.
 #pragma once
 #include <Eigen/Geometry>
 #include <cstdint>
@@ -16,7 +16,7 @@ namespace cairn::ros {
 /// ROS 1, or CDR of either byte order.
 enum class Wire { ros1, little, big };
 
-/// A message, field by field.
+/// Serializes a message, field by field.
 class MessageWriter {
  public:
   explicit MessageWriter(Wire wire);
@@ -47,14 +47,14 @@ struct ImageMessage {
   std::string encoding, data;
   int pixel_size = 0;  // bytes
   bool big_endian = false;
-  int more_per_row = 0;  // bytes, which data has
+  int more_per_row = 0;  // bytes of row padding in data
 };
 [[nodiscard]] std::string image(Wire wire, const ImageMessage& m);
 [[nodiscard]] std::string compressed_image(Wire wire, std::int64_t stamp, const std::string& frame,
                                            const std::string& format, const std::string& data);
-/// `compressedDepth rvl` of depth in rows, as its paper packs it.
+/// `compressedDepth rvl` of depth in rows, packed as in the RVL paper.
 [[nodiscard]] std::string rvl(const std::vector<std::uint16_t>& depth, int width);
-/// K of the camera; P is twice as much, so that a reader tells them apart.
+/// K of the camera; P is twice as large, so that a reader's choice is visible.
 [[nodiscard]] std::string camera_info(Wire wire, const std::string& frame, const Camera& camera,
                                       const std::string& model, const std::vector<double>& d);
 [[nodiscard]] std::string imu(Wire wire, std::int64_t stamp, const std::string& frame, const Eigen::Vector3d& rate,
@@ -65,7 +65,7 @@ struct Transform {
 };
 [[nodiscard]] std::string tf(Wire wire, const std::vector<Transform>& transforms);
 
-/// A message of a recording; files hold them in the order in which they are given.
+/// Message of a recording; files store messages in the given order.
 struct Recorded {
   std::string topic, type;  // type as in ROS 1
   std::int64_t time = 0;    // ns, of arrival

@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 constexpr auto kPatience = 2min;
 
-/// In the child: its streams, its folder, and the program in its place.
+/// Child process: sets its streams and its folder, and executes the program.
 [[noreturn]] void become(std::vector<std::string> words, const fs::path& folder, const fs::path& out,
                          const fs::path& err, int terminal, const std::string& library) {
   constexpr int kNotStarted = 127;
@@ -104,7 +104,7 @@ std::string Running::err() {
 
 Ran Running::end() {
   EXPECT_TRUE(wait_until([&] {
-    read_terminal();  // so that it does not wait for us
+    read_terminal();  // so that the program does not block on a full terminal
     return has_ended();
   }));
   return {WIFEXITED(status_) ? WEXITSTATUS(status_) : 1000 + status_, read_bytes(files_ / "out"), err()};

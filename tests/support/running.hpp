@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The program while it runs, for tests that send it signals.
+// Running program, for tests of signals.
 #pragma once
 #include <sys/types.h>
 
@@ -13,8 +13,8 @@
 
 namespace cairn {
 
-/// The program, started in a folder; it is killed with the object. What it prints to stderr is kept: to a file, or to a
-/// terminal that this holds the other end of.
+/// Program started in a folder and killed by the destructor. Its stderr goes to a file, or to a pseudo-terminal read
+/// here.
 class Running {
  public:
   enum class Errors { to_file, to_terminal };
@@ -25,13 +25,13 @@ class Running {
   Running& operator=(const Running&) = delete;
 
   void send(int signal) const;
-  /// Until `is_so`, or until the program ends; fails the test after two minutes.
+  /// Waits until `is_so` or the end of the program; fails the test after two minutes.
   [[nodiscard]] bool wait_until(const std::function<bool()>& is_so);
-  /// Whether it handles SIGINT: it does from the first line of main on.
+  /// True if the program handles SIGINT, as from the first line of main on.
   [[nodiscard]] bool handles_signals() const;
-  /// What it has printed to stderr so far.
+  /// Output to stderr so far.
   [[nodiscard]] std::string err();
-  /// Waits for its end; fails the test after two minutes.
+  /// Waits for the end of the program; fails the test after two minutes.
   [[nodiscard]] Ran end();
 
  private:
@@ -44,14 +44,14 @@ class Running {
   std::string shown_;
 };
 
-/// A file whose first reader in a program started by Running waits forever in its call of open.
+/// File whose first reader, in a program started by Running, waits forever in its call of open.
 class Blocking {
  public:
   explicit Blocking(const std::filesystem::path& file);
   ~Blocking();
   Blocking(const Blocking&) = delete;
   Blocking& operator=(const Blocking&) = delete;
-  /// Whether somebody waits.
+  /// True if a reader waits.
   [[nodiscard]] bool holds_a_reader() const;
 
  private:

@@ -15,10 +15,10 @@
 
 namespace cairn {
 
-/// A quarter of the synthetic camera's resolution: tests stay quick.
+/// A quarter of the synthetic camera's pixels, to keep tests fast.
 inline Camera small_camera() { return {320, 240, 262.5, 262.5, 159.5, 119.5, {}}; }
 
-/// Frame `index` of a scene as seen along its own path, 30 a second.
+/// Frame `index` of a scene seen from a pose.
 inline Frame scene_frame_at(const Scene& scene, const Camera& camera, const Eigen::Isometry3d& pose, int index = 0,
                             bool kinect_noise = false) {
   SceneRenderer renderer(test_device(), scene, camera);
@@ -31,12 +31,12 @@ inline Frame scene_frame_at(const Scene& scene, const Camera& camera, const Eige
           .world_from_camera = pose};
 }
 
-/// A frame of the scene's own path.
+/// Frame `index` of a scene along its own path, 30 per second.
 inline Frame scene_frame(const Scene& scene, const Camera& camera, int index, bool kinect_noise = false) {
   return scene_frame_at(scene, camera, scene.world_from_camera(index / 30.0), index, kinect_noise);
 }
 
-/// Gives these frames.
+/// Source of given frames.
 class GivenFrames final : public Source {
  public:
   GivenFrames(const Rig& rig, std::vector<Frame> frames) : rig_(rig), frames_(std::move(frames)) {}
@@ -52,7 +52,7 @@ class GivenFrames final : public Source {
   std::size_t next_ = 0;
 };
 
-/// Along the scene's own path at a third of its speed, and swung as a hand does: up to a radian a second.
+/// Path of the scene at a third of its speed, with hand-like swings of up to a radian per second.
 inline PoseAt swung_in(const Scene& scene) {
   return [scene](double t) {
     Eigen::Isometry3d pose = scene.world_from_camera(0.3 * t);
@@ -62,7 +62,7 @@ inline PoseAt swung_in(const Scene& scene) {
   };
 }
 
-/// Of a frame, which must outlive it, for what asks for nothing on the device.
+/// Surface of a frame, which must outlive it, for code that uses no device data.
 inline Surface surface_of(const Frame& frame) {
   Surface surface;
   surface.images = [&frame]() -> const Frame& { return frame; };

@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// One process at a time, also where one before was killed.
+/// File lock between processes, released even if a process is killed.
 class Lock {
  public:
   explicit Lock(const fs::path& file) : file_(open(file.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0644)) {
@@ -30,7 +30,7 @@ class Lock {
   int file_;
 };
 
-/// The folder of what this build of the program makes; what others made goes.
+/// Folder for results of this build of the program; removes results of other builds.
 const fs::path& folder_of_this_build() {
   static const fs::path folder = [] {
     const auto changed = fs::last_write_time(program_file()).time_since_epoch().count();
@@ -45,7 +45,7 @@ const fs::path& folder_of_this_build() {
   return folder;
 }
 
-/// `name` with what `make` writes to the path that it is given; made by whoever needs it first, the others wait.
+/// Path `name`, written by `make` on first use; concurrent callers wait.
 fs::path made_once(const std::string& name, const std::function<Ran(const std::string&)>& make) {
   const fs::path made = folder_of_this_build() / name, half = folder_of_this_build() / (name + ".half");
   const Lock lock(folder_of_this_build() / (name + ".lock"));
@@ -57,7 +57,7 @@ fs::path made_once(const std::string& name, const std::function<Ran(const std::s
   return made;
 }
 
-/// A name that tells what it is made with; where the folders of this build lie is no part of it.
+/// Name that encodes the arguments, independent of the location of the build's folder.
 std::string joined(std::string name, const std::vector<std::string>& arguments) {
   const std::string here = folder_of_this_build().string();
   for (const std::string& a : arguments)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What many tests read, made once for all processes of a build and kept until the program changes. Nobody writes there:
-// a test that does takes a copy.
+// Read-only data of many tests, made once for all processes of a build and kept until the program changes. A test that
+// modifies the data makes a copy.
 #pragma once
 #include <filesystem>
 #include <string>
@@ -9,10 +9,10 @@
 
 namespace cairn {
 
-/// The recording that `cairn synth` makes of these arguments.
+/// Recording made by `cairn synth` with these arguments.
 [[nodiscard]] std::filesystem::path shared_recording(const std::vector<std::string>& arguments);
 
-/// What `cairn reconstruct` makes of a shared recording with these arguments.
+/// Map made by `cairn reconstruct` from a shared recording with these arguments.
 [[nodiscard]] std::filesystem::path shared_map(const std::filesystem::path& recording,
                                                const std::vector<std::string>& arguments);
 

@@ -243,7 +243,7 @@ Voxel merge(const Eigen::Vector3i& voxel, const std::vector<std::pair<const Bric
     };
     const Eigen::Vector3i low = at.array().floor().cast<int>().matrix();
     const Eigen::Vector3d high = at - low.cast<double>();
-    // Along the edges of the cell's tetrahedron that holds the point: the axis of the largest share first.
+    // Interpolate along the edges of the cell's tetrahedron around the point: the axis of the largest share first.
     std::array<int, 3> axes{0, 1, 2};
     std::stable_sort(axes.begin(), axes.end(), [&](int a, int b) { return high[a] > high[b]; });
     Eigen::Vector3i corner = low;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Plain-loop twins of the kernels: slow, obvious, and on the CPU.
+// Reference implementations of the kernels: plain loops on the CPU.
 #pragma once
 #include <Eigen/Geometry>
 #include <cstdint>
@@ -20,7 +20,7 @@ struct Filtered {
 };
 [[nodiscard]] Filtered filter(const std::vector<float>& depth, const Camera& camera, const SurfaceOptions& options);
 [[nodiscard]] std::vector<float> half(const std::vector<float>& fine, const Camera& fine_camera);
-/// Depth and normal by pixel; a zero normal where there is none.
+/// Normals by pixel; zero where undefined.
 [[nodiscard]] std::vector<Eigen::Vector3f> normals(const std::vector<float>& depth, const Camera& camera);
 
 struct Voxel {
@@ -28,30 +28,29 @@ struct Voxel {
   Eigen::Vector3f colour = Eigen::Vector3f::Zero();
   float colour_weight = 0;
 };
-/// One frame into one voxel.
+/// Integrates one frame into one voxel.
 void integrate(Voxel& voxel, const Eigen::Vector3d& point_in_camera, const std::vector<float>& depth,
                const std::vector<std::uint32_t>& colour, const Camera& camera, const FuseOptions& options);
 
-/// Which voxels of a brick one frame's rays have passed: all four pixels of the quad that a voxel falls on see
-/// something that is farther than the voxel by more than the truncation.
+/// Voxels of a brick passed by one frame's rays: all four pixels of the quad around the voxel's projection have a depth
+/// greater than the voxel's by more than the truncation.
 [[nodiscard]] BrickBits free_voxels(const Brick& brick, const std::vector<float>& depth, const Camera& camera,
                                     const Eigen::Isometry3d& submap_from_camera, const FuseOptions& options);
 
-/// The mean of submaps at one voxel of the world; each a map and submap_from_world in metres.
+/// Mean of submaps at one voxel of the world; each a map and submap_from_world in meters.
 [[nodiscard]] Voxel merge(const Eigen::Vector3i& voxel,
                           const std::vector<std::pair<const BrickTree*, Eigen::Isometry3d>>& submaps,
                           const FuseOptions& options);
 
-/// Corners of all triangles of a map, voxels as BrickTree keeps them; `triangles` x 3, sorted by the place of their
-/// cell.
+/// Corners of all triangles of a map, voxels as in BrickTree; `triangles` x 3, sorted by the position of their cell.
 [[nodiscard]] std::vector<Eigen::Vector3f> polygonize(const BrickTree& tree, const FuseOptions& options);
 
-/// The bricks along the truncation bands of every `stride`-th measurement, from (phase_x, phase_y) on, sorted.
+/// Bricks along the truncation bands of every `stride`-th measurement, from (phase_x, phase_y) on, sorted.
 [[nodiscard]] std::vector<Brick> bands(const std::vector<float>& depth, const Camera& camera,
                                        const Eigen::Isometry3d& submap_from_camera, const FuseOptions& options,
                                        int stride, int phase_x, int phase_y);
 
-/// Luminance in 0..1; -1 where over- or underexposed.
+/// Luminance in 0..1; -1 if over- or underexposed.
 [[nodiscard]] std::vector<double> brightness(const std::vector<std::uint32_t>& colour);
 struct Photometric {
   double seen = 0, rmse = 0, share = 0;

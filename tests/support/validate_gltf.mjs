@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Prints the errors and warnings that Khronos' validator finds in a glTF file, one a line.
+// Prints the errors and warnings of Khronos' validator for a glTF file, one per line.
 import { readFile } from 'node:fs/promises';
 import { dirname, join } from 'node:path';
 import validator from 'gltf-validator';

@@ -71,7 +71,7 @@ void add_track(AVFormatContext* context, const MatroskaFile::Track& track) {
   set_tags(stream.metadata, track.tags);
 }
 
-/// The muxer leaves the kind of raw images out of its bitmap headers: each is written here where it belongs.
+/// Writes the pixel format of raw images into their bitmap headers, which the muxer leaves empty.
 void put_fourcc(const std::filesystem::path& file, const std::vector<MatroskaFile::Track>& tracks) {
   std::fstream stream(file, std::ios::binary | std::ios::in | std::ios::out);
   const std::string bytes((std::istreambuf_iterator<char>(stream)), {});

@@ -7,7 +7,7 @@
 
 namespace cairn {
 
-/// Bricks filled from a distance function, metres: exact voxels without a camera, each observed once.
+/// Bricks filled from a distance function, meters: exact voxels without a camera, each observed once.
 template <class Distance>
 BrickTree distance_bricks(const FuseOptions& options, const Eigen::Vector3f& low, const Eigen::Vector3f& high,
                           const Distance& distance) {
@@ -30,7 +30,7 @@ BrickTree distance_bricks(const FuseOptions& options, const Eigen::Vector3f& low
   return tree;
 }
 
-/// The same in a volume.
+/// Fills a volume in the same way.
 template <class Distance>
 void fill(Volume& volume, const Eigen::Vector3f& low, const Eigen::Vector3f& high, const Distance& distance) {
   volume.adopt(distance_bricks(volume.options(), low, high, distance));

@@ -7,11 +7,11 @@
 
 namespace cairn {
 
-/// A file in an archive; a folder where its name ends with a slash.
+/// File in an archive; a folder if its name ends with a slash.
 struct ZipEntry {
   std::string name, bytes;
-  bool stored = false;  // as it is, not deflated
-  bool link = false;    // to what its bytes name
+  bool stored = false;  // not deflated
+  bool link = false;    // symbolic link to the path in `bytes`
   std::string password;
 };
 void write_zip(const std::filesystem::path& archive, const std::vector<ZipEntry>& entries);

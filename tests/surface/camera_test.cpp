@@ -50,7 +50,7 @@ TEST(RigCheck, RefusesAColourCameraThatCannotBe) {
   EXPECT_NE(error_of([&] { check(turned); }).find("rotation"), std::string::npos);
 }
 
-/// Cameras as they are sold: an Azure Kinect's depth and a wide fisheye.
+/// Real cameras: a Kinect's color camera, an Azure Kinect's depth camera and a wide fisheye.
 std::vector<Camera> bent_cameras() {
   Camera time_of_flight{
       640, 576, 504, 504, 320, 333, {0.548, -0.021, -7.2e-5, 2.06e-5, -0.00265, 0.89, 0.086, -0.0139}};

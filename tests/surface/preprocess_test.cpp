@@ -13,7 +13,7 @@
 namespace cairn {
 namespace {
 
-constexpr float kSame = 2e-5f;  // metres: sums of 25 products in 32 bits
+constexpr float kSame = 2e-5f;  // meters: sums of 25 products in 32 bits
 
 class PreprocessOfSize : public testing::TestWithParam<std::pair<int, int>> {};
 
@@ -35,7 +35,7 @@ TEST_P(PreprocessOfSize, EqualsItsPlainTwin) {
     ASSERT_EQ(fusion[i].y, frame.colour[i]) << i;
     ASSERT_NEAR(std::bit_cast<float>(points[i].x), expected.smooth[i], kSame) << i;
     const bool has = points[i].y != 0, should = !normals[i].isZero();
-    different += has != should;  // where a difference lies at the limit by rounding
+    different += has != should;  // rounding of a difference at the limit
     if (!has || !should) continue;
     ++with_normal;
     ASSERT_GT(twin::unpack_normal(points[i].y).dot(normals[i]), 0.995f) << i;
@@ -75,7 +75,8 @@ TEST(Preprocess, DropsAFlyingPixelAndKeepsTheEdge) {
 }
 
 TEST(Preprocess, LeavesANoisyPlaneWhereItIs) {
-  // Sensors measure disparity, or are as noisy on both sides; a mean that left out more of one would move the map.
+  // Sensor noise is symmetric in disparity or in depth; a mean that excludes more values of one side would shift the
+  // map.
   const Camera camera = small_camera();
   constexpr float kDepth = 3;
   const float sigma = SensorModel{}.sigma(kDepth) / (kDepth * kDepth);  // 1 / m
@@ -100,7 +101,7 @@ TEST(Preprocess, LeavesANoisyPlaneWhereItIs) {
 }
 
 TEST(Preprocess, UndoesDistortion) {
-  // A plane's depth is the same everywhere, so colour tells: a pattern of its own pixel coordinates.
+  // A plane has constant depth, so color identifies pixels: a pattern of the pixel coordinates.
   Camera camera = small_camera();
   camera.distortion = {0.2624, -0.9531, -0.0054, 0.0026, 1.1633};
   Frame frame{.depth = std::vector<float>(static_cast<std::size_t>(camera.width * camera.height), 1.0f)};
@@ -122,7 +123,7 @@ TEST(Preprocess, UndoesDistortion) {
   }
 }
 
-/// Of a colour camera's image, so that its colour tells each pixel: eighths of the column and the row.
+/// Color image that encodes its pixel coordinates: eighths of the column and the row.
 std::vector<std::uint32_t> pixel_colours(const Camera& camera) {
   std::vector<std::uint32_t> colours;
   for (int y = 0; y < camera.height; ++y)
@@ -138,7 +139,7 @@ struct BesideColour {
     rig.colour->colour_from_depth =
         Eigen::Translation3d(-0.1, 0.02, 0.01) * Eigen::AngleAxisd(0.05, Eigen::Vector3d::UnitY());
   }
-  /// What was brought to depth, by pixel.
+  /// Color registered to depth, by pixel.
   [[nodiscard]] std::vector<shader::uvec2> fusion(const std::vector<float>& depth) {
     Frame frame{.depth = depth, .colour = pixel_colours(rig.colour->camera)};
     Preprocessor preprocessor(test_device(), rig, {}, 1, 0);
@@ -180,15 +181,15 @@ TEST(Preprocess, BringsTheColourOfACameraBesideToDepth) {
 
 TEST(Preprocess, LeavesWhatIsHiddenFromTheColourCameraWithoutColour) {
   BesideColour beside({.width = 640, .height = 480, .fx = 500, .fy = 500, .cx = 320, .cy = 240});
-  beside.rig.colour->colour_from_depth = Eigen::Translation3d(-0.1, 0, 0);  // it looks from the right
+  beside.rig.colour->colour_from_depth = Eigen::Translation3d(-0.1, 0, 0);  // right of the depth camera
   const Camera& depth = beside.rig.depth;
-  constexpr int kLeft = 140, kRight = 180;  // columns that a post takes
+  constexpr int kLeft = 140, kRight = 180;  // columns of a post
   std::vector<float> z(static_cast<std::size_t>(depth.width * depth.height), 2.0f);
   for (int y = 0; y < depth.height; ++y)
     for (int x = kLeft; x < kRight; ++x) z[static_cast<std::size_t>(y * depth.width + x)] = 1.0f;
   const auto fusion = beside.fusion(z);
   const auto has_colour = [&](int x) { return fusion[static_cast<std::size_t>(120 * depth.width + x)].y != 0; };
-  // The post hides as much of the wall on its left as it is shifted by more than the wall.
+  // The post occludes as much of the wall on its left as its disparity exceeds the wall's.
   const int shadow = static_cast<int>(0.1 * depth.fx * (1 / 1.0 - 1 / 2.0));
   for (int x = kLeft - shadow + 2; x < kLeft - 2; ++x) EXPECT_FALSE(has_colour(x)) << x;
   for (const int x : {kLeft - shadow - 5, kLeft + 5, kRight - 5, kRight + 5, kRight + 20})

@@ -26,7 +26,7 @@ Vector6d fast() {
 }
 
 struct Errors {
-  double depth = 0, colour = 0;  // medians: metres, grey levels
+  double depth = 0, colour = 0;  // medians: meters, gray levels
 };
 
 Errors between(const Frame& a, const Frame& b) {
@@ -51,7 +51,7 @@ Frame seen(const Rig& rig, const PoseAt& depth_pose, const PoseAt& colour_pose) 
   return frame;
 }
 
-/// The fusion image's depth and colour.
+/// Depth and color of the fusion image.
 Frame fused(const Rig& rig, const Frame& frame, const Vector6d& velocity) {
   Preprocessor preprocessor(test_device(), rig, {}, 1, 0);
   const Surface surface = preprocessor.preprocess(frame, at_velocity(velocity));
@@ -82,7 +82,7 @@ void expect_undone(Rig rig) {
   EXPECT_GT(before.depth, 0.005);
   EXPECT_LT(after.depth, 0.04 * before.depth);
   EXPECT_LT(after.colour, 0.5 * before.colour);
-  // What is fused, without the lens, is that of a camera that stands still.
+  // The rectified fusion image equals the image of a static camera.
   const Frame expected = fused(rig, truth, Vector6d::Zero());
   const Errors without = between(fused(rig, rolling, Vector6d::Zero()), expected),
                with = between(fused(rig, rolling, fast()), expected);

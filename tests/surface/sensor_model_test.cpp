@@ -95,7 +95,7 @@ TEST(SensorModel, DropsDepthThatIsTooDoubtful) {
   EXPECT_EQ(short_one.frame().depth[7], frame.depth[7]);
 }
 
-/// Standard deviation of depth between `near` and `far`, metres, away from edges.
+/// Standard deviation of depth between `nearest` and `farthest`, meters, away from edges.
 double deviation(const SceneImages& noisy, const SceneImages& truth, float nearest, float farthest) {
   std::vector<float> errors;
   for (std::size_t i = 0; i < truth.depth.size(); ++i)
@@ -123,7 +123,7 @@ TEST(SensorModel, FitsTheNoiseThatIsRenderedForItsSensor) {
     const double found = deviation(noisy, truth, 1.8f, 2.2f), told = static_cast<double>(sensor_model(sensor).sigma(2));
     std::printf("%s: %.1f mm at 2 m, the model says %.1f\n", noise, 1000 * found, 1000 * told);
     EXPECT_GT(found, 0.25 * told) << noise;
-    EXPECT_LT(found, 2 * told) << noise;  // shifted pixels of slanted surfaces are not in the models
+    EXPECT_LT(found, 2 * told) << noise;  // the models exclude shifted pixels of slanted surfaces
   }
   SceneImages same = truth;
   add_noise(same, synthetic_camera(), "none", 1, 0);

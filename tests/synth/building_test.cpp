@@ -15,7 +15,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kStorey = 3;  // metres
+constexpr double kStorey = 3;  // meters
 
 using Key = std::tuple<float, float, float, float, float, float, float>;
 Key key(const Scene::Solid& s) {
@@ -34,19 +34,19 @@ TEST(Building, IsTheSameInEveryRecordingButForDoors) {
   for (std::size_t i = 0; i < a.solids.size(); ++i) {
     if (key(a.solids[i]) == key(b.solids[i])) continue;
     ++differ;
-    // The leaf of a door, which turns about its hinge.
+    // A door, which rotates about its hinge.
     EXPECT_NEAR(a.solids[i].half_size.x(), 0.43f, 1e-6);
     EXPECT_LT((a.solids[i].centre - b.solids[i].centre).norm(), 0.8f);
   }
   EXPECT_GT(differ, 5u);
-  EXPECT_LE(differ, 42u);  // rooms, and two that are missing at the end of storeys
+  EXPECT_LE(differ, 42u);  // one per room, and two at the missing rooms at the end of storeys
   EXPECT_NE(a.way, b.way);
   EXPECT_EQ(keys(synthetic_scene("building?recording=3")), keys(a));
 }
 
 TEST(Building, HasOfficesThatLookAlike) {
-  // The screens on desks: each in the same place of its room.
-  std::map<float, int> screens;  // by how far they stand from the corridor
+  // The screens on desks: each at the same place in its room.
+  std::map<float, int> screens;  // by distance from the corridor
   for (const auto& s : synthetic_scene("building").solids)
     if (s.pattern == Scene::Pattern::patches && s.half_size.isApprox(Eigen::Vector3f(0.275f, 0.175f, 0.025f), 1e-5f))
       ++screens[std::round(1000 * std::abs(s.centre.z()))];

@@ -12,8 +12,8 @@
 namespace cairn {
 namespace {
 
-// Depth is computed in 32 bits: at 5 m a few units in the last place of a sum of squares.
-constexpr double kExact = 1e-4;  // metres
+// Depth is computed in 32 bits: at 5 m the error is a few units in the last place of a sum of squares.
+constexpr double kExact = 1e-4;  // meters
 
 class EveryScene : public testing::TestWithParam<const char*> {};
 
@@ -30,7 +30,7 @@ TEST_P(EveryScene, IsRenderedWhereItsDistanceIsZero) {
         ++seen;
         const Eigen::Vector3d p = *frame.world_from_camera * (camera.ray(x, y) * z);
         ASSERT_NEAR(scene.distance(p), 0.0, kExact) << x << ' ' << y << " at " << p.transpose();
-        // Nothing lies before it.
+        // The space in front is empty.
         ASSERT_GT(scene.distance(*frame.world_from_camera * (camera.ray(x, y) * (0.9 * z))), 0.0);
       }
     EXPECT_GT(seen, 500);
@@ -43,14 +43,14 @@ TEST_P(EveryScene, HasAPathClearOfSurfacesAndSlowEnough) {
     const Eigen::Isometry3d a = scene.world_from_camera(t), b = scene.world_from_camera(t + 1 / 30.0);
     ASSERT_GT(scene.distance(a.translation()), 0.25) << "at " << t << " s";
     ASSERT_LT((b.translation() - a.translation()).norm() * 30, 1.0) << "at " << t << " s";
-    // Ways through rooms have glances aside of 160 degrees a second.
+    // Paths through rooms have glances aside at 160 degrees per second.
     ASSERT_LT(Eigen::AngleAxisd((a.inverse() * b).linear()).angle() * 30, scene.way.empty() ? 0.9 : 3.6)
         << "at " << t << " s";
   }
 }
 
 TEST_P(EveryScene, HasATrueSurfaceOnItsSurface) {
-  constexpr std::size_t kMany = 500;  // solids, of which those around the path's begin will do
+  constexpr std::size_t kMany = 500;  // solids; above, the solids around the path's start are sufficient
   Scene scene = synthetic_scene(GetParam());
   if (scene.solids.size() > kMany) scene = scene.around({scene.world_from_camera(0).translation()}, 2);
   const Mesh mesh = scene.surface(0.05f);

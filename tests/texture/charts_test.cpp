@@ -15,7 +15,7 @@ namespace {
 
 constexpr float kTexel = 0.01f;
 
-/// A ramp that winds up twice around the z axis, always nearly level: its turns lie above each other.
+/// Ramp with two turns around the z axis, nearly level everywhere: its turns overlap in z.
 Mesh spiral() {
   return grid_mesh(200, 8, 0.05f, [](float along, float across) {
     const float angle = along * 1.2566f, radius = 0.5f + across;
@@ -23,7 +23,7 @@ Mesh spiral() {
   });
 }
 
-/// Each triangle lies in one chart, and no point of the texture belongs to two triangles.
+/// Expects each triangle in one chart, and no texel in two triangles.
 void expect_sound(const Mesh& mesh) {
   const std::vector<Chart> charts = make_charts(mesh, kTexel, 512);
   std::vector<int> used(mesh.triangles.size(), 0);
@@ -52,7 +52,7 @@ void expect_sound(const Mesh& mesh) {
     for (int y = static_cast<int>(low.y()); y <= static_cast<int>(high.y()); ++y)
       for (int x = static_cast<int>(low.x()); x <= static_cast<int>(high.x()); ++x) {
         const Eigen::Vector2f q(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f);
-        constexpr float kInside = 0.02f;  // texels^2: on a side both may claim it
+        constexpr float kInside = 0.02f;  // texels^2: on a side both may claim a texel
         bool inside = true;
         for (std::size_t k = 0; k < 3; ++k)
           inside = inside && side(p[k], p[(k + 1) % 3], q) * (turn > 0 ? 1 : -1) > kInside;
@@ -60,7 +60,7 @@ void expect_sound(const Mesh& mesh) {
         ASSERT_EQ(covered[static_cast<std::size_t>(y * width + x)]++, 0) << x << " " << y;
       }
   }
-  // What a texel shows lies on the surface, a little beyond its borders at the rim of a chart.
+  // Texels are on the surface, except slightly beyond its borders at the rim of a chart.
   const MeshSurface surface(mesh);
   std::set<std::size_t> texels;
   std::size_t on_surface = 0, points = 0;
@@ -93,7 +93,7 @@ TEST(Charts, ThatAreTooLargeAreCut) {
 }
 
 TEST(Charts, LieInTheTextureAlongTheirLongerSide) {
-  // Turned by 30 degrees the rectangle still fills its place.
+  // Rotated by 30 degrees, the rectangle still fills its area.
   const Mesh mesh = grid_mesh(
       40, 20, 0.02f, [](float x, float y) { return Eigen::Vector3f(0.866f * x - 0.5f * y, 0.5f * x + 0.866f * y, 1); });
   const auto atlas = pack(mesh, make_charts(mesh, kTexel, 512), 512);

@@ -9,7 +9,7 @@
 namespace cairn {
 namespace {
 
-/// A patterned wall a metre away, seen from four cameras side by side whose focal scale is not the promised one.
+/// Patterned wall at a distance of a meter, seen from four cameras side by side with a wrong nominal focal scale.
 ColourObservations wall(int points_a_side, float focal_scale) {
   struct Seen {
     Eigen::Vector2f point, camera;
@@ -36,7 +36,7 @@ ColourObservations wall(int points_a_side, float focal_scale) {
 }
 
 TEST(ColourRegistration, FindsTheFocalScaleWithWhichAllSeeTheSame) {
-  constexpr float kScale = 1.06f, kNearly = 1e-3f;  // the prior pulls a little
+  constexpr float kScale = 1.06f, kNearly = 1e-3f;  // the prior has a slight influence
   const auto camera = register_colour_camera(wall(30, kScale));
   ASSERT_TRUE(camera);
   EXPECT_NEAR(camera->focal_scale, kScale, kNearly);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Against an exact scene: a flat wall with a pattern, and boards before it.
+// Against an exact scene: a flat wall with a pattern, and boards before the wall.
 #include "texture/views.hpp"
 
 #include <gtest/gtest.h>
@@ -16,7 +16,7 @@
 namespace cairn {
 namespace {
 
-/// The colour of the wall z = 2 at a place; smooth, so that its pixels can tell it exactly enough.
+/// Color of the wall z = 2 at a point; smooth, so that its pixels sample it accurately.
 Eigen::Vector3f wall(float x, float y) {
   return {128 + 80 * std::sin(7 * x), 128 + 80 * std::sin(9 * y + 1), 128 + 60 * std::cos(6 * (x + y))};
 }
@@ -28,8 +28,8 @@ std::uint32_t word(const Eigen::Vector3f& c, float exposure) {
   return w;
 }
 
-/// What a camera at (x, 0, 0) that looks along z sees; `focal_scale`: of the colour camera beside the depth camera;
-/// `board`: something red at 1 m covers this part of the image.
+/// View of a camera at (x, 0, 0) along z; `focal_scale`: of the color camera beside the depth camera; `board`: columns
+/// of the image covered by a red board at 1 m.
 Frame look(float x, float exposure, int board_from = 0, int board_to = 0, float focal_scale = 1) {
   const Camera camera = small_camera();
   Frame frame;
@@ -59,14 +59,14 @@ struct WallScene {
   [[nodiscard]] TextureViews views() {
     return {volume, small_camera(), SurfaceOptions{}, keyframes, [&](std::size_t i) { return frames[i]; }, 64 << 20};
   }
-  /// The middle of the wall, turned to the cameras; its own colour is black.
+  /// Makes an atlas of the wall's middle, facing the cameras, with black vertex colors.
   void make_atlas() {
     Mesh mesh = grid_mesh(20, 20, 0.04f, [](float x, float y) { return Eigen::Vector3f(x - 0.4f, 0.4f - y, 2); });
     for (auto& n : mesh.normals) n = {0, 0, -1};
     mesh.colours.assign(mesh.positions.size(), {0, 0, 0, 255});
     atlas = *pack(mesh, make_charts(mesh, 0.01f, 512), 512);
   }
-  /// Calls `with` a point of the wall and its colour in the atlas.
+  /// Calls `with` a point of the wall and its color in the atlas.
   void each_texel(const std::function<void(const Eigen::Vector3f&, const std::array<std::uint8_t, 3>&)>& with) const {
     for (const TextureAtlas::Tile& tile : atlas.tiles)
       for (std::size_t k = 0; k < shader::kTileTexels; ++k)
@@ -117,7 +117,7 @@ TEST(TextureViews, DoNotSeeThroughWhatIsBeforeTheSurface) {
 }
 
 TEST(TextureViews, LeaveOutWhatOneOfThemSeesOtherwise) {
-  // Somebody stood flat before the wall once: four views agree, one shows red at the wall's own depth.
+  // A person was in front of the wall once: four views agree, one shows red at the wall's own depth.
   WallScene s;
   for (const float x : {-0.2f, -0.1f, 0.1f, 0.2f}) s.add(look(x, 1), x);
   Frame odd = look(0, 1, 120, 180);
@@ -162,12 +162,12 @@ TEST(TextureViews, FindAColourCameraWithAnotherFieldOfView) {
     const double before = s.error(1).first;
     views.register_colour();
     views.blend(s.atlas);
-    if (focal_scale == 1.0f) {  // what is right already stays exactly as it is
+    if (focal_scale == 1.0f) {  // an exact camera stays unchanged
       EXPECT_EQ(views.colour_camera().focal_scale, 1.0f);
       EXPECT_EQ(views.colour_camera().rotation.x, 0.0f);
       EXPECT_EQ(views.colour_camera().translation.y, 0.0f);
     } else {
-      // On a wall at 2 m a step back is a focal_scale.
+      // On a wall at 2 m a backward translation is equivalent to a focal_scale.
       const shader::ColourCamera& c = views.colour_camera();
       EXPECT_NEAR(static_cast<double>(c.focal_scale * 2 / (2 + c.translation.z)), static_cast<double>(focal_scale),
                   0.005);
@@ -183,7 +183,7 @@ TEST(TextureViews, UseTheMapWhereNothingWasMeasured) {
   blind.depth.assign(blind.depth.size(), 0.0f);
   s.add(blind, 0);
   s.make_atlas();
-  EXPECT_EQ(s.views().blend(s.atlas), 0u);  // an empty map shows nothing
+  EXPECT_EQ(s.views().blend(s.atlas), 0u);  // an empty map has no visible texel
   // A map of the wall.
   BrickTree tree;
   for (int x = -8; x < 8; ++x)
@@ -203,7 +203,7 @@ TEST(TextureViews, UseTheMapWhereNothingWasMeasured) {
 }
 
 TEST(TextureViews, TakeTheColourImageWhenItWasTaken) {
-  // The camera goes to the right at 1 m/s, its colour images come 20 ms after the depth images.
+  // The camera moves to the right at 1 m/s, and its color images are 20 ms later than the depth images.
   WallScene s;
   for (const float x : {-0.1f, 0.1f}) {
     s.add(look(x + 0.02f, 1), x);
@@ -231,7 +231,7 @@ TEST(TextureViews, HoldNoMoreImagesThanTheyMay) {
 
 TEST(TextureViews, GiveWhatNobodySeesTheVoxelsColour) {
   WallScene s;
-  s.add(look(5, 1), 5);  // looks elsewhere
+  s.add(look(5, 1), 5);  // does not see the wall
   s.make_atlas();
   Mesh fine = grid_mesh(250, 250, 0.004f, [](float x, float y) { return Eigen::Vector3f(x - 0.5f, 0.5f - y, 2); });
   for (const auto& p : fine.positions) {

@@ -16,7 +16,7 @@
 namespace cairn {
 namespace {
 
-/// Everything between a frame and its alignment.
+/// Processing stages from a frame to its alignment.
 struct Stages {
   Camera camera = small_camera();
   TrackOptions options{.finest_level = 0};
@@ -27,7 +27,7 @@ struct Stages {
   Aligner aligner{test_device(), options};
 };
 
-/// The room fused from one exact frame.
+/// Room fused from one exact frame.
 struct Room : Stages {
   Scene scene = synthetic_scene("room");
   Frame frame = scene_frame(scene, camera, 0);
@@ -48,7 +48,7 @@ TEST(Align, StaysWhereItIs) {
 
 TEST(Align, FindsAKnownMotion) {
   Room s;
-  // 5 cm and 4 degrees: a brisk hand between two frames.
+  // 5 cm and 4 degrees: a fast hand motion between two frames.
   Eigen::Isometry3d guess = *s.frame.world_from_camera;
   guess = guess * Eigen::Translation3d(0.03, -0.02, 0.035) *
           Eigen::AngleAxisd(0.07, Eigen::Vector3d(1, 2, -1).normalized());
@@ -61,8 +61,8 @@ TEST(Align, FindsAKnownMotion) {
 }
 
 TEST(Align, KnowsByBrightnessThatAnotherPlaceIsNotThisOne) {
-  // Walls fit walls: by depth alone every other of these places is taken for the known one.
-  constexpr double kUsual = 0.03;  // photometric rmse of frames that are where they should be
+  // Walls match walls: by depth alone every second of these places would be mistaken for the known place.
+  constexpr double kUsual = 0.03;  // photometric rmse of correctly aligned frames
   Room s;
   const Surface known = s.preprocessor.preprocess(s.frame);
   const Eigen::Isometry3d guess = *s.frame.world_from_camera;
@@ -92,7 +92,7 @@ TEST(IcpReduce, EqualsItsPlainTwin) {
   Room s;
   TrackOptions one = s.options;
   one.levels = 1;
-  one.iterations_finest = 1;  // the information of a result is that of its last linearisation
+  one.iterations_finest = 1;  // the information of a result is from its last linearization
   Aligner aligner(test_device(), one);
   const Surface live = s.preprocessor.preprocess(s.frame);
   Eigen::Isometry3d guess = *s.frame.world_from_camera * Eigen::Translation3d(0.01, 0.005, -0.01);
@@ -126,15 +126,15 @@ TEST(IcpReduce, EqualsItsPlainTwin) {
       expected += std::min(1.0, one.huber / std::max(std::abs(r), 1e-6)) * j * j.transpose();
     }
   const Matrix6d information = a.fit.rmse * a.fit.rmse * a.information;  // in units of the depth noise
-  EXPECT_LT((information - expected).norm() / expected.norm(), 1e-3);    // pixels on a border may match a neighbour
+  EXPECT_LT((information - expected).norm() / expected.norm(), 1e-3);    // pixels on a border may match a neighbor
   EXPECT_GT(expected.norm(), 1e6);
 }
 
-/// A scene's frames along a path, fused with their true poses up to the last one, which is aligned.
+/// Frames of a scene along a path, fused with their true poses except the last, which is aligned.
 struct Slide : Stages {
   PhotometricKeyframe keyframe{test_device(), camera, options};
 
-  /// Metres between the pose found and the true one when the guess is 2 cm aside along the camera's x.
+  /// Aligns the last frame from a guess 2 cm off along the camera's x.
   Alignment aside(const char* scene_name, bool with_colour, bool noise = true) {
     const Scene scene = synthetic_scene(scene_name);
     for (int i = 0; i < 5; ++i) {
@@ -156,8 +156,8 @@ TEST(Align, SlidesOnAWallByGeometryAloneAndHoldsByItsTexture) {
   Slide blind, seeing;
   const Alignment slid = blind.aside("plane", false), held = seeing.aside("plane", true);
   EXPECT_GT((blind.truth.inverse() * slid.submap_from_camera).translation().norm(), 0.01);
-  // What the image shows stays: of a tilt about that point both terms know little, with this noise and so small an
-  // image.
+  // The visible content stays in place: a tilt about the point ahead is weakly constrained, with this noise and image
+  // size.
   const Eigen::Vector3d ahead(0, 0, 2);
   EXPECT_LT((seeing.truth.inverse() * held.submap_from_camera * ahead - ahead).norm(), 0.003);
   EXPECT_LT((seeing.truth.inverse() * held.submap_from_camera).translation().norm(), 0.005);
@@ -168,7 +168,7 @@ TEST(Align, SlidesOnAWallByGeometryAloneAndHoldsByItsTexture) {
 TEST(Align, KnowsWhatAWallDoesNotTell) {
   Slide s;
   const Alignment a = s.aside("plane", false, false);
-  EXPECT_EQ(a.fit.degenerate_directions, 3);  // two translations and the turn about its normal
+  EXPECT_EQ(a.fit.degenerate_directions, 3);  // two translations and the rotation about its normal
   EXPECT_EQ(a.fit.unobserved, 3);             // left at the guess
   EXPECT_NEAR((s.truth.inverse() * a.submap_from_camera).translation().x(), 0.02, 2e-3);
 }
@@ -200,7 +200,7 @@ TEST(Align, FollowsAChangeOfExposure) {
 }
 
 TEST(Align, KnowsThatAShutterWasUndoneForAnotherMotion) {
-  // The camera was guessed to stand still and went on: rows are as far beside as it moved within the readout.
+  // The guess assumed a static camera, but the camera moved: rows are off by the motion during the readout.
   Room s;
   constexpr double kInterval = 1 / 30.0;
   Rig rolling = s.camera;
@@ -233,7 +233,7 @@ TEST(Align, KnowsThatAShutterWasUndoneForAnotherMotion) {
 }
 
 TEST(PhotometricReduce, PullsTowardsTheTruthAsItsPlainTwinDoes) {
-  // One level, one iteration, no geometry within reach: the information is that of the brightness alone.
+  // One level, one iteration, no geometry within reach: the information is from brightness alone.
   Room s;
   TrackOptions one = s.options;
   one.levels = 1;
@@ -248,7 +248,7 @@ TEST(PhotometricReduce, PullsTowardsTheTruthAsItsPlainTwinDoes) {
   const std::vector<double> brightness = twin::brightness(s.frame.colour);
   const Surface live = s.preprocessor.preprocess(next);
   const auto points = download<shader::uvec2>(live.levels[0]->points, next.depth.size());
-  // Far from the model's view, so that no point finds a partner.
+  // Far from the model's view, so that no point has a correspondence.
   const Alignment a = aligner.align(live, s.raycaster.raycast(s.volume, *s.frame.world_from_camera),
                                     *next.world_from_camera, &keyframe);
 

@@ -9,7 +9,7 @@
 namespace cairn {
 namespace {
 
-/// A camera that turns about all axes.
+/// Orientation of a camera that rotates about all axes.
 Eigen::Quaterniond world_from_camera(double t) {
   return Eigen::AngleAxisd(0.8 * std::sin(1.3 * t), Eigen::Vector3d::UnitX()) *
          Eigen::AngleAxisd(1.1 * std::sin(0.9 * t), Eigen::Vector3d::UnitY()) *
@@ -33,7 +33,7 @@ double degrees_between(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b)
   return a.angularDistance(b) * 57.29578;
 }
 
-/// Lets it learn from ten seconds of frames.
+/// Calibrates with ten seconds of frames.
 void teach(Gyroscope& gyroscope) {
   for (int i = 1; i < 300; ++i) {
     const double since = (i - 1) / 30.0, until = i / 30.0;

@@ -16,11 +16,11 @@ namespace cairn {
 namespace {
 
 constexpr float kVoxel = 0.01f, kTruncation = 0.04f, kWeight = 4;
-constexpr float kByte = 1.0f / 127;    // metres of a byte: 2 m are 127
-constexpr float kSpreadError = 0.01f;  // metres by which propagated vectors miss the nearest point
+constexpr float kByte = 1.0f / 127;    // meters per unit of a byte: 2 m are 127
+constexpr float kSpreadError = 0.01f;  // meters of error of propagated vectors to the nearest point
 
-/// A map of the space from `low` to `high` (bricks) whose surface has this distance; voxels behind it are not observed,
-/// and in front of it bricks without a surface are free.
+/// Writes a map of the space from `low` to `high` (bricks) with a surface given by its distance; voxels behind the
+/// surface are unobserved, and bricks in front without a surface are free.
 void write_map(const std::filesystem::path& file, const Eigen::Vector3i& low, const Eigen::Vector3i& high,
                const std::function<float(const Eigen::Vector3f&)>& distance) {
   BrickTree tree;
@@ -71,7 +71,7 @@ TEST(Fields, TellHowFarTheSurfaceIs) {
   int known = 0, behind = 0;
   for (const Sampled& s : samples(fields)) {
     const float truth = sphere(s.place);
-    if (std::abs(truth + kTruncation) < fields.spacing) continue;  // the end of what was observed
+    if (std::abs(truth + kTruncation) < fields.spacing) continue;  // limit of the observed range
     EXPECT_EQ(s.distance != 0, truth > -kTruncation) << s.place.transpose();
     if (s.distance == 0) continue;
     ++known, behind += truth < 0;
@@ -88,7 +88,7 @@ TEST(Fields, AreAsCoarseAsTheyMustBe) {
   const Fields fields = make_fields(folder / "map.vdb", {}, {}, 5000);
   EXPECT_LE(fields.size.prod(), 5000);
   EXPECT_GT(fields.size.prod(), 1000);
-  const float inside = 0.64f - fields.spacing / 2;  // where cells do not reach beyond the map
+  const float inside = 0.64f - fields.spacing / 2;  // range where cells stay inside the map
   for (const Sampled& s : samples(fields))
     if (s.place.z() < 0.5f && s.place.head<2>().cwiseAbs().maxCoeff() < inside) {
       EXPECT_NEAR(s.metres(), plane(s.place), kByte + kSpreadError) << s.place.transpose();
@@ -100,7 +100,7 @@ TEST(Fields, TellHowOftenAndHowWellTheSurfaceWasSeen) {
   const auto plane = [](const Eigen::Vector3f& p) { return 0.503f - p.z(); };
   write_map(folder / "map.vdb", {-4, -4, 4}, {4, 4, 8}, plane);
   const SensorModel sensor;
-  Trajectory path(20);  // from 2 m before the surface, and one pose that does not see it
+  Trajectory path(20);  // from 2 m before the surface, plus a pose facing away
   for (std::size_t i = 0; i < path.size(); ++i) {
     path[i].timestamp = static_cast<double>(i);
     path[i].world_from_camera.translation().z() = 0.503 - 2;
@@ -114,7 +114,8 @@ TEST(Fields, TellHowOftenAndHowWellTheSurfaceWasSeen) {
       if (std::abs(plane(s.place)) < 0.01f) {
         ++on_surface;
         EXPECT_EQ(s.weight, 4);
-        EXPECT_NEAR(s.sigma, has_path ? alone : without_path, 1.5f);  // the place's own depth, and a whole number
+        EXPECT_NEAR(s.sigma, has_path ? alone : without_path, 1.5f);  // depth at the point itself, rounded to an
+                                                                      // integer
       } else if (std::abs(plane(s.place)) > 0.06f) {
         EXPECT_EQ(s.sigma, 0) << s.place.transpose();
       }
@@ -123,7 +124,7 @@ TEST(Fields, TellHowOftenAndHowWellTheSurfaceWasSeen) {
 }
 
 TEST(Fields, KnowFreeSpaceVoxelByVoxel) {
-  // A wall that is fused within the truncation alone; a slanted half of what lies before it was looked through.
+  // A wall fused only within the truncation; a slanted half of the space in front is free.
   const TemporaryFolder folder;
   const auto wall = [](const Eigen::Vector3f& p) { return 0.503f - p.z(); };
   const auto looked = [](const Eigen::Vector3f& p) { return 0.6f * p.x() - 0.8f * p.y(); };
@@ -142,7 +143,7 @@ TEST(Fields, KnowFreeSpaceVoxelByVoxel) {
             voxels[static_cast<std::size_t>(n)] = shader::pack_voxel(d / kTruncation, kWeight, 0x01000000u);
             has_voxels = true;
           }
-          // Once it was looked through where the wall is now: what was fused is the newer word.
+          // Free space from before the wall existed: the fused voxels are newer.
           if (looked(p) > 0) free[static_cast<std::size_t>(n >> 6)] |= 1ull << (n & 63);
         }
         if (has_voxels) tree.put({x, y, z}, voxels);
@@ -157,7 +158,7 @@ TEST(Fields, KnowFreeSpaceVoxelByVoxel) {
     if (std::abs(d) < kTruncation - 2 * kVoxel) {
       EXPECT_NEAR(s.metres(), d, kByte + kSpreadError) << s.place.transpose();
     } else if (d > kTruncation + kVoxel) {
-      if (std::abs(side) < 1.5f * kVoxel) continue;  // a cell that is free in part
+      if (std::abs(side) < 1.5f * kVoxel) continue;  // a partially free cell
       EXPECT_EQ(s.distance != 0, side > 0) << s.place.transpose();
       if (s.distance == 0) {
         ++unknown;

@@ -16,7 +16,7 @@ namespace {
 
 constexpr float kRadius = 0.8f;
 
-/// A sphere whose upper half is red and whose lower half is blue, by its texture.
+/// Sphere with a red upper half and a blue lower half, by its texture.
 Mesh sphere(int rings) {
   Mesh mesh;
   const int around = 2 * rings;
@@ -58,11 +58,11 @@ TEST(FirstMesh, IsCoarserAndLooksTheSame) {
     for (std::size_t v = 0; v < first.positions.size(); ++v) {
       const Eigen::Vector3f& p = first.positions[v];
       EXPECT_NEAR(p.norm(), kRadius, cell / 4);
-      if (std::abs(p.y()) > 2 * cell) {  // not where both colours meet
+      if (std::abs(p.y()) > 2 * cell) {  // except where both colors meet
         EXPECT_EQ(first.colours[v][0] > 150, p.y() < 0) << p.transpose();
       }
     }
-    // Seen from the same side as before: back faces are not drawn.
+    // Same orientation as before: back faces are not drawn.
     const auto outwards = [](const Mesh& mesh) {
       return std::count_if(mesh.triangles.begin(), mesh.triangles.end(), [&](const auto& t) {
         const auto& [a, b, c] = t;

@@ -17,7 +17,7 @@ Frame flat(float depth, std::uint32_t colour = 0xff808080u) {
   return {.depth = std::vector<float>(640 * 480, depth), .colour = std::vector<std::uint32_t>(640 * 480, colour)};
 }
 
-/// A sensor in somebody's hand: each step is a frame.
+/// Simulated hand-held sensor: each step is a frame.
 class Scan {
  public:
   Guidance guidance{kRig.depth};
@@ -40,7 +40,7 @@ class Scan {
     }
   }
   [[nodiscard]] Advice advice() const { return guidance.advice(); }
-  std::vector<Hint> shown;  // one after the other
+  std::vector<Hint> shown;  // in order of appearance
 
  private:
   double time_ = 100;
@@ -64,14 +64,14 @@ TEST(Guidance, DoesNotBlameAPersonForFramesThatTheComputerLeavesOut) {
     for (int i = 0; i < 20; ++i) {
       report.timestamp = 0.5 * i;
       Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-      pose.rotate(Eigen::AngleAxisd(0.25 * i, Eigen::Vector3d::UnitY()));  // 0.5 rad/s: a slow turn
+      pose.rotate(Eigen::AngleAxisd(0.25 * i, Eigen::Vector3d::UnitY()));  // 0.5 rad/s: a slow rotation
       guidance.see(report, content, pose, 0.5 * i);
       guidance.leave_out(left_out);
     }
     return guidance.advice().words;
   };
   EXPECT_EQ(words_at(14), "Computer too slow: larger voxels help");
-  EXPECT_EQ(words_at(0), "Too fast: move slowly");  // of a camera that gives two frames a second
+  EXPECT_EQ(words_at(0), "Too fast: move slowly");  // of a camera with two frames per second
 }
 
 TEST(Guidance, WarnsOfTurningMovingAndJumpingTooFast) {
@@ -88,7 +88,7 @@ TEST(Guidance, WarnsOfTurningMovingAndJumpingTooFast) {
     scan.frames(60);
     EXPECT_EQ(scan.advice().hint, Hint::good) << turn;
   }
-  // At a few frames a second a slow turn is too much between two of them, too.
+  // At a few frames per second even a slow rotation is too large between two frames.
   Guidance guidance(kRig.depth);
   FrameReport report{.state = FrameState::fused, .fit = {.inlier_share = 0.95, .iterations = 5}};
   const ImageContent content = content_of(flat(2), kRig, {});
@@ -105,12 +105,12 @@ TEST(Guidance, TellsWhatIsNearFromDepthAndFromHoles) {
   Frame frame = flat(0.2f);
   EXPECT_EQ(content_of(frame, kRig, {}).near, 1);
   EXPECT_NEAR(content_of(frame, kRig, {}).median, 0.2, 1e-6);
-  // A sensor gives no depth of what is too near: half the image is 0.4 m away and the rest a hole beside it.
+  // Sensors measure no depth at too short a distance: half the image is at 0.4 m and the rest is a hole beside it.
   for (std::size_t i = 0; i < frame.depth.size(); ++i) frame.depth[i] = i % 640 < 320 ? 0.4f : 0.0f;
   EXPECT_NEAR(content_of(frame, kRig, {}).near, 0.5, 0.01);
   for (std::size_t i = 0; i < frame.depth.size(); ++i) frame.depth[i] = i % 640 < 320 ? 0.0f : 0.4f;
   EXPECT_NEAR(content_of(frame, kRig, {}).near, 0.5, 0.01);
-  // Holes beside what is at a good distance are something else.
+  // Holes beside a surface at a good distance have another cause.
   for (std::size_t i = 0; i < frame.depth.size(); ++i) frame.depth[i] = i % 640 < 320 ? 2.0f : 0.0f;
   EXPECT_EQ(content_of(frame, kRig, {}).near, 0);
   EXPECT_EQ(content_of(frame, kRig, {}).far, 0);
@@ -135,7 +135,7 @@ TEST(Guidance, SaysWhetherToStepBackOrCloser) {
   scan.content = content_of(flat(0.25f), kRig, {});
   scan.frames(30);
   EXPECT_EQ(scan.advice().words, "Too close: step back");
-  // Nearer still there is no depth at all.
+  // At an even shorter distance there is no depth at all.
   scan.content = content_of(flat(0), kRig, {});
   scan.frames(60);
   EXPECT_EQ(scan.advice().hint, Hint::close);
@@ -151,12 +151,12 @@ TEST(Guidance, SaysWhetherToStepBackOrCloser) {
 }
 
 TEST(Guidance, SaysWhichWayToTurnBackWhenLost) {
-  // The axis and sense of the turn, and where what was seen before lies then.
+  // The axis and sense of the rotation, and the direction back to the earlier view.
   const std::vector<std::tuple<Eigen::Vector3d, Eigen::Vector3d, const char*, Eigen::Vector2d>> cases{
-      {{0, 0.8, 0}, {0, 0, 0}, "left", {-1, 0}},  // y is down: it turned to the right
+      {{0, 0.8, 0}, {0, 0, 0}, "left", {-1, 0}},  // y is down: rotated to the right
       {{0, -0.8, 0}, {0, 0, 0}, "right", {1, 0}},
       {{0.8, 0, 0}, {0, 0, 0}, "down", {0, 1}},
-      {{0, 0, 0}, {0, 0.5, 0}, "up", {0, -1}}};  // it moved down
+      {{0, 0, 0}, {0, 0.5, 0}, "up", {0, -1}}};  // moved down
   for (const auto& [turn, move, words, direction] : cases) {
     Scan scan;
     scan.turn = turn;
@@ -169,7 +169,7 @@ TEST(Guidance, SaysWhichWayToTurnBackWhenLost) {
     EXPECT_EQ(advice.words, std::string("Lost: turn back ") + words);
     ASSERT_TRUE(advice.turn);
     EXPECT_GT(advice.turn->dot(direction), 0.95) << words;
-    scan.frames(60);  // however it moves now
+    scan.frames(60);  // independent of the current motion
     EXPECT_EQ(scan.advice().words, advice.words);
     scan.report.state = FrameState::fused;
     scan.turn.setZero();
@@ -179,7 +179,7 @@ TEST(Guidance, SaysWhichWayToTurnBackWhenLost) {
     scan.frames(60);
     EXPECT_EQ(scan.advice().words, "Tracking well");
   }
-  Scan still;  // nobody knows which way
+  Scan still;  // unknown direction
   still.frames(30);
   still.report.state = FrameState::lost;
   still.frames(5);
@@ -218,12 +218,12 @@ TEST(Guidance, WarnsOfADarkRoomABareWallAndAPoorFit) {
 TEST(Guidance, DoesNotFlickerAroundAThreshold) {
   Scan scan;
   scan.frames(10);
-  for (int i = 0; i < 200; ++i) {  // just below and just above, five times a second
+  for (int i = 0; i < 200; ++i) {  // alternates around the threshold, five times per second
     scan.content.near = i / 3 % 2 == 0 ? 0.25 : 0.38;
     scan.frames(1);
   }
   EXPECT_EQ(scan.shown, (std::vector{Hint::good, Hint::close}));
-  // What is more urgent comes at once, and what is less waits until the words could be read.
+  // A more urgent hint is shown at once, a less urgent one after the reading time.
   scan.report.state = FrameState::lost;
   scan.frames(1);
   EXPECT_EQ(scan.advice().hint, Hint::back);

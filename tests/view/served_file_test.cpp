@@ -28,7 +28,7 @@ class ServedFile : public testing::Test {
     write_text(folder / "secret.bin", "secret");
     write_text(folder / "elsewhere" / "secret.bin", "secret");
   }
-  /// A glTF with these buffers and images.
+  /// Writes a glTF with these buffers and images.
   fs::path gltf(const std::vector<std::string>& buffers, const std::vector<std::string>& images = {}) {
     nlohmann::json json{{"asset", {{"version", "2.0"}}}};
     for (const auto& uri : buffers) json["buffers"].push_back({{"uri", uri}});

@@ -15,7 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 using Files = std::map<std::string, Served>;
 
-/// What a page gets that asks for a tileset.
+/// Response to a page's request for a tileset.
 std::string made(const Served& served) {
   return std::get<std::shared_ptr<const Text>>(std::get<Make>(served.body).make())->bytes();
 }

@@ -36,7 +36,7 @@ using namespace std::chrono_literals;
 
 bool becomes(const std::function<bool()>& condition) {
   for (int i = 0; i < 500; ++i) {
-    if (condition()) return true;  // it may be true once only
+    if (condition()) return true;  // may be true only once
     std::this_thread::sleep_for(10ms);
   }
   return false;
@@ -48,7 +48,7 @@ class Web : public testing::Test {
       : server({.port = 0},
                {{"", {"text/html", std::string("the page")}}, {"a.glb", {"model/gltf-binary", folder / "a.glb"}}},
                &feed, limits) {}
-  /// Below http://HOST/TOKEN/.
+  /// Path below http://HOST/TOKEN/.
   [[nodiscard]] std::string path(const std::string& name) const { return url().substr(url().find('/', 7)) + name; }
   [[nodiscard]] std::string host() const { return url().substr(7, url().find('/', 7) - 7); }
   [[nodiscard]] std::string url() const { return server.url(); }
@@ -70,14 +70,14 @@ class Web : public testing::Test {
     http::read(socket, buffer, response);
     return response;
   }
-  /// All that a connection says until its end.
+  /// Bytes received from a connection until its end.
   static std::string heard_from(tcp::socket& socket) {
     std::string all;
     boost::system::error_code end;
     asio::read(socket, asio::dynamic_buffer(all), end);
     return all;
   }
-  /// The answer to a request's first line, byte by byte.
+  /// Raw response to a request's first line.
   std::string raw(const std::string& verb, const std::string& target) {
     auto socket = connect();
     asio::write(socket,
@@ -174,7 +174,7 @@ TEST_F(Web, HearsRequestsAndSurvivesRubbish) {
 TEST_F(Web, ClosesOnAMessageThatIsFarTooLong) {
   auto viewer = follow();
   EXPECT_TRUE(becomes([&] { return feed.viewers() == 1; }));
-  // The head of a masked frame of a gigabyte, by hand, and its begin.
+  // The handmade head of a masked frame of a gigabyte, and its first bytes.
   std::string head = {'\x82', '\xff', 0, 0, 0, 0, 0x40, 0, 0, 0, 1, 2, 3, 4};
   boost::system::error_code ignored;
   asio::write(viewer.next_layer(), asio::buffer(head + std::string(100000, 'x')), ignored);
@@ -190,7 +190,7 @@ TEST_F(Web, ForgetsAViewerThatVanishes) {
   {
     auto viewer = follow();
     EXPECT_TRUE(becomes([&] { return feed.viewers() == 1; }));
-    viewer.next_layer().set_option(asio::socket_base::linger(true, 0));  // as when a cable is pulled
+    viewer.next_layer().set_option(asio::socket_base::linger(true, 0));  // as when a cable is unplugged
   }
   EXPECT_TRUE(becomes([&] {
     feed.set("a", "something", true);
@@ -202,13 +202,13 @@ TEST_F(Web, DoesNotQueueForASlowViewer) {
   auto slow = follow();
   auto quick = follow();
   const std::string large(1'000'000, 'y');
-  for (int i = 0; i < 100; ++i) {  // more than any socket's buffers hold
+  for (int i = 0; i < 100; ++i) {  // more than the buffers of a socket
     feed.set("large", large);
     feed.set("number", std::to_string(i), true);
     while (read(quick) != std::to_string(i)) {
     }
   }
-  // The slow one gets what was on its way, and then at once the newest.
+  // The slow viewer gets the message in transit, and then directly the newest.
   int messages = 0;
   for (std::string last; last != "99"; ++messages) last = read(slow);
   EXPECT_LT(messages, 60);
@@ -248,7 +248,7 @@ TEST_F(Web, RefusesRequestsThatAreTooLargeOrNone) {
            std::string("\0\0\0\0\r\n\r\n", 8),
        }) {
     auto socket = connect();
-    boost::system::error_code ignored;  // it may be closed before all is sent
+    boost::system::error_code ignored;  // may be closed before all is sent
     asio::write(socket, asio::buffer(request), ignored);
     socket.shutdown(tcp::socket::shutdown_send, ignored);
     EXPECT_EQ(heard_from(socket).find("200 OK"), std::string::npos) << request.substr(0, 200);
@@ -259,13 +259,13 @@ TEST_F(Web, RefusesRequestsThatAreTooLargeOrNone) {
 TEST_F(Web, ClosesOnWebSocketMessagesThatBreakTheProtocol) {
   const std::string mask(4, '\0');
   for (const std::string& bytes : {
-           std::string("\x81\x02hi"),       // not masked
-           "\x83\x81" + mask + "x",         // a kind that there is not
-           "\xf1\x81" + mask + "x",         // compressed, though nobody agreed to that
-           "\x80\x81" + mask + "x",         // goes on, but nothing had begun
-           "\x81\x82" + mask + "\xff\xfe",  // text that is not UTF-8
-           "\x89\xfe\x01" + std::string(1, '\0') + mask + std::string(256, 'x'),  // a ping that is too long
-           "\x88\x81" + mask + "x",                                               // half a reason to go
+           std::string("\x81\x02hi"),                                             // not masked
+           "\x83\x81" + mask + "x",                                               // invalid opcode
+           "\xf1\x81" + mask + "x",                                               // compressed without negotiation
+           "\x80\x81" + mask + "x",                                               // continuation without a start
+           "\x81\x82" + mask + "\xff\xfe",                                        // invalid UTF-8
+           "\x89\xfe\x01" + std::string(1, '\0') + mask + std::string(256, 'x'),  // oversized ping
+           "\x88\x81" + mask + "x",                                               // truncated close reason
        }) {
     auto viewer = follow();
     ASSERT_TRUE(becomes([&] { return feed.viewers() == 1; }));
@@ -273,7 +273,7 @@ TEST_F(Web, ClosesOnWebSocketMessagesThatBreakTheProtocol) {
     EXPECT_TRUE(becomes([&] { return feed.viewers() == 0; })) << bytes;
   }
   EXPECT_TRUE(feed.take_requests().empty());
-  // A message in pieces without end.
+  // An endless message in fragments.
   auto viewer = follow();
   ASSERT_TRUE(becomes([&] { return feed.viewers() == 1; }));
   boost::system::error_code closed;
@@ -302,11 +302,11 @@ TEST_F(ImpatientWeb, HoldsNoMoreThanSomeConnectionsAndForgetsIdleOnes) {
   std::vector<tcp::socket> idle;
   for (int i = 0; i < 4; ++i) idle.push_back(connect());
   std::this_thread::sleep_for(50ms);
-  EXPECT_EQ(get(path(""), host()).result(), http::status::ok);  // the oldest of them has gone for it
+  EXPECT_EQ(get(path(""), host()).result(), http::status::ok);  // the oldest of them was closed for it
   for (auto& socket : idle) EXPECT_EQ(heard_from(socket), "");
 }
 
-/// More connections than anyone needs, in one second.
+/// A large number of connections within a second.
 constexpr int kCrowd = 500;
 
 TEST_F(Web, AnswersWhoHasTheTokenAmongIdleConnections) {
@@ -378,7 +378,7 @@ TEST_F(CrowdedWeb, GivesAnAddressNoMoreThanItsShare) {
 TEST_F(CrowdedWeb, ClosesWhoHasTheTokenOnlyBetweenRequests) {
   std::vector<tcp::socket> idle;
   const std::string request = "GET " + path("") + " HTTP/1.1\r\nHost: " + host() + "\r\n\r\n";
-  for (int i = 0; i < 8; ++i) {  // all that there may be, kept alive
+  for (int i = 0; i < 8; ++i) {  // the maximum number, kept alive
     idle.push_back(connect());
     asio::write(idle.back(), asio::buffer(request));
     std::string answer;
@@ -459,7 +459,7 @@ TEST_F(Web, FindsAFileHoweverItsNameIsEncoded) {
 TEST_F(ImpatientWeb, ClosesAViewerThatDoesNotRead) {
   auto stuck = follow();
   ASSERT_TRUE(becomes([&] { return feed.viewers() == 1; }));
-  const std::string large(20'000'000, 'x');  // more than the sockets' buffers hold
+  const std::string large(20'000'000, 'x');  // more than the sockets' buffers
   feed.set("large", large);
   EXPECT_TRUE(becomes([&] { return feed.viewers() == 0; }));
 }
@@ -511,7 +511,7 @@ TEST_F(Web, GivesTheRangesThatAreAskedFor) {
   }
   for (const char* other : {"bytes=5-2", "bytes=a-b", "bytes=1-2,4-5", "lines=1-2", "bytes=", "bytes=-",
                             "bytes=99999999999999999999-", "bytes=1x-2"})
-    EXPECT_EQ(ranged(other).body() == bytes, true) << other;  // all of it, as if nothing had been asked
+    EXPECT_EQ(ranged(other).body() == bytes, true) << other;  // the entire file, as without a range
 }
 
 TEST_F(Web, MakesWhatIsAskedForOnceAndServesOthersMeanwhile) {
@@ -545,7 +545,7 @@ TEST_F(Web, MakesWhatIsAskedForOnceAndServesOthersMeanwhile) {
   }
 }
 
-/// Over TLS, as other devices see it.
+/// Server over TLS, as seen by other devices.
 class SecureWeb : public Web {
  protected:
   explicit SecureWeb(const ServerLimits& limits = {})
@@ -602,7 +602,7 @@ TEST_F(SecureWeb, ProvesItsAddressAndServesWhoKnowsTheToken) {
   write_text(folder / "a.glb", bytes);
   EXPECT_EQ(get_secure(token_ + "a.glb", "localhost:" + port_, "https://localhost:" + port_).body() == bytes, true);
   trust.set_verify_callback(asio::ssl::host_name_verification("192.0.2.7"));
-  EXPECT_THROW(connect_secure(), boost::system::system_error);  // no address of this machine
+  EXPECT_THROW(connect_secure(), boost::system::system_error);  // not an address of this machine
 }
 
 TEST_F(SecureWeb, RefusesOthers) {
@@ -663,18 +663,18 @@ TEST_F(SecureWeb, KeepsItsCertificateWhereNobodyElseReadsIt) {
   EXPECT_EQ(Server(at, {}, nullptr).site().fingerprint, first);
   fs::permissions(file, fs::perms::others_read, fs::perm_options::add);
   const std::string second = Server(at, {}, nullptr).site().fingerprint;
-  EXPECT_NE(second, first);  // somebody else may have the key
+  EXPECT_NE(second, first);  // the key may be compromised
   write_text(file, "broken");
   fs::permissions(file, fs::perms::owner_read | fs::perms::owner_write);
   EXPECT_NE(Server(at, {}, nullptr).site().fingerprint, second);
   write_text(folder / "file", "");
   const ViewerAddress nowhere{.port = 0, .host = "0.0.0.0", .certificates = folder / "file" / "x"};
-  EXPECT_FALSE(Server(nowhere, {}, nullptr).site().fingerprint.empty());  // for this time
+  EXPECT_FALSE(Server(nowhere, {}, nullptr).site().fingerprint.empty());  // temporary
 }
 
 TEST_F(ImpatientSecureWeb, ClosesWhoDoesNotGoOn) {
   auto silent = connect_plain(), half = connect_plain();
-  asio::write(half, asio::buffer("\x16\x03\x01\x02"));  // a handshake begins so
+  asio::write(half, asio::buffer("\x16\x03\x01\x02"));  // the first bytes of a handshake
   Stream idle = connect_secure();
   EXPECT_EQ(heard_from(silent), "");
   EXPECT_EQ(heard_from(half), "");

@@ -39,7 +39,7 @@ struct Difference {
   int voxels = 0, states = 0;
 };
 
-/// Over all voxels of two fields of the same map.
+/// Difference over all voxels of two fields of the same map.
 Difference difference(const DistanceField& a, const DistanceField& b) {
   Difference d;
   std::map<std::array<int, 3>, const DistanceField::Block*> of_b;
@@ -83,7 +83,7 @@ TEST(Esdf, FindsExactDistancesAroundASphereAtEveryScale) {
   for (const float voxel : {0.02f, 0.04f, 0.08f}) {
     const auto field = distances_of(test_device(), tree, kFuse, {.voxel_size = voxel});
     const Difference d = error(*field, sphere);
-    // Patches are planes: half of the sphere's curvature over the cell that they stand for, deep inside all of it.
+    // Patches are planes: the error is half of the sphere's curvature over a cell, and accumulates deep inside.
     EXPECT_LT(d.mean, 0.08) << voxel;
     EXPECT_LT(d.max, 1.0) << voxel;
     EXPECT_EQ(d.states, 0) << voxel;
@@ -96,7 +96,7 @@ TEST(Esdf, EqualsARebuildAfterSurfacesCameAndWent) {
   const BrickTree without = distance_bricks(kFuse, kLow, kHigh, floor_alone);
   Esdf esdf(test_device(), kFuse, {.voxel_size = 0.02f});
   esdf.update(with, with.bricks());
-  // Bricks that the ball's truncation band reaches are those that change.
+  // Bricks in the ball's truncation band change.
   std::vector<Brick> changed;
   for (const Brick& brick : with.bricks())
     if (std::memcmp(with.find(brick), without.find(brick), sizeof(BrickVoxels)) != 0) changed.push_back(brick);
@@ -111,7 +111,7 @@ TEST(Esdf, EqualsARebuildAfterSurfacesCameAndWent) {
     const auto fresh = distances_of(test_device(), is_there ? with : without, kFuse, {.voxel_size = 0.02f});
     const Difference d = difference(*field, *fresh);
     EXPECT_EQ(d.states, 0);
-    // Vector propagation may miss the nearest patch for the one next to it, now as in a rebuild.
+    // Vector propagation may select a neighbor of the nearest patch, here as in a rebuild.
     EXPECT_LT(d.mean, 0.002);
     EXPECT_LT(d.max, 0.3);
   }
@@ -131,7 +131,7 @@ TEST(Esdf, DoesNothingWhereNothingChanged) {
     EXPECT_EQ(before->blocks()[i].second, after->blocks()[i].second);  // shared
 }
 
-/// Blocks in which the bits of two fields differ; all of them when they are not the same blocks.
+/// Number of blocks with different bits in two fields; all if the sets of blocks differ.
 std::size_t blocks_that_differ(const DistanceField& a, const DistanceField& b) {
   if (a.blocks().size() != b.blocks().size()) return std::max(a.blocks().size(), b.blocks().size());
   std::size_t differ = 0;
@@ -157,7 +157,7 @@ TEST(Esdf, IsTheSameWhereItIsReadByAddress) {
     EXPECT_EQ(texels.update(*map, with.bricks()).sites, addresses.update(*map, with.bricks()).sites);
     const Difference d = difference(*texels.field(), *addresses.field());
     EXPECT_EQ(d.states, 0);
-    EXPECT_LT(d.mean, 0.002);  // one of them is made anew by waves alone
+    EXPECT_LT(d.mean, 0.002);  // one of them is rebuilt by waves alone
     EXPECT_LT(d.max, 0.3);
   }
 }
@@ -170,7 +170,7 @@ TEST(Esdf, IsMadeAnewInPartsWhereItsBoxIsLarge) {
                                            [&](const Eigen::Vector3f& p) { return (p - centre).norm() - 0.3f; });
     for (const Brick& brick : part.bricks()) map.put(brick, std::span<const std::uint64_t, 512>(part.find(brick), 512));
   }
-  // Nine million cells in parts of four million, which begin and end in the midst of the balls.
+  // Nine million cells in parts of four million, with borders inside the balls.
   const EsdfOptions options{.max_distance = 0.4f};
   Esdf whole(test_device(), kFuse, options), parts(test_device(), kFuse, options, 1 << 22);
   whole.update(map, map.bricks()), parts.update(map, map.bricks());
@@ -178,10 +178,11 @@ TEST(Esdf, IsMadeAnewInPartsWhereItsBoxIsLarge) {
   const Difference d = difference(*whole.field(), *parts.field());
   EXPECT_GT(d.voxels, 200000);
   EXPECT_EQ(d.states, 0);
-  EXPECT_LT(d.max, 0.02);  // lengths are rounded from another corner: of two sites as near the other one may be found
+  EXPECT_LT(d.max, 0.02);  // lengths are rounded relative to another corner: of two equally distant sites either may be
+                           // found
 }
 
-/// Crumbs of one voxel, strewn about: few kinds of patches, and so many voxels that are equally far from two of them.
+/// Scattered particles of one voxel: few kinds of patches, and thus many voxels with two equally distant patches.
 float crumbs(const Eigen::Vector3f& p) {
   const Eigen::Array3i at = (p / kFuse.voxel_size).array().round().cast<int>();
   std::uint32_t hash = static_cast<std::uint32_t>(at.x()) * 73856093u ^ static_cast<std::uint32_t>(at.y()) * 19349669u ^
@@ -195,7 +196,7 @@ TEST(Esdf, GivesTheSameBitsWhereTwoPatchesAreEquallyFar) {
   const BrickTree tree = distance_bricks(kFuse, 0.5f * kLow, 0.5f * kHigh, crumbs);
   const EsdfOptions options{.voxel_size = kFuse.voxel_size};
   const auto first = distances_of(test_device(), tree, kFuse, options);
-  std::atomic<bool> is_over = false;  // something else keeps a core busy, so that threads change their order
+  std::atomic<bool> is_over = false;  // a busy core changes the order of threads
   std::thread load([&] {
     while (!is_over) std::this_thread::yield();
   });
@@ -217,7 +218,7 @@ TEST(Esdf, TakesABrickThatIsNamedTwiceOnce) {
 }
 
 TEST(Esdf, TellsUnknownFromFreeAndLooksAcrossWhatNobodySaw) {
-  // A floor, free space far above it, nothing known between the two.
+  // A floor, free space far above it, and unknown space between.
   BrickTree tree = distance_bricks(kFuse, {-0.5f, 0.4f, -0.5f}, {0.5f, 0.6f, 0.5f}, floor_alone);
   for (int x = -3; x < 3; ++x)
     for (int z = -3; z < 3; ++z) tree.mark_free({x, -4, z});
@@ -251,7 +252,7 @@ TEST(Esdf, GrowsIntoAllDirectionsAndForgetsWhatIsGone) {
 }
 
 TEST(Esdf, FollowsALoopThatMovesHalfTheMap) {
-  // Two submaps of a wall with a ball before it; the second one's keyframe moves as after a loop.
+  // Two submaps of a wall with a ball in front; the second keyframe moves as after a loop closure.
   const auto scene = [](const Eigen::Vector3f& p) {
     return std::min(0.6f - p.z(), (p - Eigen::Vector3f(0, 0, 0.1f)).norm() - 0.2f);
   };
@@ -313,7 +314,7 @@ TEST(Esdf, EqualsARebuildAllAlongARecording) {
     changed.insert(changed.end(), fused.newly_free.begin(), fused.newly_free.end());
     live.update(volume, changed);
     if (frames % 10 != 0) continue;
-    // The same patches spread anew, and a field made of the map as it is.
+    // A rebuild from the same patches, and a new field of the current map.
     const auto before = live.field();
     live.rebuild();
     const Difference spread = difference(*before, *live.field());
@@ -353,7 +354,7 @@ TEST(DistanceField, AnswersBetweenVoxelsAndNothingBeyondThem) {
     ASSERT_TRUE(answers[i].known);
     EXPECT_NEAR(answers[i].distance, sphere(points[i]), 0.003f);
     const float angle = std::acos(std::min(1.0f, answers[i].gradient.dot(points[i].normalized())));
-    EXPECT_LT(angle, 0.15f) << i;  // the sphere is patches of 2 cm, which turn by 0.05 radians from one to the next
+    EXPECT_LT(angle, 0.15f) << i;  // the sphere consists of patches of 2 cm, with 0.05 radians between neighbors
     sum += angle;
   }
   EXPECT_LT(sum / static_cast<float>(points.size()), 0.035f);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What cameras have looked through, voxel by voxel.
+// Observed free space, voxel by voxel.
 #include <gtest/gtest.h>
 
 #include <bit>
@@ -22,7 +22,7 @@ const FuseOptions kFuse;
 std::size_t voxel_in(const Eigen::Vector3i& v) {
   return static_cast<std::size_t>((v.x() & 7) << 6 | (v.y() & 7) << 3 | (v.z() & 7));
 }
-/// Whether the voxel nearest to a point was seen to be free, or observed in front of a surface.
+/// True if the voxel nearest to a point is free, or observed in front of a surface.
 bool is_free(const BrickTree& map, const Eigen::Vector3d& p) {
   const Eigen::Vector3i voxel = (p / static_cast<double>(kFuse.voxel_size)).array().round().cast<int>();
   const Brick brick = voxel.unaryExpr([](int i) { return i >> 3; });
@@ -32,7 +32,7 @@ bool is_free(const BrickTree& map, const Eigen::Vector3d& p) {
   return (map.free_voxels(brick)[at >> 6] >> (at & 63) & 1) != 0;
 }
 
-/// A wall at 3 m that fills the image, with a pillar of 20 cm before it.
+/// Wall at 3 m that fills the image, with a pillar of 20 cm in front.
 Scene pillar_before_a_wall() {
   Scene scene;
   scene.solids.push_back({.centre = {0, 0, 3.5f}, .half_size = {6, 6, 0.5f}});
@@ -40,13 +40,13 @@ Scene pillar_before_a_wall() {
   return scene;
 }
 
-/// One frame, fused, and the map after it.
+/// One fused frame, with the resulting map.
 struct Look {
   Camera camera = small_camera();
   Preprocessor preprocessor{test_device(), camera, {}, 1, 0};
   Volume volume{test_device(), kFuse, 5.0f};
   Fused fused;
-  std::vector<float> depth;  // as it is fused
+  std::vector<float> depth;  // as fused
   Eigen::Isometry3d pose;
   explicit Look(const Frame& frame, float camera_radius = 0) : pose(*frame.world_from_camera) {
     Integrator integrator(test_device(), camera, {}, {}, camera_radius);
@@ -68,7 +68,7 @@ TEST(FreeSpace, IsWhatThePlainTwinFinds) {
   for (int x = box.min().x() - 1; x <= box.max().x() + 1; ++x)
     for (int y = box.min().y() - 1; y <= box.max().y() + 1; ++y)
       for (int z = box.min().z() - 1; z <= box.max().z() + 1; ++z) {
-        if ((x + 3 * y + 5 * z) % 11 != 0) continue;  // the twin is slow
+        if ((x + 3 * y + 5 * z) % 11 != 0) continue;  // the reference implementation is slow
         const Brick brick(x, y, z);
         const BrickBits found = look.volume.host().free_voxels(brick);
         if (look.volume.slot_of(brick) != Volume::kNoSlot && found == kNoBits) continue;  // was fused
@@ -81,7 +81,7 @@ TEST(FreeSpace, IsWhatThePlainTwinFinds) {
       }
   EXPECT_GT(parts, 90u);
   EXPECT_GT(bits, 100000u);
-  EXPECT_LT(different, bits / 10000);  // a voxel that falls on the border of two pixels may take the other one
+  EXPECT_LT(different, bits / 10000);  // a voxel projected onto the border of two pixels may use either
 }
 
 TEST(FreeSpace, IsAllOfTheWayFromTheCameraToTheSurfaceAndNothingBehindIt) {
@@ -94,18 +94,18 @@ TEST(FreeSpace, IsAllOfTheWayFromTheCameraToTheSurfaceAndNothingBehindIt) {
       const float z = look.depth[static_cast<std::size_t>(v * look.camera.width + u)];
       if (z == 0) continue;
       const Eigen::Vector3d ray((u - look.camera.cx) / look.camera.fx, (v - look.camera.cy) / look.camera.fy, 1.0);
-      // From the camera itself, nearer than its least depth, up to where the truncation begins.
+      // From the camera itself, below its minimum depth, up to the start of the truncation.
       for (double at = 0.02; at < static_cast<double>(z - kFuse.truncation); at += 0.05, ++samples)
         free += is_free(map, look.pose * (at * ray));
       for (double at = static_cast<double>(z) + 0.02; at < static_cast<double>(z) + 0.5; at += 0.05) {
-        if (scene.distance(look.pose * (at * ray)) > -0.015) continue;  // beside an edge others look past
+        if (scene.distance(look.pose * (at * ray)) > -0.015) continue;  // beside an edge other rays pass
         claimed += is_free(map, look.pose * (at * ray));
         ++behind;
       }
     }
   ASSERT_GT(samples, 50000);
   ASSERT_GT(behind, 1000);
-  EXPECT_GT(free, 0.99 * samples);  // rays beside a nearer edge fall on voxels that it hides
+  EXPECT_GT(free, 0.99 * samples);  // rays beside a nearer edge hit voxels occluded by it
   EXPECT_EQ(claimed, 0);
 }
 
@@ -132,14 +132,14 @@ TEST(FreeSpace, IsNotWhereNothingWasMeasured) {
     for (double v = 10; v < 230; v += 20)
       for (const auto& [u, is_measured] : {std::pair{96.0, false}, {104.0, true}}) {
         const Eigen::Vector3d ray((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1);
-        // The voxel lies up to half of one aside.
+        // The voxel is offset by up to half its size.
         if (0.006 * camera.fx / z >= 4) continue;
         EXPECT_EQ(is_free(map, z * ray), is_measured) << u << ' ' << v << ' ' << z;
       }
 }
 
 TEST(FreeSpace, IsNotBehindASurfaceWhereOnePixelIsWrong) {
-  // Measured 1.5 m too far, as at a reflection: the filter leaves such a pixel where it has no neighbours to tell.
+  // Measured 1.5 m too far, as at a reflection: the filter keeps such a pixel if it has no valid neighbors.
   const Camera camera = small_camera();
   Preprocessor preprocessor(test_device(), camera, {}, 1, 0);
   Frame frame{.depth = std::vector<float>(static_cast<std::size_t>(camera.width * camera.height), 1.5f),
@@ -173,7 +173,7 @@ TEST(FreeSpace, IsInPartsThatBecomeAWhole) {
     return integrator.integrate(preprocessor.preprocess(f), *f.world_from_camera, volume, count, 1).newly_free;
   };
   const std::vector<Brick> first = look(0, 1);
-  // A second look finds nothing new, and one from beside it ends what was free in part.
+  // The same view again adds nothing, and a view from beside it completes partially free bricks.
   EXPECT_TRUE(look(0, 2).empty());
   std::vector<Brick> parts;
   for (const Brick& brick : first)
@@ -182,7 +182,7 @@ TEST(FreeSpace, IsInPartsThatBecomeAWhole) {
   (void)look(20, 3);
   std::erase_if(parts, [&](const Brick& brick) { return volume.host().free_voxels(brick) == kAllBits; });
   EXPECT_LT(parts.size(), 0.9 * static_cast<double>(before_it));
-  // Every eighth frame is looked through unless it is told otherwise.
+  // By default every eighth frame carves free space.
   for (std::uint32_t count = 10; count < 17; ++count) {
     const Frame f = scene_frame(scene, small_camera(), 60);
     EXPECT_TRUE(
@@ -208,7 +208,7 @@ TEST(FreeSpace, HoldsTheBallAroundTheCameraVoxelByVoxel) {
         inside += is_in;
       }
   EXPECT_NEAR(inside, 4.19 * std::pow(radius, 3), 60);
-  EXPECT_TRUE(ball(centre, 0.1).bricks.empty());  // no voxel's centre
+  EXPECT_TRUE(ball(centre, 0.1).bricks.empty());  // contains no voxel center
 
   Look look(scene_frame(synthetic_scene("room"), small_camera(), 0), 0.2f);
   const BrickTree& map = look.map();
@@ -247,7 +247,7 @@ TEST(FreeSpace, ComesBackFromFiles) {
   EXPECT_EQ(marks.size(), 0u);
   EXPECT_EQ(all.size(), tree.size());
   EXPECT_EQ(map.size(), tree.size());
-  // Of a part of the file, bricks that are free as a whole.
+  // In a range of the file, completely free bricks.
   const BrickTree part = file.read(BrickBox(Brick(-8, 0, 0), Brick(0, 5, 5)));
   EXPECT_EQ(part.free_bricks(), (std::vector<Brick>{{-7, 3, 2}}));
   EXPECT_NE(part.find({0, 0, 0}), nullptr);
@@ -282,8 +282,8 @@ TEST(FreeSpace, IsKnownToTheDistanceFieldVoxelByVoxelAtEveryScale) {
       for (int i = 0; i < 4096; ++i) {
         const Eigen::Vector3f p = field->origin() + voxel * DistanceField::voxel(block, i).cast<float>();
         if (p.y() > 0.35f) continue;
-        // Free where all voxels of the map are that it stands for; at the finest scale those of the cell behind it. Of
-        // many, half of the cells are enough, as where they were observed.
+        // Free if all corresponding voxels of the map are free; at the finest scale the voxels of the cell behind it.
+        // With many voxels, half of the cells are sufficient, as for observed cells.
         bool is_known = true;
         const Eigen::Vector3i first = DistanceField::voxel(block, i) * scale;
         for (int k = 0; k < std::max(scale, 2) * std::max(scale, 2) * std::max(scale, 2); ++k) {
@@ -310,7 +310,7 @@ TEST(FreeSpace, IsKnownToTheDistanceFieldVoxelByVoxelAtEveryScale) {
 }
 
 TEST(FreeSpace, OfABrickWithVoxelsIsWhatWasObservedOrPassed) {
-  // Half of the brick was observed in front of a wall that lies elsewhere, the other half a ray has passed.
+  // Half of the brick was observed in front of a wall elsewhere, the other half was passed by a ray.
   BrickTree tree = distance_bricks(kFuse, {0, 0, 0.2f}, {0.07f, 0.07f, 0.27f},
                                    [](const Eigen::Vector3f& p) { return 0.25f - p.z(); });
   BrickVoxels voxels{};

@@ -15,7 +15,7 @@
 namespace cairn {
 namespace {
 
-/// A thick sheet through several cubes, with holes, in the order of the grids.
+/// Thick sheet through several cubes, with holes, in the order of the grids.
 std::vector<GridBrick> sheet() {
   std::mt19937_64 random(1);
   std::vector<GridBrick> bricks;
@@ -50,7 +50,7 @@ std::vector<std::pair<Brick, BrickBits>> masks(const std::vector<GridBrick>& bri
 
 constexpr std::size_t kPart = 237;
 
-/// Calls `visit` with each part's bricks and those around it.
+/// Calls `visit` with each part's bricks and their neighbors.
 void for_each_part(GridBricks& kept, BrickBits GridBrick::*mask, const std::vector<Brick>& steps,
                    const std::function<void(const std::vector<std::pair<Brick, BrickBits>>&, std::size_t own)>& visit) {
   const std::size_t count = kept.all().size();
@@ -77,7 +77,7 @@ TEST(GridBricks, HaveTheSameWholeCellsPartByPart) {
   GridBricks kept = on_disk(folder, bricks);
   std::vector<BrickBits> cells;
   for_each_part(kept, &GridBrick::known, upper_corners(), [&](const auto& part, std::size_t own) {
-    EXPECT_LT(part.size(), 2 * own + kPart);  // no more than lies around it
+    EXPECT_LT(part.size(), 2 * own + kPart);  // no more than its surroundings
     const auto of_part = whole_cells(part, own);
     cells.insert(cells.end(), of_part.begin(), of_part.end());
   });

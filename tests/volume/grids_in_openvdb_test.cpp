@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// map.vdb as any other OpenVDB program sees it.
+// map.vdb as read by any other OpenVDB program.
 #include <gtest/gtest.h>
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/Diagnostics.h>
@@ -18,7 +18,7 @@
 namespace cairn {
 namespace {
 
-/// A grid of a file, as any program reads it.
+/// Reads a grid of a file with OpenVDB only.
 template <class Grid>
 typename Grid::Ptr grid_of(const std::filesystem::path& vdb, const char* name) {
   openvdb::initialize();
@@ -27,7 +27,7 @@ typename Grid::Ptr grid_of(const std::filesystem::path& vdb, const char* name) {
   return openvdb::gridPtrCast<Grid>(file.readGrid(name));
 }
 
-/// A plane at x = 4.3 voxels, seen with weight 2, coloured.
+/// Plane at x = 4.3 voxels, observed with weight 2, colored.
 BrickTree plane_tree() {
   BrickTree tree;
   for (int brick = -1; brick <= 1; ++brick) {
@@ -54,7 +54,7 @@ TEST(Grids, OpenAsMetricLevelSetsInOpenVdb) {
   openvdb::io::File file((folder / "map.vdb").string());
   file.open();
   const auto grids = file.getGrids();
-  ASSERT_EQ(grids->size(), 6u);  // and colour_weight, so that a map can go on, observed and free
+  ASSERT_EQ(grids->size(), 6u);  // and colour_weight, needed for resuming, observed and free
   const auto tsdf = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("tsdf"));
   const auto weight = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("weight"));
   const auto colour = openvdb::gridPtrCast<openvdb::Vec3SGrid>(file.readGrid("colour"));
@@ -82,7 +82,7 @@ TEST(Grids, OpenAsMetricLevelSetsInOpenVdb) {
   EXPECT_TRUE(colour->tree().getValue({3, 3, 3}).eq(openvdb::Vec3s(1.0f, 128 / 255.0f, 0.0f), 1e-6f));
 }
 
-/// Half a ball of voxels, of which one side was seen: what lies more than the truncation behind it is not known.
+/// Half a ball of voxels observed from one side: voxels more than the truncation behind the surface are unknown.
 BrickTree seen_ball() {
   BrickTree tree;
   for (int bx = -5; bx < 5; ++bx)
@@ -117,9 +117,10 @@ TEST(Grids, HaveNoSecondSurfaceWhereOpenVdbLooksForOne) {
     EXPECT_GT(mesher.pointListSize(), 1000u);
     return static_cast<double>(right) / static_cast<double>(mesher.pointListSize());
   };
-  EXPECT_GT(share(nullptr), 0.9);  // a rim where the seen part ends
+  EXPECT_GT(share(nullptr), 0.9);  // without the rim of the observed part
   EXPECT_EQ(share(observed), 1.0);
-  // As before: what is unknown counted as in front of the surface, and there was one behind it, as large.
+  // Earlier behavior: unknown voxels counted as in front of the surface, which added a false back surface of the same
+  // size.
   const auto plain = tsdf->deepCopy();
   for (auto leaf = plain->tree().beginLeaf(); leaf; ++leaf)
     for (auto value = leaf->beginValueOff(); value; ++value) value.setValue(plain->background());
@@ -129,7 +130,7 @@ TEST(Grids, HaveNoSecondSurfaceWhereOpenVdbLooksForOne) {
   const auto right =
       std::count_if(points.begin(), points.end(), [](const auto& p) { return std::abs(p.length() - 0.303f) < 0.01f; });
   EXPECT_LT(static_cast<double>(right), 0.7 * static_cast<double>(points.size()));
-  // What OpenVDB says of it: distances along the viewing rays are no Euclidean ones, and that is all.
+  // OpenVDB's check: distances along the viewing rays are not Euclidean; all other checks pass.
   EXPECT_EQ(openvdb::tools::checkLevelSet(*tsdf, 8), "");  // all but the last check, of the gradient
 }
 
@@ -211,7 +212,7 @@ TEST(Grids, AreReadAsVersion02WroteThem) {
   openvdb::GridPtrVec old;
   const auto grids = file.getGrids();
   for (const auto& grid : *grids)
-    if (grid->getName() == "colour_weight") {  // whole numbers
+    if (grid->getName() == "colour_weight") {  // integers
       old.push_back(std::make_shared<openvdb::Int32Grid>(*openvdb::gridPtrCast<openvdb::FloatGrid>(grid)));
       old.back()->setName("colour_weight");
     } else if (grid->getName() != "observed") {
@@ -249,7 +250,7 @@ TEST(Grids, LieInTheUprightWorldByTheirTransform) {
     for (const auto& p : points) {
       const Eigen::Vector3d in_grid =
           turn.conjugate() * Eigen::Vector3d(p.x(), p.y(), p.z()) / static_cast<double>(voxel);
-      const Eigen::Vector2d aside = in_grid.tail<2>();  // where the bricks end there is a surface, too
+      const Eigen::Vector2d aside = in_grid.tail<2>();  // the ends of the bricks create a surface as well
       if (std::abs(in_grid.x() - 4.3) > 1 || aside.minCoeff() < 1.5 || aside.maxCoeff() > 5.5) continue;
       EXPECT_NEAR(in_grid.x(), 4.3, 1e-3);
       ++inside;
@@ -280,7 +281,7 @@ TEST(Grids, AreRefusedWhereTheyAreStretchedOrMirrored) {
 }
 
 TEST(FreeSpace, IsReadFromFilesThatKnowWholeBricksAlone) {
-  // As versions before 2026-11-24 wrote them: free bricks are tiles of the voxels' own grids.
+  // Format of versions before 2026-11-24: free bricks are tiles of the voxels' own grids.
   const TemporaryFolder folder;
   BrickTree tree;
   BrickVoxels voxels;

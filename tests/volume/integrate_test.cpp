@@ -15,9 +15,9 @@
 namespace cairn {
 namespace {
 
-constexpr float kVoxel = 0.01f, kTruncation = 0.04f;  // metres
+constexpr float kVoxel = 0.01f, kTruncation = 0.04f;  // meters
 
-/// A wall at 1 m of one colour.
+/// Wall at 1 m in one color.
 Frame wall(const Camera& camera, std::uint32_t grey) {
   const auto pixels = static_cast<std::size_t>(camera.width * camera.height);
   return {.depth = std::vector<float>(pixels, 1.0f),
@@ -44,7 +44,7 @@ TEST(Integrate, ColoursFollowSmallChangesForEver) {
     return sum / count;
   };
   EXPECT_NEAR(mean(), 100, 0.01);
-  // Ten levels brighter: of means rounded to the nearest level none would ever move.
+  // Ten levels brighter: means rounded to integer levels would never change.
   for (int i = 0; i < 200; ++i)
     (void)integrator.integrate(preprocessor.preprocess(wall(camera, 110)), pose, volume, ++fused_count);
   EXPECT_NEAR(mean(), 110, 1);
@@ -62,13 +62,12 @@ TEST(Integrate, AFrameWithoutUsableDepthChangesNothing) {
   EXPECT_TRUE(volume.bricks().empty());
 }
 
-/// Where the two sides of a sheet across z = 0 lie along its axis, metres: the one that faces -z and the one that
-/// faces z.
+/// Positions of the two sides of a sheet across z = 0 along its axis, meters: the side facing -z and the side facing z.
 struct Sides {
   std::vector<float> near, far;
 };
 
-/// Of a sheet that cameras 1 m away see, from its two sides in turn, so often.
+/// Fuses a sheet seen by cameras at 1 m from its two sides alternately, `turns` times.
 Sides sides_of_sheet(float thickness, int turns, int frames_a_turn) {
   const Camera camera = small_camera();
   const Scene scene{.name = "sheet", .solids = {{.half_size = {0.3f, 0.3f, thickness / 2}}}};
@@ -78,7 +77,7 @@ Sides sides_of_sheet(float thickness, int turns, int frames_a_turn) {
   std::uint32_t fused_count = 0;
   for (int turn = 0; turn < turns; ++turn) {
     Eigen::Isometry3d pose(Eigen::AngleAxisd(turn * std::numbers::pi, Eigen::Vector3d::UnitY()));
-    pose.translation() = pose.linear() * Eigen::Vector3d(0.003, 0.004, -1);  // voxels lie beside the rays
+    pose.translation() = pose.linear() * Eigen::Vector3d(0.003, 0.004, -1);  // offset between voxels and rays
     const Frame frame = scene_frame_at(scene, camera, pose);
     for (int i = 0; i < frames_a_turn; ++i)
       (void)integrator.integrate(preprocessor.preprocess(frame), pose, volume, ++fused_count);
@@ -86,7 +85,7 @@ Sides sides_of_sheet(float thickness, int turns, int frames_a_turn) {
   const Mesh mesh = Polygonizer(test_device()).polygonize(volume);
   Sides sides;
   for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
-    if (mesh.positions[v].head<2>().cwiseAbs().maxCoeff() > 0.15f) continue;  // the rims are seen by one camera
+    if (mesh.positions[v].head<2>().cwiseAbs().maxCoeff() > 0.15f) continue;  // each rim is seen by only one camera
     (mesh.normals[v].z() < 0 ? sides.near : sides.far).push_back(mesh.positions[v].z());
   }
   return sides;
@@ -97,13 +96,13 @@ TEST(Integrate, ASheetThickerThanTheTruncationKeepsBothItsSides) {
   const Sides sides = sides_of_sheet(kThickness, 2, 5);
   ASSERT_GT(sides.near.size(), 500u);
   ASSERT_GT(sides.far.size(), 500u);
-  constexpr float kRounding = 1e-3f;  // metres: depth at the nearest pixel, distances of 16 bits
+  constexpr float kRounding = 1e-3f;  // meters: depth at the nearest pixel, distances of 16 bits
   for (const float z : sides.near) EXPECT_NEAR(z, -kThickness / 2, kRounding);
   for (const float z : sides.far) EXPECT_NEAR(z, kThickness / 2, kRounding);
 }
 
-// What is in front of one side is behind the other one, up to the truncation: their mean would lie 26 mm too far out.
-// Here it is 11 mm, and 14 where the camera comes back to a side.
+// Space in front of one side is behind the other, up to the truncation: a plain mean would be 26 mm too far out. Here
+// the error is 11 mm, and 14 mm when the camera returns to a side.
 TEST(Integrate, AThinSheetKeepsBothItsSidesALittleTooFarApart) {
   constexpr float kThickness = 0.01f, kTooFar = 0.0145f;
   for (const auto& [turns, frames_a_turn] : {std::pair{2, 5}, std::pair{2, 20}, std::pair{10, 1}, std::pair{6, 5}}) {

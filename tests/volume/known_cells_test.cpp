@@ -81,7 +81,7 @@ TEST(BehindBeside, IsWhereMostOfTheSidesAreBehind) {
   for (std::size_t x = 4; x < 8; ++x) half[x] = ~0ull;
   const std::vector<std::pair<Eigen::Vector3i, BrickBits>> bricks{{{0, 0, 0}, half}};
   const auto beside = behind_beside(bricks, bricks.size());
-  ASSERT_EQ(beside.size(), 1u);  // above x; half of a side is not most of it
+  ASSERT_EQ(beside.size(), 1u);  // above x; half of a side is not a majority
   EXPECT_EQ(beside[0], Eigen::Vector3i(1, 0, 0));
 }
 

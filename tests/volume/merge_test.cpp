@@ -52,7 +52,8 @@ TEST(Merge, EqualsItsPlainTwin) {
     const twin::Voxel expected = twin::merge(voxel, submaps, options);
     const std::uint64_t v = merged[i];
     const auto weight = static_cast<double>(shader::voxel_weight(v));
-    // Places are computed in 32 bits, and noise is as steep as can be: 1e-5 voxels times the step between two.
+    // Positions are computed in 32 bits, and noise has the largest gradient: 1e-5 voxels times the difference of two
+    // neighbors.
     ASSERT_NEAR(weight, expected.weight, 0.02) << i;
     ASSERT_NEAR(static_cast<double>(shader::voxel_distance(v)), expected.distance, 2e-3) << i;
     observed += weight > 0;
@@ -63,7 +64,7 @@ TEST(Merge, EqualsItsPlainTwin) {
     colours += same;
   }
   EXPECT_GT(observed, 300);
-  EXPECT_GE(colours, 510);  // a place half way between two voxels may take either's colour
+  EXPECT_GE(colours, 510);  // a point half way between two voxels may take either's color
 }
 
 TEST(Merge, ErasesWhatNobodyObserved) {

@@ -67,7 +67,8 @@ TEST(Polygonize, MakesAClosedSphereAcrossBricksWithoutDuplicateVertices) {
 }
 
 TEST(Polygonize, EqualsItsPlainTwin) {
-  // Unevenly seen voxels: cells with unknown corners, and every case of the table that three rough waves make.
+  // Irregularly observed voxels: cells with unknown corners, and all cases of the table that occur in three rough
+  // waves.
   FuseOptions options = fuse_options();
   Volume volume(test_device(), options, 5.0f);
   fill(volume, {-0.3f, -0.3f, -0.3f}, {0.5f, 0.4f, 0.3f}, [](const Eigen::Vector3f& p) {
@@ -86,14 +87,14 @@ TEST(Polygonize, EqualsItsPlainTwin) {
   const Mesh mesh = Polygonizer(test_device()).polygonize(volume);
   ASSERT_GT(expected.size(), 30000u);
   ASSERT_EQ(3 * mesh.triangles.size(), expected.size());
-  // Triangles come in another order; each has its own place.
+  // The order of triangles differs; each has a unique position.
   const auto sorted = [](const auto& corners) {
     std::vector<std::array<float, 3>> middles;
     for (std::size_t i = 0; i < corners.size(); i += 3) {
       const Eigen::Vector3f m = (corners[i] + corners[i + 1] + corners[i + 2]) / 3;
       middles.push_back({m.x(), m.y(), m.z()});
     }
-    // Close sums may change places: compare on a grid.
+    // Rounding may swap close sums: compare on a grid.
     for (auto& m : middles)
       for (float& v : m) v = std::round(v * 2e4f);
     std::sort(middles.begin(), middles.end());
@@ -128,7 +129,7 @@ TEST(Polygonize, PagesADenseMapThroughTheSmallestPool) {
   FuseOptions small = fuse_options(0.01f);
   small.device_memory = 10 << 20;
   Volume volume(test_device(), small, 2.0f);
-  // Every brick of a block of 20 a side exists: no part of it may ask for more than the pool holds.
+  // All bricks of a block of 20 a side exist: no part may need more than the pool's capacity.
   fill(volume, {-0.79f, -0.79f, -0.79f}, {0.79f, 0.79f, 0.79f}, sphere);
   ASSERT_GE(volume.bricks().size(), 8000u);
   expect_closed(Polygonizer(test_device()).polygonize(volume));
@@ -161,7 +162,7 @@ TEST(Polygonize, OfSomeBricksIsThatPartOfTheWhole) {
 }
 
 TEST(MarchingCubesTable, MeetsItselfOnEveryFace) {
-  // For each case and face, the directed segments on that face; the neighbour across the face has them reversed.
+  // For each case and face, the directed segments on the face; the neighbor across the face has them reversed.
   const auto table = marching_cubes_table();
   const auto segments = [&](std::uint32_t inside, std::uint32_t axis, std::uint32_t side) {
     std::map<std::pair<std::uint32_t, std::uint32_t>, int> found;
@@ -174,7 +175,7 @@ TEST(MarchingCubesTable, MeetsItselfOnEveryFace) {
         const std::uint32_t bit = ~(1u << axis);
         ++found[{a & bit, b & bit}];
       }
-    // A diagonal of a polygon that lies on the face runs both ways and is no border.
+    // A polygon's diagonal on the face is traversed in both directions and is not a border.
     for (auto& [segment, count] : found)
       if (const auto back = found.find({segment.second, segment.first}); back != found.end()) {
         const int both = std::min(count, back->second);
@@ -211,7 +212,7 @@ TEST(Raycast, SeesTheSphereWhereItIs) {
   const SurfacePrediction view = raycaster.raycast(volume, Eigen::Isometry3d::Identity());
   const auto points =
       download<shader::uvec2>(view.levels[0]->points, static_cast<std::size_t>(camera.width * camera.height));
-  // A trilinear field bends by h^2 / 8r over a cell of 1 cm; Newton's steps end within a tenth of that.
+  // A trilinear field deviates by h^2 / 8r over a cell of 1 cm; Newton's steps end within a tenth of this error.
   constexpr double kCell = 1e-4, kNormal = 0.998;
   int hits = 0, misses = 0;
   for (int y = 0; y < camera.height; ++y)
@@ -227,7 +228,7 @@ TEST(Raycast, SeesTheSphereWhereItIs) {
       }
       const double expected = (b - std::sqrt(root)) / ray.squaredNorm();
       const Eigen::Vector3d normal = (ray * expected - Eigen::Vector3d(0, 0, 1.5)) / 0.4;
-      if (-normal.dot(ray.normalized()) < 0.3) continue;  // the rim: rays leave the band before they meet the surface
+      if (-normal.dot(ray.normalized()) < 0.3) continue;  // the rim: rays leave the band before they reach the surface
       if (z == 0) {
         ++misses;
         continue;
@@ -313,7 +314,7 @@ TEST(Integrate, EqualsItsPlainTwin) {
         std::vector<float> depth(image.size());
         std::vector<std::uint32_t> colour(image.size());
         const Eigen::Vector3d q = pose.inverse() * p;
-        // Only the pixel that the voxel falls on matters.
+        // Only the pixel at the voxel's projection matters.
         if (q.z() <= 0) continue;
         const Eigen::Vector2d pixel = camera.project(q).array() + 0.5;
         if (pixel.minCoeff() < 0 || pixel.x() >= camera.width || pixel.y() >= camera.height) continue;
@@ -326,8 +327,7 @@ TEST(Integrate, EqualsItsPlainTwin) {
       const std::uint64_t v = voxels[i];
       const float distance = shader::voxel_distance(v), weight = shader::voxel_weight(v);
       ++compared;
-      // A voxel whose projection lies on a pixel's border may take the neighbour; a brick behind all surfaces is
-      // skipped.
+      // A voxel projected onto a pixel's border may use the neighbor; a brick behind all surfaces is skipped.
       const bool same = std::abs(weight - expected.weight) < 0.01f && std::abs(distance - expected.distance) < 1e-3f &&
                         std::abs(static_cast<float>(v >> 32 & 0xff) - expected.colour.x()) <= 1.5f;
       different += !same;
@@ -369,7 +369,8 @@ TEST(Integrate, TakesTheNewBricksOfAFrameHoweverMany) {
   Volume volume(test_device(), options, 5.0f);
   const Fused fused = Integrator(test_device(), camera, {})
                           .integrate(preprocessor.preprocess(frame), Eigen::Isometry3d::Identity(), volume, 2);
-  // More than one pass lists, and all of them: which ones were left to the next frame would depend on the threads.
+  // More bricks than one pass can list: all must be allocated in this frame, else the selection would depend on thread
+  // order.
   const auto expected = twin::bands(frame.depth, camera, Eigen::Isometry3d::Identity(), options, 1, 0, 0);
   ASSERT_GT(expected.size(), 17000u);
   EXPECT_NEAR(fused.new_bricks, static_cast<double>(expected.size()), static_cast<double>(expected.size() / 200));
@@ -440,7 +441,7 @@ TEST(Volume, ListsAllThatItsTreeHolds) {
   const auto all = volume.bricks();
   volume.move_window({100, 0, 0});
   volume.move_window({0, 0, 0});
-  volume.page_in(std::span(all).first(all.size() / 2));  // the others stay on the host
+  volume.page_in(std::span(all).first(all.size() / 2));  // the rest stays on the host
   volume.mark_free({.bricks = {{90, 0, -3}, all[0]}, .voxels = {kAllBits, {1, 2}}});
   const TemporaryFolder folder;
   const BrickList list = volume.list();
@@ -461,9 +462,9 @@ TEST(Volume, SplitsIntoWhatWasSeenAndKeepsWhatIsNear) {
   volume.make_resident(seen, 5);
   const BrickTree submap = tree_of(volume.split(2, Eigen::Vector3d::Zero(), 1.0f));
   EXPECT_EQ(submap.bricks(), seen);
-  // Bricks are 16 cm wide: the last one lies 1.5 m away.
+  // Bricks are 16 cm wide: the last is 1.5 m away.
   EXPECT_EQ(volume.bricks(), (std::vector<Brick>{{2, 0, 0}, {3, 0, 0}}));
-  // What was only kept was not seen by the next submap.
+  // Kept bricks do not count as observed by the next submap.
   EXPECT_EQ(volume.split(6, Eigen::Vector3d::Zero(), 1.0f).bricks.size(), 0u);
 }
 
@@ -471,7 +472,7 @@ TEST(Volume, SplitsBricksOnTheHostAsThoseOnTheDevice) {
   Volume volume(test_device(), fuse_options(), 2.0f);
   const std::vector<Brick> near = {{0, 0, 0}, {1, 0, 0}, {9, 0, 0}};
   volume.make_resident(near, 5);
-  volume.move_window({30, 0, 0});  // they go to the host
+  volume.move_window({30, 0, 0});  // moves them to the host
   ASSERT_EQ(volume.slot_of(near[0]), Volume::kNoSlot);
   volume.move_window(Eigen::Vector3d::Zero());
   const std::vector<Brick> here = {{2, 0, 0}};
@@ -479,7 +480,7 @@ TEST(Volume, SplitsBricksOnTheHostAsThoseOnTheDevice) {
   const BrickTree submap = tree_of(volume.split(2, Eigen::Vector3d::Zero(), 1.0f));
   EXPECT_EQ(submap.bricks(), (std::vector<Brick>{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {9, 0, 0}}));
   EXPECT_EQ(volume.bricks(), (std::vector<Brick>{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}));
-  // Nothing waits for a brick that is gone.
+  // A removed brick leaves no pending entry.
   const std::vector<Brick> again = {{9, 0, 0}};
   volume.make_resident(again, 6);
   EXPECT_EQ(tree_of(volume.split(6, Eigen::Vector3d::Zero(), 1.0f)).bricks(), again);
@@ -495,15 +496,15 @@ TEST(Volume, SplitsWhatIsFreeWithItsVoxelsAndBesideThem) {
   const BrickTree submap = tree_of(volume.split(2, Eigen::Vector3d::Zero(), 1.0f));
   EXPECT_EQ(submap.free_bricks(), free);
   EXPECT_EQ(submap.free_voxels(free[0]), some);
-  // Bricks are 16 cm wide: the last one lies 1.5 m away.
+  // Bricks are 16 cm wide: the last is 1.5 m away.
   EXPECT_EQ(volume.host().free_bricks(), (std::vector<Brick>{free[0], free[1], free[2]}));
   EXPECT_TRUE(volume.host().is_free(free[1]));
-  EXPECT_FALSE(volume.host().is_free(free[0]));  // in part
+  EXPECT_FALSE(volume.host().is_free(free[0]));  // partially
 }
 
 TEST(Volume, GoesOnWithAnotherReachOrLessMemoryAndLosesNothing) {
   Volume volume(test_device(), fuse_options(), 5.0f);
-  std::vector<Brick> all;  // the last ones lie 4.8 m away
+  std::vector<Brick> all;  // the last are 4.8 m away
   for (int x = -30; x < 30; ++x)
     for (int y = -25; y < 25; ++y) all.emplace_back(x, y, 0);
   volume.make_resident(all, 5);
@@ -536,7 +537,7 @@ TEST(Grids, ComeBackFromAFileAsTheyWere) {
       if ((k + static_cast<std::uint32_t>(i)) % 3 != 0)
         voxels[k] = (k * 128u - 30000u) % 65536u | static_cast<std::uint64_t>(k + 1) << 16 |
                     static_cast<std::uint64_t>((k * 2654435761u) % 0xffffffu | 5u << 24) << 32;
-    // -32768 is no distance
+    // -32768 is not a valid distance
     for (auto& v : voxels)
       if ((v & 0xffff) == 0x8000) v = 0;
     tree.put({i - 10, 3 * i, -i}, voxels);
@@ -578,7 +579,7 @@ TEST(Grids, AreTheSameFileWhereTheyComePartByPart) {
   const ReadGrids read = read_grids(folder / "parts.vdb");
   EXPECT_EQ(read.tree.bricks(), whole.bricks());
   EXPECT_EQ(read.tree.free_bricks(), whole.free_bricks());
-  // Nothing else is left in the folder.
+  // No other file is left in the folder.
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 2);
 }
 
@@ -591,7 +592,7 @@ TEST(Grids, AreNotReplacedByAHalfWrittenFile) {
     for (std::uint32_t k = 0; k < 512; ++k) voxels[k] = (k * 2654435761u + i * 40503u) | 1u << 16;
     tree.put({static_cast<int>(i), 0, 0}, voxels);
   }
-  // A limit on the size of files behaves like a full disk.
+  // A file size limit acts as a full disk.
   const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
   rlimit old_limit{}, limit{};
   getrlimit(RLIMIT_FSIZE, &old_limit);
