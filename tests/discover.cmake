@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-# ctest reads this when it starts: it asks the test program, PROGRAM, what tests there are. Those of a suite run in one
-# process, since starting one costs more than most tests take; tests that run long are listed here and run one by one,
-# so that they can be dealt to all cores, and so do those that are skipped where there are no recordings.
+# Read by ctest at its start: queries the test program, PROGRAM, for its tests. The tests of a suite run in one process,
+# since a start takes longer than most tests; long tests are listed here and run one by one, so that they spread over
+# all cores, and so do tests that are skipped without recordings.
 #
-# LEFT_OUT, in gtest's words, are those of what this build does not have (CAIRN_OPENNI, CAIRN_VIEWER).
+# LEFT_OUT: gtest patterns of tests for features missing in this build (CAIRN_OPENNI, CAIRN_VIEWER).
 #
 # Labels: quick or slow; data (needs recordings beside the project's folder), program (runs cairn as a user does),
 # subgroups (sums with subgroups of 4 and 16), browser in CMakeLists.txt, and python in python/CMakeLists.txt.
@@ -14,7 +14,7 @@ if(NOT EXISTS "${PROGRAM}")
   return()
 endif()
 
-# Tests that run by themselves and about how many seconds each takes. From 5 on it is slow; what takes longest begins
+# Tests that run separately, with their approximate time in seconds. From 5 s on a test is slow; the longest start
 # first.
 set(single
     "^BackEnd\\.(FindsTheWayBack|IsNotTakenIn)" 40
@@ -32,14 +32,14 @@ set(single
     "^Refine\\.TakesTheDriftOut" 10
     "PoseGraphBenchmark\\." 10
     "^EvaluateTrajectory\\.AgreesWithTheTumBenchmarkTools|^OpenNi\\.Re(ads|fuses)A|^IclNuim\\.Turns" 1)
-# Suites that run long together: what their tests share takes longer than they.
+# Suites with a long total time: their shared setup takes longer than the tests.
 set(long_suites Numbers 60 Signals 30 GivenPoses 15 Inputs 30 Disk/FaultsOfARun 60 Faults 30 Outputs 90 Ending 40 Bundle 40 VerdictOfARoom 10 Kills 30 KeyframeDatabase 20 Mapper 20 ImageSizes 20 FaultyDevice 15
                 ImageSizesAtTheirLimits 10 SessionFiles 10 Each/WrittenLayout 30 Views 40 ViewedMap 40 Layouts 8 Convert 8 ZipRecording 8)
 set(data "^Real/Recording\\.|^VerdictOfARecording|PoseGraphBenchmark|AllAlongARecording|^EvaluateTrajectory\\.Agrees|^OpenNi\\.Re(ads|fuses)A|^IclNuim\\.Turns")
 set(program "^(Program|Session|Export|Live|Record|Real/Recording)\\.|^(Faults|Disk/FaultsOfARun|GivenPoses|Inputs|Kills|Numbers|Signals|Outputs|Ending|Convert|Layouts|Views|ViewedMap|ZipRecording)$")
-# These measure time, or show what two threads do: nothing else runs beside them.
+# Tests that measure time or depend on concurrent threads: run alone.
 set(alone "^Live\\.Follows|^Record\\.|^LiveSource")
-# Suites of the kernels that add up within subgroups.
+# Suites of kernels with sums in subgroups.
 set(kernels Align IcpReduce PhotometricReduce Tracker Device)
 
 function(add name filter seconds)
@@ -106,7 +106,7 @@ foreach(suite IN LISTS suites)
   endif()
 endforeach()
 
-# Other devices run other subgroups. The driver's cache of kernels does not know the width, so that each has its own.
+# Other devices have other subgroup sizes. The driver's kernel cache ignores the size, so each size has its own cache.
 set(filter)
 set(others)
 foreach(suite IN LISTS kernels)

@@ -1,11 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-# A building mapped under Slurm, on two nodes that are this machine: a run that is killed, and a node that is killed with
-# what runs on it, cost time and change no byte of what comes out. Beside it the same on this machine alone, and a
-# recording that is added.
+# Maps a building under Slurm, on two nodes on this machine: a killed run, and a killed node with all its processes,
+# cost time but change no byte of the results. Compares with the same plan on this machine alone, and adds a recording.
 #
-# Usage: slurm_test.sh CAIRN SOURCE; exit code 77 where Slurm or Snakemake is not installed
+# Usage: slurm_test.sh CAIRN SOURCE; exit code 77 if Slurm or Snakemake is not installed
 set -euo pipefail
 cairn=$(realpath "$1") source=$(realpath "$2")
 for program in snakemake slurmctld slurmd sbatch; do
@@ -23,7 +22,7 @@ finish() {
 trap finish EXIT
 failed() { echo "FAILED: $1"; tail -n 30 "$work"/*.log "$work"/slurm/*.log 2> /dev/null || true; exit 1; }
 
-# Two recordings of a room, the first of two parts and the other of one, and one that comes later.
+# Two recordings of a room, the first with two segments and the second with one, and a recording to be added.
 arguments="--voxel-size 0.08 --checkpoint 0.1"
 frames=(0 40 25 25)
 for seed in 1 2 3; do
@@ -34,14 +33,14 @@ engine() { # PLAN OPTION...
   snakemake -s "$source/scripts/building/Snakefile" --config plan="$work/$1" cairn="$cairn" arguments="$arguments" \
     "${@:2}" > "$work/$1.log" 2>&1
 }
-# What comes out, without what tells of how it was made.
+# Checksums of the results, without reports.
 outcome() {
   (cd "$work/$1" && find . -name '*.glb' -o -name 'tileset.json' -o -name 'map.vdb' -o -name 'trajectory*.txt' \
     -o -path './loops/*.json' -o -path './cells/*.json' -o -name graph.g2o | LC_ALL=C sort | xargs sha256sum)
 }
 
 plan here "$work/walk-1" "$work/walk-2"
-# Without arguments, as docs/usage.md has it: the last word of the command is the plan's own.
+# Without arguments, as in docs/usage.md: the last word of the command is the plan's own.
 arguments="" engine here -n -p
 grep -q 'cairn reconstruct .* -o "$map" --no-mesh $how *\\$' "$work/here.log" || failed 'arguments=""'
 engine here -j2 || failed "Snakemake on this machine"
@@ -100,7 +99,7 @@ cluster=(-j4 --cores 1 --latency-wait 30 --cluster "sbatch --parsable -c 1 -o $w
   --cluster-status "$source/scripts/building/slurm-status" --restart-times 3)
 engine there "${cluster[@]}" & running=$!
 
-# A run is killed in its middle: as soon as its session is there. Then a node, with all that runs on it.
+# Kills a run as soon as its session exists, then a node with all its processes.
 wait_for() { for ((i = 0; i < 600; i++)); do eval "$1" && return; kill -0 $running 2> /dev/null || return 1; sleep 0.1; done; return 1; }
 of_a_part() { # the program that maps a part which has come to its first checkpoint
   local pid map
@@ -121,7 +120,7 @@ for pid in $(pgrep -f "$work/there" || true); do
   tr '\0' '\n' < "/proc/$pid/environ" 2> /dev/null | grep -qx "SLURMD_NODENAME=two" && kill -9 "$pid" 2> /dev/null || true
 done
 echo "a run was killed, and node two with job $job"
-# What the controller does by itself, but takes a minute to see that the node is gone, and two more to begin its job again.
+# The controller does the same, but needs a minute to notice the lost node, and two more to restart its job.
 scontrol update NodeName=two State=DOWN Reason=killed
 wait_for 'scontrol -o show job "$job" | grep -q "JobState=PENDING.*Restarts=1"' || failed "the node's job is not begun again"
 scontrol update JobId="$job" StartTime=now
@@ -132,7 +131,7 @@ outcome there > "$work/there.sums"
 diff "$work/here.sums" "$work/there.sums" || failed "other bytes came out"
 echo "the same $(wc -l < "$work/here.sums") files came out"
 
-# Another recording: maps that are there stay as they are.
+# Another recording: existing maps stay unchanged.
 touch "$work/before"
 sleep 1
 plan here "$work/walk-1" "$work/walk-2" "$work/walk-3"

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-# Packs the bundle, unpacks it where there is nothing else, and starts it there and here.
+# Packs the bundle, unpacks it into an empty root, and starts it there and here.
 # Usage: tests/bundle/run.sh FOLDER     to work in
 set -euo pipefail
 work=$1
@@ -9,8 +9,8 @@ rm -rf "$work"
 mkdir -p "$work/root"
 "$(dirname "$0")/../../scripts/bundle" "$work/bundle"
 bytes=$(stat -c %s "$work"/bundle.tar.*)
-# Where it goes takes 64 MiB; since floor plans, with cairo and what that needs, it has 42 MB. Bundles are made on Debian
-# 12, whose C library is the oldest; the libraries of Debian 13 are larger.
+# The destination takes 64 MiB; with floor plans (cairo and its dependencies) the bundle has 42 MB. Bundles are made on
+# Debian 12, with the oldest C library; the libraries of Debian 13 are larger.
 most=46000000
 [[ $(. /etc/os-release && echo "${VERSION_ID:-}") == 12 ]] || most=50000000
 [[ $bytes -le $most ]] || { echo "the bundle has $bytes bytes, $most are allowed"; exit 1; }

@@ -123,7 +123,7 @@ TEST_F(Signals, LeaveNothingOfARunWithoutACheckpoint) {
     program.send(SIGINT);
     program.send(SIGINT);
     if (!program.wait_until([&] { return program.err().find('\n') != std::string::npos; })) FAIL();
-    program.send(SIGINT);  // whichever signal was first
+    program.send(SIGINT);  // whichever signal counted as the first
     const Ran ran = program.end();
     EXPECT_EQ(ran.exit_code, kInterrupted) << ran.err;
     EXPECT_NE(ran.err.find("interrupted before "), std::string::npos) << ran.err;

@@ -213,7 +213,7 @@ TEST(EvaluateMap, FindsWhatLiesInTwoPlaces) {
   EXPECT_NEAR(doubled({wall(2, 2), wall(1.98f, 1)}), 0.4, 0.01);
   EXPECT_EQ(doubled({wall(2, 2), wall(1.9f, 1)}), 0);          // another object
   EXPECT_EQ(doubled({wall(2, 2), wall(2.01f, 2, false)}), 0);  // a board from both sides
-  EXPECT_EQ(doubled({wall(2, 2), wall(2.002f, 1)}), 0);        // a single sheet within tolerance
+  EXPECT_EQ(doubled({wall(2, 2), wall(2.002f, 1)}), 0);        // 2 mm: one sheet within tolerance
 }
 
 TEST(EvaluateMap, RefusesAnotherRecordingsTrajectory) {

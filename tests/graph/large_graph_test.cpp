@@ -76,7 +76,7 @@ TEST(LargeGraph, ClosesLoopsAsTheyCome) {
   PoseGraph whole = tracked(walk, 1500, walk.loops.size());
   const double drift = walk.error(whole);
   optimise(whole);
-  // Every eighth node, including nodes moved by other loops: the remaining drift is at most a tenth more.
+  // close_loop() moves every eighth node, and other loops move these nodes as well: up to a tenth more drift remains.
   EXPECT_GT(drift, 1.5 * walk.error(whole));
   EXPECT_LT(walk.error(walk.graph(grown.world_from_node, loops)), walk.error(whole) + 0.1 * drift);
 }

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-# Makes Debian's packages of a build, lets lintian read them, installs them into a root in which there is nothing else,
-# of the distribution that runs here, and uses them there as a user would.
-# Usage: tests/package/debian.sh BUILD WORK [SUITE PACKAGES]     exit code 77: such a root cannot be made here
-# SUITE: another release, for which PACKAGES holds those that were made there (scripts/try-on SUITE ./scripts/package).
+# Makes Debian's packages of a build, checks them with lintian, installs them into an otherwise empty root of the
+# current distribution, and uses them there as a user would.
+# Usage: tests/package/debian.sh BUILD WORK [SUITE PACKAGES]     exit code 77: a root cannot be made here
+# SUITE: another release; PACKAGES: folder of its packages (scripts/try-on SUITE ./scripts/package).
 set -euo pipefail
 build=$1 work=$2 packages=${4:-$1/packages} source=$(cd "$(dirname "$0")" && pwd)
 . /etc/os-release

@@ -1,4 +1,4 @@
-# Installs the build into a new folder, builds the outside project and the README's program against it and runs both.
+# Installs the build into a new folder, builds the external project and the README's program against it and runs both.
 # Takes BUILD, SOURCE and WORK.
 function(run)
   execute_process(COMMAND ${ARGN} RESULT_VARIABLE failed OUTPUT_VARIABLE output ERROR_VARIABLE output)

@@ -1,5 +1,5 @@
-# Configures an outside project with Cairn in a subfolder, and compiles its own file and one of Cairn's: paths, generated
-# headers and options are right. With WHOLE all of it is built and run. Takes SOURCE, WORK and WHOLE.
+# Configures an external project with Cairn in a subfolder, and compiles its own file and one of Cairn's, to test paths,
+# generated headers and options. With WHOLE builds and runs all. Takes SOURCE, WORK and WHOLE.
 function(run)
   execute_process(COMMAND ${ARGN} RESULT_VARIABLE failed OUTPUT_VARIABLE output ERROR_VARIABLE output)
   if(failed)
