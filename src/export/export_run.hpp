@@ -74,7 +74,7 @@ struct ExportRun {
   }
   /// Approximate ratio of `triangles` to all triangles of the surface.
   [[nodiscard]] float share_of(std::size_t triangles) const {
-    constexpr float kOfABrick = 40;  // about: 30 for a rarely observed map, 60 for a desk
+    constexpr float kOfABrick = 40;  // about: 30 where most surface was seen rarely, 60 for a desk
     return static_cast<float>(triangles) / (kOfABrick * static_cast<float>(input.bricks.size()));
   }
   [[nodiscard]] bool simplifies() const {

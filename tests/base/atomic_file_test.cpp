@@ -53,7 +53,7 @@ TEST(WriteWhole, LeavesTheOldFileWhenWritingFails) {
 }
 
 TEST(WriteWhole, TellsTheSystemsReasonAndWhatToDo) {
-  // /dev/full acts as a full disk; callers need no check of their own.
+  // A missing folder and a full disk, each with its remedy.
   EXPECT_NE(error_of([&] { write_whole("/proc/self/a.txt", "text"); }).find("make the folder first"),
             std::string::npos);
   EXPECT_EQ(reason(ENOSPC).find("the disk is full (No space left on device): make room"), 0u);
