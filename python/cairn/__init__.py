@@ -11,7 +11,7 @@
     mapper.map().export("room.glb", texture=True)
     cairn.reconstruct("recording", "out", texture=True, progress=True)
 
-Where to begin
+Where to start
     Mapper                     maps frames; Session resumes a map in a later program
     open, Frame, Source        recordings, sensors, scenes; own arrays
     Map, Mesh, DistanceField   results: surface, voxels, distances, files

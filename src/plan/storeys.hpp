@@ -15,7 +15,7 @@ class LevelSurface {
   /// Adds a part of the map's surface, in the world.
   void add(const Mesh& mesh);
   /// Heights of floors, the lowest first. A floor is a level with much upward-facing surface below the camera's path;
-  /// among levels less than a storey apart, the lowest. Without paths the surface alone decides.
+  /// of levels less than a storey from each other, the lowest. Without paths the surface alone decides.
   [[nodiscard]] std::vector<double> floors(const std::vector<Trajectory>& paths) const;
 
  private:

@@ -23,7 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// State of a mapper apart from its files, for a later resume. Reads the volume's residency from the device.
+/// State of a mapper without its files, for a later resume. Reads the volume's residency from the device.
 SessionState snapshot(MapState& s, std::uint64_t number, const std::string& note) {
   return {.rig = s.rig,
           .fuse = s.options.fuse,
