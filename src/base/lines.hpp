@@ -10,7 +10,8 @@
 
 namespace cairn {
 
-/// Calls `take(line number, words)` for each line except empty lines and comments.
+/// Calls `take(line number, words)` for each line except empty lines and comments. Throws std::runtime_error for a file
+/// that cannot be read, and for a line of more than 65,536 characters.
 void for_each_line(const std::filesystem::path& file,
                    const std::function<void(int, const std::vector<std::string>&)>& take);
 /// Parses a number; throws with file and line.

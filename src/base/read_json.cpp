@@ -2,6 +2,8 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "base/read_json.hpp"
 
+#include <fmt/format.h>
+
 #include <stdexcept>
 
 namespace cairn {
@@ -27,6 +29,19 @@ class Shallow : public nlohmann::detail::json_sax_dom_parser<Json> {
 };
 
 }  // namespace
+
+void check_json_values(std::string_view text, std::size_t most) {
+  std::size_t values = 0;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (c == '"') {  // skips to the end of the string
+      while (++i < text.size() && text[i] != '"')
+        if (text[i] == '\\') ++i;
+    } else if ((c == '[' || c == '{' || c == ',') && ++values > most) {
+      throw std::runtime_error(fmt::format("has more than {} values", most));
+    }
+  }
+}
 
 Json parsed_json(std::string_view text) {
   check_json_depth(text);

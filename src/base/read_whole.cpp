@@ -18,8 +18,9 @@ std::vector<std::uint8_t> read_whole(const std::filesystem::path& file, std::siz
   if (!in) throw std::runtime_error("cannot be read");
   const std::uintmax_t size = std::filesystem::file_size(file, ignored);
   if (!ignored && size > most)
-    throw std::runtime_error(
-        fmt::format("has {} MiB, more than the {} MiB that such a file may have", size >> 20, most >> 20));
+    throw std::runtime_error(most >> 20 > 0
+                                 ? fmt::format("has {} MiB, allowed are {} MiB at most", size >> 20, most >> 20)
+                                 : fmt::format("has {} KiB, allowed are {} KiB at most", size >> 10, most >> 10));
   std::vector<std::uint8_t> bytes(ignored ? 0
                                           : size);  // exact size: growth by doubling takes up to three times the memory
   in.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));

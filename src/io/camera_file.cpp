@@ -12,12 +12,12 @@
 #include <utility>
 #include <vector>
 
-#include "base/read_whole.hpp"
 #include "base/words.hpp"
 #include "cairn/atomic_file.hpp"
 #include "cairn/known_cameras.hpp"
 #include "io/intrinsics.hpp"
 #include "io/recording.hpp"
+#include "io/yaml_file.hpp"
 
 namespace cairn {
 namespace {
@@ -164,8 +164,7 @@ void check_frame_rate(double hertz) {
 CameraFile read_camera_file(const std::filesystem::path& file) {
   const std::string name = file.string();
   try {
-    const auto bytes = read_whole(file);
-    const YAML::Node y = YAML::Load(std::string(bytes.begin(), bytes.end()));
+    const YAML::Node y = read_yaml_file(file);
     CameraFile read{.rig = read_camera(y)};
     read.has_size = y["width"] || y["height"];
     if (y["depth_scale"]) {

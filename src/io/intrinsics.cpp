@@ -21,6 +21,7 @@
 #include "io/image_names.hpp"
 #include "io/json_fields.hpp"
 #include "io/other_cameras.hpp"
+#include "io/yaml_file.hpp"
 
 namespace cairn {
 namespace {
@@ -179,8 +180,10 @@ void take(const Json& given, Intrinsics& found) {
 
 /// Words and numbers of a text, whatever brackets and commas stand between them.
 std::vector<std::string> words_of(const fs::path& file) {
-  const auto bytes = read_whole(file);
-  if (bytes.size() > kMostText) throw std::runtime_error(fmt::format("is too long; expected {}", kText));
+  std::error_code ignored;
+  if (fs::file_size(file, ignored) > kMostText && !ignored)
+    throw std::runtime_error(fmt::format("is too long; expected {}", kText));
+  const auto bytes = read_whole(file, kMostText);
   std::vector<std::string> words;
   std::string word;
   bool comment = false;
@@ -236,10 +239,7 @@ void take_words(const std::vector<std::string>& words, Intrinsics& found) {
 
 CameraFile read_yaml(const fs::path& path) {
   try {
-    const auto bytes = read_whole(path);
-    std::string text(bytes.begin(), bytes.end());
-    if (text.starts_with("%YAML")) text.erase(0, text.find('\n'));  // OpenCV writes it as `%YAML:1.0`
-    const YAML::Node y = YAML::Load(text);
+    const YAML::Node y = read_yaml_file(path);
     if (const auto settings = orb_slam_camera(y)) return *settings;
     if (y.IsMap() && (y["camera_matrix"] || y["K"] || y["k"])) return {.rig = camera_of_ros(y)};
   } catch (const YAML::Exception& error) {

@@ -8,18 +8,24 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 #include "base/read_json.hpp"
 #include "base/read_whole.hpp"
 
 namespace cairn {
 
+/// Maximum number of values of a JSON file beside images: 30,000 frames with poses and intrinsics.
+constexpr std::size_t kMostJsonValues = 1'000'000;
+
 /// Calls `take` with what a file holds, an object. Errors name the file and end with what it should hold.
 template <class Take>
 void read_json(const std::filesystem::path& file, const std::string& expected, Take&& take) {
   try {
     const auto bytes = read_whole(file);
-    const auto json = parsed_json(bytes);
+    const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    check_json_values(text, kMostJsonValues);
+    const auto json = parsed_json(text);
     if (!json.is_object()) throw std::runtime_error("is no JSON object");
     take(json);
   } catch (const nlohmann::json::exception&) {

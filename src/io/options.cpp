@@ -15,9 +15,9 @@
 #include <string>
 #include <type_traits>
 
-#include "base/read_whole.hpp"
 #include "base/words.hpp"
 #include "cairn/option_ranges.hpp"
+#include "io/yaml_file.hpp"
 
 namespace cairn {
 namespace {
@@ -112,8 +112,7 @@ void read_options(const std::filesystem::path& file, Options& options) {
     given.insert(name);
   };
   try {
-    const auto bytes = read_whole(file);
-    const YAML::Node root = YAML::Load(std::string(bytes.begin(), bytes.end()));
+    const YAML::Node root = read_yaml_file(file);
     if (root.IsNull()) return;
     if (!root.IsMap()) throw YAML::Exception(root.Mark(), "expected sections such as `fuse:`");
     for (const auto& section : root) {

@@ -105,6 +105,7 @@ std::vector<std::uint8_t> unpacked(std::string_view kind, std::span<const std::u
     throw std::runtime_error(fmt::format("is packed as '{}', known are bz2, lz4 and zstd", shown(kind)));
   const std::uint64_t plausible = product(packed.size(), kMostPacked) + kAnySize;
   const std::size_t most = std::min({std::uint64_t{kMost}, plausible, promised.value_or(kMost)}) + 1;
+  if (promised) memory.reserve(most);  // address space alone; growth by copying takes 2.5 times the memory
   auto all = kind == "bz2"   ? unpack_bz2(packed, most, std::move(memory))
              : kind == "lz4" ? unpack_lz4(packed, most, std::move(memory))
                              : unpack_zstd(packed, most, std::move(memory));

@@ -16,6 +16,7 @@
 #include "cairn/file_name.hpp"
 #include "cairn/source.hpp"
 #include "io/part.hpp"
+#include "io/yaml_file.hpp"
 #include "io/zip_recording.hpp"
 
 namespace cairn {
@@ -149,7 +150,7 @@ std::unique_ptr<RosRecording> open_rosbag2_folder(const fs::path& folder) {
   std::vector<std::string> names;
   std::string packing;
   try {
-    const YAML::Node all = YAML::LoadFile(about.string());
+    const YAML::Node all = read_yaml_file(about);
     const YAML::Node told = all["rosbag2_bagfile_information"];
     if (!told.IsMap()) throw std::runtime_error("tells no `rosbag2_bagfile_information`");
     if (!told["relative_file_paths"].IsSequence()) throw std::runtime_error("tells no `relative_file_paths`");

@@ -11,13 +11,13 @@
 #include <stdexcept>
 
 #include "base/lines.hpp"
-#include "base/read_whole.hpp"
 #include "base/words.hpp"
 #include "cairn/file_name.hpp"
 #include "io/image_names.hpp"
 #include "io/intrinsics.hpp"
 #include "io/pose_matrix.hpp"
 #include "io/recording.hpp"
+#include "io/yaml_file.hpp"
 
 namespace cairn {
 namespace {
@@ -48,10 +48,7 @@ Calibration calibration_of(const YAML::Node& y) {
 
 Calibration read_calibration(const fs::path& file) {
   try {
-    const auto bytes = read_whole(file);
-    std::string text(bytes.begin(), bytes.end());
-    if (text.starts_with("%YAML")) text.erase(0, text.find('\n'));  // OpenCV writes it as `%YAML:1.0`
-    return calibration_of(YAML::Load(text));
+    return calibration_of(read_yaml_file(file));
   } catch (const YAML::Exception& error) {
     throw std::runtime_error(file.string() + ":" + std::to_string(error.mark.line + 1) + ": " + shown(error.msg) +
                              "; expected RTAB-Map's calibration, with image_width, image_height and camera_matrix");

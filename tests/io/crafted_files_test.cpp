@@ -11,8 +11,11 @@
 #include "base/image_file.hpp"
 #include "cairn/esdf.hpp"
 #include "cairn/mesh.hpp"
+#include "cairn/options.hpp"
 #include "cairn/parts.hpp"
 #include "cairn/source.hpp"
+#include "cairn/trajectory.hpp"
+#include "io/camera_file.hpp"
 #include "io/intrinsics.hpp"
 #include "io/part.hpp"
 #include "io/ros_compression.hpp"
@@ -103,6 +106,36 @@ TEST(CraftedFiles, PackedDepthOfOtherKindsIsHeldAgainstTheCamera) {
   npy += header + "\n";
   expect_refused([&] { (void)decode_depth(span_of(npy)); }, "allowed are 1 to 4096 a side");
   expect_refused([] { (void)decode_depth(span_of("P5 4000000000 4000000000 65535\n")); }, "a side");
+}
+
+TEST(CraftedFiles, TextThatGrowsOnceParsedIsRefused) {
+  const TemporaryFolder folder;
+  const auto file = [&](const std::string& name, const std::string& text) {
+    write_text(folder / name, text);
+    return folder / name;
+  };
+  std::string list = "[", zeros = "0";
+  for (int i = 0; i < 2'000'000; ++i) list += "[],", zeros += " 0";
+  list += "[]]";
+  const auto yaml = file("camera.yaml", "a: " + list.substr(0, 1 << 20) + "]");
+  expect_refused([&] { (void)read_camera_file(yaml); }, "has 1024 KiB, allowed are 128 KiB at most");
+  expect_refused(
+      [&] {
+        Options options;
+        read_options(yaml, options);
+      },
+      "has 1024 KiB, allowed are 128 KiB at most");
+  file("metadata.yaml", "a: " + list.substr(0, 1 << 20) + "]");
+  expect_refused([&] { (void)open_rosbag2_folder(folder.path()); }, "has 1024 KiB, allowed are 128 KiB at most");
+  const auto json = file("transforms.json", "{\"frames\": " + list + "}");
+  expect_refused([&] { (void)open_source(folder.path().string()); }, "allowed are 128 KiB at most");
+  fs::remove(folder / "metadata.yaml");
+  fs::remove(folder / "camera.yaml");
+  expect_refused([&] { (void)open_source(folder.path().string()); }, "transforms.json: has more than 1000000 values");
+  const auto poses = file("poses.txt", zeros + "\n");
+  expect_refused([&] { (void)read_trajectory(poses); }, "poses.txt:1: is a line of more than 65536 characters");
+  const auto second = file("more.txt", "0 0 0 0 0 0 0 1\n" + zeros);
+  expect_refused([&] { (void)read_trajectory(second); }, "more.txt:2: is a line of more than 65536 characters");
 }
 
 TEST(CraftedFiles, DistanceFieldTakesMemoryForItsBlocksAlone) {
