@@ -335,25 +335,24 @@ TEST_F(CommandLine, ZshCompletesTheSame) {
   if (!is_installed("zsh")) GTEST_SKIP() << "zsh is not installed: scripts/install-deps --tests";
   fs::create_directories(out / "functions");
   write_text(out / "functions" / "_cairn", completion_of("zsh"));
+  // Each read waits for its pattern; the key ^G, after Tab, prints the line as completed.
   write_text(out / "complete.zsh", R"(zmodload zsh/zpty
 zpty shell zsh -f -i
-zpty -w shell "PS1= ; fpath=($PWD/functions \$fpath); autoload -Uz compinit; compinit -u -D; cd $PWD; bindkey '^I' complete-word; unsetopt list_beep"
-sleep 1
-zpty -w -n shell "$1"$'\t'
-sleep 1
-zpty -r -t shell text; while zpty -r -t shell more; do text+=$more; done
-print -r -- ${text##*$'\n'}
+zpty -w shell "PS1= ; fpath=($PWD/functions \$fpath); autoload -Uz compinit; compinit -u -D; cd $PWD; bindkey '^I' complete-word; unsetopt list_beep; finished() { print -rn -- \"<buffer:\$BUFFER>\" }; zle -N finished; bindkey '^G' finished; print -r -- set''up"
+zpty -r shell text '*setup*'
+zpty -w -n shell "$1"$'\t\a'
+zpty -r shell text '*<buffer:*>*'
+print -r -- ${${text##*<buffer:}%%>*}
 zpty -d shell
 )");
   const auto complete = [&](const std::string& words) {
-    const std::string seen = shell("cd '" + out.path().string() + "' && zsh -f complete.zsh '" + words + "'");
-    return seen;
+    return shell("cd '" + out.path().string() + "' && timeout 60 zsh -f complete.zsh '" + words + "'");
   };
-  EXPECT_NE(complete("cairn recon").find("cairn reconstruct"), std::string::npos);
-  EXPECT_NE(complete("cairn evaluate tra").find("trajectory"), std::string::npos);
-  EXPECT_NE(complete("cairn reconstruct x --motion rob").find("robot"), std::string::npos);
-  EXPECT_NE(complete("cairn synth corr").find("corridor"), std::string::npos);
-  EXPECT_NE(complete("cairn info --camera complete.z").find("complete.zsh"), std::string::npos);
+  EXPECT_EQ(complete("cairn recon"), "cairn reconstruct \n");
+  EXPECT_EQ(complete("cairn evaluate tra"), "cairn evaluate trajectory \n");
+  EXPECT_EQ(complete("cairn reconstruct x --motion rob"), "cairn reconstruct x --motion robot \n");
+  EXPECT_EQ(complete("cairn synth corr"), "cairn synth corridor \n");
+  EXPECT_EQ(complete("cairn info --camera complete.z"), "cairn info --camera complete.zsh \n");
 }
 
 TEST_F(CommandLine, TheManualHasNoFaults) {
