@@ -8,7 +8,8 @@
 
 namespace cairn {
 
-/// Where bricks are, a bit each in blocks of 8x8x8: one or two bytes a brick of a surface, where a list takes twelve.
+/// Set of bricks, stored as one bit per brick in blocks of 8x8x8 bricks: one or two bytes per surface brick, compared
+/// to twelve in a list.
 class BrickSet {
  public:
   BrickSet() = default;
@@ -19,7 +20,7 @@ class BrickSet {
   [[nodiscard]] bool contains(const Brick& brick) const;
   [[nodiscard]] std::size_t size() const { return size_; }
   [[nodiscard]] bool empty() const { return size_ == 0; }
-  /// By x, then y, then z.
+  /// Sorted by x, then y, then z.
   [[nodiscard]] std::vector<Brick> sorted() const;
 
  private:

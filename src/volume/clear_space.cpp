@@ -10,12 +10,12 @@
 namespace cairn {
 namespace {
 
-constexpr int kSide = 24;  // voxels of three bricks
+constexpr int kSide = 24;  // voxels along the side of three bricks
 constexpr int kFar = std::numeric_limits<std::int16_t>::max() / 2;
 
-enum class Space : std::uint8_t { unknown, free, behind };  // behind: a surface
+enum class Space : std::uint8_t { unknown, free, behind };  // behind: behind a surface
 
-/// A value for each voxel of a brick and of those around it.
+/// One value per voxel of a brick and its 26 neighbors.
 template <class T>
 using Around = std::vector<T>;
 
@@ -40,15 +40,15 @@ Around<Space> gather(const BrickTree& tree, const BrickTree& free, const Eigen::
   return space;
 }
 
-/// Squared distances to the next voxel that is behind a surface, as far as `reach`, for the brick in the middle: one
-/// axis after the other (Felzenszwalb & Huttenlocher 2012, with so short a reach by trying all).
+/// Squared distances in voxels to the nearest voxel behind a surface, for the center brick, up to `reach`. Separable:
+/// one axis at a time (Felzenszwalb & Huttenlocher 2012; brute force per axis because `reach` is short).
 Around<std::int16_t> distances(const Around<Space>& space, int reach) {
   Around<std::int16_t> d(space.size());
   for (std::size_t i = 0; i < d.size(); ++i) d[i] = space[i] == Space::behind ? std::int16_t{0} : std::int16_t{kFar};
   const std::array<std::size_t, 3> stride{1, kSide, kSide * kSide};
   for (std::size_t axis = 0; axis < 3; ++axis) {
     Around<std::int16_t> next(d.size(), std::int16_t{kFar});
-    // Axes before this one are needed in the middle alone.
+    // Axes already processed are needed in the center brick only.
     const auto begin = [&](std::size_t a) { return a <= axis ? 8 : 0; };
     const auto end = [&](std::size_t a) { return a <= axis ? 16 : kSide; };
     for (int x = begin(2); x < end(2); ++x)

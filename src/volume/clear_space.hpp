@@ -5,13 +5,13 @@
 
 namespace cairn {
 
-/// What a map knows of the voxels of a brick.
+/// Known voxels of a brick.
 struct KnownSpace {
-  BrickBits known{};  // observed, or seen to be free
-  BrickBits clear{};  // free, as is all next to them, with no surface within reach
+  BrickBits known{};  // observed, or carved as free space
+  BrickBits clear{};  // free with 26 free neighbors and no surface within `reach`
 };
 
-/// `voxels` with those of the bricks around, `free` what else was seen to be free. `reach`: voxels, 8 at most.
+/// `voxels` also contains the neighboring bricks; `free` holds additional free space. `reach`: voxels, at most 8.
 [[nodiscard]] KnownSpace known_space(const BrickTree& voxels, const BrickTree& free, const Eigen::Vector3i& brick,
                                      int reach);
 

@@ -17,10 +17,11 @@ namespace {
 
 constexpr int kSide = 16;
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
-constexpr int kReach = 1 << 27;  // blocks from the origin: their voxels are numbered by 32 bits
-constexpr std::uint64_t kEntriesPerBlock = 64, kAnyEntries = 1 << 16;  // of the table: a floor's field takes 3 to 20
-constexpr float kFlat = 1e-3f;                                         // a gradient that is shorter shows nowhere
-constexpr std::size_t kTogether = 4096;                                // points that a thread takes at once
+constexpr int kReach = 1 << 27;  // blocks from the origin, so that voxel indices fit into 32 bits
+constexpr std::uint64_t kEntriesPerBlock = 64, kAnyEntries = 1 << 16;  // table entries; the field of a floor takes 3 to
+                                                                       // 20 per block
+constexpr float kFlat = 1e-3f;                                         // shorter gradients have no direction
+constexpr std::size_t kTogether = 4096;                                // points per task
 
 int index_in(const Eigen::Vector3i& v) { return (v.x() & 15) << 8 | (v.y() & 15) << 4 | (v.z() & 15); }
 
@@ -84,13 +85,13 @@ float DistanceField::at(const Eigen::Vector3i& voxel) const {
 
 DistanceField::Answer DistanceField::query(const Eigen::Vector3f& point) const {
   const Eigen::Vector3f p = (world_from_field_.conjugate() * point - origin_) / voxel_size_;
-  constexpr float kTooFar = 1e8f;                       // of what an int holds
-  if (!(p.cwiseAbs().maxCoeff() < kTooFar)) return {};  // NaN, too
+  constexpr float kTooFar = 1e8f;                       // limit for conversion to int
+  if (!(p.cwiseAbs().maxCoeff() < kTooFar)) return {};  // rejects NaN, too
   const Eigen::Vector3i low = p.array().floor().cast<int>();
   const Eigen::Vector3f h = p - low.cast<float>();
   std::array<float, 8> corner;  // x << 2 | y << 1 | z
   const Eigen::Vector3i v = low.unaryExpr([](int i) { return i & 15; });
-  if ((v.array() < kSide - 1).all()) {  // the eight voxels around it lie in one block
+  if ((v.array() < kSide - 1).all()) {  // all eight corner voxels are in one block
     const Block* block = block_of(low);
     if (block == nullptr) return {};
     const float* s = block->data() + index_in(v);
@@ -108,7 +109,7 @@ DistanceField::Answer DistanceField::query(const Eigen::Vector3f& point) const {
                      ((corner[1] - corner[0]) * y0 + (corner[3] - corner[2]) * y1) * x0 +
                          ((corner[5] - corner[4]) * y0 + (corner[7] - corner[6]) * y1) * x1};
   if (std::isnan(answer.distance)) {
-    // Something around it is unknown: what the voxel that holds the point knows, with its neighbours.
+    // A corner is unknown: extrapolate from the voxel that contains the point and its known neighbors.
     const Eigen::Vector3i nearest = p.array().round().cast<int>();
     const float here = at(nearest);
     if (std::isnan(here)) return {};

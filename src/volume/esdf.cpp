@@ -27,21 +27,22 @@ namespace cairn {
 namespace {
 
 constexpr float kTolerance = 0.25f;             // voxels; see EsdfSitesPush
-constexpr float kGap = 0.8f;                    // metres
-constexpr float kHeld = 1.75f;                  // voxels: a ball of it holds the voxel in which its centre lies
+constexpr float kGap = 0.8f;                    // meters
+constexpr float kHeld = 1.75f;                  // voxels; a ball of this radius contains the whole voxel of its center
 constexpr double kSameBall = 0.25;              // voxels of the TSDF
 constexpr std::uint32_t kFirstCapacity = 256;   // blocks: 12 MiB
-constexpr std::uint32_t kSteps = 24;            // of the wave before the host looks whether it has ended; even
-constexpr std::uint32_t kMaxTableBits = 8;      // 256 blocks a side
-constexpr std::uint64_t kVoxelsOfASite = 100;   // that a wave reaches; where that makes all, it is made anew
-constexpr std::uint64_t kMostCells = 1 << 25;   // of the boxes that a field is made anew in: 256 MiB
+constexpr std::uint32_t kSteps = 24;            // wave steps before the host checks the counter; even
+constexpr std::uint32_t kMaxTableBits = 8;      // 256 blocks per side
+constexpr std::uint64_t kVoxelsOfASite = 100;   // voxels that a wave reaches per site; a rebuild is cheaper if that
+                                                // covers the field
+constexpr std::uint64_t kMostCells = 1 << 25;   // per box of a rebuild: 256 MiB
 constexpr std::uint64_t kStackCells = 1 << 20;  // 16 MiB
-constexpr std::size_t kJobsAtOnce = 4096;       // bricks from the host: 16 MiB
-constexpr std::size_t kBlocksAtOnce = 1024;     // distances that go to the host: 16 MiB
+constexpr std::size_t kJobsAtOnce = 4096;       // bricks uploaded from the host at once: 16 MiB
+constexpr std::size_t kBlocksAtOnce = 1024;     // blocks of distances downloaded at once: 16 MiB
 
 constexpr shader::EsdfCount kNothing{.groups = 0, .one_y = 1, .one_z = 1, .count = 0};
 
-/// Specialisation constants: kFieldInTexels of shaders/esdf.h and kPoolInTexels of shaders/pool.h.
+/// Specialization constants: kFieldInTexels of shaders/esdf.h and kPoolInTexels of shaders/pool.h.
 std::array<float, 5> constants(bool in_texels) {
   const float value = in_texels ? 1.0f : 0.0f;
   return {value, 0, 0, 0, value};
@@ -95,14 +96,14 @@ Esdf::Esdf(gpu::Device& device, const FuseOptions& fuse, const EsdfOptions& opti
       counts_(device, (kSteps + 1) * sizeof(shader::EsdfCount)),
       removed_(device, 4) {}
 
-/// Others when the field has outgrown the texels of the device.
+/// Switches to reading by address when the field exceeds the device's texel limit.
 void Esdf::choose_kernels(bool is_volume_in_texels) {
   const std::uint64_t most = std::max(capacity_ * std::uint64_t{shader::kEsdfVoxels}, std::uint64_t{list_capacity_});
   const bool in_texels = most <= most_texels_ && is_volume_in_texels;
   if (!kernels_ || kernels_->in_texels != in_texels) kernels_.emplace(device_, in_texels);
 }
 
-/// What to bind where a kernel has texels: any buffer where it does not read them.
+/// Buffer to bind as texels; any buffer if the kernel does not read it.
 const gpu::Buffer* Esdf::texels(const gpu::Buffer& buffer) const { return kernels_->in_texels ? &buffer : &counts_; }
 
 shader::EsdfView Esdf::view() const {
@@ -127,12 +128,12 @@ Esdf::Updated Esdf::update(const BrickTree& map, std::span<const Brick> changed,
 
 Esdf::Updated Esdf::update(std::span<const Brick> changed, const Volume* volume, const BrickTree& map,
                            const BrickTree* also_free) {
-  std::vector<shader::EsdfJob> here, elsewhere;               // voxels on the device; on the host or nowhere
-  std::vector<const std::uint64_t*> voxels;                   // of those elsewhere
-  std::vector<Brick> bricks(changed.begin(), changed.end());  // each once: two threads would see each other's sites
+  std::vector<shader::EsdfJob> here, elsewhere;               // voxels on the device; voxels on the host or missing
+  std::vector<const std::uint64_t*> voxels;                   // host voxels by entry of `elsewhere`
+  std::vector<Brick> bricks(changed.begin(), changed.end());  // unique: two threads would race for the same sites
   std::sort(bricks.begin(), bricks.end(), before);
   bricks.erase(std::unique(bricks.begin(), bricks.end()), bricks.end());
-  std::vector<BrickBits> free{kNoBits, kAllBits};  // shader::kNoneFree, kAllFree; then those of bricks
+  std::vector<BrickBits> free{kNoBits, kAllBits};  // shader::kNoneFree, shader::kAllFree, then partly free bricks
   for (const Brick& brick : bricks) {
     BrickBits bits = map.free_voxels(brick);
     const BrickBits more = also_free != nullptr ? also_free->free_voxels(brick) : kNoBits;
@@ -163,7 +164,7 @@ Esdf::Updated Esdf::update(std::span<const Brick> changed, const Volume* volume,
   batch.fill(removed_, 0);
   if (!here.empty()) find_sites(batch, here, volume->voxels());
   for (std::size_t begin = 0; begin < elsewhere.size(); begin += kJobsAtOnce) {
-    batch.submit();  // no buffer grows while it is in use
+    batch.submit();  // no buffer may grow while in use
     const auto jobs = std::span(elsewhere).subspan(begin, std::min(kJobsAtOnce, elsewhere.size() - begin));
     if (voxels_.size() < jobs.size() * sizeof(BrickVoxels))
       voxels_ = gpu::Buffer(device_, jobs.size() * sizeof(BrickVoxels));
@@ -195,10 +196,10 @@ void Esdf::find_sites(gpu::Batch& batch, std::span<const shader::EsdfJob> jobs, 
                   {&jobs_, &list_[0], &dirty_, &removed_, texels(surface_), texels(table_), texels(voxels), &free_});
 }
 
-/// Makes blocks for what was observed and what lies between it, since a wave may have to cross what nobody saw: a block
-/// is left out when it fits into a cube of kGap that holds no observed block (a morphological closing).
+/// Allocates blocks for observed bricks and the gaps between them, since a wave may have to cross unknown space. A
+/// block is omitted if it fits into a cube of kGap without observed blocks (a morphological closing).
 void Esdf::reserve(std::span<const shader::EsdfJob> jobs) {
-  const int bricks = 2 * scale_;  // of the TSDF a block
+  const int bricks = 2 * scale_;  // TSDF bricks per side of a block
   const int reach = std::max(1, static_cast<int>(std::lround(kGap / 2 / (shader::kEsdfSide * voxel_size_))));
   std::vector<Brick> around;
   for (int x = -reach; x <= reach; ++x)
@@ -225,7 +226,7 @@ void Esdf::reserve(std::span<const shader::EsdfJob> jobs) {
 }
 
 void Esdf::allocate(const std::vector<Block>& blocks) {
-  const int extent = box_.sizes().maxCoeff() + 3;  // nothing may look around the table onto its other side
+  const int extent = box_.sizes().maxCoeff() + 3;  // margin, so that neighbor lookups do not wrap around the table
   std::uint32_t bits = std::max(5u, table_bits_);
   while (extent > 1 << bits) ++bits;
   if (bits > kMaxTableBits ||
@@ -239,7 +240,9 @@ void Esdf::allocate(const std::vector<Block>& blocks) {
     block_of_.push_back(block);
   }
   const auto needed = static_cast<std::uint32_t>(block_of_.size());
-  if (needed > capacity_) resize(std::max({kFirstCapacity, needed, 2 * capacity_}));  // of a whole map it is the first
+  if (needed > capacity_)
+    resize(std::max({kFirstCapacity, needed, 2 * capacity_}));  // the first allocation fits a
+                                                                // complete map
 
   gpu::Batch batch(device_);
   std::size_t begin = first;
@@ -288,7 +291,7 @@ void Esdf::resize(std::uint32_t capacity) {
   capacity_ = capacity;
 }
 
-/// Lists are empty between updates. One that does not hold all that it should makes a rebuild.
+/// Lists are empty between updates. A list overflow causes a rebuild.
 void Esdf::resize_lists(std::uint32_t capacity) {
   list_capacity_ = capacity;
   for (gpu::Buffer& list : list_) list = gpu::Buffer(device_, list_capacity_ * sizeof(shader::EsdfEntry));
@@ -300,8 +303,8 @@ Esdf::Updated Esdf::rebuild() {
   return spread(batch, true);
 }
 
-/// All distances anew, by the separable transform (Felzenszwalb & Huttenlocher 2012), twice as fast as waves, in boxes
-/// along the longest axis. False where a box would be too large.
+/// Recomputes all distances with the separable transform (Felzenszwalb & Huttenlocher 2012) in boxes along the longest
+/// axis; twice as fast as waves. Returns false if a box would be too large.
 bool Esdf::transform(Updated& updated) {
   if (!kernels_->in_texels) return false;
   const Eigen::Vector3i low = static_cast<int>(shader::kEsdfSide) * box_.min(),
@@ -331,7 +334,7 @@ bool Esdf::transform(Updated& updated) {
   return run_waves(batch, updated);
 }
 
-/// Of the voxels of `asked`; sites outside of `box` are too far from them. Both without their upper corners.
+/// Transforms the voxels of `asked`; sites outside `box` are too far away to matter. Upper corners are exclusive.
 void Esdf::transform(const Eigen::AlignedBox3i& box, const Eigen::AlignedBox3i& asked, const gpu::Buffer (&cells)[2],
                      const gpu::Buffer& stack) {
   std::vector<std::uint32_t> blocks;
@@ -375,7 +378,7 @@ void Esdf::transform(const Eigen::AlignedBox3i& box, const Eigen::AlignedBox3i& 
   batch.run();
 }
 
-/// From the changed sites in the list to distances.
+/// Propagates the changed sites in the list to distances.
 Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
   Updated updated;
   std::vector<shader::EsdfCount> counts(kSteps + 1, kNothing);
@@ -390,7 +393,7 @@ Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
               kVoxelsOfASite * std::uint64_t{counts[0].count} > voxels;
   }
   updated.rebuilt = restart;
-  if (restart) {  // the list begins anew
+  if (restart) {  // start with an empty list
     counts[0] = kNothing;
     batch.upload(counts_, counts);
     batch.run();
@@ -418,7 +421,7 @@ Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
                              {texels(list_[0]), texels(nearest_), texels(surface_), texels(blocks_), texels(table_)});
   kernels_->settle.indirect(batch, counts_, 0, first, {&list_[0], &dirty_, texels(nearest_)});
   if (run_waves(batch, updated)) return updated;
-  if (restart) {  // a surface of many crumbs: its waves are broad
+  if (restart) {  // many small fragments of surface make wide waves
     resize_lists(2 * list_capacity_);
     choose_kernels(kernels_->in_texels);
   }
@@ -427,13 +430,13 @@ Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
   return again;
 }
 
-/// Runs until nothing is nearer; false when a list was too small.
+/// Runs waves until no distance decreases. Returns false if a list was too small.
 bool Esdf::run_waves(gpu::Batch& batch, Updated& updated) {
   std::vector<shader::EsdfCount> counts(kSteps + 1);
   while (true) {
     for (std::uint32_t step = 0; step < kSteps; ++step) {
-      // Settling each step makes the result independent of the threads' order. Between frames that would cost a tenth,
-      // and nobody writes that field to a file.
+      // Settling each step makes the result independent of the thread order. Between frames it would cost a tenth of
+      // the time, and that field is not written to a file.
       const gpu::Buffer &now = list_[step & 1], &next = list_[(step + 1) & 1];
       kernels_->lower.indirect(
           batch, counts_, step * sizeof(shader::EsdfCount),
@@ -457,7 +460,7 @@ bool Esdf::run_waves(gpu::Batch& batch, Updated& updated) {
       updated.steps += c.count > 0;
     }
     if (counts[kSteps].count == 0) return true;
-    updated.voxels -= static_cast<int>(counts[kSteps].count), --updated.steps;  // counted once more with the next part
+    updated.voxels -= static_cast<int>(counts[kSteps].count), --updated.steps;  // counted again in the next round
     counts[0] = counts[kSteps];
     std::fill(counts.begin() + 1, counts.end(), kNothing);
     batch.upload(counts_, counts);

@@ -15,48 +15,47 @@
 
 namespace cairn {
 
-/// How many voxels of the TSDF a voxel of the distance field is wide. Throws std::runtime_error when that is not 1, 2,
-/// 4 or 8.
+/// Size of an ESDF voxel in TSDF voxels. Throws std::runtime_error unless 1, 2, 4 or 8.
 [[nodiscard]] int esdf_scale(const FuseOptions& fuse, const EsdfOptions& options);
 
-/// EsdfOptions::robot_radius, or a little more, so that a voxel of the field lies within it.
+/// EsdfOptions::robot_radius, enlarged if necessary to contain one voxel of the field; meters.
 [[nodiscard]] float free_radius(const FuseOptions& fuse, const EsdfOptions& options);
 
-/// The Euclidean signed distance field of a map, on the device. Each voxel knows the nearest site: a voxel that the
-/// surface passes, and where it lies there. An update finds the sites in the bricks that changed; where one came, a
-/// wave lowers the distances around it, and where one went or moved, those that came from it are raised first (Lau et
-/// al. 2013, Oleynikova et al. 2017; the wave is vector propagation after Danielsson 1980).
+/// Euclidean signed distance field of a map, on the device. Each voxel stores its nearest site: a voxel crossed by the
+/// surface, with the surface position in it. An update finds the sites of changed bricks. A new site starts a wave that
+/// lowers the distances around it; distances from a removed or moved site are raised first (Lau et al. 2013, Oleynikova
+/// et al. 2017; the wave is vector propagation after Danielsson 1980).
 class Esdf {
  public:
-  /// Throws std::runtime_error when the voxel size is not 1, 2, 4 or 8 voxels of the TSDF.
-  /// A field of more voxels than `most_texels` is read by address; 0: as the device says.
+  /// Throws std::runtime_error unless the voxel size is 1, 2, 4 or 8 TSDF voxels. A field of more than `most_texels`
+  /// voxels is read by address; 0: limit of the device.
   Esdf(gpu::Device& device, const FuseOptions& fuse, const EsdfOptions& options, std::uint64_t most_texels = 0);
 
   struct Updated {
-    int sites = 0;   // voxels in which a site came, went or moved
-    int voxels = 0;  // that found another nearest site, counted once a step
-    int steps = 0;   // of the wave
+    int sites = 0;   // voxels with an added, removed or moved site
+    int voxels = 0;  // voxels with a new nearest site, counted once per step
+    int steps = 0;   // wave steps
     bool rebuilt = false;
   };
-  /// Brings the field up to date with bricks of the map that have changed, come, or gone. Sites that moved by less than
-  /// a quarter of a voxel stay where they are: by so much the result may differ from a field made anew, and by more
-  /// only where a site nearly as near was found. It is made anew, with the same bits each time, when most of it is new.
+  /// Updates the field with changed, new and removed bricks. Sites that moved by less than a quarter of a voxel keep
+  /// their position. The result may differ from a rebuild by that amount, and by more only where a site at nearly the
+  /// same distance was found. Rebuilds, deterministically to the bit, if most of the field is new.
   Updated update(const Volume& volume, std::span<const Brick> changed);
-  /// `also_free`: knows more to be free than the map does.
+  /// `also_free`: free space in addition to the map's.
   Updated update(const BrickTree& map, std::span<const Brick> changed, const BrickTree* also_free = nullptr);
-  /// Forgets all distances and finds them again from the sites.
+  /// Discards all distances and recomputes them from the sites.
   Updated rebuild();
 
-  /// The field as it is; voxels that did not change since the last call are shared with its answer.
+  /// Current field; blocks unchanged since the last call are shared with its result.
   [[nodiscard]] std::shared_ptr<const DistanceField> field();
-  [[nodiscard]] float voxel_size() const { return voxel_size_; }         // metres
+  [[nodiscard]] float voxel_size() const { return voxel_size_; }         // meters
   [[nodiscard]] std::size_t blocks() const { return block_of_.size(); }  // of 16x16x16 voxels
 
  private:
   using Block = Eigen::Vector3i;  // voxel / 16
   struct Kernels {
     Kernels(gpu::Device& device, bool in_texels);
-    bool in_texels;  // or the field and the volume are read by address
+    bool in_texels;  // false: the field and the volume are read by address
     gpu::Kernel<shader::EsdfSitesPush> sites;
     gpu::Kernel<shader::EsdfCheckPush> check;
     gpu::Kernel<shader::EsdfWavePush> raise, settle, lower;
@@ -83,8 +82,8 @@ class Esdf {
   gpu::Device& device_;
   FuseOptions fuse_;
   EsdfOptions options_;
-  int scale_;         // TSDF voxels a voxel
-  float voxel_size_;  // metres
+  int scale_;         // TSDF voxels per ESDF voxel, along one axis
+  float voxel_size_;  // meters
   std::uint64_t most_texels_;
   std::optional<Kernels> kernels_;
 
@@ -93,15 +92,16 @@ class Esdf {
       check_list_, distances_;
   std::vector<Block> block_of_;  // by slot
   std::unordered_map<Block, std::uint32_t, BrickHash> slot_of_;
-  std::unordered_set<Block, BrickHash> known_, near_;         // with observed voxels; these and what lies around them
-  std::unordered_map<Block, int, BrickHash> unknown_around_;  // blocks not in near_; missing: all
-  Eigen::AlignedBox3i box_;                                   // of all blocks
-  std::size_t settled_ = 0;                                   // blocks below it took part in a wave
+  std::unordered_set<Block, BrickHash> known_, near_;         // blocks with observed voxels; these with their
+                                                              // surroundings
+  std::unordered_map<Block, int, BrickHash> unknown_around_;  // number of surrounding blocks not in near_; missing: all
+  Eigen::AlignedBox3i box_;                                   // bounds of all blocks
+  std::size_t settled_ = 0;                                   // blocks with a smaller slot took part in a wave
   std::vector<std::shared_ptr<const DistanceField::Block>> samples_;  // by slot
 };
 
-/// The field of a whole map on the host, with free_radius() around each pose of `visited` free. `box`: that all of the
-/// map's bricks lie in, of a part of a map; what is free around poses is left out beyond it.
+/// Field of a complete map on the host, with the ball of free_radius() around each pose of `visited`
+/// (world_from_camera) marked as free. `box`: bounds of the bricks of a partial map; no pose marks free space outside.
 [[nodiscard]] std::shared_ptr<const DistanceField> distances_of(gpu::Device& device, const BrickTree& map,
                                                                 const FuseOptions& fuse, const EsdfOptions& options,
                                                                 const Trajectory& visited = {},

@@ -8,7 +8,7 @@
 namespace cairn {
 namespace {
 
-constexpr int kCube = 16;  // bricks a side: in the order of the grids, those of a cube follow each other
+constexpr int kCube = 16;  // bricks per side; the grid order keeps the bricks of a cube contiguous
 static_assert(std::is_trivially_copyable_v<GridBrick>);
 
 }  // namespace

@@ -37,14 +37,14 @@ namespace {
 using VoxelTree = openvdb::Int64Tree;
 using FreeTree = openvdb::MaskTree;
 constexpr const char* kAxes = "axes";
-constexpr const char *kUpSource = "up_source", *kUpKnown = "up_known", *kUpWords = "up";  // metadata of a map's grids
+constexpr const char *kUpSource = "up_source", *kUpKnown = "up_known", *kUpWords = "up";  // metadata of the map's grids
 
 void initialize_once() {
   static std::once_flag once;
   std::call_once(once, [] { openvdb::initialize(); });
 }
 
-/// Index (i, j, k) is the point turn * (origin + voxel_size * (i, j, k)).
+/// Maps index (i, j, k) to the point turn * (origin + voxel_size * (i, j, k)).
 openvdb::math::Transform::Ptr transform_of(float voxel_size, const Eigen::Vector3d& origin,
                                            const Eigen::Quaterniond& turn) {
   const openvdb::Vec3d at(origin.x(), origin.y(), origin.z());
@@ -55,17 +55,17 @@ openvdb::math::Transform::Ptr transform_of(float voxel_size, const Eigen::Vector
   }
   const Eigen::Matrix3d m = static_cast<double>(voxel_size) * turn.matrix();
   const Eigen::Vector3d t = turn * origin;
-  return openvdb::math::Transform::createLinearTransform(  // OpenVDB's vectors are rows
+  return openvdb::math::Transform::createLinearTransform(  // OpenVDB uses row vectors
       openvdb::Mat4d(m(0, 0), m(1, 0), m(2, 0), 0.0, m(0, 1), m(1, 1), m(2, 1), 0.0, m(0, 2), m(1, 2), m(2, 2), 0.0,
                      t.x(), t.y(), t.z(), 1.0));
 }
 
-/// How the voxels' own frame lies in a file.
+/// Rotation from the voxel frame to the file frame.
 Eigen::Quaterniond file_from_voxels(const GridInfo& info) {
   return Eigen::Quaterniond(matrix_from_world(info.axes)) * info.upright.world_from_tracked;
 }
 
-/// How a grid is turned. Throws std::runtime_error for one that is not only turned, scaled alike and moved.
+/// Rotation of a grid. Throws std::runtime_error for a transform beyond rotation, uniform scale and translation.
 Eigen::Quaterniond turn_of(const openvdb::GridBase& grid) {
   constexpr double kBent = 1e-5, kNothing = 1e-6;
   const openvdb::Vec3d zero = grid.indexToWorld(openvdb::Vec3d(0.0));
@@ -84,14 +84,14 @@ Eigen::Quaterniond turn_of(const openvdb::GridBase& grid) {
 openvdb::Coord origin_of(const Eigen::Vector3i& brick) { return {8 * brick.x(), 8 * brick.y(), 8 * brick.z()}; }
 Eigen::Vector3i brick_at(const openvdb::Coord& voxel) { return {voxel.x() >> 3, voxel.y() >> 3, voxel.z() >> 3}; }
 
-/// Whether a brick lies farther from the origin than sums and products of its numbers can be told.
+/// True if the brick is so far from the origin that sums and products of its coordinates may overflow.
 bool is_far(const Eigen::Vector3i& brick) {
   constexpr int kFar = 1 << 24;  // bricks
   return (brick.array() < -kFar).any() || (brick.array() > kFar).any();
 }
 constexpr const char* kNowhere = "a brick lies nowhere";
 
-/// Calls `visit` with the first voxel of each active tile of a leaf's size.
+/// Calls `visit` with the first voxel of each active leaf-sized tile.
 template <class Tree, class Visit>
 void for_each_tile(const Tree& tree, const Visit& visit) {
   auto tile = tree.cbeginValueOn();
@@ -113,7 +113,7 @@ Mask mask_of(const BrickBits& bits) {
   return mask;
 }
 
-/// Calls `visit(brick, bits)` with what a tree of masks holds.
+/// Calls `visit(brick, bits)` for each brick of a mask tree.
 template <class Tree, class Visit>
 void for_each_mask(const Tree& tree, const Visit& visit) {
   for_each_tile(tree, [&](const openvdb::Coord& origin) { visit(brick_at(origin), kAllBits); });
@@ -121,12 +121,12 @@ void for_each_mask(const Tree& tree, const Visit& visit) {
 }
 
 constexpr std::uint32_t kCompression = openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK;
-constexpr std::size_t kLeavesAtOnce = 256;      // that one thread packs
-constexpr std::size_t kLeavesInMemory = 16384;  // of a file that is read part by part: 64 MiB of two grids
-constexpr std::size_t kPacksAtOnce = 8;         // that wait for their turn
+constexpr std::size_t kLeavesAtOnce = 256;      // packed by one thread
+constexpr std::size_t kLeavesInMemory = 16384;  // of a file read in parts: 64 MiB for two grids
+constexpr std::size_t kPacksAtOnce = 8;         // queued for output
 
-/// Packs leaves as files have them, on all cores: `pack(begin, end)` those of one thread, `take(packed)` in their
-/// order.
+/// Packs leaves in the file format on all cores: `pack(begin, end)` packs a range on one thread, `take(packed)`
+/// receives the results in order.
 template <class Pack, class Take>
 void pack_leaves(std::size_t count, const Pack& pack, const Take& take) {
   using Packed = std::invoke_result_t<Pack, std::size_t, std::size_t>;
@@ -142,7 +142,7 @@ void pack_leaves(std::size_t count, const Pack& pack, const Take& take) {
                                            tbb::make_filter<Packed, void>(filter_mode::serial_in_order, take));
 }
 
-/// A stream in memory that leaves are written into as into a file.
+/// In-memory stream with the leaf format of a file.
 template <class Value>
 std::ostringstream leaf_stream(const Value& background) {
   std::ostringstream out;
@@ -151,8 +151,8 @@ std::ostringstream leaf_stream(const Value& background) {
   return out;
 }
 
-/// Writes grids one after the other, so that no two need to be in memory, and notes where each begins, so that a reader
-/// finds one without the others. OpenVDB's writers want all of them at once, and pack leaves on one core.
+/// Writes grids sequentially, so that only one is in memory, and records their offsets, so that a reader can load one
+/// grid without the others. OpenVDB's own writers need all grids at once and pack leaves on one core.
 class FileWriter : private openvdb::io::Archive {
  public:
   FileWriter(std::ostream& out, std::int32_t grids) : out_(out) {
@@ -162,7 +162,7 @@ class FileWriter : private openvdb::io::Archive {
     out_.write(reinterpret_cast<const char*>(&grids), sizeof(grids));
   }
 
-  /// Of `grid` everything but its leaves' voxels, which `write_leaves(stream)` writes.
+  /// Writes all of `grid` except the voxels of its leaves; `write_leaves(stream)` writes these.
   template <class Grid, class WriteLeaves>
   void write(Grid& grid, const WriteLeaves& write_leaves) {
     grid.setCreator("cairn");
@@ -184,7 +184,7 @@ class FileWriter : private openvdb::io::Archive {
     descriptor.seekToEnd(out_);
   }
 
-  /// As it is.
+  /// Writes the grid with its leaves.
   template <class Grid>
   void write(Grid& grid) {
     std::vector<const typename Grid::TreeType::LeafNodeType*> leaves;
@@ -203,8 +203,8 @@ class FileWriter : private openvdb::io::Archive {
   std::ostream& out_;
 };
 
-/// One of a map's grids: how its values come out of voxels, and its packed leaves.
-/// `is_signed`: inactive voxels tell by their sign on which side of the surface they count, as level sets have it.
+/// One of a map's grids: conversion from voxels, and its packed leaves.
+///  `is_signed`: the sign of an inactive voxel marks its side of the surface, as in level sets.
 template <class GridType, class Value, bool is_signed>
 class MapGrid {
  public:
@@ -229,7 +229,7 @@ class MapGrid {
     return std::move(out).str();
   }
 
-  /// The grid with leaves that know which voxels are active, and not their values.
+  /// The grid with leaves that hold active masks but no values.
   [[nodiscard]] typename Grid::Ptr grid(const char* name, const GridInfo& info,
                                         std::span<const GridBrick> bricks) const {
     auto made = Grid::create(background_);
@@ -272,7 +272,7 @@ auto colour_weights(const std::filesystem::path& file) {
   return map_grid<openvdb::FloatGrid>(file, 0.0f, [](std::uint64_t v) { return static_cast<float>(v >> 56); });
 }
 
-/// The background is the largest distance: what is farther or unknown is not stored.
+/// The background is the largest distance; unknown and farther voxels are not stored.
 openvdb::FloatGrid::Ptr distance_grid(const DistanceField& field, Axes axes = Axes::world) {
   auto grid = openvdb::FloatGrid::create(field.max_distance());
   grid->setName("esdf");
@@ -308,7 +308,7 @@ openvdb::FloatGrid::Ptr sigma_grid(const GridInfo& info) {
   return grid;
 }
 
-/// Throws std::runtime_error with what is wrong.
+/// Throws std::runtime_error with the reason.
 SurfaceSigma sigma_of(const openvdb::GridBase& base) {
   const auto* grid = dynamic_cast<const openvdb::FloatGrid*>(&base);
   if (grid == nullptr || std::abs(grid->voxelSize().x() - SurfaceSigma::kCell) > 1e-6)
@@ -325,7 +325,7 @@ SurfaceSigma sigma_of(const openvdb::GridBase& base) {
   return SurfaceSigma(cells);
 }
 
-/// How a grid is turned, back in the world whatever its file's axes are.
+/// Rotation from the grid frame to the world, independent of the axes of the file.
 Eigen::Quaterniond world_from_grid(const openvdb::FloatGrid& grid) {
   const Eigen::Quaterniond turn = turn_of(grid);
   const auto told = grid.getMetadata<openvdb::StringMetadata>(kAxes);
@@ -333,7 +333,7 @@ Eigen::Quaterniond world_from_grid(const openvdb::FloatGrid& grid) {
   return axes == Axes::world ? turn : Eigen::Quaterniond(matrix_from_world(axes)).conjugate() * turn;
 }
 
-/// As a map's grid tells it; one of another program, or of before it was told, does not.
+/// Gravity direction from the metadata of a map's grid; unknown in files of other programs or of early versions.
 Upright upright_of(const openvdb::FloatGrid& tsdf) {
   Upright upright{
       .world_from_tracked = world_from_grid(tsdf), .words = "not known: the file does not tell it", .off = {}};
@@ -345,7 +345,7 @@ Upright upright_of(const openvdb::FloatGrid& tsdf) {
   for (const auto s : {Source::accelerometer, Source::structure, Source::option, Source::poses})
     if (source->value() == name_of(s)) upright.source = s;
   upright.known = known->value() && upright.source != Source::unknown;
-  const std::string& told = words->value();  // ours are plain
+  const std::string& told = words->value();  // Cairn writes printable ASCII only
   constexpr std::size_t kLongest = 300;
   const bool is_plain = told.size() < kLongest &&
                         std::all_of(told.begin(), told.end(), [](unsigned char c) { return c >= ' ' && c < 127; });
@@ -357,8 +357,8 @@ std::runtime_error no_map(const std::filesystem::path& file, const std::string& 
   return std::runtime_error(file.string() + ": " + why + "; expected a map.vdb written by cairn");
 }
 
-/// Marks in `tree` what the grid `free` of a map.vdb tells, or the tiles of `tsdf` in files of before 2026-11-24, which
-/// have no such grid.
+/// Marks in `tree` the free space from the grid `free` of a map.vdb, or from the tiles of `tsdf` in files from before
+/// 2026-11-24 without that grid.
 void read_free(const std::filesystem::path& file, const openvdb::GridBase::Ptr& free, const openvdb::FloatGrid& tsdf,
                BrickTree& tree) {
   if (!free) {
@@ -379,7 +379,7 @@ std::ifstream open_binary(const std::filesystem::path& file) {
   return in;
 }
 
-/// All of a file of bricks but their voxels; the stream is where those begin afterwards.
+/// Reads a brick file up to its voxels; leaves the stream at their start.
 class BrickHeader : private openvdb::io::Archive {
  public:
   explicit BrickHeader(std::istream& in) {
@@ -394,7 +394,7 @@ class BrickHeader : private openvdb::io::Archive {
   }
   [[nodiscard]] const VoxelTree& tree() const { return grid_->constTree(); }
   [[nodiscard]] bool has_free() const { return grids_ == 2; }
-  /// What is free, where the stream is at its grid.
+  /// Reads the free space; the stream must be at its grid.
   [[nodiscard]] openvdb::MaskGrid::Ptr read_free(std::istream& in) const {
     auto grid = next<openvdb::MaskGrid>(in);
     grid->readBuffers(in);
@@ -421,10 +421,10 @@ class BrickHeader : private openvdb::io::Archive {
 /// `write(writer)` writes the grids.
 template <class Write>
 void write_file(const std::filesystem::path& file, std::int32_t grids, const Write& write) {
-  write_whole(file, [&](std::ostream& out) {  // openvdb::io::File does not notice a full disk
+  write_whole(file, [&](std::ostream& out) {  // openvdb::io::File does not detect a full disk
     FileWriter writer(out, grids);
     write(writer);
-    // OpenVDB gives each file a random name of its own; the same map shall be the same bytes.
+    // OpenVDB writes a random UUID into each file; equal maps must give equal bytes.
     constexpr std::streamoff kUuidOffset = 21;  // magic number, three versions, one flag
     out.seekp(kUuidOffset) << "00000000-0000-4000-8000-000000000000";
   });
@@ -580,14 +580,14 @@ bool before_in_grid(const Eigen::Vector3i& a, const Eigen::Vector3i& b) {
   return key(a) < key(b);
 }
 
-/// Calls `visit(begin, end)` with the numbers of bricks that are looked at together.
+/// Calls `visit(begin, end)` with index ranges of bricks to process together.
 template <class Visit>
 void for_each_part(std::size_t count, const Visit& visit) {
   for (std::size_t begin = 0; begin < count; begin += kLeavesInMemory)
     visit(begin, std::min(begin + kLeavesInMemory, count));
 }
 
-// OpenVDB's headers stay in this file, so that what a map's grids are made of is here.
+// Defined here to keep OpenVDB's headers out of grids.hpp.
 struct GridsWriter::State {
   State(std::filesystem::path f, const GridInfo& i)
       : file(std::move(f)),
@@ -624,7 +624,7 @@ void GridsWriter::add(const BrickTree& bricks) {
     const auto from = std::span(leaves).subspan(begin, end - begin);
     Packed packed;
     for (const auto* leaf : from) {
-      Mask known, behind;  // of the known ones
+      Mask known, behind;  // subset of known
       for (openvdb::Index n = 0; n < 512; ++n) {
         const auto voxel = static_cast<std::uint64_t>(leaf->getValue(n));
         known.set(n, ((voxel >> 16) & 0xffff) != 0);
@@ -730,7 +730,7 @@ DistanceField DistanceField::read(const std::filesystem::path& vdb) {
     openvdb::io::File in(vdb.string());
     in.open(false);
     grid = openvdb::gridPtrCast<openvdb::FloatGrid>(in.readGrid("esdf"));
-  } catch (const std::exception& error) {  // OpenVDB's, or no memory for a size that a broken file tells
+  } catch (const std::exception& error) {  // from OpenVDB, or bad_alloc for a size in a corrupt file
     throw wrong(shown(error.what()));
   }
   if (!grid) throw wrong("its grid `esdf` has another type");
@@ -762,7 +762,7 @@ DistanceField DistanceField::read(const std::filesystem::path& vdb) {
           turn.cast<float>()};
 }
 
-/// `write_leaves(stream)` writes the voxels of `tree`, where its leaves do not hold them.
+/// `write_leaves(stream)` writes the voxels of `tree` if its leaves do not contain them.
 template <class... WriteLeaves>
 void write_bricks(const std::filesystem::path& file, const VoxelTree::Ptr& tree, const FreeTree::Ptr& free,
                   const WriteLeaves&... write_leaves) {
@@ -857,7 +857,7 @@ void BrickFile::visit(const std::optional<BrickBox>& box, const Visit& visit) co
     openvdb::io::setGridBackgroundValuePtr(in, &background);
     for (const Place& place : places_) {
       if (box && !box->contains(place.brick)) continue;
-      if (in.tellg() != place.offset) in.seekg(place.offset);  // which forgets what was read ahead
+      if (in.tellg() != place.offset) in.seekg(place.offset);  // seekg discards the read buffer
       auto leaf = std::make_unique<VoxelTree::LeafNodeType>(origin_of(place.brick), background);
       leaf->readBuffers(in);
       visit(std::move(leaf));
@@ -884,7 +884,7 @@ struct MapFile::State {
   std::filesystem::path file;
   GridInfo info;
   openvdb::FloatGrid::Ptr tsdf, weight;
-  BrickTree free;  // marks alone
+  BrickTree free;  // free marks only
 };
 
 MapFile::MapFile(const std::filesystem::path& file) : state_(std::make_unique<State>()) {
@@ -894,12 +894,12 @@ MapFile::MapFile(const std::filesystem::path& file) : state_(std::make_unique<St
   openvdb::GridBase::Ptr free;
   try {
     openvdb::io::File in(file.string());
-    in.setCopyMaxBytes(0);  // files are replaced whole, never changed
-    in.open();              // voxels are read when they are asked for
+    in.setCopyMaxBytes(0);  // files are replaced, never modified in place
+    in.open();              // voxels are loaded on demand
     s.tsdf = openvdb::gridPtrCast<openvdb::FloatGrid>(in.readGrid("tsdf"));
     s.weight = openvdb::gridPtrCast<openvdb::FloatGrid>(in.readGrid("weight"));
     if (in.hasGrid("free")) free = in.readGrid("free");
-  } catch (const std::exception& error) {  // OpenVDB's, or no memory for a size that a broken file tells
+  } catch (const std::exception& error) {  // from OpenVDB, or bad_alloc for a size in a corrupt file
     throw no_map(file, shown(error.what()));
   }
   if (!s.tsdf || !s.weight) throw no_map(file, "a grid has another type");
@@ -938,7 +938,7 @@ void MapFile::visit(const Visit& visit, const std::optional<BrickBox>& box) cons
   for (std::size_t begin = 0; begin < leaves.size(); begin += kLeavesInMemory) {
     const std::size_t end = std::min(begin + kLeavesInMemory, leaves.size());
     try {
-      tbb::parallel_for(begin, end, [&](std::size_t i) {  // unpacks them
+      tbb::parallel_for(begin, end, [&](std::size_t i) {  // loads and unpacks the leaves
         (void)std::as_const(*leaves[i]).buffer().data();
         (void)std::as_const(*weights[i]).buffer().data();
       });
@@ -954,10 +954,10 @@ void MapFile::visit(const Visit& visit, const std::optional<BrickBox>& box) cons
         if (!leaves[i]->isValueOn(n) || !std::isfinite(distance[n]) || !(weight[n] > 0)) continue;
         voxels.distances[n] = distance[n];
         voxels.weights[n] = weight[n];
-        voxels.free[n >> 6] &= ~(1ull << (n & 63));  // its distance is the newer word
+        voxels.free[n >> 6] &= ~(1ull << (n & 63));  // an observed distance overrides the free mark
       }
       visit(brick, voxels);
-      for (Leaf* leaf : {leaves[i], weights[i]}) {  // its memory goes
+      for (Leaf* leaf : {leaves[i], weights[i]}) {  // release memory
         Leaf::Buffer none(openvdb::PartialCreate(), 0.0f);
         leaf->swap(none);
       }
@@ -1019,14 +1019,14 @@ ReadGrids read_grids(const std::filesystem::path& file) {
     for (int i = 0; i < 4; ++i) base[i] = in.readGrid(kNames[i]);
     if (in.hasGrid("free")) free = in.readGrid("free");
     if (in.hasGrid("sigma")) sigma = in.readGrid("sigma");
-  } catch (const std::exception& error) {  // OpenVDB's, or no memory for a size that a broken file tells
+  } catch (const std::exception& error) {  // from OpenVDB, or bad_alloc for a size in a corrupt file
     throw wrong(shown(error.what()));
   }
   const auto tsdf = openvdb::gridPtrCast<openvdb::FloatGrid>(base[0]);
   const auto weight = openvdb::gridPtrCast<openvdb::FloatGrid>(base[1]);
   const auto colour = openvdb::gridPtrCast<openvdb::Vec3SGrid>(base[2]);
   auto colour_weight = openvdb::gridPtrCast<openvdb::FloatGrid>(base[3]);
-  if (const auto whole = openvdb::gridPtrCast<openvdb::Int32Grid>(base[3]))  // as version 0.2 wrote it
+  if (const auto whole = openvdb::gridPtrCast<openvdb::Int32Grid>(base[3]))  // format of version 0.2
     colour_weight = std::make_shared<openvdb::FloatGrid>(*whole);
   if (!tsdf || !weight || !colour || !colour_weight) throw wrong("a grid has another type");
   ReadGrids result;
@@ -1048,7 +1048,9 @@ ReadGrids read_grids(const std::filesystem::path& file) {
     for (openvdb::Index i = 0; i < 512; ++i) {
       if (!leaf->isValueOn(i)) continue;
       const openvdb::Vec3s& rgb = c->getValue(i);
-      const auto is_in = [](float value, float low, float high) { return value >= low && value <= high; };  // no NaN
+      const auto is_in = [](float value, float low, float high) {
+        return value >= low && value <= high;
+      };  // false for NaN
       if (!is_in(leaf->getValue(i) / result.info.truncation, -1.001f, 1.001f) ||
           !is_in(w->getValue(i) * shader::kWeightUnits, 0, 65535) || !is_in(rgb.x(), 0, 1) || !is_in(rgb.y(), 0, 1) ||
           !is_in(rgb.z(), 0, 1) || !is_in(n->getValue(i), 0, 255)) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The only door to OpenVDB.
+// The only header through which OpenVDB is used.
 #pragma once
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -20,7 +20,7 @@
 
 namespace cairn {
 
-/// The order of lists of bricks: by x, then y, then z.
+/// Order of brick lists: by x, then y, then z.
 [[nodiscard]] inline bool before(const Eigen::Vector3i& a, const Eigen::Vector3i& b) {
   return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
 }
@@ -28,24 +28,24 @@ namespace cairn {
 /// Voxels of one brick in OpenVDB's leaf order, see shaders/voxel.h.
 using BrickVoxels = std::array<std::uint64_t, 512>;
 
-/// A bit for each voxel of a brick, in the same order: bit i % 64 of word i / 64.
+/// One bit per voxel of a brick, in the same order: bit i % 64 of word i / 64.
 using BrickBits = std::array<std::uint64_t, 8>;
 inline constexpr BrickBits kNoBits{}, kAllBits{~0ull, ~0ull, ~0ull, ~0ull, ~0ull, ~0ull, ~0ull, ~0ull};
 
 struct BrickMarks {
   std::vector<Eigen::Vector3i> bricks;
-  std::vector<BrickBits> voxels;  // of each
+  std::vector<BrickBits> voxels;  // by brick
 };
-/// The voxels of a ball, and their bricks. `centre` and `radius` in voxels.
+/// Voxels of a ball, by brick. `centre` and `radius` in voxels.
 [[nodiscard]] BrickMarks ball(const Eigen::Vector3d& centre, double radius);
 
-/// Bricks from one corner to the other, both of them within.
+/// Box of bricks; both corners are inclusive.
 using BrickBox = Eigen::AlignedBox3i;
 
 struct GridInfo;
 
-/// Bricks on the host: an OpenVDB tree with one leaf a brick. Beside it, a bit a voxel, what was seen to be free, in
-/// bricks with voxels as well: of a voxel that was observed, its distance tells, else its bit.
+/// Bricks on the host: an OpenVDB tree with one leaf per brick. Free space is stored separately as one bit per voxel,
+/// also for bricks with voxels: the distance of an observed voxel overrides its bit.
 class BrickTree {
  public:
   BrickTree();
@@ -53,29 +53,29 @@ class BrickTree {
   BrickTree(BrickTree&&) noexcept;
   [[nodiscard]] BrickTree copy() const;
   BrickTree& operator=(BrickTree&&) noexcept;
-  [[nodiscard]] BrickTree copy_free() const;  // what is free, without voxels
+  [[nodiscard]] BrickTree copy_free() const;  // free space only, without voxels
 
-  /// Adds the brick or replaces it. `brick` counts bricks: voxel / 8.
+  /// Inserts or replaces the brick. `brick`: brick coordinates, voxel / 8.
   void put(const Eigen::Vector3i& brick, std::span<const std::uint64_t, 512> voxels);
-  void erase(const Eigen::Vector3i& brick);  // what is free stays
-  /// Notes that voxels were seen to be free. Returns whether that is new of some.
+  void erase(const Eigen::Vector3i& brick);  // keeps its free space
+  /// Marks voxels as free. Returns true if any of them is new.
   bool mark_free(const Eigen::Vector3i& brick, const BrickBits& voxels = kAllBits);
   void forget_free();
-  /// Takes over what another tree knows to be free, and forgets what it knew itself.
+  /// Replaces the free space with that of another tree.
   void take_free(BrickTree&& other);
-  /// Whether all of a brick is free, and has no voxels.
+  /// True if the complete brick is free and has no voxels.
   [[nodiscard]] bool is_free(const Eigen::Vector3i& brick) const;
   [[nodiscard]] BrickBits free_voxels(const Eigen::Vector3i& brick) const;
-  /// Those with a free voxel, sorted like bricks().
+  /// Bricks with a free voxel, sorted like bricks().
   [[nodiscard]] std::vector<Eigen::Vector3i> free_bricks() const;
-  /// These and their free voxels in the tree's own order, which takes less time.
+  /// Visits these bricks and their free voxels in tree order, which is faster.
   void visit_free(const std::function<void(const Eigen::Vector3i&, const BrickBits&)>& visit) const;
-  /// The brick's voxels, or null. Valid until the brick is put again.
+  /// The brick's voxels, or null. Valid until the next put() of the brick.
   [[nodiscard]] const std::uint64_t* find(const Eigen::Vector3i& brick) const;
   [[nodiscard]] std::size_t size() const;  // bricks
   /// All bricks, sorted by x, then y, then z.
   [[nodiscard]] std::vector<Eigen::Vector3i> bricks() const;
-  void visit(const std::function<void(const Eigen::Vector3i&)>& visit) const;  // in the tree's own order
+  void visit(const std::function<void(const Eigen::Vector3i&)>& visit) const;  // in tree order
 
  private:
   friend void write_bricks(const std::filesystem::path& file, const BrickTree& tree);
@@ -86,109 +86,108 @@ class BrickTree {
   std::unique_ptr<State> state_;
 };
 
-/// Bricks that are kept for a moment: one large piece of memory, which goes back to the system as a whole, where a tree
-/// takes a small one for each.
+/// Short-lived copy of bricks in one large allocation that returns to the system at once; a tree allocates each brick
+/// separately.
 struct BrickList {
-  std::vector<Eigen::Vector3i> bricks;  // each once
-  std::vector<BrickVoxels> voxels;      // of each
-  BrickTree free;                       // what is free, without voxels
+  std::vector<Eigen::Vector3i> bricks;  // unique
+  std::vector<BrickVoxels> voxels;      // by brick
+  BrickTree free;                       // free space only, without voxels
 };
 
 [[nodiscard]] BrickList list_of(const BrickTree& tree);
 [[nodiscard]] BrickTree tree_of(const BrickList& list);
 
-/// Writes bricks as they are (a grid of 64-bit voxels, and one of what is free): quick, for sessions. Whole or not at
-/// all.
+/// Writes bricks unchanged (a grid of 64-bit voxels, and a grid of free space): fast, for sessions. Atomic.
 void write_bricks(const std::filesystem::path& file, const BrickTree& tree);
 void write_bricks(const std::filesystem::path& file, const BrickList& list);
 
-/// A file of write_bricks, out of which some bricks are read at a time. Files of versions before 2026-11-24 hold one
-/// grid, with tiles for bricks that are free as a whole.
+/// A file of write_bricks that can be read in parts. Files from before 2026-11-24 have a single grid, with tiles for
+/// completely free bricks.
 class BrickFile {
  public:
-  /// Finds where the bricks are. Throws std::runtime_error for a file that is missing or broken.
+  /// Reads the offsets of the bricks. Throws std::runtime_error if the file is missing or corrupt.
   explicit BrickFile(std::filesystem::path file);
   [[nodiscard]] std::vector<Eigen::Vector3i> bricks() const;  // sorted by x, then y, then z
-  /// Throws std::runtime_error where voxels cannot be read.
+  /// Throws std::runtime_error if voxels cannot be read.
   void check() const;
-  /// All of it. Throws std::runtime_error as above, as those below do.
+  /// Reads the complete file. Throws std::runtime_error as above, as do the functions below.
   [[nodiscard]] BrickTree read() const;
-  /// The bricks in a box; of what is free, bricks that are so as a whole.
+  /// Reads the bricks in a box; of free space, only completely free bricks.
   [[nodiscard]] BrickTree read(const BrickBox& box) const;
-  /// What is free, without voxels.
+  /// Reads the free space, without voxels.
   [[nodiscard]] BrickTree read_free() const;
 
  private:
   struct Place {
     Eigen::Vector3i brick;
-    std::int64_t offset;  // bytes from the file's beginning
+    std::int64_t offset;  // bytes from the start of the file
   };
   template <class Visit>
   void visit(const std::optional<BrickBox>& box, const Visit& visit) const;
   std::filesystem::path file_;
-  std::uint32_t version_ = 0, compression_ = 0;  // of OpenVDB's format
-  std::vector<Place> places_;                    // in the file's order
-  std::vector<Eigen::Vector3i> free_;            // as a whole, sorted
-  std::int64_t free_grid_ = 0;                   // bytes from the file's beginning; 0: it has none
+  std::uint32_t version_ = 0, compression_ = 0;  // of the OpenVDB format
+  std::vector<Place> places_;                    // in file order
+  std::vector<Eigen::Vector3i> free_;            // completely free bricks, sorted
+  std::int64_t free_grid_ = 0;                   // bytes from the start of the file; 0: no such grid
 };
 
-/// What a map.vdb needs beside its voxels.
+/// Metadata of a map.vdb.
 struct GridInfo {
-  float voxel_size = 0.0f;  // metres
-  float truncation = 0.0f;  // metres
-  Upright upright;          // how the voxels' own frame lies in the world
-  Axes axes = Axes::world;  // of the file, which its grids' transforms turn to
-  SurfaceSigma sigma;       // in the voxels' own frame; empty: not known
+  float voxel_size = 0.0f;  // meters
+  float truncation = 0.0f;  // meters
+  Upright upright;          // gravity direction, and rotation from the voxel frame to the world
+  Axes axes = Axes::world;  // axes of the file; the grid transforms rotate to them
+  SurfaceSigma sigma;       // in the voxel frame; empty: unknown
 };
 
-/// The order in which a grid keeps its bricks: by cubes of 512 bricks a side, then by cubes of 16, then by brick, each
-/// by x, then y, then z.
+/// Order of bricks in a grid: by cubes of 512 bricks per side, then by cubes of 16, then by brick, each by x, then y,
+/// then z.
 [[nodiscard]] bool before_in_grid(const Eigen::Vector3i& a, const Eigen::Vector3i& b);
 
-/// Writes the grids `tsdf` (float, metres, level set), `weight` (float), `colour` (vec3f, 0..1, sRGB) and
-/// `colour_weight` (float: frames), active where the weight is not 0, and `observed` and `free` (bool), active at the
-/// lowest corner of whole_cells and where a voxel was seen to be free. Inactive voxels of `tsdf` are with_unknown, and
-/// tiles behind_beside. Where it is known also `sigma` (float, metres), a voxel for each cell of SurfaceSigma. Whole or
-/// not at all. The map comes part by part: what was added waits on the disk, packed.
-/// Throws std::runtime_error.
+/// Writes the grids of a map.vdb: `tsdf` (float, meters, level set), `weight` (float), `colour` (vec3f, 0..1, sRGB) and
+/// `colour_weight` (float, frames), active where the weight is not 0; `observed` and `free` (bool), active at the
+/// lowest corner of each cell of whole_cells and at free voxels. Inactive voxels of `tsdf` have the signs of
+/// with_unknown, inactive tiles those of behind_beside. If known, `sigma` (float, meters) has one voxel per cell of
+/// SurfaceSigma. Atomic. The map is added in parts, which are stored packed on disk until write(). Throws
+/// std::runtime_error.
 class GridsWriter {
  public:
   GridsWriter(std::filesystem::path file, const GridInfo& info);
   ~GridsWriter();
-  /// Adds bricks that come after those of earlier calls, see before_in_grid.
+  /// Adds bricks. They must follow the bricks of earlier calls in the order of before_in_grid.
   void add(const BrickTree& bricks);
-  /// Writes the file, with what `free` knows to be free. With `distances` also the grid `esdf`, see write_distances in
-  /// cairn/esdf.hpp.
+  /// Writes the file, with the free space of `free`. With `distances`, also writes the grid `esdf`; see write_distances
+  /// in cairn/esdf.hpp.
   void write(const BrickTree& free, const DistanceField* distances);
 
  private:
   struct State;
   std::unique_ptr<State> state_;
 };
-/// All of a map at once.
+/// Writes a complete map at once.
 void write_grids(const std::filesystem::path& file, const BrickTree& tree, const GridInfo& info,
                  const DistanceField* distances = nullptr);
 
-/// A map.vdb without its colours, brick by brick: its voxels need not all be in memory.
+/// A map.vdb without its colors, read brick by brick: its voxels need not fit into memory.
 class MapFile {
  public:
-  /// Finds its bricks. Throws std::runtime_error when the file is not a Cairn map.
+  /// Reads the offsets of the bricks. Throws std::runtime_error if the file is not a Cairn map.
   explicit MapFile(const std::filesystem::path& file);
   ~MapFile();
   [[nodiscard]] const GridInfo& info() const;
-  /// Around all that visit() tells of; empty where that is nothing.
+  /// Bounds of all bricks that visit() reports; empty if there are none.
   [[nodiscard]] BrickBox bounds() const;
 
-  /// A brick's voxels in OpenVDB's leaf order.
+  /// Voxels of a brick in OpenVDB's leaf order.
   struct Voxels {
-    std::array<float, 512> distances{}, weights{};  // metres, and observations; both 0 where there are none
-    BrickBits free{};                               // of the voxels without observations, those seen to be free
+    std::array<float, 512> distances{}, weights{};  // meters; number of observations; both 0 if unobserved
+    BrickBits free{};                               // free voxels among the unobserved ones
   };
   using Visit = std::function<void(const Eigen::Vector3i& brick, const Voxels& voxels)>;
-  /// All bricks, or those of a box, that hold observations or free voxels, once. Throws std::runtime_error where voxels
-  /// cannot be read.
+  /// Visits all bricks, or those in a box, with observations or free voxels, each once. Throws std::runtime_error if
+  /// voxels cannot be read.
   void visit(const Visit& visit, const std::optional<BrickBox>& box = {}) const;
-  /// Adds the bricks of a box to a tree, without colours. Throws as visit() does.
+  /// Adds the bricks of a box to a tree, without colors. Throws like visit().
   void read(const BrickBox& box, BrickTree& tree) const;
 
  private:
@@ -200,8 +199,8 @@ struct ReadGrids {
   BrickTree tree;
   GridInfo info;
 };
-/// Reads what GridsWriter wrote; distances and colours come back as they were. Throws std::runtime_error when the file
-/// is not a Cairn map.
+/// Reads a file of GridsWriter; distances and colors are restored exactly. Throws std::runtime_error if the file is not
+/// a Cairn map.
 [[nodiscard]] ReadGrids read_grids(const std::filesystem::path& file);
 
 }  // namespace cairn

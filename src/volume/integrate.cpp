@@ -19,28 +19,27 @@ namespace cairn {
 namespace {
 
 constexpr std::uint32_t kMissingAtOnce =
-    16384;  // bricks that a pass over a frame lists; further passes list the others
-constexpr std::uint32_t kVacantAtOnce =
-    2048;  // slots that the device may give to bricks; most frames have fewer new ones
-constexpr std::uint32_t kFreeAtOnce = 1 << 18;   // bricks that a pass finds to be free; later passes find the others
-constexpr std::uint32_t kPartsAtOnce = 1 << 15;  // bricks that are free in part, at first
-constexpr std::uint32_t kFirstDownload = 1024;   // entries of a list that few frames fill further
+    16384;  // bricks listed per pass over a frame; the rest is left to further passes
+constexpr std::uint32_t kVacantAtOnce = 2048;    // slots that the device may assign per pass; most frames need fewer
+constexpr std::uint32_t kFreeAtOnce = 1 << 18;   // free bricks found per pass; the rest is left to later passes
+constexpr std::uint32_t kPartsAtOnce = 1 << 15;  // initial capacity for partly free bricks
+constexpr std::uint32_t kFirstDownload = 1024;   // entries downloaded with the first batch; few frames have more
 
-/// Of 2x2 pixels each.
+/// Number of blocks of 2x2 pixels.
 std::uint64_t pixel_quads(const Camera& camera) {
   return (static_cast<std::uint64_t>(camera.width) + 1) / 2 * ((static_cast<std::uint64_t>(camera.height) + 1) / 2);
 }
 
 }  // namespace
 
-/// What one pass over a frame did.
+/// Result of one pass over a frame.
 struct Integrator::Pass {
   shader::FusionCounts counts{};
-  std::vector<shader::Placement> missing;  // bricks that were not on the device; those with a slot now are
+  std::vector<shader::Placement> missing;  // bricks without a slot; includes those that have now been given one
   std::vector<shader::Selected> selected;
-  std::vector<std::uint32_t> changed;  // by selected brick
+  std::vector<std::uint32_t> changed;  // by entry of selected
   std::vector<shader::ivec3> free_bricks, part_bricks;
-  std::vector<BrickBits> free_voxels;  // by brick of part_bricks
+  std::vector<BrickBits> free_voxels;  // by entry of part_bricks
 };
 
 Integrator::Integrator(gpu::Device& device, const Camera& camera, const SurfaceOptions& options,
@@ -77,7 +76,7 @@ Fused Integrator::integrate(const Surface& surface, const Eigen::Isometry3d& sub
     const Pass pass = pass_over(surface, submap_from_camera, volume, fused_count, looks_through);
     fused.new_bricks += static_cast<int>(pass.missing.size());
     const std::vector<Brick> waiting = volume.note_placed(pass.missing);
-    if (pass.counts.waiting > 0) {  // nothing was fused
+    if (pass.counts.waiting > 0) {  // nothing was integrated in this pass
       volume.make_resident(waiting, fused_count);
       continue;
     }
@@ -103,8 +102,8 @@ std::vector<Brick> Integrator::mark_free(const Pass& pass, const Eigen::Vector3d
   return news;
 }
 
-/// Gives slots to the bricks of the frame's truncation band and fuses the frame into all bricks in view; the latter
-/// only if none of them waits for the host.
+/// Assigns slots to the bricks of the frame's truncation band and integrates the frame into all bricks in view; the
+/// latter only if no brick waits for the host.
 Integrator::Pass Integrator::pass_over(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
                                        const Volume& volume, std::uint32_t fused_count, bool looks_through) {
   const std::vector<std::uint32_t> vacant = volume.vacant_slots(kVacantAtOnce);
@@ -148,17 +147,17 @@ Integrator::Pass Integrator::pass_over(const Surface& surface, const Eigen::Isom
   read_rest(pass.changed, pass.counts.selected, changed_);
   usually_selected_ = pass.counts.selected + pass.counts.selected / 4 + kFirstDownload;
   if (looks_through) usually_in_part_ = pass.counts.free_in_part + pass.counts.free_in_part / 4 + kFirstDownload;
-  if (pass.counts.free_in_part > parts) {  // the others are found by the next look
+  if (pass.counts.free_in_part > parts) {  // the next carving pass finds the rest
     part_bricks_ = gpu::Buffer(device_, 2 * std::uint64_t{pass.counts.free_in_part} * sizeof(shader::ivec3));
     free_voxels_ = gpu::Buffer(device_, 2 * std::uint64_t{pass.counts.free_in_part} * sizeof(BrickBits));
   }
   return pass;
 }
 
-/// Lists the bricks that the frame needs and that have no slot, and gives them the vacant ones.
+/// Lists the bricks that the frame needs and that have no slot, and assigns vacant slots.
 void Integrator::place_missing(gpu::Batch& batch, const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
                                const Volume& volume, std::uint32_t fused_count, std::uint32_t vacant) {
-  // Neighbouring samples lie at most half a brick apart.
+  // Adjacent samples are at most half a brick apart.
   const auto stride =
       static_cast<std::uint32_t>(std::clamp(0.5 * volume.brick_size() * camera_.fx / options_.max_depth, 1.0, 4.0));
   const auto pixels = static_cast<std::uint32_t>(camera_.width * camera_.height);
@@ -176,7 +175,7 @@ void Integrator::place_missing(gpu::Batch& batch, const Surface& surface, const 
                   {&missing_, &volume.page_table(), &volume.slots()});
 }
 
-/// Fuses the frame into those bricks of the first `slots` slots that are in view.
+/// Integrates the frame into the visible bricks of the first `slots` slots.
 void Integrator::fuse(gpu::Batch& batch, const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
                       const Volume& volume, std::uint32_t fused_count, std::uint32_t slots) {
   tiles_(batch, {shader::tiles(camera_), 1, 1},
@@ -205,7 +204,7 @@ void Integrator::fuse(gpu::Batch& batch, const Surface& surface, const Eigen::Is
                       volume, {&selected_, &volume.slots(), surface.fusion, &changed_, &counts_});
 }
 
-/// Cuts a list to its length, or downloads what is longer than expected.
+/// Truncates a list to its length, or downloads the part beyond the expected length.
 template <class T>
 void Integrator::read_rest(std::vector<T>& list, std::uint32_t count, const gpu::Buffer& from) {
   const std::size_t expected = list.size();
@@ -216,7 +215,7 @@ void Integrator::read_rest(std::vector<T>& list, std::uint32_t count, const gpu:
   batch.run();
 }
 
-/// Lists the bricks in front of what the frame sees that were not known to be free, and their voxels.
+/// Lists bricks and voxels between the camera and the observed surfaces that were not known to be free.
 void Integrator::look_through(gpu::Batch& batch, const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
                               const Volume& volume) {
   Eigen::AlignedBox3d view(submap_from_camera.translation());
@@ -228,7 +227,7 @@ void Integrator::look_through(gpu::Batch& batch, const Surface& surface, const E
   const double size = volume.brick_size();
   const Brick first = (view.min() / size).array().floor().cast<int>();
   const Brick extent = (view.max() / size).array().floor().cast<int>().matrix() - first + Brick::Ones();
-  const Brick clipped = extent.cwiseMin(1023);  // what the push holds; the window is narrower
+  const Brick clipped = extent.cwiseMin(1023);  // limit of the push constant; the window is narrower
   free_(batch, {static_cast<std::uint32_t>(clipped.x() * clipped.y()), static_cast<std::uint32_t>(clipped.z()), 1},
         {.volume = volume.view(),
          .camera = shader::pinhole(camera_),

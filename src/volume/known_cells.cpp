@@ -12,7 +12,7 @@
 namespace cairn {
 namespace {
 
-// Of BrickBits word x, bit 8 y + z.
+// BrickBits: word x, bit 8 y + z.
 constexpr std::uint64_t kFirstZ = 0x0101010101010101u, kLastZ = kFirstZ << 7, kFirstY = 0xff, kLastY = kFirstY << 56;
 
 BrickBits with_neighbours(const BrickBits& bits) {
@@ -43,7 +43,8 @@ std::unordered_map<std::array<int, 3>, std::size_t, BrickHash> index_of(Bricks b
   return index;
 }
 
-/// How many of a brick's 64 voxels at a side are behind. `side`: 2 axis, one more for the upper one.
+/// Number of the 64 voxels on one side of a brick that are behind the surface. `side`: 2 * axis, plus 1 for the upper
+/// side.
 int behind_at(const BrickBits& behind, int side) {
   const bool is_upper = side % 2 == 1;
   if (side / 2 == 0) return std::popcount(behind[is_upper ? 7 : 0]);
@@ -59,7 +60,7 @@ BrickBits with_unknown(const BrickBits& known, const BrickBits& behind) {
   BrickBits in = known, back = behind;
   while (true) {
     const BrickBits grown = with_neighbours(in);
-    if (grown == in) return back;  // all, or nothing is known
+    if (grown == in) return back;  // complete, or nothing is known
     BrickBits front;
     for (std::size_t x = 0; x < in.size(); ++x) front[x] = in[x] & ~back[x];
     const BrickBits in_front = with_neighbours(front);
@@ -104,7 +105,7 @@ std::vector<BrickBits> whole_cells(Bricks known, std::size_t own) {
   std::vector<BrickBits> cells;
   cells.reserve(known.size());
   for (const auto& [brick, bits] : known) cells.push_back(bits);
-  // Axis by axis a voxel stays where the next one is there as well.
+  // Separable erosion: along each axis, keeps a voxel only if its upper neighbor is set.
   for (int axis = 2; axis >= 0; --axis) {
     const std::vector<BrickBits> before = cells;
     for (std::size_t i = 0; i < cells.size(); ++i) {

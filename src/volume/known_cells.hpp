@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What programs find that look for the surface in a map's distances without asking which of them are known.
+// Signs of unknown voxels, for programs that extract a zero crossing from a map's distances without checking the active
+// mask.
 #pragma once
 #include <Eigen/Core>
 #include <span>
@@ -11,24 +12,24 @@
 
 namespace cairn {
 
-/// Which voxels of a brick count as behind the surface, unknown ones among them: these have the sign of the nearest
-/// known one, of several as near in front. `behind`: of the known ones.
+/// Voxels of a brick behind the surface, including unknown voxels, which get the sign of the nearest known voxel;
+/// positive if several are equally near. `behind`: the known voxels behind the surface.
 [[nodiscard]] BrickBits with_unknown(const BrickBits& known, const BrickBits& behind);
 
-/// Bricks beside the first `own` of these that are none of them, and of which most neighbours are behind the surface:
-/// where they count as behind it, too, there is no step at their sides. `bricks` as with_unknown gives them, behind the
-/// own ones all that are two steps from these.
+/// Missing neighbors of the first `own` bricks that are mostly surrounded by voxels behind the surface: marking them as
+/// behind, too, avoids a step at their sides. `bricks`: as returned by with_unknown; the own bricks are followed by all
+/// bricks within two_steps of them.
 [[nodiscard]] std::vector<Eigen::Vector3i> behind_beside(std::span<const std::pair<Eigen::Vector3i, BrickBits>> bricks,
                                                          std::size_t own);
-/// The bricks there, in steps from one.
+/// Offsets to those bricks.
 [[nodiscard]] std::vector<Eigen::Vector3i> two_steps();
 
-/// Of each of the first `own` bricks the voxels that are the lowest corner of a cube of eight known ones. Elsewhere the
-/// distances have no surface that anybody saw. In the order of `known`, where all those at upper_corners of the own
-/// ones stand behind these.
+/// For each of the first `own` bricks, the voxels that are the lowest corner of a cube of eight known voxels; any other
+/// zero crossing of the distances was not observed. In the order of `known`, in which the own bricks are followed by
+/// all bricks at their upper_corners.
 [[nodiscard]] std::vector<BrickBits> whole_cells(std::span<const std::pair<Eigen::Vector3i, BrickBits>> known,
                                                  std::size_t own);
-/// In steps from one.
+/// Offsets to those bricks.
 [[nodiscard]] std::vector<Eigen::Vector3i> upper_corners();
 
 }  // namespace cairn

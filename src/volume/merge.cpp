@@ -15,20 +15,20 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kSlots = 8192;    // source bricks on the device at a time: 32 MiB
-constexpr std::size_t kTargets = 4096;  // bricks of the world made at a time
-constexpr std::size_t kAround = 27;     // bricks that a turned brick may touch
-constexpr std::size_t kLoaded = 1024;   // bricks of the world whose sources are loaded together
-constexpr std::size_t kShares = 64;     // submaps that a brick is made of, at most: their weights have long saturated
+constexpr std::size_t kSlots = 8192;    // source bricks on the device at once: 32 MiB
+constexpr std::size_t kTargets = 4096;  // output bricks per dispatch
+constexpr std::size_t kAround = 27;     // source bricks that a rotated brick may overlap
+constexpr std::size_t kLoaded = 1024;   // output bricks for which the sources are loaded together
+constexpr std::size_t kShares = 64;     // maximum number of submaps per output brick; the weights saturate long before
 
-/// Far from any surface; of too little weight to bound a mesh.
+/// Free space: far from any surface, with a weight too small to bound a mesh.
 const std::uint64_t kFreeVoxel = shader::pack_voxel(1.0f, 1.0f / 16);
 
-/// Where a brick's voxels lie in a submap, and which bricks that are.
+/// Pose of an output brick in a submap, and its source bricks.
 struct Placed {
   shader::MergeSource source;
   Brick base;
-  bool is_plain = false;  // voxels fall on voxels of `base` alone
+  bool is_plain = false;  // voxels coincide with the voxels of `base`
 };
 
 Placed place(const Brick& target, const MergeShare& share, float voxel_size) {
@@ -55,7 +55,7 @@ std::span<const MergeShare> shares_of(const MergeJob& job) {
   return std::span(job.shares).first(std::min(kShares, job.shares.size()));
 }
 
-/// The bricks of each submap that some jobs touch.
+/// Source bricks per submap for some jobs.
 std::map<std::size_t, BrickBox> boxes_of(std::span<const MergeJob> jobs, float voxel_size) {
   std::map<std::size_t, BrickBox> boxes;
   for (const MergeJob& job : jobs)
@@ -71,7 +71,7 @@ std::map<std::size_t, BrickBox> boxes_of(std::span<const MergeJob> jobs, float v
 Merger::Merger(gpu::Device& device, const FuseOptions& options)
     : device_(device), options_(options), merge_(device, "submap_merge", submap_merge_comp) {}
 
-/// As many jobs from `begin` on as one dispatch takes, with their sources' voxels.
+/// Collects the voxels of as many jobs, starting at `begin`, as one dispatch takes.
 void Merger::gather(std::span<const MergeJob> jobs, std::size_t begin, const LoadSubmap& submap, Gathered& to) const {
   to.targets.clear();
   to.sources.clear();
@@ -118,16 +118,16 @@ void Merger::gather(std::span<const MergeJob> jobs, std::size_t begin, const Loa
 
 void Merger::merge(std::span<const MergeJob> jobs, const LoadSubmap& submap, BrickTree& world) {
   if (jobs.empty()) return;
-  // Not kept: what is made of the result needs the memory.
+  // Freed after the merge: the next stages need the memory.
   const gpu::Buffer voxels(device_, kSlots * sizeof(BrickVoxels)), merged(device_, kTargets * sizeof(BrickVoxels)),
       targets(device_, kTargets * sizeof(shader::MergeTarget));
-  gpu::Buffer sources(device_, sizeof(shader::MergeSource));  // also where no job has any
+  gpu::Buffer sources(device_, sizeof(shader::MergeSource));  // not empty even if no job has sources
   gpu::Batch batch(device_);
   std::vector<BrickVoxels> result;
   Gathered now, next;
   gather(jobs, 0, submap, now);
   while (true) {
-    // The next part is gathered while the device works on this one.
+    // Collects the next batch while the device processes the current one.
     std::future<void> gathering;
     if (now.end < jobs.size())
       gathering = std::async(std::launch::async, [&, begin = now.end] { gather(jobs, begin, submap, next); });

@@ -10,25 +10,25 @@
 
 namespace cairn {
 
-/// What a brick of the world takes from one submap.
+/// Contribution of one submap to an output brick.
 struct MergeShare {
-  std::size_t submap = 0;                                               // index among those given
-  Eigen::Isometry3d submap_from_world = Eigen::Isometry3d::Identity();  // metres, at this brick
+  std::size_t submap = 0;                                               // index of the submap
+  Eigen::Isometry3d submap_from_world = Eigen::Isometry3d::Identity();  // meters; valid at this brick
 };
 struct MergeJob {
   Brick target;
   std::vector<MergeShare> shares;
 };
 
-/// Gives a submap's voxels: those of a box at least.
+/// Loads the voxels of a submap, at least those in the box.
 using LoadSubmap = std::function<std::shared_ptr<const BrickTree>(std::size_t submap, const BrickBox& box)>;
 
-/// Fuses submaps into bricks of the world on the device: weighted means of resampled voxels.
+/// Fuses submaps into world bricks on the device: weighted means of resampled voxels.
 class Merger {
  public:
   Merger(gpu::Device& device, const FuseOptions& options);
-  /// Puts the jobs' bricks into `world`; those without any observed voxel are erased from it. `submap` is called from
-  /// one thread at a time. Jobs that lie together should follow each other.
+  /// Writes the jobs' bricks to `world`; erases bricks without an observed voxel. `submap` is called from one thread at
+  /// a time. Spatially adjacent jobs should be consecutive.
   void merge(std::span<const MergeJob> jobs, const LoadSubmap& submap, BrickTree& world);
 
  private:

@@ -19,9 +19,9 @@
 namespace cairn {
 namespace {
 
-constexpr int kCell = 8;  // bricks a side of the parts that are paged in one after the other; with their
-                          // neighbours they fit into the smallest pool
-constexpr std::size_t kMaxBricks = 16384;  // of one dispatch
+constexpr int kCell = 8;  // bricks per side of the regions that are paged in one at a time; a region with its neighbors
+                          // fits into the smallest pool
+constexpr std::size_t kMaxBricks = 16384;  // per dispatch
 
 bool by_cell(const Brick& a, const Brick& b) { return before_by_cell(a, b, kCell); }
 
@@ -29,7 +29,7 @@ Brick corner(std::uint32_t c) {
   return {static_cast<int>(c & 1), static_cast<int>(c >> 1 & 1), static_cast<int>(c >> 2)};
 }
 
-/// What a part needs on the device: its bricks and all their neighbours.
+/// Bricks that a region needs on the device: its own and all their neighbors.
 std::vector<Brick> with_neighbours(std::span<const Brick> bricks) {
   std::vector<Brick> all;
   for (const Brick& b : bricks)
@@ -44,13 +44,13 @@ std::vector<Brick> with_neighbours(std::span<const Brick> bricks) {
 bool is_on_device(const Volume& volume, const Brick& brick) { return volume.slot_of(brick) != Volume::kNoSlot; }
 
 struct Plan {
-  std::vector<Brick> bricks;              // the makers of triangles first, then those that own some of their edges
-  std::size_t makers = 0;                 // bricks
-  std::vector<std::uint32_t> neighbours;  // 8 a brick: where in `bricks` those at its corners are; 0 also for none
+  std::vector<Brick> bricks;              // bricks with triangles first, then bricks that own some of their edges
+  std::size_t makers = 0;                 // number of bricks with triangles
+  std::vector<std::uint32_t> neighbours;  // 8 per brick: indices in `bricks` of the bricks at its corners; 0 if missing
 };
 
 Plan plan_for(std::span<const Brick> wanted, const std::function<bool(const Brick&)>& exists) {
-  // Cells reach into + neighbours, which own some of their edges.
+  // Cells extend into the upper neighbors, which own some of their edges.
   std::unordered_map<Brick, bool, BrickHash> is_wanted;
   for (const Brick& b : wanted)
     if (exists(b)) is_wanted[b] = true;
@@ -78,7 +78,7 @@ Plan plan_for(std::span<const Brick> wanted, const std::function<bool(const Bric
 
 }  // namespace
 
-/// What the kernels leave for each other, by brick of the plan.
+/// Intermediate buffers of the kernels, by brick of the plan.
 struct Polygonizer::Work {
   Work(gpu::Device& device, const Plan& of)
       : plan(of),
@@ -96,7 +96,7 @@ struct Polygonizer::Work {
     batch.fill(masks, 0);
     batch.submit();
   }
-  /// For the bricks from `begin` to `end`.
+  /// Push constants for the bricks from `begin` to `end`.
   [[nodiscard]] shader::PolygonizePush push(const Volume& volume, std::size_t begin, std::size_t end) const {
     return {.volume = volume.view(),
             .first = static_cast<std::uint32_t>(begin),
@@ -106,7 +106,8 @@ struct Polygonizer::Work {
             .triangles = shader::address(counts)};
   }
   const Plan& plan;
-  gpu::Buffer brick_list, masks, firsts, cells, counts, neighbours;  // firsts: vertices by word of the masks
+  gpu::Buffer brick_list, masks, firsts, cells, counts, neighbours;  // firsts: index of the first vertex by word of the
+                                                                     // masks
   std::vector<std::uint32_t> triangles_of_column;
 };
 
@@ -161,7 +162,7 @@ Mesh Polygonizer::polygonize(Volume& volume, std::span<const Brick> wanted,
   return mesh;
 }
 
-/// Classifies the cells of the bricks from `begin` to `end`, which are on the device, and makes their vertices.
+/// Classifies the cells of the bricks from `begin` to `end`, which are on the device, and creates their vertices.
 void Polygonizer::add_vertices(const Volume& volume, Work& work, std::size_t begin, std::size_t end, Mesh& mesh) {
   const shader::PolygonizePush push = work.push(volume, begin, end);
   std::vector<std::uint32_t> words(push.count * shader::kEdgeWords);
@@ -189,7 +190,7 @@ void Polygonizer::add_vertices(const Volume& volume, Work& work, std::size_t beg
   }
 }
 
-/// Triangles need no voxels, so it does not matter where the bricks are.
+/// Creates the triangles. No voxels are read, so the bricks need not be on the device.
 void Polygonizer::add_triangles(const Volume& volume, Work& work, Mesh& mesh) {
   const std::size_t bricks = work.plan.bricks.size(), makers = work.plan.makers;
   std::vector<std::uint32_t> first_of_column(bricks * 64);

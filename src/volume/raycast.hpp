@@ -10,20 +10,20 @@
 
 namespace cairn {
 
-/// Renders the volume's surface as a pyramid of points with normals.
+/// Renders the surface of a volume as a pyramid of points with normals.
 class Raycaster {
  public:
   Raycaster(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, int levels, int finest_level);
   [[nodiscard]] SurfacePrediction raycast(const Volume& volume, const Eigen::Isometry3d& submap_from_camera);
 
-  /// A prediction, to go on with later; `points` empty: none.
+  /// Saved prediction; no prediction if `points` is empty.
   struct Saved {
     Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
-    std::vector<std::uint32_t> points;  // of the finest level
+    std::vector<std::uint32_t> points;  // finest level
   };
-  /// The last prediction, if `view` is it.
+  /// Saves the last prediction; `view` must be that prediction.
   [[nodiscard]] Saved save(const SurfacePrediction& view) const;
-  /// Without levels where none was saved, or of another size.
+  /// Returns a prediction without levels if none was saved or its size differs.
   [[nodiscard]] SurfacePrediction restore(const Saved& saved);
 
  private:
@@ -33,7 +33,7 @@ class Raycaster {
   gpu::Device& device_;
   SurfaceOptions options_;
   int finest_;
-  std::vector<VertexNormalMap> levels_;  // from the finest level on
+  std::vector<VertexNormalMap> levels_;  // finest level first
   gpu::Buffer nearest_, farthest_;
   gpu::Kernel<shader::RaycastRangePush> range_;
   VoxelKernel<shader::RaycastPush> raycast_;

@@ -14,12 +14,12 @@ namespace cairn {
 namespace {
 
 constexpr std::uint64_t kBrickBytes = sizeof(BrickVoxels);
-constexpr std::uint32_t kMinBricks = 2048;                       // 8 MiB: less does not hold one view of a room
+constexpr std::uint32_t kMinBricks = 2048;                       // 8 MiB; the minimum for one view of a room
 constexpr std::uint64_t kMostBricks = std::uint64_t{1} << 23;    // 32 GiB
-constexpr std::uint32_t kMaxTableBits = 8;                       // 256 bricks a side: 64 MiB of page table
-constexpr std::size_t kBricksPerCopy = 4096;                     // 16 MiB of staging at a time
+constexpr std::uint32_t kMaxTableBits = 8;                       // 256 bricks per side: 64 MiB of page table
+constexpr std::size_t kBricksPerCopy = 4096;                     // 16 MiB of staging memory
 constexpr std::uint64_t kDefaultLimit = std::uint64_t{2} << 30;  // bytes
-constexpr std::uint64_t kCpuLimit = std::uint64_t{1} << 30;      // bytes; as many as it reads as texels
+constexpr std::uint64_t kCpuLimit = std::uint64_t{1} << 30;      // bytes; the limit for reading as texels
 
 std::uint32_t table_bits_for(float reach, float brick_size) {
   std::uint32_t bits = 5;
@@ -37,7 +37,7 @@ std::uint32_t capacity_for(const gpu::Device& device, const FuseOptions& options
     throw std::runtime_error("FuseOptions::device_memory of " + std::to_string(budget >> 20) +
                              " MiB is too little: at least " + std::to_string((needed >> 20) + 1) +
                              " MiB are needed at this voxel size");
-  // Voxels are one buffer, and voxel numbers have 32 bits.
+  // The voxels are one buffer, and voxel indices have 32 bits.
   return static_cast<std::uint32_t>(std::min({(budget - table_bytes) / per_brick, device.max_allocation() / kBrickBytes,
                                               device.max_binding() / sizeof(shader::SlotState), kMostBricks}));
 }
@@ -90,7 +90,7 @@ std::uint32_t Volume::slot_of(const Brick& brick) const {
 }
 
 void Volume::move_window(const Eigen::Vector3d& centre) {
-  constexpr int kGrain = 8;  // bricks; small moves change nothing
+  constexpr int kGrain = 8;  // bricks; ignores smaller moves
   const Brick middle = (centre / (8.0 * options_.voxel_size * kGrain)).array().round().cast<int>().matrix() * kGrain;
   const Brick origin = middle - Brick::Constant(1 << (table_bits_ - 1)), before = origin_;
   if (origin == before) return;
@@ -111,7 +111,8 @@ void Volume::move_window_to(std::span<const Brick> bricks) {
   move_window((low + high) / 2 * static_cast<double>(brick_size()));
 }
 
-/// Tells the device what it has to know of the bricks that it does not hold: of the window, which was elsewhere before.
+/// Updates the device's knowledge of bricks outside the pool, free marks and host entries, for a window moved from
+/// `origin_before`.
 void Volume::refresh_window(const std::optional<Brick>& origin_before) {
   marks_.assign(free_marks_.size() / 4, 0);
   host_.visit_free([&](const Brick& brick, const BrickBits& free) {
@@ -129,7 +130,7 @@ void Volume::refresh_window(const std::optional<Brick>& origin_before) {
   });
   gpu::Batch batch(device_);
   batch.upload(free_marks_, marks_);
-  for (const auto& placements : {gone, come}) {  // in this order: they share places of the table
+  for (const auto& placements : {gone, come}) {  // in this order, because they may share table entries
     place(batch, placements, 0);
     batch.submit();
   }
@@ -189,12 +190,12 @@ std::vector<Brick> Volume::mark_free(const BrickMarks& marks) {
   return news;
 }
 
-/// The voxels of slots that are on the device, at most kBricksPerCopy at a time.
+/// Downloads the voxels of slots, at most kBricksPerCopy at a time.
 void Volume::read(std::span<const std::uint32_t> slots, std::span<BrickVoxels> voxels) {
   for (std::size_t begin = 0; begin < slots.size(); begin += kBricksPerCopy) {
     const std::size_t all = std::min(begin + kBricksPerCopy, slots.size());
     gpu::Batch batch(device_);
-    for (std::size_t i = begin; i < all;) {  // one copy per run of neighbouring slots
+    for (std::size_t i = begin; i < all;) {  // one copy per run of consecutive slots
       std::size_t end = i + 1;
       while (end < all && slots[end] == slots[end - 1] + 1) ++end;
       batch.download(voxels_, voxels.subspan(i, end - i), slots[i] * kBrickBytes);
@@ -231,7 +232,7 @@ void Volume::evict(std::span<const std::uint32_t> slots) {
   counts_.paged_out += slots.size();
 }
 
-/// What these slots held is no longer on the device.
+/// Removes the bricks of these slots from the page table and frees the slots.
 void Volume::vacate(std::span<const std::uint32_t> slots) {
   const std::unordered_set<std::uint32_t> gone(slots.begin(), slots.end());
   std::vector<shader::Placement> placements;
@@ -272,7 +273,7 @@ void Volume::make_room(std::size_t needed, std::span<const Brick> keep, std::uin
   std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
     return a.last_seen != b.last_seen ? a.last_seen < b.last_seen : before(a.brick, b.brick);
   });
-  // A quarter of the pool at once, so that the next frames find room.
+  // Evicts a quarter of the pool at once, to make room for the next frames.
   const std::size_t count = std::min(candidates.size(), std::max<std::size_t>(needed - available, capacity_ / 4));
   std::vector<std::uint32_t> slots;
   for (std::size_t i = 0; i < count; ++i) slots.push_back(candidates[i].slot);
@@ -290,7 +291,8 @@ void Volume::make_resident(std::span<const Brick> bricks, std::uint32_t now) {
   try {
     make_room(missing.size(), bricks, now);
   } catch (const std::runtime_error&) {
-    gpu::Batch batch(device_);  // they wait for slots no longer: or no later frame would ask for them
+    gpu::Batch batch(device_);  // resets their entries, which would otherwise stay marked as waiting and never be
+                                // requested again
     for (const Brick& brick : missing)
       batch.fill(page_table_, entry_without_slot(brick), 4 * std::uint64_t{table_index(brick)}, 4);
     batch.submit();
@@ -394,7 +396,7 @@ BrickList Volume::list() {
   return list;
 }
 
-/// Of bricks of which the first are in these slots, the others on the host.
+/// Fills in the voxels: the first bricks of the list are in `slots`, the rest is on the host.
 void Volume::list_voxels(BrickList& list, std::span<const std::uint32_t> slots) {
   list.voxels.resize(list.bricks.size());
   read(slots, std::span(list.voxels).first(slots.size()));
@@ -446,7 +448,7 @@ BrickList Volume::split(std::uint32_t since, const Eigen::Vector3d& centre, floa
 Volume::Residency Volume::residency() {
   Residency r{.origin = origin_, .counts = counts_};
   const auto states = slot_states();
-  // By brick: which slot one got is nobody's choice.
+  // Sorted by brick, because slot numbers are arbitrary.
   for (const auto& [brick, slot] : slot_of_) r.on_device.push_back(brick);
   std::sort(r.on_device.begin(), r.on_device.end(), before);
   for (const Brick& brick : r.on_device) r.device_last_seen.push_back(states[slot_of_.at(brick)].last_seen);
@@ -459,7 +461,7 @@ Volume::Residency Volume::residency() {
 void Volume::restore(BrickTree tree, const Residency& r) {
   origin_ = r.origin;
   adopt(std::move(tree));
-  // With another window or less memory than before, some stay on the host.
+  // With another window or less memory than before, some bricks stay on the host.
   make_resident(std::span(r.on_device).first(std::min<std::size_t>(r.on_device.size(), capacity_)), 0);
   auto states = slot_states();
   for (std::size_t i = 0; i < r.on_device.size(); ++i)

@@ -13,12 +13,12 @@
 
 namespace cairn {
 
-/// A kernel that reads voxels, see shaders/pool.h; its last binding is the pool. Made when the first volume of a kind
-/// comes.
+/// A kernel that reads voxels, see shaders/pool.h; its last binding is the pool. Created on first use, per way of
+/// reading: texels or address.
 template <class Push>
 class VoxelKernel {
  public:
-  /// `sensor_constants`: the first of its specialisation constants, four at most. `workgroup`: see gpu::Kernel.
+  /// `sensor_constants`: its first specialization constants, at most four. `workgroup`: see gpu::Kernel.
   template <std::size_t N>
   VoxelKernel(gpu::Device& device, const char* name, const std::uint32_t (&spirv)[N],
               std::array<float, 4> sensor_constants = {}, std::uint32_t workgroup = 0)
@@ -47,7 +47,7 @@ class VoxelKernel {
   [[nodiscard]] static std::vector<const gpu::Buffer*> with_pool(const Volume& volume,
                                                                  std::initializer_list<const gpu::Buffer*> buffers) {
     std::vector<const gpu::Buffer*> all(buffers);
-    all.push_back(volume.is_read_as_texels() ? &volume.voxels() : &volume.slots());  // any, where it is not read
+    all.push_back(volume.is_read_as_texels() ? &volume.voxels() : &volume.slots());  // any buffer if not read
     return all;
   }
 

@@ -6,7 +6,7 @@
 
 namespace cairn {
 
-/// The voxels of a tree as numbers.
+/// Unpacks the voxels of a tree.
 [[nodiscard]] Voxels voxels_of(const BrickTree& tree, const GridInfo& info);
 
 }  // namespace cairn
